@@ -1,0 +1,192 @@
+//! Dual numbers: forward-mode derivatives.
+//!
+//! # Dual numbers in one screen
+//!
+//! Extend the numbers by infinitesimals e_1 .. e_N with e_i e_j = 0. Then every smooth function obeys
+//!
+//! ```text
+//! f(a + v_1 e_1 + .. + v_N e_N) = f(a) + f'(a) v_1 e_1 + .. + f'(a) v_N e_N
+//! ```
+//!
+//! so that evaluating f on a dual number gives its value in [`Dual::re`] and, in [`Dual::eps`], its
+//! derivatives in N directions, by these rules:
+//!
+//! ```text
+//! (a + v e) + (b + w e) = (a + b) +  (v + w) e
+//! (a + v e) * (b + w e) =  a b    +  (v b + a w) e
+//! (a + v e) / (b + w e) =  a/b    +  (v - (a/b) w)/b e
+//! sqrt(a + v e)         =  sqrt a +  v / (2 sqrt a) e
+//! tanh(a + v e)         =  tanh a +  (1 - tanh^2 a) v e
+//! ```
+//!
+//! To get df/dx_j, start x_j with eps = 1 in some direction and all else with 0.
+
+use crate::Scalar;
+use std::ops::{Add, Div, Mul, Neg, Sub};
+
+/// A value with its derivatives in `N` directions; the parts may be any [`Scalar`].
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Dual<S, const N: usize = 1> {
+    /// The value.
+    pub re: S,
+    /// The derivatives, one per direction.
+    pub eps: [S; N],
+}
+
+impl<S: Scalar, const N: usize> Dual<S, N> {
+    /// `value` as a constant: all derivatives 0. This also lifts a dual number one level up.
+    #[inline(always)]
+    pub fn lift(value: S) -> Self {
+        Self {
+            re: value,
+            eps: [value.constant(0.0); N],
+        }
+    }
+
+    /// `value` as the variable of direction `direction`: derivative 1 there, 0 elsewhere. With
+    /// `direction >= N` it is a constant.
+    #[inline(always)]
+    pub fn variable(value: S, direction: usize) -> Self {
+        let eps = std::array::from_fn(|i| value.constant(if i == direction { 1.0 } else { 0.0 }));
+        Self { re: value, eps }
+    }
+
+    /// The dual number with value `re` and derivatives `slope * eps[i]`: the chain rule.
+    #[inline(always)]
+    fn chain(self, re: S, slope: S) -> Self {
+        Self {
+            re,
+            eps: self.eps.map(|e| e * slope),
+        }
+    }
+
+    #[inline(always)]
+    fn zip(self, other: Self, re: S, f: impl Fn(S, S) -> S) -> Self {
+        Self {
+            re,
+            eps: std::array::from_fn(|i| f(self.eps[i], other.eps[i])),
+        }
+    }
+}
+
+impl<S: Scalar, const N: usize> Add for Dual<S, N> {
+    type Output = Self;
+    #[inline(always)]
+    fn add(self, b: Self) -> Self {
+        self.zip(b, self.re + b.re, |v, w| v + w)
+    }
+}
+
+impl<S: Scalar, const N: usize> Sub for Dual<S, N> {
+    type Output = Self;
+    #[inline(always)]
+    fn sub(self, b: Self) -> Self {
+        self.zip(b, self.re - b.re, |v, w| v - w)
+    }
+}
+
+impl<S: Scalar, const N: usize> Mul for Dual<S, N> {
+    type Output = Self;
+    #[inline(always)]
+    fn mul(self, b: Self) -> Self {
+        self.zip(b, self.re * b.re, |v, w| v.mul_add(b.re, self.re * w))
+    }
+}
+
+impl<S: Scalar, const N: usize> Div for Dual<S, N> {
+    type Output = Self;
+    #[inline(always)]
+    fn div(self, b: Self) -> Self {
+        let inverse = b.re.constant(1.0) / b.re;
+        let quotient = self.re / b.re;
+        self.zip(b, quotient, |v, w| (v - quotient * w) * inverse)
+    }
+}
+
+impl<S: Scalar, const N: usize> Neg for Dual<S, N> {
+    type Output = Self;
+    #[inline(always)]
+    fn neg(self) -> Self {
+        Self {
+            re: -self.re,
+            eps: self.eps.map(|e| -e),
+        }
+    }
+}
+
+impl<S: Scalar, const N: usize> Add<f64> for Dual<S, N> {
+    type Output = Self;
+    #[inline(always)]
+    fn add(self, b: f64) -> Self {
+        Self {
+            re: self.re + b,
+            ..self
+        }
+    }
+}
+
+impl<S: Scalar, const N: usize> Sub<f64> for Dual<S, N> {
+    type Output = Self;
+    #[inline(always)]
+    fn sub(self, b: f64) -> Self {
+        Self {
+            re: self.re - b,
+            ..self
+        }
+    }
+}
+
+impl<S: Scalar, const N: usize> Mul<f64> for Dual<S, N> {
+    type Output = Self;
+    #[inline(always)]
+    fn mul(self, b: f64) -> Self {
+        Self {
+            re: self.re * b,
+            eps: self.eps.map(|e| e * b),
+        }
+    }
+}
+
+impl<S: Scalar, const N: usize> Div<f64> for Dual<S, N> {
+    type Output = Self;
+    #[inline(always)]
+    fn div(self, b: f64) -> Self {
+        Self {
+            re: self.re / b,
+            eps: self.eps.map(|e| e / b),
+        }
+    }
+}
+
+impl<S: Scalar, const N: usize> Scalar for Dual<S, N> {
+    #[inline(always)]
+    fn constant(self, value: f64) -> Self {
+        Self::lift(self.re.constant(value))
+    }
+    #[inline(always)]
+    fn sqrt(self) -> Self {
+        let root = self.re.sqrt();
+        self.chain(root, root.constant(0.5) / root)
+    }
+    #[inline(always)]
+    fn tanh(self) -> Self {
+        let y = self.re.tanh();
+        self.chain(y, -(y * y) + 1.0)
+    }
+    #[inline(always)]
+    fn mul_add(self, a: Self, b: Self) -> Self {
+        let eps =
+            std::array::from_fn(|i| self.eps[i].mul_add(a.re, self.re.mul_add(a.eps[i], b.eps[i])));
+        Self {
+            re: self.re.mul_add(a.re, b.re),
+            eps,
+        }
+    }
+    #[inline(always)]
+    fn where_nonpositive(self, yes: Self, no: Self) -> Self {
+        let test = self.re;
+        yes.zip(no, test.where_nonpositive(yes.re, no.re), |y, n| {
+            test.where_nonpositive(y, n)
+        })
+    }
+}

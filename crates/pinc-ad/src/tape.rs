@@ -1,0 +1,195 @@
+//! Reverse-mode derivatives: record the operations, then sweep back over them once.
+
+use crate::Scalar;
+use std::cell::RefCell;
+use std::ops::{Add, Div, Mul, Neg, Sub};
+
+/// Index of a value that no input influences; it takes no place on the tape.
+const CONSTANT: usize = usize::MAX;
+
+/// One recorded operation: up to two operands and the derivative with respect to each.
+#[derive(Clone, Copy, Debug)]
+struct Node {
+    operands: [usize; 2],
+    partials: [f64; 2],
+}
+
+/// The record of a computation over [`Var`]s.
+///
+/// Memory grows by one node (32 bytes) an operation. [`Tape::clear`] keeps the memory for reuse.
+#[derive(Debug, Default)]
+pub struct Tape {
+    nodes: RefCell<Vec<Node>>,
+}
+
+impl Tape {
+    /// An empty tape.
+    #[must_use]
+    pub fn new() -> Self {
+        Self::default()
+    }
+
+    /// A new input with this value.
+    pub fn variable(&self, value: f64) -> Var<'_> {
+        self.record(value, [CONSTANT; 2], [0.0; 2])
+    }
+
+    /// Forgets all operations; the borrow checker sees to it that no [`Var`] is left.
+    pub fn clear(&mut self) {
+        self.nodes.get_mut().clear();
+    }
+
+    /// The derivatives of `output` with respect to each of `inputs`, in their order: one backward
+    /// sweep over the tape, whatever the number of inputs.
+    #[must_use]
+    pub fn gradient(&self, output: Var<'_>, inputs: &[Var<'_>]) -> Vec<f64> {
+        let nodes = self.nodes.borrow();
+        let mut adjoint = vec![0.0; nodes.len()];
+        if output.index != CONSTANT {
+            adjoint[output.index] = 1.0;
+        }
+        for (i, node) in nodes.iter().enumerate().rev() {
+            for (&operand, &partial) in node.operands.iter().zip(&node.partials) {
+                if operand != CONSTANT {
+                    adjoint[operand] += adjoint[i] * partial;
+                }
+            }
+        }
+        inputs
+            .iter()
+            .map(|v| {
+                if v.index == CONSTANT {
+                    0.0
+                } else {
+                    adjoint[v.index]
+                }
+            })
+            .collect()
+    }
+
+    fn record(&self, value: f64, operands: [usize; 2], partials: [f64; 2]) -> Var<'_> {
+        let mut nodes = self.nodes.borrow_mut();
+        nodes.push(Node { operands, partials });
+        Var {
+            tape: self,
+            index: nodes.len() - 1,
+            value,
+        }
+    }
+}
+
+/// A number whose operations are recorded on a [`Tape`].
+#[derive(Clone, Copy, Debug)]
+pub struct Var<'t> {
+    tape: &'t Tape,
+    index: usize,
+    value: f64,
+}
+
+impl Var<'_> {
+    /// The value.
+    #[must_use]
+    pub fn value(self) -> f64 {
+        self.value
+    }
+
+    fn unary(self, value: f64, partial: f64) -> Self {
+        self.record(value, [self.index, CONSTANT], [partial, 0.0])
+    }
+
+    fn binary(self, other: Self, value: f64, partials: [f64; 2]) -> Self {
+        self.record(value, [self.index, other.index], partials)
+    }
+
+    fn record(self, value: f64, operands: [usize; 2], partials: [f64; 2]) -> Self {
+        if operands == [CONSTANT; 2] {
+            return Self { value, ..self };
+        }
+        self.tape.record(value, operands, partials)
+    }
+}
+
+impl Add for Var<'_> {
+    type Output = Self;
+    fn add(self, b: Self) -> Self {
+        self.binary(b, self.value + b.value, [1.0, 1.0])
+    }
+}
+
+impl Sub for Var<'_> {
+    type Output = Self;
+    fn sub(self, b: Self) -> Self {
+        self.binary(b, self.value - b.value, [1.0, -1.0])
+    }
+}
+
+impl Mul for Var<'_> {
+    type Output = Self;
+    fn mul(self, b: Self) -> Self {
+        self.binary(b, self.value * b.value, [b.value, self.value])
+    }
+}
+
+impl Div for Var<'_> {
+    type Output = Self;
+    fn div(self, b: Self) -> Self {
+        let quotient = self.value / b.value;
+        self.binary(b, quotient, [1.0 / b.value, -quotient / b.value])
+    }
+}
+
+impl Neg for Var<'_> {
+    type Output = Self;
+    fn neg(self) -> Self {
+        self.unary(-self.value, -1.0)
+    }
+}
+
+impl Add<f64> for Var<'_> {
+    type Output = Self;
+    fn add(self, b: f64) -> Self {
+        self.unary(self.value + b, 1.0)
+    }
+}
+
+impl Sub<f64> for Var<'_> {
+    type Output = Self;
+    fn sub(self, b: f64) -> Self {
+        self.unary(self.value - b, 1.0)
+    }
+}
+
+impl Mul<f64> for Var<'_> {
+    type Output = Self;
+    fn mul(self, b: f64) -> Self {
+        self.unary(self.value * b, b)
+    }
+}
+
+impl Div<f64> for Var<'_> {
+    type Output = Self;
+    fn div(self, b: f64) -> Self {
+        self.unary(self.value / b, 1.0 / b)
+    }
+}
+
+impl Scalar for Var<'_> {
+    fn constant(self, value: f64) -> Self {
+        Self {
+            index: CONSTANT,
+            value,
+            ..self
+        }
+    }
+    fn sqrt(self) -> Self {
+        let root = self.value.sqrt();
+        self.unary(root, 0.5 / root)
+    }
+    fn tanh(self) -> Self {
+        let y = self.value.tanh();
+        self.unary(y, 1.0 - y * y)
+    }
+    fn where_nonpositive(self, yes: Self, no: Self) -> Self {
+        if self.value <= 0.0 { yes } else { no }
+    }
+}

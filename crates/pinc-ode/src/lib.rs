@@ -1,0 +1,40 @@
+//! Plants, integrators and what the rest of PINC says about dynamical systems.
+//!
+//! - [`Plant`]: an ordinary differential equation x' = f(x, u), written once over
+//!   [`pinc_ad::Scalar`]; [`VanDerPol`], [`FourTanks`] and [`OneTank`] are the paper's.
+//! - [`Predictor`]: a discrete-time model x\[k+1\] = f(x\[k\], u\[k\]) with its Jacobians; this is all that a
+//!   controller knows of a model. [`Rk4`] is one, a trained net another.
+//! - [`Adaptive`]: an accurate integrator, for the truth.
+//! - [`Signal`], [`Trajectory`], [`metrics`]: what goes in, what comes out, how good it is.
+//!
+//! ```
+//! use pinc_ode::{Adaptive, Predictor, Rk4, VanDerPol};
+//!
+//! let plant = VanDerPol::default();
+//! let mut truth = vec![1.0, 0.0];
+//! Adaptive::new(plant, 1e-12).integrate(&mut truth, &[0.5], 0.5)?;
+//!
+//! let mut next = [0.0; 2];
+//! Rk4::new(plant, 0.5, 4).predict(&[1.0, 0.0], &[0.5], &mut next);
+//! assert!((next[0] - truth[0]).abs() < 1e-5);
+//! # Ok::<(), pinc_ode::OdeError>(())
+//! ```
+
+mod adaptive;
+mod error;
+pub mod metrics;
+mod plant;
+mod plants;
+mod predictor;
+mod rk4;
+mod signal;
+mod trajectory;
+
+pub use adaptive::Adaptive;
+pub use error::OdeError;
+pub use plant::{Plant, Variable};
+pub use plants::{FourTanks, OneTank, VanDerPol};
+pub use predictor::{Dims, Predictor};
+pub use rk4::Rk4;
+pub use signal::Signal;
+pub use trajectory::Trajectory;

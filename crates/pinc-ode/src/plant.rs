@@ -1,0 +1,81 @@
+//! The interface of an ordinary differential equation.
+
+use crate::Dims;
+use pinc_ad::Scalar;
+use std::borrow::Cow;
+use std::fmt::Debug;
+
+/// Name and unit of a state or an input.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Variable {
+    /// The name, used as column name and axis label.
+    pub name: Cow<'static, str>,
+    /// The unit; empty for a number without dimension.
+    pub unit: Cow<'static, str>,
+}
+
+impl Variable {
+    /// A variable whose name and unit are known at compile time.
+    #[must_use]
+    pub const fn new(name: &'static str, unit: &'static str) -> Self {
+        Self {
+            name: Cow::Borrowed(name),
+            unit: Cow::Borrowed(unit),
+        }
+    }
+}
+
+/// A controlled plant x' = f(x, u), time-invariant, with `n` states and `m` inputs.
+///
+/// The equation is written once, over [`Scalar`], and evaluated on `f64`, dual numbers, a tape and
+/// SIMD lanes. Mark [`Plant::rhs`] `#[inline]`, so that it can become part of a SIMD kernel.
+///
+/// ```
+/// use pinc_ad::Scalar;
+/// use pinc_ode::{Plant, Variable};
+///
+/// /// A mass on a spring, pushed by a force: x' = v, v' = u - x.
+/// #[derive(Clone, Debug)]
+/// struct Spring;
+///
+/// impl Plant for Spring {
+///     fn states(&self) -> &[Variable] {
+///         static VARIABLES: [Variable; 2] =
+///             [Variable::new("x", "m"), Variable::new("v", "m/s")];
+///         &VARIABLES
+///     }
+///     fn inputs(&self) -> &[Variable] {
+///         static VARIABLES: [Variable; 1] =
+///             [Variable::new("u", "N")];
+///         &VARIABLES
+///     }
+///     #[inline]
+///     fn rhs<S: Scalar>(&self, x: &[S], u: &[S], dx: &mut [S]) {
+///         dx[0] = x[1];
+///         dx[1] = u[0] - x[0];
+///     }
+/// }
+/// assert_eq!(Spring.dims().states, 2);
+/// ```
+pub trait Plant: Clone + Debug + Send + Sync {
+    /// The states, in order; their number is `n`.
+    fn states(&self) -> &[Variable];
+
+    /// The inputs, in order; their number is `m`.
+    fn inputs(&self) -> &[Variable];
+
+    /// Writes f(x, u) into `dx`.
+    ///
+    /// # Shapes
+    ///
+    /// `x` and `dx`: `n`, in [`Plant::states`]' units and units per second; `u`: `m`.
+    fn rhs<S: Scalar>(&self, x: &[S], u: &[S], dx: &mut [S]);
+
+    /// The numbers of states and inputs.
+    fn dims(&self) -> Dims {
+        Dims {
+            states: self.states().len(),
+            inputs: self.inputs().len(),
+        }
+    }
+}

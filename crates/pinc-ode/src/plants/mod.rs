@@ -1,0 +1,24 @@
+//! The paper's plants, one file each.
+
+mod four_tanks;
+mod one_tank;
+mod van_der_pol;
+
+pub use four_tanks::FourTanks;
+pub use one_tank::OneTank;
+pub use van_der_pol::VanDerPol;
+
+use pinc_ad::Scalar;
+
+/// Gravitational acceleration in cm/s^2, as Johansson (2000) has it.
+const GRAVITY: f64 = 981.0;
+
+/// Torricelli's law: the flow a sqrt(2 g h) in cm^3/s out of a hole of `a` cm^2 below `h` cm of water.
+///
+/// An empty tank has no outflow: for h <= 0 the flow and its derivative are 0 (the one-sided
+/// derivative at 0 from above is infinite). A NaN level gives a NaN flow.
+#[inline(always)]
+fn outflow<S: Scalar>(a: f64, h: S) -> S {
+    let wet = h.where_nonpositive(h.constant(1.0), h);
+    h.where_nonpositive(h.constant(0.0), (wet * (2.0 * GRAVITY)).sqrt() * a)
+}

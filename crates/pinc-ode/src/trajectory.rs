@@ -1,0 +1,85 @@
+//! States and inputs over time.
+
+use crate::Dims;
+
+/// A sampled trajectory: times, states and the inputs held there.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Trajectory {
+    dims: Dims,
+    t: Vec<f64>,
+    x: Vec<f64>,
+    u: Vec<f64>,
+}
+
+impl Trajectory {
+    /// An empty trajectory of a plant with these dimensions.
+    #[must_use]
+    pub fn new(dims: Dims) -> Self {
+        Self {
+            dims,
+            t: Vec::new(),
+            x: Vec::new(),
+            u: Vec::new(),
+        }
+    }
+
+    /// Appends a sample at `t` seconds.
+    ///
+    /// # Panics
+    ///
+    /// If `x` and `u` are not of the trajectory's dimensions.
+    pub fn push(&mut self, t: f64, x: &[f64], u: &[f64]) {
+        assert_eq!(
+            (x.len(), u.len()),
+            (self.dims.states, self.dims.inputs),
+            "dimensions"
+        );
+        self.t.push(t);
+        self.x.extend_from_slice(x);
+        self.u.extend_from_slice(u);
+    }
+
+    /// The numbers of states and inputs.
+    #[must_use]
+    pub fn dims(&self) -> Dims {
+        self.dims
+    }
+
+    /// How many samples there are.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.t.len()
+    }
+
+    /// Whether there is no sample.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.t.is_empty()
+    }
+
+    /// The times, in s.
+    #[must_use]
+    pub fn times(&self) -> &[f64] {
+        &self.t
+    }
+
+    /// The state of sample `i`, shape `n`.
+    ///
+    /// # Panics
+    ///
+    /// If there is no sample `i`.
+    #[must_use]
+    pub fn state(&self, i: usize) -> &[f64] {
+        &self.x[i * self.dims.states..(i + 1) * self.dims.states]
+    }
+
+    /// The input of sample `i`, shape `m`.
+    ///
+    /// # Panics
+    ///
+    /// If there is no sample `i`.
+    #[must_use]
+    pub fn input(&self, i: usize) -> &[f64] {
+        &self.u[i * self.dims.inputs..(i + 1) * self.dims.inputs]
+    }
+}
