@@ -47,17 +47,23 @@ pub fn central_difference(mut f: impl FnMut(&[f64]) -> f64, x: &[f64], i: usize)
 ///
 /// # Errors
 ///
-/// The first derivative that disagrees, NaN included.
+/// The first derivative that disagrees; one that is NaN or infinite on either side always does.
+///
+/// # Panics
+///
+/// If `gradient` and `x` differ in length.
 pub fn check_gradient(
     mut f: impl FnMut(&[f64]) -> f64,
     x: &[f64],
     gradient: &[f64],
     tolerance: f64,
 ) -> Result<(), GradientMismatch> {
+    assert_eq!(gradient.len(), x.len(), "one derivative per input");
     for (index, &given) in gradient.iter().enumerate() {
         let difference = central_difference(&mut f, x, index);
         let close = (given - difference).abs() <= tolerance * difference.abs().max(1.0);
-        if !close {
+        // An infinite difference would make the right side infinite, and anything close.
+        if !close || !difference.is_finite() {
             return Err(GradientMismatch {
                 index,
                 given,

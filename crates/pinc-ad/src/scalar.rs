@@ -28,7 +28,8 @@ pub trait Scalar:
     #[must_use]
     fn constant(self, value: f64) -> Self;
 
-    /// The square root; NaN below 0. Its derivative is infinite at 0.
+    /// The square root; NaN below 0. Its derivative is infinite at 0, and NaN there in a direction
+    /// in which the argument does not change.
     #[must_use]
     fn sqrt(self) -> Self;
 

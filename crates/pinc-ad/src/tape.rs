@@ -49,6 +49,11 @@ impl Tape {
             adjoint[output.index] = 1.0;
         }
         for (i, node) in nodes.iter().enumerate().rev() {
+            // What the output does not depend on must not reach the inputs: the side that
+            // `where_nonpositive` did not take may have an infinite partial, and 0 * inf is NaN.
+            if adjoint[i] == 0.0 {
+                continue;
+            }
             for (&operand, &partial) in node.operands.iter().zip(&node.partials) {
                 if operand != CONSTANT {
                     adjoint[operand] += adjoint[i] * partial;

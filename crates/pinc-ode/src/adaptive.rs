@@ -4,6 +4,10 @@ use crate::{OdeError, Plant};
 
 const STAGES: usize = 7;
 
+/// Steps tried in one call before it is given up. A right-hand side that chatters about a jump
+/// asks for steps of the size of the tolerance: without a limit they would go on for days.
+const MAX_STEPS: u32 = 1_000_000;
+
 /// The tableau of Dormand and Prince, "A family of embedded Runge-Kutta formulae", J. Comput. Appl.
 /// Math. 6 (1980). The last row is also the solution of order 5.
 const A: [&[f64]; STAGES] = [
@@ -95,17 +99,36 @@ impl<P: Plant> Adaptive<P> {
         self.rhs_calls
     }
 
-    /// Advances `x` (shape `n`) by `duration` seconds under the constant input `u` (shape `m`).
+    /// Advances `x` (shape `n`) by `duration` seconds under the constant input `u` (shape `m`). A
+    /// duration of 0 leaves `x` as it is.
     ///
     /// # Errors
     ///
-    /// [`OdeError::NotFinite`] or [`OdeError::StepTooSmall`]; `x` is then where it broke off.
+    /// [`OdeError::NotFinite`], or [`OdeError::StepTooSmall`], which is also what a million steps
+    /// that do not suffice give; `x` is then where it broke off.
+    ///
+    /// # Panics
+    ///
+    /// If `duration` is negative or not finite.
     pub fn integrate(&mut self, x: &mut [f64], u: &[f64], duration: f64) -> Result<(), OdeError> {
+        assert!(
+            duration >= 0.0 && duration.is_finite(),
+            "the duration must be finite and not negative"
+        );
+        if duration == 0.0 {
+            // There is no step size to learn from it, and 0 would be one that never grows.
+            return Ok(());
+        }
         let mut t = 0.0;
         let mut step = self.step.unwrap_or(duration / 16.0).min(duration);
         self.plant.rhs(x, u, &mut self.k[0]);
         self.rhs_calls += 1;
+        let mut tries = 0;
         while t < duration {
+            tries += 1;
+            if tries > MAX_STEPS {
+                return Err(OdeError::StepTooSmall { t, step });
+            }
             let remaining = duration - t;
             // Stretch the last step a little rather than leave a sliver behind it.
             let last = step * (1.0 + 1e-6) >= remaining;
@@ -156,8 +179,8 @@ impl<P: Plant> Adaptive<P> {
             let slope: f64 = ERROR.iter().zip(&self.k).map(|(e, k)| e * k[i]).sum();
             let scale = self.tolerance * (1.0 + old.abs().max(new.abs()));
             let error = (h * slope).abs() / scale;
-            // f64::max would drop a NaN.
-            if error.is_nan() {
+            // f64::max would drop a NaN; an infinite state would make the scale infinite as well.
+            if error.is_nan() || !new.is_finite() {
                 return f64::NAN;
             }
             worst = f64::max(worst, error);

@@ -11,10 +11,10 @@ pub enum OdeError {
     NotFinite {
         /// Time within the interval integrated, in s.
         t: f64,
-        /// The last finite state.
+        /// The state there: the last finite one, unless the integration began with none.
         state: Vec<f64>,
     },
-    /// The step that the tolerance asks for is too small to move time.
+    /// The steps that the tolerance asks for are too small to get through the interval.
     #[error("the step size fell to {step} s at t = {t} s: the equation is too stiff or has a jump")]
     StepTooSmall {
         /// Time within the interval integrated, in s.

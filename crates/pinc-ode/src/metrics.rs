@@ -74,13 +74,18 @@ impl Tracking {
 ///
 /// # Panics
 ///
-/// If `predicted` and `truth` differ in length.
+/// If `predicted` and `truth` differ in length, or their length is not a multiple of that of
+/// `scale`.
 #[must_use]
 pub fn mean_squared_error(predicted: &[f64], truth: &[f64], scale: &[f64]) -> f64 {
     assert_eq!(
         predicted.len(),
         truth.len(),
         "as many predictions as truths"
+    );
+    assert!(
+        predicted.len().is_multiple_of(scale.len()),
+        "one scale per output"
     );
     let scales = scale.iter().cycle();
     let squares = predicted
