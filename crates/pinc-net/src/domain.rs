@@ -1,0 +1,61 @@
+//! The box of states and inputs that a net is trained on.
+
+use crate::NetError;
+use pinc_ode::Dims;
+use serde::{Deserialize, Serialize};
+
+/// A box of initial states and inputs.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Domain {
+    /// Lower ends of the states, in the plant's order and units.
+    pub state_low: Vec<f64>,
+    /// Upper ends of the states.
+    pub state_high: Vec<f64>,
+    /// Lower ends of the inputs.
+    pub input_low: Vec<f64>,
+    /// Upper ends of the inputs.
+    pub input_high: Vec<f64>,
+}
+
+impl Domain {
+    /// Checks the lengths against the plant's, and that every lower end is below its upper end.
+    ///
+    /// # Errors
+    ///
+    /// [`NetError::Dimension`] or [`NetError::Setting`].
+    pub fn validate(&self, dims: Dims) -> Result<(), NetError> {
+        let ends = [
+            ("state_low", &self.state_low, dims.states, "state"),
+            ("state_high", &self.state_high, dims.states, "state"),
+            ("input_low", &self.input_low, dims.inputs, "input"),
+            ("input_high", &self.input_high, dims.inputs, "input"),
+        ];
+        for (key, values, expected, per) in ends {
+            if values.len() != expected {
+                return Err(NetError::Dimension { key, found: values.len(), expected, per });
+            }
+            if let Some(bad) = values.iter().find(|v| !v.is_finite()) {
+                let expected = "finite numbers";
+                return Err(NetError::Setting { key, found: bad.to_string(), expected });
+            }
+        }
+        for (key, low, high) in [
+            ("state_low", &self.state_low, &self.state_high),
+            ("input_low", &self.input_low, &self.input_high),
+        ] {
+            if let Some((low, high)) = low.iter().zip(high).find(|(low, high)| low >= high) {
+                let found = format!("{low} (upper end {high})");
+                return Err(NetError::Setting { key, found, expected: "less than the upper end" });
+            }
+        }
+        Ok(())
+    }
+
+    /// Lower and upper ends, states first, then inputs.
+    pub(crate) fn ends(&self) -> impl Iterator<Item = (f64, f64)> {
+        let states = self.state_low.iter().zip(&self.state_high);
+        let inputs = self.input_low.iter().zip(&self.input_high);
+        states.chain(inputs).map(|(&low, &high)| (low, high))
+    }
+}

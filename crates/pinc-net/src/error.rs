@@ -1,0 +1,102 @@
+//! What can go wrong with a net, its training and its file.
+
+use pinc_ode::OdeError;
+use thiserror::Error;
+
+/// An error of a net or its training.
+#[derive(Debug, Error)]
+#[non_exhaustive]
+pub enum NetError {
+    /// A setting that makes no sense.
+    #[error("{key}: {found} given, expected {expected}")]
+    Setting {
+        /// The setting's key, as in a config file.
+        key: &'static str,
+        /// What was given.
+        found: String,
+        /// What was expected.
+        expected: &'static str,
+    },
+    /// A vector of the wrong length.
+    #[error("{key}: {found} numbers given, expected {expected}, one per {per}")]
+    Dimension {
+        /// The setting's key, as in a config file.
+        key: &'static str,
+        /// The length given.
+        found: usize,
+        /// The length expected.
+        expected: usize,
+        /// What there is one of each for.
+        per: &'static str,
+    },
+    /// A NaN or an infinity where a number belongs.
+    #[error("{term} became NaN or infinite at iteration {iteration}; the last good net is kept")]
+    NotFinite {
+        /// What it was: a term of the loss, or the gradient.
+        term: &'static str,
+        /// The iteration at which it happened, counted over all phases.
+        iteration: u64,
+    },
+    /// The equation has no finite value in the training domain.
+    #[error("the derivative of state {state} is not finite at x = {x:?}, u = {u:?} in the domain")]
+    Plant {
+        /// Name of the state.
+        state: String,
+        /// The state vector.
+        x: Vec<f64>,
+        /// The input vector.
+        u: Vec<f64>,
+    },
+    /// The truth to validate with could not be integrated.
+    #[error("the validation scenarios cannot be integrated: {0}")]
+    Validation(#[from] OdeError),
+    /// A checkpoint of another training.
+    #[error("the checkpoint does not belong to this training: {what} differs")]
+    Checkpoint {
+        /// What does not agree.
+        what: &'static str,
+    },
+    /// The worker threads could not be started.
+    #[error("cannot start the worker threads: {0}")]
+    Threads(#[from] rayon::ThreadPoolBuildError),
+}
+
+/// An error in a model file.
+#[derive(Debug, Error)]
+#[non_exhaustive]
+pub enum ModelError {
+    /// Not a safetensors file, or a damaged one.
+    #[error("not a readable safetensors file: {0}")]
+    Container(#[from] safetensors::SafeTensorError),
+    /// A safetensors file, but not of a PINC model.
+    #[error("not a PINC model: metadata `{key}` is {found}, expected {expected}")]
+    Foreign {
+        /// The metadata key.
+        key: &'static str,
+        /// What it is.
+        found: String,
+        /// What it should be.
+        expected: &'static str,
+    },
+    /// The description of the model is not as it should be.
+    #[error("metadata `model`: {0}")]
+    Description(#[from] serde_json::Error),
+    /// A tensor that is missing, of another type or shape, or not finite.
+    #[error("tensor `{name}`: {found}, expected {expected}")]
+    Tensor {
+        /// The tensor's name.
+        name: String,
+        /// What it is.
+        found: String,
+        /// What it should be.
+        expected: String,
+    },
+    /// Numbers in the description that contradict each other.
+    #[error("metadata `model`: `{field}` {problem}")]
+    Inconsistent {
+        /// The field.
+        field: &'static str,
+        /// What is wrong with it.
+        problem: &'static str,
+    },
+}

@@ -1,0 +1,195 @@
+//! Matrix products over columns of cells: the inner loops.
+
+use crate::mlp::Layer;
+use crate::simd::Simd;
+
+/// What one neuron holds for one panel of points: two vectors of values, then the two vectors of their
+/// time tangents. Value and tangent are columns of the same product, so one product serves both.
+pub(super) type Cell<V> = [V; 4];
+
+/// A weight matrix in the order in which [`multiply`] reads it: blocks of rows, and in a block column
+/// by column.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Packed {
+    rows: usize,
+    depth: usize,
+    block: usize,
+    data: Vec<f64>,
+}
+
+impl Packed {
+    /// An empty matrix of `rows` x `depth` for register blocks of `block` rows.
+    fn new(rows: usize, depth: usize, block: usize) -> Self {
+        Self { rows, depth, block, data: vec![0.0; rows * depth] }
+    }
+
+    fn fill(&mut self, entry: impl Fn(usize, usize) -> f64) {
+        let mut data = self.data.iter_mut();
+        for first in (0..self.rows).step_by(self.block) {
+            for column in 0..self.depth {
+                for row in first..self.rows.min(first + self.block) {
+                    if let Some(to) = data.next() {
+                        *to = entry(row, column);
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// One layer's weights, packed for the forward product W a and the backward product W' z.
+#[derive(Clone, Debug)]
+pub(super) struct PackedLayer {
+    layer: Layer,
+    pub(super) forward: Packed,
+    pub(super) backward: Packed,
+    pub(super) bias: Vec<f64>,
+}
+
+impl PackedLayer {
+    pub(super) fn new(layer: Layer, block: usize) -> Self {
+        let (inputs, outputs) = (layer.inputs, layer.outputs);
+        Self {
+            forward: Packed::new(outputs, inputs, block),
+            backward: Packed::new(inputs, outputs, block),
+            bias: vec![0.0; outputs],
+            layer,
+        }
+    }
+
+    pub(super) fn fill(&mut self, parameters: &[f64]) {
+        let weight = &parameters[self.layer.weight.clone()];
+        let inputs = self.layer.inputs;
+        self.forward.fill(|row, column| weight[row * inputs + column]);
+        self.backward.fill(|row, column| weight[column * inputs + row]);
+        self.bias.copy_from_slice(&parameters[self.layer.bias.clone()]);
+    }
+}
+
+/// output = matrix * input (+ bias in the value columns).
+///
+/// # Shapes
+///
+/// `input`: one cell per column of the matrix; `output`: one per row.
+#[inline(always)]
+pub(super) fn multiply<V: Simd>(
+    matrix: &Packed,
+    bias: Option<&[f64]>,
+    input: &[Cell<V>],
+    output: &mut [Cell<V>],
+    zero: V,
+) {
+    let blocks = matrix.data.chunks(matrix.block * matrix.depth);
+    for (i, (weights, output)) in blocks.zip(output.chunks_mut(matrix.block)).enumerate() {
+        let bias = bias.map(|b| &b[i * matrix.block..]);
+        // The numbers of rows are compile-time constants, so that sums stay in registers.
+        match output.len() {
+            1 => rows::<V, 1>(weights, bias, input, output, zero),
+            2 => rows::<V, 2>(weights, bias, input, output, zero),
+            3 => rows::<V, 3>(weights, bias, input, output, zero),
+            4 => rows::<V, 4>(weights, bias, input, output, zero),
+            _ => rows::<V, 5>(weights, bias, input, output, zero),
+        }
+    }
+}
+
+#[inline(always)]
+fn rows<V: Simd, const R: usize>(
+    weights: &[f64],
+    bias: Option<&[f64]>,
+    input: &[Cell<V>],
+    output: &mut [Cell<V>],
+    zero: V,
+) {
+    let mut sum = [[zero; 4]; R];
+    if let Some(bias) = bias {
+        for r in 0..R {
+            let b = zero.constant(bias[r]);
+            sum[r][0] = b;
+            sum[r][1] = b;
+        }
+    }
+    let (columns, _) = weights.as_chunks::<R>();
+    for (weights, a) in columns.iter().zip(input) {
+        for r in 0..R {
+            let w = zero.constant(weights[r]);
+            for c in 0..4 {
+                sum[r][c] = w.mul_add(a[c], sum[r][c]);
+            }
+        }
+    }
+    output[..R].copy_from_slice(&sum);
+}
+
+/// gradient\[row, column\] += sum over panels of adjoint\[row\] * input\[column\], lane by lane: the
+/// gradient of a weight matrix, still spread over lanes.
+///
+/// # Shapes
+///
+/// `adjoint`: `[panels, rows]`, `input`: `[panels, columns]`, `gradient`: `[rows, columns]`.
+#[inline(always)]
+pub(super) fn accumulate<V: Simd>(
+    adjoint: &[Cell<V>],
+    input: &[Cell<V>],
+    gradient: &mut [V],
+    (height, width): (usize, usize),
+) {
+    for first in (0..height).step_by(V::ROWS) {
+        match (height - first).min(V::ROWS) {
+            1 => outer_rows::<V, 1>(adjoint, input, gradient, first, (height, width)),
+            2 => outer_rows::<V, 2>(adjoint, input, gradient, first, (height, width)),
+            3 => outer_rows::<V, 3>(adjoint, input, gradient, first, (height, width)),
+            4 => outer_rows::<V, 4>(adjoint, input, gradient, first, (height, width)),
+            _ => outer_rows::<V, 5>(adjoint, input, gradient, first, (height, width)),
+        }
+    }
+}
+
+#[inline(always)]
+fn outer_rows<V: Simd, const R: usize>(
+    adjoint: &[Cell<V>],
+    input: &[Cell<V>],
+    gradient: &mut [V],
+    row: usize,
+    (height, width): (usize, usize),
+) {
+    let mut column = 0;
+    while width - column >= 4 {
+        outer::<V, R, 4>(adjoint, input, gradient, (row, column), (height, width));
+        column += 4;
+    }
+    match width - column {
+        1 => outer::<V, R, 1>(adjoint, input, gradient, (row, column), (height, width)),
+        2 => outer::<V, R, 2>(adjoint, input, gradient, (row, column), (height, width)),
+        3 => outer::<V, R, 3>(adjoint, input, gradient, (row, column), (height, width)),
+        _ => {}
+    }
+}
+
+#[inline(always)]
+fn outer<V: Simd, const R: usize, const C: usize>(
+    adjoint: &[Cell<V>],
+    input: &[Cell<V>],
+    gradient: &mut [V],
+    (row, column): (usize, usize),
+    (height, width): (usize, usize),
+) {
+    let mut sum: [[V; C]; R] =
+        std::array::from_fn(|r| std::array::from_fn(|c| gradient[(row + r) * width + column + c]));
+    for (adjoint, input) in adjoint.chunks_exact(height).zip(input.chunks_exact(width)) {
+        let adjoint = &adjoint[row..row + R];
+        let input = &input[column..column + C];
+        for v in 0..4 {
+            for r in 0..R {
+                for c in 0..C {
+                    sum[r][c] = adjoint[r][v].mul_add(input[c][v], sum[r][c]);
+                }
+            }
+        }
+    }
+    for r in 0..R {
+        for c in 0..C {
+            gradient[(row + r) * width + column + c] = sum[r][c];
+        }
+    }
+}

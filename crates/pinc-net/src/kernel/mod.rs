@@ -1,0 +1,260 @@
+//! The batched kernel: loss and gradient over many points, in SIMD lanes, on several threads.
+//!
+//! # Layout
+//!
+//! Points come in *panels* of two vectors (16 points with AVX-512, 8 with AVX2). For a panel, each
+//! neuron holds one *cell* of four vectors: two of values, two of time tangents. A panel goes through
+//! the whole net and back while its cells stay in the first-level cache; the weight gradients are then
+//! summed over a *tile* of panels, whose cells stay in the second-level cache. Tiles form *blocks*,
+//! the work of a thread at a time.
+//!
+//! The same bits come out on any number of threads: blocks depend on the number of points only, and
+//! their sums are added in order. Different instruction sets differ by rounding.
+
+mod dense;
+mod panels;
+mod physics;
+mod tile;
+
+use crate::loss::{LossTerms, LossWeights};
+use crate::mlp::to_f64;
+use crate::net::PincNet;
+use crate::sampling::Points;
+use crate::simd::{Isa, Simd, Task};
+use crate::{NetError, Normalizer};
+use dense::PackedLayer;
+use panels::Panels;
+use physics::{Physics, Term};
+use pinc_ode::{Dims, Plant};
+use std::fmt::Debug;
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use tile::{Block, Workspace, tile_panels};
+
+/// More blocks than this are not needed to keep threads busy; fewer mean fewer sums to add.
+const MAX_BLOCKS: usize = 64;
+
+/// The PINC loss over a set of points, `MSE_y` + lambda `MSE_F`, with its gradient in the parameters of a
+/// net.
+///
+/// Memory: (1 + n + m) numbers a point; per thread, about 16 KB per neuron of the widest layers for
+/// cells and 64 bytes per parameter; per block (64 at most), 8 bytes per parameter.
+#[derive(Debug)]
+pub struct BatchLoss {
+    engine: Box<dyn Engine>,
+    isa: Isa,
+}
+
+impl BatchLoss {
+    /// The loss of `net`'s kind on `plant`, with no points yet, on `threads` threads (0: one per core)
+    /// in instruction set `isa`.
+    ///
+    /// # Errors
+    ///
+    /// [`NetError::Threads`] if threads cannot be started.
+    pub fn new<P: Plant + 'static>(
+        plant: &P,
+        net: &PincNet,
+        weights: &LossWeights,
+        threads: usize,
+        isa: Isa,
+    ) -> Result<Self, NetError> {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build()?;
+        let engine = isa.dispatch(Build { plant, net, weights, pool });
+        Ok(Self { engine, isa })
+    }
+
+    /// Replaces the points: collocation points for `MSE_F`, initial conditions for `MSE_y`. Either set
+    /// may be empty; its term is then 0.
+    pub fn set_points(&mut self, collocation: &Points, initial: &Points) {
+        self.engine.set_points(collocation, initial);
+    }
+
+    /// The loss at `parameters`.
+    ///
+    /// # Panics
+    ///
+    /// If the number of parameters is not that of the net.
+    pub fn loss(&mut self, parameters: &[f64]) -> LossTerms {
+        self.engine.evaluate(parameters, None)
+    }
+
+    /// The loss at `parameters`, and its gradient into `gradient`.
+    ///
+    /// # Panics
+    ///
+    /// If the numbers of parameters and of derivatives are not that of the net.
+    pub fn loss_gradient(&mut self, parameters: &[f64], gradient: &mut [f64]) -> LossTerms {
+        self.engine.evaluate(parameters, Some(gradient))
+    }
+
+    /// The instruction set in use.
+    #[must_use]
+    pub fn isa(&self) -> Isa {
+        self.isa
+    }
+}
+
+/// What [`BatchLoss`] does, whatever the vector type and the plant.
+trait Engine: Debug + Send {
+    fn set_points(&mut self, collocation: &Points, initial: &Points);
+    fn evaluate(&mut self, parameters: &[f64], gradient: Option<&mut [f64]>) -> LossTerms;
+}
+
+/// Makes the engine for the vector type of the instruction set.
+struct Build<'a, P> {
+    plant: &'a P,
+    net: &'a PincNet,
+    weights: &'a LossWeights,
+    pool: rayon::ThreadPool,
+}
+
+impl<P: Plant + 'static> Task for Build<'_, P> {
+    type Output = Box<dyn Engine>;
+
+    fn run<V: Simd>(self, zero: V) -> Box<dyn Engine> {
+        let Self { plant, net, weights, pool } = self;
+        let dims = net.dims();
+        let workspace = || Mutex::new(Workspace::new(&net.mlp, dims, zero));
+        Box::new(LaneEngine {
+            dims,
+            layers: net.mlp.layers().map(|l| PackedLayer::new(l, V::ROWS)).collect(),
+            input: net.input.clone(),
+            physics: Physics {
+                plant: plant.clone(),
+                ansatz: net.ansatz,
+                horizon_s: net.horizon_s,
+                output: net.output.clone(),
+                residual_scale: weights.residual_scale.clone(),
+                initial_scale: weights.initial_scale.clone(),
+            },
+            lambda: weights.lambda,
+            sets: Vec::new(),
+            parameters: net.mlp.parameters().len(),
+            blocks: Vec::new(),
+            workspaces: (0..pool.current_num_threads()).map(|_| workspace()).collect(),
+            pool,
+            zero,
+        })
+    }
+}
+
+#[derive(Debug)]
+struct LaneEngine<V, P> {
+    dims: Dims,
+    layers: Vec<PackedLayer>,
+    input: Normalizer,
+    physics: Physics<P>,
+    lambda: f64,
+    sets: Vec<(Term, Panels<V>)>,
+    parameters: usize,
+    blocks: Vec<Mutex<BlockResult>>,
+    workspaces: Vec<Mutex<Workspace<V>>>,
+    pool: rayon::ThreadPool,
+    zero: V,
+}
+
+/// A block's place and, after an evaluation, its share of the sums.
+#[derive(Debug)]
+struct BlockResult {
+    set: usize,
+    range: std::ops::Range<usize>,
+    squares: f64,
+    gradient: Vec<f64>,
+}
+
+impl<V: Simd, P: Plant> LaneEngine<V, P> {
+    /// Factor of a set's squared errors in the loss.
+    fn weight(&self, set: usize) -> f64 {
+        let (term, panels) = &self.sets[set];
+        let mean = 1.0 / (to_f64(panels.points()) * to_f64(self.dims.states));
+        match term {
+            Term::Physics => self.lambda * mean,
+            Term::Initial => mean,
+        }
+    }
+
+    fn run_block(&self, block: &mut BlockResult, workspace: &mut Workspace<V>, gradient: bool) {
+        let (term, panels) = &self.sets[block.set];
+        block.squares = self.zero.vectorize(Block {
+            layers: &self.layers,
+            input: &self.input,
+            physics: &self.physics,
+            term: *term,
+            weight: self.weight(block.set),
+            panels,
+            range: block.range.clone(),
+            workspace,
+            gradient: gradient.then_some(&mut block.gradient),
+        });
+    }
+}
+
+/// The value behind a lock; a thread that panicked has left nothing half-done that matters.
+fn locked<T>(mutex: &Mutex<T>) -> std::sync::MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(std::sync::PoisonError::into_inner)
+}
+
+impl<V: Simd, P: Plant> Engine for LaneEngine<V, P> {
+    fn set_points(&mut self, collocation: &Points, initial: &Points) {
+        let sets = [(Term::Physics, collocation), (Term::Initial, initial)];
+        self.sets = sets
+            .into_iter()
+            .filter(|(_, points)| !points.is_empty())
+            .map(|(term, points)| (term, Panels::new(points, self.dims, self.zero)))
+            .collect();
+        self.blocks.clear();
+        for (set, (_, panels)) in self.sets.iter().enumerate() {
+            let tile = tile_panels::<V>();
+            let tiles = panels.len().div_ceil(tile);
+            let step = tile * tiles.div_ceil(MAX_BLOCKS);
+            for start in (0..panels.len()).step_by(step) {
+                let range = start..panels.len().min(start + step);
+                let gradient = vec![0.0; self.parameters];
+                self.blocks.push(Mutex::new(BlockResult { set, range, squares: 0.0, gradient }));
+            }
+        }
+    }
+
+    fn evaluate(&mut self, parameters: &[f64], gradient: Option<&mut [f64]>) -> LossTerms {
+        assert_eq!(parameters.len(), self.parameters, "number of parameters");
+        for layer in &mut self.layers {
+            layer.fill(parameters);
+        }
+        let with_gradient = gradient.is_some();
+        let next = AtomicUsize::new(0);
+        let this = &*self;
+        this.pool.broadcast(|thread| {
+            let mut workspace = locked(&this.workspaces[thread.index()]);
+            while let Some(block) = this.blocks.get(next.fetch_add(1, Ordering::Relaxed)) {
+                this.run_block(&mut locked(block), &mut workspace, with_gradient);
+            }
+        });
+        self.collect(gradient)
+    }
+}
+
+impl<V: Simd, P: Plant> LaneEngine<V, P> {
+    /// Adds up the blocks, in order.
+    fn collect(&self, mut gradient: Option<&mut [f64]>) -> LossTerms {
+        if let Some(gradient) = gradient.as_deref_mut() {
+            assert_eq!(gradient.len(), self.parameters, "number of derivatives");
+            gradient.fill(0.0);
+        }
+        let mut terms = LossTerms::default();
+        for block in &self.blocks {
+            let block = locked(block);
+            let share = self.weight(block.set) * block.squares;
+            match self.sets[block.set].0 {
+                Term::Physics => terms.physics += share,
+                Term::Initial => terms.data += share,
+            }
+            if let Some(gradient) = gradient.as_deref_mut() {
+                for (sum, part) in gradient.iter_mut().zip(&block.gradient) {
+                    *sum += part;
+                }
+            }
+        }
+        terms
+    }
+}

@@ -1,0 +1,152 @@
+//! The PINC loss, Eqs. (`mse_y_pinc`) and (`mse_F_pinc`), in its readable form.
+
+use crate::NetError;
+use crate::net::PincNet;
+use crate::sampling::Points;
+use crate::mlp::to_f64;
+use pinc_ad::{Dual, Scalar};
+use pinc_ode::{Dims, Plant};
+use serde::{Deserialize, Serialize};
+
+/// In which units the residual F = y' - f(y, u) of each state is squared.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum ResidualScale {
+    /// The state's own unit per second: the paper's text.
+    Physical,
+    /// Standard deviations of the state in the domain per T, so that states of different units and
+    /// sizes weigh the same.
+    Normalized,
+    /// The state's own unit per second times this factor, one per state; the authors' code takes the
+    /// cross-sections A_i of the tanks.
+    Custom(Vec<f64>),
+}
+
+/// In which units the error of the initial condition is squared.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum InitialScale {
+    /// The state's own unit: the paper's text.
+    Physical,
+    /// Standard deviations of the state in the domain: the authors' code.
+    Normalized,
+}
+
+/// Weights of the loss: `MSE_y` + lambda `MSE_F`, each state's errors times its factor first.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LossWeights {
+    /// The weight lambda of `MSE_F`.
+    pub lambda: f64,
+    /// Factor of each state's residual.
+    pub residual_scale: Vec<f64>,
+    /// Factor of each state's initial error.
+    pub initial_scale: Vec<f64>,
+}
+
+impl LossWeights {
+    /// The weights for `net`.
+    ///
+    /// # Errors
+    ///
+    /// [`NetError`] if lambda or a factor is not positive, or there is not one factor per state.
+    pub fn new(
+        net: &PincNet,
+        lambda: f64,
+        residual: &ResidualScale,
+        initial: InitialScale,
+    ) -> Result<Self, NetError> {
+        let states = net.dims().states;
+        let deviation: Vec<f64> = net
+            .domain
+            .ends()
+            .take(states)
+            .map(|(low, high)| (high - low) / 12.0_f64.sqrt())
+            .collect();
+        let residual_scale = match residual {
+            ResidualScale::Physical => vec![1.0; states],
+            ResidualScale::Normalized => deviation.iter().map(|d| net.horizon_s / d).collect(),
+            ResidualScale::Custom(factors) => factors.clone(),
+        };
+        let initial_scale = match initial {
+            InitialScale::Physical => vec![1.0; states],
+            InitialScale::Normalized => deviation.iter().map(|d| 1.0 / d).collect(),
+        };
+        if residual_scale.len() != states {
+            let (key, found) = ("residual_scale", residual_scale.len());
+            return Err(NetError::Dimension { key, found, expected: states, per: "state" });
+        }
+        for (key, value) in std::iter::once(("lambda", lambda))
+            .chain(residual_scale.iter().map(|&factor| ("residual_scale", factor)))
+        {
+            if !(value > 0.0 && value.is_finite()) {
+                let found = value.to_string();
+                return Err(NetError::Setting { key, found, expected: "a positive number" });
+            }
+        }
+        Ok(Self { lambda, residual_scale, initial_scale })
+    }
+}
+
+/// The terms of the loss.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct LossTerms {
+    /// `MSE_y`, with its factors.
+    pub data: f64,
+    /// lambda `MSE_F`, with its factors.
+    pub physics: f64,
+}
+
+impl LossTerms {
+    /// The loss.
+    #[must_use]
+    pub fn total(self) -> f64 {
+        self.data + self.physics
+    }
+}
+
+/// The loss over any scalar, written as in the paper: the specification that the batched kernel is
+/// tested against. Returns `MSE_y` and lambda `MSE_F`.
+///
+/// `context` is any value of the scalar's kind (on the same tape).
+///
+/// # Panics
+///
+/// If a length does not fit.
+pub fn reference_loss<S: Scalar, P: Plant>(
+    plant: &P,
+    net: &PincNet,
+    weights: &LossWeights,
+    parameters: &[S],
+    (collocation, initial): (&Points, &Points),
+    context: S,
+) -> [S; 2] {
+    let Dims { states, .. } = net.dims();
+    let mut physics = context.constant(0.0);
+    let lifted: Vec<Dual<S>> = parameters.iter().map(|&w| Dual::lift(w)).collect();
+    for k in 0..collocation.len() {
+        let constant = |v: &f64| Dual::lift(context.constant(*v));
+        let y0: Vec<_> = collocation.state(k).iter().map(constant).collect();
+        let u: Vec<_> = collocation.input(k).iter().map(constant).collect();
+        let t = Dual::variable(context.constant(collocation.time(k)), 0);
+        let y = net.state(&lifted, t, &y0, &u);
+        let mut f = vec![Dual::lift(context.constant(0.0)); states];
+        plant.rhs(&y, &u, &mut f);
+        for i in 0..states {
+            let residual = (y[i].eps[0] - f[i].re) * weights.residual_scale[i];
+            physics = physics + residual * residual;
+        }
+    }
+    let mut data = context.constant(0.0);
+    for j in 0..initial.len() {
+        let constant = |v: &f64| context.constant(*v);
+        let y0: Vec<_> = initial.state(j).iter().map(constant).collect();
+        let u: Vec<_> = initial.input(j).iter().map(constant).collect();
+        let y = net.state(parameters, context.constant(initial.time(j)), &y0, &u);
+        for i in 0..states {
+            let error = (y[i] - y0[i]) * weights.initial_scale[i];
+            data = data + error * error;
+        }
+    }
+    let mean = |sum: S, points: usize| sum / to_f64((points * states).max(1));
+    [mean(data, initial.len()), mean(physics, collocation.len()) * weights.lambda]
+}

@@ -1,0 +1,271 @@
+//! The PINC net: a perceptron with all that turns it into a model of a plant.
+
+use crate::mlp::MlpConfig;
+use crate::sampling::{Purpose, Sampler, rng};
+use crate::{Ansatz, Domain, Mlp, NetError, Normalizer};
+use pinc_ad::Scalar;
+use pinc_ode::{Dims, Plant};
+use serde::{Deserialize, Serialize};
+
+/// Points at which the plant is asked for the scale of its velocities.
+const SCALE_POINTS: usize = 4096;
+
+/// The choices that make a net, besides its plant and domain.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct NetConfig {
+    /// Length T of one step, in s.
+    pub horizon_s: f64,
+    /// Number of hidden layers.
+    pub hidden_layers: usize,
+    /// Neurons in each hidden layer.
+    pub neurons: usize,
+    /// How the initial condition enters.
+    pub ansatz: Ansatz,
+    /// If given, the net is a conventional PINN y(t) = f_w(t) for this one scenario.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub time_only: Option<Scenario>,
+}
+
+/// One initial state and one input, held constant.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Scenario {
+    /// Initial state y(0), in the plant's order and units.
+    pub initial_state: Vec<f64>,
+    /// Input u.
+    pub input: Vec<f64>,
+}
+
+impl NetConfig {
+    /// Checks the settings against the plant's dimensions.
+    ///
+    /// # Errors
+    ///
+    /// [`NetError::Setting`] or [`NetError::Dimension`].
+    pub fn validate(&self, dims: Dims) -> Result<(), NetError> {
+        if !(self.horizon_s > 0.0 && self.horizon_s.is_finite()) {
+            let (key, found) = ("horizon_s", self.horizon_s.to_string());
+            return Err(NetError::Setting { key, found, expected: "a positive number of seconds" });
+        }
+        for (key, value) in [("hidden_layers", self.hidden_layers), ("neurons", self.neurons)] {
+            if value == 0 {
+                let found = value.to_string();
+                return Err(NetError::Setting { key, found, expected: "at least 1" });
+            }
+        }
+        if let Some(scenario) = &self.time_only {
+            for (key, values, expected, per) in [
+                ("time_only.initial_state", &scenario.initial_state, dims.states, "state"),
+                ("time_only.input", &scenario.input, dims.inputs, "input"),
+            ] {
+                if values.len() != expected {
+                    return Err(NetError::Dimension { key, found: values.len(), expected, per });
+                }
+                if let Some(bad) = values.iter().find(|v| !v.is_finite()) {
+                    let found = bad.to_string();
+                    return Err(NetError::Setting { key, found, expected: "finite numbers" });
+                }
+            }
+        }
+        Ok(())
+    }
+}
+
+/// A trained (or fresh) net y(t) = f_w(t, y(0), u), Eq. (`net_pred`) of the paper, that stands alone: it
+/// knows its normalization, ansatz, horizon, domain and the names of its variables.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PincNet {
+    pub(crate) mlp: Mlp,
+    pub(crate) ansatz: Ansatz,
+    pub(crate) horizon_s: f64,
+    /// Of (t, y(0), u), or of t alone.
+    pub(crate) input: Normalizer,
+    /// Of the states.
+    pub(crate) output: Normalizer,
+    pub(crate) states: Vec<String>,
+    pub(crate) inputs: Vec<String>,
+    pub(crate) domain: Domain,
+    pub(crate) time_only: Option<Scenario>,
+}
+
+impl PincNet {
+    /// A fresh net for `plant`: Glorot weights from `seed`, inputs scaled by `domain`, outputs by the
+    /// domain (`direct`) or by the plant's velocities in it (`hard-linear`).
+    ///
+    /// # Errors
+    ///
+    /// [`NetError`] if a setting makes no sense or the plant has no finite velocity in the domain.
+    pub fn new<P: Plant>(
+        plant: &P,
+        config: &NetConfig,
+        domain: &Domain,
+        seed: u64,
+    ) -> Result<Self, NetError> {
+        let dims = plant.dims();
+        config.validate(dims)?;
+        domain.validate(dims)?;
+        let time = (0.0, config.horizon_s);
+        let input = match config.time_only {
+            None => Normalizer::of_uniform(std::iter::once(time).chain(domain.ends())),
+            Some(_) => Normalizer::of_uniform(std::iter::once(time)),
+        };
+        let output = match config.ansatz {
+            Ansatz::Direct => Normalizer::of_uniform(domain.ends().take(dims.states)),
+            Ansatz::HardLinear => displacement_scale(plant, config, domain, seed)?,
+        };
+        let size = MlpConfig {
+            inputs: input.mean.len(),
+            hidden_layers: config.hidden_layers,
+            neurons: config.neurons,
+            outputs: dims.states,
+        };
+        let names = |variables: &[pinc_ode::Variable]| {
+            variables.iter().map(|v| v.name.to_string()).collect()
+        };
+        Ok(Self {
+            mlp: Mlp::glorot_normal(size, &mut rng(seed, Purpose::Weights)),
+            ansatz: config.ansatz,
+            horizon_s: config.horizon_s,
+            input,
+            output,
+            states: names(plant.states()),
+            inputs: names(plant.inputs()),
+            domain: domain.clone(),
+            time_only: config.time_only.clone(),
+        })
+    }
+
+    /// The numbers of states and inputs.
+    #[must_use]
+    pub fn dims(&self) -> Dims {
+        Dims { states: self.states.len(), inputs: self.inputs.len() }
+    }
+
+    /// Length T of one step, in s.
+    #[must_use]
+    pub fn horizon_s(&self) -> f64 {
+        self.horizon_s
+    }
+
+    /// Names of the states, in the plant's order.
+    #[must_use]
+    pub fn state_names(&self) -> &[String] {
+        &self.states
+    }
+
+    /// Names of the inputs, in the plant's order.
+    #[must_use]
+    pub fn input_names(&self) -> &[String] {
+        &self.inputs
+    }
+
+    /// The box that the net was trained on.
+    #[must_use]
+    pub fn domain(&self) -> &Domain {
+        &self.domain
+    }
+
+    /// The one scenario that a conventional PINN stands for; `None` for a PINC net.
+    #[must_use]
+    pub fn time_only(&self) -> Option<&Scenario> {
+        self.time_only.as_ref()
+    }
+
+    /// The perceptron inside.
+    #[must_use]
+    pub fn mlp(&self) -> &Mlp {
+        &self.mlp
+    }
+
+    /// The same net with other parameters.
+    ///
+    /// # Panics
+    ///
+    /// If their number is not that of the net.
+    #[must_use]
+    pub fn with_parameters(&self, parameters: &[f64]) -> Self {
+        let mut net = self.clone();
+        net.mlp.parameters_mut().copy_from_slice(parameters);
+        net
+    }
+
+    /// y(t) after `t` seconds from `y0` under the constant input `u`.
+    ///
+    /// # Shapes
+    ///
+    /// `y0` and the result: `n`; `u`: `m`. A conventional PINN ignores `y0` and `u` except, with a hard
+    /// initial condition, `y0`.
+    ///
+    /// # Panics
+    ///
+    /// If a length does not fit.
+    #[must_use]
+    pub fn evaluate(&self, t: f64, y0: &[f64], u: &[f64]) -> Vec<f64> {
+        self.state(self.mlp.parameters(), t, y0, u)
+    }
+
+    /// y(t) over any scalar, with `parameters` in place of the net's own: the specification of the
+    /// net, and with `Dual<Var>` its derivatives in time inside those in the weights.
+    ///
+    /// # Panics
+    ///
+    /// If a length does not fit.
+    pub fn state<S: Scalar>(&self, parameters: &[S], t: S, y0: &[S], u: &[S]) -> Vec<S> {
+        let Dims { states, inputs } = self.dims();
+        assert_eq!((y0.len(), u.len()), (states, inputs), "lengths of y0 and u");
+        let raw = std::iter::once(&t).chain(y0).chain(u);
+        let normalized: Vec<S> = raw
+            .zip(self.input.mean.iter().zip(&self.input.std))
+            .map(|(&v, (&mean, &std))| (v - mean) / std)
+            .collect();
+        let z = self.mlp.forward(parameters, &normalized);
+        let output = self.output.mean.iter().zip(&self.output.std);
+        z.into_iter()
+            .zip(output)
+            .zip(y0)
+            .map(|((z, (&mean, &std)), &y0)| {
+                self.ansatz.state(t, self.horizon_s, y0, z * std + mean)
+            })
+            .collect()
+    }
+}
+
+/// Mean and standard deviation of T f(y0, u) over the domain: what a state moves by in one step.
+fn displacement_scale<P: Plant>(
+    plant: &P,
+    config: &NetConfig,
+    domain: &Domain,
+    seed: u64,
+) -> Result<Normalizer, NetError> {
+    let dims = plant.dims();
+    let points = match &config.time_only {
+        None => Sampler::Sobol.collocation(SCALE_POINTS, config.horizon_s, domain, 1, seed),
+        Some(scenario) => Sampler::Sobol.scenario(1, config.horizon_s, scenario, seed),
+    };
+    let mut velocity = vec![0.0; dims.states];
+    let mut velocities = vec![Vec::new(); dims.states];
+    for i in 0..points.len() {
+        let (x, u) = (points.state(i), points.input(i));
+        plant.rhs(x, u, &mut velocity);
+        for (j, v) in velocity.iter().enumerate() {
+            if !v.is_finite() {
+                let state = plant.states()[j].name.to_string();
+                return Err(NetError::Plant { state, x: x.to_vec(), u: u.to_vec() });
+            }
+            velocities[j].push(config.horizon_s * v);
+        }
+    }
+    let (mean, std) = velocities
+        .iter()
+        .map(|v| {
+            let count = crate::mlp::to_f64(v.len());
+            let mean = v.iter().sum::<f64>() / count;
+            let variance = v.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / count;
+            // A velocity that does not vary (one scenario, a pure integrator) still has a size.
+            let std = if variance > 0.0 { variance.sqrt() } else { mean.abs() };
+            (mean, if std > 0.0 { std } else { 1.0 })
+        })
+        .unzip();
+    Ok(Normalizer { mean, std })
+}

@@ -1,0 +1,279 @@
+//! Where the physics is asked for: collocation points and initial conditions.
+
+use crate::net::Scenario;
+use crate::Domain;
+use crate::mlp::to_f64;
+use rand::RngExt;
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::SeedableRng;
+use serde::{Deserialize, Serialize};
+
+/// How collocation points (t, y0, u) are spread over \[0, T\] and the domain.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Sampler {
+    /// All coordinates uniform and independent: the paper's text.
+    Independent,
+    /// As many random (y0, u) as there are initial points, each on the same uniform grid of times with
+    /// both ends: the authors' code.
+    CoupledGrid,
+    /// A scrambled Sobol sequence (Owen scrambling): low discrepancy.
+    Sobol,
+}
+
+/// A set of points (t, y0, u).
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Points {
+    states: usize,
+    t: Vec<f64>,
+    y0: Vec<f64>,
+    u: Vec<f64>,
+}
+
+/// What a stream of random numbers is for: each purpose has its own, so that changing one does not
+/// move the others.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum Purpose {
+    Weights = 1,
+    Collocation = 2,
+    Initial = 3,
+    Validation = 4,
+    OneStep = 5,
+    Fresh = 6,
+}
+
+/// The random numbers of `seed` for `purpose`.
+pub(crate) fn rng(seed: u64, purpose: Purpose) -> ChaCha8Rng {
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    rng.set_stream(purpose as u64);
+    rng
+}
+
+impl Points {
+    /// No points yet, of a plant with this many states.
+    #[must_use]
+    pub fn new(states: usize) -> Self {
+        Self { states, ..Self::default() }
+    }
+
+    /// Appends the point (t, y0, u).
+    ///
+    /// # Panics
+    ///
+    /// If `y0` or `u` is not as long as in the points before.
+    pub fn push(&mut self, t: f64, y0: &[f64], u: &[f64]) {
+        let first = self.t.is_empty();
+        assert_eq!(y0.len(), self.states, "length of y0");
+        assert!(first || u.len() * self.len() == self.u.len(), "length of u");
+        self.t.push(t);
+        self.y0.extend_from_slice(y0);
+        self.u.extend_from_slice(u);
+    }
+
+    /// How many points there are.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.t.len()
+    }
+
+    /// Whether there is none.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.t.is_empty()
+    }
+
+    /// The time of point `i`, in s.
+    ///
+    /// # Panics
+    ///
+    /// If there is no point `i`.
+    #[must_use]
+    pub fn time(&self, i: usize) -> f64 {
+        self.t[i]
+    }
+
+    /// The initial state of point `i`.
+    ///
+    /// # Panics
+    ///
+    /// If there is no point `i`.
+    #[must_use]
+    pub fn state(&self, i: usize) -> &[f64] {
+        &self.y0[i * self.states..(i + 1) * self.states]
+    }
+
+    /// The input of point `i`.
+    ///
+    /// # Panics
+    ///
+    /// If there is no point `i`.
+    #[must_use]
+    pub fn input(&self, i: usize) -> &[f64] {
+        let inputs = self.u.len() / self.len();
+        &self.u[i * inputs..(i + 1) * inputs]
+    }
+}
+
+impl Sampler {
+    /// `count` collocation points over \[0, T\] and `domain`; `scenarios` is the number of (y0, u) of
+    /// the coupled grid, which divides its points evenly among them (rounding the number of times up).
+    #[must_use]
+    pub fn collocation(
+        self,
+        count: usize,
+        horizon_s: f64,
+        domain: &Domain,
+        scenarios: usize,
+        seed: u64,
+    ) -> Points {
+        self.sample(count, horizon_s, domain, scenarios, seed, Purpose::Collocation)
+    }
+
+    pub(crate) fn sample(
+        self,
+        count: usize,
+        horizon_s: f64,
+        domain: &Domain,
+        scenarios: usize,
+        seed: u64,
+        purpose: Purpose,
+    ) -> Points {
+        let ends: Vec<_> = std::iter::once((0.0, horizon_s)).chain(domain.ends()).collect();
+        let states = domain.state_low.len();
+        let mut points = Points::new(states);
+        let mut random = rng(seed, purpose);
+        match self {
+            Self::Independent => {
+                for _ in 0..count {
+                    points.push_unit(&ends, || random.random());
+                }
+            }
+            Self::Sobol => {
+                let scramble: u32 = random.random();
+                for i in 0..count {
+                    let mut dimension = 0..;
+                    points.push_unit(&ends, || sobol(i, dimension.next().unwrap_or(0), scramble));
+                }
+            }
+            Self::CoupledGrid => {
+                let scenarios = scenarios.max(1);
+                let times = count.div_ceil(scenarios).max(2);
+                for _ in 0..scenarios {
+                    let values: Vec<f64> =
+                        ends[1..].iter().map(|&(l, h)| l + (h - l) * random.random::<f64>()).collect();
+                    for k in 0..times {
+                        let t = horizon_s * to_f64(k) / to_f64(times - 1);
+                        points.push(t, &values[..states], &values[states..]);
+                    }
+                }
+            }
+        }
+        points
+    }
+
+    /// `count` times over \[0, T\] for one scenario: the collocation points of a conventional PINN.
+    #[must_use]
+    pub fn scenario(self, count: usize, horizon_s: f64, scenario: &Scenario, seed: u64) -> Points {
+        let mut points = Points::new(scenario.initial_state.len());
+        let mut random = rng(seed, Purpose::Collocation);
+        let scramble: u32 = random.random();
+        for i in 0..count {
+            let unit = match self {
+                Self::Independent => random.random(),
+                Self::Sobol => sobol(i, 0, scramble),
+                Self::CoupledGrid => to_f64(i) / to_f64(count.max(2) - 1),
+            };
+            points.push(horizon_s * unit, &scenario.initial_state, &scenario.input);
+        }
+        points
+    }
+}
+
+/// `count` initial conditions (t = 0) with random (y0, u) in `domain`.
+#[must_use]
+pub fn initial_conditions(count: usize, domain: &Domain, seed: u64) -> Points {
+    let ends: Vec<_> = std::iter::once((0.0, 0.0)).chain(domain.ends()).collect();
+    let mut points = Points::new(domain.state_low.len());
+    let mut random = rng(seed, Purpose::Initial);
+    for _ in 0..count {
+        points.push_unit(&ends, || random.random());
+    }
+    points
+}
+
+impl Points {
+    /// Appends a point whose coordinates, in the order t, y0, u, come from \[0, 1).
+    fn push_unit(&mut self, ends: &[(f64, f64)], mut unit: impl FnMut() -> f64) {
+        let values: Vec<f64> = ends.iter().map(|&(low, high)| low + (high - low) * unit()).collect();
+        let (y0, u) = values[1..].split_at(self.states);
+        self.push(values[0], y0, u);
+    }
+}
+
+/// Coordinate `dimension` of point `i`. The generator has 2^16 points a scramble; further ones come
+/// from further scrambles.
+fn sobol(i: usize, dimension: u32, scramble: u32) -> f64 {
+    const PERIOD: usize = 1 << 16;
+    let index = u32::try_from(i % PERIOD).unwrap_or(0);
+    let round = u32::try_from(i / PERIOD).unwrap_or(u32::MAX);
+    f64::from(sobol_burley::sample(index, dimension, scramble.wrapping_add(round)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn domain() -> Domain {
+        Domain {
+            state_low: vec![-3.0, 2.0],
+            state_high: vec![3.0, 20.0],
+            input_low: vec![-1.0],
+            input_high: vec![1.0],
+        }
+    }
+
+    #[test]
+    fn points_lie_in_the_box_and_differ_by_seed() {
+        for sampler in [Sampler::Independent, Sampler::CoupledGrid, Sampler::Sobol] {
+            let points = sampler.collocation(1000, 0.5, &domain(), 10, 7);
+            assert_eq!(points.len(), 1000);
+            for i in 0..points.len() {
+                assert!((0.0..=0.5).contains(&points.time(i)));
+                assert!((-3.0..=3.0).contains(&points.state(i)[0]));
+                assert!((2.0..=20.0).contains(&points.state(i)[1]));
+                assert!((-1.0..=1.0).contains(&points.input(i)[0]));
+            }
+            assert_eq!(points, sampler.collocation(1000, 0.5, &domain(), 10, 7));
+            assert_ne!(points, sampler.collocation(1000, 0.5, &domain(), 10, 8));
+        }
+    }
+
+    #[test]
+    fn sobol_points_fill_every_eighth_of_every_coordinate_evenly() {
+        let points = Sampler::Sobol.collocation(1024, 1.0, &domain(), 1, 3);
+        let mut counts = [0; 8];
+        for i in 0..points.len() {
+            let unit = (points.state(i)[1] - 2.0) / 18.0;
+            let eighth = (0..8).rfind(|&k| unit >= f64::from(k) / 8.0).unwrap_or(0);
+            counts[usize::try_from(eighth).unwrap()] += 1;
+        }
+        // 2^10 points of a (0, 10, 1)-net have exactly 2^7 in each interval of length 2^-3.
+        assert_eq!(counts, [128; 8]);
+    }
+
+    #[test]
+    fn the_sequence_goes_on_beyond_its_period() {
+        assert!(sobol(0, 0, 5) - sobol(1 << 16, 0, 5) != 0.0);
+    }
+
+    #[test]
+    fn coupled_grid_has_both_ends_of_the_step_for_every_scenario() {
+        let points = Sampler::CoupledGrid.collocation(40, 0.5, &domain(), 4, 1);
+        for scenario in 0..4 {
+            assert!(points.time(scenario * 10).abs() < f64::EPSILON);
+            assert!((points.time(scenario * 10 + 9) - 0.5).abs() < f64::EPSILON);
+            assert_eq!(points.state(scenario * 10), points.state(scenario * 10 + 9));
+        }
+        assert_ne!(points.state(0), points.state(10));
+    }
+}

@@ -1,0 +1,407 @@
+//! Vectors of `f64` in three instruction sets, chosen at run time.
+//!
+//! This is the only module with `unsafe` code. It is sound by one rule: *a value of a vector type is
+//! the proof that its instructions exist*. The only source of a first value is [`Isa::dispatch`],
+//! after the CPU has been asked; all others derive from it (by [`pinc_ad::Scalar::constant`] and
+//! arithmetic).
+//!
+//! Speed comes from a second rule: everything between [`Isa::dispatch`] and the vector operations is
+//! `#[inline(always)]`, so that it all becomes part of the one function that is compiled with the
+//! instruction set enabled. A piece that is not inlined stays correct and becomes slow.
+#![expect(unsafe_code, reason = "intrinsics need it; see the module's soundness rule")]
+
+use pinc_ad::{Lanes, Scalar};
+
+/// A vector of `f64` lanes.
+pub(crate) trait Simd: Scalar + Send + Sync + 'static {
+    /// How many lanes there are.
+    const LANES: usize;
+
+    /// Rows of the register block of a matrix product: as many as the registers allow.
+    const ROWS: usize;
+
+    /// The lanes `f(0), f(1), ..`.
+    fn from_fn(self, f: impl FnMut(usize) -> f64) -> Self;
+
+    /// Writes the lanes to the first places of `out`.
+    fn write(self, out: &mut [f64]);
+
+    /// `b - self * a`, fused.
+    fn neg_mul_add(self, a: Self, b: Self) -> Self;
+
+    /// Lane by lane into [-limit, limit]; NaN stays NaN.
+    fn clamp(self, limit: f64) -> Self;
+
+    /// 2^k where `self` is 1.5 * 2^52 + k with a whole |k| <= 1000: the low bits of such a number are
+    /// k, and go into the exponent.
+    fn exp2_of_shifted(self) -> Self;
+
+    /// The sum of the lanes, in a fixed order.
+    fn sum(self) -> f64;
+
+    /// Runs `work` compiled for this vector's instruction set.
+    fn vectorize<W: Work>(self, work: W) -> W::Output;
+}
+
+/// Work over one vector type, to be compiled for its instruction set by [`Simd::vectorize`]. Mark `run`
+/// `#[inline(always)]`.
+pub(crate) trait Work {
+    type Output;
+    fn run(self) -> Self::Output;
+}
+
+/// An instruction set. The order of preference is that of the variants.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Isa {
+    /// x86-64 with AVX-512 F and DQ: 8 lanes, 32 registers.
+    Avx512,
+    /// x86-64 with AVX2 and FMA: 4 lanes, 16 registers.
+    Avx2,
+    /// Any machine: arrays that the compiler vectorises as it can. Products and sums are not fused.
+    Portable,
+}
+
+impl std::fmt::Display for Isa {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(match self {
+            Self::Avx512 => "avx512",
+            Self::Avx2 => "avx2+fma",
+            Self::Portable => "portable",
+        })
+    }
+}
+
+/// Work written over [`Simd`], to be run in the best instruction set. Mark `run` `#[inline(always)]`.
+pub(crate) trait Task {
+    type Output;
+    /// `zero` is a vector of zeros, from which all other vectors are made.
+    fn run<V: Simd>(self, zero: V) -> Self::Output;
+}
+
+impl Isa {
+    /// All that this machine can run, the fastest first.
+    #[must_use]
+    pub fn available() -> Vec<Self> {
+        let mut all = Vec::new();
+        #[cfg(target_arch = "x86_64")]
+        {
+            if is_x86_feature_detected!("avx512f") && is_x86_feature_detected!("avx512dq") {
+                all.push(Self::Avx512);
+            }
+            if is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma") {
+                all.push(Self::Avx2);
+            }
+        }
+        all.push(Self::Portable);
+        all
+    }
+
+    /// The fastest that this machine can run.
+    #[must_use]
+    pub fn detect() -> Self {
+        Self::available()[0]
+    }
+
+    /// Runs `task` in this instruction set.
+    ///
+    /// # Panics
+    ///
+    /// If the machine does not have it.
+    #[inline]
+    pub(crate) fn dispatch<T: Task>(self, task: T) -> T::Output {
+        match self {
+            #[cfg(target_arch = "x86_64")]
+            Self::Avx512 => {
+                assert!(is_x86_feature_detected!("avx512f") && is_x86_feature_detected!("avx512dq"));
+                // SAFETY: the features were detected on the line above.
+                unsafe { x86::run_avx512(task) }
+            }
+            #[cfg(target_arch = "x86_64")]
+            Self::Avx2 => {
+                assert!(is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma"));
+                // SAFETY: the features were detected on the line above.
+                unsafe { x86::run_avx2(task) }
+            }
+            Self::Portable => task.run(Lanes::<4>::splat(0.0)),
+            #[cfg(not(target_arch = "x86_64"))]
+            _ => panic!("{self} does not exist on this machine"),
+        }
+    }
+}
+
+impl Simd for Lanes<4> {
+    const LANES: usize = 4;
+    const ROWS: usize = 2;
+
+    #[inline(always)]
+    fn from_fn(self, f: impl FnMut(usize) -> f64) -> Self {
+        Self(std::array::from_fn(f))
+    }
+    #[inline(always)]
+    fn write(self, out: &mut [f64]) {
+        out[..4].copy_from_slice(&self.0);
+    }
+    #[inline(always)]
+    fn neg_mul_add(self, a: Self, b: Self) -> Self {
+        b - self * a
+    }
+    #[inline(always)]
+    fn clamp(self, limit: f64) -> Self {
+        Self(self.0.map(|x| x.clamp(-limit, limit)))
+    }
+    #[inline(always)]
+    fn exp2_of_shifted(self) -> Self {
+        Self(self.0.map(|x| f64::from_bits((x.to_bits() << 52).wrapping_add(1.0_f64.to_bits()))))
+    }
+    #[inline(always)]
+    fn sum(self) -> f64 {
+        let [a, b, c, d] = self.0;
+        (a + b) + (c + d)
+    }
+    #[inline(always)]
+    fn vectorize<W: Work>(self, work: W) -> W::Output {
+        work.run()
+    }
+}
+
+#[cfg(target_arch = "x86_64")]
+mod x86 {
+    use super::{Scalar, Simd, Task, Work};
+    use std::arch::x86_64::*;
+    use std::fmt;
+    use std::ops::{Add, Div, Mul, Neg, Sub};
+
+    #[target_feature(enable = "avx512f,avx512dq,avx2,fma")]
+    pub(super) fn run_avx512<T: Task>(task: T) -> T::Output {
+        task.run(F64x8(_mm512_setzero_pd()))
+    }
+
+    #[target_feature(enable = "avx2,fma")]
+    pub(super) fn run_avx2<T: Task>(task: T) -> T::Output {
+        task.run(F64x4(_mm256_setzero_pd()))
+    }
+
+    #[target_feature(enable = "avx512f,avx512dq,avx2,fma")]
+    fn work_avx512<W: Work>(work: W) -> W::Output {
+        work.run()
+    }
+
+    #[target_feature(enable = "avx2,fma")]
+    fn work_avx2<W: Work>(work: W) -> W::Output {
+        work.run()
+    }
+
+    /// The arithmetic of a vector type, from the names of its intrinsics.
+    macro_rules! vector {
+        ($V:ident, $lanes:literal, $set1:ident, $add:ident, $sub:ident, $mul:ident, $div:ident,
+         $sqrt:ident, $fmadd:ident, $storeu:ident) => {
+            impl $V {
+                #[inline(always)]
+                fn to_array(self) -> [f64; $lanes] {
+                    let mut out = [0.0; $lanes];
+                    // SAFETY: `self` proves the instructions; `out` has room for all lanes.
+                    unsafe { $storeu(out.as_mut_ptr(), self.0) };
+                    out
+                }
+            }
+
+            impl fmt::Debug for $V {
+                fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                    self.to_array().fmt(f)
+                }
+            }
+
+            vector!(@operator $V Add add $add);
+            vector!(@operator $V Sub sub $sub);
+            vector!(@operator $V Mul mul $mul);
+            vector!(@operator $V Div div $div);
+
+            impl Neg for $V {
+                type Output = Self;
+                #[inline(always)]
+                fn neg(self) -> Self {
+                    self.constant(-0.0) - self
+                }
+            }
+
+            impl Scalar for $V {
+                #[inline(always)]
+                fn constant(self, value: f64) -> Self {
+                    // SAFETY: `self` proves the instructions.
+                    Self(unsafe { $set1(value) })
+                }
+                #[inline(always)]
+                fn sqrt(self) -> Self {
+                    // SAFETY: `self` proves the instructions.
+                    Self(unsafe { $sqrt(self.0) })
+                }
+                #[inline(always)]
+                fn tanh(self) -> Self {
+                    crate::activation::tanh(self)
+                }
+                #[inline(always)]
+                fn mul_add(self, a: Self, b: Self) -> Self {
+                    // SAFETY: `self` proves the instructions.
+                    Self(unsafe { $fmadd(self.0, a.0, b.0) })
+                }
+                #[inline(always)]
+                fn where_nonpositive(self, yes: Self, no: Self) -> Self {
+                    self.select_nonpositive(yes, no)
+                }
+            }
+        };
+        (@operator $V:ident $Trait:ident $method:ident $intrinsic:ident) => {
+            impl $Trait for $V {
+                type Output = Self;
+                #[inline(always)]
+                fn $method(self, b: Self) -> Self {
+                    // SAFETY: `self` proves the instructions.
+                    Self(unsafe { $intrinsic(self.0, b.0) })
+                }
+            }
+            impl $Trait<f64> for $V {
+                type Output = Self;
+                #[inline(always)]
+                fn $method(self, b: f64) -> Self {
+                    $Trait::$method(self, self.constant(b))
+                }
+            }
+        };
+    }
+
+    /// Eight lanes in an AVX-512 register.
+    #[derive(Clone, Copy)]
+    pub(crate) struct F64x8(__m512d);
+
+    vector!(
+        F64x8, 8, _mm512_set1_pd, _mm512_add_pd, _mm512_sub_pd, _mm512_mul_pd, _mm512_div_pd,
+        _mm512_sqrt_pd, _mm512_fmadd_pd, _mm512_storeu_pd
+    );
+
+    impl F64x8 {
+        #[inline(always)]
+        fn select_nonpositive(self, yes: Self, no: Self) -> Self {
+            // SAFETY: `self` proves the instructions.
+            Self(unsafe {
+                let mask = _mm512_cmp_pd_mask::<_CMP_LE_OQ>(self.0, _mm512_setzero_pd());
+                _mm512_mask_blend_pd(mask, no.0, yes.0)
+            })
+        }
+    }
+
+    impl Simd for F64x8 {
+        const LANES: usize = 8;
+        const ROWS: usize = 5;
+
+        #[inline(always)]
+        fn from_fn(self, f: impl FnMut(usize) -> f64) -> Self {
+            let lanes: [f64; 8] = std::array::from_fn(f);
+            // SAFETY: `self` proves the instructions; `lanes` holds eight numbers.
+            Self(unsafe { _mm512_loadu_pd(lanes.as_ptr()) })
+        }
+        #[inline(always)]
+        fn write(self, out: &mut [f64]) {
+            out[..8].copy_from_slice(&self.to_array());
+        }
+        #[inline(always)]
+        fn neg_mul_add(self, a: Self, b: Self) -> Self {
+            // SAFETY: `self` proves the instructions.
+            Self(unsafe { _mm512_fnmadd_pd(self.0, a.0, b.0) })
+        }
+        #[inline(always)]
+        fn clamp(self, limit: f64) -> Self {
+            // SAFETY: `self` proves the instructions. These take the second operand where one is NaN.
+            Self(unsafe {
+                let low = _mm512_max_pd(_mm512_set1_pd(-limit), self.0);
+                _mm512_min_pd(_mm512_set1_pd(limit), low)
+            })
+        }
+        #[inline(always)]
+        fn exp2_of_shifted(self) -> Self {
+            // SAFETY: `self` proves the instructions.
+            Self(unsafe {
+                let exponent = _mm512_slli_epi64::<52>(_mm512_castpd_si512(self.0));
+                let one = _mm512_castpd_si512(_mm512_set1_pd(1.0));
+                _mm512_castsi512_pd(_mm512_add_epi64(exponent, one))
+            })
+        }
+        #[inline(always)]
+        fn sum(self) -> f64 {
+            let [a, b, c, d, e, f, g, h] = self.to_array();
+            ((a + b) + (c + d)) + ((e + f) + (g + h))
+        }
+        #[inline(always)]
+        fn vectorize<W: Work>(self, work: W) -> W::Output {
+            // SAFETY: `self` proves the instructions.
+            unsafe { work_avx512(work) }
+        }
+    }
+
+    /// Four lanes in an AVX register.
+    #[derive(Clone, Copy)]
+    pub(crate) struct F64x4(__m256d);
+
+    vector!(
+        F64x4, 4, _mm256_set1_pd, _mm256_add_pd, _mm256_sub_pd, _mm256_mul_pd, _mm256_div_pd,
+        _mm256_sqrt_pd, _mm256_fmadd_pd, _mm256_storeu_pd
+    );
+
+    impl F64x4 {
+        #[inline(always)]
+        fn select_nonpositive(self, yes: Self, no: Self) -> Self {
+            // SAFETY: `self` proves the instructions.
+            Self(unsafe {
+                let mask = _mm256_cmp_pd::<_CMP_LE_OQ>(self.0, _mm256_setzero_pd());
+                _mm256_blendv_pd(no.0, yes.0, mask)
+            })
+        }
+    }
+
+    impl Simd for F64x4 {
+        const LANES: usize = 4;
+        const ROWS: usize = 2;
+
+        #[inline(always)]
+        fn from_fn(self, f: impl FnMut(usize) -> f64) -> Self {
+            let lanes: [f64; 4] = std::array::from_fn(f);
+            // SAFETY: `self` proves the instructions; `lanes` holds four numbers.
+            Self(unsafe { _mm256_loadu_pd(lanes.as_ptr()) })
+        }
+        #[inline(always)]
+        fn write(self, out: &mut [f64]) {
+            out[..4].copy_from_slice(&self.to_array());
+        }
+        #[inline(always)]
+        fn neg_mul_add(self, a: Self, b: Self) -> Self {
+            // SAFETY: `self` proves the instructions.
+            Self(unsafe { _mm256_fnmadd_pd(self.0, a.0, b.0) })
+        }
+        #[inline(always)]
+        fn clamp(self, limit: f64) -> Self {
+            // SAFETY: `self` proves the instructions. These take the second operand where one is NaN.
+            Self(unsafe {
+                let low = _mm256_max_pd(_mm256_set1_pd(-limit), self.0);
+                _mm256_min_pd(_mm256_set1_pd(limit), low)
+            })
+        }
+        #[inline(always)]
+        fn exp2_of_shifted(self) -> Self {
+            // SAFETY: `self` proves the instructions.
+            Self(unsafe {
+                let exponent = _mm256_slli_epi64::<52>(_mm256_castpd_si256(self.0));
+                let one = _mm256_castpd_si256(_mm256_set1_pd(1.0));
+                _mm256_castsi256_pd(_mm256_add_epi64(exponent, one))
+            })
+        }
+        #[inline(always)]
+        fn sum(self) -> f64 {
+            let [a, b, c, d] = self.to_array();
+            (a + b) + (c + d)
+        }
+        #[inline(always)]
+        fn vectorize<W: Work>(self, work: W) -> W::Output {
+            // SAFETY: `self` proves the instructions.
+            unsafe { work_avx2(work) }
+        }
+    }
+}

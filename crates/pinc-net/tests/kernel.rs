@@ -1,0 +1,191 @@
+//! The batched kernel against its specification, dual numbers inside a tape.
+
+use pinc_ad::Tape;
+use pinc_net::{
+    Ansatz, BatchLoss, Domain, InitialScale, Isa, LossTerms, LossWeights, NetConfig, PincNet, Points,
+    ResidualScale, Sampler, Scenario, initial_conditions, reference_loss,
+};
+use pinc_ode::{FourTanks, OneTank, Plant, VanDerPol};
+use proptest::prelude::*;
+
+/// A box around the origin, or around 5 for tanks (partly below 0, to meet empty tanks).
+fn domain(plant: &impl Plant) -> Domain {
+    let dims = plant.dims();
+    Domain {
+        state_low: vec![-1.0; dims.states],
+        state_high: vec![6.0; dims.states],
+        input_low: vec![-1.0; dims.inputs],
+        input_high: vec![3.0; dims.inputs],
+    }
+}
+
+#[derive(Clone, Debug)]
+struct Case {
+    hidden_layers: usize,
+    neurons: usize,
+    ansatz: Ansatz,
+    time_only: bool,
+    collocation: usize,
+    initial: usize,
+    seed: u64,
+}
+
+fn case() -> impl Strategy<Value = Case> {
+    let ansatz = prop_oneof![Just(Ansatz::Direct), Just(Ansatz::HardLinear)];
+    let sizes = (1..=10_usize, prop_oneof![Just(3), Just(5), Just(10), 1..=12_usize, Just(20)]);
+    (sizes, ansatz, any::<bool>(), 0..40_usize, 0..20_usize, any::<u64>()).prop_map(
+        |((hidden_layers, neurons), ansatz, time_only, collocation, initial, seed)| Case {
+            hidden_layers,
+            neurons,
+            ansatz,
+            time_only,
+            collocation,
+            initial,
+            seed,
+        },
+    )
+}
+
+struct Problem<P> {
+    plant: P,
+    net: PincNet,
+    weights: LossWeights,
+    collocation: Points,
+    initial: Points,
+}
+
+fn problem<P: Plant>(plant: P, case: &Case) -> Problem<P> {
+    let dims = plant.dims();
+    let domain = domain(&plant);
+    let scenario = Scenario { initial_state: vec![1.5; dims.states], input: vec![0.5; dims.inputs] };
+    let config = NetConfig {
+        horizon_s: 0.7,
+        hidden_layers: case.hidden_layers,
+        neurons: case.neurons,
+        ansatz: case.ansatz,
+        time_only: case.time_only.then(|| scenario.clone()),
+    };
+    let net = PincNet::new(&plant, &config, &domain, case.seed).unwrap();
+    let scale = ResidualScale::Normalized;
+    let weights = LossWeights::new(&net, 0.3, &scale, InitialScale::Normalized).unwrap();
+    let (collocation, initial) = if case.time_only {
+        let mut initial = Points::new(dims.states);
+        initial.push(0.0, &scenario.initial_state, &scenario.input);
+        (Sampler::Sobol.scenario(case.collocation, 0.7, &scenario, case.seed), initial)
+    } else {
+        (
+            Sampler::Sobol.collocation(case.collocation, 0.7, &domain, 1, case.seed),
+            initial_conditions(case.initial, &domain, case.seed),
+        )
+    };
+    Problem { plant, net, weights, collocation, initial }
+}
+
+impl<P: Plant + 'static> Problem<P> {
+    fn kernel(&self, isa: Isa, threads: usize) -> (LossTerms, Vec<f64>) {
+        let mut loss = BatchLoss::new(&self.plant, &self.net, &self.weights, threads, isa).unwrap();
+        loss.set_points(&self.collocation, &self.initial);
+        let mut gradient = vec![f64::NAN; self.net.mlp().parameters().len()];
+        let terms = loss.loss_gradient(self.net.mlp().parameters(), &mut gradient);
+        assert_eq!(terms, loss.loss(self.net.mlp().parameters()), "with and without gradient");
+        (terms, gradient)
+    }
+
+    fn reference(&self) -> ([f64; 2], Vec<f64>) {
+        let tape = Tape::new();
+        let w: Vec<_> =
+            self.net.mlp().parameters().iter().map(|&w| tape.variable(w)).collect();
+        let points = (&self.collocation, &self.initial);
+        let [data, physics] =
+            reference_loss(&self.plant, &self.net, &self.weights, &w, points, w[0]);
+        let gradient = tape.gradient(data + physics, &w);
+        ([data.value(), physics.value()], gradient)
+    }
+
+    /// Sums of up to some thousand products of rounded factors, in another order: errors of a few
+    /// hundred roundings of the largest term.
+    fn check(&self) -> Result<(), TestCaseError> {
+        let (expected, expected_gradient) = self.reference();
+        let size = expected_gradient.iter().fold(1e-3, |m: f64, g| m.max(g.abs()));
+        for isa in Isa::available() {
+            let (terms, gradient) = self.kernel(isa, 1);
+            for (got, want) in [terms.data, terms.physics].iter().zip(expected) {
+                prop_assert!((got - want).abs() <= 1e-12 * want.max(1.0), "{isa}: {got} {want}");
+            }
+            for (i, (got, want)) in gradient.iter().zip(&expected_gradient).enumerate() {
+                prop_assert!((got - want).abs() <= 1e-12 * size, "{isa}, {i}: {got} {want}");
+            }
+        }
+        Ok(())
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(48))]
+
+    #[test]
+    fn van_der_pol_agrees_with_the_specification(case in case()) {
+        problem(VanDerPol::default(), &case).check()?;
+    }
+
+    #[test]
+    fn one_tank_agrees_with_the_specification(case in case()) {
+        problem(OneTank::default(), &case).check()?;
+    }
+
+    #[test]
+    fn four_tanks_agree_with_the_specification(case in case()) {
+        problem(FourTanks::antonelo(), &case).check()?;
+    }
+}
+
+fn large() -> Case {
+    Case {
+        hidden_layers: 4,
+        neurons: 20,
+        ansatz: Ansatz::Direct,
+        time_only: false,
+        collocation: 3001,
+        initial: 157,
+        seed: 5,
+    }
+}
+
+#[test]
+fn the_same_bits_on_any_number_of_threads() {
+    let problem = problem(VanDerPol::default(), &large());
+    for isa in Isa::available() {
+        let one = problem.kernel(isa, 1);
+        assert_eq!(one, problem.kernel(isa, 2));
+        assert_eq!(one, problem.kernel(isa, 5));
+    }
+}
+
+#[test]
+fn wide_and_deep_nets_agree_with_the_specification() {
+    for (hidden_layers, neurons) in [(1, 64), (2, 64), (10, 15), (10, 20)] {
+        let case = Case { hidden_layers, neurons, collocation: 33, initial: 9, ..large() };
+        problem(FourTanks::johansson_minimum(), &case).check().unwrap();
+    }
+}
+
+#[test]
+fn a_nan_or_infinite_weight_shows_in_loss_and_gradient() {
+    let problem = problem(VanDerPol::default(), &large());
+    for bad in [f64::NAN, f64::INFINITY] {
+        // A weight of the output layer, and one of the first layer with every point.
+        for index in [0, problem.net.mlp().parameters().len() - 1] {
+            let mut parameters = problem.net.mlp().parameters().to_vec();
+            parameters[index] = bad;
+            for isa in Isa::available() {
+                let mut loss =
+                    BatchLoss::new(&problem.plant, &problem.net, &problem.weights, 2, isa).unwrap();
+                loss.set_points(&problem.collocation, &problem.initial);
+                let mut gradient = vec![0.0; parameters.len()];
+                let terms = loss.loss_gradient(&parameters, &mut gradient);
+                let finite = terms.total().is_finite() && gradient.iter().all(|g| g.is_finite());
+                assert!(!finite || (bad.is_infinite() && index == 0), "{isa}, {bad}, {index}");
+            }
+        }
+    }
+}
