@@ -2,7 +2,7 @@
 //!
 //! # Dual numbers in one screen
 //!
-//! Extend the numbers by infinitesimals e_1 .. e_N with e_i e_j = 0. Then every smooth function obeys
+//! Extend the numbers by infinitesimals `e_1 .. e_N` with `e_i e_j = 0`. Then every smooth function obeys
 //!
 //! ```text
 //! f(a + v_1 e_1 + .. + v_N e_N) = f(a) + f'(a) v_1 e_1 + .. + f'(a) v_N e_N
@@ -19,7 +19,7 @@
 //! tanh(a + v e)         =  tanh a +  (1 - tanh^2 a) v e
 //! ```
 //!
-//! To get df/dx_j, start x_j with eps = 1 in some direction and all else with 0.
+//! To get `df/dx_j`, start `x_j` with eps = 1 in some direction and all else with 0.
 
 use crate::Scalar;
 use std::ops::{Add, Div, Mul, Neg, Sub};

@@ -89,22 +89,32 @@ impl<S: Scalar> Kind<'_, S> {
     /// ulp of at most 4, that is 4.4e-16, times at most 8 for each of four levels, times at most 8
     /// such nodes: 1.5e-11.
     fn expressions(&self) {
-        let strategy = (
-            expressions(),
-            prop::collection::vec(points(), self.lanes),
-        );
+        let strategy = (expressions(), prop::collection::vec(points(), self.lanes));
         let check = |(f, x): (Expr, Vec<[f64; INPUTS]>)| {
             // A point that will not do is replaced by one that does, so that all lanes are used.
             let tame = x.iter().position(|x| f.is_tame(x));
             prop_assume!(tame.is_some());
             let x: Vec<_> = x
                 .iter()
-                .map(|p| if f.is_tame(p) { p } else { &x[tame.unwrap_or(0)] })
+                .map(|p| {
+                    if f.is_tame(p) {
+                        p
+                    } else {
+                        &x[tame.unwrap_or(0)]
+                    }
+                })
                 .collect();
-            let inputs: Vec<S> = (0..INPUTS).map(|j| self.number(|lane| x[lane][j])).collect();
+            let inputs: Vec<S> = (0..INPUTS)
+                .map(|j| self.number(|lane| x[lane][j]))
+                .collect();
             for (value, x) in (self.read)(f.eval(&inputs)).into_iter().zip(x) {
                 let expected: f64 = f.eval(x);
-                prop_assert!((value - expected).abs() <= 1.5e-11, "{} {}", value, expected);
+                prop_assert!(
+                    (value - expected).abs() <= 1.5e-11,
+                    "{} {}",
+                    value,
+                    expected
+                );
             }
             Ok::<(), TestCaseError>(())
         };

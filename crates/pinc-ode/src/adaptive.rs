@@ -165,10 +165,10 @@ impl<P: Plant> Adaptive<P> {
     /// Computes a step of size `h` from `x` into `self.stage`, the derivative there into the last
     /// stage (its first stage is there already), and returns the error in units of the tolerance.
     fn attempt(&mut self, x: &[f64], u: &[f64], h: f64) -> f64 {
-        for s in 1..STAGES {
+        for (s, row) in A.iter().enumerate().skip(1) {
             let (known, rest) = self.k.split_at_mut(s);
             for (i, stage) in self.stage.iter_mut().enumerate() {
-                let slope: f64 = A[s].iter().zip(known.iter()).map(|(a, k)| a * k[i]).sum();
+                let slope: f64 = row.iter().zip(known.iter()).map(|(a, k)| a * k[i]).sum();
                 *stage = x[i] + h * slope;
             }
             self.plant.rhs(&self.stage, u, &mut rest[0]);

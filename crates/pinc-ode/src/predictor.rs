@@ -20,7 +20,7 @@ pub struct Dims {
 /// # Shapes
 ///
 /// `x`, `next`: `n`; `u`: `m`; `a`: `[n, n]`, `b`: `[n, m]`, both row by row:
-/// `a[i*n + j]` = df_i/dx_j, `b[i*m + j]` = df_i/du_j. Slices of other lengths are a programming
+/// `a[i*n + j] = df_i/dx_j`, `b[i*m + j] = df_i/du_j`. Slices of other lengths are a programming
 /// error and panic.
 pub trait Predictor: Debug + Send {
     /// The numbers of states and inputs.

@@ -4,7 +4,7 @@ use crate::OdeError;
 
 /// A piecewise-constant signal of time: inputs under zero-order hold, references in steps.
 ///
-/// Value `i` holds on [start_i, start_(i+1)), the last one for ever.
+/// Value `i` holds on `[start_i, start_(i+1))`, the last one for ever.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Signal {
     starts_s: Vec<f64>,

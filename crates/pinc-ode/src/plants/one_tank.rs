@@ -21,6 +21,7 @@ pub struct OneTank {
 
 impl Default for OneTank {
     /// The parameters of the authors' code.
+    #[expect(clippy::approx_constant, reason = "a pump constant of 3.14, not pi")]
     fn default() -> Self {
         Self {
             area: 28.0,
