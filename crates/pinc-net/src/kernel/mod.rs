@@ -20,14 +20,14 @@ use crate::loss::{LossTerms, LossWeights};
 use crate::mlp::to_f64;
 use crate::net::PincNet;
 use crate::sampling::Points;
-use crate::simd::{Isa, Simd, Task};
-use crate::{NetError, Normalizer};
+use crate::simd::{Simd, Task};
+use crate::{Normalizer, Workers};
 use dense::PackedLayer;
 use panels::Panels;
 use physics::{Physics, Term};
 use pinc_ode::{Dims, Plant};
 use std::fmt::Debug;
-use std::sync::Mutex;
+use std::sync::{Arc, Mutex};
 use std::sync::atomic::{AtomicUsize, Ordering};
 use tile::{Block, Workspace, tile_panels};
 
@@ -42,26 +42,18 @@ const MAX_BLOCKS: usize = 64;
 #[derive(Debug)]
 pub struct BatchLoss {
     engine: Box<dyn Engine>,
-    isa: Isa,
 }
 
 impl BatchLoss {
-    /// The loss of `net`'s kind on `plant`, with no points yet, on `threads` threads (0: one per core)
-    /// in instruction set `isa`.
-    ///
-    /// # Errors
-    ///
-    /// [`NetError::Threads`] if threads cannot be started.
+    /// The loss of `net`'s kind on `plant`, with no points yet.
     pub fn new<P: Plant + 'static>(
         plant: &P,
         net: &PincNet,
         weights: &LossWeights,
-        threads: usize,
-        isa: Isa,
-    ) -> Result<Self, NetError> {
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build()?;
-        let engine = isa.dispatch(Build { plant, net, weights, pool });
-        Ok(Self { engine, isa })
+        workers: &Workers,
+    ) -> Self {
+        let engine = workers.isa.dispatch(Build { plant, net, weights, workers });
+        Self { engine }
     }
 
     /// Replaces the points: collocation points for `MSE_F`, initial conditions for `MSE_y`. Either set
@@ -87,12 +79,6 @@ impl BatchLoss {
     pub fn loss_gradient(&mut self, parameters: &[f64], gradient: &mut [f64]) -> LossTerms {
         self.engine.evaluate(parameters, Some(gradient))
     }
-
-    /// The instruction set in use.
-    #[must_use]
-    pub fn isa(&self) -> Isa {
-        self.isa
-    }
 }
 
 /// What [`BatchLoss`] does, whatever the vector type and the plant.
@@ -106,14 +92,15 @@ struct Build<'a, P> {
     plant: &'a P,
     net: &'a PincNet,
     weights: &'a LossWeights,
-    pool: rayon::ThreadPool,
+    workers: &'a Workers,
 }
 
 impl<P: Plant + 'static> Task for Build<'_, P> {
     type Output = Box<dyn Engine>;
 
     fn run<V: Simd>(self, zero: V) -> Box<dyn Engine> {
-        let Self { plant, net, weights, pool } = self;
+        let Self { plant, net, weights, workers } = self;
+        let pool = Arc::clone(&workers.pool);
         let dims = net.dims();
         let workspace = || Mutex::new(Workspace::new(&net.mlp, dims, zero));
         Box::new(LaneEngine {
@@ -150,7 +137,7 @@ struct LaneEngine<V, P> {
     parameters: usize,
     blocks: Vec<Mutex<BlockResult>>,
     workspaces: Vec<Mutex<Workspace<V>>>,
-    pool: rayon::ThreadPool,
+    pool: Arc<rayon::ThreadPool>,
     zero: V,
 }
 

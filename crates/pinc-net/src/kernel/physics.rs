@@ -4,7 +4,7 @@ use super::dense::Cell;
 use super::panels::Panel;
 use crate::{Ansatz, Normalizer};
 use crate::simd::Simd;
-use pinc_ad::{Dual, Scalar};
+use pinc_ad::Dual;
 use pinc_ode::{Dims, Plant};
 
 /// Columns of df/dy that go through the plant together.

@@ -4,9 +4,9 @@ use super::dense::{Cell, PackedLayer, accumulate, multiply};
 use super::panels::{Panel, Panels};
 use super::physics::{Physics, Scratch, Term};
 use crate::Normalizer;
+use crate::activation::tanh;
 use crate::mlp::Mlp;
 use crate::simd::{Simd, Work};
-use pinc_ad::Scalar;
 use pinc_ode::Plant;
 use std::ops::Range;
 
@@ -174,7 +174,7 @@ impl<V: Simd, P: Plant> Block<'_, V, P> {
 fn activate<V: Simd>(cells: &mut [Cell<V>]) {
     for cell in cells {
         for half in 0..2 {
-            let a = cell[half].tanh();
+            let a = tanh(cell[half]);
             let slope = a.neg_mul_add(a, a.constant(1.0));
             cell[half] = a;
             cell[half + 2] = slope * cell[half + 2];

@@ -1,0 +1,533 @@
+//! Training: Algorithm 1 of the paper, and beyond it a sample that grows.
+
+use crate::loss::{InitialScale, LossWeights, ResidualScale};
+use crate::optim::{Iterate, Objective, Optimizer, OptimizerConfig, Outcome};
+use crate::sampling::{Points, Purpose, Sampler, initial_conditions};
+use crate::{Ansatz, BatchLoss, Domain, NetConfig, NetError, PincNet, Validation, ValidationSet, Workers};
+use pinc_ode::Plant;
+use serde::{Deserialize, Serialize};
+
+/// Which net a training gives.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Keep {
+    /// The one with the smallest validation `mse_gen`: Algorithm 1.
+    Best,
+    /// The last one: the authors' code.
+    Last,
+}
+
+/// A part of the schedule: one optimizer for a number of iterations.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Phase {
+    /// The optimizer; each phase starts it afresh.
+    pub optimizer: OptimizerConfig,
+    /// How many iterations at most.
+    pub iterations: u64,
+    /// Whether to go back to the best net on validation when the phase is over.
+    #[serde(default)]
+    pub restore_best: bool,
+}
+
+/// A sample of collocation points that grows when the net begins to fit the points rather than the
+/// equation.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct GrowthConfig {
+    /// Where growth ends.
+    pub max_points: usize,
+    /// The factor by which it grows.
+    pub factor: usize,
+    /// Grow when the loss on fresh points is this many times that on the sample.
+    pub overfit_ratio: f64,
+    /// Iterations between looks at fresh points.
+    pub check_every: u64,
+    /// How many fresh points.
+    pub fresh_points: usize,
+}
+
+/// The choices of a training.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct TrainingConfig {
+    /// How collocation points are spread.
+    pub sampler: Sampler,
+    /// Number of collocation points N_F, at the start if the sample grows.
+    pub collocation_points: usize,
+    /// Number of initial points N_t of `MSE_y` (and of scenarios of the coupled grid). Without use for a
+    /// hard initial condition.
+    pub initial_points: usize,
+    /// Weight lambda of `MSE_F`.
+    pub lambda: f64,
+    /// In which units residuals are squared.
+    pub residual_scale: ResidualScale,
+    /// In which units errors of the initial condition are squared.
+    pub initial_scale: InitialScale,
+    /// The schedule.
+    pub phases: Vec<Phase>,
+    /// Whether and how the sample grows.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub growth: Option<GrowthConfig>,
+    /// Iterations between validations.
+    pub validation_every: u64,
+    /// Which net is the result.
+    pub keep: Keep,
+}
+
+impl TrainingConfig {
+    /// Checks the settings.
+    ///
+    /// # Errors
+    ///
+    /// [`NetError::Setting`] for one that makes no sense.
+    pub fn validate(&self) -> Result<(), NetError> {
+        let count = |key, value: u64| {
+            if value == 0 {
+                let found = value.to_string();
+                return Err(NetError::Setting { key, found, expected: "at least 1" });
+            }
+            Ok(())
+        };
+        count("collocation_points", self.collocation_points as u64)?;
+        count("initial_points", self.initial_points as u64)?;
+        count("validation_every", self.validation_every)?;
+        count("phases", self.phases.len() as u64)?;
+        for phase in &self.phases {
+            phase.optimizer.validate()?;
+        }
+        if let Some(growth) = &self.growth {
+            count("growth.check_every", growth.check_every)?;
+            count("growth.fresh_points", growth.fresh_points as u64)?;
+            if growth.factor < 2 {
+                let (key, found) = ("growth.factor", growth.factor.to_string());
+                return Err(NetError::Setting { key, found, expected: "at least 2" });
+            }
+            if growth.overfit_ratio.is_nan() || growth.overfit_ratio <= 1.0 {
+                let (key, found) = ("growth.overfit_ratio", growth.overfit_ratio.to_string());
+                return Err(NetError::Setting { key, found, expected: "a number above 1" });
+            }
+        }
+        Ok(())
+    }
+}
+
+/// What one iteration came to.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct IterationRecord {
+    /// Iterations done, over all phases.
+    pub iteration: u64,
+    /// Index of the phase.
+    pub phase: usize,
+    /// Evaluations of loss and gradient so far.
+    pub loss_evaluations: u64,
+    /// The loss.
+    pub loss: f64,
+    /// Its term `MSE_y`.
+    pub loss_data: f64,
+    /// Its term lambda `MSE_F`.
+    pub loss_physics: f64,
+    /// Norm of its gradient.
+    pub gradient_norm: f64,
+    /// Collocation points in use.
+    pub collocation_points: usize,
+    /// The loss on fresh points, if it was computed in this iteration.
+    pub fresh_loss: Option<f64>,
+}
+
+/// Why a training ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum StopReason {
+    /// All phases ran their iterations.
+    IterationsDone,
+    /// The gradient fell below its tolerance in the last phase.
+    GradientTolerance,
+    /// No further descent was found in the last phase: rounding allows none.
+    NoFurtherDescent,
+}
+
+impl std::fmt::Display for StopReason {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(match self {
+            Self::IterationsDone => "iterations-done",
+            Self::GradientTolerance => "gradient-tolerance",
+            Self::NoFurtherDescent => "no-further-descent",
+        })
+    }
+}
+
+/// What [`Trainer::step`] came to.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Progress {
+    /// An iteration.
+    Iterated(IterationRecord),
+    /// The end; further steps say the same.
+    Finished(StopReason),
+}
+
+/// Work done so far.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Totals {
+    /// Iterations of optimizers.
+    pub iterations: u64,
+    /// Evaluations of loss and gradient.
+    pub loss_evaluations: u64,
+}
+
+/// All that changes during a training: to go on from it gives the same bits as never to have stopped.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Checkpoint {
+    phase: usize,
+    phase_iterations: u64,
+    totals: Totals,
+    collocation_points: usize,
+    iterate: Iterate,
+    terms: [f64; 2],
+    optimizer: Optimizer,
+    best: Option<(f64, Vec<f64>)>,
+    validated_at: Option<u64>,
+    finished: Option<StopReason>,
+}
+
+impl Checkpoint {
+    /// Work done so far.
+    #[must_use]
+    pub fn totals(&self) -> Totals {
+        self.totals
+    }
+}
+
+/// A training in progress.
+///
+/// It neither prints nor looks at a clock: the caller steps it, validates when it is due, and takes
+/// checkpoints.
+#[derive(Debug)]
+pub struct Trainer<P> {
+    plant: P,
+    net: PincNet,
+    domain: Domain,
+    config: TrainingConfig,
+    validation: ValidationSet,
+    seed: u64,
+    workers: Workers,
+    loss: BatchLoss,
+    fresh: Option<BatchLoss>,
+    state: Checkpoint,
+}
+
+/// The loss, with a count and the terms of the last evaluation.
+struct Counted<'a> {
+    loss: &'a mut BatchLoss,
+    evaluations: &'a mut u64,
+    terms: &'a mut [f64; 2],
+}
+
+impl Objective for Counted<'_> {
+    fn evaluate(&mut self, x: &[f64], gradient: &mut [f64]) -> f64 {
+        let terms = self.loss.loss_gradient(x, gradient);
+        *self.evaluations += 1;
+        *self.terms = [terms.data, terms.physics];
+        terms.total()
+    }
+}
+
+impl<P: Plant + 'static> Trainer<P> {
+    /// A training of a fresh net.
+    ///
+    /// # Errors
+    ///
+    /// [`NetError`] if a setting makes no sense, the plant has no finite velocity in the domain, or the
+    /// threads cannot be started.
+    #[expect(clippy::too_many_arguments, reason = "each is a choice of its own")]
+    pub fn new(
+        plant: P,
+        net: &NetConfig,
+        domain: &Domain,
+        training: &TrainingConfig,
+        validation: ValidationSet,
+        seed: u64,
+        threads: usize,
+    ) -> Result<Self, NetError> {
+        training.validate()?;
+        let net = PincNet::new(&plant, net, domain, seed)?;
+        let weights = LossWeights::new(
+            &net,
+            training.lambda,
+            &training.residual_scale,
+            training.initial_scale,
+        )?;
+        let workers = Workers::new(threads)?;
+        let loss = BatchLoss::new(&plant, &net, &weights, &workers);
+        let fresh = training.growth.as_ref().map(|growth| {
+            let mut fresh = BatchLoss::new(&plant, &net, &weights, &workers);
+            fresh.set_points(&fresh_points(&net, growth.fresh_points, seed), &Points::default());
+            fresh
+        });
+        let parameters = net.mlp().parameters().to_vec();
+        let state = Checkpoint {
+            phase: 0,
+            phase_iterations: 0,
+            totals: Totals::default(),
+            collocation_points: training.collocation_points,
+            iterate: Iterate { gradient: vec![0.0; parameters.len()], x: parameters, value: 0.0 },
+            terms: [0.0; 2],
+            optimizer: Optimizer::new(&training.phases[0].optimizer, net.mlp().parameters().len()),
+            best: None,
+            validated_at: None,
+            finished: None,
+        };
+        let mut trainer = Self {
+            plant,
+            net,
+            domain: domain.clone(),
+            config: training.clone(),
+            validation,
+            seed,
+            workers,
+            loss,
+            fresh,
+            state,
+        };
+        trainer.sample();
+        trainer.reevaluate();
+        Ok(trainer)
+    }
+
+    /// A training that goes on from `checkpoint`; all else as for the run that wrote it.
+    ///
+    /// # Errors
+    ///
+    /// As [`Trainer::new`], and [`NetError::Checkpoint`] if the checkpoint does not fit.
+    #[expect(clippy::too_many_arguments, reason = "as `new`, plus the checkpoint")]
+    pub fn resume(
+        plant: P,
+        net: &NetConfig,
+        domain: &Domain,
+        training: &TrainingConfig,
+        validation: ValidationSet,
+        seed: u64,
+        threads: usize,
+        checkpoint: Checkpoint,
+    ) -> Result<Self, NetError> {
+        let mut trainer = Self::new(plant, net, domain, training, validation, seed, threads)?;
+        let parameters = trainer.net.mlp().parameters().len();
+        if checkpoint.iterate.x.len() != parameters {
+            return Err(NetError::Checkpoint { what: "the number of parameters" });
+        }
+        if checkpoint.phase >= training.phases.len() {
+            return Err(NetError::Checkpoint { what: "the number of phases" });
+        }
+        trainer.state = checkpoint;
+        trainer.sample();
+        Ok(trainer)
+    }
+
+    /// One iteration of the optimizer.
+    ///
+    /// # Errors
+    ///
+    /// [`NetError::NotFinite`] if the loss or its gradient is NaN or infinite; [`Trainer::net`] then
+    /// still gives the last good net.
+    pub fn step(&mut self) -> Result<Progress, NetError> {
+        if let Some(reason) = self.state.finished {
+            return Ok(Progress::Finished(reason));
+        }
+        self.check_finite()?;
+        if self.state.phase_iterations >= self.config.phases[self.state.phase].iterations {
+            return self.end_phase(StopReason::IterationsDone);
+        }
+        let good = self.state.iterate.x.clone();
+        let state = &mut self.state;
+        let mut objective = Counted {
+            loss: &mut self.loss,
+            evaluations: &mut state.totals.loss_evaluations,
+            terms: &mut state.terms,
+        };
+        match state.optimizer.step(&mut objective, &mut state.iterate, &self.workers) {
+            Outcome::Moved => {}
+            Outcome::Converged => return self.end_phase(StopReason::GradientTolerance),
+            Outcome::Stuck => {
+                if self.grow() {
+                    return self.step();
+                }
+                return self.end_phase(StopReason::NoFurtherDescent);
+            }
+        }
+        self.state.totals.iterations += 1;
+        self.state.phase_iterations += 1;
+        if let Err(error) = self.check_finite() {
+            self.state.iterate.x = good;
+            return Err(error);
+        }
+        let fresh_loss = self.look_at_fresh_points();
+        Ok(Progress::Iterated(self.record(fresh_loss)))
+    }
+
+    fn record(&self, fresh_loss: Option<f64>) -> IterationRecord {
+        let Checkpoint { phase, totals, collocation_points, iterate, terms, .. } = &self.state;
+        IterationRecord {
+            iteration: totals.iterations,
+            phase: *phase,
+            loss_evaluations: totals.loss_evaluations,
+            loss: iterate.value,
+            loss_data: terms[0],
+            loss_physics: terms[1],
+            gradient_norm: iterate.gradient_norm(),
+            collocation_points: *collocation_points,
+            fresh_loss,
+        }
+    }
+
+    /// Whether a validation is due by the schedule: every `validation_every` iterations and at the end of
+    /// each phase.
+    #[must_use]
+    pub fn validation_due(&self) -> bool {
+        let iterations = self.state.totals.iterations;
+        let phase_over =
+            self.state.phase_iterations >= self.config.phases[self.state.phase].iterations;
+        let due = iterations.is_multiple_of(self.config.validation_every)
+            || phase_over
+            || self.state.finished.is_some();
+        due && self.state.validated_at != Some(iterations)
+    }
+
+    /// Validates the current net, and keeps it if it is the best so far.
+    pub fn validate(&mut self) -> Validation {
+        let current = self.net.with_parameters(&self.state.iterate.x);
+        let validation = self.validation.evaluate(&current);
+        self.state.validated_at = Some(self.state.totals.iterations);
+        let better = self.state.best.as_ref().is_none_or(|(best, _)| validation.mse_gen < *best);
+        if better && validation.mse_gen.is_finite() {
+            self.state.best = Some((validation.mse_gen, self.state.iterate.x.clone()));
+        }
+        validation
+    }
+
+    /// The net to be kept so far: the best on validation, or the last.
+    #[must_use]
+    pub fn net(&self) -> PincNet {
+        match (&self.state.best, self.config.keep) {
+            (Some((_, parameters)), Keep::Best) => self.net.with_parameters(parameters),
+            _ => self.net.with_parameters(&self.state.iterate.x),
+        }
+    }
+
+    /// All that changes during the training.
+    #[must_use]
+    pub fn checkpoint(&self) -> &Checkpoint {
+        &self.state
+    }
+
+    /// Work done so far.
+    #[must_use]
+    pub fn totals(&self) -> Totals {
+        self.state.totals
+    }
+
+    /// The plant trained on.
+    pub fn plant(&self) -> &P {
+        &self.plant
+    }
+
+    fn check_finite(&self) -> Result<(), NetError> {
+        let iteration = self.state.totals.iterations;
+        let [data, physics] = self.state.terms;
+        for (term, value) in [
+            ("the loss term MSE_y", data),
+            ("the loss term MSE_F", physics),
+            ("the gradient of the loss", self.state.iterate.gradient_norm()),
+        ] {
+            if !value.is_finite() {
+                return Err(NetError::NotFinite { term, iteration });
+            }
+        }
+        Ok(())
+    }
+
+    /// Goes on to the next phase, or ends.
+    fn end_phase(&mut self, reason: StopReason) -> Result<Progress, NetError> {
+        let phase = &self.config.phases[self.state.phase];
+        if phase.restore_best
+            && let Some((_, parameters)) = &self.state.best
+        {
+            self.state.iterate.x.clone_from(parameters);
+            self.reevaluate();
+        }
+        if self.state.phase + 1 == self.config.phases.len() {
+            self.state.finished = Some(reason);
+            return Ok(Progress::Finished(reason));
+        }
+        self.state.phase += 1;
+        self.state.phase_iterations = 0;
+        let config = &self.config.phases[self.state.phase].optimizer;
+        self.state.optimizer = Optimizer::new(config, self.state.iterate.x.len());
+        self.step()
+    }
+
+    /// Looks at fresh points when it is time, and grows the sample if the net overfits it.
+    fn look_at_fresh_points(&mut self) -> Option<f64> {
+        let growth = self.config.growth.as_ref()?;
+        if !self.state.totals.iterations.is_multiple_of(growth.check_every) {
+            return None;
+        }
+        let fresh = self.fresh.as_mut()?.loss(&self.state.iterate.x).physics;
+        if fresh > growth.overfit_ratio * self.state.terms[1] {
+            self.grow();
+        }
+        Some(fresh)
+    }
+
+    /// Enlarges the sample; false where it may not grow.
+    fn grow(&mut self) -> bool {
+        let Some(growth) = &self.config.growth else { return false };
+        let points = self.state.collocation_points;
+        if points >= growth.max_points {
+            return false;
+        }
+        self.state.collocation_points = (points * growth.factor).min(growth.max_points);
+        self.sample();
+        self.reevaluate();
+        self.state.optimizer.refresh(&self.state.iterate, &self.workers);
+        true
+    }
+
+    /// Draws the sample: a function of the seed and the number of points alone.
+    fn sample(&mut self) {
+        let (points, initial) = (self.state.collocation_points, self.config.initial_points);
+        let horizon_s = self.net.horizon_s();
+        let sampler = self.config.sampler;
+        let (collocation, conditions) = match self.net.time_only() {
+            None => (
+                sampler.collocation(points, horizon_s, &self.domain, initial, self.seed),
+                initial_conditions(initial, &self.domain, self.seed),
+            ),
+            Some(scenario) => {
+                let mut one = Points::new(self.net.dims().states);
+                one.push(0.0, &scenario.initial_state, &scenario.input);
+                (sampler.scenario(points, horizon_s, scenario, self.seed), one)
+            }
+        };
+        let hard = self.net.ansatz == Ansatz::HardLinear;
+        let conditions = if hard { Points::default() } else { conditions };
+        self.loss.set_points(&collocation, &conditions);
+    }
+
+    /// Value and gradient anew, after the sample or the parameters were changed.
+    fn reevaluate(&mut self) {
+        let mut objective = Counted {
+            loss: &mut self.loss,
+            evaluations: &mut self.state.totals.loss_evaluations,
+            terms: &mut self.state.terms,
+        };
+        self.state.iterate.reevaluate(&mut objective);
+    }
+}
+
+/// Points for an honest loss: of the same distribution, but never trained on.
+fn fresh_points(net: &PincNet, count: usize, seed: u64) -> Points {
+    match net.time_only() {
+        None => Sampler::Sobol.sample(count, net.horizon_s(), net.domain(), 1, seed, Purpose::Fresh),
+        Some(scenario) => Sampler::Independent.scenario(count, net.horizon_s(), scenario, !seed),
+    }
+}

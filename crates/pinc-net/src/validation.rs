@@ -1,0 +1,225 @@
+//! How well a net predicts, against an accurate integration.
+
+use crate::mlp::to_f64;
+use crate::sampling::{Purpose, Sampler, rng};
+use crate::{Domain, NetError, PincNet};
+use pinc_ode::metrics::mean_squared_error;
+use pinc_ode::{Adaptive, Plant};
+use rand::RngExt;
+use serde::{Deserialize, Serialize};
+
+/// The scenarios that nets are validated on.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ValidationConfig {
+    /// Number of scenarios, each from a random initial state under inputs redrawn every T.
+    pub scenarios: usize,
+    /// Length of a scenario, in s; whole steps of T.
+    pub duration_s: f64,
+    /// Parts that a step is divided into for the rows between steps.
+    pub subintervals: usize,
+    /// Box of the initial states and inputs.
+    pub domain: Domain,
+    /// Tolerance of the accurate integration.
+    pub tolerance: f64,
+    /// Random points of the box for the error of one step.
+    pub one_step_points: usize,
+}
+
+/// The errors of a net.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Validation {
+    /// Eq. (`mse_gen`) of the paper: self-loop, at the steps t = kT, k >= 1, in the states' units squared.
+    pub mse_gen: f64,
+    /// The authors' code: self-loop, at all rows (inner times and initial rows included), each state in
+    /// standard deviations of the box.
+    pub mse_all_normalized: f64,
+    /// Of one step from random points of the box, in the states' units squared.
+    pub one_step_mse: f64,
+}
+
+/// Scenarios with their true trajectories.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ValidationSet {
+    states: usize,
+    steps: usize,
+    subintervals: usize,
+    horizon_s: f64,
+    /// Standard deviation of each state in the box.
+    scale: Vec<f64>,
+    scenarios: Vec<Trial>,
+    one_step: Vec<Trial>,
+}
+
+/// An initial state, an input for each step, and the true states after each part of a step.
+#[derive(Clone, Debug, PartialEq)]
+struct Trial {
+    initial: Vec<f64>,
+    inputs: Vec<Vec<f64>>,
+    truth: Vec<f64>,
+}
+
+impl ValidationConfig {
+    fn validate<P: Plant>(&self, plant: &P, horizon_s: f64) -> Result<usize, NetError> {
+        self.domain.validate(plant.dims())?;
+        for (key, value) in [
+            ("scenarios", self.scenarios),
+            ("subintervals", self.subintervals),
+            ("one_step_points", self.one_step_points),
+        ] {
+            if value == 0 {
+                let found = value.to_string();
+                return Err(NetError::Setting { key, found, expected: "at least 1" });
+            }
+        }
+        if !(self.tolerance > 0.0 && self.tolerance < 1.0) {
+            let (key, found) = ("tolerance", self.tolerance.to_string());
+            return Err(NetError::Setting { key, found, expected: "a number between 0 and 1" });
+        }
+        let steps = (self.duration_s / horizon_s).round();
+        if !((1.0..1e9).contains(&steps)
+            && (steps * horizon_s - self.duration_s).abs() <= 1e-9 * self.duration_s)
+        {
+            let (key, found) = ("duration_s", self.duration_s.to_string());
+            return Err(NetError::Setting { key, found, expected: "whole steps of horizon_s" });
+        }
+        #[expect(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "a whole number in range, see above"
+        )]
+        Ok(steps as usize)
+    }
+}
+
+impl ValidationSet {
+    /// Draws the scenarios from `seed` and integrates them.
+    ///
+    /// # Errors
+    ///
+    /// [`NetError`] if a setting makes no sense or the plant cannot be integrated.
+    pub fn generate<P: Plant>(
+        plant: &P,
+        horizon_s: f64,
+        config: &ValidationConfig,
+        seed: u64,
+    ) -> Result<Self, NetError> {
+        let steps = config.validate(plant, horizon_s)?;
+        let states = plant.dims().states;
+        let ends: Vec<_> = config.domain.ends().collect();
+        let mut integrator = Adaptive::new(plant.clone(), config.tolerance);
+        let mut random = rng(seed, Purpose::Validation);
+        let mut uniform = |(low, high): (f64, f64)| low + (high - low) * random.random::<f64>();
+        let mut scenarios = Vec::with_capacity(config.scenarios);
+        for _ in 0..config.scenarios {
+            let initial: Vec<f64> = ends[..states].iter().map(|&e| uniform(e)).collect();
+            let inputs: Vec<Vec<f64>> =
+                (0..steps).map(|_| ends[states..].iter().map(|&e| uniform(e)).collect()).collect();
+            scenarios.push(integrate(
+                &mut integrator,
+                initial,
+                inputs,
+                horizon_s,
+                config.subintervals,
+            )?);
+        }
+        let count = config.one_step_points;
+        let points =
+            Sampler::Sobol.sample(count, horizon_s, &config.domain, 1, seed, Purpose::OneStep);
+        let one_step = (0..count)
+            .map(|i| {
+                let (x, u) = (points.state(i).to_vec(), points.input(i).to_vec());
+                integrate(&mut integrator, x, vec![u], horizon_s, 1)
+            })
+            .collect::<Result<_, _>>()?;
+        Ok(Self {
+            states,
+            steps,
+            subintervals: config.subintervals,
+            horizon_s,
+            scale: ends[..states].iter().map(|(low, high)| (high - low) / 12.0_f64.sqrt()).collect(),
+            scenarios,
+            one_step,
+        })
+    }
+
+    /// The errors of `net`.
+    #[must_use]
+    pub fn evaluate(&self, net: &PincNet) -> Validation {
+        let states = self.states;
+        let mut rows = Rows::default();
+        let mut marks = Rows::default();
+        for scenario in &self.scenarios {
+            let mut start = scenario.initial.clone();
+            // Row 0 is the net's own y(0).
+            let first = net.evaluate(0.0, &start, &scenario.inputs[0]);
+            rows.push(&first, &start);
+            for (k, input) in scenario.inputs.iter().enumerate() {
+                for part in 1..=self.subintervals {
+                    let t = self.horizon_s * to_f64(part) / to_f64(self.subintervals);
+                    let y = net.evaluate(t, &start, input);
+                    let row = k * self.subintervals + part - 1;
+                    let truth = &scenario.truth[row * states..(row + 1) * states];
+                    rows.push(&y, truth);
+                    if part == self.subintervals {
+                        marks.push(&y, truth);
+                        start = y;
+                    }
+                }
+            }
+        }
+        let mut single = Rows::default();
+        for trial in &self.one_step {
+            let y = net.evaluate(self.horizon_s, &trial.initial, &trial.inputs[0]);
+            single.push(&y, &trial.truth);
+        }
+        let units = vec![1.0; states];
+        Validation {
+            mse_gen: marks.error(&units),
+            mse_all_normalized: rows.error(&self.scale),
+            one_step_mse: single.error(&units),
+        }
+    }
+
+    /// Rows of all scenarios: steps times subintervals, and the initial one.
+    #[must_use]
+    pub fn rows(&self) -> usize {
+        self.scenarios.len() * (self.steps * self.subintervals + 1)
+    }
+}
+
+/// Predicted and true states, row by row.
+#[derive(Default)]
+struct Rows {
+    predicted: Vec<f64>,
+    truth: Vec<f64>,
+}
+
+impl Rows {
+    fn push(&mut self, predicted: &[f64], truth: &[f64]) {
+        self.predicted.extend_from_slice(predicted);
+        self.truth.extend_from_slice(truth);
+    }
+
+    fn error(&self, scale: &[f64]) -> f64 {
+        mean_squared_error(&self.predicted, &self.truth, scale)
+    }
+}
+
+fn integrate<P: Plant>(
+    integrator: &mut Adaptive<P>,
+    initial: Vec<f64>,
+    inputs: Vec<Vec<f64>>,
+    horizon_s: f64,
+    subintervals: usize,
+) -> Result<Trial, NetError> {
+    let mut x = initial.clone();
+    let mut truth = Vec::with_capacity(inputs.len() * subintervals * x.len());
+    for input in &inputs {
+        for _ in 0..subintervals {
+            integrator.integrate(&mut x, input, horizon_s / to_f64(subintervals))?;
+            truth.extend_from_slice(&x);
+        }
+    }
+    Ok(Trial { initial, inputs, truth })
+}
