@@ -1,0 +1,228 @@
+//! What can go wrong with an experiment.
+
+use crate::spec::ConfigError;
+use pinc_mpc::MpcError;
+use pinc_net::{ModelError, NetError};
+use pinc_ode::OdeError;
+use std::path::{Path, PathBuf};
+use thiserror::Error;
+
+/// An error of this crate.
+#[derive(Debug, Error)]
+#[non_exhaustive]
+pub enum BenchError {
+    /// The config cannot be used.
+    #[error(transparent)]
+    Config(#[from] ConfigError),
+    /// The config lacks a section that the command needs.
+    #[error("{name}: the config has no section [{section}], which `{command}` needs")]
+    MissingSection {
+        /// The experiment.
+        name: String,
+        /// The section.
+        section: &'static str,
+        /// The command.
+        command: &'static str,
+    },
+    /// The config's closed loop does not have the model asked for.
+    #[error("{name}: control.models does not contain `{model}`")]
+    MissingModel {
+        /// The experiment.
+        name: String,
+        /// The model asked for.
+        model: &'static str,
+    },
+    /// An input file that cannot be read.
+    #[error("{}: cannot be read: {source}", path.display())]
+    Unreadable {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        source: std::io::Error,
+    },
+    /// A model file that holds no usable model.
+    #[error("{}: {source}", path.display())]
+    Model {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong with it.
+        source: ModelError,
+    },
+    /// A model that is not one of the config's plant.
+    #[error("{}: the model's {what} are {found}, the config's {expected}", path.display())]
+    ModelMismatch {
+        /// The file.
+        path: PathBuf,
+        /// What differs.
+        what: &'static str,
+        /// The model's.
+        found: String,
+        /// The config's.
+        expected: String,
+    },
+    /// A cell, a row or the header of a CSV file.
+    #[error("{}:{line}: {problem}", path.display())]
+    Csv {
+        /// The file.
+        path: PathBuf,
+        /// The line, from 1.
+        line: u64,
+        /// What is wrong there.
+        problem: CsvProblem,
+    },
+    /// A file or folder that cannot be written.
+    #[error("{}: cannot be written: {source}", path.display())]
+    Unwritable {
+        /// The file or folder.
+        path: PathBuf,
+        /// Why.
+        source: std::io::Error,
+    },
+    /// The run directory belongs to another config.
+    #[error(
+        "{}: belongs to a run of another config (its config.toml differs); choose another directory \
+         with --out, or delete this one",
+        dir.display()
+    )]
+    OtherConfig {
+        /// The directory.
+        dir: PathBuf,
+    },
+    /// The run directory holds something else than a run.
+    #[error(
+        "{}: holds files, but no config.toml of a run; choose another directory with --out",
+        dir.display()
+    )]
+    NoRunDirectory {
+        /// The directory.
+        dir: PathBuf,
+    },
+    /// A checkpoint that cannot be continued from.
+    #[error("{}: {problem}; without --resume the run starts afresh", path.display())]
+    Checkpoint {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong with it.
+        problem: CheckpointProblem,
+    },
+    /// Another error of a net or its training.
+    #[error("training: {0}")]
+    Net(#[from] NetError),
+    /// Another error of the control problem, or a plant that broke off in the loop.
+    #[error("closed loop: {0}")]
+    Control(#[from] MpcError),
+    /// The truth could not be integrated.
+    #[error("the plant cannot be integrated: {0}")]
+    Plant(#[from] OdeError),
+    /// A file of the run directory that cannot be used.
+    #[error("{}: {problem}", path.display())]
+    Results {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong with it.
+        problem: serde_json::Error,
+    },
+    /// The report could not be made.
+    #[error(transparent)]
+    Report(#[from] crate::report::ReportError),
+    /// The user stopped the run.
+    #[error("interrupted; go on with the same command and --resume (state in {})", dir.display())]
+    Interrupted {
+        /// The run directory.
+        dir: PathBuf,
+    },
+}
+
+/// What is wrong with a CSV file.
+#[derive(Debug, Error)]
+#[non_exhaustive]
+pub enum CsvProblem {
+    /// The file as such.
+    #[error("not a CSV file: {0}")]
+    Syntax(csv::Error),
+    /// A column that is missing.
+    #[error("column `{column}` is missing; expected {expected}")]
+    MissingColumn {
+        /// The column.
+        column: String,
+        /// All that are expected.
+        expected: String,
+    },
+    /// A column that is not known, or there twice.
+    #[error("column `{column}` is unexpected; expected {expected}, each once")]
+    UnexpectedColumn {
+        /// The column.
+        column: String,
+        /// All that are expected.
+        expected: String,
+    },
+    /// A cell that is no finite number.
+    #[error("column `{column}`: `{found}` given, expected a finite number")]
+    Cell {
+        /// The column.
+        column: String,
+        /// What is in the cell.
+        found: String,
+    },
+    /// Times that do not increase.
+    #[error("column `t`: {t} s given, expected more than {previous} s, the scenario's row before")]
+    Time {
+        /// The time.
+        t: f64,
+        /// The time of the row before.
+        previous: f64,
+    },
+    /// A gap that would take too many steps to cross.
+    #[error("column `t`: {t} s is more than a million steps of T after the scenario's row before")]
+    Gap {
+        /// The time.
+        t: f64,
+    },
+}
+
+/// What is wrong with a checkpoint.
+#[derive(Debug, Error)]
+#[non_exhaustive]
+pub enum CheckpointProblem {
+    /// Another kind of file.
+    #[error("not a checkpoint of a PINC training")]
+    Foreign,
+    /// Of another version of the program.
+    #[error("written by another version of pinc (format {0})")]
+    Version(u32),
+    /// Truncated or changed.
+    #[error("damaged: its checksum does not fit")]
+    Damaged,
+    /// Of another config.
+    #[error("belongs to another config")]
+    OtherConfig,
+    /// The training does not take it.
+    #[error("{0}")]
+    Training(NetError),
+    /// The training record beside it is missing or broken.
+    #[error("training.csv beside it is missing, damaged or too short")]
+    Record,
+}
+
+impl BenchError {
+    /// The exit code of the program: 2 for bad usage or input, 1 for a run that failed.
+    #[must_use]
+    pub fn exit_code(&self) -> u8 {
+        match self {
+            Self::Net(NetError::Setting { .. } | NetError::Dimension { .. }) => 2,
+            Self::Control(MpcError::Plant { .. }) => 1,
+            Self::Net(_) | Self::Plant(_) | Self::Interrupted { .. } => 1,
+            _ => 2,
+        }
+    }
+
+    pub(crate) fn unreadable(path: &Path) -> impl FnOnce(std::io::Error) -> Self {
+        let path = path.to_owned();
+        move |source| Self::Unreadable { path, source }
+    }
+
+    pub(crate) fn unwritable(path: &Path) -> impl FnOnce(std::io::Error) -> Self {
+        let path = path.to_owned();
+        move |source| Self::Unwritable { path, source }
+    }
+}

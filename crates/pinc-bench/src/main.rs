@@ -1,0 +1,232 @@
+//! The `pinc` program: see `pinc --help`.
+
+use clap::{Args, Parser, Subcommand};
+use pinc_bench::{
+    BenchError, Experiment, ModelKind, Options, Record, Verbosity, console, summary,
+};
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+/// Set by Ctrl-C.
+static INTERRUPT: AtomicBool = AtomicBool::new(false);
+
+/// Physics-informed neural nets inside nonlinear model predictive control.
+#[derive(Debug, Parser)]
+#[command(name = "pinc", version, arg_required_else_help = true)]
+struct Cli {
+    #[command(subcommand)]
+    command: Command,
+    /// Show no progress and no results: errors only.
+    #[arg(long, global = true)]
+    quiet: bool,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    /// Run whole experiments: training, validation, free run, closed loops, report.
+    Run {
+        /// Config files (TOML).
+        #[arg(required = true, value_name = "CONFIG")]
+        configs: Vec<PathBuf>,
+        #[command(flatten)]
+        run: RunArgs,
+    },
+    /// Only train the net.
+    Train {
+        /// Config file (TOML).
+        config: PathBuf,
+        #[command(flatten)]
+        run: RunArgs,
+    },
+    /// Let a trained net run freely under given inputs, from CSV to CSV.
+    Predict {
+        /// Model file (safetensors).
+        #[arg(long)]
+        model: PathBuf,
+        /// Input: columns scenario, t, the inputs, the states.
+        #[arg(long)]
+        inputs: PathBuf,
+        /// Output: the same columns with the predicted states.
+        #[arg(long)]
+        output: PathBuf,
+    },
+    /// Only run the closed loop; trains a net first if it needs one and none is given.
+    Control {
+        /// Config file (TOML).
+        config: PathBuf,
+        /// Model file (safetensors) to use instead of training a net.
+        #[arg(long)]
+        model: Option<PathBuf>,
+        /// Run only one of the config's models.
+        #[arg(long, value_enum)]
+        only: Option<Only>,
+        #[command(flatten)]
+        run: RunArgs,
+    },
+    /// Check a config and examine its plant before anything is trained.
+    Check {
+        /// Config file (TOML).
+        config: PathBuf,
+        #[command(flatten)]
+        set: SetArgs,
+    },
+    /// Rebuild the report of a finished run.
+    Report {
+        /// Run directory.
+        dir: PathBuf,
+    },
+}
+
+#[derive(Debug, Args)]
+struct RunArgs {
+    /// Run directory [default: runs/<experiment name>]; with several configs, the directory of theirs.
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    /// Go on with the run in the run directory.
+    #[arg(long)]
+    resume: bool,
+    #[command(flatten)]
+    set: SetArgs,
+}
+
+#[derive(Debug, Args)]
+struct SetArgs {
+    /// Override a value of the config, as training.lambda=0.5 (repeatable).
+    #[arg(long = "set", value_name = "KEY=VALUE")]
+    set: Vec<String>,
+}
+
+/// The model inside the controller.
+#[derive(Clone, Copy, Debug, clap::ValueEnum)]
+enum Only {
+    /// The trained net.
+    Pinc,
+    /// The Runge-Kutta method.
+    Rk4,
+}
+
+fn main() -> ExitCode {
+    let cli = Cli::parse();
+    tracing_subscriber::fmt()
+        .with_max_level(tracing::Level::WARN)
+        .with_writer(std::io::stderr)
+        .without_time()
+        .init();
+    match execute(&cli) {
+        Ok(code) => code,
+        Err(error) => {
+            console::note(&format!("error: {error}"));
+            ExitCode::from(error.exit_code())
+        }
+    }
+}
+
+fn execute(cli: &Cli) -> Result<ExitCode, BenchError> {
+    let quiet = cli.quiet;
+    match &cli.command {
+        Command::Run { configs, run } => run_all(configs, run, quiet)?,
+        Command::Train { config, run } => {
+            run.one(config, quiet, pinc_bench::train)?;
+        }
+        Command::Control { config, model, only, run } => {
+            let only = only.map(|only| match only {
+                Only::Pinc => ModelKind::Pinc,
+                Only::Rk4 => ModelKind::Rk4,
+            });
+            run.one(config, quiet, |experiment, dir, options| {
+                pinc_bench::control(experiment, dir, options, model.as_deref(), only)
+            })?;
+        }
+        Command::Predict { model, inputs, output } => pinc_bench::predict(model, inputs, output)?,
+        Command::Check { config, set } => return check(config, &set.set),
+        Command::Report { dir } => {
+            let path = pinc_bench::rebuild_report(dir)?;
+            show(quiet, &path.display().to_string());
+        }
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+/// All configs are read before the first is run, so that a mistake in the last shows at once.
+fn run_all(configs: &[PathBuf], run: &RunArgs, quiet: bool) -> Result<(), BenchError> {
+    let load = |config: &PathBuf| Experiment::load(config, &run.set.set);
+    let experiments = configs.iter().map(load).collect::<Result<Vec<_>, _>>()?;
+    let several = experiments.len() > 1;
+    for experiment in &experiments {
+        run.execute(experiment, several, quiet, &pinc_bench::run)?;
+    }
+    Ok(())
+}
+
+fn check(config: &Path, sets: &[String]) -> Result<ExitCode, BenchError> {
+    let experiment = Experiment::load(config, sets)?;
+    console::line(&format!(
+        "{}: a valid config of {}, preset {}",
+        config.display(),
+        experiment.name,
+        experiment.preset.name()
+    ));
+    let findings = pinc_bench::check(&experiment);
+    for finding in &findings {
+        console::line(&finding.to_string());
+    }
+    let worst = findings.iter().map(|finding| finding.severity).max();
+    Ok(ExitCode::from(u8::from(worst == Some(pinc_bench::Severity::Error))))
+}
+
+impl RunArgs {
+    /// Loads a config and does `work` on it.
+    fn one(
+        &self,
+        config: &Path,
+        quiet: bool,
+        work: impl Fn(&Experiment, &Path, &Options<'_>) -> Result<Record, BenchError>,
+    ) -> Result<(), BenchError> {
+        let experiment = Experiment::load(config, &self.set.set)?;
+        self.execute(&experiment, false, quiet, &work)
+    }
+
+    fn execute(
+        &self,
+        experiment: &Experiment,
+        several: bool,
+        quiet: bool,
+        work: &impl Fn(&Experiment, &Path, &Options<'_>) -> Result<Record, BenchError>,
+    ) -> Result<(), BenchError> {
+        let dir = match &self.out {
+            Some(out) if several => out.join(&experiment.name),
+            Some(out) => out.clone(),
+            None => Path::new("runs").join(&experiment.name),
+        };
+        let arguments: Vec<String> = std::env::args().skip(1).collect();
+        let options = Options {
+            resume: self.resume,
+            verbosity: if quiet { Verbosity::Quiet } else { Verbosity::Shown },
+            interrupt: catch_interrupts(),
+            arguments: &arguments,
+        };
+        let record = work(experiment, &dir, &options)?;
+        show(quiet, &summary(&record));
+        Ok(())
+    }
+}
+
+/// From now on, the first Ctrl-C asks the run to stop, and a second ends the program.
+fn catch_interrupts() -> &'static AtomicBool {
+    // Without a handler (there is one already, or the system has none) Ctrl-C ends the program: the
+    // last checkpoint is then what is left.
+    let _ = ctrlc::set_handler(|| {
+        if INTERRUPT.swap(true, Ordering::Relaxed) {
+            std::process::exit(1);
+        }
+        console::note("stopping after this iteration (once more: at once)");
+    });
+    &INTERRUPT
+}
+
+fn show(quiet: bool, text: &str) {
+    if !quiet {
+        console::line(text);
+    }
+}

@@ -1,0 +1,166 @@
+//! The content of `metrics.json`.
+
+use crate::presets::Preset;
+use crate::spec::{Experiment, ModelKind};
+use pinc_net::Validation;
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+
+/// The numbers that a run gave; each section is there once its stage is done.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Metrics {
+    /// The experiment's name.
+    pub experiment: String,
+    /// The reading of the paper.
+    pub preset: Preset,
+    /// The units of the plant's variables by name; empty for a number without dimension.
+    pub variables: BTreeMap<String, String>,
+    /// The training.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub training: Option<TrainingMetrics>,
+    /// The validation of the net that was kept.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub validation: Option<Validation>,
+    /// The free run.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub prediction: Option<PredictionMetrics>,
+    /// The closed loops.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub control: Vec<ControlMetrics>,
+}
+
+impl Metrics {
+    pub(crate) fn new(experiment: &Experiment) -> Self {
+        let variables = experiment.plant.variables();
+        let all = variables.states.iter().chain(&variables.inputs);
+        let variables = all.map(|v| (v.name.to_string(), v.unit.to_string())).collect();
+        Self {
+            variables,
+            experiment: experiment.name.clone(),
+            preset: experiment.preset,
+            training: None,
+            validation: None,
+            prediction: None,
+            control: Vec::new(),
+        }
+    }
+}
+
+/// What a training took.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct TrainingMetrics {
+    /// Wall time of the whole stage in s, with validation and files.
+    pub wall_s: f64,
+    /// Wall time of the optimiser alone in s: the last `elapsed_s` of `training.csv`.
+    pub optimizer_s: f64,
+    /// Iterations over all phases.
+    pub iterations: u64,
+    /// Evaluations of the loss and its gradient.
+    pub loss_evaluations: u64,
+    /// Why it ended.
+    pub stop_reason: String,
+}
+
+/// How good the free run is.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct PredictionMetrics {
+    /// Mean squared error at the step marks t = kT, in physical units.
+    pub mse_marks: f64,
+    /// Mean squared error over all rows but the initial state, in physical units.
+    pub mse_all: f64,
+}
+
+/// How good one closed loop is.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ControlMetrics {
+    /// The model inside the controller.
+    pub model: ModelKind,
+    /// RMSE as printed: at the steps.
+    pub rmse: f64,
+    /// IAE as printed: at the steps, averaged over outputs.
+    pub iae: f64,
+    /// RMSE on the dense trace.
+    pub rmse_dense: f64,
+    /// IAE on the dense trace, summed over outputs.
+    pub iae_dense_sum: f64,
+    /// Time of the controller in one whole closed loop.
+    pub wall_s: WallTimes,
+    /// Time of the controller in one step.
+    pub step_us: StepTimes,
+    /// SQP iterations per step.
+    pub sqp_iterations_mean: f64,
+    /// The largest KKT residual of a step.
+    pub kkt_max: f64,
+    /// The worst violation of a bound by the plant's state or the input, in physical units.
+    pub max_violation: f64,
+    /// How many steps ended with which status.
+    pub status: BTreeMap<String, usize>,
+}
+
+/// Statistics over repetitions, in s.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct WallTimes {
+    /// The mean.
+    pub mean: f64,
+    /// The standard deviation (with n - 1; 0 for one run).
+    pub sd: f64,
+    /// The median.
+    pub median: f64,
+    /// The number of repetitions.
+    pub runs: usize,
+}
+
+impl WallTimes {
+    /// The statistics of these times.
+    pub(crate) fn of(mut times: Vec<f64>) -> Self {
+        times.sort_by(f64::total_cmp);
+        #[expect(clippy::cast_precision_loss, reason = "far fewer than 2^53 repetitions")]
+        let (runs, freedom) = (times.len() as f64, times.len().saturating_sub(1).max(1) as f64);
+        let mean = times.iter().sum::<f64>() / runs;
+        let squares: f64 = times.iter().map(|t| (t - mean).powi(2)).sum();
+        let middle = times.len() / 2;
+        let median = if times.len().is_multiple_of(2) {
+            f64::midpoint(times[middle - 1], times[middle])
+        } else {
+            times[middle]
+        };
+        Self { mean, sd: (squares / freedom).sqrt(), median, runs: times.len() }
+    }
+}
+
+/// Statistics over all steps of all repetitions, in microseconds.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct StepTimes {
+    /// The median.
+    pub p50: f64,
+    /// The 99th percentile.
+    pub p99: f64,
+    /// The longest.
+    pub max: f64,
+}
+
+impl StepTimes {
+    /// The statistics of these times, by the nearest-rank method.
+    pub(crate) fn of(mut times: Vec<f64>) -> Self {
+        times.sort_by(f64::total_cmp);
+        let rank = |percent: usize| times[(times.len() * percent).div_ceil(100).max(1) - 1];
+        Self { p50: rank(50), p99: rank(99), max: rank(100) }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn statistics_of_times() {
+        let wall = WallTimes::of(vec![4.0, 1.0, 2.0, 3.0]);
+        // Squares about the mean 2.5 sum up to 5.
+        let expected = WallTimes { mean: 2.5, sd: (5.0f64 / 3.0).sqrt(), median: 2.5, runs: 4 };
+        assert_eq!(wall, expected);
+        assert_eq!(WallTimes::of(vec![7.0]).sd.to_bits(), 0.0f64.to_bits());
+
+        let steps = StepTimes::of((1..=200).map(f64::from).rev().collect());
+        assert_eq!(steps, StepTimes { p50: 100.0, p99: 198.0, max: 200.0 });
+    }
+}

@@ -1,0 +1,181 @@
+//! The run directory: which files a run has, and how they come to be there.
+
+mod checkpoint;
+mod csv;
+mod metrics;
+
+pub(crate) use checkpoint::{Saved, load as load_checkpoint, save as save_checkpoint};
+pub(crate) use csv::{Table, lines_up_to, number};
+pub use metrics::{
+    ControlMetrics, Metrics, PredictionMetrics, StepTimes, TrainingMetrics, WallTimes,
+};
+
+use crate::spec::Experiment;
+use crate::{BenchError, Provenance};
+use std::fs;
+use std::io::{self, Write};
+use std::path::{Path, PathBuf};
+
+/// Names of the files of a run directory.
+pub(crate) mod file {
+    pub(crate) const CONFIG: &str = "config.toml";
+    pub(crate) const PROVENANCE: &str = "provenance.json";
+    pub(crate) const CHECKPOINT: &str = "checkpoint.bin";
+    pub(crate) const TRAINING: &str = "training.csv";
+    pub(crate) const MODEL: &str = "model.safetensors";
+    pub(crate) const PREDICTION: &str = "prediction.csv";
+    pub(crate) const METRICS: &str = "metrics.json";
+    pub(crate) const REPORT: &str = "report.html";
+    /// What the closed loops write, with one model and with several.
+    pub(crate) const CONTROL: [&str; 6] = [
+        "control.csv",
+        "control-pinc.csv",
+        "control-rk4.csv",
+        "steps.csv",
+        "steps-pinc.csv",
+        "steps-rk4.csv",
+    ];
+}
+
+/// How the name of an unfinished file begins; a killed run can leave one behind.
+const UNFINISHED: &str = ".pinc-unfinished-";
+
+/// The results of a run: its directory, and the numbers in its `metrics.json`.
+#[derive(Clone, Debug)]
+pub struct Record {
+    dir: PathBuf,
+    metrics: Metrics,
+}
+
+impl Record {
+    /// A record in `dir`, made if it is not there, for the results of `experiment`. What the
+    /// directory holds of the same experiment stays until it is replaced.
+    pub(crate) fn open(
+        dir: &Path,
+        experiment: &Experiment,
+        provenance: &Provenance,
+    ) -> Result<Self, BenchError> {
+        fs::create_dir_all(dir).map_err(BenchError::unwritable(dir))?;
+        check_owner(dir, experiment)?;
+        remove_unfinished(dir).map_err(BenchError::unwritable(dir))?;
+        let metrics = match fs::read(dir.join(file::METRICS)) {
+            Ok(bytes) => serde_json::from_slice(&bytes).ok(),
+            Err(_) => None,
+        };
+        let metrics = metrics.unwrap_or_else(|| Metrics::new(experiment));
+        let record = Self { dir: dir.to_owned(), metrics };
+        record.write(file::CONFIG, config_text(experiment).as_bytes())?;
+        record.write(file::PROVENANCE, json(provenance).as_bytes())?;
+        Ok(record)
+    }
+
+    /// The directory.
+    #[must_use]
+    pub fn dir(&self) -> &Path {
+        &self.dir
+    }
+
+    /// The numbers in `metrics.json`.
+    #[must_use]
+    pub fn metrics(&self) -> &Metrics {
+        &self.metrics
+    }
+
+    /// Where the file `name` of this run is.
+    #[must_use]
+    pub fn path(&self, name: &str) -> PathBuf {
+        self.dir.join(name)
+    }
+
+    /// Changes the metrics, in memory and in the directory.
+    pub(crate) fn update(&mut self, change: impl FnOnce(&mut Metrics)) -> Result<(), BenchError> {
+        change(&mut self.metrics);
+        self.write(file::METRICS, json(&self.metrics).as_bytes())
+    }
+
+    /// Writes a file, which is there either whole or not at all, also if the machine stops.
+    pub(crate) fn write(&self, name: &str, bytes: &[u8]) -> Result<(), BenchError> {
+        write_atomically(&self.path(name), bytes)
+    }
+
+    /// Removes a file, if there is one.
+    pub(crate) fn remove(&self, name: &str) -> Result<(), BenchError> {
+        let path = self.path(name);
+        match fs::remove_file(&path) {
+            Err(error) if error.kind() != io::ErrorKind::NotFound => {
+                Err(BenchError::unwritable(&path)(error))
+            }
+            _ => Ok(()),
+        }
+    }
+}
+
+/// Writes a file, which is there either whole or not at all: it is written under another name beside
+/// its place, flushed to the disk, and renamed.
+pub(crate) fn write_atomically(path: &Path, bytes: &[u8]) -> Result<(), BenchError> {
+    let write = || {
+        let dir = match path.parent() {
+            Some(dir) if dir != Path::new("") => dir,
+            _ => Path::new("."),
+        };
+        let mut builder = tempfile::Builder::new();
+        builder.prefix(UNFINISHED);
+        #[cfg(unix)]
+        {
+            use std::os::unix::fs::PermissionsExt;
+            // As for any new file, less what the user's umask takes away.
+            builder.permissions(fs::Permissions::from_mode(0o666));
+        }
+        let mut file = builder.tempfile_in(dir)?;
+        file.write_all(bytes)?;
+        file.as_file().sync_all()?;
+        file.persist(path).map_err(|error| error.error)?;
+        #[cfg(unix)]
+        fs::File::open(dir)?.sync_all()?;
+        Ok(())
+    };
+    write().map_err(BenchError::unwritable(path))
+}
+
+/// Whether `dir` is empty or belongs to `experiment`.
+fn check_owner(dir: &Path, experiment: &Experiment) -> Result<(), BenchError> {
+    match fs::read_to_string(dir.join(file::CONFIG)) {
+        Ok(text) if text == config_text(experiment) => Ok(()),
+        Ok(_) => Err(BenchError::OtherConfig { dir: dir.to_owned() }),
+        Err(error) if error.kind() == io::ErrorKind::NotFound => {
+            let mut entries = fs::read_dir(dir).map_err(BenchError::unreadable(dir))?;
+            match entries.find(|e| !e.as_ref().is_ok_and(is_unfinished)) {
+                None => Ok(()),
+                Some(_) => Err(BenchError::NoRunDirectory { dir: dir.to_owned() }),
+            }
+        }
+        Err(error) => Err(BenchError::unreadable(dir)(error)),
+    }
+}
+
+fn is_unfinished(entry: &fs::DirEntry) -> bool {
+    entry.file_name().to_string_lossy().starts_with(UNFINISHED)
+}
+
+fn remove_unfinished(dir: &Path) -> io::Result<()> {
+    for entry in fs::read_dir(dir)? {
+        let entry = entry?;
+        if is_unfinished(&entry) {
+            fs::remove_file(entry.path())?;
+        }
+    }
+    Ok(())
+}
+
+fn config_text(experiment: &Experiment) -> String {
+    let heading = "# What was run, every value spelled out. With all of them here, another `preset` would change\n\
+                   # nothing but the name: choose it in the file this was made from.\n\n";
+    format!("{heading}{}", experiment.to_toml())
+}
+
+fn json(value: &impl serde::Serialize) -> String {
+    let text = serde_json::to_string_pretty(value);
+    let mut text = text.expect("results have string keys, so that they can be JSON");
+    text.push('\n');
+    text
+}

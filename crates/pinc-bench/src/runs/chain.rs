@@ -1,0 +1,123 @@
+//! The free run of a net: its own output fed back every T (self-loop), asked at any time between.
+
+/// Steps that a chain goes at most between two samples.
+const MOST_STEPS: f64 = 1e6;
+
+/// A net running freely from an initial state under a piecewise-constant input.
+///
+/// An interval of T begins at the initial state and where the one before ends: the step mark, whose
+/// value is the state chained there. An input that changes within an interval ends it, and the next
+/// begins there with the value of that time as its initial state.
+#[derive(Clone, Debug)]
+pub(crate) struct Chain {
+    horizon_s: f64,
+    /// Where the marks are counted from: the initial time, or the last change within an interval.
+    origin: f64,
+    /// Marks since then.
+    marks: f64,
+    state: Vec<f64>,
+    input: Vec<f64>,
+    t: f64,
+}
+
+/// One value of a chain.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Sample {
+    pub(crate) state: Vec<f64>,
+    /// Whether it lies on a step mark: an interval ends there and the next begins.
+    pub(crate) mark: bool,
+}
+
+impl Chain {
+    /// A chain of intervals of `horizon_s` that begins at time `t` in `state`, under `input`.
+    pub(crate) fn new(horizon_s: f64, t: f64, state: &[f64], input: &[f64]) -> Self {
+        let (state, input) = (state.to_vec(), input.to_vec());
+        Self { horizon_s, origin: t, marks: 0.0, state, input, t }
+    }
+
+    /// The time of the last sample.
+    pub(crate) fn time(&self) -> f64 {
+        self.t
+    }
+
+    /// Whether a chain can be run up to `t` in reasonable time.
+    pub(crate) fn reaches(&self, t: f64) -> bool {
+        (t - self.t) / self.horizon_s <= MOST_STEPS
+    }
+
+    /// The value at a later time `t`, from where on `input` holds. `net` is y(t, y0, u).
+    pub(crate) fn advance(
+        &mut self,
+        net: &impl Fn(f64, &[f64], &[f64]) -> Vec<f64>,
+        t: f64,
+        input: &[f64],
+    ) -> Sample {
+        self.t = t;
+        let slack = 1e-9 * self.horizon_s.max(t.abs());
+        while t >= self.origin + (self.marks + 1.0) * self.horizon_s - slack {
+            self.state = net(self.horizon_s, &self.state, &self.input);
+            self.marks += 1.0;
+        }
+        let begin = self.origin + self.marks * self.horizon_s;
+        let mark = (t - begin).abs() <= slack;
+        let state = if mark {
+            self.state.clone()
+        } else {
+            net(t - begin, &self.state, &self.input)
+        };
+        if input != self.input {
+            self.input.copy_from_slice(input);
+            if !mark {
+                (self.origin, self.marks) = (t, 0.0);
+                self.state.copy_from_slice(&state);
+            }
+        }
+        Sample { state, mark }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// y = 2 y0 + 100 u t: not a flow, so that every place where a chain is taken up shows.
+    fn net(t: f64, y0: &[f64], u: &[f64]) -> Vec<f64> {
+        vec![2.0 * y0[0] + 100.0 * u[0] * t]
+    }
+
+    fn values(chain: &mut Chain, rows: &[(f64, f64)]) -> Vec<(f64, bool)> {
+        let rows = rows.iter();
+        rows.map(|&(t, u)| {
+            let sample = chain.advance(&net, t, &[u]);
+            (sample.state[0], sample.mark)
+        })
+        .collect()
+    }
+
+    #[test]
+    fn on_the_grid_the_net_is_chained() {
+        let mut chain = Chain::new(0.5, 0.0, &[1.0], &[0.0]);
+        // At 0.25 the input is still 0; at 0.5 the state is 2, and the input becomes 1.
+        let rows = [(0.25, 0.0), (0.5, 1.0), (0.75, 1.0), (1.0, 1.0), (2.0, 1.0)];
+        let expected = [(2.0, false), (2.0, true), (29.0, false), (54.0, true), (366.0, true)];
+        assert_eq!(values(&mut chain, &rows), expected);
+    }
+
+    #[test]
+    fn an_input_that_changes_within_an_interval_restarts_the_chain() {
+        let mut chain = Chain::new(0.5, 10.0, &[1.0], &[0.0]);
+        // Restart at 10.25 from 2, with u = 1: the marks are then 10.75, 11.25, ..
+        let rows = [(10.25, 1.0), (10.5, 1.0), (10.75, 1.0)];
+        let expected = [(2.0, false), (29.0, false), (54.0, true)];
+        assert_eq!(values(&mut chain, &rows), expected);
+    }
+
+    #[test]
+    fn marks_are_found_after_many_steps() {
+        let mut chain = Chain::new(0.1, 0.0, &[0.0], &[0.0]);
+        for k in 1..=2000 {
+            let sample = chain.advance(&net, f64::from(k) * 0.1, &[0.0]);
+            assert!(sample.mark, "step {k}");
+        }
+    }
+}

@@ -1,0 +1,99 @@
+//! The free run of a trained net against the truth, for the report.
+
+use super::chain::Chain;
+use crate::BenchError;
+use crate::record::{PredictionMetrics, Record, Table, file};
+use crate::spec::PredictionSpec;
+use pinc_net::PincNet;
+use pinc_ode::metrics::mean_squared_error;
+use pinc_ode::{Adaptive, Plant};
+use rand::RngExt;
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::SeedableRng;
+
+/// The stream of random numbers that the inputs are drawn from; pinc-net's are below.
+const STREAM: u64 = 1 << 32;
+
+/// Runs net and plant under the same random inputs and writes `prediction.csv`.
+pub(crate) fn stage<P: Plant>(
+    plant: &P,
+    net: &PincNet,
+    spec: &PredictionSpec,
+    seed: u64,
+    record: &mut Record,
+) -> Result<(), BenchError> {
+    let rows = simulate(plant, net, spec, seed)?;
+    let states = net.state_names().iter();
+    let truth = states.clone().map(|name| format!("{name}_truth"));
+    let columns = (std::iter::once("t".to_owned()).chain(net.input_names().iter().cloned()))
+        .chain(states.cloned())
+        .chain(truth)
+        .chain(std::iter::once("mark".to_owned()));
+    let mut table = Table::new(columns);
+    for row in &rows {
+        let mark = if row.mark { 1.0 } else { 0.0 };
+        let cells = std::iter::once(&row.t).chain(&row.input).chain(&row.state).chain(&row.truth);
+        table.push_numbers(cells.chain(std::iter::once(&mark)));
+    }
+    record.write(file::PREDICTION, table.as_bytes())?;
+    // The initial state is given, not predicted.
+    let marks: Vec<_> = rows[1..].iter().filter(|row| row.mark).collect();
+    let all: Vec<_> = rows[1..].iter().collect();
+    let metrics = PredictionMetrics { mse_marks: error(&marks), mse_all: error(&all) };
+    record.update(|all| all.prediction = Some(metrics))
+}
+
+struct Row {
+    t: f64,
+    input: Vec<f64>,
+    state: Vec<f64>,
+    truth: Vec<f64>,
+    mark: bool,
+}
+
+fn simulate<P: Plant>(
+    plant: &P,
+    net: &PincNet,
+    spec: &PredictionSpec,
+    seed: u64,
+) -> Result<Vec<Row>, BenchError> {
+    let horizon_s = net.horizon_s();
+    let inputs = draw_inputs(spec, horizon_s, seed);
+    let steps = inputs.len();
+    let mut truth = Adaptive::new(plant.clone(), spec.tolerance);
+    let mut x = spec.initial_state.clone();
+    let mut chain = Chain::new(horizon_s, 0.0, &x, &inputs[0]);
+    let mut rows =
+        vec![Row { t: 0.0, input: inputs[0].clone(), state: x.clone(), truth: x.clone(), mark: true }];
+    for (k, input) in inputs.iter().enumerate() {
+        for i in 1..=spec.subintervals {
+            #[expect(clippy::cast_precision_loss, reason = "no run has 2^53 rows")]
+            let t = (k as f64 + i as f64 / spec.subintervals as f64) * horizon_s;
+            #[expect(clippy::cast_precision_loss, reason = "as above")]
+            truth.integrate(&mut x, input, horizon_s / spec.subintervals as f64)?;
+            let held = if i < spec.subintervals { input } else { &inputs[(k + 1).min(steps - 1)] };
+            let sample = chain.advance(&|t, y0, u| net.evaluate(t, y0, u), t, held);
+            let (input, truth) = (held.clone(), x.clone());
+            rows.push(Row { t, input, state: sample.state, truth, mark: sample.mark });
+        }
+    }
+    Ok(rows)
+}
+
+/// One input for each T, uniform between its bounds.
+fn draw_inputs(spec: &PredictionSpec, horizon_s: f64, seed: u64) -> Vec<Vec<f64>> {
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    rng.set_stream(STREAM);
+    let steps = super::steps(spec.duration_s, horizon_s);
+    let mut draw = || {
+        let ends = spec.input_low.iter().zip(&spec.input_high);
+        ends.map(|(low, high)| low + (high - low) * rng.random::<f64>()).collect()
+    };
+    (0..steps).map(|_| draw()).collect()
+}
+
+fn error(rows: &[&Row]) -> f64 {
+    let predicted: Vec<f64> = rows.iter().flat_map(|row| &row.state).copied().collect();
+    let truth: Vec<f64> = rows.iter().flat_map(|row| &row.truth).copied().collect();
+    mean_squared_error(&predicted, &truth, &vec![1.0; rows[0].state.len()])
+}

@@ -1,0 +1,296 @@
+//! Running experiments: whole, or one stage.
+
+mod chain;
+mod check;
+mod control;
+mod free_run;
+mod predict;
+mod train;
+
+pub use check::{Finding, Severity, check};
+pub use predict::predict;
+
+use crate::progress::Verbosity;
+use crate::record::{Record, file};
+use crate::registry::PlantTask;
+use crate::spec::{Experiment, ModelKind};
+use crate::{BenchError, Provenance, report};
+use pinc_net::PincNet;
+use pinc_ode::Plant;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, Ordering};
+
+/// How an experiment is run; nothing here changes its numbers.
+#[derive(Debug)]
+pub struct Options<'a> {
+    /// Go on with what the run directory holds, rather than start afresh.
+    pub resume: bool,
+    /// What is shown meanwhile.
+    pub verbosity: Verbosity,
+    /// Stops the run, in a state to go on from, once it is true.
+    pub interrupt: &'a AtomicBool,
+    /// The command line that asked for it, for the provenance.
+    pub arguments: &'a [String],
+}
+
+impl Options<'_> {
+    /// An error if the run is to stop.
+    fn go_on(&self, dir: &Path) -> Result<(), BenchError> {
+        if self.interrupt.load(Ordering::Relaxed) {
+            return Err(BenchError::Interrupted { dir: dir.to_owned() });
+        }
+        Ok(())
+    }
+}
+
+/// The stages that a command asks for.
+#[derive(Clone, Debug)]
+enum Command {
+    Run,
+    Train,
+    Control { model: Option<PathBuf>, only: Option<ModelKind> },
+}
+
+/// Runs the whole experiment, with its results in `dir`.
+///
+/// # Errors
+///
+/// [`BenchError`]; what was finished before is in `dir`.
+pub fn run(
+    experiment: &Experiment,
+    dir: &Path,
+    options: &Options<'_>,
+) -> Result<Record, BenchError> {
+    execute(experiment, dir, options, Command::Run)
+}
+
+/// Only trains the net.
+///
+/// # Errors
+///
+/// Like [`run`].
+pub fn train(
+    experiment: &Experiment,
+    dir: &Path,
+    options: &Options<'_>,
+) -> Result<Record, BenchError> {
+    execute(experiment, dir, options, Command::Train)
+}
+
+/// Only runs the closed loop: with the net of the file `model`, or one trained first if the loop
+/// needs one, and with all models of the config or `only` one of them.
+///
+/// # Errors
+///
+/// Like [`run`].
+pub fn control(
+    experiment: &Experiment,
+    dir: &Path,
+    options: &Options<'_>,
+    model: Option<&Path>,
+    only: Option<ModelKind>,
+) -> Result<Record, BenchError> {
+    let model = model.map(Path::to_owned);
+    execute(experiment, dir, options, Command::Control { model, only })
+}
+
+/// Rebuilds the report of the run in `dir` and returns its path.
+///
+/// # Errors
+///
+/// [`BenchError`] if the directory holds no run, or damaged files.
+pub fn rebuild_report(dir: &Path) -> Result<PathBuf, BenchError> {
+    if dir.is_dir() && !dir.join(file::CONFIG).exists() {
+        return Err(BenchError::NoRunDirectory { dir: dir.to_owned() });
+    }
+    let html = report::build(dir)?;
+    let path = dir.join(file::REPORT);
+    crate::record::write_atomically(&path, html.as_bytes())?;
+    Ok(path)
+}
+
+fn execute(
+    experiment: &Experiment,
+    dir: &Path,
+    options: &Options<'_>,
+    command: Command,
+) -> Result<Record, BenchError> {
+    let plan = Plan::of(experiment, command)?;
+    let provenance = Provenance::now(experiment, options.arguments);
+    let mut record = Record::open(dir, experiment, &provenance)?;
+    plan.make_room(&mut record, options.resume)?;
+    let stages = Stages { experiment, options, plan: &plan, record: &mut record };
+    experiment.plant.with(stages)?;
+    rebuild_report(dir)?;
+    Ok(record)
+}
+
+/// What is done, and with which net.
+struct Plan {
+    trains: bool,
+    runs_free: bool,
+    /// The models of the closed loops.
+    loops: Vec<ModelKind>,
+    /// The content of a model file to use, with its net.
+    given: Option<(Vec<u8>, PincNet)>,
+}
+
+impl Plan {
+    fn of(experiment: &Experiment, command: Command) -> Result<Self, BenchError> {
+        let missing = |section, command| BenchError::MissingSection {
+            name: experiment.name.clone(),
+            section,
+            command,
+        };
+        let configured = experiment.control.as_ref().map(|c| c.models.clone());
+        let mut plan = Self { trains: false, runs_free: false, loops: Vec::new(), given: None };
+        match command {
+            Command::Run => {
+                plan.trains = experiment.training.is_some();
+                plan.loops = configured.unwrap_or_default();
+                plan.runs_free = plan.trains && experiment.prediction.is_some();
+                if !plan.trains && (plan.loops.is_empty() || plan.loops.contains(&ModelKind::Pinc)) {
+                    return Err(missing("training", "pinc run"));
+                }
+            }
+            Command::Train => {
+                plan.trains = true;
+                if experiment.training.is_none() {
+                    return Err(missing("training", "pinc train"));
+                }
+            }
+            Command::Control { model, only } => {
+                plan.loops = configured.ok_or_else(|| missing("control", "pinc control"))?;
+                if let Some(only) = only {
+                    if !plan.loops.contains(&only) {
+                        let name = experiment.name.clone();
+                        return Err(BenchError::MissingModel { name, model: only.name() });
+                    }
+                    plan.loops = vec![only];
+                }
+                plan.given = model.map(|path| read_matching_model(experiment, &path)).transpose()?;
+                plan.trains = plan.given.is_none() && plan.loops.contains(&ModelKind::Pinc);
+                if plan.trains && experiment.training.is_none() {
+                    return Err(missing("training", "pinc control without --model"));
+                }
+            }
+        }
+        if !plan.loops.is_empty() && plan.given.is_none() && experiment.horizon_s().is_none() {
+            return Err(missing("model", "a closed loop without control.step_s"));
+        }
+        Ok(plan)
+    }
+
+    /// Removes those results of earlier runs that do not belong to what is made now.
+    fn make_room(&self, record: &mut Record, resume: bool) -> Result<(), BenchError> {
+        let same_net = match &self.given {
+            Some((bytes, _)) => fs::read(record.path(file::MODEL)).is_ok_and(|old| old == *bytes),
+            None => !self.trains || resume,
+        };
+        if !same_net {
+            record.update(|metrics| {
+                (metrics.training, metrics.validation, metrics.prediction) = (None, None, None);
+            })?;
+            for name in [file::CHECKPOINT, file::TRAINING, file::MODEL, file::PREDICTION] {
+                record.remove(name)?;
+            }
+        }
+        if !same_net || (!resume && !self.loops.is_empty()) {
+            record.update(|metrics| metrics.control.clear())?;
+            for name in file::CONTROL {
+                record.remove(name)?;
+            }
+        }
+        if let Some((bytes, _)) = &self.given {
+            record.write(file::MODEL, bytes)?;
+        }
+        record.remove(file::REPORT)
+    }
+}
+
+/// The stages of a plan, one after the other.
+struct Stages<'a> {
+    experiment: &'a Experiment,
+    options: &'a Options<'a>,
+    plan: &'a Plan,
+    record: &'a mut Record,
+}
+
+impl PlantTask for Stages<'_> {
+    type Output = Result<(), BenchError>;
+
+    fn run<P: Plant + 'static>(self, plant: P) -> Result<(), BenchError> {
+        let Self { experiment, options, plan, record } = self;
+        let trained = match &experiment.training {
+            Some(_) if plan.trains => Some(train::stage(&plant, experiment, options, record)?),
+            _ => None,
+        };
+        let net = trained.as_ref().or(plan.given.as_ref().map(|(_, net)| net));
+        options.go_on(record.dir())?;
+        if let (Some(net), Some(spec), true) = (net, &experiment.prediction, plan.runs_free)
+            && record.metrics().prediction.is_none()
+        {
+            free_run::stage(&plant, net, spec, experiment.seed, record)?;
+        }
+        if let Some(spec) = &experiment.control
+            && !plan.loops.is_empty()
+        {
+            let horizon_s = experiment.horizon_s().or_else(|| net.map(PincNet::horizon_s));
+            let setup = control::Setup {
+                spec,
+                models: &plan.loops,
+                net,
+                horizon_s: horizon_s.expect("the plan was checked for it"),
+            };
+            control::stage(&plant, &setup, options, record)?;
+        }
+        Ok(())
+    }
+}
+
+/// The net in a model file.
+pub(crate) fn read_model(path: &Path) -> Result<PincNet, BenchError> {
+    let bytes = fs::read(path).map_err(BenchError::unreadable(path))?;
+    parse_model(path, &bytes)
+}
+
+fn parse_model(path: &Path, bytes: &[u8]) -> Result<PincNet, BenchError> {
+    let model = |source| BenchError::Model { path: path.to_owned(), source };
+    PincNet::from_bytes(bytes).map_err(model)
+}
+
+/// A model file and its net, which has to be one of the experiment's plant and step length.
+fn read_matching_model(
+    experiment: &Experiment,
+    path: &Path,
+) -> Result<(Vec<u8>, PincNet), BenchError> {
+    let bytes = fs::read(path).map_err(BenchError::unreadable(path))?;
+    let net = parse_model(path, &bytes)?;
+    let variables = experiment.plant.variables();
+    let names = |names: &[String]| names.join(", ");
+    let mut compared = vec![
+        ("states", names(net.state_names()), names(&variables.state_names())),
+        ("inputs", names(net.input_names()), names(&variables.input_names())),
+    ];
+    if let Some(horizon_s) = experiment.horizon_s() {
+        compared.push(("step length T", format!("{} s", net.horizon_s()), format!("{horizon_s} s")));
+    }
+    for (what, found, expected) in compared {
+        if found != expected {
+            return Err(BenchError::ModelMismatch { path: path.to_owned(), what, found, expected });
+        }
+    }
+    Ok((bytes, net))
+}
+
+/// How many steps of `horizon_s` a duration has; the config was checked for it to be whole.
+fn steps(duration_s: f64, horizon_s: f64) -> usize {
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "a positive number of steps that fits into memory"
+    )]
+    let steps = (duration_s / horizon_s).round() as usize;
+    steps.max(1)
+}

@@ -1,0 +1,264 @@
+//! The training stage: from a config to `model.safetensors` and `training.csv`.
+
+use super::Options;
+use crate::error::CheckpointProblem;
+use crate::progress::Stage;
+use crate::record::{
+    Record, Saved, TrainingMetrics, file, lines_up_to, load_checkpoint, number, save_checkpoint,
+};
+use crate::spec::{Experiment, TrainingSpec};
+use crate::BenchError;
+use pinc_net::{
+    Domain, IterationRecord, NetConfig, PincNet, Progress, Trainer, Validation,
+    ValidationConfig, ValidationSet,
+};
+use pinc_ode::Plant;
+use std::fs;
+use std::time::{Duration, Instant};
+
+/// Time between two checkpoints.
+const CHECKPOINT_EVERY: Duration = Duration::from_secs(5);
+
+/// Columns of `training.csv`.
+const COLUMNS: &str = "iteration,loss_evaluations,elapsed_s,loss,validation_mse,phase,loss_data,\
+                       loss_physics,gradient_norm,collocation_points,fresh_loss";
+
+/// Trains the net, or reads it if that has been done, and returns it.
+pub(crate) fn stage<P: Plant + 'static>(
+    plant: &P,
+    experiment: &Experiment,
+    options: &Options<'_>,
+    record: &mut Record,
+) -> Result<PincNet, BenchError> {
+    if record.metrics().training.is_some() {
+        return super::read_model(&record.path(file::MODEL));
+    }
+    let setup = Setup::of(experiment)?;
+    let validation =
+        ValidationSet::generate(plant, setup.net.horizon_s, setup.validation, experiment.seed)?;
+    let mut session = Session::begin(plant, experiment, &setup, &validation, options, record)?;
+    let outcome = session.work(record, &setup.training.effort.time_limit_s, options);
+    session.write_log(record)?;
+    let net = session.trainer.net();
+    let stop_reason = match outcome {
+        Ok(reason) => reason,
+        Err(error) => {
+            // Interrupted: the checkpoint says all. Failed: at least the last good net is kept.
+            if !matches!(error, BenchError::Interrupted { .. }) {
+                record.write(file::MODEL, &net.to_bytes())?;
+            }
+            return Err(error);
+        }
+    };
+    record.write(file::MODEL, &net.to_bytes())?;
+    let metrics = session.metrics(stop_reason);
+    record.update(|all| {
+        all.training = Some(metrics);
+        all.validation = Some(validation.evaluate(&net));
+    })?;
+    record.remove(file::CHECKPOINT)?;
+    Ok(net)
+}
+
+/// The sections that a training needs.
+struct Setup<'a> {
+    net: &'a NetConfig,
+    domain: &'a Domain,
+    training: &'a TrainingSpec,
+    validation: &'a ValidationConfig,
+}
+
+impl<'a> Setup<'a> {
+    fn of(experiment: &'a Experiment) -> Result<Self, BenchError> {
+        let missing = |section| BenchError::MissingSection {
+            name: experiment.name.clone(),
+            section,
+            command: "training",
+        };
+        Ok(Self {
+            net: experiment.model.as_ref().ok_or_else(|| missing("model"))?,
+            domain: experiment.domain.as_ref().ok_or_else(|| missing("domain"))?,
+            training: experiment.training.as_ref().ok_or_else(|| missing("training"))?,
+            validation: experiment.validation.as_ref().ok_or_else(|| missing("validation"))?,
+        })
+    }
+}
+
+/// A training at work.
+struct Session<P> {
+    trainer: Trainer<P>,
+    fingerprint: String,
+    /// The rows of `training.csv`.
+    rows: Vec<String>,
+    /// The last validation's `mse_gen`.
+    validated: Option<f64>,
+    iteration: u64,
+    /// Wall time of the optimiser.
+    optimizer: Duration,
+    /// Wall time of the stage before this session began.
+    earlier: Duration,
+    begun: Instant,
+    stage: Stage,
+}
+
+impl<P: Plant + 'static> Session<P> {
+    fn begin(
+        plant: &P,
+        experiment: &Experiment,
+        setup: &Setup<'_>,
+        validation: &ValidationSet,
+        options: &Options<'_>,
+        record: &Record,
+    ) -> Result<Self, BenchError> {
+        let begun = Instant::now();
+        let fingerprint = experiment.fingerprint();
+        let total = setup.training.config.phases.iter().map(|phase| phase.iterations).sum();
+        let (plant, validation, seed) = (plant.clone(), validation.clone(), experiment.seed);
+        let (net, domain, config) = (setup.net, setup.domain, &setup.training.config);
+        let threads = setup.training.effort.threads();
+        let path = record.path(file::CHECKPOINT);
+        if !path.exists() {
+            let trainer = Trainer::new(plant, net, domain, config, validation, seed, threads)?;
+            return Ok(Self {
+                trainer,
+                fingerprint,
+                rows: Vec::new(),
+                validated: None,
+                iteration: 0,
+                optimizer: Duration::ZERO,
+                earlier: Duration::ZERO,
+                begun,
+                stage: Stage::begin(options.verbosity, "training", total, 0),
+            });
+        }
+        let saved = load_checkpoint(&path, &fingerprint)?;
+        let problem = |problem| BenchError::Checkpoint { path: path.clone(), problem };
+        let rows = fs::read_to_string(record.path(file::TRAINING)).ok();
+        let rows = rows.and_then(|text| lines_up_to(&text, COLUMNS, saved.iteration));
+        // One row per iteration.
+        let rows = rows.filter(|rows| u64::try_from(rows.len()) == Ok(saved.iteration));
+        let rows = rows.ok_or_else(|| problem(CheckpointProblem::Record))?;
+        let trainer =
+            Trainer::resume(plant, net, domain, config, validation, seed, threads, saved.trainer)
+                .map_err(|error| problem(CheckpointProblem::Training(error)))?;
+        Ok(Self {
+            trainer,
+            fingerprint,
+            rows,
+            validated: None,
+            iteration: saved.iteration,
+            optimizer: Duration::from_secs_f64(saved.optimizer_s.max(0.0)),
+            earlier: Duration::from_secs_f64(saved.wall_s.max(0.0)),
+            begun,
+            stage: Stage::begin(options.verbosity, "training", total, saved.iteration),
+        })
+    }
+
+    /// Trains to the end and returns why that was the end.
+    fn work(
+        &mut self,
+        record: &Record,
+        time_limit_s: &Option<f64>,
+        options: &Options<'_>,
+    ) -> Result<String, BenchError> {
+        let mut last_checkpoint = Instant::now();
+        loop {
+            if let Err(stop) = options.go_on(record.dir()) {
+                self.write_checkpoint(record)?;
+                return Err(stop);
+            }
+            if time_limit_s.is_some_and(|limit| self.wall().as_secs_f64() >= limit) {
+                return Ok("time-limit".to_owned());
+            }
+            let clock = Instant::now();
+            let progress = self.trainer.step()?;
+            self.optimizer += clock.elapsed();
+            match progress {
+                Progress::Finished(reason) => {
+                    // The last net too may be the best.
+                    if self.trainer.validation_due() {
+                        self.trainer.validate();
+                    }
+                    return Ok(reason.to_string());
+                }
+                Progress::Iterated(iterated) => self.log(iterated),
+            }
+            if last_checkpoint.elapsed() >= CHECKPOINT_EVERY {
+                self.write_checkpoint(record)?;
+                last_checkpoint = Instant::now();
+            }
+        }
+    }
+
+    /// Validates if it is time to, and adds a row to the log.
+    fn log(&mut self, iterated: IterationRecord) {
+        let validation = self.trainer.validation_due().then(|| self.trainer.validate());
+        self.iteration = iterated.iteration;
+        self.rows.push(row(&iterated, self.optimizer, validation.as_ref()));
+        self.validated = validation.map(|v| v.mse_gen).or(self.validated);
+        self.stage.advance(iterated.iteration, || match self.validated {
+            Some(mse) => format!("loss {:.2e}, validation MSE {mse:.2e}", iterated.loss),
+            None => format!("loss {:.2e}", iterated.loss),
+        });
+    }
+
+    fn wall(&self) -> Duration {
+        self.earlier + self.begun.elapsed()
+    }
+
+    fn write_log(&self, record: &Record) -> Result<(), BenchError> {
+        let mut text = COLUMNS.to_owned();
+        for row in &self.rows {
+            text.push('\n');
+            text.push_str(row);
+        }
+        text.push('\n');
+        record.write(file::TRAINING, text.as_bytes())
+    }
+
+    /// Writes the log first, so that it always reaches as far as the checkpoint.
+    fn write_checkpoint(&self, record: &Record) -> Result<(), BenchError> {
+        self.write_log(record)?;
+        let saved = Saved {
+            fingerprint: self.fingerprint.clone(),
+            iteration: self.iteration,
+            optimizer_s: self.optimizer.as_secs_f64(),
+            wall_s: self.wall().as_secs_f64(),
+            trainer: self.trainer.checkpoint(),
+        };
+        record.write(file::CHECKPOINT, &save_checkpoint(&saved))
+    }
+
+    fn metrics(self, stop_reason: String) -> TrainingMetrics {
+        let totals = self.trainer.totals();
+        let wall_s = self.wall().as_secs_f64();
+        self.stage.end(&format!("{stop_reason} after {} iterations, {wall_s:.1} s", totals.iterations));
+        TrainingMetrics {
+            wall_s,
+            optimizer_s: self.optimizer.as_secs_f64(),
+            iterations: totals.iterations,
+            loss_evaluations: totals.loss_evaluations,
+            stop_reason,
+        }
+    }
+}
+
+/// A row of `training.csv`.
+fn row(record: &IterationRecord, elapsed: Duration, validation: Option<&Validation>) -> String {
+    let validation = validation.map_or_else(String::new, |v| number(v.mse_gen));
+    let fresh = record.fresh_loss.map_or_else(String::new, number);
+    [
+        record.iteration.to_string(),
+        record.loss_evaluations.to_string(),
+        number(elapsed.as_secs_f64()),
+        number(record.loss),
+        validation,
+        record.phase.to_string(),
+        number(record.loss_data),
+        number(record.loss_physics),
+        number(record.gradient_norm),
+        record.collocation_points.to_string(),
+        fresh,
+    ]
+    .join(",")
+}

@@ -1,0 +1,116 @@
+//! What a config file says, as types, and how one is read.
+
+mod control;
+mod explain;
+mod layers;
+mod plant;
+mod prediction;
+mod problem;
+mod training;
+mod validate;
+
+pub use control::{ControlSpec, ModelKind, ReferenceStep};
+pub use plant::{FourTanksParameters, FourTanksSpec, OneTankSpec, PlantSpec, VanDerPolSpec};
+pub use prediction::PredictionSpec;
+pub use problem::{ConfigError, Origin, Problem, SetProblem};
+use problem::nearest;
+pub use training::{Effort, TrainingSpec};
+
+use crate::presets::Preset;
+use layers::Layers;
+use pinc_net::{Domain, NetConfig, ValidationConfig};
+use serde::{Deserialize, Serialize};
+use sha2::{Digest, Sha256};
+use std::path::Path;
+
+/// An experiment: a resolved config file, every value spelled out and checked.
+///
+/// The sections present say what is done: `training` (which needs `model`, `domain` and
+/// `validation`) trains a net, `prediction` lets it run freely, `control` puts it into the loop.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Experiment {
+    /// The experiment's name, which is also that of its run directory.
+    pub name: String,
+    /// The reading of the paper.
+    pub preset: Preset,
+    /// What every random draw follows from.
+    pub seed: u64,
+    /// The plant.
+    pub plant: PlantSpec,
+    /// The net.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub model: Option<NetConfig>,
+    /// The box that the net is trained on.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub domain: Option<Domain>,
+    /// The training.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub training: Option<TrainingSpec>,
+    /// The scenarios that the net is validated on.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub validation: Option<ValidationConfig>,
+    /// The free run in the report.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub prediction: Option<PredictionSpec>,
+    /// The closed loop.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub control: Option<ControlSpec>,
+}
+
+impl Experiment {
+    /// Reads a config file, with the values of `sets` (`key.path=value`, as TOML) over its own.
+    ///
+    /// # Errors
+    ///
+    /// [`ConfigError`], which says where, which key and what was expected.
+    pub fn load(path: &Path, sets: &[String]) -> Result<Self, ConfigError> {
+        let text = std::fs::read_to_string(path)
+            .map_err(|source| ConfigError::Unreadable { path: path.to_owned(), source })?;
+        Self::parse(path, &text, sets)
+    }
+
+    /// Like [`Experiment::load`], from the text of the file `path`.
+    ///
+    /// # Errors
+    ///
+    /// Like [`Experiment::load`].
+    pub fn parse(path: &Path, text: &str, sets: &[String]) -> Result<Self, ConfigError> {
+        let layers = Layers::resolve(path, text, sets)?;
+        if let Some((key, value)) = layers.first_not_finite() {
+            return Err(layers.error(key, Problem::NotFinite(value)));
+        }
+        let table = toml::Value::Table(layers.table.clone());
+        let experiment: Self = serde_path_to_error::deserialize(table)
+            .map_err(|error| explain::explain(&layers, &error))?;
+        match experiment.validate() {
+            Ok(()) => Ok(experiment),
+            Err((key, problem)) => Err(layers.error(key, problem)),
+        }
+    }
+
+    /// The config as TOML with every value spelled out: loading it gives the same experiment.
+    #[must_use]
+    pub fn to_toml(&self) -> String {
+        toml::to_string(self).expect("an experiment was TOML before and can be so again")
+    }
+
+    /// SHA-256 of the resolved config, in hexadecimal digits.
+    #[must_use]
+    pub fn fingerprint(&self) -> String {
+        use std::fmt::Write as _;
+        let digest = Sha256::digest(self.to_toml());
+        digest.iter().fold(String::new(), |mut text, byte| {
+            // Writing to a String does not fail.
+            let _ = write!(text, "{byte:02x}");
+            text
+        })
+    }
+
+    /// The length T of a step in s, where the config says it.
+    #[must_use]
+    pub fn horizon_s(&self) -> Option<f64> {
+        let model = self.model.as_ref().map(|m| m.horizon_s);
+        model.or_else(|| self.control.as_ref().and_then(|c| c.step_s))
+    }
+}

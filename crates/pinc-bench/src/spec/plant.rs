@@ -1,0 +1,54 @@
+//! The `[plant]` section.
+
+use serde::{Deserialize, Serialize};
+
+/// Which plant, with its parameters.
+///
+/// ```toml
+/// [plant]
+/// van-der-pol = { mu = 1.0 }
+/// ```
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case", deny_unknown_fields)]
+#[non_exhaustive]
+pub enum PlantSpec {
+    /// The Van der Pol oscillator.
+    VanDerPol(VanDerPolSpec),
+    /// The quadruple-tank process.
+    FourTanks(FourTanksSpec),
+    /// One tank.
+    OneTank(OneTankSpec),
+}
+
+/// Parameters of the Van der Pol oscillator.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct VanDerPolSpec {
+    /// The damping; 1 in the paper.
+    pub mu: f64,
+}
+
+/// Parameters of the four tanks.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct FourTanksSpec {
+    /// One of three published sets.
+    pub parameters: FourTanksParameters,
+}
+
+/// The published parameter sets of the four tanks.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum FourTanksParameters {
+    /// Those of the paper's results, from its authors' program.
+    Antonelo,
+    /// Johansson's nonminimum-phase setting, which the paper's text names.
+    JohanssonNonminimum,
+    /// Johansson's minimum-phase setting.
+    JohanssonMinimum,
+}
+
+/// The one tank has no parameters to choose.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct OneTankSpec {}

@@ -1,0 +1,22 @@
+//! The `[prediction]` section.
+
+use serde::{Deserialize, Serialize};
+
+/// A free run of the trained net against the truth, for the report: the inputs are redrawn every T,
+/// uniformly between their bounds.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PredictionSpec {
+    /// Length of the run in s: a whole number of T.
+    pub duration_s: f64,
+    /// The state it starts from, in the plant's order.
+    pub initial_state: Vec<f64>,
+    /// Lower ends of the inputs.
+    pub input_low: Vec<f64>,
+    /// Upper ends of the inputs.
+    pub input_high: Vec<f64>,
+    /// Into how many parts each T is divided.
+    pub subintervals: usize,
+    /// Local error tolerance of the truth.
+    pub tolerance: f64,
+}

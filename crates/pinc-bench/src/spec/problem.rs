@@ -1,0 +1,158 @@
+//! What can be wrong with a config, and where it stands.
+
+use std::fmt;
+use std::path::PathBuf;
+use thiserror::Error;
+
+/// A config that cannot be used.
+#[derive(Debug, Error)]
+#[non_exhaustive]
+pub enum ConfigError {
+    /// The file cannot be read.
+    #[error("{}: cannot be read: {source}", path.display())]
+    Unreadable {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        source: std::io::Error,
+    },
+    /// The file is not TOML.
+    #[error("{}:{line}: not valid TOML: {message}", path.display())]
+    Syntax {
+        /// The file.
+        path: PathBuf,
+        /// The line, from 1.
+        line: usize,
+        /// What the parser says.
+        message: String,
+    },
+    /// A `--set` that cannot be applied.
+    #[error("--set {argument}: {problem}")]
+    Set {
+        /// The argument, as given.
+        argument: String,
+        /// What is wrong with it.
+        problem: SetProblem,
+    },
+    /// A key that is missing, unknown or has an unusable value.
+    #[error("{origin}: `{key}`: {problem}")]
+    Key {
+        /// Where the value was written.
+        origin: Origin,
+        /// The key path, as `control.nu`.
+        key: String,
+        /// What is wrong with it.
+        problem: Problem,
+    },
+}
+
+/// Where a value of a config was written.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Origin {
+    /// In the config file.
+    File {
+        /// The file.
+        path: PathBuf,
+        /// The line, from 1.
+        line: usize,
+    },
+    /// In a `--set` argument.
+    Set(String),
+    /// In the built-in defaults of a preset.
+    Preset(&'static str),
+}
+
+impl fmt::Display for Origin {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::File { path, line } => write!(f, "{}:{line}", path.display()),
+            Self::Set(argument) => write!(f, "--set {argument}"),
+            Self::Preset(name) => write!(f, "built-in preset {name}"),
+        }
+    }
+}
+
+/// What is wrong with a `--set` argument.
+#[derive(Debug, Error)]
+#[non_exhaustive]
+pub enum SetProblem {
+    /// It has no `=` or no key.
+    #[error("expected key=value, as training.lambda=0.5")]
+    NoKey,
+    /// The value is neither TOML nor a bare word.
+    #[error("the value is not TOML (a string with other characters than a-z, 0-9, - and _ needs quotes): {0}")]
+    Value(String),
+    /// The path leads through something that holds no keys.
+    #[error("`{0}` is not a table, or has no such element")]
+    Path(String),
+}
+
+/// What is wrong with a key or its value.
+#[derive(Debug, Error)]
+#[non_exhaustive]
+pub enum Problem {
+    /// A mandatory key that is not there.
+    #[error("missing; expected {0}")]
+    Missing(&'static str),
+    /// A key that nobody knows.
+    #[error("unknown key{}{}", one_of(.known), did_you_mean(.nearest))]
+    Unknown {
+        /// The keys that may stand there.
+        known: Vec<String>,
+        /// The one that looks most alike.
+        nearest: Option<String>,
+    },
+    /// A word that is none of those expected.
+    #[error("`{found}` is not known{}{}", one_of(.known), did_you_mean(.nearest))]
+    Word {
+        /// The word.
+        found: String,
+        /// The words that may stand there.
+        known: Vec<String>,
+        /// The one that looks most alike.
+        nearest: Option<String>,
+    },
+    /// A value of the wrong type; the text names both types.
+    #[error("{0}")]
+    Type(String),
+    /// NaN or infinity.
+    #[error("{0} given, expected a finite number")]
+    NotFinite(f64),
+    /// A value out of its range.
+    #[error("{found} given, expected {expected}")]
+    Value {
+        /// The value.
+        found: String,
+        /// What it should be.
+        expected: String,
+    },
+    /// A list of the wrong length.
+    #[error("{found} values given, expected {expected}, one per {per}")]
+    Length {
+        /// The length it has.
+        found: usize,
+        /// The length it must have.
+        expected: usize,
+        /// What there is one of each for.
+        per: &'static str,
+    },
+    /// A section that the run needs.
+    #[error("this section is missing; {0}")]
+    Section(&'static str),
+}
+
+fn one_of(known: &[String]) -> String {
+    if known.is_empty() { String::new() } else { format!("; expected one of {}", known.join(", ")) }
+}
+
+fn did_you_mean(nearest: &Option<String>) -> String {
+    nearest.as_ref().map_or_else(String::new, |word| format!("; did you mean `{word}`?"))
+}
+
+/// The one of `known` that `word` is most likely a misspelling of.
+pub(crate) fn nearest(word: &str, known: &[String]) -> Option<String> {
+    let similar = known.iter().map(|k| (strsim::damerau_levenshtein(word, k), k));
+    let (distance, best) = similar.min()?;
+    // A third of the letters wrong is a misspelling; more is another word.
+    (3 * distance <= word.len().max(3)).then(|| best.clone())
+}

@@ -1,0 +1,63 @@
+//! The short table at the end of a run.
+
+use crate::record::{Metrics, Record, file};
+use std::fmt::Write;
+
+/// The metrics of a run, and where its report is, for reading.
+#[must_use]
+pub fn summary(record: &Record) -> String {
+    let mut text = String::new();
+    // Writing to a String does not fail.
+    let _ = metrics(&mut text, record.metrics());
+    let _ = write!(text, "report: {}", record.path(file::REPORT).display());
+    text
+}
+
+fn metrics(text: &mut String, metrics: &Metrics) -> std::fmt::Result {
+    writeln!(text, "{} (preset {})", metrics.experiment, metrics.preset.name())?;
+    if let Some(training) = &metrics.training {
+        writeln!(
+            text,
+            "training    {} iterations, {} loss evaluations, {:.1} s: {}",
+            training.iterations, training.loss_evaluations, training.wall_s, training.stop_reason
+        )?;
+    }
+    if let Some(validation) = &metrics.validation {
+        writeln!(
+            text,
+            "validation  mse_gen {:.3e}, all rows normalised {:.3e}, one step {:.3e}",
+            validation.mse_gen, validation.mse_all_normalized, validation.one_step_mse
+        )?;
+    }
+    if let Some(prediction) = &metrics.prediction {
+        writeln!(
+            text,
+            "free run    mse at step marks {:.3e}, at all times {:.3e}",
+            prediction.mse_marks, prediction.mse_all
+        )?;
+    }
+    if metrics.control.is_empty() {
+        return Ok(());
+    }
+    writeln!(
+        text,
+        "closed loop   RMSE dense   IAE dense      RMSE       IAE   loop ms   step us   KKT max   status"
+    )?;
+    for run in &metrics.control {
+        let status: Vec<_> = run.status.iter().map(|(name, n)| format!("{n} {name}")).collect();
+        writeln!(
+            text,
+            "  {:<10} {:>11.5} {:>11.4} {:>9.5} {:>9.4} {:>9.3} {:>9.1} {:>9.1e}   {}",
+            run.model.name(),
+            run.rmse_dense,
+            run.iae_dense_sum,
+            run.rmse,
+            run.iae,
+            1e3 * run.wall_s.median,
+            run.step_us.p50,
+            run.kkt_max,
+            status.join(", ")
+        )?;
+    }
+    Ok(())
+}
