@@ -1,0 +1,246 @@
+//! The closed loop: what the plant did under the controller, PINC over RK4.
+
+use super::ReportError;
+use super::canvas::{AMBER, Color, INK, Shape, Style};
+use super::curve::{Point, held_since_previous, present};
+use super::data::{OfModel, Run, model_name};
+use super::draw::{input_color, state_color};
+use super::figure::{Figure, Panel, extent};
+use super::picture::Picture;
+use super::scale::Kind;
+use super::text;
+use super::variables::Variables;
+
+/// A run of more steps than this gets a close-up of its first [`CLOSE_UP`] steps.
+const LONG: f64 = 60.0;
+const CLOSE_UP: f64 = 20.0;
+/// The form of a reference.
+const REFERENCE: Shape = Shape::Dashes(1.4);
+
+/// The whole closed loop, and its beginning if the run is long.
+pub(super) fn pictures(run: &Run, variables: &Variables) -> Result<Vec<Picture>, ReportError> {
+    if run.control.iter().all(|of| of.table.len() == 0) {
+        return Ok(Vec::new());
+    }
+    let loops = Loops { run, variables };
+    let mut t = Vec::new();
+    for of in &run.control {
+        t.extend(of.table.numbers("t")?);
+    }
+    let t = extent(t.into_iter());
+    let figure = Figure {
+        name: "Closed loop".to_owned(),
+        x_label: "t (s)".to_owned(),
+        x: t,
+        events: Vec::new(),
+        panels: loops.panels()?,
+    };
+    let mut pictures = vec![Picture {
+        stem: "control",
+        title: "Closed loop".to_owned(),
+        caption: loops.caption()?,
+        figure,
+    }];
+    pictures.extend(loops.close_up(&pictures[0].figure, t));
+    Ok(pictures)
+}
+
+/// The closed loops of a run; the last model is drawn first, so that PINC comes to lie over RK4.
+struct Loops<'a> {
+    run: &'a Run,
+    variables: &'a Variables,
+}
+
+impl Loops<'_> {
+    fn panels(&self) -> Result<Vec<Panel>, ReportError> {
+        let states = self.variables.panels_of(&self.variables.states);
+        let mut panels = Vec::new();
+        for (i, (title, group)) in states.iter().enumerate() {
+            let height = if i == 0 { 280.0 } else { 180.0 };
+            panels.push(self.state_panel(title, group, height)?);
+        }
+        panels.push(self.input_panel()?);
+        panels.extend(self.difference_panel()?);
+        Ok(panels)
+    }
+
+    fn state_panel(
+        &self,
+        title: &str,
+        states: &[String],
+        height: f64,
+    ) -> Result<Panel, ReportError> {
+        let label = self.run.axis_label(states);
+        let mut panel = Panel::new(title, &label, Kind::Linear, height);
+        let color = |state| state_color(self.variables.index_of(state));
+        self.add_references(&mut panel, states)?;
+        for state in states {
+            self.add_curve(&mut panel, state, color(state), |points| points)?;
+        }
+        for state in states {
+            self.add_beneath(&mut panel, state, |points| points)?;
+        }
+        if states
+            .iter()
+            .any(|state| self.variables.controlled.contains(state))
+        {
+            panel.key("reference", Style::new(INK, REFERENCE));
+        }
+        self.add_limits(&mut panel, "state", states, &self.variables.states);
+        Ok(panel)
+    }
+
+    fn add_references(&self, panel: &mut Panel, states: &[String]) -> Result<(), ReportError> {
+        let first = &self.run.control[0].table;
+        for state in states {
+            let color = state_color(self.variables.index_of(state));
+            if let Some(points) = first.points("t", &format!("{state}_ref"))? {
+                panel.add(held_since_previous(&points), Style::new(color, REFERENCE));
+            }
+        }
+        Ok(())
+    }
+
+    fn input_panel(&self) -> Result<Panel, ReportError> {
+        let inputs = &self.variables.inputs;
+        let label = self.run.axis_label(inputs);
+        let mut panel = Panel::new("Inputs", &label, Kind::Linear, 150.0);
+        let steps = |points: Vec<Point>| held_since_previous(&points);
+        for (i, input) in inputs.iter().enumerate() {
+            self.add_curve(&mut panel, input, input_color(i), steps)?;
+        }
+        for input in inputs {
+            self.add_beneath(&mut panel, input, steps)?;
+        }
+        self.add_limits(&mut panel, "input", inputs, inputs);
+        Ok(panel)
+    }
+
+    /// Adds a variable's curve with the first model.
+    fn add_curve(
+        &self,
+        panel: &mut Panel,
+        variable: &str,
+        color: Color,
+        shaped: impl Fn(Vec<Point>) -> Vec<Point>,
+    ) -> Result<(), ReportError> {
+        let OfModel { model, table } = &self.run.control[0];
+        let points = shaped(table.points("t", variable)?.unwrap_or_default());
+        let label = match self.run.control.len() {
+            1 => variable.to_owned(),
+            _ => format!("{variable} with {}", model_name(model)),
+        };
+        panel.add_named(&label, points, Style::new(color, Shape::Line(1.8)));
+        Ok(())
+    }
+
+    /// Adds a variable's curves with the other models, broad and light beneath what is there.
+    fn add_beneath(
+        &self,
+        panel: &mut Panel,
+        variable: &str,
+        shaped: impl Fn(Vec<Point>) -> Vec<Point>,
+    ) -> Result<(), ReportError> {
+        for OfModel { model, table } in &self.run.control[1..] {
+            let points = shaped(table.points("t", variable)?.unwrap_or_default());
+            let label = format!("with {}", model_name(model));
+            let style = Style::new(AMBER, Shape::Line(5.0)).faint(0.55);
+            panel.add_named_beneath(&label, points, style);
+        }
+        Ok(())
+    }
+
+    /// Adds the bounds of some of `all` variables, as the config has them.
+    fn add_limits(&self, panel: &mut Panel, kind: &str, some: &[String], all: &[String]) {
+        for side in ["low", "high"] {
+            let key = format!("{kind}_{side}");
+            for variable in some {
+                let i = all.iter().position(|v| v == variable);
+                let limit = i.and_then(|i| self.run.number_at(&["control", &key], i));
+                panel.add_limits("limits", limit.as_slice());
+            }
+        }
+    }
+
+    /// How far the first two models' loops are apart.
+    fn difference_panel(&self) -> Result<Option<Panel>, ReportError> {
+        let [one, two, ..] = &self.run.control[..] else {
+            return Ok(None);
+        };
+        let title = format!("|{} − {}|", model_name(&one.model), model_name(&two.model));
+        let states = &self.variables.states;
+        let label = self.run.label_in_unit_of(&title, states);
+        let mut panel = Panel::new("Difference of the states", &label, Kind::Log, 170.0);
+        for state in states {
+            let points = self.differences(state)?;
+            let color = state_color(self.variables.index_of(state));
+            panel.add_named(state, points, Style::new(color, Shape::Line(1.4)));
+        }
+        Ok(Some(panel))
+    }
+
+    fn differences(&self, state: &str) -> Result<Vec<Point>, ReportError> {
+        let [one, two, ..] = &self.run.control[..] else {
+            return Ok(Vec::new());
+        };
+        let read = |of: &OfModel| Ok(of.table.points("t", state)?.unwrap_or_default());
+        let (one, two): (Vec<Point>, Vec<Point>) = (read(one)?, read(two)?);
+        // Times that are the same number were computed alike; one loop may have ended early.
+        let pairs = one.into_iter().zip(two);
+        let together = pairs.take_while(|(a, b)| (a.0 - b.0).abs() <= 1e-9 * a.0.abs());
+        Ok(together.map(|(a, b)| (a.0, (a.1 - b.1).abs())).collect())
+    }
+
+    /// The first steps, if the run has many.
+    fn close_up(&self, whole: &Figure, t: (f64, f64)) -> Option<Picture> {
+        let step = self.run.step_s()?;
+        if t.1 - t.0 <= LONG * step {
+            return None;
+        }
+        let end = t.0 + CLOSE_UP * step;
+        let mut figure = whole.clone();
+        figure.name = "Closed loop, its beginning".to_owned();
+        figure.x = (t.0, end);
+        let caption = format!(
+            "The first {CLOSE_UP} steps of length T = {} s of the picture above, enlarged. From the \
+             same files.",
+            text::number(step, 3)
+        );
+        Some(Picture {
+            stem: "control-start",
+            title: "Closed loop: the beginning".to_owned(),
+            figure,
+            caption,
+        })
+    }
+
+    fn caption(&self) -> Result<String, ReportError> {
+        let files: Vec<_> = self
+            .run
+            .control
+            .iter()
+            .map(|of| of.table.file_name())
+            .collect();
+        let mut caption = "The plant, integrated accurately, under the controller. Dashed: the \
+                           references, in the colours of their states; grey: the bounds."
+            .to_owned();
+        if let [one, two, ..] = &self.run.control[..] {
+            let (one, two) = (model_name(&one.model), model_name(&two.model));
+            caption += &format!(
+                " Thin curves: with {one} as the controller's model; broad amber curves beneath: with \
+                 {two}. Where no amber shows, both do the same."
+            );
+            let mut largest = Vec::new();
+            for state in &self.variables.states {
+                let differences = present(self.differences(state)?);
+                let most = extent(differences.iter().map(|p| p.1)).1;
+                largest.push(format!("{} in {state}", text::number(most, 2)));
+            }
+            caption += &format!(
+                " They differ by at most {} (lowest panel; no curve where they are equal).",
+                text::listed(&largest)
+            );
+        }
+        Ok(format!("{caption} From {}.", text::listed(&files)))
+    }
+}

@@ -1,0 +1,230 @@
+//! What happens to a curve between the data and the ink: steps, gaps, cuts at the frame, thinning.
+
+/// A point: in data units or in pixels.
+pub(super) type Point = (f64, f64);
+
+/// A curve whose values hold until the next point, with its corners written out.
+pub(super) fn held_until_next(points: &[Point]) -> Vec<Point> {
+    let corner = |pair: &[Point]| [pair[0], (pair[1].0, pair[0].1)];
+    let last = points.last().copied();
+    points.windows(2).flat_map(corner).chain(last).collect()
+}
+
+/// A curve whose values have held since the previous point, with its corners written out.
+pub(super) fn held_since_previous(points: &[Point]) -> Vec<Point> {
+    let corner = |pair: &[Point]| [(pair[0].0, pair[1].1), pair[1]];
+    let first = points.first().copied();
+    first
+        .into_iter()
+        .chain(points.windows(2).flat_map(corner))
+        .collect()
+}
+
+/// The points whose two numbers are finite.
+pub(super) fn present(points: Vec<Point>) -> Vec<Point> {
+    let finite = |p: &Point| p.0.is_finite() && p.1.is_finite();
+    points.into_iter().filter(finite).collect()
+}
+
+/// A rectangle in pixels, y downwards.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Frame {
+    pub(super) left: f64,
+    pub(super) top: f64,
+    pub(super) width: f64,
+    pub(super) height: f64,
+}
+
+impl Frame {
+    pub(super) fn right(&self) -> f64 {
+        self.left + self.width
+    }
+
+    pub(super) fn bottom(&self) -> f64 {
+        self.top + self.height
+    }
+
+    pub(super) fn contains(&self, (x, y): Point) -> bool {
+        (self.left..=self.right()).contains(&x) && (self.top..=self.bottom()).contains(&y)
+    }
+
+    /// The part of the segment from `a` to `b` inside the frame (Liang and Barsky), if any.
+    fn cut(&self, a: Point, b: Point) -> Option<(Point, Point)> {
+        let (dx, dy) = (b.0 - a.0, b.1 - a.1);
+        let edges = [
+            (-dx, a.0 - self.left),
+            (dx, self.right() - a.0),
+            (-dy, a.1 - self.top),
+            (dy, self.bottom() - a.1),
+        ];
+        let (mut from, mut to) = (0.0_f64, 1.0_f64);
+        for (direction, distance) in edges {
+            if direction < 0.0 {
+                from = from.max(distance / direction);
+            } else if direction > 0.0 {
+                to = to.min(distance / direction);
+            } else if distance < 0.0 {
+                return None;
+            }
+        }
+        let at = |s: f64| (a.0 + s * dx, a.1 + s * dy);
+        (from <= to).then(|| (at(from), at(to)))
+    }
+}
+
+/// The pieces of a curve inside a frame. A `None` in the curve is a gap.
+pub(super) fn pieces(curve: &[Option<Point>], frame: &Frame) -> Vec<Vec<Point>> {
+    let mut pieces = Vec::new();
+    for run in curve.split(Option::is_none) {
+        let run: Vec<Point> = run.iter().flatten().copied().collect();
+        match run[..] {
+            [] => {}
+            [only] if frame.contains(only) => pieces.push(vec![only]),
+            _ => pieces_of_run(&run, frame, &mut pieces),
+        }
+    }
+    pieces
+}
+
+fn pieces_of_run(run: &[Point], frame: &Frame, pieces: &mut Vec<Vec<Point>>) {
+    let mut piece: Vec<Point> = Vec::new();
+    for pair in run.windows(2) {
+        let Some((from, to)) = frame.cut(pair[0], pair[1]) else {
+            pieces.extend(finished(&mut piece));
+            continue;
+        };
+        if piece.is_empty() {
+            piece.push(from);
+        }
+        piece.push(to);
+        if !same(to, pair[1]) {
+            pieces.extend(finished(&mut piece));
+        }
+    }
+    pieces.extend(finished(&mut piece));
+}
+
+fn finished(piece: &mut Vec<Point>) -> Option<Vec<Point>> {
+    (!piece.is_empty()).then(|| std::mem::take(piece))
+}
+
+/// Whether a segment's end was left where it was, and not cut off.
+fn same(a: Point, b: Point) -> bool {
+    (a.0 - b.0).abs() + (a.1 - b.1).abs() < 1e-6
+}
+
+/// Drops points that a picture cannot show: the inner points of level stretches, and in columns of
+/// half a pixel with more than four points all but the first, the lowest, the highest and the last.
+pub(super) fn thinned(points: &[Point]) -> Vec<Point> {
+    let mut out = Vec::with_capacity(points.len());
+    let column = |p: &Point| (2.0 * p.0).floor();
+    for group in points.chunk_by(|a, b| column(a).total_cmp(&column(b)).is_eq()) {
+        if group.len() <= 4 {
+            out.extend_from_slice(group);
+        } else {
+            out.extend(extremes(group));
+        }
+    }
+    without_level_points(&out)
+}
+
+fn extremes(group: &[Point]) -> impl Iterator<Item = Point> {
+    let by_height = |a: &usize, b: &usize| group[*a].1.total_cmp(&group[*b].1);
+    let lowest = (0..group.len()).min_by(by_height).unwrap_or(0);
+    let highest = (0..group.len()).max_by(by_height).unwrap_or(0);
+    let mut kept = vec![0, lowest, highest, group.len() - 1];
+    kept.sort_unstable();
+    kept.dedup();
+    kept.into_iter().map(|i| group[i])
+}
+
+fn without_level_points(points: &[Point]) -> Vec<Point> {
+    let level = |a: Point, b: Point| a.1.total_cmp(&b.1).is_eq();
+    let mut out: Vec<Point> = Vec::with_capacity(points.len());
+    for &p in points {
+        if let [.., a, b] = out[..]
+            && level(a, b)
+            && level(b, p)
+            && a.0 <= b.0
+            && b.0 <= p.0
+        {
+            out.pop();
+        }
+        out.push(p);
+    }
+    out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const FRAME: Frame = Frame {
+        left: 0.0,
+        top: 0.0,
+        width: 10.0,
+        height: 10.0,
+    };
+
+    #[test]
+    fn steps_get_their_corners() {
+        let points = [(0.0, 1.0), (1.0, 2.0)];
+        let until = [(0.0, 1.0), (1.0, 1.0), (1.0, 2.0)];
+        assert_eq!(held_until_next(&points), until);
+        let since = [(0.0, 1.0), (0.0, 2.0), (1.0, 2.0)];
+        assert_eq!(held_since_previous(&points), since);
+        assert!(held_until_next(&[]).is_empty());
+        assert_eq!(held_since_previous(&points[..1]), points[..1]);
+    }
+
+    #[test]
+    fn a_curve_is_cut_at_the_frame_and_at_gaps() {
+        let curve = [
+            Some((1.0, 5.0)),
+            Some((2.0, 15.0)),
+            Some((3.0, 5.0)),
+            None,
+            Some((8.0, 5.0)),
+            Some((8.0, -1e9)),
+            None,
+            Some((4.0, 4.0)),
+            None,
+            Some((40.0, 4.0)),
+        ];
+        let pieces = pieces(&curve, &FRAME);
+        let expected: [&[Point]; 4] = [
+            &[(1.0, 5.0), (1.5, 10.0)],
+            &[(2.5, 10.0), (3.0, 5.0)],
+            &[(8.0, 5.0), (8.0, 0.0)],
+            &[(4.0, 4.0)],
+        ];
+        assert_eq!(pieces.len(), expected.len());
+        for (piece, expected) in pieces.iter().zip(expected) {
+            for (p, e) in piece.iter().zip(expected) {
+                assert!(same(*p, *e), "{p:?} is not {e:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn thinning_keeps_extremes_and_order() {
+        let mut points: Vec<Point> = (0..10_000)
+            .map(|i| f64::from(i) * 1e-3)
+            .map(|x| (x, (700.0 * x).sin()))
+            .collect();
+        points[4321].1 = 99.0;
+        points[7777].1 = -99.0;
+        let thin = thinned(&points);
+        assert!(thin.len() <= 20 * 4, "{} points left", thin.len());
+        assert!(thin.contains(&points[4321]) && thin.contains(&points[7777]));
+        assert!(thin.is_sorted_by(|a, b| a.0 <= b.0));
+        assert_eq!((thin.first(), thin.last()), (points.first(), points.last()));
+    }
+
+    #[test]
+    fn level_stretches_keep_their_ends() {
+        let points = [(0.0, 1.0), (1.0, 1.0), (2.0, 1.0), (2.0, 3.0), (5.0, 3.0)];
+        let thin = [(0.0, 1.0), (2.0, 1.0), (2.0, 3.0), (5.0, 3.0)];
+        assert_eq!(thinned(&points), thin);
+    }
+}

@@ -1,0 +1,189 @@
+//! A run directory's files, read as far as the report needs them.
+
+use super::ReportError;
+use super::table::Table;
+use serde_json::Value;
+use std::io::ErrorKind;
+use std::path::Path;
+
+/// A run directory. What is missing is empty.
+#[derive(Debug)]
+pub(super) struct Run {
+    /// The text of `config.toml`, and what it says.
+    pub(super) config_text: Option<String>,
+    pub(super) config: toml::Table,
+    pub(super) metrics: Value,
+    pub(super) provenance: Value,
+    pub(super) training: Option<Table>,
+    pub(super) prediction: Option<Table>,
+    /// The closed loops, PINC first.
+    pub(super) control: Vec<OfModel>,
+    pub(super) steps: Vec<OfModel>,
+}
+
+/// A table that belongs to one model in the controller.
+#[derive(Debug)]
+pub(super) struct OfModel {
+    pub(super) model: String,
+    pub(super) table: Table,
+}
+
+impl Run {
+    /// Reads the directory.
+    pub(super) fn read(dir: &Path) -> Result<Self, ReportError> {
+        if !dir.is_dir() {
+            let path = dir.to_owned();
+            return Err(ReportError::NotADirectory { path });
+        }
+        let config_text = read_text(&dir.join("config.toml"))?;
+        let config = match &config_text {
+            Some(text) => parse_toml(&dir.join("config.toml"), text)?,
+            None => toml::Table::new(),
+        };
+        let metrics = read_json(&dir.join("metrics.json"))?;
+        let only = metrics["control"][0]["model"].as_str();
+        let only = only.unwrap_or("controller").to_owned();
+        Ok(Self {
+            config_text,
+            config,
+            provenance: read_json(&dir.join("provenance.json"))?,
+            training: Table::read(&dir.join("training.csv"))?,
+            prediction: Table::read(&dir.join("prediction.csv"))?,
+            control: read_models(dir, "control", &only)?,
+            steps: read_models(dir, "steps", &only)?,
+            metrics,
+        })
+    }
+
+    /// What the config says at a path of keys, as `&["model", "horizon_s"]`.
+    pub(super) fn setting(&self, path: &[&str]) -> Option<&toml::Value> {
+        let (first, rest) = path.split_first()?;
+        rest.iter()
+            .try_fold(self.config.get(*first)?, |value, key| value.get(*key))
+    }
+
+    /// A number of the config.
+    pub(super) fn number(&self, path: &[&str]) -> Option<f64> {
+        as_number(self.setting(path)?)
+    }
+
+    /// The i-th number of a list in the config.
+    pub(super) fn number_at(&self, path: &[&str], i: usize) -> Option<f64> {
+        as_number(self.setting(path)?.as_array()?.get(i)?)
+    }
+
+    /// The length T of a step in s.
+    pub(super) fn step_s(&self) -> Option<f64> {
+        let model = self.number(&["model", "horizon_s"]);
+        let step = model.or_else(|| self.number(&["control", "step_s"]));
+        step.filter(|t| *t > 0.0)
+    }
+
+    /// The top-level text `key`, from the config or else from the metrics.
+    pub(super) fn title(&self, key: &str, key_in_metrics: &str) -> Option<String> {
+        match self.config.get(key) {
+            Some(toml::Value::String(text)) => Some(text.clone()),
+            Some(value) => Some(value.to_string()),
+            None => self.metrics[key_in_metrics].as_str().map(str::to_owned),
+        }
+    }
+
+    /// A number of the metrics.
+    pub(super) fn metric(&self, path: &[&str]) -> Option<f64> {
+        find(&self.metrics, path)?.as_f64()
+    }
+
+    /// The metrics of one model's closed loop.
+    pub(super) fn control_metrics(&self, model: &str) -> Option<&Value> {
+        let runs = self.metrics["control"].as_array()?;
+        runs.iter().find(|run| run["model"] == model)
+    }
+
+    /// The unit of a variable, from `variables` in the metrics; empty where nothing is said.
+    pub(super) fn unit(&self, variable: &str) -> &str {
+        self.metrics["variables"][variable].as_str().unwrap_or("")
+    }
+
+    /// Variables with their common unit, as an axis says it: "h1, h2 (cm)".
+    pub(super) fn axis_label(&self, variables: &[String]) -> String {
+        self.label_in_unit_of(&variables.join(", "), variables)
+    }
+
+    /// `quantity` with the unit that `variables` have in common, if they have one.
+    pub(super) fn label_in_unit_of(&self, quantity: &str, variables: &[String]) -> String {
+        let unit = variables.first().map_or("", |v| self.unit(v));
+        if unit.is_empty() || variables.iter().any(|v| self.unit(v) != unit) {
+            return quantity.to_owned();
+        }
+        format!("{quantity} ({unit})")
+    }
+}
+
+/// What a JSON value holds at a path of keys.
+pub(super) fn find<'a>(value: &'a Value, path: &[&str]) -> Option<&'a Value> {
+    path.iter().try_fold(value, |value, key| value.get(key))
+}
+
+/// A model's name as the report writes it.
+pub(super) fn model_name(model: &str) -> String {
+    match model {
+        "pinc" | "rk4" => model.to_uppercase(),
+        other => other.to_owned(),
+    }
+}
+
+fn as_number(value: &toml::Value) -> Option<f64> {
+    #[expect(clippy::cast_precision_loss, reason = "settings are far below 2^53")]
+    let whole = || value.as_integer().map(|i| i as f64);
+    value.as_float().or_else(whole)
+}
+
+/// `<kind>-pinc.csv` and `<kind>-rk4.csv`, or the `<kind>.csv` of a run with the `only` model.
+fn read_models(dir: &Path, kind: &str, only: &str) -> Result<Vec<OfModel>, ReportError> {
+    let mut found = Vec::new();
+    for model in ["pinc", "rk4"] {
+        if let Some(table) = Table::read(&dir.join(format!("{kind}-{model}.csv")))? {
+            let model = model.to_owned();
+            found.push(OfModel { model, table });
+        }
+    }
+    if found.is_empty()
+        && let Some(table) = Table::read(&dir.join(format!("{kind}.csv")))?
+    {
+        let model = only.to_owned();
+        found.push(OfModel { model, table });
+    }
+    Ok(found)
+}
+
+fn read_text(path: &Path) -> Result<Option<String>, ReportError> {
+    match std::fs::read_to_string(path) {
+        Ok(text) => Ok(Some(text)),
+        Err(source) if source.kind() == ErrorKind::NotFound => Ok(None),
+        Err(source) => {
+            let path = path.to_owned();
+            Err(ReportError::Read { path, source })
+        }
+    }
+}
+
+fn read_json(path: &Path) -> Result<Value, ReportError> {
+    let Some(text) = read_text(path)? else {
+        return Ok(Value::Null);
+    };
+    serde_json::from_str(&text).map_err(|source| {
+        let path = path.to_owned();
+        ReportError::Json { path, source }
+    })
+}
+
+fn parse_toml(path: &Path, text: &str) -> Result<toml::Table, ReportError> {
+    text.parse().map_err(|source: toml::de::Error| {
+        let start = source.span().map_or(0, |span| span.start);
+        ReportError::Toml {
+            path: path.to_owned(),
+            line: text.bytes().take(start).filter(|b| *b == b'\n').count() + 1,
+            source: Box::new(source),
+        }
+    })
+}

@@ -1,0 +1,475 @@
+//! The report of synthetic run directories: whole, incomplete and damaged ones.
+
+use super::{ReportError, build, figures};
+use std::fmt::Write as _;
+use std::fs;
+use std::path::Path;
+use tempfile::TempDir;
+
+const CONFIG: &str = r#"
+name = "a <synthetic> run"
+preset = "ours"
+seed = 7
+[plant.two-tanks]
+[model]
+horizon_s = 0.5
+[[training.phases]]
+optimizer = { adam = { rate = 1e-3 } }
+[[training.phases]]
+optimizer = { self-scaled-broyden = {} }
+[prediction]
+[control]
+n2 = 5
+state_low = [-1.0, -1.0, 0.0]
+state_high = [1.0, 1.0, 3.0]
+input_low = [-1.0]
+input_high = [1.0]
+[control.sqp]
+tolerance = 1e-8
+"#;
+
+const METRICS: &str = r#"{
+  "experiment": "x", "preset": "ours",
+  "training": { "wall_s": 11.5, "optimizer_s": 10.25, "iterations": 1234, "loss_evaluations": 2345,
+                "stop_reason": "iterations-done" },
+  "validation": { "mse_gen": 1.11e-6, "mse_all_normalized": 2.22e-6, "one_step_mse": 3.33e-8 },
+  "prediction": { "mse_marks": 4.44e-6, "mse_all": 5.55e-6 },
+  "variables": { "a": "cm", "b": "cm", "c": "cm", "u": "V" },
+  "control": [
+    { "model": "pinc", "rmse": 0.13131, "iae": 5.875, "rmse_dense": 0.14121, "iae_dense_sum": 113.575,
+      "wall_s": { "mean": 0.0012, "sd": 0.0001, "median": 0.0011, "runs": 10 },
+      "step_us": { "p50": 6.125, "p99": 9.25, "max": 77.5 }, "sqp_iterations_mean": 3.25,
+      "kkt_max": 6.6e-9, "max_violation": 7.7e-4, "status": { "converged": 120 } },
+    { "model": "rk4", "rmse": 0.13083, "iae": 5.874, "rmse_dense": 0.14106, "iae_dense_sum": 113.461425,
+      "wall_s": { "mean": 0.0006, "sd": 0.0001, "median": 0.0005, "runs": 10 },
+      "step_us": { "p50": 3.0625, "p99": 4.5, "max": 33.5 }, "sqp_iterations_mean": 3.5,
+      "kkt_max": 8.8e-9, "max_violation": 0.0, "status": { "converged": 119, "iteration-limit": 1 } } ] }"#;
+
+/// What [`METRICS`] has to look like on the page.
+const SHOWN: [&str; 31] = [
+    "11.5 s",
+    "10.2 s",
+    "1234",
+    "2345",
+    "iterations-done",
+    "1.11·10⁻⁶",
+    "2.22·10⁻⁶",
+    "3.33·10⁻⁸",
+    "4.44·10⁻⁶",
+    "5.55·10⁻⁶",
+    "0.13131",
+    "5.87500",
+    "0.14121",
+    "113.575",
+    "1.20 ms ± 100 µs (10 runs)",
+    "1.10 ms",
+    "6.12 µs",
+    "9.25 µs",
+    "77.5 µs",
+    "3.25",
+    "6.6·10⁻⁹",
+    "7.7·10⁻⁴",
+    "converged 120",
+    "0.13083",
+    "113.461",
+    "600 µs",
+    "3.06 µs",
+    "33.5 µs",
+    "8.8·10⁻⁹",
+    "converged 119, iteration-limit 1",
+    // 113.575 / 113.461425 = 1.001001
+    "0.10 % higher",
+];
+
+const STEMS: [&str; 5] = [
+    "training",
+    "prediction",
+    "control",
+    "control-start",
+    "steps",
+];
+
+/// A run directory with every file: 3 states, 1 input, 100 steps, both models.
+fn whole() -> TempDir {
+    let dir = tempfile::tempdir().unwrap();
+    write(&dir, "config.toml", CONFIG);
+    write(&dir, "metrics.json", METRICS);
+    write(
+        &dir,
+        "provenance.json",
+        r#"{ "commit": "abc<def", "cpu": { "threads": 2 } }"#,
+    );
+    write(&dir, "training.csv", &training(400));
+    write(&dir, "prediction.csv", &prediction(90));
+    for (model, offset) in [("pinc", 1e-4), ("rk4", 0.0)] {
+        write(&dir, &format!("control-{model}.csv"), &control(900, offset));
+        write(&dir, &format!("steps-{model}.csv"), &steps(100));
+    }
+    dir
+}
+
+fn write(dir: &TempDir, name: &str, text: &str) {
+    fs::write(dir.path().join(name), text).unwrap();
+}
+
+fn training(rows: u32) -> String {
+    let mut text = "iteration,loss_evaluations,elapsed_s,loss,validation_mse,phase,loss_data,\
+                    loss_physics,gradient_norm,collocation_points,fresh_loss\n"
+        .to_owned();
+    for i in 1..=rows {
+        let loss = 1.0 / f64::from(i * i);
+        let validation = if i % 10 == 0 {
+            (3.0 * loss).to_string()
+        } else {
+            String::new()
+        };
+        let (phase, points) = if i <= 100 { (0, 1024) } else { (1, 2048) };
+        let (data, physics) = (0.25 * loss, 0.75 * loss);
+        let _ = writeln!(
+            text,
+            "{i},{},0.{i:04},{loss},{validation},{phase},{data},{physics},{loss},{points},",
+            2 * i
+        );
+    }
+    text
+}
+
+fn prediction(rows: u32) -> String {
+    let mut text = "t,u,a,b,c,a_truth,b_truth,c_truth,mark\n".to_owned();
+    for i in 0..=rows {
+        let t = f64::from(i) / 18.0;
+        let (a, b) = (t.sin(), t.cos());
+        let mark = u32::from(i % 9 == 0);
+        let _ = writeln!(
+            text,
+            "{t},0.5,{},{b},2,{a},{},2.01,{mark}",
+            a + 1e-3 * t,
+            b + 1e-4
+        );
+    }
+    text
+}
+
+fn control(rows: u32, offset: f64) -> String {
+    let mut text = "t,a,b,c,u,a_ref,b_ref\n".to_owned();
+    for i in 0..=rows {
+        let t = f64::from(i) / 18.0;
+        let a = 1.0 - (-t).exp() + offset * t;
+        let _ = writeln!(
+            text,
+            "{t},{a},{},{},{},1,0",
+            (-t).exp(),
+            1.0 + 0.5 * a,
+            0.9 - offset
+        );
+    }
+    text
+}
+
+fn steps(rows: u32) -> String {
+    let mut text = "step,status,sqp_iterations,kkt,solve_us\n".to_owned();
+    for i in 0..rows {
+        let status = if i == 42 {
+            "iteration-limit"
+        } else {
+            "converged"
+        };
+        let _ = writeln!(
+            text,
+            "{i},{status},{},{}e-10,{}",
+            2 + i % 3,
+            1 + i,
+            5.0 + f64::from(i % 7)
+        );
+    }
+    text
+}
+
+fn stems(dir: &Path) -> Vec<String> {
+    figures(dir)
+        .unwrap()
+        .into_iter()
+        .map(|(stem, _)| stem)
+        .collect()
+}
+
+fn svg(dir: &Path, stem: &str) -> String {
+    let mut figures = figures(dir).unwrap().into_iter();
+    figures.find(|figure| figure.0 == stem).unwrap().1
+}
+
+/// No picture has a number that is none, and all that is drawn lies on the page: a tick's label may
+/// stand a little outside of its panel, nothing else may.
+fn assert_sound(svg: &str) {
+    assert!(
+        !svg.contains("NaN") && !svg.contains("inf"),
+        "a number that is none"
+    );
+    let size = svg.split("viewBox=\"0 0 ").nth(1).unwrap();
+    let size: Vec<f64> = numbers(size.split('"').next().unwrap());
+    for points in svg.split("points=\"").skip(1) {
+        for point in points.split('"').next().unwrap().split_whitespace() {
+            let (x, y) = point.split_once(',').unwrap();
+            let (x, y): (f64, f64) = (x.parse().unwrap(), y.parse().unwrap());
+            let on_page = (0.0..=size[0]).contains(&x) && (0.0..=size[1]).contains(&y);
+            assert!(on_page, "{point} is outside of {size:?}");
+        }
+    }
+}
+
+fn numbers(text: &str) -> Vec<f64> {
+    text.split_whitespace()
+        .map(|n| n.parse().unwrap())
+        .collect()
+}
+
+#[test]
+fn a_whole_run_shows_every_picture_and_every_metric() {
+    let dir = whole();
+    let html = build(dir.path()).unwrap();
+    assert_eq!(stems(dir.path()), STEMS);
+    for stem in STEMS {
+        assert!(
+            html.contains(&format!("<section id=\"{stem}\">")),
+            "no {stem}"
+        );
+    }
+    assert_eq!(html.matches("<svg ").count(), STEMS.len());
+    let metrics = html.split("<section id=\"metrics\">").nth(1).unwrap();
+    let metrics = metrics.split("</section>").next().unwrap();
+    for shown in SHOWN {
+        assert!(metrics.contains(shown), "no {shown}");
+    }
+    for said in [
+        "a &lt;synthetic&gt; run",
+        "abc&lt;def",
+        "cpu.threads",
+        "two-tanks",
+        "a, b (cm)",
+    ] {
+        assert!(html.contains(said), "no {said}");
+    }
+    assert!(!html.contains("class=\"note\""), "nothing is missing");
+}
+
+#[test]
+fn the_page_needs_nothing_else() {
+    let html = build(whole().path()).unwrap();
+    for link in ["src=", "href=", "url(", "@import", "<script"] {
+        assert!(!html.contains(link), "{link} in the page");
+    }
+    // The name of SVG's vocabulary is no address to load.
+    let addresses = html.replace("http://www.w3.org/2000/svg", "");
+    assert!(!addresses.contains("http"), "an address in the page");
+}
+
+#[test]
+fn pictures_are_sound_and_mark_what_they_should() {
+    let dir = whole();
+    for (_, svg) in figures(dir.path()).unwrap() {
+        assert_sound(&svg);
+    }
+    let training = svg(dir.path(), "training");
+    for word in [
+        "Adam, 1024 points",
+        "self-scaled Broyden, 2048 points",
+        "best validation",
+    ] {
+        assert!(training.contains(word), "no {word}");
+    }
+    let steps = svg(dir.path(), "steps");
+    assert!(steps.contains("not converged") && steps.contains("tolerance"));
+    let control = svg(dir.path(), "control");
+    for word in [
+        "a with PINC",
+        "with RK4",
+        "reference",
+        "limits",
+        "|PINC − RK4| (cm)",
+        "Other states",
+    ] {
+        assert!(control.contains(word), "no {word}");
+    }
+    let prediction = svg(dir.path(), "prediction");
+    // A dot per state and step mark (0 to 10), and one in the legend of each of the two panels.
+    assert_eq!(prediction.matches("<circle").count(), 3 * 11 + 2);
+}
+
+#[test]
+fn missing_files_leave_their_sections_out() {
+    for (file, gone) in [
+        ("training.csv", "training"),
+        ("prediction.csv", "prediction"),
+    ] {
+        let dir = whole();
+        fs::remove_file(dir.path().join(file)).unwrap();
+        assert!(!stems(dir.path()).iter().any(|stem| stem == gone));
+        let html = build(dir.path()).unwrap();
+        assert!(
+            html.contains(&format!("There is no {file}")),
+            "no note on {file}"
+        );
+    }
+    let empty = tempfile::tempdir().unwrap();
+    assert!(
+        build(empty.path())
+            .unwrap()
+            .contains("There is no config.toml")
+    );
+    assert!(stems(empty.path()).is_empty());
+}
+
+#[test]
+fn missing_metrics_are_dashes() {
+    let dir = whole();
+    write(
+        &dir,
+        "metrics.json",
+        r#"{ "training": {}, "control": [{ "model": "pinc" }], "more": 1 }"#,
+    );
+    let html = build(dir.path()).unwrap();
+    assert!(html.contains("<tr><th>Wall time</th><td>–</td></tr>"));
+    assert!(html.contains("<tr><th>RMSE at the steps</th><td>–</td></tr>"));
+}
+
+#[test]
+fn one_model_has_no_comparison() {
+    let dir = whole();
+    for kind in ["control", "steps"] {
+        let of = |model: &str| dir.path().join(format!("{kind}{model}.csv"));
+        fs::rename(of("-pinc"), of("")).unwrap();
+        fs::remove_file(of("-rk4")).unwrap();
+    }
+    let control = svg(dir.path(), "control");
+    assert!(!control.contains("RK4") && !control.contains("Difference"));
+    assert!(svg(dir.path(), "steps").contains("PINC, median"));
+}
+
+#[test]
+fn damaged_files_are_named_with_their_line() {
+    for (file, text, place) in [
+        (
+            "training.csv",
+            "iteration,loss\n1,0.5\n2,many\n",
+            "training.csv:3: column `loss`",
+        ),
+        (
+            "training.csv",
+            "iteration,loss\n1,0.5\n2\n",
+            "training.csv:3: damaged CSV",
+        ),
+        (
+            "prediction.csv",
+            "time,x\n0,1\n",
+            "prediction.csv:1: no column `t`",
+        ),
+        (
+            "steps-pinc.csv",
+            "step,status\nzero,converged\n",
+            "steps-pinc.csv:2: column `step`",
+        ),
+        (
+            "metrics.json",
+            "{\n\"control\": ,\n}",
+            "metrics.json:2: damaged JSON",
+        ),
+        (
+            "config.toml",
+            "name = \"x\"\nseed = = 1\n",
+            "config.toml:2: damaged TOML",
+        ),
+    ] {
+        let dir = whole();
+        write(&dir, file, text);
+        let message = build(dir.path()).unwrap_err().to_string();
+        assert!(message.contains(place), "{message}");
+    }
+    let missing = whole().path().join("nowhere");
+    let error = build(&missing).unwrap_err();
+    assert!(
+        matches!(error, ReportError::NotADirectory { .. }),
+        "{error}"
+    );
+}
+
+#[test]
+fn values_without_a_place_on_a_log_axis_are_left_out() {
+    let dir = whole();
+    let rows = [
+        "1,NaN,-1",
+        "2,inf,0",
+        "3,-inf,",
+        "4,0.5,1e-320",
+        "5,-3,1e308",
+        "6,0,2",
+        "7,0.25,3",
+    ];
+    write(
+        &dir,
+        "training.csv",
+        &format!("iteration,loss,loss_data\n{}\n", rows.join("\n")),
+    );
+    write(
+        &dir,
+        "steps-pinc.csv",
+        "step,status,sqp_iterations,kkt,solve_us\n0,lost,NaN,NaN,-1\n",
+    );
+    write(
+        &dir,
+        "steps-rk4.csv",
+        "step,status,sqp_iterations,kkt,solve_us\n0,lost,0,-1,inf\n",
+    );
+    for (_, svg) in figures(dir.path()).unwrap() {
+        assert_sound(&svg);
+    }
+    // Nothing but NaN: no panel, so no picture.
+    write(&dir, "training.csv", "iteration,loss\n1,NaN\n2,NaN\n");
+    assert!(!stems(dir.path()).contains(&"training".to_owned()));
+}
+
+#[test]
+fn files_of_one_row_or_none_are_no_trouble() {
+    let dir = whole();
+    write(&dir, "training.csv", &training(1));
+    write(&dir, "prediction.csv", &prediction(0));
+    for model in ["pinc", "rk4"] {
+        write(&dir, &format!("control-{model}.csv"), &control(0, 0.0));
+        write(&dir, &format!("steps-{model}.csv"), &steps(1));
+    }
+    assert_eq!(
+        stems(dir.path()),
+        ["training", "prediction", "control", "steps"]
+    );
+    for (_, svg) in figures(dir.path()).unwrap() {
+        assert_sound(&svg);
+    }
+    write(&dir, "training.csv", "iteration,loss\n");
+    assert!(
+        build(dir.path())
+            .unwrap()
+            .contains("training.csv has no rows")
+    );
+}
+
+#[test]
+fn constants_are_drawn_in_the_middle() {
+    let dir = whole();
+    let header = "t,a,b,c,u,a_ref,b_ref\n";
+    let rows: String = (0..20).map(|i| format!("{i},0,0,1e12,0.5,0,0\n")).collect();
+    write(&dir, "control-pinc.csv", &format!("{header}{rows}"));
+    write(&dir, "control-rk4.csv", &format!("{header}{rows}"));
+    let control = svg(dir.path(), "control");
+    assert_sound(&control);
+    assert!(
+        !control.contains("Difference"),
+        "two equal loops have no difference to draw"
+    );
+}
+
+#[test]
+fn long_trainings_make_no_heavy_page() {
+    let dir = whole();
+    write(&dir, "training.csv", &training(20_000));
+    let size = build(dir.path()).unwrap().len();
+    assert!(size < 2_000_000, "{size} bytes");
+}
