@@ -1,1 +1,34 @@
-//! PINC.
+//! Nonlinear model predictive control by multiple shooting, over any
+//! [`Predictor`](pinc_ode::Predictor).
+//!
+//! - [`NmpcProblem`]: the optimisation problem of the paper, Eqs. (MS:*), with its [`Weights`] and
+//!   [`Bounds`].
+//! - [`Nmpc`]: the controller. Each step solves the problem by Gauss-Newton sequential quadratic
+//!   programming, says how that ended ([`SqpStatus`]) and how good the plan is ([`KktResidual`]).
+//! - [`ClosedLoop`]: the controller with an accurately integrated plant, following a [`Reference`].
+//!
+//! What a model is made of is nothing to this crate: an integrator and a neural net enter by the
+//! same trait. It prints nothing, opens no file and reads no clock.
+//!
+//! A status is a value, for the plant needs an input however the optimisation ends; an
+//! [`MpcError`] means that the parts do not fit together.
+
+mod closed_loop;
+mod controller;
+mod cost;
+mod error;
+mod kkt;
+mod problem;
+mod qp;
+mod reference;
+mod solution;
+mod sqp;
+
+pub use closed_loop::{ClosedLoop, Control, StepRecord};
+pub use controller::{Nmpc, StepReport};
+pub use error::MpcError;
+pub use kkt::KktResidual;
+pub use problem::{Bounds, NmpcProblem, Profile, Weights};
+pub use reference::Reference;
+pub use solution::Solution;
+pub use sqp::{SqpConfig, SqpStatus};

@@ -1,0 +1,268 @@
+//! The controller and the plant together.
+
+use crate::error::check_finite;
+use crate::{MpcError, Nmpc, Reference, SqpStatus};
+use pinc_ode::metrics::Tracking;
+use pinc_ode::{Adaptive, Plant, Trajectory};
+
+/// Points of the dense trace per control step, the last one at its end.
+const POINTS: usize = 9;
+
+/// A controller in closed loop with an accurately integrated plant.
+///
+/// The plant need not be the controller's model: parameters that differ show how sensitive the
+/// control is. There are as many steps as reference values. Each is taken in two parts, so that a
+/// caller can watch, and time, the controller alone:
+///
+/// ```
+/// # use pinc_mpc::{Bounds, ClosedLoop, Nmpc, NmpcProblem, Profile, Reference, SqpConfig, Weights};
+/// # use pinc_ode::{Adaptive, Rk4, VanDerPol};
+/// # let problem = NmpcProblem {
+/// #     first: 1,
+/// #     last: 5,
+/// #     control: 5,
+/// #     controlled: vec![0, 1],
+/// #     weights: Weights { q: vec![10.0, 10.0], r: vec![1.0], profile: Profile::Uniform },
+/// #     state_bounds: Bounds::none(2),
+/// #     input_bounds: Bounds { low: vec![-1.0], high: vec![1.0] },
+/// # };
+/// # let plant = VanDerPol::default();
+/// # let mut nmpc = Nmpc::new(problem, Box::new(Rk4::new(plant, 0.5, 4)), SqpConfig::default())?;
+/// let reference = Reference::new([0.0, 0.0].repeat(20), 2)?;
+/// let truth = Adaptive::new(plant, 1e-12);
+/// let mut run = ClosedLoop::new(&mut nmpc, truth, reference, &[1.0, 0.0])?;
+/// while let Some(control) = run.control()? {
+///     control.advance()?;
+/// }
+/// assert_eq!(run.trajectory().len(), 20 * 9 + 1);
+/// assert!(run.state()[0].abs() < 1e-3);
+/// # Ok::<(), pinc_mpc::MpcError>(())
+/// ```
+#[derive(Debug)]
+pub struct ClosedLoop<'a, P> {
+    nmpc: &'a mut Nmpc,
+    plant: Adaptive<P>,
+    reference: Reference,
+    x: Vec<f64>,
+    window: Vec<f64>,
+    steps: Vec<StepRecord>,
+    /// How many steps the plant has taken.
+    done: usize,
+    /// Whether the plant broke off.
+    broken: bool,
+    trajectory: Trajectory,
+    at_steps: Tracking,
+    dense: Tracking,
+    max_violation: f64,
+}
+
+/// What is remembered of the controller's part of a step.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct StepRecord {
+    /// How the optimisation ended.
+    pub status: SqpStatus,
+    /// How many QPs were solved.
+    pub sqp_iterations: usize,
+    /// The largest KKT residual, [`KktResidual::max`](crate::KktResidual::max).
+    pub kkt: f64,
+}
+
+/// A step between its two parts: the input is chosen, the plant has not moved. If it is dropped, the
+/// plant stays, and the controller is asked again.
+#[derive(Debug)]
+#[must_use = "the plant moves only by `advance`"]
+pub struct Control<'b, 'a, P> {
+    run: &'b mut ClosedLoop<'a, P>,
+    u: Vec<f64>,
+}
+
+impl<'a, P: Plant> ClosedLoop<'a, P> {
+    /// The loop of `nmpc`, which forgets what it did before, and `plant`, starting in state `x`.
+    /// The paper's answers are those of a plant integrated to a tolerance of 1e-12.
+    ///
+    /// # Errors
+    ///
+    /// [`MpcError`] if plant, reference or state do not suit the controller.
+    pub fn new(
+        nmpc: &'a mut Nmpc,
+        plant: Adaptive<P>,
+        reference: Reference,
+        x: &[f64],
+    ) -> Result<Self, MpcError> {
+        let (dims, given) = (nmpc.model().dims(), plant.plant().dims());
+        let outputs = nmpc.problem().controlled.len();
+        for (field, expected, found) in [
+            ("the plant's states", dims.states, given.states),
+            ("the plant's inputs", dims.inputs, given.inputs),
+            ("the reference's outputs", outputs, reference.outputs()),
+        ] {
+            if found != expected {
+                return Err(MpcError::Length {
+                    field,
+                    expected,
+                    found,
+                });
+            }
+        }
+        check_finite("the initial state", x, dims.states)?;
+        nmpc.reset();
+        Ok(Self {
+            x: x.to_vec(),
+            window: vec![0.0; nmpc.problem().last * outputs],
+            steps: Vec::with_capacity(reference.steps()),
+            done: 0,
+            broken: false,
+            trajectory: Trajectory::new(dims),
+            at_steps: Tracking::new(outputs),
+            dense: Tracking::new(outputs),
+            max_violation: 0.0,
+            nmpc,
+            plant,
+            reference,
+        })
+    }
+
+    /// The controller's part of the next step; `None` after the last step, and after the plant broke
+    /// off.
+    ///
+    /// # Errors
+    ///
+    /// [`MpcError`] if the plant has left the finite numbers.
+    pub fn control(&mut self) -> Result<Option<Control<'_, 'a, P>>, MpcError> {
+        if self.broken || self.done == self.reference.steps() {
+            return Ok(None);
+        }
+        self.reference.preview(self.done, &mut self.window);
+        let step = self.nmpc.step(&self.x, &self.window)?;
+        self.steps.truncate(self.done);
+        self.steps.push(StepRecord {
+            status: step.status,
+            sqp_iterations: step.sqp_iterations,
+            kkt: step.kkt.max(),
+        });
+        let u = step.u.to_vec();
+        Ok(Some(Control { run: self, u }))
+    }
+
+    /// Takes all the steps that are left.
+    ///
+    /// # Errors
+    ///
+    /// As [`ClosedLoop::control`] and [`Control::advance`].
+    pub fn run(&mut self) -> Result<(), MpcError> {
+        while let Some(control) = self.control()? {
+            control.advance()?;
+        }
+        Ok(())
+    }
+
+    /// The state of the plant, shape `n`.
+    #[must_use]
+    pub fn state(&self) -> &[f64] {
+        &self.x
+    }
+
+    /// One record per step taken.
+    #[must_use]
+    pub fn steps(&self) -> &[StepRecord] {
+        &self.steps
+    }
+
+    /// The dense trace: the initial point and nine points per step, the last one at its end, each
+    /// with the input that led there (the initial one with the first). If the plant broke off, this
+    /// is what there was until then.
+    #[must_use]
+    pub fn trajectory(&self) -> &Trajectory {
+        &self.trajectory
+    }
+
+    /// What sample `i` of the dense trace is compared with: the value of the step that led there;
+    /// for the initial point, that of the first step.
+    #[must_use]
+    pub fn reference_at(&self, i: usize) -> &[f64] {
+        self.reference.at(i.saturating_sub(1) / POINTS)
+    }
+
+    /// The tracking error at the ends of the steps: the metrics as printed.
+    #[must_use]
+    pub fn tracking_at_steps(&self) -> &Tracking {
+        &self.at_steps
+    }
+
+    /// The tracking error on the dense trace: the metrics of the paper's Table 1.
+    #[must_use]
+    pub fn tracking_dense(&self) -> &Tracking {
+        &self.dense
+    }
+
+    /// The most by which a bounded state or input was outside its bounds on the dense trace, the
+    /// initial point apart, which is given.
+    #[must_use]
+    pub fn max_violation(&self) -> f64 {
+        self.max_violation
+    }
+
+    /// Appends the plant's state at time `t` to the trace, and gives its controlled part.
+    fn sample(&mut self, t: f64, u: &[f64]) -> Vec<f64> {
+        self.trajectory.push(t, &self.x, u);
+        let controlled = &self.nmpc.problem().controlled;
+        let y: Vec<f64> = controlled.iter().map(|&state| self.x[state]).collect();
+        self.dense.push(self.reference.at(self.done), &y);
+        y
+    }
+
+    fn watch_bounds(&mut self, u: &[f64]) {
+        let problem = self.nmpc.problem();
+        let states = problem.state_bounds.violation(&self.x);
+        let inputs = problem.input_bounds.violation(u);
+        self.max_violation = self.max_violation.max(states).max(inputs);
+    }
+}
+
+impl<P: Plant> Control<'_, '_, P> {
+    /// The input chosen, shape `m`.
+    #[must_use]
+    pub fn u(&self) -> &[f64] {
+        &self.u
+    }
+
+    /// What the controller did.
+    #[must_use]
+    pub fn record(&self) -> &StepRecord {
+        &self.run.steps[self.run.done]
+    }
+
+    /// The plant's part of the step.
+    ///
+    /// # Errors
+    ///
+    /// [`MpcError::Plant`] if the plant cannot be integrated; the loop then ends here and keeps what
+    /// it has.
+    pub fn advance(self) -> Result<(), MpcError> {
+        let Self { run, u } = self;
+        let horizon_s = run.nmpc.model().horizon_s();
+        if run.trajectory.is_empty() {
+            run.sample(0.0, &u);
+        }
+        #[expect(clippy::cast_precision_loss, reason = "no run has 2^53 steps")]
+        let time = |part: usize| (run.done as f64 + part as f64 / POINTS as f64) * horizon_s;
+        let times: [f64; POINTS] = std::array::from_fn(|part| time(part + 1));
+        for (part, t) in times.into_iter().enumerate() {
+            #[expect(clippy::cast_precision_loss, reason = "nine")]
+            let duration = horizon_s / POINTS as f64;
+            let integrated = run.plant.integrate(&mut run.x, &u, duration);
+            if let Err(source) = integrated {
+                run.broken = true;
+                let step = run.done;
+                return Err(MpcError::Plant { step, source });
+            }
+            let y = run.sample(t, &u);
+            run.watch_bounds(&u);
+            if part + 1 == POINTS {
+                run.at_steps.push(run.reference.at(run.done), &y);
+            }
+        }
+        run.done += 1;
+        Ok(())
+    }
+}

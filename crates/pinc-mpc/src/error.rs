@@ -1,0 +1,165 @@
+//! What can go wrong with a control problem or a closed loop.
+
+use pinc_ode::OdeError;
+use thiserror::Error;
+
+/// An error of this crate. It means that something was put together wrongly, or that a simulated
+/// plant broke off; that an optimisation did not converge is no error but a
+/// [`SqpStatus`](crate::SqpStatus).
+#[derive(Clone, Debug, Error, PartialEq)]
+#[non_exhaustive]
+pub enum MpcError {
+    /// A list of the wrong length.
+    #[error("{field}: {found} numbers, but {expected} are expected")]
+    Length {
+        /// What the list is.
+        field: &'static str,
+        /// The length it must have.
+        expected: usize,
+        /// The length it has.
+        found: usize,
+    },
+    /// A whole number outside its range, as a horizon.
+    #[error("{field} is {found}, but must be from {low} to {high}")]
+    Range {
+        /// What the number is.
+        field: &'static str,
+        /// The least it may be.
+        low: usize,
+        /// The most it may be.
+        high: usize,
+        /// What it is.
+        found: usize,
+    },
+    /// A state that is controlled twice.
+    #[error("controlled names state {state} twice")]
+    ControlledTwice {
+        /// Index of the state.
+        state: usize,
+    },
+    /// A number in a list that it must not hold, as NaN, or a negative weight.
+    #[error("{field}[{index}] is {value}, but must be {expected}")]
+    Number {
+        /// The list the number is in.
+        field: &'static str,
+        /// Its place in it.
+        index: usize,
+        /// What it must be.
+        expected: &'static str,
+        /// What it is.
+        value: f64,
+    },
+    /// A setting outside its range.
+    #[error("{field} is {value}, but must be {expected}")]
+    Setting {
+        /// Its name.
+        field: &'static str,
+        /// What it must be.
+        expected: &'static str,
+        /// What it is.
+        value: f64,
+    },
+    /// A lower bound above its upper bound.
+    #[error("the bounds of {field}[{index}] are crossed: low {low} > high {high}")]
+    CrossedBounds {
+        /// What is bounded.
+        field: &'static str,
+        /// Its place in the list.
+        index: usize,
+        /// The lower bound.
+        low: f64,
+        /// The upper bound.
+        high: f64,
+    },
+    /// The plant could not be integrated over a control step.
+    #[error("the plant broke off in control step {step}")]
+    Plant {
+        /// The control step.
+        step: usize,
+        /// What the integrator says.
+        source: OdeError,
+    },
+}
+
+/// Whether `values` has `expected` entries.
+pub(crate) fn check_length(
+    field: &'static str,
+    values: &[f64],
+    expected: usize,
+) -> Result<(), MpcError> {
+    let found = values.len();
+    if found == expected {
+        Ok(())
+    } else {
+        Err(MpcError::Length {
+            field,
+            expected,
+            found,
+        })
+    }
+}
+
+/// Whether every value passes `test`, which `expected` says in words.
+pub(crate) fn check_numbers(
+    field: &'static str,
+    values: &[f64],
+    expected: &'static str,
+    test: impl Fn(f64) -> bool,
+) -> Result<(), MpcError> {
+    match values.iter().position(|&value| !test(value)) {
+        None => Ok(()),
+        Some(index) => Err(MpcError::Number {
+            field,
+            index,
+            expected,
+            value: values[index],
+        }),
+    }
+}
+
+/// Whether the setting is `good`, which `expected` says in words.
+pub(crate) fn check_setting(
+    field: &'static str,
+    value: f64,
+    expected: &'static str,
+    good: bool,
+) -> Result<(), MpcError> {
+    if good {
+        Ok(())
+    } else {
+        Err(MpcError::Setting {
+            field,
+            expected,
+            value,
+        })
+    }
+}
+
+/// Whether `values` has `expected` entries, all finite.
+pub(crate) fn check_finite(
+    field: &'static str,
+    values: &[f64],
+    expected: usize,
+) -> Result<(), MpcError> {
+    check_length(field, values, expected)?;
+    check_numbers(field, values, "finite", f64::is_finite)
+}
+
+/// Whether `low <= found <= high`.
+pub(crate) fn check_range(
+    field: &'static str,
+    found: usize,
+    low: usize,
+    high: usize,
+) -> Result<(), MpcError> {
+    if (low..=high).contains(&found) {
+        Ok(())
+    } else {
+        Err(MpcError::Range {
+            field,
+            low,
+            high,
+            found,
+        })
+    }
+}

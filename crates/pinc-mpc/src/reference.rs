@@ -1,0 +1,133 @@
+//! What the controlled states are to follow.
+
+use crate::MpcError;
+use crate::error::{check_numbers, check_range, check_setting};
+use pinc_ode::Signal;
+
+/// One reference value per control step, known in advance.
+///
+/// Value k is what the state *after* step k, x\[k+1\], is compared with.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Reference {
+    outputs: usize,
+    values: Vec<f64>,
+}
+
+impl Reference {
+    /// The reference with these values.
+    ///
+    /// # Shapes
+    ///
+    /// `values`: `[steps, outputs]`, row by row.
+    ///
+    /// # Errors
+    ///
+    /// [`MpcError`] if there is no whole row or a value is not finite.
+    pub fn new(values: Vec<f64>, outputs: usize) -> Result<Self, MpcError> {
+        check_range("reference outputs", outputs, 1, usize::MAX)?;
+        check_range("reference values", values.len(), outputs, usize::MAX)?;
+        let ragged = values.len() % outputs;
+        if ragged != 0 {
+            return Err(MpcError::Length {
+                field: "the last row of the reference",
+                expected: outputs,
+                found: ragged,
+            });
+        }
+        check_numbers("reference", &values, "finite", f64::is_finite)?;
+        Ok(Self { outputs, values })
+    }
+
+    /// The values of `signal` at the beginning of each of `steps` steps of `horizon_s` seconds.
+    ///
+    /// # Errors
+    ///
+    /// [`MpcError`] if `steps` is 0 or `horizon_s` is not positive and finite.
+    pub fn sample(signal: &Signal, steps: usize, horizon_s: f64) -> Result<Self, MpcError> {
+        let good = horizon_s > 0.0 && horizon_s.is_finite();
+        check_setting("horizon_s", horizon_s, "positive and finite", good)?;
+        #[expect(clippy::cast_precision_loss, reason = "no run has 2^53 steps")]
+        let rows = (0..steps).flat_map(|k| signal.at(k as f64 * horizon_s));
+        Self::new(rows.copied().collect(), signal.width())
+    }
+
+    /// How many steps there are.
+    #[must_use]
+    pub fn steps(&self) -> usize {
+        self.values.len() / self.outputs
+    }
+
+    /// How many controlled states there are.
+    #[must_use]
+    pub fn outputs(&self) -> usize {
+        self.outputs
+    }
+
+    /// The value of step `k`; after the end, the last.
+    #[must_use]
+    pub fn at(&self, k: usize) -> &[f64] {
+        let k = k.min(self.steps() - 1);
+        &self.values[k * self.outputs..(k + 1) * self.outputs]
+    }
+
+    /// Writes the preview at step `k`, as many rows as `window` holds: the values of steps
+    /// k, k+1, .. Where these would pass the end, the last rows that do not, once more.
+    ///
+    /// # Shapes
+    ///
+    /// `window`: `[rows, outputs]`, row by row.
+    pub fn preview(&self, k: usize, window: &mut [f64]) {
+        let rows = window.len() / self.outputs;
+        let first = k.min(self.steps().saturating_sub(rows));
+        for (i, row) in window.chunks_exact_mut(self.outputs).enumerate() {
+            row.copy_from_slice(self.at(first + i));
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_preview_repeats_the_last_window() {
+        let reference = Reference::new(vec![0.0, 1.0, 2.0, 3.0], 1).unwrap();
+        let preview = |k, rows| {
+            let mut window = vec![f64::NAN; rows];
+            reference.preview(k, &mut window);
+            window
+        };
+        assert_eq!(preview(0, 2), [0.0, 1.0]);
+        assert_eq!(preview(2, 2), [2.0, 3.0]);
+        assert_eq!(preview(3, 2), [2.0, 3.0]);
+        // A run shorter than the horizon ends in its last value.
+        assert_eq!(preview(1, 6), [0.0, 1.0, 2.0, 3.0, 3.0, 3.0]);
+    }
+
+    #[test]
+    fn a_signal_is_sampled_at_the_beginning_of_steps() {
+        let signal = Signal::new(vec![0.0, 1.0], vec![vec![5.0], vec![7.0]]).unwrap();
+        let reference = Reference::sample(&signal, 4, 0.5).unwrap();
+        assert_eq!(reference.values, [5.0, 5.0, 7.0, 7.0]);
+        assert!(Reference::sample(&signal, 0, 0.5).is_err());
+        assert!(Reference::sample(&signal, 4, f64::NAN).is_err());
+    }
+
+    #[test]
+    fn values_that_are_no_reference_are_errors() {
+        assert!(Reference::new(vec![], 1).is_err());
+        assert!(Reference::new(vec![1.0], 0).is_err());
+        assert_eq!(
+            Reference::new(vec![1.0, 2.0, 3.0], 2)
+                .unwrap_err()
+                .to_string(),
+            "the last row of the reference: 1 numbers, but 2 are expected"
+        );
+        assert_eq!(
+            Reference::new(vec![1.0, f64::NAN], 1)
+                .unwrap_err()
+                .to_string(),
+            "reference[1] is NaN, but must be finite"
+        );
+    }
+}

@@ -1,0 +1,186 @@
+//! Sequential quadratic programming with Gauss-Newton Hessians.
+
+use crate::cost::{Cost, Targets};
+use crate::error::{check_range, check_setting};
+use crate::kkt::KktResidual;
+use crate::qp::{ClarabelQp, Qp, QpStatus};
+use crate::solution::{Shape, Solution};
+use crate::{Bounds, MpcError, NmpcProblem};
+use pinc_ode::Predictor;
+use serde::{Deserialize, Serialize};
+use std::fmt;
+
+/// How the optimisation of a control step ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+#[non_exhaustive]
+pub enum SqpStatus {
+    /// The KKT residual is within the tolerance.
+    Converged,
+    /// It is not, after all the iterations that are allowed.
+    IterationLimit,
+    /// No step satisfies the linearised dynamics and the bounds.
+    InfeasibleQp,
+    /// The model gave NaN or infinity, or the QP solver broke off.
+    NumericalTrouble,
+}
+
+/// The serialised name, as `converged`.
+impl fmt::Display for SqpStatus {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Converged => "converged",
+            Self::IterationLimit => "iteration-limit",
+            Self::InfeasibleQp => "infeasible-qp",
+            Self::NumericalTrouble => "numerical-trouble",
+        })
+    }
+}
+
+/// The choices of the optimisation.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct SqpConfig {
+    /// The largest [`KktResidual`] that counts as converged; 1e-8 unless said otherwise.
+    pub tolerance: f64,
+    /// How many QPs a control step may solve; 50 unless said otherwise.
+    pub max_iterations: usize,
+}
+
+impl Default for SqpConfig {
+    fn default() -> Self {
+        Self {
+            tolerance: 1e-8,
+            max_iterations: 50,
+        }
+    }
+}
+
+impl SqpConfig {
+    /// Checks the choices.
+    ///
+    /// # Errors
+    ///
+    /// [`MpcError`] if the tolerance is not positive and finite, or no iteration is allowed.
+    pub fn validate(&self) -> Result<(), MpcError> {
+        let good = self.tolerance > 0.0 && self.tolerance.is_finite();
+        check_setting("tolerance", self.tolerance, "positive and finite", good)?;
+        check_range("max_iterations", self.max_iterations, 1, usize::MAX)
+    }
+}
+
+/// Full-step SQP: linearise the problem at the current plan, solve the QP, take its step and its
+/// multipliers, until the KKT residual is small.
+///
+/// With the Gauss-Newton Hessian this converges linearly, the faster the smaller the multipliers of
+/// the dynamics times their curvature. Nothing enforces convergence from afar: a run that diverges
+/// ends at the iteration limit. Reference: Nocedal and Wright, *Numerical Optimization*, chapter 18;
+/// Diehl et al., "Real-time optimization for large scale processes", J. Process Control 12 (2002).
+///
+/// All memory is allocated at construction, but for what Clarabel does inside.
+#[derive(Debug)]
+pub(crate) struct Sqp {
+    config: SqpConfig,
+    cost: Cost,
+    bounds: Bounds,
+    qp: Qp,
+    solver: ClarabelQp,
+    work: Vec<f64>,
+}
+
+/// What came of an optimisation.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Outcome {
+    pub(crate) status: SqpStatus,
+    pub(crate) iterations: usize,
+    /// The residual at the start.
+    pub(crate) first: KktResidual,
+    /// The residual at the end.
+    pub(crate) last: KktResidual,
+}
+
+impl Sqp {
+    pub(crate) fn new(
+        problem: &NmpcProblem,
+        config: SqpConfig,
+        shape: Shape,
+        horizon_s: f64,
+    ) -> Self {
+        let cost = Cost::new(problem, shape, horizon_s);
+        let bounds = shape.repeat(&problem.state_bounds, &problem.input_bounds);
+        let qp = Qp::new(shape);
+        let solver = ClarabelQp::new(&qp, &cost, &bounds);
+        Self {
+            config,
+            cost,
+            bounds,
+            qp,
+            solver,
+            work: vec![0.0; shape.unknowns()],
+        }
+    }
+
+    /// Moves the plan into its bounds.
+    pub(crate) fn project(&self, plan: &mut Solution) {
+        self.bounds.clamp(&mut plan.z);
+    }
+
+    /// Improves the plan for a plant measured to be at `x0`. The plan must be within its bounds and
+    /// stays there.
+    pub(crate) fn solve(
+        &mut self,
+        model: &mut dyn Predictor,
+        x0: &[f64],
+        targets: Targets<'_>,
+        plan: &mut Solution,
+    ) -> Outcome {
+        let first = self.linearize(model, x0, targets, plan);
+        let (mut last, mut iterations) = (first, 0);
+        let status = loop {
+            if let Some(status) = self.verdict(last, iterations) {
+                break status;
+            }
+            match self.solver.solve(&self.qp, plan) {
+                QpStatus::Solved => iterations += 1,
+                QpStatus::Infeasible => break SqpStatus::InfeasibleQp,
+                QpStatus::Failed => break SqpStatus::NumericalTrouble,
+            }
+            // The interior-point step may be outside by its tolerance.
+            self.project(plan);
+            last = self.linearize(model, x0, targets, plan);
+        };
+        Outcome {
+            status,
+            iterations,
+            first,
+            last,
+        }
+    }
+
+    fn linearize(
+        &mut self,
+        model: &mut dyn Predictor,
+        x0: &[f64],
+        targets: Targets<'_>,
+        plan: &Solution,
+    ) -> KktResidual {
+        let Self {
+            qp, cost, bounds, ..
+        } = self;
+        qp.linearize(model, cost, bounds, x0, targets, plan);
+        KktResidual::new(qp, plan, &mut self.work)
+    }
+
+    /// Whether to stop after so many iterations with this residual.
+    fn verdict(&self, kkt: KktResidual, iterations: usize) -> Option<SqpStatus> {
+        if !kkt.max().is_finite() {
+            Some(SqpStatus::NumericalTrouble)
+        } else if kkt.max() <= self.config.tolerance {
+            Some(SqpStatus::Converged)
+        } else if iterations == self.config.max_iterations {
+            Some(SqpStatus::IterationLimit)
+        } else {
+            None
+        }
+    }
+}
