@@ -133,6 +133,9 @@ impl<P: Plant> Adaptive<P> {
             // Stretch the last step a little rather than leave a sliver behind it.
             let last = step * (1.0 + 1e-6) >= remaining;
             let h = if last { remaining } else { step };
+            if t + h <= t {
+                return Err(OdeError::StepTooSmall { t, step: h });
+            }
             let error = self.attempt(x, u, h);
             if !error.is_finite() && h < 1e-12 * duration {
                 return Err(OdeError::NotFinite {
@@ -153,9 +156,6 @@ impl<P: Plant> Adaptive<P> {
                 };
             } else {
                 step = h * if error.is_nan() { 0.2 } else { factor.min(0.9) };
-                if t + step <= t {
-                    return Err(OdeError::StepTooSmall { t, step });
-                }
             }
         }
         self.step = Some(step);

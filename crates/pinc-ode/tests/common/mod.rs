@@ -1,0 +1,102 @@
+//! What the tests of both integrators need: exact solutions and a regression.
+
+use pinc_ad::Scalar;
+use pinc_ode::{Plant, Variable};
+
+/// States after some time, by mpmath: see data/expected.py.
+const FLOWS: &str = include_str!("../data/flows.csv");
+
+/// A row of data/flows.csv.
+pub(crate) struct Flow {
+    pub(crate) x: Vec<f64>,
+    pub(crate) u: Vec<f64>,
+    pub(crate) duration_s: f64,
+    pub(crate) end: Vec<f64>,
+}
+
+/// All rows of this plant.
+pub(crate) fn flows(plant: &str) -> Vec<Flow> {
+    let numbers = |field: &str| -> Vec<f64> {
+        let parse = |v: &str| v.parse().expect("a number");
+        field.split(' ').map(parse).collect()
+    };
+    let parse = |line: &str| {
+        let fields: Vec<_> = line.split(',').collect();
+        Flow {
+            x: numbers(fields[1]),
+            u: numbers(fields[2]),
+            duration_s: numbers(fields[3])[0],
+            end: numbers(fields[4]),
+        }
+    };
+    let rows: Vec<_> = FLOWS
+        .lines()
+        .filter(|line| line.split(',').next() == Some(plant))
+        .map(parse)
+        .collect();
+    assert!(!rows.is_empty(), "no flow of {plant}");
+    rows
+}
+
+/// A damped oscillator with a force, x' = v, v' = u - 2 d v - (1 + d^2) x, which swings at 1 rad/s.
+#[derive(Clone, Debug)]
+pub(crate) struct Oscillator {
+    pub(crate) damping: f64,
+}
+
+impl Plant for Oscillator {
+    fn states(&self) -> &[Variable] {
+        static VARIABLES: [Variable; 2] = [Variable::new("x", "m"), Variable::new("v", "m/s")];
+        &VARIABLES
+    }
+    fn inputs(&self) -> &[Variable] {
+        static VARIABLES: [Variable; 1] = [Variable::new("u", "m/s^2")];
+        &VARIABLES
+    }
+    fn rhs<S: Scalar>(&self, x: &[S], u: &[S], dx: &mut [S]) {
+        let d = self.damping;
+        dx[0] = x[1];
+        dx[1] = u[0] - x[1] * (2.0 * d) - x[0] * (1.0 + d * d);
+    }
+}
+
+impl Oscillator {
+    /// The matrix exponential exp(A t), row by row.
+    pub(crate) fn transition(&self, t: f64) -> [f64; 4] {
+        let d = self.damping;
+        let (s, c) = t.sin_cos();
+        [c + d * s, s, -(1.0 + d * d) * s, c - d * s].map(|v| (-d * t).exp() * v)
+    }
+
+    /// The state after `t` seconds: it swings about the equilibrium (u / (1 + d^2), 0).
+    pub(crate) fn exact(&self, x: &[f64], u: f64, t: f64) -> [f64; 2] {
+        let [a, b, c, d] = self.transition(t);
+        let rest = u / (1.0 + self.damping * self.damping);
+        let from_rest = x[0] - rest;
+        [rest + a * from_rest + b * x[1], c * from_rest + d * x[1]]
+    }
+}
+
+/// The slope of the line that fits (log x, log y) best, by least squares.
+pub(crate) fn log_slope(points: &[(f64, f64)]) -> f64 {
+    assert!(
+        points.len() >= 4,
+        "too few points for a regression: {points:?}"
+    );
+    let count = points.iter().fold(0.0, |n, _| n + 1.0);
+    let logs = || points.iter().map(|(x, y)| (x.ln(), y.ln()));
+    let mean_x = logs().map(|(x, _)| x).sum::<f64>() / count;
+    let mean_y = logs().map(|(_, y)| y).sum::<f64>() / count;
+    let covariance: f64 = logs().map(|(x, y)| (x - mean_x) * (y - mean_y)).sum();
+    covariance / logs().map(|(x, _)| (x - mean_x).powi(2)).sum::<f64>()
+}
+
+/// The largest difference of two states.
+pub(crate) fn distance(a: &[f64], b: &[f64]) -> f64 {
+    assert_eq!(a.len(), b.len());
+    let differences = a.iter().zip(b).map(|(a, b)| (a - b).abs());
+    differences.fold(
+        0.0,
+        |worst, d| if d.is_nan() { d } else { f64::max(worst, d) },
+    )
+}

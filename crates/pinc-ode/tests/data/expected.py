@@ -1,0 +1,101 @@
+#!/usr/bin/env python3
+"""Writes rhs.csv and flows.csv: what plants.rs, rk4.rs and adaptive.rs compare with, by mpmath.
+
+    python3 expected.py
+
+The equations are written here a second time, from the paper and from Johansson (2000), in 50-digit
+arithmetic.
+rhs.csv: the right-hand side and its Jacobian (row by row, columns x then u; by mpmath's numerical
+differentiation at raised precision). flows.csv: the state after some time under a constant input, by
+mpmath's Taylor-series integrator with 25 digits asked for. Fields are separated by commas, the numbers of a
+field by spaces; all arguments are decimals, and an f64 may differ from them by rounding.
+"""
+from pathlib import Path
+
+from mpmath import diff, mp, mpf, nstr, odefun, sqrt
+
+mp.dps = 50
+G = mpf(981)
+
+
+def van_der_pol(x, u):
+    return [x[1], (1 - x[0] ** 2) * x[1] - x[0] + u[0]]
+
+
+def one_tank(h, u):
+    return [(mpf("3.14") * u[0] - mpf("0.071") * sqrt(2 * G * h[0])) / 28]
+
+
+def four_tanks(gamma1, gamma2, k1, k2):
+    g1, g2, k1, k2 = map(mpf, (gamma1, gamma2, k1, k2))
+    a = [mpf(v) for v in ("0.071", "0.057", "0.071", "0.057")]
+
+    def rhs(h, u):
+        w = [a[i] * sqrt(2 * G * h[i]) for i in range(4)]
+        return [
+            (g1 * k1 * u[0] + w[2] - w[0]) / 28,
+            (g2 * k2 * u[1] + w[3] - w[1]) / 32,
+            ((1 - g2) * k2 * u[1] - w[2]) / 28,
+            ((1 - g1) * k1 * u[0] - w[3]) / 32,
+        ]
+
+    return rhs
+
+
+PLANTS = {
+    "van-der-pol": van_der_pol,
+    "one-tank": one_tank,
+    "antonelo": four_tanks("0.5", "0.5", "3.33", "3.35"),
+    "johansson-nonminimum": four_tanks("0.43", "0.34", "3.14", "3.29"),
+    "johansson-minimum": four_tanks("0.70", "0.60", "3.33", "3.35"),
+}
+TANK_POINTS = [("12.4 12.7 1.8 1.4", "3.0 3.0"), ("2.5 17.0 0.6 5.5", "0.75 4.5")]
+POINTS = {
+    "van-der-pol": [("0.5 -1.5", "0.25"), ("-2.75 3.0", "-1.0"), ("0.0 0.0", "0.0")],
+    "one-tank": [("2.0", "4.45"), ("13.7", "0.5")],
+} | dict.fromkeys(["antonelo", "johansson-nonminimum", "johansson-minimum"], TANK_POINTS)
+FLOWS = [
+    ("van-der-pol", "1.0 0.5", "0.3", "0.5"),
+    ("van-der-pol", "-2.0 2.5", "-0.8", "10.0"),
+    ("van-der-pol", "0.5 -1.5", "0.25", "2.0"),
+    ("one-tank", "5.0", "2.0", "10.0"),
+    ("antonelo", "9.0 9.0 2.0 3.0", "3.0 2.0", "10.0"),
+    ("johansson-nonminimum", "12.6 13.0 4.8 4.9", "1.0 4.0", "50.0"),
+]
+
+
+def numbers(text):
+    return [mpf(v) for v in text.split()]
+
+
+def digits(values):
+    return " ".join(nstr(v, 25, min_fixed=1, max_fixed=0) for v in values)
+
+
+def jacobian(f, x, u):
+    n, at = len(x), x + u
+    rows = []
+    for i in range(n):
+        for j in range(len(at)):
+            slope = diff(lambda v: f((at[:j] + [v] + at[j + 1 :])[:n], (at[:j] + [v] + at[j + 1 :])[n:])[i], at[j])
+            # Numerical differentiation leaves noise where the derivative is 0.
+            rows.append(slope if abs(slope) > mpf(10) ** -25 else mpf(0))
+    return rows
+
+
+here = Path(__file__).parent
+with open(here / "rhs.csv", "w") as out:
+    print("plant,x,u,rhs,jacobian", file=out)
+    for plant, points in POINTS.items():
+        for x, u in points:
+            at = numbers(x), numbers(u)
+            f = PLANTS[plant]
+            print(f"{plant},{x},{u},{digits(f(*at))},{digits(jacobian(f, *at))}", file=out)
+
+mp.dps = 30
+with open(here / "flows.csv", "w") as out:
+    print("plant,x,u,duration_s,x_end", file=out)
+    for plant, x, u, duration in FLOWS:
+        f, at = PLANTS[plant], numbers(u)
+        end = odefun(lambda t, y: f(y, at), 0, numbers(x), tol=mpf(10) ** -27)(mpf(duration))
+        print(f"{plant},{x},{u},{duration},{digits(end)}", file=out)

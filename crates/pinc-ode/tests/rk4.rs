@@ -1,0 +1,333 @@
+//! The Runge-Kutta method of order 4: order, sensitivities, determinism.
+
+mod common;
+
+use common::{Oscillator, distance, flows, log_slope};
+use pinc_ad::{Dual, Scalar, central_difference};
+use pinc_ode::{Adaptive, FourTanks, OneTank, Plant, Predictor, Rk4, VanDerPol, Variable};
+use proptest::prelude::*;
+use proptest::test_runner::{FileFailurePersistence, TestRunner};
+
+fn predict(predictor: &mut impl Predictor, x: &[f64], u: &[f64]) -> Vec<f64> {
+    let mut next = vec![f64::NAN; x.len()];
+    predictor.predict(x, u, &mut next);
+    next
+}
+
+/// f(x, u), df/dx and df/du.
+fn linearize(predictor: &mut impl Predictor, x: &[f64], u: &[f64]) -> [Vec<f64>; 3] {
+    let (n, m) = (x.len(), u.len());
+    let [mut next, mut a, mut b] = [n, n * n, n * m].map(|len| vec![f64::NAN; len]);
+    predictor.linearize(x, u, &mut next, &mut a, &mut b);
+    [next, a, b]
+}
+
+/// The order by regression of the errors against `end` with 2, 4, .. 2048 substeps, down to
+/// rounding: without those above 1e-5, where the step is still too long for the leading term to rule,
+/// and those below 1e-12, where rounding (1e-16 a substep) is more than a few per cent. At least five
+/// halvings are left, so that an error that is off by a quarter at one end of the line changes its
+/// slope by less than 0.15.
+fn order<P: Plant>(plant: &P, duration_s: f64, x: &[f64], u: &[f64], end: &[f64]) -> f64 {
+    let errors: Vec<_> = (1..12)
+        .map(|k| {
+            let mut method = Rk4::new(plant.clone(), duration_s, 1 << k);
+            let error = distance(&predict(&mut method, x, u), end);
+            (duration_s / f64::from(1 << k), error)
+        })
+        .filter(|(_, error)| (1e-12..1e-5).contains(error))
+        .collect();
+    let smallest = errors.iter().fold(f64::INFINITY, |s, (_, e)| s.min(*e));
+    assert!(
+        errors.len() >= 5 && smallest < 2e-11,
+        "not down to rounding: {errors:?}"
+    );
+    log_slope(&errors)
+}
+
+#[test]
+fn order_4_on_a_linear_system() {
+    let plant = Oscillator { damping: 0.2 };
+    let (x, u, t) = ([1.0, -0.5], 0.7, 3.0);
+    let slope = order(&plant, t, &x, &[u], &plant.exact(&x, u, t));
+    assert!((slope - 4.0).abs() < 0.15, "{slope}");
+}
+
+#[test]
+fn order_4_on_van_der_pol() {
+    let plant = VanDerPol::default();
+    // Of the flows on file 2 s is the one whose range of errors these substeps cover.
+    let flow = flows("van-der-pol")
+        .into_iter()
+        .find(|f| (f.duration_s - 2.0).abs() < 0.1);
+    let flow = flow.expect("a flow over 2 s");
+    let slope = order(&plant, flow.duration_s, &flow.x, &flow.u, &flow.end);
+    assert!((slope - 4.0).abs() < 0.15, "{slope}");
+}
+
+#[test]
+fn order_4_on_the_tanks() {
+    for flow in flows("johansson-nonminimum") {
+        let plant = FourTanks::johansson_nonminimum();
+        let slope = order(&plant, flow.duration_s, &flow.x, &flow.u, &flow.end);
+        assert!((slope - 4.0).abs() < 0.15, "{slope}");
+    }
+}
+
+/// On x' = A x the method is the Taylor polynomial of exp(h A) to h^4; so are its Jacobians.
+#[test]
+fn one_step_on_a_linear_system_by_hand() {
+    // Without damping A = [0 1; -1 0], and h = 1/2 gives cos and sin to the fourth power.
+    let mut method = Rk4::new(Oscillator { damping: 0.0 }, 0.5, 1);
+    let (c, s) = (1.0 - 0.125 + 0.0625 / 24.0, 0.5 - 0.125 / 6.0);
+    let [next, a, b] = linearize(&mut method, &[1.0, 0.0], &[0.0]);
+    // A handful of roundings of numbers below 1.
+    assert!(distance(&next, &[c, -s]) < 1e-15, "{next:?}");
+    assert!(distance(&a, &[c, s, -s, c]) < 1e-15, "{a:?}");
+    // The input shifts the rest position to u: df/du = (I - df/dx) (1, 0).
+    assert!(distance(&b, &[1.0 - c, s]) < 1e-15, "{b:?}");
+}
+
+#[test]
+fn jacobians_of_a_linear_system_converge() {
+    let plant = Oscillator { damping: 0.3 };
+    let [_, a, b] = linearize(&mut Rk4::new(plant.clone(), 2.0, 500), &[3.0, 1.0], &[0.5]);
+    let exact = plant.transition(2.0);
+    let gain = 1.0 / (1.0 + 0.09);
+    // T h^4 |lambda|^5 / 120 = 2 * 2.6e-10 * 1.2 / 120 = 5e-12
+    assert!(distance(&a, &exact) < 1e-11, "{a:?}");
+    let expected = [(1.0 - exact[0]) * gain, -exact[2] * gain];
+    assert!(distance(&b, &expected) < 1e-11, "{b:?}");
+}
+
+/// The plant with its variational equation in one direction: states (x, p), inputs (u, q),
+/// p' = df/dx p + df/du q, by a dual number through the plant.
+#[derive(Clone, Debug)]
+struct Variational<P> {
+    plant: P,
+    states: Vec<Variable>,
+    inputs: Vec<Variable>,
+}
+
+impl<P: Plant> Variational<P> {
+    fn new(plant: P) -> Self {
+        let states = [plant.states(), plant.states()].concat();
+        let inputs = [plant.inputs(), plant.inputs()].concat();
+        Self {
+            plant,
+            states,
+            inputs,
+        }
+    }
+}
+
+impl<P: Plant> Plant for Variational<P> {
+    fn states(&self) -> &[Variable] {
+        &self.states
+    }
+    fn inputs(&self) -> &[Variable] {
+        &self.inputs
+    }
+    fn rhs<S: Scalar>(&self, x: &[S], u: &[S], dx: &mut [S]) {
+        let dual = |v: &[S]| -> Vec<Dual<S>> {
+            let (re, eps) = v.split_at(v.len() / 2);
+            re.iter()
+                .zip(eps)
+                .map(|(&re, &eps)| Dual { re, eps: [eps] })
+                .collect()
+        };
+        let (x, u) = (dual(x), dual(u));
+        let mut slopes = x.clone();
+        self.plant.rhs(&x, &u, &mut slopes);
+        for (i, slope) in slopes.iter().enumerate() {
+            dx[i] = slope.re;
+            dx[slopes.len() + i] = slope.eps[0];
+        }
+    }
+}
+
+/// Every column of the Jacobians is the solution of the variational equation: by the same method to
+/// rounding, since differentiating and stepping commute; by a fine integration to the method's error.
+fn check_variational<P: Plant>(plant: &P, horizon_s: f64, x: &[f64], u: &[f64], error: f64) {
+    let (n, m) = (x.len(), u.len());
+    let [_, a, b] = linearize(&mut Rk4::new(plant.clone(), horizon_s, 40), x, u);
+    let variational = Variational::new(plant.clone());
+    for column in 0..n + m {
+        let unit: Vec<_> = (0..n + m)
+            .map(|j| if j == column { 1.0 } else { 0.0 })
+            .collect();
+        let (start, held) = ([x, &unit[..n]].concat(), [u, &unit[n..]].concat());
+        let jacobian: Vec<_> = (0..n)
+            .map(|i| {
+                if column < n {
+                    a[i * n + column]
+                } else {
+                    b[i * m + column - n]
+                }
+            })
+            .collect();
+        let same = predict(
+            &mut Rk4::new(variational.clone(), horizon_s, 40),
+            &start,
+            &held,
+        );
+        // 160 stages of a few roundings each, of sensitivities below 20.
+        assert!(distance(&same[n..], &jacobian) < 1e-12, "column {column}");
+        let mut fine = start;
+        let mut integrator = Adaptive::new(variational.clone(), 1e-12);
+        integrator.integrate(&mut fine, &held, horizon_s).unwrap();
+        let gap = distance(&fine[n..], &jacobian);
+        assert!(gap < error, "column {column}: {gap}");
+    }
+}
+
+/// With 40 substeps RK4 on Van der Pol over 0.5 s has errors of about 1e-8 (2e-5 with 8 substeps,
+/// times (8/40)^4); tanks are far smoother.
+#[test]
+fn jacobians_solve_the_variational_equation() {
+    check_variational(&VanDerPol::default(), 0.5, &[-2.0, 2.5], &[0.4], 1e-6);
+    check_variational(&OneTank::default(), 10.0, &[3.0], &[2.0], 1e-9);
+    check_variational(
+        &FourTanks::antonelo(),
+        10.0,
+        &[9.0, 8.0, 2.0, 3.0],
+        &[3.0, 2.0],
+        1e-9,
+    );
+}
+
+/// `x_i' = u - x_i^2 / (i + 1) + x_(i+1) / 2` in a ring of ten: more than two groups of directions.
+#[derive(Clone, Debug)]
+struct Ring(Vec<Variable>);
+
+impl Plant for Ring {
+    fn states(&self) -> &[Variable] {
+        &self.0
+    }
+    fn inputs(&self) -> &[Variable] {
+        &self.0[..1]
+    }
+    fn rhs<S: Scalar>(&self, x: &[S], u: &[S], dx: &mut [S]) {
+        let mut divisor = 1.0;
+        for i in 0..x.len() {
+            dx[i] = u[0] - x[i] * x[i] / divisor + x[(i + 1) % x.len()] * 0.5;
+            divisor += 1.0;
+        }
+    }
+}
+
+/// Central differences of a step are good to 1e-10 of its value (20 at most) plus h^2/6 = 6e-12
+/// times third derivatives of the flow, which these horizons keep below some 50.
+fn check_differences<P: Plant>(plant: P, horizon_s: f64, x: [f64; 2], u: [f64; 2]) {
+    let dims = plant.dims();
+    let mut method = Rk4::new(plant, horizon_s, 3);
+    let points = (
+        prop::collection::vec(x[0]..x[1], dims.states),
+        prop::collection::vec(u[0]..u[1], dims.inputs),
+    );
+    let config = ProptestConfig {
+        failure_persistence: Some(Box::new(FileFailurePersistence::WithSource("regressions"))),
+        ..ProptestConfig::with_cases(64)
+    };
+    let strategy = points.prop_map(|(x, u)| (x, u));
+    let cell = std::cell::RefCell::new(&mut method);
+    let outcome = TestRunner::new(config).run(&strategy, |(x, u)| {
+        let mut method = cell.borrow_mut();
+        let (n, m) = (x.len(), u.len());
+        let [next, a, b] = linearize(*method, &x, &u);
+        let value = predict(*method, &x, &u);
+        prop_assert!(distance(&next, &value) < 1e-13, "{:?} {:?}", next, value);
+        let at = [&x[..], &u[..]].concat();
+        for i in 0..n {
+            for j in 0..n + m {
+                let f = |v: &[f64]| predict(*method, &v[..n], &v[n..])[i];
+                let difference = central_difference(f, &at, j);
+                let exact = if j < n {
+                    a[i * n + j]
+                } else {
+                    b[i * m + j - n]
+                };
+                prop_assert!(
+                    (exact - difference).abs() < 1e-8,
+                    "{} {}",
+                    exact,
+                    difference
+                );
+            }
+        }
+        Ok(())
+    });
+    if let Err(failure) = outcome {
+        panic!("{failure}");
+    }
+}
+
+#[test]
+fn jacobians_against_differences() {
+    check_differences(VanDerPol::default(), 0.3, [-2.0, 2.0], [-1.0, 1.0]);
+    check_differences(OneTank::default(), 10.0, [2.0, 20.0], [0.5, 4.45]);
+    check_differences(FourTanks::antonelo(), 10.0, [2.0, 20.0], [0.5, 4.5]);
+    let ring = (0..10).map(|_| Variable::new("x", "")).collect();
+    check_differences(Ring(ring), 0.2, [0.0, 2.0], [-1.0, 1.0]);
+}
+
+#[test]
+fn value_of_linearize_is_that_of_predict() {
+    let mut method = Rk4::new(FourTanks::antonelo(), 10.0, 4);
+    let (x, u) = ([2.0, 20.0, 0.3, 6.0], [0.0, 5.0]);
+    let [next, _, _] = linearize(&mut method, &x, &u);
+    // Four substeps of some 40 roundings of levels up to 20 cm, and more than enough.
+    assert!(distance(&next, &predict(&mut method, &x, &u)) < 1e-13);
+}
+
+#[test]
+fn substeps_are_steps_in_a_row() {
+    let plant = VanDerPol::default();
+    let mut whole = Rk4::new(plant, 0.5, 4);
+    let mut quarter = Rk4::new(plant, 0.125, 1);
+    assert_eq!(
+        (whole.substeps(), whole.horizon_s().to_bits()),
+        (4, 0.5f64.to_bits())
+    );
+    let mut x = vec![1.0, -0.5];
+    let end = predict(&mut whole, &x, &[0.3]);
+    for _ in 0..4 {
+        x = predict(&mut quarter, &x, &[0.3]);
+    }
+    assert_eq!(x, end);
+}
+
+/// The same bits whatever the predictor was asked before.
+#[test]
+fn no_memory_of_earlier_calls() {
+    let (x, u) = ([9.0, 8.0, 2.0, 3.0], [3.0, 2.0]);
+    let mut used = Rk4::new(FourTanks::antonelo(), 10.0, 4);
+    let first = (predict(&mut used, &x, &u), linearize(&mut used, &x, &u));
+    predict(&mut used, &[f64::NAN; 4], &[f64::NAN; 2]);
+    linearize(&mut used, &[f64::NAN; 4], &[f64::NAN; 2]);
+    assert_eq!(
+        (predict(&mut used, &x, &u), linearize(&mut used, &x, &u)),
+        first
+    );
+    let mut fresh = Rk4::new(FourTanks::antonelo(), 10.0, 4);
+    assert_eq!(
+        (predict(&mut fresh, &x, &u), linearize(&mut fresh, &x, &u)),
+        first
+    );
+}
+
+#[test]
+fn what_is_no_method_is_a_programming_error() {
+    for (horizon_s, substeps) in [
+        (0.0, 1),
+        (-1.0, 1),
+        (f64::NAN, 1),
+        (f64::INFINITY, 1),
+        (1.0, 0),
+    ] {
+        let build = || Rk4::new(VanDerPol::default(), horizon_s, substeps);
+        assert!(
+            std::panic::catch_unwind(build).is_err(),
+            "{horizon_s} {substeps}"
+        );
+    }
+}
