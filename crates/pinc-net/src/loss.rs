@@ -1,9 +1,9 @@
 //! The PINC loss, Eqs. (`mse_y_pinc`) and (`mse_F_pinc`), in its readable form.
 
 use crate::NetError;
+use crate::mlp::to_f64;
 use crate::net::PincNet;
 use crate::sampling::Points;
-use crate::mlp::to_f64;
 use pinc_ad::{Dual, Scalar};
 use pinc_ode::{Dims, Plant};
 use serde::{Deserialize, Serialize};
@@ -18,7 +18,7 @@ pub enum ResidualScale {
     /// sizes weigh the same.
     Normalized,
     /// The state's own unit per second times this factor, one per state; the authors' code takes the
-    /// cross-sections A_i of the tanks.
+    /// cross-sections `A_i` of the tanks.
     Custom(Vec<f64>),
 }
 

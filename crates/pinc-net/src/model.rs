@@ -182,14 +182,11 @@ impl Description {
 
 /// The tensors `layers.0.weight`, `layers.0.bias`, .. up to the first that is missing; each layer's
 /// length of input must be the one before's output, the last output one per state.
-fn read_layers(
-    tensors: &SafeTensors<'_>,
-    inputs: usize,
-    states: usize,
-) -> Result<Mlp, ModelError> {
+fn read_layers(tensors: &SafeTensors<'_>, inputs: usize, states: usize) -> Result<Mlp, ModelError> {
     let mut widths = vec![inputs];
     let mut parameters = Vec::new();
-    let layers = (0..).take_while(|i| tensors.tensor(&format!("layers.{i}.weight")).is_ok()).count();
+    let layers =
+        (0..).take_while(|i| tensors.tensor(&format!("layers.{i}.weight")).is_ok()).count();
     for i in 0..layers.max(1) {
         let name = format!("layers.{i}.weight");
         let weight = tensors.tensor(&name).map_err(|_| missing(&name))?;

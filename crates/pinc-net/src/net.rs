@@ -22,7 +22,7 @@ pub struct NetConfig {
     pub neurons: usize,
     /// How the initial condition enters.
     pub ansatz: Ansatz,
-    /// If given, the net is a conventional PINN y(t) = f_w(t) for this one scenario.
+    /// If given, the net is a conventional PINN y(t) = `f_w`(t) for this one scenario.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub time_only: Option<Scenario>,
 }
@@ -72,7 +72,7 @@ impl NetConfig {
     }
 }
 
-/// A trained (or fresh) net y(t) = f_w(t, y(0), u), Eq. (`net_pred`) of the paper, that stands alone: it
+/// A trained (or fresh) net y(t) = `f_w`(t, y(0), u), Eq. (`net_pred`) of the paper, that stands alone: it
 /// knows its normalization, ansatz, horizon, domain and the names of its variables.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PincNet {

@@ -11,7 +11,7 @@ type Cell = Lanes<8>;
 /// Tangents that go through the net at once.
 const DIRECTIONS: usize = 7;
 
-/// The control interface f^(y, u) = f_w(T, y, u) of a net, Eq. (interface) of the paper, with its
+/// The control interface f^(y, u) = `f_w`(T, y, u) of a net, Eq. (interface) of the paper, with its
 /// Jacobians by forward differentiation. Owns copies of the weights; neither method allocates.
 #[derive(Clone, Debug)]
 pub struct PincPredictor {

@@ -1,8 +1,8 @@
 //! Where the physics is asked for: collocation points and initial conditions.
 
-use crate::net::Scenario;
 use crate::Domain;
 use crate::mlp::to_f64;
+use crate::net::Scenario;
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
@@ -159,8 +159,10 @@ impl Sampler {
                 let scenarios = scenarios.max(1);
                 let times = count.div_ceil(scenarios).max(2);
                 for _ in 0..scenarios {
-                    let values: Vec<f64> =
-                        ends[1..].iter().map(|&(l, h)| l + (h - l) * random.random::<f64>()).collect();
+                    let values: Vec<f64> = ends[1..]
+                        .iter()
+                        .map(|&(l, h)| l + (h - l) * random.random::<f64>())
+                        .collect();
                     for k in 0..times {
                         let t = horizon_s * to_f64(k) / to_f64(times - 1);
                         points.push(t, &values[..states], &values[states..]);
@@ -204,7 +206,8 @@ pub fn initial_conditions(count: usize, domain: &Domain, seed: u64) -> Points {
 impl Points {
     /// Appends a point whose coordinates, in the order t, y0, u, come from \[0, 1).
     fn push_unit(&mut self, ends: &[(f64, f64)], mut unit: impl FnMut() -> f64) {
-        let values: Vec<f64> = ends.iter().map(|&(low, high)| low + (high - low) * unit()).collect();
+        let values: Vec<f64> =
+            ends.iter().map(|&(low, high)| low + (high - low) * unit()).collect();
         let (y0, u) = values[1..].split_at(self.states);
         self.push(values[0], y0, u);
     }

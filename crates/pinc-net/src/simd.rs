@@ -21,7 +21,7 @@ pub(crate) trait Simd: Scalar + Send + Sync + 'static {
     const ROWS: usize;
 
     /// The lanes `f(0), f(1), ..`.
-    fn from_fn(self, f: impl FnMut(usize) -> f64) -> Self;
+    fn generate(self, f: impl FnMut(usize) -> f64) -> Self;
 
     /// Writes the lanes to the first places of `out`.
     fn write(self, out: &mut [f64]);
@@ -112,7 +112,9 @@ impl Isa {
         match self {
             #[cfg(target_arch = "x86_64")]
             Self::Avx512 => {
-                assert!(is_x86_feature_detected!("avx512f") && is_x86_feature_detected!("avx512dq"));
+                assert!(
+                    is_x86_feature_detected!("avx512f") && is_x86_feature_detected!("avx512dq")
+                );
                 // SAFETY: the features were detected on the line above.
                 unsafe { x86::run_avx512(task) }
             }
@@ -134,7 +136,7 @@ impl Simd for Lanes<4> {
     const ROWS: usize = 2;
 
     #[inline(always)]
-    fn from_fn(self, f: impl FnMut(usize) -> f64) -> Self {
+    fn generate(self, f: impl FnMut(usize) -> f64) -> Self {
         Self(std::array::from_fn(f))
     }
     #[inline(always)]
@@ -274,8 +276,16 @@ mod x86 {
     pub(crate) struct F64x8(__m512d);
 
     vector!(
-        F64x8, 8, _mm512_set1_pd, _mm512_add_pd, _mm512_sub_pd, _mm512_mul_pd, _mm512_div_pd,
-        _mm512_sqrt_pd, _mm512_fmadd_pd, _mm512_storeu_pd
+        F64x8,
+        8,
+        _mm512_set1_pd,
+        _mm512_add_pd,
+        _mm512_sub_pd,
+        _mm512_mul_pd,
+        _mm512_div_pd,
+        _mm512_sqrt_pd,
+        _mm512_fmadd_pd,
+        _mm512_storeu_pd
     );
 
     impl F64x8 {
@@ -294,7 +304,7 @@ mod x86 {
         const ROWS: usize = 5;
 
         #[inline(always)]
-        fn from_fn(self, f: impl FnMut(usize) -> f64) -> Self {
+        fn generate(self, f: impl FnMut(usize) -> f64) -> Self {
             let lanes: [f64; 8] = std::array::from_fn(f);
             // SAFETY: `self` proves the instructions; `lanes` holds eight numbers.
             Self(unsafe { _mm512_loadu_pd(lanes.as_ptr()) })
@@ -342,8 +352,16 @@ mod x86 {
     pub(crate) struct F64x4(__m256d);
 
     vector!(
-        F64x4, 4, _mm256_set1_pd, _mm256_add_pd, _mm256_sub_pd, _mm256_mul_pd, _mm256_div_pd,
-        _mm256_sqrt_pd, _mm256_fmadd_pd, _mm256_storeu_pd
+        F64x4,
+        4,
+        _mm256_set1_pd,
+        _mm256_add_pd,
+        _mm256_sub_pd,
+        _mm256_mul_pd,
+        _mm256_div_pd,
+        _mm256_sqrt_pd,
+        _mm256_fmadd_pd,
+        _mm256_storeu_pd
     );
 
     impl F64x4 {
@@ -362,7 +380,7 @@ mod x86 {
         const ROWS: usize = 2;
 
         #[inline(always)]
-        fn from_fn(self, f: impl FnMut(usize) -> f64) -> Self {
+        fn generate(self, f: impl FnMut(usize) -> f64) -> Self {
             let lanes: [f64; 4] = std::array::from_fn(f);
             // SAFETY: `self` proves the instructions; `lanes` holds four numbers.
             Self(unsafe { _mm256_loadu_pd(lanes.as_ptr()) })

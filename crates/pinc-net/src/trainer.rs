@@ -3,7 +3,9 @@
 use crate::loss::{InitialScale, LossWeights, ResidualScale};
 use crate::optim::{Iterate, Objective, Optimizer, OptimizerConfig, Outcome};
 use crate::sampling::{Points, Purpose, Sampler, initial_conditions};
-use crate::{Ansatz, BatchLoss, Domain, NetConfig, NetError, PincNet, Validation, ValidationSet, Workers};
+use crate::{
+    Ansatz, BatchLoss, Domain, NetConfig, NetError, PincNet, Validation, ValidationSet, Workers,
+};
 use pinc_ode::Plant;
 use serde::{Deserialize, Serialize};
 
@@ -53,9 +55,9 @@ pub struct GrowthConfig {
 pub struct TrainingConfig {
     /// How collocation points are spread.
     pub sampler: Sampler,
-    /// Number of collocation points N_F, at the start if the sample grows.
+    /// Number of collocation points `N_F`, at the start if the sample grows.
     pub collocation_points: usize,
-    /// Number of initial points N_t of `MSE_y` (and of scenarios of the coupled grid). Without use for a
+    /// Number of initial points `N_t` of `MSE_y` (and of scenarios of the coupled grid). Without use for a
     /// hard initial condition.
     pub initial_points: usize,
     /// Weight lambda of `MSE_F`.
@@ -239,7 +241,6 @@ impl<P: Plant + 'static> Trainer<P> {
     ///
     /// [`NetError`] if a setting makes no sense, the plant has no finite velocity in the domain, or the
     /// threads cannot be started.
-    #[expect(clippy::too_many_arguments, reason = "each is a choice of its own")]
     pub fn new(
         plant: P,
         net: &NetConfig,
@@ -294,33 +295,21 @@ impl<P: Plant + 'static> Trainer<P> {
         Ok(trainer)
     }
 
-    /// A training that goes on from `checkpoint`; all else as for the run that wrote it.
+    /// The same training, gone on to where `checkpoint` was taken.
     ///
     /// # Errors
     ///
-    /// As [`Trainer::new`], and [`NetError::Checkpoint`] if the checkpoint does not fit.
-    #[expect(clippy::too_many_arguments, reason = "as `new`, plus the checkpoint")]
-    pub fn resume(
-        plant: P,
-        net: &NetConfig,
-        domain: &Domain,
-        training: &TrainingConfig,
-        validation: ValidationSet,
-        seed: u64,
-        threads: usize,
-        checkpoint: Checkpoint,
-    ) -> Result<Self, NetError> {
-        let mut trainer = Self::new(plant, net, domain, training, validation, seed, threads)?;
-        let parameters = trainer.net.mlp().parameters().len();
-        if checkpoint.iterate.x.len() != parameters {
+    /// [`NetError::Checkpoint`] if it does not fit: it must come from a training with the same arguments.
+    pub fn resume(mut self, checkpoint: Checkpoint) -> Result<Self, NetError> {
+        if checkpoint.iterate.x.len() != self.net.mlp().parameters().len() {
             return Err(NetError::Checkpoint { what: "the number of parameters" });
         }
-        if checkpoint.phase >= training.phases.len() {
+        if checkpoint.phase >= self.config.phases.len() {
             return Err(NetError::Checkpoint { what: "the number of phases" });
         }
-        trainer.state = checkpoint;
-        trainer.sample();
-        Ok(trainer)
+        self.state = checkpoint;
+        self.sample();
+        Ok(self)
     }
 
     /// One iteration of the optimizer.
@@ -480,7 +469,9 @@ impl<P: Plant + 'static> Trainer<P> {
 
     /// Enlarges the sample; false where it may not grow.
     fn grow(&mut self) -> bool {
-        let Some(growth) = &self.config.growth else { return false };
+        let Some(growth) = &self.config.growth else {
+            return false;
+        };
         let points = self.state.collocation_points;
         if points >= growth.max_points {
             return false;
@@ -527,7 +518,9 @@ impl<P: Plant + 'static> Trainer<P> {
 /// Points for an honest loss: of the same distribution, but never trained on.
 fn fresh_points(net: &PincNet, count: usize, seed: u64) -> Points {
     match net.time_only() {
-        None => Sampler::Sobol.sample(count, net.horizon_s(), net.domain(), 1, seed, Purpose::Fresh),
+        None => {
+            Sampler::Sobol.sample(count, net.horizon_s(), net.domain(), 1, seed, Purpose::Fresh)
+        }
         Some(scenario) => Sampler::Independent.scenario(count, net.horizon_s(), scenario, !seed),
     }
 }

@@ -137,7 +137,10 @@ impl ValidationSet {
             steps,
             subintervals: config.subintervals,
             horizon_s,
-            scale: ends[..states].iter().map(|(low, high)| (high - low) / 12.0_f64.sqrt()).collect(),
+            scale: ends[..states]
+                .iter()
+                .map(|(low, high)| (high - low) / 12.0_f64.sqrt())
+                .collect(),
             scenarios,
             one_step,
         })

@@ -2,8 +2,8 @@
 
 use pinc_ad::Tape;
 use pinc_net::{
-    Ansatz, BatchLoss, Domain, InitialScale, Isa, LossTerms, LossWeights, NetConfig, PincNet, Points,
-    ResidualScale, Sampler, Scenario, initial_conditions, reference_loss,
+    Ansatz, BatchLoss, Domain, InitialScale, Isa, LossTerms, LossWeights, NetConfig, PincNet,
+    Points, ResidualScale, Sampler, Scenario, Workers, initial_conditions, reference_loss,
 };
 use pinc_ode::{FourTanks, OneTank, Plant, VanDerPol};
 use proptest::prelude::*;
@@ -57,7 +57,8 @@ struct Problem<P> {
 fn problem<P: Plant>(plant: P, case: &Case) -> Problem<P> {
     let dims = plant.dims();
     let domain = domain(&plant);
-    let scenario = Scenario { initial_state: vec![1.5; dims.states], input: vec![0.5; dims.inputs] };
+    let scenario =
+        Scenario { initial_state: vec![1.5; dims.states], input: vec![0.5; dims.inputs] };
     let config = NetConfig {
         horizon_s: 0.7,
         hidden_layers: case.hidden_layers,
@@ -83,7 +84,8 @@ fn problem<P: Plant>(plant: P, case: &Case) -> Problem<P> {
 
 impl<P: Plant + 'static> Problem<P> {
     fn kernel(&self, isa: Isa, threads: usize) -> (LossTerms, Vec<f64>) {
-        let mut loss = BatchLoss::new(&self.plant, &self.net, &self.weights, threads, isa).unwrap();
+        let workers = Workers::with_isa(threads, isa).unwrap();
+        let mut loss = BatchLoss::new(&self.plant, &self.net, &self.weights, &workers);
         loss.set_points(&self.collocation, &self.initial);
         let mut gradient = vec![f64::NAN; self.net.mlp().parameters().len()];
         let terms = loss.loss_gradient(self.net.mlp().parameters(), &mut gradient);
@@ -93,8 +95,7 @@ impl<P: Plant + 'static> Problem<P> {
 
     fn reference(&self) -> ([f64; 2], Vec<f64>) {
         let tape = Tape::new();
-        let w: Vec<_> =
-            self.net.mlp().parameters().iter().map(|&w| tape.variable(w)).collect();
+        let w: Vec<_> = self.net.mlp().parameters().iter().map(|&w| tape.variable(w)).collect();
         let points = (&self.collocation, &self.initial);
         let [data, physics] =
             reference_loss(&self.plant, &self.net, &self.weights, &w, points, w[0]);
@@ -178,8 +179,9 @@ fn a_nan_or_infinite_weight_shows_in_loss_and_gradient() {
             let mut parameters = problem.net.mlp().parameters().to_vec();
             parameters[index] = bad;
             for isa in Isa::available() {
+                let workers = Workers::with_isa(2, isa).unwrap();
                 let mut loss =
-                    BatchLoss::new(&problem.plant, &problem.net, &problem.weights, 2, isa).unwrap();
+                    BatchLoss::new(&problem.plant, &problem.net, &problem.weights, &workers);
                 loss.set_points(&problem.collocation, &problem.initial);
                 let mut gradient = vec![0.0; parameters.len()];
                 let terms = loss.loss_gradient(&parameters, &mut gradient);

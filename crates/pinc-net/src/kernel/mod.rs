@@ -27,8 +27,8 @@ use panels::Panels;
 use physics::{Physics, Term};
 use pinc_ode::{Dims, Plant};
 use std::fmt::Debug;
-use std::sync::{Arc, Mutex};
 use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Arc, Mutex};
 use tile::{Block, Workspace, tile_panels};
 
 /// More blocks than this are not needed to keep threads busy; fewer mean fewer sums to add.

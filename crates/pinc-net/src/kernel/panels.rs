@@ -39,7 +39,7 @@ impl<V: Simd> Panels<V> {
         for first in (0..points.len()).step_by(width) {
             for row in 0..rows {
                 data.push([0, 1].map(|half| {
-                    zero.from_fn(|lane| {
+                    zero.generate(|lane| {
                         let i = (first + half * V::LANES + lane).min(points.len() - 1);
                         if row == 0 {
                             points.time(i)
@@ -54,7 +54,7 @@ impl<V: Simd> Panels<V> {
         }
         let in_last = points.len() - points.len().saturating_sub(1) / width * width;
         let last_mask = [0, 1].map(|half| {
-            zero.from_fn(|lane| if half * V::LANES + lane < in_last { 1.0 } else { 0.0 })
+            zero.generate(|lane| if half * V::LANES + lane < in_last { 1.0 } else { 0.0 })
         });
         let ones = [zero.constant(1.0); 2];
         Self { rows, states: dims.states, data, points: points.len(), ones, last_mask }

@@ -2,8 +2,8 @@
 
 use super::dense::Cell;
 use super::panels::Panel;
-use crate::{Ansatz, Normalizer};
 use crate::simd::Simd;
+use crate::{Ansatz, Normalizer};
 use pinc_ad::Dual;
 use pinc_ode::{Dims, Plant};
 
@@ -57,8 +57,8 @@ impl<V: Simd> Scratch<V> {
 }
 
 impl<P: Plant> Physics<P> {
-    /// Adds a panel's squared errors to `loss`, and writes the derivatives of `weight * loss` in the
-    /// perceptron's outputs z and their time tangents into `adjoint`.
+    /// The sum of a panel's squared errors, lane by lane; the derivatives of `weight` times it in the
+    /// perceptron's outputs z and their time tangents go into `adjoint`.
     ///
     /// # Shapes
     ///
@@ -72,17 +72,16 @@ impl<P: Plant> Physics<P> {
         output: &[Cell<V>],
         adjoint: &mut [Cell<V>],
         scratch: &mut Scratch<V>,
-        loss: &mut V,
-    ) {
+    ) -> V {
+        let mut squares = panel.t[0].constant(0.0);
         for half in 0..2 {
             let t = panel.t[half];
             let (factor, factor_rate) = self.ansatz.factor(t, self.horizon_s);
-            match term {
-                Term::Physics => {
-                    self.residual(weight, panel, output, half, scratch, loss);
-                }
-                Term::Initial => self.initial(weight, panel, output, half, scratch, loss),
-            }
+            squares = squares
+                + match term {
+                    Term::Physics => self.residual(weight, panel, output, half, scratch),
+                    Term::Initial => self.initial(weight, panel, output, half, scratch),
+                };
             // y = base + p d, y' = p' d + p d', with d = mean + std z.
             for (i, adjoint) in adjoint.iter_mut().enumerate() {
                 let std = t.constant(self.output.std[i]);
@@ -91,6 +90,7 @@ impl<P: Plant> Physics<P> {
                 adjoint[half + 2] = std * factor * rate;
             }
         }
+        squares
     }
 
     /// State i and its time derivative, from the perceptron's output.
@@ -120,8 +120,8 @@ impl<P: Plant> Physics<P> {
         output: &[Cell<V>],
         half: usize,
         scratch: &mut Scratch<V>,
-        loss: &mut V,
-    ) {
+    ) -> V {
+        let mut squares = panel.t[half].constant(0.0);
         let Scratch { x, u, f, state_adjoint, rate_adjoint } = scratch;
         let states = x.len();
         for (to, from) in u.iter_mut().zip(panel.u) {
@@ -140,7 +140,7 @@ impl<P: Plant> Physics<P> {
                 for (i, rate) in rate_adjoint.iter_mut().enumerate() {
                     let scale = self.residual_scale[i];
                     let masked = (*rate - f[i].re) * panel.mask[half] * scale;
-                    *loss = masked.mul_add(masked, *loss);
+                    squares = masked.mul_add(masked, squares);
                     *rate = masked * (2.0 * weight * scale);
                 }
             }
@@ -153,6 +153,7 @@ impl<P: Plant> Physics<P> {
                 }
             }
         }
+        squares
     }
 
     /// y(0) - y0.
@@ -164,15 +165,16 @@ impl<P: Plant> Physics<P> {
         output: &[Cell<V>],
         half: usize,
         scratch: &mut Scratch<V>,
-        loss: &mut V,
-    ) {
+    ) -> V {
+        let mut squares = panel.t[half].constant(0.0);
         for i in 0..scratch.x.len() {
             let (y, _) = self.state(panel, output, half, i);
             let scale = self.initial_scale[i];
             let masked = (y - panel.y0[i][half]) * panel.mask[half] * scale;
-            *loss = masked.mul_add(masked, *loss);
+            squares = masked.mul_add(masked, squares);
             scratch.state_adjoint[i] = masked * (2.0 * weight * scale);
             scratch.rate_adjoint[i] = masked.constant(0.0);
         }
+        squares
     }
 }

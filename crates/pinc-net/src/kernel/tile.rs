@@ -79,7 +79,7 @@ impl<V: Simd, P: Plant> Work for Block<'_, V, P> {
             for place in 0..count {
                 let panel = self.panels.panel(first + place);
                 self.forward(panel, place);
-                self.outputs(panel, place, &mut loss);
+                loss = loss + self.outputs(panel, place);
                 if self.gradient.is_some() {
                     self.backward(place);
                 }
@@ -98,7 +98,7 @@ impl<V: Simd, P: Plant> Work for Block<'_, V, P> {
 }
 
 impl<V: Simd, P: Plant> Block<'_, V, P> {
-    /// a_0 = normalized (t, y0, u); a_(l+1) = tanh(W_l a_l + b_l), with time tangents.
+    /// `a_0` = normalized (t, y0, u), `a_(l+1)` = tanh(`W_l` `a_l` + `b_l`), with time tangents.
     #[inline(always)]
     fn forward(&mut self, panel: Panel<'_, V>, place: usize) {
         let Workspace { shapes, activations, zero, .. } = &mut *self.workspace;
@@ -123,15 +123,15 @@ impl<V: Simd, P: Plant> Block<'_, V, P> {
         }
     }
 
-    /// The loss, and its derivatives in the outputs of the net.
+    /// The squared errors, and the derivatives of the loss in the outputs of the net.
     #[inline(always)]
-    fn outputs(&mut self, panel: Panel<'_, V>, place: usize, loss: &mut V) {
+    fn outputs(&mut self, panel: Panel<'_, V>, place: usize) -> V {
         let Workspace { shapes, activations, adjoints, scratch, .. } = &mut *self.workspace;
         let last = shapes.len() - 1;
         let range = place * shapes[last].1..(place + 1) * shapes[last].1;
         let output = &activations[last + 1][range.clone()];
         let adjoint = &mut adjoints[last][range];
-        self.physics.panel(self.term, self.weight, panel, output, adjoint, scratch, loss);
+        self.physics.panel(self.term, self.weight, panel, output, adjoint, scratch)
     }
 
     /// Adjoints of all layers, from the last to the first.

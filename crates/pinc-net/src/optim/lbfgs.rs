@@ -85,7 +85,7 @@ impl Lbfgs {
         Outcome::Moved
     }
 
-    /// - H g by the two-loop recursion, with H_0 = (s'y / y'y) I of the last pair.
+    /// - H g by the two-loop recursion, with `H_0` = (s'y / y'y) I of the last pair.
     fn direction(&self, gradient: &[f64]) -> Vec<f64> {
         let mut q = gradient.to_vec();
         let mut alphas = Vec::with_capacity(self.pairs.len());

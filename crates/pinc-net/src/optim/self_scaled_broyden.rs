@@ -241,13 +241,14 @@ fn update_row<V: Simd>(row: &mut [f64], update: &Update, along_hy: f64, along_s:
     for k in (0..whole).step_by(V::LANES) {
         let load = |from: &[f64]| {
             let from = &from[k..k + V::LANES];
-            zero.from_fn(|i| from[i])
+            zero.generate(|i| from[i])
         };
         let sum = by_hy.mul_add(load(&update.hy), by_s * load(&update.s));
         scale.mul_add(load(row), sum).write(&mut row[k..k + V::LANES]);
     }
-    for k in whole..row.len() {
-        row[k] = update.scale * row[k] + along_hy * update.hy[k] + along_s * update.s[k];
+    let rest = row[whole..].iter_mut().zip(&update.hy[whole..]).zip(&update.s[whole..]);
+    for ((row, hy), s) in rest {
+        *row = update.scale * *row + along_hy * hy + along_s * s;
     }
 }
 
@@ -261,7 +262,7 @@ fn dot_lanes<V: Simd>(a: &[f64], b: &[f64], zero: V) -> f64 {
         for (j, sum) in sums.iter_mut().enumerate() {
             let lane = |from: &[f64]| {
                 let from = &from[j * V::LANES..(j + 1) * V::LANES];
-                zero.from_fn(|i| from[i])
+                zero.generate(|i| from[i])
             };
             *sum = lane(a).mul_add(lane(b), *sum);
         }

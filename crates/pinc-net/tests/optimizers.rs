@@ -1,0 +1,192 @@
+//! Optimizers on problems with known answers, judged by work counters.
+
+use pinc_net::Workers;
+use pinc_net::optim::{
+    AdamConfig, Iterate, LbfgsConfig, LineSearch, Objective, Optimizer, OptimizerConfig, Outcome,
+    SelfScaledBroydenConfig,
+};
+
+/// A function that counts its evaluations.
+struct Counting<F> {
+    f: F,
+    evaluations: usize,
+}
+
+impl<F: FnMut(&[f64], &mut [f64]) -> f64> Objective for Counting<F> {
+    fn evaluate(&mut self, x: &[f64], gradient: &mut [f64]) -> f64 {
+        self.evaluations += 1;
+        (self.f)(x, gradient)
+    }
+}
+
+/// Rosenbrock's function in n dimensions: minimum 0 at (1, .., 1).
+fn rosenbrock(x: &[f64], gradient: &mut [f64]) -> f64 {
+    gradient.fill(0.0);
+    let mut value = 0.0;
+    for i in 0..x.len() - 1 {
+        let (a, b) = (1.0 - x[i], x[i + 1] - x[i] * x[i]);
+        value += a * a + 100.0 * b * b;
+        gradient[i] += -2.0 * a - 400.0 * b * x[i];
+        gradient[i + 1] += 200.0 * b;
+    }
+    value
+}
+
+/// A quadratic with eigenvalues 1 .. 100 on the diagonal and minimum at (1, 2, 3, ..).
+fn quadratic(x: &[f64], gradient: &mut [f64]) -> f64 {
+    let n = x.len() as f64;
+    let mut value = 0.0;
+    for (i, (x, g)) in x.iter().zip(gradient).enumerate() {
+        let eigenvalue = 1e2_f64.powf(i as f64 / (n - 1.0));
+        let distance = x - (i as f64 + 1.0);
+        value += 0.5 * eigenvalue * distance * distance;
+        *g = eigenvalue * distance;
+    }
+    value
+}
+
+fn lbfgs(line_search: LineSearch) -> OptimizerConfig {
+    OptimizerConfig::Lbfgs(LbfgsConfig { memory: 10, line_search, gradient_tolerance: 1e-10 })
+}
+
+fn broyden() -> OptimizerConfig {
+    let config = SelfScaledBroydenConfig { initial_step: 0.1, gradient_tolerance: 1e-10 };
+    OptimizerConfig::SelfScaledBroyden(config)
+}
+
+/// Iterates to the end; returns the last iterate, its outcome and the numbers of iterations and
+/// evaluations.
+fn minimize(
+    config: &OptimizerConfig,
+    f: impl FnMut(&[f64], &mut [f64]) -> f64,
+    start: Vec<f64>,
+    limit: usize,
+) -> (Iterate, Outcome, usize, usize) {
+    let workers = Workers::new(2).unwrap();
+    let mut objective = Counting { f, evaluations: 0 };
+    let mut optimizer = Optimizer::new(config, start.len());
+    let mut at = Iterate::new(&mut objective, start);
+    for iteration in 0..limit {
+        let outcome = optimizer.step(&mut objective, &mut at, &workers);
+        if outcome != Outcome::Moved {
+            return (at, outcome, iteration, objective.evaluations);
+        }
+    }
+    (at, Outcome::Moved, limit, objective.evaluations)
+}
+
+#[test]
+fn quasi_newton_methods_find_the_minimum_of_rosenbrocks_function() {
+    for config in [lbfgs(LineSearch::HagerZhang), lbfgs(LineSearch::WeakWolfe), broyden()] {
+        for n in [2, 10, 37] {
+            let (at, outcome, iterations, evaluations) =
+                minimize(&config, rosenbrock, vec![-1.2; n], 600);
+            // -1.2 everywhere leads some methods to the local minimum near (-1, 1, .., 1).
+            assert_eq!(
+                outcome,
+                Outcome::Converged,
+                "{config:?}, n = {n}: {:e}",
+                at.gradient_norm()
+            );
+            let global = at.x.iter().all(|x| (x - 1.0).abs() < 1e-8);
+            let local = n > 2 && (at.x[0] + 1.0).abs() < 0.05;
+            assert!(global || local, "{config:?}, n = {n}: {:?}", at.x);
+            assert!(evaluations < 6 * iterations.max(10), "{config:?}: {evaluations}/{iterations}");
+        }
+    }
+}
+
+#[test]
+fn quasi_newton_methods_minimize_an_ill_conditioned_quadratic() {
+    for (config, most) in [
+        (lbfgs(LineSearch::HagerZhang), 400),
+        (lbfgs(LineSearch::WeakWolfe), 400),
+        (broyden(), 250),
+    ] {
+        let (at, outcome, iterations, _) = minimize(&config, quadratic, vec![0.0; 50], most);
+        assert_eq!(outcome, Outcome::Converged, "{config:?} after {iterations}");
+        for (i, x) in at.x.iter().enumerate() {
+            // |x - x*| <= |g| / smallest eigenvalue.
+            assert!((x - (i as f64 + 1.0)).abs() <= 1e-10, "{config:?}, {i}: {x}");
+        }
+    }
+}
+
+#[test]
+fn the_cheap_line_search_needs_fewer_evaluations_per_iteration() {
+    let count = |line_search| {
+        let (_, _, iterations, evaluations) =
+            minimize(&lbfgs(line_search), rosenbrock, vec![0.3; 20], 500);
+        evaluations as f64 / iterations as f64
+    };
+    assert!(count(LineSearch::WeakWolfe) < 1.6, "{}", count(LineSearch::WeakWolfe));
+    assert!(count(LineSearch::HagerZhang) < 3.5, "{}", count(LineSearch::HagerZhang));
+}
+
+#[test]
+fn adam_takes_the_steps_of_its_definition() {
+    let config = OptimizerConfig::Adam(AdamConfig {
+        learning_rate: 0.1,
+        beta1: 0.9,
+        beta2: 0.999,
+        epsilon: 0.0,
+    });
+    // With one variable and f = x^2/2 from 1: g1 = 1, so the first step is the learning rate. Then
+    // g2 = 0.9, m = 0.19, v = 0.001809, and the step 0.1 (m/0.19) / sqrt(v/0.001999).
+    let half_square = |x: &[f64], g: &mut [f64]| {
+        g[0] = x[0];
+        0.5 * x[0] * x[0]
+    };
+    let second =
+        0.9 - 0.1 * ((0.09 + 0.09) / 0.19) / ((0.000_999 + 0.000_81_f64) / 0.001_999).sqrt();
+    for (steps, expected) in [(1, 0.9), (2, second)] {
+        let (at, ..) = minimize(&config, half_square, vec![1.0], steps);
+        assert!((at.x[0] - expected).abs() < 1e-14, "{} {expected}", at.x[0]);
+    }
+}
+
+#[test]
+fn line_searches_step_back_from_where_the_function_is_not_finite() {
+    // -log x + x, NaN for x <= 0: minimum at 1. The first steps from 20 overshoot.
+    let barrier = |x: &[f64], g: &mut [f64]| {
+        g[0] = 1.0 - 1.0 / x[0];
+        if x[0] > 0.0 { x[0] - x[0].ln() } else { f64::NAN }
+    };
+    for config in [lbfgs(LineSearch::HagerZhang), lbfgs(LineSearch::WeakWolfe), broyden()] {
+        for start in [20.0, 1e-3] {
+            let (at, outcome, ..) = minimize(&config, barrier, vec![start], 100);
+            assert_ne!(outcome, Outcome::Moved, "{config:?}");
+            assert!((at.x[0] - 1.0).abs() < 1e-7, "{config:?} from {start}: {}", at.x[0]);
+        }
+    }
+}
+
+#[test]
+fn a_function_without_descent_is_reported_not_looped_on() {
+    // The gradient lies: the function rises along its negative.
+    let lie = |x: &[f64], g: &mut [f64]| {
+        g[0] = -1.0;
+        x[0]
+    };
+    for config in [lbfgs(LineSearch::HagerZhang), lbfgs(LineSearch::WeakWolfe), broyden()] {
+        let (at, outcome, ..) = minimize(&config, lie, vec![0.0], 10);
+        assert_eq!(outcome, Outcome::Stuck, "{config:?}");
+        assert_eq!(at.x, [0.0]);
+    }
+}
+
+#[test]
+fn broyden_is_the_same_on_any_number_of_threads() {
+    let run = |threads| {
+        let workers = Workers::new(threads).unwrap();
+        let mut objective = |x: &[f64], g: &mut [f64]| rosenbrock(x, g);
+        let mut optimizer = Optimizer::new(&broyden(), 33);
+        let mut at = Iterate::new(&mut objective, vec![0.1; 33]);
+        for _ in 0..60 {
+            optimizer.step(&mut objective, &mut at, &workers);
+        }
+        at
+    };
+    assert_eq!(run(1), run(2));
+    assert_eq!(run(1), run(3));
+}
