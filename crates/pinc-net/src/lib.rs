@@ -72,6 +72,7 @@ mod normalizer;
 pub mod optim;
 mod predictor;
 mod sampling;
+mod schedule;
 mod simd;
 mod trainer;
 mod validation;
@@ -87,10 +88,10 @@ pub use net::{NetConfig, PincNet, Scenario};
 pub use normalizer::Normalizer;
 pub use predictor::PincPredictor;
 pub use sampling::{Points, Sampler, initial_conditions};
-pub use simd::Isa;
-pub use trainer::{
-    Checkpoint, GrowthConfig, IterationRecord, Keep, Phase, Progress, StopReason, Totals, Trainer,
-    TrainingConfig,
+pub use schedule::{
+    GrowthConfig, IterationRecord, Keep, Phase, Progress, StopReason, Totals, TrainingConfig,
 };
+pub use simd::Isa;
+pub use trainer::{Checkpoint, Trainer};
 pub use validation::{Validation, ValidationConfig, ValidationSet};
 pub use workers::Workers;

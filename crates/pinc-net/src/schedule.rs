@@ -1,0 +1,175 @@
+//! The choices of a training, and what is reported of it.
+
+use crate::NetError;
+use crate::loss::{InitialScale, ResidualScale};
+use crate::optim::OptimizerConfig;
+use crate::sampling::Sampler;
+use serde::{Deserialize, Serialize};
+
+/// Which net a training gives.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Keep {
+    /// The one with the smallest validation `mse_gen`: Algorithm 1.
+    Best,
+    /// The last one: the authors' code.
+    Last,
+}
+
+/// A part of the schedule: one optimizer for a number of iterations.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Phase {
+    /// The optimizer; each phase starts it afresh.
+    pub optimizer: OptimizerConfig,
+    /// How many iterations at most.
+    pub iterations: u64,
+    /// Whether to go back to the best net on validation when the phase is over.
+    #[serde(default)]
+    pub restore_best: bool,
+}
+
+/// A sample of collocation points that grows when the net begins to fit the points rather than the
+/// equation.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct GrowthConfig {
+    /// Where growth ends.
+    pub max_points: usize,
+    /// The factor by which it grows.
+    pub factor: usize,
+    /// Grow when the loss on fresh points is this many times that on the sample.
+    pub overfit_ratio: f64,
+    /// Iterations between looks at fresh points.
+    pub check_every: u64,
+    /// How many fresh points.
+    pub fresh_points: usize,
+}
+
+/// The choices of a training.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct TrainingConfig {
+    /// How collocation points are spread.
+    pub sampler: Sampler,
+    /// Number of collocation points `N_F`, at the start if the sample grows.
+    pub collocation_points: usize,
+    /// Number of initial points `N_t` of `MSE_y` (and of scenarios of the coupled grid). Without use for a
+    /// hard initial condition.
+    pub initial_points: usize,
+    /// Weight lambda of `MSE_F`.
+    pub lambda: f64,
+    /// In which units residuals are squared.
+    pub residual_scale: ResidualScale,
+    /// In which units errors of the initial condition are squared.
+    pub initial_scale: InitialScale,
+    /// The schedule.
+    pub phases: Vec<Phase>,
+    /// Whether and how the sample grows.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub growth: Option<GrowthConfig>,
+    /// Iterations between validations.
+    pub validation_every: u64,
+    /// Which net is the result.
+    pub keep: Keep,
+}
+
+impl TrainingConfig {
+    /// Checks the settings.
+    ///
+    /// # Errors
+    ///
+    /// [`NetError::Setting`] for one that makes no sense.
+    pub fn validate(&self) -> Result<(), NetError> {
+        let count = |key, value: u64| {
+            if value == 0 {
+                let found = value.to_string();
+                return Err(NetError::Setting { key, found, expected: "at least 1" });
+            }
+            Ok(())
+        };
+        count("collocation_points", self.collocation_points as u64)?;
+        count("initial_points", self.initial_points as u64)?;
+        count("validation_every", self.validation_every)?;
+        count("phases", self.phases.len() as u64)?;
+        for phase in &self.phases {
+            phase.optimizer.validate()?;
+        }
+        if let Some(growth) = &self.growth {
+            count("growth.check_every", growth.check_every)?;
+            count("growth.fresh_points", growth.fresh_points as u64)?;
+            if growth.factor < 2 {
+                let (key, found) = ("growth.factor", growth.factor.to_string());
+                return Err(NetError::Setting { key, found, expected: "at least 2" });
+            }
+            if growth.overfit_ratio.is_nan() || growth.overfit_ratio <= 1.0 {
+                let (key, found) = ("growth.overfit_ratio", growth.overfit_ratio.to_string());
+                return Err(NetError::Setting { key, found, expected: "a number above 1" });
+            }
+        }
+        Ok(())
+    }
+}
+
+/// What one iteration came to.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct IterationRecord {
+    /// Iterations done, over all phases.
+    pub iteration: u64,
+    /// Index of the phase.
+    pub phase: usize,
+    /// Evaluations of loss and gradient so far.
+    pub loss_evaluations: u64,
+    /// The loss.
+    pub loss: f64,
+    /// Its term `MSE_y`.
+    pub loss_data: f64,
+    /// Its term lambda `MSE_F`.
+    pub loss_physics: f64,
+    /// Norm of its gradient.
+    pub gradient_norm: f64,
+    /// Collocation points in use.
+    pub collocation_points: usize,
+    /// The loss on fresh points, if it was computed in this iteration.
+    pub fresh_loss: Option<f64>,
+}
+
+/// Why a training ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum StopReason {
+    /// All phases ran their iterations.
+    IterationsDone,
+    /// The gradient fell below its tolerance in the last phase.
+    GradientTolerance,
+    /// No further descent was found in the last phase: rounding allows none.
+    NoFurtherDescent,
+}
+
+impl std::fmt::Display for StopReason {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(match self {
+            Self::IterationsDone => "iterations-done",
+            Self::GradientTolerance => "gradient-tolerance",
+            Self::NoFurtherDescent => "no-further-descent",
+        })
+    }
+}
+
+/// What [`Trainer::step`](crate::Trainer::step) came to.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Progress {
+    /// An iteration.
+    Iterated(IterationRecord),
+    /// The end; further steps say the same.
+    Finished(StopReason),
+}
+
+/// Work done so far.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Totals {
+    /// Iterations of optimizers.
+    pub iterations: u64,
+    /// Evaluations of loss and gradient.
+    pub loss_evaluations: u64,
+}
