@@ -62,11 +62,7 @@ impl Style {
     /// An opaque style.
     pub(super) fn new(color: Color, shape: Shape) -> Self {
         let opacity = 1.0;
-        Self {
-            color,
-            opacity,
-            shape,
-        }
+        Self { color, opacity, shape }
     }
 
     /// The same, lighter.
@@ -252,10 +248,7 @@ fn at((x, y): Point) -> (i32, i32) {
 }
 
 /// Pixels in drawing units.
-#[expect(
-    clippy::cast_possible_truncation,
-    reason = "a cast of a number out of range saturates"
-)]
+#[expect(clippy::cast_possible_truncation, reason = "a cast of a number out of range saturates")]
 fn units(pixels: f64) -> i32 {
     (pixels * f64::from(UNITS)).round() as i32
 }
@@ -270,9 +263,7 @@ mod tests {
         let dashes = dashes(&corner, 6.0, 4.0);
         let length = |d: &Vec<Point>| {
             let steps = d.windows(2);
-            steps
-                .map(|p| (p[1].0 - p[0].0).hypot(p[1].1 - p[0].1))
-                .sum::<f64>()
+            steps.map(|p| (p[1].0 - p[0].0).hypot(p[1].1 - p[0].1)).sum::<f64>()
         };
         assert_eq!(dashes.len(), 10);
         // Rounding: a hundred additions of numbers up to 100.

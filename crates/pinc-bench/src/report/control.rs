@@ -80,10 +80,7 @@ impl Loops<'_> {
         for state in states {
             self.add_beneath(&mut panel, state, |points| points)?;
         }
-        if states
-            .iter()
-            .any(|state| self.variables.controlled.contains(state))
-        {
+        if states.iter().any(|state| self.variables.controlled.contains(state)) {
             panel.key("reference", Style::new(INK, REFERENCE));
         }
         self.add_limits(&mut panel, "state", states, &self.variables.states);
@@ -215,12 +212,7 @@ impl Loops<'_> {
     }
 
     fn caption(&self) -> Result<String, ReportError> {
-        let files: Vec<_> = self
-            .run
-            .control
-            .iter()
-            .map(|of| of.table.file_name())
-            .collect();
+        let files: Vec<_> = self.run.control.iter().map(|of| of.table.file_name()).collect();
         let mut caption = "The plant, integrated accurately, under the controller. Dashed: the \
                            references, in the colours of their states; grey: the bounds."
             .to_owned();

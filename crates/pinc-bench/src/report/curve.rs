@@ -14,10 +14,7 @@ pub(super) fn held_until_next(points: &[Point]) -> Vec<Point> {
 pub(super) fn held_since_previous(points: &[Point]) -> Vec<Point> {
     let corner = |pair: &[Point]| [(pair[0].0, pair[1].1), pair[1]];
     let first = points.first().copied();
-    first
-        .into_iter()
-        .chain(points.windows(2).flat_map(corner))
-        .collect()
+    first.into_iter().chain(points.windows(2).flat_map(corner)).collect()
 }
 
 /// The points whose two numbers are finite.
@@ -159,12 +156,7 @@ fn without_level_points(points: &[Point]) -> Vec<Point> {
 mod tests {
     use super::*;
 
-    const FRAME: Frame = Frame {
-        left: 0.0,
-        top: 0.0,
-        width: 10.0,
-        height: 10.0,
-    };
+    const FRAME: Frame = Frame { left: 0.0, top: 0.0, width: 10.0, height: 10.0 };
 
     #[test]
     fn steps_get_their_corners() {
@@ -208,10 +200,8 @@ mod tests {
 
     #[test]
     fn thinning_keeps_extremes_and_order() {
-        let mut points: Vec<Point> = (0..10_000)
-            .map(|i| f64::from(i) * 1e-3)
-            .map(|x| (x, (700.0 * x).sin()))
-            .collect();
+        let mut points: Vec<Point> =
+            (0..10_000).map(|i| f64::from(i) * 1e-3).map(|x| (x, (700.0 * x).sin())).collect();
         points[4321].1 = 99.0;
         points[7777].1 = -99.0;
         let thin = thinned(&points);

@@ -58,8 +58,7 @@ impl Run {
     /// What the config says at a path of keys, as `&["model", "horizon_s"]`.
     pub(super) fn setting(&self, path: &[&str]) -> Option<&toml::Value> {
         let (first, rest) = path.split_first()?;
-        rest.iter()
-            .try_fold(self.config.get(*first)?, |value, key| value.get(*key))
+        rest.iter().try_fold(self.config.get(*first)?, |value, key| value.get(*key))
     }
 
     /// A number of the config.

@@ -21,22 +21,9 @@ const SWATCH: f64 = 28.0;
 /// Marks are thinned only where there are more than anyone could see.
 const MOST_MARKS: usize = 4000;
 
-const TITLE: Word = Word {
-    size: 14.0,
-    color: BLACK,
-    bold: true,
-    anchor: Anchor::Start,
-};
-const LABEL: Word = Word {
-    size: 13.0,
-    color: INK,
-    bold: false,
-    anchor: Anchor::Start,
-};
-const TICK: Word = Word {
-    size: 12.0,
-    ..LABEL
-};
+const TITLE: Word = Word { size: 14.0, color: BLACK, bold: true, anchor: Anchor::Start };
+const LABEL: Word = Word { size: 13.0, color: INK, bold: false, anchor: Anchor::Start };
+const TICK: Word = Word { size: 12.0, ..LABEL };
 
 /// A panel with its place on the page.
 struct Placed<'a> {
@@ -63,12 +50,7 @@ impl<'a> Flag<'a> {
             true => (x - width, x),
             false => (x, x + width),
         };
-        Self {
-            event,
-            x,
-            span,
-            lane: None,
-        }
+        Self { event, x, span, lane: None }
     }
 
     /// Whether the words, or a word and the other's stem, are in each other's way.
@@ -120,19 +102,10 @@ impl Figure {
             if placed.is_empty() {
                 top += LANE * small(lanes);
             }
-            let frame = Frame {
-                left: LEFT,
-                top,
-                width: WIDTH - LEFT - RIGHT,
-                height: panel.height,
-            };
+            let frame =
+                Frame { left: LEFT, top, width: WIDTH - LEFT - RIGHT, height: panel.height };
             top = frame.bottom() + GAP;
-            placed.push(Placed {
-                panel,
-                scale,
-                header,
-                frame,
-            });
+            placed.push(Placed { panel, scale, header, frame });
         }
         (placed, top - GAP + FOOT)
     }
@@ -150,10 +123,7 @@ impl Figure {
             let (placed, rest) = flags.split_at_mut(i);
             let flag = &mut rest[0];
             flag.lane = (0..MOST_LANES).find(|lane| {
-                let trial = Flag {
-                    lane: Some(*lane),
-                    ..*flag
-                };
+                let trial = Flag { lane: Some(*lane), ..*flag };
                 placed.iter().all(|other| !other.touches(&trial))
             });
         }
@@ -165,11 +135,7 @@ impl Figure {
             let at = frame.left + fraction * frame.width;
             if let Some(label) = label {
                 let anchor = Anchor::Middle;
-                canvas.word(
-                    &label,
-                    (at, frame.bottom() + 14.0),
-                    &Word { anchor, ..TICK },
-                )?;
+                canvas.word(&label, (at, frame.bottom() + 14.0), &Word { anchor, ..TICK })?;
             }
         }
         let middle = (frame.left + 0.5 * frame.width, frame.bottom() + 34.0);
@@ -289,13 +255,7 @@ impl Placed<'_> {
 }
 
 fn draw_flags(canvas: &Canvas<'_>, flags: &[Flag<'_>], top: f64) -> Result<(), DrawError> {
-    for Flag {
-        event,
-        x,
-        span,
-        lane,
-    } in flags
-    {
+    for Flag { event, x, span, lane } in flags {
         let Some(lane) = lane else { continue };
         let y = top - LANE * (small(*lane) + 0.5);
         canvas.line(&[(*x, top), (*x, y - 0.5 * LANE)], &event.style)?;

@@ -120,11 +120,7 @@ impl Panel {
         let Some(curves) = self.range_of_curves((f64::NEG_INFINITY, f64::INFINITY)) else {
             return;
         };
-        let near = |v: &f64| {
-            curves
-                .fraction(*v)
-                .is_some_and(|f| (-1.5..=2.5).contains(&f))
-        };
+        let near = |v: &f64| curves.fraction(*v).is_some_and(|f| (-1.5..=2.5).contains(&f));
         for &limit in limits.iter().filter(|v| near(v)) {
             if !self.limits.iter().any(|v| v.total_cmp(&limit).is_eq()) {
                 self.limits.push(limit);
@@ -158,8 +154,7 @@ impl Panel {
 /// The range of the finite numbers, or (0, 1) without any.
 pub(super) fn extent(values: impl Iterator<Item = f64>) -> (f64, f64) {
     let finite = values.filter(|v| v.is_finite());
-    let (low, high) = finite.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), v| {
-        (low.min(v), high.max(v))
-    });
+    let (low, high) =
+        finite.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), v| (low.min(v), high.max(v)));
     if low <= high { (low, high) } else { (0.0, 1.0) }
 }

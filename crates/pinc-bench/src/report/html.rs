@@ -11,16 +11,8 @@ const STYLE: &str = include_str!("style.css");
 
 /// The whole page, with the pictures already drawn.
 pub(super) fn page(run: &Run, drawn: &[(Picture, String)]) -> String {
-    let name = run
-        .title("name", "experiment")
-        .unwrap_or_else(|| "Unnamed run".to_owned());
-    let body = [
-        header(run, &name),
-        numbers(run),
-        pictures(drawn),
-        footer(run),
-    ]
-    .concat();
+    let name = run.title("name", "experiment").unwrap_or_else(|| "Unnamed run".to_owned());
+    let body = [header(run, &name), numbers(run), pictures(drawn), footer(run)].concat();
     format!(
         "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
          <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
@@ -30,25 +22,20 @@ pub(super) fn page(run: &Run, drawn: &[(Picture, String)]) -> String {
 }
 
 fn header(run: &Run, name: &str) -> String {
-    let about = [
-        ("preset", run.title("preset", "preset")),
-        ("seed", run.title("seed", "seed")),
-    ];
-    let about = about
-        .into_iter()
-        .filter_map(|(key, value)| Some((key, value?)));
+    let about = [("preset", run.title("preset", "preset")), ("seed", run.title("seed", "seed"))];
+    let about = about.into_iter().filter_map(|(key, value)| Some((key, value?)));
     let about = about.chain(run.config.get("plant").and_then(plant));
-    let about: Vec<String> = about
-        .map(|(key, value)| format!("{key} <b>{}</b>", escape(&value)))
-        .collect();
+    let about: Vec<String> =
+        about.map(|(key, value)| format!("{key} <b>{}</b>", escape(&value))).collect();
     let mut out = format!("<header>\n<h1>{}</h1>\n", escape(name));
     out += &format!("<p class=\"about\">{}</p>\n", about.join(" · "));
     let words = paragraph(run);
     if !words.is_empty() {
         out += &format!("<p class=\"summary\">{}</p>\n", escape(&words));
     }
-    for note in notes(run) {
-        out += &format!("<p class=\"note\">{}</p>\n", escape(&note));
+    let notes = notes(run);
+    if !notes.is_empty() {
+        out += &format!("<p class=\"note\">{}</p>\n", escape(&notes.join(" ")));
     }
     out + "</header>\n"
 }
@@ -64,30 +51,10 @@ fn notes(run: &Run) -> Vec<String> {
     let rows = |table: &Option<Table>| table.as_ref().map(Table::len);
     let all_rows = |tables: &[OfModel]| tables.iter().map(|of| of.table.len()).reduce(|a, b| a + b);
     let files = [
-        (
-            "training.csv",
-            "training",
-            "picture of the training",
-            rows(&run.training),
-        ),
-        (
-            "prediction.csv",
-            "prediction",
-            "free run",
-            rows(&run.prediction),
-        ),
-        (
-            "control.csv",
-            "control",
-            "closed loop",
-            all_rows(&run.control),
-        ),
-        (
-            "steps.csv",
-            "control",
-            "picture of the controller's steps",
-            all_rows(&run.steps),
-        ),
+        ("training.csv", "training", "picture of the training", rows(&run.training)),
+        ("prediction.csv", "prediction", "free run", rows(&run.prediction)),
+        ("control.csv", "control", "closed loop", all_rows(&run.control)),
+        ("steps.csv", "control", "picture of the controller's steps", all_rows(&run.steps)),
     ];
     let mut notes = Vec::new();
     for (file, section, content, rows) in files {
@@ -135,11 +102,7 @@ fn sheet(sheet: &Sheet) -> String {
         [] => String::new(),
         heads => format!("<thead>\n{}</thead>\n", cells(heads, "th", "th")),
     };
-    let rows: String = sheet
-        .rows
-        .iter()
-        .map(|row| cells(row, "th", "td"))
-        .collect();
+    let rows: String = sheet.rows.iter().map(|row| cells(row, "th", "td")).collect();
     format!(
         "<div>\n<h3>{}</h3>\n<table>\n{head}<tbody>\n{rows}</tbody>\n</table>\n</div>\n",
         escape(sheet.title)
@@ -163,11 +126,7 @@ fn footer(run: &Run) -> String {
     let facts = flattened(&run.provenance);
     if !facts.is_empty() {
         let row = |(key, value): &(String, String)| {
-            format!(
-                "<tr><th>{}</th><td>{}</td></tr>\n",
-                escape(key),
-                escape(value)
-            )
+            format!("<tr><th>{}</th><td>{}</td></tr>\n", escape(key), escape(value))
         };
         let rows: String = facts.iter().map(row).collect();
         out += &format!(

@@ -17,9 +17,8 @@ pub(super) struct Picture {
 impl Picture {
     /// Draws the picture; `None` if it would be empty.
     pub(super) fn svg(&self) -> Result<Option<String>, ReportError> {
-        self.figure.svg().map_err(|source| ReportError::Draw {
-            figure: self.stem.to_owned(),
-            source,
-        })
+        self.figure
+            .svg()
+            .map_err(|source| ReportError::Draw { figure: self.stem.to_owned(), source })
     }
 }

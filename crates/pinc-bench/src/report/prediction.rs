@@ -19,10 +19,7 @@ pub(super) fn picture(run: &Run, variables: &Variables) -> Result<Option<Picture
     };
     let states = states_of_prediction(table);
     let taken = |h: &String| states.contains(h) || ["t", "mark", "scenario"].contains(&h.as_str());
-    let inputs = table
-        .headers()
-        .iter()
-        .filter(|h| !taken(h) && !h.ends_with("_truth"));
+    let inputs = table.headers().iter().filter(|h| !taken(h) && !h.ends_with("_truth"));
     let inputs: Vec<String> = inputs.cloned().collect();
     let marks = match table.has("mark") {
         true => table.numbers("mark")?,
@@ -58,11 +55,7 @@ fn state_panel(
     states: &[String],
     marks: &[f64],
 ) -> Result<Panel, ReportError> {
-    let height = if states.len() == variables.states.len() {
-        280.0
-    } else {
-        200.0
-    };
+    let height = if states.len() == variables.states.len() { 280.0 } else { 200.0 };
     let mut panel = Panel::new(title, &run.axis_label(states), Kind::Linear, height);
     for state in states {
         let truth = table.points("t", &format!("{state}_truth"))?;
@@ -105,11 +98,7 @@ fn error_panel(
     let mut panel = Panel::new("Absolute error", &label, Kind::Log, 170.0);
     for state in states {
         let color = state_color(variables.index_of(state));
-        panel.add_named(
-            state,
-            errors(table, state)?,
-            Style::new(color, Shape::Line(1.5)),
-        );
+        panel.add_named(state, errors(table, state)?, Style::new(color, Shape::Line(1.5)));
     }
     Ok(panel)
 }
@@ -118,9 +107,7 @@ fn errors(table: &Table, state: &str) -> Result<Vec<Point>, ReportError> {
     let curve = table.points("t", state)?.unwrap_or_default();
     let truth = table.numbers(&format!("{state}_truth"))?;
     let pairs = curve.into_iter().zip(truth);
-    Ok(pairs
-        .map(|((t, y), truth)| (t, (y - truth).abs()))
-        .collect())
+    Ok(pairs.map(|((t, y), truth)| (t, (y - truth).abs())).collect())
 }
 
 /// Where the controller's prediction ends, N2 steps ahead.

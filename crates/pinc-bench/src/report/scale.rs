@@ -153,14 +153,14 @@ fn with_room(low: f64, high: f64) -> (f64, f64) {
     (low - room, high + room)
 }
 
-/// The round step (1, 2 or 5 times a power of ten) next above `rough`.
+/// The round step (1, 2 or 5 times a power of ten) nearest to `rough`, by ratio.
 fn nice(rough: f64) -> f64 {
     let power = 10f64.powf(rough.log10().floor());
     let digit = rough / power;
     let rounded = match digit {
-        d if d <= 1.0 => 1.0,
-        d if d <= 2.0 => 2.0,
-        d if d <= 5.0 => 5.0,
+        d if d <= 1.4 => 1.0,
+        d if d <= 3.2 => 2.0,
+        d if d <= 7.1 => 5.0,
         _ => 10.0,
     };
     rounded * power
@@ -189,10 +189,7 @@ fn exponents(low: f64, high: f64) -> std::ops::RangeInclusive<i32> {
     exponent(low)..=exponent(high)
 }
 
-#[expect(
-    clippy::cast_possible_truncation,
-    reason = "a cast of a number out of range saturates"
-)]
+#[expect(clippy::cast_possible_truncation, reason = "a cast of a number out of range saturates")]
 fn whole(value: f64) -> i64 {
     value as i64
 }

@@ -23,11 +23,7 @@ pub(super) fn sheets(run: &Run) -> Vec<Sheet> {
         if run.metrics[section].is_object() {
             let row = |row: &Row| vec![row.label.to_owned(), row.show(&run.metrics[section])];
             let rows = rows.iter().map(row).collect();
-            sheets.push(Sheet {
-                title,
-                heads: Vec::new(),
-                rows,
-            });
+            sheets.push(Sheet { title, heads: Vec::new(), rows });
         }
     }
     sheets.extend(control(run));
@@ -35,9 +31,7 @@ pub(super) fn sheets(run: &Run) -> Vec<Sheet> {
 }
 
 fn control(run: &Run) -> Option<Sheet> {
-    let models = run.metrics["control"]
-        .as_array()
-        .filter(|m| !m.is_empty())?;
+    let models = run.metrics["control"].as_array().filter(|m| !m.is_empty())?;
     let name = |m: &Value| model_name(m["model"].as_str().unwrap_or(MISSING));
     let mut heads = vec![String::new()];
     heads.extend(models.iter().map(name));
@@ -54,11 +48,7 @@ fn control(run: &Run) -> Option<Sheet> {
         cells
     };
     let rows = CONTROL.iter().map(row).collect();
-    Some(Sheet {
-        title: "Closed loop",
-        heads,
-        rows,
-    })
+    Some(Sheet { title: "Closed loop", heads, rows })
 }
 
 fn pinc_and_rk4(run: &Run) -> Option<(&Value, &Value)> {
@@ -102,85 +92,29 @@ const TRAINING: &[Row] = &[
 ];
 
 const VALIDATION: &[Row] = &[
-    row(
-        "MSE at the steps t = kT, physical units",
-        &["mse_gen"],
-        Form::Number(3),
-    ),
-    row(
-        "MSE of all rows, normalised",
-        &["mse_all_normalized"],
-        Form::Number(3),
-    ),
-    row(
-        "MSE of one step, from random states",
-        &["one_step_mse"],
-        Form::Number(3),
-    ),
+    row("MSE at the steps t = kT, physical units", &["mse_gen"], Form::Number(3)),
+    row("MSE of all rows, normalised", &["mse_all_normalized"], Form::Number(3)),
+    row("MSE of one step, from random states", &["one_step_mse"], Form::Number(3)),
 ];
 
 const PREDICTION: &[Row] = &[
-    row(
-        "MSE at the steps t = kT, physical units",
-        &["mse_marks"],
-        Form::Number(3),
-    ),
-    row(
-        "MSE of all rows, physical units",
-        &["mse_all"],
-        Form::Number(3),
-    ),
+    row("MSE at the steps t = kT, physical units", &["mse_marks"], Form::Number(3)),
+    row("MSE of all rows, physical units", &["mse_all"], Form::Number(3)),
 ];
 
 const CONTROL: &[Row] = &[
     row("RMSE at the steps", &["rmse"], Form::Compared(5)),
-    row(
-        "IAE at the steps, mean over outputs",
-        &["iae"],
-        Form::Compared(6),
-    ),
+    row("IAE at the steps, mean over outputs", &["iae"], Form::Compared(6)),
     row("RMSE, dense trace", &["rmse_dense"], Form::Compared(5)),
-    row(
-        "IAE, dense trace, sum over outputs",
-        &["iae_dense_sum"],
-        Form::Compared(6),
-    ),
-    row(
-        "Controller, whole run: mean ± sd",
-        &["wall_s"],
-        Form::Repeated,
-    ),
-    row(
-        "Controller, whole run: median",
-        &["wall_s", "median"],
-        Form::Time(1.0),
-    ),
-    row(
-        "Controller, one step: median",
-        &["step_us", "p50"],
-        Form::Time(1e-6),
-    ),
-    row(
-        "Controller, one step: 99th percentile",
-        &["step_us", "p99"],
-        Form::Time(1e-6),
-    ),
-    row(
-        "Controller, one step: longest",
-        &["step_us", "max"],
-        Form::Time(1e-6),
-    ),
-    row(
-        "SQP iterations per step",
-        &["sqp_iterations_mean"],
-        Form::Number(3),
-    ),
+    row("IAE, dense trace, sum over outputs", &["iae_dense_sum"], Form::Compared(6)),
+    row("Controller, whole run: mean ± sd", &["wall_s"], Form::Repeated),
+    row("Controller, whole run: median", &["wall_s", "median"], Form::Time(1.0)),
+    row("Controller, one step: median", &["step_us", "p50"], Form::Time(1e-6)),
+    row("Controller, one step: 99th percentile", &["step_us", "p99"], Form::Time(1e-6)),
+    row("Controller, one step: longest", &["step_us", "max"], Form::Time(1e-6)),
+    row("SQP iterations per step", &["sqp_iterations_mean"], Form::Number(3)),
     row("Largest KKT residual", &["kkt_max"], Form::Number(2)),
-    row(
-        "Largest violation of a bound",
-        &["max_violation"],
-        Form::Number(2),
-    ),
+    row("Largest violation of a bound", &["max_violation"], Form::Number(2)),
     row("Steps by status", &["status"], Form::Statuses),
 ];
 
@@ -234,14 +168,10 @@ fn repeated(wall: &Value) -> Option<String> {
     let (mean, sd) = (wall.get("mean")?.as_f64()?, wall.get("sd")?.as_f64()?);
     let runs = wall.get("runs").and_then(Value::as_u64);
     let runs = runs.map_or(String::new(), |n| format!(" ({n} runs)"));
-    Some(format!(
-        "{} ± {}{runs}",
-        text::duration(mean),
-        text::duration(sd)
-    ))
+    Some(format!("{} ± {}{runs}", text::duration(mean), text::duration(sd)))
 }
 
-/// Every value in a JSON document with its path, in the document's order.
+/// Every value in a JSON document with its path; a plain list is one value.
 pub(super) fn flattened(value: &Value) -> Vec<(String, String)> {
     let mut out = Vec::new();
     flatten("", value, &mut out);
@@ -254,9 +184,7 @@ fn flatten(path: &str, value: &Value, out: &mut Vec<(String, String)>) {
         path => format!("{path}.{key}"),
     };
     match value {
-        Value::Object(map) => map
-            .iter()
-            .for_each(|(key, value)| flatten(&below(key), value, out)),
+        Value::Object(map) => map.iter().for_each(|(key, value)| flatten(&below(key), value, out)),
         Value::Array(list) if list.iter().any(|v| v.is_object() || v.is_array()) => {
             for (i, value) in list.iter().enumerate() {
                 flatten(&below(&i.to_string()), value, out);
@@ -264,7 +192,7 @@ fn flatten(path: &str, value: &Value, out: &mut Vec<(String, String)>) {
         }
         Value::Array(list) => {
             let items: Vec<String> = list.iter().map(plain).collect();
-            out.push((path.to_owned(), items.join(", ")));
+            out.push((path.to_owned(), items.join(" ")));
         }
         Value::Null if path.is_empty() => {}
         value => out.push((path.to_owned(), plain(value))),

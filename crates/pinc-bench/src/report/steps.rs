@@ -47,11 +47,7 @@ fn times(run: &Run) -> Result<Panel, ReportError> {
         named.push((label, points, dots(i)));
     }
     let (low, high) = extent(all.into_iter());
-    let kind = if low > 0.0 && high > 5.0 * low {
-        Kind::Log
-    } else {
-        Kind::Linear
-    };
+    let kind = if low > 0.0 && high > 5.0 * low { Kind::Log } else { Kind::Linear };
     let mut panel = Panel::new("Time per step", "solve time (µs)", kind, 190.0);
     for (label, points, style) in named {
         panel.add_named_beneath(&label, points, style);
@@ -130,10 +126,7 @@ fn caption(run: &Run) -> Result<String, ReportError> {
                 reasons.push((*status).to_owned());
             }
         }
-        let (all, bad) = (
-            statuses.len(),
-            statuses.iter().filter(|s| !converged(s)).count(),
-        );
+        let (all, bad) = (statuses.len(), statuses.iter().filter(|s| !converged(s)).count());
         let model = model_name(model);
         caption += &match bad {
             0 => format!(" With {model} all {} steps converged.", text::count(all)),

@@ -32,15 +32,8 @@ impl Table {
         let mut reader = csv::Reader::from_reader(file);
         let headers = reader.headers().map_err(damaged)?;
         let headers = headers.iter().map(|h| h.trim().to_owned()).collect();
-        let rows = reader
-            .records()
-            .collect::<Result<_, _>>()
-            .map_err(damaged)?;
-        Ok(Some(Self {
-            path: path.to_owned(),
-            headers,
-            rows,
-        }))
+        let rows = reader.records().collect::<Result<_, _>>().map_err(damaged)?;
+        Ok(Some(Self { path: path.to_owned(), headers, rows }))
     }
 
     /// The file's name without its directory, for captions.

@@ -21,10 +21,7 @@ pub(super) fn picture(run: &Run) -> Result<Option<Picture>, ReportError> {
     };
     let x = table.numbers(column)?;
     let validation = present(table.points(column, "validation_mse")?.unwrap_or_default());
-    let best = validation
-        .iter()
-        .copied()
-        .min_by(|a, b| a.1.total_cmp(&b.1));
+    let best = validation.iter().copied().min_by(|a, b| a.1.total_cmp(&b.1));
     let loss = losses(table, column, &validation, best)?;
     let mut gradient = Panel::new("Gradient", "gradient norm", Kind::Log, 120.0);
     let norm = table.points(column, "gradient_norm")?.unwrap_or_default();
@@ -53,36 +50,37 @@ fn losses(
 ) -> Result<Panel, ReportError> {
     let mut panel = Panel::new("Loss", "mean squared error", Kind::Log, 340.0);
     let column = |name: &str| table.points(x, name).map(Option::unwrap_or_default);
-    let (loss, data, physics) = (
-        column("loss")?,
-        column("loss_data")?,
-        column("loss_physics")?,
-    );
+    let (loss, data, physics) = (column("loss")?, column("loss_data")?, column("loss_physics")?);
     let fresh = present(column("fresh_loss")?);
-    // Where a term is the whole loss, its curve says nothing.
-    let own = |term: &[Point]| {
-        let differs = |(a, b): (&Point, &Point)| (a.1 - b.1).abs() > 1e-9 * a.1.abs();
-        loss.iter().zip(term).any(differs)
+    // A term that is the whole loss, or nothing, has no curve of its own.
+    let differs = |term: &[Point]| loss.iter().zip(term).any(|(a, b)| !equal(a.1, b.1));
+    let vanishes = |term: &[Point]| term.iter().all(|p| equal(p.1, 0.0));
+    let terms = [("physics term", &physics, BLUE), ("data term", &data, SKY)];
+    let terms = terms.into_iter().filter(|(_, term, _)| differs(term) && !vanishes(term));
+    let terms: Vec<_> = terms.collect();
+    let all_physics = !physics.is_empty() && !differs(&physics);
+    let (label, style) = match (&terms[..], all_physics) {
+        ([], true) => ("loss (the physics term alone)", Style::new(BLUE, Shape::Line(1.4))),
+        ([], false) => ("loss", Style::new(BLUE, Shape::Line(1.4))),
+        _ => ("loss", Style::new(BLACK, Shape::Line(3.5)).faint(0.3)),
     };
-    let beneath = Style::new(BLACK, Shape::Line(3.5)).faint(0.3);
-    panel.add_named("loss", loss.clone(), beneath);
-    for (label, term, color) in [("physics term", physics, BLUE), ("data term", data, SKY)] {
-        if own(&term) {
-            panel.add_named(label, term, Style::new(color, Shape::Line(1.2)));
-        }
+    panel.add_named(label, loss.clone(), style);
+    for (label, term, color) in terms {
+        panel.add_named(label, term.clone(), Style::new(color, Shape::Line(1.2)));
     }
-    panel.add_named(
-        "loss on fresh points",
-        fresh,
-        Style::new(PURPLE, Shape::Dots(2.4)),
-    );
+    panel.add_named("loss on fresh points", fresh, Style::new(PURPLE, Shape::Dots(2.4)));
     let line = Style::new(VERMILLION, Shape::Line(1.2));
     panel.add(validation.to_vec(), line);
     let dots = Style::new(VERMILLION, Shape::Dots(2.6));
-    panel.add_named("validation", validation.to_vec(), dots);
+    panel.add_named("validation MSE", validation.to_vec(), dots);
     let ring = Style::new(VERMILLION, Shape::Rings(6.0));
-    panel.add_named("best validation", best.into_iter().collect(), ring);
+    panel.add_named("its lowest value", best.into_iter().collect(), ring);
     Ok(panel)
+}
+
+/// Equal up to the rounding of a sum or a product.
+fn equal(a: f64, b: f64) -> bool {
+    (a - b).abs() <= 1e-9 * a.abs().max(b.abs())
 }
 
 /// Where a phase begins, and where the sample grows inside one.

@@ -21,10 +21,7 @@ impl Variables {
         let predicted = run.prediction.as_ref().map(states_of_prediction);
         let Some(table) = run.control.first().map(|run| &run.table) else {
             let states = predicted.unwrap_or_default();
-            return Self {
-                states,
-                ..Self::default()
-            };
+            return Self { states, ..Self::default() };
         };
         let headers = table.headers().iter();
         let references = headers.clone().filter_map(|h| h.strip_suffix("_ref"));
@@ -36,11 +33,7 @@ impl Variables {
             _ => plain.len().saturating_sub(input_count(run, &plain)),
         };
         let (states, inputs) = plain.split_at(states.min(plain.len()));
-        Self {
-            states: states.to_vec(),
-            inputs: inputs.to_vec(),
-            controlled,
-        }
+        Self { states: states.to_vec(), inputs: inputs.to_vec(), controlled }
     }
 
     /// The place of a state in the plant's order.
@@ -66,10 +59,7 @@ impl Variables {
 /// The columns that have a `<column>_truth` beside them.
 pub(super) fn states_of_prediction(table: &Table) -> Vec<String> {
     let states = table.headers().iter();
-    states
-        .filter(|h| table.has(&format!("{h}_truth")))
-        .cloned()
-        .collect()
+    states.filter(|h| table.has(&format!("{h}_truth"))).cloned().collect()
 }
 
 /// The number of inputs: what the config's bounds say, or else the columns at the end that begin
@@ -77,11 +67,5 @@ pub(super) fn states_of_prediction(table: &Table) -> Vec<String> {
 fn input_count(run: &Run, columns: &[String]) -> usize {
     let bounds = run.setting(&["control", "input_low"]);
     let listed = bounds.and_then(toml::Value::as_array).map(Vec::len);
-    listed.unwrap_or_else(|| {
-        columns
-            .iter()
-            .rev()
-            .take_while(|c| c.starts_with('u'))
-            .count()
-    })
+    listed.unwrap_or_else(|| columns.iter().rev().take_while(|c| c.starts_with('u')).count())
 }

@@ -7,13 +7,7 @@ use serde_json::Value;
 
 /// The run in a few sentences; empty if there are no metrics.
 pub(super) fn paragraph(run: &Run) -> String {
-    let sentences = [
-        training(run),
-        validation(run),
-        tracking(run),
-        speed(run),
-        statuses(run),
-    ];
+    let sentences = [training(run), validation(run), tracking(run), speed(run), statuses(run)];
     let said: Vec<String> = sentences.into_iter().flatten().collect();
     said.join(" ")
 }
@@ -49,14 +43,12 @@ fn tracking(run: &Run) -> Option<String> {
             shown(rk4),
             difference(pinc, rk4)
         )),
-        (Some(one), None) => Some(format!(
-            "The IAE of the closed loop with PINC is {}.",
-            shown(one)
-        )),
-        (None, Some(one)) => Some(format!(
-            "The IAE of the closed loop with RK4 is {}.",
-            shown(one)
-        )),
+        (Some(one), None) => {
+            Some(format!("The IAE of the closed loop with PINC is {}.", shown(one)))
+        }
+        (None, Some(one)) => {
+            Some(format!("The IAE of the closed loop with RK4 is {}.", shown(one)))
+        }
         (None, None) => None,
     }
 }
@@ -70,43 +62,26 @@ fn difference(pinc: f64, rk4: f64) -> String {
 
 fn speed(run: &Run) -> Option<String> {
     let times = ["pinc", "rk4"].map(|model| {
-        let time = run
-            .control_metrics(model)?
-            .get("step_us")?
-            .get("p50")?
-            .as_f64()?;
-        Some(format!(
-            "{} with {}",
-            text::duration(time * 1e-6),
-            model_name(model)
-        ))
+        let time = run.control_metrics(model)?.get("step_us")?.get("p50")?.as_f64()?;
+        Some(format!("{} with {}", text::duration(time * 1e-6), model_name(model)))
     });
     let times: Vec<String> = times.into_iter().flatten().collect();
-    (!times.is_empty()).then(|| {
-        format!(
-            "A step of the controller takes {} (medians).",
-            text::listed(&times)
-        )
-    })
+    (!times.is_empty())
+        .then(|| format!("A step of the controller takes {} (medians).", text::listed(&times)))
 }
 
 fn statuses(run: &Run) -> Option<String> {
     let runs = run.metrics["control"].as_array()?;
-    let statuses = || {
-        runs.iter()
-            .filter_map(|run| run["status"].as_object())
-            .flatten()
-    };
+    let statuses = || runs.iter().filter_map(|run| run["status"].as_object()).flatten();
     let count = |n: &Value| n.as_f64().unwrap_or(0.0);
     let all: f64 = statuses().map(|(_, n)| count(n)).sum();
     let converged = statuses().filter(|(status, _)| *status == "converged");
     let failed = all - converged.map(|(_, n)| count(n)).sum::<f64>();
     match (all, failed) {
         (all, _) if all < 0.5 => None,
-        (all, failed) if failed < 0.5 => Some(format!(
-            "All {} control steps converged.",
-            text::number(all, 9)
-        )),
+        (all, failed) if failed < 0.5 => {
+            Some(format!("All {} control steps converged.", text::number(all, 9)))
+        }
         (all, failed) => Some(format!(
             "Of {} control steps {} did not converge.",
             text::number(all, 9),
