@@ -1,0 +1,357 @@
+//! One suite for every model that a controller may be given: what [`Predictor`] promises.
+
+use pinc_ad::central_difference;
+use pinc_net::{Ansatz, Domain, NetConfig, PincNet, PincPredictor};
+use pinc_ode::{FourTanks, OneTank, Plant, Predictor, Rk4, VanDerPol};
+use proptest::prelude::*;
+use proptest::test_runner::{FileFailurePersistence, TestCaseError, TestRunner};
+use std::alloc::{GlobalAlloc, Layout, System};
+use std::cell::{Cell, RefCell};
+use std::panic::catch_unwind;
+
+/// A model under test, and the box of states and inputs to try it in.
+struct Model {
+    name: &'static str,
+    build: fn() -> Box<dyn Predictor>,
+    state: [f64; 2],
+    input: [f64; 2],
+}
+
+/// Every model there is.
+const MODELS: [Model; 9] = [
+    model("RK4, Van der Pol", || rk4(VanDerPol::default(), 0.5), [-3.0, 3.0], [-1.0, 1.0]),
+    model("RK4, one tank", || rk4(OneTank::default(), 10.0), [2.0, 20.0], [0.5, 4.5]),
+    model("RK4, four tanks", || rk4(FourTanks::antonelo(), 10.0), [2.0, 20.0], [0.0, 5.0]),
+    model(
+        "RK4, nonminimum",
+        || rk4(FourTanks::johansson_nonminimum(), 10.0),
+        [2.0, 20.0],
+        [0.0, 5.0],
+    ),
+    model("RK4, minimum", || rk4(FourTanks::johansson_minimum(), 10.0), [2.0, 20.0], [0.0, 5.0]),
+    model(
+        "net, Van der Pol",
+        || net(VanDerPol::default(), Ansatz::Direct),
+        [-3.0, 3.0],
+        [-1.0, 1.0],
+    ),
+    model(
+        "hard net, Van der Pol",
+        || net(VanDerPol::default(), Ansatz::HardLinear),
+        [-3.0, 3.0],
+        [-1.0, 1.0],
+    ),
+    model(
+        "net, four tanks",
+        || net(FourTanks::antonelo(), Ansatz::Direct),
+        [-3.0, 3.0],
+        [-1.0, 1.0],
+    ),
+    model(
+        "hard net, four tanks",
+        || net(FourTanks::antonelo(), Ansatz::HardLinear),
+        [-3.0, 3.0],
+        [-1.0, 1.0],
+    ),
+];
+
+const fn model(
+    name: &'static str,
+    build: fn() -> Box<dyn Predictor>,
+    state: [f64; 2],
+    input: [f64; 2],
+) -> Model {
+    Model { name, build, state, input }
+}
+
+fn rk4<P: Plant + 'static>(plant: P, horizon_s: f64) -> Box<dyn Predictor> {
+    Box::new(Rk4::new(plant, horizon_s, 4))
+}
+
+/// A net with its starting weights: what it predicts is of no matter here.
+fn net<P: Plant>(plant: P, ansatz: Ansatz) -> Box<dyn Predictor> {
+    let dims = plant.dims();
+    let domain = Domain {
+        state_low: vec![-3.0; dims.states],
+        state_high: vec![3.0; dims.states],
+        input_low: vec![-1.0; dims.inputs],
+        input_high: vec![1.0; dims.inputs],
+    };
+    let config =
+        NetConfig { horizon_s: 0.5, hidden_layers: 3, neurons: 9, ansatz, time_only: None };
+    let net = PincNet::new(&plant, &config, &domain, 7).expect("a net");
+    Box::new(PincPredictor::new(&net))
+}
+
+/// What `linearize` gives, in buffers of the right lengths.
+#[derive(Clone, Debug)]
+struct Linear {
+    next: Vec<f64>,
+    a: Vec<f64>,
+    b: Vec<f64>,
+}
+
+fn predict(model: &mut dyn Predictor, x: &[f64], u: &[f64]) -> Vec<f64> {
+    let mut next = vec![0.0; x.len()];
+    model.predict(x, u, &mut next);
+    next
+}
+
+fn linearize(model: &mut dyn Predictor, x: &[f64], u: &[f64]) -> Linear {
+    let (n, m) = (x.len(), u.len());
+    // Not zeros: an entry that is left out must show.
+    let [mut next, mut a, mut b] = [n, n * n, n * m].map(|len| vec![1e300; len]);
+    model.linearize(x, u, &mut next, &mut a, &mut b);
+    Linear { next, a, b }
+}
+
+fn bits(values: &[f64]) -> Vec<u64> {
+    values.iter().map(|v| v.to_bits()).collect()
+}
+
+/// All that both methods give, bit for bit.
+fn fingerprint(model: &mut dyn Predictor, x: &[f64], u: &[f64]) -> [Vec<u64>; 4] {
+    let Linear { next, a, b } = linearize(model, x, u);
+    [predict(model, x, u), next, a, b].map(|v| bits(&v))
+}
+
+impl Model {
+    fn build(&self) -> Box<dyn Predictor> {
+        (self.build)()
+    }
+
+    /// The middle of the box.
+    fn middle(&self) -> (Vec<f64>, Vec<f64>) {
+        let dims = self.build().dims();
+        let middle = |[low, high]: [f64; 2], len| vec![(low + high) / 2.0; len];
+        (middle(self.state, dims.states), middle(self.input, dims.inputs))
+    }
+
+    /// Runs `check` on random (x, u) of the box.
+    fn on_points(
+        &self,
+        check: impl Fn(&mut dyn Predictor, &[f64], &[f64]) -> Result<(), TestCaseError>,
+    ) {
+        let model = RefCell::new(self.build());
+        let dims = model.borrow().dims();
+        let range = |[low, high]: [f64; 2], len| prop::collection::vec(low..high, len);
+        let points = (range(self.state, dims.states), range(self.input, dims.inputs));
+        let config = ProptestConfig {
+            failure_persistence: Some(Box::new(FileFailurePersistence::WithSource("regressions"))),
+            ..ProptestConfig::with_cases(100)
+        };
+        let outcome =
+            TestRunner::new(config).run(&points, |(x, u)| check(&mut **model.borrow_mut(), &x, &u));
+        if let Err(failure) = outcome {
+            panic!("{}: {failure}", self.name);
+        }
+    }
+}
+
+#[test]
+fn dimensions_and_horizon_make_sense() {
+    for model in &MODELS {
+        let predictor = model.build();
+        let dims = predictor.dims();
+        assert!(dims.states > 0 && dims.inputs > 0, "{}", model.name);
+        let horizon = predictor.horizon_s();
+        assert!(horizon > 0.0 && horizon.is_finite(), "{}", model.name);
+    }
+}
+
+/// Same arguments, same bits: on one predictor, on another one, and whatever was asked in between,
+/// NaN included.
+#[test]
+fn deterministic_and_without_memory() {
+    for model in &MODELS {
+        let (mut one, mut other) = (model.build(), model.build());
+        let (x, u) = model.middle();
+        let first = fingerprint(&mut *one, &x, &u);
+        let elsewhere: Vec<_> = x.iter().map(|v| v + 0.5).collect();
+        fingerprint(&mut *one, &elsewhere, &u);
+        fingerprint(&mut *one, &vec![f64::NAN; x.len()], &vec![f64::NAN; u.len()]);
+        assert_eq!(fingerprint(&mut *one, &x, &u), first, "{}", model.name);
+        assert_eq!(fingerprint(&mut *other, &x, &u), first, "{}", model.name);
+    }
+}
+
+#[test]
+fn every_entry_is_written_and_finite() {
+    for model in &MODELS {
+        model.on_points(|model, x, u| {
+            let Linear { next, a, b } = linearize(model, x, u);
+            for v in [next, a, b].concat() {
+                prop_assert!(v.abs() < 1e6, "{}", v);
+            }
+            Ok(())
+        });
+    }
+}
+
+/// The two values may differ by rounding: a model takes some hundred operations on numbers up to 20.
+#[test]
+fn predict_and_linearize_agree() {
+    for model in &MODELS {
+        model.on_points(|model, x, u| {
+            let value = predict(model, x, u);
+            for (a, b) in linearize(model, x, u).next.iter().zip(&value) {
+                prop_assert!((a - b).abs() < 100.0 * 20.0 * f64::EPSILON, "{} {}", a, b);
+            }
+            Ok(())
+        });
+    }
+}
+
+/// Central differences are good to 1e-10 of the largest value, 20, and to h^2/6 = 6e-12 times the
+/// third derivatives, of which Van der Pol's from the corners of the box are some hundreds.
+#[test]
+fn jacobians_agree_with_differences() {
+    for model in &MODELS {
+        model.on_points(|model, x, u| {
+            let (n, m) = (x.len(), u.len());
+            let Linear { a, b, .. } = linearize(model, x, u);
+            let at = [x, u].concat();
+            for i in 0..n {
+                for j in 0..n + m {
+                    let f = |v: &[f64]| predict(model, &v[..n], &v[n..])[i];
+                    let difference = central_difference(f, &at, j);
+                    let exact = if j < n { a[i * n + j] } else { b[i * m + j - n] };
+                    let close = (exact - difference).abs() < 1e-8;
+                    prop_assert!(close, "{} {}: {} {}", i, j, exact, difference);
+                }
+            }
+            Ok(())
+        });
+    }
+}
+
+/// A NaN in a state reaches that state of the next step at least, one in an input some state; nothing
+/// panics.
+#[test]
+fn nan_in_nan_out() {
+    for model in &MODELS {
+        let mut predictor = model.build();
+        let (x, u) = model.middle();
+        for i in 0..x.len() + u.len() {
+            let (mut x, mut u) = (x.clone(), u.clone());
+            let n = x.len();
+            *x.get_mut(i).unwrap_or_else(|| &mut u[i - n]) = f64::NAN;
+            for next in [predict(&mut *predictor, &x, &u), linearize(&mut *predictor, &x, &u).next]
+            {
+                let poisoned =
+                    next.iter().enumerate().any(|(k, v)| v.is_nan() && (i >= n || i == k));
+                assert!(poisoned, "{}: argument {i}, {next:?}", model.name);
+            }
+        }
+    }
+}
+
+/// Far outside of any domain a model may be wrong, but not fall over.
+#[test]
+fn no_panic_on_any_number() {
+    for model in &MODELS {
+        let mut predictor = model.build();
+        let (x, u) = model.middle();
+        for value in
+            [f64::INFINITY, f64::NEG_INFINITY, f64::MAX, -1e9, 0.0, -0.0, f64::MIN_POSITIVE]
+        {
+            fingerprint(&mut *predictor, &vec![value; x.len()], &u);
+            fingerprint(&mut *predictor, &x, &vec![value; u.len()]);
+        }
+    }
+}
+
+/// Slices of other lengths are a programming error, not something to work around.
+#[test]
+fn other_lengths_panic() {
+    for model in &MODELS {
+        let (x, u) = model.middle();
+        let (n, m) = (x.len(), u.len());
+        let right = [n, m, n, n * n, n * m];
+        for (wrong, change) in (0..right.len()).flat_map(|i| [(i, -1), (i, 1)]) {
+            let mut lengths = right;
+            lengths[wrong] = right[wrong].saturating_add_signed(change);
+            let [x, u, next, a, b] = lengths.map(|len| vec![1.0; len]);
+            let linearize = || {
+                let (mut next, mut a, mut b) = (next.clone(), a.clone(), b.clone());
+                model.build().linearize(&x, &u, &mut next, &mut a, &mut b);
+            };
+            assert!(catch_unwind(linearize).is_err(), "{}: {wrong}", model.name);
+            let predict = || model.build().predict(&x, &u, &mut next.clone());
+            let refused = catch_unwind(predict).is_err();
+            assert!(refused || wrong > 1, "{}: {wrong} of predict", model.name);
+        }
+    }
+}
+
+/// Counts this thread's allocations, and hands them on to the system.
+struct Counting;
+
+thread_local! {
+    static ALLOCATIONS: Cell<u64> = const { Cell::new(0) };
+}
+
+fn count() {
+    ALLOCATIONS.with(|n| n.set(n.get() + 1));
+}
+
+#[expect(unsafe_code, reason = "a global allocator is an unsafe trait; this one only counts")]
+// SAFETY: every call goes to the system's allocator as it came.
+unsafe impl GlobalAlloc for Counting {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        count();
+        // SAFETY: the caller's promises are passed on.
+        unsafe { System.alloc(layout) }
+    }
+
+    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
+        // SAFETY: as above.
+        unsafe { System.dealloc(pointer, layout) }
+    }
+
+    unsafe fn realloc(&self, pointer: *mut u8, layout: Layout, size: usize) -> *mut u8 {
+        count();
+        // SAFETY: as above.
+        unsafe { System.realloc(pointer, layout, size) }
+    }
+}
+
+#[global_allocator]
+static ALLOCATOR: Counting = Counting;
+
+/// How many allocations `work` makes.
+fn allocations(work: impl FnOnce()) -> u64 {
+    let before = ALLOCATIONS.with(Cell::get);
+    work();
+    ALLOCATIONS.with(Cell::get) - before
+}
+
+#[test]
+fn allocations_are_counted() {
+    let grow = || {
+        let mut v = std::hint::black_box(vec![1_u8]);
+        v.reserve_exact(1000);
+        std::hint::black_box(&v);
+    };
+    assert_eq!(allocations(grow), 2);
+    assert_eq!(allocations(|| ()), 0);
+}
+
+#[test]
+fn nothing_is_allocated_after_construction() {
+    for model in &MODELS {
+        let mut predictor = model.build();
+        let (x, u) = model.middle();
+        let mut to = linearize(&mut *predictor, &x, &u);
+        let mut fresh = model.build();
+        for predictor in [&mut predictor, &mut fresh] {
+            let made = allocations(|| {
+                for _ in 0..3 {
+                    predictor.predict(&x, &u, &mut to.next);
+                    predictor.linearize(&x, &u, &mut to.next, &mut to.a, &mut to.b);
+                }
+            });
+            assert_eq!(made, 0, "{}", model.name);
+        }
+    }
+}
