@@ -24,10 +24,9 @@ pub use presets::Preset;
 pub use progress::Verbosity;
 pub use provenance::Provenance;
 pub use record::{
-    ControlMetrics, Metrics, PredictionMetrics, Record, StepTimes, TrainingMetrics, WallTimes,
+    ControlMetrics, Metrics, PredictionMetrics, Record, StepTimes, TrainingMetrics,
+    ValidationMetrics, WallTimes,
 };
-pub use runs::{
-    Finding, Options, Severity, check, control, predict, rebuild_report, run, train,
-};
+pub use runs::{Finding, Options, Severity, check, control, predict, rebuild_report, run, train};
 pub use spec::{Experiment, ModelKind};
 pub use summary::summary;

@@ -1,9 +1,7 @@
 //! The `pinc` program: see `pinc --help`.
 
 use clap::{Args, Parser, Subcommand};
-use pinc_bench::{
-    BenchError, Experiment, ModelKind, Options, Record, Verbosity, console, summary,
-};
+use pinc_bench::{BenchError, Experiment, ModelKind, Options, Record, Verbosity, console, summary};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -129,7 +127,12 @@ fn execute(cli: &Cli) -> Result<ExitCode, BenchError> {
         Command::Train { config, run } => {
             run.one(config, quiet, pinc_bench::train)?;
         }
-        Command::Control { config, model, only, run } => {
+        Command::Control {
+            config,
+            model,
+            only,
+            run,
+        } => {
             let only = only.map(|only| match only {
                 Only::Pinc => ModelKind::Pinc,
                 Only::Rk4 => ModelKind::Rk4,
@@ -138,7 +141,11 @@ fn execute(cli: &Cli) -> Result<ExitCode, BenchError> {
                 pinc_bench::control(experiment, dir, options, model.as_deref(), only)
             })?;
         }
-        Command::Predict { model, inputs, output } => pinc_bench::predict(model, inputs, output)?,
+        Command::Predict {
+            model,
+            inputs,
+            output,
+        } => pinc_bench::predict(model, inputs, output)?,
         Command::Check { config, set } => return check(config, &set.set),
         Command::Report { dir } => {
             let path = pinc_bench::rebuild_report(dir)?;
@@ -172,7 +179,9 @@ fn check(config: &Path, sets: &[String]) -> Result<ExitCode, BenchError> {
         console::line(&finding.to_string());
     }
     let worst = findings.iter().map(|finding| finding.severity).max();
-    Ok(ExitCode::from(u8::from(worst == Some(pinc_bench::Severity::Error))))
+    Ok(ExitCode::from(u8::from(
+        worst == Some(pinc_bench::Severity::Error),
+    )))
 }
 
 impl RunArgs {
@@ -202,7 +211,11 @@ impl RunArgs {
         let arguments: Vec<String> = std::env::args().skip(1).collect();
         let options = Options {
             resume: self.resume,
-            verbosity: if quiet { Verbosity::Quiet } else { Verbosity::Shown },
+            verbosity: if quiet {
+                Verbosity::Quiet
+            } else {
+                Verbosity::Shown
+            },
             interrupt: catch_interrupts(),
             arguments: &arguments,
         };

@@ -20,24 +20,33 @@ pub enum Verbosity {
 #[derive(Debug)]
 pub(crate) enum Stage {
     Bar(ProgressBar),
-    Lines { name: String, total: u64, last: Option<Instant> },
+    Lines {
+        name: String,
+        total: u64,
+        last: Option<Instant>,
+    },
     Quiet,
 }
 
 impl Stage {
-    /// A stage of `total` units of work, `done` of which are done.
-    pub(crate) fn begin(verbosity: Verbosity, name: &str, total: u64, done: u64) -> Self {
+    /// A stage of `total` units of work.
+    pub(crate) fn begin(verbosity: Verbosity, name: &str, total: u64) -> Self {
         match verbosity {
             Verbosity::Quiet => Self::Quiet,
             Verbosity::Shown if console::is_watched() => {
                 let template = "{prefix:>12} {bar:30} {pos}/{len} {msg} [{elapsed}]";
                 let style = ProgressStyle::with_template(template)
                     .expect("the template is a constant that was tried");
-                let bar = ProgressBar::new(total).with_style(style).with_prefix(name.to_owned());
-                bar.set_position(done);
+                let bar = ProgressBar::new(total)
+                    .with_style(style)
+                    .with_prefix(name.to_owned());
                 Self::Bar(bar)
             }
-            Verbosity::Shown => Self::Lines { name: name.to_owned(), total, last: None },
+            Verbosity::Shown => Self::Lines {
+                name: name.to_owned(),
+                total,
+                last: None,
+            },
         }
     }
 

@@ -46,7 +46,9 @@ impl Provenance {
     pub fn now(experiment: &Experiment, arguments: &[String]) -> Self {
         let command = std::iter::once("pinc".to_owned());
         Self {
-            command: command.chain(arguments.iter().map(|a| without_places(a))).collect(),
+            command: command
+                .chain(arguments.iter().map(|a| without_places(a)))
+                .collect(),
             version: env!("CARGO_PKG_VERSION").to_owned(),
             git_commit: option_env!("PINC_GIT_COMMIT").map(str::to_owned),
             git_dirty: option_env!("PINC_GIT_DIRTY").map(|dirty| dirty == "true"),
@@ -79,7 +81,10 @@ fn without_places(argument: &str) -> String {
     let below = here.and_then(|here| path.strip_prefix(here).ok().map(Path::to_owned));
     let short = match below {
         Some(below) => below.to_string_lossy().into_owned(),
-        None => path.file_name().map_or("..".into(), |name| name.to_string_lossy()).into_owned(),
+        None => path
+            .file_name()
+            .map_or("..".into(), |name| name.to_string_lossy())
+            .into_owned(),
     };
     match key {
         Some(key) => format!("{key}={short}"),
@@ -116,7 +121,10 @@ fn civil(days: u64) -> (u64, u64, u64) {
     let day_of_year = day_of_era - (365 * year_of_era + year_of_era / 4 - year_of_era / 100);
     let month = (5 * day_of_year + 2) / 153;
     let day = day_of_year - (153 * month + 2) / 5 + 1;
-    let (year, month) = (400 * era + year_of_era, if month < 10 { month + 3 } else { month - 9 });
+    let (year, month) = (
+        400 * era + year_of_era,
+        if month < 10 { month + 3 } else { month - 9 },
+    );
     (if month <= 2 { year + 1 } else { year }, month, day)
 }
 

@@ -34,8 +34,8 @@ pub(crate) struct Saved<C> {
 /// The bytes of the file.
 pub(crate) fn save(saved: &Saved<&Checkpoint>) -> Vec<u8> {
     let header = vec![0; HEADER];
-    let mut bytes = postcard::to_extend(saved, header)
-        .expect("writing plain data to memory does not fail");
+    let mut bytes =
+        postcard::to_extend(saved, header).expect("writing plain data to memory does not fail");
     let digest = Sha256::digest(&bytes[HEADER..]);
     bytes[..8].copy_from_slice(MAGIC);
     bytes[8..12].copy_from_slice(&VERSION.to_le_bytes());
@@ -48,19 +48,30 @@ pub(crate) fn load(path: &Path, fingerprint: &str) -> Result<Saved<Checkpoint>, 
     let bytes = fs::read(path).map_err(BenchError::unreadable(path))?;
     let saved = parse(&bytes).and_then(|saved| {
         let same = saved.fingerprint == fingerprint;
-        if same { Ok(saved) } else { Err(CheckpointProblem::OtherConfig) }
+        if same {
+            Ok(saved)
+        } else {
+            Err(CheckpointProblem::OtherConfig)
+        }
     });
-    saved.map_err(|problem| BenchError::Checkpoint { path: path.to_owned(), problem })
+    saved.map_err(|problem| BenchError::Checkpoint {
+        path: path.to_owned(),
+        problem,
+    })
 }
 
 fn parse(bytes: &[u8]) -> Result<Saved<Checkpoint>, CheckpointProblem> {
-    let rest = bytes.strip_prefix(MAGIC).ok_or(CheckpointProblem::Foreign)?;
+    let rest = bytes
+        .strip_prefix(MAGIC)
+        .ok_or(CheckpointProblem::Foreign)?;
     let (version, rest) = rest.split_first_chunk().ok_or(CheckpointProblem::Damaged)?;
     match u32::from_le_bytes(*version) {
         VERSION => {}
         other => return Err(CheckpointProblem::Version(other)),
     }
-    let (digest, body) = rest.split_first_chunk::<32>().ok_or(CheckpointProblem::Damaged)?;
+    let (digest, body) = rest
+        .split_first_chunk::<32>()
+        .ok_or(CheckpointProblem::Damaged)?;
     if Sha256::digest(body).as_slice() != digest {
         return Err(CheckpointProblem::Damaged);
     }

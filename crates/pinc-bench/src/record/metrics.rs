@@ -3,7 +3,7 @@
 use crate::presets::Preset;
 use crate::spec::{Experiment, ModelKind};
 use pinc_net::Validation;
-use serde::{Deserialize, Serialize};
+use serde::{Deserialize, Deserializer, Serialize};
 use std::collections::BTreeMap;
 
 /// The numbers that a run gave; each section is there once its stage is done.
@@ -20,7 +20,7 @@ pub struct Metrics {
     pub training: Option<TrainingMetrics>,
     /// The validation of the net that was kept.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub validation: Option<Validation>,
+    pub validation: Option<ValidationMetrics>,
     /// The free run.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub prediction: Option<PredictionMetrics>,
@@ -33,7 +33,9 @@ impl Metrics {
     pub(crate) fn new(experiment: &Experiment) -> Self {
         let variables = experiment.plant.variables();
         let all = variables.states.iter().chain(&variables.inputs);
-        let variables = all.map(|v| (v.name.to_string(), v.unit.to_string())).collect();
+        let variables = all
+            .map(|v| (v.name.to_string(), v.unit.to_string()))
+            .collect();
         Self {
             variables,
             experiment: experiment.name.clone(),
@@ -44,6 +46,40 @@ impl Metrics {
             control: Vec::new(),
         }
     }
+}
+
+/// How good the net that was kept is.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ValidationMetrics {
+    /// Eq. (`mse_gen`) of the paper: self-loop, at the steps t = kT, in the states' units squared.
+    #[serde(deserialize_with = "number_or_null")]
+    pub mse_gen: f64,
+    /// As the authors' program has it: self-loop, at all rows, in standard deviations of the box.
+    #[serde(deserialize_with = "number_or_null")]
+    pub mse_all_normalized: f64,
+    /// Of one step from random points of the box, in the states' units squared.
+    #[serde(deserialize_with = "number_or_null")]
+    pub one_step_mse: f64,
+}
+
+impl From<Validation> for ValidationMetrics {
+    fn from(validation: Validation) -> Self {
+        let Validation {
+            mse_gen,
+            mse_all_normalized,
+            one_step_mse,
+        } = validation;
+        Self {
+            mse_gen,
+            mse_all_normalized,
+            one_step_mse,
+        }
+    }
+}
+
+/// A number; JSON has `null` in place of NaN and infinity.
+fn number_or_null<'de, D: Deserializer<'de>>(deserializer: D) -> Result<f64, D::Error> {
+    Ok(Option::deserialize(deserializer)?.unwrap_or(f64::NAN))
 }
 
 /// What a training took.
@@ -65,8 +101,10 @@ pub struct TrainingMetrics {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct PredictionMetrics {
     /// Mean squared error at the step marks t = kT, in physical units.
+    #[serde(deserialize_with = "number_or_null")]
     pub mse_marks: f64,
     /// Mean squared error over all rows but the initial state, in physical units.
+    #[serde(deserialize_with = "number_or_null")]
     pub mse_all: f64,
 }
 
@@ -76,12 +114,16 @@ pub struct ControlMetrics {
     /// The model inside the controller.
     pub model: ModelKind,
     /// RMSE as printed: at the steps.
+    #[serde(deserialize_with = "number_or_null")]
     pub rmse: f64,
     /// IAE as printed: at the steps, averaged over outputs.
+    #[serde(deserialize_with = "number_or_null")]
     pub iae: f64,
     /// RMSE on the dense trace.
+    #[serde(deserialize_with = "number_or_null")]
     pub rmse_dense: f64,
     /// IAE on the dense trace, summed over outputs.
+    #[serde(deserialize_with = "number_or_null")]
     pub iae_dense_sum: f64,
     /// Time of the controller in one whole closed loop.
     pub wall_s: WallTimes,
@@ -90,8 +132,10 @@ pub struct ControlMetrics {
     /// SQP iterations per step.
     pub sqp_iterations_mean: f64,
     /// The largest KKT residual of a step.
+    #[serde(deserialize_with = "number_or_null")]
     pub kkt_max: f64,
     /// The worst violation of a bound by the plant's state or the input, in physical units.
+    #[serde(deserialize_with = "number_or_null")]
     pub max_violation: f64,
     /// How many steps ended with which status.
     pub status: BTreeMap<String, usize>,
@@ -114,8 +158,14 @@ impl WallTimes {
     /// The statistics of these times.
     pub(crate) fn of(mut times: Vec<f64>) -> Self {
         times.sort_by(f64::total_cmp);
-        #[expect(clippy::cast_precision_loss, reason = "far fewer than 2^53 repetitions")]
-        let (runs, freedom) = (times.len() as f64, times.len().saturating_sub(1).max(1) as f64);
+        #[expect(
+            clippy::cast_precision_loss,
+            reason = "far fewer than 2^53 repetitions"
+        )]
+        let (runs, freedom) = (
+            times.len() as f64,
+            times.len().saturating_sub(1).max(1) as f64,
+        );
         let mean = times.iter().sum::<f64>() / runs;
         let squares: f64 = times.iter().map(|t| (t - mean).powi(2)).sum();
         let middle = times.len() / 2;
@@ -124,7 +174,12 @@ impl WallTimes {
         } else {
             times[middle]
         };
-        Self { mean, sd: (squares / freedom).sqrt(), median, runs: times.len() }
+        Self {
+            mean,
+            sd: (squares / freedom).sqrt(),
+            median,
+            runs: times.len(),
+        }
     }
 }
 
@@ -144,7 +199,11 @@ impl StepTimes {
     pub(crate) fn of(mut times: Vec<f64>) -> Self {
         times.sort_by(f64::total_cmp);
         let rank = |percent: usize| times[(times.len() * percent).div_ceil(100).max(1) - 1];
-        Self { p50: rank(50), p99: rank(99), max: rank(100) }
+        Self {
+            p50: rank(50),
+            p99: rank(99),
+            max: rank(100),
+        }
     }
 }
 
@@ -156,11 +215,23 @@ mod tests {
     fn statistics_of_times() {
         let wall = WallTimes::of(vec![4.0, 1.0, 2.0, 3.0]);
         // Squares about the mean 2.5 sum up to 5.
-        let expected = WallTimes { mean: 2.5, sd: (5.0f64 / 3.0).sqrt(), median: 2.5, runs: 4 };
+        let expected = WallTimes {
+            mean: 2.5,
+            sd: (5.0f64 / 3.0).sqrt(),
+            median: 2.5,
+            runs: 4,
+        };
         assert_eq!(wall, expected);
         assert_eq!(WallTimes::of(vec![7.0]).sd.to_bits(), 0.0f64.to_bits());
 
         let steps = StepTimes::of((1..=200).map(f64::from).rev().collect());
-        assert_eq!(steps, StepTimes { p50: 100.0, p99: 198.0, max: 200.0 });
+        assert_eq!(
+            steps,
+            StepTimes {
+                p50: 100.0,
+                p99: 198.0,
+                max: 200.0
+            }
+        );
     }
 }

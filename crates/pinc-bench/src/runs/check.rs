@@ -71,7 +71,13 @@ impl PlantTask for Check<'_> {
                 derivatives(&plant, &region, self.experiment.seed, &mut findings);
                 if let Some(horizon_s) = self.experiment.horizon_s() {
                     linearisation(&plant, &region, horizon_s, &mut findings);
-                    substeps(&plant, &region, horizon_s, self.experiment.seed, &mut findings);
+                    substeps(
+                        &plant,
+                        &region,
+                        horizon_s,
+                        self.experiment.seed,
+                        &mut findings,
+                    );
                 }
             }
         }
@@ -114,19 +120,36 @@ impl Region {
         if let Some(domain) = &experiment.domain {
             let low = join(&domain.state_low, &domain.input_low);
             let high = join(&domain.state_high, &domain.input_high);
-            return Some(Self { name: "the training domain", dims, low, high });
+            return Some(Self {
+                name: "the training domain",
+                dims,
+                low,
+                high,
+            });
         }
         let control = experiment.control.as_ref()?;
         let state_low = control.state_low.as_ref().unwrap_or(&control.initial_state);
-        let state_high = control.state_high.as_ref().unwrap_or(&control.initial_state);
+        let state_high = control
+            .state_high
+            .as_ref()
+            .unwrap_or(&control.initial_state);
         let low = join(state_low, &control.input_low);
         let high = join(state_high, &control.input_high);
-        Some(Self { name: "the controller's bounds", dims, low, high })
+        Some(Self {
+            name: "the controller's bounds",
+            dims,
+            low,
+            high,
+        })
     }
 
     /// The state and the input in the middle.
     fn centre(&self) -> (Vec<f64>, Vec<f64>) {
-        let middle = self.low.iter().zip(&self.high).map(|(a, b)| f64::midpoint(*a, *b));
+        let middle = self
+            .low
+            .iter()
+            .zip(&self.high)
+            .map(|(a, b)| f64::midpoint(*a, *b));
         let mut x: Vec<_> = middle.collect();
         let u = x.split_off(self.dims.states);
         (x, u)
@@ -137,8 +160,9 @@ impl Region {
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
         std::iter::repeat_with(move || {
             let ends = self.low.iter().zip(&self.high);
-            let mut x: Vec<f64> =
-                ends.map(|(low, high)| low + (high - low) * rng.random::<f64>()).collect();
+            let mut x: Vec<f64> = ends
+                .map(|(low, high)| low + (high - low) * rng.random::<f64>())
+                .collect();
             let u = x.split_off(self.dims.states);
             (x, u)
         })
@@ -152,7 +176,10 @@ fn derivatives<P: Plant>(plant: &P, region: &Region, seed: u64, findings: &mut F
         plant.rhs(&x, &u, &mut dx);
         if let Some(i) = dx.iter().position(|v| !v.is_finite()) {
             let state = &plant.states()[i].name;
-            let text = format!("the derivative of {state} is {} at x = {x:?}, u = {u:?}", dx[i]);
+            let text = format!(
+                "the derivative of {state} is {} at x = {x:?}, u = {u:?}",
+                dx[i]
+            );
             return findings.add(Severity::Error, text);
         }
         for (fastest, v) in fastest.iter_mut().zip(&dx) {
@@ -160,7 +187,9 @@ fn derivatives<P: Plant>(plant: &P, region: &Region, seed: u64, findings: &mut F
         }
     }
     let names = plant.states().iter().zip(&fastest);
-    let rates: Vec<_> = names.map(|(v, f)| format!("|{}'| <= {f:.3}", v.name)).collect();
+    let rates: Vec<_> = names
+        .map(|(v, f)| format!("|{}'| <= {f:.3}", v.name))
+        .collect();
     findings.fact(format!(
         "derivatives are finite at {POINTS} random points of {}; there {}",
         region.name,
@@ -190,7 +219,9 @@ fn steady_state<P: Plant>(plant: &P, region: &Region, x: &[f64], u: &[f64]) -> O
     let mut dx = vec![0.0; n];
     for _ in 0..50 {
         plant.rhs(&x, u, &mut dx);
-        let step = jacobian(plant, &x, u).partial_piv_lu().solve(Mat::from_fn(n, 1, |i, _| dx[i]));
+        let step = jacobian(plant, &x, u)
+            .partial_piv_lu()
+            .solve(Mat::from_fn(n, 1, |i, _| dx[i]));
         let mut largest = 0.0f64;
         for (i, x) in x.iter_mut().enumerate() {
             // Half a step at most of the region's width, so as not to leave where f is defined.
@@ -201,7 +232,10 @@ fn steady_state<P: Plant>(plant: &P, region: &Region, x: &[f64], u: &[f64]) -> O
         }
         if largest < 1e-10 {
             plant.rhs(&x, u, &mut dx);
-            let at_rest = dx.iter().zip(&x).all(|(v, x)| v.abs() < 1e-8 * (1.0 + x.abs()));
+            let at_rest = dx
+                .iter()
+                .zip(&x)
+                .all(|(v, x)| v.abs() < 1e-8 * (1.0 + x.abs()));
             return at_rest.then_some(x);
         }
     }
@@ -219,21 +253,55 @@ fn linearisation<P: Plant>(plant: &P, region: &Region, horizon_s: f64, findings:
     };
     let mut modes = Vec::new();
     for value in &eigenvalues {
-        let frequency = if value.im.abs() > 0.0 { format!(" {:+.4}i", value.im) } else { String::new() };
-        let kind = if value.re < 0.0 { "time constant" } else { "doubles in" };
-        let time = if value.re < 0.0 { -1.0 / value.re } else { std::f64::consts::LN_2 / value.re };
-        modes.push(format!("{:.4}{frequency} 1/s ({kind} {time:.3} s)", value.re));
+        let frequency = if value.im.abs() > 0.0 {
+            format!(" {:+.4}i", value.im)
+        } else {
+            String::new()
+        };
+        let kind = if value.re < 0.0 {
+            "time constant"
+        } else {
+            "doubles in"
+        };
+        let time = if value.re < 0.0 {
+            -1.0 / value.re
+        } else {
+            std::f64::consts::LN_2 / value.re
+        };
+        modes.push(format!(
+            "{:.4}{frequency} 1/s ({kind} {time:.3} s)",
+            value.re
+        ));
     }
     let (x, u) = (list(&x), list(&u));
-    findings.fact(format!("linearised at {place} x = {x}, u = {u}: {}", modes.join("; ")));
+    findings.fact(format!(
+        "linearised at {place} x = {x}, u = {u}: {}",
+        modes.join("; ")
+    ));
 
-    let fastest = eigenvalues.iter().map(|v| v.re.hypot(v.im)).fold(0.0, f64::max);
-    let text = format!("T = {horizon_s} s against the fastest mode there: |lambda| T = {:.3}", fastest * horizon_s);
+    let fastest = eigenvalues
+        .iter()
+        .map(|v| v.re.hypot(v.im))
+        .fold(0.0, f64::max);
+    let text = format!(
+        "T = {horizon_s} s against the fastest mode there: |lambda| T = {:.3}",
+        fastest * horizon_s
+    );
     // An explicit Runge-Kutta method of order 4 is stable up to about 2.8 per substep.
-    if fastest * horizon_s > 10.0 { findings.warn(format!("{text}: stiff for a step of this length")) } else { findings.fact(text) }
+    if fastest * horizon_s > 10.0 {
+        findings.warn(format!("{text}: stiff for a step of this length"))
+    } else {
+        findings.fact(text)
+    }
 }
 
-fn substeps<P: Plant>(plant: &P, region: &Region, horizon_s: f64, seed: u64, findings: &mut Findings) {
+fn substeps<P: Plant>(
+    plant: &P,
+    region: &Region,
+    horizon_s: f64,
+    seed: u64,
+    findings: &mut Findings,
+) {
     let mut truth = Adaptive::new(plant.clone(), TOLERANCE);
     let mut samples = Vec::new();
     for (x, u) in region.points(seed).take(COMPARED) {
@@ -244,7 +312,9 @@ fn substeps<P: Plant>(plant: &P, region: &Region, horizon_s: f64, seed: u64, fin
     }
     if samples.len() < COMPARED {
         let missing = COMPARED - samples.len();
-        findings.warn(format!("the plant breaks off within T from {missing} of {COMPARED} random points"));
+        findings.warn(format!(
+            "the plant breaks off within T from {missing} of {COMPARED} random points"
+        ));
     }
     let mut next = vec![0.0; plant.dims().states];
     let mut errors = Vec::new();
@@ -255,12 +325,19 @@ fn substeps<P: Plant>(plant: &P, region: &Region, horizon_s: f64, seed: u64, fin
             model.predict(x, u, &mut next);
             predicted.extend_from_slice(&next);
         }
-        let truth: Vec<f64> = samples.iter().flat_map(|(_, _, end)| end).copied().collect();
+        let truth: Vec<f64> = samples
+            .iter()
+            .flat_map(|(_, _, end)| end)
+            .copied()
+            .collect();
         let one = vec![1.0; next.len()];
         let rms = pinc_ode::metrics::mean_squared_error(&predicted, &truth, &one).sqrt();
         errors.push(format!("{substeps}: {rms:.1e}"));
     }
-    findings.fact(format!("rms error of one step of RK4 by substeps: {}", errors.join(", ")));
+    findings.fact(format!(
+        "rms error of one step of RK4 by substeps: {}",
+        errors.join(", ")
+    ));
 }
 
 /// Whether start, references and bounds fit together and lie in the training domain.
@@ -279,14 +356,19 @@ fn closed_loop<P: Plant>(
     };
     for (i, value) in control.initial_state.iter().enumerate() {
         if outside(*value, ends(i)) {
-            findings.warn(format!("control.initial_state: {} = {value} is outside its bounds", names[i]));
+            findings.warn(format!(
+                "control.initial_state: {} = {value} is outside its bounds",
+                names[i]
+            ));
         }
     }
     for (k, reference) in control.references.iter().enumerate() {
         for (name, value) in control.controlled.iter().zip(&reference.value) {
             let place = names.iter().position(|n| n == name);
             if place.is_some_and(|i| outside(*value, ends(i))) {
-                findings.warn(format!("control.references[{k}]: {name} = {value} is outside its bounds"));
+                findings.warn(format!(
+                    "control.references[{k}]: {name} = {value} is outside its bounds"
+                ));
             }
         }
     }
@@ -294,18 +376,25 @@ fn closed_loop<P: Plant>(
         for (i, name) in names.iter().enumerate() {
             let (low, high) = ends(i);
             if low < domain.state_low[i] || high > domain.state_high[i] {
-                findings.warn(format!("the bounds of {name} reach outside the training domain, where a net is wrong"));
+                findings.warn(format!(
+                    "the bounds of {name} reach outside the training domain, where a net is wrong"
+                ));
             }
         }
         for (i, input) in plant.inputs().iter().enumerate() {
             let (low, high) = (domain.input_low[i], domain.input_high[i]);
             if control.input_low[i] < low || control.input_high[i] > high {
-                findings.warn(format!("the bounds of {} reach outside the training domain, where a net is wrong", input.name));
+                findings.warn(format!(
+                    "the bounds of {} reach outside the training domain, where a net is wrong",
+                    input.name
+                ));
             }
         }
     }
     if findings.0.len() == before {
-        findings.fact("start and references are within the bounds, and these within the domain".to_owned());
+        findings.fact(
+            "start and references are within the bounds, and these within the domain".to_owned(),
+        );
     }
 }
 

@@ -1,4 +1,265 @@
-//! stub
-use crate::BenchError; use crate::spec::*; use super::Options; use crate::record::Record; use pinc_net::PincNet; use pinc_ode::Plant;
-pub(crate) struct Setup<'a> { pub spec: &'a ControlSpec, pub models: &'a [ModelKind], pub net: Option<&'a PincNet>, pub horizon_s: f64 }
-pub(crate) fn stage<P: Plant + 'static>(_: &P, _: &Setup<'_>, _: &Options<'_>, _: &mut Record) -> Result<(), BenchError> { Ok(()) }
+//! The closed-loop stage: the plant under the controller, with one model after the other.
+
+use super::Options;
+use crate::BenchError;
+use crate::progress::Stage;
+use crate::record::{ControlMetrics, Record, StepTimes, Table, WallTimes, file, number};
+use crate::spec::{ControlSpec, ModelKind};
+use pinc_mpc::{Bounds, ClosedLoop, MpcError, Nmpc, NmpcProblem, Reference, Weights};
+use pinc_net::{PincNet, PincPredictor};
+use pinc_ode::{Adaptive, Plant, Predictor, Rk4, Signal};
+use std::collections::BTreeMap;
+use std::time::Instant;
+
+/// What the stage works from.
+pub(crate) struct Setup<'a> {
+    pub(crate) spec: &'a ControlSpec,
+    /// Which of the config's models are run.
+    pub(crate) models: &'a [ModelKind],
+    /// The net, where one of them needs it.
+    pub(crate) net: Option<&'a PincNet>,
+    /// Length T of a step.
+    pub(crate) horizon_s: f64,
+}
+
+/// Runs the closed loops, unless all have been run.
+pub(crate) fn stage<P: Plant + 'static>(
+    plant: &P,
+    setup: &Setup<'_>,
+    options: &Options<'_>,
+    record: &mut Record,
+) -> Result<(), BenchError> {
+    let done = record.metrics().control.iter().map(|run| run.model);
+    if done.eq(setup.models.iter().copied()) {
+        return Ok(());
+    }
+    record.update(|all| all.control.clear())?;
+    for name in file::CONTROL {
+        record.remove(name)?;
+    }
+    for &model in setup.models {
+        let metrics = run_model(plant, setup, model, options, record)?;
+        record.update(|all| all.control.push(metrics))?;
+    }
+    Ok(())
+}
+
+fn run_model<P: Plant + 'static>(
+    plant: &P,
+    setup: &Setup<'_>,
+    kind: ModelKind,
+    options: &Options<'_>,
+    record: &Record,
+) -> Result<ControlMetrics, BenchError> {
+    let ControlSpec {
+        sqp, repetitions, ..
+    } = setup.spec;
+    let model = setup.model(kind, plant);
+    let mut nmpc = Nmpc::new(setup.problem(plant), model, *sqp)?;
+    let name = format!("control {kind}");
+    let mut progress = Stage::begin(options.verbosity, &name, *repetitions as u64);
+    let mut times = Times::default();
+    let mut results = None;
+    for repetition in 0..*repetitions {
+        options.go_on(record.dir())?;
+        progress.advance(repetition as u64, String::new);
+        // Only the first leaves results: the others give the same numbers in other times.
+        let mut run = setup.begin(&mut nmpc, plant)?;
+        let outcome = times.watch(&mut run);
+        if results.is_none() || outcome.is_err() {
+            record.write(
+                &setup.file("control", kind),
+                setup.trace(&run, plant).as_bytes(),
+            )?;
+            results = Some(Results::of(&run));
+        }
+        outcome?;
+    }
+    let results = results.expect("there is at least one repetition");
+    record.write(&setup.file("steps", kind), times.table(&results).as_bytes())?;
+    progress.end(&format!(
+        "{repetitions} runs, IAE {:.4}",
+        results.iae_dense_sum
+    ));
+    Ok(results.metrics(kind, times))
+}
+
+impl Setup<'_> {
+    fn model<P: Plant + 'static>(&self, kind: ModelKind, plant: &P) -> Box<dyn Predictor> {
+        match (kind, self.net) {
+            (ModelKind::Pinc, Some(net)) => Box::new(PincPredictor::new(net)),
+            (ModelKind::Pinc, None) => unreachable!("the plan trains or reads a net for this loop"),
+            (ModelKind::Rk4, _) => Box::new(Rk4::new(
+                plant.clone(),
+                self.horizon_s,
+                self.spec.rk4_substeps,
+            )),
+        }
+    }
+
+    fn problem<P: Plant>(&self, plant: &P) -> NmpcProblem {
+        let spec = self.spec;
+        let states = plant.states();
+        let place = |name: &String| states.iter().position(|state| state.name == *name);
+        let mut state_bounds = Bounds::none(states.len());
+        state_bounds.low = spec.state_low.clone().unwrap_or(state_bounds.low);
+        state_bounds.high = spec.state_high.clone().unwrap_or(state_bounds.high);
+        let (q, r, profile) = (spec.q.clone(), spec.r.clone(), spec.weights_profile);
+        NmpcProblem {
+            first: spec.n1,
+            last: spec.n2,
+            control: spec.nu,
+            controlled: spec.controlled.iter().filter_map(place).collect(),
+            weights: Weights { q, r, profile },
+            state_bounds,
+            input_bounds: Bounds {
+                low: spec.input_low.clone(),
+                high: spec.input_high.clone(),
+            },
+        }
+    }
+
+    fn begin<'n, P: Plant>(
+        &self,
+        nmpc: &'n mut Nmpc,
+        plant: &P,
+    ) -> Result<ClosedLoop<'n, P>, BenchError> {
+        let spec = self.spec;
+        let starts = spec.references.iter().map(|step| step.start_s).collect();
+        let values = spec
+            .references
+            .iter()
+            .map(|step| step.value.clone())
+            .collect();
+        let signal = Signal::new(starts, values)?;
+        let steps = super::steps(spec.duration_s, self.horizon_s);
+        let reference = Reference::sample(&signal, steps, self.horizon_s)?;
+        let plant = Adaptive::new(plant.clone(), spec.plant_tolerance);
+        Ok(ClosedLoop::new(
+            nmpc,
+            plant,
+            reference,
+            &spec.initial_state,
+        )?)
+    }
+
+    /// The name of the file for one model's `kind` of table.
+    fn file(&self, kind: &str, model: ModelKind) -> String {
+        match self.models.len() {
+            1 => format!("{kind}.csv"),
+            _ => format!("{kind}-{model}.csv"),
+        }
+    }
+
+    /// The dense trace as a table.
+    fn trace<P: Plant>(&self, run: &ClosedLoop<'_, P>, plant: &P) -> Table {
+        let variables = plant.states().iter().chain(plant.inputs());
+        let columns = std::iter::once("t".to_owned()).chain(variables.map(|v| v.name.to_string()));
+        let mut table = Table::new(
+            columns.chain(
+                self.spec
+                    .controlled
+                    .iter()
+                    .map(|name| format!("{name}_ref")),
+            ),
+        );
+        let trace = run.trajectory();
+        for (i, t) in trace.times().iter().enumerate() {
+            let row = std::iter::once(t)
+                .chain(trace.state(i))
+                .chain(trace.input(i));
+            table.push_numbers(row.chain(run.reference_at(i)));
+        }
+        table
+    }
+}
+
+/// How long the controller took, in s, for each step of each repetition.
+#[derive(Default)]
+struct Times(Vec<Vec<f64>>);
+
+impl Times {
+    /// Runs the loop to its end, with an eye on the clock.
+    fn watch<P: Plant>(&mut self, run: &mut ClosedLoop<'_, P>) -> Result<(), MpcError> {
+        let mut times = Vec::new();
+        loop {
+            let clock = Instant::now();
+            let control = run.control()?;
+            let time = clock.elapsed();
+            let Some(control) = control else { break };
+            times.push(time.as_secs_f64());
+            control.advance()?;
+        }
+        self.0.push(times);
+        Ok(())
+    }
+
+    /// `steps.csv`, with each step's median time.
+    fn table(&self, results: &Results) -> Table {
+        let mut table = Table::new(["step", "status", "sqp_iterations", "kkt", "solve_us"]);
+        for (k, step) in results.steps.iter().enumerate() {
+            let times = self.0.iter().map(|run| 1e6 * run[k]).collect();
+            table.push(&[
+                k.to_string(),
+                step.status.to_string(),
+                step.sqp_iterations.to_string(),
+                number(step.kkt),
+                number(WallTimes::of(times).median),
+            ]);
+        }
+        table
+    }
+}
+
+/// What a closed loop comes to, times apart.
+struct Results {
+    steps: Vec<pinc_mpc::StepRecord>,
+    rmse: f64,
+    iae: f64,
+    rmse_dense: f64,
+    iae_dense_sum: f64,
+    max_violation: f64,
+}
+
+impl Results {
+    fn of<P: Plant>(run: &ClosedLoop<'_, P>) -> Self {
+        Self {
+            steps: run.steps().to_vec(),
+            rmse: run.tracking_at_steps().rmse(),
+            iae: run.tracking_at_steps().iae_mean(),
+            rmse_dense: run.tracking_dense().rmse(),
+            iae_dense_sum: run.tracking_dense().iae_sum(),
+            max_violation: run.max_violation(),
+        }
+    }
+
+    fn metrics(self, model: ModelKind, times: Times) -> ControlMetrics {
+        let Self {
+            steps,
+            rmse,
+            iae,
+            rmse_dense,
+            iae_dense_sum,
+            max_violation,
+        } = self;
+        let mut status = BTreeMap::new();
+        for step in &steps {
+            *status.entry(step.status.to_string()).or_default() += 1;
+        }
+        #[expect(clippy::cast_precision_loss, reason = "no run has 2^53 iterations")]
+        let mean = |sum: usize| sum as f64 / steps.len() as f64;
+        ControlMetrics {
+            model,
+            rmse,
+            iae,
+            rmse_dense,
+            iae_dense_sum,
+            wall_s: WallTimes::of(times.0.iter().map(|run| run.iter().sum()).collect()),
+            step_us: StepTimes::of(times.0.iter().flatten().map(|s| 1e6 * s).collect()),
+            sqp_iterations_mean: mean(steps.iter().map(|step| step.sqp_iterations).sum()),
+            kkt_max: steps.iter().map(|step| step.kkt).fold(0.0, f64::max),
+            max_violation,
+            status,
+        }
+    }
+}

@@ -2,7 +2,7 @@
 
 use super::chain::Chain;
 use crate::BenchError;
-use crate::record::{PredictionMetrics, Record, Table, file};
+use crate::record::{PredictionMetrics, Record, Table, file, number};
 use crate::spec::PredictionSpec;
 use pinc_net::PincNet;
 use pinc_ode::metrics::mean_squared_error;
@@ -31,15 +31,22 @@ pub(crate) fn stage<P: Plant>(
         .chain(std::iter::once("mark".to_owned()));
     let mut table = Table::new(columns);
     for row in &rows {
-        let mark = if row.mark { 1.0 } else { 0.0 };
-        let cells = std::iter::once(&row.t).chain(&row.input).chain(&row.state).chain(&row.truth);
-        table.push_numbers(cells.chain(std::iter::once(&mark)));
+        let numbers = std::iter::once(&row.t)
+            .chain(&row.input)
+            .chain(&row.state)
+            .chain(&row.truth);
+        let mut cells: Vec<_> = numbers.copied().map(number).collect();
+        cells.push(u8::from(row.mark).to_string());
+        table.push(&cells);
     }
     record.write(file::PREDICTION, table.as_bytes())?;
     // The initial state is given, not predicted.
     let marks: Vec<_> = rows[1..].iter().filter(|row| row.mark).collect();
     let all: Vec<_> = rows[1..].iter().collect();
-    let metrics = PredictionMetrics { mse_marks: error(&marks), mse_all: error(&all) };
+    let metrics = PredictionMetrics {
+        mse_marks: error(&marks),
+        mse_all: error(&all),
+    };
     record.update(|all| all.prediction = Some(metrics))
 }
 
@@ -63,18 +70,33 @@ fn simulate<P: Plant>(
     let mut truth = Adaptive::new(plant.clone(), spec.tolerance);
     let mut x = spec.initial_state.clone();
     let mut chain = Chain::new(horizon_s, 0.0, &x, &inputs[0]);
-    let mut rows =
-        vec![Row { t: 0.0, input: inputs[0].clone(), state: x.clone(), truth: x.clone(), mark: true }];
+    let mut rows = vec![Row {
+        t: 0.0,
+        input: inputs[0].clone(),
+        state: x.clone(),
+        truth: x.clone(),
+        mark: true,
+    }];
     for (k, input) in inputs.iter().enumerate() {
         for i in 1..=spec.subintervals {
             #[expect(clippy::cast_precision_loss, reason = "no run has 2^53 rows")]
             let t = (k as f64 + i as f64 / spec.subintervals as f64) * horizon_s;
             #[expect(clippy::cast_precision_loss, reason = "as above")]
             truth.integrate(&mut x, input, horizon_s / spec.subintervals as f64)?;
-            let held = if i < spec.subintervals { input } else { &inputs[(k + 1).min(steps - 1)] };
+            let held = if i < spec.subintervals {
+                input
+            } else {
+                &inputs[(k + 1).min(steps - 1)]
+            };
             let sample = chain.advance(&|t, y0, u| net.evaluate(t, y0, u), t, held);
             let (input, truth) = (held.clone(), x.clone());
-            rows.push(Row { t, input, state: sample.state, truth, mark: sample.mark });
+            rows.push(Row {
+                t,
+                input,
+                state: sample.state,
+                truth,
+                mark: sample.mark,
+            });
         }
     }
     Ok(rows)
@@ -87,7 +109,8 @@ fn draw_inputs(spec: &PredictionSpec, horizon_s: f64, seed: u64) -> Vec<Vec<f64>
     let steps = super::steps(spec.duration_s, horizon_s);
     let mut draw = || {
         let ends = spec.input_low.iter().zip(&spec.input_high);
-        ends.map(|(low, high)| low + (high - low) * rng.random::<f64>()).collect()
+        ends.map(|(low, high)| low + (high - low) * rng.random::<f64>())
+            .collect()
     };
     (0..steps).map(|_| draw()).collect()
 }

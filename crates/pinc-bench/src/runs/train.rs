@@ -1,19 +1,20 @@
 //! The training stage: from a config to `model.safetensors` and `training.csv`.
 
 use super::Options;
+use crate::BenchError;
 use crate::error::CheckpointProblem;
 use crate::progress::Stage;
 use crate::record::{
     Record, Saved, TrainingMetrics, file, lines_up_to, load_checkpoint, number, save_checkpoint,
 };
 use crate::spec::{Experiment, TrainingSpec};
-use crate::BenchError;
 use pinc_net::{
-    Domain, IterationRecord, NetConfig, PincNet, Progress, Trainer, Validation,
-    ValidationConfig, ValidationSet,
+    Domain, IterationRecord, NetConfig, PincNet, Progress, Trainer, Validation, ValidationConfig,
+    ValidationSet,
 };
 use pinc_ode::Plant;
 use std::fs;
+use std::path::Path;
 use std::time::{Duration, Instant};
 
 /// Time between two checkpoints.
@@ -34,8 +35,12 @@ pub(crate) fn stage<P: Plant + 'static>(
         return super::read_model(&record.path(file::MODEL));
     }
     let setup = Setup::of(experiment)?;
-    let validation =
-        ValidationSet::generate(plant, setup.net.horizon_s, setup.validation, experiment.seed)?;
+    let validation = ValidationSet::generate(
+        plant,
+        setup.net.horizon_s,
+        setup.validation,
+        experiment.seed,
+    )?;
     let mut session = Session::begin(plant, experiment, &setup, &validation, options, record)?;
     let outcome = session.work(record, &setup.training.effort.time_limit_s, options);
     session.write_log(record)?;
@@ -54,7 +59,7 @@ pub(crate) fn stage<P: Plant + 'static>(
     let metrics = session.metrics(stop_reason);
     record.update(|all| {
         all.training = Some(metrics);
-        all.validation = Some(validation.evaluate(&net));
+        all.validation = Some(validation.evaluate(&net).into());
     })?;
     record.remove(file::CHECKPOINT)?;
     Ok(net)
@@ -77,9 +82,18 @@ impl<'a> Setup<'a> {
         };
         Ok(Self {
             net: experiment.model.as_ref().ok_or_else(|| missing("model"))?,
-            domain: experiment.domain.as_ref().ok_or_else(|| missing("domain"))?,
-            training: experiment.training.as_ref().ok_or_else(|| missing("training"))?,
-            validation: experiment.validation.as_ref().ok_or_else(|| missing("validation"))?,
+            domain: experiment
+                .domain
+                .as_ref()
+                .ok_or_else(|| missing("domain"))?,
+            training: experiment
+                .training
+                .as_ref()
+                .ok_or_else(|| missing("training"))?,
+            validation: experiment
+                .validation
+                .as_ref()
+                .ok_or_else(|| missing("validation"))?,
         })
     }
 }
@@ -112,45 +126,52 @@ impl<P: Plant + 'static> Session<P> {
     ) -> Result<Self, BenchError> {
         let begun = Instant::now();
         let fingerprint = experiment.fingerprint();
-        let total = setup.training.config.phases.iter().map(|phase| phase.iterations).sum();
+        let total = setup
+            .training
+            .config
+            .phases
+            .iter()
+            .map(|phase| phase.iterations)
+            .sum();
         let (plant, validation, seed) = (plant.clone(), validation.clone(), experiment.seed);
         let (net, domain, config) = (setup.net, setup.domain, &setup.training.config);
         let threads = setup.training.effort.threads();
-        let path = record.path(file::CHECKPOINT);
-        if !path.exists() {
-            let trainer = Trainer::new(plant, net, domain, config, validation, seed, threads)?;
-            return Ok(Self {
-                trainer,
-                fingerprint,
-                rows: Vec::new(),
-                validated: None,
-                iteration: 0,
-                optimizer: Duration::ZERO,
-                earlier: Duration::ZERO,
-                begun,
-                stage: Stage::begin(options.verbosity, "training", total, 0),
-            });
+        let trainer = Trainer::new(plant, net, domain, config, validation, seed, threads)?;
+        let stage = Stage::begin(options.verbosity, "training", total);
+        let fresh = Self {
+            trainer,
+            fingerprint,
+            rows: Vec::new(),
+            validated: None,
+            iteration: 0,
+            optimizer: Duration::ZERO,
+            earlier: Duration::ZERO,
+            begun,
+            stage,
+        };
+        match record.path(file::CHECKPOINT) {
+            path if path.exists() => fresh.go_on_from(&path, record),
+            _ => Ok(fresh),
         }
-        let saved = load_checkpoint(&path, &fingerprint)?;
-        let problem = |problem| BenchError::Checkpoint { path: path.clone(), problem };
+    }
+
+    /// The same session, gone on to where the checkpoint at `path` was taken.
+    fn go_on_from(self, path: &Path, record: &Record) -> Result<Self, BenchError> {
+        let saved = load_checkpoint(path, &self.fingerprint)?;
+        let problem = |problem| BenchError::Checkpoint { path: path.to_owned(), problem };
         let rows = fs::read_to_string(record.path(file::TRAINING)).ok();
         let rows = rows.and_then(|text| lines_up_to(&text, COLUMNS, saved.iteration));
         // One row per iteration.
         let rows = rows.filter(|rows| u64::try_from(rows.len()) == Ok(saved.iteration));
         let rows = rows.ok_or_else(|| problem(CheckpointProblem::Record))?;
-        let trainer =
-            Trainer::resume(plant, net, domain, config, validation, seed, threads, saved.trainer)
-                .map_err(|error| problem(CheckpointProblem::Training(error)))?;
+        let trainer = self.trainer.resume(saved.trainer);
         Ok(Self {
-            trainer,
-            fingerprint,
+            trainer: trainer.map_err(|error| problem(CheckpointProblem::Training(error)))?,
             rows,
-            validated: None,
             iteration: saved.iteration,
-            optimizer: Duration::from_secs_f64(saved.optimizer_s.max(0.0)),
-            earlier: Duration::from_secs_f64(saved.wall_s.max(0.0)),
-            begun,
-            stage: Stage::begin(options.verbosity, "training", total, saved.iteration),
+            optimizer: Duration::from_secs_f64(saved.optimizer_s),
+            earlier: Duration::from_secs_f64(saved.wall_s),
+            ..self
         })
     }
 
@@ -192,14 +213,19 @@ impl<P: Plant + 'static> Session<P> {
 
     /// Validates if it is time to, and adds a row to the log.
     fn log(&mut self, iterated: IterationRecord) {
-        let validation = self.trainer.validation_due().then(|| self.trainer.validate());
+        let validation = self
+            .trainer
+            .validation_due()
+            .then(|| self.trainer.validate());
         self.iteration = iterated.iteration;
-        self.rows.push(row(&iterated, self.optimizer, validation.as_ref()));
+        self.rows
+            .push(row(&iterated, self.optimizer, validation.as_ref()));
         self.validated = validation.map(|v| v.mse_gen).or(self.validated);
-        self.stage.advance(iterated.iteration, || match self.validated {
-            Some(mse) => format!("loss {:.2e}, validation MSE {mse:.2e}", iterated.loss),
-            None => format!("loss {:.2e}", iterated.loss),
-        });
+        self.stage
+            .advance(iterated.iteration, || match self.validated {
+                Some(mse) => format!("loss {:.2e}, validation MSE {mse:.2e}", iterated.loss),
+                None => format!("loss {:.2e}", iterated.loss),
+            });
     }
 
     fn wall(&self) -> Duration {
@@ -232,7 +258,10 @@ impl<P: Plant + 'static> Session<P> {
     fn metrics(self, stop_reason: String) -> TrainingMetrics {
         let totals = self.trainer.totals();
         let wall_s = self.wall().as_secs_f64();
-        self.stage.end(&format!("{stop_reason} after {} iterations, {wall_s:.1} s", totals.iterations));
+        self.stage.end(&format!(
+            "{stop_reason} after {} iterations, {wall_s:.1} s",
+            totals.iterations
+        ));
         TrainingMetrics {
             wall_s,
             optimizer_s: self.optimizer.as_secs_f64(),

@@ -13,12 +13,12 @@ pub(crate) fn explain(layers: &Layers, error: &Error) -> ConfigError {
     };
     let message = error.inner().message().trim_end();
     let problem = if let Some(field) = message.strip_prefix("missing field ") {
-        key = within(&key, &words(field));
+        key = within(&key, words(field).first());
         Problem::Missing("a value for this key")
     } else if let Some(rest) = message.strip_prefix("unknown field ") {
         let mut known = words(rest);
         let found = take_first(&mut known);
-        key = within(&key, &[found.clone()]);
+        key = within(&key, Some(&found));
         let nearest = nearest(&found, &known);
         Problem::Unknown { known, nearest }
     } else if let Some(rest) = message.strip_prefix("unknown variant ") {
@@ -32,9 +32,9 @@ pub(crate) fn explain(layers: &Layers, error: &Error) -> ConfigError {
     layers.error(key, problem)
 }
 
-/// `path` with the first of `keys` at its end, if it is not there yet.
-fn within(path: &str, keys: &[String]) -> String {
-    match keys.first() {
+/// `path` with `key` at its end, if it is not there yet.
+fn within(path: &str, key: Option<&String>) -> String {
+    match key {
         Some(key) if path.is_empty() => key.clone(),
         Some(key) if path != key && !path.ends_with(&format!(".{key}")) => format!("{path}.{key}"),
         _ => path.to_owned(),
@@ -63,7 +63,8 @@ fn in_plain_words(message: &str) -> String {
     match plain {
         Some((begin, words)) => format!("{begin}{words}"),
         None if message.contains("expected struct ") => {
-            message.split("expected struct ").next().unwrap_or_default().to_owned() + "expected a table"
+            message.split("expected struct ").next().unwrap_or_default().to_owned()
+                + "expected a table"
         }
         None => message.to_owned(),
     }

@@ -60,10 +60,12 @@ impl Layers {
             }
             match place.rfind(['.', '[']) {
                 Some(end) => place = &place[..end],
-                None => break Origin::File { path: self.path.clone(), line: 1 },
+                None => {
+                    break Origin::File { path: self.path.clone(), line: 1 };
+                }
             }
         };
-        ConfigError::Key { origin, key, problem }
+        ConfigError::Key { origin, key, problem: Box::new(problem) }
     }
 
     /// The key of the first number that is NaN or infinite, and the number.
@@ -256,16 +258,19 @@ fn chosen_preset(
         None => (file.get("preset"), origin("preset")),
     };
     let problem = match value {
-        None => Problem::Missing("the name of a preset: \"ours\", \"as-printed\" or \"as-released\""),
+        None => {
+            Problem::Missing("the name of a preset: \"ours\", \"as-printed\" or \"as-released\"")
+        }
         Some(Value::String(name)) => match Preset::named(name) {
             Some(preset) => return Ok(preset),
             None => unknown_preset(name),
         },
-        Some(other) => {
-            Problem::Type(format!("invalid type: {}, expected the name of a preset", other.type_str()))
-        }
+        Some(other) => Problem::Type(format!(
+            "invalid type: {}, expected the name of a preset",
+            other.type_str()
+        )),
     };
-    Err(ConfigError::Key { origin, key: "preset".to_owned(), problem })
+    Err(ConfigError::Key { origin, key: "preset".to_owned(), problem: Box::new(problem) })
 }
 
 fn unknown_preset(name: &str) -> Problem {
@@ -281,7 +286,7 @@ fn take_differences(
     origin: &dyn Fn(&str) -> Origin,
 ) -> Result<Table, ConfigError> {
     let fail = |key: String, problem| {
-        Err(ConfigError::Key { origin: origin(&key), key, problem })
+        Err(ConfigError::Key { origin: origin(&key), key, problem: Box::new(problem) })
     };
     let wrong_type = |value: &Value| {
         Problem::Type(format!("invalid type: {}, expected a table", value.type_str()))
@@ -328,7 +333,8 @@ impl Setting {
             Err(_) if is_bare_word(text.trim()) => Some(Value::String(text.trim().to_owned())),
             Err(error) => return Err(fail(SetProblem::Value(error.message().to_owned()))),
         };
-        let value = value.ok_or_else(|| fail(SetProblem::Value("one value expected".to_owned())))?;
+        let value =
+            value.ok_or_else(|| fail(SetProblem::Value("one value expected".to_owned())))?;
         Ok(Self { argument: argument.to_owned(), keys, value })
     }
 }

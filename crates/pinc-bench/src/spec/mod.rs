@@ -12,8 +12,8 @@ mod validate;
 pub use control::{ControlSpec, ModelKind, ReferenceStep};
 pub use plant::{FourTanksParameters, FourTanksSpec, OneTankSpec, PlantSpec, VanDerPolSpec};
 pub use prediction::PredictionSpec;
-pub use problem::{ConfigError, Origin, Problem, SetProblem};
 use problem::nearest;
+pub use problem::{ConfigError, Origin, Problem, SetProblem};
 pub use training::{Effort, TrainingSpec};
 
 use crate::presets::Preset;
@@ -90,12 +90,20 @@ impl Experiment {
     }
 
     /// The config as TOML with every value spelled out: loading it gives the same experiment.
+    ///
+    /// # Panics
+    ///
+    /// If the seed is 2^63 or more, which no TOML file can hold.
     #[must_use]
     pub fn to_toml(&self) -> String {
-        toml::to_string(self).expect("an experiment was TOML before and can be so again")
+        toml::to_string(self).expect("the values have a form in TOML")
     }
 
     /// SHA-256 of the resolved config, in hexadecimal digits.
+    ///
+    /// # Panics
+    ///
+    /// Like [`Experiment::to_toml`].
     #[must_use]
     pub fn fingerprint(&self) -> String {
         use std::fmt::Write as _;

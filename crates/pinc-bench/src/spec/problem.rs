@@ -42,7 +42,7 @@ pub enum ConfigError {
         /// The key path, as `control.nu`.
         key: String,
         /// What is wrong with it.
-        problem: Problem,
+        problem: Box<Problem>,
     },
 }
 
@@ -80,7 +80,9 @@ pub enum SetProblem {
     #[error("expected key=value, as training.lambda=0.5")]
     NoKey,
     /// The value is neither TOML nor a bare word.
-    #[error("the value is not TOML (a string with other characters than a-z, 0-9, - and _ needs quotes): {0}")]
+    #[error(
+        "the value is not TOML (a string with other characters than a-z, 0-9, - and _ needs quotes): {0}"
+    )]
     Value(String),
     /// The path leads through something that holds no keys.
     #[error("`{0}` is not a table, or has no such element")]

@@ -85,7 +85,10 @@ impl<'de, A: MapAccess<'de>> MapAccess<'de> for Rest<'_, A> {
                     // The list of known keys in the message ends with those of this table.
                     let seeded = seed.deserialize(key).map(Some);
                     return seeded.map_err(|e| {
-                        A::Error::custom(format!("{}, `time_limit_s`, `threads`", e.to_string().trim_end()))
+                        A::Error::custom(format!(
+                            "{}, `time_limit_s`, `threads`",
+                            e.to_string().trim_end()
+                        ))
                     });
                 }
             }

@@ -1,6 +1,8 @@
 //! Checks of a config that its types cannot make.
 
-use super::{ControlSpec, Experiment, ModelKind, PlantSpec, PredictionSpec, Problem, TrainingSpec, nearest};
+use super::{
+    ControlSpec, Experiment, ModelKind, PlantSpec, PredictionSpec, Problem, TrainingSpec, nearest,
+};
 use crate::registry::Variables;
 use pinc_net::{NetError, ResidualScale, ValidationConfig};
 use pinc_ode::Dims;
@@ -44,7 +46,7 @@ impl Experiment {
         }
         if let (Some(model), Some(step_s)) =
             (&self.model, self.control.as_ref().and_then(|c| c.step_s))
-            && model.horizon_s != step_s
+            && model.horizon_s.total_cmp(&step_s).is_ne()
         {
             let expected = format!("model.horizon_s, {}, or no such key", model.horizon_s);
             return value("control.step_s", step_s, &expected);
@@ -230,7 +232,11 @@ fn positive(key: &str, number: f64) -> Finding {
 }
 
 fn tolerance(key: &str, number: f64) -> Finding {
-    if number > 0.0 && number < 1.0 { Ok(()) } else { value(key, number, "a number between 0 and 1") }
+    if number > 0.0 && number < 1.0 {
+        Ok(())
+    } else {
+        value(key, number, "a number between 0 and 1")
+    }
 }
 
 fn at_least_one(key: &str, number: usize) -> Finding {
