@@ -4,6 +4,7 @@
 //! an interruption bit for bit) and its arithmetic (a `step` that moves an [`Iterate`]).
 
 mod adam;
+mod inverse_hessian;
 mod lbfgs;
 mod line_search;
 mod self_scaled_broyden;
