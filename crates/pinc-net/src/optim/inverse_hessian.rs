@@ -282,7 +282,7 @@ mod tests {
 
     /// Numbers in [-1, 1) that look random.
     fn numbers(n: usize, seed: u32) -> Vec<f64> {
-        let unit = |i| f64::from(sobol_burley::sample(7, 0, seed ^ (i * 977)));
+        let unit = |i: u32| f64::from(sobol_burley::sample(7, 0, seed ^ (i * 977)));
         (0..).take(n).map(|i| unit(i) * 2.0 - 1.0).collect()
     }
 
