@@ -59,7 +59,7 @@ fn state_panel(
     let mut panel = Panel::new(title, &run.axis_label(states), Kind::Linear, height);
     for state in states {
         let truth = table.points("t", &format!("{state}_truth"))?;
-        let style = Style::new(BLACK, Shape::Line(4.0)).faint(0.9);
+        let style = Style::new(BLACK, Shape::Line(4.6)).faint(0.9);
         panel.add(truth.unwrap_or_default(), style);
     }
     for state in states {
@@ -67,10 +67,10 @@ fn state_panel(
         let curve = table.points("t", state)?.unwrap_or_default();
         let marked = curve.iter().zip(marks).filter(|(_, m)| **m > 0.5);
         let marked: Vec<Point> = marked.map(|(p, _)| *p).collect();
-        panel.add_named(state, curve, Style::new(color, Shape::Line(1.8)));
+        panel.add_named(state, curve, Style::new(color, Shape::Line(2.2)));
         panel.add(marked, Style::new(color, Shape::Dots(3.4)));
     }
-    panel.key("truth", Style::new(BLACK, Shape::Line(4.0)).faint(0.9));
+    panel.key("truth", Style::new(BLACK, Shape::Line(4.6)).faint(0.9));
     if marks.iter().any(|m| *m > 0.5) {
         panel.key("end of a step, t = kT", Style::new(BLACK, Shape::Dots(3.4)));
     }

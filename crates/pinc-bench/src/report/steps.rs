@@ -117,6 +117,10 @@ fn median(mut values: Vec<f64>) -> Option<f64> {
 fn caption(run: &Run) -> Result<String, ReportError> {
     let mut caption =
         "Time, SQP iterations and remaining KKT residual of each control step.".to_owned();
+    let runs = |of: &OfModel| run.control_metrics(&of.model)?["wall_s"]["runs"].as_u64();
+    if let Some(runs) = run.steps.first().and_then(runs).filter(|runs| *runs > 1) {
+        caption += &format!(" A time is the median of {runs} repetitions of the loop.");
+    }
     let files: Vec<_> = run.steps.iter().map(|of| of.table.file_name()).collect();
     for OfModel { model, table } in &run.steps {
         let statuses = statuses(table)?;
