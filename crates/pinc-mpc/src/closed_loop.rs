@@ -97,11 +97,7 @@ impl<'a, P: Plant> ClosedLoop<'a, P> {
             ("the reference's outputs", outputs, reference.outputs()),
         ] {
             if found != expected {
-                return Err(MpcError::Length {
-                    field,
-                    expected,
-                    found,
-                });
+                return Err(MpcError::Length { field, expected, found });
             }
         }
         check_finite("the initial state", x, dims.states)?;

@@ -13,9 +13,12 @@ use pinc_ode::Predictor;
 /// Each [`Nmpc::step`] solves the [`NmpcProblem`], starting from the last plan moved on by a step,
 /// and gives the plan's first input.
 ///
-/// When the optimisation fails, the input is the next one of the last plan (before there is a plan,
-/// 0), moved into its bounds; the status says so. The step after starts afresh from the state
-/// measured then, so that a failure does not lead to the next.
+/// When the optimisation fails, the status says so, and the input is within its bounds all the same.
+/// A plan that is not optimal yet, but better than the first guess and true to the model (to the
+/// square root of the tolerance), is followed: suboptimal control suffices (Scokaert, Mayne and
+/// Rawlings, IEEE Trans. Autom. Control 44 (1999)). Otherwise the input is the next one of the last
+/// plan (0 before there is one), and the step after starts afresh from the state measured then, so
+/// that one failure does not lead to the next.
 ///
 /// ```
 /// use pinc_mpc::{Bounds, Nmpc, NmpcProblem, Profile, SqpConfig, SqpStatus, Weights};
@@ -41,6 +44,7 @@ use pinc_ode::Predictor;
 pub struct Nmpc {
     problem: NmpcProblem,
     model: Box<dyn Predictor>,
+    config: SqpConfig,
     shape: Shape,
     sqp: Sqp,
     plan: Solution,
@@ -84,6 +88,7 @@ impl Nmpc {
         Ok(Self {
             problem,
             model,
+            config,
             shape,
             sqp,
             fallback: plan.clone(),
@@ -133,10 +138,7 @@ impl Nmpc {
         check_finite("reference", reference, self.shape.stages * outputs)?;
 
         self.move_on(x);
-        let targets = Targets {
-            reference,
-            previous: &self.previous,
-        };
+        let targets = Targets { reference, previous: &self.previous };
         let model = self.model.as_mut();
         let outcome = self.sqp.solve(model, x, targets, &mut self.plan);
         let kkt = self.accept(&outcome);
@@ -159,20 +161,12 @@ impl Nmpc {
         self.fallback.copy_from(&self.plan);
     }
 
-    /// Keeps the new plan if it is one, or else takes the fallback; gives the residual of the plan
-    /// taken.
+    /// Keeps the new plan if it is worth following, or else takes the first guess; gives the
+    /// residual of the one taken.
     fn accept(&mut self, outcome: &Outcome) -> KktResidual {
-        let Outcome {
-            status,
-            iterations,
-            first,
-            last,
-        } = *outcome;
-        self.warm = match status {
-            SqpStatus::Converged => true,
-            SqpStatus::IterationLimit => last.max() < first.max(),
-            SqpStatus::InfeasibleQp | SqpStatus::NumericalTrouble => false,
-        };
+        let Outcome { status, iterations, first, last } = *outcome;
+        let credible = last.dynamics <= self.config.tolerance.sqrt();
+        self.warm = status == SqpStatus::Converged || credible && last.max() < first.max();
         if status != SqpStatus::Converged {
             tracing::debug!(%status, iterations, kkt = last.max(), "a control step did not converge");
         }

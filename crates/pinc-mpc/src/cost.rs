@@ -10,7 +10,7 @@ pub(crate) struct Cost {
     controlled: Vec<usize>,
     /// 2 w_{j+1} Q, `[N, outputs]`; 0 before N1.
     q: Vec<f64>,
-    /// 2 v_i R, `[Nu, m]`.
+    /// 2 `v_i` R, `[Nu, m]`.
     r: Vec<f64>,
 }
 
@@ -37,12 +37,7 @@ impl Cost {
         for i in 0..shape.moves {
             r.extend(weights.r.iter().map(|r| 2.0 * stage_weight(i) * r));
         }
-        Self {
-            shape,
-            controlled: problem.controlled.clone(),
-            q,
-            r,
-        }
+        Self { shape, controlled: problem.controlled.clone(), q, r }
     }
 
     /// Writes dJ/dz at `z` into `gradient`.
@@ -59,11 +54,7 @@ impl Cost {
         let inputs = self.shape.all_states();
         let m = self.shape.inputs;
         for i in 0..self.r.len() {
-            let before = if i < m {
-                targets.previous[i]
-            } else {
-                z[inputs + i - m]
-            };
+            let before = if i < m { targets.previous[i] } else { z[inputs + i - m] };
             let force = self.r[i] * (z[inputs + i] - before);
             gradient[inputs + i] += force;
             if i >= m {
@@ -106,11 +97,7 @@ mod tests {
             last: 3,
             control: 2,
             controlled: vec![2, 0],
-            weights: Weights {
-                q: vec![3.0, 0.5],
-                r: vec![1.0, 2.0],
-                profile: Profile::Cumulative,
-            },
+            weights: Weights { q: vec![3.0, 0.5], r: vec![1.0, 2.0], profile: Profile::Cumulative },
             state_bounds: Bounds::none(3),
             input_bounds: Bounds::none(2),
         }
@@ -135,17 +122,10 @@ mod tests {
 
     #[test]
     fn the_derivatives_are_those_of_the_definition() {
-        let shape = Shape {
-            states: 3,
-            inputs: 2,
-            stages: 3,
-            moves: 2,
-        };
+        let shape = Shape { states: 3, inputs: 2, stages: 3, moves: 2 };
         let cost = Cost::new(&problem(), shape, 0.5);
-        let targets = Targets {
-            reference: &[0.3, -0.2, 0.1, 0.7, -0.4, 0.9],
-            previous: &[0.6, -1.1],
-        };
+        let targets =
+            Targets { reference: &[0.3, -0.2, 0.1, 0.7, -0.4, 0.9], previous: &[0.6, -1.1] };
         let z: Vec<f64> = (0..13).map(|i| f64::from(i * i % 7) - 2.0).collect();
         let mut gradient = vec![f64::NAN; 13];
         cost.gradient(&z, targets, &mut gradient);
@@ -154,13 +134,13 @@ mod tests {
 
         // So is the Hessian, column by column, as a difference of gradients.
         let mut dense = vec![vec![0.0; 13]; 13];
-        for v in 0..13 {
+        (0..13).for_each(|v| {
             dense[v][v] = cost.curvature(v);
             if let Some((row, value)) = cost.coupling(v) {
                 dense[row][v] = value;
                 dense[v][row] = value;
             }
-        }
+        });
         for v in 0..13 {
             let mut moved = z.clone();
             moved[v] += 1.0;
@@ -168,10 +148,7 @@ mod tests {
             cost.gradient(&moved, targets, &mut there);
             for row in 0..13 {
                 let difference = there[row] - gradient[row];
-                assert!(
-                    (dense[row][v] - difference).abs() < 1e-13 * 100.0,
-                    "{row}, {v}"
-                );
+                assert!((dense[row][v] - difference).abs() < 1e-13 * 100.0, "{row}, {v}");
             }
         }
     }

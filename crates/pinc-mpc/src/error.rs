@@ -88,15 +88,7 @@ pub(crate) fn check_length(
     expected: usize,
 ) -> Result<(), MpcError> {
     let found = values.len();
-    if found == expected {
-        Ok(())
-    } else {
-        Err(MpcError::Length {
-            field,
-            expected,
-            found,
-        })
-    }
+    if found == expected { Ok(()) } else { Err(MpcError::Length { field, expected, found }) }
 }
 
 /// Whether every value passes `test`, which `expected` says in words.
@@ -108,12 +100,7 @@ pub(crate) fn check_numbers(
 ) -> Result<(), MpcError> {
     match values.iter().position(|&value| !test(value)) {
         None => Ok(()),
-        Some(index) => Err(MpcError::Number {
-            field,
-            index,
-            expected,
-            value: values[index],
-        }),
+        Some(index) => Err(MpcError::Number { field, index, expected, value: values[index] }),
     }
 }
 
@@ -124,15 +111,7 @@ pub(crate) fn check_setting(
     expected: &'static str,
     good: bool,
 ) -> Result<(), MpcError> {
-    if good {
-        Ok(())
-    } else {
-        Err(MpcError::Setting {
-            field,
-            expected,
-            value,
-        })
-    }
+    if good { Ok(()) } else { Err(MpcError::Setting { field, expected, value }) }
 }
 
 /// Whether `values` has `expected` entries, all finite.
@@ -155,11 +134,6 @@ pub(crate) fn check_range(
     if (low..=high).contains(&found) {
         Ok(())
     } else {
-        Err(MpcError::Range {
-            field,
-            low,
-            high,
-            found,
-        })
+        Err(MpcError::Range { field, low, high, found })
     }
 }

@@ -14,9 +14,9 @@ const LARGE_MULTIPLIER: f64 = 100.0;
 /// s = max(1, mean |multiplier| / 100), which is 1 for weights of ordinary size.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct KktResidual {
-    /// dL/dz, divided by s.
+    /// `dL/dz`, divided by s.
     pub stationarity: f64,
-    /// f(x_j, u_j) - x_{j+1}.
+    /// `f(x_j, u_j) - x_{j+1}`.
     pub dynamics: f64,
     /// By how much a state or an input is outside its bounds.
     pub bounds: f64,
@@ -51,12 +51,7 @@ impl KktResidual {
     /// The largest of the residuals; infinity if one is not a number.
     #[must_use]
     pub fn max(&self) -> f64 {
-        let Self {
-            stationarity,
-            dynamics,
-            bounds,
-            complementarity,
-        } = *self;
+        let Self { stationarity, dynamics, bounds, complementarity } = *self;
         largest([stationarity, dynamics, bounds, complementarity].into_iter())
     }
 }
@@ -97,13 +92,12 @@ fn scale(at: &Solution) -> f64 {
 
 /// The largest absolute value; infinity if there is a NaN, which `f64::max` would drop.
 fn largest(values: impl Iterator<Item = f64>) -> f64 {
-    values.fold(0.0, |largest, value| {
-        if value.is_nan() {
-            f64::INFINITY
-        } else {
-            largest.max(value.abs())
-        }
-    })
+    values.fold(
+        0.0,
+        |largest, value| {
+            if value.is_nan() { f64::INFINITY } else { largest.max(value.abs()) }
+        },
+    )
 }
 
 #[cfg(test)]
@@ -112,7 +106,7 @@ mod tests {
 
     #[test]
     fn a_nan_is_not_lost() {
-        assert_eq!(largest([1.0, -3.0, 2.0].into_iter()), 3.0);
-        assert_eq!(largest([1.0, f64::NAN, 2.0].into_iter()), f64::INFINITY);
+        assert!(largest([1.0, f64::NAN, 2.0].into_iter()).is_infinite());
+        assert!((largest([1.0, -3.0, 2.0].into_iter()) - 3.0).abs() < 1e-15);
     }
 }

@@ -118,15 +118,11 @@ mod tests {
         assert!(Reference::new(vec![], 1).is_err());
         assert!(Reference::new(vec![1.0], 0).is_err());
         assert_eq!(
-            Reference::new(vec![1.0, 2.0, 3.0], 2)
-                .unwrap_err()
-                .to_string(),
+            Reference::new(vec![1.0, 2.0, 3.0], 2).unwrap_err().to_string(),
             "the last row of the reference: 1 numbers, but 2 are expected"
         );
         assert_eq!(
-            Reference::new(vec![1.0, f64::NAN], 1)
-                .unwrap_err()
-                .to_string(),
+            Reference::new(vec![1.0, f64::NAN], 1).unwrap_err().to_string(),
             "reference[1] is NaN, but must be finite"
         );
     }

@@ -6,7 +6,7 @@ use std::ops::Range;
 
 /// The sizes of a control problem, and where its parts lie in flat vectors.
 ///
-/// The unknowns are z = (x_1, .., x_N, u_0, .., u_{Nu-1}), with x_j short for x\[k+j\].
+/// The unknowns are `z = (x_1, .., x_N, u_0, .., u_{Nu-1})`, with `x_j` short for `x[k+j]`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Shape {
     /// n
@@ -29,7 +29,7 @@ impl Shape {
         }
     }
 
-    /// How many numbers x_1..x_N are.
+    /// How many numbers `x_1..x_N` are.
     pub(crate) fn all_states(self) -> usize {
         self.stages * self.states
     }
@@ -45,12 +45,12 @@ impl Shape {
         j * self.states..(j + 1) * self.states
     }
 
-    /// Where x_j is in z; `None` for the measured x_0.
+    /// Where `x_j` is in z; `None` for the measured `x_0`.
     pub(crate) fn state(self, j: usize) -> Option<Range<usize>> {
         j.checked_sub(1).map(|j| self.next_state(j))
     }
 
-    /// Where u_i is in z.
+    /// Where `u_i` is in z.
     pub(crate) fn input(self, i: usize) -> Range<usize> {
         let first = self.all_states() + i * self.inputs;
         first..first + self.inputs
@@ -64,21 +64,18 @@ impl Shape {
     /// `bounds` on a state and on an input, for all of z.
     pub(crate) fn repeat(self, states: &Bounds, inputs: &Bounds) -> Bounds {
         let side = |x: &[f64], u: &[f64]| [x.repeat(self.stages), u.repeat(self.moves)].concat();
-        Bounds {
-            low: side(&states.low, &inputs.low),
-            high: side(&states.high, &inputs.high),
-        }
+        Bounds { low: side(&states.low, &inputs.low), high: side(&states.high, &inputs.high) }
     }
 }
 
-/// A plan and its multipliers: a stationary point of the Lagrangian
+/// A plan with its multipliers; if it is optimal, a stationary point of the Lagrangian
 ///
 /// ```text
 /// L = J + sum_{j=0..N2-1} lambda_j' (f(x_j, u_j) - x_{j+1}) + mu' z,    z = (x_1, .., u_0, ..)
 /// ```
 ///
-/// where a multiplier mu_i > 0 pushes z_i off its upper bound, mu_i < 0 off its lower bound.
-/// (x_j stands for x\[k+j\], u_j for u\[k+min(j, Nu-1)\].)
+/// in which `x_j` is `x[k+j]` and `u_j` is `u[k+min(j, Nu-1)]`. A multiplier `mu_i > 0` belongs to the upper
+/// bound of `z_i`, `mu_i < 0` to the lower one.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Solution {
     shape: Shape,
@@ -177,21 +174,13 @@ mod tests {
 
     #[test]
     fn shifting_keeps_the_last_stage() {
-        let shape = Shape {
-            states: 2,
-            inputs: 1,
-            stages: 3,
-            moves: 1,
-        };
+        let shape = Shape { states: 2, inputs: 1, stages: 3, moves: 1 };
         let mut solution = Solution::new(shape);
         solution.z = vec![1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0];
         solution.lambda = vec![1.0, 2.0, 3.0, 4.0, 5.0, 6.0];
         solution.shift();
         assert_eq!(solution.states(), [3.0, 4.0, 5.0, 6.0, 5.0, 6.0]);
         assert_eq!(solution.inputs(), [7.0]);
-        assert_eq!(
-            solution.dynamics_multipliers(),
-            [3.0, 4.0, 5.0, 6.0, 5.0, 6.0]
-        );
+        assert_eq!(solution.dynamics_multipliers(), [3.0, 4.0, 5.0, 6.0, 5.0, 6.0]);
     }
 }

@@ -49,10 +49,7 @@ pub struct SqpConfig {
 
 impl Default for SqpConfig {
     fn default() -> Self {
-        Self {
-            tolerance: 1e-8,
-            max_iterations: 50,
-        }
+        Self { tolerance: 1e-8, max_iterations: 50 }
     }
 }
 
@@ -110,14 +107,7 @@ impl Sqp {
         let bounds = shape.repeat(&problem.state_bounds, &problem.input_bounds);
         let qp = Qp::new(shape);
         let solver = ClarabelQp::new(&qp, &cost, &bounds);
-        Self {
-            config,
-            cost,
-            bounds,
-            qp,
-            solver,
-            work: vec![0.0; shape.unknowns()],
-        }
+        Self { config, cost, bounds, qp, solver, work: vec![0.0; shape.unknowns()] }
     }
 
     /// Moves the plan into its bounds.
@@ -149,12 +139,7 @@ impl Sqp {
             self.project(plan);
             last = self.linearize(model, x0, targets, plan);
         };
-        Outcome {
-            status,
-            iterations,
-            first,
-            last,
-        }
+        Outcome { status, iterations, first, last }
     }
 
     fn linearize(
@@ -164,9 +149,7 @@ impl Sqp {
         targets: Targets<'_>,
         plan: &Solution,
     ) -> KktResidual {
-        let Self {
-            qp, cost, bounds, ..
-        } = self;
+        let Self { qp, cost, bounds, .. } = self;
         qp.linearize(model, cost, bounds, x0, targets, plan);
         KktResidual::new(qp, plan, &mut self.work)
     }

@@ -16,15 +16,15 @@ use std::fmt;
 /// min d'H d / 2 + g'd   s.t.   M d + s = r,   s = 0 for the dynamics, s >= 0 for the bounds
 /// ```
 ///
-/// M has the full blocks A_j and B_j, and a row per finite bound.
+/// M has the full blocks `A_j` and `B_j`, and a row per finite bound.
 pub(crate) struct ClarabelQp {
     solver: DefaultSolver<f64>,
     rows: BoundRows,
     /// M's values, column by column.
     matrix: Vec<f64>,
-    /// Where in `matrix` each entry of A_1, A_2, .. is. (A_0 acts on dx_0 = 0.)
+    /// Where in `matrix` each entry of `A_1`, `A_2`, .. is. (`A_0` acts on `dx_0` = 0.)
     a_at: Vec<usize>,
-    /// Where in `matrix` each entry of B_0, B_1, .. is.
+    /// Where in `matrix` each entry of `B_0`, `B_1`, .. is.
     b_at: Vec<usize>,
     /// r
     right: Vec<f64>,
@@ -47,22 +47,12 @@ impl ClarabelQp {
         let rows = BoundRows::new(dynamics, bounds);
         let (matrix, a_at, b_at) = constraints(qp, &rows);
         let right = vec![0.0; rows.end];
-        let cones = [
-            ZeroConeT(dynamics),
-            NonnegativeConeT(right.len() - dynamics),
-        ];
+        let cones = [ZeroConeT(dynamics), NonnegativeConeT(right.len() - dynamics)];
         let hessian = hessian(cost, qp.gradient.len());
         let solver =
             DefaultSolver::new(&hessian, &qp.gradient, &matrix, &right, &cones, settings())
                 .expect("the sizes have just been counted and the settings are constants");
-        Self {
-            solver,
-            rows,
-            matrix: matrix.nzval,
-            a_at,
-            b_at,
-            right,
-        }
+        Self { solver, rows, matrix: matrix.nzval, a_at, b_at, right }
     }
 
     /// Solves `qp`: adds the step to the point `at` and puts the QP's multipliers there. Leaves it

@@ -9,7 +9,7 @@ use crate::cost::{Cost, Targets};
 use crate::solution::{Shape, Solution};
 use pinc_ode::Predictor;
 
-/// The control problem linearised at a point z, in the unknown step d = (dx_1, .., du_0, ..):
+/// The control problem linearised at a point z, in the unknown step `d = (dx_1, .., du_0, ..)`:
 ///
 /// ```text
 /// min  g'd + d'H d / 2
@@ -22,11 +22,11 @@ use pinc_ode::Predictor;
 #[derive(Clone, Debug)]
 pub(crate) struct Qp {
     pub(crate) shape: Shape,
-    /// A_j, `[N, n, n]`.
+    /// `A_j`, `[N, n, n]`.
     pub(crate) a: Vec<f64>,
-    /// B_j, `[N, n, m]`.
+    /// `B_j`, `[N, n, m]`.
     pub(crate) b: Vec<f64>,
-    /// c_j, `[N, n]`.
+    /// `c_j`, `[N, n]`.
     pub(crate) c: Vec<f64>,
     /// g, as long as z.
     pub(crate) gradient: Vec<f64>,
@@ -44,12 +44,7 @@ pub(crate) enum QpStatus {
 
 impl Qp {
     pub(crate) fn new(shape: Shape) -> Self {
-        let Shape {
-            states,
-            inputs,
-            stages,
-            ..
-        } = shape;
+        let Shape { states, inputs, stages, .. } = shape;
         Self {
             shape,
             a: vec![0.0; stages * states * states],
@@ -60,13 +55,13 @@ impl Qp {
         }
     }
 
-    /// A_j, `[n, n]`.
+    /// `A_j`, `[n, n]`.
     pub(crate) fn a(&self, j: usize) -> &[f64] {
         let size = self.shape.states * self.shape.states;
         &self.a[j * size..(j + 1) * size]
     }
 
-    /// B_j, `[n, m]`.
+    /// `B_j`, `[n, m]`.
     pub(crate) fn b(&self, j: usize) -> &[f64] {
         let size = self.shape.states * self.shape.inputs;
         &self.b[j * size..(j + 1) * size]

@@ -1,0 +1,153 @@
+//! The closed loop: what it samples, how it ends.
+
+use crate::support::{Linear, scalar_problem, van_der_pol};
+use pinc_ad::Scalar;
+use pinc_mpc::{ClosedLoop, MpcError, Nmpc, Reference, SqpConfig, SqpStatus};
+use pinc_ode::metrics::Tracking;
+use pinc_ode::{Adaptive, OdeError, Plant, Rk4, VanDerPol, Variable};
+
+/// x' = rate x^2 + u, which from x = 1 without input is at 1/(1 - rate t).
+#[derive(Clone, Debug)]
+struct Runaway {
+    rate: f64,
+}
+
+impl Plant for Runaway {
+    fn states(&self) -> &[Variable] {
+        static VARIABLES: [Variable; 1] = [Variable::new("x", "")];
+        &VARIABLES
+    }
+
+    fn inputs(&self) -> &[Variable] {
+        static VARIABLES: [Variable; 1] = [Variable::new("u", "")];
+        &VARIABLES
+    }
+
+    fn rhs<S: Scalar>(&self, x: &[S], u: &[S], dx: &mut [S]) {
+        dx[0] = x[0] * x[0] * self.rate + u[0];
+    }
+}
+
+/// A controller of the model x\[k+1\] = x\[k\] + u\[k\] that may not act.
+fn idle() -> Nmpc {
+    let mut problem = scalar_problem(2, 2);
+    problem.input_bounds.low = vec![0.0];
+    problem.input_bounds.high = vec![0.0];
+    problem.state_bounds.high = vec![2.5];
+    let model = Box::new(Linear::scalar(1.0, 1.0));
+    Nmpc::new(problem, model, SqpConfig::default()).unwrap()
+}
+
+#[test]
+fn the_trace_has_nine_points_a_step() {
+    let mut nmpc = idle();
+    let reference = Reference::new(vec![7.0, 8.0, 9.0], 1).unwrap();
+    let truth = Adaptive::new(Runaway { rate: 0.25 }, 1e-12);
+    let mut run = ClosedLoop::new(&mut nmpc, truth, reference, &[1.0]).unwrap();
+    run.run().unwrap();
+    assert_eq!(run.steps().len(), 3);
+    assert_eq!(run.trajectory().len(), 3 * 9 + 1);
+
+    // The plant by its formula, on the same points; local errors of 1e-12, some tens of steps.
+    let mut dense = Tracking::new(1);
+    let mut at_steps = Tracking::new(1);
+    let references = [7.0, 8.0, 9.0];
+    for i in 0..=27_u32 {
+        let t = f64::from(i) / 9.0;
+        let x = 1.0 / (1.0 - 0.25 * t);
+        let sample = i as usize;
+        assert!((run.trajectory().times()[sample] - t).abs() < 1e-14);
+        assert!((run.trajectory().state(sample)[0] - x).abs() < 1e-9);
+        let r = references[if i == 0 { 0 } else { (sample - 1) / 9 }];
+        assert!((run.reference_at(sample)[0] - r).abs() < 1e-15);
+        dense.push(&[r], &[x]);
+        if i > 0 && i % 9 == 0 {
+            at_steps.push(&[r], &[x]);
+        }
+    }
+    assert!((run.tracking_dense().iae_sum() - dense.iae_sum()).abs() < 1e-8);
+    assert!((run.tracking_dense().rmse() - dense.rmse()).abs() < 1e-9);
+    assert!((run.tracking_at_steps().iae_sum() - at_steps.iae_sum()).abs() < 1e-8);
+    // x(3) = 4 against its bound of 2.5, which the model knows nothing of.
+    assert!((run.max_violation() - 1.5).abs() < 1e-9);
+}
+
+#[test]
+fn a_plant_that_breaks_off_leaves_what_there_was() {
+    let mut nmpc = idle();
+    let reference = Reference::new(vec![0.0; 5], 1).unwrap();
+    // Infinite at t = 1/0.62 = 1 + 5.5/9: in the second step, past 5 of its 9 points.
+    let truth = Adaptive::new(Runaway { rate: 0.62 }, 1e-9);
+    let mut run = ClosedLoop::new(&mut nmpc, truth, reference, &[1.0]).unwrap();
+    let error = run.run().unwrap_err();
+    let MpcError::Plant { step, source } = error else {
+        panic!("{error}");
+    };
+    assert_eq!(step, 1);
+    assert!(matches!(source, OdeError::NotFinite { .. } | OdeError::StepTooSmall { .. }));
+    assert_eq!(run.trajectory().len(), 1 + 9 + 5);
+    assert_eq!(run.steps().len(), 2);
+    assert!(run.control().unwrap().is_none());
+}
+
+#[test]
+fn the_controller_forgets_earlier_runs() {
+    let model = Rk4::new(VanDerPol::default(), 0.5, 4);
+    let mut nmpc = Nmpc::new(van_der_pol(), Box::new(model), SqpConfig::default()).unwrap();
+    let reference = Reference::new([0.8, 0.0].repeat(12), 2).unwrap();
+    let mut runs = Vec::new();
+    for _ in 0..2 {
+        let truth = Adaptive::new(VanDerPol::default(), 1e-9);
+        let mut run = ClosedLoop::new(&mut nmpc, truth, reference.clone(), &[0.5, 0.2]).unwrap();
+        run.run().unwrap();
+        runs.push((run.steps().to_vec(), run.trajectory().clone()));
+    }
+    assert_eq!(runs[0], runs[1]);
+}
+
+#[test]
+fn a_step_that_is_dropped_is_taken_again() {
+    let model = Rk4::new(VanDerPol::default(), 0.5, 4);
+    let mut nmpc = Nmpc::new(van_der_pol(), Box::new(model), SqpConfig::default()).unwrap();
+    let reference = Reference::new([0.8, 0.0].repeat(3), 2).unwrap();
+    let truth = Adaptive::new(VanDerPol::default(), 1e-9);
+    let mut run = ClosedLoop::new(&mut nmpc, truth, reference, &[0.5, 0.2]).unwrap();
+    assert!(run.control().unwrap().is_some());
+    let mut controls = 0;
+    while let Some(control) = run.control().unwrap() {
+        assert_eq!(control.record().status, SqpStatus::Converged);
+        assert!(control.u()[0].abs() <= 1.0);
+        control.advance().unwrap();
+        controls += 1;
+    }
+    assert_eq!((controls, run.steps().len()), (3, 3));
+}
+
+#[test]
+fn parts_that_do_not_fit_are_errors() {
+    let reference = |outputs| Reference::new(vec![0.0; 4], outputs).unwrap();
+    let truth = || Adaptive::new(Runaway { rate: 0.1 }, 1e-9);
+    let mut nmpc = idle();
+    let refused = |error: MpcError| error.to_string();
+    assert_eq!(
+        ClosedLoop::new(&mut nmpc, truth(), reference(2), &[1.0]).map_err(refused).unwrap_err(),
+        "the reference's outputs: 2 numbers, but 1 are expected"
+    );
+    assert_eq!(
+        ClosedLoop::new(&mut nmpc, truth(), reference(1), &[1.0, 2.0])
+            .map_err(refused)
+            .unwrap_err(),
+        "the initial state: 2 numbers, but 1 are expected"
+    );
+    assert_eq!(
+        ClosedLoop::new(&mut nmpc, truth(), reference(1), &[f64::NAN])
+            .map_err(refused)
+            .unwrap_err(),
+        "the initial state[0] is NaN, but must be finite"
+    );
+    let other = Adaptive::new(VanDerPol::default(), 1e-9);
+    assert_eq!(
+        ClosedLoop::new(&mut nmpc, other, reference(1), &[1.0]).map_err(refused).unwrap_err(),
+        "the plant's states: 2 numbers, but 1 are expected"
+    );
+}

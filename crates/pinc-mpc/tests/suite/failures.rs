@@ -1,0 +1,187 @@
+//! Optimisations that fail: an honest status, an input within its bounds, and no harm to the next.
+
+use crate::support::{Linear, scalar_problem, van_der_pol};
+use pinc_mpc::{Nmpc, NmpcProblem, SqpConfig, SqpStatus};
+use pinc_ode::{Dims, Predictor, Rk4, VanDerPol};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+/// A model that gives NaN as long as it is broken.
+#[derive(Debug)]
+struct Fragile<M> {
+    model: M,
+    broken: Arc<AtomicBool>,
+}
+
+impl<M: Predictor> Predictor for Fragile<M> {
+    fn dims(&self) -> Dims {
+        self.model.dims()
+    }
+
+    fn horizon_s(&self) -> f64 {
+        self.model.horizon_s()
+    }
+
+    fn predict(&mut self, x: &[f64], u: &[f64], next: &mut [f64]) {
+        self.model.predict(x, u, next);
+        if self.broken.load(Ordering::Relaxed) {
+            next.fill(f64::NAN);
+        }
+    }
+
+    fn linearize(&mut self, x: &[f64], u: &[f64], next: &mut [f64], a: &mut [f64], b: &mut [f64]) {
+        self.model.linearize(x, u, next, a, b);
+        if self.broken.load(Ordering::Relaxed) {
+            next.fill(f64::NAN);
+            a.fill(f64::NAN);
+        }
+    }
+}
+
+fn oscillator() -> Rk4<VanDerPol> {
+    Rk4::new(VanDerPol::default(), 0.5, 4)
+}
+
+fn fragile(problem: NmpcProblem) -> (Nmpc, Arc<AtomicBool>) {
+    let broken = Arc::new(AtomicBool::new(false));
+    let model = Fragile { model: oscillator(), broken: Arc::clone(&broken) };
+    let nmpc = Nmpc::new(problem, Box::new(model), SqpConfig::default()).unwrap();
+    (nmpc, broken)
+}
+
+#[test]
+fn a_model_without_value_leaves_the_last_plan() {
+    let (mut nmpc, broken) = fragile(van_der_pol());
+    let reference = [0.8, 0.0].repeat(5);
+    let first = nmpc.step(&[0.5, 0.0], &reference).unwrap();
+    assert_eq!(first.status, SqpStatus::Converged);
+    let planned = nmpc.plan().inputs().to_vec();
+
+    broken.store(true, Ordering::Relaxed);
+    for k in 1..8 {
+        let step = nmpc.step(&[0.5, 0.1], &reference).unwrap();
+        assert_eq!(step.status, SqpStatus::NumericalTrouble);
+        assert!(step.kkt.max().is_infinite());
+        // The last input of the plan stays when the plan has run out.
+        assert_eq!(step.u[0].to_bits(), planned[k.min(4)].to_bits());
+    }
+
+    // Recovery: as good as a controller that was never in trouble.
+    broken.store(false, Ordering::Relaxed);
+    let x = [0.4, -0.2];
+    let step = nmpc.step(&x, &reference).unwrap();
+    assert_eq!(step.status, SqpStatus::Converged);
+    assert!(step.kkt.max() <= 1e-8);
+}
+
+#[test]
+fn without_any_plan_the_input_is_zero_moved_into_the_bounds() {
+    let mut problem = van_der_pol();
+    problem.input_bounds.low = vec![0.25];
+    let (mut nmpc, broken) = fragile(problem);
+    broken.store(true, Ordering::Relaxed);
+    let step = nmpc.step(&[0.5, 0.0], &[0.0; 10]).unwrap();
+    assert_eq!(step.status, SqpStatus::NumericalTrouble);
+    assert!((step.u[0] - 0.25).abs() < 1e-15);
+    broken.store(false, Ordering::Relaxed);
+    let step = nmpc.step(&[0.5, 0.0], &[0.0; 10]).unwrap();
+    assert_eq!(step.status, SqpStatus::Converged);
+}
+
+/// x\[k+1\] = x\[k\] + u\[k\] with |u| <= 1 cannot come from 5 to 1 in a step.
+#[test]
+fn an_infeasible_problem_says_so() {
+    let mut problem = scalar_problem(3, 3);
+    problem.state_bounds.high = vec![1.0];
+    problem.input_bounds.low = vec![-1.0];
+    problem.input_bounds.high = vec![1.0];
+    let model = Box::new(Linear::scalar(1.0, 1.0));
+    let mut nmpc = Nmpc::new(problem, model, SqpConfig::default()).unwrap();
+    let step = nmpc.step(&[0.0], &[1.0; 3]).unwrap();
+    assert_eq!(step.status, SqpStatus::Converged);
+    let planned = nmpc.plan().inputs()[1];
+
+    let step = nmpc.step(&[5.0], &[1.0; 3]).unwrap();
+    assert_eq!(step.status, SqpStatus::InfeasibleQp);
+    assert_eq!(step.u[0].to_bits(), planned.to_bits());
+
+    let step = nmpc.step(&[0.5], &[1.0; 3]).unwrap();
+    assert_eq!(step.status, SqpStatus::Converged);
+}
+
+fn limited(max_iterations: usize) -> Nmpc {
+    let config = SqpConfig { max_iterations, ..SqpConfig::default() };
+    Nmpc::new(van_der_pol(), Box::new(oscillator()), config).unwrap()
+}
+
+#[test]
+fn short_of_convergence_a_credible_plan_is_followed() {
+    let (x, reference) = ([-0.5, 0.5], [0.8, 0.0].repeat(5));
+    let mut full = limited(50);
+    let step = full.step(&x, &reference).unwrap();
+    assert_eq!(step.status, SqpStatus::Converged);
+    let (needed, optimal) = (step.sqp_iterations, step.u[0]);
+
+    let mut nmpc = limited(needed - 1);
+    let step = nmpc.step(&x, &reference).unwrap();
+    assert_eq!(step.status, SqpStatus::IterationLimit);
+    assert_eq!(step.sqp_iterations, needed - 1);
+    assert!(step.kkt.max() > 1e-8 && step.kkt.dynamics <= 1e-4);
+    // One iteration short, the error is at most the root of the tolerance.
+    assert!((step.u[0] - optimal).abs() < 1e-4, "{} {optimal}", step.u[0]);
+}
+
+#[test]
+fn short_of_convergence_a_plan_that_contradicts_the_model_is_not_followed() {
+    let mut nmpc = limited(1);
+    let step = nmpc.step(&[-0.5, 0.5], &[0.8, 0.0].repeat(5)).unwrap();
+    assert_eq!(step.status, SqpStatus::IterationLimit);
+    assert_eq!(step.sqp_iterations, 1);
+    // No plan yet: 0.
+    assert!(step.u[0].abs() < 1e-15);
+}
+
+/// x\[k+1\] = atan(u\[k\]), on which Newton's iteration diverges from afar.
+#[derive(Debug)]
+struct Arctangent;
+
+impl Predictor for Arctangent {
+    fn dims(&self) -> Dims {
+        Dims { states: 1, inputs: 1 }
+    }
+
+    fn horizon_s(&self) -> f64 {
+        1.0
+    }
+
+    fn predict(&mut self, _x: &[f64], u: &[f64], next: &mut [f64]) {
+        next[0] = u[0].atan();
+    }
+
+    fn linearize(&mut self, x: &[f64], u: &[f64], next: &mut [f64], a: &mut [f64], b: &mut [f64]) {
+        self.predict(x, u, next);
+        a[0] = 0.0;
+        b[0] = 1.0 / (1.0 + u[0] * u[0]);
+    }
+}
+
+#[test]
+fn a_diverging_iteration_falls_back() {
+    let mut problem = scalar_problem(1, 1);
+    problem.weights.r = vec![0.0];
+    problem.input_bounds.low = vec![-100.0];
+    problem.input_bounds.high = vec![100.0];
+    let mut nmpc = Nmpc::new(problem, Box::new(Arctangent), SqpConfig::default()).unwrap();
+    // From u = 0 the iteration climbs to tan(1.4) = 5.8 ..
+    let step = nmpc.step(&[0.0], &[1.4]).unwrap();
+    assert_eq!(step.status, SqpStatus::Converged);
+    let before = step.u[0];
+    assert!((before - 1.4_f64.tan()).abs() < 1e-6);
+    // .. from which the first step towards -1.4 is -2.8 (1 + 5.8^2) = -97, and so on to and fro.
+    let step = nmpc.step(&[0.0], &[-1.4]).unwrap();
+    assert_ne!(step.status, SqpStatus::Converged);
+    assert_eq!(step.u[0].to_bits(), before.to_bits());
+    // The input kept is where the first reference is met.
+    let step = nmpc.step(&[0.0], &[1.4]).unwrap();
+    assert_eq!(step.status, SqpStatus::Converged);
+}

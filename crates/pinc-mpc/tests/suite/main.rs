@@ -1,0 +1,9 @@
+//! The controller against answers known by other means: formulas for linear models, an
+//! independent assembly of the KKT conditions, and what must happen when things go wrong.
+
+mod closed_loop;
+mod failures;
+mod kkt;
+mod linear;
+mod misuse;
+mod support;

@@ -1,0 +1,122 @@
+//! Parts that do not fit together are errors that name the field.
+
+use crate::support::{Linear, four_tanks, scalar_problem, van_der_pol};
+use pinc_mpc::{Bounds, MpcError, Nmpc, NmpcProblem, Profile, SqpConfig, SqpStatus, Weights};
+use pinc_ode::{Rk4, VanDerPol};
+
+fn refusal(change: impl FnOnce(&mut NmpcProblem)) -> String {
+    let mut problem = van_der_pol();
+    change(&mut problem);
+    let model = Rk4::new(VanDerPol::default(), 0.5, 4);
+    let refused = Nmpc::new(problem, Box::new(model), SqpConfig::default());
+    refused.unwrap_err().to_string()
+}
+
+#[test]
+fn horizons() {
+    assert_eq!(refusal(|p| p.control = 6), "control (Nu) is 6, but must be from 1 to 5");
+    assert_eq!(refusal(|p| p.control = 0), "control (Nu) is 0, but must be from 1 to 5");
+    assert_eq!(refusal(|p| p.first = 0), "first (N1) is 0, but must be from 1 to 5");
+    assert_eq!(refusal(|p| p.first = 6), "first (N1) is 6, but must be from 1 to 5");
+    assert!(refusal(|p| p.last = 0).starts_with("last (N2) is 0, but must be"));
+}
+
+#[test]
+fn controlled_states() {
+    assert_eq!(refusal(|p| p.controlled = vec![0, 2]), "controlled is 2, but must be from 0 to 1");
+    assert_eq!(refusal(|p| p.controlled = vec![1, 1]), "controlled names state 1 twice");
+    assert!(refusal(|p| p.controlled = vec![]).contains("controlled"));
+}
+
+#[test]
+fn weights() {
+    assert_eq!(refusal(|p| p.weights.q = vec![1.0]), "weights.q: 1 numbers, but 2 are expected");
+    assert_eq!(
+        refusal(|p| p.weights.r = vec![-1.0]),
+        "weights.r[0] is -1, but must be finite and not negative"
+    );
+    assert_eq!(
+        refusal(|p| p.weights.q[1] = f64::NAN),
+        "weights.q[1] is NaN, but must be finite and not negative"
+    );
+    assert!(refusal(|p| p.weights.q[0] = f64::INFINITY).starts_with("weights.q[0] is inf"));
+}
+
+#[test]
+fn bounds() {
+    assert_eq!(
+        refusal(|p| p.state_bounds.low[1] = 2.0),
+        "the bounds of state_bounds[1] are crossed: low 2 > high 1"
+    );
+    assert_eq!(
+        refusal(|p| p.input_bounds = Bounds::none(2)),
+        "input_bounds: 2 numbers, but 1 are expected"
+    );
+    assert_eq!(
+        refusal(|p| p.input_bounds.high = vec![f64::NAN]),
+        "input_bounds[0] is NaN, but must be finite or inf"
+    );
+    assert_eq!(
+        refusal(|p| p.state_bounds.low[0] = f64::INFINITY),
+        "state_bounds[0] is inf, but must be finite or -inf"
+    );
+    assert!(refusal(|p| p.state_bounds.high[0] = f64::NEG_INFINITY).contains("-inf"));
+}
+
+#[test]
+fn a_problem_for_another_plant() {
+    let model = Rk4::new(VanDerPol::default(), 0.5, 4);
+    let refused = Nmpc::new(four_tanks(), Box::new(model), SqpConfig::default());
+    assert!(matches!(
+        refused.unwrap_err(),
+        MpcError::Length { field: "weights.r", expected: 1, found: 2 }
+    ));
+}
+
+#[test]
+fn settings() {
+    for (tolerance, max_iterations) in [(0.0, 50), (f64::NAN, 50), (f64::INFINITY, 50), (1e-8, 0)] {
+        let config = SqpConfig { tolerance, max_iterations };
+        let model = Box::new(Linear::scalar(1.0, 1.0));
+        assert!(Nmpc::new(scalar_problem(1, 1), model, config).is_err());
+    }
+}
+
+#[test]
+fn arguments_of_a_step() {
+    let model = Box::new(Linear::scalar(1.0, 1.0));
+    let mut nmpc = Nmpc::new(scalar_problem(2, 2), model, SqpConfig::default()).unwrap();
+    let mut refusal = |x: &[f64], reference: &[f64]| {
+        let refused = nmpc.step(x, reference);
+        refused.unwrap_err().to_string()
+    };
+    assert_eq!(refusal(&[1.0, 2.0], &[0.0; 2]), "x: 2 numbers, but 1 are expected");
+    assert_eq!(refusal(&[f64::NAN], &[0.0; 2]), "x[0] is NaN, but must be finite");
+    assert_eq!(refusal(&[1.0], &[0.0]), "reference: 1 numbers, but 2 are expected");
+    assert_eq!(refusal(&[1.0], &[0.0, f64::INFINITY]), "reference[1] is inf, but must be finite");
+    assert!(nmpc.step(&[1.0], &[0.0; 2]).is_ok());
+}
+
+#[test]
+fn tables_of_a_configuration_file() {
+    let config: SqpConfig = toml::from_str("tolerance = 1e-6").unwrap();
+    assert_eq!(config, SqpConfig { tolerance: 1e-6, ..SqpConfig::default() });
+    let error = toml::from_str::<SqpConfig>("tolerence = 1e-6").unwrap_err();
+    assert!(error.to_string().contains("tolerence"), "{error}");
+
+    let weights: Weights =
+        toml::from_str("q = [1.0]\nr = [2.0]\nprofile = \"cumulative\"").unwrap();
+    assert_eq!(weights.profile, Profile::Cumulative);
+    let bounds: Bounds = toml::from_str("low = [-inf]\nhigh = [2.5]").unwrap();
+    assert!(bounds.low[0].is_infinite());
+    // What is written to a file is what is shown.
+    for status in [
+        SqpStatus::Converged,
+        SqpStatus::IterationLimit,
+        SqpStatus::InfeasibleQp,
+        SqpStatus::NumericalTrouble,
+    ] {
+        let written = toml::Value::try_from(status).unwrap();
+        assert_eq!(written.as_str().unwrap(), status.to_string());
+    }
+}

@@ -1,0 +1,82 @@
+//! Models and problems that several tests use.
+
+use pinc_mpc::{Bounds, NmpcProblem, Profile, Weights};
+use pinc_ode::{Dims, Predictor};
+
+/// x\[k+1\] = A x\[k\] + B u\[k\]
+#[derive(Clone, Debug)]
+pub(crate) struct Linear {
+    pub(crate) dims: Dims,
+    pub(crate) a: Vec<f64>,
+    pub(crate) b: Vec<f64>,
+}
+
+impl Linear {
+    /// One state, one input.
+    pub(crate) fn scalar(a: f64, b: f64) -> Self {
+        let dims = Dims { states: 1, inputs: 1 };
+        Self { dims, a: vec![a], b: vec![b] }
+    }
+}
+
+impl Predictor for Linear {
+    fn dims(&self) -> Dims {
+        self.dims
+    }
+
+    fn horizon_s(&self) -> f64 {
+        1.0
+    }
+
+    fn predict(&mut self, x: &[f64], u: &[f64], next: &mut [f64]) {
+        let a = self.a.chunks_exact(x.len());
+        let b = self.b.chunks_exact(u.len());
+        for ((next, a), b) in next.iter_mut().zip(a).zip(b) {
+            let product =
+                |row: &[f64], v: &[f64]| -> f64 { row.iter().zip(v).map(|(row, v)| row * v).sum() };
+            *next = product(a, x) + product(b, u);
+        }
+    }
+
+    fn linearize(&mut self, x: &[f64], u: &[f64], next: &mut [f64], a: &mut [f64], b: &mut [f64]) {
+        self.predict(x, u, next);
+        a.copy_from_slice(&self.a);
+        b.copy_from_slice(&self.b);
+    }
+}
+
+/// A problem with one state and one input, no bounds, q = 2 and r = 3.
+pub(crate) fn scalar_problem(last: usize, control: usize) -> NmpcProblem {
+    NmpcProblem {
+        first: 1,
+        last,
+        control,
+        controlled: vec![0],
+        weights: Weights { q: vec![2.0], r: vec![3.0], profile: Profile::Uniform },
+        state_bounds: Bounds::none(1),
+        input_bounds: Bounds::none(1),
+    }
+}
+
+/// The paper's problem for the Van der Pol oscillator.
+pub(crate) fn van_der_pol() -> NmpcProblem {
+    NmpcProblem {
+        first: 1,
+        last: 5,
+        control: 5,
+        controlled: vec![0, 1],
+        weights: Weights { q: vec![10.0; 2], r: vec![1.0], profile: Profile::Uniform },
+        state_bounds: Bounds { low: vec![-1.0; 2], high: vec![1.0; 2] },
+        input_bounds: Bounds { low: vec![-1.0], high: vec![1.0] },
+    }
+}
+
+/// The paper's problem for the four tanks.
+pub(crate) fn four_tanks() -> NmpcProblem {
+    NmpcProblem {
+        weights: Weights { q: vec![10.0; 2], r: vec![1.0; 2], profile: Profile::Uniform },
+        state_bounds: Bounds { low: vec![2.0, 2.0, 0.6, 0.6], high: vec![20.0, 20.0, 5.5, 5.5] },
+        input_bounds: Bounds { low: vec![0.0; 2], high: vec![5.0; 2] },
+        ..van_der_pol()
+    }
+}
