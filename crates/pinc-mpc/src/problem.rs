@@ -5,6 +5,9 @@ use crate::error::{check_length, check_numbers, check_range};
 use pinc_ode::Dims;
 use serde::{Deserialize, Serialize};
 
+/// The longest horizon, far beyond any use: memory is allocated for it.
+const LONGEST: usize = 10_000;
+
 /// The optimisation problem of the paper, Eqs. (`MS:cost`) to (`MS:ineq_const`), over the predicted
 /// states x\[k+1\]..x\[k+N2\] and the inputs u\[k\]..u\[k+Nu-1\]:
 ///
@@ -22,7 +25,7 @@ use serde::{Deserialize, Serialize};
 pub struct NmpcProblem {
     /// N1, the first predicted state that is tracked: from 1 to `last`.
     pub first: usize,
-    /// N2, the last one: the prediction horizon.
+    /// N2, the last one: the prediction horizon, at most 10 000.
     pub last: usize,
     /// Nu, the number of free inputs: from 1 to `last`.
     pub control: usize,
@@ -45,7 +48,7 @@ impl NmpcProblem {
     pub fn validate(&self, dims: Dims) -> Result<(), MpcError> {
         check_range("the model's states", dims.states, 1, usize::MAX)?;
         check_range("the model's inputs", dims.inputs, 1, usize::MAX)?;
-        check_range("last (N2)", self.last, 1, usize::MAX)?;
+        check_range("last (N2)", self.last, 1, LONGEST)?;
         check_range("first (N1)", self.first, 1, self.last)?;
         check_range("control (Nu)", self.control, 1, self.last)?;
         check_range("controlled", self.controlled.len(), 1, dims.states)?;

@@ -18,7 +18,8 @@ fn horizons() {
     assert_eq!(refusal(|p| p.control = 0), "control (Nu) is 0, but must be from 1 to 5");
     assert_eq!(refusal(|p| p.first = 0), "first (N1) is 0, but must be from 1 to 5");
     assert_eq!(refusal(|p| p.first = 6), "first (N1) is 6, but must be from 1 to 5");
-    assert!(refusal(|p| p.last = 0).starts_with("last (N2) is 0, but must be"));
+    assert_eq!(refusal(|p| p.last = 0), "last (N2) is 0, but must be from 1 to 10000");
+    assert!(refusal(|p| p.last = usize::MAX).ends_with("must be from 1 to 10000"));
 }
 
 #[test]
