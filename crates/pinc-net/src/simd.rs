@@ -102,6 +102,14 @@ impl Isa {
         Self::available()[0]
     }
 
+    /// Busies one core with fused multiply-adds on registers alone, `rounds` times twelve independent
+    /// vectors, and returns how many floating-point operations these were (two per lane). Timed by the
+    /// caller, it gives the peak that a kernel can be compared with.
+    #[must_use]
+    pub fn multiply_add_rounds(self, rounds: u64) -> u64 {
+        self.dispatch(MultiplyAdd { rounds })
+    }
+
     /// Runs `task` in this instruction set.
     ///
     /// # Panics
@@ -128,6 +136,30 @@ impl Isa {
             #[cfg(not(target_arch = "x86_64"))]
             _ => panic!("{self} does not exist on this machine"),
         }
+    }
+}
+
+/// See [`Isa::multiply_add_rounds`].
+struct MultiplyAdd {
+    rounds: u64,
+}
+
+impl Task for MultiplyAdd {
+    type Output = u64;
+
+    #[inline(always)]
+    fn run<V: Simd>(self, zero: V) -> u64 {
+        // Enough independent sums to hide the latency of 4 cycles on two ports.
+        const SUMS: usize = 12;
+        let (factor, term) = (zero.constant(0.999), zero.constant(1e-3));
+        let mut sums = [zero; SUMS];
+        for _ in 0..self.rounds {
+            for sum in &mut sums {
+                *sum = sum.mul_add(factor, term);
+            }
+        }
+        std::hint::black_box(sums);
+        self.rounds * (SUMS * V::LANES * 2) as u64
     }
 }
 
