@@ -11,11 +11,8 @@ fn main() {
     set("PINC_PROFILE", &env::var("PROFILE").unwrap_or_default());
 
     // Every source file of the workspace, so that the commit and its state are those of the build.
-    let mut watched = vec![
-        "build.rs".to_owned(),
-        "presets".to_owned(),
-        "../../Cargo.lock".to_owned(),
-    ];
+    let mut watched =
+        vec!["build.rs".to_owned(), "presets".to_owned(), "../../Cargo.lock".to_owned()];
     for name in ["ad", "bench", "mpc", "net", "ode"] {
         watched.push(format!("../pinc-{name}/src"));
     }
@@ -26,10 +23,7 @@ fn main() {
         set("PINC_GIT_DIRTY", if dirty { "true" } else { "false" });
         watched.extend(output("git", &["rev-parse", "--git-path", "logs/HEAD"]));
     }
-    for path in watched
-        .iter()
-        .filter(|path| std::path::Path::new(path).exists())
-    {
+    for path in watched.iter().filter(|path| std::path::Path::new(path).exists()) {
         put(&format!("cargo::rerun-if-changed={path}"));
     }
 }

@@ -49,7 +49,7 @@ pub enum BenchError {
         source: ModelError,
     },
     /// A model that is not one of the config's plant.
-    #[error("{}: the model's {what} are {found}, the config's {expected}", path.display())]
+    #[error("{}: {what} of the model: {found}; of the config: {expected}", path.display())]
     ModelMismatch {
         /// The file.
         path: PathBuf,
@@ -59,6 +59,15 @@ pub enum BenchError {
         found: String,
         /// The config's.
         expected: String,
+    },
+    /// A model of one scenario where one of any scenario is needed.
+    #[error(
+        "{}: a conventional PINN, for one initial state and input: it can neither be chained nor control",
+        path.display()
+    )]
+    TimeOnlyModel {
+        /// The file.
+        path: PathBuf,
     },
     /// A cell, a row or the header of a CSV file.
     #[error("{}:{line}: {problem}", path.display())]

@@ -78,7 +78,8 @@ enum Command {
 
 #[derive(Debug, Args)]
 struct RunArgs {
-    /// Run directory [default: runs/<experiment name>]; with several configs, the directory of theirs.
+    /// Run directory, by default `runs/` and the experiment's name; with several configs, the directory
+    /// of theirs.
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
     /// Go on with the run in the run directory.
@@ -127,12 +128,7 @@ fn execute(cli: &Cli) -> Result<ExitCode, BenchError> {
         Command::Train { config, run } => {
             run.one(config, quiet, pinc_bench::train)?;
         }
-        Command::Control {
-            config,
-            model,
-            only,
-            run,
-        } => {
+        Command::Control { config, model, only, run } => {
             let only = only.map(|only| match only {
                 Only::Pinc => ModelKind::Pinc,
                 Only::Rk4 => ModelKind::Rk4,
@@ -141,11 +137,7 @@ fn execute(cli: &Cli) -> Result<ExitCode, BenchError> {
                 pinc_bench::control(experiment, dir, options, model.as_deref(), only)
             })?;
         }
-        Command::Predict {
-            model,
-            inputs,
-            output,
-        } => pinc_bench::predict(model, inputs, output)?,
+        Command::Predict { model, inputs, output } => pinc_bench::predict(model, inputs, output)?,
         Command::Check { config, set } => return check(config, &set.set),
         Command::Report { dir } => {
             let path = pinc_bench::rebuild_report(dir)?;
@@ -179,9 +171,7 @@ fn check(config: &Path, sets: &[String]) -> Result<ExitCode, BenchError> {
         console::line(&finding.to_string());
     }
     let worst = findings.iter().map(|finding| finding.severity).max();
-    Ok(ExitCode::from(u8::from(
-        worst == Some(pinc_bench::Severity::Error),
-    )))
+    Ok(ExitCode::from(u8::from(worst == Some(pinc_bench::Severity::Error))))
 }
 
 impl RunArgs {
@@ -211,11 +201,7 @@ impl RunArgs {
         let arguments: Vec<String> = std::env::args().skip(1).collect();
         let options = Options {
             resume: self.resume,
-            verbosity: if quiet {
-                Verbosity::Quiet
-            } else {
-                Verbosity::Shown
-            },
+            verbosity: if quiet { Verbosity::Quiet } else { Verbosity::Shown },
             interrupt: catch_interrupts(),
             arguments: &arguments,
         };

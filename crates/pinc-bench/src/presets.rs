@@ -39,7 +39,6 @@ impl Preset {
             Self::AsPrinted => include_str!("../presets/as-printed.toml"),
             Self::AsReleased => include_str!("../presets/as-released.toml"),
         };
-        text.parse()
-            .expect("the built-in presets are valid TOML, which a test checks")
+        text.parse().expect("the built-in presets are valid TOML, which a test checks")
     }
 }

@@ -20,11 +20,7 @@ pub enum Verbosity {
 #[derive(Debug)]
 pub(crate) enum Stage {
     Bar(ProgressBar),
-    Lines {
-        name: String,
-        total: u64,
-        last: Option<Instant>,
-    },
+    Lines { name: String, total: u64, last: Option<Instant> },
     Quiet,
 }
 
@@ -37,16 +33,10 @@ impl Stage {
                 let template = "{prefix:>12} {bar:30} {pos}/{len} {msg} [{elapsed}]";
                 let style = ProgressStyle::with_template(template)
                     .expect("the template is a constant that was tried");
-                let bar = ProgressBar::new(total)
-                    .with_style(style)
-                    .with_prefix(name.to_owned());
+                let bar = ProgressBar::new(total).with_style(style).with_prefix(name.to_owned());
                 Self::Bar(bar)
             }
-            Verbosity::Shown => Self::Lines {
-                name: name.to_owned(),
-                total,
-                last: None,
-            },
+            Verbosity::Shown => Self::Lines { name: name.to_owned(), total, last: None },
         }
     }
 

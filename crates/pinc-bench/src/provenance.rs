@@ -46,9 +46,7 @@ impl Provenance {
     pub fn now(experiment: &Experiment, arguments: &[String]) -> Self {
         let command = std::iter::once("pinc".to_owned());
         Self {
-            command: command
-                .chain(arguments.iter().map(|a| without_places(a)))
-                .collect(),
+            command: command.chain(arguments.iter().map(|a| without_places(a))).collect(),
             version: env!("CARGO_PKG_VERSION").to_owned(),
             git_commit: option_env!("PINC_GIT_COMMIT").map(str::to_owned),
             git_dirty: option_env!("PINC_GIT_DIRTY").map(|dirty| dirty == "true"),
@@ -73,23 +71,24 @@ fn without_places(argument: &str) -> String {
         _ => (None, argument),
     };
     let path = Path::new(value);
-    let leads_out = path.has_root() || path.components().any(|c| c == Component::ParentDir);
-    if !leads_out {
+    if is_below(path) {
         return argument.to_owned();
     }
     let here = std::env::current_dir().ok();
     let below = here.and_then(|here| path.strip_prefix(here).ok().map(Path::to_owned));
-    let short = match below {
+    let short = match below.filter(|below| is_below(below)) {
         Some(below) => below.to_string_lossy().into_owned(),
-        None => path
-            .file_name()
-            .map_or("..".into(), |name| name.to_string_lossy())
-            .into_owned(),
+        None => path.file_name().map_or("..".into(), |name| name.to_string_lossy()).into_owned(),
     };
     match key {
         Some(key) => format!("{key}={short}"),
         None => short,
     }
+}
+
+/// Whether a path leads to something in the working directory.
+fn is_below(path: &Path) -> bool {
+    !path.has_root() && path.components().all(|c| c != Component::ParentDir)
 }
 
 /// The processor's name as Linux has it; the architecture elsewhere.
@@ -121,10 +120,7 @@ fn civil(days: u64) -> (u64, u64, u64) {
     let day_of_year = day_of_era - (365 * year_of_era + year_of_era / 4 - year_of_era / 100);
     let month = (5 * day_of_year + 2) / 153;
     let day = day_of_year - (153 * month + 2) / 5 + 1;
-    let (year, month) = (
-        400 * era + year_of_era,
-        if month < 10 { month + 3 } else { month - 9 },
-    );
+    let (year, month) = (400 * era + year_of_era, if month < 10 { month + 3 } else { month - 9 });
     (if month <= 2 { year + 1 } else { year }, month, day)
 }
 
@@ -156,5 +152,7 @@ mod tests {
         assert_eq!(without_places("training.lambda=1.0"), "training.lambda=1.0");
         let below = std::env::current_dir().unwrap().join("runs").join("a");
         assert_eq!(without_places(&below.to_string_lossy()), "runs/a");
+        let beside = std::env::current_dir().unwrap().join("../private/a.toml");
+        assert_eq!(without_places(&beside.to_string_lossy()), "a.toml");
     }
 }

@@ -55,9 +55,6 @@ impl PlantTask for ReadVariables {
     type Output = Variables;
 
     fn run<P: Plant + 'static>(self, plant: P) -> Variables {
-        Variables {
-            states: plant.states().to_vec(),
-            inputs: plant.inputs().to_vec(),
-        }
+        Variables { states: plant.states().to_vec(), inputs: plant.inputs().to_vec() }
     }
 }

@@ -14,12 +14,7 @@ pub fn summary(record: &Record) -> String {
 }
 
 fn metrics(text: &mut String, metrics: &Metrics) -> std::fmt::Result {
-    writeln!(
-        text,
-        "{} (preset {})",
-        metrics.experiment,
-        metrics.preset.name()
-    )?;
+    writeln!(text, "{} (preset {})", metrics.experiment, metrics.preset.name())?;
     if let Some(training) = &metrics.training {
         writeln!(
             text,
@@ -49,11 +44,7 @@ fn metrics(text: &mut String, metrics: &Metrics) -> std::fmt::Result {
         "closed loop   RMSE dense   IAE dense      RMSE       IAE   loop ms   step us   KKT max   status"
     )?;
     for run in &metrics.control {
-        let status: Vec<_> = run
-            .status
-            .iter()
-            .map(|(name, n)| format!("{n} {name}"))
-            .collect();
+        let status: Vec<_> = run.status.iter().map(|(name, n)| format!("{n} {name}")).collect();
         writeln!(
             text,
             "  {:<10} {:>11.5} {:>11.4} {:>9.5} {:>9.4} {:>9.3} {:>9.1} {:>9.1e}   {}",

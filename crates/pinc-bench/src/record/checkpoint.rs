@@ -48,30 +48,19 @@ pub(crate) fn load(path: &Path, fingerprint: &str) -> Result<Saved<Checkpoint>, 
     let bytes = fs::read(path).map_err(BenchError::unreadable(path))?;
     let saved = parse(&bytes).and_then(|saved| {
         let same = saved.fingerprint == fingerprint;
-        if same {
-            Ok(saved)
-        } else {
-            Err(CheckpointProblem::OtherConfig)
-        }
+        if same { Ok(saved) } else { Err(CheckpointProblem::OtherConfig) }
     });
-    saved.map_err(|problem| BenchError::Checkpoint {
-        path: path.to_owned(),
-        problem,
-    })
+    saved.map_err(|problem| BenchError::Checkpoint { path: path.to_owned(), problem })
 }
 
 fn parse(bytes: &[u8]) -> Result<Saved<Checkpoint>, CheckpointProblem> {
-    let rest = bytes
-        .strip_prefix(MAGIC)
-        .ok_or(CheckpointProblem::Foreign)?;
+    let rest = bytes.strip_prefix(MAGIC).ok_or(CheckpointProblem::Foreign)?;
     let (version, rest) = rest.split_first_chunk().ok_or(CheckpointProblem::Damaged)?;
     match u32::from_le_bytes(*version) {
         VERSION => {}
         other => return Err(CheckpointProblem::Version(other)),
     }
-    let (digest, body) = rest
-        .split_first_chunk::<32>()
-        .ok_or(CheckpointProblem::Damaged)?;
+    let (digest, body) = rest.split_first_chunk::<32>().ok_or(CheckpointProblem::Damaged)?;
     if Sha256::digest(body).as_slice() != digest {
         return Err(CheckpointProblem::Damaged);
     }

@@ -12,9 +12,7 @@ impl Table {
     /// A table with these column names, which hold no commas or quotes.
     pub(crate) fn new<T: AsRef<str>>(columns: impl IntoIterator<Item = T>) -> Self {
         let columns: Vec<_> = columns.into_iter().map(|c| c.as_ref().to_owned()).collect();
-        Self {
-            text: columns.join(",") + "\n",
-        }
+        Self { text: columns.join(",") + "\n" }
     }
 
     /// Adds a row.

@@ -33,9 +33,7 @@ impl Metrics {
     pub(crate) fn new(experiment: &Experiment) -> Self {
         let variables = experiment.plant.variables();
         let all = variables.states.iter().chain(&variables.inputs);
-        let variables = all
-            .map(|v| (v.name.to_string(), v.unit.to_string()))
-            .collect();
+        let variables = all.map(|v| (v.name.to_string(), v.unit.to_string())).collect();
         Self {
             variables,
             experiment: experiment.name.clone(),
@@ -64,16 +62,8 @@ pub struct ValidationMetrics {
 
 impl From<Validation> for ValidationMetrics {
     fn from(validation: Validation) -> Self {
-        let Validation {
-            mse_gen,
-            mse_all_normalized,
-            one_step_mse,
-        } = validation;
-        Self {
-            mse_gen,
-            mse_all_normalized,
-            one_step_mse,
-        }
+        let Validation { mse_gen, mse_all_normalized, one_step_mse } = validation;
+        Self { mse_gen, mse_all_normalized, one_step_mse }
     }
 }
 
@@ -158,14 +148,8 @@ impl WallTimes {
     /// The statistics of these times.
     pub(crate) fn of(mut times: Vec<f64>) -> Self {
         times.sort_by(f64::total_cmp);
-        #[expect(
-            clippy::cast_precision_loss,
-            reason = "far fewer than 2^53 repetitions"
-        )]
-        let (runs, freedom) = (
-            times.len() as f64,
-            times.len().saturating_sub(1).max(1) as f64,
-        );
+        #[expect(clippy::cast_precision_loss, reason = "far fewer than 2^53 repetitions")]
+        let (runs, freedom) = (times.len() as f64, times.len().saturating_sub(1).max(1) as f64);
         let mean = times.iter().sum::<f64>() / runs;
         let squares: f64 = times.iter().map(|t| (t - mean).powi(2)).sum();
         let middle = times.len() / 2;
@@ -174,12 +158,7 @@ impl WallTimes {
         } else {
             times[middle]
         };
-        Self {
-            mean,
-            sd: (squares / freedom).sqrt(),
-            median,
-            runs: times.len(),
-        }
+        Self { mean, sd: (squares / freedom).sqrt(), median, runs: times.len() }
     }
 }
 
@@ -199,11 +178,7 @@ impl StepTimes {
     pub(crate) fn of(mut times: Vec<f64>) -> Self {
         times.sort_by(f64::total_cmp);
         let rank = |percent: usize| times[(times.len() * percent).div_ceil(100).max(1) - 1];
-        Self {
-            p50: rank(50),
-            p99: rank(99),
-            max: rank(100),
-        }
+        Self { p50: rank(50), p99: rank(99), max: rank(100) }
     }
 }
 
@@ -215,23 +190,11 @@ mod tests {
     fn statistics_of_times() {
         let wall = WallTimes::of(vec![4.0, 1.0, 2.0, 3.0]);
         // Squares about the mean 2.5 sum up to 5.
-        let expected = WallTimes {
-            mean: 2.5,
-            sd: (5.0f64 / 3.0).sqrt(),
-            median: 2.5,
-            runs: 4,
-        };
+        let expected = WallTimes { mean: 2.5, sd: (5.0f64 / 3.0).sqrt(), median: 2.5, runs: 4 };
         assert_eq!(wall, expected);
         assert_eq!(WallTimes::of(vec![7.0]).sd.to_bits(), 0.0f64.to_bits());
 
         let steps = StepTimes::of((1..=200).map(f64::from).rev().collect());
-        assert_eq!(
-            steps,
-            StepTimes {
-                p50: 100.0,
-                p99: 198.0,
-                max: 200.0
-            }
-        );
+        assert_eq!(steps, StepTimes { p50: 100.0, p99: 198.0, max: 200.0 });
     }
 }

@@ -64,10 +64,7 @@ impl Record {
             Err(_) => None,
         };
         let metrics = metrics.unwrap_or_else(|| Metrics::new(experiment));
-        let record = Self {
-            dir: dir.to_owned(),
-            metrics,
-        };
+        let record = Self { dir: dir.to_owned(), metrics };
         record.write(file::CONFIG, config_text(experiment).as_bytes())?;
         record.write(file::PROVENANCE, json(provenance).as_bytes())?;
         Ok(record)
@@ -145,16 +142,12 @@ pub(crate) fn write_atomically(path: &Path, bytes: &[u8]) -> Result<(), BenchErr
 fn check_owner(dir: &Path, experiment: &Experiment) -> Result<(), BenchError> {
     match fs::read_to_string(dir.join(file::CONFIG)) {
         Ok(text) if text == config_text(experiment) => Ok(()),
-        Ok(_) => Err(BenchError::OtherConfig {
-            dir: dir.to_owned(),
-        }),
+        Ok(_) => Err(BenchError::OtherConfig { dir: dir.to_owned() }),
         Err(error) if error.kind() == io::ErrorKind::NotFound => {
             let mut entries = fs::read_dir(dir).map_err(BenchError::unreadable(dir))?;
             match entries.find(|e| !e.as_ref().is_ok_and(is_unfinished)) {
                 None => Ok(()),
-                Some(_) => Err(BenchError::NoRunDirectory {
-                    dir: dir.to_owned(),
-                }),
+                Some(_) => Err(BenchError::NoRunDirectory { dir: dir.to_owned() }),
             }
         }
         Err(error) => Err(BenchError::unreadable(dir)(error)),

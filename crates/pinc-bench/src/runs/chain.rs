@@ -32,14 +32,7 @@ impl Chain {
     /// A chain of intervals of `horizon_s` that begins at time `t` in `state`, under `input`.
     pub(crate) fn new(horizon_s: f64, t: f64, state: &[f64], input: &[f64]) -> Self {
         let (state, input) = (state.to_vec(), input.to_vec());
-        Self {
-            horizon_s,
-            origin: t,
-            marks: 0.0,
-            state,
-            input,
-            t,
-        }
+        Self { horizon_s, origin: t, marks: 0.0, state, input, t }
     }
 
     /// The time of the last sample.
@@ -67,11 +60,8 @@ impl Chain {
         }
         let begin = self.origin + self.marks * self.horizon_s;
         let mark = (t - begin).abs() <= slack;
-        let state = if mark {
-            self.state.clone()
-        } else {
-            net(t - begin, &self.state, &self.input)
-        };
+        let state =
+            if mark { self.state.clone() } else { net(t - begin, &self.state, &self.input) };
         if input != self.input {
             self.input.copy_from_slice(input);
             if !mark {
@@ -106,13 +96,7 @@ mod tests {
         let mut chain = Chain::new(0.5, 0.0, &[1.0], &[0.0]);
         // At 0.25 the input is still 0; at 0.5 the state is 2, and the input becomes 1.
         let rows = [(0.25, 0.0), (0.5, 1.0), (0.75, 1.0), (1.0, 1.0), (2.0, 1.0)];
-        let expected = [
-            (2.0, false),
-            (2.0, true),
-            (29.0, false),
-            (54.0, true),
-            (366.0, true),
-        ];
+        let expected = [(2.0, false), (2.0, true), (29.0, false), (54.0, true), (366.0, true)];
         assert_eq!(values(&mut chain, &rows), expected);
     }
 

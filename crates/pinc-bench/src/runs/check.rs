@@ -71,13 +71,7 @@ impl PlantTask for Check<'_> {
                 derivatives(&plant, &region, self.experiment.seed, &mut findings);
                 if let Some(horizon_s) = self.experiment.horizon_s() {
                     linearisation(&plant, &region, horizon_s, &mut findings);
-                    substeps(
-                        &plant,
-                        &region,
-                        horizon_s,
-                        self.experiment.seed,
-                        &mut findings,
-                    );
+                    substeps(&plant, &region, horizon_s, self.experiment.seed, &mut findings);
                 }
             }
         }
@@ -120,36 +114,19 @@ impl Region {
         if let Some(domain) = &experiment.domain {
             let low = join(&domain.state_low, &domain.input_low);
             let high = join(&domain.state_high, &domain.input_high);
-            return Some(Self {
-                name: "the training domain",
-                dims,
-                low,
-                high,
-            });
+            return Some(Self { name: "the training domain", dims, low, high });
         }
         let control = experiment.control.as_ref()?;
         let state_low = control.state_low.as_ref().unwrap_or(&control.initial_state);
-        let state_high = control
-            .state_high
-            .as_ref()
-            .unwrap_or(&control.initial_state);
+        let state_high = control.state_high.as_ref().unwrap_or(&control.initial_state);
         let low = join(state_low, &control.input_low);
         let high = join(state_high, &control.input_high);
-        Some(Self {
-            name: "the controller's bounds",
-            dims,
-            low,
-            high,
-        })
+        Some(Self { name: "the controller's bounds", dims, low, high })
     }
 
     /// The state and the input in the middle.
     fn centre(&self) -> (Vec<f64>, Vec<f64>) {
-        let middle = self
-            .low
-            .iter()
-            .zip(&self.high)
-            .map(|(a, b)| f64::midpoint(*a, *b));
+        let middle = self.low.iter().zip(&self.high).map(|(a, b)| f64::midpoint(*a, *b));
         let mut x: Vec<_> = middle.collect();
         let u = x.split_off(self.dims.states);
         (x, u)
@@ -160,9 +137,8 @@ impl Region {
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
         std::iter::repeat_with(move || {
             let ends = self.low.iter().zip(&self.high);
-            let mut x: Vec<f64> = ends
-                .map(|(low, high)| low + (high - low) * rng.random::<f64>())
-                .collect();
+            let mut x: Vec<f64> =
+                ends.map(|(low, high)| low + (high - low) * rng.random::<f64>()).collect();
             let u = x.split_off(self.dims.states);
             (x, u)
         })
@@ -176,10 +152,7 @@ fn derivatives<P: Plant>(plant: &P, region: &Region, seed: u64, findings: &mut F
         plant.rhs(&x, &u, &mut dx);
         if let Some(i) = dx.iter().position(|v| !v.is_finite()) {
             let state = &plant.states()[i].name;
-            let text = format!(
-                "the derivative of {state} is {} at x = {x:?}, u = {u:?}",
-                dx[i]
-            );
+            let text = format!("the derivative of {state} is {} at x = {x:?}, u = {u:?}", dx[i]);
             return findings.add(Severity::Error, text);
         }
         for (fastest, v) in fastest.iter_mut().zip(&dx) {
@@ -187,9 +160,7 @@ fn derivatives<P: Plant>(plant: &P, region: &Region, seed: u64, findings: &mut F
         }
     }
     let names = plant.states().iter().zip(&fastest);
-    let rates: Vec<_> = names
-        .map(|(v, f)| format!("|{}'| <= {f:.3}", v.name))
-        .collect();
+    let rates: Vec<_> = names.map(|(v, f)| format!("|{}'| <= {f:.3}", v.name)).collect();
     findings.fact(format!(
         "derivatives are finite at {POINTS} random points of {}; there {}",
         region.name,
@@ -219,9 +190,7 @@ fn steady_state<P: Plant>(plant: &P, region: &Region, x: &[f64], u: &[f64]) -> O
     let mut dx = vec![0.0; n];
     for _ in 0..50 {
         plant.rhs(&x, u, &mut dx);
-        let step = jacobian(plant, &x, u)
-            .partial_piv_lu()
-            .solve(Mat::from_fn(n, 1, |i, _| dx[i]));
+        let step = jacobian(plant, &x, u).partial_piv_lu().solve(Mat::from_fn(n, 1, |i, _| dx[i]));
         let mut largest = 0.0f64;
         for (i, x) in x.iter_mut().enumerate() {
             // Half a step at most of the region's width, so as not to leave where f is defined.
@@ -232,10 +201,7 @@ fn steady_state<P: Plant>(plant: &P, region: &Region, x: &[f64], u: &[f64]) -> O
         }
         if largest < 1e-10 {
             plant.rhs(&x, u, &mut dx);
-            let at_rest = dx
-                .iter()
-                .zip(&x)
-                .all(|(v, x)| v.abs() < 1e-8 * (1.0 + x.abs()));
+            let at_rest = dx.iter().zip(&x).all(|(v, x)| v.abs() < 1e-8 * (1.0 + x.abs()));
             return at_rest.then_some(x);
         }
     }
@@ -253,36 +219,16 @@ fn linearisation<P: Plant>(plant: &P, region: &Region, horizon_s: f64, findings:
     };
     let mut modes = Vec::new();
     for value in &eigenvalues {
-        let frequency = if value.im.abs() > 0.0 {
-            format!(" {:+.4}i", value.im)
-        } else {
-            String::new()
-        };
-        let kind = if value.re < 0.0 {
-            "time constant"
-        } else {
-            "doubles in"
-        };
-        let time = if value.re < 0.0 {
-            -1.0 / value.re
-        } else {
-            std::f64::consts::LN_2 / value.re
-        };
-        modes.push(format!(
-            "{:.4}{frequency} 1/s ({kind} {time:.3} s)",
-            value.re
-        ));
+        let frequency =
+            if value.im.abs() > 0.0 { format!(" {:+.4}i", value.im) } else { String::new() };
+        let kind = if value.re < 0.0 { "time constant" } else { "doubles in" };
+        let time = if value.re < 0.0 { -1.0 / value.re } else { std::f64::consts::LN_2 / value.re };
+        modes.push(format!("{:.4}{frequency} 1/s ({kind} {time:.3} s)", value.re));
     }
     let (x, u) = (list(&x), list(&u));
-    findings.fact(format!(
-        "linearised at {place} x = {x}, u = {u}: {}",
-        modes.join("; ")
-    ));
+    findings.fact(format!("linearised at {place} x = {x}, u = {u}: {}", modes.join("; ")));
 
-    let fastest = eigenvalues
-        .iter()
-        .map(|v| v.re.hypot(v.im))
-        .fold(0.0, f64::max);
+    let fastest = eigenvalues.iter().map(|v| v.re.hypot(v.im)).fold(0.0, f64::max);
     let text = format!(
         "T = {horizon_s} s against the fastest mode there: |lambda| T = {:.3}",
         fastest * horizon_s
@@ -325,19 +271,12 @@ fn substeps<P: Plant>(
             model.predict(x, u, &mut next);
             predicted.extend_from_slice(&next);
         }
-        let truth: Vec<f64> = samples
-            .iter()
-            .flat_map(|(_, _, end)| end)
-            .copied()
-            .collect();
+        let truth: Vec<f64> = samples.iter().flat_map(|(_, _, end)| end).copied().collect();
         let one = vec![1.0; next.len()];
         let rms = pinc_ode::metrics::mean_squared_error(&predicted, &truth, &one).sqrt();
         errors.push(format!("{substeps}: {rms:.1e}"));
     }
-    findings.fact(format!(
-        "rms error of one step of RK4 by substeps: {}",
-        errors.join(", ")
-    ));
+    findings.fact(format!("rms error of one step of RK4 by substeps: {}", errors.join(", ")));
 }
 
 /// Whether start, references and bounds fit together and lie in the training domain.

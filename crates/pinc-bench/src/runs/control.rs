@@ -51,9 +51,7 @@ fn run_model<P: Plant + 'static>(
     options: &Options<'_>,
     record: &Record,
 ) -> Result<ControlMetrics, BenchError> {
-    let ControlSpec {
-        sqp, repetitions, ..
-    } = setup.spec;
+    let ControlSpec { sqp, repetitions, .. } = setup.spec;
     let model = setup.model(kind, plant);
     let mut nmpc = Nmpc::new(setup.problem(plant), model, *sqp)?;
     let name = format!("control {kind}");
@@ -67,20 +65,14 @@ fn run_model<P: Plant + 'static>(
         let mut run = setup.begin(&mut nmpc, plant)?;
         let outcome = times.watch(&mut run);
         if results.is_none() || outcome.is_err() {
-            record.write(
-                &setup.file("control", kind),
-                setup.trace(&run, plant).as_bytes(),
-            )?;
+            record.write(&setup.file("control", kind), setup.trace(&run, plant).as_bytes())?;
             results = Some(Results::of(&run));
         }
         outcome?;
     }
     let results = results.expect("there is at least one repetition");
     record.write(&setup.file("steps", kind), times.table(&results).as_bytes())?;
-    progress.end(&format!(
-        "{repetitions} runs, IAE {:.4}",
-        results.iae_dense_sum
-    ));
+    progress.end(&format!("{repetitions} runs, IAE {:.4}", results.iae_dense_sum));
     Ok(results.metrics(kind, times))
 }
 
@@ -89,11 +81,9 @@ impl Setup<'_> {
         match (kind, self.net) {
             (ModelKind::Pinc, Some(net)) => Box::new(PincPredictor::new(net)),
             (ModelKind::Pinc, None) => unreachable!("the plan trains or reads a net for this loop"),
-            (ModelKind::Rk4, _) => Box::new(Rk4::new(
-                plant.clone(),
-                self.horizon_s,
-                self.spec.rk4_substeps,
-            )),
+            (ModelKind::Rk4, _) => {
+                Box::new(Rk4::new(plant.clone(), self.horizon_s, self.spec.rk4_substeps))
+            }
         }
     }
 
@@ -112,10 +102,7 @@ impl Setup<'_> {
             controlled: spec.controlled.iter().filter_map(place).collect(),
             weights: Weights { q, r, profile },
             state_bounds,
-            input_bounds: Bounds {
-                low: spec.input_low.clone(),
-                high: spec.input_high.clone(),
-            },
+            input_bounds: Bounds { low: spec.input_low.clone(), high: spec.input_high.clone() },
         }
     }
 
@@ -126,21 +113,12 @@ impl Setup<'_> {
     ) -> Result<ClosedLoop<'n, P>, BenchError> {
         let spec = self.spec;
         let starts = spec.references.iter().map(|step| step.start_s).collect();
-        let values = spec
-            .references
-            .iter()
-            .map(|step| step.value.clone())
-            .collect();
+        let values = spec.references.iter().map(|step| step.value.clone()).collect();
         let signal = Signal::new(starts, values)?;
         let steps = super::steps(spec.duration_s, self.horizon_s);
         let reference = Reference::sample(&signal, steps, self.horizon_s)?;
         let plant = Adaptive::new(plant.clone(), spec.plant_tolerance);
-        Ok(ClosedLoop::new(
-            nmpc,
-            plant,
-            reference,
-            &spec.initial_state,
-        )?)
+        Ok(ClosedLoop::new(nmpc, plant, reference, &spec.initial_state)?)
     }
 
     /// The name of the file for one model's `kind` of table.
@@ -156,18 +134,11 @@ impl Setup<'_> {
         let variables = plant.states().iter().chain(plant.inputs());
         let columns = std::iter::once("t".to_owned()).chain(variables.map(|v| v.name.to_string()));
         let mut table = Table::new(
-            columns.chain(
-                self.spec
-                    .controlled
-                    .iter()
-                    .map(|name| format!("{name}_ref")),
-            ),
+            columns.chain(self.spec.controlled.iter().map(|name| format!("{name}_ref"))),
         );
         let trace = run.trajectory();
         for (i, t) in trace.times().iter().enumerate() {
-            let row = std::iter::once(t)
-                .chain(trace.state(i))
-                .chain(trace.input(i));
+            let row = std::iter::once(t).chain(trace.state(i)).chain(trace.input(i));
             table.push_numbers(row.chain(run.reference_at(i)));
         }
         table
@@ -234,14 +205,7 @@ impl Results {
     }
 
     fn metrics(self, model: ModelKind, times: Times) -> ControlMetrics {
-        let Self {
-            steps,
-            rmse,
-            iae,
-            rmse_dense,
-            iae_dense_sum,
-            max_violation,
-        } = self;
+        let Self { steps, rmse, iae, rmse_dense, iae_dense_sum, max_violation } = self;
         let mut status = BTreeMap::new();
         for step in &steps {
             *status.entry(step.status.to_string()).or_default() += 1;

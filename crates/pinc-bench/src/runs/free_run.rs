@@ -31,10 +31,7 @@ pub(crate) fn stage<P: Plant>(
         .chain(std::iter::once("mark".to_owned()));
     let mut table = Table::new(columns);
     for row in &rows {
-        let numbers = std::iter::once(&row.t)
-            .chain(&row.input)
-            .chain(&row.state)
-            .chain(&row.truth);
+        let numbers = std::iter::once(&row.t).chain(&row.input).chain(&row.state).chain(&row.truth);
         let mut cells: Vec<_> = numbers.copied().map(number).collect();
         cells.push(u8::from(row.mark).to_string());
         table.push(&cells);
@@ -43,10 +40,7 @@ pub(crate) fn stage<P: Plant>(
     // The initial state is given, not predicted.
     let marks: Vec<_> = rows[1..].iter().filter(|row| row.mark).collect();
     let all: Vec<_> = rows[1..].iter().collect();
-    let metrics = PredictionMetrics {
-        mse_marks: error(&marks),
-        mse_all: error(&all),
-    };
+    let metrics = PredictionMetrics { mse_marks: error(&marks), mse_all: error(&all) };
     record.update(|all| all.prediction = Some(metrics))
 }
 
@@ -83,20 +77,10 @@ fn simulate<P: Plant>(
             let t = (k as f64 + i as f64 / spec.subintervals as f64) * horizon_s;
             #[expect(clippy::cast_precision_loss, reason = "as above")]
             truth.integrate(&mut x, input, horizon_s / spec.subintervals as f64)?;
-            let held = if i < spec.subintervals {
-                input
-            } else {
-                &inputs[(k + 1).min(steps - 1)]
-            };
+            let held = if i < spec.subintervals { input } else { &inputs[(k + 1).min(steps - 1)] };
             let sample = chain.advance(&|t, y0, u| net.evaluate(t, y0, u), t, held);
             let (input, truth) = (held.clone(), x.clone());
-            rows.push(Row {
-                t,
-                input,
-                state: sample.state,
-                truth,
-                mark: sample.mark,
-            });
+            rows.push(Row { t, input, state: sample.state, truth, mark: sample.mark });
         }
     }
     Ok(rows)
@@ -109,8 +93,7 @@ fn draw_inputs(spec: &PredictionSpec, horizon_s: f64, seed: u64) -> Vec<Vec<f64>
     let steps = super::steps(spec.duration_s, horizon_s);
     let mut draw = || {
         let ends = spec.input_low.iter().zip(&spec.input_high);
-        ends.map(|(low, high)| low + (high - low) * rng.random::<f64>())
-            .collect()
+        ends.map(|(low, high)| low + (high - low) * rng.random::<f64>()).collect()
     };
     (0..steps).map(|_| draw()).collect()
 }

@@ -38,9 +38,7 @@ impl Options<'_> {
     /// An error if the run is to stop.
     fn go_on(&self, dir: &Path) -> Result<(), BenchError> {
         if self.interrupt.load(Ordering::Relaxed) {
-            return Err(BenchError::Interrupted {
-                dir: dir.to_owned(),
-            });
+            return Err(BenchError::Interrupted { dir: dir.to_owned() });
         }
         Ok(())
     }
@@ -51,10 +49,7 @@ impl Options<'_> {
 enum Command {
     Run,
     Train,
-    Control {
-        model: Option<PathBuf>,
-        only: Option<ModelKind>,
-    },
+    Control { model: Option<PathBuf>, only: Option<ModelKind> },
 }
 
 /// Runs the whole experiment, with its results in `dir`.
@@ -107,9 +102,7 @@ pub fn control(
 /// [`BenchError`] if the directory holds no run, or damaged files.
 pub fn rebuild_report(dir: &Path) -> Result<PathBuf, BenchError> {
     if dir.is_dir() && !dir.join(file::CONFIG).exists() {
-        return Err(BenchError::NoRunDirectory {
-            dir: dir.to_owned(),
-        });
+        return Err(BenchError::NoRunDirectory { dir: dir.to_owned() });
     }
     let html = report::build(dir)?;
     let path = dir.join(file::REPORT);
@@ -127,12 +120,7 @@ fn execute(
     let provenance = Provenance::now(experiment, options.arguments);
     let mut record = Record::open(dir, experiment, &provenance)?;
     plan.make_room(&mut record, options.resume)?;
-    let stages = Stages {
-        experiment,
-        options,
-        plan: &plan,
-        record: &mut record,
-    };
+    let stages = Stages { experiment, options, plan: &plan, record: &mut record };
     experiment.plant.with(stages)?;
     rebuild_report(dir)?;
     Ok(record)
@@ -156,12 +144,7 @@ impl Plan {
             command,
         };
         let configured = experiment.control.as_ref().map(|c| c.models.clone());
-        let mut plan = Self {
-            trains: false,
-            runs_free: false,
-            loops: Vec::new(),
-            given: None,
-        };
+        let mut plan = Self { trains: false, runs_free: false, loops: Vec::new(), given: None };
         match command {
             Command::Run => {
                 plan.trains = experiment.training.is_some();
@@ -183,16 +166,12 @@ impl Plan {
                 if let Some(only) = only {
                     if !plan.loops.contains(&only) {
                         let name = experiment.name.clone();
-                        return Err(BenchError::MissingModel {
-                            name,
-                            model: only.name(),
-                        });
+                        return Err(BenchError::MissingModel { name, model: only.name() });
                     }
                     plan.loops = vec![only];
                 }
-                plan.given = model
-                    .map(|path| read_matching_model(experiment, &path))
-                    .transpose()?;
+                plan.given =
+                    model.map(|path| read_matching_model(experiment, &path)).transpose()?;
                 plan.trains = plan.given.is_none() && plan.loops.contains(&ModelKind::Pinc);
                 if plan.trains && experiment.training.is_none() {
                     return Err(missing("training", "pinc control without --model"));
@@ -215,12 +194,7 @@ impl Plan {
             record.update(|metrics| {
                 (metrics.training, metrics.validation, metrics.prediction) = (None, None, None);
             })?;
-            for name in [
-                file::CHECKPOINT,
-                file::TRAINING,
-                file::MODEL,
-                file::PREDICTION,
-            ] {
+            for name in [file::CHECKPOINT, file::TRAINING, file::MODEL, file::PREDICTION] {
                 record.remove(name)?;
             }
         }
@@ -249,12 +223,7 @@ impl PlantTask for Stages<'_> {
     type Output = Result<(), BenchError>;
 
     fn run<P: Plant + 'static>(self, plant: P) -> Result<(), BenchError> {
-        let Self {
-            experiment,
-            options,
-            plan,
-            record,
-        } = self;
+        let Self { experiment, options, plan, record } = self;
         let trained = match &experiment.training {
             Some(_) if plan.trains => Some(train::stage(&plant, experiment, options, record)?),
             _ => None,
@@ -269,9 +238,7 @@ impl PlantTask for Stages<'_> {
         if let Some(spec) = &experiment.control
             && !plan.loops.is_empty()
         {
-            let horizon_s = experiment
-                .horizon_s()
-                .or_else(|| net.map(PincNet::horizon_s));
+            let horizon_s = experiment.horizon_s().or_else(|| net.map(PincNet::horizon_s));
             let setup = control::Setup {
                 spec,
                 models: &plan.loops,
@@ -291,11 +258,16 @@ pub(crate) fn read_model(path: &Path) -> Result<PincNet, BenchError> {
 }
 
 fn parse_model(path: &Path, bytes: &[u8]) -> Result<PincNet, BenchError> {
-    let model = |source| BenchError::Model {
-        path: path.to_owned(),
-        source,
-    };
+    let model = |source| BenchError::Model { path: path.to_owned(), source };
     PincNet::from_bytes(bytes).map_err(model)
+}
+
+/// The net of the file `path`, unless it knows one scenario only.
+fn chainable(path: &Path, net: PincNet) -> Result<PincNet, BenchError> {
+    match net.time_only() {
+        None => Ok(net),
+        Some(_) => Err(BenchError::TimeOnlyModel { path: path.to_owned() }),
+    }
 }
 
 /// A model file and its net, which has to be one of the experiment's plant and step length.
@@ -304,20 +276,12 @@ fn read_matching_model(
     path: &Path,
 ) -> Result<(Vec<u8>, PincNet), BenchError> {
     let bytes = fs::read(path).map_err(BenchError::unreadable(path))?;
-    let net = parse_model(path, &bytes)?;
+    let net = chainable(path, parse_model(path, &bytes)?)?;
     let variables = experiment.plant.variables();
     let names = |names: &[String]| names.join(", ");
     let mut compared = vec![
-        (
-            "states",
-            names(net.state_names()),
-            names(&variables.state_names()),
-        ),
-        (
-            "inputs",
-            names(net.input_names()),
-            names(&variables.input_names()),
-        ),
+        ("states", names(net.state_names()), names(&variables.state_names())),
+        ("inputs", names(net.input_names()), names(&variables.input_names())),
     ];
     if let Some(horizon_s) = experiment.horizon_s() {
         compared.push((
@@ -328,12 +292,7 @@ fn read_matching_model(
     }
     for (what, found, expected) in compared {
         if found != expected {
-            return Err(BenchError::ModelMismatch {
-                path: path.to_owned(),
-                what,
-                found,
-                expected,
-            });
+            return Err(BenchError::ModelMismatch { path: path.to_owned(), what, found, expected });
         }
     }
     Ok((bytes, net))

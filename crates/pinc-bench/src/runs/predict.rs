@@ -23,7 +23,7 @@ use std::path::Path;
 ///
 /// [`BenchError`], naming file, line and column of what is wrong with the input.
 pub fn predict(model: &Path, inputs: &Path, output: &Path) -> Result<(), BenchError> {
-    let net = super::read_model(model)?;
+    let net = super::chainable(model, super::read_model(model)?)?;
     let text = fs::read(inputs).map_err(BenchError::unreadable(inputs))?;
     let table = run(&net, &text).map_err(|(line, problem)| BenchError::Csv {
         path: inputs.to_owned(),
@@ -35,9 +35,7 @@ pub fn predict(model: &Path, inputs: &Path, output: &Path) -> Result<(), BenchEr
 
 /// The output for an input file's text; an error comes with its line.
 fn run(net: &PincNet, text: &[u8]) -> Result<Table, (u64, CsvProblem)> {
-    let mut reader = csv::ReaderBuilder::new()
-        .trim(csv::Trim::All)
-        .from_reader(text);
+    let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(text);
     let header = reader.headers().map_err(syntax)?.clone();
     let columns = Columns::find(net, &header).map_err(|problem| (1, problem))?;
     let mut table = Table::new(&header);
@@ -62,16 +60,9 @@ fn begin_chain(
     columns: &Columns,
     row: &Row<'_>,
 ) -> Result<Vec<f64>, CsvProblem> {
-    let state = row
-        .states
-        .iter()
-        .zip(&columns.states)
-        .map(|(value, (_, name))| {
-            value.ok_or_else(|| CsvProblem::Cell {
-                column: name.clone(),
-                found: String::new(),
-            })
-        });
+    let state = row.states.iter().zip(&columns.states).map(|(value, (_, name))| {
+        value.ok_or_else(|| CsvProblem::Cell { column: name.clone(), found: String::new() })
+    });
     let state = state.collect::<Result<Vec<_>, _>>()?;
     let chain = Chain::new(net.horizon_s(), row.t, &state, &row.inputs);
     chains.insert(row.scenario.to_owned(), chain);
@@ -114,30 +105,19 @@ struct Row<'a> {
 impl Columns {
     fn find(net: &PincNet, header: &StringRecord) -> Result<Self, CsvProblem> {
         let fixed = ["scenario".to_owned(), "t".to_owned()];
-        let names = fixed
-            .iter()
-            .chain(net.input_names())
-            .chain(net.state_names());
+        let names = fixed.iter().chain(net.input_names()).chain(net.state_names());
         let expected = || names.clone().cloned().collect::<Vec<_>>().join(",");
         for (i, column) in header.iter().enumerate() {
             let known = names.clone().any(|name| name == column);
             if !known || header.iter().take(i).any(|before| before == column) {
                 let column = column.to_owned();
-                return Err(CsvProblem::UnexpectedColumn {
-                    column,
-                    expected: expected(),
-                });
+                return Err(CsvProblem::UnexpectedColumn { column, expected: expected() });
             }
         }
         let place = |name: &String| {
-            let missing = || CsvProblem::MissingColumn {
-                column: name.clone(),
-                expected: expected(),
-            };
-            header
-                .iter()
-                .position(|column| column == name)
-                .ok_or_else(missing)
+            let missing =
+                || CsvProblem::MissingColumn { column: name.clone(), expected: expected() };
+            header.iter().position(|column| column == name).ok_or_else(missing)
         };
         let places = |names: &[String]| {
             let named = names.iter().map(|name| Ok((place(name)?, name.clone())));
@@ -152,17 +132,11 @@ impl Columns {
     }
 
     fn read<'a>(&self, record: &'a StringRecord) -> Result<Row<'a>, CsvProblem> {
-        let states = self
-            .states
-            .iter()
-            .map(|(place, name)| match &record[*place] {
-                "" => Ok(None),
-                cell => finite(cell, name).map(Some),
-            });
-        let inputs = self
-            .inputs
-            .iter()
-            .map(|(place, name)| finite(&record[*place], name));
+        let states = self.states.iter().map(|(place, name)| match &record[*place] {
+            "" => Ok(None),
+            cell => finite(cell, name).map(Some),
+        });
+        let inputs = self.inputs.iter().map(|(place, name)| finite(&record[*place], name));
         Ok(Row {
             scenario: &record[self.scenario],
             t: finite(&record[self.t], "t")?,
@@ -184,10 +158,7 @@ impl Columns {
 fn finite(cell: &str, column: &str) -> Result<f64, CsvProblem> {
     match cell.parse::<f64>() {
         Ok(value) if value.is_finite() => Ok(value),
-        _ => Err(CsvProblem::Cell {
-            column: column.to_owned(),
-            found: cell.to_owned(),
-        }),
+        _ => Err(CsvProblem::Cell { column: column.to_owned(), found: cell.to_owned() }),
     }
 }
 

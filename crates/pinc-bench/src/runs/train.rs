@@ -7,7 +7,7 @@ use crate::progress::Stage;
 use crate::record::{
     Record, Saved, TrainingMetrics, file, lines_up_to, load_checkpoint, number, save_checkpoint,
 };
-use crate::spec::{Experiment, TrainingSpec};
+use crate::spec::{Effort, Experiment, TrainingSpec};
 use pinc_net::{
     Domain, IterationRecord, NetConfig, PincNet, Progress, Trainer, Validation, ValidationConfig,
     ValidationSet,
@@ -16,9 +16,6 @@ use pinc_ode::Plant;
 use std::fs;
 use std::path::Path;
 use std::time::{Duration, Instant};
-
-/// Time between two checkpoints.
-const CHECKPOINT_EVERY: Duration = Duration::from_secs(5);
 
 /// Columns of `training.csv`.
 const COLUMNS: &str = "iteration,loss_evaluations,elapsed_s,loss,validation_mse,phase,loss_data,\
@@ -35,14 +32,10 @@ pub(crate) fn stage<P: Plant + 'static>(
         return super::read_model(&record.path(file::MODEL));
     }
     let setup = Setup::of(experiment)?;
-    let validation = ValidationSet::generate(
-        plant,
-        setup.net.horizon_s,
-        setup.validation,
-        experiment.seed,
-    )?;
+    let validation =
+        ValidationSet::generate(plant, setup.net.horizon_s, setup.validation, experiment.seed)?;
     let mut session = Session::begin(plant, experiment, &setup, &validation, options, record)?;
-    let outcome = session.work(record, &setup.training.effort.time_limit_s, options);
+    let outcome = session.work(record, &setup.training.effort, options);
     session.write_log(record)?;
     let net = session.trainer.net();
     let stop_reason = match outcome {
@@ -82,18 +75,9 @@ impl<'a> Setup<'a> {
         };
         Ok(Self {
             net: experiment.model.as_ref().ok_or_else(|| missing("model"))?,
-            domain: experiment
-                .domain
-                .as_ref()
-                .ok_or_else(|| missing("domain"))?,
-            training: experiment
-                .training
-                .as_ref()
-                .ok_or_else(|| missing("training"))?,
-            validation: experiment
-                .validation
-                .as_ref()
-                .ok_or_else(|| missing("validation"))?,
+            domain: experiment.domain.as_ref().ok_or_else(|| missing("domain"))?,
+            training: experiment.training.as_ref().ok_or_else(|| missing("training"))?,
+            validation: experiment.validation.as_ref().ok_or_else(|| missing("validation"))?,
         })
     }
 }
@@ -126,13 +110,7 @@ impl<P: Plant + 'static> Session<P> {
     ) -> Result<Self, BenchError> {
         let begun = Instant::now();
         let fingerprint = experiment.fingerprint();
-        let total = setup
-            .training
-            .config
-            .phases
-            .iter()
-            .map(|phase| phase.iterations)
-            .sum();
+        let total = setup.training.config.phases.iter().map(|phase| phase.iterations).sum();
         let (plant, validation, seed) = (plant.clone(), validation.clone(), experiment.seed);
         let (net, domain, config) = (setup.net, setup.domain, &setup.training.config);
         let threads = setup.training.effort.threads();
@@ -179,7 +157,7 @@ impl<P: Plant + 'static> Session<P> {
     fn work(
         &mut self,
         record: &Record,
-        time_limit_s: &Option<f64>,
+        effort: &Effort,
         options: &Options<'_>,
     ) -> Result<String, BenchError> {
         let mut last_checkpoint = Instant::now();
@@ -188,7 +166,7 @@ impl<P: Plant + 'static> Session<P> {
                 self.write_checkpoint(record)?;
                 return Err(stop);
             }
-            if time_limit_s.is_some_and(|limit| self.wall().as_secs_f64() >= limit) {
+            if effort.time_limit_s.is_some_and(|limit| self.wall().as_secs_f64() >= limit) {
                 return Ok("time-limit".to_owned());
             }
             let clock = Instant::now();
@@ -204,7 +182,7 @@ impl<P: Plant + 'static> Session<P> {
                 }
                 Progress::Iterated(iterated) => self.log(iterated),
             }
-            if last_checkpoint.elapsed() >= CHECKPOINT_EVERY {
+            if last_checkpoint.elapsed().as_secs_f64() >= effort.checkpoint_every_s {
                 self.write_checkpoint(record)?;
                 last_checkpoint = Instant::now();
             }
@@ -213,19 +191,14 @@ impl<P: Plant + 'static> Session<P> {
 
     /// Validates if it is time to, and adds a row to the log.
     fn log(&mut self, iterated: IterationRecord) {
-        let validation = self
-            .trainer
-            .validation_due()
-            .then(|| self.trainer.validate());
+        let validation = self.trainer.validation_due().then(|| self.trainer.validate());
         self.iteration = iterated.iteration;
-        self.rows
-            .push(row(&iterated, self.optimizer, validation.as_ref()));
+        self.rows.push(row(&iterated, self.optimizer, validation.as_ref()));
         self.validated = validation.map(|v| v.mse_gen).or(self.validated);
-        self.stage
-            .advance(iterated.iteration, || match self.validated {
-                Some(mse) => format!("loss {:.2e}, validation MSE {mse:.2e}", iterated.loss),
-                None => format!("loss {:.2e}", iterated.loss),
-            });
+        self.stage.advance(iterated.iteration, || match self.validated {
+            Some(mse) => format!("loss {:.2e}, validation MSE {mse:.2e}", iterated.loss),
+            None => format!("loss {:.2e}", iterated.loss),
+        });
     }
 
     fn wall(&self) -> Duration {
@@ -258,10 +231,8 @@ impl<P: Plant + 'static> Session<P> {
     fn metrics(self, stop_reason: String) -> TrainingMetrics {
         let totals = self.trainer.totals();
         let wall_s = self.wall().as_secs_f64();
-        self.stage.end(&format!(
-            "{stop_reason} after {} iterations, {wall_s:.1} s",
-            totals.iterations
-        ));
+        self.stage
+            .end(&format!("{stop_reason} after {} iterations, {wall_s:.1} s", totals.iterations));
         TrainingMetrics {
             wall_s,
             optimizer_s: self.optimizer.as_secs_f64(),

@@ -52,6 +52,10 @@ fn take_first(words: &mut Vec<String>) -> String {
 
 /// A message without Rust's names of types.
 fn in_plain_words(message: &str) -> String {
+    if message.starts_with("wanted exactly 1 element") {
+        // A choice between several kinds of thing, of which a table names one by its only key.
+        return "no key or several given, expected exactly one".to_owned();
+    }
     let plain = [
         ("expected f64", "expected a number"),
         ("expected usize", "expected a whole number, 0 or more"),

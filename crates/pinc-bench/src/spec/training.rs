@@ -6,7 +6,7 @@ use serde::de::{Error, IntoDeserializer, MapAccess, Visitor};
 use serde::{Deserialize, Deserializer, Serialize};
 use std::fmt;
 
-/// How the net is trained: pinc-net's keys, and in the same table two of this crate's.
+/// How the net is trained: pinc-net's keys, and in the same table those of [`Effort`].
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct TrainingSpec {
     /// The training itself.
@@ -18,7 +18,7 @@ pub struct TrainingSpec {
 }
 
 /// How long and how hard this machine works on a training.
-#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Effort {
     /// Wall time after which the training stops, in s; none if absent. A training that this stops
     /// depends on the machine's speed.
@@ -26,6 +26,14 @@ pub struct Effort {
     pub time_limit_s: Option<f64>,
     /// Threads to use; 0 for as many as the machine has cores. The net does not depend on it.
     pub threads: usize,
+    /// Wall time between two checkpoints, in s. The net does not depend on it.
+    pub checkpoint_every_s: f64,
+}
+
+impl Default for Effort {
+    fn default() -> Self {
+        Self { time_limit_s: None, threads: 0, checkpoint_every_s: 5.0 }
+    }
 }
 
 impl Effort {
@@ -62,6 +70,9 @@ impl<'de> Visitor<'de> for SpecVisitor {
     }
 }
 
+/// The keys of [`Effort`], as serde lists keys in an error.
+const OWN_KEYS: &str = "`time_limit_s`, `threads`, `checkpoint_every_s`";
+
 /// A table without the keys of [`Effort`], which it takes out on the way.
 struct Rest<'a, A> {
     map: A,
@@ -79,16 +90,13 @@ impl<'de, A: MapAccess<'de>> MapAccess<'de> for Rest<'_, A> {
             match key.as_str() {
                 "time_limit_s" => self.effort.time_limit_s = Some(self.map.next_value()?),
                 "threads" => self.effort.threads = self.map.next_value()?,
+                "checkpoint_every_s" => self.effort.checkpoint_every_s = self.map.next_value()?,
                 _ => {
                     let key: serde::de::value::StringDeserializer<A::Error> =
                         key.into_deserializer();
                     // The list of known keys in the message ends with those of this table.
-                    let seeded = seed.deserialize(key).map(Some);
-                    return seeded.map_err(|e| {
-                        A::Error::custom(format!(
-                            "{}, `time_limit_s`, `threads`",
-                            e.to_string().trim_end()
-                        ))
+                    return seed.deserialize(key).map(Some).map_err(|error: A::Error| {
+                        A::Error::custom(format!("{}, {OWN_KEYS}", error.to_string().trim_end()))
                     });
                 }
             }

@@ -33,6 +33,12 @@ impl Experiment {
     fn sections(&self, dims: Dims) -> Finding {
         if let Some(model) = &self.model {
             model.validate(dims).map_err(|error| net_finding("model", &error))?;
+            let loops = self.control.as_ref().map_or(&[][..], |control| &control.models);
+            let chained = self.prediction.is_some() || loops.contains(&ModelKind::Pinc);
+            if model.time_only.is_some() && chained {
+                let expected = "no such key with [prediction] or the model \"pinc\" in [control]";
+                return value("model.time_only", "a single scenario", expected);
+            }
         }
         if let Some(domain) = &self.domain {
             domain.validate(dims).map_err(|error| net_finding("domain", &error))?;
@@ -92,6 +98,7 @@ fn training_choices(spec: &TrainingSpec, dims: Dims) -> Finding {
     if let Some(limit) = spec.effort.time_limit_s {
         positive("training.time_limit_s", limit)?;
     }
+    positive("training.checkpoint_every_s", spec.effort.checkpoint_every_s)?;
     let config = &spec.config;
     positive("training.lambda", config.lambda)?;
     if let ResidualScale::Custom(factors) = &config.residual_scale {
