@@ -15,27 +15,9 @@ const A: [&[f64]; STAGES] = [
     &[1.0 / 5.0],
     &[3.0 / 40.0, 9.0 / 40.0],
     &[44.0 / 45.0, -56.0 / 15.0, 32.0 / 9.0],
-    &[
-        19372.0 / 6561.0,
-        -25360.0 / 2187.0,
-        64448.0 / 6561.0,
-        -212.0 / 729.0,
-    ],
-    &[
-        9017.0 / 3168.0,
-        -355.0 / 33.0,
-        46732.0 / 5247.0,
-        49.0 / 176.0,
-        -5103.0 / 18656.0,
-    ],
-    &[
-        35.0 / 384.0,
-        0.0,
-        500.0 / 1113.0,
-        125.0 / 192.0,
-        -2187.0 / 6784.0,
-        11.0 / 84.0,
-    ],
+    &[19372.0 / 6561.0, -25360.0 / 2187.0, 64448.0 / 6561.0, -212.0 / 729.0],
+    &[9017.0 / 3168.0, -355.0 / 33.0, 46732.0 / 5247.0, 49.0 / 176.0, -5103.0 / 18656.0],
+    &[35.0 / 384.0, 0.0, 500.0 / 1113.0, 125.0 / 192.0, -2187.0 / 6784.0, 11.0 / 84.0],
 ];
 
 /// Solution of order 5 minus the embedded one of order 4.
@@ -78,14 +60,7 @@ impl<P: Plant> Adaptive<P> {
         assert!(tolerance > 0.0, "the tolerance must be positive");
         let n = vec![0.0; plant.dims().states];
         let k = std::array::from_fn(|_| n.clone());
-        Self {
-            plant,
-            tolerance,
-            step: None,
-            rhs_calls: 0,
-            k,
-            stage: n,
-        }
+        Self { plant, tolerance, step: None, rhs_calls: 0, k, stage: n }
     }
 
     /// The plant integrated.
@@ -138,10 +113,7 @@ impl<P: Plant> Adaptive<P> {
             }
             let error = self.attempt(x, u, h);
             if !error.is_finite() && h < 1e-12 * duration {
-                return Err(OdeError::NotFinite {
-                    t,
-                    state: x.to_vec(),
-                });
+                return Err(OdeError::NotFinite { t, state: x.to_vec() });
             }
             // The usual controller; a non-finite error shrinks the step as far as it may.
             let factor = (0.9 * error.powf(-0.2)).clamp(0.2, 5.0);
@@ -149,11 +121,7 @@ impl<P: Plant> Adaptive<P> {
                 t = if last { duration } else { t + h };
                 x.copy_from_slice(&self.stage);
                 self.k.swap(0, STAGES - 1);
-                step = if last {
-                    step.max(h * factor)
-                } else {
-                    h * factor
-                };
+                step = if last { step.max(h * factor) } else { h * factor };
             } else {
                 step = h * if error.is_nan() { 0.2 } else { factor.min(0.9) };
             }

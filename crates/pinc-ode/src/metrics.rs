@@ -14,11 +14,7 @@ impl Tracking {
     /// No samples yet, for `outputs` controlled outputs.
     #[must_use]
     pub fn new(outputs: usize) -> Self {
-        Self {
-            samples: 0,
-            absolute: vec![0.0; outputs],
-            squared: vec![0.0; outputs],
-        }
+        Self { samples: 0, absolute: vec![0.0; outputs], squared: vec![0.0; outputs] }
     }
 
     /// Adds a sample.
@@ -28,11 +24,7 @@ impl Tracking {
     /// If `reference` and `output` do not have one number per output.
     pub fn push(&mut self, reference: &[f64], output: &[f64]) {
         let outputs = self.absolute.len();
-        assert_eq!(
-            (reference.len(), output.len()),
-            (outputs, outputs),
-            "one number per output"
-        );
+        assert_eq!((reference.len(), output.len()), (outputs, outputs), "one number per output");
         for (i, (r, y)) in reference.iter().zip(output).enumerate() {
             self.absolute[i] += (r - y).abs();
             self.squared[i] += (r - y).powi(2);
@@ -57,10 +49,7 @@ impl Tracking {
     /// without samples.
     #[must_use]
     pub fn rmse(&self) -> f64 {
-        let roots = self
-            .squared
-            .iter()
-            .map(|s| (s / count(self.samples)).sqrt());
+        let roots = self.squared.iter().map(|s| (s / count(self.samples)).sqrt());
         roots.sum::<f64>() / count(self.squared.len())
     }
 }
@@ -78,21 +67,10 @@ impl Tracking {
 /// `scale`.
 #[must_use]
 pub fn mean_squared_error(predicted: &[f64], truth: &[f64], scale: &[f64]) -> f64 {
-    assert_eq!(
-        predicted.len(),
-        truth.len(),
-        "as many predictions as truths"
-    );
-    assert!(
-        predicted.len().is_multiple_of(scale.len()),
-        "one scale per output"
-    );
+    assert_eq!(predicted.len(), truth.len(), "as many predictions as truths");
+    assert!(predicted.len().is_multiple_of(scale.len()), "one scale per output");
     let scales = scale.iter().cycle();
-    let squares = predicted
-        .iter()
-        .zip(truth)
-        .zip(scales)
-        .map(|((p, t), s)| ((p - t) / s).powi(2));
+    let squares = predicted.iter().zip(truth).zip(scales).map(|((p, t), s)| ((p - t) / s).powi(2));
     squares.sum::<f64>() / count(predicted.len())
 }
 

@@ -18,10 +18,7 @@ impl Variable {
     /// A variable whose name and unit are known at compile time.
     #[must_use]
     pub const fn new(name: &'static str, unit: &'static str) -> Self {
-        Self {
-            name: Cow::Borrowed(name),
-            unit: Cow::Borrowed(unit),
-        }
+        Self { name: Cow::Borrowed(name), unit: Cow::Borrowed(unit) }
     }
 }
 
@@ -73,9 +70,6 @@ pub trait Plant: Clone + Debug + Send + Sync {
 
     /// The numbers of states and inputs.
     fn dims(&self) -> Dims {
-        Dims {
-            states: self.states().len(),
-            inputs: self.inputs().len(),
-        }
+        Dims { states: self.states().len(), inputs: self.inputs().len() }
     }
 }

@@ -38,22 +38,12 @@ impl<P: Plant> Rk4<P> {
     /// If `horizon_s` is not positive and finite or `substeps` is 0.
     #[must_use]
     pub fn new(plant: P, horizon_s: f64, substeps: usize) -> Self {
-        assert!(
-            horizon_s > 0.0 && horizon_s.is_finite(),
-            "the step must be positive"
-        );
+        assert!(horizon_s > 0.0 && horizon_s.is_finite(), "the step must be positive");
         assert!(substeps > 0, "at least one substep");
         let dims = plant.dims();
         let value = Workspace::new(dims, 0.0);
         let tangent = Workspace::new(dims, Dual::lift(0.0));
-        Self {
-            plant,
-            dims,
-            horizon_s,
-            substeps,
-            value,
-            tangent,
-        }
+        Self { plant, dims, horizon_s, substeps, value, tangent }
     }
 
     /// The number of substeps a step is divided into.
@@ -80,14 +70,8 @@ impl<P: Plant> Predictor for Rk4<P> {
     }
 
     fn linearize(&mut self, x: &[f64], u: &[f64], next: &mut [f64], a: &mut [f64], b: &mut [f64]) {
-        let Dims {
-            states: n,
-            inputs: m,
-        } = self.dims;
-        assert!(
-            x.len() == n && u.len() == m && next.len() == n,
-            "lengths of x, u, next"
-        );
+        let Dims { states: n, inputs: m } = self.dims;
+        assert!(x.len() == n && u.len() == m && next.len() == n, "lengths of x, u, next");
         assert!(a.len() == n * n && b.len() == n * m, "lengths of a, b");
         for first in (0..n + m).step_by(DIRECTIONS) {
             let seed = |value: f64, column: usize| {
@@ -127,20 +111,12 @@ impl<S: Scalar> Workspace<S> {
     fn new(dims: Dims, zero: S) -> Self {
         let n = vec![zero; dims.states];
         let k = std::array::from_fn(|_| n.clone());
-        Self {
-            x: n.clone(),
-            u: vec![zero; dims.inputs],
-            stage: n,
-            k,
-        }
+        Self { x: n.clone(), u: vec![zero; dims.inputs], stage: n, k }
     }
 
     /// Advances `self.x` by `duration` seconds in `substeps` steps.
     fn run<P: Plant>(&mut self, plant: &P, duration: f64, substeps: usize) {
-        #[expect(
-            clippy::cast_precision_loss,
-            reason = "a number of substeps is far below 2^53"
-        )]
+        #[expect(clippy::cast_precision_loss, reason = "a number of substeps is far below 2^53")]
         let h = duration / substeps as f64;
         for _ in 0..substeps {
             self.step(plant, h);
@@ -148,12 +124,7 @@ impl<S: Scalar> Workspace<S> {
     }
 
     fn step<P: Plant>(&mut self, plant: &P, h: f64) {
-        let Self {
-            x,
-            u,
-            stage,
-            k: [k1, k2, k3, k4],
-        } = self;
+        let Self { x, u, stage, k: [k1, k2, k3, k4] } = self;
         plant.rhs(x, u, k1);
         advance(stage, x, h / 2.0, k1);
         plant.rhs(stage, u, k2);

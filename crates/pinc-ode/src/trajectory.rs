@@ -15,12 +15,7 @@ impl Trajectory {
     /// An empty trajectory of a plant with these dimensions.
     #[must_use]
     pub fn new(dims: Dims) -> Self {
-        Self {
-            dims,
-            t: Vec::new(),
-            x: Vec::new(),
-            u: Vec::new(),
-        }
+        Self { dims, t: Vec::new(), x: Vec::new(), u: Vec::new() }
     }
 
     /// Appends a sample at `t` seconds.
@@ -29,11 +24,7 @@ impl Trajectory {
     ///
     /// If `x` and `u` are not of the trajectory's dimensions.
     pub fn push(&mut self, t: f64, x: &[f64], u: &[f64]) {
-        assert_eq!(
-            (x.len(), u.len()),
-            (self.dims.states, self.dims.inputs),
-            "dimensions"
-        );
+        assert_eq!((x.len(), u.len()), (self.dims.states, self.dims.inputs), "dimensions");
         self.t.push(t);
         self.x.extend_from_slice(x);
         self.u.extend_from_slice(u);

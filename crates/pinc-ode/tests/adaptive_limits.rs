@@ -84,10 +84,7 @@ fn blow_up_in_finite_time() {
     // The pole moves by as much as the errors: steps * 1e-12, fewer than 1e4 of them.
     assert!((t - 1.0).abs() < 1e-8 && step < 1e-15, "{error:?}");
     assert!(x[0].is_finite() && x[0] > 1e8, "{x:?}");
-    assert!(
-        error.to_string().contains("too stiff or has a jump"),
-        "{error}"
-    );
+    assert!(error.to_string().contains("too stiff or has a jump"), "{error}");
 }
 
 /// It gets as far as x = 0, where the solution ends at t = 0.1, and then tries a million steps of at
@@ -100,10 +97,7 @@ fn chattering_is_given_up() {
     let OdeError::StepTooSmall { t, .. } = error else {
         panic!("{error:?}");
     };
-    assert!(
-        (t - 0.1).abs() < 4e-4 && x[0].abs() < 1e-9,
-        "{error:?} {x:?}"
-    );
+    assert!((t - 0.1).abs() < 4e-4 && x[0].abs() < 1e-9, "{error:?} {x:?}");
     assert!(integrator.rhs_calls() <= 6_000_001);
 }
 
@@ -133,29 +127,13 @@ fn state_that_becomes_not_finite() {
     let OdeError::NotFinite { t, state } = &error else {
         panic!("{error:?}");
     };
-    assert!(
-        (t - 0.5).abs() < 1e-11 && (state[0] - 0.5).abs() < 1e-11,
-        "{error:?}"
-    );
+    assert!((t - 0.5).abs() < 1e-11 && (state[0] - 0.5).abs() < 1e-11, "{error:?}");
     assert_eq!(*state, x);
-    assert!(
-        error
-            .to_string()
-            .starts_with("the solution is no longer finite at t = "),
-        "{error}"
-    );
+    assert!(error.to_string().starts_with("the solution is no longer finite at t = "), "{error}");
 
     // 1e300 * 1e9 s is more than an f64 holds; the derivative is finite all along.
-    let error = integrate(
-        &mut Adaptive::new(Equation::Overflow, 1e-9),
-        &[0.0],
-        &[],
-        1e9,
-    );
-    assert!(
-        matches!(error, Err(OdeError::NotFinite { .. })),
-        "{error:?}"
-    );
+    let error = integrate(&mut Adaptive::new(Equation::Overflow, 1e-9), &[0.0], &[], 1e9);
+    assert!(matches!(error, Err(OdeError::NotFinite { .. })), "{error:?}");
 }
 
 #[test]
@@ -163,10 +141,7 @@ fn after_an_error_the_integrator_goes_on() {
     let mut integrator = Adaptive::new(VanDerPol::default(), 1e-10);
     let expected = integrate(&mut integrator.clone(), &[1.0, 0.0], &[0.5], 0.5).unwrap();
     integrate(&mut integrator, &[f64::NAN, 0.0], &[0.5], 0.5).unwrap_err();
-    assert_eq!(
-        integrate(&mut integrator, &[1.0, 0.0], &[0.5], 0.5).unwrap(),
-        expected
-    );
+    assert_eq!(integrate(&mut integrator, &[1.0, 0.0], &[0.5], 0.5).unwrap(), expected);
 }
 
 /// No time, no change, and no step size of 0 that the next call would be stuck with.
@@ -187,14 +162,7 @@ fn misuse_is_a_programming_error() {
         assert!(std::panic::catch_unwind(build).is_err(), "{tolerance}");
     }
     for duration in [-1.0, f64::NAN, f64::INFINITY] {
-        let run = || {
-            integrate(
-                &mut Adaptive::new(Equation::Clock, 1e-9),
-                &[0.0],
-                &[],
-                duration,
-            )
-        };
+        let run = || integrate(&mut Adaptive::new(Equation::Clock, 1e-9), &[0.0], &[], duration);
         assert!(std::panic::catch_unwind(run).is_err(), "{duration}");
     }
 }
@@ -205,9 +173,7 @@ fn same_calls_same_bits() {
         let mut integrator = Adaptive::new(FourTanks::antonelo(), 1e-10);
         let mut x = vec![9.0, 8.0, 2.0, 3.0];
         for k in 0..20 {
-            integrator
-                .integrate(&mut x, &[f64::from(k % 5), 2.0], 10.0)
-                .unwrap();
+            integrator.integrate(&mut x, &[f64::from(k % 5), 2.0], 10.0).unwrap();
         }
         (x, integrator.rhs_calls())
     };
@@ -237,10 +203,7 @@ impl<P: Plant> Plant for Counted<P> {
 #[test]
 fn rhs_calls_are_counted() {
     let calls = Arc::new(AtomicU64::new(0));
-    let plant = Counted {
-        plant: VanDerPol::default(),
-        calls: Arc::clone(&calls),
-    };
+    let plant = Counted { plant: VanDerPol::default(), calls: Arc::clone(&calls) };
     let mut integrator = Adaptive::new(plant, 1e-10);
     assert_eq!(integrator.rhs_calls(), 0);
     let mut x = vec![1.0, 0.0];
@@ -251,10 +214,7 @@ fn rhs_calls_are_counted() {
         // One to start a call and six per step tried.
         assert_eq!((counted - k) % 6, 0);
     }
-    assert_eq!(
-        integrator.plant().calls.load(Ordering::Relaxed),
-        integrator.rhs_calls()
-    );
+    assert_eq!(integrator.plant().calls.load(Ordering::Relaxed), integrator.rhs_calls());
 }
 
 /// Without any error a step is five times the one before: 1/16, 5/16 and the rest; the next call of

@@ -108,13 +108,7 @@ fn balanced_flows_stand_still() {
 /// through a tank then balance to 5 %.
 #[test]
 fn operating_points_stand_still() {
-    for Published {
-        plant,
-        level,
-        voltage,
-        ..
-    } in published()
-    {
+    for Published { plant, level, voltage, .. } in published() {
         for (h, published) in steady_levels(&plant, [voltage; 2]).iter().zip(&level) {
             assert!((h - published).abs() < 0.2, "{h} {published}");
         }
@@ -131,14 +125,7 @@ fn operating_points_stand_still() {
 /// A is triangular with `-1/T_i` on its diagonal. He rounds some of them and cuts others off: 1 s.
 #[test]
 fn time_constants() {
-    for Published {
-        plant,
-        level,
-        voltage,
-        time_constants,
-        ..
-    } in published()
-    {
+    for Published { plant, level, voltage, time_constants, .. } in published() {
         let mut expected = time_constants;
         expected.sort_by(f64::total_cmp);
         let linear = linearize(&plant, &level, [voltage; 2]);
@@ -158,22 +145,12 @@ fn time_constants() {
 /// setting is 22.8 s (published: 23), at the published level 23.9 s: 5 % apart, and so are the zeros.
 #[test]
 fn transmission_zeros() {
-    for Published {
-        plant,
-        level,
-        voltage,
-        zeros,
-        ..
-    } in published()
-    {
+    for Published { plant, level, voltage, zeros, .. } in published() {
         for level in [level, steady_levels(&plant, [voltage; 2])] {
             let found = linearize(&plant, &level, [voltage; 2]).zeros();
             assert_eq!(found.len(), 2);
             for (found, published) in found.iter().zip(&zeros) {
-                assert!(
-                    (found / published - 1.0).abs() < 0.05,
-                    "{found} {published}"
-                );
+                assert!((found / published - 1.0).abs() < 0.05, "{found} {published}");
             }
         }
     }
@@ -182,13 +159,7 @@ fn transmission_zeros() {
 /// A zero z is where the matrix [zI - A, -B; C, 0] loses rank: independent of the elimination above.
 #[test]
 fn zeros_make_the_system_matrix_singular() {
-    for Published {
-        plant,
-        level,
-        voltage,
-        ..
-    } in published()
-    {
+    for Published { plant, level, voltage, .. } in published() {
         let linear = linearize(&plant, &level, [voltage; 2]);
         let determinant = |z: f64| {
             let system = Mat::from_fn(6, 6, |i, k| match (i < 4, k < 4) {
@@ -215,14 +186,8 @@ fn antonelo_has_a_singular_static_gain() {
         let level = steady_levels(&plant, voltage);
         assert!((level[1] / level[0] - 1.55155).abs() < 5e-6, "{level:?}");
         let linear = linearize(&plant, &level, voltage);
-        let values = linear
-            .static_gain()
-            .singular_values()
-            .expect("singular values");
-        assert!(
-            values[0] > 1.0 && values[1] < 1e-13 * values[0],
-            "{values:?}"
-        );
+        let values = linear.static_gain().singular_values().expect("singular values");
+        assert!(values[0] > 1.0 && values[1] < 1e-13 * values[0], "{values:?}");
         // The other zero is -(1/T3 + 1/T4), all the trace that is left.
         let zeros = linear.zeros();
         assert!(zeros[1].abs() < 1e-16, "{zeros:?}");
@@ -230,13 +195,7 @@ fn antonelo_has_a_singular_static_gain() {
         assert!((zeros[0] - trace).abs() < 1e-15, "{zeros:?} {trace}");
     }
     // The other settings have none.
-    for Published {
-        plant,
-        level,
-        voltage,
-        ..
-    } in published()
-    {
+    for Published { plant, level, voltage, .. } in published() {
         let gain = linearize(&plant, &level, [voltage; 2]).static_gain();
         let values = gain.singular_values().expect("singular values");
         assert!(values[1] > 0.1 * values[0], "{values:?}");

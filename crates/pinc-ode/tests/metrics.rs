@@ -6,10 +6,7 @@ use pinc_ode::{Dims, Trajectory};
 /// Everything here takes a handful of operations on numbers of order 1 to 10.
 #[track_caller]
 fn assert_close(value: f64, expected: f64) {
-    assert!(
-        (value - expected).abs() < 1e-14,
-        "{value}, expected {expected}"
-    );
+    assert!((value - expected).abs() < 1e-14, "{value}, expected {expected}");
 }
 
 /// Absolute errors: output 1: 1, 0, 2; output 2: 2, 1, 4.
@@ -42,9 +39,7 @@ fn steps_and_dense_trace() {
     let error = |t: f64| 2.0 - t;
     let track = |times: &[f64]| {
         let mut tracking = Tracking::new(1);
-        times
-            .iter()
-            .for_each(|&t| tracking.push(&[2.0], &[2.0 + error(t)]));
+        times.iter().for_each(|&t| tracking.push(&[2.0], &[2.0 + error(t)]));
         tracking
     };
     let (steps, dense) = (track(&[0.0, 1.0, 2.0]), track(&[0.0, 0.5, 1.0, 1.5, 2.0]));
@@ -108,35 +103,19 @@ fn unequal_lengths_are_a_programming_error() {
 
 #[test]
 fn trajectory_gives_back_its_samples() {
-    let dims = Dims {
-        states: 2,
-        inputs: 1,
-    };
+    let dims = Dims { states: 2, inputs: 1 };
     let mut trajectory = Trajectory::new(dims);
     assert!(trajectory.is_empty());
     trajectory.push(0.0, &[1.0, 2.0], &[5.0]);
     trajectory.push(0.5, &[3.0, 4.0], &[6.0]);
-    assert_eq!(
-        (trajectory.len(), trajectory.is_empty(), trajectory.dims()),
-        (2, false, dims)
-    );
+    assert_eq!((trajectory.len(), trajectory.is_empty(), trajectory.dims()), (2, false, dims));
     assert_eq!(trajectory.times(), [0.0, 0.5]);
-    assert_eq!(
-        (trajectory.state(0), trajectory.input(0)),
-        (&[1.0, 2.0][..], &[5.0][..])
-    );
-    assert_eq!(
-        (trajectory.state(1), trajectory.input(1)),
-        (&[3.0, 4.0][..], &[6.0][..])
-    );
+    assert_eq!((trajectory.state(0), trajectory.input(0)), (&[1.0, 2.0][..], &[5.0][..]));
+    assert_eq!((trajectory.state(1), trajectory.input(1)), (&[3.0, 4.0][..], &[6.0][..]));
 }
 
 #[test]
 #[should_panic(expected = "dimensions")]
 fn sample_of_other_dimensions_is_a_programming_error() {
-    Trajectory::new(Dims {
-        states: 2,
-        inputs: 1,
-    })
-    .push(0.0, &[1.0, 2.0], &[]);
+    Trajectory::new(Dims { states: 2, inputs: 1 }).push(0.0, &[1.0, 2.0], &[]);
 }

@@ -31,10 +31,7 @@ fn numbers(field: &str) -> Vec<f64> {
 fn assert_close(what: &str, values: &[f64], expected: &[f64]) {
     assert_eq!(values.len(), expected.len(), "{what}");
     for (value, expected) in values.iter().zip(expected) {
-        assert!(
-            (value - expected).abs() < 2.8e-14,
-            "{what}: {value}, expected {expected}"
-        );
+        assert!((value - expected).abs() < 2.8e-14, "{what}: {value}, expected {expected}");
     }
 }
 
@@ -57,11 +54,7 @@ fn expected_digits() {
     check_table("van-der-pol", &VanDerPol::default(), 3);
     check_table("one-tank", &OneTank::default(), 2);
     check_table("antonelo", &FourTanks::antonelo(), 2);
-    check_table(
-        "johansson-nonminimum",
-        &FourTanks::johansson_nonminimum(),
-        2,
-    );
+    check_table("johansson-nonminimum", &FourTanks::johansson_nonminimum(), 2);
     check_table("johansson-minimum", &FourTanks::johansson_minimum(), 2);
 }
 
@@ -76,16 +69,8 @@ fn van_der_pol_by_hand() {
 /// 2 g h is a square at h = 2 * 981 / 4 cm: there sqrt(2 g h) = 981 cm/s.
 #[test]
 fn one_tank_by_hand() {
-    let plant = OneTank {
-        area: 4.0,
-        outlet: 2.0,
-        pump: 10.0,
-    };
-    assert_close(
-        "tank",
-        &rhs(&plant, &[490.5], &[200.0]),
-        &[(2000.0 - 1962.0) / 4.0],
-    );
+    let plant = OneTank { area: 4.0, outlet: 2.0, pump: 10.0 };
+    assert_close("tank", &rhs(&plant, &[490.5], &[200.0]), &[(2000.0 - 1962.0) / 4.0]);
 }
 
 fn names(variables: &[pinc_ode::Variable]) -> Vec<(&str, &str)> {
@@ -95,17 +80,11 @@ fn names(variables: &[pinc_ode::Variable]) -> Vec<(&str, &str)> {
 #[test]
 fn order_of_states_is_the_papers() {
     let tanks = FourTanks::antonelo();
-    assert_eq!(
-        names(tanks.states()),
-        [("h1", "cm"), ("h2", "cm"), ("h3", "cm"), ("h4", "cm")]
-    );
+    assert_eq!(names(tanks.states()), [("h1", "cm"), ("h2", "cm"), ("h3", "cm"), ("h4", "cm")]);
     assert_eq!(names(tanks.inputs()), [("u1", "V"), ("u2", "V")]);
     assert_eq!(names(OneTank::default().states()), [("h", "cm")]);
     assert_eq!(names(OneTank::default().inputs()), [("u", "V")]);
-    assert_eq!(
-        names(VanDerPol::default().states()),
-        [("x1", ""), ("x2", "")]
-    );
+    assert_eq!(names(VanDerPol::default().states()), [("x1", ""), ("x2", "")]);
     assert_eq!(names(VanDerPol::default().inputs()), [("u", "")]);
     assert_eq!((tanks.dims().states, tanks.dims().inputs), (4, 2));
 }
@@ -114,10 +93,7 @@ fn order_of_states_is_the_papers() {
 #[test]
 fn pipes_of_the_four_tanks() {
     let j = rhs_jacobian(&FourTanks::antonelo(), &[5.0; 4], &[3.0; 2]);
-    let signs: Vec<_> = j
-        .iter()
-        .map(|v| if v.abs() > 0.0 { v.signum() } else { 0.0 })
-        .collect();
+    let signs: Vec<_> = j.iter().map(|v| if v.abs() > 0.0 { v.signum() } else { 0.0 }).collect();
     #[rustfmt::skip]
     let expected = [
         // h1    h2    h3    h4   u1   u2
@@ -135,11 +111,7 @@ fn empty_tank_has_no_outflow() {
     let plant = OneTank::default();
     for h in [0.0, -0.0, -1e-300, -3.0] {
         assert_close("value", &rhs(&plant, &[h], &[2.0]), &[314.0 / 1400.0]);
-        assert_close(
-            "slope",
-            &rhs_jacobian(&plant, &[h], &[2.0]),
-            &[0.0, 314.0 / 2800.0],
-        );
+        assert_close("slope", &rhs_jacobian(&plant, &[h], &[2.0]), &[0.0, 314.0 / 2800.0]);
     }
     // Just above 0 the law of Torricelli holds: a sqrt(2 g h) / A with h = 1e-20.
     let expected = -0.071 * (1962.0f64 * 1e-20).sqrt() / 28.0;
@@ -152,12 +124,7 @@ fn empty_tanks_among_full_ones() {
     let plant = FourTanks::antonelo();
     let dx = rhs(&plant, &[4.0, -1.0, 0.0, 9.0], &[0.0, 0.0]);
     let w = |a: f64, h: f64| a * (1962.0 * h).sqrt();
-    let expected = [
-        -w(0.071, 4.0) / 28.0,
-        w(0.057, 9.0) / 32.0,
-        0.0,
-        -w(0.057, 9.0) / 32.0,
-    ];
+    let expected = [-w(0.071, 4.0) / 28.0, w(0.057, 9.0) / 32.0, 0.0, -w(0.057, 9.0) / 32.0];
     assert_close("value", &dx, &expected);
     let j = rhs_jacobian(&plant, &[4.0, -1.0, 0.0, 9.0], &[0.0, 0.0]);
     assert!(j.iter().all(|v| v.is_finite()), "{j:?}");
@@ -175,11 +142,7 @@ fn empty_tank_on_a_tape() {
         let inputs = [tape.variable(h), tape.variable(1.0)];
         let mut dx = [inputs[0]];
         plant.rhs(&inputs[..1], &inputs[1..], &mut dx);
-        assert_close(
-            "gradient",
-            &tape.gradient(dx[0], &inputs),
-            &[0.0, 314.0 / 2800.0],
-        );
+        assert_close("gradient", &tape.gradient(dx[0], &inputs), &[0.0, 314.0 / 2800.0]);
     }
 }
 
@@ -188,20 +151,12 @@ fn nan_in_nan_out() {
     for i in 0..4 {
         let mut h = [5.0; 4];
         h[i] = f64::NAN;
-        assert!(
-            rhs(&FourTanks::antonelo(), &h, &[1.0; 2])[i].is_nan(),
-            "h{}",
-            i + 1
-        );
+        assert!(rhs(&FourTanks::antonelo(), &h, &[1.0; 2])[i].is_nan(), "h{}", i + 1);
     }
     for i in 0..2 {
         let mut u = [1.0; 2];
         u[i] = f64::NAN;
-        assert!(
-            rhs(&FourTanks::antonelo(), &[5.0; 4], &u)[i].is_nan(),
-            "u{}",
-            i + 1
-        );
+        assert!(rhs(&FourTanks::antonelo(), &[5.0; 4], &u)[i].is_nan(), "u{}", i + 1);
     }
     assert!(rhs(&OneTank::default(), &[f64::NAN], &[1.0])[0].is_nan());
     assert!(rhs(&VanDerPol::default(), &[f64::NAN, 0.0], &[0.0])[1].is_nan());
@@ -239,13 +194,7 @@ fn jacobian_agrees_with_differences(plant: &impl Plant, box_: [f64; 2]) {
             let (row, column) = (k / at.len(), k % at.len());
             let f = |v: &[f64]| rhs(plant, &v[..n], &v[n..])[row];
             let difference = central_difference(f, &at, column);
-            prop_assert!(
-                (exact - difference).abs() < 1e-8,
-                "{}: {} {}",
-                k,
-                exact,
-                difference
-            );
+            prop_assert!((exact - difference).abs() < 1e-8, "{}: {} {}", k, exact, difference);
         }
         Ok(())
     });

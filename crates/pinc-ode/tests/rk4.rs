@@ -37,10 +37,7 @@ fn order<P: Plant>(plant: &P, duration_s: f64, x: &[f64], u: &[f64], end: &[f64]
         .filter(|(_, error)| (1e-12..1e-5).contains(error))
         .collect();
     let smallest = errors.iter().fold(f64::INFINITY, |s, (_, e)| s.min(*e));
-    assert!(
-        errors.len() >= 5 && smallest < 2e-11,
-        "not down to rounding: {errors:?}"
-    );
+    assert!(errors.len() >= 5 && smallest < 2e-11, "not down to rounding: {errors:?}");
     log_slope(&errors)
 }
 
@@ -56,9 +53,7 @@ fn order_4_on_a_linear_system() {
 fn order_4_on_van_der_pol() {
     let plant = VanDerPol::default();
     // Of the flows on file 2 s is the one whose range of errors these substeps cover.
-    let flow = flows("van-der-pol")
-        .into_iter()
-        .find(|f| (f.duration_s - 2.0).abs() < 0.1);
+    let flow = flows("van-der-pol").into_iter().find(|f| (f.duration_s - 2.0).abs() < 0.1);
     let flow = flow.expect("a flow over 2 s");
     let slope = order(&plant, flow.duration_s, &flow.x, &flow.u, &flow.end);
     assert!((slope - 4.0).abs() < 0.15, "{slope}");
@@ -112,11 +107,7 @@ impl<P: Plant> Variational<P> {
     fn new(plant: P) -> Self {
         let states = [plant.states(), plant.states()].concat();
         let inputs = [plant.inputs(), plant.inputs()].concat();
-        Self {
-            plant,
-            states,
-            inputs,
-        }
+        Self { plant, states, inputs }
     }
 }
 
@@ -130,10 +121,7 @@ impl<P: Plant> Plant for Variational<P> {
     fn rhs<S: Scalar>(&self, x: &[S], u: &[S], dx: &mut [S]) {
         let dual = |v: &[S]| -> Vec<Dual<S>> {
             let (re, eps) = v.split_at(v.len() / 2);
-            re.iter()
-                .zip(eps)
-                .map(|(&re, &eps)| Dual { re, eps: [eps] })
-                .collect()
+            re.iter().zip(eps).map(|(&re, &eps)| Dual { re, eps: [eps] }).collect()
         };
         let (x, u) = (dual(x), dual(u));
         let mut slopes = x.clone();
@@ -152,24 +140,12 @@ fn check_variational<P: Plant>(plant: &P, horizon_s: f64, x: &[f64], u: &[f64], 
     let [_, a, b] = linearize(&mut Rk4::new(plant.clone(), horizon_s, 40), x, u);
     let variational = Variational::new(plant.clone());
     for column in 0..n + m {
-        let unit: Vec<_> = (0..n + m)
-            .map(|j| if j == column { 1.0 } else { 0.0 })
-            .collect();
+        let unit: Vec<_> = (0..n + m).map(|j| if j == column { 1.0 } else { 0.0 }).collect();
         let (start, held) = ([x, &unit[..n]].concat(), [u, &unit[n..]].concat());
         let jacobian: Vec<_> = (0..n)
-            .map(|i| {
-                if column < n {
-                    a[i * n + column]
-                } else {
-                    b[i * m + column - n]
-                }
-            })
+            .map(|i| if column < n { a[i * n + column] } else { b[i * m + column - n] })
             .collect();
-        let same = predict(
-            &mut Rk4::new(variational.clone(), horizon_s, 40),
-            &start,
-            &held,
-        );
+        let same = predict(&mut Rk4::new(variational.clone(), horizon_s, 40), &start, &held);
         // 160 stages of a few roundings each, of sensitivities below 20.
         assert!(distance(&same[n..], &jacobian) < 1e-12, "column {column}");
         let mut fine = start;
@@ -186,13 +162,7 @@ fn check_variational<P: Plant>(plant: &P, horizon_s: f64, x: &[f64], u: &[f64], 
 fn jacobians_solve_the_variational_equation() {
     check_variational(&VanDerPol::default(), 0.5, &[-2.0, 2.5], &[0.4], 1e-6);
     check_variational(&OneTank::default(), 10.0, &[3.0], &[2.0], 1e-9);
-    check_variational(
-        &FourTanks::antonelo(),
-        10.0,
-        &[9.0, 8.0, 2.0, 3.0],
-        &[3.0, 2.0],
-        1e-9,
-    );
+    check_variational(&FourTanks::antonelo(), 10.0, &[9.0, 8.0, 2.0, 3.0], &[3.0, 2.0], 1e-9);
 }
 
 /// `x_i' = u - x_i^2 / (i + 1) + x_(i+1) / 2` in a ring of ten: more than two groups of directions.
@@ -241,17 +211,8 @@ fn check_differences<P: Plant>(plant: P, horizon_s: f64, x: [f64; 2], u: [f64; 2
             for j in 0..n + m {
                 let f = |v: &[f64]| predict(*method, &v[..n], &v[n..])[i];
                 let difference = central_difference(f, &at, j);
-                let exact = if j < n {
-                    a[i * n + j]
-                } else {
-                    b[i * m + j - n]
-                };
-                prop_assert!(
-                    (exact - difference).abs() < 1e-8,
-                    "{} {}",
-                    exact,
-                    difference
-                );
+                let exact = if j < n { a[i * n + j] } else { b[i * m + j - n] };
+                prop_assert!((exact - difference).abs() < 1e-8, "{} {}", exact, difference);
             }
         }
         Ok(())
@@ -284,10 +245,7 @@ fn substeps_are_steps_in_a_row() {
     let plant = VanDerPol::default();
     let mut whole = Rk4::new(plant, 0.5, 4);
     let mut quarter = Rk4::new(plant, 0.125, 1);
-    assert_eq!(
-        (whole.substeps(), whole.horizon_s().to_bits()),
-        (4, 0.5f64.to_bits())
-    );
+    assert_eq!((whole.substeps(), whole.horizon_s().to_bits()), (4, 0.5f64.to_bits()));
     let mut x = vec![1.0, -0.5];
     let end = predict(&mut whole, &x, &[0.3]);
     for _ in 0..4 {
@@ -304,30 +262,16 @@ fn no_memory_of_earlier_calls() {
     let first = (predict(&mut used, &x, &u), linearize(&mut used, &x, &u));
     predict(&mut used, &[f64::NAN; 4], &[f64::NAN; 2]);
     linearize(&mut used, &[f64::NAN; 4], &[f64::NAN; 2]);
-    assert_eq!(
-        (predict(&mut used, &x, &u), linearize(&mut used, &x, &u)),
-        first
-    );
+    assert_eq!((predict(&mut used, &x, &u), linearize(&mut used, &x, &u)), first);
     let mut fresh = Rk4::new(FourTanks::antonelo(), 10.0, 4);
-    assert_eq!(
-        (predict(&mut fresh, &x, &u), linearize(&mut fresh, &x, &u)),
-        first
-    );
+    assert_eq!((predict(&mut fresh, &x, &u), linearize(&mut fresh, &x, &u)), first);
 }
 
 #[test]
 fn what_is_no_method_is_a_programming_error() {
-    for (horizon_s, substeps) in [
-        (0.0, 1),
-        (-1.0, 1),
-        (f64::NAN, 1),
-        (f64::INFINITY, 1),
-        (1.0, 0),
-    ] {
+    for (horizon_s, substeps) in [(0.0, 1), (-1.0, 1), (f64::NAN, 1), (f64::INFINITY, 1), (1.0, 0)]
+    {
         let build = || Rk4::new(VanDerPol::default(), horizon_s, substeps);
-        assert!(
-            std::panic::catch_unwind(build).is_err(),
-            "{horizon_s} {substeps}"
-        );
+        assert!(std::panic::catch_unwind(build).is_err(), "{horizon_s} {substeps}");
     }
 }

@@ -21,9 +21,8 @@ fn assert_level(signal: &Signal, t: f64, k: usize) {
 fn multiples_of_the_step_are_starts() {
     for step in [0.1, 0.5, 10.0] {
         let products: Vec<_> = (0..5000).map(|k| level(k) * step).collect();
-        let sums: Vec<_> = (0..5000)
-            .scan(0.0, |t, _| Some(std::mem::replace(t, *t + step)))
-            .collect();
+        let sums: Vec<_> =
+            (0..5000).scan(0.0, |t, _| Some(std::mem::replace(t, *t + step))).collect();
         for starts in [&products, &sums] {
             let signal = staircase(starts.clone());
             for k in 0..5000 {
@@ -40,13 +39,7 @@ fn multiples_of_the_step_are_starts() {
 #[test]
 fn just_before_a_start_is_before_it() {
     let signal = staircase(vec![0.0, 0.5, 1.0]);
-    for (t, k) in [
-        (0.5 - 1e-8, 0),
-        (0.5 - 1e-12, 1),
-        (0.5, 1),
-        (1.0 - 1e-7, 1),
-        (1.0, 2),
-    ] {
+    for (t, k) in [(0.5 - 1e-8, 0), (0.5 - 1e-12, 1), (0.5, 1), (1.0 - 1e-7, 1), (1.0, 2)] {
         assert_level(&signal, t, k);
     }
 }

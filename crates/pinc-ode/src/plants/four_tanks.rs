@@ -32,12 +32,7 @@ impl FourTanks {
     const fn new(gamma: [f64; 2], pump: [f64; 2]) -> Self {
         let area = [28.0, 32.0, 28.0, 32.0];
         let outlet = [0.071, 0.057, 0.071, 0.057];
-        Self {
-            area,
-            outlet,
-            gamma,
-            pump,
-        }
+        Self { area, outlet, gamma, pump }
     }
 
     /// The parameters behind the paper's published results, from the authors' code.
@@ -81,7 +76,7 @@ impl Plant for FourTanks {
         &VARIABLES
     }
 
-    #[inline]
+    #[inline(always)]
     fn rhs<S: Scalar>(&self, h: &[S], u: &[S], dh: &mut [S]) {
         let [gamma1, gamma2] = self.gamma;
         let (flow1, flow2) = (u[0] * self.pump[0], u[1] * self.pump[1]);

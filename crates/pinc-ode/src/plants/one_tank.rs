@@ -23,11 +23,7 @@ impl Default for OneTank {
     /// The parameters of the authors' code.
     #[expect(clippy::approx_constant, reason = "a pump constant of 3.14, not pi")]
     fn default() -> Self {
-        Self {
-            area: 28.0,
-            outlet: 0.071,
-            pump: 3.14,
-        }
+        Self { area: 28.0, outlet: 0.071, pump: 3.14 }
     }
 }
 
@@ -42,7 +38,7 @@ impl Plant for OneTank {
         &VARIABLES
     }
 
-    #[inline]
+    #[inline(always)]
     fn rhs<S: Scalar>(&self, h: &[S], u: &[S], dh: &mut [S]) {
         dh[0] = (u[0] * self.pump - outflow(self.outlet, h[0])) * (1.0 / self.area);
     }

@@ -35,7 +35,7 @@ impl Plant for VanDerPol {
         &VARIABLES
     }
 
-    #[inline]
+    #[inline(always)]
     fn rhs<S: Scalar>(&self, x: &[S], u: &[S], dx: &mut [S]) {
         let (x1, x2, u) = (x[0], x[1], u[0]);
         dx[0] = x2;

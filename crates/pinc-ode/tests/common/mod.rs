@@ -29,11 +29,8 @@ pub(crate) fn flows(plant: &str) -> Vec<Flow> {
             end: numbers(fields[4]),
         }
     };
-    let rows: Vec<_> = FLOWS
-        .lines()
-        .filter(|line| line.split(',').next() == Some(plant))
-        .map(parse)
-        .collect();
+    let rows: Vec<_> =
+        FLOWS.lines().filter(|line| line.split(',').next() == Some(plant)).map(parse).collect();
     assert!(!rows.is_empty(), "no flow of {plant}");
     rows
 }
@@ -79,10 +76,7 @@ impl Oscillator {
 
 /// The slope of the line that fits (log x, log y) best, by least squares.
 pub(crate) fn log_slope(points: &[(f64, f64)]) -> f64 {
-    assert!(
-        points.len() >= 4,
-        "too few points for a regression: {points:?}"
-    );
+    assert!(points.len() >= 4, "too few points for a regression: {points:?}");
     let count = points.iter().fold(0.0, |n, _| n + 1.0);
     let logs = || points.iter().map(|(x, y)| (x.ln(), y.ln()));
     let mean_x = logs().map(|(x, _)| x).sum::<f64>() / count;
@@ -95,8 +89,5 @@ pub(crate) fn log_slope(points: &[(f64, f64)]) -> f64 {
 pub(crate) fn distance(a: &[f64], b: &[f64]) -> f64 {
     assert_eq!(a.len(), b.len());
     let differences = a.iter().zip(b).map(|(a, b)| (a - b).abs());
-    differences.fold(
-        0.0,
-        |worst, d| if d.is_nan() { d } else { f64::max(worst, d) },
-    )
+    differences.fold(0.0, |worst, d| if d.is_nan() { d } else { f64::max(worst, d) })
 }
