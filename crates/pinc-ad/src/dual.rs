@@ -37,10 +37,7 @@ impl<S: Scalar, const N: usize> Dual<S, N> {
     /// `value` as a constant: all derivatives 0. This also lifts a dual number one level up.
     #[inline(always)]
     pub fn lift(value: S) -> Self {
-        Self {
-            re: value,
-            eps: [value.constant(0.0); N],
-        }
+        Self { re: value, eps: [value.constant(0.0); N] }
     }
 
     /// `value` as the variable of direction `direction`: derivative 1 there, 0 elsewhere. With
@@ -54,18 +51,12 @@ impl<S: Scalar, const N: usize> Dual<S, N> {
     /// The dual number with value `re` and derivatives `slope * eps[i]`: the chain rule.
     #[inline(always)]
     fn chain(self, re: S, slope: S) -> Self {
-        Self {
-            re,
-            eps: self.eps.map(|e| e * slope),
-        }
+        Self { re, eps: self.eps.map(|e| e * slope) }
     }
 
     #[inline(always)]
     fn zip(self, other: Self, re: S, f: impl Fn(S, S) -> S) -> Self {
-        Self {
-            re,
-            eps: std::array::from_fn(|i| f(self.eps[i], other.eps[i])),
-        }
+        Self { re, eps: std::array::from_fn(|i| f(self.eps[i], other.eps[i])) }
     }
 }
 
@@ -107,10 +98,7 @@ impl<S: Scalar, const N: usize> Neg for Dual<S, N> {
     type Output = Self;
     #[inline(always)]
     fn neg(self) -> Self {
-        Self {
-            re: -self.re,
-            eps: self.eps.map(|e| -e),
-        }
+        Self { re: -self.re, eps: self.eps.map(|e| -e) }
     }
 }
 
@@ -118,10 +106,7 @@ impl<S: Scalar, const N: usize> Add<f64> for Dual<S, N> {
     type Output = Self;
     #[inline(always)]
     fn add(self, b: f64) -> Self {
-        Self {
-            re: self.re + b,
-            ..self
-        }
+        Self { re: self.re + b, ..self }
     }
 }
 
@@ -129,10 +114,7 @@ impl<S: Scalar, const N: usize> Sub<f64> for Dual<S, N> {
     type Output = Self;
     #[inline(always)]
     fn sub(self, b: f64) -> Self {
-        Self {
-            re: self.re - b,
-            ..self
-        }
+        Self { re: self.re - b, ..self }
     }
 }
 
@@ -140,10 +122,7 @@ impl<S: Scalar, const N: usize> Mul<f64> for Dual<S, N> {
     type Output = Self;
     #[inline(always)]
     fn mul(self, b: f64) -> Self {
-        Self {
-            re: self.re * b,
-            eps: self.eps.map(|e| e * b),
-        }
+        Self { re: self.re * b, eps: self.eps.map(|e| e * b) }
     }
 }
 
@@ -151,10 +130,7 @@ impl<S: Scalar, const N: usize> Div<f64> for Dual<S, N> {
     type Output = Self;
     #[inline(always)]
     fn div(self, b: f64) -> Self {
-        Self {
-            re: self.re / b,
-            eps: self.eps.map(|e| e / b),
-        }
+        Self { re: self.re / b, eps: self.eps.map(|e| e / b) }
     }
 }
 
@@ -177,16 +153,11 @@ impl<S: Scalar, const N: usize> Scalar for Dual<S, N> {
     fn mul_add(self, a: Self, b: Self) -> Self {
         let eps =
             std::array::from_fn(|i| self.eps[i].mul_add(a.re, self.re.mul_add(a.eps[i], b.eps[i])));
-        Self {
-            re: self.re.mul_add(a.re, b.re),
-            eps,
-        }
+        Self { re: self.re.mul_add(a.re, b.re), eps }
     }
     #[inline(always)]
     fn where_nonpositive(self, yes: Self, no: Self) -> Self {
         let test = self.re;
-        yes.zip(no, test.where_nonpositive(yes.re, no.re), |y, n| {
-            test.where_nonpositive(y, n)
-        })
+        yes.zip(no, test.where_nonpositive(yes.re, no.re), |y, n| test.where_nonpositive(y, n))
     }
 }

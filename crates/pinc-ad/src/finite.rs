@@ -13,15 +13,8 @@ pub struct GradientMismatch {
 
 impl std::fmt::Display for GradientMismatch {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let Self {
-            index,
-            given,
-            difference,
-        } = self;
-        write!(
-            f,
-            "derivative {index} is {given:e}, its central difference {difference:e}"
-        )
+        let Self { index, given, difference } = self;
+        write!(f, "derivative {index} is {given:e}, its central difference {difference:e}")
     }
 }
 
@@ -64,11 +57,7 @@ pub fn check_gradient(
         let close = (given - difference).abs() <= tolerance * difference.abs().max(1.0);
         // An infinite difference would make the right side infinite, and anything close.
         if !close || !difference.is_finite() {
-            return Err(GradientMismatch {
-                index,
-                given,
-                difference,
-            });
+            return Err(GradientMismatch { index, given, difference });
         }
     }
     Ok(())

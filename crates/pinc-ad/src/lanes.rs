@@ -73,8 +73,6 @@ impl<const L: usize> Scalar for Lanes<L> {
     }
     #[inline(always)]
     fn where_nonpositive(self, yes: Self, no: Self) -> Self {
-        Self(std::array::from_fn(|i| {
-            self.0[i].where_nonpositive(yes.0[i], no.0[i])
-        }))
+        Self(std::array::from_fn(|i| self.0[i].where_nonpositive(yes.0[i], no.0[i])))
     }
 }

@@ -60,26 +60,13 @@ impl Tape {
                 }
             }
         }
-        inputs
-            .iter()
-            .map(|v| {
-                if v.index == CONSTANT {
-                    0.0
-                } else {
-                    adjoint[v.index]
-                }
-            })
-            .collect()
+        inputs.iter().map(|v| if v.index == CONSTANT { 0.0 } else { adjoint[v.index] }).collect()
     }
 
     fn record(&self, value: f64, operands: [usize; 2], partials: [f64; 2]) -> Var<'_> {
         let mut nodes = self.nodes.borrow_mut();
         nodes.push(Node { operands, partials });
-        Var {
-            tape: self,
-            index: nodes.len() - 1,
-            value,
-        }
+        Var { tape: self, index: nodes.len() - 1, value }
     }
 }
 
@@ -180,11 +167,7 @@ impl Div<f64> for Var<'_> {
 
 impl Scalar for Var<'_> {
     fn constant(self, value: f64) -> Self {
-        Self {
-            index: CONSTANT,
-            value,
-            ..self
-        }
+        Self { index: CONSTANT, value, ..self }
     }
     fn sqrt(self) -> Self {
         let root = self.value.sqrt();

@@ -50,10 +50,7 @@ impl<S: Scalar> Kind<'_, S> {
             for (lane, value) in values.into_iter().enumerate() {
                 let (a, b) = pair(lane);
                 let expected = on_f64(a, b);
-                assert!(
-                    same(value, expected),
-                    "{what}({a}, {b}) = {value}, not {expected}"
-                );
+                assert!(same(value, expected), "{what}({a}, {b}) = {value}, not {expected}");
             }
         }
     }
@@ -73,11 +70,7 @@ impl<S: Scalar> Kind<'_, S> {
         self.agree("tanh", |a, _| a.tanh(), |a, _| a.tanh());
         self.agree("constant", |a, _| a.constant(0.3), |_, _| 0.3);
         // An exact product, so that fusing or not makes no difference.
-        self.agree(
-            "mul_add",
-            |a, b| a.constant(3.0).mul_add(b.constant(0.25), b),
-            |_, b| 0.75 + b,
-        );
+        self.agree("mul_add", |a, b| a.constant(3.0).mul_add(b.constant(0.25), b), |_, b| 0.75 + b);
         self.agree(
             "where_nonpositive",
             |a, b| a.where_nonpositive(b, b * 2.0),
@@ -94,27 +87,12 @@ impl<S: Scalar> Kind<'_, S> {
             // A point that will not do is replaced by one that does, so that all lanes are used.
             let tame = x.iter().position(|x| f.is_tame(x));
             prop_assume!(tame.is_some());
-            let x: Vec<_> = x
-                .iter()
-                .map(|p| {
-                    if f.is_tame(p) {
-                        p
-                    } else {
-                        &x[tame.unwrap_or(0)]
-                    }
-                })
-                .collect();
-            let inputs: Vec<S> = (0..INPUTS)
-                .map(|j| self.number(|lane| x[lane][j]))
-                .collect();
+            let x: Vec<_> =
+                x.iter().map(|p| if f.is_tame(p) { p } else { &x[tame.unwrap_or(0)] }).collect();
+            let inputs: Vec<S> = (0..INPUTS).map(|j| self.number(|lane| x[lane][j])).collect();
             for (value, x) in (self.read)(f.eval(&inputs)).into_iter().zip(x) {
                 let expected: f64 = f.eval(x);
-                prop_assert!(
-                    (value - expected).abs() <= 1.5e-11,
-                    "{} {}",
-                    value,
-                    expected
-                );
+                prop_assert!((value - expected).abs() <= 1.5e-11, "{} {}", value, expected);
             }
             Ok::<(), TestCaseError>(())
         };
@@ -131,12 +109,7 @@ impl<S: Scalar> Kind<'_, S> {
 
 #[test]
 fn plain_number() {
-    Kind {
-        lanes: 1,
-        make: &|x| x[0],
-        read: &|s| vec![s],
-    }
-    .conforms();
+    Kind { lanes: 1, make: &|x| x[0], read: &|s| vec![s] }.conforms();
 }
 
 fn lanes_conform<const L: usize>() {
@@ -155,12 +128,8 @@ fn lanes_of_4_and_of_8() {
 }
 
 fn duals_conform<const N: usize>() {
-    Kind {
-        lanes: 1,
-        make: &|x| Dual::<f64, N>::variable(x[0], N / 2),
-        read: &|s| vec![s.re],
-    }
-    .conforms();
+    Kind { lanes: 1, make: &|x| Dual::<f64, N>::variable(x[0], N / 2), read: &|s| vec![s.re] }
+        .conforms();
 }
 
 #[test]
@@ -193,12 +162,7 @@ fn dual_of_dual() {
 #[test]
 fn variable_of_a_tape() {
     let tape = Tape::new();
-    Kind {
-        lanes: 1,
-        make: &|x| tape.variable(x[0]),
-        read: &|s| vec![s.value()],
-    }
-    .conforms();
+    Kind { lanes: 1, make: &|x| tape.variable(x[0]), read: &|s| vec![s.value()] }.conforms();
 }
 
 #[test]

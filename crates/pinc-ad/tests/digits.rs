@@ -51,19 +51,11 @@ fn rows() -> Vec<Row<'static>> {
 impl Row<'_> {
     /// The indices of the variables differentiated by.
     fn by(&self) -> Vec<usize> {
-        self.quantity
-            .chars()
-            .filter_map(|c| "xyz".find(c))
-            .collect()
+        self.quantity.chars().filter_map(|c| "xyz".find(c)).collect()
     }
 
     fn check(&self, method: &str, value: f64) {
-        let Row {
-            name,
-            at,
-            quantity,
-            expected,
-        } = self;
+        let Row { name, at, quantity, expected } = self;
         assert!(
             (value - expected).abs() <= TOLERANCE * expected.abs().max(1.0),
             "{method}: {name} {quantity} at {at:?} is {value:e}, expected {expected:e}"
@@ -103,10 +95,7 @@ fn second_derivatives() {
             let inner = Dual::<f64, 3>::variable(row.at[i], i);
             Dual::<_, 3>::variable(inner, i)
         });
-        row.check(
-            "dual of dual",
-            function(row.name, &seeded).eps[first].eps[second],
-        );
+        row.check("dual of dual", function(row.name, &seeded).eps[first].eps[second]);
 
         let tape = Tape::new();
         let inputs = row.at.map(|v| tape.variable(v));

@@ -16,10 +16,7 @@ const TOLERANCE: f64 = 1e-8;
 fn differences_of_a_cubic() {
     for (i, expected) in GRADIENT.into_iter().enumerate() {
         let difference = central_difference(f, &AT, i);
-        assert!(
-            (difference - expected).abs() < TOLERANCE,
-            "{i}: {difference}"
-        );
+        assert!((difference - expected).abs() < TOLERANCE, "{i}: {difference}");
     }
 }
 
@@ -52,12 +49,7 @@ fn wrong_gradient_is_rejected_with_its_place() {
 #[test]
 fn swapped_derivatives_are_rejected() {
     let swapped = [GRADIENT[1], GRADIENT[0], GRADIENT[2]];
-    assert_eq!(
-        check_gradient(f, &AT, &swapped, TOLERANCE)
-            .unwrap_err()
-            .index,
-        0
-    );
+    assert_eq!(check_gradient(f, &AT, &swapped, TOLERANCE).unwrap_err().index, 0);
 }
 
 #[test]
@@ -75,10 +67,7 @@ fn function_without_a_finite_difference_is_rejected() {
 fn mismatch_says_what_is_wrong() {
     let mismatch = check_gradient(|v| v[0], &[0.0], &[2.0], TOLERANCE).unwrap_err();
     let text = mismatch.to_string();
-    assert!(
-        text.starts_with("derivative 0 is 2e0, its central difference"),
-        "{text}"
-    );
+    assert!(text.starts_with("derivative 0 is 2e0, its central difference"), "{text}");
 }
 
 #[test]

@@ -11,13 +11,7 @@ fn two_sides<S: Scalar>(x: S) -> S {
 
 #[test]
 fn value_of_the_side_taken() {
-    let cases = [
-        (-2.0, -6.0),
-        (-0.0, 0.0),
-        (0.0, 0.0),
-        (1e-300, 1.0),
-        (2.0, 5.0),
-    ];
+    let cases = [(-2.0, -6.0), (-0.0, 0.0), (0.0, 0.0), (1e-300, 1.0), (2.0, 5.0)];
     for (x, expected) in cases {
         assert_eq!(two_sides(x), expected, "{x}");
     }
@@ -25,19 +19,9 @@ fn value_of_the_side_taken() {
 
 #[test]
 fn derivative_of_the_side_taken() {
-    for (x, expected) in [
-        (-2.0, 3.0),
-        (-0.0, 3.0),
-        (0.0, 3.0),
-        (1e-300, 2e-300),
-        (2.0, 4.0),
-    ] {
+    for (x, expected) in [(-2.0, 3.0), (-0.0, 3.0), (0.0, 3.0), (1e-300, 2e-300), (2.0, 4.0)] {
         assert_eq!(derivative(two_sides, x), expected, "dual at {x}");
-        assert_eq!(
-            gradient(|v| two_sides(v[0]), &[x]).1,
-            [expected],
-            "tape at {x}"
-        );
+        assert_eq!(gradient(|v| two_sides(v[0]), &[x]).1, [expected], "tape at {x}");
     }
 }
 
@@ -53,10 +37,7 @@ fn every_lane_takes_its_own_side() {
     let x = Dual::<Lanes<4>>::variable(Lanes([-2.0, 0.0, f64::NAN, 2.0]), 0);
     let y = two_sides(x);
     assert_eq!((y.re.0[0], y.re.0[1], y.re.0[3]), (-6.0, 0.0, 5.0));
-    assert_eq!(
-        (y.eps[0].0[0], y.eps[0].0[1], y.eps[0].0[3]),
-        (3.0, 3.0, 4.0)
-    );
+    assert_eq!((y.eps[0].0[0], y.eps[0].0[1], y.eps[0].0[3]), (3.0, 3.0, 4.0));
     assert!(y.re.0[2].is_nan() && y.eps[0].0[2].is_nan());
 }
 
@@ -81,16 +62,8 @@ fn the_other_side_does_not_leak() {
     for x in [-4.0, -0.0, 0.0] {
         assert_eq!(guarded(x), 2.0 * x, "value at {x}");
         assert_eq!(derivative(guarded, x), 2.0, "dual at {x}");
-        assert_eq!(
-            gradient(|v| guarded(v[0]), &[x]),
-            (2.0 * x, vec![2.0]),
-            "tape at {x}"
-        );
-        assert_eq!(
-            derivative(|x| derivative(guarded, x), x),
-            0.0,
-            "dual of dual at {x}"
-        );
+        assert_eq!(gradient(|v| guarded(v[0]), &[x]), (2.0 * x, vec![2.0]), "tape at {x}");
+        assert_eq!(derivative(|x| derivative(guarded, x), x), 0.0, "dual of dual at {x}");
 
         let tape = Tape::new();
         let input = tape.variable(x);

@@ -59,10 +59,7 @@ fn forward_inside_reverse() {
     assert_eq!(slope.value(), 1.5);
     assert_eq!(tape.gradient(slope, &[w]), [6.0]);
     let still = derivative(|_| Dual::lift(w), w.constant(3.0));
-    assert_eq!(
-        (still.value(), tape.gradient(still, &[w])),
-        (0.0, vec![0.0])
-    );
+    assert_eq!((still.value(), tape.gradient(still, &[w])), (0.0, vec![0.0]));
 }
 
 const HIDDEN: usize = 3;
@@ -146,10 +143,7 @@ fn gradient_of_a_loss_with_a_time_derivative() {
     // About 100 operations on numbers of order 1 in either path.
     assert!((output.value() - expected).abs() < 1e-13, "{expected}");
     // Every weight matters; a gradient of zeros would agree with nothing.
-    assert!(
-        gradient.iter().all(|g| g.abs() > 1e-6 || g.is_nan()),
-        "{gradient:?}"
-    );
+    assert!(gradient.iter().all(|g| g.abs() > 1e-6), "{gradient:?}");
     // Central differences are good to about 1e-10 of the loss and its third derivatives.
     check_gradient(|w| loss(w, by_hand), &w, &gradient, 1e-8).unwrap();
 }

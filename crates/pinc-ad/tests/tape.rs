@@ -75,10 +75,7 @@ fn several_outputs_of_one_record() {
     let tape = Tape::new();
     let (x, y) = (tape.variable(2.0), tape.variable(3.0));
     let (product, quotient) = (x * y, x / y);
-    let rows = [
-        tape.gradient(product, &[x, y]),
-        tape.gradient(quotient, &[x, y]),
-    ];
+    let rows = [tape.gradient(product, &[x, y]), tape.gradient(quotient, &[x, y])];
     assert_eq!(rows[0], [3.0, 2.0]);
     // 1/y and -x/y^2, each rounded once or twice
     assert!((rows[1][0] - 1.0 / 3.0).abs() < 1e-16);
