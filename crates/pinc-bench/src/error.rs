@@ -1,5 +1,6 @@
 //! What can go wrong with an experiment.
 
+use crate::report::ReportError;
 use crate::spec::ConfigError;
 use pinc_mpc::MpcError;
 use pinc_net::{ModelError, NetError};
@@ -133,7 +134,7 @@ pub enum BenchError {
     },
     /// The report could not be made.
     #[error(transparent)]
-    Report(#[from] crate::report::ReportError),
+    Report(#[from] ReportError),
     /// The user stopped the run.
     #[error("interrupted; go on with the same command and --resume (state in {})", dir.display())]
     Interrupted {
@@ -220,6 +221,7 @@ impl BenchError {
         match self {
             Self::Net(NetError::Setting { .. } | NetError::Dimension { .. }) => 2,
             Self::Control(MpcError::Plant { .. }) => 1,
+            Self::Report(ReportError::Draw { .. }) => 1,
             Self::Net(_) | Self::Plant(_) | Self::Interrupted { .. } => 1,
             _ => 2,
         }

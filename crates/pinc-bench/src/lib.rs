@@ -3,10 +3,36 @@
 //!
 //! - [`Experiment`]: a config file, resolved and checked ([`spec`] has its parts).
 //! - [`run`], [`train`], [`control`], [`predict`], [`check`], [`rebuild_report`]: what the program does.
+//! - [`bench`]: measurements of the machine.
 //! - [`Record`]: the results of a run, in its directory; [`Provenance`]: where they come from.
+//!
+//! ```
+//! use pinc_bench::Experiment;
+//!
+//! let text = r#"
+//!     name = "a-tank"
+//!     preset = "ours"
+//!     seed = 1
+//!     [plant]
+//!     one-tank = {}
+//!     [model]
+//!     horizon_s = 10.0
+//!     hidden_layers = 2
+//!     neurons = 8
+//! "#;
+//! let sets = ["model.neurons=16".to_owned()];
+//! let experiment = Experiment::parse("a-tank.toml".as_ref(), text, &sets)?;
+//! assert_eq!(experiment.model.unwrap().neurons, 16);
+//!
+//! let sets = ["model.neuron=16".to_owned()];
+//! let error = Experiment::parse("a-tank.toml".as_ref(), text, &sets).unwrap_err();
+//! assert!(error.to_string().contains("did you mean `neurons`?"));
+//! # Ok::<(), pinc_bench::spec::ConfigError>(())
+//! ```
 //!
 //! This is the only crate of the project that opens files, writes to the terminal and reads a clock.
 
+mod bench;
 pub mod console;
 mod error;
 mod presets;
@@ -19,6 +45,9 @@ mod runs;
 pub mod spec;
 mod summary;
 
+pub use bench::{
+    BenchOptions, BenchReport, FmaPeak, LossGradient, Machine, ModelStep, NmpcTimes, QpTime, bench,
+};
 pub use error::{BenchError, CheckpointProblem, CsvProblem};
 pub use presets::Preset;
 pub use progress::Verbosity;

@@ -1,7 +1,9 @@
 //! The `pinc` program: see `pinc --help`.
 
 use clap::{Args, Parser, Subcommand};
-use pinc_bench::{BenchError, Experiment, ModelKind, Options, Record, Verbosity, console, summary};
+use pinc_bench::{
+    BenchError, BenchOptions, Experiment, ModelKind, Options, Record, Verbosity, console, summary,
+};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -74,6 +76,19 @@ enum Command {
         /// Run directory.
         dir: PathBuf,
     },
+    /// Measure this machine: training kernel, models, controller. Takes about a minute.
+    Bench {
+        /// Print JSON instead of tables.
+        #[arg(long)]
+        json: bool,
+        /// Use small sizes and few repetitions: everything runs, but the times say little.
+        #[arg(long)]
+        quick: bool,
+        /// Only time loss and gradient of the Van der Pol net, and write one evaluation to FILE
+        /// (safetensors), for other programs to compute the same.
+        #[arg(long, value_name = "FILE")]
+        loss_gradient_file: Option<PathBuf>,
+    },
 }
 
 #[derive(Debug, Args)]
@@ -142,6 +157,13 @@ fn execute(cli: &Cli) -> Result<ExitCode, BenchError> {
         Command::Report { dir } => {
             let path = pinc_bench::rebuild_report(dir)?;
             show(quiet, &path.display().to_string());
+        }
+        Command::Bench { json, quick, loss_gradient_file } => {
+            let verbosity = if quiet { Verbosity::Quiet } else { Verbosity::Shown };
+            let loss_gradient_file = loss_gradient_file.clone();
+            let options = BenchOptions { quick: *quick, loss_gradient_file, verbosity };
+            let report = pinc_bench::bench(&options)?;
+            show(quiet, &if *json { report.to_json() } else { report.to_string() });
         }
     }
     Ok(ExitCode::SUCCESS)

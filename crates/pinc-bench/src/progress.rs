@@ -51,7 +51,8 @@ impl Stage {
             Self::Lines { name, total, last } => {
                 if last.is_none_or(|last| last.elapsed() >= LINE_EVERY) {
                     *last = Some(Instant::now());
-                    console::note(&format!("{name}: {done}/{total} {}", message()));
+                    let text = format!("{name}: {done}/{total} {}", message());
+                    console::note(text.trim_end());
                 }
             }
             Self::Quiet => {}

@@ -1,0 +1,244 @@
+//! Loss and gradient of the batched kernel, against the machine's multiply-add peak.
+
+use super::cases::{Case, Effort};
+use super::clock::{for_seconds, median, time, to_f64};
+use super::exchange;
+use super::results::{FmaPeak, LossGradient};
+use crate::BenchError;
+use crate::registry::PlantTask;
+use crate::spec::{Experiment, TrainingSpec};
+use pinc_net::{
+    BatchLoss, Domain, Isa, LossWeights, NetConfig, PincNet, Points, Workers, initial_conditions,
+};
+use pinc_ode::Plant;
+use std::path::Path;
+use std::sync::Barrier;
+
+/// The evaluation that is measured: the paper's net at its initial weights, on the paper's points.
+pub(super) struct Evaluation<P> {
+    pub(super) plant: P,
+    pub(super) net: PincNet,
+    pub(super) weights: LossWeights,
+    pub(super) collocation: Points,
+    pub(super) initial: Points,
+}
+
+impl<P: Plant + 'static> Evaluation<P> {
+    fn new(plant: P, experiment: &Experiment, effort: &Effort) -> Result<Self, BenchError> {
+        let Sections { model, domain, training } = Sections::of(experiment)?;
+        let seed = experiment.seed;
+        let net = PincNet::new(&plant, model, domain, seed)?;
+        let config = &training.config;
+        let weights =
+            LossWeights::new(&net, config.lambda, &config.residual_scale, config.initial_scale)?;
+        let (points, scenarios) = (effort.collocation_points, effort.initial_points);
+        Ok(Self {
+            plant,
+            weights,
+            collocation: config.sampler.collocation(
+                points,
+                model.horizon_s,
+                domain,
+                scenarios,
+                seed,
+            ),
+            initial: initial_conditions(scenarios, domain, seed),
+            net,
+        })
+    }
+
+    pub(super) fn batch_loss(&self, workers: &Workers) -> BatchLoss {
+        let mut loss = BatchLoss::new(&self.plant, &self.net, &self.weights, workers);
+        loss.set_points(&self.collocation, &self.initial);
+        loss
+    }
+
+    /// Floating-point operations that the matrix products need.
+    ///
+    /// A product with the W weights of the net's matrices takes 2 W operations for each column, and
+    /// there are two columns (value and time tangent) for a collocation point and one for an initial
+    /// condition. There are three products: forwards; backwards, where the first layer's (`W_0`) is not
+    /// needed; and that of the weights' gradient. In all 2 (3 W - `W_0`) a column.
+    fn operations(&self) -> u64 {
+        let widths = self.net.mlp().widths();
+        let weights: usize = widths.windows(2).map(|pair| pair[0] * pair[1]).sum();
+        let columns = 2 * self.collocation.len() + self.initial.len();
+        (2 * (3 * weights - widths[0] * widths[1]) * columns) as u64
+    }
+}
+
+/// The sections of a config that make a loss.
+struct Sections<'a> {
+    model: &'a NetConfig,
+    domain: &'a Domain,
+    training: &'a TrainingSpec,
+}
+
+impl<'a> Sections<'a> {
+    fn of(experiment: &'a Experiment) -> Result<Self, BenchError> {
+        let missing = |section| BenchError::MissingSection {
+            name: experiment.name.clone(),
+            section,
+            command: "pinc bench",
+        };
+        Ok(Self {
+            model: experiment.model.as_ref().ok_or_else(|| missing("model"))?,
+            domain: experiment.domain.as_ref().ok_or_else(|| missing("domain"))?,
+            training: experiment.training.as_ref().ok_or_else(|| missing("training"))?,
+        })
+    }
+}
+
+/// The measurements of one plant, in every one of `isas`, on one and on all threads. If `file` is
+/// given, one evaluation goes there.
+pub(super) struct Bench<'a> {
+    pub(super) case: Case,
+    pub(super) effort: &'a Effort,
+    pub(super) isas: &'a [Isa],
+    pub(super) file: Option<&'a Path>,
+    pub(super) results: &'a mut Vec<LossGradient>,
+    pub(super) probes: &'a mut Probes,
+}
+
+impl Bench<'_> {
+    pub(super) fn run(self) -> Result<(), BenchError> {
+        let experiment = self.case.papers_training()?;
+        experiment.plant.with(Task { bench: self, experiment: &experiment })
+    }
+}
+
+struct Task<'a> {
+    bench: Bench<'a>,
+    experiment: &'a Experiment,
+}
+
+impl PlantTask for Task<'_> {
+    type Output = Result<(), BenchError>;
+
+    fn run<P: Plant + 'static>(self, plant: P) -> Result<(), BenchError> {
+        let Bench { case, effort, isas, file, results, probes } = self.bench;
+        let evaluation = Evaluation::new(plant, self.experiment, effort)?;
+        if let Some(path) = file {
+            exchange::write(path, case, &evaluation)?;
+        }
+        for &isa in isas {
+            for threads in thread_counts() {
+                let workers = Workers::with_isa(threads, isa)?;
+                let measured = Measured::of(&evaluation, &workers, threads, effort);
+                results.push(measured.row(case, &evaluation, threads, isa));
+                probes.add(threads, measured.peaks);
+            }
+        }
+        Ok(())
+    }
+}
+
+/// One thread, and all of them.
+fn thread_counts() -> Vec<usize> {
+    match std::thread::available_parallelism().map_or(1, usize::from) {
+        1 => vec![1],
+        all => vec![1, all],
+    }
+}
+
+/// Times of one setting, in s, and what the probe gave in between, in 10^9 operations per second.
+struct Measured {
+    times: Vec<f64>,
+    peaks: Vec<f64>,
+}
+
+impl Measured {
+    fn of<P: Plant + 'static>(
+        evaluation: &Evaluation<P>,
+        workers: &Workers,
+        threads: usize,
+        effort: &Effort,
+    ) -> Self {
+        let mut loss = evaluation.batch_loss(workers);
+        let parameters = evaluation.net.mlp().parameters();
+        let mut gradient = vec![0.0; parameters.len()];
+        // The first evaluation finds cold caches and sleeping threads.
+        loss.loss_gradient(parameters, &mut gradient);
+        let (mut times, mut peaks) = (Vec::new(), Vec::new());
+        for_seconds(effort.kernel_s, || {
+            peaks.push(probe(threads, effort.probe_rounds));
+            times.push(time(|| {
+                std::hint::black_box(loss.loss_gradient(parameters, &mut gradient));
+            }));
+        });
+        Self { times, peaks }
+    }
+
+    fn row<P: Plant + 'static>(
+        &self,
+        case: Case,
+        evaluation: &Evaluation<P>,
+        threads: usize,
+        isa: Isa,
+    ) -> LossGradient {
+        let seconds = median(&self.times);
+        let gflops = to_f64(evaluation.operations()) / seconds / 1e9;
+        LossGradient {
+            plant: case.name(),
+            layers: size(&evaluation.net),
+            points: evaluation.collocation.len() + evaluation.initial.len(),
+            initial_points: evaluation.initial.len(),
+            precision: "f64",
+            threads,
+            isa: isa.to_string(),
+            ms: 1e3 * seconds,
+            gflops,
+            fraction_of_peak: gflops / median(&self.peaks),
+            repetitions: self.times.len(),
+        }
+    }
+}
+
+/// Hidden layers and neurons of a net, as `4x20`.
+pub(super) fn size(net: &PincNet) -> String {
+    let widths = net.mlp().widths();
+    format!("{}x{}", widths.len() - 2, widths[1])
+}
+
+/// What the probes gave, by threads.
+#[derive(Default)]
+pub(super) struct Probes {
+    one: Vec<f64>,
+    all: Vec<f64>,
+}
+
+impl Probes {
+    fn add(&mut self, threads: usize, peaks: Vec<f64>) {
+        match threads {
+            1 => self.one.extend(peaks),
+            _ => self.all.extend(peaks),
+        }
+    }
+
+    /// The machine's peak; a machine of one thread has the same on all of them.
+    pub(super) fn peak(&self) -> FmaPeak {
+        let all = if self.all.is_empty() { &self.one } else { &self.all };
+        FmaPeak { f64_1: median(&self.one), f64_all: median(all) }
+    }
+}
+
+/// Multiply-adds of the best instruction set on `threads` threads at once, in 10^9 operations per second.
+fn probe(threads: usize, rounds: u64) -> f64 {
+    let isa = Isa::detect();
+    let start = Barrier::new(threads);
+    let work = || {
+        start.wait();
+        let mut operations = 0;
+        let seconds = time(|| operations = isa.multiply_add_rounds(rounds));
+        (operations, seconds)
+    };
+    let shares: Vec<(u64, f64)> = std::thread::scope(|scope| {
+        let others: Vec<_> = (1..threads).map(|_| scope.spawn(work)).collect();
+        let own = work();
+        let others = others.into_iter().map(|t| t.join().expect("the probe does not panic"));
+        std::iter::once(own).chain(others).collect()
+    });
+    let operations: u64 = shares.iter().map(|share| share.0).sum();
+    let seconds = shares.iter().map(|share| share.1).fold(0.0, f64::max);
+    to_f64(operations) / seconds / 1e9
+}
