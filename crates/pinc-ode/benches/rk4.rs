@@ -1,0 +1,52 @@
+//! A step of RK4, alone and with Jacobians, by substeps: the time grows linearly with them.
+
+use divan::{Bencher, black_box};
+use pinc_ode::{Dims, FourTanks, Plant, Predictor, Rk4, VanDerPol};
+
+const SUBSTEPS: [usize; 5] = [1, 4, 5, 10, 50];
+
+fn main() {
+    divan::main();
+}
+
+#[divan::bench(args = SUBSTEPS)]
+fn step_van_der_pol(bencher: Bencher<'_, '_>, substeps: usize) {
+    step(bencher, &mut van_der_pol(substeps), &[1.0, -0.5], &[0.3]);
+}
+
+#[divan::bench(args = SUBSTEPS)]
+fn step_four_tanks(bencher: Bencher<'_, '_>, substeps: usize) {
+    step(bencher, &mut four_tanks(substeps), &[9.0, 14.0, 2.5, 2.5], &[2.5, 2.5]);
+}
+
+#[divan::bench(args = SUBSTEPS)]
+fn linearize_van_der_pol(bencher: Bencher<'_, '_>, substeps: usize) {
+    linearize(bencher, &mut van_der_pol(substeps), &[1.0, -0.5], &[0.3]);
+}
+
+#[divan::bench(args = SUBSTEPS)]
+fn linearize_four_tanks(bencher: Bencher<'_, '_>, substeps: usize) {
+    linearize(bencher, &mut four_tanks(substeps), &[9.0, 14.0, 2.5, 2.5], &[2.5, 2.5]);
+}
+
+fn van_der_pol(substeps: usize) -> Rk4<VanDerPol> {
+    Rk4::new(VanDerPol::default(), 0.5, substeps)
+}
+
+fn four_tanks(substeps: usize) -> Rk4<FourTanks> {
+    Rk4::new(FourTanks::antonelo(), 10.0, substeps)
+}
+
+fn step<P: Plant>(bencher: Bencher<'_, '_>, model: &mut Rk4<P>, x: &[f64], u: &[f64]) {
+    let mut next = vec![0.0; x.len()];
+    bencher.bench_local(|| model.predict(black_box(x), black_box(u), black_box(&mut next)));
+}
+
+fn linearize<P: Plant>(bencher: Bencher<'_, '_>, model: &mut Rk4<P>, x: &[f64], u: &[f64]) {
+    let Dims { states: n, inputs: m } = model.dims();
+    let (mut next, mut a, mut b) = (vec![0.0; n], vec![0.0; n * n], vec![0.0; n * m]);
+    bencher.bench_local(|| {
+        model.linearize(black_box(x), black_box(u), black_box(&mut next), &mut a, &mut b);
+        black_box((&mut a, &mut b));
+    });
+}
