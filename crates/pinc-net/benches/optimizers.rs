@@ -4,7 +4,8 @@
 use divan::{Bencher, black_box};
 use pinc_net::Workers;
 use pinc_net::optim::{
-    Iterate, LbfgsConfig, LineSearch, Optimizer, OptimizerConfig, SelfScaledBroydenConfig,
+    Iterate, LbfgsConfig, LeastSquares, LineSearch, Objective, Optimizer, OptimizerConfig,
+    SelfScaledBroydenConfig,
 };
 
 /// Weights of the oscillator's 2x10 and 4x20 nets, of the tanks' 5x20 and 8x20, and of 5x40.
@@ -39,23 +40,33 @@ fn self_scaled_broyden_all_threads(bencher: Bencher<'_, '_>, weights: usize) {
 fn iteration(bencher: Bencher<'_, '_>, config: &OptimizerConfig, weights: usize, threads: usize) {
     let workers = Workers::new(threads).expect("threads");
     let mut optimizer = Optimizer::new(config, weights);
-    let mut iterate = Iterate::new(&mut valley, vec![-1.0; weights]);
+    let mut iterate = Iterate::new(&mut Valley, vec![-1.0; weights]);
     for _ in 0..WARM_UP {
-        optimizer.step(&mut valley, &mut iterate, &workers);
+        optimizer.step(&mut Valley, &mut iterate, &workers);
     }
-    bencher.bench_local(|| black_box(optimizer.step(&mut valley, &mut iterate, &workers)));
+    bencher.bench_local(|| black_box(optimizer.step(&mut Valley, &mut iterate, &workers)));
 }
 
 /// The sum of sqrt(1 + k x^2): each term has another curvature, which changes along the way, so that no
 /// optimizer is done soon.
-fn valley(x: &[f64], gradient: &mut [f64]) -> f64 {
-    let mut sum = 0.0;
-    let mut curvature = 1.0;
-    for (x, g) in x.iter().zip(gradient) {
-        let root = (1.0 + curvature * x * x).sqrt();
-        sum += root;
-        *g = curvature * x / root;
-        curvature += 1.0;
+struct Valley;
+
+impl Objective for Valley {
+    fn evaluate(&mut self, x: &[f64], gradient: &mut [f64]) -> f64 {
+        let mut sum = 0.0;
+        let mut curvature = 1.0;
+        for (x, g) in x.iter().zip(gradient) {
+            let root = (1.0 + curvature * x * x).sqrt();
+            sum += root;
+            *g = curvature * x / root;
+            curvature += 1.0;
+        }
+        sum
     }
-    sum
+}
+
+impl LeastSquares for Valley {
+    fn normal_matrix(&mut self, _: &[f64], _: faer::MatMut<'_, f64>) {
+        unimplemented!("not asked for by these optimizers");
+    }
 }

@@ -82,7 +82,9 @@ pub use ansatz::Ansatz;
 pub use domain::Domain;
 pub use error::{ModelError, NetError};
 pub use kernel::BatchLoss;
-pub use loss::{InitialScale, LossTerms, LossWeights, ResidualScale, reference_loss};
+pub use loss::{
+    InitialScale, LossTerms, LossWeights, ResidualScale, reference_loss, reference_residuals,
+};
 pub use mlp::{Mlp, MlpConfig};
 pub use net::{NetConfig, PincNet, Scenario};
 pub use normalizer::Normalizer;

@@ -117,12 +117,35 @@ pub fn reference_loss<S: Scalar, P: Plant>(
     net: &PincNet,
     weights: &LossWeights,
     parameters: &[S],
-    (collocation, initial): (&Points, &Points),
+    points: (&Points, &Points),
     context: S,
 ) -> [S; 2] {
+    reference_residuals(plant, net, weights, parameters, points, context).map(|residuals| {
+        residuals.iter().fold(context.constant(0.0), |sum, &residual| sum + residual * residual)
+    })
+}
+
+/// The residuals whose squares add up to the loss, weights included: the errors of the initial
+/// conditions and the residuals of the equation, each of length points times states, point by point.
+///
+/// `points` are the collocation points and the initial points; `context` is any value of the scalar's
+/// kind (on the same tape).
+///
+/// # Panics
+///
+/// If a length does not fit.
+pub fn reference_residuals<S: Scalar, P: Plant>(
+    plant: &P,
+    net: &PincNet,
+    weights: &LossWeights,
+    parameters: &[S],
+    (collocation, initial): (&Points, &Points),
+    context: S,
+) -> [Vec<S>; 2] {
     let Dims { states, .. } = net.dims();
-    let mut physics = context.constant(0.0);
+    let share = |points: usize, weight: f64| (weight / to_f64((points * states).max(1))).sqrt();
     let lifted: Vec<Dual<S>> = parameters.iter().map(|&w| Dual::lift(w)).collect();
+    let mut physics = Vec::new();
     for k in 0..collocation.len() {
         let constant = |v: &f64| Dual::lift(context.constant(*v));
         let y0: Vec<_> = collocation.state(k).iter().map(constant).collect();
@@ -131,22 +154,19 @@ pub fn reference_loss<S: Scalar, P: Plant>(
         let y = net.state(&lifted, t, &y0, &u);
         let mut f = vec![Dual::lift(context.constant(0.0)); states];
         plant.rhs(&y, &u, &mut f);
-        for i in 0..states {
-            let residual = (y[i].eps[0] - f[i].re) * weights.residual_scale[i];
-            physics = physics + residual * residual;
-        }
+        let share = share(collocation.len(), weights.lambda);
+        physics.extend(
+            (0..states).map(|i| (y[i].eps[0] - f[i].re) * weights.residual_scale[i] * share),
+        );
     }
-    let mut data = context.constant(0.0);
+    let mut data = Vec::new();
     for j in 0..initial.len() {
         let constant = |v: &f64| context.constant(*v);
         let y0: Vec<_> = initial.state(j).iter().map(constant).collect();
         let u: Vec<_> = initial.input(j).iter().map(constant).collect();
         let y = net.state(parameters, context.constant(initial.time(j)), &y0, &u);
-        for i in 0..states {
-            let error = (y[i] - y0[i]) * weights.initial_scale[i];
-            data = data + error * error;
-        }
+        let share = share(initial.len(), 1.0);
+        data.extend((0..states).map(|i| (y[i] - y0[i]) * weights.initial_scale[i] * share));
     }
-    let mean = |sum: S, points: usize| sum / to_f64((points * states).max(1));
-    [mean(data, initial.len()), mean(physics, collocation.len()) * weights.lambda]
+    [data, physics]
 }

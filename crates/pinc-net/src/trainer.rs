@@ -1,7 +1,7 @@
 //! Training: Algorithm 1 of the paper, and beyond it a sample that grows.
 
 use crate::loss::LossWeights;
-use crate::optim::{Iterate, Objective, Optimizer, Outcome};
+use crate::optim::{Iterate, LeastSquares, Objective, Optimizer, Outcome};
 use crate::sampling::{Points, Purpose, Sampler, initial_conditions};
 use crate::schedule::{IterationRecord, Keep, Progress, StopReason, Totals, TrainingConfig};
 use crate::{
@@ -64,6 +64,12 @@ impl Objective for Counted<'_> {
         *self.evaluations += 1;
         *self.terms = [terms.data, terms.physics];
         terms.total()
+    }
+}
+
+impl LeastSquares for Counted<'_> {
+    fn normal_matrix(&mut self, x: &[f64], out: faer::MatMut<'_, f64>) {
+        self.loss.normal_matrix(x, out);
     }
 }
 

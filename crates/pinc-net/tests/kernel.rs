@@ -1,9 +1,11 @@
 //! The batched kernel against its specification, dual numbers inside a tape.
 
+use faer::Mat;
 use pinc_ad::Tape;
 use pinc_net::{
     Ansatz, BatchLoss, Domain, InitialScale, Isa, LossTerms, LossWeights, NetConfig, PincNet,
     Points, ResidualScale, Sampler, Scenario, Workers, initial_conditions, reference_loss,
+    reference_residuals,
 };
 use pinc_ode::{FourTanks, OneTank, Plant, VanDerPol};
 use proptest::prelude::*;
@@ -103,6 +105,56 @@ impl<P: Plant + 'static> Problem<P> {
         ([data.value(), physics.value()], gradient)
     }
 
+    fn normal_matrix(&self, isa: Isa, threads: usize) -> Mat<f64> {
+        let workers = Workers::with_isa(threads, isa).unwrap();
+        let mut loss = BatchLoss::new(&self.plant, &self.net, &self.weights, &workers);
+        loss.set_points(&self.collocation, &self.initial);
+        let parameters = self.net.mlp().parameters();
+        let mut out = Mat::full(parameters.len(), parameters.len(), f64::NAN);
+        loss.normal_matrix(parameters, out.as_mut());
+        let first = out.clone();
+        loss.normal_matrix(parameters, out.as_mut());
+        assert_eq!(first, out, "nothing is left of the first time");
+        out
+    }
+
+    /// J'J, row by row, with each row of J from a sweep through the tape.
+    fn reference_normal_matrix(&self) -> Vec<Vec<f64>> {
+        let tape = Tape::new();
+        let w: Vec<_> = self.net.mlp().parameters().iter().map(|&w| tape.variable(w)).collect();
+        let points = (&self.collocation, &self.initial);
+        let residuals =
+            reference_residuals(&self.plant, &self.net, &self.weights, &w, points, w[0]);
+        let mut matrix = vec![vec![0.0; w.len()]; w.len()];
+        for residual in residuals.into_iter().flatten() {
+            let row = tape.gradient(residual, &w);
+            for (to, a) in matrix.iter_mut().zip(&row) {
+                for (to, b) in to.iter_mut().zip(&row) {
+                    *to += a * b;
+                }
+            }
+        }
+        matrix
+    }
+
+    fn check_normal_matrix(&self) -> Result<(), TestCaseError> {
+        let expected = self.reference_normal_matrix();
+        let size = expected.iter().flatten().fold(1e-3, |m: f64, a| m.max(a.abs()));
+        for isa in Isa::available() {
+            let matrix = self.normal_matrix(isa, 2);
+            for (i, row) in expected.iter().enumerate() {
+                for (j, want) in row[..=i].iter().enumerate() {
+                    let got = matrix[(i, j)];
+                    prop_assert!(
+                        (got - want).abs() <= 1e-12 * size,
+                        "{isa}, {i} {j}: {got} {want}"
+                    );
+                }
+            }
+        }
+        Ok(())
+    }
+
     /// Sums of up to some thousand products of rounded factors, in another order: errors of a few
     /// hundred roundings of the largest term.
     fn check(&self) -> Result<(), TestCaseError> {
@@ -138,6 +190,44 @@ proptest! {
     fn four_tanks_agree_with_the_specification(case in case()) {
         problem(FourTanks::antonelo(), &case).check()?;
     }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(12))]
+
+    #[test]
+    fn normal_matrices_agree_with_the_specification(mut case in case()) {
+        // The tape is swept once per residual.
+        case.hidden_layers = case.hidden_layers.min(3);
+        case.neurons = case.neurons.min(8);
+        problem(VanDerPol::default(), &case).check_normal_matrix()?;
+        problem(OneTank::default(), &case).check_normal_matrix()?;
+        problem(FourTanks::antonelo(), &case).check_normal_matrix()?;
+    }
+}
+
+#[test]
+fn normal_matrices_of_several_slabs_and_strips_agree_with_the_specification() {
+    // More than 8 slabs of 256 rows, and more than 2 strips of 128 columns.
+    let case = Case { hidden_layers: 2, neurons: 12, collocation: 460, initial: 60, ..large() };
+    problem(FourTanks::antonelo(), &case).check_normal_matrix().unwrap();
+}
+
+#[test]
+fn normal_matrices_are_the_same_on_any_number_of_threads() {
+    let problem = problem(VanDerPol::default(), &Case { neurons: 10, ..large() });
+    for isa in Isa::available() {
+        let one = problem.normal_matrix(isa, 1);
+        assert_eq!(one, problem.normal_matrix(isa, 2));
+        assert_eq!(one, problem.normal_matrix(isa, 5));
+    }
+}
+
+#[test]
+fn without_points_the_normal_matrix_is_zero() {
+    let case = Case { collocation: 0, initial: 0, hidden_layers: 1, ..large() };
+    let matrix = problem(VanDerPol::default(), &case).normal_matrix(Isa::detect(), 2);
+    assert!(matrix.col_iter().all(|column| column.iter().all(|a| a.to_bits() == 0)));
 }
 
 fn large() -> Case {

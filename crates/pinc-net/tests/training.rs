@@ -2,7 +2,8 @@
 
 use pinc_ad::Scalar;
 use pinc_net::optim::{
-    AdamConfig, LbfgsConfig, LineSearch, OptimizerConfig, SelfScaledBroydenConfig,
+    AdamConfig, LbfgsConfig, LevenbergMarquardtConfig, LineSearch, OptimizerConfig,
+    SelfScaledBroydenConfig,
 };
 use pinc_net::{
     Ansatz, Checkpoint, Domain, GrowthConfig, InitialScale, IterationRecord, Keep, NetConfig,
@@ -26,6 +27,12 @@ fn lbfgs(iterations: u64) -> Phase {
 fn broyden(iterations: u64) -> Phase {
     let config = SelfScaledBroydenConfig { initial_step: 0.1, gradient_tolerance: 1e-14 };
     Phase { optimizer: OptimizerConfig::SelfScaledBroyden(config), iterations, restore_best: false }
+}
+
+fn levenberg_marquardt(iterations: u64) -> Phase {
+    let config = LevenbergMarquardtConfig { initial_damping: 1e-3, gradient_tolerance: 1e-14 };
+    let optimizer = OptimizerConfig::LevenbergMarquardt(config);
+    Phase { optimizer, iterations, restore_best: false }
 }
 
 fn training(phases: Vec<Phase>) -> TrainingConfig {
@@ -120,6 +127,21 @@ fn the_two_phase_schedule_reduces_the_loss_with_every_sampler_and_ansatz() {
 }
 
 #[test]
+#[test]
+fn levenberg_marquardt_goes_much_further_than_lbfgs_in_as_many_iterations() {
+    let last = |phase, ansatz| {
+        let config = training(vec![phase]);
+        let (records, reason) = finish(&mut van_der_pol(&config, ansatz, 2));
+        assert_eq!((records.len(), reason), (40, StopReason::IterationsDone));
+        records[39]
+    };
+    for ansatz in [Ansatz::Direct, Ansatz::HardLinear] {
+        let (slow, fast) = (last(lbfgs(40), ansatz), last(levenberg_marquardt(40), ansatz));
+        assert!(fast.loss < slow.loss / 20.0, "{ansatz:?}: {} {}", fast.loss, slow.loss);
+        assert!(fast.loss_evaluations < 100, "{}", fast.loss_evaluations);
+    }
+}
+
 fn the_best_net_on_validation_is_kept() {
     let mut trainer = van_der_pol(&training(vec![adam(40), broyden(60)]), Ansatz::HardLinear, 1);
     let mut best = (f64::INFINITY, Vec::new());
@@ -182,11 +204,11 @@ fn resuming_gives_the_bits_of_an_uninterrupted_run() {
     let config = TrainingConfig {
         collocation_points: 64,
         growth: growth(),
-        ..training(vec![adam(15), lbfgs(30), broyden(70)])
+        ..training(vec![adam(15), lbfgs(30), broyden(70), levenberg_marquardt(25)])
     };
     let mut whole = van_der_pol(&config, Ansatz::Direct, 1);
     let (records, _) = finish(&mut whole);
-    for stop in [7, 15, 16, 44, 45, 46, 60, 101, 115] {
+    for stop in [7, 15, 16, 44, 45, 46, 60, 101, 115, 116, 130, 140] {
         let mut first = van_der_pol(&config, Ansatz::Direct, 2);
         for _ in 0..stop {
             assert!(matches!(first.step().unwrap(), Progress::Iterated(_)));

@@ -38,6 +38,8 @@ pub(super) struct Scratch<V> {
     x: Vec<Dual<V, DIRECTIONS>>,
     u: Vec<Dual<V, DIRECTIONS>>,
     f: Vec<Dual<V, DIRECTIONS>>,
+    /// y' of each state.
+    rate: Vec<V>,
     /// dL/dy and dL/dy' of each state.
     state_adjoint: Vec<V>,
     rate_adjoint: Vec<V>,
@@ -50,6 +52,7 @@ impl<V: Simd> Scratch<V> {
             x: states.clone(),
             u: vec![Dual::lift(zero); dims.inputs],
             f: states,
+            rate: vec![zero; dims.states],
             state_adjoint: vec![zero; dims.states],
             rate_adjoint: vec![zero; dims.states],
         }
@@ -76,21 +79,76 @@ impl<P: Plant> Physics<P> {
         let mut squares = panel.t[0].constant(0.0);
         for half in 0..2 {
             let t = panel.t[half];
-            let (factor, factor_rate) = self.ansatz.factor(t, self.horizon_s);
+            let factors = self.ansatz.factor(t, self.horizon_s);
             squares = squares
                 + match term {
                     Term::Physics => self.residual(weight, panel, output, half, scratch),
                     Term::Initial => self.initial(weight, panel, output, half, scratch),
                 };
-            // y = base + p d, y' = p' d + p d', with d = mean + std z.
             for (i, adjoint) in adjoint.iter_mut().enumerate() {
-                let std = t.constant(self.output.std[i]);
-                let (y, rate) = (scratch.state_adjoint[i], scratch.rate_adjoint[i]);
-                adjoint[half] = std * factor.mul_add(y, factor_rate * rate);
-                adjoint[half + 2] = std * factor * rate;
+                let derivatives = (scratch.state_adjoint[i], scratch.rate_adjoint[i]);
+                let (value, tangent) = self.through_ansatz(i, factors, derivatives);
+                adjoint[half] = value;
+                adjoint[half + 2] = tangent;
             }
         }
         squares
+    }
+
+    /// The derivatives of each of a panel's errors, times the root of `weight`, in the perceptron's
+    /// outputs z and their time tangents: with them the loss is the sum of squares.
+    ///
+    /// # Shapes
+    ///
+    /// `output`: one cell per state; `jacobian`: `[errors, states]`, as many errors as states.
+    #[inline(always)]
+    pub(super) fn linearize<V: Simd>(
+        &self,
+        term: Term,
+        weight: f64,
+        panel: Panel<'_, V>,
+        output: &[Cell<V>],
+        jacobian: &mut [Cell<V>],
+        scratch: &mut Scratch<V>,
+    ) {
+        let states = output.len();
+        let scale = match term {
+            Term::Physics => &self.residual_scale,
+            Term::Initial => &self.initial_scale,
+        };
+        for half in 0..2 {
+            let factors = self.ansatz.factor(panel.t[half], self.horizon_s);
+            let zero = panel.mask[half].constant(0.0);
+            for j in 0..states {
+                if term == Term::Physics && j.is_multiple_of(DIRECTIONS) {
+                    self.velocity(panel, output, half, j, scratch);
+                }
+                for i in 0..states {
+                    let error = panel.mask[half] * (weight.sqrt() * scale[i]);
+                    let own = if i == j { error } else { zero };
+                    let derivatives = match term {
+                        Term::Physics => (-scratch.f[i].eps[j % DIRECTIONS] * error, own),
+                        Term::Initial => (own, zero),
+                    };
+                    let (value, tangent) = self.through_ansatz(j, factors, derivatives);
+                    jacobian[i * states + j][half] = value;
+                    jacobian[i * states + j][half + 2] = tangent;
+                }
+            }
+        }
+    }
+
+    /// From the derivatives in (y, y') of state i to those in the perceptron's output z and its time
+    /// tangent: y = base + p d, y' = p' d + p d', with d = mean + std z and `factors` (p, p').
+    #[inline(always)]
+    fn through_ansatz<V: Simd>(
+        &self,
+        i: usize,
+        (factor, factor_rate): (V, V),
+        (state, rate): (V, V),
+    ) -> (V, V) {
+        let std = factor.constant(self.output.std[i]);
+        (std * factor.mul_add(state, factor_rate * rate), std * factor * rate)
     }
 
     /// State i and its time derivative, from the perceptron's output.
@@ -111,6 +169,28 @@ impl<P: Plant> Physics<P> {
         (y, factor_rate.mul_add(d, factor * d_rate))
     }
 
+    /// y', f(y, u), and the derivatives of f in the states from `first` on, into the scratch.
+    #[inline(always)]
+    fn velocity<V: Simd>(
+        &self,
+        panel: Panel<'_, V>,
+        output: &[Cell<V>],
+        half: usize,
+        first: usize,
+        scratch: &mut Scratch<V>,
+    ) {
+        let Scratch { x, u, f, rate, .. } = scratch;
+        for (to, from) in u.iter_mut().zip(panel.u) {
+            *to = Dual::lift(from[half]);
+        }
+        for (i, (x, rate)) in x.iter_mut().zip(rate).enumerate() {
+            let (y, y_rate) = self.state(panel, output, half, i);
+            *x = Dual::variable(y, i.checked_sub(first).unwrap_or(DIRECTIONS));
+            *rate = y_rate;
+        }
+        self.plant.rhs(x, u, f);
+    }
+
     /// F = y' - f(y, u).
     #[inline(always)]
     fn residual<V: Simd>(
@@ -122,26 +202,16 @@ impl<P: Plant> Physics<P> {
         scratch: &mut Scratch<V>,
     ) -> V {
         let mut squares = panel.t[half].constant(0.0);
-        let Scratch { x, u, f, state_adjoint, rate_adjoint } = scratch;
-        let states = x.len();
-        for (to, from) in u.iter_mut().zip(panel.u) {
-            *to = Dual::lift(from[half]);
-        }
+        let states = output.len();
         for first in (0..states).step_by(DIRECTIONS) {
-            for (i, x) in x.iter_mut().enumerate() {
-                let (y, rate) = self.state(panel, output, half, i);
-                *x = Dual::variable(y, i.checked_sub(first).unwrap_or(DIRECTIONS));
-                if first == 0 {
-                    rate_adjoint[i] = rate;
-                }
-            }
-            self.plant.rhs(x, u, f);
+            self.velocity(panel, output, half, first, scratch);
+            let Scratch { f, rate, state_adjoint, rate_adjoint, .. } = &mut *scratch;
             if first == 0 {
-                for (i, rate) in rate_adjoint.iter_mut().enumerate() {
+                for (i, adjoint) in rate_adjoint.iter_mut().enumerate() {
                     let scale = self.residual_scale[i];
-                    let masked = (*rate - f[i].re) * panel.mask[half] * scale;
+                    let masked = (rate[i] - f[i].re) * panel.mask[half] * scale;
                     squares = masked.mul_add(masked, squares);
-                    *rate = masked * (2.0 * weight * scale);
+                    *adjoint = masked * (2.0 * weight * scale);
                 }
             }
             // dL/dy_j = - sum_i dL/dF_i df_i/dy_j

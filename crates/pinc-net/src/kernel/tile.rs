@@ -7,6 +7,8 @@ use crate::Normalizer;
 use crate::activation::tanh;
 use crate::mlp::Mlp;
 use crate::simd::{Simd, Work};
+use faer::prelude::ReborrowMut;
+use faer::{ColMut, MatMut};
 use pinc_ode::Plant;
 use std::ops::Range;
 
@@ -30,6 +32,8 @@ pub(super) struct Workspace<V> {
     adjoints: Vec<Vec<Cell<V>>>,
     /// Derivative in each parameter, spread over lanes.
     gradient: Vec<V>,
+    /// Derivatives of a panel's errors in the outputs of the net, `[errors, states]`.
+    seeds: Vec<Cell<V>>,
     scratch: Scratch<V>,
     zero: V,
 }
@@ -42,15 +46,15 @@ impl<V: Simd> Workspace<V> {
             activations: mlp.widths().iter().map(|&w| cells(w)).collect(),
             adjoints: mlp.widths()[1..].iter().map(|&w| cells(w)).collect(),
             gradient: vec![zero; mlp.parameters().len()],
+            seeds: vec![[zero; 4]; dims.states * dims.states],
             scratch: Scratch::new(dims, zero),
             zero,
         }
     }
 }
 
-/// The loss and gradient of a block of panels: the unit of work of a thread. Blocks do not depend on the
-/// number of threads, and their results are added in order, so that neither do the sums.
-pub(super) struct Block<'a, V, P> {
+/// Panels on their way through the net, in one thread's memory.
+pub(super) struct Pass<'a, V, P> {
     pub(super) layers: &'a [PackedLayer],
     pub(super) input: &'a Normalizer,
     pub(super) physics: &'a Physics<P>,
@@ -60,6 +64,12 @@ pub(super) struct Block<'a, V, P> {
     pub(super) panels: &'a Panels<V>,
     pub(super) range: Range<usize>,
     pub(super) workspace: &'a mut Workspace<V>,
+}
+
+/// The loss and gradient of a block of panels: the unit of work of a thread. Blocks do not depend on the
+/// number of threads, and their results are added in order, so that neither do the sums.
+pub(super) struct Block<'a, V, P> {
+    pub(super) pass: Pass<'a, V, P>,
     /// Where the gradient goes; without it only the loss is computed.
     pub(super) gradient: Option<&'a mut [f64]>,
 }
@@ -69,27 +79,28 @@ impl<V: Simd, P: Plant> Work for Block<'_, V, P> {
     type Output = f64;
 
     #[inline(always)]
-    fn run(mut self) -> f64 {
-        let mut loss = self.workspace.zero;
-        let zero = self.workspace.zero;
-        self.workspace.gradient.fill(zero);
+    fn run(self) -> f64 {
+        let Self { mut pass, gradient } = self;
+        let zero = pass.workspace.zero;
+        let mut loss = zero;
+        pass.workspace.gradient.fill(zero);
         let tile = tile_panels::<V>();
-        for first in self.range.clone().step_by(tile) {
-            let count = tile.min(self.range.end - first);
+        for first in pass.range.clone().step_by(tile) {
+            let count = tile.min(pass.range.end - first);
             for place in 0..count {
-                let panel = self.panels.panel(first + place);
-                self.forward(panel, place);
-                loss = loss + self.outputs(panel, place);
-                if self.gradient.is_some() {
-                    self.backward(place);
+                let panel = pass.panels.panel(first + place);
+                pass.forward(panel, place);
+                loss = loss + pass.outputs(panel, place);
+                if gradient.is_some() {
+                    pass.backward(place);
                 }
             }
-            if self.gradient.is_some() {
-                self.accumulate(count);
+            if gradient.is_some() {
+                pass.accumulate(count);
             }
         }
-        if let Some(gradient) = self.gradient {
-            for (to, from) in gradient.iter_mut().zip(&self.workspace.gradient) {
+        if let Some(gradient) = gradient {
+            for (to, from) in gradient.iter_mut().zip(&pass.workspace.gradient) {
                 *to = from.sum();
             }
         }
@@ -97,7 +108,36 @@ impl<V: Simd, P: Plant> Work for Block<'_, V, P> {
     }
 }
 
-impl<V: Simd, P: Plant> Block<'_, V, P> {
+/// The Jacobian of the weighted errors of a few panels, into the columns of a matrix.
+pub(super) struct Jacobian<'a, V, P> {
+    pub(super) pass: Pass<'a, V, P>,
+    /// A column per parameter; a row per lane and state, panel by panel.
+    pub(super) out: MatMut<'a, f64>,
+}
+
+impl<V: Simd, P: Plant> Work for Jacobian<'_, V, P> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let Self { mut pass, mut out } = self;
+        let states = pass.physics.output.std.len();
+        let mut row = 0;
+        for panel in pass.range.clone() {
+            let panel = pass.panels.panel(panel);
+            pass.forward(panel, 0);
+            pass.linearize(panel);
+            for state in 0..states {
+                pass.seed(state);
+                pass.backward(0);
+                pass.write_rows(row, out.rb_mut());
+                row += 2 * V::LANES;
+            }
+        }
+    }
+}
+
+impl<V: Simd, P: Plant> Pass<'_, V, P> {
     /// `a_0` = normalized (t, y0, u), `a_(l+1)` = tanh(`W_l` `a_l` + `b_l`), with time tangents.
     #[inline(always)]
     fn forward(&mut self, panel: Panel<'_, V>, place: usize) {
@@ -134,6 +174,45 @@ impl<V: Simd, P: Plant> Block<'_, V, P> {
         self.physics.panel(self.term, self.weight, panel, output, adjoint, scratch)
     }
 
+    /// The derivatives of all errors of the panel in place 0 in the outputs of the net.
+    #[inline(always)]
+    fn linearize(&mut self, panel: Panel<'_, V>) {
+        let Workspace { shapes, activations, seeds, scratch, .. } = &mut *self.workspace;
+        let last = shapes.len() - 1;
+        let output = &activations[last + 1][..shapes[last].1];
+        self.physics.linearize(self.term, self.weight, panel, output, seeds, scratch);
+    }
+
+    /// Starts a backward pass in place 0 from the error of one state alone.
+    #[inline(always)]
+    fn seed(&mut self, state: usize) {
+        let Workspace { shapes, adjoints, seeds, .. } = &mut *self.workspace;
+        let last = shapes.len() - 1;
+        let states = shapes[last].1;
+        adjoints[last][..states].copy_from_slice(&seeds[state * states..(state + 1) * states]);
+    }
+
+    /// Writes the derivatives in each parameter, from the adjoints in place 0: two vectors a column,
+    /// from `row` on.
+    #[inline(always)]
+    fn write_rows(&self, row: usize, mut out: MatMut<'_, f64>) {
+        let Workspace { shapes, activations, adjoints, .. } = &*self.workspace;
+        let mut columns = out.rb_mut().col_iter_mut();
+        for (l, &(width, height)) in shapes.iter().enumerate() {
+            let adjoints = &adjoints[l][..height];
+            for adjoint in adjoints {
+                for a in &activations[l][..width] {
+                    let first = adjoint[0].mul_add(a[0], adjoint[2] * a[2]);
+                    let second = adjoint[1].mul_add(a[1], adjoint[3] * a[3]);
+                    write_rows(columns.next(), row, first, second);
+                }
+            }
+            for adjoint in adjoints {
+                write_rows(columns.next(), row, adjoint[0], adjoint[1]);
+            }
+        }
+    }
+
     /// Adjoints of all layers, from the last to the first.
     #[inline(always)]
     fn backward(&mut self, place: usize) {
@@ -166,6 +245,16 @@ impl<V: Simd, P: Plant> Block<'_, V, P> {
                 }
             }
         }
+    }
+}
+
+/// Two vectors into a column, from `row` on.
+#[inline(always)]
+fn write_rows<V: Simd>(column: Option<ColMut<'_, f64>>, row: usize, first: V, second: V) {
+    if let Some(column) = column.and_then(ColMut::try_as_col_major_mut) {
+        let to = &mut column.as_slice_mut()[row..row + 2 * V::LANES];
+        first.write(to);
+        second.write(&mut to[V::LANES..]);
     }
 }
 

@@ -5,7 +5,7 @@ use crate::simd::{Simd, Task};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use super::dot;
+use super::{Scratch, dot, set};
 
 /// Rows that are stored together.
 const BLOCK: usize = 8;
@@ -21,7 +21,7 @@ const BATCH: usize = 8;
 const PARTS: usize = 16;
 
 /// H <- scale H + hh Hy Hy' + hs (Hy s' + s Hy') + ss s s'.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub(super) struct Update {
     pub(super) s: Vec<f64>,
     pub(super) hy: Vec<f64>,
@@ -40,7 +40,19 @@ pub(super) struct InverseHessian {
     variables: usize,
     stored: Vec<f64>,
     scale: f64,
+    /// Updates that are held back; their vectors are filled up with zeros to whole blocks.
     pending: Vec<Update>,
+    #[serde(skip)]
+    work: Scratch<Work>,
+}
+
+/// Memory of a product.
+#[derive(Debug, Default)]
+struct Work {
+    x: Vec<f64>,
+    partial: Vec<f64>,
+    /// Updates without content.
+    spare: Vec<Update>,
 }
 
 impl InverseHessian {
@@ -53,7 +65,7 @@ impl InverseHessian {
             let width = (blocks - block) * BLOCK;
             stored[first_entry(block, blocks) + i * width + i] = diagonal;
         }
-        Self { variables, stored, scale: 1.0, pending: Vec::new() }
+        Self { variables, stored, scale: 1.0, pending: Vec::new(), work: Scratch::default() }
     }
 
     /// Whether there is no matrix yet.
@@ -61,8 +73,16 @@ impl InverseHessian {
         self.variables == 0
     }
 
+    /// An update to be filled in and given to [`Self::update`]; its vectors hold something old.
+    pub(super) fn new_update(&mut self) -> Update {
+        self.work.0.spare.pop().unwrap_or_default()
+    }
+
     /// Takes an update in.
-    pub(super) fn update(&mut self, update: Update) {
+    pub(super) fn update(&mut self, mut update: Update) {
+        let padded = self.variables.next_multiple_of(BLOCK);
+        update.s.resize(padded, 0.0);
+        update.hy.resize(padded, 0.0);
         self.scale *= update.scale;
         for earlier in &mut self.pending {
             earlier.hh *= update.scale;
@@ -72,43 +92,54 @@ impl InverseHessian {
         self.pending.push(update);
     }
 
-    /// H v.
-    pub(super) fn product(&mut self, v: &[f64], workers: &Workers) -> Vec<f64> {
-        let blocks = self.variables.div_ceil(BLOCK);
-        let padded = blocks * BLOCK;
-        let mut x = v.to_vec();
-        x.resize(padded, 0.0);
-        let batch = (self.pending.len() >= BATCH).then(|| Batch::new(self, padded));
-        let mut partial = vec![0.0; padded * PARTS];
-        let mut parts = Vec::with_capacity(PARTS);
-        let mut rest = &mut self.stored[..];
-        let edges = edges(blocks);
-        for (pair, partial) in edges.windows(2).zip(partial.chunks_exact_mut(padded)) {
-            let length = first_entry(pair[1], blocks) - first_entry(pair[0], blocks);
-            let (matrix, after) = rest.split_at_mut(length);
-            rest = after;
-            let (x, batch) = (&x[..], batch.as_ref());
-            parts.push(Part { matrix, blocks: (pair[0], pair[1]), x, batch, partial });
-        }
+    /// H v, into `result`.
+    pub(super) fn product(&mut self, v: &[f64], result: &mut Vec<f64>, workers: &Workers) {
+        let Self { variables, stored, scale, pending, work: Scratch(work) } = self;
+        let padded = variables.next_multiple_of(BLOCK);
+        set(&mut work.x, v.iter().copied());
+        work.x.resize(padded, 0.0);
+        work.partial.clear();
+        work.partial.resize(padded * PARTS, 0.0);
+        let full = pending.len() >= BATCH;
+        let batch = full.then_some(Batch { scale: *scale, updates: pending });
+        let mut parts = parts(stored, &work.x, batch, &mut work.partial);
         workers.pool.install(|| {
-            parts.into_par_iter().for_each(|part| workers.isa.dispatch(part));
+            parts.par_iter_mut().for_each(|part| {
+                part.take().into_iter().for_each(|part| workers.isa.dispatch(part));
+            });
         });
-        if batch.is_some() {
-            self.scale = 1.0;
-            self.pending.clear();
+        if full {
+            *scale = 1.0;
+            work.spare.append(pending);
         }
-        let mut result = vec![0.0; self.variables];
-        for partial in partial.chunks_exact(padded) {
+        set(result, std::iter::repeat_n(0.0, *variables));
+        for partial in work.partial.chunks_exact(padded) {
             for (sum, part) in result.iter_mut().zip(partial) {
                 *sum += part;
             }
         }
-        result.iter_mut().for_each(|sum| *sum *= self.scale);
-        for update in &self.pending {
-            update.add_product(v, &mut result);
+        result.iter_mut().for_each(|sum| *sum *= *scale);
+        for update in &*pending {
+            update.add_product(v, result);
         }
-        result
     }
+}
+
+/// The work of a product; the vectors are of whole blocks.
+fn parts<'a>(
+    stored: &'a mut [f64],
+    x: &'a [f64],
+    batch: Option<Batch<'a>>,
+    partial: &'a mut [f64],
+) -> [Option<Part<'a>>; PARTS] {
+    let blocks = x.len() / BLOCK;
+    let (mut matrices, mut partials) = (stored, partial.chunks_exact_mut(x.len()));
+    std::array::from_fn(|i| {
+        let (first, end) = (edge(i, blocks), edge(i + 1, blocks));
+        let length = first_entry(end, blocks) - first_entry(first, blocks);
+        let matrix = matrices.split_off_mut(..length)?;
+        Some(Part { matrix, blocks: (first, end), x, batch, partial: partials.next()? })
+    })
 }
 
 impl Update {
@@ -129,33 +160,18 @@ fn first_entry(block: usize, blocks: usize) -> usize {
     BLOCK * BLOCK * (block * blocks - block * block.saturating_sub(1) / 2)
 }
 
-/// Block rows at which the parts begin, and the end: parts of about the same number of entries.
-fn edges(blocks: usize) -> Vec<usize> {
+/// The block row at which part `part` begins and the one before it ends; parts have about the same
+/// number of entries.
+fn edge(part: usize, blocks: usize) -> usize {
     let total = first_entry(blocks, blocks);
-    let edge = |part: usize| {
-        (0..=blocks).find(|&b| first_entry(b, blocks) * PARTS >= total * part).unwrap_or(blocks)
-    };
-    (0..=PARTS).map(edge).collect()
+    (0..=blocks).find(|&b| first_entry(b, blocks) * PARTS >= total * part).unwrap_or(blocks)
 }
 
 /// The pending updates, ready to be applied.
-struct Batch {
+#[derive(Clone, Copy)]
+struct Batch<'a> {
     scale: f64,
-    /// hy and s of each update, padded, with the coefficients of both.
-    updates: Vec<([Vec<f64>; 2], [f64; 3])>,
-}
-
-impl Batch {
-    fn new(matrix: &InverseHessian, padded: usize) -> Self {
-        let pad = |v: &[f64]| {
-            let mut v = v.to_vec();
-            v.resize(padded, 0.0);
-            v
-        };
-        let updates =
-            matrix.pending.iter().map(|u| ([pad(&u.hy), pad(&u.s)], [u.hh, u.hs, u.ss])).collect();
-        Self { scale: matrix.scale, updates }
-    }
+    updates: &'a [Update],
 }
 
 /// Some block rows: applies the batch to them, and adds their share of H x to `partial`.
@@ -163,7 +179,7 @@ struct Part<'a> {
     matrix: &'a mut [f64],
     blocks: (usize, usize),
     x: &'a [f64],
-    batch: Option<&'a Batch>,
+    batch: Option<Batch<'a>>,
     partial: &'a mut [f64],
 }
 
@@ -197,10 +213,11 @@ fn load<V: Simd>(zero: V, from: &[f64]) -> V {
 
 /// A group's rows (the first of them is row `row`, from column `first` on) by the batch of updates.
 #[inline(always)]
-fn apply<V: Simd>(rows: &mut [f64], batch: &Batch, (row, first): (usize, usize), zero: V) {
+fn apply<V: Simd>(rows: &mut [f64], batch: Batch<'_>, (row, first): (usize, usize), zero: V) {
     let width = rows.len() / GROUP;
     let mut coefficients = [[[zero; GROUP]; 2]; BATCH];
-    for (c, ([hy, s], [hh, hs, ss])) in coefficients.iter_mut().zip(&batch.updates) {
+    for (c, update) in coefficients.iter_mut().zip(batch.updates) {
+        let Update { s, hy, hh, hs, ss, .. } = update;
         for r in 0..GROUP {
             let (hy, s) = (hy[row + r], s[row + r]);
             c[0][r] = zero.constant(hh * hy + hs * s);
@@ -211,8 +228,8 @@ fn apply<V: Simd>(rows: &mut [f64], batch: &Batch, (row, first): (usize, usize),
     for j in (0..width).step_by(V::LANES) {
         let mut h: [V; GROUP] =
             std::array::from_fn(|r| load(zero, &rows[r * width + j..][..V::LANES]) * scale);
-        for (c, (vectors, _)) in coefficients.iter().zip(&batch.updates) {
-            for (c, vector) in c.iter().zip(vectors) {
+        for (c, update) in coefficients.iter().zip(batch.updates) {
+            for (c, vector) in c.iter().zip([&update.hy, &update.s]) {
                 let v = load(zero, &vector[first + j..][..V::LANES]);
                 for r in 0..GROUP {
                     h[r] = c[r].mul_add(v, h[r]);
@@ -296,7 +313,8 @@ mod tests {
             );
             for step in 0..30 {
                 let v = numbers(n, step);
-                let product = matrix.product(&v, &workers);
+                let mut product = Vec::new();
+                matrix.product(&v, &mut product, &workers);
                 for (row, got) in dense.0.iter().zip(&product) {
                     // A hundred products of numbers of size 10 at most.
                     assert!((dot(row, &v) - got).abs() < 1e-12, "n = {n}, step {step}");
@@ -318,8 +336,8 @@ mod tests {
     #[test]
     fn parts_cover_the_matrix() {
         for blocks in [1, 2, 7, 16, 180] {
-            let edges = edges(blocks);
-            assert_eq!((edges[0], edges[PARTS]), (0, blocks));
+            let edges = [0, 1, 2, 5, 9, 15, PARTS].map(|part| edge(part, blocks));
+            assert_eq!((edges[0], edges[6]), (0, blocks));
             assert!(edges.is_sorted());
         }
     }

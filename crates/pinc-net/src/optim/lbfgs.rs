@@ -1,6 +1,6 @@
 //! Limited-memory BFGS.
 
-use super::{Iterate, LineSearch, Objective, Outcome, check, dot};
+use super::{Iterate, LineSearch, Objective, Outcome, Scratch, check, dot, set};
 use crate::NetError;
 use crate::mlp::to_f64;
 use serde::{Deserialize, Serialize};
@@ -53,11 +53,24 @@ struct Pair {
 pub(super) struct Lbfgs {
     config: LbfgsConfig,
     pairs: VecDeque<Pair>,
+    #[serde(skip)]
+    work: Scratch<Work>,
+}
+
+/// Memory of a step.
+#[derive(Debug, Default)]
+struct Work {
+    next: Iterate,
+    direction: Vec<f64>,
+    alphas: Vec<f64>,
+    /// Pairs without content.
+    spare: Vec<Pair>,
 }
 
 impl Lbfgs {
     pub(super) fn new(config: &LbfgsConfig) -> Self {
-        Self { config: config.clone(), pairs: VecDeque::with_capacity(config.memory + 1) }
+        let pairs = VecDeque::with_capacity(config.memory + 1);
+        Self { config: config.clone(), pairs, work: Scratch::default() }
     }
 
     pub(super) fn step(&mut self, objective: &mut impl Objective, at: &mut Iterate) -> Outcome {
@@ -65,63 +78,65 @@ impl Lbfgs {
         if norm <= self.config.gradient_tolerance {
             return Outcome::Converged;
         }
-        let mut next = at.clone();
+        let Work { next, direction, alphas, spare } = &mut self.work.0;
+        next.resize(at.x.len());
         let search = self.config.line_search;
         let mut found = None;
         if !self.pairs.is_empty() {
-            found = search.search(objective, at, &self.direction(&at.gradient), 1.0, &mut next);
+            newton(&self.pairs, &at.gradient, direction, alphas);
+            found = search.search(objective, at, direction, 1.0, next);
         }
         if found.is_none() {
             // Nothing learnt yet, or what was learnt misleads: steepest descent, one unit long.
-            self.pairs.clear();
-            let direction: Vec<f64> = at.gradient.iter().map(|g| -g).collect();
-            found = search.search(objective, at, &direction, 1.0 / norm.max(1.0), &mut next);
+            spare.extend(self.pairs.drain(..));
+            set(direction, at.gradient.iter().map(|g| -g));
+            found = search.search(objective, at, direction, 1.0 / norm.max(1.0), next);
         }
         if found.is_none() {
             return Outcome::Stuck;
         }
-        self.learn(at, &next);
-        std::mem::swap(at, &mut next);
+        std::mem::swap(at, next);
+        self.learn(at);
         Outcome::Moved
     }
 
-    /// - H g by the two-loop recursion, with `H_0` = (s'y / y'y) I of the last pair.
-    fn direction(&self, gradient: &[f64]) -> Vec<f64> {
-        let mut q = gradient.to_vec();
-        let mut alphas = Vec::with_capacity(self.pairs.len());
-        for Pair { s, y, rho } in self.pairs.iter().rev() {
-            let alpha = rho * dot(s, &q);
-            add(&mut q, -alpha, y);
-            alphas.push(alpha);
-        }
-        if let Some(Pair { y, rho, .. }) = self.pairs.back() {
-            let scale = 1.0 / (rho * dot(y, y));
-            q.iter_mut().for_each(|q| *q *= scale);
-        }
-        for (Pair { s, y, rho }, alpha) in self.pairs.iter().zip(alphas.iter().rev()) {
-            let beta = rho * dot(y, &q);
-            add(&mut q, alpha - beta, s);
-        }
-        q.iter_mut().for_each(|q| *q = -*q);
-        q
-    }
-
-    fn learn(&mut self, from: &Iterate, to: &Iterate) {
+    /// Remembers the step to `to` from the point that is in the place of the next one.
+    fn learn(&mut self, to: &Iterate) {
+        let Work { next: from, spare, .. } = &mut self.work.0;
         // The oldest pair's memory is used again.
         let full = self.pairs.len() >= self.config.memory;
-        let mut pair = if full { self.pairs.pop_front() } else { None }.unwrap_or_default();
-        let difference = |into: &mut Vec<f64>, a: &[f64], b: &[f64]| {
-            into.clear();
-            into.extend(a.iter().zip(b).map(|(a, b)| a - b));
-        };
-        difference(&mut pair.s, &to.x, &from.x);
-        difference(&mut pair.y, &to.gradient, &from.gradient);
+        let oldest = if full { self.pairs.pop_front() } else { None };
+        let mut pair = oldest.or_else(|| spare.pop()).unwrap_or_default();
+        set(&mut pair.s, to.x.iter().zip(&from.x).map(|(to, from)| to - from));
+        set(&mut pair.y, to.gradient.iter().zip(&from.gradient).map(|(to, from)| to - from));
         let curvature = dot(&pair.s, &pair.y);
         if curvature > 0.0 {
             pair.rho = 1.0 / curvature;
             self.pairs.push_back(pair);
+        } else {
+            spare.push(pair);
         }
     }
+}
+
+/// `q` = - H g by the two-loop recursion, with `H_0` = (s'y / y'y) I of the last pair.
+fn newton(pairs: &VecDeque<Pair>, gradient: &[f64], q: &mut Vec<f64>, alphas: &mut Vec<f64>) {
+    set(q, gradient.iter().copied());
+    alphas.clear();
+    for Pair { s, y, rho } in pairs.iter().rev() {
+        let alpha = rho * dot(s, q);
+        add(q, -alpha, y);
+        alphas.push(alpha);
+    }
+    if let Some(Pair { y, rho, .. }) = pairs.back() {
+        let scale = 1.0 / (rho * dot(y, y));
+        q.iter_mut().for_each(|q| *q *= scale);
+    }
+    for (Pair { s, y, rho }, alpha) in pairs.iter().zip(alphas.iter().rev()) {
+        let beta = rho * dot(y, q);
+        add(q, alpha - beta, s);
+    }
+    q.iter_mut().for_each(|q| *q = -*q);
 }
 
 /// a += factor b

@@ -6,17 +6,21 @@
 mod adam;
 mod inverse_hessian;
 mod lbfgs;
+mod levenberg_marquardt;
 mod line_search;
 mod self_scaled_broyden;
 
 pub use adam::AdamConfig;
 pub use lbfgs::LbfgsConfig;
+pub use levenberg_marquardt::LevenbergMarquardtConfig;
 pub use line_search::LineSearch;
 pub use self_scaled_broyden::SelfScaledBroydenConfig;
 
 use crate::{NetError, Workers};
 use adam::Adam;
+use faer::MatMut;
 use lbfgs::Lbfgs;
+use levenberg_marquardt::LevenbergMarquardt;
 use self_scaled_broyden::SelfScaledBroyden;
 use serde::{Deserialize, Serialize};
 
@@ -26,14 +30,16 @@ pub trait Objective {
     fn evaluate(&mut self, x: &[f64], gradient: &mut [f64]) -> f64;
 }
 
-impl<F: FnMut(&[f64], &mut [f64]) -> f64> Objective for F {
-    fn evaluate(&mut self, x: &[f64], gradient: &mut [f64]) -> f64 {
-        self(x, gradient)
-    }
+/// A function to be minimized that is a sum of squares: its value is |r(x)|^2 with residuals r, weights
+/// included. With J the Jacobian of r, its gradient is 2 J'r.
+pub trait LeastSquares: Objective {
+    /// The lower triangle of the normal matrix J'J at `x`, half the Gauss-Newton approximation of the
+    /// Hessian. What `out`, square and of the length of `x`, holds above the diagonal has no meaning.
+    fn normal_matrix(&mut self, x: &[f64], out: MatMut<'_, f64>);
 }
 
 /// A point, with the function's value and gradient there.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Iterate {
     /// The point.
     pub x: Vec<f64>,
@@ -54,6 +60,12 @@ impl Iterate {
     /// Computes value and gradient anew, after the function has changed.
     pub fn reevaluate(&mut self, objective: &mut impl Objective) {
         self.value = objective.evaluate(&self.x, &mut self.gradient);
+    }
+
+    /// Makes room for a point of `variables` numbers, whatever it was before.
+    fn resize(&mut self, variables: usize) {
+        self.x.resize(variables, 0.0);
+        self.gradient.resize(variables, 0.0);
     }
 
     /// Euclidean norm of the gradient.
@@ -91,6 +103,8 @@ pub enum OptimizerConfig {
     Lbfgs(LbfgsConfig),
     /// Self-scaled Broyden, with the full inverse Hessian.
     SelfScaledBroyden(SelfScaledBroydenConfig),
+    /// Levenberg-Marquardt, with the normal matrix.
+    LevenbergMarquardt(LevenbergMarquardtConfig),
 }
 
 impl OptimizerConfig {
@@ -104,6 +118,7 @@ impl OptimizerConfig {
             Self::Adam(config) => config.validate(),
             Self::Lbfgs(config) => config.validate(),
             Self::SelfScaledBroyden(config) => config.validate(),
+            Self::LevenbergMarquardt(config) => config.validate(),
         }
     }
 }
@@ -117,6 +132,7 @@ enum Method {
     Adam(Adam),
     Lbfgs(Lbfgs),
     SelfScaledBroyden(SelfScaledBroyden),
+    LevenbergMarquardt(LevenbergMarquardt),
 }
 
 impl Optimizer {
@@ -129,16 +145,19 @@ impl Optimizer {
             OptimizerConfig::SelfScaledBroyden(config) => {
                 Method::SelfScaledBroyden(SelfScaledBroyden::new(config))
             }
+            OptimizerConfig::LevenbergMarquardt(config) => {
+                Method::LevenbergMarquardt(LevenbergMarquardt::new(config))
+            }
         })
     }
 
     /// One iteration from `iterate`, whose value and gradient must be those of `objective`.
     ///
-    /// Line searches step back from points where the function is not finite; a step of Adam may end in
-    /// one.
+    /// Where the function is not finite, line searches step back and Levenberg-Marquardt tries a smaller
+    /// step; a step of Adam may end there.
     pub fn step(
         &mut self,
-        objective: &mut impl Objective,
+        objective: &mut impl LeastSquares,
         iterate: &mut Iterate,
         workers: &Workers,
     ) -> Outcome {
@@ -146,6 +165,7 @@ impl Optimizer {
             Method::Adam(adam) => adam.step(objective, iterate),
             Method::Lbfgs(lbfgs) => lbfgs.step(objective, iterate),
             Method::SelfScaledBroyden(broyden) => broyden.step(objective, iterate, workers),
+            Method::LevenbergMarquardt(method) => method.step(objective, iterate),
         }
     }
 
@@ -158,8 +178,37 @@ impl Optimizer {
     }
 }
 
+/// Memory that carries nothing from one step to the next, kept so that it need not be allocated anew. It
+/// is neither copied nor saved, and makes no difference between optimizers.
+#[derive(Default)]
+struct Scratch<T>(T);
+
+impl<T> std::fmt::Debug for Scratch<T> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str("Scratch")
+    }
+}
+
+impl<T: Default> Clone for Scratch<T> {
+    fn clone(&self) -> Self {
+        Self::default()
+    }
+}
+
+impl<T> PartialEq for Scratch<T> {
+    fn eq(&self, _: &Self) -> bool {
+        true
+    }
+}
+
 fn dot(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()
+}
+
+/// Puts `values` in the place of all that `to` holds.
+fn set(to: &mut Vec<f64>, values: impl Iterator<Item = f64>) {
+    to.clear();
+    to.extend(values);
 }
 
 fn norm(a: &[f64]) -> f64 {

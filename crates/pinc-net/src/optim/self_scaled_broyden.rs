@@ -1,8 +1,8 @@
 //! Self-scaled Broyden updates of the full inverse Hessian.
 
-use super::inverse_hessian::{InverseHessian, Update};
+use super::inverse_hessian::InverseHessian;
 use super::lbfgs::default_gradient_tolerance;
-use super::{Iterate, LineSearch, Objective, Outcome, check, dot};
+use super::{Iterate, LineSearch, Objective, Outcome, Scratch, check, dot, set};
 use crate::mlp::to_f64;
 use crate::{NetError, Workers};
 use serde::{Deserialize, Serialize};
@@ -45,12 +45,29 @@ pub(super) struct SelfScaledBroyden {
     inverse_hessian: InverseHessian,
     /// H g at the current iterate.
     newton: Vec<f64>,
+    #[serde(skip)]
+    work: Scratch<Work>,
+}
+
+/// Memory of a step.
+#[derive(Debug, Default)]
+struct Work {
+    next: Iterate,
+    direction: Vec<f64>,
+    /// H g at the next iterate.
+    newton: Vec<f64>,
+    /// The change of the gradient.
+    y: Vec<f64>,
 }
 
 impl SelfScaledBroyden {
     pub(super) fn new(config: &SelfScaledBroydenConfig) -> Self {
-        let config = config.clone();
-        Self { config, inverse_hessian: InverseHessian::default(), newton: Vec::new() }
+        Self {
+            config: config.clone(),
+            inverse_hessian: InverseHessian::default(),
+            newton: Vec::new(),
+            work: Scratch::default(),
+        }
     }
 
     pub(super) fn step(
@@ -67,13 +84,14 @@ impl SelfScaledBroyden {
         if fresh {
             self.start(&at.gradient, norm);
         }
-        let mut next = at.clone();
+        self.work.0.next.resize(at.x.len());
         loop {
-            let direction: Vec<f64> = self.newton.iter().map(|v| -v).collect();
-            let found = LineSearch::WeakWolfe.search(objective, at, &direction, 1.0, &mut next);
+            let Work { next, direction, .. } = &mut self.work.0;
+            set(direction, self.newton.iter().map(|v| -v));
+            let found = LineSearch::WeakWolfe.search(objective, at, direction, 1.0, next);
             if let Some(step) = found {
-                self.learn(at, &next, &direction, step, workers);
-                std::mem::swap(at, &mut next);
+                std::mem::swap(at, next);
+                self.learn(at, step, workers);
                 return Outcome::Moved;
             }
             if fresh {
@@ -88,7 +106,7 @@ impl SelfScaledBroyden {
     /// learnt of the curvature is kept.
     pub(super) fn refresh(&mut self, gradient: &[f64], workers: &Workers) {
         if !self.inverse_hessian.is_empty() {
-            self.newton = self.inverse_hessian.product(gradient, workers);
+            self.inverse_hessian.product(gradient, &mut self.newton, workers);
         }
     }
 
@@ -99,7 +117,8 @@ impl SelfScaledBroyden {
         self.newton = gradient.iter().map(|g| diagonal * g).collect();
     }
 
-    /// The update from the step s = `step` * `direction`, in the notation of the references:
+    /// The update from the step s = `step` * direction to `to`, from the point that is in the place of
+    /// the next one, in the notation of the references:
     ///
     /// ```text
     /// b = s'B s/s'y,  h = y'H y/s'y,  k = h b - 1,  c = sqrt(k/(1 + k)),  r = min(1, h (1 - c))
@@ -107,35 +126,26 @@ impl SelfScaledBroyden {
     /// v = sqrt(y'H y) (s/s'y - H y/y'H y)
     /// H <- (H - H y y'H/y'H y + phi v v')/tau + s s'/s'y
     /// ```
-    fn learn(
-        &mut self,
-        from: &Iterate,
-        to: &Iterate,
-        direction: &[f64],
-        step: f64,
-        workers: &Workers,
-    ) {
-        let hg = self.inverse_hessian.product(&to.gradient, workers);
-        let hy: Vec<f64> = hg.iter().zip(&self.newton).map(|(new, old)| new - old).collect();
-        let s: Vec<f64> = direction.iter().map(|d| step * d).collect();
-        let y: Vec<f64> = to.gradient.iter().zip(&from.gradient).map(|(a, b)| a - b).collect();
-        let (sy, yhy) = (dot(&s, &y), dot(&y, &hy));
+    fn learn(&mut self, to: &Iterate, step: f64, workers: &Workers) {
+        let Work { next: from, direction, newton, y } = &mut self.work.0;
+        self.inverse_hessian.product(&to.gradient, newton, workers);
+        let mut update = self.inverse_hessian.new_update();
+        set(&mut update.hy, newton.iter().zip(&self.newton).map(|(new, old)| new - old));
+        set(&mut update.s, direction.iter().map(|d| step * d));
+        set(y, to.gradient.iter().zip(&from.gradient).map(|(a, b)| a - b));
+        std::mem::swap(&mut self.newton, newton);
+        let (sy, yhy) = (dot(&update.s, y), dot(y, &update.hy));
         if !(sy > 0.0 && yhy > 0.0 && yhy.is_finite()) {
-            self.newton = hg;
             return;
         }
-        let b = -step * dot(&s, &from.gradient) / sy;
+        let b = -step * dot(&update.s, &from.gradient) / sy;
         let h = yhy / sy;
-        let (tau, phi) = scaling(b, h, to_f64(s.len()));
-        let update = Update {
-            scale: 1.0 / tau,
-            hh: (phi - 1.0) / (yhy * tau),
-            hs: -phi / (sy * tau),
-            ss: phi * yhy / (sy * sy * tau) + 1.0 / sy,
-            s,
-            hy,
-        };
-        self.newton = hg.iter().map(|hg| update.scale * hg).collect();
+        let (tau, phi) = scaling(b, h, to_f64(y.len()));
+        update.scale = 1.0 / tau;
+        update.hh = (phi - 1.0) / (yhy * tau);
+        update.hs = -phi / (sy * tau);
+        update.ss = phi * yhy / (sy * sy * tau) + 1.0 / sy;
+        self.newton.iter_mut().for_each(|hg| *hg *= update.scale);
         update.add_product(&to.gradient, &mut self.newton);
         self.inverse_hessian.update(update);
     }
