@@ -42,6 +42,7 @@
 //!     growth: None,
 //!     validation_every: 50,
 //!     keep: Keep::Best,
+//!     target_one_step_rms: None,
 //! };
 //! let scenarios = ValidationConfig {
 //!     scenarios: 2,

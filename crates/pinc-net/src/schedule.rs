@@ -72,6 +72,10 @@ pub struct TrainingConfig {
     pub validation_every: u64,
     /// Which net is the result.
     pub keep: Keep,
+    /// Accuracy at which the training ends, with the net that has it: the root of the mean squared error
+    /// of one step, in the states' units, found by a validation.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub target_one_step_rms: Option<f64>,
 }
 
 impl TrainingConfig {
@@ -94,6 +98,12 @@ impl TrainingConfig {
         count("phases", self.phases.len() as u64)?;
         for phase in &self.phases {
             phase.optimizer.validate()?;
+        }
+        if let Some(target) = self.target_one_step_rms
+            && !(target > 0.0 && target.is_finite())
+        {
+            let (key, found) = ("target_one_step_rms", target.to_string());
+            return Err(NetError::Setting { key, found, expected: "a positive number" });
         }
         if let Some(growth) = &self.growth {
             count("growth.check_every", growth.check_every)?;
@@ -144,6 +154,8 @@ pub enum StopReason {
     GradientTolerance,
     /// No further descent was found in the last phase: rounding allows none.
     NoFurtherDescent,
+    /// The net is as accurate as wanted.
+    TargetReached,
 }
 
 impl std::fmt::Display for StopReason {
@@ -152,6 +164,7 @@ impl std::fmt::Display for StopReason {
             Self::IterationsDone => "iterations-done",
             Self::GradientTolerance => "gradient-tolerance",
             Self::NoFurtherDescent => "no-further-descent",
+            Self::TargetReached => "target-reached",
         })
     }
 }

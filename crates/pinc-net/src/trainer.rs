@@ -220,7 +220,8 @@ impl<P: Plant + 'static> Trainer<P> {
         due && self.state.validated_at != Some(iterations)
     }
 
-    /// Validates the current net, and keeps it if it is the best so far.
+    /// Validates the current net, keeps it if it is the best so far, and ends the training if it is as
+    /// accurate as wanted.
     pub fn validate(&mut self) -> Validation {
         let current = self.net.with_parameters(&self.state.iterate.x);
         let validation = self.validation.evaluate(&current);
@@ -228,6 +229,11 @@ impl<P: Plant + 'static> Trainer<P> {
         let better = self.state.best.as_ref().is_none_or(|(best, _)| validation.mse_gen < *best);
         if better && validation.mse_gen.is_finite() {
             self.state.best = Some((validation.mse_gen, self.state.iterate.x.clone()));
+        }
+        let wanted = self.config.target_one_step_rms;
+        if wanted.is_some_and(|target| validation.one_step_mse.sqrt() <= target) {
+            self.state.best = Some((validation.mse_gen, self.state.iterate.x.clone()));
+            self.state.finished = Some(StopReason::TargetReached);
         }
         validation
     }

@@ -47,6 +47,7 @@ fn training(phases: Vec<Phase>) -> TrainingConfig {
         growth: None,
         validation_every: 10,
         keep: Keep::Best,
+        target_one_step_rms: None,
     }
 }
 
@@ -127,7 +128,6 @@ fn the_two_phase_schedule_reduces_the_loss_with_every_sampler_and_ansatz() {
 }
 
 #[test]
-#[test]
 fn levenberg_marquardt_goes_much_further_than_lbfgs_in_as_many_iterations() {
     let last = |phase, ansatz| {
         let config = training(vec![phase]);
@@ -142,6 +142,7 @@ fn levenberg_marquardt_goes_much_further_than_lbfgs_in_as_many_iterations() {
     }
 }
 
+#[test]
 fn the_best_net_on_validation_is_kept() {
     let mut trainer = van_der_pol(&training(vec![adam(40), broyden(60)]), Ansatz::HardLinear, 1);
     let mut best = (f64::INFINITY, Vec::new());
@@ -397,6 +398,18 @@ fn validation_chains_the_net_as_the_paper_says() {
         }
     }
     assert!((set.evaluate(&net).mse_gen - squares / 6.0).abs() <= 1e-9 * squares);
+}
+
+#[test]
+fn the_training_ends_at_the_accuracy_wanted() {
+    let target = 0.05;
+    let config =
+        TrainingConfig { target_one_step_rms: Some(target), ..training(vec![broyden(500)]) };
+    let mut trainer = van_der_pol(&config, Ansatz::HardLinear, 1);
+    let (records, reason) = finish(&mut trainer);
+    assert_eq!(reason, StopReason::TargetReached);
+    assert!(records.len() < 500 && records.len().is_multiple_of(10), "{}", records.len());
+    assert!(validation_of(&trainer.net()).one_step_mse.sqrt() <= target);
 }
 
 #[test]
