@@ -3,7 +3,7 @@
 //!
 //! - [`Experiment`]: a config file, resolved and checked ([`spec`] has its parts).
 //! - [`run`], [`train`], [`control`], [`predict`], [`check`], [`rebuild_report`]: what the program does.
-//! - [`bench`]: measurements of the machine.
+//! - [`bench()`]: measurements of the machine.
 //! - [`Record`]: the results of a run, in its directory; [`Provenance`]: where they come from.
 //!
 //! ```

@@ -8,8 +8,8 @@ use pinc_net::optim::{
     SelfScaledBroydenConfig,
 };
 
-/// Weights of the oscillator's 2x10 and 4x20 nets, of the tanks' 5x20 and 8x20, and of 5x40.
-const WEIGHTS: [usize; 5] = [182, 1402, 1924, 3184, 6802];
+/// Weights of the oscillator's 2x10 and 4x20 nets, of the tanks' 5x20, 8x20 and 5x40.
+const WEIGHTS: [usize; 5] = [182, 1402, 1924, 3184, 7044];
 
 /// Iterations before the measured ones, to fill the memory of L-BFGS.
 const WARM_UP: usize = 15;
