@@ -51,12 +51,27 @@ impl<S: Scalar, const N: usize> Dual<S, N> {
     /// The dual number with value `re` and derivatives `slope * eps[i]`: the chain rule.
     #[inline(always)]
     fn chain(self, re: S, slope: S) -> Self {
-        Self { re, eps: self.eps.map(|e| e * slope) }
+        self.scaled(re, |e| e * slope)
+    }
+
+    /// The dual number with value `re` and derivatives f(eps\[i\]). (A loop, since `array::map` is not
+    /// sure to be inlined into SIMD code.)
+    #[inline(always)]
+    fn scaled(self, re: S, f: impl Fn(S) -> S) -> Self {
+        let mut eps = self.eps;
+        for e in &mut eps {
+            *e = f(*e);
+        }
+        Self { re, eps }
     }
 
     #[inline(always)]
     fn zip(self, other: Self, re: S, f: impl Fn(S, S) -> S) -> Self {
-        Self { re, eps: std::array::from_fn(|i| f(self.eps[i], other.eps[i])) }
+        let mut eps = self.eps;
+        for (e, other) in eps.iter_mut().zip(other.eps) {
+            *e = f(*e, other);
+        }
+        Self { re, eps }
     }
 }
 
@@ -98,7 +113,7 @@ impl<S: Scalar, const N: usize> Neg for Dual<S, N> {
     type Output = Self;
     #[inline(always)]
     fn neg(self) -> Self {
-        Self { re: -self.re, eps: self.eps.map(|e| -e) }
+        self.scaled(-self.re, |e| -e)
     }
 }
 
@@ -122,7 +137,7 @@ impl<S: Scalar, const N: usize> Mul<f64> for Dual<S, N> {
     type Output = Self;
     #[inline(always)]
     fn mul(self, b: f64) -> Self {
-        Self { re: self.re * b, eps: self.eps.map(|e| e * b) }
+        self.scaled(self.re * b, |e| e * b)
     }
 }
 
@@ -130,7 +145,7 @@ impl<S: Scalar, const N: usize> Div<f64> for Dual<S, N> {
     type Output = Self;
     #[inline(always)]
     fn div(self, b: f64) -> Self {
-        Self { re: self.re / b, eps: self.eps.map(|e| e / b) }
+        self.scaled(self.re / b, |e| e / b)
     }
 }
 

@@ -100,6 +100,7 @@ impl Predictor for PincPredictor {
     }
 
     fn predict(&mut self, x: &[f64], u: &[f64], next: &mut [f64]) {
+        assert_eq!(next.len(), self.net.dims().states, "length of next");
         // Beyond the last column: no tangents.
         self.run(x, u, x.len() + u.len());
         for (i, next) in next.iter_mut().enumerate() {

@@ -4,7 +4,7 @@ use super::dense::{Cell, PackedLayer, accumulate, multiply};
 use super::panels::{Panel, Panels};
 use super::physics::{Physics, Scratch, Term};
 use crate::Normalizer;
-use crate::activation::tanh;
+use crate::activation::tanh_all;
 use crate::mlp::Mlp;
 use crate::simd::{Simd, Work};
 use faer::prelude::ReborrowMut;
@@ -148,8 +148,8 @@ impl<V: Simd, P: Plant> Pass<'_, V, P> {
         for (i, (cell, row)) in inputs.iter_mut().zip(panel.rows).enumerate() {
             let inverse = 1.0 / self.input.std[i];
             let tangent = zero.constant(if i == 0 { inverse } else { 0.0 });
-            let [first, second] = row.map(|v| (v - self.input.mean[i]) * inverse);
-            *cell = [first, second, tangent, tangent];
+            let mean = self.input.mean[i];
+            *cell = [(row[0] - mean) * inverse, (row[1] - mean) * inverse, tangent, tangent];
         }
         for (l, layer) in self.layers.iter().enumerate() {
             let (width, height) = shapes[l];
@@ -261,14 +261,26 @@ fn write_rows<V: Simd>(column: Option<ColMut<'_, f64>>, row: usize, first: V, se
 /// a = tanh z, a' = (1 - a^2) z', in place.
 #[inline(always)]
 fn activate<V: Simd>(cells: &mut [Cell<V>]) {
-    for cell in cells {
-        for half in 0..2 {
-            let a = tanh(cell[half]);
-            let slope = a.neg_mul_add(a, a.constant(1.0));
-            cell[half] = a;
-            cell[half + 2] = slope * cell[half + 2];
+    let (groups, rest) = cells.as_chunks_mut::<4>();
+    for [a, b, c, d] in groups {
+        let mut values = [a[0], a[1], b[0], b[1], c[0], c[1], d[0], d[1]];
+        tanh_all(&mut values);
+        for (cell, [first, second]) in [a, b, c, d].into_iter().zip(values.as_chunks::<2>().0) {
+            set_activation(cell, *first, *second);
         }
     }
+    for cell in rest {
+        let mut values = [cell[0], cell[1]];
+        tanh_all(&mut values);
+        set_activation(cell, values[0], values[1]);
+    }
+}
+
+/// The cell of a neuron whose activations are these, from that of its z.
+#[inline(always)]
+fn set_activation<V: Simd>(cell: &mut Cell<V>, first: V, second: V) {
+    let slope = |a: V| a.neg_mul_add(a, a.constant(1.0));
+    *cell = [first, second, slope(first) * cell[2], slope(second) * cell[3]];
 }
 
 /// From the adjoints of (a, a') to those of (z, z'), in place. With s = 1 - a^2 and a' = s z':
