@@ -1,6 +1,7 @@
 //! The model file: a safetensors container with the tensors of the perceptron and a JSON description.
 
 use crate::{Ansatz, Domain, Mlp, ModelError, Normalizer, PincNet, Scenario};
+use pinc_ode::Dims;
 use safetensors::{Dtype, SafeTensors, tensor::TensorView};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
@@ -28,11 +29,45 @@ struct Description {
     time_only: Option<Scenario>,
 }
 
-/// Ends of the states, then of the inputs.
+/// The box that the net was trained on. Written as `Flat`; the other ways to write it are read too.
 #[derive(Debug, Serialize, Deserialize)]
-struct DomainBox {
+#[serde(untagged)]
+enum DomainBox {
+    /// Ends of the states, then of the inputs.
+    Flat { low: Vec<f64>, high: Vec<f64> },
+    /// As in a config.
+    Named(Domain),
+    /// States and inputs apart.
+    Nested { states: Ends, inputs: Ends },
+}
+
+#[derive(Debug, Serialize, Deserialize)]
+struct Ends {
     low: Vec<f64>,
     high: Vec<f64>,
+}
+
+impl DomainBox {
+    fn into_domain(self, states: usize) -> Domain {
+        match self {
+            Self::Flat { low, high } => {
+                let split = |ends: &[f64]| {
+                    let (states, inputs) = ends.split_at(states.min(ends.len()));
+                    (states.to_vec(), inputs.to_vec())
+                };
+                let ((state_low, input_low), (state_high, input_high)) =
+                    (split(&low), split(&high));
+                Domain { state_low, state_high, input_low, input_high }
+            }
+            Self::Named(domain) => domain,
+            Self::Nested { states, inputs } => Domain {
+                state_low: states.low,
+                state_high: states.high,
+                input_low: inputs.low,
+                input_high: inputs.high,
+            },
+        }
+    }
 }
 
 impl PincNet {
@@ -51,7 +86,7 @@ impl PincNet {
             output_mean: self.output.mean.clone(),
             output_std: self.output.std.clone(),
             skip: Value::Bool(false),
-            domain: DomainBox {
+            domain: DomainBox::Flat {
                 low: ends(&self.domain.state_low, &self.domain.input_low),
                 high: ends(&self.domain.state_high, &self.domain.input_high),
             },
@@ -120,20 +155,18 @@ impl Description {
         let (states, inputs) = (self.states.len(), self.inputs.len());
         let first = if self.time_only.is_some() { 1 } else { 1 + states + inputs };
         let mlp = read_layers(tensors, first, states)?;
-        let (state_low, input_low) = self.domain.low.split_at(states);
-        let (state_high, input_high) = self.domain.high.split_at(states);
+        let domain = self.domain.into_domain(states);
+        if domain.validate(Dims { states, inputs }).is_err() {
+            let (field, problem) = ("domain", "does not have a low and a higher end per variable");
+            return Err(ModelError::Inconsistent { field, problem });
+        }
         Ok(PincNet {
             mlp,
             ansatz: self.ansatz,
             horizon_s: self.horizon_s,
             input: Normalizer { mean: self.input_mean, std: self.input_std },
             output: Normalizer { mean: self.output_mean, std: self.output_std },
-            domain: Domain {
-                state_low: state_low.to_vec(),
-                state_high: state_high.to_vec(),
-                input_low: input_low.to_vec(),
-                input_high: input_high.to_vec(),
-            },
+            domain,
             states: self.states,
             inputs: self.inputs,
             time_only: self.time_only,
@@ -161,8 +194,6 @@ impl Description {
             ("input_std", &self.input_std, features),
             ("output_mean", &self.output_mean, states),
             ("output_std", &self.output_std, states),
-            ("domain.low", &self.domain.low, variables),
-            ("domain.high", &self.domain.high, variables),
         ] {
             if values.len() != length {
                 return fail(field, "does not have one number per variable");

@@ -76,6 +76,27 @@ fn each_kind_of_damage_is_named() {
 }
 
 #[test]
+fn the_domain_may_be_written_in_three_ways() {
+    let net = net(&VanDerPol::default(), Ansatz::Direct, false);
+    let flat = r#"\"domain\":{\"high\":[6.0,6.0,3.0],\"low\":[0.5,0.5,-1.0]}"#;
+    let others = [
+        r#"\"domain\":{\"state_low\":[0.5,0.5],\"state_high\":[6,6],\"input_low\":[-1],\"input_high\":[3]}"#,
+        r#"\"domain\":{\"states\":{\"low\":[0.5,0.5],\"high\":[6,6]},\"inputs\":{\"low\":[-1],\"high\":[3]}}"#,
+    ];
+    for other in others {
+        let bytes = with_header(&net.to_bytes(), |header| {
+            assert!(header.contains(flat), "{header}");
+            header.replacen(flat, other, 1)
+        });
+        assert_eq!(PincNet::from_bytes(&bytes).unwrap(), net);
+    }
+    for wrong in [r#"\"domain\":{\"high\":[6],\"low\":[1]}"#, r#"\"domain\":7"#] {
+        let bytes = with_header(&net.to_bytes(), |header| header.replacen(flat, wrong, 1));
+        assert!(PincNet::from_bytes(&bytes).unwrap_err().to_string().contains("omain"));
+    }
+}
+
+#[test]
 fn weights_that_are_not_finite_are_refused() {
     let mut bytes = net(&VanDerPol::default(), Ansatz::Direct, false).to_bytes();
     let last = bytes.len() - 8;
