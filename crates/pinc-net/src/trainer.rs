@@ -227,12 +227,12 @@ impl<P: Plant + 'static> Trainer<P> {
         let validation = self.validation.evaluate(&current);
         self.state.validated_at = Some(self.state.totals.iterations);
         let better = self.state.best.as_ref().is_none_or(|(best, _)| validation.mse_gen < *best);
-        if better && validation.mse_gen.is_finite() {
+        let wanted = self.config.target_one_step_rms;
+        let reached = wanted.is_some_and(|target| validation.one_step_mse.sqrt() <= target);
+        if reached || better && validation.mse_gen.is_finite() {
             self.state.best = Some((validation.mse_gen, self.state.iterate.x.clone()));
         }
-        let wanted = self.config.target_one_step_rms;
-        if wanted.is_some_and(|target| validation.one_step_mse.sqrt() <= target) {
-            self.state.best = Some((validation.mse_gen, self.state.iterate.x.clone()));
+        if reached {
             self.state.finished = Some(StopReason::TargetReached);
         }
         validation
