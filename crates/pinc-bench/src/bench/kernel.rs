@@ -6,10 +6,9 @@ use super::exchange;
 use super::results::{FmaPeak, LossGradient};
 use crate::BenchError;
 use crate::registry::PlantTask;
-use crate::spec::{Experiment, TrainingSpec};
-use pinc_net::{
-    BatchLoss, Domain, Isa, LossWeights, NetConfig, PincNet, Points, Workers, initial_conditions,
-};
+use crate::runs::Setup;
+use crate::spec::Experiment;
+use pinc_net::{BatchLoss, Isa, LossWeights, PincNet, Points, Workers, initial_conditions};
 use pinc_ode::Plant;
 use std::path::Path;
 use std::sync::Barrier;
@@ -25,7 +24,7 @@ pub(super) struct Evaluation<P> {
 
 impl<P: Plant + 'static> Evaluation<P> {
     fn new(plant: P, experiment: &Experiment, effort: &Effort) -> Result<Self, BenchError> {
-        let Sections { model, domain, training } = Sections::of(experiment)?;
+        let Setup { net: model, domain, training, .. } = Setup::of(experiment)?;
         let seed = experiment.seed;
         let net = PincNet::new(&plant, model, domain, seed)?;
         let config = &training.config;
@@ -64,28 +63,6 @@ impl<P: Plant + 'static> Evaluation<P> {
         let weights: usize = widths.windows(2).map(|pair| pair[0] * pair[1]).sum();
         let columns = 2 * self.collocation.len() + self.initial.len();
         (2 * (3 * weights - widths[0] * widths[1]) * columns) as u64
-    }
-}
-
-/// The sections of a config that make a loss.
-struct Sections<'a> {
-    model: &'a NetConfig,
-    domain: &'a Domain,
-    training: &'a TrainingSpec,
-}
-
-impl<'a> Sections<'a> {
-    fn of(experiment: &'a Experiment) -> Result<Self, BenchError> {
-        let missing = |section| BenchError::MissingSection {
-            name: experiment.name.clone(),
-            section,
-            command: "pinc bench",
-        };
-        Ok(Self {
-            model: experiment.model.as_ref().ok_or_else(|| missing("model"))?,
-            domain: experiment.domain.as_ref().ok_or_else(|| missing("domain"))?,
-            training: experiment.training.as_ref().ok_or_else(|| missing("training"))?,
-        })
     }
 }
 

@@ -7,6 +7,8 @@ mod free_run;
 mod predict;
 mod train;
 
+pub(crate) use train::Setup;
+
 pub use check::{Finding, Severity, check};
 pub use predict::predict;
 

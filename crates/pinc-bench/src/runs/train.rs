@@ -59,15 +59,15 @@ pub(crate) fn stage<P: Plant + 'static>(
 }
 
 /// The sections that a training needs.
-struct Setup<'a> {
-    net: &'a NetConfig,
-    domain: &'a Domain,
-    training: &'a TrainingSpec,
+pub(crate) struct Setup<'a> {
+    pub(crate) net: &'a NetConfig,
+    pub(crate) domain: &'a Domain,
+    pub(crate) training: &'a TrainingSpec,
     validation: &'a ValidationConfig,
 }
 
 impl<'a> Setup<'a> {
-    fn of(experiment: &'a Experiment) -> Result<Self, BenchError> {
+    pub(crate) fn of(experiment: &'a Experiment) -> Result<Self, BenchError> {
         let missing = |section| BenchError::MissingSection {
             name: experiment.name.clone(),
             section,
