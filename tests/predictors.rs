@@ -2,7 +2,7 @@
 
 use pinc_ad::central_difference;
 use pinc_net::{Ansatz, Domain, NetConfig, PincNet, PincPredictor};
-use pinc_ode::{FourTanks, OneTank, Plant, Predictor, Rk4, VanDerPol};
+use pinc_ode::{Dims, FourTanks, OneTank, Plant, Predictor, Rk4, VanDerPol};
 use proptest::prelude::*;
 use proptest::test_runner::{FileFailurePersistence, TestCaseError, TestRunner};
 use std::alloc::{GlobalAlloc, Layout, System};
@@ -105,6 +105,16 @@ fn linearize(model: &mut dyn Predictor, x: &[f64], u: &[f64]) -> Linear {
     Linear { next, a, b }
 }
 
+/// What `linearize_stages` gives at the points, one after the other.
+fn linearize_stages(model: &mut dyn Predictor, points: &[(Vec<f64>, Vec<f64>)]) -> Linear {
+    let Dims { states: n, inputs: m } = model.dims();
+    let [mut next, mut a, mut b] = [n, n * n, n * m].map(|len| vec![1e300; points.len() * len]);
+    let x: Vec<f64> = points.iter().flat_map(|(x, _)| x.clone()).collect();
+    let u: Vec<f64> = points.iter().flat_map(|(_, u)| u.clone()).collect();
+    model.linearize_stages(&x, &u, &mut next, &mut a, &mut b);
+    Linear { next, a, b }
+}
+
 fn bits(values: &[f64]) -> Vec<u64> {
     values.iter().map(|v| v.to_bits()).collect()
 }
@@ -202,6 +212,58 @@ fn predict_and_linearize_agree() {
     }
 }
 
+/// Several points at once are several points: up to 9 of them, at which whatever works on 8 at a time
+/// has one left over.
+#[test]
+fn stages_are_linearized_like_points() {
+    for model in &MODELS {
+        model.on_points(|model, x, u| {
+            for count in [0, 1, 2, 5, 9] {
+                let points: Vec<_> = (0..count)
+                    .map(|k| (x.iter().map(|v| v + 0.1 * f64::from(k)).collect(), u.to_vec()))
+                    .collect();
+                let all = linearize_stages(model, &points);
+                let mut expected = Linear { next: Vec::new(), a: Vec::new(), b: Vec::new() };
+                for (x, u) in &points {
+                    let Linear { next, a, b } = linearize(model, x, u);
+                    expected.next.extend(next);
+                    expected.a.extend(a);
+                    expected.b.extend(b);
+                }
+                let pairs = [(all.next, expected.next), (all.a, expected.a), (all.b, expected.b)];
+                for (found, expected) in pairs {
+                    prop_assert_eq!(found.len(), expected.len());
+                    for (f, e) in found.iter().zip(&expected) {
+                        // Some hundred roundings of numbers up to 20.
+                        prop_assert!((f - e).abs() < 100.0 * 20.0 * f64::EPSILON, "{} {}", f, e);
+                    }
+                }
+            }
+            Ok(())
+        });
+    }
+}
+
+/// A point without a value does not disturb the others, not even by a bit.
+#[test]
+fn stages_do_not_depend_on_one_another() {
+    for model in &MODELS {
+        let mut predictor = model.build();
+        let (x, u) = model.middle();
+        let n = x.len();
+        let mut points = vec![(x, u); 7];
+        let all = linearize_stages(&mut *predictor, &points);
+        points[3].0.fill(f64::NAN);
+        let one_bad = linearize_stages(&mut *predictor, &points);
+        for k in [0, 1, 2, 4, 5, 6] {
+            let part = |linear: &Linear| {
+                [bits(&linear.next[k * n..][..n]), bits(&linear.a[k * n * n..][..n * n])]
+            };
+            assert_eq!(part(&all), part(&one_bad), "{}: point {k}", model.name);
+        }
+    }
+}
+
 /// Central differences are good to 1e-10 of the largest value, 20, and to h^2/6 = 6e-12 times the
 /// third derivatives, of which Van der Pol's from the corners of the box are some hundreds.
 #[test]
@@ -277,6 +339,11 @@ fn other_lengths_panic() {
                 model.build().linearize(&x, &u, &mut next, &mut a, &mut b);
             };
             assert!(catch_unwind(linearize).is_err(), "{}: {wrong}", model.name);
+            let stages = || {
+                let (mut next, mut a, mut b) = (next.clone(), a.clone(), b.clone());
+                model.build().linearize_stages(&x, &u, &mut next, &mut a, &mut b);
+            };
+            assert!(catch_unwind(stages).is_err(), "{}: {wrong} of stages", model.name);
             let predict = || model.build().predict(&x, &u, &mut next.clone());
             let refused = catch_unwind(predict).is_err();
             assert!(refused || wrong > 2, "{}: {wrong} of predict", model.name);
@@ -343,12 +410,16 @@ fn nothing_is_allocated_after_construction() {
         let mut predictor = model.build();
         let (x, u) = model.middle();
         let mut to = linearize(&mut *predictor, &x, &u);
+        let (xs, us) = (x.repeat(5), u.repeat(5));
+        let mut stages = linearize_stages(&mut *predictor, &vec![(x.clone(), u.clone()); 5]);
         let mut fresh = model.build();
         for predictor in [&mut predictor, &mut fresh] {
             let made = allocations(|| {
                 for _ in 0..3 {
                     predictor.predict(&x, &u, &mut to.next);
                     predictor.linearize(&x, &u, &mut to.next, &mut to.a, &mut to.b);
+                    let Linear { next, a, b } = &mut stages;
+                    predictor.linearize_stages(&xs, &us, next, a, b);
                 }
             });
             assert_eq!(made, 0, "{}", model.name);

@@ -60,7 +60,6 @@
 //! # Ok::<(), NetError>(())
 //! ```
 
-mod activation;
 mod ansatz;
 mod domain;
 mod error;
@@ -74,7 +73,6 @@ pub mod optim;
 mod predictor;
 mod sampling;
 mod schedule;
-mod simd;
 mod trainer;
 mod validation;
 mod workers;
@@ -89,12 +87,12 @@ pub use loss::{
 pub use mlp::{Mlp, MlpConfig};
 pub use net::{NetConfig, PincNet, Scenario};
 pub use normalizer::Normalizer;
+pub use pinc_ad::simd::Isa;
 pub use predictor::PincPredictor;
 pub use sampling::{Points, Sampler, initial_conditions};
 pub use schedule::{
     GrowthConfig, IterationRecord, Keep, Phase, Progress, StopReason, Totals, TrainingConfig,
 };
-pub use simd::Isa;
 pub use trainer::{Checkpoint, Trainer};
 pub use validation::{Validation, ValidationConfig, ValidationSet};
 pub use workers::Workers;

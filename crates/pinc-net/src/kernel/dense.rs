@@ -1,7 +1,7 @@
 //! Matrix products over columns of cells: the inner loops.
 
 use crate::mlp::Layer;
-use crate::simd::Simd;
+use pinc_ad::simd::Simd;
 
 /// What one neuron holds for one panel of points: two vectors of values, then the two vectors of their
 /// time tangents. Value and tangent are columns of the same product, so one product serves both.

@@ -7,11 +7,11 @@
 
 use super::tile::Jacobian;
 use super::{LaneEngine, locked};
-use crate::simd::Simd;
 use faer::linalg::matmul::triangular::BlockStructure;
 use faer::linalg::matmul::{self, triangular};
 use faer::prelude::{Reborrow, ReborrowMut};
 use faer::{Accum, Mat, MatMut, MatRef, Par};
+use pinc_ad::simd::Simd;
 use pinc_ode::Plant;
 use rayon::prelude::*;
 use std::ops::Range;

@@ -1,7 +1,7 @@
 //! Points in the layout of the kernel.
 
 use crate::sampling::Points;
-use crate::simd::Simd;
+use pinc_ad::simd::Simd;
 use pinc_ode::Dims;
 
 /// A coordinate of the points of one panel: two vectors.

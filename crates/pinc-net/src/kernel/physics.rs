@@ -2,9 +2,9 @@
 
 use super::dense::Cell;
 use super::panels::Panel;
-use crate::simd::Simd;
 use crate::{Ansatz, Normalizer};
 use pinc_ad::Dual;
+use pinc_ad::simd::Simd;
 use pinc_ode::{Dims, Plant};
 
 /// Columns of df/dy that go through the plant together.

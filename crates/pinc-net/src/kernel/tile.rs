@@ -4,11 +4,11 @@ use super::dense::{Cell, PackedLayer, accumulate, multiply};
 use super::panels::{Panel, Panels};
 use super::physics::{Physics, Scratch, Term};
 use crate::Normalizer;
-use crate::activation::tanh_all;
 use crate::mlp::Mlp;
-use crate::simd::{Simd, Work};
 use faer::prelude::ReborrowMut;
 use faer::{ColMut, MatMut};
+use pinc_ad::simd::tanh_all;
+use pinc_ad::simd::{Simd, Work};
 use pinc_ode::Plant;
 use std::ops::Range;
 

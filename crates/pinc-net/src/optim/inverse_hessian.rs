@@ -1,7 +1,7 @@
 //! A symmetric matrix that is multiplied by a vector and updated by low ranks, as fast as memory allows.
 
 use crate::Workers;
-use crate::simd::{Simd, Task};
+use pinc_ad::simd::{Simd, Task};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 

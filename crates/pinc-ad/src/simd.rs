@@ -2,18 +2,21 @@
 //!
 //! This is the only module with `unsafe` code. It is sound by one rule: *a value of a vector type is
 //! the proof that its instructions exist*. The only source of a first value is [`Isa::dispatch`],
-//! after the CPU has been asked; all others derive from it (by [`pinc_ad::Scalar::constant`] and
-//! arithmetic).
+//! after the CPU has been asked; all others derive from it (by [`Scalar::constant`] and arithmetic).
 //!
 //! Speed comes from a second rule: everything between [`Isa::dispatch`] and the vector operations is
 //! `#[inline(always)]`, so that it all becomes part of the one function that is compiled with the
 //! instruction set enabled. A piece that is not inlined stays correct and becomes slow.
 #![expect(unsafe_code, reason = "intrinsics need it; see the module's soundness rule")]
 
-use pinc_ad::{Lanes, Scalar};
+mod tanh;
+
+pub use tanh::tanh_all;
+
+use crate::{Lanes, Scalar};
 
 /// A vector of `f64` lanes.
-pub(crate) trait Simd: Scalar + Send + Sync + 'static {
+pub trait Simd: Scalar + Send + Sync + 'static {
     /// How many lanes there are.
     const LANES: usize;
 
@@ -45,8 +48,11 @@ pub(crate) trait Simd: Scalar + Send + Sync + 'static {
 
 /// Work over one vector type, to be compiled for its instruction set by [`Simd::vectorize`]. Mark `run`
 /// `#[inline(always)]`.
-pub(crate) trait Work {
+pub trait Work {
+    /// What comes of it.
     type Output;
+
+    /// Does the work.
     fn run(self) -> Self::Output;
 }
 
@@ -72,8 +78,10 @@ impl std::fmt::Display for Isa {
 }
 
 /// Work written over [`Simd`], to be run in the best instruction set. Mark `run` `#[inline(always)]`.
-pub(crate) trait Task {
+pub trait Task {
+    /// What comes of it.
     type Output;
+
     /// `zero` is a vector of zeros, from which all other vectors are made.
     fn run<V: Simd>(self, zero: V) -> Self::Output;
 }
@@ -116,7 +124,7 @@ impl Isa {
     ///
     /// If the machine does not have it.
     #[inline]
-    pub(crate) fn dispatch<T: Task>(self, task: T) -> T::Output {
+    pub fn dispatch<T: Task>(self, task: T) -> T::Output {
         match self {
             #[cfg(target_arch = "x86_64")]
             Self::Avx512 => {
@@ -271,7 +279,7 @@ mod x86 {
                 }
                 #[inline(always)]
                 fn tanh(self) -> Self {
-                    crate::activation::tanh(self)
+                    super::tanh::tanh(self)
                 }
                 #[inline(always)]
                 fn mul_add(self, a: Self, b: Self) -> Self {

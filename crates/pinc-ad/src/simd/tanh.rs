@@ -38,7 +38,7 @@ const Q: [f64; 10] = [
 /// It is one long chain of dependent operations. Several vectors go through it side by side, stage by
 /// stage, so that the processor always has independent work at hand.
 #[inline(always)]
-pub(crate) fn tanh_all<V: Simd, const N: usize>(x: &mut [V; N]) {
+pub fn tanh_all<V: Simd, const N: usize>(x: &mut [V; N]) {
     let zero = x[0].constant(0.0);
     let (mut r, mut power, mut q) = ([zero; N], [zero; N], [zero; N]);
     for i in 0..N {
@@ -71,7 +71,7 @@ fn polynomial<V: Simd>(r: V) -> V {
 
 /// tanh of one vector: see [`tanh_all`].
 #[inline(always)]
-pub(crate) fn tanh<V: Simd>(x: V) -> V {
+pub(super) fn tanh<V: Simd>(x: V) -> V {
     let mut one = [x];
     tanh_all(&mut one);
     one[0]
