@@ -150,6 +150,15 @@ impl<S: Scalar, const N: usize> Div<f64> for Dual<S, N> {
 }
 
 impl<S: Scalar, const N: usize> Scalar for Dual<S, N> {
+    type Plain = S::Plain;
+    #[inline(always)]
+    fn plain(self) -> S::Plain {
+        self.re.plain()
+    }
+    #[inline(always)]
+    fn constants(self, value: S::Plain) -> Self {
+        Self::lift(self.re.constants(value))
+    }
     #[inline(always)]
     fn constant(self, value: f64) -> Self {
         Self::lift(self.re.constant(value))

@@ -59,6 +59,15 @@ impl<const L: usize> Neg for Lanes<L> {
 }
 
 impl<const L: usize> Scalar for Lanes<L> {
+    type Plain = Self;
+    #[inline(always)]
+    fn plain(self) -> Self {
+        self
+    }
+    #[inline(always)]
+    fn constants(self, value: Self) -> Self {
+        value
+    }
     #[inline(always)]
     fn constant(self, value: f64) -> Self {
         Self::splat(value)

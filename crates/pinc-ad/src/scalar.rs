@@ -24,9 +24,26 @@ pub trait Scalar:
     + Mul<f64, Output = Self>
     + Div<f64, Output = Self>
 {
+    /// This kind of number without its derivatives, as many lanes: `f64` or `Lanes`, say. An equation
+    /// that solves another one inside iterates on it (see [`plain`](Scalar::plain)).
+    type Plain: Scalar<Plain = Self::Plain>;
+
     /// The constant `value` in the context of `self` (same tape, same lanes); its derivatives are 0.
     #[must_use]
     fn constant(self, value: f64) -> Self;
+
+    /// The value alone, lane by lane.
+    ///
+    /// An equation g(z, x) = 0 inside another is solved for z on plain numbers; one Newton step on
+    /// the kind of number itself then gives z its derivatives `dz/dx = -g_x / g_z`, exact to first order
+    /// (implicit function theorem). Iterating on numbers with derivatives would cost several times
+    /// as much.
+    #[must_use]
+    fn plain(self) -> Self::Plain;
+
+    /// The constant `value`, lane by lane, in the context of `self`; its derivatives are 0.
+    #[must_use]
+    fn constants(self, value: Self::Plain) -> Self;
 
     /// The square root; NaN below 0. Its derivative is infinite at 0, and NaN there in a direction
     /// in which the argument does not change.
@@ -52,6 +69,15 @@ pub trait Scalar:
 }
 
 impl Scalar for f64 {
+    type Plain = Self;
+    #[inline(always)]
+    fn plain(self) -> Self {
+        self
+    }
+    #[inline(always)]
+    fn constants(self, value: Self) -> Self {
+        value
+    }
     #[inline(always)]
     fn constant(self, value: f64) -> Self {
         value

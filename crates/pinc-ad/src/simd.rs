@@ -267,6 +267,15 @@ mod x86 {
             }
 
             impl Scalar for $V {
+                type Plain = Self;
+                #[inline(always)]
+                fn plain(self) -> Self {
+                    self
+                }
+                #[inline(always)]
+                fn constants(self, value: Self) -> Self {
+                    value
+                }
                 #[inline(always)]
                 fn constant(self, value: f64) -> Self {
                     // SAFETY: `self` proves the instructions.

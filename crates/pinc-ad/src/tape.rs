@@ -166,6 +166,13 @@ impl Div<f64> for Var<'_> {
 }
 
 impl Scalar for Var<'_> {
+    type Plain = f64;
+    fn plain(self) -> f64 {
+        self.value
+    }
+    fn constants(self, value: f64) -> Self {
+        self.constant(value)
+    }
     fn constant(self, value: f64) -> Self {
         Self { index: CONSTANT, value, ..self }
     }
