@@ -11,7 +11,7 @@ const CRATES: [(&str, &[&str]); 5] = [
     ("pinc-ad", &[]),
     ("pinc-ode", &["pinc-ad"]),
     ("pinc-net", &["pinc-ad", "pinc-ode"]),
-    ("pinc-mpc", &["pinc-ode"]),
+    ("pinc-mpc", &["pinc-ad", "pinc-ode"]),
     ("pinc-bench", &["pinc-ad", "pinc-mpc", "pinc-net", "pinc-ode"]),
 ];
 

@@ -11,19 +11,6 @@ const SUBSTEPS: usize = 4;
 /// The tolerance of the plant's integration.
 const TRUTH: f64 = 1e-12;
 
-/// N1 = 1, N2 = Nu = 5, the first two states controlled.
-fn problem(weights: Weights, state_bounds: Bounds, input_bounds: Bounds) -> NmpcProblem {
-    NmpcProblem {
-        first: 1,
-        last: 5,
-        control: 5,
-        controlled: vec![0, 1],
-        weights,
-        state_bounds,
-        input_bounds,
-    }
-}
-
 /// What a run came to: IAE and RMSE on the dense trace and as printed.
 struct Answer {
     iae_dense: f64,
@@ -71,27 +58,33 @@ fn staircase(values: [[f64; 2]; 4], each_s: f64, steps: usize, horizon_s: f64) -
 
 /// 60 s of the oscillator with Q = q I and R = r.
 fn van_der_pol(q: f64, r: f64) -> Answer {
-    let weights = Weights { q: vec![q; 2], r: vec![r], profile: Profile::Uniform };
-    let states = Bounds { low: vec![-1.0; 2], high: vec![1.0; 2] };
-    let inputs = Bounds { low: vec![-1.0], high: vec![1.0] };
+    let plant = VanDerPol::default();
+    let problem = NmpcProblem {
+        state_bounds: Bounds { low: vec![-1.0; 2], high: vec![1.0; 2] },
+        input_bounds: Bounds { low: vec![-1.0], high: vec![1.0] },
+        ..NmpcProblem::new(plant.dims(), 5, Weights::uniform(vec![q; 2], vec![r]))
+    };
     let values = [[0.0, 0.0], [-0.5, 0.0], [0.8, 0.0], [1.0, 0.0]];
     let reference = staircase(values, 15.0, 120, 0.5);
-    let problem = problem(weights, states, inputs);
-    run(VanDerPol::default(), 0.5, problem, reference, &[1.0, 0.0])
+    run(plant, 0.5, problem, reference, &[1.0, 0.0])
 }
 
 /// 2400 s of the four tanks.
 fn four_tanks(profile: Profile) -> Answer {
-    let weights = Weights { q: vec![10.0; 2], r: vec![1.0; 2], profile };
-    let states = Bounds { low: vec![2.0, 2.0, 0.6, 0.6], high: vec![20.0, 20.0, 5.5, 5.5] };
-    let inputs = Bounds { low: vec![0.0; 2], high: vec![5.0; 2] };
+    let plant = FourTanks::antonelo();
+    let weights = Weights { profile, ..Weights::uniform(vec![10.0; 2], vec![1.0; 2]) };
+    let problem = NmpcProblem {
+        controlled: vec![0, 1],
+        state_bounds: Bounds { low: vec![2.0, 2.0, 0.6, 0.6], high: vec![20.0, 20.0, 5.5, 5.5] },
+        input_bounds: Bounds { low: vec![0.0; 2], high: vec![5.0; 2] },
+        ..NmpcProblem::new(plant.dims(), 5, weights)
+    };
     let middle = [9.159582958982018, 14.211590549777885];
     let upper = [10.151255120853042, 15.750223780923415];
     let lower = [8.226164209850278, 12.763340653079485];
     let reference = staircase([middle, upper, lower, middle], 600.0, 240, 10.0);
-    let problem = problem(weights, states, inputs);
     let start = [2.0, 2.0, 0.6, 0.6];
-    run(FourTanks::antonelo(), 10.0, problem, reference, &start)
+    run(plant, 10.0, problem, reference, &start)
 }
 
 #[track_caller]

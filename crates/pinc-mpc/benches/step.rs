@@ -2,7 +2,7 @@
 //! with nothing to start from, and a later one, which starts from the plan of the one before.
 
 use divan::{Bencher, black_box};
-use pinc_mpc::{Bounds, Nmpc, NmpcProblem, Profile, SqpConfig, Weights};
+use pinc_mpc::{Bounds, Nmpc, NmpcProblem, SqpConfig, Weights};
 use pinc_ode::{FourTanks, Predictor, Rk4, VanDerPol};
 
 fn main() {
@@ -82,16 +82,13 @@ fn case(
     input_bounds: Bounds,
     (x, reference): (&[f64], &[f64]),
 ) -> Case {
-    let inputs = model.dims().inputs;
-    let weights = Weights { q: vec![10.0; 2], r: vec![1.0; inputs], profile: Profile::Uniform };
+    let dims = model.dims();
+    let weights = Weights::uniform(vec![10.0; 2], vec![1.0; dims.inputs]);
     let problem = NmpcProblem {
-        first: 1,
-        last: 5,
-        control: 5,
         controlled: vec![0, 1],
-        weights,
         state_bounds,
         input_bounds,
+        ..NmpcProblem::new(dims, 5, weights)
     };
     let nmpc = Nmpc::new(problem, model, SqpConfig::default()).expect("a valid problem");
     Case { nmpc, x: x.to_vec(), reference: reference.repeat(5) }

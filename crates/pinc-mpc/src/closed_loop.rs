@@ -15,19 +15,15 @@ const POINTS: usize = 9;
 /// caller can watch, and time, the controller alone:
 ///
 /// ```
-/// # use pinc_mpc::{Bounds, ClosedLoop, Nmpc, NmpcProblem, Profile, Reference, SqpConfig, Weights};
-/// # use pinc_ode::{Adaptive, Rk4, VanDerPol};
-/// # let problem = NmpcProblem {
-/// #     first: 1,
-/// #     last: 5,
-/// #     control: 5,
-/// #     controlled: vec![0, 1],
-/// #     weights: Weights { q: vec![10.0, 10.0], r: vec![1.0], profile: Profile::Uniform },
-/// #     state_bounds: Bounds::none(2),
-/// #     input_bounds: Bounds { low: vec![-1.0], high: vec![1.0] },
-/// # };
+/// # use pinc_mpc::{Bounds, ClosedLoop, Nmpc, NmpcProblem, Reference, SqpConfig, Weights};
+/// # use pinc_ode::{Adaptive, Predictor, Rk4, VanDerPol};
 /// # let plant = VanDerPol::default();
-/// # let mut nmpc = Nmpc::new(problem, Box::new(Rk4::new(plant, 0.5, 4)), SqpConfig::default())?;
+/// # let model = Rk4::new(plant, 0.5, 4);
+/// # let problem = NmpcProblem {
+/// #     input_bounds: Bounds { low: vec![-1.0], high: vec![1.0] },
+/// #     ..NmpcProblem::new(model.dims(), 5, Weights::uniform(vec![10.0; 2], vec![1.0]))
+/// # };
+/// # let mut nmpc = Nmpc::new(problem, Box::new(model), SqpConfig::default())?;
 /// let reference = Reference::new([0.0, 0.0].repeat(20), 2)?;
 /// let truth = Adaptive::new(plant, 1e-12);
 /// let mut run = ClosedLoop::new(&mut nmpc, truth, reference, &[1.0, 0.0])?;

@@ -3,7 +3,8 @@
 use crate::cost::Targets;
 use crate::error::check_finite;
 use crate::kkt::KktResidual;
-use crate::solution::{Shape, Solution};
+use crate::shape::Shape;
+use crate::solution::Solution;
 use crate::sqp::{Outcome, Sqp};
 use crate::{MpcError, NmpcProblem, SqpConfig, SqpStatus};
 use pinc_ode::Predictor;
@@ -21,19 +22,16 @@ use pinc_ode::Predictor;
 /// that one failure does not lead to the next.
 ///
 /// ```
-/// use pinc_mpc::{Bounds, Nmpc, NmpcProblem, Profile, SqpConfig, SqpStatus, Weights};
-/// use pinc_ode::{Rk4, VanDerPol};
+/// use pinc_mpc::{Bounds, Nmpc, NmpcProblem, SqpConfig, SqpStatus, Weights};
+/// use pinc_ode::{Predictor, Rk4, VanDerPol};
 ///
+/// let model = Rk4::new(VanDerPol::default(), 0.5, 4);
+/// let weights = Weights::uniform(vec![10.0, 10.0], vec![1.0]);
 /// let problem = NmpcProblem {
-///     first: 1,
-///     last: 5,
-///     control: 5,
-///     controlled: vec![0, 1],
-///     weights: Weights { q: vec![10.0, 10.0], r: vec![1.0], profile: Profile::Uniform },
 ///     state_bounds: Bounds { low: vec![-1.0; 2], high: vec![1.0; 2] },
 ///     input_bounds: Bounds { low: vec![-1.0], high: vec![1.0] },
+///     ..NmpcProblem::new(model.dims(), 5, weights)
 /// };
-/// let model = Rk4::new(VanDerPol::default(), 0.5, 4);
 /// let mut nmpc = Nmpc::new(problem, Box::new(model), SqpConfig::default())?;
 /// let step = nmpc.step(&[1.0, 0.0], &[0.0; 10])?;
 /// assert_eq!(step.status, SqpStatus::Converged);
@@ -157,7 +155,7 @@ impl Nmpc {
         if !self.warm {
             self.plan.stay_at(x);
         }
-        self.sqp.project(&mut self.plan);
+        self.sqp.project(&mut self.plan, &self.previous);
         self.fallback.copy_from(&self.plan);
     }
 

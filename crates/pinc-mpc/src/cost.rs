@@ -1,16 +1,16 @@
 //! The cost J, which is quadratic in the unknowns.
 
-use crate::NmpcProblem;
-use crate::solution::Shape;
+use crate::shape::Shape;
+use crate::{NmpcProblem, Weight};
 
 /// J's weights, laid out by stage and doubled, as its derivatives have them.
 #[derive(Clone, Debug)]
 pub(crate) struct Cost {
     shape: Shape,
     controlled: Vec<usize>,
-    /// 2 w_{j+1} Q, `[N, outputs]`; 0 before N1.
+    /// 2 w_{j+1} Q, `[N, outputs, outputs]`; 0 before N1.
     q: Vec<f64>,
-    /// 2 `v_i` R, `[Nu, m]`.
+    /// 2 `v_i` R, `[Nu, m, m]`.
     r: Vec<f64>,
 }
 
@@ -29,126 +29,174 @@ impl Cost {
         let stage_weight = |i| weights.profile.weight(i, shape.stages, horizon_s);
         let mut q = Vec::new();
         for j in 0..shape.stages {
-            let tracked = j + 1 >= problem.first;
-            let w = if tracked { 2.0 * stage_weight(j) } else { 0.0 };
-            q.extend(weights.q.iter().map(|q| w * q));
+            match &weights.terminal {
+                Some(terminal) if j + 1 == shape.stages => append(&mut q, terminal, 2.0),
+                _ if j + 1 >= problem.first => append(&mut q, &weights.q, 2.0 * stage_weight(j)),
+                _ => append(&mut q, &weights.q, 0.0),
+            }
         }
         let mut r = Vec::new();
         for i in 0..shape.moves {
-            r.extend(weights.r.iter().map(|r| 2.0 * stage_weight(i) * r));
+            append(&mut r, &weights.r, 2.0 * stage_weight(i));
         }
         Self { shape, controlled: problem.controlled.clone(), q, r }
     }
 
-    /// Writes dJ/dz at `z` into `gradient`.
-    pub(crate) fn gradient(&self, z: &[f64], targets: Targets<'_>, gradient: &mut [f64]) {
+    /// 2 `w_j` Q in terms of all states, for `x_1..x_N`: `[N, n, n]`.
+    pub(crate) fn state_hessians(&self) -> Vec<f64> {
+        let (n, outputs) = (self.shape.states, self.controlled.len());
+        let mut all = vec![0.0; self.shape.stages * n * n];
+        let stages = all.chunks_exact_mut(n * n).zip(self.q.chunks_exact(outputs * outputs));
+        for (hessian, q) in stages {
+            for (&row, q) in self.controlled.iter().zip(q.chunks_exact(outputs)) {
+                for (&column, &q) in self.controlled.iter().zip(q) {
+                    hessian[row * n + column] = q;
+                }
+            }
+        }
+        all
+    }
+
+    /// 2 `v_i` R, `[Nu, m, m]`.
+    pub(crate) fn increment_hessians(&self) -> Vec<f64> {
+        self.r.clone()
+    }
+
+    /// J at `z`; writes dJ/dz into `gradient`.
+    pub(crate) fn gradient(&self, z: &[f64], targets: Targets<'_>, gradient: &mut [f64]) -> f64 {
         gradient.fill(0.0);
-        for j in 0..self.shape.stages {
-            let base = self.shape.next_state(j).start;
-            let row = j * self.controlled.len();
-            for (i, &state) in self.controlled.iter().enumerate() {
-                let error = z[base + state] - targets.reference[row + i];
-                gradient[base + state] = self.q[row + i] * error;
-            }
-        }
-        let inputs = self.shape.all_states();
-        let m = self.shape.inputs;
-        for i in 0..self.r.len() {
-            let before = if i < m { targets.previous[i] } else { z[inputs + i - m] };
-            let force = self.r[i] * (z[inputs + i] - before);
-            gradient[inputs + i] += force;
-            if i >= m {
-                gradient[inputs + i - m] -= force;
-            }
-        }
+        let (x, u) = z.split_at(self.shape.all_states());
+        let (by_x, by_u) = gradient.split_at_mut(self.shape.all_states());
+        let twice = self.track(x, targets.reference, by_x) + self.move_inputs(u, targets, by_u);
+        twice / 2.0
     }
 
-    /// The Hessian's diagonal entry of unknown `v`.
-    pub(crate) fn curvature(&self, v: usize) -> f64 {
-        let all_states = self.shape.all_states();
-        if v < all_states {
-            let (stage, state) = (v / self.shape.states, v % self.shape.states);
-            let output = self.controlled.iter().position(|&c| c == state);
-            output.map_or(0.0, |i| self.q[stage * self.controlled.len() + i])
-        } else {
-            let i = v - all_states;
-            self.r[i] + self.r.get(i + self.shape.inputs).unwrap_or(&0.0)
+    /// The part of the states: e'(2 Q)e and its gradient 2 Q e, with e = y - yref.
+    fn track(&self, x: &[f64], reference: &[f64], gradient: &mut [f64]) -> f64 {
+        let (n, outputs) = (self.shape.states, self.controlled.len());
+        let stages = x.chunks_exact(n).zip(gradient.chunks_exact_mut(n));
+        let stages = stages.zip(reference.chunks_exact(outputs));
+        let mut twice = 0.0;
+        for (((x, gradient), y), q) in stages.zip(self.q.chunks_exact(outputs * outputs)) {
+            for ((&row, &y_row), q) in self.controlled.iter().zip(y).zip(q.chunks_exact(outputs)) {
+                let mut force = 0.0;
+                for ((&column, &y), &q) in self.controlled.iter().zip(y).zip(q) {
+                    force += q * (x[column] - y);
+                }
+                gradient[row] = force;
+                twice += force * (x[row] - y_row);
+            }
         }
+        twice
     }
 
-    /// The Hessian's only other entry in column `v` above the diagonal, with its row: that between
-    /// an input and the same input a step before.
-    pub(crate) fn coupling(&self, v: usize) -> Option<(usize, f64)> {
+    /// The part of the inputs: du'(2 R)du and its gradient.
+    fn move_inputs(&self, u: &[f64], targets: Targets<'_>, gradient: &mut [f64]) -> f64 {
         let m = self.shape.inputs;
-        let i = v.checked_sub(self.shape.all_states() + m)?;
-        Some((v - m, -self.r[i + m]))
+        let mut twice = 0.0;
+        for (i, r) in self.r.chunks_exact(m * m).enumerate() {
+            let now = &u[i * m..(i + 1) * m];
+            let before = if i == 0 { targets.previous } else { &u[(i - 1) * m..i * m] };
+            for (row, r) in r.chunks_exact(m).enumerate() {
+                let mut force = 0.0;
+                for ((&now, &before), &r) in now.iter().zip(before).zip(r) {
+                    force += r * (now - before);
+                }
+                gradient[i * m + row] += force;
+                if i > 0 {
+                    gradient[(i - 1) * m + row] -= force;
+                }
+                twice += force * (now[row] - before[row]);
+            }
+        }
+        twice
+    }
+}
+
+/// Appends `factor` times the matrix.
+fn append(to: &mut Vec<f64>, matrix: &Weight, factor: f64) {
+    for i in 0..matrix.size() {
+        to.extend((0..matrix.size()).map(|k| factor * matrix.entry(i, k)));
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{Bounds, Profile, Weights};
+    use crate::{Profile, Weights};
     use pinc_ad::check_gradient;
+    use pinc_ode::Dims;
 
     fn problem() -> NmpcProblem {
+        let weights = Weights {
+            q: Weight::Full(vec![vec![3.0, 0.2], vec![0.2, 0.5]]),
+            r: Weight::Full(vec![vec![1.0, -0.3], vec![-0.3, 2.0]]),
+            terminal: Some(Weight::Diagonal(vec![4.0, 7.0])),
+            profile: Profile::Cumulative,
+        };
         NmpcProblem {
             first: 2,
-            last: 3,
             control: 2,
             controlled: vec![2, 0],
-            weights: Weights { q: vec![3.0, 0.5], r: vec![1.0, 2.0], profile: Profile::Cumulative },
-            state_bounds: Bounds::none(3),
-            input_bounds: Bounds::none(2),
+            ..NmpcProblem::new(Dims { states: 3, inputs: 2 }, 3, weights)
         }
     }
 
     /// J by its definition, for the problem above with T = 0.5.
     fn value(z: &[f64], targets: Targets<'_>) -> f64 {
-        let mut sum = 0.0;
-        for (j, w) in [(2, 1.0), (3, 0.5)] {
-            let x = &z[(j - 1) * 3..j * 3];
-            let reference = &targets.reference[(j - 1) * 2..j * 2];
-            sum += w * 3.0 * (x[2] - reference[0]).powi(2);
-            sum += w * 0.5 * (x[0] - reference[1]).powi(2);
-        }
+        let error = |j: usize| {
+            let (x, y) = (&z[(j - 1) * 3..j * 3], &targets.reference[(j - 1) * 2..j * 2]);
+            [x[2] - y[0], x[0] - y[1]]
+        };
+        // w_2 = (3 - 1) T = 1
+        let [e, f] = error(2);
+        let mut sum = 3.0 * e * e + 0.4 * e * f + 0.5 * f * f;
+        let [e, f] = error(3);
+        sum += 4.0 * e * e + 7.0 * f * f;
         let u = [targets.previous, &z[9..11], &z[11..13]];
         for (i, v) in [(1, 1.5), (2, 1.0)] {
-            sum += v * (u[i][0] - u[i - 1][0]).powi(2);
-            sum += v * 2.0 * (u[i][1] - u[i - 1][1]).powi(2);
+            let [a, b] = [u[i][0] - u[i - 1][0], u[i][1] - u[i - 1][1]];
+            sum += v * (a * a - 0.6 * a * b + 2.0 * b * b);
         }
         sum
     }
 
     #[test]
     fn the_derivatives_are_those_of_the_definition() {
-        let shape = Shape { states: 3, inputs: 2, stages: 3, moves: 2 };
-        let cost = Cost::new(&problem(), shape, 0.5);
+        let problem = problem();
+        let shape = Shape::new(&problem, Dims { states: 3, inputs: 2 });
+        let cost = Cost::new(&problem, shape, 0.5);
         let targets =
             Targets { reference: &[0.3, -0.2, 0.1, 0.7, -0.4, 0.9], previous: &[0.6, -1.1] };
         let z: Vec<f64> = (0..13).map(|i| f64::from(i * i % 7) - 2.0).collect();
         let mut gradient = vec![f64::NAN; 13];
-        cost.gradient(&z, targets, &mut gradient);
+        let found = cost.gradient(&z, targets, &mut gradient);
+        assert!((found - value(&z, targets)).abs() < 1e-13 * found);
         // J is quadratic: central differences are exact but for rounding, 1e-16/1e-5 of J's 1e2.
         check_gradient(|z| value(z, targets), &z, &gradient, 1e-8).unwrap();
 
-        // So is the Hessian, column by column, as a difference of gradients.
-        let mut dense = vec![vec![0.0; 13]; 13];
-        (0..13).for_each(|v| {
-            dense[v][v] = cost.curvature(v);
-            if let Some((row, value)) = cost.coupling(v) {
-                dense[row][v] = value;
-                dense[v][row] = value;
-            }
-        });
+        // Its Hessian, block by block, as a difference of gradients.
+        let (q, r) = (cost.state_hessians(), cost.increment_hessians());
         for v in 0..13 {
             let mut moved = z.clone();
             moved[v] += 1.0;
             let mut there = vec![f64::NAN; 13];
             cost.gradient(&moved, targets, &mut there);
             for row in 0..13 {
+                let block = |matrix: &[f64], i: usize, size: usize, row: usize, column: usize| {
+                    matrix[(i * size + row % size) * size + column % size]
+                };
+                let expected = match (row, v) {
+                    (0..9, 0..9) if row / 3 == v / 3 => block(&q, v / 3, 3, row, v),
+                    (9..11, 9..11) => {
+                        block(&r, 0, 2, row - 9, v - 9) + block(&r, 1, 2, row - 9, v - 9)
+                    }
+                    (11..13, 11..13) => block(&r, 1, 2, row - 9, v - 9),
+                    (9..13, 9..13) => -block(&r, 1, 2, row - 9, v - 9),
+                    _ => 0.0,
+                };
                 let difference = there[row] - gradient[row];
-                assert!((dense[row][v] - difference).abs() < 1e-13 * 100.0, "{row}, {v}");
+                assert!((expected - difference).abs() < 1e-13 * 100.0, "{row}, {v}");
             }
         }
     }

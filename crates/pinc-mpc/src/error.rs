@@ -71,6 +71,24 @@ pub enum MpcError {
         /// The upper bound.
         high: f64,
     },
+    /// A weight that is no symmetric matrix.
+    #[error(
+        "{field}[{row}][{column}] and {field}[{column}][{row}] differ, but it must be symmetric"
+    )]
+    NotSymmetric {
+        /// What the matrix is.
+        field: &'static str,
+        /// The row of the entry.
+        row: usize,
+        /// Its column.
+        column: usize,
+    },
+    /// A weight with a negative eigenvalue.
+    #[error("{field} must be positive semidefinite")]
+    NotSemidefinite {
+        /// What the matrix is.
+        field: &'static str,
+    },
     /// The plant could not be integrated over a control step.
     #[error("the plant broke off in control step {step}")]
     Plant {

@@ -1,7 +1,7 @@
 //! How far a plan is from optimal.
 
-use crate::qp::Qp;
-use crate::solution::Solution;
+use crate::qp::{Limits, Qp};
+use crate::solution::{Multipliers, Solution};
 
 /// Above this mean multiplier the residuals that are proportional to the cost are scaled down.
 const LARGE_MULTIPLIER: f64 = 100.0;
@@ -14,13 +14,14 @@ const LARGE_MULTIPLIER: f64 = 100.0;
 /// s = max(1, mean |multiplier| / 100), which is 1 for weights of ordinary size.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct KktResidual {
-    /// `dL/dz`, divided by s.
+    /// `dL/dz`, divided by s; also by how much a multiplier is above the weight of its violation.
     pub stationarity: f64,
     /// `f(x_j, u_j) - x_{j+1}`.
     pub dynamics: f64,
-    /// By how much a state or an input is outside its bounds.
+    /// By how much a state, an input, an increment, h or g is outside its limits, soft ones apart.
     pub bounds: f64,
-    /// Multiplier times distance to its bound, divided by s.
+    /// Multiplier times distance to its limit, divided by s. Of a soft constraint that is violated:
+    /// violation times what the multiplier lacks of the violation's weight.
     pub complementarity: f64,
 }
 
@@ -28,23 +29,18 @@ impl KktResidual {
     /// The residuals at the point `at`, where `qp` is the problem linearised there. `work` is as
     /// long as z.
     pub(crate) fn new(qp: &Qp, at: &Solution, work: &mut [f64]) -> Self {
-        lagrangian_gradient(qp, at, work);
-        let scale = scale(at);
-        let room = || qp.room.low.iter().zip(&qp.room.high);
-        let products = at.mu.iter().zip(room()).map(|(&mu, (low, high))| {
-            if mu > 0.0 {
-                mu * high
-            } else if mu < 0.0 {
-                mu * low
-            } else {
-                0.0
-            }
-        });
+        let multipliers = &at.multipliers;
+        lagrangian_gradient(qp, multipliers, work);
+        let mut worst = Worst { stationarity: largest(work), violation: 0.0, product: 0.0 };
+        worst.see(&qp.bounds, &multipliers.bounds);
+        worst.see(&qp.increments, &multipliers.increments);
+        worst.see(&qp.rows, &multipliers.rows);
+        let scale = scale(multipliers);
         Self {
-            stationarity: largest(work.iter().copied()) / scale,
-            dynamics: largest(qp.c.iter().copied()),
-            bounds: largest(room().map(|(low, high)| low.max(-high).max(0.0))),
-            complementarity: largest(products) / scale,
+            stationarity: worst.stationarity / scale,
+            dynamics: largest(&qp.c),
+            bounds: worst.violation,
+            complementarity: worst.product / scale,
         }
     }
 
@@ -52,18 +48,44 @@ impl KktResidual {
     #[must_use]
     pub fn max(&self) -> f64 {
         let Self { stationarity, dynamics, bounds, complementarity } = *self;
-        largest([stationarity, dynamics, bounds, complementarity].into_iter())
+        largest(&[stationarity, dynamics, bounds, complementarity])
+    }
+}
+
+/// The residuals of rows with limits.
+struct Worst {
+    stationarity: f64,
+    violation: f64,
+    product: f64,
+}
+
+impl Worst {
+    /// Takes the rows of one kind into account; their values are 0, seen from the limits.
+    fn see(&mut self, limits: &Limits, multipliers: &[f64]) {
+        for ([low, high, cap], &mu) in limits.iter().zip(multipliers) {
+            let outside = low.max(-high).max(0.0);
+            let room = if mu > 0.0 { high.max(0.0) } else { (-low).max(0.0) };
+            // No 0 times infinity, where there is no limit.
+            let product = if mu.abs() > 0.0 { mu.abs() * room } else { 0.0 };
+            self.product = worse(self.product, product);
+            if cap.is_finite() {
+                self.product = worse(self.product, outside * (cap - mu.abs()).max(0.0));
+                self.stationarity = worse(self.stationarity, mu.abs() - cap);
+            } else {
+                self.violation = worse(self.violation, outside);
+            }
+        }
     }
 }
 
 /// Writes dL/dz into `gradient`.
-fn lagrangian_gradient(qp: &Qp, at: &Solution, gradient: &mut [f64]) {
+fn lagrangian_gradient(qp: &Qp, multipliers: &Multipliers, gradient: &mut [f64]) {
     let shape = qp.shape;
-    for ((sum, g), mu) in gradient.iter_mut().zip(&qp.gradient).zip(&at.mu) {
+    for ((sum, g), mu) in gradient.iter_mut().zip(&qp.gradient).zip(&multipliers.bounds) {
         *sum = g + mu;
     }
     for j in 0..shape.stages {
-        let lambda = &at.lambda[shape.next_state(j)];
+        let lambda = &multipliers.dynamics[shape.next_state(j)];
         for (sum, lambda) in gradient[shape.next_state(j)].iter_mut().zip(lambda) {
             *sum -= lambda;
         }
@@ -71,6 +93,20 @@ fn lagrangian_gradient(qp: &Qp, at: &Solution, gradient: &mut [f64]) {
             add_transposed(qp.a(j), lambda, &mut gradient[state]);
         }
         add_transposed(qp.b(j), lambda, &mut gradient[shape.input(shape.acting(j))]);
+    }
+    let inputs = &mut gradient[shape.all_states()..];
+    for (v, nu) in multipliers.increments.iter().enumerate() {
+        inputs[v] += nu;
+        if let Some(before) = v.checked_sub(shape.inputs) {
+            inputs[before] -= nu;
+        }
+    }
+    if shape.rows() > 0 {
+        for j in shape.constrained() {
+            let eta = &multipliers.rows[shape.stage_rows(j)];
+            add_transposed(qp.rows_x(j), eta, &mut gradient[shape.next_state(j - 1)]);
+            add_transposed(qp.rows_u(j), eta, &mut gradient[shape.input(shape.acting(j))]);
+        }
     }
 }
 
@@ -83,21 +119,25 @@ fn add_transposed(matrix: &[f64], vector: &[f64], sum: &mut [f64]) {
     }
 }
 
-fn scale(at: &Solution) -> f64 {
-    let sum: f64 = at.lambda.iter().chain(&at.mu).map(|l| l.abs()).sum();
+fn scale(multipliers: &Multipliers) -> f64 {
+    let (mut sum, mut count) = (0.0, 0);
+    for part in multipliers.parts() {
+        sum += part.iter().map(|multiplier| multiplier.abs()).sum::<f64>();
+        count += part.len();
+    }
     #[expect(clippy::cast_precision_loss, reason = "far below 2^53 multipliers")]
-    let count = (at.lambda.len() + at.mu.len()) as f64;
-    (sum / count / LARGE_MULTIPLIER).max(1.0)
+    let mean = sum / count as f64;
+    (mean / LARGE_MULTIPLIER).max(1.0)
 }
 
 /// The largest absolute value; infinity if there is a NaN, which `f64::max` would drop.
-fn largest(values: impl Iterator<Item = f64>) -> f64 {
-    values.fold(
-        0.0,
-        |largest, value| {
-            if value.is_nan() { f64::INFINITY } else { largest.max(value.abs()) }
-        },
-    )
+fn largest(values: &[f64]) -> f64 {
+    values.iter().fold(0.0, |largest, value| worse(largest, value.abs()))
+}
+
+/// The larger of the two; infinity if `value` is NaN.
+fn worse(largest: f64, value: f64) -> f64 {
+    if value.is_nan() { f64::INFINITY } else { largest.max(value) }
 }
 
 #[cfg(test)]
@@ -106,7 +146,7 @@ mod tests {
 
     #[test]
     fn a_nan_is_not_lost() {
-        assert!(largest([1.0, f64::NAN, 2.0].into_iter()).is_infinite());
-        assert!((largest([1.0, -3.0, 2.0].into_iter()) - 3.0).abs() < 1e-15);
+        assert!(largest(&[1.0, f64::NAN, 2.0]).is_infinite());
+        assert!((largest(&[1.0, -3.0, 2.0]) - 3.0).abs() < 1e-15);
     }
 }

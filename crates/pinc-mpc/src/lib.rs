@@ -13,7 +13,9 @@
 //! A status is a value, for the plant needs an input however the optimisation ends; an
 //! [`MpcError`] means that the parts do not fit together.
 
+mod bounds;
 mod closed_loop;
+mod constraints;
 mod controller;
 mod cost;
 mod error;
@@ -21,14 +23,20 @@ mod kkt;
 mod problem;
 mod qp;
 mod reference;
+mod shape;
 mod solution;
 mod sqp;
+mod transcription;
+mod weights;
 
+pub use bounds::{Bounds, Softness};
 pub use closed_loop::{ClosedLoop, Control, StepRecord};
+pub use constraints::{Constraints, StageConstraints};
 pub use controller::{Nmpc, StepReport};
 pub use error::MpcError;
 pub use kkt::KktResidual;
-pub use problem::{Bounds, NmpcProblem, Profile, Weights};
+pub use problem::NmpcProblem;
 pub use reference::Reference;
 pub use solution::Solution;
 pub use sqp::{SqpConfig, SqpStatus};
+pub use weights::{Profile, Weight, Weights};

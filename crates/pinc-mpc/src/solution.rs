@@ -1,100 +1,80 @@
-//! The unknowns of the control problem and their multipliers.
+//! A plan and its multipliers.
 
-use crate::{Bounds, NmpcProblem};
-use pinc_ode::Dims;
-use std::ops::Range;
-
-/// The sizes of a control problem, and where its parts lie in flat vectors.
-///
-/// The unknowns are `z = (x_1, .., x_N, u_0, .., u_{Nu-1})`, with `x_j` short for `x[k+j]`.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) struct Shape {
-    /// n
-    pub(crate) states: usize,
-    /// m
-    pub(crate) inputs: usize,
-    /// N = N2
-    pub(crate) stages: usize,
-    /// Nu
-    pub(crate) moves: usize,
-}
-
-impl Shape {
-    pub(crate) fn new(problem: &NmpcProblem, dims: Dims) -> Self {
-        Self {
-            states: dims.states,
-            inputs: dims.inputs,
-            stages: problem.last,
-            moves: problem.control,
-        }
-    }
-
-    /// How many numbers `x_1..x_N` are.
-    pub(crate) fn all_states(self) -> usize {
-        self.stages * self.states
-    }
-
-    /// How many unknowns there are.
-    pub(crate) fn unknowns(self) -> usize {
-        self.all_states() + self.moves * self.inputs
-    }
-
-    /// Where x_{j+1} is, the state that stage `j` leads to, in z. Also: where the rows of its
-    /// dynamics are.
-    pub(crate) fn next_state(self, j: usize) -> Range<usize> {
-        j * self.states..(j + 1) * self.states
-    }
-
-    /// Where `x_j` is in z; `None` for the measured `x_0`.
-    pub(crate) fn state(self, j: usize) -> Option<Range<usize>> {
-        j.checked_sub(1).map(|j| self.next_state(j))
-    }
-
-    /// Where `u_i` is in z.
-    pub(crate) fn input(self, i: usize) -> Range<usize> {
-        let first = self.all_states() + i * self.inputs;
-        first..first + self.inputs
-    }
-
-    /// The index of the input that acts in stage `j`: the last is held.
-    pub(crate) fn acting(self, j: usize) -> usize {
-        j.min(self.moves - 1)
-    }
-
-    /// `bounds` on a state and on an input, for all of z.
-    pub(crate) fn repeat(self, states: &Bounds, inputs: &Bounds) -> Bounds {
-        let side = |x: &[f64], u: &[f64]| [x.repeat(self.stages), u.repeat(self.moves)].concat();
-        Bounds { low: side(&states.low, &inputs.low), high: side(&states.high, &inputs.high) }
-    }
-}
+use crate::shape::Shape;
 
 /// A plan with its multipliers; if it is optimal, a stationary point of the Lagrangian
 ///
 /// ```text
-/// L = J + sum_{j=0..N2-1} lambda_j' (f(x_j, u_j) - x_{j+1}) + mu' z,    z = (x_1, .., u_0, ..)
+/// L = J + sum_{j=0..N2-1} lambda_j' (f(x_j, u_j) - x_{j+1}) + mu' z + sum_{i=0..Nu-1} nu_i' (u_i - u_{i-1})
+///       + sum_{j=N1..N2} eta_j' (h(x_j, u_j), g(x_j, u_j)),            z = (x_1, .., u_0, ..)
 /// ```
 ///
-/// in which `x_j` is `x[k+j]` and `u_j` is `u[k+min(j, Nu-1)]`. A multiplier `mu_i > 0` belongs to the upper
-/// bound of `z_i`, `mu_i < 0` to the lower one.
+/// in which `x_j` is `x[k+j]` and `u_j` is `u[k+min(j, Nu-1)]`. A positive multiplier belongs to an upper
+/// bound, a negative one to a lower bound. Where a soft constraint is violated, its multiplier is
+/// the weight of the violation.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Solution {
     shape: Shape,
     /// z
     pub(crate) z: Vec<f64>,
-    /// lambda
-    pub(crate) lambda: Vec<f64>,
-    /// mu
-    pub(crate) mu: Vec<f64>,
+    pub(crate) multipliers: Multipliers,
+}
+
+/// The multipliers of all constraints.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Multipliers {
+    /// lambda, of the dynamics, `[N, n]`.
+    pub(crate) dynamics: Vec<f64>,
+    /// mu, of the bounds, as long as z.
+    pub(crate) bounds: Vec<f64>,
+    /// nu, of the bounds on increments, `[Nu, m]`.
+    pub(crate) increments: Vec<f64>,
+    /// eta, of h and g, `[N - N1 + 1, rows]`.
+    pub(crate) rows: Vec<f64>,
+}
+
+impl Multipliers {
+    pub(crate) fn new(shape: Shape) -> Self {
+        Self {
+            dynamics: vec![0.0; shape.all_states()],
+            bounds: vec![0.0; shape.unknowns()],
+            increments: vec![0.0; shape.all_inputs()],
+            rows: vec![0.0; shape.all_rows()],
+        }
+    }
+
+    /// The parts, in the order of the fields.
+    pub(crate) fn parts(&self) -> [&[f64]; 4] {
+        [&self.dynamics, &self.bounds, &self.increments, &self.rows]
+    }
+
+    /// The parts, in the order of the fields.
+    pub(crate) fn parts_mut(&mut self) -> [&mut [f64]; 4] {
+        [&mut self.dynamics, &mut self.bounds, &mut self.increments, &mut self.rows]
+    }
+
+    pub(crate) fn copy_from(&mut self, other: &Self) {
+        for (to, from) in self.parts_mut().into_iter().zip(other.parts()) {
+            to.copy_from_slice(from);
+        }
+    }
+
+    pub(crate) fn clear(&mut self) {
+        self.parts_mut().into_iter().for_each(|part| part.fill(0.0));
+    }
+
+    /// Moves on by one step.
+    fn shift(&mut self, shape: Shape) {
+        drop_first(&mut self.dynamics, shape.states);
+        shift_unknowns(&mut self.bounds, shape);
+        drop_first(&mut self.increments, shape.inputs);
+        drop_first(&mut self.rows, shape.rows());
+    }
 }
 
 impl Solution {
     pub(crate) fn new(shape: Shape) -> Self {
-        Self {
-            shape,
-            z: vec![0.0; shape.unknowns()],
-            lambda: vec![0.0; shape.all_states()],
-            mu: vec![0.0; shape.unknowns()],
-        }
+        Self { shape, z: vec![0.0; shape.unknowns()], multipliers: Multipliers::new(shape) }
     }
 
     /// The planned states x\[k+1\]..x\[k+N2\], `[N2, n]`.
@@ -112,19 +92,31 @@ impl Solution {
     /// lambda, `[N2, n]`.
     #[must_use]
     pub fn dynamics_multipliers(&self) -> &[f64] {
-        &self.lambda
+        &self.multipliers.dynamics
     }
 
     /// mu of the states, `[N2, n]`.
     #[must_use]
     pub fn state_multipliers(&self) -> &[f64] {
-        &self.mu[..self.shape.all_states()]
+        &self.multipliers.bounds[..self.shape.all_states()]
     }
 
     /// mu of the inputs, `[Nu, m]`.
     #[must_use]
     pub fn input_multipliers(&self) -> &[f64] {
-        &self.mu[self.shape.all_states()..]
+        &self.multipliers.bounds[self.shape.all_states()..]
+    }
+
+    /// nu, `[Nu, m]`.
+    #[must_use]
+    pub fn increment_multipliers(&self) -> &[f64] {
+        &self.multipliers.increments
+    }
+
+    /// eta, `[N2 - N1 + 1, rows]`: at each stage those of h, then those of g.
+    #[must_use]
+    pub fn constraint_multipliers(&self) -> &[f64] {
+        &self.multipliers.rows
     }
 
     /// The input to apply now.
@@ -134,19 +126,13 @@ impl Solution {
 
     pub(crate) fn copy_from(&mut self, other: &Self) {
         self.z.copy_from_slice(&other.z);
-        self.lambda.copy_from_slice(&other.lambda);
-        self.mu.copy_from_slice(&other.mu);
+        self.multipliers.copy_from(&other.multipliers);
     }
 
     /// Moves the plan on by one step: stage j takes the place of stage j-1, the last one stays.
     pub(crate) fn shift(&mut self) {
-        let all_states = self.shape.all_states();
-        drop_first(&mut self.lambda, self.shape.states);
-        for vector in [&mut self.z, &mut self.mu] {
-            let (x, u) = vector.split_at_mut(all_states);
-            drop_first(x, self.shape.states);
-            drop_first(u, self.shape.inputs);
-        }
+        shift_unknowns(&mut self.z, self.shape);
+        self.multipliers.shift(self.shape);
     }
 
     /// Plans to stay at `x`; the planned inputs are kept. What is known nothing of, the
@@ -156,9 +142,14 @@ impl Solution {
         for state in self.z[..all_states].chunks_exact_mut(x.len()) {
             state.copy_from_slice(x);
         }
-        self.lambda.fill(0.0);
-        self.mu.fill(0.0);
+        self.multipliers.clear();
     }
+}
+
+fn shift_unknowns(vector: &mut [f64], shape: Shape) {
+    let (x, u) = vector.split_at_mut(shape.all_states());
+    drop_first(x, shape.states);
+    drop_first(u, shape.inputs);
 }
 
 /// Drops the first `width` numbers and keeps the last ones twice.
@@ -174,13 +165,23 @@ mod tests {
 
     #[test]
     fn shifting_keeps_the_last_stage() {
-        let shape = Shape { states: 2, inputs: 1, stages: 3, moves: 1 };
+        let shape = Shape {
+            states: 2,
+            inputs: 1,
+            stages: 3,
+            moves: 1,
+            first: 2,
+            inequalities: 1,
+            equalities: 0,
+        };
         let mut solution = Solution::new(shape);
         solution.z = vec![1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0];
-        solution.lambda = vec![1.0, 2.0, 3.0, 4.0, 5.0, 6.0];
+        solution.multipliers.dynamics = vec![1.0, 2.0, 3.0, 4.0, 5.0, 6.0];
+        solution.multipliers.rows = vec![1.0, 2.0];
         solution.shift();
         assert_eq!(solution.states(), [3.0, 4.0, 5.0, 6.0, 5.0, 6.0]);
         assert_eq!(solution.inputs(), [7.0]);
         assert_eq!(solution.dynamics_multipliers(), [3.0, 4.0, 5.0, 6.0, 5.0, 6.0]);
+        assert_eq!(solution.constraint_multipliers(), [2.0, 2.0]);
     }
 }

@@ -1,11 +1,13 @@
 //! Sequential quadratic programming with Gauss-Newton Hessians.
 
-use crate::cost::{Cost, Targets};
+use crate::cost::Targets;
 use crate::error::{check_range, check_setting};
 use crate::kkt::KktResidual;
-use crate::qp::{ClarabelQp, Qp, QpStatus};
-use crate::solution::{Shape, Solution};
-use crate::{Bounds, MpcError, NmpcProblem};
+use crate::qp::{ClarabelQp, Qp, QpSolver, QpStatus, QpStep};
+use crate::shape::Shape;
+use crate::solution::Solution;
+use crate::transcription::Transcription;
+use crate::{MpcError, NmpcProblem};
 use pinc_ode::Predictor;
 use serde::{Deserialize, Serialize};
 use std::fmt;
@@ -78,10 +80,10 @@ impl SqpConfig {
 #[derive(Debug)]
 pub(crate) struct Sqp {
     config: SqpConfig,
-    cost: Cost,
-    bounds: Bounds,
+    transcription: Transcription,
     qp: Qp,
     solver: ClarabelQp,
+    step: QpStep,
     work: Vec<f64>,
 }
 
@@ -103,16 +105,16 @@ impl Sqp {
         shape: Shape,
         horizon_s: f64,
     ) -> Self {
-        let cost = Cost::new(problem, shape, horizon_s);
-        let bounds = shape.repeat(&problem.state_bounds, &problem.input_bounds);
-        let qp = Qp::new(shape);
-        let solver = ClarabelQp::new(&qp, &cost, &bounds);
-        Self { config, cost, bounds, qp, solver, work: vec![0.0; shape.unknowns()] }
+        let transcription = Transcription::new(problem, shape, horizon_s);
+        let qp = transcription.qp(problem);
+        let solver = ClarabelQp::new(&qp);
+        let (step, work) = (QpStep::new(shape), vec![0.0; shape.unknowns()]);
+        Self { config, transcription, qp, solver, step, work }
     }
 
     /// Moves the plan into its bounds.
-    pub(crate) fn project(&self, plan: &mut Solution) {
-        self.bounds.clamp(&mut plan.z);
+    pub(crate) fn project(&self, plan: &mut Solution, previous: &[f64]) {
+        self.transcription.project(plan, previous);
     }
 
     /// Improves the plan for a plant measured to be at `x0`. The plan must be within its bounds and
@@ -130,13 +132,18 @@ impl Sqp {
             if let Some(status) = self.verdict(last, iterations) {
                 break status;
             }
-            match self.solver.solve(&self.qp, plan) {
+            self.step.multipliers.copy_from(&plan.multipliers);
+            match self.solver.solve(&self.qp, &mut self.step) {
                 QpStatus::Solved => iterations += 1,
-                QpStatus::Infeasible => break SqpStatus::InfeasibleQp,
+                QpStatus::Infeasible(_) => break SqpStatus::InfeasibleQp,
                 QpStatus::Failed => break SqpStatus::NumericalTrouble,
             }
+            for (z, d) in plan.z.iter_mut().zip(&self.step.d) {
+                *z += d;
+            }
+            plan.multipliers.copy_from(&self.step.multipliers);
             // The interior-point step may be outside by its tolerance.
-            self.project(plan);
+            self.project(plan, targets.previous);
             last = self.linearize(model, x0, targets, plan);
         };
         Outcome { status, iterations, first, last }
@@ -149,9 +156,8 @@ impl Sqp {
         targets: Targets<'_>,
         plan: &Solution,
     ) -> KktResidual {
-        let Self { qp, cost, bounds, .. } = self;
-        qp.linearize(model, cost, bounds, x0, targets, plan);
-        KktResidual::new(qp, plan, &mut self.work)
+        self.transcription.linearize(model, x0, targets, plan, &mut self.qp);
+        KktResidual::new(&self.qp, plan, &mut self.work)
     }
 
     /// Whether to stop after so many iterations with this residual.

@@ -94,15 +94,17 @@ impl Setup<'_> {
         let mut state_bounds = Bounds::none(states.len());
         state_bounds.low = spec.state_low.clone().unwrap_or(state_bounds.low);
         state_bounds.high = spec.state_high.clone().unwrap_or(state_bounds.high);
-        let (q, r, profile) = (spec.q.clone(), spec.r.clone(), spec.weights_profile);
+        let weights = Weights {
+            profile: spec.weights_profile,
+            ..Weights::uniform(spec.q.clone(), spec.r.clone())
+        };
         NmpcProblem {
             first: spec.n1,
-            last: spec.n2,
             control: spec.nu,
             controlled: spec.controlled.iter().filter_map(place).collect(),
-            weights: Weights { q, r, profile },
             state_bounds,
             input_bounds: Bounds { low: spec.input_low.clone(), high: spec.input_high.clone() },
+            ..NmpcProblem::new(plant.dims(), spec.n2, weights)
         }
     }
 

@@ -1,31 +1,28 @@
 //! The general backend: Clarabel's interior-point method.
 
-use super::{Qp, QpStatus};
-use crate::Bounds;
-use crate::cost::Cost;
-use crate::solution::Solution;
+use super::{Kind, Limits, Qp, QpSolver, QpStatus, QpStep, Row};
 use clarabel::algebra::CscMatrix;
 use clarabel::solver::{
     DefaultSettings, DefaultSolver, IPSolver, NonnegativeConeT, SolverStatus, ZeroConeT,
 };
 use std::fmt;
 
-/// A Clarabel solver that is built once and given new numbers for each QP:
+/// A Clarabel solver that is built once and given new numbers for each QP, in the unknowns v = (d, s),
+/// where s are the violations of the soft rows:
 ///
 /// ```text
-/// min d'H d / 2 + g'd   s.t.   M d + s = r,   s = 0 for the dynamics, s >= 0 for the bounds
+/// min v'H v / 2 + q'v   s.t.   M v + t = r,   t = 0 for dynamics and equalities, t >= 0 for the rest
 /// ```
 ///
-/// M has the full blocks `A_j` and `B_j`, and a row per finite bound.
+/// M has the full blocks of the QP, a line per finite limit, and a line per violation. It is built
+/// anew where other rows are soft than before.
 pub(crate) struct ClarabelQp {
+    layout: Layout,
     solver: DefaultSolver<f64>,
-    rows: BoundRows,
+    /// q
+    linear: Vec<f64>,
     /// M's values, column by column.
     matrix: Vec<f64>,
-    /// Where in `matrix` each entry of `A_1`, `A_2`, .. is. (`A_0` acts on `dx_0` = 0.)
-    a_at: Vec<usize>,
-    /// Where in `matrix` each entry of `B_0`, `B_1`, .. is.
-    b_at: Vec<usize>,
     /// r
     right: Vec<f64>,
 }
@@ -39,185 +36,328 @@ impl fmt::Debug for ClarabelQp {
     }
 }
 
-impl ClarabelQp {
-    /// A solver for QPs of the shape of `qp` with the cost's Hessian; of the bounds on the unknowns
-    /// it matters here which are finite.
-    pub(crate) fn new(qp: &Qp, cost: &Cost, bounds: &Bounds) -> Self {
-        let dynamics = qp.c.len();
-        let rows = BoundRows::new(dynamics, bounds);
-        let (matrix, a_at, b_at) = constraints(qp, &rows);
-        let right = vec![0.0; rows.end];
-        let cones = [ZeroConeT(dynamics), NonnegativeConeT(right.len() - dynamics)];
-        let hessian = hessian(cost, qp.gradient.len());
-        let solver =
-            DefaultSolver::new(&hessian, &qp.gradient, &matrix, &right, &cones, settings())
-                .expect("the sizes have just been counted and the settings are constants");
-        Self { solver, rows, matrix: matrix.nzval, a_at, b_at, right }
-    }
-
-    /// Solves `qp`: adds the step to the point `at` and puts the QP's multipliers there. Leaves it
-    /// alone unless the status is [`QpStatus::Solved`].
-    pub(crate) fn solve(&mut self, qp: &Qp, at: &mut Solution) -> QpStatus {
+impl QpSolver for ClarabelQp {
+    fn solve(&mut self, qp: &Qp, step: &mut QpStep) -> QpStatus {
+        if !self.layout.suits(qp) {
+            *self = Self::new(qp);
+        }
         self.update(qp);
         self.solver.solve();
         match self.solver.solution.status {
             // "Almost": short of the tolerances below. The caller judges the outcome anyway.
             SolverStatus::Solved | SolverStatus::AlmostSolved => {
-                self.apply(at);
+                self.read(qp, step);
                 QpStatus::Solved
             }
             SolverStatus::PrimalInfeasible | SolverStatus::AlmostPrimalInfeasible => {
-                QpStatus::Infeasible
+                self.conflict().map_or(QpStatus::Failed, QpStatus::Infeasible)
             }
             _ => QpStatus::Failed,
         }
     }
+}
+
+impl ClarabelQp {
+    /// A solver for QPs of the shape of `qp`, with finite limits and caps where it has them.
+    pub(crate) fn new(qp: &Qp) -> Self {
+        let layout = Layout::new(qp);
+        let [linear, right] = [vec![0.0; layout.columns], vec![0.0; layout.height()]];
+        let mut matrix = layout.pattern();
+        layout.entries.iter().zip(&mut matrix.nzval).for_each(|(e, value)| *value = e.value(qp));
+        let equalities = layout.dynamics + layout.equalities;
+        let cones = [ZeroConeT(equalities), NonnegativeConeT(layout.height() - equalities)];
+        let hessian = hessian(qp, layout.columns);
+        let solver = DefaultSolver::new(&hessian, &linear, &matrix, &right, &cones, settings())
+            .expect("the sizes have just been counted and the settings are constants");
+        Self { layout, solver, linear, matrix: matrix.nzval, right }
+    }
 
     fn update(&mut self, qp: &Qp) {
-        let first = qp.a.len() - self.a_at.len();
-        for (&at, &a) in self.a_at.iter().zip(&qp.a[first..]) {
-            self.matrix[at] = a;
-        }
-        for (&at, &b) in self.b_at.iter().zip(&qp.b) {
-            self.matrix[at] = b;
+        let layout = &self.layout;
+        for (value, entry) in self.matrix.iter_mut().zip(&layout.entries) {
+            *value = entry.value(qp);
         }
         for (right, c) in self.right.iter_mut().zip(&qp.c) {
             *right = -c;
         }
-        for v in 0..qp.gradient.len() {
-            if let Some(row) = self.rows.low[v] {
-                self.right[row] = -qp.room.low[v];
-            }
-            if let Some(row) = self.rows.high[v] {
-                self.right[row] = qp.room.high[v];
-            }
+        for (right, line) in self.right[layout.dynamics..].iter_mut().zip(&layout.lines) {
+            *right = line.right(qp);
+        }
+        let unknowns = qp.gradient.len();
+        self.linear[..unknowns].copy_from_slice(&qp.gradient);
+        for (linear, soft) in self.linear[unknowns..].iter_mut().zip(&layout.soft) {
+            *linear = limits(qp, soft.kind).cap[soft.index];
         }
         let hessian_stays: [f64; 0] = [];
         self.solver
-            .update_data(&hessian_stays, &qp.gradient, &self.matrix, &self.right)
+            .update_data(&hessian_stays, &self.linear, &self.matrix, &self.right)
             .expect("all lengths are as at construction, and nothing was presolved");
     }
 
-    fn apply(&self, at: &mut Solution) {
+    fn read(&self, qp: &Qp, step: &mut QpStep) {
         let solution = &self.solver.solution;
-        for (z, d) in at.z.iter_mut().zip(&solution.x) {
-            *z += d;
+        step.d.copy_from_slice(&solution.x[..qp.gradient.len()]);
+        let multipliers = &mut step.multipliers;
+        multipliers.clear();
+        let dynamics = self.layout.dynamics;
+        multipliers.dynamics.copy_from_slice(&solution.z[..dynamics]);
+        for (line, z) in self.layout.lines.iter().zip(&solution.z[dynamics..]) {
+            let part = match line.row.kind {
+                Kind::Bound => &mut multipliers.bounds,
+                Kind::Increment => &mut multipliers.increments,
+                Kind::Row => &mut multipliers.rows,
+            };
+            part[line.row.index] += line.sign() * z;
         }
-        let dynamics = at.lambda.len();
-        at.lambda.copy_from_slice(&solution.z[..dynamics]);
-        let multiplier = |row: Option<usize>| row.map_or(0.0, |row| solution.z[row]);
-        for (v, mu) in at.mu.iter_mut().enumerate() {
-            *mu = multiplier(self.rows.high[v]) - multiplier(self.rows.low[v]);
-        }
+    }
+
+    /// The row that weighs most in the certificate of infeasibility.
+    fn conflict(&self) -> Option<Row> {
+        let weights = &self.solver.solution.z[self.layout.dynamics..];
+        let lines = self.layout.lines.iter().zip(weights);
+        let (line, weight) = lines.max_by(|(_, z), (_, w)| z.abs().total_cmp(&w.abs()))?;
+        let upper = if line.equality { *weight > 0.0 } else { line.row.upper };
+        Some(Row { upper, ..line.row })
     }
 }
 
-/// The rows of M that are bounds: `-d_v <= -low_v` and `d_v <= high_v`, where these are finite.
-struct BoundRows {
-    low: Vec<Option<usize>>,
-    high: Vec<Option<usize>>,
-    /// The number of all rows.
-    end: usize,
+fn limits(qp: &Qp, kind: Kind) -> &Limits {
+    match kind {
+        Kind::Bound => &qp.bounds,
+        Kind::Increment => &qp.increments,
+        Kind::Row => &qp.rows,
+    }
 }
 
-impl BoundRows {
-    /// The rows after the first `dynamics`.
-    fn new(dynamics: usize, bounds: &Bounds) -> Self {
-        let mut end = dynamics;
-        let mut number = |side: &[f64]| -> Vec<Option<usize>> {
-            let rows = side.iter().map(|bound| {
-                bound.is_finite().then(|| {
-                    end += 1;
-                    end - 1
-                })
-            });
-            rows.collect()
+/// A limit as a line of M.
+#[derive(Clone, Copy)]
+struct Line {
+    row: Row,
+    equality: bool,
+}
+
+impl Line {
+    fn sign(self) -> f64 {
+        if self.row.upper { 1.0 } else { -1.0 }
+    }
+
+    fn right(self, qp: &Qp) -> f64 {
+        let limits = limits(qp, self.row.kind);
+        if self.row.upper { limits.high[self.row.index] } else { -limits.low[self.row.index] }
+    }
+}
+
+/// An entry of M: its place, and what it is.
+#[derive(Clone, Copy)]
+struct Entry {
+    row: usize,
+    column: usize,
+    /// The factor of `number`.
+    factor: f64,
+    number: Number,
+}
+
+/// A number of the QP, by its index.
+#[derive(Clone, Copy)]
+enum Number {
+    One,
+    A(usize),
+    B(usize),
+    RowsX(usize),
+    RowsU(usize),
+}
+
+impl Entry {
+    fn value(&self, qp: &Qp) -> f64 {
+        let number = match self.number {
+            Number::One => 1.0,
+            Number::A(i) => qp.a[i],
+            Number::B(i) => qp.b[i],
+            Number::RowsX(i) => qp.rows_x[i],
+            Number::RowsU(i) => qp.rows_u[i],
         };
-        let (low, high) = (number(&bounds.low), number(&bounds.high));
-        Self { low, high, end }
+        self.factor * number
     }
 }
 
-/// M without the values of A and B, and where these go: [`ClarabelQp::a_at`], [`ClarabelQp::b_at`].
-fn constraints(qp: &Qp, rows: &BoundRows) -> (CscMatrix<f64>, Vec<usize>, Vec<usize>) {
-    let shape = qp.shape;
-    let (n, m) = (shape.states, shape.inputs);
-    let mut matrix = Columns::default();
-    let mut a_at = vec![0; qp.a.len() - n * n];
-    let mut b_at = vec![0; qp.b.len()];
-    for j in 0..shape.stages {
-        for column in 0..n {
-            let v = shape.next_state(j).start + column;
-            matrix.push(v, -1.0);
-            if j + 1 < shape.stages {
-                for (i, row) in shape.next_state(j + 1).enumerate() {
-                    a_at[(j * n + i) * n + column] = matrix.push(row, 0.0);
+/// Which line and which column of M is what.
+struct Layout {
+    /// The first lines are the dynamics.
+    dynamics: usize,
+    /// Then come the limits; of these the first are equalities.
+    lines: Vec<Line>,
+    equalities: usize,
+    /// The soft rows; in the end there is a line for the violation of each.
+    soft: Vec<Row>,
+    columns: usize,
+    /// In the order of a matrix stored by columns.
+    entries: Vec<Entry>,
+}
+
+impl Layout {
+    fn new(qp: &Qp) -> Self {
+        let mut lines = Vec::new();
+        let mut soft = Vec::new();
+        for (kind, limits) in qp.limits() {
+            for (index, [low, high, cap]) in limits.iter().enumerate() {
+                let equality = low.total_cmp(&high).is_eq() && cap.is_infinite();
+                let line = |upper| Line { row: Row { kind, index, upper }, equality };
+                if high.is_finite() {
+                    lines.push(line(true));
+                }
+                if low.is_finite() && !equality {
+                    lines.push(line(false));
+                }
+                if cap.is_finite() && (low.is_finite() || high.is_finite()) {
+                    soft.push(Row { kind, index, upper: true });
                 }
             }
-            matrix.finish_with_bounds(v, rows);
         }
+        lines.sort_by_key(|line| !line.equality);
+        let equalities = lines.iter().filter(|line| line.equality).count();
+        let columns = qp.gradient.len() + soft.len();
+        let mut layout =
+            Self { dynamics: qp.c.len(), lines, equalities, soft, columns, entries: Vec::new() };
+        layout.add_dynamics(qp);
+        layout.add_lines(qp);
+        layout.entries.sort_by_key(|entry| (entry.column, entry.row));
+        layout
     }
-    for input in 0..shape.moves {
-        for column in 0..m {
-            for j in (0..shape.stages).filter(|&j| shape.acting(j) == input) {
-                for (i, row) in shape.next_state(j).enumerate() {
-                    b_at[(j * n + i) * m + column] = matrix.push(row, 0.0);
+
+    /// Whether the soft rows of `qp` are these.
+    fn suits(&self, qp: &Qp) -> bool {
+        let mut soft = self.soft.iter();
+        let mut same = true;
+        for (kind, limits) in qp.limits() {
+            for (index, [low, high, cap]) in limits.iter().enumerate() {
+                if cap.is_finite() && (low.is_finite() || high.is_finite()) {
+                    same &= soft.next().is_some_and(|s| s.kind == kind && s.index == index);
                 }
             }
-            matrix.finish_with_bounds(shape.input(input).start + column, rows);
+        }
+        same && soft.next().is_none()
+    }
+
+    fn height(&self) -> usize {
+        self.dynamics + self.lines.len() + self.soft.len()
+    }
+
+    fn push(&mut self, row: usize, column: usize, factor: f64, number: Number) {
+        self.entries.push(Entry { row, column, factor, number });
+    }
+
+    /// `A_j dx_j + B_j du_j - dx_{j+1} = -c_j`
+    fn add_dynamics(&mut self, qp: &Qp) {
+        let shape = qp.shape;
+        let (n, m) = (shape.states, shape.inputs);
+        for j in 0..shape.stages {
+            for (i, row) in shape.next_state(j).enumerate() {
+                self.push(row, row, -1.0, Number::One);
+                for (k, column) in shape.state(j).into_iter().flatten().enumerate() {
+                    self.push(row, column, 1.0, Number::A((j * n + i) * n + k));
+                }
+                for (k, column) in shape.input(shape.acting(j)).enumerate() {
+                    self.push(row, column, 1.0, Number::B((j * n + i) * m + k));
+                }
+            }
         }
     }
-    (matrix.build(rows.end), a_at, b_at)
+
+    fn add_lines(&mut self, qp: &Qp) {
+        for (i, line) in self.lines.clone().into_iter().enumerate() {
+            let row = self.dynamics + i;
+            self.add_line(qp, row, line);
+            let same = |s: &Row| s.kind == line.row.kind && s.index == line.row.index;
+            if let Some(slack) = self.soft.iter().position(same) {
+                self.push(row, qp.gradient.len() + slack, -1.0, Number::One);
+            }
+        }
+        for slack in 0..self.soft.len() {
+            let row = self.dynamics + self.lines.len() + slack;
+            self.push(row, qp.gradient.len() + slack, -1.0, Number::One);
+        }
+    }
+
+    fn add_line(&mut self, qp: &Qp, row: usize, line: Line) {
+        let shape = qp.shape;
+        let (n, m) = (shape.states, shape.inputs);
+        let (sign, index) = (line.sign(), line.row.index);
+        match line.row.kind {
+            Kind::Bound => self.push(row, index, sign, Number::One),
+            Kind::Increment => {
+                let column = shape.all_states() + index;
+                self.push(row, column, sign, Number::One);
+                if index >= m {
+                    self.push(row, column - m, -sign, Number::One);
+                }
+            }
+            Kind::Row => {
+                let j = shape.first + index / shape.rows();
+                for (k, column) in shape.next_state(j - 1).enumerate() {
+                    self.push(row, column, sign, Number::RowsX(index * n + k));
+                }
+                for (k, column) in shape.input(shape.acting(j)).enumerate() {
+                    self.push(row, column, sign, Number::RowsU(index * m + k));
+                }
+            }
+        }
+    }
+
+    /// M, without values.
+    fn pattern(&self) -> CscMatrix<f64> {
+        let places = self.entries.iter().map(|entry| (entry.row, entry.column, 0.0));
+        compressed(self.height(), self.columns, places)
+    }
 }
 
 /// The upper triangle of H.
-fn hessian(cost: &Cost, unknowns: usize) -> CscMatrix<f64> {
-    let mut matrix = Columns::default();
-    for v in 0..unknowns {
-        if let Some((row, value)) = cost.coupling(v) {
-            matrix.push(row, value);
-        }
-        matrix.push(v, cost.curvature(v));
-        matrix.finish();
-    }
-    matrix.build(unknowns)
-}
-
-/// A sparse matrix in the making, column by column.
-#[derive(Default)]
-struct Columns {
-    ends: Vec<usize>,
-    rows: Vec<usize>,
-    values: Vec<f64>,
-}
-
-impl Columns {
-    /// Adds an entry to the column, further down than the last, and says where its value is.
-    fn push(&mut self, row: usize, value: f64) -> usize {
-        self.rows.push(row);
-        self.values.push(value);
-        self.values.len() - 1
-    }
-
-    /// Ends the column.
-    fn finish(&mut self) {
-        self.ends.push(self.rows.len());
-    }
-
-    /// Ends the column of unknown `v` with its bounds.
-    fn finish_with_bounds(&mut self, v: usize, rows: &BoundRows) {
-        for (row, value) in [(rows.low[v], -1.0), (rows.high[v], 1.0)] {
-            if let Some(row) = row {
-                self.push(row, value);
+fn hessian(qp: &Qp, columns: usize) -> CscMatrix<f64> {
+    let shape = qp.shape;
+    let (n, m) = (shape.states, shape.inputs);
+    let mut entries = Vec::new();
+    for j in 1..=shape.stages {
+        let first = shape.next_state(j - 1).start;
+        for column in 0..n {
+            for row in 0..=column {
+                entries.push((first + row, first + column, qp.q(j)[row * n + column]));
             }
         }
-        self.finish();
     }
+    for i in 0..shape.moves {
+        let first = shape.input(i).start;
+        for column in 0..m {
+            if i > 0 {
+                for row in 0..m {
+                    let coupling = -qp.r(i)[row * m + column];
+                    entries.push((first - m + row, first + column, coupling));
+                }
+            }
+            for row in 0..=column {
+                let own = qp.r(i)[row * m + column];
+                let next = if i + 1 < shape.moves { qp.r(i + 1)[row * m + column] } else { 0.0 };
+                entries.push((first + row, first + column, own + next));
+            }
+        }
+    }
+    compressed(columns, columns, entries.into_iter())
+}
 
-    fn build(self, rows: usize) -> CscMatrix<f64> {
-        let starts = [vec![0], self.ends].concat();
-        CscMatrix::new(rows, starts.len() - 1, starts, self.rows, self.values)
+/// A matrix from its entries in the order of columns, and of rows within them.
+fn compressed(
+    height: usize,
+    width: usize,
+    entries: impl Iterator<Item = (usize, usize, f64)>,
+) -> CscMatrix<f64> {
+    let (mut starts, mut rows, mut values) = (vec![0; width + 1], Vec::new(), Vec::new());
+    for (row, column, value) in entries {
+        starts[column + 1] += 1;
+        rows.push(row);
+        values.push(value);
     }
+    for column in 0..width {
+        starts[column + 1] += starts[column];
+    }
+    CscMatrix::new(height, width, starts, rows, values)
 }
 
 /// Chosen so that a solution passes a KKT test of 1e-8 with digits to spare. Measured on closed

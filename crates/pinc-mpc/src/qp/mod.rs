@@ -4,99 +4,187 @@ mod clarabel;
 
 pub(crate) use self::clarabel::ClarabelQp;
 
-use crate::Bounds;
-use crate::cost::{Cost, Targets};
-use crate::solution::{Shape, Solution};
-use pinc_ode::Predictor;
+use crate::shape::Shape;
+use crate::solution::Multipliers;
+use std::fmt::Debug;
 
 /// The control problem linearised at a point z, in the unknown step `d = (dx_1, .., du_0, ..)`:
 ///
 /// ```text
-/// min  g'd + d'H d / 2
-/// s.t. dx_{j+1} = A_j dx_j + B_j du_j + c_j,    dx_0 = 0,    c_j = f(x_j, u_j) - x_{j+1}
-///      low <= d <= high
+/// min  g'd + sum_{j=1..N} dx_j' Q_j dx_j / 2 + sum_{i<Nu} (du_i - du_{i-1})' R_i (du_i - du_{i-1}) / 2
+///      + sum_i cap_i violation_i
+/// s.t. dx_{j+1} = A_j dx_j + B_j du_j + c_j,    dx_0 = 0, du_{-1} = 0     j = 0..N-1
+///      d                    within bounds
+///      du_i - du_{i-1}      within increments                            i = 0..Nu-1
+///      C_j dx_j + D_j du_j  within rows                                  j = N1..N
 /// ```
 ///
-/// H, the Hessian of the cost, is that of Gauss and Newton: it leaves out the curvature of the
-/// dynamics. The cost being quadratic, H is constant and not stored here.
+/// with `du_j` = `du_{Nu-1}` for j >= Nu, and `c_j = f(x_j, u_j) - x_{j+1}`.
+///
+/// The Hessian is that of the cost, after Gauss and Newton: it leaves out the curvature of the
+/// constraints. The cost being quadratic, Q and R are constant.
 #[derive(Clone, Debug)]
 pub(crate) struct Qp {
     pub(crate) shape: Shape,
+    /// `Q_1`, `Q_2`, ..: `[N, n, n]`, symmetric and positive semidefinite; the same in all QPs.
+    pub(crate) q: Vec<f64>,
+    /// `R_0`, `R_1`, ..: `[Nu, m, m]`, of the same kind.
+    pub(crate) r: Vec<f64>,
     /// `A_j`, `[N, n, n]`.
     pub(crate) a: Vec<f64>,
     /// `B_j`, `[N, n, m]`.
     pub(crate) b: Vec<f64>,
     /// `c_j`, `[N, n]`.
     pub(crate) c: Vec<f64>,
+    /// `C_j`, `[N - N1 + 1, rows, n]`.
+    pub(crate) rows_x: Vec<f64>,
+    /// `D_j`, `[N - N1 + 1, rows, m]`.
+    pub(crate) rows_u: Vec<f64>,
     /// g, as long as z.
     pub(crate) gradient: Vec<f64>,
-    /// The bounds less z.
-    pub(crate) room: Bounds,
+    /// As long as z.
+    pub(crate) bounds: Limits,
+    /// `[Nu, m]`
+    pub(crate) increments: Limits,
+    /// `[N - N1 + 1, rows]`: inequalities without lower limit, then equalities.
+    pub(crate) rows: Limits,
+}
+
+/// Limits on the rows of one kind of constraint. Which of `low` and `high` are finite is the same in all
+/// QPs; `cap` may change.
+#[derive(Clone, Debug)]
+pub(crate) struct Limits {
+    /// Finite or minus infinity.
+    pub(crate) low: Vec<f64>,
+    /// Finite or infinity. Where it is `low`, the row is an equality.
+    pub(crate) high: Vec<f64>,
+    /// The largest absolute value of the multiplier, positive. Infinite: the row is hard. Finite: the row
+    /// may be violated at a cost of `cap` per unit, and its multiplier is then `cap` (exact penalty).
+    pub(crate) cap: Vec<f64>,
+}
+
+impl Limits {
+    pub(crate) fn none(rows: usize) -> Self {
+        Self {
+            low: vec![f64::NEG_INFINITY; rows],
+            high: vec![f64::INFINITY; rows],
+            cap: vec![f64::INFINITY; rows],
+        }
+    }
+
+    /// Of each row: low, high and cap.
+    pub(crate) fn iter(&self) -> impl Iterator<Item = [f64; 3]> {
+        self.low.iter().zip(&self.high).zip(&self.cap).map(|((&low, &high), &cap)| [low, high, cap])
+    }
+}
+
+/// The solution of a [`Qp`].
+#[derive(Clone, Debug)]
+pub(crate) struct QpStep {
+    /// d
+    pub(crate) d: Vec<f64>,
+    /// Positive at upper limits, negative at lower ones.
+    pub(crate) multipliers: Multipliers,
+}
+
+impl QpStep {
+    pub(crate) fn new(shape: Shape) -> Self {
+        Self { d: vec![0.0; shape.unknowns()], multipliers: Multipliers::new(shape) }
+    }
 }
 
 /// How the solution of a [`Qp`] ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum QpStatus {
     Solved,
-    Infeasible,
+    /// There is no feasible step; this row is part of the conflict.
+    Infeasible(Row),
     Failed,
 }
 
+/// A row of a [`Qp`]'s limits.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Row {
+    pub(crate) kind: Kind,
+    /// Its place in the limits of its kind.
+    pub(crate) index: usize,
+    /// Whether it is the upper limit that matters.
+    pub(crate) upper: bool,
+}
+
+/// The kinds of rows with limits.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Kind {
+    Bound,
+    Increment,
+    Row,
+}
+
+/// A method that solves the QPs of one control problem.
+pub(crate) trait QpSolver: Debug + Send {
+    /// Solves `qp`. On entry the multipliers in `step` are a guess, by which a solver may know which
+    /// constraints are likely to be active; on exit, if the status is [`QpStatus::Solved`], `step` is
+    /// the solution, and otherwise of no meaning.
+    fn solve(&mut self, qp: &Qp, step: &mut QpStep) -> QpStatus;
+}
+
 impl Qp {
-    pub(crate) fn new(shape: Shape) -> Self {
+    /// A program without limits, in which all numbers are 0 but those of the Hessian.
+    pub(crate) fn new(shape: Shape, q: Vec<f64>, r: Vec<f64>) -> Self {
         let Shape { states, inputs, stages, .. } = shape;
         Self {
             shape,
+            q,
+            r,
             a: vec![0.0; stages * states * states],
             b: vec![0.0; stages * states * inputs],
             c: vec![0.0; stages * states],
+            rows_x: vec![0.0; shape.all_rows() * states],
+            rows_u: vec![0.0; shape.all_rows() * inputs],
             gradient: vec![0.0; shape.unknowns()],
-            room: Bounds::none(shape.unknowns()),
+            bounds: Limits::none(shape.unknowns()),
+            increments: Limits::none(shape.all_inputs()),
+            rows: Limits::none(shape.all_rows()),
         }
     }
 
     /// `A_j`, `[n, n]`.
     pub(crate) fn a(&self, j: usize) -> &[f64] {
-        let size = self.shape.states * self.shape.states;
-        &self.a[j * size..(j + 1) * size]
+        block(&self.a, j, self.shape.states * self.shape.states)
     }
 
     /// `B_j`, `[n, m]`.
     pub(crate) fn b(&self, j: usize) -> &[f64] {
-        let size = self.shape.states * self.shape.inputs;
-        &self.b[j * size..(j + 1) * size]
+        block(&self.b, j, self.shape.states * self.shape.inputs)
     }
 
-    /// Linearises the problem of a plant measured to be at `x0` at the point `at`.
-    pub(crate) fn linearize(
-        &mut self,
-        model: &mut dyn Predictor,
-        cost: &Cost,
-        bounds: &Bounds,
-        x0: &[f64],
-        targets: Targets<'_>,
-        at: &Solution,
-    ) {
-        self.linearize_dynamics(model, x0, &at.z);
-        cost.gradient(&at.z, targets, &mut self.gradient);
-        for (v, &z) in at.z.iter().enumerate() {
-            self.room.low[v] = bounds.low[v] - z;
-            self.room.high[v] = bounds.high[v] - z;
-        }
+    /// `Q_j` of the state `x_j`, j = 1..N, `[n, n]`.
+    pub(crate) fn q(&self, j: usize) -> &[f64] {
+        block(&self.q, j - 1, self.shape.states * self.shape.states)
     }
 
-    fn linearize_dynamics(&mut self, model: &mut dyn Predictor, x0: &[f64], z: &[f64]) {
-        let shape = self.shape;
-        let stages = self.a.chunks_exact_mut(shape.states * shape.states);
-        let stages = stages.zip(self.b.chunks_exact_mut(shape.states * shape.inputs));
-        let stages = stages.zip(self.c.chunks_exact_mut(shape.states));
-        for (j, ((a, b), c)) in stages.enumerate() {
-            let x = shape.state(j).map_or(x0, |range| &z[range]);
-            let u = &z[shape.input(shape.acting(j))];
-            model.linearize(x, u, c, a, b);
-            for (c, next) in c.iter_mut().zip(&z[shape.next_state(j)]) {
-                *c -= next;
-            }
-        }
+    /// `R_i`, `[m, m]`.
+    pub(crate) fn r(&self, i: usize) -> &[f64] {
+        block(&self.r, i, self.shape.inputs * self.shape.inputs)
     }
+
+    /// `C_j` at stage j = N1..N, `[rows, n]`.
+    pub(crate) fn rows_x(&self, j: usize) -> &[f64] {
+        block(&self.rows_x, j - self.shape.first, self.shape.rows() * self.shape.states)
+    }
+
+    /// `D_j` at stage j = N1..N, `[rows, m]`.
+    pub(crate) fn rows_u(&self, j: usize) -> &[f64] {
+        block(&self.rows_u, j - self.shape.first, self.shape.rows() * self.shape.inputs)
+    }
+
+    /// The limits with their kind.
+    pub(crate) fn limits(&self) -> [(Kind, &Limits); 3] {
+        [(Kind::Bound, &self.bounds), (Kind::Increment, &self.increments), (Kind::Row, &self.rows)]
+    }
+}
+
+/// Block `i` of blocks of `size` numbers.
+fn block(blocks: &[f64], i: usize, size: usize) -> &[f64] {
+    &blocks[i * size..(i + 1) * size]
 }

@@ -168,7 +168,7 @@ impl Predictor for Arctangent {
 #[test]
 fn a_diverging_iteration_falls_back() {
     let mut problem = scalar_problem(1, 1);
-    problem.weights.r = vec![0.0];
+    problem.weights.r = vec![0.0].into();
     problem.input_bounds.low = vec![-100.0];
     problem.input_bounds.high = vec![100.0];
     let mut nmpc = Nmpc::new(problem, Box::new(Arctangent), SqpConfig::default()).unwrap();

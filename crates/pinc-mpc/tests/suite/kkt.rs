@@ -1,7 +1,7 @@
 //! Solutions judged by the optimality conditions, assembled here a second time.
 
 use crate::support::{Linear, four_tanks, van_der_pol};
-use pinc_mpc::{Bounds, Nmpc, NmpcProblem, Profile, SqpConfig, SqpStatus, Weights};
+use pinc_mpc::{Bounds, Nmpc, NmpcProblem, Profile, SqpConfig, SqpStatus, Weight, Weights};
 use pinc_ode::{Adaptive, Dims, FourTanks, Plant, Predictor, Rk4, VanDerPol};
 use proptest::prelude::*;
 
@@ -10,6 +10,13 @@ struct Asked<'a> {
     x: &'a [f64],
     previous: &'a [f64],
     reference: &'a [f64],
+}
+
+fn diagonal(weight: &Weight) -> &[f64] {
+    match weight {
+        Weight::Diagonal(diagonal) => diagonal,
+        Weight::Full(_) => panic!("the problems here have diagonal weights"),
+    }
 }
 
 /// The residuals of the KKT conditions at the controller's plan: stationarity, feasibility of the
@@ -34,13 +41,13 @@ fn residuals(nmpc: &Nmpc, model: &mut dyn Predictor, asked: &Asked<'_>) -> [f64;
     for j in problem.first..=problem.last {
         for (i, &state) in problem.controlled.iter().enumerate() {
             let error = x(j)[state] - asked.reference[(j - 1) * problem.controlled.len() + i];
-            dx[j][state] += 2.0 * weight(j - 1) * problem.weights.q[i] * error;
+            dx[j][state] += 2.0 * weight(j - 1) * diagonal(&problem.weights.q)[i] * error;
         }
     }
     for i in 0..problem.control {
         for c in 0..m {
             let before = if i == 0 { asked.previous[c] } else { u(i - 1)[c] };
-            let slope = 2.0 * weight(i) * problem.weights.r[c] * (u(i)[c] - before);
+            let slope = 2.0 * weight(i) * diagonal(&problem.weights.r)[c] * (u(i)[c] - before);
             du[i][c] += slope;
             if i > 0 {
                 du[i - 1][c] -= slope;
@@ -99,7 +106,8 @@ fn scale(nmpc: &Nmpc) -> f64 {
     let plan = nmpc.plan();
     let all =
         [plan.dynamics_multipliers(), plan.state_multipliers(), plan.input_multipliers()].concat();
-    let mean = all.iter().map(|l| l.abs()).sum::<f64>() / all.len() as f64;
+    let count = all.len() + plan.increment_multipliers().len();
+    let mean = all.iter().map(|l| l.abs()).sum::<f64>() / count as f64;
     f64::max(1.0, mean / 100.0)
 }
 
@@ -155,8 +163,10 @@ fn plans_of_every_shape_are_optimal() {
     problem.last = 6;
     problem.control = 3;
     problem.controlled = vec![1, 3, 0];
-    problem.weights =
-        Weights { q: vec![3.0, 0.0, 5.0], r: vec![1.0, 0.2], profile: Profile::Cumulative };
+    problem.weights = Weights {
+        profile: Profile::Cumulative,
+        ..Weights::uniform(vec![3.0, 0.0, 5.0], vec![1.0, 0.2])
+    };
     problem.state_bounds.low[2] = f64::NEG_INFINITY;
     problem.input_bounds.high[1] = f64::INFINITY;
     let x0 = [12.0, 13.0, 1.8, 1.4];
@@ -199,15 +209,14 @@ proptest! {
     ) {
         let dims = Dims { states: 3, inputs: 2 };
         let mut model = Linear { dims, a, b };
+        let weights = Weights::uniform(vec![10.0, 1.0], vec![0.1, 1.0]);
         let problem = NmpcProblem {
-            first: 1,
-            last: 4,
             control,
             controlled: vec![2, 0],
-            weights: Weights { q: vec![10.0, 1.0], r: vec![0.1, 1.0], profile: Profile::Uniform },
             // |x_j| <= 4 is out of reach: the row sums of |A| and |B| are below 1.8 and 2.
             state_bounds: Bounds { low: vec![-40.0; 3], high: vec![40.0; 3] },
             input_bounds: Bounds { low: vec![-0.5; 2], high },
+            ..NmpcProblem::new(dims, 4, weights)
         };
         let mut nmpc = Nmpc::new(problem, Box::new(model.clone()), SqpConfig::default()).unwrap();
         let status = nmpc.step(&x, &reference).unwrap().status;

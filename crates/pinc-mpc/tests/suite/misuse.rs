@@ -31,16 +31,22 @@ fn controlled_states() {
 
 #[test]
 fn weights() {
-    assert_eq!(refusal(|p| p.weights.q = vec![1.0]), "weights.q: 1 numbers, but 2 are expected");
     assert_eq!(
-        refusal(|p| p.weights.r = vec![-1.0]),
+        refusal(|p| p.weights.q = vec![1.0].into()),
+        "weights.q: 1 numbers, but 2 are expected"
+    );
+    assert_eq!(
+        refusal(|p| p.weights.r = vec![-1.0].into()),
         "weights.r[0] is -1, but must be finite and not negative"
     );
     assert_eq!(
-        refusal(|p| p.weights.q[1] = f64::NAN),
+        refusal(|p| p.weights.q = vec![1.0, f64::NAN].into()),
         "weights.q[1] is NaN, but must be finite and not negative"
     );
-    assert!(refusal(|p| p.weights.q[0] = f64::INFINITY).starts_with("weights.q[0] is inf"));
+    assert!(
+        refusal(|p| p.weights.q = vec![f64::INFINITY, 1.0].into())
+            .starts_with("weights.q[0] is inf")
+    );
 }
 
 #[test]

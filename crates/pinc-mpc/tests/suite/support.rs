@@ -1,6 +1,6 @@
 //! Models and problems that several tests use.
 
-use pinc_mpc::{Bounds, NmpcProblem, Profile, Weights};
+use pinc_mpc::{Bounds, NmpcProblem, Weights};
 use pinc_ode::{Dims, Predictor};
 
 /// x\[k+1\] = A x\[k\] + B u\[k\]
@@ -47,36 +47,27 @@ impl Predictor for Linear {
 
 /// A problem with one state and one input, no bounds, q = 2 and r = 3.
 pub(crate) fn scalar_problem(last: usize, control: usize) -> NmpcProblem {
-    NmpcProblem {
-        first: 1,
-        last,
-        control,
-        controlled: vec![0],
-        weights: Weights { q: vec![2.0], r: vec![3.0], profile: Profile::Uniform },
-        state_bounds: Bounds::none(1),
-        input_bounds: Bounds::none(1),
-    }
+    let weights = Weights::uniform(vec![2.0], vec![3.0]);
+    NmpcProblem { control, ..NmpcProblem::new(Dims { states: 1, inputs: 1 }, last, weights) }
 }
 
 /// The paper's problem for the Van der Pol oscillator.
 pub(crate) fn van_der_pol() -> NmpcProblem {
+    let weights = Weights::uniform(vec![10.0; 2], vec![1.0]);
     NmpcProblem {
-        first: 1,
-        last: 5,
-        control: 5,
-        controlled: vec![0, 1],
-        weights: Weights { q: vec![10.0; 2], r: vec![1.0], profile: Profile::Uniform },
         state_bounds: Bounds { low: vec![-1.0; 2], high: vec![1.0; 2] },
         input_bounds: Bounds { low: vec![-1.0], high: vec![1.0] },
+        ..NmpcProblem::new(Dims { states: 2, inputs: 1 }, 5, weights)
     }
 }
 
 /// The paper's problem for the four tanks.
 pub(crate) fn four_tanks() -> NmpcProblem {
+    let weights = Weights::uniform(vec![10.0; 2], vec![1.0; 2]);
     NmpcProblem {
-        weights: Weights { q: vec![10.0; 2], r: vec![1.0; 2], profile: Profile::Uniform },
+        controlled: vec![0, 1],
         state_bounds: Bounds { low: vec![2.0, 2.0, 0.6, 0.6], high: vec![20.0, 20.0, 5.5, 5.5] },
         input_bounds: Bounds { low: vec![0.0; 2], high: vec![5.0; 2] },
-        ..van_der_pol()
+        ..NmpcProblem::new(Dims { states: 4, inputs: 2 }, 5, weights)
     }
 }

@@ -1,0 +1,101 @@
+//! Bounds, and how hard they are.
+
+use crate::MpcError;
+use crate::error::{check_length, check_numbers};
+use serde::{Deserialize, Serialize};
+
+/// Lower and upper bounds, one of each per variable. A bound that is infinite is none.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Bounds {
+    /// Lower bounds, finite or minus infinity.
+    pub low: Vec<f64>,
+    /// Upper bounds, finite or infinity.
+    pub high: Vec<f64>,
+}
+
+impl Bounds {
+    /// No bounds on `variables` variables.
+    #[must_use]
+    pub fn none(variables: usize) -> Self {
+        Self { low: vec![f64::NEG_INFINITY; variables], high: vec![f64::INFINITY; variables] }
+    }
+
+    /// By how much the worst of `values` is outside its bounds; 0 if none is.
+    pub(crate) fn violation(&self, values: &[f64]) -> f64 {
+        let bounds = self.low.iter().zip(&self.high);
+        let outside = values.iter().zip(bounds).map(|(v, (low, high))| (low - v).max(v - high));
+        outside.fold(0.0, f64::max)
+    }
+
+    /// The same bounds `times` times over.
+    pub(crate) fn repeat(&self, times: usize) -> Self {
+        Self { low: self.low.repeat(times), high: self.high.repeat(times) }
+    }
+
+    /// These bounds, followed by those of `other`.
+    pub(crate) fn chain(self, other: Self) -> Self {
+        Self { low: [self.low, other.low].concat(), high: [self.high, other.high].concat() }
+    }
+
+    /// Moves each of `values` to the nearest within its bounds.
+    pub(crate) fn clamp(&self, values: &mut [f64]) {
+        let bounds = self.low.iter().zip(&self.high);
+        for (value, (&low, &high)) in values.iter_mut().zip(bounds) {
+            *value = value.clamp(low, high);
+        }
+    }
+
+    /// Whether 0 is within all of them.
+    pub(crate) fn admit_zero(&self, field: &'static str) -> Result<(), MpcError> {
+        check_numbers(field, &self.low, "0 or less", |v| v <= 0.0)?;
+        check_numbers(field, &self.high, "0 or more", |v| v >= 0.0)
+    }
+
+    pub(crate) fn validate(&self, field: &'static str, variables: usize) -> Result<(), MpcError> {
+        for side in [&self.low, &self.high] {
+            check_length(field, side, variables)?;
+        }
+        check_numbers(field, &self.low, "finite or -inf", |v| v < f64::INFINITY)?;
+        check_numbers(field, &self.high, "finite or inf", |v| v > f64::NEG_INFINITY)?;
+        for (index, (&low, &high)) in self.low.iter().zip(&self.high).enumerate() {
+            if low > high {
+                return Err(MpcError::CrossedBounds { field, index, low, high });
+            }
+        }
+        Ok(())
+    }
+}
+
+/// What a constraint is worth that cannot be met, or only at a high cost.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub enum Softness {
+    /// It must be met. Where that is impossible, the step's status says so and names a constraint that
+    /// is in the way; the plan is then that of `Exact`.
+    #[default]
+    Hard,
+    /// It is met wherever the (linearised) problem has a solution, and violated as little as possible
+    /// elsewhere: by an L1 penalty that comes into play only where it must, with a weight of 1000 times
+    /// the cost's largest slope at the first guess, above the multipliers of ordinary problems.
+    Exact,
+    /// It may be violated, at a cost of so much per unit of violation, one weight per constraint: an
+    /// exact penalty. Violations vanish where the problem has a solution with multipliers below the
+    /// weights.
+    Penalty(Vec<f64>),
+}
+
+impl Softness {
+    pub(crate) fn validate(&self, field: &'static str, expected: usize) -> Result<(), MpcError> {
+        let Self::Penalty(weights) = self else { return Ok(()) };
+        check_length(field, weights, expected)?;
+        check_numbers(field, weights, "positive and finite", |w| w > 0.0 && w.is_finite())
+    }
+
+    /// The most that a multiplier of constraint `i` may be.
+    pub(crate) fn cap(&self, i: usize) -> f64 {
+        match self {
+            Self::Penalty(weights) => weights[i],
+            Self::Hard | Self::Exact => f64::INFINITY,
+        }
+    }
+}

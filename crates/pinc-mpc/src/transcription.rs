@@ -1,0 +1,155 @@
+//! From the control problem to quadratic programs: direct multiple shooting.
+
+use crate::constraints::ConstraintWork;
+use crate::cost::{Cost, Targets};
+use crate::qp::Qp;
+use crate::shape::Shape;
+use crate::solution::Solution;
+use crate::{Bounds, Constraints, NmpcProblem};
+use pinc_ode::{Dims, Predictor};
+
+/// The control problem in the unknowns z, and its linearisation.
+#[derive(Debug)]
+pub(crate) struct Transcription {
+    shape: Shape,
+    cost: Cost,
+    /// Bounds on z.
+    bounds: Bounds,
+    /// Bounds on all increments.
+    increments: Bounds,
+    constraints: Option<Constraints>,
+    work: ConstraintWork,
+}
+
+impl Transcription {
+    pub(crate) fn new(problem: &NmpcProblem, shape: Shape, horizon_s: f64) -> Self {
+        let states = problem.state_bounds.repeat(shape.stages);
+        let inputs = problem.input_bounds.repeat(shape.moves);
+        let dims = Dims { states: shape.states, inputs: shape.inputs };
+        Self {
+            shape,
+            cost: Cost::new(problem, shape, horizon_s),
+            bounds: states.chain(inputs),
+            increments: problem.increment_bounds.repeat(shape.moves),
+            constraints: problem.constraints.clone(),
+            work: ConstraintWork::new(dims, shape.rows()),
+        }
+    }
+
+    /// A QP with the numbers that stay: Hessian and caps, and with limits that are finite where they are.
+    pub(crate) fn qp(&self, problem: &NmpcProblem) -> Qp {
+        let shape = self.shape;
+        let cost = &self.cost;
+        let mut qp = Qp::new(shape, cost.state_hessians(), cost.increment_hessians());
+        qp.bounds.low.copy_from_slice(&self.bounds.low);
+        qp.bounds.high.copy_from_slice(&self.bounds.high);
+        for (v, cap) in qp.bounds.cap[..shape.all_states()].iter_mut().enumerate() {
+            *cap = problem.state_softness.cap(v % shape.states);
+        }
+        qp.increments.low.copy_from_slice(&self.increments.low);
+        qp.increments.high.copy_from_slice(&self.increments.high);
+        for (v, cap) in qp.rows.cap.iter_mut().enumerate() {
+            *cap = problem.constraint_softness.cap(v % shape.rows());
+        }
+        qp.rows.high.fill(0.0);
+        for j in shape.constrained() {
+            let equalities = shape.stage_rows(j).skip(shape.inequalities);
+            equalities.for_each(|row| qp.rows.low[row] = 0.0);
+        }
+        qp
+    }
+
+    /// Moves the plan into its bounds on inputs and increments, and its states into theirs.
+    pub(crate) fn project(&self, plan: &mut Solution, previous: &[f64]) {
+        self.bounds.clamp(&mut plan.z);
+        let m = self.shape.inputs;
+        let (mut before, rest) = (previous, &mut plan.z[self.shape.all_states()..]);
+        let mut rest = rest;
+        let mut bounds =
+            self.increments.low.chunks_exact(m).zip(self.increments.high.chunks_exact(m));
+        let input_low = self.bounds.low[self.shape.all_states()..].iter();
+        let input_high = self.bounds.high[self.shape.all_states()..].iter();
+        let mut inputs = input_low.zip(input_high);
+        while !rest.is_empty() {
+            let (now, later) = rest.split_at_mut(m);
+            let Some((low, high)) = bounds.next() else { break };
+            for (((now, &before), (&low, &high)), (&least, &most)) in
+                now.iter_mut().zip(before).zip(low.iter().zip(high)).zip(&mut inputs)
+            {
+                // From outside its bounds an input may go as far as to the nearest.
+                *now = now.clamp((before + low).min(most), (before + high).max(least));
+            }
+            before = now;
+            rest = later;
+        }
+    }
+
+    /// Linearises the problem of a plant measured to be at `x0` at the point `at`. Returns the cost J
+    /// there.
+    pub(crate) fn linearize(
+        &mut self,
+        model: &mut dyn Predictor,
+        x0: &[f64],
+        targets: Targets<'_>,
+        at: &Solution,
+        qp: &mut Qp,
+    ) -> f64 {
+        let z = &at.z;
+        self.linearize_dynamics(model, x0, z, qp);
+        self.linearize_constraints(z, qp);
+        self.limit(z, targets.previous, qp);
+        self.cost.gradient(z, targets, &mut qp.gradient)
+    }
+
+    fn linearize_dynamics(&self, model: &mut dyn Predictor, x0: &[f64], z: &[f64], qp: &mut Qp) {
+        let shape = self.shape;
+        let stages = qp.a.chunks_exact_mut(shape.states * shape.states);
+        let stages = stages.zip(qp.b.chunks_exact_mut(shape.states * shape.inputs));
+        let stages = stages.zip(qp.c.chunks_exact_mut(shape.states));
+        for (j, ((a, b), c)) in stages.enumerate() {
+            let x = shape.state(j).map_or(x0, |range| &z[range]);
+            let u = &z[shape.input(shape.acting(j))];
+            model.linearize(x, u, c, a, b);
+            for (c, next) in c.iter_mut().zip(&z[shape.next_state(j)]) {
+                *c -= next;
+            }
+        }
+    }
+
+    /// h and g: their values go, with the sign changed, to the limits.
+    fn linearize_constraints(&mut self, z: &[f64], qp: &mut Qp) {
+        let Some(constraints) = &self.constraints else { return };
+        let shape = self.shape;
+        let (n, m) = (shape.states, shape.inputs);
+        for j in shape.constrained() {
+            let (rows, x) = (shape.stage_rows(j), shape.next_state(j - 1));
+            let u = shape.input(shape.acting(j));
+            let by_x = &mut qp.rows_x[rows.start * n..rows.end * n];
+            let by_u = &mut qp.rows_u[rows.start * m..rows.end * m];
+            let values = &mut qp.rows.high[rows.clone()];
+            constraints.linearize([&z[x], &z[u]], values, [by_x, by_u], &mut self.work);
+            values.iter_mut().for_each(|value| *value = -*value);
+            let equalities = rows.skip(shape.inequalities);
+            equalities.for_each(|row| qp.rows.low[row] = qp.rows.high[row]);
+        }
+    }
+
+    /// The limits of bounds and increments: what is left of them at z.
+    fn limit(&self, z: &[f64], previous: &[f64], qp: &mut Qp) {
+        for (v, &z) in z.iter().enumerate() {
+            qp.bounds.low[v] = self.bounds.low[v] - z;
+            qp.bounds.high[v] = self.bounds.high[v] - z;
+        }
+        let (first, m) = (self.shape.all_states(), self.shape.inputs);
+        for v in 0..self.shape.all_inputs() {
+            let before = if v < m { previous[v] } else { z[first + v - m] };
+            let increment = z[first + v] - before;
+            // The first input may always go as far as to its nearest bound.
+            let reach = |bound: f64| if v < m { bound - before } else { 0.0 };
+            let low = self.increments.low[v].min(reach(self.bounds.high[first + v]));
+            let high = self.increments.high[v].max(reach(self.bounds.low[first + v]));
+            qp.increments.low[v] = low - increment;
+            qp.increments.high[v] = high - increment;
+        }
+    }
+}
