@@ -221,7 +221,6 @@ impl BenchError {
         match self {
             Self::Net(NetError::Setting { .. } | NetError::Dimension { .. }) => 2,
             Self::Control(MpcError::Plant { .. }) => 1,
-            Self::Report(ReportError::Draw { .. }) => 1,
             Self::Net(_) | Self::Plant(_) | Self::Interrupted { .. } => 1,
             _ => 2,
         }

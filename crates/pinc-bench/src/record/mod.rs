@@ -27,6 +27,8 @@ pub(crate) mod file {
     pub(crate) const PREDICTION: &str = "prediction.csv";
     pub(crate) const METRICS: &str = "metrics.json";
     pub(crate) const REPORT: &str = "report.html";
+    /// The directory of the report's pictures.
+    pub(crate) const FIGURES: &str = "figures";
     /// What the closed loops write, with one model and with several.
     pub(crate) const CONTROL: [&str; 6] = [
         "control.csv",

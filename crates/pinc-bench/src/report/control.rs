@@ -1,13 +1,12 @@
 //! The closed loop: what the plant did under the controller, PINC over RK4.
 
 use super::ReportError;
-use super::canvas::{AMBER, Color, INK, Shape, Style};
-use super::curve::{Point, held_since_previous, present};
+use super::chart::{
+    AMBER, Axis, Color, Figure, INK, Kind, Look, Panel, Point, Shape, Style, extent,
+    held_since_previous, input_color, present, state_color,
+};
 use super::data::{OfModel, Run, model_name};
-use super::draw::{input_color, state_color};
-use super::figure::{Figure, Panel, extent};
 use super::picture::Picture;
-use super::scale::Kind;
 use super::text;
 use super::variables::Variables;
 
@@ -17,7 +16,7 @@ const CLOSE_UP: f64 = 20.0;
 /// The form of a reference.
 const REFERENCE: Shape = Shape::Dashes(1.4);
 
-/// The whole closed loop, and its beginning if the run is long.
+/// The whole closed loop, and parts of it enlarged.
 pub(super) fn pictures(run: &Run, variables: &Variables) -> Result<Vec<Picture>, ReportError> {
     if run.control.iter().all(|of| of.table.len() == 0) {
         return Ok(Vec::new());
@@ -28,20 +27,16 @@ pub(super) fn pictures(run: &Run, variables: &Variables) -> Result<Vec<Picture>,
         t.extend(of.table.numbers("t")?);
     }
     let t = extent(t.into_iter());
-    let figure = Figure {
-        name: "Closed loop".to_owned(),
-        x_label: "t (s)".to_owned(),
-        x: t,
-        events: Vec::new(),
-        panels: loops.panels()?,
-    };
+    let axis = Axis::ranged("t (s)", Kind::Linear, t);
+    let figure = Figure::stack("Closed loop", axis, loops.panels()?);
     let mut pictures = vec![Picture {
-        stem: "control",
+        stem: "control".to_owned(),
         title: "Closed loop".to_owned(),
         caption: loops.caption()?,
         figure,
     }];
-    pictures.extend(loops.close_up(&pictures[0].figure, t));
+    let close_ups = loops.close_ups(&pictures[0].figure, t);
+    pictures.extend(close_ups);
     Ok(pictures)
 }
 
@@ -71,7 +66,7 @@ impl Loops<'_> {
         height: f64,
     ) -> Result<Panel, ReportError> {
         let label = self.run.axis_label(states);
-        let mut panel = Panel::new(title, &label, Kind::Linear, height);
+        let mut panel = Panel::new(title, Axis::new(&label, Kind::Linear), height);
         let color = |state| state_color(self.variables.index_of(state));
         self.add_references(&mut panel, states)?;
         for state in states {
@@ -81,7 +76,7 @@ impl Loops<'_> {
             self.add_beneath(&mut panel, state, |points| points)?;
         }
         if states.iter().any(|state| self.variables.controlled.contains(state)) {
-            panel.key("reference", Style::new(INK, REFERENCE));
+            panel.key("reference", Look::Curve(Style::new(INK, REFERENCE)));
         }
         self.add_limits(&mut panel, "state", states, &self.variables.states);
         Ok(panel)
@@ -91,8 +86,9 @@ impl Loops<'_> {
         let first = &self.run.control[0].table;
         for state in states {
             let color = state_color(self.variables.index_of(state));
-            if let Some(points) = first.points("t", &format!("{state}_ref"))? {
-                panel.add(held_since_previous(&points), Style::new(color, REFERENCE));
+            let name = format!("{state}_ref");
+            if let Some(points) = first.points("t", &name)? {
+                panel.add(&name, held_since_previous(&points), Style::new(color, REFERENCE));
             }
         }
         Ok(())
@@ -101,7 +97,7 @@ impl Loops<'_> {
     fn input_panel(&self) -> Result<Panel, ReportError> {
         let inputs = &self.variables.inputs;
         let label = self.run.axis_label(inputs);
-        let mut panel = Panel::new("Inputs", &label, Kind::Linear, 150.0);
+        let mut panel = Panel::new("Inputs", Axis::new(&label, Kind::Linear), 150.0);
         let steps = |points: Vec<Point>| held_since_previous(&points);
         for (i, input) in inputs.iter().enumerate() {
             self.add_curve(&mut panel, input, input_color(i), steps)?;
@@ -142,7 +138,7 @@ impl Loops<'_> {
             let points = shaped(table.points("t", variable)?.unwrap_or_default());
             let label = format!("with {}", model_name(model));
             let style = Style::new(AMBER, Shape::Line(5.0)).faint(0.55);
-            panel.add_named_beneath(&label, points, style);
+            panel.add_beneath(&label, &format!("{variable} {label}"), points, style);
         }
         Ok(())
     }
@@ -167,7 +163,7 @@ impl Loops<'_> {
         let title = format!("|{} − {}|", model_name(&one.model), model_name(&two.model));
         let states = &self.variables.states;
         let label = self.run.label_in_unit_of(&title, states);
-        let mut panel = Panel::new("Difference of the states", &label, Kind::Log, 170.0);
+        let mut panel = Panel::new("Difference of the states", Axis::new(&label, Kind::Log), 170.0);
         for state in states {
             let points = self.differences(state)?;
             let color = state_color(self.variables.index_of(state));
@@ -188,27 +184,29 @@ impl Loops<'_> {
         Ok(together.map(|(a, b)| (a.0, (a.1 - b.1).abs())).collect())
     }
 
-    /// The first steps, if the run has many.
-    fn close_up(&self, whole: &Figure, t: (f64, f64)) -> Option<Picture> {
-        let step = self.run.step_s()?;
-        if t.1 - t.0 <= LONG * step {
-            return None;
-        }
-        let end = t.0 + CLOSE_UP * step;
+    /// Enlarged parts of the picture: those that the config asks for, or else the first steps if the
+    /// run has many.
+    fn close_ups(&self, whole: &Figure, t: (f64, f64)) -> Vec<Picture> {
+        let asked = self.run.windows(&["control", "close_ups_s"]);
+        let asked = asked.into_iter().filter(|w| w.0 < t.1 && w.1 > t.0);
+        let asked: Vec<(f64, f64)> = asked.map(|w| (w.0.max(t.0), w.1.min(t.1))).collect();
+        let step = self.run.step_s().filter(|step| t.1 - t.0 > LONG * step);
+        let beginning = step.map(|step| (t.0, t.0 + CLOSE_UP * step));
+        let windows = if asked.is_empty() { beginning.into_iter().collect() } else { asked };
+        windows.into_iter().map(|window| self.close_up(whole, window)).collect()
+    }
+
+    fn close_up(&self, whole: &Figure, (from, to): (f64, f64)) -> Picture {
+        let (from_s, to_s) = (text::number(from, 6), text::number(to, 6));
         let mut figure = whole.clone();
-        figure.name = "Closed loop, its beginning".to_owned();
-        figure.x = (t.0, end);
-        let caption = format!(
-            "The first {CLOSE_UP} steps of length T = {} s of the picture above, enlarged. From the \
-             same files.",
-            text::number(step, 3)
-        );
-        Some(Picture {
-            stem: "control-start",
-            title: "Closed loop: the beginning".to_owned(),
+        figure.name = format!("Closed loop from {from_s} s to {to_s} s");
+        figure.x.range = Some((from, to));
+        Picture {
+            stem: format!("control-{from}-{to}"),
+            title: format!("Closed loop: {from_s} s to {to_s} s"),
             figure,
-            caption,
-        })
+            caption: "A part of the picture above, enlarged. From the same files.".to_owned(),
+        }
     }
 
     fn caption(&self) -> Result<String, ReportError> {

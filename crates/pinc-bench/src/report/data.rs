@@ -1,6 +1,7 @@
 //! A run directory's files, read as far as the report needs them.
 
 use super::ReportError;
+use super::sweep::Trials;
 use super::table::Table;
 use serde_json::Value;
 use std::io::ErrorKind;
@@ -19,6 +20,8 @@ pub(super) struct Run {
     /// The closed loops, PINC first.
     pub(super) control: Vec<OfModel>,
     pub(super) steps: Vec<OfModel>,
+    /// Of a sweep.
+    pub(super) trials: Option<Trials>,
 }
 
 /// A table that belongs to one model in the controller.
@@ -51,6 +54,7 @@ impl Run {
             prediction: Table::read(&dir.join("prediction.csv"))?,
             control: read_models(dir, "control", &only)?,
             steps: read_models(dir, "steps", &only)?,
+            trials: Trials::read(dir)?,
             metrics,
         })
     }
@@ -69,6 +73,13 @@ impl Run {
     /// The i-th number of a list in the config.
     pub(super) fn number_at(&self, path: &[&str], i: usize) -> Option<f64> {
         as_number(self.setting(path)?.as_array()?.get(i)?)
+    }
+
+    /// The pairs of numbers in a list of the config.
+    pub(super) fn windows(&self, path: &[&str]) -> Vec<(f64, f64)> {
+        let list = self.setting(path).and_then(toml::Value::as_array);
+        let pair = |pair: &toml::Value| Some((as_number(pair.get(0)?)?, as_number(pair.get(1)?)?));
+        list.into_iter().flatten().filter_map(pair).collect()
     }
 
     /// The length T of a step in s.
@@ -101,6 +112,15 @@ impl Run {
     /// The unit of a variable, from `variables` in the metrics; empty where nothing is said.
     pub(super) fn unit(&self, variable: &str) -> &str {
         self.metrics["variables"][variable].as_str().unwrap_or("")
+    }
+
+    /// The unit that the controlled states have in common; empty without one.
+    pub(super) fn unit_of_controlled(&self) -> &str {
+        let names = self.setting(&["control", "controlled"]).and_then(toml::Value::as_array);
+        let names = names.into_iter().flatten().filter_map(toml::Value::as_str);
+        let mut units = names.map(|name| self.unit(name));
+        let first = units.next().unwrap_or("");
+        if units.all(|unit| unit == first) { first } else { "" }
     }
 
     /// Variables with their common unit, as an axis says it: "h1, h2 (cm)".

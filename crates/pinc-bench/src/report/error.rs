@@ -1,6 +1,5 @@
 //! What can be wrong with a run directory.
 
-use plotters::drawing::DrawingAreaErrorKind;
 use std::path::PathBuf;
 use thiserror::Error;
 
@@ -72,15 +71,4 @@ pub enum ReportError {
         /// What the TOML reader says.
         source: Box<toml::de::Error>,
     },
-    /// A picture could not be drawn.
-    #[error("the picture `{figure}` could not be drawn: {source}")]
-    Draw {
-        /// The picture's file stem.
-        figure: String,
-        /// What the drawing library says.
-        source: DrawError,
-    },
 }
-
-/// An error of the drawing library.
-pub type DrawError = DrawingAreaErrorKind<std::io::Error>;

@@ -1,8 +1,10 @@
 //! The report's page.
 
+use super::ReportError;
 use super::data::{OfModel, Run};
-use super::picture::Picture;
+use super::picture::Drawn;
 use super::sheets::{Sheet, flattened, sheets};
+use super::sweep;
 use super::table::Table;
 use super::text::escape;
 use super::words::paragraph;
@@ -10,15 +12,20 @@ use super::words::paragraph;
 const STYLE: &str = include_str!("style.css");
 
 /// The whole page, with the pictures already drawn.
-pub(super) fn page(run: &Run, drawn: &[(Picture, String)]) -> String {
+pub(super) fn page(run: &Run, drawn: &[Drawn]) -> Result<String, ReportError> {
     let name = run.title("name", "experiment").unwrap_or_else(|| "Unnamed run".to_owned());
-    let body = [header(run, &name), numbers(run), pictures(drawn), footer(run)].concat();
-    format!(
+    // Of a run its numbers are few; of a sweep the pictures come first.
+    let body = match &run.trials {
+        None => [numbers("Metrics", &sheets(run)), pictures(drawn)],
+        Some(trials) => [pictures(drawn), numbers("Tables", &sweep::sheets(run, trials)?)],
+    };
+    let body = [header(run, &name), body.concat(), footer(run)].concat();
+    Ok(format!(
         "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
          <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
          <title>{} · PINC report</title>\n<style>\n{STYLE}</style>\n</head>\n<body>\n{body}</body>\n</html>\n",
         escape(&name)
-    )
+    ))
 }
 
 fn header(run: &Run, name: &str) -> String {
@@ -29,7 +36,10 @@ fn header(run: &Run, name: &str) -> String {
         about.map(|(key, value)| format!("{key} <b>{}</b>", escape(&value))).collect();
     let mut out = format!("<header>\n<h1>{}</h1>\n", escape(name));
     out += &format!("<p class=\"about\">{}</p>\n", about.join(" · "));
-    let words = paragraph(run);
+    let words = match &run.trials {
+        None => paragraph(run),
+        Some(trials) => sweep::paragraph(trials),
+    };
     if !words.is_empty() {
         out += &format!("<p class=\"summary\">{}</p>\n", escape(&words));
     }
@@ -48,6 +58,23 @@ fn plant(plant: &toml::Value) -> Option<(&'static str, String)> {
 
 /// What the report would show, were its file there.
 fn notes(run: &Run) -> Vec<String> {
+    let mut notes = match run.trials {
+        None => missing_tables(run),
+        Some(_) => Vec::new(),
+    };
+    for (file, content, missing) in [
+        ("config.toml", "header", run.config_text.is_none()),
+        ("metrics.json", "table of metrics", run.metrics.is_null()),
+        ("provenance.json", "provenance", run.provenance.is_null()),
+    ] {
+        if missing {
+            notes.push(format!("There is no {file}: the {content} is left out."));
+        }
+    }
+    notes
+}
+
+fn missing_tables(run: &Run) -> Vec<String> {
     let rows = |table: &Option<Table>| table.as_ref().map(Table::len);
     let all_rows = |tables: &[OfModel]| tables.iter().map(|of| of.table.len()).reduce(|a, b| a + b);
     let files = [
@@ -66,25 +93,16 @@ fn notes(run: &Run) -> Vec<String> {
             _ => {}
         }
     }
-    for (file, content, missing) in [
-        ("config.toml", "header", run.config_text.is_none()),
-        ("metrics.json", "table of metrics", run.metrics.is_null()),
-        ("provenance.json", "provenance", run.provenance.is_null()),
-    ] {
-        if missing {
-            notes.push(format!("There is no {file}: the {content} is left out."));
-        }
-    }
     notes
 }
 
-fn numbers(run: &Run) -> String {
-    let sheets: Vec<String> = sheets(run).iter().map(sheet).collect();
+fn numbers(title: &str, sheets: &[Sheet]) -> String {
+    let sheets: Vec<String> = sheets.iter().map(sheet).collect();
     if sheets.is_empty() {
         return String::new();
     }
     format!(
-        "<section id=\"metrics\">\n<h2>Metrics</h2>\n<div class=\"sheets\">\n{}</div>\n</section>\n",
+        "<section id=\"metrics\">\n<h2>{title}</h2>\n<div class=\"sheets\">\n{}</div>\n</section>\n",
         sheets.concat()
     )
 }
@@ -105,12 +123,12 @@ fn sheet(sheet: &Sheet) -> String {
     let rows: String = sheet.rows.iter().map(|row| cells(row, "th", "td")).collect();
     format!(
         "<div>\n<h3>{}</h3>\n<table>\n{head}<tbody>\n{rows}</tbody>\n</table>\n</div>\n",
-        escape(sheet.title)
+        escape(&sheet.title)
     )
 }
 
-fn pictures(drawn: &[(Picture, String)]) -> String {
-    let section = |(picture, svg): &(Picture, String)| {
+fn pictures(drawn: &[Drawn]) -> String {
+    let section = |Drawn { picture, svg }: &Drawn| {
         format!(
             "<section id=\"{}\">\n<h2>{}</h2>\n<figure>\n{svg}<figcaption>{}</figcaption>\n</figure>\n</section>\n",
             picture.stem,

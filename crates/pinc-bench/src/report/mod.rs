@@ -1,21 +1,19 @@
-//! The report of a run: one HTML page that stands alone, made from the files of its directory.
+//! The report of a run: one HTML page that stands alone, made from the files of its directory, and
+//! the pictures in it as files of their own.
 //!
-//! Each section says what is drawn as a `figure::Figure`; `draw` lays it out, `canvas` puts it on an
-//! SVG page. Sections whose files are missing are left out.
+//! Each section says what is shown as a `chart::Figure`, plain data that `chart` draws. Sections
+//! whose files are missing are left out.
 
-mod canvas;
+mod chart;
 mod control;
-mod curve;
 mod data;
-mod draw;
 mod error;
-mod figure;
 mod html;
 mod picture;
 mod prediction;
-mod scale;
 mod sheets;
 mod steps;
+mod sweep;
 mod table;
 #[cfg(test)]
 mod tests;
@@ -24,48 +22,59 @@ mod training;
 mod variables;
 mod words;
 
-pub use error::{DrawError, ReportError};
+pub use error::ReportError;
 
 use data::Run;
-use picture::Picture;
+use picture::{Drawn, Picture};
 use std::path::Path;
 use variables::Variables;
 
-/// Makes the report of the run in `dir`: an HTML page with its pictures and its style inside, to be
-/// opened without anything else. A section whose files are missing is left out, and the page says so.
+/// A run's report.
+#[derive(Clone, Debug)]
+#[non_exhaustive]
+pub struct Report {
+    /// An HTML page with its pictures and its style inside, to be opened without anything else.
+    pub html: String,
+    /// The pictures, in the order of the page.
+    pub figures: Vec<FigureFiles>,
+}
+
+/// One of the report's pictures, by itself.
+#[derive(Clone, Debug)]
+#[non_exhaustive]
+pub struct FigureFiles {
+    /// What its files are called, without their endings.
+    pub name: String,
+    /// The picture, as a document of its own.
+    pub svg: String,
+    /// What it shows, with the columns `panel`, `series`, `x`, `x_to`, `y`, `y_to`, `value`. A point
+    /// has `x` and `y`; a bar or a cell of a map both ends of its sides, or a name instead, and perhaps
+    /// the value that it stands for; an interval `x`, `y` and `y_to`.
+    pub csv: Vec<u8>,
+}
+
+/// Makes the report of the run in `dir`. A section whose files are missing is left out, and the page
+/// says so.
 ///
 /// # Errors
 ///
 /// [`ReportError`] if `dir` is no directory, or a file in it cannot be read or is damaged.
-pub fn build(dir: &Path) -> Result<String, ReportError> {
+pub fn build(dir: &Path) -> Result<Report, ReportError> {
     let run = Run::read(dir)?;
-    let drawn = draw_all(&run)?;
-    Ok(html::page(&run, &drawn))
+    let drawn: Vec<Drawn> = pictures(&run)?.into_iter().filter_map(Picture::drawn).collect();
+    let html = html::page(&run, &drawn)?;
+    Ok(Report { html, figures: drawn.into_iter().map(Drawn::into_files).collect() })
 }
 
-/// The report's pictures, each as the stem of a file name and a standalone SVG document.
-///
-/// # Errors
-///
-/// Like [`build`].
-pub fn figures(dir: &Path) -> Result<Vec<(String, String)>, ReportError> {
-    let drawn = draw_all(&Run::read(dir)?)?;
-    let named = |(picture, svg): (Picture, String)| (picture.stem.to_owned(), svg);
-    Ok(drawn.into_iter().map(named).collect())
-}
-
-fn draw_all(run: &Run) -> Result<Vec<(Picture, String)>, ReportError> {
+fn pictures(run: &Run) -> Result<Vec<Picture>, ReportError> {
+    if let Some(trials) = &run.trials {
+        return sweep::pictures(run, trials);
+    }
     let variables = Variables::of(run);
     let mut pictures = Vec::new();
     pictures.extend(training::picture(run)?);
     pictures.extend(prediction::picture(run, &variables)?);
     pictures.extend(control::pictures(run, &variables)?);
     pictures.extend(steps::picture(run)?);
-    let mut drawn = Vec::new();
-    for picture in pictures {
-        if let Some(svg) = picture.svg()? {
-            drawn.push((picture, svg));
-        }
-    }
-    Ok(drawn)
+    Ok(pictures)
 }

@@ -1,13 +1,12 @@
 //! The free run of the net against the truth.
 
 use super::ReportError;
-use super::canvas::{BLACK, Shape, Style};
-use super::curve::{Point, held_until_next, present};
+use super::chart::{
+    Axis, BLACK, Event, Figure, Kind, Look, Panel, Point, Shape, Style, extent, held_until_next,
+    input_color, present, state_color,
+};
 use super::data::Run;
-use super::draw::{input_color, state_color};
-use super::figure::{Event, Figure, Panel, extent};
 use super::picture::Picture;
-use super::scale::Kind;
 use super::table::Table;
 use super::text;
 use super::variables::{Variables, states_of_prediction};
@@ -32,15 +31,11 @@ pub(super) fn picture(run: &Run, variables: &Variables) -> Result<Option<Picture
     panels.push(input_panel(run, table, &inputs)?);
     panels.push(error_panel(run, table, variables, &states)?);
     let t = extent(table.numbers("t")?.into_iter());
-    let figure = Figure {
-        name: "Free run of the net against the truth".to_owned(),
-        x_label: "t (s)".to_owned(),
-        x: t,
-        events: horizon(run, t),
-        panels,
-    };
+    let axis = Axis::ranged("t (s)", Kind::Linear, t);
+    let mut figure = Figure::stack("Free run of the net against the truth", axis, panels);
+    figure.events = horizon(run, t);
     Ok(Some(Picture {
-        stem: "prediction",
+        stem: "prediction".to_owned(),
         title: "Free-run prediction".to_owned(),
         caption: caption(table, &states)?,
         figure,
@@ -56,11 +51,12 @@ fn state_panel(
     marks: &[f64],
 ) -> Result<Panel, ReportError> {
     let height = if states.len() == variables.states.len() { 280.0 } else { 200.0 };
-    let mut panel = Panel::new(title, &run.axis_label(states), Kind::Linear, height);
+    let mut panel = Panel::new(title, Axis::new(&run.axis_label(states), Kind::Linear), height);
     for state in states {
-        let truth = table.points("t", &format!("{state}_truth"))?;
+        let name = format!("{state}_truth");
+        let truth = table.points("t", &name)?;
         let style = Style::new(BLACK, Shape::Line(4.6)).faint(0.9);
-        panel.add(truth.unwrap_or_default(), style);
+        panel.add(&name, truth.unwrap_or_default(), style);
     }
     for state in states {
         let color = state_color(variables.index_of(state));
@@ -68,18 +64,18 @@ fn state_panel(
         let marked = curve.iter().zip(marks).filter(|(_, m)| **m > 0.5);
         let marked: Vec<Point> = marked.map(|(p, _)| *p).collect();
         panel.add_named(state, curve, Style::new(color, Shape::Line(2.2)));
-        panel.add(marked, Style::new(color, Shape::Dots(3.4)));
+        panel.add("", marked, Style::new(color, Shape::Dots(3.4)));
     }
-    panel.key("truth", Style::new(BLACK, Shape::Line(4.6)).faint(0.9));
+    panel.key("truth", Look::Curve(Style::new(BLACK, Shape::Line(4.6)).faint(0.9)));
     if marks.iter().any(|m| *m > 0.5) {
-        panel.key("end of a step, t = kT", Style::new(BLACK, Shape::Dots(3.4)));
+        panel.key("end of a step, t = kT", Look::Curve(Style::new(BLACK, Shape::Dots(3.4))));
     }
     Ok(panel)
 }
 
 fn input_panel(run: &Run, table: &Table, inputs: &[String]) -> Result<Panel, ReportError> {
     let label = run.axis_label(inputs);
-    let mut panel = Panel::new("Inputs", &label, Kind::Linear, 120.0);
+    let mut panel = Panel::new("Inputs", Axis::new(&label, Kind::Linear), 120.0);
     for (i, input) in inputs.iter().enumerate() {
         let points = table.points("t", input)?.unwrap_or_default();
         let style = Style::new(input_color(i), Shape::Line(1.8));
@@ -95,7 +91,7 @@ fn error_panel(
     states: &[String],
 ) -> Result<Panel, ReportError> {
     let label = run.label_in_unit_of("|prediction − truth|", states);
-    let mut panel = Panel::new("Absolute error", &label, Kind::Log, 170.0);
+    let mut panel = Panel::new("Absolute error", Axis::new(&label, Kind::Log), 170.0);
     for state in states {
         let color = state_color(variables.index_of(state));
         panel.add_named(state, errors(table, state)?, Style::new(color, Shape::Line(1.5)));

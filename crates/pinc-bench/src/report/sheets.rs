@@ -7,7 +7,7 @@ use serde_json::Value;
 /// A table of the report: its title, the heads of its columns, its rows.
 #[derive(Clone, Debug)]
 pub(super) struct Sheet {
-    pub(super) title: &'static str,
+    pub(super) title: String,
     pub(super) heads: Vec<String>,
     pub(super) rows: Vec<Vec<String>>,
 }
@@ -23,7 +23,7 @@ pub(super) fn sheets(run: &Run) -> Vec<Sheet> {
         if run.metrics[section].is_object() {
             let row = |row: &Row| vec![row.label.to_owned(), row.show(&run.metrics[section])];
             let rows = rows.iter().map(row).collect();
-            sheets.push(Sheet { title, heads: Vec::new(), rows });
+            sheets.push(Sheet { title: title.to_owned(), heads: Vec::new(), rows });
         }
     }
     sheets.extend(control(run));
@@ -48,7 +48,7 @@ fn control(run: &Run) -> Option<Sheet> {
         cells
     };
     let rows = CONTROL.iter().map(row).collect();
-    Some(Sheet { title: "Closed loop", heads, rows })
+    Some(Sheet { title: "Closed loop".to_owned(), heads, rows })
 }
 
 fn pinc_and_rk4(run: &Run) -> Option<(&Value, &Value)> {

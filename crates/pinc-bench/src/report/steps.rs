@@ -1,12 +1,9 @@
 //! What the controller did in each step: time, iterations, residual.
 
 use super::ReportError;
-use super::canvas::{AMBER, BLACK, BLUE, Shape, Style};
-use super::curve::present;
+use super::chart::{AMBER, Axis, BLACK, BLUE, Figure, Kind, Panel, Shape, Style, extent, present};
 use super::data::{OfModel, Run, model_name};
-use super::figure::{Figure, Panel, extent};
 use super::picture::Picture;
-use super::scale::Kind;
 use super::table::Table;
 use super::text;
 
@@ -20,15 +17,11 @@ pub(super) fn picture(run: &Run) -> Result<Option<Picture>, ReportError> {
         return Ok(None);
     }
     let (first, last) = extent(steps.into_iter());
-    let figure = Figure {
-        name: "The controller step by step".to_owned(),
-        x_label: "control step k".to_owned(),
-        x: (first - 0.5, last + 0.5),
-        events: Vec::new(),
-        panels: vec![times(run)?, iterations(run)?, residuals(run)?],
-    };
+    let axis = Axis::ranged("control step k", Kind::Linear, (first - 0.5, last + 0.5));
+    let panels = vec![times(run)?, iterations(run)?, residuals(run)?];
+    let figure = Figure::stack("The controller step by step", axis, panels);
     Ok(Some(Picture {
-        stem: "steps",
+        stem: "steps".to_owned(),
         title: "Controller per step".to_owned(),
         caption: caption(run)?,
         figure,
@@ -44,25 +37,25 @@ fn times(run: &Run) -> Result<Panel, ReportError> {
         let median = median(points.iter().map(|p| p.1).collect());
         let median = median.map_or(text::MISSING.to_owned(), |m| text::duration(m * 1e-6));
         let label = format!("{}, median {median}", model_name(&of.model));
-        named.push((label, points, dots(i)));
+        named.push((label, model_name(&of.model), points, dots(i)));
     }
     let (low, high) = extent(all.into_iter());
     let kind = if low > 0.0 && high > 5.0 * low { Kind::Log } else { Kind::Linear };
-    let mut panel = Panel::new("Time per step", "solve time (µs)", kind, 190.0);
-    for (label, points, style) in named {
-        panel.add_named_beneath(&label, points, style);
+    let mut panel = Panel::new("Time per step", Axis::new("solve time (µs)", kind), 190.0);
+    for (label, model, points, style) in named {
+        panel.add_beneath(&label, &model, points, style);
     }
     Ok(panel)
 }
 
 fn iterations(run: &Run) -> Result<Panel, ReportError> {
-    let mut panel = Panel::new("SQP iterations", "iterations", Kind::Count, 130.0);
+    let mut panel = Panel::new("SQP iterations", Axis::new("iterations", Kind::Count), 130.0);
     add_with_failures(run, &mut panel, "sqp_iterations")?;
     Ok(panel)
 }
 
 fn residuals(run: &Run) -> Result<Panel, ReportError> {
-    let mut panel = Panel::new("KKT residual", "KKT residual", Kind::Log, 190.0);
+    let mut panel = Panel::new("KKT residual", Axis::new("KKT residual", Kind::Log), 190.0);
     add_with_failures(run, &mut panel, "kkt")?;
     if let Some(tolerance) = run.number(&["control", "sqp", "tolerance"]) {
         panel.add_limits("tolerance", &[tolerance]);
@@ -78,7 +71,7 @@ fn add_with_failures(run: &Run, panel: &mut Panel, column: &str) -> Result<(), R
         let statuses = statuses(table)?;
         let failures = points.iter().zip(&statuses).filter(|(_, s)| !converged(s));
         failed.extend(failures.map(|(p, _)| *p));
-        panel.add_named_beneath(&model_name(model), points, dots(i));
+        panel.add_beneath(&model_name(model), &model_name(model), points, dots(i));
     }
     let crosses = Style::new(BLACK, Shape::Crosses(5.0));
     panel.add_named("not converged", failed, crosses);

@@ -1,6 +1,6 @@
 //! The report of synthetic run directories: whole, incomplete and damaged ones.
 
-use super::{ReportError, build, figures};
+use super::{FigureFiles, ReportError};
 use std::fmt::Write as _;
 use std::fs;
 use std::path::Path;
@@ -81,7 +81,7 @@ const SHOWN: [&str; 31] = [
     "0.10 % higher",
 ];
 
-const STEMS: [&str; 5] = ["training", "prediction", "control", "control-start", "steps"];
+const STEMS: [&str; 5] = ["training", "prediction", "control", "control-0-10", "steps"];
 
 /// A run directory with every file: 3 states, 1 input, 100 steps, both models.
 fn whole() -> TempDir {
@@ -151,13 +151,21 @@ fn steps(rows: u32) -> String {
     text
 }
 
+fn build(dir: &Path) -> Result<String, ReportError> {
+    Ok(super::build(dir)?.html)
+}
+
+fn figures(dir: &Path) -> Vec<FigureFiles> {
+    super::build(dir).unwrap().figures
+}
+
 fn stems(dir: &Path) -> Vec<String> {
-    figures(dir).unwrap().into_iter().map(|(stem, _)| stem).collect()
+    figures(dir).into_iter().map(|figure| figure.name).collect()
 }
 
 fn svg(dir: &Path, stem: &str) -> String {
-    let mut figures = figures(dir).unwrap().into_iter();
-    figures.find(|figure| figure.0 == stem).unwrap().1
+    let mut figures = figures(dir).into_iter();
+    figures.find(|figure| figure.name == stem).unwrap().svg
 }
 
 /// No picture has a number that is none, and all that is drawn lies on the page: a tick's label may
@@ -214,8 +222,8 @@ fn the_page_needs_nothing_else() {
 #[test]
 fn pictures_are_sound_and_mark_what_they_should() {
     let dir = whole();
-    for (_, svg) in figures(dir.path()).unwrap() {
-        assert_sound(&svg);
+    for figure in figures(dir.path()) {
+        assert_sound(&figure.svg);
     }
     let training = svg(dir.path(), "training");
     for word in [
@@ -308,8 +316,8 @@ fn values_without_a_place_on_a_log_axis_are_left_out() {
     write(&dir, "training.csv", &format!("iteration,loss,loss_data\n{}\n", rows.join("\n")));
     write(&dir, "steps-pinc.csv", "step,status,sqp_iterations,kkt,solve_us\n0,lost,NaN,NaN,-1\n");
     write(&dir, "steps-rk4.csv", "step,status,sqp_iterations,kkt,solve_us\n0,lost,0,-1,inf\n");
-    for (_, svg) in figures(dir.path()).unwrap() {
-        assert_sound(&svg);
+    for figure in figures(dir.path()) {
+        assert_sound(&figure.svg);
     }
     // Nothing but NaN: no panel, so no picture.
     write(&dir, "training.csv", "iteration,loss\n1,NaN\n2,NaN\n");
@@ -326,8 +334,8 @@ fn files_of_one_row_or_none_are_no_trouble() {
         write(&dir, &format!("steps-{model}.csv"), &steps(1));
     }
     assert_eq!(stems(dir.path()), ["training", "prediction", "control", "steps"]);
-    for (_, svg) in figures(dir.path()).unwrap() {
-        assert_sound(&svg);
+    for figure in figures(dir.path()) {
+        assert_sound(&figure.svg);
     }
     write(&dir, "training.csv", "iteration,loss\n");
     assert!(build(dir.path()).unwrap().contains("training.csv has no rows"));

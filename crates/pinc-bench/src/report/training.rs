@@ -1,12 +1,12 @@
 //! The training curves.
 
 use super::ReportError;
-use super::canvas::{BLACK, BLUE, PURPLE, SKY, Shape, Style, VERMILLION};
-use super::curve::{Point, present};
+use super::chart::{
+    Axis, BLACK, BLUE, Event, Figure, Kind, PURPLE, Panel, Point, SKY, Shape, Style, VERMILLION,
+    extent, present,
+};
 use super::data::Run;
-use super::figure::{Event, Figure, Panel, extent};
 use super::picture::Picture;
-use super::scale::Kind;
 use super::table::Table;
 use super::text;
 
@@ -23,18 +23,14 @@ pub(super) fn picture(run: &Run) -> Result<Option<Picture>, ReportError> {
     let validation = present(table.points(column, "validation_mse")?.unwrap_or_default());
     let best = validation.iter().copied().min_by(|a, b| a.1.total_cmp(&b.1));
     let loss = losses(table, column, &validation, best)?;
-    let mut gradient = Panel::new("Gradient", "gradient norm", Kind::Log, 120.0);
+    let mut gradient = Panel::new("Gradient", Axis::new("gradient norm", Kind::Log), 120.0);
     let norm = table.points(column, "gradient_norm")?.unwrap_or_default();
-    gradient.add(norm, Style::new(BLACK, Shape::Line(1.0)).faint(0.75));
-    let figure = Figure {
-        name: "Training curves".to_owned(),
-        x_label: x_label.to_owned(),
-        x: (0.0, extent(x.iter().copied()).1),
-        events: events(run, table, &x)?,
-        panels: vec![loss, gradient],
-    };
+    gradient.add("gradient norm", norm, Style::new(BLACK, Shape::Line(1.0)).faint(0.75));
+    let axis = Axis::ranged(x_label, Kind::Linear, (0.0, extent(x.iter().copied()).1));
+    let mut figure = Figure::stack("Training curves", axis, vec![loss, gradient]);
+    figure.events = events(run, table, &x)?;
     Ok(Some(Picture {
-        stem: "training",
+        stem: "training".to_owned(),
         title: "Training".to_owned(),
         caption: caption(table, x_label, best)?,
         figure,
@@ -48,7 +44,7 @@ fn losses(
     validation: &[Point],
     best: Option<Point>,
 ) -> Result<Panel, ReportError> {
-    let mut panel = Panel::new("Loss", "mean squared error", Kind::Log, 340.0);
+    let mut panel = Panel::new("Loss", Axis::new("mean squared error", Kind::Log), 340.0);
     let column = |name: &str| table.points(x, name).map(Option::unwrap_or_default);
     let (loss, data, physics) = (column("loss")?, column("loss_data")?, column("loss_physics")?);
     let fresh = present(column("fresh_loss")?);
@@ -70,7 +66,7 @@ fn losses(
     }
     panel.add_named("loss on fresh points", fresh, Style::new(PURPLE, Shape::Dots(2.4)));
     let line = Style::new(VERMILLION, Shape::Line(1.2));
-    panel.add(validation.to_vec(), line);
+    panel.add("", validation.to_vec(), line);
     let dots = Style::new(VERMILLION, Shape::Dots(2.6));
     panel.add_named("validation MSE", validation.to_vec(), dots);
     let ring = Style::new(VERMILLION, Shape::Rings(6.0));

@@ -13,7 +13,7 @@ pub use check::{Finding, Severity, check};
 pub use predict::predict;
 
 use crate::progress::Verbosity;
-use crate::record::{Record, file};
+use crate::record::{Record, file, write_atomically};
 use crate::registry::PlantTask;
 use crate::spec::{Experiment, ModelKind};
 use crate::{BenchError, Provenance, report};
@@ -106,10 +106,32 @@ pub fn rebuild_report(dir: &Path) -> Result<PathBuf, BenchError> {
     if dir.is_dir() && !dir.join(file::CONFIG).exists() {
         return Err(BenchError::NoRunDirectory { dir: dir.to_owned() });
     }
-    let html = report::build(dir)?;
+    let report = report::build(dir)?;
+    write_figures(&dir.join(file::FIGURES), &report.figures)?;
     let path = dir.join(file::REPORT);
-    crate::record::write_atomically(&path, html.as_bytes())?;
+    write_atomically(&path, report.html.as_bytes())?;
     Ok(path)
+}
+
+/// Writes the report's pictures, and removes those of an earlier report that it has no more.
+fn write_figures(dir: &Path, figures: &[report::FigureFiles]) -> Result<(), BenchError> {
+    fs::create_dir_all(dir).map_err(BenchError::unwritable(dir))?;
+    let file = |name: &str, ending: &str| dir.join(format!("{name}.{ending}"));
+    let mut written = Vec::new();
+    for figure in figures {
+        let (svg, csv) = (file(&figure.name, "svg"), file(&figure.name, "csv"));
+        write_atomically(&svg, figure.svg.as_bytes())?;
+        write_atomically(&csv, &figure.csv)?;
+        written.extend([svg, csv]);
+    }
+    for entry in fs::read_dir(dir).map_err(BenchError::unreadable(dir))? {
+        let path = entry.map_err(BenchError::unreadable(dir))?.path();
+        let is_picture = path.extension().is_some_and(|e| e == "svg" || e == "csv");
+        if is_picture && !written.contains(&path) {
+            fs::remove_file(&path).map_err(BenchError::unwritable(&path))?;
+        }
+    }
+    Ok(())
 }
 
 fn execute(

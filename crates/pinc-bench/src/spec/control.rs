@@ -49,6 +49,10 @@ pub struct ControlSpec {
     pub step_s: Option<f64>,
     /// What the controlled states are to follow, in steps.
     pub references: Vec<ReferenceStep>,
+    /// Parts of the run, each from one time to another in s, that the report shows enlarged; its
+    /// beginning if there are none and the run is long.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub close_ups_s: Vec<[f64; 2]>,
     /// The optimiser.
     pub sqp: SqpConfig,
 }

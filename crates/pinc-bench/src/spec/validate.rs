@@ -155,6 +155,7 @@ fn closed_loop(spec: &ControlSpec, variables: &Variables, horizon_s: Option<f64>
     if let (Some(low), Some(high)) = (&spec.state_low, &spec.state_high) {
         bounds("control.state", low, high, states, "state")?;
     }
+    close_ups(spec)?;
     at_least_one("control.rk4_substeps", spec.rk4_substeps)?;
     at_least_one("control.repetitions", spec.repetitions)?;
     tolerance("control.plant_tolerance", spec.plant_tolerance)?;
@@ -169,6 +170,18 @@ fn models(spec: &ControlSpec) -> Finding {
         let names: Vec<_> = spec.models.iter().map(|m| m.name()).collect();
         let expected = "\"pinc\", \"rk4\" or both, each once";
         return value("control.models", format!("{names:?}"), expected);
+    }
+    Ok(())
+}
+
+fn close_ups(spec: &ControlSpec) -> Finding {
+    for (i, window) in spec.close_ups_s.iter().enumerate() {
+        let [from, to] = *window;
+        if !(0.0 <= from && from < to && from < spec.duration_s) {
+            let expected =
+                format!("[from, to], from 0 to {} s, the first one less", spec.duration_s);
+            return value(&format!("control.close_ups_s[{i}]"), format!("{window:?}"), &expected);
+        }
     }
     Ok(())
 }

@@ -1,6 +1,6 @@
 //! One axis: its range, where a value lies on it, and its ticks.
 
-use super::text;
+use super::super::text;
 
 /// Values beyond this are no data that an axis should reach out for (and would overflow a span).
 const LARGEST: f64 = 1e100;
@@ -10,7 +10,7 @@ const MOST_DECADES: f64 = 14.0;
 
 /// How an axis is divided.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Kind {
+pub(crate) enum Kind {
     /// Evenly.
     Linear,
     /// Evenly, from 0, in whole numbers.
@@ -21,7 +21,7 @@ pub(super) enum Kind {
 
 /// An axis with its range.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Scale {
+pub(crate) struct Scale {
     kind: Kind,
     /// The ends, as log10 on a logarithmic axis.
     low: f64,
@@ -30,21 +30,28 @@ pub(super) struct Scale {
 
 /// A tick at `fraction` of the axis; without a label it is a minor one.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Tick {
-    pub(super) fraction: f64,
-    pub(super) label: Option<String>,
+pub(crate) struct Tick {
+    pub(crate) fraction: f64,
+    pub(crate) label: Option<String>,
 }
 
 impl Scale {
-    /// An axis from exactly `low` to `high`; if these leave no room, room is made.
-    pub(super) fn exact(low: f64, high: f64) -> Self {
+    /// An axis from exactly `low` to `high`; if these leave no room, room is made. `None` if an
+    /// end has no place on it.
+    pub(crate) fn exact(kind: Kind, low: f64, high: f64) -> Option<Self> {
+        if !usable(kind, low) || !usable(kind, high) {
+            return None;
+        }
+        let (low, high) = match kind {
+            Kind::Log => (low.log10(), high.log10()),
+            Kind::Linear | Kind::Count => (low, high),
+        };
         let (low, high) = with_room(low, high);
-        let kind = Kind::Linear;
-        Self { kind, low, high }
+        Some(Self { kind, low, high })
     }
 
     /// An axis that shows all `values` and a little more; `None` if none of them has a place on it.
-    pub(super) fn around(kind: Kind, values: impl Iterator<Item = f64>) -> Option<Self> {
+    pub(crate) fn around(kind: Kind, values: impl Iterator<Item = f64>) -> Option<Self> {
         let mut values: Vec<f64> = values.filter(|v| usable(kind, *v)).collect();
         values.sort_by(f64::total_cmp);
         let (&low, &high) = (values.first()?, values.last()?);
@@ -70,7 +77,7 @@ impl Scale {
 
     /// Where a value lies: 0 at the low end, 1 at the high end, beyond these outside. `None` for a
     /// value without a place.
-    pub(super) fn fraction(&self, value: f64) -> Option<f64> {
+    pub(crate) fn fraction(&self, value: f64) -> Option<f64> {
         let value = match self.kind {
             _ if !value.is_finite() => return None,
             Kind::Log if value <= 0.0 => return None,
@@ -81,7 +88,7 @@ impl Scale {
     }
 
     /// The lowest and the highest value shown.
-    pub(super) fn range(&self) -> (f64, f64) {
+    pub(crate) fn range(&self) -> (f64, f64) {
         match self.kind {
             Kind::Log => (10f64.powf(self.low), 10f64.powf(self.high)),
             Kind::Linear | Kind::Count => (self.low, self.high),
@@ -89,7 +96,7 @@ impl Scale {
     }
 
     /// Round values along the axis, about `wanted` of them with labels.
-    pub(super) fn ticks(&self, wanted: usize) -> Vec<Tick> {
+    pub(crate) fn ticks(&self, wanted: usize) -> Vec<Tick> {
         match self.kind {
             Kind::Log => self.log_ticks(wanted),
             Kind::Linear | Kind::Count => self.linear_ticks(wanted),
@@ -214,11 +221,11 @@ mod tests {
 
     #[test]
     fn linear_ticks_are_round() {
-        let scale = Scale::exact(0.0, 60.0);
+        let scale = Scale::exact(Kind::Linear, 0.0, 60.0).unwrap();
         assert_eq!(labels(&scale, 6), ["0", "10", "20", "30", "40", "50", "60"]);
-        let scale = Scale::exact(-1.0, 1.0);
+        let scale = Scale::exact(Kind::Linear, -1.0, 1.0).unwrap();
         assert_eq!(labels(&scale, 4), ["−1.0", "−0.5", "0.0", "0.5", "1.0"]);
-        let scale = Scale::exact(0.0, 20_000.0);
+        let scale = Scale::exact(Kind::Linear, 0.0, 20_000.0).unwrap();
         assert_eq!(labels(&scale, 2), ["0", "10\u{2009}000", "20\u{2009}000"]);
     }
 

@@ -1,47 +1,47 @@
 //! What happens to a curve between the data and the ink: steps, gaps, cuts at the frame, thinning.
 
 /// A point: in data units or in pixels.
-pub(super) type Point = (f64, f64);
+pub(crate) type Point = (f64, f64);
 
 /// A curve whose values hold until the next point, with its corners written out.
-pub(super) fn held_until_next(points: &[Point]) -> Vec<Point> {
+pub(crate) fn held_until_next(points: &[Point]) -> Vec<Point> {
     let corner = |pair: &[Point]| [pair[0], (pair[1].0, pair[0].1)];
     let last = points.last().copied();
     points.windows(2).flat_map(corner).chain(last).collect()
 }
 
 /// A curve whose values have held since the previous point, with its corners written out.
-pub(super) fn held_since_previous(points: &[Point]) -> Vec<Point> {
+pub(crate) fn held_since_previous(points: &[Point]) -> Vec<Point> {
     let corner = |pair: &[Point]| [(pair[0].0, pair[1].1), pair[1]];
     let first = points.first().copied();
     first.into_iter().chain(points.windows(2).flat_map(corner)).collect()
 }
 
 /// The points whose two numbers are finite.
-pub(super) fn present(points: Vec<Point>) -> Vec<Point> {
+pub(crate) fn present(points: Vec<Point>) -> Vec<Point> {
     let finite = |p: &Point| p.0.is_finite() && p.1.is_finite();
     points.into_iter().filter(finite).collect()
 }
 
 /// A rectangle in pixels, y downwards.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Frame {
-    pub(super) left: f64,
-    pub(super) top: f64,
-    pub(super) width: f64,
-    pub(super) height: f64,
+pub(crate) struct Frame {
+    pub(crate) left: f64,
+    pub(crate) top: f64,
+    pub(crate) width: f64,
+    pub(crate) height: f64,
 }
 
 impl Frame {
-    pub(super) fn right(&self) -> f64 {
+    pub(crate) fn right(&self) -> f64 {
         self.left + self.width
     }
 
-    pub(super) fn bottom(&self) -> f64 {
+    pub(crate) fn bottom(&self) -> f64 {
         self.top + self.height
     }
 
-    pub(super) fn contains(&self, (x, y): Point) -> bool {
+    pub(crate) fn contains(&self, (x, y): Point) -> bool {
         (self.left..=self.right()).contains(&x) && (self.top..=self.bottom()).contains(&y)
     }
 
@@ -70,7 +70,7 @@ impl Frame {
 }
 
 /// The pieces of a curve inside a frame. A `None` in the curve is a gap.
-pub(super) fn pieces(curve: &[Option<Point>], frame: &Frame) -> Vec<Vec<Point>> {
+pub(crate) fn pieces(curve: &[Option<Point>], frame: &Frame) -> Vec<Vec<Point>> {
     let mut pieces = Vec::new();
     for run in curve.split(Option::is_none) {
         let run: Vec<Point> = run.iter().flatten().copied().collect();
@@ -112,7 +112,7 @@ fn same(a: Point, b: Point) -> bool {
 
 /// Drops points that a picture cannot show: the inner points of level stretches, and in columns of
 /// half a pixel with more than four points all but the first, the lowest, the highest and the last.
-pub(super) fn thinned(points: &[Point]) -> Vec<Point> {
+pub(crate) fn thinned(points: &[Point]) -> Vec<Point> {
     let mut out = Vec::with_capacity(points.len());
     let column = |p: &Point| (2.0 * p.0).floor();
     for group in points.chunk_by(|a, b| column(a).total_cmp(&column(b)).is_eq()) {
