@@ -26,6 +26,13 @@ pub trait Simd: Scalar + Send + Sync + 'static {
     /// The lanes `f(0), f(1), ..`.
     fn generate(self, f: impl FnMut(usize) -> f64) -> Self;
 
+    /// The first numbers of `from`, one per lane.
+    ///
+    /// # Panics
+    ///
+    /// If there are too few.
+    fn load(self, from: &[f64]) -> Self;
+
     /// Writes the lanes to the first places of `out`.
     fn write(self, out: &mut [f64]);
 
@@ -110,6 +117,15 @@ impl Isa {
         Self::available()[0]
     }
 
+    /// The lanes of a vector.
+    #[must_use]
+    pub fn lanes(self) -> usize {
+        match self {
+            Self::Avx512 => 8,
+            Self::Avx2 | Self::Portable => 4,
+        }
+    }
+
     /// Busies one core with fused multiply-adds on registers alone, `rounds` times twelve independent
     /// vectors, and returns how many floating-point operations these were (two per lane). Timed by the
     /// caller, it gives the peak that a kernel can be compared with.
@@ -178,6 +194,10 @@ impl Simd for Lanes<4> {
     #[inline(always)]
     fn generate(self, f: impl FnMut(usize) -> f64) -> Self {
         Self(std::array::from_fn(f))
+    }
+    #[inline(always)]
+    fn load(self, from: &[f64]) -> Self {
+        Self(std::array::from_fn(|i| from[..4][i]))
     }
     #[inline(always)]
     fn write(self, out: &mut [f64]) {
@@ -359,6 +379,12 @@ mod x86 {
             Self(unsafe { _mm512_loadu_pd(lanes.as_ptr()) })
         }
         #[inline(always)]
+        fn load(self, from: &[f64]) -> Self {
+            let lanes = &from[..8];
+            // SAFETY: `self` proves the instructions; `lanes` holds eight numbers.
+            Self(unsafe { _mm512_loadu_pd(lanes.as_ptr()) })
+        }
+        #[inline(always)]
         fn write(self, out: &mut [f64]) {
             out[..8].copy_from_slice(&self.to_array());
         }
@@ -431,6 +457,12 @@ mod x86 {
         #[inline(always)]
         fn generate(self, f: impl FnMut(usize) -> f64) -> Self {
             let lanes: [f64; 4] = std::array::from_fn(f);
+            // SAFETY: `self` proves the instructions; `lanes` holds four numbers.
+            Self(unsafe { _mm256_loadu_pd(lanes.as_ptr()) })
+        }
+        #[inline(always)]
+        fn load(self, from: &[f64]) -> Self {
+            let lanes = &from[..4];
             // SAFETY: `self` proves the instructions; `lanes` holds four numbers.
             Self(unsafe { _mm256_loadu_pd(lanes.as_ptr()) })
         }

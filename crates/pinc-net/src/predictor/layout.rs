@@ -1,0 +1,128 @@
+//! The weights of a net as its control interface needs them.
+
+use crate::{Ansatz, PincNet};
+
+/// Vectors of neurons that are worked on together, at most: three of values and nine of tangents fit
+/// into the registers, with the weights.
+const ROWS: usize = 3;
+
+/// The layers of a net at t = T, folded, transposed and padded.
+///
+/// With z = W v + b and v = ((t, y0, u) - mean)/std, the first layer becomes W' (y0, u) + b' with
+///
+/// ```text
+/// W'_j = W_j / std_j                 b' = b + W_t (T - mean_t) / std_t - sum_j W'_j mean_j
+/// ```
+///
+/// and the output layer d = `output_mean` + `output_std` (W a + b) likewise. At t = T both ansatzes are
+/// d, or y0 + d.
+#[derive(Clone, Debug)]
+pub(super) struct Layout {
+    pub(super) layers: Vec<FoldedLayer>,
+    lanes: usize,
+    ansatz: Ansatz,
+}
+
+/// A layer, as blocks of rows.
+#[derive(Clone, Debug)]
+pub(super) struct FoldedLayer {
+    /// Length of the input, without padding.
+    pub(super) inputs: usize,
+    pub(super) blocks: Vec<Block>,
+}
+
+/// Some vectors of neurons of a layer.
+#[derive(Clone, Debug)]
+pub(super) struct Block {
+    /// Vectors of neurons.
+    pub(super) rows: usize,
+    /// Place of the first neuron in the layer's output.
+    pub(super) first: usize,
+    /// Shape `[rows, lanes]`; 0 where there is no neuron.
+    pub(super) bias: Vec<f64>,
+    /// Shape `[inputs, rows, lanes]`; 0 where there is no neuron.
+    pub(super) weights: Vec<f64>,
+}
+
+impl Layout {
+    /// The layout of `net` for vectors of so many lanes.
+    pub(super) fn new(net: &PincNet, lanes: usize) -> Self {
+        let count = net.mlp.layers().len();
+        let layers = net.mlp.layers().enumerate().map(|(l, layer)| {
+            let parameters = net.mlp.parameters();
+            let mut weights: Vec<Vec<f64>> =
+                parameters[layer.weight].chunks_exact(layer.inputs).map(<[f64]>::to_vec).collect();
+            let mut bias = parameters[layer.bias].to_vec();
+            if l == 0 {
+                fold_input(net, &mut weights, &mut bias);
+            }
+            if l + 1 == count {
+                fold_output(net, &mut weights, &mut bias);
+            }
+            FoldedLayer::new(&weights, &bias, lanes)
+        });
+        Self { layers: layers.collect(), lanes, ansatz: net.ansatz }
+    }
+
+    /// Whether the state at the end is the initial state plus what the layers give.
+    pub(super) fn adds_initial_state(&self) -> bool {
+        self.ansatz == Ansatz::HardLinear
+    }
+
+    /// Length of the longest input or output of a layer, with padding.
+    pub(super) fn longest(&self) -> usize {
+        let rows = |layer: &FoldedLayer| layer.blocks.iter().map(|block| block.rows).sum::<usize>();
+        let outputs = self.layers.iter().map(|layer| rows(layer) * self.lanes);
+        let inputs = self.layers.iter().map(|layer| layer.inputs);
+        outputs.chain(inputs).max().unwrap_or(0)
+    }
+}
+
+/// From weights of the normalized (t, y0, u) to weights of (y0, u).
+fn fold_input(net: &PincNet, weights: &mut [Vec<f64>], bias: &mut [f64]) {
+    let dims = net.dims();
+    for (row, bias) in weights.iter_mut().zip(bias) {
+        let scaled = row.iter().zip(&net.input.std).map(|(w, std)| w / std);
+        let mut scaled: Vec<f64> = scaled.collect();
+        *bias += scaled[0] * net.horizon_s;
+        for (w, mean) in scaled.iter().zip(&net.input.mean) {
+            *bias -= w * mean;
+        }
+        // A conventional PINN has no inputs but t: its state depends on nothing else.
+        scaled.resize(1 + dims.states + dims.inputs, 0.0);
+        *row = scaled.split_off(1);
+    }
+}
+
+/// From the normalized output to the states' units.
+fn fold_output(net: &PincNet, weights: &mut [Vec<f64>], bias: &mut [f64]) {
+    for (i, (row, bias)) in weights.iter_mut().zip(bias).enumerate() {
+        let (mean, std) = (net.output.mean[i], net.output.std[i]);
+        for w in row {
+            *w *= std;
+        }
+        *bias = *bias * std + mean;
+    }
+}
+
+impl FoldedLayer {
+    fn new(weights: &[Vec<f64>], bias: &[f64], lanes: usize) -> Self {
+        let inputs = weights[0].len();
+        let rows = bias.len().div_ceil(lanes);
+        let count = rows.div_ceil(ROWS);
+        // As even as can be: 4 rows are 2 and 2, which keep more sums going than 3 and 1.
+        let mut first = 0;
+        let blocks = (0..count).map(|i| {
+            let rows = (rows + i) / count;
+            let neurons = first..first + rows * lanes;
+            let at = |neuron: usize, input: usize| weights.get(neuron).map_or(0.0, |w| w[input]);
+            let weights = (0..inputs).flat_map(|j| neurons.clone().map(move |k| (j, k)));
+            let weights = weights.map(|(j, k)| at(k, j)).collect();
+            let bias = neurons.clone().map(|k| bias.get(k).copied().unwrap_or(0.0)).collect();
+            let block = Block { rows, first, bias, weights };
+            first = neurons.end;
+            block
+        });
+        Self { inputs, blocks: blocks.collect() }
+    }
+}
