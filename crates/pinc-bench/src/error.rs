@@ -135,6 +135,26 @@ pub enum BenchError {
     /// The report could not be made.
     #[error(transparent)]
     Report(#[from] ReportError),
+    /// Some trials of a sweep ended with errors.
+    #[error("{failed} of {trials} trials failed; {} says which and why", table.display())]
+    FailedTrials {
+        /// How many failed.
+        failed: usize,
+        /// Of how many.
+        trials: usize,
+        /// The table that names them.
+        table: PathBuf,
+    },
+    /// Sweeps to merge that are not of one config.
+    #[error(
+        "{}: belongs to another sweep than {} (their config.toml differ)", dir.display(), first.display()
+    )]
+    OtherSweep {
+        /// The directory.
+        dir: PathBuf,
+        /// The first directory.
+        first: PathBuf,
+    },
     /// The user stopped the run.
     #[error("interrupted; go on with the same command and --resume (state in {})", dir.display())]
     Interrupted {
@@ -221,7 +241,8 @@ impl BenchError {
         match self {
             Self::Net(NetError::Setting { .. } | NetError::Dimension { .. }) => 2,
             Self::Control(MpcError::Plant { .. }) => 1,
-            Self::Net(_) | Self::Plant(_) | Self::Interrupted { .. } => 1,
+            Self::Net(_) | Self::Plant(_) => 1,
+            Self::Interrupted { .. } | Self::FailedTrials { .. } => 1,
             _ => 2,
         }
     }

@@ -3,6 +3,7 @@
 //!
 //! - [`Experiment`]: a config file, resolved and checked ([`spec`] has its parts).
 //! - [`run`], [`train`], [`control`], [`predict`], [`check`], [`rebuild_report`]: what the program does.
+//! - [`sweep()`], [`merge`]: an experiment many times over.
 //! - [`bench()`]: measurements of the machine.
 //! - [`Record`]: the results of a run, in its directory; [`Provenance`]: where they come from.
 //!
@@ -44,6 +45,7 @@ pub mod report;
 mod runs;
 pub mod spec;
 mod summary;
+mod sweep;
 
 pub use bench::{
     BenchOptions, BenchReport, FmaPeak, LossGradient, Machine, ModelStep, NmpcTimes, QpTime, bench,
@@ -53,9 +55,10 @@ pub use presets::Preset;
 pub use progress::Verbosity;
 pub use provenance::Provenance;
 pub use record::{
-    ControlMetrics, Metrics, PredictionMetrics, Record, StepTimes, TrainingMetrics,
+    ControlMetrics, Metrics, PredictionMetrics, Record, StepTimes, SweepMetrics, TrainingMetrics,
     ValidationMetrics, WallTimes,
 };
 pub use runs::{Finding, Options, Severity, check, control, predict, rebuild_report, run, train};
 pub use spec::{Experiment, ModelKind};
 pub use summary::summary;
+pub use sweep::{Shard, merge, sweep};

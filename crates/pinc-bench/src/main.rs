@@ -2,7 +2,8 @@
 
 use clap::{Args, Parser, Subcommand};
 use pinc_bench::{
-    BenchError, BenchOptions, Experiment, ModelKind, Options, Record, Verbosity, console, summary,
+    BenchError, BenchOptions, Experiment, ModelKind, Options, Record, Shard, Verbosity, console,
+    summary,
 };
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -29,8 +30,20 @@ enum Command {
         /// Config files (TOML).
         #[arg(required = true, value_name = "CONFIG")]
         configs: Vec<PathBuf>,
+        /// Run only a share of a sweep, as 3/8: the third of eight.
+        #[arg(long, value_name = "K/N", value_parser = shard)]
+        shard: Option<Shard>,
         #[command(flatten)]
         run: RunArgs,
+    },
+    /// Collect the trials of sweeps of one config, run as shards, in one directory.
+    Merge {
+        /// Directories of the shards.
+        #[arg(required = true, value_name = "DIR")]
+        parts: Vec<PathBuf>,
+        /// Directory to collect them in.
+        #[arg(long, value_name = "DIR")]
+        out: PathBuf,
     },
     /// Only train the net.
     Train {
@@ -139,7 +152,12 @@ fn main() -> ExitCode {
 fn execute(cli: &Cli) -> Result<ExitCode, BenchError> {
     let quiet = cli.quiet;
     match &cli.command {
-        Command::Run { configs, run } => run_all(configs, run, quiet)?,
+        Command::Run { configs, shard, run } => run_all(configs, *shard, run, quiet)?,
+        Command::Merge { parts, out } => {
+            let arguments = arguments();
+            let options = options(true, quiet, &arguments);
+            show(quiet, &summary(&pinc_bench::merge(parts, out, &options)?));
+        }
         Command::Train { config, run } => {
             run.one(config, quiet, pinc_bench::train)?;
         }
@@ -170,12 +188,23 @@ fn execute(cli: &Cli) -> Result<ExitCode, BenchError> {
 }
 
 /// All configs are read before the first is run, so that a mistake in the last shows at once.
-fn run_all(configs: &[PathBuf], run: &RunArgs, quiet: bool) -> Result<(), BenchError> {
+fn run_all(
+    configs: &[PathBuf],
+    shard: Option<Shard>,
+    run: &RunArgs,
+    quiet: bool,
+) -> Result<(), BenchError> {
     let load = |config: &PathBuf| Experiment::load(config, &run.set.set);
     let experiments = configs.iter().map(load).collect::<Result<Vec<_>, _>>()?;
     let several = experiments.len() > 1;
     for experiment in &experiments {
-        run.execute(experiment, several, quiet, &pinc_bench::run)?;
+        run.execute(experiment, several, quiet, &|experiment, dir, options| match (
+            &experiment.sweep,
+            shard,
+        ) {
+            (None, None) => pinc_bench::run(experiment, dir, options),
+            _ => pinc_bench::sweep(experiment, dir, options, shard.unwrap_or(Shard::WHOLE)),
+        })?;
     }
     Ok(())
 }
@@ -220,16 +249,30 @@ impl RunArgs {
             Some(out) => out.clone(),
             None => Path::new("runs").join(&experiment.name),
         };
-        let arguments: Vec<String> = std::env::args().skip(1).collect();
-        let options = Options {
-            resume: self.resume,
-            verbosity: if quiet { Verbosity::Quiet } else { Verbosity::Shown },
-            interrupt: catch_interrupts(),
-            arguments: &arguments,
-        };
+        let arguments = arguments();
+        let options = options(self.resume, quiet, &arguments);
         let record = work(experiment, &dir, &options)?;
         show(quiet, &summary(&record));
         Ok(())
+    }
+}
+
+/// The command line without the program's name.
+fn arguments() -> Vec<String> {
+    std::env::args().skip(1).collect()
+}
+
+fn options(resume: bool, quiet: bool, arguments: &[String]) -> Options<'_> {
+    let verbosity = if quiet { Verbosity::Quiet } else { Verbosity::Shown };
+    Options { resume, verbosity, interrupt: catch_interrupts(), arguments }
+}
+
+/// A share of a sweep, written K/N.
+fn shard(text: &str) -> Result<Shard, String> {
+    let parts = text.split_once('/').and_then(|(k, n)| Some((k.parse().ok()?, n.parse().ok()?)));
+    match parts {
+        Some((number, of)) if (1..=of).contains(&number) => Ok(Shard { number, of }),
+        _ => Err("expected K/N with K from 1 to N, as 3/8".to_owned()),
     }
 }
 

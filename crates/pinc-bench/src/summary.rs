@@ -36,6 +36,14 @@ fn metrics(text: &mut String, metrics: &Metrics) -> std::fmt::Result {
             prediction.mse_marks, prediction.mse_all
         )?;
     }
+    if let Some(sweep) = &metrics.sweep {
+        let pending = sweep.trials - sweep.done - sweep.failed;
+        writeln!(
+            text,
+            "sweep       {} trials: {} done, {} failed, {pending} pending",
+            sweep.trials, sweep.done, sweep.failed
+        )?;
+    }
     if metrics.control.is_empty() {
         return Ok(());
     }

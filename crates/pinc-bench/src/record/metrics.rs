@@ -27,6 +27,9 @@ pub struct Metrics {
     /// The closed loops.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub control: Vec<ControlMetrics>,
+    /// The trials of a sweep.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub sweep: Option<SweepMetrics>,
 }
 
 impl Metrics {
@@ -42,8 +45,20 @@ impl Metrics {
             validation: None,
             prediction: None,
             control: Vec::new(),
+            sweep: None,
         }
     }
+}
+
+/// How far a sweep is.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct SweepMetrics {
+    /// All trials.
+    pub trials: usize,
+    /// Those that ended as they should.
+    pub done: usize,
+    /// Those that ended with an error.
+    pub failed: usize,
 }
 
 /// How good the net that was kept is.

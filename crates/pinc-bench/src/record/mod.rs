@@ -7,8 +7,8 @@ mod metrics;
 pub(crate) use checkpoint::{Saved, load as load_checkpoint, save as save_checkpoint};
 pub(crate) use csv::{Table, lines_up_to, number};
 pub use metrics::{
-    ControlMetrics, Metrics, PredictionMetrics, StepTimes, TrainingMetrics, ValidationMetrics,
-    WallTimes,
+    ControlMetrics, Metrics, PredictionMetrics, StepTimes, SweepMetrics, TrainingMetrics,
+    ValidationMetrics, WallTimes,
 };
 
 use crate::spec::Experiment;
@@ -29,6 +29,9 @@ pub(crate) mod file {
     pub(crate) const REPORT: &str = "report.html";
     /// The directory of the report's pictures.
     pub(crate) const FIGURES: &str = "figures";
+    pub(crate) const SWEEP: &str = "sweep.csv";
+    pub(crate) const SUMMARY: &str = "summary.csv";
+    pub(crate) const TIMINGS: &str = "timings.csv";
     /// What the closed loops write, with one model and with several.
     pub(crate) const CONTROL: [&str; 6] = [
         "control.csv",
@@ -48,6 +51,7 @@ const UNFINISHED: &str = ".pinc-unfinished-";
 pub struct Record {
     dir: PathBuf,
     metrics: Metrics,
+    keeps_traces: bool,
 }
 
 impl Record {
@@ -66,10 +70,25 @@ impl Record {
             Err(_) => None,
         };
         let metrics = metrics.unwrap_or_else(|| Metrics::new(experiment));
-        let record = Self { dir: dir.to_owned(), metrics };
+        let record = Self { dir: dir.to_owned(), metrics, keeps_traces: true };
         record.write(file::CONFIG, config_text(experiment).as_bytes())?;
         record.write(file::PROVENANCE, json(provenance).as_bytes())?;
         Ok(record)
+    }
+
+    /// A record for the results of a trial, in a directory that is there and empty. What the trial was
+    /// is said by the sweep that it belongs to.
+    pub(crate) fn of_trial(dir: &Path, experiment: &Experiment, keeps_traces: bool) -> Self {
+        Self { dir: dir.to_owned(), metrics: Metrics::new(experiment), keeps_traces }
+    }
+
+    /// The record of a run that has been made.
+    pub(crate) fn existing(dir: &Path) -> Result<Self, BenchError> {
+        let path = dir.join(file::METRICS);
+        let bytes = fs::read(&path).map_err(BenchError::unreadable(&path))?;
+        let metrics = serde_json::from_slice(&bytes);
+        let metrics = metrics.map_err(|problem| BenchError::Results { path, problem })?;
+        Ok(Self { dir: dir.to_owned(), metrics, keeps_traces: true })
     }
 
     /// The directory.
@@ -99,6 +118,15 @@ impl Record {
     /// Writes a file, which is there either whole or not at all, also if the machine stops.
     pub(crate) fn write(&self, name: &str, bytes: &[u8]) -> Result<(), BenchError> {
         write_atomically(&self.path(name), bytes)
+    }
+
+    /// Writes the trace of a closed loop, if this record keeps such.
+    pub(crate) fn write_trace(
+        &self,
+        name: &str,
+        table: impl FnOnce() -> Table,
+    ) -> Result<(), BenchError> {
+        if self.keeps_traces { self.write(name, table().as_bytes()) } else { Ok(()) }
     }
 
     /// Removes a file, if there is one.

@@ -65,13 +65,13 @@ fn run_model<P: Plant + 'static>(
         let mut run = setup.begin(&mut nmpc, plant)?;
         let outcome = times.watch(&mut run);
         if results.is_none() || outcome.is_err() {
-            record.write(&setup.file("control", kind), setup.trace(&run, plant).as_bytes())?;
+            record.write_trace(&setup.file("control", kind), || setup.trace(&run, plant))?;
             results = Some(Results::of(&run));
         }
         outcome?;
     }
     let results = results.expect("there is at least one repetition");
-    record.write(&setup.file("steps", kind), times.table(&results).as_bytes())?;
+    record.write_trace(&setup.file("steps", kind), || times.table(&results))?;
     progress.end(&format!("{repetitions} runs, IAE {:.4}", results.iae_dense_sum));
     Ok(results.metrics(kind, times))
 }

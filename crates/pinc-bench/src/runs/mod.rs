@@ -6,8 +6,10 @@ mod control;
 mod free_run;
 mod predict;
 mod train;
+mod trial;
 
 pub(crate) use train::Setup;
+pub(crate) use trial::{run_trial, train_shared};
 
 pub use check::{Finding, Severity, check};
 pub use predict::predict;

@@ -109,7 +109,7 @@ impl<P: Plant + 'static> Session<P> {
         record: &Record,
     ) -> Result<Self, BenchError> {
         let begun = Instant::now();
-        let fingerprint = experiment.fingerprint();
+        let fingerprint = experiment.normalized().fingerprint();
         let total = setup.training.config.phases.iter().map(|phase| phase.iterations).sum();
         let (plant, validation, seed) = (plant.clone(), validation.clone(), experiment.seed);
         let (net, domain, config) = (setup.net, setup.domain, &setup.training.config);

@@ -1,12 +1,11 @@
 //! From an error of deserialisation to one that says what to write instead.
 
-use super::layers::Layers;
-use super::problem::{ConfigError, Problem, nearest};
+use super::problem::{Problem, nearest};
 
 type Error = serde_path_to_error::Error<toml::de::Error>;
 
-/// The same error with its place in the config and the nearest key that exists.
-pub(crate) fn explain(layers: &Layers, error: &Error) -> ConfigError {
+/// The key of an error and what is wrong there, with the nearest key that exists.
+pub(crate) fn explain(error: &Error) -> (String, Problem) {
     let mut key = match error.path().to_string() {
         root if root == "." => String::new(),
         path => path,
@@ -29,7 +28,7 @@ pub(crate) fn explain(layers: &Layers, error: &Error) -> ConfigError {
     } else {
         Problem::Type(in_plain_words(message))
     };
-    layers.error(key, problem)
+    (key, problem)
 }
 
 /// `path` with `key` at its end, if it is not there yet.

@@ -31,7 +31,7 @@ impl Layers {
         let differences = take_differences(&mut file, preset, &origin)?;
 
         let mentioned: BTreeSet<&str> = (file.keys().chain(differences.keys()).map(String::as_str))
-            .chain(sets.iter().map(|s| s.keys[0].as_str()))
+            .chain(sets.iter().map(|s| s.key.split('.').next().unwrap_or_default()))
             .collect();
         let mut defaults = preset.defaults();
         defaults.retain(|section, _| mentioned.contains(section));
@@ -85,30 +85,32 @@ impl Layers {
     }
 
     fn assign(&mut self, set: Setting) -> Result<(), ConfigError> {
-        let Setting { argument, keys, value } = set;
-        let (last, parents) = keys.split_last().expect("a setting has a key");
-        let mut path = String::new();
-        let mut root = Value::Table(std::mem::take(&mut self.table));
-        let mut place = Some(&mut root);
-        for key in parents {
-            place = place.and_then(|value| child(value, key, &mut path));
-        }
-        let target = place.and_then(|value| child(value, last, &mut path));
-        let found = target.is_some();
-        if let Some(target) = target {
-            *target = value;
-            forget(&mut self.origins, &path);
-            note(&mut self.origins, &path, target, &|_| Origin::Set(argument.clone()));
-        }
-        if let Value::Table(table) = root {
-            self.table = table;
-        }
-        if found {
-            Ok(())
-        } else {
-            Err(ConfigError::Set { argument, problem: SetProblem::Path(path) })
+        let Setting { argument, key, value } = set;
+        match assign(&mut self.table, &key, value.clone()) {
+            Ok(path) => {
+                forget(&mut self.origins, &path);
+                note(&mut self.origins, &path, &value, &|_| Origin::Set(argument.clone()));
+                Ok(())
+            }
+            Err(path) => Err(ConfigError::Set { argument, problem: SetProblem::Path(path) }),
         }
     }
+}
+
+/// Puts a value under a key path as `training.phases.0.iterations`, with the tables that lack for it.
+/// Returns the path as errors write it, or as much of it as leads to something that holds no keys.
+pub(super) fn assign(table: &mut Table, key: &str, value: Value) -> Result<String, String> {
+    let mut path = String::new();
+    let mut root = Value::Table(std::mem::take(table));
+    let mut place = Some(&mut root);
+    for key in key.split('.') {
+        place = place.and_then(|value| child(value, key, &mut path));
+    }
+    let found = place.map(|place| *place = value).is_some();
+    if let Value::Table(changed) = root {
+        *table = changed;
+    }
+    if found { Ok(path) } else { Err(path) }
 }
 
 /// The value under `key`, made if it is not there; adds the key to `path`.
@@ -252,7 +254,7 @@ fn chosen_preset(
     sets: &[Setting],
     origin: &dyn Fn(&str) -> Origin,
 ) -> Result<Preset, ConfigError> {
-    let set = sets.iter().rev().find(|s| s.keys == ["preset"]);
+    let set = sets.iter().rev().find(|s| s.key == "preset");
     let (value, origin) = match set {
         Some(set) => (Some(&set.value), Origin::Set(set.argument.clone())),
         None => (file.get("preset"), origin("preset")),
@@ -315,7 +317,7 @@ fn take_differences(
 #[derive(Debug)]
 struct Setting {
     argument: String,
-    keys: Vec<String>,
+    key: String,
     value: Value,
 }
 
@@ -323,8 +325,8 @@ impl Setting {
     fn parse(argument: &str) -> Result<Self, ConfigError> {
         let fail = |problem| ConfigError::Set { argument: argument.to_owned(), problem };
         let (key, text) = argument.split_once('=').ok_or_else(|| fail(SetProblem::NoKey))?;
-        let keys: Vec<_> = key.split('.').map(|k| k.trim().to_owned()).collect();
-        if keys.iter().any(String::is_empty) {
+        let keys: Vec<_> = key.split('.').map(str::trim).collect();
+        if keys.iter().any(|key| key.is_empty()) {
             return Err(fail(SetProblem::NoKey));
         }
         let value = match format!("value = {text}").parse::<Table>() {
@@ -335,7 +337,7 @@ impl Setting {
         };
         let value =
             value.ok_or_else(|| fail(SetProblem::Value("one value expected".to_owned())))?;
-        Ok(Self { argument: argument.to_owned(), keys, value })
+        Ok(Self { argument: argument.to_owned(), key: keys.join("."), value })
     }
 }
 

@@ -6,6 +6,7 @@ mod layers;
 mod plant;
 mod prediction;
 mod problem;
+mod sweep;
 mod training;
 mod validate;
 
@@ -14,6 +15,7 @@ pub use plant::{FourTanksParameters, FourTanksSpec, OneTankSpec, PlantSpec, VanD
 pub use prediction::PredictionSpec;
 use problem::nearest;
 pub use problem::{ConfigError, Origin, Problem, SetProblem};
+pub use sweep::{AxisSpec, CaseSpec, DrawsSpec, RangeSpec, SweepSpec};
 pub use training::{Effort, TrainingSpec};
 
 use crate::presets::Preset;
@@ -21,7 +23,9 @@ use layers::Layers;
 use pinc_net::{Domain, NetConfig, ValidationConfig};
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
+use std::fmt::Write as _;
 use std::path::Path;
+use toml::{Table, Value};
 
 /// An experiment: a resolved config file, every value spelled out and checked.
 ///
@@ -56,6 +60,9 @@ pub struct Experiment {
     /// The closed loop.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub control: Option<ControlSpec>,
+    /// The experiment many times over, with other values each time.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub sweep: Option<SweepSpec>,
 }
 
 impl Experiment {
@@ -80,13 +87,31 @@ impl Experiment {
         if let Some((key, value)) = layers.first_not_finite() {
             return Err(layers.error(key, Problem::NotFinite(value)));
         }
-        let table = toml::Value::Table(layers.table.clone());
-        let experiment: Self = serde_path_to_error::deserialize(table)
-            .map_err(|error| explain::explain(&layers, &error))?;
-        match experiment.validate() {
-            Ok(()) => Ok(experiment),
-            Err((key, problem)) => Err(layers.error(key, problem)),
+        Self::from_table(layers.table.clone()).map_err(|(key, problem)| layers.error(key, problem))
+    }
+
+    /// The experiment of a resolved table, checked; or the key and what is wrong with its value.
+    fn from_table(table: Table) -> Result<Self, (String, Problem)> {
+        let experiment: Self = serde_path_to_error::deserialize(Value::Table(table))
+            .map_err(|error| explain::explain(&error))?;
+        experiment.validate()?;
+        Ok(experiment)
+    }
+
+    /// The experiment with other values for some keys, checked; or the key and what is wrong with its
+    /// value.
+    pub(crate) fn with_values<'a>(
+        &self,
+        values: impl IntoIterator<Item = (&'a str, Value)>,
+    ) -> Result<Self, (String, Problem)> {
+        let mut table = Table::try_from(self).expect("the values have a form in TOML");
+        for (key, value) in values {
+            layers::assign(&mut table, key, value).map_err(|path| {
+                let expected = format!("a key that can be set: `{path}` has no such element");
+                (key.to_owned(), Problem::Value { found: format!("`{key}`"), expected })
+            })?;
         }
+        Self::from_table(table)
     }
 
     /// The config as TOML with every value spelled out: loading it gives the same experiment.
@@ -106,13 +131,18 @@ impl Experiment {
     /// Like [`Experiment::to_toml`].
     #[must_use]
     pub fn fingerprint(&self) -> String {
-        use std::fmt::Write as _;
-        let digest = Sha256::digest(self.to_toml());
-        digest.iter().fold(String::new(), |mut text, byte| {
-            // Writing to a String does not fail.
-            let _ = write!(text, "{byte:02x}");
-            text
-        })
+        hexadecimal(&Sha256::digest(self.to_toml()))
+    }
+
+    /// The same experiment without what its numbers do not depend on: how many threads work on it, and
+    /// how often they write a checkpoint.
+    pub(crate) fn normalized(&self) -> Self {
+        let mut same = self.clone();
+        if let Some(training) = &mut same.training {
+            let time_limit_s = training.effort.time_limit_s;
+            training.effort = Effort { time_limit_s, ..Effort::default() };
+        }
+        same
     }
 
     /// The length T of a step in s, where the config says it.
@@ -121,4 +151,13 @@ impl Experiment {
         let model = self.model.as_ref().map(|m| m.horizon_s);
         model.or_else(|| self.control.as_ref().and_then(|c| c.step_s))
     }
+}
+
+/// Bytes as hexadecimal digits.
+fn hexadecimal(bytes: &[u8]) -> String {
+    bytes.iter().fold(String::new(), |mut text, byte| {
+        // Writing to a String does not fail.
+        let _ = write!(text, "{byte:02x}");
+        text
+    })
 }

@@ -138,6 +138,16 @@ pub enum Problem {
         /// What there is one of each for.
         per: &'static str,
     },
+    /// What is wrong with one trial of a sweep.
+    #[error("in the trial with {trial}: `{key}`: {problem}")]
+    Trial {
+        /// The values that make the trial.
+        trial: String,
+        /// The key path.
+        key: String,
+        /// What is wrong with it.
+        problem: Box<Problem>,
+    },
     /// A section that the run needs.
     #[error("this section is missing; {0}")]
     Section(&'static str),

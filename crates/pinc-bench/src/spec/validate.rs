@@ -27,6 +27,10 @@ impl Experiment {
         if let Some(control) = &self.control {
             closed_loop(control, &variables, self.horizon_s())?;
         }
+        if let Some(sweep) = &self.sweep {
+            sweep.validate()?;
+            crate::sweep::trials(self)?;
+        }
         Ok(())
     }
 

@@ -1,0 +1,64 @@
+//! The parts of a sweep: trainings that trials share, and trials.
+
+use super::{Options, Plan, Stages, read_model};
+use crate::record::{Record, file};
+use crate::spec::Experiment;
+use crate::{BenchError, Provenance};
+use std::path::Path;
+
+/// Trains the net of `experiment` in the run directory `dir`, on so many threads, or goes on with the
+/// training that is there.
+pub(crate) fn train_shared(
+    experiment: &Experiment,
+    dir: &Path,
+    provenance: &Provenance,
+    threads: usize,
+    options: &Options<'_>,
+) -> Result<(), BenchError> {
+    let mut record = Record::open(dir, experiment, provenance)?;
+    let mut hurried = experiment.clone();
+    if let Some(training) = &mut hurried.training {
+        training.effort.threads = threads;
+    }
+    let plan = Plan { trains: true, runs_free: false, loops: Vec::new(), given: None };
+    let train = |record: &mut Record| {
+        experiment.plant.with(Stages { experiment: &hurried, options, plan: &plan, record })
+    };
+    match train(&mut record) {
+        // A checkpoint of no use: nobody asked for it by name, so the training begins anew.
+        Err(BenchError::Checkpoint { .. }) => {
+            record.remove(file::CHECKPOINT)?;
+            train(&mut record)
+        }
+        outcome => outcome,
+    }
+}
+
+/// Runs a trial in `dir`, which holds nothing yet, with the net of the run directory `net` if it needs
+/// one.
+pub(crate) fn run_trial(
+    experiment: &Experiment,
+    net: Option<&Path>,
+    dir: &Path,
+    keep_traces: bool,
+    options: &Options<'_>,
+) -> Result<(), BenchError> {
+    let mut record = Record::of_trial(dir, experiment, keep_traces);
+    let mut plan = Plan { trains: false, runs_free: false, loops: Vec::new(), given: None };
+    if let Some(control) = &experiment.control {
+        plan.loops.clone_from(&control.models);
+    }
+    if let Some(dir) = net {
+        let trained = Record::existing(dir)?;
+        record.update(|all| {
+            all.training.clone_from(&trained.metrics().training);
+            all.validation.clone_from(&trained.metrics().validation);
+        })?;
+        plan.runs_free = experiment.prediction.is_some();
+        if plan.runs_free || !plan.loops.is_empty() {
+            plan.given = Some((Vec::new(), read_model(&trained.path(file::MODEL))?));
+        }
+    }
+    let stages = Stages { experiment, options, plan: &plan, record: &mut record };
+    experiment.plant.with(stages)
+}
