@@ -10,10 +10,13 @@ use crate::record::{ControlMetrics, number};
 use crate::spec::{Experiment, ModelKind, SweepSpec};
 use crate::sweep::spread::Spread;
 
+/// Finds a metric, as a cell of a table.
+type Look = dyn Fn(&Metrics) -> Option<String>;
+
 /// A metric of a trial: its column, and how it is found.
 struct Metric {
     column: String,
-    value: Box<dyn Fn(&Metrics) -> Option<String>>,
+    value: Box<Look>,
 }
 
 impl Metric {
