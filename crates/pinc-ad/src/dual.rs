@@ -16,6 +16,7 @@
 //! (a + v e) * (b + w e) =  a b    +  (v b + a w) e
 //! (a + v e) / (b + w e) =  a/b    +  (v - (a/b) w)/b e
 //! sqrt(a + v e)         =  sqrt a +  v / (2 sqrt a) e
+//! exp(a + v e)          =  exp a  +  v exp a e
 //! tanh(a + v e)         =  tanh a +  (1 - tanh^2 a) v e
 //! ```
 //!
@@ -166,12 +167,56 @@ impl<S: Scalar, const N: usize> Scalar for Dual<S, N> {
     #[inline(always)]
     fn sqrt(self) -> Self {
         let root = self.re.sqrt();
-        self.chain(root, root.constant(0.5) / root)
+        let slope = root.constant(0.5) / root;
+        self.chain(root, root.where_nonpositive(root.constant(0.0), slope))
+    }
+    #[inline(always)]
+    fn exp(self) -> Self {
+        let y = self.re.exp();
+        self.chain(y, y)
+    }
+    #[inline(always)]
+    fn ln(self) -> Self {
+        self.chain(self.re.ln(), self.re.constant(1.0) / self.re)
+    }
+    #[inline(always)]
+    fn sin(self) -> Self {
+        self.chain(self.re.sin(), self.re.cos())
+    }
+    #[inline(always)]
+    fn cos(self) -> Self {
+        self.chain(self.re.cos(), -self.re.sin())
+    }
+    #[inline(always)]
+    fn tan(self) -> Self {
+        let y = self.re.tan();
+        self.chain(y, y * y + 1.0)
+    }
+    #[inline(always)]
+    fn atan(self) -> Self {
+        let slope = self.re.constant(1.0) / (self.re * self.re + 1.0);
+        self.chain(self.re.atan(), slope)
     }
     #[inline(always)]
     fn tanh(self) -> Self {
         let y = self.re.tanh();
         self.chain(y, -(y * y) + 1.0)
+    }
+    #[inline(always)]
+    fn powf(self, p: f64) -> Self {
+        let slope = self.re.powf(p - 1.0) * p;
+        let slope = if p < 1.0 {
+            // Infinite at 0 and counted as 0; NaN below 0, as the value.
+            (-self.re)
+                .where_nonpositive(self.re.where_nonpositive(self.re.constant(0.0), slope), slope)
+        } else {
+            slope
+        };
+        self.chain(self.re.powf(p), slope)
+    }
+    #[inline(always)]
+    fn abs(self) -> Self {
+        self.chain(self.re.abs(), self.re.sign())
     }
     #[inline(always)]
     fn mul_add(self, a: Self, b: Self) -> Self {

@@ -77,6 +77,34 @@ impl<const L: usize> Scalar for Lanes<L> {
         self.map(f64::sqrt)
     }
     #[inline(always)]
+    fn exp(self) -> Self {
+        self.map(f64::exp)
+    }
+    #[inline(always)]
+    fn ln(self) -> Self {
+        self.map(f64::ln)
+    }
+    #[inline(always)]
+    fn sin(self) -> Self {
+        self.map(f64::sin)
+    }
+    #[inline(always)]
+    fn cos(self) -> Self {
+        self.map(f64::cos)
+    }
+    #[inline(always)]
+    fn tan(self) -> Self {
+        self.map(f64::tan)
+    }
+    #[inline(always)]
+    fn atan(self) -> Self {
+        self.map(f64::atan)
+    }
+    #[inline(always)]
+    fn powf(self, p: f64) -> Self {
+        self.map(|a| a.powf(p))
+    }
+    #[inline(always)]
     fn tanh(self) -> Self {
         self.map(f64::tanh)
     }

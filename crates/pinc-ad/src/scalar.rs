@@ -45,14 +45,103 @@ pub trait Scalar:
     #[must_use]
     fn constants(self, value: Self::Plain) -> Self;
 
-    /// The square root; NaN below 0. Its derivative is infinite at 0, and NaN there in a direction
-    /// in which the argument does not change.
+    /// The square root; NaN below 0. Its derivative at 0, which is infinite, counts as 0: so
+    /// `x.max(0).sqrt()` and the length of a zero vector have finite derivatives.
     #[must_use]
     fn sqrt(self) -> Self;
+
+    /// e to the power of `self`.
+    #[must_use]
+    fn exp(self) -> Self;
+
+    /// The natural logarithm; -infinity at 0 (with an infinite derivative), NaN below.
+    #[must_use]
+    fn ln(self) -> Self;
+
+    /// The sine of an angle in radians.
+    #[must_use]
+    fn sin(self) -> Self;
+
+    /// The cosine of an angle in radians.
+    #[must_use]
+    fn cos(self) -> Self;
+
+    /// The tangent of an angle in radians.
+    #[must_use]
+    fn tan(self) -> Self;
+
+    /// The angle in radians, in (-pi/2, pi/2), whose tangent is `self`.
+    #[must_use]
+    fn atan(self) -> Self;
 
     /// The hyperbolic tangent.
     #[must_use]
     fn tanh(self) -> Self;
+
+    /// `self` to the power `p`; NaN below 0 unless `p` is whole. For p < 1 the derivative at 0, which
+    /// is infinite, counts as 0, as that of [`sqrt`](Scalar::sqrt).
+    #[must_use]
+    fn powf(self, p: f64) -> Self;
+
+    /// `self` to the whole power `n`, by repeated squaring; 1 for n = 0.
+    #[inline(always)]
+    #[must_use]
+    fn powi(self, n: i32) -> Self {
+        let mut rest = n.unsigned_abs();
+        let mut square = self;
+        let mut power = None;
+        while rest > 0 {
+            if rest % 2 == 1 {
+                power = Some(power.map_or(square, |power| power * square));
+            }
+            rest /= 2;
+            if rest > 0 {
+                square = square * square;
+            }
+        }
+        let one = self.constant(1.0);
+        match power {
+            None => one,
+            Some(power) if n < 0 => one / power,
+            Some(power) => power,
+        }
+    }
+
+    /// The absolute value; its derivative is [`sign`](Scalar::sign), 0 at 0.
+    #[inline(always)]
+    #[must_use]
+    fn abs(self) -> Self {
+        self.where_nonpositive(self.constant(0.0) - self, self)
+    }
+
+    /// -1, 0 or 1 as `self` is negative, 0 or positive; NaN for NaN. Its derivative is 0 everywhere.
+    #[inline(always)]
+    #[must_use]
+    fn sign(self) -> Self {
+        let constant = |value| self.constant(value);
+        let not_positive = (-self).where_nonpositive(constant(0.0), constant(-1.0));
+        let positive_or_nan = (-self).where_nonpositive(constant(1.0), self);
+        self.where_nonpositive(not_positive, positive_or_nan)
+    }
+
+    /// The smaller of two numbers, NaN if one is. The derivative is that of the one taken; of two
+    /// equal ones `other` is.
+    #[inline(always)]
+    #[must_use]
+    fn min(self, other: Self) -> Self {
+        // The sum is taken where neither comparison holds: of infinities of one sign, or with a NaN.
+        let rest = (self - other).where_nonpositive(self, self + other);
+        (other - self).where_nonpositive(other, rest)
+    }
+
+    /// The larger of two numbers, NaN if one is. The derivative is that of the one taken; of two
+    /// equal ones `other` is.
+    #[inline(always)]
+    #[must_use]
+    fn max(self, other: Self) -> Self {
+        let rest = (other - self).where_nonpositive(self, self + other);
+        (self - other).where_nonpositive(other, rest)
+    }
 
     /// `self * a + b`. Whether the product is rounded before the sum is up to the kind of number:
     /// kinds that can do it in one fast instruction fuse it.
@@ -85,6 +174,34 @@ impl Scalar for f64 {
     #[inline(always)]
     fn sqrt(self) -> Self {
         f64::sqrt(self)
+    }
+    #[inline(always)]
+    fn exp(self) -> Self {
+        f64::exp(self)
+    }
+    #[inline(always)]
+    fn ln(self) -> Self {
+        f64::ln(self)
+    }
+    #[inline(always)]
+    fn sin(self) -> Self {
+        f64::sin(self)
+    }
+    #[inline(always)]
+    fn cos(self) -> Self {
+        f64::cos(self)
+    }
+    #[inline(always)]
+    fn tan(self) -> Self {
+        f64::tan(self)
+    }
+    #[inline(always)]
+    fn atan(self) -> Self {
+        f64::atan(self)
+    }
+    #[inline(always)]
+    fn powf(self, p: f64) -> Self {
+        f64::powf(self, p)
     }
     #[inline(always)]
     fn tanh(self) -> Self {

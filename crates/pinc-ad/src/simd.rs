@@ -265,6 +265,13 @@ mod x86 {
                     unsafe { $storeu(out.as_mut_ptr(), self.0) };
                     out
                 }
+
+                /// A function without vector instructions, lane by lane.
+                #[inline(always)]
+                fn map(self, f: impl Fn(f64) -> f64) -> Self {
+                    let lanes = self.to_array();
+                    self.generate(|i| f(lanes[i]))
+                }
             }
 
             impl fmt::Debug for $V {
@@ -305,6 +312,34 @@ mod x86 {
                 fn sqrt(self) -> Self {
                     // SAFETY: `self` proves the instructions.
                     Self(unsafe { $sqrt(self.0) })
+                }
+                #[inline(always)]
+                fn exp(self) -> Self {
+                    self.map(f64::exp)
+                }
+                #[inline(always)]
+                fn ln(self) -> Self {
+                    self.map(f64::ln)
+                }
+                #[inline(always)]
+                fn sin(self) -> Self {
+                    self.map(f64::sin)
+                }
+                #[inline(always)]
+                fn cos(self) -> Self {
+                    self.map(f64::cos)
+                }
+                #[inline(always)]
+                fn tan(self) -> Self {
+                    self.map(f64::tan)
+                }
+                #[inline(always)]
+                fn atan(self) -> Self {
+                    self.map(f64::atan)
+                }
+                #[inline(always)]
+                fn powf(self, p: f64) -> Self {
+                    self.map(|x| x.powf(p))
                 }
                 #[inline(always)]
                 fn tanh(self) -> Self {

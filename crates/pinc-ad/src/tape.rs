@@ -178,11 +178,41 @@ impl Scalar for Var<'_> {
     }
     fn sqrt(self) -> Self {
         let root = self.value.sqrt();
-        self.unary(root, 0.5 / root)
+        self.unary(root, if root > 0.0 { 0.5 / root } else { root })
+    }
+    fn exp(self) -> Self {
+        let y = self.value.exp();
+        self.unary(y, y)
+    }
+    fn ln(self) -> Self {
+        self.unary(self.value.ln(), 1.0 / self.value)
+    }
+    fn sin(self) -> Self {
+        let (sin, cos) = self.value.sin_cos();
+        self.unary(sin, cos)
+    }
+    fn cos(self) -> Self {
+        let (sin, cos) = self.value.sin_cos();
+        self.unary(cos, -sin)
+    }
+    fn tan(self) -> Self {
+        let y = self.value.tan();
+        self.unary(y, 1.0 + y * y)
+    }
+    fn atan(self) -> Self {
+        self.unary(self.value.atan(), 1.0 / (1.0 + self.value * self.value))
     }
     fn tanh(self) -> Self {
         let y = self.value.tanh();
         self.unary(y, 1.0 - y * y)
+    }
+    fn powf(self, p: f64) -> Self {
+        let infinite = p < 1.0 && self.value == 0.0;
+        let slope = if infinite { 0.0 } else { p * self.value.powf(p - 1.0) };
+        self.unary(self.value.powf(p), slope)
+    }
+    fn abs(self) -> Self {
+        self.unary(self.value.abs(), Scalar::sign(self.value))
     }
     fn where_nonpositive(self, yes: Self, no: Self) -> Self {
         if self.value <= 0.0 { yes } else { no }

@@ -68,6 +68,7 @@ impl<S: Scalar> Kind<'_, S> {
         self.agree("a / number", |a, _| a / 0.3, |a, _| a / 0.3);
         self.agree("sqrt", |a, _| a.sqrt(), |a, _| a.sqrt());
         self.agree("tanh", |a, _| a.tanh(), |a, _| a.tanh());
+        self.functions();
         self.agree("constant", |a, _| a.constant(0.3), |_, _| 0.3);
         // An exact product, so that fusing or not makes no difference.
         self.agree("mul_add", |a, b| a.constant(3.0).mul_add(b.constant(0.25), b), |_, b| 0.75 + b);
@@ -76,6 +77,27 @@ impl<S: Scalar> Kind<'_, S> {
             |a, b| a.where_nonpositive(b, b * 2.0),
             |a, b| if a <= 0.0 { b } else { b * 2.0 },
         );
+    }
+
+    fn functions(&self) {
+        self.agree("exp", |a, _| a.exp(), |a, _| a.exp());
+        self.agree("ln", |a, _| a.ln(), |a, _| a.ln());
+        self.agree("sin", |a, _| a.sin(), |a, _| a.sin());
+        self.agree("cos", |a, _| a.cos(), |a, _| a.cos());
+        self.agree("tan", |a, _| a.tan(), |a, _| a.tan());
+        self.agree("atan", |a, _| a.atan(), |a, _| a.atan());
+        self.agree("powf", |a, _| a.powf(1.7), |a, _| a.powf(1.7));
+        self.agree("powf below 0", |a, _| a.powf(-0.3), |a, _| a.powf(-0.3));
+        self.agree("powi 0", |a, _| a.powi(0), |_, _| 1.0);
+        self.agree("powi 3", |a, _| a.powi(3), |a, _| a * (a * a));
+        self.agree("powi -4", |a, _| a.powi(-4), |a, _| 1.0 / ((a * a) * (a * a)));
+        self.agree("abs", |a, _| a.abs(), |a, _| a.abs());
+        let sign = |a: f64| if a == 0.0 { 0.0 } else { a.signum() };
+        self.agree("sign", |a, _| a.sign(), |a, _| sign(a));
+        // Of numbers that are both finite or infinite; NaN is the outcome where one is NaN.
+        let or_nan = |a: f64, b: f64, taken: f64| if (a + b).is_nan() { f64::NAN } else { taken };
+        self.agree("min", |a, b| a.min(b), |a, b| or_nan(a, b, a.min(b)));
+        self.agree("max", |a, b| a.max(b), |a, b| or_nan(a, b, a.max(b)));
     }
 
     /// Random expressions. They may differ by the rounding of a product inside `mul_add`: half an

@@ -86,5 +86,5 @@ fn several_outputs_of_one_record() {
 fn infinite_partial_of_what_is_used_stays() {
     let tape = Tape::new();
     let x = tape.variable(0.0);
-    assert_eq!(tape.gradient(x.sqrt(), &[x]), [f64::INFINITY]);
+    assert_eq!(tape.gradient(x.ln(), &[x]), [f64::INFINITY]);
 }

@@ -25,6 +25,20 @@ pub(crate) enum Expr {
     /// sqrt(a^2 + 1/2)
     Sqrt(Box<Self>),
     Tanh(Box<Self>),
+    Exp(Box<Self>),
+    /// ln(a^2 + 1/2)
+    Ln(Box<Self>),
+    Sin(Box<Self>),
+    Cos(Box<Self>),
+    /// tan(sin a)
+    Tan(Box<Self>),
+    Atan(Box<Self>),
+    /// (a^2 + 1/2)^1.3
+    Powf(Box<Self>),
+    Powi(Box<Self>, i32),
+    Abs(Box<Self>),
+    Min(Box<Self>, Box<Self>),
+    Max(Box<Self>, Box<Self>),
     MulAdd(Box<Self>, Box<Self>, Box<Self>),
     WhereNonpositive(Box<Self>, Box<Self>, Box<Self>),
 }
@@ -51,6 +65,23 @@ impl Expr {
                 (a * a + 0.5).sqrt()
             }
             Self::Tanh(a) => a.eval(x).tanh(),
+            Self::Exp(a) => a.eval(x).exp(),
+            Self::Ln(a) => {
+                let a = a.eval(x);
+                (a * a + 0.5).ln()
+            }
+            Self::Sin(a) => a.eval(x).sin(),
+            Self::Cos(a) => a.eval(x).cos(),
+            Self::Tan(a) => a.eval(x).sin().tan(),
+            Self::Atan(a) => a.eval(x).atan(),
+            Self::Powf(a) => {
+                let a = a.eval(x);
+                (a * a + 0.5).powf(1.3)
+            }
+            Self::Powi(a, n) => a.eval(x).powi(*n),
+            Self::Abs(a) => a.eval(x).abs(),
+            Self::Min(a, b) => a.eval(x).min(b.eval(x)),
+            Self::Max(a, b) => a.eval(x).max(b.eval(x)),
             Self::MulAdd(a, b, c) => a.eval(x).mul_add(b.eval(x), c.eval(x)),
             Self::WhereNonpositive(test, yes, no) => {
                 test.eval(x).where_nonpositive(yes.eval(x), no.eval(x))
@@ -61,22 +92,39 @@ impl Expr {
     fn parts(&self) -> Vec<&Self> {
         match self {
             Self::Input(_) | Self::Constant(_) => vec![],
-            Self::Neg(a) | Self::Sqrt(a) | Self::Tanh(a) => vec![a],
+            Self::Neg(a)
+            | Self::Sqrt(a)
+            | Self::Tanh(a)
+            | Self::Exp(a)
+            | Self::Ln(a)
+            | Self::Sin(a)
+            | Self::Cos(a)
+            | Self::Tan(a)
+            | Self::Atan(a)
+            | Self::Powf(a)
+            | Self::Powi(a, _)
+            | Self::Abs(a) => vec![a],
             Self::AddNumber(a, _)
             | Self::SubNumber(a, _)
             | Self::MulNumber(a, _)
             | Self::DivNumber(a, _) => vec![a],
-            Self::Add(a, b) | Self::Sub(a, b) | Self::Mul(a, b) | Self::Div(a, b, _) => vec![a, b],
+            Self::Add(a, b)
+            | Self::Sub(a, b)
+            | Self::Mul(a, b)
+            | Self::Div(a, b, _)
+            | Self::Min(a, b)
+            | Self::Max(a, b) => vec![a, b],
             Self::MulAdd(a, b, c) | Self::WhereNonpositive(a, b, c) => vec![a, b, c],
         }
     }
 
     /// Whether all intermediate results are at most 4, which bounds every partial derivative by 8
-    /// and with it the rounding errors, and no branch is closer than 1e-3 to the place where it
-    /// jumps, which differences could not stand.
+    /// and with it the rounding errors, and no branch is closer than 1e-3 to the place where it or its
+    /// derivative jumps, which differences could not stand.
     pub(crate) fn is_tame(&self, x: &[f64]) -> bool {
         let far_from_jump = match self {
-            Self::WhereNonpositive(test, ..) => test.eval(x).abs() > 1e-3,
+            Self::WhereNonpositive(test, ..) | Self::Abs(test) => test.eval(x).abs() > 1e-3,
+            Self::Min(a, b) | Self::Max(a, b) => (a.eval(x) - b.eval(x)).abs() > 1e-3,
             _ => true,
         };
         far_from_jump && self.eval(x).abs() <= 4.0 && self.parts().iter().all(|p| p.is_tame(x))
@@ -86,6 +134,25 @@ impl Expr {
 /// A number of moderate size, bounded away from 0 so that one can divide by it.
 fn number() -> impl Strategy<Value = f64> {
     prop_oneof![0.4..2.0, -2.0..-0.4]
+}
+
+/// A function of one argument.
+fn functions(
+    argument: impl Strategy<Value = Box<Expr>> + Clone + 'static,
+) -> impl Strategy<Value = Expr> {
+    let functions: [fn(Box<Expr>) -> Expr; 10] = [
+        Expr::Exp,
+        Expr::Ln,
+        Expr::Sin,
+        Expr::Cos,
+        Expr::Tan,
+        Expr::Atan,
+        Expr::Powf,
+        Expr::Abs,
+        |a| Expr::Powi(a, 2),
+        |a| Expr::Powi(a, 3),
+    ];
+    (prop::sample::select(functions.to_vec()), argument).prop_map(|(f, a)| f(a))
 }
 
 /// Expressions up to four operations deep.
@@ -103,14 +170,17 @@ pub(crate) fn expressions() -> impl Strategy<Value = Expr> {
             two.clone().prop_map(|(a, b)| Expr::Add(a, b)),
             two.clone().prop_map(|(a, b)| Expr::Sub(a, b)),
             two.clone().prop_map(|(a, b)| Expr::Mul(a, b)),
-            (two, sign).prop_map(|((a, b), s)| Expr::Div(a, b, s)),
+            (two.clone(), sign).prop_map(|((a, b), s)| Expr::Div(a, b, s)),
             one.clone().prop_map(Expr::Neg),
             (one.clone(), number()).prop_map(|(a, c)| Expr::AddNumber(a, c)),
             (one.clone(), number()).prop_map(|(a, c)| Expr::SubNumber(a, c)),
             (one.clone(), number()).prop_map(|(a, c)| Expr::MulNumber(a, c)),
             (one.clone(), number()).prop_map(|(a, c)| Expr::DivNumber(a, c)),
             one.clone().prop_map(Expr::Sqrt),
-            one.prop_map(Expr::Tanh),
+            one.clone().prop_map(Expr::Tanh),
+            functions(one),
+            two.clone().prop_map(|(a, b)| Expr::Min(a, b)),
+            two.prop_map(|(a, b)| Expr::Max(a, b)),
             three.clone().prop_map(|(a, b, c)| Expr::MulAdd(a, b, c)),
             three.prop_map(|(a, b, c)| Expr::WhereNonpositive(a, b, c)),
         ]

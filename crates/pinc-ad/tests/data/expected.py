@@ -8,7 +8,7 @@ come from mpmath's numerical differentiation at raised precision, so that nothin
 under test. 34 digits are printed, far more than an f64 holds. The points are exact in
 binary.
 """
-from mpmath import mp, mpf, diff, nstr, sqrt, tanh
+from mpmath import atan, cos, diff, exp, log, mp, mpf, nstr, sin, sqrt, tan, tanh
 
 mp.dps = 60
 
@@ -16,6 +16,14 @@ mp.dps = 60
 UNARY = {
     "sqrt": sqrt,
     "tanh": tanh,
+    "exp": lambda x: exp(x / 4),
+    "log": log,
+    "sin": sin,
+    "cos": cos,
+    "tan": lambda x: tan(x / 16),
+    "atan": atan,
+    "power": lambda x: (x / 4) ** mpf("1.75"),
+    "whole power": lambda x: (x / 8) ** 5 + (x + 1) ** -3,
     "reciprocal": lambda x: 1 / x,
     "quotient": lambda x: tanh(x) * sqrt(x) / (x * x + 1),
     "chain": lambda x: tanh(sqrt(x * x * x + mpf(3) / 4) - 2),
@@ -28,6 +36,8 @@ TERNARY = {
     "oscillator": lambda x, y, z: (1 - x * x) * y - x + z,
     "mixed": lambda x, y, z: tanh(x * y) / (z + 2) + sqrt(x * x + y * y + 1) * z,
     "neuron": lambda x, y, z: z * tanh(x * tanh(y) + z / 2) - y / (x * x + 1),
+    "arrhenius": lambda x, y, z: x * exp(-y / (z * z + 1)) - sin(x) * cos(y),
+    "swing": lambda x, y, z: (sin(x) + cos(x) * atan(z * y)) / (2 - cos(x) ** 2),
 }
 TERNARY_POINTS = [("0.5", "-0.75", "1.25"), ("-1.5", "2.0", "0.25"), ("2.5", "0.125", "-1.0")]
 

@@ -19,6 +19,6 @@ const GRAVITY: f64 = 981.0;
 /// derivative at 0 from above is infinite). A NaN level gives a NaN flow.
 #[inline(always)]
 fn outflow<S: Scalar>(a: f64, h: S) -> S {
-    let wet = h.where_nonpositive(h.constant(1.0), h);
-    h.where_nonpositive(h.constant(0.0), (wet * (2.0 * GRAVITY)).sqrt() * a)
+    let level = h.where_nonpositive(h.constant(0.0), h);
+    (level * (2.0 * GRAVITY)).sqrt() * a
 }

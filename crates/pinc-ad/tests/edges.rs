@@ -1,0 +1,159 @@
+//! The edges of functions: where a derivative jumps or is infinite, what counts as the derivative.
+
+#![expect(clippy::float_cmp, reason = "the results are exact in binary")]
+
+use pinc_ad::simd::{Isa, Simd, Task};
+use pinc_ad::{Dual, Lanes, Scalar, Tape, derivative, gradient};
+
+/// The derivative at `x` by each kind of number, which must agree.
+macro_rules! slope {
+    (|$x:ident| $f:expr, $at:expr) => {{
+        fn f<S: Scalar>($x: S) -> S {
+            $f
+        }
+        let at: f64 = $at;
+        let dual = derivative(f, at);
+        let lanes = derivative(f, Lanes::<4>::splat(at)).0[3];
+        let tape = gradient(|v| f(v[0]), &[at]).1[0];
+        let same = |a: f64, b: f64| a == b || (a.is_nan() && b.is_nan());
+        assert!(same(dual, lanes) && same(dual, tape), "{dual} {lanes} {tape} at {at}");
+        dual
+    }};
+}
+
+#[test]
+fn square_root_at_its_edge() {
+    assert_eq!(slope!(|x| x.sqrt(), 0.0), 0.0);
+    assert!(slope!(|x| x.sqrt(), -1.0).is_nan());
+    assert!(slope!(|x| x.sqrt(), f64::NAN).is_nan());
+    assert_eq!(slope!(|x| x.sqrt(), 4.0), 0.25);
+    // A second derivative at 0 does not bring the infinity back.
+    assert_eq!(derivative(|x| derivative(|x| x.sqrt(), x), 0.0), 0.0);
+}
+
+/// How a level below 0 is written: flow and derivative are 0 there, however the maximum is written.
+#[test]
+fn square_root_of_a_level() {
+    for h in [-3.0, -0.0, 0.0] {
+        assert_eq!(slope!(|h| h.max(h.constant(0.0)).sqrt(), h), 0.0, "{h}");
+        assert_eq!(slope!(|h| h.constant(0.0).max(h).sqrt(), h), 0.0, "{h}");
+        assert_eq!(slope!(|h| h.max(h.constant(0.0)).powf(0.5), h), 0.0, "{h}");
+    }
+    assert_eq!(slope!(|h| h.max(h.constant(0.0)).sqrt(), 4.0), 0.25);
+    assert_eq!(slope!(|h| h.max(h.constant(0.0)).powf(0.5), 4.0), 0.25);
+}
+
+#[test]
+fn length_of_a_zero_vector() {
+    let (length, slopes) = gradient(|v| (v[0] * v[0] + v[1] * v[1]).sqrt(), &[0.0, 0.0]);
+    assert_eq!((length, slopes), (0.0, vec![0.0, 0.0]));
+}
+
+#[test]
+fn logarithm_at_its_edge() {
+    assert_eq!(Scalar::ln(0.0), f64::NEG_INFINITY);
+    assert!(Scalar::ln(-1.0).is_nan());
+    assert_eq!(slope!(|x| x.ln(), 0.0), f64::INFINITY);
+}
+
+#[test]
+fn powers_at_zero() {
+    assert_eq!(slope!(|x| x.powf(1.5), 0.0), 0.0);
+    assert_eq!(slope!(|x| x.powf(1.0), 0.0), 1.0);
+    assert_eq!(slope!(|x| x.powf(0.0), 0.0), 0.0);
+    assert_eq!(slope!(|x| x.powf(0.25), 0.0), 0.0);
+    assert!(slope!(|x| x.powf(0.25), -1.0).is_nan());
+    assert_eq!(slope!(|x| x.powf(2.0), -3.0), -6.0);
+    assert_eq!(slope!(|x| x.powi(2), 0.0), 0.0);
+    assert_eq!(slope!(|x| x.powi(1), 0.0), 1.0);
+    assert_eq!(slope!(|x| x.powi(0), 0.0), 0.0);
+}
+
+#[test]
+fn absolute_value_and_sign_at_zero() {
+    for (x, expected) in [(-2.0, -1.0), (-0.0, 0.0), (0.0, 0.0), (2.0, 1.0)] {
+        assert_eq!(slope!(|x| x.abs(), x), expected, "{x}");
+        assert_eq!(Scalar::sign(x), expected, "{x}");
+        assert_eq!(slope!(|x| x.sign(), x), 0.0, "{x}");
+    }
+    assert!(Scalar::sign(f64::NAN).is_nan());
+}
+
+/// The second of two equal ones is taken.
+#[test]
+fn ties() {
+    let second = |f: fn([Dual<f64, 2>; 2]) -> Dual<f64, 2>| {
+        f([Dual::variable(1.5, 0), Dual::variable(1.5, 1)]).eps
+    };
+    assert_eq!(second(|[a, b]| a.min(b)), [0.0, 1.0]);
+    assert_eq!(second(|[a, b]| a.max(b)), [0.0, 1.0]);
+    let tape = Tape::new();
+    let (a, b) = (tape.variable(1.5), tape.variable(1.5));
+    for picked in [a.min(b), a.max(b)] {
+        assert_eq!(tape.gradient(picked, &[a, b]), [0.0, 1.0]);
+    }
+}
+
+#[test]
+fn nan_stays_visible_in_the_smaller_and_the_larger() {
+    for (a, b) in [(f64::NAN, 1.0), (1.0, f64::NAN), (f64::NAN, f64::INFINITY)] {
+        assert!(Scalar::min(a, b).is_nan() && Scalar::max(a, b).is_nan(), "{a} {b}");
+    }
+    let infinity = f64::INFINITY;
+    assert_eq!(Scalar::min(infinity, infinity), infinity);
+    assert_eq!(Scalar::max(-infinity, -infinity), -infinity);
+    assert_eq!(Scalar::max(infinity, -infinity), infinity);
+    assert_eq!(Scalar::min(infinity, -infinity), -infinity);
+    // Numbers whose difference overflows or is denormal.
+    assert_eq!(Scalar::max(-1e308, 1e308), 1e308);
+    assert_eq!(Scalar::min(5e-324, 0.0), 0.0);
+}
+
+/// Every function in every instruction set gives the bits of the plain numbers.
+struct Functions<'a>(&'a [f64]);
+
+fn functions<S: Scalar>(x: S) -> [S; 13] {
+    let half = x.constant(0.5);
+    let powers = [x.powf(1.7), x.powf(-0.5), x.powi(3), x.powi(-2)];
+    let [a, b, c, d] = powers;
+    let picked = [x.abs(), x.sign(), x.min(half), half.max(x)];
+    let [e, f, g, h] = picked;
+    [x.exp(), x.ln(), x.sin(), x.cos() + x.tan(), x.atan(), a, b, c, d, e, f, g, h]
+}
+
+impl Task for Functions<'_> {
+    type Output = Vec<[f64; 13]>;
+    #[inline(always)]
+    fn run<V: Simd>(self, zero: V) -> Self::Output {
+        let mut out = Vec::new();
+        for x in self.0.chunks_exact(V::LANES) {
+            let mut rows = vec![[0.0; 13]; V::LANES];
+            let mut lanes = vec![0.0; V::LANES];
+            for (i, y) in functions(zero.generate(|i| x[i])).into_iter().enumerate() {
+                y.write(&mut lanes);
+                for (row, lane) in rows.iter_mut().zip(&lanes) {
+                    row[i] = *lane;
+                }
+            }
+            out.extend(rows);
+        }
+        out
+    }
+}
+
+#[test]
+fn vectors_agree_with_numbers() {
+    let (infinity, nan) = (f64::INFINITY, f64::NAN);
+    let x = [
+        -2.5, -0.5, 0.0, 0.3, 0.5, 7.0, 1e-200, 1e200, -0.0, infinity, -infinity, nan, 1.0, 2.0,
+        -1e-310, 700.0,
+    ];
+    for isa in Isa::available() {
+        for (x, row) in x.iter().zip(isa.dispatch(Functions(&x))) {
+            for (i, (y, expected)) in row.into_iter().zip(functions(*x)).enumerate() {
+                let same = y.to_bits() == expected.to_bits() || (y.is_nan() && expected.is_nan());
+                assert!(same, "{isa}: function {i} of {x} is {y}, not {expected}");
+            }
+        }
+    }
+}
