@@ -10,35 +10,24 @@ only. Nothing else should run on the machine.
 """
 
 import argparse
-import csv
 import math
 import pathlib
 import statistics
-import subprocess
 import tempfile
 
-
-def seeds(text):
-    first, _, last = text.partition("-")
-    return range(int(first), int(last or first) + 1)
+from runs import seeds, train, validations
 
 
-def train(args, seed, folder):
+def errors(args, seed, folder):
     """One training; its (elapsed_s, validation_mse) pairs."""
-    out = pathlib.Path(folder) / f"seed-{seed}"
     settings = {
         "seed": seed,
         "training.time_limit_s": max(args.times) + 1.0,
         "training.validation_every": args.validation_every,
         "training.phases.0.iterations": 1_000_000,
     }
-    command = [args.pinc, "train", args.config, "--out", str(out), "--quiet"]
-    for key, value in settings.items():
-        command += ["--set", f"{key}={value}"]
-    subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
-    with open(out / "training.csv", newline="") as file:
-        rows = [row for row in csv.DictReader(file) if row["validation_mse"]]
-    return [(float(row["elapsed_s"]), float(row["validation_mse"])) for row in rows]
+    rows, _ = train(args.pinc, args.config, settings, pathlib.Path(folder) / f"seed-{seed}")
+    return [(float(row["elapsed_s"]), error) for row, error in validations(rows)]
 
 
 def best_until(pairs, time_s):
@@ -64,7 +53,7 @@ def main():
     columns = []
     with tempfile.TemporaryDirectory() as folder:
         for seed in args.seeds:
-            pairs = train(args, seed, folder)
+            pairs = errors(args, seed, folder)
             row = [time_to(pairs, args.authors)] + [best_until(pairs, t) for t in args.times]
             columns.append(row)
             print(f"| {seed} | {row[0]:.2f} | " + " | ".join(f"{v:.1e}" for v in row[1:]) + " |", flush=True)
