@@ -51,12 +51,13 @@ def main():
     parser.add_argument("--seeds", type=seeds, default=seeds("0-19"), help="for instance 0-4")
     parser.add_argument("--iterations", type=int, default=1000, help="of each training")
     parser.add_argument("--validation-every", type=int, default=25, help="iterations between validations")
+    parser.add_argument("--plant", default="", help="only the cases whose names contain this")
     args = parser.parse_args()
 
     head = ["plant", "limit", "converged", "iterations to the limit", "s to the limit", f"mse_gen after {args.iterations}", "worst", "s in all"]
     print("| " + " | ".join(head) + " |\n|" + "---|" * len(head), flush=True)
     failed = []
-    for name, config, settings, limit in CASES:
+    for name, config, settings, limit in (case for case in CASES if args.plant in case[0]):
         results = [(seed, *run(args, config, settings, limit, seed)) for seed in args.seeds]
         failed += [(name, seed, best, reason) for seed, reached, best, _, reason in results if reached is None]
         reached = [reached for _, reached, *_ in results if reached is not None]

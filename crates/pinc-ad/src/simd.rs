@@ -15,6 +15,12 @@ pub use tanh::tanh_all;
 
 use crate::{Lanes, Scalar};
 
+/// Length of the tables of [`Simd::lookup`].
+pub const TABLE_SIZE: usize = 1 << PLACE_BITS;
+
+/// Bits of a place in such a table.
+const PLACE_BITS: u32 = 11;
+
 /// A vector of `f64` lanes.
 pub trait Simd: Scalar + Send + Sync + 'static {
     /// How many lanes there are.
@@ -42,9 +48,8 @@ pub trait Simd: Scalar + Send + Sync + 'static {
     /// Lane by lane into [-limit, limit]; NaN stays NaN.
     fn clamp(self, limit: f64) -> Self;
 
-    /// 2^k where `self` is 1.5 * 2^52 + k with a whole |k| <= 1000: the low bits of such a number are
-    /// k, and go into the exponent.
-    fn exp2_of_shifted(self) -> Self;
+    /// The entries of `table` whose places are the low bits of the lanes.
+    fn lookup(self, table: &'static [f64; TABLE_SIZE]) -> Self;
 
     /// The sum of the lanes, in a fixed order.
     fn sum(self) -> f64;
@@ -187,6 +192,13 @@ impl Task for MultiplyAdd {
     }
 }
 
+/// The lowest bits of a number: a place in a table.
+#[inline(always)]
+fn low_bits(x: f64) -> usize {
+    let [first, second, ..] = x.to_bits().to_le_bytes();
+    usize::from(u16::from_le_bytes([first, second])) % TABLE_SIZE
+}
+
 impl Simd for Lanes<4> {
     const LANES: usize = 4;
     const ROWS: usize = 2;
@@ -212,8 +224,8 @@ impl Simd for Lanes<4> {
         Self(self.0.map(|x| x.clamp(-limit, limit)))
     }
     #[inline(always)]
-    fn exp2_of_shifted(self) -> Self {
-        Self(self.0.map(|x| f64::from_bits((x.to_bits() << 52).wrapping_add(1.0_f64.to_bits()))))
+    fn lookup(self, table: &'static [f64; TABLE_SIZE]) -> Self {
+        Self(self.0.map(|x| table[low_bits(x)]))
     }
     #[inline(always)]
     fn sum(self) -> f64 {
@@ -228,7 +240,7 @@ impl Simd for Lanes<4> {
 
 #[cfg(target_arch = "x86_64")]
 mod x86 {
-    use super::{Scalar, Simd, Task, Work};
+    use super::{PLACE_BITS, Scalar, Simd, TABLE_SIZE, Task, Work, low_bits};
     use std::arch::x86_64::*;
     use std::fmt;
     use std::ops::{Add, Div, Mul, Neg, Sub};
@@ -437,12 +449,12 @@ mod x86 {
             })
         }
         #[inline(always)]
-        fn exp2_of_shifted(self) -> Self {
-            // SAFETY: `self` proves the instructions.
+        fn lookup(self, table: &'static [f64; TABLE_SIZE]) -> Self {
+            // SAFETY: `self` proves the instructions; the mask keeps each place within the table.
             Self(unsafe {
-                let exponent = _mm512_slli_epi64::<52>(_mm512_castpd_si512(self.0));
-                let one = _mm512_castpd_si512(_mm512_set1_pd(1.0));
-                _mm512_castsi512_pd(_mm512_add_epi64(exponent, one))
+                let mask = _mm512_set1_epi64((1 << PLACE_BITS) - 1);
+                let places = _mm512_and_si512(_mm512_castpd_si512(self.0), mask);
+                _mm512_i64gather_pd::<8>(places, table.as_ptr())
             })
         }
         #[inline(always)]
@@ -519,13 +531,11 @@ mod x86 {
             })
         }
         #[inline(always)]
-        fn exp2_of_shifted(self) -> Self {
+        fn lookup(self, table: &'static [f64; TABLE_SIZE]) -> Self {
+            // Four loads: the gather instruction is slower on many processors that have no AVX-512.
+            let [a, b, c, d] = self.to_array().map(|x| table[low_bits(x)]);
             // SAFETY: `self` proves the instructions.
-            Self(unsafe {
-                let exponent = _mm256_slli_epi64::<52>(_mm256_castpd_si256(self.0));
-                let one = _mm256_castpd_si256(_mm256_set1_pd(1.0));
-                _mm256_castsi256_pd(_mm256_add_epi64(exponent, one))
-            })
+            Self(unsafe { _mm256_set_pd(d, c, b, a) })
         }
         #[inline(always)]
         fn sum(self) -> f64 {

@@ -154,3 +154,20 @@ fn fingerprints_tell_configs_apart() {
     assert_ne!(fingerprint(&[]), fingerprint(&["seed=2"]));
     assert_ne!(fingerprint(&[]), fingerprint(&["control.q=[1.0000000000000002]"]));
 }
+
+#[test]
+fn the_default_optimizer_is_chosen_by_the_size_of_the_net_and_written_out() {
+    let path = repository("configs/van-der-pol/main.toml");
+    let optimizer = |layers: usize, neurons: usize| {
+        let sets = [format!("model.hidden_layers={layers}"), format!("model.neurons={neurons}")];
+        let experiment = Experiment::load(&path, &sets).unwrap();
+        let table: toml::Table = experiment.to_toml().parse().unwrap();
+        let optimizer = &table["training"]["phases"][0]["optimizer"];
+        optimizer.as_table().unwrap().keys().cloned().collect::<Vec<_>>()
+    };
+    // Inputs t, x1, x2, u and two outputs: with 3 layers of 61 there are
+    // 5 * 61 + 2 * 62 * 61 + 62 * 2 = 7993 weights and biases, with 62 there are 8248.
+    assert_eq!(optimizer(4, 20), ["self-scaled-broyden"]);
+    assert_eq!(optimizer(3, 61), ["self-scaled-broyden"]);
+    assert_eq!(optimizer(3, 62), ["lbfgs"]);
+}

@@ -8,8 +8,9 @@ use pinc_net::optim::{
     SelfScaledBroydenConfig,
 };
 
-/// Weights of the oscillator's 2x10 and 4x20 nets, of the tanks' 5x20, 8x20 and 5x40.
-const WEIGHTS: [usize; 5] = [182, 1402, 1924, 3184, 7044];
+/// Weights of the oscillator's 2x10 and 4x20 nets, of the tanks' 5x20, 8x20 and 5x40, of the
+/// oscillator's 4x64.
+const WEIGHTS: [usize; 6] = [182, 1402, 1924, 3184, 7044, 12_930];
 
 /// Iterations before the measured ones, to fill the memory of L-BFGS.
 const WARM_UP: usize = 15;

@@ -18,6 +18,20 @@ pub struct MlpConfig {
     pub outputs: usize,
 }
 
+impl MlpConfig {
+    fn widths(self) -> Vec<usize> {
+        let mut widths = vec![self.inputs];
+        widths.resize(1 + self.hidden_layers, self.neurons);
+        widths.push(self.outputs);
+        widths
+    }
+
+    /// The number of weights and biases.
+    pub(crate) fn parameters(self) -> usize {
+        parameter_count(&self.widths())
+    }
+}
+
 /// A multilayer perceptron with tanh hidden layers and a linear output layer:
 ///
 /// ```text
@@ -45,9 +59,7 @@ impl Mlp {
     /// A perceptron with Glorot (Xavier) normal weights, variance 2/(in + out), and biases 0, as in
     /// the paper's Algorithm 1.
     pub fn glorot_normal(config: MlpConfig, rng: &mut impl rand::Rng) -> Self {
-        let mut widths = vec![config.inputs];
-        widths.resize(1 + config.hidden_layers, config.neurons);
-        widths.push(config.outputs);
+        let widths = config.widths();
         let mut parameters = vec![0.0; parameter_count(&widths)];
         for layer in layers(&widths) {
             let deviation = (2.0 / to_f64(layer.inputs + layer.outputs)).sqrt();

@@ -38,6 +38,22 @@ pub struct Scenario {
 }
 
 impl NetConfig {
+    /// The number of weights and biases of the net for a plant of these dimensions.
+    #[must_use]
+    pub fn parameters(&self, dims: Dims) -> usize {
+        self.size(dims).parameters()
+    }
+
+    fn size(&self, dims: Dims) -> MlpConfig {
+        let of_scenario = if self.time_only.is_some() { 0 } else { dims.states + dims.inputs };
+        MlpConfig {
+            inputs: 1 + of_scenario,
+            hidden_layers: self.hidden_layers,
+            neurons: self.neurons,
+            outputs: dims.states,
+        }
+    }
+
     /// Checks the settings against the plant's dimensions.
     ///
     /// # Errors
@@ -114,12 +130,7 @@ impl PincNet {
             Ansatz::Direct => Normalizer::of_uniform(domain.ends().take(dims.states)),
             Ansatz::HardLinear => displacement_scale(plant, config, domain, seed)?,
         };
-        let size = MlpConfig {
-            inputs: input.mean.len(),
-            hidden_layers: config.hidden_layers,
-            neurons: config.neurons,
-            outputs: dims.states,
-        };
+        let size = config.size(dims);
         let names = |variables: &[pinc_ode::Variable]| {
             variables.iter().map(|v| v.name.to_string()).collect()
         };

@@ -21,6 +21,7 @@ pub use training::{Effort, TrainingSpec};
 use crate::presets::Preset;
 use layers::Layers;
 use pinc_net::{Domain, NetConfig, ValidationConfig};
+use pinc_ode::Dims;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 use std::fmt::Write as _;
@@ -92,9 +93,10 @@ impl Experiment {
 
     /// The experiment of a resolved table, checked; or the key and what is wrong with its value.
     fn from_table(table: Table) -> Result<Self, (String, Problem)> {
-        let experiment: Self = serde_path_to_error::deserialize(Value::Table(table))
+        let mut experiment: Self = serde_path_to_error::deserialize(Value::Table(table))
             .map_err(|error| explain::explain(&error))?;
         experiment.validate()?;
+        experiment.choose_optimizers();
         Ok(experiment)
     }
 
@@ -112,6 +114,19 @@ impl Experiment {
             })?;
         }
         Self::from_table(table)
+    }
+
+    /// Makes the choices by the size of the net, so that what is used is what is written down.
+    fn choose_optimizers(&mut self) {
+        let (Some(model), Some(training)) = (&self.model, &mut self.training) else {
+            return;
+        };
+        let variables = self.plant.variables();
+        let dims = Dims { states: variables.states.len(), inputs: variables.inputs.len() };
+        let weights = model.parameters(dims);
+        for phase in &mut training.config.phases {
+            phase.optimizer = phase.optimizer.for_size(weights);
+        }
     }
 
     /// The config as TOML with every value spelled out: loading it gives the same experiment.

@@ -79,17 +79,21 @@ pub(super) fn multiply<V: Simd>(
     output: &mut [Cell<V>],
     zero: V,
 ) {
-    let blocks = matrix.data.chunks(matrix.block * matrix.depth);
-    for (i, (weights, output)) in blocks.zip(output.chunks_mut(matrix.block)).enumerate() {
-        let bias = bias.map(|b| &b[i * matrix.block..]);
+    let (mut weights, mut output, mut bias) = (&matrix.data[..], output, bias);
+    while !output.is_empty() {
+        let count = output.len().min(matrix.block);
+        let (block, further) = weights.split_at(count * matrix.depth);
+        let (sums, below) = output.split_at_mut(count);
         // The numbers of rows are compile-time constants, so that sums stay in registers.
-        match output.len() {
-            1 => rows::<V, 1>(weights, bias, input, output, zero),
-            2 => rows::<V, 2>(weights, bias, input, output, zero),
-            3 => rows::<V, 3>(weights, bias, input, output, zero),
-            4 => rows::<V, 4>(weights, bias, input, output, zero),
-            _ => rows::<V, 5>(weights, bias, input, output, zero),
+        match count {
+            1 => rows::<V, 1>(block, bias, input, sums, zero),
+            2 => rows::<V, 2>(block, bias, input, sums, zero),
+            3 => rows::<V, 3>(block, bias, input, sums, zero),
+            4 => rows::<V, 4>(block, bias, input, sums, zero),
+            _ => rows::<V, 5>(block, bias, input, sums, zero),
         }
+        bias = bias.map(|b| &b[count..]);
+        (weights, output) = (further, below);
     }
 }
 
@@ -126,21 +130,23 @@ fn rows<V: Simd, const R: usize>(
 ///
 /// # Shapes
 ///
-/// `adjoint`: `[panels, rows]`, `input`: `[panels, columns]`, `gradient`: `[rows, columns]`.
+/// `shape` is (panels, rows, columns); `adjoint`: `[panels, rows]`, `input`: `[panels, columns]`,
+/// `gradient`: `[rows, columns]`.
 #[inline(always)]
 pub(super) fn accumulate<V: Simd>(
     adjoint: &[Cell<V>],
     input: &[Cell<V>],
     gradient: &mut [V],
-    (height, width): (usize, usize),
+    shape: (usize, usize, usize),
 ) {
+    let (_, height, _) = shape;
     for first in (0..height).step_by(V::ROWS) {
         match (height - first).min(V::ROWS) {
-            1 => outer_rows::<V, 1>(adjoint, input, gradient, first, (height, width)),
-            2 => outer_rows::<V, 2>(adjoint, input, gradient, first, (height, width)),
-            3 => outer_rows::<V, 3>(adjoint, input, gradient, first, (height, width)),
-            4 => outer_rows::<V, 4>(adjoint, input, gradient, first, (height, width)),
-            _ => outer_rows::<V, 5>(adjoint, input, gradient, first, (height, width)),
+            1 => outer_rows::<V, 1>(adjoint, input, gradient, first, shape),
+            2 => outer_rows::<V, 2>(adjoint, input, gradient, first, shape),
+            3 => outer_rows::<V, 3>(adjoint, input, gradient, first, shape),
+            4 => outer_rows::<V, 4>(adjoint, input, gradient, first, shape),
+            _ => outer_rows::<V, 5>(adjoint, input, gradient, first, shape),
         }
     }
 }
@@ -151,17 +157,18 @@ fn outer_rows<V: Simd, const R: usize>(
     input: &[Cell<V>],
     gradient: &mut [V],
     row: usize,
-    (height, width): (usize, usize),
+    shape: (usize, usize, usize),
 ) {
+    let (_, _, width) = shape;
     let mut column = 0;
     while width - column >= 4 {
-        outer::<V, R, 4>(adjoint, input, gradient, (row, column), (height, width));
+        outer::<V, R, 4>(adjoint, input, gradient, (row, column), shape);
         column += 4;
     }
     match width - column {
-        1 => outer::<V, R, 1>(adjoint, input, gradient, (row, column), (height, width)),
-        2 => outer::<V, R, 2>(adjoint, input, gradient, (row, column), (height, width)),
-        3 => outer::<V, R, 3>(adjoint, input, gradient, (row, column), (height, width)),
+        1 => outer::<V, R, 1>(adjoint, input, gradient, (row, column), shape),
+        2 => outer::<V, R, 2>(adjoint, input, gradient, (row, column), shape),
+        3 => outer::<V, R, 3>(adjoint, input, gradient, (row, column), shape),
         _ => {}
     }
 }
@@ -172,13 +179,21 @@ fn outer<V: Simd, const R: usize, const C: usize>(
     input: &[Cell<V>],
     gradient: &mut [V],
     (row, column): (usize, usize),
-    (height, width): (usize, usize),
+    shape: (usize, usize, usize),
 ) {
-    let mut sum: [[V; C]; R] =
-        std::array::from_fn(|r| std::array::from_fn(|c| gradient[(row + r) * width + column + c]));
-    for (adjoint, input) in adjoint.chunks_exact(height).zip(input.chunks_exact(width)) {
-        let adjoint = &adjoint[row..row + R];
-        let input = &input[column..column + C];
+    let (panels, height, width) = shape;
+    let place = |r: usize| {
+        let first = (row + r) * width + column;
+        first..first + C
+    };
+    let mut sum = [[gradient[0]; C]; R];
+    for (r, sum) in sum.iter_mut().enumerate() {
+        sum.copy_from_slice(&gradient[place(r)]);
+    }
+    // By places: to divide the slices into panels costs two divisions each time.
+    for panel in 0..panels {
+        let adjoint = &adjoint[panel * height + row..][..R];
+        let input = &input[panel * width + column..][..C];
         for v in 0..4 {
             for r in 0..R {
                 for c in 0..C {
@@ -187,9 +202,7 @@ fn outer<V: Simd, const R: usize, const C: usize>(
             }
         }
     }
-    for r in 0..R {
-        for c in 0..C {
-            gradient[(row + r) * width + column + c] = sum[r][c];
-        }
+    for (r, sum) in sum.iter().enumerate() {
+        gradient[place(r)].copy_from_slice(sum);
     }
 }

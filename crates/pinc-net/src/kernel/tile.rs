@@ -238,7 +238,7 @@ impl<V: Simd, P: Plant> Pass<'_, V, P> {
             let (bias, after) = after.split_at_mut(height);
             rest = after;
             let adjoint = &adjoints[l][..count * height];
-            accumulate(adjoint, &activations[l][..count * width], weight, (height, width));
+            accumulate(adjoint, &activations[l], weight, (count, height, width));
             for adjoint in adjoint.chunks_exact(height) {
                 for (bias, adjoint) in bias.iter_mut().zip(adjoint) {
                     *bias = *bias + (adjoint[0] + adjoint[1]);

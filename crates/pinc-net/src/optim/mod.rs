@@ -4,6 +4,7 @@
 //! an interruption bit for bit) and its arithmetic (a `step` that moves an [`Iterate`]).
 
 mod adam;
+mod by_size;
 mod inverse_hessian;
 mod lbfgs;
 mod levenberg_marquardt;
@@ -11,6 +12,7 @@ mod line_search;
 mod self_scaled_broyden;
 
 pub use adam::AdamConfig;
+pub use by_size::BySizeConfig;
 pub use lbfgs::LbfgsConfig;
 pub use levenberg_marquardt::LevenbergMarquardtConfig;
 pub use line_search::LineSearch;
@@ -105,9 +107,20 @@ pub enum OptimizerConfig {
     SelfScaledBroyden(SelfScaledBroydenConfig),
     /// Levenberg-Marquardt, with the normal matrix.
     LevenbergMarquardt(LevenbergMarquardtConfig),
+    /// Self-scaled Broyden or L-BFGS, by the number of weights.
+    BySize(BySizeConfig),
 }
 
 impl OptimizerConfig {
+    /// The optimizer for a net of `weights` weights and biases: a choice by size is made, all else stays.
+    #[must_use]
+    pub fn for_size(&self, weights: usize) -> Self {
+        match self {
+            Self::BySize(config) => config.choose(weights),
+            chosen => chosen.clone(),
+        }
+    }
+
     /// Checks the settings.
     ///
     /// # Errors
@@ -119,6 +132,7 @@ impl OptimizerConfig {
             Self::Lbfgs(config) => config.validate(),
             Self::SelfScaledBroyden(config) => config.validate(),
             Self::LevenbergMarquardt(config) => config.validate(),
+            Self::BySize(config) => config.validate(),
         }
     }
 }
@@ -147,6 +161,9 @@ impl Optimizer {
             }
             OptimizerConfig::LevenbergMarquardt(config) => {
                 Method::LevenbergMarquardt(LevenbergMarquardt::new(config))
+            }
+            OptimizerConfig::BySize(config) => {
+                return Self::new(&config.choose(variables), variables);
             }
         })
     }
