@@ -36,6 +36,7 @@ pub use controller::{Nmpc, StepReport};
 pub use error::MpcError;
 pub use kkt::KktResidual;
 pub use problem::NmpcProblem;
+pub use qp::QpMethod;
 pub use reference::Reference;
 pub use solution::Solution;
 pub use sqp::{SqpConfig, SqpStatus};

@@ -3,7 +3,7 @@
 use crate::cost::Targets;
 use crate::error::{check_range, check_setting};
 use crate::kkt::KktResidual;
-use crate::qp::{ClarabelQp, Qp, QpSolver, QpStatus, QpStep};
+use crate::qp::{ChosenQp, Qp, QpMethod, QpSolver, QpStatus, QpStep};
 use crate::shape::Shape;
 use crate::solution::Solution;
 use crate::transcription::Transcription;
@@ -47,11 +47,13 @@ pub struct SqpConfig {
     pub tolerance: f64,
     /// How many QPs a control step may solve; 50 unless said otherwise.
     pub max_iterations: usize,
+    /// What solves the QPs; chosen by their size unless said otherwise.
+    pub qp: QpMethod,
 }
 
 impl Default for SqpConfig {
     fn default() -> Self {
-        Self { tolerance: 1e-8, max_iterations: 50 }
+        Self { tolerance: 1e-8, max_iterations: 50, qp: QpMethod::Auto }
     }
 }
 
@@ -82,7 +84,7 @@ pub(crate) struct Sqp {
     config: SqpConfig,
     transcription: Transcription,
     qp: Qp,
-    solver: ClarabelQp,
+    solver: ChosenQp,
     step: QpStep,
     work: Vec<f64>,
 }
@@ -107,7 +109,7 @@ impl Sqp {
     ) -> Self {
         let transcription = Transcription::new(problem, shape, horizon_s);
         let qp = transcription.qp(problem);
-        let solver = ClarabelQp::new(&qp);
+        let solver = ChosenQp::new(&qp, config.qp);
         let (step, work) = (QpStep::new(shape), vec![0.0; shape.unknowns()]);
         Self { config, transcription, qp, solver, step, work }
     }

@@ -1,8 +1,22 @@
 //! The quadratic program of one SQP iteration.
 
+mod algebra;
+mod choice;
 mod clarabel;
+mod condense;
+mod dense;
+mod factor;
+mod riccati;
+#[cfg(test)]
+mod tests;
 
-pub(crate) use self::clarabel::ClarabelQp;
+pub use self::choice::QpMethod;
+
+pub(crate) use self::choice::ChosenQp;
+
+use self::clarabel::ClarabelQp;
+use self::condense::CondensedQp;
+use self::riccati::RiccatiQp;
 
 use crate::shape::Shape;
 use crate::solution::Multipliers;

@@ -83,7 +83,7 @@ fn a_problem_for_another_plant() {
 #[test]
 fn settings() {
     for (tolerance, max_iterations) in [(0.0, 50), (f64::NAN, 50), (f64::INFINITY, 50), (1e-8, 0)] {
-        let config = SqpConfig { tolerance, max_iterations };
+        let config = SqpConfig { tolerance, max_iterations, ..SqpConfig::default() };
         let model = Box::new(Linear::scalar(1.0, 1.0));
         assert!(Nmpc::new(scalar_problem(1, 1), model, config).is_err());
     }

@@ -1,0 +1,41 @@
+//! Products of small matrices, stored row by row, and vectors.
+
+/// sum += factor vector, as far as the shorter goes.
+#[inline]
+pub(super) fn add_scaled(sum: &mut [f64], factor: f64, vector: &[f64]) {
+    for (sum, entry) in sum.iter_mut().zip(vector) {
+        *sum += factor * entry;
+    }
+}
+
+/// a'b, in two sums side by side.
+#[inline]
+pub(super) fn dot(a: &[f64], b: &[f64]) -> f64 {
+    let (a2, b2) = (a.chunks_exact(2), b.chunks_exact(2));
+    let last = match (a2.remainder(), b2.remainder()) {
+        ([a], [b]) => a * b,
+        _ => 0.0,
+    };
+    let mut sums = [0.0; 2];
+    for (a, b) in a2.zip(b2) {
+        sums[0] += a[0] * b[0];
+        sums[1] += a[1] * b[1];
+    }
+    sums[0] + sums[1] + last
+}
+
+/// sum += matrix vector
+#[inline]
+pub(super) fn add_product(matrix: &[f64], vector: &[f64], sum: &mut [f64]) {
+    for (sum, row) in sum.iter_mut().zip(matrix.chunks_exact(vector.len())) {
+        *sum += dot(row, vector);
+    }
+}
+
+/// sum += matrix' vector
+#[inline]
+pub(super) fn add_transposed(matrix: &[f64], vector: &[f64], sum: &mut [f64]) {
+    for (row, factor) in matrix.chunks_exact(sum.len()).zip(vector) {
+        add_scaled(sum, *factor, row);
+    }
+}

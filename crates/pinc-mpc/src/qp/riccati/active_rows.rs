@@ -1,0 +1,176 @@
+//! The primal-dual active-set method.
+
+use super::newton::{Newton, largest};
+use super::rows::Rows;
+use crate::qp::Qp;
+
+/// How stiffly active rows are held, relative to the Hessian: D is this many times its largest entry.
+const STIFFNESS: f64 = 1e5;
+
+/// Residuals below this, relative to 1 + the largest number involved, count as 0.
+const TOLERANCE: f64 = 1e-11;
+
+/// How many times the set of active rows may change.
+const CHANGES: usize = 12;
+
+/// How many steps the rows of one set may take to be met.
+const STEPS: usize = 20;
+
+/// What is assumed of a row.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Role {
+    /// Its multiplier is 0.
+    Inactive,
+    /// It is at this limit, the upper one or not.
+    Held { bound: f64, upper: bool },
+    /// It is soft and violated: its multiplier is its cap, with the sign.
+    Violated(f64),
+}
+
+/// Solves a QP from a guess of its active rows: the rows that are held are met with equality; then those that pull
+/// the wrong way are let go, those that are violated are held, and so on until nothing changes. This is Newton's
+/// method on the non-smooth optimality conditions (Hintermueller, Ito and Kunisch, SIAM J. Optim. 13 (2002)): a few
+/// factorisations from a good guess, without a guarantee from a bad one.
+///
+/// Held rows are met by the method of multipliers, which dependent rows do not disturb:
+/// mu <- mu + D (C d - bound), with so large a D that a few steps suffice.
+#[derive(Clone, Debug)]
+pub(super) struct ActiveRows {
+    roles: Vec<Role>,
+    stiffness: f64,
+    /// How many factorisations the last solution took.
+    pub(super) factorizations: usize,
+}
+
+impl ActiveRows {
+    pub(super) fn new(qp: &Qp) -> Self {
+        let largest = qp.q.iter().chain(&qp.r).fold(0.0, |largest: f64, q| largest.max(q.abs()));
+        Self {
+            roles: vec![Role::Inactive; Rows::new(qp.shape).len()],
+            stiffness: STIFFNESS * if largest > 0.0 { largest } else { 1.0 },
+            factorizations: 0,
+        }
+    }
+
+    /// Takes rows with a multiplier for active; `weight(row)` is the multiplier.
+    pub(super) fn guess(&mut self, qp: &Qp, weight: impl Fn(usize) -> f64) {
+        for (row, (role, [low, high, cap])) in
+            self.roles.iter_mut().zip(Rows::limits(qp)).enumerate()
+        {
+            let mu = weight(row);
+            let upper = mu > 0.0;
+            let bound = if upper { high } else { low };
+            *role = if low >= high && cap.is_infinite() {
+                Role::Held { bound: high, upper: true }
+            } else if mu.abs() <= 0.0 || !bound.is_finite() {
+                Role::Inactive
+            } else if mu.abs() >= cap {
+                Role::Violated(cap.copysign(mu))
+            } else {
+                Role::Held { bound, upper }
+            };
+        }
+    }
+
+    /// Solves `qp` from the guess and the point `at`; whether that succeeded.
+    pub(super) fn solve(&mut self, qp: &Qp, at: &mut Newton) -> bool {
+        self.factorizations = 0;
+        for _ in 0..CHANGES {
+            if !self.meet(qp, at) {
+                return false;
+            }
+            if !self.reconsider(qp, at) {
+                return true;
+            }
+        }
+        false
+    }
+
+    /// Finds the point at which the held rows are met.
+    fn meet(&mut self, qp: &Qp, at: &mut Newton) -> bool {
+        for ((role, weight), mu) in self.roles.iter().zip(&mut at.weights).zip(&mut at.mu) {
+            *weight = 0.0;
+            match role {
+                Role::Inactive => *mu = 0.0,
+                Role::Held { .. } => *weight = self.stiffness,
+                Role::Violated(cap) => *mu = *cap,
+            }
+        }
+        self.factorizations += 1;
+        if !at.factor(qp) {
+            return false;
+        }
+        for _ in 0..STEPS {
+            at.residuals(qp);
+            if self.is_met(at) {
+                return true;
+            }
+            for ((role, value), term) in self.roles.iter().zip(&at.values).zip(&mut at.terms) {
+                *term = match role {
+                    Role::Held { bound, .. } => self.stiffness * (value - bound),
+                    _ => 0.0,
+                };
+            }
+            at.solve(qp);
+            at.advance(1.0);
+            let moved = at.moved.iter().zip(&at.terms);
+            for ((role, mu), (moved, term)) in self.roles.iter().zip(&mut at.mu).zip(moved) {
+                if matches!(role, Role::Held { .. }) {
+                    *mu += self.stiffness * moved + term;
+                }
+            }
+        }
+        at.residuals(qp);
+        self.is_met(at)
+    }
+
+    fn is_met(&self, at: &Newton) -> bool {
+        let size = 1.0 + largest(&at.lambda).max(largest(&at.mu));
+        let extent = 1.0 + largest(&at.d);
+        let off = self.roles.iter().zip(&at.values).map(|(role, value)| match role {
+            Role::Held { bound, .. } => (value - bound).abs(),
+            _ => 0.0,
+        });
+        let off = off.fold(largest(&at.defect), f64::max);
+        size.is_finite() && largest(&at.slope) <= TOLERANCE * size && off <= TOLERANCE * extent
+    }
+
+    /// Changes the roles that the point contradicts; whether there were any.
+    fn reconsider(&mut self, qp: &Qp, at: &Newton) -> bool {
+        let mut changed = false;
+        let points = at.values.iter().zip(&at.mu);
+        let rows = self.roles.iter_mut().zip(Rows::limits(qp)).zip(points);
+        for ((role, [low, high, cap]), (&value, &mu)) in rows {
+            let slack = |bound: f64| 10.0 * TOLERANCE * (1.0 + bound.abs());
+            let next = match *role {
+                Role::Inactive if value > high + slack(high) => {
+                    Role::Held { bound: high, upper: true }
+                }
+                Role::Inactive if value < low - slack(low) => {
+                    Role::Held { bound: low, upper: false }
+                }
+                Role::Held { upper, .. } => {
+                    let pull = if upper { mu } else { -mu };
+                    let rounding = TOLERANCE * (1.0 + mu.abs());
+                    if pull < -rounding && low < high {
+                        Role::Inactive
+                    } else if mu.abs() > cap {
+                        Role::Violated(cap.copysign(mu))
+                    } else {
+                        *role
+                    }
+                }
+                Role::Violated(cap) if cap > 0.0 && value < high - slack(high) => {
+                    Role::Held { bound: high, upper: true }
+                }
+                Role::Violated(cap) if cap < 0.0 && value > low + slack(low) => {
+                    Role::Held { bound: low, upper: false }
+                }
+                unchanged => unchanged,
+            };
+            changed |= next != *role;
+            *role = next;
+        }
+        changed
+    }
+}
