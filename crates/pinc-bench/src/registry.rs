@@ -1,7 +1,7 @@
 //! From a `[plant]` section to a concrete plant: the only place that knows them all.
 
 use crate::spec::{FourTanksParameters, PlantSpec};
-use pinc_ode::{FourTanks, OneTank, Plant, VanDerPol, Variable};
+use pinc_ode::{AcetoneStill, FourTanks, OneTank, Plant, VanDerPol, Variable};
 
 /// Work that is the same for every plant.
 pub(crate) trait PlantTask {
@@ -23,6 +23,7 @@ impl PlantSpec {
                 FourTanksParameters::JohanssonMinimum => FourTanks::johansson_minimum(),
             }),
             Self::OneTank(_) => task.run(OneTank::default()),
+            Self::AcetoneStill(_) => task.run(AcetoneStill::default()),
         }
     }
 

@@ -11,7 +11,9 @@ mod training;
 mod validate;
 
 pub use control::{ControlSpec, ModelKind, ReferenceStep};
-pub use plant::{FourTanksParameters, FourTanksSpec, OneTankSpec, PlantSpec, VanDerPolSpec};
+pub use plant::{
+    AcetoneStillSpec, FourTanksParameters, FourTanksSpec, OneTankSpec, PlantSpec, VanDerPolSpec,
+};
 pub use prediction::PredictionSpec;
 use problem::nearest;
 pub use problem::{ConfigError, Origin, Problem, SetProblem};

@@ -18,6 +18,8 @@ pub enum PlantSpec {
     FourTanks(FourTanksSpec),
     /// One tank.
     OneTank(OneTankSpec),
+    /// The still for acetone, methanol and water.
+    AcetoneStill(AcetoneStillSpec),
 }
 
 /// Parameters of the Van der Pol oscillator.
@@ -52,3 +54,8 @@ pub enum FourTanksParameters {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct OneTankSpec {}
+
+/// The still has no parameters to choose.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct AcetoneStillSpec {}

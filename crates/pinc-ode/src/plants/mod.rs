@@ -1,9 +1,11 @@
 //! The paper's plants, one file each.
 
+mod acetone_still;
 mod four_tanks;
 mod one_tank;
 mod van_der_pol;
 
+pub use acetone_still::AcetoneStill;
 pub use four_tanks::FourTanks;
 pub use one_tank::OneTank;
 pub use van_der_pol::VanDerPol;

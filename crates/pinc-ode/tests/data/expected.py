@@ -12,7 +12,7 @@ field by spaces; all arguments are decimals, and an f64 may differ from them by 
 """
 from pathlib import Path
 
-from mpmath import diff, mp, mpf, nstr, odefun, sqrt
+from mpmath import diff, exp, findroot, log, mp, mpf, nstr, odefun, sqrt
 
 mp.dps = 50
 G = mpf(981)
@@ -42,7 +42,45 @@ def four_tanks(gamma1, gamma2, k1, k2):
     return rhs
 
 
+R = mpf("1.98721")
+B = [[mpf(v) for v in row.split()] for row in ("0 184.70 631.05", "222.64 0 -253.88", "1197.41 845.21 0")]
+ALPHA = [[mpf(v) for v in row.split()] for row in ("0 0.3084 0.5343", "0.3084 0 0.2994", "0.5343 0.2994 0")]
+ANTOINE = [
+    [mpf(v) for v in row.split()]
+    for row in ("14.3145 2756.22 228.060", "16.5785 3638.27 239.500", "16.3872 3885.70 230.170")
+]
+HEAT = [mpf(v) for v in ("29.10", "35.21", "40.66")]
+
+
+def partial_pressures(x, temperature):
+    """kPa over a liquid of mole fractions x at a temperature in K: NRTL and Antoine."""
+    all3 = range(3)
+    tau = [[B[i][j] / (R * temperature) for j in all3] for i in all3]
+    g = [[exp(-ALPHA[i][j] * tau[i][j]) for j in all3] for i in all3]
+
+    def ln_gamma(i):
+        total = sum(tau[j][i] * g[j][i] * x[j] for j in all3) / sum(g[k][i] * x[k] for k in all3)
+        for j in all3:
+            below = sum(g[k][j] * x[k] for k in all3)
+            mean = sum(x[m] * tau[m][j] * g[m][j] for m in all3) / below
+            total += x[j] * g[i][j] / below * (tau[i][j] - mean)
+        return total
+
+    celsius = temperature - mpf("273.15")
+    return [x[i] * exp(ln_gamma(i) + ANTOINE[i][0] - ANTOINE[i][1] / (celsius + ANTOINE[i][2])) for i in all3]
+
+
+def acetone_still(x, u):
+    liquid = [x[0], x[1], 1 - x[0] - x[1]]
+    pressure = mpf("101.325")
+    boiling = findroot(lambda t: log(sum(partial_pressures(liquid, t)) / pressure), mpf(340))
+    y = [p / pressure for p in partial_pressures(liquid, boiling)]
+    vapour = u[1] / sum(y[i] * HEAT[i] for i in range(3))
+    return [(u[0] * (mpf("0.5") - x[i]) - 3 * x[i] - vapour * (y[i] - x[i])) / 1000 for i in range(2)]
+
+
 PLANTS = {
+    "acetone-still": acetone_still,
     "van-der-pol": van_der_pol,
     "one-tank": one_tank,
     "antonelo": four_tanks("0.5", "0.5", "3.33", "3.35"),
@@ -51,6 +89,7 @@ PLANTS = {
 }
 TANK_POINTS = [("12.4 12.7 1.8 1.4", "3.0 3.0"), ("2.5 17.0 0.6 5.5", "0.75 4.5")]
 POINTS = {
+    "acetone-still": [("0.1 0.2", "4.0 100.0"), ("0.3 0.05", "2.0 150.0"), ("0.01 0.02", "6.0 30.0")],
     "van-der-pol": [("0.5 -1.5", "0.25"), ("-2.75 3.0", "-1.0"), ("0.0 0.0", "0.0")],
     "one-tank": [("2.0", "4.45"), ("13.7", "0.5")],
 } | dict.fromkeys(["antonelo", "johansson-nonminimum", "johansson-minimum"], TANK_POINTS)
