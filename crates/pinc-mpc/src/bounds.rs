@@ -38,14 +38,6 @@ impl Bounds {
         Self { low: [self.low, other.low].concat(), high: [self.high, other.high].concat() }
     }
 
-    /// Moves each of `values` to the nearest within its bounds.
-    pub(crate) fn clamp(&self, values: &mut [f64]) {
-        let bounds = self.low.iter().zip(&self.high);
-        for (value, (&low, &high)) in values.iter_mut().zip(bounds) {
-            *value = value.clamp(low, high);
-        }
-    }
-
     /// Whether 0 is within all of them.
     pub(crate) fn admit_zero(&self, field: &'static str) -> Result<(), MpcError> {
         check_numbers(field, &self.low, "0 or less", |v| v <= 0.0)?;

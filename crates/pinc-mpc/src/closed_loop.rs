@@ -1,7 +1,7 @@
 //! The controller and the plant together.
 
 use crate::error::check_finite;
-use crate::{MpcError, Nmpc, Reference, SqpStatus};
+use crate::{Constraint, MpcError, Nmpc, Reference, SqpStatus};
 use pinc_ode::metrics::Tracking;
 use pinc_ode::{Adaptive, Plant, Trajectory};
 
@@ -40,6 +40,8 @@ pub struct ClosedLoop<'a, P> {
     plant: Adaptive<P>,
     reference: Reference,
     x: Vec<f64>,
+    /// The input that the controller has chosen, and before it those under way: the first acts now.
+    inputs: Vec<f64>,
     window: Vec<f64>,
     steps: Vec<StepRecord>,
     /// How many steps the plant has taken.
@@ -61,6 +63,8 @@ pub struct StepRecord {
     pub sqp_iterations: usize,
     /// The largest KKT residual, [`KktResidual::max`](crate::KktResidual::max).
     pub kkt: f64,
+    /// A hard constraint that could not be met.
+    pub violated: Option<Constraint>,
 }
 
 /// A step between its two parts: the input is chosen, the plant has not moved. If it is dropped, the
@@ -69,7 +73,6 @@ pub struct StepRecord {
 #[must_use = "the plant moves only by `advance`"]
 pub struct Control<'b, 'a, P> {
     run: &'b mut ClosedLoop<'a, P>,
-    u: Vec<f64>,
 }
 
 impl<'a, P: Plant> ClosedLoop<'a, P> {
@@ -100,6 +103,7 @@ impl<'a, P: Plant> ClosedLoop<'a, P> {
         nmpc.reset();
         Ok(Self {
             x: x.to_vec(),
+            inputs: vec![0.0; (nmpc.problem().delay + 1) * dims.inputs],
             window: vec![0.0; nmpc.problem().last * outputs],
             steps: Vec::with_capacity(reference.steps()),
             done: 0,
@@ -121,19 +125,34 @@ impl<'a, P: Plant> ClosedLoop<'a, P> {
     ///
     /// [`MpcError`] if the plant has left the finite numbers.
     pub fn control(&mut self) -> Result<Option<Control<'_, 'a, P>>, MpcError> {
+        self.control_within(&mut || false)
+    }
+
+    /// [`ClosedLoop::control`] within a time budget, as [`Nmpc::step_within`].
+    ///
+    /// # Errors
+    ///
+    /// As [`ClosedLoop::control`].
+    pub fn control_within(
+        &mut self,
+        expired: &mut dyn FnMut() -> bool,
+    ) -> Result<Option<Control<'_, 'a, P>>, MpcError> {
         if self.broken || self.done == self.reference.steps() {
             return Ok(None);
         }
-        self.reference.preview(self.done, &mut self.window);
-        let step = self.nmpc.step(&self.x, &self.window)?;
+        let delay = self.nmpc.problem().delay;
+        self.reference.preview(self.done + delay, &mut self.window);
+        let step = self.nmpc.step_within(&self.x, &self.window, expired)?;
         self.steps.truncate(self.done);
         self.steps.push(StepRecord {
             status: step.status,
             sqp_iterations: step.sqp_iterations,
             kkt: step.kkt.max(),
+            violated: step.violated,
         });
-        let u = step.u.to_vec();
-        Ok(Some(Control { run: self, u }))
+        let chosen = delay * step.u.len();
+        self.inputs[chosen..].copy_from_slice(step.u);
+        Ok(Some(Control { run: self }))
     }
 
     /// Takes all the steps that are left.
@@ -215,7 +234,8 @@ impl<P: Plant> Control<'_, '_, P> {
     /// The input chosen, shape `m`.
     #[must_use]
     pub fn u(&self) -> &[f64] {
-        &self.u
+        let chosen = self.run.inputs.len() - self.run.nmpc.model().dims().inputs;
+        &self.run.inputs[chosen..]
     }
 
     /// What the controller did.
@@ -224,37 +244,48 @@ impl<P: Plant> Control<'_, '_, P> {
         &self.run.steps[self.run.done]
     }
 
-    /// The plant's part of the step.
+    /// The plant's part of the step, under the input that acts now.
     ///
     /// # Errors
     ///
     /// [`MpcError::Plant`] if the plant cannot be integrated; the loop then ends here and keeps what
     /// it has.
     pub fn advance(self) -> Result<(), MpcError> {
-        let Self { run, u } = self;
-        let horizon_s = run.nmpc.model().horizon_s();
-        if run.trajectory.is_empty() {
-            run.sample(0.0, &u);
+        let Self { run } = self;
+        let m = run.nmpc.model().dims().inputs;
+        let u = run.inputs[..m].to_vec();
+        run.move_plant(&u)?;
+        run.inputs.copy_within(m.., 0);
+        run.nmpc.prepare();
+        Ok(())
+    }
+}
+
+impl<P: Plant> ClosedLoop<'_, P> {
+    fn move_plant(&mut self, u: &[f64]) -> Result<(), MpcError> {
+        let horizon_s = self.nmpc.model().horizon_s();
+        if self.trajectory.is_empty() {
+            self.sample(0.0, u);
         }
+        let done = self.done;
         #[expect(clippy::cast_precision_loss, reason = "no run has 2^53 steps")]
-        let time = |part: usize| (run.done as f64 + part as f64 / POINTS as f64) * horizon_s;
+        let time = |part: usize| (done as f64 + part as f64 / POINTS as f64) * horizon_s;
         let times: [f64; POINTS] = std::array::from_fn(|part| time(part + 1));
         for (part, t) in times.into_iter().enumerate() {
             #[expect(clippy::cast_precision_loss, reason = "nine")]
             let duration = horizon_s / POINTS as f64;
-            let integrated = run.plant.integrate(&mut run.x, &u, duration);
+            let integrated = self.plant.integrate(&mut self.x, u, duration);
             if let Err(source) = integrated {
-                run.broken = true;
-                let step = run.done;
-                return Err(MpcError::Plant { step, source });
+                self.broken = true;
+                return Err(MpcError::Plant { step: done, source });
             }
-            let y = run.sample(t, &u);
-            run.watch_bounds(&u);
+            let y = self.sample(t, u);
+            self.watch_bounds(u);
             if part + 1 == POINTS {
-                run.at_steps.push(run.reference.at(run.done), &y);
+                self.at_steps.push(self.reference.at(done), &y);
             }
         }
-        run.done += 1;
+        self.done += 1;
         Ok(())
     }
 }

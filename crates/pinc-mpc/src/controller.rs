@@ -1,11 +1,12 @@
 //! The controller.
 
+use crate::constraint::Constraint;
 use crate::cost::Targets;
 use crate::error::check_finite;
 use crate::kkt::KktResidual;
 use crate::shape::Shape;
 use crate::solution::Solution;
-use crate::sqp::{Outcome, Sqp};
+use crate::sqp::{Asked, Outcome, Sqp};
 use crate::{MpcError, NmpcProblem, SqpConfig, SqpStatus};
 use pinc_ode::Predictor;
 
@@ -14,12 +15,22 @@ use pinc_ode::Predictor;
 /// Each [`Nmpc::step`] solves the [`NmpcProblem`], starting from the last plan moved on by a step,
 /// and gives the plan's first input.
 ///
-/// When the optimisation fails, the status says so, and the input is within its bounds all the same.
-/// A plan that is not optimal yet, but better than the first guess and true to the model (to the
-/// square root of the tolerance), is followed: suboptimal control suffices (Scokaert, Mayne and
-/// Rawlings, IEEE Trans. Autom. Control 44 (1999)). Otherwise the input is the next one of the last
-/// plan (0 before there is one), and the step after starts afresh from the state measured then, so
-/// that one failure does not lead to the next.
+/// The input is always within its bounds, and within those of its increments, however the optimisation
+/// ends. A plan that is not optimal but true to the model (to the square root of the tolerance) is
+/// followed: suboptimal control suffices (Scokaert, Mayne and Rawlings, IEEE Trans. Autom. Control 44
+/// (1999)). Otherwise the input is the next one of the last plan, whose last input is held when it has
+/// run out (before there is a plan, it is 0, moved into the bounds); and the step after starts afresh from
+/// the state measured then, so that one failure does not lead to the next.
+///
+/// # Delays
+///
+/// If an input takes [`NmpcProblem::delay`] steps to act, the model goes through the inputs that are
+/// under way first, and the problem is that of the state where they lead, without any delay.
+///
+/// # Real time
+///
+/// [`Nmpc::step_within`] stops where a caller's clock says so. With [`SqpConfig::real_time`] a step
+/// is one QP, and [`Nmpc::prepare`] does what can be done of it before the state is known.
 ///
 /// ```
 /// use pinc_mpc::{Bounds, Nmpc, NmpcProblem, SqpConfig, SqpStatus, Weights};
@@ -50,8 +61,15 @@ pub struct Nmpc {
     fallback: Solution,
     /// Whether the plan's states are worth starting from.
     warm: bool,
+    /// Whether the plan is moved on, and the problem linearised there.
+    prepared: bool,
     /// u\[k-1\]
     previous: Vec<f64>,
+    /// The inputs that are under way, the next to act first, `[delay, m]`.
+    pending: Vec<f64>,
+    /// The state in which the problem begins: the measured one, or where the inputs under way lead.
+    start: Vec<f64>,
+    next: Vec<f64>,
 }
 
 /// What came of a control step.
@@ -63,8 +81,14 @@ pub struct StepReport<'a> {
     pub status: SqpStatus,
     /// How many QPs were solved.
     pub sqp_iterations: usize,
-    /// The residual of the plan that `u` begins; not finite if the model has no value there.
+    /// The residual of the plan that the optimisation ended with (of a real-time iteration: that it began
+    /// with); not finite if the model has no value there.
     pub kkt: KktResidual,
+    /// A hard constraint that cannot be met, if that is what kept the step from being optimal.
+    pub violated: Option<Constraint>,
+    /// Whether `u` is of the plan that the optimisation ended with; otherwise it is the next one of the
+    /// last plan.
+    pub followed: bool,
 }
 
 impl Nmpc {
@@ -82,7 +106,7 @@ impl Nmpc {
         config.validate()?;
         let shape = Shape::new(&problem, model.dims());
         let sqp = Sqp::new(&problem, config, shape, model.horizon_s());
-        let plan = Solution::new(shape);
+        let (plan, delay) = (Solution::new(shape), problem.delay);
         Ok(Self {
             problem,
             model,
@@ -92,7 +116,11 @@ impl Nmpc {
             fallback: plan.clone(),
             plan,
             warm: false,
+            prepared: false,
             previous: vec![0.0; shape.inputs],
+            pending: vec![0.0; delay * shape.inputs],
+            start: vec![0.0; shape.states],
+            next: vec![0.0; shape.states],
         })
     }
 
@@ -114,65 +142,131 @@ impl Nmpc {
         &self.plan
     }
 
-    /// Forgets everything: the next step is again the first one, with u\[k-1\] = 0.
+    /// The choices of the optimisation.
+    #[must_use]
+    pub fn config(&self) -> &SqpConfig {
+        &self.config
+    }
+
+    /// Forgets everything: the next step is again the first one, with u\[k-1\] = 0, and 0 under way.
     pub fn reset(&mut self) {
-        self.plan = Solution::new(self.shape);
+        self.plan.clear();
         self.warm = false;
+        self.prepared = false;
         self.previous.fill(0.0);
+        self.pending.fill(0.0);
     }
 
     /// Chooses the input for a plant measured to be at `x`.
     ///
     /// # Shapes
     ///
-    /// `x`: `n`; `reference`: yref\[k+1\]..yref\[k+N2\], `[N2, outputs]`, row by row.
+    /// `x`: `n`; `reference`: yref\[k+1\]..yref\[k+N2\], `[N2, outputs]`, row by row; with a delay of d
+    /// steps yref\[k+d+1\]..yref\[k+d+N2\].
     ///
     /// # Errors
     ///
     /// [`MpcError`] if an argument is of the wrong length or not finite; nothing has happened then.
     pub fn step(&mut self, x: &[f64], reference: &[f64]) -> Result<StepReport<'_>, MpcError> {
+        self.step_within(x, reference, &mut || false)
+    }
+
+    /// [`Nmpc::step`] within a time budget: `expired` says whether the time is up. It is asked before
+    /// each QP; what is done when it is up takes one linearisation at most. The status is then
+    /// [`SqpStatus::Deadline`].
+    ///
+    /// # Errors
+    ///
+    /// As [`Nmpc::step`].
+    pub fn step_within(
+        &mut self,
+        x: &[f64],
+        reference: &[f64],
+        expired: &mut dyn FnMut() -> bool,
+    ) -> Result<StepReport<'_>, MpcError> {
         check_finite("x", x, self.shape.states)?;
         let outputs = self.problem.controlled.len();
         check_finite("reference", reference, self.shape.stages * outputs)?;
 
-        self.move_on(x);
+        self.foresee(x);
+        if !self.config.real_time {
+            self.move_on();
+        } else if !self.prepared {
+            self.get_ready();
+        }
         let targets = Targets { reference, previous: &self.previous };
-        let model = self.model.as_mut();
-        let outcome = self.sqp.solve(model, x, targets, &mut self.plan);
-        let kkt = self.accept(&outcome);
-        self.previous.copy_from_slice(self.plan.first_input());
-        Ok(StepReport {
-            u: self.plan.first_input(),
-            status: outcome.status,
-            sqp_iterations: outcome.iterations,
-            kkt,
-        })
+        let asked = Asked { x0: &self.start, targets };
+        let outcome = if self.config.real_time {
+            self.sqp.feed_back(asked, &mut self.plan)
+        } else {
+            self.sqp.solve(self.model.as_mut(), asked, &mut self.plan, expired)
+        };
+        let followed = self.accept(&outcome);
+        self.send();
+        let Outcome { status, iterations, last, violated } = outcome;
+        let u = self.plan.first_input();
+        Ok(StepReport { u, status, sqp_iterations: iterations, kkt: last, violated, followed })
+    }
+
+    /// Does what can be done of the next real-time iteration before the state is measured: moves the plan
+    /// on and linearises along it. If it is not called, the step does it; without
+    /// [`SqpConfig::real_time`], or without a plan to start from, nothing is done.
+    pub fn prepare(&mut self) {
+        if self.config.real_time && self.warm && !self.prepared {
+            // Where the plan leads, as long as nothing is measured.
+            self.start.copy_from_slice(&self.plan.states()[..self.shape.states]);
+            self.get_ready();
+        }
+    }
+
+    fn get_ready(&mut self) {
+        self.move_on();
+        self.sqp.prepare(self.model.as_mut(), &self.start, &self.plan);
+        self.prepared = true;
+    }
+
+    /// Predicts the state in which the input that is chosen now will act.
+    fn foresee(&mut self, x: &[f64]) {
+        self.start.copy_from_slice(x);
+        for u in self.pending.chunks_exact(self.shape.inputs) {
+            self.model.predict(&self.start, u, &mut self.next);
+            self.start.copy_from_slice(&self.next);
+        }
     }
 
     /// Makes the last plan the first guess of the next.
-    fn move_on(&mut self, x: &[f64]) {
+    fn move_on(&mut self) {
         self.plan.shift();
         if !self.warm {
-            self.plan.stay_at(x);
+            self.plan.stay_at(&self.start);
         }
         self.sqp.project(&mut self.plan, &self.previous);
         self.fallback.copy_from(&self.plan);
     }
 
-    /// Keeps the new plan if it is worth following, or else takes the first guess; gives the
-    /// residual of the one taken.
-    fn accept(&mut self, outcome: &Outcome) -> KktResidual {
-        let Outcome { status, iterations, first, last } = *outcome;
+    /// Keeps the new plan if it is worth following, or else takes the first guess.
+    fn accept(&mut self, outcome: &Outcome) -> bool {
+        let Outcome { status, iterations, last, .. } = *outcome;
         let credible = last.dynamics <= self.config.tolerance.sqrt();
-        self.warm = status == SqpStatus::Converged || credible && last.max() < first.max();
-        if status != SqpStatus::Converged {
+        self.warm = matches!(status, SqpStatus::Converged | SqpStatus::Prepared) || credible;
+        self.prepared = false;
+        if status != SqpStatus::Converged && status != SqpStatus::Prepared {
             tracing::debug!(%status, iterations, kkt = last.max(), "a control step did not converge");
         }
-        if self.warm {
-            last
-        } else {
+        if !self.warm {
             self.plan.copy_from(&self.fallback);
-            first
+        }
+        self.warm
+    }
+
+    /// Puts the input chosen under way.
+    fn send(&mut self) {
+        let u = self.plan.first_input();
+        self.previous.copy_from_slice(u);
+        if !self.pending.is_empty() {
+            self.pending.copy_within(u.len().., 0);
+            let last = self.pending.len() - u.len();
+            self.pending[last..].copy_from_slice(u);
         }
     }
 }

@@ -15,11 +15,15 @@
 
 mod bounds;
 mod closed_loop;
+mod config;
+mod constraint;
 mod constraints;
 mod controller;
 mod cost;
 mod error;
 mod kkt;
+mod merit;
+mod pace;
 mod problem;
 mod qp;
 mod reference;
@@ -31,6 +35,8 @@ mod weights;
 
 pub use bounds::{Bounds, Softness};
 pub use closed_loop::{ClosedLoop, Control, StepRecord};
+pub use config::{SqpConfig, SqpStatus};
+pub use constraint::{Constraint, Side};
 pub use constraints::{Constraints, StageConstraints};
 pub use controller::{Nmpc, StepReport};
 pub use error::MpcError;
@@ -39,5 +45,4 @@ pub use problem::NmpcProblem;
 pub use qp::QpMethod;
 pub use reference::Reference;
 pub use solution::Solution;
-pub use sqp::{SqpConfig, SqpStatus};
 pub use weights::{Profile, Weight, Weights};

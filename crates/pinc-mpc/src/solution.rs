@@ -129,6 +129,12 @@ impl Solution {
         self.multipliers.copy_from(&other.multipliers);
     }
 
+    /// Sets all to 0.
+    pub(crate) fn clear(&mut self) {
+        self.z.fill(0.0);
+        self.multipliers.clear();
+    }
+
     /// Moves the plan on by one step: stage j takes the place of stage j-1, the last one stays.
     pub(crate) fn shift(&mut self) {
         shift_unknowns(&mut self.z, self.shape);

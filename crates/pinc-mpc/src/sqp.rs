@@ -1,92 +1,69 @@
 //! Sequential quadratic programming with Gauss-Newton Hessians.
 
+use crate::constraint::Constraint;
 use crate::cost::Targets;
-use crate::error::{check_range, check_setting};
 use crate::kkt::KktResidual;
-use crate::qp::{ChosenQp, Qp, QpMethod, QpSolver, QpStatus, QpStep};
+use crate::merit::Merit;
+use crate::pace::Pace;
+use crate::qp::{ChosenQp, Qp, QpSolver, QpStatus, QpStep, Row};
 use crate::shape::Shape;
 use crate::solution::Solution;
 use crate::transcription::Transcription;
-use crate::{MpcError, NmpcProblem};
+use crate::{NmpcProblem, Softness, SqpConfig, SqpStatus};
 use pinc_ode::Predictor;
-use serde::{Deserialize, Serialize};
-use std::fmt;
 
-/// How the optimisation of a control step ended.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-#[non_exhaustive]
-pub enum SqpStatus {
-    /// The KKT residual is within the tolerance.
-    Converged,
-    /// It is not, after all the iterations that are allowed.
-    IterationLimit,
-    /// No step satisfies the linearised dynamics and the bounds.
-    InfeasibleQp,
-    /// The model gave NaN or infinity, or the QP solver broke off.
-    NumericalTrouble,
-}
+/// A step is taken whole if it brings the KKT residual below this part of the least seen.
+const CONTRACTION: f64 = 0.9;
+/// The part of the promised decrease of the merit function that a step must bring.
+const SUFFICIENT: f64 = 1e-4;
+/// How often a step is halved.
+const HALVINGS: usize = 20;
+/// The weight of a violation where it cannot be avoided, in terms of the cost's largest slope and
+/// curvature.
+const ELASTIC_WEIGHT: f64 = 1e3;
 
-/// The serialised name, as `converged`.
-impl fmt::Display for SqpStatus {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::Converged => "converged",
-            Self::IterationLimit => "iteration-limit",
-            Self::InfeasibleQp => "infeasible-qp",
-            Self::NumericalTrouble => "numerical-trouble",
-        })
-    }
-}
-
-/// The choices of the optimisation.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct SqpConfig {
-    /// The largest [`KktResidual`] that counts as converged; 1e-8 unless said otherwise.
-    pub tolerance: f64,
-    /// How many QPs a control step may solve; 50 unless said otherwise.
-    pub max_iterations: usize,
-    /// What solves the QPs; chosen by their size unless said otherwise.
-    pub qp: QpMethod,
-}
-
-impl Default for SqpConfig {
-    fn default() -> Self {
-        Self { tolerance: 1e-8, max_iterations: 50, qp: QpMethod::Auto }
-    }
-}
-
-impl SqpConfig {
-    /// Checks the choices.
-    ///
-    /// # Errors
-    ///
-    /// [`MpcError`] if the tolerance is not positive and finite, or no iteration is allowed.
-    pub fn validate(&self) -> Result<(), MpcError> {
-        let good = self.tolerance > 0.0 && self.tolerance.is_finite();
-        check_setting("tolerance", self.tolerance, "positive and finite", good)?;
-        check_range("max_iterations", self.max_iterations, 1, usize::MAX)
-    }
-}
-
-/// Full-step SQP: linearise the problem at the current plan, solve the QP, take its step and its
-/// multipliers, until the KKT residual is small.
+/// SQP by line search: linearise the problem at the current plan, solve the QP, go along its step and
+/// towards its multipliers, until the KKT residual is small.
 ///
-/// With the Gauss-Newton Hessian this converges linearly, the faster the smaller the multipliers of
-/// the dynamics times their curvature. Nothing enforces convergence from afar: a run that diverges
-/// ends at the iteration limit. Reference: Nocedal and Wright, *Numerical Optimization*, chapter 18;
-/// Diehl et al., "Real-time optimization for large scale processes", J. Process Control 12 (2002).
+/// With the Gauss-Newton Hessian full steps converge linearly, the faster the smaller the multipliers times
+/// the curvature of their constraints. A full step is taken if it makes the KKT residual
+/// clearly the least seen so far, which can happen only finitely often; otherwise steps are halved until
+/// the [`Merit`] function decreases. So neither the merit function's reluctance near a solution (the Maratos
+/// effect) costs steps, nor does the iteration diverge from afar. Where it turns out to be slow, steps are made
+/// longer or shorter by its [`Pace`].
 ///
-/// All memory is allocated at construction, but for what Clarabel does inside.
+/// If a linearised problem has no solution, or its step is none of descent, the hard constraints on states
+/// become soft for the rest of the control step (elastic mode): violated as little as possible, at
+/// a weight above their multipliers, so that they are met in the end if they can be.
+///
+/// References: Nocedal and Wright, *Numerical Optimization*, chapter 18; Gill, Murray and
+/// Saunders, "SNOPT", SIAM Review 47 (2005), for the elastic mode; Diehl et al., "Real-time optimization
+/// for large scale processes", J. Process Control 12 (2002).
+///
+/// All memory is allocated at construction.
 #[derive(Debug)]
 pub(crate) struct Sqp {
     config: SqpConfig,
     transcription: Transcription,
+    /// The problem linearised at the plan.
     qp: Qp,
+    /// The same at the point that is tried.
+    trial: Qp,
     solver: ChosenQp,
     step: QpStep,
+    merit: Merit,
+    pace: Pace,
+    /// Where the step starts.
+    base: Solution,
+    /// The state that the QP was prepared for.
+    prepared: Vec<f64>,
     work: Vec<f64>,
+    /// The caps of bounds and rows as the problem has them.
+    caps: [Vec<f64>; 2],
+    /// Whether those that the problem has as hard stay soft where they have to be.
+    exact: [bool; 2],
+    /// Whether hard constraints are soft for now.
+    elastic: bool,
 }
 
 /// What came of an optimisation.
@@ -94,10 +71,25 @@ pub(crate) struct Sqp {
 pub(crate) struct Outcome {
     pub(crate) status: SqpStatus,
     pub(crate) iterations: usize,
-    /// The residual at the start.
-    pub(crate) first: KktResidual,
     /// The residual at the end.
     pub(crate) last: KktResidual,
+    /// What is in the way, if hard constraints had to be made soft and are violated.
+    pub(crate) violated: Option<Constraint>,
+}
+
+/// A point with its residual and cost.
+#[derive(Clone, Copy, Debug)]
+struct Point {
+    kkt: KktResidual,
+    cost: f64,
+}
+
+/// What a control step is asked.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Asked<'a> {
+    /// The measured state.
+    pub(crate) x0: &'a [f64],
+    pub(crate) targets: Targets<'a>,
 }
 
 impl Sqp {
@@ -109,56 +101,219 @@ impl Sqp {
     ) -> Self {
         let transcription = Transcription::new(problem, shape, horizon_s);
         let qp = transcription.qp(problem);
-        let solver = ChosenQp::new(&qp, config.qp);
-        let (step, work) = (QpStep::new(shape), vec![0.0; shape.unknowns()]);
-        Self { config, transcription, qp, solver, step, work }
+        Self {
+            config,
+            transcription,
+            solver: ChosenQp::new(&qp, config.qp),
+            step: QpStep::new(shape),
+            merit: Merit::new(shape),
+            pace: Pace::new(shape.unknowns()),
+            base: Solution::new(shape),
+            prepared: vec![0.0; shape.states],
+            work: vec![0.0; shape.unknowns()],
+            caps: [qp.bounds.cap.clone(), qp.rows.cap.clone()],
+            exact: [&problem.state_softness, &problem.constraint_softness]
+                .map(|softness| *softness == Softness::Exact),
+            elastic: false,
+            trial: qp.clone(),
+            qp,
+        }
     }
 
-    /// Moves the plan into its bounds.
+    /// Moves the plan's inputs into their bounds.
     pub(crate) fn project(&self, plan: &mut Solution, previous: &[f64]) {
         self.transcription.project(plan, previous);
     }
 
-    /// Improves the plan for a plant measured to be at `x0`. The plan must be within its bounds and
-    /// stays there.
+    /// Linearises at the plan for a plant that will be at `x0`, for [`Sqp::feed_back`].
+    pub(crate) fn prepare(&mut self, model: &mut dyn Predictor, x0: &[f64], plan: &Solution) {
+        self.harden();
+        self.transcription.linearize(model, x0, &plan.z, &mut self.qp);
+        self.prepared.copy_from_slice(x0);
+    }
+
+    /// One QP for a plant that turns out to be at `x0`, linearised where it was prepared: the step of a
+    /// real-time iteration.
+    pub(crate) fn feed_back(&mut self, asked: Asked<'_>, plan: &mut Solution) -> Outcome {
+        let qp = &mut self.qp;
+        let n = qp.shape.states;
+        for (c, row) in qp.c.iter_mut().zip(qp.a.chunks_exact(n)).take(n) {
+            let moved = row.iter().zip(asked.x0.iter().zip(&self.prepared));
+            *c += moved.map(|(a, (x, prepared))| a * (x - prepared)).sum::<f64>();
+        }
+        self.transcription.measure(&plan.z, asked.targets, qp);
+        let last = self.residual(plan);
+        let (status, conflict) = match last.max().is_finite() {
+            true => self.solve_prepared(plan),
+            false => (SqpStatus::NumericalTrouble, None),
+        };
+        if status == SqpStatus::Prepared {
+            self.base.copy_from(plan);
+            self.walk(plan, 1.0, asked.targets.previous);
+        }
+        let violated = conflict.map(|row| Constraint::new(self.qp.shape, row));
+        Outcome { status, iterations: 1, last, violated }
+    }
+
+    /// Solves the QP, with hard constraints made soft if it must be.
+    fn solve_prepared(&mut self, plan: &Solution) -> (SqpStatus, Option<Row>) {
+        self.step.multipliers.copy_from(&plan.multipliers);
+        match self.solver.solve(&self.qp, &mut self.step) {
+            QpStatus::Solved => (SqpStatus::Prepared, None),
+            QpStatus::Infeasible(row) if !self.elastic => {
+                self.soften();
+                (self.solve_prepared(plan).0, Some(row))
+            }
+            QpStatus::Infeasible(row) => (SqpStatus::InfeasibleQp, Some(row)),
+            QpStatus::Failed => (SqpStatus::NumericalTrouble, None),
+        }
+    }
+
+    /// Improves the plan for a plant measured to be at `x0`, until `expired` says that there is no
+    /// time left. The plan's inputs must be within their bounds and stay there.
     pub(crate) fn solve(
         &mut self,
         model: &mut dyn Predictor,
-        x0: &[f64],
-        targets: Targets<'_>,
+        asked: Asked<'_>,
         plan: &mut Solution,
+        expired: &mut dyn FnMut() -> bool,
     ) -> Outcome {
-        let first = self.linearize(model, x0, targets, plan);
-        let (mut last, mut iterations) = (first, 0);
+        self.harden();
+        self.merit.reset();
+        self.pace.reset();
+        let mut point = self.try_point(model, asked, plan);
+        std::mem::swap(&mut self.qp, &mut self.trial);
+        let (mut iterations, mut least) = (0, point.kkt.max());
+        let mut conflict = None;
         let status = loop {
-            if let Some(status) = self.verdict(last, iterations) {
+            if let Some(status) = self.verdict(point.kkt, iterations) {
                 break status;
             }
+            if expired() {
+                break SqpStatus::Deadline;
+            }
+            iterations += 1;
             self.step.multipliers.copy_from(&plan.multipliers);
             match self.solver.solve(&self.qp, &mut self.step) {
-                QpStatus::Solved => iterations += 1,
-                QpStatus::Infeasible(_) => break SqpStatus::InfeasibleQp,
+                QpStatus::Solved => {}
+                QpStatus::Infeasible(row) => {
+                    conflict = Some(row);
+                    if self.elastic {
+                        break SqpStatus::InfeasibleQp;
+                    }
+                    self.soften();
+                    continue;
+                }
                 QpStatus::Failed => break SqpStatus::NumericalTrouble,
             }
-            for (z, d) in plan.z.iter_mut().zip(&self.step.d) {
-                *z += d;
+            match self.search(model, asked, plan, point, least) {
+                Some(next) => point = next,
+                None if self.elastic => break SqpStatus::Stalled,
+                None => {
+                    self.soften();
+                    point.kkt = self.residual(plan);
+                }
             }
-            plan.multipliers.copy_from(&self.step.multipliers);
-            // The interior-point step may be outside by its tolerance.
-            self.project(plan, targets.previous);
-            last = self.linearize(model, x0, targets, plan);
+            least = least.min(point.kkt.max());
         };
-        Outcome { status, iterations, first, last }
+        let outcome = Outcome { status, iterations, last: point.kkt, violated: None };
+        self.conclude(outcome, plan, conflict)
     }
 
-    fn linearize(
+    /// Goes along the step as far as is good; `None` if it is not good at all.
+    fn search(
         &mut self,
         model: &mut dyn Predictor,
-        x0: &[f64],
-        targets: Targets<'_>,
-        plan: &Solution,
-    ) -> KktResidual {
-        self.transcription.linearize(model, x0, targets, plan, &mut self.qp);
+        asked: Asked<'_>,
+        plan: &mut Solution,
+        from: Point,
+        least: f64,
+    ) -> Option<Point> {
+        self.base.copy_from(plan);
+        let good = |point: &Point| point.kkt.max() <= CONTRACTION * least;
+        if let Some(length) = self.pace.length(&self.step.d) {
+            let point = self.go(model, asked, plan, length);
+            if good(&point) {
+                self.accept_trial(length);
+                return Some(point);
+            }
+        }
+        let whole = self.go(model, asked, plan, 1.0);
+        if good(&whole) {
+            self.accept_trial(1.0);
+            return Some(whole);
+        }
+        self.backtrack(model, asked, plan, from, whole)
+    }
+
+    /// Halves the step until the merit function decreases.
+    fn backtrack(
+        &mut self,
+        model: &mut dyn Predictor,
+        asked: Asked<'_>,
+        plan: &mut Solution,
+        from: Point,
+        whole: Point,
+    ) -> Option<Point> {
+        self.merit.follow(&self.step.multipliers);
+        let start = self.merit.value(&self.qp, from.cost);
+        let slope = self.merit.slope(&self.qp, &self.step).min(0.0);
+        // What rounding makes of sums of this size.
+        let noise = 1e-14 * start.abs();
+        let (mut point, mut length) = (whole, 1.0);
+        for _ in 0..HALVINGS {
+            let merit = self.merit.value(&self.trial, point.cost);
+            if merit <= start + SUFFICIENT * length * slope + noise {
+                self.accept_trial(length);
+                return Some(point);
+            }
+            length *= 0.5;
+            point = self.go(model, asked, plan, length);
+        }
+        plan.copy_from(&self.base);
+        None
+    }
+
+    /// Sets the plan `length` of the step away from the base, and linearises there.
+    fn go(
+        &mut self,
+        model: &mut dyn Predictor,
+        asked: Asked<'_>,
+        plan: &mut Solution,
+        length: f64,
+    ) -> Point {
+        self.walk(plan, length, asked.targets.previous);
+        self.try_point(model, asked, plan)
+    }
+
+    fn walk(&self, plan: &mut Solution, length: f64, previous: &[f64]) {
+        for ((z, base), d) in plan.z.iter_mut().zip(&self.base.z).zip(&self.step.d) {
+            *z = base + length * d;
+        }
+        let parts = plan.multipliers.parts_mut().into_iter();
+        let ends = self.base.multipliers.parts().into_iter().zip(self.step.multipliers.parts());
+        for (part, (from, to)) in parts.zip(ends) {
+            for ((multiplier, from), to) in part.iter_mut().zip(from).zip(to) {
+                *multiplier = from + length * (to - from);
+            }
+        }
+        // A step may be outside by the tolerance of its solver, or by rounding.
+        self.project(plan, previous);
+    }
+
+    /// Linearises at `plan`, into the trial QP.
+    fn try_point(&mut self, model: &mut dyn Predictor, asked: Asked<'_>, plan: &Solution) -> Point {
+        self.transcription.linearize(model, asked.x0, &plan.z, &mut self.trial);
+        let cost = self.transcription.measure(&plan.z, asked.targets, &mut self.trial);
+        Point { kkt: KktResidual::new(&self.trial, plan, &mut self.work), cost }
+    }
+
+    fn accept_trial(&mut self, length: f64) {
+        self.pace.remember(&self.step.d, length);
+        std::mem::swap(&mut self.qp, &mut self.trial);
+    }
+
+    fn residual(&mut self, plan: &Solution) -> KktResidual {
         KktResidual::new(&self.qp, plan, &mut self.work)
     }
 
@@ -173,5 +328,71 @@ impl Sqp {
         } else {
             None
         }
+    }
+
+    /// Makes the hard constraints on states soft.
+    fn soften(&mut self) {
+        self.elastic = true;
+        let qp = &self.qp;
+        let size = |values: &[f64]| values.iter().fold(0.0_f64, |size, v| size.max(v.abs()));
+        let weight = ELASTIC_WEIGHT * (size(&qp.gradient) + size(&qp.q) + size(&qp.r)).max(1.0);
+        let states = qp.shape.all_states();
+        for qp in [&mut self.qp, &mut self.trial] {
+            let rows = qp.bounds.cap[..states].iter_mut().chain(&mut qp.rows.cap);
+            rows.filter(|cap| cap.is_infinite()).for_each(|cap| *cap = weight);
+        }
+    }
+
+    /// Makes them as they were.
+    fn harden(&mut self) {
+        if self.elastic {
+            self.elastic = false;
+            self.restore([true; 2]);
+        }
+    }
+
+    /// Gives bounds, and rows, the caps that the problem has.
+    fn restore(&mut self, [bounds, rows]: [bool; 2]) {
+        for qp in [&mut self.qp, &mut self.trial] {
+            if bounds {
+                qp.bounds.cap.copy_from_slice(&self.caps[0]);
+            }
+            if rows {
+                qp.rows.cap.copy_from_slice(&self.caps[1]);
+            }
+        }
+    }
+
+    /// Judges the end by the problem's own hard constraints.
+    fn conclude(
+        &mut self,
+        mut outcome: Outcome,
+        plan: &Solution,
+        conflict: Option<Row>,
+    ) -> Outcome {
+        if self.elastic {
+            self.restore(self.exact.map(|exact| !exact));
+            outcome.last = self.residual(plan);
+            if outcome.last.bounds > self.config.tolerance {
+                let named = conflict.map(|row| Constraint::new(self.qp.shape, row));
+                outcome.violated = self.worst_row().or(named);
+                if outcome.status == SqpStatus::Converged {
+                    outcome.status = SqpStatus::InfeasibleQp;
+                }
+            }
+        }
+        outcome
+    }
+
+    /// The hard row that is violated most.
+    fn worst_row(&self) -> Option<Constraint> {
+        let rows = self.qp.limits().into_iter().flat_map(|(kind, limits)| {
+            let hard = limits.iter().enumerate().filter(|(_, [_, _, cap])| cap.is_infinite());
+            hard.map(move |(index, [low, high, _])| {
+                (low.max(-high), Row { kind, index, upper: -high > low })
+            })
+        });
+        let (_, row) = rows.max_by(|(a, _), (b, _)| a.total_cmp(b))?;
+        Some(Constraint::new(self.qp.shape, row))
     }
 }

@@ -19,6 +19,10 @@ pub(crate) struct Transcription {
     increments: Bounds,
     constraints: Option<Constraints>,
     work: ConstraintWork,
+    /// `x_0`, .., x_{N-1}
+    x: Vec<f64>,
+    /// The input that acts at each of these, `[N, m]`.
+    u: Vec<f64>,
 }
 
 impl Transcription {
@@ -33,6 +37,8 @@ impl Transcription {
             increments: problem.increment_bounds.repeat(shape.moves),
             constraints: problem.constraints.clone(),
             work: ConstraintWork::new(dims, shape.rows()),
+            x: vec![0.0; shape.all_states()],
+            u: vec![0.0; shape.stages * shape.inputs],
         }
     }
 
@@ -59,61 +65,55 @@ impl Transcription {
         qp
     }
 
-    /// Moves the plan into its bounds on inputs and increments, and its states into theirs.
+    /// Moves the plan's inputs into their bounds and those of their increments. From outside its bounds an
+    /// input may go as far as to the nearest.
     pub(crate) fn project(&self, plan: &mut Solution, previous: &[f64]) {
-        self.bounds.clamp(&mut plan.z);
-        let m = self.shape.inputs;
-        let (mut before, rest) = (previous, &mut plan.z[self.shape.all_states()..]);
-        let mut rest = rest;
-        let mut bounds =
-            self.increments.low.chunks_exact(m).zip(self.increments.high.chunks_exact(m));
-        let input_low = self.bounds.low[self.shape.all_states()..].iter();
-        let input_high = self.bounds.high[self.shape.all_states()..].iter();
-        let mut inputs = input_low.zip(input_high);
-        while !rest.is_empty() {
-            let (now, later) = rest.split_at_mut(m);
-            let Some((low, high)) = bounds.next() else { break };
-            for (((now, &before), (&low, &high)), (&least, &most)) in
-                now.iter_mut().zip(before).zip(low.iter().zip(high)).zip(&mut inputs)
-            {
-                // From outside its bounds an input may go as far as to the nearest.
-                *now = now.clamp((before + low).min(most), (before + high).max(least));
-            }
-            before = now;
-            rest = later;
+        let first = self.shape.all_states();
+        for v in 0..self.shape.all_inputs() {
+            let before = self.before(v, &plan.z, previous);
+            let (least, most) = (self.bounds.low[first + v], self.bounds.high[first + v]);
+            let low = (before + self.increments.low[v]).min(most);
+            let high = (before + self.increments.high[v]).max(least);
+            let input = &mut plan.z[first + v];
+            *input = input.clamp(low, high).clamp(least, most);
         }
     }
 
-    /// Linearises the problem of a plant measured to be at `x0` at the point `at`. Returns the cost J
-    /// there.
+    /// The input before input `v` of all.
+    fn before(&self, v: usize, z: &[f64], previous: &[f64]) -> f64 {
+        match v.checked_sub(self.shape.inputs) {
+            None => previous[v],
+            Some(before) => z[self.shape.all_states() + before],
+        }
+    }
+
+    /// Linearises the model and h and g at `z`, for a plant measured to be at `x0`.
     pub(crate) fn linearize(
         &mut self,
         model: &mut dyn Predictor,
         x0: &[f64],
-        targets: Targets<'_>,
-        at: &Solution,
+        z: &[f64],
         qp: &mut Qp,
-    ) -> f64 {
-        let z = &at.z;
-        self.linearize_dynamics(model, x0, z, qp);
+    ) {
+        let shape = self.shape;
+        let all_states = shape.all_states();
+        self.x[..shape.states].copy_from_slice(x0);
+        self.x[shape.states..].copy_from_slice(&z[..all_states - shape.states]);
+        for (j, u) in self.u.chunks_exact_mut(shape.inputs).enumerate() {
+            u.copy_from_slice(&z[shape.input(shape.acting(j))]);
+        }
+        model.linearize_stages(&self.x, &self.u, &mut qp.c, &mut qp.a, &mut qp.b);
+        for (c, next) in qp.c.iter_mut().zip(z) {
+            *c -= next;
+        }
         self.linearize_constraints(z, qp);
-        self.limit(z, targets.previous, qp);
-        self.cost.gradient(z, targets, &mut qp.gradient)
     }
 
-    fn linearize_dynamics(&self, model: &mut dyn Predictor, x0: &[f64], z: &[f64], qp: &mut Qp) {
-        let shape = self.shape;
-        let stages = qp.a.chunks_exact_mut(shape.states * shape.states);
-        let stages = stages.zip(qp.b.chunks_exact_mut(shape.states * shape.inputs));
-        let stages = stages.zip(qp.c.chunks_exact_mut(shape.states));
-        for (j, ((a, b), c)) in stages.enumerate() {
-            let x = shape.state(j).map_or(x0, |range| &z[range]);
-            let u = &z[shape.input(shape.acting(j))];
-            model.linearize(x, u, c, a, b);
-            for (c, next) in c.iter_mut().zip(&z[shape.next_state(j)]) {
-                *c -= next;
-            }
-        }
+    /// Writes the cost's gradient at `z` and what is left of the bounds there into `qp`, and returns the
+    /// cost J.
+    pub(crate) fn measure(&self, z: &[f64], targets: Targets<'_>, qp: &mut Qp) -> f64 {
+        self.limit(z, targets.previous, qp);
+        self.cost.gradient(z, targets, &mut qp.gradient)
     }
 
     /// h and g: their values go, with the sign changed, to the limits.
@@ -142,7 +142,7 @@ impl Transcription {
         }
         let (first, m) = (self.shape.all_states(), self.shape.inputs);
         for v in 0..self.shape.all_inputs() {
-            let before = if v < m { previous[v] } else { z[first + v - m] };
+            let before = self.before(v, z, previous);
             let increment = z[first + v] - before;
             // The first input may always go as far as to its nearest bound.
             let reach = |bound: f64| if v < m { bound - before } else { 0.0 };

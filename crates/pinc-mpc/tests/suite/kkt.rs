@@ -6,10 +6,10 @@ use pinc_ode::{Adaptive, Dims, FourTanks, Plant, Predictor, Rk4, VanDerPol};
 use proptest::prelude::*;
 
 /// What one step was asked.
-struct Asked<'a> {
-    x: &'a [f64],
-    previous: &'a [f64],
-    reference: &'a [f64],
+pub(crate) struct Asked<'a> {
+    pub(crate) x: &'a [f64],
+    pub(crate) previous: &'a [f64],
+    pub(crate) reference: &'a [f64],
 }
 
 fn diagonal(weight: &Weight) -> &[f64] {
@@ -22,7 +22,7 @@ fn diagonal(weight: &Weight) -> &[f64] {
 /// The residuals of the KKT conditions at the controller's plan: stationarity, feasibility of the
 /// dynamics, violation of bounds, complementarity; unscaled, with Jacobians from the model.
 #[expect(clippy::needless_range_loop, reason = "indices as in the formulas")]
-fn residuals(nmpc: &Nmpc, model: &mut dyn Predictor, asked: &Asked<'_>) -> [f64; 4] {
+pub(crate) fn residuals(nmpc: &Nmpc, model: &mut dyn Predictor, asked: &Asked<'_>) -> [f64; 4] {
     let (problem, plan) = (nmpc.problem(), nmpc.plan());
     let Dims { states: n, inputs: m } = model.dims();
     let x = |j: usize| match j {
@@ -102,7 +102,7 @@ fn residuals(nmpc: &Nmpc, model: &mut dyn Predictor, asked: &Asked<'_>) -> [f64;
 }
 
 /// The scaling that `KktResidual` documents.
-fn scale(nmpc: &Nmpc) -> f64 {
+pub(crate) fn scale(nmpc: &Nmpc) -> f64 {
     let plan = nmpc.plan();
     let all =
         [plan.dynamics_multipliers(), plan.state_multipliers(), plan.input_multipliers()].concat();

@@ -6,4 +6,5 @@ mod failures;
 mod kkt;
 mod linear;
 mod misuse;
+mod random;
 mod support;

@@ -120,7 +120,10 @@ fn tables_of_a_configuration_file() {
     for status in [
         SqpStatus::Converged,
         SqpStatus::IterationLimit,
+        SqpStatus::Deadline,
+        SqpStatus::Prepared,
         SqpStatus::InfeasibleQp,
+        SqpStatus::Stalled,
         SqpStatus::NumericalTrouble,
     ] {
         let written = toml::Value::try_from(status).unwrap();

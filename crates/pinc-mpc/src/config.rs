@@ -1,0 +1,78 @@
+//! The choices of the optimisation, and how it ends.
+
+use crate::error::{check_range, check_setting};
+use crate::{MpcError, QpMethod};
+use serde::{Deserialize, Serialize};
+use std::fmt;
+
+/// How the optimisation of a control step ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+#[non_exhaustive]
+pub enum SqpStatus {
+    /// The KKT residual is within the tolerance.
+    Converged,
+    /// It is not, after all the iterations that are allowed.
+    IterationLimit,
+    /// It is not, and there was no time for more.
+    Deadline,
+    /// One step of a real-time iteration was taken; its outcome is not judged.
+    Prepared,
+    /// No plan satisfies the dynamics and the hard constraints, near the one found.
+    InfeasibleQp,
+    /// The residual is above the tolerance, and no step makes the plan better: it is as good as rounding
+    /// or a kink of the model allows.
+    Stalled,
+    /// The model gave NaN or infinity, or the QP solver broke off.
+    NumericalTrouble,
+}
+
+/// The serialised name, as `converged`.
+impl fmt::Display for SqpStatus {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Converged => "converged",
+            Self::IterationLimit => "iteration-limit",
+            Self::Deadline => "deadline",
+            Self::Prepared => "prepared",
+            Self::InfeasibleQp => "infeasible-qp",
+            Self::Stalled => "stalled",
+            Self::NumericalTrouble => "numerical-trouble",
+        })
+    }
+}
+
+/// The choices of the optimisation.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct SqpConfig {
+    /// The largest [`KktResidual`](crate::KktResidual) that counts as converged; 1e-8 unless said
+    /// otherwise.
+    pub tolerance: f64,
+    /// How many QPs a control step may solve; 50 unless said otherwise.
+    pub max_iterations: usize,
+    /// Whether each control step takes one QP only, prepared before the state is measured: the real-time
+    /// iteration of Diehl et al. (2002). Not so unless said otherwise.
+    pub real_time: bool,
+    /// What solves the QPs; chosen by their size unless said otherwise.
+    pub qp: QpMethod,
+}
+
+impl Default for SqpConfig {
+    fn default() -> Self {
+        Self { tolerance: 1e-8, max_iterations: 50, real_time: false, qp: QpMethod::Auto }
+    }
+}
+
+impl SqpConfig {
+    /// Checks the choices.
+    ///
+    /// # Errors
+    ///
+    /// [`MpcError`] if the tolerance is not positive and finite, or no iteration is allowed.
+    pub fn validate(&self) -> Result<(), MpcError> {
+        let good = self.tolerance > 0.0 && self.tolerance.is_finite();
+        check_setting("tolerance", self.tolerance, "positive and finite", good)?;
+        check_range("max_iterations", self.max_iterations, 1, usize::MAX)
+    }
+}

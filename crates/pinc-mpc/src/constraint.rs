@@ -1,0 +1,110 @@
+//! The names of constraints.
+
+use crate::qp::{Kind, Row};
+use crate::shape::Shape;
+use std::fmt;
+
+/// A constraint of the control problem, by name. Steps are counted from the measured state: `step` is j
+/// in x\[k+j\] and u\[k+j\].
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum Constraint {
+    /// A bound on a predicted state.
+    State {
+        /// j of x\[k+j\].
+        step: usize,
+        /// Which state.
+        index: usize,
+        /// Which of its bounds.
+        side: Side,
+    },
+    /// A bound on an input.
+    Input {
+        /// j of u\[k+j\].
+        step: usize,
+        /// Which input.
+        index: usize,
+        /// Which of its bounds.
+        side: Side,
+    },
+    /// A bound on an input's change.
+    Increment {
+        /// j of du\[k+j\].
+        step: usize,
+        /// Which input.
+        index: usize,
+        /// Which of its bounds.
+        side: Side,
+    },
+    /// A row of h.
+    Inequality {
+        /// j of h(x\[k+j\], u\[k+j\]).
+        step: usize,
+        /// Which row.
+        index: usize,
+    },
+    /// A row of g.
+    Equality {
+        /// j of g(x\[k+j\], u\[k+j\]).
+        step: usize,
+        /// Which row.
+        index: usize,
+    },
+}
+
+/// Which of two bounds.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Side {
+    /// The lower one.
+    Low,
+    /// The upper one.
+    High,
+}
+
+impl Constraint {
+    pub(crate) fn new(shape: Shape, row: Row) -> Self {
+        let side = if row.upper { Side::High } else { Side::Low };
+        let all_states = shape.all_states();
+        match row.kind {
+            Kind::Bound if row.index < all_states => {
+                let (step, index) = (row.index / shape.states + 1, row.index % shape.states);
+                Self::State { step, index, side }
+            }
+            Kind::Bound => {
+                let place = row.index - all_states;
+                Self::Input { step: place / shape.inputs, index: place % shape.inputs, side }
+            }
+            Kind::Increment => {
+                let (step, index) = (row.index / shape.inputs, row.index % shape.inputs);
+                Self::Increment { step, index, side }
+            }
+            Kind::Row => {
+                let step = shape.first + row.index / shape.rows();
+                let index = row.index % shape.rows();
+                match index.checked_sub(shape.inequalities) {
+                    None => Self::Inequality { step, index },
+                    Some(index) => Self::Equality { step, index },
+                }
+            }
+        }
+    }
+}
+
+/// As `upper bound of x[k+3][0]`: the variable by its place.
+impl fmt::Display for Constraint {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let bound = |side: &Side| match side {
+            Side::Low => "lower bound of",
+            Side::High => "upper bound of",
+        };
+        match self {
+            Self::State { step, index, side } => write!(f, "{} x[k+{step}][{index}]", bound(side)),
+            Self::Input { step, index, side } => write!(f, "{} u[k+{step}][{index}]", bound(side)),
+            Self::Increment { step, index, side } => {
+                write!(f, "{} du[k+{step}][{index}]", bound(side))
+            }
+            Self::Inequality { step, index } => write!(f, "h[{index}] <= 0 at k+{step}"),
+            Self::Equality { step, index } => write!(f, "g[{index}] = 0 at k+{step}"),
+        }
+    }
+}
