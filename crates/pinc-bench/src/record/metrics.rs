@@ -15,6 +15,9 @@ pub struct Metrics {
     pub preset: Preset,
     /// The units of the plant's variables by name; empty for a number without dimension.
     pub variables: BTreeMap<String, String>,
+    /// The plant's states, in its order.
+    #[serde(default)]
+    pub states: Vec<String>,
     /// The training.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub training: Option<TrainingMetrics>,
@@ -36,9 +39,10 @@ impl Metrics {
     pub(crate) fn new(experiment: &Experiment) -> Self {
         let variables = experiment.plant.variables();
         let all = variables.states.iter().chain(&variables.inputs);
-        let variables = all.map(|v| (v.name.to_string(), v.unit.to_string())).collect();
+        let units = all.map(|v| (v.name.to_string(), v.unit.to_string())).collect();
         Self {
-            variables,
+            variables: units,
+            states: variables.state_names(),
             experiment: experiment.name.clone(),
             preset: experiment.preset,
             training: None,

@@ -109,32 +109,51 @@ impl Run {
         runs.iter().find(|run| run["model"] == model)
     }
 
-    /// The unit of a variable, from `variables` in the metrics; empty where nothing is said.
-    pub(super) fn unit(&self, variable: &str) -> &str {
-        self.metrics["variables"][variable].as_str().unwrap_or("")
+    /// A quantity with the unit of the controlled states, or of all states if none is controlled, to
+    /// a power written as "²" or nothing.
+    pub(super) fn label_in_states_unit(&self, quantity: &str, power: &str) -> String {
+        let controlled = self.setting(&["control", "controlled"]).and_then(toml::Value::as_array);
+        let controlled = controlled.into_iter().flatten().filter_map(toml::Value::as_str);
+        let mut states: Vec<&str> = controlled.collect();
+        if states.is_empty() {
+            let all = self.metrics["states"].as_array();
+            states = all.into_iter().flatten().filter_map(Value::as_str).collect();
+        }
+        match self.common_unit(&states) {
+            None => quantity.to_owned(),
+            Some("") => format!("{quantity} (–)"),
+            Some(unit) => format!("{quantity} ({unit}{power})"),
+        }
     }
 
-    /// The unit that the controlled states have in common; empty without one.
-    pub(super) fn unit_of_controlled(&self) -> &str {
-        let names = self.setting(&["control", "controlled"]).and_then(toml::Value::as_array);
-        let names = names.into_iter().flatten().filter_map(toml::Value::as_str);
-        let mut units = names.map(|name| self.unit(name));
-        let first = units.next().unwrap_or("");
-        if units.all(|unit| unit == first) { first } else { "" }
-    }
-
-    /// Variables with their common unit, as an axis says it: "h1, h2 (cm)".
+    /// Variables with their units, as an axis says it: "h1, h2 (cm)", "x (m), v (m/s)"; "(–)" after a
+    /// number without dimension.
     pub(super) fn axis_label(&self, variables: &[String]) -> String {
-        self.label_in_unit_of(&variables.join(", "), variables)
+        let names: Vec<&str> = variables.iter().map(String::as_str).collect();
+        if self.common_unit(&names).is_some() {
+            return self.label_in_unit_of(&variables.join(", "), variables);
+        }
+        let each =
+            |variable: &String| self.label_in_unit_of(variable, std::slice::from_ref(variable));
+        variables.iter().map(each).collect::<Vec<_>>().join(", ")
     }
 
     /// `quantity` with the unit that `variables` have in common, if they have one.
     pub(super) fn label_in_unit_of(&self, quantity: &str, variables: &[String]) -> String {
-        let unit = variables.first().map_or("", |v| self.unit(v));
-        if unit.is_empty() || variables.iter().any(|v| self.unit(v) != unit) {
-            return quantity.to_owned();
+        let names: Vec<&str> = variables.iter().map(String::as_str).collect();
+        match self.common_unit(&names) {
+            None => quantity.to_owned(),
+            Some("") => format!("{quantity} (–)"),
+            Some(unit) => format!("{quantity} ({unit})"),
         }
-        format!("{quantity} ({unit})")
+    }
+
+    /// The unit of all these variables, empty for numbers without dimension; `None` if they differ
+    /// or nothing is known.
+    fn common_unit(&self, variables: &[&str]) -> Option<&str> {
+        let unit = |variable: &str| self.metrics["variables"][variable].as_str();
+        let first = unit(variables.first()?)?;
+        variables.iter().all(|v| unit(v) == Some(first)).then_some(first)
     }
 }
 

@@ -64,7 +64,7 @@ fn notes(run: &Run) -> Vec<String> {
     };
     for (file, content, missing) in [
         ("config.toml", "header", run.config_text.is_none()),
-        ("metrics.json", "table of metrics", run.metrics.is_null()),
+        ("metrics.json", "table of metrics", run.metrics.is_null() && run.trials.is_none()),
         ("provenance.json", "provenance", run.provenance.is_null()),
     ] {
         if missing {

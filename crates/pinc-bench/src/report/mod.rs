@@ -16,6 +16,8 @@ mod steps;
 mod sweep;
 mod table;
 #[cfg(test)]
+mod testing;
+#[cfg(test)]
 mod tests;
 mod text;
 mod training;

@@ -1,5 +1,6 @@
 //! The report of synthetic run directories: whole, incomplete and damaged ones.
 
+use super::testing::assert_sound;
 use super::{FigureFiles, ReportError};
 use std::fmt::Write as _;
 use std::fs;
@@ -166,26 +167,6 @@ fn stems(dir: &Path) -> Vec<String> {
 fn svg(dir: &Path, stem: &str) -> String {
     let mut figures = figures(dir).into_iter();
     figures.find(|figure| figure.name == stem).unwrap().svg
-}
-
-/// No picture has a number that is none, and all that is drawn lies on the page: a tick's label may
-/// stand a little outside of its panel, nothing else may.
-fn assert_sound(svg: &str) {
-    assert!(!svg.contains("NaN") && !svg.contains("inf"), "a number that is none");
-    let size = svg.split("viewBox=\"0 0 ").nth(1).unwrap();
-    let size: Vec<f64> = numbers(size.split('"').next().unwrap());
-    for points in svg.split("points=\"").skip(1) {
-        for point in points.split('"').next().unwrap().split_whitespace() {
-            let (x, y) = point.split_once(',').unwrap();
-            let (x, y): (f64, f64) = (x.parse().unwrap(), y.parse().unwrap());
-            let on_page = (0.0..=size[0]).contains(&x) && (0.0..=size[1]).contains(&y);
-            assert!(on_page, "{point} is outside of {size:?}");
-        }
-    }
-}
-
-fn numbers(text: &str) -> Vec<f64> {
-    text.split_whitespace().map(|n| n.parse().unwrap()).collect()
 }
 
 #[test]

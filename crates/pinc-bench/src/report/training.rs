@@ -2,8 +2,8 @@
 
 use super::ReportError;
 use super::chart::{
-    Axis, BLACK, BLUE, Event, Figure, Kind, PURPLE, Panel, Point, SKY, Shape, Style, VERMILLION,
-    extent, present,
+    Axis, BLACK, BLUE, Event, Figure, Kind, Label, PURPLE, Panel, Point, SKY, Shape, Style,
+    VERMILLION, extent, present,
 };
 use super::data::Run;
 use super::picture::Picture;
@@ -70,6 +70,8 @@ fn losses(
     let dots = Style::new(VERMILLION, Shape::Dots(2.6));
     panel.add_named("validation MSE", validation.to_vec(), dots);
     let ring = Style::new(VERMILLION, Shape::Rings(6.0));
+    let label = |at: Point| Label { at, text: text::number(at.1, 2), color: VERMILLION };
+    panel.labels.extend(best.map(label));
     panel.add_named("its lowest value", best.into_iter().collect(), ring);
     Ok(panel)
 }

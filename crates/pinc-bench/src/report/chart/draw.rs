@@ -6,8 +6,8 @@ use super::figure::{Area, Figure, Look, Panel, Series, Span, limit_style};
 use super::flags::Flag;
 use super::labels;
 use super::layout::{
-    LABEL, LANE, LINE, Layout, Placed, PlacedKey, SWATCH, Scales, TICK, TITLE, WIDTH, names_below,
-    small, ticks, ticks_across, ticks_upwards,
+    LABEL, LANE, LINE, Layout, Placed, PlacedKey, SWATCH, Scales, TICK, TITLE, WIDTH,
+    label_distance, label_lines, names_below, small, ticks, ticks_across, ticks_upwards,
 };
 use super::scale::{Scale, Tick};
 use super::svg::{self, Anchor, Canvas, Shape, Style, Word};
@@ -97,7 +97,10 @@ impl Placed<'_> {
         for tick in across.iter().filter(|_| !self.x.named) {
             self.upright(canvas, self.frame.left + tick.fraction * self.frame.width, &faded(tick));
         }
-        for tick in upwards.iter().filter(|_| !self.panel.y.named) {
+        // Minor lines nearer to one another than this would make a grey ground.
+        let fine = small(upwards.len()) * 6.0 < self.frame.height;
+        let upwards = upwards.iter().filter(|tick| fine || tick.label.is_some());
+        for tick in upwards.filter(|_| !self.panel.y.named) {
             self.level(canvas, tick.fraction, &faded(tick));
         }
     }
@@ -121,11 +124,12 @@ impl Placed<'_> {
             }
         }
         if !y.silent {
-            let widest = upwards.iter().filter_map(|t| t.label.as_ref());
-            let widest = widest.map(|l| svg::width_of(l, TICK.size)).fold(0.0, f64::max);
-            let from_frame = (widest.min(0.25 * WIDTH) + 22.0).max(52.0);
-            let middle = (left - from_frame, top + 0.5 * self.frame.height);
-            canvas.word(&y.label, middle, &LABEL.anchored(Anchor::Upwards));
+            let lines = label_lines(y, self.frame.height);
+            let nearest = left - label_distance(upwards);
+            for (i, line) in lines.iter().rev().enumerate() {
+                let middle = (nearest - LINE * small(i), top + 0.5 * self.frame.height);
+                canvas.word(line, middle, &LABEL.anchored(Anchor::Upwards));
+            }
         }
         if self.foot {
             self.draw_foot(canvas, across);
@@ -155,7 +159,8 @@ impl Placed<'_> {
         }
         let lines = names.iter().map(Vec::len).max().unwrap_or(1);
         let middle = (left + 0.5 * width, first + LINE * small(lines) + 5.0);
-        canvas.word(&self.x.label, middle, &LABEL.anchored(Anchor::Middle));
+        let label = svg::fitted(&self.x.label, LABEL.size, width);
+        canvas.word(&label, middle, &LABEL.anchored(Anchor::Middle));
     }
 
     fn draw_area(&self, canvas: &mut Canvas, scales: &Scales, area: &Area) {
@@ -173,15 +178,7 @@ impl Placed<'_> {
             height: (y.1 - y.0) * height,
         };
         canvas.area(&place, &area.fill);
-        if !area.text.is_empty() {
-            let text = svg::fitted(&area.text, TICK.size, place.width - 2.0);
-            let middle = (place.left + 0.5 * place.width, place.top + 0.5 * place.height);
-            let (color, rim) = match area.fill.hatched {
-                true => (INK, true),
-                false => (area.fill.color.contrary(), false),
-            };
-            canvas.word(&text, middle, &Word { color, rim, anchor: Anchor::Middle, ..TICK });
-        }
+        draw_text(canvas, area, &place);
     }
 
     fn draw_span(&self, canvas: &mut Canvas, scales: &Scales, span: &Span) {
@@ -254,6 +251,27 @@ impl Placed<'_> {
 
     fn upright(&self, canvas: &mut Canvas, x: f64, style: &Style) {
         canvas.line(&[(x, self.frame.top), (x, self.frame.bottom())], style);
+    }
+}
+
+/// The words in an area's middle, if there is room.
+fn draw_text(canvas: &mut Canvas, area: &Area, place: &Frame) {
+    let lines: Vec<&str> = area.text.lines().filter(|line| !line.is_empty()).collect();
+    let height = LINE * small(lines.len());
+    if lines.is_empty() || height > place.height {
+        return;
+    }
+    let (color, rim) = match area.fill.hatched {
+        true => (INK, true),
+        false => (area.fill.color.contrary(), false),
+    };
+    let x = place.left + 0.5 * place.width;
+    let first = place.top + 0.5 * (place.height - height + LINE);
+    for (i, line) in lines.into_iter().enumerate() {
+        let size = if i == 0 { TICK.size } else { 0.86 * TICK.size };
+        let word = Word { size, color, rim, anchor: Anchor::Middle, ..TICK };
+        let line = svg::fitted(line, size, place.width - 2.0);
+        canvas.word(&line, (x, first + LINE * small(i)), &word);
     }
 }
 

@@ -153,7 +153,7 @@ pub(crate) struct Area {
     pub(crate) fill: Fill,
     /// The number that the colour or the word stands for.
     pub(crate) value: Option<f64>,
-    /// What is written in its middle.
+    /// What is written in its middle: a line, and perhaps a smaller one below.
     pub(crate) text: String,
 }
 

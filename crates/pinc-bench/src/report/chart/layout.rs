@@ -159,7 +159,8 @@ impl<'a> Shown<'a> {
         };
         let ends = (column.left, column.right());
         let (keys, rows) = placed_keys(&self.panel.keys, column.left + title, ends, top);
-        (keys, rows * ROW)
+        let empty = keys.is_empty() && self.panel.title.is_empty();
+        (keys, if empty { 0.0 } else { rows * ROW })
     }
 
     /// The room that the vertical axis' words need.
@@ -169,10 +170,8 @@ impl<'a> Shown<'a> {
             return GUTTER;
         }
         let labels = ticks(&self.panel.y, &scales.y, ticks_upwards(self.panel.height));
-        let labels = labels.iter().filter_map(|t| t.label.as_ref());
-        let widest = labels.map(|l| svg::width_of(l, TICK.size)).fold(0.0, f64::max);
-        let label = if self.panel.y.label.is_empty() { 0.0 } else { 26.0 };
-        (label + widest.min(0.25 * WIDTH) + 14.0).max(GUTTER)
+        let lines = label_lines(&self.panel.y, self.panel.height).len().max(1);
+        label_distance(&labels) + LINE * small(lines - 1) + 0.5 * LABEL.size + 8.0
     }
 }
 
@@ -226,6 +225,18 @@ fn placed_keys<'a>(
         at += width + 20.0;
     }
     (placed, row + 1.0)
+}
+
+/// How far from a panel the label of its vertical axis stands, beyond the ticks' labels.
+pub(crate) fn label_distance(ticks: &[Tick]) -> f64 {
+    let labels = ticks.iter().filter_map(|t| t.label.as_ref());
+    let widest = labels.map(|l| svg::width_of(l, TICK.size)).fold(0.0, f64::max);
+    (widest.min(0.25 * WIDTH) + 22.0).max(52.0)
+}
+
+/// The label of a vertical axis in lines that fit beside a panel of `height` pixels.
+pub(crate) fn label_lines(axis: &Axis, height: f64) -> Vec<String> {
+    svg::wrapped(&axis.label, LABEL.size, height + 16.0, 2)
 }
 
 /// The height of the words below a horizontal axis.

@@ -220,6 +220,9 @@ impl Canvas {
 
     /// A word whose middle line runs through the point.
     pub(crate) fn word(&mut self, text: &str, (x, y): Point, word: &Word) {
+        if text.is_empty() {
+            return;
+        }
         let anchor = match word.anchor {
             Anchor::Start => "start",
             Anchor::Middle | Anchor::Upwards => "middle",

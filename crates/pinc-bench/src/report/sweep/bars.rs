@@ -5,13 +5,14 @@ use super::super::chart::{
     Area, Axis, BLACK, Figure, Fill, Kind, Look, Panel, Shape, Span, Style, places, state_color,
 };
 use super::super::picture::Picture;
+use super::super::text;
 use super::curves::side_by_side;
-use super::trials::{Trials, shown};
+use super::trials::Trials;
 use super::{Metric, sizes};
 
 /// A bar for each cell and model; `None` without cells.
 pub(super) fn picture(trials: &Trials, metric: &Metric) -> Result<Option<Picture>, ReportError> {
-    let names: Vec<String> = trials.cells().iter().map(|cell| name(&cell.place)).collect();
+    let names: Vec<String> = trials.cells().iter().map(|cell| trials.name(cell)).collect();
     if names.is_empty() {
         return Ok(None);
     }
@@ -31,7 +32,7 @@ pub(super) fn picture(trials: &Trials, metric: &Metric) -> Result<Option<Picture
                 y: (0.0, spread.median),
                 fill: Fill { opacity: 0.75, ..Fill::solid(color) },
                 value: Some(spread.median),
-                text: String::new(),
+                text: text::significant(spread.median, 2),
             });
             let values = trials.values(cell, column)?;
             if values.len() > 1 {
@@ -53,9 +54,4 @@ pub(super) fn picture(trials: &Trials, metric: &Metric) -> Result<Option<Picture
     );
     let (stem, title) = (metric.stem.to_owned(), metric.title.to_owned());
     Ok(Some(Picture { stem, title, figure, caption }))
-}
-
-fn name(place: &[String]) -> String {
-    let words: Vec<String> = place.iter().map(|value| shown(value)).collect();
-    if words.is_empty() { "all trials".to_owned() } else { words.join(", ") }
 }

@@ -6,7 +6,7 @@ use super::super::chart::{
 };
 use super::super::picture::Picture;
 use super::super::text;
-use super::trials::{Cell, Trials, shown};
+use super::trials::{Cell, Trials};
 use super::{Metric, sizes};
 
 const BINS: usize = 20;
@@ -47,7 +47,7 @@ pub(super) fn picture(trials: &Trials, metric: &Metric) -> Result<Option<Picture
 }
 
 fn panel(trials: &Trials, metric: &Metric, cell: &Cell, bins: &Bins) -> Result<Panel, ReportError> {
-    let mut panel = Panel::new(&name(cell), Axis::new("trials", Kind::Count), 200.0);
+    let mut panel = Panel::new(&trials.name(cell), Axis::new("trials", Kind::Count), 200.0);
     let share = 1.0 / places(metric.columns.len() + 1)[metric.columns.len()];
     let starts = places(metric.columns.len()).into_iter().map(|i| i * share);
     for ((i, (column, model)), start) in metric.columns.iter().enumerate().zip(starts) {
@@ -82,11 +82,6 @@ fn fill(i: usize, color: Color) -> Fill {
     Fill { opacity: if i == 0 { 0.95 } else { 0.7 }, ..Fill::solid(color) }
 }
 
-fn name(cell: &Cell) -> String {
-    let words: Vec<String> = cell.place.iter().map(|value| shown(value)).collect();
-    if words.is_empty() { "all trials".to_owned() } else { words.join(", ") }
-}
-
 fn medians(trials: &Trials, metric: &Metric, cell: &Cell) -> Option<String> {
     let mut words = Vec::new();
     for (column, model) in &metric.columns {
@@ -95,7 +90,7 @@ fn medians(trials: &Trials, metric: &Metric, cell: &Cell) -> Option<String> {
             words.push(format!("{median} {model}").trim_end().to_owned());
         }
     }
-    (!words.is_empty()).then(|| format!("{}: {}", name(cell), words.join(", ")))
+    (!words.is_empty()).then(|| format!("{}: {}", trials.name(cell), words.join(", ")))
 }
 
 /// Bins of equal width.

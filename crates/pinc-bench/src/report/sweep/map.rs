@@ -74,7 +74,7 @@ impl<'a> Map<'a> {
             let values: Vec<String> = values.iter().map(|v| shown(v)).collect();
             Axis::named(&name(column), &values)
         };
-        let height = CELL * extent(places(rows.len() + 1).into_iter()).1;
+        let height = CELL * extent(places(rows.len().max(3) + 1).into_iter()).1;
         let mut panel = Panel::new("", axis(self.rows, &rows), height);
         let values = self.values();
         let ends = extent(values.iter().filter_map(|(_, value)| *value));
@@ -113,7 +113,8 @@ impl<'a> Map<'a> {
         let (fill, text) = match value {
             Some(value) => {
                 let fraction = (value - ends.0) / (ends.1 - ends.0).max(f64::MIN_POSITIVE);
-                (Fill::solid(graded(fraction)), self.number(value))
+                let quartiles = self.quartiles(cell);
+                (Fill::solid(graded(fraction)), format!("{}\n{quartiles}", self.number(value)))
             }
             None if !cell.failed.is_empty() => (Fill::hatched(GREY), "failed".to_owned()),
             None => (Fill::hatched(GREY), "not run".to_owned()),
@@ -121,6 +122,14 @@ impl<'a> Map<'a> {
         // A hair's breadth between cells.
         let (x, y) = ((x - 0.495, x + 0.495), (y - 0.49, y + 0.49));
         Area { name: self.label(), x, y, fill, value, text }
+    }
+
+    /// The quartiles of a cell with several trials.
+    fn quartiles(&self, cell: &Cell) -> String {
+        let spread = self.trials.spread(cell, self.column).filter(|_| cell.done() > 1);
+        let scaled = |value: f64| if self.metric.log { value.log10() } else { value };
+        let words = spread.map(|spread| [spread.q1, spread.q3].map(|q| self.number(scaled(q))));
+        words.map_or_else(String::new, |[low, high]| format!("{low} to {high}"))
     }
 
     fn number(&self, value: f64) -> String {
@@ -145,7 +154,7 @@ impl<'a> Map<'a> {
         };
         let axis = Axis::ranged(&self.label(), Kind::Linear, (low, high));
         let mut panel = Panel::new("", axis, height);
-        panel.x = Some(Axis { marks: Vec::new(), ..Axis::named("", &["".to_owned()]) });
+        panel.x = Some(Axis::named("", &[String::new()]));
         let steps = places(COLOR_STEPS + 1);
         let last = steps[COLOR_STEPS];
         for pair in steps.windows(2) {
@@ -153,7 +162,8 @@ impl<'a> Map<'a> {
             panel.areas.push(Area {
                 name: String::new(),
                 x: (-0.5, 0.5),
-                y: (at(pair[0]), at(pair[1])),
+                // Into the next step, so that no rounding leaves a gap.
+                y: (at(pair[0]), at((pair[1] + 0.5).min(last))),
                 fill: Fill::solid(graded(0.5 * (pair[0] + pair[1]) / last)),
                 value: None,
                 text: String::new(),
@@ -165,8 +175,11 @@ impl<'a> Map<'a> {
     fn caption(&self) -> String {
         let values = self.values();
         let cells: Vec<Cell> = values.iter().map(|(cell, _)| (*cell).clone()).collect();
-        let mut caption =
-            format!("In each cell the {}, {}; dark is low.", self.label(), sizes(&cells));
+        let mut caption = format!(
+            "In each cell the {}, and below it the quartiles, {}; dark is low.",
+            self.label(),
+            sizes(&cells)
+        );
         let known = values.iter().filter_map(|(cell, value)| Some((cell, (*value)?)));
         if let Some((cell, value)) = known.min_by(|a, b| a.1.total_cmp(&b.1)) {
             let place = |column: usize| {

@@ -7,6 +7,9 @@ mod bars;
 mod curves;
 mod histogram;
 mod map;
+#[cfg(test)]
+mod tests;
+mod traces;
 mod trials;
 
 pub(super) use trials::Trials;
@@ -34,7 +37,7 @@ struct Metric {
 
 /// The pictures of a sweep.
 pub(super) fn pictures(run: &Run, trials: &Trials) -> Result<Vec<Picture>, ReportError> {
-    let mut pictures = Vec::new();
+    let mut pictures = Vec::from_iter(traces::picture(run, trials)?);
     for metric in metrics(run, trials) {
         if trials.has_draws() {
             pictures.extend(histogram::picture(trials, &metric)?);
@@ -49,15 +52,11 @@ pub(super) fn pictures(run: &Run, trials: &Trials) -> Result<Vec<Picture>, Repor
     Ok(pictures)
 }
 
-/// The metrics that the sweep's table has.
+/// The metrics that the sweep's table has, and that differ among the trials of one cell if these
+/// are draws.
 fn metrics(run: &Run, trials: &Trials) -> Vec<Metric> {
-    let unit_of_states = run.unit_of_controlled();
-    let with_unit = |quantity: &str, power: &str| match unit_of_states {
-        "" => quantity.to_owned(),
-        unit => format!("{quantity} ({unit}{power})"),
-    };
     let of_models = |column: &str| {
-        let column = |(model, name)| (format!("{model}_{column}"), name);
+        let column = |(model, name): (&str, _)| (format!("{model}_{column}"), name);
         [("pinc", "PINC"), ("rk4", "RK4")].map(column).to_vec()
     };
     let all = [
@@ -65,34 +64,39 @@ fn metrics(run: &Run, trials: &Trials) -> Vec<Metric> {
             columns: vec![("mse_gen".to_owned(), "")],
             stem: "mse",
             title: "Validation error",
-            label: with_unit("validation MSE", "²"),
+            label: run.label_in_states_unit("validation MSE", "²"),
             log: true,
         },
         Metric {
-            columns: vec![("free_run_mse_all".to_owned(), "")],
-            stem: "free-run-mse",
-            title: "Free run",
-            label: with_unit("MSE of the free run", "²"),
+            columns: vec![("free_run_rmse".to_owned(), "")],
+            stem: "free-run-rmse",
+            title: "Error of the free run",
+            label: run.label_in_states_unit("RMSE of the free run", ""),
             log: true,
         },
         Metric {
             columns: of_models("iae_dense_sum"),
             stem: "iae",
             title: "Closed loop: integral of the absolute error",
-            label: with_unit("IAE, dense trace, sum over outputs", ""),
+            label: run.label_in_states_unit("IAE, dense trace, sum over outputs", ""),
             log: false,
         },
         Metric {
             columns: of_models("rmse_dense"),
             stem: "rmse",
             title: "Closed loop: root mean square error",
-            label: with_unit("RMSE, dense trace", ""),
+            label: run.label_in_states_unit("RMSE, dense trace", ""),
             log: false,
         },
     ];
+    let varies = |column: &str| {
+        let spreads = trials.cells().iter().filter_map(|cell| trials.spread(cell, column));
+        spreads.into_iter().any(|spread| spread.max > spread.min)
+    };
+    let is_worth = |column: &str| trials.has(column) && (!trials.has_draws() || varies(column));
     let present = |metric: Metric| {
         let columns: Vec<_> =
-            metric.columns.into_iter().filter(|(column, _)| trials.has(column)).collect();
+            metric.columns.into_iter().filter(|(column, _)| is_worth(column)).collect();
         (!columns.is_empty()).then_some(Metric { columns, ..metric })
     };
     all.into_iter().filter_map(present).collect()

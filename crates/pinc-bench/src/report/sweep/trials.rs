@@ -3,11 +3,12 @@
 use super::super::ReportError;
 use super::super::table::Table;
 use super::super::text;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// The trials, with the cells that they make up.
 #[derive(Debug)]
 pub(in crate::report) struct Trials {
+    dir: PathBuf,
     table: Table,
     /// The columns that tell the cells apart.
     columns: Vec<String>,
@@ -58,7 +59,7 @@ impl Trials {
             None => (Vec::new(), Vec::new()),
         };
         let cells = cells(&table, &columns)?;
-        Ok(Some(Self { table, columns, cells, spreads }))
+        Ok(Some(Self { dir: dir.to_owned(), table, columns, cells, spreads }))
     }
 
     pub(super) fn columns(&self) -> &[String] {
@@ -106,16 +107,32 @@ impl Trials {
         self.spreads.iter().find(here).map(|(_, _, spread)| *spread)
     }
 
+    /// What a cell is called: its alternatives, and its places on the axes.
+    pub(super) fn name(&self, cell: &Cell) -> String {
+        let word = |(column, value): (&String, &String)| match column.as_str() {
+            "case" | "drawn" => value.clone(),
+            key => format!("{} {}", short(key), shown(value)),
+        };
+        let words: Vec<String> = self.columns.iter().zip(&cell.place).map(word).collect();
+        if words.is_empty() { "all trials".to_owned() } else { words.join(", ") }
+    }
+
+    /// The free run of a case's first finished trial, if it was kept.
+    pub(super) fn free_run(&self, case: &str) -> Result<Option<Table>, ReportError> {
+        let Some(column) = self.columns.iter().position(|c| c == "case") else { return Ok(None) };
+        let mut cells = self.cells.iter().filter(|cell| cell.place[column] == case);
+        let Some(row) = cells.find_map(|cell| cell.finished.first()) else { return Ok(None) };
+        let trial = self.table.texts("trial")?[*row];
+        Table::read(&self.dir.join("trials").join(trial).join("prediction.csv"))
+    }
+
     /// The trials that failed: their names, their places and what went wrong.
     pub(super) fn failures(&self) -> Result<Vec<Vec<String>>, ReportError> {
         let (names, errors) = (self.table.texts("trial")?, self.table.texts("error")?);
         let seeds = self.table.texts("seed")?;
         let row = |cell: &Cell, i: usize| {
-            let seed = format!("seed {}", seeds[i]);
-            let place = self.columns.iter().zip(&cell.place);
-            let place = place.map(|(c, v)| format!("{} {v}", short(c))).chain([seed]);
-            let place: Vec<String> = place.collect();
-            vec![names[i].to_owned(), place.join(", "), errors[i].to_owned()]
+            let what = format!("{}, seed {}", self.name(cell), seeds[i]);
+            vec![names[i].to_owned(), what, errors[i].to_owned()]
         };
         let failed = self.cells.iter().flat_map(|cell| cell.failed.iter().map(move |i| (cell, *i)));
         Ok(failed.map(|(cell, i)| row(cell, i)).collect())
@@ -186,8 +203,8 @@ pub(super) fn short(key: &str) -> String {
         "model.hidden_layers" => "hidden layers".to_owned(),
         "model.neurons" => "neurons per layer".to_owned(),
         "model.horizon_s" => "horizon T (s)".to_owned(),
-        "training.collocation_points" => "collocation points".to_owned(),
-        "training.initial_points" => "initial points".to_owned(),
+        "training.collocation_points" => "collocation points N_f".to_owned(),
+        "training.initial_points" => "initial points N_t".to_owned(),
         "control.rk4_substeps" => "substeps of RK4".to_owned(),
         key => key.rsplit('.').next().unwrap_or(key).replace('_', " "),
     }
