@@ -9,6 +9,7 @@
 //! instruction set enabled. A piece that is not inlined stays correct and becomes slow.
 #![expect(unsafe_code, reason = "intrinsics need it; see the module's soundness rule")]
 
+mod exp;
 mod tanh;
 
 pub use tanh::tanh_all;
@@ -327,7 +328,7 @@ mod x86 {
                 }
                 #[inline(always)]
                 fn exp(self) -> Self {
-                    self.map(f64::exp)
+                    super::exp::exp(self)
                 }
                 #[inline(always)]
                 fn ln(self) -> Self {
