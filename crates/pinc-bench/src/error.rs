@@ -145,6 +145,14 @@ pub enum BenchError {
         /// The table that names them.
         table: PathBuf,
     },
+    /// Some of several experiments ended with errors.
+    #[error("{failed} of {runs} experiments failed, as said above")]
+    FailedRuns {
+        /// How many failed.
+        failed: usize,
+        /// Of how many.
+        runs: usize,
+    },
     /// Sweeps to merge that are not of one config.
     #[error(
         "{}: belongs to another sweep than {} (their config.toml differ)", dir.display(), first.display()
@@ -242,7 +250,7 @@ impl BenchError {
             Self::Net(NetError::Setting { .. } | NetError::Dimension { .. }) => 2,
             Self::Control(MpcError::Plant { .. }) => 1,
             Self::Net(_) | Self::Plant(_) => 1,
-            Self::Interrupted { .. } | Self::FailedTrials { .. } => 1,
+            Self::Interrupted { .. } | Self::FailedTrials { .. } | Self::FailedRuns { .. } => 1,
             _ => 2,
         }
     }

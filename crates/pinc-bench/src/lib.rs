@@ -36,6 +36,7 @@
 mod bench;
 pub mod console;
 mod error;
+mod paper;
 mod presets;
 mod progress;
 mod provenance;
@@ -51,6 +52,7 @@ pub use bench::{
     BenchOptions, BenchReport, FmaPeak, LossGradient, Machine, ModelStep, NmpcTimes, QpTime, bench,
 };
 pub use error::{BenchError, CheckpointProblem, CsvProblem};
+pub use paper::results;
 pub use presets::Preset;
 pub use progress::Verbosity;
 pub use provenance::Provenance;

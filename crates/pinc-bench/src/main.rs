@@ -1,6 +1,7 @@
 //! The `pinc` program: see `pinc --help`.
 
 use clap::{Args, Parser, Subcommand};
+use pinc_bench::spec::RunList;
 use pinc_bench::{
     BenchError, BenchOptions, Experiment, ModelKind, Options, Record, Shard, Verbosity, console,
     summary,
@@ -27,7 +28,7 @@ struct Cli {
 enum Command {
     /// Run whole experiments: training, validation, free run, closed loops, report.
     Run {
-        /// Config files (TOML).
+        /// Config files, or lists of such (TOML).
         #[arg(required = true, value_name = "CONFIG")]
         configs: Vec<PathBuf>,
         /// Run only a share of a sweep, as 3/8: the third of eight.
@@ -87,6 +88,11 @@ enum Command {
     /// Rebuild the report of a finished run.
     Report {
         /// Run directory.
+        dir: PathBuf,
+    },
+    /// Print the paper's tables beside what the runs of configs/paper.toml came to, in Markdown.
+    Results {
+        /// Directory of the list's runs.
         dir: PathBuf,
     },
     /// Measure this machine: training kernel, models, controller. Takes about a minute.
@@ -176,6 +182,7 @@ fn execute(cli: &Cli) -> Result<ExitCode, BenchError> {
             let path = pinc_bench::rebuild_report(dir)?;
             show(quiet, &path.display().to_string());
         }
+        Command::Results { dir } => console::line(pinc_bench::results(dir)?.trim_end()),
         Command::Bench { json, quick, loss_gradient_file } => {
             let verbosity = if quiet { Verbosity::Quiet } else { Verbosity::Shown };
             let loss_gradient_file = loss_gradient_file.clone();
@@ -194,19 +201,35 @@ fn run_all(
     run: &RunArgs,
     quiet: bool,
 ) -> Result<(), BenchError> {
-    let load = |config: &PathBuf| Experiment::load(config, &run.set.set);
-    let experiments = configs.iter().map(load).collect::<Result<Vec<_>, _>>()?;
-    let several = experiments.len() > 1;
-    for experiment in &experiments {
-        run.execute(experiment, several, quiet, &|experiment, dir, options| match (
-            &experiment.sweep,
-            shard,
-        ) {
-            (None, None) => pinc_bench::run(experiment, dir, options),
-            _ => pinc_bench::sweep(experiment, dir, options, shard.unwrap_or(Shard::WHOLE)),
-        })?;
+    let mut all = Vec::new();
+    for config in configs {
+        all.extend(run.load(config, configs.len() > 1)?);
     }
-    Ok(())
+    let work = |experiment: &Experiment, dir: &Path, options: &Options<'_>| match (
+        &experiment.sweep,
+        shard,
+    ) {
+        (None, None) => pinc_bench::run(experiment, dir, options),
+        _ => pinc_bench::sweep(experiment, dir, options, shard.unwrap_or(Shard::WHOLE)),
+    };
+    if let [(experiment, dir)] = &all[..] {
+        return run.execute(experiment, dir, quiet, &work);
+    }
+    let mut failed = 0;
+    for (experiment, dir) in &all {
+        match run.execute(experiment, dir, quiet, &work) {
+            Err(error @ BenchError::Interrupted { .. }) => return Err(error),
+            Err(error) => {
+                failed += 1;
+                console::note(&format!("error: {}: {error}", dir.display()));
+            }
+            Ok(()) => {}
+        }
+    }
+    match failed {
+        0 => Ok(()),
+        failed => Err(BenchError::FailedRuns { failed, runs: all.len() }),
+    }
 }
 
 fn check(config: &Path, sets: &[String]) -> Result<ExitCode, BenchError> {
@@ -234,24 +257,42 @@ impl RunArgs {
         work: impl Fn(&Experiment, &Path, &Options<'_>) -> Result<Record, BenchError>,
     ) -> Result<(), BenchError> {
         let experiment = Experiment::load(config, &self.set.set)?;
-        self.execute(&experiment, false, quiet, &work)
+        let dir = self.directory(&experiment.name, false);
+        self.execute(&experiment, &dir, quiet, &work)
+    }
+
+    /// The experiments of a file, which is a config or a list of such, with their run directories.
+    fn load(&self, config: &Path, several: bool) -> Result<Vec<(Experiment, PathBuf)>, BenchError> {
+        let sets = &self.set.set;
+        let Some(list) = RunList::load(config)? else {
+            let experiment = Experiment::load(config, sets)?;
+            let dir = self.directory(&experiment.name, several);
+            return Ok(vec![(experiment, dir)]);
+        };
+        let dir = self.directory(&list.name, several);
+        let listed = list.experiments(config, sets)?.into_iter();
+        Ok(listed.map(|(experiment, place)| (experiment, dir.join(place))).collect())
+    }
+
+    /// The directory of the run or list `name`, which may be one of several.
+    fn directory(&self, name: &str, several: bool) -> PathBuf {
+        match &self.out {
+            Some(out) if several => out.join(name),
+            Some(out) => out.clone(),
+            None => Path::new("runs").join(name),
+        }
     }
 
     fn execute(
         &self,
         experiment: &Experiment,
-        several: bool,
+        dir: &Path,
         quiet: bool,
         work: &impl Fn(&Experiment, &Path, &Options<'_>) -> Result<Record, BenchError>,
     ) -> Result<(), BenchError> {
-        let dir = match &self.out {
-            Some(out) if several => out.join(&experiment.name),
-            Some(out) => out.clone(),
-            None => Path::new("runs").join(&experiment.name),
-        };
         let arguments = arguments();
         let options = options(self.resume, quiet, &arguments);
-        let record = work(experiment, &dir, &options)?;
+        let record = work(experiment, dir, &options)?;
         show(quiet, &summary(&record));
         Ok(())
     }

@@ -1,6 +1,6 @@
 //! From a `[plant]` section to a concrete plant: the only place that knows them all.
 
-use crate::spec::{FourTanksParameters, PlantSpec};
+use crate::spec::{FourTanksParameters, FourTanksSpec, PlantSpec};
 use pinc_ode::{AcetoneStill, FourTanks, OneTank, Plant, VanDerPol, Variable};
 
 /// Work that is the same for every plant.
@@ -17,11 +17,7 @@ impl PlantSpec {
     pub(crate) fn with<T: PlantTask>(&self, task: T) -> T::Output {
         match self {
             Self::VanDerPol(spec) => task.run(VanDerPol { mu: spec.mu }),
-            Self::FourTanks(spec) => task.run(match spec.parameters {
-                FourTanksParameters::Antonelo => FourTanks::antonelo(),
-                FourTanksParameters::JohanssonNonminimum => FourTanks::johansson_nonminimum(),
-                FourTanksParameters::JohanssonMinimum => FourTanks::johansson_minimum(),
-            }),
+            Self::FourTanks(spec) => task.run(four_tanks(spec)),
             Self::OneTank(_) => task.run(OneTank::default()),
             Self::AcetoneStill(_) => task.run(AcetoneStill::default()),
         }
@@ -30,6 +26,19 @@ impl PlantSpec {
     /// The plant's states and inputs.
     pub(crate) fn variables(&self) -> Variables {
         self.with(ReadVariables)
+    }
+}
+
+fn four_tanks(spec: &FourTanksSpec) -> FourTanks {
+    let published = match spec.parameters {
+        FourTanksParameters::Antonelo => FourTanks::antonelo(),
+        FourTanksParameters::JohanssonNonminimum => FourTanks::johansson_nonminimum(),
+        FourTanksParameters::JohanssonMinimum => FourTanks::johansson_minimum(),
+    };
+    FourTanks {
+        gamma: spec.gamma.unwrap_or(published.gamma),
+        pump: spec.pump.unwrap_or(published.pump),
+        ..published
     }
 }
 

@@ -2,7 +2,7 @@
 
 use crate::mlp::to_f64;
 use crate::sampling::{Purpose, Sampler, rng};
-use crate::{Domain, NetError, PincNet};
+use crate::{Domain, NetError, PincNet, Scenario};
 use pinc_ode::metrics::mean_squared_error;
 use pinc_ode::{Adaptive, Plant};
 use rand::RngExt;
@@ -60,6 +60,12 @@ struct Trial {
 }
 
 impl ValidationConfig {
+    /// Standard deviation of each state in the box.
+    fn scale(&self, states: usize) -> Vec<f64> {
+        let ends = self.domain.ends().take(states);
+        ends.map(|(low, high)| (high - low) / 12.0_f64.sqrt()).collect()
+    }
+
     fn validate<P: Plant>(&self, plant: &P, horizon_s: f64) -> Result<usize, NetError> {
         self.domain.validate(plant.dims())?;
         for (key, value) in [
@@ -132,18 +138,31 @@ impl ValidationSet {
                 integrate(&mut integrator, x, vec![u], horizon_s, 1)
             })
             .collect::<Result<_, _>>()?;
-        Ok(Self {
-            states,
-            steps,
-            subintervals: config.subintervals,
-            horizon_s,
-            scale: ends[..states]
-                .iter()
-                .map(|(low, high)| (high - low) / 12.0_f64.sqrt())
-                .collect(),
-            scenarios,
-            one_step,
-        })
+        let (subintervals, scale) = (config.subintervals, config.scale(states));
+        Ok(Self { states, steps, subintervals, horizon_s, scale, scenarios, one_step })
+    }
+
+    /// What a conventional PINN can be asked: its one scenario, over one T.
+    ///
+    /// # Errors
+    ///
+    /// [`NetError`] if a setting makes no sense or the plant cannot be integrated.
+    pub fn of_scenario<P: Plant>(
+        plant: &P,
+        horizon_s: f64,
+        config: &ValidationConfig,
+        scenario: &Scenario,
+    ) -> Result<Self, NetError> {
+        config.validate(plant, horizon_s)?;
+        let (states, subintervals) = (plant.dims().states, config.subintervals);
+        let mut integrator = Adaptive::new(plant.clone(), config.tolerance);
+        let mut trial = |parts| {
+            let (initial, inputs) = (scenario.initial_state.clone(), vec![scenario.input.clone()]);
+            integrate(&mut integrator, initial, inputs, horizon_s, parts)
+        };
+        let (scenarios, one_step) = (vec![trial(subintervals)?], vec![trial(1)?]);
+        let scale = config.scale(states);
+        Ok(Self { states, steps: 1, subintervals, horizon_s, scale, scenarios, one_step })
     }
 
     /// The errors of `net`.

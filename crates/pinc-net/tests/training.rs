@@ -338,11 +338,20 @@ fn a_conventional_pinn_learns_its_one_scenario() {
             time_only: Some(scenario.clone()),
         };
         let config = TrainingConfig { collocation_points: 100, ..training(vec![broyden(200)]) };
-        let set = validation(&plant, 30.0, &domain);
-        let mut trainer = Trainer::new(plant, &net, &domain, &config, set, 0, 1).unwrap();
+        let scenarios = ValidationConfig {
+            scenarios: 1,
+            duration_s: 30.0,
+            subintervals: 10,
+            domain: domain.clone(),
+            tolerance: 1e-12,
+            one_step_points: 1,
+        };
+        let set = ValidationSet::of_scenario(&plant, 30.0, &scenarios, &scenario).unwrap();
+        let mut trainer = Trainer::new(plant, &net, &domain, &config, set.clone(), 0, 1).unwrap();
         while let Progress::Iterated(_) = trainer.step().unwrap() {}
         let mut truth = scenario.initial_state.clone();
         let mut integrator = Adaptive::new(plant, 1e-12);
+        let mut squares = (trainer.net().evaluate(0.0, &[15.0], &[2.0])[0] - 15.0).powi(2);
         for k in 1..=10 {
             integrator.integrate(&mut truth, &scenario.input, 3.0).unwrap();
             let y = trainer.net().evaluate(3.0 * f64::from(k), &[15.0], &[2.0]);
@@ -353,6 +362,16 @@ fn a_conventional_pinn_learns_its_one_scenario() {
                 y[0],
                 truth[0]
             );
+            squares += (y[0] - truth[0]).powi(2);
+            if k == 10 {
+                // Its validation is of these very rows, in standard deviations of the box: 18 / sqrt 12.
+                let found = set.evaluate(&trainer.net());
+                let last = (y[0] - truth[0]).powi(2);
+                assert!((found.mse_gen - last).abs() <= 1e-6 * last + 1e-20, "{found:?}");
+                assert!((found.one_step_mse - last).abs() <= 1e-6 * last + 1e-20, "{found:?}");
+                let all = squares / 11.0 / (18.0 * 18.0 / 12.0);
+                assert!((found.mse_all_normalized - all).abs() <= 1e-6 * all + 1e-20, "{found:?}");
+            }
         }
     }
 }

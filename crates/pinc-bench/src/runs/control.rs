@@ -4,6 +4,7 @@ use super::Options;
 use crate::BenchError;
 use crate::progress::Stage;
 use crate::record::{ControlMetrics, Record, StepTimes, Table, WallTimes, file, number};
+use crate::registry::PlantTask;
 use crate::spec::{ControlSpec, ModelKind};
 use pinc_mpc::{Bounds, ClosedLoop, MpcError, Nmpc, NmpcProblem, Reference, Weights};
 use pinc_net::{PincNet, PincPredictor};
@@ -15,14 +16,18 @@ use std::time::Instant;
 pub(crate) struct Setup<'a> {
     pub(crate) spec: &'a ControlSpec,
     /// Which of the config's models are run.
-    pub(crate) models: &'a [ModelKind],
+    pub(crate) kinds: &'a [ModelKind],
     /// The net, where one of them needs it.
     pub(crate) net: Option<&'a PincNet>,
     /// Length T of a step.
     pub(crate) horizon_s: f64,
 }
 
-/// Runs the closed loops, unless all have been run.
+/// A model for the controller.
+type Model = (ModelKind, Box<dyn Predictor>);
+
+/// Runs the closed loops, unless all have been run. `plant` is the one that the models are of, and
+/// also the one in the loop unless the config has another.
 pub(crate) fn stage<P: Plant + 'static>(
     plant: &P,
     setup: &Setup<'_>,
@@ -30,29 +35,49 @@ pub(crate) fn stage<P: Plant + 'static>(
     record: &mut Record,
 ) -> Result<(), BenchError> {
     let done = record.metrics().control.iter().map(|run| run.model);
-    if done.eq(setup.models.iter().copied()) {
+    if done.eq(setup.kinds.iter().copied()) {
         return Ok(());
     }
     record.update(|all| all.control.clear())?;
     for name in file::CONTROL {
         record.remove(name)?;
     }
-    for &model in setup.models {
-        let metrics = run_model(plant, setup, model, options, record)?;
-        record.update(|all| all.control.push(metrics))?;
+    let models = setup.kinds.iter().map(|&kind| (kind, setup.model(kind, plant))).collect();
+    let loops = Loops { setup, models, options, record };
+    match &setup.spec.plant {
+        Some(real) => real.with(loops),
+        None => loops.run(plant.clone()),
     }
-    Ok(())
+}
+
+/// The closed loops of one plant, with one model after the other.
+struct Loops<'a> {
+    setup: &'a Setup<'a>,
+    models: Vec<Model>,
+    options: &'a Options<'a>,
+    record: &'a mut Record,
+}
+
+impl PlantTask for Loops<'_> {
+    type Output = Result<(), BenchError>;
+
+    fn run<P: Plant + 'static>(self, plant: P) -> Result<(), BenchError> {
+        for model in self.models {
+            let metrics = run_model(&plant, self.setup, model, self.options, self.record)?;
+            self.record.update(|all| all.control.push(metrics))?;
+        }
+        Ok(())
+    }
 }
 
 fn run_model<P: Plant + 'static>(
     plant: &P,
     setup: &Setup<'_>,
-    kind: ModelKind,
+    (kind, model): Model,
     options: &Options<'_>,
     record: &Record,
 ) -> Result<ControlMetrics, BenchError> {
     let ControlSpec { sqp, repetitions, .. } = setup.spec;
-    let model = setup.model(kind, plant);
     let mut nmpc = Nmpc::new(setup.problem(plant), model, *sqp)?;
     let name = format!("control {kind}");
     let mut progress = Stage::begin(options.verbosity, &name, *repetitions as u64);
@@ -125,7 +150,7 @@ impl Setup<'_> {
 
     /// The name of the file for one model's `kind` of table.
     fn file(&self, kind: &str, model: ModelKind) -> String {
-        match self.models.len() {
+        match self.kinds.len() {
             1 => format!("{kind}.csv"),
             _ => format!("{kind}-{model}.csv"),
         }

@@ -14,7 +14,7 @@ use rand_chacha::rand_core::SeedableRng;
 /// The stream of random numbers that the inputs are drawn from; pinc-net's are below.
 const STREAM: u64 = 1 << 32;
 
-/// Runs net and plant under the same random inputs and writes `prediction.csv`.
+/// Runs net and plant under the same random inputs, or a conventional PINN beside its one scenario, and writes `prediction.csv`.
 pub(crate) fn stage<P: Plant>(
     plant: &P,
     net: &PincNet,
@@ -78,9 +78,15 @@ fn simulate<P: Plant>(
             #[expect(clippy::cast_precision_loss, reason = "as above")]
             truth.integrate(&mut x, input, horizon_s / spec.subintervals as f64)?;
             let held = if i < spec.subintervals { input } else { &inputs[(k + 1).min(steps - 1)] };
-            let sample = chain.advance(&|t, y0, u| net.evaluate(t, y0, u), t, held);
-            let (input, truth) = (held.clone(), x.clone());
-            rows.push(Row { t, input, state: sample.state, truth, mark: sample.mark });
+            let (state, mark) = match net.time_only() {
+                // It has no initial state to be fed back: beyond T it is asked for what it never learnt.
+                Some(_) => (net.evaluate(t, &spec.initial_state, input), i == spec.subintervals),
+                None => {
+                    let sample = chain.advance(&|t, y0, u| net.evaluate(t, y0, u), t, held);
+                    (sample.state, sample.mark)
+                }
+            };
+            rows.push(Row { t, input: held.clone(), state, truth: x.clone(), mark });
         }
     }
     Ok(rows)

@@ -267,7 +267,7 @@ impl PlantTask for Stages<'_> {
             let horizon_s = experiment.horizon_s().or_else(|| net.map(PincNet::horizon_s));
             let setup = control::Setup {
                 spec,
-                models: &plan.loops,
+                kinds: &plan.loops,
                 net,
                 horizon_s: horizon_s.expect("the plan was checked for it"),
             };

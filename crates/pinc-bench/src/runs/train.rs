@@ -32,8 +32,11 @@ pub(crate) fn stage<P: Plant + 'static>(
         return super::read_model(&record.path(file::MODEL));
     }
     let setup = Setup::of(experiment)?;
-    let validation =
-        ValidationSet::generate(plant, setup.net.horizon_s, setup.validation, experiment.seed)?;
+    let (horizon_s, config) = (setup.net.horizon_s, setup.validation);
+    let validation = match &setup.net.time_only {
+        Some(scenario) => ValidationSet::of_scenario(plant, horizon_s, config, scenario)?,
+        None => ValidationSet::generate(plant, horizon_s, config, experiment.seed)?,
+    };
     let mut session = Session::begin(plant, experiment, &setup, &validation, options, record)?;
     let outcome = session.work(record, &setup.training.effort, options);
     session.write_log(record)?;

@@ -1,5 +1,6 @@
 //! The `[control]` section.
 
+use super::PlantSpec;
 use pinc_mpc::{Profile, SqpConfig};
 use serde::{Deserialize, Serialize};
 use std::fmt;
@@ -10,6 +11,9 @@ use std::fmt;
 pub struct ControlSpec {
     /// The models that the controller is run with, one after the other.
     pub models: Vec<ModelKind>,
+    /// The plant in the loop, where it is another than the one that the models are of.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub plant: Option<PlantSpec>,
     /// Length of the run in s: a whole number of T.
     pub duration_s: f64,
     /// The state it starts from, in the plant's order.

@@ -3,6 +3,7 @@
 mod control;
 mod explain;
 mod layers;
+mod list;
 mod plant;
 mod prediction;
 mod problem;
@@ -11,6 +12,7 @@ mod training;
 mod validate;
 
 pub use control::{ControlSpec, ModelKind, ReferenceStep};
+pub use list::{ListedRun, RunList};
 pub use plant::{
     AcetoneStillSpec, FourTanksParameters, FourTanksSpec, OneTankSpec, PlantSpec, VanDerPolSpec,
 };

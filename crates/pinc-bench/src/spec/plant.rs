@@ -36,6 +36,12 @@ pub struct VanDerPolSpec {
 pub struct FourTanksSpec {
     /// One of three published sets.
     pub parameters: FourTanksParameters,
+    /// Valve openings gamma1, gamma2 instead of the set's.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub gamma: Option<[f64; 2]>,
+    /// Pump constants k1, k2 in cm^3/(V s) instead of the set's.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub pump: Option<[f64; 2]>,
 }
 
 /// The published parameter sets of the four tanks.

@@ -4,7 +4,7 @@ use super::{
     ControlSpec, Experiment, ModelKind, PlantSpec, PredictionSpec, Problem, TrainingSpec, nearest,
 };
 use crate::registry::Variables;
-use pinc_net::{NetError, ResidualScale, ValidationConfig};
+use pinc_net::{NetError, ResidualScale, Scenario, ValidationConfig};
 use pinc_ode::Dims;
 
 /// The key and what is wrong with its value.
@@ -14,7 +14,7 @@ impl Experiment {
     /// Checks that the values make sense by themselves and together.
     pub(super) fn validate(&self) -> Finding {
         directory_name(&self.name)?;
-        plant(&self.plant)?;
+        plant("plant", &self.plant)?;
         let variables = self.plant.variables();
         let dims = Dims { states: variables.states.len(), inputs: variables.inputs.len() };
         self.sections(dims)?;
@@ -38,10 +38,14 @@ impl Experiment {
         if let Some(model) = &self.model {
             model.validate(dims).map_err(|error| net_finding("model", &error))?;
             let loops = self.control.as_ref().map_or(&[][..], |control| &control.models);
-            let chained = self.prediction.is_some() || loops.contains(&ModelKind::Pinc);
-            if model.time_only.is_some() && chained {
-                let expected = "no such key with [prediction] or the model \"pinc\" in [control]";
-                return value("model.time_only", "a single scenario", expected);
+            if let Some(scenario) = &model.time_only {
+                if loops.contains(&ModelKind::Pinc) {
+                    let expected = "no such key with the model \"pinc\" in [control]";
+                    return value("model.time_only", "a single scenario", expected);
+                }
+                if let Some(prediction) = &self.prediction {
+                    free_run_of_scenario(prediction, scenario)?;
+                }
             }
         }
         if let Some(domain) = &self.domain {
@@ -80,7 +84,7 @@ fn net_finding(section: &str, error: &NetError) -> (String, Problem) {
     }
 }
 
-fn directory_name(name: &str) -> Finding {
+pub(super) fn directory_name(name: &str) -> Finding {
     let allowed = |c: char| c.is_ascii_alphanumeric() || matches!(c, '-' | '_' | '.');
     if name.starts_with(|c: char| c.is_ascii_alphanumeric()) && name.chars().all(allowed) {
         return Ok(());
@@ -89,13 +93,43 @@ fn directory_name(name: &str) -> Finding {
     value("name", format!("{name:?}"), expected)
 }
 
-fn plant(plant: &PlantSpec) -> Finding {
+fn plant(key: &str, plant: &PlantSpec) -> Finding {
     match plant {
         PlantSpec::VanDerPol(spec) if spec.mu < 0.0 => {
-            value("plant.van-der-pol.mu", spec.mu, "0 or a positive number")
+            value(&format!("{key}.van-der-pol.mu"), spec.mu, "0 or a positive number")
+        }
+        PlantSpec::FourTanks(spec) => {
+            let key = format!("{key}.four-tanks");
+            for (i, &gamma) in spec.gamma.iter().flatten().enumerate() {
+                if !(0.0..=1.0).contains(&gamma) {
+                    return value(&format!("{key}.gamma[{i}]"), gamma, "a share from 0 to 1");
+                }
+            }
+            for (i, &pump) in spec.pump.iter().flatten().enumerate() {
+                positive(&format!("{key}.pump[{i}]"), pump)?;
+            }
+            Ok(())
         }
         _ => Ok(()),
     }
+}
+
+/// The plant in the loop: it has the states and inputs of the one that the models are of.
+fn plant_in_the_loop(spec: &ControlSpec, variables: &Variables) -> Finding {
+    let Some(real) = &spec.plant else { return Ok(()) };
+    plant("control.plant", real)?;
+    let found = real.variables();
+    for (what, found, expected) in [
+        ("states", found.state_names(), variables.state_names()),
+        ("inputs", found.input_names(), variables.input_names()),
+    ] {
+        if found != expected {
+            let expected = format!("one with the {what} {}", expected.join(", "));
+            let found = format!("a plant with the {what} {}", found.join(", "));
+            return value("control.plant", found, &expected);
+        }
+    }
+    Ok(())
 }
 
 fn training_choices(spec: &TrainingSpec, dims: Dims) -> Finding {
@@ -138,9 +172,25 @@ fn free_run(spec: &PredictionSpec, variables: &Variables, horizon_s: Option<f64>
     bounds("prediction.input", &spec.input_low, &spec.input_high, inputs, "input")
 }
 
+/// A conventional PINN knows one scenario, so that it can run freely in that one only.
+fn free_run_of_scenario(spec: &PredictionSpec, scenario: &Scenario) -> Finding {
+    for (key, found, known) in [
+        ("initial_state", &spec.initial_state, &scenario.initial_state),
+        ("input_low", &spec.input_low, &scenario.input),
+        ("input_high", &spec.input_high, &scenario.input),
+    ] {
+        if found != known {
+            let expected = format!("{known:?}, the scenario of model.time_only");
+            return value(&format!("prediction.{key}"), format!("{found:?}"), &expected);
+        }
+    }
+    Ok(())
+}
+
 fn closed_loop(spec: &ControlSpec, variables: &Variables, horizon_s: Option<f64>) -> Finding {
     let (states, inputs) = (variables.states.len(), variables.inputs.len());
     models(spec)?;
+    plant_in_the_loop(spec, variables)?;
     whole_steps("control.duration_s", spec.duration_s, horizon_s)?;
     if let Some(step_s) = spec.step_s {
         positive("control.step_s", step_s)?;

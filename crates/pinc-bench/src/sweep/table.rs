@@ -57,7 +57,9 @@ fn metrics(experiment: &Experiment) -> Vec<Metric> {
             all.push(Metric::number("free_run_mse_marks", |m| {
                 Some(m.prediction.as_ref()?.mse_marks)
             }));
-            all.push(Metric::number("free_run_mse_all", |m| Some(m.prediction.as_ref()?.mse_all)));
+            all.push(Metric::number("free_run_rmse", |m| {
+                Some(m.prediction.as_ref()?.mse_all.sqrt())
+            }));
         }
     }
     for &model in experiment.control.iter().flat_map(|control| &control.models) {

@@ -1,0 +1,181 @@
+//! The closed loops: Table 1, the break-even of RK4's substeps, Figs. 15 and 16.
+
+use super::line;
+use super::page::{Page, short, time};
+use super::runs::{Run, Runs, cell, number};
+use crate::record::{ControlMetrics, file};
+use crate::{BenchError, ModelKind};
+
+const PLANTS: [(&str, &str); 2] = [("van-der-pol", "Van der Pol"), ("four-tanks", "four tanks")];
+
+/// Table 1.
+pub(super) fn table_1(page: &mut Page, runs: &Runs) -> Result<(), BenchError> {
+    page.heading("Table 1: control");
+    page.commands(&[
+        "pinc run configs/van-der-pol/main.toml --set preset=...",
+        "pinc run configs/four-tanks/main.toml --set preset=...",
+    ]);
+    page.paragraph(
+        "RMSE and IAE on the dense trace, the IAE summed over outputs, are the reading of the paper's table; those at the steps are the \
+         printed formulas. The time is the controller's, over 10 runs. Figs. 10, 13 and 14 show the same loops.",
+    );
+    let heads = [
+        "plant",
+        "source",
+        "model",
+        "RMSE dense",
+        "IAE dense",
+        "RMSE",
+        "IAE",
+        "time, mean",
+        "sd",
+        "largest KKT residual",
+    ];
+    let mut rows = vec![
+        line(["Van der Pol", "paper", "PINC", "0.15", "123.6", "", "", "3.32 s", "0.15 s", ""]),
+        line(["Van der Pol", "paper", "RK", "0.15", "122", "", "", "3.41 s", "0.04 s", ""]),
+        line(["four tanks", "paper", "PINC", "0.811", "876", "", "", "10.85 s", "0.14 s", ""]),
+        line(["four tanks", "paper", "RK", "0.807", "544", "", "", "14.15 s", "0.13 s", ""]),
+    ];
+    for (experiment, name) in PLANTS {
+        for run in runs.of_experiment(experiment)? {
+            for metrics in &run.metrics.control {
+                let source = format!("`{}`", run.preset.name());
+                rows.push([vec![name.to_owned(), source], loop_cells(metrics)].concat());
+            }
+        }
+    }
+    page.table(&heads, &rows);
+    Ok(())
+}
+
+fn loop_cells(metrics: &ControlMetrics) -> Vec<String> {
+    let wall = &metrics.wall_s;
+    vec![
+        name_of(metrics.model).to_owned(),
+        format!("{:.5}", metrics.rmse_dense),
+        format!("{:.3}", metrics.iae_dense_sum),
+        format!("{:.5}", metrics.rmse),
+        format!("{:.4}", metrics.iae),
+        time(wall.mean),
+        time(wall.sd),
+        format!("{:.1e}", metrics.kkt_max),
+    ]
+}
+
+fn name_of(model: ModelKind) -> &'static str {
+    match model {
+        ModelKind::Pinc => "PINC",
+        ModelKind::Rk4 => "RK4",
+    }
+}
+
+/// Is PINC faster than RK4? The paper says so.
+pub(super) fn substeps(page: &mut Page, runs: &Runs) -> Result<(), BenchError> {
+    page.heading("Is PINC faster than RK4?");
+    page.commands(&[
+        "pinc run configs/van-der-pol/substeps.toml",
+        "pinc run configs/four-tanks/substeps.toml",
+    ]);
+    page.paragraph(
+        "The paper says so of its program. The controller's time in the whole loop, median of 10 runs, by the substeps of RK4. The \
+         break-even is the number of substeps from which on RK4 takes longer than the net; fewer give the IAE beside them.",
+    );
+    for (plant, name) in PLANTS {
+        for run in runs.of_experiment(&format!("{plant}-substeps"))? {
+            let (trials, times) = (run.table(file::SWEEP)?, run.table(file::TIMINGS)?);
+            let mut rows = Vec::new();
+            let mut even = None;
+            for (trial, time_of) in trials.iter().zip(&times) {
+                let (pinc, rk4) = (number(time_of, "pinc_wall_s"), number(time_of, "rk4_wall_s"));
+                let substeps = cell(trial, "control.rk4_substeps").to_owned();
+                even = even.or_else(|| (rk4 > pinc).then(|| substeps.clone()));
+                rows.push(vec![
+                    substeps,
+                    time(rk4),
+                    time(pinc),
+                    format!("{:.4}", number(trial, "rk4_iae_dense_sum")),
+                    format!("{:.4}", number(trial, "pinc_iae_dense_sum")),
+                ]);
+            }
+            let even = even.map_or_else(
+                || "more than the most tried".to_owned(),
+                |substeps| format!("at most {substeps} substeps"),
+            );
+            page.paragraph(&format!("{name}; break-even: {even}."));
+            page.table(
+                &["substeps of RK4", "RK4", "PINC", "IAE dense, RK4", "IAE dense, PINC"],
+                &rows,
+            );
+        }
+    }
+    Ok(())
+}
+
+/// Fig. 15.
+pub(super) fn sensitivity(page: &mut Page, runs: &Runs) -> Result<(), BenchError> {
+    page.heading("Fig. 15: sensitivity");
+    page.commands(&["pinc run configs/four-tanks/sensitivity.toml --set preset=..."]);
+    page.paragraph(
+        "IAE dense, summed over outputs, over 151 random plants (pump constants +-5 %) and 151 random initial levels (9 cm +-5 %); the \
+         models keep the nominal constants. The paper has histograms of PINC alone.",
+    );
+    for run in runs.of_experiment("four-tanks-sensitivity")? {
+        page.paragraph(&format!("Preset `{}`; {}.", run.preset.name(), controller_time(&run)?));
+        let mut rows = Vec::new();
+        for (model, metric) in [("PINC", "pinc_iae_dense_sum"), ("RK4", "rk4_iae_dense_sum")] {
+            for row in run.summary(metric)? {
+                let mut cells =
+                    line([cell(&row, "model.hidden_layers"), cell(&row, "drawn"), model]);
+                let columns = ["min", "q1", "median", "q3", "max"];
+                cells.extend(columns.map(|column| short(number(&row, column))));
+                cells.push(cell(&row, "failed").to_owned());
+                rows.push(cells);
+            }
+        }
+        let heads = [
+            "layers of 20",
+            "drawn",
+            "model",
+            "least",
+            "lower quartile",
+            "median",
+            "upper quartile",
+            "most",
+            "failed",
+        ];
+        page.table(&heads, &rows);
+    }
+    Ok(())
+}
+
+/// "The controller worked 3.2 s with PINC and 2.1 s with RK4 in all 604 loops".
+fn controller_time(run: &Run) -> Result<String, BenchError> {
+    let times = run.table(file::TIMINGS)?;
+    let sum = |column| times.iter().map(|row| number(row, column)).filter(|t| t.is_finite()).sum();
+    let (pinc, rk4): (f64, f64) = (sum("pinc_wall_s"), sum("rk4_wall_s"));
+    Ok(format!(
+        "the controller's time in all {} loops: {} with PINC, {} with RK4",
+        times.len(),
+        time(pinc),
+        time(rk4)
+    ))
+}
+
+/// Fig. 16.
+pub(super) fn worst_case(page: &mut Page, runs: &Runs) -> Result<(), BenchError> {
+    page.heading("Fig. 16: the worst case");
+    page.commands(&["pinc run configs/four-tanks/worst-case.toml --set preset=..."]);
+    let mut rows = vec![line(["paper", "PINC", "1022"])];
+    for run in runs.of_experiment("four-tanks-worst-case")? {
+        for metrics in &run.metrics.control {
+            rows.push(vec![
+                format!("`{}`", run.preset.name()),
+                name_of(metrics.model).to_owned(),
+                format!("{:.2}", metrics.iae_dense_sum),
+            ]);
+        }
+    }
+    page.table(&["source", "model", "IAE dense"], &rows);
+    Ok(())
+}

@@ -1,0 +1,153 @@
+//! The paper's tables and figures beside what the runs of `configs/paper.toml` came to, as a page.
+
+mod control;
+mod grids;
+mod page;
+mod runs;
+
+use crate::BenchError;
+use page::{Page, short, time};
+use runs::{Run, Runs, cell, number};
+use std::collections::BTreeSet;
+use std::path::Path;
+
+/// Every experiment of the paper, in the order of the page's provenance.
+const EXPERIMENTS: [&str; 11] = [
+    "van-der-pol",
+    "four-tanks",
+    "van-der-pol-substeps",
+    "four-tanks-substeps",
+    "van-der-pol-structure",
+    "van-der-pol-points",
+    "van-der-pol-long-range",
+    "four-tanks-sensitivity",
+    "four-tanks-worst-case",
+    "van-der-pol-horizon",
+    "four-tanks-horizon",
+];
+
+/// The page, in Markdown, from the directory of a list of runs. What has not been run is left out.
+///
+/// # Errors
+///
+/// [`BenchError`] if the directory holds no such runs, or a file in it cannot be read.
+pub fn results(dir: &Path) -> Result<String, BenchError> {
+    let runs = Runs::of(dir);
+    let mut page = Page::default();
+    page.paragraph("# The paper, regenerated");
+    page.paragraph(
+        "Each table and figure of the paper with numbers in it, beside this project's. Made by the two commands below from the \
+         run directories; the pictures are in their reports. `as-printed` is the paper's equations and `as-released` \
+         its authors' program, both run by this project with the paper's recipe; `ours` is the best that this project \
+         can do. [deviations.md](deviations.md) says where these differ, [results.md](results.md) has what other commands measured.",
+    );
+    page.commands(&[
+        "pinc run configs/paper.toml --resume",
+        "pinc results runs/paper > docs/paper.md",
+    ]);
+    control::table_1(&mut page, &runs)?;
+    control::substeps(&mut page, &runs)?;
+    grids::structure(&mut page, &runs)?;
+    grids::points(&mut page, &runs)?;
+    long_range(&mut page, &runs)?;
+    nets(&mut page, &runs)?;
+    control::sensitivity(&mut page, &runs)?;
+    control::worst_case(&mut page, &runs)?;
+    grids::horizon(&mut page, &runs)?;
+    if !provenance(&mut page, &runs)? {
+        return Err(BenchError::NoRunDirectory { dir: dir.to_owned() });
+    }
+    Ok(page.into_text())
+}
+
+/// Figs. 6 and 7.
+fn long_range(page: &mut Page, runs: &Runs) -> Result<(), BenchError> {
+    page.heading("Figs. 6 and 7: long range");
+    page.commands(&["pinc run configs/van-der-pol/long-range.toml --set preset=..."]);
+    page.paragraph(
+        "RMSE over 10 s against the truth. A PINN is trained for one initial state, one input and its T, and asked beyond; \
+         the PINC net is trained once, for T = 0.5 s and any of them, and chained. In the paper too the PINN for T = 10 s comes \
+         slightly below PINC, all others above.",
+    );
+    for run in runs.of_experiment("van-der-pol-long-range")? {
+        page.paragraph(&format!("Preset `{}`.", run.preset.name()));
+        let rows: Vec<Vec<String>> = run
+            .summary("free_run_rmse")?
+            .iter()
+            .map(|row| vec![cell(row, "case").to_owned(), short(number(row, "median"))])
+            .collect();
+        page.table(&["net", "RMSE over 10 s"], &rows);
+    }
+    Ok(())
+}
+
+/// Figs. 8, 9 and 12: the final nets.
+fn nets(page: &mut Page, runs: &Runs) -> Result<(), BenchError> {
+    page.heading("Figs. 8, 9 and 12: the final nets");
+    page.commands(&[
+        "pinc run configs/van-der-pol/main.toml --set preset=...",
+        "pinc run configs/four-tanks/main.toml --set preset=...",
+    ]);
+    let mut rows = vec![
+        line(["Van der Pol", "the authors' program", "9.8 h", "1.6e-4", "4.96e-5", ""]),
+        line(["four tanks", "the authors' program", "32.5 h", "3.6e-2", "", ""]),
+    ];
+    for (experiment, name) in [("van-der-pol", "Van der Pol"), ("four-tanks", "four tanks")] {
+        for Run { preset, metrics, .. } in runs.of_experiment(experiment)? {
+            let (Some(training), Some(validation)) = (&metrics.training, &metrics.validation)
+            else {
+                continue;
+            };
+            let free = metrics.prediction.as_ref().map_or(f64::NAN, |free| free.mse_all.sqrt());
+            rows.push(vec![
+                name.to_owned(),
+                format!("`{}`", preset.name()),
+                time(training.wall_s),
+                short(validation.mse_gen),
+                short(validation.mse_all_normalized),
+                short(free),
+            ]);
+        }
+    }
+    page.table(
+        &[
+            "plant",
+            "net",
+            "training",
+            "`mse_gen`",
+            "mse, all rows, normalised",
+            "RMSE of the free run",
+        ],
+        &rows,
+    );
+    Ok(())
+}
+
+/// What the runs were made with. Says whether there are any.
+fn provenance(page: &mut Page, runs: &Runs) -> Result<bool, BenchError> {
+    let mut machines = BTreeSet::new();
+    let mut rows = Vec::new();
+    for experiment in EXPERIMENTS {
+        for Run { preset, provenance: p, .. } in runs.of_experiment(experiment)? {
+            machines.insert(format!("{}, {} cores, {}, {}", p.cpu, p.cores, p.os, p.rustc));
+            let commit = p.git_commit.as_deref().unwrap_or("unknown");
+            let dirty = if p.git_dirty == Some(true) { " and changes" } else { "" };
+            rows.push(vec![
+                experiment.to_owned(),
+                format!("`{}`", preset.name()),
+                format!("{}{dirty}", commit.get(..12).unwrap_or(commit)),
+                p.started,
+            ]);
+        }
+    }
+    page.heading("Provenance");
+    for machine in machines {
+        page.paragraph(&machine);
+    }
+    page.table(&["experiment", "preset", "commit", "started or gone on with"], &rows);
+    Ok(!rows.is_empty())
+}
+
+fn line<const N: usize>(cells: [&str; N]) -> Vec<String> {
+    cells.map(str::to_owned).to_vec()
+}
