@@ -1,7 +1,7 @@
 //! From a `[plant]` section to a concrete plant: the only place that knows them all.
 
 use crate::spec::{FourTanksParameters, FourTanksSpec, PlantSpec};
-use pinc_ode::{AcetoneStill, FourTanks, OneTank, Plant, VanDerPol, Variable};
+use pinc_ode::{AcetoneColumn, AcetoneStill, FourTanks, OneTank, Plant, VanDerPol, Variable};
 
 /// Work that is the same for every plant.
 pub(crate) trait PlantTask {
@@ -19,6 +19,7 @@ impl PlantSpec {
             Self::VanDerPol(spec) => task.run(VanDerPol { mu: spec.mu }),
             Self::FourTanks(spec) => task.run(four_tanks(spec)),
             Self::OneTank(_) => task.run(OneTank::default()),
+            Self::AcetoneColumn(_) => task.run(AcetoneColumn::default()),
             Self::AcetoneStill(_) => task.run(AcetoneStill::default()),
         }
     }

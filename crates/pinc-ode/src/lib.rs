@@ -33,7 +33,7 @@ mod trajectory;
 pub use adaptive::Adaptive;
 pub use error::OdeError;
 pub use plant::{Plant, Variable};
-pub use plants::{AcetoneStill, FourTanks, OneTank, VanDerPol};
+pub use plants::{AcetoneColumn, AcetoneStill, FourTanks, OneTank, VanDerPol};
 pub use predictor::{Dims, Predictor};
 pub use rk4::Rk4;
 pub use signal::Signal;

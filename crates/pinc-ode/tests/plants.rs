@@ -2,7 +2,7 @@
 //! differences, on every kind of number, and with empty tanks.
 
 use pinc_ad::{Dual, Lanes, Scalar, Tape, Var, central_difference, jacobian};
-use pinc_ode::{AcetoneStill, FourTanks, OneTank, Plant, VanDerPol};
+use pinc_ode::{AcetoneColumn, AcetoneStill, FourTanks, OneTank, Plant, VanDerPol};
 use proptest::prelude::*;
 use proptest::test_runner::{FileFailurePersistence, TestCaseError, TestRunner};
 
@@ -51,6 +51,7 @@ fn check_table(name: &str, plant: &impl Plant, rows: usize) {
 
 #[test]
 fn expected_digits() {
+    check_table("acetone-column", &AcetoneColumn::default(), 2);
     check_table("acetone-still", &AcetoneStill::default(), 3);
     check_table("van-der-pol", &VanDerPol::default(), 3);
     check_table("one-tank", &OneTank::default(), 2);

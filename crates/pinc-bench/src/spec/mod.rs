@@ -14,7 +14,8 @@ mod validate;
 pub use control::{ControlSpec, ModelKind, ReferenceStep};
 pub use list::{ListedRun, RunList};
 pub use plant::{
-    AcetoneStillSpec, FourTanksParameters, FourTanksSpec, OneTankSpec, PlantSpec, VanDerPolSpec,
+    AcetoneColumnSpec, AcetoneStillSpec, FourTanksParameters, FourTanksSpec, OneTankSpec,
+    PlantSpec, VanDerPolSpec,
 };
 pub use prediction::PredictionSpec;
 use problem::nearest;

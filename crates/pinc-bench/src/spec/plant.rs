@@ -20,6 +20,8 @@ pub enum PlantSpec {
     OneTank(OneTankSpec),
     /// The still for acetone, methanol and water.
     AcetoneStill(AcetoneStillSpec),
+    /// The distillation column for the same mixture.
+    AcetoneColumn(AcetoneColumnSpec),
 }
 
 /// Parameters of the Van der Pol oscillator.
@@ -65,3 +67,8 @@ pub struct OneTankSpec {}
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct AcetoneStillSpec {}
+
+/// The column has no parameters to choose.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct AcetoneColumnSpec {}

@@ -1,10 +1,13 @@
 //! The paper's plants, one file each.
 
+mod acetone_column;
+mod acetone_mixture;
 mod acetone_still;
 mod four_tanks;
 mod one_tank;
 mod van_der_pol;
 
+pub use acetone_column::AcetoneColumn;
 pub use acetone_still::AcetoneStill;
 pub use four_tanks::FourTanks;
 pub use one_tank::OneTank;

@@ -70,16 +70,33 @@ def partial_pressures(x, temperature):
     return [x[i] * exp(ln_gamma(i) + ANTOINE[i][0] - ANTOINE[i][1] / (celsius + ANTOINE[i][2])) for i in all3]
 
 
-def acetone_still(x, u):
-    liquid = [x[0], x[1], 1 - x[0] - x[1]]
+def vapour_over(liquid):
     pressure = mpf("101.325")
     boiling = findroot(lambda t: log(sum(partial_pressures(liquid, t)) / pressure), mpf(340))
-    y = [p / pressure for p in partial_pressures(liquid, boiling)]
+    return [p / pressure for p in partial_pressures(liquid, boiling)]
+
+
+def acetone_column(x, u):
+    liquids = [[x[2 * i], 1 - x[2 * i] - x[2 * i + 1], x[2 * i + 1]] for i in range(3)]
+    x0, x1, x2 = ([liquid[0], liquid[2]] for liquid in liquids)
+    over = [vapour_over(liquid) for liquid in liquids]
+    y0, y1, y2 = ([y[0], y[2]] for y in over)
+    reflux, vapour = u[0], u[1] / sum(over[0][i] * HEAT[i] for i in range(3))
+    z = [mpf("0.25"), mpf("0.5")]
+    pot = [(4 * (z[i] - x0[i]) + reflux * (x1[i] - x0[i]) - vapour * (y0[i] - x0[i])) / 1000 for i in range(2)]
+    lower = [(reflux * (x2[i] - x1[i]) + vapour * (y0[i] - y1[i])) / 200 for i in range(2)]
+    upper = [(reflux * (y2[i] - x2[i]) + vapour * (y1[i] - y2[i])) / 200 for i in range(2)]
+    return pot + lower + upper
+
+
+def acetone_still(x, u):
+    y = vapour_over([x[0], x[1], 1 - x[0] - x[1]])
     vapour = u[1] / sum(y[i] * HEAT[i] for i in range(3))
     return [(u[0] * (mpf("0.5") - x[i]) - 3 * x[i] - vapour * (y[i] - x[i])) / 1000 for i in range(2)]
 
 
 PLANTS = {
+    "acetone-column": acetone_column,
     "acetone-still": acetone_still,
     "van-der-pol": van_der_pol,
     "one-tank": one_tank,
@@ -89,6 +106,7 @@ PLANTS = {
 }
 TANK_POINTS = [("12.4 12.7 1.8 1.4", "3.0 3.0"), ("2.5 17.0 0.6 5.5", "0.75 4.5")]
 POINTS = {
+    "acetone-column": [("0.1 0.7 0.4 0.3 0.6 0.1", "3.0 120.0"), ("0.05 0.8 0.2 0.5 0.4 0.2", "2.0 90.0")],
     "acetone-still": [("0.1 0.2", "4.0 100.0"), ("0.3 0.05", "2.0 150.0"), ("0.01 0.02", "6.0 30.0")],
     "van-der-pol": [("0.5 -1.5", "0.25"), ("-2.75 3.0", "-1.0"), ("0.0 0.0", "0.0")],
     "one-tank": [("2.0", "4.45"), ("13.7", "0.5")],
