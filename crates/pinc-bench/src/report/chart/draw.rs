@@ -77,7 +77,8 @@ impl Placed<'_> {
             self.upright(canvas, x, &Style { shape: Shape::Dashes(1.0), ..limit_style() });
         }
         for limit in &self.panel.limits {
-            if let Some(fraction) = scales.y.fraction(*limit) {
+            let fraction = scales.y.fraction(*limit).filter(|f| (0.0..=1.0).contains(f));
+            if let Some(fraction) = fraction {
                 self.level(canvas, fraction, &limit_style());
             }
         }
