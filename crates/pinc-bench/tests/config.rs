@@ -4,6 +4,7 @@ mod common;
 
 use common::{repository, smoke};
 use pinc_bench::{Experiment, Preset};
+use pinc_mpc::Weight;
 use std::path::{Path, PathBuf};
 
 fn parse(text: &str, sets: &[&str]) -> Experiment {
@@ -83,7 +84,10 @@ rk4_substeps = 8
 fn later_layers_win() {
     let control = |sets: &[&str]| {
         let control = parse(LAYERED, sets).control.unwrap();
-        (control.n2, control.rk4_substeps, control.q[0], control.r[0])
+        let [Weight::Diagonal(q), Weight::Diagonal(r)] = [control.q, control.r] else {
+            panic!("the file gives diagonals");
+        };
+        (control.n2, control.rk4_substeps, q[0], r[0])
     };
     // n2 is the built-in default's; the file replaces that of rk4_substeps, which is 4.
     assert_eq!(control(&[]), (5, 7, 1.0, 2.0));

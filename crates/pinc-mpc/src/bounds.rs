@@ -60,7 +60,8 @@ impl Bounds {
 }
 
 /// What a constraint is worth that cannot be met, or only at a high cost.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
 pub enum Softness {
     /// It must be met. Where that is impossible, the step's status says so and names a constraint that
     /// is in the way; the plan is then that of `Exact`.

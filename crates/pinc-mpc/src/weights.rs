@@ -31,7 +31,7 @@ impl Weights {
 /// A symmetric, positive semidefinite matrix. In a file: a list of numbers, the diagonal, or a list of
 /// rows.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(untagged)]
+#[serde(untagged, expecting = "expected a list of numbers (a diagonal) or a list of rows")]
 pub enum Weight {
     /// The diagonal of a diagonal matrix; not negative.
     Diagonal(Vec<f64>),

@@ -6,11 +6,11 @@ use crate::progress::Stage;
 use crate::record::{ControlMetrics, Record, StepTimes, Table, WallTimes, file, number};
 use crate::registry::PlantTask;
 use crate::spec::{ControlSpec, ModelKind};
-use pinc_mpc::{Bounds, ClosedLoop, MpcError, Nmpc, NmpcProblem, Reference, Weights};
+use pinc_mpc::{ClosedLoop, MpcError, Nmpc, NmpcProblem, Reference};
 use pinc_net::{PincNet, PincPredictor};
 use pinc_ode::{Adaptive, Plant, Predictor, Rk4, Signal};
 use std::collections::BTreeMap;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 /// What the stage works from.
 pub(crate) struct Setup<'a> {
@@ -77,7 +77,7 @@ fn run_model<P: Plant + 'static>(
     options: &Options<'_>,
     record: &Record,
 ) -> Result<ControlMetrics, BenchError> {
-    let ControlSpec { sqp, repetitions, .. } = setup.spec;
+    let ControlSpec { sqp, repetitions, budget_us, .. } = setup.spec;
     let mut nmpc = Nmpc::new(setup.problem(plant), model, *sqp)?;
     let name = format!("control {kind}");
     let mut progress = Stage::begin(options.verbosity, &name, *repetitions as u64);
@@ -88,7 +88,7 @@ fn run_model<P: Plant + 'static>(
         progress.advance(repetition as u64, String::new);
         // Only the first leaves results: the others give the same numbers in other times.
         let mut run = setup.begin(&mut nmpc, plant)?;
-        let outcome = times.watch(&mut run);
+        let outcome = times.watch(&mut run, budget_us.map(|us| Duration::from_secs_f64(1e-6 * us)));
         if results.is_none() || outcome.is_err() {
             record.write_trace(&setup.file("control", kind), || setup.trace(&run, plant))?;
             results = Some(Results::of(&run));
@@ -113,24 +113,8 @@ impl Setup<'_> {
     }
 
     fn problem<P: Plant>(&self, plant: &P) -> NmpcProblem {
-        let spec = self.spec;
-        let states = plant.states();
-        let place = |name: &String| states.iter().position(|state| state.name == *name);
-        let mut state_bounds = Bounds::none(states.len());
-        state_bounds.low = spec.state_low.clone().unwrap_or(state_bounds.low);
-        state_bounds.high = spec.state_high.clone().unwrap_or(state_bounds.high);
-        let weights = Weights {
-            profile: spec.weights_profile,
-            ..Weights::uniform(spec.q.clone(), spec.r.clone())
-        };
-        NmpcProblem {
-            first: spec.n1,
-            control: spec.nu,
-            controlled: spec.controlled.iter().filter_map(place).collect(),
-            state_bounds,
-            input_bounds: Bounds { low: spec.input_low.clone(), high: spec.input_high.clone() },
-            ..NmpcProblem::new(plant.dims(), spec.n2, weights)
-        }
+        let names: Vec<&str> = plant.states().iter().map(|state| &*state.name).collect();
+        self.spec.problem(&names, plant.inputs().len())
     }
 
     fn begin<'n, P: Plant>(
@@ -178,11 +162,16 @@ struct Times(Vec<Vec<f64>>);
 
 impl Times {
     /// Runs the loop to its end, with an eye on the clock.
-    fn watch<P: Plant>(&mut self, run: &mut ClosedLoop<'_, P>) -> Result<(), MpcError> {
+    fn watch<P: Plant>(
+        &mut self,
+        run: &mut ClosedLoop<'_, P>,
+        budget: Option<Duration>,
+    ) -> Result<(), MpcError> {
         let mut times = Vec::new();
         loop {
             let clock = Instant::now();
-            let control = run.control()?;
+            let mut expired = || budget.is_some_and(|budget| clock.elapsed() >= budget);
+            let control = run.control_within(&mut expired)?;
             let time = clock.elapsed();
             let Some(control) = control else { break };
             times.push(time.as_secs_f64());
@@ -194,7 +183,8 @@ impl Times {
 
     /// `steps.csv`, with each step's median time.
     fn table(&self, results: &Results) -> Table {
-        let mut table = Table::new(["step", "status", "sqp_iterations", "kkt", "solve_us"]);
+        let mut table =
+            Table::new(["step", "status", "sqp_iterations", "kkt", "solve_us", "violated"]);
         for (k, step) in results.steps.iter().enumerate() {
             let times = self.0.iter().map(|run| 1e6 * run[k]).collect();
             table.push(&[
@@ -203,6 +193,7 @@ impl Times {
                 step.sqp_iterations.to_string(),
                 number(step.kkt),
                 number(WallTimes::of(times).median),
+                step.violated.map_or(String::new(), |constraint| constraint.to_string()),
             ]);
         }
         table

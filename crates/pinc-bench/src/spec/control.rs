@@ -1,7 +1,8 @@
 //! The `[control]` section.
 
 use super::PlantSpec;
-use pinc_mpc::{Profile, SqpConfig};
+use pinc_mpc::{Bounds, NmpcProblem, Profile, Softness, SqpConfig, Weight, Weights};
+use pinc_ode::Dims;
 use serde::{Deserialize, Serialize};
 use std::fmt;
 
@@ -26,10 +27,13 @@ pub struct ControlSpec {
     pub n2: usize,
     /// Nu, the number of free inputs.
     pub nu: usize,
-    /// The diagonal of Q, one weight per controlled state.
-    pub q: Vec<f64>,
-    /// The diagonal of R, one weight per input.
-    pub r: Vec<f64>,
+    /// Q, for the controlled states: its diagonal, or all of its rows.
+    pub q: Weight,
+    /// R, for the inputs' changes: its diagonal, or all of its rows.
+    pub r: Weight,
+    /// The weight of the last predicted state, in place of Q; the same as elsewhere if absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub q_terminal: Option<Weight>,
     /// How the weights go along the horizon.
     pub weights_profile: Profile,
     /// Lower bounds of the predicted states, in the plant's order; none if absent.
@@ -38,10 +42,25 @@ pub struct ControlSpec {
     /// Upper bounds of the predicted states; none if absent.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub state_high: Option<Vec<f64>>,
+    /// What is done where the states' bounds cannot be met.
+    #[serde(default)]
+    pub state_softness: Softness,
     /// Lower bounds of the inputs.
     pub input_low: Vec<f64>,
     /// Upper bounds of the inputs.
     pub input_high: Vec<f64>,
+    /// Lower bounds of the inputs' change from one step to the next, 0 or less; none if absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub increment_low: Option<Vec<f64>>,
+    /// Upper bounds of the same, 0 or more; none if absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub increment_high: Option<Vec<f64>>,
+    /// How many whole steps pass until an input acts on the plant.
+    #[serde(default)]
+    pub delay_steps: usize,
+    /// The time that the controller may take per step, in us; no limit if absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub budget_us: Option<f64>,
     /// Substeps per T of the model `rk4`.
     pub rk4_substeps: usize,
     /// How many times each closed loop is run, for the statistics of its time.
@@ -59,6 +78,35 @@ pub struct ControlSpec {
     pub close_ups_s: Vec<[f64; 2]>,
     /// The optimiser.
     pub sqp: SqpConfig,
+}
+
+impl ControlSpec {
+    /// The problem for a plant whose states have these names.
+    pub(crate) fn problem(&self, states: &[&str], inputs: usize) -> NmpcProblem {
+        let dims = Dims { states: states.len(), inputs };
+        let place = |name: &String| states.iter().position(|state| state == name);
+        let weights = Weights {
+            terminal: self.q_terminal.clone(),
+            profile: self.weights_profile,
+            ..Weights::uniform(self.q.clone(), self.r.clone())
+        };
+        NmpcProblem {
+            first: self.n1,
+            control: self.nu,
+            controlled: self.controlled.iter().filter_map(place).collect(),
+            state_bounds: bounds(&self.state_low, &self.state_high, states.len()),
+            state_softness: self.state_softness.clone(),
+            input_bounds: Bounds { low: self.input_low.clone(), high: self.input_high.clone() },
+            increment_bounds: bounds(&self.increment_low, &self.increment_high, inputs),
+            delay: self.delay_steps,
+            ..NmpcProblem::new(dims, self.n2, weights)
+        }
+    }
+}
+
+fn bounds(low: &Option<Vec<f64>>, high: &Option<Vec<f64>>, variables: usize) -> Bounds {
+    let none = Bounds::none(variables);
+    Bounds { low: low.clone().unwrap_or(none.low), high: high.clone().unwrap_or(none.high) }
 }
 
 /// One value of the reference.

@@ -4,6 +4,7 @@ use super::{
     ControlSpec, Experiment, ModelKind, PlantSpec, PredictionSpec, Problem, TrainingSpec, nearest,
 };
 use crate::registry::Variables;
+use pinc_mpc::{MpcError, Weight};
 use pinc_net::{NetError, ResidualScale, Scenario, ValidationConfig};
 use pinc_ode::Dims;
 
@@ -141,6 +142,39 @@ fn plant_in_the_loop(spec: &ControlSpec, variables: &Variables) -> Finding {
     Ok(())
 }
 
+/// A finding from an error of pinc-mpc about the control problem.
+fn mpc_finding(error: &MpcError) -> (String, Problem) {
+    let (field, found, expected) = match error {
+        MpcError::Number { field, value, expected, .. } => {
+            (*field, value.to_string(), (*expected).to_owned())
+        }
+        MpcError::Length { field, found, expected } => {
+            (*field, format!("{found} numbers"), format!("{expected}"))
+        }
+        MpcError::Range { field, found, low, high } => {
+            (*field, found.to_string(), format!("from {low} to {high}"))
+        }
+        MpcError::NotSymmetric { field, .. } => {
+            (*field, "rows".into(), "a symmetric matrix".into())
+        }
+        MpcError::NotSemidefinite { field } => {
+            (*field, "rows".into(), "a positive semidefinite matrix".into())
+        }
+        other => ("", "values".into(), other.to_string()),
+    };
+    let key = match field {
+        "weights.q" => "control.q",
+        "weights.r" => "control.r",
+        "weights.terminal" => "control.q_terminal",
+        "state_softness" => "control.state_softness.penalty",
+        "increment_bounds" => "control.increment_low, control.increment_high",
+        "delay" => "control.delay_steps",
+        "last (N2)" => "control.n2",
+        _ => "control",
+    };
+    (key.to_owned(), Problem::Value { found, expected })
+}
+
 fn training_choices(spec: &TrainingSpec, dims: Dims) -> Finding {
     if let Some(limit) = spec.effort.time_limit_s {
         positive("training.time_limit_s", limit)?;
@@ -209,6 +243,10 @@ fn closed_loop(spec: &ControlSpec, variables: &Variables, horizon_s: Option<f64>
     horizons(spec)?;
     weights("control.q", &spec.q, spec.controlled.len(), "controlled state")?;
     weights("control.r", &spec.r, inputs, "input")?;
+    let terminal = spec.q_terminal.as_ref();
+    terminal.map_or(Ok(()), |q| {
+        weights("control.q_terminal", q, spec.controlled.len(), "controlled state")
+    })?;
     bounds("control.input", &spec.input_low, &spec.input_high, inputs, "input")?;
     for (key, side) in [("state_low", &spec.state_low), ("state_high", &spec.state_high)] {
         if let Some(side) = side {
@@ -224,7 +262,13 @@ fn closed_loop(spec: &ControlSpec, variables: &Variables, horizon_s: Option<f64>
     tolerance("control.plant_tolerance", spec.plant_tolerance)?;
     positive("control.sqp.tolerance", spec.sqp.tolerance)?;
     at_least_one("control.sqp.max_iterations", spec.sqp.max_iterations)?;
-    references(spec)
+    if let Some(budget_us) = spec.budget_us {
+        positive("control.budget_us", budget_us)?;
+    }
+    references(spec)?;
+    let names: Vec<&str> = variables.states.iter().map(|state| &*state.name).collect();
+    let problem = spec.problem(&names, inputs);
+    problem.validate(Dims { states, inputs }).map_err(|error| mpc_finding(&error))
 }
 
 fn models(spec: &ControlSpec) -> Finding {
@@ -335,10 +379,22 @@ fn length(key: &str, values: &[f64], expected: usize, per: &'static str) -> Find
     }
 }
 
-fn weights(key: &str, weights: &[f64], expected: usize, per: &'static str) -> Finding {
-    length(key, weights, expected, per)?;
-    match weights.iter().position(|&w| w < 0.0) {
-        Some(i) => value(&format!("{key}[{i}]"), weights[i], "0 or a positive number"),
+fn weights(key: &str, weight: &Weight, expected: usize, per: &'static str) -> Finding {
+    let diagonal = match weight {
+        Weight::Diagonal(diagonal) => diagonal,
+        Weight::Full(rows) => {
+            let problem = Problem::Length { found: rows.len(), expected, per };
+            let lengths = rows.iter().map(Vec::len).chain([rows.len()]);
+            return if lengths.into_iter().all(|found| found == expected) {
+                Ok(())
+            } else {
+                Err((key.to_owned(), problem))
+            };
+        }
+    };
+    length(key, diagonal, expected, per)?;
+    match diagonal.iter().position(|&w| w < 0.0) {
+        Some(i) => value(&format!("{key}[{i}]"), diagonal[i], "0 or a positive number"),
         None => Ok(()),
     }
 }

@@ -3,6 +3,7 @@
 
 mod closed_loop;
 mod failures;
+mod formulation;
 mod kkt;
 mod linear;
 mod misuse;

@@ -1,0 +1,110 @@
+//! A control step allocates nothing, however it ends. One test only: the count is of all threads.
+#![expect(unsafe_code, reason = "an allocator that counts must implement an unsafe trait")]
+
+use pinc_ad::Scalar;
+use pinc_mpc::{
+    Bounds, Constraints, Nmpc, NmpcProblem, QpMethod, SqpConfig, SqpStatus, StageConstraints,
+    Weights,
+};
+use pinc_ode::{FourTanks, Predictor, Rk4, VanDerPol};
+use std::alloc::{GlobalAlloc, Layout, System};
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+/// The system's allocator, with a count of all threads' requests.
+struct Counting;
+
+static REQUESTS: AtomicUsize = AtomicUsize::new(0);
+
+// SAFETY: every call is passed on to the system's allocator unchanged.
+unsafe impl GlobalAlloc for Counting {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        REQUESTS.fetch_add(1, Ordering::Relaxed);
+        // SAFETY: the caller keeps the contract of `alloc`.
+        unsafe { System.alloc(layout) }
+    }
+    unsafe fn dealloc(&self, memory: *mut u8, layout: Layout) {
+        // SAFETY: `memory` came from `System` with this layout.
+        unsafe { System.dealloc(memory, layout) }
+    }
+    unsafe fn realloc(&self, memory: *mut u8, layout: Layout, size: usize) -> *mut u8 {
+        REQUESTS.fetch_add(1, Ordering::Relaxed);
+        // SAFETY: `memory` came from `System` with this layout.
+        unsafe { System.realloc(memory, layout, size) }
+    }
+}
+
+#[global_allocator]
+static ALLOCATOR: Counting = Counting;
+
+/// |u| x2 is limited from above.
+#[derive(Debug)]
+struct Power;
+
+impl StageConstraints for Power {
+    fn inequalities(&self) -> usize {
+        1
+    }
+
+    fn evaluate<S: Scalar>(&self, x: &[S], u: &[S], h: &mut [S], _g: &mut [S]) {
+        h[0] = x[1] * u[0] - 0.4;
+    }
+}
+
+fn oscillator(config: SqpConfig) -> Nmpc {
+    let model = Rk4::new(VanDerPol::default(), 0.5, 4);
+    let problem = NmpcProblem {
+        state_bounds: Bounds { low: vec![-1.0; 2], high: vec![1.0; 2] },
+        input_bounds: Bounds { low: vec![-1.0], high: vec![1.0] },
+        increment_bounds: Bounds { low: vec![-0.7], high: vec![0.7] },
+        constraints: Some(Constraints::new(Power)),
+        delay: 1,
+        ..NmpcProblem::new(model.dims(), 5, Weights::uniform(vec![10.0; 2], vec![1.0]))
+    };
+    Nmpc::new(problem, Box::new(model), config).unwrap()
+}
+
+fn tanks(config: SqpConfig) -> Nmpc {
+    let model = Rk4::new(FourTanks::antonelo(), 10.0, 4);
+    let problem = NmpcProblem {
+        controlled: vec![0, 1],
+        state_bounds: Bounds { low: vec![2.0, 2.0, 0.6, 0.6], high: vec![20.0, 20.0, 5.5, 5.5] },
+        input_bounds: Bounds { low: vec![0.0; 2], high: vec![5.0; 2] },
+        ..NmpcProblem::new(model.dims(), 5, Weights::uniform(vec![10.0; 2], vec![1.0; 2]))
+    };
+    Nmpc::new(problem, Box::new(model), config).unwrap()
+}
+
+/// Takes the steps and says how many requests there were, and how the steps ended.
+fn steps(nmpc: &mut Nmpc, cases: &[([f64; 4], [f64; 2])], n: usize) -> (usize, Vec<SqpStatus>) {
+    let references: Vec<_> = cases.iter().map(|(_, y)| y.repeat(5)).collect();
+    let mut statuses = Vec::with_capacity(cases.len());
+    let before = REQUESTS.load(Ordering::Relaxed);
+    for ((x, _), reference) in cases.iter().zip(&references) {
+        nmpc.prepare();
+        let report = nmpc.step(&x[..n], reference).unwrap();
+        statuses.push(report.status);
+    }
+    (REQUESTS.load(Ordering::Relaxed) - before, statuses)
+}
+
+#[test]
+fn a_control_step_allocates_nothing() {
+    let near = ([0.2, 0.1, 0.0, 0.0], [0.8, 0.0]);
+    let outside = ([2.5, -2.5, 0.0, 0.0], [0.8, 0.0]);
+    let level = ([8.5, 13.0, 2.2, 2.2], [9.2, 14.2]);
+    let flooded = ([8.5, 13.0, 15.0, 2.2], [9.2, 14.2]);
+    for qp in [QpMethod::Auto, QpMethod::Condensed, QpMethod::Riccati] {
+        for real_time in [false, true] {
+            let config = SqpConfig { qp, real_time, ..SqpConfig::default() };
+            let cases = [near, near, outside, near, near];
+            let (requests, statuses) = steps(&mut oscillator(config), &cases, 2);
+            assert_eq!(requests, 0, "{qp} {statuses:?}");
+            let (requests, statuses) = steps(&mut tanks(config), &[level, flooded, level], 4);
+            assert_eq!(requests, 0, "{qp} {statuses:?}");
+            if !real_time {
+                use SqpStatus::{Converged, InfeasibleQp};
+                assert_eq!(statuses, [Converged, InfeasibleQp, Converged], "{qp}");
+            }
+        }
+    }
+}
