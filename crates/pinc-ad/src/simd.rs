@@ -54,9 +54,12 @@ pub trait Simd: Scalar + Send + Sync + 'static {
 
     /// The sum of the lanes, in a fixed order.
     fn sum(self) -> f64;
+
+    /// Runs `work` compiled for this vector's instruction set.
+    fn vectorize<W: Work>(self, work: W) -> W::Output;
 }
 
-/// Work over one vector type, to be compiled for its instruction set by [`Scalar::vectorize`]. Mark `run`
+/// Work over one vector type, to be compiled for its instruction set by [`Simd::vectorize`]. Mark `run`
 /// `#[inline(always)]`.
 pub trait Work {
     /// What comes of it.
@@ -230,6 +233,10 @@ impl Simd for Lanes<4> {
         let [a, b, c, d] = self.0;
         (a + b) + (c + d)
     }
+    #[inline(always)]
+    fn vectorize<W: Work>(self, work: W) -> W::Output {
+        work.run()
+    }
 }
 
 #[cfg(target_arch = "x86_64")]
@@ -262,7 +269,7 @@ mod x86 {
     /// The arithmetic of a vector type, from the names of its intrinsics.
     macro_rules! vector {
         ($V:ident, $lanes:literal, $set1:ident, $add:ident, $sub:ident, $mul:ident, $div:ident,
-         $sqrt:ident, $fmadd:ident, $storeu:ident, $work:ident) => {
+         $sqrt:ident, $fmadd:ident, $storeu:ident) => {
             impl $V {
                 #[inline(always)]
                 fn to_array(self) -> [f64; $lanes] {
@@ -357,11 +364,6 @@ mod x86 {
                     Self(unsafe { $fmadd(self.0, a.0, b.0) })
                 }
                 #[inline(always)]
-                fn vectorize<W: Work>(self, work: W) -> W::Output {
-                    // SAFETY: `self` proves the instructions.
-                    unsafe { $work(work) }
-                }
-                #[inline(always)]
                 fn where_nonpositive(self, yes: Self, no: Self) -> Self {
                     self.select_nonpositive(yes, no)
                 }
@@ -400,8 +402,7 @@ mod x86 {
         _mm512_div_pd,
         _mm512_sqrt_pd,
         _mm512_fmadd_pd,
-        _mm512_storeu_pd,
-        work_avx512
+        _mm512_storeu_pd
     );
 
     impl F64x8 {
@@ -462,6 +463,11 @@ mod x86 {
             let [a, b, c, d, e, f, g, h] = self.to_array();
             ((a + b) + (c + d)) + ((e + f) + (g + h))
         }
+        #[inline(always)]
+        fn vectorize<W: Work>(self, work: W) -> W::Output {
+            // SAFETY: `self` proves the instructions.
+            unsafe { work_avx512(work) }
+        }
     }
 
     /// Four lanes in an AVX register.
@@ -478,8 +484,7 @@ mod x86 {
         _mm256_div_pd,
         _mm256_sqrt_pd,
         _mm256_fmadd_pd,
-        _mm256_storeu_pd,
-        work_avx2
+        _mm256_storeu_pd
     );
 
     impl F64x4 {
@@ -537,6 +542,11 @@ mod x86 {
         fn sum(self) -> f64 {
             let [a, b, c, d] = self.to_array();
             (a + b) + (c + d)
+        }
+        #[inline(always)]
+        fn vectorize<W: Work>(self, work: W) -> W::Output {
+            // SAFETY: `self` proves the instructions.
+            unsafe { work_avx2(work) }
         }
     }
 }

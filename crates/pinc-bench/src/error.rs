@@ -80,6 +80,18 @@ pub enum BenchError {
         /// What is wrong there.
         problem: CsvProblem,
     },
+    /// A data file that nothing can be learnt from.
+    #[error(
+        "{}: nothing to compare a net with: expected a row with all states, and within T = {horizon_s} s of it, \
+         under the same input, one with a state",
+        path.display()
+    )]
+    NoMeasurement {
+        /// The file.
+        path: PathBuf,
+        /// Length T of a step, in s.
+        horizon_s: f64,
+    },
     /// A file or folder that cannot be written.
     #[error("{}: cannot be written: {source}", path.display())]
     Unwritable {
@@ -210,6 +222,14 @@ pub enum CsvProblem {
         /// The time of the row before.
         previous: f64,
     },
+    /// A time that is not within a step.
+    #[error("column `t`: {t} s given, expected from 0 to T = {horizon_s} s")]
+    OutsideStep {
+        /// The time.
+        t: f64,
+        /// Length T of a step, in s.
+        horizon_s: f64,
+    },
     /// A gap that would take too many steps to cross.
     #[error("column `t`: {t} s is more than a million steps of T after the scenario's row before")]
     Gap {
@@ -232,7 +252,7 @@ pub enum CheckpointProblem {
     #[error("damaged: its checksum does not fit")]
     Damaged,
     /// Of another config.
-    #[error("belongs to another config")]
+    #[error("belongs to another config or other measurements")]
     OtherConfig,
     /// The training does not take it.
     #[error("{0}")]

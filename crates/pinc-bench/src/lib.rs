@@ -60,7 +60,9 @@ pub use record::{
     ControlMetrics, Metrics, PredictionMetrics, Record, StepTimes, SweepMetrics, TrainingMetrics,
     ValidationMetrics, WallTimes,
 };
-pub use runs::{Finding, Options, Severity, check, control, predict, rebuild_report, run, train};
+pub use runs::{
+    Finding, Options, Severity, check, control, findings_json, predict, rebuild_report, run, train,
+};
 pub use spec::{Experiment, ModelKind};
 pub use summary::summary;
 pub use sweep::{Shard, merge, sweep};

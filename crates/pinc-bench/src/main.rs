@@ -82,6 +82,9 @@ enum Command {
     Check {
         /// Config file (TOML).
         config: PathBuf,
+        /// Print the findings as JSON.
+        #[arg(long)]
+        json: bool,
         #[command(flatten)]
         set: SetArgs,
     },
@@ -177,7 +180,7 @@ fn execute(cli: &Cli) -> Result<ExitCode, BenchError> {
             })?;
         }
         Command::Predict { model, inputs, output } => pinc_bench::predict(model, inputs, output)?,
-        Command::Check { config, set } => return check(config, &set.set),
+        Command::Check { config, json, set } => return check(config, *json, &set.set),
         Command::Report { dir } => {
             let path = pinc_bench::rebuild_report(dir)?;
             show(quiet, &path.display().to_string());
@@ -232,17 +235,21 @@ fn run_all(
     }
 }
 
-fn check(config: &Path, sets: &[String]) -> Result<ExitCode, BenchError> {
+fn check(config: &Path, json: bool, sets: &[String]) -> Result<ExitCode, BenchError> {
     let experiment = Experiment::load(config, sets)?;
-    console::line(&format!(
-        "{}: a valid config of {}, preset {}",
-        config.display(),
-        experiment.name,
-        experiment.preset.name()
-    ));
     let findings = pinc_bench::check(&experiment);
-    for finding in &findings {
-        console::line(&finding.to_string());
+    if json {
+        console::line(&pinc_bench::findings_json(&findings));
+    } else {
+        console::line(&format!(
+            "{}: a valid config of {}, preset {}",
+            config.display(),
+            experiment.name,
+            experiment.preset.name()
+        ));
+        for finding in &findings {
+            console::line(&finding.to_string());
+        }
     }
     let worst = findings.iter().map(|finding| finding.severity).max();
     Ok(ExitCode::from(u8::from(worst == Some(pinc_bench::Severity::Error))))

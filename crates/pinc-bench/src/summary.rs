@@ -29,6 +29,9 @@ fn metrics(text: &mut String, metrics: &Metrics) -> std::fmt::Result {
             validation.mse_gen, validation.mse_all_normalized, validation.one_step_mse
         )?;
     }
+    if let Some(measured) = metrics.validation.as_ref().and_then(|v| v.measured_mse) {
+        writeln!(text, "held out    mse of measured states, normalised {measured:.3e}")?;
+    }
     if let Some(prediction) = &metrics.prediction {
         writeln!(
             text,

@@ -1,8 +1,8 @@
-//! What `pinc check` finds.
+//! What `pinc check` finds in the shipped configs. Each of its messages has a test plant in `runs/check`.
 
 mod common;
 
-use common::repository;
+use common::{outcome, pinc, repository};
 use pinc_bench::{Experiment, Finding, Severity, check};
 
 fn findings(config: &str, sets: &[&str]) -> Vec<Finding> {
@@ -10,59 +10,127 @@ fn findings(config: &str, sets: &[&str]) -> Vec<Finding> {
     check(&Experiment::load(&repository("configs").join(config), &sets).unwrap())
 }
 
-fn warnings(config: &str, sets: &[&str]) -> Vec<String> {
-    let findings = findings(config, sets);
-    assert!(findings.iter().all(|finding| finding.severity != Severity::Error), "{findings:?}");
-    let warnings = findings.into_iter().filter(|finding| finding.severity == Severity::Warning);
-    warnings.map(|finding| finding.text).collect()
+fn warnings(findings: &[Finding]) -> Vec<&Finding> {
+    let errors: Vec<_> = findings.iter().filter(|f| f.severity == Severity::Error).collect();
+    assert!(errors.is_empty(), "{errors:?}");
+    findings.iter().filter(|f| f.severity == Severity::Warning).collect()
+}
+
+/// The finding whose text has all of `parts`.
+#[track_caller]
+fn with<'f>(findings: &'f [Finding], parts: &[&str]) -> &'f Finding {
+    let all: Vec<_> = findings.iter().map(Finding::to_string).collect();
+    let place = all.iter().position(|text| parts.iter().all(|part| text.contains(part)));
+    &findings[place.unwrap_or_else(|| panic!("no {parts:?} in\n{}", all.join("\n")))]
 }
 
 #[test]
-fn the_shipped_configs_give_no_cause_for_warnings() {
-    for config in ["van-der-pol/main.toml", "four-tanks/main.toml", "smoke/rk4-only.toml"] {
-        assert_eq!(warnings(config, &[]), [""; 0], "{config}");
+fn sound_configs_give_no_cause_for_warnings() {
+    for config in ["van-der-pol/main.toml", "smoke/rk4-only.toml", "smoke/one-tank.toml"] {
+        let findings = findings(config, &[]);
+        assert_eq!(warnings(&findings), [&findings[0]; 0], "{config}");
     }
 }
 
 #[test]
-fn a_net_that_would_have_to_extrapolate_is_warned_of() {
+fn four_tanks_whose_gammas_add_up_to_1_have_a_singular_gain() {
+    let findings = findings("four-tanks/main.toml", &[]);
+    // At the first reference, by an independent computation: singular values 8.24 and 0; every steady
+    // state has h2/h1 = (a1/a2)^2 = (0.071/0.057)^2 = 1.5516.
+    let gain = with(&findings, &["singular values 8.24", ", 0, rank 1: singular"]);
+    assert!(gain.what.contains("all steady states lie on the line h2/h1 = 1.5516"), "{gain}");
+    with(&findings, &["transmission zeros", "one is at s = 0"]);
+    assert_eq!(warnings(&findings).len(), 2, "{findings:?}");
+}
+
+#[test]
+fn references_off_the_line_are_named_and_those_on_it_are_not() {
+    let sets = ["control.references.1.value=[13.0, 13.0]"];
+    let findings = findings("four-tanks/main.toml", &sets);
+    let off = with(&findings, &["control.references[1]: h1 = 13, h2 = 13 is no steady state"]);
+    assert_eq!(off.severity, Severity::Warning);
+    // The steady state that is named instead lies on the line.
+    let level = |name: &str| -> f64 {
+        let rest = off.what.split("near it has ").nth(1).unwrap();
+        let rest = rest.split(name).nth(1).unwrap();
+        rest.split([',', ' ']).next().unwrap().parse().unwrap()
+    };
+    let (h1, h2) = (level("h1 = "), level("h2 = "));
+    // Levels are shown with five digits.
+    assert!((h2 / h1 - 1.5516).abs() < 1e-3, "{off}");
+    for k in [0, 2, 3] {
+        let held = with(&findings, &[&format!("control.references[{k}]: "), "is held at"]);
+        assert_eq!(held.severity, Severity::Fact);
+    }
+}
+
+#[test]
+fn a_loop_that_leaves_the_training_domain_is_warned_of() {
     // The box of the paper's Table 1, left by h3, h4 and both inputs.
-    let warnings = warnings("four-tanks/main.toml", &["preset=as-released"]);
+    let findings = findings("four-tanks/main.toml", &["preset=as-released"]);
     for variable in ["h3", "h4", "u1", "u2"] {
-        let expected = format!("the bounds of {variable} reach outside the training domain");
-        assert!(warnings.iter().any(|text| text.starts_with(&expected)), "{warnings:?}");
+        with(&findings, &[&format!("the bounds of {variable} reach outside the training domain")]);
     }
-    assert_eq!(warnings.len(), 4, "{warnings:?}");
+    let left = with(&findings, &["the closed loop with RK4: "]);
+    for part in ["h3 goes down to 0.6 (domain from 2)", "h4 goes down to", "u1 goes up to"] {
+        assert!(left.what.contains(part), "no `{part}` in {left}");
+    }
+    // The box that is proposed is one that can be put into the config, and holds the loop.
+    let proposal = with(&findings, &["a box that holds all of these trajectories"]);
+    let table: toml::Table = proposal.change.parse().unwrap();
+    let number = |key: &str, i: usize| table["domain"][key][i].as_float().unwrap();
+    assert!((0.0..=0.6).contains(&number("state_low", 2)), "{proposal}");
+    assert!(number("input_high", 0) > 3.0, "{proposal}");
 }
 
-#[test]
-fn values_outside_their_bounds_are_warned_of() {
-    let sets = ["control.initial_state=[2.0, 0.0]", "control.references.1.value=[-1.5, 0.0]"];
-    let warnings = warnings("van-der-pol/main.toml", &sets);
-    assert_eq!(
-        warnings,
-        [
-            "control.initial_state: x1 = 2 is outside its bounds",
-            "control.references[1]: x1 = -1.5 is outside its bounds",
-        ]
-    );
-}
-
-#[test]
-fn time_constants_are_those_that_johansson_published() {
-    // At his operating point u = (3, 3) V of the minimum-phase setting; the domain is centred there.
-    let sets = ["domain.input_low=[2.0, 2.0]", "domain.input_high=[4.0, 4.0]"];
-    let findings = findings("smoke/four-tanks.toml", &sets);
-    let text = &findings.iter().find(|f| f.text.starts_with("linearised")).unwrap().text;
-    assert!(text.contains("steady state"), "{text}");
-    let after = text.split("time constant ").skip(1);
+/// Numbers after `word` in a text.
+fn numbers(text: &str, word: &str) -> Vec<f64> {
+    let after = text.split(word).skip(1);
     let mut found: Vec<f64> =
-        after.map(|rest| rest.split(' ').next().unwrap().parse().unwrap()).collect();
+        after.map(|rest| rest.split([' ', ',']).next().unwrap().parse().unwrap()).collect();
     found.sort_by(f64::total_cmp);
+    found
+}
+
+#[test]
+fn time_constants_and_zeros_are_those_that_johansson_published() {
+    let sets =
+        ["control.references.0.value=[12.4, 12.7]", "control.references.1.value=[12.4, 12.7]"];
+    let findings = findings("smoke/four-tanks.toml", &sets);
+    let modes = with(&findings, &["the steady state of control.references[0]", "modes"]);
+    let found = numbers(&modes.what, "time constant ");
+    assert_eq!(found.len(), 4, "{modes}");
     // He gives whole seconds, for levels rounded to 0.1 cm: sqrt(h) of the lowest, 1.4 cm, is thus
-    // known to 2 %.
+    // known to 4 %.
     for (found, published) in found.iter().zip([23.0, 30.0, 62.0, 90.0]) {
-        assert!((found / published - 1.0).abs() < 0.04, "{found} against {published}: {text}");
+        assert!((found / published - 1.0).abs() < 0.04, "{found} against {published}: {modes}");
     }
-    assert_eq!(found.len(), 4);
+    let zeros = with(&findings, &["transmission zeros"]);
+    let text = zeros.what.replace(", ", " zeros ");
+    let found = numbers(&text, "zeros ");
+    // The zeros go like 1/T3 and 1/T4, which the levels of the laboratory move by 5 %.
+    for (found, published) in found.iter().zip([-0.060, -0.018]) {
+        assert!((found / published - 1.0).abs() < 0.06, "{found} against {published}: {zeros}");
+    }
+    assert_eq!(found.len(), 2, "{zeros}");
+    // His other setting is nonminimum phase, by a zero of +0.013.
+    let sets = [sets[0], sets[1], "plant.four-tanks.parameters=johansson-nonminimum"];
+    let findings = self::findings("smoke/four-tanks.toml", &sets);
+    with(&findings, &["transmission zeros", "nonminimum phase"]);
+}
+
+#[test]
+fn findings_are_printed_as_text_or_as_json() {
+    let config = repository("configs/four-tanks/main.toml");
+    let run = |more: &[&str]| {
+        let outcome = outcome(pinc(&["check".as_ref(), config.as_os_str()]).args(more));
+        assert_eq!(outcome.code, Some(0), "{outcome:?}");
+        outcome.stdout
+    };
+    let text = run(&[]);
+    assert!(text.contains("\nwarn  ") && text.contains("\n        why: "), "{text}");
+    let json: serde_json::Value = serde_json::from_str(&run(&["--json"])).unwrap();
+    let all = json.as_array().unwrap();
+    assert!(all.iter().any(|finding| finding["severity"] == "warning"), "{json}");
+    assert!(all.iter().all(|finding| finding["what"].is_string()), "{json}");
 }

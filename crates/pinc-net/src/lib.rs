@@ -61,6 +61,7 @@
 //! ```
 
 mod ansatz;
+mod data;
 mod domain;
 mod error;
 mod kernel;
@@ -78,11 +79,13 @@ mod validation;
 mod workers;
 
 pub use ansatz::Ansatz;
+pub use data::{Measurements, Recorded};
 pub use domain::Domain;
 pub use error::{ModelError, NetError};
 pub use kernel::BatchLoss;
 pub use loss::{
-    InitialScale, LossTerms, LossWeights, ResidualScale, reference_loss, reference_residuals,
+    InitialScale, LossTerms, LossWeights, ResidualScale, reference_loss, reference_measured,
+    reference_residuals,
 };
 pub use mlp::{Mlp, MlpConfig};
 pub use net::{NetConfig, PincNet, Scenario};

@@ -1,9 +1,9 @@
 //! The PINC loss, Eqs. (`mse_y_pinc`) and (`mse_F_pinc`), in its readable form.
 
-use crate::NetError;
 use crate::mlp::to_f64;
 use crate::net::PincNet;
 use crate::sampling::Points;
+use crate::{Measurements, NetError};
 use pinc_ad::{Dual, Scalar};
 use pinc_ode::{Dims, Plant};
 use serde::{Deserialize, Serialize};
@@ -22,7 +22,7 @@ pub enum ResidualScale {
     Custom(Vec<f64>),
 }
 
-/// In which units the error of the initial condition is squared.
+/// In which units the error of the initial condition, and that of measured states, is squared.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum InitialScale {
@@ -32,19 +32,22 @@ pub enum InitialScale {
     Normalized,
 }
 
-/// Weights of the loss: `MSE_y` + lambda `MSE_F`, each state's errors times its factor first.
+/// Weights of the loss: `MSE_y` + lambda `MSE_F` + weight `MSE_D`, each state's errors times its factor
+/// first. `MSE_D` is the mean over measured values.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LossWeights {
     /// The weight lambda of `MSE_F`.
     pub lambda: f64,
     /// Factor of each state's residual.
     pub residual_scale: Vec<f64>,
-    /// Factor of each state's initial error.
+    /// Factor of each state's initial error, and of its error against measurements.
     pub initial_scale: Vec<f64>,
+    /// The weight of `MSE_D`.
+    pub measured: f64,
 }
 
 impl LossWeights {
-    /// The weights for `net`.
+    /// The weights for `net`; that of measurements is 1.
     ///
     /// # Errors
     ///
@@ -83,29 +86,31 @@ impl LossWeights {
                 return Err(NetError::Setting { key, found, expected: "a positive number" });
             }
         }
-        Ok(Self { lambda, residual_scale, initial_scale })
+        Ok(Self { lambda, residual_scale, initial_scale, measured: 1.0 })
     }
 }
 
 /// The terms of the loss.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct LossTerms {
     /// `MSE_y`, with its factors.
     pub data: f64,
     /// lambda `MSE_F`, with its factors.
     pub physics: f64,
+    /// weight `MSE_D`, with its factors.
+    pub measured: f64,
 }
 
 impl LossTerms {
     /// The loss.
     #[must_use]
     pub fn total(self) -> f64 {
-        self.data + self.physics
+        self.data + self.physics + self.measured
     }
 }
 
 /// The loss over any scalar, written as in the paper: the specification that the batched kernel is
-/// tested against. Returns `MSE_y` and lambda `MSE_F`.
+/// tested against. Returns `MSE_y` and lambda `MSE_F`; [`reference_measured`] is the third term.
 ///
 /// `context` is any value of the scalar's kind (on the same tape).
 ///
@@ -169,4 +174,35 @@ pub fn reference_residuals<S: Scalar, P: Plant>(
         data.extend((0..states).map(|i| (y[i] - y0[i]) * weights.initial_scale[i] * share));
     }
     [data, physics]
+}
+
+/// The residuals of the term of the measurements, weights included: one per measured value, point by
+/// point. Their squares add up to weight `MSE_D`.
+///
+/// # Panics
+///
+/// If a length does not fit.
+pub fn reference_measured<S: Scalar>(
+    net: &PincNet,
+    weights: &LossWeights,
+    parameters: &[S],
+    measurements: &Measurements,
+    context: S,
+) -> Vec<S> {
+    let share = (weights.measured / to_f64(measurements.values().max(1))).sqrt();
+    let points = measurements.points();
+    let mut residuals = Vec::new();
+    for k in 0..points.len() {
+        let constant = |v: &f64| context.constant(*v);
+        let y0: Vec<_> = points.state(k).iter().map(constant).collect();
+        let u: Vec<_> = points.input(k).iter().map(constant).collect();
+        let y = net.state(parameters, context.constant(points.time(k)), &y0, &u);
+        for (i, measured) in measurements.state(k).iter().enumerate() {
+            if let Some(measured) = *measured {
+                let error = y[i] - context.constant(measured);
+                residuals.push(error * weights.initial_scale[i] * share);
+            }
+        }
+    }
+    residuals
 }

@@ -1,16 +1,16 @@
 //! The choices of a training, and what is reported of it.
 
-use crate::NetError;
-use crate::loss::{InitialScale, ResidualScale};
+use crate::loss::{InitialScale, LossWeights, ResidualScale};
 use crate::optim::OptimizerConfig;
 use crate::sampling::Sampler;
+use crate::{NetError, PincNet};
 use serde::{Deserialize, Serialize};
 
 /// Which net a training gives.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Keep {
-    /// The one with the smallest validation `mse_gen`: Algorithm 1.
+    /// The best on validation ([`Validation::score`](crate::Validation::score)): Algorithm 1.
     Best,
     /// The last one: the authors' code.
     Last,
@@ -61,7 +61,7 @@ pub struct TrainingConfig {
     pub lambda: f64,
     /// In which units residuals are squared.
     pub residual_scale: ResidualScale,
-    /// In which units errors of the initial condition are squared.
+    /// In which units errors of the initial condition, and of measured states, are squared.
     pub initial_scale: InitialScale,
     /// The schedule.
     pub phases: Vec<Phase>,
@@ -79,6 +79,11 @@ pub struct TrainingConfig {
 }
 
 impl TrainingConfig {
+    /// The weights of the loss of `net`.
+    pub(crate) fn weights(&self, net: &PincNet) -> Result<LossWeights, NetError> {
+        LossWeights::new(net, self.lambda, &self.residual_scale, self.initial_scale)
+    }
+
     /// Checks the settings.
     ///
     /// # Errors
@@ -136,6 +141,8 @@ pub struct IterationRecord {
     pub loss_data: f64,
     /// Its term lambda `MSE_F`.
     pub loss_physics: f64,
+    /// Its term of the measurements, weight `MSE_D`.
+    pub loss_measured: f64,
     /// Norm of its gradient.
     pub gradient_norm: f64,
     /// Collocation points in use.

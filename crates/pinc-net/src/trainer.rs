@@ -1,11 +1,12 @@
 //! Training: Algorithm 1 of the paper, and beyond it a sample that grows.
 
-use crate::loss::LossWeights;
+use crate::loss::LossTerms;
 use crate::optim::{Iterate, LeastSquares, Objective, Optimizer, Outcome};
 use crate::sampling::{Points, Purpose, Sampler, initial_conditions};
 use crate::schedule::{IterationRecord, Keep, Progress, StopReason, Totals, TrainingConfig};
 use crate::{
-    Ansatz, BatchLoss, Domain, NetConfig, NetError, PincNet, Validation, ValidationSet, Workers,
+    Ansatz, BatchLoss, Domain, Measurements, NetConfig, NetError, PincNet, Validation,
+    ValidationSet, Workers,
 };
 use pinc_ode::Plant;
 use serde::{Deserialize, Serialize};
@@ -18,7 +19,7 @@ pub struct Checkpoint {
     totals: Totals,
     collocation_points: usize,
     iterate: Iterate,
-    terms: [f64; 2],
+    terms: LossTerms,
     optimizer: Optimizer,
     best: Option<(f64, Vec<f64>)>,
     validated_at: Option<u64>,
@@ -55,14 +56,14 @@ pub struct Trainer<P> {
 struct Counted<'a> {
     loss: &'a mut BatchLoss,
     evaluations: &'a mut u64,
-    terms: &'a mut [f64; 2],
+    terms: &'a mut LossTerms,
 }
 
 impl Objective for Counted<'_> {
     fn evaluate(&mut self, x: &[f64], gradient: &mut [f64]) -> f64 {
         let terms = self.loss.loss_gradient(x, gradient);
         *self.evaluations += 1;
-        *self.terms = [terms.data, terms.physics];
+        *self.terms = terms;
         terms.total()
     }
 }
@@ -91,12 +92,7 @@ impl<P: Plant + 'static> Trainer<P> {
     ) -> Result<Self, NetError> {
         training.validate()?;
         let net = PincNet::new(&plant, net, domain, seed)?;
-        let weights = LossWeights::new(
-            &net,
-            training.lambda,
-            &training.residual_scale,
-            training.initial_scale,
-        )?;
+        let weights = training.weights(&net)?;
         let workers = Workers::new(threads)?;
         let loss = BatchLoss::new(&plant, &net, &weights, &workers);
         let fresh = training.growth.as_ref().map(|growth| {
@@ -111,7 +107,7 @@ impl<P: Plant + 'static> Trainer<P> {
             totals: Totals::default(),
             collocation_points: training.collocation_points,
             iterate: Iterate { gradient: vec![0.0; parameters.len()], x: parameters, value: 0.0 },
-            terms: [0.0; 2],
+            terms: LossTerms::default(),
             optimizer: Optimizer::new(&training.phases[0].optimizer, net.mlp().parameters().len()),
             best: None,
             validated_at: None,
@@ -132,6 +128,34 @@ impl<P: Plant + 'static> Trainer<P> {
         trainer.sample();
         trainer.reevaluate();
         Ok(trainer)
+    }
+
+    /// The same training, not yet begun, with measurements to be fitted beside the equation: the loss gets
+    /// the term `weight` `MSE_D`, squared in the units of `initial_scale`.
+    ///
+    /// # Errors
+    ///
+    /// [`NetError::Setting`] if `weight` is not positive or there is nothing measured.
+    pub fn with_measurements(
+        mut self,
+        measurements: &Measurements,
+        weight: f64,
+    ) -> Result<Self, NetError> {
+        if measurements.values() == 0 {
+            let (key, found) = ("data", "no usable value".to_owned());
+            return Err(NetError::Setting { key, found, expected: "at least one" });
+        }
+        if !(weight > 0.0 && weight.is_finite()) {
+            let (key, found) = ("data.weight", weight.to_string());
+            return Err(NetError::Setting { key, found, expected: "a positive number" });
+        }
+        let mut weights = self.config.weights(&self.net)?;
+        weights.measured = weight;
+        self.loss = BatchLoss::new(&self.plant, &self.net, &weights, &self.workers);
+        self.loss.set_measurements(measurements);
+        self.sample();
+        self.reevaluate();
+        Ok(self)
     }
 
     /// The same training, gone on to where `checkpoint` was taken.
@@ -199,8 +223,9 @@ impl<P: Plant + 'static> Trainer<P> {
             phase: *phase,
             loss_evaluations: totals.loss_evaluations,
             loss: iterate.value,
-            loss_data: terms[0],
-            loss_physics: terms[1],
+            loss_data: terms.data,
+            loss_physics: terms.physics,
+            loss_measured: terms.measured,
             gradient_norm: iterate.gradient_norm(),
             collocation_points: *collocation_points,
             fresh_loss,
@@ -226,11 +251,12 @@ impl<P: Plant + 'static> Trainer<P> {
         let current = self.net.with_parameters(&self.state.iterate.x);
         let validation = self.validation.evaluate(&current);
         self.state.validated_at = Some(self.state.totals.iterations);
-        let better = self.state.best.as_ref().is_none_or(|(best, _)| validation.mse_gen < *best);
+        let score = validation.score();
+        let better = self.state.best.as_ref().is_none_or(|(best, _)| score < *best);
         let wanted = self.config.target_one_step_rms;
         let reached = wanted.is_some_and(|target| validation.one_step_mse.sqrt() <= target);
-        if reached || better && validation.mse_gen.is_finite() {
-            self.state.best = Some((validation.mse_gen, self.state.iterate.x.clone()));
+        if reached || better && score.is_finite() {
+            self.state.best = Some((score, self.state.iterate.x.clone()));
         }
         if reached {
             self.state.finished = Some(StopReason::TargetReached);
@@ -266,10 +292,11 @@ impl<P: Plant + 'static> Trainer<P> {
 
     fn check_finite(&self) -> Result<(), NetError> {
         let iteration = self.state.totals.iterations;
-        let [data, physics] = self.state.terms;
+        let LossTerms { data, physics, measured } = self.state.terms;
         for (term, value) in [
             ("the loss term MSE_y", data),
             ("the loss term MSE_F", physics),
+            ("the loss term MSE_D", measured),
             ("the gradient of the loss", self.state.iterate.gradient_norm()),
         ] {
             if !value.is_finite() {
@@ -306,7 +333,7 @@ impl<P: Plant + 'static> Trainer<P> {
             return None;
         }
         let fresh = self.fresh.as_mut()?.loss(&self.state.iterate.x).physics;
-        if fresh > growth.overfit_ratio * self.state.terms[1] {
+        if fresh > growth.overfit_ratio * self.state.terms.physics {
             self.grow();
         }
         Some(fresh)

@@ -2,7 +2,7 @@
 
 use crate::mlp::to_f64;
 use crate::sampling::{Purpose, Sampler, rng};
-use crate::{Domain, NetError, PincNet, Scenario};
+use crate::{Domain, Measurements, NetError, PincNet, Scenario};
 use pinc_ode::metrics::mean_squared_error;
 use pinc_ode::{Adaptive, Plant};
 use rand::RngExt;
@@ -36,6 +36,18 @@ pub struct Validation {
     pub mse_all_normalized: f64,
     /// Of one step from random points of the box, in the states' units squared.
     pub one_step_mse: f64,
+    /// Against held-out measurements, if there are any: the mean over measured values, each state in
+    /// standard deviations of the box.
+    pub measured_mse: Option<f64>,
+}
+
+impl Validation {
+    /// What the best net is chosen by: the error against held-out measurements, which are of the plant
+    /// itself, or else `mse_gen`, which is of its equation.
+    #[must_use]
+    pub fn score(&self) -> f64 {
+        self.measured_mse.unwrap_or(self.mse_gen)
+    }
 }
 
 /// Scenarios with their true trajectories.
@@ -49,6 +61,7 @@ pub struct ValidationSet {
     scale: Vec<f64>,
     scenarios: Vec<Trial>,
     one_step: Vec<Trial>,
+    held_out: Option<Measurements>,
 }
 
 /// An initial state, an input for each step, and the true states after each part of a step.
@@ -139,7 +152,8 @@ impl ValidationSet {
             })
             .collect::<Result<_, _>>()?;
         let (subintervals, scale) = (config.subintervals, config.scale(states));
-        Ok(Self { states, steps, subintervals, horizon_s, scale, scenarios, one_step })
+        let held_out = None;
+        Ok(Self { states, steps, subintervals, horizon_s, scale, scenarios, one_step, held_out })
     }
 
     /// What a conventional PINN can be asked: its one scenario, over one T.
@@ -162,7 +176,14 @@ impl ValidationSet {
         };
         let (scenarios, one_step) = (vec![trial(subintervals)?], vec![trial(1)?]);
         let scale = config.scale(states);
-        Ok(Self { states, steps: 1, subintervals, horizon_s, scale, scenarios, one_step })
+        let (steps, held_out) = (1, None);
+        Ok(Self { states, steps, subintervals, horizon_s, scale, scenarios, one_step, held_out })
+    }
+
+    /// The same scenarios, and measurements that are not trained on.
+    #[must_use]
+    pub fn with_measurements(self, held_out: Measurements) -> Self {
+        Self { held_out: Some(held_out), ..self }
     }
 
     /// The errors of `net`.
@@ -200,7 +221,23 @@ impl ValidationSet {
             mse_gen: marks.error(&units),
             mse_all_normalized: rows.error(&self.scale),
             one_step_mse: single.error(&units),
+            measured_mse: self.held_out.as_ref().map(|held_out| self.measured_error(net, held_out)),
         }
+    }
+
+    fn measured_error(&self, net: &PincNet, held_out: &Measurements) -> f64 {
+        let points = held_out.points();
+        let (mut predicted, mut truth) = (Vec::new(), Vec::new());
+        for k in 0..points.len() {
+            let y = net.evaluate(points.time(k), points.state(k), points.input(k));
+            for (i, measured) in held_out.state(k).iter().enumerate() {
+                if let Some(measured) = measured {
+                    predicted.push(y[i] / self.scale[i]);
+                    truth.push(measured / self.scale[i]);
+                }
+            }
+        }
+        mean_squared_error(&predicted, &truth, &[1.0])
     }
 
     /// Rows of all scenarios: steps times subintervals, and the initial one.

@@ -1,11 +1,11 @@
 //! The batched kernel against its specification, dual numbers inside a tape.
 
 use faer::Mat;
-use pinc_ad::Tape;
+use pinc_ad::{Scalar, Tape};
 use pinc_net::{
-    Ansatz, BatchLoss, Domain, InitialScale, Isa, LossTerms, LossWeights, NetConfig, PincNet,
-    Points, ResidualScale, Sampler, Scenario, Workers, initial_conditions, reference_loss,
-    reference_residuals,
+    Ansatz, BatchLoss, Domain, InitialScale, Isa, LossTerms, LossWeights, Measurements, NetConfig,
+    PincNet, Points, ResidualScale, Sampler, Scenario, Workers, initial_conditions, reference_loss,
+    reference_measured, reference_residuals,
 };
 use pinc_ode::{FourTanks, OneTank, Plant, VanDerPol};
 use proptest::prelude::*;
@@ -29,21 +29,17 @@ struct Case {
     time_only: bool,
     collocation: usize,
     initial: usize,
+    measured: usize,
     seed: u64,
 }
 
 fn case() -> impl Strategy<Value = Case> {
     let ansatz = prop_oneof![Just(Ansatz::Direct), Just(Ansatz::HardLinear)];
     let sizes = (1..=10_usize, prop_oneof![Just(3), Just(5), Just(10), 1..=12_usize, Just(20)]);
-    (sizes, ansatz, any::<bool>(), 0..40_usize, 0..20_usize, any::<u64>()).prop_map(
-        |((hidden_layers, neurons), ansatz, time_only, collocation, initial, seed)| Case {
-            hidden_layers,
-            neurons,
-            ansatz,
-            time_only,
-            collocation,
-            initial,
-            seed,
+    let points = (0..40_usize, 0..20_usize, 0..40_usize);
+    (sizes, ansatz, any::<bool>(), points, any::<u64>()).prop_map(
+        |((hidden_layers, neurons), ansatz, time_only, (collocation, initial, measured), seed)| {
+            Case { hidden_layers, neurons, ansatz, time_only, collocation, initial, measured, seed }
         },
     )
 }
@@ -54,6 +50,7 @@ struct Problem<P> {
     weights: LossWeights,
     collocation: Points,
     initial: Points,
+    measured: Measurements,
 }
 
 fn problem<P: Plant>(plant: P, case: &Case) -> Problem<P> {
@@ -70,7 +67,8 @@ fn problem<P: Plant>(plant: P, case: &Case) -> Problem<P> {
     };
     let net = PincNet::new(&plant, &config, &domain, case.seed).unwrap();
     let scale = ResidualScale::Normalized;
-    let weights = LossWeights::new(&net, 0.3, &scale, InitialScale::Normalized).unwrap();
+    let mut weights = LossWeights::new(&net, 0.3, &scale, InitialScale::Normalized).unwrap();
+    weights.measured = 0.7;
     let (collocation, initial) = if case.time_only {
         let mut initial = Points::new(dims.states);
         initial.push(0.0, &scenario.initial_state, &scenario.input);
@@ -81,7 +79,21 @@ fn problem<P: Plant>(plant: P, case: &Case) -> Problem<P> {
             initial_conditions(case.initial, &domain, case.seed),
         )
     };
-    Problem { plant, net, weights, collocation, initial }
+    let measured = measured(case, &domain);
+    Problem { plant, net, weights, collocation, initial, measured }
+}
+
+/// Values about as large as the states, every third of them missing.
+fn measured(case: &Case, domain: &Domain) -> Measurements {
+    let points = Sampler::Independent.collocation(case.measured, 0.7, domain, 1, !case.seed);
+    let mut measured = Measurements::new(domain.state_low.len());
+    for k in 0..points.len() {
+        let y0 = points.state(k);
+        let value = |i: usize| (!(k + i).is_multiple_of(3)).then_some(1.0 - 0.5 * y0[i]);
+        let y: Vec<_> = (0..y0.len()).map(value).collect();
+        measured.push(points.time(k), y0, points.input(k), &y);
+    }
+    measured
 }
 
 impl<P: Plant + 'static> Problem<P> {
@@ -89,26 +101,30 @@ impl<P: Plant + 'static> Problem<P> {
         let workers = Workers::with_isa(threads, isa).unwrap();
         let mut loss = BatchLoss::new(&self.plant, &self.net, &self.weights, &workers);
         loss.set_points(&self.collocation, &self.initial);
+        loss.set_measurements(&self.measured);
         let mut gradient = vec![f64::NAN; self.net.mlp().parameters().len()];
         let terms = loss.loss_gradient(self.net.mlp().parameters(), &mut gradient);
         assert_eq!(terms, loss.loss(self.net.mlp().parameters()), "with and without gradient");
         (terms, gradient)
     }
 
-    fn reference(&self) -> ([f64; 2], Vec<f64>) {
+    fn reference(&self) -> ([f64; 3], Vec<f64>) {
         let tape = Tape::new();
         let w: Vec<_> = self.net.mlp().parameters().iter().map(|&w| tape.variable(w)).collect();
         let points = (&self.collocation, &self.initial);
         let [data, physics] =
             reference_loss(&self.plant, &self.net, &self.weights, &w, points, w[0]);
-        let gradient = tape.gradient(data + physics, &w);
-        ([data.value(), physics.value()], gradient)
+        let measured = reference_measured(&self.net, &self.weights, &w, &self.measured, w[0]);
+        let measured = measured.into_iter().fold(w[0].constant(0.0), |sum, r| sum + r * r);
+        let gradient = tape.gradient(data + physics + measured, &w);
+        ([data.value(), physics.value(), measured.value()], gradient)
     }
 
     fn normal_matrix(&self, isa: Isa, threads: usize) -> Mat<f64> {
         let workers = Workers::with_isa(threads, isa).unwrap();
         let mut loss = BatchLoss::new(&self.plant, &self.net, &self.weights, &workers);
         loss.set_points(&self.collocation, &self.initial);
+        loss.set_measurements(&self.measured);
         let parameters = self.net.mlp().parameters();
         let mut out = Mat::full(parameters.len(), parameters.len(), f64::NAN);
         loss.normal_matrix(parameters, out.as_mut());
@@ -126,7 +142,8 @@ impl<P: Plant + 'static> Problem<P> {
         let residuals =
             reference_residuals(&self.plant, &self.net, &self.weights, &w, points, w[0]);
         let mut matrix = vec![vec![0.0; w.len()]; w.len()];
-        for residual in residuals.into_iter().flatten() {
+        let measured = reference_measured(&self.net, &self.weights, &w, &self.measured, w[0]);
+        for residual in residuals.into_iter().flatten().chain(measured) {
             let row = tape.gradient(residual, &w);
             for (to, a) in matrix.iter_mut().zip(&row) {
                 for (to, b) in to.iter_mut().zip(&row) {
@@ -162,7 +179,8 @@ impl<P: Plant + 'static> Problem<P> {
         let size = expected_gradient.iter().fold(1e-3, |m: f64, g| m.max(g.abs()));
         for isa in Isa::available() {
             let (terms, gradient) = self.kernel(isa, 1);
-            for (got, want) in [terms.data, terms.physics].iter().zip(expected) {
+            let terms = [terms.data, terms.physics, terms.measured];
+            for (got, want) in terms.iter().zip(expected) {
                 prop_assert!((got - want).abs() <= 1e-12 * want.max(1.0), "{isa}: {got} {want}");
             }
             for (i, (got, want)) in gradient.iter().zip(&expected_gradient).enumerate() {
@@ -209,7 +227,14 @@ proptest! {
 #[test]
 fn normal_matrices_of_several_slabs_and_strips_agree_with_the_specification() {
     // More than 8 slabs of 256 rows, and more than 2 strips of 128 columns.
-    let case = Case { hidden_layers: 2, neurons: 12, collocation: 460, initial: 60, ..large() };
+    let case = Case {
+        hidden_layers: 2,
+        neurons: 12,
+        collocation: 460,
+        initial: 40,
+        measured: 40,
+        ..large()
+    };
     problem(FourTanks::antonelo(), &case).check_normal_matrix().unwrap();
 }
 
@@ -225,7 +250,7 @@ fn normal_matrices_are_the_same_on_any_number_of_threads() {
 
 #[test]
 fn without_points_the_normal_matrix_is_zero() {
-    let case = Case { collocation: 0, initial: 0, hidden_layers: 1, ..large() };
+    let case = Case { collocation: 0, initial: 0, measured: 0, hidden_layers: 1, ..large() };
     let matrix = problem(VanDerPol::default(), &case).normal_matrix(Isa::detect(), 2);
     assert!(matrix.col_iter().all(|column| column.iter().all(|a| a.to_bits() == 0)));
 }
@@ -238,6 +263,7 @@ fn large() -> Case {
         time_only: false,
         collocation: 3001,
         initial: 157,
+        measured: 301,
         seed: 5,
     }
 }
@@ -255,7 +281,8 @@ fn the_same_bits_on_any_number_of_threads() {
 #[test]
 fn wide_and_deep_nets_agree_with_the_specification() {
     for (hidden_layers, neurons) in [(1, 64), (2, 64), (10, 15), (10, 20)] {
-        let case = Case { hidden_layers, neurons, collocation: 33, initial: 9, ..large() };
+        let case =
+            Case { hidden_layers, neurons, collocation: 33, initial: 9, measured: 21, ..large() };
         problem(FourTanks::johansson_minimum(), &case).check().unwrap();
     }
 }

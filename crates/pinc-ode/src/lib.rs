@@ -1,8 +1,7 @@
 //! Plants, integrators and what the rest of PINC says about dynamical systems.
 //!
 //! - [`Plant`]: an ordinary differential equation x' = f(x, u), written once over
-//!   [`pinc_ad::Scalar`]; [`VanDerPol`], [`FourTanks`] and [`OneTank`] are the paper's,
-//!   and [`Equations`] makes one from text.
+//!   [`pinc_ad::Scalar`]; [`VanDerPol`], [`FourTanks`] and [`OneTank`] are the paper's.
 //! - [`Predictor`]: a discrete-time model x\[k+1\] = f(x\[k\], u\[k\]) with its Jacobians; this is all that a
 //!   controller knows of a model. [`Rk4`] is one, a trained net another.
 //! - [`Adaptive`]: an accurate integrator, for the truth.
@@ -23,7 +22,6 @@
 
 mod adaptive;
 mod error;
-mod expression;
 pub mod metrics;
 mod plant;
 mod plants;
@@ -31,15 +29,12 @@ mod predictor;
 mod rk4;
 mod signal;
 mod trajectory;
-mod variable;
 
 pub use adaptive::Adaptive;
 pub use error::OdeError;
-pub use expression::{Equations, Excerpt, ExpressionError, ExpressionPlant, ExpressionProblem};
-pub use plant::Plant;
+pub use plant::{Plant, Variable};
 pub use plants::{AcetoneColumn, AcetoneStill, FourTanks, OneTank, VanDerPol};
 pub use predictor::{Dims, Predictor};
 pub use rk4::Rk4;
 pub use signal::Signal;
 pub use trajectory::Trajectory;
-pub use variable::Variable;

@@ -13,7 +13,7 @@ use std::fs;
 use std::path::Path;
 
 const MAGIC: &[u8; 8] = b"PINCCKPT";
-const VERSION: u32 = 1;
+const VERSION: u32 = 2;
 const HEADER: usize = MAGIC.len() + 4 + 32;
 
 /// What a checkpoint holds, `C` being the trainer's.

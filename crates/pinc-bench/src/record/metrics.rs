@@ -77,12 +77,15 @@ pub struct ValidationMetrics {
     /// Of one step from random points of the box, in the states' units squared.
     #[serde(deserialize_with = "number_or_null")]
     pub one_step_mse: f64,
+    /// On held-out measurements, each state in standard deviations of the box.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub measured_mse: Option<f64>,
 }
 
 impl From<Validation> for ValidationMetrics {
     fn from(validation: Validation) -> Self {
-        let Validation { mse_gen, mse_all_normalized, one_step_mse } = validation;
-        Self { mse_gen, mse_all_normalized, one_step_mse }
+        let Validation { mse_gen, mse_all_normalized, one_step_mse, measured_mse } = validation;
+        Self { mse_gen, mse_all_normalized, one_step_mse, measured_mse }
     }
 }
 

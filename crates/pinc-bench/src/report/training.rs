@@ -2,7 +2,7 @@
 
 use super::ReportError;
 use super::chart::{
-    Axis, BLACK, BLUE, Event, Figure, Kind, Label, PURPLE, Panel, Point, SKY, Shape, Style,
+    Axis, BLACK, BLUE, Event, Figure, GREEN, Kind, Label, PURPLE, Panel, Point, SKY, Shape, Style,
     VERMILLION, extent, present,
 };
 use super::data::Run;
@@ -22,8 +22,7 @@ pub(super) fn picture(run: &Run) -> Result<Option<Picture>, ReportError> {
     let x = table.numbers(column)?;
     let validation = present(table.points(column, "validation_mse")?.unwrap_or_default());
     let best = validation.iter().copied().min_by(|a, b| a.1.total_cmp(&b.1));
-    let label = run.label_in_states_unit("validation MSE", "²");
-    let loss = losses(table, column, (&label, &validation), best)?;
+    let loss = losses(table, column, &validation, best)?;
     let mut gradient = Panel::new("Gradient", Axis::new("gradient norm", Kind::Log), 120.0);
     let norm = table.points(column, "gradient_norm")?.unwrap_or_default();
     gradient.add("gradient norm", norm, Style::new(BLACK, Shape::Line(1.0)).faint(0.75));
@@ -42,17 +41,22 @@ pub(super) fn picture(run: &Run) -> Result<Option<Picture>, ReportError> {
 fn losses(
     table: &Table,
     x: &str,
-    validation: (&str, &[Point]),
+    validation: &[Point],
     best: Option<Point>,
 ) -> Result<Panel, ReportError> {
     let mut panel = Panel::new("Loss", Axis::new("mean squared error", Kind::Log), 340.0);
     let column = |name: &str| table.points(x, name).map(Option::unwrap_or_default);
     let (loss, data, physics) = (column("loss")?, column("loss_data")?, column("loss_physics")?);
+    let measured = column("loss_measured")?;
     let fresh = present(column("fresh_loss")?);
     // A term that is the whole loss, or nothing, has no curve of its own.
     let differs = |term: &[Point]| loss.iter().zip(term).any(|(a, b)| !equal(a.1, b.1));
     let vanishes = |term: &[Point]| term.iter().all(|p| equal(p.1, 0.0));
-    let terms = [("physics term", &physics, BLUE), ("data term", &data, SKY)];
+    let terms = [
+        ("physics term", &physics, BLUE),
+        ("data term", &data, SKY),
+        ("measurements", &measured, GREEN),
+    ];
     let terms = terms.into_iter().filter(|(_, term, _)| differs(term) && !vanishes(term));
     let terms: Vec<_> = terms.collect();
     let all_physics = !physics.is_empty() && !differs(&physics);
@@ -67,9 +71,9 @@ fn losses(
     }
     panel.add_named("loss on fresh points", fresh, Style::new(PURPLE, Shape::Dots(2.4)));
     let line = Style::new(VERMILLION, Shape::Line(1.2));
-    panel.add("", validation.1.to_vec(), line);
+    panel.add("", validation.to_vec(), line);
     let dots = Style::new(VERMILLION, Shape::Dots(2.6));
-    panel.add_named(validation.0, validation.1.to_vec(), dots);
+    panel.add_named("validation MSE", validation.to_vec(), dots);
     let ring = Style::new(VERMILLION, Shape::Rings(6.0));
     let label = |at: Point| Label { at, text: text::number(at.1, 2), color: VERMILLION };
     panel.labels.extend(best.map(label));

@@ -8,7 +8,7 @@ use crate::registry::PlantTask;
 use crate::spec::{ControlSpec, ModelKind};
 use pinc_mpc::{ClosedLoop, MpcError, Nmpc, NmpcProblem, Reference};
 use pinc_net::{PincNet, PincPredictor};
-use pinc_ode::{Adaptive, Plant, Predictor, Rk4, Signal};
+use pinc_ode::{Adaptive, Plant, Predictor, Rk4, Signal, Trajectory};
 use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
 
@@ -99,6 +99,20 @@ fn run_model<P: Plant + 'static>(
     record.write_trace(&setup.file("steps", kind), || times.table(&results))?;
     progress.end(&format!("{repetitions} runs, IAE {:.4}", results.iae_dense_sum));
     Ok(results.metrics(kind, times))
+}
+
+/// The plant's trajectory in the closed loop of `spec` with RK4 as the model, run once and not recorded.
+pub(super) fn rehearse<P: Plant + 'static>(
+    plant: &P,
+    spec: &ControlSpec,
+    horizon_s: f64,
+) -> Result<Trajectory, BenchError> {
+    let setup = Setup { spec, kinds: &[ModelKind::Rk4], net: None, horizon_s };
+    let model = setup.model(ModelKind::Rk4, plant);
+    let mut nmpc = Nmpc::new(setup.problem(plant), model, spec.sqp)?;
+    let mut run = setup.begin(&mut nmpc, plant)?;
+    run.run()?;
+    Ok(run.trajectory().clone())
 }
 
 impl Setup<'_> {

@@ -2,7 +2,9 @@
 
 mod chain;
 mod check;
+mod columns;
 mod control;
+mod data;
 mod free_run;
 mod predict;
 mod train;
@@ -11,7 +13,7 @@ mod trial;
 pub(crate) use train::Setup;
 pub(crate) use trial::{run_trial, train_shared};
 
-pub use check::{Finding, Severity, check};
+pub use check::{Finding, Severity, check, findings_json};
 pub use predict::predict;
 
 use crate::progress::Verbosity;

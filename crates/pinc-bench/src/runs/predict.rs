@@ -1,6 +1,7 @@
 //! `pinc predict`: the free run of a trained net under given inputs, from CSV to CSV.
 
 use super::chain::Chain;
+use super::columns::{At, finite, optional, places, rows};
 use crate::BenchError;
 use crate::error::CsvProblem;
 use crate::record::{Table, number, write_atomically};
@@ -34,15 +35,13 @@ pub fn predict(model: &Path, inputs: &Path, output: &Path) -> Result<(), BenchEr
 }
 
 /// The output for an input file's text; an error comes with its line.
-fn run(net: &PincNet, text: &[u8]) -> Result<Table, (u64, CsvProblem)> {
-    let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(text);
-    let header = reader.headers().map_err(syntax)?.clone();
+fn run(net: &PincNet, text: &[u8]) -> Result<Table, At> {
+    let (header, rows) = rows(text)?;
     let columns = Columns::find(net, &header).map_err(|problem| (1, problem))?;
     let mut table = Table::new(&header);
     let mut chains: HashMap<String, Chain> = HashMap::new();
-    for record in reader.into_records() {
-        let record = record.map_err(syntax)?;
-        let line = record.position().map_or(0, csv::Position::line);
+    for row in rows {
+        let (line, record) = row?;
         let row = columns.read(&record).map_err(|problem| (line, problem))?;
         let state = match chains.get_mut(row.scenario) {
             Some(chain) => continue_chain(net, chain, &row),
@@ -81,11 +80,6 @@ fn continue_chain(net: &PincNet, chain: &mut Chain, row: &Row<'_>) -> Result<Vec
     Ok(sample.state)
 }
 
-fn syntax(error: csv::Error) -> (u64, CsvProblem) {
-    let line = error.position().map_or(1, csv::Position::line);
-    (line, CsvProblem::Syntax(error))
-}
-
 /// Where in a row the columns are, with their names.
 struct Columns {
     scenario: usize,
@@ -105,37 +99,15 @@ struct Row<'a> {
 impl Columns {
     fn find(net: &PincNet, header: &StringRecord) -> Result<Self, CsvProblem> {
         let fixed = ["scenario".to_owned(), "t".to_owned()];
-        let names = fixed.iter().chain(net.input_names()).chain(net.state_names());
-        let expected = || names.clone().cloned().collect::<Vec<_>>().join(",");
-        for (i, column) in header.iter().enumerate() {
-            let known = names.clone().any(|name| name == column);
-            if !known || header.iter().take(i).any(|before| before == column) {
-                let column = column.to_owned();
-                return Err(CsvProblem::UnexpectedColumn { column, expected: expected() });
-            }
-        }
-        let place = |name: &String| {
-            let missing =
-                || CsvProblem::MissingColumn { column: name.clone(), expected: expected() };
-            header.iter().position(|column| column == name).ok_or_else(missing)
-        };
-        let places = |names: &[String]| {
-            let named = names.iter().map(|name| Ok((place(name)?, name.clone())));
-            named.collect::<Result<Vec<_>, CsvProblem>>()
-        };
-        Ok(Self {
-            scenario: place(&fixed[0])?,
-            t: place(&fixed[1])?,
-            inputs: places(net.input_names())?,
-            states: places(net.state_names())?,
-        })
+        let names = [&fixed[..], net.input_names(), net.state_names()].concat();
+        let mut named = places(header, &names)?.into_iter().zip(names);
+        let (scenario, t) = (named.next().map_or(0, |c| c.0), named.next().map_or(0, |c| c.0));
+        let inputs = named.by_ref().take(net.input_names().len()).collect();
+        Ok(Self { scenario, t, inputs, states: named.collect() })
     }
 
     fn read<'a>(&self, record: &'a StringRecord) -> Result<Row<'a>, CsvProblem> {
-        let states = self.states.iter().map(|(place, name)| match &record[*place] {
-            "" => Ok(None),
-            cell => finite(cell, name).map(Some),
-        });
+        let states = self.states.iter().map(|(place, name)| optional(&record[*place], name));
         let inputs = self.inputs.iter().map(|(place, name)| finite(&record[*place], name));
         Ok(Row {
             scenario: &record[self.scenario],
@@ -152,13 +124,6 @@ impl Columns {
             cells[*place] = number(*value);
         }
         cells
-    }
-}
-
-fn finite(cell: &str, column: &str) -> Result<f64, CsvProblem> {
-    match cell.parse::<f64>() {
-        Ok(value) if value.is_finite() => Ok(value),
-        _ => Err(CsvProblem::Cell { column: column.to_owned(), found: cell.to_owned() }),
     }
 }
 

@@ -1,25 +1,26 @@
 //! The training stage: from a config to `model.safetensors` and `training.csv`.
 
 use super::Options;
+use super::data::{self, Data};
 use crate::BenchError;
 use crate::error::CheckpointProblem;
 use crate::progress::Stage;
 use crate::record::{
     Record, Saved, TrainingMetrics, file, lines_up_to, load_checkpoint, number, save_checkpoint,
 };
-use crate::spec::{Effort, Experiment, TrainingSpec};
+use crate::spec::{DataSpec, Effort, Experiment, TrainingSpec};
 use pinc_net::{
     Domain, IterationRecord, NetConfig, PincNet, Progress, Trainer, Validation, ValidationConfig,
     ValidationSet,
 };
 use pinc_ode::Plant;
 use std::fs;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 /// Columns of `training.csv`.
 const COLUMNS: &str = "iteration,loss_evaluations,elapsed_s,loss,validation_mse,phase,loss_data,\
-                       loss_physics,gradient_norm,collocation_points,fresh_loss";
+                       loss_physics,gradient_norm,collocation_points,fresh_loss,loss_measured";
 
 /// Trains the net, or reads it if that has been done, and returns it.
 pub(crate) fn stage<P: Plant + 'static>(
@@ -33,10 +34,13 @@ pub(crate) fn stage<P: Plant + 'static>(
     }
     let setup = Setup::of(experiment)?;
     let (horizon_s, config) = (setup.net.horizon_s, setup.validation);
-    let validation = match &setup.net.time_only {
+    let mut validation = match &setup.net.time_only {
         Some(scenario) => ValidationSet::of_scenario(plant, horizon_s, config, scenario)?,
         None => ValidationSet::generate(plant, horizon_s, config, experiment.seed)?,
     };
+    if let Some(held_out) = setup.measured(experiment, |data| &data.held_out)? {
+        validation = validation.with_measurements(held_out.measurements);
+    }
     let mut session = Session::begin(plant, experiment, &setup, &validation, options, record)?;
     let outcome = session.work(record, &setup.training.effort, options);
     session.write_log(record)?;
@@ -67,6 +71,7 @@ pub(crate) struct Setup<'a> {
     pub(crate) domain: &'a Domain,
     pub(crate) training: &'a TrainingSpec,
     validation: &'a ValidationConfig,
+    data: Option<&'a DataSpec>,
 }
 
 impl<'a> Setup<'a> {
@@ -81,7 +86,19 @@ impl<'a> Setup<'a> {
             domain: experiment.domain.as_ref().ok_or_else(|| missing("domain"))?,
             training: experiment.training.as_ref().ok_or_else(|| missing("training"))?,
             validation: experiment.validation.as_ref().ok_or_else(|| missing("validation"))?,
+            data: experiment.data.as_ref(),
         })
+    }
+
+    /// What is in some of the files of `[data]`, if there are any.
+    fn measured(
+        &self,
+        experiment: &Experiment,
+        files: impl Fn(&DataSpec) -> &Vec<PathBuf>,
+    ) -> Result<Option<Data>, BenchError> {
+        let files = self.data.map(files).filter(|files| !files.is_empty());
+        let variables = experiment.plant.variables();
+        files.map(|files| data::read(&variables, self.net.horizon_s, files)).transpose()
     }
 }
 
@@ -112,12 +129,19 @@ impl<P: Plant + 'static> Session<P> {
         record: &Record,
     ) -> Result<Self, BenchError> {
         let begun = Instant::now();
-        let fingerprint = experiment.normalized().fingerprint();
+        let mut fingerprint = experiment.normalized().fingerprint();
         let total = setup.training.config.phases.iter().map(|phase| phase.iterations).sum();
         let (plant, validation, seed) = (plant.clone(), validation.clone(), experiment.seed);
         let (net, domain, config) = (setup.net, setup.domain, &setup.training.config);
         let threads = setup.training.effort.threads();
-        let trainer = Trainer::new(plant, net, domain, config, validation, seed, threads)?;
+        let mut trainer = Trainer::new(plant, net, domain, config, validation, seed, threads)?;
+        if let Some(spec) = setup.data
+            && let Some(data) = setup.measured(experiment, |spec| &spec.files)?
+        {
+            trainer = trainer.with_measurements(&data.measurements, spec.weight)?;
+            // The config names the files only; a training goes on with the same measurements or not at all.
+            fingerprint.extend(data.digest.iter().map(|byte| format!("{byte:02x}")));
+        }
         let stage = Stage::begin(options.verbosity, "training", total);
         let fresh = Self {
             trainer,
@@ -262,6 +286,7 @@ fn row(record: &IterationRecord, elapsed: Duration, validation: Option<&Validati
         number(record.gradient_norm),
         record.collocation_points.to_string(),
         fresh,
+        number(record.loss_measured),
     ]
     .join(",")
 }

@@ -1,6 +1,7 @@
 //! What a config file says, as types, and how one is read.
 
 mod control;
+mod data;
 mod explain;
 mod layers;
 mod list;
@@ -12,6 +13,7 @@ mod training;
 mod validate;
 
 pub use control::{ControlSpec, ModelKind, ReferenceStep};
+pub use data::DataSpec;
 pub use list::{ListedRun, RunList};
 pub use plant::{
     AcetoneColumnSpec, AcetoneStillSpec, FourTanksParameters, FourTanksSpec, OneTankSpec,
@@ -36,7 +38,7 @@ use toml::{Table, Value};
 /// An experiment: a resolved config file, every value spelled out and checked.
 ///
 /// The sections present say what is done: `training` (which needs `model`, `domain` and
-/// `validation`) trains a net, `prediction` lets it run freely, `control` puts it into the loop.
+/// `validation`, and may have `data`) trains a net, `prediction` lets it run freely, `control` puts it into the loop.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Experiment {
@@ -57,6 +59,9 @@ pub struct Experiment {
     /// The training.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub training: Option<TrainingSpec>,
+    /// Measurements to train on, beside the equation.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub data: Option<DataSpec>,
     /// The scenarios that the net is validated on.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub validation: Option<ValidationConfig>,

@@ -1,7 +1,8 @@
 //! Checks of a config that its types cannot make.
 
 use super::{
-    ControlSpec, Experiment, ModelKind, PlantSpec, PredictionSpec, Problem, TrainingSpec, nearest,
+    ControlSpec, DataSpec, Experiment, ModelKind, PlantSpec, PredictionSpec, Problem, TrainingSpec,
+    nearest,
 };
 use crate::registry::Variables;
 use pinc_mpc::{MpcError, Weight};
@@ -59,6 +60,14 @@ impl Experiment {
             present("domain", self.domain.is_some(), needed)?;
             present("validation", self.validation.is_some(), needed)?;
         }
+        if let Some(data) = &self.data {
+            present("training", self.training.is_some(), "[data] is for a training")?;
+            measurements(data)?;
+            if self.model.as_ref().is_some_and(|model| model.time_only.is_some()) {
+                let expected = "no such key with [data], whose scenarios differ";
+                return value("model.time_only", "a single scenario", expected);
+            }
+        }
         if let (Some(model), Some(step_s)) =
             (&self.model, self.control.as_ref().and_then(|c| c.step_s))
             && model.horizon_s.total_cmp(&step_s).is_ne()
@@ -111,15 +120,6 @@ fn plant(key: &str, plant: &PlantSpec) -> Finding {
             }
             Ok(())
         }
-        PlantSpec::Expression(equations) => match equations.compile() {
-            Ok(_) => Ok(()),
-            Err(error) => {
-                let misspelt = error.problem.misspelt();
-                let nearest = misspelt.and_then(|(found, known)| nearest(found, known));
-                let key = format!("plant.expression.{}", error.key);
-                Err((key, Problem::Expression { error: Box::new(error), nearest }))
-            }
-        },
         _ => Ok(()),
     }
 }
@@ -194,6 +194,13 @@ fn training_choices(spec: &TrainingSpec, dims: Dims) -> Finding {
         phase.optimizer.validate().map_err(|error| net_finding(&key, &error))?;
     }
     config.validate().map_err(|error| net_finding("training", &error))
+}
+
+fn measurements(spec: &DataSpec) -> Finding {
+    if spec.files.is_empty() {
+        return value("data.files", "[]", "at least one CSV file");
+    }
+    positive("data.weight", spec.weight)
 }
 
 fn validation_scenarios(spec: &ValidationConfig, dims: Dims, horizon_s: Option<f64>) -> Finding {

@@ -21,7 +21,7 @@ use crate::loss::{LossTerms, LossWeights};
 use crate::mlp::to_f64;
 use crate::net::PincNet;
 use crate::sampling::Points;
-use crate::{Normalizer, Workers};
+use crate::{Measurements, Normalizer, Workers};
 use dense::PackedLayer;
 use faer::MatMut;
 use normal::Slab;
@@ -39,7 +39,7 @@ use tile::{Block, Pass, Workspace, tile_panels};
 const MAX_BLOCKS: usize = 64;
 
 /// The PINC loss over a set of points, `MSE_y` + lambda `MSE_F`, with its gradient in the parameters of a
-/// net.
+/// net; where there are measurements, with their term.
 ///
 /// Memory: (1 + n + m) numbers a point; per thread, about 16 KB per neuron of the widest layers for
 /// cells and 64 bytes per parameter; per block (64 at most), 8 bytes per parameter.
@@ -64,6 +64,11 @@ impl BatchLoss {
     /// may be empty; its term is then 0.
     pub fn set_points(&mut self, collocation: &Points, initial: &Points) {
         self.engine.set_points(collocation, initial);
+    }
+
+    /// Replaces the measurements.
+    pub fn set_measurements(&mut self, measurements: &Measurements) {
+        self.engine.set_measurements(measurements);
     }
 
     /// The loss at `parameters`.
@@ -103,6 +108,7 @@ impl BatchLoss {
 /// What [`BatchLoss`] does, whatever the vector type and the plant.
 trait Engine: Debug + Send {
     fn set_points(&mut self, collocation: &Points, initial: &Points);
+    fn set_measurements(&mut self, measurements: &Measurements);
     fn evaluate(&mut self, parameters: &[f64], gradient: Option<&mut [f64]>) -> LossTerms;
     fn normal_matrix(&mut self, parameters: &[f64], out: MatMut<'_, f64>);
 }
@@ -136,6 +142,7 @@ impl<P: Plant + 'static> Task for Build<'_, P> {
                 initial_scale: weights.initial_scale.clone(),
             },
             lambda: weights.lambda,
+            measured: weights.measured,
             sets: Vec::new(),
             parameters: net.mlp.parameters().len(),
             blocks: Vec::new(),
@@ -154,6 +161,7 @@ struct LaneEngine<V, P> {
     input: Normalizer,
     physics: Physics<P>,
     lambda: f64,
+    measured: f64,
     sets: Vec<(Term, Panels<V>)>,
     parameters: usize,
     blocks: Vec<Mutex<BlockResult>>,
@@ -176,10 +184,11 @@ impl<V: Simd, P: Plant> LaneEngine<V, P> {
     /// Factor of a set's squared errors in the loss.
     fn weight(&self, set: usize) -> f64 {
         let (term, panels) = &self.sets[set];
-        let mean = 1.0 / (to_f64(panels.points()) * to_f64(self.dims.states));
+        let mean = 1.0 / to_f64(panels.errors());
         match term {
             Term::Physics => self.lambda * mean,
             Term::Initial => mean,
+            Term::Measured => self.measured * mean,
         }
     }
 
@@ -225,23 +234,17 @@ fn locked<T>(mutex: &Mutex<T>) -> std::sync::MutexGuard<'_, T> {
 
 impl<V: Simd, P: Plant> Engine for LaneEngine<V, P> {
     fn set_points(&mut self, collocation: &Points, initial: &Points) {
-        let sets = [(Term::Physics, collocation), (Term::Initial, initial)];
-        self.sets = sets
-            .into_iter()
-            .filter(|(_, points)| !points.is_empty())
-            .map(|(term, points)| (term, Panels::new(points, self.dims, self.zero)))
-            .collect();
-        self.blocks.clear();
-        for (set, (_, panels)) in self.sets.iter().enumerate() {
-            let tile = tile_panels::<V>();
-            let tiles = panels.len().div_ceil(tile);
-            let step = tile * tiles.div_ceil(MAX_BLOCKS);
-            for start in (0..panels.len()).step_by(step) {
-                let range = start..panels.len().min(start + step);
-                let gradient = vec![0.0; self.parameters];
-                self.blocks.push(Mutex::new(BlockResult { set, range, squares: 0.0, gradient }));
-            }
-        }
+        self.replace(Term::Physics, Panels::new(collocation, self.dims, self.zero));
+        let own = |k: usize, state: usize| Some(initial.state(k)[state]);
+        self.replace(Term::Initial, Panels::aimed(initial, own, self.dims, self.zero));
+        self.divide();
+    }
+
+    fn set_measurements(&mut self, measurements: &Measurements) {
+        let measured = |k: usize, state: usize| measurements.state(k)[state];
+        let panels = Panels::aimed(measurements.points(), measured, self.dims, self.zero);
+        self.replace(Term::Measured, panels);
+        self.divide();
     }
 
     fn evaluate(&mut self, parameters: &[f64], gradient: Option<&mut [f64]>) -> LossTerms {
@@ -266,6 +269,30 @@ impl<V: Simd, P: Plant> Engine for LaneEngine<V, P> {
 }
 
 impl<V: Simd, P: Plant> LaneEngine<V, P> {
+    /// Replaces the points of a term. Terms keep their order, whichever is set first.
+    fn replace(&mut self, term: Term, panels: Panels<V>) {
+        self.sets.retain(|(other, _)| *other != term);
+        if panels.errors() > 0 {
+            self.sets.push((term, panels));
+            self.sets.sort_by_key(|(term, _)| *term);
+        }
+    }
+
+    /// Divides the points into blocks.
+    fn divide(&mut self) {
+        self.blocks.clear();
+        for (set, (_, panels)) in self.sets.iter().enumerate() {
+            let tile = tile_panels::<V>();
+            let tiles = panels.len().div_ceil(tile);
+            let step = tile * tiles.div_ceil(MAX_BLOCKS);
+            for start in (0..panels.len()).step_by(step) {
+                let range = start..panels.len().min(start + step);
+                let gradient = vec![0.0; self.parameters];
+                self.blocks.push(Mutex::new(BlockResult { set, range, squares: 0.0, gradient }));
+            }
+        }
+    }
+
     /// Adds up the blocks, in order.
     fn collect(&self, mut gradient: Option<&mut [f64]>) -> LossTerms {
         if let Some(gradient) = gradient.as_deref_mut() {
@@ -279,6 +306,7 @@ impl<V: Simd, P: Plant> LaneEngine<V, P> {
             match self.sets[block.set].0 {
                 Term::Physics => terms.physics += share,
                 Term::Initial => terms.data += share,
+                Term::Measured => terms.measured += share,
             }
             if let Some(gradient) = gradient.as_deref_mut() {
                 for (sum, part) in gradient.iter_mut().zip(&block.gradient) {

@@ -14,9 +14,18 @@ pub(super) struct Panels<V> {
     rows: usize,
     states: usize,
     data: Vec<Pair<V>>,
-    points: usize,
+    targets: Vec<Target<V>>,
+    errors: usize,
     ones: Pair<V>,
     last_mask: Pair<V>,
+}
+
+/// What a state is to be at the points of one panel.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Target<V> {
+    pub(super) value: Pair<V>,
+    /// 1 in the lanes where it is known, 0 in the others.
+    pub(super) known: Pair<V>,
 }
 
 /// One panel: each of `t`, `y0`, `u` in the plant's units.
@@ -29,6 +38,8 @@ pub(super) struct Panel<'a, V> {
     pub(super) rows: &'a [Pair<V>],
     /// 1 in the lanes that count, 0 in the others.
     pub(super) mask: &'a Pair<V>,
+    /// One per state, or none where states are not compared with anything.
+    pub(super) targets: &'a [Target<V>],
 }
 
 impl<V: Simd> Panels<V> {
@@ -57,12 +68,39 @@ impl<V: Simd> Panels<V> {
             zero.generate(|lane| if half * V::LANES + lane < in_last { 1.0 } else { 0.0 })
         });
         let ones = [zero.constant(1.0); 2];
-        Self { rows, states: dims.states, data, points: points.len(), ones, last_mask }
+        let (states, errors) = (dims.states, points.len() * dims.states);
+        Self { rows, states, data, targets: Vec::new(), errors, ones, last_mask }
     }
 
-    /// How many points there are.
-    pub(super) fn points(&self) -> usize {
-        self.points
+    /// The same for `points` whose states are compared with `target` (of a point and a state), where it is
+    /// known.
+    pub(super) fn aimed(
+        points: &Points,
+        target: impl Fn(usize, usize) -> Option<f64>,
+        dims: Dims,
+        zero: V,
+    ) -> Self {
+        let mut panels = Self::new(points, dims, zero);
+        let at = |first: usize, half: usize, lane: usize, state: usize| {
+            let i = first + half * V::LANES + lane;
+            if i < points.len() { target(i, state) } else { None }
+        };
+        for first in (0..points.len()).step_by(2 * V::LANES) {
+            panels.targets.extend((0..dims.states).map(|i| Target {
+                value: [0, 1].map(|half| zero.generate(|l| at(first, half, l, i).unwrap_or(0.0))),
+                known: [0, 1].map(|half| {
+                    zero.generate(|l| if at(first, half, l, i).is_some() { 1.0 } else { 0.0 })
+                }),
+            }));
+        }
+        let known = |k: usize| (0..dims.states).filter(|&i| target(k, i).is_some()).count();
+        panels.errors = (0..points.len()).map(known).sum();
+        panels
+    }
+
+    /// How many errors are squared in the mean over these points.
+    pub(super) fn errors(&self) -> usize {
+        self.errors
     }
 
     /// How many panels there are.
@@ -75,6 +113,10 @@ impl<V: Simd> Panels<V> {
         let rows = &self.data[i * self.rows..(i + 1) * self.rows];
         let (y0, u) = rows[1..].split_at(self.states);
         let mask = if i + 1 == self.len() { &self.last_mask } else { &self.ones };
-        Panel { t: &rows[0], y0, u, rows, mask }
+        let targets = match self.targets.is_empty() {
+            true => &[],
+            false => &self.targets[i * self.states..(i + 1) * self.states],
+        };
+        Panel { t: &rows[0], y0, u, rows, mask, targets }
     }
 }

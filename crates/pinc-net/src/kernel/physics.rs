@@ -10,13 +10,15 @@ use pinc_ode::{Dims, Plant};
 /// Columns of df/dy that go through the plant together.
 const DIRECTIONS: usize = 4;
 
-/// The two terms of the loss.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+/// The terms of the loss, in the order of their sums.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) enum Term {
     /// `MSE_F`: y' - f(y, u) = 0 at collocation points.
     Physics,
     /// `MSE_y`: y(0) = y0 at initial points.
     Initial,
+    /// `MSE_D`: y(t) as measured.
+    Measured,
 }
 
 /// What the loss is made of, besides the net's parameters and the points.
@@ -28,7 +30,7 @@ pub(super) struct Physics<P> {
     pub(super) output: Normalizer,
     /// Factor of each state's residual.
     pub(super) residual_scale: Vec<f64>,
-    /// Factor of each state's initial error.
+    /// Factor of each state's initial error, and of its error against measurements.
     pub(super) initial_scale: Vec<f64>,
 }
 
@@ -83,7 +85,9 @@ impl<P: Plant> Physics<P> {
             squares = squares
                 + match term {
                     Term::Physics => self.residual(weight, panel, output, half, scratch),
-                    Term::Initial => self.initial(weight, panel, output, half, scratch),
+                    Term::Initial | Term::Measured => {
+                        self.deviation(weight, panel, output, half, scratch)
+                    }
                 };
             for (i, adjoint) in adjoint.iter_mut().enumerate() {
                 let derivatives = (scratch.state_adjoint[i], scratch.rate_adjoint[i]);
@@ -114,7 +118,7 @@ impl<P: Plant> Physics<P> {
         let states = output.len();
         let scale = match term {
             Term::Physics => &self.residual_scale,
-            Term::Initial => &self.initial_scale,
+            Term::Initial | Term::Measured => &self.initial_scale,
         };
         for half in 0..2 {
             let factors = self.ansatz.factor(panel.t[half], self.horizon_s);
@@ -124,11 +128,15 @@ impl<P: Plant> Physics<P> {
                     self.velocity(panel, output, half, j, scratch);
                 }
                 for i in 0..states {
-                    let error = panel.mask[half] * (weight.sqrt() * scale[i]);
+                    let mask = match term {
+                        Term::Physics => panel.mask[half],
+                        Term::Initial | Term::Measured => panel.targets[i].known[half],
+                    };
+                    let error = mask * (weight.sqrt() * scale[i]);
                     let own = if i == j { error } else { zero };
                     let derivatives = match term {
                         Term::Physics => (-scratch.f[i].eps[j % DIRECTIONS] * error, own),
-                        Term::Initial => (own, zero),
+                        Term::Initial | Term::Measured => (own, zero),
                     };
                     let (value, tangent) = self.through_ansatz(j, factors, derivatives);
                     jacobian[i * states + j][half] = value;
@@ -226,9 +234,9 @@ impl<P: Plant> Physics<P> {
         squares
     }
 
-    /// y(0) - y0.
+    /// y - what it is to be: y(0) - y0, or y(t) less its measured value.
     #[inline(always)]
-    fn initial<V: Simd>(
+    fn deviation<V: Simd>(
         &self,
         weight: f64,
         panel: Panel<'_, V>,
@@ -240,7 +248,8 @@ impl<P: Plant> Physics<P> {
         for i in 0..scratch.x.len() {
             let (y, _) = self.state(panel, output, half, i);
             let scale = self.initial_scale[i];
-            let masked = (y - panel.y0[i][half]) * panel.mask[half] * scale;
+            let target = &panel.targets[i];
+            let masked = (y - target.value[half]) * target.known[half] * scale;
             squares = masked.mul_add(masked, squares);
             scratch.state_adjoint[i] = masked * (2.0 * weight * scale);
             scratch.rate_adjoint[i] = masked.constant(0.0);

@@ -13,11 +13,12 @@ mod scale;
 mod svg;
 
 pub(super) use color::{
-    AMBER, BLACK, BLUE, Color, GREY, INK, PURPLE, SKY, VERMILLION, graded, input_color, state_color,
+    AMBER, BLACK, BLUE, Color, GREEN, GREY, INK, PURPLE, SKY, VERMILLION, graded, input_color,
+    state_color,
 };
 pub(super) use curve::{Point, held_since_previous, held_until_next, present};
 pub(super) use figure::{Area, Axis, Event, Figure, Key, Label, Look, Panel, Span, extent, places};
 pub(super) use scale::Kind;
 #[cfg(test)]
 pub(super) use svg::width_of;
-pub(super) use svg::{Fill, Shape, Style, state_mark};
+pub(super) use svg::{Fill, Shape, Style};

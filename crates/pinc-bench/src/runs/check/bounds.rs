@@ -1,0 +1,77 @@
+//! Whether start, references and bounds fit together and lie in the training domain.
+
+use super::{Finding, Subject};
+use crate::spec::ControlSpec;
+use pinc_net::Domain;
+
+pub(super) fn examine(subject: &Subject<'_>) -> Vec<Finding> {
+    let Some(control) = &subject.experiment.control else {
+        return Vec::new();
+    };
+    let mut findings = values(subject, control);
+    if let Some(domain) = &subject.experiment.domain {
+        findings.extend(reach(subject, control, domain));
+    }
+    if findings.is_empty() {
+        let text = "start and references are within the bounds, and these within the domain";
+        findings.push(Finding::fact("", text));
+    }
+    findings
+}
+
+fn ends(control: &ControlSpec, i: usize) -> (f64, f64) {
+    let low = control.state_low.as_ref().map_or(f64::NEG_INFINITY, |low| low[i]);
+    (low, control.state_high.as_ref().map_or(f64::INFINITY, |high| high[i]))
+}
+
+/// Start and references against the bounds.
+fn values(subject: &Subject<'_>, control: &ControlSpec) -> Vec<Finding> {
+    let outside = |value: f64, (low, high): (f64, f64)| value < low || value > high;
+    let states = subject.plant.states();
+    let mut findings = Vec::new();
+    for (i, value) in control.initial_state.iter().enumerate() {
+        if outside(*value, ends(control, i)) {
+            let what = format!("{} = {value} is outside its bounds", states[i].name);
+            findings.push(
+                Finding::warning("control.initial_state", what)
+                    .because("the first predictions cannot keep the bounds: the first problems may be infeasible")
+                    .change("start within control.state_low and state_high, or widen them"),
+            );
+        }
+    }
+    for (k, reference) in control.references.iter().enumerate() {
+        for (&i, value) in subject.controlled().iter().zip(&reference.value) {
+            if outside(*value, ends(control, i)) {
+                let what = format!("{} = {value} is outside its bounds", states[i].name);
+                findings.push(
+                    Finding::warning(format!("control.references[{k}]"), what)
+                        .because("the controller keeps the bounds and leaves an offset")
+                        .change("move the reference, or widen control.state_low and state_high"),
+                );
+            }
+        }
+    }
+    findings
+}
+
+/// The bounds against the training domain.
+fn reach(subject: &Subject<'_>, control: &ControlSpec, domain: &Domain) -> Vec<Finding> {
+    let mut findings = Vec::new();
+    let mut compare = |name: &str, (low, high): (f64, f64), (from, to): (f64, f64)| {
+        if low < from || high > to {
+            findings.push(
+                Finding::warning("domain", format!("the bounds of {name} reach outside the training domain"))
+                    .because("a net is wrong outside the box it was trained on, and the optimiser may plan there")
+                    .change(format!("a domain of {name} that holds {low} to {high}, or narrower bounds in [control]")),
+            );
+        }
+    };
+    for (i, state) in subject.plant.states().iter().enumerate() {
+        compare(&state.name, ends(control, i), (domain.state_low[i], domain.state_high[i]));
+    }
+    for (i, input) in subject.plant.inputs().iter().enumerate() {
+        let bounds = (control.input_low[i], control.input_high[i]);
+        compare(&input.name, bounds, (domain.input_low[i], domain.input_high[i]));
+    }
+    findings
+}

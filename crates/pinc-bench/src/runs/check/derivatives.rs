@@ -1,0 +1,104 @@
+//! Whether the equation and its derivatives are finite where they will be asked for.
+
+use super::steady::Point;
+use super::{Finding, Subject, short};
+
+/// Random points of the region.
+const POINTS: usize = 1000;
+
+/// Halvings of the way from a good point to a bad one.
+const HALVINGS: usize = 40;
+
+pub(super) fn examine(subject: &Subject<'_>) -> Vec<Finding> {
+    let region = &subject.region;
+    let random: Vec<Point> = region.points(subject.experiment.seed).take(POINTS).collect();
+    let bad: Vec<&Point> = random.iter().filter(|p| fault(subject, p).is_some()).collect();
+    if let Some(first) = bad.first() {
+        let share = format!("at {} of {POINTS} random points", bad.len());
+        return vec![broken(subject, first, &share)];
+    }
+    let special = region.special_points();
+    if let Some(point) = special.iter().find(|p| fault(subject, p).is_some()) {
+        return vec![on_the_edge(subject, point)];
+    }
+    let mut fastest = vec![0.0f64; region.dims.states];
+    for point in &random {
+        let velocity = subject.plant.velocity(&point.x, &point.u);
+        for (fastest, v) in fastest.iter_mut().zip(&velocity) {
+            *fastest = fastest.max(v.abs());
+        }
+    }
+    let states = subject.plant.states().iter().zip(&fastest);
+    let rates: Vec<_> = states.map(|(v, f)| format!("|{}'| <= {}", v.name, short(*f))).collect();
+    let text = format!(
+        "values and derivatives are finite at {POINTS} random points of {}; there {}",
+        region.name,
+        rates.join(", ")
+    );
+    vec![Finding::fact("", text)]
+}
+
+/// What is not finite at a point, if anything is.
+fn fault(subject: &Subject<'_>, point: &Point) -> Option<String> {
+    let names = |i: usize| &subject.plant.states()[i].name;
+    let velocity = subject.plant.velocity(&point.x, &point.u);
+    if let Some(i) = velocity.iter().position(|v| !v.is_finite()) {
+        return Some(format!("{}' is {}", names(i), velocity[i]));
+    }
+    let jacobian = subject.plant.jacobian(&point.x, &point.u);
+    let inputs = subject.plant.inputs().iter();
+    let variables: Vec<_> = subject.plant.states().iter().chain(inputs).map(|v| &v.name).collect();
+    for (k, column) in jacobian.col_iter().enumerate() {
+        if let Some(i) = column.iter().position(|v| !v.is_finite()) {
+            let value = jacobian[(i, k)];
+            return Some(format!("the derivative of {}' in {} is {value}", names(i), variables[k]));
+        }
+    }
+    None
+}
+
+fn broken(subject: &Subject<'_>, bad: &Point, share: &str) -> Finding {
+    let what = fault(subject, bad).unwrap_or_default();
+    let place = format!("{}; {}", subject.state(&bad.x), subject.input(&bad.u));
+    let edge = match edge(subject, bad) {
+        Some(edge) => format!(
+            "; from the middle of {} on the way there it is finite up to {edge}",
+            subject.region.name
+        ),
+        None => String::new(),
+    };
+    Finding::error("plant", format!("{what} at {place} ({share}){edge}"))
+        .because("the training asks for values and derivatives everywhere in the domain; one that is not finite ends it")
+        .change(
+            "keep [domain] away from there, or write the equation so that it is defined there too: guard the \
+             argument of sqrt, log and of a division",
+        )
+}
+
+fn on_the_edge(subject: &Subject<'_>, bad: &Point) -> Finding {
+    let what = fault(subject, bad).unwrap_or_default();
+    let place = format!("{}; {}", subject.state(&bad.x), subject.input(&bad.u));
+    Finding::warning("plant", format!("{what} at {place}, an edge of {} or 0", subject.region.name))
+        .because("random points do not meet it, but a measured state or a steady state can lie there, and no step can be computed from it")
+        .change("move the edge of [domain] and the controller's bounds away from it, or guard the argument of sqrt, log and of a division")
+}
+
+/// The last good point on the way from the middle to a bad one.
+fn edge(subject: &Subject<'_>, bad: &Point) -> Option<String> {
+    let region = &subject.region;
+    let good = region.centre();
+    if fault(subject, &good).is_some() {
+        return None;
+    }
+    let (mut good, mut bad) = (good.joined(), bad.joined());
+    for _ in 0..HALVINGS {
+        let middle = good.iter().zip(&bad).map(|(a, b)| f64::midpoint(*a, *b)).collect();
+        let middle = region.split(middle);
+        match fault(subject, &middle) {
+            None => good = middle.joined(),
+            Some(_) => bad = middle.joined(),
+        }
+    }
+    let good = region.split(good);
+    Some(format!("{}; {}", subject.state(&good.x), subject.input(&good.u)))
+}

@@ -1,0 +1,210 @@
+//! Where trajectories really go, against the training domain: the validation's scenarios, the free run,
+//! and the closed loop with RK4 as the model.
+
+use super::steady::Point;
+use super::{Finding, Subject, short};
+use crate::spec::Experiment;
+use pinc_net::Domain;
+use rand::RngExt;
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::SeedableRng;
+
+/// Random scenarios, and samples per T.
+const SCENARIOS: usize = 10;
+const SAMPLES: usize = 9;
+
+/// Local error tolerance: enough to see where a trajectory goes.
+const TOLERANCE: f64 = 1e-6;
+
+/// Beyond the domain by less than this share of its width is not worth a warning.
+const SLACK: f64 = 1e-3;
+
+/// What a proposed domain leaves beyond what was seen, of its width.
+const MARGIN: f64 = 0.05;
+
+pub(super) fn examine(subject: &Subject<'_>) -> Vec<Finding> {
+    let mut findings = Vec::new();
+    let mut seen = Extent::default();
+    for (place, extent) in uses(subject, &mut findings) {
+        if let Some(domain) = &subject.experiment.domain {
+            findings.extend(compare(subject, place, &extent, domain));
+        }
+        seen.merge(&extent);
+    }
+    let left = findings.iter().any(|finding| finding.place == "domain");
+    if left && let Some(domain) = &subject.experiment.domain {
+        findings.push(proposal(&seen, domain));
+    } else if subject.experiment.domain.is_some() && !seen.ends.is_empty() && findings.is_empty() {
+        findings.push(Finding::fact(
+            "domain",
+            "trajectories stay in the training domain: free ones and those under RK4",
+        ));
+    }
+    findings
+}
+
+/// The least and the largest value of each variable, states first.
+#[derive(Default)]
+struct Extent {
+    ends: Vec<(f64, f64)>,
+}
+
+impl Extent {
+    fn add(&mut self, values: impl Iterator<Item = f64>) {
+        for (i, v) in values.enumerate() {
+            match self.ends.get_mut(i) {
+                Some((low, high)) => (*low, *high) = (low.min(v), high.max(v)),
+                None => self.ends.push((v, v)),
+            }
+        }
+    }
+
+    fn merge(&mut self, other: &Self) {
+        self.add(other.ends.iter().map(|ends| ends.0));
+        self.add(other.ends.iter().map(|ends| ends.1));
+    }
+}
+
+/// The uses that the config makes of the net, and where each goes.
+fn uses(subject: &Subject<'_>, findings: &mut Vec<Finding>) -> Vec<(&'static str, Extent)> {
+    let Experiment { validation, prediction, control, seed, .. } = subject.experiment;
+    let mut uses = Vec::new();
+    let mut rng = ChaCha8Rng::seed_from_u64(*seed);
+    let mut draw = |low: &[f64], high: &[f64]| -> Vec<f64> {
+        low.iter().zip(high).map(|(a, b)| a + (b - a) * rng.random::<f64>()).collect()
+    };
+    let mut free = Vec::new();
+    if let Some(spec) = validation {
+        let Domain { state_low, state_high, input_low, input_high } = &spec.domain;
+        for _ in 0..SCENARIOS {
+            let x = draw(state_low, state_high);
+            let steps = super::super::steps(spec.duration_s, subject.step_s());
+            free.push((x, (0..steps).map(|_| draw(input_low, input_high)).collect::<Vec<_>>()));
+        }
+        uses.push(("the validation's scenarios", simulate(subject, &free, findings)));
+    }
+    if let Some(spec) = prediction {
+        let steps = super::super::steps(spec.duration_s, subject.step_s());
+        let inputs = (0..steps).map(|_| draw(&spec.input_low, &spec.input_high)).collect();
+        let run = [(spec.initial_state.clone(), inputs)];
+        uses.push(("the free run of [prediction]", simulate(subject, &run, findings)));
+    }
+    if let (Some(control), Some(horizon_s)) = (control, subject.experiment.horizon_s()) {
+        match subject.plant.controlled(control, horizon_s) {
+            Ok(trace) => {
+                let mut extent = Extent::default();
+                for i in 0..trace.len() {
+                    extent.add(trace.state(i).iter().chain(trace.input(i)).copied());
+                }
+                uses.push(("the closed loop with RK4", extent));
+            }
+            Err(error) => findings.push(
+                Finding::error("control", format!("with RK4 as the model: {error}"))
+                    .because("a controller that fails with the plant's own equation will not work with a net")
+                    .change("other bounds, references or a shorter T; more rk4_substeps if the equation is stiff"),
+            ),
+        }
+    }
+    uses
+}
+
+type Scenario = (Vec<f64>, Vec<Vec<f64>>);
+
+fn simulate(subject: &Subject<'_>, runs: &[Scenario], findings: &mut Vec<Finding>) -> Extent {
+    let mut extent = Extent::default();
+    #[expect(clippy::cast_precision_loss, reason = "nine")]
+    let part = subject.step_s() / SAMPLES as f64;
+    let mut broken = 0;
+    let mut first = None;
+    'runs: for (start, inputs) in runs {
+        let mut x = start.clone();
+        for u in inputs {
+            extent.add(x.iter().chain(u).copied());
+            for _ in 0..SAMPLES {
+                if let Err(error) = subject.plant.integrate(&mut x, u, part, TOLERANCE) {
+                    broken += 1;
+                    first.get_or_insert((Point { x: x.clone(), u: u.clone() }, error));
+                    continue 'runs;
+                }
+                extent.add(x.iter().chain(u).copied());
+            }
+        }
+    }
+    if let Some((point, error)) = first {
+        let place = format!("{}; {}", subject.state(&point.x), subject.input(&point.u));
+        let what = format!(
+            "the plant breaks off in {broken} of {} free runs, the first at {place}: {error}",
+            runs.len()
+        );
+        findings.push(
+            Finding::error("plant", what)
+                .because("there is no truth to compare a net with, and validation fails")
+                .change("inputs and initial states that keep the plant where it is defined, or shorter runs"),
+        );
+    }
+    extent
+}
+
+/// One finding for every variable that leaves the domain.
+fn compare(subject: &Subject<'_>, place: &str, extent: &Extent, domain: &Domain) -> Vec<Finding> {
+    let variables = subject.plant.states().iter().chain(subject.plant.inputs());
+    let lows = domain.state_low.iter().chain(&domain.input_low);
+    let highs = domain.state_high.iter().chain(&domain.input_high);
+    let mut left = Vec::new();
+    for ((variable, (from, to)), (low, high)) in variables.zip(&extent.ends).zip(lows.zip(highs)) {
+        let slack = SLACK * (high - low);
+        if *from < low - slack {
+            left.push(format!(
+                "{} goes down to {} (domain from {low})",
+                variable.name,
+                short(*from)
+            ));
+        }
+        if *to > high + slack {
+            left.push(format!("{} goes up to {} (domain to {high})", variable.name, short(*to)));
+        }
+    }
+    if left.is_empty() {
+        return Vec::new();
+    }
+    vec![
+        Finding::warning("domain", format!("{place}: {}", left.join(", ")))
+            .because("outside the box it was trained on a net is wrong")
+            .change("a larger domain (see below), or narrower ranges there"),
+    ]
+}
+
+/// A domain that holds all that was seen.
+fn proposal(seen: &Extent, domain: &Domain) -> Finding {
+    let states = domain.state_low.len();
+    let ends = |i: usize, low: f64, high: f64| {
+        let (from, to) = seen.ends.get(i).copied().unwrap_or((low, high));
+        let margin = MARGIN * (to - from);
+        // An end that holds stays; a level or an angle keeps its sign.
+        let low = if from < low { rounded(from - margin, f64::floor, from) } else { low };
+        let high = if to > high { rounded(to + margin, f64::ceil, to) } else { high };
+        (low, high)
+    };
+    let pairs = |lows: &[f64], highs: &[f64], first: usize| -> (Vec<f64>, Vec<f64>) {
+        let both = lows.iter().zip(highs).enumerate();
+        both.map(|(i, (low, high))| ends(first + i, *low, *high)).unzip()
+    };
+    let (state_low, state_high) = pairs(&domain.state_low, &domain.state_high, 0);
+    let (input_low, input_high) = pairs(&domain.input_low, &domain.input_high, states);
+    let text = format!(
+        "[domain]\nstate_low = {state_low:?}\nstate_high = {state_high:?}\ninput_low = {input_low:?}\n\
+         input_high = {input_high:?}"
+    );
+    Finding::fact("domain", "a box that holds all of these trajectories").change(text)
+}
+
+/// Outwards to two digits; a positive value does not become negative, nor the other way round.
+fn rounded(value: f64, outwards: impl Fn(f64) -> f64, seen: f64) -> f64 {
+    if value * seen < 0.0 {
+        return 0.0;
+    }
+    let digit = 10f64.powf(value.abs().max(1e-12).log10().floor() - 1.0);
+    let rounded = outwards(value / digit) * digit;
+    // Without the tail of a decimal fraction's binary form.
+    format!("{rounded:.12}").parse().unwrap_or(rounded)
+}

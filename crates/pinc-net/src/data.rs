@@ -1,0 +1,101 @@
+//! Measurements of the plant, which a net can be fitted to beside the plant's equation.
+
+use crate::sampling::Points;
+
+/// Measured states: y(t), `t` seconds after the plant was in y0, under the constant input u. Any of the
+/// states may be missing.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Measurements {
+    states: usize,
+    points: Points,
+    values: Vec<Option<f64>>,
+}
+
+/// One row of a recorded trajectory.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Recorded {
+    /// Time in s.
+    pub t: f64,
+    /// The input from here to the next row, one number per input.
+    pub input: Vec<f64>,
+    /// What was measured, one per state; `None` where nothing was.
+    pub state: Vec<Option<f64>>,
+}
+
+impl Measurements {
+    /// No measurements yet, of a plant with this many states.
+    #[must_use]
+    pub fn new(states: usize) -> Self {
+        Self { states, points: Points::new(states), values: Vec::new() }
+    }
+
+    /// Adds the measured states `y`, `t` seconds after `y0` under the input `u`.
+    ///
+    /// # Panics
+    ///
+    /// If `y0`, `y` or `u` has not the length it has in the measurements before.
+    pub fn push(&mut self, t: f64, y0: &[f64], u: &[f64], y: &[Option<f64>]) {
+        assert_eq!(y.len(), self.states, "length of y");
+        self.points.push(t, y0, u);
+        self.values.extend_from_slice(y);
+    }
+
+    /// Adds a recorded trajectory, its rows in the order of time: every row with all states measured is
+    /// the y0 of the rows up to `horizon_s` after it, as long as the input stays the same. Rows that
+    /// follow no such row are of no use.
+    ///
+    /// # Panics
+    ///
+    /// As [`Measurements::push`].
+    pub fn push_trajectory(&mut self, horizon_s: f64, rows: &[Recorded]) {
+        for (i, start) in rows.iter().enumerate() {
+            let Some(y0) = start.state.iter().copied().collect::<Option<Vec<f64>>>() else {
+                continue;
+            };
+            for (row, held) in rows[i + 1..].iter().zip(&rows[i..]) {
+                let t = row.t - start.t;
+                // Times are sums of rounded numbers: the end of a step still belongs to it.
+                if t > horizon_s * (1.0 + 1e-9) || held.input != start.input {
+                    break;
+                }
+                if row.state.iter().any(Option::is_some) {
+                    self.push(t.min(horizon_s), &y0, &start.input, &row.state);
+                }
+            }
+        }
+    }
+
+    /// How many points (t, y0, u) there are.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.points.len()
+    }
+
+    /// Whether there is none.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.points.is_empty()
+    }
+
+    /// The points (t, y0, u).
+    #[must_use]
+    pub fn points(&self) -> &Points {
+        &self.points
+    }
+
+    /// What was measured at point `i`, one per state.
+    ///
+    /// # Panics
+    ///
+    /// If there is no point `i`.
+    #[must_use]
+    pub fn state(&self, i: usize) -> &[Option<f64>] {
+        &self.values[i * self.states..(i + 1) * self.states]
+    }
+
+    /// How many values there are: the measured states of all points.
+    #[must_use]
+    pub fn values(&self) -> usize {
+        self.values.iter().flatten().count()
+    }
+}

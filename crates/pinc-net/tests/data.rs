@@ -1,0 +1,224 @@
+//! Measurements in the loss: how trajectories are cut, and what a training makes of them.
+
+use pinc_net::optim::{
+    AdamConfig, LbfgsConfig, LevenbergMarquardtConfig, LineSearch, OptimizerConfig,
+    SelfScaledBroydenConfig,
+};
+use pinc_net::{
+    Ansatz, Domain, InitialScale, Keep, Measurements, NetConfig, NetError, Phase, Progress,
+    Recorded, ResidualScale, Sampler, Trainer, TrainingConfig, ValidationConfig, ValidationSet,
+};
+use pinc_ode::{Adaptive, VanDerPol};
+
+const T: f64 = 0.5;
+
+fn row(t: f64, u: f64, state: [Option<f64>; 2]) -> Recorded {
+    Recorded { t, input: vec![u], state: state.to_vec() }
+}
+
+#[test]
+fn a_trajectory_is_cut_where_a_step_can_begin_and_must_end() {
+    let rows = [
+        row(0.0, 0.1, [Some(1.0), Some(2.0)]),
+        row(0.2, 0.1, [Some(3.0), None]),
+        row(0.4, 0.3, [Some(4.0), Some(5.0)]),
+        row(0.6, 0.3, [None, None]),
+        row(0.9, 0.3, [None, Some(6.0)]),
+        row(1.4, 0.3, [Some(7.0), Some(8.0)]),
+    ];
+    let mut measured = Measurements::new(2);
+    measured.push_trajectory(T, &rows);
+    // From t = 0: the rows at 0.2 and 0.4, where the input changes. From 0.4: not the empty row, but that
+    // at 0.9 = 0.4 + T. No other row has all states and another within T.
+    let found: Vec<_> = (0..measured.len())
+        .map(|k| {
+            let points = measured.points();
+            (points.time(k), points.state(k)[0], points.input(k)[0], measured.state(k).to_vec())
+        })
+        .collect();
+    assert_eq!(
+        found,
+        [
+            (0.2, 1.0, 0.1, vec![Some(3.0), None]),
+            (0.4, 1.0, 0.1, vec![Some(4.0), Some(5.0)]),
+            (0.5, 4.0, 0.3, vec![None, Some(6.0)]),
+        ]
+    );
+    assert_eq!((measured.len(), measured.values()), (3, 4));
+}
+
+fn domain() -> Domain {
+    Domain {
+        state_low: vec![-2.0; 2],
+        state_high: vec![2.0; 2],
+        input_low: vec![-1.0],
+        input_high: vec![1.0],
+    }
+}
+
+/// One step of the plant with mu = 1 from points of a grid; of every other point only one state.
+fn measured() -> Measurements {
+    let mut plant = Adaptive::new(VanDerPol { mu: 1.0 }, 1e-10);
+    let mut measured = Measurements::new(2);
+    for i in 0..5 {
+        for j in 0..5 {
+            for (k, t) in [0.25, 0.5].into_iter().enumerate() {
+                let y0 = [f64::from(i) - 2.0, f64::from(j) - 2.0];
+                let u = [f64::from((i + j) % 3) - 1.0];
+                let mut y = y0;
+                plant.integrate(&mut y, &u, t).unwrap();
+                let partly = k == 0;
+                measured.push(t, &y0, &u, &[(!partly).then_some(y[0]), Some(y[1])]);
+            }
+        }
+    }
+    measured
+}
+
+fn phase(optimizer: OptimizerConfig, iterations: u64) -> Vec<Phase> {
+    vec![Phase { optimizer, iterations, restore_best: false }]
+}
+
+/// A training on the equation with a wrong mu, with what was measured held out from it.
+fn trainer(phases: Vec<Phase>, keep: Keep, threads: usize) -> Trainer<VanDerPol> {
+    let plant = VanDerPol { mu: 0.5 };
+    let net = NetConfig {
+        horizon_s: T,
+        hidden_layers: 2,
+        neurons: 8,
+        ansatz: Ansatz::HardLinear,
+        time_only: None,
+    };
+    let training = TrainingConfig {
+        sampler: Sampler::Sobol,
+        collocation_points: 128,
+        initial_points: 1,
+        lambda: 1.0,
+        residual_scale: ResidualScale::Normalized,
+        initial_scale: InitialScale::Normalized,
+        phases,
+        growth: None,
+        validation_every: 50,
+        keep,
+        target_one_step_rms: None,
+    };
+    let scenarios = ValidationConfig {
+        scenarios: 1,
+        duration_s: 2.0 * T,
+        subintervals: 1,
+        domain: domain(),
+        tolerance: 1e-8,
+        one_step_points: 8,
+    };
+    let validation = ValidationSet::generate(&plant, T, &scenarios, 1).unwrap();
+    let validation = validation.with_measurements(measured());
+    Trainer::new(plant, &net, &domain(), &training, validation, 0, threads).unwrap()
+}
+
+/// The error against the measurements at the end, and loss and its term of the measurements at the start
+/// and the end.
+fn run(mut trainer: Trainer<VanDerPol>) -> (f64, Vec<(f64, f64)>) {
+    let mut losses = Vec::new();
+    while let Progress::Iterated(record) = trainer.step().unwrap() {
+        let sum = record.loss_data + record.loss_physics + record.loss_measured;
+        assert!((sum - record.loss).abs() <= 1e-15 * record.loss, "{record:?}");
+        losses.push((record.loss, record.loss_measured));
+        if trainer.validation_due() {
+            trainer.validate();
+        }
+    }
+    let error = trainer.validate().measured_mse.unwrap();
+    (error, losses)
+}
+
+fn broyden() -> OptimizerConfig {
+    let (initial_step, gradient_tolerance) = (0.1, 1e-14);
+    OptimizerConfig::SelfScaledBroyden(SelfScaledBroydenConfig { initial_step, gradient_tolerance })
+}
+
+#[test]
+fn measurements_pull_a_net_of_a_wrong_equation_to_the_plant() {
+    let phases = || phase(broyden(), 200);
+    let physics = run(trainer(phases(), Keep::Last, 1)).0;
+    let both = trainer(phases(), Keep::Last, 1).with_measurements(&measured(), 100.0).unwrap();
+    let both = run(both).0;
+    // The equations differ by up to half a unit of velocity over half a second, a tenth of the box; with
+    // measurements a hundred times as heavy as the equation little of that is left.
+    assert!(physics > 1e-3, "{physics}");
+    assert!(both < 0.1 * physics, "{both} against {physics}");
+}
+
+#[test]
+fn every_optimizer_fits_them_in_the_same_bits_on_any_number_of_threads() {
+    let (beta1, beta2, epsilon) = (0.9, 0.999, 1e-7);
+    let adam = AdamConfig { learning_rate: 1e-2, beta1, beta2, epsilon };
+    let (line_search, gradient_tolerance) = (LineSearch::HagerZhang, 1e-14);
+    let lbfgs = LbfgsConfig { memory: 10, line_search, gradient_tolerance };
+    let marquardt = LevenbergMarquardtConfig { initial_damping: 1e-3, gradient_tolerance };
+    for optimizer in [
+        OptimizerConfig::Adam(adam),
+        OptimizerConfig::Lbfgs(lbfgs),
+        broyden(),
+        OptimizerConfig::LevenbergMarquardt(marquardt),
+    ] {
+        let on = |threads| {
+            let trainer = trainer(phase(optimizer.clone(), 30), Keep::Last, threads);
+            run(trainer.with_measurements(&measured(), 10.0).unwrap())
+        };
+        let (error, losses) = on(1);
+        let (first, last) = (losses[0], losses[losses.len() - 1]);
+        assert!(last.0 < 0.5 * first.0 && last.1 < first.1, "{optimizer:?}: {first:?} {last:?}");
+        let (again, same) = on(2);
+        assert_eq!(error.to_bits(), again.to_bits(), "{optimizer:?}");
+        assert_eq!(losses, same, "{optimizer:?}");
+    }
+}
+
+#[test]
+fn held_out_measurements_choose_the_best_net() {
+    // Physics alone moves away from the plant again after it has come near: the best is not the last.
+    let mut trainer = trainer(phase(broyden(), 150), Keep::Best, 1);
+    let mut best = f64::INFINITY;
+    while let Progress::Iterated(_) = trainer.step().unwrap() {
+        if trainer.validation_due() {
+            let validation = trainer.validate();
+            assert_eq!(validation.score().to_bits(), validation.measured_mse.unwrap().to_bits());
+            best = best.min(validation.score());
+        }
+    }
+    let kept = trainer.net();
+    let measured = measured();
+    // Recomputed by hand: squares of errors in standard deviations of the box, 4 / sqrt(12) wide.
+    let (mut sum, mut count) = (0.0, 0.0);
+    for k in 0..measured.len() {
+        let points = measured.points();
+        let y = kept.evaluate(points.time(k), points.state(k), points.input(k));
+        for (y, measured) in y.iter().zip(measured.state(k)) {
+            if let Some(measured) = measured {
+                sum += (y - measured).powi(2) * 12.0 / 16.0;
+                count += 1.0;
+            }
+        }
+    }
+    assert!((sum / count - best).abs() < 1e-12 * best, "{} {best}", sum / count);
+}
+
+#[test]
+fn without_a_value_or_a_weight_they_are_refused() {
+    let refused = |measured: &Measurements, weight: f64| {
+        let trainer = trainer(phase(broyden(), 1), Keep::Last, 1);
+        trainer.with_measurements(measured, weight).map(|_| ()).unwrap_err()
+    };
+    let mut nothing = Measurements::new(2);
+    nothing.push(0.1, &[0.0, 0.0], &[0.0], &[None, None]);
+    for (measured, weight, expected) in [
+        (&nothing, 1.0, "data"),
+        (&measured(), 0.0, "data.weight"),
+        (&measured(), f64::NAN, "data.weight"),
+    ] {
+        match refused(measured, weight) {
+            NetError::Setting { key, .. } => assert_eq!(key, expected),
+            other => panic!("{other}"),
+        }
+    }
+}
