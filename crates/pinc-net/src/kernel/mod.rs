@@ -16,6 +16,7 @@ mod normal;
 mod panels;
 mod physics;
 mod tile;
+mod velocity;
 
 use crate::loss::{LossTerms, LossWeights};
 use crate::mlp::to_f64;
@@ -134,7 +135,7 @@ impl<P: Plant + 'static> Task for Build<'_, P> {
             layers: net.mlp.layers().map(|l| PackedLayer::new(l, V::ROWS)).collect(),
             input: net.input.clone(),
             physics: Physics {
-                plant: plant.clone(),
+                plant: Box::new(plant.clone()),
                 ansatz: net.ansatz,
                 horizon_s: net.horizon_s,
                 output: net.output.clone(),
@@ -155,11 +156,11 @@ impl<P: Plant + 'static> Task for Build<'_, P> {
 }
 
 #[derive(Debug)]
-struct LaneEngine<V, P> {
+struct LaneEngine<V> {
     dims: Dims,
     layers: Vec<PackedLayer>,
     input: Normalizer,
-    physics: Physics<P>,
+    physics: Physics<V>,
     lambda: f64,
     measured: f64,
     sets: Vec<(Term, Panels<V>)>,
@@ -180,7 +181,7 @@ struct BlockResult {
     gradient: Vec<f64>,
 }
 
-impl<V: Simd, P: Plant> LaneEngine<V, P> {
+impl<V: Simd> LaneEngine<V> {
     /// Factor of a set's squared errors in the loss.
     fn weight(&self, set: usize) -> f64 {
         let (term, panels) = &self.sets[set];
@@ -205,7 +206,7 @@ impl<V: Simd, P: Plant> LaneEngine<V, P> {
         set: usize,
         range: Range<usize>,
         workspace: &'a mut Workspace<V>,
-    ) -> Pass<'a, V, P> {
+    ) -> Pass<'a, V> {
         let (term, panels) = &self.sets[set];
         Pass {
             layers: &self.layers,
@@ -232,7 +233,7 @@ fn locked<T>(mutex: &Mutex<T>) -> std::sync::MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(std::sync::PoisonError::into_inner)
 }
 
-impl<V: Simd, P: Plant> Engine for LaneEngine<V, P> {
+impl<V: Simd> Engine for LaneEngine<V> {
     fn set_points(&mut self, collocation: &Points, initial: &Points) {
         self.replace(Term::Physics, Panels::new(collocation, self.dims, self.zero));
         let own = |k: usize, state: usize| Some(initial.state(k)[state]);
@@ -268,7 +269,7 @@ impl<V: Simd, P: Plant> Engine for LaneEngine<V, P> {
     }
 }
 
-impl<V: Simd, P: Plant> LaneEngine<V, P> {
+impl<V: Simd> LaneEngine<V> {
     /// Replaces the points of a term. Terms keep their order, whichever is set first.
     fn replace(&mut self, term: Term, panels: Panels<V>) {
         self.sets.retain(|(other, _)| *other != term);

@@ -12,7 +12,6 @@ use faer::linalg::matmul::{self, triangular};
 use faer::prelude::{Reborrow, ReborrowMut};
 use faer::{Accum, Mat, MatMut, MatRef, Par};
 use pinc_ad::simd::Simd;
-use pinc_ode::Plant;
 use rayon::prelude::*;
 use std::ops::Range;
 
@@ -42,7 +41,7 @@ impl Slab {
     }
 }
 
-impl<V: Simd, P: Plant> LaneEngine<V, P> {
+impl<V: Simd> LaneEngine<V> {
     /// The lower triangle of J'J for the parameters in place.
     pub(super) fn add_up_normal_matrix(&mut self, mut out: MatMut<'_, f64>) {
         for mut column in out.rb_mut().col_iter_mut() {

@@ -2,13 +2,14 @@
 
 use super::dense::Cell;
 use super::panels::Panel;
+use super::velocity::Velocity;
 use crate::{Ansatz, Normalizer};
 use pinc_ad::Dual;
 use pinc_ad::simd::Simd;
-use pinc_ode::{Dims, Plant};
+use pinc_ode::Dims;
 
 /// Columns of df/dy that go through the plant together.
-const DIRECTIONS: usize = 4;
+pub(super) const DIRECTIONS: usize = 4;
 
 /// The terms of the loss, in the order of their sums.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -22,9 +23,9 @@ pub(super) enum Term {
 }
 
 /// What the loss is made of, besides the net's parameters and the points.
-#[derive(Clone, Debug)]
-pub(super) struct Physics<P> {
-    pub(super) plant: P,
+#[derive(Debug)]
+pub(super) struct Physics<V> {
+    pub(super) plant: Box<dyn Velocity<V>>,
     pub(super) ansatz: Ansatz,
     pub(super) horizon_s: f64,
     pub(super) output: Normalizer,
@@ -61,7 +62,7 @@ impl<V: Simd> Scratch<V> {
     }
 }
 
-impl<P: Plant> Physics<P> {
+impl<V: Simd> Physics<V> {
     /// The sum of a panel's squared errors, lane by lane; the derivatives of `weight` times it in the
     /// perceptron's outputs z and their time tangents go into `adjoint`.
     ///
@@ -69,7 +70,7 @@ impl<P: Plant> Physics<P> {
     ///
     /// `output`, `adjoint`: one cell per state.
     #[inline(always)]
-    pub(super) fn panel<V: Simd>(
+    pub(super) fn panel(
         &self,
         term: Term,
         weight: f64,
@@ -106,7 +107,7 @@ impl<P: Plant> Physics<P> {
     ///
     /// `output`: one cell per state; `jacobian`: `[errors, states]`, as many errors as states.
     #[inline(always)]
-    pub(super) fn linearize<V: Simd>(
+    pub(super) fn linearize(
         &self,
         term: Term,
         weight: f64,
@@ -149,7 +150,7 @@ impl<P: Plant> Physics<P> {
     /// From the derivatives in (y, y') of state i to those in the perceptron's output z and its time
     /// tangent: y = base + p d, y' = p' d + p d', with d = mean + std z and `factors` (p, p').
     #[inline(always)]
-    fn through_ansatz<V: Simd>(
+    fn through_ansatz(
         &self,
         i: usize,
         (factor, factor_rate): (V, V),
@@ -161,13 +162,7 @@ impl<P: Plant> Physics<P> {
 
     /// State i and its time derivative, from the perceptron's output.
     #[inline(always)]
-    fn state<V: Simd>(
-        &self,
-        panel: Panel<'_, V>,
-        output: &[Cell<V>],
-        half: usize,
-        i: usize,
-    ) -> (V, V) {
+    fn state(&self, panel: Panel<'_, V>, output: &[Cell<V>], half: usize, i: usize) -> (V, V) {
         let t = panel.t[half];
         let (mean, std) = (t.constant(self.output.mean[i]), t.constant(self.output.std[i]));
         let d = std.mul_add(output[i][half], mean);
@@ -179,7 +174,7 @@ impl<P: Plant> Physics<P> {
 
     /// y', f(y, u), and the derivatives of f in the states from `first` on, into the scratch.
     #[inline(always)]
-    fn velocity<V: Simd>(
+    fn velocity(
         &self,
         panel: Panel<'_, V>,
         output: &[Cell<V>],
@@ -201,7 +196,7 @@ impl<P: Plant> Physics<P> {
 
     /// F = y' - f(y, u).
     #[inline(always)]
-    fn residual<V: Simd>(
+    fn residual(
         &self,
         weight: f64,
         panel: Panel<'_, V>,
@@ -236,7 +231,7 @@ impl<P: Plant> Physics<P> {
 
     /// y - what it is to be: y(0) - y0, or y(t) less its measured value.
     #[inline(always)]
-    fn deviation<V: Simd>(
+    fn deviation(
         &self,
         weight: f64,
         panel: Panel<'_, V>,

@@ -9,7 +9,6 @@ use faer::prelude::ReborrowMut;
 use faer::{ColMut, MatMut};
 use pinc_ad::simd::tanh_all;
 use pinc_ad::simd::{Simd, Work};
-use pinc_ode::Plant;
 use std::ops::Range;
 
 /// Points of a tile. Panels go through the net one by one, in the first-level cache; weight gradients
@@ -54,10 +53,10 @@ impl<V: Simd> Workspace<V> {
 }
 
 /// Panels on their way through the net, in one thread's memory.
-pub(super) struct Pass<'a, V, P> {
+pub(super) struct Pass<'a, V> {
     pub(super) layers: &'a [PackedLayer],
     pub(super) input: &'a Normalizer,
-    pub(super) physics: &'a Physics<P>,
+    pub(super) physics: &'a Physics<V>,
     pub(super) term: Term,
     /// Factor of the squared errors in the loss.
     pub(super) weight: f64,
@@ -68,13 +67,13 @@ pub(super) struct Pass<'a, V, P> {
 
 /// The loss and gradient of a block of panels: the unit of work of a thread. Blocks do not depend on the
 /// number of threads, and their results are added in order, so that neither do the sums.
-pub(super) struct Block<'a, V, P> {
-    pub(super) pass: Pass<'a, V, P>,
+pub(super) struct Block<'a, V> {
+    pub(super) pass: Pass<'a, V>,
     /// Where the gradient goes; without it only the loss is computed.
     pub(super) gradient: Option<&'a mut [f64]>,
 }
 
-impl<V: Simd, P: Plant> Work for Block<'_, V, P> {
+impl<V: Simd> Work for Block<'_, V> {
     /// The sum of squared errors.
     type Output = f64;
 
@@ -109,13 +108,13 @@ impl<V: Simd, P: Plant> Work for Block<'_, V, P> {
 }
 
 /// The Jacobian of the weighted errors of a few panels, into the columns of a matrix.
-pub(super) struct Jacobian<'a, V, P> {
-    pub(super) pass: Pass<'a, V, P>,
+pub(super) struct Jacobian<'a, V> {
+    pub(super) pass: Pass<'a, V>,
     /// A column per parameter; a row per lane and state, panel by panel.
     pub(super) out: MatMut<'a, f64>,
 }
 
-impl<V: Simd, P: Plant> Work for Jacobian<'_, V, P> {
+impl<V: Simd> Work for Jacobian<'_, V> {
     type Output = ();
 
     #[inline(always)]
@@ -137,7 +136,7 @@ impl<V: Simd, P: Plant> Work for Jacobian<'_, V, P> {
     }
 }
 
-impl<V: Simd, P: Plant> Pass<'_, V, P> {
+impl<V: Simd> Pass<'_, V> {
     /// `a_0` = normalized (t, y0, u), `a_(l+1)` = tanh(`W_l` `a_l` + `b_l`), with time tangents.
     #[inline(always)]
     fn forward(&mut self, panel: Panel<'_, V>, place: usize) {
