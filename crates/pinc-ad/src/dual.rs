@@ -23,6 +23,7 @@
 //! To get `df/dx_j`, start `x_j` with eps = 1 in some direction and all else with 0.
 
 use crate::Scalar;
+use crate::simd::Work;
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
 /// A value with its derivatives in `N` directions; the parts may be any [`Scalar`].
@@ -223,6 +224,10 @@ impl<S: Scalar, const N: usize> Scalar for Dual<S, N> {
         let eps =
             std::array::from_fn(|i| self.eps[i].mul_add(a.re, self.re.mul_add(a.eps[i], b.eps[i])));
         Self { re: self.re.mul_add(a.re, b.re), eps }
+    }
+    #[inline(always)]
+    fn vectorize<W: Work>(self, work: W) -> W::Output {
+        self.re.vectorize(work)
     }
     #[inline(always)]
     fn where_nonpositive(self, yes: Self, no: Self) -> Self {

@@ -1,5 +1,6 @@
 //! The trait that equations are written over.
 
+use crate::simd::Work;
 use std::fmt::Debug;
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
@@ -149,6 +150,13 @@ pub trait Scalar:
     #[must_use]
     fn mul_add(self, a: Self, b: Self) -> Self {
         self * a + b
+    }
+
+    /// Runs `work`, compiled for the instruction set that this kind of number needs. Code over numbers
+    /// that is too long to be inlined at each of its places goes through here.
+    #[inline(always)]
+    fn vectorize<W: Work>(self, work: W) -> W::Output {
+        work.run()
     }
 
     /// `yes` where `self <= 0`, `no` elsewhere (also where `self` is NaN, so that NaN stays

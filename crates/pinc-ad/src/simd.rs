@@ -54,12 +54,9 @@ pub trait Simd: Scalar + Send + Sync + 'static {
 
     /// The sum of the lanes, in a fixed order.
     fn sum(self) -> f64;
-
-    /// Runs `work` compiled for this vector's instruction set.
-    fn vectorize<W: Work>(self, work: W) -> W::Output;
 }
 
-/// Work over one vector type, to be compiled for its instruction set by [`Simd::vectorize`]. Mark `run`
+/// Work over one vector type, to be compiled for its instruction set by [`Scalar::vectorize`]. Mark `run`
 /// `#[inline(always)]`.
 pub trait Work {
     /// What comes of it.
@@ -233,10 +230,6 @@ impl Simd for Lanes<4> {
         let [a, b, c, d] = self.0;
         (a + b) + (c + d)
     }
-    #[inline(always)]
-    fn vectorize<W: Work>(self, work: W) -> W::Output {
-        work.run()
-    }
 }
 
 #[cfg(target_arch = "x86_64")]
@@ -269,7 +262,7 @@ mod x86 {
     /// The arithmetic of a vector type, from the names of its intrinsics.
     macro_rules! vector {
         ($V:ident, $lanes:literal, $set1:ident, $add:ident, $sub:ident, $mul:ident, $div:ident,
-         $sqrt:ident, $fmadd:ident, $storeu:ident) => {
+         $sqrt:ident, $fmadd:ident, $storeu:ident, $work:ident) => {
             impl $V {
                 #[inline(always)]
                 fn to_array(self) -> [f64; $lanes] {
@@ -364,6 +357,11 @@ mod x86 {
                     Self(unsafe { $fmadd(self.0, a.0, b.0) })
                 }
                 #[inline(always)]
+                fn vectorize<W: Work>(self, work: W) -> W::Output {
+                    // SAFETY: `self` proves the instructions.
+                    unsafe { $work(work) }
+                }
+                #[inline(always)]
                 fn where_nonpositive(self, yes: Self, no: Self) -> Self {
                     self.select_nonpositive(yes, no)
                 }
@@ -402,7 +400,8 @@ mod x86 {
         _mm512_div_pd,
         _mm512_sqrt_pd,
         _mm512_fmadd_pd,
-        _mm512_storeu_pd
+        _mm512_storeu_pd,
+        work_avx512
     );
 
     impl F64x8 {
@@ -463,11 +462,6 @@ mod x86 {
             let [a, b, c, d, e, f, g, h] = self.to_array();
             ((a + b) + (c + d)) + ((e + f) + (g + h))
         }
-        #[inline(always)]
-        fn vectorize<W: Work>(self, work: W) -> W::Output {
-            // SAFETY: `self` proves the instructions.
-            unsafe { work_avx512(work) }
-        }
     }
 
     /// Four lanes in an AVX register.
@@ -484,7 +478,8 @@ mod x86 {
         _mm256_div_pd,
         _mm256_sqrt_pd,
         _mm256_fmadd_pd,
-        _mm256_storeu_pd
+        _mm256_storeu_pd,
+        work_avx2
     );
 
     impl F64x4 {
@@ -542,11 +537,6 @@ mod x86 {
         fn sum(self) -> f64 {
             let [a, b, c, d] = self.to_array();
             (a + b) + (c + d)
-        }
-        #[inline(always)]
-        fn vectorize<W: Work>(self, work: W) -> W::Output {
-            // SAFETY: `self` proves the instructions.
-            unsafe { work_avx2(work) }
         }
     }
 }

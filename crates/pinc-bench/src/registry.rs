@@ -21,6 +21,9 @@ impl PlantSpec {
             Self::OneTank(_) => task.run(OneTank::default()),
             Self::AcetoneColumn(_) => task.run(AcetoneColumn::default()),
             Self::AcetoneStill(_) => task.run(AcetoneStill::default()),
+            Self::Expression(equations) => task.run(
+                equations.compile().expect("the equations were compiled when the config was read"),
+            ),
         }
     }
 

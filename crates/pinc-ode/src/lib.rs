@@ -1,7 +1,8 @@
 //! Plants, integrators and what the rest of PINC says about dynamical systems.
 //!
 //! - [`Plant`]: an ordinary differential equation x' = f(x, u), written once over
-//!   [`pinc_ad::Scalar`]; [`VanDerPol`], [`FourTanks`] and [`OneTank`] are the paper's.
+//!   [`pinc_ad::Scalar`]; [`VanDerPol`], [`FourTanks`] and [`OneTank`] are the paper's,
+//!   and [`Equations`] makes one from text.
 //! - [`Predictor`]: a discrete-time model x\[k+1\] = f(x\[k\], u\[k\]) with its Jacobians; this is all that a
 //!   controller knows of a model. [`Rk4`] is one, a trained net another.
 //! - [`Adaptive`]: an accurate integrator, for the truth.
@@ -22,6 +23,7 @@
 
 mod adaptive;
 mod error;
+mod expression;
 pub mod metrics;
 mod plant;
 mod plants;
@@ -29,12 +31,15 @@ mod predictor;
 mod rk4;
 mod signal;
 mod trajectory;
+mod variable;
 
 pub use adaptive::Adaptive;
 pub use error::OdeError;
-pub use plant::{Plant, Variable};
+pub use expression::{Equations, Excerpt, ExpressionError, ExpressionPlant, ExpressionProblem};
+pub use plant::Plant;
 pub use plants::{AcetoneColumn, AcetoneStill, FourTanks, OneTank, VanDerPol};
 pub use predictor::{Dims, Predictor};
 pub use rk4::Rk4;
 pub use signal::Signal;
 pub use trajectory::Trajectory;
+pub use variable::Variable;

@@ -1,26 +1,8 @@
 //! The interface of an ordinary differential equation.
 
-use crate::Dims;
+use crate::{Dims, Variable};
 use pinc_ad::Scalar;
-use std::borrow::Cow;
 use std::fmt::Debug;
-
-/// Name and unit of a state or an input.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Variable {
-    /// The name, used as column name and axis label.
-    pub name: Cow<'static, str>,
-    /// The unit; empty for a number without dimension.
-    pub unit: Cow<'static, str>,
-}
-
-impl Variable {
-    /// A variable whose name and unit are known at compile time.
-    #[must_use]
-    pub const fn new(name: &'static str, unit: &'static str) -> Self {
-        Self { name: Cow::Borrowed(name), unit: Cow::Borrowed(unit) }
-    }
-}
 
 /// A controlled plant x' = f(x, u), time-invariant, with `n` states and `m` inputs.
 ///

@@ -123,6 +123,7 @@ impl Loops<'_> {
             1 => variable.to_owned(),
             _ => format!("{variable} with {}", model_name(model)),
         };
+        panel.tag(variable, &points, color);
         panel.add_named(&label, points, Style::new(color, Shape::Line(1.8)));
         Ok(())
     }

@@ -130,10 +130,12 @@ fn sheet(sheet: &Sheet) -> String {
 fn pictures(drawn: &[Drawn]) -> String {
     let section = |Drawn { picture, svg }: &Drawn| {
         format!(
-            "<section id=\"{}\">\n<h2>{}</h2>\n<figure>\n{svg}<figcaption>{}</figcaption>\n</figure>\n</section>\n",
+            "<section id=\"{}\">\n<h2>{}</h2>\n<figure>\n{svg}<figcaption>{} \
+             Also in figures/{}.svg and .csv.</figcaption>\n</figure>\n</section>\n",
             picture.stem,
             escape(&picture.title),
-            escape(&picture.caption)
+            escape(&picture.caption),
+            picture.stem
         )
     };
     drawn.iter().map(section).collect()

@@ -3,7 +3,7 @@
 use super::ReportError;
 use super::chart::{
     Axis, BLACK, Event, Figure, Kind, Look, Panel, Point, Shape, Style, extent, held_until_next,
-    input_color, present, state_color,
+    input_color, present, state_color, state_mark,
 };
 use super::data::Run;
 use super::picture::Picture;
@@ -63,8 +63,9 @@ fn state_panel(
         let curve = table.points("t", state)?.unwrap_or_default();
         let marked = curve.iter().zip(marks).filter(|(_, m)| **m > 0.5);
         let marked: Vec<Point> = marked.map(|(p, _)| *p).collect();
+        panel.tag(state, &curve, color);
         panel.add_named(state, curve, Style::new(color, Shape::Line(2.2)));
-        panel.add("", marked, Style::new(color, Shape::Dots(3.4)));
+        panel.add("", marked, Style::new(color, state_mark(variables.index_of(state))));
     }
     panel.key("truth", Look::Curve(Style::new(BLACK, Shape::Line(4.6)).faint(0.9)));
     if marks.iter().any(|m| *m > 0.5) {

@@ -225,8 +225,10 @@ fn pictures_are_sound_and_mark_what_they_should() {
         assert!(control.contains(word), "no {word}");
     }
     let prediction = svg(dir.path(), "prediction");
-    // A dot per state and step mark (0 to 10), and one in the legend of each of the two panels.
-    assert_eq!(prediction.matches("<circle").count(), 3 * 11 + 2);
+    // A mark per state and end of a step (0 to 10), dots for the first state, squares and triangles
+    // for the others; and a dot in the legend of each of the two panels.
+    assert_eq!(prediction.matches("<circle").count(), 11 + 2);
+    assert_eq!(prediction.matches("<polygon").count(), 2 * 11);
 }
 
 #[test]

@@ -22,7 +22,8 @@ pub(super) fn picture(run: &Run) -> Result<Option<Picture>, ReportError> {
     let x = table.numbers(column)?;
     let validation = present(table.points(column, "validation_mse")?.unwrap_or_default());
     let best = validation.iter().copied().min_by(|a, b| a.1.total_cmp(&b.1));
-    let loss = losses(table, column, &validation, best)?;
+    let label = run.label_in_states_unit("validation MSE", "²");
+    let loss = losses(table, column, (&label, &validation), best)?;
     let mut gradient = Panel::new("Gradient", Axis::new("gradient norm", Kind::Log), 120.0);
     let norm = table.points(column, "gradient_norm")?.unwrap_or_default();
     gradient.add("gradient norm", norm, Style::new(BLACK, Shape::Line(1.0)).faint(0.75));
@@ -41,7 +42,7 @@ pub(super) fn picture(run: &Run) -> Result<Option<Picture>, ReportError> {
 fn losses(
     table: &Table,
     x: &str,
-    validation: &[Point],
+    validation: (&str, &[Point]),
     best: Option<Point>,
 ) -> Result<Panel, ReportError> {
     let mut panel = Panel::new("Loss", Axis::new("mean squared error", Kind::Log), 340.0);
@@ -71,9 +72,9 @@ fn losses(
     }
     panel.add_named("loss on fresh points", fresh, Style::new(PURPLE, Shape::Dots(2.4)));
     let line = Style::new(VERMILLION, Shape::Line(1.2));
-    panel.add("", validation.to_vec(), line);
+    panel.add("", validation.1.to_vec(), line);
     let dots = Style::new(VERMILLION, Shape::Dots(2.6));
-    panel.add_named("validation MSE", validation.to_vec(), dots);
+    panel.add_named(validation.0, validation.1.to_vec(), dots);
     let ring = Style::new(VERMILLION, Shape::Rings(6.0));
     let label = |at: Point| Label { at, text: text::number(at.1, 2), color: VERMILLION };
     panel.labels.extend(best.map(label));

@@ -1,5 +1,6 @@
 //! The `[plant]` section.
 
+use pinc_ode::Equations;
 use serde::{Deserialize, Serialize};
 
 /// Which plant, with its parameters.
@@ -7,6 +8,16 @@ use serde::{Deserialize, Serialize};
 /// ```toml
 /// [plant]
 /// van-der-pol = { mu = 1.0 }
+/// ```
+///
+/// or a plant by its equations:
+///
+/// ```toml
+/// [plant.expression]
+/// states = [{ name = "x1", unit = "m" }, { name = "x2", unit = "m/s" }]
+/// inputs = [{ name = "u", unit = "N" }]
+/// parameters = { mu = 1.0 }
+/// derivatives = { x1 = "x2", x2 = "mu*(1 - x1^2)*x2 - x1 + u" }
 /// ```
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case", deny_unknown_fields)]
@@ -22,6 +33,8 @@ pub enum PlantSpec {
     AcetoneStill(AcetoneStillSpec),
     /// The distillation column for the same mixture.
     AcetoneColumn(AcetoneColumnSpec),
+    /// A plant whose equations stand in the config.
+    Expression(Equations),
 }
 
 /// Parameters of the Van der Pol oscillator.

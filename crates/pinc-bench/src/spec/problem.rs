@@ -1,5 +1,6 @@
 //! What can be wrong with a config, and where it stands.
 
+use pinc_ode::{Excerpt, ExpressionError};
 use std::fmt;
 use std::path::PathBuf;
 use thiserror::Error;
@@ -148,6 +149,14 @@ pub enum Problem {
         /// What is wrong with it.
         problem: Box<Problem>,
     },
+    /// An equation of the plant.
+    #[error("{}{}{}", .error.problem, did_you_mean(.nearest), excerpt(.error))]
+    Expression {
+        /// What is wrong with it, and the piece that is.
+        error: Box<ExpressionError>,
+        /// The name that looks most like an unknown one.
+        nearest: Option<String>,
+    },
     /// A section that the run needs.
     #[error("this section is missing; {0}")]
     Section(&'static str),
@@ -155,6 +164,10 @@ pub enum Problem {
 
 fn one_of(known: &[String]) -> String {
     if known.is_empty() { String::new() } else { format!("; expected one of {}", known.join(", ")) }
+}
+
+fn excerpt(error: &ExpressionError) -> String {
+    error.text.as_ref().map(Excerpt::to_string).unwrap_or_default()
 }
 
 fn did_you_mean(nearest: &Option<String>) -> String {

@@ -120,6 +120,15 @@ fn plant(key: &str, plant: &PlantSpec) -> Finding {
             }
             Ok(())
         }
+        PlantSpec::Expression(equations) => match equations.compile() {
+            Ok(_) => Ok(()),
+            Err(error) => {
+                let misspelt = error.problem.misspelt();
+                let nearest = misspelt.and_then(|(found, known)| nearest(found, known));
+                let key = format!("plant.expression.{}", error.key);
+                Err((key, Problem::Expression { error: Box::new(error), nearest }))
+            }
+        },
         _ => Ok(()),
     }
 }

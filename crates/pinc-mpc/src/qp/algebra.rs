@@ -1,7 +1,7 @@
 //! Products of small matrices, stored row by row, and vectors.
 
 /// sum += factor vector, as far as the shorter goes.
-#[inline]
+#[inline(always)]
 pub(super) fn add_scaled(sum: &mut [f64], factor: f64, vector: &[f64]) {
     for (sum, entry) in sum.iter_mut().zip(vector) {
         *sum += factor * entry;
@@ -9,7 +9,7 @@ pub(super) fn add_scaled(sum: &mut [f64], factor: f64, vector: &[f64]) {
 }
 
 /// a'b, in two sums side by side.
-#[inline]
+#[inline(always)]
 pub(super) fn dot(a: &[f64], b: &[f64]) -> f64 {
     let (a2, b2) = (a.chunks_exact(2), b.chunks_exact(2));
     let last = match (a2.remainder(), b2.remainder()) {
@@ -25,7 +25,7 @@ pub(super) fn dot(a: &[f64], b: &[f64]) -> f64 {
 }
 
 /// sum += matrix vector
-#[inline]
+#[inline(always)]
 pub(super) fn add_product(matrix: &[f64], vector: &[f64], sum: &mut [f64]) {
     for (sum, row) in sum.iter_mut().zip(matrix.chunks_exact(vector.len())) {
         *sum += dot(row, vector);
@@ -33,7 +33,7 @@ pub(super) fn add_product(matrix: &[f64], vector: &[f64], sum: &mut [f64]) {
 }
 
 /// sum += matrix' vector
-#[inline]
+#[inline(always)]
 pub(super) fn add_transposed(matrix: &[f64], vector: &[f64], sum: &mut [f64]) {
     for (row, factor) in matrix.chunks_exact(sum.len()).zip(vector) {
         add_scaled(sum, *factor, row);

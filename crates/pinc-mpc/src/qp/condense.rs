@@ -2,7 +2,7 @@
 
 use super::algebra::{add_product, add_scaled, add_transposed, dot};
 use super::dense::{ActiveSet, DenseQp, DenseStatus};
-use super::{Kind, Qp, QpSolver, QpStatus, QpStep, Row};
+use super::{Kind, Limits, Qp, QpSolver, QpStatus, QpStep, Row};
 use crate::shape::Shape;
 
 /// Solves a [`Qp`] by eliminating its states and giving what is left, a small dense program in the inputs, to the
@@ -18,55 +18,89 @@ use crate::shape::Shape;
 /// ```
 ///
 /// Only finite limits become rows. All memory is allocated at construction.
+///
+/// The functions that are always inlined are compiled for the sizes of the paper's plants, with loops unrolled, and
+/// once for all others: at two states the loops would otherwise cost more than what they do.
 #[derive(Debug)]
 pub(super) struct CondensedQp {
     dense: DenseQp,
     solver: ActiveSet,
-    /// What each row of C is, the inputs' bounds apart.
-    sources: Vec<(Kind, usize)>,
-    /// How many of these are bounds of states: the first ones.
-    state_rows: usize,
-    /// A column of `G_1` .. `G_N`, `[N, n]`, then `e_1` .. `e_N`.
+    rows: DenseRows,
+    /// A column of `G_1` .. `G_N`, `[N, n]`.
     response: Vec<f64>,
+    /// `e_1` .. `e_N`, `[N, n]`.
     offset: Vec<f64>,
-    work: Vec<f64>,
-    adjoint: Vec<f64>,
+    /// W or p at a stage, and at the one before.
+    adjoint: [Vec<f64>; 2],
+}
+
+/// What the rows of C are: their places in the QP's limits, the kinds one after the other.
+#[derive(Debug)]
+struct DenseRows {
+    states: Vec<usize>,
+    increments: Vec<usize>,
+    general: Vec<usize>,
+}
+
+impl DenseRows {
+    fn new(qp: &Qp) -> Self {
+        let finite = |limits: &Limits, end: usize| {
+            let limited = limits.iter().enumerate().take(end);
+            let limited = limited.filter(|(_, [low, high, _])| low.is_finite() || high.is_finite());
+            limited.map(|(i, _)| i).collect()
+        };
+        Self {
+            states: finite(&qp.bounds, qp.shape.all_states()),
+            increments: finite(&qp.increments, usize::MAX),
+            general: finite(&qp.rows, usize::MAX),
+        }
+    }
+
+    fn len(&self) -> usize {
+        self.states.len() + self.increments.len() + self.general.len()
+    }
+
+    /// Splits a list of C's rows by their kinds.
+    fn split<'a>(&self, list: &'a mut [f64]) -> [&'a mut [f64]; 3] {
+        let (states, rest) = list.split_at_mut(self.states.len());
+        let (increments, general) = rest.split_at_mut(self.increments.len());
+        [states, increments, general]
+    }
+
+    /// Where row `i` of C comes from.
+    fn source(&self, i: usize) -> (Kind, usize) {
+        let parts = [
+            (Kind::Bound, &self.states),
+            (Kind::Increment, &self.increments),
+            (Kind::Row, &self.general),
+        ];
+        let all = parts.into_iter().flat_map(|(kind, part)| part.iter().map(move |&at| (kind, at)));
+        all.into_iter().nth(i).expect("a row of C")
+    }
 }
 
 impl CondensedQp {
     /// A solver for QPs of the shape of `qp`; of its limits it matters here which are finite.
     pub(super) fn new(qp: &Qp) -> Self {
         let shape = qp.shape;
-        let mut sources = Vec::new();
-        for (kind, limits) in qp.limits() {
-            for (i, [low, high, _]) in limits.iter().enumerate() {
-                let input = kind == Kind::Bound && i >= shape.all_states();
-                if !input && (low.is_finite() || high.is_finite()) {
-                    sources.push((kind, i));
-                }
-            }
-        }
-        let state_rows = sources.iter().filter(|(kind, _)| *kind == Kind::Bound).count();
-        let (unknowns, n) = (shape.all_inputs(), shape.states);
-        let mut dense = DenseQp::new(unknowns, sources.len());
-        for (row, &(kind, i)) in sources.iter().enumerate() {
-            // These rows of C stay.
-            if kind == Kind::Increment {
-                dense.matrix[i * sources.len() + row] = 1.0;
-                if let Some(before) = i.checked_sub(shape.inputs) {
-                    dense.matrix[before * sources.len() + row] = -1.0;
-                }
+        let rows = DenseRows::new(qp);
+        let (unknowns, height, n) = (shape.all_inputs(), rows.len(), shape.states);
+        let mut dense = DenseQp::new(unknowns, height);
+        // These rows of C stay.
+        for (row, &i) in rows.increments.iter().enumerate() {
+            let row = row + rows.states.len();
+            dense.matrix[i * height + row] = 1.0;
+            if let Some(before) = i.checked_sub(shape.inputs) {
+                dense.matrix[before * height + row] = -1.0;
             }
         }
         Self {
-            solver: ActiveSet::new(unknowns, sources.len()),
+            solver: ActiveSet::new(unknowns, height),
             dense,
-            sources,
-            state_rows,
+            rows,
             response: vec![0.0; shape.all_states()],
             offset: vec![0.0; shape.all_states()],
-            work: vec![0.0; n],
-            adjoint: vec![0.0; n],
+            adjoint: [vec![0.0; n], vec![0.0; n]],
         }
     }
 
@@ -77,108 +111,110 @@ impl CondensedQp {
     }
 
     fn condense(&mut self, qp: &Qp) {
-        self.condense_offset(qp);
-        self.condense_gradient(qp);
-        for column in 0..qp.shape.all_inputs() {
-            self.respond(qp, column);
-            self.condense_hessian(qp, column);
-            self.condense_rows(qp, column);
+        match (qp.shape.states, qp.shape.inputs) {
+            (2, 1) => self.condense_sized(qp, 2, 1),
+            (4, 2) => self.condense_sized(qp, 4, 2),
+            (n, m) => self.condense_sized(qp, n, m),
         }
         self.add_increments(qp);
         self.limit(qp);
     }
 
+    #[inline(always)]
+    fn condense_sized(&mut self, qp: &Qp, n: usize, m: usize) {
+        self.condense_offset(qp, n);
+        self.condense_gradient(qp, n, m);
+        for input in 0..qp.shape.moves {
+            for k in 0..m {
+                self.respond(qp, (n, m), (input, k));
+                self.condense_hessian(qp, (n, m), (input, k));
+                self.condense_rows(qp, (n, m), (input, k));
+            }
+        }
+    }
+
     /// e
-    fn condense_offset(&mut self, qp: &Qp) {
-        let n = qp.shape.states;
+    #[inline(always)]
+    fn condense_offset(&mut self, qp: &Qp, n: usize) {
         self.offset.copy_from_slice(&qp.c);
         for j in 1..qp.shape.stages {
-            let (before, now) = self.offset[(j - 1) * n..(j + 1) * n].split_at_mut(n);
-            add_product(qp.a(j), before, now);
+            let (before, now) = neighbours(&mut self.offset, j, n);
+            add_product(block(&qp.a, j, n * n), before, now);
         }
     }
 
-    fn condense_gradient(&mut self, qp: &Qp) {
-        let shape = qp.shape;
-        let inputs = &qp.gradient[shape.all_states()..];
-        self.dense.gradient.copy_from_slice(inputs);
-        for j in (0..shape.stages).rev() {
-            let state = shape.next_state(j);
-            self.step_back(qp, j);
-            add_scaled(&mut self.work, 1.0, &qp.gradient[state.clone()]);
-            add_product(qp.q(j + 1), &self.offset[state], &mut self.work);
-            let first = shape.acting(j) * shape.inputs;
-            let gradient = &mut self.dense.gradient[first..first + shape.inputs];
-            add_transposed(qp.b(j), &self.work, gradient);
+    #[inline(always)]
+    fn condense_gradient(&mut self, qp: &Qp, n: usize, m: usize) {
+        let (by_x, by_u) = qp.gradient.split_at(qp.shape.all_states());
+        self.dense.gradient.copy_from_slice(by_u);
+        let [mut p, mut before] = sized(&mut self.adjoint, n);
+        for j in (0..qp.shape.stages).rev() {
+            before.copy_from_slice(block(by_x, j, n));
+            if j + 1 < qp.shape.stages {
+                add_transposed(block(&qp.a, j + 1, n * n), p, before);
+            }
+            add_product(block(&qp.q, j, n * n), block(&self.offset, j, n), before);
+            std::mem::swap(&mut p, &mut before);
+            let gradient = block_mut(&mut self.dense.gradient, qp.shape.acting(j), m);
+            add_transposed(block(&qp.b, j, n * m), p, gradient);
         }
-    }
-
-    /// `work` <- A_{j+1}' `work`; 0 at the end.
-    fn step_back(&mut self, qp: &Qp, j: usize) {
-        self.adjoint.fill(0.0);
-        if j + 1 < qp.shape.stages {
-            add_transposed(qp.a(j + 1), &self.work, &mut self.adjoint);
-        }
-        std::mem::swap(&mut self.work, &mut self.adjoint);
     }
 
     /// A column of G, from the stage on at which its input begins to act.
-    fn respond(&mut self, qp: &Qp, column: usize) {
-        let Shape { states: n, inputs: m, stages, .. } = qp.shape;
-        let (input, k) = (column / m, column % m);
-        for j in input..stages {
-            let (before, now) = self.response[..(j + 1) * n].split_at_mut(j * n);
+    #[inline(always)]
+    fn respond(&mut self, qp: &Qp, (n, m): (usize, usize), (input, k): (usize, usize)) {
+        for j in input..qp.shape.stages {
+            let now = block_mut(&mut self.response, j, n);
             if qp.shape.acting(j) == input {
-                for (now, b) in now.iter_mut().zip(qp.b(j).chunks_exact(m)) {
-                    *now = b[k];
-                }
+                let b = block(&qp.b, j, n * m).chunks_exact(m);
+                now.iter_mut().zip(b).for_each(|(now, b)| *now = b[k]);
             } else {
                 now.fill(0.0);
             }
             if j > input {
-                add_product(qp.a(j), &before[(j - 1) * n..], now);
+                let (before, now) = neighbours(&mut self.response, j, n);
+                add_product(block(&qp.a, j, n * n), before, now);
             }
         }
     }
 
     /// The column of H, on and below the diagonal.
-    fn condense_hessian(&mut self, qp: &Qp, column: usize) {
-        let shape = qp.shape;
-        let (m, unknowns) = (shape.inputs, shape.all_inputs());
-        let hessian = &mut self.dense.hessian[column * unknowns..(column + 1) * unknowns];
+    #[inline(always)]
+    fn condense_hessian(&mut self, qp: &Qp, (n, m): (usize, usize), (input, k): (usize, usize)) {
+        let unknowns = qp.shape.all_inputs();
+        let hessian = block_mut(&mut self.dense.hessian, input * m + k, unknowns);
         hessian.fill(0.0);
-        for j in (column / m..shape.stages).rev() {
-            self.adjoint.fill(0.0);
-            if j + 1 < shape.stages {
-                add_transposed(qp.a(j + 1), &self.work, &mut self.adjoint);
+        let [mut w, mut before] = sized(&mut self.adjoint, n);
+        for j in (input..qp.shape.stages).rev() {
+            before.fill(0.0);
+            if j + 1 < qp.shape.stages {
+                add_transposed(block(&qp.a, j + 1, n * n), w, before);
             }
-            add_product(qp.q(j + 1), &self.response[shape.next_state(j)], &mut self.adjoint);
-            std::mem::swap(&mut self.work, &mut self.adjoint);
-            let first = shape.acting(j) * m;
-            add_transposed(qp.b(j), &self.work, &mut hessian[first..first + m]);
+            add_product(block(&qp.q, j, n * n), block(&self.response, j, n), before);
+            std::mem::swap(&mut w, &mut before);
+            let entries = block_mut(hessian, qp.shape.acting(j), m);
+            add_transposed(block(&qp.b, j, n * m), w, entries);
         }
     }
 
     /// The column of C.
-    fn condense_rows(&mut self, qp: &Qp, column: usize) {
-        let shape = qp.shape;
-        let (n, m) = (shape.states, shape.inputs);
-        let (input, k) = (column / m, column % m);
-        let begin = input * n;
-        let rows = self.sources.len();
-        let matrix = &mut self.dense.matrix[column * rows..(column + 1) * rows];
-        let (bounds, others) = self.sources.split_at(self.state_rows);
-        for (entry, &(_, v)) in matrix.iter_mut().zip(bounds) {
-            *entry = if v < begin { 0.0 } else { self.response[v] };
+    #[inline(always)]
+    fn condense_rows(&mut self, qp: &Qp, (n, m): (usize, usize), (input, k): (usize, usize)) {
+        let height = self.rows.len();
+        let column = block_mut(&mut self.dense.matrix, input * m + k, height);
+        let [states, _, general] = self.rows.split(column);
+        // States before the input acts have 0 from the beginning.
+        for (entry, &v) in states.iter_mut().zip(&self.rows.states).rev() {
+            if v < input * n {
+                break;
+            }
+            *entry = self.response[v];
         }
-        for (entry, &(kind, row)) in matrix[self.state_rows..].iter_mut().zip(others) {
-            if kind == Kind::Row {
-                let j = shape.first + row / shape.rows();
-                let by_x = &qp.rows_x[row * n..(row + 1) * n];
-                *entry = if shape.acting(j) == input { qp.rows_u[row * m + k] } else { 0.0 };
-                if j > input {
-                    *entry += dot(by_x, &self.response[shape.next_state(j - 1)]);
-                }
+        for (entry, &row) in general.iter_mut().zip(&self.rows.general) {
+            let j = qp.shape.first + row / qp.shape.rows();
+            *entry = if qp.shape.acting(j) == input { qp.rows_u[row * m + k] } else { 0.0 };
+            if j > input {
+                *entry += dot(block(&qp.rows_x, row, n), block(&self.response, j - 1, n));
             }
         }
     }
@@ -189,12 +225,12 @@ impl CondensedQp {
         let unknowns = qp.shape.all_inputs();
         for i in 0..moves {
             for (k, r) in qp.r(i).chunks_exact(m).enumerate() {
-                let column = &mut self.dense.hessian[(i * m + k) * unknowns..];
-                add_scaled(&mut column[i * m..(i + 1) * m], 1.0, r);
+                let column = block_mut(&mut self.dense.hessian, i * m + k, unknowns);
+                add_scaled(block_mut(column, i, m), 1.0, r);
                 if i > 0 {
-                    let before = &mut self.dense.hessian[((i - 1) * m + k) * unknowns..];
-                    add_scaled(&mut before[(i - 1) * m..i * m], 1.0, r);
-                    add_scaled(&mut before[i * m..(i + 1) * m], -1.0, r);
+                    let before = block_mut(&mut self.dense.hessian, (i - 1) * m + k, unknowns);
+                    add_scaled(block_mut(before, i - 1, m), 1.0, r);
+                    add_scaled(block_mut(before, i, m), -1.0, r);
                 }
             }
         }
@@ -203,101 +239,133 @@ impl CondensedQp {
     /// The limits: those of v, and those of the rows less what they are at v = 0.
     fn limit(&mut self, qp: &Qp) {
         let shape = qp.shape;
-        let (n, unknowns) = (shape.states, shape.all_inputs());
-        let DenseQp { low, high, cap, .. } = &mut self.dense;
-        let inputs = qp.bounds.iter().skip(shape.all_states());
-        for (v, limits) in inputs.enumerate() {
-            [low[v], high[v], cap[v]] = limits;
-        }
-        for (i, &(kind, index)) in self.sources.iter().enumerate() {
-            let (limits, at) = match kind {
-                Kind::Bound => (&qp.bounds, self.offset[index]),
-                Kind::Increment => (&qp.increments, 0.0),
-                Kind::Row => {
-                    let j = shape.first + index / shape.rows();
-                    let state = &self.offset[shape.next_state(j - 1)];
-                    (&qp.rows, dot(&qp.rows_x[index * n..(index + 1) * n], state))
-                }
-            };
-            let row = unknowns + i;
-            (low[row], high[row]) = (limits.low[index] - at, limits.high[index] - at);
-            cap[row] = limits.cap[index];
+        let (n, first) = (shape.states, shape.all_states());
+        let (low, high, cap) = (&mut self.dense.low, &mut self.dense.high, &mut self.dense.cap);
+        let unknowns = shape.all_inputs();
+        low[..unknowns].copy_from_slice(&qp.bounds.low[first..]);
+        high[..unknowns].copy_from_slice(&qp.bounds.high[first..]);
+        cap[..unknowns].copy_from_slice(&qp.bounds.cap[first..]);
+        let rows = low.iter_mut().zip(high.iter_mut()).zip(cap.iter_mut()).skip(unknowns);
+        let mut rows = rows.map(|((low, high), cap)| (low, high, cap));
+        let mut set = |limits: &Limits, i: usize, at: f64| {
+            if let Some((low, high, cap)) = rows.next() {
+                (*low, *high, *cap) = (limits.low[i] - at, limits.high[i] - at, limits.cap[i]);
+            }
+        };
+        self.rows.states.iter().for_each(|&v| set(&qp.bounds, v, self.offset[v]));
+        self.rows.increments.iter().for_each(|&i| set(&qp.increments, i, 0.0));
+        for &row in &self.rows.general {
+            let state = block(&self.offset, shape.first + row / shape.rows() - 1, n);
+            set(&qp.rows, row, dot(block(&qp.rows_x, row, n), state));
         }
     }
 
+    /// Hands the multipliers of `step` to the solver.
     fn guess(&mut self, qp: &Qp, step: &QpStep) {
-        let inputs = &step.multipliers.bounds[qp.shape.all_states()..];
+        let multipliers = &step.multipliers;
+        let (states, inputs) = multipliers.bounds.split_at(qp.shape.all_states());
         let (bounds, rows) = self.solver.guess().split_at_mut(inputs.len());
         bounds.copy_from_slice(inputs);
-        for (mu, &(kind, i)) in rows.iter_mut().zip(&self.sources) {
-            *mu = match kind {
-                Kind::Bound => step.multipliers.bounds[i],
-                Kind::Increment => step.multipliers.increments[i],
-                Kind::Row => step.multipliers.rows[i],
-            };
+        let [on_states, on_increments, on_general] = self.rows.split(rows);
+        for (to, from, places) in [
+            (on_states, states, &self.rows.states),
+            (on_increments, &multipliers.increments, &self.rows.increments),
+            (on_general, &multipliers.rows, &self.rows.general),
+        ] {
+            to.iter_mut().zip(places).for_each(|(to, &at)| *to = from[at]);
         }
     }
 
+    /// Writes states, inputs and multipliers.
     fn expand(&mut self, qp: &Qp, step: &mut QpStep) {
-        let shape = qp.shape;
-        let n = shape.states;
-        let QpStep { d, multipliers } = step;
-        d[shape.all_states()..].copy_from_slice(self.solver.x());
-        let (states, inputs) = d.split_at_mut(shape.all_states());
-        states.copy_from_slice(&qp.c);
-        for j in 0..shape.stages {
-            let (before, now) = states[..(j + 1) * n].split_at_mut(j * n);
-            if j > 0 {
-                add_product(qp.a(j), &before[(j - 1) * n..], now);
-            }
-            let first = shape.acting(j) * shape.inputs;
-            add_product(qp.b(j), &inputs[first..first + shape.inputs], now);
+        self.read_multipliers(qp, step);
+        step.d[qp.shape.all_states()..].copy_from_slice(self.solver.x());
+        match (qp.shape.states, qp.shape.inputs) {
+            (2, 1) => expand_sized(qp, step, 2, 1),
+            (4, 2) => expand_sized(qp, step, 4, 2),
+            (n, m) => expand_sized(qp, step, n, m),
         }
-
-        let (bounds, rows) = self.solver.multipliers().split_at(inputs.len());
-        multipliers.bounds[..shape.all_states()].fill(0.0);
-        multipliers.bounds[shape.all_states()..].copy_from_slice(bounds);
-        multipliers.increments.fill(0.0);
-        multipliers.rows.fill(0.0);
-        for (&mu, &(kind, i)) in rows.iter().zip(&self.sources) {
-            match kind {
-                Kind::Bound => multipliers.bounds[i] = mu,
-                Kind::Increment => multipliers.increments[i] = mu,
-                Kind::Row => multipliers.rows[i] = mu,
-            }
-        }
-        self.expand_dynamics(qp, step);
     }
 
-    /// The multipliers of the dynamics, from the last one back: dL/dx = 0.
-    fn expand_dynamics(&mut self, qp: &Qp, step: &mut QpStep) {
-        let shape = qp.shape;
-        let QpStep { d, multipliers } = step;
-        for j in (0..shape.stages).rev() {
-            let state = shape.next_state(j);
-            let (lambda, next) = multipliers.dynamics[state.start..].split_at_mut(shape.states);
-            lambda.copy_from_slice(&qp.gradient[state.clone()]);
-            add_scaled(lambda, 1.0, &multipliers.bounds[state.clone()]);
-            add_product(qp.q(j + 1), &d[state], lambda);
-            if j + 1 < shape.stages {
-                add_transposed(qp.a(j + 1), &next[..shape.states], lambda);
-            }
-            if shape.rows() > 0 && shape.constrained().contains(&(j + 1)) {
-                let eta = &multipliers.rows[shape.stage_rows(j + 1)];
-                add_transposed(qp.rows_x(j + 1), eta, lambda);
-            }
+    fn read_multipliers(&mut self, qp: &Qp, step: &mut QpStep) {
+        let multipliers = &mut step.multipliers;
+        let (states, inputs) = multipliers.bounds.split_at_mut(qp.shape.all_states());
+        let (bounds, mut rows) = self.solver.multipliers().split_at(inputs.len());
+        inputs.copy_from_slice(bounds);
+        for (to, places) in [
+            (states, &self.rows.states),
+            (&mut multipliers.increments[..], &self.rows.increments),
+            (&mut multipliers.rows[..], &self.rows.general),
+        ] {
+            to.fill(0.0);
+            let (from, rest) = rows.split_at(places.len());
+            from.iter().zip(places).for_each(|(from, &at)| to[at] = *from);
+            rows = rest;
         }
     }
 
     /// Where a row of the dense program comes from.
     fn source(&self, qp: &Qp, row: usize) -> Row {
-        let unknowns = qp.shape.all_inputs();
-        let (kind, index) = match row.checked_sub(unknowns) {
-            Some(i) => self.sources[i],
+        let (kind, index) = match row.checked_sub(qp.shape.all_inputs()) {
+            Some(i) => self.rows.source(i),
             None => (Kind::Bound, qp.shape.all_states() + row),
         };
         Row { kind, index, upper: self.solver.multipliers()[row] > 0.0 }
     }
+}
+
+/// The states that the inputs lead to, and the multipliers of the dynamics, from the last one back: dL/dx = 0.
+#[inline(always)]
+fn expand_sized(qp: &Qp, step: &mut QpStep, n: usize, m: usize) {
+    let shape = qp.shape;
+    let (states, inputs) = step.d.split_at_mut(shape.all_states());
+    states.copy_from_slice(&qp.c);
+    for j in 0..shape.stages {
+        let input = block(inputs, shape.acting(j), m);
+        add_product(block(&qp.b, j, n * m), input, block_mut(states, j, n));
+        if j > 0 {
+            let (before, now) = neighbours(states, j, n);
+            add_product(block(&qp.a, j, n * n), before, now);
+        }
+    }
+    let multipliers = &mut step.multipliers;
+    let dynamics = &mut multipliers.dynamics;
+    for j in (0..shape.stages).rev() {
+        let lambda = block_mut(dynamics, j, n);
+        lambda.copy_from_slice(block(&qp.gradient, j, n));
+        add_scaled(lambda, 1.0, block(&multipliers.bounds, j, n));
+        add_product(block(&qp.q, j, n * n), block(states, j, n), lambda);
+        if shape.rows() > 0 && shape.constrained().contains(&(j + 1)) {
+            let eta = &multipliers.rows[shape.stage_rows(j + 1)];
+            add_transposed(qp.rows_x(j + 1), eta, lambda);
+        }
+        if j + 1 < shape.stages {
+            let (lambda, next) = neighbours(dynamics, j + 1, n);
+            add_transposed(block(&qp.a, j + 1, n * n), next, lambda);
+        }
+    }
+}
+
+/// Blocks `j - 1` and `j` of blocks of `size` numbers.
+#[inline(always)]
+fn neighbours(blocks: &mut [f64], j: usize, size: usize) -> (&mut [f64], &mut [f64]) {
+    blocks[(j - 1) * size..(j + 1) * size].split_at_mut(size)
+}
+
+#[inline(always)]
+fn block(blocks: &[f64], j: usize, size: usize) -> &[f64] {
+    &blocks[j * size..(j + 1) * size]
+}
+
+#[inline(always)]
+fn block_mut(blocks: &mut [f64], j: usize, size: usize) -> &mut [f64] {
+    &mut blocks[j * size..(j + 1) * size]
+}
+
+/// Two vectors, known to be of this size.
+#[inline(always)]
+fn sized(vectors: &mut [Vec<f64>; 2], size: usize) -> [&mut [f64]; 2] {
+    vectors.each_mut().map(|vector| &mut vector[..size])
 }
 
 impl QpSolver for CondensedQp {

@@ -6,6 +6,7 @@ mod failures;
 mod formulation;
 mod kkt;
 mod linear;
+mod methods;
 mod misuse;
 mod random;
 mod support;

@@ -77,7 +77,8 @@ impl Placed<'_> {
             self.upright(canvas, x, &Style { shape: Shape::Dashes(1.0), ..limit_style() });
         }
         for limit in &self.panel.limits {
-            if let Some(fraction) = scales.y.fraction(*limit) {
+            let fraction = scales.y.fraction(*limit).filter(|f| (0.0..=1.0).contains(f));
+            if let Some(fraction) = fraction {
                 self.level(canvas, fraction, &limit_style());
             }
         }
@@ -254,19 +255,19 @@ impl Placed<'_> {
     }
 }
 
-/// The words in an area's middle, if there is room.
+/// The words in an area's middle.
 fn draw_text(canvas: &mut Canvas, area: &Area, place: &Frame) {
     let lines: Vec<&str> = area.text.lines().filter(|line| !line.is_empty()).collect();
     let height = LINE * small(lines.len());
-    if lines.is_empty() || height > place.height {
-        return;
-    }
-    let (color, rim) = match area.fill.hatched {
-        true => (INK, true),
-        false => (area.fill.color.contrary(), false),
+    let fits = height <= place.height;
+    let (color, rim) = match fits && !area.fill.hatched {
+        true => (area.fill.color.contrary(), false),
+        false => (INK, true),
     };
     let x = place.left + 0.5 * place.width;
-    let first = place.top + 0.5 * (place.height - height + LINE);
+    // Words too high for a low bar stand on it.
+    let above = if fits { 0.5 * (place.height - height) } else { -height };
+    let first = place.top + above + 0.5 * LINE;
     for (i, line) in lines.into_iter().enumerate() {
         let size = if i == 0 { TICK.size } else { 0.86 * TICK.size };
         let word = Word { size, color, rim, anchor: Anchor::Middle, ..TICK };

@@ -234,6 +234,12 @@ impl Panel {
         }
     }
 
+    /// Writes a curve's name beside its end, so that it can be told apart without colours.
+    pub(crate) fn tag(&mut self, text: &str, points: &[Point], color: Color) {
+        let end = points.iter().rfind(|p| p.0.is_finite() && p.1.is_finite());
+        self.labels.extend(end.map(|at| Label { at: *at, text: text.to_owned(), color }));
+    }
+
     /// Adds a line to the legend, once.
     pub(crate) fn key(&mut self, label: &str, look: Look) {
         if self.keys.iter().all(|key| key.label != label) {

@@ -5,7 +5,7 @@ use super::figure::Label;
 use super::svg;
 
 /// Between a point and its word.
-const AWAY: f64 = 7.0;
+const AWAY: f64 = 9.0;
 
 /// Gives each word that finds room the left end of its middle line: to the right of its point, or
 /// else to the left, above, below or at a corner. `dots` are not covered.

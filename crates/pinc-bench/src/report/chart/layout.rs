@@ -13,7 +13,7 @@ const RIGHT: f64 = 20.0;
 /// Left of a figure's first panel, at least, so that figures above one another are in line.
 const LEFT: f64 = 76.0;
 /// Between two columns, at least.
-const GUTTER: f64 = 18.0;
+const GUTTER: f64 = 28.0;
 /// A row of a panel's title and legend.
 pub(crate) const ROW: f64 = 21.0;
 /// A row of the events' words.

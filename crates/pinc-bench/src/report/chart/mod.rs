@@ -21,4 +21,4 @@ pub(super) use figure::{Area, Axis, Event, Figure, Key, Label, Look, Panel, Span
 pub(super) use scale::Kind;
 #[cfg(test)]
 pub(super) use svg::width_of;
-pub(super) use svg::{Fill, Shape, Style};
+pub(super) use svg::{Fill, Shape, Style, state_mark};

@@ -36,6 +36,13 @@ impl Shape {
     }
 }
 
+/// The mark of the i-th state or curve, the same in every picture.
+pub(crate) fn state_mark(i: usize) -> Shape {
+    let marks =
+        [Shape::Dots(3.6), Shape::Squares(3.3), Shape::Triangles(4.8), Shape::Diamonds(4.6)];
+    marks[i % marks.len()]
+}
+
 /// How a curve or a set of points looks.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Style {

@@ -30,7 +30,7 @@ pub(super) fn picture(trials: &Trials, metric: &Metric) -> Result<Option<Picture
                 name: label.to_owned(),
                 x,
                 y: (0.0, spread.median),
-                fill: Fill { opacity: 0.75, ..Fill::solid(color) },
+                fill: Fill::solid(color),
                 value: Some(spread.median),
                 text: text::significant(spread.median, 2),
             });
@@ -43,7 +43,9 @@ pub(super) fn picture(trials: &Trials, metric: &Metric) -> Result<Option<Picture
                 panel.add(&format!("{label}, trials"), dots, style);
             }
         }
-        panel.key(label, Look::Area(Fill { opacity: 0.75, ..Fill::solid(color) }));
+        if !model.is_empty() {
+            panel.key(label, Look::Area(Fill::solid(color)));
+        }
     }
     panel.note = Some("No trial has a number.".to_owned());
     let figure = Figure::stack(metric.title, Axis::named("", &names), vec![panel]);

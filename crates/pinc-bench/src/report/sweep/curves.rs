@@ -2,7 +2,7 @@
 
 use super::super::ReportError;
 use super::super::chart::{
-    Axis, Figure, Kind, Panel, Point, Shape, Span, Style, places, state_color,
+    Axis, Figure, Kind, Panel, Point, Shape, Span, Style, places, state_color, state_mark,
 };
 use super::super::picture::Picture;
 use super::trials::{Cell, Trials, short, shown};
@@ -104,16 +104,9 @@ impl Curves<'_> {
             Style::new(color, Shape::Dots(2.6)).faint(0.35),
         );
         panel.add("", medians.clone(), Style::new(color, Shape::Line(1.8)));
-        panel.add_named(label, medians, Style::new(color, mark(place)));
+        panel.add_named(label, medians, Style::new(color, state_mark(place)));
         Ok(())
     }
-}
-
-/// A mark for the i-th of several curves.
-pub(super) fn mark(i: usize) -> Shape {
-    let marks =
-        [Shape::Dots(4.0), Shape::Squares(3.8), Shape::Triangles(5.2), Shape::Diamonds(5.2)];
-    marks[i % marks.len()]
 }
 
 /// The places of bars side by side in a slot of width 1: their left ends and their width.

@@ -2,7 +2,7 @@
 
 use super::super::ReportError;
 use super::super::chart::{
-    Area, Axis, Color, Figure, Fill, Kind, Look, Panel, extent, places, state_color,
+    Area, Axis, Figure, Fill, Key, Kind, Look, Panel, extent, places, state_color,
 };
 use super::super::picture::Picture;
 use super::super::text;
@@ -35,7 +35,13 @@ pub(super) fn picture(trials: &Trials, metric: &Metric) -> Result<Option<Picture
     }
     let columns = if panels.len() > 1 { vec![1.0, 1.0] } else { vec![1.0] };
     let x = Axis::ranged(&metric.label, Kind::Linear, bins.range());
-    let figure = Figure::grid(metric.title, x, columns, panels);
+    let mut figure = Figure::grid(metric.title, x, columns, panels);
+    let models = metric.columns.iter().enumerate().filter(|(_, (_, model))| !model.is_empty());
+    let key = |(i, (_, model)): (usize, &(String, &str))| Key {
+        label: (*model).to_owned(),
+        look: Look::Area(Fill::solid(state_color(i))),
+    };
+    figure.keys = models.map(key).collect();
     let caption = format!(
         "How often a trial came to a value, {}. All panels have the same bins. Medians: {}. From \
          sweep.csv.",
@@ -55,7 +61,7 @@ fn panel(trials: &Trials, metric: &Metric, cell: &Cell, bins: &Bins) -> Result<P
         if values.is_empty() {
             continue;
         }
-        let fill = fill(i, state_color(i));
+        let fill = Fill::solid(state_color(i));
         let name = if model.is_empty() { "trials" } else { model };
         for (bin, count) in bins.counts(&values).into_iter().enumerate() {
             let (from, to) = bins.ends(bin);
@@ -69,17 +75,9 @@ fn panel(trials: &Trials, metric: &Metric, cell: &Cell, bins: &Bins) -> Result<P
                 text: String::new(),
             });
         }
-        if !model.is_empty() {
-            panel.key(model, Look::Area(fill));
-        }
     }
     panel.note = Some("No trial of this cell has a number.".to_owned());
     Ok(panel)
-}
-
-/// The second model's bars are lighter too.
-fn fill(i: usize, color: Color) -> Fill {
-    Fill { opacity: if i == 0 { 0.95 } else { 0.7 }, ..Fill::solid(color) }
 }
 
 fn medians(trials: &Trials, metric: &Metric, cell: &Cell) -> Option<String> {

@@ -4,6 +4,7 @@
 use super::super::ReportError;
 use super::super::chart::{
     Axis, BLACK, Figure, GREY, Key, Kind, Look, Panel, Shape, Style, extent, state_color,
+    state_mark,
 };
 use super::super::data::Run;
 use super::super::picture::Picture;
@@ -79,7 +80,7 @@ fn panel(
     let marked = curve.iter().zip(marks).filter(|(_, mark)| *mark > 0.5);
     let marked = marked.map(|(point, _)| *point).collect();
     panel.add(&format!("{state}, {}", net.name), curve, Style::new(color, Shape::Line(1.8)));
-    panel.add("", marked, Style::new(color, Shape::Dots(2.6)));
+    panel.add("", marked, Style::new(color, state_mark(row)));
     panel.add(&format!("{state}, {}", pinn.name), points(&pinn.table, state)?, PINN);
     panel.uprights.extend(pinn.pinn);
     panel.note = Some("This trial has no numbers.".to_owned());
