@@ -2,7 +2,7 @@
 
 use pinc_ad::central_difference;
 use pinc_net::{Ansatz, Domain, NetConfig, PincNet, PincPredictor};
-use pinc_ode::{Dims, FourTanks, OneTank, Plant, Predictor, Rk4, VanDerPol};
+use pinc_ode::{Dims, FourTanks, OneTank, Plant, Predictor, Rk4, Rosenbrock, VanDerPol};
 use proptest::prelude::*;
 use proptest::test_runner::{FileFailurePersistence, TestCaseError, TestRunner};
 use std::alloc::{GlobalAlloc, Layout, System};
@@ -18,7 +18,7 @@ struct Model {
 }
 
 /// Every model there is.
-const MODELS: [Model; 9] = [
+const MODELS: [Model; 11] = [
     model("RK4, Van der Pol", || rk4(VanDerPol::default(), 0.5), [-3.0, 3.0], [-1.0, 1.0]),
     model("RK4, one tank", || rk4(OneTank::default(), 10.0), [2.0, 20.0], [0.5, 4.5]),
     model("RK4, four tanks", || rk4(FourTanks::antonelo(), 10.0), [2.0, 20.0], [0.0, 5.0]),
@@ -29,6 +29,18 @@ const MODELS: [Model; 9] = [
         [0.0, 5.0],
     ),
     model("RK4, minimum", || rk4(FourTanks::johansson_minimum(), 10.0), [2.0, 20.0], [0.0, 5.0]),
+    model(
+        "Rosenbrock, Van der Pol",
+        || Box::new(Rosenbrock::new(VanDerPol::default(), 0.5, 4)),
+        [-3.0, 3.0],
+        [-1.0, 1.0],
+    ),
+    model(
+        "Rosenbrock, four tanks",
+        || Box::new(Rosenbrock::new(FourTanks::antonelo(), 10.0, 4)),
+        [2.0, 20.0],
+        [0.0, 5.0],
+    ),
     model(
         "net, Van der Pol",
         || net(VanDerPol::default(), Ansatz::Direct),

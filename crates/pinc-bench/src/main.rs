@@ -140,6 +140,8 @@ enum Only {
     Pinc,
     /// The Runge-Kutta method.
     Rk4,
+    /// The Rosenbrock method.
+    Rosenbrock,
 }
 
 fn main() -> ExitCode {
@@ -174,6 +176,7 @@ fn execute(cli: &Cli) -> Result<ExitCode, BenchError> {
             let only = only.map(|only| match only {
                 Only::Pinc => ModelKind::Pinc,
                 Only::Rk4 => ModelKind::Rk4,
+                Only::Rosenbrock => ModelKind::Rosenbrock,
             });
             run.one(config, quiet, |experiment, dir, options| {
                 pinc_bench::control(experiment, dir, options, model.as_deref(), only)

@@ -1,7 +1,10 @@
 //! From a `[plant]` section to a concrete plant: the only place that knows them all.
 
 use crate::spec::{FourTanksParameters, FourTanksSpec, PlantSpec};
-use pinc_ode::{AcetoneColumn, AcetoneStill, FourTanks, OneTank, Plant, VanDerPol, Variable};
+use pinc_ode::{
+    AcetoneColumn, AcetoneStill, FourTanks, HydraulicServo, OneTank, Plant, SingleTrackCar,
+    TwoLinkArm, VanDerPol, Variable,
+};
 
 /// Work that is the same for every plant.
 pub(crate) trait PlantTask {
@@ -24,6 +27,9 @@ impl PlantSpec {
             Self::Expression(equations) => task.run(
                 equations.compile().expect("the equations were compiled when the config was read"),
             ),
+            Self::HydraulicServo(_) => task.run(HydraulicServo::default()),
+            Self::SingleTrackCar(_) => task.run(SingleTrackCar::default()),
+            Self::TwoLinkArm(_) => task.run(TwoLinkArm::default()),
         }
     }
 

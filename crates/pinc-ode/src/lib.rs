@@ -4,7 +4,7 @@
 //!   [`pinc_ad::Scalar`]; [`VanDerPol`], [`FourTanks`] and [`OneTank`] are the paper's,
 //!   and [`Equations`] makes one from text.
 //! - [`Predictor`]: a discrete-time model x\[k+1\] = f(x\[k\], u\[k\]) with its Jacobians; this is all that a
-//!   controller knows of a model. [`Rk4`] is one, a trained net another.
+//!   controller knows of a model. [`Rk4`] is one, [`Rosenbrock`], for stiff plants, another, a trained net a third.
 //! - [`Adaptive`]: an accurate integrator, for the truth.
 //! - [`Signal`], [`Trajectory`], [`metrics`]: what goes in, what comes out, how good it is.
 //!
@@ -29,6 +29,7 @@ mod plant;
 mod plants;
 mod predictor;
 mod rk4;
+mod rosenbrock;
 mod signal;
 mod trajectory;
 mod variable;
@@ -37,9 +38,13 @@ pub use adaptive::Adaptive;
 pub use error::OdeError;
 pub use expression::{Equations, Excerpt, ExpressionError, ExpressionPlant, ExpressionProblem};
 pub use plant::Plant;
-pub use plants::{AcetoneColumn, AcetoneStill, FourTanks, OneTank, VanDerPol};
+pub use plants::{
+    AcetoneColumn, AcetoneStill, FourTanks, HydraulicServo, OneTank, SingleTrackCar, TwoLinkArm,
+    VanDerPol,
+};
 pub use predictor::{Dims, Predictor};
 pub use rk4::Rk4;
+pub use rosenbrock::Rosenbrock;
 pub use signal::Signal;
 pub use trajectory::Trajectory;
 pub use variable::Variable;

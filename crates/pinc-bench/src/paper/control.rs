@@ -67,6 +67,7 @@ fn name_of(model: ModelKind) -> &'static str {
     match model {
         ModelKind::Pinc => "PINC",
         ModelKind::Rk4 => "RK4",
+        ModelKind::Rosenbrock => "Rosenbrock",
     }
 }
 

@@ -33,13 +33,15 @@ pub(crate) mod file {
     pub(crate) const SUMMARY: &str = "summary.csv";
     pub(crate) const TIMINGS: &str = "timings.csv";
     /// What the closed loops write, with one model and with several.
-    pub(crate) const CONTROL: [&str; 6] = [
+    pub(crate) const CONTROL: [&str; 8] = [
         "control.csv",
         "control-pinc.csv",
         "control-rk4.csv",
+        "control-rosenbrock.csv",
         "steps.csv",
         "steps-pinc.csv",
         "steps-rk4.csv",
+        "steps-rosenbrock.csv",
     ];
 }
 

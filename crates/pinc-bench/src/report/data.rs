@@ -166,6 +166,7 @@ pub(super) fn find<'a>(value: &'a Value, path: &[&str]) -> Option<&'a Value> {
 pub(super) fn model_name(model: &str) -> String {
     match model {
         "pinc" | "rk4" => model.to_uppercase(),
+        "rosenbrock" => "Rosenbrock".to_owned(),
         other => other.to_owned(),
     }
 }
@@ -176,10 +177,10 @@ fn as_number(value: &toml::Value) -> Option<f64> {
     value.as_float().or_else(whole)
 }
 
-/// `<kind>-pinc.csv` and `<kind>-rk4.csv`, or the `<kind>.csv` of a run with the `only` model.
+/// `<kind>-pinc.csv`, `<kind>-rk4.csv` and `<kind>-rosenbrock.csv`, or the `<kind>.csv` of a run with the `only` model.
 fn read_models(dir: &Path, kind: &str, only: &str) -> Result<Vec<OfModel>, ReportError> {
     let mut found = Vec::new();
-    for model in ["pinc", "rk4"] {
+    for model in ["pinc", "rk4", "rosenbrock"] {
         if let Some(table) = Table::read(&dir.join(format!("{kind}-{model}.csv")))? {
             let model = model.to_owned();
             found.push(OfModel { model, table });

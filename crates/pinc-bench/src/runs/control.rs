@@ -8,7 +8,7 @@ use crate::registry::PlantTask;
 use crate::spec::{ControlSpec, ModelKind};
 use pinc_mpc::{ClosedLoop, MpcError, Nmpc, NmpcProblem, Reference};
 use pinc_net::{PincNet, PincPredictor};
-use pinc_ode::{Adaptive, Plant, Predictor, Rk4, Signal, Trajectory};
+use pinc_ode::{Adaptive, Plant, Predictor, Rk4, Rosenbrock, Signal, Trajectory};
 use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
 
@@ -117,11 +117,13 @@ pub(super) fn rehearse<P: Plant + 'static>(
 
 impl Setup<'_> {
     fn model<P: Plant + 'static>(&self, kind: ModelKind, plant: &P) -> Box<dyn Predictor> {
+        let (horizon_s, spec) = (self.horizon_s, self.spec);
         match (kind, self.net) {
             (ModelKind::Pinc, Some(net)) => Box::new(PincPredictor::new(net)),
             (ModelKind::Pinc, None) => unreachable!("the plan trains or reads a net for this loop"),
-            (ModelKind::Rk4, _) => {
-                Box::new(Rk4::new(plant.clone(), self.horizon_s, self.spec.rk4_substeps))
+            (ModelKind::Rk4, _) => Box::new(Rk4::new(plant.clone(), horizon_s, spec.rk4_substeps)),
+            (ModelKind::Rosenbrock, _) => {
+                Box::new(Rosenbrock::new(plant.clone(), horizon_s, spec.rosenbrock_substeps))
             }
         }
     }

@@ -63,6 +63,8 @@ pub struct ControlSpec {
     pub budget_us: Option<f64>,
     /// Substeps per T of the model `rk4`.
     pub rk4_substeps: usize,
+    /// Substeps per T of the model `rosenbrock`.
+    pub rosenbrock_substeps: usize,
     /// How many times each closed loop is run, for the statistics of its time.
     pub repetitions: usize,
     /// Local error tolerance of the plant's integration.
@@ -127,6 +129,8 @@ pub enum ModelKind {
     Pinc,
     /// The Runge-Kutta method of order 4.
     Rk4,
+    /// The Rosenbrock method, for stiff plants.
+    Rosenbrock,
 }
 
 impl ModelKind {
@@ -136,6 +140,7 @@ impl ModelKind {
         match self {
             Self::Pinc => "pinc",
             Self::Rk4 => "rk4",
+            Self::Rosenbrock => "rosenbrock",
         }
     }
 }

@@ -16,8 +16,8 @@ pub use control::{ControlSpec, ModelKind, ReferenceStep};
 pub use data::DataSpec;
 pub use list::{ListedRun, RunList};
 pub use plant::{
-    AcetoneColumnSpec, AcetoneStillSpec, FourTanksParameters, FourTanksSpec, OneTankSpec,
-    PlantSpec, VanDerPolSpec,
+    AcetoneColumnSpec, AcetoneStillSpec, FourTanksParameters, FourTanksSpec, HydraulicServoSpec,
+    OneTankSpec, PlantSpec, SingleTrackCarSpec, TwoLinkArmSpec, VanDerPolSpec,
 };
 pub use prediction::PredictionSpec;
 use problem::nearest;

@@ -35,6 +35,12 @@ pub enum PlantSpec {
     AcetoneColumn(AcetoneColumnSpec),
     /// A plant whose equations stand in the config.
     Expression(Equations),
+    /// The electro-hydraulic servo axis.
+    HydraulicServo(HydraulicServoSpec),
+    /// The car with slipping tyres.
+    SingleTrackCar(SingleTrackCarSpec),
+    /// The manipulator with two links.
+    TwoLinkArm(TwoLinkArmSpec),
 }
 
 /// Parameters of the Van der Pol oscillator.
@@ -85,3 +91,18 @@ pub struct AcetoneStillSpec {}
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct AcetoneColumnSpec {}
+
+/// The servo axis has no parameters to choose.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct HydraulicServoSpec {}
+
+/// The car has no parameters to choose.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SingleTrackCarSpec {}
+
+/// The manipulator has no parameters to choose.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct TwoLinkArmSpec {}

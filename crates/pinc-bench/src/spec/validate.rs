@@ -274,6 +274,7 @@ fn closed_loop(spec: &ControlSpec, variables: &Variables, horizon_s: Option<f64>
     }
     close_ups(spec)?;
     at_least_one("control.rk4_substeps", spec.rk4_substeps)?;
+    at_least_one("control.rosenbrock_substeps", spec.rosenbrock_substeps)?;
     at_least_one("control.repetitions", spec.repetitions)?;
     tolerance("control.plant_tolerance", spec.plant_tolerance)?;
     positive("control.sqp.tolerance", spec.sqp.tolerance)?;
@@ -289,9 +290,9 @@ fn closed_loop(spec: &ControlSpec, variables: &Variables, horizon_s: Option<f64>
 
 fn models(spec: &ControlSpec) -> Finding {
     let twice = |kind: ModelKind| spec.models.iter().filter(|&&m| m == kind).count() > 1;
-    if spec.models.is_empty() || twice(ModelKind::Pinc) || twice(ModelKind::Rk4) {
+    if spec.models.is_empty() || spec.models.iter().any(|&kind| twice(kind)) {
         let names: Vec<_> = spec.models.iter().map(|m| m.name()).collect();
-        let expected = "\"pinc\", \"rk4\" or both, each once";
+        let expected = "one or more of \"pinc\", \"rk4\", \"rosenbrock\", each once";
         return value("control.models", format!("{names:?}"), expected);
     }
     Ok(())

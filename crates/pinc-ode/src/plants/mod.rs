@@ -1,16 +1,22 @@
-//! The paper's plants, one file each.
+//! Built-in plants, those of the paper and others, one file each.
 
 mod acetone_column;
 mod acetone_mixture;
 mod acetone_still;
 mod four_tanks;
+mod hydraulic_servo;
 mod one_tank;
+mod single_track_car;
+mod two_link_arm;
 mod van_der_pol;
 
 pub use acetone_column::AcetoneColumn;
 pub use acetone_still::AcetoneStill;
 pub use four_tanks::FourTanks;
+pub use hydraulic_servo::HydraulicServo;
 pub use one_tank::OneTank;
+pub use single_track_car::SingleTrackCar;
+pub use two_link_arm::TwoLinkArm;
 pub use van_der_pol::VanDerPol;
 
 use pinc_ad::Scalar;

@@ -57,7 +57,7 @@ pub(super) fn pictures(run: &Run, trials: &Trials) -> Result<Vec<Picture>, Repor
 fn metrics(run: &Run, trials: &Trials) -> Vec<Metric> {
     let of_models = |column: &str| {
         let column = |(model, name): (&str, _)| (format!("{model}_{column}"), name);
-        [("pinc", "PINC"), ("rk4", "RK4")].map(column).to_vec()
+        [("pinc", "PINC"), ("rk4", "RK4"), ("rosenbrock", "Rosenbrock")].map(column).to_vec()
     };
     let all = [
         Metric {
