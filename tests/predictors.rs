@@ -2,7 +2,7 @@
 
 use pinc_ad::central_difference;
 use pinc_net::{Ansatz, Domain, NetConfig, PincNet, PincPredictor};
-use pinc_ode::{Dims, FourTanks, OneTank, Plant, Predictor, Rk4, Rosenbrock, VanDerPol};
+use pinc_ode::{Dims, FourTanks, OneTank, Plant, Predictor, Rk4, Rk5, Rosenbrock, VanDerPol};
 use proptest::prelude::*;
 use proptest::test_runner::{FileFailurePersistence, TestCaseError, TestRunner};
 use std::alloc::{GlobalAlloc, Layout, System};
@@ -18,8 +18,10 @@ struct Model {
 }
 
 /// Every model there is.
-const MODELS: [Model; 11] = [
+const MODELS: [Model; 13] = [
     model("RK4, Van der Pol", || rk4(VanDerPol::default(), 0.5), [-3.0, 3.0], [-1.0, 1.0]),
+    model("RK5, Van der Pol", || rk5(VanDerPol::default(), 0.5), [-3.0, 3.0], [-1.0, 1.0]),
+    model("RK5, four tanks", || rk5(FourTanks::antonelo(), 10.0), [2.0, 20.0], [0.0, 5.0]),
     model("RK4, one tank", || rk4(OneTank::default(), 10.0), [2.0, 20.0], [0.5, 4.5]),
     model("RK4, four tanks", || rk4(FourTanks::antonelo(), 10.0), [2.0, 20.0], [0.0, 5.0]),
     model(
@@ -78,6 +80,10 @@ const fn model(
 
 fn rk4<P: Plant + 'static>(plant: P, horizon_s: f64) -> Box<dyn Predictor> {
     Box::new(Rk4::new(plant, horizon_s, 4))
+}
+
+fn rk5<P: Plant + 'static>(plant: P, horizon_s: f64) -> Box<dyn Predictor> {
+    Box::new(Rk5::new(plant, horizon_s, 2))
 }
 
 /// A net with its starting weights: what it predicts is of no matter here.

@@ -24,15 +24,65 @@
 
 use crate::Scalar;
 use crate::simd::Work;
+use std::fmt::Debug;
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
-/// A value with its derivatives in `N` directions; the parts may be any [`Scalar`].
+/// A value with its derivatives in `N` directions; the value may be any [`Scalar`], and a derivative is
+/// one as well, or anything else that may be scaled by it (see [`Derivative`]).
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Dual<S, const N: usize = 1> {
+pub struct Dual<S, const N: usize = 1, E = S> {
     /// The value.
     pub re: S,
     /// The derivatives, one per direction.
-    pub eps: [S; N],
+    pub eps: [E; N],
+}
+
+/// What may stand as the derivative of a value of kind `S`: a vector space over it. Every [`Scalar`] is
+/// one over itself; [`Directions`](crate::Directions) has several directions in one vector.
+pub trait Derivative<S>:
+    Copy + Debug + Add<Output = Self> + Sub<Output = Self> + Neg<Output = Self>
+{
+    /// 0, in the context of `self`.
+    #[must_use]
+    fn zero(self) -> Self;
+
+    /// `self * a`
+    #[must_use]
+    fn times(self, a: S) -> Self;
+
+    /// `self * a + b`
+    #[must_use]
+    fn times_add(self, a: S, b: Self) -> Self;
+
+    /// `self` where `test <= 0`, `no` elsewhere.
+    #[must_use]
+    fn where_nonpositive(self, test: S, no: Self) -> Self;
+
+    /// Does `work` compiled for the instruction set of `self`: see [`Scalar::vectorize`].
+    fn vectorize<W: Work>(self, work: W) -> W::Output;
+}
+
+impl<S: Scalar> Derivative<S> for S {
+    #[inline(always)]
+    fn zero(self) -> Self {
+        self.constant(0.0)
+    }
+    #[inline(always)]
+    fn times(self, a: S) -> Self {
+        self * a
+    }
+    #[inline(always)]
+    fn times_add(self, a: S, b: Self) -> Self {
+        self.mul_add(a, b)
+    }
+    #[inline(always)]
+    fn where_nonpositive(self, test: S, no: Self) -> Self {
+        test.where_nonpositive(self, no)
+    }
+    #[inline(always)]
+    fn vectorize<W: Work>(self, work: W) -> W::Output {
+        Scalar::vectorize(self, work)
+    }
 }
 
 impl<S: Scalar, const N: usize> Dual<S, N> {
@@ -49,17 +99,19 @@ impl<S: Scalar, const N: usize> Dual<S, N> {
         let eps = std::array::from_fn(|i| value.constant(if i == direction { 1.0 } else { 0.0 }));
         Self { re: value, eps }
     }
+}
 
+impl<S: Scalar, const N: usize, E: Derivative<S>> Dual<S, N, E> {
     /// The dual number with value `re` and derivatives `slope * eps[i]`: the chain rule.
     #[inline(always)]
     fn chain(self, re: S, slope: S) -> Self {
-        self.scaled(re, |e| e * slope)
+        self.scaled(re, |e| e.times(slope))
     }
 
     /// The dual number with value `re` and derivatives f(eps\[i\]). (A loop, since `array::map` is not
     /// sure to be inlined into SIMD code.)
     #[inline(always)]
-    fn scaled(self, re: S, f: impl Fn(S) -> S) -> Self {
+    fn scaled(self, re: S, f: impl Fn(E) -> E) -> Self {
         let mut eps = self.eps;
         for e in &mut eps {
             *e = f(*e);
@@ -68,16 +120,16 @@ impl<S: Scalar, const N: usize> Dual<S, N> {
     }
 
     #[inline(always)]
-    fn zip(self, other: Self, re: S, f: impl Fn(S, S) -> S) -> Self {
+    fn zip(self, other: Self, re: S, f: impl Fn(E, E) -> E) -> Self {
         let mut eps = self.eps;
-        for (e, other) in eps.iter_mut().zip(other.eps) {
-            *e = f(*e, other);
+        for (e, other) in eps.iter_mut().zip(&other.eps) {
+            *e = f(*e, *other);
         }
         Self { re, eps }
     }
 }
 
-impl<S: Scalar, const N: usize> Add for Dual<S, N> {
+impl<S: Scalar, const N: usize, E: Derivative<S>> Add for Dual<S, N, E> {
     type Output = Self;
     #[inline(always)]
     fn add(self, b: Self) -> Self {
@@ -85,7 +137,7 @@ impl<S: Scalar, const N: usize> Add for Dual<S, N> {
     }
 }
 
-impl<S: Scalar, const N: usize> Sub for Dual<S, N> {
+impl<S: Scalar, const N: usize, E: Derivative<S>> Sub for Dual<S, N, E> {
     type Output = Self;
     #[inline(always)]
     fn sub(self, b: Self) -> Self {
@@ -93,25 +145,25 @@ impl<S: Scalar, const N: usize> Sub for Dual<S, N> {
     }
 }
 
-impl<S: Scalar, const N: usize> Mul for Dual<S, N> {
+impl<S: Scalar, const N: usize, E: Derivative<S>> Mul for Dual<S, N, E> {
     type Output = Self;
     #[inline(always)]
     fn mul(self, b: Self) -> Self {
-        self.zip(b, self.re * b.re, |v, w| v.mul_add(b.re, self.re * w))
+        self.zip(b, self.re * b.re, |v, w| v.times_add(b.re, w.times(self.re)))
     }
 }
 
-impl<S: Scalar, const N: usize> Div for Dual<S, N> {
+impl<S: Scalar, const N: usize, E: Derivative<S>> Div for Dual<S, N, E> {
     type Output = Self;
     #[inline(always)]
     fn div(self, b: Self) -> Self {
         let inverse = b.re.constant(1.0) / b.re;
         let quotient = self.re / b.re;
-        self.zip(b, quotient, |v, w| (v - quotient * w) * inverse)
+        self.zip(b, quotient, |v, w| (v - w.times(quotient)).times(inverse))
     }
 }
 
-impl<S: Scalar, const N: usize> Neg for Dual<S, N> {
+impl<S: Scalar, const N: usize, E: Derivative<S>> Neg for Dual<S, N, E> {
     type Output = Self;
     #[inline(always)]
     fn neg(self) -> Self {
@@ -119,7 +171,7 @@ impl<S: Scalar, const N: usize> Neg for Dual<S, N> {
     }
 }
 
-impl<S: Scalar, const N: usize> Add<f64> for Dual<S, N> {
+impl<S: Scalar, const N: usize, E: Derivative<S>> Add<f64> for Dual<S, N, E> {
     type Output = Self;
     #[inline(always)]
     fn add(self, b: f64) -> Self {
@@ -127,7 +179,7 @@ impl<S: Scalar, const N: usize> Add<f64> for Dual<S, N> {
     }
 }
 
-impl<S: Scalar, const N: usize> Sub<f64> for Dual<S, N> {
+impl<S: Scalar, const N: usize, E: Derivative<S>> Sub<f64> for Dual<S, N, E> {
     type Output = Self;
     #[inline(always)]
     fn sub(self, b: f64) -> Self {
@@ -135,23 +187,25 @@ impl<S: Scalar, const N: usize> Sub<f64> for Dual<S, N> {
     }
 }
 
-impl<S: Scalar, const N: usize> Mul<f64> for Dual<S, N> {
+impl<S: Scalar, const N: usize, E: Derivative<S>> Mul<f64> for Dual<S, N, E> {
     type Output = Self;
     #[inline(always)]
     fn mul(self, b: f64) -> Self {
-        self.scaled(self.re * b, |e| e * b)
+        let factor = self.re.constant(b);
+        self.scaled(self.re * b, |e| e.times(factor))
     }
 }
 
-impl<S: Scalar, const N: usize> Div<f64> for Dual<S, N> {
+impl<S: Scalar, const N: usize, E: Derivative<S>> Div<f64> for Dual<S, N, E> {
     type Output = Self;
     #[inline(always)]
     fn div(self, b: f64) -> Self {
-        self.scaled(self.re / b, |e| e / b)
+        let factor = self.re.constant(1.0 / b);
+        self.scaled(self.re / b, |e| e.times(factor))
     }
 }
 
-impl<S: Scalar, const N: usize> Scalar for Dual<S, N> {
+impl<S: Scalar, const N: usize, E: Derivative<S>> Scalar for Dual<S, N, E> {
     type Plain = S::Plain;
     #[inline(always)]
     fn plain(self) -> S::Plain {
@@ -159,11 +213,11 @@ impl<S: Scalar, const N: usize> Scalar for Dual<S, N> {
     }
     #[inline(always)]
     fn constants(self, value: S::Plain) -> Self {
-        Self::lift(self.re.constants(value))
+        self.scaled(self.re.constants(value), E::zero)
     }
     #[inline(always)]
     fn constant(self, value: f64) -> Self {
-        Self::lift(self.re.constant(value))
+        self.scaled(self.re.constant(value), E::zero)
     }
     #[inline(always)]
     fn sqrt(self) -> Self {
@@ -221,17 +275,19 @@ impl<S: Scalar, const N: usize> Scalar for Dual<S, N> {
     }
     #[inline(always)]
     fn mul_add(self, a: Self, b: Self) -> Self {
-        let eps =
-            std::array::from_fn(|i| self.eps[i].mul_add(a.re, self.re.mul_add(a.eps[i], b.eps[i])));
+        let mut eps = self.eps;
+        for ((e, a_eps), b_eps) in eps.iter_mut().zip(&a.eps).zip(&b.eps) {
+            *e = e.times_add(a.re, a_eps.times_add(self.re, *b_eps));
+        }
         Self { re: self.re.mul_add(a.re, b.re), eps }
     }
     #[inline(always)]
     fn vectorize<W: Work>(self, work: W) -> W::Output {
-        self.re.vectorize(work)
+        self.eps[0].vectorize(work)
     }
     #[inline(always)]
     fn where_nonpositive(self, yes: Self, no: Self) -> Self {
         let test = self.re;
-        yes.zip(no, test.where_nonpositive(yes.re, no.re), |y, n| test.where_nonpositive(y, n))
+        yes.zip(no, test.where_nonpositive(yes.re, no.re), |y, n| y.where_nonpositive(test, n))
     }
 }

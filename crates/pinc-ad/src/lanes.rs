@@ -19,14 +19,21 @@ impl<const L: usize> Lanes<L> {
         Self([value; L])
     }
 
+    /// (Loops, since `array::map` and `from_fn` are not sure to be inlined into SIMD code.)
     #[inline(always)]
-    fn map(self, f: impl Fn(f64) -> f64) -> Self {
-        Self(self.0.map(f))
+    fn map(mut self, f: impl Fn(f64) -> f64) -> Self {
+        for a in &mut self.0 {
+            *a = f(*a);
+        }
+        self
     }
 
     #[inline(always)]
-    fn zip(self, other: Self, f: impl Fn(f64, f64) -> f64) -> Self {
-        Self(std::array::from_fn(|i| f(self.0[i], other.0[i])))
+    fn zip(mut self, other: Self, f: impl Fn(f64, f64) -> f64) -> Self {
+        for (a, b) in self.0.iter_mut().zip(&other.0) {
+            *a = f(*a, *b);
+        }
+        self
     }
 }
 
@@ -109,7 +116,10 @@ impl<const L: usize> Scalar for Lanes<L> {
         self.map(f64::tanh)
     }
     #[inline(always)]
-    fn where_nonpositive(self, yes: Self, no: Self) -> Self {
-        Self(std::array::from_fn(|i| self.0[i].where_nonpositive(yes.0[i], no.0[i])))
+    fn where_nonpositive(self, mut yes: Self, no: Self) -> Self {
+        for ((yes, no), test) in yes.0.iter_mut().zip(&no.0).zip(&self.0) {
+            *yes = test.where_nonpositive(*yes, *no);
+        }
+        yes
     }
 }

@@ -27,6 +27,7 @@
 //!
 //! The crate depends on nothing.
 
+mod directions;
 mod drivers;
 mod dual;
 mod finite;
@@ -35,8 +36,9 @@ mod scalar;
 pub mod simd;
 mod tape;
 
+pub use directions::Directions;
 pub use drivers::{derivative, gradient, jacobian};
-pub use dual::Dual;
+pub use dual::{Derivative, Dual};
 pub use finite::{GradientMismatch, central_difference, check_gradient};
 pub use lanes::Lanes;
 pub use scalar::Scalar;

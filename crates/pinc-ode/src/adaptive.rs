@@ -10,7 +10,7 @@ const MAX_STEPS: u32 = 1_000_000;
 
 /// The tableau of Dormand and Prince, "A family of embedded Runge-Kutta formulae", J. Comput. Appl.
 /// Math. 6 (1980). The last row is also the solution of order 5.
-const A: [&[f64]; STAGES] = [
+pub(crate) const A: [&[f64]; STAGES] = [
     &[],
     &[1.0 / 5.0],
     &[3.0 / 40.0, 9.0 / 40.0],

@@ -4,7 +4,7 @@
 //!   [`pinc_ad::Scalar`]; [`VanDerPol`], [`FourTanks`] and [`OneTank`] are the paper's,
 //!   and [`Equations`] makes one from text.
 //! - [`Predictor`]: a discrete-time model x\[k+1\] = f(x\[k\], u\[k\]) with its Jacobians; this is all that a
-//!   controller knows of a model. [`Rk4`] is one, [`Rosenbrock`], for stiff plants, another, a trained net a third.
+//!   controller knows of a model. [`Rk4`] and [`Rk5`] are such, [`Rosenbrock`], for stiff plants, another, a trained net a third.
 //! - [`Adaptive`]: an accurate integrator, for the truth.
 //! - [`Signal`], [`Trajectory`], [`metrics`]: what goes in, what comes out, how good it is.
 //!
@@ -28,8 +28,8 @@ pub mod metrics;
 mod plant;
 mod plants;
 mod predictor;
-mod rk4;
 mod rosenbrock;
+mod runge_kutta;
 mod signal;
 mod trajectory;
 mod variable;
@@ -43,8 +43,8 @@ pub use plants::{
     VanDerPol,
 };
 pub use predictor::{Dims, Predictor};
-pub use rk4::Rk4;
 pub use rosenbrock::Rosenbrock;
+pub use runge_kutta::{Classical, DormandPrince, Method, Rk4, Rk5, RungeKutta};
 pub use signal::Signal;
 pub use trajectory::Trajectory;
 pub use variable::Variable;

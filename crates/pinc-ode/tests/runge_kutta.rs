@@ -1,10 +1,13 @@
-//! The Runge-Kutta method of order 4: order, sensitivities, determinism.
+//! The Runge-Kutta methods: order, sensitivities, determinism.
 
 mod common;
 
 use common::{Oscillator, distance, flows, log_slope};
 use pinc_ad::{Dual, Scalar, central_difference};
-use pinc_ode::{Adaptive, FourTanks, OneTank, Plant, Predictor, Rk4, VanDerPol, Variable};
+use pinc_ode::{
+    Adaptive, Classical, DormandPrince, FourTanks, Method, OneTank, Plant, Predictor, Rk4, Rk5,
+    RungeKutta, VanDerPol, Variable,
+};
 use proptest::prelude::*;
 use proptest::test_runner::{FileFailurePersistence, TestRunner};
 
@@ -22,17 +25,30 @@ fn linearize(predictor: &mut impl Predictor, x: &[f64], u: &[f64]) -> [Vec<f64>;
     [next, a, b]
 }
 
-/// The order by regression of the errors against `end` with 2, 4, .. 2048 substeps, down to
+/// The order by regression of the errors against `end` with 2, 3, 4, 6, 8, .. 3072 substeps, down to
 /// rounding: without those above 1e-5, where the step is still too long for the leading term to rule,
 /// and those below 1e-12, where rounding (1e-16 a substep) is more than a few per cent. At least five
-/// halvings are left, so that an error that is off by a quarter at one end of the line changes its
+/// errors are left, so that an error that is off by a quarter at one end of the line changes its
 /// slope by less than 0.15.
 fn order<P: Plant>(plant: &P, duration_s: f64, x: &[f64], u: &[f64], end: &[f64]) -> f64 {
-    let errors: Vec<_> = (1..12)
-        .map(|k| {
-            let mut method = Rk4::new(plant.clone(), duration_s, 1 << k);
+    order_of::<P, Classical>(plant, duration_s, x, u, end)
+}
+
+/// [`order`], of any method.
+fn order_of<P: Plant, M: Method>(
+    plant: &P,
+    duration_s: f64,
+    x: &[f64],
+    u: &[f64],
+    end: &[f64],
+) -> f64 {
+    let substeps = (1..12).flat_map(|k| [2 << (k - 1), 3 << (k - 1)]);
+    let errors: Vec<_> = substeps
+        .map(|substeps: u32| {
+            let count = usize::try_from(substeps).expect("a small number");
+            let mut method = RungeKutta::<P, M>::new(plant.clone(), duration_s, count);
             let error = distance(&predict(&mut method, x, u), end);
-            (duration_s / f64::from(1 << k), error)
+            (duration_s / f64::from(substeps), error)
         })
         .filter(|(_, error)| (1e-12..1e-5).contains(error))
         .collect();
@@ -66,6 +82,14 @@ fn order_4_on_the_tanks() {
         let slope = order(&plant, flow.duration_s, &flow.x, &flow.u, &flow.end);
         assert!((slope - 4.0).abs() < 0.15, "{slope}");
     }
+}
+
+#[test]
+fn order_5_of_dormand_and_prince() {
+    let plant = Oscillator { damping: 0.2 };
+    let (x, u, t) = ([1.0, -0.5], 0.7, 8.0);
+    let slope = order_of::<_, DormandPrince>(&plant, t, &x, &[u], &plant.exact(&x, u, t));
+    assert!((slope - 5.0).abs() < 0.15, "{slope}");
 }
 
 /// On x' = A x the method is the Taylor polynomial of exp(h A) to h^4; so are its Jacobians.
@@ -188,8 +212,12 @@ impl Plant for Ring {
 /// Central differences of a step are good to 1e-10 of its value (20 at most) plus h^2/6 = 6e-12
 /// times third derivatives of the flow, which these horizons keep below some 50.
 fn check_differences<P: Plant>(plant: P, horizon_s: f64, x: [f64; 2], u: [f64; 2]) {
-    let dims = plant.dims();
-    let mut method = Rk4::new(plant, horizon_s, 3);
+    check_differences_of(&mut Rk4::new(plant.clone(), horizon_s, 3), x, u);
+    check_differences_of(&mut Rk5::new(plant, horizon_s, 2), x, u);
+}
+
+fn check_differences_of(method: &mut impl Predictor, x: [f64; 2], u: [f64; 2]) {
+    let dims = method.dims();
     let points = (
         prop::collection::vec(x[0]..x[1], dims.states),
         prop::collection::vec(u[0]..u[1], dims.inputs),
@@ -199,7 +227,7 @@ fn check_differences<P: Plant>(plant: P, horizon_s: f64, x: [f64; 2], u: [f64; 2
         ..ProptestConfig::with_cases(64)
     };
     let strategy = points.prop_map(|(x, u)| (x, u));
-    let cell = std::cell::RefCell::new(&mut method);
+    let cell = std::cell::RefCell::new(method);
     let outcome = TestRunner::new(config).run(&strategy, |(x, u)| {
         let mut method = cell.borrow_mut();
         let (n, m) = (x.len(), u.len());
@@ -229,6 +257,11 @@ fn jacobians_against_differences() {
     check_differences(FourTanks::antonelo(), 10.0, [2.0, 20.0], [0.5, 4.5]);
     let ring = (0..10).map(|_| Variable::new("x", "")).collect();
     check_differences(Ring(ring), 0.2, [0.0, 2.0], [-1.0, 1.0]);
+    // Fewer states than a register has lanes, and more.
+    for states in 3..=8 {
+        let ring = (0..states).map(|_| Variable::new("x", "")).collect();
+        check_differences(Ring(ring), 0.2, [0.0, 2.0], [-1.0, 1.0]);
+    }
 }
 
 #[test]

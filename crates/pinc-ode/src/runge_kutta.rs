@@ -1,0 +1,186 @@
+//! Explicit Runge-Kutta methods with a fixed number of substeps, as predictors.
+
+mod linearize;
+mod method;
+
+use crate::{Dims, Plant, Predictor};
+use linearize::{Linearize, Points};
+pub use method::{Classical, DormandPrince, Method};
+use method::{Large, Small};
+use pinc_ad::Dual;
+use pinc_ad::simd::Isa;
+use std::marker::PhantomData;
+
+/// Plants with more states or inputs than this are integrated in memory; others in registers and on
+/// the stack, which is several times faster.
+const SMALL: usize = 6;
+
+/// Directions that go through a large plant together.
+const DIRECTIONS: usize = 4;
+
+/// The classical Runge-Kutta method of order 4 with a fixed number of substeps.
+pub type Rk4<P> = RungeKutta<P, Classical>;
+
+/// The method of order 5 of Dormand and Prince with a fixed number of substeps.
+pub type Rk5<P> = RungeKutta<P, DormandPrince>;
+
+/// An explicit Runge-Kutta method with a fixed number of substeps h = T / substeps, as a [`Predictor`].
+/// The tableaus are with [`Classical`] and [`DormandPrince`].
+///
+/// The Jacobians are those of the method itself, exact to rounding, by dual numbers through it. All
+/// columns go through it together, in the lanes of the machine's widest vectors, and in
+/// [`Predictor::linearize_stages`] two points at a time.
+#[derive(Clone, Debug)]
+pub struct RungeKutta<P, M> {
+    plant: P,
+    dims: Dims,
+    horizon_s: f64,
+    substeps: usize,
+    isa: Isa,
+    large: Option<Rooms>,
+    method: PhantomData<M>,
+}
+
+/// Room for a plant that is not small.
+#[derive(Clone, Debug)]
+struct Rooms {
+    values: Large<f64>,
+    tangents: Large<Dual<f64, DIRECTIONS>>,
+}
+
+impl<P: Plant, M: Method> RungeKutta<P, M> {
+    /// The method over steps of `horizon_s` seconds, each in `substeps` parts.
+    ///
+    /// # Panics
+    ///
+    /// If `horizon_s` is not positive and finite or `substeps` is 0.
+    #[must_use]
+    pub fn new(plant: P, horizon_s: f64, substeps: usize) -> Self {
+        assert!(horizon_s > 0.0 && horizon_s.is_finite(), "the step must be positive");
+        assert!(substeps > 0, "at least one substep");
+        let dims = plant.dims();
+        let large = (dims.states.max(dims.inputs) > SMALL).then(|| Rooms {
+            values: Large::new(dims, 0.0),
+            tangents: Large::new(dims, Dual::lift(0.0)),
+        });
+        let isa = Isa::detect();
+        Self { plant, dims, horizon_s, substeps, isa, large, method: PhantomData }
+    }
+
+    /// The number of substeps a step is divided into.
+    #[must_use]
+    pub fn substeps(&self) -> usize {
+        self.substeps
+    }
+
+    /// The step of the method, in s.
+    #[expect(clippy::cast_precision_loss, reason = "a number of substeps is far below 2^53")]
+    fn h(&self) -> f64 {
+        self.horizon_s / self.substeps as f64
+    }
+
+    /// The work of linearising `C` points, from the `k`-th of `points` on.
+    fn linearize_points<const C: usize>(&mut self, points: Points<'_>) {
+        let h = self.h();
+        let Self { plant, substeps, isa, .. } = self;
+        isa.dispatch(Linearize::<P, M, C> {
+            plant,
+            h,
+            substeps: *substeps,
+            points,
+            method: PhantomData,
+        });
+    }
+
+    /// Linearises one point of a large plant, some directions at a time.
+    fn linearize_large(&mut self, points: Points<'_>) {
+        let (h, Dims { states: n, inputs: m }) = (self.h(), self.dims);
+        let Some(large) = &mut self.large else { return };
+        let Points { x, u, next, a, b } = points;
+        for first in (0..n + m).step_by(DIRECTIONS) {
+            let mut work = large.tangents.workspace();
+            let variables = work.x.iter_mut().chain(&mut *work.u);
+            for (j, (to, &value)) in variables.zip(x.iter().chain(u)).enumerate() {
+                *to = Dual::variable(value, j.checked_sub(first).unwrap_or(DIRECTIONS));
+            }
+            work.run::<P, M>(&self.plant, h, self.substeps);
+            for (i, result) in work.x.iter().enumerate() {
+                next[i] = result.re;
+                for (column, &derivative) in (first..n + m).zip(&result.eps) {
+                    if column < n {
+                        a[i * n + column] = derivative;
+                    } else {
+                        b[i * m + column - n] = derivative;
+                    }
+                }
+            }
+        }
+    }
+}
+
+impl<P: Plant, M: Method> Predictor for RungeKutta<P, M> {
+    fn dims(&self) -> Dims {
+        self.dims
+    }
+
+    fn horizon_s(&self) -> f64 {
+        self.horizon_s
+    }
+
+    fn predict(&mut self, x: &[f64], u: &[f64], next: &mut [f64]) {
+        let h = self.h();
+        let mut small = Small::new(0.0);
+        let (plant, substeps) = (&self.plant, self.substeps);
+        match &mut self.large {
+            Some(rooms) => {
+                rooms.values.workspace().predict::<P, M>(plant, h, substeps, (x, u), next)
+            }
+            None => {
+                small.workspace(plant.dims()).predict::<P, M>(plant, h, substeps, (x, u), next);
+            }
+        }
+    }
+
+    fn linearize(&mut self, x: &[f64], u: &[f64], next: &mut [f64], a: &mut [f64], b: &mut [f64]) {
+        let Dims { states: n, inputs: m } = self.dims;
+        assert!(x.len() == n && u.len() == m && next.len() == n, "lengths of x, u, next");
+        assert!(a.len() == n * n && b.len() == n * m, "lengths of a, b");
+        let points = Points { x, u, next, a, b };
+        if self.large.is_some() {
+            self.linearize_large(points);
+        } else {
+            self.linearize_points::<1>(points);
+        }
+    }
+
+    fn linearize_stages(
+        &mut self,
+        x: &[f64],
+        u: &[f64],
+        next: &mut [f64],
+        a: &mut [f64],
+        b: &mut [f64],
+    ) {
+        let Dims { states: n, inputs: m } = self.dims;
+        let count = x.len() / n;
+        assert!(x.len() == count * n && u.len() == count * m, "lengths of x and u");
+        assert!(next.len() == count * n, "length of next");
+        assert!(a.len() == count * n * n && b.len() == count * n * m, "lengths of a and b");
+        let mut rest = Points { x, u, next, a, b };
+        for _ in 0..count / 2 {
+            let (pair, others) = rest.split(self.dims, 2);
+            rest = others;
+            if self.large.is_some() {
+                let (one, other) = pair.split(self.dims, 1);
+                self.linearize_large(one);
+                self.linearize_large(other);
+            } else {
+                self.linearize_points::<2>(pair);
+            }
+        }
+        if count % 2 == 1 {
+            let Points { x, u, next, a, b } = rest;
+            self.linearize(x, u, next, a, b);
+        }
+    }
+}

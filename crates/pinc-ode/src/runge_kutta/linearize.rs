@@ -1,0 +1,107 @@
+//! A method with its Jacobians, all columns in the lanes of vectors.
+
+use super::SMALL;
+use super::method::{Method, Small};
+use crate::{Dims, Plant};
+use pinc_ad::simd::{Simd, Task};
+use pinc_ad::{Directions, Dual, Lanes};
+use std::marker::PhantomData;
+
+/// Lanes of the widest vector.
+const WIDEST: usize = 8;
+
+/// Points to linearise at, and where the results go: as in
+/// [`Predictor::linearize_stages`](crate::Predictor::linearize_stages).
+#[derive(Debug)]
+pub(super) struct Points<'a> {
+    pub(super) x: &'a [f64],
+    pub(super) u: &'a [f64],
+    pub(super) next: &'a mut [f64],
+    pub(super) a: &'a mut [f64],
+    pub(super) b: &'a mut [f64],
+}
+
+impl<'a> Points<'a> {
+    /// The first `count` points, and the others.
+    pub(super) fn split(self, dims: Dims, count: usize) -> (Points<'a>, Points<'a>) {
+        let Dims { states: n, inputs: m } = dims;
+        let (x, x_rest) = self.x.split_at(count * n);
+        let (u, u_rest) = self.u.split_at(count * m);
+        let (next, next_rest) = self.next.split_at_mut(count * n);
+        let (a, a_rest) = self.a.split_at_mut(count * n * n);
+        let (b, b_rest) = self.b.split_at_mut(count * n * m);
+        let rest = Points { x: x_rest, u: u_rest, next: next_rest, a: a_rest, b: b_rest };
+        (Points { x, u, next, a, b }, rest)
+    }
+}
+
+/// `C` points of a small plant through the method `M`, side by side.
+pub(super) struct Linearize<'a, P, M, const C: usize> {
+    pub(super) plant: &'a P,
+    pub(super) h: f64,
+    pub(super) substeps: usize,
+    pub(super) points: Points<'a>,
+    pub(super) method: PhantomData<M>,
+}
+
+/// The values of `C` points, with derivatives in the directions of a vector.
+type Tangent<V, const C: usize> = Dual<Lanes<C>, 1, Directions<V, C>>;
+
+impl<P: Plant, M: Method, const C: usize> Task for Linearize<'_, P, M, C> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<V: Simd>(self, zero: V) {
+        // A constant for a plant whose dimensions are: then all below is unrolled, into registers.
+        let dims = self.plant.dims();
+        let Dims { states: n, inputs: m } = dims;
+        assert!(n <= SMALL && m <= SMALL, "a small plant");
+        let Self { plant, h, substeps, points: Points { x, u, next, a, b }, .. } = self;
+        let nothing: Tangent<V, C> = Dual { re: Lanes::splat(0.0), eps: [Directions([zero; C])] };
+        for first in (0..n + m).step_by(V::LANES) {
+            let mut room = Small::new(nothing);
+            let mut work = room.workspace(dims);
+            for j in 0..n {
+                work.x[j] = seed(zero, |point| x[point * n + j], first, j);
+            }
+            for j in 0..m {
+                work.u[j] = seed(zero, |point| u[point * m + j], first, n + j);
+            }
+            work.run::<P, M>(plant, h, substeps);
+            for (i, Dual { re, eps: [eps] }) in work.x.iter().enumerate() {
+                for point in 0..C {
+                    let row = point * n + i;
+                    next[row] = re.0[point];
+                    let mut derivatives = [0.0; WIDEST];
+                    eps.0[point].write(&mut derivatives);
+                    for (column, derivative) in (first..n + m).zip(derivatives).take(V::LANES) {
+                        if column < n {
+                            a[row * n + column] = derivative;
+                        } else {
+                            b[row * m + column - n] = derivative;
+                        }
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// The variable of column `column`, when the first lane stands for column `first`.
+#[inline(always)]
+fn seed<V: Simd, const C: usize>(
+    zero: V,
+    value: impl Fn(usize) -> f64,
+    first: usize,
+    column: usize,
+) -> Tangent<V, C> {
+    let mut unit = [0.0; WIDEST];
+    if (first..first + V::LANES).contains(&column) {
+        unit[column - first] = 1.0;
+    }
+    let mut re = Lanes::splat(0.0);
+    for (point, re) in re.0.iter_mut().enumerate() {
+        *re = value(point);
+    }
+    Dual { re, eps: [Directions([zero.load(&unit); C])] }
+}

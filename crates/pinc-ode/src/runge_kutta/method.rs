@@ -1,0 +1,213 @@
+//! The methods, by their tableaus.
+
+use super::SMALL;
+use crate::{Dims, Plant};
+use pinc_ad::Scalar;
+use std::fmt::Debug;
+
+/// Slopes that a method keeps, at most.
+pub(super) const MOST_STAGES: usize = 6;
+
+/// An explicit Runge-Kutta method.
+pub trait Method: Clone + Debug + Send {
+    /// Evaluations of the right-hand side per substep.
+    const STAGES: usize;
+
+    /// Advances `work.x` by `h` seconds.
+    fn step<P: Plant, S: Scalar>(plant: &P, h: f64, work: &mut Workspace<'_, S>);
+}
+
+/// Numbers of a small plant's workspace, on the stack.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Small<S> {
+    x: [S; SMALL],
+    u: [S; SMALL],
+    stage: [S; SMALL],
+    k: [[S; SMALL]; MOST_STAGES],
+}
+
+impl<S: Scalar> Small<S> {
+    #[inline(always)]
+    pub(super) fn new(nothing: S) -> Self {
+        let x = [nothing; SMALL];
+        Self { x, u: x, stage: x, k: [x; MOST_STAGES] }
+    }
+
+    /// The workspace of a plant of these dimensions, [`SMALL`] at most.
+    #[inline(always)]
+    pub(super) fn workspace(&mut self, Dims { states: n, inputs: m }: Dims) -> Workspace<'_, S> {
+        let [k1, k2, k3, k4, k5, k6] = &mut self.k;
+        let k =
+            [&mut k1[..n], &mut k2[..n], &mut k3[..n], &mut k4[..n], &mut k5[..n], &mut k6[..n]];
+        let (x, u, stage) = (&mut self.x[..n], &mut self.u[..m], &mut self.stage[..n]);
+        Workspace { x, u, stage, k }
+    }
+}
+
+/// Numbers of any plant's workspace, on the heap.
+#[derive(Clone, Debug)]
+pub(super) struct Large<S> {
+    x: Vec<S>,
+    u: Vec<S>,
+    stage: Vec<S>,
+    k: [Vec<S>; MOST_STAGES],
+}
+
+impl<S: Scalar> Large<S> {
+    pub(super) fn new(dims: Dims, nothing: S) -> Self {
+        let x = vec![nothing; dims.states];
+        let k = std::array::from_fn(|_| x.clone());
+        Self { u: vec![nothing; dims.inputs], stage: x.clone(), x, k }
+    }
+
+    pub(super) fn workspace(&mut self) -> Workspace<'_, S> {
+        let k = self.k.each_mut().map(|k| &mut k[..]);
+        Workspace { x: &mut self.x, u: &mut self.u, stage: &mut self.stage, k }
+    }
+}
+
+/// State, input, stage and slopes of a method on one kind of number.
+#[derive(Debug)]
+pub struct Workspace<'a, S> {
+    pub(super) x: &'a mut [S],
+    pub(super) u: &'a mut [S],
+    stage: &'a mut [S],
+    k: [&'a mut [S]; MOST_STAGES],
+}
+
+impl<S: Scalar> Workspace<'_, S> {
+    /// Advances x in `substeps` steps of `h` seconds.
+    #[inline(always)]
+    pub(super) fn run<P: Plant, M: Method>(&mut self, plant: &P, h: f64, substeps: usize) {
+        for _ in 0..substeps {
+            M::step(plant, h, self);
+        }
+    }
+}
+
+impl Workspace<'_, f64> {
+    /// Writes the state after `substeps` steps of `h` seconds from (x, u) into `next`.
+    #[inline(always)]
+    pub(super) fn predict<P: Plant, M: Method>(
+        &mut self,
+        plant: &P,
+        h: f64,
+        substeps: usize,
+        (x, u): (&[f64], &[f64]),
+        next: &mut [f64],
+    ) {
+        self.x.copy_from_slice(x);
+        self.u.copy_from_slice(u);
+        self.run::<P, M>(plant, h, substeps);
+        next.copy_from_slice(self.x);
+    }
+}
+
+/// `to = x + h (a_1 k_1 + .. + a_J k_J)`. The last slope, the newest, is added last: nothing else waits
+/// for it.
+#[inline(always)]
+fn combine<S: Scalar, const J: usize>(to: &mut [S], x: &[S], h: f64, a: [f64; J], k: [&[S]; J]) {
+    for (i, (to, &x)) in to.iter_mut().zip(x).enumerate() {
+        *to = sum(x, h, a, k, i);
+    }
+}
+
+/// `x += h (b_1 k_1 + .. + b_J k_J)`
+#[inline(always)]
+fn advance<S: Scalar, const J: usize>(x: &mut [S], h: f64, b: [f64; J], k: [&[S]; J]) {
+    for (i, x) in x.iter_mut().enumerate() {
+        *x = sum(*x, h, b, k, i);
+    }
+}
+
+#[inline(always)]
+fn sum<S: Scalar, const J: usize>(x: S, h: f64, a: [f64; J], k: [&[S]; J], i: usize) -> S {
+    let mut sum = x;
+    for (a, k) in a.iter().zip(&k) {
+        sum = k[i].mul_add(x.constant(h * a), sum);
+    }
+    sum
+}
+
+/// The classical Runge-Kutta method, of order 4:
+///
+/// ```text
+/// 0   |
+/// 1/2 | 1/2
+/// 1/2 | 0    1/2
+/// 1   | 0    0    1
+/// ----+--------------------
+///     | 1/6  1/3  1/3  1/6
+/// ```
+///
+/// Reference: Hairer, Norsett, Wanner, *Solving Ordinary Differential Equations I*, table II.1.2.
+#[derive(Clone, Copy, Debug)]
+pub struct Classical;
+
+impl Method for Classical {
+    const STAGES: usize = 4;
+
+    #[inline(always)]
+    fn step<P: Plant, S: Scalar>(plant: &P, h: f64, work: &mut Workspace<'_, S>) {
+        let Workspace { x, u, stage, k: [k1, k2, k3, k4, ..] } = work;
+        plant.rhs(x, u, k1);
+        combine(stage, x, h, [1.0 / 2.0], [k1]);
+        plant.rhs(stage, u, k2);
+        combine(stage, x, h, [1.0 / 2.0], [k2]);
+        plant.rhs(stage, u, k3);
+        combine(stage, x, h, [1.0], [k3]);
+        plant.rhs(stage, u, k4);
+        let b = [1.0 / 6.0, 1.0 / 3.0, 1.0 / 3.0, 1.0 / 6.0];
+        advance(x, h, b, [k1, k2, k3, k4]);
+    }
+}
+
+/// The solution of order 5 of the method of Dormand and Prince, with six stages:
+///
+/// ```text
+/// 0    |
+/// 1/5  | 1/5
+/// 3/10 | 3/40        9/40
+/// 4/5  | 44/45       -56/15       32/9
+/// 8/9  | 19372/6561  -25360/2187  64448/6561  -212/729
+/// 1    | 9017/3168   -355/33      46732/5247  49/176    -5103/18656
+/// -----+-----------------------------------------------------------------
+///      | 35/384      0            500/1113    125/192   -2187/6784   11/84
+/// ```
+///
+/// Reference: Dormand and Prince, "A family of embedded Runge-Kutta formulae", J. Comput. Appl. Math. 6
+/// (1980).
+#[derive(Clone, Copy, Debug)]
+pub struct DormandPrince;
+
+impl Method for DormandPrince {
+    const STAGES: usize = 6;
+
+    #[inline(always)]
+    fn step<P: Plant, S: Scalar>(plant: &P, h: f64, work: &mut Workspace<'_, S>) {
+        let Workspace { x, u, stage, k: [k1, k2, k3, k4, k5, k6] } = work;
+        plant.rhs(x, u, k1);
+        combine(stage, x, h, row(1), [k1]);
+        plant.rhs(stage, u, k2);
+        combine(stage, x, h, row(2), [k1, k2]);
+        plant.rhs(stage, u, k3);
+        combine(stage, x, h, row(3), [k1, k2, k3]);
+        plant.rhs(stage, u, k4);
+        combine(stage, x, h, row(4), [k1, k2, k3, k4]);
+        plant.rhs(stage, u, k5);
+        combine(stage, x, h, row(5), [k1, k2, k3, k4, k5]);
+        plant.rhs(stage, u, k6);
+        let [b1, _, b3, b4, b5, b6] = row(6);
+        advance(x, h, [b1, b3, b4, b5, b6], [k1, k3, k4, k5, k6]);
+    }
+}
+
+/// Row `s` of the tableau of [`DormandPrince`].
+#[inline(always)]
+fn row<const J: usize>(s: usize) -> [f64; J] {
+    let mut row = [0.0; J];
+    for (to, from) in row.iter_mut().zip(crate::adaptive::A[s]) {
+        *to = *from;
+    }
+    row
+}
