@@ -274,7 +274,6 @@ fn mistakes_are_found_before_anything_runs() {
             "`model.neurons`: 0 given, expected at least 1",
         ],
     );
-    refused("values = [3, 5]", "values = [3, 3]", &["`sweep`: the same trial"]);
     refused("values = [3, 5]", "values = []", &["`sweep.grid[0].values`", "one value or more"]);
     refused("\"model.neurons\"", "\"model.neuron\"", &["did you mean `neurons`?"]);
     refused("\"model.neurons\"", "\"preset\"", &["`sweep.grid[0].key`", "another key"]);

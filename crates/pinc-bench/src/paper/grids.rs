@@ -118,47 +118,59 @@ fn spread(row: &Row) -> String {
     }
 }
 
-/// Whether 10 layers of 20 are best.
+/// Whether 10 layers of 20 are best, as far as there are seeds in which all cells are done.
 fn best(run: &Run, summary: &[Row]) -> Result<String, BenchError> {
+    let trials = run.table(file::SWEEP)?;
     let by_median = |a: &&Row, b: &&Row| number(a, "median").total_cmp(&number(b, "median"));
-    let Some(best) = summary.iter().min_by(by_median) else {
-        return Ok("No trial is done.".to_owned());
+    let (wins, seeds) = wins(&trials);
+    let papers = summary.iter().find(|row| size(row) == PAPERS);
+    let (Some(best), Some(papers), 1..) = (summary.iter().min_by(by_median), papers, seeds) else {
+        return Ok(
+            "There is no seed yet in which all cells are done: nothing is said of the best."
+                .to_owned(),
+        );
     };
-    let name = |row: &Row| format!("{} x {}", cell(row, LAYERS), cell(row, NEURONS));
     let interval = |row: &Row| {
         let [low, high] = ["median_low", "median_high"].map(|c| number(row, c).log10());
-        format!("{low:.2} .. {high:.2}")
+        let confidence = 100.0 * number(row, "confidence");
+        format!(
+            "{:.2}, interval {low:.2} .. {high:.2} ({confidence:.0} %)",
+            number(row, "median").log10()
+        )
     };
     let high = number(best, "median_high");
-    let other = |row: &&Row| name(row) != name(best) && number(row, "median_low") <= high;
+    let other = |row: &&Row| size(row) != size(best) && number(row, "median_low") <= high;
+    let name = |row: &Row| format!("{} x {}", size(row).0, size(row).1);
     let alike: Vec<String> = summary.iter().filter(other).map(name).collect();
     let alike = if alike.is_empty() { "no other".to_owned() } else { alike.join(", ") };
-    let papers = summary.iter().find(|row| name(row) == "10 x 20");
-    let papers = papers.map_or_else(
-        || "10 x 20 is not done.".to_owned(),
-        |row| format!("10 x 20: {:.2} ({}).", number(row, "median").log10(), interval(row)),
-    );
-    let (wins, seeds) = wins(&run.table(file::SWEEP)?, summary.len());
     Ok(format!(
-        "Least median: {}, {:.2}, its interval {} with a confidence of {:.0} %; intervals of the median that \
-         overlap it: {alike}. {papers} It has the least error of all cells in {wins} of the {seeds} seeds that are complete.",
+        "Least median: {}, {}. Intervals of the median that overlap it: {alike}. The paper's 10 x 20: {}; it has the least error \
+         of all cells in {wins} of the {seeds} seeds in which all are done.",
         name(best),
-        number(best, "median").log10(),
         interval(best),
-        100.0 * number(best, "confidence")
+        interval(papers),
     ))
 }
 
-/// In how many of the seeds that have all `cells` 10 x 20 has the least error, and how many these are.
-fn wins(trials: &[Row], cells: usize) -> (usize, usize) {
+/// The paper's best cell.
+const PAPERS: (&str, &str) = ("10", "20");
+
+/// Layers and neurons.
+fn size(row: &Row) -> (&str, &str) {
+    (cell(row, LAYERS), cell(row, NEURONS))
+}
+
+/// In how many of the seeds that have all cells the paper's has the least error, and how many these
+/// are.
+fn wins(trials: &[Row]) -> (usize, usize) {
     let mut seeds: HashMap<&str, Vec<&Row>> = HashMap::new();
-    for trial in trials.iter().filter(|trial| cell(trial, "status") == "done") {
+    for trial in trials {
         seeds.entry(cell(trial, "seed")).or_default().push(trial);
     }
-    seeds.retain(|_, trials| trials.len() == cells);
+    seeds.retain(|_, trials| trials.iter().all(|trial| cell(trial, "status") == "done"));
     let least = |trials: &Vec<&Row>| {
         let best = trials.iter().min_by(|a, b| number(a, ERROR).total_cmp(&number(b, ERROR)));
-        best.is_some_and(|best| (cell(best, LAYERS), cell(best, NEURONS)) == ("10", "20"))
+        best.is_some_and(|best| size(best) == PAPERS)
     };
     (seeds.values().filter(|trials| least(trials)).count(), seeds.len())
 }

@@ -12,7 +12,7 @@ use std::collections::BTreeSet;
 use std::path::Path;
 
 /// Every experiment of the paper, in the order of the page's provenance.
-const EXPERIMENTS: [&str; 11] = [
+const EXPERIMENTS: [&str; 13] = [
     "van-der-pol",
     "four-tanks",
     "van-der-pol-substeps",
@@ -24,6 +24,8 @@ const EXPERIMENTS: [&str; 11] = [
     "four-tanks-worst-case",
     "van-der-pol-horizon",
     "four-tanks-horizon",
+    "van-der-pol-deviations",
+    "four-tanks-deviations",
 ];
 
 /// The page, in Markdown, from the directory of a list of runs. What has not been run is left out.
@@ -54,6 +56,7 @@ pub fn results(dir: &Path) -> Result<String, BenchError> {
     control::sensitivity(&mut page, &runs)?;
     control::worst_case(&mut page, &runs)?;
     grids::horizon(&mut page, &runs)?;
+    control::deviations(&mut page, &runs)?;
     if !provenance(&mut page, &runs)? {
         return Err(BenchError::NoRunDirectory { dir: dir.to_owned() });
     }

@@ -60,8 +60,10 @@ pub fn sweep(
     if !options.resume {
         session.store.clear()?;
     }
-    session.work(options, shard)?;
-    session.close()
+    let worked = session.work(options, shard);
+    let closed = session.close();
+    // What was done before it stopped is in the tables; why it stopped matters more.
+    worked.and(closed)
 }
 
 /// Collects the trials of sweeps of the same config, from their directories, in `dir`.
@@ -119,9 +121,11 @@ impl<'a> Session<'a> {
     fn work(&self, options: &Options<'_>, shard: Shard) -> Result<(), BenchError> {
         let mine = self.trials.iter().enumerate().filter(|(i, _)| shard.has(*i));
         let mine: Vec<_> = mine.map(|(_, trial)| trial).collect();
-        let mut left = Vec::new();
+        let mut left: Vec<&Trial> = Vec::new();
         for &trial in &mine {
-            if self.store.finished(&trial.id)?.is_none() {
+            // Cases may come to the same in some preset.
+            let twice = left.iter().any(|other| other.id == trial.id);
+            if !twice && self.store.finished(&trial.id)?.is_none() {
                 left.push(trial);
             }
         }

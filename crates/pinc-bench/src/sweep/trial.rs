@@ -4,7 +4,6 @@ use crate::spec::{DrawsSpec, Experiment, Problem, SweepSpec};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
-use std::collections::HashMap;
 use toml::Value;
 
 /// The first stream of random numbers that draws come from, one per group; those below are others'.
@@ -63,23 +62,12 @@ fn drawn_keys(sweep: &SweepSpec) -> Vec<String> {
 }
 
 /// The trials of an experiment with a sweep, in an order in which every cell has its first seed
-/// before any has its second. Or the key and what is wrong with a trial.
+/// before any has its second. Those that come to the same are one trial with several rows. Or the key and what is wrong with a trial.
 pub(crate) fn trials(experiment: &Experiment) -> Result<Vec<Trial>, (String, Problem)> {
     let Some(sweep) = &experiment.sweep else { return Ok(Vec::new()) };
     let base = Experiment { sweep: None, ..experiment.clone() };
     let columns = columns(sweep);
-    let mut trials = Vec::new();
-    let mut seen = HashMap::new();
-    for choice in choices(sweep, experiment.seed) {
-        let trial = choice.trial(&base, &columns)?;
-        if let Some(before) = seen.insert(trial.id.clone(), choice.description()) {
-            let found = format!("the same trial with {before} and with {}", choice.description());
-            let expected = "each trial once".to_owned();
-            return Err(("sweep".to_owned(), Problem::Value { found, expected }));
-        }
-        trials.push(trial);
-    }
-    Ok(trials)
+    choices(sweep, experiment.seed).iter().map(|choice| choice.trial(&base, &columns)).collect()
 }
 
 /// One combination of a sweep's alternatives.
