@@ -152,7 +152,9 @@ fn vectors_agree_with_numbers() {
         for (x, row) in x.iter().zip(isa.dispatch(Functions(&x))) {
             for (i, (y, expected)) in row.into_iter().zip(functions(*x)).enumerate() {
                 let same = y.to_bits() == expected.to_bits() || (y.is_nan() && expected.is_nan());
-                assert!(same, "{isa}: function {i} of {x} is {y}, not {expected}");
+                // The vectors have an exponential function of their own, within 2 units.
+                let near = i == 0 && (y - expected).abs() <= 2.0 * f64::EPSILON * expected;
+                assert!(same || near, "{isa}: function {i} of {x} is {y}, not {expected}");
             }
         }
     }
