@@ -8,6 +8,7 @@ use crate::record::file;
 use crate::registry::PlantTask;
 use crate::runs::read_model;
 use crate::{BenchError, ControlMetrics, Experiment, ModelKind, Options, Record, Verbosity};
+use pinc_mpc::QpMethod;
 use pinc_ode::Plant;
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
@@ -15,8 +16,8 @@ use std::sync::atomic::AtomicBool;
 /// Hidden layers and neurons of a net that is much smaller than the paper's.
 const SMALL: [usize; 2] = [2, 10];
 
-/// What solves the controller's quadratic programs.
-const QP_SOLVER: &str = "clarabel";
+/// The methods for the controller's quadratic programs.
+const METHODS: [QpMethod; 3] = [QpMethod::Condensed, QpMethod::Riccati, QpMethod::Clarabel];
 
 /// Trains nets for `case`, and adds its models' steps, closed loops and quadratic programs to `report`.
 pub(super) fn run(case: Case, effort: &Effort, report: &mut BenchReport) -> Result<(), BenchError> {
@@ -27,28 +28,42 @@ pub(super) fn run(case: Case, effort: &Effort, report: &mut BenchReport) -> Resu
         &format!("model.hidden_layers={hidden_layers}"),
         &format!("model.neurons={neurons}"),
     ])?;
-    let (small, _) = finish(&small, crate::train)?;
+    let small = trained(&small, crate::train)?.0;
     let experiment = case.experiment(&[
         &format!("training.time_limit_s={papers_s:?}"),
         &format!("control.repetitions={}", effort.repetitions),
     ])?;
     let (papers, record) =
-        finish(&experiment, |e, dir, options| crate::control(e, dir, options, None, None))?;
+        trained(&experiment, |e, dir, options| crate::control(e, dir, options, None, None))?;
     let steps = Steps { case, nets: &[&small, &papers], effort };
     let steps = experiment.plant.with(steps)?;
     for metrics in &record.metrics().control {
         report.nmpc.push(nmpc(case, &experiment, metrics));
-        report.qp.extend(qp(case, &experiment, metrics, &steps));
+    }
+    for method in METHODS {
+        report.qp.extend(qp(case, method, effort, &steps)?);
     }
     report.model_step.extend(steps);
     Ok(())
 }
 
-/// Does `work` on the experiment, in a directory that is removed afterwards, and returns the net.
-fn finish(
+/// Does `work` on the experiment, in a directory that is removed afterwards, and returns the net too.
+fn trained(
     experiment: &Experiment,
     work: impl FnOnce(&Experiment, &Path, &Options<'_>) -> Result<Record, BenchError>,
 ) -> Result<(Trained, Record), BenchError> {
+    in_passing(|dir, options| {
+        let record = work(experiment, dir, options)?;
+        let net = read_model(&dir.join(file::MODEL))?;
+        let seconds = record.metrics().training.as_ref().map_or(0.0, |training| training.wall_s);
+        Ok((Trained { net, seconds }, record))
+    })
+}
+
+/// Does `work` quietly in a directory that is removed afterwards.
+fn in_passing<T>(
+    work: impl FnOnce(&Path, &Options<'_>) -> Result<T, BenchError>,
+) -> Result<T, BenchError> {
     let temporary = std::env::temp_dir();
     let dir = tempfile::tempdir().map_err(BenchError::unwritable(&temporary))?;
     let options = Options {
@@ -57,10 +72,7 @@ fn finish(
         interrupt: &AtomicBool::new(false),
         arguments: &[],
     };
-    let record = work(experiment, dir.path(), &options)?;
-    let net = read_model(&dir.path().join(file::MODEL))?;
-    let seconds = record.metrics().training.as_ref().map_or(0.0, |training| training.wall_s);
-    Ok((Trained { net, seconds }, record))
+    work(dir.path(), &options)
 }
 
 struct Steps<'a> {
@@ -88,7 +100,9 @@ fn nmpc(case: Case, experiment: &Experiment, metrics: &ControlMetrics) -> NmpcTi
         step_us: metrics.step_us.clone(),
         sqp_iterations_mean: metrics.sqp_iterations_mean,
         converged: to_f64(converged as u64) / steps(metrics),
-        qp_solver: QP_SOLVER,
+        qp_solver: experiment.control.as_ref().map_or_else(String::new, |control| {
+            control.sqp.qp.resolve(control.nu * control.input_low.len()).to_string()
+        }),
     }
 }
 
@@ -97,24 +111,35 @@ fn steps(metrics: &ControlMetrics) -> f64 {
     to_f64(metrics.status.values().sum::<usize>() as u64)
 }
 
-/// The time of a quadratic program, from the closed loop with Runge-Kutta: pinc-mpc does not show its
-/// solver. A step linearises the model over the horizon once, and once more after each program; the
-/// rest of its time is that of the programs and of the checks around them.
+/// The time of a quadratic program by a method, from the closed loop with Runge-Kutta: pinc-mpc does
+/// not show its solvers. A step linearises the model over the horizon once, and once more after each
+/// program; the rest of its time is that of the programs and of the checks around them.
 fn qp(
     case: Case,
-    experiment: &Experiment,
-    metrics: &ControlMetrics,
+    method: QpMethod,
+    effort: &Effort,
     models: &[ModelStep],
-) -> Option<QpTime> {
-    let control = experiment.control.as_ref().filter(|_| metrics.model == ModelKind::Rk4)?;
-    let model = models.iter().find(|model| model.substeps == Some(control.rk4_substeps))?;
+) -> Result<Option<QpTime>, BenchError> {
+    let experiment = case.experiment(&[
+        &format!("control.sqp.qp={method}"),
+        &format!("control.repetitions={}", effort.repetitions),
+    ])?;
+    let only = Some(ModelKind::Rk4);
+    let record = in_passing(|dir, options| crate::control(&experiment, dir, options, None, only))?;
+    let (Some(control), [metrics]) = (&experiment.control, &record.metrics().control[..]) else {
+        return Ok(None);
+    };
+    let Some(model) = models.iter().find(|model| model.substeps == Some(control.rk4_substeps))
+    else {
+        return Ok(None);
+    };
     let programs = metrics.sqp_iterations_mean;
     let linearized = to_f64(control.n2 as u64) * (programs + 1.0);
     let step_us = 1e6 * metrics.wall_s.median / steps(metrics);
-    Some(QpTime {
+    Ok(Some(QpTime {
         plant: case.name(),
-        solver: QP_SOLVER,
+        solver: method.to_string(),
         us: (step_us - 1e-3 * model.forward_jacobian_ns * linearized) / programs,
         note: "control step less linearisations, per program: includes the SQP's own checks",
-    })
+    }))
 }

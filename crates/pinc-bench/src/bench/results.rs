@@ -159,7 +159,7 @@ pub struct QpTime {
     /// The plant.
     pub plant: &'static str,
     /// The solver.
-    pub solver: &'static str,
+    pub solver: String,
     /// Time of one, with the checks around it: see `note`.
     pub us: f64,
     /// How it was measured.
@@ -182,5 +182,5 @@ pub struct NmpcTimes {
     /// Part of the steps that converged to `kkt_tol`.
     pub converged: f64,
     /// What solves the quadratic programs.
-    pub qp_solver: &'static str,
+    pub qp_solver: String,
 }
