@@ -1,5 +1,6 @@
 //! Acetone, methanol and water in equilibrium with their vapour.
 
+use pinc_ad::simd::Work;
 use pinc_ad::{Dual, Scalar};
 
 /// Acetone, methanol, water.
@@ -68,30 +69,46 @@ impl<S: Scalar> Boiling<S> {
     }
 }
 
-/// The liquid of mole fractions x at its boiling point under a pressure in kPa.
+/// The liquid of mole fractions x at its boiling point under a pressure in kPa. Too long to be inlined
+/// wherever a plant's equation is.
 #[inline(always)]
 pub(super) fn boil<S: Scalar>(x: [S; COMPONENTS], pressure: f64) -> Boiling<S> {
-    let plain = x.map(S::plain);
-    let lifted = plain.map(Dual::<S::Plain>::lift);
-    let mut z = plain[0].constant(1.0 / START_K);
-    let mut slope = z;
-    let mut pressure_slopes = plain;
-    for _ in 0..NEWTON_STEPS {
-        let pressures = partial_pressures(lifted, Dual::variable(z, 0));
+    x[0].vectorize(Boil { x, pressure })
+}
+
+struct Boil<S> {
+    x: [S; COMPONENTS],
+    pressure: f64,
+}
+
+impl<S: Scalar> Work for Boil<S> {
+    type Output = Boiling<S>;
+
+    #[inline(always)]
+    fn run(self) -> Boiling<S> {
+        let Self { x, pressure } = self;
+        let plain = x.map(S::plain);
+        let lifted = plain.map(Dual::<S::Plain>::lift);
+        let mut z = plain[0].constant(1.0 / START_K);
+        let mut slope = z;
+        let mut pressure_slopes = plain;
+        for _ in 0..NEWTON_STEPS {
+            let pressures = partial_pressures(lifted, Dual::variable(z, 0));
+            let excess = ((pressures[0] + pressures[1] + pressures[2]) / pressure).ln();
+            pressure_slopes = pressures.map(|p| p.eps[0]);
+            slope = excess.eps[0];
+            z = z - excess.re / slope;
+        }
+        // One more step, with derivatives: dz = - g(x, z) / g_z, and along it y.
+        let z = x[0].constants(z);
+        let pressures = partial_pressures(x, z);
         let excess = ((pressures[0] + pressures[1] + pressures[2]) / pressure).ln();
-        pressure_slopes = pressures.map(|p| p.eps[0]);
-        slope = excess.eps[0];
-        z = z - excess.re / slope;
+        let step = -(excess / z.constants(slope));
+        let vapour = std::array::from_fn(|i| {
+            z.constants(pressure_slopes[i]).mul_add(step, pressures[i]) / pressure
+        });
+        Boiling { vapour, inverse_temperature: z + step }
     }
-    // One more step, with derivatives: dz = - g(x, z) / g_z, and along it y.
-    let z = x[0].constants(z);
-    let pressures = partial_pressures(x, z);
-    let excess = ((pressures[0] + pressures[1] + pressures[2]) / pressure).ln();
-    let step = -(excess / z.constants(slope));
-    let vapour = std::array::from_fn(|i| {
-        z.constants(pressure_slopes[i]).mul_add(step, pressures[i]) / pressure
-    });
-    Boiling { vapour, inverse_temperature: z + step }
 }
 
 /// The partial pressures in kPa over a liquid x at the temperature 1/z.
