@@ -80,6 +80,21 @@ pub enum BenchError {
         /// What is wrong there.
         problem: CsvProblem,
     },
+    /// A net about to be used outside the box that it was trained on, where that is refused.
+    #[error(
+        "the net would be used outside its training domain: {variable} is {excess:.3} beyond {low} to {high}; \
+         train on a larger [domain], or let it go on with outside_domain = \"report\""
+    )]
+    OutsideDomain {
+        /// The variable.
+        variable: String,
+        /// Its distance from the box.
+        excess: f64,
+        /// The lower end.
+        low: f64,
+        /// The upper end.
+        high: f64,
+    },
     /// A data file that nothing can be learnt from.
     #[error(
         "{}: nothing to compare a net with: expected a row with all states, and within T = {horizon_s} s of it, \
@@ -268,7 +283,7 @@ impl BenchError {
     pub fn exit_code(&self) -> u8 {
         match self {
             Self::Net(NetError::Setting { .. } | NetError::Dimension { .. }) => 2,
-            Self::Control(MpcError::Plant { .. }) => 1,
+            Self::Control(MpcError::Plant { .. }) | Self::OutsideDomain { .. } => 1,
             Self::Net(_) | Self::Plant(_) => 1,
             Self::Interrupted { .. } | Self::FailedTrials { .. } | Self::FailedRuns { .. } => 1,
             _ => 2,

@@ -57,12 +57,12 @@ pub use presets::Preset;
 pub use progress::Verbosity;
 pub use provenance::Provenance;
 pub use record::{
-    ControlMetrics, Metrics, PredictionMetrics, Record, StepTimes, SweepMetrics, TrainingMetrics,
-    ValidationMetrics, WallTimes,
+    ControlMetrics, Excess, Metrics, OutsideDomain, PredictionMetrics, Record, StepTimes,
+    SweepMetrics, TrainingMetrics, ValidationMetrics, WallTimes,
 };
 pub use runs::{
     Finding, Options, Severity, check, control, findings_json, predict, rebuild_report, run, train,
 };
-pub use spec::{Experiment, ModelKind};
+pub use spec::{Experiment, ModelKind, OutsidePolicy};
 pub use summary::summary;
 pub use sweep::{Shard, merge, sweep};

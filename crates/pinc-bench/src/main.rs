@@ -3,8 +3,8 @@
 use clap::{Args, Parser, Subcommand};
 use pinc_bench::spec::RunList;
 use pinc_bench::{
-    BenchError, BenchOptions, Experiment, ModelKind, Options, Record, Shard, Verbosity, console,
-    summary,
+    BenchError, BenchOptions, Experiment, ModelKind, Options, OutsidePolicy, Record, Shard,
+    Verbosity, console, summary,
 };
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -64,6 +64,9 @@ enum Command {
         /// Output: the same columns with the predicted states.
         #[arg(long)]
         output: PathBuf,
+        /// What to do where the net is asked outside its training domain.
+        #[arg(long, value_enum, default_value = "report")]
+        outside_domain: Outside,
     },
     /// Only run the closed loop; trains a net first if it needs one and none is given.
     Control {
@@ -133,6 +136,15 @@ struct SetArgs {
     set: Vec<String>,
 }
 
+/// What to do where a net is asked outside its training domain.
+#[derive(Clone, Copy, Debug, clap::ValueEnum)]
+enum Outside {
+    /// Go on, and say how often and how far.
+    Report,
+    /// End there.
+    Refuse,
+}
+
 /// The model inside the controller.
 #[derive(Clone, Copy, Debug, clap::ValueEnum)]
 enum Only {
@@ -182,7 +194,16 @@ fn execute(cli: &Cli) -> Result<ExitCode, BenchError> {
                 pinc_bench::control(experiment, dir, options, model.as_deref(), only)
             })?;
         }
-        Command::Predict { model, inputs, output } => pinc_bench::predict(model, inputs, output)?,
+        Command::Predict { model, inputs, output, outside_domain } => {
+            let policy = match outside_domain {
+                Outside::Report => OutsidePolicy::Report,
+                Outside::Refuse => OutsidePolicy::Refuse,
+            };
+            let found = pinc_bench::predict(model, inputs, output, policy)?;
+            if found.outside > 0 && !quiet {
+                console::note(&format!("warning: {found}"));
+            }
+        }
         Command::Check { config, json, set } => return check(config, *json, &set.set),
         Command::Report { dir } => {
             let path = pinc_bench::rebuild_report(dir)?;

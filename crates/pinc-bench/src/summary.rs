@@ -39,6 +39,10 @@ fn metrics(text: &mut String, metrics: &Metrics) -> std::fmt::Result {
             prediction.mse_marks, prediction.mse_all
         )?;
     }
+    let prediction = metrics.prediction.as_ref().and_then(|run| run.outside_domain.as_ref());
+    if let Some(found) = prediction.filter(|found| found.outside > 0) {
+        writeln!(text, "            {found}")?;
+    }
     if let Some(sweep) = &metrics.sweep {
         let pending = sweep.trials - sweep.done - sweep.failed;
         writeln!(
@@ -69,6 +73,9 @@ fn metrics(text: &mut String, metrics: &Metrics) -> std::fmt::Result {
             run.kkt_max,
             status.join(", ")
         )?;
+        if let Some(found) = run.outside_domain.as_ref().filter(|found| found.outside > 0) {
+            writeln!(text, "             {found}")?;
+        }
     }
     Ok(())
 }

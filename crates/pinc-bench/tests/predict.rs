@@ -110,3 +110,38 @@ fn model_files_that_are_none() {
     predict(&data("model.safetensors"), &data("inputs.csv"), &dir.path().join("no/such/out.csv"))
         .assert_refused(&["out.csv: cannot be written"]);
 }
+
+/// The expected file's run leaves the net's domain nowhere; one that starts far outside does, in every row.
+#[test]
+fn a_net_asked_outside_its_domain_says_so_or_refuses() {
+    let dir = tempfile::tempdir().unwrap();
+    let inputs = dir.path().join("in.csv");
+    let text = fs::read_to_string(data("inputs.csv")).unwrap();
+    let header = text.lines().next().unwrap();
+    let columns: Vec<_> = header.split(',').collect();
+    let far = |t: &str| {
+        let cell = |column: &&str| match *column {
+            "scenario" => "far".to_owned(),
+            "t" => t.to_owned(),
+            _ => "1e3".to_owned(),
+        };
+        columns.iter().map(cell).collect::<Vec<_>>().join(",")
+    };
+    fs::write(&inputs, format!("{header}\n{}\n{}\n", far("0"), far("0.1"))).unwrap();
+    let output = dir.path().join("out.csv");
+    let predict = |more: &[&str]| {
+        let model = data("model.safetensors");
+        let mut command = pinc(&["predict".as_ref(), "--model".as_ref(), model.as_os_str()]);
+        command.arg("--inputs").arg(&inputs).arg("--output").arg(&output).args(more);
+        outcome(&mut command)
+    };
+    let reported = predict(&[]);
+    assert_eq!(reported.code, Some(0), "{reported:?}");
+    let expected = "warning: outside the training domain in 2 of 2 steps: ";
+    assert!(reported.stderr.contains(expected), "{reported:?}");
+    fs::remove_file(&output).unwrap();
+    let refused = predict(&["--outside-domain", "refuse"]);
+    assert_eq!(refused.code, Some(1), "{refused:?}");
+    assert!(refused.stderr.contains("outside its training domain"), "{refused:?}");
+    assert!(!output.exists());
+}

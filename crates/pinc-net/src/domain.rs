@@ -52,6 +52,13 @@ impl Domain {
         Ok(())
     }
 
+    /// How far each variable of the state `x` and the input `u` lies outside the box, states first; 0 for
+    /// those inside.
+    pub fn excess<'a>(&'a self, x: &'a [f64], u: &'a [f64]) -> impl Iterator<Item = f64> + 'a {
+        let values = x.iter().chain(u).zip(self.ends());
+        values.map(|(value, (low, high))| (low - value).max(value - high).max(0.0))
+    }
+
     /// Lower and upper ends, states first, then inputs.
     pub(crate) fn ends(&self) -> impl Iterator<Item = (f64, f64)> {
         let states = self.state_low.iter().zip(&self.state_high);

@@ -94,6 +94,41 @@ fn number_or_null<'de, D: Deserializer<'de>>(deserializer: D) -> Result<f64, D::
     Ok(Option::deserialize(deserializer)?.unwrap_or(f64::NAN))
 }
 
+/// How often and how far a net was used outside the box that it was trained on, where it is wrong.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct OutsideDomain {
+    /// How many steps were looked at: their initial state and input.
+    pub samples: usize,
+    /// In how many of them a variable was outside.
+    pub outside: usize,
+    /// The variables that were, by name.
+    pub variables: BTreeMap<String, Excess>,
+}
+
+/// How one variable left the box.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Excess {
+    /// In how many steps.
+    pub samples: usize,
+    /// The largest distance from the box, in the variable's unit.
+    pub farthest: f64,
+}
+
+impl std::fmt::Display for OutsideDomain {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "outside the training domain in {} of {} steps", self.outside, self.samples)?;
+        for (i, (name, excess)) in self.variables.iter().enumerate() {
+            let separator = if i == 0 { ": " } else { ", " };
+            write!(
+                f,
+                "{separator}{name} by up to {:.3} ({} steps)",
+                excess.farthest, excess.samples
+            )?;
+        }
+        Ok(())
+    }
+}
+
 /// What a training took.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct TrainingMetrics {
@@ -118,6 +153,9 @@ pub struct PredictionMetrics {
     /// Mean squared error over all rows but the initial state, in physical units.
     #[serde(deserialize_with = "number_or_null")]
     pub mse_all: f64,
+    /// Whether the net was used outside its training domain.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub outside_domain: Option<OutsideDomain>,
 }
 
 /// How good one closed loop is.
@@ -151,6 +189,9 @@ pub struct ControlMetrics {
     pub max_violation: f64,
     /// How many steps ended with which status.
     pub status: BTreeMap<String, usize>,
+    /// Whether the net was used outside its training domain; not there for other models.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub outside_domain: Option<OutsideDomain>,
 }
 
 /// Statistics over repetitions, in s.

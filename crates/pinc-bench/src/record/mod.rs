@@ -7,8 +7,8 @@ mod metrics;
 pub(crate) use checkpoint::{Saved, load as load_checkpoint, save as save_checkpoint};
 pub(crate) use csv::{Table, lines_up_to, number};
 pub use metrics::{
-    ControlMetrics, Metrics, PredictionMetrics, StepTimes, SweepMetrics, TrainingMetrics,
-    ValidationMetrics, WallTimes,
+    ControlMetrics, Excess, Metrics, OutsideDomain, PredictionMetrics, StepTimes, SweepMetrics,
+    TrainingMetrics, ValidationMetrics, WallTimes,
 };
 
 use crate::spec::Experiment;

@@ -1,12 +1,13 @@
 //! The closed-loop stage: the plant under the controller, with one model after the other.
 
 use super::Options;
+use super::guard::Guard;
 use crate::BenchError;
 use crate::progress::Stage;
 use crate::record::{ControlMetrics, Record, StepTimes, Table, WallTimes, file, number};
 use crate::registry::PlantTask;
 use crate::spec::{ControlSpec, ModelKind};
-use pinc_mpc::{ClosedLoop, MpcError, Nmpc, NmpcProblem, Reference};
+use pinc_mpc::{ClosedLoop, Nmpc, NmpcProblem, Reference};
 use pinc_net::{PincNet, PincPredictor};
 use pinc_ode::{Adaptive, Plant, Predictor, Rk4, Rosenbrock, Signal, Trajectory};
 use std::collections::BTreeMap;
@@ -83,22 +84,27 @@ fn run_model<P: Plant + 'static>(
     let mut progress = Stage::begin(options.verbosity, &name, *repetitions as u64);
     let mut times = Times::default();
     let mut results = None;
+    let mut outside = None;
     for repetition in 0..*repetitions {
         options.go_on(record.dir())?;
         progress.advance(repetition as u64, String::new);
         // Only the first leaves results: the others give the same numbers in other times.
         let mut run = setup.begin(&mut nmpc, plant)?;
-        let outcome = times.watch(&mut run, budget_us.map(|us| Duration::from_secs_f64(1e-6 * us)));
+        let mut guard = setup.guard(kind);
+        let budget = budget_us.map(|us| Duration::from_secs_f64(1e-6 * us));
+        let outcome = times.watch(&mut run, budget, guard.as_mut());
         if results.is_none() || outcome.is_err() {
             record.write_trace(&setup.file("control", kind), || setup.trace(&run, plant))?;
             results = Some(Results::of(&run));
+            outside = guard.map(Guard::found);
         }
         outcome?;
     }
     let results = results.expect("there is at least one repetition");
     record.write_trace(&setup.file("steps", kind), || times.table(&results))?;
     progress.end(&format!("{repetitions} runs, IAE {:.4}", results.iae_dense_sum));
-    Ok(results.metrics(kind, times))
+    let metrics = results.metrics(kind, times);
+    Ok(ControlMetrics { outside_domain: outside, ..metrics })
 }
 
 /// The plant's trajectory in the closed loop of `spec` with RK4 as the model, run once and not recorded.
@@ -116,6 +122,12 @@ pub(super) fn rehearse<P: Plant + 'static>(
 }
 
 impl Setup<'_> {
+    /// What watches the net, if that is the model.
+    fn guard(&self, kind: ModelKind) -> Option<Guard<'_>> {
+        let net = self.net.filter(|_| kind == ModelKind::Pinc);
+        net.map(|net| Guard::new(net, self.spec.outside_domain))
+    }
+
     fn model<P: Plant + 'static>(&self, kind: ModelKind, plant: &P) -> Box<dyn Predictor> {
         let (horizon_s, spec) = (self.horizon_s, self.spec);
         match (kind, self.net) {
@@ -182,15 +194,20 @@ impl Times {
         &mut self,
         run: &mut ClosedLoop<'_, P>,
         budget: Option<Duration>,
-    ) -> Result<(), MpcError> {
+        mut guard: Option<&mut Guard<'_>>,
+    ) -> Result<(), BenchError> {
         let mut times = Vec::new();
         loop {
+            let x = run.state().to_vec();
             let clock = Instant::now();
             let mut expired = || budget.is_some_and(|budget| clock.elapsed() >= budget);
             let control = run.control_within(&mut expired)?;
             let time = clock.elapsed();
             let Some(control) = control else { break };
             times.push(time.as_secs_f64());
+            if let Some(guard) = &mut guard {
+                guard.look(&x, control.u())?;
+            }
             control.advance()?;
         }
         self.0.push(times);
@@ -258,6 +275,7 @@ impl Results {
             kkt_max: steps.iter().map(|step| step.kkt).fold(0.0, f64::max),
             max_violation,
             status,
+            outside_domain: None,
         }
     }
 }

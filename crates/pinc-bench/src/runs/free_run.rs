@@ -1,9 +1,10 @@
 //! The free run of a trained net against the truth, for the report.
 
 use super::chain::Chain;
+use super::guard::Guard;
 use crate::BenchError;
 use crate::record::{PredictionMetrics, Record, Table, file, number};
-use crate::spec::PredictionSpec;
+use crate::spec::{OutsidePolicy, PredictionSpec};
 use pinc_net::PincNet;
 use pinc_ode::metrics::mean_squared_error;
 use pinc_ode::{Adaptive, Plant};
@@ -40,7 +41,15 @@ pub(crate) fn stage<P: Plant>(
     // The initial state is given, not predicted.
     let marks: Vec<_> = rows[1..].iter().filter(|row| row.mark).collect();
     let all: Vec<_> = rows[1..].iter().collect();
-    let metrics = PredictionMetrics { mse_marks: error(&marks), mse_all: error(&all) };
+    let mut guard = Guard::new(net, OutsidePolicy::Report);
+    if net.time_only().is_none() {
+        rows.iter()
+            .filter(|row| row.mark)
+            .try_for_each(|row| guard.look(&row.state, &row.input))?;
+    }
+    let outside_domain = Some(guard.found()).filter(|found| found.samples > 0);
+    let metrics =
+        PredictionMetrics { mse_marks: error(&marks), mse_all: error(&all), outside_domain };
     record.update(|all| all.prediction = Some(metrics))
 }
 

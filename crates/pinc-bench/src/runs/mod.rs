@@ -6,6 +6,7 @@ mod columns;
 mod control;
 mod data;
 mod free_run;
+mod guard;
 mod predict;
 mod train;
 mod trial;

@@ -2,9 +2,11 @@
 
 use super::chain::Chain;
 use super::columns::{At, finite, optional, places, rows};
+use super::guard::Guard;
 use crate::BenchError;
 use crate::error::CsvProblem;
-use crate::record::{Table, number, write_atomically};
+use crate::record::{OutsideDomain, Table, number, write_atomically};
+use crate::spec::OutsidePolicy;
 use csv::StringRecord;
 use pinc_net::PincNet;
 use std::collections::HashMap;
@@ -20,34 +22,47 @@ use std::path::Path;
 /// on and asked at the times between. Where the inputs change within an interval of T, the chain is
 /// restarted: a new interval begins at that row. The output has the same columns.
 ///
+/// Returns how often and how far the net was asked outside its training domain, row by row.
+///
 /// # Errors
 ///
-/// [`BenchError`], naming file, line and column of what is wrong with the input.
-pub fn predict(model: &Path, inputs: &Path, output: &Path) -> Result<(), BenchError> {
+/// [`BenchError`], naming file, line and column of what is wrong with the input;
+/// [`BenchError::OutsideDomain`] if `policy` is to refuse that.
+pub fn predict(
+    model: &Path,
+    inputs: &Path,
+    output: &Path,
+    policy: OutsidePolicy,
+) -> Result<OutsideDomain, BenchError> {
     let net = super::chainable(model, super::read_model(model)?)?;
     let text = fs::read(inputs).map_err(BenchError::unreadable(inputs))?;
-    let table = run(&net, &text).map_err(|(line, problem)| BenchError::Csv {
-        path: inputs.to_owned(),
-        line,
-        problem,
-    })?;
-    write_atomically(output, table.as_bytes())
+    let mut guard = Guard::new(&net, policy);
+    let table = run(&net, inputs, &text, &mut guard)?;
+    write_atomically(output, table.as_bytes())?;
+    Ok(guard.found())
 }
 
-/// The output for an input file's text; an error comes with its line.
-fn run(net: &PincNet, text: &[u8]) -> Result<Table, At> {
-    let (header, rows) = rows(text)?;
-    let columns = Columns::find(net, &header).map_err(|problem| (1, problem))?;
+/// The output for the text of the file `path`.
+fn run(
+    net: &PincNet,
+    path: &Path,
+    text: &[u8],
+    guard: &mut Guard<'_>,
+) -> Result<Table, BenchError> {
+    let at = |(line, problem): At| BenchError::Csv { path: path.to_owned(), line, problem };
+    let (header, rows) = rows(text).map_err(at)?;
+    let columns = Columns::find(net, &header).map_err(|problem| at((1, problem)))?;
     let mut table = Table::new(&header);
     let mut chains: HashMap<String, Chain> = HashMap::new();
     for row in rows {
-        let (line, record) = row?;
-        let row = columns.read(&record).map_err(|problem| (line, problem))?;
+        let (line, record) = row.map_err(at)?;
+        let row = columns.read(&record).map_err(|problem| at((line, problem)))?;
         let state = match chains.get_mut(row.scenario) {
             Some(chain) => continue_chain(net, chain, &row),
             None => begin_chain(net, &mut chains, &columns, &row),
         };
-        let state = state.map_err(|problem| (line, problem))?;
+        let state = state.map_err(|problem| at((line, problem)))?;
+        guard.look(&state, &row.inputs)?;
         table.push(&columns.write(&record, &state));
     }
     Ok(table)

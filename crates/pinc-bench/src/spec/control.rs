@@ -61,6 +61,9 @@ pub struct ControlSpec {
     /// The time that the controller may take per step, in us; no limit if absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub budget_us: Option<f64>,
+    /// What to do when a net is used outside the box that it was trained on.
+    #[serde(default)]
+    pub outside_domain: OutsidePolicy,
     /// Substeps per T of the model `rk4`.
     pub rk4_substeps: usize,
     /// Substeps per T of the model `rosenbrock`.
@@ -119,6 +122,17 @@ pub struct ReferenceStep {
     pub start_s: f64,
     /// One number per controlled state.
     pub value: Vec<f64>,
+}
+
+/// What to do when a net is used outside the box that it was trained on, where it is wrong.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum OutsidePolicy {
+    /// Go on, and say how often and how far.
+    #[default]
+    Report,
+    /// End the run there.
+    Refuse,
 }
 
 /// The model inside the controller.

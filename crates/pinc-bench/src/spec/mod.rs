@@ -12,7 +12,7 @@ mod sweep;
 mod training;
 mod validate;
 
-pub use control::{ControlSpec, ModelKind, ReferenceStep};
+pub use control::{ControlSpec, ModelKind, OutsidePolicy, ReferenceStep};
 pub use data::DataSpec;
 pub use list::{ListedRun, RunList};
 pub use plant::{
