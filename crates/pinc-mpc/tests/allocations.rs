@@ -1,4 +1,4 @@
-//! A control step allocates nothing, however it ends. One test only: the count is of all threads.
+//! A control step allocates nothing, however it ends.
 #![expect(unsafe_code, reason = "an allocator that counts must implement an unsafe trait")]
 
 use pinc_ad::Scalar;
@@ -8,17 +8,28 @@ use pinc_mpc::{
 };
 use pinc_ode::{FourTanks, Predictor, Rk4, VanDerPol};
 use std::alloc::{GlobalAlloc, Layout, System};
-use std::sync::atomic::{AtomicUsize, Ordering};
+use std::cell::Cell;
 
-/// The system's allocator, with a count of all threads' requests.
+/// The system's allocator, with a count of each thread's requests: the test runner's own threads
+/// allocate when they please.
 struct Counting;
 
-static REQUESTS: AtomicUsize = AtomicUsize::new(0);
+thread_local! {
+    static REQUESTS: Cell<usize> = const { Cell::new(0) };
+}
+
+fn requests() -> usize {
+    REQUESTS.with(Cell::get)
+}
+
+fn count() {
+    REQUESTS.with(|requests| requests.set(requests.get() + 1));
+}
 
 // SAFETY: every call is passed on to the system's allocator unchanged.
 unsafe impl GlobalAlloc for Counting {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        REQUESTS.fetch_add(1, Ordering::Relaxed);
+        count();
         // SAFETY: the caller keeps the contract of `alloc`.
         unsafe { System.alloc(layout) }
     }
@@ -27,7 +38,7 @@ unsafe impl GlobalAlloc for Counting {
         unsafe { System.dealloc(memory, layout) }
     }
     unsafe fn realloc(&self, memory: *mut u8, layout: Layout, size: usize) -> *mut u8 {
-        REQUESTS.fetch_add(1, Ordering::Relaxed);
+        count();
         // SAFETY: `memory` came from `System` with this layout.
         unsafe { System.realloc(memory, layout, size) }
     }
@@ -78,13 +89,13 @@ fn tanks(config: SqpConfig) -> Nmpc {
 fn steps(nmpc: &mut Nmpc, cases: &[([f64; 4], [f64; 2])], n: usize) -> (usize, Vec<SqpStatus>) {
     let references: Vec<_> = cases.iter().map(|(_, y)| y.repeat(5)).collect();
     let mut statuses = Vec::with_capacity(cases.len());
-    let before = REQUESTS.load(Ordering::Relaxed);
+    let before = requests();
     for ((x, _), reference) in cases.iter().zip(&references) {
         nmpc.prepare();
         let report = nmpc.step(&x[..n], reference).unwrap();
         statuses.push(report.status);
     }
-    (REQUESTS.load(Ordering::Relaxed) - before, statuses)
+    (requests() - before, statuses)
 }
 
 #[test]
