@@ -78,11 +78,11 @@ const fn model(
     Model { name, build, state, input }
 }
 
-fn rk4<P: Plant + 'static>(plant: P, horizon_s: f64) -> Box<dyn Predictor> {
+fn rk4<P: Plant>(plant: P, horizon_s: f64) -> Box<dyn Predictor> {
     Box::new(Rk4::new(plant, horizon_s, 4))
 }
 
-fn rk5<P: Plant + 'static>(plant: P, horizon_s: f64) -> Box<dyn Predictor> {
+fn rk5<P: Plant>(plant: P, horizon_s: f64) -> Box<dyn Predictor> {
     Box::new(Rk5::new(plant, horizon_s, 2))
 }
 

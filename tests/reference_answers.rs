@@ -20,7 +20,7 @@ struct Answer {
     max_violation: f64,
 }
 
-fn run<P: Plant + 'static>(
+fn run<P: Plant>(
     plant: P,
     horizon_s: f64,
     problem: NmpcProblem,

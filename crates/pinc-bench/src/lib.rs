@@ -47,6 +47,7 @@ mod runs;
 pub mod spec;
 mod summary;
 mod sweep;
+mod system;
 
 pub use bench::{
     BenchOptions, BenchReport, FmaPeak, LossGradient, Machine, ModelStep, NmpcTimes, QpTime, bench,

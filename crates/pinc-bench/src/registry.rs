@@ -1,41 +1,34 @@
 //! From a `[plant]` section to a concrete plant: the only place that knows them all.
 
 use crate::spec::{FourTanksParameters, FourTanksSpec, PlantSpec};
+use crate::system::System;
 use pinc_ode::{
-    AcetoneColumn, AcetoneStill, FourTanks, HydraulicServo, OneTank, Plant, SingleTrackCar,
-    TwoLinkArm, VanDerPol, Variable,
+    AcetoneColumn, AcetoneStill, FourTanks, HydraulicServo, OneTank, SingleTrackCar, TwoLinkArm,
+    VanDerPol, Variable,
 };
 
-/// Work that is the same for every plant.
-pub(crate) trait PlantTask {
-    /// What comes out.
-    type Output;
-
-    /// Does it for `plant`.
-    fn run<P: Plant + 'static>(self, plant: P) -> Self::Output;
-}
-
 impl PlantSpec {
-    /// Does `task` for the plant described.
-    pub(crate) fn with<T: PlantTask>(&self, task: T) -> T::Output {
+    /// The plant described.
+    pub(crate) fn system(&self) -> Box<dyn System> {
         match self {
-            Self::VanDerPol(spec) => task.run(VanDerPol { mu: spec.mu }),
-            Self::FourTanks(spec) => task.run(four_tanks(spec)),
-            Self::OneTank(_) => task.run(OneTank::default()),
-            Self::AcetoneColumn(_) => task.run(AcetoneColumn::default()),
-            Self::AcetoneStill(_) => task.run(AcetoneStill::default()),
-            Self::Expression(equations) => task.run(
+            Self::VanDerPol(spec) => Box::new(VanDerPol { mu: spec.mu }),
+            Self::FourTanks(spec) => Box::new(four_tanks(spec)),
+            Self::OneTank(_) => Box::new(OneTank::default()),
+            Self::AcetoneColumn(_) => Box::new(AcetoneColumn::default()),
+            Self::AcetoneStill(_) => Box::new(AcetoneStill::default()),
+            Self::Expression(equations) => Box::new(
                 equations.compile().expect("the equations were compiled when the config was read"),
             ),
-            Self::HydraulicServo(_) => task.run(HydraulicServo::default()),
-            Self::SingleTrackCar(_) => task.run(SingleTrackCar::default()),
-            Self::TwoLinkArm(_) => task.run(TwoLinkArm::default()),
+            Self::HydraulicServo(_) => Box::new(HydraulicServo::default()),
+            Self::SingleTrackCar(_) => Box::new(SingleTrackCar::default()),
+            Self::TwoLinkArm(_) => Box::new(TwoLinkArm::default()),
         }
     }
 
     /// The plant's states and inputs.
     pub(crate) fn variables(&self) -> Variables {
-        self.with(ReadVariables)
+        let system = self.system();
+        Variables { states: system.states().to_vec(), inputs: system.inputs().to_vec() }
     }
 }
 
@@ -66,15 +59,5 @@ impl Variables {
 
     pub(crate) fn input_names(&self) -> Vec<String> {
         self.inputs.iter().map(|v| v.name.to_string()).collect()
-    }
-}
-
-struct ReadVariables;
-
-impl PlantTask for ReadVariables {
-    type Output = Variables;
-
-    fn run<P: Plant + 'static>(self, plant: P) -> Variables {
-        Variables { states: plant.states().to_vec(), inputs: plant.inputs().to_vec() }
     }
 }

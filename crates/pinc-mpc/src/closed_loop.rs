@@ -3,7 +3,7 @@
 use crate::error::check_finite;
 use crate::{Constraint, MpcError, Nmpc, Reference, SqpStatus};
 use pinc_ode::metrics::Tracking;
-use pinc_ode::{Adaptive, Plant, Trajectory};
+use pinc_ode::{Adaptive, Trajectory};
 
 /// Points of the dense trace per control step, the last one at its end.
 const POINTS: usize = 9;
@@ -35,9 +35,9 @@ const POINTS: usize = 9;
 /// # Ok::<(), pinc_mpc::MpcError>(())
 /// ```
 #[derive(Debug)]
-pub struct ClosedLoop<'a, P> {
+pub struct ClosedLoop<'a> {
     nmpc: &'a mut Nmpc,
-    plant: Adaptive<P>,
+    plant: Adaptive,
     reference: Reference,
     x: Vec<f64>,
     /// The input that the controller has chosen, and before it those under way: the first acts now.
@@ -71,11 +71,11 @@ pub struct StepRecord {
 /// plant stays, and the controller is asked again.
 #[derive(Debug)]
 #[must_use = "the plant moves only by `advance`"]
-pub struct Control<'b, 'a, P> {
-    run: &'b mut ClosedLoop<'a, P>,
+pub struct Control<'b, 'a> {
+    run: &'b mut ClosedLoop<'a>,
 }
 
-impl<'a, P: Plant> ClosedLoop<'a, P> {
+impl<'a> ClosedLoop<'a> {
     /// The loop of `nmpc`, which forgets what it did before, and `plant`, starting in state `x`.
     /// The paper's answers are those of a plant integrated to a tolerance of 1e-12.
     ///
@@ -84,11 +84,11 @@ impl<'a, P: Plant> ClosedLoop<'a, P> {
     /// [`MpcError`] if plant, reference or state do not suit the controller.
     pub fn new(
         nmpc: &'a mut Nmpc,
-        plant: Adaptive<P>,
+        plant: Adaptive,
         reference: Reference,
         x: &[f64],
     ) -> Result<Self, MpcError> {
-        let (dims, given) = (nmpc.model().dims(), plant.plant().dims());
+        let (dims, given) = (nmpc.model().dims(), plant.dims());
         let outputs = nmpc.problem().controlled.len();
         for (field, expected, found) in [
             ("the plant's states", dims.states, given.states),
@@ -124,7 +124,7 @@ impl<'a, P: Plant> ClosedLoop<'a, P> {
     /// # Errors
     ///
     /// [`MpcError`] if the plant has left the finite numbers.
-    pub fn control(&mut self) -> Result<Option<Control<'_, 'a, P>>, MpcError> {
+    pub fn control(&mut self) -> Result<Option<Control<'_, 'a>>, MpcError> {
         self.control_within(&mut || false)
     }
 
@@ -136,7 +136,7 @@ impl<'a, P: Plant> ClosedLoop<'a, P> {
     pub fn control_within(
         &mut self,
         expired: &mut dyn FnMut() -> bool,
-    ) -> Result<Option<Control<'_, 'a, P>>, MpcError> {
+    ) -> Result<Option<Control<'_, 'a>>, MpcError> {
         if self.broken || self.done == self.reference.steps() {
             return Ok(None);
         }
@@ -230,7 +230,7 @@ impl<'a, P: Plant> ClosedLoop<'a, P> {
     }
 }
 
-impl<P: Plant> Control<'_, '_, P> {
+impl Control<'_, '_> {
     /// The input chosen, shape `m`.
     #[must_use]
     pub fn u(&self) -> &[f64] {
@@ -261,7 +261,7 @@ impl<P: Plant> Control<'_, '_, P> {
     }
 }
 
-impl<P: Plant> ClosedLoop<'_, P> {
+impl ClosedLoop<'_> {
     fn move_plant(&mut self, u: &[f64]) -> Result<(), MpcError> {
         let horizon_s = self.nmpc.model().horizon_s();
         if self.trajectory.is_empty() {

@@ -59,7 +59,7 @@ fn config(horizon_s: f64, hidden_layers: usize, neurons: usize) -> NetConfig {
 }
 
 /// The loss over `points` collocation points and a hundredth as many initial conditions.
-fn loss_gradient<P: Plant + 'static>(
+fn loss_gradient<P: Plant>(
     bencher: Bencher<'_, '_>,
     plant: &P,
     domain: &Domain,

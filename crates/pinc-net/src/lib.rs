@@ -54,7 +54,7 @@
 //! };
 //! let validation = ValidationSet::generate(&plant, 0.5, &scenarios, 1)?;
 //!
-//! let mut trainer = Trainer::new(plant, &net, &domain, &training, validation, 0, 1)?;
+//! let mut trainer = Trainer::new(&plant, &net, &domain, &training, validation, 0, 1)?;
 //! while let Progress::Iterated(_) = trainer.step()? {}
 //! assert!(trainer.validate().one_step_mse < 1e-2);
 //! # Ok::<(), NetError>(())

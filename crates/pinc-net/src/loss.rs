@@ -42,12 +42,10 @@ pub struct LossWeights {
     pub residual_scale: Vec<f64>,
     /// Factor of each state's initial error, and of its error against measurements.
     pub initial_scale: Vec<f64>,
-    /// The weight of `MSE_D`.
-    pub measured: f64,
 }
 
 impl LossWeights {
-    /// The weights for `net`; that of measurements is 1.
+    /// The weights for `net`.
     ///
     /// # Errors
     ///
@@ -86,7 +84,7 @@ impl LossWeights {
                 return Err(NetError::Setting { key, found, expected: "a positive number" });
             }
         }
-        Ok(Self { lambda, residual_scale, initial_scale, measured: 1.0 })
+        Ok(Self { lambda, residual_scale, initial_scale })
     }
 }
 
@@ -176,7 +174,7 @@ pub fn reference_residuals<S: Scalar, P: Plant>(
     [data, physics]
 }
 
-/// The residuals of the term of the measurements, weights included: one per measured value, point by
+/// The residuals of the term of the measurements, their `weight` included: one per measured value, point by
 /// point. Their squares add up to weight `MSE_D`.
 ///
 /// # Panics
@@ -186,10 +184,10 @@ pub fn reference_measured<S: Scalar>(
     net: &PincNet,
     weights: &LossWeights,
     parameters: &[S],
-    measurements: &Measurements,
+    (measurements, weight): (&Measurements, f64),
     context: S,
 ) -> Vec<S> {
-    let share = (weights.measured / to_f64(measurements.values().max(1))).sqrt();
+    let share = (weight / to_f64(measurements.values().max(1))).sqrt();
     let points = measurements.points();
     let mut residuals = Vec::new();
     for k in 0..points.len() {

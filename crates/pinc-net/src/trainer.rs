@@ -39,8 +39,7 @@ impl Checkpoint {
 /// It neither prints nor looks at a clock: the caller steps it, validates when it is due, and takes
 /// checkpoints.
 #[derive(Debug)]
-pub struct Trainer<P> {
-    plant: P,
+pub struct Trainer {
     net: PincNet,
     domain: Domain,
     config: TrainingConfig,
@@ -74,15 +73,15 @@ impl LeastSquares for Counted<'_> {
     }
 }
 
-impl<P: Plant + 'static> Trainer<P> {
+impl Trainer {
     /// A training of a fresh net.
     ///
     /// # Errors
     ///
     /// [`NetError`] if a setting makes no sense, the plant has no finite velocity in the domain, or the
     /// threads cannot be started.
-    pub fn new(
-        plant: P,
+    pub fn new<P: Plant>(
+        plant: &P,
         net: &NetConfig,
         domain: &Domain,
         training: &TrainingConfig,
@@ -91,12 +90,12 @@ impl<P: Plant + 'static> Trainer<P> {
         threads: usize,
     ) -> Result<Self, NetError> {
         training.validate()?;
-        let net = PincNet::new(&plant, net, domain, seed)?;
+        let net = PincNet::new(plant, net, domain, seed)?;
         let weights = training.weights(&net)?;
         let workers = Workers::new(threads)?;
-        let loss = BatchLoss::new(&plant, &net, &weights, &workers);
+        let loss = BatchLoss::new(plant, &net, &weights, &workers);
         let fresh = training.growth.as_ref().map(|growth| {
-            let mut fresh = BatchLoss::new(&plant, &net, &weights, &workers);
+            let mut fresh = BatchLoss::new(plant, &net, &weights, &workers);
             fresh.set_points(&fresh_points(&net, growth.fresh_points, seed), &Points::default());
             fresh
         });
@@ -114,7 +113,6 @@ impl<P: Plant + 'static> Trainer<P> {
             finished: None,
         };
         let mut trainer = Self {
-            plant,
             net,
             domain: domain.clone(),
             config: training.clone(),
@@ -149,10 +147,7 @@ impl<P: Plant + 'static> Trainer<P> {
             let (key, found) = ("data.weight", weight.to_string());
             return Err(NetError::Setting { key, found, expected: "a positive number" });
         }
-        let mut weights = self.config.weights(&self.net)?;
-        weights.measured = weight;
-        self.loss = BatchLoss::new(&self.plant, &self.net, &weights, &self.workers);
-        self.loss.set_measurements(measurements);
+        self.loss.set_measurements(measurements, weight);
         self.sample();
         self.reevaluate();
         Ok(self)
@@ -283,11 +278,6 @@ impl<P: Plant + 'static> Trainer<P> {
     #[must_use]
     pub fn totals(&self) -> Totals {
         self.state.totals
-    }
-
-    /// The plant trained on.
-    pub fn plant(&self) -> &P {
-        &self.plant
     }
 
     fn check_finite(&self) -> Result<(), NetError> {

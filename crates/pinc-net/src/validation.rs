@@ -4,7 +4,7 @@ use crate::mlp::to_f64;
 use crate::sampling::{Purpose, Sampler, rng};
 use crate::{Domain, Measurements, NetError, PincNet, Scenario};
 use pinc_ode::metrics::mean_squared_error;
-use pinc_ode::{Adaptive, Plant};
+use pinc_ode::{Adaptive, Dims, Plant};
 use rand::RngExt;
 use serde::{Deserialize, Serialize};
 
@@ -79,8 +79,8 @@ impl ValidationConfig {
         ends.map(|(low, high)| (high - low) / 12.0_f64.sqrt()).collect()
     }
 
-    fn validate<P: Plant>(&self, plant: &P, horizon_s: f64) -> Result<usize, NetError> {
-        self.domain.validate(plant.dims())?;
+    fn validate(&self, dims: Dims, horizon_s: f64) -> Result<usize, NetError> {
+        self.domain.validate(dims)?;
         for (key, value) in [
             ("scenarios", self.scenarios),
             ("subintervals", self.subintervals),
@@ -123,10 +123,20 @@ impl ValidationSet {
         config: &ValidationConfig,
         seed: u64,
     ) -> Result<Self, NetError> {
-        let steps = config.validate(plant, horizon_s)?;
-        let states = plant.dims().states;
+        let steps = config.validate(plant.dims(), horizon_s)?;
+        let integrator = Adaptive::new(plant.clone(), config.tolerance);
+        Self::integrate_all(integrator, steps, horizon_s, config, seed)
+    }
+
+    fn integrate_all(
+        mut integrator: Adaptive,
+        steps: usize,
+        horizon_s: f64,
+        config: &ValidationConfig,
+        seed: u64,
+    ) -> Result<Self, NetError> {
+        let states = integrator.dims().states;
         let ends: Vec<_> = config.domain.ends().collect();
-        let mut integrator = Adaptive::new(plant.clone(), config.tolerance);
         let mut random = rng(seed, Purpose::Validation);
         let mut uniform = |(low, high): (f64, f64)| low + (high - low) * random.random::<f64>();
         let mut scenarios = Vec::with_capacity(config.scenarios);
@@ -167,7 +177,7 @@ impl ValidationSet {
         config: &ValidationConfig,
         scenario: &Scenario,
     ) -> Result<Self, NetError> {
-        config.validate(plant, horizon_s)?;
+        config.validate(plant.dims(), horizon_s)?;
         let (states, subintervals) = (plant.dims().states, config.subintervals);
         let mut integrator = Adaptive::new(plant.clone(), config.tolerance);
         let mut trial = |parts| {
@@ -265,8 +275,8 @@ impl Rows {
     }
 }
 
-fn integrate<P: Plant>(
-    integrator: &mut Adaptive<P>,
+fn integrate(
+    integrator: &mut Adaptive,
     initial: Vec<f64>,
     inputs: Vec<Vec<f64>>,
     horizon_s: f64,

@@ -80,7 +80,7 @@ fn phase(optimizer: OptimizerConfig, iterations: u64) -> Vec<Phase> {
 }
 
 /// A training on the equation with a wrong mu, with what was measured held out from it.
-fn trainer(phases: Vec<Phase>, keep: Keep, threads: usize) -> Trainer<VanDerPol> {
+fn trainer(phases: Vec<Phase>, keep: Keep, threads: usize) -> Trainer {
     let plant = VanDerPol { mu: 0.5 };
     let net = NetConfig {
         horizon_s: T,
@@ -112,12 +112,12 @@ fn trainer(phases: Vec<Phase>, keep: Keep, threads: usize) -> Trainer<VanDerPol>
     };
     let validation = ValidationSet::generate(&plant, T, &scenarios, 1).unwrap();
     let validation = validation.with_measurements(measured());
-    Trainer::new(plant, &net, &domain(), &training, validation, 0, threads).unwrap()
+    Trainer::new(&plant, &net, &domain(), &training, validation, 0, threads).unwrap()
 }
 
 /// The error against the measurements at the end, and loss and its term of the measurements at the start
 /// and the end.
-fn run(mut trainer: Trainer<VanDerPol>) -> (f64, Vec<(f64, f64)>) {
+fn run(mut trainer: Trainer) -> (f64, Vec<(f64, f64)>) {
     let mut losses = Vec::new();
     while let Progress::Iterated(record) = trainer.step().unwrap() {
         let sum = record.loss_data + record.loss_physics + record.loss_measured;

@@ -10,6 +10,9 @@ use pinc_net::{
 use pinc_ode::{FourTanks, OneTank, Plant, VanDerPol};
 use proptest::prelude::*;
 
+/// The weight of the measurements.
+const MEASURED: f64 = 0.7;
+
 /// A box around the origin, or around 5 for tanks (partly below 0, to meet empty tanks).
 fn domain(plant: &impl Plant) -> Domain {
     let dims = plant.dims();
@@ -67,8 +70,7 @@ fn problem<P: Plant>(plant: P, case: &Case) -> Problem<P> {
     };
     let net = PincNet::new(&plant, &config, &domain, case.seed).unwrap();
     let scale = ResidualScale::Normalized;
-    let mut weights = LossWeights::new(&net, 0.3, &scale, InitialScale::Normalized).unwrap();
-    weights.measured = 0.7;
+    let weights = LossWeights::new(&net, 0.3, &scale, InitialScale::Normalized).unwrap();
     let (collocation, initial) = if case.time_only {
         let mut initial = Points::new(dims.states);
         initial.push(0.0, &scenario.initial_state, &scenario.input);
@@ -96,12 +98,12 @@ fn measured(case: &Case, domain: &Domain) -> Measurements {
     measured
 }
 
-impl<P: Plant + 'static> Problem<P> {
+impl<P: Plant> Problem<P> {
     fn kernel(&self, isa: Isa, threads: usize) -> (LossTerms, Vec<f64>) {
         let workers = Workers::with_isa(threads, isa).unwrap();
         let mut loss = BatchLoss::new(&self.plant, &self.net, &self.weights, &workers);
         loss.set_points(&self.collocation, &self.initial);
-        loss.set_measurements(&self.measured);
+        loss.set_measurements(&self.measured, MEASURED);
         let mut gradient = vec![f64::NAN; self.net.mlp().parameters().len()];
         let terms = loss.loss_gradient(self.net.mlp().parameters(), &mut gradient);
         assert_eq!(terms, loss.loss(self.net.mlp().parameters()), "with and without gradient");
@@ -114,7 +116,8 @@ impl<P: Plant + 'static> Problem<P> {
         let points = (&self.collocation, &self.initial);
         let [data, physics] =
             reference_loss(&self.plant, &self.net, &self.weights, &w, points, w[0]);
-        let measured = reference_measured(&self.net, &self.weights, &w, &self.measured, w[0]);
+        let measured =
+            reference_measured(&self.net, &self.weights, &w, (&self.measured, MEASURED), w[0]);
         let measured = measured.into_iter().fold(w[0].constant(0.0), |sum, r| sum + r * r);
         let gradient = tape.gradient(data + physics + measured, &w);
         ([data.value(), physics.value(), measured.value()], gradient)
@@ -124,7 +127,7 @@ impl<P: Plant + 'static> Problem<P> {
         let workers = Workers::with_isa(threads, isa).unwrap();
         let mut loss = BatchLoss::new(&self.plant, &self.net, &self.weights, &workers);
         loss.set_points(&self.collocation, &self.initial);
-        loss.set_measurements(&self.measured);
+        loss.set_measurements(&self.measured, MEASURED);
         let parameters = self.net.mlp().parameters();
         let mut out = Mat::full(parameters.len(), parameters.len(), f64::NAN);
         loss.normal_matrix(parameters, out.as_mut());
@@ -142,7 +145,8 @@ impl<P: Plant + 'static> Problem<P> {
         let residuals =
             reference_residuals(&self.plant, &self.net, &self.weights, &w, points, w[0]);
         let mut matrix = vec![vec![0.0; w.len()]; w.len()];
-        let measured = reference_measured(&self.net, &self.weights, &w, &self.measured, w[0]);
+        let measured =
+            reference_measured(&self.net, &self.weights, &w, (&self.measured, MEASURED), w[0]);
         for residual in residuals.into_iter().flatten().chain(measured) {
             let row = tape.gradient(residual, &w);
             for (to, a) in matrix.iter_mut().zip(&row) {

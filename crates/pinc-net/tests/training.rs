@@ -82,16 +82,16 @@ fn validation<P: Plant>(plant: &P, horizon_s: f64, domain: &Domain) -> Validatio
     ValidationSet::generate(plant, horizon_s, &config, 77).unwrap()
 }
 
-fn van_der_pol(config: &TrainingConfig, ansatz: Ansatz, threads: usize) -> Trainer<VanDerPol> {
+fn van_der_pol(config: &TrainingConfig, ansatz: Ansatz, threads: usize) -> Trainer {
     let net = NetConfig { horizon_s: 0.5, hidden_layers: 2, neurons: 8, ansatz, time_only: None };
     let plant = VanDerPol::default();
     let domain = van_der_pol_domain();
     let set = validation(&plant, 0.5, &domain);
-    Trainer::new(plant, &net, &domain, config, set, 3, threads).unwrap()
+    Trainer::new(&plant, &net, &domain, config, set, 3, threads).unwrap()
 }
 
 /// Steps to the end, validating when due.
-fn finish<P: Plant + 'static>(trainer: &mut Trainer<P>) -> (Vec<IterationRecord>, StopReason) {
+fn finish(trainer: &mut Trainer) -> (Vec<IterationRecord>, StopReason) {
     let mut records = Vec::new();
     loop {
         match trainer.step().unwrap() {
@@ -230,7 +230,7 @@ fn resuming_gives_the_bits_of_an_uninterrupted_run() {
             time_only: None,
         };
         let set = validation(&plant, 0.5, &domain);
-        let mut second = Trainer::new(plant, &net, &domain, &config, set, 3, 1)
+        let mut second = Trainer::new(&plant, &net, &domain, &config, set, 3, 1)
             .unwrap()
             .resume(checkpoint)
             .unwrap();
@@ -255,7 +255,7 @@ fn a_checkpoint_of_another_net_is_refused() {
     };
     let set = validation(&plant, 0.5, &domain);
     let checkpoint = trainer.checkpoint().clone();
-    let error = Trainer::new(plant, &net, &domain, &config, set, 3, 1)
+    let error = Trainer::new(&plant, &net, &domain, &config, set, 3, 1)
         .unwrap()
         .resume(checkpoint)
         .unwrap_err();
@@ -309,7 +309,7 @@ fn a_plant_without_value_in_the_domain_is_named() {
             NetConfig { horizon_s: 0.5, hidden_layers: 1, neurons: 4, ansatz, time_only: None };
         let set = validation(&Root, 0.5, &domain(0.1));
         let config = training(vec![adam(3)]);
-        let result = Trainer::new(Root, &net, &domain(-1.0), &config, set, 3, 1);
+        let result = Trainer::new(&Root, &net, &domain(-1.0), &config, set, 3, 1);
         let message = match result {
             Err(error) => error.to_string(),
             Ok(mut trainer) => trainer.step().unwrap_err().to_string(),
@@ -347,7 +347,7 @@ fn a_conventional_pinn_learns_its_one_scenario() {
             one_step_points: 1,
         };
         let set = ValidationSet::of_scenario(&plant, 30.0, &scenarios, &scenario).unwrap();
-        let mut trainer = Trainer::new(plant, &net, &domain, &config, set.clone(), 0, 1).unwrap();
+        let mut trainer = Trainer::new(&plant, &net, &domain, &config, set.clone(), 0, 1).unwrap();
         while let Progress::Iterated(_) = trainer.step().unwrap() {}
         let mut truth = scenario.initial_state.clone();
         let mut integrator = Adaptive::new(plant, 1e-12);

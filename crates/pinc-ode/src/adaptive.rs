@@ -1,6 +1,8 @@
 //! An accurate integrator, for the truth that models are compared with.
 
-use crate::{OdeError, Plant};
+use crate::{Dims, OdeError, Plant};
+use std::fmt::Debug;
+use std::sync::Arc;
 
 const STAGES: usize = 7;
 
@@ -40,8 +42,8 @@ const ERROR: [f64; STAGES] = [
 /// Suited to non-stiff and mildly stiff equations. Memory: nine vectors of `n`; `integrate` allocates
 /// nothing.
 #[derive(Clone, Debug)]
-pub struct Adaptive<P> {
-    plant: P,
+pub struct Adaptive {
+    plant: Arc<dyn Velocity>,
     tolerance: f64,
     step: Option<f64>,
     rhs_calls: u64,
@@ -49,23 +51,41 @@ pub struct Adaptive<P> {
     stage: Vec<f64>,
 }
 
-impl<P: Plant> Adaptive<P> {
+/// A plant as an integrator sees it: its type is forgotten, so that what integrates is compiled once
+/// and not once per plant.
+trait Velocity: Debug + Send + Sync {
+    fn dims(&self) -> Dims;
+    fn rhs(&self, x: &[f64], u: &[f64], dx: &mut [f64]);
+}
+
+impl<P: Plant> Velocity for P {
+    fn dims(&self) -> Dims {
+        Plant::dims(self)
+    }
+
+    fn rhs(&self, x: &[f64], u: &[f64], dx: &mut [f64]) {
+        Plant::rhs(self, x, u, dx);
+    }
+}
+
+impl Adaptive {
     /// An integrator of `plant` with this local error tolerance, absolute and relative.
     ///
     /// # Panics
     ///
     /// If `tolerance` is not positive.
     #[must_use]
-    pub fn new(plant: P, tolerance: f64) -> Self {
+    pub fn new<P: Plant>(plant: P, tolerance: f64) -> Self {
         assert!(tolerance > 0.0, "the tolerance must be positive");
-        let n = vec![0.0; plant.dims().states];
+        let n = vec![0.0; Plant::dims(&plant).states];
         let k = std::array::from_fn(|_| n.clone());
-        Self { plant, tolerance, step: None, rhs_calls: 0, k, stage: n }
+        Self { plant: Arc::new(plant), tolerance, step: None, rhs_calls: 0, k, stage: n }
     }
 
-    /// The plant integrated.
-    pub fn plant(&self) -> &P {
-        &self.plant
+    /// The plant's numbers of states and inputs.
+    #[must_use]
+    pub fn dims(&self) -> Dims {
+        self.plant.dims()
     }
 
     /// How many times the right-hand side has been evaluated.

@@ -37,7 +37,7 @@ use std::fmt::Debug;
 /// }
 /// assert_eq!(Spring.dims().states, 2);
 /// ```
-pub trait Plant: Clone + Debug + Send + Sync {
+pub trait Plant: Clone + Debug + Send + Sync + 'static {
     /// The states, in order; their number is `n`.
     fn states(&self) -> &[Variable];
 

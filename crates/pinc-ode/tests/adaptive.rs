@@ -6,12 +6,7 @@ use common::{Oscillator, distance, flows, log_slope};
 use pinc_ad::Scalar;
 use pinc_ode::{Adaptive, FourTanks, OneTank, Plant, VanDerPol, Variable};
 
-fn integrate<P: Plant>(
-    integrator: &mut Adaptive<P>,
-    x: &[f64],
-    u: &[f64],
-    duration: f64,
-) -> Vec<f64> {
+fn integrate(integrator: &mut Adaptive, x: &[f64], u: &[f64], duration: f64) -> Vec<f64> {
     let mut x = x.to_vec();
     integrator.integrate(&mut x, u, duration).unwrap();
     x

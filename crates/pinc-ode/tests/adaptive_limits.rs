@@ -5,8 +5,8 @@ use pinc_ode::{Adaptive, FourTanks, OdeError, Plant, VanDerPol, Variable};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-fn integrate<P: Plant>(
-    integrator: &mut Adaptive<P>,
+fn integrate(
+    integrator: &mut Adaptive,
     x: &[f64],
     u: &[f64],
     duration: f64,
@@ -214,7 +214,6 @@ fn rhs_calls_are_counted() {
         // One to start a call and six per step tried.
         assert_eq!((counted - k) % 6, 0);
     }
-    assert_eq!(integrator.plant().calls.load(Ordering::Relaxed), integrator.rhs_calls());
 }
 
 /// Without any error a step is five times the one before: 1/16, 5/16 and the rest; the next call of

@@ -5,11 +5,9 @@ use super::clock::to_f64;
 use super::model::{self, Trained};
 use super::results::{BenchReport, ModelStep, NmpcTimes, QpTime};
 use crate::record::file;
-use crate::registry::PlantTask;
 use crate::runs::read_model;
 use crate::{BenchError, ControlMetrics, Experiment, ModelKind, Options, Record, Verbosity};
 use pinc_mpc::QpMethod;
-use pinc_ode::Plant;
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
 
@@ -35,8 +33,8 @@ pub(super) fn run(case: Case, effort: &Effort, report: &mut BenchReport) -> Resu
     ])?;
     let (papers, record) =
         trained(&experiment, |e, dir, options| crate::control(e, dir, options, None, None))?;
-    let steps = Steps { case, nets: &[&small, &papers], effort };
-    let steps = experiment.plant.with(steps)?;
+    let system = experiment.plant.system();
+    let steps = model::run(case, &*system, small.net.domain(), &[&small, &papers], effort)?;
     for metrics in &record.metrics().control {
         report.nmpc.push(nmpc(case, &experiment, metrics));
     }
@@ -73,22 +71,6 @@ fn in_passing<T>(
         arguments: &[],
     };
     work(dir.path(), &options)
-}
-
-struct Steps<'a> {
-    case: Case,
-    nets: &'a [&'a Trained],
-    effort: &'a Effort,
-}
-
-impl PlantTask for Steps<'_> {
-    type Output = Result<Vec<ModelStep>, BenchError>;
-
-    fn run<P: Plant + 'static>(self, plant: P) -> Self::Output {
-        let Self { case, nets, effort } = self;
-        let domain = nets[0].net.domain();
-        model::run(case, &plant, domain, nets, effort)
-    }
 }
 
 fn nmpc(case: Case, experiment: &Experiment, metrics: &ControlMetrics) -> NmpcTimes {

@@ -16,17 +16,12 @@ use super::kernel::Evaluation;
 use crate::BenchError;
 use crate::record::write_atomically;
 use pinc_net::{Points, Workers};
-use pinc_ode::Plant;
 use safetensors::tensor::TensorView;
 use safetensors::{Dtype, SafeTensorError, SafeTensors};
 use std::path::Path;
 
 /// Writes `evaluation`, with its result, to `path`.
-pub(super) fn write<P: Plant + 'static>(
-    path: &Path,
-    case: Case,
-    evaluation: &Evaluation<P>,
-) -> Result<(), BenchError> {
+pub(super) fn write(path: &Path, case: Case, evaluation: &Evaluation) -> Result<(), BenchError> {
     let parameters = evaluation.net.mlp().parameters();
     let mut gradient = vec![0.0; parameters.len()];
     let terms = evaluation.batch_loss(&Workers::new(0)?).loss_gradient(parameters, &mut gradient);

@@ -5,28 +5,28 @@ use super::clock::{for_seconds, median, time, to_f64};
 use super::exchange;
 use super::results::{FmaPeak, LossGradient};
 use crate::BenchError;
-use crate::registry::PlantTask;
 use crate::runs::Setup;
 use crate::spec::Experiment;
+use crate::system::System;
 use pinc_net::{BatchLoss, Isa, LossWeights, PincNet, Points, Workers, initial_conditions};
-use pinc_ode::Plant;
 use std::path::Path;
 use std::sync::Barrier;
 
 /// The evaluation that is measured: the paper's net at its initial weights, on the paper's points.
-pub(super) struct Evaluation<P> {
-    pub(super) plant: P,
+pub(super) struct Evaluation {
+    plant: Box<dyn System>,
     pub(super) net: PincNet,
     pub(super) weights: LossWeights,
     pub(super) collocation: Points,
     pub(super) initial: Points,
 }
 
-impl<P: Plant + 'static> Evaluation<P> {
-    fn new(plant: P, experiment: &Experiment, effort: &Effort) -> Result<Self, BenchError> {
+impl Evaluation {
+    fn new(experiment: &Experiment, effort: &Effort) -> Result<Self, BenchError> {
         let Setup { net: model, domain, training, .. } = Setup::of(experiment)?;
         let seed = experiment.seed;
-        let net = PincNet::new(&plant, model, domain, seed)?;
+        let plant = experiment.plant.system();
+        let net = plant.net(model, domain, seed)?;
         let config = &training.config;
         let weights =
             LossWeights::new(&net, config.lambda, &config.residual_scale, config.initial_scale)?;
@@ -47,7 +47,7 @@ impl<P: Plant + 'static> Evaluation<P> {
     }
 
     pub(super) fn batch_loss(&self, workers: &Workers) -> BatchLoss {
-        let mut loss = BatchLoss::new(&self.plant, &self.net, &self.weights, workers);
+        let mut loss = self.plant.loss(&self.net, &self.weights, workers);
         loss.set_points(&self.collocation, &self.initial);
         loss
     }
@@ -80,21 +80,8 @@ pub(super) struct Bench<'a> {
 impl Bench<'_> {
     pub(super) fn run(self) -> Result<(), BenchError> {
         let experiment = self.case.papers_training()?;
-        experiment.plant.with(Task { bench: self, experiment: &experiment })
-    }
-}
-
-struct Task<'a> {
-    bench: Bench<'a>,
-    experiment: &'a Experiment,
-}
-
-impl PlantTask for Task<'_> {
-    type Output = Result<(), BenchError>;
-
-    fn run<P: Plant + 'static>(self, plant: P) -> Result<(), BenchError> {
-        let Bench { case, effort, isas, file, results, probes } = self.bench;
-        let evaluation = Evaluation::new(plant, self.experiment, effort)?;
+        let Self { case, effort, isas, file, results, probes } = self;
+        let evaluation = Evaluation::new(&experiment, effort)?;
         if let Some(path) = file {
             exchange::write(path, case, &evaluation)?;
         }
@@ -125,12 +112,7 @@ struct Measured {
 }
 
 impl Measured {
-    fn of<P: Plant + 'static>(
-        evaluation: &Evaluation<P>,
-        workers: &Workers,
-        threads: usize,
-        effort: &Effort,
-    ) -> Self {
+    fn of(evaluation: &Evaluation, workers: &Workers, threads: usize, effort: &Effort) -> Self {
         let mut loss = evaluation.batch_loss(workers);
         let parameters = evaluation.net.mlp().parameters();
         let mut gradient = vec![0.0; parameters.len()];
@@ -146,13 +128,7 @@ impl Measured {
         Self { times, peaks }
     }
 
-    fn row<P: Plant + 'static>(
-        &self,
-        case: Case,
-        evaluation: &Evaluation<P>,
-        threads: usize,
-        isa: Isa,
-    ) -> LossGradient {
+    fn row(&self, case: Case, evaluation: &Evaluation, threads: usize, isa: Isa) -> LossGradient {
         let seconds = median(&self.times);
         let gflops = to_f64(evaluation.operations()) / seconds / 1e9;
         LossGradient {

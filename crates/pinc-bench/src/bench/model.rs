@@ -4,9 +4,10 @@ use super::cases::{Case, Effort};
 use super::clock::{for_seconds, median, time, to_f64};
 use super::results::ModelStep;
 use crate::BenchError;
+use crate::system::System;
 use pinc_net::{Domain, PincNet, PincPredictor, Points, Sampler};
 use pinc_ode::metrics::mean_squared_error;
-use pinc_ode::{Adaptive, Dims, Plant, Predictor, Rk4};
+use pinc_ode::{Dims, Predictor};
 use std::hint::black_box;
 
 /// Substeps of the Runge-Kutta method that are measured.
@@ -25,9 +26,9 @@ pub(super) struct Trained {
 }
 
 /// Measures the models of a plant: Runge-Kutta by substeps, then `nets`.
-pub(super) fn run<P: Plant + 'static>(
+pub(super) fn run(
     case: Case,
-    plant: &P,
+    plant: &dyn System,
     domain: &Domain,
     nets: &[&Trained],
     effort: &Effort,
@@ -46,7 +47,7 @@ pub(super) fn run<P: Plant + 'static>(
     };
     let mut rows = Vec::new();
     for substeps in SUBSTEPS {
-        let row = row(&mut Rk4::new(plant.clone(), horizon_s, substeps));
+        let row = row(&mut *plant.rk4(horizon_s, substeps));
         rows.push(ModelStep { substeps: Some(substeps), ..row });
     }
     for Trained { net, seconds } in nets {
@@ -65,15 +66,15 @@ struct Truth {
 }
 
 impl Truth {
-    fn new<P: Plant>(
-        plant: &P,
+    fn new(
+        plant: &dyn System,
         domain: &Domain,
         horizon_s: f64,
         count: usize,
     ) -> Result<Self, BenchError> {
         // Sobol points are the same for each seed up to a scrambling.
         let points = Sampler::Sobol.collocation(count, horizon_s, domain, 1, 0);
-        let mut integrator = Adaptive::new(plant.clone(), TOLERANCE);
+        let mut integrator = plant.truth(TOLERANCE);
         let mut next = Vec::new();
         for i in 0..count {
             let mut x = points.state(i).to_vec();

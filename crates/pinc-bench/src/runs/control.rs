@@ -5,11 +5,11 @@ use super::guard::Guard;
 use crate::BenchError;
 use crate::progress::Stage;
 use crate::record::{ControlMetrics, Record, StepTimes, Table, WallTimes, file, number};
-use crate::registry::PlantTask;
-use crate::spec::{ControlSpec, ModelKind};
+use crate::spec::{ControlSpec, ModelKind, PlantSpec};
+use crate::system::System;
 use pinc_mpc::{ClosedLoop, Nmpc, NmpcProblem, Reference};
 use pinc_net::{PincNet, PincPredictor};
-use pinc_ode::{Adaptive, Plant, Predictor, Rk4, Rosenbrock, Signal, Trajectory};
+use pinc_ode::{Predictor, Signal, Trajectory};
 use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
 
@@ -29,8 +29,8 @@ type Model = (ModelKind, Box<dyn Predictor>);
 
 /// Runs the closed loops, unless all have been run. `plant` is the one that the models are of, and
 /// also the one in the loop unless the config has another.
-pub(crate) fn stage<P: Plant + 'static>(
-    plant: &P,
+pub(crate) fn stage(
+    plant: &dyn System,
     setup: &Setup<'_>,
     options: &Options<'_>,
     record: &mut Record,
@@ -43,36 +43,17 @@ pub(crate) fn stage<P: Plant + 'static>(
     for name in file::CONTROL {
         record.remove(name)?;
     }
-    let models = setup.kinds.iter().map(|&kind| (kind, setup.model(kind, plant))).collect();
-    let loops = Loops { setup, models, options, record };
-    match &setup.spec.plant {
-        Some(real) => real.with(loops),
-        None => loops.run(plant.clone()),
+    let real = setup.spec.plant.as_ref().map(PlantSpec::system);
+    for &kind in setup.kinds {
+        let model = (kind, setup.model(kind, plant));
+        let metrics = run_model(real.as_deref().unwrap_or(plant), setup, model, options, record)?;
+        record.update(|all| all.control.push(metrics))?;
     }
+    Ok(())
 }
 
-/// The closed loops of one plant, with one model after the other.
-struct Loops<'a> {
-    setup: &'a Setup<'a>,
-    models: Vec<Model>,
-    options: &'a Options<'a>,
-    record: &'a mut Record,
-}
-
-impl PlantTask for Loops<'_> {
-    type Output = Result<(), BenchError>;
-
-    fn run<P: Plant + 'static>(self, plant: P) -> Result<(), BenchError> {
-        for model in self.models {
-            let metrics = run_model(&plant, self.setup, model, self.options, self.record)?;
-            self.record.update(|all| all.control.push(metrics))?;
-        }
-        Ok(())
-    }
-}
-
-fn run_model<P: Plant + 'static>(
-    plant: &P,
+fn run_model(
+    plant: &dyn System,
     setup: &Setup<'_>,
     (kind, model): Model,
     options: &Options<'_>,
@@ -108,8 +89,8 @@ fn run_model<P: Plant + 'static>(
 }
 
 /// The plant's trajectory in the closed loop of `spec` with RK4 as the model, run once and not recorded.
-pub(super) fn rehearse<P: Plant + 'static>(
-    plant: &P,
+pub(super) fn rehearse(
+    plant: &dyn System,
     spec: &ControlSpec,
     horizon_s: f64,
 ) -> Result<Trajectory, BenchError> {
@@ -128,36 +109,34 @@ impl Setup<'_> {
         net.map(|net| Guard::new(net, self.spec.outside_domain))
     }
 
-    fn model<P: Plant + 'static>(&self, kind: ModelKind, plant: &P) -> Box<dyn Predictor> {
+    fn model(&self, kind: ModelKind, plant: &dyn System) -> Box<dyn Predictor> {
         let (horizon_s, spec) = (self.horizon_s, self.spec);
         match (kind, self.net) {
             (ModelKind::Pinc, Some(net)) => Box::new(PincPredictor::new(net)),
             (ModelKind::Pinc, None) => unreachable!("the plan trains or reads a net for this loop"),
-            (ModelKind::Rk4, _) => Box::new(Rk4::new(plant.clone(), horizon_s, spec.rk4_substeps)),
-            (ModelKind::Rosenbrock, _) => {
-                Box::new(Rosenbrock::new(plant.clone(), horizon_s, spec.rosenbrock_substeps))
-            }
+            (ModelKind::Rk4, _) => plant.rk4(horizon_s, spec.rk4_substeps),
+            (ModelKind::Rosenbrock, _) => plant.rosenbrock(horizon_s, spec.rosenbrock_substeps),
         }
     }
 
-    fn problem<P: Plant>(&self, plant: &P) -> NmpcProblem {
+    fn problem(&self, plant: &dyn System) -> NmpcProblem {
         let names: Vec<&str> = plant.states().iter().map(|state| &*state.name).collect();
         self.spec.problem(&names, plant.inputs().len())
     }
 
-    fn begin<'n, P: Plant>(
+    fn begin<'n>(
         &self,
         nmpc: &'n mut Nmpc,
-        plant: &P,
-    ) -> Result<ClosedLoop<'n, P>, BenchError> {
+        plant: &dyn System,
+    ) -> Result<ClosedLoop<'n>, BenchError> {
         let spec = self.spec;
         let starts = spec.references.iter().map(|step| step.start_s).collect();
         let values = spec.references.iter().map(|step| step.value.clone()).collect();
         let signal = Signal::new(starts, values)?;
         let steps = super::steps(spec.duration_s, self.horizon_s);
         let reference = Reference::sample(&signal, steps, self.horizon_s)?;
-        let plant = Adaptive::new(plant.clone(), spec.plant_tolerance);
-        Ok(ClosedLoop::new(nmpc, plant, reference, &spec.initial_state)?)
+        let truth = plant.truth(spec.plant_tolerance);
+        Ok(ClosedLoop::new(nmpc, truth, reference, &spec.initial_state)?)
     }
 
     /// The name of the file for one model's `kind` of table.
@@ -169,7 +148,7 @@ impl Setup<'_> {
     }
 
     /// The dense trace as a table.
-    fn trace<P: Plant>(&self, run: &ClosedLoop<'_, P>, plant: &P) -> Table {
+    fn trace(&self, run: &ClosedLoop<'_>, plant: &dyn System) -> Table {
         let variables = plant.states().iter().chain(plant.inputs());
         let columns = std::iter::once("t".to_owned()).chain(variables.map(|v| v.name.to_string()));
         let mut table = Table::new(
@@ -190,9 +169,9 @@ struct Times(Vec<Vec<f64>>);
 
 impl Times {
     /// Runs the loop to its end, with an eye on the clock.
-    fn watch<P: Plant>(
+    fn watch(
         &mut self,
-        run: &mut ClosedLoop<'_, P>,
+        run: &mut ClosedLoop<'_>,
         budget: Option<Duration>,
         mut guard: Option<&mut Guard<'_>>,
     ) -> Result<(), BenchError> {
@@ -244,7 +223,7 @@ struct Results {
 }
 
 impl Results {
-    fn of<P: Plant>(run: &ClosedLoop<'_, P>) -> Self {
+    fn of(run: &ClosedLoop<'_>) -> Self {
         Self {
             steps: run.steps().to_vec(),
             rmse: run.tracking_at_steps().rmse(),

@@ -5,9 +5,9 @@ use super::guard::Guard;
 use crate::BenchError;
 use crate::record::{PredictionMetrics, Record, Table, file, number};
 use crate::spec::{OutsidePolicy, PredictionSpec};
+use crate::system::System;
 use pinc_net::PincNet;
 use pinc_ode::metrics::mean_squared_error;
-use pinc_ode::{Adaptive, Plant};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
@@ -16,8 +16,8 @@ use rand_chacha::rand_core::SeedableRng;
 const STREAM: u64 = 1 << 32;
 
 /// Runs net and plant under the same random inputs, or a conventional PINN beside its one scenario, and writes `prediction.csv`.
-pub(crate) fn stage<P: Plant>(
-    plant: &P,
+pub(crate) fn stage(
+    plant: &dyn System,
     net: &PincNet,
     spec: &PredictionSpec,
     seed: u64,
@@ -61,8 +61,8 @@ struct Row {
     mark: bool,
 }
 
-fn simulate<P: Plant>(
-    plant: &P,
+fn simulate(
+    plant: &dyn System,
     net: &PincNet,
     spec: &PredictionSpec,
     seed: u64,
@@ -70,7 +70,7 @@ fn simulate<P: Plant>(
     let horizon_s = net.horizon_s();
     let inputs = draw_inputs(spec, horizon_s, seed);
     let steps = inputs.len();
-    let mut truth = Adaptive::new(plant.clone(), spec.tolerance);
+    let mut truth = plant.truth(spec.tolerance);
     let mut x = spec.initial_state.clone();
     let mut chain = Chain::new(horizon_s, 0.0, &x, &inputs[0]);
     let mut rows = vec![Row {

@@ -19,11 +19,9 @@ pub use predict::predict;
 
 use crate::progress::Verbosity;
 use crate::record::{Record, file, write_atomically};
-use crate::registry::PlantTask;
 use crate::spec::{Experiment, ModelKind};
 use crate::{BenchError, Provenance, report};
 use pinc_net::PincNet;
-use pinc_ode::Plant;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -150,7 +148,7 @@ fn execute(
     let mut record = Record::open(dir, experiment, &provenance)?;
     plan.make_room(&mut record, options.resume)?;
     let stages = Stages { experiment, options, plan: &plan, record: &mut record };
-    experiment.plant.with(stages)?;
+    stages.run()?;
     rebuild_report(dir)?;
     Ok(record)
 }
@@ -248,13 +246,12 @@ struct Stages<'a> {
     record: &'a mut Record,
 }
 
-impl PlantTask for Stages<'_> {
-    type Output = Result<(), BenchError>;
-
-    fn run<P: Plant + 'static>(self, plant: P) -> Result<(), BenchError> {
+impl Stages<'_> {
+    fn run(self) -> Result<(), BenchError> {
         let Self { experiment, options, plan, record } = self;
+        let plant = &*experiment.plant.system();
         let trained = match &experiment.training {
-            Some(_) if plan.trains => Some(train::stage(&plant, experiment, options, record)?),
+            Some(_) if plan.trains => Some(train::stage(plant, experiment, options, record)?),
             _ => None,
         };
         let net = trained.as_ref().or(plan.given.as_ref().map(|(_, net)| net));
@@ -262,7 +259,7 @@ impl PlantTask for Stages<'_> {
         if let (Some(net), Some(spec), true) = (net, &experiment.prediction, plan.runs_free)
             && record.metrics().prediction.is_none()
         {
-            free_run::stage(&plant, net, spec, experiment.seed, record)?;
+            free_run::stage(plant, net, spec, experiment.seed, record)?;
         }
         if let Some(spec) = &experiment.control
             && !plan.loops.is_empty()
@@ -274,7 +271,7 @@ impl PlantTask for Stages<'_> {
                 net,
                 horizon_s: horizon_s.expect("the plan was checked for it"),
             };
-            control::stage(&plant, &setup, options, record)?;
+            control::stage(plant, &setup, options, record)?;
         }
         Ok(())
     }

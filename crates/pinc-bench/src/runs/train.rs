@@ -9,11 +9,11 @@ use crate::record::{
     Record, Saved, TrainingMetrics, file, lines_up_to, load_checkpoint, number, save_checkpoint,
 };
 use crate::spec::{DataSpec, Effort, Experiment, TrainingSpec};
+use crate::system::{System, Training};
 use pinc_net::{
     Domain, IterationRecord, NetConfig, PincNet, Progress, Trainer, Validation, ValidationConfig,
     ValidationSet,
 };
-use pinc_ode::Plant;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
@@ -23,8 +23,8 @@ const COLUMNS: &str = "iteration,loss_evaluations,elapsed_s,loss,validation_mse,
                        loss_physics,gradient_norm,collocation_points,fresh_loss,loss_measured";
 
 /// Trains the net, or reads it if that has been done, and returns it.
-pub(crate) fn stage<P: Plant + 'static>(
-    plant: &P,
+pub(crate) fn stage(
+    plant: &dyn System,
     experiment: &Experiment,
     options: &Options<'_>,
     record: &mut Record,
@@ -35,8 +35,8 @@ pub(crate) fn stage<P: Plant + 'static>(
     let setup = Setup::of(experiment)?;
     let (horizon_s, config) = (setup.net.horizon_s, setup.validation);
     let mut validation = match &setup.net.time_only {
-        Some(scenario) => ValidationSet::of_scenario(plant, horizon_s, config, scenario)?,
-        None => ValidationSet::generate(plant, horizon_s, config, experiment.seed)?,
+        Some(scenario) => plant.scenario(horizon_s, config, scenario)?,
+        None => plant.scenarios(horizon_s, config, experiment.seed)?,
     };
     if let Some(held_out) = setup.measured(experiment, |data| &data.held_out)? {
         validation = validation.with_measurements(held_out.measurements);
@@ -103,8 +103,8 @@ impl<'a> Setup<'a> {
 }
 
 /// A training at work.
-struct Session<P> {
-    trainer: Trainer<P>,
+struct Session {
+    trainer: Trainer,
     fingerprint: String,
     /// The rows of `training.csv`.
     rows: Vec<String>,
@@ -119,9 +119,9 @@ struct Session<P> {
     stage: Stage,
 }
 
-impl<P: Plant + 'static> Session<P> {
+impl Session {
     fn begin(
-        plant: &P,
+        plant: &dyn System,
         experiment: &Experiment,
         setup: &Setup<'_>,
         validation: &ValidationSet,
@@ -131,10 +131,14 @@ impl<P: Plant + 'static> Session<P> {
         let begun = Instant::now();
         let mut fingerprint = experiment.normalized().fingerprint();
         let total = setup.training.config.phases.iter().map(|phase| phase.iterations).sum();
-        let (plant, validation, seed) = (plant.clone(), validation.clone(), experiment.seed);
-        let (net, domain, config) = (setup.net, setup.domain, &setup.training.config);
-        let threads = setup.training.effort.threads();
-        let mut trainer = Trainer::new(plant, net, domain, config, validation, seed, threads)?;
+        let mut trainer = plant.trainer(Training {
+            net: setup.net,
+            domain: setup.domain,
+            config: &setup.training.config,
+            validation: validation.clone(),
+            seed: experiment.seed,
+            threads: setup.training.effort.threads(),
+        })?;
         if let Some(spec) = setup.data
             && let Some(data) = setup.measured(experiment, |spec| &spec.files)?
         {

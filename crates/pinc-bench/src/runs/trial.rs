@@ -21,9 +21,8 @@ pub(crate) fn train_shared(
         training.effort.threads = threads;
     }
     let plan = Plan { trains: true, runs_free: false, loops: Vec::new(), given: None };
-    let train = |record: &mut Record| {
-        experiment.plant.with(Stages { experiment: &hurried, options, plan: &plan, record })
-    };
+    let train =
+        |record: &mut Record| Stages { experiment: &hurried, options, plan: &plan, record }.run();
     match train(&mut record) {
         // A checkpoint of no use: nobody asked for it by name, so the training begins anew.
         Err(BenchError::Checkpoint { .. }) => {
@@ -59,6 +58,5 @@ pub(crate) fn run_trial(
             plan.given = Some((Vec::new(), read_model(&trained.path(file::MODEL))?));
         }
     }
-    let stages = Stages { experiment, options, plan: &plan, record: &mut record };
-    experiment.plant.with(stages)
+    Stages { experiment, options, plan: &plan, record: &mut record }.run()
 }

@@ -112,13 +112,7 @@ pub(crate) fn scale(nmpc: &Nmpc) -> f64 {
 }
 
 /// Runs a closed loop towards `reference`, judging every step.
-fn judge<P: Plant + 'static>(
-    plant: P,
-    horizon_s: f64,
-    problem: NmpcProblem,
-    x0: &[f64],
-    y: &[f64],
-) {
+fn judge<P: Plant>(plant: P, horizon_s: f64, problem: NmpcProblem, x0: &[f64], y: &[f64]) {
     let mut model = Rk4::new(plant.clone(), horizon_s, 4);
     let mut nmpc = Nmpc::new(problem, Box::new(model.clone()), SqpConfig::default()).unwrap();
     let mut truth = Adaptive::new(plant, 1e-9);

@@ -5,7 +5,7 @@ use pinc_mpc::{Nmpc, NmpcProblem, QpMethod, SqpConfig, SqpStatus};
 use pinc_ode::{Adaptive, FourTanks, Plant, Rk4, VanDerPol};
 
 /// Runs the loop, in which every method is asked about every state; the largest difference of inputs.
-fn disagreement<P: Plant + 'static>(
+fn disagreement<P: Plant>(
     plant: &P,
     horizon_s: f64,
     problem: &NmpcProblem,

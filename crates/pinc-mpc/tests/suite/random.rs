@@ -83,7 +83,7 @@ struct Draw<'a> {
 
 /// Takes the steps, and counts how they end: those with a sound model and without deadline first, then the
 /// others.
-fn survey<P: Plant + 'static>(
+fn survey<P: Plant>(
     plant: P,
     horizon_s: f64,
     problem: &NmpcProblem,

@@ -35,6 +35,7 @@ use std::ops::Range;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex};
 use tile::{Block, Pass, Workspace, tile_panels};
+use velocity::AnyVelocity;
 
 /// More blocks than this are not needed to keep threads busy; fewer mean fewer sums to add.
 const MAX_BLOCKS: usize = 64;
@@ -51,13 +52,23 @@ pub struct BatchLoss {
 
 impl BatchLoss {
     /// The loss of `net`'s kind on `plant`, with no points yet.
-    pub fn new<P: Plant + 'static>(
+    pub fn new<P: Plant>(
         plant: &P,
         net: &PincNet,
         weights: &LossWeights,
         workers: &Workers,
     ) -> Self {
-        let engine = workers.isa.dispatch(Build { plant, net, weights, workers });
+        Self::of_velocity(AnyVelocity::new(plant, workers.isa), net, weights, workers)
+    }
+
+    /// Not generic, so that the kernel is compiled here.
+    fn of_velocity(
+        velocity: AnyVelocity,
+        net: &PincNet,
+        weights: &LossWeights,
+        workers: &Workers,
+    ) -> Self {
+        let engine = workers.isa.dispatch(Build { velocity, net, weights, workers });
         Self { engine }
     }
 
@@ -67,9 +78,9 @@ impl BatchLoss {
         self.engine.set_points(collocation, initial);
     }
 
-    /// Replaces the measurements.
-    pub fn set_measurements(&mut self, measurements: &Measurements) {
-        self.engine.set_measurements(measurements);
+    /// Replaces the measurements, and the weight of their term.
+    pub fn set_measurements(&mut self, measurements: &Measurements, weight: f64) {
+        self.engine.set_measurements(measurements, weight);
     }
 
     /// The loss at `parameters`.
@@ -109,24 +120,24 @@ impl BatchLoss {
 /// What [`BatchLoss`] does, whatever the vector type and the plant.
 trait Engine: Debug + Send {
     fn set_points(&mut self, collocation: &Points, initial: &Points);
-    fn set_measurements(&mut self, measurements: &Measurements);
+    fn set_measurements(&mut self, measurements: &Measurements, weight: f64);
     fn evaluate(&mut self, parameters: &[f64], gradient: Option<&mut [f64]>) -> LossTerms;
     fn normal_matrix(&mut self, parameters: &[f64], out: MatMut<'_, f64>);
 }
 
 /// Makes the engine for the vector type of the instruction set.
-struct Build<'a, P> {
-    plant: &'a P,
+struct Build<'a> {
+    velocity: AnyVelocity,
     net: &'a PincNet,
     weights: &'a LossWeights,
     workers: &'a Workers,
 }
 
-impl<P: Plant + 'static> Task for Build<'_, P> {
+impl Task for Build<'_> {
     type Output = Box<dyn Engine>;
 
     fn run<V: Simd>(self, zero: V) -> Box<dyn Engine> {
-        let Self { plant, net, weights, workers } = self;
+        let Self { velocity, net, weights, workers } = self;
         let pool = Arc::clone(&workers.pool);
         let dims = net.dims();
         let workspace = || Mutex::new(Workspace::new(&net.mlp, dims, zero));
@@ -135,7 +146,7 @@ impl<P: Plant + 'static> Task for Build<'_, P> {
             layers: net.mlp.layers().map(|l| PackedLayer::new(l, V::ROWS)).collect(),
             input: net.input.clone(),
             physics: Physics {
-                plant: Box::new(plant.clone()),
+                plant: velocity.on(),
                 ansatz: net.ansatz,
                 horizon_s: net.horizon_s,
                 output: net.output.clone(),
@@ -143,7 +154,7 @@ impl<P: Plant + 'static> Task for Build<'_, P> {
                 initial_scale: weights.initial_scale.clone(),
             },
             lambda: weights.lambda,
-            measured: weights.measured,
+            measured: 0.0,
             sets: Vec::new(),
             parameters: net.mlp.parameters().len(),
             blocks: Vec::new(),
@@ -241,7 +252,8 @@ impl<V: Simd> Engine for LaneEngine<V> {
         self.divide();
     }
 
-    fn set_measurements(&mut self, measurements: &Measurements) {
+    fn set_measurements(&mut self, measurements: &Measurements, weight: f64) {
+        self.measured = weight;
         let measured = |k: usize, state: usize| measurements.state(k)[state];
         let panels = Panels::aimed(measurements.points(), measured, self.dims, self.zero);
         self.replace(Term::Measured, panels);

@@ -1,6 +1,7 @@
 //! Where trajectories really go, against the training domain: the validation's scenarios, the free run,
 //! and the closed loop with RK4 as the model.
 
+use super::super::control;
 use super::steady::Point;
 use super::{Finding, Subject, short};
 use crate::spec::Experiment;
@@ -90,7 +91,7 @@ fn uses(subject: &Subject<'_>, findings: &mut Vec<Finding>) -> Vec<(&'static str
         uses.push(("the free run of [prediction]", simulate(subject, &run, findings)));
     }
     if let (Some(control), Some(horizon_s)) = (control, subject.experiment.horizon_s()) {
-        match subject.plant.controlled(control, horizon_s) {
+        match control::rehearse(subject.plant, control, horizon_s) {
             Ok(trace) => {
                 let mut extent = Extent::default();
                 for i in 0..trace.len() {
@@ -118,10 +119,11 @@ fn simulate(subject: &Subject<'_>, runs: &[Scenario], findings: &mut Vec<Finding
     let mut first = None;
     'runs: for (start, inputs) in runs {
         let mut x = start.clone();
+        let mut truth = subject.plant.truth(TOLERANCE);
         for u in inputs {
             extent.add(x.iter().chain(u).copied());
             for _ in 0..SAMPLES {
-                if let Err(error) = subject.plant.integrate(&mut x, u, part, TOLERANCE) {
+                if let Err(error) = truth.integrate(&mut x, u, part) {
                     broken += 1;
                     first.get_or_insert((Point { x: x.clone(), u: u.clone() }, error));
                     continue 'runs;

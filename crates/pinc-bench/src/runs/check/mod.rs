@@ -5,7 +5,6 @@
 mod bounds;
 mod data;
 mod derivatives;
-mod dynamics;
 mod excursions;
 mod finding;
 mod gain;
@@ -20,10 +19,8 @@ mod tests;
 
 pub use finding::{Finding, Severity};
 
-use crate::registry::PlantTask;
 use crate::spec::Experiment;
-use dynamics::Dynamics;
-use pinc_ode::Plant;
+use crate::system::System;
 use region::Region;
 use steady::{Hold, Point};
 
@@ -47,7 +44,7 @@ const EXAMINATIONS: [Examination; 9] = [
 /// training domain, or else within the controller's bounds.
 #[must_use]
 pub fn check(experiment: &Experiment) -> Vec<Finding> {
-    experiment.plant.with(Check { experiment })
+    examine(&*experiment.plant.system(), experiment)
 }
 
 /// The findings as JSON text: a list of objects with the fields of [`Finding`].
@@ -60,19 +57,7 @@ pub fn findings_json(findings: &[Finding]) -> String {
     serde_json::to_string_pretty(findings).expect("words can be JSON")
 }
 
-struct Check<'a> {
-    experiment: &'a Experiment,
-}
-
-impl PlantTask for Check<'_> {
-    type Output = Vec<Finding>;
-
-    fn run<P: Plant + 'static>(self, plant: P) -> Vec<Finding> {
-        examine(&plant, self.experiment)
-    }
-}
-
-fn examine(plant: &dyn Dynamics, experiment: &Experiment) -> Vec<Finding> {
+fn examine(plant: &dyn System, experiment: &Experiment) -> Vec<Finding> {
     let Some(region) = Region::of(experiment, plant.dims()) else {
         return vec![
             Finding::warning("", "no [domain] and no [control]: nothing to look at")
@@ -86,7 +71,7 @@ fn examine(plant: &dyn Dynamics, experiment: &Experiment) -> Vec<Finding> {
 
 /// What is examined.
 struct Subject<'a> {
-    plant: &'a dyn Dynamics,
+    plant: &'a dyn System,
     experiment: &'a Experiment,
     region: Region,
     /// Where each of the controller's references can be held.
@@ -96,7 +81,7 @@ struct Subject<'a> {
 }
 
 impl<'a> Subject<'a> {
-    fn new(plant: &'a dyn Dynamics, experiment: &'a Experiment, region: Region) -> Self {
+    fn new(plant: &'a dyn System, experiment: &'a Experiment, region: Region) -> Self {
         let mut subject = Self { plant, experiment, region, holds: Vec::new(), centre: None };
         subject.holds = steady::holds(&subject);
         subject.centre = steady::of_centre(&subject);

@@ -89,9 +89,10 @@ struct Samples(Vec<(Vec<f64>, Vec<f64>, Vec<f64>)>);
 impl Samples {
     fn draw(subject: &Subject<'_>, horizon_s: f64) -> Self {
         let points = subject.region.points(subject.experiment.seed).take(POINTS);
+        let mut truth = subject.plant.truth(TOLERANCE);
         let samples = points.filter_map(|point| {
             let mut end = point.x.clone();
-            subject.plant.integrate(&mut end, &point.u, horizon_s, TOLERANCE).ok()?;
+            truth.integrate(&mut end, &point.u, horizon_s).ok()?;
             Some((point.x, point.u, end))
         });
         Self(samples.collect())
