@@ -1,0 +1,108 @@
+//! From an equation to a net to the controller, with the libraries alone: the plant of the README, its net as
+//! the model, and RK4 beside it.
+//!
+//! `cargo run --release -p pinc-bench --example 01_net_in_the_loop`
+#![expect(clippy::print_stdout, reason = "an example shows what it computes")]
+
+use pinc_ad::Scalar;
+use pinc_mpc::{Bounds, ClosedLoop, Nmpc, NmpcProblem, Reference, SqpConfig, SqpStatus, Weights};
+use pinc_net::optim::{OptimizerConfig, SelfScaledBroydenConfig};
+use pinc_net::{
+    Ansatz, Domain, InitialScale, Keep, NetConfig, NetError, Phase, PincNet, PincPredictor,
+    Progress, ResidualScale, Sampler, Trainer, TrainingConfig, ValidationConfig, ValidationSet,
+};
+use pinc_ode::{Adaptive, Plant, Predictor, Rk4, Variable};
+use std::error::Error;
+
+/// A cart with quadratic drag, pushed by a force: v' = u - v^2.
+#[derive(Clone, Debug)]
+struct Cart;
+
+impl Plant for Cart {
+    fn states(&self) -> &[Variable] {
+        static STATES: [Variable; 1] = [Variable::new("v", "m/s")];
+        &STATES
+    }
+
+    fn inputs(&self) -> &[Variable] {
+        static INPUTS: [Variable; 1] = [Variable::new("u", "N/kg")];
+        &INPUTS
+    }
+
+    #[inline(always)]
+    fn rhs<S: Scalar>(&self, x: &[S], u: &[S], dx: &mut [S]) {
+        dx[0] = u[0] - x[0] * x[0];
+    }
+}
+
+/// A net for steps of 0.5 s, from the equation alone.
+fn trained() -> Result<PincNet, NetError> {
+    let domain = Domain {
+        state_low: vec![0.0],
+        state_high: vec![2.0],
+        input_low: vec![0.0],
+        input_high: vec![2.0],
+    };
+    let net = NetConfig {
+        horizon_s: 0.5,
+        hidden_layers: 2,
+        neurons: 10,
+        ansatz: Ansatz::HardLinear,
+        time_only: None,
+    };
+    let optimizer = OptimizerConfig::SelfScaledBroyden(SelfScaledBroydenConfig {
+        initial_step: 0.1,
+        gradient_tolerance: 1e-14,
+    });
+    let training = TrainingConfig {
+        sampler: Sampler::Sobol,
+        collocation_points: 256,
+        initial_points: 1,
+        lambda: 1.0,
+        residual_scale: ResidualScale::Normalized,
+        initial_scale: InitialScale::Normalized,
+        phases: vec![Phase { optimizer, iterations: 600, restore_best: false }],
+        growth: None,
+        validation_every: 200,
+        keep: Keep::Best,
+        target_one_step_rms: None,
+    };
+    let scenarios = ValidationConfig {
+        scenarios: 2,
+        duration_s: 5.0,
+        subintervals: 1,
+        domain: domain.clone(),
+        tolerance: 1e-10,
+        one_step_points: 100,
+    };
+    let validation = ValidationSet::generate(&Cart, net.horizon_s, &scenarios, 1)?;
+    let mut trainer = Trainer::new(Cart, &net, &domain, &training, validation, 0, 1)?;
+    while let Progress::Iterated(_) = trainer.step()? {
+        if trainer.validation_due() {
+            println!("error of a step: {:.1e} m/s", trainer.validate().one_step_mse.sqrt());
+        }
+    }
+    Ok(trainer.net())
+}
+
+/// The IAE at the steps of a loop with this model: from rest to 1 m/s, then to 0.5 m/s.
+fn iae(model: Box<dyn Predictor>) -> Result<f64, Box<dyn Error>> {
+    let problem = NmpcProblem {
+        input_bounds: Bounds { low: vec![0.0], high: vec![2.0] },
+        ..NmpcProblem::new(model.dims(), 5, Weights::uniform(vec![10.0], vec![1.0]))
+    };
+    let mut nmpc = Nmpc::new(problem, model, SqpConfig::default())?;
+    let reference = Reference::new([[1.0; 20], [0.5; 20]].concat(), 1)?;
+    let mut run = ClosedLoop::new(&mut nmpc, Adaptive::new(Cart, 1e-10), reference, &[0.0])?;
+    run.run()?;
+    assert!(run.steps().iter().all(|step| step.status == SqpStatus::Converged));
+    Ok(run.tracking_at_steps().iae_mean())
+}
+
+pub(crate) fn main() -> Result<(), Box<dyn Error>> {
+    let with_net = iae(Box::new(PincPredictor::new(&trained()?)))?;
+    let with_rk4 = iae(Box::new(Rk4::new(Cart, 0.5, 4)))?;
+    println!("IAE {with_net:.5} with the net, {with_rk4:.5} with RK4");
+    assert!((with_net / with_rk4 - 1.0).abs() < 1e-2);
+    Ok(())
+}

@@ -1,0 +1,36 @@
+//! A net over a horizon longer than its T: step after step, each from where the last one led, under an
+//! input that changes.
+//!
+//! `cargo run --release -p pinc-net --example 02_long_horizon`
+#![expect(clippy::print_stdout, reason = "an example shows what it computes")]
+
+#[path = "01_train.rs"]
+#[expect(dead_code, reason = "its `main` is not needed")]
+mod train;
+
+use pinc_net::PincPredictor;
+use pinc_ode::{Adaptive, Predictor, Signal, VanDerPol};
+use std::error::Error;
+
+pub(crate) fn main() -> Result<(), Box<dyn Error>> {
+    let net = train::trained()?;
+    let mut model = PincPredictor::new(&net);
+    let mut plant = Adaptive::new(VanDerPol::default(), 1e-10);
+    let input = Signal::new(vec![0.0, 2.0, 4.0], vec![vec![0.5], vec![-0.5], vec![0.8]])?;
+
+    let (mut x, mut truth) = ([1.0, 0.0], [1.0, 0.0]);
+    let mut next = [0.0; 2];
+    for k in 0..12 {
+        let t = f64::from(k) * model.horizon_s();
+        // Between the steps the net has a value for any time.
+        let halfway = net.evaluate(0.5 * model.horizon_s(), &x, input.at(t));
+        model.predict(&x, input.at(t), &mut next);
+        plant.integrate(&mut truth, input.at(t), model.horizon_s())?;
+        println!("t {t:3.1} s: halfway {halfway:7.4?}, then {next:7.4?}, truth {truth:7.4?}");
+        x = next;
+    }
+    let error = (x[0] - truth[0]).hypot(x[1] - truth[1]);
+    println!("after 12 steps the net is off by {error:.1e}");
+    assert!(error < 5e-2);
+    Ok(())
+}

@@ -1,0 +1,23 @@
+//! The examples run to their end; what they assert holds.
+
+#[path = "../examples/02_integrators.rs"]
+mod integrators;
+#[path = "../examples/03_linearise.rs"]
+mod linearise;
+#[path = "../examples/01_own_plant.rs"]
+mod own_plant;
+
+#[test]
+fn an_own_plant() {
+    own_plant::main().unwrap();
+}
+
+#[test]
+fn integrators_compared() {
+    integrators::main().unwrap();
+}
+
+#[test]
+fn a_model_linearised() {
+    linearise::main();
+}
