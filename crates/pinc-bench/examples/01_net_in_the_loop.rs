@@ -76,7 +76,7 @@ fn trained() -> Result<PincNet, NetError> {
         one_step_points: 100,
     };
     let validation = ValidationSet::generate(&Cart, net.horizon_s, &scenarios, 1)?;
-    let mut trainer = Trainer::new(Cart, &net, &domain, &training, validation, 0, 1)?;
+    let mut trainer = Trainer::new(&Cart, &net, &domain, &training, validation, 0, 1)?;
     while let Progress::Iterated(_) = trainer.step()? {
         if trainer.validation_due() {
             println!("error of a step: {:.1e} m/s", trainer.validate().one_step_mse.sqrt());

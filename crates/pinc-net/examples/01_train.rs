@@ -69,7 +69,7 @@ pub(crate) fn validation(plant: &VanDerPol) -> Result<ValidationSet, NetError> {
 pub(crate) fn trained() -> Result<PincNet, NetError> {
     let plant = VanDerPol::default();
     let validation = validation(&plant)?;
-    let mut trainer = Trainer::new(plant, &net(), &domain(), &training(), validation, 0, 1)?;
+    let mut trainer = Trainer::new(&plant, &net(), &domain(), &training(), validation, 0, 1)?;
     while let Progress::Iterated(record) = trainer.step()? {
         if trainer.validation_due() {
             let rms = trainer.validate().one_step_mse.sqrt();

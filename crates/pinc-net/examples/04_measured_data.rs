@@ -34,7 +34,7 @@ fn fit(measured: Option<&Measurements>) -> Result<PincNet, Box<dyn Error>> {
     let validation = train::validation(&wrong)?;
     let training = TrainingConfig { keep: Keep::Last, ..train::training() };
     let mut trainer =
-        Trainer::new(wrong, &train::net(), &train::domain(), &training, validation, 0, 1)?;
+        Trainer::new(&wrong, &train::net(), &train::domain(), &training, validation, 0, 1)?;
     if let Some(measured) = measured {
         trainer = trainer.with_measurements(measured, 100.0)?;
     }

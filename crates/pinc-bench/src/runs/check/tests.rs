@@ -13,11 +13,13 @@ enum Test {
     Sqrt,
     /// x1' = 1 / x1 - u, x2' = -x2: infinite at 0 only.
     Division,
+    /// x1' = u - 1 / (1 / x1), x2' = -x2: like u - x1, with derivatives that are not finite at 0.
+    Reciprocal,
     /// x1' = -1000 (x1 - u), x2' = x1 - x2.
     Stiff,
     /// x1' = u, x2' = x1 - x2.
     Integrator,
-    /// x1' = u - x1, x2' = -x2: the input does not reach x2.
+    /// x1' = u - x1, x2' = 1 - x2: the input does not reach x2.
     Unreached,
     /// x1' = -x1 + u, x2' = 1 + x1^2: nothing is ever at rest.
     Restless,
@@ -29,6 +31,8 @@ enum Test {
     Slow,
     /// x1' = x2, x2' = u - x1 - x2.
     Damped,
+    /// x1' = u + x1, x2' = x1 - x2.
+    Unstable,
 }
 
 impl Plant for Test {
@@ -48,20 +52,22 @@ impl Plant for Test {
         [dx[0], dx[1]] = match self {
             Self::Sqrt => [u - x1.sqrt(), x1 - x2],
             Self::Division => [one / x1 - u, -x2],
+            Self::Reciprocal => [u - one / (one / x1), -x2],
             Self::Stiff => [(u - x1) * 1000.0, x1 - x2],
             Self::Integrator => [u, x1 - x2],
-            Self::Unreached => [u - x1, -x2],
+            Self::Unreached => [u - x1, one - x2],
             Self::Restless => [u - x1, one + x1 * x1],
             Self::Explosive => [x1 * x1 + u, -x2],
             Self::Nonminimum => [u - x1, x1 * 2.0 - u - x2],
             Self::Slow => [(u - x1) * 0.001, (x1 - x2) * 0.002],
             Self::Damped => [x2, u - x1 - x2],
+            Self::Unstable => [u + x1, x1 - x2],
         };
     }
 }
 
-/// A config with a domain and a closed loop for x1, changed by `sets`.
-fn experiment(sets: &[&str]) -> Experiment {
+/// A config with a domain and a closed loop for x1, changed by `sets`, and `more` sections.
+fn experiment(sets: &[&str], more: &str) -> Experiment {
     let text = r#"
         name = "test"
         preset = "ours"
@@ -88,11 +94,15 @@ fn experiment(sets: &[&str]) -> Experiment {
         references = [{ start_s = 0.0, value = [0.5] }]
     "#;
     let sets: Vec<_> = sets.iter().map(|set| (*set).to_owned()).collect();
-    Experiment::parse("test.toml".as_ref(), text, &sets).unwrap()
+    Experiment::parse("test.toml".as_ref(), &format!("{text}\n{more}"), &sets).unwrap()
 }
 
 fn findings(plant: Test, sets: &[&str]) -> Vec<Finding> {
-    examine(&plant, &experiment(sets))
+    findings_with(plant, sets, "")
+}
+
+fn findings_with(plant: Test, sets: &[&str], more: &str) -> Vec<Finding> {
+    examine(&plant, &experiment(sets, more))
 }
 
 /// Checks that there is a finding of this severity with this place and text, and that it says why and what
@@ -117,6 +127,14 @@ fn a_function_that_is_not_defined_in_the_domain() {
     assert_found(&found, Error, "plant", "random points); from the middle");
     let found = findings(Test::Division, &[]);
     assert_found(&found, Warning, "plant", "x1' is inf at x1 = 0");
+    let found = findings(Test::Reciprocal, &[]);
+    assert_found(&found, Warning, "plant", "the derivative of x1' in x1 is NaN at x1 = 0");
+}
+
+#[test]
+fn a_steady_state_without_derivatives() {
+    let found = findings(Test::Reciprocal, &["control.references.0.value=[0.0]"]);
+    assert_found(&found, Warning, "references[0]", "the derivatives are not finite there");
 }
 
 #[test]
@@ -139,8 +157,24 @@ fn steady_states_and_their_modes() {
     assert_found(&found, Fact, "", "2 states: x1, x2; 1 inputs: u");
     assert_found(&found, Fact, "references[0]", "singular values 1, rank 1");
     assert_found(&found, Fact, "domain", "trajectories stay in the training domain");
+    assert_found(
+        &found,
+        Fact,
+        "",
+        "at 1000 random points of the training domain; there |x1'| <= 1.9",
+    );
+    assert_found(&found, Fact, "", "start and references are within the bounds");
+    assert_found(&found, Fact, "", "no transmission zeros");
+    assert_found(&found, Fact, "", "rms error of one step of RK4 by substeps: 1: ");
+    assert_found(
+        &found,
+        Fact,
+        "",
+        "T = 0.5 s: RK4 has an rms error of 1e-4 of the region's width with 1 substeps",
+    );
     assert!(found.iter().all(|f| f.severity == Fact), "{found:?}");
     assert_found(&findings(Test::Restless, &[]), Fact, "", "no steady state was found");
+    assert_found(&findings(Test::Unstable, &[]), Fact, "", "1.0000 1/s (doubles in 0.693 s)");
     assert_found(&findings(Test::Integrator, &[]), Fact, "", "neither grows nor decays");
     assert_found(&findings(Test::Integrator, &[]), Fact, "", "the plant integrates");
 }
@@ -150,6 +184,10 @@ fn steps_and_horizons_against_the_modes() {
     let found = findings(Test::Stiff, &[]);
     assert_found(&found, Warning, "references[0]", "stiff: the fastest mode times T is 500");
     assert_found(&found, Warning, "control.rk4_substeps", "with 4 substeps RK4 is wrong by");
+    let found = findings(Test::Stiff, &["control.step_s=50.0", "control.duration_s=50.0"]);
+    assert_found(&found, Fact, "", "1e-6 of it not with 1024 substeps");
+    let change = |f: &Finding| f.change == "rk4_substeps = more than 1024";
+    assert!(found.iter().any(change), "{found:?}");
     let found = findings(Test::Damped, &["control.step_s=5.0", "control.duration_s=50.0"]);
     assert_found(&found, Warning, "references[0]", "T = 5 s is 5 times the slowest time constant");
     let found = findings(Test::Slow, &[]);
@@ -161,7 +199,7 @@ fn outputs_out_of_reach() {
     let sets = ["control.controlled=[\"x2\"]"];
     let found = findings(Test::Unreached, &sets);
     assert_found(&found, Warning, "references[0]", "x2 = 0.5 is no steady state, with any input");
-    let sets = ["control.controlled=[\"x2\"]", "control.references.0.value=[0.0]"];
+    let sets = ["control.controlled=[\"x2\"]", "control.references.0.value=[1.0]"];
     let found = findings(Test::Unreached, &sets);
     assert_found(&found, Warning, "", "rank 0: singular");
     assert_found(&found, Warning, "", "do not respond independently at any frequency");
@@ -216,6 +254,57 @@ fn a_plant_that_breaks_off() {
     let found = findings(Test::Explosive, &sets);
     assert_found(&found, Warning, "domain", "the plant breaks off within T from");
     assert_found(&found, Error, "control", "with RK4 as the model");
+}
+
+/// A free run from x1 = 1.9, and scenarios from there on.
+const FREE: &str = r#"
+    [prediction]
+    duration_s = 2.0
+    initial_state = [1.9, 0.0]
+    input_low = [0.5]
+    input_high = [1.0]
+    [validation]
+    duration_s = 2.0
+    domain = { state_low = [1.5, 0.0], state_high = [1.9, 0.1], input_low = [0.5], input_high = [1.0] }
+"#;
+
+#[test]
+fn free_runs_that_leave_the_domain_or_break_off() {
+    let found = findings_with(Test::Damped, &["domain.state_high=[1.2, 2.0]"], FREE);
+    assert_found(&found, Warning, "domain", "the free run of [prediction]: x1 goes up to 1.9");
+    assert_found(&found, Warning, "domain", "the validation's scenarios: x1 goes up to");
+    let found = findings_with(Test::Explosive, &[], FREE);
+    assert_found(
+        &found,
+        Error,
+        "plant",
+        "the plant breaks off in 1 of 1 free runs, the first at x1",
+    );
+    assert_found(&found, Error, "plant", "the plant breaks off in 10 of 10 free runs");
+}
+
+/// The findings on `[data]` with one file of these steps.
+fn on_measurements(steps: &str, held_out: bool) -> Vec<Finding> {
+    let dir = tempfile::tempdir().unwrap();
+    let file = dir.path().join("m.csv");
+    std::fs::write(&file, format!("x1_0,x2_0,u,t,x1,x2\n{steps}")).unwrap();
+    let held_out = if held_out { format!("held_out = [{file:?}]") } else { String::new() };
+    let model = "[model]\nhorizon_s = 0.5\nhidden_layers = 1\nneurons = 4\n[training]";
+    let data = format!("[data]\nfiles = [{file:?}]\n{held_out}");
+    findings_with(Test::Damped, &[], &format!("{FREE}\n{model}\n{data}"))
+}
+
+#[test]
+fn measurements_inside_the_domain_outside_of_it_and_unreadable() {
+    let found = on_measurements("1,0,0.5,0.5,0.8,\n-1,0.5,0,0.25,0.1,0.8\n", true);
+    assert_found(&found, Fact, "data.files", "3 measured values at 2 points (t, y0, u)");
+    assert_found(&found, Fact, "data.held_out", "3 measured values at 2 points (t, y0, u)");
+    let found = on_measurements("1,0,0.5,0.5,0.8,\n-1,2.5,0,0.25,0.1,0.8\n", false);
+    assert_found(&found, Warning, "data.files", "1 of 2 points lie outside the training domain");
+    assert_found(&found, Warning, "data.held_out", "no measurements are held out");
+    let found = on_measurements("1,0,0.5,0.5,much,\n", true);
+    assert_found(&found, Error, "data.files", "m.csv:2: column `x1`: `much` given");
+    assert_found(&found, Error, "data.held_out", "m.csv:2: column `x1`: `much` given");
 }
 
 #[test]
