@@ -153,8 +153,9 @@ pub trait Scalar:
     }
 
     /// Runs `work`, compiled for the instruction set that this kind of number needs. Code over numbers
-    /// that is too long to be inlined at each of its places goes through here.
-    #[inline(always)]
+    /// that is too long to be inlined at each of its places goes through here: it is compiled once per kind
+    /// of number.
+    #[inline(never)]
     fn vectorize<W: Work>(self, work: W) -> W::Output {
         work.run()
     }
