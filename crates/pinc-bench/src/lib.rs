@@ -1,10 +1,10 @@
-//! Experiments with PINC: configs, runs and their results. The `pinc` program is a thin shell around
-//! this library.
+//! Experiments with PINC: configs, runs and their results, and the program `pinc`.
 //!
 //! - [`Experiment`]: a config file, resolved and checked ([`spec`] has its parts).
 //! - [`run`], [`train`], [`control`], [`predict`], [`check`], [`rebuild_report`]: what the program does.
 //! - [`sweep()`], [`merge`]: an experiment many times over.
 //! - [`bench()`]: measurements of the machine.
+//! - [`program`]: the command line; with [`Plants`] of your own, a `pinc` that knows them.
 //! - [`Record`]: the results of a run, in its directory; [`Provenance`]: where they come from.
 //!
 //! ```
@@ -34,9 +34,11 @@
 //! This is the only crate of the project that opens files, writes to the terminal and reads a clock.
 
 mod bench;
+mod cli;
 pub mod console;
 mod error;
 mod paper;
+mod plants;
 mod presets;
 mod progress;
 mod provenance;
@@ -52,8 +54,10 @@ mod system;
 pub use bench::{
     BenchOptions, BenchReport, FmaPeak, LossGradient, Machine, ModelStep, NmpcTimes, QpTime, bench,
 };
+pub use cli::program;
 pub use error::{BenchError, CheckpointProblem, CsvProblem};
 pub use paper::results;
+pub use plants::Plants;
 pub use presets::Preset;
 pub use progress::Verbosity;
 pub use provenance::Provenance;

@@ -1,5 +1,6 @@
 //! From a `[plant]` section to a concrete plant: the only place that knows them all.
 
+use crate::plants::own;
 use crate::spec::{FourTanksParameters, FourTanksSpec, PlantSpec};
 use crate::system::System;
 use pinc_ode::{
@@ -19,6 +20,10 @@ impl PlantSpec {
             Self::Expression(equations) => Box::new(
                 equations.compile().expect("the equations were compiled when the config was read"),
             ),
+            Self::Own(spec) => {
+                let (name, parameters) = spec.parts().expect("checked when the config was read");
+                own(name, parameters).expect("made when the config was read")
+            }
             Self::HydraulicServo(_) => Box::new(HydraulicServo::default()),
             Self::SingleTrackCar(_) => Box::new(SingleTrackCar::default()),
             Self::TwoLinkArm(_) => Box::new(TwoLinkArm::default()),

@@ -17,7 +17,7 @@ pub use data::DataSpec;
 pub use list::{ListedRun, RunList};
 pub use plant::{
     AcetoneColumnSpec, AcetoneStillSpec, FourTanksParameters, FourTanksSpec, HydraulicServoSpec,
-    OneTankSpec, PlantSpec, SingleTrackCarSpec, TwoLinkArmSpec, VanDerPolSpec,
+    OneTankSpec, OwnPlantSpec, PlantSpec, SingleTrackCarSpec, TwoLinkArmSpec, VanDerPolSpec,
 };
 pub use prediction::PredictionSpec;
 use problem::nearest;

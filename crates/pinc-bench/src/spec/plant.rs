@@ -2,6 +2,8 @@
 
 use pinc_ode::Equations;
 use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+use toml::Table;
 
 /// Which plant, with its parameters.
 ///
@@ -35,12 +37,33 @@ pub enum PlantSpec {
     AcetoneColumn(AcetoneColumnSpec),
     /// A plant whose equations stand in the config.
     Expression(Equations),
+    /// A plant that the program adds to these.
+    Own(OwnPlantSpec),
     /// The electro-hydraulic servo axis.
     HydraulicServo(HydraulicServoSpec),
     /// The car with slipping tyres.
     SingleTrackCar(SingleTrackCarSpec),
     /// The manipulator with two links.
     TwoLinkArm(TwoLinkArmSpec),
+}
+
+/// A plant of the program's own ([`Plants`](crate::Plants)): its name, with its parameters.
+///
+/// ```toml
+/// [plant.own.pendulum]
+/// mass = 1.0
+/// ```
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(transparent)]
+pub struct OwnPlantSpec(BTreeMap<String, Table>);
+
+impl OwnPlantSpec {
+    /// Name and parameters, if there is one plant.
+    pub(crate) fn parts(&self) -> Option<(&str, &Table)> {
+        let mut plants = self.0.iter();
+        let (name, parameters) = plants.next()?;
+        plants.next().is_none().then_some((name, parameters))
+    }
 }
 
 /// Parameters of the Van der Pol oscillator.

@@ -4,8 +4,10 @@ mod control;
 mod values;
 
 use super::{
-    DataSpec, Experiment, ModelKind, PlantSpec, PredictionSpec, Problem, TrainingSpec, nearest,
+    DataSpec, Experiment, ModelKind, OwnPlantSpec, PlantSpec, PredictionSpec, Problem,
+    TrainingSpec, nearest,
 };
+use crate::plants::{self, OwnPlantProblem};
 use crate::registry::Variables;
 use control::closed_loop;
 use pinc_net::{NetError, ResidualScale, Scenario, ValidationConfig};
@@ -133,7 +135,31 @@ fn plant(key: &str, plant: &PlantSpec) -> Finding {
                 Err((key, Problem::Expression { error: Box::new(error), nearest }))
             }
         },
+        PlantSpec::Own(spec) => own_plant(&format!("{key}.own"), spec),
         _ => Ok(()),
+    }
+}
+
+fn own_plant(key: &str, spec: &OwnPlantSpec) -> Finding {
+    let Some((name, parameters)) = spec.parts() else {
+        return value(key, "none or several plants", "one, as [plant.own.pendulum]");
+    };
+    let key = format!("{key}.{name}");
+    match plants::own(name, parameters) {
+        Ok(_) => Ok(()),
+        Err(OwnPlantProblem::Parameters(message)) => {
+            value(&key, format!("unusable parameters ({message})"), "those of the plant's type")
+        }
+        Err(OwnPlantProblem::Unknown(known)) if known.is_empty() => value(
+            &key,
+            "a plant that this program does not know",
+            "a built-in plant, or a program that registers it (pinc_bench::Plants)",
+        ),
+        Err(OwnPlantProblem::Unknown(known)) => value(
+            &key,
+            "a plant that this program does not know",
+            &format!("one of {}", known.join(", ")),
+        ),
     }
 }
 

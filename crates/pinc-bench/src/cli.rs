@@ -1,0 +1,375 @@
+//! The command line.
+
+use crate::spec::RunList;
+use crate::{
+    BenchError, BenchOptions, Experiment, ModelKind, Options, OutsidePolicy, Plants, Record, Shard,
+    Verbosity, console, summary,
+};
+use clap::{Args, Parser, Subcommand};
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+/// Set by Ctrl-C.
+static INTERRUPT: AtomicBool = AtomicBool::new(false);
+
+/// Physics-informed neural nets inside nonlinear model predictive control.
+#[derive(Debug, Parser)]
+#[command(name = "pinc", version, arg_required_else_help = true)]
+struct Cli {
+    #[command(subcommand)]
+    command: Command,
+    /// Show no progress and no results: errors only.
+    #[arg(long, global = true)]
+    quiet: bool,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    /// Run whole experiments: training, validation, free run, closed loops, report.
+    Run {
+        /// Config files, or lists of such (TOML).
+        #[arg(required = true, value_name = "CONFIG")]
+        configs: Vec<PathBuf>,
+        /// Run only a share of a sweep, as 3/8: the third of eight.
+        #[arg(long, value_name = "K/N", value_parser = shard)]
+        shard: Option<Shard>,
+        #[command(flatten)]
+        run: RunArgs,
+    },
+    /// Collect the trials of sweeps of one config, run as shards, in one directory.
+    Merge {
+        /// Directories of the shards.
+        #[arg(required = true, value_name = "DIR")]
+        parts: Vec<PathBuf>,
+        /// Directory to collect them in.
+        #[arg(long, value_name = "DIR")]
+        out: PathBuf,
+    },
+    /// Only train the net.
+    Train {
+        /// Config file (TOML).
+        config: PathBuf,
+        #[command(flatten)]
+        run: RunArgs,
+    },
+    /// Let a trained net run freely under given inputs, from CSV to CSV.
+    Predict {
+        /// Model file (safetensors).
+        #[arg(long)]
+        model: PathBuf,
+        /// Input: columns scenario, t, the inputs, the states.
+        #[arg(long)]
+        inputs: PathBuf,
+        /// Output: the same columns with the predicted states.
+        #[arg(long)]
+        output: PathBuf,
+        /// What to do where the net is asked outside its training domain.
+        #[arg(long, value_enum, default_value = "report")]
+        outside_domain: Outside,
+    },
+    /// Only run the closed loop; trains a net first if it needs one and none is given.
+    Control {
+        /// Config file (TOML).
+        config: PathBuf,
+        /// Model file (safetensors) to use instead of training a net.
+        #[arg(long)]
+        model: Option<PathBuf>,
+        /// Run only one of the config's models.
+        #[arg(long, value_enum)]
+        only: Option<Only>,
+        #[command(flatten)]
+        run: RunArgs,
+    },
+    /// Check a config and examine its plant before anything is trained.
+    Check {
+        /// Config file (TOML).
+        config: PathBuf,
+        /// Print the findings as JSON.
+        #[arg(long)]
+        json: bool,
+        #[command(flatten)]
+        set: SetArgs,
+    },
+    /// Rebuild the report of a finished run.
+    Report {
+        /// Run directory.
+        dir: PathBuf,
+    },
+    /// Print the paper's tables beside what the runs of configs/paper.toml came to, in Markdown.
+    Results {
+        /// Directory of the list's runs.
+        dir: PathBuf,
+    },
+    /// Measure this machine: training kernel, models, controller. Takes about a minute.
+    Bench {
+        /// Print JSON instead of tables.
+        #[arg(long)]
+        json: bool,
+        /// Use small sizes and few repetitions: everything runs, but the times say little.
+        #[arg(long)]
+        quick: bool,
+        /// Only time loss and gradient of the Van der Pol net, and write one evaluation to FILE
+        /// (safetensors), for other programs to compute the same.
+        #[arg(long, value_name = "FILE")]
+        loss_gradient_file: Option<PathBuf>,
+    },
+}
+
+#[derive(Debug, Args)]
+struct RunArgs {
+    /// Run directory, by default `runs/` and the experiment's name; with several configs, the directory
+    /// of theirs.
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    /// Go on with the run in the run directory.
+    #[arg(long)]
+    resume: bool,
+    #[command(flatten)]
+    set: SetArgs,
+}
+
+#[derive(Debug, Args)]
+struct SetArgs {
+    /// Override a value of the config, as training.lambda=0.5 (repeatable).
+    #[arg(long = "set", value_name = "KEY=VALUE")]
+    set: Vec<String>,
+}
+
+/// What to do where a net is asked outside its training domain.
+#[derive(Clone, Copy, Debug, clap::ValueEnum)]
+enum Outside {
+    /// Go on, and say how often and how far.
+    Report,
+    /// End there.
+    Refuse,
+}
+
+/// The model inside the controller.
+#[derive(Clone, Copy, Debug, clap::ValueEnum)]
+enum Only {
+    /// The trained net.
+    Pinc,
+    /// The Runge-Kutta method.
+    Rk4,
+    /// The Rosenbrock method.
+    Rosenbrock,
+}
+
+/// The whole program `pinc`, with `plants` besides the built-in ones.
+///
+/// # Panics
+///
+/// If it is called twice, or after [`Plants::install`].
+#[must_use]
+pub fn program(plants: Plants) -> ExitCode {
+    plants.install();
+    let cli = Cli::parse();
+    tracing_subscriber::fmt()
+        .with_max_level(tracing::Level::WARN)
+        .with_writer(std::io::stderr)
+        .without_time()
+        .init();
+    match execute(&cli) {
+        Ok(code) => code,
+        Err(error) => {
+            console::note(&format!("error: {error}"));
+            ExitCode::from(error.exit_code())
+        }
+    }
+}
+
+fn execute(cli: &Cli) -> Result<ExitCode, BenchError> {
+    let quiet = cli.quiet;
+    match &cli.command {
+        Command::Run { configs, shard, run } => run_all(configs, *shard, run, quiet)?,
+        Command::Merge { parts, out } => {
+            let arguments = arguments();
+            let options = options(true, quiet, &arguments);
+            show(quiet, &summary(&crate::merge(parts, out, &options)?));
+        }
+        Command::Train { config, run } => {
+            run.one(config, quiet, crate::train)?;
+        }
+        Command::Control { config, model, only, run } => {
+            let only = only.map(|only| match only {
+                Only::Pinc => ModelKind::Pinc,
+                Only::Rk4 => ModelKind::Rk4,
+                Only::Rosenbrock => ModelKind::Rosenbrock,
+            });
+            run.one(config, quiet, |experiment, dir, options| {
+                crate::control(experiment, dir, options, model.as_deref(), only)
+            })?;
+        }
+        Command::Predict { model, inputs, output, outside_domain } => {
+            let policy = match outside_domain {
+                Outside::Report => OutsidePolicy::Report,
+                Outside::Refuse => OutsidePolicy::Refuse,
+            };
+            let found = crate::predict(model, inputs, output, policy)?;
+            if found.outside > 0 && !quiet {
+                console::note(&format!("warning: {found}"));
+            }
+        }
+        Command::Check { config, json, set } => return check(config, *json, &set.set),
+        Command::Report { dir } => {
+            let path = crate::rebuild_report(dir)?;
+            show(quiet, &path.display().to_string());
+        }
+        Command::Results { dir } => console::line(crate::results(dir)?.trim_end()),
+        Command::Bench { json, quick, loss_gradient_file } => {
+            let verbosity = if quiet { Verbosity::Quiet } else { Verbosity::Shown };
+            let loss_gradient_file = loss_gradient_file.clone();
+            let options = BenchOptions { quick: *quick, loss_gradient_file, verbosity };
+            let report = crate::bench(&options)?;
+            show(quiet, &if *json { report.to_json() } else { report.to_string() });
+        }
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+/// All configs are read before the first is run, so that a mistake in the last shows at once.
+fn run_all(
+    configs: &[PathBuf],
+    shard: Option<Shard>,
+    run: &RunArgs,
+    quiet: bool,
+) -> Result<(), BenchError> {
+    let mut all = Vec::new();
+    for config in configs {
+        all.extend(run.load(config, configs.len() > 1)?);
+    }
+    let work = |experiment: &Experiment, dir: &Path, options: &Options<'_>| match (
+        &experiment.sweep,
+        shard,
+    ) {
+        (None, None) => crate::run(experiment, dir, options),
+        _ => crate::sweep(experiment, dir, options, shard.unwrap_or(Shard::WHOLE)),
+    };
+    if let [(experiment, dir)] = &all[..] {
+        return run.execute(experiment, dir, quiet, &work);
+    }
+    let mut failed = 0;
+    for (experiment, dir) in &all {
+        match run.execute(experiment, dir, quiet, &work) {
+            Err(error @ BenchError::Interrupted { .. }) => return Err(error),
+            Err(error) => {
+                failed += 1;
+                console::note(&format!("error: {}: {error}", dir.display()));
+            }
+            Ok(()) => {}
+        }
+    }
+    match failed {
+        0 => Ok(()),
+        failed => Err(BenchError::FailedRuns { failed, runs: all.len() }),
+    }
+}
+
+fn check(config: &Path, json: bool, sets: &[String]) -> Result<ExitCode, BenchError> {
+    let experiment = Experiment::load(config, sets)?;
+    let findings = crate::check(&experiment);
+    if json {
+        console::line(&crate::findings_json(&findings));
+    } else {
+        console::line(&format!(
+            "{}: a valid config of {}, preset {}",
+            config.display(),
+            experiment.name,
+            experiment.preset.name()
+        ));
+        for finding in &findings {
+            console::line(&finding.to_string());
+        }
+    }
+    let worst = findings.iter().map(|finding| finding.severity).max();
+    Ok(ExitCode::from(u8::from(worst == Some(crate::Severity::Error))))
+}
+
+impl RunArgs {
+    /// Loads a config and does `work` on it.
+    fn one(
+        &self,
+        config: &Path,
+        quiet: bool,
+        work: impl Fn(&Experiment, &Path, &Options<'_>) -> Result<Record, BenchError>,
+    ) -> Result<(), BenchError> {
+        let experiment = Experiment::load(config, &self.set.set)?;
+        let dir = self.directory(&experiment.name, false);
+        self.execute(&experiment, &dir, quiet, &work)
+    }
+
+    /// The experiments of a file, which is a config or a list of such, with their run directories.
+    fn load(&self, config: &Path, several: bool) -> Result<Vec<(Experiment, PathBuf)>, BenchError> {
+        let sets = &self.set.set;
+        let Some(list) = RunList::load(config)? else {
+            let experiment = Experiment::load(config, sets)?;
+            let dir = self.directory(&experiment.name, several);
+            return Ok(vec![(experiment, dir)]);
+        };
+        let dir = self.directory(&list.name, several);
+        let listed = list.experiments(config, sets)?.into_iter();
+        Ok(listed.map(|(experiment, place)| (experiment, dir.join(place))).collect())
+    }
+
+    /// The directory of the run or list `name`, which may be one of several.
+    fn directory(&self, name: &str, several: bool) -> PathBuf {
+        match &self.out {
+            Some(out) if several => out.join(name),
+            Some(out) => out.clone(),
+            None => Path::new("runs").join(name),
+        }
+    }
+
+    fn execute(
+        &self,
+        experiment: &Experiment,
+        dir: &Path,
+        quiet: bool,
+        work: &impl Fn(&Experiment, &Path, &Options<'_>) -> Result<Record, BenchError>,
+    ) -> Result<(), BenchError> {
+        let arguments = arguments();
+        let options = options(self.resume, quiet, &arguments);
+        let record = work(experiment, dir, &options)?;
+        show(quiet, &summary(&record));
+        Ok(())
+    }
+}
+
+/// The command line without the program's name.
+fn arguments() -> Vec<String> {
+    std::env::args().skip(1).collect()
+}
+
+fn options(resume: bool, quiet: bool, arguments: &[String]) -> Options<'_> {
+    let verbosity = if quiet { Verbosity::Quiet } else { Verbosity::Shown };
+    Options { resume, verbosity, interrupt: catch_interrupts(), arguments }
+}
+
+/// A share of a sweep, written K/N.
+fn shard(text: &str) -> Result<Shard, String> {
+    let parts = text.split_once('/').and_then(|(k, n)| Some((k.parse().ok()?, n.parse().ok()?)));
+    match parts {
+        Some((number, of)) if (1..=of).contains(&number) => Ok(Shard { number, of }),
+        _ => Err("expected K/N with K from 1 to N, as 3/8".to_owned()),
+    }
+}
+
+/// From now on, the first Ctrl-C asks the run to stop, and a second ends the program.
+fn catch_interrupts() -> &'static AtomicBool {
+    // Without a handler (there is one already, or the system has none) Ctrl-C ends the program: the
+    // last checkpoint is then what is left.
+    let _ = ctrlc::set_handler(|| {
+        if INTERRUPT.swap(true, Ordering::Relaxed) {
+            std::process::exit(1);
+        }
+        console::note("stopping after this iteration (once more: at once)");
+    });
+    &INTERRUPT
+}
+
+fn show(quiet: bool, text: &str) {
+    if !quiet {
+        console::line(text);
+    }
+}
