@@ -299,6 +299,27 @@ proptest! {
         all_agree(&qp, &signs)?;
     }
 
+    /// A terminal weight far above all others: multipliers up to 1e7, of which the stage-wise method keeps all digits that
+    /// matter.
+    #[test]
+    fn a_heavy_terminal_weight_does_not_disturb_the_stage_wise_method(
+        coarse in any::<bool>(),
+        (mut qp, mut other) in (programs(false), programs(true)),
+        signs in vec(-1..=1_i8, 60),
+    ) {
+        if coarse {
+            std::mem::swap(&mut qp, &mut other);
+        }
+        let last = qp.q.len() - qp.shape.states.pow(2);
+        qp.q[last..].iter_mut().for_each(|weight| *weight *= 1e6);
+        let mut guess = QpStep::new(qp.shape);
+        let multipliers = guess.multipliers.parts_mut().into_iter().skip(1).flatten();
+        multipliers.zip(&signs).for_each(|(mu, sign)| *mu = f64::from(*sign));
+        let exact = solve(&mut CondensedQp::new(&qp), &qp, &guess, SHARP)?;
+        let found = solve(&mut RiccatiQp::new(&qp), &qp, &guess, SHARP)?;
+        same_inputs(&qp, &exact, &found, 1e-6)?;
+    }
+
     /// Limits moved apart, so that rows contradict each other.
     #[test]
     fn the_methods_agree_on_what_is_infeasible(

@@ -1,6 +1,7 @@
 //! The closed loop: what it samples, how it ends.
 
-use crate::support::{Linear, scalar_problem, van_der_pol};
+use crate::problems::van_der_pol;
+use crate::support::{Linear, scalar_problem};
 use pinc_ad::Scalar;
 use pinc_mpc::{ClosedLoop, MpcError, Nmpc, Reference, SqpConfig, SqpStatus};
 use pinc_ode::metrics::Tracking;

@@ -1,6 +1,7 @@
 //! Optimisations that fail: an honest status, an input within its bounds, and no harm to the next.
 
-use crate::support::{Linear, scalar_problem, van_der_pol};
+use crate::problems::van_der_pol;
+use crate::support::{Linear, scalar_problem};
 use pinc_mpc::{Nmpc, NmpcProblem, SqpConfig, SqpStatus};
 use pinc_ode::{Dims, Predictor, Rk4, VanDerPol};
 use std::sync::Arc;

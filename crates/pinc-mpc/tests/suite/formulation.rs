@@ -1,7 +1,8 @@
 //! What the problem may ask beyond the paper's experiments: h and g, increments, delays, soft bounds,
 //! full weights.
 
-use crate::support::{Linear, scalar_problem, van_der_pol};
+use crate::problems::van_der_pol;
+use crate::support::{Linear, scalar_problem};
 use pinc_ad::Scalar;
 use pinc_mpc::{
     Bounds, Constraints, Nmpc, NmpcProblem, QpMethod, Softness, SqpConfig, SqpStatus,

@@ -1,6 +1,7 @@
 //! The controller against answers known by other means: formulas for linear models, an
 //! independent assembly of the KKT conditions, and what must happen when things go wrong.
 
+mod agreement;
 mod closed_loop;
 mod failures;
 mod formulation;
@@ -8,5 +9,8 @@ mod kkt;
 mod linear;
 mod methods;
 mod misuse;
+mod optimality;
+mod problems;
 mod random;
 mod support;
+mod survey;

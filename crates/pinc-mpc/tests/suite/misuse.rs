@@ -1,6 +1,7 @@
 //! Parts that do not fit together are errors that name the field.
 
-use crate::support::{Linear, four_tanks, scalar_problem, van_der_pol};
+use crate::problems::{four_tanks, van_der_pol};
+use crate::support::{Linear, scalar_problem};
 use pinc_mpc::{Bounds, MpcError, Nmpc, NmpcProblem, Profile, SqpConfig, SqpStatus, Weights};
 use pinc_ode::{Rk4, VanDerPol};
 

@@ -1,154 +1,14 @@
-//! Random states and references on both plants, feasible or not, with deadlines and models that fail:
-//! an input within its bounds each time, and a status that is true.
-//!
-//! `PINC_RANDOM_STEPS=100000 cargo test --release -p pinc-mpc --test suite random` takes so many steps
-//! per plant.
+//! Both plants from random states, with RK4 as the model.
 
-use crate::kkt::{Asked, residuals, scale};
-use crate::support::{four_tanks, van_der_pol};
-use pinc_mpc::{Nmpc, NmpcProblem, SqpConfig, SqpStatus};
-use pinc_ode::{Dims, FourTanks, Plant, Predictor, Rk4, VanDerPol};
-use std::collections::BTreeMap;
-use std::sync::Arc;
-use std::sync::atomic::{AtomicU64, Ordering};
-
-/// Steps per plant, unless the environment says otherwise.
-const STEPS: usize = 2000;
-
-/// Numbers in [0, 1) from a multiplicative congruence, of which the high bits are used (multiplier:
-/// Steele and Vigna, Softw. Pract. Exper. 52 (2022)).
-struct Stream(u64);
-
-impl Stream {
-    fn bits(&mut self) -> u64 {
-        self.0 = self.0.wrapping_mul(0xd134_2543_de82_ef95).wrapping_add(1);
-        self.0 >> 11
-    }
-
-    fn within(&mut self, [low, high]: [f64; 2]) -> f64 {
-        low + (high - low) * self.bits() as f64 / (1_u64 << 53) as f64
-    }
-
-    fn below(&mut self, n: u64) -> u64 {
-        (self.bits() >> 20) % n
-    }
-}
-
-/// What is wrong with the model.
-const SOUND: u64 = 0;
-const NOT_A_NUMBER: u64 = 1;
-const WRONG: u64 = 2;
-
-/// A model that fails as it is told: with NaN, or with the numbers of quite another one.
-#[derive(Debug)]
-struct Unreliable<M> {
-    model: M,
-    fault: Arc<AtomicU64>,
-}
-
-impl<M: Predictor> Predictor for Unreliable<M> {
-    fn dims(&self) -> Dims {
-        self.model.dims()
-    }
-
-    fn horizon_s(&self) -> f64 {
-        self.model.horizon_s()
-    }
-
-    fn predict(&mut self, x: &[f64], u: &[f64], next: &mut [f64]) {
-        self.model.predict(x, u, next);
-        match self.fault.load(Ordering::Relaxed) {
-            NOT_A_NUMBER => next[0] = f64::NAN,
-            WRONG => next.iter_mut().for_each(|v| *v = 3.0 * (5.0 * *v).sin() + 1e3 * u[0]),
-            _ => {}
-        }
-    }
-
-    fn linearize(&mut self, x: &[f64], u: &[f64], next: &mut [f64], a: &mut [f64], b: &mut [f64]) {
-        self.model.linearize(x, u, next, a, b);
-        match self.fault.load(Ordering::Relaxed) {
-            NOT_A_NUMBER => a[0] = f64::NAN,
-            // Jacobians that do not belong to the values.
-            WRONG => self.predict(x, u, next),
-            _ => {}
-        }
-    }
-}
-
-/// What is drawn: intervals of the states and of the references.
-struct Draw<'a> {
-    states: &'a [[f64; 2]],
-    references: &'a [[f64; 2]],
-}
-
-/// Takes the steps, and counts how they end: those with a sound model and without deadline first, then the
-/// others.
-fn survey<P: Plant>(
-    plant: P,
-    horizon_s: f64,
-    problem: &NmpcProblem,
-    draw: &Draw<'_>,
-) -> [BTreeMap<SqpStatus, usize>; 2] {
-    let mut sound = Rk4::new(plant, horizon_s, 4);
-    let fault = Arc::new(AtomicU64::new(SOUND));
-    let model = Unreliable { model: sound.clone(), fault: Arc::clone(&fault) };
-    let mut nmpc = Nmpc::new(problem.clone(), Box::new(model), SqpConfig::default()).unwrap();
-    let mut stream = Stream(1);
-    let mut seen = [BTreeMap::new(), BTreeMap::new()];
-    let mut previous = vec![0.0; sound.dims().inputs];
-    let steps = std::env::var("PINC_RANDOM_STEPS").map_or(STEPS, |n| n.parse().unwrap());
-    for k in 0..steps {
-        let x: Vec<f64> = draw.states.iter().map(|&range| stream.within(range)).collect();
-        let y: Vec<f64> = draw.references.iter().map(|&range| stream.within(range)).collect();
-        let y = y.repeat(problem.last);
-        // One step in four has a deadline, one in eight each fault.
-        let mut time = if stream.below(4) == 0 { stream.below(4) } else { u64::MAX };
-        let limited = time < u64::MAX;
-        let what = stream.below(8);
-        fault.store(what, Ordering::Relaxed);
-        let mut expired = || {
-            time = time.saturating_sub(1);
-            time == 0
-        };
-        let report = nmpc.step_within(&x, &y, &mut expired).unwrap();
-        let (status, u) = (report.status, report.u.to_vec());
-        let (kkt, violated) = (report.kkt, report.violated);
-        for (c, u) in u.iter().enumerate() {
-            let bounds = problem.input_bounds.low[c]..=problem.input_bounds.high[c];
-            assert!(bounds.contains(u), "step {k}: {u}");
-        }
-        let faultless = !matches!(what, NOT_A_NUMBER | WRONG);
-        *seen[usize::from(limited || !faultless)].entry(status).or_default() += 1;
-        assert!(status != SqpStatus::Converged || kkt.max() <= 1e-8, "step {k}: {kkt:?}");
-        assert!(status != SqpStatus::InfeasibleQp || violated.is_some(), "step {k}");
-        assert!(
-            what != NOT_A_NUMBER || status == SqpStatus::NumericalTrouble,
-            "step {k}: {status}"
-        );
-        if faultless && status == SqpStatus::Converged {
-            let asked = Asked { x: &x, previous: &previous, reference: &y };
-            let [stationarity, dynamics, bounds, products] = residuals(&nmpc, &mut sound, &asked);
-            let s = scale(&nmpc);
-            let found = [stationarity / s, dynamics, bounds, products / s];
-            assert!(found.iter().all(|&r| r <= 1.0001e-8), "step {k}: {found:?}");
-        }
-        previous = u;
-    }
-    seen
-}
-
-/// How many of the steps ended so.
-fn share(seen: &BTreeMap<SqpStatus, usize>, statuses: &[SqpStatus]) -> f64 {
-    let count = |statuses: &mut dyn Iterator<Item = &SqpStatus>| -> f64 {
-        statuses.filter_map(|status| seen.get(status)).sum::<usize>() as f64
-    };
-    count(&mut statuses.iter()) / count(&mut seen.keys())
-}
+use crate::problems::{four_tanks, van_der_pol};
+use crate::survey::{Draw, share, survey};
+use pinc_mpc::SqpStatus;
+use pinc_ode::{FourTanks, Rk4, VanDerPol};
 
 #[test]
 fn van_der_pol_from_anywhere() {
     let draw = Draw { states: &[[-3.0, 3.0]; 2], references: &[[-1.5, 1.5]; 2] };
-    let [usual, _] = survey(VanDerPol::default(), 0.5, &van_der_pol(), &draw);
+    let [usual, _] = survey(Rk4::new(VanDerPol::default(), 0.5, 4), &van_der_pol(), &draw);
     // From most of these states the bounds |x| <= 1 cannot be met in a step.
     assert!(share(&usual, &[SqpStatus::Converged]) > 0.1, "{usual:?}");
     assert!(share(&usual, &[SqpStatus::Converged, SqpStatus::InfeasibleQp]) > 0.99, "{usual:?}");
@@ -159,13 +19,13 @@ fn van_der_pol_from_anywhere() {
 fn four_tanks_from_within_the_bounds() {
     let levels = [[2.0, 20.0], [2.0, 20.0], [0.6, 5.5], [0.6, 5.5]];
     let draw = Draw { states: &levels, references: &[[2.0, 20.0]; 2] };
-    let [usual, _] = survey(FourTanks::antonelo(), 10.0, &four_tanks(), &draw);
+    let [usual, _] = survey(Rk4::new(FourTanks::antonelo(), 10.0, 4), &four_tanks(), &draw);
     assert!(share(&usual, &[SqpStatus::Converged]) > 0.999, "{usual:?}");
 }
 
 #[test]
 fn four_tanks_from_anywhere() {
     let draw = Draw { states: &[[0.1, 20.0]; 4], references: &[[0.0, 22.0]; 2] };
-    let [usual, _] = survey(FourTanks::antonelo(), 10.0, &four_tanks(), &draw);
+    let [usual, _] = survey(Rk4::new(FourTanks::antonelo(), 10.0, 4), &four_tanks(), &draw);
     assert!(share(&usual, &[SqpStatus::Converged, SqpStatus::InfeasibleQp]) > 0.99, "{usual:?}");
 }

@@ -1,6 +1,6 @@
 //! Models and problems that several tests use.
 
-use pinc_mpc::{Bounds, NmpcProblem, Weights};
+use pinc_mpc::{NmpcProblem, Weights};
 use pinc_ode::{Dims, Predictor};
 
 /// x\[k+1\] = A x\[k\] + B u\[k\]
@@ -49,25 +49,4 @@ impl Predictor for Linear {
 pub(crate) fn scalar_problem(last: usize, control: usize) -> NmpcProblem {
     let weights = Weights::uniform(vec![2.0], vec![3.0]);
     NmpcProblem { control, ..NmpcProblem::new(Dims { states: 1, inputs: 1 }, last, weights) }
-}
-
-/// The paper's problem for the Van der Pol oscillator.
-pub(crate) fn van_der_pol() -> NmpcProblem {
-    let weights = Weights::uniform(vec![10.0; 2], vec![1.0]);
-    NmpcProblem {
-        state_bounds: Bounds { low: vec![-1.0; 2], high: vec![1.0; 2] },
-        input_bounds: Bounds { low: vec![-1.0], high: vec![1.0] },
-        ..NmpcProblem::new(Dims { states: 2, inputs: 1 }, 5, weights)
-    }
-}
-
-/// The paper's problem for the four tanks.
-pub(crate) fn four_tanks() -> NmpcProblem {
-    let weights = Weights::uniform(vec![10.0; 2], vec![1.0; 2]);
-    NmpcProblem {
-        controlled: vec![0, 1],
-        state_bounds: Bounds { low: vec![2.0, 2.0, 0.6, 0.6], high: vec![20.0, 20.0, 5.5, 5.5] },
-        input_bounds: Bounds { low: vec![0.0; 2], high: vec![5.0; 2] },
-        ..NmpcProblem::new(Dims { states: 4, inputs: 2 }, 5, weights)
-    }
 }

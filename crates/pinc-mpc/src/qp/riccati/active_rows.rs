@@ -1,14 +1,17 @@
 //! The primal-dual active-set method.
 
-use super::newton::{Newton, largest};
+use super::newton::{Newton, largest, stiffness};
 use super::rows::Rows;
 use crate::qp::Qp;
 
-/// How stiffly active rows are held, relative to the Hessian: D is this many times its largest entry.
-const STIFFNESS: f64 = 1e5;
-
 /// Residuals below this, relative to 1 + the largest number involved, count as 0.
 const TOLERANCE: f64 = 1e-11;
+
+/// The same for the slope, which has to be exact for the inputs to be, where some multipliers are large.
+const SLOPE_TOLERANCE: f64 = 3e-13;
+
+/// What rounding leaves of the gradient, where it cancels against the Hessian times the step.
+const ROUNDING: f64 = 2e-15;
 
 /// How many times the set of active rows may change.
 const CHANGES: usize = 12;
@@ -44,10 +47,9 @@ pub(super) struct ActiveRows {
 
 impl ActiveRows {
     pub(super) fn new(qp: &Qp) -> Self {
-        let largest = qp.q.iter().chain(&qp.r).fold(0.0, |largest: f64, q| largest.max(q.abs()));
         Self {
             roles: vec![Role::Inactive; Rows::new(qp.shape).len()],
-            stiffness: STIFFNESS * if largest > 0.0 { largest } else { 1.0 },
+            stiffness: stiffness(qp),
             factorizations: 0,
         }
     }
@@ -76,18 +78,38 @@ impl ActiveRows {
     pub(super) fn solve(&mut self, qp: &Qp, at: &mut Newton) -> bool {
         self.factorizations = 0;
         for _ in 0..CHANGES {
-            if !self.meet(qp, at) {
-                return false;
-            }
-            if !self.reconsider(qp, at) {
-                return true;
+            match self.meet(qp, at) {
+                Some(true) if !self.reconsider(qp, at) => return true,
+                Some(true) => {}
+                Some(false) if self.release(qp, at) => {}
+                Some(false) | None => return false,
             }
         }
         false
     }
 
-    /// Finds the point at which the held rows are met.
-    fn meet(&mut self, qp: &Qp, at: &mut Newton) -> bool {
+    /// Rows that cannot be met together have multipliers that drift for ever: lets go the one of them whose multiplier
+    /// comes to 0 first, if there is one.
+    fn release(&mut self, qp: &Qp, at: &Newton) -> bool {
+        let mut first = None;
+        let changes = at.moved.iter().zip(&at.terms).map(|(m, t)| self.stiffness * m + t);
+        let rows = self.roles.iter_mut().zip(Rows::limits(qp));
+        for (((role, [low, high, _]), mu), change) in rows.zip(&at.mu).zip(changes) {
+            if let Role::Held { upper, .. } = *role
+                && low < high
+            {
+                let sign = if upper { 1.0 } else { -1.0 };
+                let time = sign * mu / -(sign * change);
+                if sign * change < 0.0 && first.as_ref().is_none_or(|(least, _)| time < *least) {
+                    first = Some((time, role));
+                }
+            }
+        }
+        first.map(|(_, role)| *role = Role::Inactive).is_some()
+    }
+
+    /// Finds the point at which the held rows are met; whether there is one, or `None` if that cannot be told.
+    fn meet(&mut self, qp: &Qp, at: &mut Newton) -> Option<bool> {
         for ((role, weight), mu) in self.roles.iter().zip(&mut at.weights).zip(&mut at.mu) {
             *weight = 0.0;
             match role {
@@ -98,12 +120,12 @@ impl ActiveRows {
         }
         self.factorizations += 1;
         if !at.factor(qp) {
-            return false;
+            return None;
         }
         for _ in 0..STEPS {
             at.residuals(qp);
-            if self.is_met(at) {
-                return true;
+            if self.is_met(qp, at) {
+                return Some(true);
             }
             for ((role, value), term) in self.roles.iter().zip(&at.values).zip(&mut at.terms) {
                 *term = match role {
@@ -121,10 +143,10 @@ impl ActiveRows {
             }
         }
         at.residuals(qp);
-        self.is_met(at)
+        Some(self.is_met(qp, at))
     }
 
-    fn is_met(&self, at: &Newton) -> bool {
+    fn is_met(&self, qp: &Qp, at: &Newton) -> bool {
         let size = 1.0 + largest(&at.lambda).max(largest(&at.mu));
         let extent = 1.0 + largest(&at.d);
         let off = self.roles.iter().zip(&at.values).map(|(role, value)| match role {
@@ -132,7 +154,9 @@ impl ActiveRows {
             _ => 0.0,
         });
         let off = off.fold(largest(&at.defect), f64::max);
-        size.is_finite() && largest(&at.slope) <= TOLERANCE * size && off <= TOLERANCE * extent
+        size.is_finite()
+            && largest(&at.slope) <= SLOPE_TOLERANCE * size + ROUNDING * largest(&qp.gradient)
+            && off <= TOLERANCE * extent
     }
 
     /// Changes the roles that the point contradicts; whether there were any.

@@ -1,6 +1,6 @@
 //! The interior-point method.
 
-use super::newton::{Newton, largest};
+use super::newton::{Newton, largest, stiffness};
 use super::rows::Rows;
 use crate::qp::Qp;
 
@@ -11,11 +11,14 @@ const ITERATIONS: usize = 60;
 /// which grow without limit, allow without loss.
 const TOLERANCE: f64 = 1e-8;
 
+/// The products are not brought below this, so that they do not vanish before the rows are met.
+const LEAST_PRODUCT: f64 = 1e-10;
+
+/// How much more stiffly a row is held than [`stiffness`] says: the iterations are many, and each corrects the last.
+const STIFFNESS: f64 = 1e2;
+
 /// How far towards the boundary a step goes.
 const FRACTION: f64 = 0.995;
-
-/// How stiffly equalities are held, relative to the Hessian.
-const STIFFNESS: f64 = 1e5;
 
 /// Inputs that are farther away than this are not considered when rows are proved to contradict each other.
 const FARTHEST: f64 = 1e5;
@@ -39,8 +42,10 @@ pub(super) enum Ending {
 /// mu + nu = cap,              nu e = tau                  for a soft row
 /// ```
 ///
-/// from which t, e and nu are eliminated: what is left is a weight D = 1 / (t/mu + e/nu) on the row. Equalities that are
-/// hard have no slack; they are met by the method of multipliers.
+/// from which t, e and nu are eliminated: what is left is a weight D = 1 / (t/mu + e/nu + 1/stiffness) on the row. The last
+/// term is that of the proximal method of multipliers (Rockafellar, Math. Oper. Res. 1 (1976)): s C Dd + Dt - De = Dmu /
+/// stiffness - residual. It keeps D from growing without limit, and vanishes with the steps. Equalities that are
+/// hard have no slack; of their weight it is all.
 #[derive(Clone, Debug)]
 pub(super) struct InteriorPoint {
     sides: Vec<Side>,
@@ -63,6 +68,8 @@ struct Side {
     t: f64,
     mu: f64,
     e: f64,
+    /// 1 / stiffness
+    compliance: f64,
     /// The residual of the first line.
     off: f64,
     dt: f64,
@@ -71,7 +78,7 @@ struct Side {
 }
 
 impl Side {
-    fn new(row: usize, sign: f64, limit: f64, cap: f64) -> Self {
+    fn new(row: usize, sign: f64, limit: f64, cap: f64, compliance: f64) -> Self {
         let bound = sign * limit;
         let zero = 0.0;
         Self {
@@ -82,6 +89,7 @@ impl Side {
             t: 1.0,
             mu: 1.0,
             e: 0.0,
+            compliance,
             off: zero,
             dt: zero,
             dmu: zero,
@@ -104,7 +112,7 @@ impl Side {
 
     fn weight(&self) -> f64 {
         let give = if self.soft() { self.e / self.nu() } else { 0.0 };
-        1.0 / (self.t / self.mu + give)
+        1.0 / (self.t / self.mu + give + self.compliance)
     }
 
     /// What the products mu t and nu e should change by, to come to `tau`; the corrector includes what the predictor
@@ -124,7 +132,7 @@ impl Side {
     fn direct(&mut self, moved: f64, products: (f64, f64)) {
         self.dmu = self.weight() * (self.sign * moved + self.term(products));
         self.de = if self.soft() { (products.1 + self.e * self.dmu) / self.nu() } else { 0.0 };
-        self.dt = -self.off - self.sign * moved + self.de;
+        self.dt = -self.off - self.sign * moved + self.de + self.compliance * self.dmu;
     }
 
     /// The longest step, up to `length`, that leaves nothing negative.
@@ -149,12 +157,11 @@ impl Side {
 
 impl InteriorPoint {
     pub(super) fn new(qp: &Qp) -> Self {
-        let largest = qp.q.iter().chain(&qp.r).fold(0.0, |largest: f64, q| largest.max(q.abs()));
         let rows = Rows::new(qp.shape).len();
         Self {
             sides: Vec::with_capacity(2 * rows),
             equalities: Vec::with_capacity(rows),
-            stiffness: STIFFNESS * if largest > 0.0 { largest } else { 1.0 },
+            stiffness: STIFFNESS * stiffness(qp),
             factorizations: 0,
         }
     }
@@ -204,7 +211,7 @@ impl InteriorPoint {
             }
             for (sign, limit) in [(1.0, high), (-1.0, low)] {
                 if limit.is_finite() {
-                    self.sides.push(Side::new(row, sign, limit, cap));
+                    self.sides.push(Side::new(row, sign, limit, cap, 1.0 / self.stiffness));
                 }
             }
         }
@@ -325,7 +332,7 @@ impl InteriorPoint {
             self.direct(qp, at, 0.0, false);
             let gap = |length: f64| self.sides.iter().map(|side| side.gap(length)).sum::<f64>();
             let (before, after) = (gap(0.0), gap(self.longest().min(1.0)));
-            tau = before / pairs * (after / before).powi(3);
+            tau = (before / pairs * (after / before).powi(3)).max(LEAST_PRODUCT);
         }
         self.direct(qp, at, tau, true);
         let length = (FRACTION * self.longest()).min(1.0);

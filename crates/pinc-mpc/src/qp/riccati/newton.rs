@@ -152,6 +152,25 @@ impl Newton {
     }
 }
 
+/// How stiffly active rows are held, between the least and the greatest curvature of the cost in the middle.
+const STIFFNESS: f64 = 1e6;
+
+/// A weight D that holds rows of `qp`: far above the curvatures of its cost, so that the method of multipliers needs few
+/// steps, and not so far above the least of them that this would be lost to rounding.
+pub(super) fn stiffness(qp: &Qp) -> f64 {
+    let Shape { states: n, inputs: m, .. } = qp.shape;
+    let diagonals = [(&qp.q, n), (&qp.r, m)].into_iter().flat_map(|(blocks, size)| {
+        blocks.chunks_exact(size * size).flat_map(move |block| block.iter().step_by(size + 1))
+    });
+    let curvatures = diagonals.filter(|&&curvature| curvature > 0.0);
+    let ends = curvatures.fold(None, |ends, &curvature| {
+        let (least, most) = ends.unwrap_or((curvature, curvature));
+        Some((curvature.min(least), curvature.max(most)))
+    });
+    let (least, most) = ends.unwrap_or((1.0, 1.0));
+    STIFFNESS * (least.max(1e-8 * most) * most).sqrt()
+}
+
 /// The largest absolute value; infinity if there is a NaN, which `f64::max` would drop.
 pub(super) fn largest(list: &[f64]) -> f64 {
     list.iter()

@@ -1,0 +1,134 @@
+//! The optimality conditions, assembled a second time, and loops whose plans are judged by them.
+
+use crate::problems::Loop;
+use pinc_mpc::{Bounds, Nmpc, Profile, SqpConfig, SqpStatus, Weight};
+use pinc_ode::{Dims, Predictor};
+
+/// What one step was asked.
+pub(crate) struct Asked<'a> {
+    pub(crate) x: &'a [f64],
+    pub(crate) previous: &'a [f64],
+    pub(crate) reference: &'a [f64],
+}
+
+fn diagonal(weight: &Weight) -> &[f64] {
+    match weight {
+        Weight::Diagonal(diagonal) => diagonal,
+        Weight::Full(_) => panic!("the problems here have diagonal weights"),
+    }
+}
+
+/// The residuals of the KKT conditions at the controller's plan: stationarity, feasibility of the
+/// dynamics, violation of bounds, complementarity; unscaled, with Jacobians from the model.
+#[expect(clippy::needless_range_loop, reason = "indices as in the formulas")]
+pub(crate) fn residuals(nmpc: &Nmpc, model: &mut dyn Predictor, asked: &Asked<'_>) -> [f64; 4] {
+    let (problem, plan) = (nmpc.problem(), nmpc.plan());
+    let Dims { states: n, inputs: m } = model.dims();
+    let x = |j: usize| match j {
+        0 => asked.x,
+        _ => &plan.states()[(j - 1) * n..j * n],
+    };
+    let u = |i: usize| &plan.inputs()[i * m..(i + 1) * m];
+    let weight = |stage: usize| match problem.weights.profile {
+        Profile::Uniform => 1.0,
+        Profile::Cumulative => (problem.last - stage) as f64 * model.horizon_s(),
+    };
+
+    // dJ/dx and dJ/du
+    let mut dx = vec![vec![0.0; n]; problem.last + 1];
+    let mut du = vec![vec![0.0; m]; problem.control];
+    for j in problem.first..=problem.last {
+        for (i, &state) in problem.controlled.iter().enumerate() {
+            let error = x(j)[state] - asked.reference[(j - 1) * problem.controlled.len() + i];
+            dx[j][state] += 2.0 * weight(j - 1) * diagonal(&problem.weights.q)[i] * error;
+        }
+    }
+    for i in 0..problem.control {
+        for c in 0..m {
+            let before = if i == 0 { asked.previous[c] } else { u(i - 1)[c] };
+            let slope = 2.0 * weight(i) * diagonal(&problem.weights.r)[c] * (u(i)[c] - before);
+            du[i][c] += slope;
+            if i > 0 {
+                du[i - 1][c] -= slope;
+            }
+        }
+    }
+
+    let mut infeasibility: f64 = 0.0;
+    let (mut next, mut a, mut b) = (vec![0.0; n], vec![0.0; n * n], vec![0.0; n * m]);
+    for j in 0..problem.last {
+        let acting = j.min(problem.control - 1);
+        model.linearize(x(j), u(acting), &mut next, &mut a, &mut b);
+        let lambda = &plan.dynamics_multipliers()[j * n..(j + 1) * n];
+        for row in 0..n {
+            infeasibility = infeasibility.max((next[row] - x(j + 1)[row]).abs());
+            dx[j + 1][row] -= lambda[row];
+            for column in 0..n {
+                dx[j][column] += lambda[row] * a[row * n + column];
+            }
+            for column in 0..m {
+                du[acting][column] += lambda[row] * b[row * m + column];
+            }
+        }
+    }
+
+    let (mut stationarity, mut violation, mut complementarity) = (0.0_f64, 0.0_f64, 0.0_f64);
+    let mut bounded = |slope: f64, mu: f64, value: f64, low: f64, high: f64| {
+        stationarity = stationarity.max((slope + mu).abs());
+        violation = violation.max(low - value).max(value - high);
+        if mu > 0.0 {
+            complementarity = complementarity.max(mu * (high - value));
+        }
+        if mu < 0.0 {
+            complementarity = complementarity.max(-mu * (value - low));
+        }
+    };
+    for j in 1..=problem.last {
+        for (i, &slope) in dx[j].iter().enumerate() {
+            let mu = plan.state_multipliers()[(j - 1) * n + i];
+            let Bounds { low, high } = &problem.state_bounds;
+            bounded(slope, mu, x(j)[i], low[i], high[i]);
+        }
+    }
+    for (i, slopes) in du.iter().enumerate() {
+        for (c, &slope) in slopes.iter().enumerate() {
+            let mu = plan.input_multipliers()[i * m + c];
+            let Bounds { low, high } = &problem.input_bounds;
+            bounded(slope, mu, u(i)[c], low[c], high[c]);
+        }
+    }
+    [stationarity, infeasibility, violation, complementarity]
+}
+
+/// The scaling that `KktResidual` documents.
+pub(crate) fn scale(nmpc: &Nmpc) -> f64 {
+    let plan = nmpc.plan();
+    let all =
+        [plan.dynamics_multipliers(), plan.state_multipliers(), plan.input_multipliers()].concat();
+    let count = all.len() + plan.increment_multipliers().len();
+    let mean = all.iter().map(|l| l.abs()).sum::<f64>() / count as f64;
+    f64::max(1.0, mean / 100.0)
+}
+
+/// Runs a closed loop with this model in the controller, judging every step.
+pub(crate) fn judge(mut run: Loop, mut model: impl Predictor + Clone + 'static) {
+    let problem = run.problem.clone();
+    let mut nmpc = Nmpc::new(problem, Box::new(model.clone()), SqpConfig::default()).unwrap();
+    let mut previous = vec![0.0; model.dims().inputs];
+    run.run(|k, x, reference| {
+        let step = nmpc.step(x, reference).unwrap();
+        assert_eq!(step.status, SqpStatus::Converged, "step {k}");
+        let (u, reported) = (step.u.to_vec(), step.kkt);
+        let asked = Asked { x, previous: &previous, reference };
+        let [stationarity, dynamics, bounds, complementarity] =
+            residuals(&nmpc, &mut model, &asked);
+        let s = scale(&nmpc);
+        let found = [stationarity / s, dynamics, bounds, complementarity / s];
+        assert!(found.iter().all(|&r| r <= 1e-8), "step {k}: {found:?}");
+        // Sums of some ten terms up to 1e3, in another order: 1e-12.
+        let worst = found.iter().fold(0.0, |worst: f64, r| worst.max(*r));
+        assert!((worst - reported.max()).abs() < 1e-11, "step {k}: {worst:e} {reported:?}");
+        previous.copy_from_slice(&u);
+        u
+    });
+}

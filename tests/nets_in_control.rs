@@ -1,0 +1,137 @@
+//! Nets as the model in the closed loops of the paper: optimal plans, the same inputs by every method for the quadratic
+//! programs, and true statuses whatever the net.
+//!
+//! The loops, the conditions of optimality and the random steps are those that pinc-mpc's own tests use with RK4.
+
+#[path = "../crates/pinc-mpc/tests/suite/agreement.rs"]
+mod agreement;
+#[path = "../crates/pinc-mpc/tests/suite/optimality.rs"]
+mod optimality;
+#[path = "../crates/pinc-mpc/tests/suite/problems.rs"]
+mod problems;
+#[path = "../crates/pinc-mpc/tests/suite/survey.rs"]
+mod survey;
+
+use agreement::disagreement;
+use optimality::judge;
+use pinc_mpc::SqpStatus;
+use pinc_net::optim::{OptimizerConfig, SelfScaledBroydenConfig};
+use pinc_net::{
+    Ansatz, Domain, InitialScale, Keep, NetConfig, Phase, PincPredictor, Progress, ResidualScale,
+    Sampler, Trainer, TrainingConfig, ValidationConfig, ValidationSet,
+};
+use pinc_ode::{FourTanks, Plant, VanDerPol};
+use problems::{four_tanks, four_tanks_loop, van_der_pol, van_der_pol_loop};
+use survey::{Draw, share, survey};
+
+/// A net trained for some tenths of a second.
+fn train<P: Plant + 'static>(
+    plant: P,
+    horizon_s: f64,
+    domain: &Domain,
+    iterations: u64,
+) -> PincPredictor {
+    let net = NetConfig {
+        horizon_s,
+        hidden_layers: 2,
+        neurons: 12,
+        ansatz: Ansatz::HardLinear,
+        time_only: None,
+    };
+    let optimizer = OptimizerConfig::SelfScaledBroyden(SelfScaledBroydenConfig {
+        initial_step: 0.1,
+        gradient_tolerance: 1e-14,
+    });
+    let training = TrainingConfig {
+        sampler: Sampler::Sobol,
+        collocation_points: 512,
+        initial_points: 1,
+        lambda: 1.0,
+        residual_scale: ResidualScale::Normalized,
+        initial_scale: InitialScale::Normalized,
+        phases: vec![Phase { optimizer, iterations, restore_best: false }],
+        growth: None,
+        validation_every: iterations,
+        keep: Keep::Best,
+        target_one_step_rms: None,
+    };
+    let scenarios = ValidationConfig {
+        scenarios: 1,
+        duration_s: 4.0 * horizon_s,
+        subintervals: 1,
+        domain: domain.clone(),
+        tolerance: 1e-8,
+        one_step_points: 10,
+    };
+    let validation = ValidationSet::generate(&plant, horizon_s, &scenarios, 1).unwrap();
+    let mut trainer = Trainer::new(&plant, &net, domain, &training, validation, 0, 1).unwrap();
+    while let Progress::Iterated(_) = trainer.step().unwrap() {}
+    PincPredictor::new(&trainer.net())
+}
+
+fn oscillator(mu: f64, iterations: u64) -> PincPredictor {
+    let domain = Domain {
+        state_low: vec![-3.0; 2],
+        state_high: vec![3.0; 2],
+        input_low: vec![-1.0],
+        input_high: vec![1.0],
+    };
+    train(VanDerPol { mu }, 0.5, &domain, iterations)
+}
+
+fn tanks(plant: FourTanks, iterations: u64) -> PincPredictor {
+    let domain = Domain {
+        state_low: vec![2.0, 2.0, 0.6, 0.6],
+        state_high: vec![20.0, 20.0, 5.5, 5.5],
+        input_low: vec![0.0; 2],
+        input_high: vec![5.0; 2],
+    };
+    train(plant, 10.0, &domain, iterations)
+}
+
+#[test]
+fn every_plan_of_the_oscillators_loop_is_optimal() {
+    judge(van_der_pol_loop(), oscillator(1.0, 300));
+}
+
+#[test]
+fn every_plan_of_the_tanks_loop_is_optimal() {
+    judge(four_tanks_loop(), tanks(FourTanks::antonelo(), 200));
+}
+
+/// Where rows are active without force, an interior point is off by the root of its tolerance.
+#[test]
+fn the_methods_control_the_oscillator_alike() {
+    let worst = disagreement(van_der_pol_loop(), oscillator(1.0, 300));
+    assert!(worst < 1e-5, "{worst:e}");
+}
+
+#[test]
+fn the_methods_control_the_tanks_alike() {
+    let worst = disagreement(four_tanks_loop(), tanks(FourTanks::antonelo(), 200));
+    assert!(worst < 1e-7, "{worst:e}");
+}
+
+/// Random states and references far outside what the net has learned.
+#[test]
+fn a_net_for_the_oscillator_from_anywhere() {
+    let draw = Draw { states: &[[-3.0, 3.0]; 2], references: &[[-1.5, 1.5]; 2] };
+    let [usual, _] = survey(oscillator(1.0, 300), &van_der_pol(), &draw);
+    assert!(share(&usual, &[SqpStatus::Converged, SqpStatus::InfeasibleQp]) > 0.99, "{usual:?}");
+}
+
+/// The weights of another plant: an oscillator with four times the damping, and tanks with other outlets.
+#[test]
+fn nets_for_other_plants_from_anywhere() {
+    let draw = Draw { states: &[[-3.0, 3.0]; 2], references: &[[-1.5, 1.5]; 2] };
+    survey(oscillator(4.0, 100), &van_der_pol(), &draw);
+    let draw = Draw { states: &[[0.1, 20.0]; 4], references: &[[0.0, 22.0]; 2] };
+    survey(tanks(FourTanks::johansson_nonminimum(), 100), &four_tanks(), &draw);
+}
+
+/// Weights that no training has touched.
+#[test]
+fn nets_that_have_learned_nothing_from_anywhere() {
+    let draw = Draw { states: &[[0.1, 20.0]; 4], references: &[[0.0, 22.0]; 2] };
+    survey(tanks(FourTanks::antonelo(), 1), &four_tanks(), &draw);
+}
