@@ -4,7 +4,7 @@ mod linearize;
 mod method;
 
 use crate::{Dims, Plant, Predictor};
-use linearize::{Linearize, Points};
+use linearize::{Linearize, LinearizeStages, Points};
 pub use method::{Classical, DormandPrince, Method};
 use method::{Large, Small};
 use pinc_ad::Dual;
@@ -28,8 +28,8 @@ pub type Rk5<P> = RungeKutta<P, DormandPrince>;
 /// The tableaus are with [`Classical`] and [`DormandPrince`].
 ///
 /// The Jacobians are those of the method itself, exact to rounding, by dual numbers through it. All
-/// columns go through it together, in the lanes of the machine's widest vectors, and in
-/// [`Predictor::linearize_stages`] two points at a time.
+/// columns of one point go through it together, in the lanes of the machine's widest vectors; in
+/// [`Predictor::linearize_stages`] the lanes are points.
 #[derive(Clone, Debug)]
 pub struct RungeKutta<P, M> {
     plant: P,
@@ -77,19 +77,6 @@ impl<P: Plant, M: Method> RungeKutta<P, M> {
     #[expect(clippy::cast_precision_loss, reason = "a number of substeps is far below 2^53")]
     fn h(&self) -> f64 {
         self.horizon_s / self.substeps as f64
-    }
-
-    /// The work of linearising `C` points, from the `k`-th of `points` on.
-    fn linearize_points<const C: usize>(&mut self, points: Points<'_>) {
-        let h = self.h();
-        let Self { plant, substeps, isa, .. } = self;
-        isa.dispatch(Linearize::<P, M, C> {
-            plant,
-            h,
-            substeps: *substeps,
-            points,
-            method: PhantomData,
-        });
     }
 
     /// Linearises one point of a large plant, some directions at a time.
@@ -149,7 +136,15 @@ impl<P: Plant, M: Method> Predictor for RungeKutta<P, M> {
         if self.large.is_some() {
             self.linearize_large(points);
         } else {
-            self.linearize_points::<1>(points);
+            let h = self.h();
+            let Self { plant, substeps, isa, .. } = self;
+            isa.dispatch(Linearize::<P, M> {
+                plant,
+                h,
+                substeps: *substeps,
+                points,
+                method: PhantomData,
+            });
         }
     }
 
@@ -166,20 +161,24 @@ impl<P: Plant, M: Method> Predictor for RungeKutta<P, M> {
         assert!(x.len() == count * n && u.len() == count * m, "lengths of x and u");
         assert!(next.len() == count * n, "length of next");
         assert!(a.len() == count * n * n && b.len() == count * n * m, "lengths of a and b");
-        let mut rest = Points { x, u, next, a, b };
-        for _ in 0..count / 2 {
-            let (pair, others) = rest.split(self.dims, 2);
-            rest = others;
-            if self.large.is_some() {
-                let (one, other) = pair.split(self.dims, 1);
-                self.linearize_large(one);
-                self.linearize_large(other);
-            } else {
-                self.linearize_points::<2>(pair);
-            }
+        let points = Points { x, u, next, a, b };
+        if self.large.is_none() && count > 1 {
+            let h = self.h();
+            let Self { plant, substeps, isa, .. } = self;
+            isa.dispatch(LinearizeStages::<P, M> {
+                plant,
+                h,
+                substeps: *substeps,
+                points,
+                method: PhantomData,
+            });
+            return;
         }
-        if count % 2 == 1 {
-            let Points { x, u, next, a, b } = rest;
+        let mut rest = points;
+        for _ in 0..count {
+            let (point, others) = rest.split(self.dims, 1);
+            rest = others;
+            let Points { x, u, next, a, b } = point;
             self.linearize(x, u, next, a, b);
         }
     }
