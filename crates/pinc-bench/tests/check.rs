@@ -44,6 +44,37 @@ fn four_tanks_whose_gammas_add_up_to_1_have_a_singular_gain() {
 }
 
 #[test]
+fn inputs_that_do_the_same_leave_the_plane_that_they_reach() {
+    let text = r#"
+        name = "twins"
+        preset = "ours"
+        seed = 1
+        [plant.expression]
+        states = ["a", "b"]
+        inputs = ["u", "v"]
+        derivatives = { a = "u + v - a", b = "u + v + 1 - b" }
+        [control]
+        models = ["rk4"]
+        step_s = 0.5
+        duration_s = 5.0
+        initial_state = [0.0, 1.0]
+        controlled = ["a", "b"]
+        q = [1.0, 1.0]
+        r = [1.0, 1.0]
+        state_low = [-4.0, -4.0]
+        state_high = [4.0, 4.0]
+        input_low = [-1.0, -1.0]
+        input_high = [1.0, 1.0]
+        references = [{ start_s = 0.0, value = [0.0, 1.0] }]
+    "#;
+    let found = check(&Experiment::parse("twins.toml".as_ref(), text, &[]).unwrap());
+    // b - a = 1, in a unit normal of either sign.
+    let gain =
+        with(&found, &["rank 1: singular", "all steady states have ", "0.7071 a + ", " b = "]);
+    assert_eq!(gain.what.matches("0.7071").count(), 3, "{gain}");
+}
+
+#[test]
 fn references_off_the_line_are_named_and_those_on_it_are_not() {
     let sets = ["control.references.1.value=[13.0, 13.0]"];
     let findings = findings("four-tanks/main.toml", &sets);

@@ -129,6 +129,9 @@ fn the_plant_in_the_loop_may_differ_from_the_models() {
     };
     refused("control.plant={ one-tank = {} }", "expected one with the states h1, h2, h3, h4");
     refused(&plant("[-1.0, 3.0]"), "`control.plant.four-tanks.pump[0]`: -1 given");
+    let equations = "control.plant={ expression = { states = [\"h1\"], inputs = [\"u1\"], \
+                     derivatives = { h1 = \"u2\" } } }";
+    refused(equations, "`control.plant.expression.derivatives.h1`: unknown name `u2`");
     let gamma = "plant={ four-tanks = { parameters = \"antonelo\", gamma = [0.5, 1.5] } }";
     refused(gamma, "`plant.four-tanks.gamma[1]`: 1.5 given, expected a share from 0 to 1");
 }
