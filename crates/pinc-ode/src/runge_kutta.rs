@@ -4,7 +4,7 @@ mod linearize;
 mod method;
 
 use crate::{Dims, Plant, Predictor};
-use linearize::{Linearize, LinearizeStages, Points};
+use linearize::{Linearize, Points};
 pub use method::{Classical, DormandPrince, Method};
 use method::{Large, Small};
 use pinc_ad::Dual;
@@ -28,8 +28,8 @@ pub type Rk5<P> = RungeKutta<P, DormandPrince>;
 /// The tableaus are with [`Classical`] and [`DormandPrince`].
 ///
 /// The Jacobians are those of the method itself, exact to rounding, by dual numbers through it. All
-/// columns of one point go through it together, in the lanes of the machine's widest vectors; in
-/// [`Predictor::linearize_stages`] the lanes are points.
+/// columns go through it together, in the lanes of the machine's widest vectors, and in
+/// [`Predictor::linearize_stages`] two points at a time.
 #[derive(Clone, Debug)]
 pub struct RungeKutta<P, M> {
     plant: P,
@@ -77,6 +77,19 @@ impl<P: Plant, M: Method> RungeKutta<P, M> {
     #[expect(clippy::cast_precision_loss, reason = "a number of substeps is far below 2^53")]
     fn h(&self) -> f64 {
         self.horizon_s / self.substeps as f64
+    }
+
+    /// The work of linearising `C` points, from the `k`-th of `points` on.
+    fn linearize_points<const C: usize>(&mut self, points: Points<'_>) {
+        let h = self.h();
+        let Self { plant, substeps, isa, .. } = self;
+        isa.dispatch(Linearize::<P, M, C> {
+            plant,
+            h,
+            substeps: *substeps,
+            points,
+            method: PhantomData,
+        });
     }
 
     /// Linearises one point of a large plant, some directions at a time.
@@ -136,15 +149,7 @@ impl<P: Plant, M: Method> Predictor for RungeKutta<P, M> {
         if self.large.is_some() {
             self.linearize_large(points);
         } else {
-            let h = self.h();
-            let Self { plant, substeps, isa, .. } = self;
-            isa.dispatch(Linearize::<P, M> {
-                plant,
-                h,
-                substeps: *substeps,
-                points,
-                method: PhantomData,
-            });
+            self.linearize_points::<1>(points);
         }
     }
 
@@ -161,24 +166,20 @@ impl<P: Plant, M: Method> Predictor for RungeKutta<P, M> {
         assert!(x.len() == count * n && u.len() == count * m, "lengths of x and u");
         assert!(next.len() == count * n, "length of next");
         assert!(a.len() == count * n * n && b.len() == count * n * m, "lengths of a and b");
-        let points = Points { x, u, next, a, b };
-        if self.large.is_none() && count > 1 {
-            let h = self.h();
-            let Self { plant, substeps, isa, .. } = self;
-            isa.dispatch(LinearizeStages::<P, M> {
-                plant,
-                h,
-                substeps: *substeps,
-                points,
-                method: PhantomData,
-            });
-            return;
-        }
-        let mut rest = points;
-        for _ in 0..count {
-            let (point, others) = rest.split(self.dims, 1);
+        let mut rest = Points { x, u, next, a, b };
+        for _ in 0..count / 2 {
+            let (pair, others) = rest.split(self.dims, 2);
             rest = others;
-            let Points { x, u, next, a, b } = point;
+            if self.large.is_some() {
+                let (one, other) = pair.split(self.dims, 1);
+                self.linearize_large(one);
+                self.linearize_large(other);
+            } else {
+                self.linearize_points::<2>(pair);
+            }
+        }
+        if count % 2 == 1 {
+            let Points { x, u, next, a, b } = rest;
             self.linearize(x, u, next, a, b);
         }
     }

@@ -7,7 +7,7 @@ use crate::PincNet;
 use layout::Layout;
 use pinc_ad::simd::Isa;
 use pinc_ode::{Dims, Predictor};
-use step::{Columns, POINTS, Step};
+use step::{Columns, Step};
 
 /// The control interface f^(y, u) = `f_w`(T, y, u) of a net, Eq. (interface) of the paper, with its
 /// Jacobians by forward differentiation.
@@ -40,53 +40,19 @@ impl PincPredictor {
     pub fn with_isa(net: &PincNet, isa: Isa) -> Self {
         let dims = net.dims();
         let layout = Layout::new(net, isa.lanes());
-        let columns = Columns::new(layout.longest(), dims.states + dims.inputs);
+        let columns = Columns::new(layout.longest(), 1 + dims.states + dims.inputs);
         Self { dims, horizon_s: net.horizon_s, isa, layout, columns }
     }
 
-    /// Runs the net from (x, u) at some points, [`POINTS`] at most, with the tangents of the first `tangents` of
-    /// them; the results are in the columns that are returned.
+    /// Runs the net from (x, u), with the tangents of the first `tangents` of them; the results are in
+    /// the columns that are returned.
     fn run(&mut self, x: &[f64], u: &[f64], tangents: usize) -> &Columns {
         let Dims { states: n, inputs: m } = self.dims;
+        assert!(x.len() == n && u.len() == m, "lengths of x and u");
+        self.columns.start(x, u);
         let Self { layout, columns, .. } = self;
-        columns.start((x, n), (u, m));
         self.isa.dispatch(Step { layout, columns, tangents });
         columns
-    }
-
-    /// [`Predictor::linearize_stages`] at [`POINTS`] points at most.
-    fn linearize_some(
-        &mut self,
-        (x, u): (&[f64], &[f64]),
-        next: &mut [f64],
-        a: &mut [f64],
-        b: &mut [f64],
-    ) {
-        let Dims { states: n, inputs: m } = self.dims;
-        let from_x = self.layout.adds_initial_state();
-        let columns = self.run(x, u, n + m);
-        for point in 0..next.len() / n {
-            let part = |width: usize| point * width..(point + 1) * width;
-            let (x, next) = (&x[part(n)], &mut next[part(n)]);
-            let (a, b) = (&mut a[part(n * n)], &mut b[part(n * m)]);
-            next.copy_from_slice(&columns.value(point)[..n]);
-            for j in 0..n + m {
-                let tangent = &columns.tangent(point, j, n + m)[..n];
-                for (i, derivative) in tangent.iter().enumerate() {
-                    if j < n {
-                        a[i * n + j] = *derivative;
-                    } else {
-                        b[i * m + j - n] = *derivative;
-                    }
-                }
-            }
-            if from_x {
-                for (i, x) in x.iter().enumerate() {
-                    next[i] += x;
-                    a[i * n + i] += 1.0;
-                }
-            }
-        }
     }
 }
 
@@ -100,10 +66,9 @@ impl Predictor for PincPredictor {
     }
 
     fn predict(&mut self, x: &[f64], u: &[f64], next: &mut [f64]) {
-        let Dims { states: n, inputs: m } = self.dims;
-        assert!(x.len() == n && u.len() == m && next.len() == n, "lengths of x, u, next");
+        assert_eq!(next.len(), self.dims.states, "length of next");
         let from_x = self.layout.adds_initial_state();
-        next.copy_from_slice(&self.run(x, u, 0).value(0)[..x.len()]);
+        next.copy_from_slice(&self.run(x, u, 0).value()[..x.len()]);
         if from_x {
             for (next, x) in next.iter_mut().zip(x) {
                 *next += x;
@@ -113,30 +78,25 @@ impl Predictor for PincPredictor {
 
     fn linearize(&mut self, x: &[f64], u: &[f64], next: &mut [f64], a: &mut [f64], b: &mut [f64]) {
         let Dims { states: n, inputs: m } = self.dims;
-        assert!(x.len() == n && u.len() == m && next.len() == n, "lengths of x, u, next");
-        assert!(a.len() == n * n && b.len() == n * m, "lengths of a, b");
-        self.linearize_some((x, u), next, a, b);
-    }
-
-    fn linearize_stages(
-        &mut self,
-        x: &[f64],
-        u: &[f64],
-        next: &mut [f64],
-        a: &mut [f64],
-        b: &mut [f64],
-    ) {
-        let Dims { states: n, inputs: m } = self.dims;
-        let count = x.len() / n;
-        assert!(x.len() == count * n && u.len() == count * m, "lengths of x and u");
-        assert!(next.len() == count * n, "length of next");
-        assert!(a.len() == count * n * n && b.len() == count * n * m, "lengths of a and b");
-        for first in (0..count).step_by(POINTS) {
-            let end = count.min(first + POINTS);
-            let part = |width: usize| first * width..end * width;
-            let from = (&x[part(n)], &u[part(m)]);
-            let (a, b) = (&mut a[part(n * n)], &mut b[part(n * m)]);
-            self.linearize_some(from, &mut next[part(n)], a, b);
+        assert!(next.len() == n && a.len() == n * n && b.len() == n * m, "lengths of next, a, b");
+        let from_x = self.layout.adds_initial_state();
+        let columns = self.run(x, u, n + m);
+        next.copy_from_slice(&columns.value()[..n]);
+        for j in 0..n {
+            for (i, derivative) in columns.tangent(j)[..n].iter().enumerate() {
+                a[i * n + j] = *derivative;
+            }
+        }
+        for j in 0..m {
+            for (i, derivative) in columns.tangent(n + j)[..n].iter().enumerate() {
+                b[i * m + j] = *derivative;
+            }
+        }
+        if from_x {
+            for (i, x) in x.iter().enumerate() {
+                next[i] += x;
+                a[i * n + i] += 1.0;
+            }
         }
     }
 }

@@ -6,52 +6,38 @@ use pinc_ad::simd::{Simd, Task, tanh_all};
 /// `f64`s in a cache line: a vector that lies across two costs twice.
 const LINE: usize = 8;
 
-/// So many columns go through a product together, at most: with three vectors of neurons, twelve sums.
-const GROUP: usize = 4;
-
-/// So many points go through the net together, at most.
-pub(super) const POINTS: usize = 8;
-
-/// The input and the output of a layer at some points: a column of values for each point, then the columns of tangents,
-/// those of a point side by side.
+/// A column of values, then columns of tangents: the input and the output of a layer.
 #[derive(Clone, Debug)]
 pub(super) struct Columns {
     /// From one column to the next.
     stride: usize,
-    points: usize,
     from: Vec<f64>,
     to: Vec<f64>,
-    /// 1 - a^2 of the neurons at hand, at each point.
-    slopes: Vec<f64>,
 }
 
 impl Columns {
-    /// Room for up to [`POINTS`] points with `tangents` tangents each, in columns of up to `longest` numbers.
-    pub(super) fn new(longest: usize, tangents: usize) -> Self {
+    /// Room for `count` columns of up to `longest` numbers.
+    pub(super) fn new(longest: usize, count: usize) -> Self {
         let stride = longest.next_multiple_of(LINE);
-        let room = vec![0.0; POINTS * (1 + tangents) * stride + LINE];
-        let slopes = vec![0.0; POINTS * stride + LINE];
-        Self { stride, points: 0, from: room.clone(), to: room, slopes }
+        let room = vec![0.0; count * stride + LINE];
+        Self { stride, from: room.clone(), to: room }
     }
 
-    /// The inputs of the first layer are (x, u) at each point. Their tangents are unit vectors and are not stored.
-    pub(super) fn start(&mut self, (x, n): (&[f64], usize), (u, m): (&[f64], usize)) {
-        self.points = x.len() / n;
-        let columns = aligned(&mut self.from).chunks_exact_mut(self.stride);
-        for (point, column) in columns.enumerate().take(self.points) {
-            column[..n].copy_from_slice(&x[point * n..(point + 1) * n]);
-            column[n..n + m].copy_from_slice(&u[point * m..(point + 1) * m]);
-        }
+    /// The input of the first layer is (x, u). Its tangents are unit vectors and are not stored.
+    pub(super) fn start(&mut self, x: &[f64], u: &[f64]) {
+        let input = aligned(&mut self.from);
+        input[..x.len()].copy_from_slice(x);
+        input[x.len()..x.len() + u.len()].copy_from_slice(u);
     }
 
-    /// The values at `point`.
-    pub(super) fn value(&self, point: usize) -> &[f64] {
-        &self.from[start(&self.from) + point * self.stride..]
+    /// The values.
+    pub(super) fn value(&self) -> &[f64] {
+        &self.from[start(&self.from)..]
     }
 
-    /// Tangent `j` of `tangents` at `point`.
-    pub(super) fn tangent(&self, point: usize, j: usize, tangents: usize) -> &[f64] {
-        self.value(self.points + point * tangents + j)
+    /// Tangent `j`.
+    pub(super) fn tangent(&self, j: usize) -> &[f64] {
+        &self.value()[(1 + j) * self.stride..]
     }
 }
 
@@ -81,15 +67,13 @@ impl Task for Step<'_> {
         let last = layers.len() - 1;
         for (l, layer) in layers.iter().enumerate() {
             let (from, to) = (&*aligned(&mut columns.from), aligned(&mut columns.to));
-            let slopes = aligned(&mut columns.slopes);
-            let (stride, points) = (columns.stride, columns.points);
-            let mut pass = Pass { zero, layer, stride, from, to, slopes, points, tangents };
+            let mut pass = Pass { zero, layer, stride: columns.stride, from, to, tangents };
             let place = Place { first: l == 0, last: l == last };
             for block in &layer.blocks {
                 match block.rows {
-                    1 => pass.block::<1>(block, place),
-                    2 => pass.block::<2>(block, place),
-                    _ => pass.block::<3>(block, place),
+                    1 => pass.block::<1, 4>(block, place),
+                    2 => pass.block::<2, 2>(block, place),
+                    _ => pass.block::<3, 1>(block, place),
                 }
             }
             std::mem::swap(&mut columns.from, &mut columns.to);
@@ -111,77 +95,46 @@ struct Pass<'a, V> {
     stride: usize,
     from: &'a [f64],
     to: &'a mut [f64],
-    slopes: &'a mut [f64],
-    points: usize,
     tangents: usize,
 }
 
 impl<V: Simd> Pass<'_, V> {
     /// `R` vectors of neurons: a = tanh z of the values, a' = (1 - a^2) z' of the tangents. The tangents'
-    /// products do not wait for tanh, which takes as long as they do: the processor works on both. Columns go through
-    /// the product in groups, so that a weight is loaded once for all of a group; where a group is small, several
-    /// sums are kept for every one that is wanted, so that additions need not wait either.
+    /// products do not wait for tanh, which takes as long as they do: the processor works on both.
+    /// `K` sums are kept for every one that is wanted, so that additions need not wait either.
     #[inline(always)]
-    fn block<const R: usize>(&mut self, block: &Block, place: Place) {
-        for (first, columns) in groups(0, self.points) {
-            match columns {
-                1 => self.values::<R, 1, 4>(block, first, place),
-                2 => self.values::<R, 2, 2>(block, first, place),
-                3 => self.values::<R, 3, 1>(block, first, place),
-                _ => self.values::<R, 4, 1>(block, first, place),
+    fn block<const R: usize, const K: usize>(&mut self, block: &Block, place: Place) {
+        let zero = self.zero;
+        let [product] = self.product::<R, 1, 4>(block, 0);
+        let mut a = rows::<V, R>(zero, &block.bias);
+        for (a, product) in a.iter_mut().zip(product) {
+            *a = *a + product;
+        }
+        let mut slope = [zero.constant(1.0); R];
+        if !place.last {
+            tanh_all(&mut a);
+            for (slope, a) in slope.iter_mut().zip(a) {
+                *slope = a.neg_mul_add(a, *slope);
             }
         }
+        self.store(block, 0, a);
         if place.first {
-            self.first_tangents::<R>(block);
+            // The tangents of the input are unit vectors, which pick a column of the weights.
+            for j in 0..self.tangents {
+                let w = rows::<V, R>(zero, &block.weights[j * R * V::LANES..]);
+                self.store(block, 1 + j, times(slope, w));
+            }
             return;
         }
-        for (first, columns) in groups(self.points, self.points * self.tangents) {
-            match columns {
-                1 => self.tangents::<R, 1, 4>(block, first),
-                2 => self.tangents::<R, 2, 2>(block, first),
-                3 => self.tangents::<R, 3, 1>(block, first),
-                _ => self.tangents::<R, 4, 1>(block, first),
+        let groups = self.tangents.div_ceil(3);
+        let mut column = 1;
+        for group in 0..groups {
+            match (self.tangents + group) / groups {
+                1 => self.tangents::<R, 1, K>(block, column, slope),
+                2 => self.tangents::<R, 2, K>(block, column, slope),
+                _ => self.tangents::<R, 3, K>(block, column, slope),
             }
-        }
-    }
-
-    /// The values of `C` points from `point`, and their slopes.
-    #[inline(always)]
-    fn values<const R: usize, const C: usize, const K: usize>(
-        &mut self,
-        block: &Block,
-        point: usize,
-        place: Place,
-    ) {
-        let zero = self.zero;
-        let bias = rows::<V, R>(zero, &block.bias);
-        let products = self.product::<R, C, K>(block, point);
-        for (c, mut a) in products.into_iter().enumerate() {
-            for (a, bias) in a.iter_mut().zip(bias) {
-                *a = *a + bias;
-            }
-            let mut slope = [zero.constant(1.0); R];
-            if !place.last {
-                tanh_all(&mut a);
-                for (slope, a) in slope.iter_mut().zip(a) {
-                    *slope = a.neg_mul_add(a, *slope);
-                }
-            }
-            self.store(block, point + c, a);
-            write(slope, &mut self.slopes[(point + c) * self.stride..]);
-        }
-    }
-
-    /// The tangents of the input are unit vectors, which pick a column of the weights.
-    #[inline(always)]
-    fn first_tangents<const R: usize>(&mut self, block: &Block) {
-        for point in 0..self.points {
-            let slope = self.slope::<R>(point);
-            for j in 0..self.tangents {
-                let w = rows::<V, R>(self.zero, &block.weights[j * R * V::LANES..]);
-                let column = self.points + point * self.tangents + j;
-                self.store(block, column, times(slope, w));
-            }
+            column += (self.tangents + group) / groups;
         }
     }
 
@@ -191,18 +144,12 @@ impl<V: Simd> Pass<'_, V> {
         &mut self,
         block: &Block,
         column: usize,
+        slope: [V; R],
     ) {
         let product = self.product::<R, C, K>(block, column);
-        for (column, product) in (column..).zip(product) {
-            let slope = self.slope::<R>((column - self.points) / self.tangents);
-            self.store(block, column, times(slope, product));
+        for (c, product) in product.into_iter().enumerate() {
+            self.store(block, column + c, times(slope, product));
         }
-    }
-
-    /// What tanh' is at `point`.
-    #[inline(always)]
-    fn slope<const R: usize>(&self, point: usize) -> [V; R] {
-        rows(self.zero, &self.slopes[point * self.stride..])
     }
 
     /// The weights times `C` columns from `column`, in `K` sums each.
@@ -253,27 +200,10 @@ impl<V: Simd> Pass<'_, V> {
 
     #[inline(always)]
     fn store<const R: usize>(&mut self, block: &Block, column: usize, vectors: [V; R]) {
-        write(vectors, &mut self.to[column * self.stride + block.first..]);
-    }
-}
-
-/// Splits `count` columns from `first` into groups as even as can be: where each begins and how many it has.
-#[inline(always)]
-fn groups(first: usize, count: usize) -> impl Iterator<Item = (usize, usize)> {
-    let groups = count.div_ceil(GROUP);
-    (0..groups).scan(first, move |next, group| {
-        let columns = (count + group) / groups;
-        *next += columns;
-        Some((*next - columns, columns))
-    })
-}
-
-/// Writes the vectors to the first places of `to`.
-#[inline(always)]
-fn write<V: Simd, const R: usize>(vectors: [V; R], to: &mut [f64]) {
-    let to = to[..R * V::LANES].chunks_exact_mut(V::LANES);
-    for (vector, to) in vectors.into_iter().zip(to) {
-        vector.write(to);
+        let to = &mut self.to[column * self.stride + block.first..][..R * V::LANES];
+        for (vector, to) in vectors.into_iter().zip(to.chunks_exact_mut(V::LANES)) {
+            vector.write(to);
+        }
     }
 }
 
