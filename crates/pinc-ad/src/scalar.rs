@@ -153,9 +153,8 @@ pub trait Scalar:
     }
 
     /// Runs `work`, compiled for the instruction set that this kind of number needs. Code over numbers
-    /// that is too long to be inlined at each of its places goes through here: it is compiled once per kind
-    /// of number.
-    #[inline(never)]
+    /// that is too long to be inlined at each of its places goes through here.
+    #[inline(always)]
     fn vectorize<W: Work>(self, work: W) -> W::Output {
         work.run()
     }

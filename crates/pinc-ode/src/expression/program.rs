@@ -168,36 +168,15 @@ fn apply<S: Scalar>(operation: Operation, a: &S, b: &S) -> S {
         Operation::Add => a + b,
         Operation::Sub => a - b,
         Operation::Mul => a * b,
+        Operation::Div => a / b,
+        Operation::Min => a.min(b),
+        Operation::Max => a.max(b),
         Operation::Neg => -a,
         Operation::AddNumber(number) => a + of(number),
         Operation::SubFrom(number) => -a + of(number),
         Operation::MulNumber(number) => a * of(number),
-        rare => a.vectorize(Rare { operation: rare, a, b }),
-    }
-}
-
-/// An operation that is seldom or takes long anyway: compiled once per kind of number, not in every loop
-/// over steps.
-struct Rare<S> {
-    operation: Operation,
-    a: S,
-    b: S,
-}
-
-impl<S: Scalar> Work for Rare<S> {
-    type Output = S;
-
-    #[inline(always)]
-    fn run(self) -> S {
-        let Self { operation, a, b } = self;
-        match operation {
-            Operation::Div => a / b,
-            Operation::Min => a.min(b),
-            Operation::Max => a.max(b),
-            Operation::DivInto(number) => a.constant(number.value()) / a,
-            Operation::Power(number) => a.powf(number.value()),
-            Operation::Function(function) => function.of(a),
-            _ => a,
-        }
+        Operation::DivInto(number) => a.constant(of(number)) / a,
+        Operation::Power(number) => a.powf(of(number)),
+        Operation::Function(function) => function.of(a),
     }
 }

@@ -2,7 +2,6 @@
 
 use crate::{Plant, Variable};
 use pinc_ad::Scalar;
-use pinc_ad::simd::Work;
 
 /// Slips below this are as good as none: it makes the direction of a tyre's force smooth where there is no
 /// slip.
@@ -73,29 +72,11 @@ impl Default for SingleTrackCar {
 }
 
 impl SingleTrackCar {
-    /// The force of a tyre under the load `load`, in N per unit of slip, at the slip (a, b). Too long to be
-    /// inlined wherever the plant's equation is.
+    /// The force of a tyre under the load `load`, in N per unit of slip, at the slip (a, b).
     #[inline(always)]
     fn grip<S: Scalar>(&self, load: f64, a: S, b: S) -> S {
-        a.vectorize(Grip { car: self, load, a, b })
-    }
-}
-
-struct Grip<'a, S> {
-    car: &'a SingleTrackCar,
-    load: f64,
-    a: S,
-    b: S,
-}
-
-impl<S: Scalar> Work for Grip<'_, S> {
-    type Output = S;
-
-    #[inline(always)]
-    fn run(self) -> S {
-        let Self { car: SingleTrackCar { stiffness, shape, friction, .. }, load, a, b } = self;
         let s = a.mul_add(a, b * b + SLIP * SLIP).sqrt();
-        ((s * *stiffness).atan() * *shape).sin() / s * (friction * load)
+        ((s * self.stiffness).atan() * self.shape).sin() / s * (self.friction * load)
     }
 }
 
