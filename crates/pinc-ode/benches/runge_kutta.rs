@@ -50,3 +50,32 @@ fn linearize<P: Plant>(bencher: Bencher<'_, '_>, model: &mut Rk4<P>, x: &[f64], 
         black_box((&mut a, &mut b));
     });
 }
+
+/// The stages of a horizon together.
+#[divan::bench(args = [1, 5, 10, 20])]
+fn linearize_stages_van_der_pol(bencher: Bencher<'_, '_>, stages: usize) {
+    linearize_stages(bencher, &mut van_der_pol(4), &[1.0, -0.5], &[0.3], stages);
+}
+
+#[divan::bench(args = [1, 5, 10, 20])]
+fn linearize_stages_four_tanks(bencher: Bencher<'_, '_>, stages: usize) {
+    linearize_stages(bencher, &mut four_tanks(4), &[9.0, 14.0, 2.5, 2.5], &[2.5, 2.5], stages);
+}
+
+fn linearize_stages<P: Plant>(
+    bencher: Bencher<'_, '_>,
+    model: &mut Rk4<P>,
+    x: &[f64],
+    u: &[f64],
+    stages: usize,
+) {
+    let Dims { states: n, inputs: m } = model.dims();
+    let (x, u) = (x.repeat(stages), u.repeat(stages));
+    let (mut next, mut a, mut b) =
+        (x.clone(), vec![0.0; stages * n * n], vec![0.0; stages * n * m]);
+    bencher.bench_local(|| {
+        let (x, u) = (black_box(&x), black_box(&u));
+        model.linearize_stages(x, u, black_box(&mut next), &mut a, &mut b);
+        black_box((&mut a, &mut b));
+    });
+}

@@ -2,6 +2,7 @@
 
 mod linearize;
 mod method;
+mod together;
 
 use crate::{Dims, Plant, Predictor};
 use linearize::{Linearize, Points};
@@ -10,6 +11,7 @@ use method::{Large, Small};
 use pinc_ad::Dual;
 use pinc_ad::simd::Isa;
 use std::marker::PhantomData;
+use together::{COLUMNS, LinearizeTogether};
 
 /// Plants with more states or inputs than this are integrated in memory; others in registers and on
 /// the stack, which is several times faster.
@@ -28,8 +30,9 @@ pub type Rk5<P> = RungeKutta<P, DormandPrince>;
 /// The tableaus are with [`Classical`] and [`DormandPrince`].
 ///
 /// The Jacobians are those of the method itself, exact to rounding, by dual numbers through it. All
-/// columns go through it together, in the lanes of the machine's widest vectors, and in
-/// [`Predictor::linearize_stages`] two points at a time.
+/// columns go through it together, in the lanes of the machine's widest vectors. In
+/// [`Predictor::linearize_stages`] two points do so side by side or, for plants with few columns, the lanes
+/// are points.
 #[derive(Clone, Debug)]
 pub struct RungeKutta<P, M> {
     plant: P,
@@ -79,11 +82,24 @@ impl<P: Plant, M: Method> RungeKutta<P, M> {
         self.horizon_s / self.substeps as f64
     }
 
-    /// The work of linearising `C` points, from the `k`-th of `points` on.
-    fn linearize_points<const C: usize>(&mut self, points: Points<'_>) {
+    /// Linearises `C` points of a small plant, side by side.
+    fn linearize_side_by_side<const C: usize>(&mut self, points: Points<'_>) {
         let h = self.h();
         let Self { plant, substeps, isa, .. } = self;
         isa.dispatch(Linearize::<P, M, C> {
+            plant,
+            h,
+            substeps: *substeps,
+            points,
+            method: PhantomData,
+        });
+    }
+
+    /// Linearises any number of points of a plant with few columns.
+    fn linearize_together(&mut self, points: Points<'_>) {
+        let h = self.h();
+        let Self { plant, substeps, isa, .. } = self;
+        isa.dispatch(LinearizeTogether::<P, M> {
             plant,
             h,
             substeps: *substeps,
@@ -142,15 +158,8 @@ impl<P: Plant, M: Method> Predictor for RungeKutta<P, M> {
     }
 
     fn linearize(&mut self, x: &[f64], u: &[f64], next: &mut [f64], a: &mut [f64], b: &mut [f64]) {
-        let Dims { states: n, inputs: m } = self.dims;
-        assert!(x.len() == n && u.len() == m && next.len() == n, "lengths of x, u, next");
-        assert!(a.len() == n * n && b.len() == n * m, "lengths of a, b");
-        let points = Points { x, u, next, a, b };
-        if self.large.is_some() {
-            self.linearize_large(points);
-        } else {
-            self.linearize_points::<1>(points);
-        }
+        assert!(x.len() == self.dims.states, "length of x");
+        self.linearize_stages(x, u, next, a, b);
     }
 
     fn linearize_stages(
@@ -166,21 +175,24 @@ impl<P: Plant, M: Method> Predictor for RungeKutta<P, M> {
         assert!(x.len() == count * n && u.len() == count * m, "lengths of x and u");
         assert!(next.len() == count * n, "length of next");
         assert!(a.len() == count * n * n && b.len() == count * n * m, "lengths of a and b");
-        let mut rest = Points { x, u, next, a, b };
-        for _ in 0..count / 2 {
-            let (pair, others) = rest.split(self.dims, 2);
-            rest = others;
-            if self.large.is_some() {
-                let (one, other) = pair.split(self.dims, 1);
-                self.linearize_large(one);
-                self.linearize_large(other);
-            } else {
-                self.linearize_points::<2>(pair);
+        let mut points = Points { x, u, next, a, b };
+        if n + m <= COLUMNS {
+            return self.linearize_together(points);
+        }
+        if self.large.is_none() {
+            for _ in 0..count / 2 {
+                let (pair, rest) = points.split(self.dims, 2);
+                points = rest;
+                self.linearize_side_by_side::<2>(pair);
             }
         }
-        if count % 2 == 1 {
-            let Points { x, u, next, a, b } = rest;
-            self.linearize(x, u, next, a, b);
+        while !points.x.is_empty() {
+            let (point, rest) = points.split(self.dims, 1);
+            points = rest;
+            match self.large {
+                Some(_) => self.linearize_large(point),
+                None => self.linearize_side_by_side::<1>(point),
+            }
         }
     }
 }

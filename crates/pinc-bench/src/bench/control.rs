@@ -3,19 +3,16 @@
 use super::cases::{Case, Effort};
 use super::clock::to_f64;
 use super::model::{self, Trained};
-use super::results::{BenchReport, ModelStep, NmpcTimes, QpTime};
+use super::programs;
+use super::results::{BenchReport, NmpcTimes};
 use crate::record::file;
 use crate::runs::read_model;
-use crate::{BenchError, ControlMetrics, Experiment, ModelKind, Options, Record, Verbosity};
-use pinc_mpc::QpMethod;
+use crate::{BenchError, ControlMetrics, Experiment, Options, Record, Verbosity};
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
 
 /// Hidden layers and neurons of a net that is much smaller than the paper's.
 const SMALL: [usize; 2] = [2, 10];
-
-/// The methods for the controller's quadratic programs.
-const METHODS: [QpMethod; 3] = [QpMethod::Condensed, QpMethod::Riccati, QpMethod::Clarabel];
 
 /// Trains nets for `case`, and adds its models' steps, closed loops and quadratic programs to `report`.
 pub(super) fn run(case: Case, effort: &Effort, report: &mut BenchReport) -> Result<(), BenchError> {
@@ -38,9 +35,7 @@ pub(super) fn run(case: Case, effort: &Effort, report: &mut BenchReport) -> Resu
     for metrics in &record.metrics().control {
         report.nmpc.push(nmpc(case, &experiment, metrics));
     }
-    for method in METHODS {
-        report.qp.extend(qp(case, method, effort, &steps)?);
-    }
+    report.qp.extend(programs::run(case, effort.repetitions)?);
     report.model_step.extend(steps);
     Ok(())
 }
@@ -91,37 +86,4 @@ fn nmpc(case: Case, experiment: &Experiment, metrics: &ControlMetrics) -> NmpcTi
 /// Steps of a closed loop.
 fn steps(metrics: &ControlMetrics) -> f64 {
     to_f64(metrics.status.values().sum::<usize>() as u64)
-}
-
-/// The time of a quadratic program by a method, from the closed loop with Runge-Kutta: pinc-mpc does
-/// not show its solvers. A step linearises the model over the horizon once, and once more after each
-/// program; the rest of its time is that of the programs and of the checks around them.
-fn qp(
-    case: Case,
-    method: QpMethod,
-    effort: &Effort,
-    models: &[ModelStep],
-) -> Result<Option<QpTime>, BenchError> {
-    let experiment = case.experiment(&[
-        &format!("control.sqp.qp={method}"),
-        &format!("control.repetitions={}", effort.repetitions),
-    ])?;
-    let only = Some(ModelKind::Rk4);
-    let record = in_passing(|dir, options| crate::control(&experiment, dir, options, None, only))?;
-    let (Some(control), [metrics]) = (&experiment.control, &record.metrics().control[..]) else {
-        return Ok(None);
-    };
-    let Some(model) = models.iter().find(|model| model.substeps == Some(control.rk4_substeps))
-    else {
-        return Ok(None);
-    };
-    let programs = metrics.sqp_iterations_mean;
-    let linearized = to_f64(control.n2 as u64) * (programs + 1.0);
-    let step_us = 1e6 * metrics.wall_s.median / steps(metrics);
-    Ok(Some(QpTime {
-        plant: case.name(),
-        solver: method.to_string(),
-        us: (step_us - 1e-3 * model.forward_jacobian_ns * linearized) / programs,
-        note: "control step less linearisations, per program: includes the SQP's own checks",
-    }))
 }

@@ -2,7 +2,8 @@
 //!
 //! - `kernel`: loss and gradient of the batched kernel, against the machine's multiply-add peak;
 //! - `model`: one step of a model, alone and with Jacobians, and how accurate it is;
-//! - `control`: the closed loops of the shipped configs.
+//! - `control`: the closed loops of the shipped configs;
+//! - `programs`: the quadratic programs in them.
 //!
 //! What each figure means is in `docs/benchmarks.md`.
 
@@ -12,6 +13,7 @@ mod control;
 mod exchange;
 mod kernel;
 mod model;
+mod programs;
 mod results;
 mod table;
 

@@ -109,7 +109,7 @@ impl Setup<'_> {
         net.map(|net| Guard::new(net, self.spec.outside_domain))
     }
 
-    fn model(&self, kind: ModelKind, plant: &dyn System) -> Box<dyn Predictor> {
+    pub(crate) fn model(&self, kind: ModelKind, plant: &dyn System) -> Box<dyn Predictor> {
         let (horizon_s, spec) = (self.horizon_s, self.spec);
         match (kind, self.net) {
             (ModelKind::Pinc, Some(net)) => Box::new(PincPredictor::new(net)),
@@ -119,12 +119,12 @@ impl Setup<'_> {
         }
     }
 
-    fn problem(&self, plant: &dyn System) -> NmpcProblem {
+    pub(crate) fn problem(&self, plant: &dyn System) -> NmpcProblem {
         let names: Vec<&str> = plant.states().iter().map(|state| &*state.name).collect();
         self.spec.problem(&names, plant.inputs().len())
     }
 
-    fn begin<'n>(
+    pub(crate) fn begin<'n>(
         &self,
         nmpc: &'n mut Nmpc,
         plant: &dyn System,

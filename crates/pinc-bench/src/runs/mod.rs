@@ -11,6 +11,7 @@ mod predict;
 mod train;
 mod trial;
 
+pub(crate) use control::Setup as ControlSetup;
 pub(crate) use train::Setup;
 pub(crate) use trial::{run_trial, train_shared};
 

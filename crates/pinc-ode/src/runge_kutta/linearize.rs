@@ -8,7 +8,7 @@ use pinc_ad::{Directions, Dual, Lanes};
 use std::marker::PhantomData;
 
 /// Lanes of the widest vector.
-const WIDEST: usize = 8;
+pub(super) const WIDEST: usize = 8;
 
 /// Points to linearise at, and where the results go: as in
 /// [`Predictor::linearize_stages`](crate::Predictor::linearize_stages).

@@ -147,18 +147,27 @@ pub struct Classical;
 impl Method for Classical {
     const STAGES: usize = 4;
 
+    /// A slope is used for the stage after it and for the result, so that only one is kept. The second
+    /// and third stage are a loop: a long equation stands in the code less often, and is faster so.
     #[inline(always)]
     fn step<P: Plant, S: Scalar>(plant: &P, h: f64, work: &mut Workspace<'_, S>) {
-        let Workspace { x, u, stage, k: [k1, k2, k3, k4, ..] } = work;
-        plant.rhs(x, u, k1);
-        combine(stage, x, h, [1.0 / 2.0], [k1]);
-        plant.rhs(stage, u, k2);
-        combine(stage, x, h, [1.0 / 2.0], [k2]);
-        plant.rhs(stage, u, k3);
-        combine(stage, x, h, [1.0], [k3]);
-        plant.rhs(stage, u, k4);
-        let b = [1.0 / 6.0, 1.0 / 3.0, 1.0 / 3.0, 1.0 / 6.0];
-        advance(x, h, b, [k1, k2, k3, k4]);
+        let Workspace { x, u, stage, k: [k, next, ..] } = work;
+        plant.rhs(x, u, k);
+        for (i, &x) in x.iter().enumerate() {
+            stage[i] = k[i].mul_add(x.constant(h / 2.0), x);
+            next[i] = k[i].mul_add(x.constant(h / 6.0), x);
+        }
+        for a in [1.0 / 2.0, 1.0] {
+            plant.rhs(stage, u, k);
+            for (i, &x) in x.iter().enumerate() {
+                stage[i] = k[i].mul_add(x.constant(h * a), x);
+                next[i] = k[i].mul_add(x.constant(h / 3.0), next[i]);
+            }
+        }
+        plant.rhs(stage, u, k);
+        for (i, x) in x.iter_mut().enumerate() {
+            *x = k[i].mul_add(x.constant(h / 6.0), next[i]);
+        }
     }
 }
 

@@ -1,0 +1,106 @@
+//! Time of the controller's quadratic programs. pinc-mpc does not show its solvers: what a control step
+//! takes besides its model is theirs, and that of the checks around them.
+
+use super::cases::Case;
+use super::clock::{median, to_f64};
+use super::results::QpTime;
+use crate::runs::ControlSetup;
+use crate::{BenchError, ModelKind};
+use pinc_mpc::{Nmpc, QpMethod};
+use pinc_ode::{Dims, Predictor};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::time::Instant;
+
+/// The methods that are measured.
+const METHODS: [QpMethod; 3] = [QpMethod::Condensed, QpMethod::Riccati, QpMethod::Clarabel];
+
+/// The time of a program by each method, in the shipped closed loop with Runge-Kutta.
+pub(super) fn run(case: Case, repetitions: usize) -> Result<Vec<QpTime>, BenchError> {
+    METHODS.iter().map(|&method| measure(case, method, repetitions)).collect()
+}
+
+fn measure(case: Case, method: QpMethod, repetitions: usize) -> Result<QpTime, BenchError> {
+    let experiment = case.experiment(&[&format!("control.sqp.qp={method}")])?;
+    let spec = experiment.control.as_ref().expect("the shipped loops have a controller");
+    let horizon_s = experiment.horizon_s().expect("the shipped loops train a net");
+    let setup = ControlSetup { spec, kinds: &[ModelKind::Rk4], net: None, horizon_s };
+    let plant = &*experiment.plant.system();
+    let in_model = Spent::default();
+    let model = Watched { model: setup.model(ModelKind::Rk4, plant), spent: in_model.clone() };
+    let mut nmpc = Nmpc::new(setup.problem(plant), Box::new(model), spec.sqp)?;
+    let mut times = Vec::new();
+    for _ in 0..repetitions {
+        let mut run = setup.begin(&mut nmpc, plant)?;
+        in_model.take_ns();
+        let in_controller = Spent::default();
+        while let Some(control) = in_controller.watch(|| run.control())? {
+            control.advance()?;
+        }
+        let programs: usize = run.steps().iter().map(|step| step.sqp_iterations).sum();
+        let ns = in_controller.take_ns() - in_model.take_ns();
+        times.push(1e-3 * to_f64(ns) / to_f64(programs as u64));
+    }
+    Ok(QpTime {
+        plant: case.name(),
+        solver: method.to_string(),
+        us: median(&times),
+        note: "control step less its model, per program: includes the SQP's own checks",
+    })
+}
+
+/// A sum of times, in ns, that its clones share.
+#[derive(Clone, Debug, Default)]
+struct Spent(Arc<AtomicU64>);
+
+impl Spent {
+    /// Does `work` and adds its time.
+    fn watch<T>(&self, work: impl FnOnce() -> T) -> T {
+        let clock = Instant::now();
+        let result = work();
+        let ns = u64::try_from(clock.elapsed().as_nanos()).unwrap_or(u64::MAX);
+        self.0.fetch_add(ns, Ordering::Relaxed);
+        result
+    }
+
+    /// The sum, which begins anew.
+    fn take_ns(&self) -> u64 {
+        self.0.swap(0, Ordering::Relaxed)
+    }
+}
+
+/// A model whose time is known.
+#[derive(Debug)]
+struct Watched {
+    model: Box<dyn Predictor>,
+    spent: Spent,
+}
+
+impl Predictor for Watched {
+    fn dims(&self) -> Dims {
+        self.model.dims()
+    }
+
+    fn horizon_s(&self) -> f64 {
+        self.model.horizon_s()
+    }
+
+    fn predict(&mut self, x: &[f64], u: &[f64], next: &mut [f64]) {
+        self.spent.watch(|| self.model.predict(x, u, next));
+    }
+
+    fn linearize(&mut self, x: &[f64], u: &[f64], next: &mut [f64], a: &mut [f64], b: &mut [f64]) {
+        self.spent.watch(|| self.model.linearize(x, u, next, a, b));
+    }
+
+    fn linearize_stages(
+        &mut self,
+        x: &[f64],
+        u: &[f64],
+        next: &mut [f64],
+        a: &mut [f64],
+        b: &mut [f64],
+    ) {
+        self.spent.watch(|| self.model.linearize_stages(x, u, next, a, b));
+    }
+}

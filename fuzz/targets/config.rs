@@ -1,0 +1,20 @@
+//! Texts as configs: read, or refused with a message, and what was read is read again from what it writes. Lines
+//! `#set key=value` are values over those of the config, as `--set` has them.
+#![no_main]
+
+use libfuzzer_sys::fuzz_target;
+use pinc_bench::Experiment;
+use std::path::Path;
+
+fuzz_target!(|text: &str| {
+    let sets = text.lines().filter_map(|line| line.strip_prefix("#set "));
+    let sets: Vec<String> = sets.map(str::to_owned).collect();
+    match Experiment::parse(Path::new("random.toml"), text, &sets) {
+        Ok(experiment) => {
+            let written = experiment.to_toml();
+            let again = Experiment::parse(Path::new("written.toml"), &written, &[]);
+            assert_eq!(again.expect("what is written can be read"), experiment);
+        }
+        Err(error) => assert!(!error.to_string().is_empty()),
+    }
+});
