@@ -103,32 +103,6 @@ impl Workspace<'_, f64> {
     }
 }
 
-/// `to = x + h (a_1 k_1 + .. + a_J k_J)`. The last slope, the newest, is added last: nothing else waits
-/// for it.
-#[inline(always)]
-fn combine<S: Scalar, const J: usize>(to: &mut [S], x: &[S], h: f64, a: [f64; J], k: [&[S]; J]) {
-    for (i, (to, &x)) in to.iter_mut().zip(x).enumerate() {
-        *to = sum(x, h, a, k, i);
-    }
-}
-
-/// `x += h (b_1 k_1 + .. + b_J k_J)`
-#[inline(always)]
-fn advance<S: Scalar, const J: usize>(x: &mut [S], h: f64, b: [f64; J], k: [&[S]; J]) {
-    for (i, x) in x.iter_mut().enumerate() {
-        *x = sum(*x, h, b, k, i);
-    }
-}
-
-#[inline(always)]
-fn sum<S: Scalar, const J: usize>(x: S, h: f64, a: [f64; J], k: [&[S]; J], i: usize) -> S {
-    let mut sum = x;
-    for (a, k) in a.iter().zip(&k) {
-        sum = k[i].mul_add(x.constant(h * a), sum);
-    }
-    sum
-}
-
 /// The classical Runge-Kutta method, of order 4:
 ///
 /// ```text
@@ -144,29 +118,30 @@ fn sum<S: Scalar, const J: usize>(x: S, h: f64, a: [f64; J], k: [&[S]; J], i: us
 #[derive(Clone, Copy, Debug)]
 pub struct Classical;
 
+/// Of each stage's slope: how far the next stage goes along it, and its weight in the result, in steps.
+const CLASSICAL: [[f64; 2]; 4] =
+    [[1.0 / 2.0, 1.0 / 6.0], [1.0 / 2.0, 1.0 / 3.0], [1.0, 1.0 / 3.0], [0.0, 1.0 / 6.0]];
+
 impl Method for Classical {
     const STAGES: usize = 4;
 
-    /// A slope is used for the stage after it and for the result, so that only one is kept. The second
-    /// and third stage are a loop: a long equation stands in the code less often, and is faster so.
+    /// A slope is used for the stage after it and for the result, so that only one is kept. The stages are
+    /// a loop: a long equation stands in the code once, and is faster so.
     #[inline(always)]
     fn step<P: Plant, S: Scalar>(plant: &P, h: f64, work: &mut Workspace<'_, S>) {
         let Workspace { x, u, stage, k: [k, next, ..] } = work;
-        plant.rhs(x, u, k);
         for (i, &x) in x.iter().enumerate() {
-            stage[i] = k[i].mul_add(x.constant(h / 2.0), x);
-            next[i] = k[i].mul_add(x.constant(h / 6.0), x);
+            (stage[i], next[i]) = (x, x);
         }
-        for a in [1.0 / 2.0, 1.0] {
+        for [a, b] in CLASSICAL {
             plant.rhs(stage, u, k);
             for (i, &x) in x.iter().enumerate() {
                 stage[i] = k[i].mul_add(x.constant(h * a), x);
-                next[i] = k[i].mul_add(x.constant(h / 3.0), next[i]);
+                next[i] = k[i].mul_add(x.constant(h * b), next[i]);
             }
         }
-        plant.rhs(stage, u, k);
-        for (i, x) in x.iter_mut().enumerate() {
-            *x = k[i].mul_add(x.constant(h / 6.0), next[i]);
+        for (x, &next) in x.iter_mut().zip(&**next) {
+            *x = next;
         }
     }
 }
@@ -194,29 +169,23 @@ impl Method for DormandPrince {
 
     #[inline(always)]
     fn step<P: Plant, S: Scalar>(plant: &P, h: f64, work: &mut Workspace<'_, S>) {
-        let Workspace { x, u, stage, k: [k1, k2, k3, k4, k5, k6] } = work;
-        plant.rhs(x, u, k1);
-        combine(stage, x, h, row(1), [k1]);
-        plant.rhs(stage, u, k2);
-        combine(stage, x, h, row(2), [k1, k2]);
-        plant.rhs(stage, u, k3);
-        combine(stage, x, h, row(3), [k1, k2, k3]);
-        plant.rhs(stage, u, k4);
-        combine(stage, x, h, row(4), [k1, k2, k3, k4]);
-        plant.rhs(stage, u, k5);
-        combine(stage, x, h, row(5), [k1, k2, k3, k4, k5]);
-        plant.rhs(stage, u, k6);
-        let [b1, _, b3, b4, b5, b6] = row(6);
-        advance(x, h, [b1, b3, b4, b5, b6], [k1, k3, k4, k5, k6]);
+        let Workspace { x, u, stage, k } = work;
+        for s in 0..Self::STAGES {
+            for (i, stage) in stage.iter_mut().enumerate() {
+                *stage = combine(x[i], h, s, k, i);
+            }
+            plant.rhs(stage, u, k[s]);
+        }
+        for (i, x) in x.iter_mut().enumerate() {
+            *x = combine(*x, h, Self::STAGES, k, i);
+        }
     }
 }
 
-/// Row `s` of the tableau of [`DormandPrince`].
+/// Component `i` of `x + h (a_s1 k_1 + a_s2 k_2 + ..)`, with row `s` of the tableau. The newest slope is added last:
+/// nothing else waits for it.
 #[inline(always)]
-fn row<const J: usize>(s: usize) -> [f64; J] {
-    let mut row = [0.0; J];
-    for (to, from) in row.iter_mut().zip(crate::adaptive::A[s]) {
-        *to = *from;
-    }
-    row
+fn combine<S: Scalar>(x: S, h: f64, s: usize, k: &[&mut [S]; MOST_STAGES], i: usize) -> S {
+    let slopes = k.iter().zip(crate::adaptive::A[s]);
+    slopes.fold(x, |sum, (k, a)| k[i].mul_add(x.constant(h * a), sum))
 }
