@@ -5,6 +5,8 @@
 
 #[path = "../crates/pinc-mpc/tests/suite/agreement.rs"]
 mod agreement;
+#[path = "../crates/pinc-mpc/tests/suite/faulty.rs"]
+mod faulty;
 #[path = "../crates/pinc-mpc/tests/suite/optimality.rs"]
 mod optimality;
 #[path = "../crates/pinc-mpc/tests/suite/problems.rs"]
@@ -25,12 +27,7 @@ use problems::{four_tanks, four_tanks_loop, van_der_pol, van_der_pol_loop};
 use survey::{Draw, share, survey};
 
 /// A net trained for some tenths of a second.
-fn train<P: Plant + 'static>(
-    plant: P,
-    horizon_s: f64,
-    domain: &Domain,
-    iterations: u64,
-) -> PincPredictor {
+fn train<P: Plant>(plant: P, horizon_s: f64, domain: &Domain, iterations: u64) -> PincPredictor {
     let net = NetConfig {
         horizon_s,
         hidden_layers: 2,

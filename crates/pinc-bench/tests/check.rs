@@ -72,6 +72,16 @@ fn inputs_that_do_the_same_leave_the_plane_that_they_reach() {
     let gain =
         with(&found, &["rank 1: singular", "all steady states have ", "0.7071 a + ", " b = "]);
     assert_eq!(gain.what.matches("0.7071").count(), 3, "{gain}");
+    // A state that no input moves is one number at rest.
+    let alone = [
+        "plant.expression.derivatives.b=\"1 - b\"",
+        "control.controlled=[\"b\"]",
+        "control.q=[1.0]",
+        "control.references=[{ start_s = 0.0, value = [1.0] }]",
+    ];
+    let found =
+        check(&Experiment::parse("twins.toml".as_ref(), text, &alone.map(str::to_owned)).unwrap());
+    with(&found, &["rank 0: singular", "all steady states have ", "1.0000 b = "]);
 }
 
 #[test]

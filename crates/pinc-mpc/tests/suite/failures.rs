@@ -1,64 +1,33 @@
 //! Optimisations that fail: an honest status, an input within its bounds, and no harm to the next.
 
+use crate::faulty::{Faulty, NOT_A_NUMBER, SOUND};
 use crate::problems::van_der_pol;
 use crate::support::{Linear, scalar_problem};
 use pinc_mpc::{Nmpc, NmpcProblem, SqpConfig, SqpStatus};
 use pinc_ode::{Dims, Predictor, Rk4, VanDerPol};
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
-
-/// A model that gives NaN as long as it is broken.
-#[derive(Debug)]
-struct Fragile<M> {
-    model: M,
-    broken: Arc<AtomicBool>,
-}
-
-impl<M: Predictor> Predictor for Fragile<M> {
-    fn dims(&self) -> Dims {
-        self.model.dims()
-    }
-
-    fn horizon_s(&self) -> f64 {
-        self.model.horizon_s()
-    }
-
-    fn predict(&mut self, x: &[f64], u: &[f64], next: &mut [f64]) {
-        self.model.predict(x, u, next);
-        if self.broken.load(Ordering::Relaxed) {
-            next.fill(f64::NAN);
-        }
-    }
-
-    fn linearize(&mut self, x: &[f64], u: &[f64], next: &mut [f64], a: &mut [f64], b: &mut [f64]) {
-        self.model.linearize(x, u, next, a, b);
-        if self.broken.load(Ordering::Relaxed) {
-            next.fill(f64::NAN);
-            a.fill(f64::NAN);
-        }
-    }
-}
+use std::sync::atomic::{AtomicU64, Ordering};
 
 fn oscillator() -> Rk4<VanDerPol> {
     Rk4::new(VanDerPol::default(), 0.5, 4)
 }
 
-fn fragile(problem: NmpcProblem) -> (Nmpc, Arc<AtomicBool>) {
-    let broken = Arc::new(AtomicBool::new(false));
-    let model = Fragile { model: oscillator(), broken: Arc::clone(&broken) };
+fn faulty(problem: NmpcProblem) -> (Nmpc, Arc<AtomicU64>) {
+    let fault = Arc::new(AtomicU64::new(SOUND));
+    let model = Faulty { model: oscillator(), fault: Arc::clone(&fault) };
     let nmpc = Nmpc::new(problem, Box::new(model), SqpConfig::default()).unwrap();
-    (nmpc, broken)
+    (nmpc, fault)
 }
 
 #[test]
 fn a_model_without_value_leaves_the_last_plan() {
-    let (mut nmpc, broken) = fragile(van_der_pol());
+    let (mut nmpc, fault) = faulty(van_der_pol());
     let reference = [0.8, 0.0].repeat(5);
     let first = nmpc.step(&[0.5, 0.0], &reference).unwrap();
     assert_eq!(first.status, SqpStatus::Converged);
     let planned = nmpc.plan().inputs().to_vec();
 
-    broken.store(true, Ordering::Relaxed);
+    fault.store(NOT_A_NUMBER, Ordering::Relaxed);
     for k in 1..8 {
         let step = nmpc.step(&[0.5, 0.1], &reference).unwrap();
         assert_eq!(step.status, SqpStatus::NumericalTrouble);
@@ -68,7 +37,7 @@ fn a_model_without_value_leaves_the_last_plan() {
     }
 
     // Recovery: as good as a controller that was never in trouble.
-    broken.store(false, Ordering::Relaxed);
+    fault.store(SOUND, Ordering::Relaxed);
     let x = [0.4, -0.2];
     let step = nmpc.step(&x, &reference).unwrap();
     assert_eq!(step.status, SqpStatus::Converged);
@@ -79,12 +48,12 @@ fn a_model_without_value_leaves_the_last_plan() {
 fn without_any_plan_the_input_is_zero_moved_into_the_bounds() {
     let mut problem = van_der_pol();
     problem.input_bounds.low = vec![0.25];
-    let (mut nmpc, broken) = fragile(problem);
-    broken.store(true, Ordering::Relaxed);
+    let (mut nmpc, fault) = faulty(problem);
+    fault.store(NOT_A_NUMBER, Ordering::Relaxed);
     let step = nmpc.step(&[0.5, 0.0], &[0.0; 10]).unwrap();
     assert_eq!(step.status, SqpStatus::NumericalTrouble);
     assert!((step.u[0] - 0.25).abs() < 1e-15);
-    broken.store(false, Ordering::Relaxed);
+    fault.store(SOUND, Ordering::Relaxed);
     let step = nmpc.step(&[0.5, 0.0], &[0.0; 10]).unwrap();
     assert_eq!(step.status, SqpStatus::Converged);
 }

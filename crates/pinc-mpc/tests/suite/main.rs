@@ -4,6 +4,7 @@
 mod agreement;
 mod closed_loop;
 mod failures;
+mod faulty;
 mod formulation;
 mod kkt;
 mod linear;

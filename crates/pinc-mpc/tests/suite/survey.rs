@@ -3,9 +3,10 @@
 //!
 //! `PINC_RANDOM_STEPS=100000` in the environment of a test takes so many steps.
 
+use crate::faulty::{Faulty, NOT_A_NUMBER, SOUND, WRONG};
 use crate::optimality::{Asked, residuals, scale};
 use pinc_mpc::{Nmpc, NmpcProblem, SqpConfig, SqpStatus};
-use pinc_ode::{Dims, Predictor};
+use pinc_ode::Predictor;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -32,47 +33,6 @@ impl Stream {
     }
 }
 
-/// What is wrong with the model.
-const SOUND: u64 = 0;
-const NOT_A_NUMBER: u64 = 1;
-const WRONG: u64 = 2;
-
-/// A model that fails as it is told: with NaN, or with the numbers of quite another one.
-#[derive(Debug)]
-struct Unreliable<M> {
-    model: M,
-    fault: Arc<AtomicU64>,
-}
-
-impl<M: Predictor> Predictor for Unreliable<M> {
-    fn dims(&self) -> Dims {
-        self.model.dims()
-    }
-
-    fn horizon_s(&self) -> f64 {
-        self.model.horizon_s()
-    }
-
-    fn predict(&mut self, x: &[f64], u: &[f64], next: &mut [f64]) {
-        self.model.predict(x, u, next);
-        match self.fault.load(Ordering::Relaxed) {
-            NOT_A_NUMBER => next[0] = f64::NAN,
-            WRONG => next.iter_mut().for_each(|v| *v = 3.0 * (5.0 * *v).sin() + 1e3 * u[0]),
-            _ => {}
-        }
-    }
-
-    fn linearize(&mut self, x: &[f64], u: &[f64], next: &mut [f64], a: &mut [f64], b: &mut [f64]) {
-        self.model.linearize(x, u, next, a, b);
-        match self.fault.load(Ordering::Relaxed) {
-            NOT_A_NUMBER => a[0] = f64::NAN,
-            // Jacobians that do not belong to the values.
-            WRONG => self.predict(x, u, next),
-            _ => {}
-        }
-    }
-}
-
 /// What is drawn: intervals of the states and of the references.
 pub(crate) struct Draw<'a> {
     pub(crate) states: &'a [[f64; 2]],
@@ -87,7 +47,7 @@ pub(crate) fn survey(
     draw: &Draw<'_>,
 ) -> [BTreeMap<SqpStatus, usize>; 2] {
     let fault = Arc::new(AtomicU64::new(SOUND));
-    let model = Unreliable { model: sound.clone(), fault: Arc::clone(&fault) };
+    let model = Faulty { model: sound.clone(), fault: Arc::clone(&fault) };
     let mut nmpc = Nmpc::new(problem.clone(), Box::new(model), SqpConfig::default()).unwrap();
     let mut stream = Stream(1);
     let mut seen = [BTreeMap::new(), BTreeMap::new()];

@@ -116,10 +116,9 @@ fn plane(subject: &Subject<'_>, samples: &[Vec<f64>]) -> Option<(Vec<f64>, f64)>
         let product = |y: &Vec<f64>| (y[i] - mean[i]) * (y[k] - mean[k]) / (width(i) * width(k));
         samples.iter().map(product).sum::<f64>() / count
     });
-    // Eigenvalues in increasing order; they are squares of lengths.
+    // Eigenvalues in increasing order: squares of lengths, in widths of the region.
     let decomposition = covariance.self_adjoint_eigen(Side::Lower).ok()?;
-    let values = decomposition.S().column_vector();
-    if values[0] > 1e-12 * values[p - 1] {
+    if decomposition.S().column_vector()[0] > 1e-12 {
         return None;
     }
     let direction: Vec<f64> = (0..p).map(|i| decomposition.U()[(i, 0)] / width(i)).collect();
