@@ -151,6 +151,7 @@ impl Nmpc {
     /// Forgets everything: the next step is again the first one, with u\[k-1\] = 0, and 0 under way.
     pub fn reset(&mut self) {
         self.plan.clear();
+        self.sqp.forget();
         self.warm = false;
         self.prepared = false;
         self.previous.fill(0.0);

@@ -44,6 +44,7 @@ mod controller;
 mod cost;
 mod error;
 mod kkt;
+mod linearized;
 mod merit;
 mod pace;
 mod problem;

@@ -120,6 +120,11 @@ impl Sqp {
         }
     }
 
+    /// Forgets all plans.
+    pub(crate) fn forget(&mut self) {
+        self.transcription.forget();
+    }
+
     /// Moves the plan's inputs into their bounds.
     pub(crate) fn project(&self, plan: &mut Solution, previous: &[f64]) {
         self.transcription.project(plan, previous);

@@ -2,6 +2,7 @@
 
 use crate::constraints::ConstraintWork;
 use crate::cost::{Cost, Targets};
+use crate::linearized::Linearized;
 use crate::qp::Qp;
 use crate::shape::Shape;
 use crate::solution::Solution;
@@ -19,10 +20,7 @@ pub(crate) struct Transcription {
     increments: Bounds,
     constraints: Option<Constraints>,
     work: ConstraintWork,
-    /// `x_0`, .., x_{N-1}
-    x: Vec<f64>,
-    /// The input that acts at each of these, `[N, m]`.
-    u: Vec<f64>,
+    linearized: Linearized,
 }
 
 impl Transcription {
@@ -37,8 +35,7 @@ impl Transcription {
             increments: problem.increment_bounds.repeat(shape.moves),
             constraints: problem.constraints.clone(),
             work: ConstraintWork::new(dims, shape.rows()),
-            x: vec![0.0; shape.all_states()],
-            u: vec![0.0; shape.stages * shape.inputs],
+            linearized: Linearized::new(shape),
         }
     }
 
@@ -95,18 +92,19 @@ impl Transcription {
         z: &[f64],
         qp: &mut Qp,
     ) {
-        let shape = self.shape;
-        let all_states = shape.all_states();
-        self.x[..shape.states].copy_from_slice(x0);
-        self.x[shape.states..].copy_from_slice(&z[..all_states - shape.states]);
-        for (j, u) in self.u.chunks_exact_mut(shape.inputs).enumerate() {
-            u.copy_from_slice(&z[shape.input(shape.acting(j))]);
-        }
-        model.linearize_stages(&self.x, &self.u, &mut qp.c, &mut qp.a, &mut qp.b);
-        for (c, next) in qp.c.iter_mut().zip(z) {
-            *c -= next;
+        self.linearized.follow(model, x0, z);
+        let [next, a, b] = self.linearized.parts();
+        qp.a.copy_from_slice(a);
+        qp.b.copy_from_slice(b);
+        for ((c, next), z) in qp.c.iter_mut().zip(next).zip(z) {
+            *c = next - z;
         }
         self.linearize_constraints(z, qp);
+    }
+
+    /// Forgets where the model was linearised.
+    pub(crate) fn forget(&mut self) {
+        self.linearized.forget();
     }
 
     /// Writes the cost's gradient at `z` and what is left of the bounds there into `qp`, and returns the

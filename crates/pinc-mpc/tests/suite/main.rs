@@ -15,3 +15,4 @@ mod problems;
 mod random;
 mod support;
 mod survey;
+mod work;

@@ -1,0 +1,86 @@
+//! How often the controller evaluates its model.
+
+use crate::faulty::{Faulty, NOT_A_NUMBER, SOUND};
+use crate::problems::van_der_pol;
+use pinc_mpc::{Nmpc, SqpConfig, SqpStatus};
+use pinc_ode::{Dims, Predictor, Rk4, VanDerPol};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
+
+/// A model that counts the points at which it is linearised.
+#[derive(Debug)]
+struct Counting<M> {
+    model: M,
+    points: Arc<AtomicUsize>,
+}
+
+impl<M: Predictor> Predictor for Counting<M> {
+    fn dims(&self) -> Dims {
+        self.model.dims()
+    }
+
+    fn horizon_s(&self) -> f64 {
+        self.model.horizon_s()
+    }
+
+    fn predict(&mut self, x: &[f64], u: &[f64], next: &mut [f64]) {
+        self.model.predict(x, u, next);
+    }
+
+    fn linearize(&mut self, x: &[f64], u: &[f64], next: &mut [f64], a: &mut [f64], b: &mut [f64]) {
+        self.points.fetch_add(1, Ordering::Relaxed);
+        self.model.linearize(x, u, next, a, b);
+    }
+}
+
+const HORIZON: usize = 5;
+
+struct Counted {
+    nmpc: Nmpc,
+    points: Arc<AtomicUsize>,
+    fault: Arc<AtomicU64>,
+}
+
+impl Counted {
+    fn new() -> Self {
+        let (points, fault) = (Arc::default(), Arc::new(AtomicU64::new(SOUND)));
+        let model = Rk4::new(VanDerPol::default(), 0.5, 4);
+        let model = Faulty { model, fault: Arc::clone(&fault) };
+        let model = Counting { model, points: Arc::clone(&points) };
+        let nmpc = Nmpc::new(van_der_pol(), Box::new(model), SqpConfig::default()).unwrap();
+        Self { nmpc, points, fault }
+    }
+
+    /// The status of a step, the points that it linearised at, and its QPs.
+    fn step(&mut self, x: [f64; 2]) -> (SqpStatus, usize, usize) {
+        self.points.store(0, Ordering::Relaxed);
+        let step = self.nmpc.step(&x, &[0.8, 0.0].repeat(HORIZON)).unwrap();
+        (step.status, self.points.load(Ordering::Relaxed), step.sqp_iterations)
+    }
+}
+
+#[test]
+fn a_plan_that_is_moved_on_is_linearised_at_its_ends() {
+    let mut run = Counted::new();
+    let (status, points, qps) = run.step([0.2, 0.1]);
+    assert_eq!((status, points), (SqpStatus::Converged, (qps + 1) * HORIZON));
+    for x in [[0.25, 0.4], [0.5, 0.6], [0.7, 0.3]] {
+        let (status, points, qps) = run.step(x);
+        assert_eq!((status, points), (SqpStatus::Converged, 2 + qps * HORIZON));
+    }
+    // Begun anew, nothing is known.
+    run.nmpc.reset();
+    let (_, points, qps) = run.step([0.7, 0.3]);
+    assert_eq!(points, (qps + 1) * HORIZON);
+}
+
+#[test]
+fn stages_without_value_are_asked_again() {
+    let mut run = Counted::new();
+    run.step([0.2, 0.1]);
+    run.fault.store(NOT_A_NUMBER, Ordering::Relaxed);
+    assert_eq!(run.step([0.25, 0.4]).0, SqpStatus::NumericalTrouble);
+    run.fault.store(SOUND, Ordering::Relaxed);
+    let (status, points, qps) = run.step([0.5, 0.6]);
+    assert_eq!((status, points), (SqpStatus::Converged, (qps + 1) * HORIZON));
+}
