@@ -96,8 +96,11 @@ impl<S: Scalar, const N: usize> Dual<S, N> {
     /// `direction >= N` it is a constant.
     #[inline(always)]
     pub fn variable(value: S, direction: usize) -> Self {
-        let eps = std::array::from_fn(|i| value.constant(if i == direction { 1.0 } else { 0.0 }));
-        Self { re: value, eps }
+        let mut variable = Self::lift(value);
+        if let Some(eps) = variable.eps.get_mut(direction) {
+            *eps = value.constant(1.0);
+        }
+        variable
     }
 }
 

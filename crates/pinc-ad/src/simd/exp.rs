@@ -44,7 +44,11 @@ pub(super) fn exp<V: Simd>(x: V) -> V {
     let x = x.clamp(LIMIT);
     let k = x.mul_add(number(std::f64::consts::LOG2_E), number(SHIFT)) - SHIFT;
     let r = k.neg_mul_add(number(LN2_LOW), k.neg_mul_add(number(LN2_HIGH), x));
-    let [c2, c3, c4, c5, c6, c7, c8, c9, c10, c11, c12, c13] = C.map(number);
+    let mut c = [x; C.len()];
+    for (c, value) in c.iter_mut().zip(C) {
+        *c = number(value);
+    }
+    let [c2, c3, c4, c5, c6, c7, c8, c9, c10, c11, c12, c13] = c;
     // Estrin's scheme: short chains of dependent operations.
     let (r2, one) = (r * r, number(1.0));
     let (r4, r8) = (r2 * r2, (r2 * r2) * (r2 * r2));

@@ -31,6 +31,9 @@ pub struct SweepSpec {
 pub struct AxisSpec {
     /// The key, as `--set` has it: `model.neurons`, `training.phases.0.iterations`.
     pub key: String,
+    /// Keys that take the same values: `control.nu` beside `control.n2`.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub also: Vec<String>,
     /// The values.
     pub values: Vec<toml::Value>,
 }
@@ -78,6 +81,9 @@ impl SweepSpec {
     pub(super) fn validate(&self) -> Result<(), (String, Problem)> {
         for (i, axis) in self.grid.iter().enumerate() {
             may_be_swept(&format!("sweep.grid[{i}].key"), &axis.key)?;
+            for key in &axis.also {
+                may_be_swept(&format!("sweep.grid[{i}].also"), key)?;
+            }
             if axis.values.is_empty() {
                 return wrong(&format!("sweep.grid[{i}].values"), "[]", "one value or more");
             }

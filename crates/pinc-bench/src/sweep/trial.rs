@@ -1,6 +1,6 @@
 //! From a `[sweep]` section to its trials.
 
-use crate::spec::{DrawsSpec, Experiment, Problem, SweepSpec};
+use crate::spec::{AxisSpec, DrawsSpec, Experiment, Problem, SweepSpec};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
@@ -124,7 +124,7 @@ fn choices(sweep: &SweepSpec, seed: u64) -> Vec<Choice> {
     let mut axes = vec![seeds.iter().map(|&seed| one("seed", number(seed))).collect()];
     axes.push(sweep.cases.iter().map(case).collect());
     for axis in &sweep.grid {
-        axes.push(axis.values.iter().map(|value| one(&axis.key, value.clone())).collect());
+        axes.push(axis.values.iter().map(|value| place(axis, value)).collect());
     }
     let groups = sweep.draws.iter().zip(STREAM..);
     axes.push(groups.flat_map(|(draws, stream)| drawn(draws, seed, stream)).collect());
@@ -139,6 +139,13 @@ fn choices(sweep: &SweepSpec, seed: u64) -> Vec<Choice> {
 fn one(key: &str, value: Value) -> Choice {
     let name = text(&value);
     Choice { names: vec![(key.to_owned(), name)], values: vec![(key.to_owned(), value)] }
+}
+
+/// A place on an axis of the grid.
+fn place(axis: &AxisSpec, value: &Value) -> Choice {
+    let mut choice = one(&axis.key, value.clone());
+    choice.values.extend(axis.also.iter().map(|key| (key.clone(), value.clone())));
+    choice
 }
 
 fn case(case: &crate::spec::CaseSpec) -> Choice {

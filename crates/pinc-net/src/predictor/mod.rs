@@ -7,7 +7,7 @@ use crate::PincNet;
 use layout::Layout;
 use pinc_ad::simd::Isa;
 use pinc_ode::{Dims, Predictor};
-use step::{Columns, Step};
+use step::{Columns, POINTS, Step};
 
 /// The control interface f^(y, u) = `f_w`(T, y, u) of a net, Eq. (interface) of the paper, with its
 /// Jacobians by forward differentiation.
@@ -40,18 +40,23 @@ impl PincPredictor {
     pub fn with_isa(net: &PincNet, isa: Isa) -> Self {
         let dims = net.dims();
         let layout = Layout::new(net, isa.lanes());
-        let columns = Columns::new(layout.longest(), 1 + dims.states + dims.inputs);
+        let columns = Columns::new(layout.longest(), dims.states + dims.inputs);
         Self { dims, horizon_s: net.horizon_s, isa, layout, columns }
     }
 
-    /// Runs the net from (x, u), with the tangents of the first `tangents` of them; the results are in
-    /// the columns that are returned.
+    /// Runs the net from one (x, u), or from [`POINTS`] of them, with the tangents of the first `tangents` of their
+    /// numbers; the results are in the columns that are returned.
     fn run(&mut self, x: &[f64], u: &[f64], tangents: usize) -> &Columns {
         let Dims { states: n, inputs: m } = self.dims;
-        assert!(x.len() == n && u.len() == m, "lengths of x and u");
-        self.columns.start(x, u);
-        let Self { layout, columns, .. } = self;
-        self.isa.dispatch(Step { layout, columns, tangents });
+        let Self { layout, columns, isa, .. } = self;
+        columns.set_tangents(tangents);
+        for (point, (x, u)) in x.chunks_exact(n).zip(u.chunks_exact(m)).enumerate() {
+            columns.start(point, x, u);
+        }
+        match x.len() / n {
+            1 => isa.dispatch(Step::<1> { layout, columns }),
+            _ => isa.dispatch(Step::<POINTS> { layout, columns }),
+        }
         columns
     }
 }
@@ -66,9 +71,10 @@ impl Predictor for PincPredictor {
     }
 
     fn predict(&mut self, x: &[f64], u: &[f64], next: &mut [f64]) {
-        assert_eq!(next.len(), self.dims.states, "length of next");
+        let Dims { states: n, inputs: m } = self.dims;
+        assert!(x.len() == n && u.len() == m && next.len() == n, "lengths of x, u, next");
         let from_x = self.layout.adds_initial_state();
-        next.copy_from_slice(&self.run(x, u, 0).value()[..x.len()]);
+        next.copy_from_slice(&self.run(x, u, 0).value(0)[..n]);
         if from_x {
             for (next, x) in next.iter_mut().zip(x) {
                 *next += x;
@@ -77,26 +83,53 @@ impl Predictor for PincPredictor {
     }
 
     fn linearize(&mut self, x: &[f64], u: &[f64], next: &mut [f64], a: &mut [f64], b: &mut [f64]) {
+        assert!(x.len() == self.dims.states, "length of x");
+        self.linearize_stages(x, u, next, a, b);
+    }
+
+    fn linearize_stages(
+        &mut self,
+        x: &[f64],
+        u: &[f64],
+        next: &mut [f64],
+        a: &mut [f64],
+        b: &mut [f64],
+    ) {
         let Dims { states: n, inputs: m } = self.dims;
-        assert!(next.len() == n && a.len() == n * n && b.len() == n * m, "lengths of next, a, b");
+        let count = x.len() / n;
+        assert!(x.len() == count * n && u.len() == count * m, "lengths of x and u");
+        assert!(next.len() == count * n, "length of next");
+        assert!(a.len() == count * n * n && b.len() == count * n * m, "lengths of a and b");
         let from_x = self.layout.adds_initial_state();
-        let columns = self.run(x, u, n + m);
-        next.copy_from_slice(&columns.value()[..n]);
-        for j in 0..n {
-            for (i, derivative) in columns.tangent(j)[..n].iter().enumerate() {
-                a[i * n + j] = *derivative;
+        let mut first = 0;
+        while first < count {
+            let points = if count - first < POINTS { 1 } else { POINTS };
+            let part = |width: usize| first * width..(first + points) * width;
+            let columns = self.run(&x[part(n)], &u[part(m)], n + m);
+            for point in 0..points {
+                let k = first + point;
+                let own = |width: usize| k * width..(k + 1) * width;
+                let (x, next) = (&x[own(n)], &mut next[own(n)]);
+                let (a, b) = (&mut a[own(n * n)], &mut b[own(n * m)]);
+                next.copy_from_slice(&columns.value(point)[..n]);
+                for j in 0..n {
+                    for (i, derivative) in columns.tangent(point, j)[..n].iter().enumerate() {
+                        a[i * n + j] = *derivative;
+                    }
+                }
+                for j in 0..m {
+                    for (i, derivative) in columns.tangent(point, n + j)[..n].iter().enumerate() {
+                        b[i * m + j] = *derivative;
+                    }
+                }
+                if from_x {
+                    for (i, x) in x.iter().enumerate() {
+                        next[i] += x;
+                        a[i * n + i] += 1.0;
+                    }
+                }
             }
-        }
-        for j in 0..m {
-            for (i, derivative) in columns.tangent(n + j)[..n].iter().enumerate() {
-                b[i * m + j] = *derivative;
-            }
-        }
-        if from_x {
-            for (i, x) in x.iter().enumerate() {
-                next[i] += x;
-                a[i * n + i] += 1.0;
-            }
+            first += points;
         }
     }
 }

@@ -6,38 +6,49 @@ use pinc_ad::simd::{Simd, Task, tanh_all};
 /// `f64`s in a cache line: a vector that lies across two costs twice.
 const LINE: usize = 8;
 
-/// A column of values, then columns of tangents: the input and the output of a layer.
+/// So many points go through a net side by side, at most: while one waits for its tanh, the other's sums go on.
+pub(super) const POINTS: usize = 2;
+
+/// The input and the output of a layer, for each point a column of values and then columns of tangents.
 #[derive(Clone, Debug)]
 pub(super) struct Columns {
     /// From one column to the next.
     stride: usize,
+    /// Tangents of each point at hand.
+    tangents: usize,
     from: Vec<f64>,
     to: Vec<f64>,
 }
 
 impl Columns {
-    /// Room for `count` columns of up to `longest` numbers.
-    pub(super) fn new(longest: usize, count: usize) -> Self {
+    /// Room for up to [`POINTS`] points with up to `tangents` tangents each, in columns of up to `longest` numbers.
+    pub(super) fn new(longest: usize, tangents: usize) -> Self {
         let stride = longest.next_multiple_of(LINE);
-        let room = vec![0.0; count * stride + LINE];
-        Self { stride, from: room.clone(), to: room }
+        let room = vec![0.0; POINTS * (1 + tangents) * stride + LINE];
+        Self { stride, tangents, from: room.clone(), to: room }
+    }
+
+    /// How many tangents each point has from now on.
+    pub(super) fn set_tangents(&mut self, tangents: usize) {
+        self.tangents = tangents;
     }
 
     /// The input of the first layer is (x, u). Its tangents are unit vectors and are not stored.
-    pub(super) fn start(&mut self, x: &[f64], u: &[f64]) {
-        let input = aligned(&mut self.from);
+    pub(super) fn start(&mut self, point: usize, x: &[f64], u: &[f64]) {
+        let first = point * (1 + self.tangents) * self.stride;
+        let input = &mut aligned(&mut self.from)[first..];
         input[..x.len()].copy_from_slice(x);
         input[x.len()..x.len() + u.len()].copy_from_slice(u);
     }
 
-    /// The values.
-    pub(super) fn value(&self) -> &[f64] {
-        &self.from[start(&self.from)..]
+    /// The values at `point`.
+    pub(super) fn value(&self, point: usize) -> &[f64] {
+        &self.from[start(&self.from) + point * (1 + self.tangents) * self.stride..]
     }
 
-    /// Tangent `j`.
-    pub(super) fn tangent(&self, j: usize) -> &[f64] {
-        &self.value()[(1 + j) * self.stride..]
+    /// Tangent `j` at `point`.
+    pub(super) fn tangent(&self, point: usize, j: usize) -> &[f64] {
+        &self.value(point)[(1 + j) * self.stride..]
     }
 }
 
@@ -51,29 +62,29 @@ fn aligned(room: &mut [f64]) -> &mut [f64] {
     &mut room[start..]
 }
 
-/// A pass from the input in `columns` to the output there, with this many tangents.
-pub(super) struct Step<'a> {
+/// A pass of `P` points from the input in `columns` to the output there.
+pub(super) struct Step<'a, const P: usize> {
     pub(super) layout: &'a Layout,
     pub(super) columns: &'a mut Columns,
-    pub(super) tangents: usize,
 }
 
-impl Task for Step<'_> {
+impl<const P: usize> Task for Step<'_, P> {
     type Output = ();
 
     #[inline(always)]
     fn run<V: Simd>(self, zero: V) {
-        let Self { layout: Layout { layers, .. }, columns, tangents } = self;
+        let Self { layout: Layout { layers, .. }, columns } = self;
         let last = layers.len() - 1;
         for (l, layer) in layers.iter().enumerate() {
             let (from, to) = (&*aligned(&mut columns.from), aligned(&mut columns.to));
-            let mut pass = Pass { zero, layer, stride: columns.stride, from, to, tangents };
+            let (stride, tangents) = (columns.stride, columns.tangents);
+            let mut pass = Pass { zero, layer, stride, from, to, tangents };
             let place = Place { first: l == 0, last: l == last };
             for block in &layer.blocks {
                 match block.rows {
-                    1 => pass.block::<1, 4>(block, place),
-                    2 => pass.block::<2, 2>(block, place),
-                    _ => pass.block::<3, 1>(block, place),
+                    1 => pass.block::<P, 1, 4>(block, place),
+                    2 => pass.block::<P, 2, 2>(block, place),
+                    _ => pass.block::<P, 3, 1>(block, place),
                 }
             }
             std::mem::swap(&mut columns.from, &mut columns.to);
@@ -103,38 +114,65 @@ impl<V: Simd> Pass<'_, V> {
     /// products do not wait for tanh, which takes as long as they do: the processor works on both.
     /// `K` sums are kept for every one that is wanted, so that additions need not wait either.
     #[inline(always)]
-    fn block<const R: usize, const K: usize>(&mut self, block: &Block, place: Place) {
+    fn block<const P: usize, const R: usize, const K: usize>(
+        &mut self,
+        block: &Block,
+        place: Place,
+    ) {
         let zero = self.zero;
-        let [product] = self.product::<R, 1, 4>(block, 0);
-        let mut a = rows::<V, R>(zero, &block.bias);
-        for (a, product) in a.iter_mut().zip(product) {
-            *a = *a + product;
-        }
-        let mut slope = [zero.constant(1.0); R];
-        if !place.last {
-            tanh_all(&mut a);
-            for (slope, a) in slope.iter_mut().zip(a) {
-                *slope = a.neg_mul_add(a, *slope);
+        let mut values = match P {
+            1 => self.product::<R, P, 4>(block, 0, 1),
+            _ => self.product::<R, P, 2>(block, 0, 1 + self.tangents),
+        };
+        let bias = rows::<V, R>(zero, &block.bias);
+        let mut slopes = [[zero.constant(1.0); R]; P];
+        for (a, slope) in values.iter_mut().zip(&mut slopes) {
+            for (a, bias) in a.iter_mut().zip(bias) {
+                *a = *a + bias;
+            }
+            if !place.last {
+                tanh_all(a);
+                for (slope, a) in slope.iter_mut().zip(a) {
+                    *slope = a.neg_mul_add(*a, *slope);
+                }
             }
         }
-        self.store(block, 0, a);
-        if place.first {
-            // The tangents of the input are unit vectors, which pick a column of the weights.
-            for j in 0..self.tangents {
-                let w = rows::<V, R>(zero, &block.weights[j * R * V::LANES..]);
-                self.store(block, 1 + j, times(slope, w));
+        for (point, (a, slope)) in values.into_iter().zip(slopes).enumerate() {
+            let value = point * (1 + self.tangents);
+            self.store(block, value, a);
+            match place.first {
+                true => self.first_tangents(block, value + 1, slope),
+                false => self.all_tangents::<R, K>(block, value + 1, slope),
             }
-            return;
         }
+    }
+
+    /// The tangents of the input are unit vectors, which pick a column of the weights.
+    #[inline(always)]
+    fn first_tangents<const R: usize>(&mut self, block: &Block, column: usize, slope: [V; R]) {
+        for j in 0..self.tangents {
+            let w = rows::<V, R>(self.zero, &block.weights[j * R * V::LANES..]);
+            self.store(block, column + j, times(slope, w));
+        }
+    }
+
+    /// The tangents of a point, from `column` on, in groups as even as can be.
+    #[inline(always)]
+    fn all_tangents<const R: usize, const K: usize>(
+        &mut self,
+        block: &Block,
+        mut column: usize,
+        slope: [V; R],
+    ) {
         let groups = self.tangents.div_ceil(3);
-        let mut column = 1;
         for group in 0..groups {
-            match (self.tangents + group) / groups {
+            let width = (self.tangents + group) / groups;
+            match width {
                 1 => self.tangents::<R, 1, K>(block, column, slope),
                 2 => self.tangents::<R, 2, K>(block, column, slope),
                 _ => self.tangents::<R, 3, K>(block, column, slope),
             }
-            column += (self.tangents + group) / groups;
+            column += width;
         }
     }
 
@@ -146,23 +184,24 @@ impl<V: Simd> Pass<'_, V> {
         column: usize,
         slope: [V; R],
     ) {
-        let product = self.product::<R, C, K>(block, column);
+        let product = self.product::<R, C, K>(block, column, 1);
         for (c, product) in product.into_iter().enumerate() {
             self.store(block, column + c, times(slope, product));
         }
     }
 
-    /// The weights times `C` columns from `column`, in `K` sums each.
+    /// The weights times `C` columns from `column`, `step` apart, in `K` sums each.
     #[inline(always)]
     fn product<const R: usize, const C: usize, const K: usize>(
         &self,
         block: &Block,
         column: usize,
+        step: usize,
     ) -> [[V; R]; C] {
         let zero = self.zero;
         let inputs = self.layer.inputs;
         let mut columns: [&[f64]; C] = [&[]; C];
-        for (c, column) in (column..).zip(&mut columns) {
+        for (c, column) in (column..).step_by(step).zip(&mut columns) {
             *column = &self.from[c * self.stride..][..inputs];
         }
         let mut sums = [[[zero; R]; C]; K];

@@ -64,15 +64,17 @@ impl Plant for AcetoneColumn {
 
     #[inline(always)]
     fn rhs<S: Scalar>(&self, x: &[S], u: &[S], dx: &mut [S]) {
-        let stage: [_; STAGES] = std::array::from_fn(|i| {
+        let boiling = |i: usize| {
             let [acetone, water] = [x[2 * i], x[2 * i + 1]];
             boil([acetone, -(acetone + water) + 1.0, water], self.pressure)
-        });
+        };
+        let stage = [boiling(0), boiling(1), boiling(2)];
         let (reflux, vapour) = (u[0], u[1] / stage[0].heat());
         // Acetone is component 0 of the mixture, water component 2.
         for (i, component) in [0, 2].into_iter().enumerate() {
             let [x0, x1, x2] = [x[i], x[2 + i], x[4 + i]];
-            let [y0, y1, y2] = [0, 1, 2].map(|s: usize| stage[s].vapour[component]);
+            let y = |s: usize| stage[s].vapour[component];
+            let [y0, y1, y2] = [y(0), y(1), y(2)];
             let fed = -(x0 - self.composition[i]) * self.feed;
             let pot = fed + reflux * (x1 - x0) - vapour * (y0 - x0);
             let lower = reflux * (x2 - x1) + vapour * (y0 - y1);

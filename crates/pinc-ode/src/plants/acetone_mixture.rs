@@ -87,15 +87,19 @@ impl<S: Scalar> Work for Boil<S> {
     #[inline(always)]
     fn run(self) -> Boiling<S> {
         let Self { x, pressure } = self;
-        let plain = x.map(S::plain);
-        let lifted = plain.map(Dual::<S::Plain>::lift);
-        let mut z = plain[0].constant(1.0 / START_K);
+        let mut z = x[0].plain().constant(1.0 / START_K);
+        let mut lifted = [Dual::<S::Plain>::lift(z); COMPONENTS];
+        for (lifted, x) in lifted.iter_mut().zip(x) {
+            *lifted = Dual::lift(x.plain());
+        }
         let mut slope = z;
-        let mut pressure_slopes = plain;
+        let mut pressure_slopes = [z; COMPONENTS];
         for _ in 0..NEWTON_STEPS {
             let pressures = partial_pressures(lifted, Dual::variable(z, 0));
             let excess = ((pressures[0] + pressures[1] + pressures[2]) / pressure).ln();
-            pressure_slopes = pressures.map(|p| p.eps[0]);
+            for (slope, pressure) in pressure_slopes.iter_mut().zip(pressures) {
+                *slope = pressure.eps[0];
+            }
             slope = excess.eps[0];
             z = z - excess.re / slope;
         }
@@ -104,26 +108,25 @@ impl<S: Scalar> Work for Boil<S> {
         let pressures = partial_pressures(x, z);
         let excess = ((pressures[0] + pressures[1] + pressures[2]) / pressure).ln();
         let step = -(excess / z.constants(slope));
-        let vapour = std::array::from_fn(|i| {
-            z.constants(pressure_slopes[i]).mul_add(step, pressures[i]) / pressure
-        });
+        let mut vapour = pressures;
+        for (y, slope) in vapour.iter_mut().zip(pressure_slopes) {
+            *y = z.constants(slope).mul_add(step, *y) / pressure;
+        }
         Boiling { vapour, inverse_temperature: z + step }
     }
 }
 
-/// The partial pressures in kPa over a liquid x at the temperature 1/z.
+/// The partial pressures in kPa over a liquid x at the temperature 1/z. (Loops, since `array::map` and
+/// `from_fn` are not sure to be inlined into SIMD code.)
 #[inline(always)]
 fn partial_pressures<S: Scalar>(x: [S; COMPONENTS], z: S) -> [S; COMPONENTS] {
     let tau = |i: usize, j: usize| z * (INTERACTION[i][j] / GAS_CONSTANT);
-    let g: [[S; COMPONENTS]; COMPONENTS] = std::array::from_fn(|i| {
-        std::array::from_fn(|j| {
-            if i == j {
-                z.constant(1.0)
-            } else {
-                (z * (-NONRANDOMNESS[i][j] * INTERACTION[i][j] / GAS_CONSTANT)).exp()
-            }
-        })
-    });
+    let mut g = [[z.constant(1.0); COMPONENTS]; COMPONENTS];
+    for i in 0..COMPONENTS {
+        for j in (0..COMPONENTS).filter(|&j| j != i) {
+            g[i][j] = (z * (-NONRANDOMNESS[i][j] * INTERACTION[i][j] / GAS_CONSTANT)).exp();
+        }
+    }
     let zero = z.constant(0.0);
     let mut share = [zero; COMPONENTS];
     let mut mean = [zero; COMPONENTS];
@@ -140,13 +143,15 @@ fn partial_pressures<S: Scalar>(x: [S; COMPONENTS], z: S) -> [S; COMPONENTS] {
         mean[j] = t / s;
     }
     let celsius = z.constant(1.0) / z - CELSIUS;
-    std::array::from_fn(|i| {
+    let mut pressures = x;
+    for i in 0..COMPONENTS {
         let mut ln_gamma = mean[i];
         for j in 0..COMPONENTS {
             ln_gamma = (share[j] * g[i][j]).mul_add(tau(i, j) - mean[j], ln_gamma);
         }
         let [a, b, c] = ANTOINE[i];
         let ln_vapour_pressure = -(z.constant(b) / (celsius + c)) + a;
-        x[i] * (ln_gamma + ln_vapour_pressure).exp()
-    })
+        pressures[i] = x[i] * (ln_gamma + ln_vapour_pressure).exp();
+    }
+    pressures
 }

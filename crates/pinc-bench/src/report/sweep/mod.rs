@@ -38,7 +38,7 @@ struct Metric {
 /// The pictures of a sweep.
 pub(super) fn pictures(run: &Run, trials: &Trials) -> Result<Vec<Picture>, ReportError> {
     let mut pictures = Vec::from_iter(traces::picture(run, trials)?);
-    for metric in metrics(run, trials) {
+    for metric in metrics(run, trials).into_iter().chain(time(trials)) {
         if trials.has_draws() {
             pictures.extend(histogram::picture(trials, &metric)?);
         } else {
@@ -55,10 +55,6 @@ pub(super) fn pictures(run: &Run, trials: &Trials) -> Result<Vec<Picture>, Repor
 /// The metrics that the sweep's table has, and that differ among the trials of one cell if these
 /// are draws.
 fn metrics(run: &Run, trials: &Trials) -> Vec<Metric> {
-    let of_models = |column: &str| {
-        let column = |(model, name): (&str, _)| (format!("{model}_{column}"), name);
-        [("pinc", "PINC"), ("rk4", "RK4"), ("rosenbrock", "Rosenbrock")].map(column).to_vec()
-    };
     let all = [
         Metric {
             columns: vec![("mse_gen".to_owned(), "")],
@@ -75,14 +71,14 @@ fn metrics(run: &Run, trials: &Trials) -> Vec<Metric> {
             log: true,
         },
         Metric {
-            columns: of_models("iae_dense_sum"),
+            columns: of_models(trials, "iae_dense_sum"),
             stem: "iae",
             title: "Closed loop: integral of the absolute error",
             label: run.label_in_states_unit("IAE, dense trace, sum over outputs", ""),
             log: false,
         },
         Metric {
-            columns: of_models("rmse_dense"),
+            columns: of_models(trials, "rmse_dense"),
             stem: "rmse",
             title: "Closed loop: root mean square error",
             label: run.label_in_states_unit("RMSE, dense trace", ""),
@@ -100,6 +96,26 @@ fn metrics(run: &Run, trials: &Trials) -> Vec<Metric> {
         (!columns.is_empty()).then_some(Metric { columns, ..metric })
     };
     all.into_iter().filter_map(present).collect()
+}
+
+/// The time of the controller, where a sweep has one axis and so shows what it depends on.
+fn time(trials: &Trials) -> Option<Metric> {
+    let metric = Metric {
+        columns: of_models(trials, "wall_s"),
+        stem: "time",
+        title: "Closed loop: the controller's time",
+        label: "controller's time in the whole loop (s)".to_owned(),
+        log: true,
+    };
+    let shown = trials.axes().len() == 1 && !trials.has_draws() && !metric.columns.is_empty();
+    shown.then_some(metric)
+}
+
+/// The columns of each model's metric `column` that the sweep's table has, and the models' names.
+fn of_models(trials: &Trials, column: &str) -> Vec<(String, &'static str)> {
+    let models = [("pinc", "PINC"), ("rk4", "RK4"), ("rosenbrock", "Rosenbrock")];
+    let columns = models.into_iter().map(|(model, name)| (format!("{model}_{column}"), name));
+    columns.filter(|(column, _)| trials.has(column)).collect()
 }
 
 /// The sweep in a few sentences.
