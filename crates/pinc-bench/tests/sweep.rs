@@ -304,22 +304,22 @@ fn more_draws_leave_the_first_as_they_were() {
 
 #[test]
 fn keys_beside_that_of_an_axis_take_its_values_and_the_time_is_drawn() {
-    let text = std::fs::read_to_string(common::repository("configs/smoke/rk4-only.toml")).unwrap();
+    let text = fs::read_to_string(common::repository("configs/smoke/rk4-only.toml")).unwrap();
     let dir = tempfile::tempdir().unwrap();
     let (config, out) = (dir.path().join("stages.toml"), dir.path().join("out"));
     let axis = "[[sweep.grid]]\nkey = \"control.n2\"\nvalues = [2, 4]\n";
-    std::fs::write(&config, format!("{text}\n{axis}")).unwrap();
+    fs::write(&config, format!("{text}\n{axis}")).unwrap();
     // Nu = 5 is more than N2 = 2.
     run(&config, &out, &[]).assert_refused(&["`sweep`: in the trial with", "control.n2 = 2"]);
-    std::fs::write(&config, format!("{text}\n{axis}also = [\"control.nu\"]\n")).unwrap();
+    fs::write(&config, format!("{text}\n{axis}also = [\"control.nu\"]\n")).unwrap();
     assert_eq!(run(&config, &out, &[]).code, Some(0));
     let trials = rows(&read(&out, "sweep.csv"));
     assert!(
-        trials.iter().all(|t| t["status"] == "done" && t["rk4_iae_dense_sum"] != ""),
+        trials.iter().all(|t| t["status"] == "done" && !t["rk4_iae_dense_sum"].is_empty()),
         "{trials:?}"
     );
     assert!(out.join("figures/time.svg").exists());
     let refused = text + "\n" + axis + "also = [\"seed\"]\n";
-    std::fs::write(&config, refused).unwrap();
+    fs::write(&config, refused).unwrap();
     run(&config, &dir.path().join("other"), &[]).assert_refused(&["`sweep.grid[0].also`"]);
 }

@@ -71,16 +71,14 @@ impl Reference {
     }
 
     /// Writes the preview at step `k`, as many rows as `window` holds: the values of steps
-    /// k, k+1, .. Where these would pass the end, the last rows that do not, once more.
+    /// k, k+1, ..; after the end, the last.
     ///
     /// # Shapes
     ///
     /// `window`: `[rows, outputs]`, row by row.
     pub fn preview(&self, k: usize, window: &mut [f64]) {
-        let rows = window.len() / self.outputs;
-        let first = k.min(self.steps().saturating_sub(rows));
         for (i, row) in window.chunks_exact_mut(self.outputs).enumerate() {
-            row.copy_from_slice(self.at(first + i));
+            row.copy_from_slice(self.at(k + i));
         }
     }
 }
@@ -90,7 +88,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_preview_repeats_the_last_window() {
+    fn the_preview_ends_in_the_last_value() {
         let reference = Reference::new(vec![0.0, 1.0, 2.0, 3.0], 1).unwrap();
         let preview = |k, rows| {
             let mut window = vec![f64::NAN; rows];
@@ -99,9 +97,8 @@ mod tests {
         };
         assert_eq!(preview(0, 2), [0.0, 1.0]);
         assert_eq!(preview(2, 2), [2.0, 3.0]);
-        assert_eq!(preview(3, 2), [2.0, 3.0]);
-        // A run shorter than the horizon ends in its last value.
-        assert_eq!(preview(1, 6), [0.0, 1.0, 2.0, 3.0, 3.0, 3.0]);
+        assert_eq!(preview(3, 2), [3.0, 3.0]);
+        assert_eq!(preview(1, 6), [1.0, 2.0, 3.0, 3.0, 3.0, 3.0]);
     }
 
     #[test]

@@ -7,6 +7,7 @@ mod store;
 mod table;
 mod trial;
 
+pub(crate) use spread::Spread;
 pub(crate) use trial::trials;
 
 use crate::progress::{Stage, Verbosity};

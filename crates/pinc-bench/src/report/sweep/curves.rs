@@ -23,8 +23,9 @@ pub(super) fn picture(trials: &Trials, metric: &Metric) -> Result<Option<Picture
     let figure = curves.figure(&numbers, &values)?;
     let caption = format!(
         "Median over the trials, with the quartiles as intervals; each light dot is a trial, {}. From \
-         sweep.csv.",
-        sizes(trials.cells())
+         {}.",
+        sizes(trials.cells()),
+        trials.table_of(&metric.columns[0].0).file_name()
     );
     let (stem, title) = (metric.stem.to_owned(), metric.title.to_owned());
     Ok(Some(Picture { stem, title, figure, caption }))

@@ -1,4 +1,4 @@
-//! The trials of a sweep, as `sweep.csv` and `summary.csv` have them.
+//! The trials of a sweep, as `sweep.csv`, `summary.csv` and `timings.csv` have them.
 
 use super::super::ReportError;
 use super::super::table::Table;
@@ -10,6 +10,8 @@ use std::path::{Path, PathBuf};
 pub(in crate::report) struct Trials {
     dir: PathBuf,
     table: Table,
+    /// The times of the same trials, row by row.
+    timings: Option<Table>,
     /// The columns that tell the cells apart.
     columns: Vec<String>,
     cells: Vec<Cell>,
@@ -59,7 +61,8 @@ impl Trials {
             None => (Vec::new(), Vec::new()),
         };
         let cells = cells(&table, &columns)?;
-        Ok(Some(Self { dir: dir.to_owned(), table, columns, cells, spreads }))
+        let timings = Table::read(&dir.join("timings.csv"))?.filter(|t| t.len() == table.len());
+        Ok(Some(Self { dir: dir.to_owned(), table, timings, columns, cells, spreads }))
     }
 
     pub(super) fn columns(&self) -> &[String] {
@@ -81,9 +84,15 @@ impl Trials {
         self.table.has("draw")
     }
 
-    /// Whether a metric is there.
+    /// Whether a metric, or a time, is there.
     pub(super) fn has(&self, column: &str) -> bool {
-        self.table.has(column)
+        self.table_of(column).has(column)
+    }
+
+    /// The table with the column, that of metrics if none has it.
+    pub(super) fn table_of(&self, column: &str) -> &Table {
+        let timings = self.timings.as_ref().filter(|timings| timings.has(column));
+        timings.unwrap_or(&self.table)
     }
 
     /// The numbers of all trials, of those that failed and of those not yet run.
@@ -94,13 +103,19 @@ impl Trials {
 
     /// A metric of a cell's trials, as far as they are numbers.
     pub(super) fn values(&self, cell: &Cell, column: &str) -> Result<Vec<f64>, ReportError> {
-        let all = self.table.numbers(column)?;
+        let all = self.table_of(column).numbers(column)?;
         let values = cell.finished.iter().map(|i| all[*i]);
         Ok(values.filter(|v| v.is_finite()).collect())
     }
 
-    /// How a metric varies in a cell; `None` without a number.
+    /// How a metric varies in a cell; `None` without a number. (The summary leaves times out.)
     pub(super) fn spread(&self, cell: &Cell, column: &str) -> Option<Spread> {
+        if self.timings.as_ref().is_some_and(|timings| timings.has(column)) {
+            let spread = crate::sweep::Spread::of(self.values(cell, column).ok()?)?;
+            let [min, q1, median, q3, max] =
+                [0.0, 0.25, 0.5, 0.75, 1.0].map(|part| spread.quantile(part));
+            return Some(Spread { min, q1, median, q3, max });
+        }
         let here = |(place, metric, _): &&(Vec<String>, String, Spread)| {
             *place == cell.place && metric == column
         };
