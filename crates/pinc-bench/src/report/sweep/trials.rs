@@ -220,6 +220,7 @@ pub(super) fn short(key: &str) -> String {
         "model.horizon_s" => "horizon T (s)".to_owned(),
         "training.collocation_points" => "collocation points N_f".to_owned(),
         "training.initial_points" => "initial points N_t".to_owned(),
+        "control.n2" => "steps of the horizon, N2".to_owned(),
         "control.rk4_substeps" => "substeps of RK4".to_owned(),
         "control.rosenbrock_substeps" => "substeps of the Rosenbrock method".to_owned(),
         key => key.rsplit('.').next().unwrap_or(key).replace('_', " "),
