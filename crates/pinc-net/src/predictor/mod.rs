@@ -50,14 +50,38 @@ impl PincPredictor {
         let Dims { states: n, inputs: m } = self.dims;
         let Self { layout, columns, isa, .. } = self;
         columns.set_tangents(tangents);
-        for (point, (x, u)) in x.chunks_exact(n).zip(u.chunks_exact(m)).enumerate() {
-            columns.start(point, x, u);
+        let points = x.len() / n;
+        for point in 0..points {
+            let part = |width: usize| point * width..(point + 1) * width;
+            columns.start(point, &x[part(n)], &u[part(m)]);
         }
-        match x.len() / n {
+        match points {
             1 => isa.dispatch(Step::<1> { layout, columns }),
             _ => isa.dispatch(Step::<POINTS> { layout, columns }),
         }
         columns
+    }
+
+    /// What came out at `point`, whose state is `x`.
+    fn results(&self, point: usize, x: &[f64], next: &mut [f64], a: &mut [f64], b: &mut [f64]) {
+        let (Dims { states: n, inputs: m }, columns) = (self.dims, &self.columns);
+        next.copy_from_slice(&columns.value(point)[..n]);
+        for j in 0..n {
+            for (i, derivative) in columns.tangent(point, j)[..n].iter().enumerate() {
+                a[i * n + j] = *derivative;
+            }
+        }
+        for j in 0..m {
+            for (i, derivative) in columns.tangent(point, n + j)[..n].iter().enumerate() {
+                b[i * m + j] = *derivative;
+            }
+        }
+        if self.layout.adds_initial_state() {
+            for (i, x) in x.iter().enumerate() {
+                next[i] += x;
+                a[i * n + i] += 1.0;
+            }
+        }
     }
 }
 
@@ -100,34 +124,16 @@ impl Predictor for PincPredictor {
         assert!(x.len() == count * n && u.len() == count * m, "lengths of x and u");
         assert!(next.len() == count * n, "length of next");
         assert!(a.len() == count * n * n && b.len() == count * n * m, "lengths of a and b");
-        let from_x = self.layout.adds_initial_state();
         let mut first = 0;
         while first < count {
             let points = if count - first < POINTS { 1 } else { POINTS };
             let part = |width: usize| first * width..(first + points) * width;
-            let columns = self.run(&x[part(n)], &u[part(m)], n + m);
+            self.run(&x[part(n)], &u[part(m)], n + m);
             for point in 0..points {
                 let k = first + point;
-                let own = |width: usize| k * width..(k + 1) * width;
-                let (x, next) = (&x[own(n)], &mut next[own(n)]);
-                let (a, b) = (&mut a[own(n * n)], &mut b[own(n * m)]);
-                next.copy_from_slice(&columns.value(point)[..n]);
-                for j in 0..n {
-                    for (i, derivative) in columns.tangent(point, j)[..n].iter().enumerate() {
-                        a[i * n + j] = *derivative;
-                    }
-                }
-                for j in 0..m {
-                    for (i, derivative) in columns.tangent(point, n + j)[..n].iter().enumerate() {
-                        b[i * m + j] = *derivative;
-                    }
-                }
-                if from_x {
-                    for (i, x) in x.iter().enumerate() {
-                        next[i] += x;
-                        a[i * n + i] += 1.0;
-                    }
-                }
+                let of = |width: usize| k * width..(k + 1) * width;
+                let (a, b) = (&mut a[of(n * n)], &mut b[of(n * m)]);
+                self.results(point, &x[of(n)], &mut next[of(n)], a, b);
             }
             first += points;
         }
