@@ -57,8 +57,8 @@ pub(super) struct Effort {
     pub(super) model_s: f64,
     /// Points of the one-step error.
     pub(super) one_step_points: usize,
-    /// Training times of the small net and of the paper's, in s.
-    pub(super) training_s: [f64; 2],
+    /// When the trainings of the small net and of the paper's end, as `--set` has it.
+    pub(super) training: [&'static str; 2],
     /// How many times each closed loop is run.
     pub(super) repetitions: usize,
 }
@@ -73,7 +73,8 @@ impl Effort {
                 probe_rounds: 100_000,
                 model_s: 0.005,
                 one_step_points: 64,
-                training_s: [0.1, 0.2],
+                // Not by time: a busy machine must have nets that can be controlled with, too.
+                training: ["training.phases.0.iterations=100", "training.phases.0.iterations=200"],
                 repetitions: 1,
             }
         } else {
@@ -84,7 +85,7 @@ impl Effort {
                 probe_rounds: 2_000_000,
                 model_s: 0.3,
                 one_step_points: 4096,
-                training_s: [2.0, 4.0],
+                training: ["training.time_limit_s=2.0", "training.time_limit_s=4.0"],
                 repetitions: 10,
             }
         }

@@ -16,18 +16,16 @@ const SMALL: [usize; 2] = [2, 10];
 
 /// Trains nets for `case`, and adds its models' steps, closed loops and quadratic programs to `report`.
 pub(super) fn run(case: Case, effort: &Effort, report: &mut BenchReport) -> Result<(), BenchError> {
-    let [small_s, papers_s] = effort.training_s;
+    let [small_ends, papers_ends] = effort.training;
     let [hidden_layers, neurons] = SMALL;
     let small = case.experiment(&[
-        &format!("training.time_limit_s={small_s:?}"),
+        small_ends,
         &format!("model.hidden_layers={hidden_layers}"),
         &format!("model.neurons={neurons}"),
     ])?;
     let small = trained(&small, crate::train)?.0;
-    let experiment = case.experiment(&[
-        &format!("training.time_limit_s={papers_s:?}"),
-        &format!("control.repetitions={}", effort.repetitions),
-    ])?;
+    let experiment =
+        case.experiment(&[papers_ends, &format!("control.repetitions={}", effort.repetitions)])?;
     let (papers, record) =
         trained(&experiment, |e, dir, options| crate::control(e, dir, options, None, None))?;
     let system = experiment.plant.system();
