@@ -15,8 +15,6 @@ pub(in crate::report) struct Trials {
     /// The columns that tell the cells apart.
     columns: Vec<String>,
     cells: Vec<Cell>,
-    /// How each metric varies in each cell.
-    spreads: Vec<(Vec<String>, String, Spread)>,
 }
 
 /// A place in the grid, with the rows of its trials.
@@ -51,18 +49,16 @@ impl Trials {
     /// sweep in `dir`.
     pub(in crate::report) fn read(dir: &Path) -> Result<Option<Self>, ReportError> {
         let Some(table) = Table::read(&dir.join("sweep.csv"))? else { return Ok(None) };
-        let (columns, spreads) = match Table::read(&dir.join("summary.csv"))? {
+        let columns = match Table::read(&dir.join("summary.csv"))? {
             Some(summary) => {
                 let columns = summary.headers().iter().take_while(|h| *h != "metric");
-                let columns: Vec<String> = columns.cloned().collect();
-                let spreads = spreads(&summary, &columns)?;
-                (columns, spreads)
+                columns.cloned().collect()
             }
-            None => (Vec::new(), Vec::new()),
+            None => Vec::new(),
         };
         let cells = cells(&table, &columns)?;
         let timings = Table::read(&dir.join("timings.csv"))?.filter(|t| t.len() == table.len());
-        Ok(Some(Self { dir: dir.to_owned(), table, timings, columns, cells, spreads }))
+        Ok(Some(Self { dir: dir.to_owned(), table, timings, columns, cells }))
     }
 
     pub(super) fn columns(&self) -> &[String] {
@@ -108,18 +104,12 @@ impl Trials {
         Ok(values.filter(|v| v.is_finite()).collect())
     }
 
-    /// How a metric varies in a cell; `None` without a number. (The summary leaves times out.)
+    /// How a metric, or a time, varies in a cell; `None` without a number.
     pub(super) fn spread(&self, cell: &Cell, column: &str) -> Option<Spread> {
-        if self.timings.as_ref().is_some_and(|timings| timings.has(column)) {
-            let spread = crate::sweep::Spread::of(self.values(cell, column).ok()?)?;
-            let [min, q1, median, q3, max] =
-                [0.0, 0.25, 0.5, 0.75, 1.0].map(|part| spread.quantile(part));
-            return Some(Spread { min, q1, median, q3, max });
-        }
-        let here = |(place, metric, _): &&(Vec<String>, String, Spread)| {
-            *place == cell.place && metric == column
-        };
-        self.spreads.iter().find(here).map(|(_, _, spread)| *spread)
+        let spread = crate::sweep::Spread::of(self.values(cell, column).ok()?)?;
+        let [min, q1, median, q3, max] =
+            [0.0, 0.25, 0.5, 0.75, 1.0].map(|part| spread.quantile(part));
+        Some(Spread { min, q1, median, q3, max })
     }
 
     /// What a cell is called: its alternatives, and its places on the axes.
@@ -169,24 +159,6 @@ impl Trials {
         }
         values
     }
-}
-
-fn spreads(
-    summary: &Table,
-    columns: &[String],
-) -> Result<Vec<(Vec<String>, String, Spread)>, ReportError> {
-    let places = columns.iter().map(|column| summary.texts(column));
-    let places = places.collect::<Result<Vec<_>, _>>()?;
-    let metrics = summary.texts("metric")?;
-    let [min, q1, median, q3, max] =
-        ["min", "q1", "median", "q3", "max"].map(|column| summary.numbers(column));
-    let (min, q1, median, q3, max) = (min?, q1?, median?, q3?, max?);
-    let row = |i: usize| {
-        let place = places.iter().map(|column| column[i].to_owned()).collect();
-        let spread = Spread { min: min[i], q1: q1[i], median: median[i], q3: q3[i], max: max[i] };
-        (place, metrics[i].to_owned(), spread)
-    };
-    Ok((0..summary.len()).map(row).collect())
 }
 
 fn cells(table: &Table, columns: &[String]) -> Result<Vec<Cell>, ReportError> {
