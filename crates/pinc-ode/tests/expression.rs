@@ -180,7 +180,8 @@ fn a_tape_records_an_expression() {
     assert_close(&gradient, &[-2.0 * 1.3 * 0.5 * 2.0 - 1.0, 1.3 * 0.75, 1.0], &[]);
 }
 
-/// An expression of the family that `pinc-ad` is tested with, as text.
+/// An expression of the family that `pinc-ad` is tested with, as text. What an operator makes stands in
+/// parentheses: `^` binds to the right, so that an operand that ends in a power would be another one.
 fn text(e: &Expr) -> String {
     match e {
         Expr::Input(i) => ["x", "y", "u"][*i].to_owned(),
@@ -202,7 +203,7 @@ fn text(e: &Expr) -> String {
         Expr::Cos(a) => format!("cos({})", text(a)),
         Expr::Tan(a) => format!("tan(sin({}))", text(a)),
         Expr::Atan(a) => format!("atan({})", text(a)),
-        Expr::Powf(a) => format!("({}^2 + 0.5)^1.3", text(a)),
+        Expr::Powf(a) => format!("(({}^2 + 0.5)^1.3)", text(a)),
         Expr::Powi(a, n) => format!("({}^{n})", text(a)),
         Expr::Abs(a) => format!("abs({})", text(a)),
         Expr::Min(a, b) => format!("min({}, {})", text(a), text(b)),
