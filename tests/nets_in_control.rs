@@ -20,7 +20,7 @@ use pinc_mpc::SqpStatus;
 use pinc_net::optim::{OptimizerConfig, SelfScaledBroydenConfig};
 use pinc_net::{
     Ansatz, Domain, InitialScale, Keep, NetConfig, Phase, PincPredictor, Progress, ResidualScale,
-    Sampler, Trainer, TrainingConfig, ValidationConfig, ValidationSet,
+    Sampler, Source, Trainer, TrainingConfig, ValidationConfig, ValidationSet,
 };
 use pinc_ode::{FourTanks, Plant, VanDerPol};
 use problems::{four_tanks, four_tanks_loop, van_der_pol, van_der_pol_loop};
@@ -40,6 +40,7 @@ fn train<P: Plant>(plant: P, horizon_s: f64, domain: &Domain, iterations: u64) -
         gradient_tolerance: 1e-14,
     });
     let training = TrainingConfig {
+        source: Source::Physics,
         sampler: Sampler::Sobol,
         collocation_points: 512,
         initial_points: 1,

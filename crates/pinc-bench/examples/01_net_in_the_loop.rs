@@ -9,7 +9,8 @@ use pinc_mpc::{Bounds, ClosedLoop, Nmpc, NmpcProblem, Reference, SqpConfig, SqpS
 use pinc_net::optim::{OptimizerConfig, SelfScaledBroydenConfig};
 use pinc_net::{
     Ansatz, Domain, InitialScale, Keep, NetConfig, NetError, Phase, PincNet, PincPredictor,
-    Progress, ResidualScale, Sampler, Trainer, TrainingConfig, ValidationConfig, ValidationSet,
+    Progress, ResidualScale, Sampler, Source, Trainer, TrainingConfig, ValidationConfig,
+    ValidationSet,
 };
 use pinc_ode::{Adaptive, Plant, Predictor, Rk4, Variable};
 use std::error::Error;
@@ -55,6 +56,7 @@ fn trained() -> Result<PincNet, NetError> {
         gradient_tolerance: 1e-14,
     });
     let training = TrainingConfig {
+        source: Source::Physics,
         sampler: Sampler::Sobol,
         collocation_points: 256,
         initial_points: 1,

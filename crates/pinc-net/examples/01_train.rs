@@ -6,7 +6,7 @@
 use pinc_net::optim::{OptimizerConfig, SelfScaledBroydenConfig};
 use pinc_net::{
     Ansatz, Domain, InitialScale, Keep, NetConfig, NetError, Phase, PincNet, Progress,
-    ResidualScale, Sampler, Trainer, TrainingConfig, ValidationConfig, ValidationSet,
+    ResidualScale, Sampler, Source, Trainer, TrainingConfig, ValidationConfig, ValidationSet,
 };
 use pinc_ode::VanDerPol;
 
@@ -38,6 +38,7 @@ pub(crate) fn training() -> TrainingConfig {
         gradient_tolerance: 1e-14,
     });
     TrainingConfig {
+        source: Source::Physics,
         sampler: Sampler::Sobol,
         collocation_points: 2048,
         initial_points: 1,

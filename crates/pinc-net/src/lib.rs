@@ -6,6 +6,7 @@
 //!
 //! - [`Mlp::forward`], [`PincNet::state`] and [`reference_loss`] say what is computed, over any scalar;
 //! - [`BatchLoss`] computes it fast (SIMD lanes, threads); tests hold the two together;
+//! - a net may also be distilled from an accurate integration ([`Source`]): same file, same controller;
 //! - [`optim`] minimizes, [`Trainer`] runs the schedule, [`ValidationSet`] judges.
 //!
 //! ```
@@ -32,6 +33,7 @@
 //!     gradient_tolerance: 1e-14,
 //! });
 //! let training = TrainingConfig {
+//!     source: Source::Physics,
 //!     sampler: Sampler::Sobol,
 //!     collocation_points: 512,
 //!     initial_points: 1,
@@ -65,6 +67,7 @@ mod data;
 mod domain;
 mod error;
 mod kernel;
+mod labels;
 mod loss;
 mod mlp;
 mod model;
@@ -94,7 +97,8 @@ pub use pinc_ad::simd::Isa;
 pub use predictor::PincPredictor;
 pub use sampling::{Points, Sampler, initial_conditions};
 pub use schedule::{
-    GrowthConfig, IterationRecord, Keep, Phase, Progress, StopReason, Totals, TrainingConfig,
+    GrowthConfig, IterationRecord, Keep, Phase, Progress, Source, StopReason, Totals,
+    TrainingConfig,
 };
 pub use trainer::{Checkpoint, Trainer};
 pub use validation::{Validation, ValidationConfig, ValidationSet};

@@ -1,6 +1,6 @@
 //! The model file: a safetensors container with the tensors of the perceptron and a JSON description.
 
-use crate::{Ansatz, Domain, Mlp, ModelError, Normalizer, PincNet, Scenario};
+use crate::{Ansatz, Domain, Mlp, ModelError, Normalizer, PincNet, Scenario, Source};
 use pinc_ode::Dims;
 use safetensors::{Dtype, SafeTensors, tensor::TensorView};
 use serde::{Deserialize, Serialize};
@@ -27,6 +27,12 @@ struct Description {
     domain: DomainBox,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     time_only: Option<Scenario>,
+    #[serde(default, skip_serializing_if = "is_physics")]
+    source: Source,
+}
+
+fn is_physics(source: &Source) -> bool {
+    *source == Source::Physics
 }
 
 /// The box that the net was trained on. Written as `Flat`; the other ways to write it are read too.
@@ -91,6 +97,7 @@ impl PincNet {
                 high: ends(&self.domain.state_high, &self.domain.input_high),
             },
             time_only: self.time_only.clone(),
+            source: self.source,
         };
         // The container is written by hand: the library's writer takes its metadata from a hash map, so
         // that the same net would give other bytes each time.
@@ -170,6 +177,7 @@ impl Description {
             states: self.states,
             inputs: self.inputs,
             time_only: self.time_only,
+            source: self.source,
         })
     }
 

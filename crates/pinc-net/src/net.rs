@@ -2,7 +2,7 @@
 
 use crate::mlp::MlpConfig;
 use crate::sampling::{Purpose, Sampler, rng};
-use crate::{Ansatz, Domain, Mlp, NetError, Normalizer};
+use crate::{Ansatz, Domain, Mlp, NetError, Normalizer, Source};
 use pinc_ad::Scalar;
 use pinc_ode::{Dims, Plant};
 use serde::{Deserialize, Serialize};
@@ -103,6 +103,7 @@ pub struct PincNet {
     pub(crate) inputs: Vec<String>,
     pub(crate) domain: Domain,
     pub(crate) time_only: Option<Scenario>,
+    pub(crate) source: Source,
 }
 
 impl PincNet {
@@ -144,6 +145,7 @@ impl PincNet {
             inputs: names(plant.inputs()),
             domain: domain.clone(),
             time_only: config.time_only.clone(),
+            source: Source::Physics,
         })
     }
 
@@ -181,6 +183,12 @@ impl PincNet {
     #[must_use]
     pub fn time_only(&self) -> Option<&Scenario> {
         self.time_only.as_ref()
+    }
+
+    /// What it was trained on. A net of [`Source::Integrator`] is to be asked at t = T alone.
+    #[must_use]
+    pub fn source(&self) -> Source {
+        self.source
     }
 
     /// The perceptron inside.

@@ -6,6 +6,19 @@ use crate::sampling::Sampler;
 use crate::{NetError, PincNet};
 use serde::{Deserialize, Serialize};
 
+/// What a net is trained on.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Source {
+    /// The residual of the plant's equation at times in \[0, T\]: a PINC net.
+    #[default]
+    Physics,
+    /// The plant's state at t = T, by an accurate integration ([`pinc_ode::Adaptive`]): a distilled net
+    /// y0 + N(y0, u). Between 0 and T it knows nothing. The points of the sample are initial states and
+    /// inputs, and the loss has the term `MSE_D` alone.
+    Integrator,
+}
+
 /// Which net a training gives.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
@@ -50,9 +63,13 @@ pub struct GrowthConfig {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct TrainingConfig {
+    /// What the net is trained on.
+    #[serde(default)]
+    pub source: Source,
     /// How collocation points are spread.
     pub sampler: Sampler,
-    /// Number of collocation points `N_F`, at the start if the sample grows.
+    /// Number of collocation points `N_F` (of initial states and inputs for [`Source::Integrator`]), at the start
+    /// if the sample grows.
     pub collocation_points: usize,
     /// Number of initial points `N_t` of `MSE_y` (and of scenarios of the coupled grid). Without use for a
     /// hard initial condition.
@@ -97,6 +114,11 @@ impl TrainingConfig {
             }
             Ok(())
         };
+        if self.source == Source::Integrator && self.sampler == Sampler::CoupledGrid {
+            let (key, found) = ("sampler", "coupled-grid".to_owned());
+            let expected = "\"sobol\" or \"independent\" with source = \"integrator\"";
+            return Err(NetError::Setting { key, found, expected });
+        }
         count("collocation_points", self.collocation_points as u64)?;
         count("initial_points", self.initial_points as u64)?;
         count("validation_every", self.validation_every)?;

@@ -1,9 +1,12 @@
 //! Training: Algorithm 1 of the paper, and beyond it a sample that grows.
 
+use crate::labels::Labels;
 use crate::loss::LossTerms;
 use crate::optim::{Iterate, LeastSquares, Objective, Optimizer, Outcome};
 use crate::sampling::{Points, Purpose, Sampler, initial_conditions};
-use crate::schedule::{IterationRecord, Keep, Progress, StopReason, Totals, TrainingConfig};
+use crate::schedule::{
+    IterationRecord, Keep, Progress, Source, StopReason, Totals, TrainingConfig,
+};
 use crate::{
     Ansatz, BatchLoss, Domain, Measurements, NetConfig, NetError, PincNet, Validation,
     ValidationSet, Workers,
@@ -48,6 +51,8 @@ pub struct Trainer {
     workers: Workers,
     loss: BatchLoss,
     fresh: Option<BatchLoss>,
+    /// What a distilled net is to give at the points of the sample.
+    labels: Option<Labels>,
     state: Checkpoint,
 }
 
@@ -90,15 +95,21 @@ impl Trainer {
         threads: usize,
     ) -> Result<Self, NetError> {
         training.validate()?;
-        let net = PincNet::new(plant, net, domain, seed)?;
+        let source = training.source;
+        let net = PincNet { source, ..PincNet::new(plant, net, domain, seed)? };
         let weights = training.weights(&net)?;
         let workers = Workers::new(threads)?;
         let loss = BatchLoss::new(plant, &net, &weights, &workers);
-        let fresh = training.growth.as_ref().map(|growth| {
-            let mut fresh = BatchLoss::new(plant, &net, &weights, &workers);
-            fresh.set_points(&fresh_points(&net, growth.fresh_points, seed), &Points::default());
-            fresh
-        });
+        let mut fresh = None;
+        if let Some(growth) = &training.growth {
+            let fresh = fresh.insert(BatchLoss::new(plant, &net, &weights, &workers));
+            let points = fresh_points(&net, growth.fresh_points, seed);
+            match &mut Labels::for_net(plant, &net)? {
+                None => fresh.set_points(&points, &Points::default()),
+                Some(labels) => fresh.set_measurements(labels.of(&points, &workers)?, 1.0),
+            }
+        }
+        let labels = Labels::for_net(plant, &net)?;
         let parameters = net.mlp().parameters().to_vec();
         let state = Checkpoint {
             phase: 0,
@@ -121,9 +132,10 @@ impl Trainer {
             workers,
             loss,
             fresh,
+            labels,
             state,
         };
-        trainer.sample();
+        trainer.sample()?;
         trainer.reevaluate();
         Ok(trainer)
     }
@@ -133,7 +145,8 @@ impl Trainer {
     ///
     /// # Errors
     ///
-    /// [`NetError::Setting`] if `weight` is not positive or there is nothing measured.
+    /// [`NetError::Setting`] if `weight` is not positive, there is nothing measured, or the net is trained
+    /// on an integrator and not on the equation.
     pub fn with_measurements(
         mut self,
         measurements: &Measurements,
@@ -143,12 +156,16 @@ impl Trainer {
             let (key, found) = ("data", "no usable value".to_owned());
             return Err(NetError::Setting { key, found, expected: "at least one" });
         }
+        if self.labels.is_some() {
+            let (key, found) = ("source", "integrator".to_owned());
+            return Err(NetError::Setting { key, found, expected: "\"physics\" with [data]" });
+        }
         if !(weight > 0.0 && weight.is_finite()) {
             let (key, found) = ("data.weight", weight.to_string());
             return Err(NetError::Setting { key, found, expected: "a positive number" });
         }
         self.loss.set_measurements(measurements, weight);
-        self.sample();
+        self.sample()?;
         self.reevaluate();
         Ok(self)
     }
@@ -166,7 +183,7 @@ impl Trainer {
             return Err(NetError::Checkpoint { what: "the number of phases" });
         }
         self.state = checkpoint;
-        self.sample();
+        self.sample()?;
         Ok(self)
     }
 
@@ -195,7 +212,7 @@ impl Trainer {
             Outcome::Moved => {}
             Outcome::Converged => return self.end_phase(StopReason::GradientTolerance),
             Outcome::Stuck => {
-                if self.grow() {
+                if self.grow()? {
                     return self.step();
                 }
                 return self.end_phase(StopReason::NoFurtherDescent);
@@ -207,7 +224,7 @@ impl Trainer {
             self.state.iterate.x = good;
             return Err(error);
         }
-        let fresh_loss = self.look_at_fresh_points();
+        let fresh_loss = self.look_at_fresh_points()?;
         Ok(Progress::Iterated(self.record(fresh_loss)))
     }
 
@@ -317,36 +334,42 @@ impl Trainer {
     }
 
     /// Looks at fresh points when it is time, and grows the sample if the net overfits it.
-    fn look_at_fresh_points(&mut self) -> Option<f64> {
-        let growth = self.config.growth.as_ref()?;
+    fn look_at_fresh_points(&mut self) -> Result<Option<f64>, NetError> {
+        let (Some(growth), Some(fresh)) = (&self.config.growth, &mut self.fresh) else {
+            return Ok(None);
+        };
         if !self.state.totals.iterations.is_multiple_of(growth.check_every) {
-            return None;
+            return Ok(None);
         }
-        let fresh = self.fresh.as_mut()?.loss(&self.state.iterate.x).physics;
-        if fresh > growth.overfit_ratio * self.state.terms.physics {
-            self.grow();
+        let of_sample = |terms: LossTerms| match self.config.source {
+            Source::Physics => terms.physics,
+            Source::Integrator => terms.measured,
+        };
+        let fresh = of_sample(fresh.loss(&self.state.iterate.x));
+        if fresh > growth.overfit_ratio * of_sample(self.state.terms) {
+            self.grow()?;
         }
-        Some(fresh)
+        Ok(Some(fresh))
     }
 
     /// Enlarges the sample; false where it may not grow.
-    fn grow(&mut self) -> bool {
+    fn grow(&mut self) -> Result<bool, NetError> {
         let Some(growth) = &self.config.growth else {
-            return false;
+            return Ok(false);
         };
         let points = self.state.collocation_points;
         if points >= growth.max_points {
-            return false;
+            return Ok(false);
         }
         self.state.collocation_points = (points * growth.factor).min(growth.max_points);
-        self.sample();
+        self.sample()?;
         self.reevaluate();
         self.state.optimizer.refresh(&self.state.iterate, &self.workers);
-        true
+        Ok(true)
     }
 
     /// Draws the sample: a function of the seed and the number of points alone.
-    fn sample(&mut self) {
+    fn sample(&mut self) -> Result<(), NetError> {
         let (points, initial) = (self.state.collocation_points, self.config.initial_points);
         let horizon_s = self.net.horizon_s();
         let sampler = self.config.sampler;
@@ -361,9 +384,14 @@ impl Trainer {
                 (sampler.scenario(points, horizon_s, scenario, self.seed), one)
             }
         };
+        if let Some(labels) = &mut self.labels {
+            self.loss.set_measurements(labels.of(&collocation, &self.workers)?, 1.0);
+            return Ok(());
+        }
         let hard = self.net.ansatz == Ansatz::HardLinear;
         let conditions = if hard { Points::default() } else { conditions };
         self.loss.set_points(&collocation, &conditions);
+        Ok(())
     }
 
     /// Value and gradient anew, after the sample or the parameters were changed.

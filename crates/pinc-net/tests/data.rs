@@ -6,7 +6,8 @@ use pinc_net::optim::{
 };
 use pinc_net::{
     Ansatz, Domain, InitialScale, Keep, Measurements, NetConfig, NetError, Phase, Progress,
-    Recorded, ResidualScale, Sampler, Trainer, TrainingConfig, ValidationConfig, ValidationSet,
+    Recorded, ResidualScale, Sampler, Source, Trainer, TrainingConfig, ValidationConfig,
+    ValidationSet,
 };
 use pinc_ode::{Adaptive, VanDerPol};
 
@@ -90,6 +91,7 @@ fn trainer(phases: Vec<Phase>, keep: Keep, threads: usize) -> Trainer {
         time_only: None,
     };
     let training = TrainingConfig {
+        source: Source::Physics,
         sampler: Sampler::Sobol,
         collocation_points: 128,
         initial_points: 1,

@@ -6,9 +6,9 @@ use pinc_net::optim::{
     SelfScaledBroydenConfig,
 };
 use pinc_net::{
-    Ansatz, Checkpoint, Domain, GrowthConfig, InitialScale, IterationRecord, Keep, NetConfig,
-    NetError, Phase, PincNet, Progress, ResidualScale, Sampler, Scenario, StopReason, Trainer,
-    TrainingConfig, ValidationConfig, ValidationSet,
+    Ansatz, Checkpoint, Domain, GrowthConfig, InitialScale, IterationRecord, Keep, Measurements,
+    NetConfig, NetError, Phase, PincNet, Progress, ResidualScale, Sampler, Scenario, Source,
+    StopReason, Trainer, TrainingConfig, Validation, ValidationConfig, ValidationSet,
 };
 use pinc_ode::{Adaptive, OneTank, Plant, VanDerPol, Variable};
 
@@ -37,6 +37,7 @@ fn levenberg_marquardt(iterations: u64) -> Phase {
 
 fn training(phases: Vec<Phase>) -> TrainingConfig {
     TrainingConfig {
+        source: Source::Physics,
         sampler: Sampler::Sobol,
         collocation_points: 256,
         initial_points: 32,
@@ -170,7 +171,7 @@ fn the_last_net_is_kept_if_asked_for_and_phases_can_go_back_to_the_best() {
     assert_eq!(validation.mse_gen.to_bits(), again.mse_gen.to_bits());
 }
 
-fn validation_of(net: &PincNet) -> pinc_net::Validation {
+fn validation_of(net: &PincNet) -> Validation {
     validation(&VanDerPol::default(), 0.5, &van_der_pol_domain()).evaluate(net)
 }
 
@@ -452,4 +453,74 @@ fn settings_that_make_no_sense_are_named() {
         let message = config.validate().unwrap_err().to_string();
         assert!(message.starts_with(key), "{message}");
     }
+}
+
+fn distilled(
+    training: &TrainingConfig,
+    ansatz: Ansatz,
+    threads: usize,
+) -> Result<Trainer, NetError> {
+    let (plant, domain) = (VanDerPol::default(), van_der_pol_domain());
+    let net = NetConfig { horizon_s: 0.5, hidden_layers: 2, neurons: 8, ansatz, time_only: None };
+    let config = TrainingConfig { source: Source::Integrator, ..training.clone() };
+    let set = validation(&plant, 0.5, &domain);
+    Trainer::new(&plant, &net, &domain, &config, set, 3, threads)
+}
+
+#[test]
+fn a_distilled_net_learns_the_integrators_steps_and_says_so_in_its_file() {
+    let config = TrainingConfig { growth: growth(), ..training(vec![broyden(300)]) };
+    let nets = [1, 2].map(|threads| {
+        let mut trainer = distilled(&config, Ansatz::HardLinear, threads).unwrap();
+        let (records, _) = finish(&mut trainer);
+        let last = records[299];
+        // One term alone: neither the equation nor the initial condition is asked for.
+        assert_eq!(last.loss.to_bits(), last.loss_measured.to_bits());
+        assert!(last.loss < records[0].loss / 1e4, "{} {}", records[0].loss, last.loss);
+        assert!(last.collocation_points > 256);
+        assert!(trainer.validate().one_step_mse < 1e-4);
+        trainer.net()
+    });
+    assert_eq!(nets[0].to_bytes(), nets[1].to_bytes());
+    let read = PincNet::from_bytes(&nets[0].to_bytes()).unwrap();
+    assert_eq!(read.source(), Source::Integrator);
+    // Nothing is asked between the steps, where the net is wrong.
+    let Validation { mse_gen, mse_all_normalized, .. } = validation_of(&read);
+    assert!(mse_all_normalized < mse_gen, "{mse_all_normalized} {mse_gen}");
+    let physics = van_der_pol(&config, Ansatz::HardLinear, 1).net();
+    assert!(!String::from_utf8_lossy(&physics.to_bytes()).contains("source"));
+}
+
+#[test]
+fn what_cannot_be_distilled_is_refused() {
+    let config = training(vec![adam(5)]);
+    let error = |result: Result<Trainer, NetError>| result.map(|_| ()).unwrap_err().to_string();
+    let soft = error(distilled(&config, Ansatz::Direct, 1));
+    assert!(soft.starts_with("source: integrator given"), "{soft}");
+    let grid = TrainingConfig { sampler: Sampler::CoupledGrid, ..config.clone() };
+    let grid = error(distilled(&grid, Ansatz::HardLinear, 1));
+    assert!(grid.starts_with("sampler: coupled-grid given"), "{grid}");
+    let mut data = Measurements::new(2);
+    data.push(0.1, &[0.0; 2], &[0.0], &[Some(0.1), None]);
+    let both = distilled(&config, Ansatz::HardLinear, 1).unwrap().with_measurements(&data, 1.0);
+    assert!(error(both).starts_with("source: integrator given"));
+}
+
+#[test]
+fn a_distilled_training_goes_on_from_its_checkpoint() {
+    let config =
+        TrainingConfig { collocation_points: 64, growth: growth(), ..training(vec![broyden(120)]) };
+    let mut whole = distilled(&config, Ansatz::HardLinear, 1).unwrap();
+    let (records, _) = finish(&mut whole);
+    assert!(records[119].collocation_points > 64);
+    let mut first = distilled(&config, Ansatz::HardLinear, 1).unwrap();
+    for _ in 0..80 {
+        first.step().unwrap();
+        if first.validation_due() {
+            first.validate();
+        }
+    }
+    let checkpoint = first.checkpoint().clone();
+    let mut second = distilled(&config, Ansatz::HardLinear, 2).unwrap().resume(checkpoint).unwrap();
+    assert_eq!(finish(&mut second).0, records[80..]);
 }

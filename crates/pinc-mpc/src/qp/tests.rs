@@ -273,9 +273,10 @@ fn all_agree(qp: &Qp, signs: &[i8]) -> Result<(), TestCaseError> {
     same_inputs(qp, &exact, &solve(&mut riccati, qp, &arbitrary, SHARP)?, 1e-7)?;
     same_inputs(qp, &exact, &solve(&mut riccati, qp, &exact, SHARP)?, 1e-7)?;
 
-    // An interior point: where rows are active without force, products of 1e-10 leave distances of 1e-5.
+    // An interior point: where rows are active without force, products of 1e-10 leave distances of 1e-5,
+    // and on few programs in a million (degenerate in several rows at once) residuals above 1e-4.
     let mut clarabel = ClarabelQp::new(qp);
-    same_inputs(qp, &exact, &solve(&mut clarabel, qp, &cold, 1e-4)?, 1e-4)
+    same_inputs(qp, &exact, &solve(&mut clarabel, qp, &cold, 1e-3)?, 1e-4)
 }
 
 fn cases(cases: u32) -> ProptestConfig {
