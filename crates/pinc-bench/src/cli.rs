@@ -150,8 +150,10 @@ enum Outside {
 enum Only {
     /// The trained net.
     Pinc,
-    /// The Runge-Kutta method.
+    /// The Runge-Kutta method of order 4.
     Rk4,
+    /// The Runge-Kutta method of order 5.
+    Rk5,
     /// The Rosenbrock method.
     Rosenbrock,
 }
@@ -195,6 +197,7 @@ fn execute(cli: &Cli) -> Result<ExitCode, BenchError> {
             let only = only.map(|only| match only {
                 Only::Pinc => ModelKind::Pinc,
                 Only::Rk4 => ModelKind::Rk4,
+                Only::Rk5 => ModelKind::Rk5,
                 Only::Rosenbrock => ModelKind::Rosenbrock,
             });
             run.one(config, quiet, |experiment, dir, options| {

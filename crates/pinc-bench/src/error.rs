@@ -245,6 +245,17 @@ pub enum CsvProblem {
         /// Length T of a step, in s.
         horizon_s: f64,
     },
+    /// A time at which a distilled net knows nothing.
+    #[error(
+        "column `t`: {t} s lies between steps of {horizon_s} s, of which a net distilled from an \
+         integrator knows nothing; expected times on step marks"
+    )]
+    BetweenSteps {
+        /// The time.
+        t: f64,
+        /// Length of a step, in s.
+        horizon_s: f64,
+    },
     /// A gap that would take too many steps to cross.
     #[error("column `t`: {t} s is more than a million steps of T after the scenario's row before")]
     Gap {

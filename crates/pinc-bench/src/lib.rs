@@ -35,8 +35,10 @@
 
 mod bench;
 mod cli;
+mod clock;
 pub mod console;
 mod error;
+mod one_step;
 mod paper;
 mod plants;
 mod presets;
@@ -56,14 +58,15 @@ pub use bench::{
 };
 pub use cli::program;
 pub use error::{BenchError, CheckpointProblem, CsvProblem};
+pub use one_step::StepErrors;
 pub use paper::results;
 pub use plants::Plants;
 pub use presets::Preset;
 pub use progress::Verbosity;
 pub use provenance::Provenance;
 pub use record::{
-    ControlMetrics, Excess, Metrics, OutsideDomain, PredictionMetrics, Record, StepTimes,
-    SweepMetrics, TrainingMetrics, ValidationMetrics, WallTimes,
+    ControlMetrics, Excess, Metrics, OneStepMetrics, OutsideDomain, PredictionMetrics, Record,
+    StepTimes, SweepMetrics, TrainingMetrics, ValidationMetrics, WallTimes,
 };
 pub use runs::{
     Finding, Options, Severity, check, control, findings_json, predict, rebuild_report, run, train,

@@ -1,6 +1,8 @@
 //! The short table at the end of a run.
 
 use crate::record::{Metrics, Record, file};
+use crate::spec::ModelKind;
+use pinc_net::Source;
 use std::fmt::Write;
 
 /// The metrics of a run, and where its report is, for reading.
@@ -58,12 +60,16 @@ fn metrics(text: &mut String, metrics: &Metrics) -> std::fmt::Result {
         text,
         "closed loop   RMSE dense   IAE dense      RMSE       IAE   loop ms   step us   KKT max   status"
     )?;
+    let distilled = metrics.training.as_ref().is_some_and(|t| t.source == Source::Integrator);
     for run in &metrics.control {
         let status: Vec<_> = run.status.iter().map(|(name, n)| format!("{n} {name}")).collect();
         writeln!(
             text,
             "  {:<10} {:>11.5} {:>11.4} {:>9.5} {:>9.4} {:>9.3} {:>9.1} {:>9.1e}   {}",
-            run.model.name(),
+            match distilled && run.model == ModelKind::Pinc {
+                true => "distilled",
+                false => run.model.name(),
+            },
             run.rmse_dense,
             run.iae_dense_sum,
             run.rmse,

@@ -5,7 +5,7 @@ use pinc_net::{
     BatchLoss, Domain, LossWeights, NetConfig, NetError, PincNet, Scenario, Trainer,
     TrainingConfig, ValidationConfig, ValidationSet, Workers,
 };
-use pinc_ode::{Adaptive, Dims, Plant, Predictor, Rk4, Rosenbrock, Variable};
+use pinc_ode::{Adaptive, Dims, Plant, Predictor, Rk4, Rk5, Rosenbrock, Variable};
 use std::fmt::Debug;
 
 /// All that is made from a plant. Its equation is compiled into each of these things, so that this is
@@ -25,6 +25,8 @@ pub(crate) trait System: Debug + Send + Sync {
     fn truth(&self, tolerance: f64) -> Adaptive;
     /// RK4 over steps of T.
     fn rk4(&self, horizon_s: f64, substeps: usize) -> Box<dyn Predictor>;
+    /// The Runge-Kutta method of order 5 over steps of T.
+    fn rk5(&self, horizon_s: f64, substeps: usize) -> Box<dyn Predictor>;
     /// The linearly implicit method over steps of T.
     fn rosenbrock(&self, horizon_s: f64, substeps: usize) -> Box<dyn Predictor>;
     /// An untrained net.
@@ -90,6 +92,10 @@ impl<P: Plant> System for P {
 
     fn rk4(&self, horizon_s: f64, substeps: usize) -> Box<dyn Predictor> {
         Box::new(Rk4::new(self.clone(), horizon_s, substeps))
+    }
+
+    fn rk5(&self, horizon_s: f64, substeps: usize) -> Box<dyn Predictor> {
+        Box::new(Rk5::new(self.clone(), horizon_s, substeps))
     }
 
     fn rosenbrock(&self, horizon_s: f64, substeps: usize) -> Box<dyn Predictor> {

@@ -60,7 +60,7 @@ impl Domain {
     }
 
     /// Lower and upper ends, states first, then inputs.
-    pub(crate) fn ends(&self) -> impl Iterator<Item = (f64, f64)> {
+    pub fn ends(&self) -> impl Iterator<Item = (f64, f64)> {
         let states = self.state_low.iter().zip(&self.state_high);
         let inputs = self.input_low.iter().zip(&self.input_high);
         states.chain(inputs).map(|(&low, &high)| (low, high))

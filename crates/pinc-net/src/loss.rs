@@ -3,7 +3,7 @@
 use crate::mlp::to_f64;
 use crate::net::PincNet;
 use crate::sampling::Points;
-use crate::{Measurements, NetError};
+use crate::{Ansatz, Measurements, NetError};
 use pinc_ad::{Dual, Scalar};
 use pinc_ode::{Dims, Plant};
 use serde::{Deserialize, Serialize};
@@ -17,6 +17,10 @@ pub enum ResidualScale {
     /// Standard deviations of the state in the domain per T, so that states of different units and
     /// sizes weigh the same.
     Normalized,
+    /// What the state moves by in one step per T, so that states which change little while others change
+    /// much are learnt as exactly for their size: standard deviations over the domain of T f(y0, u), or of the
+    /// state itself where that is less. The same as `Normalized` without the hard initial condition.
+    Displacement,
     /// The state's own unit per second times this factor, one per state; the authors' code takes the
     /// cross-sections `A_i` of the tanks.
     Custom(Vec<f64>),
@@ -30,6 +34,8 @@ pub enum InitialScale {
     Physical,
     /// Standard deviations of the state in the domain: the authors' code.
     Normalized,
+    /// What the state moves by in one step, as in [`ResidualScale::Displacement`].
+    Displacement,
 }
 
 /// Weights of the loss: `MSE_y` + lambda `MSE_F` + weight `MSE_D`, each state's errors times its factor
@@ -63,14 +69,22 @@ impl LossWeights {
             .take(states)
             .map(|(low, high)| (high - low) / 12.0_f64.sqrt())
             .collect();
+        // A net with the hard initial condition is scaled by the displacements.
+        let smaller = |(d, moved): (&f64, &f64)| if moved < d { *moved } else { *d };
+        let displacement = match net.ansatz {
+            Ansatz::HardLinear => deviation.iter().zip(&net.output.std).map(smaller).collect(),
+            Ansatz::Direct => deviation.clone(),
+        };
         let residual_scale = match residual {
             ResidualScale::Physical => vec![1.0; states],
             ResidualScale::Normalized => deviation.iter().map(|d| net.horizon_s / d).collect(),
+            ResidualScale::Displacement => displacement.iter().map(|d| net.horizon_s / d).collect(),
             ResidualScale::Custom(factors) => factors.clone(),
         };
         let initial_scale = match initial {
             InitialScale::Physical => vec![1.0; states],
             InitialScale::Normalized => deviation.iter().map(|d| 1.0 / d).collect(),
+            InitialScale::Displacement => displacement.iter().map(|d| 1.0 / d).collect(),
         };
         if residual_scale.len() != states {
             let (key, found) = ("residual_scale", residual_scale.len());

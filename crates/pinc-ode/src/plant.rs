@@ -9,7 +9,7 @@ use std::fmt::Debug;
 /// The equation is written once, over [`Scalar`], and evaluated on `f64`, dual numbers, a tape and
 /// SIMD lanes. Mark [`Plant::rhs`] `#[inline(always)]`: it becomes part of a SIMD
 /// kernel, which is twice as slow where it stays a call. What it calls needs the same mark; in place of
-/// `array::map` and `array::from_fn`, which are not always inlined, write loops.
+/// closures, `array::map` and `array::from_fn`, which are not always inlined, write functions and loops.
 ///
 /// ```
 /// use pinc_ad::Scalar;

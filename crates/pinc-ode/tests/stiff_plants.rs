@@ -154,7 +154,7 @@ fn steady_speed_of_the_servo() {
     assert!((x[3] - 0.2).abs() < 1e-9, "{x:?}");
     let friction = 2000.0 * v + 400.0 * (v / 0.02).tanh();
     assert!((1000.0 * p - friction).abs() < 1e-6 * friction, "{x:?}");
-    let flow = 0.2 * 1.2e-4 * (21.0 - p).sqrt();
+    let flow = 0.2 * 3e-4 * (21.0 - p).sqrt();
     // d0^2 / (4 d^2) = 1.5e-4 of the flow, and 1e-6 / (4 s^2) = 6e-6 by the rounded-off spool.
     assert!((flow - 1e-3 * v - 4e-7 * p).abs() < 3e-4 * flow, "{x:?}");
 }

@@ -1,10 +1,10 @@
 //! Nets trained briefly, and the shipped closed loops with them.
 
 use super::cases::{Case, Effort};
-use super::clock::to_f64;
 use super::model::{self, Trained};
 use super::programs;
 use super::results::{BenchReport, NmpcTimes};
+use crate::clock::to_f64;
 use crate::record::file;
 use crate::runs::read_model;
 use crate::{BenchError, ControlMetrics, Experiment, Options, Record, Verbosity};

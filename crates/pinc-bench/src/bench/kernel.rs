@@ -1,10 +1,10 @@
 //! Loss and gradient of the batched kernel, against the machine's multiply-add peak.
 
 use super::cases::{Case, Effort};
-use super::clock::{for_seconds, median, time, to_f64};
 use super::exchange;
 use super::results::{FmaPeak, LossGradient};
 use crate::BenchError;
+use crate::clock::{for_seconds, median, time, to_f64};
 use crate::runs::Setup;
 use crate::spec::Experiment;
 use crate::system::System;

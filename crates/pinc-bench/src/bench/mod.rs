@@ -8,7 +8,6 @@
 //! What each figure means is in `docs/benchmarks.md`.
 
 mod cases;
-mod clock;
 mod control;
 mod exchange;
 mod kernel;

@@ -2,8 +2,8 @@
 //! takes besides its model is theirs, and that of the checks around them.
 
 use super::cases::Case;
-use super::clock::{median, to_f64};
 use super::results::QpTime;
+use crate::clock::{median, to_f64};
 use crate::runs::ControlSetup;
 use crate::{BenchError, ModelKind};
 use pinc_mpc::{Nmpc, QpMethod};

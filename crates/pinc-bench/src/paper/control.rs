@@ -69,6 +69,7 @@ fn name_of(model: ModelKind) -> &'static str {
     match model {
         ModelKind::Pinc => "PINC",
         ModelKind::Rk4 => "RK4",
+        ModelKind::Rk5 => "RK5",
         ModelKind::Rosenbrock => "Rosenbrock",
     }
 }

@@ -1,8 +1,9 @@
 //! The content of `metrics.json`.
 
+use crate::one_step::StepErrors;
 use crate::presets::Preset;
 use crate::spec::{Experiment, ModelKind};
-use pinc_net::Validation;
+use pinc_net::{Source, Validation};
 use serde::{Deserialize, Deserializer, Serialize};
 use std::collections::BTreeMap;
 
@@ -30,6 +31,9 @@ pub struct Metrics {
     /// The closed loops.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub control: Vec<ControlMetrics>,
+    /// One step of each model by itself.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub one_step: Vec<OneStepMetrics>,
     /// The trials of a sweep.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub sweep: Option<SweepMetrics>,
@@ -49,9 +53,24 @@ impl Metrics {
             validation: None,
             prediction: None,
             control: Vec::new(),
+            one_step: Vec::new(),
             sweep: None,
         }
     }
+}
+
+/// One step of a model by itself.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct OneStepMetrics {
+    /// The model.
+    pub model: ModelKind,
+    /// How wrong it is over the domain.
+    #[serde(flatten)]
+    pub errors: StepErrors,
+    /// Time of a step in ns, each waiting for the one before.
+    pub forward_ns: f64,
+    /// Time of a step with both Jacobians in ns, of as many at a time as the controller's horizon has.
+    pub forward_jacobian_ns: f64,
 }
 
 /// How far a sweep is.
@@ -132,6 +151,9 @@ impl std::fmt::Display for OutsideDomain {
 /// What a training took.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct TrainingMetrics {
+    /// What the net was trained on.
+    #[serde(default)]
+    pub source: Source,
     /// Wall time of the whole stage in s, with validation and files.
     pub wall_s: f64,
     /// Wall time of the optimiser alone in s: the last `elapsed_s` of `training.csv`.

@@ -7,11 +7,11 @@ mod metrics;
 pub(crate) use checkpoint::{Saved, load as load_checkpoint, save as save_checkpoint};
 pub(crate) use csv::{Table, lines_up_to, number};
 pub use metrics::{
-    ControlMetrics, Excess, Metrics, OutsideDomain, PredictionMetrics, StepTimes, SweepMetrics,
-    TrainingMetrics, ValidationMetrics, WallTimes,
+    ControlMetrics, Excess, Metrics, OneStepMetrics, OutsideDomain, PredictionMetrics, StepTimes,
+    SweepMetrics, TrainingMetrics, ValidationMetrics, WallTimes,
 };
 
-use crate::spec::Experiment;
+use crate::spec::{Experiment, ModelKind};
 use crate::{BenchError, Provenance};
 use std::fs;
 use std::io::{self, Write};
@@ -32,17 +32,8 @@ pub(crate) mod file {
     pub(crate) const SWEEP: &str = "sweep.csv";
     pub(crate) const SUMMARY: &str = "summary.csv";
     pub(crate) const TIMINGS: &str = "timings.csv";
-    /// What the closed loops write, with one model and with several.
-    pub(crate) const CONTROL: [&str; 8] = [
-        "control.csv",
-        "control-pinc.csv",
-        "control-rk4.csv",
-        "control-rosenbrock.csv",
-        "steps.csv",
-        "steps-pinc.csv",
-        "steps-rk4.csv",
-        "steps-rosenbrock.csv",
-    ];
+    /// What the closed loops write with one model; with several, a file for each.
+    pub(crate) const LOOPS: [&str; 2] = ["control", "steps"];
 }
 
 /// How the name of an unfinished file begins; a killed run can leave one behind.
@@ -129,6 +120,17 @@ impl Record {
         table: impl FnOnce() -> Table,
     ) -> Result<(), BenchError> {
         if self.keeps_traces { self.write(name, table().as_bytes()) } else { Ok(()) }
+    }
+
+    /// Removes what closed loops have written.
+    pub(crate) fn remove_loops(&self) -> Result<(), BenchError> {
+        for table in file::LOOPS {
+            self.remove(&format!("{table}.csv"))?;
+            for model in ModelKind::ALL {
+                self.remove(&format!("{table}-{model}.csv"))?;
+            }
+        }
+        Ok(())
     }
 
     /// Removes a file, if there is one.

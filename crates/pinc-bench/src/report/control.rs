@@ -5,7 +5,7 @@ use super::chart::{
     AMBER, Axis, Color, Figure, INK, Kind, Look, Panel, Point, Shape, Style, extent,
     held_since_previous, input_color, present, state_color,
 };
-use super::data::{OfModel, Run, model_name};
+use super::data::{OfModel, Run};
 use super::picture::Picture;
 use super::text;
 use super::variables::Variables;
@@ -121,7 +121,7 @@ impl Loops<'_> {
         let points = shaped(table.points("t", variable)?.unwrap_or_default());
         let label = match self.run.control.len() {
             1 => variable.to_owned(),
-            _ => format!("{variable} with {}", model_name(model)),
+            _ => format!("{variable} with {}", self.run.model_name(model)),
         };
         panel.tag(variable, &points, color);
         panel.add_named(&label, points, Style::new(color, Shape::Line(1.8)));
@@ -137,7 +137,7 @@ impl Loops<'_> {
     ) -> Result<(), ReportError> {
         for OfModel { model, table } in &self.run.control[1..] {
             let points = shaped(table.points("t", variable)?.unwrap_or_default());
-            let label = format!("with {}", model_name(model));
+            let label = format!("with {}", self.run.model_name(model));
             let style = Style::new(AMBER, Shape::Line(5.0)).faint(0.55);
             panel.add_beneath(&label, &format!("{variable} {label}"), points, style);
         }
@@ -161,7 +161,8 @@ impl Loops<'_> {
         let [one, two, ..] = &self.run.control[..] else {
             return Ok(None);
         };
-        let title = format!("|{} − {}|", model_name(&one.model), model_name(&two.model));
+        let title =
+            format!("|{} − {}|", self.run.model_name(&one.model), self.run.model_name(&two.model));
         let states = &self.variables.states;
         let label = self.run.label_in_unit_of(&title, states);
         let mut panel = Panel::new("Difference of the states", Axis::new(&label, Kind::Log), 170.0);
@@ -216,7 +217,7 @@ impl Loops<'_> {
                            references, in the colours of their states; grey: the bounds."
             .to_owned();
         if let [one, two, ..] = &self.run.control[..] {
-            let (one, two) = (model_name(&one.model), model_name(&two.model));
+            let (one, two) = (self.run.model_name(&one.model), self.run.model_name(&two.model));
             caption += &format!(
                 " Thin curves: with {one} as the controller's model; broad amber curves beneath: with \
                  {two}. Where no amber shows, both do the same."

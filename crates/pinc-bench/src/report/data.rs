@@ -3,6 +3,7 @@
 use super::ReportError;
 use super::sweep::Trials;
 use super::table::Table;
+use crate::spec::ModelKind;
 use serde_json::Value;
 use std::io::ErrorKind;
 use std::path::Path;
@@ -103,6 +104,14 @@ impl Run {
         find(&self.metrics, path)?.as_f64()
     }
 
+    /// A model's name as the report writes it.
+    pub(super) fn model_name(&self, model: &str) -> String {
+        match self.metrics["training"]["source"].as_str() {
+            Some("integrator") if model == ModelKind::Pinc.name() => DISTILLED.to_owned(),
+            _ => model_name(model),
+        }
+    }
+
     /// The metrics of one model's closed loop.
     pub(super) fn control_metrics(&self, model: &str) -> Option<&Value> {
         let runs = self.metrics["control"].as_array()?;
@@ -162,10 +171,13 @@ pub(super) fn find<'a>(value: &'a Value, path: &[&str]) -> Option<&'a Value> {
     path.iter().try_fold(value, |value, key| value.get(key))
 }
 
-/// A model's name as the report writes it.
+/// What the report calls a net that was trained on an integrator's steps.
+pub(super) const DISTILLED: &str = "distilled net";
+
+/// A model's name as the report writes it, where the net is a PINC net.
 pub(super) fn model_name(model: &str) -> String {
     match model {
-        "pinc" | "rk4" => model.to_uppercase(),
+        "pinc" | "rk4" | "rk5" => model.to_uppercase(),
         "rosenbrock" => "Rosenbrock".to_owned(),
         other => other.to_owned(),
     }
@@ -177,10 +189,10 @@ fn as_number(value: &toml::Value) -> Option<f64> {
     value.as_float().or_else(whole)
 }
 
-/// `<kind>-pinc.csv`, `<kind>-rk4.csv` and `<kind>-rosenbrock.csv`, or the `<kind>.csv` of a run with the `only` model.
+/// `<kind>-<model>.csv` of each model, or the `<kind>.csv` of a run with the `only` model.
 fn read_models(dir: &Path, kind: &str, only: &str) -> Result<Vec<OfModel>, ReportError> {
     let mut found = Vec::new();
-    for model in ["pinc", "rk4", "rosenbrock"] {
+    for model in ModelKind::ALL.map(ModelKind::name) {
         if let Some(table) = Table::read(&dir.join(format!("{kind}-{model}.csv")))? {
             let model = model.to_owned();
             found.push(OfModel { model, table });

@@ -1,6 +1,6 @@
 //! The tables of numbers.
 
-use super::data::{Run, find, model_name};
+use super::data::{Run, find};
 use super::text::{self, MISSING};
 use serde_json::Value;
 
@@ -32,12 +32,12 @@ pub(super) fn sheets(run: &Run) -> Vec<Sheet> {
 
 fn control(run: &Run) -> Option<Sheet> {
     let models = run.metrics["control"].as_array().filter(|m| !m.is_empty())?;
-    let name = |m: &Value| model_name(m["model"].as_str().unwrap_or(MISSING));
+    let name = |m: &Value| run.model_name(m["model"].as_str().unwrap_or(MISSING));
     let mut heads = vec![String::new()];
     heads.extend(models.iter().map(name));
     let both = pinc_and_rk4(run);
     if both.is_some() {
-        heads.push("PINC against RK4".to_owned());
+        heads.push(format!("{} against RK4", run.model_name("pinc")));
     }
     let row = |row: &Row| {
         let mut cells = vec![row.label.to_owned()];

@@ -2,7 +2,7 @@
 
 use super::ReportError;
 use super::chart::{AMBER, Axis, BLACK, BLUE, Figure, Kind, Panel, Shape, Style, extent, present};
-use super::data::{OfModel, Run, model_name};
+use super::data::{OfModel, Run};
 use super::picture::Picture;
 use super::table::Table;
 use super::text;
@@ -36,8 +36,8 @@ fn times(run: &Run) -> Result<Panel, ReportError> {
         all.extend(points.iter().map(|p| p.1));
         let median = median(points.iter().map(|p| p.1).collect());
         let median = median.map_or(text::MISSING.to_owned(), |m| text::duration(m * 1e-6));
-        let label = format!("{}, median {median}", model_name(&of.model));
-        named.push((label, model_name(&of.model), points, dots(i)));
+        let label = format!("{}, median {median}", run.model_name(&of.model));
+        named.push((label, run.model_name(&of.model), points, dots(i)));
     }
     let (low, high) = extent(all.into_iter());
     let kind = if low > 0.0 && high > 5.0 * low { Kind::Log } else { Kind::Linear };
@@ -71,7 +71,7 @@ fn add_with_failures(run: &Run, panel: &mut Panel, column: &str) -> Result<(), R
         let statuses = statuses(table)?;
         let failures = points.iter().zip(&statuses).filter(|(_, s)| !converged(s));
         failed.extend(failures.map(|(p, _)| *p));
-        panel.add_beneath(&model_name(model), &model_name(model), points, dots(i));
+        panel.add_beneath(&run.model_name(model), &run.model_name(model), points, dots(i));
     }
     let crosses = Style::new(BLACK, Shape::Crosses(5.0));
     panel.add_named("not converged", failed, crosses);
@@ -124,7 +124,7 @@ fn caption(run: &Run) -> Result<String, ReportError> {
             }
         }
         let (all, bad) = (statuses.len(), statuses.iter().filter(|s| !converged(s)).count());
-        let model = model_name(model);
+        let model = run.model_name(model);
         caption += &match bad {
             0 => format!(" With {model} all {} steps converged.", text::count(all)),
             _ => format!(

@@ -1,6 +1,6 @@
 //! A run in a few sentences.
 
-use super::data::{Run, model_name};
+use super::data::Run;
 use super::sheets::comparison;
 use super::text;
 use serde_json::Value;
@@ -44,7 +44,8 @@ fn tracking(run: &Run) -> Option<String> {
             difference(pinc, rk4)
         )),
         (Some(one), None) => {
-            Some(format!("The IAE of the closed loop with PINC is {}.", shown(one)))
+            let name = run.model_name("pinc");
+            Some(format!("The IAE of the closed loop with {name} is {}.", shown(one)))
         }
         (None, Some(one)) => {
             Some(format!("The IAE of the closed loop with RK4 is {}.", shown(one)))
@@ -63,7 +64,7 @@ fn difference(pinc: f64, rk4: f64) -> String {
 fn speed(run: &Run) -> Option<String> {
     let times = ["pinc", "rk4"].map(|model| {
         let time = run.control_metrics(model)?.get("step_us")?.get("p50")?.as_f64()?;
-        Some(format!("{} with {}", text::duration(time * 1e-6), model_name(model)))
+        Some(format!("{} with {}", text::duration(time * 1e-6), run.model_name(model)))
     });
     let times: Vec<String> = times.into_iter().flatten().collect();
     (!times.is_empty())

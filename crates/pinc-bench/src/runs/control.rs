@@ -4,7 +4,7 @@ use super::Options;
 use super::guard::Guard;
 use crate::BenchError;
 use crate::progress::Stage;
-use crate::record::{ControlMetrics, Record, StepTimes, Table, WallTimes, file, number};
+use crate::record::{ControlMetrics, Record, StepTimes, Table, WallTimes, number};
 use crate::spec::{ControlSpec, ModelKind, PlantSpec};
 use crate::system::System;
 use pinc_mpc::{ClosedLoop, Nmpc, NmpcProblem, Reference};
@@ -40,9 +40,7 @@ pub(crate) fn stage(
         return Ok(());
     }
     record.update(|all| all.control.clear())?;
-    for name in file::CONTROL {
-        record.remove(name)?;
-    }
+    record.remove_loops()?;
     let real = setup.spec.plant.as_ref().map(PlantSpec::system);
     for &kind in setup.kinds {
         let model = (kind, setup.model(kind, plant));
@@ -115,6 +113,7 @@ impl Setup<'_> {
             (ModelKind::Pinc, Some(net)) => Box::new(PincPredictor::new(net)),
             (ModelKind::Pinc, None) => unreachable!("the plan trains or reads a net for this loop"),
             (ModelKind::Rk4, _) => plant.rk4(horizon_s, spec.rk4_substeps),
+            (ModelKind::Rk5, _) => plant.rk5(horizon_s, spec.rk5_substeps),
             (ModelKind::Rosenbrock, _) => plant.rosenbrock(horizon_s, spec.rosenbrock_substeps),
         }
     }

@@ -6,7 +6,7 @@ use crate::BenchError;
 use crate::record::{PredictionMetrics, Record, Table, file, number};
 use crate::spec::{OutsidePolicy, PredictionSpec};
 use crate::system::System;
-use pinc_net::PincNet;
+use pinc_net::{PincNet, Source};
 use pinc_ode::metrics::mean_squared_error;
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
@@ -68,6 +68,11 @@ fn simulate(
     seed: u64,
 ) -> Result<Vec<Row>, BenchError> {
     let horizon_s = net.horizon_s();
+    // A distilled net knows nothing of the times between steps.
+    let subintervals = match net.source() {
+        Source::Physics => spec.subintervals,
+        Source::Integrator => 1,
+    };
     let inputs = draw_inputs(spec, horizon_s, seed);
     let steps = inputs.len();
     let mut truth = plant.truth(spec.tolerance);
@@ -81,15 +86,15 @@ fn simulate(
         mark: true,
     }];
     for (k, input) in inputs.iter().enumerate() {
-        for i in 1..=spec.subintervals {
+        for i in 1..=subintervals {
             #[expect(clippy::cast_precision_loss, reason = "no run has 2^53 rows")]
-            let t = (k as f64 + i as f64 / spec.subintervals as f64) * horizon_s;
+            let t = (k as f64 + i as f64 / subintervals as f64) * horizon_s;
             #[expect(clippy::cast_precision_loss, reason = "as above")]
-            truth.integrate(&mut x, input, horizon_s / spec.subintervals as f64)?;
-            let held = if i < spec.subintervals { input } else { &inputs[(k + 1).min(steps - 1)] };
+            truth.integrate(&mut x, input, horizon_s / subintervals as f64)?;
+            let held = if i < subintervals { input } else { &inputs[(k + 1).min(steps - 1)] };
             let (state, mark) = match net.time_only() {
                 // It has no initial state to be fed back: beyond T it is asked for what it never learnt.
-                Some(_) => (net.evaluate(t, &spec.initial_state, input), i == spec.subintervals),
+                Some(_) => (net.evaluate(t, &spec.initial_state, input), i == subintervals),
                 None => {
                     let sample = chain.advance(&|t, y0, u| net.evaluate(t, y0, u), t, held);
                     (sample.state, sample.mark)

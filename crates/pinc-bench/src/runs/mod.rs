@@ -7,6 +7,7 @@ mod control;
 mod data;
 mod free_run;
 mod guard;
+mod one_step;
 mod predict;
 mod train;
 mod trial;
@@ -227,10 +228,8 @@ impl Plan {
             }
         }
         if !same_net || (!resume && !self.loops.is_empty()) {
-            record.update(|metrics| metrics.control.clear())?;
-            for name in file::CONTROL {
-                record.remove(name)?;
-            }
+            record.update(|metrics| (metrics.control, metrics.one_step) = (vec![], vec![]))?;
+            record.remove_loops()?;
         }
         if let Some((bytes, _)) = &self.given {
             record.write(file::MODEL, bytes)?;
@@ -273,6 +272,9 @@ impl Stages<'_> {
                 horizon_s: horizon_s.expect("the plan was checked for it"),
             };
             control::stage(plant, &setup, options, record)?;
+            if let (Some(spec), Some(domain)) = (&experiment.one_step, &experiment.domain) {
+                one_step::stage(plant, &setup, (spec, domain), options, record)?;
+            }
         }
         Ok(())
     }

@@ -8,7 +8,7 @@ use crate::error::CsvProblem;
 use crate::record::{OutsideDomain, Table, number, write_atomically};
 use crate::spec::OutsidePolicy;
 use csv::StringRecord;
-use pinc_net::PincNet;
+use pinc_net::{PincNet, Source};
 use std::collections::HashMap;
 use std::fs;
 use std::path::Path;
@@ -20,7 +20,8 @@ use std::path::Path;
 /// first row of a scenario gives its initial state; the inputs of a row hold until the scenario's
 /// next; other state cells may be empty. The net is chained every T from the scenario's first row
 /// on and asked at the times between. Where the inputs change within an interval of T, the chain is
-/// restarted: a new interval begins at that row. The output has the same columns.
+/// restarted: a new interval begins at that row. The output has the same columns. A distilled net cannot be
+/// asked between steps: all rows have to lie on step marks.
 ///
 /// Returns how often and how far the net was asked outside its training domain, row by row.
 ///
@@ -92,6 +93,9 @@ fn continue_chain(net: &PincNet, chain: &mut Chain, row: &Row<'_>) -> Result<Vec
         return Err(CsvProblem::Gap { t: row.t });
     }
     let sample = chain.advance(&|t, y0, u| net.evaluate(t, y0, u), row.t, &row.inputs);
+    if net.source() == Source::Integrator && !sample.mark {
+        return Err(CsvProblem::BetweenSteps { t: row.t, horizon_s: net.horizon_s() });
+    }
     Ok(sample.state)
 }
 

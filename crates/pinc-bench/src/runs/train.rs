@@ -265,6 +265,7 @@ impl Session {
         self.stage
             .end(&format!("{stop_reason} after {} iterations, {wall_s:.1} s", totals.iterations));
         TrainingMetrics {
+            source: self.trainer.net().source(),
             wall_s,
             optimizer_s: self.optimizer.as_secs_f64(),
             iterations: totals.iterations,

@@ -66,6 +66,8 @@ pub struct ControlSpec {
     pub outside_domain: OutsidePolicy,
     /// Substeps per T of the model `rk4`.
     pub rk4_substeps: usize,
+    /// Substeps per T of the model `rk5`.
+    pub rk5_substeps: usize,
     /// Substeps per T of the model `rosenbrock`.
     pub rosenbrock_substeps: usize,
     /// How many times each closed loop is run, for the statistics of its time.
@@ -143,17 +145,23 @@ pub enum ModelKind {
     Pinc,
     /// The Runge-Kutta method of order 4.
     Rk4,
+    /// The Runge-Kutta method of order 5 of Dormand and Prince.
+    Rk5,
     /// The Rosenbrock method, for stiff plants.
     Rosenbrock,
 }
 
 impl ModelKind {
+    /// All of them.
+    pub const ALL: [Self; 4] = [Self::Pinc, Self::Rk4, Self::Rk5, Self::Rosenbrock];
+
     /// The name in configs and results.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
             Self::Pinc => "pinc",
             Self::Rk4 => "rk4",
+            Self::Rk5 => "rk5",
             Self::Rosenbrock => "rosenbrock",
         }
     }

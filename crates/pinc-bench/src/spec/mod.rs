@@ -5,6 +5,7 @@ mod data;
 mod explain;
 mod layers;
 mod list;
+mod one_step;
 mod plant;
 mod prediction;
 mod problem;
@@ -15,6 +16,7 @@ mod validate;
 pub use control::{ControlSpec, ModelKind, OutsidePolicy, ReferenceStep};
 pub use data::DataSpec;
 pub use list::{ListedRun, RunList};
+pub use one_step::OneStepSpec;
 pub use plant::{
     AcetoneColumnSpec, AcetoneStillSpec, FourTanksParameters, FourTanksSpec, HydraulicServoSpec,
     OneTankSpec, OwnPlantSpec, PlantSpec, SingleTrackCarSpec, TwoLinkArmSpec, VanDerPolSpec,
@@ -71,6 +73,9 @@ pub struct Experiment {
     /// The closed loop.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub control: Option<ControlSpec>,
+    /// The controller's models, one step of each by itself.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub one_step: Option<OneStepSpec>,
     /// The experiment many times over, with other values each time.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub sweep: Option<SweepSpec>,
@@ -168,6 +173,12 @@ impl Experiment {
             training.effort = Effort { time_limit_s, ..Effort::default() };
         }
         same
+    }
+
+    /// Whether a trial of a sweep trains a net: not if all that it does is done with numerical models.
+    pub(crate) fn asks_for_a_net(&self) -> bool {
+        let numerical = self.control.as_ref().is_some_and(|c| !c.models.contains(&ModelKind::Pinc));
+        self.training.is_some() && (self.prediction.is_some() || !numerical)
     }
 
     /// The length T of a step in s, where the config says it.

@@ -11,6 +11,9 @@ pub struct SweepSpec {
     /// Seeds; the experiment's own if there are none.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub seeds: Vec<u64>,
+    /// Whether the trials' times are wanted: they are then run one at a time, after all trainings.
+    #[serde(default)]
+    pub timed: bool,
     /// Whether each trial keeps the traces of its closed loops.
     #[serde(default)]
     pub keep_traces: bool,

@@ -34,6 +34,14 @@ impl Experiment {
         if let Some(control) = &self.control {
             closed_loop(control, &variables, self.horizon_s())?;
         }
+        if let Some(one_step) = &self.one_step {
+            let needed = "[one_step] needs it";
+            present("control", self.control.is_some(), needed)?;
+            present("domain", self.domain.is_some(), needed)?;
+            at_least_one("one_step.points", one_step.points)?;
+            tolerance("one_step.tolerance", one_step.tolerance)?;
+            positive("one_step.measure_s", one_step.measure_s)?;
+        }
         if let Some(sweep) = &self.sweep {
             sweep.validate()?;
             crate::sweep::trials(self)?;

@@ -131,7 +131,7 @@ impl<'a> Session<'a> {
             }
         }
         let cores = std::thread::available_parallelism().map_or(1, usize::from);
-        let queue = Queue::new(left.iter().copied());
+        let queue = Queue::new(left.iter().copied(), self.sweep.timed);
         let workers = queue.width().min(cores);
         let crew = Crew {
             session: self,
@@ -212,6 +212,7 @@ impl<'a> Crew<'a> {
                 Job::Train(trial) => self.train(trial),
                 Job::Run(trial, failure) => self.run(trial, failure),
             };
+            self.queue.over();
             if let Err(error) = outcome {
                 let error = match error {
                     BenchError::Interrupted { .. } => {

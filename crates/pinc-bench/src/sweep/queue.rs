@@ -31,6 +31,10 @@ pub(crate) struct Queue<'a> {
 
 #[derive(Debug)]
 struct State<'a> {
+    /// Whether trials are run one at a time, after all trainings.
+    timed: bool,
+    /// How many jobs are being done.
+    busy: usize,
     waiting: VecDeque<&'a Trial>,
     nets: HashMap<&'a str, Net>,
     stopped: bool,
@@ -38,15 +42,15 @@ struct State<'a> {
 
 impl<'a> Queue<'a> {
     /// The work for these trials.
-    pub(crate) fn new(trials: impl IntoIterator<Item = &'a Trial>) -> Self {
+    pub(crate) fn new(trials: impl IntoIterator<Item = &'a Trial>, timed: bool) -> Self {
         let waiting: VecDeque<_> = trials.into_iter().collect();
         let ids = waiting.iter().filter_map(|trial| trial.training.as_ref());
         let nets = ids.map(|(id, _)| (id.as_str(), Net::Untrained)).collect();
-        let state = Mutex::new(State { waiting, nets, stopped: false });
+        let state = Mutex::new(State { timed, busy: 0, waiting, nets, stopped: false });
         Self { state, changed: Condvar::new() }
     }
 
-    /// How many things can be done at the same time.
+    /// How many things can be done at the same time, at most.
     pub(crate) fn width(&self) -> usize {
         let state = self.lock();
         if state.nets.is_empty() { state.waiting.len() } else { state.nets.len() }
@@ -60,10 +64,17 @@ impl<'a> Queue<'a> {
                 return None;
             }
             if let Some(job) = state.first() {
+                state.busy += 1;
                 return Some(job);
             }
             state = self.changed.wait(state).unwrap_or_else(PoisonError::into_inner);
         }
+    }
+
+    /// Notes that a job is over, however it ended.
+    pub(crate) fn over(&self) {
+        self.lock().busy -= 1;
+        self.changed.notify_all();
     }
 
     /// Notes how a training ended.
@@ -88,6 +99,12 @@ impl<'a> Queue<'a> {
 }
 
 impl<'a> State<'a> {
+    /// Whether nothing would disturb a measurement of time, now or soon.
+    fn is_quiet(&self) -> bool {
+        let trained = |net: &Net| matches!(net, Net::Trained | Net::Failed(_));
+        self.busy == 0 && self.nets.values().all(trained)
+    }
+
     /// The first trial that can be run, or whose training can be begun.
     fn first(&mut self) -> Option<Job<'a>> {
         for i in 0..self.waiting.len() {
@@ -102,6 +119,9 @@ impl<'a> State<'a> {
                 Some((_, Net::Failed(error))) => Some(error.clone()),
                 Some((_, Net::Trained)) | None => None,
             };
+            if self.timed && !self.is_quiet() {
+                continue;
+            }
             self.waiting.remove(i);
             return Some(Job::Run(trial, failure));
         }

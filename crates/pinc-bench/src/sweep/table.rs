@@ -6,9 +6,10 @@
 use super::store::{Ending, Finished};
 use super::trial::{Trial, cell_columns, columns};
 use crate::Metrics;
-use crate::record::{ControlMetrics, number};
+use crate::record::{ControlMetrics, OneStepMetrics, number};
 use crate::spec::{Experiment, ModelKind, SweepSpec};
 use crate::sweep::spread::Spread;
+use pinc_net::Source;
 
 /// Finds a metric, as a cell of a table.
 type Look = dyn Fn(&Metrics) -> Option<String>;
@@ -37,12 +38,28 @@ impl Metric {
             metrics.control.iter().find(|run| run.model == model).map(&value)
         })
     }
+
+    fn of_step(
+        model: ModelKind,
+        column: &str,
+        value: impl Fn(&OneStepMetrics) -> f64 + 'static,
+    ) -> Self {
+        Self::number(&format!("{model}_{column}"), move |metrics| {
+            metrics.one_step.iter().find(|step| step.model == model).map(&value)
+        })
+    }
 }
 
 /// The metrics of the stages that an experiment has, times left out.
 fn metrics(experiment: &Experiment) -> Vec<Metric> {
     let mut all = Vec::new();
     if experiment.training.is_some() {
+        all.push(Metric::new("source", |m| {
+            Some(match m.training.as_ref()?.source {
+                Source::Physics => "physics".to_owned(),
+                Source::Integrator => "integrator".to_owned(),
+            })
+        }));
         all.push(Metric::new("stop_reason", |m| Some(m.training.as_ref()?.stop_reason.clone())));
         all.push(Metric::new("iterations", |m| Some(m.training.as_ref()?.iterations.to_string())));
         all.push(Metric::new("loss_evaluations", |m| {
@@ -70,6 +87,12 @@ fn metrics(experiment: &Experiment) -> Vec<Metric> {
         all.push(Metric::of_loop(model, "max_violation", |run| run.max_violation));
         all.push(Metric::of_loop(model, "kkt_max", |run| run.kkt_max));
         all.push(Metric::of_loop(model, "sqp_iterations_mean", |run| run.sqp_iterations_mean));
+        if experiment.one_step.is_some() {
+            all.push(Metric::of_step(model, "one_step_rms", |step| step.errors.rms));
+            all.push(Metric::of_step(model, "one_step_median", |step| step.errors.median));
+            all.push(Metric::of_step(model, "one_step_p99", |step| step.errors.p99));
+            all.push(Metric::of_step(model, "jacobian_rms", |step| step.errors.jacobian_rms));
+        }
     }
     all
 }
@@ -84,6 +107,10 @@ fn times(experiment: &Experiment) -> Vec<Metric> {
     for &model in experiment.control.iter().flat_map(|control| &control.models) {
         all.push(Metric::of_loop(model, "wall_s", |run| run.wall_s.median));
         all.push(Metric::of_loop(model, "step_us", |run| run.step_us.p50));
+        if experiment.one_step.is_some() {
+            all.push(Metric::of_step(model, "forward_ns", |step| step.forward_ns));
+            all.push(Metric::of_step(model, "forward_jacobian_ns", |s| s.forward_jacobian_ns));
+        }
     }
     all
 }

@@ -103,8 +103,13 @@ impl Choice {
             let named = self.names.iter().find(|(key, _)| key == column);
             named.map_or_else(String::new, |(_, name)| name.clone())
         };
-        let training = experiment.training.is_some().then(|| {
-            let alone = Experiment { prediction: None, control: None, ..experiment.normalized() };
+        let training = experiment.asks_for_a_net().then(|| {
+            let alone = Experiment {
+                prediction: None,
+                control: None,
+                one_step: None,
+                ..experiment.normalized()
+            };
             (id(&alone), alone)
         });
         Ok(Trial {

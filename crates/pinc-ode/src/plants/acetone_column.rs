@@ -1,6 +1,6 @@
 //! A distillation column for acetone, methanol and water: three boiling points at every call.
 
-use super::acetone_mixture::boil;
+use super::acetone_mixture::{Boiling, boil};
 use crate::{Plant, Variable};
 use pinc_ad::Scalar;
 
@@ -44,6 +44,15 @@ impl Default for AcetoneColumn {
     }
 }
 
+impl AcetoneColumn {
+    /// The liquid of the pot (0) or a tray, as it boils.
+    #[inline(always)]
+    fn boiling<S: Scalar>(&self, x: &[S], i: usize) -> Boiling<S> {
+        let [acetone, water] = [x[2 * i], x[2 * i + 1]];
+        boil([acetone, -(acetone + water) + 1.0, water], self.pressure)
+    }
+}
+
 impl Plant for AcetoneColumn {
     fn states(&self) -> &[Variable] {
         static VARIABLES: [Variable; 2 * STAGES] = [
@@ -64,17 +73,16 @@ impl Plant for AcetoneColumn {
 
     #[inline(always)]
     fn rhs<S: Scalar>(&self, x: &[S], u: &[S], dx: &mut [S]) {
-        let boiling = |i: usize| {
-            let [acetone, water] = [x[2 * i], x[2 * i + 1]];
-            boil([acetone, -(acetone + water) + 1.0, water], self.pressure)
-        };
-        let stage = [boiling(0), boiling(1), boiling(2)];
+        let stage = [self.boiling(x, 0), self.boiling(x, 1), self.boiling(x, 2)];
         let (reflux, vapour) = (u[0], u[1] / stage[0].heat());
         // Acetone is component 0 of the mixture, water component 2.
         for (i, component) in [0, 2].into_iter().enumerate() {
             let [x0, x1, x2] = [x[i], x[2 + i], x[4 + i]];
-            let y = |s: usize| stage[s].vapour[component];
-            let [y0, y1, y2] = [y(0), y(1), y(2)];
+            let [y0, y1, y2] = [
+                stage[0].vapour[component],
+                stage[1].vapour[component],
+                stage[2].vapour[component],
+            ];
             let fed = -(x0 - self.composition[i]) * self.feed;
             let pot = fed + reflux * (x1 - x0) - vapour * (y0 - x0);
             let lower = reflux * (x2 - x1) + vapour * (y0 - y1);

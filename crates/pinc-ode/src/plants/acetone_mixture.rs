@@ -116,14 +116,15 @@ impl<S: Scalar> Work for Boil<S> {
     }
 }
 
-/// The partial pressures in kPa over a liquid x at the temperature 1/z. (Loops, since `array::map` and
-/// `from_fn` are not sure to be inlined into SIMD code.)
+/// The partial pressures in kPa over a liquid x at the temperature 1/z. (Loops, since `array::map`,
+/// `from_fn` and closures are not sure to be inlined into SIMD code.)
 #[inline(always)]
 fn partial_pressures<S: Scalar>(x: [S; COMPONENTS], z: S) -> [S; COMPONENTS] {
-    let tau = |i: usize, j: usize| z * (INTERACTION[i][j] / GAS_CONSTANT);
     let mut g = [[z.constant(1.0); COMPONENTS]; COMPONENTS];
+    let mut tau = [[z.constant(0.0); COMPONENTS]; COMPONENTS];
     for i in 0..COMPONENTS {
         for j in (0..COMPONENTS).filter(|&j| j != i) {
+            tau[i][j] = z * (INTERACTION[i][j] / GAS_CONSTANT);
             g[i][j] = (z * (-NONRANDOMNESS[i][j] * INTERACTION[i][j] / GAS_CONSTANT)).exp();
         }
     }
@@ -136,7 +137,7 @@ fn partial_pressures<S: Scalar>(x: [S; COMPONENTS], z: S) -> [S; COMPONENTS] {
             let weight = x[k] * g[k][j];
             s = s + weight;
             if k != j {
-                t = tau(k, j).mul_add(weight, t);
+                t = tau[k][j].mul_add(weight, t);
             }
         }
         share[j] = x[j] / s;
@@ -147,7 +148,7 @@ fn partial_pressures<S: Scalar>(x: [S; COMPONENTS], z: S) -> [S; COMPONENTS] {
     for i in 0..COMPONENTS {
         let mut ln_gamma = mean[i];
         for j in 0..COMPONENTS {
-            ln_gamma = (share[j] * g[i][j]).mul_add(tau(i, j) - mean[j], ln_gamma);
+            ln_gamma = (share[j] * g[i][j]).mul_add(tau[i][j] - mean[j], ln_gamma);
         }
         let [a, b, c] = ANTOINE[i];
         let ln_vapour_pressure = -(z.constant(b) / (celsius + c)) + a;

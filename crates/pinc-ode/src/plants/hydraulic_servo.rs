@@ -25,7 +25,7 @@ const MEGA: f64 = 1e6;
 /// difference d0 and laminar below.
 ///
 /// It is stiff: an open valve and a small volume of oil make the pressure follow the speed within some
-/// 0.2 ms, while the mass on the oil's spring swings with 200 rad/s.
+/// 0.2 ms (an eigenvalue of down to -5500/s), while the mass on the oil's spring swings with 300 rad/s.
 ///
 /// Equations: Merritt, *Hydraulic Control Systems* (1967), sections 6.1 and 7.1. The numbers, those of a short axis with a
 /// heavy load, are this project's.
@@ -58,15 +58,15 @@ pub struct HydraulicServo {
 }
 
 impl Default for HydraulicServo {
-    /// 2 t on a piston of 10 cm^2 at 21 MPa.
+    /// 1 t on a piston of 10 cm^2 at 21 MPa, under a large valve.
     fn default() -> Self {
         Self {
-            mass: 2000.0,
+            mass: 1000.0,
             area: 1e-3,
-            volume: 4e-5,
-            bulk_modulus: 800.0,
+            volume: 6e-5,
+            bulk_modulus: 1400.0,
             supply: 21.0,
-            valve: 1.2e-4,
+            valve: 3e-4,
             transition: 0.5,
             leakage: 4e-7,
             viscous: 2000.0,
@@ -82,11 +82,16 @@ impl HydraulicServo {
     /// pressure `p`.
     #[inline(always)]
     fn flow<S: Scalar>(&self, s: S, p: S) -> S {
-        let orifice = |d: S| d / (d * d + self.transition * self.transition).sqrt().sqrt();
         let magnitude = (s * s + OPENING * OPENING).sqrt();
-        let forward = (magnitude + s) * orifice(-p + self.supply);
-        let backward = (magnitude - s) * orifice(p + self.supply);
+        let forward = (magnitude + s) * self.orifice(-p + self.supply);
+        let backward = (magnitude - s) * self.orifice(p + self.supply);
         (forward - backward) * (0.5 * self.valve)
+    }
+
+    /// The orifice law r(d).
+    #[inline(always)]
+    fn orifice<S: Scalar>(&self, d: S) -> S {
+        d / (d * d + self.transition * self.transition).sqrt().sqrt()
     }
 }
 

@@ -5,6 +5,7 @@
 
 mod bars;
 mod curves;
+mod front;
 mod histogram;
 mod map;
 #[cfg(test)]
@@ -38,6 +39,10 @@ struct Metric {
 /// The pictures of a sweep.
 pub(super) fn pictures(run: &Run, trials: &Trials) -> Result<Vec<Picture>, ReportError> {
     let mut pictures = Vec::from_iter(traces::picture(run, trials)?);
+    if front::is_there(trials) {
+        pictures.extend(front::pictures(run, trials));
+        return Ok(pictures);
+    }
     for metric in metrics(run, trials).into_iter().chain(time(trials)) {
         if trials.has_draws() {
             pictures.extend(histogram::picture(trials, &metric)?);
@@ -113,7 +118,7 @@ fn time(trials: &Trials) -> Option<Metric> {
 
 /// The columns of each model's metric `column` that the sweep's table has, and the models' names.
 fn of_models(trials: &Trials, column: &str) -> Vec<(String, &'static str)> {
-    let models = [("pinc", "PINC"), ("rk4", "RK4"), ("rosenbrock", "Rosenbrock")];
+    let models = [("pinc", "PINC"), ("rk4", "RK4"), ("rk5", "RK5"), ("rosenbrock", "Rosenbrock")];
     let columns = models.into_iter().map(|(model, name)| (format!("{model}_{column}"), name));
     columns.filter(|(column, _)| trials.has(column)).collect()
 }
@@ -147,6 +152,11 @@ fn counted(count: usize, one: &str, many: &str) -> String {
 /// The tables of a sweep: the spread of each metric by cell, and the trials that failed.
 pub(super) fn sheets(run: &Run, trials: &Trials) -> Result<Vec<Sheet>, ReportError> {
     let mut sheets = Vec::new();
+    if front::is_there(trials) {
+        sheets.push(front::sheet(trials));
+        sheets.extend(failures(trials)?);
+        return Ok(sheets);
+    }
     for metric in metrics(run, trials) {
         for (column, model) in &metric.columns {
             let title = match *model {

@@ -104,6 +104,12 @@ impl Trials {
         Ok(values.filter(|v| v.is_finite()).collect())
     }
 
+    /// A word of the first finished trial of a cell.
+    pub(super) fn text(&self, cell: &Cell, column: &str) -> Option<&str> {
+        let row = *cell.finished.first()?;
+        self.table.texts(column).ok()?.get(row).copied()
+    }
+
     /// How a metric, or a time, varies in a cell; `None` without a number.
     pub(super) fn spread(&self, cell: &Cell, column: &str) -> Option<Spread> {
         let spread = crate::sweep::Spread::of(self.values(cell, column).ok()?)?;
@@ -194,6 +200,7 @@ pub(super) fn short(key: &str) -> String {
         "training.initial_points" => "initial points N_t".to_owned(),
         "control.n2" => "steps of the horizon, N2".to_owned(),
         "control.rk4_substeps" => "substeps of RK4".to_owned(),
+        "control.rk5_substeps" => "substeps of RK5".to_owned(),
         "control.rosenbrock_substeps" => "substeps of the Rosenbrock method".to_owned(),
         key => key.rsplit('.').next().unwrap_or(key).replace('_', " "),
     }

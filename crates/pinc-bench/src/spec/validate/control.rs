@@ -40,6 +40,7 @@ pub(super) fn closed_loop(
     }
     close_ups(spec)?;
     at_least_one("control.rk4_substeps", spec.rk4_substeps)?;
+    at_least_one("control.rk5_substeps", spec.rk5_substeps)?;
     at_least_one("control.rosenbrock_substeps", spec.rosenbrock_substeps)?;
     at_least_one("control.repetitions", spec.repetitions)?;
     tolerance("control.plant_tolerance", spec.plant_tolerance)?;
@@ -58,7 +59,7 @@ fn models(spec: &ControlSpec) -> Finding {
     let twice = |kind: ModelKind| spec.models.iter().filter(|&&m| m == kind).count() > 1;
     if spec.models.is_empty() || spec.models.iter().any(|&kind| twice(kind)) {
         let names: Vec<_> = spec.models.iter().map(|m| m.name()).collect();
-        let expected = "one or more of \"pinc\", \"rk4\", \"rosenbrock\", each once";
+        let expected = "one or more of \"pinc\", \"rk4\", \"rk5\", \"rosenbrock\", each once";
         return value("control.models", format!("{names:?}"), expected);
     }
     Ok(())

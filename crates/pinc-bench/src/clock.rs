@@ -7,7 +7,7 @@ use std::time::Instant;
 const AT_LEAST: usize = 5;
 
 /// Calls `sample` for `duration_s` seconds, and at least five times.
-pub(super) fn for_seconds(duration_s: f64, mut sample: impl FnMut()) {
+pub(crate) fn for_seconds(duration_s: f64, mut sample: impl FnMut()) {
     let begun = Instant::now();
     let mut samples = 0;
     while samples < AT_LEAST || begun.elapsed().as_secs_f64() < duration_s {
@@ -17,18 +17,18 @@ pub(super) fn for_seconds(duration_s: f64, mut sample: impl FnMut()) {
 }
 
 /// How long `work` takes, in s.
-pub(super) fn time(work: impl FnOnce()) -> f64 {
+pub(crate) fn time(work: impl FnOnce()) -> f64 {
     let clock = Instant::now();
     work();
     clock.elapsed().as_secs_f64()
 }
 
 /// The median of at least one number.
-pub(super) fn median(values: &[f64]) -> f64 {
+pub(crate) fn median(values: &[f64]) -> f64 {
     WallTimes::of(values.to_vec()).median
 }
 
 #[expect(clippy::cast_precision_loss, reason = "numbers of points and operations below 2^53")]
-pub(super) fn to_f64(n: u64) -> f64 {
+pub(crate) fn to_f64(n: u64) -> f64 {
     n as f64
 }

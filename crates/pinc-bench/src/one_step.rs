@@ -1,0 +1,187 @@
+//! One step of a model: how wrong it is over a domain, and how long it takes.
+
+use crate::BenchError;
+use crate::clock::{for_seconds, median, time, to_f64};
+use crate::system::System;
+use pinc_net::{Domain, Points, Sampler};
+use pinc_ode::metrics::mean_squared_error;
+use pinc_ode::{Dims, Predictor};
+use serde::{Deserialize, Serialize};
+use std::hint::black_box;
+
+/// Steps that are timed together, so that reading the clock does not count.
+const BATCH: usize = 256;
+
+/// Points at which Jacobians are compared, at most.
+const JACOBIANS: usize = 256;
+
+/// Substeps of RK5 for the true Jacobians.
+const FINE: usize = 512;
+
+/// How wrong one step is, over points that fill a domain. States are measured in widths of the domain; the
+/// error at a point is the root mean square over the states.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct StepErrors {
+    /// Root mean square over the points.
+    pub rms: f64,
+    /// Median over the points.
+    pub median: f64,
+    /// 99th percentile over the points.
+    pub p99: f64,
+    /// Root mean square, over points and entries, of the errors of the Jacobians A and B, in widths of the
+    /// domain per width.
+    pub jacobian_rms: f64,
+}
+
+/// Points that fill a domain, with the true states one step later.
+pub(crate) struct Steps {
+    dims: Dims,
+    points: Points,
+    next: Vec<f64>,
+    /// Of the states, then of the inputs.
+    widths: Vec<f64>,
+}
+
+/// The results of a model's linearizations at several points.
+struct Linearized {
+    next: Vec<f64>,
+    a: Vec<f64>,
+    b: Vec<f64>,
+}
+
+impl Linearized {
+    fn new(Dims { states: n, inputs: m }: Dims, points: usize) -> Self {
+        let zeros = |width: usize| vec![0.0; points * width];
+        Self { next: zeros(n), a: zeros(n * n), b: zeros(n * m) }
+    }
+}
+
+impl Steps {
+    /// `count` steps of `plant` over `horizon_s` from all over `domain`, integrated with this local tolerance.
+    pub(crate) fn new(
+        plant: &dyn System,
+        domain: &Domain,
+        horizon_s: f64,
+        count: usize,
+        tolerance: f64,
+    ) -> Result<Self, BenchError> {
+        // Sobol points are the same for each seed up to a scrambling.
+        let points = Sampler::Sobol.collocation(count, horizon_s, domain, 1, 0);
+        let mut integrator = plant.truth(tolerance);
+        let mut next = Vec::new();
+        for i in 0..count {
+            let mut x = points.state(i).to_vec();
+            integrator.integrate(&mut x, points.input(i), horizon_s)?;
+            next.extend(x);
+        }
+        let widths = domain.ends().map(|(low, high)| high - low).collect();
+        Ok(Self { dims: plant.dims(), points, next, widths })
+    }
+
+    /// Root mean square of the errors over all points and states, in the states' units.
+    pub(crate) fn rms_in_units(&self, model: &mut dyn Predictor) -> f64 {
+        let units = vec![1.0; self.dims.states];
+        mean_squared_error(&self.predictions(model), &self.next, &units).sqrt()
+    }
+
+    /// The errors of a model of `plant`.
+    pub(crate) fn errors(&self, plant: &dyn System, model: &mut dyn Predictor) -> StepErrors {
+        let n = self.dims.states;
+        let predicted = self.predictions(model);
+        let pairs = predicted.chunks_exact(n).zip(self.next.chunks_exact(n));
+        let mut squares: Vec<f64> =
+            pairs.map(|(y, truth)| mean_squared_error(y, truth, &self.widths[..n])).collect();
+        let mean = squares.iter().sum::<f64>() / to_f64(squares.len() as u64);
+        squares.sort_by(f64::total_cmp);
+        let part = |percent: usize| squares[(squares.len() * percent / 100).min(squares.len() - 1)];
+        StepErrors {
+            rms: mean.sqrt(),
+            median: part(50).sqrt(),
+            p99: part(99).sqrt(),
+            jacobian_rms: self.jacobian_error(plant, model),
+        }
+    }
+
+    fn predictions(&self, model: &mut dyn Predictor) -> Vec<f64> {
+        let mut predicted = vec![0.0; self.next.len()];
+        for (i, next) in predicted.chunks_exact_mut(self.dims.states).enumerate() {
+            model.predict(self.points.state(i), self.points.input(i), next);
+        }
+        predicted
+    }
+
+    fn jacobian_error(&self, plant: &dyn System, model: &mut dyn Predictor) -> f64 {
+        let Dims { states: n, inputs: m } = self.dims;
+        let mut fine = plant.rk5(model.horizon_s(), FINE);
+        let count = self.points.len().min(JACOBIANS);
+        let (mut found, mut truth) = (Linearized::new(self.dims, 1), Linearized::new(self.dims, 1));
+        let mut squares = 0.0;
+        for k in 0..count {
+            let (x, u) = (self.points.state(k), self.points.input(k));
+            for (model, to) in [(&mut *model, &mut found), (&mut *fine, &mut truth)] {
+                model.linearize(x, u, &mut to.next, &mut to.a, &mut to.b);
+            }
+            for i in 0..n {
+                for j in 0..n + m {
+                    let (at, of) = if j < n { (i * n + j, true) } else { (i * m + j - n, false) };
+                    let entry =
+                        |of_model: &Linearized| if of { of_model.a[at] } else { of_model.b[at] };
+                    let error = (entry(&found) - entry(&truth)) * self.widths[j] / self.widths[i];
+                    squares += error * error;
+                }
+            }
+        }
+        (squares / to_f64((count * n * (n + m)) as u64)).sqrt()
+    }
+
+    /// The median time of a step when each waits for the one before, as in a simulation.
+    pub(crate) fn forward_ns(&self, model: &mut dyn Predictor, seconds: f64) -> f64 {
+        let batch = self.points.len().min(BATCH);
+        let mut x = vec![0.0; self.dims.states];
+        let mut next: Vec<f64> = x.clone();
+        let nothing = black_box(0.0);
+        nanoseconds(seconds, batch, || {
+            for i in 0..batch {
+                // The points are those of the domain, wherever the step before went: min(0, |next|) is 0,
+                // but has to be waited for.
+                for ((x, &from), next) in x.iter_mut().zip(self.points.state(i)).zip(&next) {
+                    *x = from + next.abs().min(nothing);
+                }
+                model.predict(&x, self.points.input(i), &mut next);
+            }
+            black_box(&mut next);
+        })
+    }
+
+    /// The median time of a step with both Jacobians, when a controller asks for those of `stages` points
+    /// at a time.
+    pub(crate) fn forward_jacobian_ns(
+        &self,
+        model: &mut dyn Predictor,
+        stages: usize,
+        seconds: f64,
+    ) -> f64 {
+        let calls = (self.points.len().min(BATCH) / stages).max(1);
+        let flat = |get: &dyn Fn(usize) -> Vec<f64>| -> Vec<Vec<f64>> {
+            let stage = |call: usize, k: usize| get((call * stages + k) % self.points.len());
+            (0..calls).map(|call| (0..stages).flat_map(|k| stage(call, k)).collect()).collect()
+        };
+        let x = flat(&|i| self.points.state(i).to_vec());
+        let u = flat(&|i| self.points.input(i).to_vec());
+        let mut to = Linearized::new(self.dims, stages);
+        nanoseconds(seconds, calls * stages, || {
+            for (x, u) in x.iter().zip(&u) {
+                let Linearized { next, a, b } = &mut to;
+                model.linearize_stages(black_box(x), black_box(u), next, a, b);
+                black_box(&mut to);
+            }
+        })
+    }
+}
+
+/// The median time of `work` that does something `times` times.
+fn nanoseconds(seconds: f64, times: usize, mut work: impl FnMut()) -> f64 {
+    let mut samples = Vec::new();
+    for_seconds(seconds, || samples.push(time(&mut work)));
+    1e9 * median(&samples) / to_f64(times as u64)
+}
