@@ -5,7 +5,7 @@ use pinc_net::{Ansatz, Domain, NetConfig, PincNet, PincPredictor};
 use pinc_ode::{Dims, FourTanks, Plant, Predictor, VanDerPol};
 
 /// Hidden layers and neurons.
-const SIZES: [(usize, usize); 6] = [(2, 8), (2, 16), (4, 20), (5, 20), (8, 20), (4, 64)];
+const SIZES: [(usize, usize); 7] = [(2, 8), (2, 16), (2, 24), (4, 20), (5, 20), (8, 20), (4, 64)];
 
 fn main() {
     divan::main();
@@ -39,6 +39,11 @@ fn linearize_5_stages_van_der_pol(bencher: Bencher<'_, '_>, size: (usize, usize)
 #[divan::bench(args = SIZES)]
 fn linearize_5_stages_four_tanks(bencher: Bencher<'_, '_>, size: (usize, usize)) {
     linearize(bencher, FourTanks::antonelo(), size, 5);
+}
+
+#[divan::bench(args = SIZES)]
+fn linearize_10_stages_four_tanks(bencher: Bencher<'_, '_>, size: (usize, usize)) {
+    linearize(bencher, FourTanks::antonelo(), size, 10);
 }
 
 /// An untrained net: a step costs the same.

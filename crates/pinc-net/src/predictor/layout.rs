@@ -19,6 +19,7 @@ const ROWS: usize = 3;
 #[derive(Clone, Debug)]
 pub(super) struct Layout {
     pub(super) layers: Vec<FoldedLayer>,
+    pub(super) packed: Vec<PackedLayer>,
     lanes: usize,
     ansatz: Ansatz,
 }
@@ -48,7 +49,7 @@ impl Layout {
     /// The layout of `net` for vectors of so many lanes.
     pub(super) fn new(net: &PincNet, lanes: usize) -> Self {
         let count = net.mlp.layers().len();
-        let layers = net.mlp.layers().enumerate().map(|(l, layer)| {
+        let folded = net.mlp.layers().enumerate().map(|(l, layer)| {
             let parameters = net.mlp.parameters();
             let mut weights: Vec<Vec<f64>> =
                 parameters[layer.weight].chunks_exact(layer.inputs).map(<[f64]>::to_vec).collect();
@@ -59,14 +60,21 @@ impl Layout {
             if l + 1 == count {
                 fold_output(net, &mut weights, &mut bias);
             }
-            FoldedLayer::new(&weights, &bias, lanes)
+            (FoldedLayer::new(&weights, &bias, lanes), PackedLayer::new(&weights, bias))
         });
-        Self { layers: layers.collect(), lanes, ansatz: net.ansatz }
+        let (layers, packed) = folded.unzip();
+        Self { layers, packed, lanes, ansatz: net.ansatz }
     }
 
     /// Whether the state at the end is the initial state plus what the layers give.
     pub(super) fn adds_initial_state(&self) -> bool {
         self.ansatz == Ansatz::HardLinear
+    }
+
+    /// The most neurons of a layer, or numbers of (x, u).
+    pub(super) fn widest(&self) -> usize {
+        let widths = self.packed.iter().map(|layer| layer.bias.len().max(layer.inputs));
+        widths.max().unwrap_or(0)
     }
 
     /// Length of the longest input or output of a layer, with padding.
@@ -75,6 +83,37 @@ impl Layout {
         let outputs = self.layers.iter().map(|layer| rows(layer) * self.lanes);
         let inputs = self.layers.iter().map(|layer| layer.inputs);
         outputs.chain(inputs).max().unwrap_or(0)
+    }
+}
+
+/// A layer's weights for points in the lanes.
+#[derive(Clone, Debug)]
+pub(super) struct PackedLayer {
+    /// Length of the input.
+    pub(super) inputs: usize,
+    pub(super) bias: Vec<f64>,
+    /// Shape `[outputs, inputs]`.
+    pub(super) rows: Vec<f64>,
+    /// The same in blocks of [`PackedLayer::ROWS`] rows, each block column by column.
+    pub(super) blocks: Vec<f64>,
+}
+
+impl PackedLayer {
+    /// Rows of a block; the last may have fewer.
+    pub(super) const ROWS: usize = 4;
+
+    fn new(weights: &[Vec<f64>], bias: Vec<f64>) -> Self {
+        let inputs = weights[0].len();
+        let column =
+            |rows: &[Vec<f64>], k: usize| -> Vec<f64> { rows.iter().map(|w| w[k]).collect() };
+        let block =
+            |rows: &[Vec<f64>]| (0..inputs).flat_map(|k| column(rows, k)).collect::<Vec<_>>();
+        Self {
+            inputs,
+            bias,
+            rows: weights.concat(),
+            blocks: weights.chunks(Self::ROWS).flat_map(block).collect(),
+        }
     }
 }
 

@@ -2,12 +2,14 @@
 
 mod layout;
 mod step;
+mod together;
 
 use crate::PincNet;
 use layout::Layout;
 use pinc_ad::simd::Isa;
 use pinc_ode::{Dims, Predictor};
 use step::{Columns, POINTS, Step};
+use together::{Cells, Together};
 
 /// The control interface f^(y, u) = `f_w`(T, y, u) of a net, Eq. (interface) of the paper, with its
 /// Jacobians by forward differentiation.
@@ -22,6 +24,7 @@ pub struct PincPredictor {
     isa: Isa,
     layout: Layout,
     columns: Columns,
+    cells: Cells,
 }
 
 impl PincPredictor {
@@ -41,7 +44,8 @@ impl PincPredictor {
         let dims = net.dims();
         let layout = Layout::new(net, isa.lanes());
         let columns = Columns::new(layout.longest(), dims.states + dims.inputs);
-        Self { dims, horizon_s: net.horizon_s, isa, layout, columns }
+        let cells = Cells::new(layout.widest(), dims.states + dims.inputs, isa.lanes());
+        Self { dims, horizon_s: net.horizon_s, isa, layout, columns, cells }
     }
 
     /// Runs the net from one (x, u), or from [`POINTS`] of them, with the tangents of the first `tangents` of their
@@ -125,8 +129,27 @@ impl Predictor for PincPredictor {
         assert!(next.len() == count * n, "length of next");
         assert!(a.len() == count * n * n && b.len() == count * n * m, "lengths of a and b");
         let mut first = 0;
+        let lanes = self.isa.lanes();
         while first < count {
-            let points = if count - first < POINTS { 1 } else { POINTS };
+            let left = count - first;
+            if left >= lanes / 2 {
+                let points = left.min(lanes);
+                let part = |width: usize| first * width..(first + points) * width;
+                let Self { layout, cells, dims, isa, .. } = self;
+                isa.dispatch(Together {
+                    layout,
+                    cells,
+                    dims: *dims,
+                    x: &x[part(n)],
+                    u: &u[part(m)],
+                    next: &mut next[part(n)],
+                    a: &mut a[part(n * n)],
+                    b: &mut b[part(n * m)],
+                });
+                first += points;
+                continue;
+            }
+            let points = if left < POINTS { 1 } else { POINTS };
             let part = |width: usize| first * width..(first + points) * width;
             self.run(&x[part(n)], &u[part(m)], n + m);
             for point in 0..points {

@@ -4,7 +4,7 @@ use super::layout::{Block, FoldedLayer, Layout};
 use pinc_ad::simd::{Simd, Task, tanh_all};
 
 /// `f64`s in a cache line: a vector that lies across two costs twice.
-const LINE: usize = 8;
+pub(super) const LINE: usize = 8;
 
 /// So many points go through a net side by side, at most: while one waits for its tanh, the other's sums go on.
 pub(super) const POINTS: usize = 2;
@@ -53,7 +53,7 @@ impl Columns {
 }
 
 /// Where the first full cache line of `room` begins.
-fn start(room: &[f64]) -> usize {
+pub(super) fn start(room: &[f64]) -> usize {
     room.as_ptr().align_offset(LINE * size_of::<f64>()).min(LINE)
 }
 
