@@ -109,7 +109,7 @@ impl From<Validation> for ValidationMetrics {
 }
 
 /// A number; JSON has `null` in place of NaN and infinity.
-fn number_or_null<'de, D: Deserializer<'de>>(deserializer: D) -> Result<f64, D::Error> {
+pub(crate) fn number_or_null<'de, D: Deserializer<'de>>(deserializer: D) -> Result<f64, D::Error> {
     Ok(Option::deserialize(deserializer)?.unwrap_or(f64::NAN))
 }
 

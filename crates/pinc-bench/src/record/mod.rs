@@ -6,6 +6,7 @@ mod metrics;
 
 pub(crate) use checkpoint::{Saved, load as load_checkpoint, save as save_checkpoint};
 pub(crate) use csv::{Table, lines_up_to, number};
+pub(crate) use metrics::number_or_null;
 pub use metrics::{
     ControlMetrics, Excess, Metrics, OneStepMetrics, OutsideDomain, PredictionMetrics, StepTimes,
     SweepMetrics, TrainingMetrics, ValidationMetrics, WallTimes,

@@ -153,7 +153,7 @@ fn counted(count: usize, one: &str, many: &str) -> String {
 pub(super) fn sheets(run: &Run, trials: &Trials) -> Result<Vec<Sheet>, ReportError> {
     let mut sheets = Vec::new();
     if front::is_there(trials) {
-        sheets.push(front::sheet(trials));
+        sheets.extend(front::sheets(trials));
         sheets.extend(failures(trials)?);
         return Ok(sheets);
     }
