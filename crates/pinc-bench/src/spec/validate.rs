@@ -10,7 +10,7 @@ use super::{
 use crate::plants::{self, OwnPlantProblem};
 use crate::registry::Variables;
 use control::closed_loop;
-use pinc_net::{NetError, ResidualScale, Scenario, ValidationConfig};
+use pinc_net::{Ansatz, NetError, ResidualScale, Scenario, Source, ValidationConfig};
 use pinc_ode::Dims;
 use values::{at_least_one, bounds, length, positive, present, tolerance, value, whole_steps};
 
@@ -53,6 +53,13 @@ impl Experiment {
         if let Some(model) = &self.model {
             model.validate(dims).map_err(|error| net_finding("model", &error))?;
             let loops = self.control.as_ref().map_or(&[][..], |control| &control.models);
+            let distilled =
+                self.training.as_ref().is_some_and(|t| t.config.source == Source::Integrator);
+            if distilled && (model.ansatz != Ansatz::HardLinear || model.time_only.is_some()) {
+                let expected =
+                    "\"physics\" for a net of one scenario or without the ansatz \"hard-linear\"";
+                return value("training.source", "\"integrator\"", expected);
+            }
             if let Some(scenario) = &model.time_only {
                 if loops.contains(&ModelKind::Pinc) {
                     let expected = "no such key with the model \"pinc\" in [control]";
@@ -75,6 +82,10 @@ impl Experiment {
         }
         if let Some(data) = &self.data {
             present("training", self.training.is_some(), "[data] is for a training")?;
+            if self.training.as_ref().is_some_and(|t| t.config.source == Source::Integrator) {
+                let expected = "\"physics\" with [data]";
+                return value("training.source", "\"integrator\"", expected);
+            }
             measurements(data)?;
             if self.model.as_ref().is_some_and(|model| model.time_only.is_some()) {
                 let expected = "no such key with [data], whose scenarios differ";
