@@ -1,11 +1,27 @@
-"""The table of a sweep with [one_step], as Markdown: python3 benches/pareto/table.py runs/servo-pareto
+"""The page of charts and tables of sweeps with [one_step], docs/accuracy-cost.md and docs/pareto/*.svg:
 
-Errors of one step are in widths of the training domain, times are medians. Needs Python alone.
+    for config in configs/pareto/*.toml; do pinc run $config; done
+    python3 benches/pareto/table.py runs/*-pareto
+
+Needs Python alone.
 """
 
 import csv
+import shutil
 import sys
 from pathlib import Path
+
+INTRODUCTION = """\
+# Accuracy against cost
+
+What a step of T costs with nets by size and training, and with numerical methods by substeps, and how exact it is; and what that comes to
+in the closed loop. Made by the commands below and `python3 benches/pareto/table.py runs/*-pareto`; the findings are in
+[results.md](results.md#accuracy-against-cost). A plant of one's own takes its place by another config of this kind.
+
+Errors of one step are over points that fill the training domain, in widths of the domain: at a point the root mean square over the states; rms, median and
+99th percentile over the points; of the Jacobians the rms over points and entries. Alone, a step waits for the one before, as in a simulation;
+with Jacobians as many are computed at a time as the controller's horizon has, by one thread. The control step is the median time of the whole controller. Training
+includes, for distilled nets, the integration of what they are fitted to."""
 
 HEADS = (
     "model",
@@ -47,14 +63,28 @@ def read(path):
         return list(csv.DictReader(file))
 
 
-def main():
-    directory = Path(sys.argv[1])
-    print("| " + " | ".join(HEADS) + " |")
-    print("|" + "---|" * len(HEADS))
+def table(directory):
+    """The lines of a run's table."""
+    yield "| " + " | ".join(HEADS) + " |"
+    yield "|" + "---|" * len(HEADS)
     for result, time in zip(read(directory / "sweep.csv"), read(directory / "timings.csv")):
         for model in ("pinc", "rk4", "rk5", "rosenbrock"):
             if time.get(f"{model}_forward_ns"):
-                print("| " + " | ".join(row(result["case"], result, time, model)) + " |")
+                yield "| " + " | ".join(row(result["case"], result, time, model)) + " |"
+
+
+def main():
+    docs = Path("docs")
+    lines = [INTRODUCTION]
+    for directory in map(Path, sys.argv[1:]):
+        plant = directory.name.removesuffix("-pareto")
+        picture = docs / "pareto" / f"{plant}.svg"
+        picture.parent.mkdir(exist_ok=True)
+        shutil.copy(directory / "figures" / "accuracy-cost.svg", picture)
+        lines += ["", f"## {plant}", "", "```sh", f"pinc run configs/pareto/{plant}.toml", "```", ""]
+        lines += [f"![Error of one step over its time: {plant}](pareto/{plant}.svg)", ""]
+        lines += table(directory)
+    (docs / "accuracy-cost.md").write_text("\n".join(lines) + "\n")
 
 
 if __name__ == "__main__":
