@@ -87,7 +87,7 @@ fn steps(entries: &[Entry]) -> Picture {
         panel.x = Some(Axis::new("time per step of T (ns)", Kind::Log));
         add(&mut panel, entries, &|e| (time(e), e.rms));
         for (i, group) in groups(entries).iter().enumerate() {
-            for entry in entries.iter().filter(|e| e.group == *group) {
+            for entry in entries.iter().filter(|e| e.group == *group && e.rms.is_finite()) {
                 let (name, y) =
                     (format!("{}, median to 99 %", entry.name), (entry.median, entry.p99));
                 panel.spans.push(Span { name, x: time(entry), y, color: state_color(i) });
@@ -105,7 +105,8 @@ fn steps(entries: &[Entry]) -> Picture {
         title: "One step: accuracy against cost".to_owned(),
         figure: Figure::grid("Error of one step over its time", x, vec![1.0, 1.0], panels),
         caption: "Further left is cheaper, further down better. A mark is the root mean square over points \
-                  that fill the domain; its interval reaches from the median to the 99th percentile. From \
+                  that fill the domain; its interval reaches from the median to the 99th percentile. A method \
+                  that leaves all bounds somewhere has none. From \
                   sweep.csv and timings.csv."
             .to_owned(),
     }
@@ -278,7 +279,8 @@ fn faster_step(net: &Entry, entries: &[Entry], time: &dyn Fn(&Entry) -> f64) -> 
 fn time_for(rms: f64, members: &[&Entry], time: &dyn Fn(&Entry) -> f64) -> Option<f64> {
     let k = members.iter().position(|e| e.rms <= rms)?;
     let (after, t) = (members[k], time(members[k]));
-    let Some(before) = k.checked_sub(1).map(|k| members[k]) else { return Some(t) };
+    let before = k.checked_sub(1).map(|k| members[k]).filter(|before| before.rms.is_finite());
+    let Some(before) = before else { return Some(t) };
     let part = (before.rms / rms).ln() / (before.rms / after.rms).ln();
     Some(time(before) * (t / time(before)).powf(part))
 }
@@ -326,6 +328,8 @@ mod tests {
         assert_eq!(faster_step(&entries[0], &entries, &|e| e.forward_ns), "5.7 (RK4)");
         let rough = entry("net", "PINC", 1.0, 50.0);
         assert_eq!(faster_step(&rough, &entries, &|e| e.forward_ns), "2.0 (RK4)");
+        let unstable = [entry("x1", "RK4", f64::INFINITY, 100.0), entry("x2", "RK4", 1e-4, 200.0)];
+        assert_eq!(faster_step(&rough, &unstable, &|e| e.forward_ns), "4.0 (RK4)");
         let exact = entry("net", "PINC", 1e-9, 50.0);
         assert_eq!(faster_step(&exact, &entries, &|e| e.forward_ns), MISSING);
         assert_eq!(faster_loop(&entries[0], entries[2..].iter()), "3.0 (x1)");
