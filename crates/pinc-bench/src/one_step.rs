@@ -128,9 +128,8 @@ impl Steps {
             }
             for i in 0..n {
                 for j in 0..n + m {
-                    let (at, of) = if j < n { (i * n + j, true) } else { (i * m + j - n, false) };
                     let entry =
-                        |of_model: &Linearized| if of { of_model.a[at] } else { of_model.b[at] };
+                        |of: &Linearized| if j < n { of.a[i * n + j] } else { of.b[i * m + j - n] };
                     let error = (entry(&found) - entry(&truth)) * self.widths[j] / self.widths[i];
                     squares += error * error;
                 }

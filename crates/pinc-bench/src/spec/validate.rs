@@ -49,13 +49,17 @@ impl Experiment {
         Ok(())
     }
 
+    fn is_distilled(&self) -> bool {
+        self.training.as_ref().is_some_and(|t| t.config.source == Source::Integrator)
+    }
+
     fn sections(&self, dims: Dims) -> Finding {
         if let Some(model) = &self.model {
             model.validate(dims).map_err(|error| net_finding("model", &error))?;
             let loops = self.control.as_ref().map_or(&[][..], |control| &control.models);
-            let distilled =
-                self.training.as_ref().is_some_and(|t| t.config.source == Source::Integrator);
-            if distilled && (model.ansatz != Ansatz::HardLinear || model.time_only.is_some()) {
+            if self.is_distilled()
+                && (model.ansatz != Ansatz::HardLinear || model.time_only.is_some())
+            {
                 let expected =
                     "\"physics\" for a net of one scenario or without the ansatz \"hard-linear\"";
                 return value("training.source", "\"integrator\"", expected);
@@ -82,7 +86,7 @@ impl Experiment {
         }
         if let Some(data) = &self.data {
             present("training", self.training.is_some(), "[data] is for a training")?;
-            if self.training.as_ref().is_some_and(|t| t.config.source == Source::Integrator) {
+            if self.is_distilled() {
                 let expected = "\"physics\" with [data]";
                 return value("training.source", "\"integrator\"", expected);
             }
