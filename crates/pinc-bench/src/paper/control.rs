@@ -3,8 +3,8 @@
 use super::line;
 use super::page::{Page, short, time};
 use super::runs::{Row, Run, Runs, cell, number};
+use crate::BenchError;
 use crate::record::{ControlMetrics, file};
-use crate::{BenchError, ModelKind};
 
 const PLANTS: [(&str, &str); 2] = [("van-der-pol", "Van der Pol"), ("four-tanks", "four tanks")];
 
@@ -53,7 +53,7 @@ pub(super) fn table_1(page: &mut Page, runs: &Runs) -> Result<(), BenchError> {
 fn loop_cells(metrics: &ControlMetrics) -> Vec<String> {
     let wall = &metrics.wall_s;
     vec![
-        name_of(metrics.model).to_owned(),
+        metrics.model.title().to_owned(),
         format!("{:.5}", metrics.rmse_dense),
         format!("{:.3}", metrics.iae_dense_sum),
         format!("{:.5}", metrics.rmse),
@@ -63,15 +63,6 @@ fn loop_cells(metrics: &ControlMetrics) -> Vec<String> {
         time(wall.median),
         format!("{:.1e}", metrics.kkt_max),
     ]
-}
-
-fn name_of(model: ModelKind) -> &'static str {
-    match model {
-        ModelKind::Pinc => "PINC",
-        ModelKind::Rk4 => "RK4",
-        ModelKind::Rk5 => "RK5",
-        ModelKind::Rosenbrock => "Rosenbrock",
-    }
 }
 
 /// Is PINC faster than RK4? The paper says so.
@@ -179,7 +170,7 @@ pub(super) fn worst_case(page: &mut Page, runs: &Runs) -> Result<(), BenchError>
         for metrics in &run.metrics.control {
             rows.push(vec![
                 format!("`{}`", run.preset.name()),
-                name_of(metrics.model).to_owned(),
+                metrics.model.title().to_owned(),
                 format!("{:.2}", metrics.iae_dense_sum),
             ]);
         }

@@ -108,7 +108,10 @@ impl Run {
     pub(super) fn model_name(&self, model: &str) -> String {
         match self.metrics["training"]["source"].as_str() {
             Some("integrator") if model == ModelKind::Pinc.name() => DISTILLED.to_owned(),
-            _ => model_name(model),
+            _ => {
+                let kind = ModelKind::ALL.into_iter().find(|kind| kind.name() == model);
+                kind.map_or(model, |kind| kind.title()).to_owned()
+            }
         }
     }
 
@@ -173,15 +176,6 @@ pub(super) fn find<'a>(value: &'a Value, path: &[&str]) -> Option<&'a Value> {
 
 /// What the report calls a net that was trained on an integrator's steps.
 pub(super) const DISTILLED: &str = "distilled net";
-
-/// A model's name as the report writes it, where the net is a PINC net.
-pub(super) fn model_name(model: &str) -> String {
-    match model {
-        "pinc" | "rk4" | "rk5" => model.to_uppercase(),
-        "rosenbrock" => "Rosenbrock".to_owned(),
-        other => other.to_owned(),
-    }
-}
 
 fn as_number(value: &toml::Value) -> Option<f64> {
     #[expect(clippy::cast_precision_loss, reason = "settings are far below 2^53")]

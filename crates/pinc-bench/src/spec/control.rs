@@ -165,6 +165,16 @@ impl ModelKind {
             Self::Rosenbrock => "rosenbrock",
         }
     }
+
+    /// The name in reports.
+    pub(crate) fn title(self) -> &'static str {
+        match self {
+            Self::Pinc => "PINC",
+            Self::Rk4 => "RK4",
+            Self::Rk5 => "RK5",
+            Self::Rosenbrock => "Rosenbrock",
+        }
+    }
 }
 
 impl fmt::Display for ModelKind {

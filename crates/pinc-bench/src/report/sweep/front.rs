@@ -3,7 +3,7 @@
 use super::super::chart::{
     Axis, Figure, Kind, Label, Panel, Point, Shape, Span, Style, extent, state_color, state_mark,
 };
-use super::super::data::{DISTILLED, Run, model_name};
+use super::super::data::{DISTILLED, Run};
 use super::super::picture::Picture;
 use super::super::sheets::Sheet;
 use super::super::text::{self, MISSING};
@@ -55,7 +55,7 @@ fn entry(trials: &Trials, cell: &Cell, model: ModelKind) -> Option<Entry> {
         name: trials.name(cell),
         group: match is_net && trials.text(cell, "source") == Some("integrator") {
             true => DISTILLED.to_owned(),
-            false => model_name(model.name()),
+            false => model.title().to_owned(),
         },
         is_net,
         rms: error("one_step_rms"),

@@ -20,6 +20,7 @@ use super::data::Run;
 use super::picture::Picture;
 use super::sheets::Sheet;
 use super::text::{self, MISSING};
+use crate::spec::ModelKind;
 use trials::{Cell, Spread};
 
 /// A number of the trials that is worth a picture.
@@ -118,8 +119,8 @@ fn time(trials: &Trials) -> Option<Metric> {
 
 /// The columns of each model's metric `column` that the sweep's table has, and the models' names.
 fn of_models(trials: &Trials, column: &str) -> Vec<(String, &'static str)> {
-    let models = [("pinc", "PINC"), ("rk4", "RK4"), ("rk5", "RK5"), ("rosenbrock", "Rosenbrock")];
-    let columns = models.into_iter().map(|(model, name)| (format!("{model}_{column}"), name));
+    let columns =
+        ModelKind::ALL.map(|model| (format!("{model}_{column}"), model.title())).into_iter();
     columns.filter(|(column, _)| trials.has(column)).collect()
 }
 
