@@ -16,7 +16,7 @@ INTRODUCTION = """\
 
 What a step of T costs with nets by size and training, and with numerical methods by substeps, and how exact it is; and what that comes to
 in the closed loop. Made by the commands below and `python3 benches/pareto/table.py runs/*-pareto`; the findings are in
-[results.md](results.md#accuracy-against-cost). A plant of one's own takes its place by another config of this kind.
+[measurements.md](measurements.md#accuracy-against-cost). A plant of one's own takes its place by another config of this kind.
 
 Errors of one step are over points that fill the training domain, in widths of the domain: at a point the root mean square over the states; rms, median and
 99th percentile over the points; of the Jacobians the rms over points and entries. Alone, a step waits for the one before, as in a simulation;

@@ -36,16 +36,16 @@ const EXPERIMENTS: [&str; 13] = [
 pub fn results(dir: &Path) -> Result<String, BenchError> {
     let runs = Runs::of(dir);
     let mut page = Page::default();
-    page.paragraph("# The paper, regenerated");
+    page.paragraph("# Results: the paper, regenerated");
     page.paragraph(
         "Each table and figure of the paper with numbers in it, beside this project's. Made by the two commands below from the \
          run directories; the pictures are in their reports. `as-printed` is the paper's equations and `as-released` \
          its authors' program, both run by this project with the paper's recipe; `ours` is the best that this project \
-         can do. [deviations.md](deviations.md) says where these differ, [results.md](results.md) has what other commands measured.",
+         can do. [deviations.md](deviations.md) says where these differ, [measurements.md](measurements.md) has what other commands measured.",
     );
     page.commands(&[
         "pinc run configs/paper.toml --resume",
-        "pinc results runs/paper > docs/paper.md",
+        "pinc results runs/paper > docs/results.md",
     ]);
     control::table_1(&mut page, &runs)?;
     control::substeps(&mut page, &runs)?;
