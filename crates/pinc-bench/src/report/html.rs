@@ -38,7 +38,7 @@ fn header(run: &Run, name: &str) -> String {
     out += &format!("<p class=\"about\">{}</p>\n", about.join(" · "));
     let words = match &run.trials {
         None => paragraph(run),
-        Some(trials) => sweep::paragraph(trials),
+        Some(trials) => sweep::paragraph(run, trials),
     };
     if !words.is_empty() {
         out += &format!("<p class=\"summary\">{}</p>\n", escape(&words));

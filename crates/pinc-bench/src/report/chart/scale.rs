@@ -68,7 +68,9 @@ impl Scale {
                 let typical = values[values.len() / 200].log10();
                 let high = high.log10();
                 let low = low.log10().max(typical - 0.5).max(high - MOST_DECADES);
-                let margin = (0.04 * (high - low)).max(0.1);
+                // A range of a factor of five has two ticks with labels at least.
+                let decades = high - low;
+                let margin = (0.04 * decades).max(0.1).max(0.5 * (0.7 - decades));
                 (low - margin, high + margin)
             }
         };
@@ -177,8 +179,8 @@ fn nice(rough: f64) -> f64 {
 fn label(value: f64, step: f64) -> String {
     let places = -(step.log10() + 1e-9).floor();
     if value.abs() >= 1e6 || places > 4.0 {
-        let digits = (value.abs().max(step) / step).log10().floor() + 1.0;
-        return text::number(value, whole_size(digits));
+        let digits = value.abs().max(step).log10().floor() + places + 1.0;
+        return text::significant(value, whole_size(digits));
     }
     text::grouped(&format!("{value:.*}", whole_size(places)))
 }
@@ -225,6 +227,8 @@ mod tests {
         assert_eq!(labels(&scale, 6), ["0", "10", "20", "30", "40", "50", "60"]);
         let scale = Scale::exact(Kind::Linear, -1.0, 1.0).unwrap();
         assert_eq!(labels(&scale, 4), ["−1.0", "−0.5", "0.0", "0.5", "1.0"]);
+        let scale = Scale::exact(Kind::Linear, 0.141_058_9, 0.141_060_9).unwrap();
+        assert_eq!(labels(&scale, 4), ["0.1410590", "0.1410595", "0.1410600", "0.1410605"]);
         let scale = Scale::exact(Kind::Linear, 0.0, 20_000.0).unwrap();
         assert_eq!(labels(&scale, 2), ["0", "10\u{2009}000", "20\u{2009}000"]);
     }
@@ -235,6 +239,8 @@ mod tests {
         assert_eq!(labels(&scale, 4), ["10⁻⁶", "10⁻⁴", "10⁻²", "10⁰"]);
         let scale = Scale::around(Kind::Log, [3.0, 12.0].into_iter()).unwrap();
         assert_eq!(labels(&scale, 4), ["5", "10"]);
+        let scale = Scale::around(Kind::Log, [3.55e-8].into_iter()).unwrap();
+        assert_eq!(labels(&scale, 4), ["2·10⁻⁸", "5·10⁻⁸"]);
     }
 
     #[test]

@@ -7,8 +7,9 @@ use super::super::chart::{
 use super::super::picture::Picture;
 use super::super::text;
 use super::curves::side_by_side;
+use super::metric::Metric;
+use super::sizes;
 use super::trials::Trials;
-use super::{Metric, sizes};
 
 /// A bar for each cell and model; `None` without cells.
 pub(super) fn picture(trials: &Trials, metric: &Metric) -> Result<Option<Picture>, ReportError> {
@@ -23,7 +24,7 @@ pub(super) fn picture(trials: &Trials, metric: &Metric) -> Result<Option<Picture
         let color = state_color(i);
         let label = if model.is_empty() { "median" } else { model };
         for (at, cell) in places(names.len()).into_iter().zip(trials.cells()) {
-            let Some(spread) = trials.spread(cell, column) else { continue };
+            let Some(spread) = metric.spread(trials, cell, column) else { continue };
             let x = (at + lefts[i], at + lefts[i] + width);
             let middle = 0.5 * (x.0 + x.1);
             panel.areas.push(Area {
@@ -34,7 +35,7 @@ pub(super) fn picture(trials: &Trials, metric: &Metric) -> Result<Option<Picture
                 value: Some(spread.median),
                 text: text::significant(spread.median, 2),
             });
-            let values = trials.values(cell, column)?;
+            let values = metric.values(trials, cell, column)?;
             if values.len() > 1 {
                 let name = format!("{label}, quartiles");
                 panel.spans.push(Span { name, x: middle, y: (spread.q1, spread.q3), color: BLACK });

@@ -5,8 +5,9 @@ use super::super::chart::{
     Axis, Figure, Kind, Panel, Point, Shape, Span, Style, places, state_color, state_mark,
 };
 use super::super::picture::Picture;
+use super::metric::Metric;
 use super::trials::{Cell, Trials, short, shown};
-use super::{Metric, bars, sizes};
+use super::{bars, sizes};
 
 /// From this ratio of its ends on an axis is logarithmic.
 const WIDE: f64 = 8.0;
@@ -90,9 +91,9 @@ impl Curves<'_> {
         let (mut medians, mut trials): (Vec<Point>, Vec<Point>) = (Vec::new(), Vec::new());
         for cell in cells {
             let Ok(x) = cell.place[self.axis].parse() else { continue };
-            let values = self.trials.values(cell, column)?;
+            let values = self.metric.values(self.trials, cell, column)?;
             trials.extend(values.iter().map(|value| (x, *value)));
-            if let Some(spread) = self.trials.spread(cell, column) {
+            if let Some(spread) = self.metric.spread(self.trials, cell, column) {
                 medians.push((x, spread.median));
                 let name = format!("{label}, quartiles");
                 panel.spans.push(Span { name, x, y: (spread.q1, spread.q3), color });

@@ -6,8 +6,9 @@ use super::super::chart::{
 };
 use super::super::picture::Picture;
 use super::super::text;
+use super::metric::Metric;
+use super::sizes;
 use super::trials::{Cell, Trials};
-use super::{Metric, sizes};
 
 const BINS: usize = 20;
 
@@ -16,7 +17,7 @@ pub(super) fn picture(trials: &Trials, metric: &Metric) -> Result<Option<Picture
     let mut all = Vec::new();
     for cell in trials.cells() {
         for (column, _) in &metric.columns {
-            all.extend(trials.values(cell, column)?);
+            all.extend(metric.values(trials, cell, column)?);
         }
     }
     if all.is_empty() {
@@ -57,7 +58,7 @@ fn panel(trials: &Trials, metric: &Metric, cell: &Cell, bins: &Bins) -> Result<P
     let share = 1.0 / places(metric.columns.len() + 1)[metric.columns.len()];
     let starts = places(metric.columns.len()).into_iter().map(|i| i * share);
     for ((i, (column, model)), start) in metric.columns.iter().enumerate().zip(starts) {
-        let values = trials.values(cell, column)?;
+        let values = metric.values(trials, cell, column)?;
         if values.is_empty() {
             continue;
         }
@@ -83,7 +84,7 @@ fn panel(trials: &Trials, metric: &Metric, cell: &Cell, bins: &Bins) -> Result<P
 fn medians(trials: &Trials, metric: &Metric, cell: &Cell) -> Option<String> {
     let mut words = Vec::new();
     for (column, model) in &metric.columns {
-        if let Some(spread) = trials.spread(cell, column) {
+        if let Some(spread) = metric.spread(trials, cell, column) {
             let median = text::significant(spread.median, 4);
             words.push(format!("{median} {model}").trim_end().to_owned());
         }

@@ -5,8 +5,9 @@ use super::super::chart::{
 };
 use super::super::picture::Picture;
 use super::super::text;
+use super::metric::Metric;
+use super::sizes;
 use super::trials::{Cell, Trials, short, shown};
-use super::{Metric, sizes};
 
 /// A cell's height in pixels.
 const CELL: f64 = 46.0;
@@ -102,7 +103,7 @@ impl<'a> Map<'a> {
         let here = |cell: &&Cell| rest_of(cell, [self.rows, self.columns]) == self.rest;
         let cells = self.trials.cells().iter().filter(here);
         let value = |cell: &'a Cell| {
-            let spread = self.trials.spread(cell, self.column);
+            let spread = self.metric.spread(self.trials, cell, self.column);
             let median = spread.map(|s| if self.metric.log { s.median.log10() } else { s.median });
             (cell, median.filter(|v| v.is_finite()))
         };
@@ -126,7 +127,7 @@ impl<'a> Map<'a> {
 
     /// The quartiles of a cell with several trials.
     fn quartiles(&self, cell: &Cell) -> String {
-        let spread = self.trials.spread(cell, self.column).filter(|_| cell.done() > 1);
+        let spread = self.metric.spread(self.trials, cell, self.column).filter(|_| cell.done() > 1);
         let scaled = |value: f64| if self.metric.log { value.log10() } else { value };
         let words = spread.map(|spread| [spread.q1, spread.q3].map(|q| self.number(scaled(q))));
         words.map_or_else(String::new, |[low, high]| format!("{low} to {high}"))

@@ -8,6 +8,7 @@ mod curves;
 mod front;
 mod histogram;
 mod map;
+mod metric;
 #[cfg(test)]
 mod tests;
 mod traces;
@@ -20,22 +21,8 @@ use super::data::Run;
 use super::picture::Picture;
 use super::sheets::Sheet;
 use super::text::{self, MISSING};
-use crate::spec::ModelKind;
+use metric::{Metric, Metrics};
 use trials::{Cell, Spread};
-
-/// A number of the trials that is worth a picture.
-#[derive(Clone, Debug)]
-struct Metric {
-    /// The columns of `sweep.csv`, each with what it is of: a model, or nothing if there is one.
-    columns: Vec<(String, &'static str)>,
-    /// Stem of a file.
-    stem: &'static str,
-    title: &'static str,
-    /// What an axis calls it.
-    label: String,
-    /// Whether its logarithm says more.
-    log: bool,
-}
 
 /// The pictures of a sweep.
 pub(super) fn pictures(run: &Run, trials: &Trials) -> Result<Vec<Picture>, ReportError> {
@@ -44,7 +31,7 @@ pub(super) fn pictures(run: &Run, trials: &Trials) -> Result<Vec<Picture>, Repor
         pictures.extend(front::pictures(run, trials));
         return Ok(pictures);
     }
-    for metric in metrics(run, trials).into_iter().chain(time(trials)) {
+    for metric in Metrics::of(run, trials).varying {
         if trials.has_draws() {
             pictures.extend(histogram::picture(trials, &metric)?);
         } else {
@@ -58,74 +45,8 @@ pub(super) fn pictures(run: &Run, trials: &Trials) -> Result<Vec<Picture>, Repor
     Ok(pictures)
 }
 
-/// The metrics that the sweep's table has, and that differ among the trials of one cell if these
-/// are draws.
-fn metrics(run: &Run, trials: &Trials) -> Vec<Metric> {
-    let all = [
-        Metric {
-            columns: vec![("mse_gen".to_owned(), "")],
-            stem: "mse",
-            title: "Validation error",
-            label: run.label_in_states_unit("validation MSE", "²"),
-            log: true,
-        },
-        Metric {
-            columns: vec![("free_run_rmse".to_owned(), "")],
-            stem: "free-run-rmse",
-            title: "Error of the free run",
-            label: run.label_in_states_unit("RMSE of the free run", ""),
-            log: true,
-        },
-        Metric {
-            columns: of_models(trials, "iae_dense_sum"),
-            stem: "iae",
-            title: "Closed loop: integral of the absolute error",
-            label: run.label_in_states_unit("IAE, dense trace, sum over outputs", ""),
-            log: false,
-        },
-        Metric {
-            columns: of_models(trials, "rmse_dense"),
-            stem: "rmse",
-            title: "Closed loop: root mean square error",
-            label: run.label_in_states_unit("RMSE, dense trace", ""),
-            log: false,
-        },
-    ];
-    let varies = |column: &str| {
-        let spreads = trials.cells().iter().filter_map(|cell| trials.spread(cell, column));
-        spreads.into_iter().any(|spread| spread.max > spread.min)
-    };
-    let is_worth = |column: &str| trials.has(column) && (!trials.has_draws() || varies(column));
-    let present = |metric: Metric| {
-        let columns: Vec<_> =
-            metric.columns.into_iter().filter(|(column, _)| is_worth(column)).collect();
-        (!columns.is_empty()).then_some(Metric { columns, ..metric })
-    };
-    all.into_iter().filter_map(present).collect()
-}
-
-/// The time of the controller, where a sweep has one axis and so shows what it depends on.
-fn time(trials: &Trials) -> Option<Metric> {
-    let metric = Metric {
-        columns: of_models(trials, "wall_s"),
-        stem: "time",
-        title: "Closed loop: the controller's time",
-        label: "controller's time in the whole loop (s)".to_owned(),
-        log: true,
-    };
-    let shown = trials.axes().len() == 1 && !trials.has_draws() && !metric.columns.is_empty();
-    shown.then_some(metric)
-}
-
-/// The columns of each model's metric `column` that the sweep's table has, and the models' names.
-fn of_models(trials: &Trials, column: &str) -> Vec<(String, &'static str)> {
-    let columns =
-        ModelKind::ALL.map(|model| (format!("{model}_{column}"), model.title())).into_iter();
-    columns.filter(|(column, _)| trials.has(column)).collect()
-}
-
 /// The sweep in a few sentences.
-pub(super) fn paragraph(trials: &Trials) -> String {
+pub(super) fn paragraph(run: &Run, trials: &Trials) -> String {
     let (all, failed, pending) = trials.counts();
     let cells = trials.cells().len();
     let mut words =
@@ -143,6 +64,9 @@ pub(super) fn paragraph(trials: &Trials) -> String {
             }
         );
     }
+    if !front::is_there(trials) {
+        words += &Metrics::of(run, trials).sentence();
+    }
     words
 }
 
@@ -158,41 +82,75 @@ pub(super) fn sheets(run: &Run, trials: &Trials) -> Result<Vec<Sheet>, ReportErr
         sheets.extend(failures(trials)?);
         return Ok(sheets);
     }
-    for metric in metrics(run, trials) {
-        for (column, model) in &metric.columns {
-            let title = match *model {
-                "" => metric.label.clone(),
-                model => format!("{} with {model}", metric.label),
-            };
-            sheets.push(sheet(trials, column, title));
+    let alone = trials.cells().iter().all(|cell| cell.done() <= 1);
+    for metric in Metrics::of(run, trials).varying {
+        match alone {
+            true => sheets.push(sheet_of_values(trials, &metric)),
+            false => sheets.extend(sheets_of_spreads(trials, &metric)),
         }
     }
     sheets.extend(failures(trials)?);
     Ok(sheets)
 }
 
-fn sheet(trials: &Trials, column: &str, title: String) -> Sheet {
-    let mut heads: Vec<String> = trials.columns().iter().map(|c| trials::short(c)).collect();
-    if heads.is_empty() {
-        heads.push(String::new());
-    }
-    heads.extend(["median", "quartiles", "extremes", "done", "failed"].map(str::to_owned));
+/// A metric of sole trials: a column for each model.
+fn sheet_of_values(trials: &Trials, metric: &Metric) -> Sheet {
+    let digits = metric.digits(trials);
+    let mut heads = places(trials);
+    let name = |model: &&'static str| if model.is_empty() { "value" } else { model }.to_owned();
+    heads.extend(metric.columns.iter().map(|(_, model)| name(model)));
+    let value = |cell: &Cell, column: &str| match metric.spread(trials, cell, column) {
+        Some(spread) => text::significant(spread.median, digits),
+        None => MISSING.to_owned(),
+    };
     let rows = trials.cells().iter().map(|cell| {
-        let mut row = cell.place.clone();
-        if row.is_empty() {
-            row.push("all".to_owned());
-        }
-        let spread = trials.spread(cell, column);
-        row.extend(spread_cells(spread.as_ref()));
-        row.extend([cell.done(), cell.failed.len()].map(text::count));
+        let mut row = place(cell);
+        row.extend(metric.columns.iter().map(|(column, _)| value(cell, column)));
         row
     });
-    Sheet { title, heads, rows: rows.collect() }
+    Sheet { title: metric.label.clone(), heads, rows: rows.collect() }
 }
 
-fn spread_cells(spread: Option<&Spread>) -> [String; 3] {
+/// How a metric varies in each cell, a table for each model.
+fn sheets_of_spreads(trials: &Trials, metric: &Metric) -> Vec<Sheet> {
+    let digits = metric.digits(trials);
+    let sheet = |(column, model): &(String, &'static str)| {
+        let mut heads = places(trials);
+        heads.extend(["median", "quartiles", "extremes", "done", "failed"].map(str::to_owned));
+        let rows = trials.cells().iter().map(|cell| {
+            let mut row = place(cell);
+            row.extend(spread_cells(metric.spread(trials, cell, column).as_ref(), digits));
+            row.extend([cell.done(), cell.failed.len()].map(text::count));
+            row
+        });
+        let title = match *model {
+            "" => metric.label.clone(),
+            model => format!("{} with {model}", metric.label),
+        };
+        Sheet { title, heads, rows: rows.collect() }
+    };
+    metric.columns.iter().map(sheet).collect()
+}
+
+/// The heads of the columns that say which cell a row is.
+fn places(trials: &Trials) -> Vec<String> {
+    match trials.columns() {
+        [] => vec![String::new()],
+        columns => columns.iter().map(|column| trials::short(column)).collect(),
+    }
+}
+
+/// The first columns of a cell's row.
+fn place(cell: &Cell) -> Vec<String> {
+    match cell.place.as_slice() {
+        [] => vec!["all".to_owned()],
+        place => place.iter().map(|value| trials::shown(value)).collect(),
+    }
+}
+
+fn spread_cells(spread: Option<&Spread>, digits: usize) -> [String; 3] {
     let Some(s) = spread else { return [(); 3].map(|()| MISSING.to_owned()) };
-    let number = |value| text::significant(value, 3);
+    let number = |value| text::significant(value, digits);
     let range = |low, high| format!("{} to {}", number(low), number(high));
     [number(s.median), range(s.q1, s.q3), range(s.min, s.max)]
 }

@@ -96,8 +96,8 @@ fn one_trial_alone_is_a_bar() {
 }
 
 #[test]
-fn an_axis_makes_curves_over_huge_ranges_and_constants() {
-    for values in [[1e-300, 1e-3, 1e200], [0.5, 0.5, 0.5], [0.0, f64::NAN, 1e-8]] {
+fn an_axis_makes_curves_over_huge_and_narrow_ranges() {
+    for values in [[1e-300, 1e-3, 1e200], [0.5, 0.5, 0.6], [0.0, f64::NAN, 1e-8]] {
         let trials =
             [trial(&["0.1"], values[0]), trial(&["1.0"], values[1]), trial(&["50.0"], values[2])];
         let dir = directory(&["model.horizon_s"], &["mse_gen"], &trials);
@@ -105,6 +105,24 @@ fn an_axis_makes_curves_over_huge_ranges_and_constants() {
         assert_eq!(figures.len(), 1);
         assert!(figures[0].svg.contains("horizon T (s)"));
     }
+}
+
+#[test]
+fn what_is_the_same_in_every_trial_is_said_and_not_drawn() {
+    let values = [trial(&["1"], 113.5332), trial(&["2"], 113.5710), trial(&["4"], 113.5710)];
+    let dir = directory(&["control.rk4_substeps"], &["mse_gen", "rk4_iae_dense_sum"], &values);
+    let path = dir.path().join("sweep.csv");
+    let mut sweep = fs::read_to_string(&path).unwrap();
+    for value in ["113.5332", "113.571"] {
+        sweep = sweep.replace(&format!(",{value},{value},"), &format!(",3.55e-8,{value},"));
+    }
+    fs::write(&path, sweep).unwrap();
+    let (figures, html) = report(dir.path());
+    let stems: Vec<&str> = figures.iter().map(|figure| figure.name.as_str()).collect();
+    assert_eq!(stems, ["iae"]);
+    assert!(html.contains("The same in every trial: validation MSE (cm²) 3.55·10⁻⁸."));
+    // As many digits as tell the cells apart, and no quartiles of one trial.
+    assert!(html.contains("113.5<") && html.contains("113.6<") && !html.contains("quartiles<"));
 }
 
 #[test]
