@@ -50,11 +50,15 @@ pub(super) fn picture(trials: &Trials, metric: &Metric) -> Result<Option<Picture
     }
     panel.note = Some("No trial has a number.".to_owned());
     let figure = Figure::stack(metric.title, Axis::named("", &names), vec![panel]);
-    let caption = format!(
-        "A bar ends at the median over the trials, {}; intervals are the quartiles, rings the trials. \
-         From sweep.csv.",
-        sizes(trials.cells())
-    );
+    let sizes = sizes(trials.cells());
+    let shown = match trials.are_alone() {
+        true => sizes,
+        false => format!(
+            "A bar ends at the median over the trials, {sizes}; intervals are the quartiles, rings the \
+             trials"
+        ),
+    };
+    let caption = format!("{shown}. From {}.", trials.table_of(&metric.columns[0].0).file_name());
     let (stem, title) = (metric.stem.to_owned(), metric.title.to_owned());
     Ok(Some(Picture { stem, title, figure, caption }))
 }

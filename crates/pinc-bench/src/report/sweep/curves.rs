@@ -22,12 +22,14 @@ pub(super) fn picture(trials: &Trials, metric: &Metric) -> Result<Option<Picture
     }
     let curves = Curves { trials, metric, axis };
     let figure = curves.figure(&numbers, &values)?;
-    let caption = format!(
-        "Median over the trials, with the quartiles as intervals; each light dot is a trial, {}. From \
-         {}.",
-        sizes(trials.cells()),
-        trials.table_of(&metric.columns[0].0).file_name()
-    );
+    let sizes = sizes(trials.cells());
+    let shown = match trials.are_alone() {
+        true => sizes,
+        false => format!(
+            "Median over the trials, with the quartiles as intervals; each light dot is a trial, {sizes}"
+        ),
+    };
+    let caption = format!("{shown}. From {}.", trials.table_of(&metric.columns[0].0).file_name());
     let (stem, title) = (metric.stem.to_owned(), metric.title.to_owned());
     Ok(Some(Picture { stem, title, figure, caption }))
 }
@@ -56,7 +58,11 @@ impl Curves<'_> {
         for (i, ((name, cells), (column, model))) in curves.enumerate() {
             let words = [name.as_str(), model].into_iter().filter(|w| !w.is_empty());
             let words: Vec<&str> = words.collect();
-            let label = if words.is_empty() { "median".to_owned() } else { words.join(", ") };
+            let label = match words.as_slice() {
+                [] if self.trials.are_alone() => "trial".to_owned(),
+                [] => "median".to_owned(),
+                words => words.join(", "),
+            };
             self.add(&mut panel, &label, i, cells, column)?;
         }
         panel.note = Some("No trial has a number.".to_owned());

@@ -82,9 +82,8 @@ pub(super) fn sheets(run: &Run, trials: &Trials) -> Result<Vec<Sheet>, ReportErr
         sheets.extend(failures(trials)?);
         return Ok(sheets);
     }
-    let alone = trials.cells().iter().all(|cell| cell.done() <= 1);
     for metric in Metrics::of(run, trials).varying {
-        match alone {
+        match trials.are_alone() {
             true => sheets.push(sheet_of_values(trials, &metric)),
             false => sheets.extend(sheets_of_spreads(trials, &metric)),
         }

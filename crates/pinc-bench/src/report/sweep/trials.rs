@@ -91,6 +91,11 @@ impl Trials {
         timings.unwrap_or(&self.table)
     }
 
+    /// Whether no cell has more than one finished trial, so that nothing can be said of a spread.
+    pub(super) fn are_alone(&self) -> bool {
+        self.cells.iter().all(|cell| cell.done() <= 1)
+    }
+
     /// The numbers of all trials, of those that failed and of those not yet run.
     pub(super) fn counts(&self) -> (usize, usize, usize) {
         let sum = |count: fn(&Cell) -> usize| self.cells.iter().map(count).sum();
