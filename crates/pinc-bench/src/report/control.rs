@@ -13,6 +13,8 @@ use super::variables::Variables;
 /// A run of more steps than this gets a close-up of its first [`CLOSE_UP`] steps.
 const LONG: f64 = 60.0;
 const CLOSE_UP: f64 = 20.0;
+/// Values that differ by less, by ratio, differ by rounding.
+const EQUAL: f64 = 1e-13;
 /// The form of a reference.
 const REFERENCE: Shape = Shape::Dashes(1.4);
 
@@ -183,7 +185,10 @@ impl Loops<'_> {
         // Times that are the same number were computed alike; one loop may have ended early.
         let pairs = one.into_iter().zip(two);
         let together = pairs.take_while(|(a, b)| (a.0 - b.0).abs() <= 1e-9 * a.0.abs());
-        Ok(together.map(|(a, b)| (a.0, (a.1 - b.1).abs())).collect())
+        // What rounding alone makes is no difference, and would stretch a logarithmic axis.
+        let differs = |a: f64, b: f64| (a - b).abs() > EQUAL * a.abs().max(b.abs());
+        let difference = |a: f64, b: f64| if differs(a, b) { (a - b).abs() } else { 0.0 };
+        Ok(together.map(|(a, b)| (a.0, difference(a.1, b.1))).collect())
     }
 
     /// Enlarged parts of the picture: those that the config asks for, or else the first steps if the
@@ -220,7 +225,7 @@ impl Loops<'_> {
             let (one, two) = (self.run.model_name(&one.model), self.run.model_name(&two.model));
             caption += &format!(
                 " Thin curves: with {one} as the controller's model; broad amber curves beneath: with \
-                 {two}. Where no amber shows, both do the same."
+                 {two}. Where amber is only a rim, both do the same."
             );
             let mut largest = Vec::new();
             for state in &self.variables.states {
@@ -229,7 +234,7 @@ impl Loops<'_> {
                 largest.push(format!("{} in {state}", text::number(most, 2)));
             }
             caption += &format!(
-                " They differ by at most {} (lowest panel; no curve where they are equal).",
+                " They differ by at most {} (lowest panel; no curve where they are equal up to rounding).",
                 text::listed(&largest)
             );
         }

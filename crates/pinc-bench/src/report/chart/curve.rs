@@ -45,6 +45,11 @@ impl Frame {
         (self.left..=self.right()).contains(&x) && (self.top..=self.bottom()).contains(&y)
     }
 
+    /// Whether a part of the segment from `a` to `b` lies inside.
+    pub(crate) fn is_crossed_by(&self, a: Point, b: Point) -> bool {
+        self.cut(a, b).is_some()
+    }
+
     /// The part of the segment from `a` to `b` inside the frame (Liang and Barsky), if any.
     fn cut(&self, a: Point, b: Point) -> Option<(Point, Point)> {
         let (dx, dy) = (b.0 - a.0, b.1 - a.1);

@@ -223,8 +223,11 @@ impl Placed<'_> {
         }
         let seen = |p: &Point| self.place(scales, *p).filter(|p| self.frame.contains(*p));
         let dots: Vec<Point> = series.iter().flat_map(|s| &s.points).filter_map(seen).collect();
+        let curve = |s: &Series| s.points.iter().filter_map(seen).collect();
+        let curves: Vec<Vec<Point>> =
+            series.iter().filter(|s| s.style.shape.is_line()).map(curve).collect();
         let words = labels.iter().filter_map(|label| Some((seen(&label.at)?, label)));
-        for (place, label) in labels::placed(words, &dots, &self.frame, TICK.size) {
+        for (place, label) in labels::placed(words, &dots, &curves, &self.frame, TICK.size) {
             let word = Word { color: label.color, rim: true, ..TICK };
             canvas.word(&label.text, place, &word);
         }
