@@ -63,7 +63,7 @@ pub use paper::results;
 pub use plants::Plants;
 pub use presets::Preset;
 pub use progress::Verbosity;
-pub use provenance::Provenance;
+pub use provenance::{Provenance, Sitting};
 pub use record::{
     ControlMetrics, Excess, Metrics, OneStepMetrics, OutsideDomain, PredictionMetrics, Record,
     StepTimes, SweepMetrics, TrainingMetrics, ValidationMetrics, WallTimes,

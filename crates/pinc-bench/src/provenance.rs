@@ -11,6 +11,23 @@ use std::time::{SystemTime, UNIX_EPOCH};
 /// their last part.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Provenance {
+    /// When and with what the run began.
+    #[serde(flatten)]
+    pub begun: Sitting,
+    /// The experiment's seed.
+    pub seed: u64,
+    /// SHA-256 of the resolved config.
+    pub config_sha256: String,
+    /// When and with what it was gone on with.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub resumed: Vec<Sitting>,
+}
+
+/// One call of the program that worked on a run.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Sitting {
+    /// When it began, in UTC, RFC 3339.
+    pub started: String,
     /// The command line.
     pub command: Vec<String>,
     /// Version of pinc.
@@ -31,12 +48,6 @@ pub struct Provenance {
     pub cores: usize,
     /// Operating system.
     pub os: String,
-    /// The experiment's seed.
-    pub seed: u64,
-    /// When the run began, in UTC, RFC 3339.
-    pub started: String,
-    /// SHA-256 of the resolved config.
-    pub config_sha256: String,
 }
 
 impl Provenance {
@@ -44,8 +55,32 @@ impl Provenance {
     /// (without the program's name).
     #[must_use]
     pub fn now(experiment: &Experiment, arguments: &[String]) -> Self {
+        Self {
+            begun: Sitting::now(arguments),
+            seed: experiment.seed,
+            config_sha256: experiment.fingerprint(),
+            resumed: Vec::new(),
+        }
+    }
+
+    /// This one of a run that is gone on with.
+    pub(crate) fn gone_on_with(mut self, later: &Self) -> Self {
+        self.resumed.push(later.begun.clone());
+        self
+    }
+
+    /// All that worked on the run, in their order.
+    pub fn sittings(&self) -> impl Iterator<Item = &Sitting> {
+        std::iter::once(&self.begun).chain(&self.resumed)
+    }
+}
+
+impl Sitting {
+    /// The one that begins now, by the command line `arguments` (without the program's name).
+    pub(crate) fn now(arguments: &[String]) -> Self {
         let command = std::iter::once("pinc".to_owned());
         Self {
+            started: rfc3339(SystemTime::now()),
             command: command.chain(arguments.iter().map(|a| without_places(a))).collect(),
             version: env!("CARGO_PKG_VERSION").to_owned(),
             git_commit: option_env!("PINC_GIT_COMMIT").map(str::to_owned),
@@ -56,10 +91,14 @@ impl Provenance {
             cpu: cpu_model(),
             cores: std::thread::available_parallelism().map_or(1, usize::from),
             os: std::env::consts::OS.to_owned(),
-            seed: experiment.seed,
-            started: rfc3339(SystemTime::now()),
-            config_sha256: experiment.fingerprint(),
         }
+    }
+
+    /// The commit as a reader likes it: its first twelve digits, and whether there were changes.
+    pub(crate) fn source(&self) -> String {
+        let commit = self.git_commit.as_deref().unwrap_or("unknown");
+        let dirty = if self.git_dirty == Some(true) { " and changes" } else { "" };
+        format!("{}{dirty}", commit.get(..12).unwrap_or(commit))
     }
 }
 

@@ -71,12 +71,21 @@ fn killing_and_resuming_changes_no_bit() {
     };
     assert_eq!(losses(&killed), losses(&whole));
 
+    // Each call that worked on the run is named, the first with the run's own keys.
+    let provenance: serde_json::Value =
+        serde_json::from_slice(&read(&killed, "provenance.json")).unwrap();
+    let calls = provenance["resumed"].as_array().unwrap();
+    assert_eq!(calls.len(), 2);
+    assert!(provenance["started"].as_str() <= calls[1]["started"].as_str());
+
     // Once more: there is nothing left to do.
     let model = read(&killed, "model.safetensors");
+    let provenance = read(&killed, "provenance.json");
     let begun = Instant::now();
     assert_eq!(run(&killed, "seed=7", &["--resume"]).code, Some(0));
     assert!(begun.elapsed() < Duration::from_secs(30));
     assert!(read(&killed, "model.safetensors") == model);
+    assert!(read(&killed, "provenance.json") == provenance);
 }
 
 #[test]

@@ -19,7 +19,7 @@ mod table;
 pub use results::{BenchReport, FmaPeak, LossGradient, Machine, ModelStep, NmpcTimes, QpTime};
 
 use crate::progress::Stage;
-use crate::{BenchError, Provenance, Verbosity};
+use crate::{BenchError, Sitting, Verbosity};
 use cases::{Case, Effort};
 use pinc_net::Isa;
 use std::path::PathBuf;
@@ -43,9 +43,7 @@ pub struct BenchOptions {
 /// [`BenchError`] if a file cannot be written, or a net cannot be trained.
 pub fn bench(options: &BenchOptions) -> Result<BenchReport, BenchError> {
     let effort = Effort::new(options.quick);
-    // The build and the machine are the same whatever the experiment.
-    let provenance = Provenance::now(&Case::VanDerPol.papers_training()?, &[]);
-    let mut report = BenchReport::begin(options.quick, provenance);
+    let mut report = BenchReport::begin(options.quick, Sitting::now(&[]));
     let progress = |what: &str, case: Case| {
         let mut stage = Stage::begin(options.verbosity, &format!("{what}, {}", case.name()), 1);
         stage.advance(0, String::new);

@@ -1,6 +1,6 @@
 //! What is measured, as data: the JSON of `pinc bench --json`.
 
-use crate::{Provenance, StepTimes};
+use crate::{Sitting, StepTimes};
 use pinc_net::Isa;
 use serde::Serialize;
 
@@ -25,9 +25,9 @@ pub struct BenchReport {
 
 impl BenchReport {
     /// A report with no measurements yet.
-    pub(super) fn begin(quick: bool, provenance: Provenance) -> Self {
+    pub(super) fn begin(quick: bool, sitting: Sitting) -> Self {
         Self {
-            machine: Machine::of(provenance),
+            machine: Machine::of(sitting),
             quick,
             fma_peak_gflops: FmaPeak { f64_1: 0.0, f64_all: 0.0 },
             loss_gradient: Vec::new(),
@@ -74,18 +74,18 @@ pub struct Machine {
 }
 
 impl Machine {
-    pub(super) fn of(provenance: Provenance) -> Self {
+    pub(super) fn of(sitting: Sitting) -> Self {
         Self {
-            cpu: provenance.cpu,
-            cores: provenance.cores,
+            cpu: sitting.cpu,
+            cores: sitting.cores,
             isa: Isa::available().iter().map(ToString::to_string).collect(),
-            os: provenance.os,
-            target: provenance.target,
-            rustc: provenance.rustc,
-            profile: provenance.profile,
-            version: provenance.version,
-            git_commit: provenance.git_commit,
-            git_dirty: provenance.git_dirty,
+            os: sitting.os,
+            target: sitting.target,
+            rustc: sitting.rustc,
+            profile: sitting.profile,
+            version: sitting.version,
+            git_commit: sitting.git_commit,
+            git_dirty: sitting.git_dirty,
         }
     }
 }

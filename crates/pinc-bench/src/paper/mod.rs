@@ -5,7 +5,7 @@ mod grids;
 mod page;
 mod runs;
 
-use crate::BenchError;
+use crate::{BenchError, Sitting};
 use page::{Page, short, time};
 use runs::{Run, Runs, cell, number};
 use std::collections::BTreeSet;
@@ -131,16 +131,17 @@ fn provenance(page: &mut Page, runs: &Runs) -> Result<bool, BenchError> {
     let mut machines = BTreeSet::new();
     let mut rows = Vec::new();
     for experiment in EXPERIMENTS {
-        for Run { preset, provenance: p, .. } in runs.of_experiment(experiment)? {
-            machines.insert(format!("{}, {} cores, {}, {}", p.cpu, p.cores, p.os, p.rustc));
-            let commit = p.git_commit.as_deref().unwrap_or("unknown");
-            let dirty = if p.git_dirty == Some(true) { " and changes" } else { "" };
-            rows.push(vec![
-                experiment.to_owned(),
-                format!("`{}`", preset.name()),
-                format!("{}{dirty}", commit.get(..12).unwrap_or(commit)),
-                p.started,
-            ]);
+        for Run { preset, provenance, .. } in runs.of_experiment(experiment)? {
+            for sitting in provenance.sittings() {
+                let Sitting { cpu, cores, os, rustc, .. } = sitting;
+                machines.insert(format!("{cpu}, {cores} cores, {os}, {rustc}"));
+                rows.push(vec![
+                    experiment.to_owned(),
+                    format!("`{}`", preset.name()),
+                    sitting.source(),
+                    sitting.started.clone(),
+                ]);
+            }
         }
     }
     page.heading("Provenance");

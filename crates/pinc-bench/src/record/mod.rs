@@ -51,11 +51,7 @@ pub struct Record {
 impl Record {
     /// A record in `dir`, made if it is not there, for the results of `experiment`. What the
     /// directory holds of the same experiment stays until it is replaced.
-    pub(crate) fn open(
-        dir: &Path,
-        experiment: &Experiment,
-        provenance: &Provenance,
-    ) -> Result<Self, BenchError> {
+    pub(crate) fn open(dir: &Path, experiment: &Experiment) -> Result<Self, BenchError> {
         fs::create_dir_all(dir).map_err(BenchError::unwritable(dir))?;
         check_owner(dir, experiment)?;
         remove_unfinished(dir).map_err(BenchError::unwritable(dir))?;
@@ -66,7 +62,6 @@ impl Record {
         let metrics = metrics.unwrap_or_else(|| Metrics::new(experiment));
         let record = Self { dir: dir.to_owned(), metrics, keeps_traces: true };
         record.write(file::CONFIG, config_text(experiment).as_bytes())?;
-        record.write(file::PROVENANCE, json(provenance).as_bytes())?;
         Ok(record)
     }
 
@@ -83,6 +78,18 @@ impl Record {
         let metrics = serde_json::from_slice(&bytes);
         let metrics = metrics.map_err(|problem| BenchError::Results { path, problem })?;
         Ok(Self { dir: dir.to_owned(), metrics, keeps_traces: true })
+    }
+
+    /// Says where the results to come are from. A run that is gone on with (`resume`) keeps what is
+    /// said of those that are there.
+    pub(crate) fn sign(&self, provenance: &Provenance, resume: bool) -> Result<(), BenchError> {
+        let earlier = fs::read(self.path(file::PROVENANCE)).ok().filter(|_| resume);
+        let earlier = earlier.and_then(|bytes| serde_json::from_slice::<Provenance>(&bytes).ok());
+        let provenance = match earlier {
+            Some(earlier) => earlier.gone_on_with(provenance),
+            None => provenance.clone(),
+        };
+        self.write(file::PROVENANCE, json(&provenance).as_bytes())
     }
 
     /// The directory.

@@ -22,7 +22,7 @@ pub use predict::predict;
 use crate::progress::Verbosity;
 use crate::record::{Record, file, write_atomically};
 use crate::spec::{Experiment, ModelKind};
-use crate::{BenchError, Provenance, report};
+use crate::{BenchError, Metrics, Provenance, report};
 use pinc_net::PincNet;
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -146,8 +146,10 @@ fn execute(
     command: Command,
 ) -> Result<Record, BenchError> {
     let plan = Plan::of(experiment, command)?;
-    let provenance = Provenance::now(experiment, options.arguments);
-    let mut record = Record::open(dir, experiment, &provenance)?;
+    let mut record = Record::open(dir, experiment)?;
+    if !(options.resume && plan.is_done(experiment, record.metrics())) {
+        record.sign(&Provenance::now(experiment, options.arguments), options.resume)?;
+    }
     plan.make_room(&mut record, options.resume)?;
     let stages = Stages { experiment, options, plan: &plan, record: &mut record };
     stages.run()?;
@@ -211,6 +213,16 @@ impl Plan {
             return Err(missing("model", "a closed loop without control.step_s"));
         }
         Ok(plan)
+    }
+
+    /// Whether all is there that it asks for.
+    fn is_done(&self, experiment: &Experiment, metrics: &Metrics) -> bool {
+        let loops = self.loops.len();
+        let steps = if experiment.one_step.is_some() { loops } else { 0 };
+        (!self.trains || metrics.training.is_some())
+            && (!self.runs_free || metrics.prediction.is_some())
+            && metrics.control.len() == loops
+            && metrics.one_step.len() == steps
     }
 
     /// Removes those results of earlier runs that do not belong to what is made now.

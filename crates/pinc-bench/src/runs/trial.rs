@@ -15,12 +15,15 @@ pub(crate) fn train_shared(
     threads: usize,
     options: &Options<'_>,
 ) -> Result<(), BenchError> {
-    let mut record = Record::open(dir, experiment, provenance)?;
+    let mut record = Record::open(dir, experiment)?;
     let mut hurried = experiment.clone();
     if let Some(training) = &mut hurried.training {
         training.effort.threads = threads;
     }
     let plan = Plan { trains: true, runs_free: false, loops: Vec::new(), given: None };
+    if !plan.is_done(experiment, record.metrics()) {
+        record.sign(provenance, true)?;
+    }
     let train =
         |record: &mut Record| Stages { experiment: &hurried, options, plan: &plan, record }.run();
     match train(&mut record) {

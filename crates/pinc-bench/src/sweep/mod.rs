@@ -114,7 +114,11 @@ impl<'a> Session<'a> {
         let trials = trials(experiment);
         let trials = trials.expect("the experiment was checked, and its trials with it");
         let provenance = Provenance::now(experiment, options.arguments);
-        let record = Record::open(dir, experiment, &provenance)?;
+        let record = Record::open(dir, experiment)?;
+        let counts = record.metrics().sweep.as_ref();
+        if !(options.resume && counts.is_some_and(|all| all.done + all.failed == all.trials)) {
+            record.sign(&provenance, options.resume)?;
+        }
         Ok(Self { experiment, sweep, trials, record, store: Store::of(dir), provenance })
     }
 

@@ -79,14 +79,14 @@ impl Metric {
 
 /// The metrics that the sweep's tables have.
 #[derive(Debug)]
-pub(super) struct Metrics {
+pub(super) struct Selection {
     /// Those that say something about the cells, or the trials of a cell.
     pub(super) varying: Vec<Metric>,
     /// Those that are the same in all trials, and their value, beside others that vary.
     pub(super) constant: Vec<(Metric, f64)>,
 }
 
-impl Metrics {
+impl Selection {
     pub(super) fn of(run: &Run, trials: &Trials) -> Self {
         let (mut varying, mut constant) = (Vec::new(), Vec::new());
         for metric in metrics(run, trials).into_iter().chain(time(trials)) {

@@ -21,7 +21,7 @@ use super::data::Run;
 use super::picture::Picture;
 use super::sheets::Sheet;
 use super::text::{self, MISSING};
-use metric::{Metric, Metrics};
+use metric::{Metric, Selection};
 use trials::{Cell, Spread};
 
 /// The pictures of a sweep.
@@ -31,7 +31,7 @@ pub(super) fn pictures(run: &Run, trials: &Trials) -> Result<Vec<Picture>, Repor
         pictures.extend(front::pictures(run, trials));
         return Ok(pictures);
     }
-    for metric in Metrics::of(run, trials).varying {
+    for metric in Selection::of(run, trials).varying {
         if trials.has_draws() {
             pictures.extend(histogram::picture(trials, &metric)?);
         } else {
@@ -65,7 +65,7 @@ pub(super) fn paragraph(run: &Run, trials: &Trials) -> String {
         );
     }
     if !front::is_there(trials) {
-        words += &Metrics::of(run, trials).sentence();
+        words += &Selection::of(run, trials).sentence();
     }
     words
 }
@@ -82,7 +82,7 @@ pub(super) fn sheets(run: &Run, trials: &Trials) -> Result<Vec<Sheet>, ReportErr
         sheets.extend(failures(trials)?);
         return Ok(sheets);
     }
-    for metric in Metrics::of(run, trials).varying {
+    for metric in Selection::of(run, trials).varying {
         match trials.are_alone() {
             true => sheets.push(sheet_of_values(trials, &metric)),
             false => sheets.extend(sheets_of_spreads(trials, &metric)),
