@@ -19,6 +19,15 @@ pub enum Source {
     Integrator,
 }
 
+impl std::fmt::Display for Source {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(match self {
+            Self::Physics => "physics",
+            Self::Integrator => "integrator",
+        })
+    }
+}
+
 /// Which net a training gives.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]

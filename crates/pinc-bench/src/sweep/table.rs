@@ -9,7 +9,6 @@ use crate::Metrics;
 use crate::record::{ControlMetrics, OneStepMetrics, number};
 use crate::spec::{Experiment, ModelKind, SweepSpec};
 use crate::sweep::spread::Spread;
-use pinc_net::Source;
 
 /// Finds a metric, as a cell of a table.
 type Look = dyn Fn(&Metrics) -> Option<String>;
@@ -54,12 +53,7 @@ impl Metric {
 fn metrics(experiment: &Experiment) -> Vec<Metric> {
     let mut all = Vec::new();
     if experiment.training.is_some() {
-        all.push(Metric::new("source", |m| {
-            Some(match m.training.as_ref()?.source {
-                Source::Physics => "physics".to_owned(),
-                Source::Integrator => "integrator".to_owned(),
-            })
-        }));
+        all.push(Metric::new("source", |m| Some(m.training.as_ref()?.source.to_string())));
         all.push(Metric::new("stop_reason", |m| Some(m.training.as_ref()?.stop_reason.clone())));
         all.push(Metric::new("iterations", |m| Some(m.training.as_ref()?.iterations.to_string())));
         all.push(Metric::new("loss_evaluations", |m| {

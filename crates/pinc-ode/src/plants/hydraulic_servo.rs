@@ -25,7 +25,7 @@ const MEGA: f64 = 1e6;
 /// difference d0 and laminar below.
 ///
 /// It is stiff: an open valve and a small volume of oil make the pressure follow the speed within some
-/// 0.2 ms (an eigenvalue of down to -5500/s), while the mass on the oil's spring swings with 300 rad/s.
+/// 0.2 ms (an eigenvalue of down to -5000/s), while the mass on the oil's spring swings with 300 rad/s.
 ///
 /// Equations: Merritt, *Hydraulic Control Systems* (1967), sections 6.1 and 7.1. The numbers, those of a short axis with a
 /// heavy load, are this project's.
