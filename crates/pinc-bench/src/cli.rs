@@ -100,6 +100,9 @@ enum Command {
     Results {
         /// Directory of the list's runs.
         dir: PathBuf,
+        /// Write the page to FILE instead, with pictures in the directory of that name without ending.
+        #[arg(long, value_name = "FILE")]
+        out: Option<PathBuf>,
     },
     /// Measure this machine: training kernel, models, controller. Takes about a minute.
     Bench {
@@ -219,7 +222,8 @@ fn execute(cli: &Cli) -> Result<ExitCode, BenchError> {
             let path = crate::rebuild_report(dir)?;
             show(quiet, &path.display().to_string());
         }
-        Command::Results { dir } => console::line(crate::results(dir)?.trim_end()),
+        Command::Results { dir, out: None } => console::line(crate::results(dir)?.trim_end()),
+        Command::Results { dir, out: Some(page) } => crate::write_results(dir, page)?,
         Command::Bench { json, quick, loss_gradient_file } => {
             let verbosity = if quiet { Verbosity::Quiet } else { Verbosity::Shown };
             let loss_gradient_file = loss_gradient_file.clone();

@@ -134,6 +134,21 @@ pub enum BenchError {
         /// The directory.
         dir: PathBuf,
     },
+    /// A directory without runs of the paper.
+    #[error(
+        "{}: no runs of the paper's experiments; expected <experiment>/<preset>/ as `pinc run configs/paper.toml` writes them",
+        dir.display()
+    )]
+    NoPaperRuns {
+        /// The directory.
+        dir: PathBuf,
+    },
+    /// A page whose name leaves none for the directory of its pictures.
+    #[error("--out {}: expected a file name with an ending, as results.md", path.display())]
+    PageWithoutEnding {
+        /// The file.
+        path: PathBuf,
+    },
     /// A checkpoint that cannot be continued from.
     #[error("{}: {problem}; without --resume the run starts afresh", path.display())]
     Checkpoint {

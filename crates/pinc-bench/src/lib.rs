@@ -59,7 +59,7 @@ pub use bench::{
 pub use cli::program;
 pub use error::{BenchError, CheckpointProblem, CsvProblem};
 pub use one_step::StepErrors;
-pub use paper::results;
+pub use paper::{results, write_results};
 pub use plants::Plants;
 pub use presets::Preset;
 pub use progress::Verbosity;

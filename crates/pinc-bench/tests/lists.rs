@@ -78,8 +78,20 @@ fn a_list_runs_all_and_its_page_has_their_numbers() {
         let row = format!("| `{preset}` | RK4 | {:.2} |", metrics.control[0].iae_dense_sum);
         assert!(page.stdout.contains(&row), "{row}: {}", page.stdout);
     }
+
+    // In a file it has pictures beside it.
+    let results = |out: &Path| {
+        let mut command = pinc(&["results".as_ref(), at("out").as_os_str()]);
+        outcome(command.arg("--out").arg(out))
+    };
+    assert_eq!(results(&at("page.md")).code, Some(0));
+    let illustrated = fs::read_to_string(at("page.md")).unwrap();
+    let picture = "page/four-tanks-worst-case-ours-control.svg";
+    assert!(illustrated.contains(&format!("]({picture})")), "{illustrated}");
+    assert!(fs::read_to_string(at(picture)).unwrap().starts_with("<svg"));
+    results(&at("page")).assert_refused(&["--out", "results.md"]);
     outcome(&mut pinc(&["results".as_ref(), at("nothing").as_os_str()]))
-        .assert_refused(&["nothing", "no config.toml"]);
+        .assert_refused(&["nothing", "no runs of the paper's experiments"]);
 }
 
 #[test]

@@ -1,12 +1,10 @@
 //! The closed loops: Table 1, the break-even of RK4's substeps, Figs. 15 and 16.
 
-use super::line;
 use super::page::{Page, short, time};
 use super::runs::{Row, Run, Runs, cell, number};
+use super::{PLANTS, line};
 use crate::BenchError;
 use crate::record::{ControlMetrics, file};
-
-const PLANTS: [(&str, &str); 2] = [("van-der-pol", "Van der Pol"), ("four-tanks", "four tanks")];
 
 /// Table 1.
 pub(super) fn table_1(page: &mut Page, runs: &Runs) -> Result<(), BenchError> {
@@ -17,7 +15,7 @@ pub(super) fn table_1(page: &mut Page, runs: &Runs) -> Result<(), BenchError> {
     ]);
     page.paragraph(
         "RMSE and IAE on the dense trace, the IAE summed over outputs, are the reading of the paper's table; those at the steps are the \
-         printed formulas. The time is the controller's, over 10 runs. Figs. 10, 13 and 14 show the same loops.",
+         printed formulas. The time is the controller's, over 10 runs.",
     );
     let heads = [
         "plant",
@@ -47,6 +45,24 @@ pub(super) fn table_1(page: &mut Page, runs: &Runs) -> Result<(), BenchError> {
         }
     }
     page.table(&heads, &rows);
+    Ok(())
+}
+
+/// Figs. 10, 13 and 14, the loops of Table 1.
+pub(super) fn loops(page: &mut Page, runs: &Runs) -> Result<(), BenchError> {
+    page.heading("Figs. 10, 13 and 14: the closed loops");
+    page.paragraph("The loops of Table 1, with PINC over RK4.");
+    for (experiment, name) in PLANTS {
+        for run in runs.of_experiment(experiment)? {
+            for (stem, part) in [
+                ("control", "closed loop"),
+                ("control-0-160", "closed loop, the first 160 s"),
+                ("control-500-1300", "closed loop, 500 s to 1300 s"),
+            ] {
+                page.picture(&run, stem, &format!("{name}: {part}"));
+            }
+        }
+    }
     Ok(())
 }
 
@@ -106,6 +122,11 @@ pub(super) fn substeps(page: &mut Page, runs: &Runs) -> Result<(), BenchError> {
                 &["substeps of RK4", "RK4", "PINC", "IAE dense, RK4", "IAE dense, PINC"],
                 &rows,
             );
+            page.picture(
+                &run,
+                "time",
+                &format!("{name}: the controller's time by substeps of RK4"),
+            );
         }
     }
     Ok(())
@@ -144,6 +165,7 @@ pub(super) fn sensitivity(page: &mut Page, runs: &Runs) -> Result<(), BenchError
             "failed",
         ];
         page.table(&heads, &rows);
+        page.picture(&run, "iae", "Histograms of the IAE");
     }
     Ok(())
 }
@@ -176,6 +198,9 @@ pub(super) fn worst_case(page: &mut Page, runs: &Runs) -> Result<(), BenchError>
         }
     }
     page.table(&["source", "model", "IAE dense"], &rows);
+    for run in runs.of_experiment("four-tanks-worst-case")? {
+        page.picture(&run, "control", "Closed loop in the worst case");
+    }
     Ok(())
 }
 

@@ -1,5 +1,6 @@
 //! The grids of Fig. 5, and the sweep over T.
 
+use super::PLANTS;
 use super::page::{Page, short};
 use super::runs::{Row, Run, Runs, cell, number};
 use crate::BenchError;
@@ -26,6 +27,7 @@ pub(super) fn structure(page: &mut Page, runs: &Runs) -> Result<(), BenchError> 
         page.paragraph(&format!("Preset `{}`; {}.", run.preset.name(), progress(&run)));
         grid(page, &summary, (LAYERS, "layers"), NEURONS);
         page.paragraph(&best(&run, &summary)?);
+        page.picture(&run, "mse", "Map of the validation error over layers and neurons");
     }
     Ok(())
 }
@@ -43,6 +45,7 @@ pub(super) fn points(page: &mut Page, runs: &Runs) -> Result<(), BenchError> {
         page.paragraph(&format!("Preset `{}`; {}.", run.preset.name(), progress(&run)));
         let has_initial = summary.first().is_some_and(|row| row.contains_key(INITIAL));
         grid(page, &summary, (COLLOCATION, "N_F"), if has_initial { INITIAL } else { "metric" });
+        page.picture(&run, "mse", "The validation error over numbers of points");
     }
     Ok(())
 }
@@ -54,7 +57,7 @@ pub(super) fn horizon(page: &mut Page, runs: &Runs) -> Result<(), BenchError> {
         "A sweep of the authors' program, not in the paper: median `mse_gen` with the quartiles, in the states' units squared. A \
          scenario lasts 40 s (300 s) at every T, so that the number of steps falls as T grows.",
     );
-    for (plant, name) in [("van-der-pol", "Van der Pol"), ("four-tanks", "four tanks")] {
+    for (plant, name) in PLANTS {
         for run in runs.of_experiment(&format!("{plant}-horizon"))? {
             let preset = run.preset.name();
             page.paragraph(&format!(
@@ -67,6 +70,7 @@ pub(super) fn horizon(page: &mut Page, runs: &Runs) -> Result<(), BenchError> {
             };
             let rows: Vec<_> = run.summary(ERROR)?.iter().map(row).collect();
             page.table(&["T in s", "median", "lower quartile", "upper quartile"], &rows);
+            page.picture(&run, "mse", &format!("{name}: the validation error over T"));
         }
     }
     Ok(())

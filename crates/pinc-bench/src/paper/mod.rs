@@ -5,11 +5,16 @@ mod grids;
 mod page;
 mod runs;
 
+use crate::record::write_atomically;
 use crate::{BenchError, Sitting};
-use page::{Page, short, time};
+use page::{Copied, Page, short, time};
 use runs::{Run, Runs, cell, number};
 use std::collections::BTreeSet;
+use std::fs;
 use std::path::Path;
+
+/// The paper's plants, as experiments and pages call them.
+const PLANTS: [(&str, &str); 2] = [("van-der-pol", "Van der Pol"), ("four-tanks", "four tanks")];
 
 /// Every experiment of the paper, in the order of the page's provenance.
 const EXPERIMENTS: [&str; 13] = [
@@ -28,39 +33,68 @@ const EXPERIMENTS: [&str; 13] = [
     "four-tanks-deviations",
 ];
 
-/// The page, in Markdown, from the directory of a list of runs. What has not been run is left out.
+/// The page, in Markdown and without pictures, from the directory of a list of runs. What has not been
+/// run is left out.
 ///
 /// # Errors
 ///
 /// [`BenchError`] if the directory holds no such runs, or a file in it cannot be read.
 pub fn results(dir: &Path) -> Result<String, BenchError> {
-    let runs = Runs::of(dir);
     let mut page = Page::default();
+    fill(&mut page, dir)?;
+    Ok(page.into_parts().0)
+}
+
+/// Writes the page to a file, and its pictures to the directory beside it that has the file's name
+/// without the ending.
+///
+/// # Errors
+///
+/// As for [`results`], and if a file cannot be written.
+pub fn write_results(dir: &Path, to: &Path) -> Result<(), BenchError> {
+    let beside = to.with_extension("");
+    let Some(folder) = beside.file_name().filter(|_| beside != to) else {
+        return Err(BenchError::PageWithoutEnding { path: to.to_owned() });
+    };
+    let mut page = Page::with_pictures(folder.to_string_lossy().into_owned());
+    fill(&mut page, dir)?;
+    let (text, pictures) = page.into_parts();
+    fs::create_dir_all(&beside).map_err(BenchError::unwritable(&beside))?;
+    for Copied { from, name } in pictures {
+        let bytes = fs::read(&from).map_err(BenchError::unreadable(&from))?;
+        write_atomically(&beside.join(name), &bytes)?;
+    }
+    write_atomically(to, text.as_bytes())
+}
+
+fn fill(page: &mut Page, dir: &Path) -> Result<(), BenchError> {
+    let runs = Runs::of(dir);
     page.paragraph("# Results: the paper, regenerated");
     page.paragraph(
         "Each table and figure of the paper with numbers in it, beside this project's. Made by the two commands below from the \
-         run directories; the pictures are in their reports. `as-printed` is the paper's equations and `as-released` \
+         run directories, whose reports have more pictures. `as-printed` is the paper's equations and `as-released` \
          its authors' program, both run by this project with the paper's recipe; `ours` is the best that this project \
          can do. [deviations.md](deviations.md) says where these differ, [measurements.md](measurements.md) has what other commands measured.",
     );
     page.commands(&[
         "pinc run configs/paper.toml --resume",
-        "pinc results runs/paper > docs/results.md",
+        "pinc results runs/paper --out docs/results.md",
     ]);
-    control::table_1(&mut page, &runs)?;
-    control::substeps(&mut page, &runs)?;
-    grids::structure(&mut page, &runs)?;
-    grids::points(&mut page, &runs)?;
-    long_range(&mut page, &runs)?;
-    nets(&mut page, &runs)?;
-    control::sensitivity(&mut page, &runs)?;
-    control::worst_case(&mut page, &runs)?;
-    grids::horizon(&mut page, &runs)?;
-    control::deviations(&mut page, &runs)?;
-    if !provenance(&mut page, &runs)? {
-        return Err(BenchError::NoRunDirectory { dir: dir.to_owned() });
+    control::table_1(page, &runs)?;
+    control::loops(page, &runs)?;
+    control::substeps(page, &runs)?;
+    grids::structure(page, &runs)?;
+    grids::points(page, &runs)?;
+    long_range(page, &runs)?;
+    nets(page, &runs)?;
+    control::sensitivity(page, &runs)?;
+    control::worst_case(page, &runs)?;
+    grids::horizon(page, &runs)?;
+    control::deviations(page, &runs)?;
+    if !provenance(page, &runs)? {
+        return Err(BenchError::NoPaperRuns { dir: dir.to_owned() });
     }
-    Ok(page.into_text())
+    Ok(())
 }
 
 /// Figs. 6 and 7.
@@ -80,6 +114,8 @@ fn long_range(page: &mut Page, runs: &Runs) -> Result<(), BenchError> {
             .map(|row| vec![cell(row, "case").to_owned(), short(number(row, "median"))])
             .collect();
         page.table(&["net", "RMSE over 10 s"], &rows);
+        page.picture(&run, "free-runs", "PINNs and PINC over 10 s against the truth");
+        page.picture(&run, "free-run-rmse", "RMSE over 10 s");
     }
     Ok(())
 }
@@ -95,7 +131,7 @@ fn nets(page: &mut Page, runs: &Runs) -> Result<(), BenchError> {
         line(["Van der Pol", "the authors' program", "9.8 h", "1.6e-4", "4.96e-5", ""]),
         line(["four tanks", "the authors' program", "32.5 h", "3.6e-2", "", ""]),
     ];
-    for (experiment, name) in [("van-der-pol", "Van der Pol"), ("four-tanks", "four tanks")] {
+    for (experiment, name) in PLANTS {
         for Run { preset, metrics, .. } in runs.of_experiment(experiment)? {
             let (Some(training), Some(validation)) = (&metrics.training, &metrics.validation)
             else {
@@ -123,6 +159,12 @@ fn nets(page: &mut Page, runs: &Runs) -> Result<(), BenchError> {
         ],
         &rows,
     );
+    for (experiment, name) in PLANTS {
+        for run in runs.of_experiment(experiment)? {
+            page.picture(&run, "training", &format!("{name}: the training"));
+            page.picture(&run, "prediction", &format!("{name}: free run"));
+        }
+    }
     Ok(())
 }
 

@@ -1,20 +1,38 @@
-//! A page in Markdown.
+//! A page in Markdown, with pictures beside it.
 
+use super::runs::Run;
 use std::fmt::Write;
+use std::path::PathBuf;
 
 /// A page being written.
 #[derive(Default)]
-pub(super) struct Page(String);
+pub(super) struct Page {
+    text: String,
+    /// The directory of its pictures, as seen from the page; without one it has none.
+    folder: Option<String>,
+    pictures: Vec<Copied>,
+}
+
+/// A picture of the page: where it is, and what it is called beside the page.
+pub(super) struct Copied {
+    pub(super) from: PathBuf,
+    pub(super) name: String,
+}
 
 impl Page {
+    /// An empty page with pictures in `folder`.
+    pub(super) fn with_pictures(folder: String) -> Self {
+        Self { folder: Some(folder), ..Self::default() }
+    }
+
     pub(super) fn heading(&mut self, text: &str) {
         self.paragraph(&format!("## {text}"));
     }
 
     /// A paragraph, with an empty line after it.
     pub(super) fn paragraph(&mut self, text: &str) {
-        self.0 += text;
-        self.0 += "\n\n";
+        self.text += text;
+        self.text += "\n\n";
     }
 
     /// Commands, as code.
@@ -24,17 +42,28 @@ impl Page {
 
     pub(super) fn table<H: AsRef<str>>(&mut self, heads: &[H], rows: &[Vec<String>]) {
         let line = |cells: Vec<&str>| format!("| {} |\n", cells.join(" | "));
-        self.0 += &line(heads.iter().map(AsRef::as_ref).collect());
+        self.text += &line(heads.iter().map(AsRef::as_ref).collect());
         // Writing to a String does not fail.
-        let _ = writeln!(self.0, "|{}", "---|".repeat(heads.len()));
+        let _ = writeln!(self.text, "|{}", "---|".repeat(heads.len()));
         for row in rows {
-            self.0 += &line(row.iter().map(String::as_str).collect());
+            self.text += &line(row.iter().map(String::as_str).collect());
         }
-        self.0.push('\n');
+        self.text.push('\n');
     }
 
-    pub(super) fn into_text(self) -> String {
-        self.0.trim_end().to_owned() + "\n"
+    /// A picture of a run's report, if the page has pictures and the run has this one.
+    pub(super) fn picture(&mut self, run: &Run, stem: &str, what: &str) {
+        let (Some(folder), Some(from)) = (&self.folder, run.picture(stem)) else { return };
+        let preset = run.preset.name();
+        let name = format!("{}-{preset}-{stem}.svg", run.experiment);
+        let line = format!("![{what}, preset {preset}]({folder}/{name})");
+        self.pictures.push(Copied { from, name });
+        self.paragraph(&line);
+    }
+
+    /// The page's text, and its pictures.
+    pub(super) fn into_parts(self) -> (String, Vec<Copied>) {
+        (self.text.trim_end().to_owned() + "\n", self.pictures)
     }
 }
 

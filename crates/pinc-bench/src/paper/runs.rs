@@ -13,6 +13,7 @@ pub(super) struct Runs {
 
 /// One run.
 pub(super) struct Run {
+    pub(super) experiment: String,
     pub(super) preset: Preset,
     pub(super) metrics: Metrics,
     pub(super) provenance: Provenance,
@@ -35,7 +36,8 @@ impl Runs {
             if dir.join(file::METRICS).exists() {
                 let metrics = json(&dir.join(file::METRICS))?;
                 let provenance = json(&dir.join(file::PROVENANCE))?;
-                found.push(Run { preset, metrics, provenance, dir });
+                let experiment = experiment.to_owned();
+                found.push(Run { experiment, preset, metrics, provenance, dir });
             }
         }
         Ok(found)
@@ -43,6 +45,12 @@ impl Runs {
 }
 
 impl Run {
+    /// One of its report's pictures, if it has that.
+    pub(super) fn picture(&self, stem: &str) -> Option<PathBuf> {
+        let path = self.dir.join(file::FIGURES).join(format!("{stem}.svg"));
+        path.exists().then_some(path)
+    }
+
     /// The rows of one of its tables.
     pub(super) fn table(&self, name: &str) -> Result<Vec<Row>, BenchError> {
         let path = self.dir.join(name);

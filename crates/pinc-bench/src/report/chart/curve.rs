@@ -115,8 +115,8 @@ fn same(a: Point, b: Point) -> bool {
     (a.0 - b.0).abs() + (a.1 - b.1).abs() < 1e-6
 }
 
-/// Drops points that a picture cannot show: the inner points of level stretches, and in columns of
-/// half a pixel with more than four points all but the first, the lowest, the highest and the last.
+/// Drops points that a picture cannot show: in columns of half a pixel with more than four points all
+/// but the first, the lowest, the highest and the last.
 pub(crate) fn thinned(points: &[Point]) -> Vec<Point> {
     let mut out = Vec::with_capacity(points.len());
     let column = |p: &Point| (2.0 * p.0).floor();
@@ -127,7 +127,7 @@ pub(crate) fn thinned(points: &[Point]) -> Vec<Point> {
             out.extend(extremes(group));
         }
     }
-    without_level_points(&out)
+    out
 }
 
 fn extremes(group: &[Point]) -> impl Iterator<Item = Point> {
@@ -140,21 +140,35 @@ fn extremes(group: &[Point]) -> impl Iterator<Item = Point> {
     kept.into_iter().map(|i| group[i])
 }
 
-fn without_level_points(points: &[Point]) -> Vec<Point> {
-    let level = |a: Point, b: Point| a.1.total_cmp(&b.1).is_eq();
-    let mut out: Vec<Point> = Vec::with_capacity(points.len());
-    for &p in points {
-        if let [.., a, b] = out[..]
-            && level(a, b)
-            && level(b, p)
-            && a.0 <= b.0
-            && b.0 <= p.0
-        {
-            out.pop();
+/// How far a line may be from a point that it leaves out, in pixels: much less than its width.
+const INVISIBLE: f64 = 0.1;
+
+/// A line with fewer corners that nobody can tell from the one through all `points` (Douglas and
+/// Peucker, 1973).
+pub(crate) fn simplified(points: &[Point]) -> Vec<Point> {
+    let points = thinned(points);
+    let Some(last) = points.len().checked_sub(1) else { return points };
+    let mut kept = vec![false; points.len()];
+    (kept[0], kept[last]) = (true, true);
+    let mut spans = vec![(0, last)];
+    while let Some((from, to)) = spans.pop() {
+        let distance = |i: &usize| distance_to_segment(points[*i], points[from], points[to]);
+        let inner = from + 1..to;
+        let farthest = inner.max_by(|a, b| distance(a).total_cmp(&distance(b)));
+        if let Some(corner) = farthest.filter(|i| distance(i) > INVISIBLE) {
+            kept[corner] = true;
+            spans.extend([(from, corner), (corner, to)]);
         }
-        out.push(p);
     }
-    out
+    points.into_iter().zip(kept).filter_map(|(point, kept)| kept.then_some(point)).collect()
+}
+
+fn distance_to_segment(p: Point, a: Point, b: Point) -> f64 {
+    let (along, to) = ((b.0 - a.0, b.1 - a.1), (p.0 - a.0, p.1 - a.1));
+    let square = along.0 * along.0 + along.1 * along.1;
+    let share = if square > 0.0 { (to.0 * along.0 + to.1 * along.1) / square } else { 0.0 };
+    let share = share.clamp(0.0, 1.0);
+    (to.0 - share * along.0).hypot(to.1 - share * along.1)
 }
 
 #[cfg(test)]
@@ -217,9 +231,18 @@ mod tests {
     }
 
     #[test]
-    fn level_stretches_keep_their_ends() {
-        let points = [(0.0, 1.0), (1.0, 1.0), (2.0, 1.0), (2.0, 3.0), (5.0, 3.0)];
-        let thin = [(0.0, 1.0), (2.0, 1.0), (2.0, 3.0), (5.0, 3.0)];
-        assert_eq!(thinned(&points), thin);
+    fn a_simplified_line_is_as_near_as_nobody_sees() {
+        let steps = [(0.0, 1.0), (1.0, 1.0), (2.0, 1.0), (2.0, 3.0), (5.0, 3.0)];
+        assert_eq!(simplified(&steps), [(0.0, 1.0), (2.0, 1.0), (2.0, 3.0), (5.0, 3.0)]);
+        let wave = |x: f64| 50.0 + 40.0 * (x / 60.0).sin();
+        let points: Vec<Point> = (0..1000).map(f64::from).map(|x| (x, wave(x))).collect();
+        let line = simplified(&points);
+        assert!(line.len() < 150, "{} corners left", line.len());
+        for &p in &points {
+            let near = line.windows(2).map(|ends| distance_to_segment(p, ends[0], ends[1]));
+            assert!(near.fold(f64::INFINITY, f64::min) <= INVISIBLE);
+        }
+        assert!(simplified(&[]).is_empty());
+        assert_eq!(simplified(&points[..1]), points[..1]);
     }
 }

@@ -1,7 +1,7 @@
 //! A [`Figure`] drawn as laid out: frames, ticks, legends, areas, curves, words.
 
 use super::color::{GRID, INK};
-use super::curve::{Frame, Point, pieces, thinned};
+use super::curve::{Frame, Point, pieces, simplified, thinned};
 use super::figure::{Area, Figure, Look, Panel, Series, Span, limit_style};
 use super::flags::Flag;
 use super::labels;
@@ -201,7 +201,7 @@ impl Placed<'_> {
             for piece in pieces(&places, &self.frame) {
                 match piece[..] {
                     [only] => canvas.mark(only, style),
-                    _ => canvas.line(&thinned(&piece), style),
+                    _ => canvas.line(&simplified(&piece), style),
                 }
             }
             return;
