@@ -1,6 +1,7 @@
 //! Sweeps: an experiment many times over, on all cores, in parts that can be interrupted, spread over
 //! machines and merged.
 
+mod progress;
 mod queue;
 mod spread;
 mod store;
@@ -10,21 +11,19 @@ mod trial;
 pub(crate) use spread::Spread;
 pub(crate) use trial::trials;
 
-use crate::progress::{Stage, Verbosity};
+use crate::progress::Verbosity;
 use crate::record::{Record, SweepMetrics, file};
 use crate::runs::{Options, rebuild_report, run_trial, train_shared};
 use crate::spec::{Experiment, SweepSpec};
 use crate::{BenchError, Provenance};
 use pinc_net::NetError;
+use progress::{Estimate, Progress, effort};
 use queue::{Job, Queue};
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, MutexGuard, PoisonError};
-use std::time::{Duration, Instant};
+use std::time::Instant;
 use store::{Ending, Store};
 use trial::Trial;
-
-/// Least time between two writings of the tables while trials are running.
-const TABLES_EVERY: Duration = Duration::from_secs(10);
 
 /// A share of a sweep: every `of`-th trial, beginning with number `number`, from 1.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -137,13 +136,14 @@ impl<'a> Session<'a> {
         let cores = std::thread::available_parallelism().map_or(1, usize::from);
         let queue = Queue::new(left.iter().copied(), self.sweep.timed);
         let workers = queue.width().min(cores);
+        let estimate = Estimate::new(workers, self.effort_of_trainings(&left), left.len());
         let crew = Crew {
             session: self,
             // The trials' progress is the sweep's, and they go on with what is there.
             options: Options { resume: true, verbosity: Verbosity::Quiet, ..*options },
             queue,
             threads: (cores / workers.max(1)).max(1),
-            state: Mutex::new(Progress::begin(options, mine.len(), left.len())),
+            state: Mutex::new(Progress::begin(options.verbosity, mine.len(), left.len(), estimate)),
         };
         std::thread::scope(|scope| {
             for _ in 0..workers {
@@ -152,6 +152,16 @@ impl<'a> Session<'a> {
         });
         let progress = crew.state.into_inner().unwrap_or_else(PoisonError::into_inner);
         progress.end()
+    }
+
+    /// What has to be trained for these trials.
+    fn effort_of_trainings(&self, trials: &[&Trial]) -> f64 {
+        let trainings = trials.iter().filter_map(|trial| trial.training.as_ref());
+        let mut trainings: Vec<_> =
+            trainings.filter(|(id, _)| !self.store.is_trained(id)).collect();
+        trainings.sort_by(|a, b| a.0.cmp(&b.0));
+        trainings.dedup_by(|a, b| a.0 == b.0);
+        trainings.into_iter().map(|(_, training)| effort(training)).sum()
     }
 
     fn take_over(&self, part: &Store) -> Result<(), BenchError> {
@@ -232,17 +242,21 @@ impl<'a> Crew<'a> {
 
     fn train(&self, trial: &'a Trial) -> Result<(), BenchError> {
         let Some((id, training)) = &trial.training else { return Ok(()) };
-        let dir = self.session.store.net(id);
+        let (store, begun) = (&self.session.store, Instant::now());
+        let (dir, was_trained) = (store.net(id), store.is_trained(id));
         let provenance = Provenance { seed: training.seed, ..self.session.provenance.clone() };
         let provenance = Provenance { config_sha256: training.fingerprint(), ..provenance };
         let outcome = train_shared(training, &dir, &provenance, self.threads, &self.options);
         let outcome = result_of_trial(outcome)?;
+        if !was_trained {
+            self.state().trained(effort(training), begun.elapsed());
+        }
         self.queue.trained(trial, outcome);
         Ok(())
     }
 
     fn run(&self, trial: &Trial, failure: Option<String>) -> Result<(), BenchError> {
-        let store = &self.session.store;
+        let (store, begun) = (&self.session.store, Instant::now());
         let dir = store.begin(&trial.id)?;
         let net = trial.training.as_ref().map(|(id, _)| store.net(id));
         let outcome = match failure {
@@ -259,7 +273,7 @@ impl<'a> Crew<'a> {
             Err(error) => Ending::Failed { error },
         };
         store.finish(&trial.id, &ending)?;
-        let tables_are_due = self.state().finished(&ending);
+        let tables_are_due = self.state().finished(&ending, begun.elapsed());
         if tables_are_due {
             self.session.write_tables()?;
         }
@@ -291,76 +305,5 @@ fn result_of_trial(outcome: Result<(), BenchError>) -> Result<Result<(), String>
             Ok(Err(error.to_string()))
         }
         Err(error) => Err(error),
-    }
-}
-
-/// How far a sweep is, and what ended it early.
-struct Progress {
-    stage: Stage,
-    begun: Instant,
-    tables: Instant,
-    trials: usize,
-    left_at_begin: usize,
-    left: usize,
-    failed: usize,
-    error: Option<BenchError>,
-}
-
-impl Progress {
-    fn begin(options: &Options<'_>, trials: usize, left: usize) -> Self {
-        let mut stage = Stage::begin(options.verbosity, "trials", trials as u64);
-        stage.advance((trials - left) as u64, String::new);
-        let now = Instant::now();
-        Self {
-            stage,
-            begun: now,
-            tables: now,
-            trials,
-            left_at_begin: left,
-            left,
-            failed: 0,
-            error: None,
-        }
-    }
-
-    /// Notes that a trial is over; says whether it is time to write the tables.
-    fn finished(&mut self, ending: &Ending) -> bool {
-        self.left -= 1;
-        self.failed += usize::from(*ending != Ending::Done);
-        let message = self.message();
-        self.stage.advance((self.trials - self.left) as u64, || message);
-        let due = self.tables.elapsed() >= TABLES_EVERY;
-        if due {
-            self.tables = Instant::now();
-        }
-        due
-    }
-
-    /// What is shown beside the count.
-    fn message(&self) -> String {
-        #[expect(clippy::cast_precision_loss, reason = "far fewer than 2^53 trials")]
-        let (done, left) = ((self.left_at_begin - self.left) as f64, self.left as f64);
-        let seconds = self.begun.elapsed().as_secs_f64() / done * left;
-        let time = match seconds {
-            s if s < 100.0 => format!("about {s:.0} s left"),
-            s if s < 6000.0 => format!("about {:.0} min left", s / 60.0),
-            s => format!("about {:.1} h left", s / 3600.0),
-        };
-        match self.failed {
-            0 => time,
-            failed => format!("{failed} failed, {time}"),
-        }
-    }
-
-    fn end(self) -> Result<(), BenchError> {
-        match self.error {
-            None => {
-                let seconds = self.begun.elapsed().as_secs_f64();
-                self.stage
-                    .end(&format!("{} done, {} failed, {seconds:.1} s", self.trials, self.failed));
-                Ok(())
-            }
-            Some(error) => Err(error),
-        }
     }
 }

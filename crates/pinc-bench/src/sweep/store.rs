@@ -54,6 +54,12 @@ impl Store {
         self.dir.join(NETS).join(id)
     }
 
+    /// Whether a training is over, with a net.
+    pub(crate) fn is_trained(&self, id: &str) -> bool {
+        let dir = self.net(id);
+        dir.join(file::MODEL).exists() && !dir.join(file::CHECKPOINT).exists()
+    }
+
     /// The directory of a trial.
     pub(crate) fn trial(&self, id: &str) -> PathBuf {
         self.dir.join(TRIALS).join(id)
@@ -97,8 +103,8 @@ impl Store {
         net: Option<&str>,
     ) -> Result<(), BenchError> {
         if let Some(net) = net
-            && !self.net(net).join(file::MODEL).exists()
-            && other.net(net).join(file::MODEL).exists()
+            && !self.is_trained(net)
+            && other.is_trained(net)
         {
             copy_files(&other.net(net), &self.net(net), file::METRICS)?;
         }
