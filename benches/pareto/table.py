@@ -23,6 +23,9 @@ Errors of one step are over points that fill the training domain, in widths of t
 with Jacobians as many are computed at a time as the controller's horizon has, by one thread. The control step is the median time of the whole controller. Training
 includes, for distilled nets, the integration of what they are fitted to."""
 
+# The page's order; other plants come after these.
+ORDER = ("van-der-pol", "four-tanks", "still", "column", "servo", "car", "arm")
+
 HEADS = (
     "model",
     "rms",
@@ -73,11 +76,15 @@ def table(directory):
                 yield "| " + " | ".join(row(result["case"], result, time, model)) + " |"
 
 
+def place(plant):
+    return (ORDER.index(plant), "") if plant in ORDER else (len(ORDER), plant)
+
+
 def main():
     docs = Path("docs")
     lines = [INTRODUCTION]
-    for directory in map(Path, sys.argv[1:]):
-        plant = directory.name.removesuffix("-pareto")
+    plants = {Path(name).name.removesuffix("-pareto"): Path(name) for name in sys.argv[1:]}
+    for plant, directory in sorted(plants.items(), key=lambda item: place(item[0])):
         picture = docs / "pareto" / f"{plant}.svg"
         picture.parent.mkdir(exist_ok=True)
         shutil.copy(directory / "figures" / "accuracy-cost.svg", picture)

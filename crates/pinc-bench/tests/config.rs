@@ -44,6 +44,15 @@ fn every_shipped_config_is_valid_in_every_preset_and_survives_being_written_out(
 }
 
 #[test]
+fn the_config_in_the_readme_is_valid() {
+    let readme = std::fs::read_to_string(repository("README.md")).unwrap();
+    let (_, rest) = readme.split_once("```toml\n").unwrap();
+    let (config, _) = rest.split_once("```").unwrap();
+    let experiment = parse(config, &[]);
+    assert!(experiment.training.is_some() && experiment.control.is_some());
+}
+
+#[test]
 fn no_two_shipped_configs_share_a_name() {
     let mut names: Vec<_> =
         shipped().iter().map(|path| Experiment::load(path, &[]).unwrap().name).collect();

@@ -79,7 +79,7 @@ fn load(from: &str, to: &str) -> Result<Experiment, String> {
 fn it_is_examined_trained_and_controlled_like_a_built_in_one() {
     let experiment = load("", "").unwrap();
     let findings = check(&experiment);
-    assert!(findings[0].what.contains("1 states: level (m); 1 inputs: u (V)"), "{}", findings[0]);
+    assert!(findings[0].what.contains("1 state: level (m); 1 input: u (V)"), "{}", findings[0]);
     let dir = tempfile::tempdir().unwrap();
     let options = Options {
         resume: false,

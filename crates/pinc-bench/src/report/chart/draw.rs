@@ -217,15 +217,19 @@ impl Placed<'_> {
     }
 
     fn draw_labels(&self, canvas: &mut Canvas, scales: &Scales) {
-        let Panel { labels, series, .. } = self.panel;
+        let Panel { labels, series, spans, .. } = self.panel;
         if labels.is_empty() {
             return;
         }
         let seen = |p: &Point| self.place(scales, *p).filter(|p| self.frame.contains(*p));
         let dots: Vec<Point> = series.iter().flat_map(|s| &s.points).filter_map(seen).collect();
         let curve = |s: &Series| s.points.iter().filter_map(seen).collect();
-        let curves: Vec<Vec<Point>> =
-            series.iter().filter(|s| s.style.shape.is_line()).map(curve).collect();
+        let span = |span: &Span| {
+            let ends = [span.y.0, span.y.1].map(|y| self.place(scales, (span.x, y)));
+            ends.into_iter().flatten().collect()
+        };
+        let curves = series.iter().filter(|s| s.style.shape.is_line()).map(curve);
+        let curves: Vec<Vec<Point>> = curves.chain(spans.iter().map(span)).collect();
         let words = labels.iter().filter_map(|label| Some((seen(&label.at)?, label)));
         for (place, label) in labels::placed(words, &dots, &curves, &self.frame, TICK.size) {
             let word = Word { color: label.color, rim: true, ..TICK };

@@ -150,7 +150,7 @@ pub(crate) fn page(
     format!(
         "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{width}\" height=\"{height}\" \
          viewBox=\"0 0 {width} {height}\" role=\"img\" aria-label=\"{name}\" stroke-linejoin=\"round\" \
-         font-family=\"{FONTS}\">\n{}</svg>\n",
+         font-family=\"{FONTS}\">\n<rect width=\"100%\" height=\"100%\" fill=\"#fff\"/>\n{}</svg>\n",
         canvas.body
     )
 }

@@ -139,20 +139,16 @@ impl<'a> Subject<'a> {
 
 fn dimensions(subject: &Subject<'_>) -> Vec<Finding> {
     let (states, inputs) = (subject.plant.states(), subject.plant.inputs());
-    let list = |variables: &[pinc_ode::Variable]| {
+    let list = |what: &str, variables: &[pinc_ode::Variable]| {
         let with_unit = variables.iter().map(|v| match v.unit.as_ref() {
             "" => v.name.to_string(),
             unit => format!("{} ({unit})", v.name),
         });
-        with_unit.collect::<Vec<_>>().join(", ")
+        let plural = if variables.len() == 1 { "" } else { "s" };
+        let names = with_unit.collect::<Vec<_>>().join(", ");
+        format!("{} {what}{plural}: {names}", variables.len())
     };
-    let text = format!(
-        "{} states: {}; {} inputs: {}",
-        states.len(),
-        list(states),
-        inputs.len(),
-        list(inputs)
-    );
+    let text = format!("{}; {}", list("state", states), list("input", inputs));
     vec![Finding::fact("", text)]
 }
 

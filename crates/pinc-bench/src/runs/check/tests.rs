@@ -154,7 +154,7 @@ fn steady_states_and_their_modes() {
     // s^2 + s + 1: -1/2 +- i sqrt(3)/2.
     assert_found(&found, Fact, "references[0], x1 = 0.5, x2 = 0; u = 0.5", "-0.5000 +0.8660i 1/s");
     assert_found(&found, Fact, "references[0]", "x1 = 0.5 is held at x1 = 0.5, x2 = 0 by u = 0.5");
-    assert_found(&found, Fact, "", "2 states: x1, x2; 1 inputs: u");
+    assert_found(&found, Fact, "", "2 states: x1, x2; 1 input: u");
     assert_found(&found, Fact, "references[0]", "singular values 1, rank 1");
     assert_found(&found, Fact, "domain", "trajectories stay in the training domain");
     assert_found(
