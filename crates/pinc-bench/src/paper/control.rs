@@ -2,7 +2,7 @@
 
 use super::page::{Page, short, time};
 use super::runs::{Row, Run, Runs, cell, number};
-use super::{PLANTS, line};
+use super::{PLANTS, line, spread};
 use crate::BenchError;
 use crate::record::{ControlMetrics, file};
 
@@ -213,7 +213,7 @@ pub(super) fn deviations(page: &mut Page, runs: &Runs) -> Result<(), BenchError>
     ]);
     page.paragraph(
         "Each case is preset `ours` with one choice of the paper or of its authors' program instead; [deviations.md](deviations.md) says \
-         which these are. Medians of 3 seeds.",
+         which these are. Medians of 3 seeds, with the least and the most where these differ.",
     );
     for (plant, name) in PLANTS {
         for run in runs.of_experiment(&format!("{plant}-deviations"))? {
@@ -224,14 +224,14 @@ pub(super) fn deviations(page: &mut Page, runs: &Runs) -> Result<(), BenchError>
                 run.summary("rk4_iae_dense_sum")?,
             ];
             page.paragraph(&format!("{name}:"));
-            let median = |table: &Vec<Row>, case: &str| {
+            let of_case = |table: &[Row], case: &str| {
                 let row = table.iter().find(|row| cell(row, "case") == case);
-                short(row.map_or(f64::NAN, |row| number(row, "median")))
+                row.map_or_else(|| "-".to_owned(), spread)
             };
             let line = |row: &Row| {
                 let case = cell(row, "case");
-                let medians = others.iter().map(|table| median(table, case));
-                [case.to_owned(), short(number(row, "median"))].into_iter().chain(medians).collect()
+                let spreads = others.iter().map(|table| of_case(table, case));
+                [case.to_owned(), spread(row)].into_iter().chain(spreads).collect()
             };
             let rows: Vec<_> = errors.iter().map(line).collect();
             let heads =

@@ -8,7 +8,7 @@ mod runs;
 use crate::record::write_atomically;
 use crate::{BenchError, Sitting};
 use page::{Copied, Page, short, time};
-use runs::{Run, Runs, cell, number};
+use runs::{Row, Run, Runs, cell, number};
 use std::collections::BTreeSet;
 use std::fs;
 use std::path::Path;
@@ -147,6 +147,9 @@ fn nets(page: &mut Page, runs: &Runs) -> Result<(), BenchError> {
                 short(free),
             ]);
         }
+        for run in runs.of_experiment(&format!("{experiment}-deviations"))? {
+            rows.extend(seeds(name, &run)?);
+        }
     }
     page.table(
         &[
@@ -166,6 +169,19 @@ fn nets(page: &mut Page, runs: &Runs) -> Result<(), BenchError> {
         }
     }
     Ok(())
+}
+
+/// How the final net of preset `ours` varies with the seed, if the run has its case.
+fn seeds(plant: &str, run: &Run) -> Result<Option<Vec<String>>, BenchError> {
+    let ours = |rows: Vec<Row>| rows.into_iter().find(|row| cell(row, "case") == "ours");
+    let at_steps = ours(run.summary("mse_gen")?);
+    let all_rows = ours(run.summary("mse_all_normalized")?);
+    Ok(at_steps.zip(all_rows).map(|(at_steps, all_rows)| {
+        let seeds = cell(&at_steps, "values");
+        let net = format!("`{}`, {seeds} seeds: median (least .. most)", run.preset.name());
+        let blank = String::new;
+        vec![plant.to_owned(), net, blank(), spread(&at_steps), spread(&all_rows), blank()]
+    }))
 }
 
 /// What the runs were made with. Says whether there are any.
@@ -196,4 +212,13 @@ fn provenance(page: &mut Page, runs: &Runs) -> Result<bool, BenchError> {
 
 fn line<const N: usize>(cells: [&str; N]) -> Vec<String> {
     cells.map(str::to_owned).to_vec()
+}
+
+/// "3.55e-8 (3.10e-8 .. 4.02e-8)".
+fn spread(row: &Row) -> String {
+    let [median, least, most] = ["median", "min", "max"].map(|column| short(number(row, column)));
+    match least == most {
+        true => median,
+        false => format!("{median} ({least} .. {most})"),
+    }
 }
