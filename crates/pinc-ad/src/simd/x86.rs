@@ -1,0 +1,307 @@
+//! Vectors of AVX-512 and of AVX2 with FMA, and the functions that are compiled with them.
+
+use super::{PLACE_BITS, Scalar, Simd, TABLE_SIZE, Task, Work, low_bits};
+use std::arch::x86_64::*;
+use std::fmt;
+use std::ops::{Add, Div, Mul, Neg, Sub};
+
+#[target_feature(enable = "avx512f,avx512dq,avx2,fma")]
+pub(super) fn run_avx512<T: Task>(task: T) -> T::Output {
+    task.run(F64x8(_mm512_setzero_pd()))
+}
+
+#[target_feature(enable = "avx2,fma")]
+pub(super) fn run_avx2<T: Task>(task: T) -> T::Output {
+    task.run(F64x4(_mm256_setzero_pd()))
+}
+
+#[target_feature(enable = "avx512f,avx512dq,avx2,fma")]
+fn work_avx512<W: Work>(work: W) -> W::Output {
+    work.run()
+}
+
+#[target_feature(enable = "avx2,fma")]
+fn work_avx2<W: Work>(work: W) -> W::Output {
+    work.run()
+}
+
+/// The arithmetic of a vector type, from the names of its intrinsics.
+macro_rules! vector {
+    ($V:ident, $lanes:literal, $set1:ident, $add:ident, $sub:ident, $mul:ident, $div:ident,
+     $sqrt:ident, $fmadd:ident, $storeu:ident, $work:ident) => {
+        impl $V {
+            #[inline(always)]
+            fn to_array(self) -> [f64; $lanes] {
+                let mut out = [0.0; $lanes];
+                // SAFETY: `self` proves the instructions; `out` has room for all lanes.
+                unsafe { $storeu(out.as_mut_ptr(), self.0) };
+                out
+            }
+
+            /// A function without vector instructions, lane by lane.
+            #[inline(always)]
+            fn map(self, f: impl Fn(f64) -> f64) -> Self {
+                let lanes = self.to_array();
+                self.generate(|i| f(lanes[i]))
+            }
+        }
+
+        impl fmt::Debug for $V {
+            fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                self.to_array().fmt(f)
+            }
+        }
+
+        vector!(@operator $V Add add $add);
+        vector!(@operator $V Sub sub $sub);
+        vector!(@operator $V Mul mul $mul);
+        vector!(@operator $V Div div $div);
+
+        impl Neg for $V {
+            type Output = Self;
+            #[inline(always)]
+            fn neg(self) -> Self {
+                self.constant(-0.0) - self
+            }
+        }
+
+        impl Scalar for $V {
+            type Plain = Self;
+            #[inline(always)]
+            fn plain(self) -> Self {
+                self
+            }
+            #[inline(always)]
+            fn constants(self, value: Self) -> Self {
+                value
+            }
+            #[inline(always)]
+            fn constant(self, value: f64) -> Self {
+                // SAFETY: `self` proves the instructions.
+                Self(unsafe { $set1(value) })
+            }
+            #[inline(always)]
+            fn sqrt(self) -> Self {
+                // SAFETY: `self` proves the instructions.
+                Self(unsafe { $sqrt(self.0) })
+            }
+            #[inline(always)]
+            fn exp(self) -> Self {
+                super::exp::exp(self)
+            }
+            #[inline(always)]
+            fn ln(self) -> Self {
+                self.map(f64::ln)
+            }
+            #[inline(always)]
+            fn sin(self) -> Self {
+                self.map(f64::sin)
+            }
+            #[inline(always)]
+            fn cos(self) -> Self {
+                self.map(f64::cos)
+            }
+            #[inline(always)]
+            fn tan(self) -> Self {
+                self.map(f64::tan)
+            }
+            #[inline(always)]
+            fn atan(self) -> Self {
+                self.map(f64::atan)
+            }
+            #[inline(always)]
+            fn powf(self, p: f64) -> Self {
+                self.map(|x| x.powf(p))
+            }
+            #[inline(always)]
+            fn tanh(self) -> Self {
+                super::tanh::tanh(self)
+            }
+            #[inline(always)]
+            fn mul_add(self, a: Self, b: Self) -> Self {
+                // SAFETY: `self` proves the instructions.
+                Self(unsafe { $fmadd(self.0, a.0, b.0) })
+            }
+            #[inline(always)]
+            fn vectorize<W: Work>(self, work: W) -> W::Output {
+                // SAFETY: `self` proves the instructions.
+                unsafe { $work(work) }
+            }
+            #[inline(always)]
+            fn where_nonpositive(self, yes: Self, no: Self) -> Self {
+                self.select_nonpositive(yes, no)
+            }
+        }
+    };
+    (@operator $V:ident $Trait:ident $method:ident $intrinsic:ident) => {
+        impl $Trait for $V {
+            type Output = Self;
+            #[inline(always)]
+            fn $method(self, b: Self) -> Self {
+                // SAFETY: `self` proves the instructions.
+                Self(unsafe { $intrinsic(self.0, b.0) })
+            }
+        }
+        impl $Trait<f64> for $V {
+            type Output = Self;
+            #[inline(always)]
+            fn $method(self, b: f64) -> Self {
+                $Trait::$method(self, self.constant(b))
+            }
+        }
+    };
+}
+
+/// Eight lanes in an AVX-512 register.
+#[derive(Clone, Copy)]
+pub(crate) struct F64x8(__m512d);
+
+vector!(
+    F64x8,
+    8,
+    _mm512_set1_pd,
+    _mm512_add_pd,
+    _mm512_sub_pd,
+    _mm512_mul_pd,
+    _mm512_div_pd,
+    _mm512_sqrt_pd,
+    _mm512_fmadd_pd,
+    _mm512_storeu_pd,
+    work_avx512
+);
+
+impl F64x8 {
+    #[inline(always)]
+    fn select_nonpositive(self, yes: Self, no: Self) -> Self {
+        // SAFETY: `self` proves the instructions.
+        Self(unsafe {
+            let mask = _mm512_cmp_pd_mask::<_CMP_LE_OQ>(self.0, _mm512_setzero_pd());
+            _mm512_mask_blend_pd(mask, no.0, yes.0)
+        })
+    }
+}
+
+impl Simd for F64x8 {
+    const LANES: usize = 8;
+    const ROWS: usize = 5;
+
+    #[inline(always)]
+    fn generate(self, f: impl FnMut(usize) -> f64) -> Self {
+        let lanes: [f64; 8] = std::array::from_fn(f);
+        // SAFETY: `self` proves the instructions; `lanes` holds eight numbers.
+        Self(unsafe { _mm512_loadu_pd(lanes.as_ptr()) })
+    }
+    #[inline(always)]
+    fn load(self, from: &[f64]) -> Self {
+        let lanes = &from[..8];
+        // SAFETY: `self` proves the instructions; `lanes` holds eight numbers.
+        Self(unsafe { _mm512_loadu_pd(lanes.as_ptr()) })
+    }
+    #[inline(always)]
+    fn write(self, out: &mut [f64]) {
+        out[..8].copy_from_slice(&self.to_array());
+    }
+    #[inline(always)]
+    fn neg_mul_add(self, a: Self, b: Self) -> Self {
+        // SAFETY: `self` proves the instructions.
+        Self(unsafe { _mm512_fnmadd_pd(self.0, a.0, b.0) })
+    }
+    #[inline(always)]
+    fn clamp(self, limit: f64) -> Self {
+        // SAFETY: `self` proves the instructions. These take the second operand where one is NaN.
+        Self(unsafe {
+            let low = _mm512_max_pd(_mm512_set1_pd(-limit), self.0);
+            _mm512_min_pd(_mm512_set1_pd(limit), low)
+        })
+    }
+    #[inline(always)]
+    fn lookup(self, table: &'static [f64; TABLE_SIZE]) -> Self {
+        // SAFETY: `self` proves the instructions; the mask keeps each place within the table.
+        Self(unsafe {
+            let mask = _mm512_set1_epi64((1 << PLACE_BITS) - 1);
+            let places = _mm512_and_si512(_mm512_castpd_si512(self.0), mask);
+            _mm512_i64gather_pd::<8>(places, table.as_ptr())
+        })
+    }
+    #[inline(always)]
+    fn sum(self) -> f64 {
+        let [a, b, c, d, e, f, g, h] = self.to_array();
+        ((a + b) + (c + d)) + ((e + f) + (g + h))
+    }
+}
+
+/// Four lanes in an AVX register.
+#[derive(Clone, Copy)]
+pub(crate) struct F64x4(__m256d);
+
+vector!(
+    F64x4,
+    4,
+    _mm256_set1_pd,
+    _mm256_add_pd,
+    _mm256_sub_pd,
+    _mm256_mul_pd,
+    _mm256_div_pd,
+    _mm256_sqrt_pd,
+    _mm256_fmadd_pd,
+    _mm256_storeu_pd,
+    work_avx2
+);
+
+impl F64x4 {
+    #[inline(always)]
+    fn select_nonpositive(self, yes: Self, no: Self) -> Self {
+        // SAFETY: `self` proves the instructions.
+        Self(unsafe {
+            let mask = _mm256_cmp_pd::<_CMP_LE_OQ>(self.0, _mm256_setzero_pd());
+            _mm256_blendv_pd(no.0, yes.0, mask)
+        })
+    }
+}
+
+impl Simd for F64x4 {
+    const LANES: usize = 4;
+    const ROWS: usize = 2;
+
+    #[inline(always)]
+    fn generate(self, f: impl FnMut(usize) -> f64) -> Self {
+        let lanes: [f64; 4] = std::array::from_fn(f);
+        // SAFETY: `self` proves the instructions; `lanes` holds four numbers.
+        Self(unsafe { _mm256_loadu_pd(lanes.as_ptr()) })
+    }
+    #[inline(always)]
+    fn load(self, from: &[f64]) -> Self {
+        let lanes = &from[..4];
+        // SAFETY: `self` proves the instructions; `lanes` holds four numbers.
+        Self(unsafe { _mm256_loadu_pd(lanes.as_ptr()) })
+    }
+    #[inline(always)]
+    fn write(self, out: &mut [f64]) {
+        out[..4].copy_from_slice(&self.to_array());
+    }
+    #[inline(always)]
+    fn neg_mul_add(self, a: Self, b: Self) -> Self {
+        // SAFETY: `self` proves the instructions.
+        Self(unsafe { _mm256_fnmadd_pd(self.0, a.0, b.0) })
+    }
+    #[inline(always)]
+    fn clamp(self, limit: f64) -> Self {
+        // SAFETY: `self` proves the instructions. These take the second operand where one is NaN.
+        Self(unsafe {
+            let low = _mm256_max_pd(_mm256_set1_pd(-limit), self.0);
+            _mm256_min_pd(_mm256_set1_pd(limit), low)
+        })
+    }
+    #[inline(always)]
+    fn lookup(self, table: &'static [f64; TABLE_SIZE]) -> Self {
+        // Four loads: the gather instruction is slower on many processors that have no AVX-512.
+        let [a, b, c, d] = self.to_array().map(|x| table[low_bits(x)]);
+        // SAFETY: `self` proves the instructions.
+        Self(unsafe { _mm256_set_pd(d, c, b, a) })
+    }
+    #[inline(always)]
+    fn sum(self) -> f64 {
+        let [a, b, c, d] = self.to_array();
+        (a + b) + (c + d)
+    }
+}
