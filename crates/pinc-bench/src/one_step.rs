@@ -48,7 +48,7 @@ pub(crate) struct Steps {
 }
 
 /// The results of a model's linearizations at several points.
-struct Linearized {
+pub(crate) struct Linearized {
     next: Vec<f64>,
     a: Vec<f64>,
     b: Vec<f64>,
@@ -89,8 +89,27 @@ impl Steps {
         mean_squared_error(&self.predictions(model), &self.next, &units).sqrt()
     }
 
-    /// The errors of a model of `plant`.
-    pub(crate) fn errors(&self, plant: &dyn System, model: &mut dyn Predictor) -> StepErrors {
+    /// The true Jacobians of the first points, by a method of order 5 with many substeps.
+    pub(crate) fn true_jacobians(&self, plant: &dyn System, horizon_s: f64) -> Linearized {
+        self.linearized(&mut *plant.rk5(horizon_s, FINE))
+    }
+
+    /// A model's Jacobians at the same points.
+    fn linearized(&self, model: &mut dyn Predictor) -> Linearized {
+        let Dims { states: n, inputs: m } = self.dims;
+        let count = self.points.len().min(JACOBIANS);
+        let mut to = Linearized::new(self.dims, count);
+        for k in 0..count {
+            let (x, u) = (self.points.state(k), self.points.input(k));
+            let of = |width: usize| k * width..(k + 1) * width;
+            let (next, a, b) = (&mut to.next[of(n)], &mut to.a[of(n * n)], &mut to.b[of(n * m)]);
+            model.linearize(x, u, next, a, b);
+        }
+        to
+    }
+
+    /// The errors of a model, whose [`Steps::true_jacobians`] are `truth`.
+    pub(crate) fn errors(&self, truth: &Linearized, model: &mut dyn Predictor) -> StepErrors {
         let n = self.dims.states;
         let predicted = self.predictions(model);
         let pairs = predicted.chunks_exact(n).zip(self.next.chunks_exact(n));
@@ -103,7 +122,7 @@ impl Steps {
             rms: mean.sqrt(),
             median: part(50).sqrt(),
             p99: part(99).sqrt(),
-            jacobian_rms: self.jacobian_error(plant, model),
+            jacobian_rms: self.jacobian_error(truth, &self.linearized(model)),
         }
     }
 
@@ -115,27 +134,20 @@ impl Steps {
         predicted
     }
 
-    fn jacobian_error(&self, plant: &dyn System, model: &mut dyn Predictor) -> f64 {
-        let Dims { states: n, inputs: m } = self.dims;
-        let mut fine = plant.rk5(model.horizon_s(), FINE);
-        let count = self.points.len().min(JACOBIANS);
-        let (mut found, mut truth) = (Linearized::new(self.dims, 1), Linearized::new(self.dims, 1));
-        let mut squares = 0.0;
-        for k in 0..count {
-            let (x, u) = (self.points.state(k), self.points.input(k));
-            for (model, to) in [(&mut *model, &mut found), (&mut *fine, &mut truth)] {
-                model.linearize(x, u, &mut to.next, &mut to.a, &mut to.b);
-            }
-            for i in 0..n {
-                for j in 0..n + m {
-                    let entry =
-                        |of: &Linearized| if j < n { of.a[i * n + j] } else { of.b[i * m + j - n] };
-                    let error = (entry(&found) - entry(&truth)) * self.widths[j] / self.widths[i];
-                    squares += error * error;
-                }
-            }
-        }
-        (squares / to_f64((count * n * (n + m)) as u64)).sqrt()
+    /// Root mean square over points and entries, in widths of the domain per width.
+    fn jacobian_error(&self, truth: &Linearized, found: &Linearized) -> f64 {
+        let n = self.dims.states;
+        let (of, by_u) = self.widths.split_at(n);
+        // The widths of what a state is differentiated by.
+        let squares = |found: &[f64], truth: &[f64], by: &[f64]| -> f64 {
+            let entries = found.iter().zip(truth).enumerate();
+            let square = |(k, (found, truth)): (usize, (&f64, &f64))| {
+                ((found - truth) * by[k % by.len()] / of[k / by.len() % n]).powi(2)
+            };
+            entries.map(square).sum()
+        };
+        let sum = squares(&found.a, &truth.a, of) + squares(&found.b, &truth.b, by_u);
+        (sum / to_f64((truth.a.len() + truth.b.len()) as u64)).sqrt()
     }
 
     /// The median time of a step when each waits for the one before, as in a simulation.

@@ -24,6 +24,7 @@ pub(crate) fn stage(
     }
     let mut progress = Stage::begin(options.verbosity, "one step", setup.kinds.len() as u64);
     let steps = Steps::new(plant, domain, setup.horizon_s, spec.points, spec.tolerance)?;
+    let truth = steps.true_jacobians(plant, setup.horizon_s);
     let mut found = Vec::new();
     for &kind in setup.kinds {
         options.go_on(record.dir())?;
@@ -32,7 +33,7 @@ pub(crate) fn stage(
         let stages = setup.spec.n2;
         found.push(OneStepMetrics {
             model: kind,
-            errors: steps.errors(plant, &mut *model),
+            errors: steps.errors(&truth, &mut *model),
             forward_ns: steps.forward_ns(&mut *model, spec.measure_s),
             forward_jacobian_ns: steps.forward_jacobian_ns(&mut *model, stages, spec.measure_s),
         });
