@@ -165,9 +165,26 @@ pub(super) fn sensitivity(page: &mut Page, runs: &Runs) -> Result<(), BenchError
             "failed",
         ];
         page.table(&heads, &rows);
+        page.paragraph(&compared(&run)?);
         page.picture(&run, "iae", "Histograms of the IAE");
     }
     Ok(())
+}
+
+/// How much more the IAE is with PINC, by the cells' medians.
+fn compared(run: &Run) -> Result<String, BenchError> {
+    let [pinc, rk4] = [run.summary("pinc_iae_dense_sum")?, run.summary("rk4_iae_dense_sum")?];
+    let cells = pinc.iter().zip(&rk4);
+    let ratios = cells.map(|(pinc, rk4)| number(pinc, "median") / number(rk4, "median"));
+    let mut ratios: Vec<f64> = ratios.filter(|ratio| ratio.is_finite()).collect();
+    ratios.sort_by(f64::total_cmp);
+    Ok(match ratios[..] {
+        [] => "No cell is done with both models.".to_owned(),
+        [one] => format!("The median with PINC is {one:.2} times that with RK4."),
+        [least, .., most] => {
+            format!("The medians with PINC are {least:.2} to {most:.2} times those with RK4.")
+        }
+    })
 }
 
 /// "The controller worked 3.2 s with PINC and 2.1 s with RK4 in all 604 loops".
