@@ -5,6 +5,7 @@ use super::page::{Page, short};
 use super::runs::{Row, Run, Runs, cell, number};
 use crate::BenchError;
 use crate::record::file;
+use crate::sweep::Spread;
 use std::collections::HashMap;
 
 const ERROR: &str = "mse_gen";
@@ -25,7 +26,7 @@ pub(super) fn structure(page: &mut Page, runs: &Runs) -> Result<(), BenchError> 
     for run in runs.of_experiment("van-der-pol-structure")? {
         let summary = run.summary(ERROR)?;
         page.paragraph(&format!("Preset `{}`; {}.", run.preset.name(), progress(&run)));
-        grid(page, &summary, (LAYERS, "layers"), NEURONS);
+        grid(page, &summary, (LAYERS, NEURONS), "layers, by neurons");
         page.paragraph(&best(&run, &summary)?);
         page.picture(&run, "mse", "Map of the validation error over layers and neurons");
     }
@@ -43,8 +44,13 @@ pub(super) fn points(page: &mut Page, runs: &Runs) -> Result<(), BenchError> {
     for run in runs.of_experiment("van-der-pol-points")? {
         let summary = run.summary(ERROR)?;
         page.paragraph(&format!("Preset `{}`; {}.", run.preset.name(), progress(&run)));
-        let has_initial = summary.first().is_some_and(|row| row.contains_key(INITIAL));
-        grid(page, &summary, (COLLOCATION, "N_F"), if has_initial { INITIAL } else { "metric" });
+        match summary.first().is_some_and(|row| row.contains_key(INITIAL)) {
+            true => {
+                grid(page, &summary, (COLLOCATION, INITIAL), "N_F, by N_t");
+                page.paragraph(&by_initial_points(&summary));
+            }
+            false => grid(page, &summary, (COLLOCATION, "metric"), "N_F"),
+        }
         page.picture(&run, "mse", "The validation error over numbers of points");
     }
     Ok(())
@@ -84,8 +90,30 @@ fn progress(run: &Run) -> String {
     format!("{} of {} trials done{failed}", sweep.done, sweep.trials)
 }
 
+/// What the cells come to by the number of initial points, whatever the number of collocation points, and where there
+/// are four of these to one of those.
+fn by_initial_points(summary: &[Row]) -> String {
+    let log = |row: &Row| number(row, "median").log10();
+    let of = |initial: &String| {
+        let rows = summary.iter().filter(|row| cell(row, INITIAL) == initial);
+        Some(format!("{:.2} for {initial}", Spread::of(rows.map(log).collect())?.quantile(0.5)))
+    };
+    let by_initial: Vec<String> = values(summary, INITIAL).iter().filter_map(of).collect();
+    let is_few = |row: &&Row| {
+        let few = 4.0 * number(row, INITIAL);
+        number(row, COLLOCATION).total_cmp(&few).is_eq() && log(row).is_finite()
+    };
+    let few: Vec<String> =
+        summary.iter().filter(is_few).map(|row| format!("{:.2}", log(row))).collect();
+    format!(
+        "Medians over N_F by N_t: {}. Cells with N_F/N_t = 4: {}.",
+        by_initial.join(", "),
+        few.join(", ")
+    )
+}
+
 /// A table of the cells, rows by one key and columns by another.
-fn grid(page: &mut Page, summary: &[Row], (rows, name): (&str, &str), columns: &str) {
+fn grid(page: &mut Page, summary: &[Row], (rows, columns): (&str, &str), name: &str) {
     let heads = values(summary, columns);
     let line = |value: &String| {
         let at = |head: &String| {
