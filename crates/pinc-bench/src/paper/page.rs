@@ -51,14 +51,16 @@ impl Page {
         self.text.push('\n');
     }
 
-    /// A picture of a run's report, if the page has pictures and the run has this one.
+    /// A picture of a run's report, with what it shows above it, if the page has pictures and the run has
+    /// this one.
     pub(super) fn picture(&mut self, run: &Run, stem: &str, what: &str) {
         let (Some(folder), Some(from)) = (&self.folder, run.picture(stem)) else { return };
         let preset = run.preset.name();
         let name = format!("{}-{preset}-{stem}.svg", run.experiment);
-        let line = format!("![{what}, preset {preset}]({folder}/{name})");
+        let picture = format!("![{what}, preset {preset}]({folder}/{name})");
         self.pictures.push(Copied { from, name });
-        self.paragraph(&line);
+        self.paragraph(&format!("{what}, preset `{preset}`:"));
+        self.paragraph(&picture);
     }
 
     /// The page's text, and its pictures.
