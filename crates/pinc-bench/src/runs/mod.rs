@@ -147,10 +147,10 @@ fn execute(
 ) -> Result<Record, BenchError> {
     let plan = Plan::of(experiment, command)?;
     let mut record = Record::open(dir, experiment)?;
+    plan.make_room(&mut record, options.resume)?;
     if !(options.resume && plan.is_done(experiment, record.metrics())) {
         record.sign(&Provenance::now(experiment, options.arguments), options.resume)?;
     }
-    plan.make_room(&mut record, options.resume)?;
     let stages = Stages { experiment, options, plan: &plan, record: &mut record };
     stages.run()?;
     rebuild_report(dir)?;
@@ -218,11 +218,11 @@ impl Plan {
     /// Whether all is there that it asks for.
     fn is_done(&self, experiment: &Experiment, metrics: &Metrics) -> bool {
         let loops = self.loops.len();
-        let steps = if experiment.one_step.is_some() { loops } else { 0 };
+        let looped = metrics.control.len() == loops
+            && (experiment.one_step.is_none() || metrics.one_step.len() == loops);
         (!self.trains || metrics.training.is_some())
             && (!self.runs_free || metrics.prediction.is_some())
-            && metrics.control.len() == loops
-            && metrics.one_step.len() == steps
+            && (self.loops.is_empty() || looped)
     }
 
     /// Removes those results of earlier runs that do not belong to what is made now.

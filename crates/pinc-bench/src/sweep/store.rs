@@ -54,10 +54,9 @@ impl Store {
         self.dir.join(NETS).join(id)
     }
 
-    /// Whether a training is over, with a net.
+    /// Whether a training came to its end: its metrics are written last.
     pub(crate) fn is_trained(&self, id: &str) -> bool {
-        let dir = self.net(id);
-        dir.join(file::MODEL).exists() && !dir.join(file::CHECKPOINT).exists()
+        self.net(id).join(file::METRICS).exists()
     }
 
     /// The directory of a trial.
@@ -103,8 +102,8 @@ impl Store {
         net: Option<&str>,
     ) -> Result<(), BenchError> {
         if let Some(net) = net
-            && !self.is_trained(net)
-            && other.is_trained(net)
+            && !self.net(net).join(file::MODEL).exists()
+            && other.net(net).join(file::MODEL).exists()
         {
             copy_files(&other.net(net), &self.net(net), file::METRICS)?;
         }
