@@ -9,6 +9,7 @@ use pinc_ode::metrics::mean_squared_error;
 use pinc_ode::{Dims, Predictor};
 use serde::{Deserialize, Serialize};
 use std::hint::black_box;
+use std::ops::Range;
 
 /// Steps that are timed together, so that reading the clock does not count.
 const BATCH: usize = 256;
@@ -96,16 +97,20 @@ impl Steps {
 
     /// A model's Jacobians at the same points.
     fn linearized(&self, model: &mut dyn Predictor) -> Linearized {
-        let Dims { states: n, inputs: m } = self.dims;
         let count = self.points.len().min(JACOBIANS);
+        let (x, u) = self.flat(0..count);
         let mut to = Linearized::new(self.dims, count);
-        for k in 0..count {
-            let (x, u) = (self.points.state(k), self.points.input(k));
-            let of = |width: usize| k * width..(k + 1) * width;
-            let (next, a, b) = (&mut to.next[of(n)], &mut to.a[of(n * n)], &mut to.b[of(n * m)]);
-            model.linearize(x, u, next, a, b);
-        }
+        model.linearize_stages(&x, &u, &mut to.next, &mut to.a, &mut to.b);
         to
+    }
+
+    /// Points in a row, `[points, n]` and `[points, m]`; after the last comes the first.
+    fn flat(&self, points: Range<usize>) -> (Vec<f64>, Vec<f64>) {
+        let of = |get: fn(&Points, usize) -> &[f64]| {
+            let points = points.clone().map(|i| get(&self.points, i % self.points.len()));
+            points.flatten().copied().collect()
+        };
+        (of(Points::state), of(Points::input))
     }
 
     /// The errors of a model, whose [`Steps::true_jacobians`] are `truth`.
@@ -178,15 +183,11 @@ impl Steps {
         seconds: f64,
     ) -> f64 {
         let calls = (self.points.len().min(BATCH) / stages).max(1);
-        let flat = |get: &dyn Fn(usize) -> Vec<f64>| -> Vec<Vec<f64>> {
-            let stage = |call: usize, k: usize| get((call * stages + k) % self.points.len());
-            (0..calls).map(|call| (0..stages).flat_map(|k| stage(call, k)).collect()).collect()
-        };
-        let x = flat(&|i| self.points.state(i).to_vec());
-        let u = flat(&|i| self.points.input(i).to_vec());
+        let horizon = |call: usize| self.flat(call * stages..(call + 1) * stages);
+        let horizons: Vec<_> = (0..calls).map(horizon).collect();
         let mut to = Linearized::new(self.dims, stages);
         nanoseconds(seconds, calls * stages, || {
-            for (x, u) in x.iter().zip(&u) {
+            for (x, u) in &horizons {
                 let Linearized { next, a, b } = &mut to;
                 model.linearize_stages(black_box(x), black_box(u), next, a, b);
                 black_box(&mut to);

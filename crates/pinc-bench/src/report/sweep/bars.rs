@@ -6,9 +6,9 @@ use super::super::chart::{
 };
 use super::super::picture::Picture;
 use super::super::text;
+use super::caption;
 use super::curves::side_by_side;
 use super::metric::Metric;
-use super::sizes;
 use super::trials::Trials;
 
 /// A bar for each cell and model; `None` without cells.
@@ -50,15 +50,12 @@ pub(super) fn picture(trials: &Trials, metric: &Metric) -> Result<Option<Picture
     }
     panel.note = Some("No trial has a number.".to_owned());
     let figure = Figure::stack(metric.title, Axis::named("", &names), vec![panel]);
-    let sizes = sizes(trials.cells());
-    let shown = match trials.are_alone() {
-        true => sizes,
-        false => format!(
+    let caption = caption(trials, metric, |sizes| {
+        format!(
             "A bar ends at the median over the trials, {sizes}; intervals are the quartiles, rings the \
              trials"
-        ),
-    };
-    let caption = format!("{shown}. From {}.", trials.table_of(&metric.columns[0].0).file_name());
+        )
+    });
     let (stem, title) = (metric.stem.to_owned(), metric.title.to_owned());
     Ok(Some(Picture { stem, title, figure, caption }))
 }

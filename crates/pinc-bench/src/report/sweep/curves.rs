@@ -7,7 +7,7 @@ use super::super::chart::{
 use super::super::picture::Picture;
 use super::metric::Metric;
 use super::trials::{Cell, Trials, short, shown};
-use super::{bars, sizes};
+use super::{bars, caption};
 
 /// From this ratio of its ends on an axis is logarithmic.
 const WIDE: f64 = 8.0;
@@ -22,14 +22,11 @@ pub(super) fn picture(trials: &Trials, metric: &Metric) -> Result<Option<Picture
     }
     let curves = Curves { trials, metric, axis };
     let figure = curves.figure(&numbers, &values)?;
-    let sizes = sizes(trials.cells());
-    let shown = match trials.are_alone() {
-        true => sizes,
-        false => format!(
+    let caption = caption(trials, metric, |sizes| {
+        format!(
             "Median over the trials, with the quartiles as intervals; each light dot is a trial, {sizes}"
-        ),
-    };
-    let caption = format!("{shown}. From {}.", trials.table_of(&metric.columns[0].0).file_name());
+        )
+    });
     let (stem, title) = (metric.stem.to_owned(), metric.title.to_owned());
     Ok(Some(Picture { stem, title, figure, caption }))
 }

@@ -151,14 +151,13 @@ fn metrics(run: &Run, trials: &Trials) -> Vec<Metric> {
             log: false,
         },
     ];
-    let varies = |column: &str| {
-        let spreads = trials.cells().iter().filter_map(|cell| trials.spread(cell, column));
-        spreads.into_iter().any(|spread| spread.max > spread.min)
+    let is_worth = |metric: &Metric, column: &str| {
+        let varies = || metric.spreads(trials, column).any(|spread| spread.max > spread.min);
+        trials.has(column) && (!trials.has_draws() || varies())
     };
-    let is_worth = |column: &str| trials.has(column) && (!trials.has_draws() || varies(column));
     let present = |metric: Metric| {
-        let columns: Vec<_> =
-            metric.columns.into_iter().filter(|(column, _)| is_worth(column)).collect();
+        let columns = metric.columns.iter().filter(|(column, _)| is_worth(&metric, column));
+        let columns: Vec<_> = columns.cloned().collect();
         (!columns.is_empty()).then_some(Metric { columns, ..metric })
     };
     all.into_iter().filter_map(present).collect()

@@ -165,6 +165,14 @@ fn failures(trials: &Trials) -> Result<Option<Sheet>, ReportError> {
     Ok(Some(Sheet { title, heads, rows: failures }))
 }
 
+/// What stands below a picture of the cells: their sizes, in words of medians and spreads (`several`) if there are
+/// such, and where the numbers are from.
+fn caption(trials: &Trials, metric: &Metric, several: impl FnOnce(&str) -> String) -> String {
+    let sizes = sizes(trials.cells());
+    let shown = if trials.are_alone() { sizes } else { several(&sizes) };
+    format!("{shown}. From {}.", trials.table_of(&metric.columns[0].0).file_name())
+}
+
 /// What the caption of a picture of cells says of their sizes.
 fn sizes(cells: &[Cell]) -> String {
     let done = cells.iter().map(Cell::done);
