@@ -7,7 +7,7 @@ use crate::BenchError;
 use crate::record::{ControlMetrics, file};
 
 /// Table 1.
-pub(super) fn table_1(page: &mut Page, runs: &Runs) -> Result<(), BenchError> {
+pub(super) fn table_1(page: &mut Page, runs: &Runs) {
     page.heading("Table 1: control");
     page.commands(&[
         "pinc run configs/van-der-pol/main.toml --set preset=...",
@@ -37,7 +37,7 @@ pub(super) fn table_1(page: &mut Page, runs: &Runs) -> Result<(), BenchError> {
         line(["four tanks", "paper", "RK", "0.807", "544", "", "", "14.15 s", "0.13 s", "", ""]),
     ];
     for (experiment, name) in PLANTS {
-        for run in runs.of_experiment(experiment)? {
+        for run in runs.of_experiment(experiment) {
             for metrics in &run.metrics.control {
                 let source = format!("`{}`", run.preset.name());
                 rows.push([vec![name.to_owned(), source], loop_cells(metrics)].concat());
@@ -45,25 +45,23 @@ pub(super) fn table_1(page: &mut Page, runs: &Runs) -> Result<(), BenchError> {
         }
     }
     page.table(&heads, &rows);
-    Ok(())
 }
 
 /// Figs. 10, 13 and 14, the loops of Table 1.
-pub(super) fn loops(page: &mut Page, runs: &Runs) -> Result<(), BenchError> {
+pub(super) fn loops(page: &mut Page, runs: &Runs) {
     page.heading("Figs. 10, 13 and 14: the closed loops");
     page.paragraph("The loops of Table 1, with PINC over RK4.");
     for (experiment, name) in PLANTS {
-        for run in runs.of_experiment(experiment)? {
+        for run in runs.of_experiment(experiment) {
             for (stem, part) in [
                 ("control", "closed loop"),
                 ("control-0-160", "closed loop, the first 160 s"),
                 ("control-500-1300", "closed loop, 500 s to 1300 s"),
             ] {
-                page.picture(&run, stem, &format!("{name}: {part}"));
+                page.picture(run, stem, &format!("{name}: {part}"));
             }
         }
     }
-    Ok(())
 }
 
 fn loop_cells(metrics: &ControlMetrics) -> Vec<String> {
@@ -93,7 +91,7 @@ pub(super) fn substeps(page: &mut Page, runs: &Runs) -> Result<(), BenchError> {
          break-even is the number of substeps from which on RK4 takes longer than the net. What fewer substeps lose is seen in the IAE.",
     );
     for (plant, name) in PLANTS {
-        for run in runs.of_experiment(&format!("{plant}-substeps"))? {
+        for run in runs.of_experiment(&format!("{plant}-substeps")) {
             let (trials, times) = (run.table(file::SWEEP)?, run.table(file::TIMINGS)?);
             let mut rows = Vec::new();
             let (mut below, mut even) = ("none".to_owned(), None);
@@ -122,11 +120,7 @@ pub(super) fn substeps(page: &mut Page, runs: &Runs) -> Result<(), BenchError> {
                 &["substeps of RK4", "RK4", "PINC", "IAE dense, RK4", "IAE dense, PINC"],
                 &rows,
             );
-            page.picture(
-                &run,
-                "time",
-                &format!("{name}: the controller's time by substeps of RK4"),
-            );
+            page.picture(run, "time", &format!("{name}: the controller's time by substeps of RK4"));
         }
     }
     Ok(())
@@ -140,8 +134,8 @@ pub(super) fn sensitivity(page: &mut Page, runs: &Runs) -> Result<(), BenchError
         "IAE dense, summed over outputs, over 151 random plants (pump constants +-5 %) and 151 random initial levels (9 cm +-5 %); the \
          models keep the nominal constants. The paper has histograms of PINC alone.",
     );
-    for run in runs.of_experiment("four-tanks-sensitivity")? {
-        page.paragraph(&format!("Preset `{}`; {}.", run.preset.name(), controller_time(&run)?));
+    for run in runs.of_experiment("four-tanks-sensitivity") {
+        page.paragraph(&format!("Preset `{}`; {}.", run.preset.name(), controller_time(run)?));
         let mut rows = Vec::new();
         for (model, metric) in [("PINC", "pinc_iae_dense_sum"), ("RK4", "rk4_iae_dense_sum")] {
             for row in run.summary(metric)? {
@@ -165,8 +159,8 @@ pub(super) fn sensitivity(page: &mut Page, runs: &Runs) -> Result<(), BenchError
             "failed",
         ];
         page.table(&heads, &rows);
-        page.paragraph(&compared(&run)?);
-        page.picture(&run, "iae", "Histograms of the IAE");
+        page.paragraph(&compared(run)?);
+        page.picture(run, "iae", "Histograms of the IAE");
     }
     Ok(())
 }
@@ -201,11 +195,11 @@ fn controller_time(run: &Run) -> Result<String, BenchError> {
 }
 
 /// Fig. 16.
-pub(super) fn worst_case(page: &mut Page, runs: &Runs) -> Result<(), BenchError> {
+pub(super) fn worst_case(page: &mut Page, runs: &Runs) {
     page.heading("Fig. 16: the worst case");
     page.commands(&["pinc run configs/four-tanks/worst-case.toml --set preset=..."]);
     let mut rows = vec![line(["paper", "PINC", "1022"])];
-    for run in runs.of_experiment("four-tanks-worst-case")? {
+    for run in runs.of_experiment("four-tanks-worst-case") {
         for metrics in &run.metrics.control {
             rows.push(vec![
                 format!("`{}`", run.preset.name()),
@@ -215,10 +209,9 @@ pub(super) fn worst_case(page: &mut Page, runs: &Runs) -> Result<(), BenchError>
         }
     }
     page.table(&["source", "model", "IAE dense"], &rows);
-    for run in runs.of_experiment("four-tanks-worst-case")? {
-        page.picture(&run, "control", "Closed loop in the worst case");
+    for run in runs.of_experiment("four-tanks-worst-case") {
+        page.picture(run, "control", "Closed loop in the worst case");
     }
-    Ok(())
 }
 
 /// What the contradictions of paper and program come to.
@@ -233,7 +226,7 @@ pub(super) fn deviations(page: &mut Page, runs: &Runs) -> Result<(), BenchError>
          which these are. Medians of 3 seeds, with the least and the most where these differ.",
     );
     for (plant, name) in PLANTS {
-        for run in runs.of_experiment(&format!("{plant}-deviations"))? {
+        for run in runs.of_experiment(&format!("{plant}-deviations")) {
             let errors = run.summary("mse_gen")?;
             let others = [
                 run.summary("one_step_mse")?,

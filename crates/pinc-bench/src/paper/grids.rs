@@ -23,12 +23,12 @@ pub(super) fn structure(page: &mut Page, runs: &Runs) -> Result<(), BenchError> 
         "log10 of the median `mse_gen` over the seeds, with the quartiles and the number of seeds. The paper's best is \
          -2.87, at 10 layers of 20, as the average of 10 seeds.",
     );
-    for run in runs.of_experiment("van-der-pol-structure")? {
+    for run in runs.of_experiment("van-der-pol-structure") {
         let summary = run.summary(ERROR)?;
-        page.paragraph(&format!("Preset `{}`; {}.", run.preset.name(), progress(&run)));
+        page.paragraph(&format!("Preset `{}`; {}.", run.preset.name(), progress(run)));
         grid(page, &summary, (LAYERS, NEURONS), "layers, by neurons");
-        page.paragraph(&best(&run, &summary)?);
-        page.picture(&run, "mse", "Map of the validation error over layers and neurons");
+        page.paragraph(&best(run, &summary)?);
+        page.picture(run, "mse", "Map of the validation error over layers and neurons");
     }
     Ok(())
 }
@@ -41,9 +41,9 @@ pub(super) fn points(page: &mut Page, runs: &Runs) -> Result<(), BenchError> {
         "As above, 4 layers of 20. The paper finds 40 initial points too few, and N_F/N_t = 4 too little. In `ours` there are \
          no initial points: the initial condition holds by construction.",
     );
-    for run in runs.of_experiment("van-der-pol-points")? {
+    for run in runs.of_experiment("van-der-pol-points") {
         let summary = run.summary(ERROR)?;
-        page.paragraph(&format!("Preset `{}`; {}.", run.preset.name(), progress(&run)));
+        page.paragraph(&format!("Preset `{}`; {}.", run.preset.name(), progress(run)));
         match summary.first().is_some_and(|row| row.contains_key(INITIAL)) {
             true => {
                 grid(page, &summary, (COLLOCATION, INITIAL), "N_F, by N_t");
@@ -51,7 +51,7 @@ pub(super) fn points(page: &mut Page, runs: &Runs) -> Result<(), BenchError> {
             }
             false => grid(page, &summary, (COLLOCATION, "metric"), "N_F"),
         }
-        page.picture(&run, "mse", "The validation error over numbers of points");
+        page.picture(run, "mse", "The validation error over numbers of points");
     }
     Ok(())
 }
@@ -64,11 +64,11 @@ pub(super) fn horizon(page: &mut Page, runs: &Runs) -> Result<(), BenchError> {
          scenario lasts 40 s (300 s) at every T, so that the number of steps falls as T grows.",
     );
     for (plant, name) in PLANTS {
-        for run in runs.of_experiment(&format!("{plant}-horizon"))? {
+        for run in runs.of_experiment(&format!("{plant}-horizon")) {
             let preset = run.preset.name();
             page.paragraph(&format!(
                 "{name}, preset `{preset}`; {}. `pinc run configs/{plant}/horizon.toml --set preset={preset}`",
-                progress(&run)
+                progress(run)
             ));
             let row = |row: &Row| {
                 let numbers = ["median", "q1", "q3"].map(|column| short(number(row, column)));
@@ -76,7 +76,7 @@ pub(super) fn horizon(page: &mut Page, runs: &Runs) -> Result<(), BenchError> {
             };
             let rows: Vec<_> = run.summary(ERROR)?.iter().map(row).collect();
             page.table(&["T in s", "median", "lower quartile", "upper quartile"], &rows);
-            page.picture(&run, "mse", &format!("{name}: the validation error over T"));
+            page.picture(run, "mse", &format!("{name}: the validation error over T"));
         }
     }
     Ok(())

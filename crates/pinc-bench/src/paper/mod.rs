@@ -68,7 +68,7 @@ pub fn write_results(dir: &Path, to: &Path) -> Result<(), BenchError> {
 }
 
 fn fill(page: &mut Page, dir: &Path) -> Result<(), BenchError> {
-    let runs = Runs::of(dir);
+    let runs = Runs::read(dir, &EXPERIMENTS)?;
     page.paragraph("# Results: the paper, regenerated");
     page.paragraph(
         "Each table and figure of the paper with numbers in it, beside this project's. Made by the two commands below from the \
@@ -80,18 +80,18 @@ fn fill(page: &mut Page, dir: &Path) -> Result<(), BenchError> {
         "pinc run configs/paper.toml --resume",
         "pinc results runs/paper --out docs/results.md",
     ]);
-    control::table_1(page, &runs)?;
-    control::loops(page, &runs)?;
+    control::table_1(page, &runs);
+    control::loops(page, &runs);
     control::substeps(page, &runs)?;
     grids::structure(page, &runs)?;
     grids::points(page, &runs)?;
     long_range(page, &runs)?;
     nets(page, &runs)?;
     control::sensitivity(page, &runs)?;
-    control::worst_case(page, &runs)?;
+    control::worst_case(page, &runs);
     grids::horizon(page, &runs)?;
     control::deviations(page, &runs)?;
-    if !provenance(page, &runs)? {
+    if !provenance(page, &runs) {
         return Err(BenchError::NoPaperRuns { dir: dir.to_owned() });
     }
     Ok(())
@@ -106,7 +106,7 @@ fn long_range(page: &mut Page, runs: &Runs) -> Result<(), BenchError> {
          the PINC net is trained once, for T = 0.5 s and any of them, and chained. In the paper too the PINN for T = 10 s comes \
          slightly below PINC, all others above.",
     );
-    for run in runs.of_experiment("van-der-pol-long-range")? {
+    for run in runs.of_experiment("van-der-pol-long-range") {
         page.paragraph(&format!("Preset `{}`.", run.preset.name()));
         let rows: Vec<Vec<String>> = run
             .summary("free_run_rmse")?
@@ -114,8 +114,8 @@ fn long_range(page: &mut Page, runs: &Runs) -> Result<(), BenchError> {
             .map(|row| vec![cell(row, "case").to_owned(), short(number(row, "median"))])
             .collect();
         page.table(&["net", "RMSE over 10 s"], &rows);
-        page.picture(&run, "free-runs", "PINNs and PINC over 10 s against the truth");
-        page.picture(&run, "free-run-rmse", "RMSE over 10 s");
+        page.picture(run, "free-runs", "PINNs and PINC over 10 s against the truth");
+        page.picture(run, "free-run-rmse", "RMSE over 10 s");
     }
     Ok(())
 }
@@ -132,7 +132,7 @@ fn nets(page: &mut Page, runs: &Runs) -> Result<(), BenchError> {
         line(["four tanks", "the authors' program", "32.5 h", "3.6e-2", "", ""]),
     ];
     for (experiment, name) in PLANTS {
-        for Run { preset, metrics, .. } in runs.of_experiment(experiment)? {
+        for Run { preset, metrics, .. } in runs.of_experiment(experiment) {
             let (Some(training), Some(validation)) = (&metrics.training, &metrics.validation)
             else {
                 continue;
@@ -147,8 +147,8 @@ fn nets(page: &mut Page, runs: &Runs) -> Result<(), BenchError> {
                 short(free),
             ]);
         }
-        for run in runs.of_experiment(&format!("{experiment}-deviations"))? {
-            rows.extend(seeds(name, &run)?);
+        for run in runs.of_experiment(&format!("{experiment}-deviations")) {
+            rows.extend(seeds(name, run)?);
         }
     }
     page.table(
@@ -163,9 +163,9 @@ fn nets(page: &mut Page, runs: &Runs) -> Result<(), BenchError> {
         &rows,
     );
     for (experiment, name) in PLANTS {
-        for run in runs.of_experiment(experiment)? {
-            page.picture(&run, "training", &format!("{name}: the training"));
-            page.picture(&run, "prediction", &format!("{name}: free run"));
+        for run in runs.of_experiment(experiment) {
+            page.picture(run, "training", &format!("{name}: the training"));
+            page.picture(run, "prediction", &format!("{name}: free run"));
         }
     }
     Ok(())
@@ -185,11 +185,11 @@ fn seeds(plant: &str, run: &Run) -> Result<Option<Vec<String>>, BenchError> {
 }
 
 /// What the runs were made with. Says whether there are any.
-fn provenance(page: &mut Page, runs: &Runs) -> Result<bool, BenchError> {
+fn provenance(page: &mut Page, runs: &Runs) -> bool {
     let mut machines = BTreeSet::new();
     let mut rows = Vec::new();
     for experiment in EXPERIMENTS {
-        for Run { preset, provenance, .. } in runs.of_experiment(experiment)? {
+        for Run { preset, provenance, .. } in runs.of_experiment(experiment) {
             for sitting in provenance.sittings() {
                 let Sitting { cpu, cores, os, rustc, .. } = sitting;
                 machines.insert(format!("{cpu}, {cores} cores, {os}, {rustc}"));
@@ -207,7 +207,7 @@ fn provenance(page: &mut Page, runs: &Runs) -> Result<bool, BenchError> {
         page.paragraph(&machine);
     }
     page.table(&["experiment", "preset", "commit", "started or gone on with"], &rows);
-    Ok(!rows.is_empty())
+    !rows.is_empty()
 }
 
 fn line<const N: usize>(cells: [&str; N]) -> Vec<String> {

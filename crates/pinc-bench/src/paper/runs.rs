@@ -6,10 +6,8 @@ use std::collections::HashMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// The directory of a list of runs, `<experiment>/<preset>/` for each.
-pub(super) struct Runs {
-    dir: PathBuf,
-}
+/// The runs in the directory of a list, `<experiment>/<preset>/` for each.
+pub(super) struct Runs(Vec<Run>);
 
 /// One run.
 pub(super) struct Run {
@@ -24,23 +22,26 @@ pub(super) struct Run {
 pub(super) type Row = HashMap<String, String>;
 
 impl Runs {
-    pub(super) fn of(dir: &Path) -> Self {
-        Self { dir: dir.to_owned() }
-    }
-
-    /// The runs of an experiment, of those presets that there are.
-    pub(super) fn of_experiment(&self, experiment: &str) -> Result<Vec<Run>, BenchError> {
+    /// The runs of these experiments, of those presets that there are.
+    pub(super) fn read(dir: &Path, experiments: &[&str]) -> Result<Self, BenchError> {
         let mut found = Vec::new();
-        for preset in Preset::ALL {
-            let dir = self.dir.join(experiment).join(preset.name());
-            if dir.join(file::METRICS).exists() {
-                let metrics = json(&dir.join(file::METRICS))?;
-                let provenance = json(&dir.join(file::PROVENANCE))?;
-                let experiment = experiment.to_owned();
-                found.push(Run { experiment, preset, metrics, provenance, dir });
+        for experiment in experiments {
+            for preset in Preset::ALL {
+                let dir = dir.join(experiment).join(preset.name());
+                if dir.join(file::METRICS).exists() {
+                    let metrics = json(&dir.join(file::METRICS))?;
+                    let provenance = json(&dir.join(file::PROVENANCE))?;
+                    let experiment = (*experiment).to_owned();
+                    found.push(Run { experiment, preset, metrics, provenance, dir });
+                }
             }
         }
-        Ok(found)
+        Ok(Self(found))
+    }
+
+    /// The runs of an experiment.
+    pub(super) fn of_experiment(&self, experiment: &str) -> impl Iterator<Item = &Run> {
+        self.0.iter().filter(move |run| run.experiment == experiment)
     }
 }
 
