@@ -19,17 +19,18 @@ use optimality::judge;
 use pinc_mpc::SqpStatus;
 use pinc_net::optim::{OptimizerConfig, SelfScaledBroydenConfig};
 use pinc_net::{
-    Ansatz, Domain, InitialScale, Keep, NetConfig, Phase, PincPredictor, Progress, ResidualScale,
-    Sampler, Source, Trainer, TrainingConfig, ValidationConfig, ValidationSet,
+    Ansatz, Domain, InitialScale, SelectNet, NetConfig, Phase, PincPredictor, Progress, ResidualScale,
+    Sampler, TrainingTarget, Trainer, TrainingConfig, ValidationConfig, ValidationSet,
 };
-use pinc_ode::{FourTanks, Plant, VanDerPol};
+use pinc_ode::Plant;
+use pinc_plants::{FourTanks, VanDerPol};
 use problems::{four_tanks, four_tanks_loop, van_der_pol, van_der_pol_loop};
 use survey::{Draw, share, survey};
 
 /// A net trained for some tenths of a second.
-fn train<P: Plant>(plant: P, horizon_s: f64, domain: &Domain, iterations: u64) -> PincPredictor {
+fn train<P: Plant>(plant: P, sample_time_s: f64, domain: &Domain, iterations: u64) -> PincPredictor {
     let net = NetConfig {
-        horizon_s,
+        sample_time_s,
         hidden_layers: 2,
         neurons: 12,
         ansatz: Ansatz::HardLinear,
@@ -40,7 +41,7 @@ fn train<P: Plant>(plant: P, horizon_s: f64, domain: &Domain, iterations: u64) -
         gradient_tolerance: 1e-14,
     });
     let training = TrainingConfig {
-        source: Source::Physics,
+        source: TrainingTarget::Physics,
         sampler: Sampler::Sobol,
         collocation_points: 512,
         initial_points: 1,
@@ -50,18 +51,18 @@ fn train<P: Plant>(plant: P, horizon_s: f64, domain: &Domain, iterations: u64) -
         phases: vec![Phase { optimizer, iterations, restore_best: false }],
         growth: None,
         validation_every: iterations,
-        keep: Keep::Best,
+        keep: SelectNet::Best,
         target_one_step_rms: None,
     };
     let scenarios = ValidationConfig {
         scenarios: 1,
-        duration_s: 4.0 * horizon_s,
+        duration_s: 4.0 * sample_time_s,
         subintervals: 1,
         domain: domain.clone(),
         tolerance: 1e-8,
         one_step_points: 10,
     };
-    let validation = ValidationSet::generate(&plant, horizon_s, &scenarios, 1).unwrap();
+    let validation = ValidationSet::generate(&plant, sample_time_s, &scenarios, 1).unwrap();
     let mut trainer = Trainer::new(&plant, &net, domain, &training, validation, 0, 1).unwrap();
     while let Progress::Iterated(_) = trainer.step().unwrap() {}
     PincPredictor::new(&trainer.net())

@@ -1,7 +1,8 @@
 //! One suite for every model that a controller may be given: what [`Predictor`] promises.
 
 use pinc_net::{Ansatz, Domain, NetConfig, PincNet, PincPredictor};
-use pinc_ode::{Dims, FourTanks, OneTank, Plant, Predictor, Rk4, Rk5, Rosenbrock, VanDerPol};
+use pinc_ode::{Dims, Plant, Predictor, Rk4, Rk5, Rodas4};
+use pinc_plants::{FourTanks, OneTank, VanDerPol};
 use proptest::prelude::*;
 use proptest::test_runner::{FileFailurePersistence, TestCaseError, TestRunner};
 use std::alloc::{GlobalAlloc, Layout, System};
@@ -31,14 +32,14 @@ const MODELS: [Model; 13] = [
     ),
     model("RK4, minimum", || rk4(FourTanks::johansson_minimum(), 10.0), [2.0, 20.0], [0.0, 5.0]),
     model(
-        "Rosenbrock, Van der Pol",
-        || Box::new(Rosenbrock::new(VanDerPol::default(), 0.5, 4)),
+        "Rodas4, Van der Pol",
+        || Box::new(Rodas4::new(VanDerPol::default(), 0.5, 4)),
         [-3.0, 3.0],
         [-1.0, 1.0],
     ),
     model(
-        "Rosenbrock, four tanks",
-        || Box::new(Rosenbrock::new(FourTanks::antonelo(), 10.0, 4)),
+        "Rodas4, four tanks",
+        || Box::new(Rodas4::new(FourTanks::antonelo(), 10.0, 4)),
         [2.0, 20.0],
         [0.0, 5.0],
     ),
@@ -77,12 +78,12 @@ const fn model(
     Model { name, build, state, input }
 }
 
-fn rk4<P: Plant>(plant: P, horizon_s: f64) -> Box<dyn Predictor> {
-    Box::new(Rk4::new(plant, horizon_s, 4))
+fn rk4<P: Plant>(plant: P, sample_time_s: f64) -> Box<dyn Predictor> {
+    Box::new(Rk4::new(plant, sample_time_s, 4))
 }
 
-fn rk5<P: Plant>(plant: P, horizon_s: f64) -> Box<dyn Predictor> {
-    Box::new(Rk5::new(plant, horizon_s, 2))
+fn rk5<P: Plant>(plant: P, sample_time_s: f64) -> Box<dyn Predictor> {
+    Box::new(Rk5::new(plant, sample_time_s, 2))
 }
 
 /// A net with its starting weights: what it predicts is of no matter here.
@@ -95,7 +96,7 @@ fn net<P: Plant>(plant: P, ansatz: Ansatz) -> Box<dyn Predictor> {
         input_high: vec![1.0; dims.inputs],
     };
     let config =
-        NetConfig { horizon_s: 0.5, hidden_layers: 3, neurons: 9, ansatz, time_only: None };
+        NetConfig { sample_time_s: 0.5, hidden_layers: 3, neurons: 9, ansatz, time_only: None };
     let net = PincNet::new(&plant, &config, &domain, 7).expect("a net");
     Box::new(PincPredictor::new(&net))
 }
@@ -181,7 +182,7 @@ fn dimensions_and_horizon_make_sense() {
         let predictor = model.build();
         let dims = predictor.dims();
         assert!(dims.states > 0 && dims.inputs > 0, "{}", model.name);
-        let horizon = predictor.horizon_s();
+        let horizon = predictor.sample_time_s();
         assert!(horizon > 0.0 && horizon.is_finite(), "{}", model.name);
     }
 }

@@ -4,7 +4,8 @@
 use pinc_mpc::{
     Bounds, ClosedLoop, Nmpc, NmpcProblem, Profile, Reference, SqpConfig, SqpStatus, Weights,
 };
-use pinc_ode::{Adaptive, FourTanks, Plant, Rk4, Signal, VanDerPol};
+use pinc_ode::{Dopri5, Plant, Rk4, PiecewiseConstant};
+use pinc_plants::{FourTanks, VanDerPol};
 
 /// The paper's model: RK4 with 4 substeps.
 const SUBSTEPS: usize = 4;
@@ -22,14 +23,14 @@ struct Answer {
 
 fn run<P: Plant>(
     plant: P,
-    horizon_s: f64,
+    sample_time_s: f64,
     problem: NmpcProblem,
     reference: Reference,
     start: &[f64],
 ) -> Answer {
-    let model = Rk4::new(plant.clone(), horizon_s, SUBSTEPS);
+    let model = Rk4::new(plant.clone(), sample_time_s, SUBSTEPS);
     let mut nmpc = Nmpc::new(problem, Box::new(model), SqpConfig::default()).unwrap();
-    let truth = Adaptive::new(plant, TRUTH);
+    let truth = Dopri5::new(plant, TRUTH);
     let steps = reference.steps();
     let mut run = ClosedLoop::new(&mut nmpc, truth, reference, start).unwrap();
     run.run().unwrap();
@@ -49,11 +50,11 @@ fn run<P: Plant>(
     }
 }
 
-fn staircase(values: [[f64; 2]; 4], each_s: f64, steps: usize, horizon_s: f64) -> Reference {
+fn staircase(values: [[f64; 2]; 4], each_s: f64, steps: usize, sample_time_s: f64) -> Reference {
     let starts = (0..4).map(|i| f64::from(i) * each_s).collect();
     let values = values.iter().map(|value| value.to_vec()).collect();
-    let signal = Signal::new(starts, values).unwrap();
-    Reference::sample(&signal, steps, horizon_s).unwrap()
+    let signal = PiecewiseConstant::new(starts, values).unwrap();
+    Reference::sample(&signal, steps, sample_time_s).unwrap()
 }
 
 /// 60 s of the oscillator with Q = q I and R = r.
@@ -74,7 +75,7 @@ fn four_tanks(profile: Profile) -> Answer {
     let plant = FourTanks::antonelo();
     let weights = Weights { profile, ..Weights::uniform(vec![10.0; 2], vec![1.0; 2]) };
     let problem = NmpcProblem {
-        controlled: vec![0, 1],
+        tracked: vec![0, 1],
         state_bounds: Bounds { low: vec![2.0, 2.0, 0.6, 0.6], high: vec![20.0, 20.0, 5.5, 5.5] },
         input_bounds: Bounds { low: vec![0.0; 2], high: vec![5.0; 2] },
         ..NmpcProblem::new(plant.dims(), 5, weights)

@@ -4,7 +4,8 @@
 
 use libfuzzer_sys::fuzz_target;
 use pinc_ad::Dual;
-use pinc_ode::{Equations, Plant, Variable};
+use pinc_expr::Equations;
+use pinc_ode::{Plant, Variable};
 
 fn equations(text: &str) -> Equations {
     let mut lines = text.lines();

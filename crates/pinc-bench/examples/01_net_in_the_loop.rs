@@ -8,11 +8,11 @@ use pinc_ad::Scalar;
 use pinc_mpc::{Bounds, ClosedLoop, Nmpc, NmpcProblem, Reference, SqpConfig, SqpStatus, Weights};
 use pinc_net::optim::{OptimizerConfig, SelfScaledBroydenConfig};
 use pinc_net::{
-    Ansatz, Domain, InitialScale, Keep, NetConfig, NetError, Phase, PincNet, PincPredictor,
-    Progress, ResidualScale, Sampler, Source, Trainer, TrainingConfig, ValidationConfig,
+    Ansatz, Domain, InitialScale, SelectNet, NetConfig, NetError, Phase, PincNet, PincPredictor,
+    Progress, ResidualScale, Sampler, TrainingTarget, Trainer, TrainingConfig, ValidationConfig,
     ValidationSet,
 };
-use pinc_ode::{Adaptive, Plant, Predictor, Rk4, Variable};
+use pinc_ode::{Dopri5, Plant, Predictor, Rk4, Variable};
 use std::error::Error;
 
 /// A cart with quadratic drag, pushed by a force: v' = u - v^2.
@@ -45,7 +45,7 @@ fn trained() -> Result<PincNet, NetError> {
         input_high: vec![2.0],
     };
     let net = NetConfig {
-        horizon_s: 0.5,
+        sample_time_s: 0.5,
         hidden_layers: 2,
         neurons: 10,
         ansatz: Ansatz::HardLinear,
@@ -56,7 +56,7 @@ fn trained() -> Result<PincNet, NetError> {
         gradient_tolerance: 1e-14,
     });
     let training = TrainingConfig {
-        source: Source::Physics,
+        source: TrainingTarget::Physics,
         sampler: Sampler::Sobol,
         collocation_points: 256,
         initial_points: 1,
@@ -66,7 +66,7 @@ fn trained() -> Result<PincNet, NetError> {
         phases: vec![Phase { optimizer, iterations: 600, restore_best: false }],
         growth: None,
         validation_every: 200,
-        keep: Keep::Best,
+        keep: SelectNet::Best,
         target_one_step_rms: None,
     };
     let scenarios = ValidationConfig {
@@ -77,7 +77,7 @@ fn trained() -> Result<PincNet, NetError> {
         tolerance: 1e-10,
         one_step_points: 100,
     };
-    let validation = ValidationSet::generate(&Cart, net.horizon_s, &scenarios, 1)?;
+    let validation = ValidationSet::generate(&Cart, net.sample_time_s, &scenarios, 1)?;
     let mut trainer = Trainer::new(&Cart, &net, &domain, &training, validation, 0, 1)?;
     while let Progress::Iterated(_) = trainer.step()? {
         if trainer.validation_due() {
@@ -95,7 +95,7 @@ fn iae(model: Box<dyn Predictor>) -> Result<f64, Box<dyn Error>> {
     };
     let mut nmpc = Nmpc::new(problem, model, SqpConfig::default())?;
     let reference = Reference::new([[1.0; 20], [0.5; 20]].concat(), 1)?;
-    let mut run = ClosedLoop::new(&mut nmpc, Adaptive::new(Cart, 1e-10), reference, &[0.0])?;
+    let mut run = ClosedLoop::new(&mut nmpc, Dopri5::new(Cart, 1e-10), reference, &[0.0])?;
     run.run()?;
     assert!(run.steps().iter().all(|step| step.status == SqpStatus::Converged));
     Ok(run.tracking_at_steps().iae_mean())

@@ -2,7 +2,7 @@
 
 use crate::spec::RunList;
 use crate::{
-    BenchError, BenchOptions, Experiment, ModelKind, Options, OutsidePolicy, Plants, Record, Shard,
+    BenchError, BenchOptions, Experiment, ModelKind, Options, OutsidePolicy, Plants, RunDir, Shard,
     Verbosity, console, summary,
 };
 use clap::{Args, Parser, Subcommand};
@@ -158,7 +158,7 @@ enum Only {
     /// The Runge-Kutta method of order 5.
     Rk5,
     /// The Rosenbrock method.
-    Rosenbrock,
+    Rodas4,
 }
 
 /// The whole program `pinc`, with `plants` besides the built-in ones.
@@ -201,7 +201,7 @@ fn execute(cli: &Cli) -> Result<ExitCode, BenchError> {
                 Only::Pinc => ModelKind::Pinc,
                 Only::Rk4 => ModelKind::Rk4,
                 Only::Rk5 => ModelKind::Rk5,
-                Only::Rosenbrock => ModelKind::Rosenbrock,
+                Only::Rodas4 => ModelKind::Rodas4,
             });
             run.one(config, quiet, |experiment, dir, options| {
                 crate::control(experiment, dir, options, model.as_deref(), only)
@@ -299,7 +299,7 @@ impl RunArgs {
         &self,
         config: &Path,
         quiet: bool,
-        work: impl Fn(&Experiment, &Path, &Options<'_>) -> Result<Record, BenchError>,
+        work: impl Fn(&Experiment, &Path, &Options<'_>) -> Result<RunDir, BenchError>,
     ) -> Result<(), BenchError> {
         let experiment = Experiment::load(config, &self.set.set)?;
         let dir = self.directory(&experiment.name, false);
@@ -333,7 +333,7 @@ impl RunArgs {
         experiment: &Experiment,
         dir: &Path,
         quiet: bool,
-        work: &impl Fn(&Experiment, &Path, &Options<'_>) -> Result<Record, BenchError>,
+        work: &impl Fn(&Experiment, &Path, &Options<'_>) -> Result<RunDir, BenchError>,
     ) -> Result<(), BenchError> {
         let arguments = arguments();
         let options = options(self.resume, quiet, &arguments);

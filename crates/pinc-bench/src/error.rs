@@ -97,7 +97,7 @@ pub enum BenchError {
     },
     /// A data file that nothing can be learnt from.
     #[error(
-        "{}: nothing to compare a net with: expected a row with all states, and within T = {horizon_s} s of it, \
+        "{}: nothing to compare a net with: expected a row with all states, and within T = {sample_time_s} s of it, \
          under the same input, one with a state",
         path.display()
     )]
@@ -105,7 +105,7 @@ pub enum BenchError {
         /// The file.
         path: PathBuf,
         /// Length T of a step, in s.
-        horizon_s: f64,
+        sample_time_s: f64,
     },
     /// A file or folder that cannot be written.
     #[error("{}: cannot be written: {source}", path.display())]
@@ -253,23 +253,23 @@ pub enum CsvProblem {
         previous: f64,
     },
     /// A time that is not within a step.
-    #[error("column `t`: {t} s given, expected from 0 to T = {horizon_s} s")]
+    #[error("column `t`: {t} s given, expected from 0 to T = {sample_time_s} s")]
     OutsideStep {
         /// The time.
         t: f64,
         /// Length T of a step, in s.
-        horizon_s: f64,
+        sample_time_s: f64,
     },
     /// A time at which a distilled net knows nothing.
     #[error(
-        "column `t`: {t} s lies between steps of {horizon_s} s, of which a net distilled from an \
+        "column `t`: {t} s lies between steps of {sample_time_s} s, of which a net distilled from an \
          integrator knows nothing; expected times on step marks"
     )]
     BetweenSteps {
         /// The time.
         t: f64,
         /// Length of a step, in s.
-        horizon_s: f64,
+        sample_time_s: f64,
     },
     /// A gap that would take too many steps to cross.
     #[error("column `t`: {t} s is more than a million steps of T after the scenario's row before")]
@@ -300,7 +300,7 @@ pub enum CheckpointProblem {
     Training(NetError),
     /// The training record beside it is missing or broken.
     #[error("training.csv beside it is missing, damaged or too short")]
-    Record,
+    RunDir,
 }
 
 impl BenchError {

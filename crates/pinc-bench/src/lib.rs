@@ -5,7 +5,7 @@
 //! - [`sweep()`], [`merge`]: an experiment many times over.
 //! - [`bench()`]: measurements of the machine.
 //! - [`program`]: the command line; with [`Plants`] of your own, a `pinc` that knows them.
-//! - [`Record`]: the results of a run, in its directory; [`Provenance`]: where they come from.
+//! - [`RunDir`]: the results of a run, in its directory; [`Provenance`]: where they come from.
 //!
 //! ```
 //! use pinc_bench::Experiment;
@@ -51,7 +51,7 @@ mod runs;
 pub mod spec;
 mod summary;
 mod sweep;
-mod system;
+mod dyn_plant;
 
 pub use bench::{
     BenchOptions, BenchReport, FmaPeak, LossGradient, Machine, ModelStep, NmpcTimes, QpTime, bench,
@@ -63,9 +63,9 @@ pub use paper::{results, write_results};
 pub use plants::Plants;
 pub use presets::Preset;
 pub use progress::Verbosity;
-pub use provenance::{Provenance, Sitting};
+pub use provenance::{Provenance, Invocation};
 pub use record::{
-    ControlMetrics, Excess, Metrics, OneStepMetrics, OutsideDomain, PredictionMetrics, Record,
+    ControlMetrics, Excess, Metrics, OneStepMetrics, OutsideDomain, PredictionMetrics, RunDir,
     StepTimes, SweepMetrics, TrainingMetrics, ValidationMetrics, WallTimes,
 };
 pub use runs::{

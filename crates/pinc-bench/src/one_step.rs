@@ -3,7 +3,7 @@
 use crate::BenchError;
 use crate::clock::{for_seconds, median, time, to_f64};
 use crate::record::number_or_null;
-use crate::system::System;
+use crate::dyn_plant::DynPlant;
 use pinc_net::{Domain, Points, Sampler};
 use pinc_ode::metrics::mean_squared_error;
 use pinc_ode::{Dims, Predictor};
@@ -63,21 +63,21 @@ impl Linearized {
 }
 
 impl Steps {
-    /// `count` steps of `plant` over `horizon_s` from all over `domain`, integrated with this local tolerance.
+    /// `count` steps of `plant` over `sample_time_s` from all over `domain`, integrated with this local tolerance.
     pub(crate) fn new(
-        plant: &dyn System,
+        plant: &dyn DynPlant,
         domain: &Domain,
-        horizon_s: f64,
+        sample_time_s: f64,
         count: usize,
         tolerance: f64,
     ) -> Result<Self, BenchError> {
         // Sobol points are the same for each seed up to a scrambling.
-        let points = Sampler::Sobol.collocation(count, horizon_s, domain, 1, 0);
+        let points = Sampler::Sobol.collocation(count, sample_time_s, domain, 1, 0);
         let mut integrator = plant.truth(tolerance);
         let mut next = Vec::new();
         for i in 0..count {
             let mut x = points.state(i).to_vec();
-            integrator.integrate(&mut x, points.input(i), horizon_s)?;
+            integrator.integrate(&mut x, points.input(i), sample_time_s)?;
             next.extend(x);
         }
         let widths = domain.ends().map(|(low, high)| high - low).collect();
@@ -91,8 +91,8 @@ impl Steps {
     }
 
     /// The true Jacobians of the first points, by a method of order 5 with many substeps.
-    pub(crate) fn true_jacobians(&self, plant: &dyn System, horizon_s: f64) -> Linearized {
-        self.linearized(&mut *plant.rk5(horizon_s, FINE))
+    pub(crate) fn true_jacobians(&self, plant: &dyn DynPlant, sample_time_s: f64) -> Linearized {
+        self.linearized(&mut *plant.rk5(sample_time_s, FINE))
     }
 
     /// A model's Jacobians at the same points.

@@ -1,6 +1,6 @@
 //! Plants that a program adds to the built-in ones.
 
-use crate::system::System;
+use crate::dyn_plant::DynPlant;
 use pinc_ode::Plant;
 use serde::de::DeserializeOwned;
 use std::collections::BTreeMap;
@@ -12,7 +12,7 @@ use toml::{Table, Value};
 static INSTALLED: OnceLock<Plants> = OnceLock::new();
 
 /// A plant of the type registered, from its parameters.
-type Make = fn(Table) -> Result<Box<dyn System>, toml::de::Error>;
+type Make = fn(Table) -> Result<Box<dyn DynPlant>, toml::de::Error>;
 
 /// Plants written in Rust, outside this crate, by the names they have in configs.
 ///
@@ -89,7 +89,7 @@ pub(crate) enum OwnPlantProblem {
 }
 
 /// The program's own plant `name`.
-pub(crate) fn own(name: &str, parameters: &Table) -> Result<Box<dyn System>, OwnPlantProblem> {
+pub(crate) fn own(name: &str, parameters: &Table) -> Result<Box<dyn DynPlant>, OwnPlantProblem> {
     let makers = INSTALLED.get().map(|plants| &plants.makers);
     let Some(make) = makers.and_then(|makers| makers.get(name)) else {
         let known = makers.into_iter().flat_map(|makers| makers.keys().copied());

@@ -13,19 +13,19 @@ use std::time::{SystemTime, UNIX_EPOCH};
 pub struct Provenance {
     /// When and with what the run began.
     #[serde(flatten)]
-    pub begun: Sitting,
+    pub begun: Invocation,
     /// The experiment's seed.
     pub seed: u64,
     /// SHA-256 of the resolved config.
     pub config_sha256: String,
     /// When and with what it was gone on with.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub resumed: Vec<Sitting>,
+    pub resumed: Vec<Invocation>,
 }
 
 /// One call of the program that worked on a run.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Sitting {
+pub struct Invocation {
     /// When it began, in UTC, RFC 3339.
     pub started: String,
     /// The command line.
@@ -56,7 +56,7 @@ impl Provenance {
     #[must_use]
     pub fn now(experiment: &Experiment, arguments: &[String]) -> Self {
         Self {
-            begun: Sitting::now(arguments),
+            begun: Invocation::now(arguments),
             seed: experiment.seed,
             config_sha256: experiment.fingerprint(),
             resumed: Vec::new(),
@@ -64,18 +64,18 @@ impl Provenance {
     }
 
     /// This one of a run that is gone on with.
-    pub(crate) fn gone_on_with(mut self, later: &Self) -> Self {
+    pub(crate) fn resumed_by(mut self, later: &Self) -> Self {
         self.resumed.push(later.begun.clone());
         self
     }
 
     /// All that worked on the run, in their order.
-    pub fn sittings(&self) -> impl Iterator<Item = &Sitting> {
+    pub fn sittings(&self) -> impl Iterator<Item = &Invocation> {
         std::iter::once(&self.begun).chain(&self.resumed)
     }
 }
 
-impl Sitting {
+impl Invocation {
     /// The one that begins now, by the command line `arguments` (without the program's name).
     pub(crate) fn now(arguments: &[String]) -> Self {
         let command = std::iter::once("pinc".to_owned());

@@ -2,15 +2,13 @@
 
 use crate::plants::own;
 use crate::spec::{FourTanksParameters, FourTanksSpec, PlantSpec};
-use crate::system::System;
-use pinc_ode::{
-    AcetoneColumn, AcetoneStill, FourTanks, HydraulicServo, OneTank, SingleTrackCar, TwoLinkArm,
-    VanDerPol, Variable,
-};
+use crate::dyn_plant::DynPlant;
+use pinc_ode::Variable;
+use pinc_plants::{AcetoneColumn, AcetoneStill, FourTanks, HydraulicServo, OneTank, SingleTrackCar, TwoLinkArm, VanDerPol};
 
 impl PlantSpec {
     /// The plant described.
-    pub(crate) fn system(&self) -> Box<dyn System> {
+    pub(crate) fn system(&self) -> Box<dyn DynPlant> {
         match self {
             Self::VanDerPol(spec) => Box::new(VanDerPol { mu: spec.mu }),
             Self::FourTanks(spec) => Box::new(four_tanks(spec)),

@@ -1,13 +1,13 @@
 //! The short table at the end of a run.
 
-use crate::record::{Metrics, Record, file};
+use crate::record::{Metrics, RunDir, file};
 use crate::spec::ModelKind;
-use pinc_net::Source;
+use pinc_net::TrainingTarget;
 use std::fmt::Write;
 
 /// The metrics of a run, and where its report is, for reading.
 #[must_use]
-pub fn summary(record: &Record) -> String {
+pub fn summary(record: &RunDir) -> String {
     let mut text = String::new();
     // Writing to a String does not fail.
     let _ = metrics(&mut text, record.metrics());
@@ -60,7 +60,7 @@ fn metrics(text: &mut String, metrics: &Metrics) -> std::fmt::Result {
         text,
         "closed loop   RMSE dense   IAE dense      RMSE       IAE   loop ms   step us   KKT max   status"
     )?;
-    let distilled = metrics.training.as_ref().is_some_and(|t| t.source == Source::Integrator);
+    let distilled = metrics.training.as_ref().is_some_and(|t| t.source == TrainingTarget::Integrator);
     for run in &metrics.control {
         let status: Vec<_> = run.status.iter().map(|(name, n)| format!("{n} {name}")).collect();
         writeln!(

@@ -134,7 +134,7 @@ fn sections_that_are_not_mentioned_are_absent() {
     let experiment = parse(LAYERED, &[]);
     assert!(experiment.model.is_none() && experiment.training.is_none());
     assert!(experiment.validation.is_none() && experiment.prediction.is_none());
-    assert_eq!(experiment.horizon_s(), Some(10.0));
+    assert_eq!(experiment.sample_time_s(), Some(10.0));
 }
 
 #[test]

@@ -3,7 +3,7 @@
 mod common;
 
 use common::{Outcome, outcome, pinc, smoke};
-use pinc_bench::{Experiment, Options, Record, Verbosity};
+use pinc_bench::{Experiment, Options, RunDir, Verbosity};
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
 
@@ -36,7 +36,7 @@ fn parse(text: &str, sets: &[&str]) -> Experiment {
     Experiment::parse("experiment.toml".as_ref(), text, &sets).unwrap()
 }
 
-fn run(experiment: &Experiment, dir: &Path) -> Record {
+fn run(experiment: &Experiment, dir: &Path) -> RunDir {
     let options = Options {
         resume: false,
         verbosity: Verbosity::Quiet,

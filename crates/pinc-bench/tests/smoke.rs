@@ -3,11 +3,11 @@
 mod common;
 
 use common::repository;
-use pinc_bench::{Experiment, Metrics, ModelKind, Options, Record, Verbosity};
+use pinc_bench::{Experiment, Metrics, ModelKind, Options, RunDir, Verbosity};
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
 
-fn run(config: &str, sets: &[&str], dir: &Path) -> (Experiment, Record) {
+fn run(config: &str, sets: &[&str], dir: &Path) -> (Experiment, RunDir) {
     let sets: Vec<_> = sets.iter().map(|set| (*set).to_owned()).collect();
     let experiment = Experiment::load(&repository("configs/smoke").join(config), &sets).unwrap();
     let record = pinc_bench::run(&experiment, dir, &options(&AtomicBool::new(false))).unwrap();

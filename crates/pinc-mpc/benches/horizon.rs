@@ -3,7 +3,8 @@
 
 use divan::{Bencher, black_box};
 use pinc_mpc::{Bounds, Nmpc, NmpcProblem, QpMethod, SqpConfig, Weights};
-use pinc_ode::{Dims, FourTanks, Plant, Predictor, Rk4, VanDerPol};
+use pinc_ode::{Dims, Plant, Predictor, Rk4};
+use pinc_plants::{FourTanks, VanDerPol};
 use std::fmt;
 
 fn main() {
@@ -80,7 +81,7 @@ impl<P: Plant> Loop<P> {
         let dims @ Dims { inputs, .. } = model.dims();
         let weights = Weights::uniform(vec![10.0; 2], vec![1.0; inputs]);
         let problem = NmpcProblem {
-            controlled: vec![0, 1],
+            tracked: vec![0, 1],
             state_bounds,
             input_bounds,
             ..NmpcProblem::new(dims, horizon, weights)

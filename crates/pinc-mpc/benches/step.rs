@@ -3,7 +3,8 @@
 
 use divan::{Bencher, black_box};
 use pinc_mpc::{Bounds, Nmpc, NmpcProblem, SqpConfig, Weights};
-use pinc_ode::{FourTanks, Predictor, Rk4, VanDerPol};
+use pinc_ode::{Predictor, Rk4};
+use pinc_plants::{FourTanks, VanDerPol};
 
 fn main() {
     divan::main();
@@ -85,7 +86,7 @@ fn case(
     let dims = model.dims();
     let weights = Weights::uniform(vec![10.0; 2], vec![1.0; dims.inputs]);
     let problem = NmpcProblem {
-        controlled: vec![0, 1],
+        tracked: vec![0, 1],
         state_bounds,
         input_bounds,
         ..NmpcProblem::new(dims, 5, weights)

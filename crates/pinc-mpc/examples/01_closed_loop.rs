@@ -4,7 +4,8 @@
 #![expect(clippy::print_stdout, reason = "an example shows what it computes")]
 
 use pinc_mpc::{Bounds, ClosedLoop, Nmpc, NmpcProblem, Reference, SqpConfig, SqpStatus, Weights};
-use pinc_ode::{Adaptive, Predictor, Rk4, Signal, VanDerPol};
+use pinc_ode::{Dopri5, Predictor, Rk4, PiecewiseConstant};
+use pinc_plants::VanDerPol;
 use std::error::Error;
 
 pub(crate) fn main() -> Result<(), Box<dyn Error>> {
@@ -18,9 +19,9 @@ pub(crate) fn main() -> Result<(), Box<dyn Error>> {
     let mut nmpc = Nmpc::new(problem, Box::new(model), SqpConfig::default())?;
 
     // x1 is to be at 0, then at 0.5, known in advance; both are steady states with x2 = 0.
-    let wanted = Signal::new(vec![0.0, 10.0], vec![vec![0.0, 0.0], vec![0.5, 0.0]])?;
+    let wanted = PiecewiseConstant::new(vec![0.0, 10.0], vec![vec![0.0, 0.0], vec![0.5, 0.0]])?;
     let reference = Reference::sample(&wanted, 40, 0.5)?;
-    let mut run = ClosedLoop::new(&mut nmpc, Adaptive::new(plant, 1e-12), reference, &[1.0, 0.0])?;
+    let mut run = ClosedLoop::new(&mut nmpc, Dopri5::new(plant, 1e-12), reference, &[1.0, 0.0])?;
     while let Some(control) = run.control()? {
         let (input, record) = (control.u()[0], *control.record());
         control.advance()?;

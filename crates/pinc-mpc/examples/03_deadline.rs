@@ -5,7 +5,8 @@
 #![expect(clippy::print_stdout, reason = "an example shows what it computes")]
 
 use pinc_mpc::{Bounds, MpcError, Nmpc, NmpcProblem, SqpConfig, SqpStatus, Weights};
-use pinc_ode::{Predictor, Rk4, VanDerPol};
+use pinc_ode::{Predictor, Rk4};
+use pinc_plants::VanDerPol;
 
 pub(crate) fn main() -> Result<(), MpcError> {
     let model = Rk4::new(VanDerPol::default(), 0.5, 4);
@@ -22,7 +23,7 @@ pub(crate) fn main() -> Result<(), MpcError> {
     assert_eq!(step.status, SqpStatus::Converged);
     let planned = nmpc.plan().inputs()[1];
 
-    // A clock enters as a closure, asked before each QP: on a machine, `|| start.elapsed() > budget`. Here
+    // A clock enters as a closure, input before each QP: on a machine, `|| start.elapsed() > budget`. Here
     // the time is up at once, and the input is the next one of the last plan.
     let step = nmpc.step_within(&[0.9, -0.4], &reference, &mut || true)?;
     println!("{}: u {:.5}, planned before: {planned:.5}", step.status, step.u[0]);
@@ -30,10 +31,10 @@ pub(crate) fn main() -> Result<(), MpcError> {
     assert!((step.u[0] - planned).abs() < 1e-12);
 
     // The time for one QP: the plan may not be optimal yet, and its input is within the bounds.
-    let mut asked = 0;
+    let mut input = 0;
     let step = nmpc.step_within(&[0.2, 0.6], &reference, &mut || {
-        asked += 1;
-        asked > 1
+        input += 1;
+        input > 1
     })?;
     println!(
         "{}: u {:.5} after {} QP, followed: {}",

@@ -5,7 +5,8 @@
 #![expect(clippy::print_stdout, reason = "an example shows what it computes")]
 
 use pinc_mpc::{Bounds, MpcError, Nmpc, NmpcProblem, QpMethod, SqpConfig, SqpStatus, Weights};
-use pinc_ode::{FourTanks, Predictor, Rk4};
+use pinc_ode::{Predictor, Rk4};
+use pinc_plants::FourTanks;
 
 const STEPS: usize = 100;
 
@@ -13,7 +14,7 @@ const STEPS: usize = 100;
 fn plan(qp: QpMethod) -> Result<Nmpc, MpcError> {
     let model = Rk4::new(FourTanks::antonelo(), 10.0, 2);
     let problem = NmpcProblem {
-        controlled: vec![0, 1],
+        tracked: vec![0, 1],
         state_bounds: Bounds { low: vec![2.0, 2.0, 0.6, 0.6], high: vec![20.0, 20.0, 5.5, 5.5] },
         input_bounds: Bounds { low: vec![0.0; 2], high: vec![5.0; 2] },
         ..NmpcProblem::new(model.dims(), STEPS, Weights::uniform(vec![10.0; 2], vec![1.0; 2]))

@@ -85,7 +85,7 @@ impl Softness {
     }
 
     /// The most that a multiplier of constraint `i` may be.
-    pub(crate) fn cap(&self, i: usize) -> f64 {
+    pub(crate) fn penalty(&self, i: usize) -> f64 {
         match self {
             Self::Penalty(weights) => weights[i],
             Self::Hard | Self::Exact => f64::INFINITY,

@@ -3,7 +3,7 @@
 use crate::error::check_finite;
 use crate::{Constraint, MpcError, Nmpc, Reference, SqpStatus};
 use pinc_ode::metrics::Tracking;
-use pinc_ode::{Adaptive, Trajectory};
+use pinc_ode::{Dopri5, Trajectory};
 
 /// Points of the dense trace per control step, the last one at its end.
 const POINTS: usize = 9;
@@ -16,7 +16,8 @@ const POINTS: usize = 9;
 ///
 /// ```
 /// # use pinc_mpc::{Bounds, ClosedLoop, Nmpc, NmpcProblem, Reference, SqpConfig, Weights};
-/// # use pinc_ode::{Adaptive, Predictor, Rk4, VanDerPol};
+/// # use pinc_ode::{Dopri5, Predictor, Rk4};
+/// # use pinc_plants::VanDerPol;
 /// # let plant = VanDerPol::default();
 /// # let model = Rk4::new(plant, 0.5, 4);
 /// # let problem = NmpcProblem {
@@ -25,7 +26,7 @@ const POINTS: usize = 9;
 /// # };
 /// # let mut nmpc = Nmpc::new(problem, Box::new(model), SqpConfig::default())?;
 /// let reference = Reference::new([0.0, 0.0].repeat(20), 2)?;
-/// let truth = Adaptive::new(plant, 1e-12);
+/// let truth = Dopri5::new(plant, 1e-12);
 /// let mut run = ClosedLoop::new(&mut nmpc, truth, reference, &[1.0, 0.0])?;
 /// while let Some(control) = run.control()? {
 ///     control.advance()?;
@@ -37,7 +38,7 @@ const POINTS: usize = 9;
 #[derive(Debug)]
 pub struct ClosedLoop<'a> {
     nmpc: &'a mut Nmpc,
-    plant: Adaptive,
+    plant: Dopri5,
     reference: Reference,
     x: Vec<f64>,
     /// The input that the controller has chosen, and before it those under way: the first acts now.
@@ -68,7 +69,7 @@ pub struct StepRecord {
 }
 
 /// A step between its two parts: the input is chosen, the plant has not moved. If it is dropped, the
-/// plant stays, and the controller is asked again.
+/// plant stays, and the controller is input again.
 #[derive(Debug)]
 #[must_use = "the plant moves only by `advance`"]
 pub struct Control<'b, 'a> {
@@ -84,12 +85,12 @@ impl<'a> ClosedLoop<'a> {
     /// [`MpcError`] if plant, reference or state do not suit the controller.
     pub fn new(
         nmpc: &'a mut Nmpc,
-        plant: Adaptive,
+        plant: Dopri5,
         reference: Reference,
         x: &[f64],
     ) -> Result<Self, MpcError> {
         let (dims, given) = (nmpc.model().dims(), plant.dims());
-        let outputs = nmpc.problem().controlled.len();
+        let outputs = nmpc.problem().tracked.len();
         for (field, expected, found) in [
             ("the plant's states", dims.states, given.states),
             ("the plant's inputs", dims.inputs, given.inputs),
@@ -104,7 +105,7 @@ impl<'a> ClosedLoop<'a> {
         Ok(Self {
             x: x.to_vec(),
             inputs: vec![0.0; (nmpc.problem().delay + 1) * dims.inputs],
-            window: vec![0.0; nmpc.problem().last * outputs],
+            window: vec![0.0; nmpc.problem().horizon * outputs],
             steps: Vec::with_capacity(reference.steps()),
             done: 0,
             broken: false,
@@ -216,7 +217,7 @@ impl<'a> ClosedLoop<'a> {
     /// Appends the plant's state at time `t` to the trace, and gives its controlled part.
     fn sample(&mut self, t: f64, u: &[f64]) -> Vec<f64> {
         self.trajectory.push(t, &self.x, u);
-        let controlled = &self.nmpc.problem().controlled;
+        let controlled = &self.nmpc.problem().tracked;
         let y: Vec<f64> = controlled.iter().map(|&state| self.x[state]).collect();
         self.dense.push(self.reference.at(self.done), &y);
         y
@@ -263,17 +264,17 @@ impl Control<'_, '_> {
 
 impl ClosedLoop<'_> {
     fn move_plant(&mut self, u: &[f64]) -> Result<(), MpcError> {
-        let horizon_s = self.nmpc.model().horizon_s();
+        let sample_time_s = self.nmpc.model().sample_time_s();
         if self.trajectory.is_empty() {
             self.sample(0.0, u);
         }
         let done = self.done;
         #[expect(clippy::cast_precision_loss, reason = "no run has 2^53 steps")]
-        let time = |part: usize| (done as f64 + part as f64 / POINTS as f64) * horizon_s;
+        let time = |part: usize| (done as f64 + part as f64 / POINTS as f64) * sample_time_s;
         let times: [f64; POINTS] = std::array::from_fn(|part| time(part + 1));
         for (part, t) in times.into_iter().enumerate() {
             #[expect(clippy::cast_precision_loss, reason = "nine")]
-            let duration = horizon_s / POINTS as f64;
+            let duration = sample_time_s / POINTS as f64;
             let integrated = self.plant.integrate(&mut self.x, u, duration);
             if let Err(source) = integrated {
                 self.broken = true;

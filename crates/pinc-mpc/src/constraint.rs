@@ -1,7 +1,7 @@
 //! The names of constraints.
 
-use crate::qp::{Kind, Row};
-use crate::shape::Shape;
+use pinc_qp::{Kind, Row};
+use pinc_qp::OcpDims;
 use std::fmt;
 
 /// A constraint of the control problem, by name. Steps are counted from the measured state: `step` is j
@@ -62,7 +62,7 @@ pub enum Side {
 }
 
 impl Constraint {
-    pub(crate) fn new(shape: Shape, row: Row) -> Self {
+    pub(crate) fn new(shape: OcpDims, row: Row) -> Self {
         let side = if row.upper { Side::High } else { Side::Low };
         let all_states = shape.all_states();
         match row.kind {

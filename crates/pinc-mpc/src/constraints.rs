@@ -126,7 +126,7 @@ impl ConstraintWork {
     }
 }
 
-/// What of [`StageConstraints`] can be asked of any type.
+/// What of [`StageConstraints`] can be input of any type.
 trait Erased: Debug + Send + Sync {
     /// The numbers of rows of h and g.
     fn sizes(&self) -> (usize, usize);

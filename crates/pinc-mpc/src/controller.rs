@@ -4,9 +4,9 @@ use crate::constraint::Constraint;
 use crate::cost::Targets;
 use crate::error::check_finite;
 use crate::kkt::KktResidual;
-use crate::shape::Shape;
+use pinc_qp::OcpDims;
 use crate::solution::Solution;
-use crate::sqp::{Asked, Outcome, Sqp};
+use crate::sqp::{StepInput, Outcome, Sqp};
 use crate::{MpcError, NmpcProblem, SqpConfig, SqpStatus};
 use pinc_ode::Predictor;
 
@@ -34,7 +34,8 @@ use pinc_ode::Predictor;
 ///
 /// ```
 /// use pinc_mpc::{Bounds, Nmpc, NmpcProblem, SqpConfig, SqpStatus, Weights};
-/// use pinc_ode::{Predictor, Rk4, VanDerPol};
+/// use pinc_ode::{Predictor, Rk4};
+/// use pinc_plants::VanDerPol;
 ///
 /// let model = Rk4::new(VanDerPol::default(), 0.5, 4);
 /// let weights = Weights::uniform(vec![10.0, 10.0], vec![1.0]);
@@ -54,7 +55,7 @@ pub struct Nmpc {
     problem: NmpcProblem,
     model: Box<dyn Predictor>,
     config: SqpConfig,
-    shape: Shape,
+    shape: OcpDims,
     sqp: Sqp,
     plan: Solution,
     /// The last plan, moved on.
@@ -104,8 +105,8 @@ impl Nmpc {
     ) -> Result<Self, MpcError> {
         problem.validate(model.dims())?;
         config.validate()?;
-        let shape = Shape::new(&problem, model.dims());
-        let sqp = Sqp::new(&problem, config, shape, model.horizon_s());
+        let shape = problem.ocp_dims(model.dims());
+        let sqp = Sqp::new(&problem, config, shape, model.sample_time_s());
         let (plan, delay) = (Solution::new(shape), problem.delay);
         Ok(Self {
             problem,
@@ -172,7 +173,7 @@ impl Nmpc {
         self.step_within(x, reference, &mut || false)
     }
 
-    /// [`Nmpc::step`] within a time budget: `expired` says whether the time is up. It is asked before
+    /// [`Nmpc::step`] within a time budget: `expired` says whether the time is up. It is input before
     /// each QP; what is done when it is up takes one linearisation at most. The status is then
     /// [`SqpStatus::Deadline`].
     ///
@@ -186,24 +187,24 @@ impl Nmpc {
         expired: &mut dyn FnMut() -> bool,
     ) -> Result<StepReport<'_>, MpcError> {
         check_finite("x", x, self.shape.states)?;
-        let outputs = self.problem.controlled.len();
+        let outputs = self.problem.tracked.len();
         check_finite("reference", reference, self.shape.stages * outputs)?;
 
-        self.foresee(x);
+        self.predict_delay(x);
         if !self.config.real_time {
-            self.move_on();
+            self.shift_warm_start();
         } else if !self.prepared {
-            self.get_ready();
+            self.prepare_linearization();
         }
         let targets = Targets { reference, previous: &self.previous };
-        let asked = Asked { x0: &self.start, targets };
+        let input = StepInput { x0: &self.start, targets };
         let outcome = if self.config.real_time {
-            self.sqp.feed_back(asked, &mut self.plan)
+            self.sqp.feed_back(input, &mut self.plan)
         } else {
-            self.sqp.solve(self.model.as_mut(), asked, &mut self.plan, expired)
+            self.sqp.solve(self.model.as_mut(), input, &mut self.plan, expired)
         };
         let followed = self.accept(&outcome);
-        self.send();
+        self.push_delay_line();
         let Outcome { status, iterations, last, violated } = outcome;
         let u = self.plan.first_input();
         Ok(StepReport { u, status, sqp_iterations: iterations, kkt: last, violated, followed })
@@ -216,18 +217,18 @@ impl Nmpc {
         if self.config.real_time && self.warm && !self.prepared {
             // Where the plan leads, as long as nothing is measured.
             self.start.copy_from_slice(&self.plan.states()[..self.shape.states]);
-            self.get_ready();
+            self.prepare_linearization();
         }
     }
 
-    fn get_ready(&mut self) {
-        self.move_on();
+    fn prepare_linearization(&mut self) {
+        self.shift_warm_start();
         self.sqp.prepare(self.model.as_mut(), &self.start, &self.plan);
         self.prepared = true;
     }
 
     /// Predicts the state in which the input that is chosen now will act.
-    fn foresee(&mut self, x: &[f64]) {
+    fn predict_delay(&mut self, x: &[f64]) {
         self.start.copy_from_slice(x);
         for u in self.pending.chunks_exact(self.shape.inputs) {
             self.model.predict(&self.start, u, &mut self.next);
@@ -236,7 +237,7 @@ impl Nmpc {
     }
 
     /// Makes the last plan the first guess of the next.
-    fn move_on(&mut self) {
+    fn shift_warm_start(&mut self) {
         self.plan.shift();
         if !self.warm {
             self.plan.stay_at(&self.start);
@@ -261,7 +262,7 @@ impl Nmpc {
     }
 
     /// Puts the input chosen under way.
-    fn send(&mut self) {
+    fn push_delay_line(&mut self) {
         let u = self.plan.first_input();
         self.previous.copy_from_slice(u);
         if !self.pending.is_empty() {

@@ -1,12 +1,12 @@
 //! The cost J, which is quadratic in the unknowns.
 
-use crate::shape::Shape;
+use pinc_qp::OcpDims;
 use crate::{NmpcProblem, Weight};
 
 /// J's weights, laid out by stage and doubled, as its derivatives have them.
 #[derive(Clone, Debug)]
 pub(crate) struct Cost {
-    shape: Shape,
+    shape: OcpDims,
     controlled: Vec<usize>,
     /// 2 w_{j+1} Q, `[N, outputs, outputs]`; 0 before N1.
     q: Vec<f64>,
@@ -24,22 +24,22 @@ pub(crate) struct Targets<'a> {
 }
 
 impl Cost {
-    pub(crate) fn new(problem: &NmpcProblem, shape: Shape, horizon_s: f64) -> Self {
+    pub(crate) fn new(problem: &NmpcProblem, shape: OcpDims, sample_time_s: f64) -> Self {
         let weights = &problem.weights;
-        let stage_weight = |i| weights.profile.weight(i, shape.stages, horizon_s);
+        let stage_weight = |i| weights.profile.weight(i, shape.stages, sample_time_s);
         let mut q = Vec::new();
         for j in 0..shape.stages {
             match &weights.terminal {
                 Some(terminal) if j + 1 == shape.stages => append(&mut q, terminal, 2.0),
-                _ if j + 1 >= problem.first => append(&mut q, &weights.q, 2.0 * stage_weight(j)),
+                _ if j + 1 >= problem.n1 => append(&mut q, &weights.q, 2.0 * stage_weight(j)),
                 _ => append(&mut q, &weights.q, 0.0),
             }
         }
         let mut r = Vec::new();
-        for i in 0..shape.moves {
+        for i in 0..shape.n_controls {
             append(&mut r, &weights.r, 2.0 * stage_weight(i));
         }
-        Self { shape, controlled: problem.controlled.clone(), q, r }
+        Self { shape, controlled: problem.tracked.clone(), q, r }
     }
 
     /// 2 `w_j` Q in terms of all states, for `x_1..x_N`: `[N, n, n]`.
@@ -135,9 +135,9 @@ mod tests {
             profile: Profile::Cumulative,
         };
         NmpcProblem {
-            first: 2,
-            control: 2,
-            controlled: vec![2, 0],
+            n1: 2,
+            control_horizon: 2,
+            tracked: vec![2, 0],
             ..NmpcProblem::new(Dims { states: 3, inputs: 2 }, 3, weights)
         }
     }
@@ -164,7 +164,7 @@ mod tests {
     #[test]
     fn the_derivatives_are_those_of_the_definition() {
         let problem = problem();
-        let shape = Shape::new(&problem, Dims { states: 3, inputs: 2 });
+        let shape = problem.ocp_dims(Dims { states: 3, inputs: 2 });
         let cost = Cost::new(&problem, shape, 0.5);
         let targets =
             Targets { reference: &[0.3, -0.2, 0.1, 0.7, -0.4, 0.9], previous: &[0.6, -1.1] };

@@ -32,8 +32,8 @@ pub enum MpcError {
         found: usize,
     },
     /// A state that is controlled twice.
-    #[error("controlled names state {state} twice")]
-    ControlledTwice {
+    #[error("tracked names state {state} twice")]
+    TrackedTwice {
         /// Index of the state.
         state: usize,
     },

@@ -1,7 +1,8 @@
 //! How far a plan is from optimal.
 
-use crate::qp::{Limits, Qp};
-use crate::solution::{Multipliers, Solution};
+use pinc_qp::{Limits, Qp};
+use crate::solution::Solution;
+use pinc_qp::Multipliers;
 
 /// Above this mean multiplier the residuals that are proportional to the cost are scaled down.
 const LARGE_MULTIPLIER: f64 = 100.0;
@@ -62,15 +63,15 @@ struct Worst {
 impl Worst {
     /// Takes the rows of one kind into account; their values are 0, seen from the limits.
     fn see(&mut self, limits: &Limits, multipliers: &[f64]) {
-        for ([low, high, cap], &mu) in limits.iter().zip(multipliers) {
+        for ([low, high, penalty], &mu) in limits.iter().zip(multipliers) {
             let outside = low.max(-high).max(0.0);
             let room = if mu > 0.0 { high.max(0.0) } else { (-low).max(0.0) };
             // No 0 times infinity, where there is no limit.
             let product = if mu.abs() > 0.0 { mu.abs() * room } else { 0.0 };
             self.product = worse(self.product, product);
-            if cap.is_finite() {
-                self.product = worse(self.product, outside * (cap - mu.abs()).max(0.0));
-                self.stationarity = worse(self.stationarity, mu.abs() - cap);
+            if penalty.is_finite() {
+                self.product = worse(self.product, outside * (penalty - mu.abs()).max(0.0));
+                self.stationarity = worse(self.stationarity, mu.abs() - penalty);
             } else {
                 self.violation = worse(self.violation, outside);
             }

@@ -12,7 +12,8 @@
 //!
 //! ```
 //! use pinc_mpc::{Bounds, ClosedLoop, Nmpc, NmpcProblem, Reference, SqpConfig, SqpStatus, Weights};
-//! use pinc_ode::{Adaptive, Predictor, Rk4, VanDerPol};
+//! use pinc_ode::{Dopri5, Predictor, Rk4};
+//! use pinc_plants::VanDerPol;
 //!
 //! // Steps of 0.5 s, five of them ahead; the input within its bounds.
 //! let model = Rk4::new(VanDerPol::default(), 0.5, 4);
@@ -23,7 +24,7 @@
 //! let mut nmpc = Nmpc::new(problem, Box::new(model), SqpConfig::default())?;
 //!
 //! // From (1, 0) to rest, 20 steps long.
-//! let plant = Adaptive::new(VanDerPol::default(), 1e-10);
+//! let plant = Dopri5::new(VanDerPol::default(), 1e-10);
 //! let reference = Reference::new([0.0, 0.0].repeat(20), 2)?;
 //! let mut run = ClosedLoop::new(&mut nmpc, plant, reference, &[1.0, 0.0])?;
 //! run.run()?;
@@ -35,6 +36,7 @@
 //! A status is a value, for the plant needs an input however the optimisation ends; an
 //! [`MpcError`] means that the parts do not fit together.
 
+mod barzilai_borwein;
 mod bounds;
 mod closed_loop;
 mod config;
@@ -44,13 +46,10 @@ mod controller;
 mod cost;
 mod error;
 mod kkt;
-mod linearized;
+mod linearization_cache;
 mod merit;
-mod pace;
 mod problem;
-mod qp;
 mod reference;
-mod shape;
 mod solution;
 mod sqp;
 mod transcription;
@@ -65,7 +64,7 @@ pub use controller::{Nmpc, StepReport};
 pub use error::MpcError;
 pub use kkt::KktResidual;
 pub use problem::NmpcProblem;
-pub use qp::QpMethod;
+pub use pinc_qp::QpMethod;
 pub use reference::Reference;
 pub use solution::Solution;
 pub use weights::{Profile, Weight, Weights};

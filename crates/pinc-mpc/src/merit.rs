@@ -1,8 +1,8 @@
 //! The merit function by which steps are shortened.
 
-use crate::qp::{Limits, Qp, QpStep};
-use crate::shape::Shape;
-use crate::solution::Multipliers;
+use pinc_qp::{Limits, Qp, QpStep};
+use pinc_qp::OcpDims;
+use pinc_qp::Multipliers;
 
 /// The exact L1 merit function
 ///
@@ -10,7 +10,7 @@ use crate::solution::Multipliers;
 /// phi = J + sum_i sigma_i |c_i| + sum_i w_i violation_i
 /// ```
 ///
-/// in which `w_i` is a soft row's cap and a hard row's sigma. The weights sigma follow the
+/// in which `w_i` is a soft row's penalty and a hard row's sigma. The weights sigma follow the
 /// multipliers by Powell's rule, sigma <- max(|lambda|, (sigma + |lambda|)/2): never below them, so that the
 /// QP's step is a direction of descent, and not stuck at what they once were. Reference: Nocedal and Wright,
 /// *Numerical Optimization*, sections 15.4 and 18.3; Powell, "A fast algorithm for nonlinearly
@@ -21,7 +21,7 @@ pub(crate) struct Merit {
 }
 
 impl Merit {
-    pub(crate) fn new(shape: Shape) -> Self {
+    pub(crate) fn new(shape: OcpDims) -> Self {
         Self { weights: Multipliers::new(shape) }
     }
 
@@ -31,7 +31,7 @@ impl Merit {
     }
 
     /// Makes the weights fit the multipliers of a QP.
-    pub(crate) fn follow(&mut self, multipliers: &Multipliers) {
+    pub(crate) fn update_penalties(&mut self, multipliers: &Multipliers) {
         for (weights, multipliers) in self.weights.parts_mut().into_iter().zip(multipliers.parts())
         {
             for (sigma, multiplier) in weights.iter_mut().zip(multipliers) {
@@ -53,28 +53,28 @@ impl Merit {
 
     /// At most this is phi's slope along `step`, the solution of `qp`: g'd less all that the step
     /// mends.
-    pub(crate) fn slope(&self, qp: &Qp, step: &QpStep) -> f64 {
+    pub(crate) fn directional_derivative(&self, qp: &Qp, step: &QpStep) -> f64 {
         let along: f64 = qp.gradient.iter().zip(&step.d).map(|(g, d)| g * d).sum();
-        along - (self.value(qp, 0.0) - left(qp, step))
+        along - (self.value(qp, 0.0) - residual_violation(qp, step))
     }
 }
 
 /// How far 0 is outside, times the weights.
 fn violations(limits: &Limits, weights: &[f64]) -> f64 {
     let rows = limits.iter().zip(weights);
-    rows.map(|([low, high, cap], &sigma)| {
+    rows.map(|([low, high, penalty], &sigma)| {
         let outside = low.max(-high).max(0.0);
         // No 0 times infinity, where the row is hard.
-        if outside > 0.0 { outside * if cap.is_finite() { cap } else { sigma } } else { 0.0 }
+        if outside > 0.0 { outside * if penalty.is_finite() { penalty } else { sigma } } else { 0.0 }
     })
     .sum()
 }
 
 /// The cost of the violations that the step leaves in the soft rows.
-fn left(qp: &Qp, step: &QpStep) -> f64 {
+fn residual_violation(qp: &Qp, step: &QpStep) -> f64 {
     let shape = qp.shape;
-    let excess = |value: f64, [low, high, cap]: [f64; 3]| {
-        if cap.is_finite() { cap * (low - value).max(value - high).max(0.0) } else { 0.0 }
+    let excess = |value: f64, [low, high, penalty]: [f64; 3]| {
+        if penalty.is_finite() { penalty * (low - value).max(value - high).max(0.0) } else { 0.0 }
     };
     let mut sum: f64 = qp.bounds.iter().zip(&step.d).map(|(limits, &d)| excess(d, limits)).sum();
     if shape.rows() > 0 {
@@ -84,7 +84,7 @@ fn left(qp: &Qp, step: &QpStep) -> f64 {
             let by_x = qp.rows_x(j).chunks_exact(shape.states);
             let by_u = qp.rows_u(j).chunks_exact(shape.inputs);
             for ((row, by_x), by_u) in shape.stage_rows(j).zip(by_x).zip(by_u) {
-                let limits = [qp.rows.low[row], qp.rows.high[row], qp.rows.cap[row]];
+                let limits = [qp.rows.low[row], qp.rows.high[row], qp.rows.penalty[row]];
                 sum += excess(dot(by_x, dx) + dot(by_u, du), limits);
             }
         }

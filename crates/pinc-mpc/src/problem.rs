@@ -3,6 +3,7 @@
 use crate::error::check_range;
 use crate::{Bounds, Constraints, MpcError, Softness, Weights};
 use pinc_ode::Dims;
+use pinc_qp::OcpDims;
 
 /// The longest horizon, far beyond any use: memory is allocated for it.
 const LONGEST: usize = 10_000;
@@ -24,14 +25,14 @@ const LONGEST: usize = 10_000;
 #[derive(Clone, Debug)]
 pub struct NmpcProblem {
     /// N1, the first predicted state that is tracked, and the first at which h and g hold: from 1 to
-    /// `last`.
-    pub first: usize,
+    /// `horizon`.
+    pub n1: usize,
     /// N2, the last one: the prediction horizon, at most 10 000.
-    pub last: usize,
-    /// Nu, the number of free inputs: from 1 to `last`.
-    pub control: usize,
+    pub horizon: usize,
+    /// Nu, the number of free inputs: from 1 to `horizon`.
+    pub control_horizon: usize,
     /// Which states are controlled, in the order of `weights.q` and of the references.
-    pub controlled: Vec<usize>,
+    pub tracked: Vec<usize>,
     /// Q, R and their profile.
     pub weights: Weights,
     /// Bounds on each predicted state.
@@ -53,15 +54,15 @@ pub struct NmpcProblem {
 }
 
 impl NmpcProblem {
-    /// The problem with N1 = 1 and Nu = N2 = `last` that controls all states, without any
+    /// The problem with N1 = 1 and Nu = N2 = `horizon` that controls all states, without any
     /// constraints. Further fields are set by struct update.
     #[must_use]
-    pub fn new(dims: Dims, last: usize, weights: Weights) -> Self {
+    pub fn new(dims: Dims, horizon: usize, weights: Weights) -> Self {
         Self {
-            first: 1,
-            last,
-            control: last,
-            controlled: (0..dims.states).collect(),
+            n1: 1,
+            horizon,
+            control_horizon: horizon,
+            tracked: (0..dims.states).collect(),
             weights,
             state_bounds: Bounds::none(dims.states),
             state_softness: Softness::Hard,
@@ -81,9 +82,9 @@ impl NmpcProblem {
     pub fn validate(&self, dims: Dims) -> Result<(), MpcError> {
         check_range("the model's states", dims.states, 1, usize::MAX)?;
         check_range("the model's inputs", dims.inputs, 1, usize::MAX)?;
-        check_range("last (N2)", self.last, 1, LONGEST)?;
-        check_range("first (N1)", self.first, 1, self.last)?;
-        check_range("control (Nu)", self.control, 1, self.last)?;
+        check_range("horizon (N2)", self.horizon, 1, LONGEST)?;
+        check_range("n1", self.n1, 1, self.horizon)?;
+        check_range("control_horizon (Nu)", self.control_horizon, 1, self.horizon)?;
         check_range("delay", self.delay, 0, LONGEST)?;
         self.validate_weights(dims)?;
         self.state_bounds.validate("state_bounds", dims.states)?;
@@ -95,18 +96,33 @@ impl NmpcProblem {
         self.constraint_softness.validate("constraint_softness", rows)
     }
 
+    /// The sizes of the problem with a model of dimensions `dims`.
+    pub(crate) fn ocp_dims(&self, dims: Dims) -> OcpDims {
+        let (inequalities, equalities) =
+            self.constraints.as_ref().map_or((0, 0), |c| (c.inequalities(), c.equalities()));
+        OcpDims {
+            states: dims.states,
+            inputs: dims.inputs,
+            stages: self.horizon,
+            n_controls: self.control_horizon,
+            first: self.n1,
+            inequalities,
+            equalities,
+        }
+    }
+
     fn validate_weights(&self, dims: Dims) -> Result<(), MpcError> {
-        check_range("controlled", self.controlled.len(), 1, dims.states)?;
-        for (i, &state) in self.controlled.iter().enumerate() {
-            check_range("controlled", state, 0, dims.states - 1)?;
-            if self.controlled[..i].contains(&state) {
-                return Err(MpcError::ControlledTwice { state });
+        check_range("tracked", self.tracked.len(), 1, dims.states)?;
+        for (i, &state) in self.tracked.iter().enumerate() {
+            check_range("tracked", state, 0, dims.states - 1)?;
+            if self.tracked[..i].contains(&state) {
+                return Err(MpcError::TrackedTwice { state });
             }
         }
         let Weights { q, r, terminal, .. } = &self.weights;
-        q.validate("weights.q", self.controlled.len())?;
+        q.validate("weights.q", self.tracked.len())?;
         r.validate("weights.r", dims.inputs)?;
         let terminal = terminal.as_ref();
-        terminal.map_or(Ok(()), |t| t.validate("weights.terminal", self.controlled.len()))
+        terminal.map_or(Ok(()), |t| t.validate("weights.terminal", self.tracked.len()))
     }
 }

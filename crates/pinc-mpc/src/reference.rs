@@ -2,7 +2,7 @@
 
 use crate::MpcError;
 use crate::error::{check_numbers, check_range, check_setting};
-use pinc_ode::Signal;
+use pinc_ode::PiecewiseConstant;
 
 /// One reference value per control step, known in advance.
 ///
@@ -38,16 +38,16 @@ impl Reference {
         Ok(Self { outputs, values })
     }
 
-    /// The values of `signal` at the beginning of each of `steps` steps of `horizon_s` seconds.
+    /// The values of `signal` at the beginning of each of `steps` steps of `sample_time_s` seconds.
     ///
     /// # Errors
     ///
-    /// [`MpcError`] if `steps` is 0 or `horizon_s` is not positive and finite.
-    pub fn sample(signal: &Signal, steps: usize, horizon_s: f64) -> Result<Self, MpcError> {
-        let good = horizon_s > 0.0 && horizon_s.is_finite();
-        check_setting("horizon_s", horizon_s, "positive and finite", good)?;
+    /// [`MpcError`] if `steps` is 0 or `sample_time_s` is not positive and finite.
+    pub fn sample(signal: &PiecewiseConstant, steps: usize, sample_time_s: f64) -> Result<Self, MpcError> {
+        let good = sample_time_s > 0.0 && sample_time_s.is_finite();
+        check_setting("sample_time_s", sample_time_s, "positive and finite", good)?;
         #[expect(clippy::cast_precision_loss, reason = "no run has 2^53 steps")]
-        let rows = (0..steps).flat_map(|k| signal.at(k as f64 * horizon_s));
+        let rows = (0..steps).flat_map(|k| signal.at(k as f64 * sample_time_s));
         Self::new(rows.copied().collect(), signal.width())
     }
 
@@ -103,7 +103,7 @@ mod tests {
 
     #[test]
     fn a_signal_is_sampled_at_the_beginning_of_steps() {
-        let signal = Signal::new(vec![0.0, 1.0], vec![vec![5.0], vec![7.0]]).unwrap();
+        let signal = PiecewiseConstant::new(vec![0.0, 1.0], vec![vec![5.0], vec![7.0]]).unwrap();
         let reference = Reference::sample(&signal, 4, 0.5).unwrap();
         assert_eq!(reference.values, [5.0, 5.0, 7.0, 7.0]);
         assert!(Reference::sample(&signal, 0, 0.5).is_err());

@@ -1,6 +1,6 @@
 //! A plan and its multipliers.
 
-use crate::shape::Shape;
+use pinc_qp::{Multipliers, OcpDims};
 
 /// A plan with its multipliers; if it is optimal, a stationary point of the Lagrangian
 ///
@@ -14,66 +14,14 @@ use crate::shape::Shape;
 /// the weight of the violation.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Solution {
-    shape: Shape,
+    shape: OcpDims,
     /// z
     pub(crate) z: Vec<f64>,
     pub(crate) multipliers: Multipliers,
 }
 
-/// The multipliers of all constraints.
-#[derive(Clone, Debug, PartialEq)]
-pub(crate) struct Multipliers {
-    /// lambda, of the dynamics, `[N, n]`.
-    pub(crate) dynamics: Vec<f64>,
-    /// mu, of the bounds, as long as z.
-    pub(crate) bounds: Vec<f64>,
-    /// nu, of the bounds on increments, `[Nu, m]`.
-    pub(crate) increments: Vec<f64>,
-    /// eta, of h and g, `[N - N1 + 1, rows]`.
-    pub(crate) rows: Vec<f64>,
-}
-
-impl Multipliers {
-    pub(crate) fn new(shape: Shape) -> Self {
-        Self {
-            dynamics: vec![0.0; shape.all_states()],
-            bounds: vec![0.0; shape.unknowns()],
-            increments: vec![0.0; shape.all_inputs()],
-            rows: vec![0.0; shape.all_rows()],
-        }
-    }
-
-    /// The parts, in the order of the fields.
-    pub(crate) fn parts(&self) -> [&[f64]; 4] {
-        [&self.dynamics, &self.bounds, &self.increments, &self.rows]
-    }
-
-    /// The parts, in the order of the fields.
-    pub(crate) fn parts_mut(&mut self) -> [&mut [f64]; 4] {
-        [&mut self.dynamics, &mut self.bounds, &mut self.increments, &mut self.rows]
-    }
-
-    pub(crate) fn copy_from(&mut self, other: &Self) {
-        for (to, from) in self.parts_mut().into_iter().zip(other.parts()) {
-            to.copy_from_slice(from);
-        }
-    }
-
-    pub(crate) fn clear(&mut self) {
-        self.parts_mut().into_iter().for_each(|part| part.fill(0.0));
-    }
-
-    /// Moves on by one step.
-    fn shift(&mut self, shape: Shape) {
-        drop_first(&mut self.dynamics, shape.states);
-        shift_unknowns(&mut self.bounds, shape);
-        drop_first(&mut self.increments, shape.inputs);
-        drop_first(&mut self.rows, shape.rows());
-    }
-}
-
 impl Solution {
-    pub(crate) fn new(shape: Shape) -> Self {
+    pub(crate) fn new(shape: OcpDims) -> Self {
         Self { shape, z: vec![0.0; shape.unknowns()], multipliers: Multipliers::new(shape) }
     }
 
@@ -152,7 +100,7 @@ impl Solution {
     }
 }
 
-fn shift_unknowns(vector: &mut [f64], shape: Shape) {
+fn shift_unknowns(vector: &mut [f64], shape: OcpDims) {
     let (x, u) = vector.split_at_mut(shape.all_states());
     drop_first(x, shape.states);
     drop_first(u, shape.inputs);
@@ -171,11 +119,11 @@ mod tests {
 
     #[test]
     fn shifting_keeps_the_last_stage() {
-        let shape = Shape {
+        let shape = OcpDims {
             states: 2,
             inputs: 1,
             stages: 3,
-            moves: 1,
+            n_controls: 1,
             first: 2,
             inequalities: 1,
             equalities: 0,

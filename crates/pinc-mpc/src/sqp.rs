@@ -4,9 +4,9 @@ use crate::constraint::Constraint;
 use crate::cost::Targets;
 use crate::kkt::KktResidual;
 use crate::merit::Merit;
-use crate::pace::Pace;
-use crate::qp::{ChosenQp, Qp, QpSolver, QpStatus, QpStep, Row};
-use crate::shape::Shape;
+use crate::barzilai_borwein::BarzilaiBorwein;
+use pinc_qp::{ChosenQp, Qp, QpSolver, QpStatus, QpStep, Row};
+use pinc_qp::OcpDims;
 use crate::solution::Solution;
 use crate::transcription::Transcription;
 use crate::{NmpcProblem, Softness, SqpConfig, SqpStatus};
@@ -30,7 +30,7 @@ const ELASTIC_WEIGHT: f64 = 1e3;
 /// clearly the least seen so far, which can happen only finitely often; otherwise steps are halved until
 /// the [`Merit`] function decreases. So neither the merit function's reluctance near a solution (the Maratos
 /// effect) costs steps, nor does the iteration diverge from afar. Where it turns out to be slow, steps are made
-/// longer or shorter by its [`Pace`].
+/// longer or shorter by its [`BarzilaiBorwein`].
 ///
 /// If a linearised problem has no solution, or its step is none of descent, the hard constraints on states
 /// become soft for the rest of the control step (elastic mode): violated as little as possible, at
@@ -52,14 +52,14 @@ pub(crate) struct Sqp {
     solver: ChosenQp,
     step: QpStep,
     merit: Merit,
-    pace: Pace,
+    step_length: BarzilaiBorwein,
     /// Where the step starts.
     base: Solution,
     /// The state that the QP was prepared for.
     prepared: Vec<f64>,
     work: Vec<f64>,
-    /// The caps of bounds and rows as the problem has them.
-    caps: [Vec<f64>; 2],
+    /// The penalties of bounds and rows as the problem has them.
+    penalties: [Vec<f64>; 2],
     /// Whether those that the problem has as hard stay soft where they have to be.
     exact: [bool; 2],
     /// Whether hard constraints are soft for now.
@@ -84,9 +84,9 @@ struct Point {
     cost: f64,
 }
 
-/// What a control step is asked.
+/// What a control step is input.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Asked<'a> {
+pub(crate) struct StepInput<'a> {
     /// The measured state.
     pub(crate) x0: &'a [f64],
     pub(crate) targets: Targets<'a>,
@@ -96,10 +96,10 @@ impl Sqp {
     pub(crate) fn new(
         problem: &NmpcProblem,
         config: SqpConfig,
-        shape: Shape,
-        horizon_s: f64,
+        shape: OcpDims,
+        sample_time_s: f64,
     ) -> Self {
-        let transcription = Transcription::new(problem, shape, horizon_s);
+        let transcription = Transcription::new(problem, shape, sample_time_s);
         let qp = transcription.qp(problem);
         Self {
             config,
@@ -107,11 +107,11 @@ impl Sqp {
             solver: ChosenQp::new(&qp, config.qp),
             step: QpStep::new(shape),
             merit: Merit::new(shape),
-            pace: Pace::new(shape.unknowns()),
+            step_length: BarzilaiBorwein::new(shape.unknowns()),
             base: Solution::new(shape),
             prepared: vec![0.0; shape.states],
             work: vec![0.0; shape.unknowns()],
-            caps: [qp.bounds.cap.clone(), qp.rows.cap.clone()],
+            penalties: [qp.bounds.penalty.clone(), qp.rows.penalty.clone()],
             exact: [&problem.state_softness, &problem.constraint_softness]
                 .map(|softness| *softness == Softness::Exact),
             elastic: false,
@@ -132,21 +132,21 @@ impl Sqp {
 
     /// Linearises at the plan for a plant that will be at `x0`, for [`Sqp::feed_back`].
     pub(crate) fn prepare(&mut self, model: &mut dyn Predictor, x0: &[f64], plan: &Solution) {
-        self.harden();
+        self.leave_elastic();
         self.transcription.linearize(model, x0, &plan.z, &mut self.qp);
         self.prepared.copy_from_slice(x0);
     }
 
     /// One QP for a plant that turns out to be at `x0`, linearised where it was prepared: the step of a
     /// real-time iteration.
-    pub(crate) fn feed_back(&mut self, asked: Asked<'_>, plan: &mut Solution) -> Outcome {
+    pub(crate) fn feed_back(&mut self, input: StepInput<'_>, plan: &mut Solution) -> Outcome {
         let qp = &mut self.qp;
         let n = qp.shape.states;
         for (c, row) in qp.c.iter_mut().zip(qp.a.chunks_exact(n)).take(n) {
-            let moved = row.iter().zip(asked.x0.iter().zip(&self.prepared));
+            let moved = row.iter().zip(input.x0.iter().zip(&self.prepared));
             *c += moved.map(|(a, (x, prepared))| a * (x - prepared)).sum::<f64>();
         }
-        self.transcription.measure(&plan.z, asked.targets, qp);
+        self.transcription.measure(&plan.z, input.targets, qp);
         let last = self.residual(plan);
         let (status, conflict) = match last.max().is_finite() {
             true => self.solve_prepared(plan),
@@ -154,7 +154,7 @@ impl Sqp {
         };
         if status == SqpStatus::Prepared {
             self.base.copy_from(plan);
-            self.walk(plan, 1.0, asked.targets.previous);
+            self.set_trial(plan, 1.0, input.targets.previous);
         }
         let violated = conflict.map(|row| Constraint::new(self.qp.shape, row));
         Outcome { status, iterations: 1, last, violated }
@@ -166,7 +166,7 @@ impl Sqp {
         match self.solver.solve(&self.qp, &mut self.step) {
             QpStatus::Solved => (SqpStatus::Prepared, None),
             QpStatus::Infeasible(row) if !self.elastic => {
-                self.soften();
+                self.enter_elastic();
                 (self.solve_prepared(plan).0, Some(row))
             }
             QpStatus::Infeasible(row) => (SqpStatus::InfeasibleQp, Some(row)),
@@ -179,19 +179,19 @@ impl Sqp {
     pub(crate) fn solve(
         &mut self,
         model: &mut dyn Predictor,
-        asked: Asked<'_>,
+        input: StepInput<'_>,
         plan: &mut Solution,
         expired: &mut dyn FnMut() -> bool,
     ) -> Outcome {
-        self.harden();
+        self.leave_elastic();
         self.merit.reset();
-        self.pace.reset();
-        let mut point = self.try_point(model, asked, plan);
+        self.step_length.reset();
+        let mut point = self.try_point(model, input, plan);
         std::mem::swap(&mut self.qp, &mut self.trial);
         let (mut iterations, mut least) = (0, point.kkt.max());
         let mut conflict = None;
         let status = loop {
-            if let Some(status) = self.verdict(point.kkt, iterations) {
+            if let Some(status) = self.check_termination(point.kkt, iterations) {
                 break status;
             }
             if expired() {
@@ -206,63 +206,63 @@ impl Sqp {
                     if self.elastic {
                         break SqpStatus::InfeasibleQp;
                     }
-                    self.soften();
+                    self.enter_elastic();
                     continue;
                 }
                 QpStatus::Failed => break SqpStatus::NumericalTrouble,
             }
-            match self.search(model, asked, plan, point, least) {
+            match self.search(model, input, plan, point, least) {
                 Some(next) => point = next,
                 None if self.elastic => break SqpStatus::Stalled,
                 None => {
-                    self.soften();
+                    self.enter_elastic();
                     point.kkt = self.residual(plan);
                 }
             }
             least = least.min(point.kkt.max());
         };
         let outcome = Outcome { status, iterations, last: point.kkt, violated: None };
-        self.conclude(outcome, plan, conflict)
+        self.finalize(outcome, plan, conflict)
     }
 
     /// Goes along the step as far as is good; `None` if it is not good at all.
     fn search(
         &mut self,
         model: &mut dyn Predictor,
-        asked: Asked<'_>,
+        input: StepInput<'_>,
         plan: &mut Solution,
         from: Point,
         least: f64,
     ) -> Option<Point> {
         self.base.copy_from(plan);
         let good = |point: &Point| point.kkt.max() <= CONTRACTION * least;
-        if let Some(length) = self.pace.length(&self.step.d) {
-            let point = self.go(model, asked, plan, length);
+        if let Some(length) = self.step_length.length(&self.step.d) {
+            let point = self.evaluate_trial(model, input, plan, length);
             if good(&point) {
                 self.accept_trial(length);
                 return Some(point);
             }
         }
-        let whole = self.go(model, asked, plan, 1.0);
+        let whole = self.evaluate_trial(model, input, plan, 1.0);
         if good(&whole) {
             self.accept_trial(1.0);
             return Some(whole);
         }
-        self.backtrack(model, asked, plan, from, whole)
+        self.backtrack(model, input, plan, from, whole)
     }
 
     /// Halves the step until the merit function decreases.
     fn backtrack(
         &mut self,
         model: &mut dyn Predictor,
-        asked: Asked<'_>,
+        input: StepInput<'_>,
         plan: &mut Solution,
         from: Point,
         whole: Point,
     ) -> Option<Point> {
-        self.merit.follow(&self.step.multipliers);
+        self.merit.update_penalties(&self.step.multipliers);
         let start = self.merit.value(&self.qp, from.cost);
-        let slope = self.merit.slope(&self.qp, &self.step).min(0.0);
+        let slope = self.merit.directional_derivative(&self.qp, &self.step).min(0.0);
         // What rounding makes of sums of this size.
         let noise = 1e-14 * start.abs();
         let (mut point, mut length) = (whole, 1.0);
@@ -273,25 +273,25 @@ impl Sqp {
                 return Some(point);
             }
             length *= 0.5;
-            point = self.go(model, asked, plan, length);
+            point = self.evaluate_trial(model, input, plan, length);
         }
         plan.copy_from(&self.base);
         None
     }
 
     /// Sets the plan `length` of the step away from the base, and linearises there.
-    fn go(
+    fn evaluate_trial(
         &mut self,
         model: &mut dyn Predictor,
-        asked: Asked<'_>,
+        input: StepInput<'_>,
         plan: &mut Solution,
         length: f64,
     ) -> Point {
-        self.walk(plan, length, asked.targets.previous);
-        self.try_point(model, asked, plan)
+        self.set_trial(plan, length, input.targets.previous);
+        self.try_point(model, input, plan)
     }
 
-    fn walk(&self, plan: &mut Solution, length: f64, previous: &[f64]) {
+    fn set_trial(&self, plan: &mut Solution, length: f64, previous: &[f64]) {
         for ((z, base), d) in plan.z.iter_mut().zip(&self.base.z).zip(&self.step.d) {
             *z = base + length * d;
         }
@@ -307,14 +307,14 @@ impl Sqp {
     }
 
     /// Linearises at `plan`, into the trial QP.
-    fn try_point(&mut self, model: &mut dyn Predictor, asked: Asked<'_>, plan: &Solution) -> Point {
-        self.transcription.linearize(model, asked.x0, &plan.z, &mut self.trial);
-        let cost = self.transcription.measure(&plan.z, asked.targets, &mut self.trial);
+    fn try_point(&mut self, model: &mut dyn Predictor, input: StepInput<'_>, plan: &Solution) -> Point {
+        self.transcription.linearize(model, input.x0, &plan.z, &mut self.trial);
+        let cost = self.transcription.measure(&plan.z, input.targets, &mut self.trial);
         Point { kkt: KktResidual::new(&self.trial, plan, &mut self.work), cost }
     }
 
     fn accept_trial(&mut self, length: f64) {
-        self.pace.remember(&self.step.d, length);
+        self.step_length.remember(&self.step.d, length);
         std::mem::swap(&mut self.qp, &mut self.trial);
     }
 
@@ -323,7 +323,7 @@ impl Sqp {
     }
 
     /// Whether to stop after so many iterations with this residual.
-    fn verdict(&self, kkt: KktResidual, iterations: usize) -> Option<SqpStatus> {
+    fn check_termination(&self, kkt: KktResidual, iterations: usize) -> Option<SqpStatus> {
         if !kkt.max().is_finite() {
             Some(SqpStatus::NumericalTrouble)
         } else if kkt.max() <= self.config.tolerance {
@@ -336,40 +336,40 @@ impl Sqp {
     }
 
     /// Makes the hard constraints on states soft.
-    fn soften(&mut self) {
+    fn enter_elastic(&mut self) {
         self.elastic = true;
         let qp = &self.qp;
         let size = |values: &[f64]| values.iter().fold(0.0_f64, |size, v| size.max(v.abs()));
         let weight = ELASTIC_WEIGHT * (size(&qp.gradient) + size(&qp.q) + size(&qp.r)).max(1.0);
         let states = qp.shape.all_states();
         for qp in [&mut self.qp, &mut self.trial] {
-            let rows = qp.bounds.cap[..states].iter_mut().chain(&mut qp.rows.cap);
-            rows.filter(|cap| cap.is_infinite()).for_each(|cap| *cap = weight);
+            let rows = qp.bounds.penalty[..states].iter_mut().chain(&mut qp.rows.penalty);
+            rows.filter(|penalty| penalty.is_infinite()).for_each(|penalty| *penalty = weight);
         }
     }
 
     /// Makes them as they were.
-    fn harden(&mut self) {
+    fn leave_elastic(&mut self) {
         if self.elastic {
             self.elastic = false;
             self.restore([true; 2]);
         }
     }
 
-    /// Gives bounds, and rows, the caps that the problem has.
+    /// Gives bounds, and rows, the penalties that the problem has.
     fn restore(&mut self, [bounds, rows]: [bool; 2]) {
         for qp in [&mut self.qp, &mut self.trial] {
             if bounds {
-                qp.bounds.cap.copy_from_slice(&self.caps[0]);
+                qp.bounds.penalty.copy_from_slice(&self.penalties[0]);
             }
             if rows {
-                qp.rows.cap.copy_from_slice(&self.caps[1]);
+                qp.rows.penalty.copy_from_slice(&self.penalties[1]);
             }
         }
     }
 
     /// Judges the end by the problem's own hard constraints.
-    fn conclude(
+    fn finalize(
         &mut self,
         mut outcome: Outcome,
         plan: &Solution,
@@ -392,7 +392,7 @@ impl Sqp {
     /// The hard row that is violated most.
     fn worst_row(&self) -> Option<Constraint> {
         let rows = self.qp.limits().into_iter().flat_map(|(kind, limits)| {
-            let hard = limits.iter().enumerate().filter(|(_, [_, _, cap])| cap.is_infinite());
+            let hard = limits.iter().enumerate().filter(|(_, [_, _, penalty])| penalty.is_infinite());
             hard.map(move |(index, [low, high, _])| {
                 (low.max(-high), Row { kind, index, upper: -high > low })
             })

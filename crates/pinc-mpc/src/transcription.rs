@@ -2,9 +2,9 @@
 
 use crate::constraints::ConstraintWork;
 use crate::cost::{Cost, Targets};
-use crate::linearized::Linearized;
-use crate::qp::Qp;
-use crate::shape::Shape;
+use crate::linearization_cache::LinearizationCache;
+use pinc_qp::Qp;
+use pinc_qp::OcpDims;
 use crate::solution::Solution;
 use crate::{Bounds, Constraints, NmpcProblem};
 use pinc_ode::{Dims, Predictor};
@@ -12,7 +12,7 @@ use pinc_ode::{Dims, Predictor};
 /// The control problem in the unknowns z, and its linearisation.
 #[derive(Debug)]
 pub(crate) struct Transcription {
-    shape: Shape,
+    shape: OcpDims,
     cost: Cost,
     /// Bounds on z.
     bounds: Bounds,
@@ -20,39 +20,39 @@ pub(crate) struct Transcription {
     increments: Bounds,
     constraints: Option<Constraints>,
     work: ConstraintWork,
-    linearized: Linearized,
+    cache: LinearizationCache,
 }
 
 impl Transcription {
-    pub(crate) fn new(problem: &NmpcProblem, shape: Shape, horizon_s: f64) -> Self {
+    pub(crate) fn new(problem: &NmpcProblem, shape: OcpDims, sample_time_s: f64) -> Self {
         let states = problem.state_bounds.repeat(shape.stages);
-        let inputs = problem.input_bounds.repeat(shape.moves);
+        let inputs = problem.input_bounds.repeat(shape.n_controls);
         let dims = Dims { states: shape.states, inputs: shape.inputs };
         Self {
             shape,
-            cost: Cost::new(problem, shape, horizon_s),
+            cost: Cost::new(problem, shape, sample_time_s),
             bounds: states.chain(inputs),
-            increments: problem.increment_bounds.repeat(shape.moves),
+            increments: problem.increment_bounds.repeat(shape.n_controls),
             constraints: problem.constraints.clone(),
             work: ConstraintWork::new(dims, shape.rows()),
-            linearized: Linearized::new(shape),
+            cache: LinearizationCache::new(shape),
         }
     }
 
-    /// A QP with the numbers that stay: Hessian and caps, and with limits that are finite where they are.
+    /// A QP with the numbers that stay: Hessian and penalties, and with limits that are finite where they are.
     pub(crate) fn qp(&self, problem: &NmpcProblem) -> Qp {
         let shape = self.shape;
         let cost = &self.cost;
         let mut qp = Qp::new(shape, cost.state_hessians(), cost.increment_hessians());
         qp.bounds.low.copy_from_slice(&self.bounds.low);
         qp.bounds.high.copy_from_slice(&self.bounds.high);
-        for (v, cap) in qp.bounds.cap[..shape.all_states()].iter_mut().enumerate() {
-            *cap = problem.state_softness.cap(v % shape.states);
+        for (v, penalty) in qp.bounds.penalty[..shape.all_states()].iter_mut().enumerate() {
+            *penalty = problem.state_softness.penalty(v % shape.states);
         }
         qp.increments.low.copy_from_slice(&self.increments.low);
         qp.increments.high.copy_from_slice(&self.increments.high);
-        for (v, cap) in qp.rows.cap.iter_mut().enumerate() {
-            *cap = problem.constraint_softness.cap(v % shape.rows());
+        for (v, penalty) in qp.rows.penalty.iter_mut().enumerate() {
+            *penalty = problem.constraint_softness.penalty(v % shape.rows());
         }
         qp.rows.high.fill(0.0);
         for j in shape.constrained() {
@@ -92,8 +92,8 @@ impl Transcription {
         z: &[f64],
         qp: &mut Qp,
     ) {
-        self.linearized.follow(model, x0, z);
-        let [next, a, b] = self.linearized.parts();
+        self.cache.follow(model, x0, z);
+        let [next, a, b] = self.cache.parts();
         qp.a.copy_from_slice(a);
         qp.b.copy_from_slice(b);
         for ((c, next), z) in qp.c.iter_mut().zip(next).zip(z) {
@@ -104,7 +104,7 @@ impl Transcription {
 
     /// Forgets where the model was linearised.
     pub(crate) fn forget(&mut self) {
-        self.linearized.forget();
+        self.cache.forget();
     }
 
     /// Writes the cost's gradient at `z` and what is left of the bounds there into `qp`, and returns the

@@ -152,12 +152,12 @@ pub enum Profile {
 }
 
 impl Profile {
-    /// The weight of stage `i` of `stages` stages of `horizon_s` seconds.
-    pub(crate) fn weight(self, i: usize, stages: usize, horizon_s: f64) -> f64 {
+    /// The weight of stage `i` of `stages` stages of `sample_time_s` seconds.
+    pub(crate) fn weight(self, i: usize, stages: usize, sample_time_s: f64) -> f64 {
         match self {
             Self::Uniform => 1.0,
             #[expect(clippy::cast_precision_loss, reason = "no horizon has 2^53 stages")]
-            Self::Cumulative => (stages - i) as f64 * horizon_s,
+            Self::Cumulative => (stages - i) as f64 * sample_time_s,
         }
     }
 }

@@ -6,7 +6,8 @@ use pinc_net::{
     Ansatz, BatchLoss, Domain, InitialScale, LossWeights, NetConfig, PincNet, ResidualScale,
     Sampler, Workers, initial_conditions,
 };
-use pinc_ode::{FourTanks, Plant, VanDerPol};
+use pinc_ode::Plant;
+use pinc_plants::{FourTanks, VanDerPol};
 
 const POINTS: [usize; 4] = [100, 1000, 10_000, 100_000];
 const WIDTHS: [usize; 6] = [5, 10, 15, 20, 40, 64];
@@ -54,8 +55,8 @@ fn van_der_pol(bencher: Bencher<'_, '_>, points: usize, hidden_layers: usize, ne
     loss_gradient(bencher, &VanDerPol::default(), &domain, &net, points);
 }
 
-fn config(horizon_s: f64, hidden_layers: usize, neurons: usize) -> NetConfig {
-    NetConfig { horizon_s, hidden_layers, neurons, ansatz: Ansatz::Direct, time_only: None }
+fn config(sample_time_s: f64, hidden_layers: usize, neurons: usize) -> NetConfig {
+    NetConfig { sample_time_s, hidden_layers, neurons, ansatz: Ansatz::Direct, time_only: None }
 }
 
 /// The loss over `points` collocation points and a hundredth as many initial conditions.
@@ -72,7 +73,7 @@ fn loss_gradient<P: Plant>(
     let workers = Workers::new(1).expect("a thread");
     let mut loss = BatchLoss::new(plant, &net, &weights, &workers);
     let scenarios = points / 100;
-    let collocation = Sampler::Sobol.collocation(points, config.horizon_s, domain, scenarios, 0);
+    let collocation = Sampler::Sobol.collocation(points, config.sample_time_s, domain, scenarios, 0);
     loss.set_points(&collocation, &initial_conditions(scenarios, domain, 0));
     let parameters = net.mlp().parameters();
     let mut gradient = vec![0.0; parameters.len()];

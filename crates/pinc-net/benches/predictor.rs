@@ -2,7 +2,8 @@
 
 use divan::{Bencher, black_box};
 use pinc_net::{Ansatz, Domain, NetConfig, PincNet, PincPredictor};
-use pinc_ode::{Dims, FourTanks, Plant, Predictor, VanDerPol};
+use pinc_ode::{Dims, Plant, Predictor};
+use pinc_plants::{FourTanks, VanDerPol};
 
 /// Hidden layers and neurons.
 const SIZES: [(usize, usize); 7] = [(2, 8), (2, 16), (2, 24), (4, 20), (5, 20), (8, 20), (4, 64)];
@@ -56,7 +57,7 @@ fn net<P: Plant>(plant: P, (hidden_layers, neurons): (usize, usize)) -> PincPred
         input_high: vec![1.0; dims.inputs],
     };
     let ansatz = Ansatz::HardLinear;
-    let config = NetConfig { horizon_s: 0.5, hidden_layers, neurons, ansatz, time_only: None };
+    let config = NetConfig { sample_time_s: 0.5, hidden_layers, neurons, ansatz, time_only: None };
     PincPredictor::new(&PincNet::new(&plant, &config, &domain, 0).expect("a net"))
 }
 

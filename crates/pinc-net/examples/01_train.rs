@@ -5,15 +5,15 @@
 
 use pinc_net::optim::{OptimizerConfig, SelfScaledBroydenConfig};
 use pinc_net::{
-    Ansatz, Domain, InitialScale, Keep, NetConfig, NetError, Phase, PincNet, Progress,
-    ResidualScale, Sampler, Source, Trainer, TrainingConfig, ValidationConfig, ValidationSet,
+    Ansatz, Domain, InitialScale, SelectNet, NetConfig, NetError, Phase, PincNet, Progress,
+    ResidualScale, Sampler, TrainingTarget, Trainer, TrainingConfig, ValidationConfig, ValidationSet,
 };
-use pinc_ode::VanDerPol;
+use pinc_plants::VanDerPol;
 
 /// Two layers of 16 neurons that predict up to T = 0.5 s ahead.
 pub(crate) fn net() -> NetConfig {
     NetConfig {
-        horizon_s: 0.5,
+        sample_time_s: 0.5,
         hidden_layers: 2,
         neurons: 16,
         ansatz: Ansatz::HardLinear,
@@ -38,7 +38,7 @@ pub(crate) fn training() -> TrainingConfig {
         gradient_tolerance: 1e-14,
     });
     TrainingConfig {
-        source: Source::Physics,
+        source: TrainingTarget::Physics,
         sampler: Sampler::Sobol,
         collocation_points: 2048,
         initial_points: 1,
@@ -48,7 +48,7 @@ pub(crate) fn training() -> TrainingConfig {
         phases: vec![Phase { optimizer, iterations: 1000, restore_best: false }],
         growth: None,
         validation_every: 200,
-        keep: Keep::Best,
+        keep: SelectNet::Best,
         target_one_step_rms: None,
     }
 }
@@ -63,7 +63,7 @@ pub(crate) fn validation(plant: &VanDerPol) -> Result<ValidationSet, NetError> {
         tolerance: 1e-10,
         one_step_points: 100,
     };
-    ValidationSet::generate(plant, net().horizon_s, &scenarios, 1)
+    ValidationSet::generate(plant, net().sample_time_s, &scenarios, 1)
 }
 
 /// The net, trained on one thread with seed 0.

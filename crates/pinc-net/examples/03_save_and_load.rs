@@ -21,7 +21,7 @@ pub(crate) fn main() -> Result<(), Box<dyn Error>> {
         read.state_names(),
         read.input_names()
     );
-    println!("for steps of {} s, trained on {:?}", read.horizon_s(), read.domain());
+    println!("for steps of {} s, trained on {:?}", read.sample_time_s(), read.domain());
     assert_eq!(read, net);
     // How far a point is outside of the box, one number per state and input; 0 within.
     let outside: Vec<_> = read.domain().excess(&[3.5, 0.0], &[0.0]).collect();

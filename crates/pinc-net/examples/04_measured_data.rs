@@ -8,14 +8,15 @@
 #[expect(dead_code, reason = "its `main` and `trained` are not needed")]
 mod train;
 
-use pinc_net::{Keep, Measurements, PincNet, Progress, Trainer, TrainingConfig};
-use pinc_ode::{Adaptive, VanDerPol};
+use pinc_net::{SelectNet, Measurements, PincNet, Progress, Trainer, TrainingConfig};
+use pinc_ode::Dopri5;
+use pinc_plants::VanDerPol;
 use std::error::Error;
 
 /// The plant itself, measured after single steps from `count` states.
 fn steps(count: usize) -> Result<Measurements, Box<dyn Error>> {
     let mut measured = Measurements::new(2);
-    let mut plant = Adaptive::new(VanDerPol { mu: 1.0 }, 1e-10);
+    let mut plant = Dopri5::new(VanDerPol { mu: 1.0 }, 1e-10);
     for k in 0..u32::try_from(count)? {
         let angle = 2.4 * f64::from(k);
         let radius = 2.5 * (f64::from(k + 1) / f64::from(u32::try_from(count)?)).sqrt();
@@ -32,7 +33,7 @@ fn steps(count: usize) -> Result<Measurements, Box<dyn Error>> {
 fn fit(measured: Option<&Measurements>) -> Result<PincNet, Box<dyn Error>> {
     let wrong = VanDerPol { mu: 0.8 };
     let validation = train::validation(&wrong)?;
-    let training = TrainingConfig { keep: Keep::Last, ..train::training() };
+    let training = TrainingConfig { keep: SelectNet::Last, ..train::training() };
     let mut trainer =
         Trainer::new(&wrong, &train::net(), &train::domain(), &training, validation, 0, 1)?;
     if let Some(measured) = measured {

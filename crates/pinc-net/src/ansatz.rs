@@ -17,19 +17,19 @@ pub enum Ansatz {
 impl Ansatz {
     /// y(t) from d, for one state.
     #[inline(always)]
-    pub(crate) fn state<S: Scalar>(self, t: S, horizon_s: f64, y0: S, d: S) -> S {
+    pub(crate) fn state<S: Scalar>(self, t: S, sample_time_s: f64, y0: S, d: S) -> S {
         match self {
             Self::Direct => d,
-            Self::HardLinear => (t / horizon_s).mul_add(d, y0),
+            Self::HardLinear => (t / sample_time_s).mul_add(d, y0),
         }
     }
 
     /// The factor p(t) of d in y(t), and its time derivative.
     #[inline(always)]
-    pub(crate) fn factor<S: Scalar>(self, t: S, horizon_s: f64) -> (S, S) {
+    pub(crate) fn factor<S: Scalar>(self, t: S, sample_time_s: f64) -> (S, S) {
         match self {
             Self::Direct => (t.constant(1.0), t.constant(0.0)),
-            Self::HardLinear => (t * (1.0 / horizon_s), t.constant(1.0 / horizon_s)),
+            Self::HardLinear => (t * (1.0 / sample_time_s), t.constant(1.0 / sample_time_s)),
         }
     }
 }

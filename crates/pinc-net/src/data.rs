@@ -41,13 +41,13 @@ impl Measurements {
     }
 
     /// Adds a recorded trajectory, its rows in the order of time: every row with all states measured is
-    /// the y0 of the rows up to `horizon_s` after it, as long as the input stays the same. Rows that
+    /// the y0 of the rows up to `sample_time_s` after it, as long as the input stays the same. Rows that
     /// follow no such row are of no use.
     ///
     /// # Panics
     ///
     /// As [`Measurements::push`].
-    pub fn push_trajectory(&mut self, horizon_s: f64, rows: &[Recorded]) {
+    pub fn push_trajectory(&mut self, sample_time_s: f64, rows: &[Recorded]) {
         for (i, start) in rows.iter().enumerate() {
             let Some(y0) = start.state.iter().copied().collect::<Option<Vec<f64>>>() else {
                 continue;
@@ -55,11 +55,11 @@ impl Measurements {
             for (row, held) in rows[i + 1..].iter().zip(&rows[i..]) {
                 let t = row.t - start.t;
                 // Times are sums of rounded numbers: the end of a step still belongs to it.
-                if t > horizon_s * (1.0 + 1e-9) || held.input != start.input {
+                if t > sample_time_s * (1.0 + 1e-9) || held.input != start.input {
                     break;
                 }
                 if row.state.iter().any(Option::is_some) {
-                    self.push(t.min(horizon_s), &y0, &start.input, &row.state);
+                    self.push(t.min(sample_time_s), &y0, &start.input, &row.state);
                 }
             }
         }

@@ -1,8 +1,8 @@
 //! What a distilled net is trained on: the plant's states after T.
 
 use crate::sampling::Points;
-use crate::{Ansatz, Measurements, NetError, PincNet, Source, Workers};
-use pinc_ode::{Adaptive, Plant};
+use crate::{Ansatz, Measurements, NetError, PincNet, TrainingTarget, Workers};
+use pinc_ode::{Dopri5, Plant};
 use rayon::prelude::*;
 
 /// Local error tolerance of the integration: far below what nets reach.
@@ -12,15 +12,15 @@ const TOLERANCE: f64 = 1e-11;
 /// has been integrated.
 #[derive(Debug)]
 pub(crate) struct Labels {
-    integrator: Adaptive,
-    horizon_s: f64,
+    integrator: Dopri5,
+    sample_time_s: f64,
     known: Measurements,
 }
 
 impl Labels {
     /// Nothing integrated yet; `None` for a net that is trained on the equation.
     pub(crate) fn for_net<P: Plant>(plant: &P, net: &PincNet) -> Result<Option<Self>, NetError> {
-        if net.source == Source::Physics {
+        if net.source == TrainingTarget::Physics {
             return Ok(None);
         }
         if net.ansatz != Ansatz::HardLinear || net.time_only.is_some() {
@@ -29,9 +29,9 @@ impl Labels {
                 "\"physics\" for a net of one scenario or without the hard initial condition";
             return Err(NetError::Setting { key, found, expected });
         }
-        let integrator = Adaptive::new(plant.clone(), TOLERANCE);
+        let integrator = Dopri5::new(plant.clone(), TOLERANCE);
         let known = Measurements::new(plant.dims().states);
-        Ok(Some(Self { integrator, horizon_s: net.horizon_s, known }))
+        Ok(Some(Self { integrator, sample_time_s: net.sample_time_s, known }))
     }
 
     /// The states after T from the initial states and inputs of `points`, whose times are of no
@@ -41,19 +41,19 @@ impl Labels {
         points: &Points,
         workers: &Workers,
     ) -> Result<&Measurements, NetError> {
-        let Self { integrator, horizon_s, known } = self;
+        let Self { integrator, sample_time_s, known } = self;
         let new = known.len()..points.len();
         let integrate = |i: usize| {
             let mut y = points.state(i).to_vec();
             // A fresh one, which has learnt no step size: the same bits on any number of threads.
-            integrator.clone().integrate(&mut y, points.input(i), *horizon_s)?;
+            integrator.clone().integrate(&mut y, points.input(i), *sample_time_s)?;
             Ok(y)
         };
         let ends: Result<Vec<_>, NetError> =
             workers.pool.install(|| new.clone().into_par_iter().map(integrate).collect());
         for (i, y) in new.zip(ends?) {
             let y: Vec<_> = y.into_iter().map(Some).collect();
-            known.push(*horizon_s, points.state(i), points.input(i), &y);
+            known.push(*sample_time_s, points.state(i), points.input(i), &y);
         }
         Ok(known)
     }

@@ -6,13 +6,13 @@
 //!
 //! - [`Mlp::forward`], [`PincNet::state`] and [`reference_loss`] say what is computed, over any scalar;
 //! - [`BatchLoss`] computes it fast (SIMD lanes, threads); tests hold the two together;
-//! - a net may also be distilled from an accurate integration ([`Source`]): same file, same controller;
+//! - a net may also be distilled from an accurate integration ([`TrainingTarget`]): same file, same controller;
 //! - [`optim`] minimizes, [`Trainer`] runs the schedule, [`ValidationSet`] judges.
 //!
 //! ```
 //! use pinc_net::optim::{OptimizerConfig, SelfScaledBroydenConfig};
 //! use pinc_net::*;
-//! use pinc_ode::VanDerPol;
+//! use pinc_plants::VanDerPol;
 //!
 //! let plant = VanDerPol::default();
 //! let domain = Domain {
@@ -22,7 +22,7 @@
 //!     input_high: vec![1.0],
 //! };
 //! let net = NetConfig {
-//!     horizon_s: 0.5,
+//!     sample_time_s: 0.5,
 //!     hidden_layers: 2,
 //!     neurons: 10,
 //!     ansatz: Ansatz::HardLinear,
@@ -33,7 +33,7 @@
 //!     gradient_tolerance: 1e-14,
 //! });
 //! let training = TrainingConfig {
-//!     source: Source::Physics,
+//!     source: TrainingTarget::Physics,
 //!     sampler: Sampler::Sobol,
 //!     collocation_points: 512,
 //!     initial_points: 1,
@@ -43,7 +43,7 @@
 //!     phases: vec![Phase { optimizer, iterations: 200, restore_best: false }],
 //!     growth: None,
 //!     validation_every: 50,
-//!     keep: Keep::Best,
+//!     keep: SelectNet::Best,
 //!     target_one_step_rms: None,
 //! };
 //! let scenarios = ValidationConfig {
@@ -97,7 +97,7 @@ pub use pinc_ad::simd::Isa;
 pub use predictor::PincPredictor;
 pub use sampling::{Points, Sampler, initial_conditions};
 pub use schedule::{
-    GrowthConfig, IterationRecord, Keep, Phase, Progress, Source, StopReason, Totals,
+    GrowthConfig, IterationRecord, SelectNet, Phase, Progress, TrainingTarget, StopReason, Totals,
     TrainingConfig,
 };
 pub use trainer::{Checkpoint, Trainer};

@@ -77,8 +77,8 @@ impl LossWeights {
         };
         let residual_scale = match residual {
             ResidualScale::Physical => vec![1.0; states],
-            ResidualScale::Normalized => deviation.iter().map(|d| net.horizon_s / d).collect(),
-            ResidualScale::Displacement => displacement.iter().map(|d| net.horizon_s / d).collect(),
+            ResidualScale::Normalized => deviation.iter().map(|d| net.sample_time_s / d).collect(),
+            ResidualScale::Displacement => displacement.iter().map(|d| net.sample_time_s / d).collect(),
             ResidualScale::Custom(factors) => factors.clone(),
         };
         let initial_scale = match initial {

@@ -1,6 +1,6 @@
 //! The model file: a safetensors container with the tensors of the perceptron and a JSON description.
 
-use crate::{Ansatz, Domain, Mlp, ModelError, Normalizer, PincNet, Scenario, Source};
+use crate::{Ansatz, Domain, Mlp, ModelError, Normalizer, PincNet, Scenario, TrainingTarget};
 use pinc_ode::Dims;
 use safetensors::{Dtype, SafeTensors, tensor::TensorView};
 use serde::{Deserialize, Serialize};
@@ -16,7 +16,8 @@ const ACTIVATION: &str = "tanh";
 struct Description {
     states: Vec<String>,
     inputs: Vec<String>,
-    horizon_s: f64,
+    #[serde(rename = "horizon_s")]
+    sample_time_s: f64,
     activation: String,
     ansatz: Ansatz,
     input_mean: Vec<f64>,
@@ -28,11 +29,11 @@ struct Description {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     time_only: Option<Scenario>,
     #[serde(default, skip_serializing_if = "is_physics")]
-    source: Source,
+    source: TrainingTarget,
 }
 
-fn is_physics(source: &Source) -> bool {
-    *source == Source::Physics
+fn is_physics(source: &TrainingTarget) -> bool {
+    *source == TrainingTarget::Physics
 }
 
 /// The box that the net was trained on. Written as `Flat`; the other ways to write it are read too.
@@ -84,7 +85,7 @@ impl PincNet {
         let description = Description {
             states: self.states.clone(),
             inputs: self.inputs.clone(),
-            horizon_s: self.horizon_s,
+            sample_time_s: self.sample_time_s,
             activation: ACTIVATION.into(),
             ansatz: self.ansatz,
             input_mean: self.input.mean.clone(),
@@ -170,7 +171,7 @@ impl Description {
         Ok(PincNet {
             mlp,
             ansatz: self.ansatz,
-            horizon_s: self.horizon_s,
+            sample_time_s: self.sample_time_s,
             input: Normalizer { mean: self.input_mean, std: self.input_std },
             output: Normalizer { mean: self.output_mean, std: self.output_std },
             domain,
@@ -193,7 +194,7 @@ impl Description {
         if self.skip != Value::Bool(false) {
             return fail("skip", "is not false: nets with skip connections are not known");
         }
-        if !(self.horizon_s > 0.0 && self.horizon_s.is_finite()) {
+        if !(self.sample_time_s > 0.0 && self.sample_time_s.is_finite()) {
             return fail("horizon_s", "is not a positive number");
         }
         let features = if self.time_only.is_some() { 1 } else { 1 + variables };

@@ -2,7 +2,7 @@
 
 use crate::mlp::MlpConfig;
 use crate::sampling::{Purpose, Sampler, rng};
-use crate::{Ansatz, Domain, Mlp, NetError, Normalizer, Source};
+use crate::{Ansatz, Domain, Mlp, NetError, Normalizer, TrainingTarget};
 use pinc_ad::Scalar;
 use pinc_ode::{Dims, Plant};
 use serde::{Deserialize, Serialize};
@@ -15,7 +15,8 @@ const SCALE_POINTS: usize = 4096;
 #[serde(deny_unknown_fields)]
 pub struct NetConfig {
     /// Length T of one step, in s.
-    pub horizon_s: f64,
+    #[serde(rename = "horizon_s")]
+    pub sample_time_s: f64,
     /// Number of hidden layers.
     pub hidden_layers: usize,
     /// Neurons in each hidden layer.
@@ -60,8 +61,8 @@ impl NetConfig {
     ///
     /// [`NetError::Setting`] or [`NetError::Dimension`].
     pub fn validate(&self, dims: Dims) -> Result<(), NetError> {
-        if !(self.horizon_s > 0.0 && self.horizon_s.is_finite()) {
-            let (key, found) = ("horizon_s", self.horizon_s.to_string());
+        if !(self.sample_time_s > 0.0 && self.sample_time_s.is_finite()) {
+            let (key, found) = ("horizon_s", self.sample_time_s.to_string());
             return Err(NetError::Setting { key, found, expected: "a positive number of seconds" });
         }
         for (key, value) in [("hidden_layers", self.hidden_layers), ("neurons", self.neurons)] {
@@ -94,7 +95,7 @@ impl NetConfig {
 pub struct PincNet {
     pub(crate) mlp: Mlp,
     pub(crate) ansatz: Ansatz,
-    pub(crate) horizon_s: f64,
+    pub(crate) sample_time_s: f64,
     /// Of (t, y(0), u), or of t alone.
     pub(crate) input: Normalizer,
     /// Of the states.
@@ -103,7 +104,7 @@ pub struct PincNet {
     pub(crate) inputs: Vec<String>,
     pub(crate) domain: Domain,
     pub(crate) time_only: Option<Scenario>,
-    pub(crate) source: Source,
+    pub(crate) source: TrainingTarget,
 }
 
 impl PincNet {
@@ -122,7 +123,7 @@ impl PincNet {
         let dims = plant.dims();
         config.validate(dims)?;
         domain.validate(dims)?;
-        let time = (0.0, config.horizon_s);
+        let time = (0.0, config.sample_time_s);
         let input = match config.time_only {
             None => Normalizer::of_uniform(std::iter::once(time).chain(domain.ends())),
             Some(_) => Normalizer::of_uniform(std::iter::once(time)),
@@ -138,14 +139,14 @@ impl PincNet {
         Ok(Self {
             mlp: Mlp::glorot_normal(size, &mut rng(seed, Purpose::Weights)),
             ansatz: config.ansatz,
-            horizon_s: config.horizon_s,
+            sample_time_s: config.sample_time_s,
             input,
             output,
             states: names(plant.states()),
             inputs: names(plant.inputs()),
             domain: domain.clone(),
             time_only: config.time_only.clone(),
-            source: Source::Physics,
+            source: TrainingTarget::Physics,
         })
     }
 
@@ -157,8 +158,8 @@ impl PincNet {
 
     /// Length T of one step, in s.
     #[must_use]
-    pub fn horizon_s(&self) -> f64 {
-        self.horizon_s
+    pub fn sample_time_s(&self) -> f64 {
+        self.sample_time_s
     }
 
     /// Names of the states, in the plant's order.
@@ -185,9 +186,9 @@ impl PincNet {
         self.time_only.as_ref()
     }
 
-    /// What it was trained on. A net of [`Source::Integrator`] is to be asked at t = T alone.
+    /// What it was trained on. A net of [`TrainingTarget::Integrator`] is to be asked at t = T alone.
     #[must_use]
-    pub fn source(&self) -> Source {
+    pub fn source(&self) -> TrainingTarget {
         self.source
     }
 
@@ -244,7 +245,7 @@ impl PincNet {
             .zip(output)
             .zip(y0)
             .map(|((z, (&mean, &std)), &y0)| {
-                self.ansatz.state(t, self.horizon_s, y0, z * std + mean)
+                self.ansatz.state(t, self.sample_time_s, y0, z * std + mean)
             })
             .collect()
     }
@@ -259,8 +260,8 @@ fn displacement_scale<P: Plant>(
 ) -> Result<Normalizer, NetError> {
     let dims = plant.dims();
     let points = match &config.time_only {
-        None => Sampler::Sobol.collocation(SCALE_POINTS, config.horizon_s, domain, 1, seed),
-        Some(scenario) => Sampler::Sobol.scenario(1, config.horizon_s, scenario, seed),
+        None => Sampler::Sobol.collocation(SCALE_POINTS, config.sample_time_s, domain, 1, seed),
+        Some(scenario) => Sampler::Sobol.scenario(1, config.sample_time_s, scenario, seed),
     };
     let mut velocity = vec![0.0; dims.states];
     let mut velocities = vec![Vec::new(); dims.states];
@@ -272,7 +273,7 @@ fn displacement_scale<P: Plant>(
                 let state = plant.states()[j].name.to_string();
                 return Err(NetError::Plant { state, x: x.to_vec(), u: u.to_vec() });
             }
-            velocities[j].push(config.horizon_s * v);
+            velocities[j].push(config.sample_time_s * v);
         }
     }
     let (mean, std) = velocities

@@ -121,24 +121,24 @@ impl Sampler {
     pub fn collocation(
         self,
         count: usize,
-        horizon_s: f64,
+        sample_time_s: f64,
         domain: &Domain,
         scenarios: usize,
         seed: u64,
     ) -> Points {
-        self.sample(count, horizon_s, domain, scenarios, seed, Purpose::Collocation)
+        self.sample(count, sample_time_s, domain, scenarios, seed, Purpose::Collocation)
     }
 
     pub(crate) fn sample(
         self,
         count: usize,
-        horizon_s: f64,
+        sample_time_s: f64,
         domain: &Domain,
         scenarios: usize,
         seed: u64,
         purpose: Purpose,
     ) -> Points {
-        let ends: Vec<_> = std::iter::once((0.0, horizon_s)).chain(domain.ends()).collect();
+        let ends: Vec<_> = std::iter::once((0.0, sample_time_s)).chain(domain.ends()).collect();
         let states = domain.state_low.len();
         let mut points = Points::new(states);
         let mut random = rng(seed, purpose);
@@ -164,7 +164,7 @@ impl Sampler {
                         .map(|&(l, h)| l + (h - l) * random.random::<f64>())
                         .collect();
                     for k in 0..times {
-                        let t = horizon_s * to_f64(k) / to_f64(times - 1);
+                        let t = sample_time_s * to_f64(k) / to_f64(times - 1);
                         points.push(t, &values[..states], &values[states..]);
                     }
                 }
@@ -175,7 +175,7 @@ impl Sampler {
 
     /// `count` times over \[0, T\] for one scenario: the collocation points of a conventional PINN.
     #[must_use]
-    pub fn scenario(self, count: usize, horizon_s: f64, scenario: &Scenario, seed: u64) -> Points {
+    pub fn scenario(self, count: usize, sample_time_s: f64, scenario: &Scenario, seed: u64) -> Points {
         let mut points = Points::new(scenario.initial_state.len());
         let mut random = rng(seed, Purpose::Collocation);
         let scramble: u32 = random.random();
@@ -185,7 +185,7 @@ impl Sampler {
                 Self::Sobol => sobol(i, 0, scramble),
                 Self::CoupledGrid => to_f64(i) / to_f64(count.max(2) - 1),
             };
-            points.push(horizon_s * unit, &scenario.initial_state, &scenario.input);
+            points.push(sample_time_s * unit, &scenario.initial_state, &scenario.input);
         }
         points
     }

@@ -9,17 +9,17 @@ use serde::{Deserialize, Serialize};
 /// What a net is trained on.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum Source {
+pub enum TrainingTarget {
     /// The residual of the plant's equation at times in \[0, T\]: a PINC net.
     #[default]
     Physics,
-    /// The plant's state at t = T, by an accurate integration ([`pinc_ode::Adaptive`]): a distilled net
+    /// The plant's state at t = T, by an accurate integration ([`pinc_ode::Dopri5`]): a distilled net
     /// y0 + N(y0, u). Between 0 and T it knows nothing. The points of the sample are initial states and
     /// inputs, and the loss has the term `MSE_D` alone.
     Integrator,
 }
 
-impl std::fmt::Display for Source {
+impl std::fmt::Display for TrainingTarget {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.write_str(match self {
             Self::Physics => "physics",
@@ -31,7 +31,7 @@ impl std::fmt::Display for Source {
 /// Which net a training gives.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum Keep {
+pub enum SelectNet {
     /// The best on validation ([`Validation::score`](crate::Validation::score)): Algorithm 1.
     Best,
     /// The last one: the authors' code.
@@ -74,10 +74,10 @@ pub struct GrowthConfig {
 pub struct TrainingConfig {
     /// What the net is trained on.
     #[serde(default)]
-    pub source: Source,
+    pub source: TrainingTarget,
     /// How collocation points are spread.
     pub sampler: Sampler,
-    /// Number of collocation points `N_F` (of initial states and inputs for [`Source::Integrator`]), at the start
+    /// Number of collocation points `N_F` (of initial states and inputs for [`TrainingTarget::Integrator`]), at the start
     /// if the sample grows.
     pub collocation_points: usize,
     /// Number of initial points `N_t` of `MSE_y` (and of scenarios of the coupled grid). Without use for a
@@ -97,7 +97,7 @@ pub struct TrainingConfig {
     /// Iterations between validations.
     pub validation_every: u64,
     /// Which net is the result.
-    pub keep: Keep,
+    pub keep: SelectNet,
     /// Accuracy at which the training ends, with the net that has it: the root of the mean squared error
     /// of one step, in the states' units, found by a validation.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -123,7 +123,7 @@ impl TrainingConfig {
             }
             Ok(())
         };
-        if self.source == Source::Integrator && self.sampler == Sampler::CoupledGrid {
+        if self.source == TrainingTarget::Integrator && self.sampler == Sampler::CoupledGrid {
             let (key, found) = ("sampler", "coupled-grid".to_owned());
             let expected = "\"sobol\" or \"independent\" with source = \"integrator\"";
             return Err(NetError::Setting { key, found, expected });

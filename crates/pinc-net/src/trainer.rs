@@ -5,7 +5,7 @@ use crate::loss::LossTerms;
 use crate::optim::{Iterate, LeastSquares, Objective, Optimizer, Outcome};
 use crate::sampling::{Points, Purpose, Sampler, initial_conditions};
 use crate::schedule::{
-    IterationRecord, Keep, Progress, Source, StopReason, Totals, TrainingConfig,
+    IterationRecord, SelectNet, Progress, TrainingTarget, StopReason, Totals, TrainingConfig,
 };
 use crate::{
     Ansatz, BatchLoss, Domain, Measurements, NetConfig, NetError, PincNet, Validation,
@@ -280,7 +280,7 @@ impl Trainer {
     #[must_use]
     pub fn net(&self) -> PincNet {
         match (&self.state.best, self.config.keep) {
-            (Some((_, parameters)), Keep::Best) => self.net.with_parameters(parameters),
+            (Some((_, parameters)), SelectNet::Best) => self.net.with_parameters(parameters),
             _ => self.net.with_parameters(&self.state.iterate.x),
         }
     }
@@ -342,8 +342,8 @@ impl Trainer {
             return Ok(None);
         }
         let of_sample = |terms: LossTerms| match self.config.source {
-            Source::Physics => terms.physics,
-            Source::Integrator => terms.measured,
+            TrainingTarget::Physics => terms.physics,
+            TrainingTarget::Integrator => terms.measured,
         };
         let fresh = of_sample(fresh.loss(&self.state.iterate.x));
         if fresh > growth.overfit_ratio * of_sample(self.state.terms) {
@@ -371,17 +371,17 @@ impl Trainer {
     /// Draws the sample: a function of the seed and the number of points alone.
     fn sample(&mut self) -> Result<(), NetError> {
         let (points, initial) = (self.state.collocation_points, self.config.initial_points);
-        let horizon_s = self.net.horizon_s();
+        let sample_time_s = self.net.sample_time_s();
         let sampler = self.config.sampler;
         let (collocation, conditions) = match self.net.time_only() {
             None => (
-                sampler.collocation(points, horizon_s, &self.domain, initial, self.seed),
+                sampler.collocation(points, sample_time_s, &self.domain, initial, self.seed),
                 initial_conditions(initial, &self.domain, self.seed),
             ),
             Some(scenario) => {
                 let mut one = Points::new(self.net.dims().states);
                 one.push(0.0, &scenario.initial_state, &scenario.input);
-                (sampler.scenario(points, horizon_s, scenario, self.seed), one)
+                (sampler.scenario(points, sample_time_s, scenario, self.seed), one)
             }
         };
         if let Some(labels) = &mut self.labels {
@@ -409,8 +409,8 @@ impl Trainer {
 fn fresh_points(net: &PincNet, count: usize, seed: u64) -> Points {
     match net.time_only() {
         None => {
-            Sampler::Sobol.sample(count, net.horizon_s(), net.domain(), 1, seed, Purpose::Fresh)
+            Sampler::Sobol.sample(count, net.sample_time_s(), net.domain(), 1, seed, Purpose::Fresh)
         }
-        Some(scenario) => Sampler::Independent.scenario(count, net.horizon_s(), scenario, !seed),
+        Some(scenario) => Sampler::Independent.scenario(count, net.sample_time_s(), scenario, !seed),
     }
 }

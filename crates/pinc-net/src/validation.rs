@@ -2,9 +2,9 @@
 
 use crate::mlp::to_f64;
 use crate::sampling::{Purpose, Sampler, rng};
-use crate::{Domain, Measurements, NetError, PincNet, Scenario, Source};
+use crate::{Domain, Measurements, NetError, PincNet, Scenario, TrainingTarget};
 use pinc_ode::metrics::mean_squared_error;
-use pinc_ode::{Adaptive, Dims, Plant};
+use pinc_ode::{Dopri5, Dims, Plant};
 use rand::RngExt;
 use serde::{Deserialize, Serialize};
 
@@ -56,7 +56,7 @@ pub struct ValidationSet {
     states: usize,
     steps: usize,
     subintervals: usize,
-    horizon_s: f64,
+    sample_time_s: f64,
     /// Standard deviation of each state in the box.
     scale: Vec<f64>,
     scenarios: Vec<Trial>,
@@ -79,7 +79,7 @@ impl ValidationConfig {
         ends.map(|(low, high)| (high - low) / 12.0_f64.sqrt()).collect()
     }
 
-    fn validate(&self, dims: Dims, horizon_s: f64) -> Result<usize, NetError> {
+    fn validate(&self, dims: Dims, sample_time_s: f64) -> Result<usize, NetError> {
         self.domain.validate(dims)?;
         for (key, value) in [
             ("scenarios", self.scenarios),
@@ -95,12 +95,12 @@ impl ValidationConfig {
             let (key, found) = ("tolerance", self.tolerance.to_string());
             return Err(NetError::Setting { key, found, expected: "a number between 0 and 1" });
         }
-        let steps = (self.duration_s / horizon_s).round();
+        let steps = (self.duration_s / sample_time_s).round();
         if !((1.0..1e9).contains(&steps)
-            && (steps * horizon_s - self.duration_s).abs() <= 1e-9 * self.duration_s)
+            && (steps * sample_time_s - self.duration_s).abs() <= 1e-9 * self.duration_s)
         {
             let (key, found) = ("duration_s", self.duration_s.to_string());
-            return Err(NetError::Setting { key, found, expected: "whole steps of horizon_s" });
+            return Err(NetError::Setting { key, found, expected: "whole steps of sample_time_s" });
         }
         #[expect(
             clippy::cast_possible_truncation,
@@ -119,19 +119,19 @@ impl ValidationSet {
     /// [`NetError`] if a setting makes no sense or the plant cannot be integrated.
     pub fn generate<P: Plant>(
         plant: &P,
-        horizon_s: f64,
+        sample_time_s: f64,
         config: &ValidationConfig,
         seed: u64,
     ) -> Result<Self, NetError> {
-        let steps = config.validate(plant.dims(), horizon_s)?;
-        let integrator = Adaptive::new(plant.clone(), config.tolerance);
-        Self::integrate_all(integrator, steps, horizon_s, config, seed)
+        let steps = config.validate(plant.dims(), sample_time_s)?;
+        let integrator = Dopri5::new(plant.clone(), config.tolerance);
+        Self::integrate_all(integrator, steps, sample_time_s, config, seed)
     }
 
     fn integrate_all(
-        mut integrator: Adaptive,
+        mut integrator: Dopri5,
         steps: usize,
-        horizon_s: f64,
+        sample_time_s: f64,
         config: &ValidationConfig,
         seed: u64,
     ) -> Result<Self, NetError> {
@@ -148,22 +148,22 @@ impl ValidationSet {
                 &mut integrator,
                 initial,
                 inputs,
-                horizon_s,
+                sample_time_s,
                 config.subintervals,
             )?);
         }
         let count = config.one_step_points;
         let points =
-            Sampler::Sobol.sample(count, horizon_s, &config.domain, 1, seed, Purpose::OneStep);
+            Sampler::Sobol.sample(count, sample_time_s, &config.domain, 1, seed, Purpose::OneStep);
         let one_step = (0..count)
             .map(|i| {
                 let (x, u) = (points.state(i).to_vec(), points.input(i).to_vec());
-                integrate(&mut integrator, x, vec![u], horizon_s, 1)
+                integrate(&mut integrator, x, vec![u], sample_time_s, 1)
             })
             .collect::<Result<_, _>>()?;
         let (subintervals, scale) = (config.subintervals, config.scale(states));
         let held_out = None;
-        Ok(Self { states, steps, subintervals, horizon_s, scale, scenarios, one_step, held_out })
+        Ok(Self { states, steps, subintervals, sample_time_s, scale, scenarios, one_step, held_out })
     }
 
     /// What a conventional PINN can be asked: its one scenario, over one T.
@@ -173,21 +173,21 @@ impl ValidationSet {
     /// [`NetError`] if a setting makes no sense or the plant cannot be integrated.
     pub fn of_scenario<P: Plant>(
         plant: &P,
-        horizon_s: f64,
+        sample_time_s: f64,
         config: &ValidationConfig,
         scenario: &Scenario,
     ) -> Result<Self, NetError> {
-        config.validate(plant.dims(), horizon_s)?;
+        config.validate(plant.dims(), sample_time_s)?;
         let (states, subintervals) = (plant.dims().states, config.subintervals);
-        let mut integrator = Adaptive::new(plant.clone(), config.tolerance);
+        let mut integrator = Dopri5::new(plant.clone(), config.tolerance);
         let mut trial = |parts| {
             let (initial, inputs) = (scenario.initial_state.clone(), vec![scenario.input.clone()]);
-            integrate(&mut integrator, initial, inputs, horizon_s, parts)
+            integrate(&mut integrator, initial, inputs, sample_time_s, parts)
         };
         let (scenarios, one_step) = (vec![trial(subintervals)?], vec![trial(1)?]);
         let scale = config.scale(states);
         let (steps, held_out) = (1, None);
-        Ok(Self { states, steps, subintervals, horizon_s, scale, scenarios, one_step, held_out })
+        Ok(Self { states, steps, subintervals, sample_time_s, scale, scenarios, one_step, held_out })
     }
 
     /// The same scenarios, and measurements that are not trained on.
@@ -209,9 +209,9 @@ impl ValidationSet {
             rows.push(&first, &start);
             for (k, input) in scenario.inputs.iter().enumerate() {
                 // A distilled net is to be asked for the end alone.
-                let first = if net.source() == Source::Integrator { self.subintervals } else { 1 };
+                let first = if net.source() == TrainingTarget::Integrator { self.subintervals } else { 1 };
                 for part in first..=self.subintervals {
-                    let t = self.horizon_s * to_f64(part) / to_f64(self.subintervals);
+                    let t = self.sample_time_s * to_f64(part) / to_f64(self.subintervals);
                     let y = net.evaluate(t, &start, input);
                     let row = k * self.subintervals + part - 1;
                     let truth = &scenario.truth[row * states..(row + 1) * states];
@@ -225,7 +225,7 @@ impl ValidationSet {
         }
         let mut single = Rows::default();
         for trial in &self.one_step {
-            let y = net.evaluate(self.horizon_s, &trial.initial, &trial.inputs[0]);
+            let y = net.evaluate(self.sample_time_s, &trial.initial, &trial.inputs[0]);
             single.push(&y, &trial.truth);
         }
         let units = vec![1.0; states];
@@ -278,17 +278,17 @@ impl Rows {
 }
 
 fn integrate(
-    integrator: &mut Adaptive,
+    integrator: &mut Dopri5,
     initial: Vec<f64>,
     inputs: Vec<Vec<f64>>,
-    horizon_s: f64,
+    sample_time_s: f64,
     subintervals: usize,
 ) -> Result<Trial, NetError> {
     let mut x = initial.clone();
     let mut truth = Vec::with_capacity(inputs.len() * subintervals * x.len());
     for input in &inputs {
         for _ in 0..subintervals {
-            integrator.integrate(&mut x, input, horizon_s / to_f64(subintervals))?;
+            integrator.integrate(&mut x, input, sample_time_s / to_f64(subintervals))?;
             truth.extend_from_slice(&x);
         }
     }

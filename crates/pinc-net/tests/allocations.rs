@@ -10,7 +10,7 @@ use pinc_net::{
     Ansatz, BatchLoss, Domain, InitialScale, LossWeights, NetConfig, PincNet, ResidualScale,
     Sampler, Workers, initial_conditions,
 };
-use pinc_ode::VanDerPol;
+use pinc_plants::VanDerPol;
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -54,10 +54,10 @@ fn allocated(work: impl FnOnce()) -> (usize, usize) {
     (after.0 - before.0, after.1 - before.1)
 }
 
-/// Rosenbrock's function: long enough a way for any optimizer.
-struct Rosenbrock;
+/// Rodas4's function: long enough a way for any optimizer.
+struct Rodas4;
 
-impl Objective for Rosenbrock {
+impl Objective for Rodas4 {
     fn evaluate(&mut self, x: &[f64], gradient: &mut [f64]) -> f64 {
         gradient.fill(0.0);
         let mut value = 0.0;
@@ -71,7 +71,7 @@ impl Objective for Rosenbrock {
     }
 }
 
-impl LeastSquares for Rosenbrock {
+impl LeastSquares for Rodas4 {
     fn normal_matrix(&mut self, _: &[f64], _: MatMut<'_, f64>) {
         panic!("not asked for by these optimizers");
     }
@@ -81,10 +81,10 @@ impl LeastSquares for Rosenbrock {
 fn optimizer(config: &OptimizerConfig, workers: &Workers) -> (usize, usize) {
     let variables = 200;
     let mut optimizer = Optimizer::new(config, variables);
-    let mut at = Iterate::new(&mut Rosenbrock, vec![-1.2; variables]);
+    let mut at = Iterate::new(&mut Rodas4, vec![-1.2; variables]);
     let mut iterate = |iterations| {
         for _ in 0..iterations {
-            assert_eq!(optimizer.step(&mut Rosenbrock, &mut at, workers), Outcome::Moved);
+            assert_eq!(optimizer.step(&mut Rodas4, &mut at, workers), Outcome::Moved);
         }
     };
     iterate(30);
@@ -100,13 +100,13 @@ fn loss(points: usize, neurons: usize, workers: &Workers) -> (usize, usize) {
         input_low: vec![-1.0],
         input_high: vec![1.0],
     };
-    let (horizon_s, ansatz) = (0.5, Ansatz::Direct);
-    let config = NetConfig { horizon_s, hidden_layers: 2, neurons, ansatz, time_only: None };
+    let (sample_time_s, ansatz) = (0.5, Ansatz::Direct);
+    let config = NetConfig { sample_time_s, hidden_layers: 2, neurons, ansatz, time_only: None };
     let net = PincNet::new(&plant, &config, &domain, 1).unwrap();
     let (scale, initial) = (ResidualScale::Normalized, InitialScale::Normalized);
     let weights = LossWeights::new(&net, 1.0, &scale, initial).unwrap();
     let mut loss = BatchLoss::new(&plant, &net, &weights, workers);
-    let collocation = Sampler::Sobol.collocation(points, horizon_s, &domain, 1, 1);
+    let collocation = Sampler::Sobol.collocation(points, sample_time_s, &domain, 1, 1);
     loss.set_points(&collocation, &initial_conditions(50, &domain, 1));
     let mut gradient = vec![0.0; net.mlp().parameters().len()];
     loss.loss_gradient(net.mlp().parameters(), &mut gradient);

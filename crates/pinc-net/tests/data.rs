@@ -5,11 +5,12 @@ use pinc_net::optim::{
     SelfScaledBroydenConfig,
 };
 use pinc_net::{
-    Ansatz, Domain, InitialScale, Keep, Measurements, NetConfig, NetError, Phase, Progress,
-    Recorded, ResidualScale, Sampler, Source, Trainer, TrainingConfig, ValidationConfig,
+    Ansatz, Domain, InitialScale, SelectNet, Measurements, NetConfig, NetError, Phase, Progress,
+    Recorded, ResidualScale, Sampler, TrainingTarget, Trainer, TrainingConfig, ValidationConfig,
     ValidationSet,
 };
-use pinc_ode::{Adaptive, VanDerPol};
+use pinc_ode::Dopri5;
+use pinc_plants::VanDerPol;
 
 const T: f64 = 0.5;
 
@@ -59,7 +60,7 @@ fn domain() -> Domain {
 
 /// One step of the plant with mu = 1 from points of a grid; of every other point only one state.
 fn measured() -> Measurements {
-    let mut plant = Adaptive::new(VanDerPol { mu: 1.0 }, 1e-10);
+    let mut plant = Dopri5::new(VanDerPol { mu: 1.0 }, 1e-10);
     let mut measured = Measurements::new(2);
     for i in 0..5 {
         for j in 0..5 {
@@ -81,17 +82,17 @@ fn phase(optimizer: OptimizerConfig, iterations: u64) -> Vec<Phase> {
 }
 
 /// A training on the equation with a wrong mu, with what was measured held out from it.
-fn trainer(phases: Vec<Phase>, keep: Keep, threads: usize) -> Trainer {
+fn trainer(phases: Vec<Phase>, keep: SelectNet, threads: usize) -> Trainer {
     let plant = VanDerPol { mu: 0.5 };
     let net = NetConfig {
-        horizon_s: T,
+        sample_time_s: T,
         hidden_layers: 2,
         neurons: 8,
         ansatz: Ansatz::HardLinear,
         time_only: None,
     };
     let training = TrainingConfig {
-        source: Source::Physics,
+        source: TrainingTarget::Physics,
         sampler: Sampler::Sobol,
         collocation_points: 128,
         initial_points: 1,
@@ -141,8 +142,8 @@ fn broyden() -> OptimizerConfig {
 #[test]
 fn measurements_pull_a_net_of_a_wrong_equation_to_the_plant() {
     let phases = || phase(broyden(), 200);
-    let physics = run(trainer(phases(), Keep::Last, 1)).0;
-    let both = trainer(phases(), Keep::Last, 1).with_measurements(&measured(), 100.0).unwrap();
+    let physics = run(trainer(phases(), SelectNet::Last, 1)).0;
+    let both = trainer(phases(), SelectNet::Last, 1).with_measurements(&measured(), 100.0).unwrap();
     let both = run(both).0;
     // The equations differ by up to half a unit of velocity over half a second, a tenth of the box; with
     // measurements a hundred times as heavy as the equation little of that is left.
@@ -164,7 +165,7 @@ fn every_optimizer_fits_them_in_the_same_bits_on_any_number_of_threads() {
         OptimizerConfig::LevenbergMarquardt(marquardt),
     ] {
         let on = |threads| {
-            let trainer = trainer(phase(optimizer.clone(), 30), Keep::Last, threads);
+            let trainer = trainer(phase(optimizer.clone(), 30), SelectNet::Last, threads);
             run(trainer.with_measurements(&measured(), 10.0).unwrap())
         };
         let (error, losses) = on(1);
@@ -179,7 +180,7 @@ fn every_optimizer_fits_them_in_the_same_bits_on_any_number_of_threads() {
 #[test]
 fn held_out_measurements_choose_the_best_net() {
     // Physics alone moves away from the plant again after it has come near: the best is not the last.
-    let mut trainer = trainer(phase(broyden(), 150), Keep::Best, 1);
+    let mut trainer = trainer(phase(broyden(), 150), SelectNet::Best, 1);
     let mut best = f64::INFINITY;
     while let Progress::Iterated(_) = trainer.step().unwrap() {
         if trainer.validation_due() {
@@ -208,7 +209,7 @@ fn held_out_measurements_choose_the_best_net() {
 #[test]
 fn without_a_value_or_a_weight_they_are_refused() {
     let refused = |measured: &Measurements, weight: f64| {
-        let trainer = trainer(phase(broyden(), 1), Keep::Last, 1);
+        let trainer = trainer(phase(broyden(), 1), SelectNet::Last, 1);
         trainer.with_measurements(measured, weight).map(|_| ()).unwrap_err()
     };
     let mut nothing = Measurements::new(2);

@@ -7,7 +7,8 @@ use pinc_net::{
     PincNet, Points, ResidualScale, Sampler, Scenario, Workers, initial_conditions, reference_loss,
     reference_measured, reference_residuals,
 };
-use pinc_ode::{FourTanks, OneTank, Plant, VanDerPol};
+use pinc_ode::Plant;
+use pinc_plants::{FourTanks, OneTank, VanDerPol};
 use proptest::prelude::*;
 
 /// The weight of the measurements.
@@ -62,7 +63,7 @@ fn problem<P: Plant>(plant: P, case: &Case) -> Problem<P> {
     let scenario =
         Scenario { initial_state: vec![1.5; dims.states], input: vec![0.5; dims.inputs] };
     let config = NetConfig {
-        horizon_s: 0.7,
+        sample_time_s: 0.7,
         hidden_layers: case.hidden_layers,
         neurons: case.neurons,
         ansatz: case.ansatz,

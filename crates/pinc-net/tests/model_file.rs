@@ -1,7 +1,8 @@
 //! The model file: round trip, stability, and every kind of damage.
 
 use pinc_net::{Ansatz, Domain, ModelError, NetConfig, PincNet, Scenario};
-use pinc_ode::{FourTanks, Plant, VanDerPol};
+use pinc_ode::Plant;
+use pinc_plants::{FourTanks, VanDerPol};
 use proptest::prelude::*;
 
 fn net<P: Plant>(plant: &P, ansatz: Ansatz, time_only: bool) -> PincNet {
@@ -15,7 +16,7 @@ fn net<P: Plant>(plant: &P, ansatz: Ansatz, time_only: bool) -> PincNet {
     let scenario =
         Scenario { initial_state: vec![1.5; dims.states], input: vec![0.5; dims.inputs] };
     let config = NetConfig {
-        horizon_s: 0.7,
+        sample_time_s: 0.7,
         hidden_layers: 3,
         neurons: 6,
         ansatz,

@@ -27,7 +27,7 @@ impl<F: FnMut(&[f64], &mut [f64]) -> f64> LeastSquares for Counting<F> {
     }
 }
 
-/// Rosenbrock's function in n dimensions: minimum 0 at (1, .., 1).
+/// Rodas4's function in n dimensions: minimum 0 at (1, .., 1).
 fn rosenbrock(x: &[f64], gradient: &mut [f64]) -> f64 {
     gradient.fill(0.0);
     let mut value = 0.0;
@@ -271,7 +271,7 @@ fn fit<F: Fn(&[f64], &mut [f64], &mut [Vec<f64>])>(
     (at, Outcome::Moved, 200, problem.evaluations)
 }
 
-/// Rosenbrock's function of two variables as residuals 10 (y - x^2), 1 - x.
+/// Rodas4's function of two variables as residuals 10 (y - x^2), 1 - x.
 fn rosenbrock_residuals(x: &[f64], r: &mut [f64], jacobian: &mut [Vec<f64>]) {
     r.copy_from_slice(&[10.0 * (x[1] - x[0] * x[0]), 1.0 - x[0]]);
     jacobian[0].copy_from_slice(&[-20.0 * x[0], 10.0]);

@@ -2,7 +2,8 @@
 
 use pinc_ad::{Dual, jacobian};
 use pinc_net::{Ansatz, Domain, NetConfig, PincNet, PincPredictor};
-use pinc_ode::{FourTanks, Plant, Predictor, VanDerPol};
+use pinc_ode::{Plant, Predictor};
+use pinc_plants::{FourTanks, VanDerPol};
 use proptest::prelude::*;
 
 fn check<P: Plant>(plant: &P, ansatz: Ansatz, seed: u64, at: f64) -> Result<(), TestCaseError> {
@@ -15,7 +16,7 @@ fn check<P: Plant>(plant: &P, ansatz: Ansatz, seed: u64, at: f64) -> Result<(), 
         input_high: vec![3.0; m],
     };
     let config =
-        NetConfig { horizon_s: 0.7, hidden_layers: 3, neurons: 11, ansatz, time_only: None };
+        NetConfig { sample_time_s: 0.7, hidden_layers: 3, neurons: 11, ansatz, time_only: None };
     let net = PincNet::new(plant, &config, &domain, seed).unwrap();
     let mut predictor = PincPredictor::new(&net);
     let xu: Vec<f64> = (0..n + m).map(|i| at + 0.3 * i as f64).collect();

@@ -6,11 +6,12 @@ use pinc_net::optim::{
     SelfScaledBroydenConfig,
 };
 use pinc_net::{
-    Ansatz, Checkpoint, Domain, GrowthConfig, InitialScale, IterationRecord, Keep, Measurements,
-    NetConfig, NetError, Phase, PincNet, Progress, ResidualScale, Sampler, Scenario, Source,
+    Ansatz, Checkpoint, Domain, GrowthConfig, InitialScale, IterationRecord, SelectNet, Measurements,
+    NetConfig, NetError, Phase, PincNet, Progress, ResidualScale, Sampler, Scenario, TrainingTarget,
     StopReason, Trainer, TrainingConfig, Validation, ValidationConfig, ValidationSet,
 };
-use pinc_ode::{Adaptive, OneTank, Plant, VanDerPol, Variable};
+use pinc_ode::{Dopri5, Plant, Variable};
+use pinc_plants::{OneTank, VanDerPol};
 
 fn adam(iterations: u64) -> Phase {
     let (beta1, beta2, epsilon) = (0.9, 0.999, 1e-7);
@@ -37,7 +38,7 @@ fn levenberg_marquardt(iterations: u64) -> Phase {
 
 fn training(phases: Vec<Phase>) -> TrainingConfig {
     TrainingConfig {
-        source: Source::Physics,
+        source: TrainingTarget::Physics,
         sampler: Sampler::Sobol,
         collocation_points: 256,
         initial_points: 32,
@@ -47,7 +48,7 @@ fn training(phases: Vec<Phase>) -> TrainingConfig {
         phases,
         growth: None,
         validation_every: 10,
-        keep: Keep::Best,
+        keep: SelectNet::Best,
         target_one_step_rms: None,
     }
 }
@@ -71,20 +72,20 @@ fn van_der_pol_domain() -> Domain {
     }
 }
 
-fn validation<P: Plant>(plant: &P, horizon_s: f64, domain: &Domain) -> ValidationSet {
+fn validation<P: Plant>(plant: &P, sample_time_s: f64, domain: &Domain) -> ValidationSet {
     let config = ValidationConfig {
         scenarios: 3,
-        duration_s: 4.0 * horizon_s,
+        duration_s: 4.0 * sample_time_s,
         subintervals: 3,
         domain: domain.clone(),
         tolerance: 1e-10,
         one_step_points: 64,
     };
-    ValidationSet::generate(plant, horizon_s, &config, 77).unwrap()
+    ValidationSet::generate(plant, sample_time_s, &config, 77).unwrap()
 }
 
 fn van_der_pol(config: &TrainingConfig, ansatz: Ansatz, threads: usize) -> Trainer {
-    let net = NetConfig { horizon_s: 0.5, hidden_layers: 2, neurons: 8, ansatz, time_only: None };
+    let net = NetConfig { sample_time_s: 0.5, hidden_layers: 2, neurons: 8, ansatz, time_only: None };
     let plant = VanDerPol::default();
     let domain = van_der_pol_domain();
     let set = validation(&plant, 0.5, &domain);
@@ -162,7 +163,7 @@ fn the_best_net_on_validation_is_kept() {
 fn the_last_net_is_kept_if_asked_for_and_phases_can_go_back_to_the_best() {
     let mut phases = vec![adam(30), lbfgs(1)];
     phases[0].restore_best = true;
-    let config = TrainingConfig { keep: Keep::Last, ..training(phases) };
+    let config = TrainingConfig { keep: SelectNet::Last, ..training(phases) };
     let mut trainer = van_der_pol(&config, Ansatz::HardLinear, 1);
     let (records, _) = finish(&mut trainer);
     assert_eq!(records.len(), 31);
@@ -224,7 +225,7 @@ fn resuming_gives_the_bits_of_an_uninterrupted_run() {
         let plant = VanDerPol::default();
         let domain = van_der_pol_domain();
         let net = NetConfig {
-            horizon_s: 0.5,
+            sample_time_s: 0.5,
             hidden_layers: 2,
             neurons: 8,
             ansatz: Ansatz::Direct,
@@ -248,7 +249,7 @@ fn a_checkpoint_of_another_net_is_refused() {
     let plant = VanDerPol::default();
     let domain = van_der_pol_domain();
     let net = NetConfig {
-        horizon_s: 0.5,
+        sample_time_s: 0.5,
         hidden_layers: 3,
         neurons: 8,
         ansatz: Ansatz::Direct,
@@ -307,7 +308,7 @@ fn a_plant_without_value_in_the_domain_is_named() {
     };
     for ansatz in [Ansatz::Direct, Ansatz::HardLinear] {
         let net =
-            NetConfig { horizon_s: 0.5, hidden_layers: 1, neurons: 4, ansatz, time_only: None };
+            NetConfig { sample_time_s: 0.5, hidden_layers: 1, neurons: 4, ansatz, time_only: None };
         let set = validation(&Root, 0.5, &domain(0.1));
         let config = training(vec![adam(3)]);
         let result = Trainer::new(&Root, &net, &domain(-1.0), &config, set, 3, 1);
@@ -332,7 +333,7 @@ fn a_conventional_pinn_learns_its_one_scenario() {
     let scenario = Scenario { initial_state: vec![15.0], input: vec![2.0] };
     for ansatz in [Ansatz::Direct, Ansatz::HardLinear] {
         let net = NetConfig {
-            horizon_s: 30.0,
+            sample_time_s: 30.0,
             hidden_layers: 2,
             neurons: 10,
             ansatz,
@@ -351,7 +352,7 @@ fn a_conventional_pinn_learns_its_one_scenario() {
         let mut trainer = Trainer::new(&plant, &net, &domain, &config, set.clone(), 0, 1).unwrap();
         while let Progress::Iterated(_) = trainer.step().unwrap() {}
         let mut truth = scenario.initial_state.clone();
-        let mut integrator = Adaptive::new(plant, 1e-12);
+        let mut integrator = Dopri5::new(plant, 1e-12);
         let mut squares = (trainer.net().evaluate(0.0, &[15.0], &[2.0])[0] - 15.0).powi(2);
         for k in 1..=10 {
             integrator.integrate(&mut truth, &scenario.input, 3.0).unwrap();
@@ -397,7 +398,7 @@ fn validation_chains_the_net_as_the_paper_says() {
         one_step_points: 1,
     };
     let net = NetConfig {
-        horizon_s: 0.5,
+        sample_time_s: 0.5,
         hidden_layers: 1,
         neurons: 5,
         ansatz: Ansatz::HardLinear,
@@ -407,7 +408,7 @@ fn validation_chains_the_net_as_the_paper_says() {
     let set = ValidationSet::generate(&plant, 0.5, &config, 0).unwrap();
     assert_eq!(set.rows(), 4);
     let (mut y, mut truth, mut squares) = (vec![1.0, -0.5], vec![1.0, -0.5], 0.0);
-    let mut integrator = Adaptive::new(plant, 1e-12);
+    let mut integrator = Dopri5::new(plant, 1e-12);
     for step in 0..3 {
         y = net.evaluate(0.5, &y, &[0.25]);
         integrator.integrate(&mut truth, &[0.25], 0.5).unwrap();
@@ -461,8 +462,8 @@ fn distilled(
     threads: usize,
 ) -> Result<Trainer, NetError> {
     let (plant, domain) = (VanDerPol::default(), van_der_pol_domain());
-    let net = NetConfig { horizon_s: 0.5, hidden_layers: 2, neurons: 8, ansatz, time_only: None };
-    let config = TrainingConfig { source: Source::Integrator, ..training.clone() };
+    let net = NetConfig { sample_time_s: 0.5, hidden_layers: 2, neurons: 8, ansatz, time_only: None };
+    let config = TrainingConfig { source: TrainingTarget::Integrator, ..training.clone() };
     let set = validation(&plant, 0.5, &domain);
     Trainer::new(&plant, &net, &domain, &config, set, 3, threads)
 }
@@ -483,7 +484,7 @@ fn a_distilled_net_learns_the_integrators_steps_and_says_so_in_its_file() {
     });
     assert_eq!(nets[0].to_bytes(), nets[1].to_bytes());
     let read = PincNet::from_bytes(&nets[0].to_bytes()).unwrap();
-    assert_eq!(read.source(), Source::Integrator);
+    assert_eq!(read.source(), TrainingTarget::Integrator);
     // Nothing is asked between the steps, where the net is wrong.
     let Validation { mse_gen, mse_all_normalized, .. } = validation_of(&read);
     assert!(mse_all_normalized < mse_gen, "{mse_all_normalized} {mse_gen}");

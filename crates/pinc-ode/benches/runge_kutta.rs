@@ -1,7 +1,8 @@
 //! A step of RK4, alone and with Jacobians, by substeps: the time grows linearly with them.
 
 use divan::{Bencher, black_box};
-use pinc_ode::{Dims, FourTanks, Plant, Predictor, Rk4, VanDerPol};
+use pinc_ode::{Dims, Plant, Predictor, Rk4};
+use pinc_plants::{FourTanks, VanDerPol};
 
 const SUBSTEPS: [usize; 5] = [1, 4, 5, 10, 50];
 

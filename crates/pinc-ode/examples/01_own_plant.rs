@@ -4,7 +4,8 @@
 #![expect(clippy::print_stdout, reason = "an example shows what it computes")]
 
 use pinc_ad::Scalar;
-use pinc_ode::{Adaptive, Equations, Plant, Variable};
+use pinc_expr::Equations;
+use pinc_ode::{Dopri5, Plant, Variable};
 use std::error::Error;
 
 /// A pendulum with friction, pushed by a torque: angle' = rate, rate' = torque - g sin(angle) - d rate.
@@ -52,11 +53,11 @@ pub(crate) fn main() -> Result<(), Box<dyn Error>> {
 
     // Two seconds under a constant torque, to a local error of 1e-10.
     let mut x = [0.5, 0.0];
-    Adaptive::new(plant, 1e-10).integrate(&mut x, &[1.0], 2.0)?;
+    Dopri5::new(plant, 1e-10).integrate(&mut x, &[1.0], 2.0)?;
     println!("after 2 s, compiled:  {x:.9?}");
 
     let mut y = [0.5, 0.0];
-    Adaptive::new(equations().compile()?, 1e-10).integrate(&mut y, &[1.0], 2.0)?;
+    Dopri5::new(equations().compile()?, 1e-10).integrate(&mut y, &[1.0], 2.0)?;
     println!("after 2 s, from text: {y:.9?}");
     assert!(x.iter().zip(&y).all(|(x, y)| (x - y).abs() < 1e-8));
 

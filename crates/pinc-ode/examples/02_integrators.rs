@@ -4,7 +4,8 @@
 //! `cargo run -p pinc-ode --example 02_integrators`
 #![expect(clippy::print_stdout, reason = "an example shows what it computes")]
 
-use pinc_ode::{Adaptive, Predictor, Rk4, VanDerPol};
+use pinc_ode::{Dopri5, Predictor, Rk4};
+use pinc_plants::VanDerPol;
 use std::error::Error;
 
 /// The length T of a step, in s.
@@ -13,7 +14,7 @@ const HORIZON_S: f64 = 0.5;
 pub(crate) fn main() -> Result<(), Box<dyn Error>> {
     let (plant, x, u) = (VanDerPol::default(), [2.0, -1.0], [0.5]);
     let mut truth = x;
-    Adaptive::new(plant, 1e-13).integrate(&mut truth, &u, HORIZON_S)?;
+    Dopri5::new(plant, 1e-13).integrate(&mut truth, &u, HORIZON_S)?;
 
     let mut errors = Vec::new();
     for substeps in [1, 2, 4, 8, 16] {

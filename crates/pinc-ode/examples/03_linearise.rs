@@ -4,7 +4,8 @@
 //! `cargo run -p pinc-ode --example 03_linearise`
 #![expect(clippy::print_stdout, reason = "an example shows what it computes")]
 
-use pinc_ode::{Dims, FourTanks, Predictor, Rk4};
+use pinc_ode::{Dims, Predictor, Rk4};
+use pinc_plants::FourTanks;
 
 pub(crate) fn main() {
     // Levels in cm, pump voltages in V, steps of 10 s.

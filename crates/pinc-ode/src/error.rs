@@ -26,7 +26,7 @@ pub enum OdeError {
     #[error(
         "a signal needs start times that begin at 0 and increase, with values of one length each: {reason}"
     )]
-    Signal {
+    PiecewiseConstant {
         /// What is wrong with it.
         reason: &'static str,
     },

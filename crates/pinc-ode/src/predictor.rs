@@ -27,7 +27,7 @@ pub trait Predictor: Debug + Send {
     fn dims(&self) -> Dims;
 
     /// The length T of one step, in s.
-    fn horizon_s(&self) -> f64;
+    fn sample_time_s(&self) -> f64;
 
     /// Writes f(x, u) into `next`.
     fn predict(&mut self, x: &[f64], u: &[f64], next: &mut [f64]);

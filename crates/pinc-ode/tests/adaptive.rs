@@ -4,9 +4,10 @@ mod common;
 
 use common::{Oscillator, distance, flows, log_slope};
 use pinc_ad::Scalar;
-use pinc_ode::{Adaptive, FourTanks, OneTank, Plant, VanDerPol, Variable};
+use pinc_ode::{Dopri5, Plant, Variable};
+use pinc_plants::{FourTanks, OneTank, VanDerPol};
 
-fn integrate(integrator: &mut Adaptive, x: &[f64], u: &[f64], duration: f64) -> Vec<f64> {
+fn integrate(integrator: &mut Dopri5, x: &[f64], u: &[f64], duration: f64) -> Vec<f64> {
     let mut x = x.to_vec();
     integrator.integrate(&mut x, u, duration).unwrap();
     x
@@ -24,7 +25,7 @@ fn the_formula_has_order_5() {
     for k in 1..11 {
         let steps: u32 = 1 << k;
         let h = duration / f64::from(steps);
-        let mut integrator = Adaptive::new(plant.clone(), 1e9);
+        let mut integrator = Dopri5::new(plant.clone(), 1e9);
         integrate(&mut integrator, &start, &[u], h);
         let warm_up = integrator.rhs_calls();
         let mut x = start.to_vec();
@@ -52,7 +53,7 @@ fn error_follows_tolerance_and_work() {
     let runs: Vec<_> = (4..12)
         .map(|digits| {
             let tolerance = 10f64.powi(-digits);
-            let mut integrator = Adaptive::new(plant.clone(), tolerance);
+            let mut integrator = Dopri5::new(plant.clone(), tolerance);
             let x = integrate(&mut integrator, &start, &[0.0], duration);
             let calls = f64::from(u32::try_from(integrator.rhs_calls()).unwrap());
             (tolerance, calls, distance(&x, &exact))
@@ -75,7 +76,7 @@ fn error_follows_tolerance_and_work() {
 #[test]
 fn work_is_what_the_formula_asks_for() {
     let (tolerance, duration) = (1e-10, 40.0);
-    let mut integrator = Adaptive::new(Oscillator { damping: 0.0 }, tolerance);
+    let mut integrator = Dopri5::new(Oscillator { damping: 0.0 }, tolerance);
     integrate(&mut integrator, &[1.0, 0.0], &[0.0], duration);
     let calls = |part: f64| {
         let step = (0.9f64.powi(5) * tolerance * 120_000.0 / (97.0 * part)).powf(0.2);
@@ -117,7 +118,7 @@ fn bound(size: f64, rate: f64, duration: f64, growth: f64) -> f64 {
 #[test]
 fn harmonic_oscillator() {
     let plant = Oscillator { damping: 0.0 };
-    let mut integrator = Adaptive::new(plant.clone(), FINE);
+    let mut integrator = Dopri5::new(plant.clone(), FINE);
     let x = integrate(&mut integrator, &[1.0, 0.5], &[0.3], 20.0);
     // Errors turn in circles and do not grow.
     let bound = bound(1.3, 1.0, 20.0, 1.0);
@@ -128,7 +129,7 @@ fn harmonic_oscillator() {
 #[test]
 fn logistic_growth() {
     let exact = |t: f64| 1.0 / (1.0 + 99.0 * (-t).exp());
-    let mut integrator = Adaptive::new(Logistic, FINE);
+    let mut integrator = Dopri5::new(Logistic, FINE);
     let mut x = vec![0.01];
     for k in 1..=12 {
         integrator.integrate(&mut x, &[], 1.0).unwrap();
@@ -146,7 +147,7 @@ fn logistic_growth() {
 fn one_tank_drains_as_torricelli_says() {
     let plant = OneTank::default();
     let rate = plant.outlet * (2.0f64 * 981.0).sqrt() / (2.0 * plant.area);
-    let mut integrator = Adaptive::new(plant, FINE);
+    let mut integrator = Dopri5::new(plant, FINE);
     let mut h = vec![12.0];
     for k in 1..=12 {
         integrator.integrate(&mut h, &[0.0], 10.0).unwrap();
@@ -164,14 +165,14 @@ fn one_tank_drains_as_torricelli_says() {
 fn empty_tank_fills_up() {
     let plant = OneTank::default();
     for h0 in [0.0, -0.5] {
-        let mut integrator = Adaptive::new(plant, FINE);
+        let mut integrator = Dopri5::new(plant, FINE);
         let h = integrate(&mut integrator, &[h0], &[2.0], 4000.0);
         let balance = (plant.pump * 2.0 / plant.outlet).powi(2) / (2.0 * 981.0);
         // The last few steps count only, the equation forgets the others.
         assert!((h[0] - balance).abs() < 1e-10, "{h:?} {balance}");
     }
     // Without a pump an empty tank stays as it is.
-    let still = integrate(&mut Adaptive::new(plant, FINE), &[-0.5], &[0.0], 100.0);
+    let still = integrate(&mut Dopri5::new(plant, FINE), &[-0.5], &[0.0], 100.0);
     assert_eq!(still, [-0.5]);
 }
 
@@ -189,7 +190,7 @@ fn plants_against_digits() {
 
 fn check_flows<P: Plant>(name: &str, plant: &P, size: f64, rate: f64, growth: f64) {
     for flow in flows(name) {
-        let mut integrator = Adaptive::new(plant.clone(), FINE);
+        let mut integrator = Dopri5::new(plant.clone(), FINE);
         let x = integrate(&mut integrator, &flow.x, &flow.u, flow.duration_s);
         let bound = bound(size, rate, flow.duration_s, growth);
         let error = distance(&x, &flow.end);

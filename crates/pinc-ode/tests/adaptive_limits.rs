@@ -1,12 +1,13 @@
 //! The adaptive integrator at its limits: jumps, poles, NaN; and the work that it counts.
 
 use pinc_ad::Scalar;
-use pinc_ode::{Adaptive, FourTanks, OdeError, Plant, VanDerPol, Variable};
+use pinc_ode::{Dopri5, OdeError, Plant, Variable};
+use pinc_plants::{FourTanks, VanDerPol};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 fn integrate(
-    integrator: &mut Adaptive,
+    integrator: &mut Dopri5,
     x: &[f64],
     u: &[f64],
     duration: f64,
@@ -65,7 +66,7 @@ impl Plant for Equation {
 /// is worst for c just below 0.3, where it is 0.209 / 0.00123 = 170.
 #[test]
 fn jump_in_the_right_hand_side() {
-    let mut integrator = Adaptive::new(Equation::Jump, 1e-12);
+    let mut integrator = Dopri5::new(Equation::Jump, 1e-12);
     let x = integrate(&mut integrator, &[0.0, 0.0], &[], 1.0).unwrap();
     // Up for half a second, down for another; at the jump x = 1/2.
     let bound = 170.0 * 1e-12 * 1.5;
@@ -75,7 +76,7 @@ fn jump_in_the_right_hand_side() {
 /// x = 1 / (1 - t) ends at t = 1.
 #[test]
 fn blow_up_in_finite_time() {
-    let mut integrator = Adaptive::new(Equation::BlowUp, 1e-12);
+    let mut integrator = Dopri5::new(Equation::BlowUp, 1e-12);
     let mut x = vec![1.0];
     let error = integrator.integrate(&mut x, &[], 2.0).unwrap_err();
     let OdeError::StepTooSmall { t, step } = error else {
@@ -91,7 +92,7 @@ fn blow_up_in_finite_time() {
 /// most tolerance / (2 * 0.00123) = 4e-10 s (the ratio above): 4e-4 s.
 #[test]
 fn chattering_is_given_up() {
-    let mut integrator = Adaptive::new(Equation::Chatter, 1e-12);
+    let mut integrator = Dopri5::new(Equation::Chatter, 1e-12);
     let mut x = vec![0.1];
     let error = integrator.integrate(&mut x, &[], 1.0).unwrap_err();
     let OdeError::StepTooSmall { t, .. } = error else {
@@ -105,7 +106,7 @@ fn chattering_is_given_up() {
 fn state_that_is_not_finite() {
     for bad in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
         for equation in [Equation::Clock, Equation::BlowUp, Equation::Chatter] {
-            let mut integrator = Adaptive::new(equation, 1e-9);
+            let mut integrator = Dopri5::new(equation, 1e-9);
             let error = integrate(&mut integrator, &[bad], &[], 1.0).unwrap_err();
             let OdeError::NotFinite { t, state } = &error else {
                 panic!("{error:?}");
@@ -113,14 +114,14 @@ fn state_that_is_not_finite() {
             assert_eq!((t.to_bits(), state[0].to_bits()), (0, bad.to_bits()));
         }
     }
-    let mut integrator = Adaptive::new(VanDerPol::default(), 1e-9);
+    let mut integrator = Dopri5::new(VanDerPol::default(), 1e-9);
     let error = integrate(&mut integrator, &[0.0, 0.0], &[f64::NAN], 1.0).unwrap_err();
     assert!(matches!(error, OdeError::NotFinite { .. }), "{error:?}");
 }
 
 #[test]
 fn state_that_becomes_not_finite() {
-    let mut integrator = Adaptive::new(Equation::Undefined, 1e-9);
+    let mut integrator = Dopri5::new(Equation::Undefined, 1e-9);
     let mut x = vec![0.0];
     let error = integrator.integrate(&mut x, &[], 1.0).unwrap_err();
     // It breaks off within 1e-12 of the duration before x = t = 1/2, with what it has.
@@ -132,13 +133,13 @@ fn state_that_becomes_not_finite() {
     assert!(error.to_string().starts_with("the solution is no longer finite at t = "), "{error}");
 
     // 1e300 * 1e9 s is more than an f64 holds; the derivative is finite all along.
-    let error = integrate(&mut Adaptive::new(Equation::Overflow, 1e-9), &[0.0], &[], 1e9);
+    let error = integrate(&mut Dopri5::new(Equation::Overflow, 1e-9), &[0.0], &[], 1e9);
     assert!(matches!(error, Err(OdeError::NotFinite { .. })), "{error:?}");
 }
 
 #[test]
 fn after_an_error_the_integrator_goes_on() {
-    let mut integrator = Adaptive::new(VanDerPol::default(), 1e-10);
+    let mut integrator = Dopri5::new(VanDerPol::default(), 1e-10);
     let expected = integrate(&mut integrator.clone(), &[1.0, 0.0], &[0.5], 0.5).unwrap();
     integrate(&mut integrator, &[f64::NAN, 0.0], &[0.5], 0.5).unwrap_err();
     assert_eq!(integrate(&mut integrator, &[1.0, 0.0], &[0.5], 0.5).unwrap(), expected);
@@ -147,7 +148,7 @@ fn after_an_error_the_integrator_goes_on() {
 /// No time, no change, and no step size of 0 that the next call would be stuck with.
 #[test]
 fn zero_duration() {
-    let mut integrator = Adaptive::new(Equation::Clock, 1e-9);
+    let mut integrator = Dopri5::new(Equation::Clock, 1e-9);
     for _ in 0..2 {
         assert_eq!(integrate(&mut integrator, &[3.0], &[], 0.0).unwrap(), [3.0]);
         let x = integrate(&mut integrator, &[3.0], &[], 1.0).unwrap();
@@ -158,11 +159,11 @@ fn zero_duration() {
 #[test]
 fn misuse_is_a_programming_error() {
     for tolerance in [0.0, -1.0, f64::NAN] {
-        let build = || Adaptive::new(Equation::Clock, tolerance);
+        let build = || Dopri5::new(Equation::Clock, tolerance);
         assert!(std::panic::catch_unwind(build).is_err(), "{tolerance}");
     }
     for duration in [-1.0, f64::NAN, f64::INFINITY] {
-        let run = || integrate(&mut Adaptive::new(Equation::Clock, 1e-9), &[0.0], &[], duration);
+        let run = || integrate(&mut Dopri5::new(Equation::Clock, 1e-9), &[0.0], &[], duration);
         assert!(std::panic::catch_unwind(run).is_err(), "{duration}");
     }
 }
@@ -170,7 +171,7 @@ fn misuse_is_a_programming_error() {
 #[test]
 fn same_calls_same_bits() {
     let run = || {
-        let mut integrator = Adaptive::new(FourTanks::antonelo(), 1e-10);
+        let mut integrator = Dopri5::new(FourTanks::antonelo(), 1e-10);
         let mut x = vec![9.0, 8.0, 2.0, 3.0];
         for k in 0..20 {
             integrator.integrate(&mut x, &[f64::from(k % 5), 2.0], 10.0).unwrap();
@@ -204,7 +205,7 @@ impl<P: Plant> Plant for Counted<P> {
 fn rhs_calls_are_counted() {
     let calls = Arc::new(AtomicU64::new(0));
     let plant = Counted { plant: VanDerPol::default(), calls: Arc::clone(&calls) };
-    let mut integrator = Adaptive::new(plant, 1e-10);
+    let mut integrator = Dopri5::new(plant, 1e-10);
     assert_eq!(integrator.rhs_calls(), 0);
     let mut x = vec![1.0, 0.0];
     for k in 1..=20 {
@@ -220,7 +221,7 @@ fn rhs_calls_are_counted() {
 /// the same duration needs a single step.
 #[test]
 fn step_size_is_remembered_between_calls() {
-    let mut integrator = Adaptive::new(Equation::Clock, 1e-9);
+    let mut integrator = Dopri5::new(Equation::Clock, 1e-9);
     integrate(&mut integrator, &[0.0], &[], 2.0).unwrap();
     assert_eq!(integrator.rhs_calls(), 1 + 3 * 6);
     integrate(&mut integrator, &[0.0], &[], 2.0).unwrap();

@@ -4,10 +4,8 @@ mod common;
 
 use common::{Oscillator, distance, flows, log_slope};
 use pinc_ad::{Scalar, central_difference};
-use pinc_ode::{
-    Adaptive, FourTanks, HydraulicServo, Plant, Predictor, Rk4, Rosenbrock, SingleTrackCar,
-    Variable,
-};
+use pinc_ode::{Dopri5, Plant, Predictor, Rk4, Rodas4, Variable};
+use pinc_plants::{FourTanks, HydraulicServo, SingleTrackCar};
 
 fn predict(predictor: &mut impl Predictor, x: &[f64], u: &[f64]) -> Vec<f64> {
     let mut next = vec![f64::NAN; x.len()];
@@ -28,7 +26,7 @@ fn jacobians(predictor: &mut impl Predictor, x: &[f64], u: &[f64]) -> [Vec<f64>;
 fn order<P: Plant>(plant: &P, duration_s: f64, x: &[f64], u: &[f64], end: &[f64]) -> f64 {
     let errors: Vec<_> = (1..12)
         .map(|k| {
-            let mut method = Rosenbrock::new(plant.clone(), duration_s, 1 << k);
+            let mut method = Rodas4::new(plant.clone(), duration_s, 1 << k);
             let error = distance(&predict(&mut method, x, u), end);
             (duration_s / f64::from(1 << k), error)
         })
@@ -83,7 +81,7 @@ impl Plant for Lag {
 fn fast_modes_die_out_at_any_step() {
     for power in -2..=12 {
         let rate = 10.0_f64.powi(power);
-        let x = predict(&mut Rosenbrock::new(Lag { rate }, 1.0, 1), &[3.0], &[2.0])[0];
+        let x = predict(&mut Rodas4::new(Lag { rate }, 1.0, 1), &[3.0], &[2.0])[0];
         assert!((x - 2.0).abs() <= 1.0, "rate {rate}: {x}");
         // The constant of the O is a product of the coefficients, some tens.
         assert!((x - 2.0).abs() < 100.0 / rate, "rate {rate}: {x}");
@@ -96,7 +94,7 @@ fn fast_modes_die_out_at_any_step() {
 #[test]
 fn oscillations_do_not_grow_at_any_step() {
     for step in [0.1, 0.5, 1.0, 2.0, 5.0, 20.0, 1e3] {
-        let mut method = Rosenbrock::new(Oscillator { damping: 0.0 }, step, 1);
+        let mut method = Rodas4::new(Oscillator { damping: 0.0 }, step, 1);
         let [x, v] = predict(&mut method, &[1.0, 0.0], &[0.0])[..] else { panic!("two states") };
         assert!(x.hypot(v) <= 1.0 + 1e-12, "step {step}: {x} {v}");
     }
@@ -123,7 +121,7 @@ impl Plant for FastAndSlow {
 
 #[test]
 fn a_slow_mode_beside_a_fast_one() {
-    let end = predict(&mut Rosenbrock::new(FastAndSlow, 1.0, 20), &[5.0, 1.0], &[]);
+    let end = predict(&mut Rodas4::new(FastAndSlow, 1.0, 20), &[5.0, 1.0], &[]);
     let slow = (-1.0_f64).exp();
     // Order 4 with h = 1/20: 20 h^5 of a constant below 1e-2; the fast state follows to 1/(h 1e6).
     assert!((end[1] - slow).abs() < 1e-7, "{end:?}");
@@ -135,12 +133,12 @@ fn a_slow_mode_beside_a_fast_one() {
 #[test]
 fn jacobians_are_those_of_the_method() {
     check_jacobians(
-        &mut Rosenbrock::new(HydraulicServo::default(), 0.01, 2),
+        &mut Rodas4::new(HydraulicServo::default(), 0.01, 2),
         &[(vec![0.01, 0.05, 3.0, 0.2], vec![0.4]), (vec![0.0, -0.1, -10.0, -0.5], vec![0.6])],
         &[0.02, 0.2, 16.0, 1.0, 1.0],
     );
     check_jacobians(
-        &mut Rosenbrock::new(SingleTrackCar::default(), 0.05, 2),
+        &mut Rodas4::new(SingleTrackCar::default(), 0.05, 2),
         &[
             (vec![7.0, -1.0, 0.7, 0.4], vec![-0.2, 600.0]),
             (vec![5.0, 0.1, 0.1, 0.05], vec![0.1, 50.0]),
@@ -178,8 +176,8 @@ fn agrees_with_the_truth_on_the_servo() {
     let plant = HydraulicServo::default();
     let (x, u) = ([0.01, 0.05, 3.0, 0.2], [0.4]);
     let mut truth = x.to_vec();
-    Adaptive::new(plant, 1e-12).integrate(&mut truth, &u, 0.01).expect("it can be integrated");
-    let implicit = predict(&mut Rosenbrock::new(plant, 0.01, 400), &x, &u);
+    Dopri5::new(plant, 1e-12).integrate(&mut truth, &u, 0.01).expect("it can be integrated");
+    let implicit = predict(&mut Rodas4::new(plant, 0.01, 400), &x, &u);
     let explicit = predict(&mut Rk4::new(plant, 0.01, 4000), &x, &u);
     // Of pressures of some MPa, the largest of the states.
     assert!(distance(&implicit, &truth) < 1e-6, "{implicit:?} {truth:?}");

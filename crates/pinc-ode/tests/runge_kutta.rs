@@ -4,10 +4,8 @@ mod common;
 
 use common::{Oscillator, distance, flows, log_slope};
 use pinc_ad::{Dual, Scalar, central_difference};
-use pinc_ode::{
-    Adaptive, Classical, DormandPrince, FourTanks, Method, OneTank, Plant, Predictor, Rk4, Rk5,
-    RungeKutta, VanDerPol, Variable,
-};
+use pinc_ode::{Dopri5, Classical, DormandPrince, Method, Plant, Predictor, Rk4, Rk5, RungeKutta, Variable};
+use pinc_plants::{FourTanks, OneTank, VanDerPol};
 use proptest::prelude::*;
 use proptest::test_runner::{FileFailurePersistence, TestRunner};
 
@@ -159,9 +157,9 @@ impl<P: Plant> Plant for Variational<P> {
 
 /// Every column of the Jacobians is the solution of the variational equation: by the same method to
 /// rounding, since differentiating and stepping commute; by a fine integration to the method's error.
-fn check_variational<P: Plant>(plant: &P, horizon_s: f64, x: &[f64], u: &[f64], error: f64) {
+fn check_variational<P: Plant>(plant: &P, sample_time_s: f64, x: &[f64], u: &[f64], error: f64) {
     let (n, m) = (x.len(), u.len());
-    let [_, a, b] = linearize(&mut Rk4::new(plant.clone(), horizon_s, 40), x, u);
+    let [_, a, b] = linearize(&mut Rk4::new(plant.clone(), sample_time_s, 40), x, u);
     let variational = Variational::new(plant.clone());
     for column in 0..n + m {
         let unit: Vec<_> = (0..n + m).map(|j| if j == column { 1.0 } else { 0.0 }).collect();
@@ -169,12 +167,12 @@ fn check_variational<P: Plant>(plant: &P, horizon_s: f64, x: &[f64], u: &[f64], 
         let jacobian: Vec<_> = (0..n)
             .map(|i| if column < n { a[i * n + column] } else { b[i * m + column - n] })
             .collect();
-        let same = predict(&mut Rk4::new(variational.clone(), horizon_s, 40), &start, &held);
+        let same = predict(&mut Rk4::new(variational.clone(), sample_time_s, 40), &start, &held);
         // 160 stages of a few roundings each, of sensitivities below 20.
         assert!(distance(&same[n..], &jacobian) < 1e-12, "column {column}");
         let mut fine = start;
-        let mut integrator = Adaptive::new(variational.clone(), 1e-12);
-        integrator.integrate(&mut fine, &held, horizon_s).unwrap();
+        let mut integrator = Dopri5::new(variational.clone(), 1e-12);
+        integrator.integrate(&mut fine, &held, sample_time_s).unwrap();
         let gap = distance(&fine[n..], &jacobian);
         assert!(gap < error, "column {column}: {gap}");
     }
@@ -211,9 +209,9 @@ impl Plant for Ring {
 
 /// Central differences of a step are good to 1e-10 of its value (20 at most) plus h^2/6 = 6e-12
 /// times third derivatives of the flow, which these horizons keep below some 50.
-fn check_differences<P: Plant>(plant: P, horizon_s: f64, x: [f64; 2], u: [f64; 2]) {
-    check_differences_of(&mut Rk4::new(plant.clone(), horizon_s, 3), x, u);
-    check_differences_of(&mut Rk5::new(plant, horizon_s, 2), x, u);
+fn check_differences<P: Plant>(plant: P, sample_time_s: f64, x: [f64; 2], u: [f64; 2]) {
+    check_differences_of(&mut Rk4::new(plant.clone(), sample_time_s, 3), x, u);
+    check_differences_of(&mut Rk5::new(plant, sample_time_s, 2), x, u);
 }
 
 fn check_differences_of(method: &mut impl Predictor, x: [f64; 2], u: [f64; 2]) {
@@ -278,7 +276,7 @@ fn substeps_are_steps_in_a_row() {
     let plant = VanDerPol::default();
     let mut whole = Rk4::new(plant, 0.5, 4);
     let mut quarter = Rk4::new(plant, 0.125, 1);
-    assert_eq!((whole.substeps(), whole.horizon_s().to_bits()), (4, 0.5f64.to_bits()));
+    assert_eq!((whole.substeps(), whole.sample_time_s().to_bits()), (4, 0.5f64.to_bits()));
     let mut x = vec![1.0, -0.5];
     let end = predict(&mut whole, &x, &[0.3]);
     for _ in 0..4 {
@@ -302,9 +300,9 @@ fn no_memory_of_earlier_calls() {
 
 #[test]
 fn what_is_no_method_is_a_programming_error() {
-    for (horizon_s, substeps) in [(0.0, 1), (-1.0, 1), (f64::NAN, 1), (f64::INFINITY, 1), (1.0, 0)]
+    for (sample_time_s, substeps) in [(0.0, 1), (-1.0, 1), (f64::NAN, 1), (f64::INFINITY, 1), (1.0, 0)]
     {
-        let build = || Rk4::new(VanDerPol::default(), horizon_s, substeps);
-        assert!(std::panic::catch_unwind(build).is_err(), "{horizon_s} {substeps}");
+        let build = || Rk4::new(VanDerPol::default(), sample_time_s, substeps);
+        assert!(std::panic::catch_unwind(build).is_err(), "{sample_time_s} {substeps}");
     }
 }

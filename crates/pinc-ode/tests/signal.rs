@@ -1,10 +1,10 @@
 //! Piecewise-constant signals: boundaries, rounding and what is refused.
 
-use pinc_ode::{OdeError, Signal};
+use pinc_ode::{OdeError, PiecewiseConstant};
 
-fn staircase(starts: Vec<f64>) -> Signal {
+fn staircase(starts: Vec<f64>) -> PiecewiseConstant {
     let values = (0..starts.len()).map(|k| vec![level(k)]).collect();
-    Signal::new(starts, values).unwrap()
+    PiecewiseConstant::new(starts, values).unwrap()
 }
 
 fn level(k: usize) -> f64 {
@@ -12,7 +12,7 @@ fn level(k: usize) -> f64 {
 }
 
 #[track_caller]
-fn assert_level(signal: &Signal, t: f64, k: usize) {
+fn assert_level(signal: &PiecewiseConstant, t: f64, k: usize) {
     assert_eq!(signal.at(t), [level(k)], "at {t:e} s");
 }
 
@@ -50,7 +50,7 @@ fn first_and_last_values_go_on() {
     assert_level(&signal, -1.0, 0);
     assert_level(&signal, 1e9, 1);
     assert_level(&signal, f64::INFINITY, 1);
-    let constant = Signal::new(vec![0.0], vec![vec![4.0, 5.0]]).unwrap();
+    let constant = PiecewiseConstant::new(vec![0.0], vec![vec![4.0, 5.0]]).unwrap();
     assert_eq!(constant.width(), 2);
     assert_eq!(constant.at(0.0), [4.0, 5.0]);
 }
@@ -58,8 +58,8 @@ fn first_and_last_values_go_on() {
 #[track_caller]
 fn assert_refused(starts: &[f64], values: &[&[f64]], why: &str) {
     let values = values.iter().map(|v| v.to_vec()).collect();
-    let error = Signal::new(starts.to_vec(), values).unwrap_err();
-    let OdeError::Signal { reason } = &error else {
+    let error = PiecewiseConstant::new(starts.to_vec(), values).unwrap_err();
+    let OdeError::PiecewiseConstant { reason } = &error else {
         panic!("{error:?}");
     };
     assert_eq!(*reason, why);

@@ -7,7 +7,7 @@ use super::results::{BenchReport, NmpcTimes};
 use crate::clock::to_f64;
 use crate::record::file;
 use crate::runs::read_model;
-use crate::{BenchError, ControlMetrics, Experiment, Options, Record, Verbosity};
+use crate::{BenchError, ControlMetrics, Experiment, Options, RunDir, Verbosity};
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
 
@@ -41,8 +41,8 @@ pub(super) fn run(case: Case, effort: &Effort, report: &mut BenchReport) -> Resu
 /// Does `work` on the experiment, in a directory that is removed afterwards, and returns the net too.
 fn trained(
     experiment: &Experiment,
-    work: impl FnOnce(&Experiment, &Path, &Options<'_>) -> Result<Record, BenchError>,
-) -> Result<(Trained, Record), BenchError> {
+    work: impl FnOnce(&Experiment, &Path, &Options<'_>) -> Result<RunDir, BenchError>,
+) -> Result<(Trained, RunDir), BenchError> {
     in_passing(|dir, options| {
         let record = work(experiment, dir, options)?;
         let net = read_model(&dir.join(file::MODEL))?;

@@ -7,14 +7,14 @@ use crate::BenchError;
 use crate::clock::{for_seconds, median, time, to_f64};
 use crate::runs::Setup;
 use crate::spec::Experiment;
-use crate::system::System;
+use crate::dyn_plant::DynPlant;
 use pinc_net::{BatchLoss, Isa, LossWeights, PincNet, Points, Workers, initial_conditions};
 use std::path::Path;
 use std::sync::Barrier;
 
 /// The evaluation that is measured: the paper's net at its initial weights, on the paper's points.
 pub(super) struct Evaluation {
-    plant: Box<dyn System>,
+    plant: Box<dyn DynPlant>,
     pub(super) net: PincNet,
     pub(super) weights: LossWeights,
     pub(super) collocation: Points,
@@ -36,7 +36,7 @@ impl Evaluation {
             weights,
             collocation: config.sampler.collocation(
                 points,
-                model.horizon_s,
+                model.sample_time_s,
                 domain,
                 scenarios,
                 seed,

@@ -4,7 +4,7 @@ use super::cases::{Case, Effort};
 use super::results::ModelStep;
 use crate::BenchError;
 use crate::one_step::Steps;
-use crate::system::System;
+use crate::dyn_plant::DynPlant;
 use pinc_net::{Domain, PincNet, PincPredictor};
 use pinc_ode::Predictor;
 
@@ -23,13 +23,13 @@ pub(super) struct Trained {
 /// Measures the models of a plant: Runge-Kutta by substeps, then `nets`.
 pub(super) fn run(
     case: Case,
-    plant: &dyn System,
+    plant: &dyn DynPlant,
     domain: &Domain,
     nets: &[&Trained],
     effort: &Effort,
 ) -> Result<Vec<ModelStep>, BenchError> {
-    let horizon_s = nets[0].net.horizon_s();
-    let steps = Steps::new(plant, domain, horizon_s, effort.one_step_points, TOLERANCE)?;
+    let sample_time_s = nets[0].net.sample_time_s();
+    let steps = Steps::new(plant, domain, sample_time_s, effort.one_step_points, TOLERANCE)?;
     let row = |model: &mut dyn Predictor| ModelStep {
         plant: case.name(),
         model: "rk4",
@@ -42,7 +42,7 @@ pub(super) fn run(
     };
     let mut rows = Vec::new();
     for substeps in SUBSTEPS {
-        let row = row(&mut *plant.rk4(horizon_s, substeps));
+        let row = row(&mut *plant.rk4(sample_time_s, substeps));
         rows.push(ModelStep { substeps: Some(substeps), ..row });
     }
     for Trained { net, seconds } in nets {

@@ -23,8 +23,8 @@ pub(super) fn run(case: Case, repetitions: usize) -> Result<Vec<QpTime>, BenchEr
 fn measure(case: Case, method: QpMethod, repetitions: usize) -> Result<QpTime, BenchError> {
     let experiment = case.experiment(&[&format!("control.sqp.qp={method}")])?;
     let spec = experiment.control.as_ref().expect("the shipped loops have a controller");
-    let horizon_s = experiment.horizon_s().expect("the shipped loops train a net");
-    let setup = ControlSetup { spec, kinds: &[ModelKind::Rk4], net: None, horizon_s };
+    let sample_time_s = experiment.sample_time_s().expect("the shipped loops train a net");
+    let setup = ControlSetup { spec, kinds: &[ModelKind::Rk4], net: None, sample_time_s };
     let plant = &*experiment.plant.system();
     let in_model = Spent::default();
     let model = Watched { model: setup.model(ModelKind::Rk4, plant), spent: in_model.clone() };
@@ -81,8 +81,8 @@ impl Predictor for Watched {
         self.model.dims()
     }
 
-    fn horizon_s(&self) -> f64 {
-        self.model.horizon_s()
+    fn sample_time_s(&self) -> f64 {
+        self.model.sample_time_s()
     }
 
     fn predict(&mut self, x: &[f64], u: &[f64], next: &mut [f64]) {

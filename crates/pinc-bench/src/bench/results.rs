@@ -1,6 +1,6 @@
 //! What is measured, as data: the JSON of `pinc bench --json`.
 
-use crate::{Sitting, StepTimes};
+use crate::{Invocation, StepTimes};
 use pinc_net::Isa;
 use serde::Serialize;
 
@@ -25,7 +25,7 @@ pub struct BenchReport {
 
 impl BenchReport {
     /// A report with no measurements yet.
-    pub(super) fn begin(quick: bool, sitting: Sitting) -> Self {
+    pub(super) fn begin(quick: bool, sitting: Invocation) -> Self {
         Self {
             machine: Machine::of(sitting),
             quick,
@@ -74,7 +74,7 @@ pub struct Machine {
 }
 
 impl Machine {
-    pub(super) fn of(sitting: Sitting) -> Self {
+    pub(super) fn of(sitting: Invocation) -> Self {
         Self {
             cpu: sitting.cpu,
             cores: sitting.cores,

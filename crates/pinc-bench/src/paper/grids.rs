@@ -13,7 +13,7 @@ const LAYERS: &str = "model.hidden_layers";
 const NEURONS: &str = "model.neurons";
 const COLLOCATION: &str = "training.collocation_points";
 const INITIAL: &str = "training.initial_points";
-const STEP: &str = "model.horizon_s";
+const STEP: &str = "model.sample_time_s";
 
 /// Fig. 5a.
 pub(super) fn structure(page: &mut Page, runs: &Runs) -> Result<(), BenchError> {

@@ -6,7 +6,7 @@ mod page;
 mod runs;
 
 use crate::record::write_atomically;
-use crate::{BenchError, Sitting};
+use crate::{BenchError, Invocation};
 use page::{Copied, Page, short, time};
 use runs::{Row, Run, Runs, cell, number};
 use std::collections::BTreeSet;
@@ -191,7 +191,7 @@ fn provenance(page: &mut Page, runs: &Runs) -> bool {
     for experiment in EXPERIMENTS {
         for Run { preset, provenance, .. } in runs.of_experiment(experiment) {
             for sitting in provenance.sittings() {
-                let Sitting { cpu, cores, os, rustc, .. } = sitting;
+                let Invocation { cpu, cores, os, rustc, .. } = sitting;
                 machines.insert(format!("{cpu}, {cores} cores, {os}, {rustc}"));
                 rows.push(vec![
                     experiment.to_owned(),

@@ -3,7 +3,7 @@
 use crate::one_step::StepErrors;
 use crate::presets::Preset;
 use crate::spec::{Experiment, ModelKind};
-use pinc_net::{Source, Validation};
+use pinc_net::{TrainingTarget, Validation};
 use serde::{Deserialize, Deserializer, Serialize};
 use std::collections::BTreeMap;
 
@@ -153,7 +153,7 @@ impl std::fmt::Display for OutsideDomain {
 pub struct TrainingMetrics {
     /// What the net was trained on.
     #[serde(default)]
-    pub source: Source,
+    pub source: TrainingTarget,
     /// Wall time of the whole stage in s, with validation and files.
     pub wall_s: f64,
     /// Wall time of the optimiser alone in s: the last `elapsed_s` of `training.csv`.

@@ -42,13 +42,13 @@ const UNFINISHED: &str = ".pinc-unfinished-";
 
 /// The results of a run: its directory, and the numbers in its `metrics.json`.
 #[derive(Clone, Debug)]
-pub struct Record {
+pub struct RunDir {
     dir: PathBuf,
     metrics: Metrics,
     keeps_traces: bool,
 }
 
-impl Record {
+impl RunDir {
     /// A record in `dir`, made if it is not there, for the results of `experiment`. What the
     /// directory holds of the same experiment stays until it is replaced.
     pub(crate) fn open(dir: &Path, experiment: &Experiment) -> Result<Self, BenchError> {
@@ -82,11 +82,11 @@ impl Record {
 
     /// Says where the results to come are from. A run that is gone on with (`resume`) keeps what is
     /// said of those that are there.
-    pub(crate) fn sign(&self, provenance: &Provenance, resume: bool) -> Result<(), BenchError> {
+    pub(crate) fn write_provenance(&self, provenance: &Provenance, resume: bool) -> Result<(), BenchError> {
         let earlier = fs::read(self.path(file::PROVENANCE)).ok().filter(|_| resume);
         let earlier = earlier.and_then(|bytes| serde_json::from_slice::<Provenance>(&bytes).ok());
         let provenance = match earlier {
-            Some(earlier) => earlier.gone_on_with(provenance),
+            Some(earlier) => earlier.resumed_by(provenance),
             None => provenance.clone(),
         };
         self.write(file::PROVENANCE, json(&provenance).as_bytes())

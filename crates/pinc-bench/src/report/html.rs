@@ -3,11 +3,11 @@
 use super::ReportError;
 use super::data::{OfModel, Run};
 use super::picture::Drawn;
-use super::sheets::{Sheet, flattened, sheets};
+use super::number_tables::{NumberTable, flattened, sheets};
 use super::sweep;
 use super::table::Table;
-use super::text::escape;
-use super::words::paragraph;
+use pinc_chart::text::escape;
+use super::summary_text::paragraph;
 
 const STYLE: &str = include_str!("style.css");
 
@@ -96,7 +96,7 @@ fn missing_tables(run: &Run) -> Vec<String> {
     notes
 }
 
-fn numbers(title: &str, sheets: &[Sheet]) -> String {
+fn numbers(title: &str, sheets: &[NumberTable]) -> String {
     let sheets: Vec<String> = sheets.iter().map(sheet).collect();
     if sheets.is_empty() {
         return String::new();
@@ -107,7 +107,7 @@ fn numbers(title: &str, sheets: &[Sheet]) -> String {
     )
 }
 
-fn sheet(sheet: &Sheet) -> String {
+fn sheet(sheet: &NumberTable) -> String {
     let cells = |row: &[String], first: &str, other: &str| {
         let cell = |(i, text): (usize, &String)| {
             let tag = if i == 0 { first } else { other };

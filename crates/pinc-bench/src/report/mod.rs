@@ -4,14 +4,13 @@
 //! Each section says what is shown as a `chart::Figure`, plain data that `chart` draws. Sections
 //! whose files are missing are left out.
 
-mod chart;
 mod control;
 mod data;
 mod error;
 mod html;
 mod picture;
 mod prediction;
-mod sheets;
+mod number_tables;
 mod steps;
 mod sweep;
 mod table;
@@ -19,10 +18,9 @@ mod table;
 mod testing;
 #[cfg(test)]
 mod tests;
-mod text;
 mod training;
 mod variables;
-mod words;
+mod summary_text;
 
 pub use error::ReportError;
 

@@ -1,7 +1,7 @@
 //! A figure with the words around it.
 
 use super::FigureFiles;
-use super::chart::Figure;
+use pinc_chart::Figure;
 
 /// A picture of the report.
 #[derive(Clone, Debug)]

@@ -1,6 +1,6 @@
 //! What every picture has to be like.
 
-use super::chart::width_of;
+use pinc_chart::width_of;
 
 /// No picture has a number that is none, all that is drawn lies on the page, and no word covers
 /// another one.

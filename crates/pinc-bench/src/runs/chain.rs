@@ -10,7 +10,7 @@ const MOST_STEPS: f64 = 1e6;
 /// begins there with the value of that time as its initial state.
 #[derive(Clone, Debug)]
 pub(crate) struct Chain {
-    horizon_s: f64,
+    sample_time_s: f64,
     /// Where the marks are counted from: the initial time, or the last change within an interval.
     origin: f64,
     /// Marks since then.
@@ -29,10 +29,10 @@ pub(crate) struct Sample {
 }
 
 impl Chain {
-    /// A chain of intervals of `horizon_s` that begins at time `t` in `state`, under `input`.
-    pub(crate) fn new(horizon_s: f64, t: f64, state: &[f64], input: &[f64]) -> Self {
+    /// A chain of intervals of `sample_time_s` that begins at time `t` in `state`, under `input`.
+    pub(crate) fn new(sample_time_s: f64, t: f64, state: &[f64], input: &[f64]) -> Self {
         let (state, input) = (state.to_vec(), input.to_vec());
-        Self { horizon_s, origin: t, marks: 0.0, state, input, t }
+        Self { sample_time_s, origin: t, marks: 0.0, state, input, t }
     }
 
     /// The time of the last sample.
@@ -42,7 +42,7 @@ impl Chain {
 
     /// Whether a chain can be run up to `t` in reasonable time.
     pub(crate) fn reaches(&self, t: f64) -> bool {
-        (t - self.t) / self.horizon_s <= MOST_STEPS
+        (t - self.t) / self.sample_time_s <= MOST_STEPS
     }
 
     /// The value at a later time `t`, from where on `input` holds. `net` is y(t, y0, u).
@@ -53,12 +53,12 @@ impl Chain {
         input: &[f64],
     ) -> Sample {
         self.t = t;
-        let slack = 1e-9 * self.horizon_s.max(t.abs());
-        while t >= self.origin + (self.marks + 1.0) * self.horizon_s - slack {
-            self.state = net(self.horizon_s, &self.state, &self.input);
+        let slack = 1e-9 * self.sample_time_s.max(t.abs());
+        while t >= self.origin + (self.marks + 1.0) * self.sample_time_s - slack {
+            self.state = net(self.sample_time_s, &self.state, &self.input);
             self.marks += 1.0;
         }
-        let begin = self.origin + self.marks * self.horizon_s;
+        let begin = self.origin + self.marks * self.sample_time_s;
         let mark = (t - begin).abs() <= slack;
         let state =
             if mark { self.state.clone() } else { net(t - begin, &self.state, &self.input) };

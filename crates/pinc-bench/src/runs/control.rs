@@ -4,12 +4,12 @@ use super::Options;
 use super::guard::Guard;
 use crate::BenchError;
 use crate::progress::Stage;
-use crate::record::{ControlMetrics, Record, StepTimes, Table, WallTimes, number};
+use crate::record::{ControlMetrics, RunDir, StepTimes, Table, WallTimes, number};
 use crate::spec::{ControlSpec, ModelKind, PlantSpec};
-use crate::system::System;
+use crate::dyn_plant::DynPlant;
 use pinc_mpc::{ClosedLoop, Nmpc, NmpcProblem, Reference};
 use pinc_net::{PincNet, PincPredictor};
-use pinc_ode::{Predictor, Signal, Trajectory};
+use pinc_ode::{Predictor, PiecewiseConstant, Trajectory};
 use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
 
@@ -21,7 +21,7 @@ pub(crate) struct Setup<'a> {
     /// The net, where one of them needs it.
     pub(crate) net: Option<&'a PincNet>,
     /// Length T of a step.
-    pub(crate) horizon_s: f64,
+    pub(crate) sample_time_s: f64,
 }
 
 /// A model for the controller.
@@ -30,10 +30,10 @@ type Model = (ModelKind, Box<dyn Predictor>);
 /// Runs the closed loops, unless all have been run. `plant` is the one that the models are of, and
 /// also the one in the loop unless the config has another.
 pub(crate) fn stage(
-    plant: &dyn System,
+    plant: &dyn DynPlant,
     setup: &Setup<'_>,
     options: &Options<'_>,
-    record: &mut Record,
+    record: &mut RunDir,
 ) -> Result<(), BenchError> {
     let done = record.metrics().control.iter().map(|run| run.model);
     if done.eq(setup.kinds.iter().copied()) {
@@ -51,11 +51,11 @@ pub(crate) fn stage(
 }
 
 fn run_model(
-    plant: &dyn System,
+    plant: &dyn DynPlant,
     setup: &Setup<'_>,
     (kind, model): Model,
     options: &Options<'_>,
-    record: &Record,
+    record: &RunDir,
 ) -> Result<ControlMetrics, BenchError> {
     let ControlSpec { sqp, repetitions, budget_us, .. } = setup.spec;
     let mut nmpc = Nmpc::new(setup.problem(plant), model, *sqp)?;
@@ -88,11 +88,11 @@ fn run_model(
 
 /// The plant's trajectory in the closed loop of `spec` with RK4 as the model, run once and not recorded.
 pub(super) fn rehearse(
-    plant: &dyn System,
+    plant: &dyn DynPlant,
     spec: &ControlSpec,
-    horizon_s: f64,
+    sample_time_s: f64,
 ) -> Result<Trajectory, BenchError> {
-    let setup = Setup { spec, kinds: &[ModelKind::Rk4], net: None, horizon_s };
+    let setup = Setup { spec, kinds: &[ModelKind::Rk4], net: None, sample_time_s };
     let model = setup.model(ModelKind::Rk4, plant);
     let mut nmpc = Nmpc::new(setup.problem(plant), model, spec.sqp)?;
     let mut run = setup.begin(&mut nmpc, plant)?;
@@ -107,18 +107,18 @@ impl Setup<'_> {
         net.map(|net| Guard::new(net, self.spec.outside_domain))
     }
 
-    pub(crate) fn model(&self, kind: ModelKind, plant: &dyn System) -> Box<dyn Predictor> {
-        let (horizon_s, spec) = (self.horizon_s, self.spec);
+    pub(crate) fn model(&self, kind: ModelKind, plant: &dyn DynPlant) -> Box<dyn Predictor> {
+        let (sample_time_s, spec) = (self.sample_time_s, self.spec);
         match (kind, self.net) {
             (ModelKind::Pinc, Some(net)) => Box::new(PincPredictor::new(net)),
             (ModelKind::Pinc, None) => unreachable!("the plan trains or reads a net for this loop"),
-            (ModelKind::Rk4, _) => plant.rk4(horizon_s, spec.rk4_substeps),
-            (ModelKind::Rk5, _) => plant.rk5(horizon_s, spec.rk5_substeps),
-            (ModelKind::Rosenbrock, _) => plant.rosenbrock(horizon_s, spec.rosenbrock_substeps),
+            (ModelKind::Rk4, _) => plant.rk4(sample_time_s, spec.rk4_substeps),
+            (ModelKind::Rk5, _) => plant.rk5(sample_time_s, spec.rk5_substeps),
+            (ModelKind::Rodas4, _) => plant.rosenbrock(sample_time_s, spec.rosenbrock_substeps),
         }
     }
 
-    pub(crate) fn problem(&self, plant: &dyn System) -> NmpcProblem {
+    pub(crate) fn problem(&self, plant: &dyn DynPlant) -> NmpcProblem {
         let names: Vec<&str> = plant.states().iter().map(|state| &*state.name).collect();
         self.spec.problem(&names, plant.inputs().len())
     }
@@ -126,14 +126,14 @@ impl Setup<'_> {
     pub(crate) fn begin<'n>(
         &self,
         nmpc: &'n mut Nmpc,
-        plant: &dyn System,
+        plant: &dyn DynPlant,
     ) -> Result<ClosedLoop<'n>, BenchError> {
         let spec = self.spec;
         let starts = spec.references.iter().map(|step| step.start_s).collect();
         let values = spec.references.iter().map(|step| step.value.clone()).collect();
-        let signal = Signal::new(starts, values)?;
-        let steps = super::steps(spec.duration_s, self.horizon_s);
-        let reference = Reference::sample(&signal, steps, self.horizon_s)?;
+        let signal = PiecewiseConstant::new(starts, values)?;
+        let steps = super::steps(spec.duration_s, self.sample_time_s);
+        let reference = Reference::sample(&signal, steps, self.sample_time_s)?;
         let truth = plant.truth(spec.plant_tolerance);
         Ok(ClosedLoop::new(nmpc, truth, reference, &spec.initial_state)?)
     }
@@ -147,7 +147,7 @@ impl Setup<'_> {
     }
 
     /// The dense trace as a table.
-    fn trace(&self, run: &ClosedLoop<'_>, plant: &dyn System) -> Table {
+    fn trace(&self, run: &ClosedLoop<'_>, plant: &dyn DynPlant) -> Table {
         let variables = plant.states().iter().chain(plant.inputs());
         let columns = std::iter::once("t".to_owned()).chain(variables.map(|v| v.name.to_string()));
         let mut table = Table::new(

@@ -16,7 +16,7 @@ pub(crate) struct Data {
     pub(crate) digest: [u8; 32],
 }
 
-/// Reads measurements for steps of `horizon_s`. A file with a column `scenario` is one of trajectories,
+/// Reads measurements for steps of `sample_time_s`. A file with a column `scenario` is one of trajectories,
 /// with the columns of `pinc predict`; any other is one of steps, with the columns t, the inputs,
 /// `<state>_0` of the states at t = 0, and the states at t.
 ///
@@ -25,7 +25,7 @@ pub(crate) struct Data {
 /// [`BenchError`], naming file, line and column.
 pub(crate) fn read(
     variables: &Variables,
-    horizon_s: f64,
+    sample_time_s: f64,
     files: &[PathBuf],
 ) -> Result<Data, BenchError> {
     let mut measurements = Measurements::new(variables.states.len());
@@ -34,10 +34,10 @@ pub(crate) fn read(
         let text = fs::read(path).map_err(BenchError::unreadable(path))?;
         hash.update(&text);
         let before = measurements.values();
-        parse(variables, horizon_s, &text, &mut measurements)
+        parse(variables, sample_time_s, &text, &mut measurements)
             .map_err(|(line, problem)| BenchError::Csv { path: path.clone(), line, problem })?;
         if measurements.values() == before {
-            return Err(BenchError::NoMeasurement { path: path.clone(), horizon_s });
+            return Err(BenchError::NoMeasurement { path: path.clone(), sample_time_s });
         }
     }
     Ok(Data { measurements, digest: hash.finalize().into() })
@@ -45,21 +45,21 @@ pub(crate) fn read(
 
 fn parse(
     variables: &Variables,
-    horizon_s: f64,
+    sample_time_s: f64,
     text: &[u8],
     to: &mut Measurements,
 ) -> Result<(), At> {
     let (header, rows) = rows(text)?;
     if header.iter().any(|column| column == "scenario") {
-        trajectories(variables, horizon_s, &header, rows, to)
+        trajectories(variables, sample_time_s, &header, rows, to)
     } else {
-        steps(variables, horizon_s, &header, rows, to)
+        steps(variables, sample_time_s, &header, rows, to)
     }
 }
 
 fn steps(
     variables: &Variables,
-    horizon_s: f64,
+    sample_time_s: f64,
     header: &StringRecord,
     rows: impl Iterator<Item = Row>,
     to: &mut Measurements,
@@ -74,21 +74,21 @@ fn steps(
         let at = |problem| (line, problem);
         let number = |i: usize| finite(&row[places[i]], &names[i]).map_err(at);
         let t = number(0)?;
-        if !(0.0..=horizon_s * (1.0 + 1e-9)).contains(&t) {
-            return Err(at(CsvProblem::OutsideStep { t, horizon_s }));
+        if !(0.0..=sample_time_s * (1.0 + 1e-9)).contains(&t) {
+            return Err(at(CsvProblem::OutsideStep { t, sample_time_s }));
         }
         let u = (1..=m).map(number).collect::<Result<Vec<_>, _>>()?;
         let y0 = (1 + m..=m + n).map(number).collect::<Result<Vec<_>, _>>()?;
         let measured = |i: usize| optional(&row[places[i]], &names[i]).map_err(at);
         let y = (1 + m + n..=m + 2 * n).map(measured).collect::<Result<Vec<_>, _>>()?;
-        to.push(t.min(horizon_s), &y0, &u, &y);
+        to.push(t.min(sample_time_s), &y0, &u, &y);
     }
     Ok(())
 }
 
 fn trajectories(
     variables: &Variables,
-    horizon_s: f64,
+    sample_time_s: f64,
     header: &StringRecord,
     rows: impl Iterator<Item = Row>,
     to: &mut Measurements,
@@ -125,7 +125,7 @@ fn trajectories(
         recorded.push(Recorded { t, input, state });
     }
     for (_, recorded) in &scenarios {
-        to.push_trajectory(horizon_s, recorded);
+        to.push_trajectory(sample_time_s, recorded);
     }
     Ok(())
 }

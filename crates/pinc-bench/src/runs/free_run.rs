@@ -3,10 +3,10 @@
 use super::chain::Chain;
 use super::guard::Guard;
 use crate::BenchError;
-use crate::record::{PredictionMetrics, Record, Table, file, number};
+use crate::record::{PredictionMetrics, RunDir, Table, file, number};
 use crate::spec::{OutsidePolicy, PredictionSpec};
-use crate::system::System;
-use pinc_net::{PincNet, Source};
+use crate::dyn_plant::DynPlant;
+use pinc_net::{PincNet, TrainingTarget};
 use pinc_ode::metrics::mean_squared_error;
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
@@ -17,11 +17,11 @@ const STREAM: u64 = 1 << 32;
 
 /// Runs net and plant under the same random inputs, or a conventional PINN beside its one scenario, and writes `prediction.csv`.
 pub(crate) fn stage(
-    plant: &dyn System,
+    plant: &dyn DynPlant,
     net: &PincNet,
     spec: &PredictionSpec,
     seed: u64,
-    record: &mut Record,
+    record: &mut RunDir,
 ) -> Result<(), BenchError> {
     let rows = simulate(plant, net, spec, seed)?;
     let states = net.state_names().iter();
@@ -62,22 +62,22 @@ struct Row {
 }
 
 fn simulate(
-    plant: &dyn System,
+    plant: &dyn DynPlant,
     net: &PincNet,
     spec: &PredictionSpec,
     seed: u64,
 ) -> Result<Vec<Row>, BenchError> {
-    let horizon_s = net.horizon_s();
+    let sample_time_s = net.sample_time_s();
     // A distilled net knows nothing of the times between steps.
     let subintervals = match net.source() {
-        Source::Physics => spec.subintervals,
-        Source::Integrator => 1,
+        TrainingTarget::Physics => spec.subintervals,
+        TrainingTarget::Integrator => 1,
     };
-    let inputs = draw_inputs(spec, horizon_s, seed);
+    let inputs = draw_inputs(spec, sample_time_s, seed);
     let steps = inputs.len();
     let mut truth = plant.truth(spec.tolerance);
     let mut x = spec.initial_state.clone();
-    let mut chain = Chain::new(horizon_s, 0.0, &x, &inputs[0]);
+    let mut chain = Chain::new(sample_time_s, 0.0, &x, &inputs[0]);
     let mut rows = vec![Row {
         t: 0.0,
         input: inputs[0].clone(),
@@ -88,9 +88,9 @@ fn simulate(
     for (k, input) in inputs.iter().enumerate() {
         for i in 1..=subintervals {
             #[expect(clippy::cast_precision_loss, reason = "no run has 2^53 rows")]
-            let t = (k as f64 + i as f64 / subintervals as f64) * horizon_s;
+            let t = (k as f64 + i as f64 / subintervals as f64) * sample_time_s;
             #[expect(clippy::cast_precision_loss, reason = "as above")]
-            truth.integrate(&mut x, input, horizon_s / subintervals as f64)?;
+            truth.integrate(&mut x, input, sample_time_s / subintervals as f64)?;
             let held = if i < subintervals { input } else { &inputs[(k + 1).min(steps - 1)] };
             let (state, mark) = match net.time_only() {
                 // It has no initial state to be fed back: beyond T it is asked for what it never learnt.
@@ -107,10 +107,10 @@ fn simulate(
 }
 
 /// One input for each T, uniform between its bounds.
-fn draw_inputs(spec: &PredictionSpec, horizon_s: f64, seed: u64) -> Vec<Vec<f64>> {
+fn draw_inputs(spec: &PredictionSpec, sample_time_s: f64, seed: u64) -> Vec<Vec<f64>> {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     rng.set_stream(STREAM);
-    let steps = super::steps(spec.duration_s, horizon_s);
+    let steps = super::steps(spec.duration_s, sample_time_s);
     let mut draw = || {
         let ends = spec.input_low.iter().zip(&spec.input_high);
         ends.map(|(low, high)| low + (high - low) * rng.random::<f64>()).collect()

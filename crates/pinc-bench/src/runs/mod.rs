@@ -20,7 +20,7 @@ pub use check::{Finding, Severity, check, findings_json};
 pub use predict::predict;
 
 use crate::progress::Verbosity;
-use crate::record::{Record, file, write_atomically};
+use crate::record::{RunDir, file, write_atomically};
 use crate::spec::{Experiment, ModelKind};
 use crate::{BenchError, Metrics, Provenance, report};
 use pinc_net::PincNet;
@@ -68,7 +68,7 @@ pub fn run(
     experiment: &Experiment,
     dir: &Path,
     options: &Options<'_>,
-) -> Result<Record, BenchError> {
+) -> Result<RunDir, BenchError> {
     execute(experiment, dir, options, Command::Run)
 }
 
@@ -81,7 +81,7 @@ pub fn train(
     experiment: &Experiment,
     dir: &Path,
     options: &Options<'_>,
-) -> Result<Record, BenchError> {
+) -> Result<RunDir, BenchError> {
     execute(experiment, dir, options, Command::Train)
 }
 
@@ -97,7 +97,7 @@ pub fn control(
     options: &Options<'_>,
     model: Option<&Path>,
     only: Option<ModelKind>,
-) -> Result<Record, BenchError> {
+) -> Result<RunDir, BenchError> {
     let model = model.map(Path::to_owned);
     execute(experiment, dir, options, Command::Control { model, only })
 }
@@ -144,12 +144,12 @@ fn execute(
     dir: &Path,
     options: &Options<'_>,
     command: Command,
-) -> Result<Record, BenchError> {
+) -> Result<RunDir, BenchError> {
     let plan = Plan::of(experiment, command)?;
-    let mut record = Record::open(dir, experiment)?;
-    plan.make_room(&mut record, options.resume)?;
+    let mut record = RunDir::open(dir, experiment)?;
+    plan.remove_stale(&mut record, options.resume)?;
     if !(options.resume && plan.is_done(experiment, record.metrics())) {
-        record.sign(&Provenance::now(experiment, options.arguments), options.resume)?;
+        record.write_provenance(&Provenance::now(experiment, options.arguments), options.resume)?;
     }
     let stages = Stages { experiment, options, plan: &plan, record: &mut record };
     stages.run()?;
@@ -209,7 +209,7 @@ impl Plan {
                 }
             }
         }
-        if !plan.loops.is_empty() && plan.given.is_none() && experiment.horizon_s().is_none() {
+        if !plan.loops.is_empty() && plan.given.is_none() && experiment.sample_time_s().is_none() {
             return Err(missing("model", "a closed loop without control.step_s"));
         }
         Ok(plan)
@@ -226,7 +226,7 @@ impl Plan {
     }
 
     /// Removes those results of earlier runs that do not belong to what is made now.
-    fn make_room(&self, record: &mut Record, resume: bool) -> Result<(), BenchError> {
+    fn remove_stale(&self, record: &mut RunDir, resume: bool) -> Result<(), BenchError> {
         let same_net = match &self.given {
             Some((bytes, _)) => fs::read(record.path(file::MODEL)).is_ok_and(|old| old == *bytes),
             None => !self.trains || resume,
@@ -255,7 +255,7 @@ struct Stages<'a> {
     experiment: &'a Experiment,
     options: &'a Options<'a>,
     plan: &'a Plan,
-    record: &'a mut Record,
+    record: &'a mut RunDir,
 }
 
 impl Stages<'_> {
@@ -276,12 +276,12 @@ impl Stages<'_> {
         if let Some(spec) = &experiment.control
             && !plan.loops.is_empty()
         {
-            let horizon_s = experiment.horizon_s().or_else(|| net.map(PincNet::horizon_s));
+            let sample_time_s = experiment.sample_time_s().or_else(|| net.map(PincNet::sample_time_s));
             let setup = control::Setup {
                 spec,
                 kinds: &plan.loops,
                 net,
-                horizon_s: horizon_s.expect("the plan was checked for it"),
+                sample_time_s: sample_time_s.expect("the plan was checked for it"),
             };
             control::stage(plant, &setup, options, record)?;
             if let (Some(spec), Some(domain)) = (&experiment.one_step, &experiment.domain) {
@@ -324,11 +324,11 @@ fn read_matching_model(
         ("states", names(net.state_names()), names(&variables.state_names())),
         ("inputs", names(net.input_names()), names(&variables.input_names())),
     ];
-    if let Some(horizon_s) = experiment.horizon_s() {
+    if let Some(sample_time_s) = experiment.sample_time_s() {
         compared.push((
             "step length T",
-            format!("{} s", net.horizon_s()),
-            format!("{horizon_s} s"),
+            format!("{} s", net.sample_time_s()),
+            format!("{sample_time_s} s"),
         ));
     }
     for (what, found, expected) in compared {
@@ -339,13 +339,13 @@ fn read_matching_model(
     Ok((bytes, net))
 }
 
-/// How many steps of `horizon_s` a duration has; the config was checked for it to be whole.
-fn steps(duration_s: f64, horizon_s: f64) -> usize {
+/// How many steps of `sample_time_s` a duration has; the config was checked for it to be whole.
+fn steps(duration_s: f64, sample_time_s: f64) -> usize {
     #[expect(
         clippy::cast_possible_truncation,
         clippy::cast_sign_loss,
         reason = "a positive number of steps that fits into memory"
     )]
-    let steps = (duration_s / horizon_s).round() as usize;
+    let steps = (duration_s / sample_time_s).round() as usize;
     steps.max(1)
 }

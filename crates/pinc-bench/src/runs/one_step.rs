@@ -5,26 +5,26 @@ use super::control::Setup;
 use crate::BenchError;
 use crate::one_step::Steps;
 use crate::progress::Stage;
-use crate::record::{OneStepMetrics, Record};
+use crate::record::{OneStepMetrics, RunDir};
 use crate::spec::OneStepSpec;
-use crate::system::System;
+use crate::dyn_plant::DynPlant;
 use pinc_net::Domain;
 
 /// Measures the models of `setup` on `domain`, unless that has been done.
 pub(crate) fn stage(
-    plant: &dyn System,
+    plant: &dyn DynPlant,
     setup: &Setup<'_>,
     (spec, domain): (&OneStepSpec, &Domain),
     options: &Options<'_>,
-    record: &mut Record,
+    record: &mut RunDir,
 ) -> Result<(), BenchError> {
     let done = record.metrics().one_step.iter().map(|of| of.model);
     if done.eq(setup.kinds.iter().copied()) {
         return Ok(());
     }
     let mut progress = Stage::begin(options.verbosity, "one step", setup.kinds.len() as u64);
-    let steps = Steps::new(plant, domain, setup.horizon_s, spec.points, spec.tolerance)?;
-    let truth = steps.true_jacobians(plant, setup.horizon_s);
+    let steps = Steps::new(plant, domain, setup.sample_time_s, spec.points, spec.tolerance)?;
+    let truth = steps.true_jacobians(plant, setup.sample_time_s);
     let mut found = Vec::new();
     for &kind in setup.kinds {
         options.go_on(record.dir())?;

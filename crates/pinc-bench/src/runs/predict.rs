@@ -8,7 +8,7 @@ use crate::error::CsvProblem;
 use crate::record::{OutsideDomain, Table, number, write_atomically};
 use crate::spec::OutsidePolicy;
 use csv::StringRecord;
-use pinc_net::{PincNet, Source};
+use pinc_net::{PincNet, TrainingTarget};
 use std::collections::HashMap;
 use std::fs;
 use std::path::Path;
@@ -79,7 +79,7 @@ fn begin_chain(
         value.ok_or_else(|| CsvProblem::Cell { column: name.clone(), found: String::new() })
     });
     let state = state.collect::<Result<Vec<_>, _>>()?;
-    let chain = Chain::new(net.horizon_s(), row.t, &state, &row.inputs);
+    let chain = Chain::new(net.sample_time_s(), row.t, &state, &row.inputs);
     chains.insert(row.scenario.to_owned(), chain);
     Ok(state)
 }
@@ -93,8 +93,8 @@ fn continue_chain(net: &PincNet, chain: &mut Chain, row: &Row<'_>) -> Result<Vec
         return Err(CsvProblem::Gap { t: row.t });
     }
     let sample = chain.advance(&|t, y0, u| net.evaluate(t, y0, u), row.t, &row.inputs);
-    if net.source() == Source::Integrator && !sample.mark {
-        return Err(CsvProblem::BetweenSteps { t: row.t, horizon_s: net.horizon_s() });
+    if net.source() == TrainingTarget::Integrator && !sample.mark {
+        return Err(CsvProblem::BetweenSteps { t: row.t, sample_time_s: net.sample_time_s() });
     }
     Ok(sample.state)
 }

@@ -6,10 +6,10 @@ use crate::BenchError;
 use crate::error::CheckpointProblem;
 use crate::progress::Stage;
 use crate::record::{
-    Record, Saved, TrainingMetrics, file, lines_up_to, load_checkpoint, number, save_checkpoint,
+    RunDir, Saved, TrainingMetrics, file, lines_up_to, load_checkpoint, number, save_checkpoint,
 };
 use crate::spec::{DataSpec, Effort, Experiment, TrainingSpec};
-use crate::system::{System, Training};
+use crate::dyn_plant::{DynPlant, Training};
 use pinc_net::{
     Domain, IterationRecord, NetConfig, PincNet, Progress, Trainer, Validation, ValidationConfig,
     ValidationSet,
@@ -24,19 +24,19 @@ const COLUMNS: &str = "iteration,loss_evaluations,elapsed_s,loss,validation_mse,
 
 /// Trains the net, or reads it if that has been done, and returns it.
 pub(crate) fn stage(
-    plant: &dyn System,
+    plant: &dyn DynPlant,
     experiment: &Experiment,
     options: &Options<'_>,
-    record: &mut Record,
+    record: &mut RunDir,
 ) -> Result<PincNet, BenchError> {
     if record.metrics().training.is_some() {
         return super::read_model(&record.path(file::MODEL));
     }
     let setup = Setup::of(experiment)?;
-    let (horizon_s, config) = (setup.net.horizon_s, setup.validation);
+    let (sample_time_s, config) = (setup.net.sample_time_s, setup.validation);
     let mut validation = match &setup.net.time_only {
-        Some(scenario) => plant.scenario(horizon_s, config, scenario)?,
-        None => plant.scenarios(horizon_s, config, experiment.seed)?,
+        Some(scenario) => plant.scenario(sample_time_s, config, scenario)?,
+        None => plant.scenarios(sample_time_s, config, experiment.seed)?,
     };
     if let Some(held_out) = setup.measured(experiment, |data| &data.held_out)? {
         validation = validation.with_measurements(held_out.measurements);
@@ -98,7 +98,7 @@ impl<'a> Setup<'a> {
     ) -> Result<Option<Data>, BenchError> {
         let files = self.data.map(files).filter(|files| !files.is_empty());
         let variables = experiment.plant.variables();
-        files.map(|files| data::read(&variables, self.net.horizon_s, files)).transpose()
+        files.map(|files| data::read(&variables, self.net.sample_time_s, files)).transpose()
     }
 }
 
@@ -121,12 +121,12 @@ struct Session {
 
 impl Session {
     fn begin(
-        plant: &dyn System,
+        plant: &dyn DynPlant,
         experiment: &Experiment,
         setup: &Setup<'_>,
         validation: &ValidationSet,
         options: &Options<'_>,
-        record: &Record,
+        record: &RunDir,
     ) -> Result<Self, BenchError> {
         let begun = Instant::now();
         let mut fingerprint = experiment.normalized().fingerprint();
@@ -165,14 +165,14 @@ impl Session {
     }
 
     /// The same session, gone on to where the checkpoint at `path` was taken.
-    fn go_on_from(self, path: &Path, record: &Record) -> Result<Self, BenchError> {
+    fn go_on_from(self, path: &Path, record: &RunDir) -> Result<Self, BenchError> {
         let saved = load_checkpoint(path, &self.fingerprint)?;
         let problem = |problem| BenchError::Checkpoint { path: path.to_owned(), problem };
         let rows = fs::read_to_string(record.path(file::TRAINING)).ok();
         let rows = rows.and_then(|text| lines_up_to(&text, COLUMNS, saved.iteration));
         // One row per iteration.
         let rows = rows.filter(|rows| u64::try_from(rows.len()) == Ok(saved.iteration));
-        let rows = rows.ok_or_else(|| problem(CheckpointProblem::Record))?;
+        let rows = rows.ok_or_else(|| problem(CheckpointProblem::RunDir))?;
         let trainer = self.trainer.resume(saved.trainer);
         Ok(Self {
             trainer: trainer.map_err(|error| problem(CheckpointProblem::Training(error)))?,
@@ -187,7 +187,7 @@ impl Session {
     /// Trains to the end and returns why that was the end.
     fn work(
         &mut self,
-        record: &Record,
+        record: &RunDir,
         effort: &Effort,
         options: &Options<'_>,
     ) -> Result<String, BenchError> {
@@ -236,7 +236,7 @@ impl Session {
         self.earlier + self.begun.elapsed()
     }
 
-    fn write_log(&self, record: &Record) -> Result<(), BenchError> {
+    fn write_log(&self, record: &RunDir) -> Result<(), BenchError> {
         let mut text = COLUMNS.to_owned();
         for row in &self.rows {
             text.push('\n');
@@ -247,7 +247,7 @@ impl Session {
     }
 
     /// Writes the log first, so that it always reaches as far as the checkpoint.
-    fn write_checkpoint(&self, record: &Record) -> Result<(), BenchError> {
+    fn write_checkpoint(&self, record: &RunDir) -> Result<(), BenchError> {
         self.write_log(record)?;
         let saved = Saved {
             fingerprint: self.fingerprint.clone(),

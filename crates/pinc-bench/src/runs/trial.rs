@@ -1,7 +1,7 @@
 //! The parts of a sweep: trainings that trials share, and trials.
 
 use super::{Options, Plan, Stages, read_model};
-use crate::record::{Record, file};
+use crate::record::{RunDir, file};
 use crate::spec::Experiment;
 use crate::{BenchError, Provenance};
 use std::path::Path;
@@ -15,17 +15,17 @@ pub(crate) fn train_shared(
     threads: usize,
     options: &Options<'_>,
 ) -> Result<(), BenchError> {
-    let mut record = Record::open(dir, experiment)?;
+    let mut record = RunDir::open(dir, experiment)?;
     let mut hurried = experiment.clone();
     if let Some(training) = &mut hurried.training {
         training.effort.threads = threads;
     }
     let plan = Plan { trains: true, runs_free: false, loops: Vec::new(), given: None };
     if !plan.is_done(experiment, record.metrics()) {
-        record.sign(provenance, true)?;
+        record.write_provenance(provenance, true)?;
     }
     let train =
-        |record: &mut Record| Stages { experiment: &hurried, options, plan: &plan, record }.run();
+        |record: &mut RunDir| Stages { experiment: &hurried, options, plan: &plan, record }.run();
     match train(&mut record) {
         // A checkpoint of no use: nobody asked for it by name, so the training begins anew.
         Err(BenchError::Checkpoint { .. }) => {
@@ -45,13 +45,13 @@ pub(crate) fn run_trial(
     keep_traces: bool,
     options: &Options<'_>,
 ) -> Result<(), BenchError> {
-    let mut record = Record::of_trial(dir, experiment, keep_traces);
+    let mut record = RunDir::of_trial(dir, experiment, keep_traces);
     let mut plan = Plan { trains: false, runs_free: false, loops: Vec::new(), given: None };
     if let Some(control) = &experiment.control {
         plan.loops.clone_from(&control.models);
     }
     if let Some(dir) = net {
-        let trained = Record::existing(dir)?;
+        let trained = RunDir::existing(dir)?;
         record.update(|all| {
             all.training.clone_from(&trained.metrics().training);
             all.validation.clone_from(&trained.metrics().validation);

@@ -98,9 +98,9 @@ impl ControlSpec {
             ..Weights::uniform(self.q.clone(), self.r.clone())
         };
         NmpcProblem {
-            first: self.n1,
-            control: self.nu,
-            controlled: self.controlled.iter().filter_map(place).collect(),
+            n1: self.n1,
+            control_horizon: self.nu,
+            tracked: self.controlled.iter().filter_map(place).collect(),
             state_bounds: bounds(&self.state_low, &self.state_high, states.len()),
             state_softness: self.state_softness.clone(),
             input_bounds: Bounds { low: self.input_low.clone(), high: self.input_high.clone() },
@@ -148,12 +148,13 @@ pub enum ModelKind {
     /// The Runge-Kutta method of order 5 of Dormand and Prince.
     Rk5,
     /// The Rosenbrock method, for stiff plants.
-    Rosenbrock,
+    #[serde(rename = "rosenbrock")]
+    Rodas4,
 }
 
 impl ModelKind {
     /// All of them.
-    pub const ALL: [Self; 4] = [Self::Pinc, Self::Rk4, Self::Rk5, Self::Rosenbrock];
+    pub const ALL: [Self; 4] = [Self::Pinc, Self::Rk4, Self::Rk5, Self::Rodas4];
 
     /// The name in configs and results.
     #[must_use]
@@ -162,7 +163,7 @@ impl ModelKind {
             Self::Pinc => "pinc",
             Self::Rk4 => "rk4",
             Self::Rk5 => "rk5",
-            Self::Rosenbrock => "rosenbrock",
+            Self::Rodas4 => "rosenbrock",
         }
     }
 
@@ -172,7 +173,7 @@ impl ModelKind {
             Self::Pinc => "PINC",
             Self::Rk4 => "RK4",
             Self::Rk5 => "RK5",
-            Self::Rosenbrock => "Rosenbrock",
+            Self::Rodas4 => "Rodas4",
         }
     }
 }

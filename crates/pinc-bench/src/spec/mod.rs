@@ -183,8 +183,8 @@ impl Experiment {
 
     /// The length T of a step in s, where the config says it.
     #[must_use]
-    pub fn horizon_s(&self) -> Option<f64> {
-        let model = self.model.as_ref().map(|m| m.horizon_s);
+    pub fn sample_time_s(&self) -> Option<f64> {
+        let model = self.model.as_ref().map(|m| m.sample_time_s);
         model.or_else(|| self.control.as_ref().and_then(|c| c.step_s))
     }
 }

@@ -1,6 +1,6 @@
 //! The `[plant]` section.
 
-use pinc_ode::Equations;
+use pinc_expr::Equations;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use toml::Table;

@@ -1,6 +1,6 @@
 //! What can be wrong with a config, and where it stands.
 
-use pinc_ode::{Excerpt, ExpressionError};
+use pinc_expr::{Excerpt, ExpressionError};
 use std::fmt;
 use std::path::PathBuf;
 use thiserror::Error;

@@ -12,7 +12,7 @@ pub(crate) use spread::Spread;
 pub(crate) use trial::trials;
 
 use crate::progress::Verbosity;
-use crate::record::{Record, SweepMetrics, file};
+use crate::record::{RunDir, SweepMetrics, file};
 use crate::runs::{Options, rebuild_report, run_trial, train_shared};
 use crate::spec::{Experiment, SweepSpec};
 use crate::{BenchError, Provenance};
@@ -55,7 +55,7 @@ pub fn sweep(
     dir: &Path,
     options: &Options<'_>,
     shard: Shard,
-) -> Result<Record, BenchError> {
+) -> Result<RunDir, BenchError> {
     let session = Session::open(experiment, dir, options)?;
     if !options.resume {
         session.store.clear()?;
@@ -72,7 +72,7 @@ pub fn sweep(
 ///
 /// [`BenchError`] if a directory holds no sweep or one of another config, or a file cannot be copied;
 /// and [`BenchError::FailedTrials`] as for [`sweep`].
-pub fn merge(parts: &[PathBuf], dir: &Path, options: &Options<'_>) -> Result<Record, BenchError> {
+pub fn merge(parts: &[PathBuf], dir: &Path, options: &Options<'_>) -> Result<RunDir, BenchError> {
     let mut experiments = Vec::new();
     for part in parts {
         experiments.push(Experiment::load(&part.join(file::CONFIG), &[])?);
@@ -85,7 +85,7 @@ pub fn merge(parts: &[PathBuf], dir: &Path, options: &Options<'_>) -> Result<Rec
     }
     let session = Session::open(experiment, dir, options)?;
     for part in parts {
-        session.take_over(&Store::of(part))?;
+        session.import_trial(&Store::of(part))?;
     }
     session.close()
 }
@@ -95,7 +95,7 @@ struct Session<'a> {
     experiment: &'a Experiment,
     sweep: &'a SweepSpec,
     trials: Vec<Trial>,
-    record: Record,
+    record: RunDir,
     store: Store,
     provenance: Provenance,
 }
@@ -113,10 +113,10 @@ impl<'a> Session<'a> {
         let trials = trials(experiment);
         let trials = trials.expect("the experiment was checked, and its trials with it");
         let provenance = Provenance::now(experiment, options.arguments);
-        let record = Record::open(dir, experiment)?;
+        let record = RunDir::open(dir, experiment)?;
         let counts = record.metrics().sweep.as_ref();
         if !(options.resume && counts.is_some_and(|all| all.done + all.failed == all.trials)) {
-            record.sign(&provenance, options.resume)?;
+            record.write_provenance(&provenance, options.resume)?;
         }
         Ok(Self { experiment, sweep, trials, record, store: Store::of(dir), provenance })
     }
@@ -164,11 +164,11 @@ impl<'a> Session<'a> {
         trainings.into_iter().map(|(_, training)| effort(training)).sum()
     }
 
-    fn take_over(&self, part: &Store) -> Result<(), BenchError> {
+    fn import_trial(&self, part: &Store) -> Result<(), BenchError> {
         for trial in &self.trials {
             let net = trial.training.as_ref().map(|(id, _)| id.as_str());
             if self.store.finished(&trial.id)?.is_none() && part.finished(&trial.id)?.is_some() {
-                self.store.take_over(part, &trial.id, net)?;
+                self.store.import_trial(part, &trial.id, net)?;
             }
         }
         Ok(())
@@ -194,7 +194,7 @@ impl<'a> Session<'a> {
     }
 
     /// Writes the tables and the report.
-    fn close(mut self) -> Result<Record, BenchError> {
+    fn close(mut self) -> Result<RunDir, BenchError> {
         let counts = self.write_tables()?;
         self.record.update(|all| all.sweep = Some(counts.clone()))?;
         rebuild_report(self.record.dir())?;

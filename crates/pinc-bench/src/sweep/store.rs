@@ -95,7 +95,7 @@ impl Store {
     }
 
     /// Takes over a finished trial, with its net, from another sweep directory.
-    pub(crate) fn take_over(
+    pub(crate) fn import_trial(
         &self,
         other: &Self,
         trial: &str,

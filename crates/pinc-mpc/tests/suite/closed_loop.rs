@@ -5,7 +5,8 @@ use crate::support::{Linear, scalar_problem};
 use pinc_ad::Scalar;
 use pinc_mpc::{ClosedLoop, MpcError, Nmpc, Reference, SqpConfig, SqpStatus};
 use pinc_ode::metrics::Tracking;
-use pinc_ode::{Adaptive, OdeError, Plant, Rk4, VanDerPol, Variable};
+use pinc_ode::{Dopri5, OdeError, Plant, Rk4, Variable};
+use pinc_plants::VanDerPol;
 
 /// x' = rate x^2 + u, which from x = 1 without input is at 1/(1 - rate t).
 #[derive(Clone, Debug)]
@@ -43,7 +44,7 @@ fn idle() -> Nmpc {
 fn the_trace_has_nine_points_a_step() {
     let mut nmpc = idle();
     let reference = Reference::new(vec![7.0, 8.0, 9.0], 1).unwrap();
-    let truth = Adaptive::new(Runaway { rate: 0.25 }, 1e-12);
+    let truth = Dopri5::new(Runaway { rate: 0.25 }, 1e-12);
     let mut run = ClosedLoop::new(&mut nmpc, truth, reference, &[1.0]).unwrap();
     run.run().unwrap();
     assert_eq!(run.steps().len(), 3);
@@ -78,7 +79,7 @@ fn a_plant_that_breaks_off_leaves_what_there_was() {
     let mut nmpc = idle();
     let reference = Reference::new(vec![0.0; 5], 1).unwrap();
     // Infinite at t = 1/0.62 = 1 + 5.5/9: in the second step, past 5 of its 9 points.
-    let truth = Adaptive::new(Runaway { rate: 0.62 }, 1e-9);
+    let truth = Dopri5::new(Runaway { rate: 0.62 }, 1e-9);
     let mut run = ClosedLoop::new(&mut nmpc, truth, reference, &[1.0]).unwrap();
     let error = run.run().unwrap_err();
     let MpcError::Plant { step, source } = error else {
@@ -98,7 +99,7 @@ fn the_controller_forgets_earlier_runs() {
     let reference = Reference::new([0.8, 0.0].repeat(12), 2).unwrap();
     let mut runs = Vec::new();
     for _ in 0..2 {
-        let truth = Adaptive::new(VanDerPol::default(), 1e-9);
+        let truth = Dopri5::new(VanDerPol::default(), 1e-9);
         let mut run = ClosedLoop::new(&mut nmpc, truth, reference.clone(), &[0.5, 0.2]).unwrap();
         run.run().unwrap();
         runs.push((run.steps().to_vec(), run.trajectory().clone()));
@@ -111,7 +112,7 @@ fn a_step_that_is_dropped_is_taken_again() {
     let model = Rk4::new(VanDerPol::default(), 0.5, 4);
     let mut nmpc = Nmpc::new(van_der_pol(), Box::new(model), SqpConfig::default()).unwrap();
     let reference = Reference::new([0.8, 0.0].repeat(3), 2).unwrap();
-    let truth = Adaptive::new(VanDerPol::default(), 1e-9);
+    let truth = Dopri5::new(VanDerPol::default(), 1e-9);
     let mut run = ClosedLoop::new(&mut nmpc, truth, reference, &[0.5, 0.2]).unwrap();
     assert!(run.control().unwrap().is_some());
     let mut controls = 0;
@@ -127,7 +128,7 @@ fn a_step_that_is_dropped_is_taken_again() {
 #[test]
 fn parts_that_do_not_fit_are_errors() {
     let reference = |outputs| Reference::new(vec![0.0; 4], outputs).unwrap();
-    let truth = || Adaptive::new(Runaway { rate: 0.1 }, 1e-9);
+    let truth = || Dopri5::new(Runaway { rate: 0.1 }, 1e-9);
     let mut nmpc = idle();
     let refused = |error: MpcError| error.to_string();
     assert_eq!(
@@ -146,7 +147,7 @@ fn parts_that_do_not_fit_are_errors() {
             .unwrap_err(),
         "the initial state[0] is NaN, but must be finite"
     );
-    let other = Adaptive::new(VanDerPol::default(), 1e-9);
+    let other = Dopri5::new(VanDerPol::default(), 1e-9);
     assert_eq!(
         ClosedLoop::new(&mut nmpc, other, reference(1), &[1.0]).map_err(refused).unwrap_err(),
         "the plant's states: 2 numbers, but 1 are expected"

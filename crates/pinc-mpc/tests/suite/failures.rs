@@ -4,7 +4,8 @@ use crate::faulty::{Faulty, NOT_A_NUMBER, SOUND};
 use crate::problems::van_der_pol;
 use crate::support::{Linear, scalar_problem};
 use pinc_mpc::{Nmpc, NmpcProblem, SqpConfig, SqpStatus};
-use pinc_ode::{Dims, Predictor, Rk4, VanDerPol};
+use pinc_ode::{Dims, Predictor, Rk4};
+use pinc_plants::VanDerPol;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
@@ -122,7 +123,7 @@ impl Predictor for Arctangent {
         Dims { states: 1, inputs: 1 }
     }
 
-    fn horizon_s(&self) -> f64 {
+    fn sample_time_s(&self) -> f64 {
         1.0
     }
 
@@ -160,10 +161,10 @@ fn a_deadline_is_kept_and_forgotten() {
     let (x, reference) = ([-0.5, 0.5], [0.8, 0.0].repeat(5));
     for allowed in 0..3 {
         nmpc.reset();
-        let mut asked = 0;
+        let mut input = 0;
         let mut expired = || {
-            asked += 1;
-            asked > allowed
+            input += 1;
+            input > allowed
         };
         let step = nmpc.step_within(&x, &reference, &mut expired).unwrap();
         assert_eq!(step.status, SqpStatus::Deadline);

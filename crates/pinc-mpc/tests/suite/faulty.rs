@@ -21,8 +21,8 @@ impl<M: Predictor> Predictor for Faulty<M> {
         self.model.dims()
     }
 
-    fn horizon_s(&self) -> f64 {
-        self.model.horizon_s()
+    fn sample_time_s(&self) -> f64 {
+        self.model.sample_time_s()
     }
 
     fn predict(&mut self, x: &[f64], u: &[f64], next: &mut [f64]) {

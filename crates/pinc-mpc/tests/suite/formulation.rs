@@ -8,7 +8,8 @@ use pinc_mpc::{
     Bounds, Constraints, Nmpc, NmpcProblem, QpMethod, Softness, SqpConfig, SqpStatus,
     StageConstraints, Weight, Weights,
 };
-use pinc_ode::{Adaptive, Dims, Predictor, Rk4, VanDerPol};
+use pinc_ode::{Dopri5, Dims, Predictor, Rk4};
+use pinc_plants::VanDerPol;
 
 const METHODS: [QpMethod; 3] = [QpMethod::Condensed, QpMethod::Riccati, QpMethod::Clarabel];
 
@@ -53,7 +54,7 @@ fn a_nonlinear_inequality_holds_at_every_stage() {
     problem.constraints = Some(Constraints::new(Circle { radius: 0.6, equality: false }));
     let model = Rk4::new(VanDerPol::default(), 0.5, 4);
     for mut nmpc in controllers(&problem, &model) {
-        let mut truth = Adaptive::new(VanDerPol::default(), 1e-9);
+        let mut truth = Dopri5::new(VanDerPol::default(), 1e-9);
         let mut x = vec![0.1, 0.0];
         let mut on_the_edge = 0;
         for k in 0..20 {
@@ -77,8 +78,8 @@ fn a_nonlinear_inequality_holds_at_every_stage() {
 #[test]
 fn an_equality_is_met() {
     let mut problem = van_der_pol();
-    problem.last = 1;
-    problem.control = 1;
+    problem.horizon = 1;
+    problem.control_horizon = 1;
     problem.state_bounds = Bounds::none(2);
     problem.constraints = Some(Constraints::new(Circle { radius: 0.5, equality: true }));
     let mut model = Rk4::new(VanDerPol::default(), 0.5, 4);
@@ -260,7 +261,7 @@ fn the_real_time_iteration_follows() {
     let config = SqpConfig { real_time: true, ..SqpConfig::default() };
     let mut quick = Nmpc::new(van_der_pol(), Box::new(model.clone()), config).unwrap();
     let mut full = Nmpc::new(van_der_pol(), Box::new(model), SqpConfig::default()).unwrap();
-    let mut truth = Adaptive::new(VanDerPol::default(), 1e-9);
+    let mut truth = Dopri5::new(VanDerPol::default(), 1e-9);
     let reference = [0.8, 0.0].repeat(5);
     let mut x = vec![0.2, -0.3];
     let mut far = 0.0_f64;

@@ -1,10 +1,11 @@
 //! Plans with RK4 as the model, judged by the optimality conditions.
 
-use crate::optimality::{Asked, judge, residuals, scale};
+use crate::optimality::{StepInput, judge, residuals, scale};
 use crate::problems::{Loop, four_tanks, four_tanks_loop, van_der_pol, van_der_pol_loop};
 use crate::support::Linear;
 use pinc_mpc::{Bounds, Nmpc, NmpcProblem, Profile, SqpConfig, SqpStatus, Weights};
-use pinc_ode::{Adaptive, Dims, FourTanks, Rk4, VanDerPol};
+use pinc_ode::{Dopri5, Dims, Rk4};
+use pinc_plants::{FourTanks, VanDerPol};
 use proptest::prelude::*;
 
 #[test]
@@ -28,10 +29,10 @@ fn plans_at_their_bounds_are_optimal() {
 #[test]
 fn plans_of_every_shape_are_optimal() {
     let mut problem = four_tanks();
-    problem.first = 2;
-    problem.last = 6;
-    problem.control = 3;
-    problem.controlled = vec![1, 3, 0];
+    problem.n1 = 2;
+    problem.horizon = 6;
+    problem.control_horizon = 3;
+    problem.tracked = vec![1, 3, 0];
     problem.weights = Weights {
         profile: Profile::Cumulative,
         ..Weights::uniform(vec![3.0, 0.0, 5.0], vec![1.0, 0.2])
@@ -50,7 +51,7 @@ fn a_warm_start_saves_iterations() {
     let model = Rk4::new(VanDerPol::default(), 0.5, 4);
     let controller = || Nmpc::new(van_der_pol(), Box::new(model.clone()), SqpConfig::default());
     let mut warm = controller().unwrap();
-    let mut truth = Adaptive::new(VanDerPol::default(), 1e-9);
+    let mut truth = Dopri5::new(VanDerPol::default(), 1e-9);
     let reference = [0.8, 0.0].repeat(5);
     let mut x = vec![0.5, -0.3];
     let (mut warm_work, mut cold_work) = (0, 0);
@@ -81,8 +82,8 @@ proptest! {
         let mut model = Linear { dims, a, b };
         let weights = Weights::uniform(vec![10.0, 1.0], vec![0.1, 1.0]);
         let problem = NmpcProblem {
-            control,
-            controlled: vec![2, 0],
+            control_horizon: control,
+            tracked: vec![2, 0],
             // |x_j| <= 4 is out of reach: the row sums of |A| and |B| are below 1.8 and 2.
             state_bounds: Bounds { low: vec![-40.0; 3], high: vec![40.0; 3] },
             input_bounds: Bounds { low: vec![-0.5; 2], high },
@@ -91,8 +92,8 @@ proptest! {
         let mut nmpc = Nmpc::new(problem, Box::new(model.clone()), SqpConfig::default()).unwrap();
         let status = nmpc.step(&x, &reference).unwrap().status;
         prop_assert_eq!(status, SqpStatus::Converged);
-        let asked = Asked { x: &x, previous: &[0.0; 2], reference: &reference };
-        let found = residuals(&nmpc, &mut model, &asked);
+        let input = StepInput { x: &x, previous: &[0.0; 2], reference: &reference };
+        let found = residuals(&nmpc, &mut model, &input);
         prop_assert!(found.iter().all(|&r| r <= 1e-8 * scale(&nmpc)), "{:?}", found);
     }
 }

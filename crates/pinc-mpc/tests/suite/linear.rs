@@ -99,7 +99,7 @@ fn inputs_are_held_after_nu() {
 
     // N1 = 3: only the last state is tracked.
     let mut problem = scalar_problem(3, 1);
-    problem.first = 3;
+    problem.n1 = 3;
     let u = first_input(problem, Linear::scalar(a, b), x, &y);
     assert!((u - least_squares(3)).abs() < TOLERANCE);
 }

@@ -3,7 +3,8 @@
 use crate::agreement::disagreement;
 use crate::problems::{four_tanks_loop, van_der_pol_loop};
 use pinc_mpc::Weight;
-use pinc_ode::{FourTanks, Rk4, VanDerPol};
+use pinc_ode::Rk4;
+use pinc_plants::{FourTanks, VanDerPol};
 
 #[test]
 fn the_methods_control_the_tanks_alike() {
@@ -24,8 +25,8 @@ fn the_methods_agree_with_a_heavy_terminal_weight() {
     let model = Rk4::new(FourTanks::antonelo(), 10.0, 4);
     for last in [5, 20] {
         let mut run = four_tanks_loop();
-        run.problem.last = last;
-        run.problem.control = last;
+        run.problem.horizon = last;
+        run.problem.control_horizon = last;
         run.problem.weights.terminal = Some(Weight::Diagonal(vec![1e6; 2]));
         let worst = disagreement(run, model.clone());
         assert!(worst < 1e-6, "N = {last}: {worst:e}");

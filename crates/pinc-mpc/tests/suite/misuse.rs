@@ -3,7 +3,8 @@
 use crate::problems::{four_tanks, van_der_pol};
 use crate::support::{Linear, scalar_problem};
 use pinc_mpc::{Bounds, MpcError, Nmpc, NmpcProblem, Profile, SqpConfig, SqpStatus, Weights};
-use pinc_ode::{Rk4, VanDerPol};
+use pinc_ode::Rk4;
+use pinc_plants::VanDerPol;
 
 fn refusal(change: impl FnOnce(&mut NmpcProblem)) -> String {
     let mut problem = van_der_pol();
@@ -15,19 +16,19 @@ fn refusal(change: impl FnOnce(&mut NmpcProblem)) -> String {
 
 #[test]
 fn horizons() {
-    assert_eq!(refusal(|p| p.control = 6), "control (Nu) is 6, but must be from 1 to 5");
-    assert_eq!(refusal(|p| p.control = 0), "control (Nu) is 0, but must be from 1 to 5");
-    assert_eq!(refusal(|p| p.first = 0), "first (N1) is 0, but must be from 1 to 5");
-    assert_eq!(refusal(|p| p.first = 6), "first (N1) is 6, but must be from 1 to 5");
-    assert_eq!(refusal(|p| p.last = 0), "last (N2) is 0, but must be from 1 to 10000");
-    assert!(refusal(|p| p.last = usize::MAX).ends_with("must be from 1 to 10000"));
+    assert_eq!(refusal(|p| p.control_horizon = 6), "control_horizon (Nu) is 6, but must be from 1 to 5");
+    assert_eq!(refusal(|p| p.control_horizon = 0), "control_horizon (Nu) is 0, but must be from 1 to 5");
+    assert_eq!(refusal(|p| p.n1 = 0), "n1 is 0, but must be from 1 to 5");
+    assert_eq!(refusal(|p| p.n1 = 6), "n1 is 6, but must be from 1 to 5");
+    assert_eq!(refusal(|p| p.horizon = 0), "horizon (N2) is 0, but must be from 1 to 10000");
+    assert!(refusal(|p| p.horizon = usize::MAX).ends_with("must be from 1 to 10000"));
 }
 
 #[test]
-fn controlled_states() {
-    assert_eq!(refusal(|p| p.controlled = vec![0, 2]), "controlled is 2, but must be from 0 to 1");
-    assert_eq!(refusal(|p| p.controlled = vec![1, 1]), "controlled names state 1 twice");
-    assert!(refusal(|p| p.controlled = vec![]).contains("controlled"));
+fn tracked_states() {
+    assert_eq!(refusal(|p| p.tracked = vec![0, 2]), "tracked is 2, but must be from 0 to 1");
+    assert_eq!(refusal(|p| p.tracked = vec![1, 1]), "tracked names state 1 twice");
+    assert!(refusal(|p| p.tracked = vec![]).contains("tracked"));
 }
 
 #[test]

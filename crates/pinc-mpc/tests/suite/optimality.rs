@@ -4,8 +4,8 @@ use crate::problems::Loop;
 use pinc_mpc::{Bounds, Nmpc, Profile, SqpConfig, SqpStatus, Weight};
 use pinc_ode::{Dims, Predictor};
 
-/// What one step was asked.
-pub(crate) struct Asked<'a> {
+/// What one step was input.
+pub(crate) struct StepInput<'a> {
     pub(crate) x: &'a [f64],
     pub(crate) previous: &'a [f64],
     pub(crate) reference: &'a [f64],
@@ -21,31 +21,31 @@ fn diagonal(weight: &Weight) -> &[f64] {
 /// The residuals of the KKT conditions at the controller's plan: stationarity, feasibility of the
 /// dynamics, violation of bounds, complementarity; unscaled, with Jacobians from the model.
 #[expect(clippy::needless_range_loop, reason = "indices as in the formulas")]
-pub(crate) fn residuals(nmpc: &Nmpc, model: &mut dyn Predictor, asked: &Asked<'_>) -> [f64; 4] {
+pub(crate) fn residuals(nmpc: &Nmpc, model: &mut dyn Predictor, input: &StepInput<'_>) -> [f64; 4] {
     let (problem, plan) = (nmpc.problem(), nmpc.plan());
     let Dims { states: n, inputs: m } = model.dims();
     let x = |j: usize| match j {
-        0 => asked.x,
+        0 => input.x,
         _ => &plan.states()[(j - 1) * n..j * n],
     };
     let u = |i: usize| &plan.inputs()[i * m..(i + 1) * m];
     let weight = |stage: usize| match problem.weights.profile {
         Profile::Uniform => 1.0,
-        Profile::Cumulative => (problem.last - stage) as f64 * model.horizon_s(),
+        Profile::Cumulative => (problem.horizon - stage) as f64 * model.sample_time_s(),
     };
 
     // dJ/dx and dJ/du
-    let mut dx = vec![vec![0.0; n]; problem.last + 1];
-    let mut du = vec![vec![0.0; m]; problem.control];
-    for j in problem.first..=problem.last {
-        for (i, &state) in problem.controlled.iter().enumerate() {
-            let error = x(j)[state] - asked.reference[(j - 1) * problem.controlled.len() + i];
+    let mut dx = vec![vec![0.0; n]; problem.horizon + 1];
+    let mut du = vec![vec![0.0; m]; problem.control_horizon];
+    for j in problem.n1..=problem.horizon {
+        for (i, &state) in problem.tracked.iter().enumerate() {
+            let error = x(j)[state] - input.reference[(j - 1) * problem.tracked.len() + i];
             dx[j][state] += 2.0 * weight(j - 1) * diagonal(&problem.weights.q)[i] * error;
         }
     }
-    for i in 0..problem.control {
+    for i in 0..problem.control_horizon {
         for c in 0..m {
-            let before = if i == 0 { asked.previous[c] } else { u(i - 1)[c] };
+            let before = if i == 0 { input.previous[c] } else { u(i - 1)[c] };
             let slope = 2.0 * weight(i) * diagonal(&problem.weights.r)[c] * (u(i)[c] - before);
             du[i][c] += slope;
             if i > 0 {
@@ -56,8 +56,8 @@ pub(crate) fn residuals(nmpc: &Nmpc, model: &mut dyn Predictor, asked: &Asked<'_
 
     let mut infeasibility: f64 = 0.0;
     let (mut next, mut a, mut b) = (vec![0.0; n], vec![0.0; n * n], vec![0.0; n * m]);
-    for j in 0..problem.last {
-        let acting = j.min(problem.control - 1);
+    for j in 0..problem.horizon {
+        let acting = j.min(problem.control_horizon - 1);
         model.linearize(x(j), u(acting), &mut next, &mut a, &mut b);
         let lambda = &plan.dynamics_multipliers()[j * n..(j + 1) * n];
         for row in 0..n {
@@ -83,7 +83,7 @@ pub(crate) fn residuals(nmpc: &Nmpc, model: &mut dyn Predictor, asked: &Asked<'_
             complementarity = complementarity.max(-mu * (value - low));
         }
     };
-    for j in 1..=problem.last {
+    for j in 1..=problem.horizon {
         for (i, &slope) in dx[j].iter().enumerate() {
             let mu = plan.state_multipliers()[(j - 1) * n + i];
             let Bounds { low, high } = &problem.state_bounds;
@@ -119,9 +119,9 @@ pub(crate) fn judge(mut run: Loop, mut model: impl Predictor + Clone + 'static) 
         let step = nmpc.step(x, reference).unwrap();
         assert_eq!(step.status, SqpStatus::Converged, "step {k}");
         let (u, reported) = (step.u.to_vec(), step.kkt);
-        let asked = Asked { x, previous: &previous, reference };
+        let input = StepInput { x, previous: &previous, reference };
         let [stationarity, dynamics, bounds, complementarity] =
-            residuals(&nmpc, &mut model, &asked);
+            residuals(&nmpc, &mut model, &input);
         let s = scale(&nmpc);
         let found = [stationarity / s, dynamics, bounds, complementarity / s];
         assert!(found.iter().all(|&r| r <= 1e-8), "step {k}: {found:?}");

@@ -1,7 +1,8 @@
 //! The paper's control problems and closed loops.
 
 use pinc_mpc::{Bounds, NmpcProblem, Reference, Weights};
-use pinc_ode::{Dims, FourTanks, Predictor, Rk4, VanDerPol};
+use pinc_ode::{Dims, Predictor, Rk4};
+use pinc_plants::{FourTanks, VanDerPol};
 
 /// A closed loop: the problem, what is followed, and the plant with its state at the start.
 pub(crate) struct Loop {
@@ -20,7 +21,7 @@ impl Loop {
         start: &[f64],
         (values, each): (&[&[f64]], usize),
     ) -> Self {
-        let outputs = problem.controlled.len();
+        let outputs = problem.tracked.len();
         let values = values.iter().flat_map(|value| value.repeat(each)).collect();
         let reference = Reference::new(values, outputs).unwrap();
         Self { problem, reference, start: start.to_vec(), plant: Box::new(plant) }
@@ -30,7 +31,7 @@ impl Loop {
     pub(crate) fn run(&mut self, mut step: impl FnMut(usize, &[f64], &[f64]) -> Vec<f64>) {
         let mut x = self.start.clone();
         let mut next = x.clone();
-        let mut window = vec![0.0; self.problem.last * self.reference.outputs()];
+        let mut window = vec![0.0; self.problem.horizon * self.reference.outputs()];
         for k in 0..self.reference.steps() {
             self.reference.preview(k, &mut window);
             let u = step(k, &x, &window);
@@ -72,7 +73,7 @@ pub(crate) fn van_der_pol() -> NmpcProblem {
 pub(crate) fn four_tanks() -> NmpcProblem {
     let weights = Weights::uniform(vec![10.0; 2], vec![1.0; 2]);
     NmpcProblem {
-        controlled: vec![0, 1],
+        tracked: vec![0, 1],
         state_bounds: Bounds { low: vec![2.0, 2.0, 0.6, 0.6], high: vec![20.0, 20.0, 5.5, 5.5] },
         input_bounds: Bounds { low: vec![0.0; 2], high: vec![5.0; 2] },
         ..NmpcProblem::new(Dims { states: 4, inputs: 2 }, 5, weights)

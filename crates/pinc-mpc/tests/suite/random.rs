@@ -3,7 +3,8 @@
 use crate::problems::{four_tanks, van_der_pol};
 use crate::survey::{Draw, share, survey};
 use pinc_mpc::SqpStatus;
-use pinc_ode::{FourTanks, Rk4, VanDerPol};
+use pinc_ode::Rk4;
+use pinc_plants::{FourTanks, VanDerPol};
 
 #[test]
 fn van_der_pol_from_anywhere() {

@@ -24,7 +24,7 @@ impl Predictor for Linear {
         self.dims
     }
 
-    fn horizon_s(&self) -> f64 {
+    fn sample_time_s(&self) -> f64 {
         1.0
     }
 
@@ -48,5 +48,5 @@ impl Predictor for Linear {
 /// A problem with one state and one input, no bounds, q = 2 and r = 3.
 pub(crate) fn scalar_problem(last: usize, control: usize) -> NmpcProblem {
     let weights = Weights::uniform(vec![2.0], vec![3.0]);
-    NmpcProblem { control, ..NmpcProblem::new(Dims { states: 1, inputs: 1 }, last, weights) }
+    NmpcProblem { control_horizon: control, ..NmpcProblem::new(Dims { states: 1, inputs: 1 }, last, weights) }
 }

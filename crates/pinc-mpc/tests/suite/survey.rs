@@ -4,7 +4,7 @@
 //! `PINC_RANDOM_STEPS=100000` in the environment of a test takes so many steps.
 
 use crate::faulty::{Faulty, NOT_A_NUMBER, SOUND, WRONG};
-use crate::optimality::{Asked, residuals, scale};
+use crate::optimality::{StepInput, residuals, scale};
 use pinc_mpc::{Nmpc, NmpcProblem, SqpConfig, SqpStatus};
 use pinc_ode::Predictor;
 use std::collections::BTreeMap;
@@ -56,7 +56,7 @@ pub(crate) fn survey(
     for k in 0..steps {
         let x: Vec<f64> = draw.states.iter().map(|&range| stream.within(range)).collect();
         let y: Vec<f64> = draw.references.iter().map(|&range| stream.within(range)).collect();
-        let y = y.repeat(problem.last);
+        let y = y.repeat(problem.horizon);
         // One step in four has a deadline, one in eight each fault.
         let mut time = if stream.below(4) == 0 { stream.below(4) } else { u64::MAX };
         let limited = time < u64::MAX;
@@ -82,8 +82,8 @@ pub(crate) fn survey(
             "step {k}: {status}"
         );
         if faultless && status == SqpStatus::Converged {
-            let asked = Asked { x: &x, previous: &previous, reference: &y };
-            let [stationarity, dynamics, bounds, products] = residuals(&nmpc, &mut sound, &asked);
+            let input = StepInput { x: &x, previous: &previous, reference: &y };
+            let [stationarity, dynamics, bounds, products] = residuals(&nmpc, &mut sound, &input);
             let s = scale(&nmpc);
             let found = [stationarity / s, dynamics, bounds, products / s];
             assert!(found.iter().all(|&r| r <= 1.0001e-8), "step {k}: {found:?}");

@@ -3,7 +3,8 @@
 use crate::faulty::{Faulty, NOT_A_NUMBER, SOUND};
 use crate::problems::van_der_pol;
 use pinc_mpc::{Nmpc, SqpConfig, SqpStatus};
-use pinc_ode::{Dims, Predictor, Rk4, VanDerPol};
+use pinc_ode::{Dims, Predictor, Rk4};
+use pinc_plants::VanDerPol;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
 
@@ -19,8 +20,8 @@ impl<M: Predictor> Predictor for Counting<M> {
         self.model.dims()
     }
 
-    fn horizon_s(&self) -> f64 {
-        self.model.horizon_s()
+    fn sample_time_s(&self) -> f64 {
+        self.model.sample_time_s()
     }
 
     fn predict(&mut self, x: &[f64], u: &[f64], next: &mut [f64]) {

@@ -148,7 +148,7 @@ impl Task for Build<'_> {
             physics: Physics {
                 plant: velocity.on(),
                 ansatz: net.ansatz,
-                horizon_s: net.horizon_s,
+                sample_time_s: net.sample_time_s,
                 output: net.output.clone(),
                 residual_scale: weights.residual_scale.clone(),
                 initial_scale: weights.initial_scale.clone(),

@@ -27,7 +27,7 @@ pub(super) enum Term {
 pub(super) struct Physics<V> {
     pub(super) plant: Box<dyn Velocity<V>>,
     pub(super) ansatz: Ansatz,
-    pub(super) horizon_s: f64,
+    pub(super) sample_time_s: f64,
     pub(super) output: Normalizer,
     /// Factor of each state's residual.
     pub(super) residual_scale: Vec<f64>,
@@ -82,7 +82,7 @@ impl<V: Simd> Physics<V> {
         let mut squares = panel.t[0].constant(0.0);
         for half in 0..2 {
             let t = panel.t[half];
-            let factors = self.ansatz.factor(t, self.horizon_s);
+            let factors = self.ansatz.factor(t, self.sample_time_s);
             squares = squares
                 + match term {
                     Term::Physics => self.residual(weight, panel, output, half, scratch),
@@ -122,7 +122,7 @@ impl<V: Simd> Physics<V> {
             Term::Initial | Term::Measured => &self.initial_scale,
         };
         for half in 0..2 {
-            let factors = self.ansatz.factor(panel.t[half], self.horizon_s);
+            let factors = self.ansatz.factor(panel.t[half], self.sample_time_s);
             let zero = panel.mask[half].constant(0.0);
             for j in 0..states {
                 if term == Term::Physics && j.is_multiple_of(DIRECTIONS) {
@@ -167,8 +167,8 @@ impl<V: Simd> Physics<V> {
         let (mean, std) = (t.constant(self.output.mean[i]), t.constant(self.output.std[i]));
         let d = std.mul_add(output[i][half], mean);
         let d_rate = std * output[i][half + 2];
-        let (factor, factor_rate) = self.ansatz.factor(t, self.horizon_s);
-        let y = self.ansatz.state(t, self.horizon_s, panel.y0[i][half], d);
+        let (factor, factor_rate) = self.ansatz.factor(t, self.sample_time_s);
+        let y = self.ansatz.state(t, self.sample_time_s, panel.y0[i][half], d);
         (y, factor_rate.mul_add(d, factor * d_rate))
     }
 

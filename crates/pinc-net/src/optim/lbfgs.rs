@@ -96,12 +96,12 @@ impl Lbfgs {
             return Outcome::Stuck;
         }
         std::mem::swap(at, next);
-        self.learn(at);
+        self.update(at);
         Outcome::Moved
     }
 
     /// Remembers the step to `to` from the point that is in the place of the next one.
-    fn learn(&mut self, to: &Iterate) {
+    fn update(&mut self, to: &Iterate) {
         let Work { next: from, spare, .. } = &mut self.work.0;
         // The oldest pair's memory is used again.
         let full = self.pairs.len() >= self.config.memory;

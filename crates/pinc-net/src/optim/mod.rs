@@ -4,7 +4,7 @@
 //! an interruption bit for bit) and its arithmetic (a `step` that moves an [`Iterate`]).
 
 mod adam;
-mod by_size;
+mod auto;
 mod inverse_hessian;
 mod lbfgs;
 mod levenberg_marquardt;
@@ -12,7 +12,7 @@ mod line_search;
 mod self_scaled_broyden;
 
 pub use adam::AdamConfig;
-pub use by_size::BySizeConfig;
+pub use auto::AutoConfig;
 pub use lbfgs::LbfgsConfig;
 pub use levenberg_marquardt::LevenbergMarquardtConfig;
 pub use line_search::LineSearch;
@@ -108,7 +108,8 @@ pub enum OptimizerConfig {
     /// Levenberg-Marquardt, with the normal matrix.
     LevenbergMarquardt(LevenbergMarquardtConfig),
     /// Self-scaled Broyden or L-BFGS, by the number of weights.
-    BySize(BySizeConfig),
+    #[serde(rename = "by-size")]
+    Auto(AutoConfig),
 }
 
 impl OptimizerConfig {
@@ -116,7 +117,7 @@ impl OptimizerConfig {
     #[must_use]
     pub fn for_size(&self, weights: usize) -> Self {
         match self {
-            Self::BySize(config) => config.choose(weights),
+            Self::Auto(config) => config.choose(weights),
             chosen => chosen.clone(),
         }
     }
@@ -132,7 +133,7 @@ impl OptimizerConfig {
             Self::Lbfgs(config) => config.validate(),
             Self::SelfScaledBroyden(config) => config.validate(),
             Self::LevenbergMarquardt(config) => config.validate(),
-            Self::BySize(config) => config.validate(),
+            Self::Auto(config) => config.validate(),
         }
     }
 }
@@ -162,7 +163,7 @@ impl Optimizer {
             OptimizerConfig::LevenbergMarquardt(config) => {
                 Method::LevenbergMarquardt(LevenbergMarquardt::new(config))
             }
-            OptimizerConfig::BySize(config) => {
+            OptimizerConfig::Auto(config) => {
                 return Self::new(&config.choose(variables), variables);
             }
         })

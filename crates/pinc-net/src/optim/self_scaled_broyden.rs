@@ -91,7 +91,7 @@ impl SelfScaledBroyden {
             let found = LineSearch::WeakWolfe.search(objective, at, direction, 1.0, next);
             if let Some(step) = found {
                 std::mem::swap(at, next);
-                self.learn(at, step, workers);
+                self.update(at, step, workers);
                 return Outcome::Moved;
             }
             if fresh {
@@ -126,7 +126,7 @@ impl SelfScaledBroyden {
     /// v = sqrt(y'H y) (s/s'y - H y/y'H y)
     /// H <- (H - H y y'H/y'H y + phi v v')/tau + s s'/s'y
     /// ```
-    fn learn(&mut self, to: &Iterate, step: f64, workers: &Workers) {
+    fn update(&mut self, to: &Iterate, step: f64, workers: &Workers) {
         let Work { next: from, direction, newton, y } = &mut self.work.0;
         self.inverse_hessian.product(&to.gradient, newton, workers);
         let mut update = self.inverse_hessian.new_update();

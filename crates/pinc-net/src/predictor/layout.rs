@@ -123,7 +123,7 @@ fn fold_input(net: &PincNet, weights: &mut [Vec<f64>], bias: &mut [f64]) {
     for (row, bias) in weights.iter_mut().zip(bias) {
         let scaled = row.iter().zip(&net.input.std).map(|(w, std)| w / std);
         let mut scaled: Vec<f64> = scaled.collect();
-        *bias += scaled[0] * net.horizon_s;
+        *bias += scaled[0] * net.sample_time_s;
         for (w, mean) in scaled.iter().zip(&net.input.mean) {
             *bias -= w * mean;
         }

@@ -2,14 +2,14 @@
 
 mod layout;
 mod step;
-mod together;
+mod batched;
 
 use crate::PincNet;
 use layout::Layout;
 use pinc_ad::simd::Isa;
 use pinc_ode::{Dims, Predictor};
 use step::{Columns, POINTS, Step};
-use together::{Cells, Together};
+use batched::{Cells, Batched};
 
 /// The control interface f^(y, u) = `f_w`(T, y, u) of a net, Eq. (interface) of the paper, with its
 /// Jacobians by forward differentiation.
@@ -20,7 +20,7 @@ use together::{Cells, Together};
 #[derive(Clone, Debug)]
 pub struct PincPredictor {
     dims: Dims,
-    horizon_s: f64,
+    sample_time_s: f64,
     isa: Isa,
     layout: Layout,
     columns: Columns,
@@ -45,7 +45,7 @@ impl PincPredictor {
         let layout = Layout::new(net, isa.lanes());
         let columns = Columns::new(layout.longest(), dims.states + dims.inputs);
         let cells = Cells::new(layout.widest(), dims.states + dims.inputs, isa.lanes());
-        Self { dims, horizon_s: net.horizon_s, isa, layout, columns, cells }
+        Self { dims, sample_time_s: net.sample_time_s, isa, layout, columns, cells }
     }
 
     /// Runs the net from one (x, u), or from [`POINTS`] of them, with the tangents of the first `tangents` of their
@@ -94,8 +94,8 @@ impl Predictor for PincPredictor {
         self.dims
     }
 
-    fn horizon_s(&self) -> f64 {
-        self.horizon_s
+    fn sample_time_s(&self) -> f64 {
+        self.sample_time_s
     }
 
     fn predict(&mut self, x: &[f64], u: &[f64], next: &mut [f64]) {
@@ -136,7 +136,7 @@ impl Predictor for PincPredictor {
                 let points = left.min(lanes);
                 let part = |width: usize| first * width..(first + points) * width;
                 let Self { layout, cells, dims, isa, .. } = self;
-                isa.dispatch(Together {
+                isa.dispatch(Batched {
                     layout,
                     cells,
                     dims: *dims,

@@ -1,7 +1,7 @@
 //! A method with its Jacobians, all columns in the lanes of vectors.
 
 use super::SMALL;
-use super::method::{Method, Small};
+use super::method::{Method, StackWorkspace};
 use crate::{Dims, Plant};
 use pinc_ad::simd::{Simd, Task};
 use pinc_ad::{Directions, Dual, Lanes};
@@ -59,7 +59,7 @@ impl<P: Plant, M: Method, const C: usize> Task for Linearize<'_, P, M, C> {
         let Self { plant, h, substeps, points: Points { x, u, next, a, b }, .. } = self;
         let nothing: Tangent<V, C> = Dual { re: Lanes::splat(0.0), eps: [Directions([zero; C])] };
         for first in (0..n + m).step_by(V::LANES) {
-            let mut room = Small::new(nothing);
+            let mut room = StackWorkspace::new(nothing);
             let mut work = room.workspace(dims);
             for j in 0..n {
                 work.x[j] = seed(zero, |point| x[point * n + j], first, j);

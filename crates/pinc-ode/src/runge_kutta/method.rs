@@ -19,14 +19,14 @@ pub trait Method: Clone + Debug + Send {
 
 /// Numbers of a small plant's workspace, on the stack.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Small<S> {
+pub(super) struct StackWorkspace<S> {
     x: [S; SMALL],
     u: [S; SMALL],
     stage: [S; SMALL],
     k: [[S; SMALL]; MOST_STAGES],
 }
 
-impl<S: Scalar> Small<S> {
+impl<S: Scalar> StackWorkspace<S> {
     #[inline(always)]
     pub(super) fn new(nothing: S) -> Self {
         let x = [nothing; SMALL];
@@ -46,14 +46,14 @@ impl<S: Scalar> Small<S> {
 
 /// Numbers of any plant's workspace, on the heap.
 #[derive(Clone, Debug)]
-pub(super) struct Large<S> {
+pub(super) struct HeapWorkspace<S> {
     x: Vec<S>,
     u: Vec<S>,
     stage: Vec<S>,
     k: [Vec<S>; MOST_STAGES],
 }
 
-impl<S: Scalar> Large<S> {
+impl<S: Scalar> HeapWorkspace<S> {
     pub(super) fn new(dims: Dims, nothing: S) -> Self {
         let x = vec![nothing; dims.states];
         let k = std::array::from_fn(|_| x.clone());
@@ -186,6 +186,6 @@ impl Method for DormandPrince {
 /// nothing else waits for it.
 #[inline(always)]
 fn combine<S: Scalar>(x: S, h: f64, s: usize, k: &[&mut [S]; MOST_STAGES], i: usize) -> S {
-    let slopes = k.iter().zip(crate::adaptive::A[s]);
+    let slopes = k.iter().zip(crate::dopri5::A[s]);
     slopes.fold(x, |sum, (k, a)| k[i].mul_add(x.constant(h * a), sum))
 }

@@ -2,16 +2,16 @@
 
 mod linearize;
 mod method;
-mod together;
+mod batched;
 
 use crate::{Dims, Plant, Predictor};
 use linearize::{Linearize, Points};
 pub use method::{Classical, DormandPrince, Method};
-use method::{Large, Small};
+use method::{HeapWorkspace, StackWorkspace};
 use pinc_ad::Dual;
 use pinc_ad::simd::Isa;
 use std::marker::PhantomData;
-use together::{COLUMNS, LinearizeTogether};
+use batched::{COLUMNS, LinearizeBatched};
 
 /// Plants with more states or inputs than this are integrated in memory; others in registers and on
 /// the stack, which is several times faster.
@@ -37,37 +37,37 @@ pub type Rk5<P> = RungeKutta<P, DormandPrince>;
 pub struct RungeKutta<P, M> {
     plant: P,
     dims: Dims,
-    horizon_s: f64,
+    sample_time_s: f64,
     substeps: usize,
     isa: Isa,
-    large: Option<Rooms>,
+    large: Option<HeapWorkspaces>,
     method: PhantomData<M>,
 }
 
 /// Room for a plant that is not small.
 #[derive(Clone, Debug)]
-struct Rooms {
-    values: Large<f64>,
-    tangents: Large<Dual<f64, DIRECTIONS>>,
+struct HeapWorkspaces {
+    values: HeapWorkspace<f64>,
+    tangents: HeapWorkspace<Dual<f64, DIRECTIONS>>,
 }
 
 impl<P: Plant, M: Method> RungeKutta<P, M> {
-    /// The method over steps of `horizon_s` seconds, each in `substeps` parts.
+    /// The method over steps of `sample_time_s` seconds, each in `substeps` parts.
     ///
     /// # Panics
     ///
-    /// If `horizon_s` is not positive and finite or `substeps` is 0.
+    /// If `sample_time_s` is not positive and finite or `substeps` is 0.
     #[must_use]
-    pub fn new(plant: P, horizon_s: f64, substeps: usize) -> Self {
-        assert!(horizon_s > 0.0 && horizon_s.is_finite(), "the step must be positive");
+    pub fn new(plant: P, sample_time_s: f64, substeps: usize) -> Self {
+        assert!(sample_time_s > 0.0 && sample_time_s.is_finite(), "the step must be positive");
         assert!(substeps > 0, "at least one substep");
         let dims = plant.dims();
-        let large = (dims.states.max(dims.inputs) > SMALL).then(|| Rooms {
-            values: Large::new(dims, 0.0),
-            tangents: Large::new(dims, Dual::lift(0.0)),
+        let large = (dims.states.max(dims.inputs) > SMALL).then(|| HeapWorkspaces {
+            values: HeapWorkspace::new(dims, 0.0),
+            tangents: HeapWorkspace::new(dims, Dual::lift(0.0)),
         });
         let isa = Isa::detect();
-        Self { plant, dims, horizon_s, substeps, isa, large, method: PhantomData }
+        Self { plant, dims, sample_time_s, substeps, isa, large, method: PhantomData }
     }
 
     /// The number of substeps a step is divided into.
@@ -79,7 +79,7 @@ impl<P: Plant, M: Method> RungeKutta<P, M> {
     /// The step of the method, in s.
     #[expect(clippy::cast_precision_loss, reason = "a number of substeps is far below 2^53")]
     fn h(&self) -> f64 {
-        self.horizon_s / self.substeps as f64
+        self.sample_time_s / self.substeps as f64
     }
 
     /// Linearises `C` points of a small plant, side by side.
@@ -96,10 +96,10 @@ impl<P: Plant, M: Method> RungeKutta<P, M> {
     }
 
     /// Linearises any number of points of a plant with few columns.
-    fn linearize_together(&mut self, points: Points<'_>) {
+    fn linearize_batched(&mut self, points: Points<'_>) {
         let h = self.h();
         let Self { plant, substeps, isa, .. } = self;
-        isa.dispatch(LinearizeTogether::<P, M> {
+        isa.dispatch(LinearizeBatched::<P, M> {
             plant,
             h,
             substeps: *substeps,
@@ -139,13 +139,13 @@ impl<P: Plant, M: Method> Predictor for RungeKutta<P, M> {
         self.dims
     }
 
-    fn horizon_s(&self) -> f64 {
-        self.horizon_s
+    fn sample_time_s(&self) -> f64 {
+        self.sample_time_s
     }
 
     fn predict(&mut self, x: &[f64], u: &[f64], next: &mut [f64]) {
         let h = self.h();
-        let mut small = Small::new(0.0);
+        let mut small = StackWorkspace::new(0.0);
         let (plant, substeps) = (&self.plant, self.substeps);
         match &mut self.large {
             Some(rooms) => {
@@ -177,7 +177,7 @@ impl<P: Plant, M: Method> Predictor for RungeKutta<P, M> {
         assert!(a.len() == count * n * n && b.len() == count * n * m, "lengths of a and b");
         let mut points = Points { x, u, next, a, b };
         if n + m <= COLUMNS {
-            return self.linearize_together(points);
+            return self.linearize_batched(points);
         }
         if self.large.is_none() {
             for _ in 0..count / 2 {

@@ -3,10 +3,10 @@
 use pinc_ad::Scalar;
 use pinc_ode::{Plant, Variable};
 
-/// States after some time, by mpmath: see data/expected.py.
-const FLOWS: &str = include_str!("../data/flows.csv");
+/// States after some time, by mpmath: see pinc-plants/tests/data/expected.py.
+const FLOWS: &str = include_str!("../../../pinc-plants/tests/data/flows.csv");
 
-/// A row of data/flows.csv.
+/// A row of flows.csv.
 pub(crate) struct Flow {
     pub(crate) x: Vec<f64>,
     pub(crate) u: Vec<f64>,

@@ -1,11 +1,11 @@
 //! A metric by the cells of a sweep: bars to the median with the quartiles, and every trial.
 
 use super::super::ReportError;
-use super::super::chart::{
+use pinc_chart::{
     Area, Axis, BLACK, Figure, Fill, Kind, Look, Panel, Shape, Span, Style, places, state_color,
 };
 use super::super::picture::Picture;
-use super::super::text;
+use pinc_chart::text;
 use super::caption;
 use super::curves::side_by_side;
 use super::metric::Metric;

@@ -1,7 +1,7 @@
 //! A metric over one axis of a sweep: the median of each cell with its quartiles, and every trial.
 
 use super::super::ReportError;
-use super::super::chart::{
+use pinc_chart::{
     Axis, Figure, Kind, Panel, Point, Shape, Span, Style, places, state_color, state_mark,
 };
 use super::super::picture::Picture;

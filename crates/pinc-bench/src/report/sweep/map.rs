@@ -1,10 +1,10 @@
 //! A metric over two axes of a sweep: a map of cells with numbers in them.
 
-use super::super::chart::{
+use pinc_chart::{
     Area, Axis, Figure, Fill, GREY, Kind, Look, Panel, extent, graded, places,
 };
 use super::super::picture::Picture;
-use super::super::text;
+use pinc_chart::text;
 use super::metric::Metric;
 use super::sizes;
 use super::trials::{Cell, Trials, short, shown};

@@ -2,7 +2,7 @@
 
 use super::super::ReportError;
 use super::super::data::Run;
-use super::super::text;
+use pinc_chart::text;
 use super::trials::{Cell, Spread, Trials};
 use crate::spec::ModelKind;
 

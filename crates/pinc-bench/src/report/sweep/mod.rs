@@ -5,7 +5,7 @@
 
 mod bars;
 mod curves;
-mod front;
+mod accuracy_cost;
 mod histogram;
 mod map;
 mod metric;
@@ -19,16 +19,16 @@ pub(super) use trials::Trials;
 use super::ReportError;
 use super::data::Run;
 use super::picture::Picture;
-use super::sheets::Sheet;
-use super::text::{self, MISSING};
+use super::number_tables::NumberTable;
+use pinc_chart::text::{self, MISSING};
 use metric::{Metric, Selection};
 use trials::{Cell, Spread};
 
 /// The pictures of a sweep.
 pub(super) fn pictures(run: &Run, trials: &Trials) -> Result<Vec<Picture>, ReportError> {
     let mut pictures = Vec::from_iter(traces::picture(run, trials)?);
-    if front::is_there(trials) {
-        pictures.extend(front::pictures(run, trials));
+    if accuracy_cost::is_there(trials) {
+        pictures.extend(accuracy_cost::pictures(run, trials));
         return Ok(pictures);
     }
     for metric in Selection::of(run, trials).varying {
@@ -64,7 +64,7 @@ pub(super) fn paragraph(run: &Run, trials: &Trials) -> String {
             }
         );
     }
-    if !front::is_there(trials) {
+    if !accuracy_cost::is_there(trials) {
         words += &Selection::of(run, trials).sentence();
     }
     words
@@ -75,10 +75,10 @@ fn counted(count: usize, one: &str, many: &str) -> String {
 }
 
 /// The tables of a sweep: the spread of each metric by cell, and the trials that failed.
-pub(super) fn sheets(run: &Run, trials: &Trials) -> Result<Vec<Sheet>, ReportError> {
+pub(super) fn sheets(run: &Run, trials: &Trials) -> Result<Vec<NumberTable>, ReportError> {
     let mut sheets = Vec::new();
-    if front::is_there(trials) {
-        sheets.extend(front::sheets(trials));
+    if accuracy_cost::is_there(trials) {
+        sheets.extend(accuracy_cost::sheets(trials));
         sheets.extend(failures(trials)?);
         return Ok(sheets);
     }
@@ -93,7 +93,7 @@ pub(super) fn sheets(run: &Run, trials: &Trials) -> Result<Vec<Sheet>, ReportErr
 }
 
 /// A metric of sole trials: a column for each model.
-fn sheet_of_values(trials: &Trials, metric: &Metric) -> Sheet {
+fn sheet_of_values(trials: &Trials, metric: &Metric) -> NumberTable {
     let digits = metric.digits(trials);
     let mut heads = places(trials);
     let name = |model: &&'static str| if model.is_empty() { "value" } else { model }.to_owned();
@@ -107,11 +107,11 @@ fn sheet_of_values(trials: &Trials, metric: &Metric) -> Sheet {
         row.extend(metric.columns.iter().map(|(column, _)| value(cell, column)));
         row
     });
-    Sheet { title: metric.label.clone(), heads, rows: rows.collect() }
+    NumberTable { title: metric.label.clone(), heads, rows: rows.collect() }
 }
 
 /// How a metric varies in each cell, a table for each model.
-fn sheets_of_spreads(trials: &Trials, metric: &Metric) -> Vec<Sheet> {
+fn sheets_of_spreads(trials: &Trials, metric: &Metric) -> Vec<NumberTable> {
     let digits = metric.digits(trials);
     let sheet = |(column, model): &(String, &'static str)| {
         let mut heads = places(trials);
@@ -126,7 +126,7 @@ fn sheets_of_spreads(trials: &Trials, metric: &Metric) -> Vec<Sheet> {
             "" => metric.label.clone(),
             model => format!("{} with {model}", metric.label),
         };
-        Sheet { title, heads, rows: rows.collect() }
+        NumberTable { title, heads, rows: rows.collect() }
     };
     metric.columns.iter().map(sheet).collect()
 }
@@ -155,14 +155,14 @@ fn spread_cells(spread: Option<&Spread>, digits: usize) -> [String; 3] {
 }
 
 /// The trials that failed, with their errors.
-fn failures(trials: &Trials) -> Result<Option<Sheet>, ReportError> {
+fn failures(trials: &Trials) -> Result<Option<NumberTable>, ReportError> {
     let failures = trials.failures()?;
     if failures.is_empty() {
         return Ok(None);
     }
     let title = "Failed trials".to_owned();
     let heads = ["trial", "what", "error"].map(str::to_owned).to_vec();
-    Ok(Some(Sheet { title, heads, rows: failures }))
+    Ok(Some(NumberTable { title, heads, rows: failures }))
 }
 
 /// What stands below a picture of the cells: their sizes, in words of medians and spreads (`several`) if there are

@@ -100,7 +100,7 @@ fn an_axis_makes_curves_over_huge_and_narrow_ranges() {
     for values in [[1e-300, 1e-3, 1e200], [0.5, 0.5, 0.6], [0.0, f64::NAN, 1e-8]] {
         let trials =
             [trial(&["0.1"], values[0]), trial(&["1.0"], values[1]), trial(&["50.0"], values[2])];
-        let dir = directory(&["model.horizon_s"], &["mse_gen"], &trials);
+        let dir = directory(&["model.sample_time_s"], &["mse_gen"], &trials);
         let (figures, _) = report(dir.path());
         assert_eq!(figures.len(), 1);
         assert!(figures[0].svg.contains("horizon T (s)"));
@@ -132,7 +132,7 @@ fn without_a_number_there_is_a_note() {
     let (figures, _) = report(directory(&["case"], &["mse_gen"], &cases).path());
     assert!(figures[0].svg.contains("No trial has a number."));
     let axis = [failed(&["1.0"]), failed(&["2.0"])];
-    let (figures, _) = report(directory(&["model.horizon_s"], &["mse_gen"], &axis).path());
+    let (figures, _) = report(directory(&["model.sample_time_s"], &["mse_gen"], &axis).path());
     assert!(figures[0].svg.contains("No trial has a number."));
     let cells = [failed(&["1", "2"]), failed(&["2", "2"])];
     let (figures, _) = report(directory(&AXES, &["mse_gen"], &cells).path());
@@ -188,7 +188,7 @@ fn pinns_stand_in_columns_beside_the_chained_net() {
         let time_only = if i == 0 { "" } else { "\"model.time_only\" = { input = [0.5] }\n" };
         let _ = write!(
             config,
-            "[[sweep.cases]]\nname = \"{name}\"\n[sweep.cases.set]\n\"model.horizon_s\" = {horizon:?}\n{time_only}"
+            "[[sweep.cases]]\nname = \"{name}\"\n[sweep.cases.set]\n\"model.sample_time_s\" = {horizon:?}\n{time_only}"
         );
         let mut rows = "t,u,h1,h2,h1_truth,h2_truth,mark\n".to_owned();
         for k in 0..=100_u32 {

@@ -2,7 +2,7 @@
 //! a column for each PINN, a row for each state.
 
 use super::super::ReportError;
-use super::super::chart::{
+use pinc_chart::{
     Axis, BLACK, Figure, GREY, Key, Kind, Look, Panel, Shape, Style, extent, state_color,
     state_mark,
 };
@@ -106,7 +106,7 @@ fn traces(run: &Run, trials: &Trials) -> Result<Vec<Trace>, ReportError> {
         let Some(name) = case.get("name").and_then(toml::Value::as_str) else { continue };
         let Some(table) = trials.free_run(name)? else { continue };
         let value = |key: &str| case.get("set")?.get(key);
-        let horizon = value("model.horizon_s").and_then(toml::Value::as_float);
+        let horizon = value("model.sample_time_s").and_then(toml::Value::as_float);
         let pinn = value("model.time_only").and(horizon.or_else(|| run.step_s()));
         traces.push(Trace { name: name.to_owned(), pinn, table });
     }

@@ -2,7 +2,7 @@
 
 use super::super::ReportError;
 use super::super::table::Table;
-use super::super::text;
+use pinc_chart::text;
 use std::path::{Path, PathBuf};
 
 /// The trials, with the cells that they make up.
@@ -200,7 +200,7 @@ pub(super) fn short(key: &str) -> String {
     match key {
         "model.hidden_layers" => "hidden layers".to_owned(),
         "model.neurons" => "neurons per layer".to_owned(),
-        "model.horizon_s" => "horizon T (s)".to_owned(),
+        "model.sample_time_s" => "horizon T (s)".to_owned(),
         "training.collocation_points" => "collocation points N_f".to_owned(),
         "training.initial_points" => "initial points N_t".to_owned(),
         "control.n2" => "steps of the horizon, N2".to_owned(),

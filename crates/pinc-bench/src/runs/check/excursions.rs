@@ -90,8 +90,8 @@ fn uses(subject: &Subject<'_>, findings: &mut Vec<Finding>) -> Vec<(&'static str
         let run = [(spec.initial_state.clone(), inputs)];
         uses.push(("the free run of [prediction]", simulate(subject, &run, findings)));
     }
-    if let (Some(control), Some(horizon_s)) = (control, subject.experiment.horizon_s()) {
-        match control::rehearse(subject.plant, control, horizon_s) {
+    if let (Some(control), Some(sample_time_s)) = (control, subject.experiment.sample_time_s()) {
+        match control::rehearse(subject.plant, control, sample_time_s) {
             Ok(trace) => {
                 let mut extent = Extent::default();
                 for i in 0..trace.len() {

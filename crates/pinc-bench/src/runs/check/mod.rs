@@ -20,9 +20,9 @@ mod tests;
 pub use finding::{Finding, Severity};
 
 use crate::spec::Experiment;
-use crate::system::System;
+use crate::dyn_plant::DynPlant;
 use region::Region;
-use steady::{Hold, Point};
+use steady::{SteadyStateResult, Point};
 
 /// One look at a plant and its config.
 type Examination = fn(&Subject<'_>) -> Vec<Finding>;
@@ -57,7 +57,7 @@ pub fn findings_json(findings: &[Finding]) -> String {
     serde_json::to_string_pretty(findings).expect("words can be JSON")
 }
 
-fn examine(plant: &dyn System, experiment: &Experiment) -> Vec<Finding> {
+fn examine(plant: &dyn DynPlant, experiment: &Experiment) -> Vec<Finding> {
     let Some(region) = Region::of(experiment, plant.dims()) else {
         return vec![
             Finding::warning("", "no [domain] and no [control]: nothing to look at")
@@ -71,17 +71,17 @@ fn examine(plant: &dyn System, experiment: &Experiment) -> Vec<Finding> {
 
 /// What is examined.
 struct Subject<'a> {
-    plant: &'a dyn System,
+    plant: &'a dyn DynPlant,
     experiment: &'a Experiment,
     region: Region,
     /// Where each of the controller's references can be held.
-    holds: Vec<Hold>,
+    holds: Vec<SteadyStateResult>,
     /// The steady state in the middle of the region, if there is one.
     centre: Option<Point>,
 }
 
 impl<'a> Subject<'a> {
-    fn new(plant: &'a dyn System, experiment: &'a Experiment, region: Region) -> Self {
+    fn new(plant: &'a dyn DynPlant, experiment: &'a Experiment, region: Region) -> Self {
         let mut subject = Self { plant, experiment, region, holds: Vec::new(), centre: None };
         subject.holds = steady::holds(&subject);
         subject.centre = steady::of_centre(&subject);
@@ -90,7 +90,7 @@ impl<'a> Subject<'a> {
 
     /// Length T of a step, where the config says it; else 1 s, as a unit of time.
     fn step_s(&self) -> f64 {
-        self.experiment.horizon_s().unwrap_or(1.0)
+        self.experiment.sample_time_s().unwrap_or(1.0)
     }
 
     /// The steady states that the plant is to be at, with their names: those of the references, or else
@@ -98,7 +98,7 @@ impl<'a> Subject<'a> {
     fn operating_points(&self) -> Vec<(String, &Point)> {
         let mut points: Vec<(String, &Point)> = Vec::new();
         for (k, hold) in self.holds.iter().enumerate() {
-            if let Hold::Within(point) | Hold::Outside(point) = hold
+            if let SteadyStateResult::Within(point) | SteadyStateResult::Outside(point) = hold
                 && !points.iter().any(|(_, other)| self.region.same(other, point))
             {
                 points.push((format!("the steady state of control.references[{k}]"), point));

@@ -1,6 +1,6 @@
 //! Whether a steady state reaches each reference, and the inputs can hold it within their bounds.
 
-use super::steady::{Hold, Point};
+use super::steady::{SteadyStateResult, Point};
 use super::{Finding, Subject, named, short};
 use crate::spec::ControlSpec;
 
@@ -13,12 +13,12 @@ pub(super) fn examine(subject: &Subject<'_>) -> Vec<Finding> {
         let place = format!("control.references[{k}]");
         let value = named(control.controlled.iter().map(String::as_str), &reference.value);
         findings.push(match hold {
-            Hold::Within(point) => {
+            SteadyStateResult::Within(point) => {
                 let (x, u) = (subject.state(&point.x), subject.input(&point.u));
                 Finding::fact(place, format!("{value} is held at {x} by {u}"))
             }
-            Hold::Outside(point) => outside(subject, control, &place, &value, point),
-            Hold::Nowhere(nearest) => nowhere(subject, control, &place, &value, nearest.as_ref()),
+            SteadyStateResult::Outside(point) => outside(subject, control, &place, &value, point),
+            SteadyStateResult::Nowhere(nearest) => nowhere(subject, control, &place, &value, nearest.as_ref()),
         });
     }
     findings

@@ -26,7 +26,7 @@ pub(super) fn examine(subject: &Subject<'_>) -> Vec<Finding> {
         let modes = linear.eigenvalues();
         let list: Vec<_> = modes.iter().map(describe).collect();
         findings.push(Finding::fact(place.clone(), format!("modes {}", list.join("; "))));
-        if subject.experiment.horizon_s().is_some() {
+        if subject.experiment.sample_time_s().is_some() {
             findings.extend(against_step(subject, &place, &modes));
         }
     }
@@ -72,7 +72,7 @@ fn against_step(subject: &Subject<'_>, place: &str, modes: &[Complex]) -> Vec<Fi
         findings.push(
             Finding::warning(place, what)
                 .because("the plant has settled at the end of a step: the controller sees steady states and cannot shape the way there")
-                .change(format!("a horizon_s of {} s or less", short(1.0 / slowest))),
+                .change(format!("a sample_time_s of {} s or less", short(1.0 / slowest))),
         );
     }
     if let Some(control) = &subject.experiment.control {

@@ -33,7 +33,7 @@ impl Point {
 
 /// Where a reference can be held.
 #[derive(Debug)]
-pub(super) enum Hold {
+pub(super) enum SteadyStateResult {
     /// In a steady state within the controller's bounds.
     Within(Point),
     /// Only in one outside of them.
@@ -52,7 +52,7 @@ struct Wanted {
 }
 
 /// Where each reference of the config can be held.
-pub(super) fn holds(subject: &Subject<'_>) -> Vec<Hold> {
+pub(super) fn holds(subject: &Subject<'_>) -> Vec<SteadyStateResult> {
     let Some(control) = &subject.experiment.control else {
         return Vec::new();
     };
@@ -61,11 +61,11 @@ pub(super) fn holds(subject: &Subject<'_>) -> Vec<Hold> {
         let held: Vec<_> = places.iter().copied().zip(value.iter().copied()).collect();
         let bounds = bounds(subject);
         if let Ok(point) = search(subject, &Wanted { held: held.clone(), ..bounds }) {
-            return Hold::Within(point);
+            return SteadyStateResult::Within(point);
         }
         match search(subject, &Wanted { held, ..unbounded(subject) }) {
-            Ok(point) => Hold::Outside(point),
-            Err(nearest) => Hold::Nowhere(nearest.and_then(|p| settle(subject, &p))),
+            Ok(point) => SteadyStateResult::Outside(point),
+            Err(nearest) => SteadyStateResult::Nowhere(nearest.and_then(|p| settle(subject, &p))),
         }
     };
     control.references.iter().map(|reference| hold(&reference.value)).collect()

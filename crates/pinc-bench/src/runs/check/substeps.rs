@@ -18,11 +18,11 @@ const MOST: usize = 1024;
 const WANTED: [f64; 2] = [1e-4, 1e-6];
 
 pub(super) fn examine(subject: &Subject<'_>) -> Vec<Finding> {
-    let Some(horizon_s) = subject.experiment.horizon_s() else {
+    let Some(sample_time_s) = subject.experiment.sample_time_s() else {
         return Vec::new();
     };
     let mut findings = Vec::new();
-    let samples = Samples::draw(subject, horizon_s);
+    let samples = Samples::draw(subject, sample_time_s);
     let missing = POINTS - samples.0.len();
     if missing > 0 {
         let what = format!(
@@ -34,25 +34,25 @@ pub(super) fn examine(subject: &Subject<'_>) -> Vec<Finding> {
                 .because(
                     "there the equation has no solution over a step, so that no net can learn one",
                 )
-                .change("a smaller domain or a shorter horizon_s"),
+                .change("a smaller domain or a shorter sample_time_s"),
         );
     }
     if samples.0.is_empty() {
         return findings;
     }
-    let shown = SHOWN.map(|n| format!("{n}: {:.1e}", samples.error(subject, horizon_s, n, false)));
+    let shown = SHOWN.map(|n| format!("{n}: {:.1e}", samples.error(subject, sample_time_s, n, false)));
     findings.push(Finding::fact(
         "",
         format!("rms error of one step of RK4 by substeps: {}", shown.join(", ")),
     ));
-    findings.extend(needed(subject, horizon_s, &samples));
+    findings.extend(needed(subject, sample_time_s, &samples));
     findings
 }
 
-fn needed(subject: &Subject<'_>, horizon_s: f64, samples: &Samples) -> Vec<Finding> {
+fn needed(subject: &Subject<'_>, sample_time_s: f64, samples: &Samples) -> Vec<Finding> {
     let enough = |wanted: f64| {
         let counts = std::iter::successors(Some(1), |n| (n * 2 <= MOST).then_some(n * 2));
-        let mut counts = counts.map(|n| (n, samples.error(subject, horizon_s, n, true)));
+        let mut counts = counts.map(|n| (n, samples.error(subject, sample_time_s, n, true)));
         counts.find(|(_, error)| *error <= wanted).map(|(n, _)| n)
     };
     let found = WANTED.map(enough);
@@ -62,12 +62,12 @@ fn needed(subject: &Subject<'_>, horizon_s: f64, samples: &Samples) -> Vec<Findi
     });
     let fact = format!(
         "T = {} s: RK4 has an rms error of {}",
-        short(horizon_s),
+        short(sample_time_s),
         text.collect::<Vec<_>>().join(", ")
     );
     let mut findings = vec![Finding::fact("", fact)];
     if let Some(control) = &subject.experiment.control {
-        let error = samples.error(subject, horizon_s, control.rk4_substeps, true);
+        let error = samples.error(subject, sample_time_s, control.rk4_substeps, true);
         if error > 1e-2 || error.is_nan() {
             let (n, enough) = (
                 control.rk4_substeps,
@@ -87,12 +87,12 @@ fn needed(subject: &Subject<'_>, horizon_s: f64, samples: &Samples) -> Vec<Findi
 struct Samples(Vec<(Vec<f64>, Vec<f64>, Vec<f64>)>);
 
 impl Samples {
-    fn draw(subject: &Subject<'_>, horizon_s: f64) -> Self {
+    fn draw(subject: &Subject<'_>, sample_time_s: f64) -> Self {
         let points = subject.region.points(subject.experiment.seed).take(POINTS);
         let mut truth = subject.plant.truth(TOLERANCE);
         let samples = points.filter_map(|point| {
             let mut end = point.x.clone();
-            truth.integrate(&mut end, &point.u, horizon_s).ok()?;
+            truth.integrate(&mut end, &point.u, sample_time_s).ok()?;
             Some((point.x, point.u, end))
         });
         Self(samples.collect())
@@ -102,11 +102,11 @@ impl Samples {
     fn error(
         &self,
         subject: &Subject<'_>,
-        horizon_s: f64,
+        sample_time_s: f64,
         substeps: usize,
         in_widths: bool,
     ) -> f64 {
-        let mut model = subject.plant.rk4(horizon_s, substeps);
+        let mut model = subject.plant.rk4(sample_time_s, substeps);
         let n = subject.region.dims.states;
         let scale: Vec<f64> =
             (0..n).map(|i| if in_widths { subject.region.width(i) } else { 1.0 }).collect();

@@ -11,12 +11,12 @@ use pinc_ode::Dims;
 pub(super) fn closed_loop(
     spec: &ControlSpec,
     variables: &Variables,
-    horizon_s: Option<f64>,
+    sample_time_s: Option<f64>,
 ) -> Finding {
     let (states, inputs) = (variables.states.len(), variables.inputs.len());
     models(spec)?;
     plant_in_the_loop(spec, variables)?;
-    whole_steps("control.duration_s", spec.duration_s, horizon_s)?;
+    whole_steps("control.duration_s", spec.duration_s, sample_time_s)?;
     if let Some(step_s) = spec.step_s {
         positive("control.step_s", step_s)?;
     }

@@ -10,7 +10,7 @@ use super::{
 use crate::plants::{self, OwnPlantProblem};
 use crate::registry::Variables;
 use control::closed_loop;
-use pinc_net::{Ansatz, NetError, ResidualScale, Scenario, Source, ValidationConfig};
+use pinc_net::{Ansatz, NetError, ResidualScale, Scenario, TrainingTarget, ValidationConfig};
 use pinc_ode::Dims;
 use values::{at_least_one, bounds, length, positive, present, tolerance, value, whole_steps};
 
@@ -26,13 +26,13 @@ impl Experiment {
         let dims = Dims { states: variables.states.len(), inputs: variables.inputs.len() };
         self.sections(dims)?;
         if let Some(validation) = &self.validation {
-            validation_scenarios(validation, dims, self.horizon_s())?;
+            validation_scenarios(validation, dims, self.sample_time_s())?;
         }
         if let Some(prediction) = &self.prediction {
-            free_run(prediction, &variables, self.horizon_s())?;
+            free_run(prediction, &variables, self.sample_time_s())?;
         }
         if let Some(control) = &self.control {
-            closed_loop(control, &variables, self.horizon_s())?;
+            closed_loop(control, &variables, self.sample_time_s())?;
         }
         if let Some(one_step) = &self.one_step {
             let needed = "[one_step] needs it";
@@ -50,7 +50,7 @@ impl Experiment {
     }
 
     fn is_distilled(&self) -> bool {
-        self.training.as_ref().is_some_and(|t| t.config.source == Source::Integrator)
+        self.training.as_ref().is_some_and(|t| t.config.source == TrainingTarget::Integrator)
     }
 
     fn sections(&self, dims: Dims) -> Finding {
@@ -98,9 +98,9 @@ impl Experiment {
         }
         if let (Some(model), Some(step_s)) =
             (&self.model, self.control.as_ref().and_then(|c| c.step_s))
-            && model.horizon_s.total_cmp(&step_s).is_ne()
+            && model.sample_time_s.total_cmp(&step_s).is_ne()
         {
-            let expected = format!("model.horizon_s, {}, or no such key", model.horizon_s);
+            let expected = format!("model.horizon_s, {}, or no such key", model.sample_time_s);
             return value("control.step_s", step_s, &expected);
         }
         Ok(())
@@ -214,8 +214,8 @@ fn measurements(spec: &DataSpec) -> Finding {
     positive("data.weight", spec.weight)
 }
 
-fn validation_scenarios(spec: &ValidationConfig, dims: Dims, horizon_s: Option<f64>) -> Finding {
-    whole_steps("validation.duration_s", spec.duration_s, horizon_s)?;
+fn validation_scenarios(spec: &ValidationConfig, dims: Dims, sample_time_s: Option<f64>) -> Finding {
+    whole_steps("validation.duration_s", spec.duration_s, sample_time_s)?;
     at_least_one("validation.scenarios", spec.scenarios)?;
     at_least_one("validation.subintervals", spec.subintervals)?;
     at_least_one("validation.one_step_points", spec.one_step_points)?;
@@ -223,8 +223,8 @@ fn validation_scenarios(spec: &ValidationConfig, dims: Dims, horizon_s: Option<f
     spec.domain.validate(dims).map_err(|error| net_finding("validation.domain", &error))
 }
 
-fn free_run(spec: &PredictionSpec, variables: &Variables, horizon_s: Option<f64>) -> Finding {
-    whole_steps("prediction.duration_s", spec.duration_s, horizon_s)?;
+fn free_run(spec: &PredictionSpec, variables: &Variables, sample_time_s: Option<f64>) -> Finding {
+    whole_steps("prediction.duration_s", spec.duration_s, sample_time_s)?;
     at_least_one("prediction.subintervals", spec.subintervals)?;
     tolerance("prediction.tolerance", spec.tolerance)?;
     let states = variables.states.len();

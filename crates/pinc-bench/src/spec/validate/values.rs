@@ -56,12 +56,12 @@ pub(super) fn bounds(
 }
 
 /// Whether a duration is a positive whole number of T, to a relative 1e-9.
-pub(super) fn whole_steps(key: &str, duration_s: f64, horizon_s: Option<f64>) -> Finding {
+pub(super) fn whole_steps(key: &str, duration_s: f64, sample_time_s: Option<f64>) -> Finding {
     positive(key, duration_s)?;
-    if let Some(horizon_s) = horizon_s {
-        let steps = duration_s / horizon_s;
+    if let Some(sample_time_s) = sample_time_s {
+        let steps = duration_s / sample_time_s;
         if steps.round() < 1.0 || (steps - steps.round()).abs() > 1e-9 * steps {
-            let expected = format!("a whole number of steps of T = {horizon_s} s");
+            let expected = format!("a whole number of steps of T = {sample_time_s} s");
             return value(key, duration_s, &expected);
         }
     }

@@ -1,0 +1,105 @@
+//! Colours that differ for colour-blind readers too.
+
+/// A colour: red, green, blue.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Color(pub u8, pub u8, pub u8);
+
+pub const BLACK: Color = Color(0, 0, 0);
+pub(crate) const WHITE: Color = Color(255, 255, 255);
+pub const INK: Color = Color(0x33, 0x33, 0x33);
+pub const GREY: Color = Color(0x8C, 0x8C, 0x8C);
+pub(crate) const GRID: Color = Color(0xE4, 0xE4, 0xE4);
+
+// The palette of Okabe and Ito, "Color Universal Design" (2008), without its yellow.
+pub const AMBER: Color = Color(0xE6, 0x9F, 0x00);
+pub const SKY: Color = Color(0x56, 0xB4, 0xE9);
+pub const GREEN: Color = Color(0x00, 0x9E, 0x73);
+pub const BLUE: Color = Color(0x00, 0x72, 0xB2);
+pub const VERMILLION: Color = Color(0xD5, 0x5E, 0x00);
+pub const PURPLE: Color = Color(0xCC, 0x79, 0xA7);
+
+/// Nine colours of viridis (matplotlib), evenly spaced: their lightness rises evenly, so that a
+/// grey print keeps the order.
+const VIRIDIS: [Color; 9] = [
+    Color(68, 1, 84),
+    Color(71, 44, 122),
+    Color(59, 81, 139),
+    Color(44, 113, 142),
+    Color(33, 144, 141),
+    Color(39, 173, 129),
+    Color(92, 200, 99),
+    Color(170, 220, 50),
+    Color(253, 231, 37),
+];
+
+impl Color {
+    /// The colour as SVG writes it.
+    pub fn hex(self) -> String {
+        format!("#{:02x}{:02x}{:02x}", self.0, self.1, self.2)
+    }
+
+    /// Black or white, whichever stands out more against this colour (contrast as in WCAG 2.1).
+    pub fn contrary(self) -> Self {
+        let linear = |channel: u8| match f64::from(channel) / 255.0 {
+            c if c <= 0.04045 => c / 12.92,
+            c => ((c + 0.055) / 1.055).powf(2.4),
+        };
+        let luminance = 0.2126 * linear(self.0) + 0.7152 * linear(self.1) + 0.0722 * linear(self.2);
+        // Both contrasts are equal where (l + 0.05)^2 = 1.05 * 0.05.
+        if luminance > 0.179 { BLACK } else { WHITE }
+    }
+}
+
+/// The colour of the i-th state, the same in every picture.
+pub fn state_color(i: usize) -> Color {
+    [BLUE, VERMILLION, GREEN, PURPLE, SKY, AMBER][i % 6]
+}
+
+/// The colour of the i-th input.
+pub fn input_color(i: usize) -> Color {
+    [INK, SKY, PURPLE, GREEN, VERMILLION, BLUE][i % 6]
+}
+
+/// The colour at `fraction` of the way from the darkest (0) to the lightest (1) of a scale.
+pub fn graded(fraction: f64) -> Color {
+    let place = fraction.clamp(0.0, 1.0) * 8.0;
+    let i = (1..8u8).rfind(|i| f64::from(*i) <= place).unwrap_or(0);
+    let s = place - f64::from(i);
+    let (Color(r, g, b), Color(r1, g1, b1)) =
+        (VIRIDIS[usize::from(i)], VIRIDIS[usize::from(i) + 1]);
+    Color(mixed(r, r1, s), mixed(g, g1, s), mixed(b, b1, s))
+}
+
+#[expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "between two colours' channels, and a cast saturates"
+)]
+fn mixed(a: u8, b: u8, s: f64) -> u8 {
+    (f64::from(a) + s * (f64::from(b) - f64::from(a))).round() as u8
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn graded_colours_pass_through_the_table_and_grow_lighter() {
+        for (i, color) in (0u8..).zip(VIRIDIS) {
+            assert_eq!(graded(f64::from(i) / 8.0), color);
+        }
+        assert_eq!(graded(-1.0), VIRIDIS[0]);
+        assert_eq!(graded(2.0), VIRIDIS[8]);
+        let light = |Color(r, g, b): Color| 2 * u32::from(r) + 7 * u32::from(g) + u32::from(b);
+        let steps: Vec<u32> = (0..=100).map(|i| light(graded(f64::from(i) / 100.0))).collect();
+        assert!(steps.is_sorted(), "{steps:?}");
+    }
+
+    #[test]
+    fn letters_stand_out_from_their_ground() {
+        assert_eq!(WHITE.contrary(), BLACK);
+        assert_eq!(BLACK.contrary(), WHITE);
+        assert_eq!(graded(0.0).contrary(), WHITE);
+        assert_eq!(graded(1.0).contrary(), BLACK);
+    }
+}

@@ -1,0 +1,284 @@
+//! Where the parts of a figure lie on its page.
+
+use crate::color::{BLACK, INK};
+use crate::curve::Frame;
+use crate::figure::{Axis, Figure, Key, Panel};
+use crate::flags::{Flag, flags};
+use crate::scale::{Scale, Tick};
+use crate::svg::{self, Anchor, Word};
+
+pub(crate) const WIDTH: f64 = 960.0;
+const TOP: f64 = 4.0;
+const RIGHT: f64 = 20.0;
+/// Left of a figure's first panel, at least, so that figures above one another are in line.
+const LEFT: f64 = 76.0;
+/// Between two columns, at least.
+const GUTTER: f64 = 28.0;
+/// A row of a panel's title and legend.
+pub(crate) const ROW: f64 = 21.0;
+/// A row of the events' words.
+pub(crate) const LANE: f64 = 16.0;
+/// Between a panel and the one below.
+const GAP: f64 = 14.0;
+pub(crate) const SWATCH: f64 = 28.0;
+/// A line of the words below a horizontal axis.
+pub(crate) const LINE: f64 = 15.0;
+
+const BASE: Word = Word { size: 13.0, color: INK, bold: false, anchor: Anchor::Start, rim: false };
+pub(crate) const TITLE: Word = Word { size: 14.0, color: BLACK, bold: true, ..BASE };
+pub(crate) const LABEL: Word = BASE;
+pub(crate) const TICK: Word = Word { size: 12.0, ..BASE };
+
+/// A figure with a place for everything.
+#[derive(Debug)]
+pub(crate) struct Layout<'a> {
+    pub keys: Vec<PlacedKey<'a>>,
+    pub panels: Vec<Placed<'a>>,
+    pub flags: Vec<Flag<'a>>,
+    pub height: f64,
+}
+
+/// A panel with its place on the page.
+#[derive(Debug)]
+pub(crate) struct Placed<'a> {
+    pub panel: &'a Panel,
+    pub x: &'a Axis,
+    /// Both axes; `None` if the panel has nothing to show but its note.
+    pub scales: Option<Scales>,
+    /// The middle of the row with the title.
+    pub title: f64,
+    pub keys: Vec<PlacedKey<'a>>,
+    pub frame: Frame,
+    /// Whether the words of the horizontal axis stand below.
+    pub foot: bool,
+    /// Whether the figure's events pass through it.
+    pub eventful: bool,
+}
+
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Scales {
+    pub x: Scale,
+    pub y: Scale,
+}
+
+/// A line of a legend, with its left end and its middle line.
+#[derive(Debug)]
+pub(crate) struct PlacedKey<'a> {
+    pub key: &'a Key,
+    pub left: f64,
+    pub y: f64,
+}
+
+/// A panel that will be seen.
+struct Shown<'a> {
+    panel: &'a Panel,
+    x: &'a Axis,
+    scales: Option<Scales>,
+}
+
+impl<'a> Layout<'a> {
+    /// Finds the places; `None` if no panel has anything to show or to say.
+    pub(crate) fn of(figure: &'a Figure) -> Option<Self> {
+        let together = figure.panels.iter().filter(|p| p.x.is_none());
+        let x = figure.x.scale(together.flat_map(Panel::positions));
+        let shown: Vec<Shown<'_>> =
+            figure.panels.iter().filter_map(|panel| Shown::of(panel, &figure.x, x)).collect();
+        if shown.is_empty() {
+            return None;
+        }
+        let columns = columns(figure, &shown);
+        let flags = x.map_or_else(Vec::new, |x| {
+            flags(&figure.events, &x, (columns[0].left, columns[0].right()), TICK.size)
+        });
+        let lanes = flags.iter().filter_map(|f| f.lane).max().map_or(0, |lane| lane + 1);
+        let (keys, rows) = placed_keys(&figure.keys, columns[0].left, (LEFT, WIDTH - RIGHT), TOP);
+        let mut layout = Self { keys, panels: Vec::new(), flags, height: TOP };
+        if !layout.keys.is_empty() {
+            layout.height += rows * ROW + 6.0;
+        }
+        let rows = shown.chunks(columns.len());
+        let last = rows.len() - 1;
+        for (i, row) in rows.enumerate() {
+            let words = if i == 0 { LANE * small(lanes) } else { 0.0 };
+            layout.add_row(row, &columns, words, i == last);
+        }
+        Some(layout)
+    }
+
+    /// Places a row of panels below what is there; `words` is the height of the events' words.
+    fn add_row(&mut self, row: &[Shown<'a>], columns: &[Column], words: f64, last: bool) {
+        let top = self.height;
+        let headers: Vec<_> = row.iter().zip(columns).map(|(s, c)| s.header(c, top)).collect();
+        let header = headers.iter().map(|h| h.1).fold(0.0, f64::max);
+        let frame_top = top + header + 4.0 + words;
+        let mut below: f64 = GAP;
+        let mut bottom = frame_top;
+        for (i, (shown, (keys, _))) in row.iter().zip(headers).enumerate() {
+            let column = &columns[i];
+            let foot = shown.scales.is_some() && (last || shown.panel.x.is_some());
+            let frame = Frame {
+                left: column.left,
+                top: frame_top,
+                width: column.width,
+                height: shown.panel.height,
+            };
+            if foot {
+                below = below.max(foot_height(shown.x, column.width));
+            }
+            bottom = bottom.max(frame.bottom());
+            self.panels.push(Placed {
+                panel: shown.panel,
+                x: shown.x,
+                scales: shown.scales,
+                title: top + 0.5 * ROW,
+                keys,
+                frame,
+                foot,
+                eventful: i == 0 && shown.panel.x.is_none(),
+            });
+        }
+        self.height = bottom + below;
+    }
+}
+
+impl<'a> Shown<'a> {
+    fn of(panel: &'a Panel, common: &'a Axis, scale: Option<Scale>) -> Option<Self> {
+        let (x, scale) = match &panel.x {
+            Some(own) => (own, own.scale(panel.positions())),
+            None => (common, scale),
+        };
+        let scales = scale.and_then(|x| Some(Scales { x, y: panel.y_scale(x.range())? }));
+        (scales.is_some() || panel.note.is_some()).then_some(Self { panel, x, scales })
+    }
+
+    /// The places of the legend's lines, and the height of title and legend.
+    fn header(&self, column: &Column, top: f64) -> (Vec<PlacedKey<'a>>, f64) {
+        let title = match self.panel.title.is_empty() {
+            true => 0.0,
+            false => svg::width_of(&self.panel.title, 1.08 * TITLE.size) + 26.0,
+        };
+        let ends = (column.left, column.right());
+        let (keys, rows) = placed_keys(&self.panel.keys, column.left + title, ends, top);
+        let empty = keys.is_empty() && self.panel.title.is_empty();
+        (keys, if empty { 0.0 } else { rows * ROW })
+    }
+
+    /// The room that the vertical axis' words need.
+    fn margin(&self) -> f64 {
+        let Some(scales) = &self.scales else { return GUTTER };
+        if self.panel.y.silent {
+            return GUTTER;
+        }
+        let labels = ticks(&self.panel.y, &scales.y, ticks_upwards(self.panel.height));
+        let lines = label_lines(&self.panel.y, self.panel.height).len().max(1);
+        label_distance(&labels) + LINE * small(lines - 1) + 0.5 * LABEL.size + 8.0
+    }
+}
+
+/// A column of panels on the page.
+struct Column {
+    left: f64,
+    width: f64,
+}
+
+impl Column {
+    fn right(&self) -> f64 {
+        self.left + self.width
+    }
+}
+
+fn columns(figure: &Figure, shown: &[Shown<'_>]) -> Vec<Column> {
+    let count = figure.columns.len().max(1);
+    let mut margins = vec![GUTTER; count];
+    margins[0] = LEFT;
+    for (i, shown) in shown.iter().enumerate() {
+        margins[i % count] = shown.margin().max(margins[i % count]);
+    }
+    let free = WIDTH - RIGHT - margins.iter().sum::<f64>();
+    let all: f64 = figure.columns.iter().sum();
+    let mut columns: Vec<Column> = Vec::new();
+    for (i, margin) in margins.into_iter().enumerate() {
+        let left = margin + columns.last().map_or(0.0, Column::right);
+        let width = free * figure.columns.get(i).map_or(1.0, |share| share / all);
+        columns.push(Column { left, width });
+    }
+    columns
+}
+
+/// The places of a legend's lines, flowing in rows from `start` on between two ends; also the
+/// number of rows.
+fn placed_keys<'a>(
+    keys: &'a [Key],
+    start: f64,
+    (left, right): (f64, f64),
+    top: f64,
+) -> (Vec<PlacedKey<'a>>, f64) {
+    let (mut at, mut row) = (start, 0.0);
+    let mut placed = Vec::new();
+    for key in keys {
+        let width = SWATCH + 6.0 + svg::width_of(&key.label, LABEL.size);
+        if at + width > right && at > left {
+            at = left;
+            row += 1.0;
+        }
+        placed.push(PlacedKey { key, left: at, y: top + ROW * (row + 0.5) });
+        at += width + 20.0;
+    }
+    (placed, row + 1.0)
+}
+
+/// How far from a panel the label of its vertical axis stands, beyond the ticks' labels.
+pub(crate) fn label_distance(ticks: &[Tick]) -> f64 {
+    let labels = ticks.iter().filter_map(|t| t.label.as_ref());
+    let widest = labels.map(|l| svg::width_of(l, TICK.size)).fold(0.0, f64::max);
+    (widest.min(0.25 * WIDTH) + 22.0).max(52.0)
+}
+
+/// The label of a vertical axis in lines that fit beside a panel of `height` pixels.
+pub(crate) fn label_lines(axis: &Axis, height: f64) -> Vec<String> {
+    svg::wrapped(&axis.label, LABEL.size, height + 16.0, 2)
+}
+
+/// The height of the words below a horizontal axis.
+fn foot_height(axis: &Axis, width: f64) -> f64 {
+    let names = names_below(axis, width);
+    let lines = names.iter().map(Vec::len).max().unwrap_or(1);
+    let label = if axis.label.is_empty() { 0.0 } else { 20.0 };
+    LINE * small(lines) + label + 12.0
+}
+
+/// The names of an axis in lines that fit below it.
+pub(crate) fn names_below(axis: &Axis, width: f64) -> Vec<Vec<String>> {
+    if !axis.named {
+        return Vec::new();
+    }
+    let room = width / small(axis.marks.len().max(1)) - 4.0;
+    axis.marks.iter().map(|(_, name)| svg::wrapped(name, TICK.size, room, 3)).collect()
+}
+
+/// The ticks of an axis: its marks, or about `wanted` round values.
+pub(crate) fn ticks(axis: &Axis, scale: &Scale, wanted: usize) -> Vec<Tick> {
+    if axis.marks.is_empty() {
+        return scale.ticks(wanted);
+    }
+    let tick = |(at, label): &(f64, String)| {
+        let fraction = scale.fraction(*at).filter(|f| (-1e-9..=1.0 + 1e-9).contains(f))?;
+        Some(Tick { fraction, label: Some(label.clone()) })
+    };
+    axis.marks.iter().filter_map(tick).collect()
+}
+
+/// How many ticks suit a vertical axis of `height` pixels.
+pub(crate) fn ticks_upwards(height: f64) -> usize {
+    (2..=8).rfind(|n| small(*n) <= height / 32.0).unwrap_or(2)
+}
+
+/// How many ticks suit a horizontal axis of `width` pixels.
+pub(crate) fn ticks_across(width: f64) -> usize {
+    (2..=12).rfind(|n| small(*n) <= width / 56.0).unwrap_or(2)
+}
+
+#[expect(clippy::cast_precision_loss, reason = "counts rows and ticks")]
+pub(crate) fn small(count: usize) -> f64 {
+    count as f64
+}

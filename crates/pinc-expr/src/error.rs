@@ -1,0 +1,156 @@
+//! What can be wrong with the equations of a plant.
+
+use std::ops::Range;
+use thiserror::Error;
+
+/// Equations that are not those of a plant: what is wrong, and where.
+#[derive(Clone, Debug, Error, PartialEq)]
+#[error("`{key}`: {problem}{}", .text.as_ref().map(Excerpt::to_string).unwrap_or_default())]
+pub struct ExpressionError {
+    /// The field of [`Equations`](crate::Equations), with the name or index in it: `derivatives.x1`.
+    pub key: String,
+    /// The piece of an expression that is wrong, for a problem with one.
+    pub text: Option<Excerpt>,
+    /// What is wrong.
+    pub problem: ExpressionProblem,
+}
+
+/// A piece of an expression; printed, it is the line with the piece underlined.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Excerpt {
+    /// The whole expression.
+    pub text: String,
+    /// The bytes of the piece.
+    pub bytes: Range<usize>,
+}
+
+impl std::fmt::Display for Excerpt {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let (before, rest) = self.text.split_at(self.bytes.start);
+        let line_start = before.rfind('\n').map_or(0, |i| i + 1);
+        let line_end = rest.find('\n').map_or(self.text.len(), |i| before.len() + i);
+        let line = &self.text[line_start..line_end];
+        let column = before[line_start..].chars().count();
+        let piece = &self.text[self.bytes.start..self.bytes.end.min(line_end)];
+        let carets = "^".repeat(piece.chars().count().max(1));
+        write!(f, "\n    {line}\n    {:column$}{carets} column {}", "", column + 1)
+    }
+}
+
+/// What is wrong with equations.
+#[derive(Clone, Debug, Error, PartialEq)]
+#[non_exhaustive]
+pub enum ExpressionProblem {
+    /// No state or no input.
+    #[error("empty, expected at least one")]
+    Empty,
+    /// A name that could not stand in an expression.
+    #[error("`{0}` is not a name; expected a letter, then letters, digits and _")]
+    Name(String),
+    /// A name with a meaning of its own.
+    #[error("the name `{name}` is taken: {meaning}")]
+    Reserved {
+        /// The name.
+        name: String,
+        /// What it means.
+        meaning: &'static str,
+    },
+    /// A name given twice.
+    #[error("the name `{name}` is taken by `{first}`")]
+    Duplicate {
+        /// The name.
+        name: String,
+        /// The key that has it already.
+        first: String,
+    },
+    /// A state whose derivative is not given.
+    #[error("missing; expected the time derivative of the state `{0}`")]
+    MissingDerivative(String),
+    /// A derivative of something else than a state.
+    #[error("`{found}` is not a state; expected one of {}", known.join(", "))]
+    UnknownState {
+        /// The name.
+        found: String,
+        /// The states.
+        known: Vec<String>,
+    },
+    /// A parameter that is NaN or infinite.
+    #[error("{0} given, expected a finite number")]
+    NotFinite(f64),
+    /// A parameter that no expression has.
+    #[error("no expression uses this parameter")]
+    UnusedParameter,
+    /// Intermediate expressions that need one another.
+    #[error("defined by itself: {}", .0.join(" needs "))]
+    Cycle(Vec<String>),
+    /// Too many values to be kept at once.
+    #[error("the equations need {0} values at once, expected {most} at most", most = crate::program::MOST_REGISTERS)]
+    TooLarge(usize),
+    /// A character that means nothing.
+    #[error("unexpected character `{0}`")]
+    Character(char),
+    /// The power of other languages.
+    #[error("`**` is not known; a power is written `^`")]
+    DoubleStar,
+    /// A number that is none, or none that fits.
+    #[error("`{0}` is not a finite number")]
+    Number(String),
+    /// A name that stands for nothing.
+    #[error("unknown name `{found}`; expected one of {}{}", known.join(", "), time(found))]
+    UnknownName {
+        /// The name.
+        found: String,
+        /// Those that could stand there.
+        known: Vec<String>,
+    },
+    /// A function that does not exist.
+    #[error("unknown function `{found}`; expected one of {}", known.join(", "))]
+    UnknownFunction {
+        /// The name.
+        found: String,
+        /// The functions.
+        known: Vec<String>,
+    },
+    /// A function with the wrong number of arguments.
+    #[error("`{function}` with {found} arguments, expected {expected}")]
+    Arguments {
+        /// The function.
+        function: &'static str,
+        /// How many it was given.
+        found: usize,
+        /// How many it takes.
+        expected: usize,
+    },
+    /// Something else than what must follow.
+    #[error("{found}, expected {expected}")]
+    Expected {
+        /// What stands there.
+        found: String,
+        /// What should.
+        expected: &'static str,
+    },
+    /// More parentheses in one another than anyone writes.
+    #[error("nested more than {most} deep", most = crate::parser::DEEPEST)]
+    TooDeep,
+}
+
+fn time(name: &str) -> &'static str {
+    if name == "t" { "; the time may not stand in an equation" } else { "" }
+}
+
+impl ExpressionProblem {
+    /// The misspelt word and the words that could stand there, of a problem with one.
+    #[must_use]
+    pub fn misspelt(&self) -> Option<(&str, &[String])> {
+        match self {
+            Self::UnknownState { found, known }
+            | Self::UnknownName { found, known }
+            | Self::UnknownFunction { found, known } => Some((found, known)),
+            _ => None,
+        }
+    }
+
+    pub(crate) fn at(self, key: impl Into<String>) -> ExpressionError {
+        ExpressionError { key: key.into(), text: None, problem: self }
+    }
+}

@@ -1,0 +1,182 @@
+//! Equations as a list of steps on registers, run over any kind of number.
+
+use crate::error::ExpressionProblem;
+use crate::graph::{Graph, Number, Operation, Value};
+use pinc_ad::Scalar;
+use pinc_ad::simd::Work;
+
+/// The most values that can be kept at once.
+pub(crate) const MOST_REGISTERS: usize = 256;
+
+/// One step: `registers[to] = operation(registers[a], registers[b])`.
+#[derive(Clone, Copy, Debug)]
+struct Step {
+    operation: Operation,
+    a: u8,
+    b: u8,
+    to: u8,
+}
+
+/// dx = f(x, u), computed step by step.
+///
+/// The registers begin with the states and inputs. A register is taken again once its value has been
+/// used for the last time, so that few are needed.
+#[derive(Clone, Debug)]
+pub(crate) struct Program {
+    steps: Vec<Step>,
+    /// The register of each state's derivative.
+    outputs: Vec<u8>,
+    registers: usize,
+}
+
+impl Program {
+    /// The steps that lead from `variables` states and inputs to `outputs`.
+    pub(crate) fn new(
+        graph: &Graph,
+        variables: usize,
+        outputs: &[Value],
+    ) -> Result<Self, ExpressionProblem> {
+        let last_use = last_uses(graph, outputs);
+        let mut registers = Registers::new(variables);
+        let mut place = vec![0; graph.nodes.len()];
+        let mut steps = Vec::new();
+        for (i, node) in graph.nodes.iter().enumerate() {
+            if let Operation::Variable(index) = node.operation {
+                place[i] = index;
+            }
+        }
+        for (i, node) in graph.nodes.iter().enumerate() {
+            if last_use[i].is_none() || matches!(node.operation, Operation::Variable(_)) {
+                continue;
+            }
+            let [a, b] = node.operands.map(|operand| operand.map_or(0, |value| place[value.0]));
+            // A step reads before it writes, so that its result may replace an operand.
+            let mut ending: Vec<_> =
+                node.operands.iter().flatten().filter(|v| last_use[v.0] == Some(i)).collect();
+            ending.dedup();
+            ending.into_iter().for_each(|value| registers.release(place[value.0]));
+            place[i] = registers.take();
+            steps.push((node.operation, [a, b, place[i]]));
+        }
+        let needed = registers.needed;
+        let narrow = |register: usize| {
+            u8::try_from(register).map_err(|_| ExpressionProblem::TooLarge(needed))
+        };
+        let steps = steps.into_iter().map(|(operation, [a, b, to])| {
+            Ok(Step { operation, a: narrow(a)?, b: narrow(b)?, to: narrow(to)? })
+        });
+        let steps = steps.collect::<Result<_, _>>()?;
+        let outputs = outputs.iter().map(|output| narrow(place[output.0]));
+        let outputs = outputs.collect::<Result<_, _>>()?;
+        narrow(needed.saturating_sub(1))?;
+        Ok(Self { steps, outputs, registers: needed })
+    }
+
+    /// Writes the derivatives of the states into `dx`.
+    ///
+    /// The steps are compiled once per kind of number and number of registers, for the instruction set
+    /// that the number stands for.
+    #[inline(always)]
+    pub(crate) fn run<S: Scalar>(&self, x: &[S], u: &[S], dx: &mut [S]) {
+        let Some(&first) = x.first() else { return };
+        match self.registers {
+            0..=8 => first.vectorize(Run::<S, 8> { program: self, x, u, dx }),
+            9..=16 => first.vectorize(Run::<S, 16> { program: self, x, u, dx }),
+            17..=64 => first.vectorize(Run::<S, 64> { program: self, x, u, dx }),
+            _ => first.vectorize(Run::<S, MOST_REGISTERS> { program: self, x, u, dx }),
+        }
+    }
+}
+
+/// For each value the last one that is made of it, its own place if it is an output; `None` for values
+/// that no output needs.
+fn last_uses(graph: &Graph, outputs: &[Value]) -> Vec<Option<usize>> {
+    let mut last_use = vec![None; graph.nodes.len()];
+    for output in outputs {
+        // No node has this place, so the register is never free again.
+        last_use[output.0] = Some(usize::MAX);
+    }
+    for (i, node) in graph.nodes.iter().enumerate().rev() {
+        if last_use[i].is_some() {
+            for operand in node.operands.iter().flatten() {
+                last_use[operand.0] = last_use[operand.0].max(Some(i));
+            }
+        }
+    }
+    last_use
+}
+
+/// Which registers are free.
+struct Registers {
+    free: Vec<usize>,
+    needed: usize,
+}
+
+impl Registers {
+    fn new(taken: usize) -> Self {
+        Self { free: Vec::new(), needed: taken }
+    }
+
+    fn take(&mut self) -> usize {
+        self.free.pop().unwrap_or_else(|| {
+            self.needed += 1;
+            self.needed - 1
+        })
+    }
+
+    fn release(&mut self, register: usize) {
+        self.free.push(register);
+    }
+}
+
+/// A run of a program with `R` registers, a power of 2.
+struct Run<'a, S, const R: usize> {
+    program: &'a Program,
+    x: &'a [S],
+    u: &'a [S],
+    dx: &'a mut [S],
+}
+
+impl<S: Scalar, const R: usize> Work for Run<'_, S, R> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let mut registers = [self.x[0]; R];
+        let (states, rest) = registers.split_at_mut(self.x.len());
+        states.copy_from_slice(self.x);
+        rest[..self.u.len()].copy_from_slice(self.u);
+        for step in &self.program.steps {
+            // The remainder spares the check of the index.
+            let (a, b) = (usize::from(step.a) % R, usize::from(step.b) % R);
+            let value = apply(step.operation, &registers[a], &registers[b]);
+            registers[usize::from(step.to) % R] = value;
+        }
+        for (dx, &register) in self.dx.iter_mut().zip(&self.program.outputs) {
+            *dx = registers[usize::from(register) % R];
+        }
+    }
+}
+
+#[inline(always)]
+fn apply<S: Scalar>(operation: Operation, a: &S, b: &S) -> S {
+    let (a, b) = (*a, *b);
+    let of = |number: Number| number.value();
+    match operation {
+        Operation::Variable(_) => a,
+        Operation::Constant(number) => a.constant(of(number)),
+        Operation::Add => a + b,
+        Operation::Sub => a - b,
+        Operation::Mul => a * b,
+        Operation::Div => a / b,
+        Operation::Min => a.min(b),
+        Operation::Max => a.max(b),
+        Operation::Neg => -a,
+        Operation::AddNumber(number) => a + of(number),
+        Operation::SubFrom(number) => -a + of(number),
+        Operation::MulNumber(number) => a * of(number),
+        Operation::DivInto(number) => a.constant(of(number)) / a,
+        Operation::Power(number) => a.powf(of(number)),
+        Operation::Function(function) => function.of(a),
+    }
+}

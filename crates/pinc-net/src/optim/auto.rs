@@ -1,0 +1,36 @@
+//! The choice between full and limited memory by the size of the net.
+
+use super::{LbfgsConfig, OptimizerConfig, SelfScaledBroydenConfig};
+use crate::NetError;
+use serde::{Deserialize, Serialize};
+
+/// Self-scaled Broyden for nets up to a size, L-BFGS for larger ones.
+///
+/// The full inverse Hessian takes 4 P^2 bytes for P weights and biases and a pass over them in each
+/// iteration; L-BFGS is linear in P, but gains less per iteration. Where the one overtakes the other
+/// is measured in `docs/measurements.md`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct AutoConfig {
+    /// The largest number of weights and biases with the full inverse Hessian.
+    pub max_full_memory_weights: usize,
+    /// Up to it.
+    pub full_memory: SelfScaledBroydenConfig,
+    /// Above it.
+    pub limited_memory: LbfgsConfig,
+}
+
+impl AutoConfig {
+    pub(super) fn validate(&self) -> Result<(), NetError> {
+        self.full_memory.validate()?;
+        self.limited_memory.validate()
+    }
+
+    pub(super) fn choose(&self, weights: usize) -> OptimizerConfig {
+        if weights <= self.max_full_memory_weights {
+            OptimizerConfig::SelfScaledBroyden(self.full_memory.clone())
+        } else {
+            OptimizerConfig::Lbfgs(self.limited_memory.clone())
+        }
+    }
+}

@@ -1,0 +1,178 @@
+//! An accurate integrator, for the truth that models are compared with.
+
+use crate::{Dims, OdeError, Plant};
+use std::fmt::Debug;
+use std::sync::Arc;
+
+const STAGES: usize = 7;
+
+/// Steps tried in one call before it is given up. A right-hand side that chatters about a jump
+/// asks for steps of the size of the tolerance: without a limit they would go on for days.
+const MAX_STEPS: u32 = 1_000_000;
+
+/// The tableau of Dormand and Prince, "A family of embedded Runge-Kutta formulae", J. Comput. Appl.
+/// Math. 6 (1980). The last row is also the solution of order 5.
+pub(crate) const A: [&[f64]; STAGES] = [
+    &[],
+    &[1.0 / 5.0],
+    &[3.0 / 40.0, 9.0 / 40.0],
+    &[44.0 / 45.0, -56.0 / 15.0, 32.0 / 9.0],
+    &[19372.0 / 6561.0, -25360.0 / 2187.0, 64448.0 / 6561.0, -212.0 / 729.0],
+    &[9017.0 / 3168.0, -355.0 / 33.0, 46732.0 / 5247.0, 49.0 / 176.0, -5103.0 / 18656.0],
+    &[35.0 / 384.0, 0.0, 500.0 / 1113.0, 125.0 / 192.0, -2187.0 / 6784.0, 11.0 / 84.0],
+];
+
+/// Solution of order 5 minus the embedded one of order 4.
+const ERROR: [f64; STAGES] = [
+    71.0 / 57600.0,
+    0.0,
+    -71.0 / 16695.0,
+    71.0 / 1920.0,
+    -17253.0 / 339_200.0,
+    22.0 / 525.0,
+    -1.0 / 40.0,
+];
+
+/// The Dormand-Prince method of order 5(4) with automatic step size.
+///
+/// Each step keeps the estimated local error of component i below
+/// `tolerance * (1 + |x_i|)`. To know the solution at several times, integrate from one to the
+/// next: every one is hit by a step, so no interpolation error is added.
+///
+/// Suited to non-stiff and mildly stiff equations. Memory: nine vectors of `n`; `integrate` allocates
+/// nothing.
+#[derive(Clone, Debug)]
+pub struct Dopri5 {
+    plant: Arc<dyn Velocity>,
+    tolerance: f64,
+    step: Option<f64>,
+    rhs_calls: u64,
+    k: [Vec<f64>; STAGES],
+    stage: Vec<f64>,
+}
+
+/// A plant as an integrator sees it: its type is forgotten, so that what integrates is compiled once
+/// and not once per plant.
+trait Velocity: Debug + Send + Sync {
+    fn dims(&self) -> Dims;
+    fn rhs(&self, x: &[f64], u: &[f64], dx: &mut [f64]);
+}
+
+impl<P: Plant> Velocity for P {
+    fn dims(&self) -> Dims {
+        Plant::dims(self)
+    }
+
+    fn rhs(&self, x: &[f64], u: &[f64], dx: &mut [f64]) {
+        Plant::rhs(self, x, u, dx);
+    }
+}
+
+impl Dopri5 {
+    /// An integrator of `plant` with this local error tolerance, absolute and relative.
+    ///
+    /// # Panics
+    ///
+    /// If `tolerance` is not positive.
+    #[must_use]
+    pub fn new<P: Plant>(plant: P, tolerance: f64) -> Self {
+        assert!(tolerance > 0.0, "the tolerance must be positive");
+        let n = vec![0.0; Plant::dims(&plant).states];
+        let k = std::array::from_fn(|_| n.clone());
+        Self { plant: Arc::new(plant), tolerance, step: None, rhs_calls: 0, k, stage: n }
+    }
+
+    /// The plant's numbers of states and inputs.
+    #[must_use]
+    pub fn dims(&self) -> Dims {
+        self.plant.dims()
+    }
+
+    /// How many times the right-hand side has been evaluated.
+    #[must_use]
+    pub fn rhs_calls(&self) -> u64 {
+        self.rhs_calls
+    }
+
+    /// Advances `x` (shape `n`) by `duration` seconds under the constant input `u` (shape `m`). A
+    /// duration of 0 leaves `x` as it is.
+    ///
+    /// # Errors
+    ///
+    /// [`OdeError::NotFinite`], or [`OdeError::StepTooSmall`], which is also what a million steps
+    /// that do not suffice give; `x` is then where it broke off.
+    ///
+    /// # Panics
+    ///
+    /// If `duration` is negative or not finite.
+    pub fn integrate(&mut self, x: &mut [f64], u: &[f64], duration: f64) -> Result<(), OdeError> {
+        assert!(
+            duration >= 0.0 && duration.is_finite(),
+            "the duration must be finite and not negative"
+        );
+        if duration == 0.0 {
+            // There is no step size to learn from it, and 0 would be one that never grows.
+            return Ok(());
+        }
+        let mut t = 0.0;
+        let mut step = self.step.unwrap_or(duration / 16.0).min(duration);
+        self.plant.rhs(x, u, &mut self.k[0]);
+        self.rhs_calls += 1;
+        let mut tries = 0;
+        while t < duration {
+            tries += 1;
+            if tries > MAX_STEPS {
+                return Err(OdeError::StepTooSmall { t, step });
+            }
+            let remaining = duration - t;
+            // Stretch the last step a little rather than leave a sliver behind it.
+            let last = step * (1.0 + 1e-6) >= remaining;
+            let h = if last { remaining } else { step };
+            if t + h <= t {
+                return Err(OdeError::StepTooSmall { t, step: h });
+            }
+            let error = self.attempt(x, u, h);
+            if !error.is_finite() && h < 1e-12 * duration {
+                return Err(OdeError::NotFinite { t, state: x.to_vec() });
+            }
+            // The usual controller; a non-finite error shrinks the step as far as it may.
+            let factor = (0.9 * error.powf(-0.2)).clamp(0.2, 5.0);
+            if error <= 1.0 {
+                t = if last { duration } else { t + h };
+                x.copy_from_slice(&self.stage);
+                self.k.swap(0, STAGES - 1);
+                step = if last { step.max(h * factor) } else { h * factor };
+            } else {
+                step = h * if error.is_nan() { 0.2 } else { factor.min(0.9) };
+            }
+        }
+        self.step = Some(step);
+        Ok(())
+    }
+
+    /// Computes a step of size `h` from `x` into `self.stage`, the derivative there into the last
+    /// stage (its first stage is there already), and returns the error in units of the tolerance.
+    fn attempt(&mut self, x: &[f64], u: &[f64], h: f64) -> f64 {
+        for (s, row) in A.iter().enumerate().skip(1) {
+            let (known, rest) = self.k.split_at_mut(s);
+            for (i, stage) in self.stage.iter_mut().enumerate() {
+                let slope: f64 = row.iter().zip(known.iter()).map(|(a, k)| a * k[i]).sum();
+                *stage = x[i] + h * slope;
+            }
+            self.plant.rhs(&self.stage, u, &mut rest[0]);
+        }
+        self.rhs_calls += STAGES as u64 - 1;
+        let mut worst = 0.0;
+        for (i, (&old, &new)) in x.iter().zip(&self.stage).enumerate() {
+            let slope: f64 = ERROR.iter().zip(&self.k).map(|(e, k)| e * k[i]).sum();
+            let scale = self.tolerance * (1.0 + old.abs().max(new.abs()));
+            let error = (h * slope).abs() / scale;
+            // f64::max would drop a NaN; an infinite state would make the scale infinite as well.
+            if error.is_nan() || !new.is_finite() {
+                return f64::NAN;
+            }
+            worst = f64::max(worst, error);
+        }
+        worst
+    }
+}

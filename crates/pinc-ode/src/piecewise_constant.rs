@@ -1,0 +1,55 @@
+//! Piecewise-constant signals.
+
+use crate::OdeError;
+
+/// A piecewise-constant signal of time: inputs under zero-order hold, references in steps.
+///
+/// Value `i` holds on `[start_i, start_(i+1))`, the last one for ever.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PiecewiseConstant {
+    starts_s: Vec<f64>,
+    values: Vec<Vec<f64>>,
+}
+
+impl PiecewiseConstant {
+    /// The signal that takes `values[i]` from `starts_s[i]` on.
+    ///
+    /// # Errors
+    ///
+    /// [`OdeError::PiecewiseConstant`] if there is no value, the lengths differ, the times do not start at 0
+    /// and increase, or the values are of different lengths or not finite.
+    pub fn new(starts_s: Vec<f64>, values: Vec<Vec<f64>>) -> Result<Self, OdeError> {
+        let reason = if starts_s.first() != Some(&0.0) {
+            Some("the first start time is not 0")
+        } else if starts_s.len() != values.len() {
+            Some("there are not as many values as start times")
+        } else if !starts_s.is_sorted_by(|a, b| a < b) || starts_s.iter().any(|t| !t.is_finite()) {
+            Some("the start times do not increase")
+        } else if values.iter().any(|v| v.len() != values[0].len()) {
+            Some("the values are of different lengths")
+        } else if values.iter().flatten().any(|v| !v.is_finite()) {
+            Some("a value is not finite")
+        } else {
+            None
+        };
+        match reason {
+            Some(reason) => Err(OdeError::PiecewiseConstant { reason }),
+            None => Ok(Self { starts_s, values }),
+        }
+    }
+
+    /// How many numbers a value has.
+    #[must_use]
+    pub fn width(&self) -> usize {
+        self.values[0].len()
+    }
+
+    /// The value at `t` seconds. A time that is a start time but for rounding (a relative 1e-9)
+    /// counts as one, so that `at(k as f64 * step)` is what one expects.
+    #[must_use]
+    pub fn at(&self, t: f64) -> &[f64] {
+        let slack = 1e-9 * t.abs();
+        let index = self.starts_s.partition_point(|&start| start <= t + slack);
+        &self.values[index.saturating_sub(1)]
+    }
+}

@@ -1,0 +1,44 @@
+//! The Van der Pol oscillator.
+
+use pinc_ode::{Plant, Variable};
+use pinc_ad::Scalar;
+
+/// The Van der Pol oscillator, Section 4.1 of the paper:
+///
+/// ```text
+/// x1' = x2
+/// x2' = mu (1 - x1^2) x2 - x1 + u
+/// ```
+///
+/// Its equilibrium for a constant input is (u, 0), stable where mu (1 - u^2) < 0, that is |u| > 1.
+/// All quantities but time (s) are without dimension.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct VanDerPol {
+    /// The damping parameter mu; 1 in the paper.
+    pub mu: f64,
+}
+
+impl Default for VanDerPol {
+    fn default() -> Self {
+        Self { mu: 1.0 }
+    }
+}
+
+impl Plant for VanDerPol {
+    fn states(&self) -> &[Variable] {
+        static VARIABLES: [Variable; 2] = [Variable::new("x1", ""), Variable::new("x2", "")];
+        &VARIABLES
+    }
+
+    fn inputs(&self) -> &[Variable] {
+        static VARIABLES: [Variable; 1] = [Variable::new("u", "")];
+        &VARIABLES
+    }
+
+    #[inline(always)]
+    fn rhs<S: Scalar>(&self, x: &[S], u: &[S], dx: &mut [S]) {
+        let (x1, x2, u) = (x[0], x[1], u[0]);
+        dx[0] = x2;
+        dx[1] = (-(x1 * x1) + 1.0) * x2 * self.mu - x1 + u;
+    }
+}

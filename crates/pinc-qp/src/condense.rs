@@ -1,0 +1,384 @@
+//! Condensing: the QP in the inputs alone.
+
+use super::algebra::{add_product, add_scaled, add_transposed, dot};
+use super::dense::{ActiveSet, DenseQp, DenseStatus};
+use super::{Kind, Limits, Qp, QpSolver, QpStatus, QpStep, Row};
+use crate::OcpDims;
+
+/// Solves a [`Qp`] by eliminating its states and giving what is left, a small dense program in the inputs, to the
+/// active-set method.
+///
+/// With `v = (du_0, .., du_{Nu-1})` the dynamics are `dx_j = G_j v + e_j`. H and the gradient in v come from products
+/// backwards over the horizon, column by column of G, at a cost quadratic in the horizon (Andersson, Frasch, Vukov
+/// and Diehl, "A condensing algorithm for nonlinear MPC with a quadratic runtime in horizon length", 2013):
+///
+/// ```text
+/// G_{j+1} = A_j G_j + B_j                W_j = Q_j G_j + A_j' W_{j+1},    H_{j,:} = B_j' W_{j+1} + R terms
+/// e_{j+1} = A_j e_j + c_j                p_j = g_j + Q_j e_j + A_j' p_{j+1},    g_{u_j} + B_j' p_{j+1}
+/// ```
+///
+/// Only finite limits become rows. All memory is allocated at construction.
+///
+/// The functions that are always inlined are compiled for the sizes of the paper's plants, with loops unrolled, and
+/// once for all others: at two states the loops would otherwise cost more than what they do.
+#[derive(Debug)]
+pub(super) struct CondensedQp {
+    dense: DenseQp,
+    solver: ActiveSet,
+    rows: DenseRows,
+    /// A column of `G_1` .. `G_N`, `[N, n]`.
+    response: Vec<f64>,
+    /// `e_1` .. `e_N`, `[N, n]`.
+    offset: Vec<f64>,
+    /// W or p at a stage, and at the one before.
+    adjoint: [Vec<f64>; 2],
+}
+
+/// What the rows of C are: their places in the QP's limits, the kinds one after the other.
+#[derive(Debug)]
+struct DenseRows {
+    states: Vec<usize>,
+    increments: Vec<usize>,
+    general: Vec<usize>,
+}
+
+impl DenseRows {
+    fn new(qp: &Qp) -> Self {
+        let finite = |limits: &Limits, end: usize| {
+            let limited = limits.iter().enumerate().take(end);
+            let limited = limited.filter(|(_, [low, high, _])| low.is_finite() || high.is_finite());
+            limited.map(|(i, _)| i).collect()
+        };
+        Self {
+            states: finite(&qp.bounds, qp.shape.all_states()),
+            increments: finite(&qp.increments, usize::MAX),
+            general: finite(&qp.rows, usize::MAX),
+        }
+    }
+
+    fn len(&self) -> usize {
+        self.states.len() + self.increments.len() + self.general.len()
+    }
+
+    /// Splits a list of C's rows by their kinds.
+    fn split<'a>(&self, list: &'a mut [f64]) -> [&'a mut [f64]; 3] {
+        let (states, rest) = list.split_at_mut(self.states.len());
+        let (increments, general) = rest.split_at_mut(self.increments.len());
+        [states, increments, general]
+    }
+
+    /// Where row `i` of C comes from.
+    fn source(&self, i: usize) -> (Kind, usize) {
+        let parts = [
+            (Kind::Bound, &self.states),
+            (Kind::Increment, &self.increments),
+            (Kind::Row, &self.general),
+        ];
+        let all = parts.into_iter().flat_map(|(kind, part)| part.iter().map(move |&at| (kind, at)));
+        all.into_iter().nth(i).expect("a row of C")
+    }
+}
+
+impl CondensedQp {
+    /// A solver for QPs of the shape of `qp`; of its limits it matters here which are finite.
+    pub(super) fn new(qp: &Qp) -> Self {
+        let shape = qp.shape;
+        let rows = DenseRows::new(qp);
+        let (unknowns, height, n) = (shape.all_inputs(), rows.len(), shape.states);
+        let mut dense = DenseQp::new(unknowns, height);
+        // These rows of C stay.
+        for (row, &i) in rows.increments.iter().enumerate() {
+            let row = row + rows.states.len();
+            dense.matrix[i * height + row] = 1.0;
+            if let Some(before) = i.checked_sub(shape.inputs) {
+                dense.matrix[before * height + row] = -1.0;
+            }
+        }
+        Self {
+            solver: ActiveSet::new(unknowns, height),
+            dense,
+            rows,
+            response: vec![0.0; shape.all_states()],
+            offset: vec![0.0; shape.all_states()],
+            adjoint: [vec![0.0; n], vec![0.0; n]],
+        }
+    }
+
+    /// How many rows joined or left the working set in the last solution.
+    #[cfg(test)]
+    pub(super) fn changes(&self) -> usize {
+        self.solver.changes()
+    }
+
+    fn condense(&mut self, qp: &Qp) {
+        match (qp.shape.states, qp.shape.inputs) {
+            (2, 1) => self.condense_sized(qp, 2, 1),
+            (4, 2) => self.condense_sized(qp, 4, 2),
+            (n, m) => self.condense_sized(qp, n, m),
+        }
+        self.add_increments(qp);
+        self.limit(qp);
+    }
+
+    #[inline(always)]
+    fn condense_sized(&mut self, qp: &Qp, n: usize, m: usize) {
+        self.condense_offset(qp, n);
+        self.condense_gradient(qp, n, m);
+        for input in 0..qp.shape.n_controls {
+            for k in 0..m {
+                self.respond(qp, (n, m), (input, k));
+                self.condense_hessian(qp, (n, m), (input, k));
+                self.condense_rows(qp, (n, m), (input, k));
+            }
+        }
+    }
+
+    /// e
+    #[inline(always)]
+    fn condense_offset(&mut self, qp: &Qp, n: usize) {
+        self.offset.copy_from_slice(&qp.c);
+        for j in 1..qp.shape.stages {
+            let (before, now) = neighbours(&mut self.offset, j, n);
+            add_product(block(&qp.a, j, n * n), before, now);
+        }
+    }
+
+    #[inline(always)]
+    fn condense_gradient(&mut self, qp: &Qp, n: usize, m: usize) {
+        let (by_x, by_u) = qp.gradient.split_at(qp.shape.all_states());
+        self.dense.gradient.copy_from_slice(by_u);
+        let [mut p, mut before] = sized(&mut self.adjoint, n);
+        for j in (0..qp.shape.stages).rev() {
+            before.copy_from_slice(block(by_x, j, n));
+            if j + 1 < qp.shape.stages {
+                add_transposed(block(&qp.a, j + 1, n * n), p, before);
+            }
+            add_product(block(&qp.q, j, n * n), block(&self.offset, j, n), before);
+            std::mem::swap(&mut p, &mut before);
+            let gradient = block_mut(&mut self.dense.gradient, qp.shape.acting(j), m);
+            add_transposed(block(&qp.b, j, n * m), p, gradient);
+        }
+    }
+
+    /// A column of G, from the stage on at which its input begins to act.
+    #[inline(always)]
+    fn respond(&mut self, qp: &Qp, (n, m): (usize, usize), (input, k): (usize, usize)) {
+        for j in input..qp.shape.stages {
+            let now = block_mut(&mut self.response, j, n);
+            if qp.shape.acting(j) == input {
+                let b = block(&qp.b, j, n * m).chunks_exact(m);
+                now.iter_mut().zip(b).for_each(|(now, b)| *now = b[k]);
+            } else {
+                now.fill(0.0);
+            }
+            if j > input {
+                let (before, now) = neighbours(&mut self.response, j, n);
+                add_product(block(&qp.a, j, n * n), before, now);
+            }
+        }
+    }
+
+    /// The column of H, on and below the diagonal.
+    #[inline(always)]
+    fn condense_hessian(&mut self, qp: &Qp, (n, m): (usize, usize), (input, k): (usize, usize)) {
+        let unknowns = qp.shape.all_inputs();
+        let hessian = block_mut(&mut self.dense.hessian, input * m + k, unknowns);
+        hessian.fill(0.0);
+        let [mut w, mut before] = sized(&mut self.adjoint, n);
+        for j in (input..qp.shape.stages).rev() {
+            before.fill(0.0);
+            if j + 1 < qp.shape.stages {
+                add_transposed(block(&qp.a, j + 1, n * n), w, before);
+            }
+            add_product(block(&qp.q, j, n * n), block(&self.response, j, n), before);
+            std::mem::swap(&mut w, &mut before);
+            let entries = block_mut(hessian, qp.shape.acting(j), m);
+            add_transposed(block(&qp.b, j, n * m), w, entries);
+        }
+    }
+
+    /// The column of C.
+    #[inline(always)]
+    fn condense_rows(&mut self, qp: &Qp, (n, m): (usize, usize), (input, k): (usize, usize)) {
+        let height = self.rows.len();
+        let column = block_mut(&mut self.dense.matrix, input * m + k, height);
+        let [states, _, general] = self.rows.split(column);
+        // States before the input acts have 0 from the beginning.
+        for (entry, &v) in states.iter_mut().zip(&self.rows.states).rev() {
+            if v < input * n {
+                break;
+            }
+            *entry = self.response[v];
+        }
+        for (entry, &row) in general.iter_mut().zip(&self.rows.general) {
+            let j = qp.shape.first + row / qp.shape.rows();
+            *entry = if qp.shape.acting(j) == input { qp.rows_u[row * m + k] } else { 0.0 };
+            if j > input {
+                *entry += dot(block(&qp.rows_x, row, n), block(&self.response, j - 1, n));
+            }
+        }
+    }
+
+    /// The increments' weights, on and below the diagonal of H.
+    fn add_increments(&mut self, qp: &Qp) {
+        let OcpDims { inputs: m, n_controls, .. } = qp.shape;
+        let unknowns = qp.shape.all_inputs();
+        for i in 0..n_controls {
+            for (k, r) in qp.r(i).chunks_exact(m).enumerate() {
+                let column = block_mut(&mut self.dense.hessian, i * m + k, unknowns);
+                add_scaled(block_mut(column, i, m), 1.0, r);
+                if i > 0 {
+                    let before = block_mut(&mut self.dense.hessian, (i - 1) * m + k, unknowns);
+                    add_scaled(block_mut(before, i - 1, m), 1.0, r);
+                    add_scaled(block_mut(before, i, m), -1.0, r);
+                }
+            }
+        }
+    }
+
+    /// The limits: those of v, and those of the rows less what they are at v = 0.
+    fn limit(&mut self, qp: &Qp) {
+        let shape = qp.shape;
+        let (n, first) = (shape.states, shape.all_states());
+        let (low, high, penalty) = (&mut self.dense.low, &mut self.dense.high, &mut self.dense.penalty);
+        let unknowns = shape.all_inputs();
+        low[..unknowns].copy_from_slice(&qp.bounds.low[first..]);
+        high[..unknowns].copy_from_slice(&qp.bounds.high[first..]);
+        penalty[..unknowns].copy_from_slice(&qp.bounds.penalty[first..]);
+        let rows = low.iter_mut().zip(high.iter_mut()).zip(penalty.iter_mut()).skip(unknowns);
+        let mut rows = rows.map(|((low, high), penalty)| (low, high, penalty));
+        let mut set = |limits: &Limits, i: usize, at: f64| {
+            if let Some((low, high, penalty)) = rows.next() {
+                (*low, *high, *penalty) = (limits.low[i] - at, limits.high[i] - at, limits.penalty[i]);
+            }
+        };
+        self.rows.states.iter().for_each(|&v| set(&qp.bounds, v, self.offset[v]));
+        self.rows.increments.iter().for_each(|&i| set(&qp.increments, i, 0.0));
+        for &row in &self.rows.general {
+            let state = block(&self.offset, shape.first + row / shape.rows() - 1, n);
+            set(&qp.rows, row, dot(block(&qp.rows_x, row, n), state));
+        }
+    }
+
+    /// Hands the multipliers of `step` to the solver.
+    fn guess(&mut self, qp: &Qp, step: &QpStep) {
+        let multipliers = &step.multipliers;
+        let (states, inputs) = multipliers.bounds.split_at(qp.shape.all_states());
+        let (bounds, rows) = self.solver.guess().split_at_mut(inputs.len());
+        bounds.copy_from_slice(inputs);
+        let [on_states, on_increments, on_general] = self.rows.split(rows);
+        for (to, from, places) in [
+            (on_states, states, &self.rows.states),
+            (on_increments, &multipliers.increments, &self.rows.increments),
+            (on_general, &multipliers.rows, &self.rows.general),
+        ] {
+            to.iter_mut().zip(places).for_each(|(to, &at)| *to = from[at]);
+        }
+    }
+
+    /// Writes states, inputs and multipliers.
+    fn expand(&mut self, qp: &Qp, step: &mut QpStep) {
+        self.read_multipliers(qp, step);
+        step.d[qp.shape.all_states()..].copy_from_slice(self.solver.x());
+        match (qp.shape.states, qp.shape.inputs) {
+            (2, 1) => expand_sized(qp, step, 2, 1),
+            (4, 2) => expand_sized(qp, step, 4, 2),
+            (n, m) => expand_sized(qp, step, n, m),
+        }
+    }
+
+    fn read_multipliers(&mut self, qp: &Qp, step: &mut QpStep) {
+        let multipliers = &mut step.multipliers;
+        let (states, inputs) = multipliers.bounds.split_at_mut(qp.shape.all_states());
+        let (bounds, mut rows) = self.solver.multipliers().split_at(inputs.len());
+        inputs.copy_from_slice(bounds);
+        for (to, places) in [
+            (states, &self.rows.states),
+            (&mut multipliers.increments[..], &self.rows.increments),
+            (&mut multipliers.rows[..], &self.rows.general),
+        ] {
+            to.fill(0.0);
+            let (from, rest) = rows.split_at(places.len());
+            from.iter().zip(places).for_each(|(from, &at)| to[at] = *from);
+            rows = rest;
+        }
+    }
+
+    /// Where a row of the dense program comes from.
+    fn source(&self, qp: &Qp, row: usize) -> Row {
+        let (kind, index) = match row.checked_sub(qp.shape.all_inputs()) {
+            Some(i) => self.rows.source(i),
+            None => (Kind::Bound, qp.shape.all_states() + row),
+        };
+        Row { kind, index, upper: self.solver.multipliers()[row] > 0.0 }
+    }
+}
+
+/// The states that the inputs lead to, and the multipliers of the dynamics, from the last one back: dL/dx = 0.
+#[inline(always)]
+fn expand_sized(qp: &Qp, step: &mut QpStep, n: usize, m: usize) {
+    let shape = qp.shape;
+    let (states, inputs) = step.d.split_at_mut(shape.all_states());
+    states.copy_from_slice(&qp.c);
+    for j in 0..shape.stages {
+        let input = block(inputs, shape.acting(j), m);
+        add_product(block(&qp.b, j, n * m), input, block_mut(states, j, n));
+        if j > 0 {
+            let (before, now) = neighbours(states, j, n);
+            add_product(block(&qp.a, j, n * n), before, now);
+        }
+    }
+    let multipliers = &mut step.multipliers;
+    let dynamics = &mut multipliers.dynamics;
+    for j in (0..shape.stages).rev() {
+        let lambda = block_mut(dynamics, j, n);
+        lambda.copy_from_slice(block(&qp.gradient, j, n));
+        add_scaled(lambda, 1.0, block(&multipliers.bounds, j, n));
+        add_product(block(&qp.q, j, n * n), block(states, j, n), lambda);
+        if shape.rows() > 0 && shape.constrained().contains(&(j + 1)) {
+            let eta = &multipliers.rows[shape.stage_rows(j + 1)];
+            add_transposed(qp.rows_x(j + 1), eta, lambda);
+        }
+        if j + 1 < shape.stages {
+            let (lambda, next) = neighbours(dynamics, j + 1, n);
+            add_transposed(block(&qp.a, j + 1, n * n), next, lambda);
+        }
+    }
+}
+
+/// Blocks `j - 1` and `j` of blocks of `size` numbers.
+#[inline(always)]
+fn neighbours(blocks: &mut [f64], j: usize, size: usize) -> (&mut [f64], &mut [f64]) {
+    blocks[(j - 1) * size..(j + 1) * size].split_at_mut(size)
+}
+
+#[inline(always)]
+fn block(blocks: &[f64], j: usize, size: usize) -> &[f64] {
+    &blocks[j * size..(j + 1) * size]
+}
+
+#[inline(always)]
+fn block_mut(blocks: &mut [f64], j: usize, size: usize) -> &mut [f64] {
+    &mut blocks[j * size..(j + 1) * size]
+}
+
+/// Two vectors, known to be of this size.
+#[inline(always)]
+fn sized(vectors: &mut [Vec<f64>; 2], size: usize) -> [&mut [f64]; 2] {
+    vectors.each_mut().map(|vector| &mut vector[..size])
+}
+
+impl QpSolver for CondensedQp {
+    fn solve(&mut self, qp: &Qp, step: &mut QpStep) -> QpStatus {
+        self.condense(qp);
+        self.guess(qp, step);
+        match self.solver.solve(&self.dense) {
+            DenseStatus::Solved => {
+                self.expand(qp, step);
+                QpStatus::Solved
+            }
+            DenseStatus::Infeasible(row) => QpStatus::Infeasible(self.source(qp, row)),
+            DenseStatus::Failed => QpStatus::Failed,
+        }
+    }
+}

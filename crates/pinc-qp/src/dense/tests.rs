@@ -1,0 +1,156 @@
+//! The dense solver against the conditions of Karush, Kuhn and Tucker, which for a convex program are necessary and
+//! sufficient.
+
+use super::{ActiveSet, DenseQp, DenseStatus};
+use proptest::prelude::*;
+
+/// The largest violation of the optimality conditions by a point and its multipliers, stationarity relative to
+/// the multipliers.
+fn kkt_residual(qp: &DenseQp, x: &[f64], mu: &[f64]) -> f64 {
+    let n = qp.unknowns;
+    let h = |i: usize, j: usize| qp.hessian[i.min(j) * n + i.max(j)];
+    let size = mu.iter().fold(1.0, |size: f64, mu| size.max(mu.abs()));
+    let mut worst = 0.0_f64;
+    for i in 0..n {
+        let mut slope = qp.gradient[i] + mu[i];
+        slope += (0..n).map(|j| h(i, j) * x[j]).sum::<f64>();
+        slope += (0..qp.rows).map(|r| qp.matrix[i * qp.rows + r] * mu[n + r]).sum::<f64>();
+        worst = worst.max(slope.abs() / size);
+    }
+    for row in 0..n + qp.rows {
+        let value = match row.checked_sub(n) {
+            None => x[row],
+            Some(r) => (0..n).map(|i| qp.matrix[i * qp.rows + r] * x[i]).sum(),
+        };
+        let (below, above) = (qp.low[row] - value, value - qp.high[row]);
+        // A violation is paid for by a multiplier at its penalty.
+        worst = worst.max(below.min(qp.penalty[row] + mu[row])).max(above.min(qp.penalty[row] - mu[row]));
+        worst = worst.max(mu[row].abs() - qp.penalty[row]);
+        // A positive multiplier belongs to an upper bound that is reached.
+        worst = worst.max(mu[row].min(-above)).max((-mu[row]).min(-below));
+    }
+    worst
+}
+
+/// Numbers from -4 to 4 in quarters, so that ties and dependent rows are frequent.
+fn coarse() -> impl Strategy<Value = f64> {
+    (-16..=16_i32).prop_map(|quarter| f64::from(quarter) / 4.0)
+}
+
+/// A program with H = M'M + I/10 and a point in the middle of the rows' bounds.
+fn programs(number: BoxedStrategy<f64>) -> impl Strategy<Value = DenseQp> {
+    (1..=8_usize, 0..=12_usize).prop_flat_map(move |(n, rows)| {
+        let numbers = |count| prop::collection::vec(number.clone(), count);
+        let kinds = prop::collection::vec((0..6_u8, 0.0..1.0_f64, 0.01..3.0_f64), n + rows);
+        (numbers(n * n), numbers(n), numbers(n * rows), numbers(n), kinds).prop_map(
+            move |(m, gradient, matrix, middle, kinds)| {
+                let mut qp = DenseQp::new(n, rows);
+                for i in 0..n {
+                    for j in 0..n {
+                        let product = (0..n).map(|k| m[k * n + i] * m[k * n + j]).sum::<f64>();
+                        qp.hessian[i * n + j] = product + if i == j { 0.1 } else { 0.0 };
+                    }
+                }
+                qp.gradient = gradient.iter().map(|g| 4.0 * g).collect();
+                qp.matrix = matrix;
+                let mut values = vec![0.0; n + rows];
+                qp.values(&middle, &mut values);
+                for (row, (&value, (kind, width, penalty))) in values.iter().zip(kinds).enumerate() {
+                    let (low, high) = match kind {
+                        0 => (value, value),
+                        1 => (value - width, f64::INFINITY),
+                        2 => (f64::NEG_INFINITY, value + width),
+                        3 => (value, value + width),
+                        4 => (value - width, value + width),
+                        _ => (f64::NEG_INFINITY, f64::INFINITY),
+                    };
+                    // Not as many equalities as there are unknowns, mostly.
+                    let low = if kind == 0 && row % 3 != 0 { value - width } else { low };
+                    (qp.low[row], qp.high[row]) = (low, high);
+                    if width < 0.4 {
+                        qp.penalty[row] = penalty;
+                    }
+                }
+                qp
+            },
+        )
+    })
+}
+
+fn solved(qp: &DenseQp, solver: &mut ActiveSet) -> Result<(), TestCaseError> {
+    prop_assert_eq!(solver.solve(qp), DenseStatus::Solved);
+    let residual = kkt_residual(qp, solver.x(), solver.multipliers());
+    // Unknowns are up to some 1e3, H's condition up to some 1e4.
+    prop_assert!(residual < 1e-8, "{:e}", residual);
+    Ok(())
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(3000))]
+
+    #[test]
+    fn feasible_programs_are_solved(qp in programs((-4.0..4.0_f64).boxed())) {
+        solved(&qp, &mut ActiveSet::new(qp.unknowns, qp.rows))?;
+    }
+
+    #[test]
+    fn degenerate_programs_are_solved(qp in programs(coarse().boxed())) {
+        solved(&qp, &mut ActiveSet::new(qp.unknowns, qp.rows))?;
+    }
+
+    /// Any guess ends at the solution; the solution as the guess ends at once.
+    #[test]
+    fn the_guess_only_saves_work(
+        qp in programs(coarse().boxed()),
+        guess in prop::collection::vec(-1..=1_i8, 20),
+    ) {
+        let mut cold = ActiveSet::new(qp.unknowns, qp.rows);
+        solved(&qp, &mut cold)?;
+        let mut warm = ActiveSet::new(qp.unknowns, qp.rows);
+        for (mu, guess) in warm.guess().iter_mut().zip(&guess) {
+            *mu = f64::from(*guess);
+        }
+        solved(&qp, &mut warm)?;
+        for (cold, warm) in cold.x().iter().zip(warm.x()) {
+            prop_assert!((cold - warm).abs() < 1e-7);
+        }
+        solved(&qp, &mut warm)?;
+        prop_assert!(warm.changes() <= 1, "{}", warm.changes());
+    }
+
+    /// Bounds moved apart, so that rows contradict each other: the multipliers prove it.
+    #[test]
+    fn contradictions_are_proved(
+        mut qp in programs(coarse().boxed()),
+        moves in prop::collection::vec(-3.0..3.0_f64, 20),
+    ) {
+        for (row, by) in moves.iter().enumerate().take(qp.low.len()) {
+            qp.low[row] += by;
+            qp.high[row] += by;
+            qp.penalty[row] = f64::INFINITY;
+        }
+        let mut solver = ActiveSet::new(qp.unknowns, qp.rows);
+        match solver.solve(&qp) {
+            DenseStatus::Solved => {
+                let residual = kkt_residual(&qp, solver.x(), solver.multipliers());
+                prop_assert!(residual < 1e-8, "{:e}", residual);
+            }
+            DenseStatus::Infeasible(named) => {
+                // sum_i mu_i c_i = 0 but sum_i mu_i (bound of i) < 0
+                let mu = solver.multipliers();
+                prop_assert!(mu[named].abs() > 0.9);
+                let size = mu.iter().fold(0.0, |size: f64, mu| size.max(mu.abs()));
+                for i in 0..qp.unknowns {
+                    let column = &qp.matrix[i * qp.rows..(i + 1) * qp.rows];
+                    let rows = column.iter().zip(&mu[qp.unknowns..]).map(|(c, mu)| c * mu);
+                    prop_assert!((mu[i] + rows.sum::<f64>()).abs() < 1e-10 * size);
+                }
+                let bounds = mu.iter().zip(qp.low.iter().zip(&qp.high)).map(|(&mu, (low, high))| {
+                    if mu > 0.0 { mu * high } else if mu < 0.0 { mu * low } else { 0.0 }
+                });
+                prop_assert!(bounds.sum::<f64>() < -1e-9);
+            }
+            DenseStatus::Failed => prop_assert!(false, "failed"),
+        }
+    }
+}

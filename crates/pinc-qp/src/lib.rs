@@ -1,0 +1,228 @@
+//! Quadratic programs of optimal control: what an SQP iteration of a multiple-shooting controller
+//! solves, and the methods that solve it.
+//!
+//! - [`Qp`]: the program, stage by stage, with its [`OcpDims`] and [`Limits`]; [`QpStep`] its solution
+//!   with the [`Multipliers`].
+//! - [`QpSolver`]: a method; [`ChosenQp`] the one that [`QpMethod`] names.
+
+mod algebra;
+mod choice;
+mod clarabel;
+mod condense;
+mod dense;
+mod factor;
+mod multipliers;
+mod ocp_dims;
+mod riccati;
+#[cfg(test)]
+mod tests;
+
+pub use choice::{ChosenQp, QpMethod};
+pub use multipliers::Multipliers;
+pub use ocp_dims::OcpDims;
+
+use clarabel::ClarabelQp;
+use condense::CondensedQp;
+use riccati::RiccatiQp;
+
+use std::fmt::Debug;
+
+/// The control problem linearised at a point z, in the unknown step `d = (dx_1, .., du_0, ..)`:
+///
+/// ```text
+/// min  g'd + sum_{j=1..N} dx_j' Q_j dx_j / 2 + sum_{i<Nu} (du_i - du_{i-1})' R_i (du_i - du_{i-1}) / 2
+///      + sum_i penalty_i violation_i
+/// s.t. dx_{j+1} = A_j dx_j + B_j du_j + c_j,    dx_0 = 0, du_{-1} = 0     j = 0..N-1
+///      d                    within bounds
+///      du_i - du_{i-1}      within increments                            i = 0..Nu-1
+///      C_j dx_j + D_j du_j  within rows                                  j = N1..N
+/// ```
+///
+/// with `du_j` = `du_{Nu-1}` for j >= Nu, and `c_j = f(x_j, u_j) - x_{j+1}`.
+///
+/// The Hessian is that of the cost, after Gauss and Newton: it leaves out the curvature of the
+/// constraints. The cost being quadratic, Q and R are constant.
+#[derive(Clone, Debug)]
+pub struct Qp {
+    /// The sizes.
+    pub shape: OcpDims,
+    /// `Q_1`, `Q_2`, ..: `[N, n, n]`, symmetric and positive semidefinite; the same in all QPs.
+    pub q: Vec<f64>,
+    /// `R_0`, `R_1`, ..: `[Nu, m, m]`, of the same kind.
+    pub r: Vec<f64>,
+    /// `A_j`, `[N, n, n]`.
+    pub a: Vec<f64>,
+    /// `B_j`, `[N, n, m]`.
+    pub b: Vec<f64>,
+    /// `c_j`, `[N, n]`.
+    pub c: Vec<f64>,
+    /// `C_j`, `[N - N1 + 1, rows, n]`.
+    pub rows_x: Vec<f64>,
+    /// `D_j`, `[N - N1 + 1, rows, m]`.
+    pub rows_u: Vec<f64>,
+    /// g, as long as z.
+    pub gradient: Vec<f64>,
+    /// As long as z.
+    pub bounds: Limits,
+    /// `[Nu, m]`
+    pub increments: Limits,
+    /// `[N - N1 + 1, rows]`: inequalities without lower limit, then equalities.
+    pub rows: Limits,
+}
+
+/// Limits on the rows of one kind of constraint. Which of `low` and `high` are finite is the same in all
+/// QPs; `penalty` may change.
+#[derive(Clone, Debug)]
+pub struct Limits {
+    /// Finite or minus infinity.
+    pub low: Vec<f64>,
+    /// Finite or infinity. Where it is `low`, the row is an equality.
+    pub high: Vec<f64>,
+    /// The largest absolute value of the multiplier, positive. Infinite: the row is hard. Finite: the row
+    /// may be violated at a cost of `penalty` per unit, and its multiplier is then `penalty` (exact penalty).
+    pub penalty: Vec<f64>,
+}
+
+impl Limits {
+    /// No limits on `rows` hard rows.
+    #[must_use]
+    pub fn none(rows: usize) -> Self {
+        Self {
+            low: vec![f64::NEG_INFINITY; rows],
+            high: vec![f64::INFINITY; rows],
+            penalty: vec![f64::INFINITY; rows],
+        }
+    }
+
+    /// Of each row: low, high and penalty.
+    pub fn iter(&self) -> impl Iterator<Item = [f64; 3]> {
+        self.low.iter().zip(&self.high).zip(&self.penalty).map(|((&low, &high), &penalty)| [low, high, penalty])
+    }
+}
+
+/// The solution of a [`Qp`].
+#[derive(Clone, Debug)]
+pub struct QpStep {
+    /// d
+    pub d: Vec<f64>,
+    /// Positive at upper limits, negative at lower ones.
+    pub multipliers: Multipliers,
+}
+
+impl QpStep {
+    /// All 0.
+    #[must_use]
+    pub fn new(shape: OcpDims) -> Self {
+        Self { d: vec![0.0; shape.unknowns()], multipliers: Multipliers::new(shape) }
+    }
+}
+
+/// How the solution of a [`Qp`] ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum QpStatus {
+    /// The step is the solution.
+    Solved,
+    /// There is no feasible step; this row is part of the conflict.
+    Infeasible(Row),
+    /// The method broke off.
+    Failed,
+}
+
+/// A row of a [`Qp`]'s limits.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Row {
+    /// Which kind of limit.
+    pub kind: Kind,
+    /// Its place in the limits of its kind.
+    pub index: usize,
+    /// Whether it is the upper limit that matters.
+    pub upper: bool,
+}
+
+/// The kinds of rows with limits.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Kind {
+    /// On an unknown.
+    Bound,
+    /// On an increment of the inputs.
+    Increment,
+    /// On a row of h or g.
+    Row,
+}
+
+/// A method that solves the QPs of one control problem.
+pub trait QpSolver: Debug + Send {
+    /// Solves `qp`. On entry the multipliers in `step` are a guess, by which a solver may know which
+    /// constraints are likely to be active; on exit, if the status is [`QpStatus::Solved`], `step` is
+    /// the solution, and otherwise of no meaning.
+    fn solve(&mut self, qp: &Qp, step: &mut QpStep) -> QpStatus;
+}
+
+impl Qp {
+    /// A program without limits, in which all numbers are 0 but those of the Hessian.
+    #[must_use]
+    pub fn new(shape: OcpDims, q: Vec<f64>, r: Vec<f64>) -> Self {
+        let OcpDims { states, inputs, stages, .. } = shape;
+        Self {
+            shape,
+            q,
+            r,
+            a: vec![0.0; stages * states * states],
+            b: vec![0.0; stages * states * inputs],
+            c: vec![0.0; stages * states],
+            rows_x: vec![0.0; shape.all_rows() * states],
+            rows_u: vec![0.0; shape.all_rows() * inputs],
+            gradient: vec![0.0; shape.unknowns()],
+            bounds: Limits::none(shape.unknowns()),
+            increments: Limits::none(shape.all_inputs()),
+            rows: Limits::none(shape.all_rows()),
+        }
+    }
+
+    /// `A_j`, `[n, n]`.
+    #[must_use]
+    pub fn a(&self, j: usize) -> &[f64] {
+        block(&self.a, j, self.shape.states * self.shape.states)
+    }
+
+    /// `B_j`, `[n, m]`.
+    #[must_use]
+    pub fn b(&self, j: usize) -> &[f64] {
+        block(&self.b, j, self.shape.states * self.shape.inputs)
+    }
+
+    /// `Q_j` of the state `x_j`, j = 1..N, `[n, n]`.
+    #[must_use]
+    pub fn q(&self, j: usize) -> &[f64] {
+        block(&self.q, j - 1, self.shape.states * self.shape.states)
+    }
+
+    /// `R_i`, `[m, m]`.
+    #[must_use]
+    pub fn r(&self, i: usize) -> &[f64] {
+        block(&self.r, i, self.shape.inputs * self.shape.inputs)
+    }
+
+    /// `C_j` at stage j = N1..N, `[rows, n]`.
+    #[must_use]
+    pub fn rows_x(&self, j: usize) -> &[f64] {
+        block(&self.rows_x, j - self.shape.first, self.shape.rows() * self.shape.states)
+    }
+
+    /// `D_j` at stage j = N1..N, `[rows, m]`.
+    #[must_use]
+    pub fn rows_u(&self, j: usize) -> &[f64] {
+        block(&self.rows_u, j - self.shape.first, self.shape.rows() * self.shape.inputs)
+    }
+
+    /// The limits with their kind.
+    #[must_use]
+    pub fn limits(&self) -> [(Kind, &Limits); 3] {
+        [(Kind::Bound, &self.bounds), (Kind::Increment, &self.increments), (Kind::Row, &self.rows)]
+    }
+}
+
+/// Block `i` of blocks of `size` numbers.
+fn block(blocks: &[f64], i: usize, size: usize) -> &[f64] {
+    &blocks[i * size..(i + 1) * size]
+}

@@ -1,0 +1,377 @@
+//! The interior-point method.
+
+use super::newton::{Newton, largest, stiffness};
+use super::rows::Rows;
+use crate::Qp;
+
+/// How many iterations may be taken.
+const ITERATIONS: usize = 60;
+
+/// Residuals and products below this, relative to 1 + the largest number involved, count as 0: as near as the weights,
+/// which grow without limit, allow without loss.
+const TOLERANCE: f64 = 1e-8;
+
+/// The products are not brought below this, so that they do not vanish before the rows are met.
+const LEAST_PRODUCT: f64 = 1e-10;
+
+/// How much more stiffly a row is held than [`stiffness`] says: the iterations are many, and each corrects the last.
+const STIFFNESS: f64 = 1e2;
+
+/// How far towards the boundary a step goes.
+const FRACTION: f64 = 0.995;
+
+/// Inputs that are farther away than this are not considered when rows are proved to contradict each other.
+const FARTHEST: f64 = 1e5;
+
+/// How the iteration ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Ending {
+    Converged,
+    /// The multipliers prove that this row and others contradict each other.
+    Infeasible(usize),
+    Failed,
+}
+
+/// Mehrotra's predictor-corrector method on the stage structure (SIAM J. Optim. 2 (1992); Rao, Wright and Rawlings,
+/// J. Optim. Theory Appl. 99 (1998)).
+///
+/// Each finite limit is a [`Side`] with its own slack, sign s:
+///
+/// ```text
+/// s C d + t - e = s bound,    mu t = tau                  e = 0 for a hard row
+/// mu + nu = penalty,              nu e = tau                  for a soft row
+/// ```
+///
+/// from which t, e and nu are eliminated: what is left is a weight D = 1 / (t/mu + e/nu + 1/stiffness) on the row. The last
+/// term is that of the proximal method of multipliers (Rockafellar, Math. Oper. Res. 1 (1976)): s C Dd + Dt - De = Dmu /
+/// stiffness - residual. It keeps D from growing without limit, and vanishes with the steps. Equalities that are
+/// hard have no slack; of their weight it is all.
+#[derive(Clone, Debug)]
+pub(super) struct InteriorPoint {
+    sides: Vec<Side>,
+    /// Rows and bounds.
+    equalities: Vec<(usize, f64)>,
+    stiffness: f64,
+    /// How many factorisations the last solution took.
+    pub(super) factorizations: usize,
+}
+
+/// A finite limit of a row.
+#[derive(Clone, Copy, Debug)]
+struct Side {
+    row: usize,
+    /// s: 1 at an upper limit, -1 at a lower one.
+    sign: f64,
+    /// s times the limit.
+    bound: f64,
+    penalty: f64,
+    t: f64,
+    mu: f64,
+    e: f64,
+    /// 1 / stiffness
+    compliance: f64,
+    /// The residual of the first line.
+    off: f64,
+    dt: f64,
+    dmu: f64,
+    de: f64,
+}
+
+impl Side {
+    fn new(row: usize, sign: f64, limit: f64, penalty: f64, compliance: f64) -> Self {
+        let bound = sign * limit;
+        let zero = 0.0;
+        Self {
+            row,
+            sign,
+            bound,
+            penalty,
+            t: 1.0,
+            mu: 1.0,
+            e: 0.0,
+            compliance,
+            off: zero,
+            dt: zero,
+            dmu: zero,
+            de: zero,
+        }
+    }
+
+    fn soft(&self) -> bool {
+        self.penalty.is_finite()
+    }
+
+    fn nu(&self) -> f64 {
+        self.penalty - self.mu
+    }
+
+    /// nu e
+    fn give(&self) -> f64 {
+        if self.soft() { self.nu() * self.e } else { 0.0 }
+    }
+
+    fn weight(&self) -> f64 {
+        let give = if self.soft() { self.e / self.nu() } else { 0.0 };
+        1.0 / (self.t / self.mu + give + self.compliance)
+    }
+
+    /// What the products mu t and nu e should change by, to come to `tau`; the corrector includes what the predictor
+    /// did.
+    fn products(&self, tau: f64, corrector: bool) -> (f64, f64) {
+        let second = if corrector { (self.dmu * self.dt, -self.dmu * self.de) } else { (0.0, 0.0) };
+        (tau - self.mu * self.t - second.0, tau - self.nu() * self.e - second.1)
+    }
+
+    /// The part of Dmu / D that does not depend on the step.
+    fn term(&self, (inner, outer): (f64, f64)) -> f64 {
+        let give = if self.soft() { outer / self.nu() } else { 0.0 };
+        self.off + inner / self.mu - give
+    }
+
+    /// The step of t, mu and e, where C d n_controls by `moved`.
+    fn direct(&mut self, moved: f64, products: (f64, f64)) {
+        self.dmu = self.weight() * (self.sign * moved + self.term(products));
+        self.de = if self.soft() { (products.1 + self.e * self.dmu) / self.nu() } else { 0.0 };
+        self.dt = -self.off - self.sign * moved + self.de + self.compliance * self.dmu;
+    }
+
+    /// The longest step, up to `length`, that leaves nothing negative.
+    fn longest(&self, length: f64) -> f64 {
+        let until =
+            |value: f64, change: f64| if change < 0.0 { -value / change } else { f64::INFINITY };
+        let length = length.min(until(self.t, self.dt)).min(until(self.mu, self.dmu));
+        if self.soft() {
+            length.min(until(self.nu(), -self.dmu)).min(until(self.e, self.de))
+        } else {
+            length
+        }
+    }
+
+    /// The sum of the products after a step of this length.
+    fn gap(&self, length: f64) -> f64 {
+        let (t, mu) = (self.t + length * self.dt, self.mu + length * self.dmu);
+        let e = self.e + length * self.de;
+        mu * t + if self.soft() { (self.penalty - mu) * e } else { 0.0 }
+    }
+}
+
+impl InteriorPoint {
+    pub(super) fn new(qp: &Qp) -> Self {
+        let rows = Rows::new(qp.shape).len();
+        Self {
+            sides: Vec::with_capacity(2 * rows),
+            equalities: Vec::with_capacity(rows),
+            stiffness: STIFFNESS * stiffness(qp),
+            factorizations: 0,
+        }
+    }
+
+    /// Solves `qp` from scratch. Whatever the ending, the last multipliers are in `at`.
+    pub(super) fn solve(&mut self, qp: &Qp, at: &mut Newton) -> Ending {
+        self.gather(qp);
+        self.factorizations = 0;
+        if !self.begin(qp, at) {
+            return Ending::Failed;
+        }
+        for _ in 0..ITERATIONS {
+            self.residuals(qp, at);
+            if self.converged(at) {
+                return Ending::Converged;
+            }
+            if let Some(row) = self.contradiction(qp, at) {
+                return Ending::Infeasible(row);
+            }
+            if !self.iterate(qp, at) {
+                return Ending::Failed;
+            }
+        }
+        Ending::Failed
+    }
+
+    /// The multiplier of `row` where it matters more than the slack, with its penalty where the violation matters more than
+    /// what is left to the penalty; otherwise 0.
+    pub(super) fn active(&self, list: &mut [f64]) {
+        list.fill(0.0);
+        for side in &self.sides {
+            if side.soft() && side.e > side.nu() {
+                list[side.row] = side.sign * side.penalty;
+            } else if side.mu > side.t {
+                list[side.row] = side.sign * side.mu.min(0.5 * side.penalty);
+            }
+        }
+    }
+
+    fn gather(&mut self, qp: &Qp) {
+        self.sides.clear();
+        self.equalities.clear();
+        for (row, [low, high, penalty]) in Rows::limits(qp).enumerate() {
+            if low >= high && penalty.is_infinite() {
+                self.equalities.push((row, high));
+                continue;
+            }
+            for (sign, limit) in [(1.0, high), (-1.0, low)] {
+                if limit.is_finite() {
+                    self.sides.push(Side::new(row, sign, limit, penalty, 1.0 / self.stiffness));
+                }
+            }
+        }
+    }
+
+    /// The starting point of Vandenberghe's coneqp: the least squares of cost and slacks, with these and the
+    /// multipliers then moved to the positive side.
+    fn begin(&mut self, qp: &Qp, at: &mut Newton) -> bool {
+        at.d.fill(0.0);
+        at.lambda.fill(0.0);
+        at.mu.fill(0.0);
+        at.weights.fill(0.0);
+        at.terms.fill(0.0);
+        for side in &self.sides {
+            at.weights[side.row] += 1.0;
+            at.terms[side.row] -= side.sign * side.bound;
+        }
+        for &(row, bound) in &self.equalities {
+            at.weights[row] = self.stiffness;
+            at.terms[row] = -self.stiffness * bound;
+        }
+        self.factorizations += 1;
+        if !at.factor(qp) {
+            return false;
+        }
+        at.residuals(qp);
+        at.solve(qp);
+        at.advance(1.0);
+        let (mut least_t, mut least_mu) = (f64::INFINITY, f64::INFINITY);
+        for side in &mut self.sides {
+            side.mu = side.sign * at.moved[side.row] - side.bound;
+            side.t = -side.mu;
+            least_t = least_t.min(side.t);
+            least_mu = least_mu.min(side.mu);
+        }
+        let lift = |least: f64| if least < 1e-3 { 1.0 - least } else { 0.0 };
+        for side in &mut self.sides {
+            side.t += lift(least_t);
+            side.mu += lift(least_mu);
+            if side.soft() {
+                side.mu = side.mu.min(0.5 * side.penalty);
+                side.e = side.mu * side.t / side.nu();
+            }
+        }
+        self.collect(at);
+        for &(row, bound) in &self.equalities {
+            at.mu[row] = self.stiffness * (at.moved[row] - bound);
+        }
+        true
+    }
+
+    /// Adds up the multipliers of the sides.
+    fn collect(&self, at: &mut Newton) {
+        for side in &self.sides {
+            at.mu[side.row] = 0.0;
+        }
+        for side in &self.sides {
+            at.mu[side.row] += side.sign * side.mu;
+        }
+    }
+
+    fn residuals(&mut self, qp: &Qp, at: &mut Newton) {
+        at.residuals(qp);
+        for side in &mut self.sides {
+            side.off = side.sign * at.values[side.row] + side.t - side.e - side.bound;
+        }
+    }
+
+    fn converged(&self, at: &Newton) -> bool {
+        let size = 1.0 + largest(&at.lambda).max(largest(&at.mu));
+        let extent = 1.0 + largest(&at.d);
+        let off = self.sides.iter().map(|side| side.off.abs());
+        let unmet = self.equalities.iter().map(|&(row, bound)| (at.values[row] - bound).abs());
+        let off = off.chain(unmet).fold(largest(&at.defect), f64::max);
+        let products = self.sides.iter().map(|side| side.mu * side.t + side.give());
+        size.is_finite()
+            && largest(&at.slope) <= TOLERANCE * size
+            && off <= TOLERANCE * extent
+            && products.fold(0.0, f64::max) <= TOLERANCE
+    }
+
+    /// The row that weighs most in a proof (Farkas) that the hard rows contradict each other, if the multipliers are
+    /// one: with C'mu + E'lambda = 0, any feasible d has lambda'c <= mu'bound.
+    fn contradiction(&self, qp: &Qp, at: &mut Newton) -> Option<usize> {
+        at.terms.fill(0.0);
+        let (mut limit, mut heaviest) = (0.0, (0.0, 0));
+        for side in self.sides.iter().filter(|side| !side.soft()) {
+            at.terms[side.row] += side.sign * side.mu;
+            limit += side.mu * side.bound;
+            if side.mu > heaviest.0 {
+                heaviest = (side.mu, side.row);
+            }
+        }
+        for &(row, bound) in &self.equalities {
+            at.terms[row] = at.mu[row];
+            limit += at.mu[row] * bound;
+        }
+        let (remainder, offset) = at.cancel(qp);
+        (offset - limit > FARTHEST * remainder).then_some(heaviest.1)
+    }
+
+    /// A step: predictor and corrector.
+    fn iterate(&mut self, qp: &Qp, at: &mut Newton) -> bool {
+        at.weights.fill(0.0);
+        for side in &self.sides {
+            at.weights[side.row] += side.weight();
+        }
+        for &(row, _) in &self.equalities {
+            at.weights[row] = self.stiffness;
+        }
+        self.factorizations += 1;
+        if !at.factor(qp) {
+            return false;
+        }
+        let pairs = self.sides.iter().map(|side| if side.soft() { 2.0 } else { 1.0 }).sum::<f64>();
+        let mut tau = 0.0;
+        if pairs > 0.0 {
+            self.direct(qp, at, 0.0, false);
+            let gap = |length: f64| self.sides.iter().map(|side| side.gap(length)).sum::<f64>();
+            let (before, after) = (gap(0.0), gap(self.longest().min(1.0)));
+            tau = (before / pairs * (after / before).powi(3)).max(LEAST_PRODUCT);
+        }
+        self.direct(qp, at, tau, true);
+        let length = (FRACTION * self.longest()).min(1.0);
+        if length.is_nan() || length < 1e-12 {
+            return false;
+        }
+        at.advance(length);
+        for side in &mut self.sides {
+            side.t += length * side.dt;
+            side.mu += length * side.dmu;
+            side.e += length * side.de;
+        }
+        for &(row, bound) in &self.equalities {
+            at.mu[row] += length * self.stiffness * (at.moved[row] + at.values[row] - bound);
+        }
+        self.collect(at);
+        true
+    }
+
+    /// The direction in which the products come to `tau`.
+    fn direct(&mut self, qp: &Qp, at: &mut Newton, tau: f64, corrector: bool) {
+        at.terms.fill(0.0);
+        for side in &self.sides {
+            let products = side.products(tau, corrector);
+            at.terms[side.row] += side.sign * side.weight() * side.term(products);
+        }
+        for &(row, bound) in &self.equalities {
+            at.terms[row] = self.stiffness * (at.values[row] - bound);
+        }
+        at.solve(qp);
+        for side in &mut self.sides {
+            let products = side.products(tau, corrector);
+            side.direct(at.moved[side.row], products);
+        }
+    }
+
+    /// The longest step that leaves nothing negative.
+    fn longest(&self) -> f64 {
+        // Beyond 1 / FRACTION it makes no difference.
+        self.sides.iter().fold(2.0, |length, side| side.longest(length))
+    }
+}

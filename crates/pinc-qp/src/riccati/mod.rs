@@ -1,0 +1,71 @@
+//! The path for long horizons, on the structure of the stages.
+
+mod active_rows;
+mod interior_point;
+mod newton;
+mod recursion;
+mod rows;
+
+use self::active_rows::ActiveRows;
+use self::interior_point::{Ending, InteriorPoint};
+use self::newton::Newton;
+use super::{Qp, QpSolver, QpStatus, QpStep};
+
+/// Solves a [`Qp`] stage by stage, at a cost linear in the horizon.
+///
+/// With a guess of the active rows, as from the step before, a few factorisations find the solution. Without, or where
+/// that does not settle, an interior-point method comes near it, and its active rows are the guess that gives
+/// the exact solution. All memory is allocated at construction.
+#[derive(Debug)]
+pub(super) struct RiccatiQp {
+    newton: Newton,
+    active: ActiveRows,
+    interior: InteriorPoint,
+    /// The multipliers that say which rows are active.
+    guess: Vec<f64>,
+}
+
+impl RiccatiQp {
+    /// A solver for QPs of the shape of `qp` with its Hessian.
+    pub(super) fn new(qp: &Qp) -> Self {
+        let newton = Newton::new(qp.shape);
+        Self {
+            guess: vec![0.0; newton.rows.len()],
+            newton,
+            active: ActiveRows::new(qp),
+            interior: InteriorPoint::new(qp),
+        }
+    }
+
+    /// Solves from the guess and the point that there are.
+    fn resolve(&mut self, qp: &Qp) -> bool {
+        let guess = &self.guess;
+        self.active.guess(qp, |row| guess[row]);
+        self.active.solve(qp, &mut self.newton)
+    }
+}
+
+impl QpSolver for RiccatiQp {
+    fn solve(&mut self, qp: &Qp, step: &mut QpStep) -> QpStatus {
+        self.newton.start(step);
+        self.guess.copy_from_slice(&self.newton.mu);
+        if self.resolve(qp) {
+            self.newton.finish(step);
+            return QpStatus::Solved;
+        }
+        match self.interior.solve(qp, &mut self.newton) {
+            Ending::Converged => {
+                self.interior.active(&mut self.guess);
+                if !self.resolve(qp) {
+                    return QpStatus::Failed;
+                }
+                self.newton.finish(step);
+                QpStatus::Solved
+            }
+            Ending::Infeasible(row) => {
+                QpStatus::Infeasible(self.newton.rows.row(row, self.newton.mu[row] > 0.0))
+            }
+            Ending::Failed => QpStatus::Failed,
+        }
+    }
+}

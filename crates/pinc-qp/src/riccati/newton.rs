@@ -1,0 +1,178 @@
+//! A point with its multipliers, its residuals, and Newton steps from it.
+
+use super::recursion::Riccati;
+use super::rows::Rows;
+use crate::algebra::{add_product, add_scaled, add_transposed, dot};
+use crate::{Qp, QpStep};
+use crate::OcpDims;
+
+/// d, lambda and mu of a [`Qp`], the residuals of the optimality conditions there, and steps from there:
+///
+/// ```text
+/// H d + g + C'mu + E'lambda = 0        with E d + c = 0 for the dynamics
+/// (H + C'D C) Dd + E'Dlambda = -(residual + C'terms),    E Dd = -residual
+/// ```
+///
+/// Weights D and `terms` are the caller's, by which it says how the rows behave. That steps are computed from the
+/// residuals, and not points anew, makes up for what D's large numbers cost in digits.
+#[derive(Clone, Debug)]
+pub(super) struct Newton {
+    pub(super) rows: Rows,
+    riccati: Riccati,
+    pub(super) d: Vec<f64>,
+    pub(super) lambda: Vec<f64>,
+    /// mu, of all rows.
+    pub(super) mu: Vec<f64>,
+    /// C d
+    pub(super) values: Vec<f64>,
+    /// The residual of the first line.
+    pub(super) slope: Vec<f64>,
+    /// The residual of the dynamics.
+    pub(super) defect: Vec<f64>,
+    /// D
+    pub(super) weights: Vec<f64>,
+    pub(super) terms: Vec<f64>,
+    right: Vec<f64>,
+    /// Dd and Dlambda.
+    step: [Vec<f64>; 2],
+    /// C Dd
+    pub(super) moved: Vec<f64>,
+}
+
+impl Newton {
+    pub(super) fn new(shape: OcpDims) -> Self {
+        let rows = Rows::new(shape);
+        let list = || vec![0.0; rows.len()];
+        let unknowns = || vec![0.0; shape.unknowns()];
+        let dynamics = || vec![0.0; shape.all_states()];
+        Self {
+            rows,
+            riccati: Riccati::new(shape),
+            d: unknowns(),
+            lambda: dynamics(),
+            mu: list(),
+            values: list(),
+            slope: unknowns(),
+            defect: dynamics(),
+            weights: list(),
+            terms: list(),
+            right: unknowns(),
+            step: [unknowns(), dynamics()],
+            moved: list(),
+        }
+    }
+
+    /// Starts from d = 0 and the multipliers of `step`.
+    pub(super) fn start(&mut self, step: &QpStep) {
+        self.d.fill(0.0);
+        self.lambda.copy_from_slice(&step.multipliers.dynamics);
+        self.rows.read(&step.multipliers, &mut self.mu);
+    }
+
+    pub(super) fn finish(&self, step: &mut QpStep) {
+        step.d.copy_from_slice(&self.d);
+        step.multipliers.dynamics.copy_from_slice(&self.lambda);
+        self.rows.write(&self.mu, &mut step.multipliers);
+    }
+
+    /// Computes values, slope and defect.
+    pub(super) fn residuals(&mut self, qp: &Qp) {
+        self.rows.values(qp, &self.d, &mut self.values);
+        self.slope.copy_from_slice(&qp.gradient);
+        self.rows.add_transposed(qp, &self.mu, &mut self.slope);
+        self.defect.copy_from_slice(&qp.c);
+        let shape = qp.shape;
+        for j in 0..shape.stages {
+            let (next, input) = (shape.next_state(j), shape.input(shape.acting(j)));
+            let lambda = &self.lambda[next.clone()];
+            let defect = &mut self.defect[next.clone()];
+            add_scaled(defect, -1.0, &self.d[next.clone()]);
+            add_product(qp.b(j), &self.d[input.clone()], defect);
+            add_product(qp.q(j + 1), &self.d[next.clone()], &mut self.slope[next.clone()]);
+            add_scaled(&mut self.slope[next], -1.0, lambda);
+            add_transposed(qp.b(j), lambda, &mut self.slope[input]);
+            if let Some(state) = shape.state(j) {
+                add_product(qp.a(j), &self.d[state.clone()], defect);
+                add_transposed(qp.a(j), lambda, &mut self.slope[state]);
+            }
+        }
+        let m = shape.inputs;
+        let (_, increments, _) = self.rows.split(&self.values);
+        let inputs = &mut self.slope[shape.all_states()..];
+        for (i, increment) in increments.chunks_exact(m).enumerate() {
+            for (k, r) in qp.r(i).chunks_exact(m).enumerate() {
+                let force: f64 = r.iter().zip(increment).map(|(r, moved)| r * moved).sum();
+                inputs[i * m + k] += force;
+                if i > 0 {
+                    inputs[(i - 1) * m + k] -= force;
+                }
+            }
+        }
+    }
+
+    /// Factors with the weights as they are; `false` if that is impossible.
+    pub(super) fn factor(&mut self, qp: &Qp) -> bool {
+        self.riccati.factor(qp, &self.weights)
+    }
+
+    /// Computes the step from the residuals and the terms.
+    pub(super) fn solve(&mut self, qp: &Qp) {
+        self.right.copy_from_slice(&self.slope);
+        self.rows.add_transposed(qp, &self.terms, &mut self.right);
+        let [d, lambda] = &mut self.step;
+        self.riccati.solve(qp, &self.right, &self.defect, d, lambda);
+        self.rows.values(qp, d, &mut self.moved);
+    }
+
+    /// Chooses lambda such that C'terms + E'lambda = 0 for the states; gives the sum of what is left for the inputs, and
+    /// lambda'c.
+    pub(super) fn cancel(&mut self, qp: &Qp) -> (f64, f64) {
+        let shape = qp.shape;
+        self.right.fill(0.0);
+        self.rows.add_transposed(qp, &self.terms, &mut self.right);
+        let (states, inputs) = self.right.split_at_mut(shape.all_states());
+        let mut offset = 0.0;
+        for j in (0..shape.stages).rev() {
+            let (before, lambda) = states[..(j + 1) * shape.states].split_at_mut(j * shape.states);
+            let first = shape.acting(j) * shape.inputs;
+            add_transposed(qp.b(j), lambda, &mut inputs[first..first + shape.inputs]);
+            if j > 0 {
+                add_transposed(qp.a(j), lambda, &mut before[(j - 1) * shape.states..]);
+            }
+            offset += dot(lambda, &qp.c[shape.next_state(j)]);
+        }
+        (inputs.iter().map(|input| input.abs()).sum(), offset)
+    }
+
+    /// Goes `length` times the step in d and lambda.
+    pub(super) fn advance(&mut self, length: f64) {
+        let [d, lambda] = &self.step;
+        add_scaled(&mut self.d, length, d);
+        add_scaled(&mut self.lambda, length, lambda);
+    }
+}
+
+/// How stiffly active rows are held, between the least and the greatest curvature of the cost in the middle.
+const STIFFNESS: f64 = 1e6;
+
+/// A weight D that holds rows of `qp`: far above the curvatures of its cost, so that the method of multipliers needs few
+/// steps, and not so far above the least of them that this would be lost to rounding.
+pub(super) fn stiffness(qp: &Qp) -> f64 {
+    let OcpDims { states: n, inputs: m, .. } = qp.shape;
+    let diagonals = [(&qp.q, n), (&qp.r, m)].into_iter().flat_map(|(blocks, size)| {
+        blocks.chunks_exact(size * size).flat_map(move |block| block.iter().step_by(size + 1))
+    });
+    let curvatures = diagonals.filter(|&&curvature| curvature > 0.0);
+    let ends = curvatures.fold(None, |ends, &curvature| {
+        let (least, most) = ends.unwrap_or((curvature, curvature));
+        Some((curvature.min(least), curvature.max(most)))
+    });
+    let (least, most) = ends.unwrap_or((1.0, 1.0));
+    STIFFNESS * (least.max(1e-8 * most) * most).sqrt()
+}
+
+/// The largest absolute value; infinity if there is a NaN, which `f64::max` would drop.
+pub(super) fn largest(list: &[f64]) -> f64 {
+    list.iter()
+        .fold(0.0, |largest, v| if v.is_nan() { f64::INFINITY } else { largest.max(v.abs()) })
+}

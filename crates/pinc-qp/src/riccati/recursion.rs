@@ -1,0 +1,266 @@
+//! The Riccati recursion.
+
+use crate::Qp;
+use crate::algebra::{add_product, add_scaled, add_transposed};
+use crate::factor::Cholesky;
+use crate::OcpDims;
+
+/// Solves the equality-constrained part of a [`Qp`], with weights D on its rows C d (see
+/// [`Rows`](super::rows::Rows)), at a cost linear in the horizon:
+///
+/// ```text
+/// min  d'(H + C'D C)d / 2 + g'd   s.t.   dx_{j+1} = A_j dx_j + B_j du_j + c_j,   dx_0 = 0
+/// ```
+///
+/// The state of the recursion is `s_j = (dx_j, du_{j-1})`, so that weights on increments and held inputs fit:
+/// `du_j = du_{j-1} + w_j`, with `w_j` = 0 from j = Nu on. With F = (A B; 0 I), P and p the quadratic
+/// and linear part of the cost from stage j + 1 on,
+///
+/// ```text
+/// M = F'P F + weights of du_j and of the rows at stage j        m = F'(P c + p) + g of du_j
+/// G = R_j + weights of the increment + M_uu                     K = G^-1 M_u:
+/// P <- M - M_u:' K + (Q_j + weights of dx_j; 0)                 p <- m - K' m_u + g of dx_j
+/// ```
+///
+/// Reference: Rao, Wright and Rawlings, "Application of interior-point methods to model predictive control",
+/// J. Optim. Theory Appl. 99 (1998). All memory is allocated at construction.
+#[derive(Clone, Debug)]
+pub(super) struct Riccati {
+    shape: OcpDims,
+    /// P of `s_1` .. `s_N`, `[N, n + m, n + m]`.
+    p: Vec<f64>,
+    /// K, `[Nu, n + m, m]`, column by column.
+    gain: Vec<f64>,
+    /// G
+    pivot: Vec<Cholesky>,
+    /// p of `s_1` .. `s_N`, `[N, n + m]`.
+    linear: Vec<f64>,
+    /// `-G^-1 m_u`, `[Nu, m]`.
+    forward: Vec<f64>,
+    /// P F, then G
+    product: Vec<f64>,
+    /// M
+    merged: Vec<f64>,
+    /// m, and the state of the rollout
+    vector: Vec<f64>,
+    sum: Vec<f64>,
+}
+
+impl Riccati {
+    pub(super) fn new(shape: OcpDims) -> Self {
+        let (n, m) = (shape.states, shape.inputs);
+        let s = n + m;
+        Self {
+            shape,
+            p: vec![0.0; shape.stages * s * s],
+            gain: vec![0.0; shape.n_controls * s * m],
+            pivot: vec![Cholesky::new(m); shape.n_controls],
+            linear: vec![0.0; shape.stages * s],
+            forward: vec![0.0; shape.all_inputs()],
+            product: vec![0.0; s * s],
+            merged: vec![0.0; s * s],
+            vector: vec![0.0; s],
+            sum: vec![0.0; s],
+        }
+    }
+
+    /// Factors the matrix with the weights D, in the order of the rows; `false` if it is singular on the dynamics.
+    pub(super) fn factor(&mut self, qp: &Qp, weights: &[f64]) -> bool {
+        let OcpDims { states: n, inputs: m, stages, n_controls, .. } = self.shape;
+        let s = n + m;
+        let by_row = RowWeights::new(self.shape, weights);
+        self.merged.fill(0.0);
+        by_row.add_general(qp, stages, &mut self.merged);
+        for j in (0..stages).rev() {
+            // merged: what the stages before have left, in terms of s_{j+1}
+            let p = &mut self.p[j * s * s..(j + 1) * s * s];
+            p.copy_from_slice(&self.merged);
+            let state_weights = &by_row.bounds[self.shape.next_state(j)];
+            for (c, q) in qp.q(j + 1).chunks_exact(n).enumerate() {
+                add_scaled(&mut p[c * s..c * s + n], 1.0, q);
+                p[c * s + c] += state_weights[c];
+            }
+            merge(p, (qp.a(j), qp.b(j)), n, &mut self.product, &mut self.merged);
+            by_row.add_general(qp, j, &mut self.merged);
+            if j < n_controls {
+                for (k, weight) in by_row.bounds[self.shape.input(j)].iter().enumerate() {
+                    self.merged[(n + k) * (s + 1)] += weight;
+                }
+                if !self.eliminate(j, qp.r(j), &by_row.increments[j * m..]) {
+                    return false;
+                }
+            }
+        }
+        true
+    }
+
+    /// Minimises over the increment of stage `j`.
+    fn eliminate(&mut self, j: usize, r: &[f64], weights: &[f64]) -> bool {
+        let OcpDims { states: n, inputs: m, .. } = self.shape;
+        let s = n + m;
+        let pivot = &mut self.product[..m * m];
+        for (k, column) in pivot.chunks_exact_mut(m).enumerate() {
+            column.copy_from_slice(&self.merged[(n + k) * s + n..(n + k + 1) * s]);
+            add_scaled(column, 1.0, &r[k * m..]);
+            column[k] += weights[k];
+        }
+        if !self.pivot[j].factor(pivot) {
+            return false;
+        }
+        let gain = &mut self.gain[j * s * m..(j + 1) * s * m];
+        for (gain, column) in gain.chunks_exact_mut(m).zip(self.merged.chunks_exact(s)) {
+            gain.copy_from_slice(&column[n..]);
+            self.pivot[j].forward(gain);
+        }
+        // M_u:' G^-1 M_u: from the half-solved factors, so that it is symmetric.
+        for (c, column) in self.merged.chunks_exact_mut(s).enumerate() {
+            for (r, entry) in column.iter_mut().enumerate() {
+                for k in 0..m {
+                    *entry -= gain[r * m + k] * gain[c * m + k];
+                }
+            }
+        }
+        gain.chunks_exact_mut(m).for_each(|gain| self.pivot[j].backward(gain));
+        true
+    }
+
+    /// Solves for the linear term `g`, as long as z, and the offsets `c`, `[N, n]`, with the last factors: writes d
+    /// and the multipliers of the dynamics.
+    pub(super) fn solve(
+        &mut self,
+        qp: &Qp,
+        g: &[f64],
+        c: &[f64],
+        d: &mut [f64],
+        lambda: &mut [f64],
+    ) {
+        self.backward(qp, g, c);
+        self.roll_out(qp, c, d, lambda);
+    }
+
+    fn backward(&mut self, qp: &Qp, g: &[f64], c: &[f64]) {
+        let OcpDims { states: n, inputs: m, stages, n_controls, .. } = self.shape;
+        let s = n + m;
+        self.vector.fill(0.0);
+        for j in (0..stages).rev() {
+            let linear = &mut self.linear[j * s..(j + 1) * s];
+            linear.copy_from_slice(&self.vector);
+            add_scaled(linear, 1.0, &g[self.shape.next_state(j)]);
+            self.sum.copy_from_slice(linear);
+            let p = self.p[j * s * s..].chunks_exact(s);
+            for (c, column) in c[j * n..(j + 1) * n].iter().zip(p) {
+                add_scaled(&mut self.sum, *c, column);
+            }
+            let (x, u) = self.vector.split_at_mut(n);
+            x.fill(0.0);
+            u.copy_from_slice(&self.sum[n..]);
+            add_transposed(qp.a(j), &self.sum[..n], x);
+            add_transposed(qp.b(j), &self.sum[..n], u);
+            if j < n_controls {
+                add_scaled(u, 1.0, &g[self.shape.input(j)]);
+                let gain = self.gain[j * s * m..].chunks_exact(m);
+                let forward = &mut self.forward[j * m..(j + 1) * m];
+                forward.copy_from_slice(u);
+                for (entry, gain) in self.vector.iter_mut().zip(gain) {
+                    for (gain, forward) in gain.iter().zip(forward.iter()) {
+                        *entry -= gain * forward;
+                    }
+                }
+                self.pivot[j].forward(forward);
+                self.pivot[j].backward(forward);
+            }
+        }
+    }
+
+    fn roll_out(&mut self, qp: &Qp, c: &[f64], d: &mut [f64], lambda: &mut [f64]) {
+        let OcpDims { states: n, inputs: m, stages, n_controls, .. } = self.shape;
+        let s = n + m;
+        // s_j = (dx_j, du_{j-1})
+        self.vector.fill(0.0);
+        for j in 0..stages {
+            if j < n_controls {
+                self.sum.copy_from_slice(&self.vector);
+                let u = &mut self.vector[n..];
+                add_scaled(u, -1.0, &self.forward[j * m..(j + 1) * m]);
+                let gain = self.gain[j * s * m..].chunks_exact(m);
+                for (entry, gain) in self.sum.iter().zip(gain) {
+                    add_scaled(u, -*entry, gain);
+                }
+                d[self.shape.input(j)].copy_from_slice(u);
+            }
+            let (x, u) = self.vector.split_at_mut(n);
+            let next = &mut self.sum[..n];
+            next.copy_from_slice(&c[j * n..(j + 1) * n]);
+            add_product(qp.a(j), x, next);
+            add_product(qp.b(j), u, next);
+            x.copy_from_slice(next);
+            d[self.shape.next_state(j)].copy_from_slice(x);
+
+            let lambda = &mut lambda[j * n..(j + 1) * n];
+            lambda.copy_from_slice(&self.linear[j * s..j * s + n]);
+            let p = self.p[j * s * s..].chunks_exact(s);
+            for (entry, column) in self.vector.iter().zip(p) {
+                add_scaled(lambda, *entry, column);
+            }
+        }
+    }
+}
+
+/// D by its parts.
+struct RowWeights<'a> {
+    bounds: &'a [f64],
+    increments: &'a [f64],
+    general: &'a [f64],
+}
+
+impl<'a> RowWeights<'a> {
+    fn new(shape: OcpDims, weights: &'a [f64]) -> Self {
+        let (bounds, rest) = weights.split_at(shape.unknowns());
+        let (increments, general) = rest.split_at(shape.all_inputs());
+        Self { bounds, increments, general }
+    }
+
+    /// Adds the weights of the rows at stage `j` to the matrix of (`dx_j`, `du_j`).
+    fn add_general(&self, qp: &Qp, j: usize, matrix: &mut [f64]) {
+        let shape = qp.shape;
+        if shape.rows() == 0 || !shape.constrained().contains(&j) {
+            return;
+        }
+        let (n, s) = (shape.states, shape.states + shape.inputs);
+        for (at, weight) in self.general[shape.stage_rows(j)].iter().enumerate() {
+            let by_x = &qp.rows_x(j)[at * n..(at + 1) * n];
+            let by_u = &qp.rows_u(j)[at * (s - n)..(at + 1) * (s - n)];
+            let normal = |i: usize| if i < n { by_x[i] } else { by_u[i - n] };
+            for c in 0..s {
+                let factor = weight * normal(c);
+                for r in 0..s {
+                    matrix[c * s + r] += factor * normal(r);
+                }
+            }
+        }
+    }
+}
+
+/// Writes F'P F, with the product P F in between; all column by column.
+fn merge(p: &[f64], (a, b): (&[f64], &[f64]), n: usize, product: &mut [f64], merged: &mut [f64]) {
+    let m = b.len() / n;
+    let s = n + m;
+    for (c, column) in product.chunks_exact_mut(s).enumerate() {
+        if c < n {
+            column.fill(0.0);
+        } else {
+            column.copy_from_slice(&p[c * s..(c + 1) * s]);
+        }
+        for (k, p) in p.chunks_exact(s).take(n).enumerate() {
+            let entry = if c < n { a[k * n + c] } else { b[k * m + c - n] };
+            add_scaled(column, entry, p);
+        }
+    }
+    for (column, product) in merged.chunks_exact_mut(s).zip(product.chunks_exact(s)) {
+        let (x, u) = column.split_at_mut(n);
+        x.fill(0.0);
+        u.copy_from_slice(&product[n..]);
+        add_transposed(a, &product[..n], x);
+        add_transposed(b, &product[..n], u);
+    }
+}
