@@ -19,8 +19,8 @@ use optimality::judge;
 use pinc_mpc::SqpStatus;
 use pinc_net::optim::{OptimizerConfig, SelfScaledBroydenConfig};
 use pinc_net::{
-    Ansatz, Domain, InitialScale, SelectNet, NetConfig, Phase, PincPredictor, Progress, ResidualScale,
-    Sampler, TrainingTarget, Trainer, TrainingConfig, ValidationConfig, ValidationSet,
+    Ansatz, Domain, InitialScale, NetConfig, Phase, PincModel, Progress, ResidualScale, Sampler,
+    SelectNet, Trainer, TrainingConfig, TrainingTarget, ValidationConfig, ValidationSet,
 };
 use pinc_ode::Plant;
 use pinc_plants::{FourTanks, VanDerPol};
@@ -28,7 +28,7 @@ use problems::{four_tanks, four_tanks_loop, van_der_pol, van_der_pol_loop};
 use survey::{Draw, share, survey};
 
 /// A net trained for some tenths of a second.
-fn train<P: Plant>(plant: P, sample_time_s: f64, domain: &Domain, iterations: u64) -> PincPredictor {
+fn train<P: Plant>(plant: P, sample_time_s: f64, domain: &Domain, iterations: u64) -> PincModel {
     let net = NetConfig {
         sample_time_s,
         hidden_layers: 2,
@@ -65,10 +65,10 @@ fn train<P: Plant>(plant: P, sample_time_s: f64, domain: &Domain, iterations: u6
     let validation = ValidationSet::generate(&plant, sample_time_s, &scenarios, 1).unwrap();
     let mut trainer = Trainer::new(&plant, &net, domain, &training, validation, 0, 1).unwrap();
     while let Progress::Iterated(_) = trainer.step().unwrap() {}
-    PincPredictor::new(&trainer.net())
+    PincModel::new(&trainer.net())
 }
 
-fn oscillator(mu: f64, iterations: u64) -> PincPredictor {
+fn oscillator(mu: f64, iterations: u64) -> PincModel {
     let domain = Domain {
         state_low: vec![-3.0; 2],
         state_high: vec![3.0; 2],
@@ -78,7 +78,7 @@ fn oscillator(mu: f64, iterations: u64) -> PincPredictor {
     train(VanDerPol { mu }, 0.5, &domain, iterations)
 }
 
-fn tanks(plant: FourTanks, iterations: u64) -> PincPredictor {
+fn tanks(plant: FourTanks, iterations: u64) -> PincModel {
     let domain = Domain {
         state_low: vec![2.0, 2.0, 0.6, 0.6],
         state_high: vec![20.0, 20.0, 5.5, 5.5],

@@ -4,7 +4,7 @@
 use pinc_mpc::{
     Bounds, ClosedLoop, Nmpc, NmpcProblem, Profile, Reference, SqpConfig, SqpStatus, Weights,
 };
-use pinc_ode::{Dopri5, Plant, Rk4, PiecewiseConstant};
+use pinc_ode::{Dopri5, PiecewiseConstant, Plant, Rk4};
 use pinc_plants::{FourTanks, VanDerPol};
 
 /// The paper's model: RK4 with 4 substeps.

@@ -31,9 +31,9 @@ fuzz_target!(|text: &str| {
     };
     for (x, u) in [([0.5, -2.0], [1.5]), ([0.0, 0.0], [0.0])] {
         let mut plain = [0.0; 2];
-        plant.rhs(&x, &u, &mut plain);
+        plant.rhs(&x, &u, &[], &mut plain);
         let mut dual = [Dual::<f64>::lift(0.0); 2];
-        plant.rhs(&x.map(|v| Dual::variable(v, 0)), &u.map(Dual::lift), &mut dual);
+        plant.rhs(&x.map(|v| Dual::variable(v, 0)), &u.map(Dual::lift), &[], &mut dual);
         for (plain, dual) in plain.iter().zip(dual) {
             let same = *plain == dual.re || plain.is_nan() && dual.re.is_nan();
             assert!(same, "{plain} on f64, {} on a dual number", dual.re);

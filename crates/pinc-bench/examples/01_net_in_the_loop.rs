@@ -8,11 +8,11 @@ use pinc_ad::Scalar;
 use pinc_mpc::{Bounds, ClosedLoop, Nmpc, NmpcProblem, Reference, SqpConfig, SqpStatus, Weights};
 use pinc_net::optim::{OptimizerConfig, SelfScaledBroydenConfig};
 use pinc_net::{
-    Ansatz, Domain, InitialScale, SelectNet, NetConfig, NetError, Phase, PincNet, PincPredictor,
-    Progress, ResidualScale, Sampler, TrainingTarget, Trainer, TrainingConfig, ValidationConfig,
+    Ansatz, Domain, InitialScale, NetConfig, NetError, Phase, PincModel, PincNet, Progress,
+    ResidualScale, Sampler, SelectNet, Trainer, TrainingConfig, TrainingTarget, ValidationConfig,
     ValidationSet,
 };
-use pinc_ode::{Dopri5, Plant, Predictor, Rk4, Variable};
+use pinc_ode::{Dopri5, Model, Plant, Rk4, Variable};
 use std::error::Error;
 
 /// A cart with quadratic drag, pushed by a force: v' = u - v^2.
@@ -31,7 +31,7 @@ impl Plant for Cart {
     }
 
     #[inline(always)]
-    fn rhs<S: Scalar>(&self, x: &[S], u: &[S], dx: &mut [S]) {
+    fn rhs<S: Scalar>(&self, x: &[S], u: &[S], _p: &[S], dx: &mut [S]) {
         dx[0] = u[0] - x[0] * x[0];
     }
 }
@@ -88,7 +88,7 @@ fn trained() -> Result<PincNet, NetError> {
 }
 
 /// The IAE at the steps of a loop with this model: from rest to 1 m/s, then to 0.5 m/s.
-fn iae(model: Box<dyn Predictor>) -> Result<f64, Box<dyn Error>> {
+fn iae(model: Box<dyn Model>) -> Result<f64, Box<dyn Error>> {
     let problem = NmpcProblem {
         input_bounds: Bounds { low: vec![0.0], high: vec![2.0] },
         ..NmpcProblem::new(model.dims(), 5, Weights::uniform(vec![10.0], vec![1.0]))
@@ -102,7 +102,7 @@ fn iae(model: Box<dyn Predictor>) -> Result<f64, Box<dyn Error>> {
 }
 
 pub(crate) fn main() -> Result<(), Box<dyn Error>> {
-    let with_net = iae(Box::new(PincPredictor::new(&trained()?)))?;
+    let with_net = iae(Box::new(PincModel::new(&trained()?)))?;
     let with_rk4 = iae(Box::new(Rk4::new(Cart, 0.5, 4)))?;
     println!("IAE {with_net:.5} with the net, {with_rk4:.5} with RK4");
     assert!((with_net / with_rk4 - 1.0).abs() < 1e-2);

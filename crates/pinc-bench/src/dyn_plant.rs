@@ -5,7 +5,7 @@ use pinc_net::{
     BatchLoss, Domain, LossWeights, NetConfig, NetError, PincNet, Scenario, Trainer,
     TrainingConfig, ValidationConfig, ValidationSet, Workers,
 };
-use pinc_ode::{Dopri5, Dims, Plant, Predictor, Rk4, Rk5, Rodas4, Variable};
+use pinc_ode::{Dims, Dopri5, Model, Plant, Rk4, Rk5, Rodas4, Variable};
 use std::fmt::Debug;
 
 /// All that is made from a plant. Its equation is compiled into each of these things, so that this is
@@ -24,11 +24,11 @@ pub(crate) trait DynPlant: Debug + Send + Sync {
     /// The accurate integrator.
     fn truth(&self, tolerance: f64) -> Dopri5;
     /// RK4 over steps of T.
-    fn rk4(&self, sample_time_s: f64, substeps: usize) -> Box<dyn Predictor>;
+    fn rk4(&self, sample_time_s: f64, substeps: usize) -> Box<dyn Model>;
     /// The Runge-Kutta method of order 5 over steps of T.
-    fn rk5(&self, sample_time_s: f64, substeps: usize) -> Box<dyn Predictor>;
+    fn rk5(&self, sample_time_s: f64, substeps: usize) -> Box<dyn Model>;
     /// The linearly implicit method over steps of T.
-    fn rosenbrock(&self, sample_time_s: f64, substeps: usize) -> Box<dyn Predictor>;
+    fn rosenbrock(&self, sample_time_s: f64, substeps: usize) -> Box<dyn Model>;
     /// An untrained net.
     fn net(&self, config: &NetConfig, domain: &Domain, seed: u64) -> Result<PincNet, NetError>;
     /// The loss of such a net.
@@ -76,13 +76,13 @@ impl<P: Plant> DynPlant for P {
 
     fn velocity(&self, x: &[f64], u: &[f64]) -> Vec<f64> {
         let mut velocity = vec![0.0; x.len()];
-        self.rhs(x, u, &mut velocity);
+        self.rhs(x, u, &[], &mut velocity);
         velocity
     }
 
     fn jacobian(&self, x: &[f64], u: &[f64]) -> Mat<f64> {
         let (n, all) = (x.len(), [x, u].concat());
-        let j = pinc_ad::jacobian(|v, dx| self.rhs(&v[..n], &v[n..], dx), &all, n);
+        let j = pinc_ad::jacobian(|v, dx| self.rhs(&v[..n], &v[n..], &[], dx), &all, n);
         Mat::from_fn(n, all.len(), |row, column| j[row * all.len() + column])
     }
 
@@ -90,15 +90,15 @@ impl<P: Plant> DynPlant for P {
         Dopri5::new(self.clone(), tolerance)
     }
 
-    fn rk4(&self, sample_time_s: f64, substeps: usize) -> Box<dyn Predictor> {
+    fn rk4(&self, sample_time_s: f64, substeps: usize) -> Box<dyn Model> {
         Box::new(Rk4::new(self.clone(), sample_time_s, substeps))
     }
 
-    fn rk5(&self, sample_time_s: f64, substeps: usize) -> Box<dyn Predictor> {
+    fn rk5(&self, sample_time_s: f64, substeps: usize) -> Box<dyn Model> {
         Box::new(Rk5::new(self.clone(), sample_time_s, substeps))
     }
 
-    fn rosenbrock(&self, sample_time_s: f64, substeps: usize) -> Box<dyn Predictor> {
+    fn rosenbrock(&self, sample_time_s: f64, substeps: usize) -> Box<dyn Model> {
         Box::new(Rodas4::new(self.clone(), sample_time_s, substeps))
     }
 

@@ -37,6 +37,7 @@ mod bench;
 mod cli;
 mod clock;
 pub mod console;
+mod dyn_plant;
 mod error;
 mod one_step;
 mod paper;
@@ -51,7 +52,6 @@ mod runs;
 pub mod spec;
 mod summary;
 mod sweep;
-mod dyn_plant;
 
 pub use bench::{
     BenchOptions, BenchReport, FmaPeak, LossGradient, Machine, ModelStep, NmpcTimes, QpTime, bench,
@@ -63,7 +63,7 @@ pub use paper::{results, write_results};
 pub use plants::Plants;
 pub use presets::Preset;
 pub use progress::Verbosity;
-pub use provenance::{Provenance, Invocation};
+pub use provenance::{Invocation, Provenance};
 pub use record::{
     ControlMetrics, Excess, Metrics, OneStepMetrics, OutsideDomain, PredictionMetrics, RunDir,
     StepTimes, SweepMetrics, TrainingMetrics, ValidationMetrics, WallTimes,

@@ -2,11 +2,11 @@
 
 use crate::BenchError;
 use crate::clock::{for_seconds, median, time, to_f64};
-use crate::record::number_or_null;
 use crate::dyn_plant::DynPlant;
+use crate::record::number_or_null;
 use pinc_net::{Domain, Points, Sampler};
 use pinc_ode::metrics::mean_squared_error;
-use pinc_ode::{Dims, Predictor};
+use pinc_ode::{Dims, LinearizationBuffer, Model, Stages};
 use serde::{Deserialize, Serialize};
 use std::hint::black_box;
 use std::ops::Range;
@@ -48,20 +48,6 @@ pub(crate) struct Steps {
     widths: Vec<f64>,
 }
 
-/// The results of a model's linearizations at several points.
-pub(crate) struct Linearized {
-    next: Vec<f64>,
-    a: Vec<f64>,
-    b: Vec<f64>,
-}
-
-impl Linearized {
-    fn new(Dims { states: n, inputs: m }: Dims, points: usize) -> Self {
-        let zeros = |width: usize| vec![0.0; points * width];
-        Self { next: zeros(n), a: zeros(n * n), b: zeros(n * m) }
-    }
-}
-
 impl Steps {
     /// `count` steps of `plant` over `sample_time_s` from all over `domain`, integrated with this local tolerance.
     pub(crate) fn new(
@@ -85,22 +71,26 @@ impl Steps {
     }
 
     /// Root mean square of the errors over all points and states, in the states' units.
-    pub(crate) fn rms_in_units(&self, model: &mut dyn Predictor) -> f64 {
-        let units = vec![1.0; self.dims.states];
+    pub(crate) fn rms_in_units(&self, model: &mut dyn Model) -> f64 {
+        let units = vec![1.0; self.dims.nx];
         mean_squared_error(&self.predictions(model), &self.next, &units).sqrt()
     }
 
     /// The true Jacobians of the first points, by a method of order 5 with many substeps.
-    pub(crate) fn true_jacobians(&self, plant: &dyn DynPlant, sample_time_s: f64) -> Linearized {
+    pub(crate) fn true_jacobians(
+        &self,
+        plant: &dyn DynPlant,
+        sample_time_s: f64,
+    ) -> LinearizationBuffer {
         self.linearized(&mut *plant.rk5(sample_time_s, FINE))
     }
 
     /// A model's Jacobians at the same points.
-    fn linearized(&self, model: &mut dyn Predictor) -> Linearized {
+    fn linearized(&self, model: &mut dyn Model) -> LinearizationBuffer {
         let count = self.points.len().min(JACOBIANS);
         let (x, u) = self.flat(0..count);
-        let mut to = Linearized::new(self.dims, count);
-        model.linearize_stages(&x, &u, &mut to.next, &mut to.a, &mut to.b);
+        let mut to = LinearizationBuffer::new(self.dims, count);
+        model.linearize(Stages { x: &x, u: &u, p: &[] }, to.as_mut());
         to
     }
 
@@ -114,8 +104,8 @@ impl Steps {
     }
 
     /// The errors of a model, whose [`Steps::true_jacobians`] are `truth`.
-    pub(crate) fn errors(&self, truth: &Linearized, model: &mut dyn Predictor) -> StepErrors {
-        let n = self.dims.states;
+    pub(crate) fn errors(&self, truth: &LinearizationBuffer, model: &mut dyn Model) -> StepErrors {
+        let n = self.dims.nx;
         let predicted = self.predictions(model);
         let pairs = predicted.chunks_exact(n).zip(self.next.chunks_exact(n));
         let mut squares: Vec<f64> =
@@ -131,17 +121,17 @@ impl Steps {
         }
     }
 
-    fn predictions(&self, model: &mut dyn Predictor) -> Vec<f64> {
+    fn predictions(&self, model: &mut dyn Model) -> Vec<f64> {
         let mut predicted = vec![0.0; self.next.len()];
-        for (i, next) in predicted.chunks_exact_mut(self.dims.states).enumerate() {
-            model.predict(self.points.state(i), self.points.input(i), next);
+        for (i, next) in predicted.chunks_exact_mut(self.dims.nx).enumerate() {
+            model.step(self.points.state(i), self.points.input(i), &[], next);
         }
         predicted
     }
 
     /// Root mean square over points and entries, in widths of the domain per width.
-    fn jacobian_error(&self, truth: &Linearized, found: &Linearized) -> f64 {
-        let n = self.dims.states;
+    fn jacobian_error(&self, truth: &LinearizationBuffer, found: &LinearizationBuffer) -> f64 {
+        let n = self.dims.nx;
         let (of, by_u) = self.widths.split_at(n);
         // The widths of what a state is differentiated by.
         let squares = |found: &[f64], truth: &[f64], by: &[f64]| -> f64 {
@@ -156,9 +146,9 @@ impl Steps {
     }
 
     /// The median time of a step when each waits for the one before, as in a simulation.
-    pub(crate) fn forward_ns(&self, model: &mut dyn Predictor, seconds: f64) -> f64 {
+    pub(crate) fn forward_ns(&self, model: &mut dyn Model, seconds: f64) -> f64 {
         let batch = self.points.len().min(BATCH);
-        let mut x = vec![0.0; self.dims.states];
+        let mut x = vec![0.0; self.dims.nx];
         let mut next: Vec<f64> = x.clone();
         let nothing = black_box(0.0);
         nanoseconds(seconds, batch, || {
@@ -168,7 +158,7 @@ impl Steps {
                 for ((x, &from), next) in x.iter_mut().zip(self.points.state(i)).zip(&next) {
                     *x = from + next.abs().min(nothing);
                 }
-                model.predict(&x, self.points.input(i), &mut next);
+                model.step(&x, self.points.input(i), &[], &mut next);
             }
             black_box(&mut next);
         })
@@ -178,18 +168,18 @@ impl Steps {
     /// at a time.
     pub(crate) fn forward_jacobian_ns(
         &self,
-        model: &mut dyn Predictor,
+        model: &mut dyn Model,
         stages: usize,
         seconds: f64,
     ) -> f64 {
         let calls = (self.points.len().min(BATCH) / stages).max(1);
         let horizon = |call: usize| self.flat(call * stages..(call + 1) * stages);
         let horizons: Vec<_> = (0..calls).map(horizon).collect();
-        let mut to = Linearized::new(self.dims, stages);
+        let mut to = LinearizationBuffer::new(self.dims, stages);
         nanoseconds(seconds, calls * stages, || {
             for (x, u) in &horizons {
-                let Linearized { next, a, b } = &mut to;
-                model.linearize_stages(black_box(x), black_box(u), next, a, b);
+                let at = Stages { x: black_box(x), u: black_box(u), p: &[] };
+                model.linearize(at, to.as_mut());
                 black_box(&mut to);
             }
         })

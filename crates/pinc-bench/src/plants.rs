@@ -38,7 +38,7 @@ type Make = fn(Table) -> Result<Box<dyn DynPlant>, toml::de::Error>;
 ///         &INPUTS
 ///     }
 ///     #[inline(always)]
-///     fn rhs<S: Scalar>(&self, x: &[S], u: &[S], dx: &mut [S]) {
+///     fn rhs<S: Scalar>(&self, x: &[S], u: &[S], _p: &[S], dx: &mut [S]) {
 ///         dx[0] = (u[0] - x[0]) * self.rate;
 ///     }
 /// }

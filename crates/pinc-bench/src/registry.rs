@@ -1,10 +1,13 @@
 //! From a `[plant]` section to a concrete plant: the only place that knows them all.
 
+use crate::dyn_plant::DynPlant;
 use crate::plants::own;
 use crate::spec::{FourTanksParameters, FourTanksSpec, PlantSpec};
-use crate::dyn_plant::DynPlant;
 use pinc_ode::Variable;
-use pinc_plants::{AcetoneColumn, AcetoneStill, FourTanks, HydraulicServo, OneTank, SingleTrackCar, TwoLinkArm, VanDerPol};
+use pinc_plants::{
+    AcetoneColumn, AcetoneStill, FourTanks, HydraulicServo, OneTank, SingleTrackCar, TwoLinkArm,
+    VanDerPol,
+};
 
 impl PlantSpec {
     /// The plant described.

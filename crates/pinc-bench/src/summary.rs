@@ -60,7 +60,8 @@ fn metrics(text: &mut String, metrics: &Metrics) -> std::fmt::Result {
         text,
         "closed loop   RMSE dense   IAE dense      RMSE       IAE   loop ms   step us   KKT max   status"
     )?;
-    let distilled = metrics.training.as_ref().is_some_and(|t| t.source == TrainingTarget::Integrator);
+    let distilled =
+        metrics.training.as_ref().is_some_and(|t| t.source == TrainingTarget::Integrator);
     for run in &metrics.control {
         let status: Vec<_> = run.status.iter().map(|(name, n)| format!("{n} {name}")).collect();
         writeln!(

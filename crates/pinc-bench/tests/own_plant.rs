@@ -26,7 +26,7 @@ impl Plant for Lag {
     }
 
     #[inline(always)]
-    fn rhs<S: Scalar>(&self, x: &[S], u: &[S], dx: &mut [S]) {
+    fn rhs<S: Scalar>(&self, x: &[S], u: &[S], _p: &[S], dx: &mut [S]) {
         dx[0] = (u[0] - x[0]) * self.rate;
     }
 }

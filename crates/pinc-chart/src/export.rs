@@ -2,7 +2,6 @@
 
 use crate::figure::{Axis, Figure, Panel};
 
-
 /// The columns: a point has `x` and `y`, an area all four ends and perhaps a value, a span `x`,
 /// `y` and `y_to`. On an axis with names `x` or `y` is the name.
 const HEADER: [&str; 7] = ["panel", "series", "x", "x_to", "y", "y_to", "value"];
@@ -74,11 +73,11 @@ fn cell(value: f64) -> String {
 
 #[cfg(test)]
 mod tests {
+    use super::*;
     use crate::color::BLUE;
     use crate::figure::{Area, Span};
     use crate::scale::Kind;
     use crate::svg::{Fill, Shape, Style};
-    use super::*;
 
     #[test]
     fn all_that_is_shown_is_written() {

@@ -64,8 +64,8 @@ fn overlap(a: &Frame, b: &Frame) -> bool {
 
 #[cfg(test)]
 mod tests {
-    use crate::color::INK;
     use super::*;
+    use crate::color::INK;
 
     #[test]
     fn words_keep_clear_of_points_and_of_one_another() {

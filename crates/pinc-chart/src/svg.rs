@@ -1,8 +1,8 @@
 //! Lines, marks, areas and words on an SVG page, in pixels.
 
-use crate::text;
 use crate::color::{Color, WHITE};
 use crate::curve::{Frame, Point};
+use crate::text;
 use std::fmt::Write as _;
 
 const FONTS: &str =
@@ -340,8 +340,8 @@ pub(crate) fn wrapped(text: &str, size: f64, width: f64, most: usize) -> Vec<Str
 
 #[cfg(test)]
 mod tests {
-    use crate::color::BLACK;
     use super::*;
+    use crate::color::BLACK;
 
     #[test]
     fn a_page_is_one_svg_element_that_scales() {

@@ -8,9 +8,9 @@ mod program;
 
 pub use error::{Excerpt, ExpressionError, ExpressionProblem};
 
-use pinc_ode::{Plant, Variable};
 use graph::{Graph, Value};
 use pinc_ad::Scalar;
+use pinc_ode::{Plant, Variable};
 use program::Program;
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
@@ -39,7 +39,7 @@ use std::collections::{BTreeMap, BTreeSet};
 /// };
 /// let plant = equations.compile()?;
 /// let mut dx = [0.0; 2];
-/// plant.rhs(&[2.0, 1.0], &[0.5], &mut dx);
+/// plant.rhs(&[2.0, 1.0], &[0.5], &[], &mut dx);
 /// assert_eq!(dx, [1.0, -4.5]);
 /// # Ok::<(), pinc_expr::ExpressionError>(())
 /// ```
@@ -81,7 +81,7 @@ impl Plant for ExpressionPlant {
     }
 
     #[inline(always)]
-    fn rhs<S: Scalar>(&self, x: &[S], u: &[S], dx: &mut [S]) {
+    fn rhs<S: Scalar>(&self, x: &[S], u: &[S], _p: &[S], dx: &mut [S]) {
         self.program.run(x, u, dx);
     }
 }

@@ -75,9 +75,9 @@ fn four_tanks() -> ExpressionPlant {
 fn with_jacobian<const N: usize>(plant: &impl Plant, xu: &[f64]) -> Vec<f64> {
     let seeded: Vec<_> =
         xu.iter().enumerate().map(|(i, &v)| Dual::<f64, N>::variable(v, i)).collect();
-    let (x, u) = seeded.split_at(plant.dims().states);
+    let (x, u) = seeded.split_at(plant.dims().nx);
     let mut dx = x.to_vec();
-    plant.rhs(x, u, &mut dx);
+    plant.rhs(x, u, &[], &mut dx);
     dx.iter().flat_map(|d| std::iter::once(d.re).chain(d.eps)).collect()
 }
 
@@ -142,7 +142,7 @@ impl Task for InLanes<'_> {
         };
         let (x, u): (Vec<_>, Vec<_>) = ((0..4).map(lift).collect(), (4..6).map(lift).collect());
         let mut dx = x.clone();
-        self.0.rhs(&x, &u, &mut dx);
+        self.0.rhs(&x, &u, &[], &mut dx);
         let mut out = Vec::new();
         for part in dx.iter().flat_map(|d| std::iter::once(d.re).chain(d.eps)) {
             let mut lanes = vec![0.0; V::LANES];
@@ -176,7 +176,7 @@ fn a_tape_records_an_expression() {
     let tape = Tape::new();
     let (x, u) = ([tape.variable(0.5), tape.variable(2.0)], [tape.variable(0.1)]);
     let mut dx = x;
-    van_der_pol().rhs(&x, &u, &mut dx);
+    van_der_pol().rhs(&x, &u, &[], &mut dx);
     // d(mu (1 - x1^2) x2 - x1 + u) = (-2 mu x1 x2 - 1, mu (1 - x1^2), 1)
     let gradient = tape.gradient(dx[1], &[x[0], x[1], u[0]]);
     assert_close(&gradient, &[-2.0 * 1.3 * 0.5 * 2.0 - 1.0, 1.3 * 0.75, 1.0], &[]);

@@ -19,7 +19,7 @@ fn equations(text: &str) -> Equations {
 fn value(text: &str) -> f64 {
     let plant = equations(text).compile().unwrap_or_else(|error| panic!("{text}: {error}"));
     let mut dx = [f64::NAN];
-    plant.rhs(&[5.0], &[7.0], &mut dx);
+    plant.rhs(&[5.0], &[7.0], &[], &mut dx);
     dx[0]
 }
 
@@ -104,7 +104,7 @@ fn a_chain_of_ten_thousand_names() {
         equations.intermediates.insert(format!("n{i}"), format!("n{} + u", i - 1));
     }
     let mut dx = [0.0];
-    equations.compile().expect("valid equations").rhs(&[5.0], &[7.0], &mut dx);
+    equations.compile().expect("valid equations").rhs(&[5.0], &[7.0], &[], &mut dx);
     assert!((dx[0] - (5.0 + 9_999.0 * 7.0)).abs() < 1e-9);
 }
 

@@ -3,7 +3,7 @@
 
 use divan::{Bencher, black_box};
 use pinc_mpc::{Bounds, Nmpc, NmpcProblem, QpMethod, SqpConfig, Weights};
-use pinc_ode::{Dims, Plant, Predictor, Rk4};
+use pinc_ode::{Dims, Model, Plant, Rk4};
 use pinc_plants::{FourTanks, VanDerPol};
 use std::fmt;
 
@@ -78,8 +78,8 @@ impl<P: Plant> Loop<P> {
         x: &[f64],
         references: [[f64; 2]; 2],
     ) -> Self {
-        let dims @ Dims { inputs, .. } = model.dims();
-        let weights = Weights::uniform(vec![10.0; 2], vec![1.0; inputs]);
+        let dims @ Dims { nu, .. } = model.dims();
+        let weights = Weights::uniform(vec![10.0; 2], vec![1.0; nu]);
         let problem = NmpcProblem {
             tracked: vec![0, 1],
             state_bounds,
@@ -96,7 +96,7 @@ impl<P: Plant> Loop<P> {
     fn step(&mut self) {
         let reference = &self.references[self.steps / HELD % 2];
         let step = self.nmpc.step(&self.x, reference).expect("numbers of the right shape");
-        self.plant.predict(&self.x, black_box(step.u), &mut self.next);
+        self.plant.step(&self.x, black_box(step.u), &[], &mut self.next);
         std::mem::swap(&mut self.x, &mut self.next);
         self.steps += 1;
     }

@@ -3,7 +3,7 @@
 
 use divan::{Bencher, black_box};
 use pinc_mpc::{Bounds, Nmpc, NmpcProblem, SqpConfig, Weights};
-use pinc_ode::{Predictor, Rk4};
+use pinc_ode::{Model, Rk4};
 use pinc_plants::{FourTanks, VanDerPol};
 
 fn main() {
@@ -78,13 +78,13 @@ fn four_tanks() -> Case {
 
 /// N1 = 1, N2 = Nu = 5, Q = 10 I, R = I; the first two states are controlled.
 fn case(
-    model: Box<dyn Predictor>,
+    model: Box<dyn Model>,
     state_bounds: Bounds,
     input_bounds: Bounds,
     (x, reference): (&[f64], &[f64]),
 ) -> Case {
     let dims = model.dims();
-    let weights = Weights::uniform(vec![10.0; 2], vec![1.0; dims.inputs]);
+    let weights = Weights::uniform(vec![10.0; 2], vec![1.0; dims.nu]);
     let problem = NmpcProblem {
         tracked: vec![0, 1],
         state_bounds,

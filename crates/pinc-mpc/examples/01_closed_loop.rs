@@ -4,7 +4,7 @@
 #![expect(clippy::print_stdout, reason = "an example shows what it computes")]
 
 use pinc_mpc::{Bounds, ClosedLoop, Nmpc, NmpcProblem, Reference, SqpConfig, SqpStatus, Weights};
-use pinc_ode::{Dopri5, Predictor, Rk4, PiecewiseConstant};
+use pinc_ode::{Dopri5, Model, PiecewiseConstant, Rk4};
 use pinc_plants::VanDerPol;
 use std::error::Error;
 

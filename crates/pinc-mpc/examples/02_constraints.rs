@@ -8,7 +8,7 @@ use pinc_mpc::{
     Bounds, Constraints, MpcError, Nmpc, NmpcProblem, Softness, SqpConfig, SqpStatus,
     StageConstraints, Weights,
 };
-use pinc_ode::{Predictor, Rk4};
+use pinc_ode::{Model, Rk4};
 use pinc_plants::VanDerPol;
 
 /// x1^2 + x2^2 <= radius^2.

@@ -5,7 +5,7 @@
 #![expect(clippy::print_stdout, reason = "an example shows what it computes")]
 
 use pinc_mpc::{Bounds, MpcError, Nmpc, NmpcProblem, QpMethod, SqpConfig, SqpStatus, Weights};
-use pinc_ode::{Predictor, Rk4};
+use pinc_ode::{Model, Rk4};
 use pinc_plants::FourTanks;
 
 const STEPS: usize = 100;

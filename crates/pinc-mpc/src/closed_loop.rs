@@ -16,7 +16,7 @@ const POINTS: usize = 9;
 ///
 /// ```
 /// # use pinc_mpc::{Bounds, ClosedLoop, Nmpc, NmpcProblem, Reference, SqpConfig, Weights};
-/// # use pinc_ode::{Dopri5, Predictor, Rk4};
+/// # use pinc_ode::{Dopri5, Model, Rk4};
 /// # use pinc_plants::VanDerPol;
 /// # let plant = VanDerPol::default();
 /// # let model = Rk4::new(plant, 0.5, 4);
@@ -92,19 +92,19 @@ impl<'a> ClosedLoop<'a> {
         let (dims, given) = (nmpc.model().dims(), plant.dims());
         let outputs = nmpc.problem().tracked.len();
         for (field, expected, found) in [
-            ("the plant's states", dims.states, given.states),
-            ("the plant's inputs", dims.inputs, given.inputs),
+            ("the plant's states", dims.nx, given.nx),
+            ("the plant's inputs", dims.nu, given.nu),
             ("the reference's outputs", outputs, reference.outputs()),
         ] {
             if found != expected {
                 return Err(MpcError::Length { field, expected, found });
             }
         }
-        check_finite("the initial state", x, dims.states)?;
+        check_finite("the initial state", x, dims.nx)?;
         nmpc.reset();
         Ok(Self {
             x: x.to_vec(),
-            inputs: vec![0.0; (nmpc.problem().delay + 1) * dims.inputs],
+            inputs: vec![0.0; (nmpc.problem().delay + 1) * dims.nu],
             window: vec![0.0; nmpc.problem().horizon * outputs],
             steps: Vec::with_capacity(reference.steps()),
             done: 0,
@@ -235,7 +235,7 @@ impl Control<'_, '_> {
     /// The input chosen, shape `m`.
     #[must_use]
     pub fn u(&self) -> &[f64] {
-        let chosen = self.run.inputs.len() - self.run.nmpc.model().dims().inputs;
+        let chosen = self.run.inputs.len() - self.run.nmpc.model().dims().nu;
         &self.run.inputs[chosen..]
     }
 
@@ -253,7 +253,7 @@ impl Control<'_, '_> {
     /// it has.
     pub fn advance(self) -> Result<(), MpcError> {
         let Self { run } = self;
-        let m = run.nmpc.model().dims().inputs;
+        let m = run.nmpc.model().dims().nu;
         let u = run.inputs[..m].to_vec();
         run.move_plant(&u)?;
         run.inputs.copy_within(m.., 0);

@@ -115,7 +115,7 @@ pub(crate) struct ConstraintWork {
 impl ConstraintWork {
     pub(crate) fn new(dims: Dims, rows: usize) -> Self {
         let zeros = |length| vec![Dual::lift(0.0); length];
-        Self { x: zeros(dims.states), u: zeros(dims.inputs), values: zeros(rows) }
+        Self { x: zeros(dims.nx), u: zeros(dims.nu), values: zeros(rows) }
     }
 
     fn seed(&mut self, x: &[f64], u: &[f64], first: usize) {

@@ -4,13 +4,13 @@ use crate::constraint::Constraint;
 use crate::cost::Targets;
 use crate::error::check_finite;
 use crate::kkt::KktResidual;
-use pinc_qp::OcpDims;
 use crate::solution::Solution;
-use crate::sqp::{StepInput, Outcome, Sqp};
+use crate::sqp::{Outcome, Sqp, StepInput};
 use crate::{MpcError, NmpcProblem, SqpConfig, SqpStatus};
-use pinc_ode::Predictor;
+use pinc_ode::Model;
+use pinc_qp::OcpDims;
 
-/// Nonlinear model predictive control, Algorithm 2 of the paper, with any [`Predictor`] as the model.
+/// Nonlinear model predictive control, Algorithm 2 of the paper, with any [`Model`] as the model.
 ///
 /// Each [`Nmpc::step`] solves the [`NmpcProblem`], starting from the last plan moved on by a step,
 /// and gives the plan's first input.
@@ -34,7 +34,7 @@ use pinc_ode::Predictor;
 ///
 /// ```
 /// use pinc_mpc::{Bounds, Nmpc, NmpcProblem, SqpConfig, SqpStatus, Weights};
-/// use pinc_ode::{Predictor, Rk4};
+/// use pinc_ode::{Model, Rk4};
 /// use pinc_plants::VanDerPol;
 ///
 /// let model = Rk4::new(VanDerPol::default(), 0.5, 4);
@@ -53,7 +53,7 @@ use pinc_ode::Predictor;
 #[derive(Debug)]
 pub struct Nmpc {
     problem: NmpcProblem,
-    model: Box<dyn Predictor>,
+    model: Box<dyn Model>,
     config: SqpConfig,
     shape: OcpDims,
     sqp: Sqp,
@@ -100,7 +100,7 @@ impl Nmpc {
     /// [`MpcError`] if the problem does not suit the model, or `config` is no sensible choice.
     pub fn new(
         problem: NmpcProblem,
-        model: Box<dyn Predictor>,
+        model: Box<dyn Model>,
         config: SqpConfig,
     ) -> Result<Self, MpcError> {
         problem.validate(model.dims())?;
@@ -133,7 +133,7 @@ impl Nmpc {
 
     /// The model.
     #[must_use]
-    pub fn model(&self) -> &dyn Predictor {
+    pub fn model(&self) -> &dyn Model {
         self.model.as_ref()
     }
 
@@ -231,7 +231,7 @@ impl Nmpc {
     fn predict_delay(&mut self, x: &[f64]) {
         self.start.copy_from_slice(x);
         for u in self.pending.chunks_exact(self.shape.inputs) {
-            self.model.predict(&self.start, u, &mut self.next);
+            self.model.step(&self.start, u, &[], &mut self.next);
             self.start.copy_from_slice(&self.next);
         }
     }

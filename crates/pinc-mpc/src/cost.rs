@@ -1,7 +1,7 @@
 //! The cost J, which is quadratic in the unknowns.
 
-use pinc_qp::OcpDims;
 use crate::{NmpcProblem, Weight};
+use pinc_qp::OcpDims;
 
 /// J's weights, laid out by stage and doubled, as its derivatives have them.
 #[derive(Clone, Debug)]
@@ -138,7 +138,7 @@ mod tests {
             n1: 2,
             control_horizon: 2,
             tracked: vec![2, 0],
-            ..NmpcProblem::new(Dims { states: 3, inputs: 2 }, 3, weights)
+            ..NmpcProblem::new(Dims::new(3, 2), 3, weights)
         }
     }
 
@@ -164,7 +164,7 @@ mod tests {
     #[test]
     fn the_derivatives_are_those_of_the_definition() {
         let problem = problem();
-        let shape = problem.ocp_dims(Dims { states: 3, inputs: 2 });
+        let shape = problem.ocp_dims(Dims::new(3, 2));
         let cost = Cost::new(&problem, shape, 0.5);
         let targets =
             Targets { reference: &[0.3, -0.2, 0.1, 0.7, -0.4, 0.9], previous: &[0.6, -1.1] };

@@ -1,8 +1,8 @@
 //! How far a plan is from optimal.
 
-use pinc_qp::{Limits, Qp};
 use crate::solution::Solution;
 use pinc_qp::Multipliers;
+use pinc_qp::{Limits, Qp};
 
 /// Above this mean multiplier the residuals that are proportional to the cost are scaled down.
 const LARGE_MULTIPLIER: f64 = 100.0;

@@ -1,5 +1,5 @@
 //! Nonlinear model predictive control by multiple shooting, over any
-//! [`Predictor`](pinc_ode::Predictor).
+//! [`Model`](pinc_ode::Model).
 //!
 //! - [`NmpcProblem`]: the optimisation problem of the paper, Eqs. (MS:*), with its [`Weights`] and
 //!   [`Bounds`].
@@ -12,7 +12,7 @@
 //!
 //! ```
 //! use pinc_mpc::{Bounds, ClosedLoop, Nmpc, NmpcProblem, Reference, SqpConfig, SqpStatus, Weights};
-//! use pinc_ode::{Dopri5, Predictor, Rk4};
+//! use pinc_ode::{Dopri5, Model, Rk4};
 //! use pinc_plants::VanDerPol;
 //!
 //! // Steps of 0.5 s, five of them ahead; the input within its bounds.
@@ -63,8 +63,8 @@ pub use constraints::{Constraints, StageConstraints};
 pub use controller::{Nmpc, StepReport};
 pub use error::MpcError;
 pub use kkt::KktResidual;
-pub use problem::NmpcProblem;
 pub use pinc_qp::QpMethod;
+pub use problem::NmpcProblem;
 pub use reference::Reference;
 pub use solution::Solution;
 pub use weights::{Profile, Weight, Weights};

@@ -1,7 +1,7 @@
 //! The model along a plan.
 
+use pinc_ode::{Linearization, Model, Stages};
 use pinc_qp::OcpDims;
-use pinc_ode::Predictor;
 
 /// The model, linearised at all stages of a plan.
 ///
@@ -10,11 +10,11 @@ use pinc_ode::Predictor;
 #[derive(Debug)]
 pub(crate) struct LinearizationCache {
     shape: OcpDims,
-    stages: Stages,
+    stages: StageBlocks,
     /// Where it is to be linearised next.
     input: Points,
     /// The first and the last stage.
-    ends: Stages,
+    ends: StageBlocks,
     /// Whether there are numbers in `stages`.
     known: bool,
 }
@@ -26,9 +26,9 @@ struct Points {
     u: Vec<f64>,
 }
 
-/// Points with f(x, u) and its Jacobians, as in [`Predictor::linearize_stages`].
+/// Points with f(x, u) and its Jacobians, as in [`Model::linearize`].
 #[derive(Debug)]
-struct Stages {
+struct StageBlocks {
     points: Points,
     next: Vec<f64>,
     a: Vec<f64>,
@@ -39,16 +39,16 @@ impl LinearizationCache {
     pub(crate) fn new(shape: OcpDims) -> Self {
         Self {
             shape,
-            stages: Stages::new(shape, shape.stages),
+            stages: StageBlocks::new(shape, shape.stages),
             input: Points::new(shape, shape.stages),
-            ends: Stages::new(shape, 2),
+            ends: StageBlocks::new(shape, 2),
             known: false,
         }
     }
 
     /// f(x, u), `[N, n]`, A, `[N, n, n]`, and B, `[N, n, m]`, of the last plan.
     pub(crate) fn parts(&self) -> [&[f64]; 3] {
-        let Stages { next, a, b, .. } = &self.stages;
+        let StageBlocks { next, a, b, .. } = &self.stages;
         [next, a, b]
     }
 
@@ -58,7 +58,7 @@ impl LinearizationCache {
     }
 
     /// Linearises along the plan `z` from `x0`.
-    pub(crate) fn follow(&mut self, model: &mut dyn Predictor, x0: &[f64], z: &[f64]) {
+    pub(crate) fn follow(&mut self, model: &mut dyn Model, x0: &[f64], z: &[f64]) {
         let shape = self.shape;
         let Points { x, u } = &mut self.input;
         x[..shape.states].copy_from_slice(x0);
@@ -89,9 +89,10 @@ impl LinearizationCache {
     }
 
     /// Moves the stages on, and linearises at the first and the last.
-    fn renew_ends(&mut self, model: &mut dyn Predictor) {
-        let Self { shape: OcpDims { states: n, inputs: m, stages: count, .. }, stages, ends, .. } =
-            self;
+    fn renew_ends(&mut self, model: &mut dyn Model) {
+        let Self {
+            shape: OcpDims { states: n, inputs: m, stages: count, .. }, stages, ends, ..
+        } = self;
         let (n, m, last) = (*n, *m, *count - 1);
         for (from, to, width) in
             [(&stages.points.x, &mut ends.points.x, n), (&stages.points.u, &mut ends.points.u, m)]
@@ -118,7 +119,7 @@ impl Points {
     }
 }
 
-impl Stages {
+impl StageBlocks {
     fn new(shape: OcpDims, stages: usize) -> Self {
         let OcpDims { states: n, inputs: m, .. } = shape;
         Self {
@@ -129,9 +130,9 @@ impl Stages {
         }
     }
 
-    fn linearize(&mut self, model: &mut dyn Predictor) {
+    fn linearize(&mut self, model: &mut dyn Model) {
         let Self { points: Points { x, u }, next, a, b } = self;
-        model.linearize_stages(x, u, next, a, b);
+        model.linearize(Stages { x, u, p: &[] }, Linearization { next, a, b, e: &mut [] });
     }
 
     fn is_finite(&self) -> bool {

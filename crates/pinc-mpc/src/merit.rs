@@ -1,8 +1,8 @@
 //! The merit function by which steps are shortened.
 
-use pinc_qp::{Limits, Qp, QpStep};
-use pinc_qp::OcpDims;
 use pinc_qp::Multipliers;
+use pinc_qp::OcpDims;
+use pinc_qp::{Limits, Qp, QpStep};
 
 /// The exact L1 merit function
 ///
@@ -65,7 +65,11 @@ fn violations(limits: &Limits, weights: &[f64]) -> f64 {
     rows.map(|([low, high, penalty], &sigma)| {
         let outside = low.max(-high).max(0.0);
         // No 0 times infinity, where the row is hard.
-        if outside > 0.0 { outside * if penalty.is_finite() { penalty } else { sigma } } else { 0.0 }
+        if outside > 0.0 {
+            outside * if penalty.is_finite() { penalty } else { sigma }
+        } else {
+            0.0
+        }
     })
     .sum()
 }

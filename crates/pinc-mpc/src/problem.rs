@@ -62,12 +62,12 @@ impl NmpcProblem {
             n1: 1,
             horizon,
             control_horizon: horizon,
-            tracked: (0..dims.states).collect(),
+            tracked: (0..dims.nx).collect(),
             weights,
-            state_bounds: Bounds::none(dims.states),
+            state_bounds: Bounds::none(dims.nx),
             state_softness: Softness::Hard,
-            input_bounds: Bounds::none(dims.inputs),
-            increment_bounds: Bounds::none(dims.inputs),
+            input_bounds: Bounds::none(dims.nu),
+            increment_bounds: Bounds::none(dims.nu),
             constraints: None,
             constraint_softness: Softness::Hard,
             delay: 0,
@@ -80,17 +80,17 @@ impl NmpcProblem {
     ///
     /// [`MpcError`], naming the field and what was expected of it.
     pub fn validate(&self, dims: Dims) -> Result<(), MpcError> {
-        check_range("the model's states", dims.states, 1, usize::MAX)?;
-        check_range("the model's inputs", dims.inputs, 1, usize::MAX)?;
+        check_range("the model's states", dims.nx, 1, usize::MAX)?;
+        check_range("the model's inputs", dims.nu, 1, usize::MAX)?;
         check_range("horizon (N2)", self.horizon, 1, LONGEST)?;
         check_range("n1", self.n1, 1, self.horizon)?;
         check_range("control_horizon (Nu)", self.control_horizon, 1, self.horizon)?;
         check_range("delay", self.delay, 0, LONGEST)?;
         self.validate_weights(dims)?;
-        self.state_bounds.validate("state_bounds", dims.states)?;
-        self.state_softness.validate("state_softness", dims.states)?;
-        self.input_bounds.validate("input_bounds", dims.inputs)?;
-        self.increment_bounds.validate("increment_bounds", dims.inputs)?;
+        self.state_bounds.validate("state_bounds", dims.nx)?;
+        self.state_softness.validate("state_softness", dims.nx)?;
+        self.input_bounds.validate("input_bounds", dims.nu)?;
+        self.increment_bounds.validate("increment_bounds", dims.nu)?;
         self.increment_bounds.admit_zero("increment_bounds")?;
         let rows = self.constraints.as_ref().map_or(0, |c| c.inequalities() + c.equalities());
         self.constraint_softness.validate("constraint_softness", rows)
@@ -101,8 +101,8 @@ impl NmpcProblem {
         let (inequalities, equalities) =
             self.constraints.as_ref().map_or((0, 0), |c| (c.inequalities(), c.equalities()));
         OcpDims {
-            states: dims.states,
-            inputs: dims.inputs,
+            states: dims.nx,
+            inputs: dims.nu,
             stages: self.horizon,
             n_controls: self.control_horizon,
             first: self.n1,
@@ -112,16 +112,16 @@ impl NmpcProblem {
     }
 
     fn validate_weights(&self, dims: Dims) -> Result<(), MpcError> {
-        check_range("tracked", self.tracked.len(), 1, dims.states)?;
+        check_range("tracked", self.tracked.len(), 1, dims.nx)?;
         for (i, &state) in self.tracked.iter().enumerate() {
-            check_range("tracked", state, 0, dims.states - 1)?;
+            check_range("tracked", state, 0, dims.nx - 1)?;
             if self.tracked[..i].contains(&state) {
                 return Err(MpcError::TrackedTwice { state });
             }
         }
         let Weights { q, r, terminal, .. } = &self.weights;
         q.validate("weights.q", self.tracked.len())?;
-        r.validate("weights.r", dims.inputs)?;
+        r.validate("weights.r", dims.nu)?;
         let terminal = terminal.as_ref();
         terminal.map_or(Ok(()), |t| t.validate("weights.terminal", self.tracked.len()))
     }

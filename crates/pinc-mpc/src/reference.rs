@@ -43,7 +43,11 @@ impl Reference {
     /// # Errors
     ///
     /// [`MpcError`] if `steps` is 0 or `sample_time_s` is not positive and finite.
-    pub fn sample(signal: &PiecewiseConstant, steps: usize, sample_time_s: f64) -> Result<Self, MpcError> {
+    pub fn sample(
+        signal: &PiecewiseConstant,
+        steps: usize,
+        sample_time_s: f64,
+    ) -> Result<Self, MpcError> {
         let good = sample_time_s > 0.0 && sample_time_s.is_finite();
         check_setting("sample_time_s", sample_time_s, "positive and finite", good)?;
         #[expect(clippy::cast_precision_loss, reason = "no run has 2^53 steps")]

@@ -1,16 +1,16 @@
 //! Sequential quadratic programming with Gauss-Newton Hessians.
 
+use crate::barzilai_borwein::BarzilaiBorwein;
 use crate::constraint::Constraint;
 use crate::cost::Targets;
 use crate::kkt::KktResidual;
 use crate::merit::Merit;
-use crate::barzilai_borwein::BarzilaiBorwein;
-use pinc_qp::{ChosenQp, Qp, QpSolver, QpStatus, QpStep, Row};
-use pinc_qp::OcpDims;
 use crate::solution::Solution;
 use crate::transcription::Transcription;
 use crate::{NmpcProblem, Softness, SqpConfig, SqpStatus};
-use pinc_ode::Predictor;
+use pinc_ode::Model;
+use pinc_qp::OcpDims;
+use pinc_qp::{ChosenQp, Qp, QpSolver, QpStatus, QpStep, Row};
 
 /// A step is taken whole if it brings the KKT residual below this part of the least seen.
 const CONTRACTION: f64 = 0.9;
@@ -131,7 +131,7 @@ impl Sqp {
     }
 
     /// Linearises at the plan for a plant that will be at `x0`, for [`Sqp::feed_back`].
-    pub(crate) fn prepare(&mut self, model: &mut dyn Predictor, x0: &[f64], plan: &Solution) {
+    pub(crate) fn prepare(&mut self, model: &mut dyn Model, x0: &[f64], plan: &Solution) {
         self.leave_elastic();
         self.transcription.linearize(model, x0, &plan.z, &mut self.qp);
         self.prepared.copy_from_slice(x0);
@@ -178,7 +178,7 @@ impl Sqp {
     /// time left. The plan's inputs must be within their bounds and stay there.
     pub(crate) fn solve(
         &mut self,
-        model: &mut dyn Predictor,
+        model: &mut dyn Model,
         input: StepInput<'_>,
         plan: &mut Solution,
         expired: &mut dyn FnMut() -> bool,
@@ -228,7 +228,7 @@ impl Sqp {
     /// Goes along the step as far as is good; `None` if it is not good at all.
     fn search(
         &mut self,
-        model: &mut dyn Predictor,
+        model: &mut dyn Model,
         input: StepInput<'_>,
         plan: &mut Solution,
         from: Point,
@@ -254,7 +254,7 @@ impl Sqp {
     /// Halves the step until the merit function decreases.
     fn backtrack(
         &mut self,
-        model: &mut dyn Predictor,
+        model: &mut dyn Model,
         input: StepInput<'_>,
         plan: &mut Solution,
         from: Point,
@@ -282,7 +282,7 @@ impl Sqp {
     /// Sets the plan `length` of the step away from the base, and linearises there.
     fn evaluate_trial(
         &mut self,
-        model: &mut dyn Predictor,
+        model: &mut dyn Model,
         input: StepInput<'_>,
         plan: &mut Solution,
         length: f64,
@@ -307,7 +307,7 @@ impl Sqp {
     }
 
     /// Linearises at `plan`, into the trial QP.
-    fn try_point(&mut self, model: &mut dyn Predictor, input: StepInput<'_>, plan: &Solution) -> Point {
+    fn try_point(&mut self, model: &mut dyn Model, input: StepInput<'_>, plan: &Solution) -> Point {
         self.transcription.linearize(model, input.x0, &plan.z, &mut self.trial);
         let cost = self.transcription.measure(&plan.z, input.targets, &mut self.trial);
         Point { kkt: KktResidual::new(&self.trial, plan, &mut self.work), cost }
@@ -392,7 +392,8 @@ impl Sqp {
     /// The hard row that is violated most.
     fn worst_row(&self) -> Option<Constraint> {
         let rows = self.qp.limits().into_iter().flat_map(|(kind, limits)| {
-            let hard = limits.iter().enumerate().filter(|(_, [_, _, penalty])| penalty.is_infinite());
+            let hard =
+                limits.iter().enumerate().filter(|(_, [_, _, penalty])| penalty.is_infinite());
             hard.map(move |(index, [low, high, _])| {
                 (low.max(-high), Row { kind, index, upper: -high > low })
             })

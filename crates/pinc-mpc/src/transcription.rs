@@ -3,11 +3,11 @@
 use crate::constraints::ConstraintWork;
 use crate::cost::{Cost, Targets};
 use crate::linearization_cache::LinearizationCache;
-use pinc_qp::Qp;
-use pinc_qp::OcpDims;
 use crate::solution::Solution;
 use crate::{Bounds, Constraints, NmpcProblem};
-use pinc_ode::{Dims, Predictor};
+use pinc_ode::{Dims, Model};
+use pinc_qp::OcpDims;
+use pinc_qp::Qp;
 
 /// The control problem in the unknowns z, and its linearisation.
 #[derive(Debug)]
@@ -27,7 +27,7 @@ impl Transcription {
     pub(crate) fn new(problem: &NmpcProblem, shape: OcpDims, sample_time_s: f64) -> Self {
         let states = problem.state_bounds.repeat(shape.stages);
         let inputs = problem.input_bounds.repeat(shape.n_controls);
-        let dims = Dims { states: shape.states, inputs: shape.inputs };
+        let dims = Dims::new(shape.states, shape.inputs);
         Self {
             shape,
             cost: Cost::new(problem, shape, sample_time_s),
@@ -85,13 +85,7 @@ impl Transcription {
     }
 
     /// Linearises the model and h and g at `z`, for a plant measured to be at `x0`.
-    pub(crate) fn linearize(
-        &mut self,
-        model: &mut dyn Predictor,
-        x0: &[f64],
-        z: &[f64],
-        qp: &mut Qp,
-    ) {
+    pub(crate) fn linearize(&mut self, model: &mut dyn Model, x0: &[f64], z: &[f64], qp: &mut Qp) {
         self.cache.follow(model, x0, z);
         let [next, a, b] = self.cache.parts();
         qp.a.copy_from_slice(a);

@@ -6,7 +6,7 @@ use pinc_mpc::{
     Bounds, Constraints, Nmpc, NmpcProblem, QpMethod, SqpConfig, SqpStatus, StageConstraints,
     Weights,
 };
-use pinc_ode::{Predictor, Rk4};
+use pinc_ode::{Model, Rk4};
 use pinc_plants::{FourTanks, VanDerPol};
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;

@@ -73,7 +73,8 @@ fn loss_gradient<P: Plant>(
     let workers = Workers::new(1).expect("a thread");
     let mut loss = BatchLoss::new(plant, &net, &weights, &workers);
     let scenarios = points / 100;
-    let collocation = Sampler::Sobol.collocation(points, config.sample_time_s, domain, scenarios, 0);
+    let collocation =
+        Sampler::Sobol.collocation(points, config.sample_time_s, domain, scenarios, 0);
     loss.set_points(&collocation, &initial_conditions(scenarios, domain, 0));
     let parameters = net.mlp().parameters();
     let mut gradient = vec![0.0; parameters.len()];

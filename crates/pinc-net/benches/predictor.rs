@@ -1,8 +1,8 @@
 //! A step of a net, alone and with Jacobians, by plant and size.
 
 use divan::{Bencher, black_box};
-use pinc_net::{Ansatz, Domain, NetConfig, PincNet, PincPredictor};
-use pinc_ode::{Dims, Plant, Predictor};
+use pinc_net::{Ansatz, Domain, NetConfig, PincModel, PincNet};
+use pinc_ode::{Dims, Linearization, Model, Plant, Stages};
 use pinc_plants::{FourTanks, VanDerPol};
 
 /// Hidden layers and neurons.
@@ -48,37 +48,43 @@ fn linearize_10_stages_four_tanks(bencher: Bencher<'_, '_>, size: (usize, usize)
 }
 
 /// An untrained net: a step costs the same.
-fn net<P: Plant>(plant: P, (hidden_layers, neurons): (usize, usize)) -> PincPredictor {
+fn net<P: Plant>(plant: P, (hidden_layers, neurons): (usize, usize)) -> PincModel {
     let dims = plant.dims();
     let domain = Domain {
-        state_low: vec![1.0; dims.states],
-        state_high: vec![3.0; dims.states],
-        input_low: vec![-1.0; dims.inputs],
-        input_high: vec![1.0; dims.inputs],
+        state_low: vec![1.0; dims.nx],
+        state_high: vec![3.0; dims.nx],
+        input_low: vec![-1.0; dims.nu],
+        input_high: vec![1.0; dims.nu],
     };
     let ansatz = Ansatz::HardLinear;
     let config = NetConfig { sample_time_s: 0.5, hidden_layers, neurons, ansatz, time_only: None };
-    PincPredictor::new(&PincNet::new(&plant, &config, &domain, 0).expect("a net"))
+    PincModel::new(&PincNet::new(&plant, &config, &domain, 0).expect("a net"))
 }
 
 fn step<P: Plant>(bencher: Bencher<'_, '_>, plant: P, size: (usize, usize)) {
     let mut model = net(plant, size);
-    let Dims { states: n, inputs: m } = model.dims();
+    let Dims { nx: n, nu: m, .. } = model.dims();
     let (x, u, mut next) = (vec![1.5; n], vec![0.3; m], vec![0.0; n]);
-    bencher.bench_local(|| model.predict(black_box(&x), black_box(&u), black_box(&mut next)));
+    bencher.bench_local(|| model.step(black_box(&x), black_box(&u), &[], black_box(&mut next)));
 }
 
 fn linearize<P: Plant>(bencher: Bencher<'_, '_>, plant: P, size: (usize, usize), points: usize) {
     let mut model = net(plant, size);
-    let Dims { states: n, inputs: m } = model.dims();
+    let Dims { nx: n, nu: m, .. } = model.dims();
     let (x, u, mut next) = (vec![1.5; points * n], vec![0.3; points * m], vec![0.0; points * n]);
     let (mut a, mut b) = (vec![0.0; points * n * n], vec![0.0; points * n * m]);
     bencher.bench_local(|| {
         let (x, u) = (black_box(&x[..]), black_box(&u[..]));
         if points == 1 {
-            model.linearize(x, u, &mut next, &mut a, &mut b);
+            model.linearize(
+                Stages { x, u, p: &[] },
+                Linearization { next: &mut next, a: &mut a, b: &mut b, e: &mut [] },
+            );
         } else {
-            model.linearize_stages(x, u, &mut next, &mut a, &mut b);
+            model.linearize(
+                Stages { x, u, p: &[] },
+                Linearization { next: &mut next, a: &mut a, b: &mut b, e: &mut [] },
+            );
         }
         black_box((&mut next, &mut a, &mut b));
     });

@@ -5,8 +5,8 @@
 
 use pinc_net::optim::{OptimizerConfig, SelfScaledBroydenConfig};
 use pinc_net::{
-    Ansatz, Domain, InitialScale, SelectNet, NetConfig, NetError, Phase, PincNet, Progress,
-    ResidualScale, Sampler, TrainingTarget, Trainer, TrainingConfig, ValidationConfig, ValidationSet,
+    Ansatz, Domain, InitialScale, NetConfig, NetError, Phase, PincNet, Progress, ResidualScale,
+    Sampler, SelectNet, Trainer, TrainingConfig, TrainingTarget, ValidationConfig, ValidationSet,
 };
 use pinc_plants::VanDerPol;
 

@@ -8,7 +8,7 @@
 #[expect(dead_code, reason = "its `main` and `trained` are not needed")]
 mod train;
 
-use pinc_net::{SelectNet, Measurements, PincNet, Progress, Trainer, TrainingConfig};
+use pinc_net::{Measurements, PincNet, Progress, SelectNet, Trainer, TrainingConfig};
 use pinc_ode::Dopri5;
 use pinc_plants::VanDerPol;
 use std::error::Error;

@@ -26,10 +26,10 @@ impl Domain {
     /// [`NetError::Dimension`] or [`NetError::Setting`].
     pub fn validate(&self, dims: Dims) -> Result<(), NetError> {
         let ends = [
-            ("state_low", &self.state_low, dims.states, "state"),
-            ("state_high", &self.state_high, dims.states, "state"),
-            ("input_low", &self.input_low, dims.inputs, "input"),
-            ("input_high", &self.input_high, dims.inputs, "input"),
+            ("state_low", &self.state_low, dims.nx, "state"),
+            ("state_high", &self.state_high, dims.nx, "state"),
+            ("input_low", &self.input_low, dims.nu, "input"),
+            ("input_high", &self.input_high, dims.nu, "input"),
         ];
         for (key, values, expected, per) in ends {
             if values.len() != expected {

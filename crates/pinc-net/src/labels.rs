@@ -30,7 +30,7 @@ impl Labels {
             return Err(NetError::Setting { key, found, expected });
         }
         let integrator = Dopri5::new(plant.clone(), TOLERANCE);
-        let known = Measurements::new(plant.dims().states);
+        let known = Measurements::new(plant.dims().nx);
         Ok(Some(Self { integrator, sample_time_s: net.sample_time_s, known }))
     }
 

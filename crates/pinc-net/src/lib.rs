@@ -2,7 +2,7 @@
 //!
 //! A [`PincNet`] maps (t, y(0), u) to y(t) for t in \[0, T\] (Eq. `net_pred` of the paper). It is trained
 //! on the residual y' - f(y, u) of a [`pinc_ode::Plant`] at collocation points, chained over any
-//! horizon, and offered to a controller as a [`pinc_ode::Predictor`] ([`PincPredictor`]).
+//! horizon, and offered to a controller as a [`pinc_ode::Model`] ([`PincModel`]).
 //!
 //! - [`Mlp::forward`], [`PincNet::state`] and [`reference_loss`] say what is computed, over any scalar;
 //! - [`BatchLoss`] computes it fast (SIMD lanes, threads); tests hold the two together;
@@ -94,11 +94,11 @@ pub use mlp::{Mlp, MlpConfig};
 pub use net::{NetConfig, PincNet, Scenario};
 pub use normalizer::Normalizer;
 pub use pinc_ad::simd::Isa;
-pub use predictor::PincPredictor;
+pub use predictor::PincModel;
 pub use sampling::{Points, Sampler, initial_conditions};
 pub use schedule::{
-    GrowthConfig, IterationRecord, SelectNet, Phase, Progress, TrainingTarget, StopReason, Totals,
-    TrainingConfig,
+    GrowthConfig, IterationRecord, Phase, Progress, SelectNet, StopReason, Totals, TrainingConfig,
+    TrainingTarget,
 };
 pub use trainer::{Checkpoint, Trainer};
 pub use validation::{Validation, ValidationConfig, ValidationSet};

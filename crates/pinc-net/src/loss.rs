@@ -62,7 +62,7 @@ impl LossWeights {
         residual: &ResidualScale,
         initial: InitialScale,
     ) -> Result<Self, NetError> {
-        let states = net.dims().states;
+        let states = net.dims().nx;
         let deviation: Vec<f64> = net
             .domain
             .ends()
@@ -78,7 +78,9 @@ impl LossWeights {
         let residual_scale = match residual {
             ResidualScale::Physical => vec![1.0; states],
             ResidualScale::Normalized => deviation.iter().map(|d| net.sample_time_s / d).collect(),
-            ResidualScale::Displacement => displacement.iter().map(|d| net.sample_time_s / d).collect(),
+            ResidualScale::Displacement => {
+                displacement.iter().map(|d| net.sample_time_s / d).collect()
+            }
             ResidualScale::Custom(factors) => factors.clone(),
         };
         let initial_scale = match initial {
@@ -159,8 +161,8 @@ pub fn reference_residuals<S: Scalar, P: Plant>(
     (collocation, initial): (&Points, &Points),
     context: S,
 ) -> [Vec<S>; 2] {
-    let Dims { states, .. } = net.dims();
-    let share = |points: usize, weight: f64| (weight / to_f64((points * states).max(1))).sqrt();
+    let Dims { nx, .. } = net.dims();
+    let share = |points: usize, weight: f64| (weight / to_f64((points * nx).max(1))).sqrt();
     let lifted: Vec<Dual<S>> = parameters.iter().map(|&w| Dual::lift(w)).collect();
     let mut physics = Vec::new();
     for k in 0..collocation.len() {
@@ -169,12 +171,11 @@ pub fn reference_residuals<S: Scalar, P: Plant>(
         let u: Vec<_> = collocation.input(k).iter().map(constant).collect();
         let t = Dual::variable(context.constant(collocation.time(k)), 0);
         let y = net.state(&lifted, t, &y0, &u);
-        let mut f = vec![Dual::lift(context.constant(0.0)); states];
-        plant.rhs(&y, &u, &mut f);
+        let mut f = vec![Dual::lift(context.constant(0.0)); nx];
+        plant.rhs(&y, &u, &[], &mut f);
         let share = share(collocation.len(), weights.lambda);
-        physics.extend(
-            (0..states).map(|i| (y[i].eps[0] - f[i].re) * weights.residual_scale[i] * share),
-        );
+        physics
+            .extend((0..nx).map(|i| (y[i].eps[0] - f[i].re) * weights.residual_scale[i] * share));
     }
     let mut data = Vec::new();
     for j in 0..initial.len() {
@@ -183,7 +184,7 @@ pub fn reference_residuals<S: Scalar, P: Plant>(
         let u: Vec<_> = initial.input(j).iter().map(constant).collect();
         let y = net.state(parameters, context.constant(initial.time(j)), &y0, &u);
         let share = share(initial.len(), 1.0);
-        data.extend((0..states).map(|i| (y[i] - y0[i]) * weights.initial_scale[i] * share));
+        data.extend((0..nx).map(|i| (y[i] - y0[i]) * weights.initial_scale[i] * share));
     }
     [data, physics]
 }

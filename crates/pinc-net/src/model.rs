@@ -164,7 +164,7 @@ impl Description {
         let first = if self.time_only.is_some() { 1 } else { 1 + states + inputs };
         let mlp = read_layers(tensors, first, states)?;
         let domain = self.domain.into_domain(states);
-        if domain.validate(Dims { states, inputs }).is_err() {
+        if domain.validate(Dims::new(states, inputs)).is_err() {
             let (field, problem) = ("domain", "does not have a low and a higher end per variable");
             return Err(ModelError::Inconsistent { field, problem });
         }

@@ -46,12 +46,12 @@ impl NetConfig {
     }
 
     fn size(&self, dims: Dims) -> MlpConfig {
-        let of_scenario = if self.time_only.is_some() { 0 } else { dims.states + dims.inputs };
+        let of_scenario = if self.time_only.is_some() { 0 } else { dims.nx + dims.nu };
         MlpConfig {
             inputs: 1 + of_scenario,
             hidden_layers: self.hidden_layers,
             neurons: self.neurons,
-            outputs: dims.states,
+            outputs: dims.nx,
         }
     }
 
@@ -73,8 +73,8 @@ impl NetConfig {
         }
         if let Some(scenario) = &self.time_only {
             for (key, values, expected, per) in [
-                ("time_only.initial_state", &scenario.initial_state, dims.states, "state"),
-                ("time_only.input", &scenario.input, dims.inputs, "input"),
+                ("time_only.initial_state", &scenario.initial_state, dims.nx, "state"),
+                ("time_only.input", &scenario.input, dims.nu, "input"),
             ] {
                 if values.len() != expected {
                     return Err(NetError::Dimension { key, found: values.len(), expected, per });
@@ -129,7 +129,7 @@ impl PincNet {
             Some(_) => Normalizer::of_uniform(std::iter::once(time)),
         };
         let output = match config.ansatz {
-            Ansatz::Direct => Normalizer::of_uniform(domain.ends().take(dims.states)),
+            Ansatz::Direct => Normalizer::of_uniform(domain.ends().take(dims.nx)),
             Ansatz::HardLinear => displacement_scale(plant, config, domain, seed)?,
         };
         let size = config.size(dims);
@@ -153,7 +153,7 @@ impl PincNet {
     /// The numbers of states and inputs.
     #[must_use]
     pub fn dims(&self) -> Dims {
-        Dims { states: self.states.len(), inputs: self.inputs.len() }
+        Dims::new(self.states.len(), self.inputs.len())
     }
 
     /// Length T of one step, in s.
@@ -232,8 +232,8 @@ impl PincNet {
     ///
     /// If a length does not fit.
     pub fn state<S: Scalar>(&self, parameters: &[S], t: S, y0: &[S], u: &[S]) -> Vec<S> {
-        let Dims { states, inputs } = self.dims();
-        assert_eq!((y0.len(), u.len()), (states, inputs), "lengths of y0 and u");
+        let Dims { nx, nu, .. } = self.dims();
+        assert_eq!((y0.len(), u.len()), (nx, nu), "lengths of y0 and u");
         let raw = std::iter::once(&t).chain(y0).chain(u);
         let normalized: Vec<S> = raw
             .zip(self.input.mean.iter().zip(&self.input.std))
@@ -263,11 +263,11 @@ fn displacement_scale<P: Plant>(
         None => Sampler::Sobol.collocation(SCALE_POINTS, config.sample_time_s, domain, 1, seed),
         Some(scenario) => Sampler::Sobol.scenario(1, config.sample_time_s, scenario, seed),
     };
-    let mut velocity = vec![0.0; dims.states];
-    let mut velocities = vec![Vec::new(); dims.states];
+    let mut velocity = vec![0.0; dims.nx];
+    let mut velocities = vec![Vec::new(); dims.nx];
     for i in 0..points.len() {
         let (x, u) = (points.state(i), points.input(i));
-        plant.rhs(x, u, &mut velocity);
+        plant.rhs(x, u, &[], &mut velocity);
         for (j, v) in velocity.iter().enumerate() {
             if !v.is_finite() {
                 let state = plant.states()[j].name.to_string();

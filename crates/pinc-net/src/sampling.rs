@@ -175,7 +175,13 @@ impl Sampler {
 
     /// `count` times over \[0, T\] for one scenario: the collocation points of a conventional PINN.
     #[must_use]
-    pub fn scenario(self, count: usize, sample_time_s: f64, scenario: &Scenario, seed: u64) -> Points {
+    pub fn scenario(
+        self,
+        count: usize,
+        sample_time_s: f64,
+        scenario: &Scenario,
+        seed: u64,
+    ) -> Points {
         let mut points = Points::new(scenario.initial_state.len());
         let mut random = rng(seed, Purpose::Collocation);
         let scramble: u32 = random.random();

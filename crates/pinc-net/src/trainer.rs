@@ -5,7 +5,7 @@ use crate::loss::LossTerms;
 use crate::optim::{Iterate, LeastSquares, Objective, Optimizer, Outcome};
 use crate::sampling::{Points, Purpose, Sampler, initial_conditions};
 use crate::schedule::{
-    IterationRecord, SelectNet, Progress, TrainingTarget, StopReason, Totals, TrainingConfig,
+    IterationRecord, Progress, SelectNet, StopReason, Totals, TrainingConfig, TrainingTarget,
 };
 use crate::{
     Ansatz, BatchLoss, Domain, Measurements, NetConfig, NetError, PincNet, Validation,
@@ -379,7 +379,7 @@ impl Trainer {
                 initial_conditions(initial, &self.domain, self.seed),
             ),
             Some(scenario) => {
-                let mut one = Points::new(self.net.dims().states);
+                let mut one = Points::new(self.net.dims().nx);
                 one.push(0.0, &scenario.initial_state, &scenario.input);
                 (sampler.scenario(points, sample_time_s, scenario, self.seed), one)
             }
@@ -411,6 +411,8 @@ fn fresh_points(net: &PincNet, count: usize, seed: u64) -> Points {
         None => {
             Sampler::Sobol.sample(count, net.sample_time_s(), net.domain(), 1, seed, Purpose::Fresh)
         }
-        Some(scenario) => Sampler::Independent.scenario(count, net.sample_time_s(), scenario, !seed),
+        Some(scenario) => {
+            Sampler::Independent.scenario(count, net.sample_time_s(), scenario, !seed)
+        }
     }
 }

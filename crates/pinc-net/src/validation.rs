@@ -4,7 +4,7 @@ use crate::mlp::to_f64;
 use crate::sampling::{Purpose, Sampler, rng};
 use crate::{Domain, Measurements, NetError, PincNet, Scenario, TrainingTarget};
 use pinc_ode::metrics::mean_squared_error;
-use pinc_ode::{Dopri5, Dims, Plant};
+use pinc_ode::{Dims, Dopri5, Plant};
 use rand::RngExt;
 use serde::{Deserialize, Serialize};
 
@@ -135,7 +135,7 @@ impl ValidationSet {
         config: &ValidationConfig,
         seed: u64,
     ) -> Result<Self, NetError> {
-        let states = integrator.dims().states;
+        let states = integrator.dims().nx;
         let ends: Vec<_> = config.domain.ends().collect();
         let mut random = rng(seed, Purpose::Validation);
         let mut uniform = |(low, high): (f64, f64)| low + (high - low) * random.random::<f64>();
@@ -163,7 +163,16 @@ impl ValidationSet {
             .collect::<Result<_, _>>()?;
         let (subintervals, scale) = (config.subintervals, config.scale(states));
         let held_out = None;
-        Ok(Self { states, steps, subintervals, sample_time_s, scale, scenarios, one_step, held_out })
+        Ok(Self {
+            states,
+            steps,
+            subintervals,
+            sample_time_s,
+            scale,
+            scenarios,
+            one_step,
+            held_out,
+        })
     }
 
     /// What a conventional PINN can be asked: its one scenario, over one T.
@@ -178,7 +187,7 @@ impl ValidationSet {
         scenario: &Scenario,
     ) -> Result<Self, NetError> {
         config.validate(plant.dims(), sample_time_s)?;
-        let (states, subintervals) = (plant.dims().states, config.subintervals);
+        let (states, subintervals) = (plant.dims().nx, config.subintervals);
         let mut integrator = Dopri5::new(plant.clone(), config.tolerance);
         let mut trial = |parts| {
             let (initial, inputs) = (scenario.initial_state.clone(), vec![scenario.input.clone()]);
@@ -187,7 +196,16 @@ impl ValidationSet {
         let (scenarios, one_step) = (vec![trial(subintervals)?], vec![trial(1)?]);
         let scale = config.scale(states);
         let (steps, held_out) = (1, None);
-        Ok(Self { states, steps, subintervals, sample_time_s, scale, scenarios, one_step, held_out })
+        Ok(Self {
+            states,
+            steps,
+            subintervals,
+            sample_time_s,
+            scale,
+            scenarios,
+            one_step,
+            held_out,
+        })
     }
 
     /// The same scenarios, and measurements that are not trained on.
@@ -209,7 +227,8 @@ impl ValidationSet {
             rows.push(&first, &start);
             for (k, input) in scenario.inputs.iter().enumerate() {
                 // A distilled net is to be asked for the end alone.
-                let first = if net.source() == TrainingTarget::Integrator { self.subintervals } else { 1 };
+                let first =
+                    if net.source() == TrainingTarget::Integrator { self.subintervals } else { 1 };
                 for part in first..=self.subintervals {
                     let t = self.sample_time_s * to_f64(part) / to_f64(self.subintervals);
                     let y = net.evaluate(t, &start, input);

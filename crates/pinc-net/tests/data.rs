@@ -5,8 +5,8 @@ use pinc_net::optim::{
     SelfScaledBroydenConfig,
 };
 use pinc_net::{
-    Ansatz, Domain, InitialScale, SelectNet, Measurements, NetConfig, NetError, Phase, Progress,
-    Recorded, ResidualScale, Sampler, TrainingTarget, Trainer, TrainingConfig, ValidationConfig,
+    Ansatz, Domain, InitialScale, Measurements, NetConfig, NetError, Phase, Progress, Recorded,
+    ResidualScale, Sampler, SelectNet, Trainer, TrainingConfig, TrainingTarget, ValidationConfig,
     ValidationSet,
 };
 use pinc_ode::Dopri5;

@@ -18,10 +18,10 @@ const MEASURED: f64 = 0.7;
 fn domain(plant: &impl Plant) -> Domain {
     let dims = plant.dims();
     Domain {
-        state_low: vec![-1.0; dims.states],
-        state_high: vec![6.0; dims.states],
-        input_low: vec![-1.0; dims.inputs],
-        input_high: vec![3.0; dims.inputs],
+        state_low: vec![-1.0; dims.nx],
+        state_high: vec![6.0; dims.nx],
+        input_low: vec![-1.0; dims.nu],
+        input_high: vec![3.0; dims.nu],
     }
 }
 
@@ -60,8 +60,7 @@ struct Problem<P> {
 fn problem<P: Plant>(plant: P, case: &Case) -> Problem<P> {
     let dims = plant.dims();
     let domain = domain(&plant);
-    let scenario =
-        Scenario { initial_state: vec![1.5; dims.states], input: vec![0.5; dims.inputs] };
+    let scenario = Scenario { initial_state: vec![1.5; dims.nx], input: vec![0.5; dims.nu] };
     let config = NetConfig {
         sample_time_s: 0.7,
         hidden_layers: case.hidden_layers,
@@ -73,7 +72,7 @@ fn problem<P: Plant>(plant: P, case: &Case) -> Problem<P> {
     let scale = ResidualScale::Normalized;
     let weights = LossWeights::new(&net, 0.3, &scale, InitialScale::Normalized).unwrap();
     let (collocation, initial) = if case.time_only {
-        let mut initial = Points::new(dims.states);
+        let mut initial = Points::new(dims.nx);
         initial.push(0.0, &scenario.initial_state, &scenario.input);
         (Sampler::Sobol.scenario(case.collocation, 0.7, &scenario, case.seed), initial)
     } else {

@@ -8,13 +8,12 @@ use proptest::prelude::*;
 fn net<P: Plant>(plant: &P, ansatz: Ansatz, time_only: bool) -> PincNet {
     let dims = plant.dims();
     let domain = Domain {
-        state_low: vec![0.5; dims.states],
-        state_high: vec![6.0; dims.states],
-        input_low: vec![-1.0; dims.inputs],
-        input_high: vec![3.0; dims.inputs],
+        state_low: vec![0.5; dims.nx],
+        state_high: vec![6.0; dims.nx],
+        input_low: vec![-1.0; dims.nu],
+        input_high: vec![3.0; dims.nu],
     };
-    let scenario =
-        Scenario { initial_state: vec![1.5; dims.states], input: vec![0.5; dims.inputs] };
+    let scenario = Scenario { initial_state: vec![1.5; dims.nx], input: vec![0.5; dims.nu] };
     let config = NetConfig {
         sample_time_s: 0.7,
         hidden_layers: 3,

@@ -1,14 +1,14 @@
 //! The net's control interface against its specification over dual numbers.
 
 use pinc_ad::{Dual, jacobian};
-use pinc_net::{Ansatz, Domain, NetConfig, PincNet, PincPredictor};
-use pinc_ode::{Plant, Predictor};
+use pinc_net::{Ansatz, Domain, NetConfig, PincModel, PincNet};
+use pinc_ode::{Linearization, Model, Plant, Stages};
 use pinc_plants::{FourTanks, VanDerPol};
 use proptest::prelude::*;
 
 fn check<P: Plant>(plant: &P, ansatz: Ansatz, seed: u64, at: f64) -> Result<(), TestCaseError> {
     let dims = plant.dims();
-    let (n, m) = (dims.states, dims.inputs);
+    let (n, m) = (dims.nx, dims.nu);
     let domain = Domain {
         state_low: vec![0.5; n],
         state_high: vec![6.0; n],
@@ -18,12 +18,15 @@ fn check<P: Plant>(plant: &P, ansatz: Ansatz, seed: u64, at: f64) -> Result<(), 
     let config =
         NetConfig { sample_time_s: 0.7, hidden_layers: 3, neurons: 11, ansatz, time_only: None };
     let net = PincNet::new(plant, &config, &domain, seed).unwrap();
-    let mut predictor = PincPredictor::new(&net);
+    let mut predictor = PincModel::new(&net);
     let xu: Vec<f64> = (0..n + m).map(|i| at + 0.3 * i as f64).collect();
     let (x, u) = xu.split_at(n);
     let mut next = vec![0.0; n];
     let (mut a, mut b) = (vec![0.0; n * n], vec![0.0; n * m]);
-    predictor.linearize(x, u, &mut next, &mut a, &mut b);
+    predictor.linearize(
+        Stages { x, u, p: &[] },
+        Linearization { next: &mut next, a: &mut a, b: &mut b, e: &mut [] },
+    );
     let expected = net.evaluate(0.7, x, u);
     let parameters: Vec<_> = net.mlp().parameters().iter().map(|&w| Dual::lift(w)).collect();
     let derivatives = jacobian(
@@ -41,7 +44,7 @@ fn check<P: Plant>(plant: &P, ansatz: Ansatz, seed: u64, at: f64) -> Result<(), 
         }
     }
     let mut value = vec![0.0; n];
-    predictor.predict(x, u, &mut value);
+    predictor.step(x, u, &[], &mut value);
     prop_assert!(value.iter().zip(&next).all(|(p, l)| (p - l).abs() < 1e-13));
     Ok(())
 }

@@ -6,9 +6,10 @@ use pinc_net::optim::{
     SelfScaledBroydenConfig,
 };
 use pinc_net::{
-    Ansatz, Checkpoint, Domain, GrowthConfig, InitialScale, IterationRecord, SelectNet, Measurements,
-    NetConfig, NetError, Phase, PincNet, Progress, ResidualScale, Sampler, Scenario, TrainingTarget,
-    StopReason, Trainer, TrainingConfig, Validation, ValidationConfig, ValidationSet,
+    Ansatz, Checkpoint, Domain, GrowthConfig, InitialScale, IterationRecord, Measurements,
+    NetConfig, NetError, Phase, PincNet, Progress, ResidualScale, Sampler, Scenario, SelectNet,
+    StopReason, Trainer, TrainingConfig, TrainingTarget, Validation, ValidationConfig,
+    ValidationSet,
 };
 use pinc_ode::{Dopri5, Plant, Variable};
 use pinc_plants::{OneTank, VanDerPol};
@@ -85,7 +86,8 @@ fn validation<P: Plant>(plant: &P, sample_time_s: f64, domain: &Domain) -> Valid
 }
 
 fn van_der_pol(config: &TrainingConfig, ansatz: Ansatz, threads: usize) -> Trainer {
-    let net = NetConfig { sample_time_s: 0.5, hidden_layers: 2, neurons: 8, ansatz, time_only: None };
+    let net =
+        NetConfig { sample_time_s: 0.5, hidden_layers: 2, neurons: 8, ansatz, time_only: None };
     let plant = VanDerPol::default();
     let domain = van_der_pol_domain();
     let set = validation(&plant, 0.5, &domain);
@@ -296,7 +298,7 @@ fn a_plant_without_value_in_the_domain_is_named() {
         fn inputs(&self) -> &[Variable] {
             &[]
         }
-        fn rhs<S: Scalar>(&self, x: &[S], _: &[S], dx: &mut [S]) {
+        fn rhs<S: Scalar>(&self, x: &[S], _: &[S], _p: &[S], dx: &mut [S]) {
             dx[0] = x[0].sqrt();
         }
     }
@@ -462,7 +464,8 @@ fn distilled(
     threads: usize,
 ) -> Result<Trainer, NetError> {
     let (plant, domain) = (VanDerPol::default(), van_der_pol_domain());
-    let net = NetConfig { sample_time_s: 0.5, hidden_layers: 2, neurons: 8, ansatz, time_only: None };
+    let net =
+        NetConfig { sample_time_s: 0.5, hidden_layers: 2, neurons: 8, ansatz, time_only: None };
     let config = TrainingConfig { source: TrainingTarget::Integrator, ..training.clone() };
     let set = validation(&plant, 0.5, &domain);
     Trainer::new(&plant, &net, &domain, &config, set, 3, threads)

@@ -1,7 +1,7 @@
 //! A step of RK4, alone and with Jacobians, by substeps: the time grows linearly with them.
 
 use divan::{Bencher, black_box};
-use pinc_ode::{Dims, Plant, Predictor, Rk4};
+use pinc_ode::{Dims, Linearization, Model, Plant, Rk4, Stages};
 use pinc_plants::{FourTanks, VanDerPol};
 
 const SUBSTEPS: [usize; 5] = [1, 4, 5, 10, 50];
@@ -40,14 +40,17 @@ fn four_tanks(substeps: usize) -> Rk4<FourTanks> {
 
 fn step<P: Plant>(bencher: Bencher<'_, '_>, model: &mut Rk4<P>, x: &[f64], u: &[f64]) {
     let mut next = vec![0.0; x.len()];
-    bencher.bench_local(|| model.predict(black_box(x), black_box(u), black_box(&mut next)));
+    bencher.bench_local(|| model.step(black_box(x), black_box(u), &[], black_box(&mut next)));
 }
 
 fn linearize<P: Plant>(bencher: Bencher<'_, '_>, model: &mut Rk4<P>, x: &[f64], u: &[f64]) {
-    let Dims { states: n, inputs: m } = model.dims();
+    let Dims { nx: n, nu: m, .. } = model.dims();
     let (mut next, mut a, mut b) = (vec![0.0; n], vec![0.0; n * n], vec![0.0; n * m]);
     bencher.bench_local(|| {
-        model.linearize(black_box(x), black_box(u), black_box(&mut next), &mut a, &mut b);
+        model.linearize(
+            Stages { x: black_box(x), u: black_box(u), p: &[] },
+            Linearization { next: black_box(&mut next), a: &mut a, b: &mut b, e: &mut [] },
+        );
         black_box((&mut a, &mut b));
     });
 }
@@ -70,13 +73,16 @@ fn linearize_stages<P: Plant>(
     u: &[f64],
     stages: usize,
 ) {
-    let Dims { states: n, inputs: m } = model.dims();
+    let Dims { nx: n, nu: m, .. } = model.dims();
     let (x, u) = (x.repeat(stages), u.repeat(stages));
     let (mut next, mut a, mut b) =
         (x.clone(), vec![0.0; stages * n * n], vec![0.0; stages * n * m]);
     bencher.bench_local(|| {
         let (x, u) = (black_box(&x), black_box(&u));
-        model.linearize_stages(x, u, black_box(&mut next), &mut a, &mut b);
+        model.linearize(
+            Stages { x, u, p: &[] },
+            Linearization { next: black_box(&mut next), a: &mut a, b: &mut b, e: &mut [] },
+        );
         black_box((&mut a, &mut b));
     });
 }

@@ -29,7 +29,7 @@ impl Plant for Pendulum {
 
     // So that it becomes part of vectorised loops.
     #[inline(always)]
-    fn rhs<S: Scalar>(&self, x: &[S], u: &[S], dx: &mut [S]) {
+    fn rhs<S: Scalar>(&self, x: &[S], u: &[S], _p: &[S], dx: &mut [S]) {
         dx[0] = x[1];
         dx[1] = u[0] - x[0].sin() * 9.81 - x[1] * self.friction;
     }

@@ -4,7 +4,7 @@
 //! `cargo run -p pinc-ode --example 02_integrators`
 #![expect(clippy::print_stdout, reason = "an example shows what it computes")]
 
-use pinc_ode::{Dopri5, Predictor, Rk4};
+use pinc_ode::{Dopri5, Model, Rk4};
 use pinc_plants::VanDerPol;
 use std::error::Error;
 
@@ -20,7 +20,7 @@ pub(crate) fn main() -> Result<(), Box<dyn Error>> {
     for substeps in [1, 2, 4, 8, 16] {
         let mut model = Rk4::new(plant, HORIZON_S, substeps);
         let mut next = [0.0; 2];
-        model.predict(&x, &u, &mut next);
+        model.step(&x, &u, &[], &mut next);
         let error = (next[0] - truth[0]).hypot(next[1] - truth[1]);
         println!("{substeps:2} substeps: error {error:.2e}");
         errors.push(error);

@@ -55,7 +55,7 @@ pub struct Dopri5 {
 /// and not once per plant.
 trait Velocity: Debug + Send + Sync {
     fn dims(&self) -> Dims;
-    fn rhs(&self, x: &[f64], u: &[f64], dx: &mut [f64]);
+    fn rhs(&self, x: &[f64], u: &[f64], p: &[f64], dx: &mut [f64]);
 }
 
 impl<P: Plant> Velocity for P {
@@ -63,8 +63,8 @@ impl<P: Plant> Velocity for P {
         Plant::dims(self)
     }
 
-    fn rhs(&self, x: &[f64], u: &[f64], dx: &mut [f64]) {
-        Plant::rhs(self, x, u, dx);
+    fn rhs(&self, x: &[f64], u: &[f64], p: &[f64], dx: &mut [f64]) {
+        Plant::rhs(self, x, u, p, dx);
     }
 }
 
@@ -77,7 +77,7 @@ impl Dopri5 {
     #[must_use]
     pub fn new<P: Plant>(plant: P, tolerance: f64) -> Self {
         assert!(tolerance > 0.0, "the tolerance must be positive");
-        let n = vec![0.0; Plant::dims(&plant).states];
+        let n = vec![0.0; Plant::dims(&plant).nx];
         let k = std::array::from_fn(|_| n.clone());
         Self { plant: Arc::new(plant), tolerance, step: None, rhs_calls: 0, k, stage: n }
     }
@@ -116,7 +116,7 @@ impl Dopri5 {
         }
         let mut t = 0.0;
         let mut step = self.step.unwrap_or(duration / 16.0).min(duration);
-        self.plant.rhs(x, u, &mut self.k[0]);
+        self.plant.rhs(x, u, &[], &mut self.k[0]);
         self.rhs_calls += 1;
         let mut tries = 0;
         while t < duration {
@@ -159,7 +159,7 @@ impl Dopri5 {
                 let slope: f64 = row.iter().zip(known.iter()).map(|(a, k)| a * k[i]).sum();
                 *stage = x[i] + h * slope;
             }
-            self.plant.rhs(&self.stage, u, &mut rest[0]);
+            self.plant.rhs(&self.stage, u, &[], &mut rest[0]);
         }
         self.rhs_calls += STAGES as u64 - 1;
         let mut worst = 0.0;

@@ -3,13 +3,13 @@
 //! - [`Plant`]: an ordinary differential equation x' = f(x, u), written once over
 //!   [`pinc_ad::Scalar`]; [`VanDerPol`], [`FourTanks`] and [`OneTank`] are the paper's,
 //!   and [`Equations`] makes one from text.
-//! - [`Predictor`]: a discrete-time model x\[k+1\] = f(x\[k\], u\[k\]) with its Jacobians; this is all that a
+//! - [`Model`]: a discrete-time model x\[k+1\] = f(x\[k\], u\[k\]) with its Jacobians; this is all that a
 //!   controller knows of a model. [`Rk4`] and [`Rk5`] are such, [`Rodas4`], for stiff plants, another, a trained net a third.
 //! - [`Dopri5`]: an accurate integrator, for the truth.
 //! - [`PiecewiseConstant`], [`Trajectory`], [`metrics`]: what goes in, what comes out, how good it is.
 //!
 //! ```
-//! use pinc_ode::{Dopri5, Predictor, Rk4};
+//! use pinc_ode::{Dopri5, Model, Rk4};
 //! use pinc_plants::VanDerPol;
 //!
 //! let plant = VanDerPol::default();
@@ -17,7 +17,7 @@
 //! Dopri5::new(plant, 1e-12).integrate(&mut truth, &[0.5], 0.5)?;
 //!
 //! let mut next = [0.0; 2];
-//! Rk4::new(plant, 0.5, 4).predict(&[1.0, 0.0], &[0.5], &mut next);
+//! Rk4::new(plant, 0.5, 4).step(&[1.0, 0.0], &[], &[0.5], &mut next);
 //! assert!((next[0] - truth[0]).abs() < 1e-5);
 //! # Ok::<(), pinc_ode::OdeError>(())
 //! ```
@@ -25,20 +25,20 @@
 mod dopri5;
 mod error;
 pub mod metrics;
+mod model;
+mod piecewise_constant;
 mod plant;
-mod predictor;
 mod rodas4;
 mod runge_kutta;
-mod piecewise_constant;
 mod trajectory;
 mod variable;
 
 pub use dopri5::Dopri5;
 pub use error::OdeError;
+pub use model::{Dims, Linearization, LinearizationBuffer, Model, OutputLinearization, Stages};
+pub use piecewise_constant::PiecewiseConstant;
 pub use plant::Plant;
-pub use predictor::{Dims, Predictor};
 pub use rodas4::Rodas4;
 pub use runge_kutta::{Classical, DormandPrince, Method, Rk4, Rk5, RungeKutta};
-pub use piecewise_constant::PiecewiseConstant;
 pub use trajectory::Trajectory;
 pub use variable::Variable;

@@ -31,12 +31,12 @@ use std::fmt::Debug;
 ///         &VARIABLES
 ///     }
 ///     #[inline(always)]
-///     fn rhs<S: Scalar>(&self, x: &[S], u: &[S], dx: &mut [S]) {
+///     fn rhs<S: Scalar>(&self, x: &[S], u: &[S], _p: &[S], dx: &mut [S]) {
 ///         dx[0] = x[1];
 ///         dx[1] = u[0] - x[0];
 ///     }
 /// }
-/// assert_eq!(Spring.dims().states, 2);
+/// assert_eq!(Spring.dims().nx, 2);
 /// ```
 pub trait Plant: Clone + Debug + Send + Sync + 'static {
     /// The states, in order; their number is `n`.
@@ -45,15 +45,21 @@ pub trait Plant: Clone + Debug + Send + Sync + 'static {
     /// The inputs, in order; their number is `m`.
     fn inputs(&self) -> &[Variable];
 
-    /// Writes f(x, u) into `dx`.
+    /// The parameters that may change from call to call, in order: those that an estimator or a family of
+    /// plants varies. Fixed numbers of an equation are fields of its type.
+    fn parameters(&self) -> &[Variable] {
+        &[]
+    }
+
+    /// Writes f(x, u, p) into `dx`.
     ///
     /// # Shapes
     ///
-    /// `x` and `dx`: `n`, in [`Plant::states`]' units and units per second; `u`: `m`.
-    fn rhs<S: Scalar>(&self, x: &[S], u: &[S], dx: &mut [S]);
+    /// `x` and `dx`: `nx`, in [`Plant::states`]' units and units per second; `u`: `nu`; `p`: `np`.
+    fn rhs<S: Scalar>(&self, x: &[S], u: &[S], p: &[S], dx: &mut [S]);
 
-    /// The numbers of states and inputs.
+    /// The numbers of states, inputs and parameters.
     fn dims(&self) -> Dims {
-        Dims { states: self.states().len(), inputs: self.inputs().len() }
+        Dims::new(self.states().len(), self.inputs().len()).with_parameters(self.parameters().len())
     }
 }

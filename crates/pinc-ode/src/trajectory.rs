@@ -24,7 +24,7 @@ impl Trajectory {
     ///
     /// If `x` and `u` are not of the trajectory's dimensions.
     pub fn push(&mut self, t: f64, x: &[f64], u: &[f64]) {
-        assert_eq!((x.len(), u.len()), (self.dims.states, self.dims.inputs), "dimensions");
+        assert_eq!((x.len(), u.len()), (self.dims.nx, self.dims.nu), "dimensions");
         self.t.push(t);
         self.x.extend_from_slice(x);
         self.u.extend_from_slice(u);
@@ -61,7 +61,7 @@ impl Trajectory {
     /// If there is no sample `i`.
     #[must_use]
     pub fn state(&self, i: usize) -> &[f64] {
-        &self.x[i * self.dims.states..(i + 1) * self.dims.states]
+        &self.x[i * self.dims.nx..(i + 1) * self.dims.nx]
     }
 
     /// The input of sample `i`, shape `m`.
@@ -71,6 +71,6 @@ impl Trajectory {
     /// If there is no sample `i`.
     #[must_use]
     pub fn input(&self, i: usize) -> &[f64] {
-        &self.u[i * self.dims.inputs..(i + 1) * self.dims.inputs]
+        &self.u[i * self.dims.nu..(i + 1) * self.dims.nu]
     }
 }

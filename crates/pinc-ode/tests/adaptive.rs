@@ -98,7 +98,7 @@ impl Plant for Logistic {
     fn inputs(&self) -> &[Variable] {
         &[]
     }
-    fn rhs<S: Scalar>(&self, x: &[S], _: &[S], dx: &mut [S]) {
+    fn rhs<S: Scalar>(&self, x: &[S], _: &[S], _p: &[S], dx: &mut [S]) {
         dx[0] = x[0] * (-x[0] + 1.0);
     }
 }

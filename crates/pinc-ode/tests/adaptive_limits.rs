@@ -44,7 +44,7 @@ impl Plant for Equation {
     fn inputs(&self) -> &[Variable] {
         &[]
     }
-    fn rhs<S: Scalar>(&self, x: &[S], _: &[S], dx: &mut [S]) {
+    fn rhs<S: Scalar>(&self, x: &[S], _: &[S], _p: &[S], dx: &mut [S]) {
         let number = |value: f64| x[0].constant(value);
         dx[0] = match self {
             Self::BlowUp => x[0] * x[0],
@@ -195,9 +195,9 @@ impl<P: Plant> Plant for Counted<P> {
     fn inputs(&self) -> &[Variable] {
         self.plant.inputs()
     }
-    fn rhs<S: Scalar>(&self, x: &[S], u: &[S], dx: &mut [S]) {
+    fn rhs<S: Scalar>(&self, x: &[S], u: &[S], _p: &[S], dx: &mut [S]) {
         self.calls.fetch_add(1, Ordering::Relaxed);
-        self.plant.rhs(x, u, dx);
+        self.plant.rhs(x, u, &[], dx);
     }
 }
 

@@ -103,7 +103,7 @@ fn unequal_lengths_are_a_programming_error() {
 
 #[test]
 fn trajectory_gives_back_its_samples() {
-    let dims = Dims { states: 2, inputs: 1 };
+    let dims = Dims::new(2, 1);
     let mut trajectory = Trajectory::new(dims);
     assert!(trajectory.is_empty());
     trajectory.push(0.0, &[1.0, 2.0], &[5.0]);
@@ -117,5 +117,5 @@ fn trajectory_gives_back_its_samples() {
 #[test]
 #[should_panic(expected = "dimensions")]
 fn sample_of_other_dimensions_is_a_programming_error() {
-    Trajectory::new(Dims { states: 2, inputs: 1 }).push(0.0, &[1.0, 2.0], &[]);
+    Trajectory::new(Dims::new(2, 1)).push(0.0, &[1.0, 2.0], &[]);
 }

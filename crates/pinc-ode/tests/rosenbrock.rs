@@ -4,20 +4,23 @@ mod common;
 
 use common::{Oscillator, distance, flows, log_slope};
 use pinc_ad::{Scalar, central_difference};
-use pinc_ode::{Dopri5, Plant, Predictor, Rk4, Rodas4, Variable};
+use pinc_ode::{Dopri5, Linearization, Model, Plant, Rk4, Rodas4, Stages, Variable};
 use pinc_plants::{FourTanks, HydraulicServo, SingleTrackCar};
 
-fn predict(predictor: &mut impl Predictor, x: &[f64], u: &[f64]) -> Vec<f64> {
+fn predict(predictor: &mut impl Model, x: &[f64], u: &[f64]) -> Vec<f64> {
     let mut next = vec![f64::NAN; x.len()];
-    predictor.predict(x, u, &mut next);
+    predictor.step(x, u, &[], &mut next);
     next
 }
 
 /// df/dx and df/du.
-fn jacobians(predictor: &mut impl Predictor, x: &[f64], u: &[f64]) -> [Vec<f64>; 2] {
+fn jacobians(predictor: &mut impl Model, x: &[f64], u: &[f64]) -> [Vec<f64>; 2] {
     let (n, m) = (x.len(), u.len());
     let [mut next, mut a, mut b] = [n, n * n, n * m].map(|len| vec![f64::NAN; len]);
-    predictor.linearize(x, u, &mut next, &mut a, &mut b);
+    predictor.linearize(
+        Stages { x, u, p: &[] },
+        Linearization { next: &mut next, a: &mut a, b: &mut b, e: &mut [] },
+    );
     [a, b]
 }
 
@@ -69,7 +72,7 @@ impl Plant for Lag {
         static VARIABLES: [Variable; 1] = [Variable::new("u", "")];
         &VARIABLES
     }
-    fn rhs<S: Scalar>(&self, x: &[S], u: &[S], dx: &mut [S]) {
+    fn rhs<S: Scalar>(&self, x: &[S], u: &[S], _p: &[S], dx: &mut [S]) {
         dx[0] = (u[0] - x[0]) * self.rate;
     }
 }
@@ -113,7 +116,7 @@ impl Plant for FastAndSlow {
     fn inputs(&self) -> &[Variable] {
         &[]
     }
-    fn rhs<S: Scalar>(&self, x: &[S], _u: &[S], dx: &mut [S]) {
+    fn rhs<S: Scalar>(&self, x: &[S], _u: &[S], _p: &[S], dx: &mut [S]) {
         dx[0] = (x[0] - x[1]) * -1e6;
         dx[1] = -x[1];
     }
@@ -147,7 +150,7 @@ fn jacobians_are_those_of_the_method() {
     );
 }
 
-fn check_jacobians(method: &mut impl Predictor, points: &[(Vec<f64>, Vec<f64>)], scale: &[f64]) {
+fn check_jacobians(method: &mut impl Model, points: &[(Vec<f64>, Vec<f64>)], scale: &[f64]) {
     for (x, u) in points {
         let (n, m) = (x.len(), u.len());
         let [a, b] = jacobians(method, x, u);

@@ -4,22 +4,28 @@ mod common;
 
 use common::{Oscillator, distance, flows, log_slope};
 use pinc_ad::{Dual, Scalar, central_difference};
-use pinc_ode::{Dopri5, Classical, DormandPrince, Method, Plant, Predictor, Rk4, Rk5, RungeKutta, Variable};
+use pinc_ode::{
+    Classical, Dopri5, DormandPrince, Linearization, Method, Model, Plant, Rk4, Rk5, RungeKutta,
+    Stages, Variable,
+};
 use pinc_plants::{FourTanks, OneTank, VanDerPol};
 use proptest::prelude::*;
 use proptest::test_runner::{FileFailurePersistence, TestRunner};
 
-fn predict(predictor: &mut impl Predictor, x: &[f64], u: &[f64]) -> Vec<f64> {
+fn predict(predictor: &mut impl Model, x: &[f64], u: &[f64]) -> Vec<f64> {
     let mut next = vec![f64::NAN; x.len()];
-    predictor.predict(x, u, &mut next);
+    predictor.step(x, u, &[], &mut next);
     next
 }
 
 /// f(x, u), df/dx and df/du.
-fn linearize(predictor: &mut impl Predictor, x: &[f64], u: &[f64]) -> [Vec<f64>; 3] {
+fn linearize(predictor: &mut impl Model, x: &[f64], u: &[f64]) -> [Vec<f64>; 3] {
     let (n, m) = (x.len(), u.len());
     let [mut next, mut a, mut b] = [n, n * n, n * m].map(|len| vec![f64::NAN; len]);
-    predictor.linearize(x, u, &mut next, &mut a, &mut b);
+    predictor.linearize(
+        Stages { x, u, p: &[] },
+        Linearization { next: &mut next, a: &mut a, b: &mut b, e: &mut [] },
+    );
     [next, a, b]
 }
 
@@ -140,14 +146,14 @@ impl<P: Plant> Plant for Variational<P> {
     fn inputs(&self) -> &[Variable] {
         &self.inputs
     }
-    fn rhs<S: Scalar>(&self, x: &[S], u: &[S], dx: &mut [S]) {
+    fn rhs<S: Scalar>(&self, x: &[S], u: &[S], _p: &[S], dx: &mut [S]) {
         let dual = |v: &[S]| -> Vec<Dual<S>> {
             let (re, eps) = v.split_at(v.len() / 2);
             re.iter().zip(eps).map(|(&re, &eps)| Dual { re, eps: [eps] }).collect()
         };
         let (x, u) = (dual(x), dual(u));
         let mut slopes = x.clone();
-        self.plant.rhs(&x, &u, &mut slopes);
+        self.plant.rhs(&x, &u, &[], &mut slopes);
         for (i, slope) in slopes.iter().enumerate() {
             dx[i] = slope.re;
             dx[slopes.len() + i] = slope.eps[0];
@@ -198,7 +204,7 @@ impl Plant for Ring {
     fn inputs(&self) -> &[Variable] {
         &self.0[..1]
     }
-    fn rhs<S: Scalar>(&self, x: &[S], u: &[S], dx: &mut [S]) {
+    fn rhs<S: Scalar>(&self, x: &[S], u: &[S], _p: &[S], dx: &mut [S]) {
         let mut divisor = 1.0;
         for i in 0..x.len() {
             dx[i] = u[0] - x[i] * x[i] / divisor + x[(i + 1) % x.len()] * 0.5;
@@ -214,12 +220,10 @@ fn check_differences<P: Plant>(plant: P, sample_time_s: f64, x: [f64; 2], u: [f6
     check_differences_of(&mut Rk5::new(plant, sample_time_s, 2), x, u);
 }
 
-fn check_differences_of(method: &mut impl Predictor, x: [f64; 2], u: [f64; 2]) {
+fn check_differences_of(method: &mut impl Model, x: [f64; 2], u: [f64; 2]) {
     let dims = method.dims();
-    let points = (
-        prop::collection::vec(x[0]..x[1], dims.states),
-        prop::collection::vec(u[0]..u[1], dims.inputs),
-    );
+    let points =
+        (prop::collection::vec(x[0]..x[1], dims.nx), prop::collection::vec(u[0]..u[1], dims.nu));
     let config = ProptestConfig {
         failure_persistence: Some(Box::new(FileFailurePersistence::WithSource("regressions"))),
         ..ProptestConfig::with_cases(64)
@@ -300,7 +304,8 @@ fn no_memory_of_earlier_calls() {
 
 #[test]
 fn what_is_no_method_is_a_programming_error() {
-    for (sample_time_s, substeps) in [(0.0, 1), (-1.0, 1), (f64::NAN, 1), (f64::INFINITY, 1), (1.0, 0)]
+    for (sample_time_s, substeps) in
+        [(0.0, 1), (-1.0, 1), (f64::NAN, 1), (f64::INFINITY, 1), (1.0, 0)]
     {
         let build = || Rk4::new(VanDerPol::default(), sample_time_s, substeps);
         assert!(std::panic::catch_unwind(build).is_err(), "{sample_time_s} {substeps}");

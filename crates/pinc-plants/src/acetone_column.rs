@@ -1,8 +1,8 @@
 //! A distillation column for acetone, methanol and water: three boiling points at every call.
 
 use crate::acetone_mixture::{Boiling, boil};
-use pinc_ode::{Plant, Variable};
 use pinc_ad::Scalar;
+use pinc_ode::{Plant, Variable};
 
 /// The pot and the trays.
 const STAGES: usize = 3;
@@ -72,7 +72,7 @@ impl Plant for AcetoneColumn {
     }
 
     #[inline(always)]
-    fn rhs<S: Scalar>(&self, x: &[S], u: &[S], dx: &mut [S]) {
+    fn rhs<S: Scalar>(&self, x: &[S], u: &[S], _p: &[S], dx: &mut [S]) {
         let stage = [self.boiling(x, 0), self.boiling(x, 1), self.boiling(x, 2)];
         let (reflux, vapour) = (u[0], u[1] / stage[0].heat());
         // Acetone is component 0 of the mixture, water component 2.

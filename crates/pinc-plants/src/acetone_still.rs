@@ -1,8 +1,8 @@
 //! A still for acetone, methanol and water: a boiling point is solved for at every call.
 
 use crate::acetone_mixture::boil;
-use pinc_ode::{Plant, Variable};
 use pinc_ad::Scalar;
+use pinc_ode::{Plant, Variable};
 
 /// A still that strips acetone and methanol from water, continuously, at constant pressure:
 ///
@@ -62,7 +62,7 @@ impl Plant for AcetoneStill {
     }
 
     #[inline(always)]
-    fn rhs<S: Scalar>(&self, x: &[S], u: &[S], dx: &mut [S]) {
+    fn rhs<S: Scalar>(&self, x: &[S], u: &[S], _p: &[S], dx: &mut [S]) {
         let [acetone, methanol] = [x[0], x[1]];
         let water = -(acetone + methanol) + 1.0;
         let boiling = boil([acetone, methanol, water], self.pressure);

@@ -1,8 +1,8 @@
 //! The quadruple-tank process.
 
 use crate::outflow;
-use pinc_ode::{Plant, Variable};
 use pinc_ad::Scalar;
+use pinc_ode::{Plant, Variable};
 
 /// The four tanks, Section 4.2 of the paper, after Johansson, "The quadruple-tank process", IEEE
 /// Trans. Control Systems Technology 8 (2000):
@@ -77,7 +77,7 @@ impl Plant for FourTanks {
     }
 
     #[inline(always)]
-    fn rhs<S: Scalar>(&self, h: &[S], u: &[S], dh: &mut [S]) {
+    fn rhs<S: Scalar>(&self, h: &[S], u: &[S], _p: &[S], dh: &mut [S]) {
         let [gamma1, gamma2] = self.gamma;
         let (flow1, flow2) = (u[0] * self.pump[0], u[1] * self.pump[1]);
         let w1 = outflow(self.outlet[0], h[0]);

@@ -1,7 +1,7 @@
 //! An electro-hydraulic servo axis: a stiff plant.
 
-use pinc_ode::{Plant, Variable};
 use pinc_ad::Scalar;
+use pinc_ode::{Plant, Variable};
 
 /// Below this opening the spool counts as closed half-way: it makes the change from one pair of control
 /// edges to the other smooth.
@@ -112,7 +112,7 @@ impl Plant for HydraulicServo {
     }
 
     #[inline(always)]
-    fn rhs<S: Scalar>(&self, x: &[S], u: &[S], dx: &mut [S]) {
+    fn rhs<S: Scalar>(&self, x: &[S], u: &[S], _p: &[S], dx: &mut [S]) {
         let (v, p, s) = (x[1], x[2], x[3]);
         let friction = v * self.viscous + (v / self.turn).tanh() * self.coulomb;
         let stiffness = 4.0 * self.bulk_modulus / self.volume;

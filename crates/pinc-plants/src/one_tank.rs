@@ -1,8 +1,8 @@
 //! One tank: the smallest plant.
 
 use crate::outflow;
-use pinc_ode::{Plant, Variable};
 use pinc_ad::Scalar;
+use pinc_ode::{Plant, Variable};
 
 /// A tank with a pump and a hole, one of the four tanks by itself:
 ///
@@ -39,7 +39,7 @@ impl Plant for OneTank {
     }
 
     #[inline(always)]
-    fn rhs<S: Scalar>(&self, h: &[S], u: &[S], dh: &mut [S]) {
+    fn rhs<S: Scalar>(&self, h: &[S], u: &[S], _p: &[S], dh: &mut [S]) {
         dh[0] = (u[0] * self.pump - outflow(self.outlet, h[0])) * (1.0 / self.area);
     }
 }

@@ -1,7 +1,7 @@
 //! A car with slipping tyres.
 
-use pinc_ode::{Plant, Variable};
 use pinc_ad::Scalar;
+use pinc_ode::{Plant, Variable};
 
 /// Slips below this are as good as none: it makes the direction of a tyre's force smooth where there is no
 /// slip.
@@ -97,7 +97,7 @@ impl Plant for SingleTrackCar {
     }
 
     #[inline(always)]
-    fn rhs<S: Scalar>(&self, x: &[S], u: &[S], dx: &mut [S]) {
+    fn rhs<S: Scalar>(&self, x: &[S], u: &[S], _p: &[S], dx: &mut [S]) {
         let [vx, vy, r, k] = [x[0], x[1], x[2], x[3]];
         let [front, rear] = self.axles;
         let weight = self.mass * GRAVITY / (front + rear);

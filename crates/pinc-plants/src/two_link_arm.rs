@@ -1,7 +1,7 @@
 //! A manipulator with two links.
 
-use pinc_ode::{Plant, Variable};
 use pinc_ad::Scalar;
+use pinc_ode::{Plant, Variable};
 
 /// Gravitational acceleration in m/s^2.
 const GRAVITY: f64 = 9.81;
@@ -61,7 +61,7 @@ impl Plant for TwoLinkArm {
     }
 
     #[inline(always)]
-    fn rhs<S: Scalar>(&self, x: &[S], u: &[S], dx: &mut [S]) {
+    fn rhs<S: Scalar>(&self, x: &[S], u: &[S], _p: &[S], dx: &mut [S]) {
         let [q1, q2, w1, w2] = [x[0], x[1], x[2], x[3]];
         let [a1, a2, a3] = self.inertias();
         let ([m1, m2], [l1, l2]) = (self.masses, self.lengths);

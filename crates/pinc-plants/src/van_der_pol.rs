@@ -1,7 +1,7 @@
 //! The Van der Pol oscillator.
 
-use pinc_ode::{Plant, Variable};
 use pinc_ad::Scalar;
+use pinc_ode::{Plant, Variable};
 
 /// The Van der Pol oscillator, Section 4.1 of the paper:
 ///
@@ -36,7 +36,7 @@ impl Plant for VanDerPol {
     }
 
     #[inline(always)]
-    fn rhs<S: Scalar>(&self, x: &[S], u: &[S], dx: &mut [S]) {
+    fn rhs<S: Scalar>(&self, x: &[S], u: &[S], _p: &[S], dx: &mut [S]) {
         let (x1, x2, u) = (x[0], x[1], u[0]);
         dx[0] = x2;
         dx[1] = (-(x1 * x1) + 1.0) * x2 * self.mu - x1 + u;

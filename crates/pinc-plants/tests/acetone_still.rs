@@ -37,7 +37,7 @@ fn the_azeotrope_is_where_it_is_measured() {
 
 fn rhs(x: &[f64], u: &[f64]) -> Vec<f64> {
     let mut dx = vec![0.0; 2];
-    AcetoneStill::default().rhs(x, u, &mut dx);
+    AcetoneStill::default().rhs(x, u, &[], &mut dx);
     dx
 }
 
@@ -50,7 +50,7 @@ proptest! {
     ) {
         let at = [acetone, methanol, feed, heat];
         let still = AcetoneStill::default();
-        let exact = jacobian(|v, dx| still.rhs(&v[..2], &v[2..], dx), &at, 2);
+        let exact = jacobian(|v, dx| still.rhs(&v[..2], &v[2..], &[], dx), &at, 2);
         for (k, exact) in exact.iter().enumerate() {
             let f = |v: &[f64]| rhs(&v[..2], &v[2..])[k / 4];
             let difference = central_difference(f, &at, k % 4);
@@ -64,7 +64,7 @@ proptest! {
         let x = [Lanes::<4>::splat(acetone), Lanes::splat(methanol)];
         let u = [Lanes::splat(4.0), Lanes::splat(100.0)];
         let mut dx = x;
-        AcetoneStill::default().rhs(&x, &u, &mut dx);
+        AcetoneStill::default().rhs(&x, &u, &[], &mut dx);
         let expected = rhs(&[acetone, methanol], &[4.0, 100.0]);
         for (lanes, expected) in dx.iter().zip(expected) {
             prop_assert!((lanes.0[3] - expected).abs() < 1e-15);

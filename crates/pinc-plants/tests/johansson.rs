@@ -43,7 +43,7 @@ struct Linear {
 
 fn linearize(plant: &FourTanks, level: &[f64; 4], voltage: [f64; 2]) -> Linear {
     let at = [&level[..], &voltage[..]].concat();
-    let j = jacobian(|v, dx| plant.rhs(&v[..4], &v[4..], dx), &at, 4);
+    let j = jacobian(|v, dx| plant.rhs(&v[..4], &v[4..], &[], dx), &at, 4);
     Linear {
         a: Mat::from_fn(4, 4, |i, k| j[6 * i + k]),
         b: Mat::from_fn(4, 2, |i, k| j[6 * i + 4 + k]),
@@ -97,7 +97,7 @@ fn balanced_flows_stand_still() {
     for Published { plant, voltage, .. } in published() {
         let level = steady_levels(&plant, [voltage; 2]);
         let mut dx = [1.0; 4];
-        plant.rhs(&level, &[voltage; 2], &mut dx);
+        plant.rhs(&level, &[voltage; 2], &[], &mut dx);
         // A few ulps of flows of 11 cm^3/s, over 28 cm^2.
         assert!(dx.iter().all(|v| v.abs() < 1e-15), "{dx:?}");
     }
@@ -114,7 +114,7 @@ fn operating_points_stand_still() {
             assert!((h - published).abs() < 0.2, "{h} {published}");
         }
         let mut dx = [1.0; 4];
-        plant.rhs(&level, &[voltage; 2], &mut dx);
+        plant.rhs(&level, &[voltage; 2], &[], &mut dx);
         for (i, dx) in dx.iter().enumerate() {
             let outflow = plant.outlet[i] * (2.0 * 981.0 * level[i]).sqrt();
             let imbalance = (dx * plant.area[i] / outflow).abs();

@@ -12,14 +12,14 @@ const TABLE: &str = include_str!("data/rhs.csv");
 
 fn rhs(plant: &impl Plant, x: &[f64], u: &[f64]) -> Vec<f64> {
     let mut dx = vec![0.0; x.len()];
-    plant.rhs(x, u, &mut dx);
+    plant.rhs(x, u, &[], &mut dx);
     dx
 }
 
 /// Row by row, columns x then u.
 fn rhs_jacobian(plant: &impl Plant, x: &[f64], u: &[f64]) -> Vec<f64> {
     let n = x.len();
-    jacobian(|v, dx| plant.rhs(&v[..n], &v[n..], dx), &[x, u].concat(), n)
+    jacobian(|v, dx| plant.rhs(&v[..n], &v[n..], &[], dx), &[x, u].concat(), n)
 }
 
 fn numbers(field: &str) -> Vec<f64> {
@@ -89,7 +89,7 @@ fn order_of_states_is_the_papers() {
     assert_eq!(names(OneTank::default().inputs()), [("u", "V")]);
     assert_eq!(names(VanDerPol::default().states()), [("x1", ""), ("x2", "")]);
     assert_eq!(names(VanDerPol::default().inputs()), [("u", "")]);
-    assert_eq!((tanks.dims().states, tanks.dims().inputs), (4, 2));
+    assert_eq!((tanks.dims().nx, tanks.dims().nu), (4, 2));
 }
 
 /// Who feeds whom: pump 1 tanks 1 and 4, pump 2 tanks 2 and 3; tank 3 drains into 1, tank 4 into 2.
@@ -144,7 +144,7 @@ fn empty_tank_on_a_tape() {
         let tape = Tape::new();
         let inputs = [tape.variable(h), tape.variable(1.0)];
         let mut dx = [inputs[0]];
-        plant.rhs(&inputs[..1], &inputs[1..], &mut dx);
+        plant.rhs(&inputs[..1], &inputs[1..], &[], &mut dx);
         assert_close("gradient", &tape.gradient(dx[0], &inputs), &[0.0, 314.0 / 2800.0]);
     }
 }
@@ -180,8 +180,8 @@ fn on_points(
     check: impl Fn(&[f64], &[f64]) -> Result<(), TestCaseError>,
 ) {
     let dims = plant.dims();
-    let x = prop::collection::vec(low..high, dims.states);
-    let u = prop::collection::vec(-1.0..5.0, dims.inputs);
+    let x = prop::collection::vec(low..high, dims.nx);
+    let u = prop::collection::vec(-1.0..5.0, dims.nu);
     if let Err(failure) = TestRunner::new(config()).run(&(x, u), |(x, u)| check(&x, &u)) {
         panic!("{plant:?}: {failure}");
     }
@@ -224,7 +224,7 @@ fn value_on<S: Scalar>(
     let lift = |v: &[f64]| -> Vec<S> { v.iter().map(|&v| make(v)).collect() };
     let (x, u) = (lift(x), lift(u));
     let mut dx = x.clone();
-    plant.rhs(&x, &u, &mut dx);
+    plant.rhs(&x, &u, &[], &mut dx);
     dx.into_iter().map(|v| read(v).to_bits()).collect()
 }
 

@@ -7,7 +7,7 @@ use proptest::prelude::*;
 
 fn rhs(plant: &impl Plant, x: &[f64], u: &[f64]) -> Vec<f64> {
     let mut dx = vec![0.0; x.len()];
-    plant.rhs(x, u, &mut dx);
+    plant.rhs(x, u, &[], &mut dx);
     dx
 }
 
@@ -20,7 +20,7 @@ fn check_derivatives(
     rate: &[f64],
 ) -> Result<(), TestCaseError> {
     let n = rate.len();
-    let exact = jacobian(|v, dx| plant.rhs(&v[..n], &v[n..], dx), at, n);
+    let exact = jacobian(|v, dx| plant.rhs(&v[..n], &v[n..], &[], dx), at, n);
     let scaled: Vec<_> = at.iter().zip(scale).map(|(v, s)| v / s).collect();
     for (k, exact) in exact.iter().enumerate() {
         let (i, j) = (k / at.len(), k % at.len());

@@ -334,7 +334,8 @@ fn hessian(qp: &Qp, columns: usize) -> CscMatrix<f64> {
             }
             for row in 0..=column {
                 let own = qp.r(i)[row * m + column];
-                let next = if i + 1 < shape.n_controls { qp.r(i + 1)[row * m + column] } else { 0.0 };
+                let next =
+                    if i + 1 < shape.n_controls { qp.r(i + 1)[row * m + column] } else { 0.0 };
                 entries.push((first + row, first + column, own + next));
             }
         }

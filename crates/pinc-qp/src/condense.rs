@@ -240,7 +240,8 @@ impl CondensedQp {
     fn limit(&mut self, qp: &Qp) {
         let shape = qp.shape;
         let (n, first) = (shape.states, shape.all_states());
-        let (low, high, penalty) = (&mut self.dense.low, &mut self.dense.high, &mut self.dense.penalty);
+        let (low, high, penalty) =
+            (&mut self.dense.low, &mut self.dense.high, &mut self.dense.penalty);
         let unknowns = shape.all_inputs();
         low[..unknowns].copy_from_slice(&qp.bounds.low[first..]);
         high[..unknowns].copy_from_slice(&qp.bounds.high[first..]);
@@ -249,7 +250,8 @@ impl CondensedQp {
         let mut rows = rows.map(|((low, high), penalty)| (low, high, penalty));
         let mut set = |limits: &Limits, i: usize, at: f64| {
             if let Some((low, high, penalty)) = rows.next() {
-                (*low, *high, *penalty) = (limits.low[i] - at, limits.high[i] - at, limits.penalty[i]);
+                (*low, *high, *penalty) =
+                    (limits.low[i] - at, limits.high[i] - at, limits.penalty[i]);
             }
         };
         self.rows.states.iter().for_each(|&v| set(&qp.bounds, v, self.offset[v]));

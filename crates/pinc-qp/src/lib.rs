@@ -96,7 +96,11 @@ impl Limits {
 
     /// Of each row: low, high and penalty.
     pub fn iter(&self) -> impl Iterator<Item = [f64; 3]> {
-        self.low.iter().zip(&self.high).zip(&self.penalty).map(|((&low, &high), &penalty)| [low, high, penalty])
+        self.low
+            .iter()
+            .zip(&self.high)
+            .zip(&self.penalty)
+            .map(|((&low, &high), &penalty)| [low, high, penalty])
     }
 }
 

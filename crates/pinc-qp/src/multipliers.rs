@@ -71,4 +71,3 @@ fn drop_first(values: &mut [f64], width: usize) {
         values.copy_within(width.., 0);
     }
 }
-

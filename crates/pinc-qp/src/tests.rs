@@ -103,7 +103,8 @@ fn residual(qp: &Qp, step: &QpStep) -> f64 {
         let value = dot(row, &step.d);
         let (below, above) = (low - value, value - high);
         // A violation needs a multiplier at its penalty, a multiplier a limit that is reached.
-        worst = worst.max(below.min(penalty + mu)).max(above.min(penalty - mu)).max(mu.abs() - penalty);
+        worst =
+            worst.max(below.min(penalty + mu)).max(above.min(penalty - mu)).max(mu.abs() - penalty);
         worst = worst.max(mu.min(-above)).max((-mu).min(-below));
         slope.iter_mut().zip(row).for_each(|(slope, entry)| *slope += mu * entry);
     }

@@ -48,7 +48,7 @@ impl Plant for Pendulum {
 
     // Written once, for any number: it becomes part of the training kernel, of the Jacobians, of the truth.
     #[inline(always)]
-    fn rhs<S: Scalar>(&self, x: &[S], u: &[S], dx: &mut [S]) {
+    fn rhs<S: Scalar>(&self, x: &[S], u: &[S], _p: &[S], dx: &mut [S]) {
         let Self { mass: m, length: l, friction } = *self;
         let (angle, rate, torque) = (x[0], x[1], u[0]);
         dx[0] = rate;

@@ -3,10 +3,10 @@
 use super::cases::{Case, Effort};
 use super::results::ModelStep;
 use crate::BenchError;
-use crate::one_step::Steps;
 use crate::dyn_plant::DynPlant;
-use pinc_net::{Domain, PincNet, PincPredictor};
-use pinc_ode::Predictor;
+use crate::one_step::Steps;
+use pinc_net::{Domain, PincModel, PincNet};
+use pinc_ode::Model;
 
 /// Substeps of the Runge-Kutta method that are measured.
 const SUBSTEPS: [usize; 5] = [1, 4, 5, 10, 50];
@@ -30,7 +30,7 @@ pub(super) fn run(
 ) -> Result<Vec<ModelStep>, BenchError> {
     let sample_time_s = nets[0].net.sample_time_s();
     let steps = Steps::new(plant, domain, sample_time_s, effort.one_step_points, TOLERANCE)?;
-    let row = |model: &mut dyn Predictor| ModelStep {
+    let row = |model: &mut dyn Model| ModelStep {
         plant: case.name(),
         model: "rk4",
         layers: None,
@@ -46,7 +46,7 @@ pub(super) fn run(
         rows.push(ModelStep { substeps: Some(substeps), ..row });
     }
     for Trained { net, seconds } in nets {
-        let row = row(&mut PincPredictor::new(net));
+        let row = row(&mut PincModel::new(net));
         let (layers, trained_s) = (Some(super::kernel::size(net)), Some(*seconds));
         rows.push(ModelStep { model: "pinc", layers, trained_s, ..row });
     }

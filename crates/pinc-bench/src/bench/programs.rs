@@ -7,7 +7,7 @@ use crate::clock::{median, to_f64};
 use crate::runs::ControlSetup;
 use crate::{BenchError, ModelKind};
 use pinc_mpc::{Nmpc, QpMethod};
-use pinc_ode::{Dims, Predictor};
+use pinc_ode::{Dims, Linearization, Model, Stages};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Instant;
@@ -72,11 +72,11 @@ impl Spent {
 /// A model whose time is known.
 #[derive(Debug)]
 struct Watched {
-    model: Box<dyn Predictor>,
+    model: Box<dyn Model>,
     spent: Spent,
 }
 
-impl Predictor for Watched {
+impl Model for Watched {
     fn dims(&self) -> Dims {
         self.model.dims()
     }
@@ -85,22 +85,11 @@ impl Predictor for Watched {
         self.model.sample_time_s()
     }
 
-    fn predict(&mut self, x: &[f64], u: &[f64], next: &mut [f64]) {
-        self.spent.watch(|| self.model.predict(x, u, next));
+    fn step(&mut self, x: &[f64], u: &[f64], p: &[f64], next: &mut [f64]) {
+        self.spent.watch(|| self.model.step(x, u, p, next));
     }
 
-    fn linearize(&mut self, x: &[f64], u: &[f64], next: &mut [f64], a: &mut [f64], b: &mut [f64]) {
-        self.spent.watch(|| self.model.linearize(x, u, next, a, b));
-    }
-
-    fn linearize_stages(
-        &mut self,
-        x: &[f64],
-        u: &[f64],
-        next: &mut [f64],
-        a: &mut [f64],
-        b: &mut [f64],
-    ) {
-        self.spent.watch(|| self.model.linearize_stages(x, u, next, a, b));
+    fn linearize(&mut self, at: Stages<'_>, out: Linearization<'_>) {
+        self.spent.watch(|| self.model.linearize(at, out));
     }
 }

@@ -82,7 +82,11 @@ impl RunDir {
 
     /// Says where the results to come are from. A run that is gone on with (`resume`) keeps what is
     /// said of those that are there.
-    pub(crate) fn write_provenance(&self, provenance: &Provenance, resume: bool) -> Result<(), BenchError> {
+    pub(crate) fn write_provenance(
+        &self,
+        provenance: &Provenance,
+        resume: bool,
+    ) -> Result<(), BenchError> {
         let earlier = fs::read(self.path(file::PROVENANCE)).ok().filter(|_| resume);
         let earlier = earlier.and_then(|bytes| serde_json::from_slice::<Provenance>(&bytes).ok());
         let provenance = match earlier {

@@ -1,14 +1,14 @@
 //! The closed loop: what the plant did under the controller, PINC over RK4.
 
 use super::ReportError;
+use super::data::{OfModel, Run};
+use super::picture::Picture;
+use super::variables::Variables;
+use pinc_chart::text;
 use pinc_chart::{
     AMBER, Axis, Color, Figure, INK, Kind, Look, Panel, Point, Shape, Style, extent,
     held_since_previous, input_color, present, state_color,
 };
-use super::data::{OfModel, Run};
-use super::picture::Picture;
-use pinc_chart::text;
-use super::variables::Variables;
 
 /// A run of more steps than this gets a close-up of its first [`CLOSE_UP`] steps.
 const LONG: f64 = 60.0;

@@ -2,12 +2,12 @@
 
 use super::ReportError;
 use super::data::{OfModel, Run};
-use super::picture::Drawn;
 use super::number_tables::{NumberTable, flattened, sheets};
+use super::picture::Drawn;
+use super::summary_text::paragraph;
 use super::sweep;
 use super::table::Table;
 use pinc_chart::text::escape;
-use super::summary_text::paragraph;
 
 const STYLE: &str = include_str!("style.css");
 

@@ -8,10 +8,11 @@ mod control;
 mod data;
 mod error;
 mod html;
+mod number_tables;
 mod picture;
 mod prediction;
-mod number_tables;
 mod steps;
+mod summary_text;
 mod sweep;
 mod table;
 #[cfg(test)]
@@ -20,7 +21,6 @@ mod testing;
 mod tests;
 mod training;
 mod variables;
-mod summary_text;
 
 pub use error::ReportError;
 

@@ -1,15 +1,15 @@
 //! The free run of the net against the truth.
 
 use super::ReportError;
+use super::data::Run;
+use super::picture::Picture;
+use super::table::Table;
+use super::variables::{Variables, states_of_prediction};
+use pinc_chart::text;
 use pinc_chart::{
     Axis, BLACK, Event, Figure, Kind, Look, Panel, Point, Shape, Style, extent, held_until_next,
     input_color, present, state_color, state_mark,
 };
-use super::data::Run;
-use super::picture::Picture;
-use super::table::Table;
-use pinc_chart::text;
-use super::variables::{Variables, states_of_prediction};
 
 /// The free run, if there is one.
 pub(super) fn picture(run: &Run, variables: &Variables) -> Result<Option<Picture>, ReportError> {

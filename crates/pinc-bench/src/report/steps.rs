@@ -1,11 +1,11 @@
 //! What the controller did in each step: time, iterations, residual.
 
 use super::ReportError;
-use pinc_chart::{AMBER, Axis, BLACK, BLUE, Figure, Kind, Panel, Shape, Style, extent, present};
 use super::data::{OfModel, Run};
 use super::picture::Picture;
 use super::table::Table;
 use pinc_chart::text;
+use pinc_chart::{AMBER, Axis, BLACK, BLUE, Figure, Kind, Panel, Shape, Style, extent, present};
 
 /// The controller step by step, if there was a closed loop.
 pub(super) fn picture(run: &Run) -> Result<Option<Picture>, ReportError> {

@@ -1,14 +1,14 @@
 //! The training curves.
 
 use super::ReportError;
-use pinc_chart::{
-    Axis, BLACK, BLUE, Event, Figure, GREEN, Kind, Label, PURPLE, Panel, Point, SKY, Shape, Style,
-    VERMILLION, extent, present,
-};
 use super::data::Run;
 use super::picture::Picture;
 use super::table::Table;
 use pinc_chart::text;
+use pinc_chart::{
+    Axis, BLACK, BLUE, Event, Figure, GREEN, Kind, Label, PURPLE, Panel, Point, SKY, Shape, Style,
+    VERMILLION, extent, present,
+};
 
 /// The training curves, if there was a training.
 pub(super) fn picture(run: &Run) -> Result<Option<Picture>, ReportError> {

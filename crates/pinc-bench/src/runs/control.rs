@@ -3,13 +3,13 @@
 use super::Options;
 use super::guard::Guard;
 use crate::BenchError;
+use crate::dyn_plant::DynPlant;
 use crate::progress::Stage;
 use crate::record::{ControlMetrics, RunDir, StepTimes, Table, WallTimes, number};
 use crate::spec::{ControlSpec, ModelKind, PlantSpec};
-use crate::dyn_plant::DynPlant;
 use pinc_mpc::{ClosedLoop, Nmpc, NmpcProblem, Reference};
-use pinc_net::{PincNet, PincPredictor};
-use pinc_ode::{Predictor, PiecewiseConstant, Trajectory};
+use pinc_net::{PincModel, PincNet};
+use pinc_ode::{Model, PiecewiseConstant, Trajectory};
 use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
 
@@ -25,7 +25,7 @@ pub(crate) struct Setup<'a> {
 }
 
 /// A model for the controller.
-type Model = (ModelKind, Box<dyn Predictor>);
+type NamedModel = (ModelKind, Box<dyn Model>);
 
 /// Runs the closed loops, unless all have been run. `plant` is the one that the models are of, and
 /// also the one in the loop unless the config has another.
@@ -53,7 +53,7 @@ pub(crate) fn stage(
 fn run_model(
     plant: &dyn DynPlant,
     setup: &Setup<'_>,
-    (kind, model): Model,
+    (kind, model): NamedModel,
     options: &Options<'_>,
     record: &RunDir,
 ) -> Result<ControlMetrics, BenchError> {
@@ -107,10 +107,10 @@ impl Setup<'_> {
         net.map(|net| Guard::new(net, self.spec.outside_domain))
     }
 
-    pub(crate) fn model(&self, kind: ModelKind, plant: &dyn DynPlant) -> Box<dyn Predictor> {
+    pub(crate) fn model(&self, kind: ModelKind, plant: &dyn DynPlant) -> Box<dyn Model> {
         let (sample_time_s, spec) = (self.sample_time_s, self.spec);
         match (kind, self.net) {
-            (ModelKind::Pinc, Some(net)) => Box::new(PincPredictor::new(net)),
+            (ModelKind::Pinc, Some(net)) => Box::new(PincModel::new(net)),
             (ModelKind::Pinc, None) => unreachable!("the plan trains or reads a net for this loop"),
             (ModelKind::Rk4, _) => plant.rk4(sample_time_s, spec.rk4_substeps),
             (ModelKind::Rk5, _) => plant.rk5(sample_time_s, spec.rk5_substeps),

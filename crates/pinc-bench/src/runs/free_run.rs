@@ -3,9 +3,9 @@
 use super::chain::Chain;
 use super::guard::Guard;
 use crate::BenchError;
+use crate::dyn_plant::DynPlant;
 use crate::record::{PredictionMetrics, RunDir, Table, file, number};
 use crate::spec::{OutsidePolicy, PredictionSpec};
-use crate::dyn_plant::DynPlant;
 use pinc_net::{PincNet, TrainingTarget};
 use pinc_ode::metrics::mean_squared_error;
 use rand::RngExt;

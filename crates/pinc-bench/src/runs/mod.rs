@@ -276,7 +276,8 @@ impl Stages<'_> {
         if let Some(spec) = &experiment.control
             && !plan.loops.is_empty()
         {
-            let sample_time_s = experiment.sample_time_s().or_else(|| net.map(PincNet::sample_time_s));
+            let sample_time_s =
+                experiment.sample_time_s().or_else(|| net.map(PincNet::sample_time_s));
             let setup = control::Setup {
                 spec,
                 kinds: &plan.loops,

@@ -3,13 +3,13 @@
 use super::Options;
 use super::data::{self, Data};
 use crate::BenchError;
+use crate::dyn_plant::{DynPlant, Training};
 use crate::error::CheckpointProblem;
 use crate::progress::Stage;
 use crate::record::{
     RunDir, Saved, TrainingMetrics, file, lines_up_to, load_checkpoint, number, save_checkpoint,
 };
 use crate::spec::{DataSpec, Effort, Experiment, TrainingSpec};
-use crate::dyn_plant::{DynPlant, Training};
 use pinc_net::{
     Domain, IterationRecord, NetConfig, PincNet, Progress, Trainer, Validation, ValidationConfig,
     ValidationSet,

@@ -90,7 +90,7 @@ pub struct ControlSpec {
 impl ControlSpec {
     /// The problem for a plant whose states have these names.
     pub(crate) fn problem(&self, states: &[&str], inputs: usize) -> NmpcProblem {
-        let dims = Dims { states: states.len(), inputs };
+        let dims = Dims::new(states.len(), inputs);
         let place = |name: &String| states.iter().position(|state| state == name);
         let weights = Weights {
             terminal: self.q_terminal.clone(),

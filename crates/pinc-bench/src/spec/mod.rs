@@ -137,7 +137,7 @@ impl Experiment {
             return;
         };
         let variables = self.plant.variables();
-        let dims = Dims { states: variables.states.len(), inputs: variables.inputs.len() };
+        let dims = Dims::new(variables.states.len(), variables.inputs.len());
         let weights = model.parameters(dims);
         for phase in &mut training.config.phases {
             phase.optimizer = phase.optimizer.for_size(weights);

@@ -25,7 +25,7 @@ impl Plant for Runaway {
         &VARIABLES
     }
 
-    fn rhs<S: Scalar>(&self, x: &[S], u: &[S], dx: &mut [S]) {
+    fn rhs<S: Scalar>(&self, x: &[S], u: &[S], _p: &[S], dx: &mut [S]) {
         dx[0] = x[0] * x[0] * self.rate + u[0];
     }
 }

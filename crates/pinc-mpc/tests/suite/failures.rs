@@ -4,7 +4,7 @@ use crate::faulty::{Faulty, NOT_A_NUMBER, SOUND};
 use crate::problems::van_der_pol;
 use crate::support::{Linear, scalar_problem};
 use pinc_mpc::{Nmpc, NmpcProblem, SqpConfig, SqpStatus};
-use pinc_ode::{Dims, Predictor, Rk4};
+use pinc_ode::{Dims, Linearization, Model, Rk4, Stages};
 use pinc_plants::VanDerPol;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -118,23 +118,25 @@ fn short_of_convergence_a_plan_that_contradicts_the_model_is_not_followed() {
 #[derive(Debug)]
 struct Arctangent;
 
-impl Predictor for Arctangent {
+impl Model for Arctangent {
     fn dims(&self) -> Dims {
-        Dims { states: 1, inputs: 1 }
+        Dims::new(1, 1)
     }
 
     fn sample_time_s(&self) -> f64 {
         1.0
     }
 
-    fn predict(&mut self, _x: &[f64], u: &[f64], next: &mut [f64]) {
+    fn step(&mut self, _x: &[f64], u: &[f64], _p: &[f64], next: &mut [f64]) {
         next[0] = u[0].atan();
     }
 
-    fn linearize(&mut self, x: &[f64], u: &[f64], next: &mut [f64], a: &mut [f64], b: &mut [f64]) {
-        self.predict(x, u, next);
-        a[0] = 0.0;
-        b[0] = 1.0 / (1.0 + u[0] * u[0]);
+    fn linearize(&mut self, at: Stages<'_>, out: Linearization<'_>) {
+        for k in 0..at.count(self.dims()) {
+            let u = at.u[k];
+            self.step(&[], &[u], &[], &mut out.next[k..=k]);
+            (out.a[k], out.b[k]) = (0.0, 1.0 / (1.0 + u * u));
+        }
     }
 }
 

@@ -1,6 +1,6 @@
 //! A model that fails on demand.
 
-use pinc_ode::{Dims, Predictor};
+use pinc_ode::{Dims, Linearization, Model, Stages};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
@@ -16,7 +16,7 @@ pub(crate) struct Faulty<M> {
     pub(crate) fault: Arc<AtomicU64>,
 }
 
-impl<M: Predictor> Predictor for Faulty<M> {
+impl<M: Model> Model for Faulty<M> {
     fn dims(&self) -> Dims {
         self.model.dims()
     }
@@ -25,8 +25,8 @@ impl<M: Predictor> Predictor for Faulty<M> {
         self.model.sample_time_s()
     }
 
-    fn predict(&mut self, x: &[f64], u: &[f64], next: &mut [f64]) {
-        self.model.predict(x, u, next);
+    fn step(&mut self, x: &[f64], u: &[f64], _p: &[f64], next: &mut [f64]) {
+        self.model.step(x, u, &[], next);
         match self.fault.load(Ordering::Relaxed) {
             NOT_A_NUMBER => next[0] = f64::NAN,
             WRONG => next.iter_mut().for_each(|v| *v = 3.0 * (5.0 * *v).sin() + 1e3 * u[0]),
@@ -34,13 +34,18 @@ impl<M: Predictor> Predictor for Faulty<M> {
         }
     }
 
-    fn linearize(&mut self, x: &[f64], u: &[f64], next: &mut [f64], a: &mut [f64], b: &mut [f64]) {
-        self.model.linearize(x, u, next, a, b);
-        match self.fault.load(Ordering::Relaxed) {
-            NOT_A_NUMBER => a[0] = f64::NAN,
-            // Jacobians that do not belong to the values.
-            WRONG => self.predict(x, u, next),
-            _ => {}
+    fn linearize(&mut self, at: Stages<'_>, mut out: Linearization<'_>) {
+        let dims = self.dims();
+        for k in 0..at.count(dims) {
+            let (at, out) = (at.point(k, dims), out.point(k, dims));
+            let Linearization { next, a, b, e } = out;
+            self.model.linearize(at, Linearization { next, a, b, e });
+            match self.fault.load(Ordering::Relaxed) {
+                NOT_A_NUMBER => a[0] = f64::NAN,
+                // Jacobians that do not belong to the values.
+                WRONG => self.step(at.x, at.u, at.p, next),
+                _ => {}
+            }
         }
     }
 }

@@ -8,7 +8,7 @@ use pinc_mpc::{
     Bounds, Constraints, Nmpc, NmpcProblem, QpMethod, Softness, SqpConfig, SqpStatus,
     StageConstraints, Weight, Weights,
 };
-use pinc_ode::{Dopri5, Dims, Predictor, Rk4};
+use pinc_ode::{Dims, Dopri5, Model, Rk4};
 use pinc_plants::VanDerPol;
 
 const METHODS: [QpMethod; 3] = [QpMethod::Condensed, QpMethod::Riccati, QpMethod::Clarabel];
@@ -16,7 +16,7 @@ const METHODS: [QpMethod; 3] = [QpMethod::Condensed, QpMethod::Riccati, QpMethod
 /// Tolerance of inputs: KKT residuals of 1e-8 over curvatures of 1 and more, with room.
 const TOLERANCE: f64 = 1e-6;
 
-fn controllers(problem: &NmpcProblem, model: &(impl Predictor + Clone + 'static)) -> Vec<Nmpc> {
+fn controllers(problem: &NmpcProblem, model: &(impl Model + Clone + 'static)) -> Vec<Nmpc> {
     let build = |qp| {
         let config = SqpConfig { qp, ..SqpConfig::default() };
         Nmpc::new(problem.clone(), Box::new(model.clone()), config).unwrap()
@@ -87,7 +87,7 @@ fn an_equality_is_met() {
         let step = nmpc.step(&[0.4, 0.1], &[0.5, 0.0]).unwrap();
         assert_eq!(step.status, SqpStatus::Converged);
         let mut next = [0.0; 2];
-        model.predict(&[0.4, 0.1], step.u, &mut next);
+        model.step(&[0.4, 0.1], &[], step.u, &mut next);
         assert!((next[0].hypot(next[1]) - 0.5).abs() < 1e-7);
     }
 }
@@ -222,7 +222,7 @@ fn a_penalty_is_a_price() {
 /// only what Q sees: here y1 - y2.
 #[test]
 fn weights_may_be_full() {
-    let dims = Dims { states: 2, inputs: 2 };
+    let dims = Dims::new(2, 2);
     let model = Linear { dims, a: vec![1.0, 0.2, -0.1, 0.9], b: vec![1.0, 0.0, 0.5, 1.0] };
     let q = Weight::Full(vec![vec![2.0, -2.0], vec![-2.0, 2.0]]);
     let weights = Weights::uniform(q, vec![1e-3; 2]);

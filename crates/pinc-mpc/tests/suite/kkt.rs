@@ -4,7 +4,7 @@ use crate::optimality::{StepInput, judge, residuals, scale};
 use crate::problems::{Loop, four_tanks, four_tanks_loop, van_der_pol, van_der_pol_loop};
 use crate::support::Linear;
 use pinc_mpc::{Bounds, Nmpc, NmpcProblem, Profile, SqpConfig, SqpStatus, Weights};
-use pinc_ode::{Dopri5, Dims, Rk4};
+use pinc_ode::{Dims, Dopri5, Rk4};
 use pinc_plants::{FourTanks, VanDerPol};
 use proptest::prelude::*;
 
@@ -78,7 +78,7 @@ proptest! {
         high in prop::collection::vec(0.05..2.0, 2),
         control in 1..=4_usize,
     ) {
-        let dims = Dims { states: 3, inputs: 2 };
+        let dims = Dims::new(3, 2);
         let mut model = Linear { dims, a, b };
         let weights = Weights::uniform(vec![10.0, 1.0], vec![0.1, 1.0]);
         let problem = NmpcProblem {

@@ -16,8 +16,14 @@ fn refusal(change: impl FnOnce(&mut NmpcProblem)) -> String {
 
 #[test]
 fn horizons() {
-    assert_eq!(refusal(|p| p.control_horizon = 6), "control_horizon (Nu) is 6, but must be from 1 to 5");
-    assert_eq!(refusal(|p| p.control_horizon = 0), "control_horizon (Nu) is 0, but must be from 1 to 5");
+    assert_eq!(
+        refusal(|p| p.control_horizon = 6),
+        "control_horizon (Nu) is 6, but must be from 1 to 5"
+    );
+    assert_eq!(
+        refusal(|p| p.control_horizon = 0),
+        "control_horizon (Nu) is 0, but must be from 1 to 5"
+    );
     assert_eq!(refusal(|p| p.n1 = 0), "n1 is 0, but must be from 1 to 5");
     assert_eq!(refusal(|p| p.n1 = 6), "n1 is 6, but must be from 1 to 5");
     assert_eq!(refusal(|p| p.horizon = 0), "horizon (N2) is 0, but must be from 1 to 10000");

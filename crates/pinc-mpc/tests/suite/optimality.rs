@@ -2,7 +2,7 @@
 
 use crate::problems::Loop;
 use pinc_mpc::{Bounds, Nmpc, Profile, SqpConfig, SqpStatus, Weight};
-use pinc_ode::{Dims, Predictor};
+use pinc_ode::{Dims, Linearization, Model, Stages};
 
 /// What one step was input.
 pub(crate) struct StepInput<'a> {
@@ -21,9 +21,9 @@ fn diagonal(weight: &Weight) -> &[f64] {
 /// The residuals of the KKT conditions at the controller's plan: stationarity, feasibility of the
 /// dynamics, violation of bounds, complementarity; unscaled, with Jacobians from the model.
 #[expect(clippy::needless_range_loop, reason = "indices as in the formulas")]
-pub(crate) fn residuals(nmpc: &Nmpc, model: &mut dyn Predictor, input: &StepInput<'_>) -> [f64; 4] {
+pub(crate) fn residuals(nmpc: &Nmpc, model: &mut dyn Model, input: &StepInput<'_>) -> [f64; 4] {
     let (problem, plan) = (nmpc.problem(), nmpc.plan());
-    let Dims { states: n, inputs: m } = model.dims();
+    let Dims { nx: n, nu: m, .. } = model.dims();
     let x = |j: usize| match j {
         0 => input.x,
         _ => &plan.states()[(j - 1) * n..j * n],
@@ -58,7 +58,10 @@ pub(crate) fn residuals(nmpc: &Nmpc, model: &mut dyn Predictor, input: &StepInpu
     let (mut next, mut a, mut b) = (vec![0.0; n], vec![0.0; n * n], vec![0.0; n * m]);
     for j in 0..problem.horizon {
         let acting = j.min(problem.control_horizon - 1);
-        model.linearize(x(j), u(acting), &mut next, &mut a, &mut b);
+        model.linearize(
+            Stages { x: x(j), u: u(acting), p: &[] },
+            Linearization { next: &mut next, a: &mut a, b: &mut b, e: &mut [] },
+        );
         let lambda = &plan.dynamics_multipliers()[j * n..(j + 1) * n];
         for row in 0..n {
             infeasibility = infeasibility.max((next[row] - x(j + 1)[row]).abs());
@@ -111,10 +114,10 @@ pub(crate) fn scale(nmpc: &Nmpc) -> f64 {
 }
 
 /// Runs a closed loop with this model in the controller, judging every step.
-pub(crate) fn judge(mut run: Loop, mut model: impl Predictor + Clone + 'static) {
+pub(crate) fn judge(mut run: Loop, mut model: impl Model + Clone + 'static) {
     let problem = run.problem.clone();
     let mut nmpc = Nmpc::new(problem, Box::new(model.clone()), SqpConfig::default()).unwrap();
-    let mut previous = vec![0.0; model.dims().inputs];
+    let mut previous = vec![0.0; model.dims().nu];
     run.run(|k, x, reference| {
         let step = nmpc.step(x, reference).unwrap();
         assert_eq!(step.status, SqpStatus::Converged, "step {k}");

@@ -1,7 +1,7 @@
 //! The paper's control problems and closed loops.
 
 use pinc_mpc::{Bounds, NmpcProblem, Reference, Weights};
-use pinc_ode::{Dims, Predictor, Rk4};
+use pinc_ode::{Dims, Model, Rk4};
 use pinc_plants::{FourTanks, VanDerPol};
 
 /// A closed loop: the problem, what is followed, and the plant with its state at the start.
@@ -10,14 +10,14 @@ pub(crate) struct Loop {
     pub(crate) reference: Reference,
     pub(crate) start: Vec<f64>,
     /// RK4 with so many substeps that its error does not matter.
-    pub(crate) plant: Box<dyn Predictor>,
+    pub(crate) plant: Box<dyn Model>,
 }
 
 impl Loop {
     /// A loop whose reference has these values, each for so many steps.
     pub(crate) fn new(
         problem: NmpcProblem,
-        plant: impl Predictor + 'static,
+        plant: impl Model + 'static,
         start: &[f64],
         (values, each): (&[&[f64]], usize),
     ) -> Self {
@@ -35,7 +35,7 @@ impl Loop {
         for k in 0..self.reference.steps() {
             self.reference.preview(k, &mut window);
             let u = step(k, &x, &window);
-            self.plant.predict(&x, &u, &mut next);
+            self.plant.step(&x, &u, &[], &mut next);
             x.copy_from_slice(&next);
         }
     }
@@ -65,7 +65,7 @@ pub(crate) fn van_der_pol() -> NmpcProblem {
     NmpcProblem {
         state_bounds: Bounds { low: vec![-1.0; 2], high: vec![1.0; 2] },
         input_bounds: Bounds { low: vec![-1.0], high: vec![1.0] },
-        ..NmpcProblem::new(Dims { states: 2, inputs: 1 }, 5, weights)
+        ..NmpcProblem::new(Dims::new(2, 1), 5, weights)
     }
 }
 
@@ -76,6 +76,6 @@ pub(crate) fn four_tanks() -> NmpcProblem {
         tracked: vec![0, 1],
         state_bounds: Bounds { low: vec![2.0, 2.0, 0.6, 0.6], high: vec![20.0, 20.0, 5.5, 5.5] },
         input_bounds: Bounds { low: vec![0.0; 2], high: vec![5.0; 2] },
-        ..NmpcProblem::new(Dims { states: 4, inputs: 2 }, 5, weights)
+        ..NmpcProblem::new(Dims::new(4, 2), 5, weights)
     }
 }

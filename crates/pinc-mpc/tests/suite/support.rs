@@ -1,7 +1,7 @@
 //! Models and problems that several tests use.
 
 use pinc_mpc::{NmpcProblem, Weights};
-use pinc_ode::{Dims, Predictor};
+use pinc_ode::{Dims, Linearization, Model, Stages};
 
 /// x\[k+1\] = A x\[k\] + B u\[k\]
 #[derive(Clone, Debug)]
@@ -14,12 +14,12 @@ pub(crate) struct Linear {
 impl Linear {
     /// One state, one input.
     pub(crate) fn scalar(a: f64, b: f64) -> Self {
-        let dims = Dims { states: 1, inputs: 1 };
+        let dims = Dims::new(1, 1);
         Self { dims, a: vec![a], b: vec![b] }
     }
 }
 
-impl Predictor for Linear {
+impl Model for Linear {
     fn dims(&self) -> Dims {
         self.dims
     }
@@ -28,7 +28,7 @@ impl Predictor for Linear {
         1.0
     }
 
-    fn predict(&mut self, x: &[f64], u: &[f64], next: &mut [f64]) {
+    fn step(&mut self, x: &[f64], u: &[f64], _p: &[f64], next: &mut [f64]) {
         let a = self.a.chunks_exact(x.len());
         let b = self.b.chunks_exact(u.len());
         for ((next, a), b) in next.iter_mut().zip(a).zip(b) {
@@ -38,15 +38,18 @@ impl Predictor for Linear {
         }
     }
 
-    fn linearize(&mut self, x: &[f64], u: &[f64], next: &mut [f64], a: &mut [f64], b: &mut [f64]) {
-        self.predict(x, u, next);
-        a.copy_from_slice(&self.a);
-        b.copy_from_slice(&self.b);
+    fn linearize(&mut self, at: Stages<'_>, mut out: Linearization<'_>) {
+        for k in 0..at.count(self.dims) {
+            let (at, out) = (at.point(k, self.dims), out.point(k, self.dims));
+            self.step(at.x, at.u, at.p, out.next);
+            out.a.copy_from_slice(&self.a);
+            out.b.copy_from_slice(&self.b);
+        }
     }
 }
 
 /// A problem with one state and one input, no bounds, q = 2 and r = 3.
 pub(crate) fn scalar_problem(last: usize, control: usize) -> NmpcProblem {
     let weights = Weights::uniform(vec![2.0], vec![3.0]);
-    NmpcProblem { control_horizon: control, ..NmpcProblem::new(Dims { states: 1, inputs: 1 }, last, weights) }
+    NmpcProblem { control_horizon: control, ..NmpcProblem::new(Dims::new(1, 1), last, weights) }
 }

@@ -6,7 +6,7 @@
 use crate::faulty::{Faulty, NOT_A_NUMBER, SOUND, WRONG};
 use crate::optimality::{StepInput, residuals, scale};
 use pinc_mpc::{Nmpc, NmpcProblem, SqpConfig, SqpStatus};
-use pinc_ode::Predictor;
+use pinc_ode::Model;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -42,7 +42,7 @@ pub(crate) struct Draw<'a> {
 /// Takes the steps, and counts how they end: those with a sound model and without deadline first, then the
 /// others.
 pub(crate) fn survey(
-    mut sound: impl Predictor + Clone + 'static,
+    mut sound: impl Model + Clone + 'static,
     problem: &NmpcProblem,
     draw: &Draw<'_>,
 ) -> [BTreeMap<SqpStatus, usize>; 2] {
@@ -51,7 +51,7 @@ pub(crate) fn survey(
     let mut nmpc = Nmpc::new(problem.clone(), Box::new(model), SqpConfig::default()).unwrap();
     let mut stream = Stream(1);
     let mut seen = [BTreeMap::new(), BTreeMap::new()];
-    let mut previous = vec![0.0; sound.dims().inputs];
+    let mut previous = vec![0.0; sound.dims().nu];
     let steps = std::env::var("PINC_RANDOM_STEPS").map_or(STEPS, |n| n.parse().unwrap());
     for k in 0..steps {
         let x: Vec<f64> = draw.states.iter().map(|&range| stream.within(range)).collect();

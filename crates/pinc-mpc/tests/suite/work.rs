@@ -3,7 +3,7 @@
 use crate::faulty::{Faulty, NOT_A_NUMBER, SOUND};
 use crate::problems::van_der_pol;
 use pinc_mpc::{Nmpc, SqpConfig, SqpStatus};
-use pinc_ode::{Dims, Predictor, Rk4};
+use pinc_ode::{Dims, Linearization, Model, Rk4, Stages};
 use pinc_plants::VanDerPol;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
@@ -15,7 +15,7 @@ struct Counting<M> {
     points: Arc<AtomicUsize>,
 }
 
-impl<M: Predictor> Predictor for Counting<M> {
+impl<M: Model> Model for Counting<M> {
     fn dims(&self) -> Dims {
         self.model.dims()
     }
@@ -24,13 +24,13 @@ impl<M: Predictor> Predictor for Counting<M> {
         self.model.sample_time_s()
     }
 
-    fn predict(&mut self, x: &[f64], u: &[f64], next: &mut [f64]) {
-        self.model.predict(x, u, next);
+    fn step(&mut self, x: &[f64], u: &[f64], _p: &[f64], next: &mut [f64]) {
+        self.model.step(x, u, &[], next);
     }
 
-    fn linearize(&mut self, x: &[f64], u: &[f64], next: &mut [f64], a: &mut [f64], b: &mut [f64]) {
-        self.points.fetch_add(1, Ordering::Relaxed);
-        self.model.linearize(x, u, next, a, b);
+    fn linearize(&mut self, at: Stages<'_>, out: Linearization<'_>) {
+        self.points.fetch_add(at.count(self.dims()), Ordering::Relaxed);
+        self.model.linearize(at, out);
     }
 }
 

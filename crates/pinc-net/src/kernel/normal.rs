@@ -74,7 +74,7 @@ impl<V: Simd> LaneEngine<V> {
 
     /// Rows of the Jacobian for one panel.
     fn panel_rows(&self) -> usize {
-        2 * V::LANES * self.dims.states
+        2 * V::LANES * self.dims.nx
     }
 
     fn fill_slab(&self, (set, range): &(usize, Range<usize>), slab: &mut Slab) {

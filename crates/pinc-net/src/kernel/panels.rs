@@ -45,7 +45,7 @@ pub(super) struct Panel<'a, V> {
 impl<V: Simd> Panels<V> {
     pub(super) fn new(points: &Points, dims: Dims, zero: V) -> Self {
         let width = 2 * V::LANES;
-        let rows = 1 + dims.states + dims.inputs;
+        let rows = 1 + dims.nx + dims.nu;
         let mut data = Vec::with_capacity(points.len().div_ceil(width) * rows);
         for first in (0..points.len()).step_by(width) {
             for row in 0..rows {
@@ -54,10 +54,10 @@ impl<V: Simd> Panels<V> {
                         let i = (first + half * V::LANES + lane).min(points.len() - 1);
                         if row == 0 {
                             points.time(i)
-                        } else if row <= dims.states {
+                        } else if row <= dims.nx {
                             points.state(i)[row - 1]
                         } else {
-                            points.input(i)[row - 1 - dims.states]
+                            points.input(i)[row - 1 - dims.nx]
                         }
                     })
                 }));
@@ -68,7 +68,7 @@ impl<V: Simd> Panels<V> {
             zero.generate(|lane| if half * V::LANES + lane < in_last { 1.0 } else { 0.0 })
         });
         let ones = [zero.constant(1.0); 2];
-        let (states, errors) = (dims.states, points.len() * dims.states);
+        let (states, errors) = (dims.nx, points.len() * dims.nx);
         Self { rows, states, data, targets: Vec::new(), errors, ones, last_mask }
     }
 
@@ -86,14 +86,14 @@ impl<V: Simd> Panels<V> {
             if i < points.len() { target(i, state) } else { None }
         };
         for first in (0..points.len()).step_by(2 * V::LANES) {
-            panels.targets.extend((0..dims.states).map(|i| Target {
+            panels.targets.extend((0..dims.nx).map(|i| Target {
                 value: [0, 1].map(|half| zero.generate(|l| at(first, half, l, i).unwrap_or(0.0))),
                 known: [0, 1].map(|half| {
                     zero.generate(|l| if at(first, half, l, i).is_some() { 1.0 } else { 0.0 })
                 }),
             }));
         }
-        let known = |k: usize| (0..dims.states).filter(|&i| target(k, i).is_some()).count();
+        let known = |k: usize| (0..dims.nx).filter(|&i| target(k, i).is_some()).count();
         panels.errors = (0..points.len()).map(known).sum();
         panels
     }

@@ -50,14 +50,14 @@ pub(super) struct Scratch<V> {
 
 impl<V: Simd> Scratch<V> {
     pub(super) fn new(dims: Dims, zero: V) -> Self {
-        let states = vec![Dual::lift(zero); dims.states];
+        let states = vec![Dual::lift(zero); dims.nx];
         Self {
             x: states.clone(),
-            u: vec![Dual::lift(zero); dims.inputs],
+            u: vec![Dual::lift(zero); dims.nu],
             f: states,
-            rate: vec![zero; dims.states],
-            state_adjoint: vec![zero; dims.states],
-            rate_adjoint: vec![zero; dims.states],
+            rate: vec![zero; dims.nx],
+            state_adjoint: vec![zero; dims.nx],
+            rate_adjoint: vec![zero; dims.nx],
         }
     }
 }

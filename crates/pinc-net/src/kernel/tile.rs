@@ -45,7 +45,7 @@ impl<V: Simd> Workspace<V> {
             activations: mlp.widths().iter().map(|&w| cells(w)).collect(),
             adjoints: mlp.widths()[1..].iter().map(|&w| cells(w)).collect(),
             gradient: vec![zero; mlp.parameters().len()],
-            seeds: vec![[zero; 4]; dims.states * dims.states],
+            seeds: vec![[zero; 4]; dims.nx * dims.nx],
             scratch: Scratch::new(dims, zero),
             zero,
         }

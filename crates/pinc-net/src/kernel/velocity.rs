@@ -37,7 +37,7 @@ impl<V: Simd, P: Plant> Work for Evaluation<'_, V, P> {
 
     #[inline(always)]
     fn run(self) {
-        self.plant.rhs(self.x, self.u, self.dx);
+        self.plant.rhs(self.x, self.u, &[], self.dx);
     }
 }
 

@@ -44,7 +44,7 @@ impl Task for Batched<'_> {
     fn run<V: Simd>(mut self, zero: V) {
         self.start(zero);
         let Self { layout, cells, dims, .. } = &mut self;
-        let width = 1 + dims.states + dims.inputs;
+        let width = 1 + dims.nx + dims.nu;
         let last = layout.packed.len() - 1;
         for (l, layer) in layout.packed.iter().enumerate() {
             let Cells { from, to } = &mut **cells;
@@ -70,7 +70,7 @@ impl Batched<'_> {
     /// last one.
     #[inline(always)]
     fn start<V: Simd>(&mut self, zero: V) {
-        let Dims { states: n, inputs: m } = self.dims;
+        let Dims { nx: n, nu: m, .. } = self.dims;
         let points = self.x.len() / n;
         let at = start(&self.cells.from);
         let mut to = self.cells.from[at..].chunks_exact_mut(V::LANES);
@@ -84,7 +84,7 @@ impl Batched<'_> {
     /// From the last layer's cells to the results.
     #[inline(always)]
     fn finish<V: Simd>(self, _: V) {
-        let Dims { states: n, inputs: m } = self.dims;
+        let Dims { nx: n, nu: m, .. } = self.dims;
         let points = self.x.len() / n;
         let from = &self.cells.from[start(&self.cells.from)..];
         let width = 1 + n + m;

@@ -128,7 +128,7 @@ fn fold_input(net: &PincNet, weights: &mut [Vec<f64>], bias: &mut [f64]) {
             *bias -= w * mean;
         }
         // A conventional PINN has no inputs but t: its state depends on nothing else.
-        scaled.resize(1 + dims.states + dims.inputs, 0.0);
+        scaled.resize(1 + dims.nx + dims.nu, 0.0);
         *row = scaled.split_off(1);
     }
 }

@@ -1,15 +1,15 @@
 //! The net as a model for control.
 
+mod batched;
 mod layout;
 mod step;
-mod batched;
 
 use crate::PincNet;
+use batched::{Batched, Cells};
 use layout::Layout;
 use pinc_ad::simd::Isa;
-use pinc_ode::{Dims, Predictor};
+use pinc_ode::{Dims, Linearization, Model, Stages};
 use step::{Columns, POINTS, Step};
-use batched::{Cells, Batched};
 
 /// The control interface f^(y, u) = `f_w`(T, y, u) of a net, Eq. (interface) of the paper, with its
 /// Jacobians by forward differentiation.
@@ -18,7 +18,7 @@ use batched::{Cells, Batched};
 /// weights and biases, and the neurons of a layer lie across the lanes of vectors. It agrees with
 /// [`PincNet::evaluate`] to rounding. Neither method allocates.
 #[derive(Clone, Debug)]
-pub struct PincPredictor {
+pub struct PincModel {
     dims: Dims,
     sample_time_s: f64,
     isa: Isa,
@@ -27,7 +27,7 @@ pub struct PincPredictor {
     cells: Cells,
 }
 
-impl PincPredictor {
+impl PincModel {
     /// The control interface of `net`, in the machine's fastest instruction set.
     #[must_use]
     pub fn new(net: &PincNet) -> Self {
@@ -43,15 +43,15 @@ impl PincPredictor {
     pub fn with_isa(net: &PincNet, isa: Isa) -> Self {
         let dims = net.dims();
         let layout = Layout::new(net, isa.lanes());
-        let columns = Columns::new(layout.longest(), dims.states + dims.inputs);
-        let cells = Cells::new(layout.widest(), dims.states + dims.inputs, isa.lanes());
+        let columns = Columns::new(layout.longest(), dims.nx + dims.nu);
+        let cells = Cells::new(layout.widest(), dims.nx + dims.nu, isa.lanes());
         Self { dims, sample_time_s: net.sample_time_s, isa, layout, columns, cells }
     }
 
     /// Runs the net from one (x, u), or from [`POINTS`] of them, with the tangents of the first `tangents` of their
     /// numbers; the results are in the columns that are returned.
     fn run(&mut self, x: &[f64], u: &[f64], tangents: usize) -> &Columns {
-        let Dims { states: n, inputs: m } = self.dims;
+        let Dims { nx: n, nu: m, .. } = self.dims;
         let Self { layout, columns, isa, .. } = self;
         columns.set_tangents(tangents);
         let points = x.len() / n;
@@ -68,7 +68,7 @@ impl PincPredictor {
 
     /// What came out at `point`, whose state is `x`.
     fn results(&self, point: usize, x: &[f64], next: &mut [f64], a: &mut [f64], b: &mut [f64]) {
-        let (Dims { states: n, inputs: m }, columns) = (self.dims, &self.columns);
+        let (Dims { nx: n, nu: m, .. }, columns) = (self.dims, &self.columns);
         next.copy_from_slice(&columns.value(point)[..n]);
         for j in 0..n {
             for (i, derivative) in columns.tangent(point, j)[..n].iter().enumerate() {
@@ -89,7 +89,7 @@ impl PincPredictor {
     }
 }
 
-impl Predictor for PincPredictor {
+impl Model for PincModel {
     fn dims(&self) -> Dims {
         self.dims
     }
@@ -98,8 +98,8 @@ impl Predictor for PincPredictor {
         self.sample_time_s
     }
 
-    fn predict(&mut self, x: &[f64], u: &[f64], next: &mut [f64]) {
-        let Dims { states: n, inputs: m } = self.dims;
+    fn step(&mut self, x: &[f64], u: &[f64], _p: &[f64], next: &mut [f64]) {
+        let Dims { nx: n, nu: m, .. } = self.dims;
         assert!(x.len() == n && u.len() == m && next.len() == n, "lengths of x, u, next");
         let from_x = self.layout.adds_initial_state();
         next.copy_from_slice(&self.run(x, u, 0).value(0)[..n]);
@@ -110,24 +110,11 @@ impl Predictor for PincPredictor {
         }
     }
 
-    fn linearize(&mut self, x: &[f64], u: &[f64], next: &mut [f64], a: &mut [f64], b: &mut [f64]) {
-        assert!(x.len() == self.dims.states, "length of x");
-        self.linearize_stages(x, u, next, a, b);
-    }
-
-    fn linearize_stages(
-        &mut self,
-        x: &[f64],
-        u: &[f64],
-        next: &mut [f64],
-        a: &mut [f64],
-        b: &mut [f64],
-    ) {
-        let Dims { states: n, inputs: m } = self.dims;
-        let count = x.len() / n;
-        assert!(x.len() == count * n && u.len() == count * m, "lengths of x and u");
-        assert!(next.len() == count * n, "length of next");
-        assert!(a.len() == count * n * n && b.len() == count * n * m, "lengths of a and b");
+    fn linearize(&mut self, at: Stages<'_>, out: Linearization<'_>) {
+        let Dims { nx: n, nu: m, .. } = self.dims;
+        let count = at.count(self.dims);
+        out.check(count, self.dims);
+        let (Stages { x, u, .. }, Linearization { next, a, b, .. }) = (at, out);
         let mut first = 0;
         let lanes = self.isa.lanes();
         while first < count {

@@ -3,7 +3,7 @@
 mod lu;
 mod stages;
 
-use crate::{Dims, Plant, Predictor};
+use crate::{Dims, Linearization, Model, Plant, Stages};
 use pinc_ad::Dual;
 use pinc_ad::simd::{Isa, Simd, Task};
 use stages::Workspace;
@@ -11,7 +11,7 @@ use stages::Workspace;
 /// Directions of differentiation that go through the method together.
 const DIRECTIONS: usize = 8;
 
-/// The Rosenbrock method RODAS with a fixed number of substeps h = T / substeps, as a [`Predictor`]:
+/// The Rosenbrock method RODAS with a fixed number of substeps h = T / substeps, as a [`Model`]:
 ///
 /// ```text
 /// (I / (h gamma) - J) k_i = f(y_i, u) + sum_(j<i) c_ij k_j / h,    y_i = x + sum_(j<i) a_ij k_j,    i = 1 .. 6
@@ -84,7 +84,7 @@ impl<P: Plant, S: lu::Pivot> Task for Step<'_, P, S> {
     }
 }
 
-impl<P: Plant> Predictor for Rodas4<P> {
+impl<P: Plant> Model for Rodas4<P> {
     fn dims(&self) -> Dims {
         self.dims
     }
@@ -93,7 +93,7 @@ impl<P: Plant> Predictor for Rodas4<P> {
         self.sample_time_s
     }
 
-    fn predict(&mut self, x: &[f64], u: &[f64], next: &mut [f64]) {
+    fn step(&mut self, x: &[f64], u: &[f64], _p: &[f64], next: &mut [f64]) {
         let h = self.h();
         let Self { plant, substeps, isa, value: work, .. } = self;
         work.x.copy_from_slice(x);
@@ -102,10 +102,28 @@ impl<P: Plant> Predictor for Rodas4<P> {
         next.copy_from_slice(&work.x);
     }
 
-    fn linearize(&mut self, x: &[f64], u: &[f64], next: &mut [f64], a: &mut [f64], b: &mut [f64]) {
-        let (h, Dims { states: n, inputs: m }) = (self.h(), self.dims);
-        assert!(x.len() == n && u.len() == m && next.len() == n, "lengths of x, u, next");
-        assert!(a.len() == n * n && b.len() == n * m, "lengths of a, b");
+    fn linearize(&mut self, at: Stages<'_>, out: Linearization<'_>) {
+        let count = at.count(self.dims);
+        out.check(count, self.dims);
+        let Dims { nx: n, nu: m, .. } = self.dims;
+        let points = at.x.chunks_exact(n).zip(at.u.chunks_exact(m));
+        let values = out.next.chunks_exact_mut(n);
+        let jacobians = out.a.chunks_exact_mut(n * n).zip(out.b.chunks_exact_mut(n * m));
+        for (((x, u), next), (a, b)) in points.zip(values).zip(jacobians) {
+            self.linearize_point((x, u), next, a, b);
+        }
+    }
+}
+
+impl<P: Plant> Rodas4<P> {
+    fn linearize_point(
+        &mut self,
+        (x, u): (&[f64], &[f64]),
+        next: &mut [f64],
+        a: &mut [f64],
+        b: &mut [f64],
+    ) {
+        let (h, Dims { nx: n, nu: m, .. }) = (self.h(), self.dims);
         let Self { plant, substeps, isa, tangent: work, .. } = self;
         for first in (0..n + m).step_by(DIRECTIONS) {
             let variables = work.x.iter_mut().chain(&mut work.u);

@@ -69,7 +69,7 @@ pub(super) struct Workspace<S> {
 }
 
 impl<S: Pivot> Workspace<S> {
-    pub(super) fn new(Dims { states: n, inputs: m }: Dims, zero: S) -> Self {
+    pub(super) fn new(Dims { nx: n, nu: m, .. }: Dims, zero: S) -> Self {
         let (x, u) = (vec![zero; n], vec![zero; m]);
         let lifted = vec![Dual::lift(zero); n];
         Self {
@@ -96,7 +96,7 @@ impl<S: Pivot> Workspace<S> {
             let (known, [k, ..]) = self.k.split_at_mut(stage) else { return };
             self.point.copy_from_slice(&self.x);
             combine(&mut self.point, 1.0, a, known);
-            plant.rhs(&self.point, &self.u, k);
+            plant.rhs(&self.point, &self.u, &[], k);
             combine(k, 1.0 / h, c, known);
             lu::solve(&self.matrix, &self.order, k);
         }
@@ -116,7 +116,7 @@ impl<S: Pivot> Workspace<S> {
             for (j, (to, &x)) in self.lifted_x.iter_mut().zip(&self.x).enumerate() {
                 *to = Dual::variable(x, j.checked_sub(first).unwrap_or(COLUMNS));
             }
-            plant.rhs(&self.lifted_x, &self.lifted_u, &mut self.slopes);
+            plant.rhs(&self.lifted_x, &self.lifted_u, &[], &mut self.slopes);
             for (i, slope) in self.slopes.iter().enumerate() {
                 for (j, &derivative) in (first..n).zip(&slope.eps) {
                     self.matrix[i * n + j] = -derivative;

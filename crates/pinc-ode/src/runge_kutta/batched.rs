@@ -27,7 +27,7 @@ impl<P: Plant, M: Method> Task for LinearizeBatched<'_, P, M> {
     fn run<V: Simd>(self, zero: V) {
         // A constant for a plant whose dimensions are: then all below is unrolled, or left out.
         let dims = self.plant.dims();
-        let Dims { states: n, inputs: m } = dims;
+        let Dims { nx: n, nu: m, .. } = dims;
         assert!(n + m <= COLUMNS, "a plant with few columns");
         let Self { plant, h, substeps, points: Points { x, u, next, a, b }, .. } = self;
         let count = x.len() / n;

@@ -11,7 +11,7 @@ use std::marker::PhantomData;
 pub(super) const WIDEST: usize = 8;
 
 /// Points to linearise at, and where the results go: as in
-/// [`Predictor::linearize_stages`](crate::Predictor::linearize_stages).
+/// [`Model::linearize`](crate::Model::linearize).
 #[derive(Debug)]
 pub(super) struct Points<'a> {
     pub(super) x: &'a [f64],
@@ -24,7 +24,7 @@ pub(super) struct Points<'a> {
 impl<'a> Points<'a> {
     /// The first `count` points, and the others.
     pub(super) fn split(self, dims: Dims, count: usize) -> (Points<'a>, Points<'a>) {
-        let Dims { states: n, inputs: m } = dims;
+        let Dims { nx: n, nu: m, .. } = dims;
         let (x, x_rest) = self.x.split_at(count * n);
         let (u, u_rest) = self.u.split_at(count * m);
         let (next, next_rest) = self.next.split_at_mut(count * n);
@@ -54,7 +54,7 @@ impl<P: Plant, M: Method, const C: usize> Task for Linearize<'_, P, M, C> {
     fn run<V: Simd>(self, zero: V) {
         // A constant for a plant whose dimensions are: then all below is unrolled, into registers.
         let dims = self.plant.dims();
-        let Dims { states: n, inputs: m } = dims;
+        let Dims { nx: n, nu: m, .. } = dims;
         assert!(n <= SMALL && m <= SMALL, "a small plant");
         let Self { plant, h, substeps, points: Points { x, u, next, a, b }, .. } = self;
         let nothing: Tangent<V, C> = Dual { re: Lanes::splat(0.0), eps: [Directions([zero; C])] };

@@ -35,7 +35,7 @@ impl<S: Scalar> StackWorkspace<S> {
 
     /// The workspace of a plant of these dimensions, [`SMALL`] at most.
     #[inline(always)]
-    pub(super) fn workspace(&mut self, Dims { states: n, inputs: m }: Dims) -> Workspace<'_, S> {
+    pub(super) fn workspace(&mut self, Dims { nx: n, nu: m, .. }: Dims) -> Workspace<'_, S> {
         let [k1, k2, k3, k4, k5, k6] = &mut self.k;
         let k =
             [&mut k1[..n], &mut k2[..n], &mut k3[..n], &mut k4[..n], &mut k5[..n], &mut k6[..n]];
@@ -55,9 +55,9 @@ pub(super) struct HeapWorkspace<S> {
 
 impl<S: Scalar> HeapWorkspace<S> {
     pub(super) fn new(dims: Dims, nothing: S) -> Self {
-        let x = vec![nothing; dims.states];
+        let x = vec![nothing; dims.nx];
         let k = std::array::from_fn(|_| x.clone());
-        Self { u: vec![nothing; dims.inputs], stage: x.clone(), x, k }
+        Self { u: vec![nothing; dims.nu], stage: x.clone(), x, k }
     }
 
     pub(super) fn workspace(&mut self) -> Workspace<'_, S> {
@@ -134,7 +134,7 @@ impl Method for Classical {
             (stage[i], next[i]) = (x, x);
         }
         for [a, b] in CLASSICAL {
-            plant.rhs(stage, u, k);
+            plant.rhs(stage, u, &[], k);
             for (i, &x) in x.iter().enumerate() {
                 stage[i] = k[i].mul_add(x.constant(h * a), x);
                 next[i] = k[i].mul_add(x.constant(h * b), next[i]);
@@ -174,7 +174,7 @@ impl Method for DormandPrince {
             for (i, stage) in stage.iter_mut().enumerate() {
                 *stage = combine(x[i], h, s, k, i);
             }
-            plant.rhs(stage, u, k[s]);
+            plant.rhs(stage, u, &[], k[s]);
         }
         for (i, x) in x.iter_mut().enumerate() {
             *x = combine(*x, h, Self::STAGES, k, i);

@@ -1,17 +1,17 @@
 //! Explicit Runge-Kutta methods with a fixed number of substeps, as predictors.
 
+mod batched;
 mod linearize;
 mod method;
-mod batched;
 
-use crate::{Dims, Plant, Predictor};
+use crate::{Dims, Linearization, Model, Plant, Stages};
+use batched::{COLUMNS, LinearizeBatched};
 use linearize::{Linearize, Points};
 pub use method::{Classical, DormandPrince, Method};
 use method::{HeapWorkspace, StackWorkspace};
 use pinc_ad::Dual;
 use pinc_ad::simd::Isa;
 use std::marker::PhantomData;
-use batched::{COLUMNS, LinearizeBatched};
 
 /// Plants with more states or inputs than this are integrated in memory; others in registers and on
 /// the stack, which is several times faster.
@@ -26,12 +26,12 @@ pub type Rk4<P> = RungeKutta<P, Classical>;
 /// The method of order 5 of Dormand and Prince with a fixed number of substeps.
 pub type Rk5<P> = RungeKutta<P, DormandPrince>;
 
-/// An explicit Runge-Kutta method with a fixed number of substeps h = T / substeps, as a [`Predictor`].
+/// An explicit Runge-Kutta method with a fixed number of substeps h = T / substeps, as a [`Model`].
 /// The tableaus are with [`Classical`] and [`DormandPrince`].
 ///
 /// The Jacobians are those of the method itself, exact to rounding, by dual numbers through it. All
 /// columns go through it together, in the lanes of the machine's widest vectors. In
-/// [`Predictor::linearize_stages`] two points do so side by side or, for plants with few columns, the lanes
+/// [`Model::linearize`] two points do so side by side or, for plants with few columns, the lanes
 /// are points.
 #[derive(Clone, Debug)]
 pub struct RungeKutta<P, M> {
@@ -62,7 +62,7 @@ impl<P: Plant, M: Method> RungeKutta<P, M> {
         assert!(sample_time_s > 0.0 && sample_time_s.is_finite(), "the step must be positive");
         assert!(substeps > 0, "at least one substep");
         let dims = plant.dims();
-        let large = (dims.states.max(dims.inputs) > SMALL).then(|| HeapWorkspaces {
+        let large = (dims.nx.max(dims.nu) > SMALL).then(|| HeapWorkspaces {
             values: HeapWorkspace::new(dims, 0.0),
             tangents: HeapWorkspace::new(dims, Dual::lift(0.0)),
         });
@@ -110,7 +110,7 @@ impl<P: Plant, M: Method> RungeKutta<P, M> {
 
     /// Linearises one point of a large plant, some directions at a time.
     fn linearize_large(&mut self, points: Points<'_>) {
-        let (h, Dims { states: n, inputs: m }) = (self.h(), self.dims);
+        let (h, Dims { nx: n, nu: m, .. }) = (self.h(), self.dims);
         let Some(large) = &mut self.large else { return };
         let Points { x, u, next, a, b } = points;
         for first in (0..n + m).step_by(DIRECTIONS) {
@@ -134,7 +134,7 @@ impl<P: Plant, M: Method> RungeKutta<P, M> {
     }
 }
 
-impl<P: Plant, M: Method> Predictor for RungeKutta<P, M> {
+impl<P: Plant, M: Method> Model for RungeKutta<P, M> {
     fn dims(&self) -> Dims {
         self.dims
     }
@@ -143,7 +143,7 @@ impl<P: Plant, M: Method> Predictor for RungeKutta<P, M> {
         self.sample_time_s
     }
 
-    fn predict(&mut self, x: &[f64], u: &[f64], next: &mut [f64]) {
+    fn step(&mut self, x: &[f64], u: &[f64], _p: &[f64], next: &mut [f64]) {
         let h = self.h();
         let mut small = StackWorkspace::new(0.0);
         let (plant, substeps) = (&self.plant, self.substeps);
@@ -157,25 +157,12 @@ impl<P: Plant, M: Method> Predictor for RungeKutta<P, M> {
         }
     }
 
-    fn linearize(&mut self, x: &[f64], u: &[f64], next: &mut [f64], a: &mut [f64], b: &mut [f64]) {
-        assert!(x.len() == self.dims.states, "length of x");
-        self.linearize_stages(x, u, next, a, b);
-    }
-
-    fn linearize_stages(
-        &mut self,
-        x: &[f64],
-        u: &[f64],
-        next: &mut [f64],
-        a: &mut [f64],
-        b: &mut [f64],
-    ) {
-        let Dims { states: n, inputs: m } = self.dims;
-        let count = x.len() / n;
-        assert!(x.len() == count * n && u.len() == count * m, "lengths of x and u");
-        assert!(next.len() == count * n, "length of next");
-        assert!(a.len() == count * n * n && b.len() == count * n * m, "lengths of a and b");
-        let mut points = Points { x, u, next, a, b };
+    fn linearize(&mut self, at: Stages<'_>, out: Linearization<'_>) {
+        let Dims { nx: n, nu: m, .. } = self.dims;
+        let count = at.count(self.dims);
+        out.check(count, self.dims);
+        let Linearization { next, a, b, .. } = out;
+        let mut points = Points { x: at.x, u: at.u, next, a, b };
         if n + m <= COLUMNS {
             return self.linearize_batched(points);
         }

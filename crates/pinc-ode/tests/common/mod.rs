@@ -50,7 +50,7 @@ impl Plant for Oscillator {
         static VARIABLES: [Variable; 1] = [Variable::new("u", "m/s^2")];
         &VARIABLES
     }
-    fn rhs<S: Scalar>(&self, x: &[S], u: &[S], dx: &mut [S]) {
+    fn rhs<S: Scalar>(&self, x: &[S], u: &[S], _p: &[S], dx: &mut [S]) {
         let d = self.damping;
         dx[0] = x[1];
         dx[1] = u[0] - x[1] * (2.0 * d) - x[0] * (1.0 + d * d);

@@ -391,7 +391,12 @@ impl ActiveSet {
     }
 
     /// A row that is off and depends on rows that cannot yield.
-    fn certify_infeasible(&mut self, member: &WorkingRow, sign: f64, gap: f64) -> Option<DenseStatus> {
+    fn certify_infeasible(
+        &mut self,
+        member: &WorkingRow,
+        sign: f64,
+        gap: f64,
+    ) -> Option<DenseStatus> {
         let relative = gap / (1.0 + member.bound.abs());
         if relative <= INFEASIBLE {
             // Met as well as rounding allows.

@@ -24,7 +24,9 @@ fn kkt_residual(qp: &DenseQp, x: &[f64], mu: &[f64]) -> f64 {
         };
         let (below, above) = (qp.low[row] - value, value - qp.high[row]);
         // A violation is paid for by a multiplier at its penalty.
-        worst = worst.max(below.min(qp.penalty[row] + mu[row])).max(above.min(qp.penalty[row] - mu[row]));
+        worst = worst
+            .max(below.min(qp.penalty[row] + mu[row]))
+            .max(above.min(qp.penalty[row] - mu[row]));
         worst = worst.max(mu[row].abs() - qp.penalty[row]);
         // A positive multiplier belongs to an upper bound that is reached.
         worst = worst.max(mu[row].min(-above)).max((-mu[row]).min(-below));
@@ -55,7 +57,8 @@ fn programs(number: BoxedStrategy<f64>) -> impl Strategy<Value = DenseQp> {
                 qp.matrix = matrix;
                 let mut values = vec![0.0; n + rows];
                 qp.values(&middle, &mut values);
-                for (row, (&value, (kind, width, penalty))) in values.iter().zip(kinds).enumerate() {
+                for (row, (&value, (kind, width, penalty))) in values.iter().zip(kinds).enumerate()
+                {
                     let (low, high) = match kind {
                         0 => (value, value),
                         1 => (value - width, f64::INFINITY),

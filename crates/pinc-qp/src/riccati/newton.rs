@@ -2,9 +2,9 @@
 
 use super::recursion::Riccati;
 use super::rows::Rows;
+use crate::OcpDims;
 use crate::algebra::{add_product, add_scaled, add_transposed, dot};
 use crate::{Qp, QpStep};
-use crate::OcpDims;
 
 /// d, lambda and mu of a [`Qp`], the residuals of the optimality conditions there, and steps from there:
 ///

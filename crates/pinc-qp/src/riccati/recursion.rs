@@ -1,9 +1,9 @@
 //! The Riccati recursion.
 
+use crate::OcpDims;
 use crate::Qp;
 use crate::algebra::{add_product, add_scaled, add_transposed};
 use crate::factor::Cholesky;
-use crate::OcpDims;
 
 /// Solves the equality-constrained part of a [`Qp`], with weights D on its rows C d (see
 /// [`Rows`](super::rows::Rows)), at a cost linear in the horizon:

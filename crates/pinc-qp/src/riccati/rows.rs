@@ -1,9 +1,9 @@
 //! The rows of a QP as one list.
 
+use crate::Multipliers;
+use crate::OcpDims;
 use crate::algebra::{add_scaled, dot};
 use crate::{Kind, Qp, Row};
-use crate::OcpDims;
-use crate::Multipliers;
 
 /// The values C d of all rows that may have limits: the unknowns, the increments of the inputs, and
 /// the general rows, one after the other.

@@ -1,14 +1,14 @@
 //! Accuracy against cost: what the models of a sweep with `[one_step]` come to, each a dot.
 
+use super::super::data::{DISTILLED, Run};
+use super::super::number_tables::NumberTable;
+use super::super::picture::Picture;
+use super::trials::{Cell, Trials};
+use crate::spec::ModelKind;
+use pinc_chart::text::{self, MISSING};
 use pinc_chart::{
     Axis, Figure, Kind, Label, Panel, Point, Shape, Span, Style, extent, state_color, state_mark,
 };
-use super::super::data::{DISTILLED, Run};
-use super::super::picture::Picture;
-use super::super::number_tables::NumberTable;
-use pinc_chart::text::{self, MISSING};
-use super::trials::{Cell, Trials};
-use crate::spec::ModelKind;
 
 /// A loop counts as good if its IAE is at most this much above that of the most exact model.
 const EQUAL: f64 = 1.01;

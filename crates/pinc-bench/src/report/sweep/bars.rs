@@ -1,15 +1,15 @@
 //! A metric by the cells of a sweep: bars to the median with the quartiles, and every trial.
 
 use super::super::ReportError;
-use pinc_chart::{
-    Area, Axis, BLACK, Figure, Fill, Kind, Look, Panel, Shape, Span, Style, places, state_color,
-};
 use super::super::picture::Picture;
-use pinc_chart::text;
 use super::caption;
 use super::curves::side_by_side;
 use super::metric::Metric;
 use super::trials::Trials;
+use pinc_chart::text;
+use pinc_chart::{
+    Area, Axis, BLACK, Figure, Fill, Kind, Look, Panel, Shape, Span, Style, places, state_color,
+};
 
 /// A bar for each cell and model; `None` without cells.
 pub(super) fn picture(trials: &Trials, metric: &Metric) -> Result<Option<Picture>, ReportError> {

@@ -1,13 +1,13 @@
 //! A metric over one axis of a sweep: the median of each cell with its quartiles, and every trial.
 
 use super::super::ReportError;
-use pinc_chart::{
-    Axis, Figure, Kind, Panel, Point, Shape, Span, Style, places, state_color, state_mark,
-};
 use super::super::picture::Picture;
 use super::metric::Metric;
 use super::trials::{Cell, Trials, short, shown};
 use super::{bars, caption};
+use pinc_chart::{
+    Axis, Figure, Kind, Panel, Point, Shape, Span, Style, places, state_color, state_mark,
+};
 
 /// From this ratio of its ends on an axis is logarithmic.
 const WIDE: f64 = 8.0;

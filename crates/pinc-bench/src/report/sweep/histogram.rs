@@ -1,14 +1,12 @@
 //! A metric over random draws: a histogram for each cell, the models side by side.
 
 use super::super::ReportError;
-use pinc_chart::{
-    Area, Axis, Figure, Fill, Key, Kind, Look, Panel, extent, places, state_color,
-};
 use super::super::picture::Picture;
-use pinc_chart::text;
 use super::metric::Metric;
 use super::sizes;
 use super::trials::{Cell, Trials};
+use pinc_chart::text;
+use pinc_chart::{Area, Axis, Figure, Fill, Key, Kind, Look, Panel, extent, places, state_color};
 
 const BINS: usize = 20;
 

@@ -1,13 +1,11 @@
 //! A metric over two axes of a sweep: a map of cells with numbers in them.
 
-use pinc_chart::{
-    Area, Axis, Figure, Fill, GREY, Kind, Look, Panel, extent, graded, places,
-};
 use super::super::picture::Picture;
-use pinc_chart::text;
 use super::metric::Metric;
 use super::sizes;
 use super::trials::{Cell, Trials, short, shown};
+use pinc_chart::text;
+use pinc_chart::{Area, Axis, Figure, Fill, GREY, Kind, Look, Panel, extent, graded, places};
 
 /// A cell's height in pixels.
 const CELL: f64 = 46.0;

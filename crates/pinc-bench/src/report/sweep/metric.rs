@@ -2,9 +2,9 @@
 
 use super::super::ReportError;
 use super::super::data::Run;
-use pinc_chart::text;
 use super::trials::{Cell, Spread, Trials};
 use crate::spec::ModelKind;
+use pinc_chart::text;
 
 /// A number of the trials that is worth a picture.
 #[derive(Clone, Debug)]

@@ -3,9 +3,9 @@
 //! A cell is a place in the grid, with one trial per seed and draw. The form of a picture follows
 //! from the sweep: a map for two axes, curves for one, bars for cases, histograms for draws.
 
+mod accuracy_cost;
 mod bars;
 mod curves;
-mod accuracy_cost;
 mod histogram;
 mod map;
 mod metric;
@@ -18,10 +18,10 @@ pub(super) use trials::Trials;
 
 use super::ReportError;
 use super::data::Run;
-use super::picture::Picture;
 use super::number_tables::NumberTable;
-use pinc_chart::text::{self, MISSING};
+use super::picture::Picture;
 use metric::{Metric, Selection};
+use pinc_chart::text::{self, MISSING};
 use trials::{Cell, Spread};
 
 /// The pictures of a sweep.

@@ -2,15 +2,15 @@
 //! a column for each PINN, a row for each state.
 
 use super::super::ReportError;
-use pinc_chart::{
-    Axis, BLACK, Figure, GREY, Key, Kind, Look, Panel, Shape, Style, extent, state_color,
-    state_mark,
-};
 use super::super::data::Run;
 use super::super::picture::Picture;
 use super::super::table::Table;
 use super::super::variables::states_of_prediction;
 use super::trials::Trials;
+use pinc_chart::{
+    Axis, BLACK, Figure, GREY, Key, Kind, Look, Panel, Shape, Style, extent, state_color,
+    state_mark,
+};
 
 const TRUTH: Style = Style { color: BLACK, opacity: 0.9, shape: Shape::Line(4.2) };
 const PINN: Style = Style { color: GREY, opacity: 1.0, shape: Shape::Dashes(2.0) };

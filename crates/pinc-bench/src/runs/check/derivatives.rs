@@ -21,7 +21,7 @@ pub(super) fn examine(subject: &Subject<'_>) -> Vec<Finding> {
     if let Some(point) = special.iter().find(|p| fault(subject, p).is_some()) {
         return vec![on_the_edge(subject, point)];
     }
-    let mut fastest = vec![0.0f64; region.dims.states];
+    let mut fastest = vec![0.0f64; region.dims.nx];
     for point in &random {
         let velocity = subject.plant.velocity(&point.x, &point.u);
         for (fastest, v) in fastest.iter_mut().zip(&velocity) {

@@ -21,7 +21,7 @@ pub(super) fn examine(subject: &Subject<'_>) -> Vec<Finding> {
     for (name, point) in subject.operating_points() {
         let Some(linear) = Linear::at(subject, point) else { continue };
         let mut here = of_gain(subject, &name, &linear);
-        if controlled.len() == subject.region.dims.inputs {
+        if controlled.len() == subject.region.dims.nu {
             here.extend(of_zeros(subject, &name, &linear));
         }
         let serious = here.iter().any(|f| !f.why.is_empty());

@@ -19,10 +19,10 @@ mod tests;
 
 pub use finding::{Finding, Severity};
 
-use crate::spec::Experiment;
 use crate::dyn_plant::DynPlant;
+use crate::spec::Experiment;
 use region::Region;
-use steady::{SteadyStateResult, Point};
+use steady::{Point, SteadyStateResult};
 
 /// One look at a plant and its config.
 type Examination = fn(&Subject<'_>) -> Vec<Finding>;
@@ -127,7 +127,7 @@ impl<'a> Subject<'a> {
 
     fn input(&self, u: &[f64]) -> String {
         let names = self.plant.inputs().iter().map(|v| v.name.as_ref());
-        named(names, &self.without_rounding(u, self.region.dims.states))
+        named(names, &self.without_rounding(u, self.region.dims.nx))
     }
 
     /// The values of the variables from `first` on, with 0 for what is 0 but for rounding.

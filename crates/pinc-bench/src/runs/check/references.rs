@@ -1,6 +1,6 @@
 //! Whether a steady state reaches each reference, and the inputs can hold it within their bounds.
 
-use super::steady::{SteadyStateResult, Point};
+use super::steady::{Point, SteadyStateResult};
 use super::{Finding, Subject, named, short};
 use crate::spec::ControlSpec;
 
@@ -18,7 +18,9 @@ pub(super) fn examine(subject: &Subject<'_>) -> Vec<Finding> {
                 Finding::fact(place, format!("{value} is held at {x} by {u}"))
             }
             SteadyStateResult::Outside(point) => outside(subject, control, &place, &value, point),
-            SteadyStateResult::Nowhere(nearest) => nowhere(subject, control, &place, &value, nearest.as_ref()),
+            SteadyStateResult::Nowhere(nearest) => {
+                nowhere(subject, control, &place, &value, nearest.as_ref())
+            }
         });
     }
     findings

@@ -89,7 +89,7 @@ impl Region {
     }
 
     pub(super) fn split(&self, mut x: Vec<f64>) -> Point {
-        let u = x.split_off(self.dims.states);
+        let u = x.split_off(self.dims.nx);
         Point { x, u }
     }
 }

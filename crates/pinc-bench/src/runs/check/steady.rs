@@ -94,7 +94,7 @@ pub(super) fn settle(subject: &Subject<'_>, start: &Point) -> Option<Point> {
 fn bounds(subject: &Subject<'_>) -> Wanted {
     let mut wanted = unbounded(subject);
     if let Some(control) = &subject.experiment.control {
-        let n = subject.region.dims.states;
+        let n = subject.region.dims.nx;
         for (side, states, inputs) in [
             (&mut wanted.low, &control.state_low, &control.input_low),
             (&mut wanted.high, &control.state_high, &control.input_high),
@@ -136,14 +136,14 @@ fn search(subject: &Subject<'_>, wanted: &Wanted) -> Result<Point, Option<Point>
 
 fn is_met(subject: &Subject<'_>, wanted: &Wanted, v: &[f64]) -> bool {
     let r = residuals(subject, wanted, v);
-    let (rest, held) = r.split_at(subject.region.dims.states);
+    let (rest, held) = r.split_at(subject.region.dims.nx);
     rest.iter().all(|r| r.abs() <= REST * AT_REST) && held.iter().all(|r| r.abs() <= HELD)
 }
 
 /// The velocities, in widths per T, and the distances from what is to be held, in widths.
 fn residuals(subject: &Subject<'_>, wanted: &Wanted, v: &[f64]) -> Vec<f64> {
     let region = &subject.region;
-    let (x, u) = v.split_at(region.dims.states);
+    let (x, u) = v.split_at(region.dims.nx);
     let velocity = subject.plant.velocity(x, u).into_iter().enumerate();
     let rest = velocity.map(|(i, f)| REST * f * subject.step_s() / region.width(i));
     let held = wanted.held.iter().map(|&(i, value)| (v[i] - value) / region.width(i));
@@ -153,7 +153,7 @@ fn residuals(subject: &Subject<'_>, wanted: &Wanted, v: &[f64]) -> Vec<f64> {
 /// Their Jacobian in the variables, these in widths.
 fn residual_jacobian(subject: &Subject<'_>, wanted: &Wanted, v: &[f64]) -> Mat<f64> {
     let region = &subject.region;
-    let n = region.dims.states;
+    let n = region.dims.nx;
     let (x, u) = v.split_at(n);
     let f = subject.plant.jacobian(x, u);
     Mat::from_fn(n + wanted.held.len(), v.len(), |row, column| {

@@ -40,7 +40,8 @@ pub(super) fn examine(subject: &Subject<'_>) -> Vec<Finding> {
     if samples.0.is_empty() {
         return findings;
     }
-    let shown = SHOWN.map(|n| format!("{n}: {:.1e}", samples.error(subject, sample_time_s, n, false)));
+    let shown =
+        SHOWN.map(|n| format!("{n}: {:.1e}", samples.error(subject, sample_time_s, n, false)));
     findings.push(Finding::fact(
         "",
         format!("rms error of one step of RK4 by substeps: {}", shown.join(", ")),
@@ -107,13 +108,13 @@ impl Samples {
         in_widths: bool,
     ) -> f64 {
         let mut model = subject.plant.rk4(sample_time_s, substeps);
-        let n = subject.region.dims.states;
+        let n = subject.region.dims.nx;
         let scale: Vec<f64> =
             (0..n).map(|i| if in_widths { subject.region.width(i) } else { 1.0 }).collect();
         let mut next = vec![0.0; n];
         let (mut predicted, mut truth) = (Vec::new(), Vec::new());
         for (x, u, end) in &self.0 {
-            model.predict(x, u, &mut next);
+            model.step(x, u, &[], &mut next);
             predicted.extend_from_slice(&next);
             truth.extend_from_slice(end);
         }

@@ -46,7 +46,7 @@ impl Plant for Test {
         &INPUTS
     }
 
-    fn rhs<S: Scalar>(&self, x: &[S], u: &[S], dx: &mut [S]) {
+    fn rhs<S: Scalar>(&self, x: &[S], u: &[S], _p: &[S], dx: &mut [S]) {
         let (x1, x2, u) = (x[0], x[1], u[0]);
         let one = u.constant(1.0);
         [dx[0], dx[1]] = match self {

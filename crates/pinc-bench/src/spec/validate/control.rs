@@ -52,7 +52,7 @@ pub(super) fn closed_loop(
     references(spec)?;
     let names: Vec<&str> = variables.states.iter().map(|state| &*state.name).collect();
     let problem = spec.problem(&names, inputs);
-    problem.validate(Dims { states, inputs }).map_err(|error| mpc_finding(&error))
+    problem.validate(Dims::new(states, inputs)).map_err(|error| mpc_finding(&error))
 }
 
 fn models(spec: &ControlSpec) -> Finding {

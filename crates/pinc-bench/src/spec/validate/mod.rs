@@ -23,7 +23,7 @@ impl Experiment {
         directory_name(&self.name)?;
         plant("plant", &self.plant)?;
         let variables = self.plant.variables();
-        let dims = Dims { states: variables.states.len(), inputs: variables.inputs.len() };
+        let dims = Dims::new(variables.states.len(), variables.inputs.len());
         self.sections(dims)?;
         if let Some(validation) = &self.validation {
             validation_scenarios(validation, dims, self.sample_time_s())?;
@@ -195,7 +195,7 @@ fn training_choices(spec: &TrainingSpec, dims: Dims) -> Finding {
     positive("training.lambda", config.lambda)?;
     if let ResidualScale::Custom(factors) = &config.residual_scale {
         let key = "training.residual_scale.custom";
-        length(key, factors, dims.states, "state")?;
+        length(key, factors, dims.nx, "state")?;
         for (i, &factor) in factors.iter().enumerate() {
             positive(&format!("{key}[{i}]"), factor)?;
         }
@@ -214,7 +214,11 @@ fn measurements(spec: &DataSpec) -> Finding {
     positive("data.weight", spec.weight)
 }
 
-fn validation_scenarios(spec: &ValidationConfig, dims: Dims, sample_time_s: Option<f64>) -> Finding {
+fn validation_scenarios(
+    spec: &ValidationConfig,
+    dims: Dims,
+    sample_time_s: Option<f64>,
+) -> Finding {
     whole_steps("validation.duration_s", spec.duration_s, sample_time_s)?;
     at_least_one("validation.scenarios", spec.scenarios)?;
     at_least_one("validation.subintervals", spec.subintervals)?;

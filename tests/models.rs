@@ -1,7 +1,7 @@
-//! One suite for every model that a controller may be given: what [`Predictor`] promises.
+//! One suite for every model that a controller may be given: what [`Model`] promises.
 
-use pinc_net::{Ansatz, Domain, NetConfig, PincNet, PincPredictor};
-use pinc_ode::{Dims, Plant, Predictor, Rk4, Rk5, Rodas4};
+use pinc_net::{Ansatz, Domain, NetConfig, PincModel, PincNet};
+use pinc_ode::{Dims, Linearization, Model, Plant, Rk4, Rk5, Rodas4, Stages};
 use pinc_plants::{FourTanks, OneTank, VanDerPol};
 use proptest::prelude::*;
 use proptest::test_runner::{FileFailurePersistence, TestCaseError, TestRunner};
@@ -10,15 +10,15 @@ use std::cell::{Cell, RefCell};
 use std::panic::catch_unwind;
 
 /// A model under test, and the box of states and inputs to try it in.
-struct Model {
+struct Candidate {
     name: &'static str,
-    build: fn() -> Box<dyn Predictor>,
+    build: fn() -> Box<dyn Model>,
     state: [f64; 2],
     input: [f64; 2],
 }
 
 /// Every model there is.
-const MODELS: [Model; 13] = [
+const MODELS: [Candidate; 13] = [
     model("RK4, Van der Pol", || rk4(VanDerPol::default(), 0.5), [-3.0, 3.0], [-1.0, 1.0]),
     model("RK5, Van der Pol", || rk5(VanDerPol::default(), 0.5), [-3.0, 3.0], [-1.0, 1.0]),
     model("RK5, four tanks", || rk5(FourTanks::antonelo(), 10.0), [2.0, 20.0], [0.0, 5.0]),
@@ -71,34 +71,34 @@ const MODELS: [Model; 13] = [
 
 const fn model(
     name: &'static str,
-    build: fn() -> Box<dyn Predictor>,
+    build: fn() -> Box<dyn Model>,
     state: [f64; 2],
     input: [f64; 2],
-) -> Model {
-    Model { name, build, state, input }
+) -> Candidate {
+    Candidate { name, build, state, input }
 }
 
-fn rk4<P: Plant>(plant: P, sample_time_s: f64) -> Box<dyn Predictor> {
+fn rk4<P: Plant>(plant: P, sample_time_s: f64) -> Box<dyn Model> {
     Box::new(Rk4::new(plant, sample_time_s, 4))
 }
 
-fn rk5<P: Plant>(plant: P, sample_time_s: f64) -> Box<dyn Predictor> {
+fn rk5<P: Plant>(plant: P, sample_time_s: f64) -> Box<dyn Model> {
     Box::new(Rk5::new(plant, sample_time_s, 2))
 }
 
 /// A net with its starting weights: what it predicts is of no matter here.
-fn net<P: Plant>(plant: P, ansatz: Ansatz) -> Box<dyn Predictor> {
+fn net<P: Plant>(plant: P, ansatz: Ansatz) -> Box<dyn Model> {
     let dims = plant.dims();
     let domain = Domain {
-        state_low: vec![-3.0; dims.states],
-        state_high: vec![3.0; dims.states],
-        input_low: vec![-1.0; dims.inputs],
-        input_high: vec![1.0; dims.inputs],
+        state_low: vec![-3.0; dims.nx],
+        state_high: vec![3.0; dims.nx],
+        input_low: vec![-1.0; dims.nu],
+        input_high: vec![1.0; dims.nu],
     };
     let config =
         NetConfig { sample_time_s: 0.5, hidden_layers: 3, neurons: 9, ansatz, time_only: None };
     let net = PincNet::new(&plant, &config, &domain, 7).expect("a net");
-    Box::new(PincPredictor::new(&net))
+    Box::new(PincModel::new(&net))
 }
 
 /// What `linearize` gives, in buffers of the right lengths.
@@ -109,27 +109,33 @@ struct Linear {
     b: Vec<f64>,
 }
 
-fn predict(model: &mut dyn Predictor, x: &[f64], u: &[f64]) -> Vec<f64> {
+fn predict(model: &mut dyn Model, x: &[f64], u: &[f64]) -> Vec<f64> {
     let mut next = vec![0.0; x.len()];
-    model.predict(x, u, &mut next);
+    model.step(x, u, &[], &mut next);
     next
 }
 
-fn linearize(model: &mut dyn Predictor, x: &[f64], u: &[f64]) -> Linear {
+fn linearize(model: &mut dyn Model, x: &[f64], u: &[f64]) -> Linear {
     let (n, m) = (x.len(), u.len());
     // Not zeros: an entry that is left out must show.
     let [mut next, mut a, mut b] = [n, n * n, n * m].map(|len| vec![1e300; len]);
-    model.linearize(x, u, &mut next, &mut a, &mut b);
+    model.linearize(
+        Stages { x, u, p: &[] },
+        Linearization { next: &mut next, a: &mut a, b: &mut b, e: &mut [] },
+    );
     Linear { next, a, b }
 }
 
 /// What `linearize_stages` gives at the points, one after the other.
-fn linearize_stages(model: &mut dyn Predictor, points: &[(Vec<f64>, Vec<f64>)]) -> Linear {
-    let Dims { states: n, inputs: m } = model.dims();
+fn linearize_stages(model: &mut dyn Model, points: &[(Vec<f64>, Vec<f64>)]) -> Linear {
+    let Dims { nx: n, nu: m, .. } = model.dims();
     let [mut next, mut a, mut b] = [n, n * n, n * m].map(|len| vec![1e300; points.len() * len]);
     let x: Vec<f64> = points.iter().flat_map(|(x, _)| x.clone()).collect();
     let u: Vec<f64> = points.iter().flat_map(|(_, u)| u.clone()).collect();
-    model.linearize_stages(&x, &u, &mut next, &mut a, &mut b);
+    model.linearize(
+        Stages { x: &x, u: &u, p: &[] },
+        Linearization { next: &mut next, a: &mut a, b: &mut b, e: &mut [] },
+    );
     Linear { next, a, b }
 }
 
@@ -138,13 +144,13 @@ fn bits(values: &[f64]) -> Vec<u64> {
 }
 
 /// All that both methods give, bit for bit.
-fn fingerprint(model: &mut dyn Predictor, x: &[f64], u: &[f64]) -> [Vec<u64>; 4] {
+fn fingerprint(model: &mut dyn Model, x: &[f64], u: &[f64]) -> [Vec<u64>; 4] {
     let Linear { next, a, b } = linearize(model, x, u);
     [predict(model, x, u), next, a, b].map(|v| bits(&v))
 }
 
-impl Model {
-    fn build(&self) -> Box<dyn Predictor> {
+impl Candidate {
+    fn build(&self) -> Box<dyn Model> {
         (self.build)()
     }
 
@@ -152,18 +158,18 @@ impl Model {
     fn middle(&self) -> (Vec<f64>, Vec<f64>) {
         let dims = self.build().dims();
         let middle = |[low, high]: [f64; 2], len| vec![(low + high) / 2.0; len];
-        (middle(self.state, dims.states), middle(self.input, dims.inputs))
+        (middle(self.state, dims.nx), middle(self.input, dims.nu))
     }
 
     /// Runs `check` on random (x, u) of the box.
     fn on_points(
         &self,
-        check: impl Fn(&mut dyn Predictor, &[f64], &[f64]) -> Result<(), TestCaseError>,
+        check: impl Fn(&mut dyn Model, &[f64], &[f64]) -> Result<(), TestCaseError>,
     ) {
         let model = RefCell::new(self.build());
         let dims = model.borrow().dims();
         let range = |[low, high]: [f64; 2], len| prop::collection::vec(low..high, len);
-        let points = (range(self.state, dims.states), range(self.input, dims.inputs));
+        let points = (range(self.state, dims.nx), range(self.input, dims.nu));
         let config = ProptestConfig {
             failure_persistence: Some(Box::new(FileFailurePersistence::WithSource("regressions"))),
             ..ProptestConfig::with_cases(100)
@@ -181,7 +187,7 @@ fn dimensions_and_horizon_make_sense() {
     for model in &MODELS {
         let predictor = model.build();
         let dims = predictor.dims();
-        assert!(dims.states > 0 && dims.inputs > 0, "{}", model.name);
+        assert!(dims.nx > 0 && dims.nu > 0, "{}", model.name);
         let horizon = predictor.sample_time_s();
         assert!(horizon > 0.0 && horizon.is_finite(), "{}", model.name);
     }
@@ -365,15 +371,21 @@ fn other_lengths_panic() {
             let [x, u, next, a, b] = lengths.map(|len| vec![1.0; len]);
             let linearize = || {
                 let (mut next, mut a, mut b) = (next.clone(), a.clone(), b.clone());
-                model.build().linearize(&x, &u, &mut next, &mut a, &mut b);
+                model.build().linearize(
+                    Stages { x: &x, u: &u, p: &[] },
+                    Linearization { next: &mut next, a: &mut a, b: &mut b, e: &mut [] },
+                );
             };
             assert!(catch_unwind(linearize).is_err(), "{}: {wrong}", model.name);
             let stages = || {
                 let (mut next, mut a, mut b) = (next.clone(), a.clone(), b.clone());
-                model.build().linearize_stages(&x, &u, &mut next, &mut a, &mut b);
+                model.build().linearize(
+                    Stages { x: &x, u: &u, p: &[] },
+                    Linearization { next: &mut next, a: &mut a, b: &mut b, e: &mut [] },
+                );
             };
             assert!(catch_unwind(stages).is_err(), "{}: {wrong} of stages", model.name);
-            let predict = || model.build().predict(&x, &u, &mut next.clone());
+            let predict = || model.build().step(&x, &u, &[], &mut next.clone());
             let refused = catch_unwind(predict).is_err();
             assert!(refused || wrong > 2, "{}: {wrong} of predict", model.name);
         }
@@ -445,10 +457,21 @@ fn nothing_is_allocated_after_construction() {
         for predictor in [&mut predictor, &mut fresh] {
             let made = allocations(|| {
                 for _ in 0..3 {
-                    predictor.predict(&x, &u, &mut to.next);
-                    predictor.linearize(&x, &u, &mut to.next, &mut to.a, &mut to.b);
+                    predictor.step(&x, &u, &[], &mut to.next);
+                    predictor.linearize(
+                        Stages { x: &x, u: &u, p: &[] },
+                        Linearization {
+                            next: &mut to.next,
+                            a: &mut to.a,
+                            b: &mut to.b,
+                            e: &mut [],
+                        },
+                    );
                     let Linear { next, a, b } = &mut stages;
-                    predictor.linearize_stages(&xs, &us, next, a, b);
+                    predictor.linearize(
+                        Stages { x: &xs, u: &us, p: &[] },
+                        Linearization { next, a, b, e: &mut [] },
+                    );
                 }
             });
             assert_eq!(made, 0, "{}", model.name);

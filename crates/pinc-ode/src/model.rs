@@ -1,0 +1,244 @@
+//! The one interface between models and what uses them: controllers, estimators, experiments.
+
+use std::fmt::Debug;
+
+/// The sizes of a plant or of a model of it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[non_exhaustive]
+pub struct Dims {
+    /// n, the number of states.
+    pub nx: usize,
+    /// m, the number of inputs.
+    pub nu: usize,
+    /// The number of parameters that may change from call to call.
+    pub np: usize,
+    /// The number of outputs.
+    pub ny: usize,
+}
+
+impl Dims {
+    /// `nx` states and `nu` inputs, no parameters; the outputs are the states.
+    #[must_use]
+    pub const fn new(nx: usize, nu: usize) -> Self {
+        Self { nx, nu, np: 0, ny: nx }
+    }
+
+    /// The same with `np` parameters.
+    #[must_use]
+    pub const fn with_parameters(self, np: usize) -> Self {
+        Self { np, ..self }
+    }
+
+    /// The same with `ny` outputs.
+    #[must_use]
+    pub const fn with_outputs(self, ny: usize) -> Self {
+        Self { ny, ..self }
+    }
+}
+
+/// Points at which a model is linearised, those of a prediction horizon for instance.
+///
+/// # Shapes
+///
+/// `x`: `[points, nx]`; `u`: `[points, nu]`; `p`: `[points, np]`; all row by row.
+#[derive(Clone, Copy, Debug)]
+pub struct Stages<'a> {
+    /// States.
+    pub x: &'a [f64],
+    /// Inputs.
+    pub u: &'a [f64],
+    /// Parameters.
+    pub p: &'a [f64],
+}
+
+impl<'a> Stages<'a> {
+    /// Point `k` alone.
+    #[must_use]
+    pub fn point(&self, k: usize, dims: Dims) -> Stages<'a> {
+        let part = |values: &'a [f64], width: usize| &values[k * width..(k + 1) * width];
+        Stages { x: part(self.x, dims.nx), u: part(self.u, dims.nu), p: part(self.p, dims.np) }
+    }
+
+    /// The number of points.
+    ///
+    /// # Panics
+    ///
+    /// If the lengths are not those of as many points of a model of dimensions `dims`.
+    #[must_use]
+    pub fn count(&self, dims: Dims) -> usize {
+        let points = self.x.len() / dims.nx;
+        assert!(self.x.len() == points * dims.nx, "length of x");
+        assert!(self.u.len() == points * dims.nu, "length of u");
+        assert!(self.p.len() == points * dims.np, "length of p");
+        points
+    }
+}
+
+/// Where a linearisation goes: F(x, u, p) and its Jacobians at each point.
+///
+/// # Shapes
+///
+/// `next`: `[points, nx]`; `a`: `[points, nx, nx]`, `a[k][i][j] = dF_i/dx_j`; `b`: `[points, nx, nu]`,
+/// by u; `e`: `[points, nx, np]`, by p, or empty where it is not wanted; all row by row.
+#[derive(Debug)]
+pub struct Linearization<'a> {
+    /// F(x, u, p).
+    pub next: &'a mut [f64],
+    /// dF/dx.
+    pub a: &'a mut [f64],
+    /// dF/du.
+    pub b: &'a mut [f64],
+    /// dF/dp, or empty.
+    pub e: &'a mut [f64],
+}
+
+impl Linearization<'_> {
+    /// Where the results of point `k` go.
+    pub fn point(&mut self, k: usize, dims: Dims) -> Linearization<'_> {
+        let Dims { nx, nu, np, .. } = dims;
+        let part = |width: usize| k * width..(k + 1) * width;
+        let e = if self.e.is_empty() { 0..0 } else { part(nx * np) };
+        Linearization {
+            next: &mut self.next[part(nx)],
+            a: &mut self.a[part(nx * nx)],
+            b: &mut self.b[part(nx * nu)],
+            e: &mut self.e[e],
+        }
+    }
+
+    /// Checks the lengths for `points` points of a model of dimensions `dims`.
+    ///
+    /// # Panics
+    ///
+    /// If one is wrong.
+    pub fn check(&self, points: usize, dims: Dims) {
+        assert!(self.next.len() == points * dims.nx, "length of next");
+        assert!(self.a.len() == points * dims.nx * dims.nx, "length of a");
+        assert!(self.b.len() == points * dims.nx * dims.nu, "length of b");
+        let e = points * dims.nx * dims.np;
+        assert!(self.e.is_empty() || self.e.len() == e, "length of e");
+    }
+}
+
+/// Where the linearised outputs go: h(x, u, p) and its Jacobians at each point.
+///
+/// # Shapes
+///
+/// `y`: `[points, ny]`; `c`: `[points, ny, nx]`, dh/dx; `d`: `[points, ny, nu]`, dh/du; `e`:
+/// `[points, ny, np]`, dh/dp, or empty where it is not wanted; all row by row.
+#[derive(Debug)]
+pub struct OutputLinearization<'a> {
+    /// h(x, u, p).
+    pub y: &'a mut [f64],
+    /// dh/dx.
+    pub c: &'a mut [f64],
+    /// dh/du.
+    pub d: &'a mut [f64],
+    /// dh/dp, or empty.
+    pub e: &'a mut [f64],
+}
+
+/// Numbers for a [`Linearization`] at some points.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LinearizationBuffer {
+    /// F(x, u, p), `[points, nx]`.
+    pub next: Vec<f64>,
+    /// dF/dx, `[points, nx, nx]`.
+    pub a: Vec<f64>,
+    /// dF/du, `[points, nx, nu]`.
+    pub b: Vec<f64>,
+    /// dF/dp, `[points, nx, np]`.
+    pub e: Vec<f64>,
+}
+
+impl LinearizationBuffer {
+    /// Room for `points` points of a model of dimensions `dims`.
+    #[must_use]
+    pub fn new(dims: Dims, points: usize) -> Self {
+        let zeros = |width: usize| vec![0.0; points * dims.nx * width];
+        Self { next: zeros(1), a: zeros(dims.nx), b: zeros(dims.nu), e: zeros(dims.np) }
+    }
+
+    /// The numbers, for [`Model::linearize`] to write.
+    pub fn as_mut(&mut self) -> Linearization<'_> {
+        let Self { next, a, b, e } = self;
+        Linearization { next, a, b, e }
+    }
+}
+
+/// A discrete-time model x\[k+1\] = F(x\[k\], u\[k\], p) with u held over the step, the control interface of
+/// the paper, Eq. (interface), and its outputs y = h(x, u, p).
+///
+/// A model owns its workspace: no method allocates, and the same arguments give the same bits. Where the
+/// model has no value it gives NaN; it does not panic on it.
+///
+/// Slices of lengths other than stated are a programming error and panic.
+///
+/// ```
+/// use pinc_ode::{Dims, Linearization, Model, Stages};
+///
+/// /// A tank that is filled: x[k+1] = p x[k] + u[k].
+/// #[derive(Debug)]
+/// struct Leaky;
+///
+/// impl Model for Leaky {
+///     fn dims(&self) -> Dims {
+///         Dims::new(1, 1).with_parameters(1)
+///     }
+///     fn sample_time_s(&self) -> f64 {
+///         1.0
+///     }
+///     fn step(&mut self, x: &[f64], u: &[f64], p: &[f64], next: &mut [f64]) {
+///         next[0] = p[0] * x[0] + u[0];
+///     }
+///     fn linearize(&mut self, at: Stages<'_>, out: Linearization<'_>) {
+///         for k in 0..at.count(self.dims()) {
+///             out.next[k] = at.p[k] * at.x[k] + at.u[k];
+///             (out.a[k], out.b[k]) = (at.p[k], 1.0);
+///             if let Some(e) = out.e.get_mut(k) {
+///                 *e = at.x[k];
+///             }
+///         }
+///     }
+/// }
+/// ```
+pub trait Model: Debug + Send {
+    /// The sizes.
+    fn dims(&self) -> Dims;
+
+    /// The length T of one step, in s.
+    fn sample_time_s(&self) -> f64;
+
+    /// Writes F(x, u, p) into `next`.
+    ///
+    /// # Shapes
+    ///
+    /// `x`, `next`: `nx`; `u`: `nu`; `p`: `np`.
+    fn step(&mut self, x: &[f64], u: &[f64], p: &[f64], next: &mut [f64]);
+
+    /// Linearises F at some points; none are allowed. The results at a point do not depend on the other
+    /// points but for rounding, and the values may differ from those of [`Model::step`] by rounding.
+    fn linearize(&mut self, at: Stages<'_>, out: Linearization<'_>);
+
+    /// Writes h(x, u, p) into `y`: the states, if a model has no other outputs.
+    ///
+    /// # Shapes
+    ///
+    /// `x`: `nx`; `u`: `nu`; `p`: `np`; `y`: `ny`.
+    fn output(&mut self, x: &[f64], u: &[f64], p: &[f64], y: &mut [f64]) {
+        let _ = (u, p);
+        y.copy_from_slice(x);
+    }
+
+    /// Linearises h at some points; by default y = x, dh/dx = I.
+    fn linearize_output(&mut self, at: Stages<'_>, out: OutputLinearization<'_>) {
+        let nx = self.dims().nx;
+        out.y.copy_from_slice(at.x);
+        out.c.fill(0.0);
+        for c in out.c.chunks_exact_mut(nx * nx) {
+            c.iter_mut().step_by(nx + 1).for_each(|diagonal| *diagonal = 1.0);
+        }
+        out.d.fill(0.0);
+        out.e.fill(0.0);
+    }
+}
