@@ -37,7 +37,6 @@ mod bench;
 mod cli;
 mod clock;
 pub mod console;
-mod dyn_plant;
 mod error;
 mod one_step;
 mod paper;

@@ -2,11 +2,10 @@
 
 use crate::BenchError;
 use crate::clock::{for_seconds, median, time, to_f64};
-use crate::dyn_plant::DynPlant;
 use crate::record::number_or_null;
 use pinc_net::{Domain, Points, Sampler};
 use pinc_ode::metrics::mean_squared_error;
-use pinc_ode::{Dims, LinearizationBuffer, Model, Stages};
+use pinc_ode::{Dims, Dopri5, DynPlant, LinearizationBuffer, Model, Stages};
 use serde::{Deserialize, Serialize};
 use std::hint::black_box;
 use std::ops::Range;
@@ -59,7 +58,7 @@ impl Steps {
     ) -> Result<Self, BenchError> {
         // Sobol points are the same for each seed up to a scrambling.
         let points = Sampler::Sobol.collocation(count, sample_time_s, domain, 1, 0);
-        let mut integrator = plant.truth(tolerance);
+        let mut integrator = Dopri5::shared(plant.to_shared(), tolerance);
         let mut next = Vec::new();
         for i in 0..count {
             let mut x = points.state(i).to_vec();

@@ -1,7 +1,6 @@
 //! Plants that a program adds to the built-in ones.
 
-use crate::dyn_plant::DynPlant;
-use pinc_ode::Plant;
+use pinc_ode::{DynPlant, Plant};
 use serde::de::DeserializeOwned;
 use std::collections::BTreeMap;
 use std::sync::OnceLock;

@@ -1,9 +1,8 @@
 //! From a `[plant]` section to a concrete plant: the only place that knows them all.
 
-use crate::dyn_plant::DynPlant;
 use crate::plants::own;
 use crate::spec::{FourTanksParameters, FourTanksSpec, PlantSpec};
-use pinc_ode::Variable;
+use pinc_ode::{DynPlant, Variable};
 use pinc_plants::{
     AcetoneColumn, AcetoneStill, FourTanks, HydraulicServo, OneTank, SingleTrackCar, TwoLinkArm,
     VanDerPol,
@@ -11,7 +10,7 @@ use pinc_plants::{
 
 impl PlantSpec {
     /// The plant described.
-    pub(crate) fn system(&self) -> Box<dyn DynPlant> {
+    pub(crate) fn dyn_plant(&self) -> Box<dyn DynPlant> {
         match self {
             Self::VanDerPol(spec) => Box::new(VanDerPol { mu: spec.mu }),
             Self::FourTanks(spec) => Box::new(four_tanks(spec)),
@@ -33,7 +32,7 @@ impl PlantSpec {
 
     /// The plant's states and inputs.
     pub(crate) fn variables(&self) -> Variables {
-        let system = self.system();
+        let system = self.dyn_plant();
         Variables { states: system.states().to_vec(), inputs: system.inputs().to_vec() }
     }
 }

@@ -2,7 +2,7 @@
 
 use crate::sampling::Points;
 use crate::{Ansatz, Measurements, NetError, PincNet, TrainingTarget, Workers};
-use pinc_ode::{Dopri5, Plant};
+use pinc_ode::{Dopri5, DynRhs};
 use rayon::prelude::*;
 
 /// Local error tolerance of the integration: far below what nets reach.
@@ -19,7 +19,7 @@ pub(crate) struct Labels {
 
 impl Labels {
     /// Nothing integrated yet; `None` for a net that is trained on the equation.
-    pub(crate) fn for_net<P: Plant>(plant: &P, net: &PincNet) -> Result<Option<Self>, NetError> {
+    pub(crate) fn for_net(plant: &dyn DynRhs, net: &PincNet) -> Result<Option<Self>, NetError> {
         if net.source == TrainingTarget::Physics {
             return Ok(None);
         }
@@ -29,7 +29,7 @@ impl Labels {
                 "\"physics\" for a net of one scenario or without the hard initial condition";
             return Err(NetError::Setting { key, found, expected });
         }
-        let integrator = Dopri5::new(plant.clone(), TOLERANCE);
+        let integrator = Dopri5::shared(plant.to_shared(), TOLERANCE);
         let known = Measurements::new(plant.dims().nx);
         Ok(Some(Self { integrator, sample_time_s: net.sample_time_s, known }))
     }

@@ -4,7 +4,7 @@ use crate::mlp::MlpConfig;
 use crate::sampling::{Purpose, Sampler, rng};
 use crate::{Ansatz, Domain, Mlp, NetError, Normalizer, TrainingTarget};
 use pinc_ad::Scalar;
-use pinc_ode::{Dims, Plant};
+use pinc_ode::{Dims, DynRhs};
 use serde::{Deserialize, Serialize};
 
 /// Points at which the plant is asked for the scale of its velocities.
@@ -114,8 +114,8 @@ impl PincNet {
     /// # Errors
     ///
     /// [`NetError`] if a setting makes no sense or the plant has no finite velocity in the domain.
-    pub fn new<P: Plant>(
-        plant: &P,
+    pub fn new(
+        plant: &dyn DynRhs,
         config: &NetConfig,
         domain: &Domain,
         seed: u64,
@@ -252,8 +252,8 @@ impl PincNet {
 }
 
 /// Mean and standard deviation of T f(y0, u) over the domain: what a state moves by in one step.
-fn displacement_scale<P: Plant>(
-    plant: &P,
+fn displacement_scale(
+    plant: &dyn DynRhs,
     config: &NetConfig,
     domain: &Domain,
     seed: u64,

@@ -11,7 +11,7 @@ use crate::{
     Ansatz, BatchLoss, Domain, Measurements, NetConfig, NetError, PincNet, Validation,
     ValidationSet, Workers,
 };
-use pinc_ode::Plant;
+use pinc_ode::DynRhs;
 use serde::{Deserialize, Serialize};
 
 /// All that changes during a training: to go on from it gives the same bits as never to have stopped.
@@ -85,8 +85,8 @@ impl Trainer {
     ///
     /// [`NetError`] if a setting makes no sense, the plant has no finite velocity in the domain, or the
     /// threads cannot be started.
-    pub fn new<P: Plant>(
-        plant: &P,
+    pub fn new(
+        plant: &dyn DynRhs,
         net: &NetConfig,
         domain: &Domain,
         training: &TrainingConfig,

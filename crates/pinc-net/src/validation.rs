@@ -4,7 +4,7 @@ use crate::mlp::to_f64;
 use crate::sampling::{Purpose, Sampler, rng};
 use crate::{Domain, Measurements, NetError, PincNet, Scenario, TrainingTarget};
 use pinc_ode::metrics::mean_squared_error;
-use pinc_ode::{Dims, Dopri5, Plant};
+use pinc_ode::{Dims, Dopri5, DynRhs};
 use rand::RngExt;
 use serde::{Deserialize, Serialize};
 
@@ -117,14 +117,14 @@ impl ValidationSet {
     /// # Errors
     ///
     /// [`NetError`] if a setting makes no sense or the plant cannot be integrated.
-    pub fn generate<P: Plant>(
-        plant: &P,
+    pub fn generate(
+        plant: &dyn DynRhs,
         sample_time_s: f64,
         config: &ValidationConfig,
         seed: u64,
     ) -> Result<Self, NetError> {
         let steps = config.validate(plant.dims(), sample_time_s)?;
-        let integrator = Dopri5::new(plant.clone(), config.tolerance);
+        let integrator = Dopri5::shared(plant.to_shared(), config.tolerance);
         Self::integrate_all(integrator, steps, sample_time_s, config, seed)
     }
 
@@ -180,15 +180,15 @@ impl ValidationSet {
     /// # Errors
     ///
     /// [`NetError`] if a setting makes no sense or the plant cannot be integrated.
-    pub fn of_scenario<P: Plant>(
-        plant: &P,
+    pub fn of_scenario(
+        plant: &dyn DynRhs,
         sample_time_s: f64,
         config: &ValidationConfig,
         scenario: &Scenario,
     ) -> Result<Self, NetError> {
         config.validate(plant.dims(), sample_time_s)?;
         let (states, subintervals) = (plant.dims().nx, config.subintervals);
-        let mut integrator = Dopri5::new(plant.clone(), config.tolerance);
+        let mut integrator = Dopri5::shared(plant.to_shared(), config.tolerance);
         let mut trial = |parts| {
             let (initial, inputs) = (scenario.initial_state.clone(), vec![scenario.input.clone()]);
             integrate(&mut integrator, initial, inputs, sample_time_s, parts)

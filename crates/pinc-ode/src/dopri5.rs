@@ -1,6 +1,6 @@
 //! An accurate integrator, for the truth that models are compared with.
 
-use crate::{Dims, OdeError, Plant};
+use crate::{Dims, DynRhs, OdeError, Plant};
 use std::fmt::Debug;
 use std::sync::Arc;
 
@@ -43,29 +43,12 @@ const ERROR: [f64; STAGES] = [
 /// nothing.
 #[derive(Clone, Debug)]
 pub struct Dopri5 {
-    plant: Arc<dyn Velocity>,
+    plant: Arc<dyn DynRhs>,
     tolerance: f64,
     step: Option<f64>,
     rhs_calls: u64,
     k: [Vec<f64>; STAGES],
     stage: Vec<f64>,
-}
-
-/// A plant as an integrator sees it: its type is forgotten, so that what integrates is compiled once
-/// and not once per plant.
-trait Velocity: Debug + Send + Sync {
-    fn dims(&self) -> Dims;
-    fn rhs(&self, x: &[f64], u: &[f64], p: &[f64], dx: &mut [f64]);
-}
-
-impl<P: Plant> Velocity for P {
-    fn dims(&self) -> Dims {
-        Plant::dims(self)
-    }
-
-    fn rhs(&self, x: &[f64], u: &[f64], p: &[f64], dx: &mut [f64]) {
-        Plant::rhs(self, x, u, p, dx);
-    }
 }
 
 impl Dopri5 {
@@ -76,10 +59,20 @@ impl Dopri5 {
     /// If `tolerance` is not positive.
     #[must_use]
     pub fn new<P: Plant>(plant: P, tolerance: f64) -> Self {
+        Self::shared(Arc::new(plant), tolerance)
+    }
+
+    /// The same of a plant whose type is erased.
+    ///
+    /// # Panics
+    ///
+    /// If `tolerance` is not positive.
+    #[must_use]
+    pub fn shared(plant: Arc<dyn DynRhs>, tolerance: f64) -> Self {
         assert!(tolerance > 0.0, "the tolerance must be positive");
-        let n = vec![0.0; Plant::dims(&plant).nx];
+        let n = vec![0.0; plant.dims().nx];
         let k = std::array::from_fn(|_| n.clone());
-        Self { plant: Arc::new(plant), tolerance, step: None, rhs_calls: 0, k, stage: n }
+        Self { plant, tolerance, step: None, rhs_calls: 0, k, stage: n }
     }
 
     /// The plant's numbers of states and inputs.

@@ -23,6 +23,7 @@
 //! ```
 
 mod dopri5;
+mod dyn_plant;
 mod error;
 pub mod metrics;
 mod model;
@@ -34,6 +35,7 @@ mod trajectory;
 mod variable;
 
 pub use dopri5::Dopri5;
+pub use dyn_plant::{AnyVectorRhs, DynPlant, DynRhs, VECTOR_DIRECTIONS, VectorDual, VectorRhs};
 pub use error::OdeError;
 pub use model::{Dims, Linearization, LinearizationBuffer, Model, OutputLinearization, Stages};
 pub use piecewise_constant::PiecewiseConstant;

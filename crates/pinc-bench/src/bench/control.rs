@@ -28,7 +28,7 @@ pub(super) fn run(case: Case, effort: &Effort, report: &mut BenchReport) -> Resu
         case.experiment(&[papers_ends, &format!("control.repetitions={}", effort.repetitions)])?;
     let (papers, record) =
         trained(&experiment, |e, dir, options| crate::control(e, dir, options, None, None))?;
-    let system = experiment.plant.system();
+    let system = experiment.plant.dyn_plant();
     let steps = model::run(case, &*system, small.net.domain(), &[&small, &papers], effort)?;
     for metrics in &record.metrics().control {
         report.nmpc.push(nmpc(case, &experiment, metrics));

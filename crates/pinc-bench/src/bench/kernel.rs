@@ -5,10 +5,10 @@ use super::exchange;
 use super::results::{FmaPeak, LossGradient};
 use crate::BenchError;
 use crate::clock::{for_seconds, median, time, to_f64};
-use crate::dyn_plant::DynPlant;
 use crate::runs::Setup;
 use crate::spec::Experiment;
 use pinc_net::{BatchLoss, Isa, LossWeights, PincNet, Points, Workers, initial_conditions};
+use pinc_ode::DynPlant;
 use std::path::Path;
 use std::sync::Barrier;
 
@@ -25,8 +25,8 @@ impl Evaluation {
     fn new(experiment: &Experiment, effort: &Effort) -> Result<Self, BenchError> {
         let Setup { net: model, domain, training, .. } = Setup::of(experiment)?;
         let seed = experiment.seed;
-        let plant = experiment.plant.system();
-        let net = plant.net(model, domain, seed)?;
+        let plant = experiment.plant.dyn_plant();
+        let net = PincNet::new(plant.as_ref(), model, domain, seed)?;
         let config = &training.config;
         let weights =
             LossWeights::new(&net, config.lambda, &config.residual_scale, config.initial_scale)?;
@@ -47,7 +47,7 @@ impl Evaluation {
     }
 
     pub(super) fn batch_loss(&self, workers: &Workers) -> BatchLoss {
-        let mut loss = self.plant.loss(&self.net, &self.weights, workers);
+        let mut loss = BatchLoss::new(self.plant.as_ref(), &self.net, &self.weights, workers);
         loss.set_points(&self.collocation, &self.initial);
         loss
     }

@@ -3,10 +3,9 @@
 use super::cases::{Case, Effort};
 use super::results::ModelStep;
 use crate::BenchError;
-use crate::dyn_plant::DynPlant;
 use crate::one_step::Steps;
 use pinc_net::{Domain, PincModel, PincNet};
-use pinc_ode::Model;
+use pinc_ode::{DynPlant, Model};
 
 /// Substeps of the Runge-Kutta method that are measured.
 const SUBSTEPS: [usize; 5] = [1, 4, 5, 10, 50];

@@ -3,13 +3,12 @@
 use super::Options;
 use super::guard::Guard;
 use crate::BenchError;
-use crate::dyn_plant::DynPlant;
 use crate::progress::Stage;
 use crate::record::{ControlMetrics, RunDir, StepTimes, Table, WallTimes, number};
 use crate::spec::{ControlSpec, ModelKind, PlantSpec};
 use pinc_mpc::{ClosedLoop, Nmpc, NmpcProblem, Reference};
 use pinc_net::{PincModel, PincNet};
-use pinc_ode::{Model, PiecewiseConstant, Trajectory};
+use pinc_ode::{Dopri5, DynPlant, Model, PiecewiseConstant, Trajectory};
 use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
 
@@ -41,7 +40,7 @@ pub(crate) fn stage(
     }
     record.update(|all| all.control.clear())?;
     record.remove_loops()?;
-    let real = setup.spec.plant.as_ref().map(PlantSpec::system);
+    let real = setup.spec.plant.as_ref().map(PlantSpec::dyn_plant);
     for &kind in setup.kinds {
         let model = (kind, setup.model(kind, plant));
         let metrics = run_model(real.as_deref().unwrap_or(plant), setup, model, options, record)?;
@@ -114,7 +113,7 @@ impl Setup<'_> {
             (ModelKind::Pinc, None) => unreachable!("the plan trains or reads a net for this loop"),
             (ModelKind::Rk4, _) => plant.rk4(sample_time_s, spec.rk4_substeps),
             (ModelKind::Rk5, _) => plant.rk5(sample_time_s, spec.rk5_substeps),
-            (ModelKind::Rodas4, _) => plant.rosenbrock(sample_time_s, spec.rosenbrock_substeps),
+            (ModelKind::Rodas4, _) => plant.rodas4(sample_time_s, spec.rosenbrock_substeps),
         }
     }
 
@@ -134,7 +133,7 @@ impl Setup<'_> {
         let signal = PiecewiseConstant::new(starts, values)?;
         let steps = super::steps(spec.duration_s, self.sample_time_s);
         let reference = Reference::sample(&signal, steps, self.sample_time_s)?;
-        let truth = plant.truth(spec.plant_tolerance);
+        let truth = Dopri5::shared(plant.to_shared(), spec.plant_tolerance);
         Ok(ClosedLoop::new(nmpc, truth, reference, &spec.initial_state)?)
     }
 

@@ -3,11 +3,11 @@
 use super::chain::Chain;
 use super::guard::Guard;
 use crate::BenchError;
-use crate::dyn_plant::DynPlant;
 use crate::record::{PredictionMetrics, RunDir, Table, file, number};
 use crate::spec::{OutsidePolicy, PredictionSpec};
 use pinc_net::{PincNet, TrainingTarget};
 use pinc_ode::metrics::mean_squared_error;
+use pinc_ode::{Dopri5, DynPlant};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
@@ -75,7 +75,7 @@ fn simulate(
     };
     let inputs = draw_inputs(spec, sample_time_s, seed);
     let steps = inputs.len();
-    let mut truth = plant.truth(spec.tolerance);
+    let mut truth = Dopri5::shared(plant.to_shared(), spec.tolerance);
     let mut x = spec.initial_state.clone();
     let mut chain = Chain::new(sample_time_s, 0.0, &x, &inputs[0]);
     let mut rows = vec![Row {

@@ -261,7 +261,7 @@ struct Stages<'a> {
 impl Stages<'_> {
     fn run(self) -> Result<(), BenchError> {
         let Self { experiment, options, plan, record } = self;
-        let plant = &*experiment.plant.system();
+        let plant = &*experiment.plant.dyn_plant();
         let trained = match &experiment.training {
             Some(_) if plan.trains => Some(train::stage(plant, experiment, options, record)?),
             _ => None,

@@ -3,12 +3,12 @@
 use super::Options;
 use super::control::Setup;
 use crate::BenchError;
-use crate::dyn_plant::DynPlant;
 use crate::one_step::Steps;
 use crate::progress::Stage;
 use crate::record::{OneStepMetrics, RunDir};
 use crate::spec::OneStepSpec;
 use pinc_net::Domain;
+use pinc_ode::DynPlant;
 
 /// Measures the models of `setup` on `domain`, unless that has been done.
 pub(crate) fn stage(

@@ -3,7 +3,6 @@
 use super::Options;
 use super::data::{self, Data};
 use crate::BenchError;
-use crate::dyn_plant::{DynPlant, Training};
 use crate::error::CheckpointProblem;
 use crate::progress::Stage;
 use crate::record::{
@@ -14,6 +13,7 @@ use pinc_net::{
     Domain, IterationRecord, NetConfig, PincNet, Progress, Trainer, Validation, ValidationConfig,
     ValidationSet,
 };
+use pinc_ode::DynPlant;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
@@ -35,8 +35,8 @@ pub(crate) fn stage(
     let setup = Setup::of(experiment)?;
     let (sample_time_s, config) = (setup.net.sample_time_s, setup.validation);
     let mut validation = match &setup.net.time_only {
-        Some(scenario) => plant.scenario(sample_time_s, config, scenario)?,
-        None => plant.scenarios(sample_time_s, config, experiment.seed)?,
+        Some(scenario) => ValidationSet::of_scenario(plant, sample_time_s, config, scenario)?,
+        None => ValidationSet::generate(plant, sample_time_s, config, experiment.seed)?,
     };
     if let Some(held_out) = setup.measured(experiment, |data| &data.held_out)? {
         validation = validation.with_measurements(held_out.measurements);
@@ -131,14 +131,15 @@ impl Session {
         let begun = Instant::now();
         let mut fingerprint = experiment.normalized().fingerprint();
         let total = setup.training.config.phases.iter().map(|phase| phase.iterations).sum();
-        let mut trainer = plant.trainer(Training {
-            net: setup.net,
-            domain: setup.domain,
-            config: &setup.training.config,
-            validation: validation.clone(),
-            seed: experiment.seed,
-            threads: setup.training.effort.threads(),
-        })?;
+        let mut trainer = Trainer::new(
+            plant,
+            setup.net,
+            setup.domain,
+            &setup.training.config,
+            validation.clone(),
+            experiment.seed,
+            setup.training.effort.threads(),
+        )?;
         if let Some(spec) = setup.data
             && let Some(data) = setup.measured(experiment, |spec| &spec.files)?
         {

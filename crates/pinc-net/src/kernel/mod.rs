@@ -16,7 +16,6 @@ mod normal;
 mod panels;
 mod physics;
 mod tile;
-mod velocity;
 
 use crate::loss::{LossTerms, LossWeights};
 use crate::mlp::to_f64;
@@ -29,13 +28,12 @@ use normal::Slab;
 use panels::Panels;
 use physics::{Physics, Term};
 use pinc_ad::simd::{Simd, Task};
-use pinc_ode::{Dims, Plant};
+use pinc_ode::{AnyVectorRhs, Dims, DynRhs};
 use std::fmt::Debug;
 use std::ops::Range;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex};
 use tile::{Block, Pass, Workspace, tile_panels};
-use velocity::AnyVelocity;
 
 /// More blocks than this are not needed to keep threads busy; fewer mean fewer sums to add.
 const MAX_BLOCKS: usize = 64;
@@ -52,23 +50,14 @@ pub struct BatchLoss {
 
 impl BatchLoss {
     /// The loss of `net`'s kind on `plant`, with no points yet.
-    pub fn new<P: Plant>(
-        plant: &P,
+    pub fn new(
+        plant: &dyn DynRhs,
         net: &PincNet,
         weights: &LossWeights,
         workers: &Workers,
     ) -> Self {
-        Self::of_velocity(AnyVelocity::new(plant, workers.isa), net, weights, workers)
-    }
-
-    /// Not generic, so that the kernel is compiled here.
-    fn of_velocity(
-        velocity: AnyVelocity,
-        net: &PincNet,
-        weights: &LossWeights,
-        workers: &Workers,
-    ) -> Self {
-        let engine = workers.isa.dispatch(Build { velocity, net, weights, workers });
+        let rhs = plant.vectorized(workers.isa);
+        let engine = workers.isa.dispatch(Build { rhs, net, weights, workers });
         Self { engine }
     }
 
@@ -127,7 +116,7 @@ trait Engine: Debug + Send {
 
 /// Makes the engine for the vector type of the instruction set.
 struct Build<'a> {
-    velocity: AnyVelocity,
+    rhs: AnyVectorRhs,
     net: &'a PincNet,
     weights: &'a LossWeights,
     workers: &'a Workers,
@@ -137,7 +126,7 @@ impl Task for Build<'_> {
     type Output = Box<dyn Engine>;
 
     fn run<V: Simd>(self, zero: V) -> Box<dyn Engine> {
-        let Self { velocity, net, weights, workers } = self;
+        let Self { rhs, net, weights, workers } = self;
         let pool = Arc::clone(&workers.pool);
         let dims = net.dims();
         let workspace = || Mutex::new(Workspace::new(&net.mlp, dims, zero));
@@ -146,7 +135,7 @@ impl Task for Build<'_> {
             layers: net.mlp.layers().map(|l| PackedLayer::new(l, V::ROWS)).collect(),
             input: net.input.clone(),
             physics: Physics {
-                plant: velocity.on(),
+                plant: rhs.on(),
                 ansatz: net.ansatz,
                 sample_time_s: net.sample_time_s,
                 output: net.output.clone(),

@@ -2,14 +2,13 @@
 
 use super::dense::Cell;
 use super::panels::Panel;
-use super::velocity::Velocity;
 use crate::{Ansatz, Normalizer};
 use pinc_ad::Dual;
 use pinc_ad::simd::Simd;
-use pinc_ode::Dims;
+use pinc_ode::{Dims, VECTOR_DIRECTIONS, VectorRhs};
 
 /// Columns of df/dy that go through the plant together.
-pub(super) const DIRECTIONS: usize = 4;
+const DIRECTIONS: usize = VECTOR_DIRECTIONS;
 
 /// The terms of the loss, in the order of their sums.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -25,7 +24,7 @@ pub(super) enum Term {
 /// What the loss is made of, besides the net's parameters and the points.
 #[derive(Debug)]
 pub(super) struct Physics<V> {
-    pub(super) plant: Box<dyn Velocity<V>>,
+    pub(super) plant: Box<dyn VectorRhs<V>>,
     pub(super) ansatz: Ansatz,
     pub(super) sample_time_s: f64,
     pub(super) output: Normalizer,
@@ -126,7 +125,7 @@ impl<V: Simd> Physics<V> {
             let zero = panel.mask[half].constant(0.0);
             for j in 0..states {
                 if term == Term::Physics && j.is_multiple_of(DIRECTIONS) {
-                    self.velocity(panel, output, half, j, scratch);
+                    self.evaluate_rhs(panel, output, half, j, scratch);
                 }
                 for i in 0..states {
                     let mask = match term {
@@ -174,7 +173,7 @@ impl<V: Simd> Physics<V> {
 
     /// y', f(y, u), and the derivatives of f in the states from `first` on, into the scratch.
     #[inline(always)]
-    fn velocity(
+    fn evaluate_rhs(
         &self,
         panel: Panel<'_, V>,
         output: &[Cell<V>],
@@ -191,7 +190,7 @@ impl<V: Simd> Physics<V> {
             *x = Dual::variable(y, i.checked_sub(first).unwrap_or(DIRECTIONS));
             *rate = y_rate;
         }
-        self.plant.rhs(x, u, f);
+        self.plant.rhs(x, u, &[], f);
     }
 
     /// F = y' - f(y, u).
@@ -207,7 +206,7 @@ impl<V: Simd> Physics<V> {
         let mut squares = panel.t[half].constant(0.0);
         let states = output.len();
         for first in (0..states).step_by(DIRECTIONS) {
-            self.velocity(panel, output, half, first, scratch);
+            self.evaluate_rhs(panel, output, half, first, scratch);
             let Scratch { f, rate, state_adjoint, rate_adjoint, .. } = &mut *scratch;
             if first == 0 {
                 for (i, adjoint) in rate_adjoint.iter_mut().enumerate() {

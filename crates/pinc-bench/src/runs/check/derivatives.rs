@@ -23,7 +23,7 @@ pub(super) fn examine(subject: &Subject<'_>) -> Vec<Finding> {
     }
     let mut fastest = vec![0.0f64; region.dims.nx];
     for point in &random {
-        let velocity = subject.plant.velocity(&point.x, &point.u);
+        let velocity = subject.rhs(&point.x, &point.u);
         for (fastest, v) in fastest.iter_mut().zip(&velocity) {
             *fastest = fastest.max(v.abs());
         }
@@ -41,11 +41,11 @@ pub(super) fn examine(subject: &Subject<'_>) -> Vec<Finding> {
 /// What is not finite at a point, if anything is.
 fn fault(subject: &Subject<'_>, point: &Point) -> Option<String> {
     let names = |i: usize| &subject.plant.states()[i].name;
-    let velocity = subject.plant.velocity(&point.x, &point.u);
+    let velocity = subject.rhs(&point.x, &point.u);
     if let Some(i) = velocity.iter().position(|v| !v.is_finite()) {
         return Some(format!("{}' is {}", names(i), velocity[i]));
     }
-    let jacobian = subject.plant.jacobian(&point.x, &point.u);
+    let jacobian = subject.jacobian(&point.x, &point.u);
     let inputs = subject.plant.inputs().iter();
     let variables: Vec<_> = subject.plant.states().iter().chain(inputs).map(|v| &v.name).collect();
     for (k, column) in jacobian.col_iter().enumerate() {

@@ -6,6 +6,7 @@ use super::steady::Point;
 use super::{Finding, Subject, short};
 use crate::spec::Experiment;
 use pinc_net::Domain;
+use pinc_ode::Dopri5;
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
@@ -119,7 +120,7 @@ fn simulate(subject: &Subject<'_>, runs: &[Scenario], findings: &mut Vec<Finding
     let mut first = None;
     'runs: for (start, inputs) in runs {
         let mut x = start.clone();
-        let mut truth = subject.plant.truth(TOLERANCE);
+        let mut truth = Dopri5::shared(subject.plant.to_shared(), TOLERANCE);
         for u in inputs {
             extent.add(x.iter().chain(u).copied());
             for _ in 0..SAMPLES {

@@ -21,7 +21,7 @@ pub(super) struct Linear {
 impl Linear {
     /// None where the derivatives are not finite.
     pub(super) fn at(subject: &Subject<'_>, point: &Point) -> Option<Self> {
-        let j = subject.plant.jacobian(&point.x, &point.u);
+        let j = subject.jacobian(&point.x, &point.u);
         let (n, m) = (point.x.len(), point.u.len());
         let finite = j.col_iter().all(|column| column.iter().all(|v| v.is_finite()));
         finite.then(|| Self {

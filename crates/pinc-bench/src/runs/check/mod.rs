@@ -19,8 +19,9 @@ mod tests;
 
 pub use finding::{Finding, Severity};
 
-use crate::dyn_plant::DynPlant;
 use crate::spec::Experiment;
+use faer::Mat;
+use pinc_ode::DynPlant;
 use region::Region;
 use steady::{Point, SteadyStateResult};
 
@@ -44,7 +45,7 @@ const EXAMINATIONS: [Examination; 9] = [
 /// training domain, or else within the controller's bounds.
 #[must_use]
 pub fn check(experiment: &Experiment) -> Vec<Finding> {
-    examine(&*experiment.plant.system(), experiment)
+    examine(&*experiment.plant.dyn_plant(), experiment)
 }
 
 /// The findings as JSON text: a list of objects with the fields of [`Finding`].
@@ -86,6 +87,20 @@ impl<'a> Subject<'a> {
         subject.holds = steady::holds(&subject);
         subject.centre = steady::of_centre(&subject);
         subject
+    }
+
+    /// f(x, u).
+    fn rhs(&self, x: &[f64], u: &[f64]) -> Vec<f64> {
+        let mut dx = vec![0.0; x.len()];
+        self.plant.rhs(x, u, &[], &mut dx);
+        dx
+    }
+
+    /// df/d(x, u), `[nx, nx + nu]`.
+    fn jacobian(&self, x: &[f64], u: &[f64]) -> Mat<f64> {
+        let columns = x.len() + u.len();
+        let jacobian = self.plant.jacobian(x, u, &[]);
+        Mat::from_fn(x.len(), columns, |row, column| jacobian[row * columns + column])
     }
 
     /// Length T of a step, where the config says it; else 1 s, as a unit of time.

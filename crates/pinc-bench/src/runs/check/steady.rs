@@ -144,7 +144,7 @@ fn is_met(subject: &Subject<'_>, wanted: &Wanted, v: &[f64]) -> bool {
 fn residuals(subject: &Subject<'_>, wanted: &Wanted, v: &[f64]) -> Vec<f64> {
     let region = &subject.region;
     let (x, u) = v.split_at(region.dims.nx);
-    let velocity = subject.plant.velocity(x, u).into_iter().enumerate();
+    let velocity = subject.rhs(x, u).into_iter().enumerate();
     let rest = velocity.map(|(i, f)| REST * f * subject.step_s() / region.width(i));
     let held = wanted.held.iter().map(|&(i, value)| (v[i] - value) / region.width(i));
     rest.chain(held).collect()
@@ -155,7 +155,7 @@ fn residual_jacobian(subject: &Subject<'_>, wanted: &Wanted, v: &[f64]) -> Mat<f
     let region = &subject.region;
     let n = region.dims.nx;
     let (x, u) = v.split_at(n);
-    let f = subject.plant.jacobian(x, u);
+    let f = subject.jacobian(x, u);
     Mat::from_fn(n + wanted.held.len(), v.len(), |row, column| {
         if row < n {
             let scale = REST * subject.step_s() / region.width(row);

@@ -1,6 +1,7 @@
 //! How many substeps of RK4 a step T needs: what a net has to beat.
 
 use super::{Finding, Subject, short};
+use pinc_ode::Dopri5;
 
 /// Random points at which integrators are compared.
 const POINTS: usize = 100;
@@ -90,7 +91,7 @@ struct Samples(Vec<(Vec<f64>, Vec<f64>, Vec<f64>)>);
 impl Samples {
     fn draw(subject: &Subject<'_>, sample_time_s: f64) -> Self {
         let points = subject.region.points(subject.experiment.seed).take(POINTS);
-        let mut truth = subject.plant.truth(TOLERANCE);
+        let mut truth = Dopri5::shared(subject.plant.to_shared(), TOLERANCE);
         let samples = points.filter_map(|point| {
             let mut end = point.x.clone();
             truth.integrate(&mut end, &point.u, sample_time_s).ok()?;

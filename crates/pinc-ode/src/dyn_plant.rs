@@ -1,0 +1,206 @@
+//! Plants whose type is erased: what is compiled once per plant, and all else once.
+
+use crate::{Dims, Model, Plant, Rk4, Rk5, Rodas4, Variable};
+use pinc_ad::Dual;
+use pinc_ad::simd::{Isa, Simd, Task, Work};
+use std::any::Any;
+use std::fmt::{self, Debug};
+use std::sync::Arc;
+
+/// Directional derivatives of a [`VectorDual`].
+pub const VECTOR_DIRECTIONS: usize = 4;
+
+/// A vector of values with some directional derivatives, on which [`VectorRhs`] evaluates an equation.
+pub type VectorDual<V> = Dual<V, VECTOR_DIRECTIONS>;
+
+/// The right-hand side of a [`Plant`] with its type erased: what training, integration and analysis ask of
+/// a plant.
+///
+/// Every plant has it. Functions that take `&dyn DynRhs` are called with `&plant`.
+pub trait DynRhs: Debug + Send + Sync {
+    /// The sizes.
+    fn dims(&self) -> Dims;
+
+    /// The states, in order.
+    fn states(&self) -> &[Variable];
+
+    /// The inputs, in order.
+    fn inputs(&self) -> &[Variable];
+
+    /// The parameters that may change from call to call, in order.
+    fn parameters(&self) -> &[Variable];
+
+    /// Writes f(x, u, p) into `dx`.
+    ///
+    /// # Shapes
+    ///
+    /// `x`, `dx`: `nx`; `u`: `nu`; `p`: `np`.
+    fn rhs(&self, x: &[f64], u: &[f64], p: &[f64], dx: &mut [f64]);
+
+    /// df/d(x, u, p), shape `[nx, nx + nu + np]`, row by row.
+    fn jacobian(&self, x: &[f64], u: &[f64], p: &[f64]) -> Vec<f64>;
+
+    /// The right-hand side on the vectors of an instruction set.
+    fn vectorized(&self, isa: Isa) -> AnyVectorRhs;
+
+    /// An owned copy.
+    fn to_shared(&self) -> Arc<dyn DynRhs>;
+}
+
+impl<P: Plant> DynRhs for P {
+    fn dims(&self) -> Dims {
+        Plant::dims(self)
+    }
+
+    fn states(&self) -> &[Variable] {
+        Plant::states(self)
+    }
+
+    fn inputs(&self) -> &[Variable] {
+        Plant::inputs(self)
+    }
+
+    fn parameters(&self) -> &[Variable] {
+        Plant::parameters(self)
+    }
+
+    fn rhs(&self, x: &[f64], u: &[f64], p: &[f64], dx: &mut [f64]) {
+        Plant::rhs(self, x, u, p, dx);
+    }
+
+    fn jacobian(&self, x: &[f64], u: &[f64], p: &[f64]) -> Vec<f64> {
+        let (nx, nu, all) = (x.len(), u.len(), [x, u, p].concat());
+        let f = |v: &[Dual<f64, VECTOR_DIRECTIONS>], dx: &mut [Dual<f64, VECTOR_DIRECTIONS>]| {
+            let (x, rest) = v.split_at(nx);
+            let (u, p) = rest.split_at(nu);
+            Plant::rhs(self, x, u, p, dx);
+        };
+        let mut jacobian = vec![0.0; nx * all.len()];
+        let mut dx = vec![Dual::lift(0.0); nx];
+        for first in (0..all.len()).step_by(VECTOR_DIRECTIONS) {
+            let seed = |(j, &value): (usize, &f64)| {
+                Dual::variable(value, j.checked_sub(first).unwrap_or(VECTOR_DIRECTIONS))
+            };
+            let v: Vec<_> = all.iter().enumerate().map(seed).collect();
+            f(&v, &mut dx);
+            for (row, dx) in jacobian.chunks_exact_mut(all.len()).zip(&dx) {
+                for (to, derivative) in row[first..].iter_mut().zip(dx.eps) {
+                    *to = derivative;
+                }
+            }
+        }
+        jacobian
+    }
+
+    fn vectorized(&self, isa: Isa) -> AnyVectorRhs {
+        isa.dispatch(Erase { plant: self })
+    }
+
+    fn to_shared(&self) -> Arc<dyn DynRhs> {
+        Arc::new(self.clone())
+    }
+}
+
+/// A plant with its type erased, with the integrators that can serve as models of it. The equation is
+/// compiled into each of these, which takes most of a build: ask for [`DynRhs`] where that is enough.
+pub trait DynPlant: DynRhs {
+    /// RK4 over steps of `sample_time_s`, each in `substeps` parts.
+    fn rk4(&self, sample_time_s: f64, substeps: usize) -> Box<dyn Model>;
+
+    /// The Runge-Kutta method of order 5 over such steps.
+    fn rk5(&self, sample_time_s: f64, substeps: usize) -> Box<dyn Model>;
+
+    /// The linearly implicit method over such steps, for stiff plants.
+    fn rodas4(&self, sample_time_s: f64, substeps: usize) -> Box<dyn Model>;
+}
+
+impl<P: Plant> DynPlant for P {
+    fn rk4(&self, sample_time_s: f64, substeps: usize) -> Box<dyn Model> {
+        Box::new(Rk4::new(self.clone(), sample_time_s, substeps))
+    }
+
+    fn rk5(&self, sample_time_s: f64, substeps: usize) -> Box<dyn Model> {
+        Box::new(Rk5::new(self.clone(), sample_time_s, substeps))
+    }
+
+    fn rodas4(&self, sample_time_s: f64, substeps: usize) -> Box<dyn Model> {
+        Box::new(Rodas4::new(self.clone(), sample_time_s, substeps))
+    }
+}
+
+/// f(x, u, p) on vectors of points. A training kernel calls it once for a vector, so that the call through
+/// a table costs nothing that could be measured.
+pub trait VectorRhs<V>: Debug + Send + Sync {
+    /// Writes f(x, u, p) into `dx`.
+    fn rhs(
+        &self,
+        x: &[VectorDual<V>],
+        u: &[VectorDual<V>],
+        p: &[VectorDual<V>],
+        dx: &mut [VectorDual<V>],
+    );
+}
+
+impl<V: Simd, P: Plant> VectorRhs<V> for P {
+    fn rhs(
+        &self,
+        x: &[VectorDual<V>],
+        u: &[VectorDual<V>],
+        p: &[VectorDual<V>],
+        dx: &mut [VectorDual<V>],
+    ) {
+        let vector = x[0].re;
+        vector.vectorize(Evaluation { plant: self, x, u, p, dx });
+    }
+}
+
+struct Evaluation<'a, V, P> {
+    plant: &'a P,
+    x: &'a [VectorDual<V>],
+    u: &'a [VectorDual<V>],
+    p: &'a [VectorDual<V>],
+    dx: &'a mut [VectorDual<V>],
+}
+
+impl<V: Simd, P: Plant> Work for Evaluation<'_, V, P> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        self.plant.rhs(self.x, self.u, self.p, self.dx);
+    }
+}
+
+/// A [`VectorRhs`] on the vectors of one instruction set, with the type of these erased too.
+pub struct AnyVectorRhs(Box<dyn Any>);
+
+impl Debug for AnyVectorRhs {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("AnyVectorRhs").finish_non_exhaustive()
+    }
+}
+
+impl AnyVectorRhs {
+    /// The right-hand side on vectors `V`.
+    ///
+    /// # Panics
+    ///
+    /// If it was made for another instruction set than theirs.
+    #[must_use]
+    pub fn on<V: Simd>(self) -> Box<dyn VectorRhs<V>> {
+        *self.0.downcast().expect("made for the same instruction set")
+    }
+}
+
+struct Erase<'a, P> {
+    plant: &'a P,
+}
+
+impl<P: Plant> Task for Erase<'_, P> {
+    type Output = AnyVectorRhs;
+
+    fn run<V: Simd>(self, _zero: V) -> AnyVectorRhs {
+        let rhs: Box<dyn VectorRhs<V>> = Box::new(self.plant.clone());
+        AnyVectorRhs(Box::new(rhs))
+    }
+}
