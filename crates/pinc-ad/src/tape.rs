@@ -41,8 +41,13 @@ impl Tape {
 
     /// The derivatives of `output` with respect to each of `inputs`, in their order: one backward
     /// sweep over the tape, whatever the number of inputs.
+    ///
+    /// # Panics
+    ///
+    /// If one of them belongs to another tape.
     #[must_use]
     pub fn gradient(&self, output: Var<'_>, inputs: &[Var<'_>]) -> Vec<f64> {
+        inputs.iter().chain([&output]).for_each(|var| var.check_tape(self));
         let nodes = self.nodes.borrow();
         let mut adjoint = vec![0.0; nodes.len()];
         if output.index != CONSTANT {
@@ -71,6 +76,8 @@ impl Tape {
 }
 
 /// A number whose operations are recorded on a [`Tape`].
+///
+/// Numbers of two tapes do not mix: an operation on both panics.
 #[derive(Clone, Copy, Debug)]
 pub struct Var<'t> {
     tape: &'t Tape,
@@ -85,11 +92,18 @@ impl Var<'_> {
         self.value
     }
 
+    /// Indices mean something on their own tape only.
+    #[inline]
+    fn check_tape(self, tape: &Tape) {
+        assert!(std::ptr::eq(self.tape, tape), "a number of another tape");
+    }
+
     fn unary(self, value: f64, partial: f64) -> Self {
         self.record(value, [self.index, CONSTANT], [partial, 0.0])
     }
 
     fn binary(self, other: Self, value: f64, partials: [f64; 2]) -> Self {
+        other.check_tape(self.tape);
         self.record(value, [self.index, other.index], partials)
     }
 
@@ -215,6 +229,8 @@ impl Scalar for Var<'_> {
         self.unary(self.value.abs(), Scalar::sign(self.value))
     }
     fn where_nonpositive(self, yes: Self, no: Self) -> Self {
+        yes.check_tape(self.tape);
+        no.check_tape(self.tape);
         if self.value <= 0.0 { yes } else { no }
     }
 }

@@ -67,7 +67,7 @@ impl Objective for Valley {
 }
 
 impl LeastSquares for Valley {
-    fn normal_matrix(&mut self, _: &[f64], _: faer::MatMut<'_, f64>) {
+    fn normal_matrix(&mut self, _: &[f64], _: &mut [f64]) {
         unimplemented!("not asked for by these optimizers");
     }
 }

@@ -1,7 +1,11 @@
 //! What can go wrong with a net, its training and its file.
 
 use pinc_ode::OdeError;
+use std::error::Error as StdError;
 use thiserror::Error;
+
+/// The error of a library below, whose type is not part of this crate's interface.
+type Source = Box<dyn StdError + Send + Sync>;
 
 /// An error of a net or its training.
 #[derive(Debug, Error)]
@@ -58,7 +62,7 @@ pub enum NetError {
     },
     /// The worker threads could not be started.
     #[error("cannot start the worker threads: {0}")]
-    Threads(#[from] rayon::ThreadPoolBuildError),
+    Threads(#[source] Source),
 }
 
 /// An error in a model file.
@@ -67,7 +71,7 @@ pub enum NetError {
 pub enum ModelError {
     /// Not a safetensors file, or a damaged one.
     #[error("not a readable safetensors file: {0}")]
-    Container(#[from] safetensors::SafeTensorError),
+    Container(#[source] Source),
     /// A safetensors file, but not of a PINC model.
     #[error("not a PINC model: metadata `{key}` is {found}, expected {expected}")]
     Foreign {
@@ -80,7 +84,7 @@ pub enum ModelError {
     },
     /// The description of the model is not as it should be.
     #[error("metadata `model`: {0}")]
-    Description(#[from] serde_json::Error),
+    Description(#[source] Source),
     /// A tensor that is missing, of another type or shape, or not finite.
     #[error("tensor `{name}`: {found}, expected {expected}")]
     Tensor {

@@ -90,7 +90,7 @@ pub use loss::{
     InitialScale, LossTerms, LossWeights, ResidualScale, reference_loss, reference_measured,
     reference_residuals,
 };
-pub use mlp::{Mlp, MlpConfig};
+pub use mlp::Mlp;
 pub use net::{NetConfig, PincNet, Scenario};
 pub use normalizer::Normalizer;
 pub use pinc_ad::simd::Isa;

@@ -7,15 +7,15 @@ use std::ops::Range;
 
 /// Size of a perceptron: `hidden_layers` layers of `neurons` each, then a linear output layer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct MlpConfig {
+pub(crate) struct MlpConfig {
     /// Length of the input.
-    pub inputs: usize,
+    pub(crate) inputs: usize,
     /// Number of hidden layers; "4 layers of 20" has `hidden_layers` 4.
-    pub hidden_layers: usize,
+    pub(crate) hidden_layers: usize,
     /// Neurons in each hidden layer.
-    pub neurons: usize,
+    pub(crate) neurons: usize,
     /// Length of the output.
-    pub outputs: usize,
+    pub(crate) outputs: usize,
 }
 
 impl MlpConfig {
@@ -58,7 +58,7 @@ pub(crate) struct Layer {
 impl Mlp {
     /// A perceptron with Glorot (Xavier) normal weights, variance 2/(in + out), and biases 0, as in
     /// the paper's Algorithm 1.
-    pub fn glorot_normal(config: MlpConfig, rng: &mut impl rand::Rng) -> Self {
+    pub(crate) fn glorot_normal(config: MlpConfig, rng: &mut impl rand::Rng) -> Self {
         let widths = config.widths();
         let mut parameters = vec![0.0; parameter_count(&widths)];
         for layer in layers(&widths) {

@@ -2,7 +2,7 @@
 
 use crate::{Ansatz, Domain, Mlp, ModelError, Normalizer, PincNet, Scenario, TrainingTarget};
 use pinc_ode::Dims;
-use safetensors::{Dtype, SafeTensors, tensor::TensorView};
+use safetensors::{Dtype, SafeTensorError, SafeTensors, tensor::TensorView};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use std::collections::BTreeMap;
@@ -138,7 +138,8 @@ impl PincNet {
     ///
     /// [`ModelError`] says which part is missing, damaged or contradicts another.
     pub fn from_bytes(bytes: &[u8]) -> Result<Self, ModelError> {
-        let (_, header) = SafeTensors::read_metadata(bytes)?;
+        let container = |error: SafeTensorError| ModelError::Container(error.into());
+        let (_, header) = SafeTensors::read_metadata(bytes).map_err(container)?;
         let empty = std::collections::HashMap::new();
         let metadata = header.metadata().as_ref().unwrap_or(&empty);
         let entry = |key: &'static str, expected: &'static str| {
@@ -152,8 +153,9 @@ impl PincNet {
         };
         entry("format", FORMAT)?;
         entry("version", VERSION)?;
-        let description: Description = serde_json::from_str(entry("model", "")?)?;
-        description.into_net(&SafeTensors::deserialize(bytes)?)
+        let description: Description = serde_json::from_str(entry("model", "")?)
+            .map_err(|error| ModelError::Description(error.into()))?;
+        description.into_net(&SafeTensors::deserialize(bytes).map_err(container)?)
     }
 }
 

@@ -73,7 +73,7 @@ impl Objective for Counted<'_> {
 }
 
 impl LeastSquares for Counted<'_> {
-    fn normal_matrix(&mut self, x: &[f64], out: faer::MatMut<'_, f64>) {
+    fn normal_matrix(&mut self, x: &[f64], out: &mut [f64]) {
         self.loss.normal_matrix(x, out);
     }
 }

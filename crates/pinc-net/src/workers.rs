@@ -27,8 +27,9 @@ impl Workers {
     ///
     /// [`NetError::Threads`] if they cannot be started.
     pub fn with_isa(threads: usize, isa: Isa) -> Result<Self, NetError> {
-        let pool = Arc::new(rayon::ThreadPoolBuilder::new().num_threads(threads).build()?);
-        Ok(Self { pool, isa })
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
+        let pool = pool.map_err(|error| NetError::Threads(error.into()))?;
+        Ok(Self { pool: Arc::new(pool), isa })
     }
 
     /// The instruction set in use.

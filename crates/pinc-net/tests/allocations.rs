@@ -1,7 +1,6 @@
 //! Memory is allocated when a training begins, not while it runs.
 #![expect(unsafe_code, reason = "an allocator that counts must implement an unsafe trait")]
 
-use faer::MatMut;
 use pinc_net::optim::{
     Iterate, LbfgsConfig, LeastSquares, LineSearch, Objective, Optimizer, OptimizerConfig, Outcome,
     SelfScaledBroydenConfig,
@@ -54,10 +53,10 @@ fn allocated(work: impl FnOnce()) -> (usize, usize) {
     (after.0 - before.0, after.1 - before.1)
 }
 
-/// Rodas4's function: long enough a way for any optimizer.
-struct Rodas4;
+/// Rosenbrock's function: its minimum is far enough for any optimizer.
+struct Rosenbrock;
 
-impl Objective for Rodas4 {
+impl Objective for Rosenbrock {
     fn evaluate(&mut self, x: &[f64], gradient: &mut [f64]) -> f64 {
         gradient.fill(0.0);
         let mut value = 0.0;
@@ -71,8 +70,8 @@ impl Objective for Rodas4 {
     }
 }
 
-impl LeastSquares for Rodas4 {
-    fn normal_matrix(&mut self, _: &[f64], _: MatMut<'_, f64>) {
+impl LeastSquares for Rosenbrock {
+    fn normal_matrix(&mut self, _: &[f64], _: &mut [f64]) {
         panic!("not asked for by these optimizers");
     }
 }
@@ -81,10 +80,10 @@ impl LeastSquares for Rodas4 {
 fn optimizer(config: &OptimizerConfig, workers: &Workers) -> (usize, usize) {
     let variables = 200;
     let mut optimizer = Optimizer::new(config, variables);
-    let mut at = Iterate::new(&mut Rodas4, vec![-1.2; variables]);
+    let mut at = Iterate::new(&mut Rosenbrock, vec![-1.2; variables]);
     let mut iterate = |iterations| {
         for _ in 0..iterations {
-            assert_eq!(optimizer.step(&mut Rodas4, &mut at, workers), Outcome::Moved);
+            assert_eq!(optimizer.step(&mut Rosenbrock, &mut at, workers), Outcome::Moved);
         }
     };
     iterate(30);

@@ -91,17 +91,21 @@ impl BatchLoss {
     }
 
     /// The lower triangle of J'J at `parameters`, where J is the Jacobian of the residuals r whose
-    /// squares add up to the loss, all weights included ([`crate::reference_residuals`]): the loss is
-    /// |r|^2, its gradient 2 J'r, its Gauss-Newton Hessian 2 J'J. The rest of `out` becomes 0.
+    /// squares add up to the loss, all weights included ([`crate::reference_residuals`]): the loss
+    /// is |r|^2, its gradient 2 J'r, its Gauss-Newton Hessian 2 J'J. The rest of `out` becomes 0.
     ///
-    /// Cost for P parameters: P^2/2 multiply-adds per residual, of which there are n per point; to compute
-    /// the Jacobian costs little beside that. Memory: 16 KB per parameter, whatever the number of points,
-    /// kept for the next time. The same bits on any number of threads.
+    /// Cost for P parameters: P^2/2 multiply-adds per residual, of which there are n per point; the
+    /// Jacobian itself costs little beside that. Memory: 16 KB per parameter, whatever the number
+    /// of points, kept for the next call. The result has the same bits on any number of threads.
+    ///
+    /// # Shapes
+    ///
+    /// `out`: `[P, P]`, column by column.
     ///
     /// # Panics
     ///
-    /// If the number of parameters is not that of the net, or `out` is not of that size.
-    pub fn normal_matrix(&mut self, parameters: &[f64], out: MatMut<'_, f64>) {
+    /// If the number of parameters is not that of the net, or `out` does not have that size.
+    pub fn normal_matrix(&mut self, parameters: &[f64], out: &mut [f64]) {
         self.engine.normal_matrix(parameters, out);
     }
 }
@@ -111,7 +115,7 @@ trait Engine: Debug + Send {
     fn set_points(&mut self, collocation: &Points, initial: &Points);
     fn set_measurements(&mut self, measurements: &Measurements, weight: f64);
     fn evaluate(&mut self, parameters: &[f64], gradient: Option<&mut [f64]>) -> LossTerms;
-    fn normal_matrix(&mut self, parameters: &[f64], out: MatMut<'_, f64>);
+    fn normal_matrix(&mut self, parameters: &[f64], out: &mut [f64]);
 }
 
 /// Makes the engine for the vector type of the instruction set.
@@ -263,10 +267,11 @@ impl<V: Simd> Engine for LaneEngine<V> {
         self.collect(gradient)
     }
 
-    fn normal_matrix(&mut self, parameters: &[f64], out: MatMut<'_, f64>) {
-        assert_eq!((out.nrows(), out.ncols()), (self.parameters, self.parameters), "size of J'J");
+    fn normal_matrix(&mut self, parameters: &[f64], out: &mut [f64]) {
+        let size = self.parameters;
+        assert_eq!(out.len(), size * size, "size of J'J");
         self.fill(parameters);
-        self.add_up_normal_matrix(out);
+        self.add_up_normal_matrix(MatMut::from_column_major_slice_mut(out, size, size));
     }
 }
 

@@ -1,6 +1,6 @@
 //! Limited-memory BFGS.
 
-use super::{Iterate, LineSearch, Objective, Outcome, Scratch, check, dot, set};
+use super::{Iterate, LineSearch, Objective, Outcome, Scratch, check, dot, norm, set};
 use crate::NetError;
 use crate::mlp::to_f64;
 use serde::{Deserialize, Serialize};
@@ -110,7 +110,8 @@ impl Lbfgs {
         set(&mut pair.s, to.x.iter().zip(&from.x).map(|(to, from)| to - from));
         set(&mut pair.y, to.gradient.iter().zip(&from.gradient).map(|(to, from)| to - from));
         let curvature = dot(&pair.s, &pair.y);
-        if curvature > 0.0 {
+        // Below this, s'y is rounding, and 1/(s'y) would fill the directions to come with it.
+        if curvature > f64::EPSILON * norm(&pair.s) * norm(&pair.y) {
             pair.rho = 1.0 / curvature;
             self.pairs.push_back(pair);
         } else {

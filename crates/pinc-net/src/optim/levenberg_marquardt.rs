@@ -5,7 +5,7 @@ use super::{Iterate, LeastSquares, Outcome, Scratch, check};
 use crate::NetError;
 use faer::dyn_stack::{MemBuffer, MemStack, StackReq};
 use faer::linalg::cholesky::llt::{factor, solve};
-use faer::{Mat, Par, Spec};
+use faer::{Mat, MatRef, Par, Spec};
 use serde::{Deserialize, Serialize};
 
 /// Settings of the Levenberg-Marquardt method with Nielsen's damping: Madsen, Nielsen and Tingleff,
@@ -73,7 +73,7 @@ impl LevenbergMarquardt {
         }
         let Self { config, damping, growth, work: Scratch(work) } = self;
         work.resize(at.x.len());
-        objective.normal_matrix(&at.x, work.normal.as_mut());
+        objective.normal_matrix(&at.x, &mut work.normal);
         let largest = work.largest_diagonal();
         let mut mu = damping.unwrap_or(config.initial_damping * largest);
         mu = mu.max(MIN_DAMPING * largest);
@@ -95,8 +95,8 @@ impl LevenbergMarquardt {
 
 /// Memory of a step.
 struct Work {
-    /// J'J, lower triangle.
-    normal: Mat<f64>,
+    /// J'J, column by column; of its lower triangle only.
+    normal: Vec<f64>,
     /// J'J + mu I, then its Cholesky factor.
     factor: Mat<f64>,
     /// The right-hand side, then the step.
@@ -108,17 +108,17 @@ struct Work {
 impl Default for Work {
     fn default() -> Self {
         let buffer = MemBuffer::new(StackReq::EMPTY);
-        let (normal, factor, step) = (Mat::new(), Mat::new(), Mat::new());
-        Self { normal, factor, step, buffer, next: Iterate::default() }
+        let (factor, step) = (Mat::new(), Mat::new());
+        Self { normal: Vec::new(), factor, step, buffer, next: Iterate::default() }
     }
 }
 
 impl Work {
     fn resize(&mut self, variables: usize) {
-        if self.normal.nrows() == variables {
+        if self.factor.nrows() == variables {
             return;
         }
-        self.normal = Mat::zeros(variables, variables);
+        self.normal = vec![0.0; variables * variables];
         self.factor = Mat::zeros(variables, variables);
         self.step = Mat::zeros(variables, 1);
         let memory = factor::cholesky_in_place_scratch::<f64>(variables, Par::Seq, Spec::default());
@@ -127,7 +127,8 @@ impl Work {
     }
 
     fn largest_diagonal(&self) -> f64 {
-        (0..self.normal.nrows()).map(|i| self.normal[(i, i)]).fold(0.0, f64::max)
+        let variables = self.factor.nrows();
+        self.normal.iter().step_by(variables + 1).copied().fold(0.0, f64::max)
     }
 
     /// Tries the step for the damping `mu`, with one evaluation. If the function falls, the new point is in
@@ -149,8 +150,9 @@ impl Work {
     /// `step` = -(J'J + mu I)^-1 J'r; nothing if the matrix is not positive definite.
     fn solve(&mut self, gradient: &[f64], mu: f64) -> Option<()> {
         let variables = gradient.len();
+        let normal = MatRef::from_column_major_slice(&self.normal, variables, variables);
         for (j, derivative) in gradient.iter().enumerate() {
-            let from = self.normal.col(j).subrows(j, variables - j);
+            let from = normal.col(j).subrows(j, variables - j);
             let mut to = self.factor.col_mut(j).subrows_mut(j, variables - j);
             to.copy_from(from);
             to[0] += mu;

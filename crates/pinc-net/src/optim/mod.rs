@@ -20,7 +20,6 @@ pub use self_scaled_broyden::SelfScaledBroydenConfig;
 
 use crate::{NetError, Workers};
 use adam::Adam;
-use faer::MatMut;
 use lbfgs::Lbfgs;
 use levenberg_marquardt::LevenbergMarquardt;
 use self_scaled_broyden::SelfScaledBroyden;
@@ -35,9 +34,13 @@ pub trait Objective {
 /// A function to be minimized that is a sum of squares: its value is |r(x)|^2 with residuals r, weights
 /// included. With J the Jacobian of r, its gradient is 2 J'r.
 pub trait LeastSquares: Objective {
-    /// The lower triangle of the normal matrix J'J at `x`, half the Gauss-Newton approximation of the
-    /// Hessian. What `out`, square and of the length of `x`, holds above the diagonal has no meaning.
-    fn normal_matrix(&mut self, x: &[f64], out: MatMut<'_, f64>);
+    /// The normal matrix J'J at `x`: half the Gauss-Newton approximation of the Hessian.
+    ///
+    /// # Shapes
+    ///
+    /// `out`: `[P, P]` for P variables, column by column. Only the lower triangle, `out[P * j + i]`
+    /// with i >= j, has a meaning.
+    fn normal_matrix(&mut self, x: &[f64], out: &mut [f64]);
 }
 
 /// A point, with the function's value and gradient there.

@@ -1,8 +1,6 @@
 //! Derivatives of random expressions: dual numbers against the tape against central differences.
 
-mod common;
-
-use common::{Expr, INPUTS, config, expressions, points};
+use super::common::{Expr, INPUTS, config, expressions, points};
 use pinc_ad::{Dual, Lanes, Scalar, Tape, Var, central_difference, gradient, jacobian};
 use proptest::prelude::*;
 

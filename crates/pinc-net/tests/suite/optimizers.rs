@@ -1,6 +1,5 @@
 //! Optimizers on problems with known answers, judged by work counters.
 
-use faer::MatMut;
 use pinc_net::Workers;
 use pinc_net::optim::{
     AdamConfig, Iterate, LbfgsConfig, LeastSquares, LevenbergMarquardtConfig, LineSearch,
@@ -22,12 +21,12 @@ impl<F: FnMut(&[f64], &mut [f64]) -> f64> Objective for Counting<F> {
 
 /// For optimizers that do not ask for the normal matrix.
 impl<F: FnMut(&[f64], &mut [f64]) -> f64> LeastSquares for Counting<F> {
-    fn normal_matrix(&mut self, _: &[f64], _: MatMut<'_, f64>) {
+    fn normal_matrix(&mut self, _: &[f64], _: &mut [f64]) {
         panic!("not known to be a sum of squares");
     }
 }
 
-/// Rodas4's function in n dimensions: minimum 0 at (1, .., 1).
+/// Rosenbrock's function in n dimensions: minimum 0 at (1, .., 1).
 fn rosenbrock(x: &[f64], gradient: &mut [f64]) -> f64 {
     gradient.fill(0.0);
     let mut value = 0.0;
@@ -232,13 +231,13 @@ impl<F: Fn(&[f64], &mut [f64], &mut [Vec<f64>])> Objective for Squares<F> {
 }
 
 impl<F: Fn(&[f64], &mut [f64], &mut [Vec<f64>])> LeastSquares for Squares<F> {
-    fn normal_matrix(&mut self, x: &[f64], mut out: MatMut<'_, f64>) {
+    fn normal_matrix(&mut self, x: &[f64], out: &mut [f64]) {
         let (_, jacobian) = self.linearize(x);
         for j in 0..x.len() {
             for i in 0..x.len() {
                 // NaN above the diagonal: that part has no meaning and must not be read.
                 let entry = jacobian.iter().map(|row| row[i] * row[j]).sum();
-                out[(i, j)] = if i < j { f64::NAN } else { entry };
+                out[j * x.len() + i] = if i < j { f64::NAN } else { entry };
             }
         }
     }
@@ -271,7 +270,7 @@ fn fit<F: Fn(&[f64], &mut [f64], &mut [Vec<f64>])>(
     (at, Outcome::Moved, 200, problem.evaluations)
 }
 
-/// Rodas4's function of two variables as residuals 10 (y - x^2), 1 - x.
+/// Rosenbrock's function of two variables as residuals 10 (y - x^2), 1 - x.
 fn rosenbrock_residuals(x: &[f64], r: &mut [f64], jacobian: &mut [Vec<f64>]) {
     r.copy_from_slice(&[10.0 * (x[1] - x[0] * x[0]), 1.0 - x[0]]);
     jacobian[0].copy_from_slice(&[-20.0 * x[0], 10.0]);

@@ -1,8 +1,6 @@
 //! One suite for every kind of number: the same function has the same value on all of them.
 
-mod common;
-
-use common::{Expr, INPUTS, config, expressions, points};
+use super::common::{Expr, INPUTS, config, expressions, points};
 use pinc_ad::{Dual, Lanes, Scalar, Tape, Var};
 use proptest::prelude::*;
 use proptest::test_runner::{TestCaseError, TestRunner};

@@ -88,3 +88,27 @@ fn infinite_partial_of_what_is_used_stays() {
     let x = tape.variable(0.0);
     assert_eq!(tape.gradient(x.ln(), &[x]), [f64::INFINITY]);
 }
+
+/// Without the check, the index of a number on the one tape would be taken for one on the other.
+#[test]
+fn numbers_of_two_tapes_do_not_mix() {
+    let (one, two) = (Tape::new(), Tape::new());
+    let (x, y) = (one.variable(2.0), two.variable(3.0));
+    let refused = |operation: &dyn Fn()| {
+        let operation = std::panic::AssertUnwindSafe(operation);
+        let panic = std::panic::catch_unwind(operation).expect_err("two tapes");
+        assert_eq!(panic.downcast_ref(), Some(&"a number of another tape"));
+    };
+    refused(&|| _ = x + y);
+    refused(&|| _ = x - y);
+    refused(&|| _ = x * y);
+    refused(&|| _ = x / y);
+    refused(&|| _ = x.mul_add(x, y));
+    refused(&|| _ = x.max(y));
+    refused(&|| _ = x * y.constant(1.0));
+    refused(&|| _ = x.constant(1.0) * y);
+    refused(&|| _ = y.where_nonpositive(x, y));
+    refused(&|| _ = y.where_nonpositive(y, x));
+    refused(&|| _ = one.gradient(y, &[x]));
+    refused(&|| _ = one.gradient(x, &[x, y]));
+}

@@ -1,10 +1,10 @@
 //! The examples run to their end; what they assert holds.
 
-#[path = "../examples/01_derivative.rs"]
+#[path = "../../examples/01_derivative.rs"]
 mod derivative;
-#[path = "../examples/02_jacobian.rs"]
+#[path = "../../examples/02_jacobian.rs"]
 mod jacobian;
-#[path = "../examples/03_time_derivative_inside_a_gradient.rs"]
+#[path = "../../examples/03_time_derivative_inside_a_gradient.rs"]
 mod time_derivative;
 
 #[test]

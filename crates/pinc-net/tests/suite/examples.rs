@@ -1,13 +1,13 @@
 //! The examples run to their end; what they assert holds.
 #![expect(clippy::duplicate_mod, reason = "each example takes up the net of the first")]
 
-#[path = "../examples/02_long_horizon.rs"]
+#[path = "../../examples/02_long_horizon.rs"]
 mod long_horizon;
-#[path = "../examples/04_measured_data.rs"]
+#[path = "../../examples/04_measured_data.rs"]
 mod measured_data;
-#[path = "../examples/03_save_and_load.rs"]
+#[path = "../../examples/03_save_and_load.rs"]
 mod save_and_load;
-#[path = "../examples/01_train.rs"]
+#[path = "../../examples/01_train.rs"]
 mod train;
 
 #[test]

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Writes expected.csv: values and derivatives of the functions in tests/digits.rs, by mpmath.
+"""Writes expected.csv: values and derivatives of the functions in tests/suite/digits.rs, by mpmath.
 
     python3 expected.py > expected.csv
 

@@ -1,9 +1,6 @@
 //! Plants written as text: the same numbers as those written in Rust, for every kind of number.
 
-#[path = "../../pinc-ad/tests/common/mod.rs"]
-mod common;
-
-use common::{Expr, INPUTS, config, expressions, points};
+use super::common::{Expr, INPUTS, config, expressions, points};
 use pinc_ad::simd::{Isa, Simd, Task};
 use pinc_ad::{Dual, Tape, central_difference};
 use pinc_expr::{Equations, ExpressionPlant};

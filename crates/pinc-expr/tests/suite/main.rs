@@ -1,0 +1,6 @@
+//! Plants whose equations are text.
+
+#[path = "../../../pinc-ad/tests/suite/common.rs"]
+mod common;
+mod numbers;
+mod syntax;
