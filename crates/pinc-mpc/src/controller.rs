@@ -55,7 +55,7 @@ pub struct Nmpc {
     problem: NmpcProblem,
     model: Box<dyn Model>,
     config: SqpConfig,
-    shape: OcpDims,
+    dims: OcpDims,
     sqp: Sqp,
     plan: Solution,
     /// The last plan, moved on.
@@ -105,23 +105,23 @@ impl Nmpc {
     ) -> Result<Self, MpcError> {
         problem.validate(model.dims())?;
         config.validate()?;
-        let shape = problem.ocp_dims(model.dims());
-        let sqp = Sqp::new(&problem, config, shape, model.sample_time_s());
-        let (plan, delay) = (Solution::new(shape), problem.delay);
+        let dims = problem.ocp_dims(model.dims());
+        let sqp = Sqp::new(&problem, config, dims, model.sample_time_s());
+        let (plan, delay) = (Solution::new(dims), problem.delay);
         Ok(Self {
             problem,
             model,
             config,
-            shape,
+            dims,
             sqp,
             fallback: plan.clone(),
             plan,
             warm: false,
             prepared: false,
-            previous: vec![0.0; shape.inputs],
-            pending: vec![0.0; delay * shape.inputs],
-            start: vec![0.0; shape.states],
-            next: vec![0.0; shape.states],
+            previous: vec![0.0; dims.nu],
+            pending: vec![0.0; delay * dims.nu],
+            start: vec![0.0; dims.nx],
+            next: vec![0.0; dims.nx],
         })
     }
 
@@ -186,9 +186,9 @@ impl Nmpc {
         reference: &[f64],
         expired: &mut dyn FnMut() -> bool,
     ) -> Result<StepReport<'_>, MpcError> {
-        check_finite("x", x, self.shape.states)?;
+        check_finite("x", x, self.dims.nx)?;
         let outputs = self.problem.tracked.len();
-        check_finite("reference", reference, self.shape.stages * outputs)?;
+        check_finite("reference", reference, self.dims.horizon * outputs)?;
 
         self.predict_delay(x);
         if !self.config.real_time {
@@ -216,7 +216,7 @@ impl Nmpc {
     pub fn prepare(&mut self) {
         if self.config.real_time && self.warm && !self.prepared {
             // Where the plan leads, as long as nothing is measured.
-            self.start.copy_from_slice(&self.plan.states()[..self.shape.states]);
+            self.start.copy_from_slice(&self.plan.states()[..self.dims.nx]);
             self.prepare_linearization();
         }
     }
@@ -230,7 +230,7 @@ impl Nmpc {
     /// Predicts the state in which the input that is chosen now will act.
     fn predict_delay(&mut self, x: &[f64]) {
         self.start.copy_from_slice(x);
-        for u in self.pending.chunks_exact(self.shape.inputs) {
+        for u in self.pending.chunks_exact(self.dims.nu) {
             self.model.step(&self.start, u, &[], &mut self.next);
             self.start.copy_from_slice(&self.next);
         }

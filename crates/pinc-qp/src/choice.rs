@@ -58,10 +58,10 @@ pub struct ChosenQp {
 }
 
 impl ChosenQp {
-    /// A solver for QPs of the shape of `qp`, with finite limits and penalties where it has them.
+    /// A solver for QPs of the sizes of `qp`, with finite limits and penalties where it has them.
     #[must_use]
     pub fn new(qp: &Qp, method: QpMethod) -> Self {
-        let chosen: Box<dyn QpSolver> = match method.resolve(qp.shape.all_inputs()) {
+        let chosen: Box<dyn QpSolver> = match method.resolve(qp.dims.all_inputs()) {
             QpMethod::Condensed => Box::new(CondensedQp::new(qp)),
             QpMethod::Riccati => Box::new(RiccatiQp::new(qp)),
             QpMethod::Clarabel | QpMethod::Auto => Box::new(ClarabelQp::new(qp)),
