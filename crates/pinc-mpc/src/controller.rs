@@ -159,6 +159,49 @@ impl Nmpc {
         self.pending.fill(0.0);
     }
 
+    /// Begins anew at a plant that is at `x` and has been given `u_applied` so far: that is u\[k-1\] and
+    /// all that is under way, and the first plan stays at `x` and holds `u_applied`.
+    ///
+    /// # Shapes
+    ///
+    /// `x`: `n`; `u_applied`: `m`.
+    ///
+    /// # Errors
+    ///
+    /// [`MpcError`] if an argument is of the wrong length or not finite; nothing has happened then.
+    pub fn reset_to(&mut self, x: &[f64], u_applied: &[f64]) -> Result<(), MpcError> {
+        check_finite("x", x, self.dims.nx)?;
+        check_finite("u_applied", u_applied, self.dims.nu)?;
+        self.reset();
+        self.previous.copy_from_slice(u_applied);
+        for u in self.pending.chunks_exact_mut(self.dims.nu) {
+            u.copy_from_slice(u_applied);
+        }
+        self.plan.hold(x, u_applied);
+        self.warm = true;
+        Ok(())
+    }
+
+    /// Says which input the plant was really given in place of the last one chosen, for instance by a
+    /// safety system or an operator: it is u\[k-1\] in the next step. With a delay it takes the place of
+    /// the last input under way.
+    ///
+    /// # Shapes
+    ///
+    /// `u`: `m`.
+    ///
+    /// # Errors
+    ///
+    /// [`MpcError`] if `u` is of the wrong length or not finite; nothing has happened then.
+    pub fn set_applied_input(&mut self, u: &[f64]) -> Result<(), MpcError> {
+        check_finite("u", u, self.dims.nu)?;
+        self.previous.copy_from_slice(u);
+        if let Some(last) = self.pending.len().checked_sub(u.len()) {
+            self.pending[last..].copy_from_slice(u);
+        }
+        Ok(())
+    }
+
     /// Chooses the input for a plant measured to be at `x`.
     ///
     /// # Shapes
@@ -203,9 +246,9 @@ impl Nmpc {
         } else {
             self.sqp.solve(self.model.as_mut(), input, &mut self.plan, expired)
         };
-        let followed = self.accept(&outcome);
+        let (status, followed) = self.accept(&outcome);
         self.push_delay_line();
-        let Outcome { status, iterations, last, violated } = outcome;
+        let Outcome { iterations, last, violated, .. } = outcome;
         let u = self.plan.first_input();
         Ok(StepReport { u, status, sqp_iterations: iterations, kkt: last, violated, followed })
     }
@@ -240,17 +283,28 @@ impl Nmpc {
     fn shift_warm_start(&mut self) {
         self.plan.shift();
         if !self.warm {
-            self.plan.stay_at(&self.start);
+            // Where the model has no value for what is under way, the states stay as they are.
+            if self.start.iter().all(|v| v.is_finite()) {
+                self.plan.stay_at(&self.start);
+            } else {
+                self.plan.multipliers.clear();
+            }
         }
         self.sqp.project(&mut self.plan, &self.previous);
         self.fallback.copy_from(&self.plan);
     }
 
-    /// Keeps the new plan if it is worth following, or else takes the first guess.
-    fn accept(&mut self, outcome: &Outcome) -> bool {
-        let Outcome { status, iterations, last, .. } = *outcome;
+    /// Keeps the new plan if it is worth following, or else takes the first guess. Gives the status,
+    /// and whether the plan is followed.
+    fn accept(&mut self, outcome: &Outcome) -> (SqpStatus, bool) {
+        let Outcome { mut status, iterations, last, .. } = *outcome;
+        let finite = self.plan.is_finite();
+        if !finite {
+            status = SqpStatus::NumericalTrouble;
+        }
         let credible = last.dynamics <= self.config.tolerance.sqrt();
-        self.warm = matches!(status, SqpStatus::Converged | SqpStatus::Prepared) || credible;
+        let good = matches!(status, SqpStatus::Converged | SqpStatus::Prepared) || credible;
+        self.warm = finite && good;
         self.prepared = false;
         if status != SqpStatus::Converged && status != SqpStatus::Prepared {
             tracing::debug!(%status, iterations, kkt = last.max(), "a control step did not converge");
@@ -258,7 +312,9 @@ impl Nmpc {
         if !self.warm {
             self.plan.copy_from(&self.fallback);
         }
-        self.warm
+        // Whatever came before: what leaves is within the limits, counted from the input applied last.
+        self.sqp.project(&mut self.plan, &self.previous);
+        (status, self.warm)
     }
 
     /// Puts the input chosen under way.

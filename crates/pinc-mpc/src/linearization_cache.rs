@@ -90,9 +90,7 @@ impl LinearizationCache {
 
     /// Moves the stages on, and linearises at the first and the last.
     fn renew_ends(&mut self, model: &mut dyn Model) {
-        let Self {
-            dims: OcpDims { nx: n, nu: m, horizon: count, .. }, stages, ends, ..
-        } = self;
+        let Self { dims: OcpDims { nx: n, nu: m, horizon: count, .. }, stages, ends, .. } = self;
         let (n, m, last) = (*n, *m, *count - 1);
         for (from, to, width) in
             [(&stages.points.x, &mut ends.points.x, n), (&stages.points.u, &mut ends.points.u, m)]

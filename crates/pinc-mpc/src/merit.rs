@@ -83,8 +83,7 @@ fn residual_violation(qp: &Qp, step: &QpStep) -> f64 {
     let mut sum: f64 = qp.bounds.iter().zip(&step.d).map(|(limits, &d)| excess(d, limits)).sum();
     if dims.rows() > 0 {
         for j in dims.constrained() {
-            let (dx, du) =
-                (&step.d[dims.next_state(j - 1)], &step.d[dims.input(dims.acting(j))]);
+            let (dx, du) = (&step.d[dims.next_state(j - 1)], &step.d[dims.input(dims.acting(j))]);
             let by_x = qp.rows_x(j).chunks_exact(dims.nx);
             let by_u = qp.rows_u(j).chunks_exact(dims.nu);
             for ((row, by_x), by_u) in dims.stage_rows(j).zip(by_x).zip(by_u) {

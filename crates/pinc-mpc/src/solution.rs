@@ -89,8 +89,20 @@ impl Solution {
         self.multipliers.shift(self.dims);
     }
 
-    /// Plans to stay at `x`; the planned inputs are kept. What is known nothing of, the
-    /// multipliers, is 0.
+    /// Whether all numbers are finite.
+    pub(crate) fn is_finite(&self) -> bool {
+        self.z.iter().chain(self.multipliers.parts().into_iter().flatten()).all(|v| v.is_finite())
+    }
+
+    /// Plans to stay at `x` with the input `u`; all multipliers are 0.
+    pub(crate) fn hold(&mut self, x: &[f64], u: &[f64]) {
+        self.stay_at(x);
+        for input in self.z[self.dims.all_states()..].chunks_exact_mut(u.len()) {
+            input.copy_from_slice(u);
+        }
+    }
+
+    /// Plans to stay at `x` with the planned inputs as they are; all multipliers are 0.
     pub(crate) fn stay_at(&mut self, x: &[f64]) {
         let all_states = self.dims.all_states();
         for state in self.z[..all_states].chunks_exact_mut(x.len()) {

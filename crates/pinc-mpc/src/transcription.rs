@@ -63,7 +63,7 @@ impl Transcription {
     }
 
     /// Moves the plan's inputs into their bounds and those of their increments. From outside its bounds an
-    /// input may go as far as to the nearest.
+    /// input may go as far as to the nearest. An input that is not finite becomes the one before it.
     pub(crate) fn project(&self, plan: &mut Solution, previous: &[f64]) {
         let first = self.dims.all_states();
         for v in 0..self.dims.all_inputs() {
@@ -72,7 +72,9 @@ impl Transcription {
             let low = (before + self.increments.low[v]).min(most);
             let high = (before + self.increments.high[v]).max(least);
             let input = &mut plan.z[first + v];
-            *input = input.clamp(low, high).clamp(least, most);
+            let wanted = if input.is_finite() { *input } else { before };
+            // With a finite input before, low <= high.
+            *input = wanted.max(low).min(high).max(least).min(most);
         }
     }
 

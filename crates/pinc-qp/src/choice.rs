@@ -71,13 +71,18 @@ impl ChosenQp {
     }
 }
 
+/// The status, which is [`QpStatus::Failed`] where the solution is not finite.
+fn checked(status: QpStatus, step: &QpStep) -> QpStatus {
+    if status == QpStatus::Solved && !step.is_finite() { QpStatus::Failed } else { status }
+}
+
 impl QpSolver for ChosenQp {
     fn solve(&mut self, qp: &Qp, step: &mut QpStep) -> QpStatus {
-        let status = self.method.solve(qp, step);
+        let status = checked(self.method.solve(qp, step), step);
         match &mut self.fallback {
             Some(fallback) if status == QpStatus::Failed => {
                 tracing::debug!("a quadratic program is left to Clarabel");
-                fallback.solve(qp, step)
+                checked(fallback.solve(qp, step), step)
             }
             _ => status,
         }

@@ -119,6 +119,12 @@ impl QpStep {
     pub fn new(dims: OcpDims) -> Self {
         Self { d: vec![0.0; dims.unknowns()], multipliers: Multipliers::new(dims) }
     }
+
+    /// Whether all numbers are finite.
+    #[must_use]
+    pub fn is_finite(&self) -> bool {
+        self.d.iter().chain(self.multipliers.parts().into_iter().flatten()).all(|v| v.is_finite())
+    }
 }
 
 /// How the solution of a [`Qp`] ended.

@@ -73,8 +73,7 @@ impl Rows {
                 let (state, input) = (dims.next_state(j - 1), dims.input(dims.acting(j)));
                 let by_x = qp.rows_x(j).chunks_exact(n);
                 let by_u = qp.rows_u(j).chunks_exact(m);
-                for (factor, (by_x, by_u)) in
-                    general[dims.stage_rows(j)].iter().zip(by_x.zip(by_u))
+                for (factor, (by_x, by_u)) in general[dims.stage_rows(j)].iter().zip(by_x.zip(by_u))
                 {
                     add_scaled(&mut sum[state.clone()], *factor, by_x);
                     add_scaled(&mut sum[input.clone()], *factor, by_u);
