@@ -119,6 +119,18 @@ impl<'a> ClosedLoop<'a> {
         })
     }
 
+    /// The same loop, begun with a plant that has been given the input `u` so far: it is u\[k-1\] of the
+    /// first step, and what is under way where inputs are delayed.
+    ///
+    /// # Errors
+    ///
+    /// [`MpcError`] if `u` is of the wrong length or not finite.
+    pub fn with_initial_input(mut self, u: &[f64]) -> Result<Self, MpcError> {
+        self.nmpc.reset_to(&self.x, u)?;
+        self.inputs.chunks_exact_mut(u.len()).for_each(|input| input.copy_from_slice(u));
+        Ok(self)
+    }
+
     /// The controller's part of the next step; `None` after the last step, and after the plant broke
     /// off.
     ///

@@ -62,26 +62,26 @@ pub enum Side {
 }
 
 impl Constraint {
-    pub(crate) fn new(shape: OcpDims, row: Row) -> Self {
+    pub(crate) fn new(dims: OcpDims, row: Row) -> Self {
         let side = if row.upper { Side::High } else { Side::Low };
-        let all_states = shape.all_states();
+        let all_states = dims.all_states();
         match row.kind {
             Kind::Bound if row.index < all_states => {
-                let (step, index) = (row.index / shape.states + 1, row.index % shape.states);
+                let (step, index) = (row.index / dims.nx + 1, row.index % dims.nx);
                 Self::State { step, index, side }
             }
             Kind::Bound => {
                 let place = row.index - all_states;
-                Self::Input { step: place / shape.inputs, index: place % shape.inputs, side }
+                Self::Input { step: place / dims.nu, index: place % dims.nu, side }
             }
             Kind::Increment => {
-                let (step, index) = (row.index / shape.inputs, row.index % shape.inputs);
+                let (step, index) = (row.index / dims.nu, row.index % dims.nu);
                 Self::Increment { step, index, side }
             }
             Kind::Row => {
-                let step = shape.first + row.index / shape.rows();
-                let index = row.index % shape.rows();
-                match index.checked_sub(shape.inequalities) {
+                let step = dims.n1 + row.index / dims.rows();
+                let index = row.index % dims.rows();
+                match index.checked_sub(dims.inequalities) {
                     None => Self::Inequality { step, index },
                     Some(index) => Self::Equality { step, index },
                 }

@@ -55,7 +55,7 @@ pub struct Nmpc {
     problem: NmpcProblem,
     model: Box<dyn Model>,
     config: SqpConfig,
-    shape: OcpDims,
+    dims: OcpDims,
     sqp: Sqp,
     plan: Solution,
     /// The last plan, moved on.
@@ -105,23 +105,23 @@ impl Nmpc {
     ) -> Result<Self, MpcError> {
         problem.validate(model.dims())?;
         config.validate()?;
-        let shape = problem.ocp_dims(model.dims());
-        let sqp = Sqp::new(&problem, config, shape, model.sample_time_s());
-        let (plan, delay) = (Solution::new(shape), problem.delay);
+        let dims = problem.ocp_dims(model.dims());
+        let sqp = Sqp::new(&problem, config, dims, model.sample_time_s());
+        let (plan, delay) = (Solution::new(dims), problem.delay);
         Ok(Self {
             problem,
             model,
             config,
-            shape,
+            dims,
             sqp,
             fallback: plan.clone(),
             plan,
             warm: false,
             prepared: false,
-            previous: vec![0.0; shape.inputs],
-            pending: vec![0.0; delay * shape.inputs],
-            start: vec![0.0; shape.states],
-            next: vec![0.0; shape.states],
+            previous: vec![0.0; dims.nu],
+            pending: vec![0.0; delay * dims.nu],
+            start: vec![0.0; dims.nx],
+            next: vec![0.0; dims.nx],
         })
     }
 
@@ -159,6 +159,49 @@ impl Nmpc {
         self.pending.fill(0.0);
     }
 
+    /// Begins anew at a plant that is at `x` and has been given `u_applied` so far: that is u\[k-1\] and
+    /// all that is under way, and the first plan stays at `x` and holds `u_applied`.
+    ///
+    /// # Shapes
+    ///
+    /// `x`: `n`; `u_applied`: `m`.
+    ///
+    /// # Errors
+    ///
+    /// [`MpcError`] if an argument is of the wrong length or not finite; nothing has happened then.
+    pub fn reset_to(&mut self, x: &[f64], u_applied: &[f64]) -> Result<(), MpcError> {
+        check_finite("x", x, self.dims.nx)?;
+        check_finite("u_applied", u_applied, self.dims.nu)?;
+        self.reset();
+        self.previous.copy_from_slice(u_applied);
+        for u in self.pending.chunks_exact_mut(self.dims.nu) {
+            u.copy_from_slice(u_applied);
+        }
+        self.plan.hold(x, u_applied);
+        self.warm = true;
+        Ok(())
+    }
+
+    /// Says which input the plant was really given in place of the last one chosen, for instance by a
+    /// safety system or an operator: it is u\[k-1\] in the next step. With a delay it takes the place of
+    /// the last input under way.
+    ///
+    /// # Shapes
+    ///
+    /// `u`: `m`.
+    ///
+    /// # Errors
+    ///
+    /// [`MpcError`] if `u` is of the wrong length or not finite; nothing has happened then.
+    pub fn set_applied_input(&mut self, u: &[f64]) -> Result<(), MpcError> {
+        check_finite("u", u, self.dims.nu)?;
+        self.previous.copy_from_slice(u);
+        if let Some(last) = self.pending.len().checked_sub(u.len()) {
+            self.pending[last..].copy_from_slice(u);
+        }
+        Ok(())
+    }
+
     /// Chooses the input for a plant measured to be at `x`.
     ///
     /// # Shapes
@@ -186,9 +229,9 @@ impl Nmpc {
         reference: &[f64],
         expired: &mut dyn FnMut() -> bool,
     ) -> Result<StepReport<'_>, MpcError> {
-        check_finite("x", x, self.shape.states)?;
+        check_finite("x", x, self.dims.nx)?;
         let outputs = self.problem.tracked.len();
-        check_finite("reference", reference, self.shape.stages * outputs)?;
+        check_finite("reference", reference, self.dims.horizon * outputs)?;
 
         self.predict_delay(x);
         if !self.config.real_time {
@@ -203,9 +246,9 @@ impl Nmpc {
         } else {
             self.sqp.solve(self.model.as_mut(), input, &mut self.plan, expired)
         };
-        let followed = self.accept(&outcome);
+        let (status, followed) = self.accept(&outcome);
         self.push_delay_line();
-        let Outcome { status, iterations, last, violated } = outcome;
+        let Outcome { iterations, last, violated, .. } = outcome;
         let u = self.plan.first_input();
         Ok(StepReport { u, status, sqp_iterations: iterations, kkt: last, violated, followed })
     }
@@ -216,7 +259,7 @@ impl Nmpc {
     pub fn prepare(&mut self) {
         if self.config.real_time && self.warm && !self.prepared {
             // Where the plan leads, as long as nothing is measured.
-            self.start.copy_from_slice(&self.plan.states()[..self.shape.states]);
+            self.start.copy_from_slice(&self.plan.states()[..self.dims.nx]);
             self.prepare_linearization();
         }
     }
@@ -230,7 +273,7 @@ impl Nmpc {
     /// Predicts the state in which the input that is chosen now will act.
     fn predict_delay(&mut self, x: &[f64]) {
         self.start.copy_from_slice(x);
-        for u in self.pending.chunks_exact(self.shape.inputs) {
+        for u in self.pending.chunks_exact(self.dims.nu) {
             self.model.step(&self.start, u, &[], &mut self.next);
             self.start.copy_from_slice(&self.next);
         }
@@ -240,17 +283,28 @@ impl Nmpc {
     fn shift_warm_start(&mut self) {
         self.plan.shift();
         if !self.warm {
-            self.plan.stay_at(&self.start);
+            // Where the model has no value for what is under way, the states stay as they are.
+            if self.start.iter().all(|v| v.is_finite()) {
+                self.plan.stay_at(&self.start);
+            } else {
+                self.plan.multipliers.clear();
+            }
         }
         self.sqp.project(&mut self.plan, &self.previous);
         self.fallback.copy_from(&self.plan);
     }
 
-    /// Keeps the new plan if it is worth following, or else takes the first guess.
-    fn accept(&mut self, outcome: &Outcome) -> bool {
-        let Outcome { status, iterations, last, .. } = *outcome;
+    /// Keeps the new plan if it is worth following, or else takes the first guess. Gives the status,
+    /// and whether the plan is followed.
+    fn accept(&mut self, outcome: &Outcome) -> (SqpStatus, bool) {
+        let Outcome { mut status, iterations, last, .. } = *outcome;
+        let finite = self.plan.is_finite();
+        if !finite {
+            status = SqpStatus::NumericalTrouble;
+        }
         let credible = last.dynamics <= self.config.tolerance.sqrt();
-        self.warm = matches!(status, SqpStatus::Converged | SqpStatus::Prepared) || credible;
+        let good = matches!(status, SqpStatus::Converged | SqpStatus::Prepared) || credible;
+        self.warm = finite && good;
         self.prepared = false;
         if status != SqpStatus::Converged && status != SqpStatus::Prepared {
             tracing::debug!(%status, iterations, kkt = last.max(), "a control step did not converge");
@@ -258,7 +312,9 @@ impl Nmpc {
         if !self.warm {
             self.plan.copy_from(&self.fallback);
         }
-        self.warm
+        // Whatever came before: what leaves is within the limits, counted from the input applied last.
+        self.sqp.project(&mut self.plan, &self.previous);
+        (status, self.warm)
     }
 
     /// Puts the input chosen under way.

@@ -6,7 +6,7 @@ use pinc_qp::OcpDims;
 /// J's weights, laid out by stage and doubled, as its derivatives have them.
 #[derive(Clone, Debug)]
 pub(crate) struct Cost {
-    shape: OcpDims,
+    dims: OcpDims,
     controlled: Vec<usize>,
     /// 2 w_{j+1} Q, `[N, outputs, outputs]`; 0 before N1.
     q: Vec<f64>,
@@ -24,28 +24,28 @@ pub(crate) struct Targets<'a> {
 }
 
 impl Cost {
-    pub(crate) fn new(problem: &NmpcProblem, shape: OcpDims, sample_time_s: f64) -> Self {
+    pub(crate) fn new(problem: &NmpcProblem, dims: OcpDims, sample_time_s: f64) -> Self {
         let weights = &problem.weights;
-        let stage_weight = |i| weights.profile.weight(i, shape.stages, sample_time_s);
+        let stage_weight = |i| weights.profile.weight(i, dims.horizon, sample_time_s);
         let mut q = Vec::new();
-        for j in 0..shape.stages {
+        for j in 0..dims.horizon {
             match &weights.terminal {
-                Some(terminal) if j + 1 == shape.stages => append(&mut q, terminal, 2.0),
+                Some(terminal) if j + 1 == dims.horizon => append(&mut q, terminal, 2.0),
                 _ if j + 1 >= problem.n1 => append(&mut q, &weights.q, 2.0 * stage_weight(j)),
                 _ => append(&mut q, &weights.q, 0.0),
             }
         }
         let mut r = Vec::new();
-        for i in 0..shape.n_controls {
+        for i in 0..dims.n_controls {
             append(&mut r, &weights.r, 2.0 * stage_weight(i));
         }
-        Self { shape, controlled: problem.tracked.clone(), q, r }
+        Self { dims, controlled: problem.tracked.clone(), q, r }
     }
 
     /// 2 `w_j` Q in terms of all states, for `x_1..x_N`: `[N, n, n]`.
     pub(crate) fn state_hessians(&self) -> Vec<f64> {
-        let (n, outputs) = (self.shape.states, self.controlled.len());
-        let mut all = vec![0.0; self.shape.stages * n * n];
+        let (n, outputs) = (self.dims.nx, self.controlled.len());
+        let mut all = vec![0.0; self.dims.horizon * n * n];
         let stages = all.chunks_exact_mut(n * n).zip(self.q.chunks_exact(outputs * outputs));
         for (hessian, q) in stages {
             for (&row, q) in self.controlled.iter().zip(q.chunks_exact(outputs)) {
@@ -65,15 +65,15 @@ impl Cost {
     /// J at `z`; writes dJ/dz into `gradient`.
     pub(crate) fn gradient(&self, z: &[f64], targets: Targets<'_>, gradient: &mut [f64]) -> f64 {
         gradient.fill(0.0);
-        let (x, u) = z.split_at(self.shape.all_states());
-        let (by_x, by_u) = gradient.split_at_mut(self.shape.all_states());
+        let (x, u) = z.split_at(self.dims.all_states());
+        let (by_x, by_u) = gradient.split_at_mut(self.dims.all_states());
         let twice = self.track(x, targets.reference, by_x) + self.move_inputs(u, targets, by_u);
         twice / 2.0
     }
 
     /// The part of the states: e'(2 Q)e and its gradient 2 Q e, with e = y - yref.
     fn track(&self, x: &[f64], reference: &[f64], gradient: &mut [f64]) -> f64 {
-        let (n, outputs) = (self.shape.states, self.controlled.len());
+        let (n, outputs) = (self.dims.nx, self.controlled.len());
         let stages = x.chunks_exact(n).zip(gradient.chunks_exact_mut(n));
         let stages = stages.zip(reference.chunks_exact(outputs));
         let mut twice = 0.0;
@@ -92,7 +92,7 @@ impl Cost {
 
     /// The part of the inputs: du'(2 R)du and its gradient.
     fn move_inputs(&self, u: &[f64], targets: Targets<'_>, gradient: &mut [f64]) -> f64 {
-        let m = self.shape.inputs;
+        let m = self.dims.nu;
         let mut twice = 0.0;
         for (i, r) in self.r.chunks_exact(m * m).enumerate() {
             let now = &u[i * m..(i + 1) * m];
@@ -164,8 +164,8 @@ mod tests {
     #[test]
     fn the_derivatives_are_those_of_the_definition() {
         let problem = problem();
-        let shape = problem.ocp_dims(Dims::new(3, 2));
-        let cost = Cost::new(&problem, shape, 0.5);
+        let dims = problem.ocp_dims(Dims::new(3, 2));
+        let cost = Cost::new(&problem, dims, 0.5);
         let targets =
             Targets { reference: &[0.3, -0.2, 0.1, 0.7, -0.4, 0.9], previous: &[0.6, -1.1] };
         let z: Vec<f64> = (0..13).map(|i| f64::from(i * i % 7) - 2.0).collect();

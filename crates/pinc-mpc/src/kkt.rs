@@ -81,32 +81,32 @@ impl Worst {
 
 /// Writes dL/dz into `gradient`.
 fn lagrangian_gradient(qp: &Qp, multipliers: &Multipliers, gradient: &mut [f64]) {
-    let shape = qp.shape;
+    let dims = qp.dims;
     for ((sum, g), mu) in gradient.iter_mut().zip(&qp.gradient).zip(&multipliers.bounds) {
         *sum = g + mu;
     }
-    for j in 0..shape.stages {
-        let lambda = &multipliers.dynamics[shape.next_state(j)];
-        for (sum, lambda) in gradient[shape.next_state(j)].iter_mut().zip(lambda) {
+    for j in 0..dims.horizon {
+        let lambda = &multipliers.dynamics[dims.next_state(j)];
+        for (sum, lambda) in gradient[dims.next_state(j)].iter_mut().zip(lambda) {
             *sum -= lambda;
         }
-        if let Some(state) = shape.state(j) {
+        if let Some(state) = dims.state(j) {
             add_transposed(qp.a(j), lambda, &mut gradient[state]);
         }
-        add_transposed(qp.b(j), lambda, &mut gradient[shape.input(shape.acting(j))]);
+        add_transposed(qp.b(j), lambda, &mut gradient[dims.input(dims.acting(j))]);
     }
-    let inputs = &mut gradient[shape.all_states()..];
+    let inputs = &mut gradient[dims.all_states()..];
     for (v, nu) in multipliers.increments.iter().enumerate() {
         inputs[v] += nu;
-        if let Some(before) = v.checked_sub(shape.inputs) {
+        if let Some(before) = v.checked_sub(dims.nu) {
             inputs[before] -= nu;
         }
     }
-    if shape.rows() > 0 {
-        for j in shape.constrained() {
-            let eta = &multipliers.rows[shape.stage_rows(j)];
-            add_transposed(qp.rows_x(j), eta, &mut gradient[shape.next_state(j - 1)]);
-            add_transposed(qp.rows_u(j), eta, &mut gradient[shape.input(shape.acting(j))]);
+    if dims.rows() > 0 {
+        for j in dims.constrained() {
+            let eta = &multipliers.rows[dims.stage_rows(j)];
+            add_transposed(qp.rows_x(j), eta, &mut gradient[dims.next_state(j - 1)]);
+            add_transposed(qp.rows_u(j), eta, &mut gradient[dims.input(dims.acting(j))]);
         }
     }
 }

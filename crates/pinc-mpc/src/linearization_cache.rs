@@ -9,7 +9,7 @@ use pinc_qp::OcpDims;
 /// the last are where the model was linearised when that plan was judged. They are not evaluated again.
 #[derive(Debug)]
 pub(crate) struct LinearizationCache {
-    shape: OcpDims,
+    dims: OcpDims,
     stages: StageBlocks,
     /// Where it is to be linearised next.
     input: Points,
@@ -36,12 +36,12 @@ struct StageBlocks {
 }
 
 impl LinearizationCache {
-    pub(crate) fn new(shape: OcpDims) -> Self {
+    pub(crate) fn new(dims: OcpDims) -> Self {
         Self {
-            shape,
-            stages: StageBlocks::new(shape, shape.stages),
-            input: Points::new(shape, shape.stages),
-            ends: StageBlocks::new(shape, 2),
+            dims,
+            stages: StageBlocks::new(dims, dims.horizon),
+            input: Points::new(dims, dims.horizon),
+            ends: StageBlocks::new(dims, 2),
             known: false,
         }
     }
@@ -59,12 +59,12 @@ impl LinearizationCache {
 
     /// Linearises along the plan `z` from `x0`.
     pub(crate) fn follow(&mut self, model: &mut dyn Model, x0: &[f64], z: &[f64]) {
-        let shape = self.shape;
+        let dims = self.dims;
         let Points { x, u } = &mut self.input;
-        x[..shape.states].copy_from_slice(x0);
-        x[shape.states..].copy_from_slice(&z[..shape.all_states() - shape.states]);
-        for (j, u) in u.chunks_exact_mut(shape.inputs).enumerate() {
-            u.copy_from_slice(&z[shape.input(shape.acting(j))]);
+        x[..dims.nx].copy_from_slice(x0);
+        x[dims.nx..].copy_from_slice(&z[..dims.all_states() - dims.nx]);
+        for (j, u) in u.chunks_exact_mut(dims.nu).enumerate() {
+            u.copy_from_slice(&z[dims.input(dims.acting(j))]);
         }
         // What a model had no value for is input again.
         let moved_on = self.known && self.is_moved_on() && self.stages.is_finite();
@@ -79,20 +79,18 @@ impl LinearizationCache {
 
     /// Whether the stages between the first and the last are those that came one later before.
     fn is_moved_on(&self) -> bool {
-        let OcpDims { states: n, inputs: m, stages, .. } = self.shape;
+        let OcpDims { nx: n, nu: m, horizon, .. } = self.dims;
         let same = |input: &[f64], known: &[f64], width: usize| {
-            let input = input[width..(stages - 1) * width].iter().map(|v| v.to_bits());
+            let input = input[width..(horizon - 1) * width].iter().map(|v| v.to_bits());
             input.eq(known[2 * width..].iter().map(|v| v.to_bits()))
         };
         let Points { x, u } = &self.stages.points;
-        stages > 2 && same(&self.input.x, x, n) && same(&self.input.u, u, m)
+        horizon > 2 && same(&self.input.x, x, n) && same(&self.input.u, u, m)
     }
 
     /// Moves the stages on, and linearises at the first and the last.
     fn renew_ends(&mut self, model: &mut dyn Model) {
-        let Self {
-            shape: OcpDims { states: n, inputs: m, stages: count, .. }, stages, ends, ..
-        } = self;
+        let Self { dims: OcpDims { nx: n, nu: m, horizon: count, .. }, stages, ends, .. } = self;
         let (n, m, last) = (*n, *m, *count - 1);
         for (from, to, width) in
             [(&stages.points.x, &mut ends.points.x, n), (&stages.points.u, &mut ends.points.u, m)]
@@ -114,16 +112,16 @@ impl LinearizationCache {
 }
 
 impl Points {
-    fn new(shape: OcpDims, stages: usize) -> Self {
-        Self { x: vec![0.0; stages * shape.states], u: vec![0.0; stages * shape.inputs] }
+    fn new(dims: OcpDims, stages: usize) -> Self {
+        Self { x: vec![0.0; stages * dims.nx], u: vec![0.0; stages * dims.nu] }
     }
 }
 
 impl StageBlocks {
-    fn new(shape: OcpDims, stages: usize) -> Self {
-        let OcpDims { states: n, inputs: m, .. } = shape;
+    fn new(dims: OcpDims, stages: usize) -> Self {
+        let OcpDims { nx: n, nu: m, .. } = dims;
         Self {
-            points: Points::new(shape, stages),
+            points: Points::new(dims, stages),
             next: vec![0.0; stages * n],
             a: vec![0.0; stages * n * n],
             b: vec![0.0; stages * n * m],

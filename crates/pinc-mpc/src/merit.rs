@@ -21,8 +21,8 @@ pub(crate) struct Merit {
 }
 
 impl Merit {
-    pub(crate) fn new(shape: OcpDims) -> Self {
-        Self { weights: Multipliers::new(shape) }
+    pub(crate) fn new(dims: OcpDims) -> Self {
+        Self { weights: Multipliers::new(dims) }
     }
 
     /// Forgets the weights.
@@ -76,18 +76,17 @@ fn violations(limits: &Limits, weights: &[f64]) -> f64 {
 
 /// The cost of the violations that the step leaves in the soft rows.
 fn residual_violation(qp: &Qp, step: &QpStep) -> f64 {
-    let shape = qp.shape;
+    let dims = qp.dims;
     let excess = |value: f64, [low, high, penalty]: [f64; 3]| {
         if penalty.is_finite() { penalty * (low - value).max(value - high).max(0.0) } else { 0.0 }
     };
     let mut sum: f64 = qp.bounds.iter().zip(&step.d).map(|(limits, &d)| excess(d, limits)).sum();
-    if shape.rows() > 0 {
-        for j in shape.constrained() {
-            let (dx, du) =
-                (&step.d[shape.next_state(j - 1)], &step.d[shape.input(shape.acting(j))]);
-            let by_x = qp.rows_x(j).chunks_exact(shape.states);
-            let by_u = qp.rows_u(j).chunks_exact(shape.inputs);
-            for ((row, by_x), by_u) in shape.stage_rows(j).zip(by_x).zip(by_u) {
+    if dims.rows() > 0 {
+        for j in dims.constrained() {
+            let (dx, du) = (&step.d[dims.next_state(j - 1)], &step.d[dims.input(dims.acting(j))]);
+            let by_x = qp.rows_x(j).chunks_exact(dims.nx);
+            let by_u = qp.rows_u(j).chunks_exact(dims.nu);
+            for ((row, by_x), by_u) in dims.stage_rows(j).zip(by_x).zip(by_u) {
                 let limits = [qp.rows.low[row], qp.rows.high[row], qp.rows.penalty[row]];
                 sum += excess(dot(by_x, dx) + dot(by_u, du), limits);
             }

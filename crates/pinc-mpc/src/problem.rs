@@ -101,11 +101,11 @@ impl NmpcProblem {
         let (inequalities, equalities) =
             self.constraints.as_ref().map_or((0, 0), |c| (c.inequalities(), c.equalities()));
         OcpDims {
-            states: dims.nx,
-            inputs: dims.nu,
-            stages: self.horizon,
+            nx: dims.nx,
+            nu: dims.nu,
+            horizon: self.horizon,
             n_controls: self.control_horizon,
-            first: self.n1,
+            n1: self.n1,
             inequalities,
             equalities,
         }

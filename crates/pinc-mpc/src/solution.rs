@@ -14,27 +14,27 @@ use pinc_qp::{Multipliers, OcpDims};
 /// the weight of the violation.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Solution {
-    shape: OcpDims,
+    dims: OcpDims,
     /// z
     pub(crate) z: Vec<f64>,
     pub(crate) multipliers: Multipliers,
 }
 
 impl Solution {
-    pub(crate) fn new(shape: OcpDims) -> Self {
-        Self { shape, z: vec![0.0; shape.unknowns()], multipliers: Multipliers::new(shape) }
+    pub(crate) fn new(dims: OcpDims) -> Self {
+        Self { dims, z: vec![0.0; dims.unknowns()], multipliers: Multipliers::new(dims) }
     }
 
     /// The planned states x\[k+1\]..x\[k+N2\], `[N2, n]`.
     #[must_use]
     pub fn states(&self) -> &[f64] {
-        &self.z[..self.shape.all_states()]
+        &self.z[..self.dims.all_states()]
     }
 
     /// The planned inputs u\[k\]..u\[k+Nu-1\], `[Nu, m]`.
     #[must_use]
     pub fn inputs(&self) -> &[f64] {
-        &self.z[self.shape.all_states()..]
+        &self.z[self.dims.all_states()..]
     }
 
     /// lambda, `[N2, n]`.
@@ -46,13 +46,13 @@ impl Solution {
     /// mu of the states, `[N2, n]`.
     #[must_use]
     pub fn state_multipliers(&self) -> &[f64] {
-        &self.multipliers.bounds[..self.shape.all_states()]
+        &self.multipliers.bounds[..self.dims.all_states()]
     }
 
     /// mu of the inputs, `[Nu, m]`.
     #[must_use]
     pub fn input_multipliers(&self) -> &[f64] {
-        &self.multipliers.bounds[self.shape.all_states()..]
+        &self.multipliers.bounds[self.dims.all_states()..]
     }
 
     /// nu, `[Nu, m]`.
@@ -69,7 +69,7 @@ impl Solution {
 
     /// The input to apply now.
     pub(crate) fn first_input(&self) -> &[f64] {
-        &self.z[self.shape.input(0)]
+        &self.z[self.dims.input(0)]
     }
 
     pub(crate) fn copy_from(&mut self, other: &Self) {
@@ -85,14 +85,26 @@ impl Solution {
 
     /// Moves the plan on by one step: stage j takes the place of stage j-1, the last one stays.
     pub(crate) fn shift(&mut self) {
-        shift_unknowns(&mut self.z, self.shape);
-        self.multipliers.shift(self.shape);
+        shift_unknowns(&mut self.z, self.dims);
+        self.multipliers.shift(self.dims);
     }
 
-    /// Plans to stay at `x`; the planned inputs are kept. What is known nothing of, the
-    /// multipliers, is 0.
+    /// Whether all numbers are finite.
+    pub(crate) fn is_finite(&self) -> bool {
+        self.z.iter().chain(self.multipliers.parts().into_iter().flatten()).all(|v| v.is_finite())
+    }
+
+    /// Plans to stay at `x` with the input `u`; all multipliers are 0.
+    pub(crate) fn hold(&mut self, x: &[f64], u: &[f64]) {
+        self.stay_at(x);
+        for input in self.z[self.dims.all_states()..].chunks_exact_mut(u.len()) {
+            input.copy_from_slice(u);
+        }
+    }
+
+    /// Plans to stay at `x` with the planned inputs as they are; all multipliers are 0.
     pub(crate) fn stay_at(&mut self, x: &[f64]) {
-        let all_states = self.shape.all_states();
+        let all_states = self.dims.all_states();
         for state in self.z[..all_states].chunks_exact_mut(x.len()) {
             state.copy_from_slice(x);
         }
@@ -100,10 +112,10 @@ impl Solution {
     }
 }
 
-fn shift_unknowns(vector: &mut [f64], shape: OcpDims) {
-    let (x, u) = vector.split_at_mut(shape.all_states());
-    drop_first(x, shape.states);
-    drop_first(u, shape.inputs);
+fn shift_unknowns(vector: &mut [f64], dims: OcpDims) {
+    let (x, u) = vector.split_at_mut(dims.all_states());
+    drop_first(x, dims.nx);
+    drop_first(u, dims.nu);
 }
 
 /// Drops the first `width` numbers and keeps the last ones twice.
@@ -119,16 +131,16 @@ mod tests {
 
     #[test]
     fn shifting_keeps_the_last_stage() {
-        let shape = OcpDims {
-            states: 2,
-            inputs: 1,
-            stages: 3,
+        let dims = OcpDims {
+            nx: 2,
+            nu: 1,
+            horizon: 3,
             n_controls: 1,
-            first: 2,
+            n1: 2,
             inequalities: 1,
             equalities: 0,
         };
-        let mut solution = Solution::new(shape);
+        let mut solution = Solution::new(dims);
         solution.z = vec![1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0];
         solution.multipliers.dynamics = vec![1.0, 2.0, 3.0, 4.0, 5.0, 6.0];
         solution.multipliers.rows = vec![1.0, 2.0];

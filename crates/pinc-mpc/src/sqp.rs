@@ -96,21 +96,21 @@ impl Sqp {
     pub(crate) fn new(
         problem: &NmpcProblem,
         config: SqpConfig,
-        shape: OcpDims,
+        dims: OcpDims,
         sample_time_s: f64,
     ) -> Self {
-        let transcription = Transcription::new(problem, shape, sample_time_s);
+        let transcription = Transcription::new(problem, dims, sample_time_s);
         let qp = transcription.qp(problem);
         Self {
             config,
             transcription,
             solver: ChosenQp::new(&qp, config.qp),
-            step: QpStep::new(shape),
-            merit: Merit::new(shape),
-            step_length: BarzilaiBorwein::new(shape.unknowns()),
-            base: Solution::new(shape),
-            prepared: vec![0.0; shape.states],
-            work: vec![0.0; shape.unknowns()],
+            step: QpStep::new(dims),
+            merit: Merit::new(dims),
+            step_length: BarzilaiBorwein::new(dims.unknowns()),
+            base: Solution::new(dims),
+            prepared: vec![0.0; dims.nx],
+            work: vec![0.0; dims.unknowns()],
             penalties: [qp.bounds.penalty.clone(), qp.rows.penalty.clone()],
             exact: [&problem.state_softness, &problem.constraint_softness]
                 .map(|softness| *softness == Softness::Exact),
@@ -141,7 +141,7 @@ impl Sqp {
     /// real-time iteration.
     pub(crate) fn feed_back(&mut self, input: StepInput<'_>, plan: &mut Solution) -> Outcome {
         let qp = &mut self.qp;
-        let n = qp.shape.states;
+        let n = qp.dims.nx;
         for (c, row) in qp.c.iter_mut().zip(qp.a.chunks_exact(n)).take(n) {
             let moved = row.iter().zip(input.x0.iter().zip(&self.prepared));
             *c += moved.map(|(a, (x, prepared))| a * (x - prepared)).sum::<f64>();
@@ -156,7 +156,7 @@ impl Sqp {
             self.base.copy_from(plan);
             self.set_trial(plan, 1.0, input.targets.previous);
         }
-        let violated = conflict.map(|row| Constraint::new(self.qp.shape, row));
+        let violated = conflict.map(|row| Constraint::new(self.qp.dims, row));
         Outcome { status, iterations: 1, last, violated }
     }
 
@@ -341,7 +341,7 @@ impl Sqp {
         let qp = &self.qp;
         let size = |values: &[f64]| values.iter().fold(0.0_f64, |size, v| size.max(v.abs()));
         let weight = ELASTIC_WEIGHT * (size(&qp.gradient) + size(&qp.q) + size(&qp.r)).max(1.0);
-        let states = qp.shape.all_states();
+        let states = qp.dims.all_states();
         for qp in [&mut self.qp, &mut self.trial] {
             let rows = qp.bounds.penalty[..states].iter_mut().chain(&mut qp.rows.penalty);
             rows.filter(|penalty| penalty.is_infinite()).for_each(|penalty| *penalty = weight);
@@ -379,7 +379,7 @@ impl Sqp {
             self.restore(self.exact.map(|exact| !exact));
             outcome.last = self.residual(plan);
             if outcome.last.bounds > self.config.tolerance {
-                let named = conflict.map(|row| Constraint::new(self.qp.shape, row));
+                let named = conflict.map(|row| Constraint::new(self.qp.dims, row));
                 outcome.violated = self.worst_row().or(named);
                 if outcome.status == SqpStatus::Converged {
                     outcome.status = SqpStatus::InfeasibleQp;
@@ -399,6 +399,6 @@ impl Sqp {
             })
         });
         let (_, row) = rows.max_by(|(a, _), (b, _)| a.total_cmp(b))?;
-        Some(Constraint::new(self.qp.shape, row))
+        Some(Constraint::new(self.qp.dims, row))
     }
 }

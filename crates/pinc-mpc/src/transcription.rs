@@ -12,7 +12,7 @@ use pinc_qp::Qp;
 /// The control problem in the unknowns z, and its linearisation.
 #[derive(Debug)]
 pub(crate) struct Transcription {
-    shape: OcpDims,
+    dims: OcpDims,
     cost: Cost,
     /// Bounds on z.
     bounds: Bounds,
@@ -24,63 +24,65 @@ pub(crate) struct Transcription {
 }
 
 impl Transcription {
-    pub(crate) fn new(problem: &NmpcProblem, shape: OcpDims, sample_time_s: f64) -> Self {
-        let states = problem.state_bounds.repeat(shape.stages);
-        let inputs = problem.input_bounds.repeat(shape.n_controls);
-        let dims = Dims::new(shape.states, shape.inputs);
+    pub(crate) fn new(problem: &NmpcProblem, dims: OcpDims, sample_time_s: f64) -> Self {
+        let states = problem.state_bounds.repeat(dims.horizon);
+        let inputs = problem.input_bounds.repeat(dims.n_controls);
+        let model = Dims::new(dims.nx, dims.nu);
         Self {
-            shape,
-            cost: Cost::new(problem, shape, sample_time_s),
+            dims,
+            cost: Cost::new(problem, dims, sample_time_s),
             bounds: states.chain(inputs),
-            increments: problem.increment_bounds.repeat(shape.n_controls),
+            increments: problem.increment_bounds.repeat(dims.n_controls),
             constraints: problem.constraints.clone(),
-            work: ConstraintWork::new(dims, shape.rows()),
-            cache: LinearizationCache::new(shape),
+            work: ConstraintWork::new(model, dims.rows()),
+            cache: LinearizationCache::new(dims),
         }
     }
 
     /// A QP with the numbers that stay: Hessian and penalties, and with limits that are finite where they are.
     pub(crate) fn qp(&self, problem: &NmpcProblem) -> Qp {
-        let shape = self.shape;
+        let dims = self.dims;
         let cost = &self.cost;
-        let mut qp = Qp::new(shape, cost.state_hessians(), cost.increment_hessians());
+        let mut qp = Qp::new(dims, cost.state_hessians(), cost.increment_hessians());
         qp.bounds.low.copy_from_slice(&self.bounds.low);
         qp.bounds.high.copy_from_slice(&self.bounds.high);
-        for (v, penalty) in qp.bounds.penalty[..shape.all_states()].iter_mut().enumerate() {
-            *penalty = problem.state_softness.penalty(v % shape.states);
+        for (v, penalty) in qp.bounds.penalty[..dims.all_states()].iter_mut().enumerate() {
+            *penalty = problem.state_softness.penalty(v % dims.nx);
         }
         qp.increments.low.copy_from_slice(&self.increments.low);
         qp.increments.high.copy_from_slice(&self.increments.high);
         for (v, penalty) in qp.rows.penalty.iter_mut().enumerate() {
-            *penalty = problem.constraint_softness.penalty(v % shape.rows());
+            *penalty = problem.constraint_softness.penalty(v % dims.rows());
         }
         qp.rows.high.fill(0.0);
-        for j in shape.constrained() {
-            let equalities = shape.stage_rows(j).skip(shape.inequalities);
+        for j in dims.constrained() {
+            let equalities = dims.stage_rows(j).skip(dims.inequalities);
             equalities.for_each(|row| qp.rows.low[row] = 0.0);
         }
         qp
     }
 
     /// Moves the plan's inputs into their bounds and those of their increments. From outside its bounds an
-    /// input may go as far as to the nearest.
+    /// input may go as far as to the nearest. An input that is not finite becomes the one before it.
     pub(crate) fn project(&self, plan: &mut Solution, previous: &[f64]) {
-        let first = self.shape.all_states();
-        for v in 0..self.shape.all_inputs() {
+        let first = self.dims.all_states();
+        for v in 0..self.dims.all_inputs() {
             let before = self.before(v, &plan.z, previous);
             let (least, most) = (self.bounds.low[first + v], self.bounds.high[first + v]);
             let low = (before + self.increments.low[v]).min(most);
             let high = (before + self.increments.high[v]).max(least);
             let input = &mut plan.z[first + v];
-            *input = input.clamp(low, high).clamp(least, most);
+            let wanted = if input.is_finite() { *input } else { before };
+            // With a finite input before, low <= high.
+            *input = wanted.max(low).min(high).max(least).min(most);
         }
     }
 
     /// The input before input `v` of all.
     fn before(&self, v: usize, z: &[f64], previous: &[f64]) -> f64 {
-        match v.checked_sub(self.shape.inputs) {
+        match v.checked_sub(self.dims.nu) {
             None => previous[v],
-            Some(before) => z[self.shape.all_states() + before],
+            Some(before) => z[self.dims.all_states() + before],
         }
     }
 
@@ -111,17 +113,17 @@ impl Transcription {
     /// h and g: their values go, with the sign changed, to the limits.
     fn linearize_constraints(&mut self, z: &[f64], qp: &mut Qp) {
         let Some(constraints) = &self.constraints else { return };
-        let shape = self.shape;
-        let (n, m) = (shape.states, shape.inputs);
-        for j in shape.constrained() {
-            let (rows, x) = (shape.stage_rows(j), shape.next_state(j - 1));
-            let u = shape.input(shape.acting(j));
+        let dims = self.dims;
+        let (n, m) = (dims.nx, dims.nu);
+        for j in dims.constrained() {
+            let (rows, x) = (dims.stage_rows(j), dims.next_state(j - 1));
+            let u = dims.input(dims.acting(j));
             let by_x = &mut qp.rows_x[rows.start * n..rows.end * n];
             let by_u = &mut qp.rows_u[rows.start * m..rows.end * m];
             let values = &mut qp.rows.high[rows.clone()];
             constraints.linearize([&z[x], &z[u]], values, [by_x, by_u], &mut self.work);
             values.iter_mut().for_each(|value| *value = -*value);
-            let equalities = rows.skip(shape.inequalities);
+            let equalities = rows.skip(dims.inequalities);
             equalities.for_each(|row| qp.rows.low[row] = qp.rows.high[row]);
         }
     }
@@ -132,8 +134,8 @@ impl Transcription {
             qp.bounds.low[v] = self.bounds.low[v] - z;
             qp.bounds.high[v] = self.bounds.high[v] - z;
         }
-        let (first, m) = (self.shape.all_states(), self.shape.inputs);
-        for v in 0..self.shape.all_inputs() {
+        let (first, m) = (self.dims.all_states(), self.dims.nu);
+        for v in 0..self.dims.all_inputs() {
             let before = self.before(v, z, previous);
             let increment = z[first + v] - before;
             // The first input may always go as far as to its nearest bound.

@@ -58,10 +58,10 @@ pub struct ChosenQp {
 }
 
 impl ChosenQp {
-    /// A solver for QPs of the shape of `qp`, with finite limits and penalties where it has them.
+    /// A solver for QPs of the sizes of `qp`, with finite limits and penalties where it has them.
     #[must_use]
     pub fn new(qp: &Qp, method: QpMethod) -> Self {
-        let chosen: Box<dyn QpSolver> = match method.resolve(qp.shape.all_inputs()) {
+        let chosen: Box<dyn QpSolver> = match method.resolve(qp.dims.all_inputs()) {
             QpMethod::Condensed => Box::new(CondensedQp::new(qp)),
             QpMethod::Riccati => Box::new(RiccatiQp::new(qp)),
             QpMethod::Clarabel | QpMethod::Auto => Box::new(ClarabelQp::new(qp)),
@@ -71,13 +71,18 @@ impl ChosenQp {
     }
 }
 
+/// The status, which is [`QpStatus::Failed`] where the solution is not finite.
+fn checked(status: QpStatus, step: &QpStep) -> QpStatus {
+    if status == QpStatus::Solved && !step.is_finite() { QpStatus::Failed } else { status }
+}
+
 impl QpSolver for ChosenQp {
     fn solve(&mut self, qp: &Qp, step: &mut QpStep) -> QpStatus {
-        let status = self.method.solve(qp, step);
+        let status = checked(self.method.solve(qp, step), step);
         match &mut self.fallback {
             Some(fallback) if status == QpStatus::Failed => {
                 tracing::debug!("a quadratic program is left to Clarabel");
-                fallback.solve(qp, step)
+                checked(fallback.solve(qp, step), step)
             }
             _ => status,
         }

@@ -58,7 +58,7 @@ impl QpSolver for ClarabelQp {
 }
 
 impl ClarabelQp {
-    /// A solver for QPs of the shape of `qp`, with finite limits and penalties where it has them.
+    /// A solver for QPs of the sizes of `qp`, with finite limits and penalties where it has them.
     pub(crate) fn new(qp: &Qp) -> Self {
         let layout = Layout::new(qp);
         let [linear, right] = [vec![0.0; layout.columns], vec![0.0; layout.height()]];
@@ -248,15 +248,15 @@ impl Layout {
 
     /// `A_j dx_j + B_j du_j - dx_{j+1} = -c_j`
     fn add_dynamics(&mut self, qp: &Qp) {
-        let shape = qp.shape;
-        let (n, m) = (shape.states, shape.inputs);
-        for j in 0..shape.stages {
-            for (i, row) in shape.next_state(j).enumerate() {
+        let dims = qp.dims;
+        let (n, m) = (dims.nx, dims.nu);
+        for j in 0..dims.horizon {
+            for (i, row) in dims.next_state(j).enumerate() {
                 self.push(row, row, -1.0, Number::One);
-                for (k, column) in shape.state(j).into_iter().flatten().enumerate() {
+                for (k, column) in dims.state(j).into_iter().flatten().enumerate() {
                     self.push(row, column, 1.0, Number::A((j * n + i) * n + k));
                 }
-                for (k, column) in shape.input(shape.acting(j)).enumerate() {
+                for (k, column) in dims.input(dims.acting(j)).enumerate() {
                     self.push(row, column, 1.0, Number::B((j * n + i) * m + k));
                 }
             }
@@ -279,24 +279,24 @@ impl Layout {
     }
 
     fn add_line(&mut self, qp: &Qp, row: usize, line: Line) {
-        let shape = qp.shape;
-        let (n, m) = (shape.states, shape.inputs);
+        let dims = qp.dims;
+        let (n, m) = (dims.nx, dims.nu);
         let (sign, index) = (line.sign(), line.row.index);
         match line.row.kind {
             Kind::Bound => self.push(row, index, sign, Number::One),
             Kind::Increment => {
-                let column = shape.all_states() + index;
+                let column = dims.all_states() + index;
                 self.push(row, column, sign, Number::One);
                 if index >= m {
                     self.push(row, column - m, -sign, Number::One);
                 }
             }
             Kind::Row => {
-                let j = shape.first + index / shape.rows();
-                for (k, column) in shape.next_state(j - 1).enumerate() {
+                let j = dims.n1 + index / dims.rows();
+                for (k, column) in dims.next_state(j - 1).enumerate() {
                     self.push(row, column, sign, Number::RowsX(index * n + k));
                 }
-                for (k, column) in shape.input(shape.acting(j)).enumerate() {
+                for (k, column) in dims.input(dims.acting(j)).enumerate() {
                     self.push(row, column, sign, Number::RowsU(index * m + k));
                 }
             }
@@ -312,19 +312,19 @@ impl Layout {
 
 /// The upper triangle of H.
 fn hessian(qp: &Qp, columns: usize) -> CscMatrix<f64> {
-    let shape = qp.shape;
-    let (n, m) = (shape.states, shape.inputs);
+    let dims = qp.dims;
+    let (n, m) = (dims.nx, dims.nu);
     let mut entries = Vec::new();
-    for j in 1..=shape.stages {
-        let first = shape.next_state(j - 1).start;
+    for j in 1..=dims.horizon {
+        let first = dims.next_state(j - 1).start;
         for column in 0..n {
             for row in 0..=column {
                 entries.push((first + row, first + column, qp.q(j)[row * n + column]));
             }
         }
     }
-    for i in 0..shape.n_controls {
-        let first = shape.input(i).start;
+    for i in 0..dims.n_controls {
+        let first = dims.input(i).start;
         for column in 0..m {
             if i > 0 {
                 for row in 0..m {
@@ -335,7 +335,7 @@ fn hessian(qp: &Qp, columns: usize) -> CscMatrix<f64> {
             for row in 0..=column {
                 let own = qp.r(i)[row * m + column];
                 let next =
-                    if i + 1 < shape.n_controls { qp.r(i + 1)[row * m + column] } else { 0.0 };
+                    if i + 1 < dims.n_controls { qp.r(i + 1)[row * m + column] } else { 0.0 };
                 entries.push((first + row, first + column, own + next));
             }
         }

@@ -50,7 +50,7 @@ impl DenseRows {
             limited.map(|(i, _)| i).collect()
         };
         Self {
-            states: finite(&qp.bounds, qp.shape.all_states()),
+            states: finite(&qp.bounds, qp.dims.all_states()),
             increments: finite(&qp.increments, usize::MAX),
             general: finite(&qp.rows, usize::MAX),
         }
@@ -80,17 +80,17 @@ impl DenseRows {
 }
 
 impl CondensedQp {
-    /// A solver for QPs of the shape of `qp`; of its limits it matters here which are finite.
+    /// A solver for QPs of the sizes of `qp`; of its limits it matters here which are finite.
     pub(super) fn new(qp: &Qp) -> Self {
-        let shape = qp.shape;
+        let dims = qp.dims;
         let rows = DenseRows::new(qp);
-        let (unknowns, height, n) = (shape.all_inputs(), rows.len(), shape.states);
+        let (unknowns, height, n) = (dims.all_inputs(), rows.len(), dims.nx);
         let mut dense = DenseQp::new(unknowns, height);
         // These rows of C stay.
         for (row, &i) in rows.increments.iter().enumerate() {
             let row = row + rows.states.len();
             dense.matrix[i * height + row] = 1.0;
-            if let Some(before) = i.checked_sub(shape.inputs) {
+            if let Some(before) = i.checked_sub(dims.nu) {
                 dense.matrix[before * height + row] = -1.0;
             }
         }
@@ -98,8 +98,8 @@ impl CondensedQp {
             solver: ActiveSet::new(unknowns, height),
             dense,
             rows,
-            response: vec![0.0; shape.all_states()],
-            offset: vec![0.0; shape.all_states()],
+            response: vec![0.0; dims.all_states()],
+            offset: vec![0.0; dims.all_states()],
             adjoint: [vec![0.0; n], vec![0.0; n]],
         }
     }
@@ -111,7 +111,7 @@ impl CondensedQp {
     }
 
     fn condense(&mut self, qp: &Qp) {
-        match (qp.shape.states, qp.shape.inputs) {
+        match (qp.dims.nx, qp.dims.nu) {
             (2, 1) => self.condense_sized(qp, 2, 1),
             (4, 2) => self.condense_sized(qp, 4, 2),
             (n, m) => self.condense_sized(qp, n, m),
@@ -124,7 +124,7 @@ impl CondensedQp {
     fn condense_sized(&mut self, qp: &Qp, n: usize, m: usize) {
         self.condense_offset(qp, n);
         self.condense_gradient(qp, n, m);
-        for input in 0..qp.shape.n_controls {
+        for input in 0..qp.dims.n_controls {
             for k in 0..m {
                 self.respond(qp, (n, m), (input, k));
                 self.condense_hessian(qp, (n, m), (input, k));
@@ -137,7 +137,7 @@ impl CondensedQp {
     #[inline(always)]
     fn condense_offset(&mut self, qp: &Qp, n: usize) {
         self.offset.copy_from_slice(&qp.c);
-        for j in 1..qp.shape.stages {
+        for j in 1..qp.dims.horizon {
             let (before, now) = neighbours(&mut self.offset, j, n);
             add_product(block(&qp.a, j, n * n), before, now);
         }
@@ -145,17 +145,17 @@ impl CondensedQp {
 
     #[inline(always)]
     fn condense_gradient(&mut self, qp: &Qp, n: usize, m: usize) {
-        let (by_x, by_u) = qp.gradient.split_at(qp.shape.all_states());
+        let (by_x, by_u) = qp.gradient.split_at(qp.dims.all_states());
         self.dense.gradient.copy_from_slice(by_u);
         let [mut p, mut before] = sized(&mut self.adjoint, n);
-        for j in (0..qp.shape.stages).rev() {
+        for j in (0..qp.dims.horizon).rev() {
             before.copy_from_slice(block(by_x, j, n));
-            if j + 1 < qp.shape.stages {
+            if j + 1 < qp.dims.horizon {
                 add_transposed(block(&qp.a, j + 1, n * n), p, before);
             }
             add_product(block(&qp.q, j, n * n), block(&self.offset, j, n), before);
             std::mem::swap(&mut p, &mut before);
-            let gradient = block_mut(&mut self.dense.gradient, qp.shape.acting(j), m);
+            let gradient = block_mut(&mut self.dense.gradient, qp.dims.acting(j), m);
             add_transposed(block(&qp.b, j, n * m), p, gradient);
         }
     }
@@ -163,9 +163,9 @@ impl CondensedQp {
     /// A column of G, from the stage on at which its input begins to act.
     #[inline(always)]
     fn respond(&mut self, qp: &Qp, (n, m): (usize, usize), (input, k): (usize, usize)) {
-        for j in input..qp.shape.stages {
+        for j in input..qp.dims.horizon {
             let now = block_mut(&mut self.response, j, n);
-            if qp.shape.acting(j) == input {
+            if qp.dims.acting(j) == input {
                 let b = block(&qp.b, j, n * m).chunks_exact(m);
                 now.iter_mut().zip(b).for_each(|(now, b)| *now = b[k]);
             } else {
@@ -181,18 +181,18 @@ impl CondensedQp {
     /// The column of H, on and below the diagonal.
     #[inline(always)]
     fn condense_hessian(&mut self, qp: &Qp, (n, m): (usize, usize), (input, k): (usize, usize)) {
-        let unknowns = qp.shape.all_inputs();
+        let unknowns = qp.dims.all_inputs();
         let hessian = block_mut(&mut self.dense.hessian, input * m + k, unknowns);
         hessian.fill(0.0);
         let [mut w, mut before] = sized(&mut self.adjoint, n);
-        for j in (input..qp.shape.stages).rev() {
+        for j in (input..qp.dims.horizon).rev() {
             before.fill(0.0);
-            if j + 1 < qp.shape.stages {
+            if j + 1 < qp.dims.horizon {
                 add_transposed(block(&qp.a, j + 1, n * n), w, before);
             }
             add_product(block(&qp.q, j, n * n), block(&self.response, j, n), before);
             std::mem::swap(&mut w, &mut before);
-            let entries = block_mut(hessian, qp.shape.acting(j), m);
+            let entries = block_mut(hessian, qp.dims.acting(j), m);
             add_transposed(block(&qp.b, j, n * m), w, entries);
         }
     }
@@ -211,8 +211,8 @@ impl CondensedQp {
             *entry = self.response[v];
         }
         for (entry, &row) in general.iter_mut().zip(&self.rows.general) {
-            let j = qp.shape.first + row / qp.shape.rows();
-            *entry = if qp.shape.acting(j) == input { qp.rows_u[row * m + k] } else { 0.0 };
+            let j = qp.dims.n1 + row / qp.dims.rows();
+            *entry = if qp.dims.acting(j) == input { qp.rows_u[row * m + k] } else { 0.0 };
             if j > input {
                 *entry += dot(block(&qp.rows_x, row, n), block(&self.response, j - 1, n));
             }
@@ -221,8 +221,8 @@ impl CondensedQp {
 
     /// The increments' weights, on and below the diagonal of H.
     fn add_increments(&mut self, qp: &Qp) {
-        let OcpDims { inputs: m, n_controls, .. } = qp.shape;
-        let unknowns = qp.shape.all_inputs();
+        let OcpDims { nu: m, n_controls, .. } = qp.dims;
+        let unknowns = qp.dims.all_inputs();
         for i in 0..n_controls {
             for (k, r) in qp.r(i).chunks_exact(m).enumerate() {
                 let column = block_mut(&mut self.dense.hessian, i * m + k, unknowns);
@@ -238,11 +238,11 @@ impl CondensedQp {
 
     /// The limits: those of v, and those of the rows less what they are at v = 0.
     fn limit(&mut self, qp: &Qp) {
-        let shape = qp.shape;
-        let (n, first) = (shape.states, shape.all_states());
+        let dims = qp.dims;
+        let (n, first) = (dims.nx, dims.all_states());
         let (low, high, penalty) =
             (&mut self.dense.low, &mut self.dense.high, &mut self.dense.penalty);
-        let unknowns = shape.all_inputs();
+        let unknowns = dims.all_inputs();
         low[..unknowns].copy_from_slice(&qp.bounds.low[first..]);
         high[..unknowns].copy_from_slice(&qp.bounds.high[first..]);
         penalty[..unknowns].copy_from_slice(&qp.bounds.penalty[first..]);
@@ -257,7 +257,7 @@ impl CondensedQp {
         self.rows.states.iter().for_each(|&v| set(&qp.bounds, v, self.offset[v]));
         self.rows.increments.iter().for_each(|&i| set(&qp.increments, i, 0.0));
         for &row in &self.rows.general {
-            let state = block(&self.offset, shape.first + row / shape.rows() - 1, n);
+            let state = block(&self.offset, dims.n1 + row / dims.rows() - 1, n);
             set(&qp.rows, row, dot(block(&qp.rows_x, row, n), state));
         }
     }
@@ -265,7 +265,7 @@ impl CondensedQp {
     /// Hands the multipliers of `step` to the solver.
     fn guess(&mut self, qp: &Qp, step: &QpStep) {
         let multipliers = &step.multipliers;
-        let (states, inputs) = multipliers.bounds.split_at(qp.shape.all_states());
+        let (states, inputs) = multipliers.bounds.split_at(qp.dims.all_states());
         let (bounds, rows) = self.solver.guess().split_at_mut(inputs.len());
         bounds.copy_from_slice(inputs);
         let [on_states, on_increments, on_general] = self.rows.split(rows);
@@ -281,8 +281,8 @@ impl CondensedQp {
     /// Writes states, inputs and multipliers.
     fn expand(&mut self, qp: &Qp, step: &mut QpStep) {
         self.read_multipliers(qp, step);
-        step.d[qp.shape.all_states()..].copy_from_slice(self.solver.x());
-        match (qp.shape.states, qp.shape.inputs) {
+        step.d[qp.dims.all_states()..].copy_from_slice(self.solver.x());
+        match (qp.dims.nx, qp.dims.nu) {
             (2, 1) => expand_sized(qp, step, 2, 1),
             (4, 2) => expand_sized(qp, step, 4, 2),
             (n, m) => expand_sized(qp, step, n, m),
@@ -291,7 +291,7 @@ impl CondensedQp {
 
     fn read_multipliers(&mut self, qp: &Qp, step: &mut QpStep) {
         let multipliers = &mut step.multipliers;
-        let (states, inputs) = multipliers.bounds.split_at_mut(qp.shape.all_states());
+        let (states, inputs) = multipliers.bounds.split_at_mut(qp.dims.all_states());
         let (bounds, mut rows) = self.solver.multipliers().split_at(inputs.len());
         inputs.copy_from_slice(bounds);
         for (to, places) in [
@@ -308,9 +308,9 @@ impl CondensedQp {
 
     /// Where a row of the dense program comes from.
     fn source(&self, qp: &Qp, row: usize) -> Row {
-        let (kind, index) = match row.checked_sub(qp.shape.all_inputs()) {
+        let (kind, index) = match row.checked_sub(qp.dims.all_inputs()) {
             Some(i) => self.rows.source(i),
-            None => (Kind::Bound, qp.shape.all_states() + row),
+            None => (Kind::Bound, qp.dims.all_states() + row),
         };
         Row { kind, index, upper: self.solver.multipliers()[row] > 0.0 }
     }
@@ -319,11 +319,11 @@ impl CondensedQp {
 /// The states that the inputs lead to, and the multipliers of the dynamics, from the last one back: dL/dx = 0.
 #[inline(always)]
 fn expand_sized(qp: &Qp, step: &mut QpStep, n: usize, m: usize) {
-    let shape = qp.shape;
-    let (states, inputs) = step.d.split_at_mut(shape.all_states());
+    let dims = qp.dims;
+    let (states, inputs) = step.d.split_at_mut(dims.all_states());
     states.copy_from_slice(&qp.c);
-    for j in 0..shape.stages {
-        let input = block(inputs, shape.acting(j), m);
+    for j in 0..dims.horizon {
+        let input = block(inputs, dims.acting(j), m);
         add_product(block(&qp.b, j, n * m), input, block_mut(states, j, n));
         if j > 0 {
             let (before, now) = neighbours(states, j, n);
@@ -332,16 +332,16 @@ fn expand_sized(qp: &Qp, step: &mut QpStep, n: usize, m: usize) {
     }
     let multipliers = &mut step.multipliers;
     let dynamics = &mut multipliers.dynamics;
-    for j in (0..shape.stages).rev() {
+    for j in (0..dims.horizon).rev() {
         let lambda = block_mut(dynamics, j, n);
         lambda.copy_from_slice(block(&qp.gradient, j, n));
         add_scaled(lambda, 1.0, block(&multipliers.bounds, j, n));
         add_product(block(&qp.q, j, n * n), block(states, j, n), lambda);
-        if shape.rows() > 0 && shape.constrained().contains(&(j + 1)) {
-            let eta = &multipliers.rows[shape.stage_rows(j + 1)];
+        if dims.rows() > 0 && dims.constrained().contains(&(j + 1)) {
+            let eta = &multipliers.rows[dims.stage_rows(j + 1)];
             add_transposed(qp.rows_x(j + 1), eta, lambda);
         }
-        if j + 1 < shape.stages {
+        if j + 1 < dims.horizon {
             let (lambda, next) = neighbours(dynamics, j + 1, n);
             add_transposed(block(&qp.a, j + 1, n * n), next, lambda);
         }

@@ -45,7 +45,7 @@ use std::fmt::Debug;
 #[derive(Clone, Debug)]
 pub struct Qp {
     /// The sizes.
-    pub shape: OcpDims,
+    pub dims: OcpDims,
     /// `Q_1`, `Q_2`, ..: `[N, n, n]`, symmetric and positive semidefinite; the same in all QPs.
     pub q: Vec<f64>,
     /// `R_0`, `R_1`, ..: `[Nu, m, m]`, of the same kind.
@@ -116,8 +116,14 @@ pub struct QpStep {
 impl QpStep {
     /// All 0.
     #[must_use]
-    pub fn new(shape: OcpDims) -> Self {
-        Self { d: vec![0.0; shape.unknowns()], multipliers: Multipliers::new(shape) }
+    pub fn new(dims: OcpDims) -> Self {
+        Self { d: vec![0.0; dims.unknowns()], multipliers: Multipliers::new(dims) }
+    }
+
+    /// Whether all numbers are finite.
+    #[must_use]
+    pub fn is_finite(&self) -> bool {
+        self.d.iter().chain(self.multipliers.parts().into_iter().flatten()).all(|v| v.is_finite())
     }
 }
 
@@ -165,58 +171,58 @@ pub trait QpSolver: Debug + Send {
 impl Qp {
     /// A program without limits, in which all numbers are 0 but those of the Hessian.
     #[must_use]
-    pub fn new(shape: OcpDims, q: Vec<f64>, r: Vec<f64>) -> Self {
-        let OcpDims { states, inputs, stages, .. } = shape;
+    pub fn new(dims: OcpDims, q: Vec<f64>, r: Vec<f64>) -> Self {
+        let OcpDims { nx, nu, horizon, .. } = dims;
         Self {
-            shape,
+            dims,
             q,
             r,
-            a: vec![0.0; stages * states * states],
-            b: vec![0.0; stages * states * inputs],
-            c: vec![0.0; stages * states],
-            rows_x: vec![0.0; shape.all_rows() * states],
-            rows_u: vec![0.0; shape.all_rows() * inputs],
-            gradient: vec![0.0; shape.unknowns()],
-            bounds: Limits::none(shape.unknowns()),
-            increments: Limits::none(shape.all_inputs()),
-            rows: Limits::none(shape.all_rows()),
+            a: vec![0.0; horizon * nx * nx],
+            b: vec![0.0; horizon * nx * nu],
+            c: vec![0.0; horizon * nx],
+            rows_x: vec![0.0; dims.all_rows() * nx],
+            rows_u: vec![0.0; dims.all_rows() * nu],
+            gradient: vec![0.0; dims.unknowns()],
+            bounds: Limits::none(dims.unknowns()),
+            increments: Limits::none(dims.all_inputs()),
+            rows: Limits::none(dims.all_rows()),
         }
     }
 
     /// `A_j`, `[n, n]`.
     #[must_use]
     pub fn a(&self, j: usize) -> &[f64] {
-        block(&self.a, j, self.shape.states * self.shape.states)
+        block(&self.a, j, self.dims.nx * self.dims.nx)
     }
 
     /// `B_j`, `[n, m]`.
     #[must_use]
     pub fn b(&self, j: usize) -> &[f64] {
-        block(&self.b, j, self.shape.states * self.shape.inputs)
+        block(&self.b, j, self.dims.nx * self.dims.nu)
     }
 
     /// `Q_j` of the state `x_j`, j = 1..N, `[n, n]`.
     #[must_use]
     pub fn q(&self, j: usize) -> &[f64] {
-        block(&self.q, j - 1, self.shape.states * self.shape.states)
+        block(&self.q, j - 1, self.dims.nx * self.dims.nx)
     }
 
     /// `R_i`, `[m, m]`.
     #[must_use]
     pub fn r(&self, i: usize) -> &[f64] {
-        block(&self.r, i, self.shape.inputs * self.shape.inputs)
+        block(&self.r, i, self.dims.nu * self.dims.nu)
     }
 
     /// `C_j` at stage j = N1..N, `[rows, n]`.
     #[must_use]
     pub fn rows_x(&self, j: usize) -> &[f64] {
-        block(&self.rows_x, j - self.shape.first, self.shape.rows() * self.shape.states)
+        block(&self.rows_x, j - self.dims.n1, self.dims.rows() * self.dims.nx)
     }
 
     /// `D_j` at stage j = N1..N, `[rows, m]`.
     #[must_use]
     pub fn rows_u(&self, j: usize) -> &[f64] {
-        block(&self.rows_u, j - self.shape.first, self.shape.rows() * self.shape.inputs)
+        block(&self.rows_u, j - self.dims.n1, self.dims.rows() * self.dims.nu)
     }
 
     /// The limits with their kind.

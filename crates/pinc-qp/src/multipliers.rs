@@ -18,12 +18,12 @@ pub struct Multipliers {
 impl Multipliers {
     /// All 0.
     #[must_use]
-    pub fn new(shape: OcpDims) -> Self {
+    pub fn new(dims: OcpDims) -> Self {
         Self {
-            dynamics: vec![0.0; shape.all_states()],
-            bounds: vec![0.0; shape.unknowns()],
-            increments: vec![0.0; shape.all_inputs()],
-            rows: vec![0.0; shape.all_rows()],
+            dynamics: vec![0.0; dims.all_states()],
+            bounds: vec![0.0; dims.unknowns()],
+            increments: vec![0.0; dims.all_inputs()],
+            rows: vec![0.0; dims.all_rows()],
         }
     }
 
@@ -38,7 +38,7 @@ impl Multipliers {
         [&mut self.dynamics, &mut self.bounds, &mut self.increments, &mut self.rows]
     }
 
-    /// Takes the values of `other`, of the same shape.
+    /// Takes the values of `other`, of the same sizes.
     pub fn copy_from(&mut self, other: &Self) {
         for (to, from) in self.parts_mut().into_iter().zip(other.parts()) {
             to.copy_from_slice(from);
@@ -51,18 +51,18 @@ impl Multipliers {
     }
 
     /// Moves on by one step: those of stage j take the place of stage j-1's, the last stay.
-    pub fn shift(&mut self, shape: OcpDims) {
-        drop_first(&mut self.dynamics, shape.states);
-        shift_unknowns(&mut self.bounds, shape);
-        drop_first(&mut self.increments, shape.inputs);
-        drop_first(&mut self.rows, shape.rows());
+    pub fn shift(&mut self, dims: OcpDims) {
+        drop_first(&mut self.dynamics, dims.nx);
+        shift_unknowns(&mut self.bounds, dims);
+        drop_first(&mut self.increments, dims.nu);
+        drop_first(&mut self.rows, dims.rows());
     }
 }
 
-fn shift_unknowns(vector: &mut [f64], shape: OcpDims) {
-    let (x, u) = vector.split_at_mut(shape.all_states());
-    drop_first(x, shape.states);
-    drop_first(u, shape.inputs);
+fn shift_unknowns(vector: &mut [f64], dims: OcpDims) {
+    let (x, u) = vector.split_at_mut(dims.all_states());
+    drop_first(x, dims.nx);
+    drop_first(u, dims.nu);
 }
 
 /// Drops the first `width` numbers and keeps the last ones twice.

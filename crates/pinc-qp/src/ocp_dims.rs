@@ -9,15 +9,15 @@ use std::ops::Range;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct OcpDims {
     /// n
-    pub states: usize,
+    pub nx: usize,
     /// m
-    pub inputs: usize,
+    pub nu: usize,
     /// N = N2
-    pub stages: usize,
+    pub horizon: usize,
     /// Nu
     pub n_controls: usize,
     /// N1
-    pub first: usize,
+    pub n1: usize,
     /// Rows of the inequalities h, per constrained stage.
     pub inequalities: usize,
     /// Rows of the equalities g, per constrained stage.
@@ -28,13 +28,13 @@ impl OcpDims {
     /// How many numbers `x_1..x_N` are.
     #[must_use]
     pub fn all_states(self) -> usize {
-        self.stages * self.states
+        self.horizon * self.nx
     }
 
     /// How many numbers `u_0..u_{Nu-1}` are.
     #[must_use]
     pub fn all_inputs(self) -> usize {
-        self.n_controls * self.inputs
+        self.n_controls * self.nu
     }
 
     /// How many unknowns there are.
@@ -52,7 +52,7 @@ impl OcpDims {
     /// The stages at which h and g hold: N1 to N2.
     #[must_use]
     pub fn constrained(self) -> Range<usize> {
-        self.first..self.stages + 1
+        self.n1..self.horizon + 1
     }
 
     /// The number of h's and g's rows at all stages.
@@ -65,7 +65,7 @@ impl OcpDims {
     /// dynamics are.
     #[must_use]
     pub fn next_state(self, j: usize) -> Range<usize> {
-        j * self.states..(j + 1) * self.states
+        j * self.nx..(j + 1) * self.nx
     }
 
     /// Where `x_j` is in z; `None` for the measured `x_0`.
@@ -77,8 +77,8 @@ impl OcpDims {
     /// Where `u_i` is in z.
     #[must_use]
     pub fn input(self, i: usize) -> Range<usize> {
-        let first = self.all_states() + i * self.inputs;
-        first..first + self.inputs
+        let first = self.all_states() + i * self.nu;
+        first..first + self.nu
     }
 
     /// The index of the input that acts in stage `j`: the last is held.
@@ -90,7 +90,7 @@ impl OcpDims {
     /// Where the rows of h and g at stage `j`, from N1 to N2, are.
     #[must_use]
     pub fn stage_rows(self, j: usize) -> Range<usize> {
-        let first = (j - self.first) * self.rows();
+        let first = (j - self.n1) * self.rows();
         first..first + self.rows()
     }
 }

@@ -17,9 +17,9 @@ struct Dense {
 
 impl Dense {
     fn new(qp: &Qp) -> Self {
-        let shape = qp.shape;
-        let (n, m) = (shape.states, shape.inputs);
-        let zero = vec![0.0; shape.unknowns()];
+        let dims = qp.dims;
+        let (n, m) = (dims.nx, dims.nu);
+        let zero = vec![0.0; dims.unknowns()];
         let mut rows = Vec::new();
         for (v, limits) in qp.bounds.iter().enumerate() {
             let mut row = zero.clone();
@@ -28,29 +28,29 @@ impl Dense {
         }
         for (i, limits) in qp.increments.iter().enumerate() {
             let mut row = zero.clone();
-            row[shape.all_states() + i] = 1.0;
+            row[dims.all_states() + i] = 1.0;
             if i >= m {
-                row[shape.all_states() + i - m] = -1.0;
+                row[dims.all_states() + i - m] = -1.0;
             }
             rows.push((row, limits));
         }
         for (i, limits) in qp.rows.iter().enumerate() {
-            let j = shape.first + i / shape.rows();
+            let j = dims.n1 + i / dims.rows();
             let mut row = zero.clone();
             row[(j - 1) * n..j * n].copy_from_slice(&qp.rows_x[i * n..(i + 1) * n]);
-            let u = shape.all_states() + j.min(shape.n_controls - 1) * m;
+            let u = dims.all_states() + j.min(dims.n_controls - 1) * m;
             row[u..u + m].copy_from_slice(&qp.rows_u[i * m..(i + 1) * m]);
             rows.push((row, limits));
         }
         let mut dynamics = Vec::new();
-        for j in 0..shape.stages {
+        for j in 0..dims.horizon {
             for k in 0..n {
                 let mut row = zero.clone();
                 row[j * n + k] = -1.0;
                 if j > 0 {
                     row[(j - 1) * n..j * n].copy_from_slice(&qp.a(j)[k * n..(k + 1) * n]);
                 }
-                let u = shape.all_states() + j.min(shape.n_controls - 1) * m;
+                let u = dims.all_states() + j.min(dims.n_controls - 1) * m;
                 row[u..u + m].copy_from_slice(&qp.b(j)[k * m..(k + 1) * m]);
                 dynamics.push((row, qp.c[j * n + k]));
             }
@@ -65,23 +65,23 @@ fn dot(a: &[f64], b: &[f64]) -> f64 {
 
 /// H d + g
 fn slope(qp: &Qp, d: &[f64]) -> Vec<f64> {
-    let shape = qp.shape;
-    let (n, m) = (shape.states, shape.inputs);
+    let dims = qp.dims;
+    let (n, m) = (dims.nx, dims.nu);
     let mut slope = qp.gradient.clone();
-    for j in 1..=shape.stages {
+    for j in 1..=dims.horizon {
         for k in 0..n {
             slope[(j - 1) * n + k] += dot(&qp.q(j)[k * n..(k + 1) * n], &d[(j - 1) * n..j * n]);
         }
     }
-    let u = |i: usize, k: usize| d[shape.all_states() + i * m + k];
-    for i in 0..shape.n_controls {
+    let u = |i: usize, k: usize| d[dims.all_states() + i * m + k];
+    for i in 0..dims.n_controls {
         let moved = |k| if i == 0 { u(0, k) } else { u(i, k) - u(i - 1, k) };
         let moved: Vec<f64> = (0..m).map(moved).collect();
         for k in 0..m {
             let force = dot(&qp.r(i)[k * m..(k + 1) * m], &moved);
-            slope[shape.all_states() + i * m + k] += force;
+            slope[dims.all_states() + i * m + k] += force;
             if i > 0 {
-                slope[shape.all_states() + (i - 1) * m + k] -= force;
+                slope[dims.all_states() + (i - 1) * m + k] -= force;
             }
         }
     }
@@ -116,11 +116,11 @@ fn shapes() -> impl Strategy<Value = OcpDims> {
     (1..=3_usize, 1..=2_usize, 1..=6_usize, 0..=1_usize, 0..=1_usize).prop_flat_map(
         |(states, inputs, stages, inequalities, equalities)| {
             (1..=stages, 1..=stages).prop_map(move |(n_controls, first)| OcpDims {
-                states,
-                inputs,
-                stages,
+                nx: states,
+                nu: inputs,
+                horizon: stages,
                 n_controls,
-                first,
+                n1: first,
                 inequalities,
                 equalities: equalities.min(inputs - 1),
             })
@@ -152,8 +152,8 @@ fn spread(limits: &mut Limits, i: usize, value: f64, (kind, width, penalty): Spr
 
 /// Programs with a feasible point, about which the limits lie. Where `coarse`, most numbers are quarters.
 fn programs(coarse: bool) -> impl Strategy<Value = Qp> {
-    shapes().prop_flat_map(move |shape| {
-        let (n, m) = (shape.states, shape.inputs);
+    shapes().prop_flat_map(move |dims| {
+        let (n, m) = (dims.nx, dims.nu);
         let number = if coarse {
             (-8..=8_i32).prop_map(|quarter| f64::from(quarter) / 4.0).boxed()
         } else {
@@ -161,16 +161,16 @@ fn programs(coarse: bool) -> impl Strategy<Value = Qp> {
         };
         let numbers = move |count: usize| vec(number.clone(), count);
         let matrices = (
-            numbers(shape.stages * n * n),
-            numbers(shape.stages * n * m),
-            numbers(shape.all_states()),
-            numbers(shape.all_rows() * n),
-            numbers(shape.all_rows() * m),
-            numbers(shape.stages * n * n),
-            numbers(shape.n_controls * m * m),
+            numbers(dims.horizon * n * n),
+            numbers(dims.horizon * n * m),
+            numbers(dims.all_states()),
+            numbers(dims.all_rows() * n),
+            numbers(dims.all_rows() * m),
+            numbers(dims.horizon * n * n),
+            numbers(dims.n_controls * m * m),
         );
-        let rows = shape.unknowns() + shape.all_inputs() + shape.all_rows();
-        let rest = (numbers(shape.unknowns()), numbers(shape.all_inputs()), spreads(rows));
+        let rows = dims.unknowns() + dims.all_inputs() + dims.all_rows();
+        let rest = (numbers(dims.unknowns()), numbers(dims.all_inputs()), spreads(rows));
         (matrices, rest).prop_map(move |((a, b, c, rows_x, rows_u, q, r), (g, middle, spreads))| {
             let squares = |factors: &[f64], size: usize, least: f64| -> Vec<f64> {
                 let blocks = factors.chunks_exact(size * size);
@@ -184,7 +184,7 @@ fn programs(coarse: bool) -> impl Strategy<Value = Qp> {
                 };
                 blocks.flat_map(square).collect()
             };
-            let mut qp = Qp::new(shape, squares(&q, n, 0.0), squares(&r, m, 0.5));
+            let mut qp = Qp::new(dims, squares(&q, n, 0.0), squares(&r, m, 0.5));
             qp.a = a.iter().map(|a| a / 2.0).collect();
             (qp.b, qp.c, qp.rows_x, qp.rows_u) = (b, c, rows_x, rows_u);
             qp.gradient = g.iter().map(|g| 4.0 * g).collect();
@@ -196,22 +196,22 @@ fn programs(coarse: bool) -> impl Strategy<Value = Qp> {
 
 /// Limits about the point that the inputs `middle` lead to.
 fn set_limits(qp: &mut Qp, middle: &[f64], spreads: &[Spread]) {
-    let shape = qp.shape;
-    let (n, m) = (shape.states, shape.inputs);
-    let mut d = vec![0.0; shape.unknowns()];
-    d[shape.all_states()..].copy_from_slice(middle);
-    for j in 0..shape.stages {
+    let dims = qp.dims;
+    let (n, m) = (dims.nx, dims.nu);
+    let mut d = vec![0.0; dims.unknowns()];
+    d[dims.all_states()..].copy_from_slice(middle);
+    for j in 0..dims.horizon {
         for k in 0..n {
             let before = if j > 0 { d[(j - 1) * n..j * n].to_vec() } else { vec![0.0; n] };
-            let u = shape.all_states() + shape.acting(j) * m;
+            let u = dims.all_states() + dims.acting(j) * m;
             d[j * n + k] = qp.c[j * n + k]
                 + dot(&qp.a(j)[k * n..(k + 1) * n], &before)
                 + dot(&qp.b(j)[k * m..(k + 1) * m], &d[u..u + m]);
         }
     }
     let values: Vec<f64> = Dense::new(qp).rows.iter().map(|(row, _)| dot(row, &d)).collect();
-    let (bounds, rest) = values.split_at(shape.unknowns());
-    let (increments, rows) = rest.split_at(shape.all_inputs());
+    let (bounds, rest) = values.split_at(dims.unknowns());
+    let (increments, rows) = rest.split_at(dims.all_inputs());
     let mut spreads = spreads.iter();
     for (limits, values) in
         [(&mut qp.bounds, bounds), (&mut qp.increments, increments), (&mut qp.rows, rows)]
@@ -220,9 +220,9 @@ fn set_limits(qp: &mut Qp, middle: &[f64], spreads: &[Spread]) {
             spread(limits, i, value, how);
         }
     }
-    for j in shape.constrained() {
-        for (at, row) in shape.stage_rows(j).enumerate() {
-            let equality = at >= shape.inequalities;
+    for j in dims.constrained() {
+        for (at, row) in dims.stage_rows(j).enumerate() {
+            let equality = at >= dims.inequalities;
             qp.rows.low[row] = if equality { rows[row] } else { f64::NEG_INFINITY };
             qp.rows.high[row] = if equality { rows[row] } else { qp.rows.high[row] };
         }
@@ -246,7 +246,7 @@ fn solve(
 }
 
 fn same_inputs(qp: &Qp, a: &QpStep, b: &QpStep, tolerance: f64) -> Result<(), TestCaseError> {
-    let inputs = qp.shape.all_states()..;
+    let inputs = qp.dims.all_states()..;
     for (a, b) in a.d[inputs.clone()].iter().zip(&b.d[inputs]) {
         prop_assert!((a - b).abs() < tolerance * (1.0 + a.abs()), "{} {}", a, b);
     }
@@ -258,7 +258,7 @@ const SHARP: f64 = 1e-8;
 
 /// The three methods agree, from any guess.
 fn all_agree(qp: &Qp, signs: &[i8]) -> Result<(), TestCaseError> {
-    let cold = QpStep::new(qp.shape);
+    let cold = QpStep::new(qp.dims);
     let mut arbitrary = cold.clone();
     let multipliers = arbitrary.multipliers.parts_mut().into_iter().skip(1).flatten();
     multipliers.zip(signs).for_each(|(mu, sign)| *mu = f64::from(*sign));
@@ -312,9 +312,9 @@ proptest! {
         if coarse {
             std::mem::swap(&mut qp, &mut other);
         }
-        let last = qp.q.len() - qp.shape.states.pow(2);
+        let last = qp.q.len() - qp.dims.nx.pow(2);
         qp.q[last..].iter_mut().for_each(|weight| *weight *= 1e6);
-        let mut guess = QpStep::new(qp.shape);
+        let mut guess = QpStep::new(qp.dims);
         let multipliers = guess.multipliers.parts_mut().into_iter().skip(1).flatten();
         multipliers.zip(&signs).for_each(|(mu, sign)| *mu = f64::from(*sign));
         let exact = solve(&mut CondensedQp::new(&qp), &qp, &guess, SHARP)?;
@@ -334,7 +334,7 @@ proptest! {
                 limits.high[i] += by;
             }
         }
-        let cold = QpStep::new(qp.shape);
+        let cold = QpStep::new(qp.dims);
         let condensed = CondensedQp::new(&qp).solve(&qp, &mut cold.clone());
         let riccati = RiccatiQp::new(&qp).solve(&qp, &mut cold.clone());
         let clarabel = ClarabelQp::new(&qp).solve(&qp, &mut cold.clone());

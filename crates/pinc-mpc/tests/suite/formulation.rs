@@ -87,7 +87,7 @@ fn an_equality_is_met() {
         let step = nmpc.step(&[0.4, 0.1], &[0.5, 0.0]).unwrap();
         assert_eq!(step.status, SqpStatus::Converged);
         let mut next = [0.0; 2];
-        model.step(&[0.4, 0.1], &[], step.u, &mut next);
+        model.step(&[0.4, 0.1], step.u, &[], &mut next);
         assert!((next[0].hypot(next[1]) - 0.5).abs() < 1e-7);
     }
 }

@@ -2,6 +2,7 @@
 //! independent assembly of the KKT conditions, and what must happen when things go wrong.
 
 mod agreement;
+mod applied_input;
 mod closed_loop;
 mod failures;
 mod faulty;
@@ -13,6 +14,8 @@ mod misuse;
 mod optimality;
 mod problems;
 mod random;
+mod stream;
 mod support;
 mod survey;
+mod wicked;
 mod work;

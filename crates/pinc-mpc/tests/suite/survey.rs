@@ -5,6 +5,7 @@
 
 use crate::faulty::{Faulty, NOT_A_NUMBER, SOUND, WRONG};
 use crate::optimality::{StepInput, residuals, scale};
+use crate::stream::Stream;
 use pinc_mpc::{Nmpc, NmpcProblem, SqpConfig, SqpStatus};
 use pinc_ode::Model;
 use std::collections::BTreeMap;
@@ -13,25 +14,6 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 /// Steps per plant, unless the environment says otherwise.
 const STEPS: usize = 2000;
-
-/// Numbers in [0, 1) from a multiplicative congruence, of which the high bits are used (multiplier:
-/// Steele and Vigna, Softw. Pract. Exper. 52 (2022)).
-struct Stream(u64);
-
-impl Stream {
-    fn bits(&mut self) -> u64 {
-        self.0 = self.0.wrapping_mul(0xd134_2543_de82_ef95).wrapping_add(1);
-        self.0 >> 11
-    }
-
-    fn within(&mut self, [low, high]: [f64; 2]) -> f64 {
-        low + (high - low) * self.bits() as f64 / (1_u64 << 53) as f64
-    }
-
-    fn below(&mut self, n: u64) -> u64 {
-        (self.bits() >> 20) % n
-    }
-}
 
 /// What is drawn: intervals of the states and of the references.
 pub(crate) struct Draw<'a> {
@@ -49,7 +31,7 @@ pub(crate) fn survey(
     let fault = Arc::new(AtomicU64::new(SOUND));
     let model = Faulty { model: sound.clone(), fault: Arc::clone(&fault) };
     let mut nmpc = Nmpc::new(problem.clone(), Box::new(model), SqpConfig::default()).unwrap();
-    let mut stream = Stream(1);
+    let mut stream = Stream::new(1);
     let mut seen = [BTreeMap::new(), BTreeMap::new()];
     let mut previous = vec![0.0; sound.dims().nu];
     let steps = std::env::var("PINC_RANDOM_STEPS").map_or(STEPS, |n| n.parse().unwrap());

@@ -168,7 +168,8 @@ impl ActiveSet {
                         return status;
                     }
                 }
-                None if fresh => return DenseStatus::Solved,
+                None if fresh && self.is_finite() => return DenseStatus::Solved,
+                None if fresh => return DenseStatus::Failed,
                 None => {
                     self.resolve(qp);
                     fresh = true;
@@ -176,6 +177,11 @@ impl ActiveSet {
             }
         }
         DenseStatus::Failed
+    }
+
+    /// Whether the solution is made of numbers: comparisons with NaN find no row that is off.
+    fn is_finite(&self) -> bool {
+        self.values.iter().chain(&self.mu).all(|v| v.is_finite())
     }
 
     /// Makes the working set of the guess, less the rows whose multipliers it gets wrong.
@@ -398,9 +404,12 @@ impl ActiveSet {
         gap: f64,
     ) -> Option<DenseStatus> {
         let relative = gap / (1.0 + member.bound.abs());
+        if !relative.is_finite() {
+            return Some(DenseStatus::Failed);
+        }
         if relative <= INFEASIBLE {
-            // Met as well as rounding allows.
-            self.tolerance = 2.0 * relative;
+            // Met as well as rounding allows. Never tighter than before, or the row would come back.
+            self.tolerance = self.tolerance.max(2.0 * relative);
             return None;
         }
         self.mu.fill(0.0);

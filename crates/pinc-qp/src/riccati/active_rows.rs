@@ -48,7 +48,7 @@ pub(super) struct ActiveRows {
 impl ActiveRows {
     pub(super) fn new(qp: &Qp) -> Self {
         Self {
-            roles: vec![RowStatus::Inactive; Rows::new(qp.shape).len()],
+            roles: vec![RowStatus::Inactive; Rows::new(qp.dims).len()],
             stiffness: stiffness(qp),
             factorizations: 0,
         }

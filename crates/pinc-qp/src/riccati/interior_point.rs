@@ -157,7 +157,7 @@ impl Side {
 
 impl InteriorPoint {
     pub(super) fn new(qp: &Qp) -> Self {
-        let rows = Rows::new(qp.shape).len();
+        let rows = Rows::new(qp.dims).len();
         Self {
             sides: Vec::with_capacity(2 * rows),
             equalities: Vec::with_capacity(rows),

@@ -26,9 +26,9 @@ pub(super) struct RiccatiQp {
 }
 
 impl RiccatiQp {
-    /// A solver for QPs of the shape of `qp` with its Hessian.
+    /// A solver for QPs of the sizes of `qp` with its Hessian.
     pub(super) fn new(qp: &Qp) -> Self {
-        let newton = Newton::new(qp.shape);
+        let newton = Newton::new(qp.dims);
         Self {
             guess: vec![0.0; newton.rows.len()],
             newton,

@@ -40,14 +40,14 @@ pub(super) struct Newton {
 }
 
 impl Newton {
-    pub(super) fn new(shape: OcpDims) -> Self {
-        let rows = Rows::new(shape);
+    pub(super) fn new(dims: OcpDims) -> Self {
+        let rows = Rows::new(dims);
         let list = || vec![0.0; rows.len()];
-        let unknowns = || vec![0.0; shape.unknowns()];
-        let dynamics = || vec![0.0; shape.all_states()];
+        let unknowns = || vec![0.0; dims.unknowns()];
+        let dynamics = || vec![0.0; dims.all_states()];
         Self {
             rows,
-            riccati: Riccati::new(shape),
+            riccati: Riccati::new(dims),
             d: unknowns(),
             lambda: dynamics(),
             mu: list(),
@@ -81,9 +81,9 @@ impl Newton {
         self.slope.copy_from_slice(&qp.gradient);
         self.rows.add_transposed(qp, &self.mu, &mut self.slope);
         self.defect.copy_from_slice(&qp.c);
-        let shape = qp.shape;
-        for j in 0..shape.stages {
-            let (next, input) = (shape.next_state(j), shape.input(shape.acting(j)));
+        let dims = qp.dims;
+        for j in 0..dims.horizon {
+            let (next, input) = (dims.next_state(j), dims.input(dims.acting(j)));
             let lambda = &self.lambda[next.clone()];
             let defect = &mut self.defect[next.clone()];
             add_scaled(defect, -1.0, &self.d[next.clone()]);
@@ -91,14 +91,14 @@ impl Newton {
             add_product(qp.q(j + 1), &self.d[next.clone()], &mut self.slope[next.clone()]);
             add_scaled(&mut self.slope[next], -1.0, lambda);
             add_transposed(qp.b(j), lambda, &mut self.slope[input]);
-            if let Some(state) = shape.state(j) {
+            if let Some(state) = dims.state(j) {
                 add_product(qp.a(j), &self.d[state.clone()], defect);
                 add_transposed(qp.a(j), lambda, &mut self.slope[state]);
             }
         }
-        let m = shape.inputs;
+        let m = dims.nu;
         let (_, increments, _) = self.rows.split(&self.values);
-        let inputs = &mut self.slope[shape.all_states()..];
+        let inputs = &mut self.slope[dims.all_states()..];
         for (i, increment) in increments.chunks_exact(m).enumerate() {
             for (k, r) in qp.r(i).chunks_exact(m).enumerate() {
                 let force: f64 = r.iter().zip(increment).map(|(r, moved)| r * moved).sum();
@@ -127,19 +127,19 @@ impl Newton {
     /// Chooses lambda such that C'terms + E'lambda = 0 for the states; gives the sum of what is left for the inputs, and
     /// lambda'c.
     pub(super) fn cancel(&mut self, qp: &Qp) -> (f64, f64) {
-        let shape = qp.shape;
+        let dims = qp.dims;
         self.right.fill(0.0);
         self.rows.add_transposed(qp, &self.terms, &mut self.right);
-        let (states, inputs) = self.right.split_at_mut(shape.all_states());
+        let (states, inputs) = self.right.split_at_mut(dims.all_states());
         let mut offset = 0.0;
-        for j in (0..shape.stages).rev() {
-            let (before, lambda) = states[..(j + 1) * shape.states].split_at_mut(j * shape.states);
-            let first = shape.acting(j) * shape.inputs;
-            add_transposed(qp.b(j), lambda, &mut inputs[first..first + shape.inputs]);
+        for j in (0..dims.horizon).rev() {
+            let (before, lambda) = states[..(j + 1) * dims.nx].split_at_mut(j * dims.nx);
+            let first = dims.acting(j) * dims.nu;
+            add_transposed(qp.b(j), lambda, &mut inputs[first..first + dims.nu]);
             if j > 0 {
-                add_transposed(qp.a(j), lambda, &mut before[(j - 1) * shape.states..]);
+                add_transposed(qp.a(j), lambda, &mut before[(j - 1) * dims.nx..]);
             }
-            offset += dot(lambda, &qp.c[shape.next_state(j)]);
+            offset += dot(lambda, &qp.c[dims.next_state(j)]);
         }
         (inputs.iter().map(|input| input.abs()).sum(), offset)
     }
@@ -158,7 +158,7 @@ const STIFFNESS: f64 = 1e6;
 /// A weight D that holds rows of `qp`: far above the curvatures of its cost, so that the method of multipliers needs few
 /// steps, and not so far above the least of them that this would be lost to rounding.
 pub(super) fn stiffness(qp: &Qp) -> f64 {
-    let OcpDims { states: n, inputs: m, .. } = qp.shape;
+    let OcpDims { nx: n, nu: m, .. } = qp.dims;
     let diagonals = [(&qp.q, n), (&qp.r, m)].into_iter().flat_map(|(blocks, size)| {
         blocks.chunks_exact(size * size).flat_map(move |block| block.iter().step_by(size + 1))
     });

@@ -26,7 +26,7 @@ use crate::factor::Cholesky;
 /// J. Optim. Theory Appl. 99 (1998). All memory is allocated at construction.
 #[derive(Clone, Debug)]
 pub(super) struct Riccati {
-    shape: OcpDims,
+    dims: OcpDims,
     /// P of `s_1` .. `s_N`, `[N, n + m, n + m]`.
     p: Vec<f64>,
     /// K, `[Nu, n + m, m]`, column by column.
@@ -47,16 +47,16 @@ pub(super) struct Riccati {
 }
 
 impl Riccati {
-    pub(super) fn new(shape: OcpDims) -> Self {
-        let (n, m) = (shape.states, shape.inputs);
+    pub(super) fn new(dims: OcpDims) -> Self {
+        let (n, m) = (dims.nx, dims.nu);
         let s = n + m;
         Self {
-            shape,
-            p: vec![0.0; shape.stages * s * s],
-            gain: vec![0.0; shape.n_controls * s * m],
-            pivot: vec![Cholesky::new(m); shape.n_controls],
-            linear: vec![0.0; shape.stages * s],
-            forward: vec![0.0; shape.all_inputs()],
+            dims,
+            p: vec![0.0; dims.horizon * s * s],
+            gain: vec![0.0; dims.n_controls * s * m],
+            pivot: vec![Cholesky::new(m); dims.n_controls],
+            linear: vec![0.0; dims.horizon * s],
+            forward: vec![0.0; dims.all_inputs()],
             product: vec![0.0; s * s],
             merged: vec![0.0; s * s],
             vector: vec![0.0; s],
@@ -66,16 +66,16 @@ impl Riccati {
 
     /// Factors the matrix with the weights D, in the order of the rows; `false` if it is singular on the dynamics.
     pub(super) fn factor(&mut self, qp: &Qp, weights: &[f64]) -> bool {
-        let OcpDims { states: n, inputs: m, stages, n_controls, .. } = self.shape;
+        let OcpDims { nx: n, nu: m, horizon, n_controls, .. } = self.dims;
         let s = n + m;
-        let by_row = RowWeights::new(self.shape, weights);
+        let by_row = RowWeights::new(self.dims, weights);
         self.merged.fill(0.0);
-        by_row.add_general(qp, stages, &mut self.merged);
-        for j in (0..stages).rev() {
+        by_row.add_general(qp, horizon, &mut self.merged);
+        for j in (0..horizon).rev() {
             // merged: what the stages before have left, in terms of s_{j+1}
             let p = &mut self.p[j * s * s..(j + 1) * s * s];
             p.copy_from_slice(&self.merged);
-            let state_weights = &by_row.bounds[self.shape.next_state(j)];
+            let state_weights = &by_row.bounds[self.dims.next_state(j)];
             for (c, q) in qp.q(j + 1).chunks_exact(n).enumerate() {
                 add_scaled(&mut p[c * s..c * s + n], 1.0, q);
                 p[c * s + c] += state_weights[c];
@@ -83,7 +83,7 @@ impl Riccati {
             merge(p, (qp.a(j), qp.b(j)), n, &mut self.product, &mut self.merged);
             by_row.add_general(qp, j, &mut self.merged);
             if j < n_controls {
-                for (k, weight) in by_row.bounds[self.shape.input(j)].iter().enumerate() {
+                for (k, weight) in by_row.bounds[self.dims.input(j)].iter().enumerate() {
                     self.merged[(n + k) * (s + 1)] += weight;
                 }
                 if !self.eliminate(j, qp.r(j), &by_row.increments[j * m..]) {
@@ -96,7 +96,7 @@ impl Riccati {
 
     /// Minimises over the increment of stage `j`.
     fn eliminate(&mut self, j: usize, r: &[f64], weights: &[f64]) -> bool {
-        let OcpDims { states: n, inputs: m, .. } = self.shape;
+        let OcpDims { nx: n, nu: m, .. } = self.dims;
         let s = n + m;
         let pivot = &mut self.product[..m * m];
         for (k, column) in pivot.chunks_exact_mut(m).enumerate() {
@@ -139,13 +139,13 @@ impl Riccati {
     }
 
     fn backward(&mut self, qp: &Qp, g: &[f64], c: &[f64]) {
-        let OcpDims { states: n, inputs: m, stages, n_controls, .. } = self.shape;
+        let OcpDims { nx: n, nu: m, horizon, n_controls, .. } = self.dims;
         let s = n + m;
         self.vector.fill(0.0);
-        for j in (0..stages).rev() {
+        for j in (0..horizon).rev() {
             let linear = &mut self.linear[j * s..(j + 1) * s];
             linear.copy_from_slice(&self.vector);
-            add_scaled(linear, 1.0, &g[self.shape.next_state(j)]);
+            add_scaled(linear, 1.0, &g[self.dims.next_state(j)]);
             self.sum.copy_from_slice(linear);
             let p = self.p[j * s * s..].chunks_exact(s);
             for (c, column) in c[j * n..(j + 1) * n].iter().zip(p) {
@@ -157,7 +157,7 @@ impl Riccati {
             add_transposed(qp.a(j), &self.sum[..n], x);
             add_transposed(qp.b(j), &self.sum[..n], u);
             if j < n_controls {
-                add_scaled(u, 1.0, &g[self.shape.input(j)]);
+                add_scaled(u, 1.0, &g[self.dims.input(j)]);
                 let gain = self.gain[j * s * m..].chunks_exact(m);
                 let forward = &mut self.forward[j * m..(j + 1) * m];
                 forward.copy_from_slice(u);
@@ -173,11 +173,11 @@ impl Riccati {
     }
 
     fn roll_out(&mut self, qp: &Qp, c: &[f64], d: &mut [f64], lambda: &mut [f64]) {
-        let OcpDims { states: n, inputs: m, stages, n_controls, .. } = self.shape;
+        let OcpDims { nx: n, nu: m, horizon, n_controls, .. } = self.dims;
         let s = n + m;
         // s_j = (dx_j, du_{j-1})
         self.vector.fill(0.0);
-        for j in 0..stages {
+        for j in 0..horizon {
             if j < n_controls {
                 self.sum.copy_from_slice(&self.vector);
                 let u = &mut self.vector[n..];
@@ -186,7 +186,7 @@ impl Riccati {
                 for (entry, gain) in self.sum.iter().zip(gain) {
                     add_scaled(u, -*entry, gain);
                 }
-                d[self.shape.input(j)].copy_from_slice(u);
+                d[self.dims.input(j)].copy_from_slice(u);
             }
             let (x, u) = self.vector.split_at_mut(n);
             let next = &mut self.sum[..n];
@@ -194,7 +194,7 @@ impl Riccati {
             add_product(qp.a(j), x, next);
             add_product(qp.b(j), u, next);
             x.copy_from_slice(next);
-            d[self.shape.next_state(j)].copy_from_slice(x);
+            d[self.dims.next_state(j)].copy_from_slice(x);
 
             let lambda = &mut lambda[j * n..(j + 1) * n];
             lambda.copy_from_slice(&self.linear[j * s..j * s + n]);
@@ -214,20 +214,20 @@ struct RowWeights<'a> {
 }
 
 impl<'a> RowWeights<'a> {
-    fn new(shape: OcpDims, weights: &'a [f64]) -> Self {
-        let (bounds, rest) = weights.split_at(shape.unknowns());
-        let (increments, general) = rest.split_at(shape.all_inputs());
+    fn new(dims: OcpDims, weights: &'a [f64]) -> Self {
+        let (bounds, rest) = weights.split_at(dims.unknowns());
+        let (increments, general) = rest.split_at(dims.all_inputs());
         Self { bounds, increments, general }
     }
 
     /// Adds the weights of the rows at stage `j` to the matrix of (`dx_j`, `du_j`).
     fn add_general(&self, qp: &Qp, j: usize, matrix: &mut [f64]) {
-        let shape = qp.shape;
-        if shape.rows() == 0 || !shape.constrained().contains(&j) {
+        let dims = qp.dims;
+        if dims.rows() == 0 || !dims.constrained().contains(&j) {
             return;
         }
-        let (n, s) = (shape.states, shape.states + shape.inputs);
-        for (at, weight) in self.general[shape.stage_rows(j)].iter().enumerate() {
+        let (n, s) = (dims.nx, dims.nx + dims.nu);
+        for (at, weight) in self.general[dims.stage_rows(j)].iter().enumerate() {
             let by_x = &qp.rows_x(j)[at * n..(at + 1) * n];
             let by_u = &qp.rows_u(j)[at * (s - n)..(at + 1) * (s - n)];
             let normal = |i: usize| if i < n { by_x[i] } else { by_u[i - n] };

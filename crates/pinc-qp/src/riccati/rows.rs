@@ -9,43 +9,43 @@ use crate::{Kind, Qp, Row};
 /// the general rows, one after the other.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Rows {
-    shape: OcpDims,
+    dims: OcpDims,
 }
 
 impl Rows {
-    pub(super) fn new(shape: OcpDims) -> Self {
-        Self { shape }
+    pub(super) fn new(dims: OcpDims) -> Self {
+        Self { dims }
     }
 
     pub(super) fn len(self) -> usize {
-        self.shape.unknowns() + self.shape.all_inputs() + self.shape.all_rows()
+        self.dims.unknowns() + self.dims.all_inputs() + self.dims.all_rows()
     }
 
     /// Splits a list of all rows into the three kinds.
     pub(super) fn split(self, list: &[f64]) -> (&[f64], &[f64], &[f64]) {
-        let (bounds, rest) = list.split_at(self.shape.unknowns());
-        let (increments, general) = rest.split_at(self.shape.all_inputs());
+        let (bounds, rest) = list.split_at(self.dims.unknowns());
+        let (increments, general) = rest.split_at(self.dims.all_inputs());
         (bounds, increments, general)
     }
 
     /// Writes C d.
     pub(super) fn values(self, qp: &Qp, d: &[f64], values: &mut [f64]) {
-        let shape = self.shape;
-        let (n, m) = (shape.states, shape.inputs);
-        let (bounds, rest) = values.split_at_mut(shape.unknowns());
-        let (increments, general) = rest.split_at_mut(shape.all_inputs());
+        let dims = self.dims;
+        let (n, m) = (dims.nx, dims.nu);
+        let (bounds, rest) = values.split_at_mut(dims.unknowns());
+        let (increments, general) = rest.split_at_mut(dims.all_inputs());
         bounds.copy_from_slice(d);
-        let inputs = &d[shape.all_states()..];
+        let inputs = &d[dims.all_states()..];
         increments.copy_from_slice(inputs);
         for (increment, before) in increments[m..].iter_mut().zip(inputs) {
             *increment -= before;
         }
-        if shape.rows() > 0 {
-            for j in shape.constrained() {
-                let (x, u) = (&d[shape.next_state(j - 1)], &d[shape.input(shape.acting(j))]);
+        if dims.rows() > 0 {
+            for j in dims.constrained() {
+                let (x, u) = (&d[dims.next_state(j - 1)], &d[dims.input(dims.acting(j))]);
                 let by_x = qp.rows_x(j).chunks_exact(n);
                 let by_u = qp.rows_u(j).chunks_exact(m);
-                let rows = general[shape.stage_rows(j)].iter_mut().zip(by_x.zip(by_u));
+                let rows = general[dims.stage_rows(j)].iter_mut().zip(by_x.zip(by_u));
                 for (value, (by_x, by_u)) in rows {
                     *value = dot(by_x, x) + dot(by_u, u);
                 }
@@ -55,26 +55,25 @@ impl Rows {
 
     /// sum += C' list
     pub(super) fn add_transposed(self, qp: &Qp, list: &[f64], sum: &mut [f64]) {
-        let shape = self.shape;
-        let (n, m) = (shape.states, shape.inputs);
+        let dims = self.dims;
+        let (n, m) = (dims.nx, dims.nu);
         let (bounds, increments, general) = self.split(list);
         for (sum, factor) in sum.iter_mut().zip(bounds) {
             *sum += factor;
         }
-        let inputs = &mut sum[shape.all_states()..];
+        let inputs = &mut sum[dims.all_states()..];
         for (sum, factor) in inputs.iter_mut().zip(increments) {
             *sum += factor;
         }
         for (sum, factor) in inputs.iter_mut().zip(&increments[m..]) {
             *sum -= factor;
         }
-        if shape.rows() > 0 {
-            for j in shape.constrained() {
-                let (state, input) = (shape.next_state(j - 1), shape.input(shape.acting(j)));
+        if dims.rows() > 0 {
+            for j in dims.constrained() {
+                let (state, input) = (dims.next_state(j - 1), dims.input(dims.acting(j)));
                 let by_x = qp.rows_x(j).chunks_exact(n);
                 let by_u = qp.rows_u(j).chunks_exact(m);
-                for (factor, (by_x, by_u)) in
-                    general[shape.stage_rows(j)].iter().zip(by_x.zip(by_u))
+                for (factor, (by_x, by_u)) in general[dims.stage_rows(j)].iter().zip(by_x.zip(by_u))
                 {
                     add_scaled(&mut sum[state.clone()], *factor, by_x);
                     add_scaled(&mut sum[input.clone()], *factor, by_u);
@@ -89,7 +88,7 @@ impl Rows {
     }
 
     pub(super) fn row(self, i: usize, upper: bool) -> Row {
-        let (bounds, increments) = (self.shape.unknowns(), self.shape.all_inputs());
+        let (bounds, increments) = (self.dims.unknowns(), self.dims.all_inputs());
         let (kind, index) = if i < bounds {
             (Kind::Bound, i)
         } else if i < bounds + increments {

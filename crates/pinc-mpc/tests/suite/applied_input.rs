@@ -1,0 +1,125 @@
+//! A controller that is told what the plant has been given.
+
+use crate::problems::{four_tanks, van_der_pol};
+use crate::support::{Linear, scalar_problem};
+use pinc_mpc::{ClosedLoop, Nmpc, NmpcProblem, Reference, SqpConfig, SqpStatus, Weights};
+use pinc_ode::{Dopri5, Model, Rk4};
+use pinc_plants::{FourTanks, VanDerPol};
+
+/// The tanks' levels at rest under (3, 3) V: from w3 = (1 - g2) k2 u2 and so on.
+fn at_rest() -> [f64; 4] {
+    let level = |flow: f64, outlet: f64| (flow / outlet).powi(2) / (2.0 * 981.0);
+    let (first, second) = (0.5 * 3.33 * 3.0, 0.5 * 3.35 * 3.0);
+    [
+        level(first + second, 0.071),
+        level(first + second, 0.057),
+        level(second, 0.071),
+        level(first, 0.057),
+    ]
+}
+
+/// The controller of the tanks with R = 100.
+fn reluctant() -> Nmpc {
+    let mut problem = four_tanks();
+    problem.weights = Weights::uniform(vec![10.0; 2], vec![100.0; 2]);
+    let model = Rk4::new(FourTanks::antonelo(), 10.0, 4);
+    Nmpc::new(problem, Box::new(model), SqpConfig::default()).unwrap()
+}
+
+#[test]
+fn a_plant_at_rest_is_left_at_rest() {
+    let x = at_rest();
+    let mut nmpc = reluctant();
+    nmpc.reset_to(&x, &[3.0, 3.0]).unwrap();
+    let step = nmpc.step(&x, &x[..2].repeat(5)).unwrap();
+    assert_eq!(step.status, SqpStatus::Converged);
+    assert!(step.u.iter().all(|u| (u - 3.0).abs() < 1e-7), "{:?}", step.u);
+    // From 0 V the same controller begins far below.
+    nmpc.reset();
+    let step = nmpc.step(&x, &x[..2].repeat(5)).unwrap();
+    assert!(step.u.iter().all(|u| *u < 2.0), "{:?}", step.u);
+}
+
+#[test]
+fn a_loop_begins_with_the_input_that_the_plant_has() {
+    let x = at_rest();
+    for delay in [0, 2] {
+        let mut nmpc = reluctant();
+        let problem = NmpcProblem { delay, ..nmpc.problem().clone() };
+        let model = Rk4::new(FourTanks::antonelo(), 10.0, 4);
+        nmpc = Nmpc::new(problem, Box::new(model), SqpConfig::default()).unwrap();
+        let reference = Reference::new(x[..2].repeat(10), 2).unwrap();
+        let plant = Dopri5::new(FourTanks::antonelo(), 1e-12);
+        let run = ClosedLoop::new(&mut nmpc, plant, reference, &x).unwrap();
+        let mut run = run.with_initial_input(&[3.0, 3.0]).unwrap();
+        run.run().unwrap();
+        for (found, expected) in run.state().iter().zip(x) {
+            assert!((found - expected).abs() < 1e-6, "delay {delay}: {found} {expected}");
+        }
+        assert!(run.with_initial_input(&[3.0]).is_err());
+    }
+}
+
+/// The first plan holds the input applied, also where the model has no value.
+#[test]
+fn without_a_model_the_applied_input_is_held() {
+    let mut nmpc = reluctant();
+    nmpc.reset_to(&at_rest(), &[3.0, 2.5]).unwrap();
+    assert_eq!(nmpc.plan().inputs(), [3.0, 2.5].repeat(5));
+    let step = nmpc.step_within(&[9.0; 4], &[9.0; 10], &mut || true).unwrap();
+    assert_eq!(step.u, [3.0, 2.5]);
+}
+
+/// min q (a x + b u - y)^2 + r (u - applied)^2
+#[test]
+fn the_input_that_was_applied_counts() {
+    let (a, b, q, r) = (1.3, 0.7, 2.0, 3.0);
+    let model = Box::new(Linear::scalar(a, b));
+    let mut nmpc = Nmpc::new(scalar_problem(1, 1), model, SqpConfig::default()).unwrap();
+    nmpc.step(&[2.0], &[-1.5]).unwrap();
+    nmpc.set_applied_input(&[0.8]).unwrap();
+    let u = nmpc.step(&[0.4], &[0.9]).unwrap().u[0];
+    let expected = (q * b * (0.9 - a * 0.4) + r * 0.8) / (q * b * b + r);
+    assert!((u - expected).abs() < 1e-9, "{u} {expected}");
+    assert!(nmpc.set_applied_input(&[f64::NAN]).is_err());
+    assert!(nmpc.set_applied_input(&[]).is_err());
+    assert!(nmpc.reset_to(&[f64::INFINITY], &[0.0]).is_err());
+}
+
+/// With a delay the input applied is the last of those under way: the state predicted is that of the
+/// plant.
+#[test]
+fn an_applied_input_is_under_way() {
+    let problem = NmpcProblem { delay: 1, ..scalar_problem(1, 1) };
+    let model = Linear::scalar(1.1, 0.5);
+    let mut delayed = Nmpc::new(problem, Box::new(model.clone()), SqpConfig::default()).unwrap();
+    delayed.step(&[1.0], &[0.3]).unwrap();
+    delayed.set_applied_input(&[-0.6]).unwrap();
+    let found = delayed.step(&[1.1], &[0.3]).unwrap().u[0];
+    let mut plain = Nmpc::new(scalar_problem(1, 1), Box::new(model), SqpConfig::default()).unwrap();
+    plain.set_applied_input(&[-0.6]).unwrap();
+    let expected = plain.step(&[1.1 * 1.1 - 0.5 * 0.6], &[0.3]).unwrap().u[0];
+    assert!((found - expected).abs() < 1e-9, "{found} {expected}");
+}
+
+/// In a real-time iteration the plan of rest is prepared before anything is measured, and an input
+/// that is set after that is counted from all the same.
+#[test]
+fn a_real_time_iteration_begins_where_the_plant_is() {
+    let model = Rk4::new(VanDerPol::default(), 0.5, 4);
+    let mut problem = van_der_pol();
+    problem.increment_bounds.low = vec![-0.1];
+    problem.increment_bounds.high = vec![0.1];
+    let config = SqpConfig { real_time: true, ..SqpConfig::default() };
+    let mut nmpc = Nmpc::new(problem, Box::new(model.clone()), config).unwrap();
+    nmpc.reset_to(&[0.5, 0.0], &[0.5]).unwrap();
+    nmpc.prepare();
+    // (0.5, 0) under u = 0.5 is a steady state.
+    let step = nmpc.step(&[0.5, 0.0], &[0.5, 0.0].repeat(5)).unwrap();
+    assert!((step.u[0] - 0.5).abs() < 1e-9, "{}", step.u[0]);
+    nmpc.prepare();
+    nmpc.set_applied_input(&[-0.3]).unwrap();
+    let step = nmpc.step(&[0.5, 0.0], &[0.5, 0.0].repeat(5)).unwrap();
+    assert!((step.u[0] + 0.2).abs() < 1e-9, "{}", step.u[0]);
+    assert_eq!(model.dims().nu, 1);
+}
