@@ -11,6 +11,8 @@ mod faulty;
 mod optimality;
 #[path = "../crates/pinc-mpc/tests/suite/problems.rs"]
 mod problems;
+#[path = "../crates/pinc-mpc/tests/suite/stream.rs"]
+mod stream;
 #[path = "../crates/pinc-mpc/tests/suite/survey.rs"]
 mod survey;
 
