@@ -18,6 +18,7 @@ fn equations(text: &str) -> Equations {
         parameters: Default::default(),
         intermediates: intermediates.map(|(n, e)| (n.trim().to_owned(), e.to_owned())).collect(),
         derivatives,
+        ..Equations::default()
     }
 }
 

@@ -74,6 +74,14 @@ pub enum ExpressionProblem {
         /// The states.
         known: Vec<String>,
     },
+    /// A parameter to vary that does not exist.
+    #[error("`{found}` is not a parameter; expected one of {}", known.join(", "))]
+    UnknownParameter {
+        /// The name.
+        found: String,
+        /// The parameters.
+        known: Vec<String>,
+    },
     /// A parameter that is NaN or infinite.
     #[error("{0} given, expected a finite number")]
     NotFinite(f64),
@@ -144,6 +152,7 @@ impl ExpressionProblem {
     pub fn misspelt(&self) -> Option<(&str, &[String])> {
         match self {
             Self::UnknownState { found, known }
+            | Self::UnknownParameter { found, known }
             | Self::UnknownName { found, known }
             | Self::UnknownFunction { found, known } => Some((found, known)),
             _ => None,

@@ -22,7 +22,7 @@ impl Number {
 /// How a value comes from up to two others, a and b.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(crate) enum Operation {
-    /// State or input, counted together, states first.
+    /// State, input or varying parameter, counted together in this order.
     Variable(usize),
     Constant(Number),
     Add,

@@ -1,5 +1,6 @@
 //! Plants whose equations are text.
 
+mod checks;
 mod error;
 mod graph;
 mod lexer;
@@ -13,7 +14,7 @@ use pinc_ad::Scalar;
 use pinc_ode::{Plant, Variable};
 use program::Program;
 use serde::{Deserialize, Serialize};
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 
 /// The equations of a plant as text, as they stand in a config file.
 ///
@@ -36,6 +37,7 @@ use std::collections::{BTreeMap, BTreeSet};
 ///         ("x2".to_owned(), "damping*x2 - x1 + u".to_owned()),
 ///     ]
 ///     .into(),
+///     ..Equations::default()
 /// };
 /// let plant = equations.compile()?;
 /// let mut dx = [0.0; 2];
@@ -43,7 +45,7 @@ use std::collections::{BTreeMap, BTreeSet};
 /// assert_eq!(dx, [1.0, -4.5]);
 /// # Ok::<(), pinc_expr::ExpressionError>(())
 /// ```
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Equations {
     /// The states, in order.
@@ -58,16 +60,77 @@ pub struct Equations {
     pub intermediates: BTreeMap<String, String>,
     /// The time derivative of each state, in its unit per second.
     pub derivatives: BTreeMap<String, String>,
+    /// The outputs, in the alphabetical order of their names; the states where there are none.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub outputs: BTreeMap<String, OutputExpression>,
+}
+
+/// An output as text.
+///
+/// In files it is a table `{ expression = "pA + pB", unit = "kPa" }`, or the expression alone where
+/// there is no unit.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(from = "OutputText", into = "OutputText")]
+pub struct OutputExpression {
+    /// The expression, of states, inputs, parameters and intermediates.
+    pub expression: String,
+    /// The unit; empty for a number without dimension.
+    pub unit: String,
+}
+
+/// The forms of an output in files.
+#[derive(Serialize, Deserialize)]
+#[serde(untagged, expecting = "an expression, or a table { expression, unit }")]
+enum OutputText {
+    Expression(String),
+    Table(OutputTable),
+}
+
+/// The long form in files.
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct OutputTable {
+    expression: String,
+    #[serde(default)]
+    unit: String,
+}
+
+impl From<OutputText> for OutputExpression {
+    fn from(text: OutputText) -> Self {
+        match text {
+            OutputText::Expression(expression) => Self { expression, unit: String::new() },
+            OutputText::Table(OutputTable { expression, unit }) => Self { expression, unit },
+        }
+    }
+}
+
+impl From<OutputExpression> for OutputText {
+    fn from(OutputExpression { expression, unit }: OutputExpression) -> Self {
+        if unit.is_empty() {
+            Self::Expression(expression)
+        } else {
+            Self::Table(OutputTable { expression, unit })
+        }
+    }
 }
 
 /// A plant compiled from [`Equations`].
 ///
 /// Its right-hand side is a list of steps, each a `match` and an operation on whole vectors, in which
-/// constants are folded and nothing is computed twice.
+/// constants are folded and nothing is computed twice; its outputs are another.
 #[derive(Clone, Debug)]
 pub struct ExpressionPlant {
     states: Vec<Variable>,
     inputs: Vec<Variable>,
+    parameters: Vec<Variable>,
+    rhs: Program,
+    outputs: Option<Outputs>,
+}
+
+/// Outputs that are not just the states.
+#[derive(Clone, Debug)]
+struct Outputs {
+    variables: Vec<Variable>,
     program: Program,
 }
 
@@ -80,142 +143,102 @@ impl Plant for ExpressionPlant {
         &self.inputs
     }
 
+    fn parameters(&self) -> &[Variable] {
+        &self.parameters
+    }
+
+    fn outputs(&self) -> &[Variable] {
+        self.outputs.as_ref().map_or(&self.states, |outputs| &outputs.variables)
+    }
+
     #[inline(always)]
-    fn rhs<S: Scalar>(&self, x: &[S], u: &[S], _p: &[S], dx: &mut [S]) {
-        self.program.run(x, u, dx);
+    fn rhs<S: Scalar>(&self, x: &[S], u: &[S], p: &[S], dx: &mut [S]) {
+        self.rhs.run(x, u, p, dx);
+    }
+
+    fn output<S: Scalar>(&self, x: &[S], u: &[S], p: &[S], y: &mut [S]) {
+        match &self.outputs {
+            Some(outputs) => outputs.program.run(x, u, p, y),
+            None => y.copy_from_slice(x),
+        }
     }
 }
 
 impl Equations {
-    /// The plant with these equations.
+    /// The plant with these equations, all parameters fixed.
     ///
     /// # Errors
     ///
     /// The first thing that is wrong with them.
     pub fn compile(&self) -> Result<ExpressionPlant, ExpressionError> {
+        self.compile_with(&[])
+    }
+
+    /// The plant with these equations, in which the parameters named in `varying` are the `p` of
+    /// f(x, u, p), in this order. The others are constants. [`Equations::parameters`] has the
+    /// nominal values.
+    ///
+    /// # Errors
+    ///
+    /// The first thing that is wrong with the equations, or a name that is not a parameter's or given
+    /// twice.
+    pub fn compile_with(&self, varying: &[&str]) -> Result<ExpressionPlant, ExpressionError> {
         self.check_names()?;
         self.check_states_have_derivatives()?;
+        self.check_varying(varying)?;
         let order = self.order()?;
 
         let mut graph = Graph::default();
         let mut scope: BTreeMap<&str, Value> = BTreeMap::new();
-        for (i, variable) in self.states.iter().chain(&self.inputs).enumerate() {
-            scope.insert(&variable.name, graph.variable(i));
-        }
         for (name, &value) in &self.parameters {
             scope.insert(name, graph.constant(value));
+        }
+        let listed = self.states.iter().chain(&self.inputs).map(|variable| &*variable.name);
+        let variables: Vec<&str> = listed.chain(varying.iter().copied()).collect();
+        for (i, name) in variables.iter().enumerate() {
+            scope.insert(name, graph.variable(i));
         }
         for name in order {
             let text = &self.intermediates[name];
             let value = parser::parse(&format!("let.{name}"), text, &scope, &mut graph)?;
             scope.insert(name, value);
         }
-        let derivative = |state: &Variable| {
+        let mut parse = |key: &str, text: &str| parser::parse(key, text, &scope, &mut graph);
+        let mut derivatives = Vec::new();
+        for state in &self.states {
             let name = state.name.as_ref();
-            let key = format!("derivatives.{name}");
-            parser::parse(&key, &self.derivatives[name], &scope, &mut graph)
-        };
-        let outputs = self.states.iter().map(derivative).collect::<Result<Vec<_>, _>>()?;
+            derivatives.push(parse(&format!("derivatives.{name}"), &self.derivatives[name])?);
+        }
+        let mut outputs = Vec::new();
+        for (name, output) in &self.outputs {
+            outputs.push(parse(&format!("outputs.{name}"), &output.expression)?);
+        }
         self.check_parameters_are_used()?;
 
-        let variables = self.states.len() + self.inputs.len();
-        let program = Program::new(&graph, variables, &outputs)
-            .map_err(|problem| problem.at("derivatives"))?;
-        Ok(ExpressionPlant { states: self.states.clone(), inputs: self.inputs.clone(), program })
-    }
-
-    fn check_names(&self) -> Result<(), ExpressionError> {
-        let mut taken: BTreeMap<&str, String> = BTreeMap::new();
-        let listed = |field: &'static str, variables: &[Variable]| {
-            let keys = variables.iter().enumerate();
-            keys.map(|(i, v)| (v.name.to_string(), format!("{field}[{i}]"))).collect::<Vec<_>>()
+        let program = |values: &[Value], key: &str| {
+            Program::new(&graph, variables.len(), values).map_err(|problem| problem.at(key))
         };
-        let (states, inputs) = (listed("states", &self.states), listed("inputs", &self.inputs));
-        let parameters = self.parameters.keys().map(|n| (n.clone(), format!("parameters.{n}")));
-        let intermediates = self.intermediates.keys().map(|n| (n.clone(), format!("let.{n}")));
-        let all: Vec<_> =
-            states.into_iter().chain(inputs).chain(parameters).chain(intermediates).collect();
-        for (name, key) in &all {
-            if !lexer::is_valid_name(name) {
-                return Err(ExpressionProblem::Name(name.clone()).at(key));
+        let outputs = match &outputs[..] {
+            [] => None,
+            values => {
+                let variables = self.output_variables();
+                Some(Outputs { variables, program: program(values, "outputs")? })
             }
-            if let Some(meaning) = parser::reserved(name) {
-                return Err(ExpressionProblem::Reserved { name: name.clone(), meaning }.at(key));
-            }
-            if let Some(first) = taken.insert(name, key.clone()) {
-                return Err(ExpressionProblem::Duplicate { name: name.clone(), first }.at(key));
-            }
-        }
-        for (name, &value) in &self.parameters {
-            if !value.is_finite() {
-                return Err(ExpressionProblem::NotFinite(value).at(format!("parameters.{name}")));
-            }
-        }
-        Ok(())
-    }
-
-    fn check_states_have_derivatives(&self) -> Result<(), ExpressionError> {
-        for (field, variables) in [("states", &self.states), ("inputs", &self.inputs)] {
-            if variables.is_empty() {
-                return Err(ExpressionProblem::Empty.at(field));
-            }
-        }
-        let known: Vec<_> = self.states.iter().map(|state| state.name.to_string()).collect();
-        if let Some(name) = self.derivatives.keys().find(|name| !known.contains(name)) {
-            let problem = ExpressionProblem::UnknownState { found: name.clone(), known };
-            return Err(problem.at(format!("derivatives.{name}")));
-        }
-        match known.into_iter().find(|name| !self.derivatives.contains_key(name)) {
-            Some(name) => {
-                let key = format!("derivatives.{name}");
-                Err(ExpressionProblem::MissingDerivative(name).at(key))
-            }
-            None => Ok(()),
-        }
-    }
-
-    fn check_parameters_are_used(&self) -> Result<(), ExpressionError> {
-        let texts = self.derivatives.values().chain(self.intermediates.values());
-        let used: BTreeSet<_> = texts.flat_map(|text| parser::names(text)).collect();
-        match self.parameters.keys().find(|name| !used.contains(name.as_str())) {
-            Some(name) => Err(ExpressionProblem::UnusedParameter.at(format!("parameters.{name}"))),
-            None => Ok(()),
-        }
-    }
-
-    /// The intermediate expressions in an order in which each comes after those that it needs: a
-    /// depth-first search, on a list and not by recursion, so that none is too long.
-    fn order(&self) -> Result<Vec<&str>, ExpressionError> {
-        let needs = |name: &str| {
-            let names = parser::names(&self.intermediates[name]);
-            names.filter_map(|name| self.intermediates.get_key_value(name))
         };
-        let mut order = Vec::new();
-        let mut done = BTreeSet::new();
-        for start in self.intermediates.keys() {
-            if done.contains(start) {
-                continue;
-            }
-            let mut path = vec![(start, needs(start))];
-            while let Some((name, needed)) = path.last_mut() {
-                match needed.find(|(next, _)| !done.contains(next)) {
-                    Some((next, _)) => {
-                        if let Some(first) = path.iter().position(|(name, _)| *name == next) {
-                            let mut cycle: Vec<_> =
-                                path[first..].iter().map(|(name, _)| (*name).clone()).collect();
-                            cycle.push(next.clone());
-                            return Err(ExpressionProblem::Cycle(cycle).at(format!("let.{next}")));
-                        }
-                        path.push((next, needs(next)));
-                    }
-                    None => {
-                        order.push(name.as_str());
-                        done.insert(*name);
-                        path.pop();
-                    }
-                }
-            }
-        }
-        Ok(order)
+        Ok(ExpressionPlant {
+            states: self.states.clone(),
+            inputs: self.inputs.clone(),
+            parameters: varying.iter().map(|&name| variable(name, "")).collect(),
+            rhs: program(&derivatives, "derivatives")?,
+            outputs,
+        })
     }
+
+    fn output_variables(&self) -> Vec<Variable> {
+        self.outputs.iter().map(|(name, output)| variable(name, &output.unit)).collect()
+    }
+}
+
+fn variable(name: &str, unit: &str) -> Variable {
+    Variable { name: name.to_owned().into(), unit: unit.to_owned().into() }
 }

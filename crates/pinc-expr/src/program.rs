@@ -17,26 +17,26 @@ struct Step {
     to: u8,
 }
 
-/// dx = f(x, u), computed step by step.
+/// dx = f(x, u, p) or y = h(x, u, p), computed step by step.
 ///
-/// The registers begin with the states and inputs. A register is taken again once its value has been
+/// The registers begin with the states, inputs and parameters. A register is taken again once its value has been
 /// used for the last time, so that few are needed.
 #[derive(Clone, Debug)]
 pub(crate) struct Program {
     steps: Vec<Step>,
-    /// The register of each state's derivative.
-    outputs: Vec<u8>,
+    /// The register of each result.
+    results: Vec<u8>,
     registers: usize,
 }
 
 impl Program {
-    /// The steps that lead from `variables` states and inputs to `outputs`.
+    /// The steps that lead from the first `variables` registers to `results`.
     pub(crate) fn new(
         graph: &Graph,
         variables: usize,
-        outputs: &[Value],
+        results: &[Value],
     ) -> Result<Self, ExpressionProblem> {
-        let last_use = last_uses(graph, outputs);
+        let last_use = last_uses(graph, results);
         let mut registers = Registers::new(variables);
         let mut place = vec![0; graph.nodes.len()];
         let mut steps = Vec::new();
@@ -66,35 +66,35 @@ impl Program {
             Ok(Step { operation, a: narrow(a)?, b: narrow(b)?, to: narrow(to)? })
         });
         let steps = steps.collect::<Result<_, _>>()?;
-        let outputs = outputs.iter().map(|output| narrow(place[output.0]));
-        let outputs = outputs.collect::<Result<_, _>>()?;
+        let results = results.iter().map(|result| narrow(place[result.0]));
+        let results = results.collect::<Result<_, _>>()?;
         narrow(needed.saturating_sub(1))?;
-        Ok(Self { steps, outputs, registers: needed })
+        Ok(Self { steps, results, registers: needed })
     }
 
-    /// Writes the derivatives of the states into `dx`.
+    /// Writes the results into `to`.
     ///
     /// The steps are compiled once per kind of number and number of registers, for the instruction set
     /// that the number stands for.
     #[inline(always)]
-    pub(crate) fn run<S: Scalar>(&self, x: &[S], u: &[S], dx: &mut [S]) {
+    pub(crate) fn run<S: Scalar>(&self, x: &[S], u: &[S], p: &[S], to: &mut [S]) {
         let Some(&first) = x.first() else { return };
         match self.registers {
-            0..=8 => first.vectorize(Run::<S, 8> { program: self, x, u, dx }),
-            9..=16 => first.vectorize(Run::<S, 16> { program: self, x, u, dx }),
-            17..=64 => first.vectorize(Run::<S, 64> { program: self, x, u, dx }),
-            _ => first.vectorize(Run::<S, MOST_REGISTERS> { program: self, x, u, dx }),
+            0..=8 => first.vectorize(Run::<S, 8> { program: self, x, u, p, to }),
+            9..=16 => first.vectorize(Run::<S, 16> { program: self, x, u, p, to }),
+            17..=64 => first.vectorize(Run::<S, 64> { program: self, x, u, p, to }),
+            _ => first.vectorize(Run::<S, MOST_REGISTERS> { program: self, x, u, p, to }),
         }
     }
 }
 
-/// For each value the last one that is made of it, its own place if it is an output; `None` for values
-/// that no output needs.
-fn last_uses(graph: &Graph, outputs: &[Value]) -> Vec<Option<usize>> {
+/// For each value the last one that is made of it, `usize::MAX` if it is a result;
+/// `None` for values that no result needs.
+fn last_uses(graph: &Graph, results: &[Value]) -> Vec<Option<usize>> {
     let mut last_use = vec![None; graph.nodes.len()];
-    for output in outputs {
+    for result in results {
         // No node has this place, so the register is never free again.
-        last_use[output.0] = Some(usize::MAX);
+        last_use[result.0] = Some(usize::MAX);
     }
     for (i, node) in graph.nodes.iter().enumerate().rev() {
         if last_use[i].is_some() {
@@ -134,7 +134,8 @@ struct Run<'a, S, const R: usize> {
     program: &'a Program,
     x: &'a [S],
     u: &'a [S],
-    dx: &'a mut [S],
+    p: &'a [S],
+    to: &'a mut [S],
 }
 
 impl<S: Scalar, const R: usize> Work for Run<'_, S, R> {
@@ -145,15 +146,17 @@ impl<S: Scalar, const R: usize> Work for Run<'_, S, R> {
         let mut registers = [self.x[0]; R];
         let (states, rest) = registers.split_at_mut(self.x.len());
         states.copy_from_slice(self.x);
-        rest[..self.u.len()].copy_from_slice(self.u);
+        let (inputs, rest) = rest.split_at_mut(self.u.len());
+        inputs.copy_from_slice(self.u);
+        rest[..self.p.len()].copy_from_slice(self.p);
         for step in &self.program.steps {
             // The remainder spares the check of the index.
             let (a, b) = (usize::from(step.a) % R, usize::from(step.b) % R);
             let value = apply(step.operation, &registers[a], &registers[b]);
             registers[usize::from(step.to) % R] = value;
         }
-        for (dx, &register) in self.dx.iter_mut().zip(&self.program.outputs) {
-            *dx = registers[usize::from(register) % R];
+        for (to, &register) in self.to.iter_mut().zip(&self.program.results) {
+            *to = registers[usize::from(register) % R];
         }
     }
 }

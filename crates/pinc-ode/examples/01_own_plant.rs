@@ -44,6 +44,7 @@ fn equations() -> Equations {
         parameters: [("g".to_owned(), 9.81), ("d".to_owned(), 0.1)].into(),
         intermediates: [text("weight", "g*sin(angle)")].into(),
         derivatives: [text("angle", "rate"), text("rate", "torque - weight - d*rate")].into(),
+        ..Equations::default()
     }
 }
 

@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 const STAGES: usize = 7;
 
-/// Steps tried in one call before it is given up. A right-hand side that chatters about a jump
+/// Steps tried in one call before the integrator gives up. A right-hand side that chatters about a jump
 /// asks for steps of the size of the tolerance: without a limit they would go on for days.
 const MAX_STEPS: u32 = 1_000_000;
 
@@ -39,11 +39,13 @@ const ERROR: [f64; STAGES] = [
 /// `tolerance * (1 + |x_i|)`. To know the solution at several times, integrate from one to the
 /// next: every one is hit by a step, so no interpolation error is added.
 ///
-/// Suited to non-stiff and mildly stiff equations. Memory: nine vectors of `n`; `integrate` allocates
+/// Suited to non-stiff and mildly stiff equations. Memory: eight vectors of `nx`; `integrate` allocates
 /// nothing.
 #[derive(Clone, Debug)]
 pub struct Dopri5 {
     plant: Arc<dyn DynRhs>,
+    dims: Dims,
+    p: Vec<f64>,
     tolerance: f64,
     step: Option<f64>,
     rhs_calls: u64,
@@ -70,15 +72,28 @@ impl Dopri5 {
     #[must_use]
     pub fn shared(plant: Arc<dyn DynRhs>, tolerance: f64) -> Self {
         assert!(tolerance > 0.0, "the tolerance must be positive");
-        let n = vec![0.0; plant.dims().nx];
-        let k = std::array::from_fn(|_| n.clone());
-        Self { plant, tolerance, step: None, rhs_calls: 0, k, stage: n }
+        let dims = plant.dims();
+        let stage = vec![0.0; dims.nx];
+        let k = std::array::from_fn(|_| stage.clone());
+        Self { plant, dims, p: Vec::new(), tolerance, step: None, rhs_calls: 0, k, stage }
     }
 
-    /// The plant's numbers of states and inputs.
+    /// The plant's sizes.
     #[must_use]
     pub fn dims(&self) -> Dims {
-        self.plant.dims()
+        self.dims
+    }
+
+    /// Integrates with the parameters `p` (shape `np`) from now on. A plant with parameters needs them
+    /// before the first call of [`Dopri5::integrate`].
+    ///
+    /// # Panics
+    ///
+    /// If `p` is not of this length.
+    pub fn set_parameters(&mut self, p: &[f64]) {
+        assert_eq!(p.len(), self.dims.np, "length of p");
+        self.p.clear();
+        self.p.extend_from_slice(p);
     }
 
     /// How many times the right-hand side has been evaluated.
@@ -87,29 +102,33 @@ impl Dopri5 {
         self.rhs_calls
     }
 
-    /// Advances `x` (shape `n`) by `duration` seconds under the constant input `u` (shape `m`). A
+    /// Advances `x` (shape `nx`) by `duration` seconds under the constant input `u` (shape `nu`). A
     /// duration of 0 leaves `x` as it is.
     ///
     /// # Errors
     ///
-    /// [`OdeError::NotFinite`], or [`OdeError::StepTooSmall`], which is also what a million steps
-    /// that do not suffice give; `x` is then where it broke off.
+    /// [`OdeError::NotFinite`], or [`OdeError::StepTooSmall`], also if a million steps do not
+    /// suffice; `x` is then the last state reached.
     ///
     /// # Panics
     ///
-    /// If `duration` is negative or not finite.
+    /// If `x` or `u` is of another length, `duration` is negative or not finite, or the plant has
+    /// parameters and none are set.
     pub fn integrate(&mut self, x: &mut [f64], u: &[f64], duration: f64) -> Result<(), OdeError> {
         assert!(
             duration >= 0.0 && duration.is_finite(),
             "the duration must be finite and not negative"
         );
+        assert_eq!(x.len(), self.dims.nx, "length of x");
+        assert_eq!(u.len(), self.dims.nu, "length of u");
+        assert_eq!(self.p.len(), self.dims.np, "parameters are set before the integration");
         if duration == 0.0 {
             // There is no step size to learn from it, and 0 would be one that never grows.
             return Ok(());
         }
         let mut t = 0.0;
         let mut step = self.step.unwrap_or(duration / 16.0).min(duration);
-        self.plant.rhs(x, u, &[], &mut self.k[0]);
+        self.plant.rhs(x, u, &self.p, &mut self.k[0]);
         self.rhs_calls += 1;
         let mut tries = 0;
         while t < duration {
@@ -152,7 +171,7 @@ impl Dopri5 {
                 let slope: f64 = row.iter().zip(known.iter()).map(|(a, k)| a * k[i]).sum();
                 *stage = x[i] + h * slope;
             }
-            self.plant.rhs(&self.stage, u, &[], &mut rest[0]);
+            self.plant.rhs(&self.stage, u, &self.p, &mut rest[0]);
         }
         self.rhs_calls += STAGES as u64 - 1;
         let mut worst = 0.0;

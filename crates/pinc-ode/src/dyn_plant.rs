@@ -30,12 +30,18 @@ pub trait DynRhs: Debug + Send + Sync {
     /// The parameters that may change from call to call, in order.
     fn parameters(&self) -> &[Variable];
 
+    /// The outputs, in order.
+    fn outputs(&self) -> &[Variable];
+
     /// Writes f(x, u, p) into `dx`.
     ///
     /// # Shapes
     ///
     /// `x`, `dx`: `nx`; `u`: `nu`; `p`: `np`.
     fn rhs(&self, x: &[f64], u: &[f64], p: &[f64], dx: &mut [f64]);
+
+    /// Writes h(x, u, p) into `y` (`ny`).
+    fn output(&self, x: &[f64], u: &[f64], p: &[f64], y: &mut [f64]);
 
     /// df/d(x, u, p), shape `[nx, nx + nu + np]`, row by row.
     fn jacobian(&self, x: &[f64], u: &[f64], p: &[f64]) -> Vec<f64>;
@@ -64,8 +70,16 @@ impl<P: Plant> DynRhs for P {
         Plant::parameters(self)
     }
 
+    fn outputs(&self) -> &[Variable] {
+        Plant::outputs(self)
+    }
+
     fn rhs(&self, x: &[f64], u: &[f64], p: &[f64], dx: &mut [f64]) {
         Plant::rhs(self, x, u, p, dx);
+    }
+
+    fn output(&self, x: &[f64], u: &[f64], p: &[f64], y: &mut [f64]) {
+        Plant::output(self, x, u, p, y);
     }
 
     fn jacobian(&self, x: &[f64], u: &[f64], p: &[f64]) -> Vec<f64> {

@@ -17,7 +17,7 @@
 //! Dopri5::new(plant, 1e-12).integrate(&mut truth, &[0.5], 0.5)?;
 //!
 //! let mut next = [0.0; 2];
-//! Rk4::new(plant, 0.5, 4).step(&[1.0, 0.0], &[], &[0.5], &mut next);
+//! Rk4::new(plant, 0.5, 4).step(&[1.0, 0.0], &[0.5], &[], &mut next);
 //! assert!((next[0] - truth[0]).abs() < 1e-5);
 //! # Ok::<(), pinc_ode::OdeError>(())
 //! ```
@@ -27,8 +27,10 @@ mod dyn_plant;
 mod error;
 pub mod metrics;
 mod model;
+mod output;
 mod piecewise_constant;
 mod plant;
+mod points;
 mod rodas4;
 mod runge_kutta;
 mod trajectory;

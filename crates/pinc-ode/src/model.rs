@@ -138,6 +138,34 @@ pub struct OutputLinearization<'a> {
     pub e: &'a mut [f64],
 }
 
+impl OutputLinearization<'_> {
+    /// Where the results of point `k` go.
+    pub fn point(&mut self, k: usize, dims: Dims) -> OutputLinearization<'_> {
+        let Dims { nx, nu, np, ny } = dims;
+        let part = |width: usize| k * width..(k + 1) * width;
+        let e = if self.e.is_empty() { 0..0 } else { part(ny * np) };
+        OutputLinearization {
+            y: &mut self.y[part(ny)],
+            c: &mut self.c[part(ny * nx)],
+            d: &mut self.d[part(ny * nu)],
+            e: &mut self.e[e],
+        }
+    }
+
+    /// Checks the lengths for `points` points of a model of dimensions `dims`.
+    ///
+    /// # Panics
+    ///
+    /// If one is wrong.
+    pub fn check(&self, points: usize, dims: Dims) {
+        assert!(self.y.len() == points * dims.ny, "length of y");
+        assert!(self.c.len() == points * dims.ny * dims.nx, "length of c");
+        assert!(self.d.len() == points * dims.ny * dims.nu, "length of d");
+        let e = points * dims.ny * dims.np;
+        assert!(self.e.is_empty() || self.e.len() == e, "length of e");
+    }
+}
+
 /// Numbers for a [`Linearization`] at some points.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LinearizationBuffer {
@@ -216,7 +244,7 @@ pub trait Model: Debug + Send {
     /// `x`, `next`: `nx`; `u`: `nu`; `p`: `np`.
     fn step(&mut self, x: &[f64], u: &[f64], p: &[f64], next: &mut [f64]);
 
-    /// Linearises F at some points; none are allowed. The results at a point do not depend on the other
+    /// Linearises F at some points, which may be none. The results at a point do not depend on the other
     /// points but for rounding, and the values may differ from those of [`Model::step`] by rounding.
     fn linearize(&mut self, at: Stages<'_>, out: Linearization<'_>);
 
@@ -233,6 +261,7 @@ pub trait Model: Debug + Send {
     /// Linearises h at some points; by default y = x, dh/dx = I.
     fn linearize_output(&mut self, at: Stages<'_>, out: OutputLinearization<'_>) {
         let nx = self.dims().nx;
+        out.check(at.count(self.dims()), self.dims());
         out.y.copy_from_slice(at.x);
         out.c.fill(0.0);
         for c in out.c.chunks_exact_mut(nx * nx) {

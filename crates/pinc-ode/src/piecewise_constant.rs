@@ -44,12 +44,16 @@ impl PiecewiseConstant {
         self.values[0].len()
     }
 
-    /// The value at `t` seconds. A time that is a start time but for rounding (a relative 1e-9)
-    /// counts as one, so that `at(k as f64 * step)` is what one expects.
+    /// The value at `t` seconds. A time that differs from a later start time only by rounding counts
+    /// as that start, so that `at(k as f64 * step)` is what one expects. "Only by rounding" means by a
+    /// relative 1e-11, and by no more than a thousandth of the interval before the start.
     #[must_use]
     pub fn at(&self, t: f64) -> &[f64] {
-        let slack = 1e-9 * t.abs();
-        let index = self.starts_s.partition_point(|&start| start <= t + slack);
-        &self.values[index.saturating_sub(1)]
+        let next = self.starts_s.partition_point(|&start| start <= t);
+        let current = next.saturating_sub(1);
+        let (before, start) = (self.starts_s[current], self.starts_s.get(next));
+        let is_start = |start: f64| start - t <= (1e-11 * start).min(1e-3 * (start - before));
+        let reached = start.is_some_and(|&start| next > 0 && is_start(start));
+        &self.values[if reached { next } else { current }]
     }
 }

@@ -4,7 +4,7 @@ use crate::{Dims, Variable};
 use pinc_ad::Scalar;
 use std::fmt::Debug;
 
-/// A controlled plant x' = f(x, u), time-invariant, with `n` states and `m` inputs.
+/// A controlled plant x' = f(x, u, p), time-invariant, with outputs y = h(x, u, p).
 ///
 /// The equation is written once, over [`Scalar`], and evaluated on `f64`, dual numbers, a tape and
 /// SIMD lanes. Mark [`Plant::rhs`] `#[inline(always)]`: it becomes part of a SIMD
@@ -39,16 +39,21 @@ use std::fmt::Debug;
 /// assert_eq!(Spring.dims().nx, 2);
 /// ```
 pub trait Plant: Clone + Debug + Send + Sync + 'static {
-    /// The states, in order; their number is `n`.
+    /// The states, in order; their number is `nx`.
     fn states(&self) -> &[Variable];
 
-    /// The inputs, in order; their number is `m`.
+    /// The inputs, in order; their number is `nu`.
     fn inputs(&self) -> &[Variable];
 
     /// The parameters that may change from call to call, in order: those that an estimator or a family of
     /// plants varies. Fixed numbers of an equation are fields of its type.
     fn parameters(&self) -> &[Variable] {
         &[]
+    }
+
+    /// The outputs, in order; the states by default.
+    fn outputs(&self) -> &[Variable] {
+        self.states()
     }
 
     /// Writes f(x, u, p) into `dx`.
@@ -58,8 +63,20 @@ pub trait Plant: Clone + Debug + Send + Sync + 'static {
     /// `x` and `dx`: `nx`, in [`Plant::states`]' units and units per second; `u`: `nu`; `p`: `np`.
     fn rhs<S: Scalar>(&self, x: &[S], u: &[S], p: &[S], dx: &mut [S]);
 
-    /// The numbers of states, inputs and parameters.
+    /// Writes the outputs h(x, u, p) into `y`; by default a copy of the states.
+    ///
+    /// # Shapes
+    ///
+    /// `x`: `nx`; `u`: `nu`; `p`: `np`; `y`: `ny`, in the units of [`Plant::outputs`].
+    fn output<S: Scalar>(&self, x: &[S], u: &[S], p: &[S], y: &mut [S]) {
+        let _ = (u, p);
+        y.copy_from_slice(x);
+    }
+
+    /// The numbers of states, inputs, parameters and outputs.
     fn dims(&self) -> Dims {
-        Dims::new(self.states().len(), self.inputs().len()).with_parameters(self.parameters().len())
+        Dims::new(self.states().len(), self.inputs().len())
+            .with_parameters(self.parameters().len())
+            .with_outputs(self.outputs().len())
     }
 }

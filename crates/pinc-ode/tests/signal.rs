@@ -44,6 +44,20 @@ fn just_before_a_start_is_before_it() {
     }
 }
 
+/// Steps of 1 ms stay apart after 1e7 s, where a double is exact to 2 ns; so does a start by itself.
+#[test]
+fn short_steps_late_are_told_apart() {
+    let late = 1e7;
+    let starts = [0.0].into_iter().chain((0..100).map(|k| late + level(k) * 1e-3)).collect();
+    let signal = staircase(starts);
+    assert_level(&signal, late - 1e-3, 0);
+    for k in 0..100 {
+        assert_level(&signal, late + level(k) * 1e-3, k + 1);
+        assert_level(&signal, late + (level(k) + 0.99) * 1e-3, k + 1);
+    }
+    assert_level(&signal, late + (0.1 + 0.2) * 1e-3 * 10.0, 4);
+}
+
 #[test]
 fn first_and_last_values_go_on() {
     let signal = staircase(vec![0.0, 2.0]);

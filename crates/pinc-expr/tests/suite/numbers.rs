@@ -32,6 +32,7 @@ fn van_der_pol() -> ExpressionPlant {
         parameters: numbers(&[("mu", 1.3)]),
         intermediates: texts(&[]),
         derivatives: texts(&[("x1", "x2"), ("x2", "mu*(1 - x1^2)*x2 - x1 + u")]),
+        ..Equations::default()
     };
     equations.compile().expect("valid equations")
 }
@@ -64,6 +65,7 @@ fn four_tanks() -> ExpressionPlant {
             ("h3", "((1 - gamma2)*k2*u2 - w3)/A13"),
             ("h4", "((1 - gamma1)*k1*u1 - w4)/A24"),
         ]),
+        ..Equations::default()
     };
     equations.compile().expect("valid equations")
 }
@@ -224,6 +226,7 @@ fn plant_of(e: &Expr) -> ExpressionPlant {
         parameters: numbers(&[]),
         intermediates: texts(&[("e", &text(e))]),
         derivatives: texts(&[("x", &text(e)), ("y", "e")]),
+        ..Equations::default()
     };
     equations.compile().unwrap_or_else(|error| panic!("{error}"))
 }

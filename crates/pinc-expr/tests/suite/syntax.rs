@@ -12,6 +12,7 @@ fn equations(text: &str) -> Equations {
         // So that no parameter is unused.
         intermediates: [("sum".to_owned(), "a + b".to_owned())].into(),
         derivatives: [("x".to_owned(), text.to_owned())].into(),
+        ..Equations::default()
     }
 }
 

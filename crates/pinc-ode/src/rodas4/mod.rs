@@ -3,7 +3,9 @@
 mod lu;
 mod stages;
 
-use crate::{Dims, Linearization, Model, Plant, Stages};
+use crate::output::OutputWorkspace;
+use crate::points::Points;
+use crate::{Dims, Linearization, Model, OutputLinearization, Plant, Stages};
 use pinc_ad::Dual;
 use pinc_ad::simd::{Isa, Simd, Task};
 use stages::Workspace;
@@ -14,8 +16,8 @@ const DIRECTIONS: usize = 8;
 /// The Rosenbrock method RODAS with a fixed number of substeps h = T / substeps, as a [`Model`]:
 ///
 /// ```text
-/// (I / (h gamma) - J) k_i = f(y_i, u) + sum_(j<i) c_ij k_j / h,    y_i = x + sum_(j<i) a_ij k_j,    i = 1 .. 6
-/// x+ = y_6 + k_6,    J = df/dx(x, u),    gamma = 1/4
+/// (I / (h gamma) - J) k_i = f(y_i, u, p) + sum_(j<i) c_ij k_j / h,    y_i = x + sum_(j<i) a_ij k_j,    i = 1 .. 6
+/// x+ = y_6 + k_6,    J = df/dx(x, u, p),    gamma = 1/4
 /// ```
 ///
 /// Each substep solves six linear systems with one matrix, where an implicit method would iterate on a nonlinear one. It is L-stable:
@@ -34,6 +36,7 @@ pub struct Rodas4<P> {
     isa: Isa,
     value: Workspace<f64>,
     tangent: Workspace<Dual<f64, DIRECTIONS>>,
+    outputs: OutputWorkspace,
 }
 
 impl<P: Plant> Rodas4<P> {
@@ -49,7 +52,8 @@ impl<P: Plant> Rodas4<P> {
         let dims = plant.dims();
         let value = Workspace::new(dims, 0.0);
         let tangent = Workspace::new(dims, Dual::lift(0.0));
-        Self { plant, dims, sample_time_s, substeps, isa: Isa::detect(), value, tangent }
+        let (isa, outputs) = (Isa::detect(), OutputWorkspace::new(dims));
+        Self { plant, dims, sample_time_s, substeps, isa, value, tangent, outputs }
     }
 
     /// The number of substeps a step is divided into.
@@ -93,11 +97,12 @@ impl<P: Plant> Model for Rodas4<P> {
         self.sample_time_s
     }
 
-    fn step(&mut self, x: &[f64], u: &[f64], _p: &[f64], next: &mut [f64]) {
+    fn step(&mut self, x: &[f64], u: &[f64], p: &[f64], next: &mut [f64]) {
         let h = self.h();
         let Self { plant, substeps, isa, value: work, .. } = self;
         work.x.copy_from_slice(x);
         work.u.copy_from_slice(u);
+        work.p.copy_from_slice(p);
         isa.dispatch(Step { plant, h, substeps: *substeps, work });
         next.copy_from_slice(&work.x);
     }
@@ -105,40 +110,39 @@ impl<P: Plant> Model for Rodas4<P> {
     fn linearize(&mut self, at: Stages<'_>, out: Linearization<'_>) {
         let count = at.count(self.dims);
         out.check(count, self.dims);
-        let Dims { nx: n, nu: m, .. } = self.dims;
-        let points = at.x.chunks_exact(n).zip(at.u.chunks_exact(m));
-        let values = out.next.chunks_exact_mut(n);
-        let jacobians = out.a.chunks_exact_mut(n * n).zip(out.b.chunks_exact_mut(n * m));
-        for (((x, u), next), (a, b)) in points.zip(values).zip(jacobians) {
-            self.linearize_point((x, u), next, a, b);
+        let mut points = Points { at, out };
+        for _ in 0..count {
+            let (point, rest) = points.split(self.dims, 1);
+            points = rest;
+            self.linearize_point(point);
         }
+    }
+
+    fn output(&mut self, x: &[f64], u: &[f64], p: &[f64], y: &mut [f64]) {
+        self.plant.output(x, u, p, y);
+    }
+
+    fn linearize_output(&mut self, at: Stages<'_>, out: OutputLinearization<'_>) {
+        self.outputs.linearize(&self.plant, at, out);
     }
 }
 
 impl<P: Plant> Rodas4<P> {
-    fn linearize_point(
-        &mut self,
-        (x, u): (&[f64], &[f64]),
-        next: &mut [f64],
-        a: &mut [f64],
-        b: &mut [f64],
-    ) {
-        let (h, Dims { nx: n, nu: m, .. }) = (self.h(), self.dims);
+    fn linearize_point(&mut self, mut point: Points<'_>) {
+        let (h, dims) = (self.h(), self.dims);
         let Self { plant, substeps, isa, tangent: work, .. } = self;
-        for first in (0..n + m).step_by(DIRECTIONS) {
-            let variables = work.x.iter_mut().chain(&mut work.u);
-            for (j, (to, &value)) in variables.zip(x.iter().chain(u)).enumerate() {
+        let (at, columns) = (point.at, point.columns(dims));
+        for first in (0..columns).step_by(DIRECTIONS) {
+            let variables = work.x.iter_mut().chain(&mut work.u).chain(&mut work.p);
+            let values = at.x.iter().chain(at.u).chain(at.p);
+            for (j, (to, &value)) in variables.zip(values).enumerate() {
                 *to = Dual::variable(value, j.checked_sub(first).unwrap_or(DIRECTIONS));
             }
             isa.dispatch(Step { plant, h, substeps: *substeps, work });
             for (i, result) in work.x.iter().enumerate() {
-                next[i] = result.re;
-                for (column, &derivative) in (first..n + m).zip(&result.eps) {
-                    if column < n {
-                        a[i * n + column] = derivative;
-                    } else {
-                        b[i * m + column - n] = derivative;
-                    }
+                point.out.next[i] = result.re;
+                for (column, &derivative) in (first..columns).zip(&result.eps) {
+                    point.set(dims, i, column, derivative);
                 }
             }
         }

@@ -56,21 +56,23 @@ const COLUMNS: usize = 4;
 pub(super) struct Workspace<S> {
     pub(super) x: Vec<S>,
     pub(super) u: Vec<S>,
+    pub(super) p: Vec<S>,
     /// `y_i`
     point: Vec<S>,
     k: [Vec<S>; 6],
     /// I / (h gamma) - J, then its factors.
     matrix: Vec<S>,
     order: Vec<usize>,
-    /// x, u and f(x, u) with some columns of their derivatives by x.
+    /// x, u, p and f(x, u, p) with some columns of their derivatives by x.
     lifted_x: Vec<Dual<S, COLUMNS>>,
     lifted_u: Vec<Dual<S, COLUMNS>>,
+    lifted_p: Vec<Dual<S, COLUMNS>>,
     slopes: Vec<Dual<S, COLUMNS>>,
 }
 
 impl<S: Pivot> Workspace<S> {
-    pub(super) fn new(Dims { nx: n, nu: m, .. }: Dims, zero: S) -> Self {
-        let (x, u) = (vec![zero; n], vec![zero; m]);
+    pub(super) fn new(Dims { nx: n, nu: m, np, .. }: Dims, zero: S) -> Self {
+        let (x, u, p) = (vec![zero; n], vec![zero; m], vec![zero; np]);
         let lifted = vec![Dual::lift(zero); n];
         Self {
             point: x.clone(),
@@ -79,9 +81,11 @@ impl<S: Pivot> Workspace<S> {
             order: vec![0; n],
             lifted_x: lifted.clone(),
             lifted_u: vec![Dual::lift(zero); m],
+            lifted_p: vec![Dual::lift(zero); np],
             slopes: lifted,
             x,
             u,
+            p,
         }
     }
 
@@ -96,7 +100,7 @@ impl<S: Pivot> Workspace<S> {
             let (known, [k, ..]) = self.k.split_at_mut(stage) else { return };
             self.point.copy_from_slice(&self.x);
             combine(&mut self.point, 1.0, a, known);
-            plant.rhs(&self.point, &self.u, &[], k);
+            plant.rhs(&self.point, &self.u, &self.p, k);
             combine(k, 1.0 / h, c, known);
             lu::solve(&self.matrix, &self.order, k);
         }
@@ -112,11 +116,14 @@ impl<S: Pivot> Workspace<S> {
         for (to, &u) in self.lifted_u.iter_mut().zip(&self.u) {
             *to = Dual::lift(u);
         }
+        for (to, &p) in self.lifted_p.iter_mut().zip(&self.p) {
+            *to = Dual::lift(p);
+        }
         for first in (0..n).step_by(COLUMNS) {
             for (j, (to, &x)) in self.lifted_x.iter_mut().zip(&self.x).enumerate() {
                 *to = Dual::variable(x, j.checked_sub(first).unwrap_or(COLUMNS));
             }
-            plant.rhs(&self.lifted_x, &self.lifted_u, &[], &mut self.slopes);
+            plant.rhs(&self.lifted_x, &self.lifted_u, &self.lifted_p, &mut self.slopes);
             for (i, slope) in self.slopes.iter().enumerate() {
                 for (j, &derivative) in (first..n).zip(&slope.eps) {
                     self.matrix[i * n + j] = -derivative;

@@ -1,7 +1,9 @@
 //! A method with its Jacobians at many points, which are in the lanes of vectors.
 
-use super::linearize::{Points, WIDEST};
+use super::SMALL;
+use super::linearize::WIDEST;
 use super::method::{Method, StackWorkspace};
+use crate::points::Points;
 use crate::{Dims, Plant};
 use pinc_ad::Dual;
 use pinc_ad::simd::{Simd, Task};
@@ -27,33 +29,33 @@ impl<P: Plant, M: Method> Task for LinearizeBatched<'_, P, M> {
     fn run<V: Simd>(self, zero: V) {
         // A constant for a plant whose dimensions are: then all below is unrolled, or left out.
         let dims = self.plant.dims();
-        let Dims { nx: n, nu: m, .. } = dims;
-        assert!(n + m <= COLUMNS, "a plant with few columns");
-        let Self { plant, h, substeps, points: Points { x, u, next, a, b }, .. } = self;
-        let count = x.len() / n;
+        let Dims { nx: n, nu: m, np, .. } = dims;
+        let Self { plant, h, substeps, mut points, .. } = self;
+        let (at, columns) = (points.at, points.columns(dims));
+        assert!(columns <= COLUMNS && np <= SMALL, "a plant with few columns");
+        let count = at.x.len() / n;
         for begin in (0..count).step_by(V::LANES) {
             let filled = V::LANES.min(count - begin);
             // Lanes without a point repeat the last.
             let point = |lane: usize| begin + lane.min(filled - 1);
-            let mut room = StackWorkspace::new(Dual { re: zero, eps: [zero; COLUMNS] });
-            let mut work = room.workspace(dims);
+            let mut workspace = StackWorkspace::new(Dual { re: zero, eps: [zero; COLUMNS] });
+            let mut work = workspace.workspace(dims);
             for (j, to) in work.x.iter_mut().enumerate() {
-                *to = variable(zero.generate(|lane| x[point(lane) * n + j]), j);
+                *to = variable(zero.generate(|lane| at.x[point(lane) * n + j]), j);
             }
             for (j, to) in work.u.iter_mut().enumerate() {
-                *to = variable(zero.generate(|lane| u[point(lane) * m + j]), n + j);
+                *to = variable(zero.generate(|lane| at.u[point(lane) * m + j]), n + j);
+            }
+            for (j, to) in work.p.iter_mut().enumerate() {
+                *to = variable(zero.generate(|lane| at.p[point(lane) * np + j]), n + m + j);
             }
             work.run::<P, M>(plant, h, substeps);
             for (i, Dual { re, eps }) in work.x.iter().enumerate() {
                 let row = |lane: usize| point(lane) * n + i;
-                scatter(*re, filled, |lane, value| next[row(lane)] = value);
-                for (column, &eps) in (0..n + m).zip(eps) {
+                scatter(*re, filled, |lane, value| points.out.next[row(lane)] = value);
+                for (column, &eps) in (0..columns).zip(eps) {
                     scatter(eps, filled, |lane, derivative| {
-                        if column < n {
-                            a[row(lane) * n + column] = derivative;
-                        } else {
-                            b[row(lane) * m + column - n] = derivative;
-                        }
+                        points.set(dims, row(lane), column, derivative);
                     });
                 }
             }

@@ -2,6 +2,7 @@
 
 use super::SMALL;
 use super::method::{Method, StackWorkspace};
+use crate::points::Points;
 use crate::{Dims, Plant};
 use pinc_ad::simd::{Simd, Task};
 use pinc_ad::{Directions, Dual, Lanes};
@@ -9,31 +10,6 @@ use std::marker::PhantomData;
 
 /// Lanes of the widest vector.
 pub(super) const WIDEST: usize = 8;
-
-/// Points to linearise at, and where the results go: as in
-/// [`Model::linearize`](crate::Model::linearize).
-#[derive(Debug)]
-pub(super) struct Points<'a> {
-    pub(super) x: &'a [f64],
-    pub(super) u: &'a [f64],
-    pub(super) next: &'a mut [f64],
-    pub(super) a: &'a mut [f64],
-    pub(super) b: &'a mut [f64],
-}
-
-impl<'a> Points<'a> {
-    /// The first `count` points, and the others.
-    pub(super) fn split(self, dims: Dims, count: usize) -> (Points<'a>, Points<'a>) {
-        let Dims { nx: n, nu: m, .. } = dims;
-        let (x, x_rest) = self.x.split_at(count * n);
-        let (u, u_rest) = self.u.split_at(count * m);
-        let (next, next_rest) = self.next.split_at_mut(count * n);
-        let (a, a_rest) = self.a.split_at_mut(count * n * n);
-        let (b, b_rest) = self.b.split_at_mut(count * n * m);
-        let rest = Points { x: x_rest, u: u_rest, next: next_rest, a: a_rest, b: b_rest };
-        (Points { x, u, next, a, b }, rest)
-    }
-}
 
 /// `C` points of a small plant through the method `M`, side by side.
 pub(super) struct Linearize<'a, P, M, const C: usize> {
@@ -54,32 +30,32 @@ impl<P: Plant, M: Method, const C: usize> Task for Linearize<'_, P, M, C> {
     fn run<V: Simd>(self, zero: V) {
         // A constant for a plant whose dimensions are: then all below is unrolled, into registers.
         let dims = self.plant.dims();
-        let Dims { nx: n, nu: m, .. } = dims;
-        assert!(n <= SMALL && m <= SMALL, "a small plant");
-        let Self { plant, h, substeps, points: Points { x, u, next, a, b }, .. } = self;
+        let Dims { nx: n, nu: m, np, .. } = dims;
+        assert!(n <= SMALL && m <= SMALL && np <= SMALL, "a small plant");
+        let Self { plant, h, substeps, mut points, .. } = self;
+        let (at, columns) = (points.at, points.columns(dims));
         let nothing: Tangent<V, C> = Dual { re: Lanes::splat(0.0), eps: [Directions([zero; C])] };
-        for first in (0..n + m).step_by(V::LANES) {
-            let mut room = StackWorkspace::new(nothing);
-            let mut work = room.workspace(dims);
+        for first in (0..columns).step_by(V::LANES) {
+            let mut workspace = StackWorkspace::new(nothing);
+            let mut work = workspace.workspace(dims);
             for j in 0..n {
-                work.x[j] = seed(zero, |point| x[point * n + j], first, j);
+                work.x[j] = seed(zero, |point| at.x[point * n + j], first, j);
             }
             for j in 0..m {
-                work.u[j] = seed(zero, |point| u[point * m + j], first, n + j);
+                work.u[j] = seed(zero, |point| at.u[point * m + j], first, n + j);
+            }
+            for j in 0..np {
+                work.p[j] = seed(zero, |point| at.p[point * np + j], first, n + m + j);
             }
             work.run::<P, M>(plant, h, substeps);
             for (i, Dual { re, eps: [eps] }) in work.x.iter().enumerate() {
                 for point in 0..C {
                     let row = point * n + i;
-                    next[row] = re.0[point];
+                    points.out.next[row] = re.0[point];
                     let mut derivatives = [0.0; WIDEST];
                     eps.0[point].write(&mut derivatives);
-                    for (column, derivative) in (first..n + m).zip(derivatives).take(V::LANES) {
-                        if column < n {
-                            a[row * n + column] = derivative;
-                        } else {
-                            b[row * m + column - n] = derivative;
-                        }
+                    for (column, derivative) in (first..columns).zip(derivatives).take(V::LANES) {
+                        points.set(dims, row, column, derivative);
                     }
                 }
             }

@@ -22,6 +22,7 @@ pub trait Method: Clone + Debug + Send {
 pub(super) struct StackWorkspace<S> {
     x: [S; SMALL],
     u: [S; SMALL],
+    p: [S; SMALL],
     stage: [S; SMALL],
     k: [[S; SMALL]; MOST_STAGES],
 }
@@ -30,17 +31,17 @@ impl<S: Scalar> StackWorkspace<S> {
     #[inline(always)]
     pub(super) fn new(nothing: S) -> Self {
         let x = [nothing; SMALL];
-        Self { x, u: x, stage: x, k: [x; MOST_STAGES] }
+        Self { x, u: x, p: x, stage: x, k: [x; MOST_STAGES] }
     }
 
     /// The workspace of a plant of these dimensions, [`SMALL`] at most.
     #[inline(always)]
-    pub(super) fn workspace(&mut self, Dims { nx: n, nu: m, .. }: Dims) -> Workspace<'_, S> {
+    pub(super) fn workspace(&mut self, Dims { nx: n, nu: m, np, .. }: Dims) -> Workspace<'_, S> {
         let [k1, k2, k3, k4, k5, k6] = &mut self.k;
         let k =
             [&mut k1[..n], &mut k2[..n], &mut k3[..n], &mut k4[..n], &mut k5[..n], &mut k6[..n]];
-        let (x, u, stage) = (&mut self.x[..n], &mut self.u[..m], &mut self.stage[..n]);
-        Workspace { x, u, stage, k }
+        let (x, u, p) = (&mut self.x[..n], &mut self.u[..m], &mut self.p[..np]);
+        Workspace { x, u, p, stage: &mut self.stage[..n], k }
     }
 }
 
@@ -49,6 +50,7 @@ impl<S: Scalar> StackWorkspace<S> {
 pub(super) struct HeapWorkspace<S> {
     x: Vec<S>,
     u: Vec<S>,
+    p: Vec<S>,
     stage: Vec<S>,
     k: [Vec<S>; MOST_STAGES],
 }
@@ -57,20 +59,22 @@ impl<S: Scalar> HeapWorkspace<S> {
     pub(super) fn new(dims: Dims, nothing: S) -> Self {
         let x = vec![nothing; dims.nx];
         let k = std::array::from_fn(|_| x.clone());
-        Self { u: vec![nothing; dims.nu], stage: x.clone(), x, k }
+        let (u, p) = (vec![nothing; dims.nu], vec![nothing; dims.np]);
+        Self { u, p, stage: x.clone(), x, k }
     }
 
     pub(super) fn workspace(&mut self) -> Workspace<'_, S> {
         let k = self.k.each_mut().map(|k| &mut k[..]);
-        Workspace { x: &mut self.x, u: &mut self.u, stage: &mut self.stage, k }
+        Workspace { x: &mut self.x, u: &mut self.u, p: &mut self.p, stage: &mut self.stage, k }
     }
 }
 
-/// State, input, stage and slopes of a method on one kind of number.
+/// State, input, parameters, stage and slopes of a method on one kind of number.
 #[derive(Debug)]
 pub struct Workspace<'a, S> {
     pub(super) x: &'a mut [S],
     pub(super) u: &'a mut [S],
+    pub(super) p: &'a mut [S],
     stage: &'a mut [S],
     k: [&'a mut [S]; MOST_STAGES],
 }
@@ -86,18 +90,19 @@ impl<S: Scalar> Workspace<'_, S> {
 }
 
 impl Workspace<'_, f64> {
-    /// Writes the state after `substeps` steps of `h` seconds from (x, u) into `next`.
+    /// Writes the state after `substeps` steps of `h` seconds from (x, u, p) into `next`.
     #[inline(always)]
     pub(super) fn predict<P: Plant, M: Method>(
         &mut self,
         plant: &P,
         h: f64,
         substeps: usize,
-        (x, u): (&[f64], &[f64]),
+        (x, u, p): (&[f64], &[f64], &[f64]),
         next: &mut [f64],
     ) {
         self.x.copy_from_slice(x);
         self.u.copy_from_slice(u);
+        self.p.copy_from_slice(p);
         self.run::<P, M>(plant, h, substeps);
         next.copy_from_slice(self.x);
     }
@@ -129,12 +134,12 @@ impl Method for Classical {
     /// a loop: a long equation stands in the code once, and is faster so.
     #[inline(always)]
     fn step<P: Plant, S: Scalar>(plant: &P, h: f64, work: &mut Workspace<'_, S>) {
-        let Workspace { x, u, stage, k: [k, next, ..] } = work;
+        let Workspace { x, u, p, stage, k: [k, next, ..] } = work;
         for (i, &x) in x.iter().enumerate() {
             (stage[i], next[i]) = (x, x);
         }
         for [a, b] in CLASSICAL {
-            plant.rhs(stage, u, &[], k);
+            plant.rhs(stage, u, p, k);
             for (i, &x) in x.iter().enumerate() {
                 stage[i] = k[i].mul_add(x.constant(h * a), x);
                 next[i] = k[i].mul_add(x.constant(h * b), next[i]);
@@ -169,12 +174,12 @@ impl Method for DormandPrince {
 
     #[inline(always)]
     fn step<P: Plant, S: Scalar>(plant: &P, h: f64, work: &mut Workspace<'_, S>) {
-        let Workspace { x, u, stage, k } = work;
+        let Workspace { x, u, p, stage, k } = work;
         for s in 0..Self::STAGES {
             for (i, stage) in stage.iter_mut().enumerate() {
                 *stage = combine(x[i], h, s, k, i);
             }
-            plant.rhs(stage, u, &[], k[s]);
+            plant.rhs(stage, u, p, k[s]);
         }
         for (i, x) in x.iter_mut().enumerate() {
             *x = combine(*x, h, Self::STAGES, k, i);

@@ -1,19 +1,21 @@
-//! Explicit Runge-Kutta methods with a fixed number of substeps, as predictors.
+//! Explicit Runge-Kutta methods with a fixed number of substeps, as models.
 
 mod batched;
 mod linearize;
 mod method;
 
-use crate::{Dims, Linearization, Model, Plant, Stages};
+use crate::output::OutputWorkspace;
+use crate::points::Points;
+use crate::{Dims, Linearization, Model, OutputLinearization, Plant, Stages};
 use batched::{COLUMNS, LinearizeBatched};
-use linearize::{Linearize, Points};
+use linearize::Linearize;
 pub use method::{Classical, DormandPrince, Method};
 use method::{HeapWorkspace, StackWorkspace};
 use pinc_ad::Dual;
 use pinc_ad::simd::Isa;
 use std::marker::PhantomData;
 
-/// Plants with more states or inputs than this are integrated in memory; others in registers and on
+/// Plants with more states, inputs or parameters than this are integrated in memory; others in registers and on
 /// the stack, which is several times faster.
 const SMALL: usize = 6;
 
@@ -41,10 +43,11 @@ pub struct RungeKutta<P, M> {
     substeps: usize,
     isa: Isa,
     large: Option<HeapWorkspaces>,
+    outputs: OutputWorkspace,
     method: PhantomData<M>,
 }
 
-/// Room for a plant that is not small.
+/// Numbers of a plant that is not small.
 #[derive(Clone, Debug)]
 struct HeapWorkspaces {
     values: HeapWorkspace<f64>,
@@ -62,12 +65,20 @@ impl<P: Plant, M: Method> RungeKutta<P, M> {
         assert!(sample_time_s > 0.0 && sample_time_s.is_finite(), "the step must be positive");
         assert!(substeps > 0, "at least one substep");
         let dims = plant.dims();
-        let large = (dims.nx.max(dims.nu) > SMALL).then(|| HeapWorkspaces {
+        let large = (dims.nx.max(dims.nu).max(dims.np) > SMALL).then(|| HeapWorkspaces {
             values: HeapWorkspace::new(dims, 0.0),
             tangents: HeapWorkspace::new(dims, Dual::lift(0.0)),
         });
-        let isa = Isa::detect();
-        Self { plant, dims, sample_time_s, substeps, isa, large, method: PhantomData }
+        Self {
+            plant,
+            dims,
+            sample_time_s,
+            substeps,
+            isa: Isa::detect(),
+            large,
+            outputs: OutputWorkspace::new(dims),
+            method: PhantomData,
+        }
     }
 
     /// The number of substeps a step is divided into.
@@ -109,25 +120,22 @@ impl<P: Plant, M: Method> RungeKutta<P, M> {
     }
 
     /// Linearises one point of a large plant, some directions at a time.
-    fn linearize_large(&mut self, points: Points<'_>) {
-        let (h, Dims { nx: n, nu: m, .. }) = (self.h(), self.dims);
+    fn linearize_large(&mut self, mut points: Points<'_>) {
+        let (h, dims) = (self.h(), self.dims);
         let Some(large) = &mut self.large else { return };
-        let Points { x, u, next, a, b } = points;
-        for first in (0..n + m).step_by(DIRECTIONS) {
+        let (at, columns) = (points.at, points.columns(dims));
+        for first in (0..columns).step_by(DIRECTIONS) {
             let mut work = large.tangents.workspace();
-            let variables = work.x.iter_mut().chain(&mut *work.u);
-            for (j, (to, &value)) in variables.zip(x.iter().chain(u)).enumerate() {
+            let variables = work.x.iter_mut().chain(&mut *work.u).chain(&mut *work.p);
+            let values = at.x.iter().chain(at.u).chain(at.p);
+            for (j, (to, &value)) in variables.zip(values).enumerate() {
                 *to = Dual::variable(value, j.checked_sub(first).unwrap_or(DIRECTIONS));
             }
             work.run::<P, M>(&self.plant, h, self.substeps);
             for (i, result) in work.x.iter().enumerate() {
-                next[i] = result.re;
-                for (column, &derivative) in (first..n + m).zip(&result.eps) {
-                    if column < n {
-                        a[i * n + column] = derivative;
-                    } else {
-                        b[i * m + column - n] = derivative;
-                    }
+                points.out.next[i] = result.re;
+                for (column, &derivative) in (first..columns).zip(&result.eps) {
+                    points.set(dims, i, column, derivative);
                 }
             }
         }
@@ -143,27 +151,26 @@ impl<P: Plant, M: Method> Model for RungeKutta<P, M> {
         self.sample_time_s
     }
 
-    fn step(&mut self, x: &[f64], u: &[f64], _p: &[f64], next: &mut [f64]) {
+    fn step(&mut self, x: &[f64], u: &[f64], p: &[f64], next: &mut [f64]) {
         let h = self.h();
-        let mut small = StackWorkspace::new(0.0);
-        let (plant, substeps) = (&self.plant, self.substeps);
+        let (plant, substeps, at) = (&self.plant, self.substeps, (x, u, p));
         match &mut self.large {
-            Some(rooms) => {
-                rooms.values.workspace().predict::<P, M>(plant, h, substeps, (x, u), next)
+            Some(large) => {
+                large.values.workspace().predict::<P, M>(plant, h, substeps, at, next);
             }
             None => {
-                small.workspace(plant.dims()).predict::<P, M>(plant, h, substeps, (x, u), next);
+                let mut workspace = StackWorkspace::new(0.0);
+                let mut work = workspace.workspace(plant.dims());
+                work.predict::<P, M>(plant, h, substeps, at, next);
             }
         }
     }
 
     fn linearize(&mut self, at: Stages<'_>, out: Linearization<'_>) {
-        let Dims { nx: n, nu: m, .. } = self.dims;
         let count = at.count(self.dims);
         out.check(count, self.dims);
-        let Linearization { next, a, b, .. } = out;
-        let mut points = Points { x: at.x, u: at.u, next, a, b };
-        if n + m <= COLUMNS {
+        let mut points = Points { at, out };
+        if points.columns(self.dims) <= COLUMNS && self.large.is_none() {
             return self.linearize_batched(points);
         }
         if self.large.is_none() {
@@ -173,7 +180,7 @@ impl<P: Plant, M: Method> Model for RungeKutta<P, M> {
                 self.linearize_side_by_side::<2>(pair);
             }
         }
-        while !points.x.is_empty() {
+        while !points.at.x.is_empty() {
             let (point, rest) = points.split(self.dims, 1);
             points = rest;
             match self.large {
@@ -181,5 +188,13 @@ impl<P: Plant, M: Method> Model for RungeKutta<P, M> {
                 None => self.linearize_side_by_side::<1>(point),
             }
         }
+    }
+
+    fn output(&mut self, x: &[f64], u: &[f64], p: &[f64], y: &mut [f64]) {
+        self.plant.output(x, u, p, y);
+    }
+
+    fn linearize_output(&mut self, at: Stages<'_>, out: OutputLinearization<'_>) {
+        self.outputs.linearize(&self.plant, at, out);
     }
 }
