@@ -89,16 +89,10 @@ fn rk5<P: Plant>(plant: P, sample_time_s: f64) -> Box<dyn Model> {
 /// A net with its starting weights: what it predicts is of no matter here.
 fn net<P: Plant>(plant: P, ansatz: Ansatz) -> Box<dyn Model> {
     let dims = plant.dims();
-    let domain = Domain {
-        state_low: vec![-3.0; dims.nx],
-        state_high: vec![3.0; dims.nx],
-        input_low: vec![-1.0; dims.nu],
-        input_high: vec![1.0; dims.nu],
-    };
-    let config =
-        NetConfig { sample_time_s: 0.5, hidden_layers: 3, neurons: 9, ansatz, time_only: None };
+    let domain = Domain::new(vec![-3.0..=3.0; dims.nx], vec![-1.0..=1.0; dims.nu]);
+    let config = NetConfig { ansatz, ..NetConfig::new(0.5, 3, 9) };
     let net = PincNet::new(&plant, &config, &domain, 7).expect("a net");
-    Box::new(PincModel::new(&net))
+    Box::new(PincModel::new(&net).expect("a model"))
 }
 
 /// What `linearize` gives, in buffers of the right lengths.

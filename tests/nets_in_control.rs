@@ -19,75 +19,44 @@ mod survey;
 use agreement::disagreement;
 use optimality::judge;
 use pinc_mpc::SqpStatus;
-use pinc_net::optim::{OptimizerConfig, SelfScaledBroydenConfig};
-use pinc_net::{
-    Ansatz, Domain, InitialScale, NetConfig, Phase, PincModel, Progress, ResidualScale, Sampler,
-    SelectNet, Trainer, TrainingConfig, TrainingTarget, ValidationConfig, ValidationSet,
-};
+use pinc_net::optim::SelfScaledBroydenConfig;
+use pinc_net::{Domain, NetConfig, Phase, PincModel, Training, TrainingConfig, ValidationConfig};
 use pinc_ode::Plant;
 use pinc_plants::{FourTanks, VanDerPol};
 use problems::{four_tanks, four_tanks_loop, van_der_pol, van_der_pol_loop};
 use survey::{Draw, share, survey};
 
 /// A net trained for some tenths of a second.
-fn train<P: Plant>(plant: P, sample_time_s: f64, domain: &Domain, iterations: u64) -> PincModel {
-    let net = NetConfig {
-        sample_time_s,
-        hidden_layers: 2,
-        neurons: 12,
-        ansatz: Ansatz::HardLinear,
-        time_only: None,
+fn train<P: Plant>(plant: P, sample_time_s: f64, domain: Domain, iterations: u64) -> PincModel {
+    let training = Training {
+        config: TrainingConfig {
+            collocation_points: 512,
+            phases: vec![Phase::new(SelfScaledBroydenConfig::default(), iterations)],
+            growth: None,
+            validation_every: iterations,
+            ..TrainingConfig::recommended()
+        },
+        validation: ValidationConfig {
+            scenarios: 1,
+            subintervals: 1,
+            tolerance: 1e-8,
+            one_step_points: 10,
+            ..ValidationConfig::new(4.0 * sample_time_s, domain.clone())
+        },
+        threads: 1,
+        ..Training::new(NetConfig::new(sample_time_s, 2, 12), domain)
     };
-    let optimizer = OptimizerConfig::SelfScaledBroyden(SelfScaledBroydenConfig {
-        initial_step: 0.1,
-        gradient_tolerance: 1e-14,
-    });
-    let training = TrainingConfig {
-        source: TrainingTarget::Physics,
-        sampler: Sampler::Sobol,
-        collocation_points: 512,
-        initial_points: 1,
-        lambda: 1.0,
-        residual_scale: ResidualScale::Normalized,
-        initial_scale: InitialScale::Normalized,
-        phases: vec![Phase { optimizer, iterations, restore_best: false }],
-        growth: None,
-        validation_every: iterations,
-        keep: SelectNet::Best,
-        target_one_step_rms: None,
-    };
-    let scenarios = ValidationConfig {
-        scenarios: 1,
-        duration_s: 4.0 * sample_time_s,
-        subintervals: 1,
-        domain: domain.clone(),
-        tolerance: 1e-8,
-        one_step_points: 10,
-    };
-    let validation = ValidationSet::generate(&plant, sample_time_s, &scenarios, 1).unwrap();
-    let mut trainer = Trainer::new(&plant, &net, domain, &training, validation, 0, 1).unwrap();
-    while let Progress::Iterated(_) = trainer.step().unwrap() {}
-    PincModel::new(&trainer.net())
+    PincModel::new(&training.run(&plant).unwrap().net).unwrap()
 }
 
 fn oscillator(mu: f64, iterations: u64) -> PincModel {
-    let domain = Domain {
-        state_low: vec![-3.0; 2],
-        state_high: vec![3.0; 2],
-        input_low: vec![-1.0],
-        input_high: vec![1.0],
-    };
-    train(VanDerPol { mu }, 0.5, &domain, iterations)
+    let domain = Domain::new(vec![-3.0..=3.0; 2], [-1.0..=1.0]);
+    train(VanDerPol { mu }, 0.5, domain, iterations)
 }
 
 fn tanks(plant: FourTanks, iterations: u64) -> PincModel {
-    let domain = Domain {
-        state_low: vec![2.0, 2.0, 0.6, 0.6],
-        state_high: vec![20.0, 20.0, 5.5, 5.5],
-        input_low: vec![0.0; 2],
-        input_high: vec![5.0; 2],
-    };
-    train(plant, 10.0, &domain, iterations)
+    let states = [2.0..=20.0, 2.0..=20.0, 0.6..=5.5, 0.6..=5.5];
+    train(plant, 10.0, Domain::new(states, vec![0.0..=5.0; 2]), iterations)
 }
 
 #[test]

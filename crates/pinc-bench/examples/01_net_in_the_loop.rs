@@ -6,12 +6,8 @@
 
 use pinc_ad::Scalar;
 use pinc_mpc::{Bounds, ClosedLoop, Nmpc, NmpcProblem, Reference, SqpConfig, SqpStatus, Weights};
-use pinc_net::optim::{OptimizerConfig, SelfScaledBroydenConfig};
-use pinc_net::{
-    Ansatz, Domain, InitialScale, NetConfig, NetError, Phase, PincModel, PincNet, Progress,
-    ResidualScale, Sampler, SelectNet, Trainer, TrainingConfig, TrainingTarget, ValidationConfig,
-    ValidationSet,
-};
+use pinc_net::optim::SelfScaledBroydenConfig;
+use pinc_net::{Domain, NetConfig, NetError, Phase, PincModel, PincNet, Training, TrainingConfig};
 use pinc_ode::{Dopri5, Model, Plant, Rk4, Variable};
 use std::error::Error;
 
@@ -38,53 +34,16 @@ impl Plant for Cart {
 
 /// A net for steps of 0.5 s, from the equation alone.
 fn trained() -> Result<PincNet, NetError> {
-    let domain = Domain {
-        state_low: vec![0.0],
-        state_high: vec![2.0],
-        input_low: vec![0.0],
-        input_high: vec![2.0],
+    let training = Training {
+        config: TrainingConfig {
+            phases: vec![Phase::new(SelfScaledBroydenConfig::default(), 600)],
+            ..TrainingConfig::recommended()
+        },
+        ..Training::new(NetConfig::new(0.5, 2, 10), Domain::new([0.0..=2.0], [0.0..=2.0]))
     };
-    let net = NetConfig {
-        sample_time_s: 0.5,
-        hidden_layers: 2,
-        neurons: 10,
-        ansatz: Ansatz::HardLinear,
-        time_only: None,
-    };
-    let optimizer = OptimizerConfig::SelfScaledBroyden(SelfScaledBroydenConfig {
-        initial_step: 0.1,
-        gradient_tolerance: 1e-14,
-    });
-    let training = TrainingConfig {
-        source: TrainingTarget::Physics,
-        sampler: Sampler::Sobol,
-        collocation_points: 256,
-        initial_points: 1,
-        lambda: 1.0,
-        residual_scale: ResidualScale::Normalized,
-        initial_scale: InitialScale::Normalized,
-        phases: vec![Phase { optimizer, iterations: 600, restore_best: false }],
-        growth: None,
-        validation_every: 200,
-        keep: SelectNet::Best,
-        target_one_step_rms: None,
-    };
-    let scenarios = ValidationConfig {
-        scenarios: 2,
-        duration_s: 5.0,
-        subintervals: 1,
-        domain: domain.clone(),
-        tolerance: 1e-10,
-        one_step_points: 100,
-    };
-    let validation = ValidationSet::generate(&Cart, net.sample_time_s, &scenarios, 1)?;
-    let mut trainer = Trainer::new(&Cart, &net, &domain, &training, validation, 0, 1)?;
-    while let Progress::Iterated(_) = trainer.step()? {
-        if trainer.validation_due() {
-            println!("error of a step: {:.1e} m/s", trainer.validate().one_step_mse.sqrt());
-        }
-    }
-    Ok(trainer.net())
+    let trained = training.run(&Cart)?;
+    println!("error of a step: {:.1e} m/s", trained.validation.one_step_mse.sqrt());
+    Ok(trained.net)
 }
 
 /// The IAE at the steps of a loop with this model: from rest to 1 m/s, then to 0.5 m/s.
@@ -102,7 +61,7 @@ fn iae(model: Box<dyn Model>) -> Result<f64, Box<dyn Error>> {
 }
 
 pub(crate) fn main() -> Result<(), Box<dyn Error>> {
-    let with_net = iae(Box::new(PincModel::new(&trained()?)))?;
+    let with_net = iae(Box::new(PincModel::new(&trained()?)?))?;
     let with_rk4 = iae(Box::new(Rk4::new(Cart, 0.5, 4)))?;
     println!("IAE {with_net:.5} with the net, {with_rk4:.5} with RK4");
     assert!((with_net / with_rk4 - 1.0).abs() < 1e-2);

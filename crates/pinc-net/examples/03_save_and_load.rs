@@ -11,7 +11,7 @@ use pinc_net::PincNet;
 use std::error::Error;
 
 pub(crate) fn main() -> Result<(), Box<dyn Error>> {
-    let net = train::trained()?;
+    let net = train::trained()?.net;
     // The library opens no files: `std::fs::write` and `std::fs::read` are the caller's.
     let bytes = net.to_bytes();
     let read = PincNet::from_bytes(&bytes)?;
@@ -23,11 +23,11 @@ pub(crate) fn main() -> Result<(), Box<dyn Error>> {
     );
     println!("for steps of {} s, trained on {:?}", read.sample_time_s(), read.domain());
     assert_eq!(read, net);
-    // How far a point is outside of the box, one number per state and input; 0 within.
+    // How far a point is outside the box, one number per state and input; 0 inside.
     let outside: Vec<_> = read.domain().excess(&[3.5, 0.0], &[0.0]).collect();
     println!("x1 = 3.5 is outside by {outside:?}");
 
-    // A file that is damaged is refused.
+    // A damaged file is refused.
     let error = PincNet::from_bytes(&bytes[..bytes.len() - 8]).err().ok_or("half a file")?;
     println!("cut off: {error}");
     Ok(())

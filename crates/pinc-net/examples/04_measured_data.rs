@@ -1,5 +1,5 @@
-//! Measurements beside an equation that is wrong: mu = 0.8 in the equation, mu = 1 in the plant that was
-//! measured.
+//! Measurements beside an equation that is wrong: mu = 0.8 in the equation, mu = 1 in the measured
+//! plant.
 //!
 //! `cargo run --release -p pinc-net --example 04_measured_data`
 #![expect(clippy::print_stdout, reason = "an example shows what it computes")]
@@ -8,12 +8,15 @@
 #[expect(dead_code, reason = "its `main` and `trained` are not needed")]
 mod train;
 
-use pinc_net::{Measurements, PincNet, Progress, SelectNet, Trainer, TrainingConfig};
+use pinc_net::optim::AutoConfig;
+use pinc_net::{
+    Measurements, Phase, PincNet, Progress, SelectNet, Trainer, Training, TrainingConfig,
+};
 use pinc_ode::Dopri5;
 use pinc_plants::VanDerPol;
 use std::error::Error;
 
-/// The plant itself, measured after single steps from `count` states.
+/// Measurements of the plant itself after single steps from `count` states.
 fn steps(count: usize) -> Result<Measurements, Box<dyn Error>> {
     let mut measured = Measurements::new(2);
     let mut plant = Dopri5::new(VanDerPol { mu: 1.0 }, 1e-10);
@@ -23,23 +26,34 @@ fn steps(count: usize) -> Result<Measurements, Box<dyn Error>> {
         let (y0, u) = ([radius * angle.cos(), radius * angle.sin()], [(3.0 * angle).sin()]);
         let mut y = y0;
         plant.integrate(&mut y, &u, 0.5)?;
-        // Of every other step only the position is known.
+        // After every other step only the position is known.
         measured.push(0.5, &y0, &u, &[Some(y[0]), (k % 2 == 0).then_some(y[1])]);
     }
     Ok(measured)
 }
 
-/// The net of the wrong equation, with measurements or without.
+/// The net of the wrong equation, with measurements or without; a [`Trainer`] shows the progress.
 fn fit(measured: Option<&Measurements>) -> Result<PincNet, Box<dyn Error>> {
     let wrong = VanDerPol { mu: 0.8 };
-    let validation = train::validation(&wrong)?;
-    let training = TrainingConfig { keep: SelectNet::Last, ..train::training() };
-    let mut trainer =
-        Trainer::new(&wrong, &train::net(), &train::domain(), &training, validation, 0, 1)?;
+    let training = Training {
+        config: TrainingConfig {
+            collocation_points: 2048,
+            phases: vec![Phase::new(AutoConfig::default(), 1000)],
+            growth: None,
+            keep: SelectNet::Last,
+            ..TrainingConfig::recommended()
+        },
+        ..train::training()
+    };
+    let mut trainer = Trainer::new(&wrong, &training, training.validation_set(&wrong)?)?;
     if let Some(measured) = measured {
         trainer = trainer.with_measurements(measured, 100.0)?;
     }
-    while let Progress::Iterated(_) = trainer.step()? {}
+    while let Progress::Iterated(record) = trainer.step()? {
+        if record.iteration.is_multiple_of(200) {
+            println!("iteration {:4}: loss {:.2e}", record.iteration, record.loss);
+        }
+    }
     Ok(trainer.net())
 }
 

@@ -3,6 +3,7 @@
 use crate::NetError;
 use pinc_ode::Dims;
 use serde::{Deserialize, Serialize};
+use std::ops::RangeInclusive;
 
 /// A box of initial states and inputs.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -19,6 +20,22 @@ pub struct Domain {
 }
 
 impl Domain {
+    /// The box of these ranges, in the plant's order and units.
+    ///
+    /// ```
+    /// let domain = pinc_net::Domain::new([-3.0..=3.0, -4.0..=4.0], [-1.0..=1.0]);
+    /// assert_eq!(domain.state_high, [3.0, 4.0]);
+    /// ```
+    #[must_use]
+    pub fn new(
+        states: impl IntoIterator<Item = RangeInclusive<f64>>,
+        inputs: impl IntoIterator<Item = RangeInclusive<f64>>,
+    ) -> Self {
+        let (state_low, state_high) = states.into_iter().map(RangeInclusive::into_inner).unzip();
+        let (input_low, input_high) = inputs.into_iter().map(RangeInclusive::into_inner).unzip();
+        Self { state_low, state_high, input_low, input_high }
+    }
+
     /// Checks the lengths against the plant's, and that every lower end is below its upper end.
     ///
     /// # Errors
@@ -52,8 +69,8 @@ impl Domain {
         Ok(())
     }
 
-    /// How far each variable of the state `x` and the input `u` lies outside the box, states first; 0 for
-    /// those inside.
+    /// How far each variable of the state `x` and the input `u` lies outside the box, states first;
+    /// 0 for those inside.
     pub fn excess<'a>(&'a self, x: &'a [f64], u: &'a [f64]) -> impl Iterator<Item = f64> + 'a {
         let values = x.iter().chain(u).zip(self.ends());
         values.map(|(value, (low, high))| (low - value).max(value - high).max(0.0))

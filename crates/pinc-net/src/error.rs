@@ -33,6 +33,12 @@ pub enum NetError {
         /// What there is one of each for.
         per: &'static str,
     },
+    /// A conventional PINN y(t) where a model for control belongs.
+    #[error(
+        "a conventional PINN stands for one initial state and one input: it cannot be a model for \
+         control"
+    )]
+    OneScenario,
     /// A NaN or an infinity where a number belongs.
     #[error("{term} became NaN or infinite at iteration {iteration}; the last good net is kept")]
     NotFinite {

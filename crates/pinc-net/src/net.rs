@@ -39,6 +39,14 @@ pub struct Scenario {
 }
 
 impl NetConfig {
+    /// A net of `hidden_layers` layers of `neurons` each for steps of `sample_time_s`, with the hard
+    /// initial condition.
+    #[must_use]
+    pub fn new(sample_time_s: f64, hidden_layers: usize, neurons: usize) -> Self {
+        let (ansatz, time_only) = (Ansatz::HardLinear, None);
+        Self { sample_time_s, hidden_layers, neurons, ansatz, time_only }
+    }
+
     /// The number of weights and biases of the net for a plant of these dimensions.
     #[must_use]
     pub fn parameters(&self, dims: Dims) -> usize {

@@ -4,12 +4,10 @@ use crate::labels::Labels;
 use crate::loss::LossTerms;
 use crate::optim::{Iterate, LeastSquares, Objective, Optimizer, Outcome};
 use crate::sampling::{Points, Purpose, Sampler, initial_conditions};
-use crate::schedule::{
-    IterationRecord, Progress, SelectNet, StopReason, Totals, TrainingConfig, TrainingTarget,
-};
 use crate::{
-    Ansatz, BatchLoss, Domain, Measurements, NetConfig, NetError, PincNet, Validation,
-    ValidationSet, Workers,
+    Ansatz, BatchLoss, IterationRecord, Measurements, NetError, PincNet, Progress, SelectNet,
+    StopReason, Totals, Training, TrainingConfig, TrainingTarget, Validation, ValidationSet,
+    Workers,
 };
 use pinc_ode::DynRhs;
 use serde::{Deserialize, Serialize};
@@ -44,7 +42,6 @@ impl Checkpoint {
 #[derive(Debug)]
 pub struct Trainer {
     net: PincNet,
-    domain: Domain,
     config: TrainingConfig,
     validation: ValidationSet,
     seed: u64,
@@ -79,7 +76,8 @@ impl LeastSquares for Counted<'_> {
 }
 
 impl Trainer {
-    /// A training of a fresh net.
+    /// The `training` of a fresh net, validated on `validation`: [`Training::validation_set`], with
+    /// held-out measurements or without.
     ///
     /// # Errors
     ///
@@ -87,21 +85,19 @@ impl Trainer {
     /// threads cannot be started.
     pub fn new(
         plant: &dyn DynRhs,
-        net: &NetConfig,
-        domain: &Domain,
-        training: &TrainingConfig,
+        training: &Training,
         validation: ValidationSet,
-        seed: u64,
-        threads: usize,
     ) -> Result<Self, NetError> {
-        training.validate()?;
-        let source = training.source;
-        let net = PincNet { source, ..PincNet::new(plant, net, domain, seed)? };
-        let weights = training.weights(&net)?;
-        let workers = Workers::new(threads)?;
+        let Training { config, seed, .. } = training;
+        config.validate()?;
+        let (source, seed) = (config.source, *seed);
+        let net = PincNet::new(plant, &training.net, &training.domain, seed)?;
+        let net = PincNet { source, ..net };
+        let weights = config.weights(&net)?;
+        let workers = Workers::new(training.threads)?;
         let loss = BatchLoss::new(plant, &net, &weights, &workers);
         let mut fresh = None;
-        if let Some(growth) = &training.growth {
+        if let Some(growth) = &config.growth {
             let fresh = fresh.insert(BatchLoss::new(plant, &net, &weights, &workers));
             let points = fresh_points(&net, growth.fresh_points, seed);
             match &mut Labels::for_net(plant, &net)? {
@@ -115,18 +111,17 @@ impl Trainer {
             phase: 0,
             phase_iterations: 0,
             totals: Totals::default(),
-            collocation_points: training.collocation_points,
+            collocation_points: config.collocation_points,
             iterate: Iterate { gradient: vec![0.0; parameters.len()], x: parameters, value: 0.0 },
             terms: LossTerms::default(),
-            optimizer: Optimizer::new(&training.phases[0].optimizer, net.mlp().parameters().len()),
+            optimizer: Optimizer::new(&config.phases[0].optimizer, net.mlp().parameters().len()),
             best: None,
             validated_at: None,
             finished: None,
         };
         let mut trainer = Self {
             net,
-            domain: domain.clone(),
-            config: training.clone(),
+            config: config.clone(),
             validation,
             seed,
             workers,
@@ -228,6 +223,23 @@ impl Trainer {
         Ok(Progress::Iterated(self.record(fresh_loss)))
     }
 
+    /// Iterates to the end, with a validation whenever one is due.
+    ///
+    /// # Errors
+    ///
+    /// As [`Trainer::step`].
+    pub fn run(&mut self) -> Result<StopReason, NetError> {
+        loop {
+            let progress = self.step()?;
+            if self.validation_due() {
+                self.validate();
+            }
+            if let Progress::Finished(reason) = progress {
+                return Ok(reason);
+            }
+        }
+    }
+
     fn record(&self, fresh_loss: Option<f64>) -> IterationRecord {
         let Checkpoint { phase, totals, collocation_points, iterate, terms, .. } = &self.state;
         IterationRecord {
@@ -283,6 +295,12 @@ impl Trainer {
             (Some((_, parameters)), SelectNet::Best) => self.net.with_parameters(parameters),
             _ => self.net.with_parameters(&self.state.iterate.x),
         }
+    }
+
+    /// What the nets are validated on.
+    #[must_use]
+    pub fn validation_set(&self) -> &ValidationSet {
+        &self.validation
     }
 
     /// All that changes during the training.
@@ -371,12 +389,12 @@ impl Trainer {
     /// Draws the sample: a function of the seed and the number of points alone.
     fn sample(&mut self) -> Result<(), NetError> {
         let (points, initial) = (self.state.collocation_points, self.config.initial_points);
-        let sample_time_s = self.net.sample_time_s();
+        let (sample_time_s, domain) = (self.net.sample_time_s(), self.net.domain());
         let sampler = self.config.sampler;
         let (collocation, conditions) = match self.net.time_only() {
             None => (
-                sampler.collocation(points, sample_time_s, &self.domain, initial, self.seed),
-                initial_conditions(initial, &self.domain, self.seed),
+                sampler.collocation(points, sample_time_s, domain, initial, self.seed),
+                initial_conditions(initial, domain, self.seed),
             ),
             Some(scenario) => {
                 let mut one = Points::new(self.net.dims().nx);

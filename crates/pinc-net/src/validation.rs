@@ -73,6 +73,14 @@ struct Trial {
 }
 
 impl ValidationConfig {
+    /// The recommended validation: ten scenarios of this length in s (whole steps of T), from states
+    /// and inputs in `domain`.
+    #[must_use]
+    pub fn new(duration_s: f64, domain: Domain) -> Self {
+        let (scenarios, subintervals, one_step_points) = (10, 9, 4096);
+        Self { scenarios, duration_s, subintervals, domain, tolerance: 1e-12, one_step_points }
+    }
+
     /// Standard deviation of each state in the box.
     fn scale(&self, states: usize) -> Vec<f64> {
         let ends = self.domain.ends().take(states);
@@ -100,7 +108,7 @@ impl ValidationConfig {
             && (steps * sample_time_s - self.duration_s).abs() <= 1e-9 * self.duration_s)
         {
             let (key, found) = ("duration_s", self.duration_s.to_string());
-            return Err(NetError::Setting { key, found, expected: "whole steps of sample_time_s" });
+            return Err(NetError::Setting { key, found, expected: "whole steps of horizon_s" });
         }
         #[expect(
             clippy::cast_possible_truncation,

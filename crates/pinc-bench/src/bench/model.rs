@@ -45,7 +45,7 @@ pub(super) fn run(
         rows.push(ModelStep { substeps: Some(substeps), ..row });
     }
     for Trained { net, seconds } in nets {
-        let row = row(&mut PincModel::new(net));
+        let row = row(&mut PincModel::new(net)?);
         let (layers, trained_s) = (Some(super::kernel::size(net)), Some(*seconds));
         rows.push(ModelStep { model: "pinc", layers, trained_s, ..row });
     }

@@ -27,7 +27,7 @@ fn measure(case: Case, method: QpMethod, repetitions: usize) -> Result<QpTime, B
     let setup = ControlSetup { spec, kinds: &[ModelKind::Rk4], net: None, sample_time_s };
     let plant = &*experiment.plant.dyn_plant();
     let in_model = Spent::default();
-    let model = Watched { model: setup.model(ModelKind::Rk4, plant), spent: in_model.clone() };
+    let model = Watched { model: setup.model(ModelKind::Rk4, plant)?, spent: in_model.clone() };
     let mut nmpc = Nmpc::new(setup.problem(plant), Box::new(model), spec.sqp)?;
     let mut times = Vec::new();
     for _ in 0..repetitions {

@@ -7,7 +7,7 @@ use crate::progress::Stage;
 use crate::record::{ControlMetrics, RunDir, StepTimes, Table, WallTimes, number};
 use crate::spec::{ControlSpec, ModelKind, PlantSpec};
 use pinc_mpc::{ClosedLoop, Nmpc, NmpcProblem, Reference};
-use pinc_net::{PincModel, PincNet};
+use pinc_net::{NetError, PincModel, PincNet};
 use pinc_ode::{Dopri5, DynPlant, Model, PiecewiseConstant, Trajectory};
 use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
@@ -42,7 +42,7 @@ pub(crate) fn stage(
     record.remove_loops()?;
     let real = setup.spec.plant.as_ref().map(PlantSpec::dyn_plant);
     for &kind in setup.kinds {
-        let model = (kind, setup.model(kind, plant));
+        let model = (kind, setup.model(kind, plant)?);
         let metrics = run_model(real.as_deref().unwrap_or(plant), setup, model, options, record)?;
         record.update(|all| all.control.push(metrics))?;
     }
@@ -92,7 +92,7 @@ pub(super) fn rehearse(
     sample_time_s: f64,
 ) -> Result<Trajectory, BenchError> {
     let setup = Setup { spec, kinds: &[ModelKind::Rk4], net: None, sample_time_s };
-    let model = setup.model(ModelKind::Rk4, plant);
+    let model = setup.model(ModelKind::Rk4, plant)?;
     let mut nmpc = Nmpc::new(setup.problem(plant), model, spec.sqp)?;
     let mut run = setup.begin(&mut nmpc, plant)?;
     run.run()?;
@@ -106,15 +106,19 @@ impl Setup<'_> {
         net.map(|net| Guard::new(net, self.spec.outside_domain))
     }
 
-    pub(crate) fn model(&self, kind: ModelKind, plant: &dyn DynPlant) -> Box<dyn Model> {
+    pub(crate) fn model(
+        &self,
+        kind: ModelKind,
+        plant: &dyn DynPlant,
+    ) -> Result<Box<dyn Model>, NetError> {
         let (sample_time_s, spec) = (self.sample_time_s, self.spec);
-        match (kind, self.net) {
-            (ModelKind::Pinc, Some(net)) => Box::new(PincModel::new(net)),
+        Ok(match (kind, self.net) {
+            (ModelKind::Pinc, Some(net)) => Box::new(PincModel::new(net)?),
             (ModelKind::Pinc, None) => unreachable!("the plan trains or reads a net for this loop"),
             (ModelKind::Rk4, _) => plant.rk4(sample_time_s, spec.rk4_substeps),
             (ModelKind::Rk5, _) => plant.rk5(sample_time_s, spec.rk5_substeps),
             (ModelKind::Rodas4, _) => plant.rodas4(sample_time_s, spec.rosenbrock_substeps),
-        }
+        })
     }
 
     pub(crate) fn problem(&self, plant: &dyn DynPlant) -> NmpcProblem {

@@ -29,7 +29,7 @@ pub(crate) fn stage(
     for &kind in setup.kinds {
         options.go_on(record.dir())?;
         progress.advance(found.len() as u64, String::new);
-        let mut model = setup.model(kind, plant);
+        let mut model = setup.model(kind, plant)?;
         let stages = setup.spec.n2;
         found.push(OneStepMetrics {
             model: kind,

@@ -10,8 +10,8 @@ use crate::record::{
 };
 use crate::spec::{DataSpec, Effort, Experiment, TrainingSpec};
 use pinc_net::{
-    Domain, IterationRecord, NetConfig, PincNet, Progress, Trainer, Validation, ValidationConfig,
-    ValidationSet,
+    Domain, IterationRecord, NetConfig, PincNet, Progress, Trainer, Training, Validation,
+    ValidationConfig, ValidationSet,
 };
 use pinc_ode::DynPlant;
 use std::fs;
@@ -33,11 +33,7 @@ pub(crate) fn stage(
         return super::read_model(&record.path(file::MODEL));
     }
     let setup = Setup::of(experiment)?;
-    let (sample_time_s, config) = (setup.net.sample_time_s, setup.validation);
-    let mut validation = match &setup.net.time_only {
-        Some(scenario) => ValidationSet::of_scenario(plant, sample_time_s, config, scenario)?,
-        None => ValidationSet::generate(plant, sample_time_s, config, experiment.seed)?,
-    };
+    let mut validation = setup.training(experiment.seed).validation_set(plant)?;
     if let Some(held_out) = setup.measured(experiment, |data| &data.held_out)? {
         validation = validation.with_measurements(held_out.measurements);
     }
@@ -90,6 +86,18 @@ impl<'a> Setup<'a> {
         })
     }
 
+    /// The training that they describe.
+    fn training(&self, seed: u64) -> Training {
+        Training {
+            net: self.net.clone(),
+            domain: self.domain.clone(),
+            config: self.training.config.clone(),
+            validation: self.validation.clone(),
+            seed,
+            threads: self.training.effort.threads(),
+        }
+    }
+
     /// What is in some of the files of `[data]`, if there are any.
     fn measured(
         &self,
@@ -131,15 +139,8 @@ impl Session {
         let begun = Instant::now();
         let mut fingerprint = experiment.normalized().fingerprint();
         let total = setup.training.config.phases.iter().map(|phase| phase.iterations).sum();
-        let mut trainer = Trainer::new(
-            plant,
-            setup.net,
-            setup.domain,
-            &setup.training.config,
-            validation.clone(),
-            experiment.seed,
-            setup.training.effort.threads(),
-        )?;
+        let training = setup.training(experiment.seed);
+        let mut trainer = Trainer::new(plant, &training, validation.clone())?;
         if let Some(spec) = setup.data
             && let Some(data) = setup.measured(experiment, |spec| &spec.files)?
         {

@@ -35,6 +35,13 @@ fn default_epsilon() -> f64 {
 }
 
 impl AdamConfig {
+    /// Adam with the usual decays and this step size.
+    #[must_use]
+    pub fn new(learning_rate: f64) -> Self {
+        let (beta1, beta2, epsilon) = (default_beta1(), default_beta2(), default_epsilon());
+        Self { learning_rate, beta1, beta2, epsilon }
+    }
+
     pub(super) fn validate(&self) -> Result<(), NetError> {
         let positive = |v: f64| v > 0.0 && v.is_finite();
         check("learning_rate", self.learning_rate, positive, "a positive number")?;

@@ -1,6 +1,6 @@
 //! The choice between full and limited memory by the size of the net.
 
-use super::{LbfgsConfig, OptimizerConfig, SelfScaledBroydenConfig};
+use super::{LbfgsConfig, LineSearch, OptimizerConfig, SelfScaledBroydenConfig};
 use crate::NetError;
 use serde::{Deserialize, Serialize};
 
@@ -18,6 +18,18 @@ pub struct AutoConfig {
     pub full_memory: SelfScaledBroydenConfig,
     /// Above it.
     pub limited_memory: LbfgsConfig,
+}
+
+impl Default for AutoConfig {
+    /// The recommended choice.
+    fn default() -> Self {
+        let (memory, line_search) = (20, LineSearch::WeakWolfe);
+        Self {
+            max_full_memory_weights: 8000,
+            full_memory: SelfScaledBroydenConfig::default(),
+            limited_memory: LbfgsConfig { memory, line_search, ..LbfgsConfig::default() },
+        }
+    }
 }
 
 impl AutoConfig {

@@ -1,6 +1,8 @@
 //! Limited-memory BFGS.
 
-use super::{Iterate, LineSearch, Objective, Outcome, Scratch, check, dot, norm, set};
+use super::{
+    GRADIENT_TOLERANCE, Iterate, LineSearch, Objective, Outcome, Scratch, check, dot, norm, set,
+};
 use crate::NetError;
 use crate::mlp::to_f64;
 use serde::{Deserialize, Serialize};
@@ -8,29 +10,21 @@ use std::collections::VecDeque;
 
 /// Settings of limited-memory BFGS: Nocedal and Wright, *Numerical Optimization*, Algorithms 7.4 and 7.5.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[serde(deny_unknown_fields, default)]
 pub struct LbfgsConfig {
     /// Pairs of steps and gradient changes remembered.
-    #[serde(default = "default_memory")]
     pub memory: usize,
     /// How the step length is chosen.
-    #[serde(default = "default_line_search")]
     pub line_search: LineSearch,
     /// Stop when the norm of the gradient falls below this.
-    #[serde(default = "default_gradient_tolerance")]
     pub gradient_tolerance: f64,
 }
 
-fn default_memory() -> usize {
-    10
-}
-
-fn default_line_search() -> LineSearch {
-    LineSearch::HagerZhang
-}
-
-pub(super) fn default_gradient_tolerance() -> f64 {
-    1e-14
+impl Default for LbfgsConfig {
+    fn default() -> Self {
+        let (line_search, gradient_tolerance) = (LineSearch::HagerZhang, GRADIENT_TOLERANCE);
+        Self { memory: 10, line_search, gradient_tolerance }
+    }
 }
 
 impl LbfgsConfig {

@@ -1,7 +1,6 @@
 //! Levenberg-Marquardt.
 
-use super::lbfgs::default_gradient_tolerance;
-use super::{Iterate, LeastSquares, Outcome, Scratch, check};
+use super::{GRADIENT_TOLERANCE, Iterate, LeastSquares, Outcome, Scratch, check};
 use crate::NetError;
 use faer::dyn_stack::{MemBuffer, MemStack, StackReq};
 use faer::linalg::cholesky::llt::{factor, solve};
@@ -15,19 +14,19 @@ use serde::{Deserialize, Serialize};
 /// Cholesky factorization. For P parameters it keeps two P x P matrices (16 P^2 bytes), computes J'J once
 /// per iteration, and spends P^3/6 multiply-adds on one core per trial.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[serde(deny_unknown_fields, default)]
 pub struct LevenbergMarquardtConfig {
     /// First damping mu, relative to the largest entry on the diagonal of J'J.
-    #[serde(default = "default_initial_damping")]
     pub initial_damping: f64,
     /// Stop when the norm of the gradient falls below this.
-    #[serde(default = "default_gradient_tolerance")]
     pub gradient_tolerance: f64,
 }
 
-/// The reference's value for a start that is not close to the solution.
-fn default_initial_damping() -> f64 {
-    1e-3
+impl Default for LevenbergMarquardtConfig {
+    /// The reference's damping for a start that is not close to the solution.
+    fn default() -> Self {
+        Self { initial_damping: 1e-3, gradient_tolerance: GRADIENT_TOLERANCE }
+    }
 }
 
 /// Where damping ends, relative to the largest entry on the diagonal of J'J: with more, a step has no

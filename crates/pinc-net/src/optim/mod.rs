@@ -25,6 +25,9 @@ use levenberg_marquardt::LevenbergMarquardt;
 use self_scaled_broyden::SelfScaledBroyden;
 use serde::{Deserialize, Serialize};
 
+/// Norm of the gradient below which a minimum is taken for reached, unless another is given.
+const GRADIENT_TOLERANCE: f64 = 1e-14;
+
 /// A function to be minimized.
 pub trait Objective {
     /// The value at `x`, and the gradient there into `gradient` (both of the same length).
@@ -138,6 +141,36 @@ impl OptimizerConfig {
             Self::LevenbergMarquardt(config) => config.validate(),
             Self::Auto(config) => config.validate(),
         }
+    }
+}
+
+impl From<AdamConfig> for OptimizerConfig {
+    fn from(config: AdamConfig) -> Self {
+        Self::Adam(config)
+    }
+}
+
+impl From<LbfgsConfig> for OptimizerConfig {
+    fn from(config: LbfgsConfig) -> Self {
+        Self::Lbfgs(config)
+    }
+}
+
+impl From<SelfScaledBroydenConfig> for OptimizerConfig {
+    fn from(config: SelfScaledBroydenConfig) -> Self {
+        Self::SelfScaledBroyden(config)
+    }
+}
+
+impl From<LevenbergMarquardtConfig> for OptimizerConfig {
+    fn from(config: LevenbergMarquardtConfig) -> Self {
+        Self::LevenbergMarquardt(config)
+    }
+}
+
+impl From<AutoConfig> for OptimizerConfig {
+    fn from(config: AutoConfig) -> Self {
+        Self::Auto(config)
     }
 }
 

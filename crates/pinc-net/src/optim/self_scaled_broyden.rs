@@ -1,8 +1,9 @@
 //! Self-scaled Broyden updates of the full inverse Hessian.
 
 use super::inverse_hessian::InverseHessian;
-use super::lbfgs::default_gradient_tolerance;
-use super::{Iterate, LineSearch, Objective, Outcome, Scratch, check, dot, set};
+use super::{
+    GRADIENT_TOLERANCE, Iterate, LineSearch, Objective, Outcome, Scratch, check, dot, norm, set,
+};
 use crate::mlp::to_f64;
 use crate::{NetError, Workers};
 use serde::{Deserialize, Serialize};
@@ -15,18 +16,18 @@ use serde::{Deserialize, Serialize};
 /// It keeps the whole inverse Hessian: 4 P^2 bytes for P parameters (8 MB for 1402), and a pass over
 /// them in each iteration.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[serde(deny_unknown_fields, default)]
 pub struct SelfScaledBroydenConfig {
     /// Length of the first step.
-    #[serde(default = "default_initial_step")]
     pub initial_step: f64,
     /// Stop when the norm of the gradient falls below this.
-    #[serde(default = "default_gradient_tolerance")]
     pub gradient_tolerance: f64,
 }
 
-fn default_initial_step() -> f64 {
-    0.1
+impl Default for SelfScaledBroydenConfig {
+    fn default() -> Self {
+        Self { initial_step: 0.1, gradient_tolerance: GRADIENT_TOLERANCE }
+    }
 }
 
 impl SelfScaledBroydenConfig {
@@ -135,7 +136,9 @@ impl SelfScaledBroyden {
         set(y, to.gradient.iter().zip(&from.gradient).map(|(a, b)| a - b));
         std::mem::swap(&mut self.newton, newton);
         let (sy, yhy) = (dot(&update.s, y), dot(y, &update.hy));
-        if !(sy > 0.0 && yhy > 0.0 && yhy.is_finite()) {
+        // Below this, s'y is rounding.
+        let least = f64::EPSILON * norm(&update.s) * norm(y);
+        if !(sy > least && yhy > 0.0 && yhy.is_finite()) {
             return;
         }
         let b = -step * dot(&update.s, &from.gradient) / sy;

@@ -1,13 +1,11 @@
 //! Measurements in the loss: how trajectories are cut, and what a training makes of them.
 
 use pinc_net::optim::{
-    AdamConfig, LbfgsConfig, LevenbergMarquardtConfig, LineSearch, OptimizerConfig,
-    SelfScaledBroydenConfig,
+    AdamConfig, LbfgsConfig, LevenbergMarquardtConfig, OptimizerConfig, SelfScaledBroydenConfig,
 };
 use pinc_net::{
-    Ansatz, Domain, InitialScale, Measurements, NetConfig, NetError, Phase, Progress, Recorded,
-    ResidualScale, Sampler, SelectNet, Trainer, TrainingConfig, TrainingTarget, ValidationConfig,
-    ValidationSet,
+    Domain, Measurements, NetConfig, NetError, Phase, Progress, Recorded, SelectNet, Trainer,
+    Training, TrainingConfig, ValidationConfig,
 };
 use pinc_ode::Dopri5;
 use pinc_plants::VanDerPol;
@@ -50,12 +48,7 @@ fn a_trajectory_is_cut_where_a_step_can_begin_and_must_end() {
 }
 
 fn domain() -> Domain {
-    Domain {
-        state_low: vec![-2.0; 2],
-        state_high: vec![2.0; 2],
-        input_low: vec![-1.0],
-        input_high: vec![1.0],
-    }
+    Domain::new(vec![-2.0..=2.0; 2], [-1.0..=1.0])
 }
 
 /// One step of the plant with mu = 1 from points of a grid; of every other point only one state.
@@ -78,44 +71,33 @@ fn measured() -> Measurements {
 }
 
 fn phase(optimizer: OptimizerConfig, iterations: u64) -> Vec<Phase> {
-    vec![Phase { optimizer, iterations, restore_best: false }]
+    vec![Phase::new(optimizer, iterations)]
 }
 
-/// A training on the equation with a wrong mu, with what was measured held out from it.
+/// A training on the equation with a wrong mu, with the measurements held out.
 fn trainer(phases: Vec<Phase>, keep: SelectNet, threads: usize) -> Trainer {
     let plant = VanDerPol { mu: 0.5 };
-    let net = NetConfig {
-        sample_time_s: T,
-        hidden_layers: 2,
-        neurons: 8,
-        ansatz: Ansatz::HardLinear,
-        time_only: None,
+    let training = Training {
+        config: TrainingConfig {
+            collocation_points: 128,
+            phases,
+            growth: None,
+            validation_every: 50,
+            keep,
+            ..TrainingConfig::recommended()
+        },
+        validation: ValidationConfig {
+            scenarios: 1,
+            subintervals: 1,
+            tolerance: 1e-8,
+            one_step_points: 8,
+            ..ValidationConfig::new(2.0 * T, domain())
+        },
+        threads,
+        ..Training::new(NetConfig::new(T, 2, 8), domain())
     };
-    let training = TrainingConfig {
-        source: TrainingTarget::Physics,
-        sampler: Sampler::Sobol,
-        collocation_points: 128,
-        initial_points: 1,
-        lambda: 1.0,
-        residual_scale: ResidualScale::Normalized,
-        initial_scale: InitialScale::Normalized,
-        phases,
-        growth: None,
-        validation_every: 50,
-        keep,
-        target_one_step_rms: None,
-    };
-    let scenarios = ValidationConfig {
-        scenarios: 1,
-        duration_s: 2.0 * T,
-        subintervals: 1,
-        domain: domain(),
-        tolerance: 1e-8,
-        one_step_points: 8,
-    };
-    let validation = ValidationSet::generate(&plant, T, &scenarios, 1).unwrap();
-    let validation = validation.with_measurements(measured());
-    Trainer::new(&plant, &net, &domain(), &training, validation, 0, threads).unwrap()
+    let validation = training.validation_set(&plant).unwrap().with_measurements(measured());
+    Trainer::new(&plant, &training, validation).unwrap()
 }
 
 /// The error against the measurements at the end, and loss and its term of the measurements at the start
@@ -135,8 +117,7 @@ fn run(mut trainer: Trainer) -> (f64, Vec<(f64, f64)>) {
 }
 
 fn broyden() -> OptimizerConfig {
-    let (initial_step, gradient_tolerance) = (0.1, 1e-14);
-    OptimizerConfig::SelfScaledBroyden(SelfScaledBroydenConfig { initial_step, gradient_tolerance })
+    SelfScaledBroydenConfig::default().into()
 }
 
 #[test]
@@ -153,16 +134,11 @@ fn measurements_pull_a_net_of_a_wrong_equation_to_the_plant() {
 
 #[test]
 fn every_optimizer_fits_them_in_the_same_bits_on_any_number_of_threads() {
-    let (beta1, beta2, epsilon) = (0.9, 0.999, 1e-7);
-    let adam = AdamConfig { learning_rate: 1e-2, beta1, beta2, epsilon };
-    let (line_search, gradient_tolerance) = (LineSearch::HagerZhang, 1e-14);
-    let lbfgs = LbfgsConfig { memory: 10, line_search, gradient_tolerance };
-    let marquardt = LevenbergMarquardtConfig { initial_damping: 1e-3, gradient_tolerance };
     for optimizer in [
-        OptimizerConfig::Adam(adam),
-        OptimizerConfig::Lbfgs(lbfgs),
+        AdamConfig::new(1e-2).into(),
+        LbfgsConfig::default().into(),
         broyden(),
-        OptimizerConfig::LevenbergMarquardt(marquardt),
+        LevenbergMarquardtConfig::default().into(),
     ] {
         let on = |threads| {
             let trainer = trainer(phase(optimizer.clone(), 30), SelectNet::Last, threads);

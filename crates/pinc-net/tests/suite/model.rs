@@ -1,7 +1,7 @@
 //! The net's control interface against its specification over dual numbers.
 
 use pinc_ad::{Dual, jacobian};
-use pinc_net::{Ansatz, Domain, NetConfig, PincModel, PincNet};
+use pinc_net::{Ansatz, Domain, Isa, NetConfig, NetError, PincModel, PincNet, Scenario};
 use pinc_ode::{Linearization, Model, Plant, Stages};
 use pinc_plants::{FourTanks, VanDerPol};
 use proptest::prelude::*;
@@ -9,21 +9,15 @@ use proptest::prelude::*;
 fn check<P: Plant>(plant: &P, ansatz: Ansatz, seed: u64, at: f64) -> Result<(), TestCaseError> {
     let dims = plant.dims();
     let (n, m) = (dims.nx, dims.nu);
-    let domain = Domain {
-        state_low: vec![0.5; n],
-        state_high: vec![6.0; n],
-        input_low: vec![-1.0; m],
-        input_high: vec![3.0; m],
-    };
-    let config =
-        NetConfig { sample_time_s: 0.7, hidden_layers: 3, neurons: 11, ansatz, time_only: None };
+    let domain = Domain::new(vec![0.5..=6.0; n], vec![-1.0..=3.0; m]);
+    let config = NetConfig { ansatz, ..NetConfig::new(0.7, 3, 11) };
     let net = PincNet::new(plant, &config, &domain, seed).unwrap();
-    let mut predictor = PincModel::new(&net);
+    let mut model = PincModel::new(&net).unwrap();
     let xu: Vec<f64> = (0..n + m).map(|i| at + 0.3 * i as f64).collect();
     let (x, u) = xu.split_at(n);
     let mut next = vec![0.0; n];
     let (mut a, mut b) = (vec![0.0; n * n], vec![0.0; n * m]);
-    predictor.linearize(
+    model.linearize(
         Stages { x, u, p: &[] },
         Linearization { next: &mut next, a: &mut a, b: &mut b, e: &mut [] },
     );
@@ -44,7 +38,7 @@ fn check<P: Plant>(plant: &P, ansatz: Ansatz, seed: u64, at: f64) -> Result<(), 
         }
     }
     let mut value = vec![0.0; n];
-    predictor.step(x, u, &[], &mut value);
+    model.step(x, u, &[], &mut value);
     prop_assert!(value.iter().zip(&next).all(|(p, l)| (p - l).abs() < 1e-13));
     Ok(())
 }
@@ -58,5 +52,22 @@ proptest! {
     ) {
         check(&VanDerPol::default(), ansatz, seed, at)?;
         check(&FourTanks::antonelo(), ansatz, seed, at)?;
+    }
+}
+
+/// Its state depends on neither x nor u: as a model it would have Jacobians of zeros.
+#[test]
+fn a_conventional_pinn_is_no_model_for_control() {
+    let plant = VanDerPol::default();
+    let domain = Domain::new(vec![-3.0..=3.0; 2], [-1.0..=1.0]);
+    let scenario = Scenario { initial_state: vec![1.0, 0.0], input: vec![0.5] };
+    for ansatz in [Ansatz::Direct, Ansatz::HardLinear] {
+        let time_only = Some(scenario.clone());
+        let config = NetConfig { ansatz, time_only, ..NetConfig::new(0.5, 2, 5) };
+        let net = PincNet::new(&plant, &config, &domain, 0).unwrap();
+        assert!(matches!(PincModel::new(&net), Err(NetError::OneScenario)));
+        // Nor when it comes from a file.
+        let net = PincNet::from_bytes(&net.to_bytes()).unwrap();
+        assert!(matches!(PincModel::with_isa(&net, Isa::detect()), Err(NetError::OneScenario)));
     }
 }

@@ -2,55 +2,41 @@
 
 use pinc_ad::Scalar;
 use pinc_net::optim::{
-    AdamConfig, LbfgsConfig, LevenbergMarquardtConfig, LineSearch, OptimizerConfig,
-    SelfScaledBroydenConfig,
+    AdamConfig, LbfgsConfig, LevenbergMarquardtConfig, OptimizerConfig, SelfScaledBroydenConfig,
 };
 use pinc_net::{
-    Ansatz, Checkpoint, Domain, GrowthConfig, InitialScale, IterationRecord, Measurements,
-    NetConfig, NetError, Phase, PincNet, Progress, ResidualScale, Sampler, Scenario, SelectNet,
-    StopReason, Trainer, TrainingConfig, TrainingTarget, Validation, ValidationConfig,
-    ValidationSet,
+    Ansatz, Checkpoint, Domain, GrowthConfig, IterationRecord, Measurements, NetConfig, NetError,
+    Phase, PincNet, Progress, Sampler, Scenario, SelectNet, StopReason, Trainer, Training,
+    TrainingConfig, TrainingTarget, Validation, ValidationConfig, ValidationSet,
 };
-use pinc_ode::{Dopri5, Plant, Variable};
+use pinc_ode::{Dopri5, DynRhs, Plant, Variable};
 use pinc_plants::{OneTank, VanDerPol};
 
 fn adam(iterations: u64) -> Phase {
-    let (beta1, beta2, epsilon) = (0.9, 0.999, 1e-7);
-    let config = AdamConfig { learning_rate: 1e-2, beta1, beta2, epsilon };
-    Phase { optimizer: OptimizerConfig::Adam(config), iterations, restore_best: false }
+    Phase::new(AdamConfig::new(1e-2), iterations)
 }
 
 fn lbfgs(iterations: u64) -> Phase {
-    let line_search = LineSearch::HagerZhang;
-    let config = LbfgsConfig { memory: 10, line_search, gradient_tolerance: 1e-14 };
-    Phase { optimizer: OptimizerConfig::Lbfgs(config), iterations, restore_best: false }
+    Phase::new(LbfgsConfig::default(), iterations)
 }
 
 fn broyden(iterations: u64) -> Phase {
-    let config = SelfScaledBroydenConfig { initial_step: 0.1, gradient_tolerance: 1e-14 };
-    Phase { optimizer: OptimizerConfig::SelfScaledBroyden(config), iterations, restore_best: false }
+    Phase::new(SelfScaledBroydenConfig::default(), iterations)
 }
 
 fn levenberg_marquardt(iterations: u64) -> Phase {
-    let config = LevenbergMarquardtConfig { initial_damping: 1e-3, gradient_tolerance: 1e-14 };
-    let optimizer = OptimizerConfig::LevenbergMarquardt(config);
-    Phase { optimizer, iterations, restore_best: false }
+    Phase::new(LevenbergMarquardtConfig::default(), iterations)
 }
 
 fn training(phases: Vec<Phase>) -> TrainingConfig {
     TrainingConfig {
-        source: TrainingTarget::Physics,
-        sampler: Sampler::Sobol,
         collocation_points: 256,
         initial_points: 32,
         lambda: 0.5,
-        residual_scale: ResidualScale::Normalized,
-        initial_scale: InitialScale::Normalized,
         phases,
         growth: None,
         validation_every: 10,
-        keep: SelectNet::Best,
-        target_one_step_rms: None,
+        ..TrainingConfig::recommended()
     }
 }
 
@@ -65,33 +51,33 @@ fn growth() -> Option<GrowthConfig> {
 }
 
 fn van_der_pol_domain() -> Domain {
-    Domain {
-        state_low: vec![-3.0; 2],
-        state_high: vec![3.0; 2],
-        input_low: vec![-1.0],
-        input_high: vec![1.0],
+    Domain::new(vec![-3.0..=3.0; 2], [-1.0..=1.0])
+}
+
+fn validation(sample_time_s: f64, domain: &Domain) -> ValidationConfig {
+    ValidationConfig {
+        scenarios: 3,
+        subintervals: 3,
+        tolerance: 1e-10,
+        one_step_points: 64,
+        ..ValidationConfig::new(4.0 * sample_time_s, domain.clone())
     }
 }
 
-fn validation<P: Plant>(plant: &P, sample_time_s: f64, domain: &Domain) -> ValidationSet {
-    let config = ValidationConfig {
-        scenarios: 3,
-        duration_s: 4.0 * sample_time_s,
-        subintervals: 3,
-        domain: domain.clone(),
-        tolerance: 1e-10,
-        one_step_points: 64,
-    };
-    ValidationSet::generate(plant, sample_time_s, &config, 77).unwrap()
+/// A training of the oscillator's 2x8 net.
+fn small(config: &TrainingConfig, ansatz: Ansatz, threads: usize) -> Training {
+    let domain = van_der_pol_domain();
+    let validation = validation(0.5, &domain);
+    let net = NetConfig { ansatz, ..NetConfig::new(0.5, 2, 8) };
+    Training { config: config.clone(), validation, seed: 3, threads, ..Training::new(net, domain) }
+}
+
+fn begin(plant: &dyn DynRhs, training: &Training) -> Result<Trainer, NetError> {
+    Trainer::new(plant, training, training.validation_set(plant)?)
 }
 
 fn van_der_pol(config: &TrainingConfig, ansatz: Ansatz, threads: usize) -> Trainer {
-    let net =
-        NetConfig { sample_time_s: 0.5, hidden_layers: 2, neurons: 8, ansatz, time_only: None };
-    let plant = VanDerPol::default();
-    let domain = van_der_pol_domain();
-    let set = validation(&plant, 0.5, &domain);
-    Trainer::new(&plant, &net, &domain, config, set, 3, threads).unwrap()
+    begin(&VanDerPol::default(), &small(config, ansatz, threads)).unwrap()
 }
 
 /// Steps to the end, validating when due.
@@ -175,7 +161,8 @@ fn the_last_net_is_kept_if_asked_for_and_phases_can_go_back_to_the_best() {
 }
 
 fn validation_of(net: &PincNet) -> Validation {
-    validation(&VanDerPol::default(), 0.5, &van_der_pol_domain()).evaluate(net)
+    let training = small(&training(vec![]), Ansatz::HardLinear, 1);
+    training.validation_set(&VanDerPol::default()).unwrap().evaluate(net)
 }
 
 #[test]
@@ -224,20 +211,7 @@ fn resuming_gives_the_bits_of_an_uninterrupted_run() {
         let bytes = postcard::to_stdvec(first.checkpoint()).unwrap();
         drop(first);
         let checkpoint: Checkpoint = postcard::from_bytes(&bytes).unwrap();
-        let plant = VanDerPol::default();
-        let domain = van_der_pol_domain();
-        let net = NetConfig {
-            sample_time_s: 0.5,
-            hidden_layers: 2,
-            neurons: 8,
-            ansatz: Ansatz::Direct,
-            time_only: None,
-        };
-        let set = validation(&plant, 0.5, &domain);
-        let mut second = Trainer::new(&plant, &net, &domain, &config, set, 3, 1)
-            .unwrap()
-            .resume(checkpoint)
-            .unwrap();
+        let mut second = van_der_pol(&config, Ansatz::Direct, 1).resume(checkpoint).unwrap();
         let (rest, _) = finish(&mut second);
         assert_eq!(rest, records[stop..], "stopped after {stop}");
         assert_eq!(second.net().to_bytes(), whole.net().to_bytes(), "stopped after {stop}");
@@ -248,21 +222,10 @@ fn resuming_gives_the_bits_of_an_uninterrupted_run() {
 fn a_checkpoint_of_another_net_is_refused() {
     let config = training(vec![adam(5)]);
     let trainer = van_der_pol(&config, Ansatz::Direct, 1);
-    let plant = VanDerPol::default();
-    let domain = van_der_pol_domain();
-    let net = NetConfig {
-        sample_time_s: 0.5,
-        hidden_layers: 3,
-        neurons: 8,
-        ansatz: Ansatz::Direct,
-        time_only: None,
-    };
-    let set = validation(&plant, 0.5, &domain);
-    let checkpoint = trainer.checkpoint().clone();
-    let error = Trainer::new(&plant, &net, &domain, &config, set, 3, 1)
-        .unwrap()
-        .resume(checkpoint)
-        .unwrap_err();
+    let mut deeper = small(&config, Ansatz::Direct, 1);
+    deeper.net.hidden_layers = 3;
+    let deeper = begin(&VanDerPol::default(), &deeper).unwrap();
+    let error = deeper.resume(trainer.checkpoint().clone()).unwrap_err();
     assert!(matches!(error, NetError::Checkpoint { .. }), "{error}");
 }
 
@@ -302,19 +265,16 @@ fn a_plant_without_value_in_the_domain_is_named() {
             dx[0] = x[0].sqrt();
         }
     }
-    let domain = |low| Domain {
-        state_low: vec![low],
-        state_high: vec![1.0],
-        input_low: vec![],
-        input_high: vec![],
-    };
     for ansatz in [Ansatz::Direct, Ansatz::HardLinear] {
-        let net =
-            NetConfig { sample_time_s: 0.5, hidden_layers: 1, neurons: 4, ansatz, time_only: None };
-        let set = validation(&Root, 0.5, &domain(0.1));
-        let config = training(vec![adam(3)]);
-        let result = Trainer::new(&Root, &net, &domain(-1.0), &config, set, 3, 1);
-        let message = match result {
+        let training = Training {
+            config: training(vec![adam(3)]),
+            validation: validation(0.5, &Domain::new([0.1..=1.0], [])),
+            ..Training::new(
+                NetConfig { ansatz, ..NetConfig::new(0.5, 1, 4) },
+                Domain::new([-1.0..=1.0], []),
+            )
+        };
+        let message = match begin(&Root, &training) {
             Err(error) => error.to_string(),
             Ok(mut trainer) => trainer.step().unwrap_err().to_string(),
         };
@@ -326,32 +286,24 @@ fn a_plant_without_value_in_the_domain_is_named() {
 #[test]
 fn a_conventional_pinn_learns_its_one_scenario() {
     let plant = OneTank::default();
-    let domain = Domain {
-        state_low: vec![2.0],
-        state_high: vec![20.0],
-        input_low: vec![0.5],
-        input_high: vec![4.45],
-    };
+    let domain = Domain::new([2.0..=20.0], [0.5..=4.45]);
     let scenario = Scenario { initial_state: vec![15.0], input: vec![2.0] };
     for ansatz in [Ansatz::Direct, Ansatz::HardLinear] {
-        let net = NetConfig {
-            sample_time_s: 30.0,
-            hidden_layers: 2,
-            neurons: 10,
-            ansatz,
-            time_only: Some(scenario.clone()),
+        let time_only = Some(scenario.clone());
+        let net = NetConfig { ansatz, time_only, ..NetConfig::new(30.0, 2, 10) };
+        let config = training(vec![broyden(200)]);
+        let training = Training {
+            config: TrainingConfig { collocation_points: 100, ..config },
+            validation: ValidationConfig {
+                scenarios: 1,
+                subintervals: 10,
+                one_step_points: 1,
+                ..ValidationConfig::new(30.0, domain.clone())
+            },
+            ..Training::new(net, domain.clone())
         };
-        let config = TrainingConfig { collocation_points: 100, ..training(vec![broyden(200)]) };
-        let scenarios = ValidationConfig {
-            scenarios: 1,
-            duration_s: 30.0,
-            subintervals: 10,
-            domain: domain.clone(),
-            tolerance: 1e-12,
-            one_step_points: 1,
-        };
-        let set = ValidationSet::of_scenario(&plant, 30.0, &scenarios, &scenario).unwrap();
-        let mut trainer = Trainer::new(&plant, &net, &domain, &config, set.clone(), 0, 1).unwrap();
+        let set = training.validation_set(&plant).unwrap();
+        let mut trainer = begin(&plant, &training).unwrap();
         while let Progress::Iterated(_) = trainer.step().unwrap() {}
         let mut truth = scenario.initial_state.clone();
         let mut integrator = Dopri5::new(plant, 1e-12);
@@ -385,28 +337,15 @@ fn validation_chains_the_net_as_the_paper_says() {
     // A hand-made chain of a fresh net on a set with one scenario and one row a step.
     let plant = VanDerPol::default();
     let domain = van_der_pol_domain();
+    // A box this thin pins the scenario down.
+    let thin = |low: f64| low..=low + 1e-12;
     let config = ValidationConfig {
         scenarios: 1,
-        duration_s: 1.5,
         subintervals: 1,
-        domain: Domain {
-            // Boxes this thin pin the scenario down.
-            state_low: vec![1.0, -0.5],
-            state_high: vec![1.0 + 1e-12, -0.5 + 1e-12],
-            input_low: vec![0.25],
-            input_high: vec![0.25 + 1e-12],
-        },
-        tolerance: 1e-12,
         one_step_points: 1,
+        ..ValidationConfig::new(1.5, Domain::new([thin(1.0), thin(-0.5)], [thin(0.25)]))
     };
-    let net = NetConfig {
-        sample_time_s: 0.5,
-        hidden_layers: 1,
-        neurons: 5,
-        ansatz: Ansatz::HardLinear,
-        time_only: None,
-    };
-    let net = PincNet::new(&plant, &net, &domain, 9).unwrap();
+    let net = PincNet::new(&plant, &NetConfig::new(0.5, 1, 5), &domain, 9).unwrap();
     let set = ValidationSet::generate(&plant, 0.5, &config, 0).unwrap();
     assert_eq!(set.rows(), 4);
     let (mut y, mut truth, mut squares) = (vec![1.0, -0.5], vec![1.0, -0.5], 0.0);
@@ -463,12 +402,8 @@ fn distilled(
     ansatz: Ansatz,
     threads: usize,
 ) -> Result<Trainer, NetError> {
-    let (plant, domain) = (VanDerPol::default(), van_der_pol_domain());
-    let net =
-        NetConfig { sample_time_s: 0.5, hidden_layers: 2, neurons: 8, ansatz, time_only: None };
     let config = TrainingConfig { source: TrainingTarget::Integrator, ..training.clone() };
-    let set = validation(&plant, 0.5, &domain);
-    Trainer::new(&plant, &net, &domain, &config, set, 3, threads)
+    begin(&VanDerPol::default(), &small(&config, ansatz, threads))
 }
 
 #[test]

@@ -1,7 +1,7 @@
 //! A step of a net, alone and with Jacobians, by plant and size.
 
 use divan::{Bencher, black_box};
-use pinc_net::{Ansatz, Domain, NetConfig, PincModel, PincNet};
+use pinc_net::{Domain, NetConfig, PincModel, PincNet};
 use pinc_ode::{Dims, Linearization, Model, Plant, Stages};
 use pinc_plants::{FourTanks, VanDerPol};
 
@@ -50,15 +50,9 @@ fn linearize_10_stages_four_tanks(bencher: Bencher<'_, '_>, size: (usize, usize)
 /// An untrained net: a step costs the same.
 fn net<P: Plant>(plant: P, (hidden_layers, neurons): (usize, usize)) -> PincModel {
     let dims = plant.dims();
-    let domain = Domain {
-        state_low: vec![1.0; dims.nx],
-        state_high: vec![3.0; dims.nx],
-        input_low: vec![-1.0; dims.nu],
-        input_high: vec![1.0; dims.nu],
-    };
-    let ansatz = Ansatz::HardLinear;
-    let config = NetConfig { sample_time_s: 0.5, hidden_layers, neurons, ansatz, time_only: None };
-    PincModel::new(&PincNet::new(&plant, &config, &domain, 0).expect("a net"))
+    let domain = Domain::new(vec![1.0..=3.0; dims.nx], vec![-1.0..=1.0; dims.nu]);
+    let config = NetConfig::new(0.5, hidden_layers, neurons);
+    PincModel::new(&PincNet::new(&plant, &config, &domain, 0).expect("a net")).expect("a model")
 }
 
 fn step<P: Plant>(bencher: Bencher<'_, '_>, plant: P, size: (usize, usize)) {
@@ -75,17 +69,10 @@ fn linearize<P: Plant>(bencher: Bencher<'_, '_>, plant: P, size: (usize, usize),
     let (mut a, mut b) = (vec![0.0; points * n * n], vec![0.0; points * n * m]);
     bencher.bench_local(|| {
         let (x, u) = (black_box(&x[..]), black_box(&u[..]));
-        if points == 1 {
-            model.linearize(
-                Stages { x, u, p: &[] },
-                Linearization { next: &mut next, a: &mut a, b: &mut b, e: &mut [] },
-            );
-        } else {
-            model.linearize(
-                Stages { x, u, p: &[] },
-                Linearization { next: &mut next, a: &mut a, b: &mut b, e: &mut [] },
-            );
-        }
+        model.linearize(
+            Stages { x, u, p: &[] },
+            Linearization { next: &mut next, a: &mut a, b: &mut b, e: &mut [] },
+        );
         black_box((&mut next, &mut a, &mut b));
     });
 }

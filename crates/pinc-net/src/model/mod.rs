@@ -4,7 +4,7 @@ mod batched;
 mod layout;
 mod step;
 
-use crate::PincNet;
+use crate::{NetError, PincNet};
 use batched::{Batched, Cells};
 use layout::Layout;
 use pinc_ad::simd::Isa;
@@ -29,23 +29,32 @@ pub struct PincModel {
 
 impl PincModel {
     /// The control interface of `net`, in the machine's fastest instruction set.
-    #[must_use]
-    pub fn new(net: &PincNet) -> Self {
+    ///
+    /// # Errors
+    ///
+    /// [`NetError::OneScenario`] for a conventional PINN, whose state depends on neither x nor u.
+    pub fn new(net: &PincNet) -> Result<Self, NetError> {
         Self::with_isa(net, Isa::detect())
     }
 
     /// The control interface of `net` in the instruction set `isa`.
     ///
+    /// # Errors
+    ///
+    /// [`NetError::OneScenario`] for a conventional PINN.
+    ///
     /// # Panics
     ///
-    /// On use, if the machine does not have it.
-    #[must_use]
-    pub fn with_isa(net: &PincNet, isa: Isa) -> Self {
+    /// On use, if the machine does not have the instruction set.
+    pub fn with_isa(net: &PincNet, isa: Isa) -> Result<Self, NetError> {
+        if net.time_only.is_some() {
+            return Err(NetError::OneScenario);
+        }
         let dims = net.dims();
         let layout = Layout::new(net, isa.lanes());
         let columns = Columns::new(layout.longest(), dims.nx + dims.nu);
         let cells = Cells::new(layout.widest(), dims.nx + dims.nu, isa.lanes());
-        Self { dims, sample_time_s: net.sample_time_s, isa, layout, columns, cells }
+        Ok(Self { dims, sample_time_s: net.sample_time_s, isa, layout, columns, cells })
     }
 
     /// Runs the net from one (x, u), or from [`POINTS`] of them, with the tangents of the first `tangents` of their

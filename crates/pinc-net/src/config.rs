@@ -1,7 +1,7 @@
-//! The choices of a training, and what is reported of it.
+//! The choices of a training.
 
 use crate::loss::{InitialScale, LossWeights, ResidualScale};
-use crate::optim::OptimizerConfig;
+use crate::optim::{AutoConfig, OptimizerConfig};
 use crate::sampling::Sampler;
 use crate::{NetError, PincNet};
 use serde::{Deserialize, Serialize};
@@ -51,6 +51,14 @@ pub struct Phase {
     pub restore_best: bool,
 }
 
+impl Phase {
+    /// At most `iterations` iterations of an optimizer; the next phase starts from where they end.
+    #[must_use]
+    pub fn new(optimizer: impl Into<OptimizerConfig>, iterations: u64) -> Self {
+        Self { optimizer: optimizer.into(), iterations, restore_best: false }
+    }
+}
+
 /// A sample of collocation points that grows when the net begins to fit the points rather than the
 /// equation.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -68,7 +76,28 @@ pub struct GrowthConfig {
     pub fresh_points: usize,
 }
 
+impl GrowthConfig {
+    /// The recommended growth: from the sample's size to 16384 points, doubled each time.
+    #[must_use]
+    pub fn recommended() -> Self {
+        Self {
+            max_points: 16_384,
+            factor: 2,
+            overfit_ratio: 6.0,
+            check_every: 50,
+            fresh_points: 4096,
+        }
+    }
+}
+
 /// The choices of a training.
+///
+/// Others than the recommended ones are given by struct update:
+///
+/// ```
+/// # use pinc_net::TrainingConfig;
+/// let config = TrainingConfig { collocation_points: 256, ..TrainingConfig::recommended() };
+/// ```
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct TrainingConfig {
@@ -105,6 +134,29 @@ pub struct TrainingConfig {
 }
 
 impl TrainingConfig {
+    /// The recommended training: 4000 iterations of a self-scaled Broyden method (of L-BFGS for
+    /// large nets) on a Sobol sample of 1024 points, which grows when the net overfits it.
+    ///
+    /// With the hard initial condition `initial_points`, `lambda` and `initial_scale` have no
+    /// effect.
+    #[must_use]
+    pub fn recommended() -> Self {
+        Self {
+            source: TrainingTarget::Physics,
+            sampler: Sampler::Sobol,
+            collocation_points: 1024,
+            initial_points: 1,
+            lambda: 1.0,
+            residual_scale: ResidualScale::Normalized,
+            initial_scale: InitialScale::Normalized,
+            phases: vec![Phase::new(AutoConfig::default(), 4000)],
+            growth: Some(GrowthConfig::recommended()),
+            validation_every: 100,
+            keep: SelectNet::Best,
+            target_one_step_rms: None,
+        }
+    }
+
     /// The weights of the loss of `net`.
     pub(crate) fn weights(&self, net: &PincNet) -> Result<LossWeights, NetError> {
         LossWeights::new(net, self.lambda, &self.residual_scale, self.initial_scale)
@@ -155,72 +207,4 @@ impl TrainingConfig {
         }
         Ok(())
     }
-}
-
-/// What one iteration came to.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct IterationRecord {
-    /// Iterations done, over all phases.
-    pub iteration: u64,
-    /// Index of the phase.
-    pub phase: usize,
-    /// Evaluations of loss and gradient so far.
-    pub loss_evaluations: u64,
-    /// The loss.
-    pub loss: f64,
-    /// Its term `MSE_y`.
-    pub loss_data: f64,
-    /// Its term lambda `MSE_F`.
-    pub loss_physics: f64,
-    /// Its term of the measurements, weight `MSE_D`.
-    pub loss_measured: f64,
-    /// Norm of its gradient.
-    pub gradient_norm: f64,
-    /// Collocation points in use.
-    pub collocation_points: usize,
-    /// The loss on fresh points, if it was computed in this iteration.
-    pub fresh_loss: Option<f64>,
-}
-
-/// Why a training ended.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum StopReason {
-    /// All phases ran their iterations.
-    IterationsDone,
-    /// The gradient fell below its tolerance in the last phase.
-    GradientTolerance,
-    /// No further descent was found in the last phase: rounding allows none.
-    NoFurtherDescent,
-    /// The net is as accurate as wanted.
-    TargetReached,
-}
-
-impl std::fmt::Display for StopReason {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.write_str(match self {
-            Self::IterationsDone => "iterations-done",
-            Self::GradientTolerance => "gradient-tolerance",
-            Self::NoFurtherDescent => "no-further-descent",
-            Self::TargetReached => "target-reached",
-        })
-    }
-}
-
-/// What [`Trainer::step`](crate::Trainer::step) came to.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Progress {
-    /// An iteration.
-    Iterated(IterationRecord),
-    /// The end; further steps say the same.
-    Finished(StopReason),
-}
-
-/// Work done so far.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Totals {
-    /// Iterations of optimizers.
-    pub iterations: u64,
-    /// Evaluations of loss and gradient.
-    pub loss_evaluations: u64,
 }

@@ -119,7 +119,6 @@ impl PackedLayer {
 
 /// From weights of the normalized (t, y0, u) to weights of (y0, u).
 fn fold_input(net: &PincNet, weights: &mut [Vec<f64>], bias: &mut [f64]) {
-    let dims = net.dims();
     for (row, bias) in weights.iter_mut().zip(bias) {
         let scaled = row.iter().zip(&net.input.std).map(|(w, std)| w / std);
         let mut scaled: Vec<f64> = scaled.collect();
@@ -127,8 +126,6 @@ fn fold_input(net: &PincNet, weights: &mut [Vec<f64>], bias: &mut [f64]) {
         for (w, mean) in scaled.iter().zip(&net.input.mean) {
             *bias -= w * mean;
         }
-        // A conventional PINN has no inputs but t: its state depends on nothing else.
-        scaled.resize(1 + dims.nx + dims.nu, 0.0);
         *row = scaled.split_off(1);
     }
 }
