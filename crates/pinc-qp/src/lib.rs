@@ -78,7 +78,7 @@ pub struct Qp {
     pub bounds: Limits,
     /// `[Nu, m]`
     pub increments: Limits,
-    /// `[N - N1 + 1, rows]`: inequalities without lower limit, then equalities.
+    /// `[N - N1 + 1, rows]`: inequalities without lower limit, equalities, then rows with any limits.
     pub rows: Limits,
 }
 

@@ -140,6 +140,7 @@ fn shapes() -> impl Strategy<Value = OcpDims> {
                 n1: first,
                 inequalities,
                 equalities: equalities.min(inputs - 1),
+                outputs: 0,
             })
         },
     )
