@@ -2,7 +2,7 @@
 //! solver of nonlinear programs (IPOPT, tolerance 1e-10) gives for the same problems.
 
 use pinc_mpc::{
-    Bounds, ClosedLoop, Nmpc, NmpcProblem, Profile, Reference, SqpConfig, SqpStatus, Weights,
+    Bounds, ClosedLoop, Nmpc, NmpcProblem, Reference, SqpConfig, SqpStatus, Tracked, Weights,
 };
 use pinc_ode::{Dopri5, PiecewiseConstant, Plant, Rk4};
 use pinc_plants::{FourTanks, VanDerPol};
@@ -59,11 +59,15 @@ fn staircase(values: [[f64; 2]; 4], each_s: f64, steps: usize, sample_time_s: f6
 
 /// 60 s of the oscillator with Q = q I and R = r.
 fn van_der_pol(q: f64, r: f64) -> Answer {
+    oscillator(Weights::uniform(vec![q; 2], vec![r]))
+}
+
+fn oscillator(weights: Weights) -> Answer {
     let plant = VanDerPol::default();
     let problem = NmpcProblem {
         state_bounds: Bounds { low: vec![-1.0; 2], high: vec![1.0; 2] },
         input_bounds: Bounds { low: vec![-1.0], high: vec![1.0] },
-        ..NmpcProblem::new(plant.dims(), 5, Weights::uniform(vec![q; 2], vec![r]))
+        ..NmpcProblem::new(plant.dims(), 5, weights)
     };
     let values = [[0.0, 0.0], [-0.5, 0.0], [0.8, 0.0], [1.0, 0.0]];
     let reference = staircase(values, 15.0, 120, 0.5);
@@ -71,11 +75,11 @@ fn van_der_pol(q: f64, r: f64) -> Answer {
 }
 
 /// 2400 s of the four tanks.
-fn four_tanks(profile: Profile) -> Answer {
+fn four_tanks(factors: [f64; 5]) -> Answer {
     let plant = FourTanks::antonelo();
-    let weights = Weights { profile, ..Weights::uniform(vec![10.0; 2], vec![1.0; 2]) };
+    let weights = Weights::scaled(vec![10.0; 2], vec![1.0; 2], &factors, &factors);
     let problem = NmpcProblem {
-        tracked: vec![0, 1],
+        tracked: Tracked::states([0, 1]),
         state_bounds: Bounds { low: vec![2.0, 2.0, 0.6, 0.6], high: vec![20.0, 20.0, 5.5, 5.5] },
         input_bounds: Bounds { low: vec![0.0; 2], high: vec![5.0; 2] },
         ..NmpcProblem::new(plant.dims(), 5, weights)
@@ -115,9 +119,35 @@ fn van_der_pol_states_only() {
     close(answer.rmse_dense, 0.14041, 1e-4);
 }
 
+/// The cost of the authors' program: weights that fall along the horizon, and increments of inputs with
+/// wrong indices,
+///
+/// ```text
+/// J = T [ sum_i (N - i) 10 |e_i|^2 + 5 ((u0 - ul)^2 + (u1 - ul)^2) + 10 ((u0 - u4)^2 + (u1 - u0)^2) ]
+/// ```
+///
+/// with ul the input applied last. It is behind the paper's Table 1 (122 and 0.15).
+#[test]
+fn van_der_pol_as_released() {
+    let factors = [5.0, 4.0, 3.0, 2.0, 1.0].map(|factor| factor * 0.5);
+    // Over (ul, u0, .., u4).
+    let mut w = vec![vec![0.0; 6]; 6];
+    for (weight, i, k) in [(5.0, 1, 0), (5.0, 2, 0), (10.0, 1, 5), (10.0, 2, 1)] {
+        let weight = 0.5 * weight;
+        w[i][i] += weight;
+        w[k][k] += weight;
+        w[i][k] -= weight;
+        w[k][i] -= weight;
+    }
+    let weights = Weights::scaled(vec![10.0; 2], vec![0.0], &factors, &[0.0; 5]);
+    let answer = oscillator(weights.with_input_sequence(w));
+    close(answer.iae_dense, 121.98, 0.01);
+    close(answer.rmse_dense, 0.1507, 1e-4);
+}
+
 #[test]
 fn four_tanks_as_printed() {
-    let answer = four_tanks(Profile::Uniform);
+    let answer = four_tanks([1.0; 5]);
     close(answer.iae_dense, 544.040, 0.05);
     close(answer.rmse_dense, 0.80714, 1e-4);
     close(answer.iae_printed, 24.087, 1e-3);
@@ -126,7 +156,8 @@ fn four_tanks_as_printed() {
 
 #[test]
 fn four_tanks_as_released() {
-    let answer = four_tanks(Profile::Cumulative);
+    // Stage i is counted (N - i) T times.
+    let answer = four_tanks([50.0, 40.0, 30.0, 20.0, 10.0]);
     close(answer.iae_dense, 544.408, 0.05);
     close(answer.rmse_dense, 0.80774, 1e-4);
 }

@@ -2,7 +2,7 @@
 //! and one QP, whatever the state. RK4 x4 is the model, and the plant in the loop.
 
 use divan::{Bencher, black_box};
-use pinc_mpc::{Bounds, Nmpc, NmpcProblem, QpMethod, SqpConfig, Weights};
+use pinc_mpc::{Bounds, Nmpc, NmpcProblem, QpMethod, SqpConfig, Tracked, Weights};
 use pinc_ode::{Dims, Model, Plant, Rk4};
 use pinc_plants::{FourTanks, VanDerPol};
 use std::fmt;
@@ -81,7 +81,7 @@ impl<P: Plant> Loop<P> {
         let dims @ Dims { nu, .. } = model.dims();
         let weights = Weights::uniform(vec![10.0; 2], vec![1.0; nu]);
         let problem = NmpcProblem {
-            tracked: vec![0, 1],
+            tracked: Tracked::states([0, 1]),
             state_bounds,
             input_bounds,
             ..NmpcProblem::new(dims, horizon, weights)

@@ -2,7 +2,7 @@
 //! with nothing to start from, and a later one, which starts from the plan of the one before.
 
 use divan::{Bencher, black_box};
-use pinc_mpc::{Bounds, Nmpc, NmpcProblem, SqpConfig, Weights};
+use pinc_mpc::{Bounds, Nmpc, NmpcProblem, SqpConfig, Tracked, Weights};
 use pinc_ode::{Model, Rk4};
 use pinc_plants::{FourTanks, VanDerPol};
 
@@ -86,7 +86,7 @@ fn case(
     let dims = model.dims();
     let weights = Weights::uniform(vec![10.0; 2], vec![1.0; dims.nu]);
     let problem = NmpcProblem {
-        tracked: vec![0, 1],
+        tracked: Tracked::states([0, 1]),
         state_bounds,
         input_bounds,
         ..NmpcProblem::new(dims, 5, weights)

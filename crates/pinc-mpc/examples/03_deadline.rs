@@ -23,7 +23,7 @@ pub(crate) fn main() -> Result<(), MpcError> {
     assert_eq!(step.status, SqpStatus::Converged);
     let planned = nmpc.plan().inputs()[1];
 
-    // A clock enters as a closure, input before each QP: on a machine, `|| start.elapsed() > budget`. Here
+    // A clock enters as a closure, asked before each QP: on a machine, `|| start.elapsed() > budget`. Here
     // the time is up at once, and the input is the next one of the last plan.
     let step = nmpc.step_within(&[0.9, -0.4], &reference, &mut || true)?;
     println!("{}: u {:.5}, planned before: {planned:.5}", step.status, step.u[0]);
@@ -31,10 +31,10 @@ pub(crate) fn main() -> Result<(), MpcError> {
     assert!((step.u[0] - planned).abs() < 1e-12);
 
     // The time for one QP: the plan may not be optimal yet, and its input is within the bounds.
-    let mut input = 0;
+    let mut asked = 0;
     let step = nmpc.step_within(&[0.2, 0.6], &reference, &mut || {
-        input += 1;
-        input > 1
+        asked += 1;
+        asked > 1
     })?;
     println!(
         "{}: u {:.5} after {} QP, followed: {}",

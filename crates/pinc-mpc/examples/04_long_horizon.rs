@@ -4,7 +4,9 @@
 //! `cargo run -p pinc-mpc --example 04_long_horizon`
 #![expect(clippy::print_stdout, reason = "an example shows what it computes")]
 
-use pinc_mpc::{Bounds, MpcError, Nmpc, NmpcProblem, QpMethod, SqpConfig, SqpStatus, Weights};
+use pinc_mpc::{
+    Bounds, MpcError, Nmpc, NmpcProblem, QpMethod, SqpConfig, SqpStatus, Tracked, Weights,
+};
 use pinc_ode::{Model, Rk4};
 use pinc_plants::FourTanks;
 
@@ -14,7 +16,7 @@ const STEPS: usize = 100;
 fn plan(qp: QpMethod) -> Result<Nmpc, MpcError> {
     let model = Rk4::new(FourTanks::antonelo(), 10.0, 2);
     let problem = NmpcProblem {
-        tracked: vec![0, 1],
+        tracked: Tracked::states([0, 1]),
         state_bounds: Bounds { low: vec![2.0, 2.0, 0.6, 0.6], high: vec![20.0, 20.0, 5.5, 5.5] },
         input_bounds: Bounds { low: vec![0.0; 2], high: vec![5.0; 2] },
         ..NmpcProblem::new(model.dims(), STEPS, Weights::uniform(vec![10.0; 2], vec![1.0; 2]))

@@ -4,7 +4,12 @@ use crate::MpcError;
 use crate::error::{check_length, check_numbers};
 use serde::{Deserialize, Serialize};
 
-/// Lower and upper bounds, one of each per variable. A bound that is infinite is none.
+/// Lower and upper bounds, one of each per variable, or one of each per stage and variable. A bound that is
+/// infinite is none.
+///
+/// # Shapes
+///
+/// Both lists: `[variables]`, the same at all stages; or `[stages, variables]`, row by row.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Bounds {
@@ -21,16 +26,34 @@ impl Bounds {
         Self { low: vec![f64::NEG_INFINITY; variables], high: vec![f64::INFINITY; variables] }
     }
 
-    /// By how much the worst of `values` is outside its bounds; 0 if none is.
+    /// These bounds on each variable.
+    #[must_use]
+    pub fn new(low: Vec<f64>, high: Vec<f64>) -> Self {
+        Self { low, high }
+    }
+
+    /// By how much the worst of `values` is outside its bounds at the first stage; 0 if none is.
     pub(crate) fn violation(&self, values: &[f64]) -> f64 {
         let bounds = self.low.iter().zip(&self.high);
         let outside = values.iter().zip(bounds).map(|(v, (low, high))| (low - v).max(v - high));
         outside.fold(0.0, f64::max)
     }
 
-    /// The same bounds `times` times over.
-    pub(crate) fn repeat(&self, times: usize) -> Self {
+    /// Those of all of `count` numbers, the stages one after the other.
+    pub(crate) fn expand(&self, count: usize) -> Self {
+        let times = if self.low.is_empty() { 0 } else { count / self.low.len() };
         Self { low: self.low.repeat(times), high: self.high.repeat(times) }
+    }
+
+    /// The largest finite bound of each variable, over all stages; 0 where there is none.
+    pub(crate) fn sizes(&self, variables: usize) -> Vec<f64> {
+        let mut sizes = vec![0.0_f64; variables];
+        for (i, bound) in self.low.iter().enumerate().chain(self.high.iter().enumerate()) {
+            if bound.is_finite() {
+                sizes[i % variables] = sizes[i % variables].max(bound.abs());
+            }
+        }
+        sizes
     }
 
     /// These bounds, followed by those of `other`.
@@ -44,9 +67,17 @@ impl Bounds {
         check_numbers(field, &self.high, "0 or more", |v| v >= 0.0)
     }
 
-    pub(crate) fn validate(&self, field: &'static str, variables: usize) -> Result<(), MpcError> {
+    /// Checks bounds on so many variables, for one stage or for as many as `stages`.
+    pub(crate) fn validate(
+        &self,
+        field: &'static str,
+        stages: usize,
+        variables: usize,
+    ) -> Result<(), MpcError> {
+        let whole = stages * variables;
+        let expected = if self.low.len() == whole { whole } else { variables };
         for side in [&self.low, &self.high] {
-            check_length(field, side, variables)?;
+            check_length(field, side, expected)?;
         }
         check_numbers(field, &self.low, "finite or -inf", |v| v < f64::INFINITY)?;
         check_numbers(field, &self.high, "finite or inf", |v| v > f64::NEG_INFINITY)?;

@@ -44,10 +44,14 @@ pub struct ClosedLoop<'a> {
     /// The input that the controller has chosen, and before it those under way: the first acts now.
     inputs: Vec<f64>,
     window: Vec<f64>,
+    /// Room for the model's outputs.
+    outputs: Vec<f64>,
+    /// Whether the controller sees later values of the reference.
+    preview: bool,
     steps: Vec<StepRecord>,
     /// How many steps the plant has taken.
     done: usize,
-    /// Whether the plant broke off.
+    /// Whether the plant could not be integrated.
     broken: bool,
     trajectory: Trajectory,
     at_steps: Tracking,
@@ -69,7 +73,7 @@ pub struct StepRecord {
 }
 
 /// A step between its two parts: the input is chosen, the plant has not moved. If it is dropped, the
-/// plant stays, and the controller is input again.
+/// plant stays, and the controller is asked again.
 #[derive(Debug)]
 #[must_use = "the plant moves only by `advance`"]
 pub struct Control<'b, 'a> {
@@ -106,6 +110,8 @@ impl<'a> ClosedLoop<'a> {
             x: x.to_vec(),
             inputs: vec![0.0; (nmpc.problem().delay + 1) * dims.nu],
             window: vec![0.0; nmpc.problem().horizon * outputs],
+            outputs: vec![0.0; dims.ny],
+            preview: true,
             steps: Vec::with_capacity(reference.steps()),
             done: 0,
             broken: false,
@@ -131,8 +137,31 @@ impl<'a> ClosedLoop<'a> {
         Ok(self)
     }
 
-    /// The controller's part of the next step; `None` after the last step, and after the plant broke
-    /// off.
+    /// The same loop with a controller that does not know what the reference will be: it takes the
+    /// present value for all later ones.
+    #[must_use]
+    pub fn without_preview(self) -> Self {
+        Self { preview: false, ..self }
+    }
+
+    /// Writes what is followed from step `k` on, at the ends of the stages.
+    fn write_window(&mut self, k: usize) {
+        let times = self.nmpc.stage_times_s();
+        let width = self.reference.outputs();
+        for (row, time) in self.window.chunks_exact_mut(width).zip(&times[1..]) {
+            #[expect(
+                clippy::cast_possible_truncation,
+                clippy::cast_sign_loss,
+                reason = "stages are few, and times positive"
+            )]
+            let stage = (time / times[1]).round() as usize;
+            let later = if self.preview { stage - 1 } else { 0 };
+            row.copy_from_slice(self.reference.at(k + later));
+        }
+    }
+
+    /// The controller's part of the next step; `None` after the last step, and after the plant could
+    /// not be integrated.
     ///
     /// # Errors
     ///
@@ -154,7 +183,7 @@ impl<'a> ClosedLoop<'a> {
             return Ok(None);
         }
         let delay = self.nmpc.problem().delay;
-        self.reference.preview(self.done + delay, &mut self.window);
+        self.write_window(self.done + delay);
         let step = self.nmpc.step_within(&self.x, &self.window, expired)?;
         self.steps.truncate(self.done);
         self.steps.push(StepRecord {
@@ -193,8 +222,8 @@ impl<'a> ClosedLoop<'a> {
     }
 
     /// The dense trace: the initial point and nine points per step, the last one at its end, each
-    /// with the input that led there (the initial one with the first). If the plant broke off, this
-    /// is what there was until then.
+    /// with the input that led there (the initial one with the first). If the plant could not be integrated,
+    /// this is the trace until then.
     #[must_use]
     pub fn trajectory(&self) -> &Trajectory {
         &self.trajectory
@@ -229,8 +258,8 @@ impl<'a> ClosedLoop<'a> {
     /// Appends the plant's state at time `t` to the trace, and gives its controlled part.
     fn sample(&mut self, t: f64, u: &[f64]) -> Vec<f64> {
         self.trajectory.push(t, &self.x, u);
-        let controlled = &self.nmpc.problem().tracked;
-        let y: Vec<f64> = controlled.iter().map(|&state| self.x[state]).collect();
+        let mut y = vec![0.0; self.reference.outputs()];
+        self.nmpc.tracked(&self.x, u, &mut self.outputs, &mut y);
         self.dense.push(self.reference.at(self.done), &y);
         y
     }

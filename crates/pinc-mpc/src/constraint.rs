@@ -36,6 +36,15 @@ pub enum Constraint {
         /// Which of its bounds.
         side: Side,
     },
+    /// A bound on an output of the model.
+    Output {
+        /// j of y\[k+j\].
+        step: usize,
+        /// Which output.
+        index: usize,
+        /// Which of its bounds.
+        side: Side,
+    },
     /// A row of h.
     Inequality {
         /// j of h(x\[k+j\], u\[k+j\]).
@@ -83,7 +92,10 @@ impl Constraint {
                 let index = row.index % dims.rows();
                 match index.checked_sub(dims.inequalities) {
                     None => Self::Inequality { step, index },
-                    Some(index) => Self::Equality { step, index },
+                    Some(index) => match index.checked_sub(dims.equalities) {
+                        None => Self::Equality { step, index },
+                        Some(index) => Self::Output { step, index, side },
+                    },
                 }
             }
         }
@@ -103,6 +115,7 @@ impl fmt::Display for Constraint {
             Self::Increment { step, index, side } => {
                 write!(f, "{} du[k+{step}][{index}]", bound(side))
             }
+            Self::Output { step, index, side } => write!(f, "{} y[k+{step}][{index}]", bound(side)),
             Self::Inequality { step, index } => write!(f, "h[{index}] <= 0 at k+{step}"),
             Self::Equality { step, index } => write!(f, "g[{index}] = 0 at k+{step}"),
         }

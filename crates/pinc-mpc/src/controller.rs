@@ -1,12 +1,14 @@
 //! The controller.
 
+use crate::builder::NmpcBuilder;
 use crate::constraint::Constraint;
 use crate::cost::Targets;
 use crate::error::check_finite;
+use crate::horizon::Horizon;
 use crate::kkt::KktResidual;
 use crate::solution::Solution;
 use crate::sqp::{Outcome, Sqp, StepInput};
-use crate::{MpcError, NmpcProblem, SqpConfig, SqpStatus};
+use crate::{MpcError, NmpcProblem, SqpConfig, SqpStatus, Tracked};
 use pinc_ode::Model;
 use pinc_qp::OcpDims;
 
@@ -53,7 +55,8 @@ use pinc_qp::OcpDims;
 #[derive(Debug)]
 pub struct Nmpc {
     problem: NmpcProblem,
-    model: Box<dyn Model>,
+    horizon: Horizon,
+    parameters: Vec<f64>,
     config: SqpConfig,
     dims: OcpDims,
     sqp: Sqp,
@@ -62,7 +65,9 @@ pub struct Nmpc {
     fallback: Solution,
     /// Whether the plan's states are worth starting from.
     warm: bool,
-    /// Whether the plan is moved on, and the problem linearised there.
+    /// Whether the plan is moved on.
+    shifted: bool,
+    /// Whether the problem is linearised there.
     prepared: bool,
     /// u\[k-1\]
     previous: Vec<f64>,
@@ -75,6 +80,7 @@ pub struct Nmpc {
 
 /// What came of a control step.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct StepReport<'a> {
     /// The input to apply, within its bounds whatever the status.
     pub u: &'a [f64],
@@ -103,26 +109,37 @@ impl Nmpc {
         model: Box<dyn Model>,
         config: SqpConfig,
     ) -> Result<Self, MpcError> {
-        problem.validate(model.dims())?;
-        config.validate()?;
-        let dims = problem.ocp_dims(model.dims());
-        let sqp = Sqp::new(&problem, config, dims, model.sample_time_s());
-        let (plan, delay) = (Solution::new(dims), problem.delay);
-        Ok(Self {
+        NmpcBuilder::new(problem).model(model).config(config).build()
+    }
+
+    /// Begins a controller for `problem` that needs more than one model and the choices of the
+    /// optimisation.
+    #[must_use]
+    pub fn builder(problem: NmpcProblem) -> NmpcBuilder {
+        NmpcBuilder::new(problem)
+    }
+
+    /// The controller of these parts, which fit together.
+    pub(crate) fn of(problem: NmpcProblem, horizon: Horizon, config: SqpConfig, sqp: Sqp) -> Self {
+        let dims = problem.ocp_dims(horizon.dims());
+        let plan = Solution::new(dims);
+        Self {
+            parameters: problem.parameters.clone(),
+            pending: vec![0.0; problem.delay * dims.nu],
             problem,
-            model,
+            horizon,
             config,
             dims,
             sqp,
             fallback: plan.clone(),
             plan,
             warm: false,
+            shifted: false,
             prepared: false,
             previous: vec![0.0; dims.nu],
-            pending: vec![0.0; delay * dims.nu],
             start: vec![0.0; dims.nx],
             next: vec![0.0; dims.nx],
-        })
+        }
     }
 
     /// The problem that is solved.
@@ -131,10 +148,52 @@ impl Nmpc {
         &self.problem
     }
 
-    /// The model.
+    /// The model, that of the first stage.
     #[must_use]
     pub fn model(&self) -> &dyn Model {
-        self.model.as_ref()
+        self.horizon.first()
+    }
+
+    /// The times of x\[k\], x\[k+1\], .., x\[k+N2\], in s from the first.
+    #[must_use]
+    pub fn stage_times_s(&self) -> &[f64] {
+        self.horizon.times()
+    }
+
+    /// The parameters p of the model.
+    #[must_use]
+    pub fn parameters(&self) -> &[f64] {
+        &self.parameters
+    }
+
+    /// Sets the parameters p of the model at all stages, `np`, from the next step on.
+    ///
+    /// # Errors
+    ///
+    /// [`MpcError`] if `p` is of the wrong length or not finite; nothing has happened then.
+    pub fn set_parameters(&mut self, p: &[f64]) -> Result<(), MpcError> {
+        check_finite("parameters", p, self.parameters.len())?;
+        self.parameters.copy_from_slice(p);
+        self.sqp.set_parameters(p);
+        self.prepared = false;
+        Ok(())
+    }
+
+    /// Writes the tracked quantities of a plant that is at `x` under `u`, as the model sees them.
+    ///
+    /// # Shapes
+    ///
+    /// `x`: `n`; `u`: `m`; `y`: as many as are tracked; `outputs` is room for `ny`.
+    pub(crate) fn tracked(&mut self, x: &[f64], u: &[f64], outputs: &mut [f64], y: &mut [f64]) {
+        if self.problem.tracks_outputs() {
+            self.horizon.first_mut().output(x, u, &self.parameters, outputs);
+        }
+        for (y, tracked) in y.iter_mut().zip(&self.problem.tracked) {
+            *y = match *tracked {
+                Tracked::State(state) => x[state],
+                Tracked::Output(output) => outputs[output],
+            };
+        }
     }
 
     /// The plan of the last step, with its multipliers.
@@ -154,6 +213,7 @@ impl Nmpc {
         self.plan.clear();
         self.sqp.forget();
         self.warm = false;
+        self.shifted = false;
         self.prepared = false;
         self.previous.fill(0.0);
         self.pending.fill(0.0);
@@ -216,7 +276,7 @@ impl Nmpc {
         self.step_within(x, reference, &mut || false)
     }
 
-    /// [`Nmpc::step`] within a time budget: `expired` says whether the time is up. It is input before
+    /// [`Nmpc::step`] within a time budget: `expired` says whether the time is up. It is asked before
     /// each QP; what is done when it is up takes one linearisation at most. The status is then
     /// [`SqpStatus::Deadline`].
     ///
@@ -234,9 +294,8 @@ impl Nmpc {
         check_finite("reference", reference, self.dims.horizon * outputs)?;
 
         self.predict_delay(x);
-        if !self.config.real_time {
-            self.shift_warm_start();
-        } else if !self.prepared {
+        self.shift_warm_start();
+        if self.config.real_time {
             self.prepare_linearization();
         }
         let targets = Targets { reference, previous: &self.previous };
@@ -244,7 +303,7 @@ impl Nmpc {
         let outcome = if self.config.real_time {
             self.sqp.feed_back(input, &mut self.plan)
         } else {
-            self.sqp.solve(self.model.as_mut(), input, &mut self.plan, expired)
+            self.sqp.solve(&mut self.horizon, input, &mut self.plan, expired)
         };
         let (status, followed) = self.accept(&outcome);
         self.push_delay_line();
@@ -260,28 +319,38 @@ impl Nmpc {
         if self.config.real_time && self.warm && !self.prepared {
             // Where the plan leads, as long as nothing is measured.
             self.start.copy_from_slice(&self.plan.states()[..self.dims.nx]);
+            self.shift_warm_start();
             self.prepare_linearization();
         }
     }
 
     fn prepare_linearization(&mut self) {
-        self.shift_warm_start();
-        self.sqp.prepare(self.model.as_mut(), &self.start, &self.plan);
-        self.prepared = true;
+        if !self.prepared {
+            self.sqp.prepare(&mut self.horizon, &self.start, &self.plan);
+            self.prepared = true;
+        }
     }
 
     /// Predicts the state in which the input that is chosen now will act.
     fn predict_delay(&mut self, x: &[f64]) {
         self.start.copy_from_slice(x);
         for u in self.pending.chunks_exact(self.dims.nu) {
-            self.model.step(&self.start, u, &[], &mut self.next);
+            self.horizon.first_mut().step(&self.start, u, &self.parameters, &mut self.next);
             self.start.copy_from_slice(&self.next);
         }
     }
 
-    /// Makes the last plan the first guess of the next.
+    /// Makes the last plan the first guess of the next, unless it is already.
     fn shift_warm_start(&mut self) {
-        self.plan.shift();
+        if std::mem::replace(&mut self.shifted, true) {
+            return;
+        }
+        if self.horizon.is_uniform() {
+            self.plan.shift();
+        } else {
+            self.fallback.copy_from(&self.plan);
+            self.plan.resample(&self.fallback, self.horizon.times());
+        }
         if !self.warm {
             // Where the model has no value for what is under way, the states stay as they are.
             if self.start.iter().all(|v| v.is_finite()) {
@@ -305,6 +374,7 @@ impl Nmpc {
         let credible = last.dynamics <= self.config.tolerance.sqrt();
         let good = matches!(status, SqpStatus::Converged | SqpStatus::Prepared) || credible;
         self.warm = finite && good;
+        self.shifted = false;
         self.prepared = false;
         if status != SqpStatus::Converged && status != SqpStatus::Prepared {
             tracing::debug!(%status, iterations, kkt = last.max(), "a control step did not converge");

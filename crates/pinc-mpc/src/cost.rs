@@ -1,17 +1,20 @@
 //! The cost J, which is quadratic in the unknowns.
 
-use crate::{NmpcProblem, Weight};
+use crate::{NmpcProblem, Tracked, Weight};
 use pinc_qp::OcpDims;
 
 /// J's weights, laid out by stage and doubled, as its derivatives have them.
 #[derive(Clone, Debug)]
 pub(crate) struct Cost {
     dims: OcpDims,
-    controlled: Vec<usize>,
-    /// 2 w_{j+1} Q, `[N, outputs, outputs]`; 0 before N1.
+    /// The tracked states, if nothing else is tracked.
+    tracked: Vec<usize>,
+    /// 2 Q, `[N, tracked, tracked]`; 0 before N1.
     q: Vec<f64>,
-    /// 2 `v_i` R, `[Nu, m, m]`.
+    /// 2 R, `[Nu, m, m]`.
     r: Vec<f64>,
+    /// 2 W, `[(Nu + 1) m, (Nu + 1) m]`, or empty.
+    w: Vec<f64>,
 }
 
 /// What J is measured against at one control step.
@@ -24,32 +27,49 @@ pub(crate) struct Targets<'a> {
 }
 
 impl Cost {
-    pub(crate) fn new(problem: &NmpcProblem, dims: OcpDims, sample_time_s: f64) -> Self {
+    pub(crate) fn new(problem: &NmpcProblem, dims: OcpDims) -> Self {
         let weights = &problem.weights;
-        let stage_weight = |i| weights.profile.weight(i, dims.horizon, sample_time_s);
         let mut q = Vec::new();
         for j in 0..dims.horizon {
             match &weights.terminal {
                 Some(terminal) if j + 1 == dims.horizon => append(&mut q, terminal, 2.0),
-                _ if j + 1 >= problem.n1 => append(&mut q, &weights.q, 2.0 * stage_weight(j)),
-                _ => append(&mut q, &weights.q, 0.0),
+                _ if j + 1 >= problem.n1 => append(&mut q, weights.q.at(j), 2.0),
+                _ => append(&mut q, weights.q.at(j), 0.0),
             }
         }
         let mut r = Vec::new();
         for i in 0..dims.n_controls {
-            append(&mut r, &weights.r, 2.0 * stage_weight(i));
+            append(&mut r, weights.r.at(i), 2.0);
         }
-        Self { dims, controlled: problem.tracked.clone(), q, r }
+        let mut w = Vec::new();
+        if let Some(weight) = &weights.input_sequence {
+            append(&mut w, weight, 2.0);
+        }
+        let state = |tracked: &Tracked| match tracked {
+            Tracked::State(state) => Some(*state),
+            Tracked::Output(_) => None,
+        };
+        let states: Option<Vec<usize>> = problem.tracked.iter().map(state).collect();
+        Self { dims, tracked: states.unwrap_or_default(), q, r, w }
     }
 
-    /// 2 `w_j` Q in terms of all states, for `x_1..x_N`: `[N, n, n]`.
+    /// 2 Q of stage `j`, in terms of what is tracked.
+    pub(crate) fn tracking_weight(&self, j: usize) -> &[f64] {
+        let size = self.q.len() / self.dims.horizon;
+        &self.q[(j - 1) * size..j * size]
+    }
+
+    /// 2 Q in terms of all states, for `x_1..x_N`: `[N, n, n]`; 0 if outputs are tracked.
     pub(crate) fn state_hessians(&self) -> Vec<f64> {
-        let (n, outputs) = (self.dims.nx, self.controlled.len());
+        let (n, outputs) = (self.dims.nx, self.tracked.len());
         let mut all = vec![0.0; self.dims.horizon * n * n];
+        if outputs == 0 {
+            return all;
+        }
         let stages = all.chunks_exact_mut(n * n).zip(self.q.chunks_exact(outputs * outputs));
         for (hessian, q) in stages {
-            for (&row, q) in self.controlled.iter().zip(q.chunks_exact(outputs)) {
-                for (&column, &q) in self.controlled.iter().zip(q) {
+            for (&row, q) in self.tracked.iter().zip(q.chunks_exact(outputs)) {
+                for (&column, &q) in self.tracked.iter().zip(q) {
                     hessian[row * n + column] = q;
                 }
             }
@@ -57,30 +77,43 @@ impl Cost {
         all
     }
 
-    /// 2 `v_i` R, `[Nu, m, m]`.
+    /// 2 R, `[Nu, m, m]`.
     pub(crate) fn increment_hessians(&self) -> Vec<f64> {
         self.r.clone()
     }
 
-    /// J at `z`; writes dJ/dz into `gradient`.
+    /// 2 W without u\[k-1\], `[Nu m, Nu m]`, or empty.
+    pub(crate) fn input_hessian(&self) -> Vec<f64> {
+        let m = self.dims.nu;
+        let width = self.dims.all_inputs() + m;
+        self.w.chunks_exact(width).skip(m).flat_map(|row| &row[m..]).copied().collect()
+    }
+
+    /// J at `z` without what is said of outputs or by a stage cost; writes dJ/dz into `gradient`.
     pub(crate) fn gradient(&self, z: &[f64], targets: Targets<'_>, gradient: &mut [f64]) -> f64 {
         gradient.fill(0.0);
         let (x, u) = z.split_at(self.dims.all_states());
         let (by_x, by_u) = gradient.split_at_mut(self.dims.all_states());
-        let twice = self.track(x, targets.reference, by_x) + self.move_inputs(u, targets, by_u);
+        let mut twice = self.move_inputs(u, targets, by_u);
+        if !self.tracked.is_empty() {
+            twice = self.track(x, targets.reference, by_x) + twice;
+        }
+        if !self.w.is_empty() {
+            twice += self.weigh_inputs(u, targets, by_u);
+        }
         twice / 2.0
     }
 
     /// The part of the states: e'(2 Q)e and its gradient 2 Q e, with e = y - yref.
     fn track(&self, x: &[f64], reference: &[f64], gradient: &mut [f64]) -> f64 {
-        let (n, outputs) = (self.dims.nx, self.controlled.len());
+        let (n, outputs) = (self.dims.nx, self.tracked.len());
         let stages = x.chunks_exact(n).zip(gradient.chunks_exact_mut(n));
         let stages = stages.zip(reference.chunks_exact(outputs));
         let mut twice = 0.0;
         for (((x, gradient), y), q) in stages.zip(self.q.chunks_exact(outputs * outputs)) {
-            for ((&row, &y_row), q) in self.controlled.iter().zip(y).zip(q.chunks_exact(outputs)) {
+            for ((&row, &y_row), q) in self.tracked.iter().zip(y).zip(q.chunks_exact(outputs)) {
                 let mut force = 0.0;
-                for ((&column, &y), &q) in self.controlled.iter().zip(y).zip(q) {
+                for ((&column, &y), &q) in self.tracked.iter().zip(y).zip(q) {
                     force += q * (x[column] - y);
                 }
                 gradient[row] = force;
@@ -113,6 +146,24 @@ impl Cost {
     }
 }
 
+impl Cost {
+    /// The part of W: v'(2 W)v and its gradient, with v = (u\[k-1\], u\[k\], ..).
+    fn weigh_inputs(&self, u: &[f64], targets: Targets<'_>, gradient: &mut [f64]) -> f64 {
+        let m = self.dims.nu;
+        let width = u.len() + m;
+        let value = |i: usize| if i < m { targets.previous[i] } else { u[i - m] };
+        let mut twice = 0.0;
+        for (i, row) in self.w.chunks_exact(width).enumerate() {
+            let force: f64 = row.iter().enumerate().map(|(k, w)| w * value(k)).sum();
+            twice += force * value(i);
+            if let Some(i) = i.checked_sub(m) {
+                gradient[i] += force;
+            }
+        }
+        twice
+    }
+}
+
 /// Appends `factor` times the matrix.
 fn append(to: &mut Vec<f64>, matrix: &Weight, factor: f64) {
     for i in 0..matrix.size() {
@@ -123,32 +174,30 @@ fn append(to: &mut Vec<f64>, matrix: &Weight, factor: f64) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{Profile, Weights};
+    use crate::Weights;
     use pinc_ad::check_gradient;
     use pinc_ode::Dims;
 
     fn problem() -> NmpcProblem {
-        let weights = Weights {
-            q: Weight::Full(vec![vec![3.0, 0.2], vec![0.2, 0.5]]),
-            r: Weight::Full(vec![vec![1.0, -0.3], vec![-0.3, 2.0]]),
-            terminal: Some(Weight::Diagonal(vec![4.0, 7.0])),
-            profile: Profile::Cumulative,
-        };
+        let q = Weight::Full(vec![vec![3.0, 0.2], vec![0.2, 0.5]]);
+        let r = Weight::Full(vec![vec![1.0, -0.3], vec![-0.3, 2.0]]);
+        let weights = Weights::scaled(q, r, &[1.5, 1.0, 0.5], &[1.5, 1.0])
+            .with_terminal(vec![4.0, 7.0])
+            .with_input_sequence(vec![0.0, 3.0, 0.0, 1.0, 2.0, 0.0]);
         NmpcProblem {
             n1: 2,
             control_horizon: 2,
-            tracked: vec![2, 0],
+            tracked: Tracked::states([2, 0]),
             ..NmpcProblem::new(Dims::new(3, 2), 3, weights)
         }
     }
 
-    /// J by its definition, for the problem above with T = 0.5.
+    /// J by its definition, for the problem above.
     fn value(z: &[f64], targets: Targets<'_>) -> f64 {
         let error = |j: usize| {
             let (x, y) = (&z[(j - 1) * 3..j * 3], &targets.reference[(j - 1) * 2..j * 2]);
             [x[2] - y[0], x[0] - y[1]]
         };
-        // w_2 = (3 - 1) T = 1
         let [e, f] = error(2);
         let mut sum = 3.0 * e * e + 0.4 * e * f + 0.5 * f * f;
         let [e, f] = error(3);
@@ -158,14 +207,14 @@ mod tests {
             let [a, b] = [u[i][0] - u[i - 1][0], u[i][1] - u[i - 1][1]];
             sum += v * (a * a - 0.6 * a * b + 2.0 * b * b);
         }
-        sum
+        sum + 3.0 * u[0][1].powi(2) + u[1][1].powi(2) + 2.0 * u[2][0].powi(2)
     }
 
     #[test]
     fn the_derivatives_are_those_of_the_definition() {
         let problem = problem();
         let dims = problem.ocp_dims(Dims::new(3, 2));
-        let cost = Cost::new(&problem, dims, 0.5);
+        let cost = Cost::new(&problem, dims);
         let targets =
             Targets { reference: &[0.3, -0.2, 0.1, 0.7, -0.4, 0.9], previous: &[0.6, -1.1] };
         let z: Vec<f64> = (0..13).map(|i| f64::from(i * i % 7) - 2.0).collect();
@@ -177,6 +226,7 @@ mod tests {
 
         // Its Hessian, block by block, as a difference of gradients.
         let (q, r) = (cost.state_hessians(), cost.increment_hessians());
+        let w = cost.input_hessian();
         for v in 0..13 {
             let mut moved = z.clone();
             moved[v] += 1.0;
@@ -195,6 +245,8 @@ mod tests {
                     (9..13, 9..13) => -block(&r, 1, 2, row - 9, v - 9),
                     _ => 0.0,
                 };
+                let inputs = row.min(v) >= 9;
+                let expected = expected + if inputs { w[(row - 9) * 4 + v - 9] } else { 0.0 };
                 let difference = there[row] - gradient[row];
                 assert!((expected - difference).abs() < 1e-13 * 100.0, "{row}, {v}");
             }

@@ -1,10 +1,12 @@
 //! What can go wrong with a control problem or a closed loop.
 
+use crate::Tracked;
 use pinc_ode::OdeError;
+use pinc_qp::QpError;
 use thiserror::Error;
 
 /// An error of this crate. It means that something was put together wrongly, or that a simulated
-/// plant broke off; that an optimisation did not converge is no error but a
+/// plant could not be integrated; that an optimisation did not converge is no error but a
 /// [`SqpStatus`](crate::SqpStatus).
 #[derive(Clone, Debug, Error, PartialEq)]
 #[non_exhaustive]
@@ -31,12 +33,30 @@ pub enum MpcError {
         /// What it is.
         found: usize,
     },
-    /// A state that is controlled twice.
-    #[error("tracked names state {state} twice")]
-    TrackedTwice {
-        /// Index of the state.
-        state: usize,
+    /// Data of each stage, but not of as many stages as there are.
+    #[error("{field} is given for {found} stages, but there are {expected}")]
+    Stages {
+        /// What is given.
+        field: &'static str,
+        /// How many stages there are.
+        expected: usize,
+        /// For how many it is given.
+        found: usize,
     },
+    /// A quantity that is tracked twice.
+    #[error("tracked names {tracked} twice")]
+    TrackedTwice {
+        /// The quantity.
+        tracked: Tracked,
+    },
+    /// Models of one horizon that are of different sizes.
+    #[error(
+        "the models of the horizon differ in their numbers of states, inputs, parameters or outputs"
+    )]
+    DifferentModels,
+    /// A method that cannot solve the problem's quadratic programs.
+    #[error(transparent)]
+    Qp(#[from] QpError),
     /// A number in a list that it must not hold, as NaN, or a negative weight.
     #[error("{field}[{index}] is {value}, but must be {expected}")]
     Number {
@@ -90,7 +110,7 @@ pub enum MpcError {
         field: &'static str,
     },
     /// The plant could not be integrated over a control step.
-    #[error("the plant broke off in control step {step}")]
+    #[error("the plant could not be integrated in control step {step}")]
     Plant {
         /// The control step.
         step: usize,

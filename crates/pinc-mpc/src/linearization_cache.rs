@@ -1,5 +1,6 @@
 //! The model along a plan.
 
+use crate::horizon::Horizon;
 use pinc_ode::{Linearization, Model, Stages};
 use pinc_qp::OcpDims;
 
@@ -15,6 +16,10 @@ pub(crate) struct LinearizationCache {
     input: Points,
     /// The first and the last stage.
     ends: StageBlocks,
+    /// p at each stage, `[stages, np]`; always the same.
+    parameters: Vec<f64>,
+    /// The numbers of stages and of parameters.
+    counts: [usize; 2],
     /// Whether there are numbers in `stages`.
     known: bool,
 }
@@ -36,9 +41,12 @@ struct StageBlocks {
 }
 
 impl LinearizationCache {
-    pub(crate) fn new(dims: OcpDims) -> Self {
+    pub(crate) fn new(dims: OcpDims, p: &[f64]) -> Self {
+        let stages = dims.horizon.max(2);
         Self {
             dims,
+            parameters: p.repeat(stages),
+            counts: [stages, p.len()],
             stages: StageBlocks::new(dims, dims.horizon),
             input: Points::new(dims, dims.horizon),
             ends: StageBlocks::new(dims, 2),
@@ -52,13 +60,26 @@ impl LinearizationCache {
         [next, a, b]
     }
 
+    /// p
+    pub(crate) fn parameters(&self) -> &[f64] {
+        &self.parameters[..self.counts[1]]
+    }
+
+    /// Sets p, by which what is known is no longer so.
+    pub(crate) fn set_parameters(&mut self, p: &[f64]) {
+        for parameters in self.parameters.chunks_exact_mut(self.counts[1].max(1)) {
+            parameters.copy_from_slice(p);
+        }
+        self.known = false;
+    }
+
     /// Forgets what is known.
     pub(crate) fn forget(&mut self) {
         self.known = false;
     }
 
     /// Linearises along the plan `z` from `x0`.
-    pub(crate) fn follow(&mut self, model: &mut dyn Model, x0: &[f64], z: &[f64]) {
+    pub(crate) fn follow(&mut self, horizon: &mut Horizon, x0: &[f64], z: &[f64]) {
         let dims = self.dims;
         let Points { x, u } = &mut self.input;
         x[..dims.nx].copy_from_slice(x0);
@@ -66,13 +87,15 @@ impl LinearizationCache {
         for (j, u) in u.chunks_exact_mut(dims.nu).enumerate() {
             u.copy_from_slice(&z[dims.input(dims.acting(j))]);
         }
-        // What a model had no value for is input again.
-        let moved_on = self.known && self.is_moved_on() && self.stages.is_finite();
+        // What a model had no value for is computed again.
+        let one = horizon.has_one_model();
+        let moved_on = one && self.known && self.is_moved_on() && self.stages.is_finite();
         std::mem::swap(&mut self.input, &mut self.stages.points);
         if moved_on {
-            self.renew_ends(model);
+            self.renew_ends(horizon.first_mut());
         } else {
-            self.stages.linearize(model);
+            let p = self.parameters.len() / self.counts[0] * self.dims.horizon;
+            self.stages.linearize(&self.parameters[..p], |at, out| horizon.linearize(at, out));
         }
         self.known = true;
     }
@@ -90,15 +113,17 @@ impl LinearizationCache {
 
     /// Moves the stages on, and linearises at the first and the last.
     fn renew_ends(&mut self, model: &mut dyn Model) {
-        let Self { dims: OcpDims { nx: n, nu: m, horizon: count, .. }, stages, ends, .. } = self;
-        let (n, m, last) = (*n, *m, *count - 1);
+        let OcpDims { nx: n, nu: m, horizon: count, .. } = self.dims;
+        let Self { stages, ends, parameters, counts, .. } = self;
+        let last = count - 1;
         for (from, to, width) in
             [(&stages.points.x, &mut ends.points.x, n), (&stages.points.u, &mut ends.points.u, m)]
         {
             to[..width].copy_from_slice(&from[..width]);
             to[width..].copy_from_slice(&from[last * width..]);
         }
-        ends.linearize(model);
+        let p = parameters.len() / counts[0] * 2;
+        ends.linearize(&parameters[..p], |at, out| model.linearize(at, out));
         for (to, from, width) in [
             (&mut stages.next, &ends.next, n),
             (&mut stages.a, &ends.a, n * n),
@@ -128,9 +153,9 @@ impl StageBlocks {
         }
     }
 
-    fn linearize(&mut self, model: &mut dyn Model) {
+    fn linearize(&mut self, p: &[f64], by: impl FnOnce(Stages<'_>, Linearization<'_>)) {
         let Self { points: Points { x, u }, next, a, b } = self;
-        model.linearize(Stages { x, u, p: &[] }, Linearization { next, a, b, e: &mut [] });
+        by(Stages { x, u, p }, Linearization { next, a, b, e: &mut [] });
     }
 
     fn is_finite(&self) -> bool {

@@ -1,7 +1,7 @@
 //! The control problem.
 
-use crate::error::check_range;
-use crate::{Bounds, Constraints, MpcError, Softness, Weights};
+use crate::error::{check_finite, check_numbers, check_range};
+use crate::{Bounds, Constraints, MpcError, Softness, Tracked, Weights};
 use pinc_ode::Dims;
 use pinc_qp::OcpDims;
 
@@ -12,15 +12,18 @@ const LONGEST: usize = 10_000;
 /// states x\[k+1\]..x\[k+N2\] and the inputs u\[k\]..u\[k+Nu-1\]:
 ///
 /// ```text
-/// min  sum_{j=N1..N2} w_j |y[k+j] - yref[k+j]|_Q^2  +  sum_{i=0..Nu-1} v_i |du[k+i]|_R^2
-/// s.t. x[k+j+1] = f(x[k+j], u[k+j])                    j = 0..N2-1
+/// min  sum_{j=N1..N2} |y[k+j] - yref[k+j]|_Q^2  +  sum_{i=0..Nu-1} |du[k+i]|_R^2
+///      + |(u[k-1], .., u[k+Nu-1])|_W^2  +  sum_{j=0..N2} l_j(x[k+j], u[k+j])
+/// s.t. x[k+j+1] = f(x[k+j], u[k+j], p)                 j = 0..N2-1
 ///      u[k+j]   = u[k-1] + du[k] + .. + du[k+j]        j = 0..Nu-1
 ///      u[k+j]   = u[k+Nu-1]                            j = Nu..N2
 ///      h(x[k+j], u[k+j]) <= 0,  g(x[k+j], u[k+j]) = 0  j = N1..N2
+///      outputs of the model within their bounds        j = N1..N2
 ///      x[k+1]..x[k+N2], u[k]..u[k+Nu-1] and du[k]..du[k+Nu-1] within their bounds
 /// ```
 ///
-/// y are the controlled states; w and v come from the profile of the [`Weights`]. The
+/// y are the tracked states and outputs; Q and R may differ from stage to stage, and so may bounds. The
+/// stage cost l is none unless [`NmpcBuilder::stage_cost`](crate::NmpcBuilder::stage_cost) gives one. The
 /// measured state x\[k\] is a fact and not bounded: it can sit a little outside.
 #[derive(Clone, Debug)]
 pub struct NmpcProblem {
@@ -31,46 +34,72 @@ pub struct NmpcProblem {
     pub horizon: usize,
     /// Nu, the number of free inputs: from 1 to `horizon`.
     pub control_horizon: usize,
-    /// Which states are controlled, in the order of `weights.q` and of the references.
-    pub tracked: Vec<usize>,
-    /// Q, R and their profile.
+    /// What is tracked, in the order of `weights.q` and of the references.
+    pub tracked: Vec<Tracked>,
+    /// Q, R and what else is weighted.
     pub weights: Weights,
-    /// Bounds on each predicted state.
+    /// Bounds on each predicted state, `[n]` or `[N2, n]`.
     pub state_bounds: Bounds,
     /// How hard these are, per state.
     pub state_softness: Softness,
-    /// Bounds on each input.
+    /// Bounds on each input, `[m]` or `[Nu, m]`.
     pub input_bounds: Bounds,
-    /// Bounds on each input's change from one step to the next; they admit 0. The first input may always
-    /// go as far as to its nearest bound.
+    /// Bounds on each input's change from one step to the next, `[m]` or `[Nu, m]`; they admit 0. The
+    /// first input may always go as far as to its nearest bound.
     pub increment_bounds: Bounds,
+    /// Bounds on each output of the model, `[ny]` or `[N2 - N1 + 1, ny]`.
+    pub output_bounds: Option<Bounds>,
+    /// How hard these are, per output.
+    pub output_softness: Softness,
     /// h and g.
     pub constraints: Option<Constraints>,
     /// How hard these are, per row of h and then of g.
     pub constraint_softness: Softness,
+    /// p, the model's parameters, `np`, until [`Nmpc::set_parameters`](crate::Nmpc::set_parameters).
+    pub parameters: Vec<f64>,
     /// How many whole steps pass until an input acts: the input chosen at step k is the plant's in step
     /// k + delay. The problem is then that of the state predicted for step k + delay.
     pub delay: usize,
+    /// The typical size of each state, positive, if the bounds do not tell it: what counts as a
+    /// large error. Needed for states that are small numbers and not bounded, as a
+    /// concentration of 1e-7 is.
+    pub state_sizes: Option<Vec<f64>>,
 }
 
 impl NmpcProblem {
-    /// The problem with N1 = 1 and Nu = N2 = `horizon` that controls all states, without any
+    /// The problem with N1 = 1 and Nu = N2 = `horizon` that tracks all states, without any
     /// constraints. Further fields are set by struct update.
+    ///
+    /// ```
+    /// use pinc_mpc::{Bounds, NmpcProblem, Weights};
+    /// use pinc_ode::Dims;
+    ///
+    /// let weights = Weights::uniform(vec![10.0; 2], vec![1.0]);
+    /// let problem = NmpcProblem {
+    ///     input_bounds: Bounds::new(vec![-1.0], vec![1.0]),
+    ///     ..NmpcProblem::new(Dims::new(2, 1), 5, weights)
+    /// };
+    /// assert_eq!(problem.control_horizon, 5);
+    /// ```
     #[must_use]
     pub fn new(dims: Dims, horizon: usize, weights: Weights) -> Self {
         Self {
             n1: 1,
             horizon,
             control_horizon: horizon,
-            tracked: (0..dims.nx).collect(),
+            tracked: Tracked::states(0..dims.nx),
             weights,
             state_bounds: Bounds::none(dims.nx),
             state_softness: Softness::Hard,
             input_bounds: Bounds::none(dims.nu),
             increment_bounds: Bounds::none(dims.nu),
+            output_bounds: None,
+            output_softness: Softness::Hard,
             constraints: None,
             constraint_softness: Softness::Hard,
+            parameters: Vec::new(),
             delay: 0,
+            state_sizes: None,
         }
     }
 
@@ -86,12 +115,14 @@ impl NmpcProblem {
         check_range("n1", self.n1, 1, self.horizon)?;
         check_range("control_horizon (Nu)", self.control_horizon, 1, self.horizon)?;
         check_range("delay", self.delay, 0, LONGEST)?;
+        self.validate_tracked(dims)?;
         self.validate_weights(dims)?;
-        self.state_bounds.validate("state_bounds", dims.nx)?;
-        self.state_softness.validate("state_softness", dims.nx)?;
-        self.input_bounds.validate("input_bounds", dims.nu)?;
-        self.increment_bounds.validate("increment_bounds", dims.nu)?;
-        self.increment_bounds.admit_zero("increment_bounds")?;
+        self.validate_bounds(dims)?;
+        check_finite("parameters", &self.parameters, dims.np)?;
+        if let Some(sizes) = &self.state_sizes {
+            check_finite("state_sizes", sizes, dims.nx)?;
+            check_numbers("state_sizes", sizes, "positive", |size| size > 0.0)?;
+        }
         let rows = self.constraints.as_ref().map_or(0, |c| c.inequalities() + c.equalities());
         self.constraint_softness.validate("constraint_softness", rows)
     }
@@ -108,21 +139,60 @@ impl NmpcProblem {
             n1: self.n1,
             inequalities,
             equalities,
+            outputs: if self.output_bounds.is_some() { dims.ny } else { 0 },
         }
     }
 
-    fn validate_weights(&self, dims: Dims) -> Result<(), MpcError> {
-        check_range("tracked", self.tracked.len(), 1, dims.nx)?;
-        for (i, &state) in self.tracked.iter().enumerate() {
-            check_range("tracked", state, 0, dims.nx - 1)?;
-            if self.tracked[..i].contains(&state) {
-                return Err(MpcError::TrackedTwice { state });
+    /// Whether outputs of the model are tracked or bounded.
+    pub(crate) fn uses_outputs(&self) -> bool {
+        self.output_bounds.is_some() || self.tracks_outputs()
+    }
+
+    /// Whether outputs of the model are tracked.
+    pub(crate) fn tracks_outputs(&self) -> bool {
+        self.tracked.iter().any(|tracked| matches!(tracked, Tracked::Output(_)))
+    }
+
+    fn validate_tracked(&self, dims: Dims) -> Result<(), MpcError> {
+        check_range("tracked", self.tracked.len(), 1, dims.nx + dims.ny)?;
+        for (i, &tracked) in self.tracked.iter().enumerate() {
+            match tracked {
+                Tracked::State(index) => check_range("tracked", index, 0, dims.nx - 1)?,
+                Tracked::Output(index) => {
+                    check_range("the model's outputs", dims.ny, 1, usize::MAX)?;
+                    check_range("tracked", index, 0, dims.ny - 1)?;
+                }
+            }
+            if self.tracked[..i].contains(&tracked) {
+                return Err(MpcError::TrackedTwice { tracked });
             }
         }
-        let Weights { q, r, terminal, .. } = &self.weights;
-        q.validate("weights.q", self.tracked.len())?;
-        r.validate("weights.r", dims.nu)?;
-        let terminal = terminal.as_ref();
-        terminal.map_or(Ok(()), |t| t.validate("weights.terminal", self.tracked.len()))
+        Ok(())
+    }
+
+    fn validate_weights(&self, dims: Dims) -> Result<(), MpcError> {
+        let Weights { q, r, terminal, input_sequence } = &self.weights;
+        q.validate("weights.q", self.horizon, self.tracked.len())?;
+        r.validate("weights.r", self.control_horizon, dims.nu)?;
+        if let Some(terminal) = terminal {
+            terminal.validate("weights.terminal", self.tracked.len())?;
+        }
+        let inputs = (self.control_horizon + 1) * dims.nu;
+        let w = input_sequence.as_ref();
+        w.map_or(Ok(()), |w| w.validate("weights.input_sequence", inputs))
+    }
+
+    fn validate_bounds(&self, dims: Dims) -> Result<(), MpcError> {
+        let (last, control) = (self.horizon, self.control_horizon);
+        self.state_bounds.validate("state_bounds", last, dims.nx)?;
+        self.state_softness.validate("state_softness", dims.nx)?;
+        self.input_bounds.validate("input_bounds", control, dims.nu)?;
+        self.increment_bounds.validate("increment_bounds", control, dims.nu)?;
+        self.increment_bounds.admit_zero("increment_bounds")?;
+        if let Some(bounds) = &self.output_bounds {
+            bounds.validate("output_bounds", last + 1 - self.n1, dims.ny)?;
+            self.output_softness.validate("output_softness", dims.ny)?;
+        }
+        Ok(())
     }
 }

@@ -89,6 +89,56 @@ impl Solution {
         self.multipliers.shift(self.dims);
     }
 
+    /// Takes the plan `from`, moved on by the first stage's length, on stages of different lengths of
+    /// which the first is the shortest; `times`, `[N + 1]`, are those of `x_0` .. `x_N`. States
+    /// are interpolated linearly, inputs held as planned; the multipliers of a stage are those of the stage
+    /// that covers its beginning.
+    pub(crate) fn resample(&mut self, from: &Self, times: &[f64]) {
+        let (dims, length) = (self.dims, times[1]);
+        // The stage of `from` at a time, and which part of it is over. The end belongs to the last.
+        let locate = |time: f64| {
+            let slack = 1e-9 * length;
+            let stage = times.iter().rposition(|&begin| begin <= time + slack).unwrap_or(0);
+            let stage = stage.min(dims.horizon - 1);
+            let part = (time - times[stage]) / (times[stage + 1] - times[stage]);
+            (stage, if part < 1e-9 { 0.0 } else { part.min(1.0) })
+        };
+        for j in 0..dims.horizon {
+            let (stage, part) = locate(times[j + 1] + length);
+            // x_stage and x_{stage+1}; the former is predicted too, being later than the first stage.
+            let after = from.z[dims.next_state(stage)].iter();
+            let before = from.z[dims.next_state(stage.max(1) - 1)].iter();
+            let to = &mut self.z[dims.next_state(j)];
+            for ((to, before), after) in to.iter_mut().zip(before).zip(after) {
+                *to = before + part * (after - before);
+            }
+            let (source, _) = locate(times[j] + length);
+            if j < dims.n_controls {
+                let input = dims.input(dims.acting(source));
+                self.z[dims.input(j)].copy_from_slice(&from.z[input]);
+            }
+            self.take_multipliers(&from.multipliers, j, source);
+        }
+    }
+
+    /// Takes the multipliers of stage `source` for stage `j`.
+    fn take_multipliers(&mut self, from: &Multipliers, j: usize, source: usize) {
+        let (dims, to) = (self.dims, &mut self.multipliers);
+        let [state, other] = [j, source].map(|stage| dims.next_state(stage));
+        to.dynamics[state.clone()].copy_from_slice(&from.dynamics[other.clone()]);
+        to.bounds[state].copy_from_slice(&from.bounds[other]);
+        if j < dims.n_controls {
+            let acting = dims.acting(source);
+            to.bounds[dims.input(j)].copy_from_slice(&from.bounds[dims.input(acting)]);
+            let [increment, other] = [j, acting].map(|i| i * dims.nu..(i + 1) * dims.nu);
+            to.increments[increment].copy_from_slice(&from.increments[other]);
+        }
+        if j + 1 >= dims.n1 && dims.rows() > 0 {
+            let other = dims.stage_rows((source + 1).max(dims.n1));
+            to.rows[dims.stage_rows(j + 1)].copy_from_slice(&from.rows[other]);
+        }
+    }
+
     /// Whether all numbers are finite.
     pub(crate) fn is_finite(&self) -> bool {
         self.z.iter().chain(self.multipliers.parts().into_iter().flatten()).all(|v| v.is_finite())
@@ -139,6 +189,7 @@ mod tests {
             n1: 2,
             inequalities: 1,
             equalities: 0,
+            outputs: 0,
         };
         let mut solution = Solution::new(dims);
         solution.z = vec![1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0];

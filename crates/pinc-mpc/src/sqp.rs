@@ -3,13 +3,14 @@
 use crate::barzilai_borwein::BarzilaiBorwein;
 use crate::constraint::Constraint;
 use crate::cost::Targets;
+use crate::horizon::Horizon;
 use crate::kkt::KktResidual;
 use crate::merit::Merit;
 use crate::solution::Solution;
+use crate::stage_cost::StageCost;
 use crate::transcription::Transcription;
-use crate::{NmpcProblem, Softness, SqpConfig, SqpStatus};
-use pinc_ode::Model;
-use pinc_qp::OcpDims;
+use crate::{MpcError, NmpcProblem, Softness, SqpConfig, SqpStatus};
+use pinc_ode::Dims;
 use pinc_qp::{ChosenQp, Qp, QpSolver, QpStatus, QpStep, Row};
 
 /// A step is taken whole if it brings the KKT residual below this part of the least seen.
@@ -60,8 +61,9 @@ pub(crate) struct Sqp {
     work: Vec<f64>,
     /// The penalties of bounds and rows as the problem has them.
     penalties: [Vec<f64>; 2],
-    /// Whether those that the problem has as hard stay soft where they have to be.
-    exact: [bool; 2],
+    /// Whether those that the problem has as hard stay soft where they have to be: bounds on states, h and
+    /// g, bounds on outputs.
+    exact: [bool; 3],
     /// Whether hard constraints are soft for now.
     elastic: bool,
 }
@@ -84,7 +86,7 @@ struct Point {
     cost: f64,
 }
 
-/// What a control step is input.
+/// What a control step is given.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct StepInput<'a> {
     /// The measured state.
@@ -96,15 +98,16 @@ impl Sqp {
     pub(crate) fn new(
         problem: &NmpcProblem,
         config: SqpConfig,
-        dims: OcpDims,
-        sample_time_s: f64,
-    ) -> Self {
-        let transcription = Transcription::new(problem, dims, sample_time_s);
-        let qp = transcription.qp(problem);
-        Self {
+        model: Dims,
+        stage_cost: Option<Box<dyn StageCost>>,
+    ) -> Result<Self, MpcError> {
+        let dims = problem.ocp_dims(model);
+        let transcription = Transcription::new(problem, model, stage_cost);
+        let qp = transcription.qp();
+        Ok(Self {
             config,
             transcription,
-            solver: ChosenQp::new(&qp, config.qp),
+            solver: ChosenQp::new(&qp, config.qp)?,
             step: QpStep::new(dims),
             merit: Merit::new(dims),
             step_length: BarzilaiBorwein::new(dims.unknowns()),
@@ -112,11 +115,40 @@ impl Sqp {
             prepared: vec![0.0; dims.nx],
             work: vec![0.0; dims.unknowns()],
             penalties: [qp.bounds.penalty.clone(), qp.rows.penalty.clone()],
-            exact: [&problem.state_softness, &problem.constraint_softness]
-                .map(|softness| *softness == Softness::Exact),
+            exact: [
+                &problem.state_softness,
+                &problem.constraint_softness,
+                &problem.output_softness,
+            ]
+            .map(|softness| *softness == Softness::Exact),
             elastic: false,
             trial: qp.clone(),
             qp,
+        })
+    }
+
+    /// Sets the model's parameters.
+    pub(crate) fn set_parameters(&mut self, p: &[f64]) {
+        self.transcription.set_parameters(p);
+    }
+
+    /// Chooses the units for a plant that is at `x0`. Where they change, the programs are built anew.
+    fn choose_units(&mut self, x0: &[f64], targets: Option<Targets<'_>>) {
+        if self.transcription.choose_units(x0, targets) {
+            self.qp = self.transcription.qp();
+            self.trial = self.qp.clone();
+            self.penalties = [self.qp.bounds.penalty.clone(), self.qp.rows.penalty.clone()];
+            if let Ok(solver) = ChosenQp::new(&self.qp, self.config.qp) {
+                self.solver = solver;
+            }
+        }
+    }
+
+    /// Brings the plan's multipliers to the units of the optimisation, or back.
+    fn convert(&self, plan: &mut Solution, back: bool) {
+        let units = &self.transcription.units;
+        if !units.is_identity() {
+            units.convert(&mut plan.multipliers, back);
         }
     }
 
@@ -131,22 +163,25 @@ impl Sqp {
     }
 
     /// Linearises at the plan for a plant that will be at `x0`, for [`Sqp::feed_back`].
-    pub(crate) fn prepare(&mut self, model: &mut dyn Model, x0: &[f64], plan: &Solution) {
+    pub(crate) fn prepare(&mut self, horizon: &mut Horizon, x0: &[f64], plan: &Solution) {
         self.leave_elastic();
-        self.transcription.linearize(model, x0, &plan.z, &mut self.qp);
+        self.choose_units(x0, None);
+        self.transcription.linearize(horizon, x0, &plan.z, &mut self.qp);
         self.prepared.copy_from_slice(x0);
     }
 
     /// One QP for a plant that turns out to be at `x0`, linearised where it was prepared: the step of a
     /// real-time iteration.
     pub(crate) fn feed_back(&mut self, input: StepInput<'_>, plan: &mut Solution) -> Outcome {
+        self.convert(plan, false);
         let qp = &mut self.qp;
         let n = qp.dims.nx;
+        let units = &self.transcription.units.x;
         for (c, row) in qp.c.iter_mut().zip(qp.a.chunks_exact(n)).take(n) {
-            let moved = row.iter().zip(input.x0.iter().zip(&self.prepared));
-            *c += moved.map(|(a, (x, prepared))| a * (x - prepared)).sum::<f64>();
+            let moved = row.iter().zip(input.x0.iter().zip(&self.prepared)).zip(units);
+            *c += moved.map(|((a, (x, prepared)), unit)| a * ((x - prepared) / unit)).sum::<f64>();
         }
-        self.transcription.measure(&plan.z, input.targets, qp);
+        self.transcription.measure(input.x0, &plan.z, input.targets, qp);
         let last = self.residual(plan);
         let (status, conflict) = match last.max().is_finite() {
             true => self.solve_prepared(plan),
@@ -156,6 +191,7 @@ impl Sqp {
             self.base.copy_from(plan);
             self.set_trial(plan, 1.0, input.targets.previous);
         }
+        self.convert(plan, true);
         let violated = conflict.map(|row| Constraint::new(self.qp.dims, row));
         Outcome { status, iterations: 1, last, violated }
     }
@@ -178,12 +214,26 @@ impl Sqp {
     /// time left. The plan's inputs must be within their bounds and stay there.
     pub(crate) fn solve(
         &mut self,
-        model: &mut dyn Model,
+        horizon: &mut Horizon,
         input: StepInput<'_>,
         plan: &mut Solution,
         expired: &mut dyn FnMut() -> bool,
     ) -> Outcome {
         self.leave_elastic();
+        self.choose_units(input.x0, Some(input.targets));
+        self.convert(plan, false);
+        let outcome = self.optimize(horizon, input, plan, expired);
+        self.convert(plan, true);
+        outcome
+    }
+
+    fn optimize(
+        &mut self,
+        model: &mut Horizon,
+        input: StepInput<'_>,
+        plan: &mut Solution,
+        expired: &mut dyn FnMut() -> bool,
+    ) -> Outcome {
         self.merit.reset();
         self.step_length.reset();
         let mut point = self.try_point(model, input, plan);
@@ -228,7 +278,7 @@ impl Sqp {
     /// Goes along the step as far as is good; `None` if it is not good at all.
     fn search(
         &mut self,
-        model: &mut dyn Model,
+        model: &mut Horizon,
         input: StepInput<'_>,
         plan: &mut Solution,
         from: Point,
@@ -254,7 +304,7 @@ impl Sqp {
     /// Halves the step until the merit function decreases.
     fn backtrack(
         &mut self,
-        model: &mut dyn Model,
+        model: &mut Horizon,
         input: StepInput<'_>,
         plan: &mut Solution,
         from: Point,
@@ -282,7 +332,7 @@ impl Sqp {
     /// Sets the plan `length` of the step away from the base, and linearises there.
     fn evaluate_trial(
         &mut self,
-        model: &mut dyn Model,
+        model: &mut Horizon,
         input: StepInput<'_>,
         plan: &mut Solution,
         length: f64,
@@ -294,6 +344,13 @@ impl Sqp {
     fn set_trial(&self, plan: &mut Solution, length: f64, previous: &[f64]) {
         for ((z, base), d) in plan.z.iter_mut().zip(&self.base.z).zip(&self.step.d) {
             *z = base + length * d;
+        }
+        let units = &self.transcription.units;
+        if !units.is_identity() {
+            let steps = self.step.d.iter().enumerate();
+            for ((z, base), (v, d)) in plan.z.iter_mut().zip(&self.base.z).zip(steps) {
+                *z = base + length * d * units.unknown(v);
+            }
         }
         let parts = plan.multipliers.parts_mut().into_iter();
         let ends = self.base.multipliers.parts().into_iter().zip(self.step.multipliers.parts());
@@ -307,9 +364,9 @@ impl Sqp {
     }
 
     /// Linearises at `plan`, into the trial QP.
-    fn try_point(&mut self, model: &mut dyn Model, input: StepInput<'_>, plan: &Solution) -> Point {
+    fn try_point(&mut self, model: &mut Horizon, input: StepInput<'_>, plan: &Solution) -> Point {
         self.transcription.linearize(model, input.x0, &plan.z, &mut self.trial);
-        let cost = self.transcription.measure(&plan.z, input.targets, &mut self.trial);
+        let cost = self.transcription.measure(input.x0, &plan.z, input.targets, &mut self.trial);
         Point { kkt: KktResidual::new(&self.trial, plan, &mut self.work), cost }
     }
 
@@ -340,7 +397,8 @@ impl Sqp {
         self.elastic = true;
         let qp = &self.qp;
         let size = |values: &[f64]| values.iter().fold(0.0_f64, |size, v| size.max(v.abs()));
-        let weight = ELASTIC_WEIGHT * (size(&qp.gradient) + size(&qp.q) + size(&qp.r)).max(1.0);
+        let parts = [&qp.gradient, &qp.q, &qp.r, &qp.t, &qp.w];
+        let weight = ELASTIC_WEIGHT * parts.map(|part| size(part)).iter().sum::<f64>().max(1.0);
         let states = qp.dims.all_states();
         for qp in [&mut self.qp, &mut self.trial] {
             let rows = qp.bounds.penalty[..states].iter_mut().chain(&mut qp.rows.penalty);
@@ -352,18 +410,22 @@ impl Sqp {
     fn leave_elastic(&mut self) {
         if self.elastic {
             self.elastic = false;
-            self.restore([true; 2]);
+            self.restore([true; 3]);
         }
     }
 
-    /// Gives bounds, and rows, the penalties that the problem has.
-    fn restore(&mut self, [bounds, rows]: [bool; 2]) {
+    /// Gives bounds on states, h and g, and bounds on outputs the penalties that the problem has.
+    fn restore(&mut self, [states, general, outputs]: [bool; 3]) {
         for qp in [&mut self.qp, &mut self.trial] {
-            if bounds {
+            let dims = qp.dims;
+            if states {
                 qp.bounds.penalty.copy_from_slice(&self.penalties[0]);
             }
-            if rows {
-                qp.rows.penalty.copy_from_slice(&self.penalties[1]);
+            for (v, penalty) in qp.rows.penalty.iter_mut().enumerate() {
+                let output = v % dims.rows() >= dims.rows() - dims.outputs;
+                if if output { outputs } else { general } {
+                    *penalty = self.penalties[1][v];
+                }
             }
         }
     }
@@ -385,6 +447,9 @@ impl Sqp {
                     outcome.status = SqpStatus::InfeasibleQp;
                 }
             }
+        }
+        if !outcome.last.max().is_finite() {
+            outcome.status = SqpStatus::NumericalTrouble;
         }
         outcome
     }

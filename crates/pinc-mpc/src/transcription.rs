@@ -2,48 +2,75 @@
 
 use crate::constraints::ConstraintWork;
 use crate::cost::{Cost, Targets};
+use crate::horizon::Horizon;
 use crate::linearization_cache::LinearizationCache;
+use crate::outputs::Outputs;
 use crate::solution::Solution;
+use crate::stage_cost::StageCost;
+use crate::stage_terms::StageTerms;
+use crate::units::Units;
 use crate::{Bounds, Constraints, NmpcProblem};
-use pinc_ode::{Dims, Model};
-use pinc_qp::OcpDims;
-use pinc_qp::Qp;
+use pinc_ode::Dims;
+use pinc_qp::{OcpDims, Qp};
 
 /// The control problem in the unknowns z, and its linearisation.
 #[derive(Debug)]
 pub(crate) struct Transcription {
     dims: OcpDims,
     cost: Cost,
+    terms: Option<StageTerms>,
     /// Bounds on z.
     bounds: Bounds,
     /// Bounds on all increments.
     increments: Bounds,
+    /// Bounds on the outputs at all constrained stages.
+    output_bounds: Bounds,
     constraints: Option<Constraints>,
     work: ConstraintWork,
     cache: LinearizationCache,
+    outputs: Option<Outputs>,
+    pub(crate) units: Units,
+    /// The program's constant numbers, in the plant's units.
+    plain: Qp,
 }
 
 impl Transcription {
-    pub(crate) fn new(problem: &NmpcProblem, dims: OcpDims, sample_time_s: f64) -> Self {
-        let states = problem.state_bounds.repeat(dims.horizon);
-        let inputs = problem.input_bounds.repeat(dims.n_controls);
-        let model = Dims::new(dims.nx, dims.nu);
-        Self {
+    pub(crate) fn new(
+        problem: &NmpcProblem,
+        model: Dims,
+        stage_cost: Option<Box<dyn StageCost>>,
+    ) -> Self {
+        let dims = problem.ocp_dims(model);
+        let states = problem.state_bounds.expand(dims.all_states());
+        let inputs = problem.input_bounds.expand(dims.all_inputs());
+        let cost = Cost::new(problem, dims);
+        let outputs = dims.outputs * dims.constrained().len();
+        let output_bounds = problem.output_bounds.as_ref();
+        let mut transcription = Self {
             dims,
-            cost: Cost::new(problem, dims, sample_time_s),
+            terms: StageTerms::new(problem, dims, cost.state_hessians(), stage_cost),
+            plain: Qp::new(dims, cost.state_hessians(), cost.increment_hessians()),
+            cost,
             bounds: states.chain(inputs),
-            increments: problem.increment_bounds.repeat(dims.n_controls),
+            increments: problem.increment_bounds.expand(dims.all_inputs()),
+            output_bounds: output_bounds.map_or(Bounds::none(0), |b| b.expand(outputs)),
             constraints: problem.constraints.clone(),
-            work: ConstraintWork::new(model, dims.rows()),
-            cache: LinearizationCache::new(dims),
-        }
+            work: ConstraintWork::new(model, dims.rows() - dims.outputs),
+            cache: LinearizationCache::new(dims, &problem.parameters),
+            outputs: problem.uses_outputs().then(|| Outputs::new(dims, model)),
+            units: Units::new(problem, dims),
+        };
+        transcription.set_constants(problem);
+        transcription
     }
 
-    /// A QP with the numbers that stay: Hessian and penalties, and with limits that are finite where they are.
-    pub(crate) fn qp(&self, problem: &NmpcProblem) -> Qp {
-        let dims = self.dims;
-        let cost = &self.cost;
-        let mut qp = Qp::new(dims, cost.state_hessians(), cost.increment_hessians());
+    /// Writes the numbers that stay: Hessian and penalties, and limits that are finite where they are.
+    fn set_constants(&mut self, problem: &NmpcProblem) {
+        let (dims, qp) = (self.dims, &mut self.plain);
+        qp.w = self.cost.input_hessian();
+        if self.terms.is_some() {
+            *qp = qp.clone().with_stage_cost();
+        }
         qp.bounds.low.copy_from_slice(&self.bounds.low);
         qp.bounds.high.copy_from_slice(&self.bounds.high);
         for (v, penalty) in qp.bounds.penalty[..dims.all_states()].iter_mut().enumerate() {
@@ -51,15 +78,46 @@ impl Transcription {
         }
         qp.increments.low.copy_from_slice(&self.increments.low);
         qp.increments.high.copy_from_slice(&self.increments.high);
-        for (v, penalty) in qp.rows.penalty.iter_mut().enumerate() {
-            *penalty = problem.constraint_softness.penalty(v % dims.rows());
-        }
-        qp.rows.high.fill(0.0);
+        let general = dims.inequalities + dims.equalities;
         for j in dims.constrained() {
-            let equalities = dims.stage_rows(j).skip(dims.inequalities);
-            equalities.for_each(|row| qp.rows.low[row] = 0.0);
+            for (i, row) in dims.stage_rows(j).enumerate() {
+                let softness = match i.checked_sub(general) {
+                    None => problem.constraint_softness.penalty(i),
+                    Some(output) => problem.output_softness.penalty(output),
+                };
+                qp.rows.penalty[row] = softness;
+                let output = i.checked_sub(general).map(|i| (j - dims.n1) * dims.outputs + i);
+                (qp.rows.low[row], qp.rows.high[row]) = match output {
+                    Some(at) => (self.output_bounds.low[at], self.output_bounds.high[at]),
+                    None if i < dims.inequalities => (f64::NEG_INFINITY, 0.0),
+                    None => (0.0, 0.0),
+                };
+            }
+        }
+        self.units.choose_cost(&self.plain.q, &self.plain.r);
+    }
+
+    /// The program with its constant numbers, in the units that there are.
+    pub(crate) fn qp(&self) -> Qp {
+        let mut qp = self.plain.clone();
+        if !self.units.is_identity() {
+            self.units.scale_constants(&mut qp);
         }
         qp
+    }
+
+    /// Chooses the units for a plant that is at `x0`; whether they changed.
+    pub(crate) fn choose_units(&mut self, x0: &[f64], targets: Option<Targets<'_>>) -> bool {
+        let changed = self.units.follow(x0, targets);
+        if changed {
+            self.units.choose_cost(&self.plain.q, &self.plain.r);
+        }
+        changed
+    }
+
+    /// Sets the parameters.
+    pub(crate) fn set_parameters(&mut self, p: &[f64]) {
+        self.cache.set_parameters(p);
     }
 
     /// Moves the plan's inputs into their bounds and those of their increments. From outside its bounds an
@@ -86,9 +144,9 @@ impl Transcription {
         }
     }
 
-    /// Linearises the model and h and g at `z`, for a plant measured to be at `x0`.
-    pub(crate) fn linearize(&mut self, model: &mut dyn Model, x0: &[f64], z: &[f64], qp: &mut Qp) {
-        self.cache.follow(model, x0, z);
+    /// Linearises the model, its outputs and h and g at `z`, for a plant measured to be at `x0`.
+    pub(crate) fn linearize(&mut self, horizon: &mut Horizon, x0: &[f64], z: &[f64], qp: &mut Qp) {
+        self.cache.follow(horizon, x0, z);
         let [next, a, b] = self.cache.parts();
         qp.a.copy_from_slice(a);
         qp.b.copy_from_slice(b);
@@ -96,6 +154,13 @@ impl Transcription {
             *c = next - z;
         }
         self.linearize_constraints(z, qp);
+        if let Some(outputs) = &mut self.outputs {
+            outputs.follow(horizon, self.dims, z, self.cache.parameters());
+            self.limit_outputs(qp);
+        }
+        if !self.units.is_identity() {
+            self.units.scale_constraints(qp);
+        }
     }
 
     /// Forgets where the model was linearised.
@@ -103,11 +168,22 @@ impl Transcription {
         self.cache.forget();
     }
 
-    /// Writes the cost's gradient at `z` and what is left of the bounds there into `qp`, and returns the
-    /// cost J.
-    pub(crate) fn measure(&self, z: &[f64], targets: Targets<'_>, qp: &mut Qp) -> f64 {
+    /// Writes the cost's derivatives at `z` and what is left of the bounds there into `qp`, and returns the
+    /// cost J. Outputs are those of the last linearisation.
+    pub(crate) fn measure(
+        &mut self,
+        x0: &[f64],
+        z: &[f64],
+        targets: Targets<'_>,
+        qp: &mut Qp,
+    ) -> f64 {
         self.limit(z, targets.previous, qp);
-        self.cost.gradient(z, targets, &mut qp.gradient)
+        let mut cost = self.cost.gradient(z, targets, &mut qp.gradient);
+        if let Some(terms) = &mut self.terms {
+            let at = [x0, z, self.cache.parameters()];
+            cost += terms.add(&self.cost, self.outputs.as_ref(), at, targets, qp);
+        }
+        if self.units.is_identity() { cost } else { self.units.scale_cost(qp, cost) }
     }
 
     /// h and g: their values go, with the sign changed, to the limits.
@@ -117,6 +193,7 @@ impl Transcription {
         let (n, m) = (dims.nx, dims.nu);
         for j in dims.constrained() {
             let (rows, x) = (dims.stage_rows(j), dims.next_state(j - 1));
+            let rows = rows.start..rows.end - dims.outputs;
             let u = dims.input(dims.acting(j));
             let by_x = &mut qp.rows_x[rows.start * n..rows.end * n];
             let by_u = &mut qp.rows_u[rows.start * m..rows.end * m];
@@ -125,6 +202,23 @@ impl Transcription {
             values.iter_mut().for_each(|value| *value = -*value);
             let equalities = rows.skip(dims.inequalities);
             equalities.for_each(|row| qp.rows.low[row] = qp.rows.high[row]);
+        }
+    }
+
+    /// The rows of bounded outputs.
+    fn limit_outputs(&self, qp: &mut Qp) {
+        let (dims, Some(outputs)) = (self.dims, &self.outputs) else { return };
+        let (n, m) = (dims.nx, dims.nu);
+        for j in dims.constrained() {
+            let first = dims.stage_rows(j).end - dims.outputs;
+            for i in 0..dims.outputs {
+                let (row, at) = (first + i, (j - dims.n1) * dims.outputs + i);
+                let [c, d] = outputs.rows(j, i);
+                qp.rows_x[row * n..(row + 1) * n].copy_from_slice(c);
+                qp.rows_u[row * m..(row + 1) * m].copy_from_slice(d);
+                qp.rows.low[row] = self.output_bounds.low[at] - outputs.y(j)[i];
+                qp.rows.high[row] = self.output_bounds.high[at] - outputs.y(j)[i];
+            }
         }
     }
 

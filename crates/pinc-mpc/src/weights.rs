@@ -4,27 +4,121 @@ use crate::MpcError;
 use crate::error::{check_length, check_numbers};
 use serde::{Deserialize, Serialize};
 
-/// The weights of the cost.
+/// The weights of the cost, at each stage.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Weights {
-    /// Q, for the controlled states.
-    pub q: Weight,
-    /// R, for the inputs' increments.
-    pub r: Weight,
-    /// The weight of the last predicted state, x\[k+N2\], in place of `w_N2` Q.
+    /// Q, for the tracked quantities: stage i weights those of x\[k+i+1\], i = 0..N2-1.
+    pub q: PerStage<Weight>,
+    /// R, for the inputs' increments: stage i weights du\[k+i\], i = 0..Nu-1.
+    pub r: PerStage<Weight>,
+    /// The weight of the last predicted state, x\[k+N2\], in place of Q's last.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub terminal: Option<Weight>,
-    /// How the weights go along the horizon.
-    #[serde(default)]
-    pub profile: Profile,
+    /// W, for all inputs as one vector (u\[k-1\], u\[k\], .., u\[k+Nu-1\]): (Nu + 1) m rows. It
+    /// couples stages, as second differences do; [`QpMethod::Riccati`](crate::QpMethod) refuses it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub input_sequence: Option<Weight>,
 }
 
 impl Weights {
     /// The same weights, Q and R, at every stage.
     #[must_use]
     pub fn uniform(q: impl Into<Weight>, r: impl Into<Weight>) -> Self {
-        Self { q: q.into(), r: r.into(), terminal: None, profile: Profile::Uniform }
+        Self::new(PerStage::Same(q.into()), PerStage::Same(r.into()))
+    }
+
+    /// The weights Q and R.
+    #[must_use]
+    pub fn new(q: PerStage<Weight>, r: PerStage<Weight>) -> Self {
+        Self { q, r, terminal: None, input_sequence: None }
+    }
+
+    /// Q and R times a factor per stage: `w` of Q, as many as N2, and `v` of R, as many as Nu.
+    #[must_use]
+    pub fn scaled(q: impl Into<Weight>, r: impl Into<Weight>, w: &[f64], v: &[f64]) -> Self {
+        let (q, r) = (q.into(), r.into());
+        let each = |weight: &Weight, factors: &[f64]| PerStage::Each {
+            stages: factors.iter().map(|&factor| weight.times(factor)).collect(),
+        };
+        Self::new(each(&q, w), each(&r, v))
+    }
+
+    /// The same with the weight `terminal` of the last predicted state.
+    #[must_use]
+    pub fn with_terminal(self, terminal: impl Into<Weight>) -> Self {
+        Self { terminal: Some(terminal.into()), ..self }
+    }
+
+    /// The same with the weight W of all inputs.
+    #[must_use]
+    pub fn with_input_sequence(self, w: impl Into<Weight>) -> Self {
+        Self { input_sequence: Some(w.into()), ..self }
+    }
+}
+
+impl From<Vec<Vec<f64>>> for Weight {
+    fn from(rows: Vec<Vec<f64>>) -> Self {
+        Self::Full(rows)
+    }
+}
+
+/// Something that is the same at all stages, or differs. In a file: the thing itself, or a table with the
+/// list `stages`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(untagged)]
+pub enum PerStage<T> {
+    /// One for all stages.
+    Same(T),
+    /// One for each stage.
+    Each {
+        /// In the order of the stages.
+        stages: Vec<T>,
+    },
+}
+
+impl<T> PerStage<T> {
+    /// What holds at stage `i`, from 0 on.
+    ///
+    /// # Panics
+    ///
+    /// If there is no such stage.
+    #[must_use]
+    pub fn at(&self, i: usize) -> &T {
+        match self {
+            Self::Same(all) => all,
+            Self::Each { stages } => &stages[i],
+        }
+    }
+
+    fn all(&self) -> &[T] {
+        match self {
+            Self::Same(all) => std::slice::from_ref(all),
+            Self::Each { stages } => stages,
+        }
+    }
+}
+
+impl PerStage<Weight> {
+    /// Checks that these are matrices of `expected` rows, one or as many as `stages`.
+    pub(crate) fn validate(
+        &self,
+        field: &'static str,
+        stages: usize,
+        expected: usize,
+    ) -> Result<(), MpcError> {
+        if let Self::Each { stages: each } = self
+            && each.len() != stages
+        {
+            return Err(MpcError::Stages { field, expected: stages, found: each.len() });
+        }
+        self.all().iter().try_for_each(|weight| weight.validate(field, expected))
+    }
+}
+
+impl<T: Into<Weight>> From<T> for PerStage<Weight> {
+    fn from(weight: T) -> Self {
+        Self::Same(weight.into())
     }
 }
 
@@ -52,6 +146,16 @@ impl Weight {
         match self {
             Self::Diagonal(diagonal) => diagonal.len(),
             Self::Full(rows) => rows.len(),
+        }
+    }
+
+    /// The matrix times a number.
+    #[must_use]
+    pub fn times(&self, factor: f64) -> Self {
+        let scaled = |row: &Vec<f64>| row.iter().map(|w| factor * w).collect();
+        match self {
+            Self::Diagonal(diagonal) => Self::Diagonal(scaled(diagonal)),
+            Self::Full(rows) => Self::Full(rows.iter().map(scaled).collect()),
         }
     }
 
@@ -128,36 +232,4 @@ fn is_semidefinite(rows: &[Vec<f64>]) -> bool {
         }
     }
     true
-}
-
-/// How the weights go along the horizon.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Profile {
-    /// The cost as printed: all `w_j = v_i = 1`.
-    #[default]
-    Uniform,
-    /// The cost behind the paper's Table 1. Its authors' program adds up the stage costs
-    ///
-    /// ```text
-    /// l_i = |y[k+i+1] - yref[k+i+1]|_Q^2 + |du[k+i]|_R^2        i = 0..N2-1
-    /// ```
-    ///
-    /// in a variable that is never set back to 0 within the horizon, and adds that variable times T
-    /// to the cost at every stage. Stage i is thus counted in its own stage and in every later one,
-    /// its tracking part and its du part alike: `w_{i+1} = v_i = (N2 - i) T`. (The four tanks tell the
-    /// readings apart: dense IAE 544.41, but 530.9 if only the tracking part were counted so and du
-    /// once, 532.2 if it were counted once times T.)
-    Cumulative,
-}
-
-impl Profile {
-    /// The weight of stage `i` of `stages` stages of `sample_time_s` seconds.
-    pub(crate) fn weight(self, i: usize, stages: usize, sample_time_s: f64) -> f64 {
-        match self {
-            Self::Uniform => 1.0,
-            #[expect(clippy::cast_precision_loss, reason = "no horizon has 2^53 stages")]
-            Self::Cumulative => (stages - i) as f64 * sample_time_s,
-        }
-    }
 }

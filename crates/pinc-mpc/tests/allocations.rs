@@ -4,7 +4,7 @@
 use pinc_ad::Scalar;
 use pinc_mpc::{
     Bounds, Constraints, Nmpc, NmpcProblem, QpMethod, SqpConfig, SqpStatus, StageConstraints,
-    Weights,
+    Tracked, Weights,
 };
 use pinc_ode::{Model, Rk4};
 use pinc_plants::{FourTanks, VanDerPol};
@@ -78,7 +78,7 @@ fn oscillator(config: SqpConfig) -> Nmpc {
 fn tanks(config: SqpConfig) -> Nmpc {
     let model = Rk4::new(FourTanks::antonelo(), 10.0, 4);
     let problem = NmpcProblem {
-        tracked: vec![0, 1],
+        tracked: Tracked::states([0, 1]),
         state_bounds: Bounds { low: vec![2.0, 2.0, 0.6, 0.6], high: vec![20.0, 20.0, 5.5, 5.5] },
         input_bounds: Bounds { low: vec![0.0; 2], high: vec![5.0; 2] },
         ..NmpcProblem::new(model.dims(), 5, Weights::uniform(vec![10.0; 2], vec![1.0; 2]))

@@ -1,8 +1,11 @@
 //! Which method solves the QPs.
 
-use super::{ClarabelQp, CondensedQp, Qp, QpSolver, QpStatus, QpStep, RiccatiQp};
+#[cfg(feature = "clarabel")]
+use super::ClarabelQp;
+use super::{CondensedQp, Qp, QpSolver, QpStatus, QpStep, RiccatiQp};
 use serde::{Deserialize, Serialize};
 use std::fmt;
+use thiserror::Error;
 
 /// Up to this many free inputs, Nu times m, condensing is the faster path: `cargo bench -p pinc-mpc --bench horizon`
 /// measures it.
@@ -13,17 +16,32 @@ const MOST_CONDENSED: usize = 40;
 #[serde(rename_all = "kebab-case")]
 #[non_exhaustive]
 pub enum QpMethod {
-    /// `Condensed` for up to 40 free inputs, `Riccati` above; where that fails, `Clarabel`.
+    /// `Condensed` for up to 40 free inputs and for programs that couple all inputs, `Riccati` for others;
+    /// where that fails, `Clarabel`, if this crate is built with it.
     #[default]
     Auto,
     /// The states are eliminated; a dense dual active-set method solves what is left. The fastest for
     /// short horizons; its cost grows with the square of the horizon and more.
     Condensed,
     /// Stage by stage, an active-set and an interior-point method on a Riccati recursion: the cost is linear in the
-    /// horizon.
+    /// horizon. Not for programs that couple all inputs.
     Riccati,
-    /// Clarabel's sparse interior-point method, for all that is convex.
+    /// Clarabel's sparse interior-point method, for all that is convex. It needs the feature `clarabel`.
     Clarabel,
+}
+
+/// A method that cannot solve the programs asked of it.
+#[derive(Clone, Copy, Debug, Error, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum QpError {
+    /// A weight on the whole sequence of inputs, which couples stages that are not neighbours.
+    #[error(
+        "the QP method riccati works stage by stage and cannot weight the whole input sequence"
+    )]
+    NotStagewise,
+    /// This build has no Clarabel.
+    #[error("the QP method clarabel needs a build with the feature `clarabel`")]
+    NoClarabel,
 }
 
 impl QpMethod {
@@ -54,21 +72,40 @@ impl fmt::Display for QpMethod {
 #[derive(Debug)]
 pub struct ChosenQp {
     method: Box<dyn QpSolver>,
-    fallback: Option<ClarabelQp>,
+    fallback: Option<Box<dyn QpSolver>>,
 }
 
 impl ChosenQp {
     /// A solver for QPs of the sizes of `qp`, with finite limits and penalties where it has them.
-    #[must_use]
-    pub fn new(qp: &Qp, method: QpMethod) -> Self {
+    ///
+    /// # Errors
+    ///
+    /// [`QpError`] if the method cannot solve such programs, or is not part of this build.
+    pub fn new(qp: &Qp, method: QpMethod) -> Result<Self, QpError> {
+        let stagewise = qp.w.is_empty();
         let chosen: Box<dyn QpSolver> = match method.resolve(qp.dims.all_inputs()) {
-            QpMethod::Condensed => Box::new(CondensedQp::new(qp)),
-            QpMethod::Riccati => Box::new(RiccatiQp::new(qp)),
-            QpMethod::Clarabel | QpMethod::Auto => Box::new(ClarabelQp::new(qp)),
+            QpMethod::Riccati if stagewise => Box::new(RiccatiQp::new(qp)),
+            QpMethod::Riccati if method == QpMethod::Riccati => return Err(QpError::NotStagewise),
+            QpMethod::Clarabel => general(qp).ok_or(QpError::NoClarabel)?,
+            QpMethod::Condensed | QpMethod::Riccati | QpMethod::Auto => {
+                Box::new(CondensedQp::new(qp))
+            }
         };
-        let fallback = (method == QpMethod::Auto).then(|| ClarabelQp::new(qp));
-        Self { method: chosen, fallback }
+        let fallback = if method == QpMethod::Auto { general(qp) } else { None };
+        Ok(Self { method: chosen, fallback })
     }
+}
+
+/// Clarabel, if it is part of this build.
+#[cfg(feature = "clarabel")]
+fn general(qp: &Qp) -> Option<Box<dyn QpSolver>> {
+    Some(Box::new(ClarabelQp::new(qp)))
+}
+
+/// Clarabel, if it is part of this build.
+#[cfg(not(feature = "clarabel"))]
+fn general(_qp: &Qp) -> Option<Box<dyn QpSolver>> {
+    None
 }
 
 /// The status, which is [`QpStatus::Failed`] where the solution is not finite.

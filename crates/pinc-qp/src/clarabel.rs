@@ -88,10 +88,14 @@ impl ClarabelQp {
         for (linear, soft) in self.linear[unknowns..].iter_mut().zip(&layout.soft) {
             *linear = limits(qp, soft.kind).penalty[soft.index];
         }
-        let hessian_stays: [f64; 0] = [];
-        self.solver
-            .update_data(&hessian_stays, &self.linear, &self.matrix, &self.right)
-            .expect("all lengths are as at construction, and nothing was presolved");
+        let updated = if qp.has_stage_cost() {
+            let hessian = hessian(qp, layout.columns).nzval;
+            self.solver.update_data(&hessian, &self.linear, &self.matrix, &self.right)
+        } else {
+            let stays: [f64; 0] = [];
+            self.solver.update_data(&stays, &self.linear, &self.matrix, &self.right)
+        };
+        updated.expect("all lengths are as at construction, and nothing was presolved");
     }
 
     fn read(&self, qp: &Qp, step: &mut QpStep) {
@@ -323,24 +327,38 @@ fn hessian(qp: &Qp, columns: usize) -> CscMatrix<f64> {
             }
         }
     }
+    let inputs = dims.all_states();
     for i in 0..dims.n_controls {
-        let first = dims.input(i).start;
         for column in 0..m {
-            if i > 0 {
-                for row in 0..m {
-                    let coupling = -qp.r(i)[row * m + column];
-                    entries.push((first - m + row, first + column, coupling));
-                }
+            let to = dims.input(i).start + column;
+            for j in (1..=dims.horizon).filter(|&j| dims.acting(j) == i) {
+                let s = qp.s(j).map_or(&[][..], |s| &s[column * n..(column + 1) * n]);
+                let rows = dims.next_state(j - 1).zip(s);
+                entries.extend(rows.map(|(row, &entry)| (row, to, entry)));
             }
-            for row in 0..=column {
-                let own = qp.r(i)[row * m + column];
-                let next =
-                    if i + 1 < dims.n_controls { qp.r(i + 1)[row * m + column] } else { 0.0 };
-                entries.push((first + row, first + column, own + next));
+            // Without W only neighbours are coupled.
+            let first = if qp.w.is_empty() { i.saturating_sub(1) * m } else { 0 };
+            for row in first..=i * m + column {
+                entries.push((inputs + row, to, between_inputs(qp, row, i * m + column)));
             }
         }
     }
     compressed(columns, columns, entries.into_iter())
+}
+
+/// The entry of H for two of all inputs, the first not after the second.
+fn between_inputs(qp: &Qp, row: usize, column: usize) -> f64 {
+    let m = qp.dims.nu;
+    let (i, at) = (column / m, row % m * m + column % m);
+    let w = qp.w.get(row * qp.dims.all_inputs() + column).copied().unwrap_or(0.0);
+    match i - row / m {
+        0 => {
+            let next = if i + 1 < qp.dims.n_controls { qp.r(i + 1)[at] } else { 0.0 };
+            qp.r(i)[at] + next + qp.t(i).map_or(0.0, |t| t[at]) + w
+        }
+        1 => w - qp.r(i)[at],
+        _ => w,
+    }
 }
 
 /// A matrix from its entries in the order of columns, and of rows within them.

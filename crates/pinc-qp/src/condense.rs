@@ -17,6 +17,8 @@ use crate::OcpDims;
 /// e_{j+1} = A_j e_j + c_j                p_j = g_j + Q_j e_j + A_j' p_{j+1},    g_{u_j} + B_j' p_{j+1}
 /// ```
 ///
+/// A program with S adds S_j' to W_j and S_j G_j to H, S_j e_j to the gradient.
+///
 /// Only finite limits become rows. All memory is allocated at construction.
 ///
 /// The functions that are always inlined are compiled for the sizes of the paper's plants, with loops unrolled, and
@@ -154,6 +156,10 @@ impl CondensedQp {
                 add_transposed(block(&qp.a, j + 1, n * n), p, before);
             }
             add_product(block(&qp.q, j, n * n), block(&self.offset, j, n), before);
+            if let Some(s) = qp.s(j + 1) {
+                let gradient = block_mut(&mut self.dense.gradient, qp.dims.acting(j + 1), m);
+                add_product(s, block(&self.offset, j, n), gradient);
+            }
             std::mem::swap(&mut p, &mut before);
             let gradient = block_mut(&mut self.dense.gradient, qp.dims.acting(j), m);
             add_transposed(block(&qp.b, j, n * m), p, gradient);
@@ -191,6 +197,13 @@ impl CondensedQp {
                 add_transposed(block(&qp.a, j + 1, n * n), w, before);
             }
             add_product(block(&qp.q, j, n * n), block(&self.response, j, n), before);
+            if let Some(s) = qp.s(j + 1) {
+                let acting = qp.dims.acting(j + 1);
+                if acting == input {
+                    add_scaled(before, 1.0, block(s, k, n));
+                }
+                add_product(s, block(&self.response, j, n), block_mut(hessian, acting, m));
+            }
             std::mem::swap(&mut w, &mut before);
             let entries = block_mut(hessian, qp.dims.acting(j), m);
             add_transposed(block(&qp.b, j, n * m), w, entries);
@@ -219,7 +232,7 @@ impl CondensedQp {
         }
     }
 
-    /// The increments' weights, on and below the diagonal of H.
+    /// The weights of increments and inputs, on and below the diagonal of H.
     fn add_increments(&mut self, qp: &Qp) {
         let OcpDims { nu: m, n_controls, .. } = qp.dims;
         let unknowns = qp.dims.all_inputs();
@@ -234,6 +247,13 @@ impl CondensedQp {
                 }
             }
         }
+        for (i, t) in qp.t.chunks_exact(m * m).enumerate() {
+            for (k, t) in t.chunks_exact(m).enumerate() {
+                let column = block_mut(&mut self.dense.hessian, i * m + k, unknowns);
+                add_scaled(block_mut(column, i, m), 1.0, t);
+            }
+        }
+        add_scaled(&mut self.dense.hessian, 1.0, &qp.w);
     }
 
     /// The limits: those of v, and those of the rows less what they are at v = 0.
@@ -337,6 +357,9 @@ fn expand_sized(qp: &Qp, step: &mut QpStep, n: usize, m: usize) {
         lambda.copy_from_slice(block(&qp.gradient, j, n));
         add_scaled(lambda, 1.0, block(&multipliers.bounds, j, n));
         add_product(block(&qp.q, j, n * n), block(states, j, n), lambda);
+        if let Some(s) = qp.s(j + 1) {
+            add_transposed(s, block(inputs, dims.acting(j + 1), m), lambda);
+        }
         if dims.rows() > 0 && dims.constrained().contains(&(j + 1)) {
             let eta = &multipliers.rows[dims.stage_rows(j + 1)];
             add_transposed(qp.rows_x(j + 1), eta, lambda);

@@ -7,6 +7,7 @@
 
 mod algebra;
 mod choice;
+#[cfg(feature = "clarabel")]
 mod clarabel;
 mod condense;
 mod dense;
@@ -17,10 +18,11 @@ mod riccati;
 #[cfg(test)]
 mod tests;
 
-pub use choice::{ChosenQp, QpMethod};
+pub use choice::{ChosenQp, QpError, QpMethod};
 pub use multipliers::Multipliers;
 pub use ocp_dims::OcpDims;
 
+#[cfg(feature = "clarabel")]
 use clarabel::ClarabelQp;
 use condense::CondensedQp;
 use riccati::RiccatiQp;
@@ -31,6 +33,7 @@ use std::fmt::Debug;
 ///
 /// ```text
 /// min  g'd + sum_{j=1..N} dx_j' Q_j dx_j / 2 + sum_{i<Nu} (du_i - du_{i-1})' R_i (du_i - du_{i-1}) / 2
+///      + sum_{j=1..N} du_j' S_j dx_j + sum_{i<Nu} du_i' T_i du_i / 2 + du' W du / 2
 ///      + sum_i penalty_i violation_i
 /// s.t. dx_{j+1} = A_j dx_j + B_j du_j + c_j,    dx_0 = 0, du_{-1} = 0     j = 0..N-1
 ///      d                    within bounds
@@ -38,18 +41,27 @@ use std::fmt::Debug;
 ///      C_j dx_j + D_j du_j  within rows                                  j = N1..N
 /// ```
 ///
-/// with `du_j` = `du_{Nu-1}` for j >= Nu, and `c_j = f(x_j, u_j) - x_{j+1}`.
+/// with `du_j` = `du_{Nu-1}` for j >= Nu, `c_j = f(x_j, u_j) - x_{j+1}`, and du all inputs as one vector.
 ///
 /// The Hessian is that of the cost, after Gauss and Newton: it leaves out the curvature of the
-/// constraints. The cost being quadratic, Q and R are constant.
+/// constraints. R and W are the same in all QPs, and so is Q where there is no S. The Hessian as a whole
+/// must be positive semidefinite.
 #[derive(Clone, Debug)]
 pub struct Qp {
     /// The sizes.
     pub dims: OcpDims,
-    /// `Q_1`, `Q_2`, ..: `[N, n, n]`, symmetric and positive semidefinite; the same in all QPs.
+    /// `Q_1`, `Q_2`, ..: `[N, n, n]`, symmetric and positive semidefinite.
     pub q: Vec<f64>,
-    /// `R_0`, `R_1`, ..: `[Nu, m, m]`, of the same kind.
+    /// `R_0`, `R_1`, .., of the increments: `[Nu, m, m]`, of the same kind.
     pub r: Vec<f64>,
+    /// `S_1`, `S_2`, .., of products of inputs and states: `[N, m, n]`. Empty: there are none, Q is the
+    /// same in all QPs, and `t` is empty too.
+    pub s: Vec<f64>,
+    /// `T_0`, `T_1`, .., of the inputs themselves: `[Nu, m, m]`, symmetric; or empty with `s`.
+    pub t: Vec<f64>,
+    /// W, of all inputs: `[Nu m, Nu m]`, symmetric and positive semidefinite; or empty. The stage-wise
+    /// method cannot solve programs that have it.
+    pub w: Vec<f64>,
     /// `A_j`, `[N, n, n]`.
     pub a: Vec<f64>,
     /// `B_j`, `[N, n, m]`.
@@ -66,7 +78,7 @@ pub struct Qp {
     pub bounds: Limits,
     /// `[Nu, m]`
     pub increments: Limits,
-    /// `[N - N1 + 1, rows]`: inequalities without lower limit, then equalities.
+    /// `[N - N1 + 1, rows]`: inequalities without lower limit, equalities, then rows with any limits.
     pub rows: Limits,
 }
 
@@ -134,7 +146,7 @@ pub enum QpStatus {
     Solved,
     /// There is no feasible step; this row is part of the conflict.
     Infeasible(Row),
-    /// The method broke off.
+    /// The method found no solution: a number is not finite, or rounding won.
     Failed,
 }
 
@@ -177,6 +189,9 @@ impl Qp {
             dims,
             q,
             r,
+            s: Vec::new(),
+            t: Vec::new(),
+            w: Vec::new(),
             a: vec![0.0; horizon * nx * nx],
             b: vec![0.0; horizon * nx * nu],
             c: vec![0.0; horizon * nx],
@@ -187,6 +202,21 @@ impl Qp {
             increments: Limits::none(dims.all_inputs()),
             rows: Limits::none(dims.all_rows()),
         }
+    }
+
+    /// The same with S and T, all 0 at first; from then on Q, S and T may change from QP to QP.
+    #[must_use]
+    pub fn with_stage_cost(mut self) -> Self {
+        let OcpDims { nx, nu, horizon, n_controls, .. } = self.dims;
+        self.s = vec![0.0; horizon * nu * nx];
+        self.t = vec![0.0; n_controls * nu * nu];
+        self
+    }
+
+    /// Whether Q, S and T may change from QP to QP.
+    #[must_use]
+    pub fn has_stage_cost(&self) -> bool {
+        !self.s.is_empty()
     }
 
     /// `A_j`, `[n, n]`.
@@ -205,6 +235,20 @@ impl Qp {
     #[must_use]
     pub fn q(&self, j: usize) -> &[f64] {
         block(&self.q, j - 1, self.dims.nx * self.dims.nx)
+    }
+
+    /// `S_j` of `x_j` and the input that acts there, j = 1..N, `[m, n]`, if there is one.
+    #[must_use]
+    pub fn s(&self, j: usize) -> Option<&[f64]> {
+        let width = self.dims.nu * self.dims.nx;
+        self.s.get((j - 1) * width..j * width)
+    }
+
+    /// `T_i`, `[m, m]`, if there is one.
+    #[must_use]
+    pub fn t(&self, i: usize) -> Option<&[f64]> {
+        let width = self.dims.nu * self.dims.nu;
+        self.t.get(i * width..(i + 1) * width)
     }
 
     /// `R_i`, `[m, m]`.

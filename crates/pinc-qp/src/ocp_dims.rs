@@ -22,6 +22,8 @@ pub struct OcpDims {
     pub inequalities: usize,
     /// Rows of the equalities g, per constrained stage.
     pub equalities: usize,
+    /// Rows with two limits each, as bounded outputs have, per constrained stage.
+    pub outputs: usize,
 }
 
 impl OcpDims {
@@ -43,19 +45,19 @@ impl OcpDims {
         self.all_states() + self.all_inputs()
     }
 
-    /// The number of h's and g's rows at a constrained stage.
+    /// The number of rows at a constrained stage: of h, of g and of outputs.
     #[must_use]
     pub fn rows(self) -> usize {
-        self.inequalities + self.equalities
+        self.inequalities + self.equalities + self.outputs
     }
 
-    /// The stages at which h and g hold: N1 to N2.
+    /// The stages at which these rows hold: N1 to N2.
     #[must_use]
     pub fn constrained(self) -> Range<usize> {
         self.n1..self.horizon + 1
     }
 
-    /// The number of h's and g's rows at all stages.
+    /// The number of these rows at all stages.
     #[must_use]
     pub fn all_rows(self) -> usize {
         self.rows() * self.constrained().len()
@@ -87,7 +89,7 @@ impl OcpDims {
         j.min(self.n_controls - 1)
     }
 
-    /// Where the rows of h and g at stage `j`, from N1 to N2, are.
+    /// Where the rows at stage `j`, from N1 to N2, are: those of h, of g and of outputs.
     #[must_use]
     pub fn stage_rows(self, j: usize) -> Range<usize> {
         let first = (j - self.n1) * self.rows();

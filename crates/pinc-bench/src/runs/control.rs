@@ -123,7 +123,7 @@ impl Setup<'_> {
 
     pub(crate) fn problem(&self, plant: &dyn DynPlant) -> NmpcProblem {
         let names: Vec<&str> = plant.states().iter().map(|state| &*state.name).collect();
-        self.spec.problem(&names, plant.inputs().len())
+        self.spec.problem(&names, plant.inputs().len(), self.sample_time_s)
     }
 
     pub(crate) fn begin<'n>(

@@ -1,7 +1,7 @@
 //! The `[control]` section.
 
 use super::PlantSpec;
-use pinc_mpc::{Bounds, NmpcProblem, Profile, Softness, SqpConfig, Weight, Weights};
+use pinc_mpc::{Bounds, NmpcProblem, Softness, SqpConfig, Tracked, Weight, Weights};
 use pinc_ode::Dims;
 use serde::{Deserialize, Serialize};
 use std::fmt;
@@ -89,18 +89,25 @@ pub struct ControlSpec {
 
 impl ControlSpec {
     /// The problem for a plant whose states have these names.
-    pub(crate) fn problem(&self, states: &[&str], inputs: usize) -> NmpcProblem {
+    pub(crate) fn problem(
+        &self,
+        states: &[&str],
+        inputs: usize,
+        sample_time_s: f64,
+    ) -> NmpcProblem {
         let dims = Dims::new(states.len(), inputs);
         let place = |name: &String| states.iter().position(|state| state == name);
-        let weights = Weights {
-            terminal: self.q_terminal.clone(),
-            profile: self.weights_profile,
-            ..Weights::uniform(self.q.clone(), self.r.clone())
+        let factors = self.weights_profile.factors(self.n2, sample_time_s);
+        let free = self.nu.min(self.n2);
+        let weights = match factors {
+            None => Weights::uniform(self.q.clone(), self.r.clone()),
+            Some(w) => Weights::scaled(self.q.clone(), self.r.clone(), &w, &w[..free]),
         };
+        let weights = Weights { terminal: self.q_terminal.clone(), ..weights };
         NmpcProblem {
             n1: self.n1,
             control_horizon: self.nu,
-            tracked: self.controlled.iter().filter_map(place).collect(),
+            tracked: Tracked::states(self.controlled.iter().filter_map(place)),
             state_bounds: bounds(&self.state_low, &self.state_high, states.len()),
             state_softness: self.state_softness.clone(),
             input_bounds: Bounds { low: self.input_low.clone(), high: self.input_high.clone() },
@@ -114,6 +121,37 @@ impl ControlSpec {
 fn bounds(low: &Option<Vec<f64>>, high: &Option<Vec<f64>>, variables: usize) -> Bounds {
     let none = Bounds::none(variables);
     Bounds { low: low.clone().unwrap_or(none.low), high: high.clone().unwrap_or(none.high) }
+}
+
+/// How the weights go along the horizon.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Profile {
+    /// The cost as printed: the same weights at all stages.
+    #[default]
+    Uniform,
+    /// The cost behind the paper's Table 1. Its authors' program adds up the stage costs
+    ///
+    /// ```text
+    /// l_i = |y[k+i+1] - yref[k+i+1]|_Q^2 + |du[k+i]|_R^2        i = 0..N2-1
+    /// ```
+    ///
+    /// in a variable that is never set back to 0 within the horizon, and adds that variable times T
+    /// to the cost at every stage. Stage i is thus counted in its own stage and in every later one,
+    /// its tracking part and its du part alike: both have the factor (N2 - i) T. (The four tanks tell the
+    /// readings apart: dense IAE 544.41, but 530.9 if only the tracking part were counted so and du
+    /// once, 532.2 if it were counted once times T.)
+    Cumulative,
+}
+
+impl Profile {
+    /// The factors of the weights at each of `stages` stages of `sample_time_s` seconds, if they are not 1.
+    #[must_use]
+    pub fn factors(self, stages: usize, sample_time_s: f64) -> Option<Vec<f64>> {
+        #[expect(clippy::cast_precision_loss, reason = "no horizon has 2^53 stages")]
+        let factor = |i: usize| (stages - i) as f64 * sample_time_s;
+        (self == Self::Cumulative).then(|| (0..stages).map(factor).collect())
+    }
 }
 
 /// One value of the reference.

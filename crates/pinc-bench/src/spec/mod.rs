@@ -13,7 +13,7 @@ mod sweep;
 mod training;
 mod validate;
 
-pub use control::{ControlSpec, ModelKind, OutsidePolicy, ReferenceStep};
+pub use control::{ControlSpec, ModelKind, OutsidePolicy, Profile, ReferenceStep};
 pub use data::DataSpec;
 pub use list::{ListedRun, RunList};
 pub use one_step::OneStepSpec;

@@ -75,7 +75,7 @@ fn the_trace_has_nine_points_a_step() {
 }
 
 #[test]
-fn a_plant_that_breaks_off_leaves_what_there_was() {
+fn a_plant_that_cannot_be_integrated_leaves_what_there_was() {
     let mut nmpc = idle();
     let reference = Reference::new(vec![0.0; 5], 1).unwrap();
     // Infinite at t = 1/0.62 = 1 + 5.5/9: in the second step, past 5 of its 9 points.

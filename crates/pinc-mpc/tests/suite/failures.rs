@@ -163,10 +163,10 @@ fn a_deadline_is_kept_and_forgotten() {
     let (x, reference) = ([-0.5, 0.5], [0.8, 0.0].repeat(5));
     for allowed in 0..3 {
         nmpc.reset();
-        let mut input = 0;
+        let mut asked = 0;
         let mut expired = || {
-            input += 1;
-            input > allowed
+            asked += 1;
+            asked > allowed
         };
         let step = nmpc.step_within(&x, &reference, &mut expired).unwrap();
         assert_eq!(step.status, SqpStatus::Deadline);

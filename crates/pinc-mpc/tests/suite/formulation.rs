@@ -239,8 +239,7 @@ fn weights_may_be_full() {
 #[test]
 fn a_terminal_weight_counts_at_the_end_only() {
     let mut problem = scalar_problem(2, 2);
-    problem.weights =
-        Weights { terminal: Some(vec![100.0].into()), ..Weights::uniform(vec![1.0], vec![1.0]) };
+    problem.weights = Weights::uniform(vec![1.0], vec![1.0]).with_terminal(vec![100.0]);
     for mut nmpc in controllers(&problem, &Linear::scalar(1.0, 1.0)) {
         let step = nmpc.step(&[0.0], &[1.0, 4.0]).unwrap();
         assert_eq!(step.status, SqpStatus::Converged);

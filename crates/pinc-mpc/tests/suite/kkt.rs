@@ -3,7 +3,7 @@
 use crate::optimality::{StepInput, judge, residuals, scale};
 use crate::problems::{Loop, four_tanks, four_tanks_loop, van_der_pol, van_der_pol_loop};
 use crate::support::Linear;
-use pinc_mpc::{Bounds, Nmpc, NmpcProblem, Profile, SqpConfig, SqpStatus, Weights};
+use pinc_mpc::{Bounds, Nmpc, NmpcProblem, SqpConfig, SqpStatus, Tracked, Weights};
 use pinc_ode::{Dims, Dopri5, Rk4};
 use pinc_plants::{FourTanks, VanDerPol};
 use proptest::prelude::*;
@@ -32,11 +32,9 @@ fn plans_of_every_shape_are_optimal() {
     problem.n1 = 2;
     problem.horizon = 6;
     problem.control_horizon = 3;
-    problem.tracked = vec![1, 3, 0];
-    problem.weights = Weights {
-        profile: Profile::Cumulative,
-        ..Weights::uniform(vec![3.0, 0.0, 5.0], vec![1.0, 0.2])
-    };
+    problem.tracked = Tracked::states([1, 3, 0]);
+    let (w, v) = ([60.0, 50.0, 40.0, 30.0, 20.0, 10.0], [60.0, 50.0, 40.0]);
+    problem.weights = Weights::scaled(vec![3.0, 0.0, 5.0], vec![1.0, 0.2], &w, &v);
     problem.state_bounds.low[2] = f64::NEG_INFINITY;
     problem.input_bounds.high[1] = f64::INFINITY;
     let model = Rk4::new(FourTanks::johansson_minimum(), 10.0, 4);
@@ -83,7 +81,7 @@ proptest! {
         let weights = Weights::uniform(vec![10.0, 1.0], vec![0.1, 1.0]);
         let problem = NmpcProblem {
             control_horizon: control,
-            tracked: vec![2, 0],
+            tracked: Tracked::states([2, 0]),
             // |x_j| <= 4 is out of reach: the row sums of |A| and |B| are below 1.8 and 2.
             state_bounds: Bounds { low: vec![-40.0; 3], high: vec![40.0; 3] },
             input_bounds: Bounds { low: vec![-0.5; 2], high },

@@ -1,7 +1,7 @@
 //! Linear models, whose optimal control is known by a formula.
 
 use crate::support::{Linear, scalar_problem};
-use pinc_mpc::{Bounds, Nmpc, NmpcProblem, Profile, SqpConfig, SqpStatus};
+use pinc_mpc::{Bounds, Nmpc, NmpcProblem, SqpConfig, SqpStatus, Weights};
 
 /// The QP solver's accuracy: gap and residuals of 1e-10 in problems of curvature 1 and more.
 const TOLERANCE: f64 = 1e-8;
@@ -73,10 +73,11 @@ fn a_horizon_of_four_is_the_linear_quadratic_regulator() {
 }
 
 #[test]
-fn cumulative_weights_fall_from_n_t_to_t() {
+fn weights_may_differ_by_stage() {
     let mut problem = scalar_problem(3, 3);
-    problem.weights.profile = Profile::Cumulative;
-    let expected = riccati(1.2, 0.8, 1.7, &[3.0, 2.0, 1.0]);
+    let factors = [3.0, 2.0, 1.0];
+    problem.weights = Weights::scaled(vec![2.0], vec![3.0], &factors, &factors);
+    let expected = riccati(1.2, 0.8, 1.7, &factors);
     let u = first_input(problem, Linear::scalar(1.2, 0.8), 1.7, &[0.0; 3]);
     assert!((u - expected).abs() < TOLERANCE, "{u} {expected}");
 }

@@ -2,7 +2,9 @@
 
 use crate::problems::{four_tanks, van_der_pol};
 use crate::support::{Linear, scalar_problem};
-use pinc_mpc::{Bounds, MpcError, Nmpc, NmpcProblem, Profile, SqpConfig, SqpStatus, Weights};
+use pinc_mpc::{
+    Bounds, MpcError, Nmpc, NmpcProblem, PerStage, SqpConfig, SqpStatus, Tracked, Weight, Weights,
+};
 use pinc_ode::Rk4;
 use pinc_plants::VanDerPol;
 
@@ -32,9 +34,12 @@ fn horizons() {
 
 #[test]
 fn tracked_states() {
-    assert_eq!(refusal(|p| p.tracked = vec![0, 2]), "tracked is 2, but must be from 0 to 1");
-    assert_eq!(refusal(|p| p.tracked = vec![1, 1]), "tracked names state 1 twice");
-    assert!(refusal(|p| p.tracked = vec![]).contains("tracked"));
+    assert_eq!(
+        refusal(|p| p.tracked = Tracked::states([0, 2])),
+        "tracked is 2, but must be from 0 to 1"
+    );
+    assert_eq!(refusal(|p| p.tracked = Tracked::states([1, 1])), "tracked names state 1 twice");
+    assert!(refusal(|p| p.tracked = Tracked::states([])).contains("tracked"));
 }
 
 #[test]
@@ -54,6 +59,14 @@ fn weights() {
     assert!(
         refusal(|p| p.weights.q = vec![f64::INFINITY, 1.0].into())
             .starts_with("weights.q[0] is inf")
+    );
+    assert_eq!(
+        refusal(|p| p.weights = Weights::scaled(vec![1.0; 2], vec![1.0], &[1.0; 4], &[1.0; 5])),
+        "weights.q is given for 4 stages, but there are 5"
+    );
+    assert_eq!(
+        refusal(|p| p.weights.input_sequence = Some(vec![1.0; 5].into())),
+        "weights.input_sequence: 5 numbers, but 6 are expected"
     );
 }
 
@@ -120,8 +133,10 @@ fn tables_of_a_configuration_file() {
     assert!(error.to_string().contains("tolerence"), "{error}");
 
     let weights: Weights =
-        toml::from_str("q = [1.0]\nr = [2.0]\nprofile = \"cumulative\"").unwrap();
-    assert_eq!(weights.profile, Profile::Cumulative);
+        toml::from_str("q = [[1.0, 0.5], [0.5, 1.0]]\nr = { stages = [[2.0], [1.0]] }").unwrap();
+    let q = Weight::Full(vec![vec![1.0, 0.5], vec![0.5, 1.0]]);
+    let stages = vec![vec![2.0].into(), vec![1.0].into()];
+    assert_eq!(weights, Weights::new(q.into(), PerStage::Each { stages }));
     let bounds: Bounds = toml::from_str("low = [-inf]\nhigh = [2.5]").unwrap();
     assert!(bounds.low[0].is_infinite());
     // What is written to a file is what is shown.

@@ -1,10 +1,10 @@
 //! The optimality conditions, assembled a second time, and loops whose plans are judged by them.
 
 use crate::problems::Loop;
-use pinc_mpc::{Bounds, Nmpc, Profile, SqpConfig, SqpStatus, Weight};
+use pinc_mpc::{Bounds, Nmpc, SqpConfig, SqpStatus, Tracked, Weight};
 use pinc_ode::{Dims, Linearization, Model, Stages};
 
-/// What one step was input.
+/// What one step was given.
 pub(crate) struct StepInput<'a> {
     pub(crate) x: &'a [f64],
     pub(crate) previous: &'a [f64],
@@ -29,24 +29,20 @@ pub(crate) fn residuals(nmpc: &Nmpc, model: &mut dyn Model, input: &StepInput<'_
         _ => &plan.states()[(j - 1) * n..j * n],
     };
     let u = |i: usize| &plan.inputs()[i * m..(i + 1) * m];
-    let weight = |stage: usize| match problem.weights.profile {
-        Profile::Uniform => 1.0,
-        Profile::Cumulative => (problem.horizon - stage) as f64 * model.sample_time_s(),
-    };
-
     // dJ/dx and dJ/du
     let mut dx = vec![vec![0.0; n]; problem.horizon + 1];
     let mut du = vec![vec![0.0; m]; problem.control_horizon];
     for j in problem.n1..=problem.horizon {
-        for (i, &state) in problem.tracked.iter().enumerate() {
+        for (i, tracked) in problem.tracked.iter().enumerate() {
+            let &Tracked::State(state) = tracked else { panic!("only states are tracked here") };
             let error = x(j)[state] - input.reference[(j - 1) * problem.tracked.len() + i];
-            dx[j][state] += 2.0 * weight(j - 1) * diagonal(&problem.weights.q)[i] * error;
+            dx[j][state] += 2.0 * diagonal(problem.weights.q.at(j - 1))[i] * error;
         }
     }
     for i in 0..problem.control_horizon {
         for c in 0..m {
             let before = if i == 0 { input.previous[c] } else { u(i - 1)[c] };
-            let slope = 2.0 * weight(i) * diagonal(&problem.weights.r)[c] * (u(i)[c] - before);
+            let slope = 2.0 * diagonal(problem.weights.r.at(i))[c] * (u(i)[c] - before);
             du[i][c] += slope;
             if i > 0 {
                 du[i - 1][c] -= slope;

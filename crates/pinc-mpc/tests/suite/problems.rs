@@ -1,6 +1,6 @@
 //! The paper's control problems and closed loops.
 
-use pinc_mpc::{Bounds, NmpcProblem, Reference, Weights};
+use pinc_mpc::{Bounds, NmpcProblem, Reference, Tracked, Weights};
 use pinc_ode::{Dims, Model, Rk4};
 use pinc_plants::{FourTanks, VanDerPol};
 
@@ -73,7 +73,7 @@ pub(crate) fn van_der_pol() -> NmpcProblem {
 pub(crate) fn four_tanks() -> NmpcProblem {
     let weights = Weights::uniform(vec![10.0; 2], vec![1.0; 2]);
     NmpcProblem {
-        tracked: vec![0, 1],
+        tracked: Tracked::states([0, 1]),
         state_bounds: Bounds { low: vec![2.0, 2.0, 0.6, 0.6], high: vec![20.0, 20.0, 5.5, 5.5] },
         input_bounds: Bounds { low: vec![0.0; 2], high: vec![5.0; 2] },
         ..NmpcProblem::new(Dims::new(4, 2), 5, weights)

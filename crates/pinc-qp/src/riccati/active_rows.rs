@@ -77,6 +77,9 @@ impl ActiveRows {
     /// Solves `qp` from the guess and the point `at`; whether that succeeded.
     pub(super) fn solve(&mut self, qp: &Qp, at: &mut Newton) -> bool {
         self.factorizations = 0;
+        if qp.has_stage_cost() {
+            self.stiffness = stiffness(qp);
+        }
         for _ in 0..CHANGES {
             match self.meet(qp, at) {
                 Some(true) if !self.reconsider(qp, at) => return true,
@@ -156,6 +159,7 @@ impl ActiveRows {
         let off = off.fold(largest(&at.defect), f64::max);
         size.is_finite()
             && largest(&at.slope) <= SLOPE_TOLERANCE * size + ROUNDING * largest(&qp.gradient)
+            && extent.is_finite()
             && off <= TOLERANCE * extent
     }
 

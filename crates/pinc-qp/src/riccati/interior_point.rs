@@ -128,7 +128,7 @@ impl Side {
         self.off + inner / self.mu - give
     }
 
-    /// The step of t, mu and e, where C d n_controls by `moved`.
+    /// The step of t, mu and e, where C d changes by `moved`.
     fn direct(&mut self, moved: f64, products: (f64, f64)) {
         self.dmu = self.weight() * (self.sign * moved + self.term(products));
         self.de = if self.soft() { (products.1 + self.e * self.dmu) / self.nu() } else { 0.0 };
@@ -168,6 +168,9 @@ impl InteriorPoint {
 
     /// Solves `qp` from scratch. Whatever the ending, the last multipliers are in `at`.
     pub(super) fn solve(&mut self, qp: &Qp, at: &mut Newton) -> Ending {
+        if qp.has_stage_cost() {
+            self.stiffness = STIFFNESS * stiffness(qp);
+        }
         self.gather(qp);
         self.factorizations = 0;
         if !self.begin(qp, at) {

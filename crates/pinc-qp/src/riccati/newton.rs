@@ -96,6 +96,7 @@ impl Newton {
                 add_transposed(qp.a(j), lambda, &mut self.slope[state]);
             }
         }
+        self.add_stage_cost(qp);
         let m = dims.nu;
         let (_, increments, _) = self.rows.split(&self.values);
         let inputs = &mut self.slope[dims.all_states()..];
@@ -106,6 +107,26 @@ impl Newton {
                 if i > 0 {
                     inputs[(i - 1) * m + k] -= force;
                 }
+            }
+        }
+    }
+
+    /// Adds what S and T contribute to the slope.
+    fn add_stage_cost(&mut self, qp: &Qp) {
+        let dims = qp.dims;
+        if !qp.has_stage_cost() {
+            return;
+        }
+        for j in 1..=dims.horizon {
+            let (state, input) = (dims.next_state(j - 1), dims.input(dims.acting(j)));
+            if let Some(s) = qp.s(j) {
+                add_product(s, &self.d[state.clone()], &mut self.slope[input.clone()]);
+                add_transposed(s, &self.d[input], &mut self.slope[state]);
+            }
+        }
+        for i in 0..dims.n_controls {
+            if let Some(t) = qp.t(i) {
+                add_product(t, &self.d[dims.input(i)], &mut self.slope[dims.input(i)]);
             }
         }
     }
@@ -159,7 +180,7 @@ const STIFFNESS: f64 = 1e6;
 /// steps, and not so far above the least of them that this would be lost to rounding.
 pub(super) fn stiffness(qp: &Qp) -> f64 {
     let OcpDims { nx: n, nu: m, .. } = qp.dims;
-    let diagonals = [(&qp.q, n), (&qp.r, m)].into_iter().flat_map(|(blocks, size)| {
+    let diagonals = [(&qp.q, n), (&qp.r, m), (&qp.t, m)].into_iter().flat_map(|(blocks, size)| {
         blocks.chunks_exact(size * size).flat_map(move |block| block.iter().step_by(size + 1))
     });
     let curvatures = diagonals.filter(|&&curvature| curvature > 0.0);

@@ -17,7 +17,7 @@ use crate::factor::Cholesky;
 /// and linear part of the cost from stage j + 1 on,
 ///
 /// ```text
-/// M = F'P F + weights of du_j and of the rows at stage j        m = F'(P c + p) + g of du_j
+/// M = F'P F + weights of du_j and of the rows at stage j + S_j, T_j        m = F'(P c + p) + g of du_j
 /// G = R_j + weights of the increment + M_uu                     K = G^-1 M_u:
 /// P <- M - M_u:' K + (Q_j + weights of dx_j; 0)                 p <- m - K' m_u + g of dx_j
 /// ```
@@ -71,6 +71,7 @@ impl Riccati {
         let by_row = RowWeights::new(self.dims, weights);
         self.merged.fill(0.0);
         by_row.add_general(qp, horizon, &mut self.merged);
+        add_cross(qp, horizon, &mut self.merged);
         for j in (0..horizon).rev() {
             // merged: what the stages before have left, in terms of s_{j+1}
             let p = &mut self.p[j * s * s..(j + 1) * s * s];
@@ -82,7 +83,13 @@ impl Riccati {
             }
             merge(p, (qp.a(j), qp.b(j)), n, &mut self.product, &mut self.merged);
             by_row.add_general(qp, j, &mut self.merged);
+            if j > 0 {
+                add_cross(qp, j, &mut self.merged);
+            }
             if j < n_controls {
+                for (k, t) in qp.t(j).into_iter().flat_map(|t| t.chunks_exact(m)).enumerate() {
+                    add_scaled(&mut self.merged[(n + k) * s + n..(n + k + 1) * s], 1.0, t);
+                }
                 for (k, weight) in by_row.bounds[self.dims.input(j)].iter().enumerate() {
                     self.merged[(n + k) * (s + 1)] += weight;
                 }
@@ -202,6 +209,18 @@ impl Riccati {
             for (entry, column) in self.vector.iter().zip(p) {
                 add_scaled(lambda, *entry, column);
             }
+        }
+    }
+}
+
+/// Adds `S_j` to the matrix of (`dx_j`, `du_j`).
+fn add_cross(qp: &Qp, j: usize, matrix: &mut [f64]) {
+    let OcpDims { nx: n, nu: m, .. } = qp.dims;
+    let width = n + m;
+    for (k, row) in qp.s(j).into_iter().flat_map(|s| s.chunks_exact(n)).enumerate() {
+        for (i, entry) in row.iter().enumerate() {
+            matrix[i * width + n + k] += entry;
+            matrix[(n + k) * width + i] += entry;
         }
     }
 }

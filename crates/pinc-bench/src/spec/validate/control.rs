@@ -51,7 +51,8 @@ pub(super) fn closed_loop(
     }
     references(spec)?;
     let names: Vec<&str> = variables.states.iter().map(|state| &*state.name).collect();
-    let problem = spec.problem(&names, inputs);
+    // The length of a step does not matter for what is checked here.
+    let problem = spec.problem(&names, inputs, 1.0);
     problem.validate(Dims::new(states, inputs)).map_err(|error| mpc_finding(&error))
 }
 

@@ -1,0 +1,110 @@
+//! The models of the stages.
+
+use crate::MpcError;
+use crate::error::check_range;
+use pinc_ode::{Dims, Linearization, Model, Stages};
+use std::ops::Range;
+
+/// The models along the prediction horizon, one or more stages each, and the times of the stages.
+#[derive(Debug)]
+pub(crate) struct Horizon {
+    blocks: Vec<Block>,
+    dims: Dims,
+    /// Seconds from the measured state to `x_0` .. `x_N`.
+    times: Vec<f64>,
+    uniform: bool,
+}
+
+/// A model and its stages.
+#[derive(Debug)]
+struct Block {
+    model: Box<dyn Model>,
+    stages: Range<usize>,
+}
+
+impl Horizon {
+    /// The horizon of `expected` stages that these models and their numbers of stages make.
+    pub(crate) fn new(
+        models: Vec<(Box<dyn Model>, usize)>,
+        expected: usize,
+    ) -> Result<Self, MpcError> {
+        let field = "the models of the horizon";
+        check_range(field, models.len(), 1, usize::MAX)?;
+        let dims = models[0].0.dims();
+        let (mut blocks, mut times) = (Vec::new(), vec![0.0]);
+        for (model, count) in models {
+            check_range("the stages of a model", count, 1, expected)?;
+            if model.dims() != dims {
+                return Err(MpcError::DifferentModels);
+            }
+            let first = times.len() - 1;
+            for _ in 0..count {
+                times.push(times[times.len() - 1] + model.sample_time_s());
+            }
+            blocks.push(Block { model, stages: first..first + count });
+        }
+        let found = times.len() - 1;
+        if found != expected {
+            return Err(MpcError::Stages { field, expected, found });
+        }
+        let length = |block: &Block| block.model.sample_time_s().to_bits();
+        let uniform = blocks.iter().all(|block| length(block) == length(&blocks[0]));
+        Ok(Self { blocks, dims, times, uniform })
+    }
+
+    /// The sizes of all models.
+    pub(crate) fn dims(&self) -> Dims {
+        self.dims
+    }
+
+    /// Whether all stages are of the same model.
+    pub(crate) fn has_one_model(&self) -> bool {
+        self.blocks.len() == 1
+    }
+
+    /// Whether all stages are of the same length.
+    pub(crate) fn is_uniform(&self) -> bool {
+        self.uniform
+    }
+
+    /// Seconds from the measured state to `x_0` .. `x_N`.
+    pub(crate) fn times(&self) -> &[f64] {
+        &self.times
+    }
+
+    /// The model of the first stage.
+    pub(crate) fn first(&self) -> &dyn Model {
+        self.blocks[0].model.as_ref()
+    }
+
+    /// The model of the first stage.
+    pub(crate) fn first_mut(&mut self) -> &mut dyn Model {
+        self.blocks[0].model.as_mut()
+    }
+
+    /// The model of stage `j`; at the end of the horizon, that of the last.
+    pub(crate) fn at(&mut self, j: usize) -> &mut dyn Model {
+        let place = self.blocks.iter().position(|block| block.stages.contains(&j));
+        let last = self.blocks.len() - 1;
+        self.blocks[place.unwrap_or(last)].model.as_mut()
+    }
+
+    /// Linearises at the points of all stages, each by its model.
+    pub(crate) fn linearize(&mut self, at: Stages<'_>, out: Linearization<'_>) {
+        let Dims { nx, nu, np, .. } = self.dims;
+        let Linearization { next, a, b, .. } = out;
+        for Block { model, stages } in &mut self.blocks {
+            let part = |width: usize| stages.start * width..stages.end * width;
+            let points = Stages { x: &at.x[part(nx)], u: &at.u[part(nu)], p: &at.p[part(np)] };
+            model.linearize(
+                points,
+                Linearization {
+                    next: &mut next[part(nx)],
+                    a: &mut a[part(nx * nx)],
+                    b: &mut b[part(nx * nu)],
+                    e: &mut [],
+                },
+            );
+        }
+    }
+}

@@ -1,0 +1,91 @@
+//! Costs of one's own.
+
+use std::fmt::Debug;
+
+/// Where a stage cost is evaluated.
+#[derive(Clone, Copy, Debug)]
+#[non_exhaustive]
+pub struct StagePoint<'a> {
+    /// j of x\[k+j\] and u\[k+j\], from 0, the measured state, to N2.
+    pub stage: usize,
+    /// x\[k+j\], `n`.
+    pub x: &'a [f64],
+    /// u\[k+min(j, Nu-1)\], `m`.
+    pub u: &'a [f64],
+    /// The parameters, `np`.
+    pub p: &'a [f64],
+}
+
+/// A quadratic model of a cost l(x, u) about a point:
+///
+/// ```text
+/// l + l_x' dx + l_u' du + dx'Q dx / 2 + du'S dx + du'R du / 2
+/// ```
+///
+/// The matrix (Q S'; S R) is symmetric and positive semidefinite: the Hessian of a convex cost, or what
+/// stands for it. A cost that is linear has 0.
+#[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
+pub struct QuadBlock {
+    /// l
+    pub value: f64,
+    /// `l_x`, `n`.
+    pub by_x: Vec<f64>,
+    /// `l_u`, `m`.
+    pub by_u: Vec<f64>,
+    /// Q, `[n, n]`.
+    pub q: Vec<f64>,
+    /// S, `[m, n]`.
+    pub s: Vec<f64>,
+    /// R, `[m, m]`, of the inputs themselves.
+    pub r: Vec<f64>,
+}
+
+impl QuadBlock {
+    /// All 0, for `nx` states and `nu` inputs.
+    #[must_use]
+    pub fn new(nx: usize, nu: usize) -> Self {
+        Self {
+            value: 0.0,
+            by_x: vec![0.0; nx],
+            by_u: vec![0.0; nu],
+            q: vec![0.0; nx * nx],
+            s: vec![0.0; nu * nx],
+            r: vec![0.0; nu * nu],
+        }
+    }
+
+    /// Sets all to 0.
+    pub fn clear(&mut self) {
+        let Self { value, by_x, by_u, q, s, r } = self;
+        *value = 0.0;
+        [by_x, by_u, q, s, r].into_iter().for_each(|part| part.fill(0.0));
+    }
+}
+
+/// A cost per stage that is added to the cost of tracking, an economic one for instance: what a plant's
+/// product is worth, less what its inputs cost.
+///
+/// ```
+/// use pinc_mpc::{QuadBlock, StageCost, StagePoint};
+///
+/// /// 3 per unit of the first input, and nothing at the end of the horizon.
+/// #[derive(Debug)]
+/// struct Energy {
+///     horizon: usize,
+/// }
+///
+/// impl StageCost for Energy {
+///     fn quadratize(&mut self, at: StagePoint<'_>, out: &mut QuadBlock) {
+///         if at.stage < self.horizon {
+///             out.value = 3.0 * at.u[0];
+///             out.by_u[0] = 3.0;
+///         }
+///     }
+/// }
+/// ```
+pub trait StageCost: Debug + Send {
+    /// Writes the cost of a stage, its gradient and its Hessian or a positive semidefinite matrix in its
+    /// place. `out` is all 0 on entry. Nothing may be allocated if a control step is not to.
+    fn quadratize(&mut self, at: StagePoint<'_>, out: &mut QuadBlock);
+}

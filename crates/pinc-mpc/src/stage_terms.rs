@@ -1,0 +1,164 @@
+//! The parts of the cost whose Hessian depends on the plan.
+
+use crate::cost::{Cost, Targets};
+use crate::outputs::Outputs;
+use crate::stage_cost::{QuadBlock, StageCost, StagePoint};
+use crate::{NmpcProblem, Tracked};
+use pinc_qp::{OcpDims, Qp};
+
+/// Tracked outputs, after Gauss and Newton, and the stage cost:
+///
+/// ```text
+/// e = y(x, u) - yref,  e'Q e  ->  gradient 2 (C D)'Q e,  Hessian 2 (C D)'Q (C D)
+/// ```
+#[derive(Debug)]
+pub(crate) struct StageTerms {
+    dims: OcpDims,
+    /// What is tracked, if outputs are.
+    tracked: Vec<Tracked>,
+    cost: Option<Box<dyn StageCost>>,
+    block: QuadBlock,
+    /// The Hessian of what is constant.
+    q: Vec<f64>,
+    /// Rows of (C D), `[tracked, n + m]`.
+    jacobian: Vec<f64>,
+    /// 2 Q (C D), of the same shape.
+    weighted: Vec<f64>,
+    error: Vec<f64>,
+}
+
+impl StageTerms {
+    /// The terms of `problem`, if it has any.
+    pub(crate) fn new(
+        problem: &NmpcProblem,
+        dims: OcpDims,
+        constant: Vec<f64>,
+        cost: Option<Box<dyn StageCost>>,
+    ) -> Option<Self> {
+        let outputs = problem.tracks_outputs();
+        if !outputs && cost.is_none() {
+            return None;
+        }
+        let tracked = if outputs { problem.tracked.clone() } else { Vec::new() };
+        let width = tracked.len() * (dims.nx + dims.nu);
+        Some(Self {
+            dims,
+            cost,
+            block: QuadBlock::new(dims.nx, dims.nu),
+            q: constant,
+            jacobian: vec![0.0; width],
+            weighted: vec![0.0; width],
+            error: vec![0.0; tracked.len()],
+            tracked,
+        })
+    }
+
+    /// Writes Q, S and T, adds to the gradient, and gives the value.
+    pub(crate) fn add(
+        &mut self,
+        cost: &Cost,
+        outputs: Option<&Outputs>,
+        [x0, z, p]: [&[f64]; 3],
+        targets: Targets<'_>,
+        qp: &mut Qp,
+    ) -> f64 {
+        qp.q.copy_from_slice(&self.q);
+        qp.s.fill(0.0);
+        qp.t.fill(0.0);
+        let mut value = 0.0;
+        for stage in 0..=self.dims.horizon {
+            let x = self.dims.state(stage).map_or(x0, |state| &z[state]);
+            let u = &z[self.dims.input(self.dims.acting(stage))];
+            self.block.clear();
+            if let Some(own) = &mut self.cost {
+                own.quadratize(StagePoint { stage, x, u, p }, &mut self.block);
+            }
+            if let Some(outputs) = outputs
+                && stage >= self.dims.n1
+                && !self.tracked.is_empty()
+            {
+                self.track(cost.tracking_weight(stage), outputs, stage, x, targets);
+            }
+            value += self.block.value;
+            self.add_block(stage, qp);
+        }
+        value
+    }
+
+    /// Adds the tracking of a stage, weighted by 2 Q, to the block.
+    fn track(&mut self, q: &[f64], outputs: &Outputs, j: usize, x: &[f64], targets: Targets<'_>) {
+        let OcpDims { nx, nu, .. } = self.dims;
+        let (width, count) = (nx + nu, self.tracked.len());
+        let reference = &targets.reference[(j - 1) * count..j * count];
+        for (i, (tracked, row)) in
+            self.tracked.iter().zip(self.jacobian.chunks_exact_mut(width)).enumerate()
+        {
+            let y = match *tracked {
+                Tracked::State(state) => {
+                    row.fill(0.0);
+                    row[state] = 1.0;
+                    x[state]
+                }
+                Tracked::Output(output) => {
+                    let [c, d] = outputs.rows(j, output);
+                    row[..nx].copy_from_slice(c);
+                    row[nx..].copy_from_slice(d);
+                    outputs.y(j)[output]
+                }
+            };
+            self.error[i] = y - reference[i];
+        }
+        self.weighted.fill(0.0);
+        for (row, q) in self.weighted.chunks_exact_mut(width).zip(q.chunks_exact(count)) {
+            for (jacobian, &q) in self.jacobian.chunks_exact(width).zip(q) {
+                row.iter_mut().zip(jacobian).for_each(|(sum, entry)| *sum += q * entry);
+            }
+        }
+        for (i, q) in q.chunks_exact(count).enumerate() {
+            let force: f64 = q.iter().zip(&self.error).map(|(q, e)| q * e).sum();
+            self.block.value += 0.5 * force * self.error[i];
+        }
+        self.add_products(nx, nu);
+    }
+
+    /// Adds (C D)'(2 Q)(C D) and (C D)'(2 Q) e.
+    fn add_products(&mut self, nx: usize, nu: usize) {
+        let width = nx + nu;
+        let rows = self.jacobian.chunks_exact(width).zip(self.weighted.chunks_exact(width));
+        for ((jacobian, weighted), &error) in rows.zip(&self.error) {
+            let block = &mut self.block;
+            let gradient = block.by_x.iter_mut().chain(&mut block.by_u);
+            gradient.zip(weighted).for_each(|(sum, entry)| *sum += entry * error);
+            let (weighted_x, weighted_u) = weighted.split_at(nx);
+            for (r, &factor) in jacobian.iter().enumerate() {
+                let add = |to: &mut [f64], from: &[f64]| {
+                    to.iter_mut().zip(from).for_each(|(to, from)| *to += factor * from);
+                };
+                match r.checked_sub(nx) {
+                    None => add(&mut block.q[r * nx..(r + 1) * nx], weighted_x),
+                    Some(k) => {
+                        add(&mut block.s[k * nx..(k + 1) * nx], weighted_x);
+                        add(&mut block.r[k * nu..(k + 1) * nu], weighted_u);
+                    }
+                }
+            }
+        }
+    }
+
+    /// Adds the block of a stage to the program; the measured state does not move.
+    fn add_block(&self, stage: usize, qp: &mut Qp) {
+        let (dims, block) = (self.dims, &self.block);
+        let OcpDims { nx, nu, .. } = dims;
+        let acting = dims.acting(stage);
+        let add = |to: &mut [f64], from: &[f64]| {
+            to.iter_mut().zip(from).for_each(|(to, from)| *to += from);
+        };
+        add(&mut qp.gradient[dims.input(acting)], &block.by_u);
+        add(&mut qp.t[acting * nu * nu..], &block.r);
+        if let Some(state) = dims.state(stage) {
+            add(&mut qp.gradient[state], &block.by_x);
+            add(&mut qp.q[(stage - 1) * nx * nx..], &block.q);
+            add(&mut qp.s[(stage - 1) * nu * nx..], &block.s);
+        }
+    }
+}

@@ -1,0 +1,36 @@
+//! What follows the references.
+
+use std::fmt;
+
+/// A quantity that is to follow a reference.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[non_exhaustive]
+pub enum Tracked {
+    /// A state, by its index.
+    State(usize),
+    /// An output of the model, y = h(x, u, p), by its index.
+    Output(usize),
+}
+
+impl Tracked {
+    /// These states.
+    #[must_use]
+    pub fn states(indices: impl IntoIterator<Item = usize>) -> Vec<Self> {
+        indices.into_iter().map(Self::State).collect()
+    }
+
+    /// These outputs.
+    #[must_use]
+    pub fn outputs(indices: impl IntoIterator<Item = usize>) -> Vec<Self> {
+        indices.into_iter().map(Self::Output).collect()
+    }
+}
+
+impl fmt::Display for Tracked {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::State(index) => write!(f, "state {index}"),
+            Self::Output(index) => write!(f, "output {index}"),
+        }
+    }
+}

@@ -1,0 +1,221 @@
+//! The units in which the optimisation computes.
+
+use crate::cost::Targets;
+use crate::{NmpcProblem, Tracked};
+use pinc_qp::{Multipliers, OcpDims, Qp};
+
+/// A quantity of this size or between is computed with as it is.
+const ORDINARY: [f64; 2] = [0.0625, 1024.0];
+
+/// The same of the geometric mean of the largest and the least weight in the cost.
+const ORDINARY_WEIGHT: [f64; 2] = [1e-3, 1e6];
+
+/// A unit that follows the state is made smaller again when the state is below this part of it.
+const SMALL: f64 = 0.25;
+
+/// Units for states, inputs and rows such that these are numbers of ordinary size, and one for the cost:
+/// tolerances are absolute, and mean the same whatever the units of the plant.
+///
+/// All units are powers of 2, so that no digit changes. A quantity of ordinary size keeps its
+/// unit. How large a quantity is, its bounds say, or the problem; without these, a state counts as
+/// large when it is seen to be.
+#[derive(Clone, Debug)]
+pub(crate) struct Units {
+    dims: OcpDims,
+    pub(crate) x: Vec<f64>,
+    u: Vec<f64>,
+    /// Of the rows of a stage.
+    rows: Vec<f64>,
+    cost: f64,
+    /// Whether all are 1.
+    identity: bool,
+    /// Which states are tracked, by their place in the reference.
+    tracked: Vec<Option<usize>>,
+    outputs: usize,
+    /// States and inputs of which nothing but their values says how large they are.
+    unknown: [Vec<bool>; 2],
+}
+
+impl Units {
+    pub(crate) fn new(problem: &NmpcProblem, dims: OcpDims) -> Self {
+        let states = match &problem.state_sizes {
+            Some(sizes) => sizes.clone(),
+            None => problem.state_bounds.sizes(dims.nx),
+        };
+        let inputs = problem.input_bounds.sizes(dims.nu);
+        let general = dims.rows() - dims.outputs;
+        let mut rows = vec![1.0; general];
+        if let Some(bounds) = &problem.output_bounds {
+            rows.extend(bounds.sizes(dims.outputs).into_iter().map(|size| unit(size, ORDINARY)));
+        }
+        let place = |state| problem.tracked.iter().position(|t| *t == Tracked::State(state));
+        let units = |sizes: &[f64]| -> Vec<f64> {
+            sizes.iter().map(|&size| unit(size, ORDINARY)).collect()
+        };
+        let (x, u) = (units(&states), units(&inputs));
+        Self {
+            dims,
+            rows,
+            cost: 1.0,
+            identity: false,
+            tracked: (0..dims.nx).map(place).collect(),
+            outputs: problem.tracked.len(),
+            unknown: [&states, &inputs]
+                .map(|sizes| sizes.iter().map(|size| *size <= 0.0).collect()),
+            x,
+            u,
+        }
+    }
+
+    /// Whether all units are 1.
+    pub(crate) fn is_identity(&self) -> bool {
+        self.identity
+    }
+
+    /// Chooses the unit of the cost by its weights, Q of states and R, in the plant's units.
+    pub(crate) fn choose_cost(&mut self, q: &[f64], r: &[f64]) {
+        let (mut least, mut most) = (f64::INFINITY, 0.0_f64);
+        for (blocks, units) in [(q, &self.x), (r, &self.u)] {
+            let size = units.len();
+            for (i, weight) in blocks.chunks_exact(size).enumerate() {
+                let weight = weight[i % size] * units[i % size].powi(2);
+                if weight > 0.0 {
+                    (least, most) = (least.min(weight), most.max(weight));
+                }
+            }
+        }
+        self.cost = unit(if most > 0.0 { (least * most).sqrt() } else { 1.0 }, ORDINARY_WEIGHT);
+        let mut all = self.x.iter().chain(&self.u).chain(&self.rows).chain([&self.cost]);
+        self.identity = all.all(|unit| unit.to_bits() == 1.0_f64.to_bits());
+    }
+
+    /// Makes the units fit a state and what it is to follow; whether they changed.
+    pub(crate) fn follow(&mut self, x0: &[f64], targets: Option<Targets<'_>>) -> bool {
+        let mut changed = false;
+        for (i, unit) in self.x.iter_mut().enumerate().filter(|(i, _)| self.unknown[0][*i]) {
+            let mut size = x0[i].abs();
+            if let (Some(targets), Some(place)) = (targets, self.tracked[i]) {
+                let values = targets.reference.iter().skip(place).step_by(self.outputs);
+                size = values.fold(size, |size, value| size.max(value.abs()));
+            }
+            changed |= grow(unit, size);
+        }
+        if let Some(targets) = targets {
+            for (i, unit) in self.u.iter_mut().enumerate().filter(|(i, _)| self.unknown[1][*i]) {
+                changed |= grow(unit, targets.previous[i].abs());
+            }
+        }
+        changed
+    }
+
+    /// That of the unknown number `v` of z.
+    pub(crate) fn unknown(&self, v: usize) -> f64 {
+        match v.checked_sub(self.dims.all_states()) {
+            None => self.x[v % self.x.len()],
+            Some(v) => self.u[v % self.u.len()],
+        }
+    }
+
+    /// Scales the model's linearisation and the rows in `qp`.
+    pub(crate) fn scale_constraints(&self, qp: &mut Qp) {
+        let nx = self.dims.nx;
+        scale_matrices(&mut qp.a, &self.x, &self.x);
+        scale_matrices(&mut qp.b, &self.x, &self.u);
+        qp.c.iter_mut().enumerate().for_each(|(i, c)| *c /= self.x[i % nx]);
+        if !self.rows.is_empty() {
+            scale_matrices(&mut qp.rows_x, &self.rows, &self.x);
+            scale_matrices(&mut qp.rows_u, &self.rows, &self.u);
+            let rows = self.rows.len();
+            for side in [&mut qp.rows.low, &mut qp.rows.high] {
+                side.iter_mut().enumerate().for_each(|(i, v)| *v /= self.rows[i % rows]);
+            }
+        }
+    }
+
+    /// Scales limits, gradient and what changes of the Hessian in `qp`; gives the cost.
+    pub(crate) fn scale_cost(&self, qp: &mut Qp, cost: f64) -> f64 {
+        let m = self.u.len();
+        for v in 0..qp.gradient.len() {
+            let unit = self.unknown(v);
+            qp.bounds.low[v] /= unit;
+            qp.bounds.high[v] /= unit;
+            qp.gradient[v] *= unit / self.cost;
+        }
+        for side in [&mut qp.increments.low, &mut qp.increments.high] {
+            side.iter_mut().enumerate().for_each(|(i, v)| *v /= self.u[i % m]);
+        }
+        if qp.has_stage_cost() {
+            self.scale_weights(&mut qp.q, &self.x, &self.x);
+            self.scale_weights(&mut qp.s, &self.u, &self.x);
+            self.scale_weights(&mut qp.t, &self.u, &self.u);
+        }
+        cost / self.cost
+    }
+
+    /// Scales the constant parts: the Hessian and the penalties.
+    pub(crate) fn scale_constants(&self, qp: &mut Qp) {
+        let (n, m) = (self.x.len(), self.u.len());
+        self.scale_weights(&mut qp.q, &self.x, &self.x);
+        self.scale_weights(&mut qp.r, &self.u, &self.u);
+        let width = self.dims.all_inputs();
+        for (at, w) in qp.w.iter_mut().enumerate() {
+            *w *= self.u[at / width % m] * self.u[at % width % m] / self.cost;
+        }
+        let states = self.dims.all_states();
+        for (v, penalty) in qp.bounds.penalty[..states].iter_mut().enumerate() {
+            *penalty *= self.x[v % n] / self.cost;
+        }
+        for (v, penalty) in qp.rows.penalty.iter_mut().enumerate() {
+            *penalty *= self.rows[v % self.rows.len()] / self.cost;
+        }
+    }
+
+    fn scale_weights(&self, blocks: &mut [f64], rows: &[f64], columns: &[f64]) {
+        for (at, entry) in blocks.iter_mut().enumerate() {
+            let (row, column) = (at / columns.len() % rows.len(), at % columns.len());
+            *entry *= rows[row] * columns[column] / self.cost;
+        }
+    }
+
+    /// Brings multipliers to these units, or back to those of the plant.
+    pub(crate) fn convert(&self, multipliers: &mut Multipliers, back: bool) {
+        let scale = |value: &mut f64, unit: f64| {
+            let factor = unit / self.cost;
+            *value *= if back { 1.0 / factor } else { factor };
+        };
+        let Multipliers { dynamics, bounds, increments, rows } = multipliers;
+        let (n, m) = (self.x.len(), self.u.len());
+        dynamics.iter_mut().enumerate().for_each(|(i, v)| scale(v, self.x[i % n]));
+        bounds.iter_mut().enumerate().for_each(|(i, v)| scale(v, self.unknown(i)));
+        increments.iter_mut().enumerate().for_each(|(i, v)| scale(v, self.u[i % m]));
+        rows.iter_mut().enumerate().for_each(|(i, v)| scale(v, self.rows[i % self.rows.len()]));
+    }
+}
+
+/// Blocks of matrices M become `rows^-1 M columns`.
+fn scale_matrices(blocks: &mut [f64], rows: &[f64], columns: &[f64]) {
+    for (at, entry) in blocks.iter_mut().enumerate() {
+        let (row, column) = (at / columns.len() % rows.len(), at % columns.len());
+        *entry *= columns[column] / rows[row];
+    }
+}
+
+/// Makes a unit fit a quantity that may be 0 at times, and so is not small for that; whether it changed.
+fn grow(current: &mut f64, size: f64) -> bool {
+    let small = *current > 1.0 && size < SMALL * *current;
+    let wrong = size.is_finite() && (small || size > ORDINARY[1] * *current);
+    if wrong {
+        *current = unit(size.max(1.0), ORDINARY);
+    }
+    wrong
+}
+
+/// The unit of a quantity of this size: 1 if that is ordinary or unknown, otherwise a power of 2 of which it
+/// is 8 to 16.
+fn unit(size: f64, [least, most]: [f64; 2]) -> f64 {
+    if size > 0.0 && size.is_finite() && !(least..=most).contains(&size) {
+        (size.log2().floor() - 3.0).clamp(-300.0, 300.0).exp2()
+    } else {
+        1.0
+    }
+}
