@@ -12,21 +12,22 @@ impl PlantSpec {
     /// The plant described.
     pub(crate) fn dyn_plant(&self) -> Box<dyn DynPlant> {
         match self {
-            Self::VanDerPol(spec) => Box::new(VanDerPol { mu: spec.mu }),
-            Self::FourTanks(spec) => Box::new(four_tanks(spec)),
-            Self::OneTank(_) => Box::new(OneTank::default()),
-            Self::AcetoneColumn(_) => Box::new(AcetoneColumn::default()),
-            Self::AcetoneStill(_) => Box::new(AcetoneStill::default()),
-            Self::Expression(equations) => Box::new(
-                equations.compile().expect("the equations were compiled when the config was read"),
-            ),
+            Self::VanDerPol(spec) => VanDerPol { mu: spec.mu }.into_dyn(),
+            Self::FourTanks(spec) => four_tanks(spec).into_dyn(),
+            Self::OneTank(_) => OneTank::default().into_dyn(),
+            Self::AcetoneColumn(_) => AcetoneColumn::default().into_dyn(),
+            Self::AcetoneStill(_) => AcetoneStill::default().into_dyn(),
+            Self::Expression(equations) => equations
+                .compile()
+                .expect("the equations were compiled when the config was read")
+                .into_dyn(),
             Self::Own(spec) => {
                 let (name, parameters) = spec.parts().expect("checked when the config was read");
                 own(name, parameters).expect("made when the config was read")
             }
-            Self::HydraulicServo(_) => Box::new(HydraulicServo::default()),
-            Self::SingleTrackCar(_) => Box::new(SingleTrackCar::default()),
-            Self::TwoLinkArm(_) => Box::new(TwoLinkArm::default()),
+            Self::HydraulicServo(_) => HydraulicServo::default().into_dyn(),
+            Self::SingleTrackCar(_) => SingleTrackCar::default().into_dyn(),
+            Self::TwoLinkArm(_) => TwoLinkArm::default().into_dyn(),
         }
     }
 

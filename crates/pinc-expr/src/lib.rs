@@ -11,7 +11,7 @@ pub use error::{Excerpt, ExpressionError, ExpressionProblem};
 
 use graph::{Graph, Value};
 use pinc_ad::Scalar;
-use pinc_ode::{Plant, Variable};
+use pinc_ode::{DynPlant, Plant, Variable};
 use program::Program;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -132,6 +132,16 @@ pub struct ExpressionPlant {
 struct Outputs {
     variables: Vec<Variable>,
     program: Program,
+}
+
+impl ExpressionPlant {
+    /// The plant with its type erased. The integrators of such plants are compiled where this is:
+    /// here, once, and not in each program that uses it.
+    #[must_use]
+    #[inline(never)]
+    pub fn into_dyn(self) -> Box<dyn DynPlant> {
+        Box::new(self)
+    }
 }
 
 impl Plant for ExpressionPlant {

@@ -5,6 +5,7 @@ mod acetone_mixture;
 mod acetone_still;
 mod four_tanks;
 mod hydraulic_servo;
+mod into_dyn;
 mod one_tank;
 mod single_track_car;
 mod two_link_arm;

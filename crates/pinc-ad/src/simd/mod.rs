@@ -147,6 +147,20 @@ impl Isa {
     #[inline]
     pub fn dispatch<T: Task>(self, task: T) -> T::Output {
         match self {
+            Self::Portable => task.run(Lanes::<4>::splat(0.0)),
+            vectors => vectors.dispatch_vectors(task),
+        }
+    }
+
+    /// Runs `task` in this instruction set, which is not [`Isa::Portable`]: for work that is done in
+    /// another way there, and need not be compiled for it.
+    ///
+    /// # Panics
+    ///
+    /// If the machine does not have it, or it is the portable one.
+    #[inline]
+    pub fn dispatch_vectors<T: Task>(self, task: T) -> T::Output {
+        match self {
             #[cfg(target_arch = "x86_64")]
             Self::Avx512 => {
                 assert!(
@@ -161,9 +175,12 @@ impl Isa {
                 // SAFETY: the features were detected on the line above.
                 unsafe { x86::run_avx2(task) }
             }
-            Self::Portable => task.run(Lanes::<4>::splat(0.0)),
             #[cfg(not(target_arch = "x86_64"))]
-            _ => panic!("{self} does not exist on this machine"),
+            Self::Avx512 | Self::Avx2 => {
+                drop(task);
+                panic!("{self} does not exist on this machine")
+            }
+            Self::Portable => panic!("the portable instruction set has no vectors"),
         }
     }
 }

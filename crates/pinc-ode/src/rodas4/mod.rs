@@ -10,8 +10,11 @@ use pinc_ad::Dual;
 use pinc_ad::simd::{Isa, Simd, Task};
 use stages::Workspace;
 
-/// Directions of differentiation that go through the method together.
-const DIRECTIONS: usize = 8;
+/// Lanes of the widest vectors.
+const WIDE: usize = 8;
+
+/// Lanes of all others.
+const NARROW: usize = 4;
 
 /// The Rosenbrock method RODAS with a fixed number of substeps h = T / substeps, as a [`Model`]:
 ///
@@ -35,7 +38,7 @@ pub struct Rodas4<P> {
     substeps: usize,
     isa: Isa,
     value: Workspace<f64>,
-    tangent: Workspace<Dual<f64, DIRECTIONS>>,
+    tangents: Tangents,
     outputs: OutputWorkspace,
 }
 
@@ -51,9 +54,9 @@ impl<P: Plant> Rodas4<P> {
         assert!(substeps > 0, "at least one substep");
         let dims = plant.dims();
         let value = Workspace::new(dims, 0.0);
-        let tangent = Workspace::new(dims, Dual::lift(0.0));
         let (isa, outputs) = (Isa::detect(), OutputWorkspace::new(dims));
-        Self { plant, dims, sample_time_s, substeps, isa, value, tangent, outputs }
+        let tangents = Tangents::new(dims, isa);
+        Self { plant, dims, sample_time_s, substeps, isa, value, tangents, outputs }
     }
 
     /// The number of substeps a step is divided into.
@@ -69,21 +72,93 @@ impl<P: Plant> Rodas4<P> {
     }
 }
 
+/// The numbers of a linearisation: as many directions of differentiation go through the method together
+/// as a vector of the instruction set has lanes.
+#[derive(Clone, Debug)]
+enum Tangents {
+    Wide(Workspace<Dual<f64, WIDE>>),
+    Narrow(Workspace<Dual<f64, NARROW>>),
+}
+
+impl Tangents {
+    fn new(dims: Dims, isa: Isa) -> Self {
+        if isa.lanes() == WIDE {
+            Self::Wide(Workspace::new(dims, Dual::lift(0.0)))
+        } else {
+            Self::Narrow(Workspace::new(dims, Dual::lift(0.0)))
+        }
+    }
+}
+
 /// A step in a workspace, compiled for the instruction set at hand.
-struct Step<'a, P, S> {
+struct Step<'a, P> {
     plant: &'a P,
     h: f64,
     substeps: usize,
-    work: &'a mut Workspace<S>,
+    work: &'a mut Workspace<f64>,
 }
 
-impl<P: Plant, S: lu::Pivot> Task for Step<'_, P, S> {
+impl<P: Plant> Task for Step<'_, P> {
     type Output = ();
 
     #[inline(always)]
     fn run<V: Simd>(self, _zero: V) {
         for _ in 0..self.substeps {
             self.work.step(self.plant, self.h);
+        }
+    }
+}
+
+/// A step from one point with its Jacobians.
+struct Linearize<'a, P> {
+    plant: &'a P,
+    h: f64,
+    substeps: usize,
+    point: Points<'a>,
+    tangents: &'a mut Tangents,
+}
+
+impl<P: Plant> Task for Linearize<'_, P> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<V: Simd>(self, _zero: V) {
+        let Self { plant, h, substeps, point, tangents } = self;
+        // Compiled for the one number of lanes only.
+        if const { V::LANES == WIDE } {
+            if let Tangents::Wide(work) = tangents {
+                linearize(plant, h, substeps, point, work);
+            }
+        } else if let Tangents::Narrow(work) = tangents {
+            linearize(plant, h, substeps, point, work);
+        }
+    }
+}
+
+#[inline(always)]
+fn linearize<P: Plant, const N: usize>(
+    plant: &P,
+    h: f64,
+    substeps: usize,
+    mut point: Points<'_>,
+    work: &mut Workspace<Dual<f64, N>>,
+) {
+    let dims = plant.dims();
+    let (at, columns) = (point.at, point.columns(dims));
+    for first in (0..columns).step_by(N) {
+        let variables = work.x.iter_mut().chain(&mut work.u).chain(&mut work.p);
+        let values = at.x.iter().chain(at.u).chain(at.p);
+        for (j, (to, &value)) in variables.zip(values).enumerate() {
+            *to = Dual::variable(value, j.checked_sub(first).unwrap_or(N));
+        }
+        for _ in 0..substeps {
+            work.step(plant, h);
+        }
+        for (i, result) in work.x.iter().enumerate() {
+            point.out.next[i] = result.re;
+            for (column, &derivative) in (first..columns).zip(&result.eps) {
+                point.set(dims, i, column, derivative);
+            }
         }
     }
 }
@@ -110,11 +185,13 @@ impl<P: Plant> Model for Rodas4<P> {
     fn linearize(&mut self, at: Stages<'_>, out: Linearization<'_>) {
         let count = at.count(self.dims);
         out.check(count, self.dims);
+        let (h, dims, substeps) = (self.h(), self.dims, self.substeps);
         let mut points = Points { at, out };
         for _ in 0..count {
-            let (point, rest) = points.split(self.dims, 1);
+            let (point, rest) = points.split(dims, 1);
             points = rest;
-            self.linearize_point(point);
+            let Self { plant, isa, tangents, .. } = self;
+            isa.dispatch(Linearize { plant, h, substeps, point, tangents });
         }
     }
 
@@ -124,27 +201,5 @@ impl<P: Plant> Model for Rodas4<P> {
 
     fn linearize_output(&mut self, at: Stages<'_>, out: OutputLinearization<'_>) {
         self.outputs.linearize(&self.plant, at, out);
-    }
-}
-
-impl<P: Plant> Rodas4<P> {
-    fn linearize_point(&mut self, mut point: Points<'_>) {
-        let (h, dims) = (self.h(), self.dims);
-        let Self { plant, substeps, isa, tangent: work, .. } = self;
-        let (at, columns) = (point.at, point.columns(dims));
-        for first in (0..columns).step_by(DIRECTIONS) {
-            let variables = work.x.iter_mut().chain(&mut work.u).chain(&mut work.p);
-            let values = at.x.iter().chain(at.u).chain(at.p);
-            for (j, (to, &value)) in variables.zip(values).enumerate() {
-                *to = Dual::variable(value, j.checked_sub(first).unwrap_or(DIRECTIONS));
-            }
-            isa.dispatch(Step { plant, h, substeps: *substeps, work });
-            for (i, result) in work.x.iter().enumerate() {
-                point.out.next[i] = result.re;
-                for (column, &derivative) in (first..columns).zip(&result.eps) {
-                    point.set(dims, i, column, derivative);
-                }
-            }
-        }
     }
 }

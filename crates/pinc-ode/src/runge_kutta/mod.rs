@@ -19,7 +19,7 @@ use std::marker::PhantomData;
 /// the stack, which is several times faster.
 const SMALL: usize = 6;
 
-/// Directions that go through a large plant together.
+/// Directions that go through a plant in memory together.
 const DIRECTIONS: usize = 4;
 
 /// The classical Runge-Kutta method of order 4 with a fixed number of substeps.
@@ -42,12 +42,12 @@ pub struct RungeKutta<P, M> {
     sample_time_s: f64,
     substeps: usize,
     isa: Isa,
-    large: Option<HeapWorkspaces>,
+    heap: Option<HeapWorkspaces>,
     outputs: OutputWorkspace,
     method: PhantomData<M>,
 }
 
-/// Numbers of a plant that is not small.
+/// Numbers of a plant that is not small, or of any plant where the machine has no vectors.
 #[derive(Clone, Debug)]
 struct HeapWorkspaces {
     values: HeapWorkspace<f64>,
@@ -65,7 +65,9 @@ impl<P: Plant, M: Method> RungeKutta<P, M> {
         assert!(sample_time_s > 0.0 && sample_time_s.is_finite(), "the step must be positive");
         assert!(substeps > 0, "at least one substep");
         let dims = plant.dims();
-        let large = (dims.nx.max(dims.nu).max(dims.np) > SMALL).then(|| HeapWorkspaces {
+        let isa = Isa::detect();
+        let large = dims.nx.max(dims.nu).max(dims.np) > SMALL;
+        let heap = (large || isa == Isa::Portable).then(|| HeapWorkspaces {
             values: HeapWorkspace::new(dims, 0.0),
             tangents: HeapWorkspace::new(dims, Dual::lift(0.0)),
         });
@@ -74,8 +76,8 @@ impl<P: Plant, M: Method> RungeKutta<P, M> {
             dims,
             sample_time_s,
             substeps,
-            isa: Isa::detect(),
-            large,
+            isa,
+            heap,
             outputs: OutputWorkspace::new(dims),
             method: PhantomData,
         }
@@ -97,7 +99,7 @@ impl<P: Plant, M: Method> RungeKutta<P, M> {
     fn linearize_side_by_side<const C: usize>(&mut self, points: Points<'_>) {
         let h = self.h();
         let Self { plant, substeps, isa, .. } = self;
-        isa.dispatch(Linearize::<P, M, C> {
+        isa.dispatch_vectors(Linearize::<P, M, C> {
             plant,
             h,
             substeps: *substeps,
@@ -110,7 +112,7 @@ impl<P: Plant, M: Method> RungeKutta<P, M> {
     fn linearize_batched(&mut self, points: Points<'_>) {
         let h = self.h();
         let Self { plant, substeps, isa, .. } = self;
-        isa.dispatch(LinearizeBatched::<P, M> {
+        isa.dispatch_vectors(LinearizeBatched::<P, M> {
             plant,
             h,
             substeps: *substeps,
@@ -119,13 +121,13 @@ impl<P: Plant, M: Method> RungeKutta<P, M> {
         });
     }
 
-    /// Linearises one point of a large plant, some directions at a time.
-    fn linearize_large(&mut self, mut points: Points<'_>) {
+    /// Linearises one point in memory, some directions at a time.
+    fn linearize_on_heap(&mut self, mut points: Points<'_>) {
         let (h, dims) = (self.h(), self.dims);
-        let Some(large) = &mut self.large else { return };
+        let Some(heap) = &mut self.heap else { return };
         let (at, columns) = (points.at, points.columns(dims));
         for first in (0..columns).step_by(DIRECTIONS) {
-            let mut work = large.tangents.workspace();
+            let mut work = heap.tangents.workspace();
             let variables = work.x.iter_mut().chain(&mut *work.u).chain(&mut *work.p);
             let values = at.x.iter().chain(at.u).chain(at.p);
             for (j, (to, &value)) in variables.zip(values).enumerate() {
@@ -154,9 +156,9 @@ impl<P: Plant, M: Method> Model for RungeKutta<P, M> {
     fn step(&mut self, x: &[f64], u: &[f64], p: &[f64], next: &mut [f64]) {
         let h = self.h();
         let (plant, substeps, at) = (&self.plant, self.substeps, (x, u, p));
-        match &mut self.large {
-            Some(large) => {
-                large.values.workspace().predict::<P, M>(plant, h, substeps, at, next);
+        match &mut self.heap {
+            Some(heap) => {
+                heap.values.workspace().predict::<P, M>(plant, h, substeps, at, next);
             }
             None => {
                 let mut workspace = StackWorkspace::new(0.0);
@@ -170,10 +172,10 @@ impl<P: Plant, M: Method> Model for RungeKutta<P, M> {
         let count = at.count(self.dims);
         out.check(count, self.dims);
         let mut points = Points { at, out };
-        if points.columns(self.dims) <= COLUMNS && self.large.is_none() {
+        if points.columns(self.dims) <= COLUMNS && self.heap.is_none() {
             return self.linearize_batched(points);
         }
-        if self.large.is_none() {
+        if self.heap.is_none() {
             for _ in 0..count / 2 {
                 let (pair, rest) = points.split(self.dims, 2);
                 points = rest;
@@ -183,8 +185,8 @@ impl<P: Plant, M: Method> Model for RungeKutta<P, M> {
         while !points.at.x.is_empty() {
             let (point, rest) = points.split(self.dims, 1);
             points = rest;
-            match self.large {
-                Some(_) => self.linearize_large(point),
+            match self.heap {
+                Some(_) => self.linearize_on_heap(point),
                 None => self.linearize_side_by_side::<1>(point),
             }
         }

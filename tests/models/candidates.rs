@@ -1,0 +1,199 @@
+//! The models that the suite runs on.
+
+use crate::user_models::{Disturbed, Leaky};
+use pinc_expr::{Equations, OutputExpression};
+use pinc_net::{Ansatz, Domain, NetConfig, PincModel, PincNet};
+use pinc_ode::{DynPlant, DynRhs, Model, Variable};
+use pinc_plants::{FourTanks, OneTank, VanDerPol};
+
+/// A model under test, and the box of states, inputs and parameters to try it in.
+pub(crate) struct Candidate {
+    pub(crate) name: &'static str,
+    build: Box<dyn Fn() -> Box<dyn Model>>,
+    state: Vec<[f64; 2]>,
+    input: Vec<[f64; 2]>,
+    parameter: Vec<[f64; 2]>,
+}
+
+impl Candidate {
+    fn new<const N: usize, const M: usize>(
+        name: &'static str,
+        (state, input): ([[f64; 2]; N], [[f64; 2]; M]),
+        build: impl Fn() -> Box<dyn Model> + 'static,
+    ) -> Self {
+        let (state, input) = (state.to_vec(), input.to_vec());
+        Self { name, build: Box::new(build), state, input, parameter: Vec::new() }
+    }
+
+    fn with_parameters<const P: usize>(self, parameter: [[f64; 2]; P]) -> Self {
+        Self { parameter: parameter.to_vec(), ..self }
+    }
+
+    pub(crate) fn build(&self) -> Box<dyn Model> {
+        (self.build)()
+    }
+
+    /// The ranges of all variables: states, inputs, parameters.
+    pub(crate) fn ranges(&self) -> Vec<[f64; 2]> {
+        [&self.state[..], &self.input, &self.parameter].concat()
+    }
+}
+
+const OSCILLATOR: ([[f64; 2]; 2], [[f64; 2]; 1]) = ([[-3.0, 3.0]; 2], [[-1.0, 1.0]]);
+const TANKS: ([[f64; 2]; 4], [[f64; 2]; 2]) = ([[2.0, 20.0]; 4], [[0.0, 5.0]; 2]);
+
+/// Every model there is.
+pub(crate) fn candidates() -> Vec<Candidate> {
+    let oscillator = || VanDerPol::default().into_dyn();
+    let tanks = || FourTanks::antonelo().into_dyn();
+    let mut all = vec![
+        Candidate::new("RK4, Van der Pol", OSCILLATOR, move || oscillator().rk4(0.5, 4)),
+        Candidate::new("RK5, Van der Pol", OSCILLATOR, move || oscillator().rk5(0.5, 2)),
+        Candidate::new("Rodas4, Van der Pol", OSCILLATOR, move || oscillator().rodas4(0.5, 4)),
+        Candidate::new("RK4, four tanks", TANKS, move || tanks().rk4(10.0, 4)),
+        Candidate::new("RK5, four tanks", TANKS, move || tanks().rk5(10.0, 2)),
+        Candidate::new("Rodas4, four tanks", TANKS, move || tanks().rodas4(10.0, 4)),
+        Candidate::new("RK4, one tank", ([[2.0, 20.0]], [[0.5, 4.5]]), || {
+            OneTank::default().into_dyn().rk4(10.0, 4)
+        }),
+        Candidate::new("net, Van der Pol", OSCILLATOR, || net(&VanDerPol::default(), false)),
+        Candidate::new("hard net, Van der Pol", OSCILLATOR, || net(&VanDerPol::default(), true)),
+        Candidate::new("net, four tanks", ([[-3.0, 3.0]; 4], [[-1.0, 1.0]; 2]), || {
+            net(&FourTanks::antonelo(), false)
+        }),
+        Candidate::new("hard net, four tanks", ([[-3.0, 3.0]; 4], [[-1.0, 1.0]; 2]), || {
+            net(&FourTanks::antonelo(), true)
+        }),
+        Candidate::new("a user's", ([[-3.0, 3.0]], [[-1.0, 1.0]]), || Box::new(Leaky))
+            .with_parameters([[0.5, 1.5]]),
+        Candidate::new("disturbed tanks", TANKS, move || {
+            Box::new(Disturbed::new(tanks().rk4(10.0, 4)))
+        })
+        .with_parameters([[-0.1, 0.1]; 2]),
+    ];
+    all.extend(texts());
+    all
+}
+
+/// Integrators of text plants: with parameters and outputs, of all sizes, in units far apart.
+fn texts() -> Vec<Candidate> {
+    // Columns of the Jacobians: 3 go through the lanes, 4 are in one vector, 12 in two.
+    let decay = ([[-2.0, 2.0]], [[-1.0, 1.0]]);
+    let reactor = ([[0.1, 2.0]; 2], [[0.0, 1.0]]);
+    let chain = ([[0.1, 2.0]; 7], [[0.0, 1.0]; 2]);
+    // A concentration in mol/m^3 beside a number of particles.
+    let units = ([[1e-6, 2e-6], [1e6, 3e6]], [[1e-7, 1e-6]]);
+    let mut all = vec![
+        Candidate::new("RK4, decay", decay, || plant_of(&["k"], &DECAY).rk4(0.5, 2))
+            .with_parameters([[0.1, 3.0]]),
+        Candidate::new("RK4, chain", chain, || chain_plant(&["k1", "k2", "g"]).rk4(0.2, 2))
+            .with_parameters([[0.1, 2.0], [0.1, 2.0], [0.5, 1.5]]),
+        Candidate::new("Rodas4, chain", chain, || chain_plant(&["g", "k1"]).rodas4(0.2, 2))
+            .with_parameters([[0.5, 1.5], [0.1, 2.0]]),
+        Candidate::new("RK5, units", units, || plant_of(&[], &UNITS).rk5(1.0, 2)),
+        Candidate::new("Rodas4, units", units, || plant_of(&["k"], &UNITS).rodas4(1.0, 2))
+            .with_parameters([[1e-7, 2e-7]]),
+        Candidate::new("disturbed reactor", reactor, || {
+            Box::new(Disturbed::new(plant_of(&["k1"], &REACTOR).rk4(0.5, 2)))
+        })
+        .with_parameters([[0.5, 2.0], [-0.1, 0.1]]),
+    ];
+    type Build = fn(&dyn DynPlant) -> Box<dyn Model>;
+    let methods: [(&str, Build); 3] = [
+        ("RK4, reactor", |plant| plant.rk4(0.5, 2)),
+        ("RK5, reactor", |plant| plant.rk5(0.5, 2)),
+        ("Rodas4, reactor", |plant| plant.rodas4(0.5, 2)),
+    ];
+    for (name, method) in methods {
+        let build = move || method(&*plant_of(&["k2", "k1"], &REACTOR));
+        all.push(Candidate::new(name, reactor, build).with_parameters([[0.1, 1.0], [0.5, 2.0]]));
+    }
+    all
+}
+
+/// A plant as pairs of names and values or texts.
+struct Text {
+    inputs: &'static [&'static str],
+    parameters: &'static [(&'static str, f64)],
+    derivatives: &'static [(&'static str, &'static str)],
+    outputs: &'static [(&'static str, &'static str)],
+}
+
+const DECAY: Text = Text {
+    inputs: &["u"],
+    parameters: &[("k", 1.0)],
+    derivatives: &[("x", "u - k*x - 0.1*x^3")],
+    outputs: &[],
+};
+
+/// A reaction of second order with a by-product; the pressure is measured.
+const REACTOR: Text = Text {
+    inputs: &["feed"],
+    parameters: &[("k1", 1.0), ("k2", 0.5), ("R", 0.3)],
+    derivatives: &[("a", "feed - k1*a^2"), ("b", "k1*a^2 - k2*b")],
+    outputs: &[("pressure", "R*(a + b)"), ("rate", "k1*a^2 + 0.1*feed"), ("sum", "a + b")],
+};
+
+const UNITS: Text = Text {
+    inputs: &["feed"],
+    parameters: &[("k", 1.5e-7)],
+    derivatives: &[("c", "feed - k*n*c"), ("n", "1e12*feed - 0.1*n + 1e17*c^2")],
+    outputs: &[("product", "c*n"), ("share", "n/(n + 1e12*c)")],
+};
+
+fn plant_of(varying: &[&str], text: &Text) -> Box<dyn DynPlant> {
+    equations(text).compile_with(varying).expect("valid equations").into_dyn()
+}
+
+fn equations(text: &Text) -> Equations {
+    let texts = |pairs: &[(&str, &str)]| {
+        pairs.iter().map(|(name, text)| ((*name).to_owned(), (*text).to_owned())).collect()
+    };
+    let output = |&(name, expression): &(&str, &str)| {
+        let (expression, unit) = (expression.to_owned(), String::new());
+        (name.to_owned(), OutputExpression { expression, unit })
+    };
+    Equations {
+        states: text.derivatives.iter().map(|(name, _)| Variable::new(name, "")).collect(),
+        inputs: text.inputs.iter().map(|name| Variable::new(name, "")).collect(),
+        parameters: text.parameters.iter().map(|&(name, v)| (name.to_owned(), v)).collect(),
+        derivatives: texts(text.derivatives),
+        outputs: text.outputs.iter().map(output).collect(),
+        ..Equations::default()
+    }
+}
+
+/// Seven states, more than are integrated in registers.
+fn chain_plant(varying: &[&str]) -> Box<dyn DynPlant> {
+    let chain = Text {
+        inputs: &["u", "v"],
+        parameters: &[("k1", 1.0), ("k2", 0.5), ("g", 1.0)],
+        derivatives: &[
+            ("x1", "u - k1*x1*x2"),
+            ("x2", "k1*x1 - k2*x2^2"),
+            ("x3", "g*(x2 - x3)"),
+            ("x4", "g*(x3 - x4) + v"),
+            ("x5", "sin(x4) - x5"),
+            ("x6", "k2*x5 - x6*v"),
+            ("x7", "x6/(1 + x7^2) - x7"),
+        ],
+        outputs: &[("last", "k2*x7 + u")],
+    };
+    plant_of(varying, &chain)
+}
+
+/// A net with its starting weights: the suite does not need a good one.
+fn net(plant: &dyn DynRhs, hard: bool) -> Box<dyn Model> {
+    let dims = plant.dims();
+    let domain = Domain {
+        state_low: vec![-3.0; dims.nx],
+        state_high: vec![3.0; dims.nx],
+        input_low: vec![-1.0; dims.nu],
+        input_high: vec![1.0; dims.nu],
+    };
+    let ansatz = if hard { Ansatz::HardLinear } else { Ansatz::Direct };
+    let config =
+        NetConfig { sample_time_s: 0.5, hidden_layers: 3, neurons: 9, ansatz, time_only: None };
+    let net = PincNet::new(plant, &config, &domain, 7).expect("a net");
+    Box::new(PincModel::new(&net).expect("a net of every initial state"))
+}
