@@ -43,12 +43,12 @@ pub(super) struct InverseHessian {
     /// Updates that are held back; their vectors are filled up with zeros to whole blocks.
     pending: Vec<Update>,
     #[serde(skip)]
-    work: Scratch<Work>,
+    buffers: Scratch<Buffers>,
 }
 
 /// Memory of a product.
 #[derive(Debug, Default)]
-struct Work {
+struct Buffers {
     x: Vec<f64>,
     partial: Vec<f64>,
     /// Updates without content.
@@ -65,7 +65,7 @@ impl InverseHessian {
             let width = (blocks - block) * BLOCK;
             stored[first_entry(block, blocks) + i * width + i] = diagonal;
         }
-        Self { variables, stored, scale: 1.0, pending: Vec::new(), work: Scratch::default() }
+        Self { variables, stored, scale: 1.0, pending: Vec::new(), buffers: Scratch::default() }
     }
 
     /// Whether there is no matrix yet.
@@ -75,7 +75,7 @@ impl InverseHessian {
 
     /// An update to be filled in and given to [`Self::update`]; its vectors hold something old.
     pub(super) fn new_update(&mut self) -> Update {
-        self.work.0.spare.pop().unwrap_or_default()
+        self.buffers.0.spare.pop().unwrap_or_default()
     }
 
     /// Takes an update in.
@@ -94,15 +94,15 @@ impl InverseHessian {
 
     /// H v, into `result`.
     pub(super) fn product(&mut self, v: &[f64], result: &mut Vec<f64>, workers: &Workers) {
-        let Self { variables, stored, scale, pending, work: Scratch(work) } = self;
+        let Self { variables, stored, scale, pending, buffers: Scratch(buffers) } = self;
         let padded = variables.next_multiple_of(BLOCK);
-        set(&mut work.x, v.iter().copied());
-        work.x.resize(padded, 0.0);
-        work.partial.clear();
-        work.partial.resize(padded * PARTS, 0.0);
+        set(&mut buffers.x, v.iter().copied());
+        buffers.x.resize(padded, 0.0);
+        buffers.partial.clear();
+        buffers.partial.resize(padded * PARTS, 0.0);
         let full = pending.len() >= BATCH;
         let batch = full.then_some(Batch { scale: *scale, updates: pending });
-        let mut parts = parts(stored, &work.x, batch, &mut work.partial);
+        let mut parts = parts(stored, &buffers.x, batch, &mut buffers.partial);
         workers.pool.install(|| {
             parts.par_iter_mut().for_each(|part| {
                 part.take().into_iter().for_each(|part| workers.isa.dispatch(part));
@@ -110,10 +110,10 @@ impl InverseHessian {
         });
         if full {
             *scale = 1.0;
-            work.spare.append(pending);
+            buffers.spare.append(pending);
         }
         set(result, std::iter::repeat_n(0.0, *variables));
-        for partial in work.partial.chunks_exact(padded) {
+        for partial in buffers.partial.chunks_exact(padded) {
             for (sum, part) in result.iter_mut().zip(partial) {
                 *sum += part;
             }

@@ -37,7 +37,7 @@ impl LbfgsConfig {
 
 /// A step s, the change y of the gradient along it, and 1/(s'y).
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-struct Pair {
+struct CurvaturePair {
     s: Vec<f64>,
     y: Vec<f64>,
     rho: f64,
@@ -46,25 +46,25 @@ struct Pair {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct Lbfgs {
     config: LbfgsConfig,
-    pairs: VecDeque<Pair>,
+    pairs: VecDeque<CurvaturePair>,
     #[serde(skip)]
-    work: Scratch<Work>,
+    buffers: Scratch<Buffers>,
 }
 
 /// Memory of a step.
 #[derive(Debug, Default)]
-struct Work {
+struct Buffers {
     next: Iterate,
     direction: Vec<f64>,
     alphas: Vec<f64>,
     /// Pairs without content.
-    spare: Vec<Pair>,
+    spare: Vec<CurvaturePair>,
 }
 
 impl Lbfgs {
     pub(super) fn new(config: &LbfgsConfig) -> Self {
         let pairs = VecDeque::with_capacity(config.memory + 1);
-        Self { config: config.clone(), pairs, work: Scratch::default() }
+        Self { config: config.clone(), pairs, buffers: Scratch::default() }
     }
 
     pub(super) fn step(&mut self, objective: &mut impl Objective, at: &mut Iterate) -> Outcome {
@@ -72,7 +72,7 @@ impl Lbfgs {
         if norm <= self.config.gradient_tolerance {
             return Outcome::Converged;
         }
-        let Work { next, direction, alphas, spare } = &mut self.work.0;
+        let Buffers { next, direction, alphas, spare } = &mut self.buffers.0;
         next.resize(at.x.len());
         let search = self.config.line_search;
         let mut found = None;
@@ -96,7 +96,7 @@ impl Lbfgs {
 
     /// Remembers the step to `to` from the point that is in the place of the next one.
     fn update(&mut self, to: &Iterate) {
-        let Work { next: from, spare, .. } = &mut self.work.0;
+        let Buffers { next: from, spare, .. } = &mut self.buffers.0;
         // The oldest pair's memory is used again.
         let full = self.pairs.len() >= self.config.memory;
         let oldest = if full { self.pairs.pop_front() } else { None };
@@ -115,19 +115,24 @@ impl Lbfgs {
 }
 
 /// `q` = - H g by the two-loop recursion, with `H_0` = (s'y / y'y) I of the last pair.
-fn newton(pairs: &VecDeque<Pair>, gradient: &[f64], q: &mut Vec<f64>, alphas: &mut Vec<f64>) {
+fn newton(
+    pairs: &VecDeque<CurvaturePair>,
+    gradient: &[f64],
+    q: &mut Vec<f64>,
+    alphas: &mut Vec<f64>,
+) {
     set(q, gradient.iter().copied());
     alphas.clear();
-    for Pair { s, y, rho } in pairs.iter().rev() {
+    for CurvaturePair { s, y, rho } in pairs.iter().rev() {
         let alpha = rho * dot(s, q);
         add(q, -alpha, y);
         alphas.push(alpha);
     }
-    if let Some(Pair { y, rho, .. }) = pairs.back() {
+    if let Some(CurvaturePair { y, rho, .. }) = pairs.back() {
         let scale = 1.0 / (rho * dot(y, y));
         q.iter_mut().for_each(|q| *q *= scale);
     }
-    for (Pair { s, y, rho }, alpha) in pairs.iter().zip(alphas.iter().rev()) {
+    for (CurvaturePair { s, y, rho }, alpha) in pairs.iter().zip(alphas.iter().rev()) {
         let beta = rho * dot(y, q);
         add(q, alpha - beta, s);
     }
@@ -138,5 +143,32 @@ fn newton(pairs: &VecDeque<Pair>, gradient: &[f64], q: &mut Vec<f64>, alphas: &m
 fn add(a: &mut [f64], factor: f64, b: &[f64]) {
     for (a, b) in a.iter_mut().zip(b) {
         *a += factor * b;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// What L-BFGS remembers of a step s along which the gradient changes by y.
+    fn remembered(s: [f64; 2], y: [f64; 2]) -> usize {
+        let mut lbfgs = Lbfgs::new(&LbfgsConfig::default());
+        lbfgs.buffers.0.next = Iterate { x: vec![0.0; 2], value: 0.0, gradient: vec![0.0; 2] };
+        lbfgs.update(&Iterate { x: s.to_vec(), value: 0.0, gradient: y.to_vec() });
+        lbfgs.pairs.len()
+    }
+
+    #[test]
+    fn a_pair_whose_curvature_is_rounding_is_not_remembered() {
+        assert_eq!(remembered([1.0, 0.0], [1.0, 0.0]), 1);
+        // Small numbers as such are no reason.
+        assert_eq!(remembered([1e-30, 0.0], [1e-30, 0.0]), 1);
+        assert_eq!(remembered([1.0, 0.0], [1e-12, 1.0]), 1);
+        // cos(s, y) = 1e-17, 0 and below.
+        assert_eq!(remembered([1.0, 0.0], [1e-17, 1.0]), 0);
+        assert_eq!(remembered([1e20, 0.0], [1e3, 1e20]), 0);
+        assert_eq!(remembered([1.0, 0.0], [0.0, 1.0]), 0);
+        assert_eq!(remembered([1.0, 0.0], [-1.0, 0.0]), 0);
+        assert_eq!(remembered([0.0, 0.0], [0.0, 0.0]), 0);
     }
 }

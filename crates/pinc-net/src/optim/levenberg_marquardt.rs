@@ -54,7 +54,7 @@ pub(super) struct LevenbergMarquardt {
     /// The factor nu by which it grows when a trial fails.
     growth: f64,
     #[serde(skip)]
-    work: Scratch<Work>,
+    buffers: Scratch<Buffers>,
 }
 
 /// The factor by which damping grows after the first of a row of failures.
@@ -62,23 +62,23 @@ const FIRST_GROWTH: f64 = 2.0;
 
 impl LevenbergMarquardt {
     pub(super) fn new(config: &LevenbergMarquardtConfig) -> Self {
-        let (config, work) = (config.clone(), Scratch::default());
-        Self { config, damping: None, growth: FIRST_GROWTH, work }
+        let (config, buffers) = (config.clone(), Scratch::default());
+        Self { config, damping: None, growth: FIRST_GROWTH, buffers }
     }
 
     pub(super) fn step(&mut self, objective: &mut impl LeastSquares, at: &mut Iterate) -> Outcome {
         if at.gradient_norm() <= self.config.gradient_tolerance {
             return Outcome::Converged;
         }
-        let Self { config, damping, growth, work: Scratch(work) } = self;
-        work.resize(at.x.len());
-        objective.normal_matrix(&at.x, &mut work.normal);
-        let largest = work.largest_diagonal();
+        let Self { config, damping, growth, buffers: Scratch(buffers) } = self;
+        buffers.resize(at.x.len());
+        objective.normal_matrix(&at.x, &mut buffers.normal);
+        let largest = buffers.largest_diagonal();
         let mut mu = damping.unwrap_or(config.initial_damping * largest);
         mu = mu.max(MIN_DAMPING * largest);
         while mu > 0.0 && mu.is_finite() && mu <= MAX_DAMPING * largest {
-            if let Some(gain) = work.trial(objective, at, mu) {
-                std::mem::swap(at, &mut work.next);
+            if let Some(gain) = buffers.trial(objective, at, mu) {
+                std::mem::swap(at, &mut buffers.next);
                 *damping = Some(mu * (1.0 - (2.0 * gain - 1.0).powi(3)).max(1.0 / 3.0));
                 *growth = FIRST_GROWTH;
                 return Outcome::Moved;
@@ -93,7 +93,7 @@ impl LevenbergMarquardt {
 }
 
 /// Memory of a step.
-struct Work {
+struct Buffers {
     /// J'J, column by column; of its lower triangle only.
     normal: Vec<f64>,
     /// J'J + mu I, then its Cholesky factor.
@@ -104,7 +104,7 @@ struct Work {
     next: Iterate,
 }
 
-impl Default for Work {
+impl Default for Buffers {
     fn default() -> Self {
         let buffer = MemBuffer::new(StackReq::EMPTY);
         let (factor, step) = (Mat::new(), Mat::new());
@@ -112,7 +112,7 @@ impl Default for Work {
     }
 }
 
-impl Work {
+impl Buffers {
     fn resize(&mut self, variables: usize) {
         if self.factor.nrows() == variables {
             return;

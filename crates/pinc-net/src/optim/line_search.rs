@@ -22,7 +22,7 @@ const MAX_EVALUATIONS: usize = 60;
 
 /// A point on the line: step length, value, slope.
 #[derive(Clone, Copy, Debug)]
-struct Trial {
+struct LinePoint {
     step: f64,
     value: f64,
     slope: f64,
@@ -33,7 +33,7 @@ struct Line<'a, O> {
     objective: &'a mut O,
     start: &'a Iterate,
     direction: &'a [f64],
-    origin: Trial,
+    origin: LinePoint,
     last: &'a mut Iterate,
     evaluations: usize,
 }
@@ -53,7 +53,7 @@ impl LineSearch {
         if slope >= 0.0 || !slope.is_finite() {
             return None;
         }
-        let origin = Trial { step: 0.0, value: start.value, slope };
+        let origin = LinePoint { step: 0.0, value: start.value, slope };
         let mut line = Line { objective, start, direction, origin, last: next, evaluations: 0 };
         match self {
             Self::WeakWolfe => line.weak_wolfe(first_step),
@@ -65,7 +65,7 @@ impl LineSearch {
 impl<O: Objective> Line<'_, O> {
     /// The function at `step`; where it is not finite, the value is infinite and the slope unknown
     /// (negative, so that the search takes the point for one beyond a rise).
-    fn at(&mut self, step: f64) -> Trial {
+    fn at(&mut self, step: f64) -> LinePoint {
         self.evaluations += 1;
         let points = self.last.x.iter_mut().zip(&self.start.x).zip(self.direction);
         for ((x, &from), &d) in points {
@@ -74,16 +74,16 @@ impl<O: Objective> Line<'_, O> {
         self.last.reevaluate(self.objective);
         let slope = dot(&self.last.gradient, self.direction);
         if self.last.value.is_finite() && slope.is_finite() {
-            Trial { step, value: self.last.value, slope }
+            LinePoint { step, value: self.last.value, slope }
         } else {
-            Trial { step, value: f64::INFINITY, slope: -1.0 }
+            LinePoint { step, value: f64::INFINITY, slope: -1.0 }
         }
     }
 
     fn weak_wolfe(&mut self, first_step: f64) -> Option<f64> {
         const C1: f64 = 1e-4;
         const C2: f64 = 0.9;
-        let Trial { value, slope, .. } = self.origin;
+        let LinePoint { value, slope, .. } = self.origin;
         let (mut low, mut high) = (0.0, f64::INFINITY);
         let mut step = first_step;
         while self.evaluations < MAX_EVALUATIONS {
@@ -128,10 +128,10 @@ impl<O: Objective> Line<'_, O> {
     }
 
     /// The Wolfe conditions, or those that replace them where rounding hides the decrease.
-    fn accepts(&self, trial: Trial) -> bool {
+    fn accepts(&self, trial: LinePoint) -> bool {
         const DELTA: f64 = 0.1;
         const SIGMA: f64 = 0.9;
-        let Trial { value, slope, .. } = self.origin;
+        let LinePoint { value, slope, .. } = self.origin;
         let curved = trial.slope >= SIGMA * slope;
         let wolfe = trial.value - value <= DELTA * trial.step * slope;
         let approximate = (2.0 * DELTA - 1.0) * slope >= trial.slope && self.is_low(trial);
@@ -139,7 +139,7 @@ impl<O: Objective> Line<'_, O> {
     }
 
     /// Whether the value is at most that of the origin, up to an error.
-    fn is_low(&self, trial: Trial) -> bool {
+    fn is_low(&self, trial: LinePoint) -> bool {
         trial.value <= self.origin.value + 1e-6 * self.origin.value.abs()
     }
 
@@ -166,7 +166,7 @@ impl<O: Objective> Line<'_, O> {
     }
 
     /// Step U3: the left end is low and falling; the right end falls but is high.
-    fn bisect(&mut self, mut left: Trial, mut right: Trial) -> Search {
+    fn bisect(&mut self, mut left: LinePoint, mut right: LinePoint) -> Search {
         while self.evaluations < MAX_EVALUATIONS {
             let trial = self.at(f64::midpoint(left.step, right.step));
             if self.accepts(trial) {
@@ -185,7 +185,7 @@ impl<O: Objective> Line<'_, O> {
     }
 
     /// Steps U0-U3: a smaller interval, with the help of `step`.
-    fn update(&mut self, left: Trial, right: Trial, step: f64) -> Search {
+    fn update(&mut self, left: LinePoint, right: LinePoint, step: f64) -> Search {
         let inside = step > left.step && step < right.step;
         if !inside {
             return Search::Bracket(left, right);
@@ -203,7 +203,7 @@ impl<O: Objective> Line<'_, O> {
     }
 
     /// Steps S1-S4: one or two secant steps.
-    fn secant_squared(&mut self, left: Trial, right: Trial) -> Search {
+    fn secant_squared(&mut self, left: LinePoint, right: LinePoint) -> Search {
         let step = secant(left, right);
         match self.update(left, right, step) {
             Search::Bracket(a, b) if same(b.step, step) && b.step < right.step => {
@@ -221,16 +221,177 @@ impl<O: Objective> Line<'_, O> {
 #[derive(Clone, Copy, Debug)]
 enum Search {
     Found(f64),
-    Bracket(Trial, Trial),
+    Bracket(LinePoint, LinePoint),
     Failed,
 }
 
 /// Where the slope would be 0 if it were linear.
-fn secant(a: Trial, b: Trial) -> f64 {
+fn secant(a: LinePoint, b: LinePoint) -> f64 {
     (a.step * b.slope - b.step * a.slope) / (b.slope - a.slope)
 }
 
 /// Whether two steps are one number: the one was set to the other.
 fn same(a: f64, b: f64) -> bool {
     a.to_bits() == b.to_bits()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A function of one variable, with its slope and the points where it was evaluated.
+    struct Function<F> {
+        f: F,
+        steps: Vec<f64>,
+    }
+
+    impl<F: Fn(f64) -> (f64, f64)> Objective for Function<F> {
+        fn evaluate(&mut self, x: &[f64], gradient: &mut [f64]) -> f64 {
+            self.steps.push(x[0]);
+            let (value, slope) = (self.f)(x[0]);
+            gradient[0] = slope;
+            value
+        }
+    }
+
+    /// The step found from 0 along the axis, and all that were tried.
+    fn search(
+        kind: LineSearch,
+        f: impl Fn(f64) -> (f64, f64),
+        first_step: f64,
+    ) -> (Option<f64>, Vec<f64>) {
+        let mut function = Function { f, steps: Vec::new() };
+        let start = Iterate::new(&mut function, vec![0.0]);
+        function.steps.clear();
+        let mut next = start.clone();
+        let found = kind.search(&mut function, &start, &[1.0], first_step, &mut next);
+        if let Some(step) = found {
+            assert_eq!(next.x, [step], "the point evaluated last is that of the step");
+            assert_eq!(function.steps.last(), Some(&step));
+        }
+        (found, function.steps)
+    }
+
+    /// Minimum 0 at 1; value 1 and slope -2 at 0.
+    fn parabola(x: f64) -> (f64, f64) {
+        ((x - 1.0) * (x - 1.0), 2.0 * (x - 1.0))
+    }
+
+    #[test]
+    fn weak_wolfe_halves_a_step_that_is_too_long_and_doubles_one_that_is_too_short() {
+        let tried = |first| search(LineSearch::WeakWolfe, parabola, first).1;
+        // At 2 the value is that of the origin: no decrease.
+        assert_eq!(tried(8.0), [8.0, 4.0, 2.0, 1.0]);
+        // The slope must rise from -2 to -1.8: at 0.125 it is -1.75.
+        assert_eq!(tried(0.03125), [0.03125, 0.0625, 0.125]);
+        assert_eq!(tried(1.0), [1.0]);
+        // The decrease asked for is 2e-4 step.
+        assert_eq!(tried(1.9995), [1.9995]);
+        assert_eq!(tried(1.9999), [1.9999, 0.999_95]);
+    }
+
+    #[test]
+    fn weak_wolfe_bisects_between_too_short_and_too_long() {
+        // Slope -1 to the kink at 1, then 100.
+        let kink = |x: f64| if x < 1.0 { (-x, -1.0) } else { (-1.0 + 100.0 * (x - 1.0), 100.0) };
+        let (_, tried) = search(LineSearch::WeakWolfe, kink, 0.75);
+        assert_eq!(tried, [0.75, 1.5, 1.125, 0.9375, 1.03125, 0.984_375, 1.007_812_5]);
+    }
+
+    #[test]
+    fn searches_give_up_where_no_step_is_good() {
+        // A jump at 1, to where the value is above the origin's.
+        let cliff = |x: f64| if x < 1.0 { (-x, -1.0) } else { (10.0, 1.0) };
+        let (found, tried) = search(LineSearch::WeakWolfe, cliff, 0.75);
+        assert_eq!(found, None);
+        // One evaluation per bit, until there is no number in between.
+        assert!((50..60).contains(&tried.len()), "{}", tried.len());
+        // The slope lies: the function rises everywhere.
+        let lie = |x: f64| (x, -1.0);
+        for kind in [LineSearch::WeakWolfe, LineSearch::HagerZhang] {
+            let (found, tried) = search(kind, lie, 1.0);
+            assert_eq!((found, tried.len()), (None, MAX_EVALUATIONS), "{kind:?}");
+            // An endless descent.
+            let (found, tried) = search(kind, |x| (-x, -1.0), 1.0);
+            assert_eq!((found, tried.len()), (None, MAX_EVALUATIONS), "{kind:?}");
+            // No descent to begin with.
+            for slope in [0.0, 1.0, f64::NAN, f64::NEG_INFINITY] {
+                let (found, tried) = search(kind, |x| (slope * x, slope), 1.0);
+                assert_eq!((found, tried.len()), (None, 0), "{kind:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn hager_zhang_expands_fivefold_and_takes_secants() {
+        let tried = |first| search(LineSearch::HagerZhang, parabola, first).1;
+        // Slopes -1.98, -1.9 and -1.5, of which -1.8 is asked for.
+        let expanded = tried(0.01);
+        assert_eq!(expanded.len(), 3, "{expanded:?}");
+        assert!((expanded[2] - 0.25).abs() < 1e-15, "{expanded:?}");
+        // The slope of a parabola is linear: the secant hits its minimum.
+        assert_eq!(tried(3.0), [3.0, 1.0]);
+        // Rounding hides the decrease: the slopes decide, which must be at most 1.6.
+        let high = |x: f64| (1e20, parabola(x).1);
+        assert_eq!(search(LineSearch::HagerZhang, high, 1.75).1, [1.75]);
+        assert_eq!(search(LineSearch::HagerZhang, high, 1.875).1, [1.875, 1.0]);
+    }
+
+    /// The functions of Moré and Thuente, "Line search algorithms with guaranteed sufficient
+    /// decrease", ACM Trans. Math. Softw. 20 (1994), section 5.
+    fn more_thuente(number: usize, a: f64) -> (f64, f64) {
+        let gamma = |b: f64| (1.0 + b * b).sqrt() - b;
+        let smooth = |b1: f64, b2: f64| {
+            let (left, right) = ((1.0 - a).hypot(b2), a.hypot(b1));
+            let value = gamma(b1) * left + gamma(b2) * right;
+            (value, gamma(b1) * (a - 1.0) / left + gamma(b2) * a / right)
+        };
+        match number {
+            1 => (-a / (a * a + 2.0), (a * a - 2.0) / (a * a + 2.0).powi(2)),
+            2 => {
+                let s = a + 0.004;
+                (s.powi(5) - 2.0 * s.powi(4), 5.0 * s.powi(4) - 8.0 * s.powi(3))
+            }
+            3 => {
+                let (beta, l) = (0.01, 39.0);
+                let half = std::f64::consts::FRAC_PI_2;
+                let (base, slope) = if a <= 1.0 - beta {
+                    (1.0 - a, -1.0)
+                } else if a >= 1.0 + beta {
+                    (a - 1.0, 1.0)
+                } else {
+                    ((a - 1.0).powi(2) / (2.0 * beta) + beta / 2.0, (a - 1.0) / beta)
+                };
+                let wave = 2.0 * (1.0 - beta) / (l * std::f64::consts::PI) * (l * half * a).sin();
+                (base + wave, slope + (1.0 - beta) * (l * half * a).cos())
+            }
+            4 => smooth(0.001, 0.001),
+            5 => smooth(0.01, 0.001),
+            _ => smooth(0.001, 0.01),
+        }
+    }
+
+    #[test]
+    fn steps_satisfy_the_conditions_on_the_functions_of_more_and_thuente() {
+        for number in 1..=6 {
+            let f = |a: f64| more_thuente(number, a);
+            let (value, slope) = f(0.0);
+            for first_step in [1e-3, 1e-1, 1e1, 1e3] {
+                let (found, tried) = search(LineSearch::WeakWolfe, f, first_step);
+                let step = found.unwrap_or_else(|| panic!("function {number}, {tried:?}"));
+                let at = f(step);
+                assert!(at.0 <= value + 1e-4 * step * slope && at.1 >= 0.9 * slope);
+                assert!(tried.len() <= 20, "function {number}: {tried:?}");
+
+                let (found, tried) = search(LineSearch::HagerZhang, f, first_step);
+                let step = found.unwrap_or_else(|| panic!("function {number}, {tried:?}"));
+                let at = f(step);
+                let wolfe = at.0 - value <= 0.1 * step * slope;
+                let approximate = -0.8 * slope >= at.1 && at.0 <= value + 1e-6 * value.abs();
+                assert!(at.1 >= 0.9 * slope && (wolfe || approximate), "function {number}");
+                // The reference's own search needs up to 12 on these.
+                assert!(tried.len() <= 20, "function {number}: {tried:?}");
+            }
+        }
+    }
 }

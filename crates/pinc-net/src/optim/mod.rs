@@ -174,7 +174,7 @@ impl From<AutoConfig> for OptimizerConfig {
     }
 }
 
-/// An optimizer at work.
+/// An optimizer at buffers.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Optimizer(Method);
 

@@ -47,12 +47,12 @@ pub(super) struct SelfScaledBroyden {
     /// H g at the current iterate.
     newton: Vec<f64>,
     #[serde(skip)]
-    work: Scratch<Work>,
+    buffers: Scratch<Buffers>,
 }
 
 /// Memory of a step.
 #[derive(Debug, Default)]
-struct Work {
+struct Buffers {
     next: Iterate,
     direction: Vec<f64>,
     /// H g at the next iterate.
@@ -67,7 +67,7 @@ impl SelfScaledBroyden {
             config: config.clone(),
             inverse_hessian: InverseHessian::default(),
             newton: Vec::new(),
-            work: Scratch::default(),
+            buffers: Scratch::default(),
         }
     }
 
@@ -85,9 +85,9 @@ impl SelfScaledBroyden {
         if fresh {
             self.start(&at.gradient, norm);
         }
-        self.work.0.next.resize(at.x.len());
+        self.buffers.0.next.resize(at.x.len());
         loop {
-            let Work { next, direction, .. } = &mut self.work.0;
+            let Buffers { next, direction, .. } = &mut self.buffers.0;
             set(direction, self.newton.iter().map(|v| -v));
             let found = LineSearch::WeakWolfe.search(objective, at, direction, 1.0, next);
             if let Some(step) = found {
@@ -128,7 +128,7 @@ impl SelfScaledBroyden {
     /// H <- (H - H y y'H/y'H y + phi v v')/tau + s s'/s'y
     /// ```
     fn update(&mut self, to: &Iterate, step: f64, workers: &Workers) {
-        let Work { next: from, direction, newton, y } = &mut self.work.0;
+        let Buffers { next: from, direction, newton, y } = &mut self.buffers.0;
         self.inverse_hessian.product(&to.gradient, newton, workers);
         let mut update = self.inverse_hessian.new_update();
         set(&mut update.hy, newton.iter().zip(&self.newton).map(|(new, old)| new - old));
@@ -166,4 +166,37 @@ fn scaling(b: f64, h: f64, variables: f64) -> (f64, f64) {
     let tau1 = (1.0 / b).min(1.0);
     let tau = if theta > 0.0 { tau1 * root.min(1.0 / theta) } else { (tau1 * root).min(sigma) };
     (tau, (1.0 - theta) / sigma)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The formulas of the references, worked out by hand.
+    #[test]
+    fn scaling_follows_the_formulas() {
+        let half_root = 0.5_f64.sqrt();
+        let nine_tenths = 0.8_f64.sqrt();
+        let r = 0.5 * (1.0 - nine_tenths);
+        for (b, h, variables, tau, phi) in [
+            // k = 1, c = 1/sqrt 2, r = 1, theta = 1 (both bounds), sigma = 2.
+            (0.5, 4.0, 3.0, half_root, 0.0),
+            // theta = 1/r = 1 where (1 - b)/b = 9, sigma = 2.
+            (0.1, 20.0, 5.0, 0.5_f64.powf(0.25), 0.0),
+            // One variable counts as two.
+            (0.5, 4.0, 1.0, 0.5, 0.0),
+            // theta = (1 - b)/b = -1/2, sigma = 1/2, which is below tau1 / sqrt sigma.
+            (2.0, 1.0, 3.0, 0.5, 3.0),
+            // The same with many variables: tau1 = 1/2 times nearly 1, still above sigma.
+            (2.0, 1.0, 1e9, 0.5, 3.0),
+            // k = 4, theta = (r - 1)/k, sigma = r, where (1 - b)/b = -9/10.
+            (10.0, 0.5, 3.0, r, (1.25 - 0.25 * r) / r),
+            // k = 1/8, r = 3/4 of 2/3, theta = -1/3: sigma = 23/24 is above tau1.
+            (1.5, 0.75, 1e9, 2.0 / 3.0, (4.0 / 3.0) / (23.0 / 24.0)),
+        ] {
+            let found = scaling(b, h, variables);
+            assert!((found.0 - tau).abs() < 1e-8 * tau, "{b} {h}: {} {tau}", found.0);
+            assert!((found.1 - phi).abs() < 1e-12 * phi.max(1.0), "{b} {h}: {} {phi}", found.1);
+        }
+    }
 }

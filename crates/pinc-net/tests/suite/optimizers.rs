@@ -182,6 +182,53 @@ fn a_function_without_descent_is_reported_not_looped_on() {
     }
 }
 
+/// Where the objective changes under way (a sample grows), the next direction is -H g with the new
+/// gradient g and the inverse Hessian H learnt so far.
+#[test]
+fn after_a_refresh_the_direction_is_of_the_new_gradient_and_the_old_curvature() {
+    let workers = Workers::new(1).unwrap();
+    let n = 20;
+    let mut optimizer = Optimizer::new(&broyden(), n);
+    let mut objective = Counting { f: quadratic, evaluations: 0 };
+    let mut at = Iterate::new(&mut objective, vec![0.0; n]);
+    // More iterations than updates are held back.
+    for _ in 0..30 {
+        assert_eq!(optimizer.step(&mut objective, &mut at, &workers), Outcome::Moved);
+    }
+    // The first point that the next step tries, less the present one.
+    let direction = |gradient: &[f64]| -> Vec<f64> {
+        let mut optimizer = optimizer.clone();
+        let mut at = Iterate { gradient: gradient.to_vec(), ..at.clone() };
+        optimizer.refresh(&at, &workers);
+        let (from, mut first) = (at.x.clone(), None);
+        let record = |x: &[f64], gradient: &mut [f64]| {
+            first.get_or_insert_with(|| x.to_vec());
+            quadratic(x, gradient)
+        };
+        optimizer.step(&mut Counting { f: record, evaluations: 0 }, &mut at, &workers);
+        first.unwrap().iter().zip(from).map(|(to, from)| to - from).collect()
+    };
+    let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
+    let a: Vec<f64> = (0..n).map(|i| (i as f64 + 1.0).sin()).collect();
+    let b: Vec<f64> = (0..n).map(|i| (0.7 * i as f64).cos()).collect();
+    let sum: Vec<f64> = a.iter().zip(&b).map(|(a, b)| a + 2.0 * b).collect();
+    let (of_a, of_b, of_sum) = (direction(&a), direction(&b), direction(&sum));
+    // H is positive definite, symmetric and linear; points of size 20 carry the rounding.
+    assert!(dot(&of_a, &a) < 0.0 && dot(&of_b, &b) < 0.0);
+    assert!(
+        (dot(&of_a, &b) - dot(&of_b, &a)).abs() < 1e-12,
+        "{} {}",
+        dot(&of_a, &b),
+        dot(&of_b, &a)
+    );
+    for i in 0..n {
+        assert!((of_sum[i] - of_a[i] - 2.0 * of_b[i]).abs() < 1e-13, "{i}");
+    }
+    // And it has learnt: the eigenvalues 1 to 100 have other inverses than those of its start, all alike.
+    let along = |i: usize| -direction(&std::array::from_fn::<f64, 20, _>(|j| f64::from(j == i)))[i];
+    assert!(along(0) > 10.0 * along(n - 1), "{} {}", along(0), along(n - 1));
+}
+
 #[test]
 fn broyden_is_the_same_on_any_number_of_threads() {
     let run = |threads| {
