@@ -12,6 +12,7 @@
 //! [`pinc_ode::DynRhs`]. Parameters of a plant that vary from call to call are not supported.
 
 mod crossing;
+mod knee;
 mod least_squares;
 mod modes;
 mod plane;
@@ -24,6 +25,7 @@ mod survey;
 mod zeros;
 
 pub use crossing::{Crossing, crossings};
+pub use knee::beyond_knee;
 pub use modes::{Growth, TimeScales};
 pub use plane::{Plane, common_plane, common_ratio};
 pub use region::{OperatingPoint, Region};
