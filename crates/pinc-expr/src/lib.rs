@@ -1,12 +1,14 @@
 //! Plants whose equations are text.
 
 mod checks;
+mod critical;
 mod error;
 mod graph;
 mod lexer;
 mod parser;
 mod program;
 
+pub use critical::{CriticalTerm, CriticalTerms, TermRole};
 pub use error::{Excerpt, ExpressionError, ExpressionProblem};
 
 use graph::{Graph, Value};
@@ -174,6 +176,21 @@ impl Plant for ExpressionPlant {
     }
 }
 
+/// Equations as a graph.
+struct Parsed<'a> {
+    graph: Graph,
+    /// States, inputs and varying parameters.
+    variables: Vec<&'a str>,
+    /// The derivative of each state.
+    derivatives: Vec<Value>,
+    /// The measured outputs.
+    outputs: Vec<Value>,
+    /// The intermediate expressions' names.
+    names: BTreeMap<Value, &'a str>,
+    /// The key of each equation, with the number of nodes after it.
+    keys: Vec<(usize, String)>,
+}
+
 impl Equations {
     /// The plant with these equations, all parameters fixed.
     ///
@@ -193,38 +210,7 @@ impl Equations {
     /// The first thing that is wrong with the equations, or a name that is not a parameter's or given
     /// twice.
     pub fn compile_with(&self, varying: &[&str]) -> Result<ExpressionPlant, ExpressionError> {
-        self.check_names()?;
-        self.check_states_have_derivatives()?;
-        self.check_varying(varying)?;
-        let order = self.order()?;
-
-        let mut graph = Graph::default();
-        let mut scope: BTreeMap<&str, Value> = BTreeMap::new();
-        for (name, &value) in &self.parameters {
-            scope.insert(name, graph.constant(value));
-        }
-        let listed = self.states.iter().chain(&self.inputs).map(|variable| &*variable.name);
-        let variables: Vec<&str> = listed.chain(varying.iter().copied()).collect();
-        for (i, name) in variables.iter().enumerate() {
-            scope.insert(name, graph.variable(i));
-        }
-        for name in order {
-            let text = &self.intermediates[name];
-            let value = parser::parse(&format!("let.{name}"), text, &scope, &mut graph)?;
-            scope.insert(name, value);
-        }
-        let mut parse = |key: &str, text: &str| parser::parse(key, text, &scope, &mut graph);
-        let mut derivatives = Vec::new();
-        for state in &self.states {
-            let name = state.name.as_ref();
-            derivatives.push(parse(&format!("derivatives.{name}"), &self.derivatives[name])?);
-        }
-        let mut outputs = Vec::new();
-        for (name, output) in &self.outputs {
-            outputs.push(parse(&format!("outputs.{name}"), &output.expression)?);
-        }
-        self.check_parameters_are_used()?;
-
+        let Parsed { graph, variables, derivatives, outputs, .. } = self.parse(varying)?;
         let program = |values: &[Value], key: &str| {
             Program::new(&graph, variables.len(), values).map_err(|problem| problem.at(key))
         };
@@ -242,6 +228,59 @@ impl Equations {
             rhs: program(&derivatives, "derivatives")?,
             outputs,
         })
+    }
+
+    /// The terms on which it depends where these equations are defined and smooth.
+    ///
+    /// # Errors
+    ///
+    /// The first thing that is wrong with the equations.
+    pub fn critical_terms(&self) -> Result<CriticalTerms, ExpressionError> {
+        let Parsed { graph, variables, names, keys, .. } = self.parse(&[])?;
+        Ok(CriticalTerms::new(graph, &variables, &names, &keys))
+    }
+
+    /// The values that derivatives and outputs are computed from.
+    fn parse<'a>(&'a self, varying: &[&'a str]) -> Result<Parsed<'a>, ExpressionError> {
+        self.check_names()?;
+        self.check_states_have_derivatives()?;
+        self.check_varying(varying)?;
+        let order = self.order()?;
+
+        let mut graph = Graph::default();
+        let mut scope: BTreeMap<&str, Value> = BTreeMap::new();
+        let (mut names, mut keys) = (BTreeMap::new(), Vec::new());
+        for (name, &value) in &self.parameters {
+            scope.insert(name, graph.constant(value));
+        }
+        let listed = self.states.iter().chain(&self.inputs).map(|variable| &*variable.name);
+        let variables: Vec<&str> = listed.chain(varying.iter().copied()).collect();
+        for (i, name) in variables.iter().enumerate() {
+            scope.insert(name, graph.variable(i));
+        }
+        for name in order {
+            let key = format!("let.{name}");
+            let value = parser::parse(&key, &self.intermediates[name], &scope, &mut graph)?;
+            scope.insert(name, value);
+            names.entry(value).or_insert(name);
+            keys.push((graph.nodes.len(), key));
+        }
+        let mut parse = |key: String, text: &str| {
+            let value = parser::parse(&key, text, &scope, &mut graph)?;
+            keys.push((graph.nodes.len(), key));
+            Ok(value)
+        };
+        let mut derivatives = Vec::new();
+        for state in &self.states {
+            let name = state.name.as_ref();
+            derivatives.push(parse(format!("derivatives.{name}"), &self.derivatives[name])?);
+        }
+        let mut outputs = Vec::new();
+        for (name, output) in &self.outputs {
+            outputs.push(parse(format!("outputs.{name}"), &output.expression)?);
+        }
+        self.check_parameters_are_used()?;
+        Ok(Parsed { graph, variables, derivatives, outputs, names, keys })
     }
 
     fn output_variables(&self) -> Vec<Variable> {

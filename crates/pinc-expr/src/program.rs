@@ -162,7 +162,7 @@ impl<S: Scalar, const R: usize> Work for Run<'_, S, R> {
 }
 
 #[inline(always)]
-fn apply<S: Scalar>(operation: Operation, a: &S, b: &S) -> S {
+pub(crate) fn apply<S: Scalar>(operation: Operation, a: &S, b: &S) -> S {
     let (a, b) = (*a, *b);
     let of = |number: Number| number.value();
     match operation {

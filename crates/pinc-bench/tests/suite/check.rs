@@ -184,3 +184,164 @@ fn findings_are_printed_as_text_or_as_json() {
     assert!(all.iter().any(|finding| finding["severity"] == "warning"), "{json}");
     assert!(all.iter().all(|finding| finding["what"].is_string()), "{json}");
 }
+
+/// The chemostat with a pole at S = -0.1, rates per hour; `S` is how the growth rate has the substrate.
+fn chemostat(substrate: &str) -> Experiment {
+    let text = r#"
+        name = "chemostat"
+        preset = "ours"
+        seed = 1
+        [plant.expression]
+        states = [{ name = "X", unit = "g/L" }, { name = "S", unit = "g/L" }]
+        inputs = [{ name = "D", unit = "1/h" }]
+        [plant.expression.let]
+        mu = "0.4*SUBSTRATE/(0.1 + SUBSTRATE)"
+        [plant.expression.derivatives]
+        X = "(mu - D)*X/3600"
+        S = "(D*(10 - S) - 2*mu*X)/3600"
+        [domain]
+        state_low = [2.0, 0.0]
+        state_high = [6.0, 3.0]
+        input_low = [0.0]
+        input_high = [0.38]
+        [control]
+        models = ["rk4"]
+        step_s = 900.0
+        duration_s = 9000.0
+        initial_state = [4.9, 0.2]
+        controlled = ["S"]
+        q = [100.0]
+        r = [100.0]
+        n2 = 8
+        nu = 8
+        state_low = [2.0, 0.0]
+        state_high = [6.0, 3.0]
+        input_low = [0.0]
+        input_high = [0.38]
+        references = [{ start_s = 0.0, value = [0.1] }, { start_s = 4500.0, value = [0.2] }]
+    "#;
+    let text = text.replace("SUBSTRATE", substrate);
+    Experiment::parse("chemostat.toml".as_ref(), &text, &[], &Plants::built_in()).unwrap()
+}
+
+#[test]
+fn a_pole_just_outside_the_domain_is_named_with_what_to_write() {
+    let found = check(&chemostat("S"));
+    let parts = ["plant.expression.let.mu", "S + 0.1 is 0 at", "S = -0.1", "just outside"];
+    let pole = with(&found, &parts);
+    assert_eq!(pole.severity, Severity::Warning);
+    assert!(pole.change.contains("max(S, 0)"), "{pole}");
+    let guarded = check(&chemostat("max(S, 0)"));
+    assert_eq!(warnings(&guarded), [&guarded[0]; 0]);
+    // D = mu holds S = 0.1; the washout S = 10 does not count.
+    with(&guarded, &["S = 0.1 is held at X = 4.95, S = 0.1 by D = 0.2"]);
+    assert!(guarded.iter().all(|f| !f.place.contains("S = 10")), "{guarded:?}");
+}
+
+/// A motor with dry friction tanh(w/0.01).
+fn motor(sets: &[&str]) -> Vec<Finding> {
+    let text = r#"
+        name = "motor"
+        preset = "ours"
+        seed = 1
+        [plant.expression]
+        states = ["theta", "w", "i"]
+        inputs = ["u"]
+        [plant.expression.derivatives]
+        theta = "w"
+        w = "(0.05*i - 1e-3*w - 0.02*tanh(w/0.01))/1e-3"
+        i = "(u - i - 0.05*w)/5e-3"
+        [domain]
+        state_low = [-1.0, -40.0, -12.0]
+        state_high = [4.0, 40.0, 12.0]
+        input_low = [-12.0]
+        input_high = [12.0]
+        [control]
+        models = ["rk4"]
+        step_s = 0.01
+        duration_s = 0.1
+        initial_state = [0.0, 0.0, 0.0]
+        controlled = ["theta", "w"]
+        q = [100.0, 0.01]
+        r = [0.1]
+        n2 = 15
+        nu = 15
+        rk4_substeps = 4
+        input_low = [-12.0]
+        input_high = [12.0]
+        references = [{ start_s = 0.0, value = [1.0, 0.0] }, { start_s = 0.05, value = [2.0, 0.0] }]
+    "#;
+    let sets: Vec<_> = sets.iter().map(|set| (*set).to_owned()).collect();
+    check(&Experiment::parse("motor.toml".as_ref(), text, &sets, &Plants::built_in()).unwrap())
+}
+
+#[test]
+fn substeps_that_are_unstable_at_a_reference_are_warned_of() {
+    let found = motor(&[]);
+    // The friction's slope is 0.02/0.01/1e-3 = 2000 1/s: 2000 * 0.01/4 = 5 is beyond 2.785, and
+    // 20/2.785 = 7.2.
+    let warning =
+        with(&found, &["control.rk4_substeps: 4 substeps are unstable at control.references"]);
+    assert!(warning.change.contains("rk4_substeps = 8"), "{warning}");
+    with(&found, &["a knee in w"]);
+    let stable = motor(&["control.rk4_substeps=8"]);
+    assert!(stable.iter().all(|f| !f.what.contains("substeps are unstable")), "{stable:?}");
+}
+
+#[test]
+fn advice_on_the_step_of_an_unstable_plant_is_from_its_doubling_time() {
+    // x'' = -0.3 x' + x - x^3 + u: at x = 0 it doubles in ln 2/0.861 = 0.805 s.
+    let check = |step: f64| {
+        let text = format!(
+            r#"
+            name = "duffing"
+            preset = "ours"
+            seed = 1
+            [plant.expression]
+            states = ["x1", "x2"]
+            inputs = ["u"]
+            [plant.expression.derivatives]
+            x1 = "x2"
+            x2 = "-0.3*x2 + x1 - x1^3 + u"
+            [control]
+            models = ["rk4"]
+            step_s = {step:?}
+            duration_s = {:?}
+            initial_state = [0.1, 0.0]
+            controlled = ["x1", "x2"]
+            q = [10.0, 1.0]
+            r = [0.5]
+            state_low = [-1.5, -1.5]
+            state_high = [1.5, 1.5]
+            input_low = [-1.0]
+            input_high = [1.0]
+            references = [{{ start_s = 0.0, value = [0.0, 0.0] }}]
+            "#,
+            4.0 * step
+        );
+        check(&Experiment::parse("duffing.toml".as_ref(), &text, &[], &Plants::built_in()).unwrap())
+    };
+    let slow = check(1.0);
+    let warning = with(&slow, &["T = 1 s is longer than the 0.805 s in which a deviation doubles"]);
+    assert!(warning.change.contains("0.161 s"), "{warning}");
+    let fast = check(0.2);
+    assert!(
+        fast.iter().all(|f| !f.what.contains("has settled") && !f.what.contains("T = 0.2 s is"))
+    );
+}
+
+#[test]
+fn states_with_names_of_columns_are_refused() {
+    for (name, column) in
+        [("x_truth", "x"), ("x_ref", "x"), ("x_0", "x"), ("mark", "tables of runs")]
+    {
+        let text = format!(
+            "name = \"n\"\npreset = \"ours\"\nseed = 1\n[plant.expression]\nstates = [\"x\", \"{name}\"]\n\
+             inputs = [\"u\"]\nderivatives = {{ x = \"u\", {name} = \"x\" }}\n"
+        );
+        let error = Experiment::parse("n.toml".as_ref(), &text, &[], &Plants::built_in())
+            .unwrap_err()
+            .to_string();
+        assert!(error.contains("plant.expression.states[1]") && error.contains(column), "{error}");
+    }
+}

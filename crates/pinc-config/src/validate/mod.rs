@@ -1,6 +1,7 @@
 //! Checks of a config that its types cannot make.
 
 mod control;
+mod names;
 mod values;
 
 use crate::plants::Plants;
@@ -23,6 +24,7 @@ impl Experiment {
         directory_name(&self.name)?;
         plant("plant", &self.plant, self.plants())?;
         let variables = self.plant.variables();
+        names::column_names(&self.plant, &variables)?;
         let dims = Dims::new(variables.states.len(), variables.inputs.len());
         self.sections(dims)?;
         if let Some(validation) = &self.validation {

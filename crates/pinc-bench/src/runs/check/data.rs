@@ -47,11 +47,12 @@ fn of_files(subject: &Subject<'_>, key: &str, files: &[PathBuf]) -> Vec<Finding>
     if outside > 0 {
         let of = measured.len();
         findings.push(
-            Finding::warning(key, format!("{outside} of {of} points lie outside {}", region.name))
-                .because(
-                    "the equation is not asked for there, so that these measurements stand alone",
-                )
-                .change("a larger domain, or fewer measurements"),
+            Finding::warning(
+                key,
+                format!("{outside} of {of} points lie outside {}", subject.region_name),
+            )
+            .because("the equation is not asked for there, so that these measurements stand alone")
+            .change("a larger domain, or fewer measurements"),
         );
     }
     findings

@@ -1,7 +1,7 @@
 //! Whether the equation and its derivatives are finite where they will be asked for.
 
-use super::steady::Point;
 use super::{Finding, Subject, short};
+use pinc_analysis::OperatingPoint;
 
 /// Random points of the region.
 const POINTS: usize = 1000;
@@ -11,8 +11,8 @@ const HALVINGS: usize = 40;
 
 pub(super) fn examine(subject: &Subject<'_>) -> Vec<Finding> {
     let region = &subject.region;
-    let random: Vec<Point> = region.points(subject.experiment.seed).take(POINTS).collect();
-    let bad: Vec<&Point> = random.iter().filter(|p| fault(subject, p).is_some()).collect();
+    let random: Vec<OperatingPoint> = region.points(subject.experiment.seed).take(POINTS).collect();
+    let bad: Vec<&OperatingPoint> = random.iter().filter(|p| fault(subject, p).is_some()).collect();
     if let Some(first) = bad.first() {
         let share = format!("at {} of {POINTS} random points", bad.len());
         return vec![broken(subject, first, &share)];
@@ -32,38 +32,38 @@ pub(super) fn examine(subject: &Subject<'_>) -> Vec<Finding> {
     let rates: Vec<_> = states.map(|(v, f)| format!("|{}'| <= {}", v.name, short(*f))).collect();
     let text = format!(
         "values and derivatives are finite at {POINTS} random points of {}; there {}",
-        region.name,
+        subject.region_name,
         rates.join(", ")
     );
     vec![Finding::fact("", text)]
 }
 
 /// What is not finite at a point, if anything is.
-fn fault(subject: &Subject<'_>, point: &Point) -> Option<String> {
+fn fault(subject: &Subject<'_>, point: &OperatingPoint) -> Option<String> {
     let names = |i: usize| &subject.plant.states()[i].name;
     let velocity = subject.rhs(&point.x, &point.u);
     if let Some(i) = velocity.iter().position(|v| !v.is_finite()) {
         return Some(format!("{}' is {}", names(i), velocity[i]));
     }
-    let jacobian = subject.jacobian(&point.x, &point.u);
+    let jacobian = subject.plant.jacobian(&point.x, &point.u, &[]);
     let inputs = subject.plant.inputs().iter();
     let variables: Vec<_> = subject.plant.states().iter().chain(inputs).map(|v| &v.name).collect();
-    for (k, column) in jacobian.col_iter().enumerate() {
-        if let Some(i) = column.iter().position(|v| !v.is_finite()) {
-            let value = jacobian[(i, k)];
+    for k in 0..variables.len() {
+        let column = jacobian.iter().skip(k).step_by(variables.len());
+        if let Some((i, value)) = column.enumerate().find(|(_, v)| !v.is_finite()) {
             return Some(format!("the derivative of {}' in {} is {value}", names(i), variables[k]));
         }
     }
     None
 }
 
-fn broken(subject: &Subject<'_>, bad: &Point, share: &str) -> Finding {
+fn broken(subject: &Subject<'_>, bad: &OperatingPoint, share: &str) -> Finding {
     let what = fault(subject, bad).unwrap_or_default();
     let place = format!("{}; {}", subject.state(&bad.x), subject.input(&bad.u));
     let edge = match edge(subject, bad) {
         Some(edge) => format!(
             "; from the middle of {} on the way there it is finite up to {edge}",
-            subject.region.name
+            subject.region_name
         ),
         None => String::new(),
     };
@@ -75,16 +75,16 @@ fn broken(subject: &Subject<'_>, bad: &Point, share: &str) -> Finding {
         )
 }
 
-fn on_the_edge(subject: &Subject<'_>, bad: &Point) -> Finding {
+fn on_the_edge(subject: &Subject<'_>, bad: &OperatingPoint) -> Finding {
     let what = fault(subject, bad).unwrap_or_default();
     let place = format!("{}; {}", subject.state(&bad.x), subject.input(&bad.u));
-    Finding::warning("plant", format!("{what} at {place}, an edge of {} or 0", subject.region.name))
+    Finding::warning("plant", format!("{what} at {place}, an edge of {} or 0", subject.region_name))
         .because("random points do not meet it, but a measured state or a steady state can lie there, and no step can be computed from it")
         .change("move the edge of [domain] and the controller's bounds away from it, or guard the argument of sqrt, log and of a division")
 }
 
 /// The last good point on the way from the middle to a bad one.
-fn edge(subject: &Subject<'_>, bad: &Point) -> Option<String> {
+fn edge(subject: &Subject<'_>, bad: &OperatingPoint) -> Option<String> {
     let region = &subject.region;
     let good = region.centre();
     if fault(subject, &good).is_some() {

@@ -2,9 +2,9 @@
 //! and the closed loop with RK4 as the model.
 
 use super::super::control;
-use super::steady::Point;
 use super::{Finding, Subject, short};
 use crate::spec::Experiment;
+use pinc_analysis::OperatingPoint;
 use pinc_net::Domain;
 use pinc_ode::Dopri5;
 use rand::RngExt;
@@ -126,7 +126,7 @@ fn simulate(subject: &Subject<'_>, runs: &[Scenario], findings: &mut Vec<Finding
             for _ in 0..SAMPLES {
                 if let Err(error) = truth.integrate(&mut x, u, part) {
                     broken += 1;
-                    first.get_or_insert((Point { x: x.clone(), u: u.clone() }, error));
+                    first.get_or_insert((OperatingPoint { x: x.clone(), u: u.clone() }, error));
                     continue 'runs;
                 }
                 extent.add(x.iter().chain(u).copied());

@@ -1,12 +1,13 @@
 //! What the inputs can do at steady state: the rank of the static gain, and the transmission zeros.
 
-use super::linear::{Linear, singular_values};
-use super::steady::{Point, settle};
+use super::numbers::{rate, time};
 use super::{Finding, Subject, short};
-use faer::{Mat, Side};
+use pinc_analysis::{
+    OperatingPoint, StateSpace, TimeScales, TransmissionZeros, common_plane, common_ratio,
+};
 
-/// Singular values this far below the largest count as 0.
-const RANK: f64 = 1e-6;
+/// A zero this far below the fastest rate is at 0.
+const AT_ZERO: f64 = 1e-6;
 
 /// Random inputs whose steady states are compared.
 const SAMPLES: usize = 40;
@@ -19,7 +20,9 @@ pub(super) fn examine(subject: &Subject<'_>) -> Vec<Finding> {
     let mut findings = Vec::new();
     // One point of each kind is enough: the others would repeat it.
     for (name, point) in subject.operating_points() {
-        let Some(linear) = Linear::at(subject, point) else { continue };
+        let Some(linear) = StateSpace::tangent(subject.plant, point, &controlled) else {
+            continue;
+        };
         let mut here = of_gain(subject, &name, &linear);
         if controlled.len() == subject.region.dims.nu {
             here.extend(of_zeros(subject, &name, &linear));
@@ -40,20 +43,17 @@ fn outputs<'a>(subject: &'a Subject<'_>) -> Vec<&'a str> {
     subject.controlled().iter().map(|&i| states[i].name.as_ref()).collect()
 }
 
-fn of_gain(subject: &Subject<'_>, place: &str, linear: &Linear) -> Vec<Finding> {
+fn of_gain(subject: &Subject<'_>, place: &str, linear: &StateSpace) -> Vec<Finding> {
     let inputs: Vec<_> = subject.plant.inputs().iter().map(|v| v.name.as_ref()).collect();
     let path = format!("from {} to {}", inputs.join(", "), outputs(subject).join(", "));
     let Some(gain) = linear.static_gain() else {
         let what = format!("no static gain {path}: the plant integrates (an eigenvalue is 0)");
         return vec![Finding::fact(place, what)];
     };
-    let values = singular_values(&gain);
-    let largest = values.first().copied().unwrap_or(0.0);
-    let rank = values.iter().filter(|v| **v > RANK * largest).count();
-    let shown: Vec<_> = values
-        .iter()
-        .map(|v| if *v > RANK * largest { short(*v) } else { "0".to_owned() })
-        .collect();
+    let values = gain.singular_values.iter().enumerate();
+    let shown: Vec<_> =
+        values.map(|(k, v)| if k < gain.rank { short(*v) } else { "0".to_owned() }).collect();
+    let rank = gain.rank;
     let what = format!("static gain {path}: singular values {}, rank {rank}", shown.join(", "));
     let wanted = subject.controlled().len();
     if rank >= wanted.min(inputs.len()) {
@@ -74,93 +74,57 @@ fn of_gain(subject: &Subject<'_>, place: &str, linear: &Linear) -> Vec<Finding> 
 
 /// What the controlled states have in common at all steady states, if that is a linear equation.
 fn relation(subject: &Subject<'_>) -> Option<String> {
-    let outputs_of =
-        |point: &Point| -> Vec<f64> { subject.controlled().iter().map(|&i| point.x[i]).collect() };
-    let starts = subject.region.points(subject.experiment.seed).take(SAMPLES);
-    let settled = starts.filter_map(|start| settle(subject, &start));
-    let samples: Vec<Vec<f64>> = settled.map(|point| outputs_of(&point)).collect();
+    let places = subject.controlled();
+    let search = subject.search();
+    let inputs = subject.region.points(subject.experiment.seed).take(SAMPLES);
+    let settled = inputs.filter_map(|point| search.settle(&point.u));
+    let outputs_of = |point: OperatingPoint| places.iter().map(|&i| point.x[i]).collect();
+    let samples: Vec<Vec<f64>> = settled.map(outputs_of).collect();
     if samples.len() < SAMPLES / 2 {
         return None;
     }
     let names = outputs(subject);
     if let [one, two] = names[..]
-        && let Some(ratio) = common(samples.iter().map(|y| y[1] / y[0]))
+        && let Some(ratio) = common_ratio(&samples)
     {
         return Some(format!("all steady states lie on the line {two}/{one} = {ratio:.4}"));
     }
-    let (normal, offset) = plane(subject, &samples)?;
+    let widths: Vec<f64> = places.iter().map(|&i| subject.region.width(i)).collect();
+    let plane = common_plane(&samples, &widths)?;
     let terms: Vec<_> =
-        normal.iter().zip(&names).map(|(a, name)| format!("{a:.4} {name}")).collect();
-    Some(format!("all steady states have {} = {}", terms.join(" + "), short(offset)))
+        plane.normal.iter().zip(&names).map(|(a, name)| format!("{a:.4} {name}")).collect();
+    Some(format!("all steady states have {} = {}", terms.join(" + "), short(plane.offset)))
 }
 
-/// The value that all have, to a millionth.
-fn common(values: impl Iterator<Item = f64>) -> Option<f64> {
-    let values: Vec<f64> = values.collect();
-    let (low, high) = values
-        .iter()
-        .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), v| (low.min(*v), high.max(*v)));
-    (high - low <= 1e-6 * high.abs().max(low.abs())).then(|| f64::midpoint(low, high))
-}
-
-/// A plane a y = c with |a| = 1 that all samples lie on: a is the direction in which they do not vary.
-fn plane(subject: &Subject<'_>, samples: &[Vec<f64>]) -> Option<(Vec<f64>, f64)> {
-    let places = subject.controlled();
-    let p = places.len();
-    #[expect(clippy::cast_precision_loss, reason = "a few samples")]
-    let count = samples.len() as f64;
-    let width = |i: usize| subject.region.width(places[i]);
-    let mean: Vec<f64> =
-        (0..p).map(|i| samples.iter().map(|y| y[i]).sum::<f64>() / count).collect();
-    let covariance = Mat::from_fn(p, p, |i, k| {
-        let product = |y: &Vec<f64>| (y[i] - mean[i]) * (y[k] - mean[k]) / (width(i) * width(k));
-        samples.iter().map(product).sum::<f64>() / count
-    });
-    // Eigenvalues in increasing order: squares of lengths, in widths of the region.
-    let decomposition = covariance.self_adjoint_eigen(Side::Lower).ok()?;
-    if decomposition.S().column_vector()[0] > 1e-12 {
-        return None;
-    }
-    let direction: Vec<f64> = (0..p).map(|i| decomposition.U()[(i, 0)] / width(i)).collect();
-    let length = direction.iter().map(|a| a * a).sum::<f64>().sqrt();
-    let normal: Vec<f64> = direction.iter().map(|a| a / length).collect();
-    let offset = normal.iter().zip(&mean).map(|(a, y)| a * y).sum();
-    Some((normal, offset))
-}
-
-fn of_zeros(subject: &Subject<'_>, place: &str, linear: &Linear) -> Vec<Finding> {
-    let Some(zeros) = linear.zeros() else {
-        return vec![
-            Finding::warning(
-                place,
-                "the controlled states do not respond independently at any frequency",
-            )
-            .because("two inputs do the same, or a controlled state is out of the inputs' reach")
-            .change("control other states, or fewer"),
-        ];
+fn of_zeros(subject: &Subject<'_>, place: &str, linear: &StateSpace) -> Vec<Finding> {
+    let zeros = match linear.scaled(&subject.region.widths()).transmission_zeros() {
+        TransmissionZeros::Finite(zeros) => zeros,
+        TransmissionZeros::Degenerate { rank } => return vec![degenerate(subject, place, rank)],
     };
-    let rate = linear.rate();
-    let is_zero = |s: f64| s.abs() < RANK * rate;
+    let fastest = TimeScales::of(&linear.eigenvalues()).fastest.max(f64::MIN_POSITIVE);
+    let is_zero = |s: f64| s.abs() < AT_ZERO * fastest;
     let shown: Vec<_> = zeros
         .iter()
-        .map(|&(re, im)| match (is_zero(re), is_zero(im)) {
+        .map(|zero| match (is_zero(zero.re), is_zero(zero.im)) {
             (true, true) => "0".to_owned(),
-            (_, true) => format!("{re:.4}"),
-            _ => format!("{re:.4} {im:+.4}i"),
+            (_, true) => rate(zero.re),
+            _ if zero.im < 0.0 => format!("{} -{}i", rate(zero.re), rate(-zero.im)),
+            _ => format!("{} +{}i", rate(zero.re), rate(zero.im)),
         })
         .collect();
     if zeros.is_empty() {
         return vec![Finding::fact(place, "no transmission zeros")];
     }
     let what = format!("transmission zeros {} 1/s", shown.join(", "));
-    if zeros.iter().any(|&(re, im)| is_zero(re) && is_zero(im)) {
+    if zeros.iter().any(|zero| is_zero(zero.re) && is_zero(zero.im)) {
         return vec![
             Finding::warning(place, format!("{what}: one is at s = 0"))
                 .because("in one direction constant inputs have no lasting effect on the controlled states: no controller can hold an arbitrary reference there")
                 .change("references that steady states reach, or other parameters of the plant"),
         ];
     }
-    let slowest = zeros.iter().map(|z| z.0).filter(|re| *re > 0.0).fold(f64::INFINITY, f64::min);
+    let slowest =
+        zeros.iter().map(|zero| zero.re).filter(|re| *re > 0.0).fold(f64::INFINITY, f64::min);
     let Some(control) = subject.experiment.control.as_ref().filter(|_| slowest.is_finite()) else {
         return vec![Finding::fact(place, what)];
     };
@@ -171,7 +135,7 @@ fn of_zeros(subject: &Subject<'_>, place: &str, linear: &Linear) -> Vec<Finding>
         format!("{what}: nonminimum phase, the response to an input first goes the wrong way");
     if too_short {
         vec![
-            Finding::warning(place, format!("{what} for about {} s", short(1.0 / slowest)))
+            Finding::warning(place, format!("{what} for about {}", time(1.0 / slowest)))
                 .because(format!(
                     "a horizon of {} steps sees little more than that: the controller may then choose the wrong direction",
                     control.n2
@@ -181,4 +145,19 @@ fn of_zeros(subject: &Subject<'_>, place: &str, linear: &Linear) -> Vec<Finding>
     } else {
         vec![Finding::fact(place, what)]
     }
+}
+
+/// Fewer paths from the inputs to the controlled states than there are of these.
+fn degenerate(subject: &Subject<'_>, place: &str, rank: usize) -> Finding {
+    let (names, inputs) = (outputs(subject), subject.plant.inputs());
+    let what = match (&names[..], rank) {
+        (names, 0) => {
+            let inputs: Vec<_> = inputs.iter().map(|v| v.name.as_ref()).collect();
+            format!("{} has no effect on {}", inputs.join(", "), names.join(", "))
+        }
+        _ => "the controlled states do not respond independently at any frequency".to_owned(),
+    };
+    Finding::warning(place, what)
+        .because("two inputs do the same, or a controlled state is out of the inputs' reach")
+        .change("control other states, or fewer")
 }

@@ -8,11 +8,11 @@ mod derivatives;
 mod excursions;
 mod finding;
 mod gain;
-mod linear;
+mod irregularities;
+mod numbers;
 mod references;
 mod region;
 mod stability;
-mod steady;
 mod substeps;
 #[cfg(test)]
 mod tests;
@@ -20,18 +20,18 @@ mod tests;
 pub use finding::{Finding, Severity};
 
 use crate::spec::Experiment;
-use faer::Mat;
+use numbers::{named, short};
+use pinc_analysis::{HeldPoint, OperatingPoint, Region, SteadyStateSearch};
 use pinc_ode::DynPlant;
-use region::Region;
-use steady::{Point, SteadyStateResult};
 
 /// One look at a plant and its config.
 type Examination = fn(&Subject<'_>) -> Vec<Finding>;
 
 /// All of them, in the order of their findings.
-const EXAMINATIONS: [Examination; 9] = [
+const EXAMINATIONS: [Examination; 10] = [
     dimensions,
     derivatives::examine,
+    irregularities::examine,
     stability::examine,
     gain::examine,
     references::examine,
@@ -59,14 +59,14 @@ pub fn findings_json(findings: &[Finding]) -> String {
 }
 
 fn examine(plant: &dyn DynPlant, experiment: &Experiment) -> Vec<Finding> {
-    let Some(region) = Region::of(experiment, plant.dims()) else {
+    let Some((region, name)) = region::of(experiment, plant.dims()) else {
         return vec![
             Finding::warning("", "no [domain] and no [control]: nothing to look at")
                 .because("an examination needs to know where the plant is used")
                 .change("give [domain], the box that a net is to be trained on"),
         ];
     };
-    let subject = Subject::new(plant, experiment, region);
+    let subject = Subject::new(plant, experiment, region, name);
     EXAMINATIONS.iter().flat_map(|examination| examination(&subject)).collect()
 }
 
@@ -75,18 +75,55 @@ struct Subject<'a> {
     plant: &'a dyn DynPlant,
     experiment: &'a Experiment,
     region: Region,
+    /// What the region is called.
+    region_name: &'static str,
     /// Where each of the controller's references can be held.
-    holds: Vec<SteadyStateResult>,
+    holds: Vec<HeldPoint>,
     /// The steady state in the middle of the region, if there is one.
-    centre: Option<Point>,
+    centre: Option<OperatingPoint>,
 }
 
 impl<'a> Subject<'a> {
-    fn new(plant: &'a dyn DynPlant, experiment: &'a Experiment, region: Region) -> Self {
-        let mut subject = Self { plant, experiment, region, holds: Vec::new(), centre: None };
-        subject.holds = steady::holds(&subject);
-        subject.centre = steady::of_centre(&subject);
+    fn new(
+        plant: &'a dyn DynPlant,
+        experiment: &'a Experiment,
+        region: Region,
+        region_name: &'static str,
+    ) -> Self {
+        let (holds, centre) = (Vec::new(), None);
+        let mut subject = Self { plant, experiment, region, region_name, holds, centre };
+        subject.holds = subject.held_references();
+        subject.centre = subject.search().settle(&subject.region.centre().u);
         subject
+    }
+
+    /// A search for steady states near the start of the loop, or else the middle of the region.
+    fn search(&self) -> SteadyStateSearch<'_> {
+        let search = SteadyStateSearch::new(self.plant, &self.region, self.experiment.seed);
+        match &self.experiment.control {
+            Some(control) => {
+                let (x, u) = (control.initial_state.clone(), self.region.centre().u);
+                search.near(OperatingPoint { x, u })
+            }
+            None => search,
+        }
+    }
+
+    fn held_references(&self) -> Vec<HeldPoint> {
+        let Some(control) = &self.experiment.control else { return Vec::new() };
+        let nx = self.region.dims.nx;
+        let ends = |states: &Option<Vec<f64>>, inputs: &[f64], none: f64| {
+            [&states.clone().unwrap_or_else(|| vec![none; nx])[..], inputs].concat()
+        };
+        let low = ends(&control.state_low, &control.input_low, f64::NEG_INFINITY);
+        let high = ends(&control.state_high, &control.input_high, f64::INFINITY);
+        let places = self.controlled();
+        let search = self.search();
+        let hold = |value: &Vec<f64>| {
+            let held: Vec<_> = places.iter().copied().zip(value.iter().copied()).collect();
+            search.hold(&held, Some((&low, &high)))
+        };
+        control.references.iter().map(|reference| hold(&reference.value)).collect()
     }
 
     /// f(x, u).
@@ -96,13 +133,6 @@ impl<'a> Subject<'a> {
         dx
     }
 
-    /// df/d(x, u), `[nx, nx + nu]`.
-    fn jacobian(&self, x: &[f64], u: &[f64]) -> Mat<f64> {
-        let columns = x.len() + u.len();
-        let jacobian = self.plant.jacobian(x, u, &[]);
-        Mat::from_fn(x.len(), columns, |row, column| jacobian[row * columns + column])
-    }
-
     /// Length T of a step, where the config says it; else 1 s, as a unit of time.
     fn step_s(&self) -> f64 {
         self.experiment.sample_time_s().unwrap_or(1.0)
@@ -110,10 +140,10 @@ impl<'a> Subject<'a> {
 
     /// The steady states that the plant is to be at, with their names: those of the references, or else
     /// that of the middle.
-    fn operating_points(&self) -> Vec<(String, &Point)> {
-        let mut points: Vec<(String, &Point)> = Vec::new();
+    fn operating_points(&self) -> Vec<(String, &OperatingPoint)> {
+        let mut points: Vec<(String, &OperatingPoint)> = Vec::new();
         for (k, hold) in self.holds.iter().enumerate() {
-            if let SteadyStateResult::Within(point) | SteadyStateResult::Outside(point) = hold
+            if let HeldPoint::Within(point) | HeldPoint::Outside(point) = hold
                 && !points.iter().any(|(_, other)| self.region.same(other, point))
             {
                 points.push((format!("the steady state of control.references[{k}]"), point));
@@ -121,7 +151,7 @@ impl<'a> Subject<'a> {
         }
         if points.is_empty() {
             let centre = self.centre.iter();
-            points.extend(centre.map(|p| (format!("the steady state of {}", self.region.name), p)));
+            points.extend(centre.map(|p| (format!("the steady state of {}", self.region_name), p)));
         }
         points
     }
@@ -165,26 +195,4 @@ fn dimensions(subject: &Subject<'_>) -> Vec<Finding> {
     };
     let text = format!("{}; {}", list("state", states), list("input", inputs));
     vec![Finding::fact("", text)]
-}
-
-/// Names with their values, as "h1 = 9.16, h2 = 14.2".
-fn named<'n>(names: impl Iterator<Item = &'n str>, values: &[f64]) -> String {
-    let pairs = names.zip(values).map(|(name, value)| format!("{name} = {}", short(*value)));
-    pairs.collect::<Vec<_>>().join(", ")
-}
-
-/// A number with five digits.
-fn short(value: f64) -> String {
-    match value.abs() {
-        0.0 => "0".to_owned(),
-        size if (1e-3..1e5).contains(&size) => {
-            let text = format!("{value:.5}");
-            let mut text = text[..text.len().min(if value < 0.0 { 8 } else { 7 })].to_owned();
-            if text.contains('.') {
-                text.truncate(text.trim_end_matches('0').trim_end_matches('.').len());
-            }
-            text
-        }
-        _ => format!("{value:.3e}"),
-    }
 }

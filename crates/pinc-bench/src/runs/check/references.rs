@@ -1,8 +1,9 @@
 //! Whether a steady state reaches each reference, and the inputs can hold it within their bounds.
 
-use super::steady::{Point, SteadyStateResult};
+use super::numbers::apart;
 use super::{Finding, Subject, named, short};
 use crate::spec::ControlSpec;
+use pinc_analysis::{HeldPoint, OperatingPoint};
 
 pub(super) fn examine(subject: &Subject<'_>) -> Vec<Finding> {
     let Some(control) = &subject.experiment.control else {
@@ -13,13 +14,14 @@ pub(super) fn examine(subject: &Subject<'_>) -> Vec<Finding> {
         let place = format!("control.references[{k}]");
         let value = named(control.controlled.iter().map(String::as_str), &reference.value);
         findings.push(match hold {
-            SteadyStateResult::Within(point) => {
+            HeldPoint::Within(point) => {
                 let (x, u) = (subject.state(&point.x), subject.input(&point.u));
                 Finding::fact(place, format!("{value} is held at {x} by {u}"))
             }
-            SteadyStateResult::Outside(point) => outside(subject, control, &place, &value, point),
-            SteadyStateResult::Nowhere(nearest) => {
-                nowhere(subject, control, &place, &value, nearest.as_ref())
+            HeldPoint::Outside(point) => outside(subject, control, &place, &value, point),
+            HeldPoint::Nowhere(nearest) => {
+                let at = (&*place, &*value);
+                nowhere(subject, control, at, &reference.value, nearest.as_ref())
             }
         });
     }
@@ -32,7 +34,7 @@ fn outside(
     control: &ControlSpec,
     place: &str,
     value: &str,
-    point: &Point,
+    point: &OperatingPoint,
 ) -> Finding {
     let sides = [
         (subject.plant.states(), &point.x, control.state_low.as_ref(), control.state_high.as_ref()),
@@ -62,14 +64,23 @@ fn outside(
 fn nowhere(
     subject: &Subject<'_>,
     control: &ControlSpec,
-    place: &str,
-    value: &str,
-    nearest: Option<&Point>,
+    (place, value): (&str, &str),
+    wanted: &[f64],
+    nearest: Option<&OperatingPoint>,
 ) -> Finding {
+    let miss = |point: &OperatingPoint| {
+        // Two numbers that differ are shown with the digits in which they do.
+        let pairs = subject.controlled().into_iter().zip(wanted).zip(&control.controlled);
+        let shown = pairs.map(|((i, wanted), name)| {
+            let (found, wanted) = (point.x[i], *wanted);
+            let off = (found - wanted).abs() > 1e-6 * subject.region.width(i);
+            let text = if off { apart(found, wanted).0 } else { short(found) };
+            format!("{name} = {text}")
+        });
+        shown.collect::<Vec<_>>().join(", ")
+    };
     let nearest = nearest.map_or_else(String::new, |point| {
-        let y: Vec<f64> = subject.controlled().iter().map(|&i| point.x[i]).collect();
-        let y = named(control.controlled.iter().map(String::as_str), &y);
-        format!("; a steady state near it has {y} at {}", subject.input(&point.u))
+        format!("; a steady state near it has {} at {}", miss(point), subject.input(&point.u))
     });
     Finding::warning(place, format!("{value} is no steady state, with any input{nearest}"))
         .because("no controller can hold it: there will be an offset, or the input will not come to rest")

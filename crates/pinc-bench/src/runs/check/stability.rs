@@ -1,21 +1,32 @@
-//! The plant's own modes at its steady states, against the step T and the horizon.
+//! The plant's own modes at its steady states, against the step T, the horizon and the integrators.
 
-use super::linear::{Complex, Linear};
+use super::numbers::{rate, time};
 use super::{Finding, Subject, short};
+use crate::spec::{ControlSpec, ModelKind};
+use pinc_analysis::{
+    Complex, ExplicitMethod, Growth, HeldPoint, OperatingPoint, StateSpace, TimeScales, beyond_knee,
+};
 
-/// An explicit Runge-Kutta method of order 4 is stable up to about 2.8 per substep.
+/// |lambda| T from which a plant is stiff for explicit methods, and how far its modes are apart then.
 const STIFF: f64 = 10.0;
+
+/// More modes than these are summed up.
+const LISTED: usize = 6;
+
+/// Points between two references, and random points of the region, at which integrators are examined.
+const BETWEEN: u32 = 8;
+const POINTS: usize = 200;
 
 pub(super) fn examine(subject: &Subject<'_>) -> Vec<Finding> {
     let mut findings = Vec::new();
     let points = subject.operating_points();
     if points.is_empty() {
-        let what = format!("no steady state was found in {} or near it", subject.region.name);
+        let what = format!("no steady state was found in {} or near it", subject.region_name);
         findings.push(Finding::fact("", what));
     }
     for (name, point) in points {
         let place = format!("{name}, {}; {}", subject.state(&point.x), subject.input(&point.u));
-        let Some(linear) = Linear::at(subject, point) else {
+        let Some(modes) = modes(subject, point) else {
             findings.push(
                 Finding::warning(place, "the derivatives are not finite there")
                     .because("neither stability nor gain can be told, and a controller cannot stay there")
@@ -23,73 +34,228 @@ pub(super) fn examine(subject: &Subject<'_>) -> Vec<Finding> {
             );
             continue;
         };
-        let modes = linear.eigenvalues();
-        let list: Vec<_> = modes.iter().map(describe).collect();
-        findings.push(Finding::fact(place.clone(), format!("modes {}", list.join("; "))));
+        findings.push(Finding::fact(place.clone(), format!("modes {}", describe(&modes))));
         if subject.experiment.sample_time_s().is_some() {
-            findings.extend(against_step(subject, &place, &modes));
+            findings.extend(stiff(subject, &place, &modes));
+            let scales = match beyond_knee(subject.plant, point, &subject.region) {
+                Some((i, beside)) => {
+                    findings.push(knee(subject, &place, i, &beside));
+                    self::modes(subject, &beside)
+                        .map_or(TimeScales::of(&modes), |m| TimeScales::of(&m))
+                }
+                None => TimeScales::of(&modes),
+            };
+            findings.extend(sample_time(subject, &place, &scales));
+            findings.extend(horizon(subject, &scales));
+        }
+    }
+    if let (Some(control), Some(_)) =
+        (&subject.experiment.control, subject.experiment.sample_time_s())
+    {
+        for (method, kind, key, substeps) in [
+            (ExplicitMethod::Rk4, ModelKind::Rk4, "rk4", control.rk4_substeps),
+            (ExplicitMethod::Rk5, ModelKind::Rk5, "rk5", control.rk5_substeps),
+        ] {
+            if control.models.contains(&kind) {
+                let key = format!("control.{key}_substeps");
+                findings.extend(integrator(subject, control, method, &key, substeps));
+            }
         }
     }
     findings
 }
 
-fn describe(mode: &Complex) -> String {
-    let &(re, im) = mode;
-    let frequency = if im == 0.0 { String::new() } else { format!(" {im:+.4}i") };
-    // Rounding leaves an integrator's eigenvalue a little off 0.
-    let meaning = if re.abs() < 1e-9 * (1.0 + im.abs()) {
-        "neither grows nor decays".to_owned()
-    } else if re < 0.0 {
-        format!("time constant {:.3} s", -1.0 / re)
-    } else {
-        format!("doubles in {:.3} s", std::f64::consts::LN_2 / re)
+fn modes(subject: &Subject<'_>, point: &OperatingPoint) -> Option<Vec<Complex>> {
+    StateSpace::tangent(subject.plant, point, &[]).map(|tangent| tangent.eigenvalues())
+}
+
+fn describe(modes: &[Complex]) -> String {
+    let fastest = TimeScales::of(modes).fastest;
+    let one = |mode: &Complex| {
+        let imaginary = match mode.im {
+            0.0 => String::new(),
+            im if im < 0.0 => format!(" -{}i", rate(-im)),
+            im => format!(" +{}i", rate(im)),
+        };
+        let meaning = match Growth::of(*mode, fastest) {
+            Growth::Neutral => "neither grows nor decays".to_owned(),
+            Growth::Decays { time_constant_s } => {
+                format!("time constant {}", time(time_constant_s))
+            }
+            Growth::Grows { doubling_s } => format!("doubles in {}", time(doubling_s)),
+        };
+        format!("{}{imaginary} 1/s ({meaning})", rate(mode.re))
     };
-    format!("{re:.4}{frequency} 1/s ({meaning})")
+    if modes.len() <= LISTED {
+        return modes.iter().map(one).collect::<Vec<_>>().join("; ");
+    }
+    let mut sorted: Vec<&Complex> = modes.iter().collect();
+    sorted.sort_by(|a, b| b.abs().total_cmp(&a.abs()));
+    let growing = modes.iter().filter(|m| matches!(Growth::of(**m, fastest), Growth::Grows { .. }));
+    let neutral = modes.iter().filter(|m| Growth::of(**m, fastest) == Growth::Neutral);
+    let mut text = format!(
+        "{}: {} grow, {} neither grow nor decay; the fastest {}, the slowest {}",
+        modes.len(),
+        growing.clone().count(),
+        neutral.count(),
+        one(sorted[0]),
+        one(sorted[sorted.len() - 1])
+    );
+    if let Some(worst) = growing.max_by(|a, b| a.re.total_cmp(&b.re)) {
+        text = format!("{text}, the one that grows fastest {}", one(worst));
+    }
+    text
 }
 
-/// The modes against T and the horizon.
-fn against_step(subject: &Subject<'_>, place: &str, modes: &[Complex]) -> Vec<Finding> {
+fn stiff(subject: &Subject<'_>, place: &str, modes: &[Complex]) -> Option<Finding> {
+    let (step, scales) = (subject.step_s(), TimeScales::of(modes));
+    let (fastest, slowest) = (scales.fastest, scales.slowest?);
+    if fastest * step <= STIFF || fastest <= STIFF * slowest {
+        return None;
+    }
+    let what = format!(
+        "stiff: the fastest mode times T is {}, and it is {} times as fast as the slowest",
+        short(fastest * step),
+        short(fastest / slowest)
+    );
+    Some(
+        Finding::warning(place, what)
+            .because("explicit RK4 needs many substeps to stay stable, and in a net the fast part is a thin layer at t = 0")
+            .change("give RK4 the substeps that are named below, shorten T, or leave the fast state out by its steady state"),
+    )
+}
+
+/// What is around a point whose linearization holds for that point alone.
+fn knee(subject: &Subject<'_>, place: &str, i: usize, beside: &OperatingPoint) -> Finding {
+    let name = &subject.plant.states()[i].name;
+    let modes = modes(subject, beside).map_or_else(String::new, |modes| describe(&modes));
+    let at = short(beside.x[i]);
+    Finding::fact(
+        place,
+        format!("a knee in {name}: beyond it, at {name} = {at}, the modes are {modes}"),
+    )
+}
+
+/// T against what a controller has to react to: growth, or else the slowest motion.
+fn sample_time(subject: &Subject<'_>, place: &str, scales: &TimeScales) -> Option<Finding> {
     let step = subject.step_s();
-    let sizes = || modes.iter().map(|v| v.0.hypot(v.1));
-    let fastest = sizes().fold(0.0, f64::max);
-    let slowest = sizes().filter(|rate| *rate > 1e-9 * fastest).fold(f64::INFINITY, f64::min);
-    let mut findings = Vec::new();
-    if fastest * step > STIFF && fastest > STIFF * slowest {
+    if let Some(doubling) = scales.doubling_s {
         let what = format!(
-            "stiff: the fastest mode times T is {}, and it is {} times as fast as the slowest",
-            short(fastest * step),
-            short(fastest / slowest)
+            "T = {} is longer than the {} in which a deviation doubles",
+            time(step),
+            time(doubling)
+        );
+        return (step > doubling).then(|| {
+            Finding::warning(place, what)
+                .because(
+                    "an unstable plant runs away between two inputs: the controller acts too late",
+                )
+                .change(format!("a sample_time_s of {} or less", time(doubling / 5.0)))
+        });
+    }
+    let slowest = scales.slowest?;
+    let what =
+        format!("T = {} is {} times the slowest time constant", time(step), short(slowest * step));
+    (slowest * step > 3.0).then(|| {
+        Finding::warning(place, what)
+            .because("the plant has settled at the end of a step: the controller sees steady states and cannot shape the way there")
+            .change(format!("a sample_time_s of {} or less", time(1.0 / slowest)))
+    })
+}
+
+fn horizon(subject: &Subject<'_>, scales: &TimeScales) -> Option<Finding> {
+    let control = subject.experiment.control.as_ref()?;
+    let (rate, scale) = match scales.doubling_s {
+        Some(doubling) => (1.0 / doubling, "the time in which a deviation doubles"),
+        None => (scales.slowest?, "the slowest time constant"),
+    };
+    #[expect(clippy::cast_precision_loss, reason = "a few steps")]
+    let horizon = control.n2 as f64 * subject.step_s();
+    if rate * horizon >= 0.1 {
+        return None;
+    }
+    let what = format!(
+        "the prediction horizon, {}, is {} of {scale}",
+        time(horizon),
+        short(rate * horizon)
+    );
+    Some(
+        Finding::warning("control.n2", what)
+            .because("the controller sees too little of what its inputs do, and becomes timid or short-sighted")
+            .change(format!("n2 of about {:.0}, or a longer T", (0.5 / (rate * subject.step_s())).ceil())),
+    )
+}
+
+/// The substeps with which an explicit method is stable, at the references and between them, and at random
+/// points of the region.
+fn integrator(
+    subject: &Subject<'_>,
+    control: &ControlSpec,
+    method: ExplicitMethod,
+    key: &str,
+    substeps: usize,
+) -> Vec<Finding> {
+    let step = subject.step_s();
+    let needed = |point: &OperatingPoint| {
+        let modes = modes(subject, point)?;
+        Some(method.stable_substeps(&modes, step).unwrap_or(usize::MAX))
+    };
+    let mut findings = Vec::new();
+    let along = along_references(subject, control);
+    let worst = along.iter().filter_map(|(name, point)| Some((needed(point)?, name, point)));
+    if let Some((n, name, point)) = worst.max_by_key(|(n, ..)| *n)
+        && n > substeps
+    {
+        let fastest = modes(subject, point).map_or(0.0, |modes| TimeScales::of(&modes).fastest);
+        #[expect(clippy::cast_precision_loss, reason = "a few substeps")]
+        let size = fastest * step / substeps as f64;
+        let what = format!(
+            "{substeps} substeps are unstable at {name}, {}: the fastest mode times a substep is {}, and \
+             stable is up to {} on the real axis",
+            subject.state(&point.x),
+            short(size),
+            short(method.real_limit())
         );
         findings.push(
-            Finding::warning(place, what)
-                .because("explicit RK4 needs many substeps to stay stable, and in a net the fast part is a thin layer at t = 0")
-                .change("give RK4 the substeps that are named below, shorten T, or leave the fast state out by its steady state"),
+            Finding::warning(key, what)
+                .because("errors of the model grow from substep to substep where the plant's decay: the controller's predictions are wrong and its steps fail")
+                .change(if n == usize::MAX { "a shorter T, or the model rosenbrock".to_owned() } else { format!("{key} = {n} or more, or the model rosenbrock", key = key.trim_start_matches("control.")) }),
         );
     }
-    if slowest * step > 3.0 && slowest.is_finite() {
-        let what =
-            format!("T = {step} s is {} times the slowest time constant", short(slowest * step));
-        findings.push(
-            Finding::warning(place, what)
-                .because("the plant has settled at the end of a step: the controller sees steady states and cannot shape the way there")
-                .change(format!("a sample_time_s of {} s or less", short(1.0 / slowest))),
+    let random = subject.region.points(subject.experiment.seed).take(POINTS);
+    let random: Vec<usize> = random.filter_map(|point| needed(&point)).collect();
+    let (most, unstable) = (random.iter().max(), random.iter().filter(|n| **n > substeps).count());
+    if let Some(&most) = most {
+        let name = if method == ExplicitMethod::Rk4 { "RK4" } else { "RK5" };
+        let stable =
+            if most == usize::MAX { "more than a million".to_owned() } else { most.to_string() };
+        let mut what = format!(
+            "{name} is stable at {POINTS} random points of {} with {stable} substeps",
+            subject.region_name
         );
-    }
-    if let Some(control) = &subject.experiment.control {
-        #[expect(clippy::cast_precision_loss, reason = "a few steps")]
-        let horizon = control.n2 as f64 * step;
-        if slowest * horizon < 0.1 {
-            let what = format!(
-                "the prediction horizon, {} s, is {} of the slowest time constant",
-                short(horizon),
-                short(slowest * horizon)
-            );
-            findings.push(
-                Finding::warning("control.n2", what)
-                    .because("the controller sees too little of what its inputs do, and becomes timid or short-sighted")
-                    .change(format!("n2 of about {:.0}, or a longer T", (0.5 / (slowest * step)).ceil())),
-            );
+        if unstable > 0 {
+            what = format!("{what}; with {substeps} it is unstable at {unstable} of them");
         }
+        findings.push(Finding::fact(key, what));
     }
     findings
+}
+
+/// The steady states of the references and the ways from one to the next.
+fn along_references(subject: &Subject<'_>, control: &ControlSpec) -> Vec<(String, OperatingPoint)> {
+    let mut points: Vec<(String, OperatingPoint)> = Vec::new();
+    for (k, hold) in subject.holds.iter().enumerate().take(control.references.len()) {
+        let (HeldPoint::Within(point) | HeldPoint::Outside(point)) = hold else { continue };
+        if let Some((_, last)) = points.last().cloned() {
+            let (from, to) = (last.joined(), point.joined());
+            for part in 1..BETWEEN {
+                let share = f64::from(part) / f64::from(BETWEEN);
+                let way = from.iter().zip(&to).map(|(a, b)| a + share * (b - a)).collect();
+                let name = format!("a point on the way to control.references[{k}]");
+                points.push((name, subject.region.split(way)));
+            }
+        }
+        points.push((format!("control.references[{k}]"), point.clone()));
+    }
+    points
 }

@@ -1,0 +1,196 @@
+//! The plant linearized: x' = A x + B u, y = C x.
+
+use crate::{OperatingPoint, zeros};
+use faer::Mat;
+use faer::linalg::solvers::Solve;
+use pinc_ode::DynRhs;
+
+/// A matrix whose singular values are this far apart, after its rows are scaled, counts as singular.
+const SINGULAR: f64 = 1e-11;
+
+/// Singular values of a gain this far below the largest count as 0.
+const RANK: f64 = 1e-6;
+
+/// A complex number.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Complex {
+    /// The real part.
+    pub re: f64,
+    /// The imaginary part.
+    pub im: f64,
+}
+
+impl Complex {
+    /// The absolute value.
+    #[must_use]
+    pub fn abs(self) -> f64 {
+        self.re.hypot(self.im)
+    }
+
+    /// The product with a real number.
+    #[must_use]
+    pub fn times(self, factor: f64) -> Self {
+        Self { re: self.re * factor, im: self.im * factor }
+    }
+}
+
+/// A linear plant x' = A x + B u, y = C x.
+///
+/// ```
+/// use pinc_analysis::{StateSpace, TransmissionZeros};
+///
+/// // (s - 1) / ((s + 1) (s + 2)): nonminimum phase, static gain -1/2.
+/// let plant = StateSpace::new(&[-3.0, -2.0, 1.0, 0.0], &[1.0, 0.0], &[1.0, -1.0], 2);
+/// assert!((plant.static_gain().unwrap().singular_values[0] - 0.5).abs() < 1e-12);
+/// let TransmissionZeros::Finite(zeros) = plant.transmission_zeros() else { panic!() };
+/// assert!((zeros[0].re - 1.0).abs() < 1e-12);
+/// ```
+#[derive(Clone, Debug)]
+pub struct StateSpace {
+    pub(crate) a: Mat<f64>,
+    pub(crate) b: Mat<f64>,
+    pub(crate) c: Mat<f64>,
+}
+
+/// A static gain -C A^-1 B.
+#[derive(Clone, Debug, PartialEq)]
+pub struct StaticGain {
+    /// The matrix, shape `[ny, nu]`, row by row.
+    pub matrix: Vec<f64>,
+    /// Its singular values, the largest first.
+    pub singular_values: Vec<f64>,
+    /// How many of them are not 0, to a millionth of the largest.
+    pub rank: usize,
+}
+
+/// The transmission zeros from the inputs to the outputs.
+#[derive(Clone, Debug, PartialEq)]
+pub enum TransmissionZeros {
+    /// These, in 1/s; none if the list is empty.
+    Finite(Vec<Complex>),
+    /// The transfer matrix has this rank at almost every s, less than it has rows and columns.
+    Degenerate {
+        /// The normal rank.
+        rank: usize,
+    },
+}
+
+impl StateSpace {
+    /// A plant of `states` states with these matrices, row by row.
+    ///
+    /// # Shapes
+    ///
+    /// `a`: `[nx, nx]` in 1/s; `b`: `[nx, nu]`; `c`: `[ny, nx]`.
+    ///
+    /// # Panics
+    ///
+    /// If a matrix has not whole rows, or `states` is 0.
+    #[must_use]
+    pub fn new(a: &[f64], b: &[f64], c: &[f64], states: usize) -> Self {
+        assert!(states > 0 && a.len() == states * states, "A is square");
+        assert!(b.len().is_multiple_of(states) && c.len().is_multiple_of(states), "whole rows");
+        let (inputs, outputs) = (b.len() / states, c.len() / states);
+        Self {
+            a: Mat::from_fn(states, states, |i, k| a[i * states + k]),
+            b: Mat::from_fn(states, inputs, |i, k| b[i * inputs + k]),
+            c: Mat::from_fn(outputs, states, |i, k| c[i * states + k]),
+        }
+    }
+
+    /// The plant about a point, with the states at the places `outputs` as outputs. `None` where a
+    /// derivative is not finite.
+    #[must_use]
+    pub fn tangent(plant: &dyn DynRhs, point: &OperatingPoint, outputs: &[usize]) -> Option<Self> {
+        let jacobian = jacobian(plant, point);
+        let (n, m) = (point.x.len(), point.u.len());
+        let finite = jacobian.col_iter().all(|column| column.iter().all(|v| v.is_finite()));
+        finite.then(|| Self {
+            a: jacobian.subcols(0, n).to_owned(),
+            b: jacobian.subcols(n, m).to_owned(),
+            c: Mat::from_fn(outputs.len(), n, |i, k| f64::from(u8::from(outputs[i] == k))),
+        })
+    }
+
+    /// The same plant with states, inputs and outputs in other units: divided by these widths. Ranks are
+    /// best decided where all variables have a like size.
+    ///
+    /// # Shapes
+    ///
+    /// `widths`: `nx + nu`, states first. Outputs are scaled as the states that they consist of.
+    ///
+    /// # Panics
+    ///
+    /// If a width is missing.
+    #[must_use]
+    pub fn scaled(&self, widths: &[f64]) -> Self {
+        let (n, m) = (self.a.nrows(), self.b.ncols());
+        assert_eq!(widths.len(), n + m, "one width per state and input");
+        let output = |i: usize| {
+            (0..n).map(|k| self.c[(i, k)].abs() * widths[k]).fold(f64::MIN_POSITIVE, f64::max)
+        };
+        Self {
+            a: Mat::from_fn(n, n, |i, k| self.a[(i, k)] * widths[k] / widths[i]),
+            b: Mat::from_fn(n, m, |i, k| self.b[(i, k)] * widths[n + k] / widths[i]),
+            c: Mat::from_fn(self.c.nrows(), n, |i, k| self.c[(i, k)] * widths[k] / output(i)),
+        }
+    }
+
+    /// The eigenvalues of A in 1/s; none if they cannot be computed.
+    #[must_use]
+    pub fn eigenvalues(&self) -> Vec<Complex> {
+        let values = self.a.eigenvalues().unwrap_or_default();
+        values.iter().map(|v| Complex { re: v.re, im: v.im }).collect()
+    }
+
+    /// The static gain -C A^-1 B from the inputs to the outputs; `None` if A is singular: the plant
+    /// integrates.
+    #[must_use]
+    pub fn static_gain(&self) -> Option<StaticGain> {
+        if is_singular(&self.a) {
+            return None;
+        }
+        let gain = -(&self.c * self.a.partial_piv_lu().solve(&self.b));
+        let singular_values = gain.singular_values().unwrap_or_default();
+        let largest = singular_values.first().copied().unwrap_or(0.0);
+        let rank = singular_values.iter().filter(|v| **v > RANK * largest).count();
+        let matrix = gain.row_iter().flat_map(|row| row.iter().copied().collect::<Vec<_>>());
+        Some(StaticGain { matrix: matrix.collect(), singular_values, rank })
+    }
+
+    /// The transmission zeros: the s at which the transfer matrix C (s - A)^-1 B loses rank.
+    ///
+    /// Call it of a plant whose variables have a like size ([`StateSpace::scaled`]).
+    #[must_use]
+    pub fn transmission_zeros(&self) -> TransmissionZeros {
+        zeros::transmission_zeros(self)
+    }
+}
+
+/// df/d(x, u), shape `[nx, nx + nu]`.
+pub(crate) fn jacobian(plant: &dyn DynRhs, point: &OperatingPoint) -> Mat<f64> {
+    let columns = point.x.len() + point.u.len();
+    let jacobian = plant.jacobian(&point.x, &point.u, &[]);
+    Mat::from_fn(point.x.len(), columns, |row, column| jacobian[row * columns + column])
+}
+
+/// f(x, u).
+pub(crate) fn rhs(plant: &dyn DynRhs, x: &[f64], u: &[f64]) -> Vec<f64> {
+    let mut dx = vec![0.0; x.len()];
+    plant.rhs(x, u, &[], &mut dx);
+    dx
+}
+
+/// Whether a square matrix is singular, its rows scaled to a like size first.
+fn is_singular(matrix: &Mat<f64>) -> bool {
+    let row = |i: usize| matrix.row(i).iter().fold(0.0f64, |m, v| m.max(v.abs()));
+    let rows: Vec<f64> = (0..matrix.nrows()).map(row).collect();
+    if rows.contains(&0.0) {
+        return true;
+    }
+    let scaled = Mat::from_fn(matrix.nrows(), matrix.ncols(), |i, k| matrix[(i, k)] / rows[i]);
+    let values = scaled.singular_values().unwrap_or_default();
+    match (values.first(), values.last()) {
+        (Some(largest), Some(smallest)) => smallest <= &(SINGULAR * largest),
+        _ => true,
+    }
+}

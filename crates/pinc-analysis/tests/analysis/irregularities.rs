@@ -1,0 +1,102 @@
+//! Poles, jumps and kinks in and around a box.
+
+use super::{chemostat, plant, region};
+use pinc_analysis::{IrregularityKind, Region, Survey, crossings};
+use pinc_expr::TermRole;
+use pinc_ode::{Dims, DynRhs};
+use pinc_plants::{FourTanks, VanDerPol};
+
+fn kinds(plant: &dyn DynRhs, region: &Region) -> Vec<(IrregularityKind, usize, usize, bool)> {
+    let found = Survey::run(plant, region, 0.15, 1).irregularities;
+    found.iter().map(|i| (i.kind, i.state, i.variable, i.is_inside)).collect()
+}
+
+fn chemostat_region(low: f64) -> Region {
+    region(2, &[2.0, low, 0.0], &[6.0, 3.0, 0.38])
+}
+
+#[test]
+fn the_pole_of_a_chemostat_just_outside_the_box() {
+    let equations = chemostat("0.4*S/(0.1 + S)");
+    let plant = equations.compile().unwrap();
+    let found = kinds(&plant, &chemostat_region(0.0));
+    assert!(found.contains(&(IrregularityKind::Pole, 0, 1, false)), "{found:?}");
+    assert!(found.contains(&(IrregularityKind::Pole, 1, 1, false)), "{found:?}");
+    let found = kinds(&plant, &chemostat_region(-1.0));
+    assert!(found.contains(&(IrregularityKind::Pole, 1, 1, true)), "{found:?}");
+    // By its terms.
+    let terms = equations.critical_terms().unwrap();
+    assert_eq!(terms.list().len(), 1);
+    assert_eq!((terms.list()[0].role, &*terms.list()[0].text), (TermRole::Denominator, "S + 0.1"));
+    assert_eq!(terms.list()[0].key, "derivatives.X");
+    let found = crossings(&|at| terms.values(at), &chemostat_region(0.0), 0.15, 1);
+    let crossing = found[0].as_ref().unwrap();
+    assert!((crossing.behind.x[1] + 0.1).abs() < 1e-9 && !crossing.is_inside, "{crossing:?}");
+}
+
+#[test]
+fn a_guarded_chemostat_is_quiet() {
+    let equations = chemostat("0.4*max(S, 0)/(0.1 + max(S, 0))");
+    assert_eq!(kinds(&equations.compile().unwrap(), &chemostat_region(0.0)), []);
+    let terms = equations.critical_terms().unwrap();
+    let found = crossings(&|at| terms.values(at), &chemostat_region(0.0), 0.15, 1);
+    for (term, crossing) in terms.list().iter().zip(&found) {
+        assert!(term.role == TermRole::Kink || crossing.is_none(), "{term:?} {crossing:?}");
+    }
+}
+
+#[test]
+fn a_root_that_is_left() {
+    let text = equations_of_root();
+    let plant = text.compile().unwrap();
+    let region = region(1, &[0.1, 0.0], &[2.0, 1.0]);
+    assert_eq!(kinds(&plant, &region), [(IrregularityKind::Undefined, 0, 0, false)]);
+    let terms = text.critical_terms().unwrap();
+    let found = crossings(&|at| terms.values(at), &region, 0.15, 1);
+    assert_eq!(terms.list()[0].role, TermRole::Radicand);
+    assert!((found[0].as_ref().unwrap().behind.x[0]).abs() < 1e-9, "{found:?}");
+}
+
+fn equations_of_root() -> pinc_expr::Equations {
+    super::equations(&["h"], &["u"], &["u - sqrt(h)"])
+}
+
+#[test]
+fn jumps_and_kinks_in_the_box_are_found_and_what_is_smooth_or_at_its_end_is_not() {
+    let region = region(2, &[-1.0, -3.0, -1.0], &[2.0, 3.0, 1.0]);
+    let on = |force: &str| kinds(&plant(&["x", "v"], &["u"], &["v", force]), &region);
+    assert_eq!(on("u - x - sign(v - 0.3)"), [(IrregularityKind::Jump, 1, 1, true)]);
+    assert_eq!(on("u - x - abs(v)"), [(IrregularityKind::Kink, 1, 1, true)]);
+    assert_eq!(on("u - x - 0.5*max(x - 1, 0)*10"), [(IrregularityKind::Kink, 1, 0, true)]);
+    for smooth in
+        ["u - x - v*abs(v)", "u - x - tanh(v/0.01)", "u - x + max(x, -1)", "u - sin(5*x) - v^5"]
+    {
+        assert_eq!(on(smooth), [], "{smooth}");
+    }
+    // A pole of one sign, and one that is none.
+    assert_eq!(on("u + 1/(x - 0.3)^2")[0], (IrregularityKind::Pole, 1, 0, true));
+    assert_eq!(on("u + x^2/x"), []);
+}
+
+#[test]
+fn built_in_plants_are_quiet() {
+    let van_der_pol = region(2, &[-3.0, -4.35, -1.0], &[3.0, 4.35, 1.0]);
+    assert_eq!(kinds(&VanDerPol::default(), &van_der_pol), []);
+    let low = [vec![0.05; 4], vec![0.0; 2]].concat();
+    let high = [vec![22.0; 4], vec![5.0; 2]].concat();
+    let tanks = Region::new(Dims::new(4, 2), low, high);
+    assert_eq!(kinds(&FourTanks::antonelo(), &tanks), []);
+}
+
+#[test]
+fn a_term_without_a_change_of_sign_is_followed_to_its_zero() {
+    let region = region(2, &[-1.0, -1.0, 0.0], &[1.0, 1.0, 1.0]);
+    let terms = |at: &[f64]| {
+        let (x, y) = (at[0] - 0.37, at[1] + 0.62);
+        vec![x * x + y * y, x * x + y * y + 0.01]
+    };
+    let found = crossings(&terms, &region, 0.1, 1);
+    let zero = found[0].as_ref().unwrap();
+    assert!((zero.behind.x[0] - 0.37).abs() < 1e-4 && zero.is_inside, "{zero:?}");
+    assert_eq!(found[1], None);
+}

@@ -1,0 +1,200 @@
+//! Poles, jumps and kinks of the equation in the region and a little beyond, and what to write instead.
+
+use super::{Finding, Subject, short};
+use crate::spec::PlantSpec;
+use pinc_analysis::{Crossing, Irregularity, IrregularityKind, OperatingPoint, Survey, crossings};
+use pinc_expr::{CriticalTerm, CriticalTerms, TermRole};
+
+/// How far beyond the region is looked, in its widths: predictions leave the box by a little.
+const MARGIN: f64 = 0.15;
+
+/// A rate this many times its usual size beside a place where a denominator is 0 is that of a pole.
+const HUGE: f64 = 1e3;
+
+/// How far beside, in widths.
+const BESIDE: f64 = 1e-6;
+
+pub(super) fn examine(subject: &Subject<'_>) -> Vec<Finding> {
+    let seed = subject.experiment.seed;
+    let survey = Survey::run(subject.plant, &subject.region, MARGIN, seed);
+    let terms = match &subject.experiment.plant {
+        // A test may examine another plant than the config's.
+        PlantSpec::Expression(equations) => equations.critical_terms().ok(),
+        _ => None,
+    };
+    let named = terms.as_ref().map_or_else(Vec::new, |terms| of_terms(subject, &survey, terms));
+    let broken = |kind| matches!(kind, IrregularityKind::Pole | IrregularityKind::Undefined);
+    let is_named = !named.is_empty();
+    let mut findings = named;
+    let mut seen: Vec<(IrregularityKind, usize)> = Vec::new();
+    for found in &survey.irregularities {
+        let key = (found.kind, found.variable);
+        if seen.contains(&key) || (broken(found.kind) && is_named) {
+            continue;
+        }
+        // What is not finite in the box has been said where derivatives are examined.
+        if found.kind == IrregularityKind::Undefined && found.is_inside {
+            continue;
+        }
+        seen.push(key);
+        findings.push(of_survey(subject, terms.as_ref(), found));
+    }
+    findings
+}
+
+/// Where a place is, against the region.
+fn whereabouts(subject: &Subject<'_>, is_inside: bool) -> String {
+    if is_inside {
+        format!("inside {}", subject.region_name)
+    } else {
+        format!("just outside {}", subject.region_name)
+    }
+}
+
+fn at(subject: &Subject<'_>, point: &OperatingPoint) -> String {
+    format!("{}; {}", subject.state(&point.x), subject.input(&point.u))
+}
+
+/// Poles and the ends of functions, from the terms of text equations.
+fn of_terms(subject: &Subject<'_>, survey: &Survey, terms: &CriticalTerms) -> Vec<Finding> {
+    let values = |at: &[f64]| terms.values(at);
+    let found = crossings(&values, &subject.region, MARGIN, subject.experiment.seed);
+    let mut findings = Vec::new();
+    for (i, (term, crossing)) in terms.list().iter().zip(found).enumerate() {
+        let Some(crossing) = crossing else { continue };
+        let problem = match term.role {
+            TermRole::Kink | TermRole::Jump => continue,
+            TermRole::Denominator if !is_pole(subject, survey, &crossing) => continue,
+            TermRole::Denominator => format!("the denominator {} is 0", term.text),
+            TermRole::Radicand => format!("sqrt({}) is not defined beyond", term.text),
+            TermRole::Logarithm => format!("log({}) is not defined beyond", term.text),
+            TermRole::Base => format!("a power of {} is not defined beyond", term.text),
+        };
+        let place = format!("plant.expression.{}", term.key);
+        let where_it_is = whereabouts(subject, crossing.is_inside);
+        let what = format!("{problem} {}, {where_it_is}", at(subject, &crossing.before));
+        let finding = if crossing.is_inside {
+            Finding::error(place, what)
+        } else {
+            Finding::warning(place, what)
+        };
+        findings.push(
+            finding
+                .because("a net cannot follow a rate that grows without limit: it is wrong there and in a neighbourhood, which the loss hardly shows")
+                .change(instead(subject, terms, i, term, &crossing)),
+        );
+    }
+    findings
+}
+
+/// Whether the rates are huge beside the place, or not finite: a quotient may have a limit.
+fn is_pole(subject: &Subject<'_>, survey: &Survey, crossing: &Crossing) -> bool {
+    let place = crossing.before.joined();
+    (0..place.len()).any(|k| {
+        [-BESIDE, BESIDE].into_iter().any(|by| {
+            let mut beside = place.clone();
+            beside[k] += by * subject.region.width(k);
+            let beside = subject.region.split(beside);
+            let rates = subject.rhs(&beside.x, &beside.u);
+            let mut pairs = rates.iter().zip(&survey.usual_rates);
+            pairs.any(|(rate, usual)| {
+                !rate.is_finite() || rate.abs() > HUGE * usual.max(f64::MIN_POSITIVE)
+            })
+        })
+    })
+}
+
+/// What to write: a variable that is kept in the box, if that is enough, or else the term.
+fn instead(
+    subject: &Subject<'_>,
+    terms: &CriticalTerms,
+    i: usize,
+    term: &CriticalTerm,
+    crossing: &Crossing,
+) -> String {
+    let (before, behind) = (crossing.before.joined(), crossing.behind.joined());
+    let region = &subject.region;
+    let sign = terms.values(&region.centre().joined())[i].signum();
+    let names = subject.plant.states().iter().chain(subject.plant.inputs());
+    for (k, variable) in names.enumerate() {
+        let (low, high) = (region.low[k], region.high[k]);
+        let below = before[k] < low;
+        if !below && before[k] <= high {
+            continue;
+        }
+        // 0 is a physical limit more often than the end of a box is.
+        let zero = (below && low > 0.0) || (!below && high < 0.0);
+        let ends = [zero.then_some(0.0), Some(if below { low } else { high })];
+        for end in ends.into_iter().flatten() {
+            let mut guarded = behind.clone();
+            guarded[k] = end;
+            if terms.values(&guarded)[i] * sign > 0.0 {
+                let (name, function) = (&variable.name, if below { "max" } else { "min" });
+                return format!("write {function}({name}, {}) for {name} in it", short(end));
+            }
+        }
+    }
+    match term.role {
+        TermRole::Radicand | TermRole::Base => format!("write max({}, 0) there", term.text),
+        TermRole::Logarithm => {
+            format!("write max({}, 1e-6) there, or what is small in its unit", term.text)
+        }
+        _ => "keep [domain] away from there, or write the equation so that it is defined there"
+            .to_owned(),
+    }
+}
+
+fn of_survey(
+    subject: &Subject<'_>,
+    terms: Option<&CriticalTerms>,
+    found: &Irregularity,
+) -> Finding {
+    let rate = format!("{}'", subject.plant.states()[found.state].name);
+    let place = at(subject, &found.sides[0]);
+    let where_it_is = whereabouts(subject, found.is_inside);
+    let guard = "guard the division or the function by max or min, or keep [domain] and the bounds away from it";
+    let because = "a net cannot follow a rate that grows without limit: it is wrong there and in a neighbourhood, which the loss hardly shows";
+    let finding = |what| {
+        if found.is_inside {
+            Finding::error("plant", what)
+        } else {
+            Finding::warning("plant", what)
+        }
+    };
+    match found.kind {
+        IrregularityKind::Pole => finding(format!("{rate} has a pole at {place}, {where_it_is}"))
+            .because(because)
+            .change(guard),
+        IrregularityKind::Undefined => {
+            finding(format!("{rate} is finite up to {place}, {where_it_is}, and not beyond"))
+                .because("within a step the state may get there, and then there is no solution")
+                .change(guard)
+        }
+        IrregularityKind::Jump => {
+            let what = format!("{rate} jumps at {place}{}", switch(terms, found, TermRole::Jump));
+            Finding::warning("plant", what)
+                .because("a net is smooth and rounds it off, and integrators lose their order there")
+                .change("write a steep smooth function, as tanh(x/width) for sign(x), with a width that matters to nobody")
+        }
+        IrregularityKind::Kink => {
+            let what = format!(
+                "the derivative of {rate} jumps at {place}{}",
+                switch(terms, found, TermRole::Kink)
+            );
+            Finding::warning("plant", what)
+                .because("a net is smooth and rounds it off: its error falls slowly with its size there")
+                .change("write a smooth function, as sqrt(x^2 + width^2) for abs(x), if the kink is not physical")
+        }
+    }
+}
+
+/// The term that switches between the two sides, if the equations are known.
+fn switch(terms: Option<&CriticalTerms>, found: &Irregularity, role: TermRole) -> String {
+    let Some(terms) = terms else { return String::new() };
+    let [one, other] = found.sides.each_ref().map(|side| terms.values(&side.joined()));
+    let mut pairs = terms.list().iter().zip(one.iter().zip(&other));
+    let found = pairs.find(|(term, (a, b))| term.role == role && *a * *b <= 0.0);
+    found.map_or_else(String::new, |(term, _)| {
+        format!(" (plant.expression.{}: {} changes sign)", term.key, term.text)
+    })
+}

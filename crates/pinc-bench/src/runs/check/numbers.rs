@@ -1,0 +1,65 @@
+//! Numbers and times as text.
+
+/// Names with their values, as "h1 = 9.16, h2 = 14.2".
+pub(super) fn named<'n>(names: impl Iterator<Item = &'n str>, values: &[f64]) -> String {
+    let pairs = names.zip(values).map(|(name, value)| format!("{name} = {}", short(*value)));
+    pairs.collect::<Vec<_>>().join(", ")
+}
+
+/// A number with five digits.
+pub(super) fn short(value: f64) -> String {
+    match value.abs() {
+        0.0 => "0".to_owned(),
+        size if (1e-3..1e5).contains(&size) => {
+            let text = format!("{value:.5}");
+            let mut text = text[..text.len().min(if value < 0.0 { 8 } else { 7 })].to_owned();
+            if text.contains('.') {
+                text.truncate(text.trim_end_matches('0').trim_end_matches('.').len());
+            }
+            text
+        }
+        _ => format!("{value:.3e}"),
+    }
+}
+
+/// Two numbers with as many digits as tell them apart.
+pub(super) fn apart(one: f64, other: f64) -> (String, String) {
+    for digits in 4..17 {
+        let shown = [one, other].map(|v| format!("{v:.digits$e}").parse().unwrap_or(v));
+        let difference: f64 = shown[0] - shown[1];
+        let real = one - other;
+        // The difference is right to a tenth of itself.
+        if (difference - real).abs() <= 0.1 * real.abs() {
+            return (shown[0].to_string(), shown[1].to_string());
+        }
+    }
+    (one.to_string(), other.to_string())
+}
+
+/// A time in the unit in which it is a small number.
+pub(super) fn time(seconds: f64) -> String {
+    let (value, unit) = match seconds.abs() {
+        0.0 => (0.0, "s"),
+        t if t < 1e-4 => (seconds * 1e6, "us"),
+        t if t < 0.1 => (seconds * 1e3, "ms"),
+        t if t < 120.0 => (seconds, "s"),
+        t if t < 7200.0 => (seconds / 60.0, "min"),
+        _ => (seconds / 3600.0, "h"),
+    };
+    format!("{} {unit}", three(value))
+}
+
+/// A number with three digits, without an exponent up to a million.
+fn three(value: f64) -> String {
+    let rounded: f64 = format!("{value:.2e}").parse().unwrap_or(value);
+    if rounded.abs() < 1e6 { rounded.to_string() } else { format!("{rounded:e}") }
+}
+
+/// A rate, or a part of one, in 1/s.
+pub(super) fn rate(value: f64) -> String {
+    if value == 0.0 || (1e-2..1e5).contains(&value.abs()) {
+        format!("{value:.4}")
+    } else {
+        format!("{value:.3e}")
+    }
+}

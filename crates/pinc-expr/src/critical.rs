@@ -1,0 +1,237 @@
+//! The terms of equations on which it depends where these are defined and smooth.
+
+use crate::graph::{Function, Graph, Node, Operation, Value};
+use crate::program::apply;
+use std::collections::BTreeMap;
+
+/// Longer texts of terms are cut.
+const LONGEST: usize = 60;
+
+/// What a term is needed for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum TermRole {
+    /// It is divided by: not defined where it is 0.
+    Denominator,
+    /// Its root is taken: not defined where it is negative.
+    Radicand,
+    /// Its logarithm is taken: not defined where it is not positive. Also of a base whose exponent is not
+    /// a number.
+    Logarithm,
+    /// It is raised to a power that is not whole: not defined where it is negative.
+    Base,
+    /// `abs`, `min` or `max`: a kink where it is 0 (of the two, the difference).
+    Kink,
+    /// `sign`: a jump where it is 0.
+    Jump,
+}
+
+/// A term on which it depends whether an equation is defined and smooth.
+#[derive(Clone, Debug, PartialEq)]
+pub struct CriticalTerm {
+    /// What it is needed for.
+    pub role: TermRole,
+    /// It, in the names of states, inputs and `let`, with parameters as numbers.
+    pub text: String,
+    /// The key of the equation in which it first stands, as `let.mu`.
+    pub key: String,
+    /// Which values it is the difference of, or the one that it is.
+    values: [Option<Value>; 2],
+}
+
+/// All such terms of a plant's equations.
+///
+/// ```
+/// use pinc_expr::{Equations, TermRole};
+///
+/// let equations: Equations = serde_json::from_str(
+///     r#"{"states": [{"name": "S"}], "inputs": [{"name": "u"}], "derivatives": {"S": "u/(S + 0.1)"}}"#,
+/// )?;
+/// let terms = equations.critical_terms()?;
+/// assert_eq!(terms.list()[0].role, TermRole::Denominator);
+/// assert_eq!(terms.list()[0].text, "S + 0.1");
+/// assert!(terms.values(&[-0.1, 1.0])[0].abs() < 1e-15);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+#[derive(Debug)]
+pub struct CriticalTerms {
+    nodes: Vec<Node>,
+    terms: Vec<CriticalTerm>,
+}
+
+impl CriticalTerms {
+    /// Those of a graph whose first nodes up to `keys[i].0` belong to the equation `keys[i].1`.
+    pub(crate) fn new(
+        graph: Graph,
+        variables: &[&str],
+        names: &BTreeMap<Value, &str>,
+        keys: &[(usize, String)],
+    ) -> Self {
+        let printer = Printer { nodes: &graph.nodes, variables, names };
+        let mut terms: Vec<CriticalTerm> = Vec::new();
+        for (i, node) in graph.nodes.iter().enumerate() {
+            let Some((role, values)) = role(node) else { continue };
+            if terms.iter().any(|term| term.role == role && term.values == values) {
+                continue;
+            }
+            let key = keys.iter().find(|(end, _)| i < *end).map_or("", |(_, key)| key.as_str());
+            let text = printer.difference(values);
+            terms.push(CriticalTerm { role, text, key: key.to_owned(), values });
+        }
+        Self { nodes: graph.nodes, terms }
+    }
+
+    /// They, in the order of the equations.
+    #[must_use]
+    pub fn list(&self) -> &[CriticalTerm] {
+        &self.terms
+    }
+
+    /// Their values, in that order.
+    ///
+    /// # Shapes
+    ///
+    /// `at`: `nx + nu`, states first.
+    #[must_use]
+    pub fn values(&self, at: &[f64]) -> Vec<f64> {
+        let mut all = Vec::with_capacity(self.nodes.len());
+        for node in &self.nodes {
+            let [a, b] = node.operands.map(|operand| operand.map_or(0.0, |value| all[value.0]));
+            all.push(match node.operation {
+                Operation::Variable(i) => at[i],
+                operation => apply(operation, &a, &b),
+            });
+        }
+        let of = |value: Option<Value>| value.map_or(0.0, |value| all[value.0]);
+        self.terms.iter().map(|term| of(term.values[0]) - of(term.values[1])).collect()
+    }
+}
+
+fn role(node: &Node) -> Option<(TermRole, [Option<Value>; 2])> {
+    let [a, b] = node.operands;
+    Some(match node.operation {
+        Operation::Div => (TermRole::Denominator, [b, None]),
+        Operation::DivInto(_) => (TermRole::Denominator, [a, None]),
+        Operation::Power(_) => (TermRole::Base, [a, None]),
+        Operation::Min | Operation::Max => (TermRole::Kink, [a, b]),
+        Operation::Function(Function::Sqrt) => (TermRole::Radicand, [a, None]),
+        Operation::Function(Function::Log) => (TermRole::Logarithm, [a, None]),
+        Operation::Function(Function::Abs) => (TermRole::Kink, [a, None]),
+        Operation::Function(Function::Sign) => (TermRole::Jump, [a, None]),
+        _ => return None,
+    })
+}
+
+/// From values back to text.
+struct Printer<'a> {
+    nodes: &'a [Node],
+    variables: &'a [&'a str],
+    names: &'a BTreeMap<Value, &'a str>,
+}
+
+/// How strongly the operation of a text binds: sums, products, the rest.
+#[derive(Clone, Copy, PartialEq, PartialOrd)]
+enum Binding {
+    Sum,
+    Product,
+    Atom,
+}
+
+impl Printer<'_> {
+    fn difference(&self, values: [Option<Value>; 2]) -> String {
+        let parts = values.map(|value| value.map(|value| self.inside(value)));
+        let text = match parts {
+            [Some(a), Some(b)] => format!("{a} - {b}"),
+            [Some(a), None] | [None, Some(a)] => a,
+            [None, None] => String::new(),
+        };
+        if text.chars().count() <= LONGEST {
+            return text;
+        }
+        let cut: String = text.chars().take(LONGEST).collect();
+        format!("{cut}..")
+    }
+
+    /// The text of a value that is not replaced by its own name.
+    fn inside(&self, value: Value) -> String {
+        let mut budget = LONGEST;
+        self.operation(value, &mut budget).0
+    }
+
+    fn text(&self, value: Value, at_least: Binding, budget: &mut usize) -> String {
+        if let Some(name) = self.names.get(&value) {
+            return (*name).to_owned();
+        }
+        if *budget == 0 {
+            return "..".to_owned();
+        }
+        *budget -= 1;
+        let (text, binding) = self.operation(value, budget);
+        if binding < at_least { format!("({text})") } else { text }
+    }
+
+    fn operation(&self, value: Value, budget: &mut usize) -> (String, Binding) {
+        let node = self.nodes[value.0];
+        let mut of = |k: usize, at_least: Binding| {
+            node.operands[k].map_or_else(String::new, |v| self.text(v, at_least, budget))
+        };
+        match node.operation {
+            Operation::Variable(i) => (self.variables[i].to_owned(), Binding::Atom),
+            Operation::Constant(number) => (short(number.value()), Binding::Atom),
+            Operation::Add => {
+                (format!("{} + {}", of(0, Binding::Sum), of(1, Binding::Sum)), Binding::Sum)
+            }
+            Operation::Sub => {
+                (format!("{} - {}", of(0, Binding::Sum), of(1, Binding::Product)), Binding::Sum)
+            }
+            Operation::Mul => {
+                let text = format!("{}*{}", of(0, Binding::Product), of(1, Binding::Product));
+                (text, Binding::Product)
+            }
+            Operation::Div => {
+                let text = format!("{}/{}", of(0, Binding::Product), of(1, Binding::Atom));
+                (text, Binding::Product)
+            }
+            Operation::Min => {
+                (format!("min({}, {})", of(0, Binding::Sum), of(1, Binding::Sum)), Binding::Atom)
+            }
+            Operation::Max => {
+                (format!("max({}, {})", of(0, Binding::Sum), of(1, Binding::Sum)), Binding::Atom)
+            }
+            Operation::Neg => (format!("-{}", of(0, Binding::Product)), Binding::Sum),
+            Operation::AddNumber(number) => {
+                let (sign, size) = signed(number.value());
+                (format!("{} {sign} {size}", of(0, Binding::Sum)), Binding::Sum)
+            }
+            Operation::SubFrom(number) => {
+                (format!("{} - {}", short(number.value()), of(0, Binding::Product)), Binding::Sum)
+            }
+            Operation::MulNumber(number) => {
+                let text = format!("{}*{}", short(number.value()), of(0, Binding::Product));
+                (text, Binding::Product)
+            }
+            Operation::DivInto(number) => {
+                let text = format!("{}/{}", short(number.value()), of(0, Binding::Atom));
+                (text, Binding::Product)
+            }
+            Operation::Power(number) => {
+                let text = format!("{}^{}", of(0, Binding::Atom), short(number.value()));
+                (text, Binding::Product)
+            }
+            Operation::Function(function) => {
+                let name = Function::ALL.iter().find(|(_, f)| *f == function);
+                let name = name.map_or("", |(name, _)| name);
+                (format!("{name}({})", of(0, Binding::Sum)), Binding::Atom)
+            }
+        }
+    }
+}
+
+fn signed(value: f64) -> (char, String) {
+    if value < 0.0 { ('-', short(-value)) } else { ('+', short(value)) }
+}
+
+/// A number with six digits at most.
+fn short(value: f64) -> String {
+    let rounded: f64 = format!("{value:.5e}").parse().unwrap_or(value);
+    format!("{rounded}")
+}
