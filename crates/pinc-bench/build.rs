@@ -11,11 +11,10 @@ fn main() {
     set("PINC_PROFILE", &env::var("PROFILE").unwrap_or_default());
 
     // Every source file of the workspace, so that the commit and its state are those of the build.
-    let mut watched =
-        vec!["build.rs".to_owned(), "presets".to_owned(), "../../Cargo.lock".to_owned()];
-    for name in ["ad", "bench", "mpc", "net", "ode"] {
-        watched.push(format!("../pinc-{name}/src"));
-    }
+    let watched = ["build.rs", "../../Cargo.lock", "../pinc-config/presets"];
+    let mut watched: Vec<String> = watched.map(str::to_owned).to_vec();
+    let crates = std::fs::read_dir("..").into_iter().flatten().flatten();
+    watched.extend(crates.map(|entry| entry.path().join("src").to_string_lossy().into_owned()));
     if let Some(commit) = output("git", &["rev-parse", "HEAD"]) {
         set("PINC_GIT_COMMIT", &commit);
         let state = ["status", "--porcelain", "--", "..", "../../Cargo.lock"];

@@ -4,7 +4,8 @@
 //! `cargo run --release -p pinc-bench --example 02_config_and_check`
 #![expect(clippy::print_stdout, reason = "an example shows what it computes")]
 
-use pinc_bench::{Experiment, Severity, check};
+use pinc_bench::{Severity, check};
+use pinc_config::{Experiment, Plants};
 use std::error::Error;
 use std::path::Path;
 
@@ -45,11 +46,13 @@ references = [{ start_s = 0.0, value = [318.0] }]
 pub(crate) fn main() -> Result<(), Box<dyn Error>> {
     let (name, sets) = (Path::new("heated-tank.toml"), Vec::new());
     let mistaken = CONFIG.replace("neurons", "neuron");
-    let error = Experiment::parse(name, &mistaken, &sets).err().ok_or("a key that nothing has")?;
+    let error = Experiment::parse(name, &mistaken, &sets, &Plants::built_in())
+        .err()
+        .ok_or("a key that nothing has")?;
     println!("{error}\n");
     assert!(error.to_string().contains("did you mean `neurons`?"));
 
-    let experiment = Experiment::parse(name, CONFIG, &sets)?;
+    let experiment = Experiment::parse(name, CONFIG, &sets, &Plants::built_in())?;
     let findings = check(&experiment);
     for finding in &findings {
         println!("{finding}");

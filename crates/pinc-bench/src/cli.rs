@@ -1,11 +1,9 @@
 //! The command line.
 
-use crate::spec::RunList;
-use crate::{
-    BenchError, BenchOptions, Experiment, ModelKind, Options, OutsidePolicy, Plants, RunDir, Shard,
-    Verbosity, console, summary,
-};
+use crate::{BenchError, BenchOptions, Options, Shard, Verbosity, console, summary};
 use clap::{Args, Parser, Subcommand};
+use pinc_config::{Experiment, ModelKind, OutsidePolicy, Plants, RunList};
+use pinc_record::RunDir;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -162,20 +160,15 @@ enum Only {
 }
 
 /// The whole program `pinc`, with `plants` besides the built-in ones.
-///
-/// # Panics
-///
-/// If it is called twice, or after [`Plants::install`].
 #[must_use]
-pub fn program(plants: Plants) -> ExitCode {
-    plants.install();
+pub fn program(plants: &Plants) -> ExitCode {
     let cli = Cli::parse();
     tracing_subscriber::fmt()
         .with_max_level(tracing::Level::WARN)
         .with_writer(std::io::stderr)
         .without_time()
         .init();
-    match execute(&cli) {
+    match execute(&cli, plants) {
         Ok(code) => code,
         Err(error) => {
             console::note(&format!("error: {error}"));
@@ -184,17 +177,17 @@ pub fn program(plants: Plants) -> ExitCode {
     }
 }
 
-fn execute(cli: &Cli) -> Result<ExitCode, BenchError> {
+fn execute(cli: &Cli, plants: &Plants) -> Result<ExitCode, BenchError> {
     let quiet = cli.quiet;
     match &cli.command {
-        Command::Run { configs, shard, run } => run_all(configs, *shard, run, quiet)?,
+        Command::Run { configs, shard, run } => run_all(configs, *shard, run, plants, quiet)?,
         Command::Merge { parts, out } => {
             let arguments = arguments();
             let options = options(true, quiet, &arguments);
-            show(quiet, &summary(&crate::merge(parts, out, &options)?));
+            show(quiet, &summary(&crate::merge(parts, out, plants, &options)?));
         }
         Command::Train { config, run } => {
-            run.one(config, quiet, crate::train)?;
+            run.one(config, plants, quiet, crate::train)?;
         }
         Command::Control { config, model, only, run } => {
             let only = only.map(|only| match only {
@@ -203,7 +196,7 @@ fn execute(cli: &Cli) -> Result<ExitCode, BenchError> {
                 Only::Rk5 => ModelKind::Rk5,
                 Only::Rodas4 => ModelKind::Rodas4,
             });
-            run.one(config, quiet, |experiment, dir, options| {
+            run.one(config, plants, quiet, |experiment, dir, options| {
                 crate::control(experiment, dir, options, model.as_deref(), only)
             })?;
         }
@@ -217,13 +210,13 @@ fn execute(cli: &Cli) -> Result<ExitCode, BenchError> {
                 console::note(&format!("warning: {found}"));
             }
         }
-        Command::Check { config, json, set } => return check(config, *json, &set.set),
+        Command::Check { config, json, set } => return check(config, *json, &set.set, plants),
         Command::Report { dir } => {
             let path = crate::rebuild_report(dir)?;
             show(quiet, &path.display().to_string());
         }
-        Command::Results { dir, out: None } => console::line(crate::results(dir)?.trim_end()),
-        Command::Results { dir, out: Some(page) } => crate::write_results(dir, page)?,
+        Command::Results { dir, out: None } => console::line(pinc_report::results(dir)?.trim_end()),
+        Command::Results { dir, out: Some(page) } => pinc_report::write_results(dir, page)?,
         Command::Bench { json, quick, loss_gradient_file } => {
             let verbosity = if quiet { Verbosity::Quiet } else { Verbosity::Shown };
             let loss_gradient_file = loss_gradient_file.clone();
@@ -240,11 +233,12 @@ fn run_all(
     configs: &[PathBuf],
     shard: Option<Shard>,
     run: &RunArgs,
+    plants: &Plants,
     quiet: bool,
 ) -> Result<(), BenchError> {
     let mut all = Vec::new();
     for config in configs {
-        all.extend(run.load(config, configs.len() > 1)?);
+        all.extend(run.load(config, plants, configs.len() > 1)?);
     }
     let work = |experiment: &Experiment, dir: &Path, options: &Options<'_>| match (
         &experiment.sweep,
@@ -273,8 +267,13 @@ fn run_all(
     }
 }
 
-fn check(config: &Path, json: bool, sets: &[String]) -> Result<ExitCode, BenchError> {
-    let experiment = Experiment::load(config, sets)?;
+fn check(
+    config: &Path,
+    json: bool,
+    sets: &[String],
+    plants: &Plants,
+) -> Result<ExitCode, BenchError> {
+    let experiment = Experiment::load(config, sets, plants)?;
     let findings = crate::check(&experiment);
     if json {
         console::line(&crate::findings_json(&findings));
@@ -298,24 +297,30 @@ impl RunArgs {
     fn one(
         &self,
         config: &Path,
+        plants: &Plants,
         quiet: bool,
         work: impl Fn(&Experiment, &Path, &Options<'_>) -> Result<RunDir, BenchError>,
     ) -> Result<(), BenchError> {
-        let experiment = Experiment::load(config, &self.set.set)?;
+        let experiment = Experiment::load(config, &self.set.set, plants)?;
         let dir = self.directory(&experiment.name, false);
         self.execute(&experiment, &dir, quiet, &work)
     }
 
     /// The experiments of a file, which is a config or a list of such, with their run directories.
-    fn load(&self, config: &Path, several: bool) -> Result<Vec<(Experiment, PathBuf)>, BenchError> {
+    fn load(
+        &self,
+        config: &Path,
+        plants: &Plants,
+        several: bool,
+    ) -> Result<Vec<(Experiment, PathBuf)>, BenchError> {
         let sets = &self.set.set;
         let Some(list) = RunList::load(config)? else {
-            let experiment = Experiment::load(config, sets)?;
+            let experiment = Experiment::load(config, sets, plants)?;
             let dir = self.directory(&experiment.name, several);
             return Ok(vec![(experiment, dir)]);
         };
         let dir = self.directory(&list.name, several);
-        let listed = list.experiments(config, sets)?.into_iter();
+        let listed = list.experiments(config, sets, plants)?.into_iter();
         Ok(listed.map(|(experiment, place)| (experiment, dir.join(place))).collect())
     }
 
@@ -337,8 +342,8 @@ impl RunArgs {
     ) -> Result<(), BenchError> {
         let arguments = arguments();
         let options = options(self.resume, quiet, &arguments);
-        let record = work(experiment, dir, &options)?;
-        show(quiet, &summary(&record));
+        let run_dir = work(experiment, dir, &options)?;
+        show(quiet, &summary(&run_dir));
         Ok(())
     }
 }

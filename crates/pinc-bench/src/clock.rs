@@ -1,6 +1,6 @@
 //! Timing.
 
-use crate::record::WallTimes;
+use pinc_record::WallTimes;
 use std::time::Instant;
 
 /// Repetitions of which a median is taken, at least.

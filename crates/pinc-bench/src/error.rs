@@ -1,11 +1,12 @@
 //! What can go wrong with an experiment.
 
-use crate::report::ReportError;
-use crate::spec::ConfigError;
+use pinc_config::ConfigError;
 use pinc_mpc::MpcError;
 use pinc_net::{ModelError, NetError};
 use pinc_ode::OdeError;
-use std::path::{Path, PathBuf};
+use pinc_record::RecordError;
+use pinc_report::ReportError;
+use std::path::PathBuf;
 use thiserror::Error;
 
 /// An error of this crate.
@@ -15,6 +16,9 @@ pub enum BenchError {
     /// The config cannot be used.
     #[error(transparent)]
     Config(#[from] ConfigError),
+    /// A file or directory that cannot be read or written.
+    #[error(transparent)]
+    Record(#[from] RecordError),
     /// The config lacks a section that the command needs.
     #[error("{name}: the config has no section [{section}], which `{command}` needs")]
     MissingSection {
@@ -32,14 +36,6 @@ pub enum BenchError {
         name: String,
         /// The model asked for.
         model: &'static str,
-    },
-    /// An input file that cannot be read.
-    #[error("{}: cannot be read: {source}", path.display())]
-    Unreadable {
-        /// The file.
-        path: PathBuf,
-        /// Why.
-        source: std::io::Error,
     },
     /// A model file that holds no usable model.
     #[error("{}: {source}", path.display())]
@@ -107,73 +103,15 @@ pub enum BenchError {
         /// Length T of a step, in s.
         sample_time_s: f64,
     },
-    /// A file or folder that cannot be written.
-    #[error("{}: cannot be written: {source}", path.display())]
-    Unwritable {
-        /// The file or folder.
-        path: PathBuf,
-        /// Why.
-        source: std::io::Error,
-    },
-    /// The run directory belongs to another config.
-    #[error(
-        "{}: belongs to a run of another config (its config.toml differs); choose another directory \
-         with --out, or delete this one",
-        dir.display()
-    )]
-    OtherConfig {
-        /// The directory.
-        dir: PathBuf,
-    },
-    /// The run directory holds something else than a run.
-    #[error(
-        "{}: holds files, but no config.toml of a run; choose another directory with --out",
-        dir.display()
-    )]
-    NoRunDirectory {
-        /// The directory.
-        dir: PathBuf,
-    },
-    /// A directory without runs of the paper.
-    #[error(
-        "{}: no runs of the paper's experiments; expected <experiment>/<preset>/ as `pinc run configs/paper.toml` writes them",
-        dir.display()
-    )]
-    NoPaperRuns {
-        /// The directory.
-        dir: PathBuf,
-    },
-    /// A page whose name leaves none for the directory of its pictures.
-    #[error("--out {}: expected a file name with an ending, as results.md", path.display())]
-    PageWithoutEnding {
-        /// The file.
-        path: PathBuf,
-    },
-    /// A checkpoint that cannot be continued from.
-    #[error("{}: {problem}; without --resume the run starts afresh", path.display())]
-    Checkpoint {
-        /// The file.
-        path: PathBuf,
-        /// What is wrong with it.
-        problem: CheckpointProblem,
-    },
     /// Another error of a net or its training.
     #[error("training: {0}")]
     Net(#[from] NetError),
-    /// Another error of the control problem, or a plant that broke off in the loop.
+    /// Another error of the control problem, or a plant that could not be integrated in the loop.
     #[error("closed loop: {0}")]
     Control(#[from] MpcError),
     /// The truth could not be integrated.
     #[error("the plant cannot be integrated: {0}")]
     Plant(#[from] OdeError),
-    /// A file of the run directory that cannot be used.
-    #[error("{}: {problem}", path.display())]
-    Results {
-        /// The file.
-        path: PathBuf,
-        /// What is wrong with it.
-        problem: serde_json::Error,
-    },
     /// The report could not be made.
     #[error(transparent)]
     Report(#[from] ReportError),
@@ -279,30 +217,6 @@ pub enum CsvProblem {
     },
 }
 
-/// What is wrong with a checkpoint.
-#[derive(Debug, Error)]
-#[non_exhaustive]
-pub enum CheckpointProblem {
-    /// Another kind of file.
-    #[error("not a checkpoint of a PINC training")]
-    Foreign,
-    /// Of another version of the program.
-    #[error("written by another version of pinc (format {0})")]
-    Version(u32),
-    /// Truncated or changed.
-    #[error("damaged: its checksum does not fit")]
-    Damaged,
-    /// Of another config.
-    #[error("belongs to another config or other measurements")]
-    OtherConfig,
-    /// The training does not take it.
-    #[error("{0}")]
-    Training(NetError),
-    /// The training record beside it is missing or broken.
-    #[error("training.csv beside it is missing, damaged or too short")]
-    RunDir,
-}
-
 impl BenchError {
     /// The exit code of the program: 2 for bad usage or input, 1 for a run that failed.
     #[must_use]
@@ -314,15 +228,5 @@ impl BenchError {
             Self::Interrupted { .. } | Self::FailedTrials { .. } | Self::FailedRuns { .. } => 1,
             _ => 2,
         }
-    }
-
-    pub(crate) fn unreadable(path: &Path) -> impl FnOnce(std::io::Error) -> Self {
-        let path = path.to_owned();
-        move |source| Self::Unreadable { path, source }
-    }
-
-    pub(crate) fn unwritable(path: &Path) -> impl FnOnce(std::io::Error) -> Self {
-        let path = path.to_owned();
-        move |source| Self::Unwritable { path, source }
     }
 }

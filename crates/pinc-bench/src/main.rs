@@ -4,5 +4,5 @@ use pinc_bench::Plants;
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
-    pinc_bench::program(Plants::new())
+    pinc_bench::program(&Plants::built_in())
 }

@@ -2,11 +2,10 @@
 
 use crate::BenchError;
 use crate::clock::{for_seconds, median, time, to_f64};
-use crate::record::number_or_null;
 use pinc_net::{Domain, Points, Sampler};
 use pinc_ode::metrics::mean_squared_error;
 use pinc_ode::{Dims, Dopri5, DynPlant, LinearizationBuffer, Model, Stages};
-use serde::{Deserialize, Serialize};
+use pinc_record::StepErrors;
 use std::hint::black_box;
 use std::ops::Range;
 
@@ -18,25 +17,6 @@ const JACOBIANS: usize = 256;
 
 /// Substeps of RK5 for the true Jacobians.
 const FINE: usize = 512;
-
-/// How wrong one step is, over points that fill a domain. States are measured in widths of the domain; the
-/// error at a point is the root mean square over the states. Not finite where a step is not.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct StepErrors {
-    /// Root mean square over the points.
-    #[serde(deserialize_with = "number_or_null")]
-    pub rms: f64,
-    /// Median over the points.
-    #[serde(deserialize_with = "number_or_null")]
-    pub median: f64,
-    /// 99th percentile over the points.
-    #[serde(deserialize_with = "number_or_null")]
-    pub p99: f64,
-    /// Root mean square, over points and entries, of the errors of the Jacobians A and B, in widths of the
-    /// domain per width.
-    #[serde(deserialize_with = "number_or_null")]
-    pub jacobian_rms: f64,
-}
 
 /// Points that fill a domain, with the true states one step later.
 pub(crate) struct Steps {

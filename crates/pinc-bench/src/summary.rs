@@ -1,17 +1,17 @@
 //! The short table at the end of a run.
 
-use crate::record::{Metrics, RunDir, file};
-use crate::spec::ModelKind;
+use pinc_config::ModelKind;
 use pinc_net::TrainingTarget;
+use pinc_record::{Metrics, RunDir, file};
 use std::fmt::Write;
 
 /// The metrics of a run, and where its report is, for reading.
 #[must_use]
-pub fn summary(record: &RunDir) -> String {
+pub fn summary(run_dir: &RunDir) -> String {
     let mut text = String::new();
     // Writing to a String does not fail.
-    let _ = metrics(&mut text, record.metrics());
-    let _ = write!(text, "report: {}", record.path(file::REPORT).display());
+    let _ = metrics(&mut text, run_dir.metrics());
+    let _ = write!(text, "report: {}", run_dir.path(file::REPORT).display());
     text
 }
 

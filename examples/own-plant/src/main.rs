@@ -57,5 +57,5 @@ impl Plant for Pendulum {
 }
 
 fn main() -> ExitCode {
-    pinc_bench::program(Plants::new().with::<Pendulum>("pendulum"))
+    pinc_bench::program(&Plants::built_in().with::<Pendulum>("pendulum"))
 }

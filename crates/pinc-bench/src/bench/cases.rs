@@ -1,6 +1,7 @@
 //! What is measured: the paper's two plants, as the shipped configs have them.
 
-use crate::{BenchError, Experiment};
+use crate::BenchError;
+use pinc_config::{Experiment, Plants};
 use std::path::Path;
 
 /// A plant of the paper, with its net and its closed loop.
@@ -38,7 +39,7 @@ impl Case {
             ),
         };
         let sets: Vec<String> = sets.iter().map(|&set| set.to_owned()).collect();
-        Ok(Experiment::parse(Path::new(path), text, &sets)?)
+        Ok(Experiment::parse(Path::new(path), text, &sets, &Plants::built_in())?)
     }
 }
 

@@ -5,9 +5,10 @@ use super::model::{self, Trained};
 use super::programs;
 use super::results::{BenchReport, NmpcTimes};
 use crate::clock::to_f64;
-use crate::record::file;
 use crate::runs::read_model;
-use crate::{BenchError, ControlMetrics, Experiment, Options, RunDir, Verbosity};
+use crate::{BenchError, Options, Verbosity};
+use pinc_config::Experiment;
+use pinc_record::{ControlMetrics, RecordError, RunDir, file};
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
 
@@ -26,11 +27,11 @@ pub(super) fn run(case: Case, effort: &Effort, report: &mut BenchReport) -> Resu
     let small = trained(&small, crate::train)?.0;
     let experiment =
         case.experiment(&[papers_ends, &format!("control.repetitions={}", effort.repetitions)])?;
-    let (papers, record) =
+    let (papers, run_dir) =
         trained(&experiment, |e, dir, options| crate::control(e, dir, options, None, None))?;
     let system = experiment.plant.dyn_plant();
     let steps = model::run(case, &*system, small.net.domain(), &[&small, &papers], effort)?;
-    for metrics in &record.metrics().control {
+    for metrics in &run_dir.metrics().control {
         report.nmpc.push(nmpc(case, &experiment, metrics));
     }
     report.qp.extend(programs::run(case, effort.repetitions)?);
@@ -44,10 +45,10 @@ fn trained(
     work: impl FnOnce(&Experiment, &Path, &Options<'_>) -> Result<RunDir, BenchError>,
 ) -> Result<(Trained, RunDir), BenchError> {
     in_passing(|dir, options| {
-        let record = work(experiment, dir, options)?;
+        let run_dir = work(experiment, dir, options)?;
         let net = read_model(&dir.join(file::MODEL))?;
-        let seconds = record.metrics().training.as_ref().map_or(0.0, |training| training.wall_s);
-        Ok((Trained { net, seconds }, record))
+        let seconds = run_dir.metrics().training.as_ref().map_or(0.0, |training| training.wall_s);
+        Ok((Trained { net, seconds }, run_dir))
     })
 }
 
@@ -56,7 +57,7 @@ fn in_passing<T>(
     work: impl FnOnce(&Path, &Options<'_>) -> Result<T, BenchError>,
 ) -> Result<T, BenchError> {
     let temporary = std::env::temp_dir();
-    let dir = tempfile::tempdir().map_err(BenchError::unwritable(&temporary))?;
+    let dir = tempfile::tempdir().map_err(RecordError::unwritable(&temporary))?;
     let options = Options {
         resume: false,
         verbosity: Verbosity::Quiet,

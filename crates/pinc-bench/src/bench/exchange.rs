@@ -14,8 +14,8 @@
 use super::cases::Case;
 use super::kernel::Evaluation;
 use crate::BenchError;
-use crate::record::write_atomically;
 use pinc_net::{Points, Workers};
+use pinc_record::write_atomically;
 use safetensors::tensor::TensorView;
 use safetensors::{Dtype, SafeTensorError, SafeTensors};
 use std::path::Path;
@@ -37,7 +37,7 @@ pub(super) fn write(path: &Path, case: Case, evaluation: &Evaluation) -> Result<
     ];
     let bytes = container(&evaluation.net.to_bytes(), &tensors, case)
         .expect("a net's own file, and tensors whose shapes fit their data");
-    write_atomically(path, &bytes)
+    Ok(write_atomically(path, &bytes)?)
 }
 
 /// A named tensor.

@@ -6,7 +6,7 @@ use super::results::{FmaPeak, LossGradient};
 use crate::BenchError;
 use crate::clock::{for_seconds, median, time, to_f64};
 use crate::runs::Setup;
-use crate::spec::Experiment;
+use pinc_config::Experiment;
 use pinc_net::{BatchLoss, Isa, LossWeights, PincNet, Points, Workers, initial_conditions};
 use pinc_ode::DynPlant;
 use std::path::Path;

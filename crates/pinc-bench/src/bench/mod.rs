@@ -18,8 +18,9 @@ mod table;
 
 pub use results::{BenchReport, FmaPeak, LossGradient, Machine, ModelStep, NmpcTimes, QpTime};
 
+use crate::invocation::invocation;
 use crate::progress::Stage;
-use crate::{BenchError, Invocation, Verbosity};
+use crate::{BenchError, Verbosity};
 use cases::{Case, Effort};
 use pinc_net::Isa;
 use std::path::PathBuf;
@@ -43,7 +44,7 @@ pub struct BenchOptions {
 /// [`BenchError`] if a file cannot be written, or a net cannot be trained.
 pub fn bench(options: &BenchOptions) -> Result<BenchReport, BenchError> {
     let effort = Effort::new(options.quick);
-    let mut report = BenchReport::begin(options.quick, Invocation::now(&[]));
+    let mut report = BenchReport::begin(options.quick, invocation(&[]));
     let progress = |what: &str, case: Case| {
         let mut stage = Stage::begin(options.verbosity, &format!("{what}, {}", case.name()), 1);
         stage.advance(0, String::new);

@@ -3,9 +3,10 @@
 
 use super::cases::Case;
 use super::results::QpTime;
+use crate::BenchError;
 use crate::clock::{median, to_f64};
 use crate::runs::ControlSetup;
-use crate::{BenchError, ModelKind};
+use pinc_config::ModelKind;
 use pinc_mpc::{Nmpc, QpMethod};
 use pinc_ode::{Dims, Linearization, Model, Stages};
 use std::sync::Arc;

@@ -1,7 +1,7 @@
 //! What is measured, as data: the JSON of `pinc bench --json`.
 
-use crate::{Invocation, StepTimes};
 use pinc_net::Isa;
+use pinc_record::{Invocation, StepTimes};
 use serde::Serialize;
 
 /// All measurements of a machine.
@@ -25,9 +25,9 @@ pub struct BenchReport {
 
 impl BenchReport {
     /// A report with no measurements yet.
-    pub(super) fn begin(quick: bool, sitting: Invocation) -> Self {
+    pub(super) fn begin(quick: bool, invocation: Invocation) -> Self {
         Self {
-            machine: Machine::of(sitting),
+            machine: Machine::of(invocation),
             quick,
             fma_peak_gflops: FmaPeak { f64_1: 0.0, f64_all: 0.0 },
             loss_gradient: Vec::new(),
@@ -74,18 +74,18 @@ pub struct Machine {
 }
 
 impl Machine {
-    pub(super) fn of(sitting: Invocation) -> Self {
+    pub(super) fn of(invocation: Invocation) -> Self {
         Self {
-            cpu: sitting.cpu,
-            cores: sitting.cores,
+            cpu: invocation.cpu,
+            cores: invocation.cores,
             isa: Isa::available().iter().map(ToString::to_string).collect(),
-            os: sitting.os,
-            target: sitting.target,
-            rustc: sitting.rustc,
-            profile: sitting.profile,
-            version: sitting.version,
-            git_commit: sitting.git_commit,
-            git_dirty: sitting.git_dirty,
+            os: invocation.os,
+            target: invocation.target,
+            rustc: invocation.rustc,
+            profile: invocation.profile,
+            version: invocation.version,
+            git_commit: invocation.git_commit,
+            git_dirty: invocation.git_dirty,
         }
     }
 }

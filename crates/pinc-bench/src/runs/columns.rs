@@ -13,9 +13,9 @@ pub(super) type Row = Result<(u64, StringRecord), At>;
 pub(super) fn rows(text: &[u8]) -> Result<(StringRecord, impl Iterator<Item = Row>), At> {
     let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(text);
     let header = reader.headers().map_err(syntax)?.clone();
-    let rows = reader.into_records().map(|record| {
-        let record = record.map_err(syntax)?;
-        Ok((record.position().map_or(0, csv::Position::line), record))
+    let rows = reader.into_records().map(|row| {
+        let row = row.map_err(syntax)?;
+        Ok((row.position().map_or(0, csv::Position::line), row))
     });
     Ok((header, rows))
 }

@@ -4,11 +4,14 @@ use super::Options;
 use super::guard::Guard;
 use crate::BenchError;
 use crate::progress::Stage;
-use crate::record::{ControlMetrics, RunDir, StepTimes, Table, WallTimes, number};
-use crate::spec::{ControlSpec, ModelKind, PlantSpec};
-use pinc_mpc::{ClosedLoop, Nmpc, NmpcProblem, Reference};
+use pinc_config::{ControlSpec, ModelKind, PlantSpec};
+use pinc_mpc::{ClosedLoop, Nmpc, NmpcProblem, Reference, StepRecord};
 use pinc_net::{NetError, PincModel, PincNet};
-use pinc_ode::{Dopri5, DynPlant, Model, PiecewiseConstant, Trajectory};
+use pinc_ode::{Dopri5, DynPlant, Model, PiecewiseConstant, Trajectory, Variable};
+use pinc_record::{
+    ControlMetrics, ControlRow, ControlTrace, RunDir, StepRow, StepTimes, WallTimes, file,
+    fixed_table,
+};
 use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
 
@@ -32,19 +35,19 @@ pub(crate) fn stage(
     plant: &dyn DynPlant,
     setup: &Setup<'_>,
     options: &Options<'_>,
-    record: &mut RunDir,
+    run_dir: &mut RunDir,
 ) -> Result<(), BenchError> {
-    let done = record.metrics().control.iter().map(|run| run.model);
+    let done = run_dir.metrics().control.iter().map(|run| run.model);
     if done.eq(setup.kinds.iter().copied()) {
         return Ok(());
     }
-    record.update(|all| all.control.clear())?;
-    record.remove_loops()?;
+    run_dir.update(|all| all.control.clear())?;
+    run_dir.remove_loops()?;
     let real = setup.spec.plant.as_ref().map(PlantSpec::dyn_plant);
     for &kind in setup.kinds {
         let model = (kind, setup.model(kind, plant)?);
-        let metrics = run_model(real.as_deref().unwrap_or(plant), setup, model, options, record)?;
-        record.update(|all| all.control.push(metrics))?;
+        let metrics = run_model(real.as_deref().unwrap_or(plant), setup, model, options, run_dir)?;
+        run_dir.update(|all| all.control.push(metrics))?;
     }
     Ok(())
 }
@@ -54,7 +57,7 @@ fn run_model(
     setup: &Setup<'_>,
     (kind, model): NamedModel,
     options: &Options<'_>,
-    record: &RunDir,
+    run_dir: &RunDir,
 ) -> Result<ControlMetrics, BenchError> {
     let ControlSpec { sqp, repetitions, budget_us, .. } = setup.spec;
     let mut nmpc = Nmpc::new(setup.problem(plant), model, *sqp)?;
@@ -64,7 +67,7 @@ fn run_model(
     let mut results = None;
     let mut outside = None;
     for repetition in 0..*repetitions {
-        options.go_on(record.dir())?;
+        options.go_on(run_dir.dir())?;
         progress.advance(repetition as u64, String::new);
         // Only the first leaves results: the others give the same numbers in other times.
         let mut run = setup.begin(&mut nmpc, plant)?;
@@ -72,14 +75,16 @@ fn run_model(
         let budget = budget_us.map(|us| Duration::from_secs_f64(1e-6 * us));
         let outcome = times.watch(&mut run, budget, guard.as_mut());
         if results.is_none() || outcome.is_err() {
-            record.write_trace(&setup.file("control", kind), || setup.trace(&run, plant))?;
+            let name = file::control(kind, setup.kinds.len());
+            run_dir.write_trace(&name, || setup.trace(&run, plant).to_csv())?;
             results = Some(Results::of(&run));
             outside = guard.map(Guard::found);
         }
         outcome?;
     }
     let results = results.expect("there is at least one repetition");
-    record.write_trace(&setup.file("steps", kind), || times.table(&results))?;
+    let name = file::steps(kind, setup.kinds.len());
+    run_dir.write_trace(&name, || fixed_table(&times.rows(&results)))?;
     progress.end(&format!("{repetitions} runs, IAE {:.4}", results.iae_dense_sum));
     let metrics = results.metrics(kind, times);
     Ok(ControlMetrics { outside_domain: outside, ..metrics })
@@ -141,27 +146,22 @@ impl Setup<'_> {
         Ok(ClosedLoop::new(nmpc, truth, reference, &spec.initial_state)?)
     }
 
-    /// The name of the file for one model's `kind` of table.
-    fn file(&self, kind: &str, model: ModelKind) -> String {
-        match self.kinds.len() {
-            1 => format!("{kind}.csv"),
-            _ => format!("{kind}-{model}.csv"),
-        }
-    }
-
-    /// The dense trace as a table.
-    fn trace(&self, run: &ClosedLoop<'_>, plant: &dyn DynPlant) -> Table {
-        let variables = plant.states().iter().chain(plant.inputs());
-        let columns = std::iter::once("t".to_owned()).chain(variables.map(|v| v.name.to_string()));
-        let mut table = Table::new(
-            columns.chain(self.spec.controlled.iter().map(|name| format!("{name}_ref"))),
-        );
+    /// The dense trace of a loop.
+    fn trace(&self, run: &ClosedLoop<'_>, plant: &dyn DynPlant) -> ControlTrace {
+        let names = |variables: &[Variable]| variables.iter().map(|v| v.name.to_string()).collect();
         let trace = run.trajectory();
-        for (i, t) in trace.times().iter().enumerate() {
-            let row = std::iter::once(t).chain(trace.state(i)).chain(trace.input(i));
-            table.push_numbers(row.chain(run.reference_at(i)));
+        let row = |(i, t): (usize, &f64)| ControlRow {
+            t: *t,
+            state: trace.state(i).to_vec(),
+            input: trace.input(i).to_vec(),
+            reference: run.reference_at(i).to_vec(),
+        };
+        ControlTrace {
+            states: names(plant.states()),
+            inputs: names(plant.inputs()),
+            controlled: self.spec.controlled.clone(),
+            rows: trace.times().iter().enumerate().map(row).collect(),
         }
-        table
     }
 }
 
@@ -195,28 +195,26 @@ impl Times {
         Ok(())
     }
 
-    /// `steps.csv`, with each step's median time.
-    fn table(&self, results: &Results) -> Table {
-        let mut table =
-            Table::new(["step", "status", "sqp_iterations", "kkt", "solve_us", "violated"]);
-        for (k, step) in results.steps.iter().enumerate() {
+    /// The rows of `steps.csv`, with each step's median time.
+    fn rows(&self, results: &Results) -> Vec<StepRow> {
+        let row = |(k, step): (usize, &StepRecord)| {
             let times = self.0.iter().map(|run| 1e6 * run[k]).collect();
-            table.push(&[
-                k.to_string(),
-                step.status.to_string(),
-                step.sqp_iterations.to_string(),
-                number(step.kkt),
-                number(WallTimes::of(times).median),
-                step.violated.map_or(String::new(), |constraint| constraint.to_string()),
-            ]);
-        }
-        table
+            StepRow {
+                step: k,
+                status: step.status.to_string(),
+                sqp_iterations: step.sqp_iterations,
+                kkt: step.kkt,
+                solve_us: WallTimes::of(times).median,
+                violated: step.violated.map_or(String::new(), |constraint| constraint.to_string()),
+            }
+        };
+        results.steps.iter().enumerate().map(row).collect()
     }
 }
 
 /// What a closed loop comes to, times apart.
 struct Results {
-    steps: Vec<pinc_mpc::StepRecord>,
+    steps: Vec<StepRecord>,
     rmse: f64,
     iae: f64,
     rmse_dense: f64,

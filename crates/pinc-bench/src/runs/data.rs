@@ -3,11 +3,11 @@
 use super::columns::{At, Row, finite, optional, places, rows};
 use crate::BenchError;
 use crate::error::CsvProblem;
-use crate::registry::Variables;
 use csv::StringRecord;
+use pinc_config::Variables;
 use pinc_net::{Measurements, Recorded};
+use pinc_record::read_file;
 use sha2::{Digest, Sha256};
-use std::fs;
 use std::path::PathBuf;
 
 /// What the files hold together, and their digest.
@@ -31,7 +31,7 @@ pub(crate) fn read(
     let mut measurements = Measurements::new(variables.states.len());
     let mut hash = Sha256::new();
     for path in files {
-        let text = fs::read(path).map_err(BenchError::unreadable(path))?;
+        let text = read_file(path)?;
         hash.update(&text);
         let before = measurements.values();
         parse(variables, sample_time_s, &text, &mut measurements)

@@ -3,11 +3,11 @@
 use super::chain::Chain;
 use super::guard::Guard;
 use crate::BenchError;
-use crate::record::{PredictionMetrics, RunDir, Table, file, number};
-use crate::spec::{OutsidePolicy, PredictionSpec};
+use pinc_config::{OutsidePolicy, PredictionSpec};
 use pinc_net::{PincNet, TrainingTarget};
 use pinc_ode::metrics::mean_squared_error;
 use pinc_ode::{Dopri5, DynPlant};
+use pinc_record::{PredictionMetrics, PredictionRow, PredictionTable, RunDir, file};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
@@ -21,23 +21,13 @@ pub(crate) fn stage(
     net: &PincNet,
     spec: &PredictionSpec,
     seed: u64,
-    record: &mut RunDir,
+    run_dir: &mut RunDir,
 ) -> Result<(), BenchError> {
     let rows = simulate(plant, net, spec, seed)?;
-    let states = net.state_names().iter();
-    let truth = states.clone().map(|name| format!("{name}_truth"));
-    let columns = (std::iter::once("t".to_owned()).chain(net.input_names().iter().cloned()))
-        .chain(states.cloned())
-        .chain(truth)
-        .chain(std::iter::once("mark".to_owned()));
-    let mut table = Table::new(columns);
-    for row in &rows {
-        let numbers = std::iter::once(&row.t).chain(&row.input).chain(&row.state).chain(&row.truth);
-        let mut cells: Vec<_> = numbers.copied().map(number).collect();
-        cells.push(u8::from(row.mark).to_string());
-        table.push(&cells);
-    }
-    record.write(file::PREDICTION, table.as_bytes())?;
+    let (inputs, states) = (net.input_names().to_vec(), net.state_names().to_vec());
+    let table = PredictionTable { inputs, states, rows };
+    run_dir.write(file::PREDICTION, table.to_csv().as_bytes())?;
+    let rows = &table.rows;
     // The initial state is given, not predicted.
     let marks: Vec<_> = rows[1..].iter().filter(|row| row.mark).collect();
     let all: Vec<_> = rows[1..].iter().collect();
@@ -50,15 +40,7 @@ pub(crate) fn stage(
     let outside_domain = Some(guard.found()).filter(|found| found.samples > 0);
     let metrics =
         PredictionMetrics { mse_marks: error(&marks), mse_all: error(&all), outside_domain };
-    record.update(|all| all.prediction = Some(metrics))
-}
-
-struct Row {
-    t: f64,
-    input: Vec<f64>,
-    state: Vec<f64>,
-    truth: Vec<f64>,
-    mark: bool,
+    Ok(run_dir.update(|all| all.prediction = Some(metrics))?)
 }
 
 fn simulate(
@@ -66,7 +48,7 @@ fn simulate(
     net: &PincNet,
     spec: &PredictionSpec,
     seed: u64,
-) -> Result<Vec<Row>, BenchError> {
+) -> Result<Vec<PredictionRow>, BenchError> {
     let sample_time_s = net.sample_time_s();
     // A distilled net knows nothing of the times between steps.
     let subintervals = match net.source() {
@@ -78,7 +60,7 @@ fn simulate(
     let mut truth = Dopri5::shared(plant.to_shared(), spec.tolerance);
     let mut x = spec.initial_state.clone();
     let mut chain = Chain::new(sample_time_s, 0.0, &x, &inputs[0]);
-    let mut rows = vec![Row {
+    let mut rows = vec![PredictionRow {
         t: 0.0,
         input: inputs[0].clone(),
         state: x.clone(),
@@ -100,7 +82,7 @@ fn simulate(
                     (sample.state, sample.mark)
                 }
             };
-            rows.push(Row { t, input: held.clone(), state, truth: x.clone(), mark });
+            rows.push(PredictionRow { t, input: held.clone(), state, truth: x.clone(), mark });
         }
     }
     Ok(rows)
@@ -118,7 +100,7 @@ fn draw_inputs(spec: &PredictionSpec, sample_time_s: f64, seed: u64) -> Vec<Vec<
     (0..steps).map(|_| draw()).collect()
 }
 
-fn error(rows: &[&Row]) -> f64 {
+fn error(rows: &[&PredictionRow]) -> f64 {
     let predicted: Vec<f64> = rows.iter().flat_map(|row| &row.state).copied().collect();
     let truth: Vec<f64> = rows.iter().flat_map(|row| &row.truth).copied().collect();
     mean_squared_error(&predicted, &truth, &vec![1.0; rows[0].state.len()])

@@ -1,9 +1,9 @@
 //! Whether a net is used outside the box that it was trained on.
 
 use crate::BenchError;
-use crate::record::{Excess, OutsideDomain};
-use crate::spec::OutsidePolicy;
+use pinc_config::OutsidePolicy;
 use pinc_net::PincNet;
+use pinc_record::{Excess, OutsideDomain};
 
 /// Beyond the box by less than this share of its width is rounding.
 const ROUNDING: f64 = 1e-9;

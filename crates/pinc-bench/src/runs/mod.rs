@@ -19,11 +19,13 @@ pub(crate) use trial::{run_trial, train_shared};
 pub use check::{Finding, Severity, check, findings_json};
 pub use predict::predict;
 
+use crate::BenchError;
+use crate::invocation::invocation;
 use crate::progress::Verbosity;
-use crate::record::{RunDir, file, write_atomically};
-use crate::spec::{Experiment, ModelKind};
-use crate::{BenchError, Metrics, Provenance, report};
+use pinc_config::{Experiment, ModelKind};
 use pinc_net::PincNet;
+use pinc_record::{Metrics, Provenance, RecordError, RunDir, file, read_file, write_atomically};
+use pinc_report as report;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -109,7 +111,7 @@ pub fn control(
 /// [`BenchError`] if the directory holds no run, or damaged files.
 pub fn rebuild_report(dir: &Path) -> Result<PathBuf, BenchError> {
     if dir.is_dir() && !dir.join(file::CONFIG).exists() {
-        return Err(BenchError::NoRunDirectory { dir: dir.to_owned() });
+        return Err(RecordError::NoRunDirectory { dir: dir.to_owned() }.into());
     }
     let report = report::build(dir)?;
     write_figures(&dir.join(file::FIGURES), &report.figures)?;
@@ -120,7 +122,7 @@ pub fn rebuild_report(dir: &Path) -> Result<PathBuf, BenchError> {
 
 /// Writes the report's pictures, and removes those of an earlier report that it has no more.
 fn write_figures(dir: &Path, figures: &[report::FigureFiles]) -> Result<(), BenchError> {
-    fs::create_dir_all(dir).map_err(BenchError::unwritable(dir))?;
+    fs::create_dir_all(dir).map_err(RecordError::unwritable(dir))?;
     let file = |name: &str, ending: &str| dir.join(format!("{name}.{ending}"));
     let mut written = Vec::new();
     for figure in figures {
@@ -129,11 +131,11 @@ fn write_figures(dir: &Path, figures: &[report::FigureFiles]) -> Result<(), Benc
         write_atomically(&csv, &figure.csv)?;
         written.extend([svg, csv]);
     }
-    for entry in fs::read_dir(dir).map_err(BenchError::unreadable(dir))? {
-        let path = entry.map_err(BenchError::unreadable(dir))?.path();
+    for entry in fs::read_dir(dir).map_err(RecordError::unreadable(dir))? {
+        let path = entry.map_err(RecordError::unreadable(dir))?.path();
         let is_picture = path.extension().is_some_and(|e| e == "svg" || e == "csv");
         if is_picture && !written.contains(&path) {
-            fs::remove_file(&path).map_err(BenchError::unwritable(&path))?;
+            fs::remove_file(&path).map_err(RecordError::unwritable(&path))?;
         }
     }
     Ok(())
@@ -146,15 +148,18 @@ fn execute(
     command: Command,
 ) -> Result<RunDir, BenchError> {
     let plan = Plan::of(experiment, command)?;
-    let mut record = RunDir::open(dir, experiment)?;
-    plan.remove_stale(&mut record, options.resume)?;
-    if !(options.resume && plan.is_done(experiment, record.metrics())) {
-        record.write_provenance(&Provenance::now(experiment, options.arguments), options.resume)?;
+    let mut run_dir = RunDir::open(dir, experiment)?;
+    plan.remove_stale(&mut run_dir, options.resume)?;
+    if !(options.resume && plan.is_done(experiment, run_dir.metrics())) {
+        run_dir.write_provenance(
+            &Provenance::of(experiment, invocation(options.arguments)),
+            options.resume,
+        )?;
     }
-    let stages = Stages { experiment, options, plan: &plan, record: &mut record };
+    let stages = Stages { experiment, options, plan: &plan, run_dir: &mut run_dir };
     stages.run()?;
     rebuild_report(dir)?;
-    Ok(record)
+    Ok(run_dir)
 }
 
 /// What is done, and with which net.
@@ -226,27 +231,27 @@ impl Plan {
     }
 
     /// Removes those results of earlier runs that do not belong to what is made now.
-    fn remove_stale(&self, record: &mut RunDir, resume: bool) -> Result<(), BenchError> {
+    fn remove_stale(&self, run_dir: &mut RunDir, resume: bool) -> Result<(), BenchError> {
         let same_net = match &self.given {
-            Some((bytes, _)) => fs::read(record.path(file::MODEL)).is_ok_and(|old| old == *bytes),
+            Some((bytes, _)) => fs::read(run_dir.path(file::MODEL)).is_ok_and(|old| old == *bytes),
             None => !self.trains || resume,
         };
         if !same_net {
-            record.update(|metrics| {
+            run_dir.update(|metrics| {
                 (metrics.training, metrics.validation, metrics.prediction) = (None, None, None);
             })?;
             for name in [file::CHECKPOINT, file::TRAINING, file::MODEL, file::PREDICTION] {
-                record.remove(name)?;
+                run_dir.remove(name)?;
             }
         }
         if !same_net || (!resume && !self.loops.is_empty()) {
-            record.update(|metrics| (metrics.control, metrics.one_step) = (vec![], vec![]))?;
-            record.remove_loops()?;
+            run_dir.update(|metrics| (metrics.control, metrics.one_step) = (vec![], vec![]))?;
+            run_dir.remove_loops()?;
         }
         if let Some((bytes, _)) = &self.given {
-            record.write(file::MODEL, bytes)?;
+            run_dir.write(file::MODEL, bytes)?;
         }
-        record.remove(file::REPORT)
+        Ok(run_dir.remove(file::REPORT)?)
     }
 }
 
@@ -255,23 +260,23 @@ struct Stages<'a> {
     experiment: &'a Experiment,
     options: &'a Options<'a>,
     plan: &'a Plan,
-    record: &'a mut RunDir,
+    run_dir: &'a mut RunDir,
 }
 
 impl Stages<'_> {
     fn run(self) -> Result<(), BenchError> {
-        let Self { experiment, options, plan, record } = self;
+        let Self { experiment, options, plan, run_dir } = self;
         let plant = &*experiment.plant.dyn_plant();
         let trained = match &experiment.training {
-            Some(_) if plan.trains => Some(train::stage(plant, experiment, options, record)?),
+            Some(_) if plan.trains => Some(train::stage(plant, experiment, options, run_dir)?),
             _ => None,
         };
         let net = trained.as_ref().or(plan.given.as_ref().map(|(_, net)| net));
-        options.go_on(record.dir())?;
+        options.go_on(run_dir.dir())?;
         if let (Some(net), Some(spec), true) = (net, &experiment.prediction, plan.runs_free)
-            && record.metrics().prediction.is_none()
+            && run_dir.metrics().prediction.is_none()
         {
-            free_run::stage(plant, net, spec, experiment.seed, record)?;
+            free_run::stage(plant, net, spec, experiment.seed, run_dir)?;
         }
         if let Some(spec) = &experiment.control
             && !plan.loops.is_empty()
@@ -284,9 +289,9 @@ impl Stages<'_> {
                 net,
                 sample_time_s: sample_time_s.expect("the plan was checked for it"),
             };
-            control::stage(plant, &setup, options, record)?;
+            control::stage(plant, &setup, options, run_dir)?;
             if let (Some(spec), Some(domain)) = (&experiment.one_step, &experiment.domain) {
-                one_step::stage(plant, &setup, (spec, domain), options, record)?;
+                one_step::stage(plant, &setup, (spec, domain), options, run_dir)?;
             }
         }
         Ok(())
@@ -295,7 +300,7 @@ impl Stages<'_> {
 
 /// The net in a model file.
 pub(crate) fn read_model(path: &Path) -> Result<PincNet, BenchError> {
-    let bytes = fs::read(path).map_err(BenchError::unreadable(path))?;
+    let bytes = read_file(path)?;
     parse_model(path, &bytes)
 }
 
@@ -317,7 +322,7 @@ fn read_matching_model(
     experiment: &Experiment,
     path: &Path,
 ) -> Result<(Vec<u8>, PincNet), BenchError> {
-    let bytes = fs::read(path).map_err(BenchError::unreadable(path))?;
+    let bytes = read_file(path)?;
     let net = chainable(path, parse_model(path, &bytes)?)?;
     let variables = experiment.plant.variables();
     let names = |names: &[String]| names.join(", ");

@@ -5,10 +5,10 @@ use super::control::Setup;
 use crate::BenchError;
 use crate::one_step::Steps;
 use crate::progress::Stage;
-use crate::record::{OneStepMetrics, RunDir};
-use crate::spec::OneStepSpec;
+use pinc_config::OneStepSpec;
 use pinc_net::Domain;
 use pinc_ode::DynPlant;
+use pinc_record::{OneStepMetrics, RunDir};
 
 /// Measures the models of `setup` on `domain`, unless that has been done.
 pub(crate) fn stage(
@@ -16,9 +16,9 @@ pub(crate) fn stage(
     setup: &Setup<'_>,
     (spec, domain): (&OneStepSpec, &Domain),
     options: &Options<'_>,
-    record: &mut RunDir,
+    run_dir: &mut RunDir,
 ) -> Result<(), BenchError> {
-    let done = record.metrics().one_step.iter().map(|of| of.model);
+    let done = run_dir.metrics().one_step.iter().map(|of| of.model);
     if done.eq(setup.kinds.iter().copied()) {
         return Ok(());
     }
@@ -27,7 +27,7 @@ pub(crate) fn stage(
     let truth = steps.true_jacobians(plant, setup.sample_time_s);
     let mut found = Vec::new();
     for &kind in setup.kinds {
-        options.go_on(record.dir())?;
+        options.go_on(run_dir.dir())?;
         progress.advance(found.len() as u64, String::new);
         let mut model = setup.model(kind, plant)?;
         let stages = setup.spec.n2;
@@ -39,5 +39,5 @@ pub(crate) fn stage(
         });
     }
     progress.end("measured");
-    record.update(|all| all.one_step = found)
+    Ok(run_dir.update(|all| all.one_step = found)?)
 }

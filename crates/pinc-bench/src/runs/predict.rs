@@ -5,12 +5,11 @@ use super::columns::{At, finite, optional, places, rows};
 use super::guard::Guard;
 use crate::BenchError;
 use crate::error::CsvProblem;
-use crate::record::{OutsideDomain, Table, number, write_atomically};
-use crate::spec::OutsidePolicy;
 use csv::StringRecord;
+use pinc_config::OutsidePolicy;
 use pinc_net::{PincNet, TrainingTarget};
+use pinc_record::{CsvText, OutsideDomain, number, read_file, write_atomically};
 use std::collections::HashMap;
-use std::fs;
 use std::path::Path;
 
 /// Reads the inputs from the file `inputs`, lets the net of the file `model` run freely, and writes
@@ -36,7 +35,7 @@ pub fn predict(
     policy: OutsidePolicy,
 ) -> Result<OutsideDomain, BenchError> {
     let net = super::chainable(model, super::read_model(model)?)?;
-    let text = fs::read(inputs).map_err(BenchError::unreadable(inputs))?;
+    let text = read_file(inputs)?;
     let mut guard = Guard::new(&net, policy);
     let table = run(&net, inputs, &text, &mut guard)?;
     write_atomically(output, table.as_bytes())?;
@@ -49,22 +48,22 @@ fn run(
     path: &Path,
     text: &[u8],
     guard: &mut Guard<'_>,
-) -> Result<Table, BenchError> {
+) -> Result<CsvText, BenchError> {
     let at = |(line, problem): At| BenchError::Csv { path: path.to_owned(), line, problem };
     let (header, rows) = rows(text).map_err(at)?;
     let columns = Columns::find(net, &header).map_err(|problem| at((1, problem)))?;
-    let mut table = Table::new(&header);
+    let mut table = CsvText::new(&header);
     let mut chains: HashMap<String, Chain> = HashMap::new();
     for row in rows {
-        let (line, record) = row.map_err(at)?;
-        let row = columns.read(&record).map_err(|problem| at((line, problem)))?;
+        let (line, cells) = row.map_err(at)?;
+        let row = columns.read(&cells).map_err(|problem| at((line, problem)))?;
         let state = match chains.get_mut(row.scenario) {
             Some(chain) => continue_chain(net, chain, &row),
             None => begin_chain(net, &mut chains, &columns, &row),
         };
         let state = state.map_err(|problem| at((line, problem)))?;
         guard.look(&state, &row.inputs)?;
-        table.push(&columns.write(&record, &state));
+        table.push(columns.write(&cells, &state));
     }
     Ok(table)
 }
@@ -73,7 +72,7 @@ fn begin_chain(
     net: &PincNet,
     chains: &mut HashMap<String, Chain>,
     columns: &Columns,
-    row: &Row<'_>,
+    row: &InputRow<'_>,
 ) -> Result<Vec<f64>, CsvProblem> {
     let state = row.states.iter().zip(&columns.states).map(|(value, (_, name))| {
         value.ok_or_else(|| CsvProblem::Cell { column: name.clone(), found: String::new() })
@@ -84,7 +83,11 @@ fn begin_chain(
     Ok(state)
 }
 
-fn continue_chain(net: &PincNet, chain: &mut Chain, row: &Row<'_>) -> Result<Vec<f64>, CsvProblem> {
+fn continue_chain(
+    net: &PincNet,
+    chain: &mut Chain,
+    row: &InputRow<'_>,
+) -> Result<Vec<f64>, CsvProblem> {
     let previous = chain.time();
     if row.t <= previous {
         return Err(CsvProblem::Time { t: row.t, previous });
@@ -108,7 +111,7 @@ struct Columns {
 }
 
 /// One row; a state cell may be empty.
-struct Row<'a> {
+struct InputRow<'a> {
     scenario: &'a str,
     t: f64,
     inputs: Vec<f64>,
@@ -125,32 +128,23 @@ impl Columns {
         Ok(Self { scenario, t, inputs, states: named.collect() })
     }
 
-    fn read<'a>(&self, record: &'a StringRecord) -> Result<Row<'a>, CsvProblem> {
-        let states = self.states.iter().map(|(place, name)| optional(&record[*place], name));
-        let inputs = self.inputs.iter().map(|(place, name)| finite(&record[*place], name));
-        Ok(Row {
-            scenario: &record[self.scenario],
-            t: finite(&record[self.t], "t")?,
+    fn read<'a>(&self, cells: &'a StringRecord) -> Result<InputRow<'a>, CsvProblem> {
+        let states = self.states.iter().map(|(place, name)| optional(&cells[*place], name));
+        let inputs = self.inputs.iter().map(|(place, name)| finite(&cells[*place], name));
+        Ok(InputRow {
+            scenario: &cells[self.scenario],
+            t: finite(&cells[self.t], "t")?,
             inputs: inputs.collect::<Result<_, _>>()?,
             states: states.collect::<Result<_, _>>()?,
         })
     }
 
-    /// The cells of `record` with `state` in its state columns.
-    fn write(&self, record: &StringRecord, state: &[f64]) -> Vec<String> {
-        let mut cells: Vec<String> = record.iter().map(quoted).collect();
+    /// The row `cells` with `state` in its state columns.
+    fn write(&self, cells: &StringRecord, state: &[f64]) -> Vec<String> {
+        let mut cells: Vec<String> = cells.iter().map(str::to_owned).collect();
         for ((place, _), value) in self.states.iter().zip(state) {
             cells[*place] = number(*value);
         }
         cells
-    }
-}
-
-/// A cell as it has to be written: a scenario's name may hold commas and quotes.
-fn quoted(cell: &str) -> String {
-    if cell.contains([',', '"', '\n', '\r']) {
-        format!("\"{}\"", cell.replace('"', "\"\""))
-    } else {
-        cell.to_owned()
     }
 }

@@ -3,61 +3,56 @@
 use super::Options;
 use super::data::{self, Data};
 use crate::BenchError;
-use crate::error::CheckpointProblem;
 use crate::progress::Stage;
-use crate::record::{
-    RunDir, Saved, TrainingMetrics, file, lines_up_to, load_checkpoint, number, save_checkpoint,
-};
-use crate::spec::{DataSpec, Effort, Experiment, TrainingSpec};
+use pinc_config::{DataSpec, Effort, Experiment, TrainingSpec};
 use pinc_net::{
     Domain, IterationRecord, NetConfig, PincNet, Progress, Trainer, Training, Validation,
     ValidationConfig, ValidationSet,
 };
 use pinc_ode::DynPlant;
-use std::fs;
+use pinc_record::{
+    CheckpointProblem, RecordError, RunDir, Saved, TrainingMetrics, TrainingRow, file, fixed_table,
+    load_checkpoint, read_fixed_table, save_checkpoint,
+};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
-
-/// Columns of `training.csv`.
-const COLUMNS: &str = "iteration,loss_evaluations,elapsed_s,loss,validation_mse,phase,loss_data,\
-                       loss_physics,gradient_norm,collocation_points,fresh_loss,loss_measured";
 
 /// Trains the net, or reads it if that has been done, and returns it.
 pub(crate) fn stage(
     plant: &dyn DynPlant,
     experiment: &Experiment,
     options: &Options<'_>,
-    record: &mut RunDir,
+    run_dir: &mut RunDir,
 ) -> Result<PincNet, BenchError> {
-    if record.metrics().training.is_some() {
-        return super::read_model(&record.path(file::MODEL));
+    if run_dir.metrics().training.is_some() {
+        return super::read_model(&run_dir.path(file::MODEL));
     }
     let setup = Setup::of(experiment)?;
     let mut validation = setup.training(experiment.seed).validation_set(plant)?;
     if let Some(held_out) = setup.measured(experiment, |data| &data.held_out)? {
         validation = validation.with_measurements(held_out.measurements);
     }
-    let mut session = Session::begin(plant, experiment, &setup, &validation, options, record)?;
-    let outcome = session.work(record, &setup.training.effort, options);
-    session.write_log(record)?;
+    let mut session = Session::begin(plant, experiment, &setup, &validation, options, run_dir)?;
+    let outcome = session.work(run_dir, &setup.training.effort, options);
+    session.write_log(run_dir)?;
     let net = session.trainer.net();
     let stop_reason = match outcome {
         Ok(reason) => reason,
         Err(error) => {
             // Interrupted: the checkpoint says all. Failed: at least the last good net is kept.
             if !matches!(error, BenchError::Interrupted { .. }) {
-                record.write(file::MODEL, &net.to_bytes())?;
+                run_dir.write(file::MODEL, &net.to_bytes())?;
             }
             return Err(error);
         }
     };
-    record.write(file::MODEL, &net.to_bytes())?;
+    run_dir.write(file::MODEL, &net.to_bytes())?;
     let metrics = session.metrics(stop_reason);
-    record.update(|all| {
+    run_dir.update(|all| {
         all.training = Some(metrics);
         all.validation = Some(validation.evaluate(&net).into());
     })?;
-    record.remove(file::CHECKPOINT)?;
+    run_dir.remove(file::CHECKPOINT)?;
     Ok(net)
 }
 
@@ -115,7 +110,7 @@ struct Session {
     trainer: Trainer,
     fingerprint: String,
     /// The rows of `training.csv`.
-    rows: Vec<String>,
+    rows: Vec<TrainingRow>,
     /// The last validation's `mse_gen`.
     validated: Option<f64>,
     iteration: u64,
@@ -134,7 +129,7 @@ impl Session {
         setup: &Setup<'_>,
         validation: &ValidationSet,
         options: &Options<'_>,
-        record: &RunDir,
+        run_dir: &RunDir,
     ) -> Result<Self, BenchError> {
         let begun = Instant::now();
         let mut fingerprint = experiment.normalized().fingerprint();
@@ -145,7 +140,8 @@ impl Session {
             && let Some(data) = setup.measured(experiment, |spec| &spec.files)?
         {
             trainer = trainer.with_measurements(&data.measurements, spec.weight)?;
-            // The config names the files only; a training goes on with the same measurements or not at all.
+            // The config only names the files; a training is resumed with the same measurements or not at
+            // all.
             fingerprint.extend(data.digest.iter().map(|byte| format!("{byte:02x}")));
         }
         let stage = Stage::begin(options.verbosity, "training", total);
@@ -160,21 +156,23 @@ impl Session {
             begun,
             stage,
         };
-        match record.path(file::CHECKPOINT) {
-            path if path.exists() => fresh.go_on_from(&path, record),
+        match run_dir.path(file::CHECKPOINT) {
+            path if path.exists() => fresh.resume_from(&path, run_dir),
             _ => Ok(fresh),
         }
     }
 
-    /// The same session, gone on to where the checkpoint at `path` was taken.
-    fn go_on_from(self, path: &Path, record: &RunDir) -> Result<Self, BenchError> {
+    /// The same session, resumed from the checkpoint at `path`.
+    fn resume_from(self, path: &Path, run_dir: &RunDir) -> Result<Self, BenchError> {
         let saved = load_checkpoint(path, &self.fingerprint)?;
-        let problem = |problem| BenchError::Checkpoint { path: path.to_owned(), problem };
-        let rows = fs::read_to_string(record.path(file::TRAINING)).ok();
-        let rows = rows.and_then(|text| lines_up_to(&text, COLUMNS, saved.iteration));
+        let problem = |problem| RecordError::Checkpoint { path: path.to_owned(), problem };
+        let rows = read_fixed_table::<TrainingRow>(&run_dir.path(file::TRAINING)).ok().flatten();
+        let mut rows = rows.unwrap_or_default();
+        rows.retain(|row| row.iteration <= saved.iteration);
         // One row per iteration.
-        let rows = rows.filter(|rows| u64::try_from(rows.len()) == Ok(saved.iteration));
-        let rows = rows.ok_or_else(|| problem(CheckpointProblem::RunDir))?;
+        if u64::try_from(rows.len()) != Ok(saved.iteration) {
+            return Err(problem(CheckpointProblem::TrainingLog).into());
+        }
         let trainer = self.trainer.resume(saved.trainer);
         Ok(Self {
             trainer: trainer.map_err(|error| problem(CheckpointProblem::Training(error)))?,
@@ -189,14 +187,14 @@ impl Session {
     /// Trains to the end and returns why that was the end.
     fn work(
         &mut self,
-        record: &RunDir,
+        run_dir: &RunDir,
         effort: &Effort,
         options: &Options<'_>,
     ) -> Result<String, BenchError> {
         let mut last_checkpoint = Instant::now();
         loop {
-            if let Err(stop) = options.go_on(record.dir()) {
-                self.write_checkpoint(record)?;
+            if let Err(stop) = options.go_on(run_dir.dir()) {
+                self.write_checkpoint(run_dir)?;
                 return Err(stop);
             }
             if effort.time_limit_s.is_some_and(|limit| self.wall().as_secs_f64() >= limit) {
@@ -216,7 +214,7 @@ impl Session {
                 Progress::Iterated(iterated) => self.log(iterated),
             }
             if last_checkpoint.elapsed().as_secs_f64() >= effort.checkpoint_every_s {
-                self.write_checkpoint(record)?;
+                self.write_checkpoint(run_dir)?;
                 last_checkpoint = Instant::now();
             }
         }
@@ -238,19 +236,13 @@ impl Session {
         self.earlier + self.begun.elapsed()
     }
 
-    fn write_log(&self, record: &RunDir) -> Result<(), BenchError> {
-        let mut text = COLUMNS.to_owned();
-        for row in &self.rows {
-            text.push('\n');
-            text.push_str(row);
-        }
-        text.push('\n');
-        record.write(file::TRAINING, text.as_bytes())
+    fn write_log(&self, run_dir: &RunDir) -> Result<(), BenchError> {
+        Ok(run_dir.write(file::TRAINING, fixed_table(&self.rows).as_bytes())?)
     }
 
     /// Writes the log first, so that it always reaches as far as the checkpoint.
-    fn write_checkpoint(&self, record: &RunDir) -> Result<(), BenchError> {
-        self.write_log(record)?;
+    fn write_checkpoint(&self, run_dir: &RunDir) -> Result<(), BenchError> {
+        self.write_log(run_dir)?;
         let saved = Saved {
             fingerprint: self.fingerprint.clone(),
             iteration: self.iteration,
@@ -258,7 +250,7 @@ impl Session {
             wall_s: self.wall().as_secs_f64(),
             trainer: self.trainer.checkpoint(),
         };
-        record.write(file::CHECKPOINT, &save_checkpoint(&saved))
+        Ok(run_dir.write(file::CHECKPOINT, &save_checkpoint(&saved))?)
     }
 
     fn metrics(self, stop_reason: String) -> TrainingMetrics {
@@ -277,23 +269,24 @@ impl Session {
     }
 }
 
-/// A row of `training.csv`.
-fn row(record: &IterationRecord, elapsed: Duration, validation: Option<&Validation>) -> String {
-    let validation = validation.map_or_else(String::new, |v| number(v.mse_gen));
-    let fresh = record.fresh_loss.map_or_else(String::new, number);
-    [
-        record.iteration.to_string(),
-        record.loss_evaluations.to_string(),
-        number(elapsed.as_secs_f64()),
-        number(record.loss),
-        validation,
-        record.phase.to_string(),
-        number(record.loss_data),
-        number(record.loss_physics),
-        number(record.gradient_norm),
-        record.collocation_points.to_string(),
-        fresh,
-        number(record.loss_measured),
-    ]
-    .join(",")
+/// The row of an iteration in `training.csv`.
+fn row(
+    iterated: &IterationRecord,
+    elapsed: Duration,
+    validation: Option<&Validation>,
+) -> TrainingRow {
+    TrainingRow {
+        iteration: iterated.iteration,
+        loss_evaluations: iterated.loss_evaluations,
+        elapsed_s: elapsed.as_secs_f64(),
+        loss: iterated.loss,
+        validation_mse: validation.map(|validation| validation.mse_gen),
+        phase: iterated.phase,
+        loss_data: iterated.loss_data,
+        loss_physics: iterated.loss_physics,
+        gradient_norm: iterated.gradient_norm,
+        collocation_points: iterated.collocation_points,
+        fresh_loss: iterated.fresh_loss,
+        loss_measured: iterated.loss_measured,
+    }
 }

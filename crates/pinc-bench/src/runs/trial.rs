@@ -1,9 +1,9 @@
 //! The parts of a sweep: trainings that trials share, and trials.
 
 use super::{Options, Plan, Stages, read_model};
-use crate::record::{RunDir, file};
-use crate::spec::Experiment;
-use crate::{BenchError, Provenance};
+use crate::BenchError;
+use pinc_config::Experiment;
+use pinc_record::{Provenance, RecordError, RunDir, file};
 use std::path::Path;
 
 /// Trains the net of `experiment` in the run directory `dir`, on so many threads, or goes on with the
@@ -15,22 +15,22 @@ pub(crate) fn train_shared(
     threads: usize,
     options: &Options<'_>,
 ) -> Result<(), BenchError> {
-    let mut record = RunDir::open(dir, experiment)?;
+    let mut run_dir = RunDir::open(dir, experiment)?;
     let mut hurried = experiment.clone();
     if let Some(training) = &mut hurried.training {
         training.effort.threads = threads;
     }
     let plan = Plan { trains: true, runs_free: false, loops: Vec::new(), given: None };
-    if !plan.is_done(experiment, record.metrics()) {
-        record.write_provenance(provenance, true)?;
+    if !plan.is_done(experiment, run_dir.metrics()) {
+        run_dir.write_provenance(provenance, true)?;
     }
     let train =
-        |record: &mut RunDir| Stages { experiment: &hurried, options, plan: &plan, record }.run();
-    match train(&mut record) {
+        |run_dir: &mut RunDir| Stages { experiment: &hurried, options, plan: &plan, run_dir }.run();
+    match train(&mut run_dir) {
         // A checkpoint of no use: nobody asked for it by name, so the training begins anew.
-        Err(BenchError::Checkpoint { .. }) => {
-            record.remove(file::CHECKPOINT)?;
-            train(&mut record)
+        Err(BenchError::Record(RecordError::Checkpoint { .. })) => {
+            run_dir.remove(file::CHECKPOINT)?;
+            train(&mut run_dir)
         }
         outcome => outcome,
     }
@@ -45,14 +45,14 @@ pub(crate) fn run_trial(
     keep_traces: bool,
     options: &Options<'_>,
 ) -> Result<(), BenchError> {
-    let mut record = RunDir::of_trial(dir, experiment, keep_traces);
+    let mut run_dir = RunDir::of_trial(dir, experiment, keep_traces);
     let mut plan = Plan { trains: false, runs_free: false, loops: Vec::new(), given: None };
     if let Some(control) = &experiment.control {
         plan.loops.clone_from(&control.models);
     }
     if let Some(dir) = net {
         let trained = RunDir::existing(dir)?;
-        record.update(|all| {
+        run_dir.update(|all| {
             all.training.clone_from(&trained.metrics().training);
             all.validation.clone_from(&trained.metrics().validation);
         })?;
@@ -61,5 +61,5 @@ pub(crate) fn run_trial(
             plan.given = Some((Vec::new(), read_model(&trained.path(file::MODEL))?));
         }
     }
-    Stages { experiment, options, plan: &plan, record: &mut record }.run()
+    Stages { experiment, options, plan: &plan, run_dir: &mut run_dir }.run()
 }

@@ -3,27 +3,22 @@
 
 mod progress;
 mod queue;
-mod spread;
-mod store;
-mod table;
-mod trial;
 
-pub(crate) use spread::Spread;
-pub(crate) use trial::trials;
-
+use crate::BenchError;
+use crate::invocation::invocation;
 use crate::progress::Verbosity;
-use crate::record::{RunDir, SweepMetrics, file};
 use crate::runs::{Options, rebuild_report, run_trial, train_shared};
-use crate::spec::{Experiment, SweepSpec};
-use crate::{BenchError, Provenance};
+use pinc_config::{Experiment, Plants, SweepSpec, Trial, trials};
 use pinc_net::NetError;
+use pinc_record::{
+    Ending, Provenance, RecordError, RunDir, SummaryTable, SweepDir, SweepMetrics, TrialColumn,
+    TrialTable, file,
+};
 use progress::{Estimate, Progress, effort};
 use queue::{Job, Queue};
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
-use store::{Ending, Store};
-use trial::Trial;
 
 /// A share of a sweep: every `of`-th trial, beginning with number `number`, from 1.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -58,7 +53,7 @@ pub fn sweep(
 ) -> Result<RunDir, BenchError> {
     let session = Session::open(experiment, dir, options)?;
     if !options.resume {
-        session.store.clear()?;
+        session.sweep_dir.clear()?;
     }
     let worked = session.work(options, shard);
     let closed = session.close();
@@ -66,26 +61,32 @@ pub fn sweep(
     worked.and(closed)
 }
 
-/// Collects the trials of sweeps of the same config, from their directories, in `dir`.
+/// Collects the trials of sweeps of the same config, from their directories, in `dir`. The config may
+/// name one of `plants`.
 ///
 /// # Errors
 ///
 /// [`BenchError`] if a directory holds no sweep or one of another config, or a file cannot be copied;
 /// and [`BenchError::FailedTrials`] as for [`sweep`].
-pub fn merge(parts: &[PathBuf], dir: &Path, options: &Options<'_>) -> Result<RunDir, BenchError> {
+pub fn merge(
+    parts: &[PathBuf],
+    dir: &Path,
+    plants: &Plants,
+    options: &Options<'_>,
+) -> Result<RunDir, BenchError> {
     let mut experiments = Vec::new();
     for part in parts {
-        experiments.push(Experiment::load(&part.join(file::CONFIG), &[])?);
+        experiments.push(Experiment::load(&part.join(file::CONFIG), &[], plants)?);
     }
     let Some((experiment, others)) = experiments.split_first() else {
-        return Err(BenchError::NoRunDirectory { dir: dir.to_owned() });
+        return Err(RecordError::NoRunDirectory { dir: dir.to_owned() }.into());
     };
     if let Some(i) = others.iter().position(|other| other != experiment) {
         return Err(BenchError::OtherSweep { dir: parts[i + 1].clone(), first: parts[0].clone() });
     }
     let session = Session::open(experiment, dir, options)?;
     for part in parts {
-        session.import_trial(&Store::of(part))?;
+        session.import_trial(&SweepDir::of(part))?;
     }
     session.close()
 }
@@ -95,8 +96,8 @@ struct Session<'a> {
     experiment: &'a Experiment,
     sweep: &'a SweepSpec,
     trials: Vec<Trial>,
-    record: RunDir,
-    store: Store,
+    run_dir: RunDir,
+    sweep_dir: SweepDir,
     provenance: Provenance,
 }
 
@@ -112,13 +113,13 @@ impl<'a> Session<'a> {
         };
         let trials = trials(experiment);
         let trials = trials.expect("the experiment was checked, and its trials with it");
-        let provenance = Provenance::now(experiment, options.arguments);
-        let record = RunDir::open(dir, experiment)?;
-        let counts = record.metrics().sweep.as_ref();
+        let provenance = Provenance::of(experiment, invocation(options.arguments));
+        let run_dir = RunDir::open(dir, experiment)?;
+        let counts = run_dir.metrics().sweep.as_ref();
         if !(options.resume && counts.is_some_and(|all| all.done + all.failed == all.trials)) {
-            record.write_provenance(&provenance, options.resume)?;
+            run_dir.write_provenance(&provenance, options.resume)?;
         }
-        Ok(Self { experiment, sweep, trials, record, store: Store::of(dir), provenance })
+        Ok(Self { experiment, sweep, trials, run_dir, sweep_dir: SweepDir::of(dir), provenance })
     }
 
     /// Runs what is left of a share of the trials.
@@ -129,7 +130,7 @@ impl<'a> Session<'a> {
         for &trial in &mine {
             // Cases may come to the same in some preset.
             let twice = left.iter().any(|other| other.id == trial.id);
-            if !twice && self.store.finished(&trial.id)?.is_none() {
+            if !twice && self.sweep_dir.finished(&trial.id)?.is_none() {
                 left.push(trial);
             }
         }
@@ -158,17 +159,18 @@ impl<'a> Session<'a> {
     fn effort_of_trainings(&self, trials: &[&Trial]) -> f64 {
         let trainings = trials.iter().filter_map(|trial| trial.training.as_ref());
         let mut trainings: Vec<_> =
-            trainings.filter(|(id, _)| !self.store.is_trained(id)).collect();
+            trainings.filter(|(id, _)| !self.sweep_dir.is_trained(id)).collect();
         trainings.sort_by(|a, b| a.0.cmp(&b.0));
         trainings.dedup_by(|a, b| a.0 == b.0);
         trainings.into_iter().map(|(_, training)| effort(training)).sum()
     }
 
-    fn import_trial(&self, part: &Store) -> Result<(), BenchError> {
+    fn import_trial(&self, part: &SweepDir) -> Result<(), BenchError> {
         for trial in &self.trials {
             let net = trial.training.as_ref().map(|(id, _)| id.as_str());
-            if self.store.finished(&trial.id)?.is_none() && part.finished(&trial.id)?.is_some() {
-                self.store.import_trial(part, &trial.id, net)?;
+            if self.sweep_dir.finished(&trial.id)?.is_none() && part.finished(&trial.id)?.is_some()
+            {
+                self.sweep_dir.import_trial(part, &trial.id, net)?;
             }
         }
         Ok(())
@@ -176,17 +178,16 @@ impl<'a> Session<'a> {
 
     /// Writes the tables of what has been done so far, and counts it.
     fn write_tables(&self) -> Result<SweepMetrics, BenchError> {
-        let finished = self.trials.iter().map(|trial| self.store.finished(&trial.id));
+        let finished = self.trials.iter().map(|trial| self.sweep_dir.finished(&trial.id));
         let finished = finished.collect::<Result<Vec<_>, _>>()?;
-        let results = table::Results {
-            experiment: self.experiment,
-            sweep: self.sweep,
-            trials: &self.trials,
-            finished: &finished,
-        };
-        self.record.write(file::SWEEP, &results.trials())?;
-        self.record.write(file::SUMMARY, &results.summary())?;
-        self.record.write(file::TIMINGS, &results.timings())?;
+        let (experiment, sweep) = (self.experiment, self.sweep);
+        let table = |columns| TrialTable::new(columns, sweep, &self.trials, &finished);
+        let summary = SummaryTable::new(experiment, sweep, &self.trials, &finished);
+        let results = table(TrialColumn::of_sweep(experiment, sweep));
+        let timings = table(TrialColumn::of_timings(experiment));
+        self.run_dir.write(file::SWEEP, results.to_csv().as_bytes())?;
+        self.run_dir.write(file::SUMMARY, summary.to_csv().as_bytes())?;
+        self.run_dir.write(file::TIMINGS, timings.to_csv().as_bytes())?;
         let over = finished.iter().flatten();
         let failed = over.clone().filter(|finished| finished.ending != Ending::Done).count();
         let done = over.count() - failed;
@@ -196,14 +197,14 @@ impl<'a> Session<'a> {
     /// Writes the tables and the report.
     fn close(mut self) -> Result<RunDir, BenchError> {
         let counts = self.write_tables()?;
-        self.record.update(|all| all.sweep = Some(counts.clone()))?;
-        rebuild_report(self.record.dir())?;
+        self.run_dir.update(|all| all.sweep = Some(counts.clone()))?;
+        rebuild_report(self.run_dir.dir())?;
         if counts.failed > 0 {
             let SweepMetrics { trials, failed, .. } = counts;
-            let table = self.record.path(file::SWEEP);
+            let table = self.run_dir.path(file::SWEEP);
             return Err(BenchError::FailedTrials { failed, trials, table });
         }
-        Ok(self.record)
+        Ok(self.run_dir)
     }
 }
 
@@ -230,7 +231,7 @@ impl<'a> Crew<'a> {
             if let Err(error) = outcome {
                 let error = match error {
                     BenchError::Interrupted { .. } => {
-                        BenchError::Interrupted { dir: self.session.record.dir().to_owned() }
+                        BenchError::Interrupted { dir: self.session.run_dir.dir().to_owned() }
                     }
                     other => other,
                 };
@@ -242,8 +243,8 @@ impl<'a> Crew<'a> {
 
     fn train(&self, trial: &'a Trial) -> Result<(), BenchError> {
         let Some((id, training)) = &trial.training else { return Ok(()) };
-        let (store, begun) = (&self.session.store, Instant::now());
-        let (dir, was_trained) = (store.net(id), store.is_trained(id));
+        let (sweep_dir, begun) = (&self.session.sweep_dir, Instant::now());
+        let (dir, was_trained) = (sweep_dir.net(id), sweep_dir.is_trained(id));
         let provenance = Provenance { seed: training.seed, ..self.session.provenance.clone() };
         let provenance = Provenance { config_sha256: training.fingerprint(), ..provenance };
         let outcome = train_shared(training, &dir, &provenance, self.threads, &self.options);
@@ -256,9 +257,9 @@ impl<'a> Crew<'a> {
     }
 
     fn run(&self, trial: &Trial, failure: Option<String>) -> Result<(), BenchError> {
-        let (store, begun) = (&self.session.store, Instant::now());
-        let dir = store.begin(&trial.id)?;
-        let net = trial.training.as_ref().map(|(id, _)| store.net(id));
+        let (sweep_dir, begun) = (&self.session.sweep_dir, Instant::now());
+        let dir = sweep_dir.begin(&trial.id)?;
+        let net = trial.training.as_ref().map(|(id, _)| sweep_dir.net(id));
         let outcome = match failure {
             Some(error) => Err(error),
             None => {
@@ -272,7 +273,7 @@ impl<'a> Crew<'a> {
             Ok(()) => Ending::Done,
             Err(error) => Ending::Failed { error },
         };
-        store.finish(&trial.id, &ending)?;
+        sweep_dir.finish(&trial.id, &ending)?;
         let tables_are_due = self.state().finished(&ending, begun.elapsed());
         if tables_are_due {
             self.session.write_tables()?;

@@ -1,10 +1,10 @@
 //! What a sweep shows while it works: how many trials are over, and how long the rest will take.
 
-use super::store::Ending;
 use crate::BenchError;
 use crate::clock::to_f64;
 use crate::progress::{Stage, Verbosity};
-use crate::spec::Experiment;
+use pinc_config::Experiment;
+use pinc_record::Ending;
 use std::time::{Duration, Instant};
 
 /// Least time between two writings of the tables while trials are running.

@@ -1,6 +1,6 @@
 //! Who does what next: trials in their order, each after the training that it shares with others.
 
-use super::trial::Trial;
+use pinc_config::Trial;
 use std::collections::{HashMap, VecDeque};
 use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
 

@@ -94,7 +94,13 @@ fn experiment(sets: &[&str], more: &str) -> Experiment {
         references = [{ start_s = 0.0, value = [0.5] }]
     "#;
     let sets: Vec<_> = sets.iter().map(|set| (*set).to_owned()).collect();
-    Experiment::parse("test.toml".as_ref(), &format!("{text}\n{more}"), &sets).unwrap()
+    Experiment::parse(
+        "test.toml".as_ref(),
+        &format!("{text}\n{more}"),
+        &sets,
+        &crate::Plants::built_in(),
+    )
+    .unwrap()
 }
 
 fn findings(plant: Test, sets: &[&str]) -> Vec<Finding> {
@@ -310,6 +316,7 @@ fn measurements_inside_the_domain_outside_of_it_and_unreadable() {
 #[test]
 fn nothing_to_look_at() {
     let text = "name = \"t\"\npreset = \"ours\"\nseed = 1\n[plant]\nvan-der-pol = { mu = 1.0 }\n";
-    let experiment = Experiment::parse("t.toml".as_ref(), text, &[]).unwrap();
+    let experiment =
+        Experiment::parse("t.toml".as_ref(), text, &[], &crate::Plants::built_in()).unwrap();
     assert_found(&examine(&Test::Damped, &experiment), Warning, "", "nothing to look at");
 }

@@ -1,0 +1,186 @@
+//! What `pinc check` finds in the shipped configs. Each of its messages has a test plant in `runs/check`.
+
+use crate::common::{outcome, pinc, repository};
+use pinc_bench::{Finding, Severity, check};
+use pinc_config::{Experiment, Plants};
+
+fn findings(config: &str, sets: &[&str]) -> Vec<Finding> {
+    let sets: Vec<_> = sets.iter().map(|set| (*set).to_owned()).collect();
+    check(
+        &Experiment::load(&repository("configs").join(config), &sets, &Plants::built_in()).unwrap(),
+    )
+}
+
+fn warnings(findings: &[Finding]) -> Vec<&Finding> {
+    let errors: Vec<_> = findings.iter().filter(|f| f.severity == Severity::Error).collect();
+    assert!(errors.is_empty(), "{errors:?}");
+    findings.iter().filter(|f| f.severity == Severity::Warning).collect()
+}
+
+/// The finding whose text has all of `parts`.
+#[track_caller]
+fn with<'f>(findings: &'f [Finding], parts: &[&str]) -> &'f Finding {
+    let all: Vec<_> = findings.iter().map(Finding::to_string).collect();
+    let place = all.iter().position(|text| parts.iter().all(|part| text.contains(part)));
+    &findings[place.unwrap_or_else(|| panic!("no {parts:?} in\n{}", all.join("\n")))]
+}
+
+#[test]
+fn sound_configs_give_no_cause_for_warnings() {
+    for config in ["van-der-pol/main.toml", "smoke/rk4-only.toml", "smoke/one-tank.toml"] {
+        let findings = findings(config, &[]);
+        assert_eq!(warnings(&findings), [&findings[0]; 0], "{config}");
+    }
+}
+
+#[test]
+fn four_tanks_whose_gammas_add_up_to_1_have_a_singular_gain() {
+    let findings = findings("four-tanks/main.toml", &[]);
+    // At the first reference, by an independent computation: singular values 8.39 and 0; every steady
+    // state has h2/h1 = (a1/a2)^2 = (0.071/0.057)^2 = 1.5516.
+    let gain = with(&findings, &["singular values 8.39", ", 0, rank 1: singular"]);
+    assert!(gain.what.contains("all steady states lie on the line h2/h1 = 1.5516"), "{gain}");
+    with(&findings, &["transmission zeros", "one is at s = 0"]);
+    assert_eq!(warnings(&findings).len(), 2, "{findings:?}");
+}
+
+#[test]
+fn inputs_that_do_the_same_leave_the_plane_that_they_reach() {
+    let text = r#"
+        name = "twins"
+        preset = "ours"
+        seed = 1
+        [plant.expression]
+        states = ["a", "b"]
+        inputs = ["u", "v"]
+        derivatives = { a = "u + v - a", b = "u + v + 1 - b" }
+        [control]
+        models = ["rk4"]
+        step_s = 0.5
+        duration_s = 5.0
+        initial_state = [0.0, 1.0]
+        controlled = ["a", "b"]
+        q = [1.0, 1.0]
+        r = [1.0, 1.0]
+        state_low = [-4.0, -4.0]
+        state_high = [4.0, 4.0]
+        input_low = [-1.0, -1.0]
+        input_high = [1.0, 1.0]
+        references = [{ start_s = 0.0, value = [0.0, 1.0] }]
+    "#;
+    let found =
+        check(&Experiment::parse("twins.toml".as_ref(), text, &[], &Plants::built_in()).unwrap());
+    // b - a = 1, in a unit normal of either sign.
+    let gain =
+        with(&found, &["rank 1: singular", "all steady states have ", "0.7071 a + ", " b = "]);
+    assert_eq!(gain.what.matches("0.7071").count(), 3, "{gain}");
+    // A state that no input moves is one number at rest.
+    let alone = [
+        "plant.expression.derivatives.b=\"1 - b\"",
+        "control.controlled=[\"b\"]",
+        "control.q=[1.0]",
+        "control.references=[{ start_s = 0.0, value = [1.0] }]",
+    ];
+    let found = check(
+        &Experiment::parse(
+            "twins.toml".as_ref(),
+            text,
+            &alone.map(str::to_owned),
+            &Plants::built_in(),
+        )
+        .unwrap(),
+    );
+    with(&found, &["rank 0: singular", "all steady states have ", "1.0000 b = "]);
+}
+
+#[test]
+fn references_off_the_line_are_named_and_those_on_it_are_not() {
+    let sets = ["control.references.1.value=[13.0, 13.0]"];
+    let findings = findings("four-tanks/main.toml", &sets);
+    let off = with(&findings, &["control.references[1]: h1 = 13, h2 = 13 is no steady state"]);
+    assert_eq!(off.severity, Severity::Warning);
+    // The steady state that is named instead lies on the line.
+    let level = |name: &str| -> f64 {
+        let rest = off.what.split("near it has ").nth(1).unwrap();
+        let rest = rest.split(name).nth(1).unwrap();
+        rest.split([',', ' ']).next().unwrap().parse().unwrap()
+    };
+    let (h1, h2) = (level("h1 = "), level("h2 = "));
+    // Levels are shown with five digits.
+    assert!((h2 / h1 - 1.5516).abs() < 1e-3, "{off}");
+    for k in [0, 2, 3] {
+        let held = with(&findings, &[&format!("control.references[{k}]: "), "is held at"]);
+        assert_eq!(held.severity, Severity::Fact);
+    }
+}
+
+#[test]
+fn a_loop_that_leaves_the_training_domain_is_warned_of() {
+    // The box of the paper's Table 1, left by h3, h4 and both inputs.
+    let findings = findings("four-tanks/main.toml", &["preset=as-released"]);
+    for variable in ["h3", "h4", "u1", "u2"] {
+        with(&findings, &[&format!("the bounds of {variable} reach outside the training domain")]);
+    }
+    let left = with(&findings, &["the closed loop with RK4: "]);
+    for part in ["h3 goes down to 0.6 (domain from 2)", "h4 goes down to", "u1 goes up to"] {
+        assert!(left.what.contains(part), "no `{part}` in {left}");
+    }
+    // The box that is proposed is one that can be put into the config, and holds the loop.
+    let proposal = with(&findings, &["a box that holds all of these trajectories"]);
+    let table: toml::Table = proposal.change.parse().unwrap();
+    let number = |key: &str, i: usize| table["domain"][key][i].as_float().unwrap();
+    assert!((0.0..=0.6).contains(&number("state_low", 2)), "{proposal}");
+    assert!(number("input_high", 0) > 3.0, "{proposal}");
+}
+
+/// Numbers after `word` in a text.
+fn numbers(text: &str, word: &str) -> Vec<f64> {
+    let after = text.split(word).skip(1);
+    let mut found: Vec<f64> =
+        after.map(|rest| rest.split([' ', ',']).next().unwrap().parse().unwrap()).collect();
+    found.sort_by(f64::total_cmp);
+    found
+}
+
+#[test]
+fn time_constants_and_zeros_are_those_that_johansson_published() {
+    let sets =
+        ["control.references.0.value=[12.4, 12.7]", "control.references.1.value=[12.4, 12.7]"];
+    let findings = findings("smoke/four-tanks.toml", &sets);
+    let modes = with(&findings, &["the steady state of control.references[0]", "modes"]);
+    let found = numbers(&modes.what, "time constant ");
+    assert_eq!(found.len(), 4, "{modes}");
+    // He gives whole seconds, for levels rounded to 0.1 cm: sqrt(h) of the lowest, 1.4 cm, is thus
+    // known to 4 %.
+    for (found, published) in found.iter().zip([23.0, 30.0, 62.0, 90.0]) {
+        assert!((found / published - 1.0).abs() < 0.04, "{found} against {published}: {modes}");
+    }
+    let zeros = with(&findings, &["transmission zeros"]);
+    let text = zeros.what.replace(", ", " zeros ");
+    let found = numbers(&text, "zeros ");
+    // The zeros go like 1/T3 and 1/T4, which the levels of the laboratory move by 5 %.
+    for (found, published) in found.iter().zip([-0.060, -0.018]) {
+        assert!((found / published - 1.0).abs() < 0.06, "{found} against {published}: {zeros}");
+    }
+    assert_eq!(found.len(), 2, "{zeros}");
+    // His other setting is nonminimum phase, by a zero of +0.013.
+    let sets = [sets[0], sets[1], "plant.four-tanks.parameters=johansson-nonminimum"];
+    let findings = self::findings("smoke/four-tanks.toml", &sets);
+    with(&findings, &["transmission zeros", "nonminimum phase"]);
+}
+
+#[test]
+fn findings_are_printed_as_text_or_as_json() {
+    let config = repository("configs/four-tanks/main.toml");
+    let run = |more: &[&str]| {
+        let outcome = outcome(pinc(&["check".as_ref(), config.as_os_str()]).args(more));
+        assert_eq!(outcome.code, Some(0), "{outcome:?}");
+        outcome.stdout
+    };
+    let text = run(&[]);
+    assert!(text.contains("\nwarn  ") && text.contains("\n        why: "), "{text}");
+    let json: serde_json::Value = serde_json::from_str(&run(&["--json"])).unwrap();
+    let all = json.as_array().unwrap();
+    assert!(all.iter().any(|finding| finding["severity"] == "warning"), "{json}");
+    assert!(all.iter().all(|finding| finding["what"].is_string()), "{json}");
+}

@@ -1,0 +1,18 @@
+//! The program and what it does, in one test program: each links all of it.
+
+mod accuracy_cost;
+mod bad_config;
+mod bench;
+mod check;
+mod common;
+mod equations;
+mod examples;
+mod guard;
+mod lists;
+mod measurements;
+mod own_plant;
+mod predict;
+mod resume;
+mod run_directory;
+mod smoke;
+mod sweep;

@@ -1,0 +1,113 @@
+//! `[data]`: measurements from CSV files in the training, and what is said of bad ones.
+
+use crate::common::{Outcome, outcome, pinc, smoke};
+use std::path::Path;
+
+/// Trains the smoke config for a few iterations, with `[data]` of these files.
+fn train(dir: &Path, files: &[(&str, &str)], data: &str) -> Outcome {
+    for (name, text) in files {
+        std::fs::write(dir.join(name), text).unwrap();
+    }
+    let config = smoke().replace("[training]", &format!("[data]\n{data}\n[training]"));
+    std::fs::write(dir.join("experiment.toml"), config).unwrap();
+    let iterations = "training.phases.0.iterations=5";
+    let arguments = ["train", "experiment.toml", "--out", "run", "--set", iterations];
+    outcome(pinc(&arguments).current_dir(dir))
+}
+
+fn refused(csv: &str, parts: &[&str]) {
+    let dir = tempfile::tempdir().unwrap();
+    let outcome = train(dir.path(), &[("m.csv", csv)], "files = [\"m.csv\"]");
+    outcome.assert_refused(parts);
+    assert!(!dir.path().join("run/model.safetensors").exists());
+}
+
+const TRAJECTORY: &str = "scenario,t,u,x1,x2\n\
+                          a,0,0.5,1,0\n\
+                          b,0,0.0,-1,0.5\n\
+                          a,0.25,0.5,0.95,\n\
+                          b,0.3,0.0,,0.9\n\
+                          a,0.5,0.5,0.8,-0.5\n";
+
+const STEPS: &str = "x1_0,x2_0,u,t,x1,x2\n1,0,0.5,0.5,0.8,\n-1,0.5,0,0.25,,0.8\n";
+
+#[test]
+fn both_kinds_of_file_enter_loss_record_and_metrics() {
+    let dir = tempfile::tempdir().unwrap();
+    let files = [("a.csv", TRAJECTORY), ("b.csv", STEPS)];
+    let data = "files = [\"a.csv\", \"b.csv\"]\nheld_out = [\"b.csv\"]";
+    let outcome = train(dir.path(), &files, data);
+    assert_eq!(outcome.code, Some(0), "{outcome:?}");
+    assert!(outcome.stdout.contains("held out"), "{outcome:?}");
+    let metrics = std::fs::read(dir.path().join("run/metrics.json")).unwrap();
+    let metrics: serde_json::Value = serde_json::from_slice(&metrics).unwrap();
+    assert!(metrics["validation"]["measured_mse"].as_f64().unwrap() > 0.0, "{metrics}");
+    let record = std::fs::read_to_string(dir.path().join("run/training.csv")).unwrap();
+    let header: Vec<_> = record.lines().next().unwrap().split(',').collect();
+    let place = header.iter().position(|column| *column == "loss_measured").unwrap();
+    for line in record.lines().skip(1) {
+        let value: f64 = line.split(',').nth(place).unwrap().parse().unwrap();
+        assert!(value > 0.0, "{line}");
+    }
+}
+
+#[test]
+fn bad_files_are_refused_with_line_and_column() {
+    refused(
+        &TRAJECTORY.replace("0.95", "much"),
+        &["m.csv:4: column `x1`: `much` given, expected a finite number"],
+    );
+    refused(
+        &TRAJECTORY.replace("a,0.25", "a,-0.25"),
+        &["m.csv:4: column `t`: -0.25 s given, expected more than 0 s"],
+    );
+    refused(
+        &TRAJECTORY.replace("t,u", "t,v"),
+        &["m.csv:1: column `v` is unexpected; expected scenario,t,u,x1,x2, each once"],
+    );
+    refused(&STEPS.replace("x2_0", "x1_0"), &["m.csv:1: column `x1_0` is unexpected"]);
+    refused(
+        &STEPS.replace("0,0.25,,0.8", "0,0.75,,0.8"),
+        &["m.csv:3: column `t`: 0.75 s given, expected from 0 to T = 0.5 s"],
+    );
+    refused(&STEPS.replace("1,0,0.5", "1,,0.5"), &["m.csv:2: column `x2_0`: `` given"]);
+    refused(&STEPS.replace("0.25,,0.8", "0.25,0.8"), &["m.csv:3: not a CSV file"]);
+    // Nothing follows a full row within T.
+    refused(
+        "scenario,t,u,x1,x2\na,0,0,1,1\na,2,0,1,1\n",
+        &["m.csv: nothing to compare a net with"],
+    );
+}
+
+#[test]
+fn bad_sections_are_refused() {
+    let dir = tempfile::tempdir().unwrap();
+    let refused = |data: &str, parts: &[&str]| train(dir.path(), &[], data).assert_refused(parts);
+    refused("files = []", &["`data.files`: [] given, expected at least one CSV file"]);
+    refused("files = [\"m.csv\"]\nweight = -1.0", &["`data.weight`: -1 given"]);
+    refused("files = [\"none.csv\"]", &["none.csv: cannot be read"]);
+    refused("file = [\"m.csv\"]", &["`data.file`: unknown key", "did you mean `files`?"]);
+}
+
+#[test]
+fn a_training_goes_on_with_the_same_measurements_or_not_at_all() {
+    let dir = tempfile::tempdir().unwrap();
+    let data = "files = [\"m.csv\"]";
+    let config = smoke()
+        .replace("[training]", &format!("[data]\n{data}\n[training]"))
+        .replace("[validation]", "checkpoint_every_s = 1e-6\n[validation]");
+    std::fs::write(dir.path().join("experiment.toml"), config).unwrap();
+    std::fs::write(dir.path().join("m.csv"), STEPS).unwrap();
+    let arguments = ["train", "experiment.toml", "--out", "run", "--resume"];
+    let mut child = pinc(&arguments).current_dir(dir.path()).spawn().unwrap();
+    let checkpoint = dir.path().join("run/checkpoint.bin");
+    while !checkpoint.exists() && child.try_wait().unwrap().is_none() {
+        std::thread::yield_now();
+    }
+    child.kill().unwrap();
+    child.wait().unwrap();
+    assert!(checkpoint.exists(), "the training was over before it could be killed");
+    std::fs::write(dir.path().join("m.csv"), STEPS.replace("0.8,", "0.7,")).unwrap();
+    let outcome = outcome(pinc(&arguments).current_dir(dir.path()));
+    outcome.assert_refused(&["checkpoint.bin: belongs to another config or other measurements"]);
+}

@@ -1,0 +1,226 @@
+//! What a config file says, as types, and how one is read.
+
+use crate::control::{ControlSpec, ModelKind};
+use crate::data::DataSpec;
+use crate::explain;
+use crate::layers::{self, Layers};
+use crate::one_step::OneStepSpec;
+use crate::plant::PlantSpec;
+use crate::plants::Plants;
+use crate::prediction::PredictionSpec;
+use crate::presets::Preset;
+use crate::problem::{ConfigError, Problem};
+use crate::sweep::SweepSpec;
+use crate::training::{Effort, TrainingSpec};
+use pinc_net::{Domain, NetConfig, ValidationConfig};
+use pinc_ode::Dims;
+use serde::{Deserialize, Serialize};
+use sha2::{Digest, Sha256};
+use std::fmt::Write as _;
+use std::path::Path;
+use toml::{Table, Value};
+
+/// An experiment: a resolved config file, every value spelled out and checked.
+///
+/// The sections present say what is done: `training` (which needs `model`, `domain` and
+/// `validation`, and may have `data`) trains a net, `prediction` lets it run freely, `control` puts it into the loop.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Experiment {
+    /// The experiment's name, which is also that of its run directory.
+    pub name: String,
+    /// The reading of the paper.
+    pub preset: Preset,
+    /// What every random draw follows from.
+    pub seed: u64,
+    /// The plant.
+    pub plant: PlantSpec,
+    /// The net.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub model: Option<NetConfig>,
+    /// The box that the net is trained on.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub domain: Option<Domain>,
+    /// The training.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub training: Option<TrainingSpec>,
+    /// Measurements to train on, beside the equation.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub data: Option<DataSpec>,
+    /// The scenarios that the net is validated on.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub validation: Option<ValidationConfig>,
+    /// The free run in the report.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub prediction: Option<PredictionSpec>,
+    /// The closed loop.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub control: Option<ControlSpec>,
+    /// The controller's models, one step of each by itself.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub one_step: Option<OneStepSpec>,
+    /// The experiment many times over, with other values each time.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub sweep: Option<SweepSpec>,
+    /// The plants that the config may name, for the trials of a sweep.
+    #[serde(skip)]
+    plants: Plants,
+}
+
+impl Experiment {
+    /// Reads a config file, with the values of `sets` (`key.path=value`, as TOML) over its own.
+    /// Its plant is a built-in one, one of `plants`, or written in the file.
+    ///
+    /// # Errors
+    ///
+    /// [`ConfigError`], which says where, which key and what was expected.
+    pub fn load(path: &Path, sets: &[String], plants: &Plants) -> Result<Self, ConfigError> {
+        Self::parse(path, &read(path)?, sets, plants)
+    }
+
+    /// Like [`Experiment::load`], from the text of the file `path`.
+    ///
+    /// # Errors
+    ///
+    /// Like [`Experiment::load`].
+    pub fn parse(
+        path: &Path,
+        text: &str,
+        sets: &[String],
+        plants: &Plants,
+    ) -> Result<Self, ConfigError> {
+        let layers = Layers::resolve(path, text, sets)?;
+        if let Some((key, value)) = layers.first_not_finite() {
+            return Err(layers.error(key, Problem::NotFinite(value)));
+        }
+        let experiment = Self::from_table(layers.table.clone(), plants);
+        experiment.map_err(|(key, problem)| layers.error(key, problem))
+    }
+
+    /// What the resolved config of a finished run says, from the `text` of the file `path`. It was
+    /// checked when it was run: neither its values nor its plant are looked at again. Keys that it
+    /// lacks, since it is older than they are, have the values of its preset.
+    ///
+    /// # Errors
+    ///
+    /// Like [`Experiment::load`], of syntax, keys and types.
+    pub fn read_back(path: &Path, text: &str) -> Result<Self, ConfigError> {
+        let layers = Layers::resolve(path, text, &[])?;
+        let experiment = Self::deserialized(layers.table.clone());
+        experiment.map_err(|(key, problem)| layers.error(key, problem))
+    }
+
+    fn deserialized(table: Table) -> Result<Self, (String, Problem)> {
+        serde_path_to_error::deserialize(Value::Table(table))
+            .map_err(|error| explain::explain(&error))
+    }
+
+    /// The experiment of a resolved table, checked; or the key and what is wrong with its value.
+    fn from_table(table: Table, plants: &Plants) -> Result<Self, (String, Problem)> {
+        let mut experiment = Self::deserialized(table)?;
+        experiment.plants = plants.clone();
+        experiment.plant.bind(plants);
+        let in_the_loop = experiment.control.as_mut().and_then(|control| control.plant.as_mut());
+        if let Some(plant) = in_the_loop {
+            plant.bind(plants);
+        }
+        experiment.validate()?;
+        experiment.choose_optimizers();
+        Ok(experiment)
+    }
+
+    /// The experiment with other values for some keys, checked; or the key and what is wrong with its
+    /// value.
+    pub(crate) fn with_values<'a>(
+        &self,
+        values: impl IntoIterator<Item = (&'a str, Value)>,
+    ) -> Result<Self, (String, Problem)> {
+        let mut table = Table::try_from(self).expect("the values have a form in TOML");
+        for (key, value) in values {
+            layers::assign(&mut table, key, value).map_err(|path| {
+                let expected = format!("a key that can be set: `{path}` has no such element");
+                (key.to_owned(), Problem::Value { found: format!("`{key}`"), expected })
+            })?;
+        }
+        Self::from_table(table, &self.plants)
+    }
+
+    /// The plants that the config may name.
+    pub(crate) fn plants(&self) -> &Plants {
+        &self.plants
+    }
+
+    /// Makes the choices by the size of the net, so that what is used is what is written down.
+    fn choose_optimizers(&mut self) {
+        let (Some(model), Some(training)) = (&self.model, &mut self.training) else {
+            return;
+        };
+        let variables = self.plant.variables();
+        let dims = Dims::new(variables.states.len(), variables.inputs.len());
+        let weights = model.parameters(dims);
+        for phase in &mut training.config.phases {
+            phase.optimizer = phase.optimizer.for_size(weights);
+        }
+    }
+
+    /// The config as TOML with every value spelled out: loading it gives the same experiment.
+    ///
+    /// # Panics
+    ///
+    /// If the seed is 2^63 or more, which no TOML file can hold.
+    #[must_use]
+    pub fn to_toml(&self) -> String {
+        toml::to_string(self).expect("the values have a form in TOML")
+    }
+
+    /// SHA-256 of the resolved config, in hexadecimal digits.
+    ///
+    /// # Panics
+    ///
+    /// Like [`Experiment::to_toml`].
+    #[must_use]
+    pub fn fingerprint(&self) -> String {
+        hexadecimal(&Sha256::digest(self.to_toml()))
+    }
+
+    /// The same experiment without what its numbers do not depend on: how many threads work on it, and
+    /// how often they write a checkpoint.
+    #[must_use]
+    pub fn normalized(&self) -> Self {
+        let mut same = self.clone();
+        if let Some(training) = &mut same.training {
+            let time_limit_s = training.effort.time_limit_s;
+            training.effort = Effort { time_limit_s, ..Effort::default() };
+        }
+        same
+    }
+
+    /// Whether a trial of a sweep trains a net: not if all that it does is done with numerical models.
+    #[must_use]
+    pub fn asks_for_a_net(&self) -> bool {
+        let numerical = self.control.as_ref().is_some_and(|c| !c.models.contains(&ModelKind::Pinc));
+        self.training.is_some() && (self.prediction.is_some() || !numerical)
+    }
+
+    /// The length T of a step in s, where the config says it.
+    #[must_use]
+    pub fn sample_time_s(&self) -> Option<f64> {
+        let model = self.model.as_ref().map(|m| m.sample_time_s);
+        model.or_else(|| self.control.as_ref().and_then(|c| c.step_s))
+    }
+}
+
+/// The text of a file.
+pub(crate) fn read(path: &Path) -> Result<String, ConfigError> {
+    std::fs::read_to_string(path)
+        .map_err(|source| ConfigError::Unreadable { path: path.to_owned(), source })
+}
+
+/// Bytes as hexadecimal digits.
+fn hexadecimal(bytes: &[u8]) -> String {
+    bytes.iter().fold(String::new(), |mut text, byte| {
+        // Writing to a String does not fail.
+        let _ = write!(text, "{byte:02x}");
+        text
+    })
+}

@@ -1,0 +1,74 @@
+//! From an error of deserialisation to one that says what to write instead.
+
+use crate::problem::{Problem, nearest};
+
+type Error = serde_path_to_error::Error<toml::de::Error>;
+
+/// The key of an error and what is wrong there, with the nearest key that exists.
+pub(crate) fn explain(error: &Error) -> (String, Problem) {
+    let mut key = match error.path().to_string() {
+        root if root == "." => String::new(),
+        path => path,
+    };
+    let message = error.inner().message().trim_end();
+    let problem = if let Some(field) = message.strip_prefix("missing field ") {
+        key = within(&key, words(field).first());
+        Problem::Missing("a value for this key")
+    } else if let Some(rest) = message.strip_prefix("unknown field ") {
+        let mut known = words(rest);
+        let found = take_first(&mut known);
+        key = within(&key, Some(&found));
+        let nearest = nearest(&found, &known);
+        Problem::Unknown { known, nearest }
+    } else if let Some(rest) = message.strip_prefix("unknown variant ") {
+        let mut known = words(rest);
+        let found = take_first(&mut known);
+        let nearest = nearest(&found, &known);
+        Problem::Word { found, known, nearest }
+    } else {
+        Problem::Type(in_plain_words(message))
+    };
+    (key, problem)
+}
+
+/// `path` with `key` at its end, if it is not there yet.
+fn within(path: &str, key: Option<&String>) -> String {
+    match key {
+        Some(key) if path.is_empty() => key.clone(),
+        Some(key) if path != key && !path.ends_with(&format!(".{key}")) => format!("{path}.{key}"),
+        _ => path.to_owned(),
+    }
+}
+
+/// The words in backquotes of one of serde's messages.
+fn words(message: &str) -> Vec<String> {
+    message.split('`').skip(1).step_by(2).map(str::to_owned).collect()
+}
+
+fn take_first(words: &mut Vec<String>) -> String {
+    if words.is_empty() { String::new() } else { words.remove(0) }
+}
+
+/// A message without Rust's names of types.
+fn in_plain_words(message: &str) -> String {
+    if message.starts_with("wanted exactly 1 element") {
+        // A choice between several kinds of thing, of which a table names one by its only key.
+        return "no key or several given, expected exactly one".to_owned();
+    }
+    let plain = [
+        ("expected f64", "expected a number"),
+        ("expected usize", "expected a whole number, 0 or more"),
+        ("expected u64", "expected a whole number, 0 or more"),
+        ("expected a sequence", "expected a list"),
+        ("expected a map", "expected a table"),
+    ];
+    let plain = plain.iter().find_map(|(end, words)| Some((message.strip_suffix(end)?, words)));
+    match plain {
+        Some((begin, words)) => format!("{begin}{words}"),
+        None if message.contains("expected struct ") => {
+            message.split("expected struct ").next().unwrap_or_default().to_owned()
+                + "expected a table"
+        }
+        None => message.to_owned(),
+    }
+}

@@ -1,0 +1,348 @@
+//! From a TOML file, a preset's defaults and `--set` arguments to one table of values, every one of
+//! which knows where it was written.
+
+use crate::presets::Preset;
+use crate::problem::{ConfigError, Origin, Problem, SetProblem, nearest};
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::{Path, PathBuf};
+use toml::de::{DeTable, DeValue};
+use toml::{Spanned, Table, Value};
+
+/// The name of the table of a config file that holds what differs between presets.
+const PRESETS: &str = "presets";
+
+/// A resolved table and the origin of each of its values.
+#[derive(Debug)]
+pub(crate) struct Layers {
+    pub(crate) table: Table,
+    origins: BTreeMap<String, Origin>,
+    path: PathBuf,
+}
+
+impl Layers {
+    /// Lays over one another: the defaults of the chosen preset for those sections that the file or
+    /// a `--set` mentions, the file's own tables, its `[presets.<chosen>]` tables, the `--set`s.
+    /// Tables are merged, everything else is replaced.
+    pub(crate) fn resolve(path: &Path, text: &str, sets: &[String]) -> Result<Self, ConfigError> {
+        let (mut file, lines) = parse(path, text)?;
+        let sets = sets.iter().map(|s| Setting::parse(s)).collect::<Result<Vec<_>, _>>()?;
+        let origin = |key: &str| Origin::File { path: path.to_owned(), line: line_of(&lines, key) };
+        let preset = chosen_preset(&file, &sets, &origin)?;
+        let differences = take_differences(&mut file, preset, &origin)?;
+
+        let mentioned: BTreeSet<&str> = (file.keys().chain(differences.keys()).map(String::as_str))
+            .chain(sets.iter().map(|s| s.key.split('.').next().unwrap_or_default()))
+            .collect();
+        let mut defaults = preset.defaults();
+        defaults.retain(|section, _| mentioned.contains(section));
+
+        let mut layers =
+            Self { table: Table::new(), origins: BTreeMap::new(), path: path.to_owned() };
+        let built_in = |_: &str| Origin::Preset(preset.name());
+        let prefix = format!("{PRESETS}.{}", preset.name());
+        let difference = |key: &str| origin(&format!("{prefix}.{key}"));
+        lay(&mut layers.table, defaults, "", &mut layers.origins, &built_in);
+        lay(&mut layers.table, file, "", &mut layers.origins, &origin);
+        lay(&mut layers.table, differences, "", &mut layers.origins, &difference);
+        for set in sets {
+            layers.assign(set)?;
+        }
+        Ok(layers)
+    }
+
+    /// An error about `key`, at the place where it or the nearest table around it was written.
+    pub(crate) fn error(&self, key: impl Into<String>, problem: Problem) -> ConfigError {
+        let key = key.into();
+        let mut place = key.as_str();
+        let origin = loop {
+            if let Some(origin) = self.origins.get(place) {
+                break origin.clone();
+            }
+            match place.rfind(['.', '[']) {
+                Some(end) => place = &place[..end],
+                None => {
+                    break Origin::File { path: self.path.clone(), line: 1 };
+                }
+            }
+        };
+        ConfigError::Key { origin, key, problem: Box::new(problem) }
+    }
+
+    /// The key of the first number that is NaN or infinite, and the number.
+    pub(crate) fn first_not_finite(&self) -> Option<(String, f64)> {
+        fn search(value: &Value, key: &str) -> Option<(String, f64)> {
+            match value {
+                Value::Float(v) if !v.is_finite() => Some((key.to_owned(), *v)),
+                Value::Array(items) => {
+                    let mut items = items.iter().enumerate();
+                    items.find_map(|(i, item)| search(item, &format!("{key}[{i}]")))
+                }
+                Value::Table(table) => table.iter().find_map(|(k, v)| search(v, &join(key, k))),
+                _ => None,
+            }
+        }
+        self.table.iter().find_map(|(key, value)| search(value, key))
+    }
+
+    fn assign(&mut self, set: Setting) -> Result<(), ConfigError> {
+        let Setting { argument, key, value } = set;
+        match assign(&mut self.table, &key, value.clone()) {
+            Ok(path) => {
+                forget(&mut self.origins, &path);
+                note(&mut self.origins, &path, &value, &|_| Origin::Set(argument.clone()));
+                Ok(())
+            }
+            Err(path) => Err(ConfigError::Set { argument, problem: SetProblem::Path(path) }),
+        }
+    }
+}
+
+/// Puts a value under a key path as `training.phases.0.iterations`, with the tables that lack for it.
+/// Returns the path as errors write it, or as much of it as leads to something that holds no keys.
+pub(super) fn assign(table: &mut Table, key: &str, value: Value) -> Result<String, String> {
+    let mut path = String::new();
+    let mut root = Value::Table(std::mem::take(table));
+    let mut place = Some(&mut root);
+    for key in key.split('.') {
+        place = place.and_then(|value| child(value, key, &mut path));
+    }
+    let found = place.map(|place| *place = value).is_some();
+    if let Value::Table(changed) = root {
+        *table = changed;
+    }
+    if found { Ok(path) } else { Err(path) }
+}
+
+/// The value under `key`, made if it is not there; adds the key to `path`.
+fn child<'a>(parent: &'a mut Value, key: &str, path: &mut String) -> Option<&'a mut Value> {
+    match parent {
+        Value::Table(table) => {
+            *path = join(path, key);
+            Some(table.entry(key).or_insert_with(|| Value::Table(Table::new())))
+        }
+        Value::Array(items) => {
+            let item = items.get_mut(key.parse::<usize>().ok()?)?;
+            *path = format!("{path}[{key}]");
+            Some(item)
+        }
+        _ => None,
+    }
+}
+
+/// `top` over `base`.
+fn lay(
+    base: &mut Table,
+    top: Table,
+    prefix: &str,
+    origins: &mut BTreeMap<String, Origin>,
+    origin: &dyn Fn(&str) -> Origin,
+) {
+    for (key, value) in top {
+        let path = join(prefix, &key);
+        match (base.get_mut(&key), value) {
+            (Some(Value::Table(under)), Value::Table(over)) => {
+                origins.insert(path.clone(), origin(&path));
+                lay(under, over, &path, origins, origin);
+            }
+            (_, value) => {
+                forget(origins, &path);
+                note(origins, &path, &value, origin);
+                base.insert(key, value);
+            }
+        }
+    }
+}
+
+/// Notes the origin of a value and of all in it.
+fn note(
+    origins: &mut BTreeMap<String, Origin>,
+    path: &str,
+    value: &Value,
+    origin: &dyn Fn(&str) -> Origin,
+) {
+    origins.insert(path.to_owned(), origin(path));
+    match value {
+        Value::Table(table) => {
+            for (key, value) in table {
+                note(origins, &join(path, key), value, origin);
+            }
+        }
+        Value::Array(items) => {
+            for (i, item) in items.iter().enumerate() {
+                note(origins, &format!("{path}[{i}]"), item, origin);
+            }
+        }
+        _ => {}
+    }
+}
+
+/// Drops the origins of a value that is replaced.
+fn forget(origins: &mut BTreeMap<String, Origin>, path: &str) {
+    origins.retain(|key, _| {
+        let rest = key.strip_prefix(path);
+        !rest.is_some_and(|rest| rest.is_empty() || rest.starts_with(['.', '[']))
+    });
+}
+
+fn join(prefix: &str, key: &str) -> String {
+    if prefix.is_empty() { key.to_owned() } else { format!("{prefix}.{key}") }
+}
+
+/// The file as a table, and the line of every key in it.
+fn parse(path: &Path, text: &str) -> Result<(Table, BTreeMap<String, usize>), ConfigError> {
+    let syntax = |error: toml::de::Error| ConfigError::Syntax {
+        path: path.to_owned(),
+        line: line_at(text, error.span().map_or(0, |span| span.start)),
+        message: error.message().to_owned(),
+    };
+    let table = text.parse::<Table>().map_err(syntax)?;
+    let spanned = DeTable::parse(text).map_err(syntax)?;
+    let mut lines = BTreeMap::new();
+    note_lines(text, "", spanned.get_ref(), &mut lines);
+    Ok((table, lines))
+}
+
+fn note_lines(text: &str, prefix: &str, table: &DeTable<'_>, lines: &mut BTreeMap<String, usize>) {
+    for (key, value) in table {
+        let path = join(prefix, key.get_ref());
+        lines.insert(path.clone(), line_at(text, key.span().start));
+        note_lines_within(text, &path, value, lines);
+    }
+}
+
+fn note_lines_within(
+    text: &str,
+    path: &str,
+    value: &Spanned<DeValue<'_>>,
+    lines: &mut BTreeMap<String, usize>,
+) {
+    match value.get_ref() {
+        DeValue::Table(table) => note_lines(text, path, table, lines),
+        DeValue::Array(items) => {
+            for (i, item) in items.iter().enumerate() {
+                let path = format!("{path}[{i}]");
+                lines.insert(path.clone(), line_at(text, item.span().start));
+                note_lines_within(text, &path, item, lines);
+            }
+        }
+        _ => {}
+    }
+}
+
+/// The line of a byte of the text, from 1.
+fn line_at(text: &str, byte: usize) -> usize {
+    let before = text.as_bytes().iter().take(byte);
+    1 + before.filter(|&&b| b == b'\n').count()
+}
+
+/// The line of a key, or of the innermost table around it that the file has.
+fn line_of(lines: &BTreeMap<String, usize>, key: &str) -> usize {
+    let mut place = key;
+    loop {
+        if let Some(&line) = lines.get(place) {
+            return line;
+        }
+        match place.rfind(['.', '[']) {
+            Some(end) => place = &place[..end],
+            None => return 1,
+        }
+    }
+}
+
+fn chosen_preset(
+    file: &Table,
+    sets: &[Setting],
+    origin: &dyn Fn(&str) -> Origin,
+) -> Result<Preset, ConfigError> {
+    let set = sets.iter().rev().find(|s| s.key == "preset");
+    let (value, origin) = match set {
+        Some(set) => (Some(&set.value), Origin::Set(set.argument.clone())),
+        None => (file.get("preset"), origin("preset")),
+    };
+    let problem = match value {
+        None => {
+            Problem::Missing("the name of a preset: \"ours\", \"as-printed\" or \"as-released\"")
+        }
+        Some(Value::String(name)) => match Preset::named(name) {
+            Some(preset) => return Ok(preset),
+            None => unknown_preset(name),
+        },
+        Some(other) => Problem::Type(format!(
+            "invalid type: {}, expected the name of a preset",
+            other.type_str()
+        )),
+    };
+    Err(ConfigError::Key { origin, key: "preset".to_owned(), problem: Box::new(problem) })
+}
+
+fn unknown_preset(name: &str) -> Problem {
+    let known: Vec<_> = Preset::ALL.iter().map(|p| p.name().to_owned()).collect();
+    let nearest = nearest(name, &known);
+    Problem::Word { found: name.to_owned(), known, nearest }
+}
+
+/// Takes `[presets]` out of the file and returns the tables of the chosen one.
+fn take_differences(
+    file: &mut Table,
+    chosen: Preset,
+    origin: &dyn Fn(&str) -> Origin,
+) -> Result<Table, ConfigError> {
+    let fail = |key: String, problem| {
+        Err(ConfigError::Key { origin: origin(&key), key, problem: Box::new(problem) })
+    };
+    let wrong_type = |value: &Value| {
+        Problem::Type(format!("invalid type: {}, expected a table", value.type_str()))
+    };
+    let mut presets = match file.remove(PRESETS) {
+        None => return Ok(Table::new()),
+        Some(Value::Table(presets)) => presets,
+        Some(other) => return fail(PRESETS.to_owned(), wrong_type(&other)),
+    };
+    for (name, value) in &presets {
+        let key = join(PRESETS, name);
+        if Preset::named(name).is_none() {
+            return fail(key, unknown_preset(name));
+        }
+        if !value.is_table() {
+            return fail(key, wrong_type(value));
+        }
+    }
+    match presets.remove(chosen.name()) {
+        Some(Value::Table(differences)) => Ok(differences),
+        _ => Ok(Table::new()),
+    }
+}
+
+/// One `--set key.path=value`.
+#[derive(Debug)]
+struct Setting {
+    argument: String,
+    key: String,
+    value: Value,
+}
+
+impl Setting {
+    fn parse(argument: &str) -> Result<Self, ConfigError> {
+        let fail = |problem| ConfigError::Set { argument: argument.to_owned(), problem };
+        let (key, text) = argument.split_once('=').ok_or_else(|| fail(SetProblem::NoKey))?;
+        let keys: Vec<_> = key.split('.').map(str::trim).collect();
+        if keys.iter().any(|key| key.is_empty()) {
+            return Err(fail(SetProblem::NoKey));
+        }
+        let value = match format!("value = {text}").parse::<Table>() {
+            Ok(mut table) if table.len() == 1 => table.remove("value"),
+            Ok(_) => None,
+            Err(_) if is_bare_word(text.trim()) => Some(Value::String(text.trim().to_owned())),
+            Err(error) => return Err(fail(SetProblem::Value(error.message().to_owned()))),
+        };
+        let value =
+            value.ok_or_else(|| fail(SetProblem::Value("one value expected".to_owned())))?;
+        Ok(Self { argument: argument.to_owned(), key: keys.join("."), value })
+    }
+}
+
+/// Whether a text that is not a TOML value can only be meant as a string.
+fn is_bare_word(text: &str) -> bool {
+    text.starts_with(|c: char| c.is_ascii_alphabetic())
+        && text.chars().all(|c| c.is_ascii_alphanumeric() || c == '-' || c == '_')
+}

@@ -1,0 +1,67 @@
+//! Experiments as TOML: their types, presets, layers, checks and plants.
+//!
+//! - [`Experiment`]: a config file, resolved and checked; its sections are types of their own.
+//! - [`RunList`]: a file that lists configs.
+//! - [`Preset`]: a reading of the paper, with its defaults.
+//! - [`Plants`]: plants that a program adds to the built-in ones.
+//! - [`trials`]: the trials of an experiment with a sweep.
+//!
+//! ```
+//! use pinc_config::{Experiment, Plants};
+//!
+//! let text = r#"
+//!     name = "a-tank"
+//!     preset = "ours"
+//!     seed = 1
+//!     [plant]
+//!     one-tank = {}
+//!     [model]
+//!     horizon_s = 10.0
+//!     hidden_layers = 2
+//!     neurons = 8
+//! "#;
+//! let sets = ["model.neurons=16".to_owned()];
+//! let experiment = Experiment::parse("a-tank.toml".as_ref(), text, &sets, &Plants::built_in())?;
+//! assert_eq!(experiment.model.unwrap().neurons, 16);
+//!
+//! let sets = ["model.neuron=16".to_owned()];
+//! let error = Experiment::parse("a-tank.toml".as_ref(), text, &sets, &Plants::built_in()).unwrap_err();
+//! assert!(error.to_string().contains("did you mean `neurons`?"));
+//! # Ok::<(), pinc_config::ConfigError>(())
+//! ```
+
+mod control;
+mod data;
+mod experiment;
+mod explain;
+mod layers;
+mod list;
+mod one_step;
+mod plant;
+mod plants;
+mod prediction;
+mod presets;
+mod problem;
+mod registry;
+mod sweep;
+mod training;
+mod trial;
+mod validate;
+
+pub use control::{ControlSpec, ModelKind, OutsidePolicy, Profile, ReferenceStep};
+pub use data::DataSpec;
+pub use experiment::Experiment;
+pub use list::{ListedRun, RunList};
+pub use one_step::OneStepSpec;
+pub use plant::{
+    AcetoneColumnSpec, AcetoneStillSpec, FourTanksParameters, FourTanksSpec, HydraulicServoSpec,
+    OneTankSpec, OwnPlantSpec, PlantSpec, SingleTrackCarSpec, TwoLinkArmSpec, VanDerPolSpec,
+};
+pub use plants::Plants;
+pub use prediction::PredictionSpec;
+pub use presets::Preset;
+pub use problem::{ConfigError, Origin, Problem, SetProblem};
+pub use registry::Variables;
+pub use sweep::{AxisSpec, CaseSpec, DrawsSpec, RangeSpec, SweepSpec};
+pub use training::{Effort, TrainingSpec};
+pub use trial::{CASE, DRAW, DRAWN, SEED, Trial, cell_columns, columns, trials};

@@ -1,0 +1,145 @@
+//! The `[sweep]` section.
+
+use crate::Problem;
+use serde::{Deserialize, Serialize};
+
+/// The experiment many times over: one trial for each combination of a seed, a case, a value of each
+/// axis of the grid, and a draw.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SweepSpec {
+    /// Seeds; the experiment's own if there are none.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub seeds: Vec<u64>,
+    /// Whether the trials' times are wanted: they are then run one at a time, after all trainings.
+    #[serde(default)]
+    pub timed: bool,
+    /// Whether each trial keeps the traces of its closed loops.
+    #[serde(default)]
+    pub keep_traces: bool,
+    /// Alternatives that differ in several values at once.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub cases: Vec<CaseSpec>,
+    /// The axes of the grid, each crossed with all others.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub grid: Vec<AxisSpec>,
+    /// Alternatives with values drawn at random.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub draws: Vec<DrawsSpec>,
+}
+
+/// An axis of the grid: one key and its values.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct AxisSpec {
+    /// The key, as `--set` has it: `model.neurons`, `training.phases.0.iterations`.
+    pub key: String,
+    /// Keys that take the same values: `control.nu` beside `control.n2`.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub also: Vec<String>,
+    /// The values.
+    pub values: Vec<toml::Value>,
+}
+
+/// One of several alternatives.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct CaseSpec {
+    /// What it is called in tables and pictures.
+    pub name: String,
+    /// Its values by key, the keys as in [`AxisSpec`].
+    pub set: toml::Table,
+}
+
+/// A number of trials with values drawn at random from the experiment's own seed: the same draws for
+/// all other choices of the sweep.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct DrawsSpec {
+    /// What the group is called in tables and pictures.
+    pub name: String,
+    /// How many draws.
+    pub count: usize,
+    /// What is drawn, uniformly and independently.
+    pub ranges: Vec<RangeSpec>,
+}
+
+/// A value drawn uniformly from a range.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct RangeSpec {
+    /// The key, as in [`AxisSpec`].
+    pub key: String,
+    /// The lower end.
+    pub low: f64,
+    /// The upper end.
+    pub high: f64,
+}
+
+/// Most trials of a sweep.
+const MOST_TRIALS: usize = 100_000;
+
+impl SweepSpec {
+    /// Checks what can be checked without looking at the trials.
+    pub(crate) fn validate(&self) -> Result<(), (String, Problem)> {
+        for (i, axis) in self.grid.iter().enumerate() {
+            may_be_swept(&format!("sweep.grid[{i}].key"), &axis.key)?;
+            for key in &axis.also {
+                may_be_swept(&format!("sweep.grid[{i}].also"), key)?;
+            }
+            if axis.values.is_empty() {
+                return wrong(&format!("sweep.grid[{i}].values"), "[]", "one value or more");
+            }
+        }
+        for (i, case) in self.cases.iter().enumerate() {
+            for key in case.set.keys() {
+                may_be_swept(&format!("sweep.cases[{i}].set"), key)?;
+            }
+        }
+        for (i, draws) in self.draws.iter().enumerate() {
+            let here = format!("sweep.draws[{i}]");
+            if draws.count == 0 {
+                return wrong(&format!("{here}.count"), "0", "1 or more");
+            }
+            for (j, range) in draws.ranges.iter().enumerate() {
+                may_be_swept(&format!("{here}.ranges[{j}].key"), &range.key)?;
+                if range.low > range.high {
+                    let expected = format!("at most the upper end, {}", range.high);
+                    let key = format!("{here}.ranges[{j}].low");
+                    return wrong(&key, &range.low.to_string(), &expected);
+                }
+            }
+        }
+        self.size()
+    }
+
+    fn size(&self) -> Result<(), (String, Problem)> {
+        let drawn: usize = self.draws.iter().map(|draws| draws.count).sum();
+        let factors = [self.seeds.len(), self.cases.len(), drawn];
+        let lengths = self.grid.iter().map(|axis| axis.values.len());
+        let product = factors.into_iter().chain(lengths).map(|n| n.max(1));
+        let trials = product.fold(1_usize, usize::saturating_mul);
+        if trials > MOST_TRIALS {
+            let expected = format!("{MOST_TRIALS} at most");
+            return wrong("sweep", &format!("{trials} trials"), &expected);
+        }
+        Ok(())
+    }
+}
+
+/// Whether the trials of one sweep may differ in `key`.
+fn may_be_swept(place: &str, key: &str) -> Result<(), (String, Problem)> {
+    let top = key.split('.').next().unwrap_or_default();
+    let instead = match top {
+        "preset" => "another key: a preset is chosen for the sweep as a whole",
+        "seed" => "another key: seeds are listed in sweep.seeds",
+        "name" | "sweep" => "a key of what a trial runs",
+        _ => return Ok(()),
+    };
+    wrong(place, &format!("{key:?}"), instead)
+}
+
+fn wrong(key: &str, found: &str, expected: &str) -> Result<(), (String, Problem)> {
+    let problem = Problem::Value { found: found.to_owned(), expected: expected.to_owned() };
+    Err((key.to_owned(), problem))
+}

@@ -1,0 +1,113 @@
+//! The `[training]` section.
+
+use pinc_net::TrainingConfig;
+use serde::de::value::MapAccessDeserializer;
+use serde::de::{Error, IntoDeserializer, MapAccess, Visitor};
+use serde::{Deserialize, Deserializer, Serialize};
+use std::fmt;
+
+/// How the net is trained: pinc-net's keys, and in the same table those of [`Effort`].
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct TrainingSpec {
+    /// The training itself.
+    #[serde(flatten)]
+    pub config: TrainingConfig,
+    /// How long this machine may work on it.
+    #[serde(flatten)]
+    pub effort: Effort,
+}
+
+/// How long and how hard this machine works on a training.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Effort {
+    /// Wall time after which the training stops, in s; none if absent. A training that this stops
+    /// depends on the machine's speed.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub time_limit_s: Option<f64>,
+    /// Threads to use; 0 for as many as the machine has cores. The net does not depend on it.
+    pub threads: usize,
+    /// Wall time between two checkpoints, in s. The net does not depend on it.
+    pub checkpoint_every_s: f64,
+}
+
+impl Default for Effort {
+    fn default() -> Self {
+        Self { time_limit_s: None, threads: 0, checkpoint_every_s: 5.0 }
+    }
+}
+
+impl Effort {
+    /// The number of threads to start.
+    pub fn threads(&self) -> usize {
+        match self.threads {
+            0 => std::thread::available_parallelism().map_or(1, usize::from),
+            n => n,
+        }
+    }
+}
+
+// `#[serde(flatten)]` would do, but buffers the table, which loses the key of an error inside it.
+impl<'de> Deserialize<'de> for TrainingSpec {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        deserializer.deserialize_map(SpecVisitor)
+    }
+}
+
+struct SpecVisitor;
+
+impl<'de> Visitor<'de> for SpecVisitor {
+    type Value = TrainingSpec;
+
+    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("a table")
+    }
+
+    fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<TrainingSpec, A::Error> {
+        let mut effort = Effort::default();
+        let rest = Rest { map, effort: &mut effort };
+        let config = TrainingConfig::deserialize(MapAccessDeserializer::new(rest))?;
+        Ok(TrainingSpec { config, effort })
+    }
+}
+
+/// The keys of [`Effort`], as serde lists keys in an error.
+const OWN_KEYS: &str = "`time_limit_s`, `threads`, `checkpoint_every_s`";
+
+/// A table without the keys of [`Effort`], which it takes out on the way.
+struct Rest<'a, A> {
+    map: A,
+    effort: &'a mut Effort,
+}
+
+impl<'de, A: MapAccess<'de>> MapAccess<'de> for Rest<'_, A> {
+    type Error = A::Error;
+
+    fn next_key_seed<K: serde::de::DeserializeSeed<'de>>(
+        &mut self,
+        seed: K,
+    ) -> Result<Option<K::Value>, A::Error> {
+        while let Some(key) = self.map.next_key::<String>()? {
+            match key.as_str() {
+                "time_limit_s" => self.effort.time_limit_s = Some(self.map.next_value()?),
+                "threads" => self.effort.threads = self.map.next_value()?,
+                "checkpoint_every_s" => self.effort.checkpoint_every_s = self.map.next_value()?,
+                _ => {
+                    let key: serde::de::value::StringDeserializer<A::Error> =
+                        key.into_deserializer();
+                    // The list of known keys in the message ends with those of this table.
+                    return seed.deserialize(key).map(Some).map_err(|error: A::Error| {
+                        A::Error::custom(format!("{}, {OWN_KEYS}", error.to_string().trim_end()))
+                    });
+                }
+            }
+        }
+        Ok(None)
+    }
+
+    fn next_value_seed<V: serde::de::DeserializeSeed<'de>>(
+        &mut self,
+        seed: V,
+    ) -> Result<V::Value, A::Error> {
+        self.map.next_value_seed(seed)
+    }
+}

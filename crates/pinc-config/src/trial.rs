@@ -1,0 +1,202 @@
+//! From a `[sweep]` section to its trials.
+
+use crate::{AxisSpec, DrawsSpec, Experiment, Problem, SweepSpec};
+use rand::RngExt;
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::SeedableRng;
+use toml::Value;
+
+/// The first stream of random numbers that draws come from, one per group; those below are others'.
+const STREAM: u64 = 1 << 33;
+
+/// Digits of an [`id`]: enough for a collision to be out of the question.
+const DIGITS: usize = 16;
+
+/// The column of a sweep's tables with the names of cases.
+pub const CASE: &str = "case";
+/// The column with the names of groups of draws.
+pub const DRAWN: &str = "drawn";
+/// The column with the numbers of draws.
+pub const DRAW: &str = "draw";
+/// The column with the seeds.
+pub const SEED: &str = "seed";
+
+/// One trial of a sweep.
+#[derive(Clone, Debug)]
+pub struct Trial {
+    /// A hash of what is run: the same trial has the same name in every sweep directory.
+    pub id: String,
+    /// The cells of [`columns`].
+    pub cells: Vec<String>,
+    /// What is run: the sweep's experiment with this trial's values.
+    pub experiment: Experiment,
+    /// The training that it needs, which others may share, and the hash of that.
+    pub training: Option<(String, Experiment)>,
+}
+
+/// The columns that tell the trials of a sweep apart, the seed last.
+pub fn columns(sweep: &SweepSpec) -> Vec<String> {
+    let mut columns = cell_columns(sweep);
+    if !sweep.draws.is_empty() {
+        columns.push(DRAW.to_owned());
+        columns.extend(drawn_keys(sweep));
+    }
+    columns.push(SEED.to_owned());
+    columns
+}
+
+/// Those of the [`columns`] that tell the cells of a sweep apart: a cell has one trial per seed and
+/// draw. They are the first ones.
+pub fn cell_columns(sweep: &SweepSpec) -> Vec<String> {
+    let mut columns = Vec::new();
+    if !sweep.cases.is_empty() {
+        columns.push(CASE.to_owned());
+    }
+    columns.extend(sweep.grid.iter().map(|axis| axis.key.clone()));
+    if !sweep.draws.is_empty() {
+        columns.push(DRAWN.to_owned());
+    }
+    columns
+}
+
+/// The keys of all groups of draws, each once.
+fn drawn_keys(sweep: &SweepSpec) -> Vec<String> {
+    let mut keys: Vec<String> = Vec::new();
+    for range in sweep.draws.iter().flat_map(|draws| &draws.ranges) {
+        if !keys.contains(&range.key) {
+            keys.push(range.key.clone());
+        }
+    }
+    keys
+}
+
+/// The trials of an experiment with a sweep, in an order in which every cell has its first seed
+/// before any has its second. Those that come to the same are one trial with several rows. Or the key and what is wrong with a trial.
+pub fn trials(experiment: &Experiment) -> Result<Vec<Trial>, (String, Problem)> {
+    let Some(sweep) = &experiment.sweep else { return Ok(Vec::new()) };
+    let mut base = experiment.clone();
+    base.sweep = None;
+    let columns = columns(sweep);
+    choices(sweep, experiment.seed).iter().map(|choice| choice.trial(&base, &columns)).collect()
+}
+
+/// One combination of a sweep's alternatives.
+#[derive(Clone, Debug, Default)]
+struct Choice {
+    /// What it is called, by column.
+    names: Vec<(String, String)>,
+    /// What it sets, by key.
+    values: Vec<(String, Value)>,
+}
+
+impl Choice {
+    /// This choice and another one.
+    fn and(&self, other: &Self) -> Self {
+        Self {
+            names: self.names.iter().chain(&other.names).cloned().collect(),
+            values: self.values.iter().chain(&other.values).cloned().collect(),
+        }
+    }
+
+    fn description(&self) -> String {
+        let named = self.names.iter().map(|(column, name)| format!("{column} = {name}"));
+        named.collect::<Vec<_>>().join(", ")
+    }
+
+    fn trial(&self, base: &Experiment, columns: &[String]) -> Result<Trial, (String, Problem)> {
+        let values = self.values.iter().map(|(key, value)| (key.as_str(), value.clone()));
+        let experiment = base.with_values(values).map_err(|(key, problem)| {
+            let (trial, problem) = (self.description(), Box::new(problem));
+            ("sweep".to_owned(), Problem::Trial { trial, key, problem })
+        })?;
+        let name = |column: &String| {
+            let named = self.names.iter().find(|(key, _)| key == column);
+            named.map_or_else(String::new, |(_, name)| name.clone())
+        };
+        let training = experiment.asks_for_a_net().then(|| {
+            let mut alone = experiment.normalized();
+            (alone.prediction, alone.control, alone.one_step) = (None, None, None);
+            (id(&alone), alone)
+        });
+        Ok(Trial {
+            id: id(&experiment),
+            cells: columns.iter().map(name).collect(),
+            experiment,
+            training,
+        })
+    }
+}
+
+/// All combinations: seeds outermost, draws innermost.
+fn choices(sweep: &SweepSpec, seed: u64) -> Vec<Choice> {
+    let seeds = if sweep.seeds.is_empty() { vec![seed] } else { sweep.seeds.clone() };
+    // The experiment was made from TOML, which has no larger numbers.
+    let number = |seed: u64| Value::Integer(i64::try_from(seed).unwrap_or(i64::MAX));
+    let mut axes = vec![seeds.iter().map(|&seed| one(SEED, number(seed))).collect()];
+    axes.push(sweep.cases.iter().map(case).collect());
+    for axis in &sweep.grid {
+        axes.push(axis.values.iter().map(|value| place(axis, value)).collect());
+    }
+    let groups = sweep.draws.iter().zip(STREAM..);
+    axes.push(groups.flat_map(|(draws, stream)| drawn(draws, seed, stream)).collect());
+    let cross = |before: Vec<Choice>, axis: Vec<Choice>| match axis.is_empty() {
+        true => before,
+        false => before.iter().flat_map(|b| axis.iter().map(|choice| b.and(choice))).collect(),
+    };
+    axes.into_iter().fold(vec![Choice::default()], cross)
+}
+
+/// One value of one key.
+fn one(key: &str, value: Value) -> Choice {
+    let name = text(&value);
+    Choice { names: vec![(key.to_owned(), name)], values: vec![(key.to_owned(), value)] }
+}
+
+/// A place on an axis of the grid.
+fn place(axis: &AxisSpec, value: &Value) -> Choice {
+    let mut choice = one(&axis.key, value.clone());
+    choice.values.extend(axis.also.iter().map(|key| (key.clone(), value.clone())));
+    choice
+}
+
+fn case(case: &crate::CaseSpec) -> Choice {
+    let values = case.set.iter().map(|(key, value)| (key.clone(), value.clone())).collect();
+    Choice { names: vec![(CASE.to_owned(), case.name.clone())], values }
+}
+
+/// The draws of one group.
+fn drawn(draws: &DrawsSpec, seed: u64, stream: u64) -> Vec<Choice> {
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    rng.set_stream(stream);
+    let mut draw = |i: usize| {
+        let mut choice = Choice {
+            names: vec![
+                (DRAWN.to_owned(), draws.name.clone()),
+                (DRAW.to_owned(), (i + 1).to_string()),
+            ],
+            values: Vec::new(),
+        };
+        for range in &draws.ranges {
+            let value = Value::Float(range.low + (range.high - range.low) * rng.random::<f64>());
+            choice = choice.and(&one(&range.key, value));
+        }
+        choice
+    };
+    (0..draws.count).map(&mut draw).collect()
+}
+
+/// A value as a cell of a table.
+fn text(value: &Value) -> String {
+    match value {
+        Value::String(text) => text.clone(),
+        Value::Float(number) => format!("{number:?}"),
+        other => other.to_string(),
+    }
+}
+
+/// What makes an experiment's numbers, as a hash.
+fn id(experiment: &Experiment) -> String {
+    let mut digits = experiment.normalized().fingerprint();
+    digits.truncate(DIGITS);
+    digits
+}

@@ -1,0 +1,205 @@
+//! Checks of `[control]`.
+
+use super::values::{at_least_one, bounds, length, positive, tolerance, value, whole_steps};
+use super::{Finding, Problem, plant};
+use crate::plants::Plants;
+use crate::problem::nearest;
+use crate::registry::Variables;
+use crate::{ControlSpec, ModelKind};
+use pinc_mpc::{MpcError, Weight};
+use pinc_ode::Dims;
+
+/// `[control]`.
+pub(super) fn closed_loop(
+    spec: &ControlSpec,
+    variables: &Variables,
+    plants: &Plants,
+    sample_time_s: Option<f64>,
+) -> Finding {
+    let (states, inputs) = (variables.states.len(), variables.inputs.len());
+    models(spec)?;
+    plant_in_the_loop(spec, variables, plants)?;
+    whole_steps("control.duration_s", spec.duration_s, sample_time_s)?;
+    if let Some(step_s) = spec.step_s {
+        positive("control.step_s", step_s)?;
+    }
+    length("control.initial_state", &spec.initial_state, states, "state")?;
+    controlled(spec, variables)?;
+    horizons(spec)?;
+    weights("control.q", &spec.q, spec.controlled.len(), "controlled state")?;
+    weights("control.r", &spec.r, inputs, "input")?;
+    let terminal = spec.q_terminal.as_ref();
+    terminal.map_or(Ok(()), |q| {
+        weights("control.q_terminal", q, spec.controlled.len(), "controlled state")
+    })?;
+    bounds("control.input", &spec.input_low, &spec.input_high, inputs, "input")?;
+    for (key, side) in [("state_low", &spec.state_low), ("state_high", &spec.state_high)] {
+        if let Some(side) = side {
+            length(&format!("control.{key}"), side, states, "state")?;
+        }
+    }
+    if let (Some(low), Some(high)) = (&spec.state_low, &spec.state_high) {
+        bounds("control.state", low, high, states, "state")?;
+    }
+    close_ups(spec)?;
+    at_least_one("control.rk4_substeps", spec.rk4_substeps)?;
+    at_least_one("control.rk5_substeps", spec.rk5_substeps)?;
+    at_least_one("control.rosenbrock_substeps", spec.rosenbrock_substeps)?;
+    at_least_one("control.repetitions", spec.repetitions)?;
+    tolerance("control.plant_tolerance", spec.plant_tolerance)?;
+    positive("control.sqp.tolerance", spec.sqp.tolerance)?;
+    at_least_one("control.sqp.max_iterations", spec.sqp.max_iterations)?;
+    if let Some(budget_us) = spec.budget_us {
+        positive("control.budget_us", budget_us)?;
+    }
+    references(spec)?;
+    let names: Vec<&str> = variables.states.iter().map(|state| &*state.name).collect();
+    // The length of a step does not matter for what is checked here.
+    let problem = spec.problem(&names, inputs, 1.0);
+    problem.validate(Dims::new(states, inputs)).map_err(|error| mpc_finding(&error))
+}
+
+fn models(spec: &ControlSpec) -> Finding {
+    let twice = |kind: ModelKind| spec.models.iter().filter(|&&m| m == kind).count() > 1;
+    if spec.models.is_empty() || spec.models.iter().any(|&kind| twice(kind)) {
+        let names: Vec<_> = spec.models.iter().map(|m| m.name()).collect();
+        let expected = "one or more of \"pinc\", \"rk4\", \"rk5\", \"rosenbrock\", each once";
+        return value("control.models", format!("{names:?}"), expected);
+    }
+    Ok(())
+}
+
+fn close_ups(spec: &ControlSpec) -> Finding {
+    for (i, window) in spec.close_ups_s.iter().enumerate() {
+        let [from, to] = *window;
+        if !(0.0 <= from && from < to && from < spec.duration_s) {
+            let expected =
+                format!("[from, to], from 0 to {} s, the first one less", spec.duration_s);
+            return value(&format!("control.close_ups_s[{i}]"), format!("{window:?}"), &expected);
+        }
+    }
+    Ok(())
+}
+
+fn controlled(spec: &ControlSpec, variables: &Variables) -> Finding {
+    let known = variables.state_names();
+    if spec.controlled.is_empty() {
+        let expected = format!("one or more of the states {}", known.join(", "));
+        return value("control.controlled", "[]", &expected);
+    }
+    for (i, name) in spec.controlled.iter().enumerate() {
+        let key = format!("control.controlled[{i}]");
+        if !known.contains(name) {
+            let nearest = nearest(name, &known);
+            return Err((key, Problem::Word { found: name.clone(), known, nearest }));
+        }
+        if spec.controlled[..i].contains(name) {
+            return value(&key, format!("{name:?}"), "each state once");
+        }
+    }
+    Ok(())
+}
+
+fn horizons(spec: &ControlSpec) -> Finding {
+    at_least_one("control.n2", spec.n2)?;
+    for (key, steps) in [("control.n1", spec.n1), ("control.nu", spec.nu)] {
+        if !(1..=spec.n2).contains(&steps) {
+            return value(key, steps, &format!("from 1 to n2 = {}", spec.n2));
+        }
+    }
+    Ok(())
+}
+
+fn references(spec: &ControlSpec) -> Finding {
+    if spec.references.is_empty() {
+        return value("control.references", "[]", "at least one { start_s, value }");
+    }
+    let mut previous = None;
+    for (i, step) in spec.references.iter().enumerate() {
+        let key = format!("control.references[{i}]");
+        let start = format!("{key}.start_s");
+        match previous {
+            None if step.start_s != 0.0 => {
+                return value(&start, step.start_s, "0, since the first reference begins the run");
+            }
+            Some(before) if step.start_s <= before => {
+                return value(&start, step.start_s, &format!("more than {before}, the one before"));
+            }
+            _ => previous = Some(step.start_s),
+        }
+        let value = format!("{key}.value");
+        length(&value, &step.value, spec.controlled.len(), "controlled state")?;
+    }
+    Ok(())
+}
+
+/// The plant in the loop: it has the states and inputs of the one that the models are of.
+fn plant_in_the_loop(spec: &ControlSpec, variables: &Variables, plants: &Plants) -> Finding {
+    let Some(real) = &spec.plant else { return Ok(()) };
+    plant("control.plant", real, plants)?;
+    let found = real.variables();
+    for (what, found, expected) in [
+        ("states", found.state_names(), variables.state_names()),
+        ("inputs", found.input_names(), variables.input_names()),
+    ] {
+        if found != expected {
+            let expected = format!("one with the {what} {}", expected.join(", "));
+            let found = format!("a plant with the {what} {}", found.join(", "));
+            return value("control.plant", found, &expected);
+        }
+    }
+    Ok(())
+}
+
+/// A finding from an error of pinc-mpc about the control problem.
+fn mpc_finding(error: &MpcError) -> (String, Problem) {
+    let (field, found, expected) = match error {
+        MpcError::Number { field, value, expected, .. } => {
+            (*field, value.to_string(), (*expected).to_owned())
+        }
+        MpcError::Length { field, found, expected } => {
+            (*field, format!("{found} numbers"), format!("{expected}"))
+        }
+        MpcError::Range { field, found, low, high } => {
+            (*field, found.to_string(), format!("from {low} to {high}"))
+        }
+        MpcError::NotSymmetric { field, .. } => {
+            (*field, "rows".into(), "a symmetric matrix".into())
+        }
+        MpcError::NotSemidefinite { field } => {
+            (*field, "rows".into(), "a positive semidefinite matrix".into())
+        }
+        other => ("", "values".into(), other.to_string()),
+    };
+    let key = match field {
+        "weights.q" => "control.q",
+        "weights.r" => "control.r",
+        "weights.terminal" => "control.q_terminal",
+        "state_softness" => "control.state_softness.penalty",
+        "increment_bounds" => "control.increment_low, control.increment_high",
+        "delay" => "control.delay_steps",
+        "last (N2)" => "control.n2",
+        _ => "control",
+    };
+    (key.to_owned(), Problem::Value { found, expected })
+}
+
+fn weights(key: &str, weight: &Weight, expected: usize, per: &'static str) -> Finding {
+    let diagonal = match weight {
+        Weight::Diagonal(diagonal) => diagonal,
+        Weight::Full(rows) => {
+            let problem = Problem::Length { found: rows.len(), expected, per };
+            let lengths = rows.iter().map(Vec::len).chain([rows.len()]);
+            return if lengths.into_iter().all(|found| found == expected) {
+                Ok(())
+            } else {
+                Err((key.to_owned(), problem))
+            };
+        }
+    };
+    length(key, diagonal, expected, per)?;
+    match diagonal.iter().position(|&w| w < 0.0) {
+        Some(i) => value(&format!("{key}[{i}]"), diagonal[i], "0 or a positive number"),
+        None => Ok(()),
+    }
+}

@@ -1,0 +1,253 @@
+//! Checks of a config that its types cannot make.
+
+mod control;
+mod values;
+
+use crate::plants::Plants;
+use crate::problem::nearest;
+use crate::registry::Variables;
+use crate::{
+    DataSpec, Experiment, ModelKind, OwnPlantSpec, PlantSpec, PredictionSpec, Problem, TrainingSpec,
+};
+use control::closed_loop;
+use pinc_net::{Ansatz, NetError, ResidualScale, Scenario, TrainingTarget, ValidationConfig};
+use pinc_ode::Dims;
+use values::{at_least_one, bounds, length, positive, present, tolerance, value, whole_steps};
+
+/// The key and what is wrong with its value.
+type Finding = Result<(), (String, Problem)>;
+
+impl Experiment {
+    /// Checks that the values make sense by themselves and together.
+    pub(crate) fn validate(&self) -> Finding {
+        directory_name(&self.name)?;
+        plant("plant", &self.plant, self.plants())?;
+        let variables = self.plant.variables();
+        let dims = Dims::new(variables.states.len(), variables.inputs.len());
+        self.sections(dims)?;
+        if let Some(validation) = &self.validation {
+            validation_scenarios(validation, dims, self.sample_time_s())?;
+        }
+        if let Some(prediction) = &self.prediction {
+            free_run(prediction, &variables, self.sample_time_s())?;
+        }
+        if let Some(control) = &self.control {
+            closed_loop(control, &variables, self.plants(), self.sample_time_s())?;
+        }
+        if let Some(one_step) = &self.one_step {
+            let needed = "[one_step] needs it";
+            present("control", self.control.is_some(), needed)?;
+            present("domain", self.domain.is_some(), needed)?;
+            at_least_one("one_step.points", one_step.points)?;
+            tolerance("one_step.tolerance", one_step.tolerance)?;
+            positive("one_step.measure_s", one_step.measure_s)?;
+        }
+        if let Some(sweep) = &self.sweep {
+            sweep.validate()?;
+            crate::trial::trials(self)?;
+        }
+        Ok(())
+    }
+
+    fn is_distilled(&self) -> bool {
+        self.training.as_ref().is_some_and(|t| t.config.source == TrainingTarget::Integrator)
+    }
+
+    fn sections(&self, dims: Dims) -> Finding {
+        if let Some(model) = &self.model {
+            model.validate(dims).map_err(|error| net_finding("model", &error))?;
+            let loops = self.control.as_ref().map_or(&[][..], |control| &control.models);
+            if self.is_distilled()
+                && (model.ansatz != Ansatz::HardLinear || model.time_only.is_some())
+            {
+                let expected =
+                    "\"physics\" for a net of one scenario or without the ansatz \"hard-linear\"";
+                return value("training.source", "\"integrator\"", expected);
+            }
+            if let Some(scenario) = &model.time_only {
+                if loops.contains(&ModelKind::Pinc) {
+                    let expected = "no such key with the model \"pinc\" in [control]";
+                    return value("model.time_only", "a single scenario", expected);
+                }
+                if let Some(prediction) = &self.prediction {
+                    free_run_of_scenario(prediction, scenario)?;
+                }
+            }
+        }
+        if let Some(domain) = &self.domain {
+            domain.validate(dims).map_err(|error| net_finding("domain", &error))?;
+        }
+        if let Some(training) = &self.training {
+            training_choices(training, dims)?;
+            let needed = "training needs it";
+            present("model", self.model.is_some(), needed)?;
+            present("domain", self.domain.is_some(), needed)?;
+            present("validation", self.validation.is_some(), needed)?;
+        }
+        if let Some(data) = &self.data {
+            present("training", self.training.is_some(), "[data] is for a training")?;
+            if self.is_distilled() {
+                let expected = "\"physics\" with [data]";
+                return value("training.source", "\"integrator\"", expected);
+            }
+            measurements(data)?;
+            if self.model.as_ref().is_some_and(|model| model.time_only.is_some()) {
+                let expected = "no such key with [data], whose scenarios differ";
+                return value("model.time_only", "a single scenario", expected);
+            }
+        }
+        if let (Some(model), Some(step_s)) =
+            (&self.model, self.control.as_ref().and_then(|c| c.step_s))
+            && model.sample_time_s.total_cmp(&step_s).is_ne()
+        {
+            let expected = format!("model.horizon_s, {}, or no such key", model.sample_time_s);
+            return value("control.step_s", step_s, &expected);
+        }
+        Ok(())
+    }
+}
+
+/// A finding from an error of pinc-net about one of its settings in `section`.
+fn net_finding(section: &str, error: &NetError) -> (String, Problem) {
+    match error {
+        NetError::Setting { key, found, expected } => {
+            let problem = Problem::Value { found: found.clone(), expected: (*expected).to_owned() };
+            (format!("{section}.{key}"), problem)
+        }
+        NetError::Dimension { key, found, expected, per } => {
+            let problem = Problem::Length { found: *found, expected: *expected, per };
+            (format!("{section}.{key}"), problem)
+        }
+        other => (section.to_owned(), Problem::Type(other.to_string())),
+    }
+}
+
+pub(crate) fn directory_name(name: &str) -> Finding {
+    let allowed = |c: char| c.is_ascii_alphanumeric() || matches!(c, '-' | '_' | '.');
+    if name.starts_with(|c: char| c.is_ascii_alphanumeric()) && name.chars().all(allowed) {
+        return Ok(());
+    }
+    let expected = "a name for a directory: letters, digits, -, _ and ., a letter or digit first";
+    value("name", format!("{name:?}"), expected)
+}
+
+/// A plant under the key `key`.
+fn plant(key: &str, plant: &PlantSpec, plants: &Plants) -> Finding {
+    match plant {
+        PlantSpec::VanDerPol(spec) if spec.mu < 0.0 => {
+            value(&format!("{key}.van-der-pol.mu"), spec.mu, "0 or a positive number")
+        }
+        PlantSpec::FourTanks(spec) => {
+            let key = format!("{key}.four-tanks");
+            for (i, &gamma) in spec.gamma.iter().flatten().enumerate() {
+                if !(0.0..=1.0).contains(&gamma) {
+                    return value(&format!("{key}.gamma[{i}]"), gamma, "a share from 0 to 1");
+                }
+            }
+            for (i, &pump) in spec.pump.iter().flatten().enumerate() {
+                positive(&format!("{key}.pump[{i}]"), pump)?;
+            }
+            Ok(())
+        }
+        PlantSpec::Expression(equations) => match equations.compile() {
+            Ok(_) => Ok(()),
+            Err(error) => {
+                let misspelt = error.problem.misspelt();
+                let nearest = misspelt.and_then(|(found, known)| nearest(found, known));
+                let key = format!("{key}.expression.{}", error.key);
+                Err((key, Problem::Expression { error: Box::new(error), nearest }))
+            }
+        },
+        PlantSpec::Own(spec) => own_plant(&format!("{key}.own"), spec, plants),
+        _ => Ok(()),
+    }
+}
+
+fn own_plant(key: &str, spec: &OwnPlantSpec, plants: &Plants) -> Finding {
+    let Some((name, _)) = spec.parts() else {
+        return value(key, "none or several plants", "one, as [plant.own.pendulum]");
+    };
+    let key = format!("{key}.{name}");
+    match spec.build() {
+        Some(Ok(_)) => Ok(()),
+        Some(Err(error)) => {
+            let found = format!("unusable parameters ({})", error.message());
+            value(&key, found, "those of the plant's type")
+        }
+        None => {
+            let expected = match &plants.names()[..] {
+                [] => {
+                    "a built-in plant, or a program that adds it (pinc_config::Plants)".to_owned()
+                }
+                known => format!("one of {}", known.join(", ")),
+            };
+            value(&key, "a plant that this program does not know", &expected)
+        }
+    }
+}
+
+fn training_choices(spec: &TrainingSpec, dims: Dims) -> Finding {
+    if let Some(limit) = spec.effort.time_limit_s {
+        positive("training.time_limit_s", limit)?;
+    }
+    positive("training.checkpoint_every_s", spec.effort.checkpoint_every_s)?;
+    let config = &spec.config;
+    positive("training.lambda", config.lambda)?;
+    if let ResidualScale::Custom(factors) = &config.residual_scale {
+        let key = "training.residual_scale.custom";
+        length(key, factors, dims.nx, "state")?;
+        for (i, &factor) in factors.iter().enumerate() {
+            positive(&format!("{key}[{i}]"), factor)?;
+        }
+    }
+    for (i, phase) in config.phases.iter().enumerate() {
+        let key = format!("training.phases[{i}].optimizer");
+        phase.optimizer.validate().map_err(|error| net_finding(&key, &error))?;
+    }
+    config.validate().map_err(|error| net_finding("training", &error))
+}
+
+fn measurements(spec: &DataSpec) -> Finding {
+    if spec.files.is_empty() {
+        return value("data.files", "[]", "at least one CSV file");
+    }
+    positive("data.weight", spec.weight)
+}
+
+fn validation_scenarios(
+    spec: &ValidationConfig,
+    dims: Dims,
+    sample_time_s: Option<f64>,
+) -> Finding {
+    whole_steps("validation.duration_s", spec.duration_s, sample_time_s)?;
+    at_least_one("validation.scenarios", spec.scenarios)?;
+    at_least_one("validation.subintervals", spec.subintervals)?;
+    at_least_one("validation.one_step_points", spec.one_step_points)?;
+    tolerance("validation.tolerance", spec.tolerance)?;
+    spec.domain.validate(dims).map_err(|error| net_finding("validation.domain", &error))
+}
+
+fn free_run(spec: &PredictionSpec, variables: &Variables, sample_time_s: Option<f64>) -> Finding {
+    whole_steps("prediction.duration_s", spec.duration_s, sample_time_s)?;
+    at_least_one("prediction.subintervals", spec.subintervals)?;
+    tolerance("prediction.tolerance", spec.tolerance)?;
+    let states = variables.states.len();
+    length("prediction.initial_state", &spec.initial_state, states, "state")?;
+    let inputs = variables.inputs.len();
+    bounds("prediction.input", &spec.input_low, &spec.input_high, inputs, "input")
+}
+
+/// A conventional PINN knows one scenario, so that it can run freely in that one only.
+fn free_run_of_scenario(spec: &PredictionSpec, scenario: &Scenario) -> Finding {
+    for (key, found, known) in [
+        ("initial_state", &spec.initial_state, &scenario.initial_state),
+        ("input_low", &spec.input_low, &scenario.input),
+        ("input_high", &spec.input_high, &scenario.input),
+    ] {
+        if found != known {
+            let expected = format!("{known:?}, the scenario of model.time_only");
+            return value(&format!("prediction.{key}"), format!("{found:?}"), &expected);
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,195 @@
+//! How a config becomes an experiment: presets, merging, overrides, and back to a file.
+
+use pinc_config::{Experiment, Plants, Preset};
+use pinc_mpc::Weight;
+use std::path::{Path, PathBuf};
+
+/// A file of the repository, by its path from the top.
+fn repository(path: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../..").join(path)
+}
+
+/// The smoke config of the Van der Pol oscillator, as text.
+fn smoke() -> String {
+    std::fs::read_to_string(repository("configs/smoke/van-der-pol.toml")).unwrap()
+}
+
+fn parse(text: &str, sets: &[&str]) -> Experiment {
+    let sets: Vec<_> = sets.iter().map(|set| (*set).to_owned()).collect();
+    Experiment::parse(Path::new("test.toml"), text, &sets, &Plants::built_in()).unwrap()
+}
+
+/// Every config that is shipped.
+fn shipped() -> Vec<PathBuf> {
+    let mut found = Vec::new();
+    for dir in std::fs::read_dir(repository("configs")).unwrap() {
+        let dir = dir.unwrap().path();
+        if dir.is_dir() {
+            let files = std::fs::read_dir(dir).unwrap().map(|file| file.unwrap().path());
+            found.extend(files.filter(|path| path.extension().is_some_and(|e| e == "toml")));
+        }
+    }
+    assert!(found.len() >= 8, "{found:?}");
+    found
+}
+
+#[test]
+fn every_shipped_config_is_valid_in_every_preset_and_survives_being_written_out() {
+    for path in shipped() {
+        for preset in ["ours", "as-printed", "as-released"] {
+            let sets = [format!("preset={preset}")];
+            let experiment = Experiment::load(&path, &sets, &Plants::built_in())
+                .unwrap_or_else(|error| panic!("{}, {preset}: {error}", path.display()));
+            assert_eq!(experiment.preset.name(), preset);
+            let text = experiment.to_toml();
+            let again = parse(&text, &[]);
+            assert_eq!(again, experiment);
+            assert_eq!(again.to_toml(), text);
+            assert_eq!(again.fingerprint(), experiment.fingerprint());
+        }
+    }
+}
+
+#[test]
+fn the_config_in_the_readme_is_valid() {
+    let readme = std::fs::read_to_string(repository("README.md")).unwrap();
+    let (_, rest) = readme.split_once("```toml\n").unwrap();
+    let (config, _) = rest.split_once("```").unwrap();
+    let experiment = parse(config, &[]);
+    assert!(experiment.training.is_some() && experiment.control.is_some());
+}
+
+#[test]
+fn no_two_shipped_configs_share_a_name() {
+    let mut names: Vec<_> = shipped()
+        .iter()
+        .map(|path| Experiment::load(path, &[], &Plants::built_in()).unwrap().name)
+        .collect();
+    names.sort();
+    let count = names.len();
+    names.dedup();
+    assert_eq!(names.len(), count);
+}
+
+/// A config with two values in each layer that the next one overrides one of.
+const LAYERED: &str = r#"
+name = "layered"
+preset = "ours"
+seed = 1
+
+[plant]
+one-tank = {}
+
+[control]
+models = ["rk4"]
+step_s = 10.0
+duration_s = 100.0
+initial_state = [5.0]
+controlled = ["h"]
+q = [1.0]
+r = [2.0]
+input_low = [0.5]
+input_high = [4.45]
+references = [{ start_s = 0.0, value = [9.0] }]
+rk4_substeps = 7
+
+[presets.as-released.control]
+q = [3.0]
+rk4_substeps = 8
+"#;
+
+#[test]
+fn later_layers_win() {
+    let control = |sets: &[&str]| {
+        let control = parse(LAYERED, sets).control.unwrap();
+        let [Weight::Diagonal(q), Weight::Diagonal(r)] = [control.q, control.r] else {
+            panic!("the file gives diagonals");
+        };
+        (control.n2, control.rk4_substeps, q[0], r[0])
+    };
+    // n2 is the built-in default's; the file replaces that of rk4_substeps, which is 4.
+    assert_eq!(control(&[]), (5, 7, 1.0, 2.0));
+    // Of the file's own tables for presets only the chosen one counts.
+    assert_eq!(control(&["preset=as-printed"]), (5, 7, 1.0, 2.0));
+    assert_eq!(control(&["preset=as-released"]), (5, 8, 3.0, 2.0));
+    // A --set has the last word, the later of two the very last.
+    let sets = ["preset=\"as-released\"", "control.rk4_substeps=9", "control.q=[4.0]"];
+    assert_eq!(control(&sets), (5, 9, 4.0, 2.0));
+    assert_eq!(control(&["control.r=[5.0]", "control.r=[6.0]"]), (5, 7, 1.0, 6.0));
+}
+
+#[test]
+fn presets_differ_where_they_should() {
+    let profile = |preset| {
+        let set = format!("preset={preset}");
+        let control = parse(LAYERED, &[&set]).control.unwrap();
+        format!("{:?}", control.weights_profile)
+    };
+    assert_eq!(profile("ours"), "Uniform");
+    assert_eq!(profile("as-printed"), "Uniform");
+    assert_eq!(profile("as-released"), "Cumulative");
+
+    let ansatz = |preset| {
+        let set = format!("preset={preset}");
+        format!("{:?}", parse(&smoke(), &[&set]).model.unwrap().ansatz)
+    };
+    assert_eq!(ansatz("ours"), "HardLinear");
+    assert_eq!(ansatz("as-printed"), "Direct");
+    assert_eq!(ansatz("as-released"), "Direct");
+}
+
+#[test]
+fn sections_that_are_not_mentioned_are_absent() {
+    let experiment = parse(LAYERED, &[]);
+    assert!(experiment.model.is_none() && experiment.training.is_none());
+    assert!(experiment.validation.is_none() && experiment.prediction.is_none());
+    assert_eq!(experiment.sample_time_s(), Some(10.0));
+}
+
+#[test]
+fn overrides_are_toml_or_bare_words() {
+    let experiment = parse(
+        &smoke(),
+        &[
+            "seed=12",
+            "preset=as-printed",
+            "name=another-name",
+            "control.references.1.value=[-0.25, 0.0]",
+            "training.phases.1.iterations=3",
+            "training.time_limit_s=1.5",
+            "plant={ van-der-pol = { mu = 2.0 } }",
+        ],
+    );
+    assert_eq!((experiment.seed, experiment.name.as_str()), (12, "another-name"));
+    assert_eq!(experiment.preset, Preset::AsPrinted);
+    assert_eq!(experiment.control.unwrap().references[1].value, [-0.25, 0.0]);
+    let training = experiment.training.unwrap();
+    assert_eq!(training.config.phases[1].iterations, 3);
+    assert_eq!(training.effort.time_limit_s, Some(1.5));
+    assert_eq!(format!("{:?}", experiment.plant), "VanDerPol(VanDerPolSpec { mu: 2.0 })");
+}
+
+#[test]
+fn fingerprints_tell_configs_apart() {
+    let fingerprint = |sets: &[&str]| parse(LAYERED, sets).fingerprint();
+    assert_eq!(fingerprint(&[]), fingerprint(&["control.rk4_substeps=7"]));
+    assert_ne!(fingerprint(&[]), fingerprint(&["seed=2"]));
+    assert_ne!(fingerprint(&[]), fingerprint(&["control.q=[1.0000000000000002]"]));
+}
+
+#[test]
+fn the_default_optimizer_is_chosen_by_the_size_of_the_net_and_written_out() {
+    let path = repository("configs/van-der-pol/main.toml");
+    let optimizer = |layers: usize, neurons: usize| {
+        let sets = [format!("model.hidden_layers={layers}"), format!("model.neurons={neurons}")];
+        let experiment = Experiment::load(&path, &sets, &Plants::built_in()).unwrap();
+        let table: toml::Table = experiment.to_toml().parse().unwrap();
+        let optimizer = &table["training"]["phases"][0]["optimizer"];
+        optimizer.as_table().unwrap().keys().cloned().collect::<Vec<_>>()
+    };
+    // Inputs t, x1, x2, u and two outputs: with 3 layers of 61 there are
+    // 5 * 61 + 2 * 62 * 61 + 62 * 2 = 7993 weights and biases, with 62 there are 8248.
+    assert_eq!(optimizer(4, 20), ["self-scaled-broyden"]);
+    assert_eq!(optimizer(3, 61), ["self-scaled-broyden"]);
+    assert_eq!(optimizer(3, 62), ["lbfgs"]);
+}

@@ -1,0 +1,178 @@
+//! Tables as CSV text: written in memory, read with the line of what is wrong.
+
+use crate::error::{RecordError, TableProblem};
+use crate::files::read_text;
+use ::csv::{Reader, ReaderBuilder, StringRecord, Trim};
+use std::fmt::Write;
+use std::path::{Path, PathBuf};
+
+/// A CSV file being made, in memory.
+#[derive(Clone, Debug)]
+pub struct CsvText {
+    text: String,
+}
+
+impl CsvText {
+    /// A table with these columns.
+    #[must_use]
+    pub fn new<T: AsRef<str>>(columns: impl IntoIterator<Item = T>) -> Self {
+        let mut table = Self { text: String::new() };
+        table.push(columns);
+        table
+    }
+
+    /// Adds a row.
+    pub fn push<T: AsRef<str>>(&mut self, cells: impl IntoIterator<Item = T>) {
+        for (i, cell) in cells.into_iter().enumerate() {
+            if i > 0 {
+                self.text.push(',');
+            }
+            self.text += &quoted(cell.as_ref());
+        }
+        self.text.push('\n');
+    }
+
+    /// Adds a row of numbers.
+    pub fn push_numbers<'a>(&mut self, values: impl IntoIterator<Item = &'a f64>) {
+        for (i, value) in values.into_iter().enumerate() {
+            if i > 0 {
+                self.text.push(',');
+            }
+            // Writing to a String does not fail.
+            let _ = write!(self.text, "{value:?}");
+        }
+        self.text.push('\n');
+    }
+
+    /// Adds rows that are text already.
+    pub(crate) fn append(&mut self, rows: &[u8]) {
+        self.text += &String::from_utf8_lossy(rows);
+    }
+
+    /// The text of the file.
+    #[must_use]
+    pub fn as_bytes(&self) -> &[u8] {
+        self.text.as_bytes()
+    }
+}
+
+/// A cell as it has to be written: names may hold commas and quotes.
+fn quoted(cell: &str) -> std::borrow::Cow<'_, str> {
+    if cell.contains([',', '"', '\n', '\r']) {
+        format!("\"{}\"", cell.replace('"', "\"\"")).into()
+    } else {
+        cell.into()
+    }
+}
+
+/// The shortest text that reads back as the same number.
+#[must_use]
+pub fn number(value: f64) -> String {
+    format!("{value:?}")
+}
+
+/// A CSV file that was read: its header, and its rows as text.
+#[derive(Debug)]
+pub(crate) struct CsvFile {
+    path: PathBuf,
+    pub(crate) header: StringRecord,
+    pub(crate) rows: Vec<StringRecord>,
+}
+
+impl CsvFile {
+    /// Reads a file; `None` if it does not exist.
+    pub(crate) fn read(path: &Path) -> Result<Option<Self>, RecordError> {
+        read_text(path)?.map(|text| Self::parse(path, &text)).transpose()
+    }
+
+    fn parse(path: &Path, text: &str) -> Result<Self, RecordError> {
+        let damaged = |source: ::csv::Error| RecordError::Table {
+            path: path.to_owned(),
+            line: source.position().map_or(1, ::csv::Position::line),
+            problem: TableProblem::Syntax(source),
+        };
+        let mut builder = ReaderBuilder::new();
+        let mut reader: Reader<&[u8]> = builder.trim(Trim::All).from_reader(text.as_bytes());
+        let header = reader.headers().map_err(damaged)?.clone();
+        let rows = reader.into_records().collect::<Result<_, _>>().map_err(damaged)?;
+        Ok(Self { path: path.to_owned(), header, rows })
+    }
+
+    /// The place of a column, if the file has it.
+    pub(crate) fn position(&self, column: &str) -> Option<usize> {
+        self.header.iter().position(|name| name == column)
+    }
+
+    /// The place of a column that the file has to have.
+    pub(crate) fn place(&self, column: &str) -> Result<usize, RecordError> {
+        self.position(column).ok_or_else(|| self.missing(column))
+    }
+
+    /// The error that a column is missing.
+    pub(crate) fn missing(&self, column: &str) -> RecordError {
+        let found = self.header.iter().map(str::to_owned).collect();
+        let problem = TableProblem::MissingColumn { column: column.to_owned(), found };
+        RecordError::Table { path: self.path.clone(), line: 1, problem }
+    }
+
+    /// The error that a cell holds no number.
+    pub(crate) fn not_a_number(&self, row: &StringRecord, place: usize) -> RecordError {
+        let column = self.header.get(place).unwrap_or_default().to_owned();
+        let text = row.get(place).unwrap_or_default().to_owned();
+        let line = row.position().map_or(1, ::csv::Position::line);
+        let problem = TableProblem::NotANumber { column, text };
+        RecordError::Table { path: self.path.clone(), line, problem }
+    }
+
+    /// The number in a cell; an empty cell is NaN.
+    pub(crate) fn number(&self, row: &StringRecord, place: usize) -> Result<f64, RecordError> {
+        match row.get(place).unwrap_or_default() {
+            "" => Ok(f64::NAN),
+            text => text.parse().map_err(|_| self.not_a_number(row, place)),
+        }
+    }
+
+    /// The numbers in some neighbouring cells.
+    pub(crate) fn numbers(
+        &self,
+        row: &StringRecord,
+        places: std::ops::Range<usize>,
+    ) -> Result<Vec<f64>, RecordError> {
+        places.map(|place| self.number(row, place)).collect()
+    }
+
+    /// The error of a row that serde cannot turn into a struct whose fields are the columns.
+    pub(crate) fn row_error(&self, row: &StringRecord, error: ::csv::Error) -> RecordError {
+        let ::csv::ErrorKind::Deserialize { err, .. } = error.kind() else {
+            let line = row.position().map_or(1, ::csv::Position::line);
+            let problem = TableProblem::Syntax(error);
+            return RecordError::Table { path: self.path.clone(), line, problem };
+        };
+        let field = err.field().and_then(|field| usize::try_from(field).ok());
+        let message = err.kind().to_string();
+        // serde's words for a field without a column.
+        let missing = message.strip_prefix("missing field `").and_then(|m| m.strip_suffix('`'));
+        match missing {
+            Some(column) => self.missing(column),
+            None => self.not_a_number(row, field.unwrap_or_default()),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn cells_with_commas_and_quotes_read_back_as_they_were() {
+        let mut table = CsvText::new(["name", "value, of it"]);
+        table.push(["a \"b\", c", "1"]);
+        table.push(["", "-0.0"]);
+        let text = String::from_utf8(table.as_bytes().to_vec()).unwrap();
+        let file = CsvFile::parse("t.csv".as_ref(), &text).unwrap();
+        assert_eq!(&file.header, &vec!["name", "value, of it"]);
+        assert_eq!(&file.rows[0], &vec!["a \"b\", c", "1"]);
+        assert_eq!(file.number(&file.rows[1], 1).unwrap().to_bits(), (-0.0f64).to_bits());
+        assert!(file.number(&file.rows[1], 0).unwrap().is_nan());
+    }
+}

@@ -1,0 +1,151 @@
+//! The names of a run's files, and how a file is read and written.
+
+use crate::error::RecordError;
+use serde::Serialize;
+use serde::de::DeserializeOwned;
+use std::fs;
+use std::io::{self, ErrorKind, Write};
+use std::path::Path;
+
+/// Names of the files of a run directory.
+pub mod file {
+    use pinc_config::ModelKind;
+
+    /// The resolved config.
+    pub const CONFIG: &str = "config.toml";
+    /// Where the results come from.
+    pub const PROVENANCE: &str = "provenance.json";
+    /// A training to be resumed.
+    pub const CHECKPOINT: &str = "checkpoint.bin";
+    /// The training log.
+    pub const TRAINING: &str = "training.csv";
+    /// The net.
+    pub const MODEL: &str = "model.safetensors";
+    /// The free run.
+    pub const PREDICTION: &str = "prediction.csv";
+    /// The numbers that the run gave.
+    pub const METRICS: &str = "metrics.json";
+    /// The report.
+    pub const REPORT: &str = "report.html";
+    /// The directory of the report's pictures.
+    pub const FIGURES: &str = "figures";
+    /// The trials of a sweep.
+    pub const SWEEP: &str = "sweep.csv";
+    /// The spread of the trials in each cell of a sweep.
+    pub const SUMMARY: &str = "summary.csv";
+    /// The times of the trials of a sweep.
+    pub const TIMINGS: &str = "timings.csv";
+
+    /// The dense trace of the closed loop with one of `models` models.
+    #[must_use]
+    pub fn control(model: ModelKind, models: usize) -> String {
+        of_model("control", model, models)
+    }
+
+    /// The control steps of the closed loop with one of `models` models.
+    #[must_use]
+    pub fn steps(model: ModelKind, models: usize) -> String {
+        of_model("steps", model, models)
+    }
+
+    /// A run with one model has one file of a kind, with several a file for each.
+    fn of_model(kind: &str, model: ModelKind, models: usize) -> String {
+        match models {
+            1 => format!("{kind}.csv"),
+            _ => format!("{kind}-{model}.csv"),
+        }
+    }
+
+    /// All names that closed loops may have written under.
+    pub(crate) fn of_loops() -> impl Iterator<Item = String> {
+        let models = ModelKind::ALL.into_iter().flat_map(|model| [(model, 1), (model, 2)]);
+        models.flat_map(|(model, count)| [control(model, count), steps(model, count)])
+    }
+}
+
+/// How the name of an unfinished file begins; a killed run can leave one behind.
+const UNFINISHED: &str = ".pinc-unfinished-";
+
+/// The bytes of a file.
+///
+/// # Errors
+///
+/// [`RecordError::Unreadable`].
+pub fn read_file(path: &Path) -> Result<Vec<u8>, RecordError> {
+    fs::read(path).map_err(RecordError::unreadable(path))
+}
+
+/// The text of a file; `None` if it does not exist.
+///
+/// # Errors
+///
+/// [`RecordError::Unreadable`].
+pub fn read_text(path: &Path) -> Result<Option<String>, RecordError> {
+    match fs::read_to_string(path) {
+        Ok(text) => Ok(Some(text)),
+        Err(error) if error.kind() == ErrorKind::NotFound => Ok(None),
+        Err(error) => Err(RecordError::unreadable(path)(error)),
+    }
+}
+
+/// What a JSON file holds; `None` if it does not exist.
+pub(crate) fn read_json<T: DeserializeOwned>(path: &Path) -> Result<Option<T>, RecordError> {
+    let Some(text) = read_text(path)? else { return Ok(None) };
+    let value = serde_json::from_str(&text);
+    value.map(Some).map_err(|source| RecordError::Json { path: path.to_owned(), source })
+}
+
+/// The text of a JSON file.
+pub(crate) fn json(value: &impl Serialize) -> String {
+    let text = serde_json::to_string_pretty(value);
+    let mut text = text.expect("results have string keys, so that they can be JSON");
+    text.push('\n');
+    text
+}
+
+/// Writes a file, which is there either whole or not at all, also if the machine stops: it is written
+/// under another name beside its place, flushed to the disk, and renamed.
+///
+/// # Errors
+///
+/// [`RecordError::Unwritable`].
+pub fn write_atomically(path: &Path, bytes: &[u8]) -> Result<(), RecordError> {
+    let write = || {
+        let dir = match path.parent() {
+            Some(dir) if dir != Path::new("") => dir,
+            _ => Path::new("."),
+        };
+        let mut builder = tempfile::Builder::new();
+        builder.prefix(UNFINISHED);
+        #[cfg(unix)]
+        {
+            use std::os::unix::fs::PermissionsExt;
+            // As for any new file, less what the user's umask takes away.
+            builder.permissions(fs::Permissions::from_mode(0o666));
+        }
+        let mut file = builder.tempfile_in(dir)?;
+        file.write_all(bytes)?;
+        file.as_file().sync_all()?;
+        file.persist(path).map_err(|error| error.error)?;
+        #[cfg(unix)]
+        fs::File::open(dir)?.sync_all()?;
+        Ok(())
+    };
+    write().map_err(RecordError::unwritable(path))
+}
+
+/// Whether a file is one that a killed run has left unfinished.
+pub(crate) fn is_unfinished(entry: &fs::DirEntry) -> bool {
+    entry.file_name().to_string_lossy().starts_with(UNFINISHED)
+}
+
+/// Removes the files in `dir` that a killed run has left unfinished.
+pub(crate) fn remove_unfinished(dir: &Path) -> io::Result<()> {
+    for entry in fs::read_dir(dir)? {
+        let entry = entry?;
+        if is_unfinished(&entry) {
+            fs::remove_file(entry.path())?;
+        }
+    }
+    Ok(())
+}

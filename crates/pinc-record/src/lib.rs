@@ -1,0 +1,38 @@
+//! The files of a run directory: metrics, tables, checkpoint, provenance.
+//!
+//! - [`RunDir`]: the directory of a run, with its [`Metrics`].
+//! - [`TrainingRow`], [`PredictionTable`], [`ControlTrace`], [`StepRow`]: the tables of a run.
+//! - [`TrialTable`], [`SummaryTable`]: the tables of a sweep; [`SweepDir`]: where its trials are.
+//! - [`Provenance`]: where results come from.
+//! - [`Saved`]: a training to be resumed.
+//!
+//! A table is written and read by the same type, which alone knows the names of its columns.
+
+mod checkpoint;
+mod csv;
+mod error;
+mod files;
+mod metrics;
+mod provenance;
+mod run_dir;
+mod spread;
+mod sweep_dir;
+mod tables;
+
+pub use checkpoint::{Saved, load_checkpoint, save_checkpoint};
+pub use csv::{CsvText, number};
+pub use error::{CheckpointProblem, RecordError, TableProblem};
+pub use files::{file, read_file, read_text, write_atomically};
+pub use metrics::{
+    ControlMetrics, Excess, Metrics, OneStepMetrics, OutsideDomain, PredictionMetrics, StepErrors,
+    StepTimes, SweepMetrics, TrainingMetrics, ValidationMetrics, WallTimes,
+};
+pub use provenance::{Invocation, Provenance};
+pub use run_dir::RunDir;
+pub use spread::Spread;
+pub use sweep_dir::{Ending, Finished, SweepDir};
+pub use tables::{
+    ControlRow, ControlTrace, LoopMetric, PredictionRow, PredictionTable, StepMetric, StepRow,
+    SummaryRow, SummaryTable, TrainingRow, TrialColumn, TrialMetric, TrialStatus, TrialTable,
+    fixed_table, read_fixed_table,
+};

@@ -1,0 +1,347 @@
+//! The content of `metrics.json`.
+
+use crate::error::RecordError;
+use crate::files::{file, read_json};
+use pinc_config::{Experiment, ModelKind, Preset};
+use pinc_net::{TrainingTarget, Validation};
+use serde::{Deserialize, Deserializer, Serialize};
+use std::collections::BTreeMap;
+use std::path::Path;
+
+/// The numbers that a run gave; each section is there once its stage is done.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Metrics {
+    /// The experiment's name.
+    pub experiment: String,
+    /// The reading of the paper.
+    pub preset: Preset,
+    /// The units of the plant's variables by name; empty for a number without dimension.
+    pub variables: BTreeMap<String, String>,
+    /// The plant's states, in its order.
+    #[serde(default)]
+    pub states: Vec<String>,
+    /// The training.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub training: Option<TrainingMetrics>,
+    /// The validation of the net that was kept.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub validation: Option<ValidationMetrics>,
+    /// The free run.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub prediction: Option<PredictionMetrics>,
+    /// The closed loops.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub control: Vec<ControlMetrics>,
+    /// One step of each model by itself.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub one_step: Vec<OneStepMetrics>,
+    /// The trials of a sweep.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub sweep: Option<SweepMetrics>,
+}
+
+impl Metrics {
+    /// No results yet of `experiment`.
+    #[must_use]
+    pub fn new(experiment: &Experiment) -> Self {
+        let variables = experiment.plant.variables();
+        let all = variables.states.iter().chain(&variables.inputs);
+        let units = all.map(|v| (v.name.to_string(), v.unit.to_string())).collect();
+        Self {
+            variables: units,
+            states: variables.state_names(),
+            experiment: experiment.name.clone(),
+            preset: experiment.preset,
+            training: None,
+            validation: None,
+            prediction: None,
+            control: Vec::new(),
+            one_step: Vec::new(),
+            sweep: None,
+        }
+    }
+}
+
+impl Metrics {
+    /// The metrics of the run in `dir`; `None` if it has none yet.
+    ///
+    /// # Errors
+    ///
+    /// [`RecordError`] if the file cannot be read or is damaged.
+    pub fn read(dir: &Path) -> Result<Option<Self>, RecordError> {
+        read_json(&dir.join(file::METRICS))
+    }
+
+    /// The closed loop with a model, if it was run.
+    #[must_use]
+    pub fn loop_with(&self, model: ModelKind) -> Option<&ControlMetrics> {
+        self.control.iter().find(|of| of.model == model)
+    }
+
+    /// One step of a model, if it was measured.
+    #[must_use]
+    pub fn step_of(&self, model: ModelKind) -> Option<&OneStepMetrics> {
+        self.one_step.iter().find(|of| of.model == model)
+    }
+
+    /// Whether the net was trained on an integrator's steps.
+    #[must_use]
+    pub fn is_distilled(&self) -> bool {
+        self.training.as_ref().is_some_and(|t| t.source == TrainingTarget::Integrator)
+    }
+}
+
+/// One step of a model by itself.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct OneStepMetrics {
+    /// The model.
+    pub model: ModelKind,
+    /// How wrong it is over the domain.
+    #[serde(flatten)]
+    pub errors: StepErrors,
+    /// Time of a step in ns, each waiting for the one before.
+    pub forward_ns: f64,
+    /// Time of a step with both Jacobians in ns, of as many at a time as the controller's horizon has.
+    pub forward_jacobian_ns: f64,
+}
+
+/// How wrong one step is, over points that fill a domain. States are measured in widths of the domain; the
+/// error at a point is the root mean square over the states. Not finite where a step is not.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct StepErrors {
+    /// Root mean square over the points.
+    #[serde(deserialize_with = "number_or_null")]
+    pub rms: f64,
+    /// Median over the points.
+    #[serde(deserialize_with = "number_or_null")]
+    pub median: f64,
+    /// 99th percentile over the points.
+    #[serde(deserialize_with = "number_or_null")]
+    pub p99: f64,
+    /// Root mean square, over points and entries, of the errors of the Jacobians A and B, in widths of the
+    /// domain per width.
+    #[serde(deserialize_with = "number_or_null")]
+    pub jacobian_rms: f64,
+}
+
+/// How far a sweep is.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct SweepMetrics {
+    /// All trials.
+    pub trials: usize,
+    /// Those that ended as they should.
+    pub done: usize,
+    /// Those that ended with an error.
+    pub failed: usize,
+}
+
+/// How good the net that was kept is.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ValidationMetrics {
+    /// Eq. (`mse_gen`) of the paper: self-loop, at the steps t = kT, in the states' units squared.
+    #[serde(deserialize_with = "number_or_null")]
+    pub mse_gen: f64,
+    /// As the authors' program has it: self-loop, at all rows, in standard deviations of the box.
+    #[serde(deserialize_with = "number_or_null")]
+    pub mse_all_normalized: f64,
+    /// Of one step from random points of the box, in the states' units squared.
+    #[serde(deserialize_with = "number_or_null")]
+    pub one_step_mse: f64,
+    /// On held-out measurements, each state in standard deviations of the box.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub measured_mse: Option<f64>,
+}
+
+impl From<Validation> for ValidationMetrics {
+    fn from(validation: Validation) -> Self {
+        let Validation { mse_gen, mse_all_normalized, one_step_mse, measured_mse } = validation;
+        Self { mse_gen, mse_all_normalized, one_step_mse, measured_mse }
+    }
+}
+
+/// A number; JSON has `null` in place of NaN and infinity.
+pub(crate) fn number_or_null<'de, D: Deserializer<'de>>(deserializer: D) -> Result<f64, D::Error> {
+    Ok(Option::deserialize(deserializer)?.unwrap_or(f64::NAN))
+}
+
+/// How often and how far a net was used outside the box that it was trained on, where it is wrong.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct OutsideDomain {
+    /// How many steps were looked at: their initial state and input.
+    pub samples: usize,
+    /// In how many of them a variable was outside.
+    pub outside: usize,
+    /// The variables that were, by name.
+    pub variables: BTreeMap<String, Excess>,
+}
+
+/// How one variable left the box.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Excess {
+    /// In how many steps.
+    pub samples: usize,
+    /// The largest distance from the box, in the variable's unit.
+    pub farthest: f64,
+}
+
+impl std::fmt::Display for OutsideDomain {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "outside the training domain in {} of {} steps", self.outside, self.samples)?;
+        for (i, (name, excess)) in self.variables.iter().enumerate() {
+            let separator = if i == 0 { ": " } else { ", " };
+            write!(
+                f,
+                "{separator}{name} by up to {:.3} ({} steps)",
+                excess.farthest, excess.samples
+            )?;
+        }
+        Ok(())
+    }
+}
+
+/// What a training took.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct TrainingMetrics {
+    /// What the net was trained on.
+    #[serde(default)]
+    pub source: TrainingTarget,
+    /// Wall time of the whole stage in s, with validation and files.
+    pub wall_s: f64,
+    /// Wall time of the optimiser alone in s: the last `elapsed_s` of `training.csv`.
+    #[serde(default)]
+    pub optimizer_s: f64,
+    /// Iterations over all phases.
+    pub iterations: u64,
+    /// Evaluations of the loss and its gradient.
+    pub loss_evaluations: u64,
+    /// Why it ended.
+    pub stop_reason: String,
+}
+
+/// How good the free run is.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct PredictionMetrics {
+    /// Mean squared error at the step marks t = kT, in physical units.
+    #[serde(deserialize_with = "number_or_null")]
+    pub mse_marks: f64,
+    /// Mean squared error over all rows but the initial state, in physical units.
+    #[serde(deserialize_with = "number_or_null")]
+    pub mse_all: f64,
+    /// Whether the net was used outside its training domain.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub outside_domain: Option<OutsideDomain>,
+}
+
+/// How good one closed loop is.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ControlMetrics {
+    /// The model inside the controller.
+    pub model: ModelKind,
+    /// RMSE as printed: at the steps.
+    #[serde(deserialize_with = "number_or_null")]
+    pub rmse: f64,
+    /// IAE as printed: at the steps, averaged over outputs.
+    #[serde(deserialize_with = "number_or_null")]
+    pub iae: f64,
+    /// RMSE on the dense trace.
+    #[serde(deserialize_with = "number_or_null")]
+    pub rmse_dense: f64,
+    /// IAE on the dense trace, summed over outputs.
+    #[serde(deserialize_with = "number_or_null")]
+    pub iae_dense_sum: f64,
+    /// Time of the controller in one whole closed loop.
+    pub wall_s: WallTimes,
+    /// Time of the controller in one step.
+    pub step_us: StepTimes,
+    /// SQP iterations per step.
+    pub sqp_iterations_mean: f64,
+    /// The largest KKT residual of a step.
+    #[serde(deserialize_with = "number_or_null")]
+    pub kkt_max: f64,
+    /// The worst violation of a bound by the plant's state or the input, in physical units.
+    #[serde(deserialize_with = "number_or_null")]
+    pub max_violation: f64,
+    /// How many steps ended with which status.
+    pub status: BTreeMap<String, usize>,
+    /// Whether the net was used outside its training domain; not there for other models.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub outside_domain: Option<OutsideDomain>,
+}
+
+/// Statistics over repetitions, in s.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct WallTimes {
+    /// The mean.
+    pub mean: f64,
+    /// The standard deviation (with n - 1; 0 for one run).
+    pub sd: f64,
+    /// The median.
+    pub median: f64,
+    /// The number of repetitions.
+    pub runs: usize,
+}
+
+impl WallTimes {
+    /// The statistics of these times, of which there is at least one.
+    ///
+    /// # Panics
+    ///
+    /// If there are none.
+    #[must_use]
+    pub fn of(mut times: Vec<f64>) -> Self {
+        times.sort_by(f64::total_cmp);
+        #[expect(clippy::cast_precision_loss, reason = "far fewer than 2^53 repetitions")]
+        let (runs, freedom) = (times.len() as f64, times.len().saturating_sub(1).max(1) as f64);
+        let mean = times.iter().sum::<f64>() / runs;
+        let squares: f64 = times.iter().map(|t| (t - mean).powi(2)).sum();
+        let middle = times.len() / 2;
+        let median = if times.len().is_multiple_of(2) {
+            f64::midpoint(times[middle - 1], times[middle])
+        } else {
+            times[middle]
+        };
+        Self { mean, sd: (squares / freedom).sqrt(), median, runs: times.len() }
+    }
+}
+
+/// Statistics over all steps of all repetitions, in microseconds.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct StepTimes {
+    /// The median.
+    pub p50: f64,
+    /// The 99th percentile.
+    pub p99: f64,
+    /// The longest.
+    pub max: f64,
+}
+
+impl StepTimes {
+    /// The statistics of these times, of which there is at least one, by the nearest-rank method.
+    ///
+    /// # Panics
+    ///
+    /// If there are none.
+    #[must_use]
+    pub fn of(mut times: Vec<f64>) -> Self {
+        times.sort_by(f64::total_cmp);
+        let rank = |percent: usize| times[(times.len() * percent).div_ceil(100).max(1) - 1];
+        Self { p50: rank(50), p99: rank(99), max: rank(100) }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn statistics_of_times() {
+        let wall = WallTimes::of(vec![4.0, 1.0, 2.0, 3.0]);
+        // Squares about the mean 2.5 sum up to 5.
+        let expected = WallTimes { mean: 2.5, sd: (5.0f64 / 3.0).sqrt(), median: 2.5, runs: 4 };
+        assert_eq!(wall, expected);
+        assert_eq!(WallTimes::of(vec![7.0]).sd.to_bits(), 0.0f64.to_bits());
+
+        let steps = StepTimes::of((1..=200).map(f64::from).rev().collect());
+        assert_eq!(steps, StepTimes { p50: 100.0, p99: 198.0, max: 200.0 });
+    }
+}

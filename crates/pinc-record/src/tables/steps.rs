@@ -1,0 +1,33 @@
+//! `steps.csv`: one row per control step.
+
+use super::fixed::exact;
+use pinc_mpc::SqpStatus;
+use serde::{Deserialize, Serialize};
+
+/// One step of a controller.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct StepRow {
+    /// Number of the step, from 0.
+    pub step: usize,
+    /// How the optimization ended, in the words of [`SqpStatus`].
+    pub status: String,
+    /// How many quadratic programs were solved.
+    pub sqp_iterations: usize,
+    /// The largest KKT residual.
+    #[serde(serialize_with = "exact")]
+    pub kkt: f64,
+    /// The controller's time, in us: the median of the repetitions of the loop.
+    #[serde(serialize_with = "exact")]
+    pub solve_us: f64,
+    /// The hard constraint that could not be met; empty if there is none.
+    #[serde(default)]
+    pub violated: String,
+}
+
+impl StepRow {
+    /// Whether the optimization converged.
+    #[must_use]
+    pub fn converged(&self) -> bool {
+        self.status == SqpStatus::Converged.to_string()
+    }
+}

@@ -1,0 +1,234 @@
+//! `summary.csv`: one row per cell and metric of a sweep, with the spread over its trials.
+
+use super::trials::TrialMetric;
+use crate::csv::{CsvFile, CsvText, number};
+use crate::error::RecordError;
+use crate::metrics::Metrics;
+use crate::spread::Spread;
+use crate::sweep_dir::{Ending, Finished};
+use pinc_config::{Experiment, SweepSpec, Trial, cell_columns};
+use std::path::Path;
+
+/// The columns after those that tell the cells apart.
+const COLUMNS: [&str; 13] = [
+    "metric",
+    "trials",
+    "failed",
+    "pending",
+    "values",
+    "min",
+    "q1",
+    "median",
+    "q3",
+    "max",
+    "median_low",
+    "median_high",
+    "confidence",
+];
+
+/// The spread of each metric in each cell of a sweep: the trials that differ in seeds and draws only.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SummaryTable {
+    /// The columns that tell the cells apart: keys of the config, or `case` and `drawn`.
+    pub cell_columns: Vec<String>,
+    /// The rows: the cells in the order of their first trials, the metrics of each.
+    pub rows: Vec<SummaryRow>,
+}
+
+/// A metric in a cell.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SummaryRow {
+    /// The cell's values of the columns that tell cells apart.
+    pub cell: Vec<String>,
+    /// The name of the metric: that of its column in `sweep.csv`.
+    pub metric: String,
+    /// How many trials the cell has.
+    pub trials: usize,
+    /// How many of these failed.
+    pub failed: usize,
+    /// How many have not been run.
+    pub pending: usize,
+    /// How many finite values there are.
+    pub values: usize,
+    /// The least value.
+    pub min: f64,
+    /// The lower quartile.
+    pub q1: f64,
+    /// The median.
+    pub median: f64,
+    /// The upper quartile.
+    pub q3: f64,
+    /// The greatest value.
+    pub max: f64,
+    /// The lower end of the median's interval.
+    pub median_low: f64,
+    /// The upper end of the median's interval.
+    pub median_high: f64,
+    /// The probability of the median being in its interval.
+    pub confidence: f64,
+}
+
+impl SummaryTable {
+    /// The summary of the trials, each of which may be over.
+    #[must_use]
+    pub fn new(
+        experiment: &Experiment,
+        sweep: &SweepSpec,
+        trials: &[Trial],
+        finished: &[Option<Finished>],
+    ) -> Self {
+        let cell_columns = cell_columns(sweep);
+        let metrics = TrialMetric::results(experiment);
+        let mut rows = Vec::new();
+        for (cell, group) in cells(trials, cell_columns.len()) {
+            let group: Vec<_> = group.into_iter().map(|i| finished[i].as_ref()).collect();
+            rows.extend(metrics.iter().filter_map(|metric| row(cell, *metric, &group)));
+        }
+        Self { cell_columns, rows }
+    }
+
+    /// The table as a CSV file.
+    #[must_use]
+    pub fn to_csv(&self) -> CsvText {
+        let fixed = COLUMNS.map(str::to_owned);
+        let mut table = CsvText::new(self.cell_columns.iter().chain(&fixed));
+        for row in &self.rows {
+            let counts = [row.trials, row.failed, row.pending, row.values].map(|n| n.to_string());
+            let quantiles = [row.min, row.q1, row.median, row.q3, row.max];
+            let interval = [row.median_low, row.median_high, row.confidence];
+            let numbers = quantiles.into_iter().chain(interval).map(number);
+            let cells = row.cell.iter().cloned().chain([row.metric.clone()]);
+            table.push(cells.chain(counts).chain(numbers));
+        }
+        table
+    }
+
+    /// Reads the table; `None` if the file does not exist.
+    ///
+    /// # Errors
+    ///
+    /// [`RecordError`], with the line and column of what is wrong.
+    pub fn read(path: &Path) -> Result<Option<Self>, RecordError> {
+        let Some(file) = CsvFile::read(path)? else { return Ok(None) };
+        let cells = file.place(COLUMNS[0])?;
+        let mut places = [0; COLUMNS.len()];
+        for (place, column) in places.iter_mut().zip(COLUMNS) {
+            *place = file.place(column)?;
+        }
+        let row = |row| {
+            let text = |place: usize| csv::StringRecord::get(row, place).unwrap_or_default();
+            let count =
+                |i: usize| text(places[i]).parse().map_err(|_| file.not_a_number(row, places[i]));
+            let value = |i: usize| file.number(row, places[i]);
+            Ok(SummaryRow {
+                cell: (0..cells).map(|place| text(place).to_owned()).collect(),
+                metric: text(places[0]).to_owned(),
+                trials: count(1)?,
+                failed: count(2)?,
+                pending: count(3)?,
+                values: count(4)?,
+                min: value(5)?,
+                q1: value(6)?,
+                median: value(7)?,
+                q3: value(8)?,
+                max: value(9)?,
+                median_low: value(10)?,
+                median_high: value(11)?,
+                confidence: value(12)?,
+            })
+        };
+        let rows = file.rows.iter().map(row).collect::<Result<_, RecordError>>()?;
+        let cell_columns = file.header.iter().take(cells).map(str::to_owned).collect();
+        Ok(Some(Self { cell_columns, rows }))
+    }
+
+    /// The rows of a metric.
+    pub fn of(&self, metric: TrialMetric) -> impl Iterator<Item = &SummaryRow> {
+        let name = metric.name();
+        self.rows.iter().filter(move |row| row.metric == name)
+    }
+
+    /// The value of one of the columns that tell cells apart; empty if there is no such column.
+    #[must_use]
+    pub fn choice<'a>(&self, row: &'a SummaryRow, column: &str) -> &'a str {
+        let place = self.cell_columns.iter().position(|known| known == column);
+        place.and_then(|place| row.cell.get(place)).map_or("", String::as_str)
+    }
+}
+
+/// The cells in the order of their first trials, each with its trials.
+fn cells(trials: &[Trial], columns: usize) -> Vec<(&[String], Vec<usize>)> {
+    let mut cells: Vec<(&[String], Vec<usize>)> = Vec::new();
+    for (i, trial) in trials.iter().enumerate() {
+        let place = &trial.cells[..columns];
+        match cells.iter_mut().find(|(cell, _)| *cell == place) {
+            Some((_, group)) => group.push(i),
+            None => cells.push((place, vec![i])),
+        }
+    }
+    cells
+}
+
+/// The row of a metric in a cell with these trials; words have no spread, and so no row.
+fn row(cell: &[String], metric: TrialMetric, group: &[Option<&Finished>]) -> Option<SummaryRow> {
+    let values = group.iter().filter_map(|finished| metric.cell(done(*finished)?)?.parse().ok());
+    let spread = Spread::of(values.collect())?;
+    let (median_low, median_high, confidence) = spread.interval_of_median();
+    let over = group.iter().flatten();
+    Some(SummaryRow {
+        cell: cell.to_vec(),
+        metric: metric.name(),
+        trials: group.len(),
+        failed: over.filter(|finished| finished.ending != Ending::Done).count(),
+        pending: group.iter().filter(|finished| finished.is_none()).count(),
+        values: spread.count(),
+        min: spread.quantile(0.0),
+        q1: spread.quantile(0.25),
+        median: spread.quantile(0.5),
+        q3: spread.quantile(0.75),
+        max: spread.quantile(1.0),
+        median_low,
+        median_high,
+        confidence,
+    })
+}
+
+/// The metrics of a trial that ended as it should.
+fn done(finished: Option<&Finished>) -> Option<&Metrics> {
+    finished.filter(|finished| finished.ending == Ending::Done)?.metrics.as_ref()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_summary_reads_back_bit_for_bit() {
+        let row = SummaryRow {
+            cell: vec!["a, \"b\"".to_owned(), "20".to_owned()],
+            metric: TrialMetric::MseGen.name(),
+            trials: 5,
+            failed: 1,
+            pending: 1,
+            values: 3,
+            min: 0.1 + 0.2,
+            q1: 1e-5,
+            median: 1e-300,
+            q3: 2.0,
+            max: 3.0,
+            median_low: 0.5,
+            median_high: 3.0,
+            confidence: 0.75,
+        };
+        let cell_columns = vec!["case".to_owned(), "model.neurons".to_owned()];
+        let table = SummaryTable { cell_columns, rows: vec![row] };
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("summary.csv");
+        std::fs::write(&path, table.to_csv().as_bytes()).unwrap();
+        let read = SummaryTable::read(&path).unwrap().unwrap();
+        assert_eq!(read, table);
+        assert_eq!(read.choice(&read.rows[0], "model.neurons"), "20");
+        assert_eq!(read.of(TrialMetric::MseGen).count(), 1);
+        assert_eq!(read.of(TrialMetric::OneStepMse).count(), 0);
+    }
+}

@@ -1,0 +1,253 @@
+//! The closed loop: what the plant did under the controller, PINC over RK4.
+
+use crate::data::Run;
+use crate::picture::Picture;
+use crate::variables::Variables;
+use pinc_chart::text;
+use pinc_chart::{
+    AMBER, Axis, Color, Figure, INK, Kind, Look, Panel, Point, Shape, Style, extent,
+    held_since_previous, input_color, present, state_color,
+};
+use pinc_config::ControlSpec;
+use pinc_record::{ControlRow, ControlTrace};
+
+/// A run of more steps than this gets a close-up of its first [`CLOSE_UP`] steps.
+const LONG: f64 = 60.0;
+const CLOSE_UP: f64 = 20.0;
+/// Values that differ by less, by ratio, differ by rounding.
+const EQUAL: f64 = 1e-13;
+/// The form of a reference.
+const REFERENCE: Shape = Shape::Dashes(1.4);
+
+/// The whole closed loop, and parts of it enlarged.
+pub(crate) fn pictures(run: &Run, variables: &Variables) -> Vec<Picture> {
+    if run.control.iter().all(|of| of.table.rows.is_empty()) {
+        return Vec::new();
+    }
+    let loops = Loops { run, variables };
+    let times = run.control.iter().flat_map(|of| &of.table.rows).map(|row| row.t);
+    let t = extent(times);
+    let axis = Axis::ranged("t (s)", Kind::Linear, t);
+    let figure = Figure::stack("Closed loop", axis, loops.panels());
+    let mut pictures = vec![Picture {
+        stem: "control".to_owned(),
+        title: "Closed loop".to_owned(),
+        caption: loops.caption(),
+        figure,
+    }];
+    let close_ups = loops.close_ups(&pictures[0].figure, t);
+    pictures.extend(close_ups);
+    pictures
+}
+
+/// What is drawn of a trace.
+type Curve = fn(&ControlRow, usize) -> f64;
+
+/// The points of one variable over time.
+fn points(table: &ControlTrace, value: Curve, place: usize) -> Vec<Point> {
+    table.rows.iter().map(|row| (row.t, value(row, place))).collect()
+}
+
+fn state(row: &ControlRow, place: usize) -> f64 {
+    row.state[place]
+}
+
+fn input(row: &ControlRow, place: usize) -> f64 {
+    row.input[place]
+}
+
+/// The closed loops of a run; the last model is drawn first, so that PINC comes to lie over RK4.
+struct Loops<'a> {
+    run: &'a Run,
+    variables: &'a Variables,
+}
+
+impl Loops<'_> {
+    fn panels(&self) -> Vec<Panel> {
+        let states = self.variables.panels_of(&self.variables.states);
+        let mut panels = Vec::new();
+        for (i, (title, group)) in states.iter().enumerate() {
+            let height = if i == 0 { 280.0 } else { 180.0 };
+            panels.push(self.state_panel(title, group, height));
+        }
+        panels.push(self.input_panel());
+        panels.extend(self.difference_panel());
+        panels
+    }
+
+    fn state_panel(&self, title: &str, states: &[String], height: f64) -> Panel {
+        let label = self.run.axis_label(states);
+        let mut panel = Panel::new(title, Axis::new(&label, Kind::Linear), height);
+        self.add_references(&mut panel, states);
+        let places = || states.iter().map(|name| (name, self.variables.index_of(name)));
+        for (name, place) in places() {
+            self.add_curve(&mut panel, name, state_color(place), |table| {
+                points(table, state, place)
+            });
+        }
+        for (name, place) in places() {
+            self.add_beneath(&mut panel, name, |table| points(table, state, place));
+        }
+        if states.iter().any(|state| self.variables.controlled.contains(state)) {
+            panel.key("reference", Look::Curve(Style::new(INK, REFERENCE)));
+        }
+        for (_, place) in places() {
+            let low = |control: &ControlSpec| control.state_low.as_ref()?.get(place).copied();
+            let high = |control: &ControlSpec| control.state_high.as_ref()?.get(place).copied();
+            self.add_limits(&mut panel, low, high);
+        }
+        panel
+    }
+
+    fn add_references(&self, panel: &mut Panel, states: &[String]) {
+        let first = &self.run.control[0].table;
+        for state in states {
+            let Some(place) = first.controlled.iter().position(|name| name == state) else {
+                continue;
+            };
+            let color = state_color(self.variables.index_of(state));
+            let points = points(first, |row, place| row.reference[place], place);
+            let style = Style::new(color, REFERENCE);
+            panel.add(&format!("{state}_ref"), held_since_previous(&points), style);
+        }
+    }
+
+    fn input_panel(&self) -> Panel {
+        let inputs = &self.variables.inputs;
+        let label = self.run.axis_label(inputs);
+        let mut panel = Panel::new("Inputs", Axis::new(&label, Kind::Linear), 150.0);
+        let steps = |table: &ControlTrace, i| held_since_previous(&points(table, input, i));
+        for (i, name) in inputs.iter().enumerate() {
+            self.add_curve(&mut panel, name, input_color(i), |table| steps(table, i));
+        }
+        for (i, name) in inputs.iter().enumerate() {
+            self.add_beneath(&mut panel, name, |table| steps(table, i));
+        }
+        for i in 0..inputs.len() {
+            let low = |control: &ControlSpec| control.input_low.get(i).copied();
+            let high = |control: &ControlSpec| control.input_high.get(i).copied();
+            self.add_limits(&mut panel, low, high);
+        }
+        panel
+    }
+
+    /// Adds a variable's curve with the first model.
+    fn add_curve(
+        &self,
+        panel: &mut Panel,
+        variable: &str,
+        color: Color,
+        curve: impl Fn(&ControlTrace) -> Vec<Point>,
+    ) {
+        let of = &self.run.control[0];
+        let points = curve(&of.table);
+        let label = match self.run.control.len() {
+            1 => variable.to_owned(),
+            _ => format!("{variable} with {}", self.run.model_name(of.model)),
+        };
+        panel.tag(variable, &points, color);
+        panel.add_named(&label, points, Style::new(color, Shape::Line(1.8)));
+    }
+
+    /// Adds a variable's curves with the other models, broad and light beneath what is there.
+    fn add_beneath(
+        &self,
+        panel: &mut Panel,
+        variable: &str,
+        curve: impl Fn(&ControlTrace) -> Vec<Point>,
+    ) {
+        for of in &self.run.control[1..] {
+            let label = format!("with {}", self.run.model_name(of.model));
+            let style = Style::new(AMBER, Shape::Line(5.0)).faint(0.55);
+            panel.add_beneath(&label, &format!("{variable} {label}"), curve(&of.table), style);
+        }
+    }
+
+    /// Adds the bounds of a variable, as the config has them.
+    fn add_limits(
+        &self,
+        panel: &mut Panel,
+        low: impl Fn(&ControlSpec) -> Option<f64>,
+        high: impl Fn(&ControlSpec) -> Option<f64>,
+    ) {
+        let Some(control) = &self.run.experiment.control else { return };
+        panel.add_limits("limits", low(control).as_slice());
+        panel.add_limits("limits", high(control).as_slice());
+    }
+
+    /// How far the first two models' loops are apart.
+    fn difference_panel(&self) -> Option<Panel> {
+        let [one, two, ..] = &self.run.control[..] else { return None };
+        let title =
+            format!("|{} − {}|", self.run.model_name(one.model), self.run.model_name(two.model));
+        let states = &self.variables.states;
+        let label = self.run.label_in_unit_of(&title, states);
+        let mut panel = Panel::new("Difference of the states", Axis::new(&label, Kind::Log), 170.0);
+        for (place, state) in states.iter().enumerate() {
+            let style = Style::new(state_color(place), Shape::Line(1.4));
+            panel.add_named(state, differences(&one.table, &two.table, place), style);
+        }
+        Some(panel)
+    }
+
+    /// Enlarged parts of the picture: those that the config asks for, or else the first steps if the
+    /// run has many.
+    fn close_ups(&self, whole: &Figure, t: (f64, f64)) -> Vec<Picture> {
+        let asked = self.run.experiment.control.iter().flat_map(|control| &control.close_ups_s);
+        let asked = asked.filter(|[from, to]| *from < t.1 && *to > t.0);
+        let asked: Vec<(f64, f64)> = asked.map(|[from, to]| (from.max(t.0), to.min(t.1))).collect();
+        let step = self.run.step_s().filter(|step| t.1 - t.0 > LONG * step);
+        let beginning = step.map(|step| (t.0, t.0 + CLOSE_UP * step));
+        let windows = if asked.is_empty() { beginning.into_iter().collect() } else { asked };
+        windows.into_iter().map(|window| self.close_up(whole, window)).collect()
+    }
+
+    fn close_up(&self, whole: &Figure, (from, to): (f64, f64)) -> Picture {
+        let (from_s, to_s) = (text::number(from, 6), text::number(to, 6));
+        let mut figure = whole.clone();
+        figure.name = format!("Closed loop from {from_s} s to {to_s} s");
+        figure.x.range = Some((from, to));
+        Picture {
+            stem: format!("control-{from}-{to}"),
+            title: format!("Closed loop: {from_s} s to {to_s} s"),
+            figure,
+            caption: "A part of the picture above, enlarged. From the same files.".to_owned(),
+        }
+    }
+
+    fn caption(&self) -> String {
+        let files: Vec<_> = self.run.control.iter().map(|of| of.file.clone()).collect();
+        let mut caption = "The plant, integrated accurately, under the controller. Dashed: the \
+                           references, in the colours of their states; grey: the bounds."
+            .to_owned();
+        if let [first, second, ..] = &self.run.control[..] {
+            let (one, two) = (self.run.model_name(first.model), self.run.model_name(second.model));
+            caption += &format!(
+                " Thin curves: with {one} as the controller's model; broad amber curves beneath: with \
+                 {two}. Where amber is only a rim, both do the same."
+            );
+            let mut largest = Vec::new();
+            for (place, state) in self.variables.states.iter().enumerate() {
+                let differences = present(differences(&first.table, &second.table, place));
+                let most = extent(differences.iter().map(|p| p.1)).1;
+                largest.push(format!("{} in {state}", text::number(most, 2)));
+            }
+            caption += &format!(
+                " They differ by at most {} (lowest panel; no curve where they are equal up to rounding).",
+                text::listed(&largest)
+            );
+        }
+        format!("{caption} From {}.", text::listed(&files))
+    }
+}
+
+/// By how much a state differs between two loops, as far as both go.
+fn differences(one: &ControlTrace, two: &ControlTrace, place: usize) -> Vec<Point> {
+    let pairs = one.rows.iter().zip(&two.rows);
+    // Times that are the same number were computed alike; one loop may have ended early.
+    let together = pairs.take_while(|(a, b)| (a.t - b.t).abs() <= 1e-9 * a.t.abs());
+    // What rounding alone makes is no difference, and would stretch a logarithmic axis.
+    let differs = |a: f64, b: f64| (a - b).abs() > EQUAL * a.abs().max(b.abs());
+    let difference = |a: f64, b: f64| if differs(a, b) { (a - b).abs() } else { 0.0 };
+    together.map(|(a, b)| (a.t, difference(a.state[place], b.state[place]))).collect()
+}

@@ -1,0 +1,157 @@
+//! A run directory's files, read as far as the report needs them.
+
+use crate::error::ReportError;
+use crate::sweep::Trials;
+use pinc_config::{Experiment, ModelKind};
+use pinc_record::{
+    ControlTrace, Metrics, PredictionTable, Provenance, RecordError, StepRow, TrainingRow, file,
+    read_fixed_table, read_text,
+};
+use std::io::ErrorKind;
+use std::path::Path;
+
+/// What the report calls a net that was trained on an integrator's steps.
+pub(crate) const DISTILLED: &str = "distilled net";
+
+/// A run directory. What is missing is empty.
+#[derive(Debug)]
+pub(crate) struct Run {
+    /// The text of `config.toml`, and what it says.
+    pub(crate) config_text: String,
+    pub(crate) experiment: Experiment,
+    pub(crate) metrics: Option<Metrics>,
+    pub(crate) provenance: Option<Provenance>,
+    pub(crate) training: Option<Vec<TrainingRow>>,
+    pub(crate) prediction: Option<PredictionTable>,
+    /// The closed loops, PINC first.
+    pub(crate) control: Vec<OfModel<ControlTrace>>,
+    pub(crate) steps: Vec<OfModel<Vec<StepRow>>>,
+    /// Of a sweep.
+    pub(crate) trials: Option<Trials>,
+}
+
+/// A table that belongs to one model in the controller.
+#[derive(Debug)]
+pub(crate) struct OfModel<T> {
+    /// The model; `None` if a run ended before it said which its only one is.
+    pub(crate) model: Option<ModelKind>,
+    /// The name of the table's file, for captions.
+    pub(crate) file: String,
+    pub(crate) table: T,
+}
+
+impl Run {
+    /// Reads the directory.
+    pub(crate) fn read(dir: &Path) -> Result<Self, ReportError> {
+        if !dir.is_dir() {
+            return Err(RecordError::NotADirectory { path: dir.to_owned() }.into());
+        }
+        let path = dir.join(file::CONFIG);
+        let missing = || RecordError::unreadable(&path)(ErrorKind::NotFound.into());
+        let config_text = read_text(&path)?.ok_or_else(missing)?;
+        let experiment = Experiment::read_back(&path, &config_text)?;
+        let metrics = Metrics::read(dir)?;
+        let only = metrics.iter().flat_map(|metrics| &metrics.control).map(|of| of.model).next();
+        let control = read_models(dir, file::control, only, |path| {
+            let Some(control) = &experiment.control else { return Ok(None) };
+            ControlTrace::read(path, control.input_low.len(), &control.controlled)
+        })?;
+        Ok(Self {
+            provenance: Provenance::read(dir)?,
+            training: read_fixed_table(&dir.join(file::TRAINING))?,
+            prediction: PredictionTable::read(&dir.join(file::PREDICTION))?,
+            control,
+            steps: read_models(dir, file::steps, only, read_fixed_table)?,
+            trials: Trials::read(dir, &experiment)?,
+            config_text,
+            experiment,
+            metrics,
+        })
+    }
+
+    /// The length T of a step in s.
+    pub(crate) fn step_s(&self) -> Option<f64> {
+        self.experiment.sample_time_s().filter(|t| *t > 0.0)
+    }
+
+    /// A model's name as the report writes it.
+    pub(crate) fn model_name(&self, model: Option<ModelKind>) -> &'static str {
+        match model {
+            Some(ModelKind::Pinc) if self.metrics.as_ref().is_some_and(Metrics::is_distilled) => {
+                DISTILLED
+            }
+            Some(model) => model.title(),
+            None => "controller",
+        }
+    }
+
+    /// A quantity with the unit of the controlled states, or of all states if none is controlled, to
+    /// a power written as "²" or nothing.
+    pub(crate) fn label_in_states_unit(&self, quantity: &str, power: &str) -> String {
+        let controlled = self.experiment.control.iter().flat_map(|control| &control.controlled);
+        let mut states: Vec<&str> = controlled.map(String::as_str).collect();
+        if states.is_empty() {
+            let all = self.metrics.iter().flat_map(|metrics| &metrics.states);
+            states = all.map(String::as_str).collect();
+        }
+        match self.common_unit(&states) {
+            None => quantity.to_owned(),
+            Some("") => format!("{quantity} (–)"),
+            Some(unit) => format!("{quantity} ({unit}{power})"),
+        }
+    }
+
+    /// Variables with their units, as an axis says it: "h1, h2 (cm)", "x (m), v (m/s)"; "(–)" after a
+    /// number without dimension.
+    pub(crate) fn axis_label(&self, variables: &[String]) -> String {
+        let names: Vec<&str> = variables.iter().map(String::as_str).collect();
+        if self.common_unit(&names).is_some() {
+            return self.label_in_unit_of(&variables.join(", "), variables);
+        }
+        let each =
+            |variable: &String| self.label_in_unit_of(variable, std::slice::from_ref(variable));
+        variables.iter().map(each).collect::<Vec<_>>().join(", ")
+    }
+
+    /// `quantity` with the unit that `variables` have in common, if they have one.
+    pub(crate) fn label_in_unit_of(&self, quantity: &str, variables: &[String]) -> String {
+        let names: Vec<&str> = variables.iter().map(String::as_str).collect();
+        match self.common_unit(&names) {
+            None => quantity.to_owned(),
+            Some("") => format!("{quantity} (–)"),
+            Some(unit) => format!("{quantity} ({unit})"),
+        }
+    }
+
+    /// The unit of all these variables, empty for numbers without dimension; `None` if they differ
+    /// or nothing is known.
+    fn common_unit(&self, variables: &[&str]) -> Option<&str> {
+        let units = &self.metrics.as_ref()?.variables;
+        let unit = |variable: &str| units.get(variable).map(String::as_str);
+        let first = unit(variables.first()?)?;
+        variables.iter().all(|v| unit(v) == Some(first)).then_some(first)
+    }
+}
+
+/// The tables of all models, or that of a run with one model, which may be known to be `only`.
+fn read_models<T>(
+    dir: &Path,
+    name: fn(ModelKind, usize) -> String,
+    only: Option<ModelKind>,
+    read: impl Fn(&Path) -> Result<Option<T>, RecordError>,
+) -> Result<Vec<OfModel<T>>, RecordError> {
+    let mut found = Vec::new();
+    for model in ModelKind::ALL {
+        let file = name(model, ModelKind::ALL.len());
+        if let Some(table) = read(&dir.join(&file))? {
+            found.push(OfModel { model: Some(model), file, table });
+        }
+    }
+    let file = name(only.unwrap_or(ModelKind::Pinc), 1);
+    if found.is_empty()
+        && let Some(table) = read(&dir.join(&file))?
+    {
+        found.push(OfModel { model: only, file, table });
+    }
+    Ok(found)
+}

@@ -1,0 +1,31 @@
+//! Reports of runs and sweeps as HTML pages with pictures, and the page of the paper's results.
+//!
+//! - [`build`]: the report of a run directory, one HTML page that stands alone, and the pictures in
+//!   it as files of their own.
+//! - [`results`], [`write_results`]: the paper's tables and figures beside those of a list of runs.
+//!
+//! Everything is made from the types of [`pinc_record`] that wrote the files. A picture is first a
+//! [`pinc_chart::Figure`], plain data, and then drawn.
+
+mod control;
+mod data;
+mod error;
+mod html;
+mod number_tables;
+mod paper;
+mod picture;
+mod prediction;
+mod report;
+mod steps;
+mod summary_text;
+mod sweep;
+#[cfg(test)]
+mod testing;
+#[cfg(test)]
+mod tests;
+mod training;
+mod variables;
+
+pub use error::ReportError;
+pub use paper::{results, write_results};
+pub use report::{FigureFiles, Report, build};

@@ -1,0 +1,223 @@
+//! The paper's tables and figures beside what the runs of `configs/paper.toml` came to, as a page.
+
+mod control;
+mod grids;
+mod page;
+mod runs;
+
+use crate::error::ReportError;
+use page::{Copied, Page, short, time};
+use pinc_config::{CASE, Preset};
+use pinc_record::{Invocation, RecordError, SummaryRow, TrialMetric, read_file, write_atomically};
+use runs::{Run, Runs};
+use std::collections::BTreeSet;
+use std::fs;
+use std::path::Path;
+
+/// The paper's plants, as experiments and pages call them.
+const PLANTS: [(&str, &str); 2] = [("van-der-pol", "Van der Pol"), ("four-tanks", "four tanks")];
+
+/// Every experiment of the paper, in the order of the page's provenance.
+const EXPERIMENTS: [&str; 13] = [
+    "van-der-pol",
+    "four-tanks",
+    "van-der-pol-substeps",
+    "four-tanks-substeps",
+    "van-der-pol-structure",
+    "van-der-pol-points",
+    "van-der-pol-long-range",
+    "four-tanks-sensitivity",
+    "four-tanks-worst-case",
+    "van-der-pol-horizon",
+    "four-tanks-horizon",
+    "van-der-pol-deviations",
+    "four-tanks-deviations",
+];
+
+/// The page, in Markdown and without pictures, from the directory of a list of runs. What has not been
+/// run is left out.
+///
+/// # Errors
+///
+/// [`ReportError`] if the directory holds no such runs, or a file in it cannot be read.
+pub fn results(dir: &Path) -> Result<String, ReportError> {
+    let mut page = Page::default();
+    fill(&mut page, dir)?;
+    Ok(page.into_parts().0)
+}
+
+/// Writes the page to a file, and its pictures to the directory beside it that has the file's name
+/// without the ending.
+///
+/// # Errors
+///
+/// As for [`results`], and if a file cannot be written.
+pub fn write_results(dir: &Path, to: &Path) -> Result<(), ReportError> {
+    let beside = to.with_extension("");
+    let Some(folder) = beside.file_name().filter(|_| beside != to) else {
+        return Err(ReportError::PageWithoutEnding { path: to.to_owned() });
+    };
+    let mut page = Page::with_pictures(folder.to_string_lossy().into_owned());
+    fill(&mut page, dir)?;
+    let (text, pictures) = page.into_parts();
+    fs::create_dir_all(&beside).map_err(RecordError::unwritable(&beside))?;
+    for Copied { from, name } in pictures {
+        write_atomically(&beside.join(name), &read_file(&from)?)?;
+    }
+    Ok(write_atomically(to, text.as_bytes())?)
+}
+
+fn fill(page: &mut Page, dir: &Path) -> Result<(), ReportError> {
+    let runs = Runs::read(dir, &EXPERIMENTS)?;
+    page.paragraph("# Results: the paper, regenerated");
+    page.paragraph(
+        "Each table and figure of the paper with numbers in it, beside this project's. Made by the two commands below from the \
+         run directories, whose reports have more pictures. `as-printed` is the paper's equations and `as-released` \
+         its authors' program, both run by this project with the paper's recipe; `ours` is the best that this project \
+         can do. [deviations.md](deviations.md) says where these differ, [measurements.md](measurements.md) has what other commands measured.",
+    );
+    page.commands(&[
+        "pinc run configs/paper.toml --resume",
+        "pinc results runs/paper --out docs/results.md",
+    ]);
+    control::table_1(page, &runs);
+    control::loops(page, &runs);
+    control::substeps(page, &runs)?;
+    grids::structure(page, &runs)?;
+    grids::points(page, &runs)?;
+    long_range(page, &runs)?;
+    nets(page, &runs)?;
+    control::sensitivity(page, &runs)?;
+    control::worst_case(page, &runs);
+    grids::horizon(page, &runs)?;
+    control::deviations(page, &runs)?;
+    if !provenance(page, &runs) {
+        return Err(ReportError::NoPaperRuns { dir: dir.to_owned() });
+    }
+    Ok(())
+}
+
+/// Figs. 6 and 7.
+fn long_range(page: &mut Page, runs: &Runs) -> Result<(), ReportError> {
+    page.heading("Figs. 6 and 7: long range");
+    page.commands(&["pinc run configs/van-der-pol/long-range.toml --set preset=..."]);
+    page.paragraph(
+        "RMSE over 10 s against the truth. A PINN is trained for one initial state, one input and its T, and asked beyond; \
+         the PINC net is trained once, for T = 0.5 s and any of them, and chained. In the paper too the PINN for T = 10 s comes \
+         slightly below PINC, all others above.",
+    );
+    for run in runs.of_experiment("van-der-pol-long-range") {
+        page.paragraph(&format!("Preset `{}`.", run.preset.name()));
+        let summary = run.summary(TrialMetric::FreeRunRmse)?;
+        let row = |row| vec![summary.choice(row, CASE).to_owned(), short(row.median)];
+        let rows: Vec<Vec<String>> = summary.rows().iter().map(row).collect();
+        page.table(&["net", "RMSE over 10 s"], &rows);
+        page.picture(run, "free-runs", "PINNs and PINC over 10 s against the truth");
+        page.picture(run, "free-run-rmse", "RMSE over 10 s");
+    }
+    Ok(())
+}
+
+/// Figs. 8, 9 and 12: the final nets.
+fn nets(page: &mut Page, runs: &Runs) -> Result<(), ReportError> {
+    page.heading("Figs. 8, 9 and 12: the final nets");
+    page.commands(&[
+        "pinc run configs/van-der-pol/main.toml --set preset=...",
+        "pinc run configs/four-tanks/main.toml --set preset=...",
+    ]);
+    let mut rows = vec![
+        line(["Van der Pol", "the authors' program", "9.8 h", "1.6e-4", "4.96e-5", ""]),
+        line(["four tanks", "the authors' program", "32.5 h", "3.6e-2", "", ""]),
+    ];
+    for (experiment, name) in PLANTS {
+        for Run { preset, metrics, .. } in runs.of_experiment(experiment) {
+            let (Some(training), Some(validation)) = (&metrics.training, &metrics.validation)
+            else {
+                continue;
+            };
+            let free = metrics.prediction.as_ref().map_or(f64::NAN, |free| free.mse_all.sqrt());
+            rows.push(vec![
+                name.to_owned(),
+                format!("`{}`", preset.name()),
+                time(training.wall_s),
+                short(validation.mse_gen),
+                short(validation.mse_all_normalized),
+                short(free),
+            ]);
+        }
+        for run in runs.of_experiment(&format!("{experiment}-deviations")) {
+            rows.extend(seeds(name, run)?);
+        }
+    }
+    page.table(
+        &[
+            "plant",
+            "net",
+            "training",
+            "`mse_gen`",
+            "mse, all rows, normalised",
+            "RMSE of the free run",
+        ],
+        &rows,
+    );
+    for (experiment, name) in PLANTS {
+        for run in runs.of_experiment(experiment) {
+            page.picture(run, "training", &format!("{name}: the training"));
+            page.picture(run, "prediction", &format!("{name}: free run"));
+        }
+    }
+    Ok(())
+}
+
+/// How the final net of preset `ours` varies with the seed, if the run has its case.
+fn seeds(plant: &str, run: &Run) -> Result<Option<Vec<String>>, ReportError> {
+    let name = Preset::Ours.name();
+    let [at_steps, all_rows] =
+        [run.summary(TrialMetric::MseGen)?, run.summary(TrialMetric::MseAllNormalized)?];
+    let both = at_steps.case(name).zip(all_rows.case(name));
+    Ok(both.map(|(at_steps, all_rows)| {
+        let (preset, seeds) = (run.preset.name(), at_steps.values);
+        let net = format!("`{preset}`, {seeds} seeds: median (least .. most)");
+        let blank = String::new;
+        vec![plant.to_owned(), net, blank(), spread(at_steps), spread(all_rows), blank()]
+    }))
+}
+
+/// What the runs were made with. Says whether there are any.
+fn provenance(page: &mut Page, runs: &Runs) -> bool {
+    let mut machines = BTreeSet::new();
+    let mut rows = Vec::new();
+    for experiment in EXPERIMENTS {
+        for Run { preset, provenance, .. } in runs.of_experiment(experiment) {
+            for invocation in provenance.invocations() {
+                let Invocation { cpu, cores, os, rustc, .. } = invocation;
+                machines.insert(format!("{cpu}, {cores} cores, {os}, {rustc}"));
+                rows.push(vec![
+                    experiment.to_owned(),
+                    format!("`{}`", preset.name()),
+                    invocation.source(),
+                    invocation.started.clone(),
+                ]);
+            }
+        }
+    }
+    page.heading("Provenance");
+    for machine in machines {
+        page.paragraph(&machine);
+    }
+    page.table(&["experiment", "preset", "commit", "started or resumed"], &rows);
+    !rows.is_empty()
+}
+
+fn line<const N: usize>(cells: [&str; N]) -> Vec<String> {
+    cells.map(str::to_owned).to_vec()
+}
+
+/// "3.55e-8 (3.10e-8 .. 4.02e-8)".
+fn spread(row: &SummaryRow) -> String {
+    let [median, least, most] = [row.median, row.min, row.max].map(short);
+    match least == most {
+        true => median,
+        false => format!("{median} ({least} .. {most})"),
+    }
+}

@@ -1,0 +1,122 @@
+//! The free run of the net against the truth.
+
+use crate::data::Run;
+use crate::picture::Picture;
+use crate::variables::Variables;
+use pinc_chart::text;
+use pinc_chart::{
+    Axis, BLACK, Event, Figure, Kind, Look, Panel, Point, Shape, Style, extent, held_until_next,
+    input_color, present, state_color, state_mark,
+};
+use pinc_record::{PredictionRow, PredictionTable, file};
+
+/// The free run, if there is one.
+pub(crate) fn picture(run: &Run, variables: &Variables) -> Option<Picture> {
+    let table = run.prediction.as_ref().filter(|table| !table.rows.is_empty())?;
+    let mut panels = Vec::new();
+    for (title, group) in variables.panels_of(&table.states) {
+        panels.push(state_panel(run, table, &title, &group));
+    }
+    panels.push(input_panel(run, table));
+    panels.push(error_panel(run, table));
+    let t = extent(table.rows.iter().map(|row| row.t));
+    let axis = Axis::ranged("t (s)", Kind::Linear, t);
+    let mut figure = Figure::stack("Free run of the net against the truth", axis, panels);
+    figure.events = horizon(run, t);
+    Some(Picture {
+        stem: "prediction".to_owned(),
+        title: "Free-run prediction".to_owned(),
+        caption: caption(table),
+        figure,
+    })
+}
+
+/// The points of what `value` finds in a row.
+pub(crate) fn points(table: &PredictionTable, value: impl Fn(&PredictionRow) -> f64) -> Vec<Point> {
+    table.rows.iter().map(|row| (row.t, value(row))).collect()
+}
+
+/// The points of a state at the ends of steps.
+pub(crate) fn marks(table: &PredictionTable, place: usize) -> Vec<Point> {
+    let rows = table.rows.iter().filter(|row| row.mark);
+    rows.map(|row| (row.t, row.state[place])).collect()
+}
+
+fn state_panel(run: &Run, table: &PredictionTable, title: &str, states: &[String]) -> Panel {
+    let height = if states.len() == table.states.len() { 280.0 } else { 200.0 };
+    let mut panel = Panel::new(title, Axis::new(&run.axis_label(states), Kind::Linear), height);
+    let places = || states.iter().filter_map(|name| Some((name, table.index_of(name)?)));
+    for (name, place) in places() {
+        let style = Style::new(BLACK, Shape::Line(4.6)).faint(0.9);
+        panel.add(&format!("{name}_truth"), points(table, |row| row.truth[place]), style);
+    }
+    for (name, place) in places() {
+        let color = state_color(place);
+        let curve = points(table, |row| row.state[place]);
+        panel.tag(name, &curve, color);
+        panel.add_named(name, curve, Style::new(color, Shape::Line(2.2)));
+        panel.add("", marks(table, place), Style::new(color, state_mark(place)));
+    }
+    panel.key("truth", Look::Curve(Style::new(BLACK, Shape::Line(4.6)).faint(0.9)));
+    if table.rows.iter().any(|row| row.mark) {
+        panel.key("end of a step, t = kT", Look::Curve(Style::new(BLACK, Shape::Dots(3.4))));
+    }
+    panel
+}
+
+fn input_panel(run: &Run, table: &PredictionTable) -> Panel {
+    let label = run.axis_label(&table.inputs);
+    let mut panel = Panel::new("Inputs", Axis::new(&label, Kind::Linear), 120.0);
+    for (i, input) in table.inputs.iter().enumerate() {
+        let points = points(table, |row| row.input[i]);
+        let style = Style::new(input_color(i), Shape::Line(1.8));
+        panel.add_named(input, held_until_next(&points), style);
+    }
+    panel
+}
+
+fn error_panel(run: &Run, table: &PredictionTable) -> Panel {
+    let label = run.label_in_unit_of("|prediction − truth|", &table.states);
+    let mut panel = Panel::new("Absolute error", Axis::new(&label, Kind::Log), 170.0);
+    for (place, state) in table.states.iter().enumerate() {
+        let style = Style::new(state_color(place), Shape::Line(1.5));
+        panel.add_named(state, errors(table, place), style);
+    }
+    panel
+}
+
+fn errors(table: &PredictionTable, place: usize) -> Vec<Point> {
+    points(table, |row| (row.state[place] - row.truth[place]).abs())
+}
+
+/// Where the controller's prediction ends, N2 steps ahead.
+fn horizon(run: &Run, t: (f64, f64)) -> Vec<Event> {
+    let steps = run.experiment.control.as_ref().map(|control| control.n2);
+    #[expect(clippy::cast_precision_loss, reason = "a horizon has far fewer than 2^53 steps")]
+    let end = steps.zip(run.step_s()).map(|(n, step)| t.0 + n as f64 * step);
+    let event = end.filter(|end| *end < t.1).map(|end| {
+        let label = "horizon of the controller, N₂T".to_owned();
+        Event::minor(end, label)
+    });
+    event.into_iter().collect()
+}
+
+fn caption(table: &PredictionTable) -> String {
+    let mut worst = Vec::new();
+    for (place, state) in table.states.iter().enumerate() {
+        let errors = present(errors(table, place));
+        if !errors.is_empty() {
+            let largest = extent(errors.iter().map(|p| p.1)).1;
+            worst.push(format!("{} in {state}", text::number(largest, 2)));
+        }
+    }
+    let mut caption = "The net predicts from the first state alone: each step of length T starts from \
+                       the end of the step before (dots), and the curve between two dots is the net \
+                       evaluated at inner times. The truth, an accurate integration, lies beneath in \
+                       black."
+        .to_owned();
+    if !worst.is_empty() {
+        caption += &format!(" The largest error is {}.", text::listed(&worst));
+    }
+    format!("{caption} From {}.", file::PREDICTION)
+}

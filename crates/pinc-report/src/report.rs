@@ -1,0 +1,65 @@
+//! The report of a run: its pictures, and the page around them.
+
+use crate::data::Run;
+use crate::error::ReportError;
+use crate::picture::{Drawn, Picture};
+use crate::variables::Variables;
+use crate::{control, html, prediction, steps, sweep, training};
+use std::path::Path;
+
+/// A run's report.
+#[derive(Clone, Debug)]
+#[non_exhaustive]
+pub struct Report {
+    /// An HTML page with its pictures and its style inside, to be opened without anything else.
+    pub html: String,
+    /// The pictures, in the order of the page.
+    pub figures: Vec<FigureFiles>,
+}
+
+/// One of the report's pictures, by itself.
+#[derive(Clone, Debug)]
+#[non_exhaustive]
+pub struct FigureFiles {
+    /// What its files are called, without their endings.
+    pub name: String,
+    /// The picture, as a document of its own.
+    pub svg: String,
+    /// What it shows, with the columns `panel`, `series`, `x`, `x_to`, `y`, `y_to`, `value`. A point
+    /// has `x` and `y`; a bar or a cell of a map both ends of its sides, or a name instead, and perhaps
+    /// the value that it stands for; an interval `x`, `y` and `y_to`.
+    pub csv: Vec<u8>,
+}
+
+impl FigureFiles {
+    fn of(Drawn { picture, svg }: Drawn) -> Self {
+        Self { name: picture.stem, svg, csv: picture.figure.csv() }
+    }
+}
+
+/// Makes the report of the run in `dir`. A section whose files are missing is left out, and the page
+/// says so.
+///
+/// # Errors
+///
+/// [`ReportError`] if `dir` is no directory or has no `config.toml`, or if a file in it cannot be read
+/// or is damaged.
+pub fn build(dir: &Path) -> Result<Report, ReportError> {
+    let run = Run::read(dir)?;
+    let drawn: Vec<_> = pictures(&run)?.into_iter().filter_map(Picture::drawn).collect();
+    let html = html::page(&run, &drawn);
+    Ok(Report { html, figures: drawn.into_iter().map(FigureFiles::of).collect() })
+}
+
+fn pictures(run: &Run) -> Result<Vec<Picture>, ReportError> {
+    if let Some(trials) = &run.trials {
+        return sweep::pictures(run, trials);
+    }
+    let variables = Variables::of(run);
+    let mut pictures = Vec::new();
+    pictures.extend(training::picture(run));
+    pictures.extend(prediction::picture(run, &variables));
+    pictures.extend(control::pictures(run, &variables));
+    pictures.extend(steps::picture(run));
+    Ok(pictures)
+}

@@ -1,0 +1,226 @@
+//! The trials of a sweep by cells, as `sweep.csv` and `timings.csv` have them.
+
+use pinc_chart::text;
+use pinc_config::{CASE, DRAW, DRAWN, Experiment, SEED, cell_columns};
+use pinc_record::{
+    PredictionTable, RecordError, SweepDir, TrialColumn, TrialMetric, TrialStatus, TrialTable, file,
+};
+use std::path::{Path, PathBuf};
+
+/// The trials, with the cells that they make up.
+#[derive(Debug)]
+pub(crate) struct Trials {
+    dir: PathBuf,
+    table: TrialTable,
+    /// The times of the same trials, row by row.
+    timings: Option<TrialTable>,
+    /// The columns that tell the cells apart.
+    columns: Vec<String>,
+    cells: Vec<Cell>,
+}
+
+/// A place in the grid, with the rows of its trials.
+#[derive(Clone, Debug)]
+pub(super) struct Cell {
+    /// The values of the columns that tell the cells apart.
+    pub(super) place: Vec<String>,
+    /// Rows of trials that ended as they should.
+    pub(super) finished: Vec<usize>,
+    pub(super) failed: Vec<usize>,
+    pub(super) pending: Vec<usize>,
+}
+
+impl Cell {
+    pub(super) fn done(&self) -> usize {
+        self.finished.len()
+    }
+}
+
+/// How a metric varies in a cell.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Spread {
+    pub(super) min: f64,
+    pub(super) q1: f64,
+    pub(super) median: f64,
+    pub(super) q3: f64,
+    pub(super) max: f64,
+}
+
+impl Trials {
+    /// Reads the tables of the sweep in `dir`; `None` if there is none.
+    pub(crate) fn read(dir: &Path, experiment: &Experiment) -> Result<Option<Self>, RecordError> {
+        let Some(sweep) = &experiment.sweep else { return Ok(None) };
+        let columns = TrialColumn::of_sweep(experiment, sweep);
+        let Some(table) = TrialTable::read(&dir.join(file::SWEEP), columns)? else {
+            return Ok(None);
+        };
+        let columns = TrialColumn::of_timings(experiment);
+        let timings = TrialTable::read(&dir.join(file::TIMINGS), columns)?;
+        let timings = timings.filter(|timings| timings.len() == table.len());
+        let columns = cell_columns(sweep);
+        let cells = cells(&table, &columns);
+        Ok(Some(Self { dir: dir.to_owned(), table, timings, columns, cells }))
+    }
+
+    pub(super) fn columns(&self) -> &[String] {
+        &self.columns
+    }
+
+    pub(super) fn cells(&self) -> &[Cell] {
+        &self.cells
+    }
+
+    /// The axes of the grid: the columns other than names of alternatives.
+    pub(super) fn axes(&self) -> Vec<usize> {
+        let is_axis = |i: &usize| ![CASE, DRAWN].contains(&self.columns[*i].as_str());
+        (0..self.columns.len()).filter(is_axis).collect()
+    }
+
+    /// Whether there are trials that differ by draws.
+    pub(super) fn has_draws(&self) -> bool {
+        self.table.has(&TrialColumn::Choice(DRAW.to_owned()))
+    }
+
+    /// Whether a metric, or a time, is there.
+    pub(super) fn has(&self, metric: TrialMetric) -> bool {
+        self.table_of(metric).0.has(&TrialColumn::Metric(metric))
+    }
+
+    /// The name of the file with a metric or a time.
+    pub(super) fn file_of(&self, metric: TrialMetric) -> &'static str {
+        self.table_of(metric).1
+    }
+
+    /// The table with the metric, that of results if none has it, and the name of its file.
+    fn table_of(&self, metric: TrialMetric) -> (&TrialTable, &'static str) {
+        let has = |timings: &&TrialTable| timings.has(&TrialColumn::Metric(metric));
+        match self.timings.as_ref().filter(has) {
+            Some(timings) => (timings, file::TIMINGS),
+            None => (&self.table, file::SWEEP),
+        }
+    }
+
+    /// Whether no cell has more than one finished trial, so that nothing can be said of a spread.
+    pub(super) fn are_alone(&self) -> bool {
+        self.cells.iter().all(|cell| cell.done() <= 1)
+    }
+
+    /// The numbers of all trials, of those that failed and of those not yet run.
+    pub(super) fn counts(&self) -> (usize, usize, usize) {
+        let sum = |count: fn(&Cell) -> usize| self.cells.iter().map(count).sum();
+        (self.table.len(), sum(|c| c.failed.len()), sum(|c| c.pending.len()))
+    }
+
+    /// A metric of a cell's trials, as far as they are finite.
+    pub(super) fn values(&self, cell: &Cell, metric: TrialMetric) -> Vec<f64> {
+        let (table, _) = self.table_of(metric);
+        let values = cell.finished.iter().map(|&row| table.number(row, metric));
+        values.filter(|v| v.is_finite()).collect()
+    }
+
+    /// The text of a metric of a cell's first finished trial.
+    pub(super) fn text(&self, cell: &Cell, metric: TrialMetric) -> Option<&str> {
+        let row = *cell.finished.first()?;
+        Some(self.table.cell(row, &TrialColumn::Metric(metric)))
+    }
+
+    /// How a metric, or a time, varies in a cell; `None` without a number.
+    pub(super) fn spread(&self, cell: &Cell, metric: TrialMetric) -> Option<Spread> {
+        let spread = pinc_record::Spread::of(self.values(cell, metric))?;
+        let [min, q1, median, q3, max] =
+            [0.0, 0.25, 0.5, 0.75, 1.0].map(|part| spread.quantile(part));
+        Some(Spread { min, q1, median, q3, max })
+    }
+
+    /// What a cell is called: its alternatives, and its places on the axes.
+    pub(super) fn name(&self, cell: &Cell) -> String {
+        let word = |(column, value): (&String, &String)| match column.as_str() {
+            CASE | DRAWN => value.clone(),
+            key => format!("{} {}", short(key), shown(value)),
+        };
+        let words: Vec<String> = self.columns.iter().zip(&cell.place).map(word).collect();
+        if words.is_empty() { "all trials".to_owned() } else { words.join(", ") }
+    }
+
+    /// The free run of a case's first finished trial, if it was kept.
+    pub(super) fn free_run(&self, case: &str) -> Result<Option<PredictionTable>, RecordError> {
+        let Some(column) = self.columns.iter().position(|c| c == CASE) else { return Ok(None) };
+        let mut cells = self.cells.iter().filter(|cell| cell.place[column] == case);
+        let Some(row) = cells.find_map(|cell| cell.finished.first()) else { return Ok(None) };
+        let trial = self.table.cell(*row, &TrialColumn::Trial);
+        PredictionTable::read(&SweepDir::of(&self.dir).trial(trial).join(file::PREDICTION))
+    }
+
+    /// The trials that failed: their names, their places and what went wrong.
+    pub(super) fn failures(&self) -> Vec<Vec<String>> {
+        let seed = TrialColumn::Choice(SEED.to_owned());
+        let row = |cell: &Cell, i: usize| {
+            let what = format!("{}, seed {}", self.name(cell), self.table.cell(i, &seed));
+            let [name, error] = [TrialColumn::Trial, TrialColumn::Error]
+                .map(|column| self.table.cell(i, &column).to_owned());
+            vec![name, what, error]
+        };
+        let failed = self.cells.iter().flat_map(|cell| cell.failed.iter().map(move |i| (cell, *i)));
+        failed.map(|(cell, i)| row(cell, i)).collect()
+    }
+
+    /// The different values of a column of the cells, numbers in their order.
+    pub(super) fn values_of(&self, column: usize) -> Vec<String> {
+        let mut values: Vec<String> = Vec::new();
+        for cell in &self.cells {
+            if !values.contains(&cell.place[column]) {
+                values.push(cell.place[column].clone());
+            }
+        }
+        let numbers: Result<Vec<f64>, _> = values.iter().map(|v| v.parse()).collect();
+        if let Ok(numbers) = numbers {
+            let mut pairs: Vec<_> = numbers.into_iter().zip(values).collect();
+            pairs.sort_by(|a, b| a.0.total_cmp(&b.0));
+            return pairs.into_iter().map(|pair| pair.1).collect();
+        }
+        values
+    }
+}
+
+fn cells(table: &TrialTable, columns: &[String]) -> Vec<Cell> {
+    let choices: Vec<TrialColumn> = columns.iter().cloned().map(TrialColumn::Choice).collect();
+    let mut cells: Vec<Cell> = Vec::new();
+    for row in 0..table.len() {
+        let place = choices.iter().map(|choice| table.cell(row, choice).to_owned());
+        let place: Vec<String> = place.collect();
+        let known = cells.iter().position(|cell| cell.place == place);
+        let index = known.unwrap_or_else(|| {
+            let (finished, failed, pending) = (Vec::new(), Vec::new(), Vec::new());
+            cells.push(Cell { place, finished, failed, pending });
+            cells.len() - 1
+        });
+        let cell = &mut cells[index];
+        match TrialStatus::of(table.cell(row, &TrialColumn::Status)) {
+            TrialStatus::Done => cell.finished.push(row),
+            TrialStatus::Pending => cell.pending.push(row),
+            TrialStatus::Failed => cell.failed.push(row),
+        }
+    }
+    cells
+}
+
+/// What a key of the config is called on an axis.
+pub(super) fn short(key: &str) -> String {
+    match key {
+        "model.hidden_layers" => "hidden layers".to_owned(),
+        "model.neurons" => "neurons per layer".to_owned(),
+        "model.horizon_s" => "step T (s)".to_owned(),
+        "training.collocation_points" => "collocation points N_f".to_owned(),
+        "training.initial_points" => "initial points N_t".to_owned(),
+        "control.n2" => "steps of the horizon, N2".to_owned(),
+        "control.rk4_substeps" => "substeps of RK4".to_owned(),
+        "control.rk5_substeps" => "substeps of RK5".to_owned(),
+        "control.rosenbrock_substeps" => "substeps of the Rosenbrock method".to_owned(),
+        key => key.rsplit('.').next().unwrap_or(key).replace('_', " "),
+    }
+}
+
+/// A value of an axis as a reader likes it.
+pub(super) fn shown(value: &str) -> String {
+    value.parse().map_or_else(|_| value.to_owned(), |number| text::number(number, 6))
+}

@@ -1,0 +1,387 @@
+//! The report of synthetic run directories: whole, incomplete and damaged ones.
+
+use crate::error::ReportError;
+use crate::report::{self, FigureFiles};
+use crate::testing::assert_sound;
+use pinc_record::RecordError;
+use std::fmt::Write as _;
+use std::fs;
+use std::path::Path;
+use tempfile::TempDir;
+
+const CONFIG: &str = r#"
+name = "a-<synthetic>-run"
+preset = "ours"
+seed = 7
+[plant.expression]
+states = [{ name = "a", unit = "cm" }, { name = "b", unit = "cm" }, { name = "c", unit = "cm" }]
+inputs = [{ name = "u", unit = "V" }]
+derivatives = { a = "u", b = "a", c = "b" }
+[model]
+horizon_s = 0.5
+hidden_layers = 2
+neurons = 5
+[domain]
+state_low = [-1.0, -1.0, 0.0]
+state_high = [1.0, 1.0, 3.0]
+input_low = [-1.0]
+input_high = [1.0]
+[[training.phases]]
+optimizer = { adam = { learning_rate = 1e-3 } }
+iterations = 100
+[[training.phases]]
+optimizer = { self-scaled-broyden = { initial_step = 0.1, gradient_tolerance = 1e-14 } }
+iterations = 300
+[prediction]
+duration_s = 5.0
+initial_state = [0.0, 1.0, 2.0]
+input_low = [-1.0]
+input_high = [1.0]
+[control]
+models = ["pinc", "rk4"]
+duration_s = 50.0
+initial_state = [0.0, 1.0, 1.0]
+controlled = ["a", "b"]
+n2 = 5
+q = [1.0, 1.0]
+r = [1.0]
+state_low = [-1.0, -1.0, 0.0]
+state_high = [1.0, 1.0, 3.0]
+input_low = [-1.0]
+input_high = [1.0]
+references = [{ start_s = 0.0, value = [1.0, 0.0] }]
+[control.sqp]
+tolerance = 1e-8
+"#;
+
+const PROVENANCE: &str = r#"{
+  "started": "2026-01-31T12:00:00Z", "command": ["pinc", "run"], "version": "0.1.0",
+  "git_commit": "abc<def", "git_dirty": false, "rustc": "rustc", "target": "t", "profile": "release",
+  "cpu": "c", "cores": 2, "os": "linux", "seed": 7, "config_sha256": "00",
+  "resumed": [] }"#;
+
+const METRICS: &str = r#"{
+  "experiment": "x", "preset": "ours",
+  "training": { "wall_s": 11.5, "optimizer_s": 10.25, "iterations": 1234, "loss_evaluations": 2345,
+                "stop_reason": "iterations-done" },
+  "validation": { "mse_gen": 1.11e-6, "mse_all_normalized": 2.22e-6, "one_step_mse": 3.33e-8 },
+  "prediction": { "mse_marks": 4.44e-6, "mse_all": 5.55e-6 },
+  "variables": { "a": "cm", "b": "cm", "c": "cm", "u": "V" },
+  "control": [
+    { "model": "pinc", "rmse": 0.13131, "iae": 5.875, "rmse_dense": 0.14121, "iae_dense_sum": 113.575,
+      "wall_s": { "mean": 0.0012, "sd": 0.0001, "median": 0.0011, "runs": 10 },
+      "step_us": { "p50": 6.125, "p99": 9.25, "max": 77.5 }, "sqp_iterations_mean": 3.25,
+      "kkt_max": 6.6e-9, "max_violation": 7.7e-4, "status": { "converged": 120 } },
+    { "model": "rk4", "rmse": 0.13083, "iae": 5.874, "rmse_dense": 0.14106, "iae_dense_sum": 113.461425,
+      "wall_s": { "mean": 0.0006, "sd": 0.0001, "median": 0.0005, "runs": 10 },
+      "step_us": { "p50": 3.0625, "p99": 4.5, "max": 33.5 }, "sqp_iterations_mean": 3.5,
+      "kkt_max": 8.8e-9, "max_violation": 0.0, "status": { "converged": 119, "iteration-limit": 1 } } ] }"#;
+
+/// What [`METRICS`] has to look like on the page.
+const SHOWN: [&str; 31] = [
+    "11.5 s",
+    "10.2 s",
+    "1234",
+    "2345",
+    "iterations-done",
+    "1.11·10⁻⁶",
+    "2.22·10⁻⁶",
+    "3.33·10⁻⁸",
+    "4.44·10⁻⁶",
+    "5.55·10⁻⁶",
+    "0.13131",
+    "5.87500",
+    "0.14121",
+    "113.575",
+    "1.20 ms ± 100 µs (10 runs)",
+    "1.10 ms",
+    "6.12 µs",
+    "9.25 µs",
+    "77.5 µs",
+    "3.25",
+    "6.6·10⁻⁹",
+    "7.7·10⁻⁴",
+    "converged 120",
+    "0.13083",
+    "113.461",
+    "600 µs",
+    "3.06 µs",
+    "33.5 µs",
+    "8.8·10⁻⁹",
+    "converged 119, iteration-limit 1",
+    // 113.575 / 113.461425 = 1.001001
+    "0.10 % higher",
+];
+
+const STEMS: [&str; 5] = ["training", "prediction", "control", "control-0-10", "steps"];
+
+/// A run directory with every file: 3 states, 1 input, 100 steps, both models.
+fn whole() -> TempDir {
+    let dir = tempfile::tempdir().unwrap();
+    write(&dir, "config.toml", CONFIG);
+    write(&dir, "metrics.json", METRICS);
+    write(&dir, "provenance.json", PROVENANCE);
+    write(&dir, "training.csv", &training(400));
+    write(&dir, "prediction.csv", &prediction(90));
+    for (model, offset) in [("pinc", 1e-4), ("rk4", 0.0)] {
+        write(&dir, &format!("control-{model}.csv"), &control(900, offset));
+        write(&dir, &format!("steps-{model}.csv"), &steps(100));
+    }
+    dir
+}
+
+fn write(dir: &TempDir, name: &str, text: &str) {
+    fs::write(dir.path().join(name), text).unwrap();
+}
+
+fn training(rows: u32) -> String {
+    let mut text = "iteration,loss_evaluations,elapsed_s,loss,validation_mse,phase,loss_data,\
+                    loss_physics,gradient_norm,collocation_points,fresh_loss\n"
+        .to_owned();
+    for i in 1..=rows {
+        let loss = 1.0 / f64::from(i * i);
+        let validation = if i % 10 == 0 { (3.0 * loss).to_string() } else { String::new() };
+        let (phase, points) = if i <= 100 { (0, 1024) } else { (1, 2048) };
+        let (data, physics) = (0.25 * loss, 0.75 * loss);
+        let _ = writeln!(
+            text,
+            "{i},{},0.{i:04},{loss},{validation},{phase},{data},{physics},{loss},{points},",
+            2 * i
+        );
+    }
+    text
+}
+
+fn prediction(rows: u32) -> String {
+    let mut text = "t,u,a,b,c,a_truth,b_truth,c_truth,mark\n".to_owned();
+    for i in 0..=rows {
+        let t = f64::from(i) / 18.0;
+        let (a, b) = (t.sin(), t.cos());
+        let mark = u32::from(i % 9 == 0);
+        let _ = writeln!(text, "{t},0.5,{},{b},2,{a},{},2.01,{mark}", a + 1e-3 * t, b + 1e-4);
+    }
+    text
+}
+
+fn control(rows: u32, offset: f64) -> String {
+    let mut text = "t,a,b,c,u,a_ref,b_ref\n".to_owned();
+    for i in 0..=rows {
+        let t = f64::from(i) / 18.0;
+        let a = 1.0 - (-t).exp() + offset * t;
+        let _ = writeln!(text, "{t},{a},{},{},{},1,0", (-t).exp(), 1.0 + 0.5 * a, 0.9 - offset);
+    }
+    text
+}
+
+fn steps(rows: u32) -> String {
+    let mut text = "step,status,sqp_iterations,kkt,solve_us\n".to_owned();
+    for i in 0..rows {
+        let status = if i == 42 { "iteration-limit" } else { "converged" };
+        let _ =
+            writeln!(text, "{i},{status},{},{}e-10,{}", 2 + i % 3, 1 + i, 5.0 + f64::from(i % 7));
+    }
+    text
+}
+
+fn build(dir: &Path) -> Result<String, ReportError> {
+    Ok(report::build(dir)?.html)
+}
+
+fn figures(dir: &Path) -> Vec<FigureFiles> {
+    report::build(dir).unwrap().figures
+}
+
+fn stems(dir: &Path) -> Vec<String> {
+    figures(dir).into_iter().map(|figure| figure.name).collect()
+}
+
+fn svg(dir: &Path, stem: &str) -> String {
+    let mut figures = figures(dir).into_iter();
+    figures.find(|figure| figure.name == stem).unwrap().svg
+}
+
+#[test]
+fn a_whole_run_shows_every_picture_and_every_metric() {
+    let dir = whole();
+    let html = build(dir.path()).unwrap();
+    assert_eq!(stems(dir.path()), STEMS);
+    for stem in STEMS {
+        assert!(html.contains(&format!("<section id=\"{stem}\">")), "no {stem}");
+    }
+    assert_eq!(html.matches("<svg ").count(), STEMS.len());
+    let metrics = html.split("<section id=\"metrics\">").nth(1).unwrap();
+    let metrics = metrics.split("</section>").next().unwrap();
+    for shown in SHOWN {
+        assert!(metrics.contains(shown), "no {shown}");
+    }
+    for said in ["a-&lt;synthetic&gt;-run", "abc&lt;def", "git_commit", "expression", "a, b (cm)"] {
+        assert!(html.contains(said), "no {said}");
+    }
+    assert!(!html.contains("class=\"note\""), "nothing is missing");
+}
+
+#[test]
+fn the_page_needs_nothing_else() {
+    let html = build(whole().path()).unwrap();
+    for link in ["src=", "href=", "url(", "@import", "<script"] {
+        assert!(!html.contains(link), "{link} in the page");
+    }
+    // The name of SVG's vocabulary is no address to load.
+    let addresses = html.replace("http://www.w3.org/2000/svg", "");
+    assert!(!addresses.contains("http"), "an address in the page");
+}
+
+#[test]
+fn pictures_are_sound_and_mark_what_they_should() {
+    let dir = whole();
+    for figure in figures(dir.path()) {
+        assert_sound(&figure.svg);
+    }
+    let training = svg(dir.path(), "training");
+    for word in [
+        "Adam, 1024 points",
+        "self-scaled Broyden, 2048 points",
+        "its lowest value",
+        "physics term",
+        "data term",
+    ] {
+        assert!(training.contains(word), "no {word}");
+    }
+    let steps = svg(dir.path(), "steps");
+    assert!(steps.contains("not converged") && steps.contains("tolerance"));
+    let control = svg(dir.path(), "control");
+    for word in
+        ["a with PINC", "with RK4", "reference", "limits", "|PINC − RK4| (cm)", "Other states"]
+    {
+        assert!(control.contains(word), "no {word}");
+    }
+    let prediction = svg(dir.path(), "prediction");
+    // A mark per state and end of a step (0 to 10), dots for the first state, squares and triangles
+    // for the others; and a dot in the legend of each of the two panels.
+    assert_eq!(prediction.matches("<circle").count(), 11 + 2);
+    assert_eq!(prediction.matches("<polygon").count(), 2 * 11);
+}
+
+#[test]
+fn missing_files_leave_their_sections_out() {
+    for (file, gone) in [("training.csv", "training"), ("prediction.csv", "prediction")] {
+        let dir = whole();
+        fs::remove_file(dir.path().join(file)).unwrap();
+        assert!(!stems(dir.path()).iter().any(|stem| stem == gone));
+        let html = build(dir.path()).unwrap();
+        assert!(html.contains(&format!("There is no {file}")), "no note on {file}");
+    }
+    let dir = whole();
+    fs::remove_file(dir.path().join("metrics.json")).unwrap();
+    assert!(build(dir.path()).unwrap().contains("There is no metrics.json"));
+    let empty = tempfile::tempdir().unwrap();
+    let error = build(empty.path()).unwrap_err().to_string();
+    assert!(error.contains("config.toml: cannot be read"), "{error}");
+}
+
+/// An older run directory lacks what was added since; `null` stands for NaN and infinity.
+#[test]
+fn metrics_of_an_older_run_are_read_and_missing_numbers_are_dashes() {
+    let dir = whole();
+    let older = METRICS.replace("\"optimizer_s\": 10.25, ", "").replace("0.13131", "null");
+    assert!(!older.contains("\"states\"") && !older.contains("source") && older != METRICS);
+    write(&dir, "metrics.json", &older);
+    let html = build(dir.path()).unwrap();
+    assert!(html.contains("<tr><th>RMSE at the steps</th><td>–</td>"));
+    let config =
+        CONFIG.replace("models = [\"pinc\", \"rk4\"]\n", "").replace("[control.sqp]\n", "");
+    write(&dir, "config.toml", &config.replace("tolerance = 1e-8\n", ""));
+    assert_eq!(stems(dir.path()), STEMS);
+}
+
+#[test]
+fn one_model_has_no_comparison() {
+    let dir = whole();
+    for kind in ["control", "steps"] {
+        let of = |model: &str| dir.path().join(format!("{kind}{model}.csv"));
+        fs::rename(of("-pinc"), of("")).unwrap();
+        fs::remove_file(of("-rk4")).unwrap();
+    }
+    let control = svg(dir.path(), "control");
+    assert!(!control.contains("RK4") && !control.contains("Difference"));
+    assert!(svg(dir.path(), "steps").contains("PINC, median"));
+}
+
+#[test]
+fn damaged_files_are_named_with_their_line() {
+    for (file, text, place) in [
+        ("training.csv", "iteration,loss\n1,0.5\n", "training.csv:1: no column `loss_evaluations`"),
+        ("metrics.json", "{\n\"experiment\": 7\n}", "metrics.json:2: damaged JSON: invalid type"),
+        ("prediction.csv", "time,x\n0,1\n", "prediction.csv:1: no column `t`"),
+        (
+            "steps-pinc.csv",
+            "step,status,sqp_iterations,kkt,solve_us\nzero,lost,1,0,1\n",
+            "steps-pinc.csv:2: column `step`",
+        ),
+        ("metrics.json", "{\n\"control\": ,\n}", "metrics.json:2: damaged JSON"),
+        ("config.toml", "name = \"x\"\nseed = = 1\n", "config.toml:2: not valid TOML"),
+    ] {
+        let dir = whole();
+        write(&dir, file, text);
+        let message = build(dir.path()).unwrap_err().to_string();
+        assert!(message.contains(place), "{message}");
+    }
+    let missing = whole().path().join("nowhere");
+    let error = build(&missing).unwrap_err();
+    assert!(matches!(error, ReportError::Record(RecordError::NotADirectory { .. })), "{error}");
+}
+
+#[test]
+fn values_without_a_place_on_a_log_axis_are_left_out() {
+    let dir = whole();
+    let header = "iteration,loss_evaluations,elapsed_s,loss,validation_mse,loss_data";
+    let rows = ["NaN,,-1", "inf,,0", "-inf,,", "0.5,,1e-320", "-3,,1e308", "0,,2", "0.25,,3"];
+    let rows: Vec<_> = rows.iter().enumerate().map(|(i, row)| format!("{i},{i},0,{row}")).collect();
+    write(&dir, "training.csv", &format!("{header}\n{}\n", rows.join("\n")));
+    let steps = "step,status,sqp_iterations,kkt,solve_us\n";
+    write(&dir, "steps-pinc.csv", &format!("{steps}0,lost,1,NaN,-1\n"));
+    write(&dir, "steps-rk4.csv", &format!("{steps}0,lost,0,-1,inf\n"));
+    for figure in figures(dir.path()) {
+        assert_sound(&figure.svg);
+    }
+    // Nothing but NaN: no panel, so no picture.
+    write(&dir, "training.csv", &format!("{header}\n1,1,0,NaN,,\n2,2,0,NaN,,\n"));
+    assert!(!stems(dir.path()).contains(&"training".to_owned()));
+}
+
+#[test]
+fn files_of_one_row_or_none_are_no_trouble() {
+    let dir = whole();
+    write(&dir, "training.csv", &training(1));
+    write(&dir, "prediction.csv", &prediction(0));
+    for model in ["pinc", "rk4"] {
+        write(&dir, &format!("control-{model}.csv"), &control(0, 0.0));
+        write(&dir, &format!("steps-{model}.csv"), &steps(1));
+    }
+    assert_eq!(stems(dir.path()), ["training", "prediction", "control", "steps"]);
+    for figure in figures(dir.path()) {
+        assert_sound(&figure.svg);
+    }
+    write(&dir, "training.csv", &training(0));
+    assert!(build(dir.path()).unwrap().contains("training.csv has no rows"));
+}
+
+#[test]
+fn constants_are_drawn_in_the_middle() {
+    let dir = whole();
+    let header = "t,a,b,c,u,a_ref,b_ref\n";
+    let rows: String = (0..20).map(|i| format!("{i},0,0,1e12,0.5,0,0\n")).collect();
+    write(&dir, "control-pinc.csv", &format!("{header}{rows}"));
+    write(&dir, "control-rk4.csv", &format!("{header}{rows}"));
+    let control = svg(dir.path(), "control");
+    assert_sound(&control);
+    assert!(!control.contains("Difference"), "two equal loops have no difference to draw");
+}
+
+#[test]
+fn long_trainings_make_no_heavy_page() {
+    let dir = whole();
+    write(&dir, "training.csv", &training(20_000));
+    let size = build(dir.path()).unwrap().len();
+    assert!(size < 2_000_000, "{size} bytes");
+}
