@@ -1,24 +1,33 @@
-//! Colours that differ for colour-blind readers too.
+//! Colors that differ for color-blind readers too.
 
-/// A colour: red, green, blue.
+/// A color in sRGB: red, green, blue, from 0 to 255.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Color(pub u8, pub u8, pub u8);
 
+/// Black.
 pub const BLACK: Color = Color(0, 0, 0);
 pub(crate) const WHITE: Color = Color(255, 255, 255);
+/// The dark grey of texts and of what stands for all variables.
 pub const INK: Color = Color(0x33, 0x33, 0x33);
+/// The grey of limits and of what is of less weight.
 pub const GREY: Color = Color(0x8C, 0x8C, 0x8C);
 pub(crate) const GRID: Color = Color(0xE4, 0xE4, 0xE4);
 
 // The palette of Okabe and Ito, "Color Universal Design" (2008), without its yellow.
+/// Amber, beneath a darker curve.
 pub const AMBER: Color = Color(0xE6, 0x9F, 0x00);
+/// Light blue.
 pub const SKY: Color = Color(0x56, 0xB4, 0xE9);
+/// Bluish green.
 pub const GREEN: Color = Color(0x00, 0x9E, 0x73);
+/// Blue, the color of the first state.
 pub const BLUE: Color = Color(0x00, 0x72, 0xB2);
+/// Red, the color of the second state.
 pub const VERMILLION: Color = Color(0xD5, 0x5E, 0x00);
+/// Reddish purple.
 pub const PURPLE: Color = Color(0xCC, 0x79, 0xA7);
 
-/// Nine colours of viridis (matplotlib), evenly spaced: their lightness rises evenly, so that a
+/// Nine colors of viridis (matplotlib), evenly spaced: their lightness rises evenly, so that a
 /// grey print keeps the order.
 const VIRIDIS: [Color; 9] = [
     Color(68, 1, 84),
@@ -33,13 +42,13 @@ const VIRIDIS: [Color; 9] = [
 ];
 
 impl Color {
-    /// The colour as SVG writes it.
-    pub fn hex(self) -> String {
+    /// The color as SVG writes it.
+    pub(crate) fn hex(self) -> String {
         format!("#{:02x}{:02x}{:02x}", self.0, self.1, self.2)
     }
 
-    /// Black or white, whichever stands out more against this colour (contrast as in WCAG 2.1).
-    pub fn contrary(self) -> Self {
+    /// Black or white, whichever stands out more against this color (contrast as in WCAG 2.1).
+    pub(crate) fn contrary(self) -> Self {
         let linear = |channel: u8| match f64::from(channel) / 255.0 {
             c if c <= 0.04045 => c / 12.92,
             c => ((c + 0.055) / 1.055).powf(2.4),
@@ -50,17 +59,17 @@ impl Color {
     }
 }
 
-/// The colour of the i-th state, the same in every picture.
+/// The color of the i-th state, the same in every picture.
 pub fn state_color(i: usize) -> Color {
     [BLUE, VERMILLION, GREEN, PURPLE, SKY, AMBER][i % 6]
 }
 
-/// The colour of the i-th input.
+/// The color of the i-th input.
 pub fn input_color(i: usize) -> Color {
     [INK, SKY, PURPLE, GREEN, VERMILLION, BLUE][i % 6]
 }
 
-/// The colour at `fraction` of the way from the darkest (0) to the lightest (1) of a scale.
+/// The color at `fraction` of the way from the darkest (0) to the lightest (1) of a scale.
 pub fn graded(fraction: f64) -> Color {
     let place = fraction.clamp(0.0, 1.0) * 8.0;
     let i = (1..8u8).rfind(|i| f64::from(*i) <= place).unwrap_or(0);

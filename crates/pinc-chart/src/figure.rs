@@ -39,7 +39,9 @@ impl Figure {
 /// An axis: what it is and how it is divided.
 #[derive(Clone, Debug)]
 pub struct Axis {
+    /// What it shows, with its unit in brackets.
     pub label: String,
+    /// How it is divided.
     pub kind: Kind,
     /// The ends; without them the axis reaches around what is shown.
     pub range: Option<(f64, f64)>,
@@ -47,7 +49,7 @@ pub struct Axis {
     pub marks: Vec<(f64, String)>,
     /// Whether the marks are names of things rather than numbers: then there is no grid.
     pub named: bool,
-    /// Whether the words are left out, since a neighbour has the same axis.
+    /// Whether label and numbers are left out, since a neighbour has the same axis.
     pub silent: bool,
 }
 
@@ -71,13 +73,13 @@ impl Axis {
     }
 
     /// The name of the thing that lies between two places of an axis with names.
-    pub fn name_between(&self, from: f64, to: f64) -> Option<&str> {
+    pub(crate) fn name_between(&self, from: f64, to: f64) -> Option<&str> {
         let mark = self.marks.iter().find(|m| self.named && from <= m.0 && m.0 <= to)?;
         Some(&mark.1)
     }
 
     /// The scale of the axis, for what is shown; `None` if nothing has a place on it.
-    pub fn scale(&self, values: impl Iterator<Item = f64>) -> Option<Scale> {
+    pub(crate) fn scale(&self, values: impl Iterator<Item = f64>) -> Option<Scale> {
         match self.range {
             Some((low, high)) => Scale::exact(self.kind, low, high),
             None => Scale::around(self.kind, values),
@@ -90,11 +92,14 @@ pub fn places(count: usize) -> Vec<f64> {
     (0..u32::try_from(count).unwrap_or(u32::MAX)).map(f64::from).collect()
 }
 
-/// A vertical line with a word at its top.
+/// A vertical line with a text at its top.
 #[derive(Clone, Debug)]
 pub struct Event {
+    /// Its place, in the unit of the horizontal axis.
     pub x: f64,
+    /// What is written at its top.
     pub label: String,
+    /// How the line is drawn.
     pub style: Style,
 }
 
@@ -115,20 +120,27 @@ impl Event {
 /// A panel with a vertical axis of its own.
 #[derive(Clone, Debug)]
 pub struct Panel {
+    /// What is written above it.
     pub title: String,
     /// The horizontal axis, if it is not the figure's.
     pub x: Option<Axis>,
+    /// The vertical axis.
     pub y: Axis,
-    /// In pixels.
+    /// Its height in pixels, without title and legend.
     pub height: f64,
+    /// Rectangles, at the very bottom.
     pub areas: Vec<Area>,
+    /// Curves and marks, from the bottom up.
     pub series: Vec<Series>,
+    /// Vertical intervals.
     pub spans: Vec<Span>,
+    /// Texts beside points.
     pub labels: Vec<Label>,
+    /// The legend.
     pub keys: Vec<Key>,
-    /// Levels drawn as thin lines from side to side.
+    /// Levels drawn as thin lines from side to side, in the unit of the vertical axis.
     pub limits: Vec<f64>,
-    /// Places marked from top to bottom.
+    /// Places marked from top to bottom, in the unit of the horizontal axis.
     pub uprights: Vec<f64>,
     /// Said in the panel's place if it has nothing to show; without it the panel is left out.
     pub note: Option<String>,
@@ -138,8 +150,11 @@ pub struct Panel {
 /// shows again what another series shows, and is not exported.
 #[derive(Clone, Debug)]
 pub struct Series {
+    /// What it is called in the exported table.
     pub name: String,
+    /// The points, from left to right for a curve.
     pub points: Vec<Point>,
+    /// How they are drawn.
     pub style: Style,
 }
 
@@ -147,11 +162,15 @@ pub struct Series {
 /// a logarithmic one, lies at the panel's side.
 #[derive(Clone, Debug)]
 pub struct Area {
+    /// What it is called in the exported table.
     pub name: String,
+    /// Its left and right ends.
     pub x: (f64, f64),
+    /// Its lower and upper ends.
     pub y: (f64, f64),
+    /// How it is filled.
     pub fill: Fill,
-    /// The number that the colour or the word stands for.
+    /// The number that the color or the text stands for.
     pub value: Option<f64>,
     /// What is written in its middle: a line, and perhaps a smaller one below.
     pub text: String,
@@ -160,31 +179,42 @@ pub struct Area {
 /// A vertical interval at a place, as of a spread.
 #[derive(Clone, Debug)]
 pub struct Span {
+    /// What it is called in the exported table.
     pub name: String,
+    /// Its place, in data units.
     pub x: f64,
+    /// Its lower and upper ends, in data units.
     pub y: (f64, f64),
+    /// Its color.
     pub color: Color,
 }
 
-/// A word beside a point, where there is room.
+/// A text beside a point, where there is room.
 #[derive(Clone, Debug)]
 pub struct Label {
+    /// The point, in data units.
     pub at: Point,
+    /// What is written.
     pub text: String,
+    /// Its color.
     pub color: Color,
 }
 
 /// A line of a legend.
 #[derive(Clone, Debug)]
 pub struct Key {
+    /// What is written.
     pub label: String,
+    /// What is drawn in front of it.
     pub look: Look,
 }
 
 /// What a legend shows.
 #[derive(Clone, Copy, Debug)]
 pub enum Look {
+    /// A piece of a curve, or a mark.
     Curve(Style),
+    /// A filled rectangle.
     Area(Fill),
 }
 
@@ -225,7 +255,7 @@ impl Panel {
         }
     }
 
-    /// Like [`Panel::add_named`], but beneath the series that are there, and with words of its own
+    /// Like [`Panel::add_named`], but beneath the series that are there, and with a text of its own
     /// in the legend.
     pub fn add_beneath(&mut self, key: &str, name: &str, points: Vec<Point>, style: Style) {
         if self.shows_any(&points) {
@@ -234,7 +264,7 @@ impl Panel {
         }
     }
 
-    /// Writes a curve's name beside its end, so that it can be told apart without colours.
+    /// Writes a curve's name beside its end, so that it can be told apart without colors.
     pub fn tag(&mut self, text: &str, points: &[Point], color: Color) {
         let end = points.iter().rfind(|p| p.0.is_finite() && p.1.is_finite());
         self.labels.extend(end.map(|at| Label { at: *at, text: text.to_owned(), color }));
@@ -265,13 +295,13 @@ impl Panel {
     }
 
     /// The vertical axis for what lies between two horizontal positions; `None` if nothing does.
-    pub fn y_scale(&self, x: (f64, f64)) -> Option<Scale> {
+    pub(crate) fn y_scale(&self, x: (f64, f64)) -> Option<Scale> {
         Scale::around(self.y.kind, self.heights(x))?;
         self.y.scale(self.heights(x).chain(self.limits.iter().copied()))
     }
 
     /// The horizontal positions of all that is shown.
-    pub fn positions(&self) -> impl Iterator<Item = f64> {
+    pub(crate) fn positions(&self) -> impl Iterator<Item = f64> {
         let points = self.series.iter().flat_map(|s| &s.points).map(|p| p.0);
         let areas = self.areas.iter().flat_map(|a| [a.x.0, a.x.1]);
         points.chain(areas).chain(self.spans.iter().map(|s| s.x))

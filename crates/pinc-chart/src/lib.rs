@@ -1,10 +1,20 @@
 //! Figures as plain data, drawn as SVG and exported as CSV.
 //!
-//! A [`Figure`] says what is shown: panels with axes, series and limits. `layout` gives the panels their
-//! places, `draw` puts them on an SVG page, `export` writes the data as CSV. [`text`] has numbers and times
-//! as a reader likes them.
+//! A [`Figure`] says what is shown, in data units: panels with axes, series and limits.
+//! [`Figure::svg`] draws it, [`Figure::csv`] writes its data. Sizes are in pixels of the SVG page.
+//! [`text`] has numbers and times as a reader likes them.
+//!
+//! `layout` gives the panels their places, `draw` puts them on the page, `export` writes the table.
+//!
+//! ```
+//! use pinc_chart::{Axis, BLUE, Figure, Kind, Panel, Shape, Style};
+//!
+//! let mut panel = Panel::new("Speed", Axis::new("v (m/s)", Kind::Linear), 200.0);
+//! panel.add_named("v", vec![(0.0, 0.0), (1.0, 2.0)], Style::new(BLUE, Shape::Line(1.5)));
+//! let figure = Figure::stack("Speed over time", Axis::new("t (s)", Kind::Linear), vec![panel]);
+//! assert!(figure.svg().is_some_and(|svg| svg.contains("v (m/s)")));
+//! ```
 
-#![allow(missing_docs)]
 mod color;
 mod curve;
 mod draw;
@@ -22,7 +32,8 @@ pub use color::{
     state_color,
 };
 pub use curve::{Point, held_since_previous, held_until_next, present};
-pub use figure::{Area, Axis, Event, Figure, Key, Label, Look, Panel, Span, extent, places};
+pub use figure::{
+    Area, Axis, Event, Figure, Key, Label, Look, Panel, Series, Span, extent, places,
+};
 pub use scale::Kind;
-pub use svg::width_of;
-pub use svg::{Fill, Shape, Style, state_mark};
+pub use svg::{Fill, Shape, Style, state_mark, width_of};

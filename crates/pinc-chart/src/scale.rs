@@ -21,7 +21,7 @@ pub enum Kind {
 
 /// An axis with its range.
 #[derive(Clone, Copy, Debug)]
-pub struct Scale {
+pub(crate) struct Scale {
     kind: Kind,
     /// The ends, as log10 on a logarithmic axis.
     low: f64,
@@ -30,7 +30,7 @@ pub struct Scale {
 
 /// A tick at `fraction` of the axis; without a label it is a minor one.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Tick {
+pub(crate) struct Tick {
     pub fraction: f64,
     pub label: Option<String>,
 }
@@ -38,7 +38,7 @@ pub struct Tick {
 impl Scale {
     /// An axis from exactly `low` to `high`; if these leave no room, room is made. `None` if an
     /// end has no place on it.
-    pub fn exact(kind: Kind, low: f64, high: f64) -> Option<Self> {
+    pub(crate) fn exact(kind: Kind, low: f64, high: f64) -> Option<Self> {
         if !usable(kind, low) || !usable(kind, high) {
             return None;
         }
@@ -51,7 +51,7 @@ impl Scale {
     }
 
     /// An axis that shows all `values` and a little more; `None` if none of them has a place on it.
-    pub fn around(kind: Kind, values: impl Iterator<Item = f64>) -> Option<Self> {
+    pub(crate) fn around(kind: Kind, values: impl Iterator<Item = f64>) -> Option<Self> {
         let mut values: Vec<f64> = values.filter(|v| usable(kind, *v)).collect();
         values.sort_by(f64::total_cmp);
         let (&low, &high) = (values.first()?, values.last()?);
@@ -79,7 +79,7 @@ impl Scale {
 
     /// Where a value lies: 0 at the low end, 1 at the high end, beyond these outside. `None` for a
     /// value without a place.
-    pub fn fraction(&self, value: f64) -> Option<f64> {
+    pub(crate) fn fraction(&self, value: f64) -> Option<f64> {
         let value = match self.kind {
             _ if !value.is_finite() => return None,
             Kind::Log if value <= 0.0 => return None,
@@ -90,7 +90,7 @@ impl Scale {
     }
 
     /// The lowest and the highest value shown.
-    pub fn range(&self) -> (f64, f64) {
+    pub(crate) fn range(&self) -> (f64, f64) {
         match self.kind {
             Kind::Log => (10f64.powf(self.low), 10f64.powf(self.high)),
             Kind::Linear | Kind::Count => (self.low, self.high),
@@ -98,7 +98,7 @@ impl Scale {
     }
 
     /// Round values along the axis, about `wanted` of them with labels.
-    pub fn ticks(&self, wanted: usize) -> Vec<Tick> {
+    pub(crate) fn ticks(&self, wanted: usize) -> Vec<Tick> {
         match self.kind {
             Kind::Log => self.log_ticks(wanted),
             Kind::Linear | Kind::Count => self.linear_ticks(wanted),

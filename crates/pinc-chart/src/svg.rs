@@ -31,7 +31,7 @@ pub enum Shape {
 
 impl Shape {
     /// Whether the points are joined.
-    pub fn is_line(self) -> bool {
+    pub(crate) fn is_line(self) -> bool {
         matches!(self, Self::Line(_) | Self::Dashes(_))
     }
 }
@@ -46,8 +46,11 @@ pub fn state_mark(i: usize) -> Shape {
 /// How a curve or a set of points looks.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Style {
+    /// The color.
     pub color: Color,
+    /// From 0, which cannot be seen, to 1.
     pub opacity: f64,
+    /// The form of the marks, or the width of the line.
     pub shape: Shape,
 }
 
@@ -85,7 +88,9 @@ fn opacity(what: &str, style: &Style) -> String {
 /// How an area looks.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Fill {
+    /// The color.
     pub color: Color,
+    /// From 0, which cannot be seen, to 1.
     pub opacity: f64,
     /// Drawn as slanting lines.
     pub hatched: bool,

@@ -61,7 +61,7 @@ pub fn duration(seconds: f64) -> String {
 }
 
 /// 10 to a power, as 10⁻³.
-pub fn power_of_ten(exponent: i32) -> String {
+pub(crate) fn power_of_ten(exponent: i32) -> String {
     format!("10{}", superscript(exponent))
 }
 
