@@ -27,13 +27,16 @@ pub(crate) fn residuals(nmpc: &Nmpc, model: &mut dyn Model, input: &StepInput<'_
 /// Derivatives by x and by u.
 type Gradient = (Vec<f64>, Vec<f64>);
 
+/// The gradient of a cost at (j, x, u).
+type Extra<'a> = &'a dyn Fn(usize, &[f64], &[f64]) -> Gradient;
+
 /// The same with a cost of outputs or stages, of which `extra` gives the gradient at (j, x, u), by x and by u.
 #[expect(clippy::needless_range_loop, reason = "indices as in the formulas")]
 pub(crate) fn residuals_with(
     nmpc: &Nmpc,
     model: &mut dyn Model,
     input: &StepInput<'_>,
-    extra: &dyn Fn(usize, &[f64], &[f64]) -> Gradient,
+    extra: Extra<'_>,
 ) -> [f64; 4] {
     let (problem, plan) = (nmpc.problem(), nmpc.plan());
     let Dims { nx: n, nu: m, .. } = model.dims();
