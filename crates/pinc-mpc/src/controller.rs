@@ -114,7 +114,6 @@ impl Nmpc {
 
     /// Begins a controller for `problem` that needs more than one model and the choices of the
     /// optimisation.
-    #[must_use]
     pub fn builder(problem: NmpcProblem) -> NmpcBuilder {
         NmpcBuilder::new(problem)
     }

@@ -96,7 +96,7 @@ impl Cost {
         let (by_x, by_u) = gradient.split_at_mut(self.dims.all_states());
         let mut twice = self.move_inputs(u, targets, by_u);
         if !self.tracked.is_empty() {
-            twice = self.track(x, targets.reference, by_x) + twice;
+            twice += self.track(x, targets.reference, by_x);
         }
         if !self.w.is_empty() {
             twice += self.weigh_inputs(u, targets, by_u);

@@ -144,6 +144,34 @@ fn worse(largest: f64, value: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use pinc_qp::OcpDims;
+
+    /// min over x of nothing, one soft bound that is violated by 0.5: the multiplier must be the price.
+    #[test]
+    fn a_violated_soft_bound_wants_its_price() {
+        let dims = OcpDims {
+            nx: 1,
+            nu: 1,
+            horizon: 1,
+            n_controls: 1,
+            n1: 1,
+            inequalities: 0,
+            equalities: 0,
+            outputs: 0,
+        };
+        let mut qp = Qp::new(dims, vec![0.0], vec![0.0]);
+        (qp.bounds.high[0], qp.bounds.penalty[0]) = (-0.5, 3.0);
+        let mut at = Solution::new(dims);
+        let mut residual = |mu: f64| {
+            at.multipliers.bounds[0] = mu;
+            at.multipliers.dynamics[0] = mu;
+            KktResidual::new(&qp, &at, &mut [0.0; 2])
+        };
+        assert!((residual(1.0).complementarity - 0.5 * 2.0).abs() < 1e-15);
+        assert!(residual(3.0).max() < 1e-15);
+        assert!((residual(3.25).stationarity - 0.25).abs() < 1e-15);
+        assert!(residual(3.0).bounds < 1e-15);
+    }
 
     #[test]
     fn a_nan_is_not_lost() {

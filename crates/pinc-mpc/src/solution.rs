@@ -179,6 +179,37 @@ fn drop_first(values: &mut [f64], width: usize) {
 mod tests {
     use super::*;
 
+    /// Steps of 1 s, 1 s and 4 s: the plan moves by 1 s.
+    #[test]
+    fn a_plan_on_stages_of_different_lengths_is_interpolated() {
+        let dims = OcpDims {
+            nx: 1,
+            nu: 1,
+            horizon: 3,
+            n_controls: 3,
+            n1: 1,
+            inequalities: 1,
+            equalities: 0,
+            outputs: 0,
+        };
+        let mut from = Solution::new(dims);
+        from.z = vec![1.0, 2.0, 10.0, 5.0, 6.0, 7.0];
+        from.multipliers.dynamics = vec![0.1, 0.2, 0.3];
+        from.multipliers.bounds = vec![1.0, 2.0, 3.0, 4.0, 5.0, 6.0];
+        from.multipliers.increments = vec![-1.0, -2.0, -3.0];
+        from.multipliers.rows = vec![11.0, 12.0, 13.0];
+        let mut to = Solution::new(dims);
+        to.resample(&from, &[0.0, 1.0, 2.0, 6.0]);
+        // At 1, 2 and 6 s it is what was planned for 2, 3 and 7 s.
+        assert_eq!(to.states(), [2.0, 4.0, 10.0]);
+        assert_eq!(to.inputs(), [6.0, 7.0, 7.0]);
+        assert_eq!(to.dynamics_multipliers(), [0.2, 0.3, 0.3]);
+        assert_eq!(to.state_multipliers(), [2.0, 3.0, 3.0]);
+        assert_eq!(to.input_multipliers(), [5.0, 6.0, 6.0]);
+        assert_eq!(to.increment_multipliers(), [-2.0, -3.0, -3.0]);
+        assert_eq!(to.constraint_multipliers(), [12.0, 13.0, 13.0]);
+    }
+
     #[test]
     fn shifting_keeps_the_last_stage() {
         let dims = OcpDims {
@@ -195,10 +226,13 @@ mod tests {
         solution.z = vec![1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0];
         solution.multipliers.dynamics = vec![1.0, 2.0, 3.0, 4.0, 5.0, 6.0];
         solution.multipliers.rows = vec![1.0, 2.0];
+        solution.multipliers.bounds = vec![1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0];
         solution.shift();
         assert_eq!(solution.states(), [3.0, 4.0, 5.0, 6.0, 5.0, 6.0]);
         assert_eq!(solution.inputs(), [7.0]);
         assert_eq!(solution.dynamics_multipliers(), [3.0, 4.0, 5.0, 6.0, 5.0, 6.0]);
         assert_eq!(solution.constraint_multipliers(), [2.0, 2.0]);
+        assert_eq!(solution.state_multipliers(), [3.0, 4.0, 5.0, 6.0, 5.0, 6.0]);
+        assert_eq!(solution.input_multipliers(), [7.0]);
     }
 }

@@ -17,7 +17,7 @@ use crate::OcpDims;
 /// e_{j+1} = A_j e_j + c_j                p_j = g_j + Q_j e_j + A_j' p_{j+1},    g_{u_j} + B_j' p_{j+1}
 /// ```
 ///
-/// A program with S adds S_j' to W_j and S_j G_j to H, S_j e_j to the gradient.
+/// A program with S adds `S_j'` to `W_j`, `S_j G_j` to H, and `S_j e_j` to the gradient.
 ///
 /// Only finite limits become rows. All memory is allocated at construction.
 ///

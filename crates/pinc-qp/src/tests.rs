@@ -247,6 +247,36 @@ fn set_limits(qp: &mut Qp, middle: &[f64], spreads: &[Spread]) {
     }
 }
 
+/// The program with states and inputs counted in units so many times smaller, and the cost too.
+fn counted(qp: &Qp, [x, u, cost]: [f64; 3]) -> Qp {
+    let mut qp = qp.clone();
+    let states = qp.dims.all_states();
+    let times = |values: &mut [f64], factor: f64| values.iter_mut().for_each(|v| *v *= factor);
+    times(&mut qp.q, cost / (x * x));
+    times(&mut qp.s, cost / (x * u));
+    for weights in [&mut qp.r, &mut qp.t] {
+        times(weights, cost / (u * u));
+    }
+    times(&mut qp.b, x / u);
+    times(&mut qp.c, x);
+    times(&mut qp.rows_x, 1.0 / x);
+    times(&mut qp.rows_u, 1.0 / u);
+    times(&mut qp.gradient[..states], cost / x);
+    times(&mut qp.gradient[states..], cost / u);
+    for side in [&mut qp.bounds.low, &mut qp.bounds.high] {
+        times(&mut side[..states], x);
+        times(&mut side[states..], u);
+    }
+    times(&mut qp.bounds.penalty[..states], cost / x);
+    times(&mut qp.bounds.penalty[states..], cost / u);
+    for side in [&mut qp.increments.low, &mut qp.increments.high] {
+        times(side, u);
+    }
+    times(&mut qp.increments.penalty, cost / u);
+    times(&mut qp.rows.penalty, cost);
+    qp
+}
+
 /// F'F of factors F, one after the other: squares of this size.
 fn squares(factors: &[f64], size: usize) -> Vec<Vec<f64>> {
     let square = |f: &[f64]| {
@@ -429,6 +459,31 @@ proptest! {
         let mut step = QpStep::new(qp.dims);
         let status = ChosenQp::new(&qp, QpMethod::Auto).unwrap().solve(&qp, &mut step);
         prop_assert_eq!(status, QpStatus::Solved);
+    }
+
+    /// The unknowns, all in one unit, and the cost counted in other units: the same inputs. The stage-wise
+    /// method wants unknowns of ordinary size, which the caller is to choose.
+    #[test]
+    fn units_do_not_matter(
+        qp in stage_costs(false),
+        [unit, cost] in [-6.0..6.0_f64, -6.0..6.0],
+    ) {
+        let [unit, cost] = [unit, cost].map(|exponent| 10.0_f64.powf(exponent));
+        let cold = QpStep::new(qp.dims);
+        let exact = solve(&mut CondensedQp::new(&qp), &qp, &cold, SHARP)?;
+        let [other, dear] = [unit, 1.0].map(|unit| counted(&qp, [unit, unit, cost]));
+        let methods: [(&Qp, f64, Box<dyn QpSolver>); 2] = [
+            (&other, unit, Box::new(CondensedQp::new(&other))),
+            (&dear, 1.0, Box::new(RiccatiQp::new(&dear))),
+        ];
+        for (program, unit, mut method) in methods {
+            let mut step = cold.clone();
+            let status = method.solve(program, &mut step);
+            prop_assume!(status != QpStatus::Failed);
+            prop_assert_eq!(status, QpStatus::Solved, "{:?}", method);
+            step.d[qp.dims.all_states()..].iter_mut().for_each(|d| *d /= unit);
+            same_inputs(&qp, &exact, &step, 1e-3)?;
+        }
     }
 
     /// A terminal weight far above all others: multipliers up to 1e7, of which the stage-wise method keeps all digits that

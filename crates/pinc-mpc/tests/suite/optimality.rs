@@ -20,8 +20,24 @@ fn diagonal(weight: &Weight) -> &[f64] {
 
 /// The residuals of the KKT conditions at the controller's plan: stationarity, feasibility of the
 /// dynamics, violation of bounds, complementarity; unscaled, with Jacobians from the model.
-#[expect(clippy::needless_range_loop, reason = "indices as in the formulas")]
 pub(crate) fn residuals(nmpc: &Nmpc, model: &mut dyn Model, input: &StepInput<'_>) -> [f64; 4] {
+    residuals_with(nmpc, model, input, &|_, _, _| (vec![0.0; input.x.len()], vec![]))
+}
+
+/// Derivatives by x and by u.
+type Gradient = (Vec<f64>, Vec<f64>);
+
+/// The gradient of a cost at (j, x, u).
+type Extra<'a> = &'a dyn Fn(usize, &[f64], &[f64]) -> Gradient;
+
+/// The same with a cost of outputs or stages, of which `extra` gives the gradient at (j, x, u), by x and by u.
+#[expect(clippy::needless_range_loop, reason = "indices as in the formulas")]
+pub(crate) fn residuals_with(
+    nmpc: &Nmpc,
+    model: &mut dyn Model,
+    input: &StepInput<'_>,
+    extra: Extra<'_>,
+) -> [f64; 4] {
     let (problem, plan) = (nmpc.problem(), nmpc.plan());
     let Dims { nx: n, nu: m, .. } = model.dims();
     let x = |j: usize| match j {
@@ -34,7 +50,7 @@ pub(crate) fn residuals(nmpc: &Nmpc, model: &mut dyn Model, input: &StepInput<'_
     let mut du = vec![vec![0.0; m]; problem.control_horizon];
     for j in problem.n1..=problem.horizon {
         for (i, tracked) in problem.tracked.iter().enumerate() {
-            let &Tracked::State(state) = tracked else { panic!("only states are tracked here") };
+            let &Tracked::State(state) = tracked else { continue };
             let error = x(j)[state] - input.reference[(j - 1) * problem.tracked.len() + i];
             dx[j][state] += 2.0 * diagonal(problem.weights.q.at(j - 1))[i] * error;
         }
@@ -49,13 +65,19 @@ pub(crate) fn residuals(nmpc: &Nmpc, model: &mut dyn Model, input: &StepInput<'_
             }
         }
     }
+    for j in 0..=problem.horizon {
+        let acting = j.min(problem.control_horizon - 1);
+        let (by_x, by_u) = extra(j, x(j), u(acting));
+        dx[j].iter_mut().zip(by_x).for_each(|(sum, entry)| *sum += entry);
+        du[acting].iter_mut().zip(by_u).for_each(|(sum, entry)| *sum += entry);
+    }
 
     let mut infeasibility: f64 = 0.0;
     let (mut next, mut a, mut b) = (vec![0.0; n], vec![0.0; n * n], vec![0.0; n * m]);
     for j in 0..problem.horizon {
         let acting = j.min(problem.control_horizon - 1);
         model.linearize(
-            Stages { x: x(j), u: u(acting), p: &[] },
+            Stages { x: x(j), u: u(acting), p: nmpc.parameters() },
             Linearization { next: &mut next, a: &mut a, b: &mut b, e: &mut [] },
         );
         let lambda = &plan.dynamics_multipliers()[j * n..(j + 1) * n];

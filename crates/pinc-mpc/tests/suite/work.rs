@@ -2,7 +2,8 @@
 
 use crate::faulty::{Faulty, NOT_A_NUMBER, SOUND};
 use crate::problems::van_der_pol;
-use pinc_mpc::{Nmpc, SqpConfig, SqpStatus};
+use crate::support::{Linear, scalar_problem};
+use pinc_mpc::{Nmpc, QpMethod, SqpConfig, SqpStatus};
 use pinc_ode::{Dims, Linearization, Model, Rk4, Stages};
 use pinc_plants::VanDerPol;
 use std::sync::Arc;
@@ -73,6 +74,27 @@ fn a_plan_that_is_moved_on_is_linearised_at_its_ends() {
     run.nmpc.reset();
     let (_, points, qps) = run.step([0.7, 0.3]);
     assert_eq!(points, (qps + 1) * HORIZON);
+}
+
+/// At rest against a bound, one step ahead, the plan of the step before is optimal with its multipliers: no
+/// program is solved.
+#[test]
+fn at_rest_against_bounds_there_is_nothing_to_solve() {
+    let mut problem = scalar_problem(1, 1);
+    problem.state_bounds.high = vec![1.0];
+    for qp in [QpMethod::Condensed, QpMethod::Riccati] {
+        let config = SqpConfig { qp, ..SqpConfig::default() };
+        let model = Box::new(Linear::scalar(0.5, 1.0));
+        let mut nmpc = Nmpc::new(problem.clone(), model, config).unwrap();
+        // The reference of 3 draws the state to its bound, which an input of 0.5 holds.
+        nmpc.reset_to(&[1.0], &[0.5]).unwrap();
+        let step = nmpc.step(&[1.0], &[3.0]).unwrap();
+        assert_eq!((step.status, step.sqp_iterations), (SqpStatus::Converged, 1), "{qp}");
+        assert!((step.u[0] - 0.5).abs() < 1e-9, "{}", step.u[0]);
+        assert!(nmpc.plan().state_multipliers()[0] > 1.0);
+        let step = nmpc.step(&[1.0], &[3.0]).unwrap();
+        assert_eq!((step.status, step.sqp_iterations), (SqpStatus::Converged, 0), "{qp}");
+    }
 }
 
 #[test]

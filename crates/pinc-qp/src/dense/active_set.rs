@@ -335,7 +335,7 @@ impl ActiveSet {
                 (step, event) = (t, Event::Leaves(leaving));
             }
             if step.is_infinite() {
-                return self.certify_infeasible(&member, sign, gap);
+                return self.certify_infeasible(qp, &member, sign, gap);
             }
 
             self.mu[row] += sign * step;
@@ -399,17 +399,21 @@ impl ActiveSet {
     /// A row that is off and depends on rows that cannot yield.
     fn certify_infeasible(
         &mut self,
+        qp: &DenseQp,
         member: &WorkingRow,
         sign: f64,
         gap: f64,
     ) -> Option<DenseStatus> {
-        let relative = gap / (1.0 + member.bound.abs());
-        if !relative.is_finite() {
+        // What the row's value is the sum of: the gap may be what rounding leaves of it.
+        qp.normal(member.row, &mut self.z);
+        let terms: f64 = self.z.iter().zip(&self.x).map(|(c, x)| (c * x).abs()).sum();
+        let size = 1.0 + member.bound.abs();
+        if !(gap / (size + terms)).is_finite() {
             return Some(DenseStatus::Failed);
         }
-        if relative <= INFEASIBLE {
+        if gap <= INFEASIBLE * (size + terms) {
             // Met as well as rounding allows. Never tighter than before, or the row would come back.
-            self.tolerance = self.tolerance.max(2.0 * relative);
+            self.tolerance = self.tolerance.max(2.0 * gap / size);
             return None;
         }
         self.mu.fill(0.0);

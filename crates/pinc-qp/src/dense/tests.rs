@@ -88,6 +88,24 @@ fn solved(qp: &DenseQp, solver: &mut ActiveSet) -> Result<(), TestCaseError> {
     Ok(())
 }
 
+/// Rows that contradict each other by less than counts: x <= 1 and x >= 1 + gap, beside others.
+#[test]
+fn contradictions_within_rounding_are_solved_at_once() {
+    for exponent in 0..60 {
+        let gap = 9e-9 * 10.0_f64.powf(-0.1 * f64::from(exponent));
+        let mut qp = DenseQp::new(2, 2);
+        qp.hessian = vec![2.0, 0.3, 0.3, 1.0];
+        qp.gradient = vec![-4.0, 1.0];
+        // Rows 3 x1 and x1 + x2.
+        qp.matrix = vec![3.0, 1.0, 0.0, 1.0];
+        (qp.high[0], qp.low[2], qp.high[3]) = (1.0, 3.0 * (1.0 + gap), 0.5);
+        let mut solver = ActiveSet::new(2, 2);
+        assert_eq!(solver.solve(&qp), DenseStatus::Solved, "{gap:e}");
+        assert!(solver.changes() <= 8, "{gap:e}: {}", solver.changes());
+        assert!((solver.x()[0] - 1.0).abs() < 1e-7 && (solver.x()[1] + 0.5).abs() < 1.0);
+    }
+}
+
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(3000))]
 
