@@ -1,5 +1,5 @@
-//! Loss and gradient of the batched kernel on one thread. Items are points times weights: a rate that
-//! stays the same means that the time grows linearly in both.
+//! Loss and gradient of the batched kernel on one thread. Items are points times weights: a rate
+//! that stays the same means that the time grows linearly in both.
 
 use divan::{Bencher, black_box, counter::ItemsCount};
 use pinc_net::{

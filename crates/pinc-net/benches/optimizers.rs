@@ -1,5 +1,6 @@
 //! What an iteration of an optimizer costs by itself, by the number of weights: the objective is a
-//! function that costs next to nothing. L-BFGS is linear in the weights, self-scaled Broyden quadratic.
+//! function that costs next to nothing. L-BFGS is linear in the weights, self-scaled Broyden
+//! quadratic.
 
 use divan::{Bencher, black_box};
 use pinc_net::Workers;
@@ -48,8 +49,8 @@ fn iteration(bencher: Bencher<'_, '_>, config: &OptimizerConfig, weights: usize,
     bencher.bench_local(|| black_box(optimizer.step(&mut Valley, &mut iterate, &workers)));
 }
 
-/// The sum of sqrt(1 + k x^2): each term has another curvature, which changes along the way, so that no
-/// optimizer is done soon.
+/// The sum of sqrt(1 + k x^2): each term has another curvature, which changes along the way, so
+/// that no optimizer is done soon.
 struct Valley;
 
 impl Objective for Valley {

@@ -1,5 +1,5 @@
-//! A net over a horizon longer than its T: step after step, each from where the last one led, under an
-//! input that changes.
+//! A net over a horizon longer than its T: step after step, each from where the last one led, under
+//! an input that changes.
 //!
 //! `cargo run --release -p pinc-net --example 02_long_horizon`
 #![expect(clippy::print_stdout, reason = "an example shows what it computes")]
@@ -33,7 +33,8 @@ pub(crate) fn main() -> Result<(), Box<dyn Error>> {
     }
     let error = (x[0] - truth[0]).hypot(x[1] - truth[1]);
     println!("after 12 steps the net is off by {error:.1e}");
-    // Steps are accurate to 5e-3; a trajectory that is late by little is off by much where it is fast.
+    // Steps are accurate to 5e-3; a trajectory that is late by little is off by much where it is
+    // fast.
     assert!(error < 0.3);
     Ok(())
 }

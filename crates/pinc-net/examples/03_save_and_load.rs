@@ -1,4 +1,5 @@
-//! A net as the bytes of a model file and back: it stands alone, with its names, its domain and its T.
+//! A net as the bytes of a model file and back: it stands alone, with its names, its domain and its
+//! T.
 //!
 //! `cargo run --release -p pinc-net --example 03_save_and_load`
 #![expect(clippy::print_stdout, reason = "an example shows what it computes")]

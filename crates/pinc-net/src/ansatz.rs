@@ -3,7 +3,8 @@
 use pinc_ad::Scalar;
 use serde::{Deserialize, Serialize};
 
-/// From the denormalized output d = `output_mean` + `output_std` z of the perceptron to the state y(t).
+/// From the denormalized output d = `output_mean` + `output_std` z of the perceptron to the state
+/// y(t).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Ansatz {

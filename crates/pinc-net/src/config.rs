@@ -13,9 +13,9 @@ pub enum TrainingTarget {
     /// The residual of the plant's equation at times in \[0, T\]: a PINC net.
     #[default]
     Physics,
-    /// The plant's state at t = T, by an accurate integration ([`pinc_ode::Dopri5`]): a distilled net
-    /// y0 + N(y0, u). Between 0 and T it knows nothing. The points of the sample are initial states and
-    /// inputs, and the loss has the term `MSE_D` alone.
+    /// The plant's state at t = T, by an accurate integration ([`pinc_ode::Dopri5`]): a distilled
+    /// net y0 + N(y0, u). Between 0 and T it knows nothing. The points of the sample are initial
+    /// states and inputs, and the loss has the term `MSE_D` alone.
     Integrator,
 }
 
@@ -106,11 +106,11 @@ pub struct TrainingConfig {
     pub source: TrainingTarget,
     /// How collocation points are spread.
     pub sampler: Sampler,
-    /// Number of collocation points `N_F` (of initial states and inputs for [`TrainingTarget::Integrator`]), at the start
-    /// if the sample grows.
+    /// Number of collocation points `N_F` (of initial states and inputs for
+    /// [`TrainingTarget::Integrator`]), at the start if the sample grows.
     pub collocation_points: usize,
-    /// Number of initial points `N_t` of `MSE_y` (and of scenarios of the coupled grid). Without use for a
-    /// hard initial condition.
+    /// Number of initial points `N_t` of `MSE_y` (and of scenarios of the coupled grid). Without
+    /// use for a hard initial condition.
     pub initial_points: usize,
     /// Weight lambda of `MSE_F`.
     pub lambda: f64,
@@ -127,8 +127,8 @@ pub struct TrainingConfig {
     pub validation_every: u64,
     /// Which net is the result.
     pub keep: SelectNet,
-    /// Accuracy at which the training ends, with the net that has it: the root of the mean squared error
-    /// of one step, in the states' units, found by a validation.
+    /// Accuracy at which the training ends, with the net that has it: the root of the mean squared
+    /// error of one step, in the states' units, found by a validation.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub target_one_step_rms: Option<f64>,
 }

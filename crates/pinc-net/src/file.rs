@@ -1,4 +1,5 @@
-//! The model file: a safetensors container with the tensors of the perceptron and a JSON description.
+//! The model file: a safetensors container with the tensors of the perceptron and a JSON
+//! description.
 
 use crate::{Ansatz, Domain, Mlp, ModelError, Normalizer, PincNet, Scenario, TrainingTarget};
 use pinc_ode::Dims;
@@ -100,8 +101,8 @@ impl PincNet {
             time_only: self.time_only.clone(),
             source: self.source,
         };
-        // The container is written by hand: the library's writer takes its metadata from a hash map, so
-        // that the same net would give other bytes each time.
+        // The container is written by hand: the library's writer takes its metadata from a hash
+        // map, so that the same net would give other bytes each time.
         let mut header = BTreeMap::new();
         let mut data = Vec::new();
         let metadata = BTreeMap::from([

@@ -8,8 +8,8 @@ use rayon::prelude::*;
 /// Local error tolerance of the integration: far below what nets reach.
 const TOLERANCE: f64 = 1e-11;
 
-/// States after T by an accurate integration. A sample that grows keeps its points, and with them what
-/// has been integrated.
+/// States after T by an accurate integration. A sample that grows keeps its points, and with them
+/// what has been integrated.
 #[derive(Debug)]
 pub(crate) struct Labels {
     integrator: Dopri5,

@@ -17,12 +17,13 @@ pub enum ResidualScale {
     /// Standard deviations of the state in the domain per T, so that states of different units and
     /// sizes weigh the same.
     Normalized,
-    /// What the state moves by in one step per T, so that states which change little while others change
-    /// much are learnt as exactly for their size: standard deviations over the domain of T f(y0, u), or of the
-    /// state itself where that is less. The same as `Normalized` without the hard initial condition.
+    /// What the state moves by in one step per T, so that states which change little while others
+    /// change much are learnt as exactly for their size: standard deviations over the domain of T
+    /// f(y0, u), or of the state itself where that is less. The same as `Normalized` without the
+    /// hard initial condition.
     Displacement,
-    /// The state's own unit per second times this factor, one per state; the authors' code takes the
-    /// cross-sections `A_i` of the tanks.
+    /// The state's own unit per second times this factor, one per state; the authors' code takes
+    /// the cross-sections `A_i` of the tanks.
     Custom(Vec<f64>),
 }
 
@@ -38,8 +39,8 @@ pub enum InitialScale {
     Displacement,
 }
 
-/// Weights of the loss: `MSE_y` + lambda `MSE_F` + weight `MSE_D`, each state's errors times its factor
-/// first. `MSE_D` is the mean over measured values.
+/// Weights of the loss: `MSE_y` + lambda `MSE_F` + weight `MSE_D`, each state's errors times its
+/// factor first. `MSE_D` is the mean over measured values.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LossWeights {
     /// The weight lambda of `MSE_F`.
@@ -145,10 +146,11 @@ pub fn reference_loss<S: Scalar, P: Plant>(
 }
 
 /// The residuals whose squares add up to the loss, weights included: the errors of the initial
-/// conditions and the residuals of the equation, each of length points times states, point by point.
+/// conditions and the residuals of the equation, each of length points times states, point by
+/// point.
 ///
-/// `points` are the collocation points and the initial points; `context` is any value of the scalar's
-/// kind (on the same tape).
+/// `points` are the collocation points and the initial points; `context` is any value of the
+/// scalar's kind (on the same tape).
 ///
 /// # Panics
 ///
@@ -189,8 +191,8 @@ pub fn reference_residuals<S: Scalar, P: Plant>(
     [data, physics]
 }
 
-/// The residuals of the term of the measurements, their `weight` included: one per measured value, point by
-/// point. Their squares add up to weight `MSE_D`.
+/// The residuals of the term of the measurements, their `weight` included: one per measured value,
+/// point by point. Their squares add up to weight `MSE_D`.
 ///
 /// # Panics
 ///

@@ -2,8 +2,8 @@
 
 use crate::sampling::Points;
 
-/// Measured states: y(t), `t` seconds after the plant was in y0, under the constant input u. Any of the
-/// states may be missing.
+/// Measured states: y(t), `t` seconds after the plant was in y0, under the constant input u. Any of
+/// the states may be missing.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Measurements {
     states: usize,
@@ -40,9 +40,9 @@ impl Measurements {
         self.values.extend_from_slice(y);
     }
 
-    /// Adds a recorded trajectory, its rows in the order of time: every row with all states measured is
-    /// the y0 of the rows up to `sample_time_s` after it, as long as the input stays the same. Rows that
-    /// follow no such row are of no use.
+    /// Adds a recorded trajectory, its rows in the order of time: every row with all states
+    /// measured is the y0 of the rows up to `sample_time_s` after it, as long as the input stays
+    /// the same. Rows that follow no such row are of no use.
     ///
     /// # Panics
     ///

@@ -39,8 +39,8 @@ pub struct Scenario {
 }
 
 impl NetConfig {
-    /// A net of `hidden_layers` layers of `neurons` each for steps of `sample_time_s`, with the hard
-    /// initial condition.
+    /// A net of `hidden_layers` layers of `neurons` each for steps of `sample_time_s`, with the
+    /// hard initial condition.
     #[must_use]
     pub fn new(sample_time_s: f64, hidden_layers: usize, neurons: usize) -> Self {
         let (ansatz, time_only) = (Ansatz::HardLinear, None);
@@ -97,8 +97,8 @@ impl NetConfig {
     }
 }
 
-/// A trained (or fresh) net y(t) = `f_w`(t, y(0), u), Eq. (`net_pred`) of the paper, that stands alone: it
-/// knows its normalization, ansatz, horizon, domain and the names of its variables.
+/// A trained (or fresh) net y(t) = `f_w`(t, y(0), u), Eq. (`net_pred`) of the paper, that stands
+/// alone: it knows its normalization, ansatz, horizon, domain and the names of its variables.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PincNet {
     pub(crate) mlp: Mlp,
@@ -116,8 +116,8 @@ pub struct PincNet {
 }
 
 impl PincNet {
-    /// A fresh net for `plant`: Glorot weights from `seed`, inputs scaled by `domain`, outputs by the
-    /// domain (`direct`) or by the plant's velocities in it (`hard-linear`).
+    /// A fresh net for `plant`: Glorot weights from `seed`, inputs scaled by `domain`, outputs by
+    /// the domain (`direct`) or by the plant's velocities in it (`hard-linear`).
     ///
     /// # Errors
     ///
@@ -194,7 +194,8 @@ impl PincNet {
         self.time_only.as_ref()
     }
 
-    /// What it was trained on. A net of [`TrainingTarget::Integrator`] is to be asked at t = T alone.
+    /// What it was trained on. A net of [`TrainingTarget::Integrator`] is to be asked at t = T
+    /// alone.
     #[must_use]
     pub fn source(&self) -> TrainingTarget {
         self.source
@@ -222,8 +223,8 @@ impl PincNet {
     ///
     /// # Shapes
     ///
-    /// `y0` and the result: `n`; `u`: `m`. A conventional PINN ignores `y0` and `u` except, with a hard
-    /// initial condition, `y0`.
+    /// `y0` and the result: `n`; `u`: `m`. A conventional PINN ignores `y0` and `u` except, with a
+    /// hard initial condition, `y0`.
     ///
     /// # Panics
     ///

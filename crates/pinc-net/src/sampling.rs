@@ -14,8 +14,8 @@ use serde::{Deserialize, Serialize};
 pub enum Sampler {
     /// All coordinates uniform and independent: the paper's text.
     Independent,
-    /// As many random (y0, u) as there are initial points, each on the same uniform grid of times with
-    /// both ends: the authors' code.
+    /// As many random (y0, u) as there are initial points, each on the same uniform grid of times
+    /// with both ends: the authors' code.
     CoupledGrid,
     /// A scrambled Sobol sequence (Owen scrambling): low discrepancy.
     Sobol,
@@ -115,8 +115,9 @@ impl Points {
 }
 
 impl Sampler {
-    /// `count` collocation points over \[0, T\] and `domain`; `scenarios` is the number of (y0, u) of
-    /// the coupled grid, which divides its points evenly among them (rounding the number of times up).
+    /// `count` collocation points over \[0, T\] and `domain`; `scenarios` is the number of (y0, u)
+    /// of the coupled grid, which divides its points evenly among them (rounding the number of
+    /// times up).
     #[must_use]
     pub fn collocation(
         self,

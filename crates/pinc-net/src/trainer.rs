@@ -12,7 +12,8 @@ use crate::{
 use pinc_ode::DynRhs;
 use serde::{Deserialize, Serialize};
 
-/// All that changes during a training: to go on from it gives the same bits as never to have stopped.
+/// All that changes during a training: to go on from it gives the same bits as never to have
+/// stopped.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Checkpoint {
     phase: usize,
@@ -81,8 +82,8 @@ impl Trainer {
     ///
     /// # Errors
     ///
-    /// [`NetError`] if a setting makes no sense, the plant has no finite velocity in the domain, or the
-    /// threads cannot be started.
+    /// [`NetError`] if a setting makes no sense, the plant has no finite velocity in the domain, or
+    /// the threads cannot be started.
     pub fn new(
         plant: &dyn DynRhs,
         training: &Training,
@@ -135,13 +136,13 @@ impl Trainer {
         Ok(trainer)
     }
 
-    /// The same training, not yet begun, with measurements to be fitted beside the equation: the loss gets
-    /// the term `weight` `MSE_D`, squared in the units of `initial_scale`.
+    /// The same training, not yet begun, with measurements to be fitted beside the equation: the
+    /// loss gets the term `weight` `MSE_D`, squared in the units of `initial_scale`.
     ///
     /// # Errors
     ///
-    /// [`NetError::Setting`] if `weight` is not positive, there is nothing measured, or the net is trained
-    /// on an integrator and not on the equation.
+    /// [`NetError::Setting`] if `weight` is not positive, there is nothing measured, or the net is
+    /// trained on an integrator and not on the equation.
     pub fn with_measurements(
         mut self,
         measurements: &Measurements,
@@ -169,7 +170,8 @@ impl Trainer {
     ///
     /// # Errors
     ///
-    /// [`NetError::Checkpoint`] if it does not fit: it must come from a training with the same arguments.
+    /// [`NetError::Checkpoint`] if it does not fit: it must come from a training with the same
+    /// arguments.
     pub fn resume(mut self, checkpoint: Checkpoint) -> Result<Self, NetError> {
         if checkpoint.iterate.x.len() != self.net.mlp().parameters().len() {
             return Err(NetError::Checkpoint { what: "the number of parameters" });
@@ -186,8 +188,8 @@ impl Trainer {
     ///
     /// # Errors
     ///
-    /// [`NetError::NotFinite`] if the loss or its gradient is NaN or infinite; [`Trainer::net`] then
-    /// still gives the last good net.
+    /// [`NetError::NotFinite`] if the loss or its gradient is NaN or infinite; [`Trainer::net`]
+    /// then still gives the last good net.
     pub fn step(&mut self) -> Result<Progress, NetError> {
         if let Some(reason) = self.state.finished {
             return Ok(Progress::Finished(reason));
@@ -219,7 +221,7 @@ impl Trainer {
             self.state.iterate.x = good;
             return Err(error);
         }
-        let fresh_loss = self.look_at_fresh_points()?;
+        let fresh_loss = self.check_fresh_points()?;
         Ok(Progress::Iterated(self.record(fresh_loss)))
     }
 
@@ -256,8 +258,8 @@ impl Trainer {
         }
     }
 
-    /// Whether a validation is due by the schedule: every `validation_every` iterations and at the end of
-    /// each phase.
+    /// Whether a validation is due by the schedule: every `validation_every` iterations and at the
+    /// end of each phase.
     #[must_use]
     pub fn validation_due(&self) -> bool {
         let iterations = self.state.totals.iterations;
@@ -269,8 +271,8 @@ impl Trainer {
         due && self.state.validated_at != Some(iterations)
     }
 
-    /// Validates the current net, keeps it if it is the best so far, and ends the training if it is as
-    /// accurate as wanted.
+    /// Validates the current net, keeps it if it is the best so far, and ends the training if it is
+    /// as accurate as wanted.
     pub fn validate(&mut self) -> Validation {
         let current = self.net.with_parameters(&self.state.iterate.x);
         let validation = self.validation.evaluate(&current);
@@ -352,7 +354,7 @@ impl Trainer {
     }
 
     /// Looks at fresh points when it is time, and grows the sample if the net overfits it.
-    fn look_at_fresh_points(&mut self) -> Result<Option<f64>, NetError> {
+    fn check_fresh_points(&mut self) -> Result<Option<f64>, NetError> {
         let (Some(growth), Some(fresh)) = (&self.config.growth, &mut self.fresh) else {
             return Ok(None);
         };

@@ -29,21 +29,22 @@ pub struct ValidationConfig {
 /// The errors of a net.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Validation {
-    /// Eq. (`mse_gen`) of the paper: self-loop, at the steps t = kT, k >= 1, in the states' units squared.
+    /// Eq. (`mse_gen`) of the paper: self-loop, at the steps t = kT, k >= 1, in the states' units
+    /// squared.
     pub mse_gen: f64,
-    /// The authors' code: self-loop, at all rows (inner times and initial rows included), each state in
-    /// standard deviations of the box. Without the inner times for a distilled net.
+    /// The authors' code: self-loop, at all rows (inner times and initial rows included), each
+    /// state in standard deviations of the box. Without the inner times for a distilled net.
     pub mse_all_normalized: f64,
     /// Of one step from random points of the box, in the states' units squared.
     pub one_step_mse: f64,
-    /// Against held-out measurements, if there are any: the mean over measured values, each state in
-    /// standard deviations of the box.
+    /// Against held-out measurements, if there are any: the mean over measured values, each state
+    /// in standard deviations of the box.
     pub measured_mse: Option<f64>,
 }
 
 impl Validation {
-    /// What the best net is chosen by: the error against held-out measurements, which are of the plant
-    /// itself, or else `mse_gen`, which is of its equation.
+    /// What the best net is chosen by: the error against held-out measurements, which are of the
+    /// plant itself, or else `mse_gen`, which is of its equation.
     #[must_use]
     pub fn score(&self) -> f64 {
         self.measured_mse.unwrap_or(self.mse_gen)
@@ -59,22 +60,22 @@ pub struct ValidationSet {
     sample_time_s: f64,
     /// Standard deviation of each state in the box.
     scale: Vec<f64>,
-    scenarios: Vec<Trial>,
-    one_step: Vec<Trial>,
+    scenarios: Vec<TrueTrajectory>,
+    one_step: Vec<TrueTrajectory>,
     held_out: Option<Measurements>,
 }
 
 /// An initial state, an input for each step, and the true states after each part of a step.
 #[derive(Clone, Debug, PartialEq)]
-struct Trial {
+struct TrueTrajectory {
     initial: Vec<f64>,
     inputs: Vec<Vec<f64>>,
     truth: Vec<f64>,
 }
 
 impl ValidationConfig {
-    /// The recommended validation: ten scenarios of this length in s (whole steps of T), from states
-    /// and inputs in `domain`.
+    /// The recommended validation: ten scenarios of this length in s (whole steps of T), from
+    /// states and inputs in `domain`.
     #[must_use]
     pub fn new(duration_s: f64, domain: Domain) -> Self {
         let (scenarios, subintervals, one_step_points) = (10, 9, 4096);
@@ -226,8 +227,8 @@ impl ValidationSet {
     #[must_use]
     pub fn evaluate(&self, net: &PincNet) -> Validation {
         let states = self.states;
-        let mut rows = Rows::default();
-        let mut marks = Rows::default();
+        let mut rows = Comparison::default();
+        let mut marks = Comparison::default();
         for scenario in &self.scenarios {
             let mut start = scenario.initial.clone();
             // Row 0 is the net's own y(0).
@@ -250,7 +251,7 @@ impl ValidationSet {
                 }
             }
         }
-        let mut single = Rows::default();
+        let mut single = Comparison::default();
         for trial in &self.one_step {
             let y = net.evaluate(self.sample_time_s, &trial.initial, &trial.inputs[0]);
             single.push(&y, &trial.truth);
@@ -279,7 +280,7 @@ impl ValidationSet {
         mean_squared_error(&predicted, &truth, &[1.0])
     }
 
-    /// Rows of all scenarios: steps times subintervals, and the initial one.
+    /// Comparison of all scenarios: steps times subintervals, and the initial one.
     #[must_use]
     pub fn rows(&self) -> usize {
         self.scenarios.len() * (self.steps * self.subintervals + 1)
@@ -288,12 +289,12 @@ impl ValidationSet {
 
 /// Predicted and true states, row by row.
 #[derive(Default)]
-struct Rows {
+struct Comparison {
     predicted: Vec<f64>,
     truth: Vec<f64>,
 }
 
-impl Rows {
+impl Comparison {
     fn push(&mut self, predicted: &[f64], truth: &[f64]) {
         self.predicted.extend_from_slice(predicted);
         self.truth.extend_from_slice(truth);
@@ -310,7 +311,7 @@ fn integrate(
     inputs: Vec<Vec<f64>>,
     sample_time_s: f64,
     subintervals: usize,
-) -> Result<Trial, NetError> {
+) -> Result<TrueTrajectory, NetError> {
     let mut x = initial.clone();
     let mut truth = Vec::with_capacity(inputs.len() * subintervals * x.len());
     for input in &inputs {
@@ -319,5 +320,5 @@ fn integrate(
             truth.extend_from_slice(&x);
         }
     }
-    Ok(Trial { initial, inputs, truth })
+    Ok(TrueTrajectory { initial, inputs, truth })
 }

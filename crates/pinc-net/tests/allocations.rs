@@ -116,18 +116,18 @@ fn loss(points: usize, neurons: usize, workers: &Workers) -> (usize, usize) {
     })
 }
 
-// One test, because the counts are of the whole process; and threads that live until its end, because they
-// allocate when they begin and end.
+// One test, because the counts are of the whole process; and threads that live until its end,
+// because they allocate when they begin and end.
 #[test]
 fn iterations_do_not_allocate() {
     let (one, two) = (Workers::new(1).unwrap(), Workers::new(2).unwrap());
-    // To hand a job to a pool of threads, rayon appends it to a list of blocks of some 60 jobs (1.5 KB
-    // each): one block in 60 iterations. The matrix alone would be 160 KB, a vector 1.6 KB.
+    // To hand a job to a pool of threads, rayon appends it to a list of blocks of some 60 jobs (1.5
+    // KB each): one block in 60 iterations. The matrix alone would be 160 KB, a vector 1.6 KB.
     let config = SelfScaledBroydenConfig { initial_step: 0.1, gradient_tolerance: 0.0 };
     let (requests, bytes) = optimizer(&OptimizerConfig::SelfScaledBroyden(config), &one);
     assert!(requests <= 4 && bytes <= 8000, "{requests} requests, {bytes} bytes");
-    // A broadcast to the threads allocates its jobs, in one request of some tens of bytes per thread,
-    // whatever the sizes; rayon's lists of jobs may grow now and then.
+    // A broadcast to the threads allocates its jobs, in one request of some tens of bytes per
+    // thread, whatever the sizes; rayon's lists of jobs may grow now and then.
     for (points, neurons, workers) in [(200, 4, &one), (5000, 20, &one), (5000, 20, &two)] {
         let (requests, bytes) = loss(points, neurons, workers);
         let sizes = format!("{points} points, {neurons} neurons");

@@ -3,12 +3,16 @@
 use crate::mlp::Layer;
 use pinc_ad::simd::Simd;
 
-/// What one neuron holds for one panel of points: two vectors of values, then the two vectors of their
-/// time tangents. Value and tangent are columns of the same product, so one product serves both.
+/// What one neuron holds for one panel of points: two vectors of values, then the two vectors of
+/// their time tangents. Value and tangent are columns of the same product, so one product serves
+/// both.
 pub(super) type Cell<V> = [V; 4];
 
-/// A weight matrix in the order in which [`multiply`] reads it: blocks of rows, and in a block column
-/// by column.
+/// The most rows of a register block for which there is code.
+const MAX_ROWS: usize = 5;
+
+/// A weight matrix in the order in which [`multiply`] reads it: blocks of rows, and in a block
+/// column by column.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Packed {
     rows: usize,
@@ -79,6 +83,7 @@ pub(super) fn multiply<V: Simd>(
     output: &mut [Cell<V>],
     zero: V,
 ) {
+    const { assert!(V::ROWS <= MAX_ROWS) };
     let (mut weights, mut output, mut bias) = (&matrix.data[..], output, bias);
     while !output.is_empty() {
         let count = output.len().min(matrix.block);
@@ -125,8 +130,8 @@ fn rows<V: Simd, const R: usize>(
     output[..R].copy_from_slice(&sum);
 }
 
-/// gradient\[row, column\] += sum over panels of adjoint\[row\] * input\[column\], lane by lane: the
-/// gradient of a weight matrix, still spread over lanes.
+/// gradient\[row, column\] += sum over panels of adjoint\[row\] * input\[column\], lane by lane:
+/// the gradient of a weight matrix, still spread over lanes.
 ///
 /// # Shapes
 ///
@@ -139,6 +144,7 @@ pub(super) fn accumulate<V: Simd>(
     gradient: &mut [V],
     shape: (usize, usize, usize),
 ) {
+    const { assert!(V::ROWS <= MAX_ROWS) };
     let (_, height, _) = shape;
     for first in (0..height).step_by(V::ROWS) {
         match (height - first).min(V::ROWS) {

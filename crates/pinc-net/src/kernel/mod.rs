@@ -3,10 +3,10 @@
 //! # Layout
 //!
 //! Points come in *panels* of two vectors (16 points with AVX-512, 8 with AVX2). For a panel, each
-//! neuron holds one *cell* of four vectors: two of values, two of time tangents. A panel goes through
-//! the whole net and back while its cells stay in the first-level cache; the weight gradients are then
-//! summed over a *tile* of panels, whose cells stay in the second-level cache. Tiles form *blocks*,
-//! the work of a thread at a time.
+//! neuron holds one *cell* of four vectors: two of values, two of time tangents. A panel goes
+//! through the whole net and back while its cells stay in the first-level cache; the weight
+//! gradients are then summed over a *tile* of panels, whose cells stay in the second-level cache.
+//! Tiles form *blocks*, the work of a thread at a time.
 //!
 //! The same bits come out on any number of threads: blocks depend on the number of points only, and
 //! their sums are added in order. Different instruction sets differ by rounding.
@@ -33,13 +33,13 @@ use std::fmt::Debug;
 use std::ops::Range;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex};
-use tile::{Block, Pass, Workspace, tile_panels};
+use tile::{BlockTask, Pass, Workspace, tile_panels};
 
 /// More blocks than this are not needed to keep threads busy; fewer mean fewer sums to add.
 const MAX_BLOCKS: usize = 64;
 
-/// The PINC loss over a set of points, `MSE_y` + lambda `MSE_F`, with its gradient in the parameters of a
-/// net; where there are measurements, with their term.
+/// The PINC loss over a set of points, `MSE_y` + lambda `MSE_F`, with its gradient in the
+/// parameters of a net; where there are measurements, with their term.
 ///
 /// Memory: (1 + n + m) numbers a point; per thread, about 16 KB per neuron of the widest layers for
 /// cells and 64 bytes per parameter; per block (64 at most), 8 bytes per parameter.
@@ -61,8 +61,8 @@ impl BatchLoss {
         Self { engine }
     }
 
-    /// Replaces the points: collocation points for `MSE_F`, initial conditions for `MSE_y`. Either set
-    /// may be empty; its term is then 0.
+    /// Replaces the points: collocation points for `MSE_F`, initial conditions for `MSE_y`. Either
+    /// set may be empty; its term is then 0.
     pub fn set_points(&mut self, collocation: &Points, initial: &Points) {
         self.engine.set_points(collocation, initial);
     }
@@ -225,7 +225,7 @@ impl<V: Simd> LaneEngine<V> {
     }
 
     fn run_block(&self, block: &mut BlockResult, workspace: &mut Workspace<V>, gradient: bool) {
-        block.squares = self.zero.vectorize(Block {
+        block.squares = self.zero.vectorize(BlockTask {
             pass: self.pass(block.set, block.range.clone(), workspace),
             gradient: gradient.then_some(&mut block.gradient),
         });

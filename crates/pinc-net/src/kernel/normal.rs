@@ -1,9 +1,9 @@
 //! The normal matrix J'J of the residuals, for Gauss-Newton methods.
 //!
-//! The rows of the Jacobian are computed slab by slab; a few slabs at a time are filled, one per thread,
-//! and then multiplied, the threads taking columns of the result. Which sums are made, and in which
-//! order, depends on the number of points alone, so that the same bits come out on any number of
-//! threads: each product is done by one thread, and slabs are added in order.
+//! The rows of the Jacobian are computed slab by slab; a few slabs at a time are filled, one per
+//! thread, and then multiplied, the threads taking columns of the result. Which sums are made, and
+//! in which order, depends on the number of points alone, so that the same bits come out on any
+//! number of threads: each product is done by one thread, and slabs are added in order.
 
 use super::tile::Jacobian;
 use super::{LaneEngine, locked};

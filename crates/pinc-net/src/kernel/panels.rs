@@ -7,8 +7,8 @@ use pinc_ode::Dims;
 /// A coordinate of the points of one panel: two vectors.
 pub(super) type Pair<V> = [V; 2];
 
-/// Points grouped into panels of two vectors; a panel holds the rows t, y0, u. The last panel is filled
-/// up with copies of the last point, which its mask takes out of all sums.
+/// Points grouped into panels of two vectors; a panel holds the rows t, y0, u. The last panel is
+/// filled up with copies of the last point, which its mask takes out of all sums.
 #[derive(Debug)]
 pub(super) struct Panels<V> {
     rows: usize,
@@ -72,8 +72,8 @@ impl<V: Simd> Panels<V> {
         Self { rows, states, data, targets: Vec::new(), errors, ones, last_mask }
     }
 
-    /// The same for `points` whose states are compared with `target` (of a point and a state), where it is
-    /// known.
+    /// The same for `points` whose states are compared with `target` (of a point and a state),
+    /// where it is known.
     pub(super) fn aimed(
         points: &Points,
         target: impl Fn(usize, usize) -> Option<f64>,

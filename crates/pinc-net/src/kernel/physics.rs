@@ -36,7 +36,7 @@ pub(super) struct Physics<V> {
 
 /// Memory for the plant's equation on dual numbers.
 #[derive(Debug)]
-pub(super) struct Scratch<V> {
+pub(super) struct PlantBuffers<V> {
     x: Vec<Dual<V, DIRECTIONS>>,
     u: Vec<Dual<V, DIRECTIONS>>,
     f: Vec<Dual<V, DIRECTIONS>>,
@@ -47,7 +47,7 @@ pub(super) struct Scratch<V> {
     rate_adjoint: Vec<V>,
 }
 
-impl<V: Simd> Scratch<V> {
+impl<V: Simd> PlantBuffers<V> {
     pub(super) fn new(dims: Dims, zero: V) -> Self {
         let states = vec![Dual::lift(zero); dims.nx];
         Self {
@@ -62,8 +62,8 @@ impl<V: Simd> Scratch<V> {
 }
 
 impl<V: Simd> Physics<V> {
-    /// The sum of a panel's squared errors, lane by lane; the derivatives of `weight` times it in the
-    /// perceptron's outputs z and their time tangents go into `adjoint`.
+    /// The sum of a panel's squared errors, lane by lane; the derivatives of `weight` times it in
+    /// the perceptron's outputs z and their time tangents go into `adjoint`.
     ///
     /// # Shapes
     ///
@@ -76,7 +76,7 @@ impl<V: Simd> Physics<V> {
         panel: Panel<'_, V>,
         output: &[Cell<V>],
         adjoint: &mut [Cell<V>],
-        scratch: &mut Scratch<V>,
+        scratch: &mut PlantBuffers<V>,
     ) -> V {
         let mut squares = panel.t[0].constant(0.0);
         for half in 0..2 {
@@ -113,7 +113,7 @@ impl<V: Simd> Physics<V> {
         panel: Panel<'_, V>,
         output: &[Cell<V>],
         jacobian: &mut [Cell<V>],
-        scratch: &mut Scratch<V>,
+        scratch: &mut PlantBuffers<V>,
     ) {
         let states = output.len();
         let scale = match term {
@@ -146,8 +146,8 @@ impl<V: Simd> Physics<V> {
         }
     }
 
-    /// From the derivatives in (y, y') of state i to those in the perceptron's output z and its time
-    /// tangent: y = base + p d, y' = p' d + p d', with d = mean + std z and `factors` (p, p').
+    /// From the derivatives in (y, y') of state i to those in the perceptron's output z and its
+    /// time tangent: y = base + p d, y' = p' d + p d', with d = mean + std z and `factors` (p, p').
     #[inline(always)]
     fn through_ansatz(
         &self,
@@ -179,9 +179,9 @@ impl<V: Simd> Physics<V> {
         output: &[Cell<V>],
         half: usize,
         first: usize,
-        scratch: &mut Scratch<V>,
+        scratch: &mut PlantBuffers<V>,
     ) {
-        let Scratch { x, u, f, rate, .. } = scratch;
+        let PlantBuffers { x, u, f, rate, .. } = scratch;
         for (to, from) in u.iter_mut().zip(panel.u) {
             *to = Dual::lift(from[half]);
         }
@@ -201,13 +201,13 @@ impl<V: Simd> Physics<V> {
         panel: Panel<'_, V>,
         output: &[Cell<V>],
         half: usize,
-        scratch: &mut Scratch<V>,
+        scratch: &mut PlantBuffers<V>,
     ) -> V {
         let mut squares = panel.t[half].constant(0.0);
         let states = output.len();
         for first in (0..states).step_by(DIRECTIONS) {
             self.evaluate_rhs(panel, output, half, first, scratch);
-            let Scratch { f, rate, state_adjoint, rate_adjoint, .. } = &mut *scratch;
+            let PlantBuffers { f, rate, state_adjoint, rate_adjoint, .. } = &mut *scratch;
             if first == 0 {
                 for (i, adjoint) in rate_adjoint.iter_mut().enumerate() {
                     let scale = self.residual_scale[i];
@@ -236,7 +236,7 @@ impl<V: Simd> Physics<V> {
         panel: Panel<'_, V>,
         output: &[Cell<V>],
         half: usize,
-        scratch: &mut Scratch<V>,
+        scratch: &mut PlantBuffers<V>,
     ) -> V {
         let mut squares = panel.t[half].constant(0.0);
         for i in 0..scratch.x.len() {

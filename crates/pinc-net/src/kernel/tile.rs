@@ -2,7 +2,7 @@
 
 use super::dense::{Cell, PackedLayer, accumulate, multiply};
 use super::panels::{Panel, Panels};
-use super::physics::{Physics, Scratch, Term};
+use super::physics::{Physics, PlantBuffers, Term};
 use crate::Normalizer;
 use crate::mlp::Mlp;
 use faer::prelude::ReborrowMut;
@@ -11,8 +11,8 @@ use pinc_ad::simd::tanh_all;
 use pinc_ad::simd::{Simd, Work};
 use std::ops::Range;
 
-/// Points of a tile. Panels go through the net one by one, in the first-level cache; weight gradients
-/// are summed over a tile, so that their sums are read and written once per tile.
+/// Points of a tile. Panels go through the net one by one, in the first-level cache; weight
+/// gradients are summed over a tile, so that their sums are read and written once per tile.
 const TILE_POINTS: usize = 128;
 
 /// Panels of a tile.
@@ -33,7 +33,7 @@ pub(super) struct Workspace<V> {
     gradient: Vec<V>,
     /// Derivatives of a panel's errors in the outputs of the net, `[errors, states]`.
     seeds: Vec<Cell<V>>,
-    scratch: Scratch<V>,
+    scratch: PlantBuffers<V>,
     zero: V,
 }
 
@@ -46,7 +46,7 @@ impl<V: Simd> Workspace<V> {
             adjoints: mlp.widths()[1..].iter().map(|&w| cells(w)).collect(),
             gradient: vec![zero; mlp.parameters().len()],
             seeds: vec![[zero; 4]; dims.nx * dims.nx],
-            scratch: Scratch::new(dims, zero),
+            scratch: PlantBuffers::new(dims, zero),
             zero,
         }
     }
@@ -65,15 +65,15 @@ pub(super) struct Pass<'a, V> {
     pub(super) workspace: &'a mut Workspace<V>,
 }
 
-/// The loss and gradient of a block of panels: the unit of work of a thread. Blocks do not depend on the
-/// number of threads, and their results are added in order, so that neither do the sums.
-pub(super) struct Block<'a, V> {
+/// The loss and gradient of a block of panels: the unit of work of a thread. Blocks do not depend
+/// on the number of threads, and their results are added in order, so that neither do the sums.
+pub(super) struct BlockTask<'a, V> {
     pub(super) pass: Pass<'a, V>,
     /// Where the gradient goes; without it only the loss is computed.
     pub(super) gradient: Option<&'a mut [f64]>,
 }
 
-impl<V: Simd> Work for Block<'_, V> {
+impl<V: Simd> Work for BlockTask<'_, V> {
     /// The sum of squared errors.
     type Output = f64;
 
@@ -191,8 +191,8 @@ impl<V: Simd> Pass<'_, V> {
         adjoints[last][..states].copy_from_slice(&seeds[state * states..(state + 1) * states]);
     }
 
-    /// Writes the derivatives in each parameter, from the adjoints in place 0: two vectors a column,
-    /// from `row` on.
+    /// Writes the derivatives in each parameter, from the adjoints in place 0: two vectors a
+    /// column, from `row` on.
     #[inline(always)]
     fn write_rows(&self, row: usize, mut out: MatMut<'_, f64>) {
         let Workspace { shapes, activations, adjoints, .. } = &*self.workspace;

@@ -1,6 +1,6 @@
 //! A pass of many points through a net: points lie in the lanes of vectors.
 
-use super::layout::{Layout, PackedLayer};
+use super::layout::{BlockedLayer, Layout};
 use super::step::{LINE, start};
 use pinc_ad::simd::{Simd, Task, tanh_all};
 use pinc_ode::Dims;
@@ -8,7 +8,8 @@ use pinc_ode::Dims;
 /// Columns of a neuron that are worked on together, at most.
 const COLUMNS: usize = 4;
 
-/// For each neuron of a layer a vector of values and then vectors of tangents, in the layer at hand and in the next.
+/// For each neuron of a layer a vector of values and then vectors of tangents, in the layer at hand
+/// and in the next.
 #[derive(Clone, Debug)]
 pub(super) struct Cells {
     from: Vec<f64>,
@@ -16,7 +17,8 @@ pub(super) struct Cells {
 }
 
 impl Cells {
-    /// Room for layers of up to `widest` neurons with up to `tangents` tangents each, in vectors of so many lanes.
+    /// Room for layers of up to `widest` neurons with up to `tangents` tangents each, in vectors of
+    /// so many lanes.
     pub(super) fn new(widest: usize, tangents: usize, lanes: usize) -> Self {
         let room = vec![0.0; widest * (1 + tangents) * lanes + LINE];
         Self { from: room.clone(), to: room }
@@ -50,7 +52,7 @@ impl Task for Batched<'_> {
             let Cells { from, to } = &mut **cells;
             let (at_from, at_to) = (start(from), start(to));
             let (from, to) = (&from[at_from..], &mut to[at_to..]);
-            let mut pass = Pass { zero, layer, width, from, to };
+            let mut pass = LayerPass { zero, layer, width, from, to };
             if l == 0 {
                 pass.enter();
             } else {
@@ -66,8 +68,8 @@ impl Task for Batched<'_> {
 }
 
 impl Batched<'_> {
-    /// The values of (x, u), without the tangents, which are unit vectors. Lanes without a point repeat the
-    /// last one.
+    /// The values of (x, u), without the tangents, which are unit vectors. Lanes without a point
+    /// repeat the last one.
     #[inline(always)]
     fn start<V: Simd>(&mut self, zero: V) {
         let Dims { nx: n, nu: m, .. } = self.dims;
@@ -111,20 +113,20 @@ impl Batched<'_> {
 }
 
 /// A layer at work.
-struct Pass<'a, V> {
+struct LayerPass<'a, V> {
     zero: V,
-    layer: &'a PackedLayer,
+    layer: &'a BlockedLayer,
     /// Vectors of a neuron: 1 and the tangents.
     width: usize,
     from: &'a [f64],
     to: &'a mut [f64],
 }
 
-impl<V: Simd> Pass<'_, V> {
+impl<V: Simd> LayerPass<'_, V> {
     /// The first layer: its tangents are columns of the weights.
     #[inline(always)]
     fn enter(&mut self) {
-        let PackedLayer { inputs, bias, rows, .. } = self.layer;
+        let BlockedLayer { inputs, bias, rows, .. } = self.layer;
         let zero = self.zero;
         for (row, &bias) in bias.iter().enumerate() {
             let weights = &rows[row * inputs..(row + 1) * inputs];
@@ -163,7 +165,7 @@ impl<V: Simd> Pass<'_, V> {
         let mut weights = &self.layer.blocks[..];
         let mut row = 0;
         while row < self.layer.bias.len() {
-            let count = PackedLayer::ROWS.min(self.layer.bias.len() - row);
+            let count = BlockedLayer::ROWS.min(self.layer.bias.len() - row);
             let (block, further) = weights.split_at(count * self.layer.inputs);
             match count {
                 1 => self.block::<1, C>(block, row, first),

@@ -2,8 +2,8 @@
 
 use crate::{Ansatz, PincNet};
 
-/// Vectors of neurons that are worked on together, at most: three of values and nine of tangents fit
-/// into the registers, with the weights.
+/// Vectors of neurons that are worked on together, at most: three of values and nine of tangents
+/// fit into the registers, with the weights.
 const ROWS: usize = 3;
 
 /// The layers of a net at t = T, folded, transposed and padded.
@@ -14,12 +14,12 @@ const ROWS: usize = 3;
 /// W'_j = W_j / std_j                 b' = b + W_t (T - mean_t) / std_t - sum_j W'_j mean_j
 /// ```
 ///
-/// and the output layer d = `output_mean` + `output_std` (W a + b) likewise. At t = T both ansatzes are
-/// d, or y0 + d.
+/// and the output layer d = `output_mean` + `output_std` (W a + b) likewise. At t = T both ansatzes
+/// are d, or y0 + d.
 #[derive(Clone, Debug)]
 pub(super) struct Layout {
     pub(super) layers: Vec<FoldedLayer>,
-    pub(super) packed: Vec<PackedLayer>,
+    pub(super) packed: Vec<BlockedLayer>,
     lanes: usize,
     ansatz: Ansatz,
 }
@@ -29,12 +29,12 @@ pub(super) struct Layout {
 pub(super) struct FoldedLayer {
     /// Length of the input, without padding.
     pub(super) inputs: usize,
-    pub(super) blocks: Vec<Block>,
+    pub(super) blocks: Vec<RowBlock>,
 }
 
 /// Some vectors of neurons of a layer.
 #[derive(Clone, Debug)]
-pub(super) struct Block {
+pub(super) struct RowBlock {
     /// Vectors of neurons.
     pub(super) rows: usize,
     /// Place of the first neuron in the layer's output.
@@ -60,7 +60,7 @@ impl Layout {
             if l + 1 == count {
                 fold_output(net, &mut weights, &mut bias);
             }
-            (FoldedLayer::new(&weights, &bias, lanes), PackedLayer::new(&weights, bias))
+            (FoldedLayer::new(&weights, &bias, lanes), BlockedLayer::new(&weights, bias))
         });
         let (layers, packed) = folded.unzip();
         Self { layers, packed, lanes, ansatz: net.ansatz }
@@ -88,17 +88,17 @@ impl Layout {
 
 /// A layer's weights for points in the lanes.
 #[derive(Clone, Debug)]
-pub(super) struct PackedLayer {
+pub(super) struct BlockedLayer {
     /// Length of the input.
     pub(super) inputs: usize,
     pub(super) bias: Vec<f64>,
     /// Shape `[outputs, inputs]`.
     pub(super) rows: Vec<f64>,
-    /// The same in blocks of [`PackedLayer::ROWS`] rows, each block column by column.
+    /// The same in blocks of [`BlockedLayer::ROWS`] rows, each block column by column.
     pub(super) blocks: Vec<f64>,
 }
 
-impl PackedLayer {
+impl BlockedLayer {
     /// Rows of a block; the last may have fewer.
     pub(super) const ROWS: usize = 4;
 
@@ -155,7 +155,7 @@ impl FoldedLayer {
             let weights = (0..inputs).flat_map(|j| neurons.clone().map(move |k| (j, k)));
             let weights = weights.map(|(j, k)| at(k, j)).collect();
             let bias = neurons.clone().map(|k| bias.get(k).copied().unwrap_or(0.0)).collect();
-            let block = Block { rows, first, bias, weights };
+            let block = RowBlock { rows, first, bias, weights };
             first = neurons.end;
             block
         });

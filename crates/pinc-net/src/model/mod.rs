@@ -9,7 +9,7 @@ use batched::{Batched, Cells};
 use layout::Layout;
 use pinc_ad::simd::Isa;
 use pinc_ode::{Dims, Linearization, Model, Stages};
-use step::{Columns, POINTS, Step};
+use step::{Columns, SIDE_BY_SIDE, Step};
 
 /// The control interface f^(y, u) = `f_w`(T, y, u) of a net, Eq. (interface) of the paper, with its
 /// Jacobians by forward differentiation.
@@ -57,8 +57,8 @@ impl PincModel {
         Ok(Self { dims, sample_time_s: net.sample_time_s, isa, layout, columns, cells })
     }
 
-    /// Runs the net from one (x, u), or from [`POINTS`] of them, with the tangents of the first `tangents` of their
-    /// numbers; the results are in the columns that are returned.
+    /// Runs the net from one (x, u), or from [`SIDE_BY_SIDE`] of them, with the tangents of the first
+    /// `tangents` of their numbers; the results are in the columns that are returned.
     fn run(&mut self, x: &[f64], u: &[f64], tangents: usize) -> &Columns {
         let Dims { nx: n, nu: m, .. } = self.dims;
         let Self { layout, columns, isa, .. } = self;
@@ -70,7 +70,7 @@ impl PincModel {
         }
         match points {
             1 => isa.dispatch(Step::<1> { layout, columns }),
-            _ => isa.dispatch(Step::<POINTS> { layout, columns }),
+            _ => isa.dispatch(Step::<SIDE_BY_SIDE> { layout, columns }),
         }
         columns
     }
@@ -145,7 +145,7 @@ impl Model for PincModel {
                 first += points;
                 continue;
             }
-            let points = if left < POINTS { 1 } else { POINTS };
+            let points = if left < SIDE_BY_SIDE { 1 } else { SIDE_BY_SIDE };
             let part = |width: usize| first * width..(first + points) * width;
             self.run(&x[part(n)], &u[part(m)], n + m);
             for point in 0..points {

@@ -1,15 +1,17 @@
 //! One pass through a net, values and tangents together.
 
-use super::layout::{Block, FoldedLayer, Layout};
+use super::layout::{FoldedLayer, Layout, RowBlock};
 use pinc_ad::simd::{Simd, Task, tanh_all};
 
 /// `f64`s in a cache line: a vector that lies across two costs twice.
 pub(super) const LINE: usize = 8;
 
-/// So many points go through a net side by side, at most: while one waits for its tanh, the other's sums go on.
-pub(super) const POINTS: usize = 2;
+/// So many points go through a net side by side, at most: while one waits for its tanh, the other's
+/// sums go on.
+pub(super) const SIDE_BY_SIDE: usize = 2;
 
-/// The input and the output of a layer, for each point a column of values and then columns of tangents.
+/// The input and the output of a layer, for each point a column of values and then columns of
+/// tangents.
 #[derive(Clone, Debug)]
 pub(super) struct Columns {
     /// From one column to the next.
@@ -21,10 +23,11 @@ pub(super) struct Columns {
 }
 
 impl Columns {
-    /// Room for up to [`POINTS`] points with up to `tangents` tangents each, in columns of up to `longest` numbers.
+    /// Room for up to [`SIDE_BY_SIDE`] points with up to `tangents` tangents each, in columns of up to
+    /// `longest` numbers.
     pub(super) fn new(longest: usize, tangents: usize) -> Self {
         let stride = longest.next_multiple_of(LINE);
-        let room = vec![0.0; POINTS * (1 + tangents) * stride + LINE];
+        let room = vec![0.0; SIDE_BY_SIDE * (1 + tangents) * stride + LINE];
         Self { stride, tangents, from: room.clone(), to: room }
     }
 
@@ -78,7 +81,7 @@ impl<const P: usize> Task for Step<'_, P> {
         for (l, layer) in layers.iter().enumerate() {
             let (from, to) = (&*aligned(&mut columns.from), aligned(&mut columns.to));
             let (stride, tangents) = (columns.stride, columns.tangents);
-            let mut pass = Pass { zero, layer, stride, from, to, tangents };
+            let mut pass = LayerPass { zero, layer, stride, from, to, tangents };
             let place = Place { first: l == 0, last: l == last };
             for block in &layer.blocks {
                 match block.rows {
@@ -100,7 +103,7 @@ struct Place {
 }
 
 /// A layer at work.
-struct Pass<'a, V> {
+struct LayerPass<'a, V> {
     zero: V,
     layer: &'a FoldedLayer,
     stride: usize,
@@ -109,14 +112,15 @@ struct Pass<'a, V> {
     tangents: usize,
 }
 
-impl<V: Simd> Pass<'_, V> {
-    /// `R` vectors of neurons: a = tanh z of the values, a' = (1 - a^2) z' of the tangents. The tangents'
-    /// products do not wait for tanh, which takes as long as they do: the processor works on both.
-    /// `K` sums are kept for every one that is wanted, so that additions need not wait either.
+impl<V: Simd> LayerPass<'_, V> {
+    /// `R` vectors of neurons: a = tanh z of the values, a' = (1 - a^2) z' of the tangents. The
+    /// tangents' products do not wait for tanh, which takes as long as they do: the processor works
+    /// on both. `K` sums are kept for every one that is wanted, so that additions need not wait
+    /// either.
     #[inline(always)]
     fn block<const P: usize, const R: usize, const K: usize>(
         &mut self,
-        block: &Block,
+        block: &RowBlock,
         place: Place,
     ) {
         let zero = self.zero;
@@ -149,7 +153,7 @@ impl<V: Simd> Pass<'_, V> {
 
     /// The tangents of the input are unit vectors, which pick a column of the weights.
     #[inline(always)]
-    fn first_tangents<const R: usize>(&mut self, block: &Block, column: usize, slope: [V; R]) {
+    fn first_tangents<const R: usize>(&mut self, block: &RowBlock, column: usize, slope: [V; R]) {
         for j in 0..self.tangents {
             let w = rows::<V, R>(self.zero, &block.weights[j * R * V::LANES..]);
             self.store(block, column + j, times(slope, w));
@@ -160,7 +164,7 @@ impl<V: Simd> Pass<'_, V> {
     #[inline(always)]
     fn all_tangents<const R: usize, const K: usize>(
         &mut self,
-        block: &Block,
+        block: &RowBlock,
         mut column: usize,
         slope: [V; R],
     ) {
@@ -180,7 +184,7 @@ impl<V: Simd> Pass<'_, V> {
     #[inline(always)]
     fn tangents<const R: usize, const C: usize, const K: usize>(
         &mut self,
-        block: &Block,
+        block: &RowBlock,
         column: usize,
         slope: [V; R],
     ) {
@@ -194,7 +198,7 @@ impl<V: Simd> Pass<'_, V> {
     #[inline(always)]
     fn product<const R: usize, const C: usize, const K: usize>(
         &self,
-        block: &Block,
+        block: &RowBlock,
         column: usize,
         step: usize,
     ) -> [[V; R]; C] {
@@ -238,7 +242,7 @@ impl<V: Simd> Pass<'_, V> {
     }
 
     #[inline(always)]
-    fn store<const R: usize>(&mut self, block: &Block, column: usize, vectors: [V; R]) {
+    fn store<const R: usize>(&mut self, block: &RowBlock, column: usize, vectors: [V; R]) {
         let to = &mut self.to[column * self.stride + block.first..][..R * V::LANES];
         for (vector, to) in vectors.into_iter().zip(to.chunks_exact_mut(V::LANES)) {
             vector.write(to);

@@ -7,8 +7,8 @@ use serde::{Deserialize, Serialize};
 /// Self-scaled Broyden for nets up to a size, L-BFGS for larger ones.
 ///
 /// The full inverse Hessian takes 4 P^2 bytes for P weights and biases and a pass over them in each
-/// iteration; L-BFGS is linear in P, but gains less per iteration. Where the one overtakes the other
-/// is measured in `docs/measurements.md`.
+/// iteration; L-BFGS is linear in P, but gains less per iteration. Where the one overtakes the
+/// other is measured in `docs/measurements.md`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct AutoConfig {

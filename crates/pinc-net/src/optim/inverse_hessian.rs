@@ -1,4 +1,5 @@
-//! A symmetric matrix that is multiplied by a vector and updated by low ranks, as fast as memory allows.
+//! A symmetric matrix that is multiplied by a vector and updated by low ranks, as fast as memory
+//! allows.
 
 use crate::Workers;
 use pinc_ad::simd::{Simd, Task};
@@ -13,11 +14,12 @@ const BLOCK: usize = 8;
 /// Rows that go through registers together.
 const GROUP: usize = 4;
 
-/// Updates that are held back and then applied in one pass. A pass that only reads the matrix costs half
-/// of one that also writes it.
+/// Updates that are held back and then applied in one pass. A pass that only reads the matrix costs
+/// half of one that also writes it.
 const BATCH: usize = 8;
 
-/// Parts of the matrix that threads take: a fixed number, so that sums do not depend on the threads.
+/// Parts of the matrix that threads take: a fixed number, so that sums do not depend on the
+/// threads.
 const PARTS: usize = 16;
 
 /// H <- scale H + hh Hy Hy' + hs (Hy s' + s Hy') + ss s s'.
@@ -31,8 +33,9 @@ pub(super) struct Update {
     pub(super) ss: f64,
 }
 
-/// A symmetric matrix H, of which only the upper triangle is stored, in blocks of eight rows from the
-/// diagonal block to the right; sizes are rounded up to whole blocks. Memory: 4 P^2 bytes for P variables.
+/// A symmetric matrix H, of which only the upper triangle is stored, in blocks of eight rows from
+/// the diagonal block to the right; sizes are rounded up to whole blocks. Memory: 4 P^2 bytes for P
+/// variables.
 ///
 /// The matrix meant is `scale` times the stored one plus the pending updates.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]

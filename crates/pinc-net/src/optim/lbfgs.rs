@@ -8,7 +8,8 @@ use crate::mlp::to_f64;
 use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
 
-/// Settings of limited-memory BFGS: Nocedal and Wright, *Numerical Optimization*, Algorithms 7.4 and 7.5.
+/// Settings of limited-memory BFGS: Nocedal and Wright, *Numerical Optimization*, Algorithms 7.4
+/// and 7.5.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct LbfgsConfig {

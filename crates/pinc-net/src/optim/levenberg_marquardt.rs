@@ -10,9 +10,9 @@ use serde::{Deserialize, Serialize};
 /// Settings of the Levenberg-Marquardt method with Nielsen's damping: Madsen, Nielsen and Tingleff,
 /// "Methods for non-linear least squares problems", 2nd ed. (2004), Algorithm 3.16.
 ///
-/// Each iteration solves (J'J + mu I) d = -J'r for the step d, with J the Jacobian of the residuals r, by a
-/// Cholesky factorization. For P parameters it keeps two P x P matrices (16 P^2 bytes), computes J'J once
-/// per iteration, and spends P^3/6 multiply-adds on one core per trial.
+/// Each iteration solves (J'J + mu I) d = -J'r for the step d, with J the Jacobian of the residuals
+/// r, by a Cholesky factorization. For P parameters it keeps two P x P matrices (16 P^2 bytes),
+/// computes J'J once per iteration, and spends P^3/6 multiply-adds on one core per trial.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct LevenbergMarquardtConfig {
@@ -29,12 +29,12 @@ impl Default for LevenbergMarquardtConfig {
     }
 }
 
-/// Where damping ends, relative to the largest entry on the diagonal of J'J: with more, a step has no
-/// length, because it is at most |r| / sqrt(mu).
+/// Where damping ends, relative to the largest entry on the diagonal of J'J: with more, a step has
+/// no length, because it is at most |r| / sqrt(mu).
 const MAX_DAMPING: f64 = 1e30;
 
-/// The least damping, relative to the same: with less, rounding decides whether J'J + mu I is positive
-/// definite.
+/// The least damping, relative to the same: with less, rounding decides whether J'J + mu I is
+/// positive definite.
 const MIN_DAMPING: f64 = f64::EPSILON;
 
 impl LevenbergMarquardtConfig {
@@ -130,8 +130,8 @@ impl Buffers {
         self.normal.iter().step_by(variables + 1).copied().fold(0.0, f64::max)
     }
 
-    /// Tries the step for the damping `mu`, with one evaluation. If the function falls, the new point is in
-    /// `next`, and the result the decrease relative to that of the linear model.
+    /// Tries the step for the damping `mu`, with one evaluation. If the function falls, the new
+    /// point is in `next`, and the result the decrease relative to that of the linear model.
     fn trial(&mut self, objective: &mut impl LeastSquares, at: &Iterate, mu: f64) -> Option<f64> {
         self.solve(&at.gradient, mu)?;
         let step = self.step.col(0);

@@ -7,13 +7,13 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum LineSearch {
-    /// Bisection to the weak Wolfe conditions with c1 = 1e-4, c2 = 0.9: Lewis and Overton, "Nonsmooth
-    /// optimization via quasi-Newton methods", Math. Programming 141 (2013), Algorithm 2.6. Cheap: mostly
-    /// one evaluation.
+    /// Bisection to the weak Wolfe conditions with c1 = 1e-4, c2 = 0.9: Lewis and Overton,
+    /// "Nonsmooth optimization via quasi-Newton methods", Math. Programming 141 (2013), Algorithm
+    /// 2.6. Cheap: mostly one evaluation.
     WeakWolfe,
     /// To the (approximate) Wolfe conditions with delta = 0.1, sigma = 0.9: Hager and Zhang, "A new
-    /// conjugate gradient method with guaranteed descent and an efficient line search", SIAM J. Optim. 16
-    /// (2005). What the authors' code uses; more exact, about three evaluations.
+    /// conjugate gradient method with guaranteed descent and an efficient line search", SIAM J.
+    /// Optim. 16 (2005). What the authors' code uses; more exact, about three evaluations.
     HagerZhang,
 }
 
@@ -39,8 +39,8 @@ struct Line<'a, O> {
 }
 
 impl LineSearch {
-    /// A step length from `start` along `direction`, tried first with `first_step`; on success the new
-    /// point, which is the one evaluated last, is in `next`.
+    /// A step length from `start` along `direction`, tried first with `first_step`; on success the
+    /// new point, which is the one evaluated last, is in `next`.
     pub(super) fn search<O: Objective>(
         self,
         objective: &mut O,

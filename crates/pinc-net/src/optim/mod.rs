@@ -1,7 +1,7 @@
 //! Optimizers of a smooth function of many variables, one file each.
 //!
-//! Each has its choices ([`OptimizerConfig`]), its memory (serializable, so that a run can go on after
-//! an interruption bit for bit) and its arithmetic (a `step` that moves an [`Iterate`]).
+//! Each has its choices ([`OptimizerConfig`]), its memory (serializable, so that a run can go on
+//! after an interruption bit for bit) and its arithmetic (a `step` that moves an [`Iterate`]).
 
 mod adam;
 mod auto;
@@ -34,8 +34,8 @@ pub trait Objective {
     fn evaluate(&mut self, x: &[f64], gradient: &mut [f64]) -> f64;
 }
 
-/// A function to be minimized that is a sum of squares: its value is |r(x)|^2 with residuals r, weights
-/// included. With J the Jacobian of r, its gradient is 2 J'r.
+/// A function to be minimized that is a sum of squares: its value is |r(x)|^2 with residuals r,
+/// weights included. With J the Jacobian of r, its gradient is 2 J'r.
 pub trait LeastSquares: Objective {
     /// The normal matrix J'J at `x`: half the Gauss-Newton approximation of the Hessian.
     ///
@@ -96,8 +96,8 @@ pub enum Outcome {
     Moved,
     /// The gradient is below the tolerance; the iterate has not moved.
     Converged,
-    /// No better point was found along the direction, nor along the steepest descent; the iterate has
-    /// not moved. Near a minimum this means that rounding allows no further progress.
+    /// No better point was found along the direction, nor along the steepest descent; the iterate
+    /// has not moved. Near a minimum this means that rounding allows no further progress.
     Stuck,
 }
 
@@ -119,7 +119,8 @@ pub enum OptimizerConfig {
 }
 
 impl OptimizerConfig {
-    /// The optimizer for a net of `weights` weights and biases: a choice by size is made, all else stays.
+    /// The optimizer for a net of `weights` weights and biases: a choice by size is made, all else
+    /// stays.
     #[must_use]
     pub fn for_size(&self, weights: usize) -> Self {
         match self {
@@ -207,8 +208,8 @@ impl Optimizer {
 
     /// One iteration from `iterate`, whose value and gradient must be those of `objective`.
     ///
-    /// Where the function is not finite, line searches step back and Levenberg-Marquardt tries a smaller
-    /// step; a step of Adam may end there.
+    /// Where the function is not finite, line searches step back and Levenberg-Marquardt tries a
+    /// smaller step; a step of Adam may end there.
     pub fn step(
         &mut self,
         objective: &mut impl LeastSquares,
@@ -223,8 +224,8 @@ impl Optimizer {
         }
     }
 
-    /// Tells that the objective has changed, and `iterate` with it, at the same point. What has been
-    /// learnt of the curvature is kept.
+    /// Tells that the objective has changed, and `iterate` with it, at the same point. What has
+    /// been learnt of the curvature is kept.
     pub fn refresh(&mut self, iterate: &Iterate, workers: &Workers) {
         if let Method::SelfScaledBroyden(broyden) = &mut self.0 {
             broyden.refresh(&iterate.gradient, workers);
@@ -232,8 +233,8 @@ impl Optimizer {
     }
 }
 
-/// Memory that carries nothing from one step to the next, kept so that it need not be allocated anew. It
-/// is neither copied nor saved, and makes no difference between optimizers.
+/// Memory that carries nothing from one step to the next, kept so that it need not be allocated
+/// anew. It is neither copied nor saved, and makes no difference between optimizers.
 #[derive(Default)]
 struct Scratch<T>(T);
 

@@ -8,13 +8,13 @@ use crate::mlp::to_f64;
 use crate::{NetError, Workers};
 use serde::{Deserialize, Serialize};
 
-/// Settings of the self-scaled Broyden method (SSBroyden2): Al-Baali and Khalfan, "A wide interval for
-/// efficient self-scaling quasi-Newton algorithms", Optim. Methods Softw. 20 (2005); Urban, Stefanou and
-/// Pons, "Unveiling the optimization process of physics informed neural networks", J. Comput. Phys. 523
-/// (2025) 113656, Eqs. 13-23.
+/// Settings of the self-scaled Broyden method (SSBroyden2): Al-Baali and Khalfan, "A wide interval
+/// for efficient self-scaling quasi-Newton algorithms", Optim. Methods Softw. 20 (2005); Urban,
+/// Stefanou and Pons, "Unveiling the optimization process of physics informed neural networks", J.
+/// Comput. Phys. 523 (2025) 113656, Eqs. 13-23.
 ///
-/// It keeps the whole inverse Hessian: 4 P^2 bytes for P parameters (8 MB for 1402), and a pass over
-/// them in each iteration.
+/// It keeps the whole inverse Hessian: 4 P^2 bytes for P parameters (8 MB for 1402), and a pass
+/// over them in each iteration.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct SelfScaledBroydenConfig {
@@ -103,8 +103,8 @@ impl SelfScaledBroyden {
         }
     }
 
-    /// Tells that the objective has changed: `gradient` is the new one at the same point. What has been
-    /// learnt of the curvature is kept.
+    /// Tells that the objective has changed: `gradient` is the new one at the same point. What has
+    /// been learnt of the curvature is kept.
     pub(super) fn refresh(&mut self, gradient: &[f64], workers: &Workers) {
         if !self.inverse_hessian.is_empty() {
             self.inverse_hessian.product(gradient, &mut self.newton, workers);
@@ -118,8 +118,8 @@ impl SelfScaledBroyden {
         self.newton = gradient.iter().map(|g| diagonal * g).collect();
     }
 
-    /// The update from the step s = `step` * direction to `to`, from the point that is in the place of
-    /// the next one, in the notation of the references:
+    /// The update from the step s = `step` * direction to `to`, from the point that is in the place
+    /// of the next one, in the notation of the references:
     ///
     /// ```text
     /// b = s'B s/s'y,  h = y'H y/s'y,  k = h b - 1,  c = sqrt(k/(1 + k)),  r = min(1, h (1 - c))

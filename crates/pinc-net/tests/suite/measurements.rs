@@ -28,8 +28,8 @@ fn a_trajectory_is_cut_where_a_step_can_begin_and_must_end() {
     ];
     let mut measured = Measurements::new(2);
     measured.push_trajectory(T, &rows);
-    // From t = 0: the rows at 0.2 and 0.4, where the input changes. From 0.4: not the empty row, but that
-    // at 0.9 = 0.4 + T. No other row has all states and another within T.
+    // From t = 0: the rows at 0.2 and 0.4, where the input changes. From 0.4: not the empty row,
+    // but that at 0.9 = 0.4 + T. No other row has all states and another within T.
     let found: Vec<_> = (0..measured.len())
         .map(|k| {
             let points = measured.points();
@@ -100,8 +100,8 @@ fn trainer(phases: Vec<Phase>, keep: SelectNet, threads: usize) -> Trainer {
     Trainer::new(&plant, &training, validation).unwrap()
 }
 
-/// The error against the measurements at the end, and loss and its term of the measurements at the start
-/// and the end.
+/// The error against the measurements at the end, and loss and its term of the measurements at the
+/// start and the end.
 fn run(mut trainer: Trainer) -> (f64, Vec<(f64, f64)>) {
     let mut losses = Vec::new();
     while let Progress::Iterated(record) = trainer.step().unwrap() {
@@ -126,8 +126,8 @@ fn measurements_pull_a_net_of_a_wrong_equation_to_the_plant() {
     let physics = run(trainer(phases(), SelectNet::Last, 1)).0;
     let both = trainer(phases(), SelectNet::Last, 1).with_measurements(&measured(), 100.0).unwrap();
     let both = run(both).0;
-    // The equations differ by up to half a unit of velocity over half a second, a tenth of the box; with
-    // measurements a hundred times as heavy as the equation little of that is left.
+    // The equations differ by up to half a unit of velocity over half a second, a tenth of the box;
+    // with measurements a hundred times as heavy as the equation little of that is left.
     assert!(physics > 1e-3, "{physics}");
     assert!(both < 0.1 * physics, "{both} against {physics}");
 }
@@ -155,7 +155,8 @@ fn every_optimizer_fits_them_in_the_same_bits_on_any_number_of_threads() {
 
 #[test]
 fn held_out_measurements_choose_the_best_net() {
-    // Physics alone moves away from the plant again after it has come near: the best is not the last.
+    // Physics alone moves away from the plant again after it has come near: the best is not the
+    // last.
     let mut trainer = trainer(phase(broyden(), 150), SelectNet::Best, 1);
     let mut best = f64::INFINITY;
     while let Progress::Iterated(_) = trainer.step().unwrap() {

@@ -224,7 +224,8 @@ fn after_a_refresh_the_direction_is_of_the_new_gradient_and_the_old_curvature() 
     for i in 0..n {
         assert!((of_sum[i] - of_a[i] - 2.0 * of_b[i]).abs() < 1e-13, "{i}");
     }
-    // And it has learnt: the eigenvalues 1 to 100 have other inverses than those of its start, all alike.
+    // And it has learnt: the eigenvalues 1 to 100 have other inverses than those of its start, all
+    // alike.
     let along = |i: usize| -direction(&std::array::from_fn::<f64, 20, _>(|j| f64::from(j == i)))[i];
     assert!(along(0) > 10.0 * along(n - 1), "{} {}", along(0), along(n - 1));
 }
@@ -290,7 +291,8 @@ impl<F: Fn(&[f64], &mut [f64], &mut [Vec<f64>])> LeastSquares for Squares<F> {
     }
 }
 
-/// Iterates Levenberg-Marquardt to the end; the last iterate, its outcome, iterations and evaluations.
+/// Iterates Levenberg-Marquardt to the end; the last iterate, its outcome, iterations and
+/// evaluations.
 fn fit<F: Fn(&[f64], &mut [f64], &mut [Vec<f64>])>(
     mut problem: Squares<F>,
     start: Vec<f64>,
@@ -351,8 +353,8 @@ fn levenberg_marquardt_recovers_the_exponentials_behind_exact_data() {
     });
     let (at, outcome, iterations, _) = fit(problem, vec![-1.0, -2.0, 1.0, -1.0], 1e-3);
     assert_ne!(outcome, Outcome::Moved, "{iterations}");
-    // Residuals of zero, up to rounding; the problem is ill-conditioned (the reference stops after 62
-    // iterations with x to 4 digits), so that x is much less exact.
+    // Residuals of zero, up to rounding; the problem is ill-conditioned (the reference stops after
+    // 62 iterations with x to 4 digits), so that x is much less exact.
     assert!(at.value < 1e-20, "{:e} after {iterations}", at.value);
     for (x, truth) in at.x.iter().zip(truth) {
         assert!((x - truth).abs() < 1e-2, "{:?}", at.x);

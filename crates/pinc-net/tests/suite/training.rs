@@ -320,7 +320,8 @@ fn a_conventional_pinn_learns_its_one_scenario() {
             );
             squares += (y[0] - truth[0]).powi(2);
             if k == 10 {
-                // Its validation is of these very rows, in standard deviations of the box: 18 / sqrt 12.
+                // Its validation is of these very rows, in standard deviations of the box: 18 /
+                // sqrt 12.
                 let found = set.evaluate(&trainer.net());
                 let last = (y[0] - truth[0]).powi(2);
                 assert!((found.mse_gen - last).abs() <= 1e-6 * last + 1e-20, "{found:?}");
