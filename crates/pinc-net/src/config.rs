@@ -14,8 +14,8 @@ pub enum TrainingTarget {
     #[default]
     Physics,
     /// The plant's state at t = T, by an accurate integration ([`pinc_ode::Dopri5`]): a distilled
-    /// net y0 + N(y0, u). Between 0 and T it knows nothing. The points of the sample are initial
-    /// states and inputs, and the loss has the term `MSE_D` alone.
+    /// net y0 + N(y0, u). Between 0 and T its values are meaningless. The points of the sample are
+    /// initial states and inputs, and the loss has the term `MSE_D` alone.
     Integrator,
 }
 
@@ -28,7 +28,7 @@ impl std::fmt::Display for TrainingTarget {
     }
 }
 
-/// Which net a training gives.
+/// Which net a training returns.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum SelectNet {
@@ -38,21 +38,21 @@ pub enum SelectNet {
     Last,
 }
 
-/// A part of the schedule: one optimizer for a number of iterations.
+/// A phase of the schedule: one optimizer for a number of iterations.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Phase {
-    /// The optimizer; each phase starts it afresh.
+    /// The optimizer; each phase starts with a fresh one.
     pub optimizer: OptimizerConfig,
-    /// How many iterations at most.
+    /// Maximum number of iterations.
     pub iterations: u64,
-    /// Whether to go back to the best net on validation when the phase is over.
+    /// Whether the next phase starts from the best net on validation instead of the last.
     #[serde(default)]
     pub restore_best: bool,
 }
 
 impl Phase {
-    /// At most `iterations` iterations of an optimizer; the next phase starts from where they end.
+    /// At most `iterations` iterations of an optimizer; the next phase starts from the last net.
     #[must_use]
     pub fn new(optimizer: impl Into<OptimizerConfig>, iterations: u64) -> Self {
         Self { optimizer: optimizer.into(), iterations, restore_best: false }
@@ -64,15 +64,15 @@ impl Phase {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct GrowthConfig {
-    /// Where growth ends.
+    /// Maximum size of the sample.
     pub max_points: usize,
-    /// The factor by which it grows.
+    /// Factor by which it grows each time.
     pub factor: usize,
     /// Grow when the loss on fresh points is this many times that on the sample.
     pub overfit_ratio: f64,
-    /// Iterations between looks at fresh points.
+    /// Iterations between evaluations of the loss on fresh points.
     pub check_every: u64,
-    /// How many fresh points.
+    /// Number of fresh points.
     pub fresh_points: usize,
 }
 
@@ -104,19 +104,19 @@ pub struct TrainingConfig {
     /// What the net is trained on.
     #[serde(default)]
     pub source: TrainingTarget,
-    /// How collocation points are spread.
+    /// How collocation points are distributed.
     pub sampler: Sampler,
     /// Number of collocation points `N_F` (of initial states and inputs for
     /// [`TrainingTarget::Integrator`]), at the start if the sample grows.
     pub collocation_points: usize,
-    /// Number of initial points `N_t` of `MSE_y` (and of scenarios of the coupled grid). Without
-    /// use for a hard initial condition.
+    /// Number of initial points `N_t` of `MSE_y` (and of scenarios of the coupled grid). No
+    /// effect with a hard initial condition, except for the coupled grid.
     pub initial_points: usize,
     /// Weight lambda of `MSE_F`.
     pub lambda: f64,
-    /// In which units residuals are squared.
+    /// The units in which residuals are squared.
     pub residual_scale: ResidualScale,
-    /// In which units errors of the initial condition, and of measured states, are squared.
+    /// The units in which errors of the initial condition and of measured states are squared.
     pub initial_scale: InitialScale,
     /// The schedule.
     pub phases: Vec<Phase>,
@@ -125,10 +125,10 @@ pub struct TrainingConfig {
     pub growth: Option<GrowthConfig>,
     /// Iterations between validations.
     pub validation_every: u64,
-    /// Which net is the result.
+    /// Which net is returned.
     pub keep: SelectNet,
-    /// Accuracy at which the training ends, with the net that has it: the root of the mean squared
-    /// error of one step, in the states' units, found by a validation.
+    /// Accuracy at which the training stops and returns the current net: the root mean squared
+    /// error of one step on validation, in the states' units.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub target_one_step_rms: Option<f64>,
 }
@@ -157,7 +157,7 @@ impl TrainingConfig {
         }
     }
 
-    /// The weights of the loss of `net`.
+    /// The weights in the loss of `net`.
     pub(crate) fn weights(&self, net: &PincNet) -> Result<LossWeights, NetError> {
         LossWeights::new(net, self.lambda, &self.residual_scale, self.initial_scale)
     }

@@ -1,4 +1,4 @@
-//! What a distilled net is trained on: the plant's states after T.
+//! The targets of a distilled net: the plant's states after T.
 
 use crate::sampling::Points;
 use crate::{Ansatz, Measurements, NetError, PincNet, TrainingTarget, Workers};
@@ -8,8 +8,8 @@ use rayon::prelude::*;
 /// Local error tolerance of the integration: far below what nets reach.
 const TOLERANCE: f64 = 1e-11;
 
-/// States after T by an accurate integration. A sample that grows keeps its points, and with them
-/// what has been integrated.
+/// States after T by an accurate integration. A sample that grows keeps its points, so that only
+/// the new ones are integrated.
 #[derive(Debug)]
 pub(crate) struct Labels {
     integrator: Dopri5,
@@ -18,7 +18,7 @@ pub(crate) struct Labels {
 }
 
 impl Labels {
-    /// Nothing integrated yet; `None` for a net that is trained on the equation.
+    /// Labels without points; `None` for a net that is trained on the equation.
     pub(crate) fn for_net(plant: &dyn DynRhs, net: &PincNet) -> Result<Option<Self>, NetError> {
         if net.source == TrainingTarget::Physics {
             return Ok(None);
@@ -34,8 +34,8 @@ impl Labels {
         Ok(Some(Self { integrator, sample_time_s: net.sample_time_s, known }))
     }
 
-    /// The states after T from the initial states and inputs of `points`, whose times are of no
-    /// account. The first points must be those of the call before.
+    /// The states after T from the initial states and inputs of `points`, whose times are
+    /// ignored. The first points must be those of the previous call.
     pub(crate) fn of(
         &mut self,
         points: &Points,
@@ -45,7 +45,8 @@ impl Labels {
         let new = known.len()..points.len();
         let integrate = |i: usize| {
             let mut y = points.state(i).to_vec();
-            // A fresh one, which has learnt no step size: the same bits on any number of threads.
+            // A fresh integrator has adapted no step size yet: the same bits on any number of
+            // threads.
             integrator.clone().integrate(&mut y, points.input(i), *sample_time_s)?;
             Ok(y)
         };

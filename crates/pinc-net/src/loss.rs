@@ -8,7 +8,7 @@ use pinc_ad::{Dual, Scalar};
 use pinc_ode::{Dims, Plant};
 use serde::{Deserialize, Serialize};
 
-/// In which units the residual F = y' - f(y, u) of each state is squared.
+/// The units in which the residual F = y' - f(y, u) of each state is squared.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum ResidualScale {
@@ -17,17 +17,17 @@ pub enum ResidualScale {
     /// Standard deviations of the state in the domain per T, so that states of different units and
     /// sizes weigh the same.
     Normalized,
-    /// What the state moves by in one step per T, so that states which change little while others
-    /// change much are learnt as exactly for their size: standard deviations over the domain of T
-    /// f(y0, u), or of the state itself where that is less. The same as `Normalized` without the
-    /// hard initial condition.
+    /// The state's typical displacement in one step, per T: the standard deviation of T f(y0, u)
+    /// over the domain, or that of the state itself if it is smaller. States that change little
+    /// are then learnt as accurately, relative to their displacement, as states that change much.
+    /// Without the hard initial condition the same as `Normalized`.
     Displacement,
     /// The state's own unit per second times this factor, one per state; the authors' code takes
     /// the cross-sections `A_i` of the tanks.
     Custom(Vec<f64>),
 }
 
-/// In which units the error of the initial condition, and that of measured states, is squared.
+/// The units in which errors of the initial condition and of measured states are squared.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum InitialScale {
@@ -35,12 +35,12 @@ pub enum InitialScale {
     Physical,
     /// Standard deviations of the state in the domain: the authors' code.
     Normalized,
-    /// What the state moves by in one step, as in [`ResidualScale::Displacement`].
+    /// The state's typical displacement in one step, as in [`ResidualScale::Displacement`].
     Displacement,
 }
 
-/// Weights of the loss: `MSE_y` + lambda `MSE_F` + weight `MSE_D`, each state's errors times its
-/// factor first. `MSE_D` is the mean over measured values.
+/// Weights of the loss: `MSE_y` + lambda `MSE_F` + weight `MSE_D`, where each state's
+/// errors are multiplied by a factor of its own. `MSE_D` is the mean over measured values.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LossWeights {
     /// The weight lambda of `MSE_F`.
@@ -127,7 +127,7 @@ impl LossTerms {
 /// The loss over any scalar, written as in the paper: the specification that the batched kernel is
 /// tested against. Returns `MSE_y` and lambda `MSE_F`; [`reference_measured`] is the third term.
 ///
-/// `context` is any value of the scalar's kind (on the same tape).
+/// `context` is any number of type `S` (for a [`pinc_ad::Var`], on the tape of `parameters`).
 ///
 /// # Panics
 ///
@@ -149,8 +149,8 @@ pub fn reference_loss<S: Scalar, P: Plant>(
 /// conditions and the residuals of the equation, each of length points times states, point by
 /// point.
 ///
-/// `points` are the collocation points and the initial points; `context` is any value of the
-/// scalar's kind (on the same tape).
+/// `points` are the collocation points and the initial points; `context` is any number of
+/// type `S` (for a [`pinc_ad::Var`], on the tape of `parameters`).
 ///
 /// # Panics
 ///

@@ -1,4 +1,4 @@
-//! Measurements of the plant, which a net can be fitted to beside the plant's equation.
+//! Measurements of the plant, to which a net can be fitted beside the plant's equation.
 
 use crate::sampling::Points;
 
@@ -16,9 +16,9 @@ pub struct Measurements {
 pub struct Recorded {
     /// Time in s.
     pub t: f64,
-    /// The input from here to the next row, one number per input.
+    /// The input from this row to the next, one number per input.
     pub input: Vec<f64>,
-    /// What was measured, one per state; `None` where nothing was.
+    /// The measured states; `None` where there is no measurement.
     pub state: Vec<Option<f64>>,
 }
 
@@ -33,7 +33,7 @@ impl Measurements {
     ///
     /// # Panics
     ///
-    /// If `y0`, `y` or `u` has not the length it has in the measurements before.
+    /// If the length of `y0`, `y` or `u` differs from that in earlier measurements.
     pub fn push(&mut self, t: f64, y0: &[f64], u: &[f64], y: &[Option<f64>]) {
         assert_eq!(y.len(), self.states, "length of y");
         self.points.push(t, y0, u);
@@ -42,7 +42,7 @@ impl Measurements {
 
     /// Adds a recorded trajectory, its rows in the order of time: every row with all states
     /// measured is the y0 of the rows up to `sample_time_s` after it, as long as the input stays
-    /// the same. Rows that follow no such row are of no use.
+    /// the same. Rows that follow no such row are ignored.
     ///
     /// # Panics
     ///
@@ -65,13 +65,13 @@ impl Measurements {
         }
     }
 
-    /// How many points (t, y0, u) there are.
+    /// Number of points (t, y0, u).
     #[must_use]
     pub fn len(&self) -> usize {
         self.points.len()
     }
 
-    /// Whether there is none.
+    /// Whether there are no points.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.points.is_empty()
@@ -83,7 +83,7 @@ impl Measurements {
         &self.points
     }
 
-    /// What was measured at point `i`, one per state.
+    /// The measured states at point `i`.
     ///
     /// # Panics
     ///
@@ -93,7 +93,7 @@ impl Measurements {
         &self.values[i * self.states..(i + 1) * self.states]
     }
 
-    /// How many values there are: the measured states of all points.
+    /// Number of measured values, over all points and states.
     #[must_use]
     pub fn values(&self) -> usize {
         self.values.iter().flatten().count()

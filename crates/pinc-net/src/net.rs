@@ -1,4 +1,4 @@
-//! The PINC net: a perceptron with all that turns it into a model of a plant.
+//! The PINC net: a perceptron with its normalization, ansatz and domain.
 
 use crate::mlp::MlpConfig;
 use crate::sampling::{Purpose, Sampler, rng};
@@ -7,10 +7,10 @@ use pinc_ad::Scalar;
 use pinc_ode::{Dims, DynRhs};
 use serde::{Deserialize, Serialize};
 
-/// Points at which the plant is asked for the scale of its velocities.
+/// Number of points at which the plant's velocities are evaluated to find their scale.
 const SCALE_POINTS: usize = 4096;
 
-/// The choices that make a net, besides its plant and domain.
+/// The architecture of a net.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct NetConfig {
@@ -97,8 +97,8 @@ impl NetConfig {
     }
 }
 
-/// A trained (or fresh) net y(t) = `f_w`(t, y(0), u), Eq. (`net_pred`) of the paper, that stands
-/// alone: it knows its normalization, ansatz, horizon, domain and the names of its variables.
+/// A trained (or fresh) net y(t) = `f_w`(t, y(0), u), Eq. (`net_pred`) of the paper. It is
+/// self-contained: normalization, ansatz, T, domain and the names of the variables are part of it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PincNet {
     pub(crate) mlp: Mlp,
@@ -194,8 +194,8 @@ impl PincNet {
         self.time_only.as_ref()
     }
 
-    /// What it was trained on. A net of [`TrainingTarget::Integrator`] is to be asked at t = T
-    /// alone.
+    /// What it was trained on. A net trained on [`TrainingTarget::Integrator`] is meaningful at
+    /// t = T only.
     #[must_use]
     pub fn source(&self) -> TrainingTarget {
         self.source
@@ -260,7 +260,7 @@ impl PincNet {
     }
 }
 
-/// Mean and standard deviation of T f(y0, u) over the domain: what a state moves by in one step.
+/// Mean and standard deviation of T f(y0, u) over the domain: a state's displacement in one step.
 fn displacement_scale(
     plant: &dyn DynRhs,
     config: &NetConfig,
@@ -291,7 +291,8 @@ fn displacement_scale(
             let count = crate::mlp::to_f64(v.len());
             let mean = v.iter().sum::<f64>() / count;
             let variance = v.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / count;
-            // A velocity that does not vary (one scenario, a pure integrator) still has a size.
+            // A velocity that does not vary (one scenario, a pure integrator) still has a
+            // magnitude.
             let std = if variance > 0.0 { variance.sqrt() } else { mean.abs() };
             (mean, if std > 0.0 { std } else { 1.0 })
         })

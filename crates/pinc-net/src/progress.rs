@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-/// What one iteration came to.
+/// The results of one iteration.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct IterationRecord {
     /// Iterations done, over all phases.
@@ -35,9 +35,9 @@ pub enum StopReason {
     IterationsDone,
     /// The gradient fell below its tolerance in the last phase.
     GradientTolerance,
-    /// No further descent was found in the last phase: rounding allows none.
+    /// No further descent was found in the last phase, usually because of rounding.
     NoFurtherDescent,
-    /// The net is as accurate as wanted.
+    /// The net reached the accuracy asked for.
     TargetReached,
 }
 
@@ -52,19 +52,19 @@ impl std::fmt::Display for StopReason {
     }
 }
 
-/// What [`Trainer::step`](crate::Trainer::step) came to.
+/// The result of [`Trainer::step`](crate::Trainer::step).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Progress {
-    /// An iteration.
+    /// One iteration was done.
     Iterated(IterationRecord),
-    /// The end; further steps say the same.
+    /// The training is over; further steps return the same.
     Finished(StopReason),
 }
 
 /// Work done so far.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Totals {
-    /// Iterations of optimizers.
+    /// Iterations, over all phases.
     pub iterations: u64,
     /// Evaluations of loss and gradient.
     pub loss_evaluations: u64,

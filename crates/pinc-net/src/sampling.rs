@@ -1,4 +1,4 @@
-//! Where the physics is asked for: collocation points and initial conditions.
+//! Samples: collocation points and initial conditions.
 
 use crate::Domain;
 use crate::mlp::to_f64;
@@ -8,7 +8,7 @@ use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 use serde::{Deserialize, Serialize};
 
-/// How collocation points (t, y0, u) are spread over \[0, T\] and the domain.
+/// How collocation points (t, y0, u) are distributed over \[0, T\] and the domain.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Sampler {
@@ -30,8 +30,8 @@ pub struct Points {
     u: Vec<f64>,
 }
 
-/// What a stream of random numbers is for: each purpose has its own, so that changing one does not
-/// move the others.
+/// The purpose of a stream of random numbers. Each purpose has a stream of its own, so that drawing
+/// more numbers for one does not change the others.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Purpose {
     Weights = 1,
@@ -70,13 +70,13 @@ impl Points {
         self.u.extend_from_slice(u);
     }
 
-    /// How many points there are.
+    /// Number of points.
     #[must_use]
     pub fn len(&self) -> usize {
         self.t.len()
     }
 
-    /// Whether there is none.
+    /// Whether there are no points.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.t.is_empty()

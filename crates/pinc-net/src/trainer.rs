@@ -1,4 +1,4 @@
-//! Training: Algorithm 1 of the paper, and beyond it a sample that grows.
+//! Training: Algorithm 1 of the paper, with a sample that can grow.
 
 use crate::labels::Labels;
 use crate::loss::LossTerms;
@@ -12,8 +12,8 @@ use crate::{
 use pinc_ode::DynRhs;
 use serde::{Deserialize, Serialize};
 
-/// All that changes during a training: to go on from it gives the same bits as never to have
-/// stopped.
+/// The complete state of a training. A training resumed from it gives the same bits as one that
+/// was never interrupted.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Checkpoint {
     phase: usize,
@@ -38,8 +38,8 @@ impl Checkpoint {
 
 /// A training in progress.
 ///
-/// It neither prints nor looks at a clock: the caller steps it, validates when it is due, and takes
-/// checkpoints.
+/// It neither prints nor reads a clock: the caller steps it, validates when a validation is due,
+/// and takes checkpoints; or [`Trainer::run`] does the first two.
 #[derive(Debug)]
 pub struct Trainer {
     net: PincNet,
@@ -49,12 +49,12 @@ pub struct Trainer {
     workers: Workers,
     loss: BatchLoss,
     fresh: Option<BatchLoss>,
-    /// What a distilled net is to give at the points of the sample.
+    /// The targets of a distilled net at the points of the sample.
     labels: Option<Labels>,
     state: Checkpoint,
 }
 
-/// The loss, with a count and the terms of the last evaluation.
+/// The loss, with a count of evaluations and the terms of the last one.
 struct Counted<'a> {
     loss: &'a mut BatchLoss,
     evaluations: &'a mut u64,
@@ -77,8 +77,8 @@ impl LeastSquares for Counted<'_> {
 }
 
 impl Trainer {
-    /// The `training` of a fresh net, validated on `validation`: [`Training::validation_set`], with
-    /// held-out measurements or without.
+    /// Begins the `training` of a fresh net. `validation` is usually [`Training::validation_set`],
+    /// with held-out measurements or without.
     ///
     /// # Errors
     ///
@@ -136,13 +136,13 @@ impl Trainer {
         Ok(trainer)
     }
 
-    /// The same training, not yet begun, with measurements to be fitted beside the equation: the
-    /// loss gets the term `weight` `MSE_D`, squared in the units of `initial_scale`.
+    /// Adds measurements to be fitted beside the equation, before the first iteration: the loss
+    /// gets the term `weight` `MSE_D`, squared in the units of `initial_scale`.
     ///
     /// # Errors
     ///
-    /// [`NetError::Setting`] if `weight` is not positive, there is nothing measured, or the net is
-    /// trained on an integrator and not on the equation.
+    /// [`NetError::Setting`] if `weight` is not positive, there are no measurements, or the net is
+    /// trained on an integrator instead of the equation.
     pub fn with_measurements(
         mut self,
         measurements: &Measurements,
@@ -166,12 +166,11 @@ impl Trainer {
         Ok(self)
     }
 
-    /// The same training, gone on to where `checkpoint` was taken.
+    /// Continues from where `checkpoint` was taken.
     ///
     /// # Errors
     ///
-    /// [`NetError::Checkpoint`] if it does not fit: it must come from a training with the same
-    /// arguments.
+    /// [`NetError::Checkpoint`] if it does not fit: it must come from the same [`Training`].
     pub fn resume(mut self, checkpoint: Checkpoint) -> Result<Self, NetError> {
         if checkpoint.iterate.x.len() != self.net.mlp().parameters().len() {
             return Err(NetError::Checkpoint { what: "the number of parameters" });
@@ -189,7 +188,7 @@ impl Trainer {
     /// # Errors
     ///
     /// [`NetError::NotFinite`] if the loss or its gradient is NaN or infinite; [`Trainer::net`]
-    /// then still gives the last good net.
+    /// then still returns the last good net.
     pub fn step(&mut self) -> Result<Progress, NetError> {
         if let Some(reason) = self.state.finished {
             return Ok(Progress::Finished(reason));
@@ -225,7 +224,7 @@ impl Trainer {
         Ok(Progress::Iterated(self.record(fresh_loss)))
     }
 
-    /// Iterates to the end, with a validation whenever one is due.
+    /// Iterates to the end and validates whenever a validation is due.
     ///
     /// # Errors
     ///
@@ -271,8 +270,8 @@ impl Trainer {
         due && self.state.validated_at != Some(iterations)
     }
 
-    /// Validates the current net, keeps it if it is the best so far, and ends the training if it is
-    /// as accurate as wanted.
+    /// Validates the current net, keeps it if it is the best so far, and ends the training if it
+    /// reaches [`TrainingConfig::target_one_step_rms`].
     pub fn validate(&mut self) -> Validation {
         let current = self.net.with_parameters(&self.state.iterate.x);
         let validation = self.validation.evaluate(&current);
@@ -290,7 +289,7 @@ impl Trainer {
         validation
     }
 
-    /// The net to be kept so far: the best on validation, or the last.
+    /// The net selected so far: the best on validation, or the last.
     #[must_use]
     pub fn net(&self) -> PincNet {
         match (&self.state.best, self.config.keep) {
@@ -305,7 +304,7 @@ impl Trainer {
         &self.validation
     }
 
-    /// All that changes during the training.
+    /// The complete state of the training.
     #[must_use]
     pub fn checkpoint(&self) -> &Checkpoint {
         &self.state
@@ -333,7 +332,7 @@ impl Trainer {
         Ok(())
     }
 
-    /// Goes on to the next phase, or ends.
+    /// Continues with the next phase, or ends the training.
     fn end_phase(&mut self, reason: StopReason) -> Result<Progress, NetError> {
         let phase = &self.config.phases[self.state.phase];
         if phase.restore_best
@@ -353,7 +352,8 @@ impl Trainer {
         self.step()
     }
 
-    /// Looks at fresh points when it is time, and grows the sample if the net overfits it.
+    /// Evaluates the loss on fresh points when that is due, and enlarges the sample if the net
+    /// overfits it.
     fn check_fresh_points(&mut self) -> Result<Option<f64>, NetError> {
         let (Some(growth), Some(fresh)) = (&self.config.growth, &mut self.fresh) else {
             return Ok(None);
@@ -372,7 +372,7 @@ impl Trainer {
         Ok(Some(fresh))
     }
 
-    /// Enlarges the sample; false where it may not grow.
+    /// Enlarges the sample; false if it may not grow any further.
     fn grow(&mut self) -> Result<bool, NetError> {
         let Some(growth) = &self.config.growth else {
             return Ok(false);
@@ -388,7 +388,7 @@ impl Trainer {
         Ok(true)
     }
 
-    /// Draws the sample: a function of the seed and the number of points alone.
+    /// Draws the sample, which depends on the seed and the number of points only.
     fn sample(&mut self) -> Result<(), NetError> {
         let (points, initial) = (self.state.collocation_points, self.config.initial_points);
         let (sample_time_s, domain) = (self.net.sample_time_s(), self.net.domain());
@@ -414,7 +414,7 @@ impl Trainer {
         Ok(())
     }
 
-    /// Value and gradient anew, after the sample or the parameters were changed.
+    /// Recomputes value and gradient after a change of the sample or the parameters.
     fn reevaluate(&mut self) {
         let mut objective = Counted {
             loss: &mut self.loss,
@@ -425,7 +425,7 @@ impl Trainer {
     }
 }
 
-/// Points for an honest loss: of the same distribution, but never trained on.
+/// Points of the same distribution that the net is never trained on.
 fn fresh_points(net: &PincNet, count: usize, seed: u64) -> Points {
     match net.time_only() {
         None => {

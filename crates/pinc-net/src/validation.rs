@@ -1,4 +1,4 @@
-//! How well a net predicts, against an accurate integration.
+//! The errors of a net against an accurate integration.
 
 use crate::mlp::to_f64;
 use crate::sampling::{Purpose, Sampler, rng};
@@ -12,11 +12,11 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ValidationConfig {
-    /// Number of scenarios, each from a random initial state under inputs redrawn every T.
+    /// Number of scenarios, each from a random initial state with inputs redrawn every T.
     pub scenarios: usize,
-    /// Length of a scenario, in s; whole steps of T.
+    /// Length of a scenario in s, a multiple of T.
     pub duration_s: f64,
-    /// Parts that a step is divided into for the rows between steps.
+    /// Parts of a step: the error is also evaluated at the times between them.
     pub subintervals: usize,
     /// Box of the initial states and inputs.
     pub domain: Domain,
@@ -33,7 +33,7 @@ pub struct Validation {
     /// squared.
     pub mse_gen: f64,
     /// The authors' code: self-loop, at all rows (inner times and initial rows included), each
-    /// state in standard deviations of the box. Without the inner times for a distilled net.
+    /// state in standard deviations of the box. The inner times are left out for a distilled net.
     pub mse_all_normalized: f64,
     /// Of one step from random points of the box, in the states' units squared.
     pub one_step_mse: f64,
@@ -43,8 +43,8 @@ pub struct Validation {
 }
 
 impl Validation {
-    /// What the best net is chosen by: the error against held-out measurements, which are of the
-    /// plant itself, or else `mse_gen`, which is of its equation.
+    /// The criterion for the best net: the error against held-out measurements of the plant itself
+    /// if there are any, otherwise `mse_gen`.
     #[must_use]
     pub fn score(&self) -> f64 {
         self.measured_mse.unwrap_or(self.mse_gen)
@@ -65,7 +65,8 @@ pub struct ValidationSet {
     held_out: Option<Measurements>,
 }
 
-/// An initial state, an input for each step, and the true states after each part of a step.
+/// An initial state, an input for each step, and the accurately integrated states after each part
+/// of a step.
 #[derive(Clone, Debug, PartialEq)]
 struct TrueTrajectory {
     initial: Vec<f64>,
@@ -184,7 +185,7 @@ impl ValidationSet {
         })
     }
 
-    /// What a conventional PINN can be asked: its one scenario, over one T.
+    /// The one scenario of a conventional PINN, over one T.
     ///
     /// # Errors
     ///
@@ -217,7 +218,7 @@ impl ValidationSet {
         })
     }
 
-    /// The same scenarios, and measurements that are not trained on.
+    /// Adds held-out measurements.
     #[must_use]
     pub fn with_measurements(self, held_out: Measurements) -> Self {
         Self { held_out: Some(held_out), ..self }
@@ -235,7 +236,7 @@ impl ValidationSet {
             let first = net.evaluate(0.0, &start, &scenario.inputs[0]);
             rows.push(&first, &start);
             for (k, input) in scenario.inputs.iter().enumerate() {
-                // A distilled net is to be asked for the end alone.
+                // A distilled net is meaningful at the end of a step only.
                 let first =
                     if net.source() == TrainingTarget::Integrator { self.subintervals } else { 1 };
                 for part in first..=self.subintervals {
@@ -280,14 +281,15 @@ impl ValidationSet {
         mean_squared_error(&predicted, &truth, &[1.0])
     }
 
-    /// Comparison of all scenarios: steps times subintervals, and the initial one.
+    /// Number of rows compared over all scenarios: for each, steps times subintervals and the
+    /// initial state.
     #[must_use]
     pub fn rows(&self) -> usize {
         self.scenarios.len() * (self.steps * self.subintervals + 1)
     }
 }
 
-/// Predicted and true states, row by row.
+/// Predicted states beside the true ones, row by row.
 #[derive(Default)]
 struct Comparison {
     predicted: Vec<f64>,

@@ -196,7 +196,7 @@ fn outer<V: Simd, const R: usize, const C: usize>(
     for (r, sum) in sum.iter_mut().enumerate() {
         sum.copy_from_slice(&gradient[place(r)]);
     }
-    // By places: to divide the slices into panels costs two divisions each time.
+    // By index: dividing the slices into panels costs two divisions each time.
     for panel in 0..panels {
         let adjoint = &adjoint[panel * height + row..][..R];
         let input = &input[panel * width + column..][..C];

@@ -35,7 +35,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex};
 use tile::{BlockTask, Pass, Workspace, tile_panels};
 
-/// More blocks than this are not needed to keep threads busy; fewer mean fewer sums to add.
+/// Maximum number of blocks: enough to keep threads busy, few enough to be added quickly.
 const MAX_BLOCKS: usize = 64;
 
 /// The PINC loss over a set of points, `MSE_y` + lambda `MSE_F`, with its gradient in the
@@ -110,7 +110,7 @@ impl BatchLoss {
     }
 }
 
-/// What [`BatchLoss`] does, whatever the vector type and the plant.
+/// What [`BatchLoss`] does, for any vector type.
 trait Engine: Debug + Send {
     fn set_points(&mut self, collocation: &Points, initial: &Points);
     fn set_measurements(&mut self, measurements: &Measurements, weight: f64);
@@ -232,7 +232,7 @@ impl<V: Simd> LaneEngine<V> {
     }
 }
 
-/// The value behind a lock; a thread that panicked has left nothing half-done that matters.
+/// The value behind a lock. A thread that panicked left nothing inconsistent: all is recomputed.
 fn locked<T>(mutex: &Mutex<T>) -> std::sync::MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(std::sync::PoisonError::into_inner)
 }

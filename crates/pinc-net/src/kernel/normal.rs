@@ -18,7 +18,7 @@ use std::ops::Range;
 /// Rows of a slab: enough for a matrix product to run at full speed.
 const SLAB_ROWS: usize = 256;
 
-/// Slabs between two meetings of the threads.
+/// Slabs between two synchronizations of the threads.
 const SLABS: usize = 8;
 
 /// Columns of the result that a thread takes at a time.

@@ -20,7 +20,7 @@ pub(super) struct Panels<V> {
     last_mask: Pair<V>,
 }
 
-/// What a state is to be at the points of one panel.
+/// The target of a state at the points of one panel.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Target<V> {
     pub(super) value: Pair<V>,
@@ -38,7 +38,7 @@ pub(super) struct Panel<'a, V> {
     pub(super) rows: &'a [Pair<V>],
     /// 1 in the lanes that count, 0 in the others.
     pub(super) mask: &'a Pair<V>,
-    /// One per state, or none where states are not compared with anything.
+    /// One per state; empty where states have no targets.
     pub(super) targets: &'a [Target<V>],
 }
 
@@ -98,12 +98,12 @@ impl<V: Simd> Panels<V> {
         panels
     }
 
-    /// How many errors are squared in the mean over these points.
+    /// Number of errors in the mean over these points.
     pub(super) fn errors(&self) -> usize {
         self.errors
     }
 
-    /// How many panels there are.
+    /// Number of panels.
     pub(super) fn len(&self) -> usize {
         self.data.len() / self.rows
     }

@@ -171,7 +171,7 @@ impl<V: Simd> Physics<V> {
         (y, factor_rate.mul_add(d, factor * d_rate))
     }
 
-    /// y', f(y, u), and the derivatives of f in the states from `first` on, into the scratch.
+    /// y', f(y, u), and the derivatives of f in the states from `first` on, into the buffers.
     #[inline(always)]
     fn evaluate_rhs(
         &self,
@@ -228,7 +228,7 @@ impl<V: Simd> Physics<V> {
         squares
     }
 
-    /// y - what it is to be: y(0) - y0, or y(t) less its measured value.
+    /// y less its target: y(0) - y0, or y(t) less its measured value.
     #[inline(always)]
     fn deviation(
         &self,

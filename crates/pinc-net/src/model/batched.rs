@@ -5,11 +5,11 @@ use super::step::{LINE, start};
 use pinc_ad::simd::{Simd, Task, tanh_all};
 use pinc_ode::Dims;
 
-/// Columns of a neuron that are worked on together, at most.
+/// Maximum number of columns of a neuron that are computed together.
 const COLUMNS: usize = 4;
 
-/// For each neuron of a layer a vector of values and then vectors of tangents, in the layer at hand
-/// and in the next.
+/// For each neuron of a layer a vector of values and then vectors of tangents, in the current
+/// layer and in the next.
 #[derive(Clone, Debug)]
 pub(super) struct Cells {
     from: Vec<f64>,
@@ -17,8 +17,8 @@ pub(super) struct Cells {
 }
 
 impl Cells {
-    /// Room for layers of up to `widest` neurons with up to `tangents` tangents each, in vectors of
-    /// so many lanes.
+    /// Memory for layers of up to `widest` neurons with up to `tangents` tangents each, in vectors
+    /// of so many lanes.
     pub(super) fn new(widest: usize, tangents: usize, lanes: usize) -> Self {
         let room = vec![0.0; widest * (1 + tangents) * lanes + LINE];
         Self { from: room.clone(), to: room }
@@ -112,7 +112,7 @@ impl Batched<'_> {
     }
 }
 
-/// A layer at work.
+/// The evaluation of one layer.
 struct LayerPass<'a, V> {
     zero: V,
     layer: &'a BlockedLayer,
@@ -147,7 +147,7 @@ impl<V: Simd> LayerPass<'_, V> {
         let groups = self.width.div_ceil(COLUMNS);
         let mut first = 0;
         for group in 0..groups {
-            // As even as can be: 6 columns are 3 and 3.
+            // Evenly divided: 6 columns are 3 and 3.
             let columns = (self.width + group) / groups;
             match columns {
                 1 => self.columns::<1>(first),

@@ -1,9 +1,9 @@
-//! The weights of a net as its control interface needs them.
+//! The weights of a net in the order in which its control interface reads them.
 
 use crate::{Ansatz, PincNet};
 
-/// Vectors of neurons that are worked on together, at most: three of values and nine of tangents
-/// fit into the registers, with the weights.
+/// Maximum number of vectors of neurons that are computed together: three of values and nine of
+/// tangents fit into the registers, with the weights.
 const ROWS: usize = 3;
 
 /// The layers of a net at t = T, folded, transposed and padded.
@@ -146,7 +146,7 @@ impl FoldedLayer {
         let inputs = weights[0].len();
         let rows = bias.len().div_ceil(lanes);
         let count = rows.div_ceil(ROWS);
-        // As even as can be: 4 rows are 2 and 2, which keep more sums going than 3 and 1.
+        // Evenly divided: 4 rows are 2 and 2, which keep more sums going than 3 and 1.
         let mut first = 0;
         let blocks = (0..count).map(|i| {
             let rows = (rows + i) / count;

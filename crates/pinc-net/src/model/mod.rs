@@ -57,8 +57,8 @@ impl PincModel {
         Ok(Self { dims, sample_time_s: net.sample_time_s, isa, layout, columns, cells })
     }
 
-    /// Runs the net from one (x, u), or from [`SIDE_BY_SIDE`] of them, with the tangents of the first
-    /// `tangents` of their numbers; the results are in the columns that are returned.
+    /// Runs the net from one (x, u), or from [`SIDE_BY_SIDE`] of them, with the tangents of the
+    /// first `tangents` of their numbers; the results are in the columns returned.
     fn run(&mut self, x: &[f64], u: &[f64], tangents: usize) -> &Columns {
         let Dims { nx: n, nu: m, .. } = self.dims;
         let Self { layout, columns, isa, .. } = self;
@@ -75,7 +75,7 @@ impl PincModel {
         columns
     }
 
-    /// What came out at `point`, whose state is `x`.
+    /// Copies the results at `point`, whose state is `x`.
     fn results(&self, point: usize, x: &[f64], next: &mut [f64], a: &mut [f64], b: &mut [f64]) {
         let (Dims { nx: n, nu: m, .. }, columns) = (self.dims, &self.columns);
         next.copy_from_slice(&columns.value(point)[..n]);

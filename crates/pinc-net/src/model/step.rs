@@ -3,11 +3,11 @@
 use super::layout::{FoldedLayer, Layout, RowBlock};
 use pinc_ad::simd::{Simd, Task, tanh_all};
 
-/// `f64`s in a cache line: a vector that lies across two costs twice.
+/// `f64`s in a cache line: loading a vector that lies across two takes twice as long.
 pub(super) const LINE: usize = 8;
 
-/// So many points go through a net side by side, at most: while one waits for its tanh, the other's
-/// sums go on.
+/// Maximum number of points that go through a net side by side: while one waits for its tanh, the
+/// other's sums continue.
 pub(super) const SIDE_BY_SIDE: usize = 2;
 
 /// The input and the output of a layer, for each point a column of values and then columns of
@@ -16,22 +16,22 @@ pub(super) const SIDE_BY_SIDE: usize = 2;
 pub(super) struct Columns {
     /// From one column to the next.
     stride: usize,
-    /// Tangents of each point at hand.
+    /// Number of tangents of each point.
     tangents: usize,
     from: Vec<f64>,
     to: Vec<f64>,
 }
 
 impl Columns {
-    /// Room for up to [`SIDE_BY_SIDE`] points with up to `tangents` tangents each, in columns of up to
-    /// `longest` numbers.
+    /// Memory for up to [`SIDE_BY_SIDE`] points with up to `tangents` tangents each, in columns of
+    /// up to `longest` numbers.
     pub(super) fn new(longest: usize, tangents: usize) -> Self {
         let stride = longest.next_multiple_of(LINE);
         let room = vec![0.0; SIDE_BY_SIDE * (1 + tangents) * stride + LINE];
         Self { stride, tangents, from: room.clone(), to: room }
     }
 
-    /// How many tangents each point has from now on.
+    /// Sets the number of tangents of each point.
     pub(super) fn set_tangents(&mut self, tangents: usize) {
         self.tangents = tangents;
     }
@@ -95,14 +95,14 @@ impl<const P: usize> Task for Step<'_, P> {
     }
 }
 
-/// Where a layer is.
+/// The place of a layer in the net.
 #[derive(Clone, Copy)]
 struct Place {
     first: bool,
     last: bool,
 }
 
-/// A layer at work.
+/// The evaluation of one layer.
 struct LayerPass<'a, V> {
     zero: V,
     layer: &'a FoldedLayer,
@@ -115,7 +115,7 @@ struct LayerPass<'a, V> {
 impl<V: Simd> LayerPass<'_, V> {
     /// `R` vectors of neurons: a = tanh z of the values, a' = (1 - a^2) z' of the tangents. The
     /// tangents' products do not wait for tanh, which takes as long as they do: the processor works
-    /// on both. `K` sums are kept for every one that is wanted, so that additions need not wait
+    /// on both. Each sum is kept as `K` partial sums, so that additions need not wait
     /// either.
     #[inline(always)]
     fn block<const P: usize, const R: usize, const K: usize>(
@@ -160,7 +160,7 @@ impl<V: Simd> LayerPass<'_, V> {
         }
     }
 
-    /// The tangents of a point, from `column` on, in groups as even as can be.
+    /// The tangents of a point, from `column` on, in groups of even size.
     #[inline(always)]
     fn all_tangents<const R: usize, const K: usize>(
         &mut self,

@@ -37,7 +37,7 @@ pub(super) struct Update {
 /// the diagonal block to the right; sizes are rounded up to whole blocks. Memory: 4 P^2 bytes for P
 /// variables.
 ///
-/// The matrix meant is `scale` times the stored one plus the pending updates.
+/// The matrix represented is `scale` times the stored one plus the pending updates.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub(super) struct InverseHessian {
     variables: usize,
@@ -54,7 +54,7 @@ pub(super) struct InverseHessian {
 struct Buffers {
     x: Vec<f64>,
     partial: Vec<f64>,
-    /// Updates without content.
+    /// Updates for reuse.
     spare: Vec<Update>,
 }
 
@@ -76,12 +76,12 @@ impl InverseHessian {
         self.variables == 0
     }
 
-    /// An update to be filled in and given to [`Self::update`]; its vectors hold something old.
+    /// An update to be filled in and given to [`Self::update`]; its vectors have arbitrary content.
     pub(super) fn new_update(&mut self) -> Update {
         self.buffers.0.spare.pop().unwrap_or_default()
     }
 
-    /// Takes an update in.
+    /// Applies an update.
     pub(super) fn update(&mut self, mut update: Update) {
         let padded = self.variables.next_multiple_of(BLOCK);
         update.s.resize(padded, 0.0);
@@ -128,7 +128,7 @@ impl InverseHessian {
     }
 }
 
-/// The work of a product; the vectors are of whole blocks.
+/// The parts of a product; the vectors are of whole blocks.
 fn parts<'a>(
     stored: &'a mut [f64],
     x: &'a [f64],

@@ -13,7 +13,7 @@ use std::collections::VecDeque;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct LbfgsConfig {
-    /// Pairs of steps and gradient changes remembered.
+    /// Number of stored pairs (step, change of the gradient).
     pub memory: usize,
     /// How the step length is chosen.
     pub line_search: LineSearch,
@@ -58,7 +58,7 @@ struct Buffers {
     next: Iterate,
     direction: Vec<f64>,
     alphas: Vec<f64>,
-    /// Pairs without content.
+    /// Pairs for reuse.
     spare: Vec<CurvaturePair>,
 }
 
@@ -82,7 +82,7 @@ impl Lbfgs {
             found = search.search(objective, at, direction, 1.0, next);
         }
         if found.is_none() {
-            // Nothing learnt yet, or what was learnt misleads: steepest descent, one unit long.
+            // No pairs yet, or their direction is no descent: steepest descent, one unit long.
             spare.extend(self.pairs.drain(..));
             set(direction, at.gradient.iter().map(|g| -g));
             found = search.search(objective, at, direction, 1.0 / norm.max(1.0), next);
@@ -95,17 +95,17 @@ impl Lbfgs {
         Outcome::Moved
     }
 
-    /// Remembers the step to `to` from the point that is in the place of the next one.
+    /// Stores the step to `to`. The point before it is in the buffer of the next point.
     fn update(&mut self, to: &Iterate) {
         let Buffers { next: from, spare, .. } = &mut self.buffers.0;
-        // The oldest pair's memory is used again.
+        // The memory of the oldest pair is reused.
         let full = self.pairs.len() >= self.config.memory;
         let oldest = if full { self.pairs.pop_front() } else { None };
         let mut pair = oldest.or_else(|| spare.pop()).unwrap_or_default();
         set(&mut pair.s, to.x.iter().zip(&from.x).map(|(to, from)| to - from));
         set(&mut pair.y, to.gradient.iter().zip(&from.gradient).map(|(to, from)| to - from));
         let curvature = dot(&pair.s, &pair.y);
-        // Below this, s'y is rounding, and 1/(s'y) would fill the directions to come with it.
+        // Below this, s'y is rounding, and so would be the directions that 1/(s'y) leads to.
         if curvature > f64::EPSILON * norm(&pair.s) * norm(&pair.y) {
             pair.rho = 1.0 / curvature;
             self.pairs.push_back(pair);
@@ -151,7 +151,7 @@ fn add(a: &mut [f64], factor: f64, b: &[f64]) {
 mod tests {
     use super::*;
 
-    /// What L-BFGS remembers of a step s along which the gradient changes by y.
+    /// The number of pairs stored after a step s along which the gradient changes by y.
     fn remembered(s: [f64; 2], y: [f64; 2]) -> usize {
         let mut lbfgs = Lbfgs::new(&LbfgsConfig::default());
         lbfgs.buffers.0.next = Iterate { x: vec![0.0; 2], value: 0.0, gradient: vec![0.0; 2] };
@@ -162,7 +162,7 @@ mod tests {
     #[test]
     fn a_pair_whose_curvature_is_rounding_is_not_remembered() {
         assert_eq!(remembered([1.0, 0.0], [1.0, 0.0]), 1);
-        // Small numbers as such are no reason.
+        // Small numbers as such do not matter.
         assert_eq!(remembered([1e-30, 0.0], [1e-30, 0.0]), 1);
         assert_eq!(remembered([1.0, 0.0], [1e-12, 1.0]), 1);
         // cos(s, y) = 1e-17, 0 and below.

@@ -29,11 +29,11 @@ impl Default for LevenbergMarquardtConfig {
     }
 }
 
-/// Where damping ends, relative to the largest entry on the diagonal of J'J: with more, a step has
+/// The largest damping, relative to the largest entry on the diagonal of J'J: with more, a step has
 /// no length, because it is at most |r| / sqrt(mu).
 const MAX_DAMPING: f64 = 1e30;
 
-/// The least damping, relative to the same: with less, rounding decides whether J'J + mu I is
+/// The smallest damping, relative to the same: with less, rounding decides whether J'J + mu I is
 /// positive definite.
 const MIN_DAMPING: f64 = f64::EPSILON;
 
@@ -94,7 +94,7 @@ impl LevenbergMarquardt {
 
 /// Memory of a step.
 struct Buffers {
-    /// J'J, column by column; of its lower triangle only.
+    /// The lower triangle of J'J, column by column.
     normal: Vec<f64>,
     /// J'J + mu I, then its Cholesky factor.
     factor: Mat<f64>,

@@ -17,7 +17,7 @@ pub enum LineSearch {
     HagerZhang,
 }
 
-/// Evaluations after which a search gives up.
+/// Maximum number of evaluations of a search.
 const MAX_EVALUATIONS: usize = 60;
 
 /// A point on the line: step length, value, slope.

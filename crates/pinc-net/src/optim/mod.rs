@@ -70,7 +70,7 @@ impl Iterate {
         self.value = objective.evaluate(&self.x, &mut self.gradient);
     }
 
-    /// Makes room for a point of `variables` numbers, whatever it was before.
+    /// Changes the length of the point to `variables`.
     fn resize(&mut self, variables: usize) {
         self.x.resize(variables, 0.0);
         self.gradient.resize(variables, 0.0);
@@ -89,7 +89,7 @@ impl Iterate {
     }
 }
 
-/// What a step came to.
+/// The outcome of a step.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Outcome {
     /// The iterate has moved; it is the point that was evaluated last.
@@ -188,7 +188,7 @@ enum Method {
 }
 
 impl Optimizer {
-    /// An optimizer of functions of `variables` variables, with nothing learnt yet.
+    /// A fresh optimizer of functions of `variables` variables.
     #[must_use]
     pub fn new(config: &OptimizerConfig, variables: usize) -> Self {
         Self(match config {
@@ -233,8 +233,8 @@ impl Optimizer {
     }
 }
 
-/// Memory that carries nothing from one step to the next, kept so that it need not be allocated
-/// anew. It is neither copied nor saved, and makes no difference between optimizers.
+/// Buffers that carry nothing from one step to the next, kept to avoid allocations. They are
+/// neither cloned nor serialized, and comparisons ignore them.
 #[derive(Default)]
 struct Scratch<T>(T);
 
@@ -260,7 +260,7 @@ fn dot(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
-/// Puts `values` in the place of all that `to` holds.
+/// Replaces the content of `to` by `values`.
 fn set(to: &mut Vec<f64>, values: impl Iterator<Item = f64>) {
     to.clear();
     to.extend(values);

@@ -103,8 +103,8 @@ impl SelfScaledBroyden {
         }
     }
 
-    /// Tells that the objective has changed: `gradient` is the new one at the same point. What has
-    /// been learnt of the curvature is kept.
+    /// To be called when the objective has changed: `gradient` is the new one at the same point.
+    /// The inverse Hessian is kept.
     pub(super) fn refresh(&mut self, gradient: &[f64], workers: &Workers) {
         if !self.inverse_hessian.is_empty() {
             self.inverse_hessian.product(gradient, &mut self.newton, workers);
@@ -118,8 +118,8 @@ impl SelfScaledBroyden {
         self.newton = gradient.iter().map(|g| diagonal * g).collect();
     }
 
-    /// The update from the step s = `step` * direction to `to`, from the point that is in the place
-    /// of the next one, in the notation of the references:
+    /// The update from the step s = `step` * direction to `to`, in the notation of the references.
+    /// The point before it is in the buffer of the next point.
     ///
     /// ```text
     /// b = s'B s/s'y,  h = y'H y/s'y,  k = h b - 1,  c = sqrt(k/(1 + k)),  r = min(1, h (1 - c))
