@@ -137,8 +137,8 @@ impl TrainingConfig {
     /// The recommended training: 4000 iterations of a self-scaled Broyden method (of L-BFGS for
     /// large nets) on a Sobol sample of 1024 points, which grows when the net overfits it.
     ///
-    /// With the hard initial condition `initial_points`, `lambda` and `initial_scale` have no
-    /// effect.
+    /// With the hard initial condition and without measurements `initial_points`, `lambda` and
+    /// `initial_scale` have no effect.
     #[must_use]
     pub fn recommended() -> Self {
         Self {
