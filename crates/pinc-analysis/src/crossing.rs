@@ -29,9 +29,9 @@ pub struct Crossing {
     pub is_inside: bool,
 }
 
-/// For each of some terms a place where it becomes 0, in `region` or `margin` of its widths beyond; near
-/// the box or inside if there is a choice. Random points are looked at, and the neighbourhood of those
-/// where a term is small, so that a place in a small corner can be missed.
+/// For each of some terms a place where it becomes 0, in `region` or `margin` of its widths beyond;
+/// near the box or inside if there is a choice. Random points are looked at, and the neighbourhood
+/// of those where a term is small, so that a place in a small corner can be missed.
 ///
 /// # Shapes
 ///
@@ -99,6 +99,7 @@ impl Search<'_> {
             let touches = |v: &f64| v.abs() <= ZERO * values[base].abs() || v * sign <= 0.0;
             lows.find(|low| touches(&term(low))).map(|low| (low.clone(), low))
         })?;
+        let (before, behind) = self.simplified(term, sign, before, behind);
         let is_inside = self.overhang(&before) <= 0.0;
         let point = |v: Vec<f64>| self.region.split(v);
         Some(Crossing { before: point(before), behind: point(behind), is_inside })
@@ -110,6 +111,31 @@ impl Search<'_> {
             (self.region.low[i] - v).max(v - self.region.high[i]) / self.region.width(i)
         });
         outside.fold(0.0, f64::max)
+    }
+
+    /// The same crossing with the variables that do not matter in the middle, or else inside the box.
+    fn simplified(
+        &self,
+        term: &dyn Fn(&[f64]) -> f64,
+        sign: f64,
+        mut before: Vec<f64>,
+        mut behind: Vec<f64>,
+    ) -> (Vec<f64>, Vec<f64>) {
+        let crosses = |before: &[f64], behind: &[f64]| {
+            term(before) * sign > 0.0 && term(behind) * sign <= 0.0
+        };
+        for k in 0..before.len() {
+            let (low, high) = (self.region.low[k], self.region.high[k]);
+            for to in [f64::midpoint(low, high), before[k].clamp(low, high)] {
+                let kept = (before[k], behind[k]);
+                (before[k], behind[k]) = (to, to);
+                if crosses(&before, &behind) {
+                    break;
+                }
+                (before[k], behind[k]) = kept;
+            }
+        }
+        (before, behind)
     }
 
     /// Makes a term small by moving one variable at a time.

@@ -9,8 +9,8 @@ const AROUND: f64 = 0.05;
 /// How many times slower the plant must be there.
 const SLOWER: f64 = 5.0;
 
-/// If the plant is much faster at `point` than a twentieth of the region to either side of it in a state,
-/// as in the middle of a friction law tanh(v/0.01), that state's place and a point beside.
+/// If the plant is much faster at `point` than a twentieth of the region to either side of it in a
+/// state, as in the middle of a friction law tanh(v/0.01), that state's place and a point beside.
 ///
 /// A linearization inside such a knee holds only within it; a controller meets the plant beside it.
 ///

@@ -1,14 +1,18 @@
 //! What can be said of a plant before anything is trained.
 //!
-//! - [`SteadyStateSearch`]: where f(x, u) = 0, with some of the states held at given values and the others
-//!   and the inputs within bounds.
-//! - [`StateSpace`]: the plant linearized, with its eigenvalues, static gain and transmission zeros;
-//!   [`TimeScales`] says what the eigenvalues mean; [`common_plane`] finds what all steady states share.
-//! - [`ExplicitMethod`]: which steps are stable; [`OneStepSamples`]: how large the error of a step is.
-//! - [`Survey`]: where the equation has poles, jumps and kinks, in and around a box; [`crossings`] finds where
-//!   terms of it vanish.
+//! - [`SteadyStateSearch`]: where f(x, u) = 0, with some of the states held at given values and the
+//!   others and the inputs within bounds.
+//! - [`StateSpace`]: the plant linearized, with its eigenvalues, static gain and transmission
+//!   zeros;
+//!   [`TimeScales`] says what the eigenvalues mean; [`common_plane`] finds what all steady states
+//!   share.
+//! - [`ExplicitMethod`]: which steps are stable; [`OneStepSamples`]: how large the error of a step
+//!   is.
+//! - [`Survey`]: where the equation has poles, jumps and kinks, in and around a box; [`crossings`]
+//!   finds where terms of it vanish.
 //!
-//! Results are numbers and enums; what they mean for a config is said elsewhere. All take the plant as
+//! Results are numbers and enums; what they mean for a config is said elsewhere. All take the plant
+//! as
 //! [`pinc_ode::DynRhs`]. Parameters of a plant that vary from call to call are not supported.
 
 mod crossing;

@@ -2,8 +2,9 @@
 
 use crate::Complex;
 
-/// Rates this far below the fastest are 0 but for rounding: an integrator's.
-const INTEGRATES: f64 = 1e-9;
+/// Rates this far below the fastest are 0 but for rounding: those of two integrators in a row are off by
+/// its square root.
+const INTEGRATES: f64 = 1e-7;
 
 /// What a mode does by itself.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -38,6 +39,8 @@ pub struct TimeScales {
     pub fastest: f64,
     /// The smallest |lambda| that is not 0; `None` for a plant that only integrates.
     pub slowest: Option<f64>,
+    /// Whether some mode neither grows nor decays: the plant does not settle.
+    pub is_neutral: bool,
     /// How soon the fastest growing mode doubles; `None` for a plant none of whose modes grows.
     pub doubling_s: Option<f64>,
 }
@@ -67,6 +70,7 @@ impl TimeScales {
             Growth::Grows { doubling_s } => Some(doubling_s),
             _ => None,
         });
-        Self { fastest, slowest, doubling_s: doubling.min_by(f64::total_cmp) }
+        let is_neutral = modes.iter().any(|mode| Growth::of(*mode, fastest) == Growth::Neutral);
+        Self { fastest, slowest, is_neutral, doubling_s: doubling.min_by(f64::total_cmp) }
     }
 }

@@ -28,8 +28,8 @@ impl OperatingPoint {
     }
 }
 
-/// A box of states and inputs, in which a plant is used. Its widths are the units in which distances are
-/// measured, so that no result depends on the units of the variables.
+/// A box of states and inputs, in which a plant is used. Its widths are the units in which
+/// distances are measured, so that no result depends on the units of the variables.
 ///
 /// ```
 /// use pinc_analysis::Region;
@@ -100,8 +100,8 @@ impl Region {
         })
     }
 
-    /// Points where functions are most likely to break: with one variable at an end or at 0, the others in
-    /// the middle, and the two outermost corners.
+    /// Points where functions are most likely to break: with one variable at an end or at 0, the
+    /// others in the middle, and the two outermost corners.
     #[must_use]
     pub fn special_points(&self) -> Vec<OperatingPoint> {
         let middle = self.centre().joined();

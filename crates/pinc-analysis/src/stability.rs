@@ -10,9 +10,9 @@ const MOST: usize = 1 << 20;
 
 /// An explicit Runge-Kutta method, as far as its stability goes.
 ///
-/// Applied to x' = lambda x, a step of h multiplies x by R(h lambda); where |R| > 1, a mode that should
-/// decay grows from step to step instead. Reference: Hairer and Wanner, *Solving Ordinary Differential
-/// Equations II*, section IV.2.
+/// Applied to x' = lambda x, a step of h multiplies x by R(h lambda); where |R| > 1, a mode that
+/// should decay grows from step to step instead. Reference: Hairer and Wanner, *Solving Ordinary
+/// Differential Equations II*, section IV.2.
 ///
 /// ```
 /// use pinc_analysis::{Complex, ExplicitMethod};
@@ -31,8 +31,8 @@ pub enum ExplicitMethod {
 }
 
 impl ExplicitMethod {
-    /// The coefficients of R(z), from the constant on: 1/k! up to the method's order, and for the sixth stage
-    /// of Dormand and Prince 1/600.
+    /// The coefficients of R(z), from the constant on: 1/k! up to the method's order, and for the
+    /// sixth stage of Dormand and Prince 1/600.
     fn coefficients(self) -> &'static [f64] {
         match self {
             Self::Rk4 => &[1.0, 1.0, 1.0 / 2.0, 1.0 / 6.0, 1.0 / 24.0],
@@ -50,7 +50,8 @@ impl ExplicitMethod {
         })
     }
 
-    /// The largest |h lambda| on the negative real axis for which a step is stable: 2.785 and 3.307.
+    /// The largest |h lambda| on the negative real axis for which a step is stable: 2.785 and
+    /// 3.307.
     #[must_use]
     pub fn real_limit(self) -> f64 {
         let stable = |z: f64| self.amplification(Complex { re: -z, im: 0.0 }).abs() <= 1.0;
@@ -71,8 +72,8 @@ impl ExplicitMethod {
             .all(|factor| factor <= 1.0 + SLACK)
     }
 
-    /// The least number of substeps of a step T = `step_s` that are stable for these eigenvalues (in 1/s);
-    /// `None` if a million are not.
+    /// The least number of substeps of a step T = `step_s` that are stable for these eigenvalues
+    /// (in 1/s); `None` if a million are not.
     #[must_use]
     pub fn stable_substeps(self, modes: &[Complex], step_s: f64) -> Option<usize> {
         #[expect(clippy::cast_precision_loss, reason = "a million at most")]

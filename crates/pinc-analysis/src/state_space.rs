@@ -5,7 +5,8 @@ use faer::Mat;
 use faer::linalg::solvers::Solve;
 use pinc_ode::DynRhs;
 
-/// A matrix whose singular values are this far apart, after its rows are scaled, counts as singular.
+/// A matrix whose singular values are this far apart, after its rows are scaled, counts as
+/// singular.
 const SINGULAR: f64 = 1e-11;
 
 /// Singular values of a gain this far below the largest count as 0.
@@ -111,8 +112,8 @@ impl StateSpace {
         })
     }
 
-    /// The same plant with states, inputs and outputs in other units: divided by these widths. Ranks are
-    /// best decided where all variables have a like size.
+    /// The same plant with states, inputs and outputs in other units: divided by these widths.
+    /// Ranks are best decided where all variables have a like size.
     ///
     /// # Shapes
     ///

@@ -9,17 +9,17 @@ use pinc_ode::DynRhs;
 /// Starts of the search.
 const STARTS: usize = 16;
 
-/// How much rest counts against the distance from the values to be held: where both cannot be, a steady
-/// state near them is wanted.
+/// How much rest counts against the distance from the values to be held: where both cannot be, a
+/// steady state near them is wanted.
 const REST: f64 = 100.0;
 
-/// Distance from rest, in widths of the region, that counts as rest: how far the variables would have to
-/// move for the rate of a state to vanish. A velocity would not do: that of a stiff state is large a
-/// rounding error away from rest.
+/// Distance from rest, in widths of the region, that counts as rest: how far the variables would
+/// have to move for the rate of a state to vanish. A velocity would not do: that of a stiff state
+/// is large a rounding error away from rest.
 const AT_REST: f64 = 1e-8;
 
-/// Distance from a value to be held, in widths of the region, that still counts as held: values are given
-/// with some three digits.
+/// Distance from a value to be held, in widths of the region, that still counts as held: values are
+/// given with some three digits.
 const HELD: f64 = 1e-3;
 
 /// What was found for values to be held.
@@ -35,7 +35,8 @@ pub enum HeldPoint {
 
 /// A search for steady states of a plant in and around a region.
 ///
-/// Of several steady states it prefers those in the region, and of these the one that is nearest to `near`.
+/// Of several steady states it prefers those in the region, and of these the one that is nearest to
+/// `near`.
 ///
 /// ```
 /// use pinc_analysis::{HeldPoint, Region, SteadyStateSearch};
@@ -70,8 +71,8 @@ impl<'a> SteadyStateSearch<'a> {
         Self { near, ..self }
     }
 
-    /// The steady state that holds the states at these places at these values, with the others and the
-    /// inputs within `bounds` (lower and upper ends, states first) if there are any.
+    /// The steady state that holds the states at these places at these values, with the others and
+    /// the inputs within `bounds` (lower and upper ends, states first) if there are any.
     #[must_use]
     pub fn hold(&self, held: &[(usize, f64)], bounds: Option<(&[f64], &[f64])>) -> HeldPoint {
         let bounded = self.bounds(bounds);
@@ -184,8 +185,8 @@ impl<'a> SteadyStateSearch<'a> {
     }
 }
 
-/// Factors that turn the rate of each state into a distance: over how many widths the variables would have
-/// to move to change it by as much; `constant` for a rate that depends on nothing there.
+/// Factors that turn the rate of each state into a distance: over how many widths the variables
+/// would have to move to change it by as much; `constant` for a rate that depends on nothing there.
 fn row_scale(
     plant: &dyn DynRhs,
     region: &Region,

@@ -65,7 +65,8 @@ pub struct Irregularity {
 /// use pinc_ode::{Dims, DynRhs};
 ///
 /// let plant: Equations = serde_json::from_str(
-///     r#"{"states": [{"name": "x"}], "inputs": [{"name": "u"}], "derivatives": {"x": "abs(x) + u"}}"#,
+///     r#"{"states": [{"name": "x"}], "inputs": [{"name": "u"}], "derivatives": {"x": "abs(x) +
+///     u"}}"#,
 /// )?;
 /// let plant = plant.compile()?;
 /// let region = Region::new(Dims::new(1, 1), vec![-1.0, -1.0], vec![2.0, 1.0]);
@@ -76,7 +77,8 @@ pub struct Irregularity {
 /// ```
 #[derive(Clone, Debug)]
 pub struct Survey {
-    /// What was found: one at most for each kind, rate and variable, inside the box where there is one.
+    /// What was found: one at most for each kind, rate and variable, inside the box where there is
+    /// one.
     pub irregularities: Vec<Irregularity>,
     /// The median size of each rate at random points of the box.
     pub usual_rates: Vec<f64>,
@@ -266,8 +268,8 @@ fn highest(f: &impl Fn(f64) -> f64, mut a: f64, mut b: f64) -> f64 {
     left
 }
 
-/// The sides of a jump of more than `matters`, if the largest change between neighbouring places stays
-/// however close they are.
+/// The sides of a jump of more than `matters`, if the largest change between neighbouring places
+/// stays however close they are.
 fn jump(f: impl Fn(f64) -> f64, places: &[f64], values: &[f64], matters: f64) -> Option<[f64; 2]> {
     let changes = values.windows(2).map(|pair| (pair[1] - pair[0]).abs());
     let (k, change) = changes.enumerate().max_by(|one, other| one.1.total_cmp(&other.1))?;

@@ -5,17 +5,18 @@
 //!        [   C      D]
 //! ```
 //!
-//! The zeros are the finite generalized eigenvalues of this pencil. Where D is singular, it also has
-//! infinite ones, in chains that rounding would turn into large finite numbers. So orthogonal
-//! transformations first remove these, from the rows and then from the columns, until D is square and
-//! invertible. Reference: Emami-Naeini and Van Dooren, "Computation of zeros of linear multivariable
-//! systems", Automatica 18 (1982).
+//! The zeros are the finite generalized eigenvalues of this pencil. Where D is singular, it also
+//! has infinite ones, in chains that rounding would turn into large finite numbers. So orthogonal
+//! transformations first remove these, from the rows and then from the columns, until D is square
+//! and invertible. Reference: Emami-Naeini and Van Dooren, "Computation of zeros of linear
+//! multivariable systems", Automatica 18 (1982).
 
 use crate::{Complex, StateSpace, TransmissionZeros};
 use faer::Mat;
 
-/// Singular values below this share of the system matrix count as 0. Those of the rounding of orthogonal
-/// transformations are near 1e-15; a coupling of variables in like units that is weaker has no effect.
+/// Singular values below this share of the system matrix count as 0. Those of the rounding of
+/// orthogonal transformations are near 1e-15; a coupling of variables in like units that is weaker
+/// has no effect.
 const RANK: f64 = 1e-12;
 
 /// The matrices of a plant with a direct path D.

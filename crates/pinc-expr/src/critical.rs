@@ -14,8 +14,8 @@ pub enum TermRole {
     Denominator,
     /// Its root is taken: not defined where it is negative.
     Radicand,
-    /// Its logarithm is taken: not defined where it is not positive. Also of a base whose exponent is not
-    /// a number.
+    /// Its logarithm is taken: not defined where it is not positive. Also of a base whose exponent
+    /// is not a number.
     Logarithm,
     /// It is raised to a power that is not whole: not defined where it is negative.
     Base,
@@ -44,7 +44,8 @@ pub struct CriticalTerm {
 /// use pinc_expr::{Equations, TermRole};
 ///
 /// let equations: Equations = serde_json::from_str(
-///     r#"{"states": [{"name": "S"}], "inputs": [{"name": "u"}], "derivatives": {"S": "u/(S + 0.1)"}}"#,
+///     r#"{"states": [{"name": "S"}], "inputs": [{"name": "u"}], "derivatives": {"S": "u/(S +
+///     0.1)"}}"#,
 /// )?;
 /// let terms = equations.critical_terms()?;
 /// assert_eq!(terms.list()[0].role, TermRole::Denominator);

@@ -53,8 +53,8 @@ fn zeros_of_a_transfer_function_are_the_roots_of_its_numerator() {
 
 #[test]
 fn a_long_chain_has_no_zeros_before_its_output_and_those_behind_it() {
-    // x_1' = u - 2 x_1 + x_2, x_i' = x_(i-1) - 2 x_i + x_(i+1): the zeros of the path to x_5 are the
-    // eigenvalues of the part behind x_5, -2 + 2 cos(k pi / 16), k = 1 to 15.
+    // x_1' = u - 2 x_1 + x_2, x_i' = x_(i-1) - 2 x_i + x_(i+1): the zeros of the path to x_5 are
+    // the eigenvalues of the part behind x_5, -2 + 2 cos(k pi / 16), k = 1 to 15.
     let n: usize = 20;
     let a: Vec<f64> = (0..n * n)
         .map(|k| match (k / n).abs_diff(k % n) {
@@ -74,7 +74,8 @@ fn a_long_chain_has_no_zeros_before_its_output_and_those_behind_it() {
 
 #[test]
 fn zeros_of_two_inputs_and_two_outputs() {
-    // Rosenbrock's 1/((s+1)^2) [1-s, ..] would do; this one is diagonal: (s - 1)/((s+2)(s+3)) and 1/(s+4).
+    // Two paths side by side: (s - 1)/((s+2)(s+3)) and
+    // 1/(s+4).
     let a = [-5.0, -6.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, -4.0];
     let plant =
         StateSpace::new(&a, &[1.0, 0.0, 0.0, 0.0, 0.0, 1.0], &[1.0, -1.0, 0.0, 0.0, 0.0, 1.0], 3);

@@ -1,4 +1,5 @@
-//! What `pinc check` finds in the shipped configs. Each of its messages has a test plant in `runs/check`.
+//! What `pinc check` finds in the shipped configs. Each of its messages has a test plant in
+//! `runs/check`.
 
 use crate::common::{outcome, pinc, repository};
 use pinc_bench::{Finding, Severity, check};
@@ -36,8 +37,8 @@ fn sound_configs_give_no_cause_for_warnings() {
 #[test]
 fn four_tanks_whose_gammas_add_up_to_1_have_a_singular_gain() {
     let findings = findings("four-tanks/main.toml", &[]);
-    // At the first reference, by an independent computation: singular values 8.39 and 0; every steady
-    // state has h2/h1 = (a1/a2)^2 = (0.071/0.057)^2 = 1.5516.
+    // At the first reference, by an independent computation: singular values 8.39 and 0; every
+    // steady state has h2/h1 = (a1/a2)^2 = (0.071/0.057)^2 = 1.5516.
     let gain = with(&findings, &["singular values 8.39", ", 0, rank 1: singular"]);
     assert!(gain.what.contains("all steady states lie on the line h2/h1 = 1.5516"), "{gain}");
     with(&findings, &["transmission zeros", "one is at s = 0"]);
@@ -185,7 +186,8 @@ fn findings_are_printed_as_text_or_as_json() {
     assert!(all.iter().all(|finding| finding["what"].is_string()), "{json}");
 }
 
-/// The chemostat with a pole at S = -0.1, rates per hour; `S` is how the growth rate has the substrate.
+/// The chemostat with a pole at S = -0.1, rates per hour; `S` is how the growth rate has the
+/// substrate.
 fn chemostat(substrate: &str) -> Experiment {
     let text = r#"
         name = "chemostat"
@@ -321,8 +323,9 @@ fn advice_on_the_step_of_an_unstable_plant_is_from_its_doubling_time() {
         );
         check(&Experiment::parse("duffing.toml".as_ref(), &text, &[], &Plants::built_in()).unwrap())
     };
-    let slow = check(1.0);
-    let warning = with(&slow, &["T = 1 s is longer than the 0.805 s in which a deviation doubles"]);
+    let slow = check(2.0);
+    let warning =
+        with(&slow, &["T = 2 s is 2.48", "times the 0.805 s in which a deviation doubles"]);
     assert!(warning.change.contains("0.161 s"), "{warning}");
     let fast = check(0.2);
     assert!(

@@ -4,8 +4,8 @@ use super::{Finding, value};
 use crate::PlantSpec;
 use crate::registry::Variables;
 
-/// The tables of a run have a state's truth, its reference and its initial value beside it, in columns named
-/// by these endings.
+/// The tables of a run have a state's truth, its reference and its initial value beside it, in
+/// columns named by these endings.
 const ENDINGS: [&str; 3] = ["_truth", "_ref", "_0"];
 
 /// Columns of their own in these tables.

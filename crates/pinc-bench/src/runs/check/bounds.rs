@@ -34,7 +34,10 @@ fn values(subject: &Subject<'_>, control: &ControlSpec) -> Vec<Finding> {
             let what = format!("{} = {value} is outside its bounds", states[i].name);
             findings.push(
                 Finding::warning("control.initial_state", what)
-                    .because("the first predictions cannot keep the bounds: the first problems may be infeasible")
+                    .because(
+                        "the first predictions cannot keep the bounds: the first problems \
+                     may be infeasible",
+                    )
                     .change("start within control.state_low and state_high, or widen them"),
             );
         }
@@ -60,9 +63,21 @@ fn reach(subject: &Subject<'_>, control: &ControlSpec, domain: &Domain) -> Vec<F
     let mut compare = |name: &str, (low, high): (f64, f64), (from, to): (f64, f64)| {
         if low < from || high > to {
             findings.push(
-                Finding::warning("domain", format!("the bounds of {name} reach outside the training domain"))
-                    .because("a net is wrong outside the box it was trained on, and the optimiser may plan there")
-                    .change(format!("a domain of {name} that holds {low} to {high}, or narrower bounds in [control]")),
+                Finding::warning(
+                    "domain",
+                    format!(
+                        "the bounds of {name} reach outside the \
+                 training domain"
+                    ),
+                )
+                .because(
+                    "a net is wrong outside the box it was trained on, and the optimiser \
+                     may plan there",
+                )
+                .change(format!(
+                    "a domain of {name} that holds {low} to {high}, or narrower \
+                     bounds in [control]"
+                )),
             );
         }
     };

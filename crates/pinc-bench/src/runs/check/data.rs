@@ -12,7 +12,10 @@ pub(super) fn examine(subject: &Subject<'_>) -> Vec<Finding> {
     if spec.held_out.is_empty() {
         findings.push(
             Finding::warning("data.held_out", "no measurements are held out")
-                .because("the best net is then chosen by its error against the equation, which the measurements are there to correct")
+                .because(
+                    "the best net is then chosen by its error against the equation, which \
+                 the measurements are there to correct",
+                )
                 .change("measurements that are not among data.files"),
         );
     } else {

@@ -68,9 +68,13 @@ fn broken(subject: &Subject<'_>, bad: &OperatingPoint, share: &str) -> Finding {
         None => String::new(),
     };
     Finding::error("plant", format!("{what} at {place} ({share}){edge}"))
-        .because("the training asks for values and derivatives everywhere in the domain; one that is not finite ends it")
+        .because(
+            "the training asks for values and derivatives everywhere in the domain; one that \
+         is not finite ends it",
+        )
         .change(
-            "keep [domain] away from there, or write the equation so that it is defined there too: guard the \
+            "keep [domain] away from there, or write the equation so that it is defined there \
+             too: guard the \
              argument of sqrt, log and of a division",
         )
 }
@@ -79,8 +83,14 @@ fn on_the_edge(subject: &Subject<'_>, bad: &OperatingPoint) -> Finding {
     let what = fault(subject, bad).unwrap_or_default();
     let place = format!("{}; {}", subject.state(&bad.x), subject.input(&bad.u));
     Finding::warning("plant", format!("{what} at {place}, an edge of {} or 0", subject.region_name))
-        .because("random points do not meet it, but a measured state or a steady state can lie there, and no step can be computed from it")
-        .change("move the edge of [domain] and the controller's bounds away from it, or guard the argument of sqrt, log and of a division")
+        .because(
+            "random points do not meet it, but a measured state or a steady state can lie \
+         there, and no step can be computed from it",
+        )
+        .change(
+            "move the edge of [domain] and the controller's bounds away from it, or guard the \
+         argument of sqrt, log and of a division",
+        )
 }
 
 /// The last good point on the way from the middle to a bad one.

@@ -1,5 +1,5 @@
-//! Where trajectories really go, against the training domain: the validation's scenarios, the free run,
-//! and the closed loop with RK4 as the model.
+//! Where trajectories really go, against the training domain: the validation's scenarios, the free
+//! run, and the closed loop with RK4 as the model.
 
 use super::super::control;
 use super::{Finding, Subject, short};
@@ -102,8 +102,14 @@ fn uses(subject: &Subject<'_>, findings: &mut Vec<Finding>) -> Vec<(&'static str
             }
             Err(error) => findings.push(
                 Finding::error("control", format!("with RK4 as the model: {error}"))
-                    .because("a controller that fails with the plant's own equation will not work with a net")
-                    .change("other bounds, references or a shorter T; more rk4_substeps if the equation is stiff"),
+                    .because(
+                        "a controller that fails with the plant's own equation will not work \
+                     with a net",
+                    )
+                    .change(
+                        "other bounds, references or a shorter T; more rk4_substeps if the \
+                     equation is stiff",
+                    ),
             ),
         }
     }
@@ -142,7 +148,10 @@ fn simulate(subject: &Subject<'_>, runs: &[Scenario], findings: &mut Vec<Finding
         findings.push(
             Finding::error("plant", what)
                 .because("there is no truth to compare a net with, and validation fails")
-                .change("inputs and initial states that keep the plant where it is defined, or shorter runs"),
+                .change(
+                    "inputs and initial states that keep the plant where it is defined, or \
+                 shorter runs",
+                ),
         );
     }
     extent
@@ -195,7 +204,8 @@ fn proposal(seen: &Extent, domain: &Domain) -> Finding {
     let (state_low, state_high) = pairs(&domain.state_low, &domain.state_high, 0);
     let (input_low, input_high) = pairs(&domain.input_low, &domain.input_high, states);
     let text = format!(
-        "[domain]\nstate_low = {state_low:?}\nstate_high = {state_high:?}\ninput_low = {input_low:?}\n\
+        "[domain]\nstate_low = {state_low:?}\nstate_high = {state_high:?}\ninput_low = \
+         {input_low:?}\n\
          input_high = {input_high:?}"
     );
     Finding::fact("domain", "a box that holds all of these trajectories").change(text)

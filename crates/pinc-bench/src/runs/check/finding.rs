@@ -20,7 +20,8 @@ pub enum Severity {
 pub struct Finding {
     /// How serious it is.
     pub severity: Severity,
-    /// The key of the config that it is about, or a place in the plant; empty for the plant as a whole.
+    /// The key of the config that it is about, or a place in the plant; empty for the plant as a
+    /// whole.
     pub place: String,
     /// What it is.
     pub what: String,

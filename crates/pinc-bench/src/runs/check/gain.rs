@@ -62,12 +62,18 @@ fn of_gain(subject: &Subject<'_>, place: &str, linear: &StateSpace) -> Vec<Findi
     let line = relation(subject).map_or_else(String::new, |line| format!("; {line}"));
     vec![
         Finding::warning(place, format!("{what}: singular{line}"))
-            .because(format!(
-                "at steady state the {wanted} controlled states cannot be chosen independently: a reference off \
-                 what the gain reaches leaves an offset with any controller and any model"
-            ))
+            .because(if wanted == 1 {
+                "constant inputs have no effect on the controlled state at steady state".to_owned()
+            } else {
+                format!(
+                    "at steady state the {wanted} controlled states cannot be chosen \
+                     independently: a reference off what the gain reaches leaves an offset with \
+                     any controller and any model"
+                )
+            })
             .change(
-                "choose references that steady states reach, control fewer states, or change the plant's parameters",
+                "choose references that steady states reach, control fewer states, or change the \
+                 plant's parameters",
             ),
     ]
 }
@@ -119,7 +125,10 @@ fn of_zeros(subject: &Subject<'_>, place: &str, linear: &StateSpace) -> Vec<Find
     if zeros.iter().any(|zero| is_zero(zero.re) && is_zero(zero.im)) {
         return vec![
             Finding::warning(place, format!("{what}: one is at s = 0"))
-                .because("in one direction constant inputs have no lasting effect on the controlled states: no controller can hold an arbitrary reference there")
+                .because(
+                    "in one direction constant inputs have no lasting effect on the \
+                 controlled states: no controller can hold an arbitrary reference there",
+                )
                 .change("references that steady states reach, or other parameters of the plant"),
         ];
     }
@@ -137,7 +146,8 @@ fn of_zeros(subject: &Subject<'_>, place: &str, linear: &StateSpace) -> Vec<Find
         vec![
             Finding::warning(place, format!("{what} for about {}", time(1.0 / slowest)))
                 .because(format!(
-                    "a horizon of {} steps sees little more than that: the controller may then choose the wrong direction",
+                    "a horizon of {} steps sees little more than that: the controller may then \
+                     choose the wrong direction",
                     control.n2
                 ))
                 .change(format!("control.n2 of about {steps:.0} or more, or a longer T")),

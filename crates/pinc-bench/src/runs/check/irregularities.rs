@@ -1,4 +1,5 @@
-//! Poles, jumps and kinks of the equation in the region and a little beyond, and what to write instead.
+//! Poles, jumps and kinks of the equation in the region and a little beyond, and what to write
+//! instead.
 
 use super::{Finding, Subject, short};
 use crate::spec::PlantSpec;
@@ -65,7 +66,7 @@ fn of_terms(subject: &Subject<'_>, survey: &Survey, terms: &CriticalTerms) -> Ve
         let problem = match term.role {
             TermRole::Kink | TermRole::Jump => continue,
             TermRole::Denominator if !is_pole(subject, survey, &crossing) => continue,
-            TermRole::Denominator => format!("the denominator {} is 0", term.text),
+            TermRole::Denominator => format!("the denominator {} is 0 at", term.text),
             TermRole::Radicand => format!("sqrt({}) is not defined beyond", term.text),
             TermRole::Logarithm => format!("log({}) is not defined beyond", term.text),
             TermRole::Base => format!("a power of {} is not defined beyond", term.text),
@@ -80,7 +81,10 @@ fn of_terms(subject: &Subject<'_>, survey: &Survey, terms: &CriticalTerms) -> Ve
         };
         findings.push(
             finding
-                .because("a net cannot follow a rate that grows without limit: it is wrong there and in a neighbourhood, which the loss hardly shows")
+                .because(
+                    "a net cannot follow a rate that grows without limit: it is wrong there \
+                 and in a neighbourhood, which the loss hardly shows",
+                )
                 .change(instead(subject, terms, i, term, &crossing)),
         );
     }
@@ -152,8 +156,10 @@ fn of_survey(
     let rate = format!("{}'", subject.plant.states()[found.state].name);
     let place = at(subject, &found.sides[0]);
     let where_it_is = whereabouts(subject, found.is_inside);
-    let guard = "guard the division or the function by max or min, or keep [domain] and the bounds away from it";
-    let because = "a net cannot follow a rate that grows without limit: it is wrong there and in a neighbourhood, which the loss hardly shows";
+    let guard = "guard the division or the function by max or min, or keep [domain] and the \
+     bounds away from it";
+    let because = "a net cannot follow a rate that grows without limit: it is wrong there and in \
+     a neighbourhood, which the loss hardly shows";
     let finding = |what| {
         if found.is_inside {
             Finding::error("plant", what)
@@ -173,8 +179,14 @@ fn of_survey(
         IrregularityKind::Jump => {
             let what = format!("{rate} jumps at {place}{}", switch(terms, found, TermRole::Jump));
             Finding::warning("plant", what)
-                .because("a net is smooth and rounds it off, and integrators lose their order there")
-                .change("write a steep smooth function, as tanh(x/width) for sign(x), with a width that matters to nobody")
+                .because(
+                    "a net is smooth and rounds it off, and integrators lose their order \
+                 there",
+                )
+                .change(
+                    "write a steep smooth function, as tanh(x/width) for sign(x), with a \
+                 width that matters to nobody",
+                )
         }
         IrregularityKind::Kink => {
             let what = format!(
@@ -182,8 +194,14 @@ fn of_survey(
                 switch(terms, found, TermRole::Kink)
             );
             Finding::warning("plant", what)
-                .because("a net is smooth and rounds it off: its error falls slowly with its size there")
-                .change("write a smooth function, as sqrt(x^2 + width^2) for abs(x), if the kink is not physical")
+                .because(
+                    "a net is smooth and rounds it off: its error falls slowly with its size \
+                 there",
+                )
+                .change(
+                    "write a smooth function, as sqrt(x^2 + width^2) for abs(x), if the kink \
+                 is not physical",
+                )
         }
     }
 }

@@ -1,6 +1,7 @@
 //! `pinc check`: looks at the plant and the config before anything is trained.
 //!
-//! An examination takes the [`Subject`] and gives [`Finding`]s; the list of them is [`EXAMINATIONS`].
+//! An examination takes the [`Subject`] and gives [`Finding`]s; the list of them is
+//! [`EXAMINATIONS`].
 
 mod bounds;
 mod data;
@@ -138,8 +139,8 @@ impl<'a> Subject<'a> {
         self.experiment.sample_time_s().unwrap_or(1.0)
     }
 
-    /// The steady states that the plant is to be at, with their names: those of the references, or else
-    /// that of the middle.
+    /// The steady states that the plant is to be at, with their names: those of the references, or
+    /// else that of the middle.
     fn operating_points(&self) -> Vec<(String, &OperatingPoint)> {
         let mut points: Vec<(String, &OperatingPoint)> = Vec::new();
         for (k, hold) in self.holds.iter().enumerate() {

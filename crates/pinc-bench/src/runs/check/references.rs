@@ -46,19 +46,19 @@ fn outside(
             let low = low.map_or(f64::NEG_INFINITY, |low| low[i]);
             let high = high.map_or(f64::INFINITY, |high| high[i]);
             if *value < low || *value > high {
-                let (low, high) = (short(low), short(high));
-                needs.push(format!(
-                    "{} = {} (bounds {low} to {high})",
-                    variable.name,
-                    short(*value)
-                ));
+                let needed = apart(*value, if *value < low { low } else { high }).0;
+                let ends = format!("bounds {} to {}", short(low), short(high));
+                needs.push(format!("{} = {needed} ({ends})", variable.name));
             }
         }
     }
     let what = format!("{value} cannot be held within bounds: it needs {}", needs.join(", "));
     Finding::warning(place, what)
         .because("the controller will sit at its bounds with an offset, whatever its model")
-        .change("move the reference, or widen control.input_low, input_high, state_low or state_high if the plant allows it")
+        .change(
+            "move the reference, or widen control.input_low, input_high, state_low or \
+         state_high if the plant allows it",
+        )
 }
 
 fn nowhere(
@@ -83,6 +83,9 @@ fn nowhere(
         format!("; a steady state near it has {} at {}", miss(point), subject.input(&point.u))
     });
     Finding::warning(place, format!("{value} is no steady state, with any input{nearest}"))
-        .because("no controller can hold it: there will be an offset, or the input will not come to rest")
+        .because(
+            "no controller can hold it: there will be an offset, or the input will not come \
+         to rest",
+        )
         .change("a reference that is a steady state, or fewer controlled states")
 }

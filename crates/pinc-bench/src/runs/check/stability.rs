@@ -7,13 +7,19 @@ use pinc_analysis::{
     Complex, ExplicitMethod, Growth, HeldPoint, OperatingPoint, StateSpace, TimeScales, beyond_knee,
 };
 
-/// |lambda| T from which a plant is stiff for explicit methods, and how far its modes are apart then.
+/// |lambda| T from which a plant is stiff for explicit methods, and how far its modes are apart
+/// then.
 const STIFF: f64 = 10.0;
+
+/// T from which a controller acts too late, in doubling times of an unstable plant: a deviation
+/// is four times as large when it can be answered.
+const MOST_DOUBLINGS: f64 = 2.0;
 
 /// More modes than these are summed up.
 const LISTED: usize = 6;
 
-/// Points between two references, and random points of the region, at which integrators are examined.
+/// Points between two references, and random points of the region, at which integrators are
+/// examined.
 const BETWEEN: u32 = 8;
 const POINTS: usize = 200;
 
@@ -29,8 +35,14 @@ pub(super) fn examine(subject: &Subject<'_>) -> Vec<Finding> {
         let Some(modes) = modes(subject, point) else {
             findings.push(
                 Finding::warning(place, "the derivatives are not finite there")
-                    .because("neither stability nor gain can be told, and a controller cannot stay there")
-                    .change("guard the argument of sqrt, log and of a division, or move the reference"),
+                    .because(
+                        "neither stability nor gain can be told, and a controller cannot \
+                     stay there",
+                    )
+                    .change(
+                        "guard the argument of sqrt, log and of a division, or move the \
+                     reference",
+                    ),
             );
             continue;
         };
@@ -120,8 +132,14 @@ fn stiff(subject: &Subject<'_>, place: &str, modes: &[Complex]) -> Option<Findin
     );
     Some(
         Finding::warning(place, what)
-            .because("explicit RK4 needs many substeps to stay stable, and in a net the fast part is a thin layer at t = 0")
-            .change("give RK4 the substeps that are named below, shorten T, or leave the fast state out by its steady state"),
+            .because(
+                "explicit RK4 needs many substeps to stay stable, and in a net the fast part \
+             is a thin layer at t = 0",
+            )
+            .change(
+                "give RK4 the substeps that are named below, shorten T, or leave the fast \
+             state out by its steady state",
+            ),
     )
 }
 
@@ -141,11 +159,12 @@ fn sample_time(subject: &Subject<'_>, place: &str, scales: &TimeScales) -> Optio
     let step = subject.step_s();
     if let Some(doubling) = scales.doubling_s {
         let what = format!(
-            "T = {} is longer than the {} in which a deviation doubles",
+            "T = {} is {} times the {} in which a deviation doubles",
             time(step),
+            short(step / doubling),
             time(doubling)
         );
-        return (step > doubling).then(|| {
+        return (step > MOST_DOUBLINGS * doubling).then(|| {
             Finding::warning(place, what)
                 .because(
                     "an unstable plant runs away between two inputs: the controller acts too late",
@@ -156,9 +175,13 @@ fn sample_time(subject: &Subject<'_>, place: &str, scales: &TimeScales) -> Optio
     let slowest = scales.slowest?;
     let what =
         format!("T = {} is {} times the slowest time constant", time(step), short(slowest * step));
-    (slowest * step > 3.0).then(|| {
+    // What integrates does not settle, however fast the rest is.
+    (slowest * step > 3.0 && !scales.is_neutral).then(|| {
         Finding::warning(place, what)
-            .because("the plant has settled at the end of a step: the controller sees steady states and cannot shape the way there")
+            .because(
+                "the plant has settled at the end of a step: the controller sees steady \
+             states and cannot shape the way there",
+            )
             .change(format!("a sample_time_s of {} or less", time(1.0 / slowest)))
     })
 }
@@ -181,13 +204,19 @@ fn horizon(subject: &Subject<'_>, scales: &TimeScales) -> Option<Finding> {
     );
     Some(
         Finding::warning("control.n2", what)
-            .because("the controller sees too little of what its inputs do, and becomes timid or short-sighted")
-            .change(format!("n2 of about {:.0}, or a longer T", (0.5 / (rate * subject.step_s())).ceil())),
+            .because(
+                "the controller sees too little of what its inputs do, and becomes timid or \
+             short-sighted",
+            )
+            .change(format!(
+                "n2 of about {:.0}, or a longer T",
+                (0.5 / (rate * subject.step_s())).ceil()
+            )),
     )
 }
 
-/// The substeps with which an explicit method is stable, at the references and between them, and at random
-/// points of the region.
+/// The substeps with which an explicit method is stable, at the references and between them, and at
+/// random points of the region.
 fn integrator(
     subject: &Subject<'_>,
     control: &ControlSpec,
@@ -210,7 +239,8 @@ fn integrator(
         #[expect(clippy::cast_precision_loss, reason = "a few substeps")]
         let size = fastest * step / substeps as f64;
         let what = format!(
-            "{substeps} substeps are unstable at {name}, {}: the fastest mode times a substep is {}, and \
+            "{substeps} substeps are unstable at {name}, {}: the fastest mode times a substep is \
+             {}, and \
              stable is up to {} on the real axis",
             subject.state(&point.x),
             short(size),
@@ -218,8 +248,18 @@ fn integrator(
         );
         findings.push(
             Finding::warning(key, what)
-                .because("errors of the model grow from substep to substep where the plant's decay: the controller's predictions are wrong and its steps fail")
-                .change(if n == usize::MAX { "a shorter T, or the model rosenbrock".to_owned() } else { format!("{key} = {n} or more, or the model rosenbrock", key = key.trim_start_matches("control.")) }),
+                .because(
+                    "errors of the model grow from substep to substep where the plant's \
+                 decay: the controller's predictions are wrong and its steps fail",
+                )
+                .change(if n == usize::MAX {
+                    "a shorter T, or the model rosenbrock".to_owned()
+                } else {
+                    format!(
+                        "{key} = {n} or more, or the model rosenbrock",
+                        key = key.trim_start_matches("control.")
+                    )
+                }),
         );
     }
     let random = subject.region.points(subject.experiment.seed).take(POINTS);

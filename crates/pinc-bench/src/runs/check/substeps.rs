@@ -74,16 +74,27 @@ fn needed(subject: &Subject<'_>, sample_time_s: f64, samples: &OneStepSamples) -
                 found[0].map_or_else(|| format!("more than {MOST}"), |n| n.to_string()),
             );
             findings.push(
-                Finding::warning("control.rk4_substeps", format!("with {n} substeps RK4 is wrong by {} of the region's width in a step", short(error)))
-                    .because("as a model in the controller it misleads, and a comparison with it says nothing about the net")
-                    .change(format!("rk4_substeps = {enough}")),
+                Finding::warning(
+                    "control.rk4_substeps",
+                    format!(
+                        "with {n} substeps RK4 is wrong \
+                 by {} of the region's width in a step",
+                        short(error)
+                    ),
+                )
+                .because(
+                    "as a model in the controller it misleads, and a comparison with it \
+                     says nothing about the net",
+                )
+                .change(format!("rk4_substeps = {enough}")),
             );
         }
     }
     findings
 }
 
-/// The root of the mean squared error of a step of RK4, in the states' units or in widths of the region.
+/// The root of the mean squared error of a step of RK4, in the states' units or in widths of the
+/// region.
 fn error(subject: &Subject<'_>, samples: &OneStepSamples, substeps: usize, in_widths: bool) -> f64 {
     let scale = |i: usize| if in_widths { subject.region.width(i) } else { 1.0 };
     let scale: Vec<f64> = (0..subject.region.dims.nx).map(scale).collect();

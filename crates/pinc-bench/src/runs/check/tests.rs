@@ -111,8 +111,8 @@ fn findings_with(plant: Test, sets: &[&str], more: &str) -> Vec<Finding> {
     examine(&plant, &experiment(sets, more))
 }
 
-/// Checks that there is a finding of this severity with this place and text, and that it says why and what
-/// to change unless it is a fact.
+/// Checks that there is a finding of this severity with this place and text, and that it says why
+/// and what to change unless it is a fact.
 #[track_caller]
 fn assert_found(findings: &[Finding], severity: Severity, place: &str, what: &str) {
     let of_kind =
@@ -208,7 +208,7 @@ fn outputs_out_of_reach() {
     let sets = ["control.controlled=[\"x2\"]", "control.references.0.value=[1.0]"];
     let found = findings(Test::Unreached, &sets);
     assert_found(&found, Warning, "", "rank 0: singular");
-    assert_found(&found, Warning, "", "do not respond independently at any frequency");
+    assert_found(&found, Warning, "", "u has no effect on x2");
 }
 
 #[test]
