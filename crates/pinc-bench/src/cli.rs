@@ -98,7 +98,8 @@ enum Command {
     Results {
         /// Directory of the list's runs.
         dir: PathBuf,
-        /// Write the page to FILE instead, with pictures in the directory of that name without ending.
+        /// Write the page to FILE instead, with pictures in the directory of that name without
+        /// ending.
         #[arg(long, value_name = "FILE")]
         out: Option<PathBuf>,
     },
@@ -119,8 +120,8 @@ enum Command {
 
 #[derive(Debug, Args)]
 struct RunArgs {
-    /// Run directory, by default `runs/` and the experiment's name; with several configs, the directory
-    /// of theirs.
+    /// Run directory, by default `runs/` and the experiment's name; with several configs, the
+    /// directory of theirs.
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
     /// Go on with the run in the run directory.

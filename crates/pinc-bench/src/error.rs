@@ -59,7 +59,8 @@ pub enum BenchError {
     },
     /// A model of one scenario where one of any scenario is needed.
     #[error(
-        "{}: a conventional PINN, for one initial state and input: it can neither be chained nor control",
+        "{}: a conventional PINN, for one initial state and input: it can neither be chained nor \
+        control",
         path.display()
     )]
     TimeOnlyModel {
@@ -78,7 +79,8 @@ pub enum BenchError {
     },
     /// A net about to be used outside the box that it was trained on, where that is refused.
     #[error(
-        "the net would be used outside its training domain: {variable} is {excess:.3} beyond {low} to {high}; \
+        "the net would be used outside its training domain: {variable} is {excess:.3} beyond {low} \
+        to {high}; \
          train on a larger [domain], or let it go on with outside_domain = \"report\""
     )]
     OutsideDomain {
@@ -93,7 +95,8 @@ pub enum BenchError {
     },
     /// A data file that nothing can be learnt from.
     #[error(
-        "{}: nothing to compare a net with: expected a row with all states, and within T = {sample_time_s} s of it, \
+        "{}: nothing to compare a net with: expected a row with all states, and within T = \
+        {sample_time_s} s of it, \
          under the same input, one with a state",
         path.display()
     )]
@@ -135,7 +138,9 @@ pub enum BenchError {
     },
     /// Sweeps to merge that are not of one config.
     #[error(
-        "{}: belongs to another sweep than {} (their config.toml differ)", dir.display(), first.display()
+        "{}: belongs to another sweep than {} (their config.toml differ)",
+        dir.display(),
+        first.display()
     )]
     OtherSweep {
         /// The directory.
@@ -200,7 +205,8 @@ pub enum CsvProblem {
     },
     /// A time at which a distilled net knows nothing.
     #[error(
-        "column `t`: {t} s lies between steps of {sample_time_s} s, of which a net distilled from an \
+        "column `t`: {t} s lies between steps of {sample_time_s} s, of which a net distilled from \
+        an \
          integrator knows nothing; expected times on step marks"
     )]
     BetweenSteps {

@@ -58,7 +58,8 @@ fn metrics(text: &mut String, metrics: &Metrics) -> std::fmt::Result {
     }
     writeln!(
         text,
-        "closed loop   RMSE dense   IAE dense      RMSE       IAE   loop ms   step us   KKT max   status"
+        "closed loop   RMSE dense   IAE dense      RMSE       IAE   loop ms   step us   KKT max   \
+        status"
     )?;
     let distilled =
         metrics.training.as_ref().is_some_and(|t| t.source == TrainingTarget::Integrator);

@@ -1,8 +1,8 @@
 //! The directory of a sweep: what its trials leave there.
 //!
 //! ```text
-//! nets/<hash of a training>/    a run directory as of `pinc train`, shared by all trials of that net
-//! trials/<hash of a trial>/     metrics.json, traces, and last of all result.json
+//! nets/<hash of a training>/    a run directory as of `pinc train`, shared by all trials of that
+//! net trials/<hash of a trial>/     metrics.json, traces, and last of all result.json
 //! ```
 
 use crate::error::RecordError;

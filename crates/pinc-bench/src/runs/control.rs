@@ -90,7 +90,8 @@ fn run_model(
     Ok(ControlMetrics { outside_domain: outside, ..metrics })
 }
 
-/// The plant's trajectory in the closed loop of `spec` with RK4 as the model, run once and not recorded.
+/// The plant's trajectory in the closed loop of `spec` with RK4 as the model, run once and not
+/// recorded.
 pub(super) fn rehearse(
     plant: &dyn DynPlant,
     spec: &ControlSpec,

@@ -140,8 +140,8 @@ impl Session {
             && let Some(data) = setup.measured(experiment, |spec| &spec.files)?
         {
             trainer = trainer.with_measurements(&data.measurements, spec.weight)?;
-            // The config only names the files; a training is resumed with the same measurements or not at
-            // all.
+            // The config only names the files; a training is resumed with the same measurements or
+            // not at all.
             fingerprint.extend(data.digest.iter().map(|byte| format!("{byte:02x}")));
         }
         let stage = Stage::begin(options.verbosity, "training", total);

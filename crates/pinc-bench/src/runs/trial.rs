@@ -6,8 +6,8 @@ use pinc_config::Experiment;
 use pinc_record::{Provenance, RecordError, RunDir, file};
 use std::path::Path;
 
-/// Trains the net of `experiment` in the run directory `dir`, on so many threads, or goes on with the
-/// training that is there.
+/// Trains the net of `experiment` in the run directory `dir`, on so many threads, or goes on with
+/// the training that is there.
 pub(crate) fn train_shared(
     experiment: &Experiment,
     dir: &Path,
@@ -36,8 +36,8 @@ pub(crate) fn train_shared(
     }
 }
 
-/// Runs a trial in `dir`, which holds nothing yet, with the net of the run directory `net` if it needs
-/// one.
+/// Runs a trial in `dir`, which holds nothing yet, with the net of the run directory `net` if it
+/// needs one.
 pub(crate) fn run_trial(
     experiment: &Experiment,
     net: Option<&Path>,

@@ -1,4 +1,5 @@
-//! What `pinc check` finds in the shipped configs. Each of its messages has a test plant in `runs/check`.
+//! What `pinc check` finds in the shipped configs. Each of its messages has a test plant in
+//! `runs/check`.
 
 use crate::common::{outcome, pinc, repository};
 use pinc_bench::{Finding, Severity, check};
@@ -36,8 +37,8 @@ fn sound_configs_give_no_cause_for_warnings() {
 #[test]
 fn four_tanks_whose_gammas_add_up_to_1_have_a_singular_gain() {
     let findings = findings("four-tanks/main.toml", &[]);
-    // At the first reference, by an independent computation: singular values 8.39 and 0; every steady
-    // state has h2/h1 = (a1/a2)^2 = (0.071/0.057)^2 = 1.5516.
+    // At the first reference, by an independent computation: singular values 8.39 and 0; every
+    // steady state has h2/h1 = (a1/a2)^2 = (0.071/0.057)^2 = 1.5516.
     let gain = with(&findings, &["singular values 8.39", ", 0, rank 1: singular"]);
     assert!(gain.what.contains("all steady states lie on the line h2/h1 = 1.5516"), "{gain}");
     with(&findings, &["transmission zeros", "one is at s = 0"]);

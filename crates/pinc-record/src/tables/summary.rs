@@ -26,7 +26,8 @@ const COLUMNS: [&str; 13] = [
     "confidence",
 ];
 
-/// The spread of each metric in each cell of a sweep: the trials that differ in seeds and draws only.
+/// The spread of each metric in each cell of a sweep: the trials that differ in seeds and draws
+/// only.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SummaryTable {
     /// The columns that tell the cells apart: keys of the config, or `case` and `drawn`.

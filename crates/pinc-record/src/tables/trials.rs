@@ -370,8 +370,8 @@ impl TrialTable {
         table
     }
 
-    /// Reads the table; `None` if the file does not exist. A metric that the file lacks is left out;
-    /// all other columns have to be there.
+    /// Reads the table; `None` if the file does not exist. A metric that the file lacks is left
+    /// out; all other columns have to be there.
     ///
     /// # Errors
     ///

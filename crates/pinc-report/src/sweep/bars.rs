@@ -51,7 +51,8 @@ pub(super) fn picture(trials: &Trials, metric: &Metric) -> Option<Picture> {
     let figure = Figure::stack(metric.title, Axis::named("", &names), vec![panel]);
     let caption = caption(trials, metric, |sizes| {
         format!(
-            "A bar ends at the median over the trials, {sizes}; intervals are the quartiles, rings the \
+            "A bar ends at the median over the trials, {sizes}; intervals are the quartiles, rings \
+            the \
              trials"
         )
     });

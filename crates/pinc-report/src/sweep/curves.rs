@@ -24,7 +24,8 @@ pub(super) fn picture(trials: &Trials, metric: &Metric) -> Option<Picture> {
     let figure = curves.figure(&numbers, &values);
     let caption = caption(trials, metric, |sizes| {
         format!(
-            "Median over the trials, with the quartiles as intervals; each light dot is a trial, {sizes}"
+            "Median over the trials, with the quartiles as intervals; each light dot is a trial, \
+            {sizes}"
         )
     });
     let (stem, title) = (metric.stem.to_owned(), metric.title.to_owned());

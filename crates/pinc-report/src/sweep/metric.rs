@@ -51,7 +51,8 @@ impl Metric {
         trials.cells().iter().filter_map(move |cell| self.spread(trials, cell, column))
     }
 
-    /// The value that every trial of every cell has in common, in all columns, if there are several.
+    /// The value that every trial of every cell has in common, in all columns, if there are
+    /// several.
     fn constant(&self, trials: &Trials) -> Option<f64> {
         let spreads = self.columns.iter().flat_map(|(column, _)| self.spreads(trials, *column));
         let ends = spreads.map(|spread| (spread.min, spread.max));
@@ -101,7 +102,8 @@ impl Selection {
         Self { varying, constant }
     }
 
-    /// " The same in every trial: validation MSE (cm²) 1.24·10⁻⁶."; nothing if there is no such metric.
+    /// " The same in every trial: validation MSE (cm²) 1.24·10⁻⁶."; nothing if there is no such
+    /// metric.
     pub(super) fn sentence(&self) -> String {
         let words = |(metric, value): &(Metric, f64)| {
             format!("{} {}", metric.label, text::significant(*value, 3))

@@ -163,8 +163,8 @@ fn failures(trials: &Trials) -> Option<NumberTable> {
     (!rows.is_empty()).then_some(NumberTable { title, heads, rows })
 }
 
-/// What stands below a picture of the cells: their sizes, in terms of medians and spreads (`several`) if there
-/// are such, and where the numbers are from.
+/// What stands below a picture of the cells: their sizes, in terms of medians and spreads
+/// (`several`) if there are such, and where the numbers are from.
 fn caption(trials: &Trials, metric: &Metric, several: impl FnOnce(&str) -> String) -> String {
     let sizes = sizes(trials.cells());
     let shown = if trials.are_alone() { sizes } else { several(&sizes) };
