@@ -1,7 +1,7 @@
 //! A run directory's files, read as far as the report needs them.
 
 use crate::error::ReportError;
-use crate::sweep::Trials;
+use crate::trials::Trials;
 use pinc_config::{Experiment, ModelKind};
 use pinc_record::{
     ControlTrace, Metrics, PredictionTable, Provenance, RecordError, StepRow, TrainingRow, file,

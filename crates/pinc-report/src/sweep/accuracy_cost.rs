@@ -1,9 +1,9 @@
 //! Accuracy against cost: what the models of a sweep with `[one_step]` come to, each a dot.
 
-use super::trials::{Cell, Trials};
 use crate::data::{DISTILLED, Run};
 use crate::number_tables::NumberTable;
 use crate::picture::Picture;
+use crate::trials::{Cell, Trials};
 use pinc_chart::text::{self, MISSING};
 use pinc_chart::{
     Axis, Figure, Kind, Label, Panel, Point, Shape, Span, Style, extent, state_color, state_mark,

@@ -3,8 +3,8 @@
 use super::caption;
 use super::curves::side_by_side;
 use super::metric::Metric;
-use super::trials::Trials;
 use crate::picture::Picture;
+use crate::trials::Trials;
 use pinc_chart::text;
 use pinc_chart::{
     Area, Axis, BLACK, Figure, Fill, Kind, Look, Panel, Shape, Span, Style, places, state_color,

@@ -1,9 +1,9 @@
 //! A metric over one axis of a sweep: the median of each cell with its quartiles, and every trial.
 
 use super::metric::Metric;
-use super::trials::{Cell, Trials, short, shown};
 use super::{bars, caption};
 use crate::picture::Picture;
+use crate::trials::{Cell, Trials, short, shown};
 use pinc_chart::{
     Axis, Figure, Kind, Panel, Point, Shape, Span, Style, places, state_color, state_mark,
 };

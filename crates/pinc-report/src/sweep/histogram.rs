@@ -2,8 +2,8 @@
 
 use super::metric::Metric;
 use super::sizes;
-use super::trials::{Cell, Trials};
 use crate::picture::Picture;
+use crate::trials::{Cell, Trials};
 use pinc_chart::text;
 use pinc_chart::{Area, Axis, Figure, Fill, Key, Kind, Look, Panel, extent, places, state_color};
 use pinc_record::TrialMetric;

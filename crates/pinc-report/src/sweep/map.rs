@@ -2,8 +2,8 @@
 
 use super::metric::Metric;
 use super::sizes;
-use super::trials::{Cell, Trials, short, shown};
 use crate::picture::Picture;
+use crate::trials::{Cell, Trials, short, shown};
 use pinc_chart::text;
 use pinc_chart::{Area, Axis, Figure, Fill, GREY, Kind, Look, Panel, extent, graded, places};
 use pinc_record::TrialMetric;

@@ -1,7 +1,7 @@
 //! The numbers of trials that a sweep's report shows.
 
-use super::trials::{Cell, Spread, Trials};
 use crate::data::Run;
+use crate::trials::{Cell, Spread, Trials};
 use pinc_chart::text;
 use pinc_config::ModelKind;
 use pinc_record::{LoopMetric, TrialMetric};

@@ -12,18 +12,15 @@ mod metric;
 #[cfg(test)]
 mod tests;
 mod traces;
-mod trials;
-
-pub(crate) use trials::Trials;
 
 use crate::data::Run;
 use crate::error::ReportError;
 use crate::number_tables::NumberTable;
 use crate::picture::Picture;
+use crate::trials::{self, Cell, Spread, Trials};
 use metric::{Metric, Selection};
 use pinc_chart::text::{self, MISSING};
 use pinc_record::TrialMetric;
-use trials::{Cell, Spread};
 
 /// The pictures of a sweep.
 pub(crate) fn pictures(run: &Run, trials: &Trials) -> Result<Vec<Picture>, ReportError> {

@@ -1,11 +1,11 @@
 //! Free runs of conventional PINNs, each trained for its own T, beside that of a net that is
 //! chained: a column for each PINN, a row for each state.
 
-use super::trials::Trials;
 use crate::data::Run;
 use crate::error::ReportError;
 use crate::picture::Picture;
 use crate::prediction::{marks, points};
+use crate::trials::Trials;
 use pinc_chart::{
     Axis, BLACK, Figure, GREY, Key, Kind, Look, Panel, Shape, Style, extent, state_color,
     state_mark,
