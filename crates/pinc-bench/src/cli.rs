@@ -62,7 +62,7 @@ enum Command {
         /// Output: the same columns with the predicted states.
         #[arg(long)]
         output: PathBuf,
-        /// What to do where the net is asked outside its training domain.
+        /// What to do where the net is evaluated outside its training domain.
         #[arg(long, value_enum, default_value = "report")]
         outside_domain: Outside,
     },
@@ -94,7 +94,7 @@ enum Command {
         /// Run directory.
         dir: PathBuf,
     },
-    /// Print the paper's tables beside what the runs of configs/paper.toml came to, in Markdown.
+    /// Print the paper's tables beside the results of configs/paper.toml, in Markdown.
     Results {
         /// Directory of the list's runs.
         dir: PathBuf,
@@ -124,7 +124,7 @@ struct RunArgs {
     /// directory of theirs.
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
-    /// Go on with the run in the run directory.
+    /// Resume the run in the run directory.
     #[arg(long)]
     resume: bool,
     #[command(flatten)]
@@ -138,10 +138,10 @@ struct SetArgs {
     set: Vec<String>,
 }
 
-/// What to do where a net is asked outside its training domain.
+/// What to do where a net is evaluated outside its training domain.
 #[derive(Clone, Copy, Debug, clap::ValueEnum)]
 enum Outside {
-    /// Go on, and say how often and how far.
+    /// Continue, and report how often and how far.
     Report,
     /// End there.
     Refuse,

@@ -29,12 +29,12 @@ pub enum BenchError {
         /// The command.
         command: &'static str,
     },
-    /// The config's closed loop does not have the model asked for.
+    /// The config's closed loop lacks the requested model.
     #[error("{name}: control.models does not contain `{model}`")]
     MissingModel {
         /// The experiment.
         name: String,
-        /// The model asked for.
+        /// The requested model.
         model: &'static str,
     },
     /// A model file that holds no usable model.
@@ -81,7 +81,7 @@ pub enum BenchError {
     #[error(
         "the net would be used outside its training domain: {variable} is {excess:.3} beyond {low} \
         to {high}; \
-         train on a larger [domain], or let it go on with outside_domain = \"report\""
+         train on a larger [domain], or continue with outside_domain = \"report\""
     )]
     OutsideDomain {
         /// The variable.
@@ -149,7 +149,7 @@ pub enum BenchError {
         first: PathBuf,
     },
     /// The user stopped the run.
-    #[error("interrupted; go on with the same command and --resume (state in {})", dir.display())]
+    #[error("interrupted; continue with the same command and --resume (state in {})", dir.display())]
     Interrupted {
         /// The run directory.
         dir: PathBuf,
@@ -203,7 +203,7 @@ pub enum CsvProblem {
         /// Length T of a step, in s.
         sample_time_s: f64,
     },
-    /// A time at which a distilled net knows nothing.
+    /// A time at which a distilled net is not defined.
     #[error(
         "column `t`: {t} s lies between steps of {sample_time_s} s, of which a net distilled from \
         an \

@@ -83,7 +83,7 @@ pub struct ControlSpec {
     /// beginning if there are none and the run is long.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub close_ups_s: Vec<[f64; 2]>,
-    /// The optimiser.
+    /// The optimizer.
     pub sqp: SqpConfig,
 }
 
@@ -164,7 +164,7 @@ pub struct ReferenceStep {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum OutsidePolicy {
-    /// Go on, and say how often and how far.
+    /// Continue, and report how often and how far.
     #[default]
     Report,
     /// End the run there.

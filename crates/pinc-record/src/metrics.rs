@@ -209,7 +209,7 @@ pub struct TrainingMetrics {
     pub source: TrainingTarget,
     /// Wall time of the whole stage in s, with validation and files.
     pub wall_s: f64,
-    /// Wall time of the optimiser alone in s: the last `elapsed_s` of `training.csv`.
+    /// Wall time of the optimizer alone in s: the last `elapsed_s` of `training.csv`.
     #[serde(default)]
     pub optimizer_s: f64,
     /// Iterations over all phases.

@@ -56,7 +56,7 @@ impl RunDir {
         Ok(Self { dir: dir.to_owned(), metrics, keeps_traces: true })
     }
 
-    /// Says where the results to come are from. A resumed run keeps what is said of those that are
+    /// Writes where the results to come are from. A resumed run keeps what is said of those that are
     /// there.
     ///
     /// # Errors

@@ -56,7 +56,7 @@ fn input(row: &ControlRow, place: usize) -> f64 {
     row.input[place]
 }
 
-/// The closed loops of a run; the last model is drawn first, so that PINC comes to lie over RK4.
+/// The closed loops of a run; the last model is drawn first, so that PINC lies over RK4.
 struct Loops<'a> {
     run: &'a Run,
     variables: &'a Variables,

@@ -110,7 +110,7 @@ fn numbers(title: &str, tables: &[NumberTable]) -> String {
     }
     format!(
         "<section id=\"metrics\">\n<h2>{title}</h2>\n<div \
-        class=\"sheets\">\n{}</div>\n</section>\n",
+        class=\"tables\">\n{}</div>\n</section>\n",
         tables.concat()
     )
 }

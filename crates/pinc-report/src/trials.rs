@@ -134,12 +134,12 @@ impl Trials {
 
     /// What a cell is called: its alternatives, and its places on the axes.
     pub(crate) fn name(&self, cell: &Cell) -> String {
-        let word = |(column, value): (&String, &String)| match column.as_str() {
+        let name = |(column, value): (&String, &String)| match column.as_str() {
             CASE | DRAWN => value.clone(),
             key => format!("{} {}", short(key), shown(value)),
         };
-        let words: Vec<String> = self.columns.iter().zip(&cell.place).map(word).collect();
-        if words.is_empty() { "all trials".to_owned() } else { words.join(", ") }
+        let names: Vec<String> = self.columns.iter().zip(&cell.place).map(name).collect();
+        if names.is_empty() { "all trials".to_owned() } else { names.join(", ") }
     }
 
     /// The free run of a case's first finished trial, if it was kept.

@@ -63,7 +63,7 @@ pub struct Machine {
     pub target: String,
     /// Version of the compiler.
     pub rustc: String,
-    /// Whether it was built with optimisation for releases or as a development build.
+    /// Whether it was built with optimization for releases or as a development build.
     pub profile: String,
     /// Version of pinc.
     pub version: String,

@@ -67,7 +67,7 @@ fn run_model(
     let mut results = None;
     let mut outside = None;
     for repetition in 0..*repetitions {
-        options.go_on(run_dir.dir())?;
+        options.check_interrupt(run_dir.dir())?;
         progress.advance(repetition as u64, String::new);
         // Only the first leaves results: the others give the same numbers in other times.
         let mut run = setup.begin(&mut nmpc, plant)?;
@@ -213,7 +213,7 @@ impl Times {
     }
 }
 
-/// What a closed loop comes to, times apart.
+/// The results of a closed loop, except times.
 struct Results {
     steps: Vec<StepRecord>,
     rmse: f64,

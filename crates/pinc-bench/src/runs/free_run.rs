@@ -51,7 +51,7 @@ fn simulate(
     seed: u64,
 ) -> Result<Vec<PredictionRow>, BenchError> {
     let sample_time_s = net.sample_time_s();
-    // A distilled net knows nothing of the times between steps.
+    // A distilled net is not defined between steps.
     let subintervals = match net.source() {
         TrainingTarget::Physics => spec.subintervals,
         TrainingTarget::Integrator => 1,

@@ -43,7 +43,7 @@ impl Shard {
 ///
 /// # Errors
 ///
-/// [`BenchError`] if the sweep could not go on, and [`BenchError::FailedTrials`] if it did but
+/// [`BenchError`] if the sweep could not continue, and [`BenchError::FailedTrials`] if it did but
 /// trials failed.
 pub fn sweep(
     experiment: &Experiment,
@@ -128,7 +128,7 @@ impl<'a> Session<'a> {
         let mine: Vec<_> = mine.map(|(_, trial)| trial).collect();
         let mut left: Vec<&Trial> = Vec::new();
         for &trial in &mine {
-            // Cases may come to the same in some preset.
+            // Cases may be equal in some preset.
             let twice = left.iter().any(|other| other.id == trial.id);
             if !twice && self.sweep_dir.finished(&trial.id)?.is_none() {
                 left.push(trial);
@@ -140,7 +140,7 @@ impl<'a> Session<'a> {
         let estimate = Estimate::new(workers, self.effort_of_trainings(&left), left.len());
         let crew = Crew {
             session: self,
-            // The trials' progress is the sweep's, and they go on with what is there.
+            // The sweep shows the progress of its trials, which are resumed from what is there.
             options: Options { resume: true, verbosity: Verbosity::Quiet, ..*options },
             queue,
             threads: (cores / workers.max(1)).max(1),

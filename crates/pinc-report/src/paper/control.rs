@@ -226,7 +226,7 @@ pub(super) fn worst_case(page: &mut Page, runs: &Runs) {
     }
 }
 
-/// What the contradictions of paper and program come to.
+/// What the contradictions between paper and program change.
 pub(super) fn deviations(page: &mut Page, runs: &Runs) -> Result<(), ReportError> {
     page.heading("Deviations, one at a time");
     page.commands(&[

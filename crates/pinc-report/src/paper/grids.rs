@@ -95,7 +95,7 @@ fn progress(run: &Run) -> String {
     format!("{} of {} trials done{failed}", sweep.done, sweep.trials)
 }
 
-/// What the cells come to by the number of initial points, whatever the number of collocation
+/// The results by the number of initial points, whatever the number of collocation
 /// points, and where there are four of these to one of those.
 fn by_initial_points(summary: &Summary) -> String {
     let log = |row: &SummaryRow| row.median.log10();

@@ -1,4 +1,4 @@
-//! The paper's tables and figures beside what the runs of `configs/paper.toml` came to, as a page.
+//! The paper's tables and figures beside the results of `configs/paper.toml`, as a page.
 
 mod control;
 mod grids;
@@ -161,7 +161,7 @@ fn nets(page: &mut Page, runs: &Runs) -> Result<(), ReportError> {
             "net",
             "training",
             "`mse_gen`",
-            "mse, all rows, normalised",
+            "mse, all rows, normalized",
             "RMSE of the free run",
         ],
         &rows,

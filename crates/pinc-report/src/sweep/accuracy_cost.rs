@@ -1,4 +1,4 @@
-//! Accuracy against cost: what the models of a sweep with `[one_step]` come to, each a dot.
+//! Accuracy against cost of the models of a sweep with `[one_step]`, each a dot.
 
 use crate::data::{DISTILLED, Run};
 use crate::number_tables::NumberTable;
@@ -265,7 +265,7 @@ fn number(value: f64) -> String {
 }
 
 /// The IAE with the numerical model whose steps are the most exact (the net's, if there is no
-/// other): what a perfect model would come to.
+/// other): what a perfect model would give.
 fn iae_of_most_exact(entries: &[Entry]) -> f64 {
     let exactest = |nets: bool| {
         let entries = entries.iter().filter(|e| e.is_net == nets);

@@ -69,10 +69,10 @@ impl Metric {
         medians.sort_by(f64::total_cmp);
         medians.dedup();
         let apart = |digits: &usize| {
-            let words = medians.iter().map(|median| text::significant(*median, *digits));
-            let mut words: Vec<String> = words.collect();
-            words.dedup();
-            words.len() == medians.len()
+            let shown = medians.iter().map(|median| text::significant(*median, *digits));
+            let mut shown: Vec<String> = shown.collect();
+            shown.dedup();
+            shown.len() == medians.len()
         };
         (3..MOST).find(apart).unwrap_or(MOST)
     }
@@ -105,13 +105,13 @@ impl Selection {
     /// " The same in every trial: validation MSE (cm²) 1.24·10⁻⁶."; nothing if there is no such
     /// metric.
     pub(super) fn sentence(&self) -> String {
-        let words = |(metric, value): &(Metric, f64)| {
+        let shown = |(metric, value): &(Metric, f64)| {
             format!("{} {}", metric.label, text::significant(*value, 3))
         };
-        let words: Vec<String> = self.constant.iter().map(words).collect();
-        match words.is_empty() {
+        let shown: Vec<String> = self.constant.iter().map(shown).collect();
+        match shown.is_empty() {
             true => String::new(),
-            false => format!(" The same in every trial: {}.", text::listed(&words)),
+            false => format!(" The same in every trial: {}.", text::listed(&shown)),
         }
     }
 }

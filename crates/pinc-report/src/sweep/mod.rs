@@ -1,4 +1,4 @@
-//! The report of a sweep: what its trials came to, cell by cell, and those that failed.
+//! The report of a sweep: the results of its trials, cell by cell, and those that failed.
 //!
 //! A cell is a place in the grid, with one trial per seed and draw. The form of a picture follows
 //! from the sweep: a map for two axes, curves for one, bars for cases, histograms for draws.
