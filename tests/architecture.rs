@@ -7,13 +7,14 @@ use std::path::{Path, PathBuf};
 use toml::{Table, Value};
 
 /// Our crates with the ones of ours that each depends on, from the bottom up.
-const CRATES: [(&str, &[&str]); 12] = [
+const CRATES: [(&str, &[&str]); 13] = [
     ("pinc-ad", &[]),
     ("pinc-qp", &[]),
     ("pinc-chart", &[]),
     ("pinc-ode", &["pinc-ad"]),
     ("pinc-plants", &["pinc-ad", "pinc-ode"]),
     ("pinc-expr", &["pinc-ad", "pinc-ode"]),
+    ("pinc-analysis", &["pinc-ode"]),
     ("pinc-net", &["pinc-ad", "pinc-ode"]),
     ("pinc-mpc", &["pinc-ad", "pinc-ode", "pinc-qp"]),
     ("pinc-config", &["pinc-expr", "pinc-mpc", "pinc-net", "pinc-ode", "pinc-plants"]),
@@ -23,7 +24,9 @@ const CRATES: [(&str, &[&str]); 12] = [
         "pinc-bench",
         &[
             "pinc-ad",
+            "pinc-analysis",
             "pinc-config",
+            "pinc-expr",
             "pinc-mpc",
             "pinc-net",
             "pinc-ode",

@@ -1,5 +1,6 @@
-//! Texts as equations: compiled or refused with a message, and of a plant the same values on every kind of
-//! number. The first two lines are the derivatives of the states, further ones `name = expression`.
+//! Texts as equations: compiled or refused with a message, and of a plant the same values on every
+//! kind of number. The first two lines are the derivatives of the states, further ones `name =
+//! expression`.
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;

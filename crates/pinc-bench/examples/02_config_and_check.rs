@@ -1,5 +1,5 @@
-//! An experiment from the text of a config: what is wrong in it is said by file, line and key, and the plant is
-//! examined before anything is trained.
+//! An experiment from the text of a config: what is wrong in it is said by file, line and key, and
+//! the plant is examined before anything is trained.
 //!
 //! `cargo run --release -p pinc-bench --example 02_config_and_check`
 #![expect(clippy::print_stdout, reason = "an example shows what it computes")]

@@ -62,7 +62,7 @@ enum Command {
         /// Output: the same columns with the predicted states.
         #[arg(long)]
         output: PathBuf,
-        /// What to do where the net is asked outside its training domain.
+        /// What to do where the net is evaluated outside its training domain.
         #[arg(long, value_enum, default_value = "report")]
         outside_domain: Outside,
     },
@@ -94,11 +94,12 @@ enum Command {
         /// Run directory.
         dir: PathBuf,
     },
-    /// Print the paper's tables beside what the runs of configs/paper.toml came to, in Markdown.
+    /// Print the paper's tables beside the results of configs/paper.toml, in Markdown.
     Results {
         /// Directory of the list's runs.
         dir: PathBuf,
-        /// Write the page to FILE instead, with pictures in the directory of that name without ending.
+        /// Write the page to FILE instead, with pictures in the directory of that name without
+        /// ending.
         #[arg(long, value_name = "FILE")]
         out: Option<PathBuf>,
     },
@@ -119,11 +120,11 @@ enum Command {
 
 #[derive(Debug, Args)]
 struct RunArgs {
-    /// Run directory, by default `runs/` and the experiment's name; with several configs, the directory
-    /// of theirs.
+    /// Run directory, by default `runs/` and the experiment's name; with several configs, the
+    /// directory of theirs.
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
-    /// Go on with the run in the run directory.
+    /// Resume the run in the run directory.
     #[arg(long)]
     resume: bool,
     #[command(flatten)]
@@ -137,10 +138,10 @@ struct SetArgs {
     set: Vec<String>,
 }
 
-/// What to do where a net is asked outside its training domain.
+/// What to do where a net is evaluated outside its training domain.
 #[derive(Clone, Copy, Debug, clap::ValueEnum)]
 enum Outside {
-    /// Go on, and say how often and how far.
+    /// Continue, and report how often and how far.
     Report,
     /// End there.
     Refuse,

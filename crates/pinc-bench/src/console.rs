@@ -2,7 +2,7 @@
 
 use std::io::{self, IsTerminal, Write};
 
-/// Writes a line to standard output. A reader that has gone away is no error of the run.
+/// Writes a line to standard output. If the reader has closed its end, that is no error of the run.
 pub fn line(text: &str) {
     let _ = writeln!(io::stdout().lock(), "{text}");
 }

@@ -29,12 +29,12 @@ pub enum BenchError {
         /// The command.
         command: &'static str,
     },
-    /// The config's closed loop does not have the model asked for.
+    /// The config's closed loop lacks the requested model.
     #[error("{name}: control.models does not contain `{model}`")]
     MissingModel {
         /// The experiment.
         name: String,
-        /// The model asked for.
+        /// The requested model.
         model: &'static str,
     },
     /// A model file that holds no usable model.
@@ -59,7 +59,8 @@ pub enum BenchError {
     },
     /// A model of one scenario where one of any scenario is needed.
     #[error(
-        "{}: a conventional PINN, for one initial state and input: it can neither be chained nor control",
+        "{}: a conventional PINN, for one initial state and input: it can neither be chained nor \
+        control",
         path.display()
     )]
     TimeOnlyModel {
@@ -78,8 +79,9 @@ pub enum BenchError {
     },
     /// A net about to be used outside the box that it was trained on, where that is refused.
     #[error(
-        "the net would be used outside its training domain: {variable} is {excess:.3} beyond {low} to {high}; \
-         train on a larger [domain], or let it go on with outside_domain = \"report\""
+        "the net would be used outside its training domain: {variable} is {excess:.3} beyond {low} \
+        to {high}; \
+         train on a larger [domain], or continue with outside_domain = \"report\""
     )]
     OutsideDomain {
         /// The variable.
@@ -93,7 +95,8 @@ pub enum BenchError {
     },
     /// A data file that nothing can be learnt from.
     #[error(
-        "{}: nothing to compare a net with: expected a row with all states, and within T = {sample_time_s} s of it, \
+        "{}: nothing to compare a net with: expected a row with all states, and within T = \
+        {sample_time_s} s of it, \
          under the same input, one with a state",
         path.display()
     )]
@@ -135,7 +138,9 @@ pub enum BenchError {
     },
     /// Sweeps to merge that are not of one config.
     #[error(
-        "{}: belongs to another sweep than {} (their config.toml differ)", dir.display(), first.display()
+        "{}: belongs to another sweep than {} (their config.toml differ)",
+        dir.display(),
+        first.display()
     )]
     OtherSweep {
         /// The directory.
@@ -144,7 +149,7 @@ pub enum BenchError {
         first: PathBuf,
     },
     /// The user stopped the run.
-    #[error("interrupted; go on with the same command and --resume (state in {})", dir.display())]
+    #[error("interrupted; continue with the same command and --resume (state in {})", dir.display())]
     Interrupted {
         /// The run directory.
         dir: PathBuf,
@@ -198,9 +203,10 @@ pub enum CsvProblem {
         /// Length T of a step, in s.
         sample_time_s: f64,
     },
-    /// A time at which a distilled net knows nothing.
+    /// A time at which a distilled net is not defined.
     #[error(
-        "column `t`: {t} s lies between steps of {sample_time_s} s, of which a net distilled from an \
+        "column `t`: {t} s lies between steps of {sample_time_s} s, of which a net distilled from \
+        an \
          integrator knows nothing; expected times on step marks"
     )]
     BetweenSteps {

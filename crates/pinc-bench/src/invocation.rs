@@ -69,8 +69,8 @@ fn rfc3339(time: SystemTime) -> String {
     format!("{year:04}-{month:02}-{day:02}T{hour:02}:{minute:02}:{second:02}Z")
 }
 
-/// Year, month and day of a number of days since 1970-01-01. In a year that begins in March the leap
-/// day is the last, and the months' lengths are (153 m + 2)/5 apart.
+/// Year, month and day of a number of days since 1970-01-01. In a year that begins in March the
+/// leap day is the last, and the months' lengths are (153 m + 2)/5 apart.
 fn civil(days: u64) -> (u64, u64, u64) {
     let days = days + 719_468; // since 0000-03-01
     let (era, day_of_era) = (days / 146_097, days % 146_097);

@@ -1,6 +1,7 @@
 //! Runs of experiments, sweeps, measurements of the machine, and the program `pinc`.
 //!
-//! - [`run`], [`train`], [`control`], [`predict`], [`check`], [`rebuild_report`]: what the program does
+//! - [`run`], [`train`], [`control`], [`predict`], [`check`], [`rebuild_report`]: what the program
+//! does
 //!   with an [`Experiment`](pinc_config::Experiment).
 //! - [`sweep()`], [`merge`]: an experiment many times over.
 //! - [`bench()`]: measurements of the machine.

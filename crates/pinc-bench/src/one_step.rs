@@ -28,7 +28,8 @@ pub(crate) struct Steps {
 }
 
 impl Steps {
-    /// `count` steps of `plant` over `sample_time_s` from all over `domain`, integrated with this local tolerance.
+    /// `count` steps of `plant` over `sample_time_s` from all over `domain`, integrated with this
+    /// local tolerance.
     pub(crate) fn new(
         plant: &dyn DynPlant,
         domain: &Domain,
@@ -132,8 +133,8 @@ impl Steps {
         let nothing = black_box(0.0);
         nanoseconds(seconds, batch, || {
             for i in 0..batch {
-                // The points are those of the domain, wherever the step before went: min(0, |next|) is 0,
-                // but has to be waited for.
+                // The points are those of the domain, wherever the step before went: min(0, |next|)
+                // is 0, but has to be waited for.
                 for ((x, &from), next) in x.iter_mut().zip(self.points.state(i)).zip(&next) {
                     *x = from + next.abs().min(nothing);
                 }
@@ -143,8 +144,8 @@ impl Steps {
         })
     }
 
-    /// The median time of a step with both Jacobians, when a controller asks for those of `stages` points
-    /// at a time.
+    /// The median time of a step with both Jacobians, when a controller asks for those of `stages`
+    /// points at a time.
     pub(crate) fn forward_jacobian_ns(
         &self,
         model: &mut dyn Model,

@@ -40,7 +40,7 @@ impl Stage {
         }
     }
 
-    /// Shows that `done` units are done; `message` is asked only if it is shown.
+    /// Shows that `done` units are done; `message` is called only if it is shown.
     pub(crate) fn advance(&mut self, done: u64, message: impl FnOnce() -> String) {
         match self {
             Self::Bar(bar) => {
@@ -59,7 +59,7 @@ impl Stage {
         }
     }
 
-    /// Ends the stage with a word on how it went.
+    /// Ends the stage with a message on how it went.
     pub(crate) fn end(self, message: &str) {
         match self {
             Self::Bar(bar) => bar.finish_with_message(message.to_owned()),

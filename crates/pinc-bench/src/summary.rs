@@ -27,12 +27,12 @@ fn metrics(text: &mut String, metrics: &Metrics) -> std::fmt::Result {
     if let Some(validation) = &metrics.validation {
         writeln!(
             text,
-            "validation  mse_gen {:.3e}, all rows normalised {:.3e}, one step {:.3e}",
+            "validation  mse_gen {:.3e}, all rows normalized {:.3e}, one step {:.3e}",
             validation.mse_gen, validation.mse_all_normalized, validation.one_step_mse
         )?;
     }
     if let Some(measured) = metrics.validation.as_ref().and_then(|v| v.measured_mse) {
-        writeln!(text, "held out    mse of measured states, normalised {measured:.3e}")?;
+        writeln!(text, "held out    mse of measured states, normalized {measured:.3e}")?;
     }
     if let Some(prediction) = &metrics.prediction {
         writeln!(
@@ -58,7 +58,8 @@ fn metrics(text: &mut String, metrics: &Metrics) -> std::fmt::Result {
     }
     writeln!(
         text,
-        "closed loop   RMSE dense   IAE dense      RMSE       IAE   loop ms   step us   KKT max   status"
+        "closed loop   RMSE dense   IAE dense      RMSE       IAE   loop ms   step us   KKT max   \
+        status"
     )?;
     let distilled =
         metrics.training.as_ref().is_some_and(|t| t.source == TrainingTarget::Integrator);

@@ -115,8 +115,8 @@ fn same(a: Point, b: Point) -> bool {
     (a.0 - b.0).abs() + (a.1 - b.1).abs() < 1e-6
 }
 
-/// Drops points that a picture cannot show: in columns of half a pixel with more than four points all
-/// but the first, the lowest, the highest and the last.
+/// Drops points that a picture cannot show: in columns of half a pixel with more than four points
+/// all but the first, the lowest, the highest and the last.
 pub(crate) fn thinned(points: &[Point]) -> Vec<Point> {
     let mut out = Vec::with_capacity(points.len());
     let column = |p: &Point| (2.0 * p.0).floor();

@@ -154,8 +154,10 @@ pub(crate) fn page(
     let (width, height, name) = (Pixels(width), Pixels(height), text::escape(name));
     format!(
         "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{width}\" height=\"{height}\" \
-         viewBox=\"0 0 {width} {height}\" role=\"img\" aria-label=\"{name}\" stroke-linejoin=\"round\" \
-         font-family=\"{FONTS}\">\n<rect width=\"100%\" height=\"100%\" fill=\"#fff\"/>\n{}</svg>\n",
+         viewBox=\"0 0 {width} {height}\" role=\"img\" aria-label=\"{name}\" \
+         stroke-linejoin=\"round\" \
+         font-family=\"{FONTS}\">\n<rect width=\"100%\" height=\"100%\" \
+         fill=\"#fff\"/>\n{}</svg>\n",
         canvas.body
     )
 }
@@ -258,7 +260,8 @@ impl Canvas {
             false => String::new(),
         };
         self.put(format_args!(
-            "<text x=\"{x}\" y=\"{y}\" font-size=\"{}\" text-anchor=\"{anchor}\" fill=\"{}\"{weight}{rim}{turn}>{}</text>",
+            "<text x=\"{x}\" y=\"{y}\" font-size=\"{}\" text-anchor=\"{anchor}\" \
+            fill=\"{}\"{weight}{rim}{turn}>{}</text>",
             Pixels(word.size),
             word.color.hex(),
             text::escape(text)

@@ -83,7 +83,7 @@ pub struct ControlSpec {
     /// beginning if there are none and the run is long.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub close_ups_s: Vec<[f64; 2]>,
-    /// The optimiser.
+    /// The optimizer.
     pub sqp: SqpConfig,
 }
 
@@ -133,14 +133,15 @@ pub enum Profile {
     ///
     /// in a variable that is never set back to 0 within the horizon, and adds that variable times T
     /// to the cost at every stage. Stage i is thus counted in its own stage and in every later one,
-    /// its tracking part and its du part alike: both have the factor (N2 - i) T. (The four tanks tell the
-    /// readings apart: dense IAE 544.41, but 530.9 if only the tracking part were counted so and du
-    /// once, 532.2 if it were counted once times T.)
+    /// its tracking part and its du part alike: both have the factor (N2 - i) T. (The four tanks
+    /// tell the readings apart: dense IAE 544.41, but 530.9 if only the tracking part were counted
+    /// so and du once, 532.2 if it were counted once times T.)
     Cumulative,
 }
 
 impl Profile {
-    /// The factors of the weights at each of `stages` stages of `sample_time_s` seconds, if they are not 1.
+    /// The factors of the weights at each of `stages` stages of `sample_time_s` seconds, if they
+    /// are not 1.
     #[must_use]
     pub fn factors(self, stages: usize, sample_time_s: f64) -> Option<Vec<f64>> {
         #[expect(clippy::cast_precision_loss, reason = "no horizon has 2^53 stages")]
@@ -163,7 +164,7 @@ pub struct ReferenceStep {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum OutsidePolicy {
-    /// Go on, and say how often and how far.
+    /// Continue, and report how often and how far.
     #[default]
     Report,
     /// End the run there.

@@ -7,8 +7,8 @@ use std::path::PathBuf;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct DataSpec {
-    /// CSV files to train on, of trajectories or of single steps; like all paths of the program, seen from
-    /// the working directory.
+    /// CSV files to train on, of trajectories or of single steps; like all paths of the program,
+    /// seen from the working directory.
     pub files: Vec<PathBuf>,
     /// CSV files that are not trained on: the best net is chosen by its error on them.
     pub held_out: Vec<PathBuf>,

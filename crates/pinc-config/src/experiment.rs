@@ -23,7 +23,8 @@ use toml::{Table, Value};
 /// An experiment: a resolved config file, every value spelled out and checked.
 ///
 /// The sections present say what is done: `training` (which needs `model`, `domain` and
-/// `validation`, and may have `data`) trains a net, `prediction` lets it run freely, `control` puts it into the loop.
+/// `validation`, and may have `data`) trains a net, `prediction` lets it run freely, `control` puts
+/// it into the loop.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Experiment {
@@ -129,8 +130,8 @@ impl Experiment {
         Ok(experiment)
     }
 
-    /// The experiment with other values for some keys, checked; or the key and what is wrong with its
-    /// value.
+    /// The experiment with other values for some keys, checked; or the key and what is wrong with
+    /// its value.
     pub(crate) fn with_values<'a>(
         &self,
         values: impl IntoIterator<Item = (&'a str, Value)>,
@@ -183,8 +184,8 @@ impl Experiment {
         hexadecimal(&Sha256::digest(self.to_toml()))
     }
 
-    /// The same experiment without what its numbers do not depend on: how many threads work on it, and
-    /// how often they write a checkpoint.
+    /// The same experiment without what its numbers do not depend on: how many threads work on it,
+    /// and how often they write a checkpoint.
     #[must_use]
     pub fn normalized(&self) -> Self {
         let mut same = self.clone();
@@ -195,7 +196,8 @@ impl Experiment {
         same
     }
 
-    /// Whether a trial of a sweep trains a net: not if all that it does is done with numerical models.
+    /// Whether a trial of a sweep trains a net: not if all that it does is done with numerical
+    /// models.
     #[must_use]
     pub fn asks_for_a_net(&self) -> bool {
         let numerical = self.control.as_ref().is_some_and(|c| !c.models.contains(&ModelKind::Pinc));

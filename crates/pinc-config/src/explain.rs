@@ -12,21 +12,21 @@ pub(crate) fn explain(error: &Error) -> (String, Problem) {
     };
     let message = error.inner().message().trim_end();
     let problem = if let Some(field) = message.strip_prefix("missing field ") {
-        key = within(&key, words(field).first());
+        key = within(&key, quoted(field).first());
         Problem::Missing("a value for this key")
     } else if let Some(rest) = message.strip_prefix("unknown field ") {
-        let mut known = words(rest);
+        let mut known = quoted(rest);
         let found = take_first(&mut known);
         key = within(&key, Some(&found));
         let nearest = nearest(&found, &known);
         Problem::Unknown { known, nearest }
     } else if let Some(rest) = message.strip_prefix("unknown variant ") {
-        let mut known = words(rest);
+        let mut known = quoted(rest);
         let found = take_first(&mut known);
         let nearest = nearest(&found, &known);
         Problem::Word { found, known, nearest }
     } else {
-        Problem::Type(in_plain_words(message))
+        Problem::Type(in_plain_quoted(message))
     };
     (key, problem)
 }
@@ -40,17 +40,17 @@ fn within(path: &str, key: Option<&String>) -> String {
     }
 }
 
-/// The words in backquotes of one of serde's messages.
-fn words(message: &str) -> Vec<String> {
+/// The names in backquotes of one of serde's messages.
+fn quoted(message: &str) -> Vec<String> {
     message.split('`').skip(1).step_by(2).map(str::to_owned).collect()
 }
 
-fn take_first(words: &mut Vec<String>) -> String {
-    if words.is_empty() { String::new() } else { words.remove(0) }
+fn take_first(names: &mut Vec<String>) -> String {
+    if names.is_empty() { String::new() } else { names.remove(0) }
 }
 
 /// A message without Rust's names of types.
-fn in_plain_words(message: &str) -> String {
+fn in_plain_quoted(message: &str) -> String {
     if message.starts_with("wanted exactly 1 element") {
         // A choice between several kinds of thing, of which a table names one by its only key.
         return "no key or several given, expected exactly one".to_owned();
@@ -62,9 +62,9 @@ fn in_plain_words(message: &str) -> String {
         ("expected a sequence", "expected a list"),
         ("expected a map", "expected a table"),
     ];
-    let plain = plain.iter().find_map(|(end, words)| Some((message.strip_suffix(end)?, words)));
+    let plain = plain.iter().find_map(|(end, plain)| Some((message.strip_suffix(end)?, plain)));
     match plain {
-        Some((begin, words)) => format!("{begin}{words}"),
+        Some((begin, plain)) => format!("{begin}{plain}"),
         None if message.contains("expected struct ") => {
             message.split("expected struct ").next().unwrap_or_default().to_owned()
                 + "expected a table"

@@ -97,8 +97,9 @@ impl Layers {
     }
 }
 
-/// Puts a value under a key path as `training.phases.0.iterations`, with the tables that lack for it.
-/// Returns the path as errors write it, or as much of it as leads to something that holds no keys.
+/// Puts a value under a key path as `training.phases.0.iterations`, with the tables that lack for
+/// it. Returns the path as errors write it, or as much of it as leads to something that holds no
+/// keys.
 pub(super) fn assign(table: &mut Table, key: &str, value: Value) -> Result<String, String> {
     let mut path = String::new();
     let mut root = Value::Table(std::mem::take(table));

@@ -2,8 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
-/// One step of each of the controller's models by itself: how wrong it is over `[domain]`, and how long it
-/// takes, alone and with Jacobians.
+/// One step of each of the controller's models by itself: how wrong it is over `[domain]`, and how
+/// long it takes, alone and with Jacobians.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct OneStepSpec {

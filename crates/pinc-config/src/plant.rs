@@ -96,7 +96,8 @@ impl OwnPlantSpec {
         self.make = self.parts().and_then(|(name, _)| plants.get(name));
     }
 
-    /// The plant; `None` if none of its name was found, or the reason why its parameters are unusable.
+    /// The plant; `None` if none of its name was found, or the reason why its parameters are
+    /// unusable.
     pub(crate) fn build(&self) -> Option<Result<Box<dyn DynPlant>, toml::de::Error>> {
         let (_, parameters) = self.parts()?;
         Some((self.make?)(parameters.clone()))

@@ -9,8 +9,8 @@ use toml::{Table, Value};
 /// Makes a plant of the registered type from its parameters.
 pub(crate) type MakePlant = fn(Table) -> Result<Box<dyn DynPlant>, toml::de::Error>;
 
-/// Plants written in Rust, outside this workspace, by the names they have in configs. Whoever reads a
-/// config says which plants it may name.
+/// Plants written in Rust, outside this workspace, by the names they have in configs. Whoever reads
+/// a config says which plants it may name.
 ///
 /// ```
 /// use pinc_ad::Scalar;

@@ -82,7 +82,8 @@ pub enum SetProblem {
     NoKey,
     /// The value is neither TOML nor a bare word.
     #[error(
-        "the value is not TOML (a string with other characters than a-z, 0-9, - and _ needs quotes): {0}"
+        "the value is not TOML (a string with other characters than a-z, 0-9, - and _ needs \
+        quotes): {0}"
     )]
     Value(String),
     /// The path leads through something that holds no keys.

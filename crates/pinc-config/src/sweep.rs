@@ -3,8 +3,8 @@
 use crate::Problem;
 use serde::{Deserialize, Serialize};
 
-/// The experiment many times over: one trial for each combination of a seed, a case, a value of each
-/// axis of the grid, and a draw.
+/// The experiment many times over: one trial for each combination of a seed, a case, a value of
+/// each axis of the grid, and a draw.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SweepSpec {
@@ -51,8 +51,8 @@ pub struct CaseSpec {
     pub set: toml::Table,
 }
 
-/// A number of trials with values drawn at random from the experiment's own seed: the same draws for
-/// all other choices of the sweep.
+/// A number of trials with values drawn at random from the experiment's own seed: the same draws
+/// for all other choices of the sweep.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct DrawsSpec {

@@ -22,7 +22,7 @@ pub struct Saved<C> {
     pub fingerprint: String,
     /// The last iteration that is in.
     pub iteration: u64,
-    /// Wall time of the optimiser so far, in s.
+    /// Wall time of the optimizer so far, in s.
     pub optimizer_s: f64,
     /// Wall time of the stage so far, in s.
     pub wall_s: f64,

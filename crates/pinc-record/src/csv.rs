@@ -150,7 +150,7 @@ impl CsvFile {
         };
         let field = err.field().and_then(|field| usize::try_from(field).ok());
         let message = err.kind().to_string();
-        // serde's words for a field without a column.
+        // serde's message for a field without a column.
         let missing = message.strip_prefix("missing field `").and_then(|m| m.strip_suffix('`'));
         match missing {
             Some(column) => self.missing(column),

@@ -27,7 +27,8 @@ pub enum RecordError {
     },
     /// The run directory belongs to another config.
     #[error(
-        "{}: belongs to a run of another config (its config.toml differs); choose another directory \
+        "{}: belongs to a run of another config (its config.toml differs); choose another \
+        directory \
          with --out, or delete this one",
         dir.display()
     )]

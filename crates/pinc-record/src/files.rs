@@ -103,8 +103,8 @@ pub(crate) fn json(value: &impl Serialize) -> String {
     text
 }
 
-/// Writes a file, which is there either whole or not at all, also if the machine stops: it is written
-/// under another name beside its place, flushed to the disk, and renamed.
+/// Writes a file, which is there either whole or not at all, also if the machine stops: it is
+/// written under another name beside its place, flushed to the disk, and renamed.
 ///
 /// # Errors
 ///

@@ -101,12 +101,14 @@ pub struct OneStepMetrics {
     pub errors: StepErrors,
     /// Time of a step in ns, each waiting for the one before.
     pub forward_ns: f64,
-    /// Time of a step with both Jacobians in ns, of as many at a time as the controller's horizon has.
+    /// Time of a step with both Jacobians in ns, of as many at a time as the controller's horizon
+    /// has.
     pub forward_jacobian_ns: f64,
 }
 
-/// How wrong one step is, over points that fill a domain. States are measured in widths of the domain; the
-/// error at a point is the root mean square over the states. Not finite where a step is not.
+/// How wrong one step is, over points that fill a domain. States are measured in widths of the
+/// domain; the error at a point is the root mean square over the states. Not finite where a step is
+/// not.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct StepErrors {
     /// Root mean square over the points.
@@ -118,8 +120,8 @@ pub struct StepErrors {
     /// 99th percentile over the points.
     #[serde(deserialize_with = "number_or_null")]
     pub p99: f64,
-    /// Root mean square, over points and entries, of the errors of the Jacobians A and B, in widths of the
-    /// domain per width.
+    /// Root mean square, over points and entries, of the errors of the Jacobians A and B, in widths
+    /// of the domain per width.
     #[serde(deserialize_with = "number_or_null")]
     pub jacobian_rms: f64,
 }
@@ -207,7 +209,7 @@ pub struct TrainingMetrics {
     pub source: TrainingTarget,
     /// Wall time of the whole stage in s, with validation and files.
     pub wall_s: f64,
-    /// Wall time of the optimiser alone in s: the last `elapsed_s` of `training.csv`.
+    /// Wall time of the optimizer alone in s: the last `elapsed_s` of `training.csv`.
     #[serde(default)]
     pub optimizer_s: f64,
     /// Iterations over all phases.

@@ -41,7 +41,7 @@ pub struct Invocation {
     pub rustc: String,
     /// Target triple.
     pub target: String,
-    /// Whether it was built with optimisation for releases or as a development build.
+    /// Whether it was built with optimization for releases or as a development build.
     pub profile: String,
     /// Name of the processor.
     pub cpu: String,

@@ -19,8 +19,8 @@ pub struct RunDir {
 }
 
 impl RunDir {
-    /// The directory `dir`, made if it is not there, for the results of `experiment`. What it holds of
-    /// the same experiment stays until it is replaced.
+    /// The directory `dir`, made if it is not there, for the results of `experiment`. What it holds
+    /// of the same experiment stays until it is replaced.
     ///
     /// # Errors
     ///
@@ -37,8 +37,8 @@ impl RunDir {
         Ok(run)
     }
 
-    /// The directory of a trial, which is there and empty. What the trial was is said by the sweep that
-    /// it belongs to.
+    /// The directory of a trial, which is there and empty. What the trial was is said by the sweep
+    /// that it belongs to.
     #[must_use]
     pub fn of_trial(dir: &Path, experiment: &Experiment, keeps_traces: bool) -> Self {
         Self { dir: dir.to_owned(), metrics: Metrics::new(experiment), keeps_traces }
@@ -56,7 +56,7 @@ impl RunDir {
         Ok(Self { dir: dir.to_owned(), metrics, keeps_traces: true })
     }
 
-    /// Says where the results to come are from. A resumed run keeps what is said of those that are
+    /// Writes where the results to come are from. A resumed run keeps what is said of those that are
     /// there.
     ///
     /// # Errors
@@ -170,7 +170,8 @@ fn check_owner(dir: &Path, experiment: &Experiment) -> Result<(), RecordError> {
 }
 
 fn config_text(experiment: &Experiment) -> String {
-    let heading = "# What was run, every value spelled out. With all of them here, another `preset` would change\n\
+    let heading = "# What was run, every value spelled out. With all of them here, another \
+    `preset` would change\n\
                    # nothing but the name: choose it in the file this was made from.\n\n";
     format!("{heading}{}", experiment.to_toml())
 }

@@ -5,9 +5,9 @@ const CONFIDENCE: f64 = 0.95;
 
 /// Order statistics of the trials of a cell.
 ///
-/// The interval of the median is that between two values, the k-th from below and from above. It holds
-/// whatever the distribution: the median lies outside only if all but k - 1 values fall on one side of
-/// it, each with probability 1/2.
+/// The interval of the median is that between two values, the k-th from below and from above. It
+/// holds whatever the distribution: the median lies outside only if all but k - 1 values fall on
+/// one side of it, each with probability 1/2.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Spread {
     /// In ascending order.
@@ -96,8 +96,8 @@ mod tests {
 
     #[test]
     fn intervals_of_the_median() {
-        // Of 10 values the second and the ninth: 1 - 2 (1 + 10) / 2^10. The third and the eighth have
-        // 1 - 2 (1 + 10 + 45) / 2^10 = 0.89 only.
+        // Of 10 values the second and the ninth: 1 - 2 (1 + 10) / 2^10. The third and the eighth
+        // have 1 - 2 (1 + 10 + 45) / 2^10 = 0.89 only.
         let ten: Vec<f64> = (1..=10).map(f64::from).collect();
         assert_eq!(spread(&ten).interval_of_median(), (2.0, 9.0, 1.0 - 22.0 / 1024.0));
         // Of 5 all there is, with 1 - 2 / 2^5.

@@ -1,8 +1,8 @@
 //! The directory of a sweep: what its trials leave there.
 //!
 //! ```text
-//! nets/<hash of a training>/    a run directory as of `pinc train`, shared by all trials of that net
-//! trials/<hash of a trial>/     metrics.json, traces, and last of all result.json
+//! nets/<hash of a training>/    a run directory as of `pinc train`, shared by all trials of that
+//! net trials/<hash of a trial>/     metrics.json, traces, and last of all result.json
 //! ```
 
 use crate::error::RecordError;
@@ -30,7 +30,7 @@ pub enum Ending {
     },
 }
 
-/// What a trial came to.
+/// The results of a trial that is over.
 #[derive(Clone, Debug)]
 pub struct Finished {
     /// How it ended.
@@ -58,7 +58,7 @@ impl SweepDir {
         self.dir.join(NETS).join(id)
     }
 
-    /// Whether a training came to its end: its metrics are written last.
+    /// Whether a training is finished: its metrics are written last.
     #[must_use]
     pub fn is_trained(&self, id: &str) -> bool {
         self.net(id).join(file::METRICS).exists()
@@ -103,7 +103,7 @@ impl SweepDir {
         write_atomically(&self.trial(id).join(RESULT), json(ending).as_bytes())
     }
 
-    /// What a trial came to, if it is over.
+    /// The results of a trial, if it is over.
     ///
     /// # Errors
     ///

@@ -56,7 +56,7 @@ fn input(row: &ControlRow, place: usize) -> f64 {
     row.input[place]
 }
 
-/// The closed loops of a run; the last model is drawn first, so that PINC comes to lie over RK4.
+/// The closed loops of a run; the last model is drawn first, so that PINC lies over RK4.
 struct Loops<'a> {
     run: &'a Run,
     variables: &'a Variables,
@@ -190,8 +190,8 @@ impl Loops<'_> {
         Some(panel)
     }
 
-    /// Enlarged parts of the picture: those that the config asks for, or else the first steps if the
-    /// run has many.
+    /// Enlarged parts of the picture: those that the config asks for, or else the first steps if
+    /// the run has many.
     fn close_ups(&self, whole: &Figure, t: (f64, f64)) -> Vec<Picture> {
         let asked = self.run.experiment.control.iter().flat_map(|control| &control.close_ups_s);
         let asked = asked.filter(|[from, to]| *from < t.1 && *to > t.0);
@@ -223,7 +223,8 @@ impl Loops<'_> {
         if let [first, second, ..] = &self.run.control[..] {
             let (one, two) = (self.run.model_name(first.model), self.run.model_name(second.model));
             caption += &format!(
-                " Thin curves: with {one} as the controller's model; broad amber curves beneath: with \
+                " Thin curves: with {one} as the controller's model; broad amber curves beneath: \
+                with \
                  {two}. Where amber is only a rim, both do the same."
             );
             let mut largest = Vec::new();
@@ -233,7 +234,8 @@ impl Loops<'_> {
                 largest.push(format!("{} in {state}", text::number(most, 2)));
             }
             caption += &format!(
-                " They differ by at most {} (lowest panel; no curve where they are equal up to rounding).",
+                " They differ by at most {} (lowest panel; no curve where they are equal up to \
+                rounding).",
                 text::listed(&largest)
             );
         }

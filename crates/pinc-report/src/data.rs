@@ -1,7 +1,7 @@
 //! A run directory's files, read as far as the report needs them.
 
 use crate::error::ReportError;
-use crate::sweep::Trials;
+use crate::trials::Trials;
 use pinc_config::{Experiment, ModelKind};
 use pinc_record::{
     ControlTrace, Metrics, PredictionTable, Provenance, RecordError, StepRow, TrainingRow, file,
@@ -85,8 +85,8 @@ impl Run {
         }
     }
 
-    /// A quantity with the unit of the controlled states, or of all states if none is controlled, to
-    /// a power written as "²" or nothing.
+    /// A quantity with the unit of the controlled states, or of all states if none is controlled,
+    /// to a power written as "²" or nothing.
     pub(crate) fn label_in_states_unit(&self, quantity: &str, power: &str) -> String {
         let controlled = self.experiment.control.iter().flat_map(|control| &control.controlled);
         let mut states: Vec<&str> = controlled.map(String::as_str).collect();
@@ -101,8 +101,8 @@ impl Run {
         }
     }
 
-    /// Variables with their units, as an axis says it: "h1, h2 (cm)", "x (m), v (m/s)"; "(–)" after a
-    /// number without dimension.
+    /// Variables with their units, as an axis says it: "h1, h2 (cm)", "x (m), v (m/s)"; "(–)" after
+    /// a number without dimension.
     pub(crate) fn axis_label(&self, variables: &[String]) -> String {
         let names: Vec<&str> = variables.iter().map(String::as_str).collect();
         if self.common_unit(&names).is_some() {

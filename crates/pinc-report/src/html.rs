@@ -22,7 +22,8 @@ pub(crate) fn page(run: &Run, drawn: &[Drawn]) -> String {
     format!(
         "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
          <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
-         <title>{} · PINC report</title>\n<style>\n{STYLE}</style>\n</head>\n<body>\n{body}</body>\n</html>\n",
+         <title>{} · PINC \
+         report</title>\n<style>\n{STYLE}</style>\n</head>\n<body>\n{body}</body>\n</html>\n",
         escape(name)
     )
 }
@@ -108,7 +109,8 @@ fn numbers(title: &str, tables: &[NumberTable]) -> String {
         return String::new();
     }
     format!(
-        "<section id=\"metrics\">\n<h2>{title}</h2>\n<div class=\"sheets\">\n{}</div>\n</section>\n",
+        "<section id=\"metrics\">\n<h2>{title}</h2>\n<div \
+        class=\"tables\">\n{}</div>\n</section>\n",
         tables.concat()
     )
 }
@@ -160,7 +162,8 @@ fn footer(run: &Run) -> String {
         );
     }
     out += &format!(
-        "<details>\n<summary>The resolved configuration, config.toml</summary>\n<pre>{}</pre>\n</details>\n",
+        "<details>\n<summary>The resolved configuration, \
+        config.toml</summary>\n<pre>{}</pre>\n</details>\n",
         escape(&run.config_text)
     );
     format!("<footer>\n{out}</footer>\n")

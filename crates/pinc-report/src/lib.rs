@@ -24,6 +24,7 @@ mod testing;
 #[cfg(test)]
 mod tests;
 mod training;
+mod trials;
 mod variables;
 
 pub use error::ReportError;

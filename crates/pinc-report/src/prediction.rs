@@ -110,9 +110,12 @@ fn caption(table: &PredictionTable) -> String {
             worst.push(format!("{} in {state}", text::number(largest, 2)));
         }
     }
-    let mut caption = "The net predicts from the first state alone: each step of length T starts from \
-                       the end of the step before (dots), and the curve between two dots is the net \
-                       evaluated at inner times. The truth, an accurate integration, lies beneath in \
+    let mut caption = "The net predicts from the first state alone: each step of length T starts \
+    from \
+                       the end of the step before (dots), and the curve between two dots is the \
+                       net \
+                       evaluated at inner times. The truth, an accurate integration, lies beneath \
+                       in \
                        black."
         .to_owned();
     if !worst.is_empty() {

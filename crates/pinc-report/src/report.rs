@@ -25,9 +25,9 @@ pub struct FigureFiles {
     pub name: String,
     /// The picture, as a document of its own.
     pub svg: String,
-    /// What it shows, with the columns `panel`, `series`, `x`, `x_to`, `y`, `y_to`, `value`. A point
-    /// has `x` and `y`; a bar or a cell of a map both ends of its sides, or a name instead, and perhaps
-    /// the value that it stands for; an interval `x`, `y` and `y_to`.
+    /// What it shows, with the columns `panel`, `series`, `x`, `x_to`, `y`, `y_to`, `value`. A
+    /// point has `x` and `y`; a bar or a cell of a map both ends of its sides, or a name instead,
+    /// and perhaps the value that it stands for; an interval `x`, `y` and `y_to`.
     pub csv: Vec<u8>,
 }
 
@@ -37,13 +37,13 @@ impl FigureFiles {
     }
 }
 
-/// Makes the report of the run in `dir`. A section whose files are missing is left out, and the page
-/// says so.
+/// Makes the report of the run in `dir`. A section whose files are missing is left out, and the
+/// page says so.
 ///
 /// # Errors
 ///
-/// [`ReportError`] if `dir` is no directory or has no `config.toml`, or if a file in it cannot be read
-/// or is damaged.
+/// [`ReportError`] if `dir` is no directory or has no `config.toml`, or if a file in it cannot be
+/// read or is damaged.
 pub fn build(dir: &Path) -> Result<Report, ReportError> {
     let run = Run::read(dir)?;
     let drawn: Vec<_> = pictures(&run)?.into_iter().filter_map(Picture::drawn).collect();

@@ -42,7 +42,8 @@ fn tracking(run: &Run, metrics: &Metrics) -> Option<String> {
     let shown = |value| text::significant(value, 6);
     match (iae(ModelKind::Pinc), iae(ModelKind::Rk4)) {
         (Some(pinc), Some(rk4)) => Some(format!(
-            "In the closed loop the IAE (dense trace) is {} with the net as the controller's model and \
+            "In the closed loop the IAE (dense trace) is {} with the net as the controller's model \
+            and \
              {} with RK4{}.",
             shown(pinc),
             shown(rk4),

@@ -335,7 +335,7 @@ fn damaged_files_are_named_with_their_line() {
 fn values_without_a_place_on_a_log_axis_are_left_out() {
     let dir = whole();
     let header = "iteration,loss_evaluations,elapsed_s,loss,validation_mse,loss_data";
-    let rows = ["NaN,,-1", "inf,,0", "-inf,,", "0.5,,1e-320", "-3,,1e308", "0,,2", "0.25,,3"];
+    let rows = ["NaN,,-1", "inf,,0", "-inf,,NaN", "0.5,,1e-320", "-3,,1e308", "0,,2", "0.25,,3"];
     let rows: Vec<_> = rows.iter().enumerate().map(|(i, row)| format!("{i},{i},0,{row}")).collect();
     write(&dir, "training.csv", &format!("{header}\n{}\n", rows.join("\n")));
     let steps = "step,status,sqp_iterations,kkt,solve_us\n";
@@ -345,7 +345,7 @@ fn values_without_a_place_on_a_log_axis_are_left_out() {
         assert_sound(&figure.svg);
     }
     // Nothing but NaN: no panel, so no picture.
-    write(&dir, "training.csv", &format!("{header}\n1,1,0,NaN,,\n2,2,0,NaN,,\n"));
+    write(&dir, "training.csv", &format!("{header}\n1,1,0,NaN,,NaN\n2,2,0,NaN,,NaN\n"));
     assert!(!stems(dir.path()).contains(&"training".to_owned()));
 }
 

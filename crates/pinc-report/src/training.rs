@@ -45,7 +45,8 @@ fn curve(rows: &[TrainingRow], value: impl Fn(&TrainingRow) -> Option<f64>) -> V
     rows.iter().map(|row| (x(row), value(row).unwrap_or(f64::NAN))).collect()
 }
 
-/// The loss and its terms, and below or above them what the net does on points it was not trained on.
+/// The loss and its terms, and below or above them what the net does on points it was not trained
+/// on.
 fn losses(rows: &[TrainingRow], validation: (&str, &[Point]), best: Option<Point>) -> Panel {
     let mut panel = Panel::new("Loss", Axis::new("mean squared error", Kind::Log), 340.0);
     let loss = curve(rows, |row| Some(row.loss));
@@ -128,7 +129,8 @@ fn phase_name(run: &Run, phase: usize) -> String {
 
 fn caption(rows: &[TrainingRow], best: Option<Point>) -> String {
     let mut caption = format!(
-        "The loss and its terms over {X_LABEL}, on a logarithmic axis; solid vertical lines mark the \
+        "The loss and its terms over {X_LABEL}, on a logarithmic axis; solid vertical lines mark \
+        the \
          phases, dashed ones the growth of the sample."
     );
     if let Some((x, y)) = best {

@@ -15,7 +15,8 @@ use std::sync::atomic::AtomicBool;
 /// Hidden layers and neurons of a net that is much smaller than the paper's.
 const SMALL: [usize; 2] = [2, 10];
 
-/// Trains nets for `case`, and adds its models' steps, closed loops and quadratic programs to `report`.
+/// Trains nets for `case`, and adds its models' steps, closed loops and quadratic programs to
+/// `report`.
 pub(super) fn run(case: Case, effort: &Effort, report: &mut BenchReport) -> Result<(), BenchError> {
     let [small_ends, papers_ends] = effort.training;
     let [hidden_layers, neurons] = SMALL;
@@ -39,7 +40,8 @@ pub(super) fn run(case: Case, effort: &Effort, report: &mut BenchReport) -> Resu
     Ok(())
 }
 
-/// Does `work` on the experiment, in a directory that is removed afterwards, and returns the net too.
+/// Does `work` on the experiment, in a directory that is removed afterwards, and returns the net
+/// too.
 fn trained(
     experiment: &Experiment,
     work: impl FnOnce(&Experiment, &Path, &Options<'_>) -> Result<RunDir, BenchError>,

@@ -55,9 +55,9 @@ impl Evaluation {
     /// Floating-point operations that the matrix products need.
     ///
     /// A product with the W weights of the net's matrices takes 2 W operations for each column, and
-    /// there are two columns (value and time tangent) for a collocation point and one for an initial
-    /// condition. There are three products: forwards; backwards, where the first layer's (`W_0`) is not
-    /// needed; and that of the weights' gradient. In all 2 (3 W - `W_0`) a column.
+    /// there are two columns (value and time tangent) for a collocation point and one for an
+    /// initial condition. There are three products: forwards; backwards, where the first layer's
+    /// (`W_0`) is not needed; and that of the weights' gradient. In all 2 (3 W - `W_0`) a column.
     fn operations(&self) -> u64 {
         let widths = self.net.mlp().widths();
         let weights: usize = widths.windows(2).map(|pair| pair[0] * pair[1]).sum();
@@ -175,7 +175,8 @@ impl Probes {
     }
 }
 
-/// Multiply-adds of the best instruction set on `threads` threads at once, in 10^9 operations per second.
+/// Multiply-adds of the best instruction set on `threads` threads at once, in 10^9 operations per
+/// second.
 fn probe(threads: usize, rounds: u64) -> f64 {
     let isa = Isa::detect();
     let start = Barrier::new(threads);

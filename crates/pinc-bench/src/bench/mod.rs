@@ -30,8 +30,8 @@ use std::path::PathBuf;
 pub struct BenchOptions {
     /// Small sizes and few repetitions: everything runs, but the times say little.
     pub quick: bool,
-    /// Measure only loss and gradient of the Van der Pol net, and write to this file (safetensors) all
-    /// that another program needs to compute the same, with the result.
+    /// Measure only loss and gradient of the Van der Pol net, and write to this file (safetensors)
+    /// all that another program needs to compute the same, with the result.
     pub loss_gradient_file: Option<PathBuf>,
     /// Whether progress is shown.
     pub verbosity: Verbosity,

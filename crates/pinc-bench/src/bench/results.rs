@@ -63,7 +63,7 @@ pub struct Machine {
     pub target: String,
     /// Version of the compiler.
     pub rustc: String,
-    /// Whether it was built with optimisation for releases or as a development build.
+    /// Whether it was built with optimization for releases or as a development build.
     pub profile: String,
     /// Version of pinc.
     pub version: String,
@@ -90,8 +90,8 @@ impl Machine {
     }
 }
 
-/// Fused multiply-adds on registers alone, two operations each, in 10^9 per second: the median of the
-/// probes between the kernel's repetitions.
+/// Fused multiply-adds on registers alone, two operations each, in 10^9 per second: the median of
+/// the probes between the kernel's repetitions.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct FmaPeak {
     /// One thread, f64.
@@ -148,8 +148,8 @@ pub struct ModelStep {
     pub forward_ns: f64,
     /// Median time of a step with both Jacobians.
     pub forward_jacobian_ns: f64,
-    /// Root mean square over all states and over points that fill the domain, of the error after one
-    /// step, in the states' units.
+    /// Root mean square over all states and over points that fill the domain, of the error after
+    /// one step, in the states' units.
     pub one_step_rms: f64,
 }
 

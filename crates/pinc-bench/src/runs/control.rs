@@ -67,7 +67,7 @@ fn run_model(
     let mut results = None;
     let mut outside = None;
     for repetition in 0..*repetitions {
-        options.go_on(run_dir.dir())?;
+        options.check_interrupt(run_dir.dir())?;
         progress.advance(repetition as u64, String::new);
         // Only the first leaves results: the others give the same numbers in other times.
         let mut run = setup.begin(&mut nmpc, plant)?;
@@ -90,7 +90,8 @@ fn run_model(
     Ok(ControlMetrics { outside_domain: outside, ..metrics })
 }
 
-/// The plant's trajectory in the closed loop of `spec` with RK4 as the model, run once and not recorded.
+/// The plant's trajectory in the closed loop of `spec` with RK4 as the model, run once and not
+/// recorded.
 pub(super) fn rehearse(
     plant: &dyn DynPlant,
     spec: &ControlSpec,
@@ -212,7 +213,7 @@ impl Times {
     }
 }
 
-/// What a closed loop comes to, times apart.
+/// The results of a closed loop, except times.
 struct Results {
     steps: Vec<StepRecord>,
     rmse: f64,

@@ -16,9 +16,9 @@ pub(crate) struct Data {
     pub(crate) digest: [u8; 32],
 }
 
-/// Reads measurements for steps of `sample_time_s`. A file with a column `scenario` is one of trajectories,
-/// with the columns of `pinc predict`; any other is one of steps, with the columns t, the inputs,
-/// `<state>_0` of the states at t = 0, and the states at t.
+/// Reads measurements for steps of `sample_time_s`. A file with a column `scenario` is one of
+/// trajectories, with the columns of `pinc predict`; any other is one of steps, with the columns t,
+/// the inputs, `<state>_0` of the states at t = 0, and the states at t.
 ///
 /// # Errors
 ///

@@ -15,7 +15,8 @@ use rand_chacha::rand_core::SeedableRng;
 /// The stream of random numbers that the inputs are drawn from; pinc-net's are below.
 const STREAM: u64 = 1 << 32;
 
-/// Runs net and plant under the same random inputs, or a conventional PINN beside its one scenario, and writes `prediction.csv`.
+/// Runs net and plant under the same random inputs, or a conventional PINN beside its one scenario,
+/// and writes `prediction.csv`.
 pub(crate) fn stage(
     plant: &dyn DynPlant,
     net: &PincNet,
@@ -50,7 +51,7 @@ fn simulate(
     seed: u64,
 ) -> Result<Vec<PredictionRow>, BenchError> {
     let sample_time_s = net.sample_time_s();
-    // A distilled net knows nothing of the times between steps.
+    // A distilled net is not defined between steps.
     let subintervals = match net.source() {
         TrainingTarget::Physics => spec.subintervals,
         TrainingTarget::Integrator => 1,
@@ -75,7 +76,8 @@ fn simulate(
             truth.integrate(&mut x, input, sample_time_s / subintervals as f64)?;
             let held = if i < subintervals { input } else { &inputs[(k + 1).min(steps - 1)] };
             let (state, mark) = match net.time_only() {
-                // It has no initial state to be fed back: beyond T it is asked for what it never learnt.
+                // It has no initial state to be fed back: beyond T it is asked for what it never
+                // learnt.
                 Some(_) => (net.evaluate(t, &spec.initial_state, input), i == subintervals),
                 None => {
                     let sample = chain.advance(&|t, y0, u| net.evaluate(t, y0, u), t, held);

@@ -33,19 +33,19 @@ use std::sync::atomic::{AtomicBool, Ordering};
 /// How an experiment is run; nothing here changes its numbers.
 #[derive(Debug)]
 pub struct Options<'a> {
-    /// Go on with what the run directory holds, rather than start afresh.
+    /// Resume from what the run directory holds, rather than start afresh.
     pub resume: bool,
     /// What is shown meanwhile.
     pub verbosity: Verbosity,
-    /// Stops the run, in a state to go on from, once it is true.
+    /// Stops the run, in a state that it can be resumed from, once it is true.
     pub interrupt: &'a AtomicBool,
-    /// The command line that asked for it, for the provenance.
+    /// The command line, for the provenance.
     pub arguments: &'a [String],
 }
 
 impl Options<'_> {
     /// An error if the run is to stop.
-    fn go_on(&self, dir: &Path) -> Result<(), BenchError> {
+    fn check_interrupt(&self, dir: &Path) -> Result<(), BenchError> {
         if self.interrupt.load(Ordering::Relaxed) {
             return Err(BenchError::Interrupted { dir: dir.to_owned() });
         }
@@ -272,7 +272,7 @@ impl Stages<'_> {
             _ => None,
         };
         let net = trained.as_ref().or(plan.given.as_ref().map(|(_, net)| net));
-        options.go_on(run_dir.dir())?;
+        options.check_interrupt(run_dir.dir())?;
         if let (Some(net), Some(spec), true) = (net, &experiment.prediction, plan.runs_free)
             && run_dir.metrics().prediction.is_none()
         {

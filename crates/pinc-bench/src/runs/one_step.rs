@@ -27,7 +27,7 @@ pub(crate) fn stage(
     let truth = steps.true_jacobians(plant, setup.sample_time_s);
     let mut found = Vec::new();
     for &kind in setup.kinds {
-        options.go_on(run_dir.dir())?;
+        options.check_interrupt(run_dir.dir())?;
         progress.advance(found.len() as u64, String::new);
         let mut model = setup.model(kind, plant)?;
         let stages = setup.spec.n2;

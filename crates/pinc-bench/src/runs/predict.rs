@@ -19,8 +19,8 @@ use std::path::Path;
 /// first row of a scenario gives its initial state; the inputs of a row hold until the scenario's
 /// next; other state cells may be empty. The net is chained every T from the scenario's first row
 /// on and asked at the times between. Where the inputs change within an interval of T, the chain is
-/// restarted: a new interval begins at that row. The output has the same columns. A distilled net cannot be
-/// asked between steps: all rows have to lie on step marks.
+/// restarted: a new interval begins at that row. The output has the same columns. A distilled net
+/// cannot be asked between steps: all rows have to lie on step marks.
 ///
 /// Returns how often and how far the net was asked outside its training domain, row by row.
 ///

@@ -114,7 +114,7 @@ struct Session {
     /// The last validation's `mse_gen`.
     validated: Option<f64>,
     iteration: u64,
-    /// Wall time of the optimiser.
+    /// Wall time of the optimizer.
     optimizer: Duration,
     /// Wall time of the stage before this session began.
     earlier: Duration,
@@ -140,8 +140,8 @@ impl Session {
             && let Some(data) = setup.measured(experiment, |spec| &spec.files)?
         {
             trainer = trainer.with_measurements(&data.measurements, spec.weight)?;
-            // The config only names the files; a training is resumed with the same measurements or not at
-            // all.
+            // The config only names the files; a training is resumed with the same measurements or
+            // not at all.
             fingerprint.extend(data.digest.iter().map(|byte| format!("{byte:02x}")));
         }
         let stage = Stage::begin(options.verbosity, "training", total);
@@ -193,7 +193,7 @@ impl Session {
     ) -> Result<String, BenchError> {
         let mut last_checkpoint = Instant::now();
         loop {
-            if let Err(stop) = options.go_on(run_dir.dir()) {
+            if let Err(stop) = options.check_interrupt(run_dir.dir()) {
                 self.write_checkpoint(run_dir)?;
                 return Err(stop);
             }

@@ -6,8 +6,8 @@ use pinc_config::Experiment;
 use pinc_record::{Provenance, RecordError, RunDir, file};
 use std::path::Path;
 
-/// Trains the net of `experiment` in the run directory `dir`, on so many threads, or goes on with the
-/// training that is there.
+/// Trains the net of `experiment` in the run directory `dir`, on so many threads, or resumes
+/// the training that is there.
 pub(crate) fn train_shared(
     experiment: &Experiment,
     dir: &Path,
@@ -16,16 +16,17 @@ pub(crate) fn train_shared(
     options: &Options<'_>,
 ) -> Result<(), BenchError> {
     let mut run_dir = RunDir::open(dir, experiment)?;
-    let mut hurried = experiment.clone();
-    if let Some(training) = &mut hurried.training {
+    let mut threaded = experiment.clone();
+    if let Some(training) = &mut threaded.training {
         training.effort.threads = threads;
     }
     let plan = Plan { trains: true, runs_free: false, loops: Vec::new(), given: None };
     if !plan.is_done(experiment, run_dir.metrics()) {
         run_dir.write_provenance(provenance, true)?;
     }
-    let train =
-        |run_dir: &mut RunDir| Stages { experiment: &hurried, options, plan: &plan, run_dir }.run();
+    let train = |run_dir: &mut RunDir| {
+        Stages { experiment: &threaded, options, plan: &plan, run_dir }.run()
+    };
     match train(&mut run_dir) {
         // A checkpoint of no use: nobody asked for it by name, so the training begins anew.
         Err(BenchError::Record(RecordError::Checkpoint { .. })) => {
@@ -36,8 +37,8 @@ pub(crate) fn train_shared(
     }
 }
 
-/// Runs a trial in `dir`, which holds nothing yet, with the net of the run directory `net` if it needs
-/// one.
+/// Runs a trial in `dir`, which holds nothing yet, with the net of the run directory `net` if it
+/// needs one.
 pub(crate) fn run_trial(
     experiment: &Experiment,
     net: Option<&Path>,

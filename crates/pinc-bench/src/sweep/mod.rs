@@ -1,5 +1,5 @@
-//! Sweeps: an experiment many times over, on all cores, in parts that can be interrupted, spread over
-//! machines and merged.
+//! Sweeps: an experiment many times over, on all cores, in parts that can be interrupted, spread
+//! over machines and merged.
 
 mod progress;
 mod queue;
@@ -38,13 +38,13 @@ impl Shard {
     }
 }
 
-/// Runs the trials of a sweep, or a share of them, with their results in `dir`. Trials that failed are
-/// in its tables and stop no others.
+/// Runs the trials of a sweep, or a share of them, with their results in `dir`. Trials that failed
+/// are in its tables and stop no others.
 ///
 /// # Errors
 ///
-/// [`BenchError`] if the sweep could not go on, and [`BenchError::FailedTrials`] if it did but trials
-/// failed.
+/// [`BenchError`] if the sweep could not continue, and [`BenchError::FailedTrials`] if it did but
+/// trials failed.
 pub fn sweep(
     experiment: &Experiment,
     dir: &Path,
@@ -61,13 +61,13 @@ pub fn sweep(
     worked.and(closed)
 }
 
-/// Collects the trials of sweeps of the same config, from their directories, in `dir`. The config may
-/// name one of `plants`.
+/// Collects the trials of sweeps of the same config, from their directories, in `dir`. The config
+/// may name one of `plants`.
 ///
 /// # Errors
 ///
-/// [`BenchError`] if a directory holds no sweep or one of another config, or a file cannot be copied;
-/// and [`BenchError::FailedTrials`] as for [`sweep`].
+/// [`BenchError`] if a directory holds no sweep or one of another config, or a file cannot be
+/// copied; and [`BenchError::FailedTrials`] as for [`sweep`].
 pub fn merge(
     parts: &[PathBuf],
     dir: &Path,
@@ -128,7 +128,7 @@ impl<'a> Session<'a> {
         let mine: Vec<_> = mine.map(|(_, trial)| trial).collect();
         let mut left: Vec<&Trial> = Vec::new();
         for &trial in &mine {
-            // Cases may come to the same in some preset.
+            // Cases may be equal in some preset.
             let twice = left.iter().any(|other| other.id == trial.id);
             if !twice && self.sweep_dir.finished(&trial.id)?.is_none() {
                 left.push(trial);
@@ -140,7 +140,7 @@ impl<'a> Session<'a> {
         let estimate = Estimate::new(workers, self.effort_of_trainings(&left), left.len());
         let crew = Crew {
             session: self,
-            // The trials' progress is the sweep's, and they go on with what is there.
+            // The sweep shows the progress of its trials, which are resumed from what is there.
             options: Options { resume: true, verbosity: Verbosity::Quiet, ..*options },
             queue,
             threads: (cores / workers.max(1)).max(1),

@@ -1,5 +1,5 @@
-//! Every mistake in a config is an error that names file, line, key and what was expected, with exit
-//! code 2.
+//! Every mistake in a config is an error that names file, line, key and what was expected, with
+//! exit code 2.
 
 use crate::common::{Outcome, outcome, pinc, smoke};
 

@@ -1,11 +1,11 @@
-//! `pinc bench --quick`: everything is measured, and every figure is a positive number. How large they
-//! are is the machine's business.
+//! `pinc bench --quick`: everything is measured, and every figure is a positive number. How large
+//! they are is the machine's business.
 
 use crate::common::{outcome, pinc};
 use serde_json::Value;
 
-/// Checks that `row` has these keys, and that all numbers in it, at any depth, are positive and finite
-/// (JSON has no other numbers, but null where one was not finite).
+/// Checks that `row` has these keys, and that all numbers in it, at any depth, are positive and
+/// finite (JSON has no other numbers, but null where one was not finite).
 #[track_caller]
 fn assert_row(row: &Value, keys: &[&str]) {
     for key in keys {

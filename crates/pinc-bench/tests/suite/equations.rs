@@ -1,4 +1,5 @@
-//! Plants whose equations stand in the config: read, refused where they are wrong, and run like others.
+//! Plants whose equations stand in the config: read, refused where they are wrong, and run like
+//! others.
 
 use crate::common::{Outcome, outcome, pinc, smoke};
 use pinc_bench::{Options, Verbosity};
@@ -103,7 +104,8 @@ fn mistakes_in_equations_are_shown_with_their_place() {
     ]);
     check_with("x1 = \"x2\"\n", "").assert_refused(&[
         &place("[plant.expression.derivatives]"),
-        "`plant.expression.derivatives.x1`: missing; expected the time derivative of the state `x1`",
+        "`plant.expression.derivatives.x1`: missing; expected the time derivative of the state \
+        `x1`",
     ]);
     check_with("mu = 1.0", "mu = 1.0\nnu = 2.0")
         .assert_refused(&["`plant.expression.parameters.nu`: no expression uses this parameter"]);

@@ -3,7 +3,8 @@
 use crate::common::{Outcome, outcome, pinc, smoke};
 use std::path::Path;
 
-/// Trains the smoke config on a box that the closed loop begins outside of, x1 = 0.5, and runs the loop.
+/// Trains the smoke config on a box that the closed loop begins outside of, x1 = 0.5, and runs the
+/// loop.
 fn run(dir: &Path, sets: &[&str]) -> Outcome {
     let config = smoke().replacen("state_high = [3.0, 4.35]", "state_high = [0.4, 4.35]", 1);
     std::fs::write(dir.join("experiment.toml"), config).unwrap();

@@ -109,7 +109,8 @@ fn model_files_that_are_none() {
         .assert_refused(&["out.csv: cannot be written"]);
 }
 
-/// The expected file's run leaves the net's domain nowhere; one that starts far outside does, in every row.
+/// The expected file's run leaves the net's domain nowhere; one that starts far outside does, in
+/// every row.
 #[test]
 fn a_net_asked_outside_its_domain_says_so_or_refuses() {
     let dir = tempfile::tempdir().unwrap();

@@ -91,8 +91,8 @@ fn the_net_controls_nearly_as_well_as_the_equation() {
         assert_eq!(run.wall_s.runs, 2);
         assert!(run.step_us.p50 <= run.step_us.p99 && run.step_us.p99 <= run.step_us.max);
     }
-    // A one-step error of 1e-3 cm, hundred times the tiny net's, moves a level that is 0.8 cm from its
-    // reference on average by far less than a hundredth.
+    // A one-step error of 1e-3 cm, hundred times the tiny net's, moves a level that is 0.8 cm from
+    // its reference on average by far less than a hundredth.
     assert!(metrics.validation.as_ref().unwrap().one_step_mse < 1e-6);
     assert!((pinc.iae_dense_sum / rk4.iae_dense_sum - 1.0).abs() < 0.01);
 }

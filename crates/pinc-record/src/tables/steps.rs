@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 pub struct StepRow {
     /// Number of the step, from 0.
     pub step: usize,
-    /// How the optimization ended, in the words of [`SqpStatus`].
+    /// How the optimization ended, as [`SqpStatus`] is displayed.
     pub status: String,
     /// How many quadratic programs were solved.
     pub sqp_iterations: usize,

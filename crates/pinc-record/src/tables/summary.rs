@@ -26,7 +26,8 @@ const COLUMNS: [&str; 13] = [
     "confidence",
 ];
 
-/// The spread of each metric in each cell of a sweep: the trials that differ in seeds and draws only.
+/// The spread of each metric in each cell of a sweep: the trials that differ in seeds and draws
+/// only.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SummaryTable {
     /// The columns that tell the cells apart: keys of the config, or `case` and `drawn`.
@@ -169,7 +170,7 @@ fn cells(trials: &[Trial], columns: usize) -> Vec<(&[String], Vec<usize>)> {
     cells
 }
 
-/// The row of a metric in a cell with these trials; words have no spread, and so no row.
+/// The row of a metric in a cell with these trials; names have no spread, and so no row.
 fn row(cell: &[String], metric: TrialMetric, group: &[Option<&Finished>]) -> Option<SummaryRow> {
     let values = group.iter().filter_map(|finished| metric.cell(done(*finished)?)?.parse().ok());
     let spread = Spread::of(values.collect())?;

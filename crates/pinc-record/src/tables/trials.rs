@@ -7,7 +7,7 @@ use crate::sweep_dir::{Ending, Finished};
 use pinc_config::{Experiment, ModelKind, SweepSpec, Trial, columns};
 use std::path::Path;
 
-/// A number or a word that a trial came to.
+/// A result of a trial: a number or a name.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum TrialMetric {
@@ -247,7 +247,7 @@ pub enum TrialStatus {
 }
 
 impl TrialStatus {
-    /// The word in the column of statuses.
+    /// Its name in the column of statuses.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -272,7 +272,7 @@ pub enum TrialColumn {
     Trial,
     /// What tells trials apart: a key of the config, or `case`, `drawn`, `draw`, `seed`.
     Choice(String),
-    /// What it came to.
+    /// A result.
     Metric(TrialMetric),
     /// How it ended: `done`, `failed` or `pending`.
     Status,
@@ -370,8 +370,8 @@ impl TrialTable {
         table
     }
 
-    /// Reads the table; `None` if the file does not exist. A metric that the file lacks is left out;
-    /// all other columns have to be there.
+    /// Reads the table; `None` if the file does not exist. A metric that the file lacks is left
+    /// out; all other columns have to be there.
     ///
     /// # Errors
     ///

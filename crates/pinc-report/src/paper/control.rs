@@ -20,7 +20,8 @@ pub(super) fn table_1(page: &mut Page, runs: &Runs) {
         "pinc run configs/four-tanks/main.toml --set preset=...",
     ]);
     page.paragraph(
-        "RMSE and IAE on the dense trace, the IAE summed over outputs, are the reading of the paper's table; those at the steps are the \
+        "RMSE and IAE on the dense trace, the IAE summed over outputs, are the reading of the \
+        paper's table; those at the steps are the \
          printed formulas. The time is the controller's, over 10 runs.",
     );
     let heads = [
@@ -93,8 +94,10 @@ pub(super) fn substeps(page: &mut Page, runs: &Runs) -> Result<(), ReportError> 
         "pinc run configs/four-tanks/substeps.toml",
     ]);
     page.paragraph(
-        "The paper says so of its program. The controller's time in the whole loop, median of 10 runs, by the substeps of RK4. The \
-         break-even is the number of substeps from which on RK4 takes longer than the net. What fewer substeps lose is seen in the IAE.",
+        "The paper says so of its program. The controller's time in the whole loop, median of 10 \
+        runs, by the substeps of RK4. The \
+         break-even is the number of substeps from which on RK4 takes longer than the net. What \
+         fewer substeps lose is seen in the IAE.",
     );
     for (plant, name) in PLANTS {
         for run in runs.of_experiment(&format!("{plant}-substeps")) {
@@ -138,7 +141,8 @@ pub(super) fn sensitivity(page: &mut Page, runs: &Runs) -> Result<(), ReportErro
     page.heading("Fig. 15: sensitivity");
     page.commands(&["pinc run configs/four-tanks/sensitivity.toml --set preset=..."]);
     page.paragraph(
-        "IAE dense, summed over outputs, over 151 random plants (pump constants +-5 %) and 151 random initial levels (9 cm +-5 %); the \
+        "IAE dense, summed over outputs, over 151 random plants (pump constants +-5 %) and 151 \
+        random initial levels (9 cm +-5 %); the \
          models keep the nominal constants. The paper has histograms of PINC alone.",
     );
     for run in runs.of_experiment("four-tanks-sensitivity") {
@@ -222,7 +226,7 @@ pub(super) fn worst_case(page: &mut Page, runs: &Runs) {
     }
 }
 
-/// What the contradictions of paper and program come to.
+/// What the contradictions between paper and program change.
 pub(super) fn deviations(page: &mut Page, runs: &Runs) -> Result<(), ReportError> {
     page.heading("Deviations, one at a time");
     page.commands(&[
@@ -230,7 +234,8 @@ pub(super) fn deviations(page: &mut Page, runs: &Runs) -> Result<(), ReportError
         "pinc run configs/four-tanks/deviations.toml",
     ]);
     page.paragraph(
-        "Each case is preset `ours` with one choice of the paper or of its authors' program instead; [deviations.md](deviations.md) says \
+        "Each case is preset `ours` with one choice of the paper or of its authors' program \
+        instead; [deviations.md](deviations.md) says \
          which these are. Medians of 3 seeds, with the least and the most where these differ.",
     );
     for (plant, name) in PLANTS {

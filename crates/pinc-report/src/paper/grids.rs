@@ -20,7 +20,8 @@ pub(super) fn structure(page: &mut Page, runs: &Runs) -> Result<(), ReportError>
     page.heading("Fig. 5a: layers and neurons");
     page.commands(&["pinc run configs/van-der-pol/structure.toml --set preset=..."]);
     page.paragraph(
-        "log10 of the median `mse_gen` over the seeds, with the quartiles and the number of seeds. The paper's best is \
+        "log10 of the median `mse_gen` over the seeds, with the quartiles and the number of seeds. \
+        The paper's best is \
          -2.87, at 10 layers of 20, as the average of 10 seeds.",
     );
     for run in runs.of_experiment("van-der-pol-structure") {
@@ -38,7 +39,8 @@ pub(super) fn points(page: &mut Page, runs: &Runs) -> Result<(), ReportError> {
     page.heading("Fig. 5b: initial and collocation points");
     page.commands(&["pinc run configs/van-der-pol/points.toml --set preset=..."]);
     page.paragraph(
-        "As above, 4 layers of 20. The paper finds 40 initial points too few, and N_F/N_t = 4 too little. In `ours` there are \
+        "As above, 4 layers of 20. The paper finds 40 initial points too few, and N_F/N_t = 4 too \
+        little. In `ours` there are \
          no initial points: the initial condition holds by construction.",
     );
     for run in runs.of_experiment("van-der-pol-points") {
@@ -60,14 +62,16 @@ pub(super) fn points(page: &mut Page, runs: &Runs) -> Result<(), ReportError> {
 pub(super) fn horizon(page: &mut Page, runs: &Runs) -> Result<(), ReportError> {
     page.heading("Validation error over T");
     page.paragraph(
-        "A sweep of the authors' program, not in the paper: median `mse_gen` with the quartiles, in the states' units squared. A \
+        "A sweep of the authors' program, not in the paper: median `mse_gen` with the quartiles, \
+        in the states' units squared. A \
          scenario lasts 40 s (300 s) at every T, so that the number of steps falls as T grows.",
     );
     for (plant, name) in PLANTS {
         for run in runs.of_experiment(&format!("{plant}-horizon")) {
             let preset = run.preset.name();
             page.paragraph(&format!(
-                "{name}, preset `{preset}`; {}. `pinc run configs/{plant}/horizon.toml --set preset={preset}`",
+                "{name}, preset `{preset}`; {}. `pinc run configs/{plant}/horizon.toml --set \
+                preset={preset}`",
                 progress(run)
             ));
             let summary = run.summary(ERROR)?;
@@ -91,8 +95,8 @@ fn progress(run: &Run) -> String {
     format!("{} of {} trials done{failed}", sweep.done, sweep.trials)
 }
 
-/// What the cells come to by the number of initial points, whatever the number of collocation points, and where there
-/// are four of these to one of those.
+/// The results by the number of initial points, whatever the number of collocation
+/// points, and where there are four of these to one of those.
 fn by_initial_points(summary: &Summary) -> String {
     let log = |row: &SummaryRow| row.median.log10();
     let of = |initial: &String| {
@@ -179,8 +183,10 @@ fn best(run: &Run, summary: &Summary) -> Result<String, ReportError> {
     let alike: Vec<String> = rows.iter().filter(other).map(name).collect();
     let alike = if alike.is_empty() { "no other".to_owned() } else { alike.join(", ") };
     Ok(format!(
-        "Least median: {}, {}. Intervals of the median that overlap it: {alike}. The paper's 10 x 20: \
-         {}; it has the least error of all cells in {wins} of the {seeds} seeds in which all are done.",
+        "Least median: {}, {}. Intervals of the median that overlap it: {alike}. The paper's 10 x \
+        20: \
+         {}; it has the least error of all cells in {wins} of the {seeds} seeds in which all are \
+         done.",
         name(best),
         interval(best),
         interval(papers),

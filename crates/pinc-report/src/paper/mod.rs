@@ -1,4 +1,4 @@
-//! The paper's tables and figures beside what the runs of `configs/paper.toml` came to, as a page.
+//! The paper's tables and figures beside the results of `configs/paper.toml`, as a page.
 
 mod control;
 mod grids;
@@ -34,8 +34,8 @@ const EXPERIMENTS: [&str; 13] = [
     "four-tanks-deviations",
 ];
 
-/// The page, in Markdown and without pictures, from the directory of a list of runs. What has not been
-/// run is left out.
+/// The page, in Markdown and without pictures, from the directory of a list of runs. What has not
+/// been run is left out.
 ///
 /// # Errors
 ///
@@ -71,10 +71,14 @@ fn fill(page: &mut Page, dir: &Path) -> Result<(), ReportError> {
     let runs = Runs::read(dir, &EXPERIMENTS)?;
     page.paragraph("# Results: the paper, regenerated");
     page.paragraph(
-        "Each table and figure of the paper with numbers in it, beside this project's. Made by the two commands below from the \
-         run directories, whose reports have more pictures. `as-printed` is the paper's equations and `as-released` \
-         its authors' program, both run by this project with the paper's recipe; `ours` is the best that this project \
-         can do. [deviations.md](deviations.md) says where these differ, [measurements.md](measurements.md) has what other commands measured.",
+        "Each table and figure of the paper with numbers in it, beside this project's. Made by the \
+        two commands below from the \
+         run directories, whose reports have more pictures. `as-printed` is the paper's equations \
+         and `as-released` \
+         its authors' program, both run by this project with the paper's recipe; `ours` is the \
+         best that this project \
+         can do. [deviations.md](deviations.md) says where these differ, \
+         [measurements.md](measurements.md) has what other commands measured.",
     );
     page.commands(&[
         "pinc run configs/paper.toml --resume",
@@ -102,8 +106,10 @@ fn long_range(page: &mut Page, runs: &Runs) -> Result<(), ReportError> {
     page.heading("Figs. 6 and 7: long range");
     page.commands(&["pinc run configs/van-der-pol/long-range.toml --set preset=..."]);
     page.paragraph(
-        "RMSE over 10 s against the truth. A PINN is trained for one initial state, one input and its T, and asked beyond; \
-         the PINC net is trained once, for T = 0.5 s and any of them, and chained. In the paper too the PINN for T = 10 s comes \
+        "RMSE over 10 s against the truth. A PINN is trained for one initial state, one input and \
+        its T, and asked beyond; \
+         the PINC net is trained once, for T = 0.5 s and any of them, and chained. In the paper \
+         too the PINN for T = 10 s comes \
          slightly below PINC, all others above.",
     );
     for run in runs.of_experiment("van-der-pol-long-range") {
@@ -155,7 +161,7 @@ fn nets(page: &mut Page, runs: &Runs) -> Result<(), ReportError> {
             "net",
             "training",
             "`mse_gen`",
-            "mse, all rows, normalised",
+            "mse, all rows, normalized",
             "RMSE of the free run",
         ],
         &rows,

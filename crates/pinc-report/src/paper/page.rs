@@ -51,8 +51,8 @@ impl Page {
         self.text.push('\n');
     }
 
-    /// A picture of a run's report, with what it shows above it, if the page has pictures and the run has
-    /// this one.
+    /// A picture of a run's report, with what it shows above it, if the page has pictures and the
+    /// run has this one.
     pub(super) fn picture(&mut self, run: &Run, stem: &str, what: &str) {
         let (Some(folder), Some(from)) = (&self.folder, run.picture(stem)) else { return };
         let preset = run.preset.name();

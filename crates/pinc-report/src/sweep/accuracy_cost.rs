@@ -1,9 +1,9 @@
-//! Accuracy against cost: what the models of a sweep with `[one_step]` come to, each a dot.
+//! Accuracy against cost of the models of a sweep with `[one_step]`, each a dot.
 
-use super::trials::{Cell, Trials};
 use crate::data::{DISTILLED, Run};
 use crate::number_tables::NumberTable;
 use crate::picture::Picture;
+use crate::trials::{Cell, Trials};
 use pinc_chart::text::{self, MISSING};
 use pinc_chart::{
     Axis, Figure, Kind, Label, Panel, Point, Shape, Span, Style, extent, state_color, state_mark,
@@ -74,7 +74,8 @@ fn entry(trials: &Trials, cell: &Cell, model: ModelKind) -> Option<Entry> {
     })
 }
 
-/// One step: its error over its time, alone and with Jacobians. The loop: what it loses over its time.
+/// One step: its error over its time, alone and with Jacobians. The loop: what it loses over its
+/// time.
 pub(super) fn pictures(run: &Run, trials: &Trials) -> Vec<Picture> {
     let entries = entries(trials);
     if entries.is_empty() {
@@ -107,8 +108,10 @@ fn steps(entries: &[Entry]) -> Picture {
         stem: "accuracy-cost".to_owned(),
         title: "One step: accuracy against cost".to_owned(),
         figure: Figure::grid("Error of one step over its time", x, vec![1.0, 1.0], panels),
-        caption: "Further left is cheaper, further down better. A mark is the root mean square over points \
-                  that fill the domain; its interval reaches from the median to the 99th percentile. A method \
+        caption: "Further left is cheaper, further down better. A mark is the root mean square \
+        over points \
+                  that fill the domain; its interval reaches from the median to the 99th \
+                  percentile. A method \
                   that leaves all bounds somewhere has none. From \
                   sweep.csv and timings.csv."
             .to_owned(),
@@ -135,9 +138,12 @@ fn loops(run: &Run, entries: &[Entry]) -> Picture {
         title: "Closed loop: quality against time".to_owned(),
         figure: Figure::grid("Closed loop over the controller's time", x(), vec![1.0, 1.0], panels),
         caption: format!(
-            "Median time of a control step, with all that the controller does in it. Left: by how much the \
-             IAE on the dense trace differs from {}, that with the numerical model whose steps are the most exact; less \
-             than {LEAST_SHOWN} % is shown as that. Right: loops that violate no bound have no place on a \
+            "Median time of a control step, with all that the controller does in it. Left: by how \
+            much the \
+             IAE on the dense trace differs from {}, that with the numerical model whose steps are \
+             the most exact; less \
+             than {LEAST_SHOWN} % is shown as that. Right: loops that violate no bound have no \
+             place on a \
              logarithmic axis. From sweep.csv and timings.csv.",
             run.label_in_states_unit(&text::significant(truth, 6), ""),
         ),
@@ -209,8 +215,10 @@ fn steps_table(entries: &[Entry]) -> NumberTable {
             as_exact(&|e| e.both_ns),
         ]
     });
-    let title = "One step: errors in widths of the domain. \"Times faster\" compares a net with the numerical \
-                 method that has the same rms in the least time, between its numbers of substeps in proportion";
+    let title = "One step: errors in widths of the domain. \"Times faster\" compares a net with \
+    the numerical \
+                 method that has the same rms in the least time, between its numbers of substeps \
+                 in proportion";
     table(title, &heads, rows.collect())
 }
 
@@ -219,7 +227,8 @@ fn loops_table(entries: &[Entry]) -> NumberTable {
         ["model", "IAE", "off by", "violation", "control step, µs", "times faster", "training, s"];
     let truth = iae_of_most_exact(entries);
     let rows = entries.iter().map(|e| {
-        // A net whose loop is good, and those numerical ones that are, too, and keep bounds as well.
+        // A net whose loop is good, and those numerical ones that are, too, and keep bounds as
+        // well.
         let is_good = |e: &Entry| e.iae <= EQUAL * truth;
         let as_good = entries.iter().filter(|other| {
             let comparable = e.is_net && !other.is_net && is_good(e) && is_good(other);
@@ -235,8 +244,10 @@ fn loops_table(entries: &[Entry]) -> NumberTable {
             e.training_s.map_or(MISSING.to_owned(), number),
         ]
     });
-    let title = "Closed loop: IAE on the dense trace, and by how much it is off that with the numerical model \
-                 whose steps are the most exact. \"Times faster\" compares a net whose IAE is at most 1 % above that with the \
+    let title = "Closed loop: IAE on the dense trace, and by how much it is off that with the \
+    numerical model \
+                 whose steps are the most exact. \"Times faster\" compares a net whose IAE is at \
+                 most 1 % above that with the \
                  cheapest numerical model of which this holds, too, and which keeps bounds as well";
     table(title, &heads, rows.collect())
 }
@@ -253,8 +264,8 @@ fn number(value: f64) -> String {
     }
 }
 
-/// The IAE with the numerical model whose steps are the most exact (the net's, if there is no other): what a
-/// perfect model would come to.
+/// The IAE with the numerical model whose steps are the most exact (the net's, if there is no
+/// other): what a perfect model would give.
 fn iae_of_most_exact(entries: &[Entry]) -> f64 {
     let exactest = |nets: bool| {
         let entries = entries.iter().filter(|e| e.is_net == nets);
@@ -263,7 +274,8 @@ fn iae_of_most_exact(entries: &[Entry]) -> f64 {
     exactest(false).or_else(|| exactest(true)).map_or(f64::NAN, |e| e.iae)
 }
 
-/// By which factor a net's step is faster than that of the cheapest method as exact, and which that is.
+/// By which factor a net's step is faster than that of the cheapest method as exact, and which that
+/// is.
 fn faster_step(net: &Entry, entries: &[Entry], time: &dyn Fn(&Entry) -> f64) -> String {
     let groups = groups(entries).into_iter();
     let times = groups.filter_map(|group| {
@@ -277,8 +289,8 @@ fn faster_step(net: &Entry, entries: &[Entry], time: &dyn Fn(&Entry) -> f64) -> 
     })
 }
 
-/// The time in which a method, of which these are members by their times, has an error of `rms`: between two of them
-/// a power of the error. `None` if none is as exact.
+/// The time in which a method, of which these are members by their times, has an error of `rms`:
+/// between two of them a power of the error. `None` if none is as exact.
 fn time_for(rms: f64, members: &[&Entry], time: &dyn Fn(&Entry) -> f64) -> Option<f64> {
     let k = members.iter().position(|e| e.rms <= rms)?;
     let (after, t) = (members[k], time(members[k]));

@@ -3,8 +3,8 @@
 use super::caption;
 use super::curves::side_by_side;
 use super::metric::Metric;
-use super::trials::Trials;
 use crate::picture::Picture;
+use crate::trials::Trials;
 use pinc_chart::text;
 use pinc_chart::{
     Area, Axis, BLACK, Figure, Fill, Kind, Look, Panel, Shape, Span, Style, places, state_color,
@@ -51,7 +51,8 @@ pub(super) fn picture(trials: &Trials, metric: &Metric) -> Option<Picture> {
     let figure = Figure::stack(metric.title, Axis::named("", &names), vec![panel]);
     let caption = caption(trials, metric, |sizes| {
         format!(
-            "A bar ends at the median over the trials, {sizes}; intervals are the quartiles, rings the \
+            "A bar ends at the median over the trials, {sizes}; intervals are the quartiles, rings \
+            the \
              trials"
         )
     });

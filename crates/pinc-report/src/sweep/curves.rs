@@ -1,9 +1,9 @@
 //! A metric over one axis of a sweep: the median of each cell with its quartiles, and every trial.
 
 use super::metric::Metric;
-use super::trials::{Cell, Trials, short, shown};
 use super::{bars, caption};
 use crate::picture::Picture;
+use crate::trials::{Cell, Trials, short, shown};
 use pinc_chart::{
     Axis, Figure, Kind, Panel, Point, Shape, Span, Style, places, state_color, state_mark,
 };
@@ -12,7 +12,7 @@ use pinc_record::TrialMetric;
 /// From this ratio of its ends on an axis is logarithmic.
 const WIDE: f64 = 8.0;
 
-/// The metric over the one axis, a curve for each case and model. An axis of words has bars.
+/// The metric over the one axis, a curve for each case and model. An axis of names has bars.
 pub(super) fn picture(trials: &Trials, metric: &Metric) -> Option<Picture> {
     let axis = trials.axes()[0];
     let values = trials.values_of(axis);
@@ -24,7 +24,8 @@ pub(super) fn picture(trials: &Trials, metric: &Metric) -> Option<Picture> {
     let figure = curves.figure(&numbers, &values);
     let caption = caption(trials, metric, |sizes| {
         format!(
-            "Median over the trials, with the quartiles as intervals; each light dot is a trial, {sizes}"
+            "Median over the trials, with the quartiles as intervals; each light dot is a trial, \
+            {sizes}"
         )
     });
     let (stem, title) = (metric.stem.to_owned(), metric.title.to_owned());
@@ -53,12 +54,12 @@ impl Curves<'_> {
         let groups = self.groups();
         let curves = groups.iter().flat_map(|g| self.metric.columns.iter().map(move |c| (g, c)));
         for (i, ((name, cells), (column, model))) in curves.enumerate() {
-            let words = [name.as_str(), model].into_iter().filter(|w| !w.is_empty());
-            let words: Vec<&str> = words.collect();
-            let label = match words.as_slice() {
+            let names = [name.as_str(), model].into_iter().filter(|w| !w.is_empty());
+            let names: Vec<&str> = names.collect();
+            let label = match names.as_slice() {
                 [] if self.trials.are_alone() => "trial".to_owned(),
                 [] => "median".to_owned(),
-                words => words.join(", "),
+                names => names.join(", "),
             };
             self.add(&mut panel, &label, i, cells, *column);
         }

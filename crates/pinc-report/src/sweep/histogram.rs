@@ -2,8 +2,8 @@
 
 use super::metric::Metric;
 use super::sizes;
-use super::trials::{Cell, Trials};
 use crate::picture::Picture;
+use crate::trials::{Cell, Trials};
 use pinc_chart::text;
 use pinc_chart::{Area, Axis, Figure, Fill, Key, Kind, Look, Panel, extent, places, state_color};
 use pinc_record::TrialMetric;
@@ -23,10 +23,10 @@ pub(super) fn picture(trials: &Trials, metric: &Metric) -> Option<Picture> {
     }
     let bins = Bins::around(&all);
     let mut panels = Vec::new();
-    let mut words = Vec::new();
+    let mut medians_of_cells = Vec::new();
     for cell in trials.cells() {
         panels.push(panel(trials, metric, cell, &bins));
-        words.extend(medians(trials, metric, cell));
+        medians_of_cells.extend(medians(trials, metric, cell));
     }
     let highest = panels.iter().flat_map(|p| &p.areas).map(|area| area.y.1).fold(1.0, f64::max);
     for panel in &mut panels {
@@ -42,10 +42,10 @@ pub(super) fn picture(trials: &Trials, metric: &Metric) -> Option<Picture> {
     };
     figure.keys = models.map(key).collect();
     let caption = format!(
-        "How often a trial came to a value, {}. All panels have the same bins. Medians: {}. From \
+        "How many trials have a value, {}. All panels have the same bins. Medians: {}. From \
          sweep.csv.",
         sizes(trials.cells()),
-        words.join("; ")
+        medians_of_cells.join("; ")
     );
     let (stem, title) = (metric.stem.to_owned(), metric.title.to_owned());
     Some(Picture { stem, title, figure, caption })
@@ -80,14 +80,14 @@ fn panel(trials: &Trials, metric: &Metric, cell: &Cell, bins: &Bins) -> Panel {
 }
 
 fn medians(trials: &Trials, metric: &Metric, cell: &Cell) -> Option<String> {
-    let mut words = Vec::new();
+    let mut by_model = Vec::new();
     for (column, model) in &metric.columns {
         if let Some(spread) = metric.spread(trials, cell, *column) {
             let median = text::significant(spread.median, 4);
-            words.push(format!("{median} {model}").trim_end().to_owned());
+            by_model.push(format!("{median} {model}").trim_end().to_owned());
         }
     }
-    (!words.is_empty()).then(|| format!("{}: {}", trials.name(cell), words.join(", ")))
+    (!by_model.is_empty()).then(|| format!("{}: {}", trials.name(cell), by_model.join(", ")))
 }
 
 /// Bins of equal width.

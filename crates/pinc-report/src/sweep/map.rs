@@ -2,8 +2,8 @@
 
 use super::metric::Metric;
 use super::sizes;
-use super::trials::{Cell, Trials, short, shown};
 use crate::picture::Picture;
+use crate::trials::{Cell, Trials, short, shown};
 use pinc_chart::text;
 use pinc_chart::{Area, Axis, Figure, Fill, GREY, Kind, Look, Panel, extent, graded, places};
 use pinc_record::TrialMetric;
@@ -128,8 +128,8 @@ impl<'a> Map<'a> {
     fn quartiles(&self, cell: &Cell) -> String {
         let spread = self.metric.spread(self.trials, cell, self.column).filter(|_| cell.done() > 1);
         let scaled = |value: f64| if self.metric.log { value.log10() } else { value };
-        let words = spread.map(|spread| [spread.q1, spread.q3].map(|q| self.number(scaled(q))));
-        words.map_or_else(String::new, |[low, high]| format!("{low} to {high}"))
+        let ends = spread.map(|spread| [spread.q1, spread.q3].map(|q| self.number(scaled(q))));
+        ends.map_or_else(String::new, |[low, high]| format!("{low} to {high}"))
     }
 
     fn number(&self, value: f64) -> String {

@@ -1,7 +1,7 @@
 //! The numbers of trials that a sweep's report shows.
 
-use super::trials::{Cell, Spread, Trials};
 use crate::data::Run;
+use crate::trials::{Cell, Spread, Trials};
 use pinc_chart::text;
 use pinc_config::ModelKind;
 use pinc_record::{LoopMetric, TrialMetric};
@@ -51,7 +51,8 @@ impl Metric {
         trials.cells().iter().filter_map(move |cell| self.spread(trials, cell, column))
     }
 
-    /// The value that every trial of every cell has in common, in all columns, if there are several.
+    /// The value that every trial of every cell has in common, in all columns, if there are
+    /// several.
     fn constant(&self, trials: &Trials) -> Option<f64> {
         let spreads = self.columns.iter().flat_map(|(column, _)| self.spreads(trials, *column));
         let ends = spreads.map(|spread| (spread.min, spread.max));
@@ -68,10 +69,10 @@ impl Metric {
         medians.sort_by(f64::total_cmp);
         medians.dedup();
         let apart = |digits: &usize| {
-            let words = medians.iter().map(|median| text::significant(*median, *digits));
-            let mut words: Vec<String> = words.collect();
-            words.dedup();
-            words.len() == medians.len()
+            let shown = medians.iter().map(|median| text::significant(*median, *digits));
+            let mut shown: Vec<String> = shown.collect();
+            shown.dedup();
+            shown.len() == medians.len()
         };
         (3..MOST).find(apart).unwrap_or(MOST)
     }
@@ -101,15 +102,16 @@ impl Selection {
         Self { varying, constant }
     }
 
-    /// " The same in every trial: validation MSE (cm²) 1.24·10⁻⁶."; nothing if there is no such metric.
+    /// " The same in every trial: validation MSE (cm²) 1.24·10⁻⁶."; nothing if there is no such
+    /// metric.
     pub(super) fn sentence(&self) -> String {
-        let words = |(metric, value): &(Metric, f64)| {
+        let shown = |(metric, value): &(Metric, f64)| {
             format!("{} {}", metric.label, text::significant(*value, 3))
         };
-        let words: Vec<String> = self.constant.iter().map(words).collect();
-        match words.is_empty() {
+        let shown: Vec<String> = self.constant.iter().map(shown).collect();
+        match shown.is_empty() {
             true => String::new(),
-            false => format!(" The same in every trial: {}.", text::listed(&words)),
+            false => format!(" The same in every trial: {}.", text::listed(&shown)),
         }
     }
 }

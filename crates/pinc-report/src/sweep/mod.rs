@@ -1,4 +1,4 @@
-//! The report of a sweep: what its trials came to, cell by cell, and those that failed.
+//! The report of a sweep: the results of its trials, cell by cell, and those that failed.
 //!
 //! A cell is a place in the grid, with one trial per seed and draw. The form of a picture follows
 //! from the sweep: a map for two axes, curves for one, bars for cases, histograms for draws.
@@ -12,18 +12,15 @@ mod metric;
 #[cfg(test)]
 mod tests;
 mod traces;
-mod trials;
-
-pub(crate) use trials::Trials;
 
 use crate::data::Run;
 use crate::error::ReportError;
 use crate::number_tables::NumberTable;
 use crate::picture::Picture;
+use crate::trials::{self, Cell, Spread, Trials};
 use metric::{Metric, Selection};
 use pinc_chart::text::{self, MISSING};
 use pinc_record::TrialMetric;
-use trials::{Cell, Spread};
 
 /// The pictures of a sweep.
 pub(crate) fn pictures(run: &Run, trials: &Trials) -> Result<Vec<Picture>, ReportError> {
@@ -163,8 +160,8 @@ fn failures(trials: &Trials) -> Option<NumberTable> {
     (!rows.is_empty()).then_some(NumberTable { title, heads, rows })
 }
 
-/// What stands below a picture of the cells: their sizes, in terms of medians and spreads (`several`) if there
-/// are such, and where the numbers are from.
+/// What stands below a picture of the cells: their sizes, in terms of medians and spreads
+/// (`several`) if there are such, and where the numbers are from.
 fn caption(trials: &Trials, metric: &Metric, several: impl FnOnce(&str) -> String) -> String {
     let sizes = sizes(trials.cells());
     let shown = if trials.are_alone() { sizes } else { several(&sizes) };

@@ -253,7 +253,8 @@ fn pinns_stand_in_columns_beside_the_chained_net() {
         let time_only = if i == 0 { "" } else { "\"model.time_only\" = { input = [0.5] }\n" };
         let _ = write!(
             config,
-            "[[sweep.cases]]\nname = \"{name}\"\n[sweep.cases.set]\n\"model.horizon_s\" = {horizon:?}\n{time_only}"
+            "[[sweep.cases]]\nname = \"{name}\"\n[sweep.cases.set]\n\"model.horizon_s\" = \
+            {horizon:?}\n{time_only}"
         );
         let mut rows = "t,u,h1,h2,h1_truth,h2_truth,mark\n".to_owned();
         for k in 0..=100_u32 {

@@ -1,11 +1,11 @@
-//! Free runs of conventional PINNs, each trained for its own T, beside that of a net that is chained:
-//! a column for each PINN, a row for each state.
+//! Free runs of conventional PINNs, each trained for its own T, beside that of a net that is
+//! chained: a column for each PINN, a row for each state.
 
-use super::trials::Trials;
 use crate::data::Run;
 use crate::error::ReportError;
 use crate::picture::Picture;
 use crate::prediction::{marks, points};
+use crate::trials::Trials;
 use pinc_chart::{
     Axis, BLACK, Figure, GREY, Key, Kind, Look, Panel, Shape, Style, extent, state_color,
     state_mark,
@@ -50,8 +50,10 @@ pub(super) fn picture(run: &Run, trials: &Trials) -> Result<Option<Picture>, Rep
         title: "Long-range simulation".to_owned(),
         figure,
         caption: format!(
-            "Each PINN, trained for its own T (vertical line) and one scenario, beyond its T too; in every \
-             column the same {}, chained, with a dot at the end of each step. The truth lies beneath. A \
+            "Each PINN, trained for its own T (vertical line) and one scenario, beyond its T too; \
+            in every \
+             column the same {}, chained, with a dot at the end of each step. The truth lies \
+             beneath. A \
              PINN that leaves the range of the truth is cut off. From the trials' prediction.csv.",
             net.name
         ),

@@ -21,29 +21,29 @@ pub(crate) struct Trials {
 
 /// A place in the grid, with the rows of its trials.
 #[derive(Clone, Debug)]
-pub(super) struct Cell {
+pub(crate) struct Cell {
     /// The values of the columns that tell the cells apart.
-    pub(super) place: Vec<String>,
+    pub(crate) place: Vec<String>,
     /// Rows of trials that ended as they should.
-    pub(super) finished: Vec<usize>,
-    pub(super) failed: Vec<usize>,
-    pub(super) pending: Vec<usize>,
+    pub(crate) finished: Vec<usize>,
+    pub(crate) failed: Vec<usize>,
+    pub(crate) pending: Vec<usize>,
 }
 
 impl Cell {
-    pub(super) fn done(&self) -> usize {
+    pub(crate) fn done(&self) -> usize {
         self.finished.len()
     }
 }
 
 /// How a metric varies in a cell.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Spread {
-    pub(super) min: f64,
-    pub(super) q1: f64,
-    pub(super) median: f64,
-    pub(super) q3: f64,
-    pub(super) max: f64,
+pub(crate) struct Spread {
+    pub(crate) min: f64,
+    pub(crate) q1: f64,
+    pub(crate) median: f64,
+    pub(crate) q3: f64,
+    pub(crate) max: f64,
 }
 
 impl Trials {
@@ -62,32 +62,32 @@ impl Trials {
         Ok(Some(Self { dir: dir.to_owned(), table, timings, columns, cells }))
     }
 
-    pub(super) fn columns(&self) -> &[String] {
+    pub(crate) fn columns(&self) -> &[String] {
         &self.columns
     }
 
-    pub(super) fn cells(&self) -> &[Cell] {
+    pub(crate) fn cells(&self) -> &[Cell] {
         &self.cells
     }
 
     /// The axes of the grid: the columns other than names of alternatives.
-    pub(super) fn axes(&self) -> Vec<usize> {
+    pub(crate) fn axes(&self) -> Vec<usize> {
         let is_axis = |i: &usize| ![CASE, DRAWN].contains(&self.columns[*i].as_str());
         (0..self.columns.len()).filter(is_axis).collect()
     }
 
     /// Whether there are trials that differ by draws.
-    pub(super) fn has_draws(&self) -> bool {
+    pub(crate) fn has_draws(&self) -> bool {
         self.table.has(&TrialColumn::Choice(DRAW.to_owned()))
     }
 
     /// Whether a metric, or a time, is there.
-    pub(super) fn has(&self, metric: TrialMetric) -> bool {
+    pub(crate) fn has(&self, metric: TrialMetric) -> bool {
         self.table_of(metric).0.has(&TrialColumn::Metric(metric))
     }
 
     /// The name of the file with a metric or a time.
-    pub(super) fn file_of(&self, metric: TrialMetric) -> &'static str {
+    pub(crate) fn file_of(&self, metric: TrialMetric) -> &'static str {
         self.table_of(metric).1
     }
 
@@ -101,31 +101,31 @@ impl Trials {
     }
 
     /// Whether no cell has more than one finished trial, so that nothing can be said of a spread.
-    pub(super) fn are_alone(&self) -> bool {
+    pub(crate) fn are_alone(&self) -> bool {
         self.cells.iter().all(|cell| cell.done() <= 1)
     }
 
     /// The numbers of all trials, of those that failed and of those not yet run.
-    pub(super) fn counts(&self) -> (usize, usize, usize) {
+    pub(crate) fn counts(&self) -> (usize, usize, usize) {
         let sum = |count: fn(&Cell) -> usize| self.cells.iter().map(count).sum();
         (self.table.len(), sum(|c| c.failed.len()), sum(|c| c.pending.len()))
     }
 
     /// A metric of a cell's trials, as far as they are finite.
-    pub(super) fn values(&self, cell: &Cell, metric: TrialMetric) -> Vec<f64> {
+    pub(crate) fn values(&self, cell: &Cell, metric: TrialMetric) -> Vec<f64> {
         let (table, _) = self.table_of(metric);
         let values = cell.finished.iter().map(|&row| table.number(row, metric));
         values.filter(|v| v.is_finite()).collect()
     }
 
     /// The text of a metric of a cell's first finished trial.
-    pub(super) fn text(&self, cell: &Cell, metric: TrialMetric) -> Option<&str> {
+    pub(crate) fn text(&self, cell: &Cell, metric: TrialMetric) -> Option<&str> {
         let row = *cell.finished.first()?;
         Some(self.table.cell(row, &TrialColumn::Metric(metric)))
     }
 
     /// How a metric, or a time, varies in a cell; `None` without a number.
-    pub(super) fn spread(&self, cell: &Cell, metric: TrialMetric) -> Option<Spread> {
+    pub(crate) fn spread(&self, cell: &Cell, metric: TrialMetric) -> Option<Spread> {
         let spread = pinc_record::Spread::of(self.values(cell, metric))?;
         let [min, q1, median, q3, max] =
             [0.0, 0.25, 0.5, 0.75, 1.0].map(|part| spread.quantile(part));
@@ -133,17 +133,17 @@ impl Trials {
     }
 
     /// What a cell is called: its alternatives, and its places on the axes.
-    pub(super) fn name(&self, cell: &Cell) -> String {
-        let word = |(column, value): (&String, &String)| match column.as_str() {
+    pub(crate) fn name(&self, cell: &Cell) -> String {
+        let name = |(column, value): (&String, &String)| match column.as_str() {
             CASE | DRAWN => value.clone(),
             key => format!("{} {}", short(key), shown(value)),
         };
-        let words: Vec<String> = self.columns.iter().zip(&cell.place).map(word).collect();
-        if words.is_empty() { "all trials".to_owned() } else { words.join(", ") }
+        let names: Vec<String> = self.columns.iter().zip(&cell.place).map(name).collect();
+        if names.is_empty() { "all trials".to_owned() } else { names.join(", ") }
     }
 
     /// The free run of a case's first finished trial, if it was kept.
-    pub(super) fn free_run(&self, case: &str) -> Result<Option<PredictionTable>, RecordError> {
+    pub(crate) fn free_run(&self, case: &str) -> Result<Option<PredictionTable>, RecordError> {
         let Some(column) = self.columns.iter().position(|c| c == CASE) else { return Ok(None) };
         let mut cells = self.cells.iter().filter(|cell| cell.place[column] == case);
         let Some(row) = cells.find_map(|cell| cell.finished.first()) else { return Ok(None) };
@@ -152,7 +152,7 @@ impl Trials {
     }
 
     /// The trials that failed: their names, their places and what went wrong.
-    pub(super) fn failures(&self) -> Vec<Vec<String>> {
+    pub(crate) fn failures(&self) -> Vec<Vec<String>> {
         let seed = TrialColumn::Choice(SEED.to_owned());
         let row = |cell: &Cell, i: usize| {
             let what = format!("{}, seed {}", self.name(cell), self.table.cell(i, &seed));
@@ -165,7 +165,7 @@ impl Trials {
     }
 
     /// The different values of a column of the cells, numbers in their order.
-    pub(super) fn values_of(&self, column: usize) -> Vec<String> {
+    pub(crate) fn values_of(&self, column: usize) -> Vec<String> {
         let mut values: Vec<String> = Vec::new();
         for cell in &self.cells {
             if !values.contains(&cell.place[column]) {
@@ -205,7 +205,7 @@ fn cells(table: &TrialTable, columns: &[String]) -> Vec<Cell> {
 }
 
 /// What a key of the config is called on an axis.
-pub(super) fn short(key: &str) -> String {
+pub(crate) fn short(key: &str) -> String {
     match key {
         "model.hidden_layers" => "hidden layers".to_owned(),
         "model.neurons" => "neurons per layer".to_owned(),
@@ -221,6 +221,6 @@ pub(super) fn short(key: &str) -> String {
 }
 
 /// A value of an axis as a reader likes it.
-pub(super) fn shown(value: &str) -> String {
+pub(crate) fn shown(value: &str) -> String {
     value.parse().map_or_else(|_| value.to_owned(), |number| text::number(number, 6))
 }
