@@ -276,8 +276,8 @@ impl Nmpc {
     }
 
     /// [`Nmpc::step`] within a time budget: `expired` says whether the time is up. It is asked before
-    /// each QP; what is done when it is up takes one linearisation at most. The status is then
-    /// [`SqpStatus::Deadline`].
+    /// each QP and within it, between changes of its active rows; what is done when it is up takes one
+    /// linearisation at most. The status is then [`SqpStatus::Deadline`].
     ///
     /// # Errors
     ///
@@ -300,7 +300,7 @@ impl Nmpc {
         let targets = Targets { reference, previous: &self.previous };
         let input = StepInput { x0: &self.start, targets };
         let outcome = if self.config.real_time {
-            self.sqp.feed_back(input, &mut self.plan)
+            self.sqp.feed_back(input, &mut self.plan, expired)
         } else {
             self.sqp.solve(&mut self.horizon, input, &mut self.plan, expired)
         };

@@ -155,7 +155,7 @@ mod tests {
         let qp = program();
         let mut step = QpStep::new(qp.dims);
         let mut solver = ChosenQp::new(&qp, QpMethod::Condensed).unwrap();
-        assert_eq!(solver.solve(&qp, &mut step), QpStatus::Solved);
+        assert_eq!(solver.solve(&qp, &mut step, &mut || false), QpStatus::Solved);
         let mut merit = Merit::new(qp.dims);
         merit.update_penalties(&step.multipliers);
         let along: f64 = qp.gradient.iter().zip(&step.d).map(|(g, d)| g * d).sum();

@@ -114,12 +114,12 @@ fn checked(status: QpStatus, step: &QpStep) -> QpStatus {
 }
 
 impl QpSolver for ChosenQp {
-    fn solve(&mut self, qp: &Qp, step: &mut QpStep) -> QpStatus {
-        let status = checked(self.method.solve(qp, step), step);
+    fn solve(&mut self, qp: &Qp, step: &mut QpStep, expired: &mut dyn FnMut() -> bool) -> QpStatus {
+        let status = checked(self.method.solve(qp, step, expired), step);
         match &mut self.fallback {
             Some(fallback) if status == QpStatus::Failed => {
                 tracing::debug!("a quadratic program is left to Clarabel");
-                checked(fallback.solve(qp, step), step)
+                checked(fallback.solve(qp, step, expired), step)
             }
             _ => status,
         }

@@ -37,7 +37,12 @@ impl fmt::Debug for ClarabelQp {
 }
 
 impl QpSolver for ClarabelQp {
-    fn solve(&mut self, qp: &Qp, step: &mut QpStep) -> QpStatus {
+    fn solve(
+        &mut self,
+        qp: &Qp,
+        step: &mut QpStep,
+        _expired: &mut dyn FnMut() -> bool,
+    ) -> QpStatus {
         if !self.layout.suits(qp) {
             *self = Self::new(qp);
         }

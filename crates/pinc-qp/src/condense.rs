@@ -394,16 +394,17 @@ fn sized(vectors: &mut [Vec<f64>; 2], size: usize) -> [&mut [f64]; 2] {
 }
 
 impl QpSolver for CondensedQp {
-    fn solve(&mut self, qp: &Qp, step: &mut QpStep) -> QpStatus {
+    fn solve(&mut self, qp: &Qp, step: &mut QpStep, expired: &mut dyn FnMut() -> bool) -> QpStatus {
         self.condense(qp);
         self.guess(qp, step);
-        match self.solver.solve(&self.dense) {
+        match self.solver.solve(&self.dense, expired) {
             DenseStatus::Solved => {
                 self.expand(qp, step);
                 QpStatus::Solved
             }
             DenseStatus::Infeasible(row) => QpStatus::Infeasible(self.source(qp, row)),
             DenseStatus::Failed => QpStatus::Failed,
+            DenseStatus::Expired => QpStatus::Expired,
         }
     }
 }

@@ -148,6 +148,8 @@ pub enum QpStatus {
     Infeasible(Row),
     /// The method found no solution: a number is not finite, or rounding won.
     Failed,
+    /// The time was up before there was a solution.
+    Expired,
 }
 
 /// A row of a [`Qp`]'s limits.
@@ -177,7 +179,10 @@ pub trait QpSolver: Debug + Send {
     /// Solves `qp`. On entry the multipliers in `step` are a guess, by which a solver may know which
     /// constraints are likely to be active; on exit, if the status is [`QpStatus::Solved`], `step` is
     /// the solution, and otherwise of no meaning.
-    fn solve(&mut self, qp: &Qp, step: &mut QpStep) -> QpStatus;
+    ///
+    /// `expired` says whether the time is up; it is asked now and then while the method works. The status
+    /// is then [`QpStatus::Expired`].
+    fn solve(&mut self, qp: &Qp, step: &mut QpStep, expired: &mut dyn FnMut() -> bool) -> QpStatus;
 }
 
 impl Qp {

@@ -62,6 +62,8 @@ pub(crate) enum DenseStatus {
     Infeasible(usize),
     /// H is not positive definite, or rounding won.
     Failed,
+    /// The time was up.
+    Expired,
 }
 
 /// A row in the working set, with the bound that it is held at and the limits of its multiplier.
@@ -148,7 +150,8 @@ impl ActiveSet {
     }
 
     /// Solves `qp`, starting from the guess, which is the last solution if it was not changed.
-    pub(crate) fn solve(&mut self, qp: &DenseQp) -> DenseStatus {
+    /// After each change of the working set `expired` is asked whether the time is up.
+    pub(crate) fn solve(&mut self, qp: &DenseQp, expired: &mut dyn FnMut() -> bool) -> DenseStatus {
         self.changes = 0;
         self.tolerance = TOLERANCE;
         if !self.cholesky.factor(&qp.hessian) {
@@ -162,6 +165,7 @@ impl ActiveSet {
             self.cholesky.backward(&mut self.x);
             qp.values(&self.x, &mut self.values);
             match self.worst(qp) {
+                Some(_) if self.changes > 0 && expired() => return DenseStatus::Expired,
                 Some(candidate) => {
                     fresh = false;
                     if let Some(status) = self.add_row(qp, candidate) {

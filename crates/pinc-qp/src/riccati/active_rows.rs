@@ -75,12 +75,21 @@ impl ActiveRows {
     }
 
     /// Solves `qp` from the guess and the point `at`; whether that succeeded.
-    pub(super) fn solve(&mut self, qp: &Qp, at: &mut Newton) -> bool {
+    /// Between factorisations `expired` is asked whether the time is up, which is a failure.
+    pub(super) fn solve(
+        &mut self,
+        qp: &Qp,
+        at: &mut Newton,
+        expired: &mut dyn FnMut() -> bool,
+    ) -> bool {
         self.factorizations = 0;
         if qp.has_stage_cost() {
             self.stiffness = stiffness(qp);
         }
-        for _ in 0..CHANGES {
+        for change in 0..CHANGES {
+            if change > 0 && expired() {
+                return false;
+            }
             match self.meet(qp, at) {
                 Some(true) if !self.reconsider(qp, at) => return true,
                 Some(true) => {}

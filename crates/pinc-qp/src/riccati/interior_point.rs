@@ -167,7 +167,13 @@ impl InteriorPoint {
     }
 
     /// Solves `qp` from scratch. Whatever the ending, the last multipliers are in `at`.
-    pub(super) fn solve(&mut self, qp: &Qp, at: &mut Newton) -> Ending {
+    /// Between factorisations `expired` is asked whether the time is up, which is a failure.
+    pub(super) fn solve(
+        &mut self,
+        qp: &Qp,
+        at: &mut Newton,
+        expired: &mut dyn FnMut() -> bool,
+    ) -> Ending {
         if qp.has_stage_cost() {
             self.stiffness = STIFFNESS * stiffness(qp);
         }
@@ -184,7 +190,7 @@ impl InteriorPoint {
             if let Some(row) = self.contradiction(qp, at) {
                 return Ending::Infeasible(row);
             }
-            if !self.iterate(qp, at) {
+            if expired() || !self.iterate(qp, at) {
                 return Ending::Failed;
             }
         }
