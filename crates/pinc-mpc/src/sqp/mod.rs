@@ -22,23 +22,23 @@ const SUFFICIENT: f64 = 1e-4;
 /// How often a step is halved.
 const HALVINGS: usize = 20;
 
-/// SQP by line search: linearise the problem at the current plan, solve the QP, go along its step and
-/// towards its multipliers, until the KKT residual is small.
+/// SQP by line search: linearise the problem at the current plan, solve the QP, go along its step
+/// and towards its multipliers, until the KKT residual is small.
 ///
-/// With the Gauss-Newton Hessian full steps converge linearly, the faster the smaller the multipliers times
-/// the curvature of their constraints. A full step is taken if it makes the KKT residual
-/// clearly the least seen so far, which can happen only finitely often; otherwise steps are halved until
-/// the [`Merit`] function decreases. So neither the merit function's reluctance near a solution (the Maratos
-/// effect) costs steps, nor does the iteration diverge from afar. Where it turns out to be slow, steps are made
-/// longer or shorter by its [`BarzilaiBorwein`].
+/// With the Gauss-Newton Hessian full steps converge linearly, the faster the smaller the
+/// multipliers times the curvature of their constraints. A full step is taken if it makes the KKT
+/// residual clearly the least seen so far, which can happen only finitely often; otherwise steps
+/// are halved until the [`Merit`] function decreases. So neither the merit function's reluctance
+/// near a solution (the Maratos effect) costs steps, nor does the iteration diverge from afar.
+/// Where it turns out to be slow, steps are made longer or shorter by its [`BarzilaiBorwein`].
 ///
-/// If a linearised problem has no solution, or its step is none of descent, the hard constraints on states
-/// become soft for the rest of the control step (elastic mode): violated as little as possible, at
-/// a weight above their multipliers, so that they are met in the end if they can be.
+/// If a linearised problem has no solution, or its step is none of descent, the hard constraints on
+/// states become soft for the rest of the control step (elastic mode): violated as little as
+/// possible, at a weight above their multipliers, so that they are met in the end if they can be.
 ///
-/// References: Nocedal and Wright, *Numerical Optimization*, chapter 18; Gill, Murray and
-/// Saunders, "SNOPT", SIAM Review 47 (2005), for the elastic mode; Diehl et al., "Real-time optimization
-/// for large scale processes", J. Process Control 12 (2002).
+/// References: Nocedal and Wright, *Numerical Optimization*, chapter 18; Gill, Murray and Saunders,
+/// "SNOPT", SIAM Review 47 (2005), for the elastic mode; Diehl et al., "Real-time optimization for
+/// large scale processes", J. Process Control 12 (2002).
 ///
 /// All memory is allocated at construction.
 #[derive(Debug)]
@@ -60,8 +60,8 @@ pub(crate) struct Sqp {
     work: Vec<f64>,
     /// The penalties of bounds and rows as the problem has them.
     penalties: [Vec<f64>; 2],
-    /// Whether those that the problem has as hard stay soft where they have to be: bounds on states, h and
-    /// g, bounds on outputs.
+    /// Whether those that the problem has as hard stay soft where they have to be: bounds on
+    /// states, h and g, bounds on outputs.
     exact: [bool; 3],
     /// Whether hard constraints are soft for now.
     elastic: bool,
@@ -131,7 +131,8 @@ impl Sqp {
         self.transcription.set_parameters(p);
     }
 
-    /// Chooses the units for a plant that is at `x0`. Where they change, the programs are built anew.
+    /// Chooses the units for a plant that is at `x0`. Where they change, the programs are built
+    /// anew.
     fn choose_units(&mut self, x0: &[f64], targets: Option<Targets<'_>>) {
         if self.transcription.choose_units(x0, targets) {
             self.qp = self.transcription.qp();
@@ -169,8 +170,8 @@ impl Sqp {
         self.prepared.copy_from_slice(x0);
     }
 
-    /// One QP for a plant that turns out to be at `x0`, linearised where it was prepared: the step of a
-    /// real-time iteration.
+    /// One QP for a plant that turns out to be at `x0`, linearised where it was prepared: the step
+    /// of a real-time iteration.
     pub(crate) fn feed_back(
         &mut self,
         input: StepInput<'_>,

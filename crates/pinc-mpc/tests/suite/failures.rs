@@ -153,7 +153,8 @@ fn an_iteration_that_diverges_with_full_steps_converges() {
     // .. from which the first step towards -1.4 is -2.8 (1 + 5.8^2) = -97, and so on to and fro.
     let step = nmpc.step(&[0.0], &[-1.4]).unwrap();
     assert_eq!(step.status, SqpStatus::Converged);
-    // The slope is 1/35 there: 1e-8 in the gradient 2 q (1/35) (x - y) are 1e-7 in x, and 35 times that in u.
+    // The slope is 1/35 there: 1e-8 in the gradient 2 q (1/35) (x - y) are 1e-7 in x, and 35 times
+    // that in u.
     assert!((step.u[0] + 1.4_f64.tan()).abs() < 1e-5);
 }
 
@@ -177,7 +178,8 @@ fn a_deadline_is_kept_and_forgotten() {
     assert_eq!(step.status, SqpStatus::Converged);
 }
 
-/// The time may be up within a quadratic program: the one of twenty inputs that come to their bounds one by one.
+/// The time may be up within a quadratic program: the one of twenty inputs that come to their
+/// bounds one by one.
 #[test]
 fn a_deadline_is_kept_within_a_program() {
     let mut problem = scalar_problem(20, 20);

@@ -1,11 +1,11 @@
-//! The dense solver against the conditions of Karush, Kuhn and Tucker, which for a convex program are necessary and
-//! sufficient.
+//! The dense solver against the conditions of Karush, Kuhn and Tucker, which for a convex program
+//! are necessary and sufficient.
 
 use super::{ActiveSet, DenseQp, DenseStatus};
 use proptest::prelude::*;
 
-/// The largest violation of the optimality conditions by a point and its multipliers, stationarity relative to
-/// the multipliers.
+/// The largest violation of the optimality conditions by a point and its multipliers, stationarity
+/// relative to the multipliers.
 fn kkt_residual(qp: &DenseQp, x: &[f64], mu: &[f64]) -> f64 {
     let n = qp.unknowns;
     let h = |i: usize, j: usize| qp.hessian[i.min(j) * n + i.max(j)];

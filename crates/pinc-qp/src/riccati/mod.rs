@@ -13,9 +13,10 @@ use super::{Qp, QpSolver, QpStatus, QpStep};
 
 /// Solves a [`Qp`] stage by stage, at a cost linear in the horizon.
 ///
-/// With a guess of the active rows, as from the step before, a few factorisations find the solution. Without, or where
-/// that does not settle, an interior-point method comes near it, and its active rows are the guess that gives
-/// the exact solution. All memory is allocated at construction.
+/// With a guess of the active rows, as from the step before, a few factorisations find the
+/// solution. Without, or where that does not settle, an interior-point method comes near it, and
+/// its active rows are the guess that gives the exact solution. All memory is allocated at
+/// construction.
 #[derive(Debug)]
 pub(super) struct RiccatiQp {
     newton: Newton,

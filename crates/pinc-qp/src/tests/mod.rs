@@ -1,5 +1,5 @@
-//! All solvers on random programs: optimal by an independent assembly of the conditions of Karush, Kuhn and Tucker,
-//! and the same inputs.
+//! All solvers on random programs: optimal by an independent assembly of the conditions of Karush,
+//! Kuhn and Tucker, and the same inputs.
 
 #[cfg(feature = "clarabel")]
 use super::clarabel::ClarabelQp;
@@ -131,7 +131,8 @@ fn residual(qp: &Qp, step: &QpStep) -> f64 {
     slope.iter().fold(worst, |worst, slope| worst.max(slope.abs() / size))
 }
 
-/// Solves from `guess`; optimal to `tolerance`. Rejects the program if the solver gives up, which says so.
+/// Solves from `guess`; optimal to `tolerance`. Rejects the program if the solver gives up, which
+/// says so.
 fn solve(
     solver: &mut dyn QpSolver,
     qp: &Qp,
@@ -189,8 +190,9 @@ fn general_agrees(_qp: &Qp, _exact: &QpStep) -> Result<(), TestCaseError> {
 
 #[cfg(feature = "clarabel")]
 fn general_agrees(qp: &Qp, exact: &QpStep) -> Result<(), TestCaseError> {
-    // An interior point: where rows are active without force, products of 1e-10 leave distances of 1e-5,
-    // and on few programs in a million (degenerate in several rows at once) residuals above 1e-4.
+    // An interior point: where rows are active without force, products of 1e-10 leave distances of
+    // 1e-5, and on few programs in a million (degenerate in several rows at once) residuals above
+    // 1e-4.
     let mut clarabel = ClarabelQp::new(qp);
     same_inputs(qp, exact, &solve(&mut clarabel, qp, &QpStep::new(qp.dims), 1e-3)?, 1e-4)
 }
@@ -266,8 +268,8 @@ proptest! {
         prop_assert_eq!(status, QpStatus::Solved);
     }
 
-    /// The unknowns, all in one unit, and the cost counted in other units: the same inputs. The stage-wise
-    /// method wants unknowns of ordinary size, which the caller is to choose.
+    /// The unknowns, all in one unit, and the cost counted in other units: the same inputs. The
+    /// stage-wise method wants unknowns of ordinary size, which the caller is to choose.
     #[test]
     fn units_do_not_matter(
         qp in stage_costs(false),
@@ -291,8 +293,8 @@ proptest! {
         }
     }
 
-    /// A terminal weight far above all others: multipliers up to 1e7, of which the stage-wise method keeps all digits that
-    /// matter.
+    /// A terminal weight far above all others: multipliers up to 1e7, of which the stage-wise
+    /// method keeps all digits that matter.
     #[test]
     fn a_heavy_terminal_weight_does_not_disturb_the_stage_wise_method(
         coarse in any::<bool>(),
