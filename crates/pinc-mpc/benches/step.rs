@@ -1,5 +1,5 @@
-//! One step of the controller with RK4 x4 as the model, from the same state each time: the first step,
-//! with nothing to start from, and a later one, which starts from the plan of the one before.
+//! One step of the controller with RK4 x4 as the model, from the same state each time: the first
+//! step, with nothing to start from, and a later one, which starts from the plan of the one before.
 
 use divan::{Bencher, black_box};
 use pinc_mpc::{Bounds, Nmpc, NmpcProblem, SqpConfig, Tracked, Weights};

@@ -85,8 +85,8 @@ pub(crate) fn main() -> Result<(), MpcError> {
     assert!(distances(&nmpc).iter().all(|r| *r < 0.6 + 1e-7));
     assert!(distances(&nmpc).iter().any(|r| *r > 0.6 - 1e-6));
 
-    // From far outside no input leads back within a step: a hard constraint is named, and a soft one is
-    // violated as little as possible.
+    // From far outside no input leads back within a step: a hard constraint is named, and a soft
+    // one is violated as little as possible.
     let far = [2.0, 2.0];
     let mut hard = controller(5, Constraints::new(HalfPlane), Softness::Hard)?;
     let step = hard.step(&far, &[0.0; 10])?;

@@ -1,5 +1,5 @@
-//! A horizon of 100 steps: the quadratic programs solved stage by stage, at a cost that is linear in the
-//! horizon, and the same by elimination of the states.
+//! A horizon of 100 steps: the quadratic programs solved stage by stage, at a cost that is linear
+//! in the horizon, and the same by elimination of the states.
 //!
 //! `cargo run -p pinc-mpc --example 04_long_horizon`
 #![expect(clippy::print_stdout, reason = "an example shows what it computes")]

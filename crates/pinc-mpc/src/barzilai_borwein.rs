@@ -7,18 +7,18 @@ const LENGTHS: [f64; 2] = [0.05, 50.0];
 
 /// The length of an iteration's steps, for a linear convergence that has turned out to be slow.
 ///
-/// A Gauss-Newton step d misses a part of the Hessian. If the error is mostly along one direction, in which
-/// the step is a part p of what is needed, then after a step of length `a` the next one is
-/// d+ = (1 - a p) d. So p, and the length 1/p that would have met the solution, can be seen from two
-/// steps in a row:
+/// A Gauss-Newton step d misses a part of the Hessian. If the error is mostly along one direction,
+/// in which the step is a part p of what is needed, then after a step of length `a` the next one is
+/// d+ = (1 - a p) d. So p, and the length 1/p that would have met the solution, can be seen from
+/// two steps in a row:
 ///
 /// ```text
 /// r = d+'d / d'd,    1/p = a / (1 - r)
 /// ```
 ///
-/// This is the step length of Barzilai and Borwein (IMA J. Numer. Anal. 8 (1988)) for the fixed-point
-/// iteration z <- z + d(z), and Aitken's extrapolation where a = 1. It is a guess: the caller takes it only if it
-/// brings the residual down.
+/// This is the step length of Barzilai and Borwein (IMA J. Numer. Anal. 8 (1988)) for the
+/// fixed-point iteration z <- z + d(z), and Aitken's extrapolation where a = 1. It is a guess: the
+/// caller takes it only if it brings the residual down.
 #[derive(Clone, Debug)]
 pub(crate) struct BarzilaiBorwein {
     last: Vec<f64>,
@@ -61,8 +61,8 @@ fn dot(a: &[f64], b: &[f64]) -> f64 {
 mod tests {
     use super::*;
 
-    /// With one direction only, steps that are a part of what is needed are extended to all of it, and steps
-    /// that overshoot are cut.
+    /// With one direction only, steps that are a part of what is needed are extended to all of it,
+    /// and steps that overshoot are cut.
     #[test]
     fn one_direction_is_solved_at_once() {
         for part in [0.1, 0.5, 1.9, 4.0] {

@@ -4,8 +4,8 @@ use crate::MpcError;
 use crate::error::{check_length, check_numbers};
 use serde::{Deserialize, Serialize};
 
-/// Lower and upper bounds, one of each per variable, or one of each per stage and variable. A bound that is
-/// infinite is none.
+/// Lower and upper bounds, one of each per variable, or one of each per stage and variable. A bound
+/// that is infinite is none.
 ///
 /// # Shapes
 ///
@@ -67,7 +67,7 @@ impl Bounds {
         check_numbers(field, &self.high, "0 or more", |v| v >= 0.0)
     }
 
-    /// Checks bounds on so many variables, for one stage or for as many as `stages`.
+    /// Checks bounds on `variables` variables, for one stage or for as many as `stages`.
     pub(crate) fn validate(
         &self,
         field: &'static str,
@@ -94,17 +94,18 @@ impl Bounds {
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Softness {
-    /// It must be met. Where that is impossible, the step's status says so and names a constraint that
-    /// is in the way; the plan is then that of `Exact`.
+    /// It must be met. Where that is impossible, the step's status says so and names a constraint
+    /// that is in the way; the plan is then that of `Exact`.
     #[default]
     Hard,
-    /// It is met wherever the (linearised) problem has a solution, and violated as little as possible
-    /// elsewhere: by an L1 penalty that comes into play only where it must, with a weight of 1000 times
-    /// the cost's largest slope at the first guess, above the multipliers of ordinary problems.
+    /// It is met wherever the (linearised) problem has a solution, and violated as little as
+    /// possible elsewhere: by an L1 penalty that comes into play only where it must, with a weight
+    /// of 1000 times the cost's largest slope at the first guess, above the multipliers of ordinary
+    /// problems.
     Exact,
-    /// It may be violated, at a cost of so much per unit of violation, one weight per constraint: an
-    /// exact penalty. Violations vanish where the problem has a solution with multipliers below the
-    /// weights.
+    /// It may be violated, at a cost of so much per unit of violation, one weight per constraint:
+    /// an exact penalty. Violations vanish where the problem has a solution with multipliers below
+    /// the weights.
     Penalty(Vec<f64>),
 }
 

@@ -44,8 +44,8 @@ impl NmpcBuilder {
         self.stages(model, stages)
     }
 
-    /// A model for the next `count` stages, each of its sample time. The controller steps by the first
-    /// stage's, which must not be longer than any other.
+    /// A model for the next `count` stages, each of its sample time. The controller steps by the
+    /// first stage's, which must not be longer than any other.
     pub fn stages(mut self, model: Box<dyn Model>, count: usize) -> Self {
         self.models.push((model, count));
         self
@@ -67,8 +67,8 @@ impl NmpcBuilder {
     ///
     /// # Errors
     ///
-    /// [`MpcError`] if the problem does not suit the models, these do not make up the horizon, or the
-    /// configuration is no sensible choice.
+    /// [`MpcError`] if the problem does not suit the models, these do not make up the horizon, or
+    /// the configuration is no sensible choice.
     pub fn build(self) -> Result<Nmpc, MpcError> {
         let Self { problem, models, stage_cost, config } = self;
         if let Some((model, _)) = models.first() {

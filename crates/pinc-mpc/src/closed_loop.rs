@@ -72,8 +72,8 @@ pub struct StepRecord {
     pub violated: Option<Constraint>,
 }
 
-/// A step between its two parts: the input is chosen, the plant has not moved. If it is dropped, the
-/// plant stays, and the controller is asked again.
+/// A step between its two parts: the input is chosen, the plant has not moved. If it is dropped,
+/// the plant stays, and the controller is asked again.
 #[derive(Debug)]
 #[must_use = "the plant moves only by `advance`"]
 pub struct Control<'b, 'a> {
@@ -125,8 +125,8 @@ impl<'a> ClosedLoop<'a> {
         })
     }
 
-    /// The same loop, begun with a plant that has been given the input `u` so far: it is u\[k-1\] of the
-    /// first step, and what is under way where inputs are delayed.
+    /// The same loop, begun with a plant that has been given the input `u` so far: it is u\[k-1\]
+    /// of the first step, and what is under way where inputs are delayed.
     ///
     /// # Errors
     ///
@@ -160,8 +160,8 @@ impl<'a> ClosedLoop<'a> {
         }
     }
 
-    /// The controller's part of the next step; `None` after the last step, and after the plant could
-    /// not be integrated.
+    /// The controller's part of the next step; `None` after the last step, and after the plant
+    /// could not be integrated.
     ///
     /// # Errors
     ///
@@ -222,8 +222,8 @@ impl<'a> ClosedLoop<'a> {
     }
 
     /// The dense trace: the initial point and nine points per step, the last one at its end, each
-    /// with the input that led there (the initial one with the first). If the plant could not be integrated,
-    /// this is the trace until then.
+    /// with the input that led there (the initial one with the first). If the plant could not be
+    /// integrated, this is the trace until then.
     #[must_use]
     pub fn trajectory(&self) -> &Trajectory {
         &self.trajectory
@@ -290,8 +290,8 @@ impl Control<'_, '_> {
     ///
     /// # Errors
     ///
-    /// [`MpcError::Plant`] if the plant cannot be integrated; the loop then ends here and keeps what
-    /// it has.
+    /// [`MpcError::Plant`] if the plant cannot be integrated; the loop then ends here and keeps
+    /// what it has.
     pub fn advance(self) -> Result<(), MpcError> {
         let Self { run } = self;
         let m = run.nmpc.model().dims().nu;

@@ -20,10 +20,10 @@ pub enum SqpStatus {
     Prepared,
     /// No plan satisfies the dynamics and the hard constraints, near the one found.
     InfeasibleQp,
-    /// The residual is above the tolerance, and no step makes the plan better: it is as good as rounding
-    /// or a kink of the model allows.
+    /// The residual is above the tolerance, and no step makes the plan better: it is as good as
+    /// rounding or a kink of the model allows.
     Stalled,
-    /// The model gave NaN or infinity, or the QP solver broke off.
+    /// The model gave NaN or infinity, or the QP solver found no solution.
     NumericalTrouble,
 }
 
@@ -49,12 +49,12 @@ pub struct SqpConfig {
     /// The largest [`KktResidual`](crate::KktResidual) that counts as converged; 1e-8 unless said
     /// otherwise.
     pub tolerance: f64,
-    /// How many QPs a control step may solve; 50 unless said otherwise.
+    /// How many QPs a control step may solve; 50 by default.
     pub max_iterations: usize,
-    /// Whether each control step takes one QP only, prepared before the state is measured: the real-time
-    /// iteration of Diehl et al. (2002). Not so unless said otherwise.
+    /// Whether each control step takes one QP only, prepared before the state is measured: the
+    /// real-time iteration of Diehl et al. (2002). Off by default.
     pub real_time: bool,
-    /// What solves the QPs; chosen by their size unless said otherwise.
+    /// What solves the QPs; by default chosen by their size.
     pub qp: QpMethod,
 }
 

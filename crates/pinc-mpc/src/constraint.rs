@@ -4,8 +4,8 @@ use pinc_qp::OcpDims;
 use pinc_qp::{Kind, Row};
 use std::fmt;
 
-/// A constraint of the control problem, by name. Steps are counted from the measured state: `step` is j
-/// in x\[k+j\] and u\[k+j\].
+/// A constraint of the control problem, by name. Steps are counted from the measured state: `step`
+/// is j in x\[k+j\] and u\[k+j\].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Constraint {

@@ -17,17 +17,18 @@ use pinc_qp::OcpDims;
 /// Each [`Nmpc::step`] solves the [`NmpcProblem`], starting from the last plan moved on by a step,
 /// and gives the plan's first input.
 ///
-/// The input is always within its bounds, and within those of its increments, however the optimisation
-/// ends. A plan that is not optimal but true to the model (to the square root of the tolerance) is
-/// followed: suboptimal control suffices (Scokaert, Mayne and Rawlings, IEEE Trans. Autom. Control 44
-/// (1999)). Otherwise the input is the next one of the last plan, whose last input is held when it has
-/// run out (before there is a plan, it is 0, moved into the bounds); and the step after starts afresh from
-/// the state measured then, so that one failure does not lead to the next.
+/// The input is always within its bounds, and within those of its increments, however the
+/// optimisation ends. A plan that is not optimal but true to the model (to the square root of the
+/// tolerance) is followed: suboptimal control suffices (Scokaert, Mayne and Rawlings, IEEE Trans.
+/// Autom. Control 44 (1999)). Otherwise the input is the next one of the last plan, whose last
+/// input is held when it has run out (before there is a plan, it is 0, moved into the bounds); and
+/// the step after starts afresh from the state measured then, so that one failure does not lead to
+/// the next.
 ///
 /// # Delays
 ///
-/// If an input takes [`NmpcProblem::delay`] steps to act, the model goes through the inputs that are
-/// under way first, and the problem is that of the state where they lead, without any delay.
+/// If an input takes [`NmpcProblem::delay`] steps to act, the model goes through the inputs that
+/// are under way first, and the problem is that of the state where they lead, without any delay.
 ///
 /// # Real time
 ///
@@ -88,13 +89,13 @@ pub struct StepReport<'a> {
     pub status: SqpStatus,
     /// How many QPs were solved.
     pub sqp_iterations: usize,
-    /// The residual of the plan that the optimisation ended with (of a real-time iteration: that it began
-    /// with); not finite if the model has no value there.
+    /// The residual of the plan that the optimisation ended with (of a real-time iteration: that it
+    /// began with); not finite if the model has no value there.
     pub kkt: KktResidual,
     /// A hard constraint that cannot be met, if that is what kept the step from being optimal.
     pub violated: Option<Constraint>,
-    /// Whether `u` is of the plan that the optimisation ended with; otherwise it is the next one of the
-    /// last plan.
+    /// Whether `u` is of the plan that the optimisation ended with; otherwise it is the next one of
+    /// the last plan.
     pub followed: bool,
 }
 
@@ -207,7 +208,8 @@ impl Nmpc {
         &self.config
     }
 
-    /// Forgets everything: the next step is again the first one, with u\[k-1\] = 0, and 0 under way.
+    /// Forgets everything: the next step is again the first one, with u\[k-1\] = 0, and 0 under
+    /// way.
     pub fn reset(&mut self) {
         self.plan.clear();
         self.sqp.forget();
@@ -218,8 +220,8 @@ impl Nmpc {
         self.pending.fill(0.0);
     }
 
-    /// Begins anew at a plant that is at `x` and has been given `u_applied` so far: that is u\[k-1\] and
-    /// all that is under way, and the first plan stays at `x` and holds `u_applied`.
+    /// Begins anew at a plant that is at `x` and has been given `u_applied` so far: that is
+    /// u\[k-1\] and all that is under way, and the first plan stays at `x` and holds `u_applied`.
     ///
     /// # Shapes
     ///
@@ -241,9 +243,9 @@ impl Nmpc {
         Ok(())
     }
 
-    /// Says which input the plant was really given in place of the last one chosen, for instance by a
-    /// safety system or an operator: it is u\[k-1\] in the next step. With a delay it takes the place of
-    /// the last input under way.
+    /// Says which input the plant was really given in place of the last one chosen, for instance by
+    /// a safety system or an operator: it is u\[k-1\] in the next step. With a delay it takes the
+    /// place of the last input under way.
     ///
     /// # Shapes
     ///
@@ -265,8 +267,8 @@ impl Nmpc {
     ///
     /// # Shapes
     ///
-    /// `x`: `n`; `reference`: yref\[k+1\]..yref\[k+N2\], `[N2, outputs]`, row by row; with a delay of d
-    /// steps yref\[k+d+1\]..yref\[k+d+N2\].
+    /// `x`: `n`; `reference`: yref\[k+1\]..yref\[k+N2\], `[N2, outputs]`, row by row; with a delay
+    /// of d steps yref\[k+d+1\]..yref\[k+d+N2\].
     ///
     /// # Errors
     ///
@@ -275,9 +277,9 @@ impl Nmpc {
         self.step_within(x, reference, &mut || false)
     }
 
-    /// [`Nmpc::step`] within a time budget: `expired` says whether the time is up. It is asked before
-    /// each QP; what is done when it is up takes one linearisation at most. The status is then
-    /// [`SqpStatus::Deadline`].
+    /// [`Nmpc::step`] within a time budget: `expired` says whether the time is up. It is asked
+    /// before each QP and within it, between changes of its active rows; what is done when it is up
+    /// takes one linearisation at most. The status is then [`SqpStatus::Deadline`].
     ///
     /// # Errors
     ///
@@ -300,7 +302,7 @@ impl Nmpc {
         let targets = Targets { reference, previous: &self.previous };
         let input = StepInput { x0: &self.start, targets };
         let outcome = if self.config.real_time {
-            self.sqp.feed_back(input, &mut self.plan)
+            self.sqp.feed_back(input, &mut self.plan, expired)
         } else {
             self.sqp.solve(&mut self.horizon, input, &mut self.plan, expired)
         };
@@ -311,8 +313,8 @@ impl Nmpc {
         Ok(StepReport { u, status, sqp_iterations: iterations, kkt: last, violated, followed })
     }
 
-    /// Does what can be done of the next real-time iteration before the state is measured: moves the plan
-    /// on and linearises along it. If it is not called, the step does it; without
+    /// Does what can be done of the next real-time iteration before the state is measured: moves
+    /// the plan on and linearises along it. If it is not called, the step does it; without
     /// [`SqpConfig::real_time`], or without a plan to start from, nothing is done.
     pub fn prepare(&mut self) {
         if self.config.real_time && self.warm && !self.prepared {
@@ -362,8 +364,8 @@ impl Nmpc {
         self.fallback.copy_from(&self.plan);
     }
 
-    /// Keeps the new plan if it is worth following, or else takes the first guess. Gives the status,
-    /// and whether the plan is followed.
+    /// Keeps the new plan if it is worth following, or else takes the first guess. Gives the
+    /// status, and whether the plan is followed.
     fn accept(&mut self, outcome: &Outcome) -> (SqpStatus, bool) {
         let Outcome { mut status, iterations, last, .. } = *outcome;
         let finite = self.plan.is_finite();
@@ -381,7 +383,8 @@ impl Nmpc {
         if !self.warm {
             self.plan.copy_from(&self.fallback);
         }
-        // Whatever came before: what leaves is within the limits, counted from the input applied last.
+        // Whatever came before: what leaves is within the limits, counted from the input applied
+        // last.
         self.sqp.project(&mut self.plan, &self.previous);
         (status, self.warm)
     }

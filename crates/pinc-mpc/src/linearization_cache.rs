@@ -6,8 +6,9 @@ use pinc_qp::OcpDims;
 
 /// The model, linearised at all stages of a plan.
 ///
-/// A controller begins each step with the plan of the step before, moved on by one: all stages but the first and
-/// the last are where the model was linearised when that plan was judged. They are not evaluated again.
+/// A controller begins each step with the plan of the step before, moved on by one: all stages but
+/// the first and the last are where the model was linearised when that plan was judged. They are
+/// not evaluated again.
 #[derive(Debug)]
 pub(crate) struct LinearizationCache {
     dims: OcpDims,

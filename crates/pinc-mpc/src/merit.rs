@@ -11,10 +11,10 @@ use pinc_qp::{Limits, Qp, QpStep};
 /// ```
 ///
 /// in which `w_i` is a soft row's penalty and a hard row's sigma. The weights sigma follow the
-/// multipliers by Powell's rule, sigma <- max(|lambda|, (sigma + |lambda|)/2): never below them, so that the
-/// QP's step is a direction of descent, and not stuck at what they once were. Reference: Nocedal and Wright,
-/// *Numerical Optimization*, sections 15.4 and 18.3; Powell, "A fast algorithm for nonlinearly
-/// constrained optimization calculations" (1978).
+/// multipliers by Powell's rule, sigma <- max(|lambda|, (sigma + |lambda|)/2): never below them, so
+/// that the QP's step is a direction of descent, and not stuck at what they once were. Reference:
+/// Nocedal and Wright, *Numerical Optimization*, sections 15.4 and 18.3; Powell, "A fast algorithm
+/// for nonlinearly constrained optimization calculations" (1978).
 #[derive(Clone, Debug)]
 pub(crate) struct Merit {
     weights: Multipliers,
@@ -104,8 +104,8 @@ mod tests {
     use super::*;
     use pinc_qp::{ChosenQp, OcpDims, QpMethod, QpSolver, QpStatus};
 
-    /// A program that starts outside everything: off its dynamics, a bound, an increment, a hard row, and two soft rows, of
-    /// which one cannot be met at its price.
+    /// A program that starts outside everything: off its dynamics, a bound, an increment, a hard
+    /// row, and two soft rows, of which one cannot be met at its price.
     fn program() -> Qp {
         let dims = OcpDims {
             nx: 1,
@@ -155,7 +155,7 @@ mod tests {
         let qp = program();
         let mut step = QpStep::new(qp.dims);
         let mut solver = ChosenQp::new(&qp, QpMethod::Condensed).unwrap();
-        assert_eq!(solver.solve(&qp, &mut step), QpStatus::Solved);
+        assert_eq!(solver.solve(&qp, &mut step, &mut || false), QpStatus::Solved);
         let mut merit = Merit::new(qp.dims);
         merit.update_penalties(&step.multipliers);
         let along: f64 = qp.gradient.iter().zip(&step.d).map(|(g, d)| g * d).sum();

@@ -22,13 +22,13 @@ const LONGEST: usize = 10_000;
 ///      x[k+1]..x[k+N2], u[k]..u[k+Nu-1] and du[k]..du[k+Nu-1] within their bounds
 /// ```
 ///
-/// y are the tracked states and outputs; Q and R may differ from stage to stage, and so may bounds. The
-/// stage cost l is none unless [`NmpcBuilder::stage_cost`](crate::NmpcBuilder::stage_cost) gives one. The
-/// measured state x\[k\] is a fact and not bounded: it can sit a little outside.
+/// y are the tracked states and outputs; Q and R may differ from stage to stage, and so may bounds.
+/// The stage cost l is none unless [`NmpcBuilder::stage_cost`](crate::NmpcBuilder::stage_cost)
+/// gives one. The measured state x\[k\] is a fact and not bounded: it can sit a little outside.
 #[derive(Clone, Debug)]
 pub struct NmpcProblem {
-    /// N1, the first predicted state that is tracked, and the first at which h and g hold: from 1 to
-    /// `horizon`.
+    /// N1, the first predicted state that is tracked, and the first at which h and g hold: from 1
+    /// to `horizon`.
     pub n1: usize,
     /// N2, the last one: the prediction horizon, at most 10 000.
     pub horizon: usize,
@@ -44,8 +44,8 @@ pub struct NmpcProblem {
     pub state_softness: Softness,
     /// Bounds on each input, `[m]` or `[Nu, m]`.
     pub input_bounds: Bounds,
-    /// Bounds on each input's change from one step to the next, `[m]` or `[Nu, m]`; they admit 0. The
-    /// first input may always go as far as to its nearest bound.
+    /// Bounds on each input's change from one step to the next, `[m]` or `[Nu, m]`; they admit 0.
+    /// The first input may always go as far as to its nearest bound.
     pub increment_bounds: Bounds,
     /// Bounds on each output of the model, `[ny]` or `[N2 - N1 + 1, ny]`.
     pub output_bounds: Option<Bounds>,
@@ -55,10 +55,11 @@ pub struct NmpcProblem {
     pub constraints: Option<Constraints>,
     /// How hard these are, per row of h and then of g.
     pub constraint_softness: Softness,
-    /// p, the model's parameters, `np`, until [`Nmpc::set_parameters`](crate::Nmpc::set_parameters).
+    /// p, the model's parameters, `np`, until
+    /// [`Nmpc::set_parameters`](crate::Nmpc::set_parameters).
     pub parameters: Vec<f64>,
-    /// How many whole steps pass until an input acts: the input chosen at step k is the plant's in step
-    /// k + delay. The problem is then that of the state predicted for step k + delay.
+    /// How many whole steps pass until an input acts: the input chosen at step k is the plant's in
+    /// step k + delay. The problem is then that of the state predicted for step k + delay.
     pub delay: usize,
     /// The typical size of each state, positive, if the bounds do not tell it: what counts as a
     /// large error. Needed for states that are small numbers and not bounded, as a

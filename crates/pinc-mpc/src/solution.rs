@@ -9,9 +9,9 @@ use pinc_qp::{Multipliers, OcpDims};
 ///       + sum_{j=N1..N2} eta_j' (h(x_j, u_j), g(x_j, u_j)),            z = (x_1, .., u_0, ..)
 /// ```
 ///
-/// in which `x_j` is `x[k+j]` and `u_j` is `u[k+min(j, Nu-1)]`. A positive multiplier belongs to an upper
-/// bound, a negative one to a lower bound. Where a soft constraint is violated, its multiplier is
-/// the weight of the violation.
+/// in which `x_j` is `x[k+j]` and `u_j` is `u[k+min(j, Nu-1)]`. A positive multiplier belongs to an
+/// upper bound, a negative one to a lower bound. Where a soft constraint is violated, its
+/// multiplier is the weight of the violation.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Solution {
     dims: OcpDims,
@@ -89,10 +89,10 @@ impl Solution {
         self.multipliers.shift(self.dims);
     }
 
-    /// Takes the plan `from`, moved on by the first stage's length, on stages of different lengths of
-    /// which the first is the shortest; `times`, `[N + 1]`, are those of `x_0` .. `x_N`. States
-    /// are interpolated linearly, inputs held as planned; the multipliers of a stage are those of the stage
-    /// that covers its beginning.
+    /// Takes the plan `from`, moved on by the first stage's length, on stages of different lengths
+    /// of which the first is the shortest; `times`, `[N + 1]`, are those of `x_0` .. `x_N`. States
+    /// are interpolated linearly, inputs held as planned; the multipliers of a stage are those of
+    /// the stage that covers its beginning.
     pub(crate) fn resample(&mut self, from: &Self, times: &[f64]) {
         let (dims, length) = (self.dims, times[1]);
         // The stage of `from` at a time, and which part of it is over. The end belongs to the last.
@@ -105,7 +105,8 @@ impl Solution {
         };
         for j in 0..dims.horizon {
             let (stage, part) = locate(times[j + 1] + length);
-            // x_stage and x_{stage+1}; the former is predicted too, being later than the first stage.
+            // x_stage and x_{stage+1}; the former is predicted too, being later than the first
+            // stage.
             let after = from.z[dims.next_state(stage)].iter();
             let before = from.z[dims.next_state(stage.max(1) - 1)].iter();
             let to = &mut self.z[dims.next_state(j)];

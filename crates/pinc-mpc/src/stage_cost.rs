@@ -22,8 +22,8 @@ pub struct StagePoint<'a> {
 /// l + l_x' dx + l_u' du + dx'Q dx / 2 + du'S dx + du'R du / 2
 /// ```
 ///
-/// The matrix (Q S'; S R) is symmetric and positive semidefinite: the Hessian of a convex cost, or what
-/// stands for it. A cost that is linear has 0.
+/// The matrix (Q S'; S R) is symmetric and positive semidefinite: the Hessian of a convex cost, or
+/// what stands for it. A cost that is linear has 0.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct QuadBlock {
@@ -63,8 +63,8 @@ impl QuadBlock {
     }
 }
 
-/// A cost per stage that is added to the cost of tracking, an economic one for instance: what a plant's
-/// product is worth, less what its inputs cost.
+/// A cost per stage that is added to the cost of tracking, an economic one for instance: what a
+/// plant's product is worth, less what its inputs cost.
 ///
 /// ```
 /// use pinc_mpc::{QuadBlock, StageCost, StagePoint};
@@ -85,7 +85,7 @@ impl QuadBlock {
 /// }
 /// ```
 pub trait StageCost: Debug + Send {
-    /// Writes the cost of a stage, its gradient and its Hessian or a positive semidefinite matrix in its
-    /// place. `out` is all 0 on entry. Nothing may be allocated if a control step is not to.
+    /// Writes the cost of a stage, its gradient and its Hessian or a positive semidefinite matrix
+    /// in its place. `out` is all 0 on entry. Nothing may be allocated if a control step is not to.
     fn quadratize(&mut self, at: StagePoint<'_>, out: &mut QuadBlock);
 }

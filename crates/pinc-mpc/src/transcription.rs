@@ -64,7 +64,8 @@ impl Transcription {
         transcription
     }
 
-    /// Writes the numbers that stay: Hessian and penalties, and limits that are finite where they are.
+    /// Writes the numbers that stay: Hessian and penalties, and limits that are finite where they
+    /// are.
     fn set_constants(&mut self, problem: &NmpcProblem) {
         let (dims, qp) = (self.dims, &mut self.plain);
         qp.w = self.cost.input_hessian();
@@ -120,8 +121,9 @@ impl Transcription {
         self.cache.set_parameters(p);
     }
 
-    /// Moves the plan's inputs into their bounds and those of their increments. From outside its bounds an
-    /// input may go as far as to the nearest. An input that is not finite becomes the one before it.
+    /// Moves the plan's inputs into their bounds and those of their increments. From outside its
+    /// bounds an input may go as far as to the nearest. An input that is not finite becomes the one
+    /// before it.
     pub(crate) fn project(&self, plan: &mut Solution, previous: &[f64]) {
         let first = self.dims.all_states();
         for v in 0..self.dims.all_inputs() {
@@ -168,8 +170,8 @@ impl Transcription {
         self.cache.forget();
     }
 
-    /// Writes the cost's derivatives at `z` and what is left of the bounds there into `qp`, and returns the
-    /// cost J. Outputs are those of the last linearisation.
+    /// Writes the cost's derivatives at `z` and what is left of the bounds there into `qp`, and
+    /// returns the cost J. Outputs are those of the last linearisation.
     pub(crate) fn measure(
         &mut self,
         x0: &[f64],

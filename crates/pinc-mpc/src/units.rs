@@ -13,8 +13,8 @@ const ORDINARY_WEIGHT: [f64; 2] = [1e-3, 1e6];
 /// A unit that follows the state is made smaller again when the state is below this part of it.
 const SMALL: f64 = 0.25;
 
-/// Units for states, inputs and rows such that these are numbers of ordinary size, and one for the cost:
-/// tolerances are absolute, and mean the same whatever the units of the plant.
+/// Units for states, inputs and rows such that these are numbers of ordinary size, and one for the
+/// cost: tolerances are absolute, and mean the same whatever the units of the plant.
 ///
 /// All units are powers of 2, so that no digit changes. A quantity of ordinary size keeps its
 /// unit. How large a quantity is, its bounds say, or the problem; without these, a state counts as
@@ -200,7 +200,8 @@ fn scale_matrices(blocks: &mut [f64], rows: &[f64], columns: &[f64]) {
     }
 }
 
-/// Makes a unit fit a quantity that may be 0 at times, and so is not small for that; whether it changed.
+/// Makes a unit fit a quantity that may be 0 at times, and so is not small for that; whether it
+/// changed.
 fn grow(current: &mut f64, size: f64) -> bool {
     let small = *current > 1.0 && size < SMALL * *current;
     let wrong = size.is_finite() && (small || size > ORDINARY[1] * *current);
@@ -210,8 +211,8 @@ fn grow(current: &mut f64, size: f64) -> bool {
     wrong
 }
 
-/// The unit of a quantity of this size: 1 if that is ordinary or unknown, otherwise a power of 2 of which it
-/// is 8 to 16.
+/// The unit of a quantity of this size: 1 if that is ordinary or unknown, otherwise a power of 2 of
+/// which it is 8 to 16.
 fn unit(size: f64, [least, most]: [f64; 2]) -> f64 {
     if size > 0.0 && size.is_finite() && !(least..=most).contains(&size) {
         (size.log2().floor() - 3.0).clamp(-300.0, 300.0).exp2()

@@ -63,8 +63,8 @@ impl From<Vec<Vec<f64>>> for Weight {
     }
 }
 
-/// Something that is the same at all stages, or differs. In a file: the thing itself, or a table with the
-/// list `stages`.
+/// Something that is the same at all stages, or differs. In a file: the thing itself, or a table
+/// with the list `stages`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(untagged)]
 pub enum PerStage<T> {
@@ -122,8 +122,8 @@ impl<T: Into<Weight>> From<T> for PerStage<Weight> {
     }
 }
 
-/// A symmetric, positive semidefinite matrix. In a file: a list of numbers, the diagonal, or a list of
-/// rows.
+/// A symmetric, positive semidefinite matrix. In a file: a list of numbers, the diagonal, or a list
+/// of rows.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(untagged, expecting = "expected a list of numbers (a diagonal) or a list of rows")]
 pub enum Weight {
@@ -208,8 +208,8 @@ fn check_full(field: &'static str, rows: &[Vec<f64>], expected: usize) -> Result
     if is_semidefinite(rows) { Ok(()) } else { Err(MpcError::NotSemidefinite { field }) }
 }
 
-/// Whether the symmetric matrix has no negative eigenvalue, but for rounding: by elimination with the
-/// largest pivot first.
+/// Whether the symmetric matrix has no negative eigenvalue, but for rounding: by elimination with
+/// the largest pivot first.
 fn is_semidefinite(rows: &[Vec<f64>]) -> bool {
     let mut rest = rows.to_vec();
     let largest = rest.iter().flatten().fold(0.0_f64, |largest, w| largest.max(w.abs()));

@@ -7,8 +7,8 @@ use serde::{Deserialize, Serialize};
 use std::fmt;
 use thiserror::Error;
 
-/// Up to this many free inputs, Nu times m, condensing is the faster path: `cargo bench -p pinc-mpc --bench horizon`
-/// measures it.
+/// Up to this many free inputs, Nu times m, condensing is the faster path: `cargo bench -p pinc-mpc
+/// --bench horizon` measures it.
 const MOST_CONDENSED: usize = 40;
 
 /// What solves the quadratic programs of a controller.
@@ -16,17 +16,18 @@ const MOST_CONDENSED: usize = 40;
 #[serde(rename_all = "kebab-case")]
 #[non_exhaustive]
 pub enum QpMethod {
-    /// `Condensed` for up to 40 free inputs and for programs that couple all inputs, `Riccati` for others;
-    /// where that fails, `Clarabel`, if this crate is built with it.
+    /// `Condensed` for up to 40 free inputs and for programs that couple all inputs, `Riccati` for
+    /// others; where that fails, `Clarabel`, if this crate is built with it.
     #[default]
     Auto,
-    /// The states are eliminated; a dense dual active-set method solves what is left. The fastest for
-    /// short horizons; its cost grows with the square of the horizon and more.
+    /// The states are eliminated; a dense dual active-set method solves what is left. The fastest
+    /// for short horizons; its cost grows with the square of the horizon and more.
     Condensed,
-    /// Stage by stage, an active-set and an interior-point method on a Riccati recursion: the cost is linear in the
-    /// horizon. Not for programs that couple all inputs.
+    /// Stage by stage, an active-set and an interior-point method on a Riccati recursion: the cost
+    /// is linear in the horizon. Not for programs that couple all inputs.
     Riccati,
-    /// Clarabel's sparse interior-point method, for all that is convex. It needs the feature `clarabel`.
+    /// Clarabel's sparse interior-point method, for all that is convex. It needs the feature
+    /// `clarabel`.
     Clarabel,
 }
 
@@ -114,12 +115,12 @@ fn checked(status: QpStatus, step: &QpStep) -> QpStatus {
 }
 
 impl QpSolver for ChosenQp {
-    fn solve(&mut self, qp: &Qp, step: &mut QpStep) -> QpStatus {
-        let status = checked(self.method.solve(qp, step), step);
+    fn solve(&mut self, qp: &Qp, step: &mut QpStep, expired: &mut dyn FnMut() -> bool) -> QpStatus {
+        let status = checked(self.method.solve(qp, step, expired), step);
         match &mut self.fallback {
             Some(fallback) if status == QpStatus::Failed => {
                 tracing::debug!("a quadratic program is left to Clarabel");
-                checked(fallback.solve(qp, step), step)
+                checked(fallback.solve(qp, step, expired), step)
             }
             _ => status,
         }

@@ -7,8 +7,8 @@ use clarabel::solver::{
 };
 use std::fmt;
 
-/// A Clarabel solver that is built once and given new numbers for each QP, in the unknowns v = (d, s),
-/// where s are the violations of the soft rows:
+/// A Clarabel solver that is built once and given new numbers for each QP, in the unknowns v = (d,
+/// s), where s are the violations of the soft rows:
 ///
 /// ```text
 /// min v'H v / 2 + q'v   s.t.   M v + t = r,   t = 0 for dynamics and equalities, t >= 0 for the rest
@@ -37,7 +37,12 @@ impl fmt::Debug for ClarabelQp {
 }
 
 impl QpSolver for ClarabelQp {
-    fn solve(&mut self, qp: &Qp, step: &mut QpStep) -> QpStatus {
+    fn solve(
+        &mut self,
+        qp: &Qp,
+        step: &mut QpStep,
+        _expired: &mut dyn FnMut() -> bool,
+    ) -> QpStatus {
         if !self.layout.suits(qp) {
             *self = Self::new(qp);
         }

@@ -5,12 +5,13 @@ use super::dense::{ActiveSet, DenseQp, DenseStatus};
 use super::{Kind, Limits, Qp, QpSolver, QpStatus, QpStep, Row};
 use crate::OcpDims;
 
-/// Solves a [`Qp`] by eliminating its states and giving what is left, a small dense program in the inputs, to the
-/// active-set method.
+/// Solves a [`Qp`] by eliminating its states and giving what is left, a small dense program in the
+/// inputs, to the active-set method.
 ///
-/// With `v = (du_0, .., du_{Nu-1})` the dynamics are `dx_j = G_j v + e_j`. H and the gradient in v come from products
-/// backwards over the horizon, column by column of G, at a cost quadratic in the horizon (Andersson, Frasch, Vukov
-/// and Diehl, "A condensing algorithm for nonlinear MPC with a quadratic runtime in horizon length", 2013):
+/// With `v = (du_0, .., du_{Nu-1})` the dynamics are `dx_j = G_j v + e_j`. H and the gradient in v
+/// come from products backwards over the horizon, column by column of G, at a cost quadratic in the
+/// horizon (Andersson, Frasch, Vukov and Diehl, "A condensing algorithm for nonlinear MPC with a
+/// quadratic runtime in horizon length", 2013):
 ///
 /// ```text
 /// G_{j+1} = A_j G_j + B_j                W_j = Q_j G_j + A_j' W_{j+1},    H_{j,:} = B_j' W_{j+1} + R terms
@@ -21,8 +22,9 @@ use crate::OcpDims;
 ///
 /// Only finite limits become rows. All memory is allocated at construction.
 ///
-/// The functions that are always inlined are compiled for the sizes of the paper's plants, with loops unrolled, and
-/// once for all others: at two states the loops would otherwise cost more than what they do.
+/// The functions that are always inlined are compiled for the sizes of the paper's plants, with
+/// loops unrolled, and once for all others: at two states the loops would otherwise cost more than
+/// what they do.
 #[derive(Debug)]
 pub(super) struct CondensedQp {
     dense: DenseQp,
@@ -336,7 +338,8 @@ impl CondensedQp {
     }
 }
 
-/// The states that the inputs lead to, and the multipliers of the dynamics, from the last one back: dL/dx = 0.
+/// The states that the inputs lead to, and the multipliers of the dynamics, from the last one back:
+/// dL/dx = 0.
 #[inline(always)]
 fn expand_sized(qp: &Qp, step: &mut QpStep, n: usize, m: usize) {
     let dims = qp.dims;
@@ -394,16 +397,17 @@ fn sized(vectors: &mut [Vec<f64>; 2], size: usize) -> [&mut [f64]; 2] {
 }
 
 impl QpSolver for CondensedQp {
-    fn solve(&mut self, qp: &Qp, step: &mut QpStep) -> QpStatus {
+    fn solve(&mut self, qp: &Qp, step: &mut QpStep, expired: &mut dyn FnMut() -> bool) -> QpStatus {
         self.condense(qp);
         self.guess(qp, step);
-        match self.solver.solve(&self.dense) {
+        match self.solver.solve(&self.dense, expired) {
             DenseStatus::Solved => {
                 self.expand(qp, step);
                 QpStatus::Solved
             }
             DenseStatus::Infeasible(row) => QpStatus::Infeasible(self.source(qp, row)),
             DenseStatus::Failed => QpStatus::Failed,
+            DenseStatus::Expired => QpStatus::Expired,
         }
     }
 }

@@ -64,9 +64,9 @@ impl Cholesky {
     }
 }
 
-/// The thin factors Q R of a matrix that columns are appended to and removed from; Q has orthonormal
-/// columns. By Gram-Schmidt, repeated where digits were lost, and Givens rotations; reference: Daniel,
-/// Gragg, Kaufman and Stewart, Math. Comp. 30 (1976).
+/// The thin factors Q R of a matrix that columns are appended to and removed from; Q has
+/// orthonormal columns. By Gram-Schmidt, repeated where digits were lost, and Givens rotations;
+/// reference: Daniel, Gragg, Kaufman and Stewart, Math. Comp. 30 (1976).
 #[derive(Clone, Debug)]
 pub(crate) struct ThinQr {
     size: usize,

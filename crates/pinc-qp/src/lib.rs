@@ -1,8 +1,8 @@
 //! Quadratic programs of optimal control: what an SQP iteration of a multiple-shooting controller
 //! solves, and the methods that solve it.
 //!
-//! - [`Qp`]: the program, stage by stage, with its [`OcpDims`] and [`Limits`]; [`QpStep`] its solution
-//!   with the [`Multipliers`].
+//! - [`Qp`]: the program, stage by stage, with its [`OcpDims`] and [`Limits`]; [`QpStep`] its
+//!   solution with the [`Multipliers`].
 //! - [`QpSolver`]: a method; [`ChosenQp`] the one that [`QpMethod`] names.
 
 mod algebra;
@@ -41,11 +41,12 @@ use std::fmt::Debug;
 ///      C_j dx_j + D_j du_j  within rows                                  j = N1..N
 /// ```
 ///
-/// with `du_j` = `du_{Nu-1}` for j >= Nu, `c_j = f(x_j, u_j) - x_{j+1}`, and du all inputs as one vector.
+/// with `du_j` = `du_{Nu-1}` for j >= Nu, `c_j = f(x_j, u_j) - x_{j+1}`, and du all inputs as one
+/// vector.
 ///
 /// The Hessian is that of the cost, after Gauss and Newton: it leaves out the curvature of the
-/// constraints. R and W are the same in all QPs, and so is Q where there is no S. The Hessian as a whole
-/// must be positive semidefinite.
+/// constraints. R and W are the same in all QPs, and so is Q where there is no S. The Hessian as a
+/// whole must be positive semidefinite.
 #[derive(Clone, Debug)]
 pub struct Qp {
     /// The sizes.
@@ -54,13 +55,13 @@ pub struct Qp {
     pub q: Vec<f64>,
     /// `R_0`, `R_1`, .., of the increments: `[Nu, m, m]`, of the same kind.
     pub r: Vec<f64>,
-    /// `S_1`, `S_2`, .., of products of inputs and states: `[N, m, n]`. Empty: there are none, Q is the
-    /// same in all QPs, and `t` is empty too.
+    /// `S_1`, `S_2`, .., of products of inputs and states: `[N, m, n]`. Empty: there are none, Q is
+    /// the same in all QPs, and `t` is empty too.
     pub s: Vec<f64>,
     /// `T_0`, `T_1`, .., of the inputs themselves: `[Nu, m, m]`, symmetric; or empty with `s`.
     pub t: Vec<f64>,
-    /// W, of all inputs: `[Nu m, Nu m]`, symmetric and positive semidefinite; or empty. The stage-wise
-    /// method cannot solve programs that have it.
+    /// W, of all inputs: `[Nu m, Nu m]`, symmetric and positive semidefinite; or empty. The
+    /// stage-wise method cannot solve programs that have it.
     pub w: Vec<f64>,
     /// `A_j`, `[N, n, n]`.
     pub a: Vec<f64>,
@@ -78,20 +79,22 @@ pub struct Qp {
     pub bounds: Limits,
     /// `[Nu, m]`
     pub increments: Limits,
-    /// `[N - N1 + 1, rows]`: inequalities without lower limit, equalities, then rows with any limits.
+    /// `[N - N1 + 1, rows]`: inequalities without lower limit, equalities, then rows with any
+    /// limits.
     pub rows: Limits,
 }
 
-/// Limits on the rows of one kind of constraint. Which of `low` and `high` are finite is the same in all
-/// QPs; `penalty` may change.
+/// Limits on the rows of one kind of constraint. Which of `low` and `high` are finite is the same
+/// in all QPs; `penalty` may change.
 #[derive(Clone, Debug)]
 pub struct Limits {
     /// Finite or minus infinity.
     pub low: Vec<f64>,
     /// Finite or infinity. Where it is `low`, the row is an equality.
     pub high: Vec<f64>,
-    /// The largest absolute value of the multiplier, positive. Infinite: the row is hard. Finite: the row
-    /// may be violated at a cost of `penalty` per unit, and its multiplier is then `penalty` (exact penalty).
+    /// The largest absolute value of the multiplier, positive. Infinite: the row is hard. Finite:
+    /// the row may be violated at a cost of `penalty` per unit, and its multiplier is then
+    /// `penalty` (exact penalty).
     pub penalty: Vec<f64>,
 }
 
@@ -148,6 +151,8 @@ pub enum QpStatus {
     Infeasible(Row),
     /// The method found no solution: a number is not finite, or rounding won.
     Failed,
+    /// The time was up before there was a solution.
+    Expired,
 }
 
 /// A row of a [`Qp`]'s limits.
@@ -174,10 +179,13 @@ pub enum Kind {
 
 /// A method that solves the QPs of one control problem.
 pub trait QpSolver: Debug + Send {
-    /// Solves `qp`. On entry the multipliers in `step` are a guess, by which a solver may know which
-    /// constraints are likely to be active; on exit, if the status is [`QpStatus::Solved`], `step` is
-    /// the solution, and otherwise of no meaning.
-    fn solve(&mut self, qp: &Qp, step: &mut QpStep) -> QpStatus;
+    /// Solves `qp`. On entry the multipliers in `step` are a guess, by which a solver may know
+    /// which constraints are likely to be active; on exit, if the status is [`QpStatus::Solved`],
+    /// `step` is the solution, and otherwise of no meaning.
+    ///
+    /// `expired` says whether the time is up; it is asked now and then while the method works. The
+    /// status is then [`QpStatus::Expired`].
+    fn solve(&mut self, qp: &Qp, step: &mut QpStep, expired: &mut dyn FnMut() -> bool) -> QpStatus;
 }
 
 impl Qp {

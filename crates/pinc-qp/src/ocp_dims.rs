@@ -4,8 +4,8 @@ use std::ops::Range;
 
 /// The sizes of a control problem, and where its parts lie in flat vectors.
 ///
-/// The unknowns are `z = (x_1, .., x_N, u_0, .., u_{Nu-1})`, with `x_j` short for `x[k+j]`. The input that
-/// acts in stage j is `u_{min(j, Nu-1)}`: the last is held.
+/// The unknowns are `z = (x_1, .., x_N, u_0, .., u_{Nu-1})`, with `x_j` short for `x[k+j]`. The
+/// input that acts in stage j is `u_{min(j, Nu-1)}`: the last is held.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct OcpDims {
     /// n

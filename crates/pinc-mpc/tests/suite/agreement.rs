@@ -4,7 +4,8 @@ use crate::problems::Loop;
 use pinc_mpc::{Nmpc, QpMethod, SqpConfig, SqpStatus};
 use pinc_ode::Model;
 
-/// Runs the loop, in which every method is asked about every state; the largest difference of inputs.
+/// Runs the loop, in which every method is asked about every state; the largest difference of
+/// inputs.
 pub(crate) fn disagreement(mut run: Loop, model: impl Model + Clone + 'static) -> f64 {
     let methods = [QpMethod::Condensed, QpMethod::Riccati, QpMethod::Clarabel, QpMethod::Auto];
     let mut controllers = methods.map(|qp| {

@@ -86,8 +86,8 @@ fn the_input_that_was_applied_counts() {
     assert!(nmpc.reset_to(&[f64::INFINITY], &[0.0]).is_err());
 }
 
-/// With a delay the input applied is the last of those under way: the state predicted is that of the
-/// plant.
+/// With a delay the input applied is the last of those under way: the state predicted is that of
+/// the plant.
 #[test]
 fn an_applied_input_is_under_way() {
     let problem = NmpcProblem { delay: 1, ..scalar_problem(1, 1) };

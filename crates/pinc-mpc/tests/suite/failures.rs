@@ -3,7 +3,7 @@
 use crate::faulty::{Faulty, NOT_A_NUMBER, SOUND};
 use crate::problems::van_der_pol;
 use crate::support::{Linear, scalar_problem};
-use pinc_mpc::{Nmpc, NmpcProblem, SqpConfig, SqpStatus};
+use pinc_mpc::{Bounds, Nmpc, NmpcProblem, QpMethod, SqpConfig, SqpStatus};
 use pinc_ode::{Dims, Linearization, Model, Rk4, Stages};
 use pinc_plants::VanDerPol;
 use std::sync::Arc;
@@ -153,7 +153,8 @@ fn an_iteration_that_diverges_with_full_steps_converges() {
     // .. from which the first step towards -1.4 is -2.8 (1 + 5.8^2) = -97, and so on to and fro.
     let step = nmpc.step(&[0.0], &[-1.4]).unwrap();
     assert_eq!(step.status, SqpStatus::Converged);
-    // The slope is 1/35 there: 1e-8 in the gradient 2 q (1/35) (x - y) are 1e-7 in x, and 35 times that in u.
+    // The slope is 1/35 there: 1e-8 in the gradient 2 q (1/35) (x - y) are 1e-7 in x, and 35 times
+    // that in u.
     assert!((step.u[0] + 1.4_f64.tan()).abs() < 1e-5);
 }
 
@@ -175,4 +176,27 @@ fn a_deadline_is_kept_and_forgotten() {
     }
     let step = nmpc.step(&x, &reference).unwrap();
     assert_eq!(step.status, SqpStatus::Converged);
+}
+
+/// The time may be up within a quadratic program: the one of twenty inputs that come to their
+/// bounds one by one.
+#[test]
+fn a_deadline_is_kept_within_a_program() {
+    let mut problem = scalar_problem(20, 20);
+    problem.input_bounds = Bounds::new(vec![-1.0], vec![1.0]);
+    for qp in [QpMethod::Condensed, QpMethod::Riccati] {
+        let config = SqpConfig { qp, ..SqpConfig::default() };
+        let model = Box::new(Linear::scalar(1.0, 1.0));
+        let mut nmpc = Nmpc::new(problem.clone(), model, config).unwrap();
+        let mut asked = 0;
+        let mut expired = || {
+            asked += 1;
+            asked > 2
+        };
+        let step = nmpc.step_within(&[0.0], &[15.0; 20], &mut expired).unwrap();
+        assert_eq!((step.status, step.sqp_iterations), (SqpStatus::Deadline, 1), "{qp}");
+        assert!(step.u[0].abs() <= 1.0);
+        let step = nmpc.step(&[0.0], &[15.0; 20]).unwrap();
+        assert_eq!((step.status, step.sqp_iterations), (SqpStatus::Converged, 1), "{qp}");
+    }
 }

@@ -1,5 +1,5 @@
-//! What the problem may ask beyond the paper's experiments: h and g, increments, delays, soft bounds,
-//! full weights.
+//! What the problem may ask beyond the paper's experiments: h and g, increments, delays, soft
+//! bounds, full weights.
 
 use crate::problems::van_der_pol;
 use crate::support::{Linear, scalar_problem};
@@ -73,8 +73,8 @@ fn a_nonlinear_inequality_holds_at_every_stage() {
     }
 }
 
-/// One input meets one equation per stage, with the horizon of one step: x[k+1] is on the circle, at its nearest
-/// point that the input reaches.
+/// One input meets one equation per stage, with the horizon of one step: x[k+1] is on the circle,
+/// at its nearest point that the input reaches.
 #[test]
 fn an_equality_is_met() {
     let mut problem = van_der_pol();
@@ -120,7 +120,8 @@ fn an_unattainable_constraint_is_named() {
     }
 }
 
-/// x[k+1] = x[k] + u[k] towards 10 with |du| <= 0.5: inputs climb by 0.5 as long as that is too little.
+/// x[k+1] = x[k] + u[k] towards 10 with |du| <= 0.5: inputs climb by 0.5 as long as that is too
+/// little.
 #[test]
 fn increments_are_bounded() {
     let mut problem = scalar_problem(4, 4);
@@ -204,7 +205,8 @@ fn exactly_soft_bounds_are_violated_no_more_than_they_must() {
     }
 }
 
-/// With a weight below the multiplier the bound gives way: 2 (x - 5) = -w is where the cost's slope is the weight.
+/// With a weight below the multiplier the bound gives way: 2 (x - 5) = -w is where the cost's slope
+/// is the weight.
 #[test]
 fn a_penalty_is_a_price() {
     let softness = Softness::Penalty(vec![6.5]);
@@ -218,8 +220,8 @@ fn a_penalty_is_a_price() {
     }
 }
 
-/// With a full Q, R = 0, an invertible B and a horizon of 1 the plan meets the reference; with a singular Q
-/// only what Q sees: here y1 - y2.
+/// With a full Q, R = 0, an invertible B and a horizon of 1 the plan meets the reference; with a
+/// singular Q only what Q sees: here y1 - y2.
 #[test]
 fn weights_may_be_full() {
     let dims = Dims::new(2, 2);
@@ -253,7 +255,8 @@ fn a_terminal_weight_counts_at_the_end_only() {
     }
 }
 
-/// In the real-time iteration each step is one QP, and the loop settles where the converged one does.
+/// In the real-time iteration each step is one QP, and the loop settles where the converged one
+/// does.
 #[test]
 fn the_real_time_iteration_follows() {
     let model = Rk4::new(VanDerPol::default(), 0.5, 4);

@@ -30,7 +30,8 @@ type Gradient = (Vec<f64>, Vec<f64>);
 /// The gradient of a cost at (j, x, u).
 type Extra<'a> = &'a dyn Fn(usize, &[f64], &[f64]) -> Gradient;
 
-/// The same with a cost of outputs or stages, of which `extra` gives the gradient at (j, x, u), by x and by u.
+/// The same with a cost of outputs or stages, of which `extra` gives the gradient at (j, x, u), by
+/// x and by u.
 #[expect(clippy::needless_range_loop, reason = "indices as in the formulas")]
 pub(crate) fn residuals_with(
     nmpc: &Nmpc,

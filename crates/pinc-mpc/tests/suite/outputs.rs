@@ -91,7 +91,8 @@ fn a_tracked_sum_is_a_full_weight_of_states() {
     }
 }
 
-/// In closed loop with the oscillator x1 + x2 comes to its reference, and the loop samples the output.
+/// In closed loop with the oscillator x1 + x2 comes to its reference, and the loop samples the
+/// output.
 #[test]
 fn a_loop_brings_an_output_to_its_reference() {
     let model = Observed { model: Rk4::new(VanDerPol::default(), 0.5, 4), feed: 0.0 };
@@ -243,7 +244,8 @@ fn a_quadratic_stage_cost_is_solved_at_once() {
     }
 }
 
-/// Energy at a price beside a product: min sum 2 exp(u) - 3 x1, with the exponential's own curvature.
+/// Energy at a price beside a product: min sum 2 exp(u) - 3 x1, with the exponential's own
+/// curvature.
 #[derive(Debug)]
 struct Economy;
 

@@ -41,8 +41,8 @@ impl Loop {
     }
 }
 
-/// The paper's loop of the oscillator, 120 steps. At the end the reference is on both bounds: rows are active
-/// without force there.
+/// The paper's loop of the oscillator, 120 steps. At the end the reference is on both bounds: rows
+/// are active without force there.
 pub(crate) fn van_der_pol_loop() -> Loop {
     let values: [&[f64]; 4] = [&[0.0, 0.0], &[-0.5, 0.0], &[0.8, 0.0], &[1.0, 0.0]];
     let plant = Rk4::new(VanDerPol::default(), 0.5, 40);

@@ -149,7 +149,8 @@ fn like_models_are_one() {
     });
 }
 
-/// Two stages of 10 s, then three of 40 s: true to the models, optimal, and the plan moved on is a good start.
+/// Two stages of 10 s, then three of 40 s: true to the models, optimal, and the plan moved on is a
+/// good start.
 #[test]
 fn stages_may_differ_in_length() {
     let problem = NmpcProblem { control_horizon: 4, ..four_tanks() };

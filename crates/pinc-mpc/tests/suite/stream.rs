@@ -1,7 +1,7 @@
 //! Random numbers.
 
-/// Numbers from a multiplicative congruence, of which the high bits are used (multiplier: Steele and
-/// Vigna, Softw. Pract. Exper. 52 (2022)).
+/// Numbers from a multiplicative congruence, of which the high bits are used (multiplier: Steele
+/// and Vigna, Softw. Pract. Exper. 52 (2022)).
 #[derive(Clone, Debug)]
 pub(crate) struct Stream(u64);
 

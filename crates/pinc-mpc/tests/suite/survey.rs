@@ -1,5 +1,5 @@
-//! Random states and references, feasible or not, with deadlines and models that fail: an input within its bounds each
-//! time, and a status that is true.
+//! Random states and references, feasible or not, with deadlines and models that fail: an input
+//! within its bounds each time, and a status that is true.
 //!
 //! `PINC_RANDOM_STEPS=100000` in the environment of a test takes so many steps.
 
@@ -21,8 +21,8 @@ pub(crate) struct Draw<'a> {
     pub(crate) references: &'a [[f64; 2]],
 }
 
-/// Takes the steps, and counts how they end: those with a sound model and without deadline first, then the
-/// others.
+/// Takes the steps, and counts how they end: those with a sound model and without deadline first,
+/// then the others.
 pub(crate) fn survey(
     mut sound: impl Model + Clone + 'static,
     problem: &NmpcProblem,

@@ -39,8 +39,8 @@ impl<M: Model> Model for Rescaled<M> {
     }
 }
 
-/// How a loop is counted: units of states and inputs, the cost's unit, and whether bounds on states tell their
-/// size.
+/// How a loop is counted: units of states and inputs, the cost's unit, and whether bounds on states
+/// tell their size.
 #[derive(Clone, Copy, Debug)]
 struct Counted {
     x: f64,
@@ -100,8 +100,8 @@ fn compare(
     let usual = Counted { x: 1.0, u: 1.0, cost: 1.0, ..counted };
     let (expected, inputs) = run(build(), model.clone(), usual, qp);
     let (found, others) = run(build(), model.clone(), counted, qp);
-    // A quantity of ordinary size is computed with as it is, another as one of 8 to 16: the tolerances differ
-    // by such factors, and so an iteration more or less in a few steps.
+    // A quantity of ordinary size is computed with as it is, another as one of 8 to 16: the
+    // tolerances differ by such factors, and so an iteration more or less in a few steps.
     assert!(
         found.abs_diff(expected) * 100 <= 15 * expected,
         "{counted:?}, {qp}: {found} {expected}"
@@ -161,8 +161,8 @@ fn short_loop() -> Loop {
     run
 }
 
-/// The iterations of the loops of the paper, whose quantities are of ordinary size, are those of a controller that knows no
-/// units.
+/// The iterations of the loops of the paper, whose quantities are of ordinary size, are those of a
+/// controller that knows no units.
 #[test]
 fn ordinary_units_are_left_alone() {
     let counted = Counted { x: 1.0, u: 1.0, cost: 1.0, bounded: true };

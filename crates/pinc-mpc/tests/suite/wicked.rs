@@ -1,5 +1,5 @@
-//! A model that returns anything: whatever the method, the inputs are finite and within their limits, and the
-//! status is never better than the truth.
+//! A model that returns anything: whatever the method, the inputs are finite and within their
+//! limits, and the status is never better than the truth.
 //!
 //! `PINC_WICKED_STEPS=1000000` in the environment takes so many steps.
 

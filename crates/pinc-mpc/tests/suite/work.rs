@@ -76,8 +76,8 @@ fn a_plan_that_is_moved_on_is_linearised_at_its_ends() {
     assert_eq!(points, (qps + 1) * HORIZON);
 }
 
-/// At rest against a bound, one step ahead, the plan of the step before is optimal with its multipliers: no
-/// program is solved.
+/// At rest against a bound, one step ahead, the plan of the step before is optimal with its
+/// multipliers: no program is solved.
 #[test]
 fn at_rest_against_bounds_there_is_nothing_to_solve() {
     let mut problem = scalar_problem(1, 1);

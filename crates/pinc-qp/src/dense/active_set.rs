@@ -7,19 +7,19 @@ use crate::factor::{Cholesky, ThinQr};
 /// A row counts as met when it is off by less than this, relative to 1 + |bound|.
 const TOLERANCE: f64 = 1e-11;
 
-/// A row that is off by more than this, and cannot be met, makes the QP infeasible; one that is off by less
-/// depends on others that are met to rounding.
+/// A row that is off by more than this, and cannot be met, makes the QP infeasible; one that is off
+/// by less depends on others that are met to rounding.
 const INFEASIBLE: f64 = 1e-8;
 
 /// A normal whose part independent of the working set is below this part of it counts as dependent.
 const DEPENDENT: f64 = 1e-10;
 
-/// The dual method of Goldfarb and Idnani (Math. Program. 27 (1983)) for a [`DenseQp`], with bounds on the
-/// multipliers and started from any guess of them.
+/// The dual method of Goldfarb and Idnani (Math. Program. 27 (1983)) for a [`DenseQp`], with bounds
+/// on the multipliers and started from any guess of them.
 ///
-/// It keeps the multipliers mu within their bounds and x optimal for the working set: the rows held at a bound,
-/// whose multipliers are free. In the unknown y = L'x, where H = L L', a row's normal c is L^-1 c, and the
-/// working rows' normals are Q R:
+/// It keeps the multipliers mu within their bounds and x optimal for the working set: the rows held
+/// at a bound, whose multipliers are free. In the unknown y = L'x, where H = L L', a row's normal c
+/// is L^-1 c, and the working rows' normals are Q R:
 ///
 /// ```text
 /// y = -L^-1 (g + sum_i mu_i c_i)         the minimum of the Lagrangian
@@ -27,12 +27,14 @@ const DEPENDENT: f64 = 1e-10;
 /// y <- y - s t z,   mu_W <- mu_W - s t R^-1 w,   mu_p <- mu_p + s t
 /// ```
 ///
-/// with s = 1 at an upper bound, -1 at a lower one, and t the least at which p is met (it joins the working set), a
-/// working row's multiplier comes to a limit (the row leaves it), or p's own multiplier does (p stays violated, or
-/// becomes inactive). A limit is 0 or the row's penalty, so a soft row costs no further unknown.
+/// with s = 1 at an upper bound, -1 at a lower one, and t the least at which p is met (it joins the
+/// working set), a working row's multiplier comes to a limit (the row leaves it), or p's own
+/// multiplier does (p stays violated, or becomes inactive). A limit is 0 or the row's penalty, so a
+/// soft row costs no further unknown.
 ///
-/// The dual objective increases with each t > 0, and a step with t = 0 makes the working set smaller, so no
-/// working set is met twice but for rounding, which the limit on changes guards against.
+/// The dual objective increases with each t > 0, and a step with t = 0 makes the working set
+/// smaller, so no working set is met twice but for rounding, which the limit on changes guards
+/// against.
 ///
 /// All memory is allocated at construction.
 #[derive(Clone, Debug)]
@@ -57,11 +59,13 @@ pub(crate) struct ActiveSet {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum DenseStatus {
     Solved,
-    /// This row contradicts others, and these do not contradict each other. The multipliers are a proof (Farkas):
-    /// a combination of rows whose normals cancel and whose bounds do not.
+    /// This row contradicts others, and these do not contradict each other. The multipliers are a
+    /// proof (Farkas): a combination of rows whose normals cancel and whose bounds do not.
     Infeasible(usize),
     /// H is not positive definite, or rounding won.
     Failed,
+    /// The time was up.
+    Expired,
 }
 
 /// A row in the working set, with the bound that it is held at and the limits of its multiplier.
@@ -131,7 +135,8 @@ impl ActiveSet {
         &self.x
     }
 
-    /// The multipliers, of the unknowns and of the rows of C: positive at upper bounds, negative at lower ones.
+    /// The multipliers, of the unknowns and of the rows of C: positive at upper bounds, negative at
+    /// lower ones.
     pub(crate) fn multipliers(&self) -> &[f64] {
         &self.mu
     }
@@ -148,7 +153,8 @@ impl ActiveSet {
     }
 
     /// Solves `qp`, starting from the guess, which is the last solution if it was not changed.
-    pub(crate) fn solve(&mut self, qp: &DenseQp) -> DenseStatus {
+    /// After each change of the working set `expired` is asked whether the time is up.
+    pub(crate) fn solve(&mut self, qp: &DenseQp, expired: &mut dyn FnMut() -> bool) -> DenseStatus {
         self.changes = 0;
         self.tolerance = TOLERANCE;
         if !self.cholesky.factor(&qp.hessian) {
@@ -162,6 +168,7 @@ impl ActiveSet {
             self.cholesky.backward(&mut self.x);
             qp.values(&self.x, &mut self.values);
             match self.worst(qp) {
+                Some(_) if self.changes > 0 && expired() => return DenseStatus::Expired,
                 Some(candidate) => {
                     fresh = false;
                     if let Some(status) = self.add_row(qp, candidate) {
@@ -310,8 +317,8 @@ impl ActiveSet {
         wrong.then_some(Candidate { member, sign, gap: off.abs() })
     }
 
-    /// Moves the multiplier of a row that is off until the row is met, or the multiplier is at its limit. Gives a
-    /// status if neither can be.
+    /// Moves the multiplier of a row that is off until the row is met, or the multiplier is at its
+    /// limit. Gives a status if neither can be.
     fn add_row(&mut self, qp: &DenseQp, candidate: Candidate) -> Option<DenseStatus> {
         let Candidate { member, sign, mut gap } = candidate;
         let row = member.row;
@@ -412,7 +419,8 @@ impl ActiveSet {
             return Some(DenseStatus::Failed);
         }
         if gap <= INFEASIBLE * (size + terms) {
-            // Met as well as rounding allows. Never tighter than before, or the row would come back.
+            // Met as well as rounding allows. Never tighter than before, or the row would come
+            // back.
             self.tolerance = self.tolerance.max(2.0 * gap / size);
             return None;
         }

@@ -15,8 +15,8 @@ use super::algebra::add_scaled;
 /// s.t. low <= (x, C x) <= high        row i with a finite cap_i may be violated
 /// ```
 ///
-/// A row is soft by an exact penalty: its multiplier cannot exceed `cap_i`, and where it would have to, the
-/// row is violated and its multiplier is `cap_i`. With an infinite penalty the row is hard.
+/// A row is soft by an exact penalty: its multiplier cannot exceed `cap_i`, and where it would have
+/// to, the row is violated and its multiplier is `cap_i`. With an infinite penalty the row is hard.
 #[derive(Clone, Debug)]
 pub(super) struct DenseQp {
     /// n

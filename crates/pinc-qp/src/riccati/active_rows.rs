@@ -7,7 +7,8 @@ use crate::Qp;
 /// Residuals below this, relative to 1 + the largest number involved, count as 0.
 const TOLERANCE: f64 = 1e-11;
 
-/// The same for the slope, which has to be exact for the inputs to be, where some multipliers are large.
+/// The same for the slope, which has to be exact for the inputs to be, where some multipliers are
+/// large.
 const SLOPE_TOLERANCE: f64 = 3e-13;
 
 /// What rounding leaves of the gradient, where it cancels against the Hessian times the step.
@@ -30,16 +31,17 @@ pub(super) enum RowStatus {
     Violated(f64),
 }
 
-/// Solves a QP from a guess of its active rows: the rows that are held are met with equality; then those that pull
-/// the wrong way are let go, those that are violated are held, and so on until nothing changes. This is Newton's
-/// method on the non-smooth optimality conditions (Hintermueller, Ito and Kunisch, SIAM J. Optim. 13 (2002)): a few
-/// factorisations from a good guess, without a guarantee from a bad one.
+/// Solves a QP from a guess of its active rows: the rows that are held are met with equality; then
+/// those that pull the wrong way are let go, those that are violated are held, and so on until
+/// nothing changes. This is Newton's method on the non-smooth optimality conditions (Hintermueller,
+/// Ito and Kunisch, SIAM J. Optim. 13 (2002)): a few factorisations from a good guess, without a
+/// guarantee from a bad one.
 ///
 /// Held rows are met by the method of multipliers, which dependent rows do not disturb:
 /// mu <- mu + D (C d - bound), with so large a D that a few steps suffice.
 #[derive(Clone, Debug)]
 pub(super) struct ActiveRows {
-    roles: Vec<RowStatus>,
+    statuses: Vec<RowStatus>,
     stiffness: f64,
     /// How many factorisations the last solution took.
     pub(super) factorizations: usize,
@@ -48,7 +50,7 @@ pub(super) struct ActiveRows {
 impl ActiveRows {
     pub(super) fn new(qp: &Qp) -> Self {
         Self {
-            roles: vec![RowStatus::Inactive; Rows::new(qp.dims).len()],
+            statuses: vec![RowStatus::Inactive; Rows::new(qp.dims).len()],
             stiffness: stiffness(qp),
             factorizations: 0,
         }
@@ -56,13 +58,13 @@ impl ActiveRows {
 
     /// Takes rows with a multiplier for active; `weight(row)` is the multiplier.
     pub(super) fn guess(&mut self, qp: &Qp, weight: impl Fn(usize) -> f64) {
-        for (row, (role, [low, high, penalty])) in
-            self.roles.iter_mut().zip(Rows::limits(qp)).enumerate()
+        for (row, (status, [low, high, penalty])) in
+            self.statuses.iter_mut().zip(Rows::limits(qp)).enumerate()
         {
             let mu = weight(row);
             let upper = mu > 0.0;
             let bound = if upper { high } else { low };
-            *role = if low >= high && penalty.is_infinite() {
+            *status = if low >= high && penalty.is_infinite() {
                 RowStatus::Held { bound: high, upper: true }
             } else if mu.abs() <= 0.0 || !bound.is_finite() {
                 RowStatus::Inactive
@@ -75,12 +77,21 @@ impl ActiveRows {
     }
 
     /// Solves `qp` from the guess and the point `at`; whether that succeeded.
-    pub(super) fn solve(&mut self, qp: &Qp, at: &mut Newton) -> bool {
+    /// Between factorisations `expired` is asked whether the time is up, which is a failure.
+    pub(super) fn solve(
+        &mut self,
+        qp: &Qp,
+        at: &mut Newton,
+        expired: &mut dyn FnMut() -> bool,
+    ) -> bool {
         self.factorizations = 0;
         if qp.has_stage_cost() {
             self.stiffness = stiffness(qp);
         }
-        for _ in 0..CHANGES {
+        for change in 0..CHANGES {
+            if change > 0 && expired() {
+                return false;
+            }
             match self.meet(qp, at) {
                 Some(true) if !self.reconsider(qp, at) => return true,
                 Some(true) => {}
@@ -91,31 +102,32 @@ impl ActiveRows {
         false
     }
 
-    /// Rows that cannot be met together have multipliers that drift for ever: lets go the one of them whose multiplier
-    /// comes to 0 first, if there is one.
+    /// Rows that cannot be met together have multipliers that drift for ever: lets go the one of
+    /// them whose multiplier comes to 0 first, if there is one.
     fn release(&mut self, qp: &Qp, at: &Newton) -> bool {
         let mut first = None;
         let changes = at.moved.iter().zip(&at.terms).map(|(m, t)| self.stiffness * m + t);
-        let rows = self.roles.iter_mut().zip(Rows::limits(qp));
-        for (((role, [low, high, _]), mu), change) in rows.zip(&at.mu).zip(changes) {
-            if let RowStatus::Held { upper, .. } = *role
+        let rows = self.statuses.iter_mut().zip(Rows::limits(qp));
+        for (((status, [low, high, _]), mu), change) in rows.zip(&at.mu).zip(changes) {
+            if let RowStatus::Held { upper, .. } = *status
                 && low < high
             {
                 let sign = if upper { 1.0 } else { -1.0 };
                 let time = sign * mu / -(sign * change);
                 if sign * change < 0.0 && first.as_ref().is_none_or(|(least, _)| time < *least) {
-                    first = Some((time, role));
+                    first = Some((time, status));
                 }
             }
         }
-        first.map(|(_, role)| *role = RowStatus::Inactive).is_some()
+        first.map(|(_, status)| *status = RowStatus::Inactive).is_some()
     }
 
-    /// Finds the point at which the held rows are met; whether there is one, or `None` if that cannot be told.
+    /// Finds the point at which the held rows are met; whether there is one, or `None` if that
+    /// cannot be told.
     fn meet(&mut self, qp: &Qp, at: &mut Newton) -> Option<bool> {
-        for ((role, weight), mu) in self.roles.iter().zip(&mut at.weights).zip(&mut at.mu) {
+        for ((status, weight), mu) in self.statuses.iter().zip(&mut at.weights).zip(&mut at.mu) {
             *weight = 0.0;
-            match role {
+            match status {
                 RowStatus::Inactive => *mu = 0.0,
                 RowStatus::Held { .. } => *weight = self.stiffness,
                 RowStatus::Violated(penalty) => *mu = *penalty,
@@ -130,8 +142,8 @@ impl ActiveRows {
             if self.is_met(qp, at) {
                 return Some(true);
             }
-            for ((role, value), term) in self.roles.iter().zip(&at.values).zip(&mut at.terms) {
-                *term = match role {
+            for ((status, value), term) in self.statuses.iter().zip(&at.values).zip(&mut at.terms) {
+                *term = match status {
                     RowStatus::Held { bound, .. } => self.stiffness * (value - bound),
                     _ => 0.0,
                 };
@@ -139,8 +151,8 @@ impl ActiveRows {
             at.solve(qp);
             at.advance(1.0);
             let moved = at.moved.iter().zip(&at.terms);
-            for ((role, mu), (moved, term)) in self.roles.iter().zip(&mut at.mu).zip(moved) {
-                if matches!(role, RowStatus::Held { .. }) {
+            for ((status, mu), (moved, term)) in self.statuses.iter().zip(&mut at.mu).zip(moved) {
+                if matches!(status, RowStatus::Held { .. }) {
                     *mu += self.stiffness * moved + term;
                 }
             }
@@ -152,7 +164,7 @@ impl ActiveRows {
     fn is_met(&self, qp: &Qp, at: &Newton) -> bool {
         let size = 1.0 + largest(&at.lambda).max(largest(&at.mu));
         let extent = 1.0 + largest(&at.d);
-        let off = self.roles.iter().zip(&at.values).map(|(role, value)| match role {
+        let off = self.statuses.iter().zip(&at.values).map(|(status, value)| match status {
             RowStatus::Held { bound, .. } => (value - bound).abs(),
             _ => 0.0,
         });
@@ -163,14 +175,14 @@ impl ActiveRows {
             && off <= TOLERANCE * extent
     }
 
-    /// Changes the roles that the point contradicts; whether there were any.
+    /// Changes the statuses that the point contradicts; whether there were any.
     fn reconsider(&mut self, qp: &Qp, at: &Newton) -> bool {
         let mut changed = false;
         let points = at.values.iter().zip(&at.mu);
-        let rows = self.roles.iter_mut().zip(Rows::limits(qp)).zip(points);
-        for ((role, [low, high, penalty]), (&value, &mu)) in rows {
+        let rows = self.statuses.iter_mut().zip(Rows::limits(qp)).zip(points);
+        for ((status, [low, high, penalty]), (&value, &mu)) in rows {
             let slack = |bound: f64| 10.0 * TOLERANCE * (1.0 + bound.abs());
-            let next = match *role {
+            let next = match *status {
                 RowStatus::Inactive if value > high + slack(high) => {
                     RowStatus::Held { bound: high, upper: true }
                 }
@@ -185,7 +197,7 @@ impl ActiveRows {
                     } else if mu.abs() > penalty {
                         RowStatus::Violated(penalty.copysign(mu))
                     } else {
-                        *role
+                        *status
                     }
                 }
                 RowStatus::Violated(penalty) if penalty > 0.0 && value < high - slack(high) => {
@@ -196,8 +208,8 @@ impl ActiveRows {
                 }
                 unchanged => unchanged,
             };
-            changed |= next != *role;
-            *role = next;
+            changed |= next != *status;
+            *status = next;
         }
         changed
     }

@@ -7,20 +7,22 @@ use crate::Qp;
 /// How many iterations may be taken.
 const ITERATIONS: usize = 60;
 
-/// Residuals and products below this, relative to 1 + the largest number involved, count as 0: as near as the weights,
-/// which grow without limit, allow without loss.
+/// Residuals and products below this, relative to 1 + the largest number involved, count as 0: as
+/// near as the weights, which grow without limit, allow without loss.
 const TOLERANCE: f64 = 1e-8;
 
 /// The products are not brought below this, so that they do not vanish before the rows are met.
 const LEAST_PRODUCT: f64 = 1e-10;
 
-/// How much more stiffly a row is held than [`stiffness`] says: the iterations are many, and each corrects the last.
+/// How much more stiffly a row is held than [`stiffness`] says: the iterations are many, and each
+/// corrects the last.
 const STIFFNESS: f64 = 1e2;
 
 /// How far towards the boundary a step goes.
 const FRACTION: f64 = 0.995;
 
-/// Inputs that are farther away than this are not considered when rows are proved to contradict each other.
+/// Inputs that are farther away than this are not considered when rows are proved to contradict
+/// each other.
 const FARTHEST: f64 = 1e5;
 
 /// How the iteration ended.
@@ -32,8 +34,8 @@ pub(super) enum Ending {
     Failed,
 }
 
-/// Mehrotra's predictor-corrector method on the stage structure (SIAM J. Optim. 2 (1992); Rao, Wright and Rawlings,
-/// J. Optim. Theory Appl. 99 (1998)).
+/// Mehrotra's predictor-corrector method on the stage structure (SIAM J. Optim. 2 (1992); Rao,
+/// Wright and Rawlings, J. Optim. Theory Appl. 99 (1998)).
 ///
 /// Each finite limit is a [`Side`] with its own slack, sign s:
 ///
@@ -42,10 +44,11 @@ pub(super) enum Ending {
 /// mu + nu = penalty,              nu e = tau                  for a soft row
 /// ```
 ///
-/// from which t, e and nu are eliminated: what is left is a weight D = 1 / (t/mu + e/nu + 1/stiffness) on the row. The last
-/// term is that of the proximal method of multipliers (Rockafellar, Math. Oper. Res. 1 (1976)): s C Dd + Dt - De = Dmu /
-/// stiffness - residual. It keeps D from growing without limit, and vanishes with the steps. Equalities that are
-/// hard have no slack; of their weight it is all.
+/// from which t, e and nu are eliminated: what is left is a weight D = 1 / (t/mu + e/nu +
+/// 1/stiffness) on the row. The last term is that of the proximal method of multipliers
+/// (Rockafellar, Math. Oper. Res. 1 (1976)): s C Dd + Dt - De = Dmu / stiffness - residual. It
+/// keeps D from growing without limit, and vanishes with the steps. Equalities that are hard have
+/// no slack; of their weight it is all.
 #[derive(Clone, Debug)]
 pub(super) struct InteriorPoint {
     sides: Vec<Side>,
@@ -115,8 +118,8 @@ impl Side {
         1.0 / (self.t / self.mu + give + self.compliance)
     }
 
-    /// What the products mu t and nu e should change by, to come to `tau`; the corrector includes what the predictor
-    /// did.
+    /// What the products mu t and nu e should change by, to come to `tau`; the corrector includes
+    /// what the predictor did.
     fn products(&self, tau: f64, corrector: bool) -> (f64, f64) {
         let second = if corrector { (self.dmu * self.dt, -self.dmu * self.de) } else { (0.0, 0.0) };
         (tau - self.mu * self.t - second.0, tau - self.nu() * self.e - second.1)
@@ -167,7 +170,13 @@ impl InteriorPoint {
     }
 
     /// Solves `qp` from scratch. Whatever the ending, the last multipliers are in `at`.
-    pub(super) fn solve(&mut self, qp: &Qp, at: &mut Newton) -> Ending {
+    /// Between factorisations `expired` is asked whether the time is up, which is a failure.
+    pub(super) fn solve(
+        &mut self,
+        qp: &Qp,
+        at: &mut Newton,
+        expired: &mut dyn FnMut() -> bool,
+    ) -> Ending {
         if qp.has_stage_cost() {
             self.stiffness = STIFFNESS * stiffness(qp);
         }
@@ -184,15 +193,15 @@ impl InteriorPoint {
             if let Some(row) = self.contradiction(qp, at) {
                 return Ending::Infeasible(row);
             }
-            if !self.iterate(qp, at) {
+            if expired() || !self.iterate(qp, at) {
                 return Ending::Failed;
             }
         }
         Ending::Failed
     }
 
-    /// The multiplier of `row` where it matters more than the slack, with its penalty where the violation matters more than
-    /// what is left to the penalty; otherwise 0.
+    /// The multiplier of `row` where it matters more than the slack, with its penalty where the
+    /// violation matters more than what is left to the penalty; otherwise 0.
     pub(super) fn active(&self, list: &mut [f64]) {
         list.fill(0.0);
         for side in &self.sides {
@@ -220,8 +229,8 @@ impl InteriorPoint {
         }
     }
 
-    /// The starting point of Vandenberghe's coneqp: the least squares of cost and slacks, with these and the
-    /// multipliers then moved to the positive side.
+    /// The starting point of Vandenberghe's coneqp: the least squares of cost and slacks, with
+    /// these and the multipliers then moved to the positive side.
     fn begin(&mut self, qp: &Qp, at: &mut Newton) -> bool {
         at.d.fill(0.0);
         at.lambda.fill(0.0);
@@ -296,8 +305,8 @@ impl InteriorPoint {
             && products.fold(0.0, f64::max) <= TOLERANCE
     }
 
-    /// The row that weighs most in a proof (Farkas) that the hard rows contradict each other, if the multipliers are
-    /// one: with C'mu + E'lambda = 0, any feasible d has lambda'c <= mu'bound.
+    /// The row that weighs most in a proof (Farkas) that the hard rows contradict each other, if
+    /// the multipliers are one: with C'mu + E'lambda = 0, any feasible d has lambda'c <= mu'bound.
     fn contradiction(&self, qp: &Qp, at: &mut Newton) -> Option<usize> {
         at.terms.fill(0.0);
         let (mut limit, mut heaviest) = (0.0, (0.0, 0));

@@ -13,9 +13,10 @@ use super::{Qp, QpSolver, QpStatus, QpStep};
 
 /// Solves a [`Qp`] stage by stage, at a cost linear in the horizon.
 ///
-/// With a guess of the active rows, as from the step before, a few factorisations find the solution. Without, or where
-/// that does not settle, an interior-point method comes near it, and its active rows are the guess that gives
-/// the exact solution. All memory is allocated at construction.
+/// With a guess of the active rows, as from the step before, a few factorisations find the
+/// solution. Without, or where that does not settle, an interior-point method comes near it, and
+/// its active rows are the guess that gives the exact solution. All memory is allocated at
+/// construction.
 #[derive(Debug)]
 pub(super) struct RiccatiQp {
     newton: Newton,
@@ -38,26 +39,31 @@ impl RiccatiQp {
     }
 
     /// Solves from the guess and the point that there are.
-    fn resolve(&mut self, qp: &Qp) -> bool {
+    fn resolve(&mut self, qp: &Qp, expired: &mut dyn FnMut() -> bool) -> bool {
         let guess = &self.guess;
         self.active.guess(qp, |row| guess[row]);
-        self.active.solve(qp, &mut self.newton)
+        self.active.solve(qp, &mut self.newton, expired)
     }
 }
 
 impl QpSolver for RiccatiQp {
-    fn solve(&mut self, qp: &Qp, step: &mut QpStep) -> QpStatus {
+    fn solve(&mut self, qp: &Qp, step: &mut QpStep, expired: &mut dyn FnMut() -> bool) -> QpStatus {
+        let mut late = false;
+        let expired = &mut || {
+            late = late || expired();
+            late
+        };
         self.newton.start(step);
         self.guess.copy_from_slice(&self.newton.mu);
-        if self.resolve(qp) {
+        if self.resolve(qp, expired) {
             self.newton.finish(step);
             return QpStatus::Solved;
         }
-        match self.interior.solve(qp, &mut self.newton) {
+        match self.interior.solve(qp, &mut self.newton, expired) {
             Ending::Converged => {
                 self.interior.active(&mut self.guess);
-                if !self.resolve(qp) {
-                    return QpStatus::Failed;
+                if !self.resolve(qp, expired) {
+                    return if late { QpStatus::Expired } else { QpStatus::Failed };
                 }
                 self.newton.finish(step);
                 QpStatus::Solved
@@ -65,6 +71,7 @@ impl QpSolver for RiccatiQp {
             Ending::Infeasible(row) => {
                 QpStatus::Infeasible(self.newton.rows.row(row, self.newton.mu[row] > 0.0))
             }
+            Ending::Failed if late => QpStatus::Expired,
             Ending::Failed => QpStatus::Failed,
         }
     }

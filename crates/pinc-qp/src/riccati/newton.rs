@@ -6,15 +6,17 @@ use crate::OcpDims;
 use crate::algebra::{add_product, add_scaled, add_transposed, dot};
 use crate::{Qp, QpStep};
 
-/// d, lambda and mu of a [`Qp`], the residuals of the optimality conditions there, and steps from there:
+/// d, lambda and mu of a [`Qp`], the residuals of the optimality conditions there, and steps from
+/// there:
 ///
 /// ```text
 /// H d + g + C'mu + E'lambda = 0        with E d + c = 0 for the dynamics
 /// (H + C'D C) Dd + E'Dlambda = -(residual + C'terms),    E Dd = -residual
 /// ```
 ///
-/// Weights D and `terms` are the caller's, by which it says how the rows behave. That steps are computed from the
-/// residuals, and not points anew, makes up for what D's large numbers cost in digits.
+/// Weights D and `terms` are the caller's, by which it says how the rows behave. That steps are
+/// computed from the residuals, and not points anew, makes up for what D's large numbers cost in
+/// digits.
 #[derive(Clone, Debug)]
 pub(super) struct Newton {
     pub(super) rows: Rows,
@@ -145,8 +147,8 @@ impl Newton {
         self.rows.values(qp, d, &mut self.moved);
     }
 
-    /// Chooses lambda such that C'terms + E'lambda = 0 for the states; gives the sum of what is left for the inputs, and
-    /// lambda'c.
+    /// Chooses lambda such that C'terms + E'lambda = 0 for the states; gives the sum of what is
+    /// left for the inputs, and lambda'c.
     pub(super) fn cancel(&mut self, qp: &Qp) -> (f64, f64) {
         let dims = qp.dims;
         self.right.fill(0.0);
@@ -173,11 +175,13 @@ impl Newton {
     }
 }
 
-/// How stiffly active rows are held, between the least and the greatest curvature of the cost in the middle.
+/// How stiffly active rows are held, between the least and the greatest curvature of the cost in
+/// the middle.
 const STIFFNESS: f64 = 1e6;
 
-/// A weight D that holds rows of `qp`: far above the curvatures of its cost, so that the method of multipliers needs few
-/// steps, and not so far above the least of them that this would be lost to rounding.
+/// A weight D that holds rows of `qp`: far above the curvatures of its cost, so that the method of
+/// multipliers needs few steps, and not so far above the least of them that this would be lost to
+/// rounding.
 pub(super) fn stiffness(qp: &Qp) -> f64 {
     let OcpDims { nx: n, nu: m, .. } = qp.dims;
     let diagonals = [(&qp.q, n), (&qp.r, m), (&qp.t, m)].into_iter().flat_map(|(blocks, size)| {

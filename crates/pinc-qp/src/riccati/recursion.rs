@@ -12,9 +12,9 @@ use crate::factor::Cholesky;
 /// min  d'(H + C'D C)d / 2 + g'd   s.t.   dx_{j+1} = A_j dx_j + B_j du_j + c_j,   dx_0 = 0
 /// ```
 ///
-/// The state of the recursion is `s_j = (dx_j, du_{j-1})`, so that weights on increments and held inputs fit:
-/// `du_j = du_{j-1} + w_j`, with `w_j` = 0 from j = Nu on. With F = (A B; 0 I), P and p the quadratic
-/// and linear part of the cost from stage j + 1 on,
+/// The state of the recursion is `s_j = (dx_j, du_{j-1})`, so that weights on increments and held
+/// inputs fit: `du_j = du_{j-1} + w_j`, with `w_j` = 0 from j = Nu on. With F = (A B; 0 I), P and p
+/// the quadratic and linear part of the cost from stage j + 1 on,
 ///
 /// ```text
 /// M = F'P F + weights of du_j and of the rows at stage j + S_j, T_j        m = F'(P c + p) + g of du_j
@@ -22,8 +22,8 @@ use crate::factor::Cholesky;
 /// P <- M - M_u:' K + (Q_j + weights of dx_j; 0)                 p <- m - K' m_u + g of dx_j
 /// ```
 ///
-/// Reference: Rao, Wright and Rawlings, "Application of interior-point methods to model predictive control",
-/// J. Optim. Theory Appl. 99 (1998). All memory is allocated at construction.
+/// Reference: Rao, Wright and Rawlings, "Application of interior-point methods to model predictive
+/// control", J. Optim. Theory Appl. 99 (1998). All memory is allocated at construction.
 #[derive(Clone, Debug)]
 pub(super) struct Riccati {
     dims: OcpDims,
@@ -64,7 +64,8 @@ impl Riccati {
         }
     }
 
-    /// Factors the matrix with the weights D, in the order of the rows; `false` if it is singular on the dynamics.
+    /// Factors the matrix with the weights D, in the order of the rows; `false` if it is singular
+    /// on the dynamics.
     pub(super) fn factor(&mut self, qp: &Qp, weights: &[f64]) -> bool {
         let OcpDims { nx: n, nu: m, horizon, n_controls, .. } = self.dims;
         let s = n + m;
@@ -131,8 +132,8 @@ impl Riccati {
         true
     }
 
-    /// Solves for the linear term `g`, as long as z, and the offsets `c`, `[N, n]`, with the last factors: writes d
-    /// and the multipliers of the dynamics.
+    /// Solves for the linear term `g`, as long as z, and the offsets `c`, `[N, n]`, with the last
+    /// factors: writes d and the multipliers of the dynamics.
     pub(super) fn solve(
         &mut self,
         qp: &Qp,

@@ -1,5 +1,7 @@
 //! Sequential quadratic programming with Gauss-Newton Hessians.
 
+mod elastic;
+
 use crate::barzilai_borwein::BarzilaiBorwein;
 use crate::constraint::Constraint;
 use crate::cost::Targets;
@@ -19,27 +21,24 @@ const CONTRACTION: f64 = 0.9;
 const SUFFICIENT: f64 = 1e-4;
 /// How often a step is halved.
 const HALVINGS: usize = 20;
-/// The weight of a violation where it cannot be avoided, in terms of the cost's largest slope and
-/// curvature.
-const ELASTIC_WEIGHT: f64 = 1e3;
 
-/// SQP by line search: linearise the problem at the current plan, solve the QP, go along its step and
-/// towards its multipliers, until the KKT residual is small.
+/// SQP by line search: linearise the problem at the current plan, solve the QP, go along its step
+/// and towards its multipliers, until the KKT residual is small.
 ///
-/// With the Gauss-Newton Hessian full steps converge linearly, the faster the smaller the multipliers times
-/// the curvature of their constraints. A full step is taken if it makes the KKT residual
-/// clearly the least seen so far, which can happen only finitely often; otherwise steps are halved until
-/// the [`Merit`] function decreases. So neither the merit function's reluctance near a solution (the Maratos
-/// effect) costs steps, nor does the iteration diverge from afar. Where it turns out to be slow, steps are made
-/// longer or shorter by its [`BarzilaiBorwein`].
+/// With the Gauss-Newton Hessian full steps converge linearly, the faster the smaller the
+/// multipliers times the curvature of their constraints. A full step is taken if it makes the KKT
+/// residual clearly the least seen so far, which can happen only finitely often; otherwise steps
+/// are halved until the [`Merit`] function decreases. So neither the merit function's reluctance
+/// near a solution (the Maratos effect) costs steps, nor does the iteration diverge from afar.
+/// Where it turns out to be slow, steps are made longer or shorter by its [`BarzilaiBorwein`].
 ///
-/// If a linearised problem has no solution, or its step is none of descent, the hard constraints on states
-/// become soft for the rest of the control step (elastic mode): violated as little as possible, at
-/// a weight above their multipliers, so that they are met in the end if they can be.
+/// If a linearised problem has no solution, or its step is none of descent, the hard constraints on
+/// states become soft for the rest of the control step (elastic mode): violated as little as
+/// possible, at a weight above their multipliers, so that they are met in the end if they can be.
 ///
-/// References: Nocedal and Wright, *Numerical Optimization*, chapter 18; Gill, Murray and
-/// Saunders, "SNOPT", SIAM Review 47 (2005), for the elastic mode; Diehl et al., "Real-time optimization
-/// for large scale processes", J. Process Control 12 (2002).
+/// References: Nocedal and Wright, *Numerical Optimization*, chapter 18; Gill, Murray and Saunders,
+/// "SNOPT", SIAM Review 47 (2005), for the elastic mode; Diehl et al., "Real-time optimization for
+/// large scale processes", J. Process Control 12 (2002).
 ///
 /// All memory is allocated at construction.
 #[derive(Debug)]
@@ -61,8 +60,8 @@ pub(crate) struct Sqp {
     work: Vec<f64>,
     /// The penalties of bounds and rows as the problem has them.
     penalties: [Vec<f64>; 2],
-    /// Whether those that the problem has as hard stay soft where they have to be: bounds on states, h and
-    /// g, bounds on outputs.
+    /// Whether those that the problem has as hard stay soft where they have to be: bounds on
+    /// states, h and g, bounds on outputs.
     exact: [bool; 3],
     /// Whether hard constraints are soft for now.
     elastic: bool,
@@ -132,7 +131,8 @@ impl Sqp {
         self.transcription.set_parameters(p);
     }
 
-    /// Chooses the units for a plant that is at `x0`. Where they change, the programs are built anew.
+    /// Chooses the units for a plant that is at `x0`. Where they change, the programs are built
+    /// anew.
     fn choose_units(&mut self, x0: &[f64], targets: Option<Targets<'_>>) {
         if self.transcription.choose_units(x0, targets) {
             self.qp = self.transcription.qp();
@@ -170,9 +170,14 @@ impl Sqp {
         self.prepared.copy_from_slice(x0);
     }
 
-    /// One QP for a plant that turns out to be at `x0`, linearised where it was prepared: the step of a
-    /// real-time iteration.
-    pub(crate) fn feed_back(&mut self, input: StepInput<'_>, plan: &mut Solution) -> Outcome {
+    /// One QP for a plant that turns out to be at `x0`, linearised where it was prepared: the step
+    /// of a real-time iteration.
+    pub(crate) fn feed_back(
+        &mut self,
+        input: StepInput<'_>,
+        plan: &mut Solution,
+        expired: &mut dyn FnMut() -> bool,
+    ) -> Outcome {
         self.convert(plan, false);
         let qp = &mut self.qp;
         let n = qp.dims.nx;
@@ -184,7 +189,7 @@ impl Sqp {
         self.transcription.measure(input.x0, &plan.z, input.targets, qp);
         let last = self.residual(plan);
         let (status, conflict) = match last.max().is_finite() {
-            true => self.solve_prepared(plan),
+            true => self.solve_prepared(plan, expired),
             false => (SqpStatus::NumericalTrouble, None),
         };
         if status == SqpStatus::Prepared {
@@ -197,16 +202,21 @@ impl Sqp {
     }
 
     /// Solves the QP, with hard constraints made soft if it must be.
-    fn solve_prepared(&mut self, plan: &Solution) -> (SqpStatus, Option<Row>) {
+    fn solve_prepared(
+        &mut self,
+        plan: &Solution,
+        expired: &mut dyn FnMut() -> bool,
+    ) -> (SqpStatus, Option<Row>) {
         self.step.multipliers.copy_from(&plan.multipliers);
-        match self.solver.solve(&self.qp, &mut self.step) {
+        match self.solver.solve(&self.qp, &mut self.step, expired) {
             QpStatus::Solved => (SqpStatus::Prepared, None),
             QpStatus::Infeasible(row) if !self.elastic => {
                 self.enter_elastic();
-                (self.solve_prepared(plan).0, Some(row))
+                (self.solve_prepared(plan, expired).0, Some(row))
             }
             QpStatus::Infeasible(row) => (SqpStatus::InfeasibleQp, Some(row)),
             QpStatus::Failed => (SqpStatus::NumericalTrouble, None),
+            QpStatus::Expired => (SqpStatus::Deadline, None),
         }
     }
 
@@ -249,8 +259,9 @@ impl Sqp {
             }
             iterations += 1;
             self.step.multipliers.copy_from(&plan.multipliers);
-            match self.solver.solve(&self.qp, &mut self.step) {
+            match self.solver.solve(&self.qp, &mut self.step, expired) {
                 QpStatus::Solved => {}
+                QpStatus::Expired => break SqpStatus::Deadline,
                 QpStatus::Infeasible(row) => {
                     conflict = Some(row);
                     if self.elastic {
@@ -390,80 +401,5 @@ impl Sqp {
         } else {
             None
         }
-    }
-
-    /// Makes the hard constraints on states soft.
-    fn enter_elastic(&mut self) {
-        self.elastic = true;
-        let qp = &self.qp;
-        let size = |values: &[f64]| values.iter().fold(0.0_f64, |size, v| size.max(v.abs()));
-        let parts = [&qp.gradient, &qp.q, &qp.r, &qp.t, &qp.w];
-        let weight = ELASTIC_WEIGHT * parts.map(|part| size(part)).iter().sum::<f64>().max(1.0);
-        let states = qp.dims.all_states();
-        for qp in [&mut self.qp, &mut self.trial] {
-            let rows = qp.bounds.penalty[..states].iter_mut().chain(&mut qp.rows.penalty);
-            rows.filter(|penalty| penalty.is_infinite()).for_each(|penalty| *penalty = weight);
-        }
-    }
-
-    /// Makes them as they were.
-    fn leave_elastic(&mut self) {
-        if self.elastic {
-            self.elastic = false;
-            self.restore([true; 3]);
-        }
-    }
-
-    /// Gives bounds on states, h and g, and bounds on outputs the penalties that the problem has.
-    fn restore(&mut self, [states, general, outputs]: [bool; 3]) {
-        for qp in [&mut self.qp, &mut self.trial] {
-            let dims = qp.dims;
-            if states {
-                qp.bounds.penalty.copy_from_slice(&self.penalties[0]);
-            }
-            for (v, penalty) in qp.rows.penalty.iter_mut().enumerate() {
-                let output = v % dims.rows() >= dims.rows() - dims.outputs;
-                if if output { outputs } else { general } {
-                    *penalty = self.penalties[1][v];
-                }
-            }
-        }
-    }
-
-    /// Judges the end by the problem's own hard constraints.
-    fn finalize(
-        &mut self,
-        mut outcome: Outcome,
-        plan: &Solution,
-        conflict: Option<Row>,
-    ) -> Outcome {
-        if self.elastic {
-            self.restore(self.exact.map(|exact| !exact));
-            outcome.last = self.residual(plan);
-            if outcome.last.bounds > self.config.tolerance {
-                let named = conflict.map(|row| Constraint::new(self.qp.dims, row));
-                outcome.violated = self.worst_row().or(named);
-                if outcome.status == SqpStatus::Converged {
-                    outcome.status = SqpStatus::InfeasibleQp;
-                }
-            }
-        }
-        if !outcome.last.max().is_finite() {
-            outcome.status = SqpStatus::NumericalTrouble;
-        }
-        outcome
-    }
-
-    /// The hard row that is violated most.
-    fn worst_row(&self) -> Option<Constraint> {
-        let rows = self.qp.limits().into_iter().flat_map(|(kind, limits)| {
-            let hard =
-                limits.iter().enumerate().filter(|(_, [_, _, penalty])| penalty.is_infinite());
-            hard.map(move |(index, [low, high, _])| {
-                (low.max(-high), Row { kind, index, upper: -high > low })
-            })
-        });
-        let (_, row) = rows.max_by(|(a, _), (b, _)| a.total_cmp(b))?;
-        Some(Constraint::new(self.qp.dims, row))
     }
 }

@@ -1,0 +1,204 @@
+//! Random programs.
+
+use super::{Dense, dot};
+use crate::{Limits, OcpDims, Qp};
+use proptest::collection::vec;
+use proptest::prelude::*;
+
+fn shapes() -> impl Strategy<Value = OcpDims> {
+    (1..=3_usize, 1..=2_usize, 1..=6_usize, 0..=1_usize, 0..=1_usize).prop_flat_map(
+        |(states, inputs, stages, inequalities, equalities)| {
+            (1..=stages, 1..=stages).prop_map(move |(n_controls, first)| OcpDims {
+                nx: states,
+                nu: inputs,
+                horizon: stages,
+                n_controls,
+                n1: first,
+                inequalities,
+                equalities: equalities.min(inputs - 1),
+                outputs: 0,
+            })
+        },
+    )
+}
+
+/// How a row's limits lie about a value: the kind of row, a width, a penalty.
+type Spread = (u8, f64, f64);
+
+fn spreads(count: usize) -> impl Strategy<Value = Vec<Spread>> {
+    vec((0..8_u8, 0.0..2.0_f64, 0.01..5.0_f64), count)
+}
+
+fn spread(limits: &mut Limits, i: usize, value: f64, (kind, width, penalty): Spread) {
+    let (below, above) = match kind {
+        0 => (0.0, width),
+        1 => (width, 0.0),
+        2 => (width, f64::INFINITY),
+        3 => (f64::INFINITY, width),
+        4 | 5 => (width, width),
+        _ => (f64::INFINITY, f64::INFINITY),
+    };
+    (limits.low[i], limits.high[i]) = (value - below, value + above);
+    if width < 0.5 {
+        limits.penalty[i] = penalty;
+    }
+}
+
+/// Programs with a feasible point, about which the limits lie. Where `coarse`, most numbers are
+/// quarters.
+pub(super) fn programs(coarse: bool) -> impl Strategy<Value = Qp> {
+    shapes().prop_flat_map(move |dims| {
+        let (n, m) = (dims.nx, dims.nu);
+        let number = if coarse {
+            (-8..=8_i32).prop_map(|quarter| f64::from(quarter) / 4.0).boxed()
+        } else {
+            (-2.0..2.0_f64).boxed()
+        };
+        let numbers = move |count: usize| vec(number.clone(), count);
+        let matrices = (
+            numbers(dims.horizon * n * n),
+            numbers(dims.horizon * n * m),
+            numbers(dims.all_states()),
+            numbers(dims.all_rows() * n),
+            numbers(dims.all_rows() * m),
+            numbers(dims.horizon * n * n),
+            numbers(dims.n_controls * m * m),
+        );
+        let rows = dims.unknowns() + dims.all_inputs() + dims.all_rows();
+        let rest = (numbers(dims.unknowns()), numbers(dims.all_inputs()), spreads(rows));
+        (matrices, rest).prop_map(move |((a, b, c, rows_x, rows_u, q, r), (g, middle, spreads))| {
+            let squares = |factors: &[f64], size: usize, least: f64| -> Vec<f64> {
+                let blocks = factors.chunks_exact(size * size);
+                let entry = |f: &[f64], i: usize, k: usize| {
+                    let product = dot(&f[i * size..(i + 1) * size], &f[k * size..(k + 1) * size]);
+                    product + if i == k { least } else { 0.0 }
+                };
+                let square = |f: &[f64]| -> Vec<f64> {
+                    let f = f.to_vec();
+                    (0..size * size).map(|at| entry(&f, at / size, at % size)).collect()
+                };
+                blocks.flat_map(square).collect()
+            };
+            let mut qp = Qp::new(dims, squares(&q, n, 0.0), squares(&r, m, 0.5));
+            qp.a = a.iter().map(|a| a / 2.0).collect();
+            (qp.b, qp.c, qp.rows_x, qp.rows_u) = (b, c, rows_x, rows_u);
+            qp.gradient = g.iter().map(|g| 4.0 * g).collect();
+            set_limits(&mut qp, &middle, &spreads);
+            qp
+        })
+    })
+}
+
+/// Limits about the point that the inputs `middle` lead to.
+fn set_limits(qp: &mut Qp, middle: &[f64], spreads: &[Spread]) {
+    let dims = qp.dims;
+    let (n, m) = (dims.nx, dims.nu);
+    let mut d = vec![0.0; dims.unknowns()];
+    d[dims.all_states()..].copy_from_slice(middle);
+    for j in 0..dims.horizon {
+        for k in 0..n {
+            let before = if j > 0 { d[(j - 1) * n..j * n].to_vec() } else { vec![0.0; n] };
+            let u = dims.all_states() + dims.acting(j) * m;
+            d[j * n + k] = qp.c[j * n + k]
+                + dot(&qp.a(j)[k * n..(k + 1) * n], &before)
+                + dot(&qp.b(j)[k * m..(k + 1) * m], &d[u..u + m]);
+        }
+    }
+    let values: Vec<f64> = Dense::new(qp).rows.iter().map(|(row, _)| dot(row, &d)).collect();
+    let (bounds, rest) = values.split_at(dims.unknowns());
+    let (increments, rows) = rest.split_at(dims.all_inputs());
+    let mut spreads = spreads.iter();
+    for (limits, values) in
+        [(&mut qp.bounds, bounds), (&mut qp.increments, increments), (&mut qp.rows, rows)]
+    {
+        for ((i, &value), &how) in values.iter().enumerate().zip(&mut spreads) {
+            spread(limits, i, value, how);
+        }
+    }
+    for j in dims.constrained() {
+        for (at, row) in dims.stage_rows(j).enumerate() {
+            let equality = at >= dims.inequalities;
+            qp.rows.low[row] = if equality { rows[row] } else { f64::NEG_INFINITY };
+            qp.rows.high[row] = if equality { rows[row] } else { qp.rows.high[row] };
+        }
+    }
+}
+
+/// The program with states and inputs counted in units so many times smaller, and the cost too.
+pub(super) fn counted(qp: &Qp, [x, u, cost]: [f64; 3]) -> Qp {
+    let mut qp = qp.clone();
+    let states = qp.dims.all_states();
+    let times = |values: &mut [f64], factor: f64| values.iter_mut().for_each(|v| *v *= factor);
+    times(&mut qp.q, cost / (x * x));
+    times(&mut qp.s, cost / (x * u));
+    for weights in [&mut qp.r, &mut qp.t] {
+        times(weights, cost / (u * u));
+    }
+    times(&mut qp.b, x / u);
+    times(&mut qp.c, x);
+    times(&mut qp.rows_x, 1.0 / x);
+    times(&mut qp.rows_u, 1.0 / u);
+    times(&mut qp.gradient[..states], cost / x);
+    times(&mut qp.gradient[states..], cost / u);
+    for side in [&mut qp.bounds.low, &mut qp.bounds.high] {
+        times(&mut side[..states], x);
+        times(&mut side[states..], u);
+    }
+    times(&mut qp.bounds.penalty[..states], cost / x);
+    times(&mut qp.bounds.penalty[states..], cost / u);
+    for side in [&mut qp.increments.low, &mut qp.increments.high] {
+        times(side, u);
+    }
+    times(&mut qp.increments.penalty, cost / u);
+    times(&mut qp.rows.penalty, cost);
+    qp
+}
+
+/// F'F of factors F, one after the other: squares of this size.
+fn squares(factors: &[f64], size: usize) -> Vec<Vec<f64>> {
+    let square = |f: &[f64]| {
+        let entry = |at: usize| {
+            let (i, k) = (at / size, at % size);
+            (0..size).map(|l| f[l * size + i] * f[l * size + k]).sum()
+        };
+        (0..size * size).map(entry).collect()
+    };
+    factors.chunks_exact(size * size).map(square).collect()
+}
+
+/// Programs with S and T: a positive semidefinite square of (x, u) at each stage.
+pub(super) fn stage_costs(coarse: bool) -> impl Strategy<Value = Qp> {
+    programs(coarse).prop_flat_map(|qp| {
+        let OcpDims { nx, nu, horizon, .. } = qp.dims;
+        let width = nx + nu;
+        vec(-1.5..1.5_f64, horizon * width * width).prop_map(move |factors| {
+            let mut qp = qp.clone().with_stage_cost();
+            for (j, square) in squares(&factors, width).iter().enumerate() {
+                let acting = qp.dims.acting(j + 1);
+                for (row, line) in square.chunks_exact(width).enumerate() {
+                    let (by_x, by_u) = line.split_at(nx);
+                    let (to, from) = match row.checked_sub(nx) {
+                        None => (&mut qp.q[(j * nx + row) * nx..], by_x),
+                        Some(k) => {
+                            qp.s[(j * nu + k) * nx..][..nx].copy_from_slice(by_x);
+                            (&mut qp.t[(acting * nu + k) * nu..], by_u)
+                        }
+                    };
+                    to.iter_mut().zip(from).for_each(|(to, from)| *to += from);
+                }
+            }
+            qp
+        })
+    })
+}
+
+/// Programs with W.
+pub(super) fn coupled(coarse: bool) -> impl Strategy<Value = Qp> {
+    programs(coarse).prop_flat_map(|qp| {
+        let inputs = qp.dims.all_inputs();
+        vec(-1.5..1.5_f64, inputs * inputs).prop_map(move |factors| {
+            let w = squares(&factors, inputs).concat();
+            Qp { w, ..qp.clone() }
+        })
+    })
+}
