@@ -14,14 +14,18 @@ from pathlib import Path
 INTRODUCTION = """\
 # Accuracy against cost
 
-What a step of T costs with nets by size and training, and with numerical methods by substeps, and how exact it is; and what that comes to
-in the closed loop. Made by the commands below and `python3 benches/pareto/table.py runs/*-pareto`; the findings are in
-[measurements.md](measurements.md#accuracy-against-cost). A plant of one's own takes its place by another config of this kind.
+What one step of T costs and how exact it is, for nets by size and training and for numerical
+methods by substeps, and what this means in the closed loop. Made by the commands below and
+`python3 benches/pareto/table.py runs/*-pareto`; the findings are in
+[findings.md](findings.md#accuracy-against-cost). To compare on a plant of your own, write another
+config of this kind.
 
-Errors of one step are over points that fill the training domain, in widths of the domain: at a point the root mean square over the states; rms, median and
-99th percentile over the points; of the Jacobians the rms over points and entries. Alone, a step waits for the one before, as in a simulation;
-with Jacobians as many are computed at a time as the controller's horizon has, by one thread. The control step is the median time of the whole controller. Training
-includes, for distilled nets, the integration of what they are fitted to."""
+Errors of one step are over points that fill the training domain, in widths of the domain: at a
+point the root mean square over the states; over the points the rms, the median and the 99th
+percentile; of the Jacobians the rms over points and entries. Alone, a step waits for the one
+before, as in a simulation; with Jacobians, as many are computed at a time as the controller's
+horizon has, by one thread. The control step is the median time of the whole controller. For
+distilled nets, the training time includes the integration of their targets."""
 
 # The page's order; other plants come after these.
 ORDER = ("van-der-pol", "four-tanks", "still", "column", "servo", "car", "arm")

@@ -1,0 +1,142 @@
+//! The documents against the tree: links, and what the architecture names.
+
+use std::collections::BTreeSet;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+fn root() -> PathBuf {
+    let tests = Path::new(env!("CARGO_MANIFEST_DIR"));
+    tests.parent().expect("the tests have a parent folder").to_path_buf()
+}
+
+fn read(path: &Path) -> String {
+    fs::read_to_string(path).unwrap_or_else(|error| panic!("{}: {error}", path.display()))
+}
+
+/// What lies in a folder, sorted.
+fn entries(folder: &Path) -> Vec<PathBuf> {
+    let entries = fs::read_dir(folder);
+    let entries = entries.unwrap_or_else(|error| panic!("{}: {error}", folder.display()));
+    let mut paths: Vec<_> = entries.map(|entry| entry.expect("a readable folder").path()).collect();
+    paths.sort();
+    paths
+}
+
+/// All files of a kind below a folder.
+fn files(folder: &Path, extension: &str) -> Vec<PathBuf> {
+    let below = |path: PathBuf| match path.is_dir() {
+        true => files(&path, extension),
+        false => vec![path],
+    };
+    let of_kind = |path: &PathBuf| path.extension().is_some_and(|found| found == extension);
+    entries(folder).into_iter().flat_map(below).filter(of_kind).collect()
+}
+
+/// A page without its blocks of code.
+fn prose(page: &str) -> String {
+    page.split("```").step_by(2).collect()
+}
+
+/// The targets of the links of a page.
+fn links(page: &str) -> Vec<String> {
+    let prose = prose(page);
+    let targets = prose.split("](").skip(1).filter_map(|rest| rest.split(')').next());
+    targets.map(str::to_owned).collect()
+}
+
+/// The anchors of a page's headings, as GitHub makes them.
+fn anchors(page: &str) -> BTreeSet<String> {
+    let prose = prose(page);
+    let headings = prose.lines().filter(|line| line.starts_with('#'));
+    let anchor = |line: &str| {
+        let title = line.trim_start_matches('#').trim().to_lowercase();
+        let kept = title.chars().filter(|c| c.is_alphanumeric() || matches!(c, ' ' | '-' | '_'));
+        kept.map(|c| if c == ' ' { '-' } else { c }).collect()
+    };
+    headings.map(anchor).collect()
+}
+
+#[test]
+fn links_lead_somewhere() {
+    let mut pages = vec![root().join("README.md")];
+    for folder in ["docs", "configs", "benches", "fuzz"] {
+        pages.extend(files(&root().join(folder), "md"));
+    }
+    let mut count = 0;
+    for page in pages {
+        let text = read(&page);
+        for link in links(&text).iter().filter(|link| !link.starts_with("http")) {
+            count += 1;
+            let (file, anchor) = link.split_once('#').unwrap_or((link, ""));
+            let folder = page.parent().expect("a page is in a folder");
+            let target = if file.is_empty() { page.clone() } else { folder.join(file) };
+            assert!(target.exists(), "{}: {link}", page.display());
+            let there = anchor.is_empty() || anchors(&read(&target)).contains(anchor);
+            assert!(there, "{}: no heading for {link}", page.display());
+        }
+    }
+    assert!(count > 50, "only {count} links found");
+}
+
+/// The pieces of a text in backquotes.
+fn quoted(text: &str) -> impl Iterator<Item = &str> {
+    text.split('`').skip(1).step_by(2)
+}
+
+/// The part of a page below a heading, up to the next one of the same or a higher level.
+fn section<'p>(page: &'p str, heading: &str) -> &'p str {
+    let (_, rest) = page.split_once(&format!("\n{heading}\n")).unwrap_or_else(|| {
+        panic!("no heading {heading}");
+    });
+    let level = heading.chars().take_while(|&c| c == '#').count();
+    let ends = (1..=level).filter_map(|n| rest.find(&format!("\n{} ", "#".repeat(n))));
+    &rest[..ends.min().unwrap_or(rest.len())]
+}
+
+/// The modules of a crate, folders with a slash; the root and tests are none.
+fn modules(source: &Path) -> BTreeSet<String> {
+    let name = |path: PathBuf| {
+        let stem = path.file_stem()?.to_str()?.to_owned();
+        if path.is_dir() {
+            return Some(stem + "/");
+        }
+        let is_module = path.extension()? == "rs" && stem != "lib";
+        is_module.then_some(stem)
+    };
+    let mut modules: BTreeSet<_> = entries(source).into_iter().filter_map(name).collect();
+    modules.remove("tests");
+    modules.remove("tests/");
+    modules
+}
+
+#[test]
+fn the_architecture_names_what_there_is() {
+    let page = read(&root().join("docs/architecture.md"));
+    for crate_folder in entries(&root().join("crates")) {
+        let name = crate_folder.file_name().expect("a folder").to_string_lossy().into_owned();
+        let rows = section(&page, &format!("### crates/{name}")).lines();
+        let first_cells = rows.filter_map(|row| row.strip_prefix("| ")?.split(" |").next());
+        let named: BTreeSet<_> = first_cells.flat_map(quoted).map(str::to_owned).collect();
+        assert_eq!(named, modules(&crate_folder.join("src")), "{name}");
+    }
+
+    let folders = ["crates/", "tests/", "configs/", "benches/", "docs/", "examples/", "fuzz/"];
+    let is_path = |text: &&str| folders.iter().any(|folder| text.starts_with(folder));
+    let is_pattern = |text: &str| text.contains("NAME") || text.contains('*');
+    for path in quoted(&prose(&page)).filter(is_path).filter(|path| !is_pattern(path)) {
+        assert!(root().join(path).exists(), "{path}");
+    }
+
+    let mut code = files(&root().join("tests"), "rs");
+    code.extend(files(&root().join("crates"), "rs"));
+    let code: String = code.iter().map(|path| read(path)).collect();
+    let is_test = |text: &&str| {
+        text.matches('_').count() >= 2 && text.chars().all(|c| c.is_alphanumeric() || c == '_')
+    };
+    let invariants = section(&page, "## Invariants");
+    let tests: Vec<_> = quoted(invariants).filter(is_test).collect();
+    assert!(tests.len() > 20, "{tests:?}");
+    for test in tests {
+        assert!(code.contains(&format!("fn {test}(")), "{test}");
+    }
+}
