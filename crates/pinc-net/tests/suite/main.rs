@@ -1,9 +1,13 @@
 //! Nets, their losses, optimizers, training and files.
 
+mod distillation;
 mod examples;
+mod growth;
 mod kernel;
+mod levenberg_marquardt;
 mod measurements;
 mod model;
 mod model_file;
 mod optimizers;
 mod training;
+mod trainings;

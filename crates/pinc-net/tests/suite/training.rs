@@ -1,98 +1,17 @@
 //! Training: schedule, determinism, resuming, and what stops it.
 
+use super::trainings::{
+    adam, begin, broyden, finish, growth, lbfgs, levenberg_marquardt, small, training, validation,
+    validation_of, van_der_pol, van_der_pol_domain,
+};
 use pinc_ad::Scalar;
-use pinc_net::optim::{
-    AdamConfig, LbfgsConfig, LevenbergMarquardtConfig, OptimizerConfig, SelfScaledBroydenConfig,
-};
+use pinc_net::optim::OptimizerConfig;
 use pinc_net::{
-    Ansatz, Checkpoint, Domain, GrowthConfig, IterationRecord, Measurements, NetConfig, NetError,
-    Phase, PincNet, Progress, Sampler, Scenario, SelectNet, StopReason, Trainer, Training,
-    TrainingConfig, TrainingTarget, Validation, ValidationConfig, ValidationSet,
+    Ansatz, Checkpoint, Domain, GrowthConfig, NetConfig, NetError, PincNet, Progress, Sampler,
+    Scenario, SelectNet, StopReason, Training, TrainingConfig, ValidationConfig, ValidationSet,
 };
-use pinc_ode::{Dopri5, DynRhs, Plant, Variable};
+use pinc_ode::{Dopri5, Plant, Variable};
 use pinc_plants::{OneTank, VanDerPol};
-
-fn adam(iterations: u64) -> Phase {
-    Phase::new(AdamConfig::new(1e-2), iterations)
-}
-
-fn lbfgs(iterations: u64) -> Phase {
-    Phase::new(LbfgsConfig::default(), iterations)
-}
-
-fn broyden(iterations: u64) -> Phase {
-    Phase::new(SelfScaledBroydenConfig::default(), iterations)
-}
-
-fn levenberg_marquardt(iterations: u64) -> Phase {
-    Phase::new(LevenbergMarquardtConfig::default(), iterations)
-}
-
-fn training(phases: Vec<Phase>) -> TrainingConfig {
-    TrainingConfig {
-        collocation_points: 256,
-        initial_points: 32,
-        lambda: 0.5,
-        phases,
-        growth: None,
-        validation_every: 10,
-        ..TrainingConfig::recommended()
-    }
-}
-
-fn growth() -> Option<GrowthConfig> {
-    Some(GrowthConfig {
-        max_points: 2048,
-        factor: 2,
-        overfit_ratio: 1.2,
-        check_every: 20,
-        fresh_points: 512,
-    })
-}
-
-fn van_der_pol_domain() -> Domain {
-    Domain::new(vec![-3.0..=3.0; 2], [-1.0..=1.0])
-}
-
-fn validation(sample_time_s: f64, domain: &Domain) -> ValidationConfig {
-    ValidationConfig {
-        scenarios: 3,
-        subintervals: 3,
-        tolerance: 1e-10,
-        one_step_points: 64,
-        ..ValidationConfig::new(4.0 * sample_time_s, domain.clone())
-    }
-}
-
-/// A training of the oscillator's 2x8 net.
-fn small(config: &TrainingConfig, ansatz: Ansatz, threads: usize) -> Training {
-    let domain = van_der_pol_domain();
-    let validation = validation(0.5, &domain);
-    let net = NetConfig { ansatz, ..NetConfig::new(0.5, 2, 8) };
-    Training { config: config.clone(), validation, seed: 3, threads, ..Training::new(net, domain) }
-}
-
-fn begin(plant: &dyn DynRhs, training: &Training) -> Result<Trainer, NetError> {
-    Trainer::new(plant, training, training.validation_set(plant)?)
-}
-
-fn van_der_pol(config: &TrainingConfig, ansatz: Ansatz, threads: usize) -> Trainer {
-    begin(&VanDerPol::default(), &small(config, ansatz, threads)).unwrap()
-}
-
-/// Steps to the end, validating when due.
-fn finish(trainer: &mut Trainer) -> (Vec<IterationRecord>, StopReason) {
-    let mut records = Vec::new();
-    loop {
-        match trainer.step().unwrap() {
-            Progress::Iterated(record) => records.push(record),
-            Progress::Finished(reason) => return (records, reason),
-        }
-        if trainer.validation_due() {
-            trainer.validate();
-        }
-    }
-}
 
 #[test]
 fn the_two_phase_schedule_reduces_the_loss_with_every_sampler_and_ansatz() {
@@ -158,11 +77,6 @@ fn the_last_net_is_kept_if_asked_for_and_phases_can_go_back_to_the_best() {
     let validation = trainer.validate();
     let again = validation_of(&trainer.net());
     assert_eq!(validation.mse_gen.to_bits(), again.mse_gen.to_bits());
-}
-
-fn validation_of(net: &PincNet) -> Validation {
-    let training = small(&training(vec![]), Ansatz::HardLinear, 1);
-    training.validation_set(&VanDerPol::default()).unwrap().evaluate(net)
 }
 
 #[test]
@@ -396,71 +310,4 @@ fn settings_that_make_no_sense_are_named() {
         let message = config.validate().unwrap_err().to_string();
         assert!(message.starts_with(key), "{message}");
     }
-}
-
-fn distilled(
-    training: &TrainingConfig,
-    ansatz: Ansatz,
-    threads: usize,
-) -> Result<Trainer, NetError> {
-    let config = TrainingConfig { source: TrainingTarget::Integrator, ..training.clone() };
-    begin(&VanDerPol::default(), &small(&config, ansatz, threads))
-}
-
-#[test]
-fn a_distilled_net_learns_the_integrators_steps_and_says_so_in_its_file() {
-    let config = TrainingConfig { growth: growth(), ..training(vec![broyden(300)]) };
-    let nets = [1, 2].map(|threads| {
-        let mut trainer = distilled(&config, Ansatz::HardLinear, threads).unwrap();
-        let (records, _) = finish(&mut trainer);
-        let last = records[299];
-        // One term alone: neither the equation nor the initial condition is asked for.
-        assert_eq!(last.loss.to_bits(), last.loss_measured.to_bits());
-        assert!(last.loss < records[0].loss / 1e4, "{} {}", records[0].loss, last.loss);
-        assert!(last.collocation_points > 256);
-        assert!(trainer.validate().one_step_mse < 1e-4);
-        trainer.net()
-    });
-    assert_eq!(nets[0].to_bytes(), nets[1].to_bytes());
-    let read = PincNet::from_bytes(&nets[0].to_bytes()).unwrap();
-    assert_eq!(read.source(), TrainingTarget::Integrator);
-    // Nothing is asked between the steps, where the net is wrong.
-    let Validation { mse_gen, mse_all_normalized, .. } = validation_of(&read);
-    assert!(mse_all_normalized < mse_gen, "{mse_all_normalized} {mse_gen}");
-    let physics = van_der_pol(&config, Ansatz::HardLinear, 1).net();
-    assert!(!String::from_utf8_lossy(&physics.to_bytes()).contains("source"));
-}
-
-#[test]
-fn what_cannot_be_distilled_is_refused() {
-    let config = training(vec![adam(5)]);
-    let error = |result: Result<Trainer, NetError>| result.map(|_| ()).unwrap_err().to_string();
-    let soft = error(distilled(&config, Ansatz::Direct, 1));
-    assert!(soft.starts_with("source: integrator given"), "{soft}");
-    let grid = TrainingConfig { sampler: Sampler::CoupledGrid, ..config.clone() };
-    let grid = error(distilled(&grid, Ansatz::HardLinear, 1));
-    assert!(grid.starts_with("sampler: coupled-grid given"), "{grid}");
-    let mut data = Measurements::new(2);
-    data.push(0.1, &[0.0; 2], &[0.0], &[Some(0.1), None]);
-    let both = distilled(&config, Ansatz::HardLinear, 1).unwrap().with_measurements(&data, 1.0);
-    assert!(error(both).starts_with("source: integrator given"));
-}
-
-#[test]
-fn a_distilled_training_goes_on_from_its_checkpoint() {
-    let config =
-        TrainingConfig { collocation_points: 64, growth: growth(), ..training(vec![broyden(120)]) };
-    let mut whole = distilled(&config, Ansatz::HardLinear, 1).unwrap();
-    let (records, _) = finish(&mut whole);
-    assert!(records[119].collocation_points > 64);
-    let mut first = distilled(&config, Ansatz::HardLinear, 1).unwrap();
-    for _ in 0..80 {
-        first.step().unwrap();
-        if first.validation_due() {
-            first.validate();
-        }
-    }
-    let checkpoint = first.checkpoint().clone();
-    let mut second = distilled(&config, Ansatz::HardLinear, 2).unwrap().resume(checkpoint).unwrap();
-    assert_eq!(finish(&mut second).0, records[80..]);
 }
