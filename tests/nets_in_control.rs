@@ -11,6 +11,7 @@ mod faulty;
 mod optimality;
 #[path = "../crates/pinc-mpc/tests/suite/problems.rs"]
 mod problems;
+#[expect(dead_code, reason = "only other tests draw indices")]
 #[path = "../crates/pinc-mpc/tests/suite/stream.rs"]
 mod stream;
 #[path = "../crates/pinc-mpc/tests/suite/survey.rs"]
