@@ -5,7 +5,7 @@ use super::exchange;
 use super::results::{FmaPeak, LossGradient};
 use crate::BenchError;
 use crate::clock::{for_seconds, median, time, to_f64};
-use crate::runs::Setup;
+use crate::runs::TrainingSetup;
 use pinc_config::Experiment;
 use pinc_net::{BatchLoss, Isa, LossWeights, PincNet, Points, Workers, initial_conditions};
 use pinc_ode::DynPlant;
@@ -23,7 +23,7 @@ pub(super) struct Evaluation {
 
 impl Evaluation {
     fn new(experiment: &Experiment, effort: &Effort) -> Result<Self, BenchError> {
-        let Setup { net: model, domain, training, .. } = Setup::of(experiment)?;
+        let TrainingSetup { net: model, domain, training, .. } = TrainingSetup::of(experiment)?;
         let seed = experiment.seed;
         let plant = experiment.plant.dyn_plant();
         let net = PincNet::new(plant.as_ref(), model, domain, seed)?;

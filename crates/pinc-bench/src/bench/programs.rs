@@ -5,7 +5,7 @@ use super::cases::Case;
 use super::results::QpTime;
 use crate::BenchError;
 use crate::clock::{median, to_f64};
-use crate::runs::ControlSetup;
+use crate::runs::LoopSetup;
 use pinc_config::ModelKind;
 use pinc_mpc::{Nmpc, QpMethod};
 use pinc_ode::{Dims, Linearization, Model, Stages};
@@ -25,7 +25,7 @@ fn measure(case: Case, method: QpMethod, repetitions: usize) -> Result<QpTime, B
     let experiment = case.experiment(&[&format!("control.sqp.qp={method}")])?;
     let spec = experiment.control.as_ref().expect("the shipped loops have a controller");
     let sample_time_s = experiment.sample_time_s().expect("the shipped loops train a net");
-    let setup = ControlSetup { spec, kinds: &[ModelKind::Rk4], net: None, sample_time_s };
+    let setup = LoopSetup { spec, kinds: &[ModelKind::Rk4], net: None, sample_time_s };
     let plant = &*experiment.plant.dyn_plant();
     let in_model = Spent::default();
     let model = Watched { model: setup.model(ModelKind::Rk4, plant)?, spent: in_model.clone() };

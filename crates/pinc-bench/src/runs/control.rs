@@ -16,7 +16,7 @@ use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
 
 /// What the stage works from.
-pub(crate) struct Setup<'a> {
+pub(crate) struct LoopSetup<'a> {
     pub(crate) spec: &'a ControlSpec,
     /// Which of the config's models are run.
     pub(crate) kinds: &'a [ModelKind],
@@ -33,7 +33,7 @@ type NamedModel = (ModelKind, Box<dyn Model>);
 /// also the one in the loop unless the config has another.
 pub(crate) fn stage(
     plant: &dyn DynPlant,
-    setup: &Setup<'_>,
+    setup: &LoopSetup<'_>,
     options: &Options<'_>,
     run_dir: &mut RunDir,
 ) -> Result<(), BenchError> {
@@ -54,7 +54,7 @@ pub(crate) fn stage(
 
 fn run_model(
     plant: &dyn DynPlant,
-    setup: &Setup<'_>,
+    setup: &LoopSetup<'_>,
     (kind, model): NamedModel,
     options: &Options<'_>,
     run_dir: &RunDir,
@@ -97,7 +97,7 @@ pub(super) fn rehearse(
     spec: &ControlSpec,
     sample_time_s: f64,
 ) -> Result<Trajectory, BenchError> {
-    let setup = Setup { spec, kinds: &[ModelKind::Rk4], net: None, sample_time_s };
+    let setup = LoopSetup { spec, kinds: &[ModelKind::Rk4], net: None, sample_time_s };
     let model = setup.model(ModelKind::Rk4, plant)?;
     let mut nmpc = Nmpc::new(setup.problem(plant), model, spec.sqp)?;
     let mut run = setup.begin(&mut nmpc, plant)?;
@@ -105,7 +105,7 @@ pub(super) fn rehearse(
     Ok(run.trajectory().clone())
 }
 
-impl Setup<'_> {
+impl LoopSetup<'_> {
     /// What watches the net, if that is the model.
     fn guard(&self, kind: ModelKind) -> Option<Guard<'_>> {
         let net = self.net.filter(|_| kind == ModelKind::Pinc);

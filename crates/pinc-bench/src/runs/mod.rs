@@ -12,8 +12,8 @@ mod predict;
 mod train;
 mod trial;
 
-pub(crate) use control::Setup as ControlSetup;
-pub(crate) use train::Setup;
+pub(crate) use control::LoopSetup;
+pub(crate) use train::TrainingSetup;
 pub(crate) use trial::{run_trial, train_shared};
 
 pub use check::{Finding, Severity, check, findings_json};
@@ -283,7 +283,7 @@ impl Stages<'_> {
         {
             let sample_time_s =
                 experiment.sample_time_s().or_else(|| net.map(PincNet::sample_time_s));
-            let setup = control::Setup {
+            let setup = LoopSetup {
                 spec,
                 kinds: &plan.loops,
                 net,

@@ -1,7 +1,7 @@
 //! The stage that looks at one step of each of the controller's models: its error and its cost.
 
 use super::Options;
-use super::control::Setup;
+use super::control::LoopSetup;
 use crate::BenchError;
 use crate::one_step::Steps;
 use crate::progress::Stage;
@@ -13,7 +13,7 @@ use pinc_record::{OneStepMetrics, RunDir};
 /// Measures the models of `setup` on `domain`, unless that has been done.
 pub(crate) fn stage(
     plant: &dyn DynPlant,
-    setup: &Setup<'_>,
+    setup: &LoopSetup<'_>,
     (spec, domain): (&OneStepSpec, &Domain),
     options: &Options<'_>,
     run_dir: &mut RunDir,

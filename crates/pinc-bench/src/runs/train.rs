@@ -27,7 +27,7 @@ pub(crate) fn stage(
     if run_dir.metrics().training.is_some() {
         return super::read_model(&run_dir.path(file::MODEL));
     }
-    let setup = Setup::of(experiment)?;
+    let setup = TrainingSetup::of(experiment)?;
     let mut validation = setup.training(experiment.seed).validation_set(plant)?;
     if let Some(held_out) = setup.measured(experiment, |data| &data.held_out)? {
         validation = validation.with_measurements(held_out.measurements);
@@ -57,7 +57,7 @@ pub(crate) fn stage(
 }
 
 /// The sections that a training needs.
-pub(crate) struct Setup<'a> {
+pub(crate) struct TrainingSetup<'a> {
     pub(crate) net: &'a NetConfig,
     pub(crate) domain: &'a Domain,
     pub(crate) training: &'a TrainingSpec,
@@ -65,7 +65,7 @@ pub(crate) struct Setup<'a> {
     data: Option<&'a DataSpec>,
 }
 
-impl<'a> Setup<'a> {
+impl<'a> TrainingSetup<'a> {
     pub(crate) fn of(experiment: &'a Experiment) -> Result<Self, BenchError> {
         let missing = |section| BenchError::MissingSection {
             name: experiment.name.clone(),
@@ -126,7 +126,7 @@ impl Session {
     fn begin(
         plant: &dyn DynPlant,
         experiment: &Experiment,
-        setup: &Setup<'_>,
+        setup: &TrainingSetup<'_>,
         validation: &ValidationSet,
         options: &Options<'_>,
         run_dir: &RunDir,

@@ -6,6 +6,7 @@ mod prediction;
 mod steps;
 mod summary;
 mod training;
+mod trial_metric;
 mod trials;
 
 pub use control::{ControlRow, ControlTrace};
@@ -14,4 +15,5 @@ pub use prediction::{PredictionRow, PredictionTable};
 pub use steps::StepRow;
 pub use summary::{SummaryRow, SummaryTable};
 pub use training::TrainingRow;
-pub use trials::{LoopMetric, StepMetric, TrialColumn, TrialMetric, TrialStatus, TrialTable};
+pub use trial_metric::{LoopMetric, StepMetric, TrialMetric};
+pub use trials::{TrialColumn, TrialStatus, TrialTable};

@@ -1,6 +1,6 @@
 //! `summary.csv`: one row per cell and metric of a sweep, with the spread over its trials.
 
-use super::trials::TrialMetric;
+use super::trial_metric::TrialMetric;
 use crate::csv::{CsvFile, CsvText, number};
 use crate::error::RecordError;
 use crate::metrics::Metrics;

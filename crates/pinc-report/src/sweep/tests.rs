@@ -49,7 +49,7 @@ references = [{ start_s = 0.0, value = [1.0] }]
 "#;
 
 /// A trial: its cell, its draw if there are some, its metric and its status.
-struct Trial<'a> {
+struct SyntheticTrial<'a> {
     place: &'a [&'a str],
     draw: Option<u32>,
     value: f64,
@@ -57,7 +57,7 @@ struct Trial<'a> {
 }
 
 /// A directory with the tables of a sweep over `columns`, with the same value for each metric.
-fn directory(columns: &[&str], metrics: &[&str], trials: &[Trial<'_>]) -> TempDir {
+fn directory(columns: &[&str], metrics: &[&str], trials: &[SyntheticTrial<'_>]) -> TempDir {
     let dir = tempfile::tempdir().unwrap();
     let write = |name: &str, text: &str| fs::write(dir.path().join(name), text).unwrap();
     write("config.toml", &config(columns, metrics, trials));
@@ -79,7 +79,7 @@ fn directory(columns: &[&str], metrics: &[&str], trials: &[Trial<'_>]) -> TempDi
 }
 
 /// The config of a sweep with these columns and metrics.
-fn config(columns: &[&str], metrics: &[&str], trials: &[Trial<'_>]) -> String {
+fn config(columns: &[&str], metrics: &[&str], trials: &[SyntheticTrial<'_>]) -> String {
     let mut text = CONFIG.to_owned();
     if metrics.iter().any(|metric| metric.starts_with("pinc_") || metric.starts_with("rk4_")) {
         text += CONTROL;
@@ -106,8 +106,8 @@ fn config(columns: &[&str], metrics: &[&str], trials: &[Trial<'_>]) -> String {
     text + "[sweep]\n" + &sweep
 }
 
-fn trial<'a>(place: &'a [&'a str], value: f64) -> Trial<'a> {
-    Trial { place, draw: None, value, status: "done" }
+fn trial<'a>(place: &'a [&'a str], value: f64) -> SyntheticTrial<'a> {
+    SyntheticTrial { place, draw: None, value, status: "done" }
 }
 
 /// The pictures, each of them sound, and the page.
@@ -192,7 +192,7 @@ fn what_is_the_same_in_every_trial_is_said_and_not_drawn() {
 
 #[test]
 fn without_a_number_there_is_a_note() {
-    let failed = |place| Trial { place, draw: None, value: 0.0, status: "failed" };
+    let failed = |place| SyntheticTrial { place, draw: None, value: 0.0, status: "failed" };
     let cases = [failed(&["a"]), failed(&["b"])];
     let (figures, _) = report(directory(&["case"], &["mse_gen"], &cases).path());
     assert!(figures[0].svg.contains("No trial has a number."));
@@ -207,7 +207,7 @@ fn without_a_number_there_is_a_note() {
 #[test]
 fn long_names_are_broken_and_cut() {
     let long = "a conventional net trained on a good deal more than the others";
-    let cases: Vec<Trial<'_>> = (0..12)
+    let cases: Vec<SyntheticTrial<'_>> = (0..12)
         .map(|i| {
             let name: &str = String::leak(format!("{long} {i}"));
             trial(Vec::leak(vec![name]), 1.0 + f64::from(i))
@@ -224,7 +224,7 @@ fn draws_make_histograms_that_count_every_trial() {
     for place in [&["5", "pumps"], &["5", "levels"], &["8", "pumps"], &["8", "levels"]] {
         for draw in 0..151_u32 {
             let value = 500.0 + f64::from(draw * draw % 97);
-            trials.push(Trial { place, draw: Some(draw), value, status: "done" });
+            trials.push(SyntheticTrial { place, draw: Some(draw), value, status: "done" });
         }
     }
     trials[7].status = "failed";
@@ -245,7 +245,7 @@ fn draws_make_histograms_that_count_every_trial() {
 #[test]
 fn pinns_stand_in_columns_beside_the_chained_net() {
     let cases = ["PINC", "PINN, T = 0.5 s", "PINN, T = 10 s"];
-    let trials: Vec<Trial<'_>> =
+    let trials: Vec<SyntheticTrial<'_>> =
         cases.iter().map(|name| trial(Vec::leak(vec![*name]), 1e-3)).collect();
     let dir = directory(&["case"], &["free_run_rmse"], &trials);
     let mut config = format!("{CONFIG}[sweep]\n");
