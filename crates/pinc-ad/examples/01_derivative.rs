@@ -17,7 +17,8 @@ fn rosenbrock<S: Scalar>(v: &[S]) -> S {
 }
 
 pub(crate) fn main() {
-    // On an f64 the function gives its value, on a dual number its derivative as well, here 1/(2 sqrt(h)).
+    // On an f64 the function gives its value, on a dual number its derivative as well, here 1/(2
+    // sqrt(h)).
     let slope = derivative(outflow, 4.0);
     println!("outflow at h = 4: {}, its slope: {slope}", outflow(4.0));
     assert!((slope - 0.25).abs() < 1e-15);

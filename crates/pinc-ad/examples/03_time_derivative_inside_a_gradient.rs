@@ -1,5 +1,6 @@
-//! The idea of a physics-informed net: a loss that contains dy/dt of a net, and its gradient in the net's
-//! weights. Forward mode in time, inside reverse mode in the weights; no derivative is written by hand.
+//! The idea of a physics-informed net: a loss that contains dy/dt of a net, and its gradient in the
+//! net's weights. Forward mode in time, inside reverse mode in the weights; no derivative is
+//! written by hand.
 //!
 //! `cargo run -p pinc-ad --example 03_time_derivative_inside_a_gradient`
 #![expect(clippy::print_stdout, reason = "an example shows what it computes")]
@@ -12,7 +13,8 @@ const NEURONS: usize = 3;
 /// Times in s at which the net has to satisfy the equation y' = -y.
 const TIMES_S: [f64; 5] = [0.0, 0.25, 0.5, 0.75, 1.0];
 
-/// `y(t) = 1 + t sum_i a_i tanh(b_i t + c_i)`, which begins in 1 whatever the weights (a, b, c) are.
+/// `y(t) = 1 + t sum_i a_i tanh(b_i t + c_i)`, which begins in 1 whatever the weights (a, b, c)
+/// are.
 fn net<S: Scalar>(weights: &[S], t: S) -> S {
     let neuron = |w: &[S]| w[0] * (w[1] * t + w[2]).tanh();
     let sum = weights.chunks(NEURONS).map(neuron).fold(t.constant(0.0), |sum, term| sum + term);

@@ -6,10 +6,10 @@ use std::ops::{Add, Neg, Sub};
 
 /// The derivatives of `P` values, each in as many directions as `V` has lanes.
 ///
-/// As the derivative part of a dual number, `Dual<Lanes<P>, 1, Directions<V, P>>`, it takes all columns
-/// of a Jacobian through an equation in one register, beside values that are computed only once; and
-/// `P` points side by side, so that the processor has independent work where one point would wait for its own
-/// last result.
+/// As the derivative part of a dual number, `Dual<Lanes<P>, 1, Directions<V, P>>`, it takes all
+/// columns of a Jacobian through an equation in one register, beside values that are computed only
+/// once; and `P` points side by side, so that the processor has independent work while one point
+/// waits for its last result.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Directions<V, const P: usize>(pub [V; P]);
 

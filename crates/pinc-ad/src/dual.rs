@@ -2,7 +2,8 @@
 //!
 //! # Dual numbers in one screen
 //!
-//! Extend the numbers by infinitesimals `e_1 .. e_N` with `e_i e_j = 0`. Then every smooth function obeys
+//! Extend the numbers by infinitesimals `e_1 .. e_N` with `e_i e_j = 0`. Then every smooth function
+//! obeys
 //!
 //! ```text
 //! f(a + v_1 e_1 + .. + v_N e_N) = f(a) + f'(a) v_1 e_1 + .. + f'(a) v_N e_N
@@ -27,8 +28,8 @@ use crate::simd::Work;
 use std::fmt::Debug;
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
-/// A value with its derivatives in `N` directions; the value may be any [`Scalar`], and a derivative is
-/// one as well, or anything else that may be scaled by it (see [`Derivative`]).
+/// A value with its derivatives in `N` directions; the value may be any [`Scalar`], and a
+/// derivative is one as well, or anything else that can be scaled by it (see [`Derivative`]).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Dual<S, const N: usize = 1, E = S> {
     /// The value.
@@ -37,7 +38,7 @@ pub struct Dual<S, const N: usize = 1, E = S> {
     pub eps: [E; N],
 }
 
-/// What may stand as the derivative of a value of kind `S`: a vector space over it. Every [`Scalar`] is
+/// What can be the derivative of a value of kind `S`: a vector space over it. Every [`Scalar`] is
 /// one over itself; [`Directions`](crate::Directions) has several directions in one vector.
 pub trait Derivative<S>:
     Copy + Debug + Add<Output = Self> + Sub<Output = Self> + Neg<Output = Self>
@@ -111,8 +112,8 @@ impl<S: Scalar, const N: usize, E: Derivative<S>> Dual<S, N, E> {
         self.scaled(re, |e| e.times(slope))
     }
 
-    /// The dual number with value `re` and derivatives f(eps\[i\]). (A loop, since `array::map` is not
-    /// sure to be inlined into SIMD code.)
+    /// The dual number with value `re` and derivatives f(eps\[i\]). (A loop, since `array::map` is
+    /// not sure to be inlined into SIMD code.)
     #[inline(always)]
     fn scaled(self, re: S, f: impl Fn(E) -> E) -> Self {
         let mut eps = self.eps;

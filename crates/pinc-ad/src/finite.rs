@@ -20,8 +20,9 @@ impl std::fmt::Display for GradientMismatch {
 
 impl std::error::Error for GradientMismatch {}
 
-/// `(f(x + h e_i) - f(x - h e_i)) / 2h` with `h = cbrt(machine epsilon) max(1, |x_i|)`, the step that
-/// balances truncation (h^2 f'''/6) against rounding (eps |f| / h): about 1e-10 of the scale of f.
+/// `(f(x + h e_i) - f(x - h e_i)) / 2h` with `h = cbrt(machine epsilon) max(1, |x_i|)`, the step
+/// that balances truncation (h^2 f'''/6) against rounding (eps |f| / h): about 1e-10 of the scale
+/// of f.
 ///
 /// # Panics
 ///

@@ -4,7 +4,8 @@
 //!
 //! - `f64`: its value;
 //! - [`Dual`]: its value and directional derivatives (forward mode);
-//! - [`Lanes`]: several points at once, in a form that the compiler turns into SIMD instructions; [`simd`] has the vectors of this machine themselves;
+//! - [`Lanes`]: several points at once, in a form that the compiler turns into SIMD instructions;
+//!   [`simd`] has the vectors of this machine;
 //! - [`Var`]: its value, recorded on a [`Tape`] for the gradient (reverse mode).
 //!
 //! The kinds nest. `Dual<Var>` is what a physics-informed net needs: forward in time for dy/dt,

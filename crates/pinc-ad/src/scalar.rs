@@ -7,7 +7,7 @@ use std::ops::{Add, Div, Mul, Neg, Sub};
 /// A number that an equation can be written over: `f64`, [`Dual`](crate::Dual),
 /// [`Lanes`](crate::Lanes), [`Var`](crate::Var) and any nesting of them.
 ///
-/// Plain numbers stand on the right of an operator: `x * 2.0`, not `2.0 * x`.
+/// Plain numbers go on the right of an operator: `x * 2.0`, not `2.0 * x`.
 ///
 /// There is no ordering, since a comparison cannot be answered once for several lanes: branch with
 /// [`where_nonpositive`](Scalar::where_nonpositive). There is no `zero()` or `From<f64>`, since a
@@ -25,20 +25,21 @@ pub trait Scalar:
     + Mul<f64, Output = Self>
     + Div<f64, Output = Self>
 {
-    /// This kind of number without its derivatives, as many lanes: `f64` or `Lanes`, say. An equation
-    /// that solves another one inside iterates on it (see [`plain`](Scalar::plain)).
+    /// This kind of number without its derivatives, as many lanes: `f64` or `Lanes`, say. An
+    /// equation that solves another one inside iterates on it (see [`plain`](Scalar::plain)).
     type Plain: Scalar<Plain = Self::Plain>;
 
-    /// The constant `value` in the context of `self` (same tape, same lanes); its derivatives are 0.
+    /// The constant `value` in the context of `self` (same tape, same lanes); its derivatives are
+    /// 0.
     #[must_use]
     fn constant(self, value: f64) -> Self;
 
     /// The value alone, lane by lane.
     ///
     /// An equation g(z, x) = 0 inside another is solved for z on plain numbers; one Newton step on
-    /// the kind of number itself then gives z its derivatives `dz/dx = -g_x / g_z`, exact to first order
-    /// (implicit function theorem). Iterating on numbers with derivatives would cost several times
-    /// as much.
+    /// the kind of number itself then gives z its derivatives `dz/dx = -g_x / g_z`, exact to first
+    /// order (implicit function theorem). Iterating on numbers with derivatives would cost several
+    /// times as much.
     #[must_use]
     fn plain(self) -> Self::Plain;
 
@@ -79,8 +80,8 @@ pub trait Scalar:
     #[must_use]
     fn tanh(self) -> Self;
 
-    /// `self` to the power `p`; NaN below 0 unless `p` is whole. For p < 1 the derivative at 0, which
-    /// is infinite, counts as 0, as that of [`sqrt`](Scalar::sqrt).
+    /// `self` to the power `p`; NaN below 0 unless `p` is whole. For p < 1 the derivative at 0,
+    /// which is infinite, counts as 0, as that of [`sqrt`](Scalar::sqrt).
     #[must_use]
     fn powf(self, p: f64) -> Self;
 
@@ -115,7 +116,8 @@ pub trait Scalar:
         self.where_nonpositive(self.constant(0.0) - self, self)
     }
 
-    /// -1, 0 or 1 as `self` is negative, 0 or positive; NaN for NaN. Its derivative is 0 everywhere.
+    /// -1, 0 or 1 as `self` is negative, 0 or positive; NaN for NaN. Its derivative is 0
+    /// everywhere.
     #[inline(always)]
     #[must_use]
     fn sign(self) -> Self {
@@ -130,7 +132,8 @@ pub trait Scalar:
     #[inline(always)]
     #[must_use]
     fn min(self, other: Self) -> Self {
-        // The sum is taken where neither comparison holds: of infinities of one sign, or with a NaN.
+        // The sum is taken where neither comparison holds: of infinities of one sign, or with a
+        // NaN.
         let rest = (self - other).where_nonpositive(self, self + other);
         (other - self).where_nonpositive(other, rest)
     }
@@ -152,8 +155,8 @@ pub trait Scalar:
         self * a + b
     }
 
-    /// Runs `work`, compiled for the instruction set that this kind of number needs. Code over numbers
-    /// that is too long to be inlined at each of its places goes through here.
+    /// Runs `work`, compiled for the instruction set that this kind of number needs. Code over
+    /// numbers that is too long to be inlined at each of its places goes through here.
     #[inline(always)]
     fn vectorize<W: Work>(self, work: W) -> W::Output {
         work.run()

@@ -4,7 +4,7 @@ use crate::Scalar;
 use std::cell::RefCell;
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
-/// Index of a value that no input influences; it takes no place on the tape.
+/// Index of a value that no input influences; it is not recorded on the tape.
 const CONSTANT: usize = usize::MAX;
 
 /// One recorded operation: up to two operands and the derivative with respect to each.
@@ -34,7 +34,7 @@ impl Tape {
         self.record(value, [CONSTANT; 2], [0.0; 2])
     }
 
-    /// Forgets all operations; the borrow checker sees to it that no [`Var`] is left.
+    /// Forgets all operations; the borrow checker ensures that no [`Var`] is left.
     pub fn clear(&mut self) {
         self.nodes.get_mut().clear();
     }

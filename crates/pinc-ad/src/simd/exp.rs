@@ -2,11 +2,12 @@
 
 use crate::simd::{Simd, TABLE_SIZE};
 
-/// 1.5 * 2^52 + 1024: adding it rounds a number to a whole one, which then stands in the low bits, moved
-/// to the middle of the table.
+/// 1.5 * 2^52 + 1024: adding it rounds a number to an integer, which is then in the low bits,
+/// shifted to the middle of the table.
 const SHIFT: f64 = 6_755_399_441_055_744.0 + 1024.0;
 
-/// Beyond it e^x is infinite, below minus it 0; its exponent of 2 still has halves within the table.
+/// Beyond it e^x is infinite, below minus it 0; its exponent of 2 still has halves within the
+/// table.
 const LIMIT: f64 = 1400.0;
 
 /// ln 2 in two parts: whole multiples of the first up to 2^21 are exact.
@@ -32,8 +33,8 @@ const C: [f64; 12] = [
 /// 2^(i - 1024).
 static POWERS: [f64; TABLE_SIZE] = powers();
 
-/// e^x, to within 2 units in the last place where the result is a normal number (tested over the whole range); 0 and
-/// infinity beyond the range, NaN for NaN.
+/// e^x, to within 2 units in the last place where the result is a normal number (tested over the
+/// whole range); 0 and infinity beyond the range, NaN for NaN.
 ///
 /// ```text
 /// x = k ln 2 + r, |r| <= ln(2)/2,    e^x = 2^k (1 + r + r^2/2! + .. + r^13/13!)
@@ -56,8 +57,8 @@ pub(super) fn exp<V: Simd>(x: V) -> V {
     let middle = c7.mul_add(r, c6).mul_add(r2, c5.mul_add(r, c4));
     let high = c11.mul_add(r, c10).mul_add(r2, c9.mul_add(r, c8));
     let series = c13.mul_add(r, c12).mul_add(r4, high).mul_add(r8, middle.mul_add(r4, low));
-    // 2^k by halves, so that each is a normal number: the last product alone rounds, to 0 or infinity
-    // where it must.
+    // 2^k by halves, so that each is a normal number: the last product alone rounds, to 0 or
+    // infinity where it must.
     let half = k.mul_add(number(0.5), number(SHIFT));
     let rest = (k - (half - SHIFT)) + SHIFT;
     series * half.lookup(&POWERS) * rest.lookup(&POWERS)

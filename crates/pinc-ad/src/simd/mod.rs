@@ -1,12 +1,13 @@
 //! Vectors of `f64` in three instruction sets, chosen at run time.
 //!
-//! This is the only module with `unsafe` code. It is sound by one rule: *a value of a vector type is
-//! the proof that its instructions exist*. The only source of a first value is [`Isa::dispatch`],
-//! after the CPU has been asked; all others derive from it (by [`Scalar::constant`] and arithmetic).
+//! This is the only module with `unsafe` code. It is sound by one rule: *a value of a vector type
+//! is the proof that its instructions exist*. The only source of a first value is
+//! [`Isa::dispatch`], after the CPU has been queried; all others derive from it (by
+//! [`Scalar::constant`] and arithmetic).
 //!
-//! Speed comes from a second rule: everything between [`Isa::dispatch`] and the vector operations is
-//! `#[inline(always)]`, so that it all becomes part of the one function that is compiled with the
-//! instruction set enabled. A piece that is not inlined stays correct and becomes slow.
+//! Speed comes from a second rule: everything between [`Isa::dispatch`] and the vector operations
+//! is `#[inline(always)]`, so that it all becomes part of the one function that is compiled with
+//! the instruction set enabled. A function that is not inlined stays correct but becomes slow.
 #![expect(unsafe_code, reason = "intrinsics need it; see the module's soundness rule")]
 
 mod exp;
@@ -58,10 +59,10 @@ pub trait Simd: Scalar + Send + Sync + 'static {
     fn sum(self) -> f64;
 }
 
-/// Work over one vector type, to be compiled for its instruction set by [`Scalar::vectorize`]. Mark `run`
-/// `#[inline(always)]`.
+/// Work over one vector type, to be compiled for its instruction set by [`Scalar::vectorize`]. Mark
+/// `run` `#[inline(always)]`.
 pub trait Work {
-    /// What comes of it.
+    /// Its result.
     type Output;
 
     /// Does the work.
@@ -75,7 +76,8 @@ pub enum Isa {
     Avx512,
     /// x86-64 with AVX2 and FMA: 4 lanes, 16 registers.
     Avx2,
-    /// Any machine: arrays that the compiler vectorises as it can. Products and sums are not fused.
+    /// Any machine: arrays that the compiler vectorizes as well as it can. Products and sums are
+    /// not fused.
     Portable,
 }
 
@@ -89,9 +91,10 @@ impl std::fmt::Display for Isa {
     }
 }
 
-/// Work written over [`Simd`], to be run in the best instruction set. Mark `run` `#[inline(always)]`.
+/// Work written over [`Simd`], to be run in the best instruction set. Mark `run`
+/// `#[inline(always)]`.
 pub trait Task {
-    /// What comes of it.
+    /// Its result.
     type Output;
 
     /// `zero` is a vector of zeros, from which all other vectors are made.
@@ -131,9 +134,9 @@ impl Isa {
         }
     }
 
-    /// Busies one core with fused multiply-adds on registers alone, `rounds` times twelve independent
-    /// vectors, and returns how many floating-point operations these were (two per lane). Timed by the
-    /// caller, it gives the peak that a kernel can be compared with.
+    /// Busies one core with fused multiply-adds on registers alone, `rounds` times twelve
+    /// independent vectors, and returns how many floating-point operations these were (two per
+    /// lane). Timed by the caller, it gives the peak that a kernel can be compared with.
     #[must_use]
     pub fn multiply_add_rounds(self, rounds: u64) -> u64 {
         self.dispatch(MultiplyAdd { rounds })
@@ -152,8 +155,8 @@ impl Isa {
         }
     }
 
-    /// Runs `task` in this instruction set, which is not [`Isa::Portable`]: for work that is done in
-    /// another way there, and need not be compiled for it.
+    /// Runs `task` in this instruction set, which is not [`Isa::Portable`]: for work that is done
+    /// in another way there, and need not be compiled for it.
     ///
     /// # Panics
     ///

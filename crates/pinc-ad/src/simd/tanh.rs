@@ -5,8 +5,8 @@ use crate::simd::{Simd, TABLE_SIZE};
 /// Entries per unit of x.
 const DENSITY: f64 = 32.0;
 
-/// 1.5 * 2^52 + 1024: adding it rounds a number to a whole one, which then stands in the low bits, moved
-/// to the middle of the table.
+/// 1.5 * 2^52 + 1024: adding it rounds a number to an integer, which is then in the low bits,
+/// shifted to the middle of the table.
 const SHIFT: f64 = 6_755_399_441_055_744.0 + 1024.0;
 
 /// Beyond it tanh is 1 to rounding.
@@ -15,12 +15,12 @@ const LIMIT: f64 = 20.0;
 /// tanh((i - 1024)/32).
 static TANH: [f64; TABLE_SIZE] = table();
 
-/// r coth r = 1 + r (C0 r + C1 r^3 + C2 r^5) + .., the Taylor series; the next term is below 2^-60 for
-/// |r| <= 1/64.
+/// r coth r = 1 + r (C0 r + C1 r^3 + C2 r^5) + .., the Taylor series; the next term is below 2^-60
+/// for |r| <= 1/64.
 const C: [f64; 3] = [1.0 / 3.0, -1.0 / 45.0, 2.0 / 945.0];
 
-/// tanh of several vectors, each to within 2 units in the last place (tested over the whole range); odd
-/// to within rounding, NaN for NaN, +-1 for +-infinity.
+/// tanh of several vectors, each to within 2 units in the last place (tested over the whole range);
+/// odd to within rounding, NaN for NaN, +-1 for +-infinity.
 ///
 /// ```text
 /// x = k/32 + r, |r| <= 1/64, T = tanh(k/32) from a table; by the addition theorem
@@ -29,8 +29,8 @@ const C: [f64; 3] = [1.0 / 3.0, -1.0 / 45.0, 2.0 / 945.0];
 /// ```
 ///
 /// There is no division, which would take longer than all the rest. It is a long chain of dependent
-/// operations: several vectors go through it side by side, stage by stage, so that the processor always
-/// has independent work at hand.
+/// operations: several vectors go through it side by side, stage by stage, so that the processor
+/// always has independent work at hand.
 #[inline(always)]
 pub fn tanh_all<V: Simd, const N: usize>(x: &mut [V; N]) {
     let zero = x[0].constant(0.0);

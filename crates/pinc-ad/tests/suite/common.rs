@@ -119,8 +119,8 @@ impl Expr {
     }
 
     /// Whether all intermediate results are at most 4, which bounds every partial derivative by 8
-    /// and with it the rounding errors, and no branch is closer than 1e-3 to the place where it or its
-    /// derivative jumps, which differences could not stand.
+    /// and with it the rounding errors, and no branch is closer than 1e-3 to the place where it or
+    /// its derivative jumps, which differences could not stand.
     pub(crate) fn is_tame(&self, x: &[f64]) -> bool {
         let far_from_jump = match self {
             Self::WhereNonpositive(test, ..) | Self::Abs(test) => test.eval(x).abs() > 1e-3,

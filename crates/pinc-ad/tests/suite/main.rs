@@ -1,4 +1,5 @@
-//! Every kind of number against the others, against differences and against digits computed elsewhere.
+//! Every kind of number against the others, against differences and against digits computed
+//! elsewhere.
 
 mod common;
 mod conformance;
