@@ -61,9 +61,8 @@ fn the_guide_shows_the_presets_as_they_are() {
     let presets = PRESETS.map(preset);
     for section in ["data", "validation", "prediction", "control", "one_step"] {
         for (key, value) in defaults(&presets[0], section) {
-            let same = |preset: &Table| {
-                defaults(preset, section).contains(&(key.clone(), value.clone()))
-            };
+            let same =
+                |preset: &Table| defaults(preset, section).contains(&(key.clone(), value.clone()));
             let shown = documented(&guide, section, &key);
             if presets.iter().all(same) && value != Value::Array(vec![]) {
                 assert_eq!(shown, Some(value), "{section}.{key}");
