@@ -9,9 +9,9 @@ use proptest::test_runner::TestCaseError;
 /// Steps of the differences, in widths of the variable's range.
 const STEP: f64 = 1e-4;
 
-/// The derivatives of `f` in variable `j`, by Richardson's extrapolation of central differences with
-/// steps of `h` and 2 `h`: good to h^4 times the fifth derivatives, and to the rounding of the values
-/// by h.
+/// The derivatives of `f` in variable `j`, by Richardson's extrapolation of central differences
+/// with steps of `h` and 2 `h`: good to h^4 times the fifth derivatives, and to the rounding of the
+/// values by h.
 fn differences(mut f: impl FnMut(&[f64]) -> Vec<f64>, at: &[f64], j: usize, h: f64) -> Vec<f64> {
     let mut shifted = |steps: f64| {
         let mut at = at.to_vec();
@@ -27,8 +27,8 @@ fn differences(mut f: impl FnMut(&[f64]) -> Vec<f64>, at: &[f64], j: usize, h: f
 }
 
 /// Compares the Jacobian `exact(i, j)` of `f` with differences. Everything is in widths of the
-/// ranges, so that units do not matter: an entry counts by what its variable can change, relative to
-/// the `sizes` of the values.
+/// ranges, so that units do not matter: an entry counts by what its variable can change, relative
+/// to the `sizes` of the values.
 fn check_columns(
     candidate: &Candidate,
     at: &Point,

@@ -81,8 +81,8 @@ fn values_of_both_methods_agree() {
     }
 }
 
-/// Several points at once are several points: up to 9 of them, at which whatever works on 8 at a time
-/// has one left over.
+/// Several points at once are several points: up to 9 of them, at which whatever works on 8 at a
+/// time has one left over.
 #[test]
 fn stages_are_linearized_like_points() {
     for candidate in candidates() {
@@ -159,8 +159,8 @@ fn stages_do_not_depend_on_one_another() {
     }
 }
 
-/// A NaN in a state reaches that state of the next step at least, one in an input some state, one in
-/// a parameter some state or output; nothing panics.
+/// A NaN in a state reaches that state of the next step at least, one in an input some state, one
+/// in a parameter some state or output; nothing panics.
 #[test]
 fn nan_in_nan_out() {
     for candidate in candidates() {

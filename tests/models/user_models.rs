@@ -16,7 +16,8 @@ impl Model for Leaky {
     }
 
     fn step(&mut self, x: &[f64], u: &[f64], p: &[f64], next: &mut [f64]) {
-        next.copy_from_slice(&[p[0] * x[0] + u[0]]);
+        let ([x], [u], [p], [next]) = (x, u, p, next) else { panic!("lengths of x, u, p, next") };
+        *next = p * x + u;
     }
 
     fn linearize(&mut self, at: Stages<'_>, out: Linearization<'_>) {

@@ -157,6 +157,7 @@ enum Only {
     /// The Runge-Kutta method of order 5.
     Rk5,
     /// The Rosenbrock method.
+    #[value(name = "rosenbrock")]
     Rodas4,
 }
 

@@ -207,7 +207,7 @@ impl ModelKind {
             Self::Pinc => "PINC",
             Self::Rk4 => "RK4",
             Self::Rk5 => "RK5",
-            Self::Rodas4 => "Rodas4",
+            Self::Rodas4 => "Rosenbrock",
         }
     }
 }

@@ -7,7 +7,8 @@ use thiserror::Error;
 #[derive(Clone, Debug, Error, PartialEq)]
 #[error("`{key}`: {problem}{}", .text.as_ref().map(Excerpt::to_string).unwrap_or_default())]
 pub struct ExpressionError {
-    /// The field of [`Equations`](crate::Equations), with the name or index in it: `derivatives.x1`.
+    /// The field of [`Equations`](crate::Equations), with the name or index in it:
+    /// `derivatives.x1`.
     pub key: String,
     /// The piece of an expression that is wrong, for a problem with one.
     pub text: Option<Excerpt>,

@@ -1,5 +1,5 @@
-//! The values that equations are computed from, each once: constants are folded, and what is computed
-//! twice is one value.
+//! The values that equations are computed from, each once: constants are folded, and what is
+//! computed twice is one value.
 
 use pinc_ad::Scalar;
 use std::collections::HashMap;

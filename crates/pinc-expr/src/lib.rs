@@ -20,10 +20,10 @@ use std::collections::BTreeMap;
 
 /// The equations of a plant as text, as they stand in a config file.
 ///
-/// An expression has numbers (`1.5e-3`), names, `+ - * / ^`, parentheses, the number `pi` and the functions
-/// `sqrt exp log sin cos tan tanh atan abs sign` of one and `min max` of two arguments. `^` binds
-/// strongest and to the right; `log` is the natural logarithm; angles are in radians. What functions
-/// do where they or their derivatives jump is said at [`Scalar`].
+/// An expression has numbers (`1.5e-3`), names, `+ - * / ^`, parentheses, the number `pi` and the
+/// functions `sqrt exp log sin cos tan tanh atan abs sign` of one and `min max` of two arguments.
+/// `^` binds strongest and to the right; `log` is the natural logarithm; angles are in radians.
+/// What functions do where they or their derivatives jump is said at [`Scalar`].
 ///
 /// ```
 /// use pinc_expr::Equations;
@@ -118,8 +118,8 @@ impl From<OutputExpression> for OutputText {
 
 /// A plant compiled from [`Equations`].
 ///
-/// Its right-hand side is a list of steps, each a `match` and an operation on whole vectors, in which
-/// constants are folded and nothing is computed twice; its outputs are another.
+/// Its right-hand side is a list of steps, each a `match` and an operation on whole vectors, in
+/// which constants are folded and nothing is computed twice; its outputs are another.
 #[derive(Clone, Debug)]
 pub struct ExpressionPlant {
     states: Vec<Variable>,
@@ -207,8 +207,8 @@ impl Equations {
     ///
     /// # Errors
     ///
-    /// The first thing that is wrong with the equations, or a name that is not a parameter's or given
-    /// twice.
+    /// The first thing that is wrong with the equations, or a name that is not a parameter's or
+    /// given twice.
     pub fn compile_with(&self, varying: &[&str]) -> Result<ExpressionPlant, ExpressionError> {
         let Parsed { graph, variables, derivatives, outputs, .. } = self.parse(varying)?;
         let program = |values: &[Value], key: &str| {

@@ -19,8 +19,8 @@ struct Step {
 
 /// dx = f(x, u, p) or y = h(x, u, p), computed step by step.
 ///
-/// The registers begin with the states, inputs and parameters. A register is taken again once its value has been
-/// used for the last time, so that few are needed.
+/// The registers begin with the states, inputs and parameters. A register is taken again once its
+/// value has been used for the last time, so that few are needed.
 #[derive(Clone, Debug)]
 pub(crate) struct Program {
     steps: Vec<Step>,
@@ -74,8 +74,8 @@ impl Program {
 
     /// Writes the results into `to`.
     ///
-    /// The steps are compiled once per kind of number and number of registers, for the instruction set
-    /// that the number stands for.
+    /// The steps are compiled once per kind of number and number of registers, for the instruction
+    /// set that the number stands for.
     #[inline(always)]
     pub(crate) fn run<S: Scalar>(&self, x: &[S], u: &[S], p: &[S], to: &mut [S]) {
         let Some(&first) = x.first() else { return };

@@ -8,7 +8,8 @@ use pinc_expr::Equations;
 use pinc_ode::{Dopri5, Plant, Variable};
 use std::error::Error;
 
-/// A pendulum with friction, pushed by a torque: angle' = rate, rate' = torque - g sin(angle) - d rate.
+/// A pendulum with friction, pushed by a torque: angle' = rate, rate' = torque - g sin(angle) - d
+/// rate.
 #[derive(Clone, Debug)]
 struct Pendulum {
     /// In 1/s.

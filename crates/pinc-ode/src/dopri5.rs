@@ -1,4 +1,4 @@
-//! An accurate integrator, for the truth that models are compared with.
+//! An accurate integrator, for the reference solutions that models are compared with.
 
 use crate::{Dims, DynRhs, OdeError, Plant};
 use std::fmt::Debug;
@@ -6,8 +6,8 @@ use std::sync::Arc;
 
 const STAGES: usize = 7;
 
-/// Steps tried in one call before the integrator gives up. A right-hand side that chatters about a jump
-/// asks for steps of the size of the tolerance: without a limit they would go on for days.
+/// Steps tried in one call before the integrator gives up. A right-hand side that chatters about a
+/// jump asks for steps of the size of the tolerance: without a limit they would go on for days.
 const MAX_STEPS: u32 = 1_000_000;
 
 /// The tableau of Dormand and Prince, "A family of embedded Runge-Kutta formulae", J. Comput. Appl.
@@ -39,8 +39,8 @@ const ERROR: [f64; STAGES] = [
 /// `tolerance * (1 + |x_i|)`. To know the solution at several times, integrate from one to the
 /// next: every one is hit by a step, so no interpolation error is added.
 ///
-/// Suited to non-stiff and mildly stiff equations. Memory: eight vectors of `nx`; `integrate` allocates
-/// nothing.
+/// Suited to non-stiff and mildly stiff equations. Memory: eight vectors of `nx`; `integrate`
+/// allocates nothing.
 #[derive(Clone, Debug)]
 pub struct Dopri5 {
     plant: Arc<dyn DynRhs>,
@@ -84,8 +84,8 @@ impl Dopri5 {
         self.dims
     }
 
-    /// Integrates with the parameters `p` (shape `np`) from now on. A plant with parameters needs them
-    /// before the first call of [`Dopri5::integrate`].
+    /// Integrates with the parameters `p` (shape `np`) from now on. A plant with parameters needs
+    /// them before the first call of [`Dopri5::integrate`].
     ///
     /// # Panics
     ///

@@ -10,11 +10,12 @@ use std::sync::Arc;
 /// Directional derivatives of a [`VectorDual`].
 pub const VECTOR_DIRECTIONS: usize = 4;
 
-/// A vector of values with some directional derivatives, on which [`VectorRhs`] evaluates an equation.
+/// A vector of values with some directional derivatives, on which [`VectorRhs`] evaluates an
+/// equation.
 pub type VectorDual<V> = Dual<V, VECTOR_DIRECTIONS>;
 
-/// The right-hand side of a [`Plant`] with its type erased: what training, integration and analysis ask of
-/// a plant.
+/// The right-hand side of a [`Plant`] with its type erased: what training, integration and analysis
+/// ask of a plant.
 ///
 /// Every plant has it. Functions that take `&dyn DynRhs` are called with `&plant`.
 pub trait DynRhs: Debug + Send + Sync {
@@ -115,8 +116,9 @@ impl<P: Plant> DynRhs for P {
     }
 }
 
-/// A plant with its type erased, with the integrators that can serve as models of it. The equation is
-/// compiled into each of these, which takes most of a build: ask for [`DynRhs`] where that is enough.
+/// A plant with its type erased, with the integrators that can serve as models of it. The equation
+/// is compiled into each of these, which takes most of a build: ask for [`DynRhs`] where that is
+/// enough.
 pub trait DynPlant: DynRhs {
     /// RK4 over steps of `sample_time_s`, each in `substeps` parts.
     fn rk4(&self, sample_time_s: f64, substeps: usize) -> Box<dyn Model>;
@@ -142,8 +144,8 @@ impl<P: Plant> DynPlant for P {
     }
 }
 
-/// f(x, u, p) on vectors of points. A training kernel calls it once for a vector, so that the call through
-/// a table costs nothing that could be measured.
+/// f(x, u, p) on vectors of points. A training kernel calls it once for a vector, so that the call
+/// through a table costs nothing that could be measured.
 pub trait VectorRhs<V>: Debug + Send + Sync {
     /// Writes f(x, u, p) into `dx`.
     fn rhs(

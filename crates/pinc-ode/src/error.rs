@@ -22,9 +22,9 @@ pub enum OdeError {
         /// The step size, in s.
         step: f64,
     },
-    /// A piecewise-constant signal that is none.
+    /// Times and values that are not a piecewise-constant signal.
     #[error(
-        "a signal needs start times that begin at 0 and increase, with values of one length each: {reason}"
+        "a signal needs start times that begin at 0 and increase, and values of one length: {reason}"
     )]
     PiecewiseConstant {
         /// What is wrong with it.

@@ -1,12 +1,13 @@
-//! Plants, integrators and what the rest of PINC says about dynamical systems.
+//! Plants, integrators and the interface between models and what uses them.
 //!
-//! - [`Plant`]: an ordinary differential equation x' = f(x, u), written once over
-//!   [`pinc_ad::Scalar`]; [`VanDerPol`], [`FourTanks`] and [`OneTank`] are the paper's,
-//!   and [`Equations`] makes one from text.
-//! - [`Model`]: a discrete-time model x\[k+1\] = f(x\[k\], u\[k\]) with its Jacobians; this is all that a
-//!   controller knows of a model. [`Rk4`] and [`Rk5`] are such, [`Rodas4`], for stiff plants, another, a trained net a third.
-//! - [`Dopri5`]: an accurate integrator, for the truth.
-//! - [`PiecewiseConstant`], [`Trajectory`], [`metrics`]: what goes in, what comes out, how good it is.
+//! - [`Plant`]: an ordinary differential equation x' = f(x, u, p) with outputs y = h(x, u, p), written
+//!   once over [`pinc_ad::Scalar`]. [`DynRhs`] and [`DynPlant`] are plants with their type erased.
+//! - [`Model`]: a discrete-time model x\[k+1\] = F(x\[k\], u\[k\], p) with its Jacobians, which is all
+//!   that a controller sees of a model. [`Rk4`], [`Rk5`] and, for stiff plants, [`Rodas4`] are models
+//!   made of a plant; a trained net is another.
+//! - [`Dopri5`]: an accurate integrator, for the reference solutions that models are compared with.
+//! - [`PiecewiseConstant`], [`Trajectory`], [`metrics`]: inputs and references over time, sampled
+//!   solutions, and how good they are.
 //!
 //! ```
 //! use pinc_ode::{Dopri5, Model, Rk4};

@@ -78,8 +78,8 @@ impl<'a> Stages<'a> {
 ///
 /// # Shapes
 ///
-/// `next`: `[points, nx]`; `a`: `[points, nx, nx]`, `a[k][i][j] = dF_i/dx_j`; `b`: `[points, nx, nu]`,
-/// by u; `e`: `[points, nx, np]`, by p, or empty where it is not wanted; all row by row.
+/// `next`: `[points, nx]`; `a`: `[points, nx, nx]`, `a[k][i][j] = dF_i/dx_j`; `b`: `[points, nx,
+/// nu]`, by u; `e`: `[points, nx, np]`, by p, or empty where it is not wanted; all row by row.
 #[derive(Debug)]
 pub struct Linearization<'a> {
     /// F(x, u, p).
@@ -194,11 +194,11 @@ impl LinearizationBuffer {
     }
 }
 
-/// A discrete-time model x\[k+1\] = F(x\[k\], u\[k\], p) with u held over the step, the control interface of
-/// the paper, Eq. (interface), and its outputs y = h(x, u, p).
+/// A discrete-time model x\[k+1\] = F(x\[k\], u\[k\], p) with u held over the step, the control
+/// interface of the paper, Eq. (interface), and its outputs y = h(x, u, p).
 ///
-/// A model owns its workspace: no method allocates, and the same arguments give the same bits. Where the
-/// model has no value it gives NaN; it does not panic on it.
+/// A model owns its workspace: no method allocates, and the same arguments give the same bits.
+/// Where the model has no value it gives NaN; it does not panic on it.
 ///
 /// Slices of lengths other than stated are a programming error and panic.
 ///
@@ -244,8 +244,9 @@ pub trait Model: Debug + Send {
     /// `x`, `next`: `nx`; `u`: `nu`; `p`: `np`.
     fn step(&mut self, x: &[f64], u: &[f64], p: &[f64], next: &mut [f64]);
 
-    /// Linearises F at some points, which may be none. The results at a point do not depend on the other
-    /// points but for rounding, and the values may differ from those of [`Model::step`] by rounding.
+    /// Linearises F at some points, which may be none. The results at a point do not depend on the
+    /// other points but for rounding, and the values may differ from those of [`Model::step`] by
+    /// rounding.
     fn linearize(&mut self, at: Stages<'_>, out: Linearization<'_>);
 
     /// Writes h(x, u, p) into `y`: the states, if a model has no other outputs.

@@ -16,8 +16,8 @@ impl PiecewiseConstant {
     ///
     /// # Errors
     ///
-    /// [`OdeError::PiecewiseConstant`] if there is no value, the lengths differ, the times do not start at 0
-    /// and increase, or the values are of different lengths or not finite.
+    /// [`OdeError::PiecewiseConstant`] if there is no value, the lengths differ, the times do not
+    /// start at 0 and increase, or the values are of different lengths or not finite.
     pub fn new(starts_s: Vec<f64>, values: Vec<Vec<f64>>) -> Result<Self, OdeError> {
         let reason = if starts_s.first() != Some(&0.0) {
             Some("the first start time is not 0")
@@ -44,9 +44,10 @@ impl PiecewiseConstant {
         self.values[0].len()
     }
 
-    /// The value at `t` seconds. A time that differs from a later start time only by rounding counts
-    /// as that start, so that `at(k as f64 * step)` is what one expects. "Only by rounding" means by a
-    /// relative 1e-11, and by no more than a thousandth of the interval before the start.
+    /// The value at `t` seconds. A time that differs from a later start time only by rounding
+    /// counts as that start, so that `at(k as f64 * step)` is what one expects. "Only by rounding"
+    /// means by a relative 1e-11, and by no more than a thousandth of the interval before the
+    /// start.
     #[must_use]
     pub fn at(&self, t: f64) -> &[f64] {
         let next = self.starts_s.partition_point(|&start| start <= t);

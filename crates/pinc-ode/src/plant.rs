@@ -7,9 +7,9 @@ use std::fmt::Debug;
 /// A controlled plant x' = f(x, u, p), time-invariant, with outputs y = h(x, u, p).
 ///
 /// The equation is written once, over [`Scalar`], and evaluated on `f64`, dual numbers, a tape and
-/// SIMD lanes. Mark [`Plant::rhs`] `#[inline(always)]`: it becomes part of a SIMD
-/// kernel, which is twice as slow where it stays a call. What it calls needs the same mark; in place of
-/// closures, `array::map` and `array::from_fn`, which are not always inlined, write functions and loops.
+/// SIMD lanes. Mark [`Plant::rhs`] `#[inline(always)]`: it becomes part of a SIMD kernel, which is
+/// twice as slow where it stays a call. What it calls needs the same mark; in place of closures,
+/// `array::map` and `array::from_fn`, which are not always inlined, write functions and loops.
 ///
 /// ```
 /// use pinc_ad::Scalar;
@@ -45,8 +45,8 @@ pub trait Plant: Clone + Debug + Send + Sync + 'static {
     /// The inputs, in order; their number is `nu`.
     fn inputs(&self) -> &[Variable];
 
-    /// The parameters that may change from call to call, in order: those that an estimator or a family of
-    /// plants varies. Fixed numbers of an equation are fields of its type.
+    /// The parameters that may change from call to call, in order: those that an estimator or a
+    /// family of plants varies. Fixed numbers of an equation are fields of its type.
     fn parameters(&self) -> &[Variable] {
         &[]
     }

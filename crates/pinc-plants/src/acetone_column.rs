@@ -1,14 +1,14 @@
 //! A distillation column for acetone, methanol and water: three boiling points at every call.
 
-use crate::acetone_mixture::{Boiling, boil};
+use crate::acetone_mixture::{Boiling, COMPONENTS, boil};
 use pinc_ad::Scalar;
 use pinc_ode::{Plant, Variable};
 
 /// The pot and the trays.
 const STAGES: usize = 3;
 
-/// A column that takes acetone out of a feed with methanol and water: a pot, two trays above it and a
-/// total condenser, from which the reflux L returns to the upper tray:
+/// A column that takes acetone out of a feed with methanol and water: a pot, two trays above it and
+/// a total condenser, from which the reflux L returns to the upper tray:
 ///
 /// ```text
 /// M  x0' = F (z - x0) + L (x1 - x0) - V (y0 - x0)        V = Q / sum_i y0_i dH_i
@@ -16,10 +16,10 @@ const STAGES: usize = 3;
 /// Mt x2' = L (y2 - x2) + V (y1 - y2)
 /// ```
 ///
-/// for the mole fractions x of acetone and of water (methanol is the rest). The vapour y of a stage is in
-/// equilibrium with its liquid, as in [`AcetoneStill`](crate::AcetoneStill), where the sources are.
-/// Vapour and liquid flows are the same on all stages (constant molar overflow); levels are held by the
-/// bottoms F + L - V and the distillate V - L.
+/// for the mole fractions x of acetone and of water (methanol is the rest). The vapour y of a stage
+/// is in equilibrium with its liquid, as in [`AcetoneStill`](crate::AcetoneStill), where the
+/// sources are. Vapour and liquid flows are the same on all stages (constant molar overflow);
+/// levels are held by the bottoms F + L - V and the distillate V - L.
 ///
 /// Three boiling points are solved for in each call. The column, of pilot size, is this project's.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -37,8 +37,8 @@ pub struct AcetoneColumn {
 }
 
 impl Default for AcetoneColumn {
-    /// 1 kmol in the pot, a fifth of it on each tray, under atmospheric pressure; half of the feed is
-    /// water.
+    /// 1 kmol in the pot, a fifth of it on each tray, under atmospheric pressure; half of the feed
+    /// is water.
     fn default() -> Self {
         Self { pot: 1000.0, tray: 200.0, feed: 4.0, composition: [0.25, 0.5], pressure: 101.325 }
     }
@@ -73,7 +73,11 @@ impl Plant for AcetoneColumn {
 
     #[inline(always)]
     fn rhs<S: Scalar>(&self, x: &[S], u: &[S], _p: &[S], dx: &mut [S]) {
-        let stage = [self.boiling(x, 0), self.boiling(x, 1), self.boiling(x, 2)];
+        // A loop, which does not repeat the code of the boiling point three times.
+        let mut stage = [Boiling { vapour: [x[0]; COMPONENTS], inverse_temperature: x[0] }; STAGES];
+        for (i, stage) in stage.iter_mut().enumerate() {
+            *stage = self.boiling(x, i);
+        }
         let (reflux, vapour) = (u[0], u[1] / stage[0].heat());
         // Acetone is component 0 of the mixture, water component 2.
         for (i, component) in [0, 2].into_iter().enumerate() {

@@ -6,9 +6,9 @@ use pinc_ad::{Dual, Scalar};
 /// Acetone, methanol, water.
 pub(crate) const COMPONENTS: usize = 3;
 
-/// Newton steps on plain numbers for the boiling point. From the start below three leave an error of
-/// 1e-11 K at the worst composition, pure water. The fourth is for the slope there, which the derivatives
-/// need as exact; the last step, on the full kind of number, comes on top.
+/// Newton steps on plain numbers for the boiling point. From the start below three leave an error
+/// of 1e-11 K at the worst composition, pure water. The fourth is for the slope there, which the
+/// derivatives need as exact; the last step, on the full kind of number, comes on top.
 const NEWTON_STEPS: usize = 4;
 
 /// The Newton iteration starts from this temperature, in K, whatever the composition.
@@ -46,12 +46,12 @@ const VAPORIZATION: [f64; COMPONENTS] = [29.10, 35.21, 40.66];
 /// tau_ij = b_ij / (R T)    G_ij = exp(-alpha_ij tau_ij)
 /// ```
 ///
-/// (gamma by the NRTL equation, p by Antoine's.) The equation for T is solved at every call, by Newton's
-/// method in 1/T, in which it is nearly linear; the derivatives are those of the implicit function
-/// theorem, exact to first order.
+/// (gamma by the NRTL equation, p by Antoine's.) The equation for T is solved at every call, by
+/// Newton's method in 1/T, in which it is nearly linear; the derivatives are those of the implicit
+/// function theorem, exact to first order.
 ///
-/// Data: Smith, Van Ness and Abbott, *Introduction to Chemical Engineering Thermodynamics*, 7th edition,
-/// table 12.5 (NRTL) and table B.2 (Antoine, heats of vaporization).
+/// Data: Smith, Van Ness and Abbott, *Introduction to Chemical Engineering Thermodynamics*, 7th
+/// edition, table 12.5 (NRTL) and table B.2 (Antoine, heats of vaporization).
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Boiling<S> {
     /// Mole fractions in the vapour.
@@ -69,8 +69,8 @@ impl<S: Scalar> Boiling<S> {
     }
 }
 
-/// The liquid of mole fractions x at its boiling point under a pressure in kPa. Too long to be inlined
-/// wherever a plant's equation is.
+/// The liquid of mole fractions x at its boiling point under a pressure in kPa. Too long to be
+/// inlined wherever a plant's equation is.
 #[inline(always)]
 pub(crate) fn boil<S: Scalar>(x: [S; COMPONENTS], pressure: f64) -> Boiling<S> {
     x[0].vectorize(Boil { x, pressure })

@@ -11,15 +11,16 @@ use pinc_ode::{Plant, Variable};
 /// M xm' = F (zm - xm) + W (0 - xm) - V (ym - xm)        V = Q / sum_i y_i dH_i
 /// ```
 ///
-/// x are mole fractions in the boiling liquid (xw = 1 - xa - xm), y those in the vapour above it. The
-/// feed F is of composition z, the stream W of pure water; the level, and with it M, is held by the
-/// bottoms F + W - V. The vapour is in equilibrium with the liquid at its boiling point: activity
-/// coefficients by the NRTL equation, vapour pressures by Antoine's, with data from Smith, Van Ness and
-/// Abbott, *Introduction to Chemical Engineering Thermodynamics*, 7th edition, tables 12.5 and B.2.
-/// The boiling point is solved for at every call; the derivatives are those of the implicit function
-/// theorem, exact to first order.
+/// x are mole fractions in the boiling liquid (xw = 1 - xa - xm), y those in the vapour above it.
+/// The feed F is of composition z, the stream W of pure water; the level, and with it M, is held by
+/// the bottoms F + W - V. The vapour is in equilibrium with the liquid at its boiling point:
+/// activity coefficients by the NRTL equation, vapour pressures by Antoine's, with data from Smith,
+/// Van Ness and Abbott, *Introduction to Chemical Engineering Thermodynamics*, 7th edition, tables
+/// 12.5 and B.2. The boiling point is solved for at every call; the derivatives are those of the
+/// implicit function theorem, exact to first order.
 ///
-/// This makes the plant expensive, as plants with property calculations are: a call costs some hundred times that of the Van der Pol oscillator.
+/// This makes the plant expensive, as plants with property calculations are: a call costs some
+/// hundred times that of the Van der Pol oscillator.
 ///
 /// The still, of pilot size, is this project's.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -3,8 +3,8 @@
 use pinc_ad::Scalar;
 use pinc_ode::{Plant, Variable};
 
-/// Below this opening the spool counts as closed half-way: it makes the change from one pair of control
-/// edges to the other smooth.
+/// Below this opening the spool counts as closed half-way: it makes the change from one pair of
+/// control edges to the other smooth.
 const OPENING: f64 = 1e-3;
 
 /// Pa per MPa.
@@ -19,16 +19,17 @@ const MEGA: f64 = 1e6;
 /// tau s' = u - s                                 r(d) = d / (d^2 + d0^2)^(1/4)
 /// ```
 ///
-/// x is the position, v the speed, p the load pressure (the difference between the chambers), s the opening
-/// of the valve as a share of the full one, u the opening commanded; s+ and s- are the positive and the
-/// negative part of s, rounded off at 0. The orifice law r is the turbulent one, sqrt(d), above the pressure
-/// difference d0 and laminar below.
+/// x is the position, v the speed, p the load pressure (the difference between the chambers), s the
+/// opening of the valve as a share of the full one, u the opening commanded; s+ and s- are the
+/// positive and the negative part of s, rounded off at 0. The orifice law r is the turbulent one,
+/// sqrt(d), above the pressure difference d0 and laminar below.
 ///
-/// It is stiff: an open valve and a small volume of oil make the pressure follow the speed within some
-/// 0.2 ms (an eigenvalue of down to -5000/s), while the mass on the oil's spring swings with 300 rad/s.
+/// It is stiff: an open valve and a small volume of oil make the pressure follow the speed within
+/// some 0.2 ms (an eigenvalue of down to -5000/s), while the mass on the oil's spring swings with
+/// 300 rad/s.
 ///
-/// Equations: Merritt, *Hydraulic Control Systems* (1967), sections 6.1 and 7.1. The numbers, those of a short axis with a
-/// heavy load, are this project's.
+/// Equations: Merritt, *Hydraulic Control Systems* (1967), sections 6.1 and 7.1. The numbers, those
+/// of a short axis with a heavy load, are this project's.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct HydraulicServo {
     /// The mass m, in kg.

@@ -25,7 +25,8 @@ use pinc_ad::Scalar;
 /// Gravitational acceleration in cm/s^2, as Johansson (2000) has it.
 const GRAVITY: f64 = 981.0;
 
-/// Torricelli's law: the flow a sqrt(2 g h) in cm^3/s out of a hole of `a` cm^2 below `h` cm of water.
+/// Torricelli's law: the flow a sqrt(2 g h) in cm^3/s out of a hole of `a` cm^2 below `h` cm of
+/// water.
 ///
 /// An empty tank has no outflow: for h <= 0 the flow and its derivative are 0 (the one-sided
 /// derivative at 0 from above is infinite). A NaN level gives a NaN flow.

@@ -3,14 +3,15 @@
 use pinc_ad::Scalar;
 use pinc_ode::{Plant, Variable};
 
-/// Slips below this are as good as none: it makes the direction of a tyre's force smooth where there is no
-/// slip.
+/// Slips below this are as good as none: it makes the direction of a tyre's force smooth where
+/// there is no slip.
 const SLIP: f64 = 0.01;
 
 /// Gravitational acceleration in m/s^2.
 const GRAVITY: f64 = 9.81;
 
-/// A single-track car with a driven rear wheel, whose tyres may slip beyond the peak of their force:
+/// A single-track car with a driven rear wheel, whose tyres may slip beyond the peak of their
+/// force:
 ///
 /// ```text
 /// m (vx' - vy r) = X - Yf sin d                      slip of the rear tyre    (k, (vy - lr r) / vx)
@@ -19,22 +20,23 @@ const GRAVITY: f64 = 9.81;
 /// k' = (R w' - (1 + k) vx') / vx,  I w' = M - R X    vt = (vy + lf r) cos d - vx sin d
 /// ```
 ///
-/// vx and vy are the speeds of the centre of gravity along and across the car, r is the yaw rate, k the rear
-/// wheel's slip, R w = (1 + k) vx. The inputs are the steering angle d and the torque M on the rear axle. X and
-/// Y are the rear tyre's forces along and across it, Yf the front tyre's across it, which rolls freely. A tyre
-/// with the slip (a, b) gives the force
+/// vx and vy are the speeds of the centre of gravity along and across the car, r is the yaw rate, k
+/// the rear wheel's slip, R w = (1 + k) vx. The inputs are the steering angle d and the torque M on
+/// the rear axle. X and Y are the rear tyre's forces along and across it, Yf the front tyre's
+/// across it, which rolls freely. A tyre with the slip (a, b) gives the force
 ///
 /// ```text
 /// mu F sin(C atan(B s)) / s (a, -b),    s^2 = a^2 + b^2 + 0.01^2
 /// ```
 ///
-/// under its static load F: greatest near s = 0.21, less beyond. The wheel's slip is stiff below the peak, where the force
-/// brakes it, and unstable beyond. Valid for vx > 0.
+/// under its static load F: greatest near s = 0.21, less beyond. The wheel's slip is stiff below
+/// the peak, where the force brakes it, and unstable beyond. Valid for vx > 0.
 ///
-/// Equations: Velenis, Frazzoli and Tsiotras, "Steady-state cornering equilibria and stabilization for a vehicle
-/// during extreme operating conditions", Int. J. Vehicle Autonomous Systems 8 (2010), without the transfer of load
-/// and with slips relative to the speed of the car; the tyre is Pacejka's formula without its curvature. The numbers, those of a
-/// car on gravel, are this project's.
+/// Equations: Velenis, Frazzoli and Tsiotras, "Steady-state cornering equilibria and stabilization
+/// for a vehicle during extreme operating conditions", Int. J. Vehicle Autonomous Systems 8 (2010),
+/// without the transfer of load and with slips relative to the speed of the car; the tyre is
+/// Pacejka's formula without its curvature. The numbers, those of a car on gravel, are this
+/// project's.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SingleTrackCar {
     /// The mass m, in kg.

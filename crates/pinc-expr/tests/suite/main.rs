@@ -3,4 +3,5 @@
 #[path = "../../../pinc-ad/tests/suite/common.rs"]
 mod common;
 mod numbers;
+mod outputs;
 mod syntax;

@@ -9,8 +9,8 @@ use pinc_plants::{FourTanks, VanDerPol};
 use proptest::prelude::*;
 use std::collections::BTreeMap;
 
-/// What two ways of writing the same equation may differ by, relative to 1 + |value|: a few roundings
-/// in each of some ten operations.
+/// What two ways of writing the same equation may differ by, relative to 1 + |value|: a few
+/// roundings in each of some ten operations.
 const ROUNDING: f64 = 1e-14;
 
 fn variables(names: &[&'static str]) -> Vec<Variable> {
@@ -125,7 +125,8 @@ fn trajectories_are_those_of_the_built_in_plant() {
     let (mut x, mut y) = ([1.0, -0.5], [1.0, -0.5]);
     Dopri5::new(van_der_pol(), 1e-12).integrate(&mut x, &[0.3], 10.0).expect("a limit cycle");
     Dopri5::new(VanDerPol { mu: 1.3 }, 1e-12).integrate(&mut y, &[0.3], 10.0).expect("the same");
-    // Differences of one rounding are not amplified on a limit cycle; the tolerance is the integrator's.
+    // Differences of one rounding are not amplified on a limit cycle; the tolerance is the
+    // integrator's.
     assert!((x[0] - y[0]).abs() < 1e-11 && (x[1] - y[1]).abs() < 1e-11, "{x:?} {y:?}");
 }
 
@@ -181,8 +182,9 @@ fn a_tape_records_an_expression() {
     assert_close(&gradient, &[-2.0 * 1.3 * 0.5 * 2.0 - 1.0, 1.3 * 0.75, 1.0], &[]);
 }
 
-/// An expression of the family that `pinc-ad` is tested with, as text. What an operator makes stands in
-/// parentheses: `^` binds to the right, so that an operand that ends in a power would be another one.
+/// An expression of the family that `pinc-ad` is tested with, as text. What an operator makes
+/// stands in parentheses: `^` binds to the right, so that an operand that ends in a power would be
+/// another one.
 fn text(e: &Expr) -> String {
     match e {
         Expr::Input(i) => ["x", "y", "u"][*i].to_owned(),
@@ -249,8 +251,9 @@ fn difference(mut f: impl FnMut(&[f64]) -> f64, x: &[f64], j: usize) -> (f64, f6
 proptest! {
     #![proptest_config(config())]
 
-    /// Values and derivatives of random expressions: text against Rust, and against differences. The
-    /// bounds are those of the tests of `pinc-ad`: rounding amplified by at most 8 at each of four levels.
+    /// Values and derivatives of random expressions: text against Rust, and against differences.
+    /// The bounds are those of the tests of `pinc-ad`: rounding amplified by at most 8 at each of
+    /// four levels.
     #[test]
     fn random_expressions((e, x) in (expressions(), points())) {
         prop_assume!(e.is_tame(&x));

@@ -1,7 +1,7 @@
 //! Systems of linear equations over numbers with derivatives.
 //!
-//! A plant has a handful of states, and the entries of its matrix carry derivatives, which libraries of
-//! linear algebra do not factor: so the elimination stands here.
+//! A plant has a handful of states, and the entries of its matrix carry derivatives, which
+//! libraries of linear algebra do not factor: so the elimination stands here.
 
 use pinc_ad::{Dual, Scalar};
 
@@ -25,8 +25,9 @@ impl<const N: usize> Pivot for Dual<f64, N> {
     }
 }
 
-/// Factorises the matrix `a` of shape `[n, n]` in place, with exchange of rows: row i becomes the `order[i]`-th
-/// of those before. The diagonal is replaced by its reciprocals. A singular matrix gives numbers that are not finite.
+/// Factorises the matrix `a` of shape `[n, n]` in place, with exchange of rows: row i becomes the
+/// `order[i]`-th of those before. The diagonal is replaced by its reciprocals. A singular matrix
+/// gives numbers that are not finite.
 #[inline(always)]
 pub(super) fn factorize<S: Pivot>(a: &mut [S], order: &mut [usize]) {
     let n = order.len();
@@ -80,8 +81,9 @@ mod tests {
     use super::{factorize, solve};
     use pinc_ad::Dual;
 
-    /// The matrix has a zero where the first pivot would be. A x = b has the solution (1, 2, 3); moving b along
-    /// A (1, 1, 1) moves it along (1, 1, 1), and moving the first entry by e along the solution of A d = (-1, 0, 0) e.
+    /// The matrix has a zero where the first pivot would be. A x = b has the solution (1, 2, 3);
+    /// moving b along A (1, 1, 1) moves it along (1, 1, 1), and moving the first entry by e along
+    /// the solution of A d = (-1, 0, 0) e.
     #[test]
     fn rows_are_exchanged_and_derivatives_follow() {
         let rows = [0.0, 2.0, 1.0, 4.0, 1.0, 0.0, 1.0, 0.0, 2.0];

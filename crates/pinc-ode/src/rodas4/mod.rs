@@ -19,17 +19,20 @@ const NARROW: usize = 4;
 /// The Rosenbrock method RODAS with a fixed number of substeps h = T / substeps, as a [`Model`]:
 ///
 /// ```text
-/// (I / (h gamma) - J) k_i = f(y_i, u, p) + sum_(j<i) c_ij k_j / h,    y_i = x + sum_(j<i) a_ij k_j,    i = 1 .. 6
-/// x+ = y_6 + k_6,    J = df/dx(x, u, p),    gamma = 1/4
+/// (I / (h gamma) - J) k_i = f(y_i, u, p) + sum_(j<i) c_ij k_j / h,    i = 1 .. 6
+/// y_i = x + sum_(j<i) a_ij k_j,    J = df/dx(x, u, p),    gamma = 1/4
+/// x+ = y_6 + k_6
 /// ```
 ///
-/// Each substep solves six linear systems with one matrix, where an implicit method would iterate on a nonlinear one. It is L-stable:
-/// fast modes die out however long the step is, where an explicit method needs h |lambda| < 3. Global
-/// error O(h^4), or less where a mode is much faster than h.
+/// Each substep solves six linear systems with one matrix, where an implicit method would iterate
+/// on a nonlinear one. It is L-stable: fast modes die out however long the step is, where an
+/// explicit method needs h |lambda| < 3. Global error O(h^4), or less where a mode is much faster
+/// than h.
 ///
-/// The Jacobians are those of the method itself, exact to rounding, by dual numbers through it, second
-/// derivatives of f included. Reference: Hairer and Wanner, *Solving Ordinary Differential Equations II*, section IV.7 and table
-/// IV.7.2 (the form without products of J) and the code RODAS there.
+/// The Jacobians are those of the method itself, exact to rounding, by dual numbers through it,
+/// second derivatives of f included. Reference: Hairer and Wanner, *Solving Ordinary Differential
+/// Equations II*, section IV.7 and table IV.7.2 (the form without products of J) and the code RODAS
+/// there.
 #[derive(Clone, Debug)]
 pub struct Rodas4<P> {
     plant: P,
@@ -72,8 +75,8 @@ impl<P: Plant> Rodas4<P> {
     }
 }
 
-/// The numbers of a linearisation: as many directions of differentiation go through the method together
-/// as a vector of the instruction set has lanes.
+/// The numbers of a linearisation: as many directions of differentiation go through the method
+/// together as a vector of the instruction set has lanes.
 #[derive(Clone, Debug)]
 enum Tangents {
     Wide(Workspace<Dual<f64, WIDE>>),

@@ -6,7 +6,8 @@ use pinc_ad::Dual;
 
 const GAMMA: f64 = 0.25;
 
-/// `a_ij` of stages 2 to 6. The last stage starts from the solution of an embedded method of order 3.
+/// `a_ij` of stages 2 to 6. The last stage starts from the solution of an embedded method of order
+/// 3.
 const A: [[f64; 5]; 5] = [
     [1.544, 0.0, 0.0, 0.0, 0.0],
     [0.946_678_528_081_582_6, 0.255_701_169_898_328_4, 0.0, 0.0, 0.0],

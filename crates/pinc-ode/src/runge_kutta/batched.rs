@@ -9,8 +9,8 @@ use pinc_ad::Dual;
 use pinc_ad::simd::{Simd, Task};
 use std::marker::PhantomData;
 
-/// The most columns that the Jacobians of a point may have here. With more, each root and quotient would be
-/// a longer chain of vectors than when the columns are in the lanes.
+/// The most columns that the Jacobians of a point may have here. With more, each root and quotient
+/// would be a longer chain of vectors than when the columns are in the lanes.
 pub(super) const COLUMNS: usize = 3;
 
 /// Any number of points of a plant with few columns through the method `M`.

@@ -34,9 +34,9 @@ impl<P: Plant, M: Method, const C: usize> Task for Linearize<'_, P, M, C> {
         assert!(n <= SMALL && m <= SMALL && np <= SMALL, "a small plant");
         let Self { plant, h, substeps, mut points, .. } = self;
         let (at, columns) = (points.at, points.columns(dims));
-        let nothing: Tangent<V, C> = Dual { re: Lanes::splat(0.0), eps: [Directions([zero; C])] };
+        let constant: Tangent<V, C> = Dual { re: Lanes::splat(0.0), eps: [Directions([zero; C])] };
         for first in (0..columns).step_by(V::LANES) {
-            let mut workspace = StackWorkspace::new(nothing);
+            let mut workspace = StackWorkspace::new(constant);
             let mut work = workspace.workspace(dims);
             for j in 0..n {
                 work.x[j] = seed(zero, |point| at.x[point * n + j], first, j);

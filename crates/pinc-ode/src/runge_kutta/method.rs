@@ -17,7 +17,7 @@ pub trait Method: Clone + Debug + Send {
     fn step<P: Plant, S: Scalar>(plant: &P, h: f64, work: &mut Workspace<'_, S>);
 }
 
-/// Numbers of a small plant's workspace, on the stack.
+/// The numbers of a small plant's workspace, on the stack.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct StackWorkspace<S> {
     x: [S; SMALL],
@@ -29,8 +29,8 @@ pub(super) struct StackWorkspace<S> {
 
 impl<S: Scalar> StackWorkspace<S> {
     #[inline(always)]
-    pub(super) fn new(nothing: S) -> Self {
-        let x = [nothing; SMALL];
+    pub(super) fn new(zero: S) -> Self {
+        let x = [zero; SMALL];
         Self { x, u: x, p: x, stage: x, k: [x; MOST_STAGES] }
     }
 
@@ -45,7 +45,7 @@ impl<S: Scalar> StackWorkspace<S> {
     }
 }
 
-/// Numbers of any plant's workspace, on the heap.
+/// The numbers of any plant's workspace, on the heap.
 #[derive(Clone, Debug)]
 pub(super) struct HeapWorkspace<S> {
     x: Vec<S>,
@@ -56,10 +56,10 @@ pub(super) struct HeapWorkspace<S> {
 }
 
 impl<S: Scalar> HeapWorkspace<S> {
-    pub(super) fn new(dims: Dims, nothing: S) -> Self {
-        let x = vec![nothing; dims.nx];
+    pub(super) fn new(dims: Dims, zero: S) -> Self {
+        let x = vec![zero; dims.nx];
         let k = std::array::from_fn(|_| x.clone());
-        let (u, p) = (vec![nothing; dims.nu], vec![nothing; dims.np]);
+        let (u, p) = (vec![zero; dims.nu], vec![zero; dims.np]);
         Self { u, p, stage: x.clone(), x, k }
     }
 
@@ -123,15 +123,16 @@ impl Workspace<'_, f64> {
 #[derive(Clone, Copy, Debug)]
 pub struct Classical;
 
-/// Of each stage's slope: how far the next stage goes along it, and its weight in the result, in steps.
+/// Of each stage's slope: how far the next stage goes along it, and its weight in the result, in
+/// steps.
 const CLASSICAL: [[f64; 2]; 4] =
     [[1.0 / 2.0, 1.0 / 6.0], [1.0 / 2.0, 1.0 / 3.0], [1.0, 1.0 / 3.0], [0.0, 1.0 / 6.0]];
 
 impl Method for Classical {
     const STAGES: usize = 4;
 
-    /// A slope is used for the stage after it and for the result, so that only one is kept. The stages are
-    /// a loop: a long equation stands in the code once, and is faster so.
+    /// A slope is used for the stage after it and for the result, so that only one is kept. The
+    /// stages are a loop: a long equation stands in the code once, and is faster so.
     #[inline(always)]
     fn step<P: Plant, S: Scalar>(plant: &P, h: f64, work: &mut Workspace<'_, S>) {
         let Workspace { x, u, p, stage, k: [k, next, ..] } = work;
@@ -164,8 +165,8 @@ impl Method for Classical {
 ///      | 35/384      0            500/1113    125/192   -2187/6784   11/84
 /// ```
 ///
-/// Reference: Dormand and Prince, "A family of embedded Runge-Kutta formulae", J. Comput. Appl. Math. 6
-/// (1980).
+/// Reference: Dormand and Prince, "A family of embedded Runge-Kutta formulae", J. Comput. Appl.
+/// Math. 6 (1980).
 #[derive(Clone, Copy, Debug)]
 pub struct DormandPrince;
 
@@ -187,8 +188,8 @@ impl Method for DormandPrince {
     }
 }
 
-/// Component `i` of `x + h (a_s1 k_1 + a_s2 k_2 + ..)`, with row `s` of the tableau. The newest slope is added last:
-/// nothing else waits for it.
+/// Component `i` of `x + h (a_s1 k_1 + a_s2 k_2 + ..)`, with row `s` of the tableau. The newest
+/// slope is added last: nothing else waits for it.
 #[inline(always)]
 fn combine<S: Scalar>(x: S, h: f64, s: usize, k: &[&mut [S]; MOST_STAGES], i: usize) -> S {
     let slopes = k.iter().zip(crate::dopri5::A[s]);

@@ -15,8 +15,8 @@ use pinc_ad::Dual;
 use pinc_ad::simd::Isa;
 use std::marker::PhantomData;
 
-/// Plants with more states, inputs or parameters than this are integrated in memory; others in registers and on
-/// the stack, which is several times faster.
+/// Plants with more states, inputs or parameters than this are integrated in memory; others in
+/// registers and on the stack, which is several times faster.
 const SMALL: usize = 6;
 
 /// Directions that go through a plant in memory together.
@@ -34,7 +34,7 @@ pub type Rk5<P> = RungeKutta<P, DormandPrince>;
 /// The Jacobians are those of the method itself, exact to rounding, by dual numbers through it. All
 /// columns go through it together, in the lanes of the machine's widest vectors. In
 /// [`Model::linearize`] two points do so side by side or, for plants with few columns, the lanes
-/// are points.
+/// are points. Large plants, and machines without such vectors, take one point at a time.
 #[derive(Clone, Debug)]
 pub struct RungeKutta<P, M> {
     plant: P,

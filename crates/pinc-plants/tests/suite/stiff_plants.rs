@@ -11,8 +11,8 @@ fn rhs(plant: &impl Plant, x: &[f64], u: &[f64]) -> Vec<f64> {
     dx
 }
 
-/// Against differences, with every variable and rate in its own unit. Differences are good to about 1e-10 of the
-/// largest value, which the units bring near 1.
+/// Against differences, with every variable and rate in its own unit. Differences are good to about
+/// 1e-10 of the largest value, which the units bring near 1.
 fn check_derivatives(
     plant: &impl Plant,
     at: &[f64],
@@ -62,8 +62,9 @@ proptest! {
         check_derivatives(&TwoLinkArm::default(), &[q1, q2, w1, w2, u1, u2], &[1.0; 6], &[4.0, 5.0, 200.0, 500.0])?;
     }
 
-    /// The power of the joints is the change of kinetic and potential energy. The energy is computed from the
-    /// positions and speeds of the rods' centres, not from the matrices of the plant.
+    /// The power of the joints is the change of kinetic and potential energy. The energy is
+    /// computed from the positions and speeds of the rods' centres, not from the matrices of the
+    /// plant.
     #[test]
     fn energy_of_the_arm(
         q1 in -2.2..1.2, q2 in -2.0..2.0, w1 in -4.0..4.0, w2 in -5.0..5.0, u1 in -15.0..15.0, u2 in -5.0..5.0,
@@ -102,8 +103,8 @@ fn the_arm_hangs_down() {
     }
 }
 
-/// A car that goes straight with its wheel rolling feels nothing; on the driven wheel M = R X makes the car
-/// accelerate by X / m without the slip's wheel speeding up, R w' = (1 + k) vx'.
+/// A car that goes straight with its wheel rolling feels nothing; on the driven wheel M = R X makes
+/// the car accelerate by X / m without the slip's wheel speeding up, R w' = (1 + k) vx'.
 #[test]
 fn the_car_goes_straight() {
     let car = SingleTrackCar::default();
@@ -120,7 +121,8 @@ fn the_car_goes_straight() {
     }
 }
 
-/// The mirror image of a drive is a drive: left and right exchanged, every lateral quantity changes its sign.
+/// The mirror image of a drive is a drive: left and right exchanged, every lateral quantity changes
+/// its sign.
 #[test]
 fn the_car_is_symmetric() {
     let car = SingleTrackCar::default();
@@ -143,8 +145,9 @@ fn the_tyre_has_a_peak() {
     assert!(pull(0.8) < 0.95 * pull(expected));
 }
 
-/// Under a constant command the axis comes to a constant speed. There the force of the oil is the friction, and the
-/// flow, by sqrt(ps - p) far from its laminar part, that of the speed and the leak.
+/// Under a constant command the axis comes to a constant speed. There the force of the oil is the
+/// friction, and the flow, by sqrt(ps - p) far from its laminar part, that of the speed and the
+/// leak.
 #[test]
 fn steady_speed_of_the_servo() {
     let mut x = vec![0.0; 4];

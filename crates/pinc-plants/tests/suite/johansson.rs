@@ -1,6 +1,7 @@
-//! The four tanks against what Johansson published: "The quadruple-tank process", IEEE Trans. Control
-//! Systems Technology 8 (2000). His numbers have two digits and are not quite consistent among
-//! themselves, so the tolerances are about a unit of the last one, each explained where it stands.
+//! The four tanks against what Johansson published: "The quadruple-tank process", IEEE Trans.
+//! Control Systems Technology 8 (2000). His numbers have two digits and are not quite consistent
+//! among themselves, so the tolerances are about a unit of the last one, each explained where it
+//! stands.
 
 use faer::linalg::solvers::Solve;
 use faer::{Mat, MatRef};
@@ -83,7 +84,8 @@ impl Linear {
     }
 }
 
-/// The levels at which all flows balance, by hand: h = (w/a)^2 / 2g with the outflow w of each tank.
+/// The levels at which all flows balance, by hand: h = (w/a)^2 / 2g with the outflow w of each
+/// tank.
 fn steady_levels(plant: &FourTanks, voltage: [f64; 2]) -> [f64; 4] {
     let [gamma1, gamma2] = plant.gamma;
     let flow = [plant.pump[0] * voltage[0], plant.pump[1] * voltage[1]];
@@ -143,7 +145,8 @@ fn time_constants() {
 }
 
 /// The zeros go like 1/T3 and 1/T4. At the levels where the flows balance, T3 of the minimum-phase
-/// setting is 22.8 s (published: 23), at the published level 23.9 s: 5 % apart, and so are the zeros.
+/// setting is 22.8 s (published: 23), at the published level 23.9 s: 5 % apart, and so are the
+/// zeros.
 #[test]
 fn transmission_zeros() {
     for Published { plant, level, voltage, zeros, .. } in published() {
@@ -157,7 +160,8 @@ fn transmission_zeros() {
     }
 }
 
-/// A zero z is where the matrix [zI - A, -B; C, 0] loses rank: independent of the elimination above.
+/// A zero z is where the matrix [zI - A, -B; C, 0] loses rank: independent of the elimination
+/// above.
 #[test]
 fn zeros_make_the_system_matrix_singular() {
     for Published { plant, level, voltage, .. } in published() {

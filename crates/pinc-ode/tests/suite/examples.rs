@@ -1,10 +1,10 @@
 //! The examples run to their end; what they assert holds.
 
-#[path = "../examples/02_integrators.rs"]
+#[path = "../../examples/02_integrators.rs"]
 mod integrators;
-#[path = "../examples/03_linearise.rs"]
+#[path = "../../examples/03_linearise.rs"]
 mod linearise;
-#[path = "../examples/01_own_plant.rs"]
+#[path = "../../examples/01_own_plant.rs"]
 mod own_plant;
 
 #[test]

@@ -44,7 +44,8 @@ fn just_before_a_start_is_before_it() {
     }
 }
 
-/// Steps of 1 ms stay apart after 1e7 s, where a double is exact to 2 ns; so does a start by itself.
+/// Steps of 1 ms stay apart after 1e7 s, where a double is exact to 2 ns; so does a start by
+/// itself.
 #[test]
 fn short_steps_late_are_told_apart() {
     let late = 1e7;

@@ -60,10 +60,10 @@ impl Plant for Equation {
     }
 }
 
-/// The step that crosses the jump is cut down until its estimated error fits the tolerance. With the
-/// jump at the fraction c of a step, only the stages after c see it: the estimate is the sum of their
-/// weights in `ERROR`, the true error 1 - c less the sum of their weights in the solution. The ratio
-/// is worst for c just below 0.3, where it is 0.209 / 0.00123 = 170.
+/// The step that crosses the jump is cut down until its estimated error fits the tolerance. With
+/// the jump at the fraction c of a step, only the stages after c see it: the estimate is the sum of
+/// their weights in `ERROR`, the true error 1 - c less the sum of their weights in the solution.
+/// The ratio is worst for c just below 0.3, where it is 0.209 / 0.00123 = 170.
 #[test]
 fn jump_in_the_right_hand_side() {
     let mut integrator = Dopri5::new(Equation::Jump, 1e-12);
@@ -88,8 +88,8 @@ fn blow_up_in_finite_time() {
     assert!(error.to_string().contains("too stiff or has a jump"), "{error}");
 }
 
-/// It gets as far as x = 0, where the solution ends at t = 0.1, and then tries a million steps of at
-/// most tolerance / (2 * 0.00123) = 4e-10 s (the ratio above): 4e-4 s.
+/// It gets as far as x = 0, where the solution ends at t = 0.1, and then tries a million steps of
+/// at most tolerance / (2 * 0.00123) = 4e-10 s (the ratio above): 4e-4 s.
 #[test]
 fn chattering_is_given_up() {
     let mut integrator = Dopri5::new(Equation::Chatter, 1e-12);
@@ -166,6 +166,53 @@ fn misuse_is_a_programming_error() {
         let run = || integrate(&mut Dopri5::new(Equation::Clock, 1e-9), &[0.0], &[], duration);
         assert!(std::panic::catch_unwind(run).is_err(), "{duration}");
     }
+    // The oscillator has two states and one input.
+    for (states, inputs) in [(1, 1), (3, 1), (2, 0), (2, 2)] {
+        let run = || {
+            let mut integrator = Dopri5::new(VanDerPol::default(), 1e-9);
+            integrate(&mut integrator, &vec![0.0; states], &vec![0.0; inputs], 1.0)
+        };
+        assert!(std::panic::catch_unwind(run).is_err(), "{states} states, {inputs} inputs");
+    }
+}
+
+/// x' = -p x.
+#[derive(Clone, Debug)]
+struct Decay;
+
+impl Plant for Decay {
+    fn states(&self) -> &[Variable] {
+        static VARIABLES: [Variable; 1] = [Variable::new("x", "")];
+        &VARIABLES
+    }
+    fn inputs(&self) -> &[Variable] {
+        &[]
+    }
+    fn parameters(&self) -> &[Variable] {
+        static VARIABLES: [Variable; 1] = [Variable::new("p", "1/s")];
+        &VARIABLES
+    }
+    fn rhs<S: Scalar>(&self, x: &[S], _u: &[S], p: &[S], dx: &mut [S]) {
+        dx[0] = -(p[0] * x[0]);
+    }
+}
+
+/// Parameters hold until others are set; without them there is no solution.
+#[test]
+fn parameters_are_set_first() {
+    let mut integrator = Dopri5::new(Decay, 1e-11);
+    for rate in [0.5, 2.0] {
+        integrator.set_parameters(&[rate]);
+        for _ in 0..2 {
+            let end = integrate(&mut integrator, &[1.0], &[], 1.5).unwrap();
+            // A few dozen steps, each with an error of 1e-11 at most.
+            assert!((end[0] - (-1.5 * rate).exp()).abs() < 1e-9, "{end:?}");
+        }
+    }
+    let unset = || integrate(&mut Dopri5::new(Decay, 1e-11), &[1.0], &[], 1.5);
+    assert!(std::panic::catch_unwind(unset).is_err());
+    let wrong = || Dopri5::new(Decay, 1e-11).set_parameters(&[1.0, 2.0]);
+    assert!(std::panic::catch_unwind(wrong).is_err());
 }
 
 #[test]

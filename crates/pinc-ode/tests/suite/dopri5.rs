@@ -1,8 +1,6 @@
 //! The adaptive integrator: order, and accuracy where the solution is known.
 
-mod common;
-
-use common::{Oscillator, distance, flows, log_slope};
+use crate::common::{Oscillator, distance, flows, log_slope};
 use pinc_ad::Scalar;
 use pinc_ode::{Dopri5, Plant, Variable};
 use pinc_plants::{FourTanks, OneTank, VanDerPol};
@@ -42,8 +40,8 @@ fn the_formula_has_order_5() {
 
 /// The step goes like tolerance^(1/5) (the estimate is of order h^5) and the global error like h^5,
 /// so error ~ tolerance and error ~ calls^-5. The tolerance spans 7 decades, the number of calls a
-/// factor of 10^(7/5) = 25. Steps in place of the ideal ones may change a single error by a factor of
-/// 2 or so, which changes the slope over ln 25 = 3.2 by at most 2 ln 2 / 3.2 = 0.43 if both ends
+/// factor of 10^(7/5) = 25. Steps in place of the ideal ones may change a single error by a factor
+/// of 2 or so, which changes the slope over ln 25 = 3.2 by at most 2 ln 2 / 3.2 = 0.43 if both ends
 /// conspire.
 #[test]
 fn error_follows_tolerance_and_work() {
@@ -68,8 +66,8 @@ fn error_follows_tolerance_and_work() {
     assert!((slopes.1 - 1.0).abs() < 0.09, "{slopes:?}: {runs:?}");
 }
 
-/// On x' = i x the solution of order 5 and the embedded one differ by (1/120 - 1097/120000) (ih)^5 in
-/// leading order, which is 97/120000 h^5 times the other component of the state. In units of the
+/// On x' = i x the solution of order 5 and the embedded one differ by (1/120 - 1097/120000) (ih)^5
+/// in leading order, which is 97/120000 h^5 times the other component of the state. In units of the
 /// tolerance that component counts as |s| / (1 + |c|) or |c| / (1 + |s|), the larger of which goes
 /// between 0.414 and 1 on the circle; steps aim at 0.9^5 of the tolerance. So the step is known to
 /// within a fifth, and the work, six calls a step, if hardly any step is rejected.
@@ -106,11 +104,11 @@ impl Plant for Logistic {
 /// The tolerance of the accuracy tests.
 const FINE: f64 = 1e-12;
 
-/// What the errors of single steps may add up to. A step's estimate, of order h^5, is at most
-/// `FINE * (1 + |x|)`; its true error, of order h^6, is smaller by about `h * rate`, with the rate in
-/// 1/s at which the equation moves. Over all steps that is `FINE * (1 + |x|) * rate * duration`, times
-/// the `growth` of an error on its way to the end; and once more for the first step, whose size is a
-/// guess.
+/// What the errors of single steps may add up to. A step's estimate, of order h^5, is at most `FINE
+/// * (1 + |x|)`; its true error, of order h^6, is smaller by about `h * rate`, with the rate in 1/s
+/// at which the equation moves. Over all steps that is `FINE * (1 + |x|) * rate * duration`, times
+/// the `growth` of an error on its way to the end; and once more for the first step, whose size is
+/// a guess.
 fn bound(size: f64, rate: f64, duration: f64, growth: f64) -> f64 {
     FINE * (1.0 + size) * (1.0 + rate * duration) * growth
 }
@@ -140,9 +138,9 @@ fn logistic_growth() {
     }
 }
 
-/// h(t) = (sqrt h0 - a sqrt(2g) t / 2A)^2 until the tank is empty at 2 A sqrt h0 / (a sqrt 2g) = 61.7 s,
-/// and 0 from then on. Errors shrink on the way: dh(t)/dh0 = sqrt(h/h0). The rate is that at a few cm;
-/// next to empty it is larger, and the steps shorter.
+/// h(t) = (sqrt h0 - a sqrt(2g) t / 2A)^2 until the tank is empty at 2 A sqrt h0 / (a sqrt 2g) =
+/// 61.7 s, and 0 from then on. Errors shrink on the way: dh(t)/dh0 = sqrt(h/h0). The rate is that
+/// at a few cm; next to empty it is larger, and the steps shorter.
 #[test]
 fn one_tank_drains_as_torricelli_says() {
     let plant = OneTank::default();

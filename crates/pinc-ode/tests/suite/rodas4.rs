@@ -1,31 +1,30 @@
 //! The Rosenbrock method: order, stability on stiff problems, sensitivities.
 
-mod common;
-
-use common::{Oscillator, distance, flows, log_slope};
+use crate::common::{Oscillator, distance, flows, log_slope};
 use pinc_ad::{Scalar, central_difference};
 use pinc_ode::{Dopri5, Linearization, Model, Plant, Rk4, Rodas4, Stages, Variable};
 use pinc_plants::{FourTanks, HydraulicServo, SingleTrackCar};
 
-fn predict(predictor: &mut impl Model, x: &[f64], u: &[f64]) -> Vec<f64> {
+fn predict(model: &mut impl Model, x: &[f64], u: &[f64]) -> Vec<f64> {
     let mut next = vec![f64::NAN; x.len()];
-    predictor.step(x, u, &[], &mut next);
+    model.step(x, u, &[], &mut next);
     next
 }
 
 /// df/dx and df/du.
-fn jacobians(predictor: &mut impl Model, x: &[f64], u: &[f64]) -> [Vec<f64>; 2] {
+fn jacobians(model: &mut impl Model, x: &[f64], u: &[f64]) -> [Vec<f64>; 2] {
     let (n, m) = (x.len(), u.len());
     let [mut next, mut a, mut b] = [n, n * n, n * m].map(|len| vec![f64::NAN; len]);
-    predictor.linearize(
+    model.linearize(
         Stages { x, u, p: &[] },
         Linearization { next: &mut next, a: &mut a, b: &mut b, e: &mut [] },
     );
     [a, b]
 }
 
-/// The order by regression of the errors against `end`, as in rk4.rs: without those above 1e-5, where the step is
-/// still too long for the leading term to rule, and those below 1e-12, where rounding shows.
+/// The order by regression of the errors against `end`, as in runge_kutta.rs: without those above 1e-5,
+/// where the step is still too long for the leading term to rule, and those below 1e-12, where
+/// rounding shows.
 fn order<P: Plant>(plant: &P, duration_s: f64, x: &[f64], u: &[f64], end: &[f64]) -> f64 {
     let errors: Vec<_> = (1..12)
         .map(|k| {
@@ -77,9 +76,9 @@ impl Plant for Lag {
     }
 }
 
-/// In one step over h the distance to the rest position u is multiplied by R(-h rate): that never grows
-/// (A-stability), and goes to 0 as the mode becomes infinitely fast (L-stability), as O(1 / (h rate)). An explicit
-/// method blows up there.
+/// In one step over h the distance to the rest position u is multiplied by R(-h rate): that never
+/// grows (A-stability), and goes to 0 as the mode becomes infinitely fast (L-stability), as O(1 /
+/// (h rate)). An explicit method blows up there.
 #[test]
 fn fast_modes_die_out_at_any_step() {
     for power in -2..=12 {
@@ -103,8 +102,8 @@ fn oscillations_do_not_grow_at_any_step() {
     }
 }
 
-/// Over a mode that is 1e6 times faster than the step, the slow one is still integrated: x' = -1e6 (x - y),
-/// y' = -y; after the transient x = y / (1 - 1e-6).
+/// Over a mode that is 1e6 times faster than the step, the slow one is still integrated: x' = -1e6
+/// (x - y), y' = -y; after the transient x = y / (1 - 1e-6).
 #[derive(Clone, Debug)]
 struct FastAndSlow;
 
@@ -131,8 +130,9 @@ fn a_slow_mode_beside_a_fast_one() {
     assert!((end[0] - slow).abs() < 1e-4, "{end:?}");
 }
 
-/// A single substep on the stiff plants, where the derivatives of J matter: against differences of the
-/// method itself, scaled by the units of the variables. Differences are good to about 1e-9 of the scale.
+/// A single substep on the stiff plants, where the derivatives of J matter: against differences of
+/// the method itself, scaled by the units of the variables. Differences are good to about 1e-9 of
+/// the scale.
 #[test]
 fn jacobians_are_those_of_the_method() {
     check_jacobians(

@@ -1,8 +1,6 @@
 //! The Runge-Kutta methods: order, sensitivities, determinism.
 
-mod common;
-
-use common::{Oscillator, distance, flows, log_slope};
+use crate::common::{Oscillator, distance, flows, log_slope};
 use pinc_ad::{Dual, Scalar, central_difference};
 use pinc_ode::{
     Classical, Dopri5, DormandPrince, Linearization, Method, Model, Plant, Rk4, Rk5, RungeKutta,
@@ -12,28 +10,28 @@ use pinc_plants::{FourTanks, OneTank, VanDerPol};
 use proptest::prelude::*;
 use proptest::test_runner::{FileFailurePersistence, TestRunner};
 
-fn predict(predictor: &mut impl Model, x: &[f64], u: &[f64]) -> Vec<f64> {
+fn predict(model: &mut impl Model, x: &[f64], u: &[f64]) -> Vec<f64> {
     let mut next = vec![f64::NAN; x.len()];
-    predictor.step(x, u, &[], &mut next);
+    model.step(x, u, &[], &mut next);
     next
 }
 
 /// f(x, u), df/dx and df/du.
-fn linearize(predictor: &mut impl Model, x: &[f64], u: &[f64]) -> [Vec<f64>; 3] {
+fn linearize(model: &mut impl Model, x: &[f64], u: &[f64]) -> [Vec<f64>; 3] {
     let (n, m) = (x.len(), u.len());
     let [mut next, mut a, mut b] = [n, n * n, n * m].map(|len| vec![f64::NAN; len]);
-    predictor.linearize(
+    model.linearize(
         Stages { x, u, p: &[] },
         Linearization { next: &mut next, a: &mut a, b: &mut b, e: &mut [] },
     );
     [next, a, b]
 }
 
-/// The order by regression of the errors against `end` with 2, 3, 4, 6, 8, .. 3072 substeps, down to
-/// rounding: without those above 1e-5, where the step is still too long for the leading term to rule,
-/// and those below 1e-12, where rounding (1e-16 a substep) is more than a few per cent. At least five
-/// errors are left, so that an error that is off by a quarter at one end of the line changes its
-/// slope by less than 0.15.
+/// The order by regression of the errors against `end` with 2, 3, 4, 6, 8, .. 3072 substeps, down
+/// to rounding: without those above 1e-5, where the step is still too long for the leading term to
+/// rule, and those below 1e-12, where rounding (1e-16 a substep) is more than a few per cent. At
+/// least five errors are left, so that an error that is off by a quarter at one end of the line
+/// changes its slope by less than 0.15.
 fn order<P: Plant>(plant: &P, duration_s: f64, x: &[f64], u: &[f64], end: &[f64]) -> f64 {
     order_of::<P, Classical>(plant, duration_s, x, u, end)
 }
@@ -162,7 +160,8 @@ impl<P: Plant> Plant for Variational<P> {
 }
 
 /// Every column of the Jacobians is the solution of the variational equation: by the same method to
-/// rounding, since differentiating and stepping commute; by a fine integration to the method's error.
+/// rounding, since differentiating and stepping commute; by a fine integration to the method's
+/// error.
 fn check_variational<P: Plant>(plant: &P, sample_time_s: f64, x: &[f64], u: &[f64], error: f64) {
     let (n, m) = (x.len(), u.len());
     let [_, a, b] = linearize(&mut Rk4::new(plant.clone(), sample_time_s, 40), x, u);
@@ -289,7 +288,7 @@ fn substeps_are_steps_in_a_row() {
     assert_eq!(x, end);
 }
 
-/// The same bits whatever the predictor was asked before.
+/// The same bits whatever the model was asked before.
 #[test]
 fn no_memory_of_earlier_calls() {
     let (x, u) = ([9.0, 8.0, 2.0, 3.0], [3.0, 2.0]);

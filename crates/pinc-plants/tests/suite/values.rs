@@ -8,7 +8,7 @@ use proptest::prelude::*;
 use proptest::test_runner::{FileFailurePersistence, TestCaseError, TestRunner};
 
 /// Right-hand sides and Jacobians, by mpmath: see data/expected.py.
-const TABLE: &str = include_str!("data/rhs.csv");
+const TABLE: &str = include_str!("../data/rhs.csv");
 
 fn rhs(plant: &impl Plant, x: &[f64], u: &[f64]) -> Vec<f64> {
     let mut dx = vec![0.0; x.len()];

@@ -1,0 +1,10 @@
+//! The tests of pinc-ode, as one program.
+
+mod common;
+mod dopri5;
+mod dopri5_limits;
+mod examples;
+mod metrics;
+mod piecewise_constant;
+mod rodas4;
+mod runge_kutta;

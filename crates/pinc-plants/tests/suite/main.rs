@@ -1,0 +1,6 @@
+//! The tests of pinc-plants, as one program.
+
+mod acetone_still;
+mod johansson;
+mod stiff_plants;
+mod values;
