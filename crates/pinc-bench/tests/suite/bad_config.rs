@@ -59,7 +59,7 @@ fn keys_inside_lists_and_variants_are_named() {
 
 #[test]
 fn wrong_types() {
-    let expected = ["`model.sample_time_s`: invalid type: string \"half\", expected a number"];
+    let expected = ["`model.horizon_s`: invalid type: string \"half\", expected a number"];
     let outcome = check_with("horizon_s = 0.5", "horizon_s = \"half\"");
     outcome.assert_refused(&expected);
     outcome.assert_refused(&[&place("horizon_s")]);
@@ -114,7 +114,7 @@ fn not_toml() {
 fn numbers_that_are_none() {
     for number in ["nan", "inf", "-inf"] {
         let outcome = check_with("horizon_s = 0.5", &format!("horizon_s = {number}"));
-        outcome.assert_refused(&["`model.sample_time_s`", "expected a finite number"]);
+        outcome.assert_refused(&["`model.horizon_s`", "expected a finite number"]);
     }
     let expected = ["`control.references[1].value[1]`: NaN given", &place("    { start_s = 2.5")];
     check_with("value = [-0.5, 0.0]", "value = [-0.5, nan]").assert_refused(&expected);
@@ -125,7 +125,7 @@ fn horizons() {
     for number in ["0.0", "-0.5", "0"] {
         let outcome = check_with("horizon_s = 0.5", &format!("horizon_s = {number}"));
         outcome.assert_refused(&[
-            "`model.sample_time_s`",
+            "`model.horizon_s`",
             "expected a positive number",
             &place("horizon_s"),
         ]);
