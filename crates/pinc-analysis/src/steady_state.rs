@@ -194,7 +194,7 @@ fn row_scale(
     weight: f64,
     constant: f64,
 ) -> Vec<f64> {
-    let j = jacobian(plant, &region.split(at.to_vec()));
+    let j = jacobian(plant, &region.split(Vec::from(at)));
     let row = |i: usize| {
         let terms = (0..j.ncols()).map(|k| (j[(i, k)] * region.width(k)).powi(2));
         let length = terms.sum::<f64>().sqrt();
