@@ -1,8 +1,7 @@
 //! Runs of experiments, sweeps, measurements of the machine, and the program `pinc`.
 //!
-//! - [`run`], [`train`], [`control`], [`predict`], [`check`], [`rebuild_report`]: what the program
-//! does
-//!   with an [`Experiment`](pinc_config::Experiment).
+//! - [`run`], [`train`], [`control`], [`predict`], [`check`], [`rebuild_report`]: what the
+//!   program does with an [`Experiment`](pinc_config::Experiment).
 //! - [`sweep()`], [`merge`]: an experiment many times over.
 //! - [`bench()`]: measurements of the machine.
 //! - [`program`]: the command line; with [`Plants`] of your own, a `pinc` that

@@ -73,6 +73,11 @@ fn drawn_keys(sweep: &SweepSpec) -> Vec<String> {
 /// The trials of an experiment with a sweep, in an order in which every cell has its first seed
 /// before any has its second. Equal ones are one trial with several rows. Or the
 /// key and what is wrong with a trial.
+///
+/// # Errors
+///
+/// The key that is wrong, and what is wrong with it: an axis that names no value, or a value that the
+/// config does not admit.
 pub fn trials(experiment: &Experiment) -> Result<Vec<Trial>, (String, Problem)> {
     let Some(sweep) = &experiment.sweep else { return Ok(Vec::new()) };
     let mut base = experiment.clone();

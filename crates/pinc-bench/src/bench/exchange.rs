@@ -6,9 +6,8 @@
 //! - `points.collocation`, `points.initial`: (t, y0, u) row by row;
 //! - `loss.lambda` `[1]`, `loss.residual_scale`, `loss.initial_scale` (one factor per state);
 //! - `loss.terms`: `MSE_y` and lambda `MSE_F`;
-//! - `loss.gradient`: their sum's derivative in the parameters, layer by layer, each layer's
-//! weights
-//!   row by row, then its biases.
+//! - `loss.gradient`: their sum's derivative in the parameters, layer by layer, each
+//!   layer's weights row by row, then its biases.
 //!
 //! The metadata also has `plant`.
 

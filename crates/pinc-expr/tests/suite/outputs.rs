@@ -20,8 +20,8 @@ fn reaction() -> Equations {
     }
 }
 
-fn rhs(plant: &ExpressionPlant, p: &[f64]) -> [f64; 2] {
-    let mut dx = [f64::NAN; 2];
+fn rhs(plant: &ExpressionPlant, p: &[f64]) -> Vec<f64> {
+    let mut dx = vec![f64::NAN; 2];
     plant.rhs(&[3.0, 1.0], &[0.25], p, &mut dx);
     dx
 }
