@@ -6,6 +6,9 @@ use pinc_ode::{Dims, Linearization, LinearizationBuffer, Model, OutputLinearizat
 use proptest::prelude::*;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
+/// A call of a model with vectors of given lengths.
+type Call<'a> = &'a dyn Fn(&mut dyn Model, Vec<Vec<f64>>);
+
 #[test]
 fn dimensions_and_sample_time_make_sense() {
     for candidate in candidates() {
@@ -213,20 +216,19 @@ fn other_lengths_panic() {
         let step = [nx, nu, np, nx];
         let linear = [nx, nu, np, nx, nx * nx, nx * nu, nx * np];
         let outputs = [nx, nu, np, ny, ny * nx, ny * nu, ny * np];
-        let refused =
-            |lengths: &[usize], wrong: usize, call: &dyn Fn(&mut dyn Model, Vec<Vec<f64>>)| {
-                for change in [-1, 1] {
-                    let mut lengths = lengths.to_vec();
-                    let length = lengths[wrong].checked_add_signed(change);
-                    // No derivatives by p are none wanted.
-                    let Some(length) = length.filter(|&l| wrong < 6 || l > 0) else { continue };
-                    lengths[wrong] = length;
-                    let values = lengths.iter().map(|&len| vec![1.0; len]).collect();
-                    let mut model = candidate.build();
-                    let outcome = catch_unwind(AssertUnwindSafe(|| call(&mut *model, values)));
-                    assert!(outcome.is_err(), "{}: {wrong} of {lengths:?}", candidate.name);
-                }
-            };
+        let refused = |lengths: &[usize], wrong: usize, call: Call<'_>| {
+            for change in [-1, 1] {
+                let mut lengths = lengths.to_vec();
+                let length = lengths[wrong].checked_add_signed(change);
+                // No derivatives by p are none wanted.
+                let Some(length) = length.filter(|&l| wrong < 6 || l > 0) else { continue };
+                lengths[wrong] = length;
+                let values = lengths.iter().map(|&len| vec![1.0; len]).collect();
+                let mut model = candidate.build();
+                let outcome = catch_unwind(AssertUnwindSafe(|| call(&mut *model, values)));
+                assert!(outcome.is_err(), "{}: {wrong} of {lengths:?}", candidate.name);
+            }
+        };
         for wrong in (0..step.len()).filter(|&wrong| wrong != 2 || np > 0) {
             refused(&step, wrong, &|model, values| {
                 let [x, u, p, mut next] = values.try_into().expect("four");
