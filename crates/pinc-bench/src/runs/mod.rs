@@ -11,8 +11,9 @@ mod one_step;
 mod predict;
 mod train;
 mod trial;
+mod with_outputs;
 
-pub(crate) use control::Setup as ControlSetup;
+pub(crate) use control::{Setup as ControlSetup, verdict};
 pub(crate) use train::Setup;
 pub(crate) use trial::{run_trial, train_shared};
 
