@@ -1,11 +1,15 @@
 //! The closed loops of the paper with RK4 as the model, against the answers that an interior-point
 //! solver of nonlinear programs (IPOPT, tolerance 1e-10) gives for the same problems.
 
+use pinc_bench::{Options, Verbosity};
+use pinc_config::{Experiment, ModelKind, Plants};
 use pinc_mpc::{
     Bounds, ClosedLoop, Nmpc, NmpcProblem, Reference, SqpConfig, SqpStatus, Tracked, Weights,
 };
 use pinc_ode::{Dopri5, PiecewiseConstant, Plant, Rk4};
 use pinc_plants::{FourTanks, VanDerPol};
+use std::path::Path;
+use std::sync::atomic::AtomicBool;
 
 /// The paper's model: RK4 with 4 substeps.
 const SUBSTEPS: usize = 4;
@@ -142,6 +146,26 @@ fn van_der_pol_as_released() {
     let weights = Weights::scaled(vec![10.0; 2], vec![0.0], &factors, &[0.0; 5]);
     let answer = oscillator(weights.with_input_sequence(w));
     close(answer.iae_dense, 121.98, 0.01);
+    close(answer.rmse_dense, 0.1507, 1e-4);
+}
+
+/// The same by the config that is shipped, with which `pinc control` makes the row of Table 1.
+#[test]
+fn the_shipped_config_makes_table_1() {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../configs/van-der-pol/control.toml");
+    let sets = ["preset=as-released", "control.repetitions=1"].map(str::to_owned);
+    let experiment = Experiment::load(&path, &sets, &Plants::built_in()).unwrap();
+    let dir = tempfile::tempdir().unwrap();
+    let options = Options {
+        resume: false,
+        verbosity: Verbosity::Quiet,
+        interrupt: &AtomicBool::new(false),
+        arguments: &[],
+    };
+    let only = Some(ModelKind::Rk4);
+    let run = pinc_bench::control(&experiment, dir.path(), &options, None, only).unwrap();
+    let answer = &run.metrics().control[0];
+    close(answer.iae_dense_sum, 121.98, 0.01);
     close(answer.rmse_dense, 0.1507, 1e-4);
 }
 

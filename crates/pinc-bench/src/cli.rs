@@ -1,5 +1,6 @@
 //! The command line.
 
+use crate::runs::verdict;
 use crate::{BenchError, BenchOptions, Options, Shard, Verbosity, console, summary};
 use clap::{Args, Parser, Subcommand};
 use pinc_config::{Experiment, ModelKind, OutsidePolicy, Plants, RunList};
@@ -346,7 +347,7 @@ impl RunArgs {
         let options = options(self.resume, quiet, &arguments);
         let run_dir = work(experiment, dir, &options)?;
         show(quiet, &summary(&run_dir));
-        Ok(())
+        verdict(experiment, run_dir.metrics())
     }
 }
 

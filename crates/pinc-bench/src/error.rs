@@ -1,6 +1,6 @@
 //! What can go wrong with an experiment.
 
-use pinc_config::ConfigError;
+use pinc_config::{ConfigError, ModelKind};
 use pinc_mpc::MpcError;
 use pinc_net::{ModelError, NetError};
 use pinc_ode::OdeError;
@@ -112,6 +112,21 @@ pub enum BenchError {
     /// Another error of the control problem, or a plant that could not be integrated in the loop.
     #[error("closed loop: {0}")]
     Control(#[from] MpcError),
+    /// Too many steps of a controller failed.
+    #[error(
+        "the loop with {model} failed: {failed} of {steps} control steps did, and control.max_failed_share = \
+         {allowed} allows fewer; the results are kept"
+    )]
+    FailedSteps {
+        /// The model in the controller.
+        model: ModelKind,
+        /// How many failed.
+        failed: usize,
+        /// Of how many.
+        steps: usize,
+        /// The share that may fail.
+        allowed: f64,
+    },
     /// The truth could not be integrated.
     #[error("the plant cannot be integrated: {0}")]
     Plant(#[from] OdeError),
@@ -230,7 +245,7 @@ impl BenchError {
         match self {
             Self::Net(NetError::Setting { .. } | NetError::Dimension { .. }) => 2,
             Self::Control(MpcError::Plant { .. }) | Self::OutsideDomain { .. } => 1,
-            Self::Net(_) | Self::Plant(_) => 1,
+            Self::Net(_) | Self::Plant(_) | Self::FailedSteps { .. } => 1,
             Self::Interrupted { .. } | Self::FailedTrials { .. } | Self::FailedRuns { .. } => 1,
             _ => 2,
         }

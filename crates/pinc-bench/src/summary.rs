@@ -85,5 +85,8 @@ fn metrics(text: &mut String, metrics: &Metrics) -> std::fmt::Result {
             writeln!(text, "             {found}")?;
         }
     }
+    for finding in metrics.loop_findings() {
+        writeln!(text, "note: {finding}")?;
+    }
     Ok(())
 }

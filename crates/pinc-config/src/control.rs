@@ -1,8 +1,7 @@
 //! The `[control]` section.
 
-use crate::PlantSpec;
+use crate::{PlantSpec, Variables};
 use pinc_mpc::{Bounds, NmpcProblem, Softness, SqpConfig, Tracked, Weight, Weights};
-use pinc_ode::Dims;
 use serde::{Deserialize, Serialize};
 use std::fmt;
 
@@ -19,7 +18,10 @@ pub struct ControlSpec {
     pub duration_s: f64,
     /// The state it starts from, in the plant's order.
     pub initial_state: Vec<f64>,
-    /// Names of the states that are to follow the references.
+    /// What was applied before the first step, one number per input; 0 if absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub initial_input: Option<Vec<f64>>,
+    /// Names of the states and outputs that are to follow the references.
     pub controlled: Vec<String>,
     /// N1, the first predicted step that counts.
     pub n1: usize,
@@ -27,7 +29,7 @@ pub struct ControlSpec {
     pub n2: usize,
     /// Nu, the number of free inputs.
     pub nu: usize,
-    /// Q, for the controlled states: its diagonal, or all of its rows.
+    /// Q, for the controlled quantities: its diagonal, or all of its rows.
     pub q: Weight,
     /// R, for the inputs' changes: its diagonal, or all of its rows.
     pub r: Weight,
@@ -36,6 +38,9 @@ pub struct ControlSpec {
     pub q_terminal: Option<Weight>,
     /// How the weights go along the horizon.
     pub weights_profile: Profile,
+    /// Weighted differences between inputs of the horizon, beside the changes that R weights.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub input_differences: Vec<InputDifference>,
     /// Lower bounds of the predicted states, in the plant's order; none if absent.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub state_low: Option<Vec<f64>>,
@@ -45,6 +50,16 @@ pub struct ControlSpec {
     /// What is done where the states' bounds cannot be met.
     #[serde(default)]
     pub state_softness: Softness,
+    /// Lower bounds of the predicted outputs, those that are no states, in the plant's order; none if
+    /// absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub output_low: Option<Vec<f64>>,
+    /// Upper bounds of the same; none if absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub output_high: Option<Vec<f64>>,
+    /// What is done where the outputs' bounds cannot be met.
+    #[serde(default)]
+    pub output_softness: Softness,
     /// Lower bounds of the inputs.
     pub input_low: Vec<f64>,
     /// Upper bounds of the inputs.
@@ -58,12 +73,23 @@ pub struct ControlSpec {
     /// How many whole steps pass until an input acts on the plant.
     #[serde(default)]
     pub delay_steps: usize,
+    /// Whether the controller knows the references in advance; if not, it takes the present one for all
+    /// later ones.
+    #[serde(default = "yes")]
+    pub preview: bool,
     /// The time that the controller may take per step, in us; no limit if absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub budget_us: Option<f64>,
     /// What to do when a net is used outside the box that it was trained on.
     #[serde(default)]
     pub outside_domain: OutsidePolicy,
+    /// The share of control steps that may fail, from 0 to 1: with more, the run has failed.
+    #[serde(default = "max_failed_share")]
+    pub max_failed_share: f64,
+    /// How near its reference a controlled quantity stays to have settled there, in its unit; a hundredth
+    /// of its largest error at the step marks if absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub settled_within: Option<Vec<f64>>,
     /// Substeps per T of the model `rk4`.
     pub rk4_substeps: usize,
     /// Substeps per T of the model `rk5`.
@@ -77,7 +103,7 @@ pub struct ControlSpec {
     /// Length T of a control step in s: needed only where no `[model]` says it.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub step_s: Option<f64>,
-    /// What the controlled states are to follow, in steps.
+    /// What the controlled quantities are to follow, in steps.
     pub references: Vec<ReferenceStep>,
     /// Parts of the run, each from one time to another in s, that the report shows enlarged; its
     /// beginning if there are none and the run is long.
@@ -88,29 +114,110 @@ pub struct ControlSpec {
 }
 
 impl ControlSpec {
-    /// The problem for a plant whose states have these names.
-    pub fn problem(&self, states: &[&str], inputs: usize, sample_time_s: f64) -> NmpcProblem {
-        let dims = Dims::new(states.len(), inputs);
-        let place = |name: &String| states.iter().position(|state| state == name);
+    /// The problem for a plant with these variables.
+    #[must_use]
+    pub fn problem(&self, variables: &Variables, sample_time_s: f64) -> NmpcProblem {
+        let (states, inputs) = (variables.states.len(), variables.inputs.len());
+        let own = variables.own_outputs();
+        let tracked = |name: &String| {
+            let output = || own.iter().find(|(_, v)| v.name == *name);
+            match variables.states.iter().position(|v| v.name == *name) {
+                Some(state) => Some(Tracked::State(state)),
+                None => output().map(|(place, _)| Tracked::Output(*place)),
+            }
+        };
         let factors = self.weights_profile.factors(self.n2, sample_time_s);
         let free = self.nu.min(self.n2);
         let weights = match factors {
             None => Weights::uniform(self.q.clone(), self.r.clone()),
             Some(w) => Weights::scaled(self.q.clone(), self.r.clone(), &w, &w[..free]),
         };
-        let weights = Weights { terminal: self.q_terminal.clone(), ..weights };
+        let weights = Weights {
+            terminal: self.q_terminal.clone(),
+            input_sequence: self.input_sequence(inputs),
+            ..weights
+        };
         NmpcProblem {
             n1: self.n1,
             control_horizon: self.nu,
-            tracked: Tracked::states(self.controlled.iter().filter_map(place)),
-            state_bounds: bounds(&self.state_low, &self.state_high, states.len()),
+            tracked: self.controlled.iter().filter_map(tracked).collect(),
+            state_bounds: bounds(&self.state_low, &self.state_high, states),
             state_softness: self.state_softness.clone(),
             input_bounds: Bounds { low: self.input_low.clone(), high: self.input_high.clone() },
             increment_bounds: bounds(&self.increment_low, &self.increment_high, inputs),
+            output_bounds: self.output_bounds(variables),
+            output_softness: self.output_softness(variables),
             delay: self.delay_steps,
-            ..NmpcProblem::new(dims, self.n2, weights)
+            ..NmpcProblem::new(variables.dims(), self.n2, weights)
         }
     }
+}
+
+impl ControlSpec {
+    /// The bounds of all outputs, those that are states among them, which have none here.
+    fn output_bounds(&self, variables: &Variables) -> Option<Bounds> {
+        if self.output_low.is_none() && self.output_high.is_none() {
+            return None;
+        }
+        let mut all = Bounds::none(variables.outputs.len());
+        for (i, (place, _)) in variables.own_outputs().into_iter().enumerate() {
+            let side = |side: &Option<Vec<f64>>| side.as_ref().and_then(|s| s.get(i).copied());
+            all.low[place] = side(&self.output_low).unwrap_or(all.low[place]);
+            all.high[place] = side(&self.output_high).unwrap_or(all.high[place]);
+        }
+        Some(all)
+    }
+
+    /// How hard these are. The penalty of an output without bounds is never asked for.
+    fn output_softness(&self, variables: &Variables) -> Softness {
+        let Softness::Penalty(own) = &self.output_softness else {
+            return self.output_softness.clone();
+        };
+        let mut all = vec![1.0; variables.outputs.len()];
+        for ((place, _), weight) in variables.own_outputs().into_iter().zip(own) {
+            all[place] = *weight;
+        }
+        Softness::Penalty(all)
+    }
+
+    /// The weight of all inputs of the horizon that `input_differences` make, the input applied last in
+    /// front: that of two inputs i and j is `(u_i - u_j)' W (u_i - u_j)`.
+    fn input_sequence(&self, inputs: usize) -> Option<Weight> {
+        if self.input_differences.is_empty() {
+            return None;
+        }
+        let size = (self.nu + 1) * inputs;
+        let mut rows = vec![vec![0.0; size]; size];
+        for InputDifference { between, weight } in &self.input_differences {
+            let [i, j] = between.map(|place| usize::try_from(place + 1).unwrap_or(usize::MAX));
+            if i.max(j) > self.nu {
+                // Not in a config that was checked.
+                continue;
+            }
+            for row in 0..inputs {
+                for column in 0..inputs {
+                    let entry = match weight {
+                        Weight::Diagonal(diagonal) if row == column => diagonal[row],
+                        Weight::Diagonal(_) => 0.0,
+                        Weight::Full(rows) => rows[row][column],
+                    };
+                    for (a, b, sign) in [(i, i, 1.0), (j, j, 1.0), (i, j, -1.0), (j, i, -1.0)] {
+                        rows[a * inputs + row][b * inputs + column] += sign * entry;
+                    }
+                }
+            }
+        }
+        Some(Weight::Full(rows))
+    }
+}
+
+fn yes() -> bool {
+    true
+}
+
+/// One step in twenty.
+fn max_failed_share() -> f64 {
+    0.05
 }
 
 fn bounds(low: &Option<Vec<f64>>, high: &Option<Vec<f64>>, variables: usize) -> Bounds {
@@ -150,13 +257,23 @@ impl Profile {
     }
 }
 
+/// A difference between two inputs of the horizon, and its weight in the cost.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct InputDifference {
+    /// Which inputs: i stands for u\[k+i\], from -1, the input applied last, to Nu - 1.
+    pub between: [i64; 2],
+    /// W: its diagonal, or all of its rows, one per input of the plant.
+    pub weight: Weight,
+}
+
 /// One value of the reference.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ReferenceStep {
     /// When it begins, in s; the first at 0.
     pub start_s: f64,
-    /// One number per controlled state.
+    /// One number per controlled quantity.
     pub value: Vec<f64>,
 }
 

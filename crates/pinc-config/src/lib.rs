@@ -49,7 +49,7 @@ mod training;
 mod trial;
 mod validate;
 
-pub use control::{ControlSpec, ModelKind, OutsidePolicy, Profile, ReferenceStep};
+pub use control::{ControlSpec, InputDifference, ModelKind, OutsidePolicy, Profile, ReferenceStep};
 pub use data::DataSpec;
 pub use experiment::Experiment;
 pub use list::{ListedRun, RunList};

@@ -2,7 +2,7 @@
 
 use crate::plants::Plants;
 use crate::{FourTanksParameters, FourTanksSpec, PlantSpec};
-use pinc_ode::{DynPlant, Variable};
+use pinc_ode::{Dims, DynPlant, Variable};
 use pinc_plants::{
     AcetoneColumn, AcetoneStill, FourTanks, HydraulicServo, OneTank, SingleTrackCar, TwoLinkArm,
     VanDerPol,
@@ -44,15 +44,14 @@ impl PlantSpec {
         }
     }
 
-    /// The plant's states and inputs.
+    /// The plant's states, inputs and outputs.
     ///
     /// # Panics
     ///
     /// As for [`PlantSpec::dyn_plant`].
     #[must_use]
     pub fn variables(&self) -> Variables {
-        let plant = self.dyn_plant();
-        Variables { states: plant.states().to_vec(), inputs: plant.inputs().to_vec() }
+        Variables::of(&*self.dyn_plant())
     }
 }
 
@@ -69,20 +68,57 @@ fn four_tanks(spec: &FourTanksSpec) -> FourTanks {
     }
 }
 
-/// The states and inputs of a plant, in its order.
+/// The states, inputs and outputs of a plant, in its order.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Variables {
     /// The states.
     pub states: Vec<Variable>,
     /// The inputs.
     pub inputs: Vec<Variable>,
+    /// The outputs; of a plant without any of its own, the states.
+    pub outputs: Vec<Variable>,
 }
 
 impl Variables {
+    /// Those of a plant.
+    #[must_use]
+    pub fn of(plant: &dyn DynPlant) -> Self {
+        Self {
+            states: plant.states().to_vec(),
+            inputs: plant.inputs().to_vec(),
+            outputs: plant.outputs().to_vec(),
+        }
+    }
+
     /// The names of the states.
     #[must_use]
     pub fn state_names(&self) -> Vec<String> {
         self.states.iter().map(|v| v.name.to_string()).collect()
+    }
+
+    /// The outputs that are no states, by their names, each with its place among all outputs.
+    #[must_use]
+    pub fn own_outputs(&self) -> Vec<(usize, &Variable)> {
+        let is_state = |output: &Variable| self.states.iter().any(|s| s.name == output.name);
+        self.outputs.iter().enumerate().filter(|(_, output)| !is_state(output)).collect()
+    }
+
+    /// Their names.
+    #[must_use]
+    pub fn own_output_names(&self) -> Vec<String> {
+        self.own_outputs().iter().map(|(_, v)| v.name.to_string()).collect()
+    }
+
+    /// The names of all outputs.
+    #[must_use]
+    pub fn output_names(&self) -> Vec<String> {
+        self.outputs.iter().map(|v| v.name.to_string()).collect()
+    }
+
+    /// The numbers of states, inputs and outputs.
+    #[must_use]
+    pub fn dims(&self) -> Dims {
+        Dims::new(self.states.len(), self.inputs.len()).with_outputs(self.outputs.len())
     }
 
     /// The names of the inputs.

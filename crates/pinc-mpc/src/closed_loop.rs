@@ -1,12 +1,12 @@
 //! The controller and the plant together.
 
 use crate::error::check_finite;
-use crate::{Constraint, MpcError, Nmpc, Reference, SqpStatus};
+use crate::{Constraint, MpcError, Nmpc, Reference, SqpStatus, Tracked};
 use pinc_ode::metrics::Tracking;
 use pinc_ode::{Dopri5, Trajectory};
 
 /// Points of the dense trace per control step, the last one at its end.
-const POINTS: usize = 9;
+pub(crate) const POINTS: usize = 9;
 
 /// A controller in closed loop with an accurately integrated plant.
 ///
@@ -44,8 +44,6 @@ pub struct ClosedLoop<'a> {
     /// The input that the controller has chosen, and before it those under way: the first acts now.
     inputs: Vec<f64>,
     window: Vec<f64>,
-    /// Room for the model's outputs.
-    outputs: Vec<f64>,
     /// Whether the controller sees later values of the reference.
     preview: bool,
     steps: Vec<StepRecord>,
@@ -54,8 +52,6 @@ pub struct ClosedLoop<'a> {
     /// Whether the plant could not be integrated.
     broken: bool,
     trajectory: Trajectory,
-    at_steps: Tracking,
-    dense: Tracking,
     max_violation: f64,
 }
 
@@ -95,9 +91,11 @@ impl<'a> ClosedLoop<'a> {
     ) -> Result<Self, MpcError> {
         let (dims, given) = (nmpc.model().dims(), plant.dims());
         let outputs = nmpc.problem().tracked.len();
+        let measured = if nmpc.problem().uses_outputs() { given.ny } else { dims.ny };
         for (field, expected, found) in [
             ("the plant's states", dims.nx, given.nx),
             ("the plant's inputs", dims.nu, given.nu),
+            ("the plant's outputs", dims.ny, measured),
             ("the reference's outputs", outputs, reference.outputs()),
         ] {
             if found != expected {
@@ -110,14 +108,11 @@ impl<'a> ClosedLoop<'a> {
             x: x.to_vec(),
             inputs: vec![0.0; (nmpc.problem().delay + 1) * dims.nu],
             window: vec![0.0; nmpc.problem().horizon * outputs],
-            outputs: vec![0.0; dims.ny],
             preview: true,
             steps: Vec::with_capacity(reference.steps()),
             done: 0,
             broken: false,
             trajectory: Trajectory::new(dims),
-            at_steps: Tracking::new(outputs),
-            dense: Tracking::new(outputs),
             max_violation: 0.0,
             nmpc,
             plant,
@@ -144,9 +139,10 @@ impl<'a> ClosedLoop<'a> {
         Self { preview: false, ..self }
     }
 
-    /// Writes what is followed from step `k` on, at the ends of the stages.
+    /// Writes what is followed by the input chosen in step `k`, at the ends of the stages.
     fn write_window(&mut self, k: usize) {
         let times = self.nmpc.stage_times_s();
+        let first = if self.preview { k + self.nmpc.problem().delay } else { k };
         let width = self.reference.outputs();
         for (row, time) in self.window.chunks_exact_mut(width).zip(&times[1..]) {
             #[expect(
@@ -156,7 +152,7 @@ impl<'a> ClosedLoop<'a> {
             )]
             let stage = (time / times[1]).round() as usize;
             let later = if self.preview { stage - 1 } else { 0 };
-            row.copy_from_slice(self.reference.at(k + later));
+            row.copy_from_slice(self.reference.at(first + later));
         }
     }
 
@@ -183,7 +179,7 @@ impl<'a> ClosedLoop<'a> {
             return Ok(None);
         }
         let delay = self.nmpc.problem().delay;
-        self.write_window(self.done + delay);
+        self.write_window(self.done);
         let step = self.nmpc.step_within(&self.x, &self.window, expired)?;
         self.steps.truncate(self.done);
         self.steps.push(StepRecord {
@@ -222,8 +218,8 @@ impl<'a> ClosedLoop<'a> {
     }
 
     /// The dense trace: the initial point and nine points per step, the last one at its end, each
-    /// with the input that led there (the initial one with the first). If the plant could not be
-    /// integrated, this is the trace until then.
+    /// with the input that holds from there on (at the end of the trace, with the last one). If the plant
+    /// could not be integrated, this is the trace until then.
     #[must_use]
     pub fn trajectory(&self) -> &Trajectory {
         &self.trajectory
@@ -236,39 +232,87 @@ impl<'a> ClosedLoop<'a> {
         self.reference.at(i.saturating_sub(1) / POINTS)
     }
 
+    /// What is tracked, of the plant at sample `i` of the dense trace.
+    ///
+    /// # Panics
+    ///
+    /// If there is no sample `i`.
+    #[must_use]
+    pub fn tracked_at(&self, i: usize) -> Vec<f64> {
+        let tracked = &self.nmpc.problem().tracked;
+        let y = if self.nmpc.problem().tracks_outputs() { self.outputs_at(i) } else { Vec::new() };
+        let value = |tracked: &Tracked| match *tracked {
+            Tracked::State(state) => self.trajectory.state(i)[state],
+            Tracked::Output(output) => y[output],
+        };
+        tracked.iter().map(value).collect()
+    }
+
+    /// The outputs of the plant at sample `i` of the dense trace, `ny`.
+    ///
+    /// # Panics
+    ///
+    /// If there is no sample `i`.
+    #[must_use]
+    pub fn outputs_at(&self, i: usize) -> Vec<f64> {
+        let mut y = vec![0.0; self.plant.dims().ny];
+        self.plant.output(self.trajectory.state(i), self.trajectory.input(i), &mut y);
+        y
+    }
+
     /// The tracking error at the ends of the steps: the metrics as printed.
     #[must_use]
-    pub fn tracking_at_steps(&self) -> &Tracking {
-        &self.at_steps
+    pub fn tracking_at_steps(&self) -> Tracking {
+        self.tracking((1..=self.done).map(|mark| mark * POINTS))
     }
 
     /// The tracking error on the dense trace: the metrics of the paper's Table 1.
     #[must_use]
-    pub fn tracking_dense(&self) -> &Tracking {
-        &self.dense
+    pub fn tracking_dense(&self) -> Tracking {
+        self.tracking(0..self.trajectory.len())
     }
 
-    /// The most by which a bounded state or input was outside its bounds on the dense trace, the
+    /// The tracking error at some samples of the dense trace.
+    fn tracking(&self, samples: impl Iterator<Item = usize>) -> Tracking {
+        let mut tracking = Tracking::new(self.reference.outputs());
+        for i in samples {
+            tracking.push(self.reference_at(i), &self.tracked_at(i));
+        }
+        tracking
+    }
+
+    /// What is followed.
+    #[must_use]
+    pub fn reference(&self) -> &Reference {
+        &self.reference
+    }
+
+    /// How many steps the plant has taken.
+    pub(crate) fn steps_done(&self) -> usize {
+        self.done
+    }
+
+    /// The steps by which the controller knows a change of the reference in advance.
+    pub(crate) fn preview_steps(&self) -> usize {
+        if self.preview { self.nmpc.problem().horizon } else { 0 }
+    }
+
+    /// The most by which a bounded state, input or output was outside its bounds on the dense trace, the
     /// initial point apart, which is given.
     #[must_use]
     pub fn max_violation(&self) -> f64 {
         self.max_violation
     }
 
-    /// Appends the plant's state at time `t` to the trace, and gives its controlled part.
-    fn sample(&mut self, t: f64, u: &[f64]) -> Vec<f64> {
-        self.trajectory.push(t, &self.x, u);
-        let mut y = vec![0.0; self.reference.outputs()];
-        self.nmpc.tracked(&self.x, u, &mut self.outputs, &mut y);
-        self.dense.push(self.reference.at(self.done), &y);
-        y
-    }
-
     fn watch_bounds(&mut self, u: &[f64]) {
         let problem = self.nmpc.problem();
         let states = problem.state_bounds.violation(&self.x);
         let inputs = problem.input_bounds.violation(u);
-        self.max_violation = self.max_violation.max(states).max(inputs);
+        let outputs = problem.output_bounds.as_ref().map_or(0.0, |bounds| {
+            let last = self.trajectory.len() - 1;
+            bounds.violation(&self.outputs_at(last))
+        });
+        self.max_violation = self.max_violation.max(states).max(inputs).max(outputs);
     }
 }
 
@@ -306,14 +350,15 @@ impl Control<'_, '_> {
 impl ClosedLoop<'_> {
     fn move_plant(&mut self, u: &[f64]) -> Result<(), MpcError> {
         let sample_time_s = self.nmpc.model().sample_time_s();
-        if self.trajectory.is_empty() {
-            self.sample(0.0, u);
+        match self.trajectory.is_empty() {
+            true => self.trajectory.push(0.0, &self.x, u),
+            false => self.trajectory.set_last_input(u),
         }
         let done = self.done;
         #[expect(clippy::cast_precision_loss, reason = "no run has 2^53 steps")]
         let time = |part: usize| (done as f64 + part as f64 / POINTS as f64) * sample_time_s;
         let times: [f64; POINTS] = std::array::from_fn(|part| time(part + 1));
-        for (part, t) in times.into_iter().enumerate() {
+        for t in times {
             #[expect(clippy::cast_precision_loss, reason = "nine")]
             let duration = sample_time_s / POINTS as f64;
             let integrated = self.plant.integrate(&mut self.x, u, duration);
@@ -321,11 +366,8 @@ impl ClosedLoop<'_> {
                 self.broken = true;
                 return Err(MpcError::Plant { step: done, source });
             }
-            let y = self.sample(t, u);
+            self.trajectory.push(t, &self.x, u);
             self.watch_bounds(u);
-            if part + 1 == POINTS {
-                self.at_steps.push(self.reference.at(done), &y);
-            }
         }
         self.done += 1;
         Ok(())

@@ -8,7 +8,7 @@ use crate::horizon::Horizon;
 use crate::kkt::KktResidual;
 use crate::solution::Solution;
 use crate::sqp::{Outcome, Sqp, StepInput};
-use crate::{MpcError, NmpcProblem, SqpConfig, SqpStatus, Tracked};
+use crate::{MpcError, NmpcProblem, SqpConfig, SqpStatus};
 use pinc_ode::Model;
 use pinc_qp::OcpDims;
 
@@ -177,23 +177,6 @@ impl Nmpc {
         self.sqp.set_parameters(p);
         self.prepared = false;
         Ok(())
-    }
-
-    /// Writes the tracked quantities of a plant that is at `x` under `u`, as the model sees them.
-    ///
-    /// # Shapes
-    ///
-    /// `x`: `n`; `u`: `m`; `y`: as many as are tracked; `outputs` is room for `ny`.
-    pub(crate) fn tracked(&mut self, x: &[f64], u: &[f64], outputs: &mut [f64], y: &mut [f64]) {
-        if self.problem.tracks_outputs() {
-            self.horizon.first_mut().output(x, u, &self.parameters, outputs);
-        }
-        for (y, tracked) in y.iter_mut().zip(&self.problem.tracked) {
-            *y = match *tracked {
-                Tracked::State(state) => x[state],
-                Tracked::Output(output) => outputs[output],
-            };
-        }
     }
 
     /// The plan of the last step, with its multipliers.

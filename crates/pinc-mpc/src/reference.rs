@@ -1,8 +1,9 @@
-//! What the controlled states are to follow.
+//! What the tracked quantities are to follow.
 
 use crate::MpcError;
 use crate::error::{check_numbers, check_range, check_setting};
 use pinc_ode::PiecewiseConstant;
+use std::ops::Range;
 
 /// One reference value per control step, known in advance.
 ///
@@ -61,7 +62,7 @@ impl Reference {
         self.values.len() / self.outputs
     }
 
-    /// How many controlled states there are.
+    /// How many quantities are tracked.
     #[must_use]
     pub fn outputs(&self) -> usize {
         self.outputs
@@ -72,6 +73,16 @@ impl Reference {
     pub fn at(&self, k: usize) -> &[f64] {
         let k = k.min(self.steps() - 1);
         &self.values[k * self.outputs..(k + 1) * self.outputs]
+    }
+
+    /// The steps between which the value changes: each range has one value.
+    #[must_use]
+    pub fn segments(&self) -> Vec<Range<usize>> {
+        let same =
+            |k: usize| self.at(k).iter().zip(self.at(k - 1)).all(|(a, b)| a.total_cmp(b).is_eq());
+        let mut starts: Vec<usize> = (0..self.steps()).filter(|&k| k == 0 || !same(k)).collect();
+        starts.push(self.steps());
+        starts.windows(2).map(|pair| pair[0]..pair[1]).collect()
     }
 
     /// Writes the preview at step `k`, as many rows as `window` holds: the values of steps
@@ -112,6 +123,13 @@ mod tests {
         assert_eq!(reference.values, [5.0, 5.0, 7.0, 7.0]);
         assert!(Reference::sample(&signal, 0, 0.5).is_err());
         assert!(Reference::sample(&signal, 4, f64::NAN).is_err());
+    }
+
+    #[test]
+    fn segments_have_one_value_each() {
+        let reference = Reference::new(vec![1.0, 0.0, 1.0, 0.0, 1.0, 2.0, 1.0, 0.0], 2).unwrap();
+        assert_eq!(reference.segments(), [0..2, 2..3, 3..4]);
+        assert_eq!(Reference::new(vec![1.0; 3], 1).unwrap().segments(), vec![0..3_usize; 1]);
     }
 
     #[test]

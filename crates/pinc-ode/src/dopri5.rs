@@ -96,6 +96,15 @@ impl Dopri5 {
         self.p.extend_from_slice(p);
     }
 
+    /// Writes the plant's outputs h(x, u, p) into `y`.
+    ///
+    /// # Shapes
+    ///
+    /// `x`: `nx`; `u`: `nu`; `y`: `ny`.
+    pub fn output(&self, x: &[f64], u: &[f64], y: &mut [f64]) {
+        self.plant.output(x, u, &self.p, y);
+    }
+
     /// How many times the right-hand side has been evaluated.
     #[must_use]
     pub fn rhs_calls(&self) -> u64 {

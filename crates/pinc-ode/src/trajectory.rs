@@ -2,7 +2,7 @@
 
 use crate::Dims;
 
-/// A sampled trajectory: times, states and the inputs held there.
+/// A sampled trajectory: times, states and the inputs held from there on.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Trajectory {
     dims: Dims,
@@ -28,6 +28,16 @@ impl Trajectory {
         self.t.push(t);
         self.x.extend_from_slice(x);
         self.u.extend_from_slice(u);
+    }
+
+    /// Sets the input of the last sample, which is known only once the plant goes on from there.
+    ///
+    /// # Panics
+    ///
+    /// If there is no sample, or `u` is not of the trajectory's dimensions.
+    pub fn set_last_input(&mut self, u: &[f64]) {
+        let last = self.u.len() - self.dims.nu;
+        self.u[last..].copy_from_slice(u);
     }
 
     /// The numbers of states and inputs.

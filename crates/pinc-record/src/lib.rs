@@ -1,6 +1,6 @@
 //! The files of a run directory: metrics, tables, checkpoint, provenance.
 //!
-//! - [`RunDir`]: the directory of a run, with its [`Metrics`].
+//! - [`RunDir`]: the directory of a run, with its [`Metrics`]; [`LoopFinding`]: what went wrong in it.
 //! - [`TrainingRow`], [`PredictionTable`], [`ControlTrace`], [`StepRow`]: the tables of a run.
 //! - [`TrialTable`], [`SummaryTable`]: the tables of a sweep; [`SweepDir`]: where its trials are.
 //! - [`Provenance`]: where results come from.
@@ -18,14 +18,16 @@ mod run_dir;
 mod spread;
 mod sweep_dir;
 mod tables;
+mod verdict;
 
 pub use checkpoint::{Saved, load_checkpoint, save_checkpoint};
 pub use csv::{CsvText, number};
 pub use error::{CheckpointProblem, RecordError, TableProblem};
 pub use files::{file, read_file, read_text, write_atomically};
 pub use metrics::{
-    ControlMetrics, Excess, Metrics, OneStepMetrics, OutsideDomain, PredictionMetrics, StepErrors,
-    StepTimes, SweepMetrics, TrainingMetrics, ValidationMetrics, WallTimes,
+    ControlMetrics, Excess, Metrics, OneStepMetrics, OutsideDomain, PredictionMetrics,
+    ReferenceMetrics, StepErrors, StepTimes, SweepMetrics, TrainingMetrics, ValidationMetrics,
+    WallTimes,
 };
 pub use provenance::{Invocation, Provenance};
 pub use run_dir::RunDir;
@@ -36,3 +38,4 @@ pub use tables::{
     SummaryRow, SummaryTable, TrainingRow, TrialColumn, TrialMetric, TrialStatus, TrialTable,
     fixed_table, read_fixed_table,
 };
+pub use verdict::LoopFinding;

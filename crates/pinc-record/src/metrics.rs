@@ -3,6 +3,7 @@
 use crate::error::RecordError;
 use crate::files::{file, read_json};
 use pinc_config::{Experiment, ModelKind, Preset};
+use pinc_mpc::SqpStatus;
 use pinc_net::{TrainingTarget, Validation};
 use serde::{Deserialize, Deserializer, Serialize};
 use std::collections::BTreeMap;
@@ -45,7 +46,8 @@ impl Metrics {
     #[must_use]
     pub fn new(experiment: &Experiment) -> Self {
         let variables = experiment.plant.variables();
-        let all = variables.states.iter().chain(&variables.inputs);
+        let outputs = variables.own_outputs().into_iter().map(|(_, output)| output);
+        let all = variables.states.iter().chain(&variables.inputs).chain(outputs);
         let units = all.map(|v| (v.name.to_string(), v.unit.to_string())).collect();
         Self {
             variables: units,
@@ -265,9 +267,49 @@ pub struct ControlMetrics {
     pub max_violation: f64,
     /// How many steps ended with which status.
     pub status: BTreeMap<String, usize>,
+    /// Whether the references were reached.
+    #[serde(flatten)]
+    pub references: ReferenceMetrics,
     /// Whether the net was used outside its training domain; not there for other models.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub outside_domain: Option<OutsideDomain>,
+}
+
+impl ControlMetrics {
+    /// How many steps there were.
+    #[must_use]
+    pub fn steps(&self) -> usize {
+        self.status.values().sum()
+    }
+
+    /// How many of them failed: those that did not converge, but for real-time iterations, which are not
+    /// judged, and those that the time budget ended.
+    #[must_use]
+    pub fn failed_steps(&self) -> usize {
+        let fine = [SqpStatus::Converged, SqpStatus::Prepared, SqpStatus::Deadline];
+        let failed = |status: &str| fine.iter().all(|fine| fine.to_string() != status);
+        self.status.iter().filter(|(status, _)| failed(status)).map(|(_, steps)| steps).sum()
+    }
+}
+
+/// Whether the references were reached, each of which holds for a segment of the run. A segment is looked at
+/// by its step marks t = kT, up to where the controller prepares the next one.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct ReferenceMetrics {
+    /// When each segment begins, in s.
+    #[serde(default)]
+    pub reference_start_s: Vec<f64>,
+    /// For each controlled quantity and segment, the mean absolute error over the last ten marks, in its
+    /// unit; `None` if the segment is too short for one.
+    #[serde(default)]
+    pub offset: BTreeMap<String, Vec<Option<f64>>>,
+    /// For each segment, the time from its beginning until all controlled quantities stay near their
+    /// references, in s; `None` if they do not.
+    #[serde(default)]
+    pub settle_s: Vec<Option<f64>>,
+    /// How near that is for each quantity, in its unit.
+    #[serde(default)]
+    pub settled_within: BTreeMap<String, f64>,
 }
 
 /// Statistics over repetitions, in s.

@@ -6,7 +6,7 @@ use crate::variables::Variables;
 use pinc_chart::text;
 use pinc_chart::{
     AMBER, Axis, Color, Figure, INK, Kind, Look, Panel, Point, Shape, Style, extent,
-    held_since_previous, input_color, present, state_color,
+    held_since_previous, held_until_next, input_color, present, state_color,
 };
 use pinc_config::ControlSpec;
 use pinc_record::{ControlRow, ControlTrace};
@@ -48,8 +48,10 @@ fn points(table: &ControlTrace, value: Curve, place: usize) -> Vec<Point> {
     table.rows.iter().map(|row| (row.t, value(row, place))).collect()
 }
 
-fn state(row: &ControlRow, place: usize) -> f64 {
-    row.state[place]
+/// A state, or one of the outputs, which follow them.
+fn quantity(row: &ControlRow, place: usize) -> f64 {
+    let states = row.state.len();
+    if place < states { row.state[place] } else { row.output[place - states] }
 }
 
 fn input(row: &ControlRow, place: usize) -> f64 {
@@ -64,9 +66,10 @@ struct Loops<'a> {
 
 impl Loops<'_> {
     fn panels(&self) -> Vec<Panel> {
-        let states = self.variables.panels_of(&self.variables.states);
+        let mut groups = self.variables.output_panels();
+        groups.extend(self.variables.panels_of(&self.variables.states));
         let mut panels = Vec::new();
-        for (i, (title, group)) in states.iter().enumerate() {
+        for (i, (title, group)) in groups.iter().enumerate() {
             let height = if i == 0 { 280.0 } else { 180.0 };
             panels.push(self.state_panel(title, group, height));
         }
@@ -82,18 +85,24 @@ impl Loops<'_> {
         let places = || states.iter().map(|name| (name, self.variables.index_of(name)));
         for (name, place) in places() {
             self.add_curve(&mut panel, name, state_color(place), |table| {
-                points(table, state, place)
+                points(table, quantity, place)
             });
         }
         for (name, place) in places() {
-            self.add_beneath(&mut panel, name, |table| points(table, state, place));
+            self.add_beneath(&mut panel, name, |table| points(table, quantity, place));
         }
         if states.iter().any(|state| self.variables.controlled.contains(state)) {
             panel.key("reference", Look::Curve(Style::new(INK, REFERENCE)));
         }
         for (_, place) in places() {
-            let low = |control: &ControlSpec| control.state_low.as_ref()?.get(place).copied();
-            let high = |control: &ControlSpec| control.state_high.as_ref()?.get(place).copied();
+            let bound = |states: &Option<Vec<f64>>, outputs: &Option<Vec<f64>>| match place
+                .checked_sub(self.variables.states.len())
+            {
+                None => states.as_ref()?.get(place).copied(),
+                Some(output) => outputs.as_ref()?.get(output).copied(),
+            };
+            let low = |control: &ControlSpec| bound(&control.state_low, &control.output_low);
+            let high = |control: &ControlSpec| bound(&control.state_high, &control.output_high);
             self.add_limits(&mut panel, low, high);
         }
         panel
@@ -116,7 +125,7 @@ impl Loops<'_> {
         let inputs = &self.variables.inputs;
         let label = self.run.axis_label(inputs);
         let mut panel = Panel::new("Inputs", Axis::new(&label, Kind::Linear), 150.0);
-        let steps = |table: &ControlTrace, i| held_since_previous(&points(table, input, i));
+        let steps = |table: &ControlTrace, i| held_until_next(&points(table, input, i));
         for (i, name) in inputs.iter().enumerate() {
             self.add_curve(&mut panel, name, input_color(i), |table| steps(table, i));
         }
@@ -218,7 +227,7 @@ impl Loops<'_> {
     fn caption(&self) -> String {
         let files: Vec<_> = self.run.control.iter().map(|of| of.file.clone()).collect();
         let mut caption = "The plant, integrated accurately, under the controller. Dashed: the \
-                           references, in the colours of their states; grey: the bounds."
+                           references, in the colours of what follows them; grey: the bounds."
             .to_owned();
         if let [first, second, ..] = &self.run.control[..] {
             let (one, two) = (self.run.model_name(first.model), self.run.model_name(second.model));

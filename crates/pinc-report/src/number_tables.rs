@@ -103,7 +103,7 @@ enum Quantity {
     Text(fn(&ControlMetrics) -> String),
 }
 
-const CONTROL: [(&str, Quantity); 13] = [
+const CONTROL: [(&str, Quantity); 15] = [
     ("RMSE at the steps", Quantity::Compared(|of| of.rmse, 5)),
     ("IAE at the steps, mean over outputs", Quantity::Compared(|of| of.iae, 6)),
     ("RMSE, dense trace", Quantity::Compared(|of| of.rmse_dense, 5)),
@@ -117,6 +117,8 @@ const CONTROL: [(&str, Quantity); 13] = [
     ("Largest KKT residual", Quantity::Number(|of| of.kkt_max, 2)),
     ("Largest violation of a bound", Quantity::Number(|of| of.max_violation, 2)),
     ("Steps by status", Quantity::Text(statuses)),
+    ("Settled after, per reference", Quantity::Text(settled)),
+    ("Offset at the end, per reference", Quantity::Text(offsets)),
 ];
 
 impl Quantity {
@@ -161,6 +163,22 @@ fn repeated(wall: &WallTimes) -> String {
 fn statuses(of: &ControlMetrics) -> String {
     let each = of.status.iter().map(|(status, n)| format!("{status} {n}"));
     each.collect::<Vec<_>>().join(", ")
+}
+
+fn settled(of: &ControlMetrics) -> String {
+    let time = |time: &Option<f64>| time.map_or_else(|| "not".to_owned(), text::duration);
+    of.references.settle_s.iter().map(time).collect::<Vec<_>>().join(", ")
+}
+
+fn offsets(of: &ControlMetrics) -> String {
+    let offset = |offset: &Option<f64>| {
+        offset.map_or_else(|| MISSING.to_owned(), |offset| text::significant(offset, 2))
+    };
+    let each = of.references.offset.iter().map(|(name, offsets)| {
+        let offsets: Vec<String> = offsets.iter().map(offset).collect();
+        format!("{name}: {}", offsets.join(", "))
+    });
+    each.collect::<Vec<_>>().join("; ")
 }
 
 /// Every value of a provenance with its name, as `provenance.json` has them; a list of texts is one

@@ -17,7 +17,8 @@ pub(crate) fn paragraph(run: &Run) -> String {
         speed(run, metrics),
         statuses(metrics),
     ];
-    let said: Vec<String> = sentences.into_iter().flatten().collect();
+    let mut said: Vec<String> = sentences.into_iter().flatten().collect();
+    said.extend(metrics.loop_findings().iter().map(ToString::to_string));
     said.join(" ")
 }
 

@@ -1,4 +1,4 @@
-//! The plant's variables: states, inputs, and which states are controlled.
+//! The plant's variables: states, inputs, outputs, and which are controlled.
 
 use crate::data::Run;
 
@@ -9,7 +9,9 @@ pub(crate) struct Variables {
     pub(crate) states: Vec<String>,
     /// The inputs, in the plant's order.
     pub(crate) inputs: Vec<String>,
-    /// The states that follow a reference.
+    /// The outputs that are no states, in the plant's order.
+    pub(crate) outputs: Vec<String>,
+    /// The states and outputs that follow a reference.
     pub(crate) controlled: Vec<String>,
 }
 
@@ -17,33 +19,45 @@ impl Variables {
     /// The variables of a run: those of its closed loop, or else of its free run.
     pub(crate) fn of(run: &Run) -> Self {
         if let Some(of) = run.control.first() {
-            let (states, inputs) = (of.table.states.clone(), of.table.inputs.clone());
-            return Self { states, inputs, controlled: of.table.controlled.clone() };
+            return Self {
+                states: of.table.states.clone(),
+                inputs: of.table.inputs.clone(),
+                outputs: of.table.outputs.clone(),
+                controlled: of.table.controlled.clone(),
+            };
         }
         let prediction = run.prediction.as_ref();
         prediction.map_or_else(Self::default, |table| Self {
             states: table.states.clone(),
             inputs: table.inputs.clone(),
+            outputs: Vec::new(),
             controlled: Vec::new(),
         })
     }
 
-    /// The place of a state in the plant's order.
-    pub(crate) fn index_of(&self, state: &str) -> usize {
-        self.states.iter().position(|s| s == state).unwrap_or(0)
+    /// The place of a state in the plant's order; the outputs follow the states.
+    pub(crate) fn index_of(&self, name: &str) -> usize {
+        self.states.iter().chain(&self.outputs).position(|s| s == name).unwrap_or(0)
     }
 
     /// The states divided into panels: the controlled ones, and the others.
     pub(crate) fn panels_of(&self, states: &[String]) -> Vec<(String, Vec<String>)> {
+        self.divided("states", states)
+    }
+
+    /// The outputs divided likewise; nothing if there are none.
+    pub(crate) fn output_panels(&self) -> Vec<(String, Vec<String>)> {
+        if self.outputs.is_empty() { Vec::new() } else { self.divided("outputs", &self.outputs) }
+    }
+
+    fn divided(&self, what: &str, names: &[String]) -> Vec<(String, Vec<String>)> {
         let is_controlled = |s: &&String| self.controlled.contains(s);
-        let (first, rest): (Vec<_>, Vec<_>) = states.iter().partition(is_controlled);
+        let (first, rest): (Vec<_>, Vec<_>) = names.iter().partition(is_controlled);
         let owned = |group: Vec<&String>| group.into_iter().cloned().collect::<Vec<_>>();
         if first.is_empty() || rest.is_empty() {
-            return vec![("States".to_owned(), states.to_vec())];
+            let title = format!("{}{}", what[..1].to_uppercase(), &what[1..]);
+            return vec![(title, names.to_vec())];
         }
-        vec![
-            ("Controlled states".to_owned(), owned(first)),
-            ("Other states".to_owned(), owned(rest)),
-        ]
+        vec![(format!("Controlled {what}"), owned(first)), (format!("Other {what}"), owned(rest))]
     }
 }

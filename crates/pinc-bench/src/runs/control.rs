@@ -2,15 +2,16 @@
 
 use super::Options;
 use super::guard::Guard;
+use super::with_outputs::WithOutputs;
 use crate::BenchError;
 use crate::progress::Stage;
-use pinc_config::{ControlSpec, ModelKind, PlantSpec};
+use pinc_config::{ControlSpec, Experiment, ModelKind, PlantSpec, Variables};
 use pinc_mpc::{ClosedLoop, Nmpc, NmpcProblem, Reference, StepRecord};
 use pinc_net::{NetError, PincModel, PincNet};
-use pinc_ode::{Dopri5, DynPlant, Model, PiecewiseConstant, Trajectory, Variable};
+use pinc_ode::{Dopri5, DynPlant, Model, PiecewiseConstant, Trajectory};
 use pinc_record::{
-    ControlMetrics, ControlRow, ControlTrace, RunDir, StepRow, StepTimes, WallTimes, file,
-    fixed_table,
+    ControlMetrics, ControlRow, ControlTrace, Metrics, ReferenceMetrics, RunDir, StepRow,
+    StepTimes, WallTimes, file, fixed_table,
 };
 use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
@@ -77,7 +78,7 @@ fn run_model(
         if results.is_none() || outcome.is_err() {
             let name = file::control(kind, setup.kinds.len());
             run_dir.write_trace(&name, || setup.trace(&run, plant).to_csv())?;
-            results = Some(Results::of(&run));
+            results = Some(Results::of(&run, setup));
             outside = guard.map(Guard::found);
         }
         outcome?;
@@ -90,8 +91,23 @@ fn run_model(
     Ok(ControlMetrics { outside_domain: outside, ..metrics })
 }
 
-/// The plant's trajectory in the closed loop of `spec` with RK4 as the model, run once and not
-/// recorded.
+/// An error if more control steps failed in a loop than the config allows.
+pub(crate) fn verdict(experiment: &Experiment, metrics: &Metrics) -> Result<(), BenchError> {
+    let Some(spec) = &experiment.control else { return Ok(()) };
+    #[expect(clippy::cast_precision_loss, reason = "no run has 2^53 steps")]
+    let share = |of: &ControlMetrics| of.failed_steps() as f64 / of.steps() as f64;
+    match metrics.control.iter().find(|of| share(of) > spec.max_failed_share) {
+        None => Ok(()),
+        Some(of) => Err(BenchError::FailedSteps {
+            model: of.model,
+            failed: of.failed_steps(),
+            steps: of.steps(),
+            allowed: spec.max_failed_share,
+        }),
+    }
+}
+
+/// The plant's trajectory in the closed loop of `spec` with RK4 as the model, run once and not recorded.
 pub(super) fn rehearse(
     plant: &dyn DynPlant,
     spec: &ControlSpec,
@@ -119,7 +135,14 @@ impl LoopSetup<'_> {
     ) -> Result<Box<dyn Model>, NetError> {
         let (sample_time_s, spec) = (self.sample_time_s, self.spec);
         Ok(match (kind, self.net) {
-            (ModelKind::Pinc, Some(net)) => Box::new(PincModel::new(net)?),
+            (ModelKind::Pinc, Some(net)) => {
+                let model = PincModel::new(net)?;
+                match Variables::of(plant).own_outputs().is_empty() {
+                    true => Box::new(model),
+                    // The net knows the states; what follows from them is the plant's to say.
+                    false => Box::new(WithOutputs::new(model, plant.rk4(sample_time_s, 1))),
+                }
+            }
             (ModelKind::Pinc, None) => unreachable!("the plan trains or reads a net for this loop"),
             (ModelKind::Rk4, _) => plant.rk4(sample_time_s, spec.rk4_substeps),
             (ModelKind::Rk5, _) => plant.rk5(sample_time_s, spec.rk5_substeps),
@@ -128,8 +151,7 @@ impl LoopSetup<'_> {
     }
 
     pub(crate) fn problem(&self, plant: &dyn DynPlant) -> NmpcProblem {
-        let names: Vec<&str> = plant.states().iter().map(|state| &*state.name).collect();
-        self.spec.problem(&names, plant.inputs().len(), self.sample_time_s)
+        self.spec.problem(&Variables::of(plant), self.sample_time_s)
     }
 
     pub(crate) fn begin<'n>(
@@ -144,24 +166,67 @@ impl LoopSetup<'_> {
         let steps = super::steps(spec.duration_s, self.sample_time_s);
         let reference = Reference::sample(&signal, steps, self.sample_time_s)?;
         let truth = Dopri5::shared(plant.to_shared(), spec.plant_tolerance);
-        Ok(ClosedLoop::new(nmpc, truth, reference, &spec.initial_state)?)
+        let run = ClosedLoop::new(nmpc, truth, reference, &spec.initial_state)?;
+        let run = if spec.preview { run } else { run.without_preview() };
+        Ok(match &spec.initial_input {
+            Some(input) => run.with_initial_input(input)?,
+            None => run,
+        })
     }
 
     /// The dense trace of a loop.
     fn trace(&self, run: &ClosedLoop<'_>, plant: &dyn DynPlant) -> ControlTrace {
-        let names = |variables: &[Variable]| variables.iter().map(|v| v.name.to_string()).collect();
+        let variables = Variables::of(plant);
+        let own = variables.own_outputs();
         let trace = run.trajectory();
-        let row = |(i, t): (usize, &f64)| ControlRow {
-            t: *t,
-            state: trace.state(i).to_vec(),
-            input: trace.input(i).to_vec(),
-            reference: run.reference_at(i).to_vec(),
+        let row = |(i, t): (usize, &f64)| {
+            let outputs = if own.is_empty() { Vec::new() } else { run.outputs_at(i) };
+            ControlRow {
+                t: *t,
+                state: trace.state(i).to_vec(),
+                input: trace.input(i).to_vec(),
+                reference: run.reference_at(i).to_vec(),
+                output: own.iter().map(|(place, _)| outputs[*place]).collect(),
+            }
         };
         ControlTrace {
-            states: names(plant.states()),
-            inputs: names(plant.inputs()),
+            states: variables.state_names(),
+            inputs: variables.input_names(),
             controlled: self.spec.controlled.clone(),
+            outputs: variables.own_output_names(),
             rows: trace.times().iter().enumerate().map(row).collect(),
+        }
+    }
+
+    /// How near its reference each controlled quantity stays to count as settled: as the config says, or a
+    /// hundredth of its largest error. Rounding of the reference is no error.
+    fn settled_within(&self, run: &ClosedLoop<'_>) -> Vec<f64> {
+        if let Some(within) = &self.spec.settled_within {
+            return within.clone();
+        }
+        let size = |i: usize| {
+            self.spec.references.iter().fold(0.0, |size: f64, step| size.max(step.value[i].abs()))
+        };
+        let errors = run.largest_errors().into_iter().enumerate();
+        errors.map(|(i, error)| (0.01 * error).max(1e-9 * size(i))).collect()
+    }
+
+    /// Whether the references were reached.
+    fn reached(&self, run: &ClosedLoop<'_>) -> ReferenceMetrics {
+        let within = self.settled_within(run);
+        let segments = run.segments(&within);
+        #[expect(clippy::cast_precision_loss, reason = "no run has 2^53 steps")]
+        let seconds = |steps: usize| steps as f64 * self.sample_time_s;
+        let offsets = |i: usize| {
+            let offsets = segments.iter().map(|segment| segment.offset[i]);
+            offsets.map(|offset| offset.is_finite().then_some(offset)).collect()
+        };
+        let names = || self.spec.controlled.iter().cloned();
+        ReferenceMetrics {
+            reference_start_s: segments.iter().map(|s| seconds(s.steps.start)).collect(),
+            offset: names().enumerate().map(|(i, name)| (name, offsets(i))).collect(),
+            settle_s: segments.iter().map(|s| s.settled.map(seconds)).collect(),
+            settled_within: names().zip(within).collect(),
         }
     }
 }
@@ -221,22 +286,25 @@ struct Results {
     rmse_dense: f64,
     iae_dense_sum: f64,
     max_violation: f64,
+    references: ReferenceMetrics,
 }
 
 impl Results {
-    fn of(run: &ClosedLoop<'_>) -> Self {
+    fn of(run: &ClosedLoop<'_>, setup: &LoopSetup<'_>) -> Self {
+        let (at_steps, dense) = (run.tracking_at_steps(), run.tracking_dense());
         Self {
             steps: run.steps().to_vec(),
-            rmse: run.tracking_at_steps().rmse(),
-            iae: run.tracking_at_steps().iae_mean(),
-            rmse_dense: run.tracking_dense().rmse(),
-            iae_dense_sum: run.tracking_dense().iae_sum(),
+            rmse: at_steps.rmse(),
+            iae: at_steps.iae_mean(),
+            rmse_dense: dense.rmse(),
+            iae_dense_sum: dense.iae_sum(),
             max_violation: run.max_violation(),
+            references: setup.reached(run),
         }
     }
 
     fn metrics(self, model: ModelKind, times: Times) -> ControlMetrics {
-        let Self { steps, rmse, iae, rmse_dense, iae_dense_sum, max_violation } = self;
+        let Self { steps, rmse, iae, rmse_dense, iae_dense_sum, max_violation, references } = self;
         let mut status = BTreeMap::new();
         for step in &steps {
             *status.entry(step.status.to_string()).or_default() += 1;
@@ -255,6 +323,7 @@ impl Results {
             kkt_max: steps.iter().map(|step| step.kkt).fold(0.0, f64::max),
             max_violation,
             status,
+            references,
             outside_domain: None,
         }
     }

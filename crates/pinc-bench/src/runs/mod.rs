@@ -11,8 +11,9 @@ mod one_step;
 mod predict;
 mod train;
 mod trial;
+mod with_outputs;
 
-pub(crate) use control::LoopSetup;
+pub(crate) use control::{LoopSetup, verdict};
 pub(crate) use train::TrainingSetup;
 pub(crate) use trial::{run_trial, train_shared};
 

@@ -6,8 +6,10 @@ use crate::plants::Plants;
 use crate::problem::nearest;
 use crate::registry::Variables;
 use crate::{ControlSpec, ModelKind};
-use pinc_mpc::{MpcError, Weight};
-use pinc_ode::Dims;
+use pinc_mpc::{MpcError, Softness, Weight};
+
+/// What there is one number of per controlled state or output.
+const QUANTITY: &str = "controlled quantity";
 
 /// `[control]`.
 pub(super) fn closed_loop(
@@ -24,14 +26,17 @@ pub(super) fn closed_loop(
         positive("control.step_s", step_s)?;
     }
     length("control.initial_state", &spec.initial_state, states, "state")?;
+    if let Some(input) = &spec.initial_input {
+        length("control.initial_input", input, inputs, "input")?;
+    }
     controlled(spec, variables)?;
     horizons(spec)?;
-    weights("control.q", &spec.q, spec.controlled.len(), "controlled state")?;
+    weights("control.q", &spec.q, spec.controlled.len(), QUANTITY)?;
     weights("control.r", &spec.r, inputs, "input")?;
     let terminal = spec.q_terminal.as_ref();
-    terminal.map_or(Ok(()), |q| {
-        weights("control.q_terminal", q, spec.controlled.len(), "controlled state")
-    })?;
+    terminal
+        .map_or(Ok(()), |q| weights("control.q_terminal", q, spec.controlled.len(), QUANTITY))?;
+    input_differences(spec, inputs)?;
     bounds("control.input", &spec.input_low, &spec.input_high, inputs, "input")?;
     for (key, side) in [("state_low", &spec.state_low), ("state_high", &spec.state_high)] {
         if let Some(side) = side {
@@ -41,7 +46,9 @@ pub(super) fn closed_loop(
     if let (Some(low), Some(high)) = (&spec.state_low, &spec.state_high) {
         bounds("control.state", low, high, states, "state")?;
     }
+    output_bounds(spec, variables)?;
     close_ups(spec)?;
+    verdict(spec)?;
     at_least_one("control.rk4_substeps", spec.rk4_substeps)?;
     at_least_one("control.rk5_substeps", spec.rk5_substeps)?;
     at_least_one("control.rosenbrock_substeps", spec.rosenbrock_substeps)?;
@@ -53,10 +60,43 @@ pub(super) fn closed_loop(
         positive("control.budget_us", budget_us)?;
     }
     references(spec)?;
-    let names: Vec<&str> = variables.states.iter().map(|state| &*state.name).collect();
     // The length of a step does not matter for what is checked here.
-    let problem = spec.problem(&names, inputs, 1.0);
-    problem.validate(Dims::new(states, inputs)).map_err(|error| mpc_finding(&error))
+    let problem = spec.problem(variables, 1.0);
+    problem.validate(variables.dims()).map_err(|error| mpc_finding(&error))
+}
+
+fn output_bounds(spec: &ControlSpec, variables: &Variables) -> Finding {
+    let outputs = variables.own_outputs().len();
+    for (key, side) in [("output_low", &spec.output_low), ("output_high", &spec.output_high)] {
+        let Some(side) = side else { continue };
+        let key = format!("control.{key}");
+        if outputs == 0 {
+            let expected = "no such key: the plant has no outputs that are not states";
+            return value(&key, format!("{side:?}"), expected);
+        }
+        length(&key, side, outputs, "output")?;
+    }
+    if let (Some(low), Some(high)) = (&spec.output_low, &spec.output_high) {
+        bounds("control.output", low, high, outputs, "output")?;
+    }
+    if let Softness::Penalty(weights) = &spec.output_softness {
+        length("control.output_softness.penalty", weights, outputs, "output")?;
+    }
+    Ok(())
+}
+
+/// What is judged of a loop.
+fn verdict(spec: &ControlSpec) -> Finding {
+    let share = spec.max_failed_share;
+    if !(0.0..=1.0).contains(&share) {
+        return value("control.max_failed_share", share, "a share from 0 to 1");
+    }
+    let Some(within) = &spec.settled_within else { return Ok(()) };
+    length("control.settled_within", within, spec.controlled.len(), QUANTITY)?;
+    for (i, &near) in within.iter().enumerate() {
+        positive(&format!("control.settled_within[{i}]"), near)?;
+    }
+    Ok(())
 }
 
 fn models(spec: &ControlSpec) -> Finding {
@@ -82,9 +122,10 @@ fn close_ups(spec: &ControlSpec) -> Finding {
 }
 
 fn controlled(spec: &ControlSpec, variables: &Variables) -> Finding {
-    let known = variables.state_names();
+    let mut known = variables.state_names();
+    known.extend(variables.own_output_names());
     if spec.controlled.is_empty() {
-        let expected = format!("one or more of the states {}", known.join(", "));
+        let expected = format!("one or more of {}", known.join(", "));
         return value("control.controlled", "[]", &expected);
     }
     for (i, name) in spec.controlled.iter().enumerate() {
@@ -94,7 +135,7 @@ fn controlled(spec: &ControlSpec, variables: &Variables) -> Finding {
             return Err((key, Problem::Word { found: name.clone(), known, nearest }));
         }
         if spec.controlled[..i].contains(name) {
-            return value(&key, format!("{name:?}"), "each state once");
+            return value(&key, format!("{name:?}"), "each of them once");
         }
     }
     Ok(())
@@ -106,6 +147,23 @@ fn horizons(spec: &ControlSpec) -> Finding {
         if !(1..=spec.n2).contains(&steps) {
             return value(key, steps, &format!("from 1 to n2 = {}", spec.n2));
         }
+    }
+    Ok(())
+}
+
+fn input_differences(spec: &ControlSpec, inputs: usize) -> Finding {
+    for (i, difference) in spec.input_differences.iter().enumerate() {
+        let key = format!("control.input_differences[{i}]");
+        let last = i64::try_from(spec.nu).unwrap_or(i64::MAX) - 1;
+        for (place, input) in difference.between.iter().enumerate() {
+            if !(-1..=last).contains(input) {
+                let expected = format!(
+                    "from -1, the input applied last, to nu - 1 = {last}, the last free one"
+                );
+                return value(&format!("{key}.between[{place}]"), input, &expected);
+            }
+        }
+        weights(&format!("{key}.weight"), &difference.weight, inputs, "input")?;
     }
     Ok(())
 }
@@ -128,7 +186,7 @@ fn references(spec: &ControlSpec) -> Finding {
             _ => previous = Some(step.start_s),
         }
         let value = format!("{key}.value");
-        length(&value, &step.value, spec.controlled.len(), "controlled state")?;
+        length(&value, &step.value, spec.controlled.len(), QUANTITY)?;
     }
     Ok(())
 }
@@ -141,6 +199,7 @@ fn plant_in_the_loop(spec: &ControlSpec, variables: &Variables, plants: &Plants)
     for (what, found, expected) in [
         ("states", found.state_names(), variables.state_names()),
         ("inputs", found.input_names(), variables.input_names()),
+        ("outputs", found.output_names(), variables.output_names()),
     ] {
         if found != expected {
             let expected = format!("one with the {what} {}", expected.join(", "));
@@ -175,7 +234,9 @@ fn mpc_finding(error: &MpcError) -> (String, Problem) {
         "weights.q" => "control.q",
         "weights.r" => "control.r",
         "weights.terminal" => "control.q_terminal",
+        "weights.input_sequence" => "control.input_differences",
         "state_softness" => "control.state_softness.penalty",
+        "output_softness" => "control.output_softness.penalty",
         "increment_bounds" => "control.increment_low, control.increment_high",
         "delay" => "control.delay_steps",
         "last (N2)" => "control.n2",

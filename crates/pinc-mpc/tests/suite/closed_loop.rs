@@ -74,6 +74,56 @@ fn the_trace_has_nine_points_a_step() {
     assert!((run.max_violation() - 1.5).abs() < 1e-9);
 }
 
+/// The plant integrated again under the inputs of the trace, each from its time on, gives the trace.
+#[test]
+fn the_inputs_of_the_trace_hold_from_their_times_on() {
+    let model = Rk4::new(VanDerPol::default(), 0.5, 4);
+    let mut nmpc = Nmpc::new(van_der_pol(), Box::new(model), SqpConfig::default()).unwrap();
+    let reference = Reference::new([0.8, 0.0].repeat(12), 2).unwrap();
+    let truth = Dopri5::new(VanDerPol::default(), 1e-12);
+    let mut run = ClosedLoop::new(&mut nmpc, truth, reference, &[0.5, 0.2]).unwrap();
+    run.run().unwrap();
+    let trace = run.trajectory();
+    let mut again = Dopri5::new(VanDerPol::default(), 1e-12);
+    let mut x = trace.state(0).to_vec();
+    for i in 1..trace.len() {
+        let duration = trace.times()[i] - trace.times()[i - 1];
+        again.integrate(&mut x, trace.input(i - 1), duration).unwrap();
+        for (found, expected) in x.iter().zip(trace.state(i)) {
+            assert!((found - expected).abs() < 1e-9, "sample {i}: {found} {expected}");
+        }
+    }
+    // The inputs differ from step to step, or all this says nothing.
+    assert!((trace.input(0)[0] - trace.input(9)[0]).abs() > 1e-3);
+}
+
+/// x' = u at rest: the errors are those of the reference alone.
+#[test]
+fn segments_end_where_the_controller_prepares_the_next() {
+    let run_with = |preview: bool| {
+        let mut nmpc = idle();
+        let values = [vec![1.0; 14], vec![1.5; 3], vec![0.75; 12]].concat();
+        let reference = Reference::new(values, 1).unwrap();
+        let truth = Dopri5::new(Runaway { rate: 0.0 }, 1e-12);
+        let run = ClosedLoop::new(&mut nmpc, truth, reference, &[1.0]).unwrap();
+        let mut run = if preview { run } else { run.without_preview() };
+        run.run().unwrap();
+        assert!((run.largest_errors()[0] - 0.5).abs() < 1e-9);
+        run.segments(&[0.1])
+    };
+    for preview in [true, false] {
+        let segments = run_with(preview);
+        let steps: Vec<_> = segments.iter().map(|segment| segment.steps.clone()).collect();
+        assert_eq!(steps, [0..14, 14..17, 17..29]);
+        let offsets: Vec<f64> = segments.iter().map(|segment| segment.offset[0]).collect();
+        for (found, expected) in offsets.iter().zip([0.0, 0.5, 0.25]) {
+            assert!((found - expected).abs() < 1e-9, "{offsets:?}");
+        }
+        let settled: Vec<_> = segments.iter().map(|segment| segment.settled).collect();
+        assert_eq!(settled, [Some(0), None, None]);
+    }
+}
+
 #[test]
 fn a_plant_that_cannot_be_integrated_leaves_what_there_was() {
     let mut nmpc = idle();

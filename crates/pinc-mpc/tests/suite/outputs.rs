@@ -2,11 +2,14 @@
 
 use crate::optimality::{StepInput, residuals_with, scale};
 use crate::support::Linear;
+use pinc_ad::Scalar;
 use pinc_mpc::{
     Bounds, ClosedLoop, Nmpc, NmpcProblem, QpMethod, QuadBlock, Reference, Softness, SqpConfig,
     SqpStatus, StageCost, StagePoint, Tracked, Weight, Weights,
 };
-use pinc_ode::{Dims, Dopri5, Linearization, Model, OutputLinearization, Rk4, Stages};
+use pinc_ode::{
+    Dims, Dopri5, Linearization, Model, OutputLinearization, Plant, Rk4, Stages, Variable,
+};
 use pinc_plants::VanDerPol;
 
 const METHODS: [QpMethod; 3] = [QpMethod::Condensed, QpMethod::Riccati, QpMethod::Clarabel];
@@ -51,6 +54,34 @@ impl<M: Model> Model for Observed<M> {
             c.copy_from_slice(&[1.0, 1.0, 2.0 * at.x[0], 0.0]);
             d.copy_from_slice(&[0.0, self.feed]);
         }
+    }
+}
+
+/// The oscillator with the same outputs, without feed.
+#[derive(Clone, Debug)]
+struct ObservedPlant(VanDerPol);
+
+impl Plant for ObservedPlant {
+    fn states(&self) -> &[Variable] {
+        self.0.states()
+    }
+
+    fn inputs(&self) -> &[Variable] {
+        self.0.inputs()
+    }
+
+    fn outputs(&self) -> &[Variable] {
+        static VARIABLES: [Variable; 2] = [Variable::new("sum", ""), Variable::new("square", "")];
+        &VARIABLES
+    }
+
+    fn rhs<S: Scalar>(&self, x: &[S], u: &[S], p: &[S], dx: &mut [S]) {
+        self.0.rhs(x, u, p, dx);
+    }
+
+    fn output<S: Scalar>(&self, x: &[S], _u: &[S], _p: &[S], y: &mut [S]) {
+        y[0] = x[0] + x[1];
+        y[1] = x[0] * x[0];
     }
 }
 
@@ -103,7 +134,7 @@ fn a_loop_brings_an_output_to_its_reference() {
     };
     let mut nmpc = Nmpc::new(problem, Box::new(model), SqpConfig::default()).unwrap();
     let reference = Reference::new(vec![0.5; 60], 1).unwrap();
-    let plant = Dopri5::new(VanDerPol::default(), 1e-10);
+    let plant = Dopri5::new(ObservedPlant(VanDerPol::default()), 1e-10);
     let mut run = ClosedLoop::new(&mut nmpc, plant, reference, &[0.0, 0.0]).unwrap();
     run.run().unwrap();
     assert!(run.steps().iter().all(|step| step.status == SqpStatus::Converged));

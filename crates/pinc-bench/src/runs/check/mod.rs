@@ -119,6 +119,9 @@ impl<'a> Subject<'a> {
         let low = ends(&control.state_low, &control.input_low, f64::NEG_INFINITY);
         let high = ends(&control.state_high, &control.input_high, f64::INFINITY);
         let places = self.controlled();
+        if places.is_empty() {
+            return Vec::new();
+        }
         let search = self.search();
         let hold = |value: &Vec<f64>| {
             let held: Vec<_> = places.iter().copied().zip(value.iter().copied()).collect();
@@ -157,12 +160,14 @@ impl<'a> Subject<'a> {
         points
     }
 
-    /// The states that are to follow the references, by their places.
+    /// The states that are to follow the references, by their places; none where outputs are among what
+    /// follows, since a reference then does not say what the states are to be.
     fn controlled(&self) -> Vec<usize> {
         let control = self.experiment.control.iter();
         let names = control.flat_map(|control| &control.controlled);
         let place = |name: &String| self.plant.states().iter().position(|s| s.name == *name);
-        names.filter_map(place).collect()
+        let places: Option<Vec<usize>> = names.map(place).collect();
+        places.unwrap_or_default()
     }
 
     /// Names with values, as a reader needs them.

@@ -1,0 +1,83 @@
+//! Whether the references were reached.
+
+use crate::ClosedLoop;
+use crate::closed_loop::POINTS;
+use std::ops::Range;
+
+/// How many step marks an offset is averaged over.
+const MARKS: usize = 10;
+
+/// What became of one value of the reference, seen at the step marks t = kT from its beginning to where
+/// the controller begins to prepare the next value: with preview N2 steps before it.
+#[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
+pub struct Segment {
+    /// The steps in which the value holds.
+    pub steps: Range<usize>,
+    /// The mean |yref - y| of each tracked quantity over the last ten of these marks, or as many as there
+    /// are; NaN if there are none.
+    pub offset: Vec<f64>,
+    /// After how many steps all errors stayed within the tolerances; `None` if they did not.
+    pub settled: Option<usize>,
+}
+
+impl ClosedLoop<'_> {
+    /// The largest error of each tracked quantity at the step marks, the initial one among them; 0 before
+    /// the first step.
+    #[must_use]
+    pub fn largest_errors(&self) -> Vec<f64> {
+        let mut largest = vec![0.0_f64; self.reference().outputs()];
+        for k in 0..self.steps_done() {
+            for mark in [k, k + 1] {
+                for (most, error) in largest.iter_mut().zip(self.errors(k, mark)) {
+                    *most = most.max(error);
+                }
+            }
+        }
+        largest
+    }
+
+    /// What became of each value of the reference, as far as the run went. `tolerance` says for each
+    /// tracked quantity how near the reference it has to stay to be settled.
+    ///
+    /// # Panics
+    ///
+    /// If there is not one tolerance per tracked quantity.
+    #[must_use]
+    pub fn segments(&self, tolerance: &[f64]) -> Vec<Segment> {
+        assert_eq!(tolerance.len(), self.reference().outputs(), "one tolerance per quantity");
+        let all = self.reference().segments().into_iter();
+        let begun = all.filter(|steps| steps.start < self.steps_done());
+        begun.map(|steps| self.segment(steps, tolerance)).collect()
+    }
+
+    fn segment(&self, steps: Range<usize>, tolerance: &[f64]) -> Segment {
+        let has_next = steps.end < self.reference().steps();
+        let prepared = if has_next { self.preview_steps() } else { 0 };
+        let last = steps.end.saturating_sub(prepared).min(self.steps_done());
+        let errors = |mark: usize| self.errors(steps.start, mark);
+
+        let marks = (steps.start + 1).max((last + 1).saturating_sub(MARKS))..last + 1;
+        let mut offset = vec![0.0; tolerance.len()];
+        #[expect(clippy::cast_precision_loss, reason = "at most ten")]
+        let count = marks.len() as f64;
+        for mark in marks {
+            for (sum, error) in offset.iter_mut().zip(errors(mark)) {
+                *sum += error;
+            }
+        }
+        offset.iter_mut().for_each(|sum| *sum /= count);
+
+        let near = |mark: usize| errors(mark).iter().zip(tolerance).all(|(e, most)| e <= most);
+        let outside = (steps.start..=last).rev().find(|&mark| !near(mark));
+        let settled = outside.map_or(steps.start, |mark| mark + 1);
+        let settled = (settled <= last).then(|| settled - steps.start);
+        Segment { steps, offset, settled }
+    }
+
+    /// |yref - y| at a step mark, with the reference of step `k`.
+    fn errors(&self, k: usize, mark: usize) -> Vec<f64> {
+        let y = self.tracked_at(mark * POINTS);
+        self.reference().at(k).iter().zip(y).map(|(r, y)| (r - y).abs()).collect()
+    }
+}

@@ -1,0 +1,247 @@
+//! What went wrong in closed loops, and what can be done about it.
+
+use crate::metrics::{ControlMetrics, Metrics};
+use pinc_config::ModelKind;
+use pinc_mpc::SqpStatus;
+use std::fmt;
+
+/// Something that a reader of a run's results should know of its closed loops.
+#[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
+pub enum LoopFinding {
+    /// Steps of the controller failed.
+    FailedSteps {
+        /// The model in the controller.
+        model: ModelKind,
+        /// How many.
+        failed: usize,
+        /// Of how many.
+        steps: usize,
+        /// How most of them ended, in the words of [`SqpStatus`].
+        status: String,
+    },
+    /// A controlled quantity did not come to some of its references.
+    NotReached {
+        /// The model in the controller.
+        model: ModelKind,
+        /// The quantity.
+        quantity: String,
+        /// How many references it missed.
+        missed: usize,
+        /// Of how many.
+        references: usize,
+        /// The largest offset, in the quantity's unit.
+        offset: f64,
+        /// When the reference of this offset begins, in s.
+        start_s: f64,
+        /// A model of the same run with which this reference was reached.
+        reached_with: Option<ModelKind>,
+    },
+}
+
+impl Metrics {
+    /// What went wrong in the closed loops.
+    #[must_use]
+    pub fn loop_findings(&self) -> Vec<LoopFinding> {
+        self.control.iter().flat_map(|of| self.findings_of(of)).collect()
+    }
+
+    fn findings_of(&self, of: &ControlMetrics) -> Vec<LoopFinding> {
+        let mut findings = Vec::new();
+        if of.failed_steps() > 0 {
+            let fine = [SqpStatus::Converged, SqpStatus::Prepared, SqpStatus::Deadline];
+            let fine = fine.map(|status| status.to_string());
+            let failures = of.status.iter().filter(|(status, _)| !fine.contains(status));
+            let most = failures.max_by_key(|(_, steps)| **steps);
+            findings.push(LoopFinding::FailedSteps {
+                model: of.model,
+                failed: of.failed_steps(),
+                steps: of.steps(),
+                status: most.map(|(status, _)| status.clone()).unwrap_or_default(),
+            });
+        }
+        findings.extend(of.references.offset.keys().filter_map(|name| self.not_reached(of, name)));
+        findings
+    }
+
+    fn not_reached(&self, of: &ControlMetrics, quantity: &str) -> Option<LoopFinding> {
+        let offsets = of.references.offset.get(quantity)?;
+        let missed: Vec<(usize, f64)> = of.missed(quantity).collect();
+        let &(segment, offset) = missed.iter().max_by(|a, b| a.1.total_cmp(&b.1))?;
+        let others = self.control.iter().filter(|other| other.model != of.model);
+        let reaches = |other: &&ControlMetrics| {
+            let known = other.references.offset.get(quantity).and_then(|all| all.get(segment));
+            known.is_some_and(Option::is_some) && other.missed(quantity).all(|(k, _)| k != segment)
+        };
+        Some(LoopFinding::NotReached {
+            model: of.model,
+            quantity: quantity.to_owned(),
+            missed: missed.len(),
+            references: offsets.len(),
+            offset,
+            start_s: of.references.reference_start_s.get(segment).copied().unwrap_or_default(),
+            reached_with: others.filter(reaches).map(|other| other.model).next(),
+        })
+    }
+}
+
+impl ControlMetrics {
+    /// The segments at whose ends a quantity is farther from its reference than where it counts as
+    /// settled, with its offset there.
+    fn missed(&self, quantity: &str) -> impl Iterator<Item = (usize, f64)> {
+        let of = &self.references;
+        let within = of.settled_within.get(quantity).copied().unwrap_or(f64::INFINITY);
+        let offsets = of.offset.get(quantity).into_iter().flatten().enumerate();
+        let known = offsets.filter_map(|(segment, offset)| Some((segment, (*offset)?)));
+        known.filter(move |(_, offset)| *offset > within)
+    }
+}
+
+/// What happened, and what to do next.
+impl fmt::Display for LoopFinding {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::FailedSteps { model, failed, steps, status } => {
+                let model = model.title();
+                write!(f, "With {model} {failed} of {steps} control steps failed, most with ")?;
+                write!(f, "the status {status}. {}", advice(status))
+            }
+            Self::NotReached {
+                model,
+                quantity,
+                missed,
+                references,
+                offset,
+                start_s,
+                reached_with,
+            } => {
+                let model = model.title();
+                write!(f, "With {model} {quantity} does not come to ")?;
+                match references {
+                    1 => write!(f, "its reference: at the end it is {offset:.3} off on average. ")?,
+                    _ => write!(
+                        f,
+                        "{missed} of its {references} references: it ends {offset:.3} off on average \
+                         with the one from {start_s} s. "
+                    )?,
+                }
+                match reached_with {
+                    Some(other) => write!(
+                        f,
+                        "With {} it does, so {model} is not accurate enough there: use a larger net, \
+                         more training or more substeps, or a [domain] that holds the loop.",
+                        other.title()
+                    ),
+                    None => f.write_str(
+                        "Either no input within the bounds holds it (`pinc check` says which references \
+                         are steady states), or the time was too short, or the plant in the loop is not \
+                         the one that the model is of.",
+                    ),
+                }
+            }
+        }
+    }
+}
+
+/// What can be done about steps that end with this status.
+fn advice(status: &str) -> &'static str {
+    let is = |known: SqpStatus| known.to_string() == status;
+    if is(SqpStatus::InfeasibleQp) {
+        "No plan keeps all bounds: widen them, lengthen the horizon n2, or let states leave their \
+         bounds where they must with state_softness = \"exact\"."
+    } else if is(SqpStatus::IterationLimit) {
+        "Allow more of control.sqp.max_iterations, shorten T, or move the references in smaller steps."
+    } else if is(SqpStatus::NumericalTrouble) {
+        "The model gave no numbers that can be used: give it more substeps, or take \"rosenbrock\" for \
+         a stiff plant; a net should be trained on all of the box where the loop goes."
+    } else if is(SqpStatus::Stalled) {
+        "The plans are as good as rounding or a kink of the model allows: raise control.sqp.tolerance, \
+         or give an integrator more substeps."
+    } else {
+        "steps.csv lists them."
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::metrics::{ReferenceMetrics, StepTimes, WallTimes};
+    use std::collections::BTreeMap;
+
+    fn metrics(control: Vec<ControlMetrics>) -> Metrics {
+        let text = r#"{ "experiment": "e", "preset": "ours", "variables": {} }"#;
+        Metrics { control, ..serde_json::from_str(text).unwrap() }
+    }
+
+    fn of(
+        model: ModelKind,
+        offsets: [Option<f64>; 3],
+        status: &[(SqpStatus, usize)],
+    ) -> ControlMetrics {
+        let name = || "level".to_owned();
+        ControlMetrics {
+            model,
+            rmse: 0.0,
+            iae: 0.0,
+            rmse_dense: 0.0,
+            iae_dense_sum: 0.0,
+            wall_s: WallTimes::of(vec![1.0]),
+            step_us: StepTimes::of(vec![1.0]),
+            sqp_iterations_mean: 1.0,
+            kkt_max: 0.0,
+            max_violation: 0.0,
+            status: status.iter().map(|(status, steps)| (status.to_string(), *steps)).collect(),
+            references: ReferenceMetrics {
+                reference_start_s: vec![0.0, 10.0, 20.0],
+                offset: BTreeMap::from([(name(), offsets.to_vec())]),
+                settle_s: vec![None; 3],
+                settled_within: BTreeMap::from([(name(), 0.1)]),
+            },
+            outside_domain: None,
+        }
+    }
+
+    #[test]
+    fn a_reference_that_one_model_misses_is_told_from_one_that_all_miss() {
+        let fine = [(SqpStatus::Converged, 30)];
+        let net = of(ModelKind::Pinc, [Some(0.05), Some(0.3), Some(0.2)], &fine);
+        let rk4 = of(ModelKind::Rk4, [Some(0.05), Some(0.02), Some(0.2)], &fine);
+        let findings = metrics(vec![net, rk4]).loop_findings();
+        let [LoopFinding::NotReached { missed: 2, start_s, reached_with, .. }, other] =
+            &findings[..]
+        else {
+            panic!("{findings:?}");
+        };
+        assert_eq!((*start_s, *reached_with), (10.0, Some(ModelKind::Rk4)));
+        assert!(findings[0].to_string().contains("0.300 off on average with the one from 10 s"));
+        let LoopFinding::NotReached { missed: 1, reached_with: None, .. } = other else {
+            panic!("{other:?}");
+        };
+        assert!(other.to_string().contains("`pinc check`"));
+    }
+
+    #[test]
+    fn segments_without_an_offset_and_steps_out_of_time_are_no_findings() {
+        let status =
+            [(SqpStatus::Converged, 5), (SqpStatus::Deadline, 4), (SqpStatus::Prepared, 3)];
+        let all = metrics(vec![of(ModelKind::Rk4, [None, None, Some(0.1)], &status)]);
+        assert_eq!(all.loop_findings(), []);
+    }
+
+    #[test]
+    fn failed_steps_are_counted_with_what_can_be_done() {
+        let status = [
+            (SqpStatus::Converged, 5),
+            (SqpStatus::InfeasibleQp, 3),
+            (SqpStatus::NumericalTrouble, 1),
+        ];
+        let all = metrics(vec![of(ModelKind::Rk4, [None; 3], &status)]);
+        let findings = all.loop_findings();
+        let said = findings[0].to_string();
+        assert!(said.starts_with(
+            "With RK4 4 of 9 control steps failed, most with the status infeasible-qp."
+        ));
+        assert!(said.contains("state_softness"), "{said}");
+        assert_eq!(findings.len(), 1);
+    }
+}
