@@ -2,8 +2,8 @@
 
 use pinc_net::Workers;
 use pinc_net::optim::{
-    AdamConfig, Iterate, LbfgsConfig, LeastSquares, LineSearch, Objective, Optimizer,
-    OptimizerConfig, Outcome, SelfScaledBroydenConfig,
+    AdamConfig, AutoConfig, Iterate, LbfgsConfig, LeastSquares, LevenbergMarquardtConfig,
+    LineSearch, Objective, Optimizer, OptimizerConfig, Outcome, SelfScaledBroydenConfig,
 };
 
 /// A function that counts its evaluations.
@@ -244,4 +244,71 @@ fn broyden_is_the_same_on_any_number_of_threads() {
     };
     assert_eq!(run(1), run(2));
     assert_eq!(run(1), run(3));
+}
+
+/// Each setting just inside and just outside its range.
+#[test]
+fn settings_that_make_no_sense_are_named() {
+    let (nan, infinite) = (f64::NAN, f64::INFINITY);
+    let adam = AdamConfig::new(1e-3);
+    let (broyden, lbfgs) = (SelfScaledBroydenConfig::default(), LbfgsConfig::default());
+    let marquardt = LevenbergMarquardtConfig::default();
+    let check = |key: &str, good: &[f64], bad: &[f64], set: &dyn Fn(f64) -> OptimizerConfig| {
+        for &value in good {
+            assert!(set(value).validate().is_ok(), "{key} {value}");
+        }
+        for &value in bad {
+            let message = set(value).validate().expect_err(key).to_string();
+            assert!(message.starts_with(&format!("{key}: {value} given")), "{message}");
+        }
+    };
+    let positive: (&[f64], &[f64]) = (&[1e-300, 1e300], &[0.0, -1.0, nan, infinite]);
+    let fraction: (&[f64], &[f64]) = (&[0.0, 0.5, 0.999], &[1.0, -0.1, 2.0, nan]);
+    let not_negative: (&[f64], &[f64]) = (&[0.0, 1.0], &[-1e-300, nan]);
+    check("learning_rate", positive.0, positive.1, &|v| AdamConfig::new(v).into());
+    check("beta1", fraction.0, fraction.1, &|beta1| AdamConfig { beta1, ..adam.clone() }.into());
+    check("beta2", fraction.0, fraction.1, &|beta2| AdamConfig { beta2, ..adam.clone() }.into());
+    check("epsilon", positive.0, positive.1, &|v| AdamConfig { epsilon: v, ..adam.clone() }.into());
+    check("initial_step", positive.0, positive.1, &|initial_step| {
+        SelfScaledBroydenConfig { initial_step, ..broyden.clone() }.into()
+    });
+    check("initial_damping", positive.0, positive.1, &|initial_damping| {
+        LevenbergMarquardtConfig { initial_damping, ..marquardt.clone() }.into()
+    });
+    let (good, bad) = not_negative;
+    check("gradient_tolerance", good, bad, &|gradient_tolerance| {
+        SelfScaledBroydenConfig { gradient_tolerance, ..broyden.clone() }.into()
+    });
+    check("gradient_tolerance", good, bad, &|gradient_tolerance| {
+        LevenbergMarquardtConfig { gradient_tolerance, ..marquardt.clone() }.into()
+    });
+    check("gradient_tolerance", good, bad, &|gradient_tolerance| {
+        LbfgsConfig { gradient_tolerance, ..lbfgs.clone() }.into()
+    });
+    let memory = |memory| OptimizerConfig::from(LbfgsConfig { memory, ..lbfgs.clone() });
+    assert!(memory(1).validate().is_ok() && memory(0).validate().is_err());
+    // A choice by size needs valid settings of both.
+    for gradient_tolerance in [1e-14, nan] {
+        let (full_memory, limited_memory) = (
+            SelfScaledBroydenConfig { gradient_tolerance, ..broyden.clone() },
+            LbfgsConfig { gradient_tolerance, ..lbfgs.clone() },
+        );
+        let valid = !gradient_tolerance.is_nan();
+        let auto = AutoConfig { full_memory, ..AutoConfig::default() };
+        assert_eq!(OptimizerConfig::from(auto).validate().is_ok(), valid);
+        let auto = AutoConfig { limited_memory, ..AutoConfig::default() };
+        assert_eq!(OptimizerConfig::from(auto).validate().is_ok(), valid);
+    }
+}
+
+#[test]
+fn the_choice_by_size_is_made_at_its_limit() {
+    let auto = AutoConfig { max_full_memory_weights: 100, ..AutoConfig::default() };
+    let config = OptimizerConfig::from(auto.clone());
+    assert_eq!(config.for_size(100), auto.full_memory.into());
+    assert_eq!(config.for_size(101), auto.limited_memory.into());
+    assert_eq!(Optimizer::new(&config, 100), Optimizer::new(&config.for_size(100), 100));
+    assert_eq!(Optimizer::new(&config, 101), Optimizer::new(&config.for_size(101), 101));
+    let chosen = lbfgs(LineSearch::WeakWolfe);
+    assert_eq!(chosen.for_size(1), chosen);
 }
