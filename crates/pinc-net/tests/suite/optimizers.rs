@@ -132,12 +132,7 @@ fn the_cheap_line_search_needs_fewer_evaluations_per_iteration() {
 
 #[test]
 fn adam_takes_the_steps_of_its_definition() {
-    let config = OptimizerConfig::Adam(AdamConfig {
-        learning_rate: 0.1,
-        beta1: 0.9,
-        beta2: 0.999,
-        epsilon: 0.0,
-    });
+    let config = OptimizerConfig::Adam(AdamConfig { epsilon: 0.0, ..AdamConfig::new(0.1) });
     // With one variable and f = x^2/2 from 1: g1 = 1, so the first step is the learning rate. Then
     // g2 = 0.9, m = 0.19, v = 0.001809, and the step 0.1 (m/0.19) / sqrt(v/0.001999).
     let half_square = |x: &[f64], g: &mut [f64]| {
@@ -150,6 +145,34 @@ fn adam_takes_the_steps_of_its_definition() {
         let (at, ..) = minimize(&config, half_square, vec![1.0], steps);
         assert!((at.x[0] - expected).abs() < 1e-14, "{} {expected}", at.x[0]);
     }
+    // With epsilon = 1/4 the first step is 0.1 / (1 + 1/4).
+    let config = OptimizerConfig::Adam(AdamConfig { epsilon: 0.25, ..AdamConfig::new(0.1) });
+    let (at, ..) = minimize(&config, half_square, vec![1.0], 1);
+    assert!((at.x[0] - 0.92).abs() < 1e-14, "{}", at.x[0]);
+}
+
+#[test]
+fn settings_left_out_of_a_file_are_the_defaults() {
+    let read = |text: &str| serde_json::from_str::<OptimizerConfig>(text).unwrap();
+    let (beta1, beta2, epsilon) = (0.9, 0.999, 1e-7);
+    let adam = AdamConfig { learning_rate: 0.5, beta1, beta2, epsilon };
+    assert_eq!(read(r#"{"adam": {"learning_rate": 0.5}}"#), adam.into());
+    let (line_search, gradient_tolerance) = (LineSearch::HagerZhang, 1e-14);
+    let lbfgs = LbfgsConfig { memory: 10, line_search, gradient_tolerance };
+    assert_eq!(read(r#"{"lbfgs": {}}"#), lbfgs.into());
+    let broyden = SelfScaledBroydenConfig { initial_step: 0.1, gradient_tolerance };
+    assert_eq!(read(r#"{"self-scaled-broyden": {}}"#), broyden.into());
+    let marquardt = LevenbergMarquardtConfig { initial_damping: 1e-3, gradient_tolerance };
+    assert_eq!(read(r#"{"levenberg-marquardt": {}}"#), marquardt.into());
+    let misspelt = r#"{"lbfgs": {"memry": 3}}"#;
+    assert!(serde_json::from_str::<OptimizerConfig>(misspelt).is_err());
+}
+
+#[test]
+fn an_iterate_is_finite_if_value_and_gradient_are() {
+    let finite = |value, g| Iterate { x: vec![0.0], value, gradient: vec![g] }.is_finite();
+    assert!(finite(1.0, 2.0));
+    assert!(!finite(f64::NAN, 2.0) && !finite(1.0, f64::NAN) && !finite(f64::INFINITY, f64::NAN));
 }
 
 #[test]
