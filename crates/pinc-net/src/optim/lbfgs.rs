@@ -160,6 +160,39 @@ mod tests {
     }
 
     #[test]
+    fn the_latest_pairs_are_kept() {
+        let mut lbfgs = Lbfgs::new(&LbfgsConfig { memory: 3, ..LbfgsConfig::default() });
+        for k in 1..=5 {
+            let x = vec![f64::from(k)];
+            lbfgs.buffers.0.next = Iterate { x: vec![0.0], value: 0.0, gradient: vec![0.0] };
+            lbfgs.update(&Iterate { gradient: x.clone(), x, value: 0.0 });
+        }
+        let steps: Vec<_> = lbfgs.pairs.iter().map(|pair| pair.s[0].to_bits()).collect();
+        assert_eq!(steps, [3.0_f64, 4.0, 5.0].map(f64::to_bits));
+    }
+
+    /// A slope with the points where it was evaluated.
+    struct Slope(f64, Vec<f64>);
+
+    impl Objective for Slope {
+        fn evaluate(&mut self, x: &[f64], gradient: &mut [f64]) -> f64 {
+            self.1.push(x[0]);
+            gradient[0] = self.0;
+            self.0 * x[0]
+        }
+    }
+
+    #[test]
+    fn the_first_step_is_the_gradient_but_one_unit_long_at_most() {
+        for (slope, first) in [(0.25, -0.25), (1.0, -1.0), (8.0, -1.0)] {
+            let mut slope = Slope(slope, Vec::new());
+            let mut at = Iterate::new(&mut slope, vec![0.0]);
+            Lbfgs::new(&LbfgsConfig::default()).step(&mut slope, &mut at);
+            assert_eq!(slope.1[1].to_bits(), f64::to_bits(first));
+        }
+    }
+
+    #[test]
     fn a_pair_whose_curvature_is_rounding_is_not_remembered() {
         assert_eq!(remembered([1.0, 0.0], [1.0, 0.0]), 1);
         // Small numbers as such do not matter.

@@ -170,3 +170,57 @@ fn levenberg_marquardt_reports_a_function_without_descent() {
         assert!(problem.evaluations < 30, "{slope}: {}", problem.evaluations);
     }
 }
+
+/// The optimizer after its first iterations on the residual `f` of one variable, from 1.
+fn iterate(initial_damping: f64, f: fn(f64) -> (f64, f64), iterations: usize) -> f64 {
+    let mut problem = Squares::new(1, move |x, r, jacobian| (r[0], jacobian[0][0]) = f(x[0]));
+    let config = LevenbergMarquardtConfig { initial_damping, gradient_tolerance: 0.0 };
+    let mut optimizer = Optimizer::new(&config.into(), 1);
+    let mut at = Iterate::new(&mut problem, vec![1.0]);
+    let workers = Workers::new(1).unwrap();
+    for _ in 0..iterations {
+        assert_eq!(optimizer.step(&mut problem, &mut at, &workers), Outcome::Moved);
+    }
+    at.x[0]
+}
+
+/// The first damping is relative to J'J: in whatever units the residual a x is, the first step from 1
+/// with mu = J'J / 2 goes to 1 - 1/(1 + 1/2).
+#[test]
+fn the_first_damping_is_relative_to_the_normal_matrix() {
+    for f in [|x| (1e-5 * x, 1e-5), |x| (3.0 * x, 3.0), |x| (1e5 * x, 1e5)] {
+        let x = iterate(0.5, f, 1);
+        assert!((x - 1.0 / 3.0).abs() < 1e-14, "{x}");
+    }
+}
+
+/// Algorithm 3.16 of the reference, worked out for r = x^2 from 1 with mu = J'J = 4.
+#[test]
+fn the_damping_follows_the_gain() {
+    let (first, second) = (iterate(1.0, |x| (x * x, 2.0 * x), 1), 0.75);
+    assert!((first - second).abs() < 1e-15, "{first}");
+    // From r^2 = 1 to (9/16)^2; the linear model falls by h (mu h - J r) = 3/4 with h = -1/4.
+    let gain: f64 = (1.0 - (9.0_f64 / 16.0).powi(2)) / 0.75;
+    let mu = 4.0 * (1.0 - (2.0 * gain - 1.0).powi(3));
+    // That is more than a third of 4; now J = 3/2 and r = 9/16.
+    assert!(mu > 4.0 / 3.0);
+    let expected = 0.75 - 1.5 * 9.0 / 16.0 / (2.25 + mu);
+    let x = iterate(1.0, |x| (x * x, 2.0 * x), 2);
+    assert!((x - expected).abs() < 1e-15, "{x} {expected}");
+}
+
+/// Damping grows by 2, 4, 8, .. from 1e-3 to 1e30 times J'J, in whatever units: its exponent of 2 is
+/// k (k + 1)/2 after k failures, which must not exceed log2 of 1e33, so that k = 0 .. 14.
+#[test]
+fn damping_grows_to_its_limit_in_any_units() {
+    for slope in [-1e-5, -1.0, -1e5] {
+        let mut problem = Squares::new(1, move |x, r, jacobian| {
+            (r[0], jacobian[0][0]) = (1.0 + x[0], slope);
+        });
+        let config = LevenbergMarquardtConfig::default();
+        let mut optimizer = Optimizer::new(&config.into(), 1);
+        let mut at = Iterate { x: vec![0.0], value: 1.0, gradient: vec![2.0 * slope] };
+        let outcome = optimizer.step(&mut problem, &mut at, &Workers::new(1).unwrap());
+        assert_eq!((outcome, problem.evaluations), (Outcome::Stuck, 15), "{slope}");
+    }
+}

@@ -2,8 +2,8 @@
 
 use pinc_net::Workers;
 use pinc_net::optim::{
-    AdamConfig, Iterate, LbfgsConfig, LeastSquares, LineSearch, Objective, Optimizer,
-    OptimizerConfig, Outcome, SelfScaledBroydenConfig,
+    AdamConfig, AutoConfig, Iterate, LbfgsConfig, LeastSquares, LevenbergMarquardtConfig,
+    LineSearch, Objective, Optimizer, OptimizerConfig, Outcome, SelfScaledBroydenConfig,
 };
 
 /// A function that counts its evaluations.
@@ -132,12 +132,7 @@ fn the_cheap_line_search_needs_fewer_evaluations_per_iteration() {
 
 #[test]
 fn adam_takes_the_steps_of_its_definition() {
-    let config = OptimizerConfig::Adam(AdamConfig {
-        learning_rate: 0.1,
-        beta1: 0.9,
-        beta2: 0.999,
-        epsilon: 0.0,
-    });
+    let config = OptimizerConfig::Adam(AdamConfig { epsilon: 0.0, ..AdamConfig::new(0.1) });
     // With one variable and f = x^2/2 from 1: g1 = 1, so the first step is the learning rate. Then
     // g2 = 0.9, m = 0.19, v = 0.001809, and the step 0.1 (m/0.19) / sqrt(v/0.001999).
     let half_square = |x: &[f64], g: &mut [f64]| {
@@ -150,6 +145,34 @@ fn adam_takes_the_steps_of_its_definition() {
         let (at, ..) = minimize(&config, half_square, vec![1.0], steps);
         assert!((at.x[0] - expected).abs() < 1e-14, "{} {expected}", at.x[0]);
     }
+    // With epsilon = 1/4 the first step is 0.1 / (1 + 1/4).
+    let config = OptimizerConfig::Adam(AdamConfig { epsilon: 0.25, ..AdamConfig::new(0.1) });
+    let (at, ..) = minimize(&config, half_square, vec![1.0], 1);
+    assert!((at.x[0] - 0.92).abs() < 1e-14, "{}", at.x[0]);
+}
+
+#[test]
+fn settings_left_out_of_a_file_are_the_defaults() {
+    let read = |text: &str| serde_json::from_str::<OptimizerConfig>(text).unwrap();
+    let (beta1, beta2, epsilon) = (0.9, 0.999, 1e-7);
+    let adam = AdamConfig { learning_rate: 0.5, beta1, beta2, epsilon };
+    assert_eq!(read(r#"{"adam": {"learning_rate": 0.5}}"#), adam.into());
+    let (line_search, gradient_tolerance) = (LineSearch::HagerZhang, 1e-14);
+    let lbfgs = LbfgsConfig { memory: 10, line_search, gradient_tolerance };
+    assert_eq!(read(r#"{"lbfgs": {}}"#), lbfgs.into());
+    let broyden = SelfScaledBroydenConfig { initial_step: 0.1, gradient_tolerance };
+    assert_eq!(read(r#"{"self-scaled-broyden": {}}"#), broyden.into());
+    let marquardt = LevenbergMarquardtConfig { initial_damping: 1e-3, gradient_tolerance };
+    assert_eq!(read(r#"{"levenberg-marquardt": {}}"#), marquardt.into());
+    let misspelt = r#"{"lbfgs": {"memry": 3}}"#;
+    assert!(serde_json::from_str::<OptimizerConfig>(misspelt).is_err());
+}
+
+#[test]
+fn an_iterate_is_finite_if_value_and_gradient_are() {
+    let finite = |value, g| Iterate { x: vec![0.0], value, gradient: vec![g] }.is_finite();
+    assert!(finite(1.0, 2.0));
+    assert!(!finite(f64::NAN, 2.0) && !finite(1.0, f64::NAN) && !finite(f64::INFINITY, f64::NAN));
 }
 
 #[test]
@@ -244,4 +267,71 @@ fn broyden_is_the_same_on_any_number_of_threads() {
     };
     assert_eq!(run(1), run(2));
     assert_eq!(run(1), run(3));
+}
+
+/// Each setting just inside and just outside its range.
+#[test]
+fn settings_that_make_no_sense_are_named() {
+    let (nan, infinite) = (f64::NAN, f64::INFINITY);
+    let adam = AdamConfig::new(1e-3);
+    let (broyden, lbfgs) = (SelfScaledBroydenConfig::default(), LbfgsConfig::default());
+    let marquardt = LevenbergMarquardtConfig::default();
+    let check = |key: &str, good: &[f64], bad: &[f64], set: &dyn Fn(f64) -> OptimizerConfig| {
+        for &value in good {
+            assert!(set(value).validate().is_ok(), "{key} {value}");
+        }
+        for &value in bad {
+            let message = set(value).validate().expect_err(key).to_string();
+            assert!(message.starts_with(&format!("{key}: {value} given")), "{message}");
+        }
+    };
+    let positive: (&[f64], &[f64]) = (&[1e-300, 1e300], &[0.0, -1.0, nan, infinite]);
+    let fraction: (&[f64], &[f64]) = (&[0.0, 0.5, 0.999], &[1.0, -0.1, 2.0, nan]);
+    let not_negative: (&[f64], &[f64]) = (&[0.0, 1.0], &[-1e-300, nan]);
+    check("learning_rate", positive.0, positive.1, &|v| AdamConfig::new(v).into());
+    check("beta1", fraction.0, fraction.1, &|beta1| AdamConfig { beta1, ..adam.clone() }.into());
+    check("beta2", fraction.0, fraction.1, &|beta2| AdamConfig { beta2, ..adam.clone() }.into());
+    check("epsilon", positive.0, positive.1, &|v| AdamConfig { epsilon: v, ..adam.clone() }.into());
+    check("initial_step", positive.0, positive.1, &|initial_step| {
+        SelfScaledBroydenConfig { initial_step, ..broyden.clone() }.into()
+    });
+    check("initial_damping", positive.0, positive.1, &|initial_damping| {
+        LevenbergMarquardtConfig { initial_damping, ..marquardt.clone() }.into()
+    });
+    let (good, bad) = not_negative;
+    check("gradient_tolerance", good, bad, &|gradient_tolerance| {
+        SelfScaledBroydenConfig { gradient_tolerance, ..broyden.clone() }.into()
+    });
+    check("gradient_tolerance", good, bad, &|gradient_tolerance| {
+        LevenbergMarquardtConfig { gradient_tolerance, ..marquardt.clone() }.into()
+    });
+    check("gradient_tolerance", good, bad, &|gradient_tolerance| {
+        LbfgsConfig { gradient_tolerance, ..lbfgs.clone() }.into()
+    });
+    let memory = |memory| OptimizerConfig::from(LbfgsConfig { memory, ..lbfgs.clone() });
+    assert!(memory(1).validate().is_ok() && memory(0).validate().is_err());
+    // A choice by size needs valid settings of both.
+    for gradient_tolerance in [1e-14, nan] {
+        let (full_memory, limited_memory) = (
+            SelfScaledBroydenConfig { gradient_tolerance, ..broyden.clone() },
+            LbfgsConfig { gradient_tolerance, ..lbfgs.clone() },
+        );
+        let valid = !gradient_tolerance.is_nan();
+        let auto = AutoConfig { full_memory, ..AutoConfig::default() };
+        assert_eq!(OptimizerConfig::from(auto).validate().is_ok(), valid);
+        let auto = AutoConfig { limited_memory, ..AutoConfig::default() };
+        assert_eq!(OptimizerConfig::from(auto).validate().is_ok(), valid);
+    }
+}
+
+#[test]
+fn the_choice_by_size_is_made_at_its_limit() {
+    let auto = AutoConfig { max_full_memory_weights: 100, ..AutoConfig::default() };
+    let config = OptimizerConfig::from(auto.clone());
+    assert_eq!(config.for_size(100), auto.full_memory.into());
+    assert_eq!(config.for_size(101), auto.limited_memory.into());
+    assert_eq!(Optimizer::new(&config, 100), Optimizer::new(&config.for_size(100), 100));
+    assert_eq!(Optimizer::new(&config, 101), Optimizer::new(&config.for_size(101), 101));
+    let chosen = lbfgs(LineSearch::WeakWolfe);
+    assert_eq!(chosen.for_size(1), chosen);
 }
