@@ -71,8 +71,7 @@ fn drawn_keys(sweep: &SweepSpec) -> Vec<String> {
 }
 
 /// The trials of an experiment with a sweep, in an order in which every cell has its first seed
-/// before any has its second. Equal ones are one trial with several rows. Or the
-/// key and what is wrong with a trial.
+/// before any has its second. Equal ones are one trial with several rows.
 ///
 /// # Errors
 ///
