@@ -15,6 +15,9 @@ const STIFF: f64 = 10.0;
 /// is four times as large when it can be answered.
 const MOST_DOUBLINGS: f64 = 2.0;
 
+/// A mode this slow, per step, is an integrator's: rounding leaves its eigenvalue a little off 0.
+const INTEGRATES: f64 = 1e-6;
+
 /// More modes than these are summed up.
 const LISTED: usize = 6;
 
@@ -194,7 +197,7 @@ fn horizon(subject: &Subject<'_>, scales: &TimeScales) -> Option<Finding> {
     };
     #[expect(clippy::cast_precision_loss, reason = "a few steps")]
     let horizon = control.n2 as f64 * subject.step_s();
-    if rate * horizon >= 0.1 {
+    if rate * horizon >= 0.1 || rate * subject.step_s() < INTEGRATES {
         return None;
     }
     let what = format!(
