@@ -53,6 +53,7 @@ impl Disturbed {
     /// Sets the inner model's input and parameters.
     fn set(&mut self, u: &[f64], p: &[f64]) {
         let np = self.p.len();
+        assert_eq!(p.len(), np + u.len(), "length of p");
         self.p.copy_from_slice(&p[..np]);
         self.u.copy_from_slice(u);
         self.u.iter_mut().zip(&p[np..]).for_each(|(u, d)| *u += d);

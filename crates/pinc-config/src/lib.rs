@@ -25,9 +25,8 @@
 //! assert_eq!(experiment.model.unwrap().neurons, 16);
 //!
 //! let sets = ["model.neuron=16".to_owned()];
-//! let error = Experiment::parse("a-tank.toml".as_ref(), text, &sets,
-//! &Plants::built_in()).unwrap_err(); assert!(error.to_string().contains("did you mean
-//! `neurons`?"));
+//! let parsed = Experiment::parse("a-tank.toml".as_ref(), text, &sets, &Plants::built_in());
+//! assert!(parsed.unwrap_err().to_string().contains("did you mean `neurons`?"));
 //! # Ok::<(), pinc_config::ConfigError>(())
 //! ```
 

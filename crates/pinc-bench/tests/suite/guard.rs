@@ -18,7 +18,8 @@ fn run(dir: &Path, sets: &[&str]) -> Outcome {
 #[test]
 fn a_loop_outside_the_domain_is_reported() {
     let dir = tempfile::tempdir().unwrap();
-    let outcome = run(dir.path(), &[]);
+    // With a net that is hardly trained, steps fail: that is judged elsewhere.
+    let outcome = run(dir.path(), &["--set", "control.max_failed_share=1.0"]);
     assert_eq!(outcome.code, Some(0), "{outcome:?}");
     assert!(outcome.stdout.contains("outside the training domain in "), "{outcome:?}");
     let metrics = std::fs::read(dir.path().join("run/metrics.json")).unwrap();

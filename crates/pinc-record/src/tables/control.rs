@@ -133,7 +133,7 @@ mod tests {
         assert!(ControlTrace::read(&path, 1, &trace.controlled).unwrap().is_none());
         std::fs::write(&path, trace.to_csv().as_bytes()).unwrap();
         assert_eq!(ControlTrace::read(&path, 1, &trace.controlled).unwrap().unwrap(), trace);
-        let other = ControlTrace::read(&path, 1, &["b".to_owned()]).unwrap_err().to_string();
-        assert!(other.contains("control.csv:1: no column `b_ref`"), "{other}");
+        let other = ControlTrace::read(&path, 1, &["c".to_owned()]).unwrap_err().to_string();
+        assert!(other.contains("control.csv:1: no column `c_ref`"), "{other}");
     }
 }
