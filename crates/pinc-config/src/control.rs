@@ -50,8 +50,8 @@ pub struct ControlSpec {
     /// What is done where the states' bounds cannot be met.
     #[serde(default)]
     pub state_softness: Softness,
-    /// Lower bounds of the predicted outputs, those that are no states, in the plant's order; none if
-    /// absent.
+    /// Lower bounds of the predicted outputs, those that are no states, in the plant's order; none
+    /// if absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub output_low: Option<Vec<f64>>,
     /// Upper bounds of the same; none if absent.
@@ -73,8 +73,8 @@ pub struct ControlSpec {
     /// How many whole steps pass until an input acts on the plant.
     #[serde(default)]
     pub delay_steps: usize,
-    /// Whether the controller knows the references in advance; if not, it takes the present one for all
-    /// later ones.
+    /// Whether the controller knows the references in advance; if not, it takes the present one for
+    /// all later ones.
     #[serde(default = "yes")]
     pub preview: bool,
     /// The time that the controller may take per step, in us; no limit if absent.
@@ -86,8 +86,8 @@ pub struct ControlSpec {
     /// The share of control steps that may fail, from 0 to 1: with more, the run has failed.
     #[serde(default = "max_failed_share")]
     pub max_failed_share: f64,
-    /// How near its reference a controlled quantity stays to have settled there, in its unit; a hundredth
-    /// of its largest error at the step marks if absent.
+    /// How near its reference a controlled quantity stays to have settled there, in its unit; a
+    /// hundredth of its largest error at the step marks if absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub settled_within: Option<Vec<f64>>,
     /// Substeps per T of the model `rk4`.

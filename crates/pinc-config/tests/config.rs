@@ -193,3 +193,54 @@ fn the_default_optimizer_is_chosen_by_the_size_of_the_net_and_written_out() {
     assert_eq!(optimizer(3, 61), ["self-scaled-broyden"]);
     assert_eq!(optimizer(3, 62), ["lbfgs"]);
 }
+
+/// The cost of the authors' program on inputs ul, u0, .., u4, as the shipped config has it.
+#[test]
+fn differences_of_inputs_are_a_weight_of_their_sequence() {
+    let path = repository("configs/van-der-pol/control.toml");
+    let load = |preset: &str| {
+        let sets = [format!("preset={preset}")];
+        let experiment = Experiment::load(&path, &sets, &Plants::built_in()).unwrap();
+        let control = experiment.control.as_ref().unwrap();
+        control.problem(&experiment.plant.variables(), 0.5).weights
+    };
+    assert_eq!(load("ours").input_sequence, None);
+    let weights = load("as-released");
+    let Some(Weight::Full(w)) = weights.input_sequence else { panic!("{weights:?}") };
+    for u in [[0.3, -0.2, 0.7, 0.1, -0.9, 0.4], [1.0, 0.0, 0.0, 0.0, 0.0, 0.0]] {
+        let [ul, u0, u1, .., u4] = u;
+        let square = |v: f64| v * v;
+        let expected = 0.5
+            * (5.0 * (square(u0 - ul) + square(u1 - ul))
+                + 10.0 * (square(u0 - u4) + square(u1 - u0)));
+        let rows = w
+            .iter()
+            .zip(u)
+            .map(|(row, ui)| row.iter().zip(u).map(|(entry, uj)| ui * entry * uj).sum::<f64>());
+        let found: f64 = rows.sum();
+        assert!((found - expected).abs() < 1e-12, "{found} {expected}");
+    }
+}
+
+/// Of a plant with two inputs, and with a full weight.
+#[test]
+fn differences_of_several_inputs_have_blocks() {
+    let text = std::fs::read_to_string(repository("configs/smoke/four-tanks.toml")).unwrap();
+    let sets = [
+        "control.n2=2",
+        "control.nu=2",
+        "control.input_differences=[{ between = [1, -1], weight = [[2.0, 0.5], [0.5, 3.0]] }]",
+    ];
+    let experiment = parse(&text, &sets);
+    let control = experiment.control.as_ref().unwrap();
+    let weights = control.problem(&experiment.plant.variables(), 10.0).weights;
+    let expected = vec![
+        vec![2.0, 0.5, 0.0, 0.0, -2.0, -0.5],
+        vec![0.5, 3.0, 0.0, 0.0, -0.5, -3.0],
+        vec![0.0; 6],
+        vec![0.0; 6],
+        vec![-2.0, -0.5, 0.0, 0.0, 2.0, 0.5],
+        vec![-0.5, -3.0, 0.0, 0.0, 0.5, 3.0],
+    ];
+    assert_eq!(weights.input_sequence, Some(Weight::Full(expected)));
+}

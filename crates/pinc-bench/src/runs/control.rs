@@ -107,7 +107,8 @@ pub(crate) fn verdict(experiment: &Experiment, metrics: &Metrics) -> Result<(), 
     }
 }
 
-/// The plant's trajectory in the closed loop of `spec` with RK4 as the model, run once and not recorded.
+/// The plant's trajectory in the closed loop of `spec` with RK4 as the model, run once and not
+/// recorded.
 pub(super) fn rehearse(
     plant: &dyn DynPlant,
     spec: &ControlSpec,
@@ -198,8 +199,8 @@ impl LoopSetup<'_> {
         }
     }
 
-    /// How near its reference each controlled quantity stays to count as settled: as the config says, or a
-    /// hundredth of its largest error. Rounding of the reference is no error.
+    /// How near its reference each controlled quantity stays to count as settled: as the config
+    /// says, or a hundredth of its largest error. Rounding of the reference is no error.
     fn settled_within(&self, run: &ClosedLoop<'_>) -> Vec<f64> {
         if let Some(within) = &self.spec.settled_within {
             return within.clone();

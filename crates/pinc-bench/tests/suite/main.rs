@@ -5,6 +5,7 @@ mod bad_config;
 mod bench;
 mod check;
 mod common;
+mod control;
 mod equations;
 mod examples;
 mod guard;
