@@ -218,6 +218,7 @@ fn too_many_failed_steps_fail_the_run_and_keep_its_results() {
     assert!(dir.path().join("run/report.html").exists());
     let failures = metrics(dir.path()).control[0].failed_steps();
     assert!((1..10).contains(&failures), "{failures}");
+    let dir = tempfile::tempdir().unwrap();
     fine(&control(dir.path(), &config, &["--set", "control.max_failed_share=0.5"]));
 }
 
