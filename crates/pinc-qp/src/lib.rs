@@ -101,6 +101,7 @@ pub struct Limits {
 impl Limits {
     /// No limits on `rows` hard rows.
     #[must_use]
+    #[inline]
     pub fn none(rows: usize) -> Self {
         Self {
             low: vec![f64::NEG_INFINITY; rows],
@@ -110,6 +111,7 @@ impl Limits {
     }
 
     /// Of each row: low, high and penalty.
+    #[inline]
     pub fn iter(&self) -> impl Iterator<Item = [f64; 3]> {
         self.low
             .iter()
@@ -137,6 +139,7 @@ impl QpStep {
 
     /// Whether all numbers are finite.
     #[must_use]
+    #[inline]
     pub fn is_finite(&self) -> bool {
         self.d.iter().chain(self.multipliers.parts().into_iter().flatten()).all(|v| v.is_finite())
     }
@@ -214,6 +217,7 @@ impl Qp {
 
     /// The same with S and T, all 0 at first; from then on Q, S and T may change from QP to QP.
     #[must_use]
+    #[inline]
     pub fn with_stage_cost(mut self) -> Self {
         let OcpDims { nx, nu, horizon, n_controls, .. } = self.dims;
         self.s = vec![0.0; horizon * nu * nx];
@@ -223,30 +227,35 @@ impl Qp {
 
     /// Whether Q, S and T may change from QP to QP.
     #[must_use]
+    #[inline]
     pub fn has_stage_cost(&self) -> bool {
         !self.s.is_empty()
     }
 
     /// `A_j`, `[n, n]`.
     #[must_use]
+    #[inline]
     pub fn a(&self, j: usize) -> &[f64] {
         block(&self.a, j, self.dims.nx * self.dims.nx)
     }
 
     /// `B_j`, `[n, m]`.
     #[must_use]
+    #[inline]
     pub fn b(&self, j: usize) -> &[f64] {
         block(&self.b, j, self.dims.nx * self.dims.nu)
     }
 
     /// `Q_j` of the state `x_j`, j = 1..N, `[n, n]`.
     #[must_use]
+    #[inline]
     pub fn q(&self, j: usize) -> &[f64] {
         block(&self.q, j - 1, self.dims.nx * self.dims.nx)
     }
 
     /// `S_j` of `x_j` and the input that acts there, j = 1..N, `[m, n]`, if there is one.
     #[must_use]
+    #[inline]
     pub fn s(&self, j: usize) -> Option<&[f64]> {
         let width = self.dims.nu * self.dims.nx;
         self.s.get((j - 1) * width..j * width)
@@ -254,6 +263,7 @@ impl Qp {
 
     /// `T_i`, `[m, m]`, if there is one.
     #[must_use]
+    #[inline]
     pub fn t(&self, i: usize) -> Option<&[f64]> {
         let width = self.dims.nu * self.dims.nu;
         self.t.get(i * width..(i + 1) * width)
@@ -261,24 +271,28 @@ impl Qp {
 
     /// `R_i`, `[m, m]`.
     #[must_use]
+    #[inline]
     pub fn r(&self, i: usize) -> &[f64] {
         block(&self.r, i, self.dims.nu * self.dims.nu)
     }
 
     /// `C_j` at stage j = N1..N, `[rows, n]`.
     #[must_use]
+    #[inline]
     pub fn rows_x(&self, j: usize) -> &[f64] {
         block(&self.rows_x, j - self.dims.n1, self.dims.rows() * self.dims.nx)
     }
 
     /// `D_j` at stage j = N1..N, `[rows, m]`.
     #[must_use]
+    #[inline]
     pub fn rows_u(&self, j: usize) -> &[f64] {
         block(&self.rows_u, j - self.dims.n1, self.dims.rows() * self.dims.nu)
     }
 
     /// The limits with their kind.
     #[must_use]
+    #[inline]
     pub fn limits(&self) -> [(Kind, &Limits); 3] {
         [(Kind::Bound, &self.bounds), (Kind::Increment, &self.increments), (Kind::Row, &self.rows)]
     }

@@ -29,16 +29,19 @@ impl Multipliers {
 
     /// The parts, in the order of the fields.
     #[must_use]
+    #[inline]
     pub fn parts(&self) -> [&[f64]; 4] {
         [&self.dynamics, &self.bounds, &self.increments, &self.rows]
     }
 
     /// The parts, in the order of the fields.
+    #[inline]
     pub fn parts_mut(&mut self) -> [&mut [f64]; 4] {
         [&mut self.dynamics, &mut self.bounds, &mut self.increments, &mut self.rows]
     }
 
     /// Takes the values of `other`, of the same sizes.
+    #[inline]
     pub fn copy_from(&mut self, other: &Self) {
         for (to, from) in self.parts_mut().into_iter().zip(other.parts()) {
             to.copy_from_slice(from);
@@ -46,6 +49,7 @@ impl Multipliers {
     }
 
     /// Sets all to 0.
+    #[inline]
     pub fn clear(&mut self) {
         self.parts_mut().into_iter().for_each(|part| part.fill(0.0));
     }
