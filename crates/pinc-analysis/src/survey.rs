@@ -62,11 +62,11 @@ pub struct Irregularity {
 /// ```
 /// use pinc_analysis::{IrregularityKind, Region, Survey};
 /// use pinc_expr::Equations;
-/// use pinc_ode::{Dims, DynRhs};
+/// use pinc_ode::Dims;
 ///
 /// let plant: Equations = serde_json::from_str(
-///     r#"{"states": [{"name": "x"}], "inputs": [{"name": "u"}], "derivatives": {"x": "abs(x) +
-///     u"}}"#,
+///     r#"{"states": [{"name": "x"}], "inputs": [{"name": "u"}],
+///         "derivatives": {"x": "abs(x) + u"}}"#,
 /// )?;
 /// let plant = plant.compile()?;
 /// let region = Region::new(Dims::new(1, 1), vec![-1.0, -1.0], vec![2.0, 1.0]);

@@ -44,8 +44,8 @@ pub struct CriticalTerm {
 /// use pinc_expr::{Equations, TermRole};
 ///
 /// let equations: Equations = serde_json::from_str(
-///     r#"{"states": [{"name": "S"}], "inputs": [{"name": "u"}], "derivatives": {"S": "u/(S +
-///     0.1)"}}"#,
+///     r#"{"states": [{"name": "S"}], "inputs": [{"name": "u"}],
+///         "derivatives": {"S": "u/(S + 0.1)"}}"#,
 /// )?;
 /// let terms = equations.critical_terms()?;
 /// assert_eq!(terms.list()[0].role, TermRole::Denominator);
