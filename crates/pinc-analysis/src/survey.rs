@@ -62,7 +62,7 @@ pub struct Irregularity {
 /// ```
 /// use pinc_analysis::{IrregularityKind, Region, Survey};
 /// use pinc_expr::Equations;
-/// use pinc_ode::{Dims, DynRhs};
+/// use pinc_ode::Dims;
 ///
 /// let plant: Equations = serde_json::from_str(
 ///     r#"{"states": [{"name": "x"}], "inputs": [{"name": "u"}],
