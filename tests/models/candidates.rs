@@ -1,6 +1,7 @@
 //! The models that the suite runs on.
 
 use crate::user_models::{Disturbed, Leaky};
+use pinc_estimate::{Augmentation, Augmented, Compensated, Disturbance, Measured};
 use pinc_expr::{Equations, OutputExpression};
 use pinc_net::{Ansatz, Domain, NetConfig, PincModel, PincNet};
 use pinc_ode::{DynPlant, DynRhs, Model, Variable};
@@ -72,7 +73,52 @@ pub(crate) fn candidates() -> Vec<Candidate> {
         .with_parameters([[-0.1, 0.1]; 2]),
     ];
     all.extend(texts());
+    all.extend(disturbed());
     all
+}
+
+/// Models of estimators and of the controllers that use them.
+fn disturbed() -> Vec<Candidate> {
+    let tanks = || FourTanks::antonelo().into_dyn().rk4(10.0, 4);
+    let with = |disturbance| Augmentation {
+        disturbance,
+        ..Augmentation::measured(Measured::states([0, 1]))
+    };
+    let augmented = |disturbance: Disturbance| -> Box<dyn Model> {
+        Box::new(Augmented::new(tanks(), with(disturbance)).expect("it suits the tanks"))
+    };
+    let compensated = |disturbance: Disturbance| -> Box<dyn Model> {
+        Box::new(Compensated::new(tanks(), with(disturbance)).expect("it suits the tanks"))
+    };
+    let (level, offset) = ([2.0, 20.0], [-0.1, 0.1]);
+    let (x, z) = ([level; 4], [level, level, level, level, offset, offset]);
+    let u = [[0.0, 5.0]; 2];
+    let unknown = ([[0.1, 2.0], [0.1, 2.0], offset, [0.5, 1.5]], [[0.0, 1.0]]);
+    vec![
+        Candidate::new("tanks and a leak", (z, u), move || {
+            augmented(Disturbance::States(vec![2, 0]))
+        }),
+        Candidate::new("tanks and pumps", (z, u), move || augmented(Disturbance::Input)),
+        Candidate::new("tanks and sensors", (z, u), move || augmented(Disturbance::Output)),
+        Candidate::new("tanks with a leak", (x, u), move || {
+            compensated(Disturbance::States(vec![2, 0]))
+        })
+        .with_parameters([offset; 2]),
+        Candidate::new("tanks with pumps", (x, u), move || compensated(Disturbance::Input))
+            .with_parameters([offset; 2]),
+        Candidate::new("tanks with sensors", (x, u), move || compensated(Disturbance::Output))
+            .with_parameters([offset; 2]),
+        Candidate::new("reactor of unknown rate", unknown, || {
+            let unknown = Augmentation {
+                disturbance: Disturbance::Input,
+                parameters: vec![0.5, 1.0],
+                estimated: vec![1],
+                ..Augmentation::measured(vec![Measured::Output(1), Measured::State(1)])
+            };
+            let reactor = plant_of(&["k2", "k1"], &REACTOR).rk4(0.5, 2);
+            Box::new(Augmented::new(reactor, unknown).expect("it suits the reactor"))
+        }),
+    ]
 }
 
 /// Integrators of text plants: with parameters and outputs, of all sizes, in units far apart.

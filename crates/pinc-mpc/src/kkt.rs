@@ -34,7 +34,7 @@ impl KktResidual {
     /// long as z.
     pub(crate) fn new(qp: &Qp, at: &Solution, work: &mut [f64]) -> Self {
         let multipliers = &at.multipliers;
-        lagrangian_gradient(qp, multipliers, work);
+        qp.lagrangian_gradient(multipliers, work);
         let mut worst = Worst { stationarity: largest(work), violation: 0.0, product: 0.0 };
         worst.see(&qp.bounds, &multipliers.bounds);
         worst.see(&qp.increments, &multipliers.increments);
@@ -78,47 +78,6 @@ impl Worst {
             } else {
                 self.violation = worse(self.violation, outside);
             }
-        }
-    }
-}
-
-/// Writes dL/dz into `gradient`.
-fn lagrangian_gradient(qp: &Qp, multipliers: &Multipliers, gradient: &mut [f64]) {
-    let dims = qp.dims;
-    for ((sum, g), mu) in gradient.iter_mut().zip(&qp.gradient).zip(&multipliers.bounds) {
-        *sum = g + mu;
-    }
-    for j in 0..dims.horizon {
-        let lambda = &multipliers.dynamics[dims.next_state(j)];
-        for (sum, lambda) in gradient[dims.next_state(j)].iter_mut().zip(lambda) {
-            *sum -= lambda;
-        }
-        if let Some(state) = dims.state(j) {
-            add_transposed(qp.a(j), lambda, &mut gradient[state]);
-        }
-        add_transposed(qp.b(j), lambda, &mut gradient[dims.input(dims.acting(j))]);
-    }
-    let inputs = &mut gradient[dims.all_states()..];
-    for (v, nu) in multipliers.increments.iter().enumerate() {
-        inputs[v] += nu;
-        if let Some(before) = v.checked_sub(dims.nu) {
-            inputs[before] -= nu;
-        }
-    }
-    if dims.rows() > 0 {
-        for j in dims.constrained() {
-            let eta = &multipliers.rows[dims.stage_rows(j)];
-            add_transposed(qp.rows_x(j), eta, &mut gradient[dims.next_state(j - 1)]);
-            add_transposed(qp.rows_u(j), eta, &mut gradient[dims.input(dims.acting(j))]);
-        }
-    }
-}
-
-/// sum += matrix' vector
-fn add_transposed(matrix: &[f64], vector: &[f64], sum: &mut [f64]) {
-    for (row, factor) in matrix.chunks_exact(sum.len()).zip(vector) {
-        for (sum, entry) in sum.iter_mut().zip(row) {
-            *sum += entry * factor;
         }
     }
 }

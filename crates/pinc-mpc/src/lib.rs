@@ -5,6 +5,7 @@
 //!   [`Bounds`].
 //! - [`Nmpc`]: the controller. Each step solves the problem by Gauss-Newton sequential quadratic
 //!   programming, says how that ended ([`SqpStatus`]) and how good the plan is ([`KktResidual`]).
+//!   The length of its steps, [`BarzilaiBorwein`], is of use to other Gauss-Newton iterations too.
 //! - [`ClosedLoop`]: the controller with an accurately integrated plant, following a [`Reference`].
 //!
 //! What a model is made of is nothing to this crate: an integrator and a neural net enter by the
@@ -63,6 +64,7 @@ mod transcription;
 mod units;
 mod weights;
 
+pub use barzilai_borwein::BarzilaiBorwein;
 pub use bounds::{Bounds, Softness};
 pub use builder::NmpcBuilder;
 pub use closed_loop::{ClosedLoop, Control, StepRecord};

@@ -27,6 +27,7 @@ use clarabel::ClarabelQp;
 use condense::CondensedQp;
 use riccati::RiccatiQp;
 
+use algebra::add_transposed;
 use std::fmt::Debug;
 
 /// The control problem linearised at a point z, in the unknown step `d = (dx_1, .., du_0, ..)`:
@@ -288,6 +289,44 @@ impl Qp {
     #[inline]
     pub fn rows_u(&self, j: usize) -> &[f64] {
         block(&self.rows_u, j - self.dims.n1, self.dims.rows() * self.dims.nu)
+    }
+
+    /// Writes the gradient of the Lagrangian at d = 0 into `gradient`, as long as z,
+    ///
+    /// ```text
+    /// g + mu - lambda_j + A_j' lambda_{j+1}, ..    and with those of the increments and rows
+    /// ```
+    ///
+    /// the slope of the problem that was linearised, with these multipliers.
+    pub fn lagrangian_gradient(&self, multipliers: &Multipliers, gradient: &mut [f64]) {
+        let dims = self.dims;
+        for ((sum, g), mu) in gradient.iter_mut().zip(&self.gradient).zip(&multipliers.bounds) {
+            *sum = g + mu;
+        }
+        for j in 0..dims.horizon {
+            let lambda = &multipliers.dynamics[dims.next_state(j)];
+            for (sum, lambda) in gradient[dims.next_state(j)].iter_mut().zip(lambda) {
+                *sum -= lambda;
+            }
+            if let Some(state) = dims.state(j) {
+                add_transposed(self.a(j), lambda, &mut gradient[state]);
+            }
+            add_transposed(self.b(j), lambda, &mut gradient[dims.input(dims.acting(j))]);
+        }
+        let inputs = &mut gradient[dims.all_states()..];
+        for (v, nu) in multipliers.increments.iter().enumerate() {
+            inputs[v] += nu;
+            if let Some(before) = v.checked_sub(dims.nu) {
+                inputs[before] -= nu;
+            }
+        }
+        if dims.rows() > 0 {
+            for j in dims.constrained() {
+                let eta = &multipliers.rows[dims.stage_rows(j)];
+                add_transposed(self.rows_x(j), eta, &mut gradient[dims.next_state(j - 1)]);
+                add_transposed(self.rows_u(j), eta, &mut gradient[dims.input(dims.acting(j))]);
+            }
+        }
     }
 
     /// The limits with their kind.

@@ -1,0 +1,190 @@
+//! The model whose state an estimator estimates.
+
+use crate::disturbed::{Arguments, BLOCK, Disturbed, Measurement};
+use crate::{Augmentation, Disturbance, EstimateError, Measured};
+use pinc_ode::{Dims, Linearization, Model, OutputLinearization, Stages};
+
+/// A model whose state is z = (x, d, theta): the state of the plant, constant disturbances, and
+/// unknown parameters,
+///
+/// ```text
+/// x+ = F(x, u, p, d),  d+ = d,  theta+ = theta,  y = what is measured
+/// ```
+///
+/// and whose outputs are what is measured. It has no parameters of its own.
+///
+/// ```
+/// use pinc_estimate::{Augmentation, Augmented, Disturbance, Measured};
+/// use pinc_ode::{Model, Rk4};
+/// use pinc_plants::FourTanks;
+///
+/// let tanks = Rk4::new(FourTanks::antonelo(), 10.0, 4);
+/// let two_sensors = Augmentation {
+///     disturbance: Disturbance::Input,
+///     ..Augmentation::measured(Measured::states([0, 1]))
+/// };
+/// let model = Augmented::new(Box::new(tanks), two_sensors)?;
+/// assert_eq!((model.dims().nx, model.dims().ny), (6, 2));
+/// # Ok::<(), pinc_estimate::EstimateError>(())
+/// ```
+#[derive(Debug)]
+pub struct Augmented {
+    inner: Disturbed,
+    x: Vec<f64>,
+    w: Vec<f64>,
+    next: Vec<f64>,
+    a: Vec<f64>,
+    e: Vec<f64>,
+    by_x: Vec<f64>,
+    by_w: Vec<f64>,
+}
+
+impl Augmented {
+    /// `model`, augmented.
+    ///
+    /// # Errors
+    ///
+    /// [`EstimateError`] if the augmentation does not suit the model.
+    pub fn new(model: Box<dyn Model>, augmentation: Augmentation) -> Result<Self, EstimateError> {
+        let inner = Disturbed::new(model, augmentation)?;
+        let (nx, nw, ny) = (inner.dims().nx, inner.unknowns(), inner.measured().len());
+        Ok(Self {
+            x: vec![0.0; BLOCK * nx],
+            w: vec![0.0; BLOCK * nw],
+            next: vec![0.0; BLOCK * nx],
+            a: vec![0.0; BLOCK * nx * nx],
+            e: vec![0.0; BLOCK * nx * nw],
+            by_x: vec![0.0; ny * nx],
+            by_w: vec![0.0; ny * nw],
+            inner,
+        })
+    }
+
+    /// The number of states of the plant, the first of the state.
+    #[must_use]
+    pub fn plant_states(&self) -> usize {
+        self.inner.dims().nx
+    }
+
+    /// The number of disturbances, which come next.
+    #[must_use]
+    pub fn disturbances(&self) -> usize {
+        let measured = self.inner.measured().len();
+        self.inner.disturbance().count(self.inner.dims().nu, measured)
+    }
+
+    /// What is measured.
+    #[must_use]
+    pub fn measured(&self) -> &[Measured] {
+        self.inner.measured()
+    }
+
+    /// Where disturbances enter.
+    #[must_use]
+    pub fn disturbance(&self) -> &Disturbance {
+        self.inner.disturbance()
+    }
+
+    /// Linearizes at one block of points, at most.
+    fn linearize_block(&mut self, at: Stages<'_>, out: Linearization<'_>) {
+        let (nx, nw, nu) = (self.inner.dims().nx, self.inner.unknowns(), self.inner.dims().nu);
+        let nz = nx + nw;
+        let count = at.x.len() / nz;
+        for (k, z) in at.x.chunks_exact(nz).enumerate() {
+            self.x[k * nx..(k + 1) * nx].copy_from_slice(&z[..nx]);
+            self.w[k * nw..(k + 1) * nw].copy_from_slice(&z[nx..]);
+        }
+        // The Jacobian by u has zeros below, but the rows of a point are contiguous all the same.
+        let Linearization { next, a, b, .. } = out;
+        let inner_b = &mut b[..count * nx * nu];
+        self.inner.linearize(
+            Arguments { x: &self.x[..count * nx], u: at.u, w: &self.w[..count * nw] },
+            Linearization {
+                next: &mut self.next[..count * nx],
+                a: &mut self.a[..count * nx * nx],
+                b: inner_b,
+                e: &mut self.e[..count * nx * nw],
+            },
+        );
+        // From behind, so that nothing is overwritten before it is moved.
+        for k in (0..count).rev() {
+            b.copy_within(k * nx * nu..(k + 1) * nx * nu, k * nz * nu);
+            b[(k * nz + nx) * nu..(k + 1) * nz * nu].fill(0.0);
+            let next = &mut next[k * nz..(k + 1) * nz];
+            next[..nx].copy_from_slice(&self.next[k * nx..(k + 1) * nx]);
+            next[nx..].copy_from_slice(&self.w[k * nw..(k + 1) * nw]);
+            let a = &mut a[k * nz * nz..(k + 1) * nz * nz];
+            for (i, row) in a.chunks_exact_mut(nz).enumerate() {
+                if i < nx {
+                    let at = k * nx + i;
+                    row[..nx].copy_from_slice(&self.a[at * nx..(at + 1) * nx]);
+                    row[nx..].copy_from_slice(&self.e[at * nw..(at + 1) * nw]);
+                } else {
+                    row.fill(0.0);
+                    row[i] = 1.0;
+                }
+            }
+        }
+    }
+}
+
+impl Model for Augmented {
+    fn dims(&self) -> Dims {
+        let Dims { nx, nu, .. } = self.inner.dims();
+        Dims::new(nx + self.inner.unknowns(), nu).with_outputs(self.inner.measured().len())
+    }
+
+    fn sample_time_s(&self) -> f64 {
+        self.inner.sample_time_s()
+    }
+
+    fn step(&mut self, x: &[f64], u: &[f64], _p: &[f64], next: &mut [f64]) {
+        let nx = self.inner.dims().nx;
+        let (x, w) = x.split_at(nx);
+        self.inner.step(Arguments { x, u, w }, &mut next[..nx]);
+        next[nx..].copy_from_slice(w);
+    }
+
+    fn linearize(&mut self, at: Stages<'_>, out: Linearization<'_>) {
+        let dims = self.dims();
+        let count = at.count(dims);
+        out.check(count, dims);
+        for first in (0..count).step_by(BLOCK) {
+            let last = count.min(first + BLOCK);
+            let part = |width: usize| first * width..last * width;
+            let points = Stages { x: &at.x[part(dims.nx)], u: &at.u[part(dims.nu)], p: &[] };
+            let results = Linearization {
+                next: &mut out.next[part(dims.nx)],
+                a: &mut out.a[part(dims.nx * dims.nx)],
+                b: &mut out.b[part(dims.nx * dims.nu)],
+                e: &mut [],
+            };
+            self.linearize_block(points, results);
+        }
+    }
+
+    fn output(&mut self, x: &[f64], u: &[f64], _p: &[f64], y: &mut [f64]) {
+        let (x, w) = x.split_at(self.inner.dims().nx);
+        self.inner.measure(Arguments { x, u, w }, y);
+    }
+
+    fn linearize_output(&mut self, at: Stages<'_>, mut out: OutputLinearization<'_>) {
+        let dims = self.dims();
+        let count = at.count(dims);
+        out.check(count, dims);
+        let (nx, nw) = (self.inner.dims().nx, self.inner.unknowns());
+        for k in 0..count {
+            let point = at.point(k, dims);
+            let out = out.point(k, dims);
+            let (x, w) = point.x.split_at(nx);
+            self.inner.linearize_measurement(
+                Arguments { x, u: point.u, w },
+                Measurement { y: out.y, by_x: &mut self.by_x, by_u: out.d, by_w: &mut self.by_w },
+            );
+            for (i, row) in out.c.chunks_exact_mut(nx + nw).enumerate() {
+                row[..nx].copy_from_slice(&self.by_x[i * nx..(i + 1) * nx]);
+                row[nx..].copy_from_slice(&self.by_w[i * nw..(i + 1) * nw]);
+            }
+        }
+    }
+}

@@ -1,0 +1,179 @@
+//! The model of a controller that knows the disturbances.
+
+use crate::disturbed::{Arguments, BLOCK, Disturbed};
+use crate::{Augmentation, Disturbance, EstimateError, Measured};
+use pinc_ode::{Dims, Linearization, Model, OutputLinearization, Stages};
+
+/// A model whose parameters are the estimated disturbances and parameters, w = (d, theta): what a
+/// controller predicts with, while an estimator of the [`Augmented`](crate::Augmented) model says
+/// what w is.
+///
+/// A disturbance of a measured state is part of the state here: the controller sees x + d, which is
+/// what follows references and is bounded, and the model is x + d -> F(x, u) + d. Disturbances of
+/// other outputs are added to these.
+///
+/// ```
+/// use pinc_estimate::{Augmentation, Compensated, Disturbance, Measured};
+/// use pinc_ode::{Model, Rk4};
+/// use pinc_plants::VanDerPol;
+///
+/// let load = Augmentation {
+///     disturbance: Disturbance::Input,
+///     ..Augmentation::measured(Measured::states([0]))
+/// };
+/// let oscillator = || Rk4::new(VanDerPol::default(), 0.5, 4);
+/// let mut model = Compensated::new(Box::new(oscillator()), load)?;
+/// let (mut found, mut expected) = ([0.0; 2], [0.0; 2]);
+/// model.step(&[1.0, 0.0], &[0.5], &[-0.125], &mut found);
+/// oscillator().step(&[1.0, 0.0], &[0.375], &[], &mut expected);
+/// assert_eq!(found, expected);
+/// # Ok::<(), pinc_estimate::EstimateError>(())
+/// ```
+#[derive(Debug)]
+pub struct Compensated {
+    inner: Disturbed,
+    /// Measured states that have a disturbance, each with the place of that in w.
+    shifted: Vec<(usize, usize)>,
+    /// Measured outputs that have one.
+    outputs: Vec<(usize, usize)>,
+    /// States without their disturbances, of a block.
+    x: Vec<f64>,
+}
+
+impl Compensated {
+    /// `model`, with the disturbances and unknown parameters that `augmentation` names as its
+    /// parameters.
+    ///
+    /// # Errors
+    ///
+    /// [`EstimateError`] if the augmentation does not suit the model.
+    pub fn new(model: Box<dyn Model>, augmentation: Augmentation) -> Result<Self, EstimateError> {
+        let inner = Disturbed::new(model, augmentation)?;
+        let disturbed = *inner.disturbance() == Disturbance::Output;
+        let (mut shifted, mut outputs) = (Vec::new(), Vec::new());
+        for (place, measured) in inner.measured().iter().enumerate().filter(|_| disturbed) {
+            match *measured {
+                Measured::State(state) => shifted.push((state, place)),
+                Measured::Output(output) => outputs.push((output, place)),
+            }
+        }
+        let x = vec![0.0; BLOCK * inner.dims().nx];
+        Ok(Self { inner, shifted, outputs, x })
+    }
+
+    /// Writes the state of the controller and the parameters w that belong to the estimate z = (x,
+    /// d, theta).
+    ///
+    /// # Shapes
+    ///
+    /// `x`: `nx`; `w`: `np` of this model; `z`: both together.
+    pub fn read(&self, z: &[f64], x: &mut [f64], w: &mut [f64]) {
+        let (state, unknowns) = z.split_at(x.len());
+        x.copy_from_slice(state);
+        w.copy_from_slice(unknowns);
+        for &(state, place) in &self.shifted {
+            x[state] += w[place];
+        }
+    }
+
+    /// Takes the disturbances off the states of some points.
+    fn unshift(&mut self, x: &[f64], w: &[f64]) {
+        let (nx, nw) = (self.inner.dims().nx, self.inner.unknowns());
+        self.x[..x.len()].copy_from_slice(x);
+        for (k, x) in self.x[..x.len()].chunks_exact_mut(nx).enumerate() {
+            for &(state, place) in &self.shifted {
+                x[state] -= w[k * nw + place];
+            }
+        }
+    }
+
+    fn linearize_block(&mut self, at: Stages<'_>, out: Linearization<'_>) {
+        let (nx, nw) = (self.inner.dims().nx, self.inner.unknowns());
+        self.unshift(at.x, at.p);
+        let Linearization { next, a, b, e } = out;
+        self.inner.linearize(
+            Arguments { x: &self.x[..at.x.len()], u: at.u, w: at.p },
+            Linearization { next: &mut *next, a: &mut *a, b, e: &mut *e },
+        );
+        for (k, next) in next.chunks_exact_mut(nx).enumerate() {
+            for &(state, place) in &self.shifted {
+                next[state] += at.p[k * nw + place];
+                for (i, e) in e.chunks_exact_mut(nw).skip(k * nx).take(nx).enumerate() {
+                    let own = if i == state { 1.0 } else { 0.0 };
+                    e[place] = own - a[(k * nx + i) * nx + state];
+                }
+            }
+        }
+    }
+}
+
+impl Model for Compensated {
+    fn dims(&self) -> Dims {
+        self.inner.dims().with_parameters(self.inner.unknowns())
+    }
+
+    fn sample_time_s(&self) -> f64 {
+        self.inner.sample_time_s()
+    }
+
+    fn step(&mut self, x: &[f64], u: &[f64], p: &[f64], next: &mut [f64]) {
+        self.unshift(x, p);
+        self.inner.step(Arguments { x: &self.x[..x.len()], u, w: p }, next);
+        for &(state, place) in &self.shifted {
+            next[state] += p[place];
+        }
+    }
+
+    fn linearize(&mut self, at: Stages<'_>, out: Linearization<'_>) {
+        let dims = self.dims();
+        let count = at.count(dims);
+        out.check(count, dims);
+        let Dims { nx, nu, np, .. } = dims;
+        for first in (0..count).step_by(BLOCK) {
+            let last = count.min(first + BLOCK);
+            let part = |width: usize| first * width..last * width;
+            let by_p = if out.e.is_empty() { 0..0 } else { part(nx * np) };
+            let points = Stages { x: &at.x[part(nx)], u: &at.u[part(nu)], p: &at.p[part(np)] };
+            let results = Linearization {
+                next: &mut out.next[part(nx)],
+                a: &mut out.a[part(nx * nx)],
+                b: &mut out.b[part(nx * nu)],
+                e: &mut out.e[by_p],
+            };
+            self.linearize_block(points, results);
+        }
+    }
+
+    fn output(&mut self, x: &[f64], u: &[f64], p: &[f64], y: &mut [f64]) {
+        self.unshift(x, p);
+        self.inner.all_outputs(Arguments { x: &self.x[..x.len()], u, w: p }, y);
+        for &(output, place) in &self.outputs {
+            y[output] += p[place];
+        }
+    }
+
+    fn linearize_output(&mut self, at: Stages<'_>, mut out: OutputLinearization<'_>) {
+        let dims = self.dims();
+        let count = at.count(dims);
+        out.check(count, dims);
+        for k in 0..count {
+            let point = at.point(k, dims);
+            let OutputLinearization { y, c, d, e } = out.point(k, dims);
+            self.unshift(point.x, point.p);
+            let here = Arguments { x: &self.x[..dims.nx], u: point.u, w: point.p };
+            let results = OutputLinearization { y: &mut *y, c: &mut *c, d, e: &mut *e };
+            self.inner.linearize_all_outputs(here, results);
+            for &(output, place) in &self.outputs {
+                y[output] += point.p[place];
+                if let Some(e) = e.get_mut(output * dims.np + place) {
+                    *e = 1.0;
+                }
+            }
+            for &(state, place) in &self.shifted {
+                for (e, c) in e.chunks_exact_mut(dims.np).zip(c.chunks_exact(dims.nx)) {
+                    e[place] = -c[state];
+                }
+            }
+        }
+    }
+}

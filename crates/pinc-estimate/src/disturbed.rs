@@ -1,0 +1,324 @@
+//! A model with disturbances and unknown parameters as further arguments.
+
+use crate::error::{check, check_indices};
+use crate::{Disturbance, EstimateError, Measured};
+use pinc_ode::{Dims, Linearization, Model, OutputLinearization, Stages};
+
+/// How many points are linearized at a time.
+pub(crate) const BLOCK: usize = 16;
+
+/// What is measured of a plant, and what is unknown of it beside its state.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Augmentation {
+    /// What is measured, in the order of the measurements.
+    pub measured: Vec<Measured>,
+    /// Which disturbances are estimated.
+    pub disturbance: Disturbance,
+    /// p, the parameters of the model, `np`: those that are not estimated keep these values.
+    pub parameters: Vec<f64>,
+    /// Which of the parameters are estimated, by their indices.
+    pub estimated: Vec<usize>,
+}
+
+impl Augmentation {
+    /// These quantities are measured; the model is right.
+    #[must_use]
+    pub fn measured(measured: Vec<Measured>) -> Self {
+        Self { measured, ..Self::default() }
+    }
+
+    /// How many disturbances and parameters are estimated with a model of dimensions `dims`.
+    #[must_use]
+    pub fn unknowns(&self, dims: Dims) -> usize {
+        self.disturbance.count(dims.nu, self.measured.len()) + self.estimated.len()
+    }
+
+    fn validate(&self, dims: Dims) -> Result<(), EstimateError> {
+        let Self { measured, disturbance, parameters, estimated } = self;
+        if measured.is_empty() {
+            return Err(EstimateError::NothingMeasured);
+        }
+        for (i, &quantity) in measured.iter().enumerate() {
+            match quantity {
+                Measured::State(index) => check_indices("measured states", &[index], dims.nx)?,
+                Measured::Output(index) => check_indices("measured outputs", &[index], dims.ny)?,
+            }
+            if measured[..i].contains(&quantity) {
+                return Err(EstimateError::MeasuredTwice { measured: quantity });
+            }
+        }
+        if let Disturbance::States(states) = disturbance {
+            check_indices("disturbed states", states, dims.nx)?;
+        }
+        let (disturbances, measured) = (disturbance.count(dims.nu, measured.len()), measured.len());
+        if disturbances > measured {
+            return Err(EstimateError::TooManyDisturbances { disturbances, measured });
+        }
+        check("parameters", parameters, dims.np, "finite", f64::is_finite)?;
+        check_indices("estimated parameters", estimated, dims.np)
+    }
+}
+
+/// A model whose disturbances and estimated parameters, w = (d, theta), are arguments like x and u.
+#[derive(Debug)]
+pub(crate) struct Disturbed {
+    model: Box<dyn Model>,
+    /// Those of the model.
+    dims: Dims,
+    augmentation: Augmentation,
+    disturbances: usize,
+    /// u + d and p at the points of a block.
+    u: Vec<f64>,
+    p: Vec<f64>,
+    /// dF/dp at these points.
+    by_p: Vec<f64>,
+    /// The outputs of the model and their Jacobians at one point.
+    y: Vec<f64>,
+    y_by_x: Vec<f64>,
+    y_by_u: Vec<f64>,
+    y_by_p: Vec<f64>,
+}
+
+/// The arguments of a [`Disturbed`] model at some points, row by row.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Arguments<'a> {
+    pub(crate) x: &'a [f64],
+    pub(crate) u: &'a [f64],
+    pub(crate) w: &'a [f64],
+}
+
+/// The measured quantities and their Jacobians at one point.
+#[derive(Debug)]
+pub(crate) struct Measurement<'a> {
+    /// `[ny]`
+    pub(crate) y: &'a mut [f64],
+    /// dy/dx, `[ny, nx]`
+    pub(crate) by_x: &'a mut [f64],
+    /// dy/du, `[ny, nu]`
+    pub(crate) by_u: &'a mut [f64],
+    /// dy/dw, `[ny, nw]`
+    pub(crate) by_w: &'a mut [f64],
+}
+
+impl Disturbed {
+    pub(crate) fn new(
+        model: Box<dyn Model>,
+        augmentation: Augmentation,
+    ) -> Result<Self, EstimateError> {
+        let dims = model.dims();
+        augmentation.validate(dims)?;
+        let Dims { nx, nu, np, ny, .. } = dims;
+        Ok(Self {
+            disturbances: augmentation.disturbance.count(nu, augmentation.measured.len()),
+            augmentation,
+            u: vec![0.0; BLOCK * nu],
+            p: vec![0.0; BLOCK * np],
+            by_p: vec![0.0; BLOCK * nx * np],
+            y: vec![0.0; ny],
+            y_by_x: vec![0.0; ny * nx],
+            y_by_u: vec![0.0; ny * nu],
+            y_by_p: vec![0.0; ny * np],
+            dims,
+            model,
+        })
+    }
+
+    /// The dimensions of the model without w.
+    pub(crate) fn dims(&self) -> Dims {
+        self.dims
+    }
+
+    pub(crate) fn sample_time_s(&self) -> f64 {
+        self.model.sample_time_s()
+    }
+
+    /// The number of disturbances and estimated parameters.
+    pub(crate) fn unknowns(&self) -> usize {
+        self.disturbances + self.augmentation.estimated.len()
+    }
+
+    pub(crate) fn measured(&self) -> &[Measured] {
+        &self.augmentation.measured
+    }
+
+    pub(crate) fn disturbance(&self) -> &Disturbance {
+        &self.augmentation.disturbance
+    }
+
+    /// Writes the inputs that the model sees, and its parameters, at the points of a block. Gives
+    /// the number of points.
+    fn arrange(&mut self, at: Arguments<'_>) -> usize {
+        let Dims { nx, nu, np, .. } = self.dims;
+        let (count, nw) = (at.x.len() / nx, self.unknowns());
+        self.u[..count * nu].copy_from_slice(at.u);
+        for k in 0..count {
+            let w = &at.w[k * nw..(k + 1) * nw];
+            let (d, theta) = w.split_at(self.disturbances);
+            if self.augmentation.disturbance == Disturbance::Input {
+                self.u[k * nu..].iter_mut().zip(d).for_each(|(u, d)| *u += d);
+            }
+            let p = &mut self.p[k * np..(k + 1) * np];
+            p.copy_from_slice(&self.augmentation.parameters);
+            for (&index, theta) in self.augmentation.estimated.iter().zip(theta) {
+                p[index] = *theta;
+            }
+        }
+        count
+    }
+
+    /// The disturbed states with their disturbances, of a w.
+    fn on_states<'s>(&'s self, w: &'s [f64]) -> impl Iterator<Item = (usize, f64)> + 's {
+        let states = match &self.augmentation.disturbance {
+            Disturbance::States(states) => &states[..],
+            _ => &[],
+        };
+        states.iter().copied().zip(w.iter().copied())
+    }
+
+    /// Writes the next state at one point.
+    pub(crate) fn step(&mut self, at: Arguments<'_>, next: &mut [f64]) {
+        let Dims { nu, np, .. } = self.dims;
+        self.arrange(at);
+        self.model.step(at.x, &self.u[..nu], &self.p[..np], next);
+        for (i, d) in self.on_states(at.w) {
+            next[i] += d;
+        }
+    }
+
+    /// Linearizes at a block of points; `out.e` is the Jacobian by w, or empty.
+    pub(crate) fn linearize(&mut self, at: Arguments<'_>, out: Linearization<'_>) {
+        let Dims { nx, nu, np, .. } = self.dims;
+        let nw = self.unknowns();
+        let count = self.arrange(at);
+        let Linearization { next, a, b, e } = out;
+        let with_p = !e.is_empty() && !self.augmentation.estimated.is_empty();
+        let by_p = if with_p { count * nx * np } else { 0 };
+        self.model.linearize(
+            Stages { x: at.x, u: &self.u[..count * nu], p: &self.p[..count * np] },
+            Linearization { next: &mut *next, a, b: &mut *b, e: &mut self.by_p[..by_p] },
+        );
+        for k in 0..count {
+            for (i, d) in self.on_states(&at.w[k * nw..]) {
+                next[k * nx + i] += d;
+            }
+        }
+        if e.is_empty() {
+            return;
+        }
+        e.fill(0.0);
+        for (row, e) in e.chunks_exact_mut(nw.max(1)).enumerate() {
+            let (by_d, by_theta) = e.split_at_mut(self.disturbances);
+            match &self.augmentation.disturbance {
+                Disturbance::Input => by_d.copy_from_slice(&b[row * nu..(row + 1) * nu]),
+                Disturbance::States(states) => {
+                    let place = states.iter().position(|&i| i == row % nx);
+                    place.into_iter().for_each(|place| by_d[place] = 1.0);
+                }
+                Disturbance::Output | Disturbance::None => {}
+            }
+            for (to, index) in by_theta.iter_mut().zip(&self.augmentation.estimated) {
+                *to = self.by_p[row * np + index];
+            }
+        }
+    }
+
+    /// Writes the measured quantities at one point.
+    pub(crate) fn measure(&mut self, at: Arguments<'_>, y: &mut [f64]) {
+        let Dims { nu, np, .. } = self.dims;
+        self.arrange(at);
+        let is_output = |measured: &Measured| matches!(measured, Measured::Output(_));
+        if self.augmentation.measured.iter().any(is_output) {
+            self.model.output(at.x, &self.u[..nu], &self.p[..np], &mut self.y);
+        }
+        self.select(at, y);
+    }
+
+    /// Writes the measured quantities, where the model's outputs are known.
+    fn select(&self, at: Arguments<'_>, y: &mut [f64]) {
+        let quantities = self.augmentation.measured.iter();
+        for (i, (y, measured)) in y.iter_mut().zip(quantities).enumerate() {
+            *y = match *measured {
+                Measured::State(state) => at.x[state],
+                Measured::Output(output) => self.y[output],
+            };
+            if self.augmentation.disturbance == Disturbance::Output {
+                *y += at.w[i];
+            }
+        }
+    }
+
+    /// Writes all outputs of the model at one point.
+    pub(crate) fn all_outputs(&mut self, at: Arguments<'_>, y: &mut [f64]) {
+        let Dims { nu, np, .. } = self.dims;
+        self.arrange(at);
+        self.model.output(at.x, &self.u[..nu], &self.p[..np], y);
+    }
+
+    /// Linearizes all outputs of the model at one point; `out.e` is the Jacobian by w, or empty.
+    pub(crate) fn linearize_all_outputs(
+        &mut self,
+        at: Arguments<'_>,
+        out: OutputLinearization<'_>,
+    ) {
+        let Dims { nu, np, .. } = self.dims;
+        let nw = self.unknowns();
+        self.arrange(at);
+        let OutputLinearization { y, c, d, e } = out;
+        self.model.linearize_output(
+            Stages { x: at.x, u: &self.u[..nu], p: &self.p[..np] },
+            OutputLinearization { y, c, d: &mut *d, e: &mut self.y_by_p },
+        );
+        e.fill(0.0);
+        for (o, by_w) in e.chunks_exact_mut(nw.max(1)).enumerate() {
+            self.fill_unknowns(&d[o * nu..(o + 1) * nu], o, by_w);
+        }
+    }
+
+    /// Writes the derivatives by w of output `o`, of which `by_u` are those by u.
+    fn fill_unknowns(&self, by_u: &[f64], o: usize, by_w: &mut [f64]) {
+        let (by_d, by_theta) = by_w.split_at_mut(self.disturbances);
+        if self.augmentation.disturbance == Disturbance::Input {
+            by_d.copy_from_slice(by_u);
+        }
+        for (to, index) in by_theta.iter_mut().zip(&self.augmentation.estimated) {
+            *to = self.y_by_p[o * self.dims.np + index];
+        }
+    }
+
+    /// Linearizes the measured quantities at one point.
+    pub(crate) fn linearize_measurement(&mut self, at: Arguments<'_>, out: Measurement<'_>) {
+        let Dims { nx, nu, np, .. } = self.dims;
+        let nw = self.unknowns();
+        self.arrange(at);
+        let is_output = |measured: &Measured| matches!(measured, Measured::Output(_));
+        if self.augmentation.measured.iter().any(is_output) {
+            self.model.linearize_output(
+                Stages { x: at.x, u: &self.u[..nu], p: &self.p[..np] },
+                OutputLinearization {
+                    y: &mut self.y,
+                    c: &mut self.y_by_x,
+                    d: &mut self.y_by_u,
+                    e: &mut self.y_by_p,
+                },
+            );
+        }
+        self.select(at, out.y);
+        [&mut *out.by_x, &mut *out.by_u, &mut *out.by_w].into_iter().for_each(|m| m.fill(0.0));
+        for (i, measured) in self.augmentation.measured.iter().enumerate() {
+            let by_w = &mut out.by_w[i * nw..(i + 1) * nw];
+            match *measured {
+                Measured::State(state) => out.by_x[i * nx + state] = 1.0,
+                Measured::Output(o) => {
+                    let by_u = &self.y_by_u[o * nu..(o + 1) * nu];
+                    out.by_x[i * nx..(i + 1) * nx]
+                        .copy_from_slice(&self.y_by_x[o * nx..(o + 1) * nx]);
+                    out.by_u[i * nu..(i + 1) * nu].copy_from_slice(by_u);
+                    self.fill_unknowns(by_u, o, by_w);
+                }
+            }
+            if self.augmentation.disturbance == Disturbance::Output {
+                by_w[i] = 1.0;
+            }
+        }
+    }
+}

@@ -1,0 +1,179 @@
+//! What all estimators have in common.
+
+use crate::EstimateError;
+use crate::error::check;
+use pinc_ode::Dims;
+use std::fmt::{self, Debug};
+
+/// An estimator in filter form: at each step [`Estimator::correct`] with what is measured, use the
+/// [`Estimator::estimate`], then [`Estimator::predict`] with the input that is applied.
+///
+/// The state z that is estimated is that of the estimator's model, whose outputs are what is
+/// measured ([`Augmented`](crate::Augmented)).
+///
+/// An estimator owns its memory: no method allocates. After a step that could not be taken the
+/// estimate and its covariance are those from before, and the status says so.
+pub trait Estimator: Debug + Send {
+    /// The sizes: `nx` is that of z, `ny` the number of measured quantities.
+    fn dims(&self) -> Dims;
+
+    /// Forgets everything: the estimate is again the initial one.
+    fn reset(&mut self);
+
+    /// Corrects the estimate with what is measured now.
+    ///
+    /// # Shapes
+    ///
+    /// `y`: `ny`. A measurement that is NaN or infinite is missing and skipped.
+    fn correct(&mut self, y: &[f64]) -> Correction {
+        self.correct_within(y, &mut || false)
+    }
+
+    /// [`Estimator::correct`] within a time budget: `expired` says whether the time is up. Only
+    /// estimators that iterate ask.
+    fn correct_within(&mut self, y: &[f64], expired: &mut dyn FnMut() -> bool) -> Correction;
+
+    /// Moves the estimate on by a step under the input `u`, `nu`.
+    fn predict(&mut self, u: &[f64]) -> EstimatorStatus;
+
+    /// The estimate of z, `nx`.
+    fn estimate(&self) -> &[f64];
+
+    /// Its covariance, `[nx, nx]`, row by row.
+    fn covariance(&self) -> &[f64];
+
+    /// The innovation of the last correction, measured minus expected, `ny`; NaN where the
+    /// measurement was missing.
+    fn innovation(&self) -> &[f64];
+}
+
+/// What came of a correction.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
+pub struct Correction {
+    /// How it ended.
+    pub status: EstimatorStatus,
+    /// The normalized innovation squared, v' S^-1 v. Of a consistent estimator it has the
+    /// chi-squared distribution with `measured` degrees of freedom. NaN if nothing was used.
+    pub nis: f64,
+    /// How many measurements were there.
+    pub measured: usize,
+    /// The number of quadratic programs solved, by estimators that optimize.
+    pub iterations: usize,
+    /// The largest residual of the optimality conditions at the estimate, of estimators that
+    /// optimize; 0 of others.
+    pub kkt: f64,
+}
+
+impl Correction {
+    /// One that did not use the measurements.
+    pub(crate) fn unused(status: EstimatorStatus, measured: usize) -> Self {
+        Self { status, nis: f64::NAN, measured, iterations: 0, kkt: 0.0 }
+    }
+}
+
+/// How a correction or prediction ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[non_exhaustive]
+pub enum EstimatorStatus {
+    /// As it should.
+    Updated,
+    /// Nothing was measured: there was nothing to correct with.
+    NothingMeasured,
+    /// The covariance would have lost its definiteness: the last one was kept.
+    IndefiniteCovariance,
+    /// The model has no value at the estimate, or the new estimate would not have been finite: the
+    /// last one was kept.
+    NotFinite,
+    /// The iterations were used up before the optimality conditions were met; the estimate is the
+    /// best one found.
+    IterationLimit,
+    /// The time was up before the optimality conditions were met; the estimate is the best one
+    /// found.
+    Deadline,
+    /// A quadratic program has no solution within the bounds, or none was found; the estimate is
+    /// the last one that was.
+    QpFailed,
+}
+
+impl fmt::Display for EstimatorStatus {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Updated => "updated",
+            Self::NothingMeasured => "nothing-measured",
+            Self::IndefiniteCovariance => "indefinite-covariance",
+            Self::NotFinite => "not-finite",
+            Self::IterationLimit => "iteration-limit",
+            Self::Deadline => "deadline",
+            Self::QpFailed => "qp-failed",
+        })
+    }
+}
+
+/// What an estimator believes at first, and how much it trusts the model and the measurements, as
+/// standard deviations. Errors of different quantities are independent.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Tuning {
+    /// The estimate of z before the first measurement, `nx`.
+    pub initial_estimate: Vec<f64>,
+    /// Its standard deviations, 0 or more.
+    pub initial_sd: Vec<f64>,
+    /// What the model may be off by in each step, `nx`, 0 or more.
+    pub process_sd: Vec<f64>,
+    /// The noise of each measured quantity, `ny`, positive.
+    pub measurement_sd: Vec<f64>,
+    /// The least that each entry of z can be, `nx`, or empty: no bounds. Kalman filters clip their
+    /// estimates.
+    pub low: Vec<f64>,
+    /// The most that each entry of z can be, `nx`, or empty: no bounds.
+    pub high: Vec<f64>,
+}
+
+impl Tuning {
+    /// Checks it for a model of dimensions `dims`.
+    pub(crate) fn validate(&self, dims: Dims) -> Result<(), EstimateError> {
+        if dims.np > 0 {
+            return Err(EstimateError::FreeParameters { count: dims.np });
+        }
+        let nx = dims.nx;
+        let sd = |value: f64| value.is_finite() && value >= 0.0;
+        let positive = |value: f64| value.is_finite() && value > 0.0;
+        check("initial_estimate", &self.initial_estimate, nx, "finite", f64::is_finite)?;
+        check("initial_sd", &self.initial_sd, nx, "0 or more, and finite", sd)?;
+        check("process_sd", &self.process_sd, nx, "0 or more, and finite", sd)?;
+        let sd = &self.measurement_sd;
+        check("measurement_sd", sd, dims.ny, "positive and finite", positive)?;
+        if !self.low.is_empty() {
+            check("low", &self.low, nx, "finite or -inf", |v| v < f64::INFINITY)?;
+        }
+        if !self.high.is_empty() {
+            check("high", &self.high, nx, "finite or inf", |v| v > f64::NEG_INFINITY)?;
+        }
+        for (index, (low, &high)) in self.low.iter().zip(&self.high).enumerate() {
+            if *low > high {
+                let expected = "at least the lower bound";
+                return Err(EstimateError::Number { field: "high", index, expected, value: high });
+            }
+        }
+        Ok(())
+    }
+
+    /// Moves an estimate into the bounds.
+    pub(crate) fn clip(&self, z: &mut [f64]) {
+        z.iter_mut().zip(&self.low).for_each(|(z, low)| *z = z.max(*low));
+        z.iter_mut().zip(&self.high).for_each(|(z, high)| *z = z.min(*high));
+    }
+}
+
+/// The squares of standard deviations.
+pub(crate) fn variances(sd: &[f64]) -> Vec<f64> {
+    sd.iter().map(|sd| sd * sd).collect()
+}
+
+/// Writes the covariance of independent quantities, `[n, n]`.
+pub(crate) fn write_diagonal(sd: &[f64], p: &mut [f64]) {
+    p.fill(0.0);
+    for (entry, sd) in p.iter_mut().step_by(sd.len() + 1).zip(sd) {
+        *entry = sd * sd;
+    }
+}

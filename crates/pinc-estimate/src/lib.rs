@@ -1,0 +1,33 @@
+//! Estimators of what is not measured, over any [`Model`](pinc_ode::Model): states, disturbances
+//! and parameters.
+//!
+//! - [`Augmented`]: a model whose state is what an estimator estimates, and whose outputs are what
+//!   is measured; made of a model and an [`Augmentation`]. [`Compensated`] is the model of the
+//!   controller that uses the estimates.
+//! - [`Estimator`]: the interface of the estimators [`Ekf`] (with a linear model, the Kalman
+//!   filter), [`Ukf`] and, with bounds, [`Mhe`].
+//!
+//! A status is a value, for a controller needs an estimate however a step ends; an
+//! [`EstimateError`] means that the parts do not fit together.
+
+mod augmented;
+mod compensated;
+mod disturbance;
+mod disturbed;
+mod ekf;
+mod error;
+mod estimator;
+mod kalman;
+mod matrix;
+mod mhe;
+mod ukf;
+
+pub use augmented::Augmented;
+pub use compensated::Compensated;
+pub use disturbance::{Disturbance, Measured};
+pub use disturbed::Augmentation;
+pub use ekf::Ekf;
+pub use error::EstimateError;
+pub use estimator::{Correction, Estimator, EstimatorStatus, Tuning};
+pub use mhe::Mhe;
+pub use ukf::Ukf;

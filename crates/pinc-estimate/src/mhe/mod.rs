@@ -1,0 +1,408 @@
+//! Moving horizon estimation.
+
+mod program;
+mod window;
+
+use self::program::{Constants, Point, Program};
+use self::window::Window;
+use crate::estimator::variances;
+use crate::kalman::{Kalman, subtract};
+use crate::matrix::is_finite;
+use crate::{Correction, EstimateError, Estimator, EstimatorStatus, Tuning};
+use pinc_mpc::BarzilaiBorwein;
+use pinc_ode::{Dims, Linearization, LinearizationBuffer, Model, OutputLinearization, Stages};
+use pinc_qp::{Multipliers, QpStatus};
+
+/// The longest window: memory is allocated for every length up to it.
+const LONGEST: usize = 200;
+/// The residual of the optimality conditions at which the iteration ends.
+const TOLERANCE: f64 = 1e-8;
+/// The most quadratic programs that are solved in one correction.
+const ITERATIONS: usize = 50;
+/// A step is taken whole if it brings the residual below this part of the least seen.
+const CONTRACTION: f64 = 0.9;
+/// The part of the promised decrease of the merit function that a step must bring.
+const SUFFICIENT: f64 = 1e-4;
+/// How often a step is halved.
+const HALVINGS: usize = 20;
+/// A step of this length is rounding.
+const NO_STEP: f64 = 1e-13;
+
+/// The moving horizon estimator: the states of the last N steps that explain the measurements best,
+/// within bounds,
+///
+/// ```text
+/// min  |x_0 - prior|^2_(P^-1) + sum_j |x_(j+1) - F(x_j, u_j)|^2_(Q^-1) + sum_j |y_j - h(x_j)|^2_(R^-1)
+/// s.t. low <= x_j <= high
+/// ```
+///
+/// over a window that grows to N steps. What came before the window is in the arrival cost, the
+/// first term: the prior is the model's step from the estimate made then (the filtering update),
+/// and its covariance P is propagated as by the extended Kalman filter. On a linear model without
+/// bounds this is the Kalman filter, for any N.
+///
+/// It is solved by Gauss-Newton sequential quadratic programming on the stages of the window
+/// (multiple shooting), begun at the last solution moved on. The covariance of the estimate is that
+/// of the filter, which knows no bounds.
+///
+/// Reference: Rao, Rawlings and Mayne, "Constrained state estimation for nonlinear discrete-time
+/// systems", IEEE Trans. Autom. Control 48 (2003).
+///
+/// ```
+/// use pinc_estimate::{Augmentation, Augmented, Estimator, EstimatorStatus, Measured, Mhe, Tuning};
+/// use pinc_ode::Rk4;
+/// use pinc_plants::VanDerPol;
+///
+/// let oscillator = Rk4::new(VanDerPol::default(), 0.5, 4);
+/// let position = Augmentation::measured(Measured::states([0]));
+/// let model = Augmented::new(Box::new(oscillator), position)?;
+/// let tuning = Tuning {
+///     initial_estimate: vec![0.0; 2],
+///     initial_sd: vec![1.0; 2],
+///     process_sd: vec![0.02; 2],
+///     measurement_sd: vec![0.1],
+///     low: vec![-3.0; 2],
+///     high: vec![3.0; 2],
+/// };
+/// let mut estimator = Mhe::new(Box::new(model), tuning, 10)?;
+/// assert_eq!(estimator.correct(&[0.93]).status, EstimatorStatus::Updated);
+/// estimator.predict(&[-0.25]);
+/// assert!(estimator.estimate()[1] < 0.0);
+/// # Ok::<(), pinc_estimate::EstimateError>(())
+/// ```
+#[derive(Debug)]
+pub struct Mhe {
+    model: Box<dyn Model>,
+    tuning: Tuning,
+    constants: Constants,
+    kalman: Kalman,
+    window: Window,
+    /// The window at which a step begins, and the multipliers there.
+    base: Window,
+    base_multipliers: Vec<Multipliers>,
+    /// The best of several solutions.
+    best: Window,
+    best_multipliers: Vec<Multipliers>,
+    /// Whether the window has moved on from the first state.
+    moved_on: bool,
+    /// By the number of steps in the window.
+    programs: Vec<Program>,
+    step_lengths: Vec<BarzilaiBorwein>,
+    u: Vec<f64>,
+    innovation: Vec<f64>,
+    expected: Vec<f64>,
+    h: Vec<f64>,
+    by_u: Vec<f64>,
+    change: Vec<f64>,
+    at: LinearizationBuffer,
+}
+
+impl Mhe {
+    /// An estimator over a window of `steps` steps, with the outputs of `model` as what is measured.
+    /// Until the first prediction, the input is taken for 0.
+    ///
+    /// # Errors
+    ///
+    /// [`EstimateError`] if the tuning does not suit the model, or the window is not from 1 to 200
+    /// steps long.
+    pub fn new(model: Box<dyn Model>, tuning: Tuning, steps: usize) -> Result<Self, EstimateError> {
+        let dims = model.dims();
+        tuning.validate(dims)?;
+        if !(1..=LONGEST).contains(&steps) {
+            return Err(EstimateError::Window { found: steps, most: LONGEST });
+        }
+        let constants = constants(&tuning);
+        let program = |steps| Program::new(dims, steps, &constants);
+        let programs: Vec<_> = (0..=steps).map(program).collect::<Result<_, _>>()?;
+        let window = Window::new(dims, steps);
+        let multipliers: Vec<_> = programs.iter().map(|p| p.multipliers.clone()).collect();
+        let mut estimator = Self {
+            kalman: Kalman::new(&tuning),
+            tuning,
+            base: window.clone(),
+            base_multipliers: multipliers.clone(),
+            best: window.clone(),
+            best_multipliers: multipliers,
+            moved_on: false,
+            window,
+            step_lengths: programs.iter().map(|p| BarzilaiBorwein::new(p.unknowns())).collect(),
+            programs,
+            constants,
+            u: vec![0.0; dims.nu],
+            innovation: vec![f64::NAN; dims.ny],
+            expected: vec![0.0; dims.ny],
+            h: vec![0.0; dims.ny * dims.nx],
+            by_u: vec![0.0; dims.ny * dims.nu],
+            change: vec![0.0; dims.nx],
+            at: LinearizationBuffer::new(dims, 1),
+            model,
+        };
+        estimator.reset();
+        Ok(estimator)
+    }
+
+    /// The number of steps in the window now, which grows to the full number.
+    #[must_use]
+    pub fn window(&self) -> usize {
+        self.window.steps
+    }
+
+    /// The states of the window as they are seen now, the oldest first, `[window + 1, nx]`.
+    #[must_use]
+    pub fn trajectory(&self) -> &[f64] {
+        &self.window.x[..(self.window.steps + 1) * self.model.dims().nx]
+    }
+
+    /// The correction of the covariance, which also gives a first guess of the state.
+    fn correct_covariance(&mut self, y: &[f64]) -> Correction {
+        let out = OutputLinearization {
+            y: &mut self.expected,
+            c: &mut self.h,
+            d: &mut self.by_u,
+            e: &mut [],
+        };
+        self.model.linearize_output(Stages { x: self.window.last(), u: &self.u, p: &[] }, out);
+        subtract(y, &self.expected, &mut self.innovation);
+        if !is_finite(&self.expected) || !is_finite(&self.h) {
+            let measured = y.iter().filter(|y| y.is_finite()).count();
+            return Correction::unused(EstimatorStatus::NotFinite, measured);
+        }
+        self.kalman.correct(&self.h, &self.innovation, &mut self.change)
+    }
+
+    fn linearize(&mut self) -> Point {
+        let Self { model, window, programs, constants, u, .. } = self;
+        programs[window.steps].linearize(model.as_mut(), window, u, constants)
+    }
+
+    /// Solves the problem of the window. Gives the status, the number of programs solved, and the
+    /// residual at the end.
+    fn optimize(&mut self, expired: &mut dyn FnMut() -> bool) -> (EstimatorStatus, usize, f64) {
+        let steps = self.window.steps;
+        if !self.programs[steps].begin(&self.window, &self.constants) {
+            return (EstimatorStatus::IndefiniteCovariance, 0, f64::INFINITY);
+        }
+        self.step_lengths[steps].reset();
+        let mut point = self.linearize();
+        let mut least = f64::INFINITY;
+        for iteration in 0..ITERATIONS {
+            if point.kkt <= TOLERANCE {
+                return (EstimatorStatus::Updated, iteration, point.kkt);
+            }
+            if !point.kkt.is_finite() {
+                return (EstimatorStatus::NotFinite, iteration, point.kkt);
+            }
+            if expired() {
+                return (EstimatorStatus::Deadline, iteration, point.kkt);
+            }
+            match self.programs[steps].solve(expired) {
+                QpStatus::Solved => {}
+                QpStatus::Expired => return (EstimatorStatus::Deadline, iteration, point.kkt),
+                _ => return (EstimatorStatus::QpFailed, iteration, point.kkt),
+            }
+            least = least.min(point.kkt);
+            let length = self.programs[steps].length();
+            match self.search(point, least) {
+                Some(next) => point = next,
+                // There is no better point nearby.
+                None => return (EstimatorStatus::IterationLimit, iteration + 1, point.kkt),
+            }
+            if length <= NO_STEP {
+                return (EstimatorStatus::Updated, iteration + 1, point.kkt);
+            }
+        }
+        let is_solved = point.kkt <= TOLERANCE;
+        let status =
+            if is_solved { EstimatorStatus::Updated } else { EstimatorStatus::IterationLimit };
+        (status, ITERATIONS, point.kkt)
+    }
+
+    /// Solves the problem of the window from its states, and, while the window grows and the solution
+    /// is at a bound, from others: states at a bound are easily a local solution where little is
+    /// known yet. The best one is kept.
+    fn explore(&mut self, expired: &mut dyn FnMut() -> bool) -> (EstimatorStatus, usize, f64) {
+        let first = self.optimize(expired);
+        let steps = self.window.steps;
+        let is_good = |status| status == EstimatorStatus::Updated;
+        if self.moved_on || !is_good(first.0) || !self.programs[steps].is_at_bound() {
+            return first;
+        }
+        let n = self.model.dims().nx;
+        let (mut best, mut iterations) = (first, first.1);
+        let mut least = self.programs[steps].cost();
+        self.keep();
+        for i in 0..2 * n {
+            let offset = if i < n { 1.0 } else { -1.0 } * self.tuning.initial_sd[i % n];
+            self.roll_out(i % n, offset);
+            let found = self.optimize(expired);
+            iterations += found.1;
+            if is_good(found.0) && self.programs[steps].cost() < least {
+                least = self.programs[steps].cost();
+                best = found;
+                self.keep();
+            }
+        }
+        self.window.x.copy_from_slice(&self.best.x);
+        self.window.v.copy_from_slice(&self.best.v);
+        self.programs[steps].multipliers.copy_from(&self.best_multipliers[steps]);
+        (best.0, iterations, best.2)
+    }
+
+    /// Keeps the solution as the best one.
+    fn keep(&mut self) {
+        let steps = self.window.steps;
+        self.best.x.copy_from_slice(&self.window.x);
+        self.best.v.copy_from_slice(&self.window.v);
+        self.best_multipliers[steps].copy_from(&self.programs[steps].multipliers);
+    }
+
+    /// Fills the window with the model's states without noise, from the initial estimate with
+    /// `offset` added to state `i` on.
+    fn roll_out(&mut self, i: usize, offset: f64) {
+        let Dims { nx: n, nu, .. } = self.model.dims();
+        let Window { x, v, u, steps, .. } = &mut self.window;
+        v.fill(0.0);
+        x[..n].copy_from_slice(&self.tuning.initial_estimate);
+        x[i] += offset;
+        for j in 0..*steps {
+            let (before, after) = x.split_at_mut((j + 1) * n);
+            let before = &mut before[j * n..];
+            self.tuning.clip(before);
+            self.model.step(before, &u[j * nu..(j + 1) * nu], &[], &mut after[..n]);
+        }
+        self.tuning.clip(&mut x[*steps * n..(*steps + 1) * n]);
+        self.programs[*steps].multipliers.clear();
+    }
+
+    /// Goes along the solution of the program: the whole way if that is clearly the best point so
+    /// far, or else as far as the merit function decreases. `None` if it does not; the window is
+    /// then where it was.
+    fn search(&mut self, from: Point, least: f64) -> Option<Point> {
+        let steps = self.window.steps;
+        self.base.x.copy_from_slice(&self.window.x);
+        self.base.v.copy_from_slice(&self.window.v);
+        self.base_multipliers[steps].copy_from(&self.programs[steps].multipliers);
+        let weight = self.programs[steps].penalty();
+        let slope = self.programs[steps].slope(from, weight).min(0.0);
+        if let Some(part) = self.step_lengths[steps].length(self.programs[steps].direction()) {
+            let there = self.go(part);
+            if there.kkt < CONTRACTION * least {
+                return Some(self.accept(part, there));
+            }
+        }
+        // What rounding makes of a sum of this size.
+        let noise = 1e-14 * from.merit(weight).abs();
+        let mut part = 1.0;
+        for _ in 0..HALVINGS {
+            let there = self.go(part);
+            let enough = from.merit(weight) + SUFFICIENT * part * slope + noise;
+            if there.kkt < CONTRACTION * least || there.merit(weight) <= enough {
+                return Some(self.accept(part, there));
+            }
+            part *= 0.5;
+        }
+        self.window.x.copy_from_slice(&self.base.x);
+        self.window.v.copy_from_slice(&self.base.v);
+        self.programs[steps].multipliers.copy_from(&self.base_multipliers[steps]);
+        None
+    }
+}
+
+impl Mhe {
+    /// Goes a part of the way of the program's solution.
+    fn go(&mut self, part: f64) -> Point {
+        let steps = self.window.steps;
+        let program = &mut self.programs[steps];
+        program.go(part, &self.base, &mut self.window, &self.constants.unit);
+        program.blend(part, &self.base_multipliers[steps]);
+        self.linearize()
+    }
+
+    /// Takes note of the part of the way that was gone.
+    fn accept(&mut self, part: f64, there: Point) -> Point {
+        let steps = self.window.steps;
+        self.step_lengths[steps].remember(self.programs[steps].direction(), part);
+        there
+    }
+}
+
+/// The numbers of the estimation problem, from the tuning.
+fn constants(tuning: &Tuning) -> Constants {
+    let n = tuning.process_sd.len();
+    let or = |bounds: &[f64], none: f64| {
+        if bounds.is_empty() { vec![none; n] } else { bounds.to_vec() }
+    };
+    let sizes = tuning.initial_sd.iter().zip(&tuning.process_sd);
+    let unit = |(initial, process): (&f64, &f64)| match (*initial > 0.0, *process > 0.0) {
+        (true, _) => *initial,
+        (false, true) => *process,
+        (false, false) => 1.0,
+    };
+    Constants {
+        process_sd: tuning.process_sd.clone(),
+        measurement_variance: variances(&tuning.measurement_sd),
+        low: or(&tuning.low, f64::NEG_INFINITY),
+        high: or(&tuning.high, f64::INFINITY),
+        unit: sizes.map(unit).collect(),
+    }
+}
+
+impl Estimator for Mhe {
+    fn dims(&self) -> Dims {
+        self.model.dims()
+    }
+
+    fn reset(&mut self) {
+        self.kalman.reset(&self.tuning);
+        self.window.reset(&self.tuning.initial_estimate, self.kalman.covariance());
+        self.programs.iter_mut().for_each(|program| program.multipliers.clear());
+        self.moved_on = false;
+        self.u.fill(0.0);
+        self.innovation.fill(f64::NAN);
+    }
+
+    fn correct_within(&mut self, y: &[f64], expired: &mut dyn FnMut() -> bool) -> Correction {
+        assert_eq!(y.len(), self.expected.len(), "length of y");
+        self.window.measure(y);
+        let before = self.correct_covariance(y);
+        let prior = before.status;
+        if prior == EstimatorStatus::Updated {
+            self.window.last_mut().iter_mut().zip(&self.change).for_each(|(z, d)| *z += d);
+        }
+        let (status, iterations, kkt) = match prior {
+            EstimatorStatus::Updated | EstimatorStatus::NothingMeasured => self.explore(expired),
+            other => (other, 0, f64::INFINITY),
+        };
+        self.tuning.clip(self.window.last_mut());
+        let status = if status == EstimatorStatus::Updated { prior } else { status };
+        Correction { status, iterations, kkt, ..before }
+    }
+
+    fn predict(&mut self, u: &[f64]) -> EstimatorStatus {
+        self.u.copy_from_slice(u);
+        let LinearizationBuffer { next, a, b, .. } = &mut self.at;
+        let out = Linearization { next, a, b, e: &mut [] };
+        self.model.linearize(Stages { x: self.window.last(), u, p: &[] }, out);
+        if !is_finite(&self.at.next) {
+            return EstimatorStatus::NotFinite;
+        }
+        let status = self.kalman.predict(&self.at.a);
+        if self.window.push(u, &self.at.next, self.kalman.covariance()) {
+            self.programs[self.window.steps].shift();
+            self.moved_on = true;
+        }
+        status
+    }
+
+    fn estimate(&self) -> &[f64] {
+        self.window.last()
+    }
+
+    fn covariance(&self) -> &[f64] {
+        self.kalman.covariance()
+    }
+
+    fn innovation(&self) -> &[f64] {
+        &self.innovation
+    }
+}

@@ -1,0 +1,339 @@
+//! The estimation problem of a window, linearized.
+
+use super::window::Window;
+use crate::EstimateError;
+use crate::matrix::{add_scaled, dot, factor, is_finite};
+use pinc_ode::{Dims, Linearization, LinearizationBuffer, Model, OutputLinearization, Stages};
+use pinc_qp::{ChosenQp, Limits, Multipliers, OcpDims, Qp, QpMethod, QpSolver, QpStatus, QpStep};
+
+/// Above this mean multiplier the residuals are scaled down, as a controller's.
+const LARGE_MULTIPLIER: f64 = 100.0;
+
+/// The numbers that do not change: standard deviations, bounds and units, per state and measurement.
+#[derive(Clone, Debug)]
+pub(super) struct Constants {
+    pub(super) process_sd: Vec<f64>,
+    pub(super) measurement_variance: Vec<f64>,
+    pub(super) low: Vec<f64>,
+    pub(super) high: Vec<f64>,
+    /// The size in which a state is counted.
+    pub(super) unit: Vec<f64>,
+}
+
+/// The estimation problem over a window of some length,
+///
+/// ```text
+/// min  sum_j |v_j|^2 / 2 + sum_j |(y_j - h(x_j)) / r|^2 / 2
+/// s.t. x_0 = prior + L v_0,  x_j = F(x_{j-1}, u_{j-1}) + q v_j,  low <= x_j <= high
+/// ```
+///
+/// with L L' the covariance of the prior, linearized: a program of optimal control in which the
+/// noises are the inputs, and the first of them leads from the prior to the first state.
+#[derive(Debug)]
+pub(super) struct Program {
+    dims: Dims,
+    qp: Qp,
+    solver: ChosenQp,
+    step: QpStep,
+    /// Those of the point at which the program is linearized.
+    pub(super) multipliers: Multipliers,
+    cost: f64,
+    model: LinearizationBuffer,
+    expected: Vec<f64>,
+    h: Vec<f64>,
+    by_u: Vec<f64>,
+    root: Vec<f64>,
+    work: Vec<f64>,
+}
+
+/// How far from a solution a point is, and what it costs.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Point {
+    /// The largest residual of the optimality conditions.
+    pub(super) kkt: f64,
+    cost: f64,
+    /// The sum of the violations of equations and bounds.
+    violation: f64,
+}
+
+impl Program {
+    pub(super) fn new(
+        dims: Dims,
+        steps: usize,
+        constants: &Constants,
+    ) -> Result<Self, EstimateError> {
+        let (n, stages) = (dims.nx, steps + 1);
+        let ocp = OcpDims {
+            nx: n,
+            nu: n,
+            horizon: stages,
+            n_controls: stages,
+            n1: 1,
+            inequalities: 0,
+            equalities: 0,
+            outputs: 0,
+        };
+        let none = vec![0.0; stages * n * n];
+        let mut qp = Qp::new(ocp, none.clone(), none).with_stage_cost();
+        for t in qp.t.chunks_exact_mut(n * n) {
+            t.iter_mut().step_by(n + 1).for_each(|diagonal| *diagonal = 1.0);
+        }
+        let bounded = stages * n;
+        qp.bounds.low[..bounded].copy_from_slice(&constants.low.repeat(stages));
+        qp.bounds.high[..bounded].copy_from_slice(&constants.high.repeat(stages));
+        for b in qp.b[n * n..].chunks_exact_mut(n * n) {
+            let sizes = constants.process_sd.iter().zip(&constants.unit);
+            let diagonal = b.iter_mut().step_by(n + 1);
+            diagonal.zip(sizes).for_each(|(b, (sd, unit))| *b = sd / unit);
+        }
+        Ok(Self {
+            dims,
+            solver: ChosenQp::new(&qp, QpMethod::Auto)?,
+            step: QpStep::new(ocp),
+            multipliers: Multipliers::new(ocp),
+            cost: 0.0,
+            model: LinearizationBuffer::new(dims, steps),
+            expected: vec![0.0; stages * dims.ny],
+            h: vec![0.0; stages * dims.ny * n],
+            by_u: vec![0.0; dims.ny * dims.nu],
+            root: vec![0.0; n * n],
+            work: vec![0.0; ocp.unknowns()],
+            qp,
+        })
+    }
+
+    /// Begins at a window: takes its arrival cost. `false` if its covariance is none.
+    pub(super) fn begin(&mut self, window: &Window, constants: &Constants) -> bool {
+        let n = self.dims.nx;
+        let (_, covariance) = window.arrival();
+        if !factor(covariance, n, &mut self.root) {
+            return false;
+        }
+        for (i, unit) in constants.unit.iter().enumerate() {
+            for j in 0..n {
+                self.qp.b[i * n + j] = self.root[i * n + j] / unit;
+            }
+        }
+        true
+    }
+
+    /// The multipliers of the window before, when it has moved on.
+    pub(super) fn shift(&mut self) {
+        self.multipliers.shift(self.qp.dims);
+    }
+
+    /// Linearizes at the window's states and noises; gives what can be said of these.
+    pub(super) fn linearize(
+        &mut self,
+        model: &mut dyn Model,
+        window: &Window,
+        last_u: &[f64],
+        constants: &Constants,
+    ) -> Point {
+        let Dims { nx: n, nu, ny, .. } = self.dims;
+        let steps = self.qp.dims.horizon - 1;
+        let LinearizationBuffer { next, a, b, .. } = &mut self.model;
+        model.linearize(
+            Stages { x: &window.x[..steps * n], u: &window.u[..steps * nu], p: &[] },
+            Linearization { next, a, b, e: &mut [] },
+        );
+        for j in 0..=steps {
+            // The input of now is not known yet: the last one stands for it.
+            let u = if j < steps { &window.u[j * nu..(j + 1) * nu] } else { last_u };
+            model.linearize_output(
+                Stages { x: &window.x[j * n..(j + 1) * n], u, p: &[] },
+                OutputLinearization {
+                    y: &mut self.expected[j * ny..(j + 1) * ny],
+                    c: &mut self.h[j * ny * n..(j + 1) * ny * n],
+                    d: &mut self.by_u,
+                    e: &mut [],
+                },
+            );
+        }
+        self.write_dynamics(window, constants);
+        self.cost = self.write_cost(window, constants);
+        self.write_bounds(window, constants);
+        self.judge()
+    }
+
+    fn write_dynamics(&mut self, window: &Window, constants: &Constants) {
+        let n = self.dims.nx;
+        let unit = &constants.unit;
+        let (prior, _) = window.arrival();
+        for j in 0..self.qp.dims.horizon {
+            let (x, v) = (&window.x[j * n..(j + 1) * n], &window.v[j * n..(j + 1) * n]);
+            let expected = match j.checked_sub(1) {
+                None => prior,
+                Some(before) => &self.model.next[before * n..(before + 1) * n],
+            };
+            for i in 0..n {
+                let noise = if j == 0 {
+                    dot(&self.root[i * n..(i + 1) * n], v)
+                } else {
+                    constants.process_sd[i] * v[i]
+                };
+                self.qp.c[j * n + i] = (expected[i] + noise - x[i]) / unit[i];
+            }
+        }
+        let scaled = self.qp.a[n * n..].chunks_exact_mut(n * n);
+        for (to, from) in scaled.zip(self.model.a.chunks_exact(n * n)) {
+            for (i, (to, from)) in to.chunks_exact_mut(n).zip(from.chunks_exact(n)).enumerate() {
+                for (j, (to, from)) in to.iter_mut().zip(from).enumerate() {
+                    *to = from * (unit[j] / unit[i]);
+                }
+            }
+        }
+    }
+
+    /// Writes the cost's gradient and Hessian; gives the cost.
+    fn write_cost(&mut self, window: &Window, constants: &Constants) -> f64 {
+        let Dims { nx: n, ny, .. } = self.dims;
+        let stages = self.qp.dims.horizon;
+        let (by_x, by_v) = self.qp.gradient.split_at_mut(stages * n);
+        by_x.fill(0.0);
+        self.qp.q.fill(0.0);
+        by_v.copy_from_slice(&window.v[..stages * n]);
+        let mut cost = 0.5 * dot(by_v, by_v);
+        let row = &mut self.work[..n];
+        for j in 0..stages {
+            let q = &mut self.qp.q[j * n * n..(j + 1) * n * n];
+            let gradient = &mut by_x[j * n..(j + 1) * n];
+            for i in 0..ny {
+                let error = self.expected[j * ny + i] - window.y[j * ny + i];
+                if error.is_nan() && !window.y[j * ny + i].is_finite() {
+                    continue;
+                }
+                let weight = 1.0 / constants.measurement_variance[i];
+                cost += 0.5 * weight * error * error;
+                let h = &self.h[(j * ny + i) * n..(j * ny + i + 1) * n];
+                for (row, (h, unit)) in row.iter_mut().zip(h.iter().zip(&constants.unit)) {
+                    *row = h * unit;
+                }
+                add_scaled(gradient, weight * error, row);
+                for (q, entry) in q.chunks_exact_mut(n).zip(&*row) {
+                    if *entry != 0.0 {
+                        add_scaled(q, weight * entry, row);
+                    }
+                }
+            }
+        }
+        cost
+    }
+
+    fn write_bounds(&mut self, window: &Window, constants: &Constants) {
+        let n = self.dims.nx;
+        let Limits { low, high, .. } = &mut self.qp.bounds;
+        let count = self.qp.dims.horizon * n;
+        let limits = low.iter_mut().zip(high).take(count).zip(&window.x);
+        for (i, ((low, high), x)) in limits.enumerate() {
+            *low = (constants.low[i % n] - x) / constants.unit[i % n];
+            *high = (constants.high[i % n] - x) / constants.unit[i % n];
+        }
+    }
+
+    /// The residuals of the optimality conditions where the program is linearized. As in a
+    /// controller, those that grow with the multipliers are counted by the size of these.
+    fn judge(&mut self) -> Point {
+        let cost = self.cost;
+        let Self { qp, multipliers, work, .. } = self;
+        qp.lagrangian_gradient(multipliers, work);
+        let largest = |values: &[f64]| {
+            values
+                .iter()
+                .fold(0.0, |m: f64, v| if v.is_nan() { f64::INFINITY } else { m.max(v.abs()) })
+        };
+        let stationarity = largest(work);
+        let (mut outside, mut product) = (0.0_f64, 0.0_f64);
+        let mut violation: f64 = qp.c.iter().map(|c| c.abs()).sum();
+        for ([low, high, _], &mu) in qp.bounds.iter().zip(&multipliers.bounds) {
+            let beyond = low.max(-high).max(0.0);
+            outside = outside.max(beyond);
+            violation += beyond;
+            if mu.abs() > 0.0 {
+                product = product.max(mu.abs() * if mu > 0.0 { high } else { -low }.max(0.0));
+            }
+        }
+        let all = multipliers.dynamics.iter().chain(&multipliers.bounds);
+        let (sum, count) = all.fold((0.0, 0.0), |(sum, count), mu| (sum + mu.abs(), count + 1.0));
+        let scale = (sum / count / LARGE_MULTIPLIER).max(1.0);
+        let finite = is_finite(&[cost, violation, stationarity, product]);
+        let kkt = (stationarity / scale).max(product / scale).max(largest(&qp.c)).max(outside);
+        Point { kkt: if finite { kkt } else { f64::INFINITY }, cost, violation }
+    }
+
+    /// Solves the program where it is linearized.
+    pub(super) fn solve(&mut self, expired: &mut dyn FnMut() -> bool) -> QpStatus {
+        self.step.multipliers.copy_from(&self.multipliers);
+        let status = self.solver.solve(&self.qp, &mut self.step, expired);
+        if status == QpStatus::Solved && !is_finite(&self.step.d) {
+            return QpStatus::Failed;
+        }
+        status
+    }
+
+    /// Moves the window's states and noises by a part of the solution, from `base` on.
+    pub(super) fn go(&mut self, part: f64, base: &Window, window: &mut Window, units: &[f64]) {
+        let count = self.qp.dims.all_states();
+        let (dx, dv) = self.step.d.split_at(count);
+        let moves = dx.iter().zip(units.iter().cycle());
+        for ((x, base), (dx, unit)) in window.x.iter_mut().zip(&base.x).zip(moves) {
+            *x = base + part * dx * unit;
+        }
+        for ((v, base), dv) in window.v.iter_mut().zip(&base.v).zip(dv) {
+            *v = base + part * dv;
+        }
+    }
+
+    /// Moves the multipliers by a part of the way from those of `base` to those of the solution.
+    pub(super) fn blend(&mut self, part: f64, base: &Multipliers) {
+        let sides = base.parts().into_iter().zip(self.step.multipliers.parts());
+        for (to, (base, new)) in self.multipliers.parts_mut().into_iter().zip(sides) {
+            for (to, (base, new)) in to.iter_mut().zip(base.iter().zip(new)) {
+                *to = base + part * (new - base);
+            }
+        }
+    }
+
+    /// The slope of the merit function, cost + `weight` times violation, along the solution.
+    pub(super) fn slope(&self, at: Point, weight: f64) -> f64 {
+        dot(&self.qp.gradient, &self.step.d) - weight * at.violation
+    }
+
+    /// The weight of violations above which the solution is a direction of descent.
+    pub(super) fn penalty(&self) -> f64 {
+        let parts = [&self.step.multipliers.dynamics, &self.step.multipliers.bounds];
+        1.5 * parts.into_iter().flatten().fold(1.0, |m: f64, v| m.max(v.abs()))
+    }
+
+    /// The number of unknowns.
+    pub(super) fn unknowns(&self) -> usize {
+        self.qp.dims.unknowns()
+    }
+
+    /// The solution, in units of the states and standard deviations.
+    pub(super) fn direction(&self) -> &[f64] {
+        &self.step.d
+    }
+
+    /// Whether a state is held by a bound, as the multipliers say.
+    pub(super) fn is_at_bound(&self) -> bool {
+        self.multipliers.bounds.iter().any(|mu| mu.abs() > 0.0)
+    }
+
+    /// The cost where the program is linearized.
+    pub(super) fn cost(&self) -> f64 {
+        self.cost
+    }
+
+    /// The largest entry of the solution, in units of the states and standard deviations.
+    pub(super) fn length(&self) -> f64 {
+        self.step.d.iter().fold(0.0, |m: f64, v| m.max(v.abs()))
+    }
+}
+
+impl Point {
+    /// The merit function.
+    pub(super) fn merit(self, weight: f64) -> f64 {
+        self.cost + weight * self.violation
+    }
+}

@@ -1,0 +1,101 @@
+//! What a moving horizon estimator remembers of the last steps.
+
+use pinc_ode::Dims;
+
+/// The states, inputs and measurements of a window of up to N steps, and what was expected of each
+/// state before it was measured. It grows until it is full, and then moves on.
+#[derive(Clone, Debug)]
+pub(crate) struct Window {
+    dims: Dims,
+    /// N
+    most: usize,
+    /// The number of steps in it; there is one state more.
+    pub(crate) steps: usize,
+    /// The states, `[N + 1, n]`.
+    pub(crate) x: Vec<f64>,
+    /// The normalized noises, those of the first state at first, `[N + 1, n]`.
+    pub(crate) v: Vec<f64>,
+    /// `[N, m]`, with room for one more.
+    pub(crate) u: Vec<f64>,
+    /// `[N + 1, ny]`, NaN where nothing was measured.
+    pub(crate) y: Vec<f64>,
+    /// The states expected, `[N + 1, n]`, and their covariances, `[N + 1, n, n]`.
+    prior: Vec<f64>,
+    prior_covariance: Vec<f64>,
+}
+
+impl Window {
+    pub(crate) fn new(dims: Dims, most: usize) -> Self {
+        let points = |width: usize| vec![0.0; (most + 1) * width];
+        Self {
+            dims,
+            most,
+            steps: 0,
+            x: points(dims.nx),
+            v: points(dims.nx),
+            u: points(dims.nu),
+            y: points(dims.ny),
+            prior: points(dims.nx),
+            prior_covariance: points(dims.nx * dims.nx),
+        }
+    }
+
+    /// Begins anew with a state that is expected to be `x`, with covariance `p`.
+    pub(crate) fn reset(&mut self, x: &[f64], p: &[f64]) {
+        self.steps = 0;
+        self.begin_last(x, p);
+    }
+
+    /// Adds a step under the input `u` that leads to a state that is expected to be `x`, with
+    /// covariance `p`. Whether the window has moved on, without its oldest state.
+    pub(crate) fn push(&mut self, u: &[f64], x: &[f64], p: &[f64]) -> bool {
+        let Dims { nx, nu, ny, .. } = self.dims;
+        self.u[self.steps * nu..(self.steps + 1) * nu].copy_from_slice(u);
+        let moves = self.steps == self.most;
+        if moves {
+            self.x.copy_within(nx.., 0);
+            self.v.copy_within(nx.., 0);
+            self.u.copy_within(nu.., 0);
+            self.y.copy_within(ny.., 0);
+            self.prior.copy_within(nx.., 0);
+            self.prior_covariance.copy_within(nx * nx.., 0);
+        } else {
+            self.steps += 1;
+        }
+        self.begin_last(x, p);
+        moves
+    }
+
+    fn begin_last(&mut self, x: &[f64], p: &[f64]) {
+        let Dims { nx, ny, .. } = self.dims;
+        let last = self.steps;
+        self.x[last * nx..(last + 1) * nx].copy_from_slice(x);
+        self.v[last * nx..(last + 1) * nx].fill(0.0);
+        self.y[last * ny..(last + 1) * ny].fill(f64::NAN);
+        self.prior[last * nx..(last + 1) * nx].copy_from_slice(x);
+        self.prior_covariance[last * nx * nx..(last + 1) * nx * nx].copy_from_slice(p);
+    }
+
+    /// The last state, that of now.
+    pub(crate) fn last(&self) -> &[f64] {
+        let nx = self.dims.nx;
+        &self.x[self.steps * nx..(self.steps + 1) * nx]
+    }
+
+    pub(crate) fn last_mut(&mut self) -> &mut [f64] {
+        let nx = self.dims.nx;
+        &mut self.x[self.steps * nx..(self.steps + 1) * nx]
+    }
+
+    /// What is measured now.
+    pub(crate) fn measure(&mut self, y: &[f64]) {
+        let ny = self.dims.ny;
+        self.y[self.steps * ny..(self.steps + 1) * ny].copy_from_slice(y);
+    }
+
+    /// What was expected of the first state, and its covariance: the arrival cost.
+    pub(crate) fn arrival(&self) -> (&[f64], &[f64]) {
+        let nx = self.dims.nx;
+        (&self.prior[..nx], &self.prior_covariance[..nx * nx])
+    }
+}

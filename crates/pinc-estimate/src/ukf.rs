@@ -1,0 +1,370 @@
+//! The unscented Kalman filter.
+
+use crate::estimator::{variances, write_diagonal};
+use crate::kalman::{mirror, subtract};
+use crate::matrix::{add_scaled, dot, factor, is_finite, solve_lower};
+use crate::{Correction, EstimateError, Estimator, EstimatorStatus, Tuning};
+use pinc_ode::{Dims, Model};
+
+/// Merwe's parameters of the sigma points.
+const ALPHA: f64 = 1e-3;
+const BETA: f64 = 2.0;
+const KAPPA: f64 = 0.0;
+
+/// The unscented Kalman filter: mean and covariance follow from a few points through the model
+/// itself, without its Jacobians. Noise is additive, and the points are drawn afresh from the
+/// estimate before each correction and each prediction.
+///
+/// Reference: van der Merwe and Wan, "Sigma-point Kalman filters for probabilistic inference in
+/// dynamic state-space models" (2004), the scaled points with alpha = 0.001, beta = 2, kappa = 0.
+///
+/// ```
+/// use pinc_estimate::{Augmentation, Augmented, Estimator, Measured, Tuning, Ukf};
+/// use pinc_ode::Rk4;
+/// use pinc_plants::VanDerPol;
+///
+/// let oscillator = Rk4::new(VanDerPol::default(), 0.5, 4);
+/// let position = Augmentation::measured(Measured::states([0]));
+/// let model = Augmented::new(Box::new(oscillator), position)?;
+/// let tuning = Tuning {
+///     initial_estimate: vec![0.0; 2],
+///     initial_sd: vec![1.0; 2],
+///     process_sd: vec![0.02; 2],
+///     measurement_sd: vec![0.1],
+///     ..Tuning::default()
+/// };
+/// let mut filter = Ukf::new(Box::new(model), tuning)?;
+/// filter.correct(&[0.93]);
+/// assert!((filter.estimate()[0] - 0.93).abs() < 0.01);
+/// # Ok::<(), pinc_estimate::EstimateError>(())
+/// ```
+#[derive(Debug)]
+pub struct Ukf {
+    model: Box<dyn Model>,
+    tuning: Tuning,
+    weights: Weights,
+    /// Variances.
+    q: Vec<f64>,
+    r: Vec<f64>,
+    z: Vec<f64>,
+    p: Vec<f64>,
+    u: Vec<f64>,
+    innovation: Vec<f64>,
+    work: Work,
+}
+
+/// The weights of the points, for sums of differences from the one in the middle: the weights of the
+/// means add up to 1, so that a mean is that point plus `pair` times the sum of the differences.
+#[derive(Clone, Copy, Debug)]
+struct Weights {
+    /// How far the points are, in standard deviations.
+    spread: f64,
+    /// That of each of the outer points.
+    pair: f64,
+    /// That of the middle one in covariances.
+    middle: f64,
+}
+
+impl Weights {
+    fn new(n: usize) -> Self {
+        #[expect(clippy::cast_precision_loss, reason = "no model has 2^53 states")]
+        let n = n as f64;
+        let scaled = ALPHA * ALPHA * (n + KAPPA);
+        Self {
+            spread: scaled.sqrt(),
+            pair: 0.5 / scaled,
+            middle: (scaled - n) / scaled + 1.0 - ALPHA * ALPHA + BETA,
+        }
+    }
+}
+
+#[derive(Clone, Debug)]
+struct Work {
+    /// A root of P.
+    root: Vec<f64>,
+    point: Vec<f64>,
+    /// What the model makes of the point in the middle, and of the others less that.
+    middle: Vec<f64>,
+    outer: Vec<f64>,
+    mean: Vec<f64>,
+    /// The new estimate and its covariance.
+    mean_z: Vec<f64>,
+    new_p: Vec<f64>,
+    /// The covariance of what is measured, its root, and its covariance with z (column by column).
+    s: Vec<f64>,
+    s_root: Vec<f64>,
+    cross: Vec<f64>,
+    /// The measurements that are there.
+    present: Vec<usize>,
+    residual: Vec<f64>,
+}
+
+impl Ukf {
+    /// A filter with the outputs of `model` as what is measured. Until the first prediction, the
+    /// input is taken for 0.
+    ///
+    /// # Errors
+    ///
+    /// [`EstimateError`] if the tuning does not suit the model.
+    pub fn new(model: Box<dyn Model>, tuning: Tuning) -> Result<Self, EstimateError> {
+        let dims = model.dims();
+        tuning.validate(dims)?;
+        let Dims { nx, ny, .. } = dims;
+        let widest = nx.max(ny);
+        let mut filter = Self {
+            weights: Weights::new(nx),
+            q: variances(&tuning.process_sd),
+            r: variances(&tuning.measurement_sd),
+            z: vec![0.0; nx],
+            p: vec![0.0; nx * nx],
+            tuning,
+            u: vec![0.0; dims.nu],
+            innovation: vec![f64::NAN; ny],
+            work: Work {
+                root: vec![0.0; nx * nx],
+                point: vec![0.0; nx],
+                middle: vec![0.0; widest],
+                outer: vec![0.0; 2 * nx * widest],
+                mean: vec![0.0; widest],
+                mean_z: vec![0.0; nx],
+                new_p: vec![0.0; nx * nx],
+                s: vec![0.0; ny * ny],
+                s_root: vec![0.0; ny * ny],
+                cross: vec![0.0; ny * nx],
+                present: Vec::with_capacity(ny),
+                residual: vec![0.0; ny],
+            },
+            model,
+        };
+        filter.reset();
+        Ok(filter)
+    }
+
+    /// Sends the sigma points of the estimate through `f`, which gives `width` numbers. Leaves the
+    /// mean in `work.mean`, and the differences of the points from it in `work.outer`.
+    fn transform(
+        &mut self,
+        width: usize,
+        f: impl Fn(&mut dyn Model, &[f64], &[f64], &mut [f64]),
+    ) -> EstimatorStatus {
+        let n = self.z.len();
+        let Self { model, z, p, u, work, weights, .. } = self;
+        if !factor(p, n, &mut work.root) {
+            return EstimatorStatus::IndefiniteCovariance;
+        }
+        f(model.as_mut(), z, u, &mut work.middle[..width]);
+        for (i, to) in work.outer[..2 * n * width].chunks_exact_mut(width).enumerate() {
+            let (column, sign) = (i % n, if i < n { 1.0 } else { -1.0 });
+            for (k, (point, z)) in work.point.iter_mut().zip(&*z).enumerate() {
+                *point = z + sign * weights.spread * work.root[k * n + column];
+            }
+            f(model.as_mut(), &work.point, u, to);
+            to.iter_mut().zip(&work.middle).for_each(|(to, middle)| *to -= middle);
+        }
+        let mean = &mut work.mean[..width];
+        mean.fill(0.0);
+        for outer in work.outer[..2 * n * width].chunks_exact(width) {
+            add_scaled(mean, weights.pair, outer);
+        }
+        for outer in work.outer[..2 * n * width].chunks_exact_mut(width) {
+            add_scaled(outer, -1.0, mean);
+        }
+        if is_finite(&work.middle[..width]) && is_finite(&work.outer[..2 * n * width]) {
+            EstimatorStatus::Updated
+        } else {
+            EstimatorStatus::NotFinite
+        }
+    }
+
+    /// The covariances of what is measured, with itself and with z, for the measurements that are
+    /// there.
+    fn measurement_covariances(&mut self) {
+        let (n, m) = (self.z.len(), self.r.len());
+        let Work { root, outer, mean, s, cross, present, .. } = &mut self.work;
+        let Weights { spread, pair, middle } = self.weights;
+        let count = present.len();
+        for (i, &a) in present.iter().enumerate() {
+            for (j, &b) in present.iter().enumerate() {
+                let points = outer[..2 * n * m].chunks_exact(m);
+                let sum: f64 = points.map(|outer| outer[a] * outer[b]).sum();
+                let own = if i == j { self.r[a] } else { 0.0 };
+                s[i * count + j] = pair * sum + middle * mean[a] * mean[b] + own;
+            }
+            let cross = &mut cross[i * n..(i + 1) * n];
+            cross.fill(0.0);
+            for (k, outer) in outer[..2 * n * m].chunks_exact(m).enumerate() {
+                let sign = if k < n { 1.0 } else { -1.0 };
+                let factor = pair * sign * spread * outer[a];
+                for (row, cross) in cross.iter_mut().enumerate() {
+                    *cross += factor * root[row * n + k % n];
+                }
+            }
+        }
+    }
+
+    /// The correction of estimate and covariance, once these covariances are known. Gives the
+    /// normalized innovation squared.
+    fn update(&mut self) -> Result<f64, EstimatorStatus> {
+        let n = self.z.len();
+        let Work { mean_z, s, s_root, cross, present, residual, .. } = &mut self.work;
+        let count = present.len();
+        let (s, s_root) = (&s[..count * count], &mut s_root[..count * count]);
+        if !factor(s, count, s_root) || (0..count).any(|i| s_root[i * count + i] <= 0.0) {
+            return Err(EstimatorStatus::IndefiniteCovariance);
+        }
+        // With S = L L': first L^-1 v and L^-1 C', then K' = L'^-1 of that.
+        for (to, &i) in residual.iter_mut().zip(&*present) {
+            *to = self.innovation[i];
+        }
+        let residual = &mut residual[..count];
+        solve_lower(s_root, residual);
+        for i in 0..count {
+            let (before, own) = cross.split_at_mut(i * n);
+            let own = &mut own[..n];
+            for (k, before) in before.chunks_exact(n).enumerate() {
+                add_scaled(own, -s_root[i * count + k], before);
+            }
+            own.iter_mut().for_each(|entry| *entry /= s_root[i * count + i]);
+        }
+        mean_z.copy_from_slice(&self.z);
+        for (column, residual) in cross.chunks_exact(n).zip(&*residual) {
+            add_scaled(mean_z, *residual, column);
+        }
+        for i in (0..count).rev() {
+            let (upto, behind) = cross.split_at_mut((i + 1) * n);
+            let own = &mut upto[i * n..];
+            for (k, behind) in (i + 1..count).zip(behind.chunks_exact(n)) {
+                add_scaled(own, -s_root[k * count + i], behind);
+            }
+            own.iter_mut().for_each(|entry| *entry /= s_root[i * count + i]);
+        }
+        let nis = dot(residual, residual);
+        self.correct_covariance();
+        self.accept()?;
+        Ok(nis)
+    }
+
+    /// Writes the covariance of z after the correction, that of the points less the gain times what
+    /// is measured at them, plus K R K': as in the form of Joseph, it is no difference of large
+    /// numbers.
+    fn correct_covariance(&mut self) {
+        let (n, m) = (self.z.len(), self.r.len());
+        let Work { root, outer, mean, new_p, point, cross, present, .. } = &mut self.work;
+        let Weights { spread, pair, middle } = self.weights;
+        new_p.fill(0.0);
+        let mut add = |weight: f64, point: &[f64]| {
+            for (row, entry) in new_p.chunks_exact_mut(n).zip(point) {
+                add_scaled(row, weight * entry, point);
+            }
+        };
+        let gain = || cross.chunks_exact(n).zip(&*present);
+        point.fill(0.0);
+        gain().for_each(|(gain, &i)| add_scaled(point, mean[i], gain));
+        add(middle, point);
+        for (i, outer) in outer[..2 * n * m].chunks_exact(m).enumerate() {
+            let sign = if i < n { 1.0 } else { -1.0 };
+            let column = root.iter().skip(i % n).step_by(n);
+            point.iter_mut().zip(column).for_each(|(point, root)| *point = sign * spread * root);
+            gain().for_each(|(gain, &i)| add_scaled(point, -outer[i], gain));
+            add(pair, point);
+        }
+        gain().for_each(|(gain, &i)| add(self.r[i], gain));
+    }
+
+    /// Takes the mean and covariance in the workspace, if they are any.
+    fn accept(&mut self) -> Result<(), EstimatorStatus> {
+        let n = self.z.len();
+        let Work { new_p, mean_z, root, .. } = &mut self.work;
+        if !is_finite(mean_z) || !is_finite(new_p) {
+            return Err(EstimatorStatus::NotFinite);
+        }
+        mirror(new_p, n);
+        if !factor(new_p, n, root) {
+            return Err(EstimatorStatus::IndefiniteCovariance);
+        }
+        self.z.copy_from_slice(mean_z);
+        self.p.copy_from_slice(new_p);
+        Ok(())
+    }
+
+    /// Corrects without regard to bounds.
+    fn correct_freely(&mut self, y: &[f64]) -> Correction {
+        assert_eq!(y.len(), self.innovation.len(), "length of y");
+        let present = &mut self.work.present;
+        present.clear();
+        present.extend((0..y.len()).filter(|&i| y[i].is_finite()));
+        let count = present.len();
+        if count == 0 {
+            self.innovation.fill(f64::NAN);
+            return Correction::unused(EstimatorStatus::NothingMeasured, 0);
+        }
+        let status = self.transform(y.len(), |model, z, u, y| model.output(z, u, &[], y));
+        let Work { middle, mean, residual, .. } = &mut self.work;
+        let expected = middle.iter().zip(&*mean).map(|(middle, mean)| middle + mean);
+        residual.iter_mut().zip(expected).for_each(|(to, expected)| *to = expected);
+        subtract(y, residual, &mut self.innovation);
+        if status != EstimatorStatus::Updated {
+            return Correction::unused(status, count);
+        }
+        self.measurement_covariances();
+        match self.update() {
+            Err(status) => Correction::unused(status, count),
+            Ok(nis) => Correction { nis, ..Correction::unused(EstimatorStatus::Updated, count) },
+        }
+    }
+}
+
+impl Estimator for Ukf {
+    fn dims(&self) -> Dims {
+        self.model.dims()
+    }
+
+    fn reset(&mut self) {
+        self.z.copy_from_slice(&self.tuning.initial_estimate);
+        write_diagonal(&self.tuning.initial_sd, &mut self.p);
+        self.u.fill(0.0);
+        self.innovation.fill(f64::NAN);
+    }
+
+    fn correct_within(&mut self, y: &[f64], _expired: &mut dyn FnMut() -> bool) -> Correction {
+        let correction = self.correct_freely(y);
+        self.tuning.clip(&mut self.z);
+        correction
+    }
+
+    fn predict(&mut self, u: &[f64]) -> EstimatorStatus {
+        self.u.copy_from_slice(u);
+        let n = self.z.len();
+        let status = self.transform(n, |model, z, u, next| model.step(z, u, &[], next));
+        if status != EstimatorStatus::Updated {
+            return status;
+        }
+        let Work { new_p, mean_z, middle, mean, outer, .. } = &mut self.work;
+        let Weights { pair, middle: weight, .. } = self.weights;
+        for (i, row) in new_p.chunks_exact_mut(n).enumerate() {
+            row.iter_mut().zip(&*mean).for_each(|(p, mean_j)| *p = weight * mean[i] * mean_j);
+            for outer in outer[..2 * n * n].chunks_exact(n) {
+                add_scaled(row, pair * outer[i], outer);
+            }
+            row[i] += self.q[i];
+        }
+        let both = mean.iter().zip(&*middle);
+        mean_z.iter_mut().zip(both).for_each(|(z, (mean, middle))| *z = mean + middle);
+        match self.accept() {
+            Ok(()) => EstimatorStatus::Updated,
+            Err(status) => status,
+        }
+    }
+
+    fn estimate(&self) -> &[f64] {
+        &self.z
+    }
+
+    fn covariance(&self) -> &[f64] {
+        &self.p
+    }
+
+    fn innovation(&self) -> &[f64] {
+        &self.innovation
+    }
+}

@@ -1,0 +1,233 @@
+//! What holds for Kalman filters on any model.
+
+use crate::support::{oscillator, tanks};
+use pinc_estimate::{Ekf, Estimator, EstimatorStatus, Tuning, Ukf};
+use pinc_ode::{Dims, Linearization, Model, OutputLinearization, Stages};
+use proptest::prelude::*;
+
+/// x+ = A x + B u, y = C x.
+#[derive(Clone, Debug)]
+pub(crate) struct Linear {
+    pub(crate) a: [[f64; 2]; 2],
+    pub(crate) b: [f64; 2],
+    pub(crate) c: [[f64; 2]; 2],
+}
+
+impl Model for Linear {
+    fn dims(&self) -> Dims {
+        Dims::new(2, 1)
+    }
+    fn sample_time_s(&self) -> f64 {
+        1.0
+    }
+    fn step(&mut self, x: &[f64], u: &[f64], _p: &[f64], next: &mut [f64]) {
+        for (next, (a, b)) in next.iter_mut().zip(self.a.iter().zip(self.b)) {
+            *next = a[0] * x[0] + a[1] * x[1] + b * u[0];
+        }
+    }
+    fn linearize(&mut self, at: Stages<'_>, mut out: Linearization<'_>) {
+        for k in 0..at.count(self.dims()) {
+            let (point, out) = (at.point(k, self.dims()), out.point(k, self.dims()));
+            self.step(point.x, point.u, &[], out.next);
+            out.a.copy_from_slice(self.a.as_flattened());
+            out.b.copy_from_slice(&self.b);
+        }
+    }
+    fn output(&mut self, x: &[f64], _u: &[f64], _p: &[f64], y: &mut [f64]) {
+        for (y, c) in y.iter_mut().zip(self.c) {
+            *y = c[0] * x[0] + c[1] * x[1];
+        }
+    }
+    fn linearize_output(&mut self, at: Stages<'_>, out: OutputLinearization<'_>) {
+        self.output(at.x, at.u, &[], out.y);
+        out.c.copy_from_slice(self.c.as_flattened());
+        out.d.fill(0.0);
+    }
+}
+
+type Matrix = [[f64; 2]; 2];
+
+fn product(a: Matrix, b: Matrix) -> Matrix {
+    std::array::from_fn(|i| std::array::from_fn(|j| a[i][0] * b[0][j] + a[i][1] * b[1][j]))
+}
+
+fn transposed(a: Matrix) -> Matrix {
+    std::array::from_fn(|i| std::array::from_fn(|j| a[j][i]))
+}
+
+fn with_diagonal(a: Matrix, diagonal: [f64; 2]) -> Matrix {
+    std::array::from_fn(|i| {
+        std::array::from_fn(|j| a[i][j] + if i == j { diagonal[i] } else { 0.0 })
+    })
+}
+
+fn inverse(a: Matrix) -> Matrix {
+    let determinant = a[0][0] * a[1][1] - a[0][1] * a[1][0];
+    [[a[1][1], -a[0][1]], [-a[1][0], a[0][0]]].map(|row| row.map(|entry| entry / determinant))
+}
+
+/// The Kalman filter of textbooks, with matrices: the estimates after each correction, and the sum
+/// of v' S^-1 v.
+fn textbook(model: &Linear, tuning: &Tuning, data: &[([f64; 2], f64)]) -> (Vec<[f64; 2]>, f64) {
+    let square = |sd: &[f64]| [sd[0] * sd[0], sd[1] * sd[1]];
+    let (q, r) = (square(&tuning.process_sd), square(&tuning.measurement_sd));
+    let mut p = with_diagonal([[0.0; 2]; 2], square(&tuning.initial_sd));
+    let mut z = [tuning.initial_estimate[0], tuning.initial_estimate[1]];
+    let (mut found, mut nis) = (Vec::new(), 0.0);
+    let apply = |m: Matrix, v: [f64; 2]| m.map(|row| row[0] * v[0] + row[1] * v[1]);
+    for (y, u) in data {
+        let cross = product(p, transposed(model.c));
+        let s = inverse(with_diagonal(product(model.c, cross), r));
+        let expected = apply(model.c, z);
+        let v = [y[0] - expected[0], y[1] - expected[1]];
+        let change = apply(product(cross, s), v);
+        nis += apply(s, v)[0] * v[0] + apply(s, v)[1] * v[1];
+        z = [z[0] + change[0], z[1] + change[1]];
+        let less = product(product(cross, s), transposed(cross));
+        p = std::array::from_fn(|i| std::array::from_fn(|j| p[i][j] - less[i][j]));
+        found.push(z);
+        let moved = apply(model.a, z);
+        z = [moved[0] + model.b[0] * u, moved[1] + model.b[1] * u];
+        p = with_diagonal(product(product(model.a, p), transposed(model.a)), q);
+    }
+    (found, nis)
+}
+
+pub(crate) fn linear() -> impl Strategy<Value = Linear> {
+    // Eigenvalues of 1.2 at most: nothing grows beyond what rounding leaves intact.
+    let entry = || -0.6..0.6_f64;
+    let square = || prop::array::uniform2(prop::array::uniform2(entry()));
+    (square(), prop::array::uniform2(entry()), square()).prop_map(|(a, b, c)| Linear { a, b, c })
+}
+
+pub(crate) fn tuning() -> Tuning {
+    Tuning {
+        initial_estimate: vec![0.5, -0.5],
+        initial_sd: vec![1.0, 2.0],
+        process_sd: vec![0.1, 0.3],
+        measurement_sd: vec![0.2, 0.4],
+        ..Tuning::default()
+    }
+}
+
+proptest! {
+    #[test]
+    fn on_a_linear_model_both_are_the_kalman_filter(
+        model in linear(),
+        data in prop::collection::vec((prop::array::uniform2(-3.0..3.0_f64), -1.0..1.0_f64), 1..30),
+    ) {
+        let (expected, nis) = textbook(&model, &tuning(), &data);
+        let kalman = Ekf::new(Box::new(model.clone()), tuning()).unwrap();
+        let unscented = Ukf::new(Box::new(model), tuning()).unwrap();
+        // The sigma points are a thousandth of a standard deviation apart: their covariances have
+        // fewer digits.
+        let filters: [(Box<dyn Estimator>, f64); 2] =
+            [(Box::new(kalman), 1e-11), (Box::new(unscented), 1e-5)];
+        for (mut filter, tolerance) in filters {
+            let mut sum = 0.0;
+            for ((y, u), expected) in data.iter().zip(&expected) {
+                let correction = filter.correct(y);
+                prop_assert_eq!(correction.status, EstimatorStatus::Updated);
+                prop_assert_eq!(correction.measured, 2);
+                sum += correction.nis;
+                for (found, expected) in filter.estimate().iter().zip(expected) {
+                    let size = 1.0 + expected.abs();
+                    prop_assert!((found - expected).abs() < tolerance * size);
+                }
+                filter.predict(&[*u]);
+            }
+            prop_assert!((sum - nis).abs() < 10.0 * tolerance * (1.0 + nis), "{sum} {nis}");
+        }
+    }
+
+    /// A sensor that fails is as if it were not there.
+    #[test]
+    fn a_missing_measurement_is_skipped(
+        model in linear(),
+        data in prop::collection::vec((-3.0..3.0_f64, any::<bool>()), 1..20),
+    ) {
+        // A sensor with so much noise that it says nothing.
+        let deaf = Tuning { measurement_sd: vec![0.2, 1e9], ..tuning() };
+        for unscented in [false, true] {
+            let build = |tuning| -> Box<dyn Estimator> {
+                if unscented {
+                    Box::new(Ukf::new(Box::new(model.clone()), tuning).unwrap())
+                } else {
+                    Box::new(Ekf::new(Box::new(model.clone()), tuning).unwrap())
+                }
+            };
+            let (mut skips, mut ignores) = (build(tuning()), build(deaf.clone()));
+            for (y, infinite) in &data {
+                let missing = if *infinite { f64::INFINITY } else { f64::NAN };
+                let correction = skips.correct(&[*y, missing]);
+                prop_assert_eq!(correction.measured, 1);
+                prop_assert!(skips.innovation()[1].is_nan());
+                ignores.correct(&[*y, 0.0]);
+                for (a, b) in skips.estimate().iter().zip(ignores.estimate()) {
+                    prop_assert!((a - b).abs() < 1e-6 * (1.0 + a.abs()));
+                }
+                let before = skips.estimate().to_vec();
+                let nothing = skips.correct(&[missing; 2]);
+                prop_assert_eq!(nothing.status, EstimatorStatus::NothingMeasured);
+                prop_assert_eq!(skips.estimate(), &before[..]);
+                skips.predict(&[0.5]);
+                ignores.predict(&[0.5]);
+            }
+        }
+    }
+}
+
+#[test]
+fn reset_forgets_everything() {
+    for case in [tanks(), oscillator()] {
+        let build: [Box<dyn Estimator>; 2] = [
+            Box::new(Ekf::new(case.model(), case.tuning.clone()).unwrap()),
+            Box::new(Ukf::new(case.model(), case.tuning.clone()).unwrap()),
+        ];
+        for mut filter in build {
+            let first = case.run(filter.as_mut());
+            assert_ne!(filter.estimate(), &case.tuning.initial_estimate[..]);
+            filter.reset();
+            assert_eq!(filter.estimate(), &case.tuning.initial_estimate[..]);
+            assert_eq!(case.run(filter.as_mut()), first);
+        }
+    }
+}
+
+#[test]
+fn estimates_are_clipped_to_their_bounds() {
+    let case = oscillator();
+    let tuning =
+        Tuning { low: vec![-0.5; 2], high: vec![f64::INFINITY, 0.5], ..case.tuning.clone() };
+    let build: [Box<dyn Estimator>; 2] = [
+        Box::new(Ekf::new(case.model(), tuning.clone()).unwrap()),
+        Box::new(Ukf::new(case.model(), tuning).unwrap()),
+    ];
+    for mut filter in build {
+        let found = case.run(filter.as_mut());
+        let inside = |z: &[f64]| z[0] >= -0.5 && (-0.5..=0.5).contains(&z[1]);
+        assert!(found.iter().all(|(z, _)| inside(z)));
+        let at_bounds = found.iter().filter(|(z, _)| z[1] >= 0.5 || z[0] <= -0.5).count();
+        assert!(at_bounds > 10, "{at_bounds}");
+    }
+}
+
+/// Where the model has no value, what was known stays known.
+#[test]
+fn no_value_is_no_estimate() {
+    let mut broken = Linear { a: [[1.0; 2]; 2], b: [1.0; 2], c: [[1.0, 0.0], [0.0, 1.0]] };
+    broken.a[0][0] = f64::NAN;
+    let build: [Box<dyn Estimator>; 2] = [
+        Box::new(Ekf::new(Box::new(broken.clone()), tuning()).unwrap()),
+        Box::new(Ukf::new(Box::new(broken), tuning()).unwrap()),
+    ];
+    for mut filter in build {
+        filter.correct(&[1.0, 2.0]);
+        let before = (filter.estimate().to_vec(), filter.covariance().to_vec());
+        assert_eq!(filter.predict(&[0.0]), EstimatorStatus::NotFinite);
+        assert_eq!((filter.estimate().to_vec(), filter.covariance().to_vec()), before);
+        assert_eq!(filter.correct(&[1e200, 2.0]).status, EstimatorStatus::Updated);
+        assert_eq!(filter.correct(&[-1e308, 2.0]).measured, 2);
+        assert!(filter.estimate().iter().all(|z| z.is_finite()));
+    }
+}

@@ -1,0 +1,8 @@
+//! The estimators against answers of other programs, and against what theory says of them.
+
+mod consistency;
+mod filters;
+mod models;
+mod moving_horizon;
+mod recorded;
+mod support;

@@ -1,0 +1,151 @@
+//! Augmented and compensated models.
+
+use pinc_ad::Scalar;
+use pinc_estimate::{
+    Augmentation, Augmented, Compensated, Disturbance, Ekf, EstimateError, Measured, Tuning,
+};
+use pinc_ode::{Dims, Model, Plant, Rk4, Variable};
+use pinc_plants::FourTanks;
+use proptest::prelude::*;
+
+/// A mass on a spring of unknown stiffness, of which the force on the ground is measured.
+#[derive(Clone, Debug)]
+struct Spring;
+
+impl Plant for Spring {
+    fn states(&self) -> &[Variable] {
+        static STATES: [Variable; 2] = [Variable::new("s", "m"), Variable::new("v", "m/s")];
+        &STATES
+    }
+    fn inputs(&self) -> &[Variable] {
+        static INPUTS: [Variable; 1] = [Variable::new("f", "N")];
+        &INPUTS
+    }
+    fn parameters(&self) -> &[Variable] {
+        static PARAMETERS: [Variable; 2] =
+            [Variable::new("damping", ""), Variable::new("stiffness", "")];
+        &PARAMETERS
+    }
+    fn outputs(&self) -> &[Variable] {
+        static OUTPUTS: [Variable; 2] = [Variable::new("s", "m"), Variable::new("force", "N")];
+        &OUTPUTS
+    }
+    #[inline(always)]
+    fn rhs<S: Scalar>(&self, x: &[S], u: &[S], p: &[S], dx: &mut [S]) {
+        dx[0] = x[1];
+        dx[1] = u[0] - p[1] * x[0] - p[0] * x[1];
+    }
+    fn output<S: Scalar>(&self, x: &[S], u: &[S], p: &[S], y: &mut [S]) {
+        y[0] = x[0];
+        y[1] = p[1] * x[0] * x[0] + u[0];
+    }
+}
+
+fn spring() -> Box<dyn Model> {
+    Box::new(Rk4::new(Spring, 0.5, 2))
+}
+
+fn augmentations() -> Vec<Augmentation> {
+    let kinds = [
+        Disturbance::None,
+        Disturbance::Input,
+        Disturbance::Output,
+        Disturbance::States(vec![1]),
+        Disturbance::States(vec![1, 0]),
+    ];
+    let with = |disturbance| Augmentation {
+        measured: vec![Measured::Output(1), Measured::State(0)],
+        disturbance,
+        parameters: vec![0.25, 1.5],
+        estimated: vec![1],
+    };
+    kinds.into_iter().map(with).collect()
+}
+
+proptest! {
+    /// What an estimator and a controller predict is the same, step by step and measured quantity by
+    /// measured quantity.
+    #[test]
+    fn both_models_predict_the_same(
+        state in prop::array::uniform2(-2.0..2.0_f64),
+        unknown in prop::array::uniform3(-0.5..0.5_f64),
+        u in -1.0..1.0_f64,
+    ) {
+        for augmentation in augmentations() {
+            let mut augmented = Augmented::new(spring(), augmentation.clone()).unwrap();
+            let mut compensated = Compensated::new(spring(), augmentation.clone()).unwrap();
+            let (nz, np) = (augmented.dims().nx, compensated.dims().np);
+            prop_assert_eq!(np, augmentation.unknowns(spring().dims()));
+            let mut z = state.to_vec();
+            z.extend(&unknown[..np - 1]);
+            z.push(1.5 + unknown[2]);
+            let (mut x, mut w) = ([0.0; 2], vec![0.0; np]);
+            compensated.read(&z, &mut x, &mut w);
+            let (mut next, mut y, mut all) = (vec![0.0; nz], [0.0; 2], [0.0; 2]);
+            augmented.output(&z, &[u], &[], &mut y);
+            compensated.output(&x, &[u], &w, &mut all);
+            prop_assert!((y[0] - all[1]).abs() < 1e-12);
+            prop_assert!((y[1] - x[0]).abs() < 1e-12);
+            augmented.step(&z, &[u], &[], &mut next);
+            let mut ahead = [0.0; 2];
+            compensated.step(&x, &[u], &w, &mut ahead);
+            let (mut expected, mut same) = ([0.0; 2], vec![0.0; np]);
+            compensated.read(&next, &mut expected, &mut same);
+            prop_assert_eq!(&same, &w);
+            for (found, expected) in ahead.iter().zip(expected) {
+                prop_assert!((found - expected).abs() < 1e-12);
+            }
+        }
+    }
+}
+
+#[test]
+fn what_does_not_fit_is_refused() {
+    let tanks = || Box::new(Rk4::new(FourTanks::antonelo(), 10.0, 4));
+    let refused = |augmentation| Augmented::new(tanks(), augmentation).unwrap_err();
+    let measured = |states: &[usize]| Measured::states(states.iter().copied());
+
+    assert_eq!(refused(Augmentation::default()), EstimateError::NothingMeasured);
+    let error = refused(Augmentation::measured(measured(&[0, 4])));
+    assert_eq!(error, EstimateError::Index { field: "measured states", found: 4, last: 3 });
+    let error = refused(Augmentation::measured(measured(&[1, 1])));
+    assert_eq!(error, EstimateError::MeasuredTwice { measured: Measured::State(1) });
+    let input = Disturbance::Input;
+    let error =
+        refused(Augmentation { disturbance: input, ..Augmentation::measured(measured(&[0])) });
+    assert_eq!(error, EstimateError::TooManyDisturbances { disturbances: 2, measured: 1 });
+    assert!(error.to_string().contains("at most one disturbance per measured quantity"));
+    let twice = Disturbance::States(vec![2, 2]);
+    let error =
+        refused(Augmentation { disturbance: twice, ..Augmentation::measured(measured(&[0, 1])) });
+    assert_eq!(error, EstimateError::Index { field: "disturbed states", found: 2, last: 3 });
+    let error =
+        refused(Augmentation { estimated: vec![0], ..Augmentation::measured(measured(&[0])) });
+    assert_eq!(error, EstimateError::Index { field: "estimated parameters", found: 0, last: 0 });
+
+    let right = Tuning {
+        initial_estimate: vec![2.0; 4],
+        initial_sd: vec![1.0; 4],
+        process_sd: vec![0.0; 4],
+        measurement_sd: vec![0.1; 4],
+        ..Tuning::default()
+    };
+    assert!(Ekf::new(tanks(), right.clone()).is_ok());
+    let wrong = [
+        Tuning { measurement_sd: vec![0.0; 4], ..right.clone() },
+        Tuning { measurement_sd: vec![0.1; 3], ..right.clone() },
+        Tuning { process_sd: vec![-1.0; 4], ..right.clone() },
+        Tuning { initial_sd: vec![f64::INFINITY; 4], ..right.clone() },
+        Tuning { initial_estimate: vec![f64::NAN; 4], ..right.clone() },
+        Tuning { low: vec![1.0; 4], high: vec![0.0; 4], ..right.clone() },
+        Tuning { low: vec![1.0; 3], ..right.clone() },
+    ];
+    for tuning in wrong {
+        assert!(Ekf::new(tanks(), tuning.clone()).is_err(), "{tuning:?}");
+    }
+    let tuning = Tuning { measurement_sd: vec![0.1; 2], ..right };
+    let tuning = Tuning { initial_estimate: vec![0.0; 2], ..tuning };
+    let error = Ekf::new(spring(), tuning).unwrap_err();
+    assert_eq!(error, EstimateError::FreeParameters { count: 2 });
+    assert_eq!(spring().dims(), Dims::new(2, 1).with_parameters(2).with_outputs(2));
+}
