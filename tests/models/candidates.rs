@@ -84,10 +84,10 @@ fn disturbed() -> Vec<Candidate> {
         disturbance,
         ..Augmentation::measured(Measured::states([0, 1]))
     };
-    let augmented = |disturbance: Disturbance| -> Box<dyn Model> {
+    let augmented = move |disturbance: Disturbance| -> Box<dyn Model> {
         Box::new(Augmented::new(tanks(), with(disturbance)).expect("it suits the tanks"))
     };
-    let compensated = |disturbance: Disturbance| -> Box<dyn Model> {
+    let compensated = move |disturbance: Disturbance| -> Box<dyn Model> {
         Box::new(Compensated::new(tanks(), with(disturbance)).expect("it suits the tanks"))
     };
     let (level, offset) = ([2.0, 20.0], [-0.1, 0.1]);

@@ -10,7 +10,7 @@ use pinc_ode::{Dims, Linearization, Model, OutputLinearization, Stages};
 ///
 /// A disturbance of a measured state is part of the state here: the controller sees x + d, which is
 /// what follows references and is bounded, and the model is x + d -> F(x, u) + d. Disturbances of
-/// other outputs are added to these.
+/// other outputs are added to these. [`Augmentation::read`] makes that of an estimate.
 ///
 /// ```
 /// use pinc_estimate::{Augmentation, Compensated, Disturbance, Measured};
@@ -59,21 +59,6 @@ impl Compensated {
         }
         let x = vec![0.0; BLOCK * inner.dims().nx];
         Ok(Self { inner, shifted, outputs, x })
-    }
-
-    /// Writes the state of the controller and the parameters w that belong to the estimate z = (x,
-    /// d, theta).
-    ///
-    /// # Shapes
-    ///
-    /// `x`: `nx`; `w`: `np` of this model; `z`: both together.
-    pub fn read(&self, z: &[f64], x: &mut [f64], w: &mut [f64]) {
-        let (state, unknowns) = z.split_at(x.len());
-        x.copy_from_slice(state);
-        w.copy_from_slice(unknowns);
-        for &(state, place) in &self.shifted {
-            x[state] += w[place];
-        }
     }
 
     /// Takes the disturbances off the states of some points.

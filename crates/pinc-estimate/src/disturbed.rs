@@ -33,6 +33,25 @@ impl Augmentation {
         self.disturbance.count(dims.nu, self.measured.len()) + self.estimated.len()
     }
 
+    /// Writes what belongs to the estimate z = (x, d, theta): the state that a controller with the
+    /// [`Compensated`](crate::Compensated) model sees, and the parameters w = (d, theta) of that.
+    ///
+    /// # Shapes
+    ///
+    /// `x`: `nx` of the plant; `w`: the rest of z.
+    pub fn read(&self, z: &[f64], x: &mut [f64], w: &mut [f64]) {
+        let (state, unknowns) = z.split_at(x.len());
+        x.copy_from_slice(state);
+        w.copy_from_slice(unknowns);
+        if self.disturbance == Disturbance::Output {
+            for (measured, d) in self.measured.iter().zip(w) {
+                if let Measured::State(state) = *measured {
+                    x[state] += *d;
+                }
+            }
+        }
+    }
+
     fn validate(&self, dims: Dims) -> Result<(), EstimateError> {
         let Self { measured, disturbance, parameters, estimated } = self;
         if measured.is_empty() {
@@ -150,6 +169,9 @@ impl Disturbed {
     fn arrange(&mut self, at: Arguments<'_>) -> usize {
         let Dims { nx, nu, np, .. } = self.dims;
         let (count, nw) = (at.x.len() / nx, self.unknowns());
+        assert!(at.x.len() == count * nx, "length of x");
+        assert!(at.u.len() == count * nu, "length of u");
+        assert!(at.w.len() == count * nw, "length of p");
         self.u[..count * nu].copy_from_slice(at.u);
         for k in 0..count {
             let w = &at.w[k * nw..(k + 1) * nw];

@@ -6,6 +6,7 @@
 //!   controller that uses the estimates.
 //! - [`Estimator`]: the interface of the estimators [`Ekf`] (with a linear model, the Kalman
 //!   filter), [`Ukf`] and, with bounds, [`Mhe`].
+//! - [`OutputFeedback`]: sensors and an estimator in a [`ClosedLoop`](pinc_mpc::ClosedLoop).
 //!
 //! A status is a value, for a controller needs an estimate however a step ends; an
 //! [`EstimateError`] means that the parts do not fit together.
@@ -17,6 +18,7 @@ mod disturbed;
 mod ekf;
 mod error;
 mod estimator;
+mod feedback;
 mod kalman;
 mod matrix;
 mod mhe;
@@ -29,5 +31,6 @@ pub use disturbed::Augmentation;
 pub use ekf::Ekf;
 pub use error::EstimateError;
 pub use estimator::{Correction, Estimator, EstimatorStatus, Tuning};
+pub use feedback::{History, OutputFeedback};
 pub use mhe::Mhe;
 pub use ukf::Ukf;

@@ -1,7 +1,8 @@
 //! The controller and the plant together.
 
 use crate::error::check_finite;
-use crate::{Constraint, MpcError, Nmpc, Reference, SqpStatus, Tracked};
+use crate::observer::Watch;
+use crate::{Constraint, MpcError, Nmpc, Observer, PlantNow, Reference, SqpStatus, Tracked};
 use pinc_ode::metrics::Tracking;
 use pinc_ode::{Dopri5, Trajectory};
 
@@ -46,6 +47,8 @@ pub struct ClosedLoop<'a> {
     window: Vec<f64>,
     /// Whether the controller sees later values of the reference.
     preview: bool,
+    /// What tells the controller of the plant, if it does not see the state itself.
+    watch: Option<Watch<'a>>,
     steps: Vec<StepRecord>,
     /// How many steps the plant has taken.
     done: usize,
@@ -109,6 +112,7 @@ impl<'a> ClosedLoop<'a> {
             inputs: vec![0.0; (nmpc.problem().delay + 1) * dims.nu],
             window: vec![0.0; nmpc.problem().horizon * outputs],
             preview: true,
+            watch: None,
             steps: Vec::with_capacity(reference.steps()),
             done: 0,
             broken: false,
@@ -137,6 +141,29 @@ impl<'a> ClosedLoop<'a> {
     #[must_use]
     pub fn without_preview(self) -> Self {
         Self { preview: false, ..self }
+    }
+
+    /// The same loop with a controller that sees the plant by `observer`: this gives it the state,
+    /// and the parameters of its model.
+    #[must_use]
+    pub fn with_observer(self, observer: &'a mut dyn Observer) -> Self {
+        let dims = self.nmpc.model().dims();
+        Self { watch: Some(Watch::new(observer, dims.nx, dims.np)), ..self }
+    }
+
+    /// Asks the observer, if there is one.
+    fn observe(&mut self) -> Result<(), MpcError> {
+        let Some(watch) = &mut self.watch else { return Ok(()) };
+        let mut y = vec![0.0; self.plant.dims().ny];
+        self.plant.output(&self.x, &self.inputs[..self.nmpc.model().dims().nu], &mut y);
+        watch.observe(PlantNow { step: self.done, x: &self.x, y: &y });
+        self.nmpc.set_parameters(&watch.parameters)
+    }
+
+    /// What the controller takes for the state of the plant, shape `n`.
+    #[must_use]
+    pub fn seen(&self) -> &[f64] {
+        self.watch.as_ref().map_or(&self.x, |watch| &watch.x)
     }
 
     /// Writes what is followed by the input chosen in step `k`, at the ends of the stages.
@@ -180,7 +207,9 @@ impl<'a> ClosedLoop<'a> {
         }
         let delay = self.nmpc.problem().delay;
         self.write_window(self.done);
-        let step = self.nmpc.step_within(&self.x, &self.window, expired)?;
+        self.observe()?;
+        let seen = self.watch.as_ref().map_or(&self.x, |watch| &watch.x);
+        let step = self.nmpc.step_within(seen, &self.window, expired)?;
         self.steps.truncate(self.done);
         self.steps.push(StepRecord {
             status: step.status,
@@ -341,6 +370,9 @@ impl Control<'_, '_> {
         let m = run.nmpc.model().dims().nu;
         let u = run.inputs[..m].to_vec();
         run.move_plant(&u)?;
+        if let Some(watch) = &mut run.watch {
+            watch.advance(&u);
+        }
         run.inputs.copy_within(m.., 0);
         run.nmpc.prepare();
         Ok(())

@@ -333,9 +333,9 @@ fn constants(tuning: &Tuning) -> Constants {
         if bounds.is_empty() { vec![none; n] } else { bounds.to_vec() }
     };
     let sizes = tuning.initial_sd.iter().zip(&tuning.process_sd);
-    let unit = |(initial, process): (&f64, &f64)| match (*initial > 0.0, *process > 0.0) {
-        (true, _) => *initial,
-        (false, true) => *process,
+    let unit = |(first, later): (&f64, &f64)| match (*first > 0.0, *later > 0.0) {
+        (true, _) => *first,
+        (false, true) => *later,
         (false, false) => 1.0,
     };
     Constants {

@@ -80,7 +80,7 @@ proptest! {
             z.extend(&unknown[..np - 1]);
             z.push(1.5 + unknown[2]);
             let (mut x, mut w) = ([0.0; 2], vec![0.0; np]);
-            compensated.read(&z, &mut x, &mut w);
+            augmentation.read(&z, &mut x, &mut w);
             let (mut next, mut y, mut all) = (vec![0.0; nz], [0.0; 2], [0.0; 2]);
             augmented.output(&z, &[u], &[], &mut y);
             compensated.output(&x, &[u], &w, &mut all);
@@ -90,7 +90,7 @@ proptest! {
             let mut ahead = [0.0; 2];
             compensated.step(&x, &[u], &w, &mut ahead);
             let (mut expected, mut same) = ([0.0; 2], vec![0.0; np]);
-            compensated.read(&next, &mut expected, &mut same);
+            augmentation.read(&next, &mut expected, &mut same);
             prop_assert_eq!(&same, &w);
             for (found, expected) in ahead.iter().zip(expected) {
                 prop_assert!((found - expected).abs() < 1e-12);

@@ -1,0 +1,135 @@
+//! Sensors and an estimator in a closed loop.
+
+use crate::matrix::{dot, factor, solve_lower};
+use crate::{Augmentation, Correction, Estimator, EstimatorStatus, Measured};
+use pinc_mpc::{Observer, PlantNow};
+
+/// Output feedback: the plant of a closed loop is measured, with noise, and an estimator makes of it
+/// what the controller is told. Its model is to be [`Compensated`](crate::Compensated) with the same
+/// augmentation.
+///
+/// All steps are remembered.
+#[derive(Debug)]
+pub struct OutputFeedback {
+    estimator: Box<dyn Estimator>,
+    augmentation: Augmentation,
+    /// The noise of all steps, `[steps, ny]`.
+    noise: Vec<f64>,
+    measured: Vec<f64>,
+    root: Vec<f64>,
+    error: Vec<f64>,
+    covariance: Vec<f64>,
+    history: History,
+}
+
+/// What an estimator did in a closed loop, step by step.
+#[derive(Clone, Debug, Default, PartialEq)]
+#[non_exhaustive]
+pub struct History {
+    /// What was measured, `[steps, ny]`.
+    pub measured: Vec<f64>,
+    /// The filtered estimates of z, `[steps, nz]`.
+    pub estimates: Vec<f64>,
+    /// Their standard deviations, `[steps, nz]`.
+    pub sd: Vec<f64>,
+    /// Measured minus expected, `[steps, ny]`.
+    pub innovations: Vec<f64>,
+    /// What came of the corrections.
+    pub corrections: Vec<Correction>,
+    /// How the predictions ended.
+    pub predictions: Vec<EstimatorStatus>,
+    /// The normalized errors squared, e' P^-1 e, with e the error of the state: of a consistent
+    /// estimator they have the chi-squared distribution with `nx` degrees of freedom. NaN where P
+    /// is singular.
+    pub nees: Vec<f64>,
+    /// The sums of the squares of the states' errors, `nx`.
+    pub squared_errors: Vec<f64>,
+}
+
+impl OutputFeedback {
+    /// An `estimator` of the augmented model that is told what is measured, to which `noise` is
+    /// added, `[steps, ny]`; steps beyond it have none.
+    #[must_use]
+    pub fn new(estimator: Box<dyn Estimator>, augmentation: Augmentation, noise: Vec<f64>) -> Self {
+        let dims = estimator.dims();
+        Self {
+            noise,
+            measured: vec![0.0; dims.ny],
+            root: Vec::new(),
+            error: Vec::new(),
+            covariance: Vec::new(),
+            history: History::default(),
+            augmentation,
+            estimator,
+        }
+    }
+
+    /// What the estimator has done so far.
+    #[must_use]
+    pub fn history(&self) -> &History {
+        &self.history
+    }
+
+    /// The same as a value.
+    #[must_use]
+    pub fn into_history(self) -> History {
+        self.history
+    }
+
+    fn measure(&mut self, plant: PlantNow<'_>) {
+        let quantities = self.augmentation.measured.iter();
+        for (i, (y, measured)) in self.measured.iter_mut().zip(quantities).enumerate() {
+            let noise = self.noise.get(plant.step * self.augmentation.measured.len() + i);
+            let truth = match *measured {
+                Measured::State(state) => plant.x[state],
+                Measured::Output(output) => plant.y[output],
+            };
+            *y = truth + noise.unwrap_or(&0.0);
+        }
+    }
+
+    /// The normalized error squared at the true state `x`.
+    fn nees(&mut self, x: &[f64]) -> f64 {
+        let (n, nz) = (x.len(), self.estimator.dims().nx);
+        let p = self.estimator.covariance();
+        self.covariance.clear();
+        (0..n).for_each(|i| self.covariance.extend(&p[i * nz..i * nz + n]));
+        self.root.resize(n * n, 0.0);
+        self.error.clear();
+        self.error.extend(self.estimator.estimate().iter().zip(x).map(|(z, x)| z - x));
+        let history = &mut self.history.squared_errors;
+        history.resize(n, 0.0);
+        history.iter_mut().zip(&self.error).for_each(|(sum, e)| *sum += e * e);
+        let singular = !factor(&self.covariance, n, &mut self.root)
+            || (0..n).any(|i| self.root[i * (n + 1)] <= 0.0);
+        if singular {
+            return f64::NAN;
+        }
+        solve_lower(&self.root, &mut self.error);
+        dot(&self.error, &self.error)
+    }
+}
+
+impl Observer for OutputFeedback {
+    fn observe(&mut self, plant: PlantNow<'_>, x: &mut [f64], parameters: &mut [f64]) {
+        self.measure(plant);
+        let correction = self.estimator.correct(&self.measured);
+        let z = self.estimator.estimate();
+        self.augmentation.read(z, x, parameters);
+        let nz = z.len();
+        let nees = self.nees(plant.x);
+        let history = &mut self.history;
+        history.nees.push(nees);
+        history.measured.extend(&self.measured);
+        history.estimates.extend(self.estimator.estimate());
+        let variances = self.estimator.covariance().iter().step_by(nz + 1);
+        history.sd.extend(variances.map(|variance| variance.sqrt()));
+        history.innovations.extend(self.estimator.innovation());
+        history.corrections.push(correction);
+    }
+
+    fn advance(&mut self, u: &[f64]) {
+        let status = self.estimator.predict(u);
+        self.history.predictions.push(status);
+    }
+}

@@ -1,0 +1,57 @@
+//! What the controller is told of the plant in place of its state.
+
+use std::fmt::Debug;
+
+/// Sensors and an estimator between the plant of a [`ClosedLoop`](crate::ClosedLoop) and its
+/// controller.
+pub trait Observer: Debug {
+    /// Writes what the controller is to take for the state of the plant in this step, and for the
+    /// parameters of its model until the next.
+    ///
+    /// # Shapes
+    ///
+    /// `x`: as the model's states; `parameters`: as its parameters.
+    fn observe(&mut self, plant: PlantNow<'_>, x: &mut [f64], parameters: &mut [f64]);
+
+    /// Takes note of the input that acts on the plant in this step, `m`.
+    fn advance(&mut self, u: &[f64]);
+}
+
+/// The plant at the beginning of a step.
+#[derive(Clone, Copy, Debug)]
+#[non_exhaustive]
+pub struct PlantNow<'a> {
+    /// The step, counted from 0.
+    pub step: usize,
+    /// Its state, `n`.
+    pub x: &'a [f64],
+    /// Its outputs, under the input of the step before.
+    pub y: &'a [f64],
+}
+
+/// An observer with the numbers that it last gave.
+#[derive(Debug)]
+pub(crate) struct Watch<'a> {
+    observer: &'a mut dyn Observer,
+    /// The step it was last asked in.
+    asked: Option<usize>,
+    pub(crate) x: Vec<f64>,
+    pub(crate) parameters: Vec<f64>,
+}
+
+impl<'a> Watch<'a> {
+    pub(crate) fn new(observer: &'a mut dyn Observer, nx: usize, np: usize) -> Self {
+        Self { observer, asked: None, x: vec![0.0; nx], parameters: vec![0.0; np] }
+    }
+
+    /// Asks the observer, once per step.
+    pub(crate) fn observe(&mut self, plant: PlantNow<'_>) {
+        if self.asked.replace(plant.step) != Some(plant.step) {
+            self.observer.observe(plant, &mut self.x, &mut self.parameters);
+        }
+    }
+
+    pub(crate) fn advance(&mut self, u: &[f64]) {
+        self.observer.advance(u);
+    }
+}
