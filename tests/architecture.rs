@@ -18,7 +18,10 @@ const CRATES: [(&str, &[&str]); 14] = [
     ("pinc-net", &["pinc-ad", "pinc-ode"]),
     ("pinc-mpc", &["pinc-ad", "pinc-ode", "pinc-qp"]),
     ("pinc-estimate", &["pinc-mpc", "pinc-ode", "pinc-qp"]),
-    ("pinc-config", &["pinc-expr", "pinc-mpc", "pinc-net", "pinc-ode", "pinc-plants"]),
+    (
+        "pinc-config",
+        &["pinc-estimate", "pinc-expr", "pinc-mpc", "pinc-net", "pinc-ode", "pinc-plants"],
+    ),
     ("pinc-record", &["pinc-config", "pinc-mpc", "pinc-net"]),
     ("pinc-report", &["pinc-chart", "pinc-config", "pinc-mpc", "pinc-net", "pinc-record"]),
     (
@@ -27,6 +30,7 @@ const CRATES: [(&str, &[&str]); 14] = [
             "pinc-ad",
             "pinc-analysis",
             "pinc-config",
+            "pinc-estimate",
             "pinc-expr",
             "pinc-mpc",
             "pinc-net",

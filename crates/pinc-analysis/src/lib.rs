@@ -16,6 +16,7 @@
 //! [`pinc_ode::DynRhs`]. Parameters of a plant that vary from call to call are not supported.
 
 mod crossing;
+mod detectability;
 mod knee;
 mod least_squares;
 mod modes;
@@ -29,6 +30,7 @@ mod survey;
 mod zeros;
 
 pub use crossing::{Crossing, crossings};
+pub use detectability::{UnseenMode, unseen_modes};
 pub use knee::beyond_knee;
 pub use modes::{Growth, TimeScales};
 pub use plane::{Plane, common_plane, common_ratio};

@@ -80,6 +80,25 @@ enum Command {
         #[command(flatten)]
         run: RunArgs,
     },
+    /// Run the config's estimator over recorded data, from CSV to CSV.
+    Estimate {
+        /// Config file (TOML).
+        config: PathBuf,
+        /// Data: columns t, the inputs, y_ and the name of each measured quantity.
+        #[arg(long)]
+        data: PathBuf,
+        /// Output: the filtered estimates with their standard deviations.
+        #[arg(long)]
+        output: Option<PathBuf>,
+        /// Model file (safetensors), to estimate with a net.
+        #[arg(long)]
+        model: Option<PathBuf>,
+        /// The model to estimate with.
+        #[arg(long, value_enum)]
+        only: Option<Only>,
+        #[command(flatten)]
+        set: SetArgs,
+    },
     /// Check a config and examine its plant before anything is trained.
     Check {
         /// Config file (TOML).
@@ -162,6 +181,17 @@ enum Only {
     Rodas4,
 }
 
+impl From<Only> for ModelKind {
+    fn from(only: Only) -> Self {
+        match only {
+            Only::Pinc => Self::Pinc,
+            Only::Rk4 => Self::Rk4,
+            Only::Rk5 => Self::Rk5,
+            Only::Rodas4 => Self::Rodas4,
+        }
+    }
+}
+
 /// The whole program `pinc`, with `plants` besides the built-in ones.
 #[must_use]
 pub fn program(plants: &Plants) -> ExitCode {
@@ -193,12 +223,7 @@ fn execute(cli: &Cli, plants: &Plants) -> Result<ExitCode, BenchError> {
             run.one(config, plants, quiet, crate::train)?;
         }
         Command::Control { config, model, only, run } => {
-            let only = only.map(|only| match only {
-                Only::Pinc => ModelKind::Pinc,
-                Only::Rk4 => ModelKind::Rk4,
-                Only::Rk5 => ModelKind::Rk5,
-                Only::Rodas4 => ModelKind::Rodas4,
-            });
+            let only = only.map(ModelKind::from);
             run.one(config, plants, quiet, |experiment, dir, options| {
                 crate::control(experiment, dir, options, model.as_deref(), only)
             })?;
@@ -212,6 +237,13 @@ fn execute(cli: &Cli, plants: &Plants) -> Result<ExitCode, BenchError> {
             if found.outside > 0 && !quiet {
                 console::note(&format!("warning: {found}"));
             }
+        }
+        Command::Estimate { config, data, output, model, only, set } => {
+            let experiment = Experiment::load(config, &set.set, plants)?;
+            let only = only.map(ModelKind::from);
+            let (output, model) = (output.as_deref(), model.as_deref());
+            let found = crate::estimate(&experiment, data, output, model, only)?;
+            show(quiet, &found.to_string());
         }
         Command::Check { config, json, set } => return check(config, *json, &set.set, plants),
         Command::Report { dir } => {

@@ -1,6 +1,7 @@
 //! What can go wrong with an experiment.
 
 use pinc_config::{ConfigError, ModelKind};
+use pinc_estimate::EstimateError;
 use pinc_mpc::MpcError;
 use pinc_net::{ModelError, NetError};
 use pinc_ode::OdeError;
@@ -106,6 +107,9 @@ pub enum BenchError {
         /// Length T of a step, in s.
         sample_time_s: f64,
     },
+    /// An estimator and its model that do not fit together.
+    #[error(transparent)]
+    Estimate(#[from] EstimateError),
     /// Another error of a net or its training.
     #[error("training: {0}")]
     Net(#[from] NetError),
@@ -209,6 +213,16 @@ pub enum CsvProblem {
         t: f64,
         /// The time of the row before.
         previous: f64,
+    },
+    /// Times that are not a step apart.
+    #[error("column `t`: {t} s after {previous} s given, expected steps of T = {sample_time_s} s")]
+    Spacing {
+        /// The time.
+        t: f64,
+        /// The time of the row before.
+        previous: f64,
+        /// Length T of a step, in s.
+        sample_time_s: f64,
     },
     /// A time that is not within a step.
     #[error("column `t`: {t} s given, expected from 0 to T = {sample_time_s} s")]

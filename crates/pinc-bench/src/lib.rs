@@ -1,6 +1,6 @@
 //! Runs of experiments, sweeps, measurements of the machine, and the program `pinc`.
 //!
-//! - [`run`], [`train`], [`control`], [`predict`], [`check`], [`rebuild_report`]: what the
+//! - [`run`], [`train`], [`control`], [`predict`], [`estimate`], [`check`], [`rebuild_report`]: what the
 //!   program does with an [`Experiment`](pinc_config::Experiment).
 //! - [`sweep()`], [`merge`]: an experiment many times over.
 //! - [`bench()`]: measurements of the machine.
@@ -29,7 +29,8 @@ pub use error::{BenchError, CsvProblem};
 pub use pinc_config::Plants;
 pub use progress::Verbosity;
 pub use runs::{
-    Finding, Options, Severity, check, control, findings_json, predict, rebuild_report, run, train,
+    Estimated, Finding, Options, Severity, check, control, estimate, findings_json, predict,
+    rebuild_report, run, train,
 };
 pub use summary::summary;
 pub use sweep::{Shard, merge, sweep};

@@ -1,5 +1,6 @@
 //! The `[control]` section.
 
+use crate::estimator::{EstimatorSpec, MeasurementSpec};
 use crate::{PlantSpec, Variables};
 use pinc_mpc::{Bounds, NmpcProblem, Softness, SqpConfig, Tracked, Weight, Weights};
 use serde::{Deserialize, Serialize};
@@ -14,6 +15,12 @@ pub struct ControlSpec {
     /// The plant in the loop, where it is another than the one that the models are of.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub plant: Option<PlantSpec>,
+    /// What of that plant is measured; its states, exactly, if absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub measurement: Option<MeasurementSpec>,
+    /// What makes a state of the measurements.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub estimator: Option<EstimatorSpec>,
     /// Length of the run in s: a whole number of T.
     pub duration_s: f64,
     /// The state it starts from, in the plant's order.

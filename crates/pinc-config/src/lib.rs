@@ -32,6 +32,7 @@
 
 mod control;
 mod data;
+mod estimator;
 mod experiment;
 mod explain;
 mod layers;
@@ -50,6 +51,9 @@ mod validate;
 
 pub use control::{ControlSpec, InputDifference, ModelKind, OutsidePolicy, Profile, ReferenceStep};
 pub use data::DataSpec;
+pub use estimator::{
+    DisturbanceSpec, EstimatorKind, EstimatorSpec, MeasurementSpec, UnknownParameter,
+};
 pub use experiment::Experiment;
 pub use list::{ListedRun, RunList};
 pub use one_step::OneStepSpec;

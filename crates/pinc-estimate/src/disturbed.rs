@@ -52,7 +52,12 @@ impl Augmentation {
         }
     }
 
-    fn validate(&self, dims: Dims) -> Result<(), EstimateError> {
+    /// Checks it against a model of dimensions `dims`.
+    ///
+    /// # Errors
+    ///
+    /// [`EstimateError`], with the reason.
+    pub fn validate(&self, dims: Dims) -> Result<(), EstimateError> {
         let Self { measured, disturbance, parameters, estimated } = self;
         if measured.is_empty() {
             return Err(EstimateError::NothingMeasured);

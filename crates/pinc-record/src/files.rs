@@ -48,6 +48,12 @@ pub mod file {
         of_model("steps", model, models)
     }
 
+    /// What the estimator made of the measurements in the closed loop with one of `models` models.
+    #[must_use]
+    pub fn estimates(model: ModelKind, models: usize) -> String {
+        of_model("estimates", model, models)
+    }
+
     /// A run with one model has one file of a kind, with several a file for each.
     fn of_model(kind: &str, model: ModelKind, models: usize) -> String {
         match models {
@@ -59,7 +65,9 @@ pub mod file {
     /// All names that closed loops may have written under.
     pub(crate) fn of_loops() -> impl Iterator<Item = String> {
         let models = ModelKind::ALL.into_iter().flat_map(|model| [(model, 1), (model, 2)]);
-        models.flat_map(|(model, count)| [control(model, count), steps(model, count)])
+        models.flat_map(|(model, count)| {
+            [control(model, count), steps(model, count), estimates(model, count)]
+        })
     }
 }
 

@@ -1,7 +1,8 @@
 //! The files of a run directory: metrics, tables, checkpoint, provenance.
 //!
 //! - [`RunDir`]: the directory of a run, with its [`Metrics`]; [`LoopFinding`]: what went wrong in it.
-//! - [`TrainingRow`], [`PredictionTable`], [`ControlTrace`], [`StepRow`]: the tables of a run.
+//! - [`TrainingRow`], [`PredictionTable`], [`ControlTrace`], [`StepRow`], [`EstimateTable`]: the tables of
+//!   a run.
 //! - [`TrialTable`], [`SummaryTable`]: the tables of a sweep; [`SweepDir`]: where its trials are.
 //! - [`Provenance`]: where results come from.
 //! - [`Saved`]: a training to be resumed.
@@ -25,17 +26,17 @@ pub use csv::{CsvText, number};
 pub use error::{CheckpointProblem, RecordError, TableProblem};
 pub use files::{file, read_file, read_text, write_atomically};
 pub use metrics::{
-    ControlMetrics, Excess, Metrics, OneStepMetrics, OutsideDomain, PredictionMetrics,
-    ReferenceMetrics, StepErrors, StepTimes, SweepMetrics, TrainingMetrics, ValidationMetrics,
-    WallTimes,
+    ControlMetrics, EstimatorMetrics, Excess, Metrics, OneStepMetrics, OutsideDomain,
+    PredictionMetrics, ReferenceMetrics, StepErrors, StepTimes, SweepMetrics, TrainingMetrics,
+    ValidationMetrics, WallTimes,
 };
 pub use provenance::{Invocation, Provenance};
 pub use run_dir::RunDir;
 pub use spread::Spread;
 pub use sweep_dir::{Ending, Finished, SweepDir};
 pub use tables::{
-    ControlRow, ControlTrace, LoopMetric, PredictionRow, PredictionTable, StepMetric, StepRow,
-    SummaryRow, SummaryTable, TrainingRow, TrialColumn, TrialMetric, TrialStatus, TrialTable,
-    fixed_table, read_fixed_table,
+    ControlRow, ControlTrace, EstimateRow, EstimateTable, LoopMetric, PredictionRow,
+    PredictionTable, StepMetric, StepRow, SummaryRow, SummaryTable, TrainingRow, TrialColumn,
+    TrialMetric, TrialStatus, TrialTable, fixed_table, read_fixed_table,
 };
 pub use verdict::LoopFinding;

@@ -273,6 +273,28 @@ pub struct ControlMetrics {
     /// Whether the net was used outside its training domain; not there for other models.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub outside_domain: Option<OutsideDomain>,
+    /// How good the estimates were, where the controller was told of estimates.
+    #[serde(flatten)]
+    pub estimator: Option<EstimatorMetrics>,
+}
+
+/// How good the estimates of a closed loop are, and whether the estimator is as sure of itself as it may
+/// be.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct EstimatorMetrics {
+    /// The mean of the normalized innovations squared: of a consistent estimator, the number of measured
+    /// quantities.
+    #[serde(deserialize_with = "number_or_null")]
+    pub nis_mean: f64,
+    /// The mean of the normalized errors squared: of a consistent estimator, the number of states.
+    #[serde(deserialize_with = "number_or_null")]
+    pub nees_mean: f64,
+    /// The root mean square error of each state's estimate at the step marks, in its unit.
+    pub estimate_rmse: BTreeMap<String, f64>,
+    /// Time of a correction and a prediction together.
+    pub estimator_us: StepTimes,
+    /// How many corrections ended with which status, and how many predictions with another than updated.
+    pub estimator_status: BTreeMap<String, usize>,
 }
 
 impl ControlMetrics {

@@ -198,6 +198,7 @@ mod tests {
                 settled_within: BTreeMap::from([(name(), 0.1)]),
             },
             outside_domain: None,
+            estimator: None,
         }
     }
 

@@ -4,8 +4,8 @@ use crate::error::ReportError;
 use crate::trials::Trials;
 use pinc_config::{Experiment, ModelKind};
 use pinc_record::{
-    ControlTrace, Metrics, PredictionTable, Provenance, RecordError, StepRow, TrainingRow, file,
-    read_fixed_table, read_text,
+    ControlTrace, EstimateTable, Metrics, PredictionTable, Provenance, RecordError, StepRow,
+    TrainingRow, file, read_fixed_table, read_text,
 };
 use std::io::ErrorKind;
 use std::path::Path;
@@ -26,6 +26,7 @@ pub(crate) struct Run {
     /// The closed loops, PINC first.
     pub(crate) control: Vec<OfModel<ControlTrace>>,
     pub(crate) steps: Vec<OfModel<Vec<StepRow>>>,
+    pub(crate) estimates: Vec<OfModel<EstimateTable>>,
     /// Of a sweep.
     pub(crate) trials: Option<Trials>,
 }
@@ -62,6 +63,7 @@ impl Run {
             prediction: PredictionTable::read(&dir.join(file::PREDICTION))?,
             control,
             steps: read_models(dir, file::steps, only, read_fixed_table)?,
+            estimates: read_models(dir, file::estimates, only, EstimateTable::read)?,
             trials: Trials::read(dir, &experiment)?,
             config_text,
             experiment,

@@ -10,6 +10,7 @@
 mod control;
 mod data;
 mod error;
+mod estimates;
 mod html;
 mod number_tables;
 mod paper;

@@ -4,7 +4,7 @@ use crate::data::Run;
 use crate::error::ReportError;
 use crate::picture::{Drawn, Picture};
 use crate::variables::Variables;
-use crate::{control, html, prediction, steps, sweep, training};
+use crate::{control, estimates, html, prediction, steps, sweep, training};
 use std::path::Path;
 
 /// A run's report.
@@ -60,6 +60,7 @@ fn pictures(run: &Run) -> Result<Vec<Picture>, ReportError> {
     pictures.extend(training::picture(run));
     pictures.extend(prediction::picture(run, &variables));
     pictures.extend(control::pictures(run, &variables));
+    pictures.extend(estimates::picture(run));
     pictures.extend(steps::picture(run));
     Ok(pictures)
 }

@@ -25,7 +25,7 @@ fn measure(case: Case, method: QpMethod, repetitions: usize) -> Result<QpTime, B
     let experiment = case.experiment(&[&format!("control.sqp.qp={method}")])?;
     let spec = experiment.control.as_ref().expect("the shipped loops have a controller");
     let sample_time_s = experiment.sample_time_s().expect("the shipped loops train a net");
-    let setup = LoopSetup { spec, kinds: &[ModelKind::Rk4], net: None, sample_time_s };
+    let setup = LoopSetup::of(spec, &[ModelKind::Rk4], sample_time_s);
     let plant = &*experiment.plant.dyn_plant();
     let in_model = Spent::default();
     let model = Watched { model: setup.model(ModelKind::Rk4, plant)?, spent: in_model.clone() };

@@ -1,6 +1,7 @@
 //! The closed-loop stage: the plant under the controller, with one model after the other.
 
 use super::Options;
+use super::feedback::{self, TimedFeedback};
 use super::guard::Guard;
 use super::with_outputs::WithOutputs;
 use crate::BenchError;
@@ -13,6 +14,7 @@ use pinc_record::{
     ControlMetrics, ControlRow, ControlTrace, Metrics, ReferenceMetrics, RunDir, StepRow,
     StepTimes, WallTimes, file, fixed_table,
 };
+use std::cell::Cell;
 use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
 
@@ -25,10 +27,24 @@ pub(crate) struct LoopSetup<'a> {
     pub(crate) net: Option<&'a PincNet>,
     /// Length T of a step.
     pub(crate) sample_time_s: f64,
+    /// What the noise of measurements follows from.
+    pub(crate) seed: u64,
+    /// The plant with the parameters that are estimated as arguments of its equation, if there are any.
+    pub(crate) adaptive: Option<Box<dyn DynPlant>>,
 }
 
-/// A model for the controller.
-type NamedModel = (ModelKind, Box<dyn Model>);
+/// The plant that the models are of, and the one in the loop.
+struct Plants<'a> {
+    modelled: &'a dyn DynPlant,
+    real: &'a dyn DynPlant,
+}
+
+/// The plant of an experiment whose estimator estimates some of its parameters.
+pub(super) fn adaptive(experiment: &Experiment) -> Option<Box<dyn DynPlant>> {
+    let estimator = experiment.control.as_ref()?.estimator.as_ref()?;
+    let names = estimator.parameter_names();
+    (!names.is_empty()).then(|| experiment.plant.dyn_plant_with(&names))
+}
 
 /// Runs the closed loops, unless all have been run. `plant` is the one that the models are of, and
 /// also the one in the loop unless the config has another.
@@ -46,41 +62,55 @@ pub(crate) fn stage(
     run_dir.remove_loops()?;
     let real = setup.spec.plant.as_ref().map(PlantSpec::dyn_plant);
     for &kind in setup.kinds {
-        let model = (kind, setup.model(kind, plant)?);
-        let metrics = run_model(real.as_deref().unwrap_or(plant), setup, model, options, run_dir)?;
+        let plants = Plants { modelled: plant, real: real.as_deref().unwrap_or(plant) };
+        let metrics = run_model(&plants, setup, kind, options, run_dir)?;
         run_dir.update(|all| all.control.push(metrics))?;
     }
     Ok(())
 }
 
 fn run_model(
-    plant: &dyn DynPlant,
+    &Plants { modelled, real: plant }: &Plants<'_>,
     setup: &LoopSetup<'_>,
-    (kind, model): NamedModel,
+    kind: ModelKind,
     options: &Options<'_>,
     run_dir: &RunDir,
 ) -> Result<ControlMetrics, BenchError> {
     let ControlSpec { sqp, repetitions, budget_us, .. } = setup.spec;
-    let mut nmpc = Nmpc::new(setup.problem(plant), model, *sqp)?;
+    let (model, problem) = setup.controller(kind, modelled)?;
+    let mut nmpc = Nmpc::new(problem, model, *sqp)?;
     let name = format!("control {kind}");
     let mut progress = Stage::begin(options.verbosity, &name, *repetitions as u64);
     let mut times = Times::default();
     let mut results = None;
-    let mut outside = None;
+    let (mut outside, mut estimates, mut estimator_us) = (None, None, Vec::new());
     for repetition in 0..*repetitions {
         options.check_interrupt(run_dir.dir())?;
         progress.advance(repetition as u64, String::new);
         // Only the first leaves results: the others give the same numbers in other times.
-        let mut run = setup.begin(&mut nmpc, plant)?;
+        let mut feedback = setup.feedback(kind, modelled)?;
+        let estimating = feedback.as_ref().map(TimedFeedback::clock);
+        let run = setup.begin(&mut nmpc, plant)?;
+        let mut run = match &mut feedback {
+            Some(feedback) => run.with_observer(feedback),
+            None => run,
+        };
         let mut guard = setup.guard(kind);
         let budget = budget_us.map(|us| Duration::from_secs_f64(1e-6 * us));
-        let outcome = times.watch(&mut run, budget, guard.as_mut());
+        let outcome = times.watch(&mut run, budget, guard.as_mut(), estimating.as_deref());
         if results.is_none() || outcome.is_err() {
             let name = file::control(kind, setup.kinds.len());
             run_dir.write_trace(&name, || setup.trace(&run, plant).to_csv())?;
             results = Some(Results::of(&run, setup));
             outside = guard.map(Guard::found);
+            if let Some(feedback) = &feedback {
+                let name = file::estimates(kind, setup.kinds.len());
+                let table = setup.estimates(feedback.history(), plant);
+                run_dir.write_trace(&name, || table.to_csv())?;
+                estimates = Some(feedback.history().clone());
+            }
         }
+        estimator_us.extend(feedback.iter().flat_map(TimedFeedback::step_us));
         outcome?;
     }
     let results = results.expect("there is at least one repetition");
@@ -88,7 +118,9 @@ fn run_model(
     run_dir.write_trace(&name, || fixed_table(&times.rows(&results)))?;
     progress.end(&format!("{repetitions} runs, IAE {:.4}", results.iae_dense_sum));
     let metrics = results.metrics(kind, times);
-    Ok(ControlMetrics { outside_domain: outside, ..metrics })
+    let names = Variables::of(plant).state_names();
+    let estimator = estimates.map(|history| feedback::metrics(&history, &names, estimator_us));
+    Ok(ControlMetrics { outside_domain: outside, estimator, ..metrics })
 }
 
 /// An error if more control steps failed in a loop than the config allows.
@@ -114,12 +146,19 @@ pub(super) fn rehearse(
     spec: &ControlSpec,
     sample_time_s: f64,
 ) -> Result<Trajectory, BenchError> {
-    let setup = LoopSetup { spec, kinds: &[ModelKind::Rk4], net: None, sample_time_s };
+    let setup = LoopSetup::of(spec, &[ModelKind::Rk4], sample_time_s);
     let model = setup.model(ModelKind::Rk4, plant)?;
     let mut nmpc = Nmpc::new(setup.problem(plant), model, spec.sqp)?;
     let mut run = setup.begin(&mut nmpc, plant)?;
     run.run()?;
     Ok(run.trajectory().clone())
+}
+
+impl<'a> LoopSetup<'a> {
+    /// Without a net and an estimator.
+    pub(crate) fn of(spec: &'a ControlSpec, kinds: &'a [ModelKind], sample_time_s: f64) -> Self {
+        Self { spec, kinds, net: None, sample_time_s, seed: 0, adaptive: None }
+    }
 }
 
 impl LoopSetup<'_> {
@@ -243,6 +282,7 @@ impl Times {
         run: &mut ClosedLoop<'_>,
         budget: Option<Duration>,
         mut guard: Option<&mut Guard<'_>>,
+        estimating: Option<&Cell<Duration>>,
     ) -> Result<(), BenchError> {
         let mut times = Vec::new();
         loop {
@@ -250,7 +290,8 @@ impl Times {
             let clock = Instant::now();
             let mut expired = || budget.is_some_and(|budget| clock.elapsed() >= budget);
             let control = run.control_within(&mut expired)?;
-            let time = clock.elapsed();
+            let estimating = estimating.map_or(Duration::ZERO, Cell::get);
+            let time = clock.elapsed().saturating_sub(estimating);
             let Some(control) = control else { break };
             times.push(time.as_secs_f64());
             if let Some(guard) = &mut guard {
@@ -326,6 +367,7 @@ impl Results {
             status,
             references,
             outside_domain: None,
+            estimator: None,
         }
     }
 }

@@ -5,6 +5,8 @@ mod check;
 mod columns;
 mod control;
 mod data;
+mod estimate;
+mod feedback;
 mod free_run;
 mod guard;
 mod one_step;
@@ -18,6 +20,7 @@ pub(crate) use train::TrainingSetup;
 pub(crate) use trial::{run_trial, train_shared};
 
 pub use check::{Finding, Severity, check, findings_json};
+pub use estimate::{Estimated, estimate};
 pub use predict::predict;
 
 use crate::BenchError;
@@ -289,6 +292,8 @@ impl Stages<'_> {
                 kinds: &plan.loops,
                 net,
                 sample_time_s: sample_time_s.expect("the plan was checked for it"),
+                seed: experiment.seed,
+                adaptive: control::adaptive(experiment),
             };
             control::stage(plant, &setup, options, run_dir)?;
             if let (Some(spec), Some(domain)) = (&experiment.one_step, &experiment.domain) {

@@ -1,6 +1,7 @@
 //! Checks of a config that its types cannot make.
 
 mod control;
+mod estimator;
 mod names;
 mod values;
 
@@ -35,6 +36,7 @@ impl Experiment {
         }
         if let Some(control) = &self.control {
             closed_loop(control, &variables, self.plants(), self.sample_time_s())?;
+            estimator::output_feedback(control, &self.plant, &variables)?;
         }
         if let Some(one_step) = &self.one_step {
             let needed = "[one_step] needs it";

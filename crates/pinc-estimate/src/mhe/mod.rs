@@ -13,8 +13,6 @@ use pinc_mpc::BarzilaiBorwein;
 use pinc_ode::{Dims, Linearization, LinearizationBuffer, Model, OutputLinearization, Stages};
 use pinc_qp::{Multipliers, QpStatus};
 
-/// The longest window: memory is allocated for every length up to it.
-const LONGEST: usize = 200;
 /// The residual of the optimality conditions at which the iteration ends.
 const TOLERANCE: f64 = 1e-8;
 /// The most quadratic programs that are solved in one correction.
@@ -98,18 +96,21 @@ pub struct Mhe {
 }
 
 impl Mhe {
+    /// The longest window in steps: memory is allocated for every length up to it.
+    pub const LONGEST: usize = 200;
+
     /// An estimator over a window of `steps` steps, with the outputs of `model` as what is measured.
     /// Until the first prediction, the input is taken for 0.
     ///
     /// # Errors
     ///
-    /// [`EstimateError`] if the tuning does not suit the model, or the window is not from 1 to 200
+    /// [`EstimateError`] if the tuning does not suit the model, or the window is not from 1 to [`Mhe::LONGEST`]
     /// steps long.
     pub fn new(model: Box<dyn Model>, tuning: Tuning, steps: usize) -> Result<Self, EstimateError> {
         let dims = model.dims();
         tuning.validate(dims)?;
-        if !(1..=LONGEST).contains(&steps) {
-            return Err(EstimateError::Window { found: steps, most: LONGEST });
+        if !(1..=Self::LONGEST).contains(&steps) {
+            return Err(EstimateError::Window { found: steps, most: Self::LONGEST });
         }
         let constants = constants(&tuning);
         let program = |steps| Program::new(dims, steps, &constants);

@@ -6,6 +6,7 @@
 mod bounds;
 mod data;
 mod derivatives;
+mod estimation;
 mod excursions;
 mod finding;
 mod gain;
@@ -29,13 +30,14 @@ use pinc_ode::DynPlant;
 type Examination = fn(&Subject<'_>) -> Vec<Finding>;
 
 /// All of them, in the order of their findings.
-const EXAMINATIONS: [Examination; 10] = [
+const EXAMINATIONS: [Examination; 11] = [
     dimensions,
     derivatives::examine,
     irregularities::examine,
     stability::examine,
     gain::examine,
     references::examine,
+    estimation::examine,
     bounds::examine,
     excursions::examine,
     substeps::examine,

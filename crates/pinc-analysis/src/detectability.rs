@@ -1,0 +1,128 @@
+//! Whether measurements tell what an estimator wants to know.
+
+use crate::Complex;
+use faer::Mat;
+
+/// Singular values this far below the largest count as 0.
+const RANK: f64 = 1e-7;
+/// Modes that decay by less than this part per step count as lasting.
+const LASTING: f64 = 1e-6;
+/// Eigenvalues nearer than this to each other count as one: those of integrators scatter about 1.
+const ALIKE: f64 = 1e-4;
+
+/// A mode of a linear model in discrete time that does not decay and cannot be seen in what is
+/// measured: an estimator of it drifts or diverges.
+#[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
+pub struct UnseenMode {
+    /// Its eigenvalue; 1 is that of constants, as disturbances are.
+    pub eigenvalue: Complex,
+    /// The rank of [lambda - A; C], which is less than the number of states.
+    pub rank: usize,
+    /// How much each state takes part in it; the largest is 1.
+    pub direction: Vec<f64>,
+}
+
+/// The modes of x+ = A x, y = C x that an estimator cannot find, by the test of Popov, Belevitch
+/// and Hautus at all eigenvalues on and outside the unit circle, and at 1. With none the pair is
+/// detectable. For a model augmented by disturbances d the test at 1 is that of
+///
+/// ```text
+/// rank [A - 1, Bd; C, Cd] = n + nd
+/// ```
+///
+/// `a`: `[states, states]`; `c`: `[ny, states]`, both row by row; the states and measurements should
+/// be of like sizes.
+///
+/// ```
+/// use pinc_analysis::unseen_modes;
+///
+/// // A level with two leaks, of which only the sum can be told.
+/// let a = [0.9, 1.0, 1.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0];
+/// let unseen = unseen_modes(&a, &[1.0, 0.0, 0.0], 3);
+/// assert_eq!((unseen.len(), unseen[0].rank), (1, 2));
+/// assert!(unseen[0].direction[0] < 1e-9 && unseen[0].direction[2] > 0.99);
+/// ```
+///
+/// # Panics
+///
+/// If a matrix has not whole rows, or `states` is 0.
+#[must_use]
+pub fn unseen_modes(a: &[f64], c: &[f64], states: usize) -> Vec<UnseenMode> {
+    assert!(states > 0 && a.len() == states * states, "A is square");
+    assert!(c.len().is_multiple_of(states), "whole rows");
+    if a.iter().chain(c).any(|v| !v.is_finite()) {
+        return Vec::new();
+    }
+    let matrix = Mat::from_fn(states, states, |i, k| a[i * states + k]);
+    let mut candidates = vec![Complex { re: 1.0, im: 0.0 }];
+    for value in matrix.eigenvalues().unwrap_or_default() {
+        let value = Complex { re: value.re, im: value.im };
+        let is_near = |other: &Complex| (value.re - other.re).hypot(value.im - other.im) < ALIKE;
+        // Those with a negative imaginary part mirror the others.
+        if value.abs() >= 1.0 - LASTING && value.im >= 0.0 && !candidates.iter().any(is_near) {
+            candidates.push(value);
+        }
+    }
+    candidates.into_iter().filter_map(|at| unseen(a, c, states, at)).collect()
+}
+
+/// The mode at an eigenvalue, if it is unseen. A complex matrix of rank r is a real one of rank 2 r.
+fn unseen(a: &[f64], c: &[f64], n: usize, at: Complex) -> Option<UnseenMode> {
+    let outputs = c.len() / n;
+    let is_real = at.im.abs() < RANK;
+    let parts = if is_real { 1 } else { 2 };
+    let entry = |row: usize, column: usize| {
+        let unit = if row == column { 1.0 } else { 0.0 };
+        let real =
+            if row < n { at.re * unit - a[row * n + column] } else { c[(row - n) * n + column] };
+        (real, if row < n { at.im * unit } else { 0.0 })
+    };
+    let height = n + outputs;
+    let stacked = Mat::from_fn(parts * height, parts * n, |i, k| {
+        let (real, imaginary) = entry(i % height, k % n);
+        match (i < height, k < n) {
+            (true, true) | (false, false) => real,
+            (true, false) => -imaginary,
+            (false, true) => imaginary,
+        }
+    });
+    let svd = stacked.svd().ok()?;
+    let values: Vec<f64> = svd.S().column_vector().iter().copied().collect();
+    let largest = values.first().copied()?;
+    let rank = values.iter().filter(|v| **v > RANK * largest).count() / parts;
+    if rank == n {
+        return None;
+    }
+    let last = svd.V().col(parts * n - 1);
+    let size = |i: usize| (0..parts).map(|part| last[part * n + i].powi(2)).sum::<f64>().sqrt();
+    let sizes: Vec<f64> = (0..n).map(size).collect();
+    let most = sizes.iter().fold(f64::MIN_POSITIVE, |m: f64, v| m.max(*v));
+    let direction = sizes.iter().map(|v| v / most).collect();
+    Some(UnseenMode { eigenvalue: at, rank, direction })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_seen_or_decays_is_no_trouble() {
+        // A double integrator by its position, and a stable state that nothing shows.
+        assert!(unseen_modes(&[1.0, 1.0, 0.0, 1.0], &[1.0, 0.0], 2).is_empty());
+        assert!(unseen_modes(&[0.9, 0.0, 0.0, 0.5], &[1.0, 0.0], 2).is_empty());
+        // By its velocity the position is not known.
+        let unseen = unseen_modes(&[1.0, 1.0, 0.0, 1.0], &[0.0, 1.0], 2);
+        assert_eq!((unseen.len(), unseen[0].rank), (1, 1));
+        assert!(unseen[0].direction[0] > 0.99 && unseen[0].direction[1] < 1e-6);
+    }
+
+    #[test]
+    fn an_oscillation_that_grows_unseen_is_found() {
+        let a = [1.1, -0.5, 0.0, 0.5, 1.1, 0.0, 0.0, 0.0, 0.2];
+        let unseen = unseen_modes(&a, &[0.0, 0.0, 1.0], 3);
+        assert_eq!((unseen.len(), unseen[0].rank), (1, 2));
+        assert!((unseen[0].eigenvalue.im - 0.5).abs() < 1e-9);
+        assert!(unseen_modes(&a, &[1.0, 0.0, 0.0], 3).is_empty());
+    }
+}

@@ -1,0 +1,170 @@
+//! The estimator: whether what is measured tells what is estimated, and whether control with it is
+//! free of offset.
+
+use super::{Finding, Subject};
+use pinc_analysis::{OperatingPoint, StateSpace, UnseenMode, unseen_modes};
+use pinc_config::{ControlSpec, DisturbanceSpec, EstimatorSpec, Variables};
+use pinc_estimate::Augmented;
+use pinc_ode::{Dims, LinearizationBuffer, Model, OutputLinearization, Stages};
+
+/// The section that findings are about.
+const SECTION: &str = "control.estimator";
+/// Variables that take part in a mode by less than this are not named.
+const PART: f64 = 0.01;
+
+pub(super) fn examine(subject: &Subject<'_>) -> Vec<Finding> {
+    let Some(control) = &subject.experiment.control else { return Vec::new() };
+    let Some(estimator) = &control.estimator else { return Vec::new() };
+    let variables = Variables::of(subject.plant);
+    let measurement = control.measurement.clone().unwrap_or_default();
+    let measured = measurement.names(&variables);
+    let names = estimator.names(&measurement, &variables);
+    let what = format!(
+        "{}: {} estimated from {}",
+        estimator.kind.title(),
+        names.join(", "),
+        measured.join(", ")
+    );
+    let mut findings = vec![Finding::fact(SECTION, what)];
+    findings.extend(offset(control, estimator, &names, &measured));
+    for (place, point) in subject.operating_points() {
+        let found = at_rest(subject, control, estimator, &names, point);
+        let here = found.into_iter().map(|finding| Finding { place: place.clone(), ..finding });
+        let here: Vec<_> = here.collect();
+        // One point is enough: the others would repeat it.
+        if !here.is_empty() {
+            findings.extend(here);
+            break;
+        }
+    }
+    findings
+}
+
+/// The conditions for control without offset that need no point.
+fn offset(
+    control: &ControlSpec,
+    estimator: &EstimatorSpec,
+    names: &[String],
+    measured: &[String],
+) -> Vec<Finding> {
+    let mut findings = Vec::new();
+    let states = estimator.process_sd.len();
+    let unknowns = names.len() - states;
+    let place = format!("{SECTION}.disturbance");
+    if unknowns < measured.len() {
+        let what = format!(
+            "{unknowns} disturbances and parameters are estimated, and {} quantities measured",
+            measured.len()
+        );
+        let finding = Finding::warning(&place, what)
+            .because(
+                "an offset from the references stays where plant and model differ: there has to \
+                 be one disturbance per measured quantity",
+            )
+            .change(
+                "disturbance = \"input\", \"output\" or { states = [..] }, as many as measured",
+            );
+        findings.push(finding);
+    }
+    let unseen: Vec<&str> = control
+        .controlled
+        .iter()
+        .filter(|name| !measured.contains(name))
+        .map(String::as_str)
+        .collect();
+    if !unseen.is_empty() && unknowns > 0 {
+        let what = format!("{} is controlled, but not measured", unseen.join(", "));
+        let finding = Finding::warning("control.measurement.measured", what)
+            .because(
+                "only measured quantities are brought to their references without offset where \
+                 plant and model differ",
+            )
+            .change("measure it, or control what is measured");
+        findings.push(finding);
+    }
+    findings
+}
+
+/// The conditions at a steady state.
+fn at_rest(
+    subject: &Subject<'_>,
+    control: &ControlSpec,
+    estimator: &EstimatorSpec,
+    names: &[String],
+    point: &OperatingPoint,
+) -> Vec<Finding> {
+    let mut findings = Vec::new();
+    if let Some(mode) = unseen(subject, control, estimator, point).into_iter().next() {
+        findings.push(undetectable(&mode, names));
+    }
+    let unstable = StateSpace::tangent(subject.plant, point, &[0])
+        .is_some_and(|plant| plant.eigenvalues().iter().any(|value| value.re > 0.0));
+    if unstable && estimator.disturbance == DisturbanceSpec::Output {
+        let what = "output disturbances with an unstable steady state";
+        findings.push(
+            Finding::warning(SECTION, what)
+                .because(
+                    "an estimator that takes every error for one of the sensors may diverge \
+                     together with the plant",
+                )
+                .change("disturbance = \"input\" or { states = [..] }"),
+        );
+    }
+    findings
+}
+
+/// The modes of the estimator's model that it cannot see, at a steady state.
+fn unseen(
+    subject: &Subject<'_>,
+    control: &ControlSpec,
+    estimator: &EstimatorSpec,
+    point: &OperatingPoint,
+) -> Vec<UnseenMode> {
+    let variables = Variables::of(subject.plant);
+    let measurement = control.measurement.clone().unwrap_or_default();
+    let plant = subject.experiment.plant.dyn_plant_with(&estimator.parameter_names());
+    let model = plant.rk4(subject.step_s(), control.rk4_substeps);
+    let augmentation = estimator.augmentation(&measurement, &variables);
+    let Ok(mut model) = Augmented::new(model, augmentation) else { return Vec::new() };
+    let tuning = estimator.tuning();
+    let unknowns = &tuning.initial_estimate[point.x.len()..];
+    let z = [&point.x[..], unknowns].concat();
+    let Dims { nx, nu, ny, .. } = model.dims();
+    let mut at = LinearizationBuffer::new(model.dims(), 1);
+    let here = Stages { x: &z, u: &point.u, p: &[] };
+    model.linearize(here, at.as_mut());
+    let (mut y, mut c, mut d) = (vec![0.0; ny], vec![0.0; ny * nx], vec![0.0; ny * nu]);
+    let out = OutputLinearization { y: &mut y, c: &mut c, d: &mut d, e: &mut [] };
+    model.linearize_output(here, out);
+    // In sizes that the tuning says: of the states, of the disturbances, of the noise.
+    let size = |sd: f64| if sd > 0.0 { sd } else { 1.0 };
+    let sizes: Vec<f64> = tuning.initial_sd.iter().map(|sd| size(*sd)).collect();
+    for (i, entry) in at.a.iter_mut().enumerate() {
+        *entry *= sizes[i % nx] / sizes[i / nx];
+    }
+    for (i, entry) in c.iter_mut().enumerate() {
+        *entry *= sizes[i % nx] / tuning.measurement_sd[i / nx];
+    }
+    unseen_modes(&at.a, &c, nx)
+}
+
+fn undetectable(mode: &UnseenMode, names: &[String]) -> Finding {
+    let part = names.iter().zip(&mode.direction).filter(|(_, part)| **part > PART);
+    let part: Vec<&str> = part.map(|(name, _)| name.as_str()).collect();
+    let what = format!(
+        "what is measured does not tell {} apart: rank {} of {}",
+        part.join(", "),
+        mode.rank,
+        names.len()
+    );
+    let is_constant = (mode.eigenvalue.re - 1.0).abs() < 1e-3 && mode.eigenvalue.im.abs() < 1e-3;
+    let why = if is_constant {
+        "constant values of these have the same measurements: the estimates wind up along them \
+         where the plant differs from the model in another way than is assumed"
+    } else {
+        "these move, without decaying, in a way that no measurement shows: their estimates diverge"
+    };
+    Finding::warning(SECTION, what)
+        .because(why)
+        .change("measure something else or more, or let the disturbance enter elsewhere")
+}

@@ -1,0 +1,225 @@
+//! `[control.measurement]` and `[control.estimator]`.
+
+use crate::{PlantSpec, Variables};
+use pinc_estimate::{Augmentation, Disturbance, Measured, Tuning};
+use serde::{Deserialize, Serialize};
+
+/// What of the plant is measured in the closed loop.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct MeasurementSpec {
+    /// Names of the states and outputs that are measured; all states if absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub measured: Option<Vec<String>>,
+    /// The standard deviation of the noise of each of them, drawn from the experiment's seed; none
+    /// if absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub noise_sd: Option<Vec<f64>>,
+}
+
+/// The estimator that tells the controller what the state is, with standard deviations in the units
+/// of what they are of.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct EstimatorSpec {
+    /// Which one.
+    pub kind: EstimatorKind,
+    /// What the model may be off by in each step, per state.
+    pub process_sd: Vec<f64>,
+    /// The noise that is expected, per measured quantity.
+    pub measurement_sd: Vec<f64>,
+    /// The estimate before the first measurement, in the plant's order.
+    pub initial_estimate: Vec<f64>,
+    /// How far that may be off, per state.
+    pub initial_sd: Vec<f64>,
+    /// Where disturbances enter that are estimated too.
+    #[serde(default)]
+    pub disturbance: DisturbanceSpec,
+    /// How much each may change in a step.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub disturbance_sd: Vec<f64>,
+    /// How large each may be at first.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub disturbance_initial_sd: Vec<f64>,
+    /// Parameters of the plant that are estimated too.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub parameters: Vec<UnknownParameter>,
+    /// The length of the window of `mhe` in steps.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub window: Option<usize>,
+    /// The least that each state can be; no bounds if absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub low: Option<Vec<f64>>,
+    /// The most that each state can be; no bounds if absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub high: Option<Vec<f64>>,
+}
+
+/// The estimators.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+#[non_exhaustive]
+pub enum EstimatorKind {
+    /// The extended Kalman filter.
+    Ekf,
+    /// The unscented Kalman filter.
+    Ukf,
+    /// Moving horizon estimation.
+    Mhe,
+}
+
+impl EstimatorKind {
+    /// The name in reports.
+    #[must_use]
+    pub fn title(self) -> &'static str {
+        match self {
+            Self::Ekf => "extended Kalman filter",
+            Self::Ukf => "unscented Kalman filter",
+            Self::Mhe => "moving horizon estimator",
+        }
+    }
+}
+
+/// Where disturbances enter.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+#[non_exhaustive]
+pub enum DisturbanceSpec {
+    /// There are none.
+    #[default]
+    None,
+    /// One per input.
+    Input,
+    /// One per measured quantity.
+    Output,
+    /// One on each of these states, in its unit per step.
+    States(Vec<String>),
+}
+
+/// A parameter of the plant that is estimated.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct UnknownParameter {
+    /// One of the plant's parameters.
+    pub name: String,
+    /// The estimate before the first measurement.
+    pub initial: f64,
+    /// How far that may be off.
+    pub initial_sd: f64,
+    /// How much it may change in a step.
+    #[serde(default)]
+    pub drift_sd: f64,
+    /// The least that it can be; no bound if absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub low: Option<f64>,
+    /// The most that it can be; no bound if absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub high: Option<f64>,
+}
+
+impl MeasurementSpec {
+    /// The names of what is measured.
+    #[must_use]
+    pub fn names(&self, variables: &Variables) -> Vec<String> {
+        self.measured.clone().unwrap_or_else(|| variables.state_names())
+    }
+
+    /// What is measured, by its place among the variables; names that are none are left out.
+    #[must_use]
+    pub fn quantities(&self, variables: &Variables) -> Vec<Measured> {
+        let own = variables.own_outputs();
+        let quantity = |name: &String| {
+            let output = || own.iter().find(|(_, v)| v.name == *name);
+            match variables.states.iter().position(|v| v.name == *name) {
+                Some(state) => Some(Measured::State(state)),
+                None => output().map(|(place, _)| Measured::Output(*place)),
+            }
+        };
+        self.names(variables).iter().filter_map(quantity).collect()
+    }
+}
+
+impl EstimatorSpec {
+    /// The names of the estimated parameters.
+    #[must_use]
+    pub fn parameter_names(&self) -> Vec<&str> {
+        self.parameters.iter().map(|parameter| parameter.name.as_str()).collect()
+    }
+
+    /// Where disturbances enter, by the places of states.
+    fn disturbance(&self, variables: &Variables) -> Disturbance {
+        match &self.disturbance {
+            DisturbanceSpec::None => Disturbance::None,
+            DisturbanceSpec::Input => Disturbance::Input,
+            DisturbanceSpec::Output => Disturbance::Output,
+            DisturbanceSpec::States(names) => {
+                let place = |name: &String| variables.states.iter().position(|v| v.name == *name);
+                Disturbance::States(names.iter().filter_map(place).collect())
+            }
+        }
+    }
+
+    /// What is measured and estimated beside the state.
+    #[must_use]
+    pub fn augmentation(
+        &self,
+        measurement: &MeasurementSpec,
+        variables: &Variables,
+    ) -> Augmentation {
+        let initial = self.parameters.iter().map(|parameter| parameter.initial);
+        let mut augmentation = Augmentation::measured(measurement.quantities(variables));
+        augmentation.disturbance = self.disturbance(variables);
+        augmentation.parameters = initial.collect();
+        augmentation.estimated = (0..self.parameters.len()).collect();
+        augmentation
+    }
+
+    /// The names of all that is estimated: states, disturbances, parameters.
+    #[must_use]
+    pub fn names(&self, measurement: &MeasurementSpec, variables: &Variables) -> Vec<String> {
+        let disturbed = match &self.disturbance {
+            DisturbanceSpec::None => Vec::new(),
+            DisturbanceSpec::Input => variables.input_names(),
+            DisturbanceSpec::Output => measurement.names(variables),
+            DisturbanceSpec::States(names) => names.clone(),
+        };
+        let mut names = variables.state_names();
+        names.extend(disturbed.iter().map(|name| format!("d_{name}")));
+        names.extend(self.parameters.iter().map(|parameter| parameter.name.clone()));
+        names
+    }
+
+    /// What the estimator is told, of states, disturbances and parameters.
+    #[must_use]
+    pub fn tuning(&self) -> Tuning {
+        let disturbances = self.disturbance_sd.len();
+        let unknown = |of: fn(&UnknownParameter) -> f64| self.parameters.iter().map(of);
+        let with = |states: &[f64], disturbances: &[f64], of: fn(&UnknownParameter) -> f64| {
+            let mut all = [states, disturbances].concat();
+            all.extend(unknown(of));
+            all
+        };
+        let (states, none) = (self.process_sd.len(), vec![0.0; disturbances]);
+        let side = |side: &Option<Vec<f64>>, none: f64, of: fn(&UnknownParameter) -> f64| {
+            let states = side.clone().unwrap_or_else(|| vec![none; states]);
+            let all = with(&states, &vec![none; disturbances], of);
+            if all.iter().any(|bound| bound.is_finite()) { all } else { Vec::new() }
+        };
+        Tuning {
+            initial_estimate: with(&self.initial_estimate, &none, |p| p.initial),
+            initial_sd: with(&self.initial_sd, &self.disturbance_initial_sd, |p| p.initial_sd),
+            process_sd: with(&self.process_sd, &self.disturbance_sd, |p| p.drift_sd),
+            measurement_sd: self.measurement_sd.clone(),
+            low: side(&self.low, f64::NEG_INFINITY, |p| p.low.unwrap_or(f64::NEG_INFINITY)),
+            high: side(&self.high, f64::INFINITY, |p| p.high.unwrap_or(f64::INFINITY)),
+        }
+    }
+
+    /// The parameters of `plant` that can be estimated.
+    pub(crate) fn parameters_of(plant: &PlantSpec) -> Vec<String> {
+        match plant {
+            PlantSpec::Expression(equations) => equations.parameters.keys().cloned().collect(),
+            _ => Vec::new(),
+        }
+    }
+}

@@ -1,0 +1,115 @@
+//! What the estimator made of the measurements: estimates with their bands, and innovations.
+
+use crate::data::{OfModel, Run};
+use crate::picture::Picture;
+use pinc_chart::text;
+use pinc_chart::{
+    AMBER, Axis, BLUE, Figure, INK, Kind, Panel, Point, Shape, Style, extent, present, state_color,
+};
+use pinc_record::{EstimateRow, EstimateTable};
+
+/// Of a normal distribution, 95 % are within so many standard deviations.
+const BAND: f64 = 1.96;
+
+/// The estimates of the first model, if there was an estimator.
+pub(crate) fn picture(run: &Run) -> Option<Picture> {
+    let of = run.estimates.first().filter(|of| !of.table.rows.is_empty())?;
+    let axis = Axis::ranged("t (s)", Kind::Linear, extent(of.table.rows.iter().map(|row| row.t)));
+    let table = &of.table;
+    let mut panels: Vec<Panel> = (0..table.names.len()).map(|i| estimate(run, of, i)).collect();
+    panels.extend((0..table.measured.len()).map(|i| innovation(run, table, i)));
+    panels.push(consistency(table));
+    Some(Picture {
+        stem: "estimates".to_owned(),
+        title: "Estimates".to_owned(),
+        caption: caption(run, of),
+        figure: Figure::stack("Estimates", axis, panels),
+    })
+}
+
+fn points(table: &EstimateTable, value: impl Fn(&EstimateRow) -> f64) -> Vec<Point> {
+    present(table.rows.iter().map(|row| (row.t, value(row))).collect())
+}
+
+/// One estimate with its band, and the truth where it is known.
+fn estimate(run: &Run, of: &OfModel<EstimateTable>, i: usize) -> Panel {
+    let (table, name) = (&of.table, &of.table.names[i]);
+    let label = run.axis_label(std::slice::from_ref(name));
+    let mut panel = Panel::new(name, Axis::new(&label, Kind::Linear), 120.0);
+    let trace = run.control.iter().find(|trace| trace.model == of.model);
+    let truth = trace.and_then(|trace| {
+        let place = trace.table.states.iter().position(|state| state == name)?;
+        Some(trace.table.rows.iter().map(|row| (row.t, row.state[place])).collect())
+    });
+    if let Some(truth) = truth {
+        panel.add_named("plant", truth, Style::new(INK, Shape::Line(1.2)));
+    }
+    if let Some(place) = table.measured.iter().position(|measured| measured == name) {
+        let measured = points(table, |row| row.measured[place]);
+        panel.add_named("measured", measured, Style::new(AMBER, Shape::Dots(1.6)).faint(0.6));
+    }
+    let color = state_color(i);
+    panel.add_named(
+        "estimate",
+        points(table, |row| row.estimate[i]),
+        Style::new(color, Shape::Line(1.4)),
+    );
+    let edge = |sign: f64| points(table, move |row| row.estimate[i] + sign * BAND * row.sd[i]);
+    let style = Style::new(color, Shape::Dashes(0.9)).faint(0.7);
+    panel.add_named("95 % band", edge(1.0), style);
+    panel.add("95 % band below", edge(-1.0), style);
+    panel
+}
+
+/// What is measured less what was expected.
+fn innovation(run: &Run, table: &EstimateTable, i: usize) -> Panel {
+    let name = &table.measured[i];
+    let label = run.label_in_unit_of("innovation", std::slice::from_ref(name));
+    let title = format!("Innovation of {name}");
+    let mut panel = Panel::new(&title, Axis::new(&label, Kind::Linear), 100.0);
+    let dots = Style::new(BLUE, Shape::Dots(2.0));
+    panel.add(&format!("innovation_{name}"), points(table, |row| row.innovation[i]), dots);
+    panel.limits.push(0.0);
+    panel
+}
+
+/// The normalized squares of innovations and errors.
+fn consistency(table: &EstimateTable) -> Panel {
+    let axis = Axis::new("normalized square", Kind::Log);
+    let mut panel = Panel::new("Consistency", axis, 130.0);
+    let squares: [(&str, fn(&EstimateRow) -> f64, Style); 2] = [
+        ("NIS", |row| row.nis, Style::new(BLUE, Shape::Dots(2.0))),
+        ("NEES", |row| row.nees, Style::new(AMBER, Shape::Dots(2.0))),
+    ];
+    for (name, value, style) in squares {
+        let positive = points(table, value).into_iter().filter(|point| point.1 > 0.0);
+        panel.add_named(name, positive.collect(), style);
+    }
+    panel
+}
+
+fn caption(run: &Run, of: &OfModel<EstimateTable>) -> String {
+    let mut caption = format!(
+        "What the estimator with {} as its model makes of the measurements, with bands of 95 %, and \
+         d_.. for disturbances. Below, innovations, measured less expected, and the normalized \
+         squares of innovations (NIS) and errors (NEES).",
+        run.model_name(of.model)
+    );
+    let metrics = of.model.and_then(|model| run.metrics.as_ref()?.loop_with(model));
+    if let Some(estimator) = metrics.and_then(|of| of.estimator.as_ref()) {
+        let states = estimator.estimate_rmse.len();
+        caption += &format!(
+            " The mean NIS is {}, of a consistent estimator {}; the mean NEES {}, of a consistent \
+             one {states}. Larger means say that the estimator trusts itself too much.",
+            text::significant(estimator.nis_mean, 3),
+            of.table.measured.len(),
+            text::significant(estimator.nees_mean, 3),
+        );
+        let ended = estimator.estimator_status.iter().filter(|(status, _)| *status != "updated");
+        let ended: Vec<_> = ended.map(|(status, count)| format!("{count} {status}")).collect();
+        if !ended.is_empty() {
+            caption += &format!(" Steps that did not end as usual: {}.", ended.join(", "));
+        }
+    }
+    format!("{caption} From {}.", of.file)
+}
