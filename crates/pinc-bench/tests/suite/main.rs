@@ -7,6 +7,7 @@ mod check;
 mod common;
 mod control;
 mod equations;
+mod estimation;
 mod examples;
 mod guard;
 mod lists;

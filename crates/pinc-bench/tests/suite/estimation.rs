@@ -1,0 +1,276 @@
+//! Sensors and estimators in configs: closed loops, recorded data, and what is refused.
+
+use crate::common::{outcome, pinc, repository};
+use pinc_record::{EstimateTable, Metrics};
+use std::fs;
+use std::path::{Path, PathBuf};
+
+/// The four tanks of recorded data, with a loop that they are not needed for.
+const TANKS: &str = r#"
+name = "recorded"
+preset = "ours"
+seed = 1
+[plant]
+four-tanks = { parameters = "antonelo" }
+[control]
+step_s = 10.0
+models = ["rk4"]
+rk4_substeps = 4
+duration_s = 300.0
+initial_state = [8.0, 13.0, 3.5, 2.5]
+controlled = ["h1", "h2"]
+q = [10.0, 10.0]
+r = [1.0, 1.0]
+input_low = [0.0, 0.0]
+input_high = [5.0, 5.0]
+references = [{ start_s = 0.0, value = [9.159582958982018, 14.211590549777885] }]
+repetitions = 1
+[control.measurement]
+measured = ["h1", "h2"]
+noise_sd = [0.05, 0.05]
+[control.estimator]
+kind = "ekf"
+process_sd = [0.03, 0.03, 0.03, 0.03]
+measurement_sd = [0.05, 0.05]
+initial_estimate = [8.0, 13.0, 3.5, 2.5]
+initial_sd = [1.0, 1.0, 1.0, 1.0]
+"#;
+
+/// A parameter of an equation that is estimated.
+const LAG: &str = r#"
+name = "lag"
+preset = "ours"
+seed = 3
+[plant.expression]
+states = ["x"]
+inputs = ["u"]
+parameters = { gain = 1.0, rate = 0.5 }
+derivatives = { x = "rate*(gain*u - x)" }
+[control]
+step_s = 0.5
+models = ["rk4"]
+duration_s = 40.0
+initial_state = [0.0]
+controlled = ["x"]
+q = [10.0]
+r = [1.0]
+input_low = [-5.0]
+input_high = [5.0]
+references = [{ start_s = 0.0, value = [1.0] }, { start_s = 20.0, value = [-1.0] }]
+repetitions = 1
+[control.plant.expression]
+states = ["x"]
+inputs = ["u"]
+parameters = { gain = 0.8, rate = 0.5 }
+derivatives = { x = "rate*(gain*u - x)" }
+[control.measurement]
+noise_sd = [0.01]
+[control.estimator]
+kind = "mhe"
+window = 8
+process_sd = [0.001]
+measurement_sd = [0.01]
+initial_estimate = [0.0]
+initial_sd = [0.1]
+parameters = [{ name = "gain", initial = 1.0, initial_sd = 0.3, drift_sd = 0.001, low = 0.5, high = 2.0 }]
+"#;
+
+fn recorded(name: &str) -> PathBuf {
+    repository("crates/pinc-estimate/tests/data").join(name)
+}
+
+fn written(dir: &Path, text: &str) -> PathBuf {
+    let path = dir.join("config.toml");
+    fs::write(&path, text).unwrap();
+    path
+}
+
+/// The estimates in a file, without what belongs to measurements.
+fn columns(path: &Path) -> (Vec<String>, Vec<Vec<f64>>) {
+    let text = fs::read_to_string(path).unwrap();
+    let mut lines = text.lines();
+    let header = lines.next().unwrap().split(',').map(str::to_owned).collect();
+    let row = |line: &str| line.split(',').map(|cell| cell.parse().unwrap()).collect();
+    (header, lines.map(row).collect())
+}
+
+#[test]
+fn recorded_data_are_estimated() {
+    let dir = tempfile::tempdir().unwrap();
+    let config = written(dir.path(), TANKS);
+    let (data, output) = (recorded("estim-tanks.csv"), dir.path().join("out.csv"));
+    let path = |path: &Path| path.to_str().unwrap().to_owned();
+    let arguments =
+        ["estimate", &path(&config), "--data", &path(&data), "--output", &path(&output)];
+    let found = outcome(&mut pinc(&arguments));
+    assert_eq!(found.code, Some(0), "{found:?}");
+    assert!(found.stdout.contains("241 rows; NIS 2.0"), "{found:?}");
+    assert!(found.stdout.contains("RMSE h1 0.03"), "{found:?}");
+    let (header, rows) = columns(&output);
+    assert_eq!(header.join(","), "t,h1,h2,h3,h4,h1_sd,h2_sd,h3_sd,h4_sd");
+    let (_, expected) = columns(&recorded("answer-tanks-ekf.csv"));
+    assert_eq!(rows.len(), expected.len());
+    for (found, expected) in rows.iter().zip(&expected) {
+        for (found, expected) in found.iter().zip(expected) {
+            assert!((found - expected).abs() < 1e-8, "{found} is not {expected}");
+        }
+    }
+}
+
+#[test]
+fn recorded_data_may_have_gaps_and_must_have_steps_and_columns() {
+    let dir = tempfile::tempdir().unwrap();
+    let config = written(dir.path(), TANKS);
+    let data = dir.path().join("data.csv");
+    let run = |text: &str| {
+        fs::write(&data, text).unwrap();
+        let (config, data) = (config.to_str().unwrap(), data.to_str().unwrap());
+        outcome(&mut pinc(&["estimate", config, "--data", data]))
+    };
+    let found = run("t,u2,u1,y_h1,y_h2,note\n0,3,3,8,13,a\n10,3,3,,NaN,b\n20,3,3,8.1,,c\n");
+    assert_eq!(found.code, Some(0), "{found:?}");
+    assert!(found.stdout.contains("3 rows") && !found.stdout.contains("RMSE"), "{found:?}");
+    run("t,u1,y_h1,y_h2\n0,3,8,13\n").assert_refused(&["data.csv:1: column `u2` is missing"]);
+    let late = "t,u1,u2,y_h1,y_h2\n0,3,3,8,13\n15,3,3,8,13\n";
+    run(late).assert_refused(&["data.csv:3", "15 s after 0 given", "T = 10 s"]);
+    run("t,u1,u2,y_h1,y_h2\n0,3,3,8,high\n").assert_refused(&["data.csv:2", "`y_h2`: `high`"]);
+}
+
+#[test]
+fn a_loop_with_sensors_says_how_good_its_estimates_are() {
+    let dir = tempfile::tempdir().unwrap();
+    let config = written(dir.path(), TANKS);
+    let out = dir.path().join("run");
+    let run = |out: &Path, more: &[&str]| {
+        let mut arguments = vec!["control", config.to_str().unwrap(), "--quiet"];
+        arguments.extend(["--out", out.to_str().unwrap()]);
+        arguments.extend(more);
+        let found = outcome(&mut pinc(&arguments));
+        assert_eq!(found.code, Some(0), "{found:?}");
+        let metrics = Metrics::read(out).unwrap().unwrap();
+        let table = EstimateTable::read(&out.join("estimates.csv")).unwrap().unwrap();
+        (metrics.control[0].clone(), table)
+    };
+    let (metrics, table) = run(&out, &[]);
+    let estimator = metrics.estimator.unwrap();
+    assert_eq!(estimator.estimator_status["updated"], 30);
+    assert!((1.0..3.5).contains(&estimator.nis_mean), "{estimator:?}");
+    assert!(estimator.nees_mean > 0.0 && estimator.estimator_us.p50 > 0.0);
+    assert!(estimator.estimate_rmse["h1"] < 0.06 && estimator.estimate_rmse.len() == 4);
+    assert_eq!((table.rows.len(), table.measured.len()), (30, 2));
+    assert_eq!(table.names, ["h1", "h2", "h3", "h4"]);
+    let report = fs::read_to_string(out.join("report.html")).unwrap();
+    assert!(report.contains("extended Kalman filter") || report.contains("Innovation of h1"));
+    // The noise follows from the seed.
+    let (_, same) = run(&dir.path().join("again"), &[]);
+    assert_eq!(same.rows[7].measured, table.rows[7].measured);
+    let (_, other) = run(&dir.path().join("other"), &["--set", "seed=2"]);
+    assert_ne!(other.rows[7].measured, table.rows[7].measured);
+    // Exact sensors see the plant.
+    let exact = ["--set", "control.measurement.noise_sd=[0.0, 0.0]"];
+    let (_, exact) = run(&dir.path().join("exact"), &exact);
+    assert!((exact.rows[0].measured[0] - 8.0).abs() < 1e-15);
+}
+
+#[test]
+fn a_parameter_is_found_in_the_loop() {
+    let dir = tempfile::tempdir().unwrap();
+    let config = written(dir.path(), LAG);
+    let out = dir.path().join("run");
+    let arguments = ["control", config.to_str().unwrap(), "--out", out.to_str().unwrap()];
+    let found = outcome(&mut pinc(&arguments));
+    assert_eq!(found.code, Some(0), "{found:?}");
+    let table = EstimateTable::read(&out.join("estimates.csv")).unwrap().unwrap();
+    assert_eq!(table.names, ["x", "gain"]);
+    let last = table.rows.last().unwrap();
+    assert!((last.estimate[1] - 0.8).abs() < 0.03, "{last:?}");
+    let metrics = Metrics::read(&out).unwrap().unwrap();
+    for offset in metrics.control[0].references.offset["x"].iter().flatten() {
+        assert!(*offset < 0.02, "{offset}");
+    }
+}
+
+#[test]
+fn sections_that_do_not_fit_are_refused() {
+    let dir = tempfile::tempdir().unwrap();
+    let refused = |text: &str, set: &str, parts: &[&str]| {
+        let config = written(dir.path(), text);
+        let arguments = ["check", config.to_str().unwrap(), "--set", set];
+        outcome(&mut pinc(&arguments)).assert_refused(parts);
+    };
+    let of = |key: &str, value: &str| format!("control.{key}={value}");
+    let tanks = |key: &str, value: &str, parts: &[&str]| refused(TANKS, &of(key, value), parts);
+    tanks("measurement.measured", "[\"h1\", \"h7\"]", &["measured[1]`: `h7` is not known"]);
+    tanks("measurement.noise_sd", "[0.1]", &["noise_sd`", "measured quantity"]);
+    tanks("measurement.noise_sd", "[0.1, -0.1]", &["noise_sd[1]`", "0 or a positive number"]);
+    tanks("estimator.kind", "kalman", &["estimator.kind`", "`ekf`"]);
+    tanks("estimator.process_sd", "[0.1]", &["process_sd`", "state"]);
+    tanks("estimator.measurement_sd", "[0.1, 0.0]", &["measurement_sd[1]`", "positive"]);
+    tanks("estimator.window", "5", &["window`", "it is for kind = \"mhe\""]);
+    tanks("estimator.kind", "mhe", &["window`", "the length of the window"]);
+    tanks("estimator.disturbance", "input", &["disturbance_sd`", "disturbance"]);
+    let states = "{ states = [\"h1\", \"h1\"] }";
+    tanks("estimator.disturbance", states, &["disturbance.states[1]`", "each of them once"]);
+    let parameter = "[{ name = \"k1\", initial = 3.3, initial_sd = 0.1 }]";
+    tanks("estimator.parameters", parameter, &["parameters[0].name`", "plant.expression"]);
+    let parameter = "[{ name = \"gains\", initial = 3.3, initial_sd = 0.1 }]";
+    let key = of("estimator.parameters", parameter);
+    refused(LAG, &key, &["`gains` is not known", "did you mean `gain`?"]);
+    // More disturbances than sensors.
+    let alone = TANKS
+        .replace("measured = [\"h1\", \"h2\"]", "measured = [\"h1\"]")
+        .replace("noise_sd = [0.05, 0.05]", "noise_sd = [0.05]")
+        .replace("measurement_sd = [0.05, 0.05]", "measurement_sd = [0.05]")
+        + "disturbance = \"input\"\ndisturbance_sd = [0.1, 0.1]\n\
+           disturbance_initial_sd = [0.5, 0.5]\n";
+    refused(&alone, "seed=1", &["at most one disturbance per measured quantity"]);
+    // Sensors and nothing that uses them.
+    let lost = TANKS.split("[control.estimator]").next().unwrap();
+    refused(lost, "seed=1", &["[control.estimator]"]);
+}
+
+/// The conditions for offset-free control, in words.
+#[test]
+fn check_says_what_an_estimator_cannot_find() {
+    let dir = tempfile::tempdir().unwrap();
+    let check = |text: &str| {
+        let config = written(dir.path(), text);
+        let found = outcome(&mut pinc(&["check", config.to_str().unwrap()]));
+        assert_eq!(found.code, Some(0), "{found:?}");
+        found.stdout
+    };
+    let said = check(TANKS);
+    assert!(said.contains("extended Kalman filter: h1, h2, h3, h4 estimated from h1, h2"));
+    assert!(said.contains("0 disturbances and parameters are estimated, and 2 quantities"));
+    // Pumps whose effect on the measured levels has rank 1.
+    let disturbed = "disturbance_sd = [0.1, 0.1]\ndisturbance_initial_sd = [0.5, 0.5]\n";
+    let pumps = format!("{TANKS}disturbance = \"input\"\n{disturbed}");
+    let said = check(&pumps);
+    assert!(said.contains("rank 5 of 6") && said.contains("d_u1, d_u2 apart"), "{said}");
+    let leaks = format!("{TANKS}disturbance = {{ states = [\"h1\", \"h2\"] }}\n{disturbed}");
+    assert!(!check(&leaks).contains("apart"));
+    // What is controlled has to be measured.
+    let other = leaks.replace("controlled = [\"h1\", \"h2\"]", "controlled = [\"h1\", \"h3\"]");
+    assert!(check(&other).contains("h3 is controlled, but not measured"));
+    // The sensors of a plant that is unstable at rest.
+    let oscillator = TANKS
+        .replace("four-tanks = { parameters = \"antonelo\" }", "van-der-pol = { mu = 1.0 }")
+        .replace("initial_state = [8.0, 13.0, 3.5, 2.5]", "initial_state = [1.0, 0.0]")
+        .replace("controlled = [\"h1\", \"h2\"]", "controlled = [\"x1\"]")
+        .replace("q = [10.0, 10.0]", "q = [10.0]")
+        .replace("r = [1.0, 1.0]", "r = [1.0]")
+        .replace("input_low = [0.0, 0.0]", "input_low = [-1.0]")
+        .replace("input_high = [5.0, 5.0]", "input_high = [1.0]")
+        .replace("[9.159582958982018, 14.211590549777885]", "[0.3]")
+        .replace("step_s = 10.0", "step_s = 0.5")
+        .replace("measured = [\"h1\", \"h2\"]", "measured = [\"x1\"]")
+        .replace("noise_sd = [0.05, 0.05]", "noise_sd = [0.05]")
+        .replace("process_sd = [0.03, 0.03, 0.03, 0.03]", "process_sd = [0.03, 0.03]")
+        .replace("measurement_sd = [0.05, 0.05]", "measurement_sd = [0.05]")
+        .replace("initial_estimate = [8.0, 13.0, 3.5, 2.5]", "initial_estimate = [1.0, 0.0]")
+        .replace("initial_sd = [1.0, 1.0, 1.0, 1.0]", "initial_sd = [1.0, 1.0]");
+    let output =
+        "disturbance = \"output\"\ndisturbance_sd = [0.1]\ndisturbance_initial_sd = [0.5]\n";
+    let said = check(&(oscillator + output));
+    assert!(said.contains("output disturbances with an unstable steady state"), "{said}");
+}
