@@ -125,6 +125,7 @@ impl Experiment {
         if let Some(plant) = in_the_loop {
             plant.bind(plants);
         }
+        experiment.share_parameters();
         experiment.validate()?;
         experiment.choose_optimizers();
         Ok(experiment)
@@ -151,13 +152,38 @@ impl Experiment {
         &self.plants
     }
 
+    /// Validates a net of a family of plants over the family, unless the config says otherwise.
+    fn share_parameters(&mut self) {
+        if let (Some(domain), Some(validation)) = (&self.domain, &mut self.validation)
+            && validation.domain.parameters.is_empty()
+        {
+            validation.domain.parameters.clone_from(&domain.parameters);
+        }
+    }
+
+    /// The parameters that the net takes as inputs, by their names.
+    #[must_use]
+    pub fn varying(&self) -> Vec<&str> {
+        let ranges = self.domain.iter().flat_map(|domain| &domain.parameters);
+        ranges.map(|range| range.name.as_str()).collect()
+    }
+
+    /// The dimensions of the plant, with the parameters that vary.
+    ///
+    /// # Panics
+    ///
+    /// As [`PlantSpec::dyn_plant`].
+    #[must_use]
+    pub fn dims(&self) -> Dims {
+        self.plant.variables().dims().with_parameters(self.varying().len())
+    }
+
     /// Makes the choices by the size of the net, so that what is used is what is written down.
     fn choose_optimizers(&mut self) {
+        let dims = self.dims();
         let (Some(model), Some(training)) = (&self.model, &mut self.training) else {
             return;
         };
-        let variables = self.plant.variables();
-        let dims = Dims::new(variables.states.len(), variables.inputs.len());
         let weights = model.parameters(dims);
         for phase in &mut training.config.phases {
             phase.optimizer = phase.optimizer.for_size(weights);

@@ -34,6 +34,7 @@ mod control;
 mod data;
 mod experiment;
 mod explain;
+mod family;
 mod layers;
 mod list;
 mod one_step;

@@ -1,7 +1,7 @@
 //! Physics-informed nets for control: the net, its training from the equation alone, and its file.
 //!
-//! A [`PincNet`] maps (t, y(0), u) to y(t) for t in \[0, T\] (Eq. `net_pred` of the paper). It is
-//! trained on the residual y' - f(y, u) of a [`pinc_ode::Plant`] at collocation points, chained
+//! A [`PincNet`] maps (t, y(0), u) to y(t) for t in \[0, T\] (Eq. `net_pred` of the paper); that of
+//! a family of plants takes their parameters as further inputs. It is trained on the residual y' - f(y, u) of a [`pinc_ode::Plant`] at collocation points, chained
 //! over any horizon, and offered to a controller as a [`pinc_ode::Model`] ([`PincModel`]).
 //!
 //! - [`Training`] describes a training and runs it; a [`Trainer`] is one in progress, which can be
@@ -48,7 +48,7 @@ mod workers;
 
 pub use ansatz::Ansatz;
 pub use config::{GrowthConfig, Phase, SelectNet, TrainingConfig, TrainingTarget};
-pub use domain::Domain;
+pub use domain::{Domain, ParameterRange};
 pub use error::{ModelError, NetError};
 pub use kernel::BatchLoss;
 pub use loss::{

@@ -18,7 +18,7 @@ pub struct ValidationConfig {
     pub duration_s: f64,
     /// Parts of a step: the error is also evaluated at the times between them.
     pub subintervals: usize,
-    /// Box of the initial states and inputs.
+    /// Box of the initial states, inputs and parameters.
     pub domain: Domain,
     /// Tolerance of the accurate integration.
     pub tolerance: f64,
@@ -65,12 +65,13 @@ pub struct ValidationSet {
     held_out: Option<Measurements>,
 }
 
-/// An initial state, an input for each step, and the accurately integrated states after each part
-/// of a step.
+/// An initial state, an input for each step, the plant's parameters, and the accurately integrated
+/// states after each part of a step.
 #[derive(Clone, Debug, PartialEq)]
 struct TrueTrajectory {
     initial: Vec<f64>,
     inputs: Vec<Vec<f64>>,
+    parameters: Vec<f64>,
     truth: Vec<f64>,
 }
 
@@ -133,6 +134,8 @@ impl ValidationSet {
         config: &ValidationConfig,
         seed: u64,
     ) -> Result<Self, NetError> {
+        let domain = config.domain.in_order_of(plant)?;
+        let config = &ValidationConfig { domain, ..config.clone() };
         let steps = config.validate(plant.dims(), sample_time_s)?;
         let integrator = Dopri5::shared(plant.to_shared(), config.tolerance);
         Self::integrate_all(integrator, steps, sample_time_s, config, seed)
@@ -145,30 +148,28 @@ impl ValidationSet {
         config: &ValidationConfig,
         seed: u64,
     ) -> Result<Self, NetError> {
-        let states = integrator.dims().nx;
+        let Dims { nx: states, nu, .. } = integrator.dims();
         let ends: Vec<_> = config.domain.ends().collect();
         let mut random = rng(seed, Purpose::Validation);
         let mut uniform = |(low, high): (f64, f64)| low + (high - low) * random.random::<f64>();
         let mut scenarios = Vec::with_capacity(config.scenarios);
         for _ in 0..config.scenarios {
             let initial: Vec<f64> = ends[..states].iter().map(|&e| uniform(e)).collect();
-            let inputs: Vec<Vec<f64>> =
-                (0..steps).map(|_| ends[states..].iter().map(|&e| uniform(e)).collect()).collect();
-            scenarios.push(integrate(
-                &mut integrator,
-                initial,
-                inputs,
-                sample_time_s,
-                config.subintervals,
-            )?);
+            let mut draw = |ends: &[(f64, f64)]| ends.iter().map(|&e| uniform(e)).collect();
+            let inputs = (0..steps).map(|_| draw(&ends[states..states + nu])).collect();
+            let parameters = draw(&ends[states + nu..]);
+            let held = Held { inputs, parameters };
+            let parts = config.subintervals;
+            scenarios.push(integrate(&mut integrator, initial, held, sample_time_s, parts)?);
         }
         let count = config.one_step_points;
         let points =
             Sampler::Sobol.sample(count, sample_time_s, &config.domain, 1, seed, Purpose::OneStep);
         let one_step = (0..count)
             .map(|i| {
-                let (x, u) = (points.state(i).to_vec(), points.input(i).to_vec());
-                integrate(&mut integrator, x, vec![u], sample_time_s, 1)
+                let inputs = vec![points.input(i).to_vec()];
+                let held = Held { inputs, parameters: points.parameters(i).to_vec() };
+                integrate(&mut integrator, points.state(i).to_vec(), held, sample_time_s, 1)
             })
             .collect::<Result<_, _>>()?;
         let (subintervals, scale) = (config.subintervals, config.scale(states));
@@ -200,8 +201,9 @@ impl ValidationSet {
         let (states, subintervals) = (plant.dims().nx, config.subintervals);
         let mut integrator = Dopri5::shared(plant.to_shared(), config.tolerance);
         let mut trial = |parts| {
-            let (initial, inputs) = (scenario.initial_state.clone(), vec![scenario.input.clone()]);
-            integrate(&mut integrator, initial, inputs, sample_time_s, parts)
+            let held = Held { inputs: vec![scenario.input.clone()], parameters: Vec::new() };
+            let initial = scenario.initial_state.clone();
+            integrate(&mut integrator, initial, held, sample_time_s, parts)
         };
         let (scenarios, one_step) = (vec![trial(subintervals)?], vec![trial(1)?]);
         let scale = config.scale(states);
@@ -233,7 +235,8 @@ impl ValidationSet {
         for scenario in &self.scenarios {
             let mut start = scenario.initial.clone();
             // Row 0 is the net's own y(0).
-            let first = net.evaluate(0.0, &start, &scenario.inputs[0]);
+            let p = &scenario.parameters;
+            let first = net.evaluate(0.0, &start, &scenario.inputs[0], p);
             rows.push(&first, &start);
             for (k, input) in scenario.inputs.iter().enumerate() {
                 // A distilled net is meaningful at the end of a step only.
@@ -241,7 +244,7 @@ impl ValidationSet {
                     if net.source() == TrainingTarget::Integrator { self.subintervals } else { 1 };
                 for part in first..=self.subintervals {
                     let t = self.sample_time_s * to_f64(part) / to_f64(self.subintervals);
-                    let y = net.evaluate(t, &start, input);
+                    let y = net.evaluate(t, &start, input, p);
                     let row = k * self.subintervals + part - 1;
                     let truth = &scenario.truth[row * states..(row + 1) * states];
                     rows.push(&y, truth);
@@ -254,7 +257,8 @@ impl ValidationSet {
         }
         let mut single = Comparison::default();
         for trial in &self.one_step {
-            let y = net.evaluate(self.sample_time_s, &trial.initial, &trial.inputs[0]);
+            let TrueTrajectory { initial, inputs, parameters, .. } = trial;
+            let y = net.evaluate(self.sample_time_s, initial, &inputs[0], parameters);
             single.push(&y, &trial.truth);
         }
         let units = vec![1.0; states];
@@ -270,7 +274,8 @@ impl ValidationSet {
         let points = held_out.points();
         let (mut predicted, mut truth) = (Vec::new(), Vec::new());
         for k in 0..points.len() {
-            let y = net.evaluate(points.time(k), points.state(k), points.input(k));
+            let (x, u, p) = (points.state(k), points.input(k), points.parameters(k));
+            let y = net.evaluate(points.time(k), x, u, p);
             for (i, measured) in held_out.state(k).iter().enumerate() {
                 if let Some(measured) = measured {
                     predicted.push(y[i] / self.scale[i]);
@@ -307,13 +312,21 @@ impl Comparison {
     }
 }
 
+/// What acts on a plant in a scenario.
+struct Held {
+    /// One input per step.
+    inputs: Vec<Vec<f64>>,
+    parameters: Vec<f64>,
+}
+
 fn integrate(
     integrator: &mut Dopri5,
     initial: Vec<f64>,
-    inputs: Vec<Vec<f64>>,
+    Held { inputs, parameters }: Held,
     sample_time_s: f64,
     subintervals: usize,
 ) -> Result<TrueTrajectory, NetError> {
+    integrator.set_parameters(&parameters);
     let mut x = initial.clone();
     let mut truth = Vec::with_capacity(inputs.len() * subintervals * x.len());
     for input in &inputs {
@@ -322,5 +335,5 @@ fn integrate(
             truth.extend_from_slice(&x);
         }
     }
-    Ok(TrueTrajectory { initial, inputs, truth })
+    Ok(TrueTrajectory { initial, inputs, parameters, truth })
 }

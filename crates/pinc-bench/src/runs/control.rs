@@ -246,7 +246,7 @@ impl Times {
     ) -> Result<(), BenchError> {
         let mut times = Vec::new();
         loop {
-            let x = run.state().to_vec();
+            let (x, p) = (run.state().to_vec(), run.parameters().to_vec());
             let clock = Instant::now();
             let mut expired = || budget.is_some_and(|budget| clock.elapsed() >= budget);
             let control = run.control_within(&mut expired)?;
@@ -254,7 +254,7 @@ impl Times {
             let Some(control) = control else { break };
             times.push(time.as_secs_f64());
             if let Some(guard) = &mut guard {
-                guard.look(&x, control.u())?;
+                guard.look(&x, control.u(), &p)?;
             }
             control.advance()?;
         }

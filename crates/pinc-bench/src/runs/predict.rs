@@ -15,9 +15,9 @@ use std::path::Path;
 /// Reads the inputs from the file `inputs`, lets the net of the file `model` run freely, and writes
 /// its states to the file `output`.
 ///
-/// The input has the columns `scenario`, `t`, the net's inputs, the net's states, in any order. The
-/// first row of a scenario gives its initial state; the inputs of a row hold until the scenario's
-/// next; other state cells may be empty. The net is chained every T from the scenario's first row
+/// The input has the columns `scenario`, `t`, the net's inputs, the parameters that the net takes as
+/// inputs, if there are any, and the net's states, in any order. The first row of a scenario gives its initial state; the inputs and parameters of a row hold until the
+/// scenario's next; other state cells may be empty. The net is chained every T from the scenario's first row
 /// on and asked at the times between. Where the inputs change within an interval of T, the chain is
 /// restarted: a new interval begins at that row. The output has the same columns. A distilled net
 /// cannot be asked between steps: all rows have to lie on step marks.
@@ -62,7 +62,8 @@ fn run(
             None => begin_chain(net, &mut chains, &columns, &row),
         };
         let state = state.map_err(|problem| at((line, problem)))?;
-        guard.look(&state, &row.inputs)?;
+        let (u, p) = row.inputs.split_at(net.input_names().len());
+        guard.look(&state, u, p)?;
         table.push(columns.write(&cells, &state));
     }
     Ok(table)
@@ -95,7 +96,11 @@ fn continue_chain(
     if !chain.reaches(row.t) {
         return Err(CsvProblem::Gap { t: row.t });
     }
-    let sample = chain.advance(&|t, y0, u| net.evaluate(t, y0, u), row.t, &row.inputs);
+    let step = |t, y0: &[f64], held: &[f64]| {
+        let (u, p) = held.split_at(net.input_names().len());
+        net.evaluate(t, y0, u, p)
+    };
+    let sample = chain.advance(&step, row.t, &row.inputs);
     if net.source() == TrainingTarget::Integrator && !sample.mark {
         return Err(CsvProblem::BetweenSteps { t: row.t, sample_time_s: net.sample_time_s() });
     }
@@ -106,6 +111,7 @@ fn continue_chain(
 struct Columns {
     scenario: usize,
     t: usize,
+    /// Of the inputs and the parameters.
     inputs: Vec<(usize, String)>,
     states: Vec<(usize, String)>,
 }
@@ -114,6 +120,7 @@ struct Columns {
 struct InputRow<'a> {
     scenario: &'a str,
     t: f64,
+    /// The inputs, then the parameters.
     inputs: Vec<f64>,
     states: Vec<Option<f64>>,
 }
@@ -121,10 +128,12 @@ struct InputRow<'a> {
 impl Columns {
     fn find(net: &PincNet, header: &StringRecord) -> Result<Self, CsvProblem> {
         let fixed = ["scenario".to_owned(), "t".to_owned()];
-        let names = [&fixed[..], net.input_names(), net.state_names()].concat();
+        let mut held = net.input_names().to_vec();
+        held.extend(net.parameter_names().map(str::to_owned));
+        let names = [&fixed[..], &held, net.state_names()].concat();
         let mut named = places(header, &names)?.into_iter().zip(names);
         let (scenario, t) = (named.next().map_or(0, |c| c.0), named.next().map_or(0, |c| c.0));
-        let inputs = named.by_ref().take(net.input_names().len()).collect();
+        let inputs = named.by_ref().take(held.len()).collect();
         Ok(Self { scenario, t, inputs, states: named.collect() })
     }
 

@@ -25,7 +25,8 @@ impl Experiment {
         plant("plant", &self.plant, self.plants())?;
         let variables = self.plant.variables();
         names::column_names(&self.plant, &variables)?;
-        let dims = Dims::new(variables.states.len(), variables.inputs.len());
+        names::varying_parameters(self)?;
+        let dims = self.dims();
         self.sections(dims)?;
         if let Some(validation) = &self.validation {
             validation_scenarios(validation, dims, self.sample_time_s())?;

@@ -8,7 +8,8 @@ const ROWS: usize = 3;
 
 /// The layers of a net at t = T, folded, transposed and padded.
 ///
-/// With z = W v + b and v = ((t, y0, u) - mean)/std, the first layer becomes W' (y0, u) + b' with
+/// With z = W v + b and v = ((t, y0, u, p) - mean)/std, the first layer becomes W' (y0, u, p) + b'
+/// with
 ///
 /// ```text
 /// W'_j = W_j / std_j                 b' = b + W_t (T - mean_t) / std_t - sum_j W'_j mean_j
@@ -71,7 +72,7 @@ impl Layout {
         self.ansatz == Ansatz::HardLinear
     }
 
-    /// The most neurons of a layer, or numbers of (x, u).
+    /// The most neurons of a layer, or numbers of (x, u, p).
     pub(super) fn widest(&self) -> usize {
         let widths = self.packed.iter().map(|layer| layer.bias.len().max(layer.inputs));
         widths.max().unwrap_or(0)
@@ -117,7 +118,7 @@ impl BlockedLayer {
     }
 }
 
-/// From weights of the normalized (t, y0, u) to weights of (y0, u).
+/// From weights of the normalized (t, y0, u, p) to weights of (y0, u, p).
 fn fold_input(net: &PincNet, weights: &mut [Vec<f64>], bias: &mut [f64]) {
     for (row, bias) in weights.iter_mut().zip(bias) {
         let scaled = row.iter().zip(&net.input.std).map(|(w, std)| w / std);
