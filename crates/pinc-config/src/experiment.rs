@@ -168,6 +168,15 @@ impl Experiment {
         ranges.map(|range| range.name.as_str()).collect()
     }
 
+    /// The values that the models of the controller have for [`Experiment::varying`], in this order.
+    #[must_use]
+    pub fn model_parameters(&self) -> Vec<f64> {
+        let nominal = self.plant.parameters();
+        let own = self.control.as_ref().map(|control| &control.parameters);
+        let value = |name: &str| own.and_then(|own| own.get(name)).or_else(|| nominal.get(name));
+        self.varying().into_iter().filter_map(|name| value(name).copied()).collect()
+    }
+
     /// The dimensions of the plant, with the parameters that vary.
     ///
     /// # Panics

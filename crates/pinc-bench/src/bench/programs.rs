@@ -25,14 +25,14 @@ fn measure(case: Case, method: QpMethod, repetitions: usize) -> Result<QpTime, B
     let experiment = case.experiment(&[&format!("control.sqp.qp={method}")])?;
     let spec = experiment.control.as_ref().expect("the shipped loops have a controller");
     let sample_time_s = experiment.sample_time_s().expect("the shipped loops train a net");
-    let setup = LoopSetup { spec, kinds: &[ModelKind::Rk4], net: None, sample_time_s };
     let plant = &*experiment.plant.dyn_plant();
+    let setup = LoopSetup::numerical(spec, sample_time_s, plant);
     let in_model = Spent::default();
     let model = Watched { model: setup.model(ModelKind::Rk4, plant)?, spent: in_model.clone() };
-    let mut nmpc = Nmpc::new(setup.problem(plant), Box::new(model), spec.sqp)?;
+    let mut nmpc = Nmpc::new(setup.problem(), Box::new(model), spec.sqp)?;
     let mut times = Vec::new();
     for _ in 0..repetitions {
-        let mut run = setup.begin(&mut nmpc, plant)?;
+        let mut run = setup.begin(&mut nmpc)?;
         in_model.take_ns();
         let in_controller = Spent::default();
         while let Some(control) = in_controller.watch(|| run.control())? {

@@ -5,7 +5,7 @@ use super::guard::Guard;
 use super::with_outputs::WithOutputs;
 use crate::BenchError;
 use crate::progress::Stage;
-use pinc_config::{ControlSpec, Experiment, ModelKind, PlantSpec, Variables};
+use pinc_config::{ControlSpec, Experiment, ModelKind, Variables};
 use pinc_mpc::{ClosedLoop, Nmpc, NmpcProblem, Reference, StepRecord};
 use pinc_net::{NetError, PincModel, PincNet};
 use pinc_ode::{Dopri5, DynPlant, Model, PiecewiseConstant, Trajectory};
@@ -25,13 +25,16 @@ pub(crate) struct LoopSetup<'a> {
     pub(crate) net: Option<&'a PincNet>,
     /// Length T of a step.
     pub(crate) sample_time_s: f64,
+    /// The p of the models.
+    pub(crate) parameters: &'a [f64],
+    /// The plant in the loop, whose parameters are fixed.
+    pub(crate) truth: &'a dyn DynPlant,
 }
 
 /// A model for the controller.
 type NamedModel = (ModelKind, Box<dyn Model>);
 
-/// Runs the closed loops, unless all have been run. `plant` is the one that the models are of, and
-/// also the one in the loop unless the config has another.
+/// Runs the closed loops, unless all have been run. `plant` is the one that the models are of.
 pub(crate) fn stage(
     plant: &dyn DynPlant,
     setup: &LoopSetup<'_>,
@@ -44,24 +47,22 @@ pub(crate) fn stage(
     }
     run_dir.update(|all| all.control.clear())?;
     run_dir.remove_loops()?;
-    let real = setup.spec.plant.as_ref().map(PlantSpec::dyn_plant);
     for &kind in setup.kinds {
         let model = (kind, setup.model(kind, plant)?);
-        let metrics = run_model(real.as_deref().unwrap_or(plant), setup, model, options, run_dir)?;
+        let metrics = run_model(setup, model, options, run_dir)?;
         run_dir.update(|all| all.control.push(metrics))?;
     }
     Ok(())
 }
 
 fn run_model(
-    plant: &dyn DynPlant,
     setup: &LoopSetup<'_>,
     (kind, model): NamedModel,
     options: &Options<'_>,
     run_dir: &RunDir,
 ) -> Result<ControlMetrics, BenchError> {
     let ControlSpec { sqp, repetitions, budget_us, .. } = setup.spec;
-    let mut nmpc = Nmpc::new(setup.problem(plant), model, *sqp)?;
+    let mut nmpc = Nmpc::new(setup.problem(), model, *sqp)?;
     let name = format!("control {kind}");
     let mut progress = Stage::begin(options.verbosity, &name, *repetitions as u64);
     let mut times = Times::default();
@@ -71,13 +72,13 @@ fn run_model(
         options.check_interrupt(run_dir.dir())?;
         progress.advance(repetition as u64, String::new);
         // Only the first leaves results: the others give the same numbers in other times.
-        let mut run = setup.begin(&mut nmpc, plant)?;
+        let mut run = setup.begin(&mut nmpc)?;
         let mut guard = setup.guard(kind);
         let budget = budget_us.map(|us| Duration::from_secs_f64(1e-6 * us));
-        let outcome = times.watch(&mut run, budget, guard.as_mut());
+        let outcome = times.watch(&mut run, budget, (guard.as_mut(), setup.parameters));
         if results.is_none() || outcome.is_err() {
             let name = file::control(kind, setup.kinds.len());
-            run_dir.write_trace(&name, || setup.trace(&run, plant).to_csv())?;
+            run_dir.write_trace(&name, || setup.trace(&run).to_csv())?;
             results = Some(Results::of(&run, setup));
             outside = guard.map(Guard::found);
         }
@@ -114,12 +115,24 @@ pub(super) fn rehearse(
     spec: &ControlSpec,
     sample_time_s: f64,
 ) -> Result<Trajectory, BenchError> {
-    let setup = LoopSetup { spec, kinds: &[ModelKind::Rk4], net: None, sample_time_s };
+    let setup = LoopSetup::numerical(spec, sample_time_s, plant);
     let model = setup.model(ModelKind::Rk4, plant)?;
-    let mut nmpc = Nmpc::new(setup.problem(plant), model, spec.sqp)?;
-    let mut run = setup.begin(&mut nmpc, plant)?;
+    let mut nmpc = Nmpc::new(setup.problem(), model, spec.sqp)?;
+    let mut run = setup.begin(&mut nmpc)?;
     run.run()?;
     Ok(run.trajectory().clone())
+}
+
+impl<'a> LoopSetup<'a> {
+    /// RK4 as the model of the plant in the loop.
+    pub(crate) fn numerical(
+        spec: &'a ControlSpec,
+        sample_time_s: f64,
+        plant: &'a dyn DynPlant,
+    ) -> Self {
+        let kinds = &[ModelKind::Rk4];
+        Self { spec, kinds, net: None, sample_time_s, parameters: &[], truth: plant }
+    }
 }
 
 impl LoopSetup<'_> {
@@ -151,22 +164,19 @@ impl LoopSetup<'_> {
         })
     }
 
-    pub(crate) fn problem(&self, plant: &dyn DynPlant) -> NmpcProblem {
-        self.spec.problem(&Variables::of(plant), self.sample_time_s)
+    pub(crate) fn problem(&self) -> NmpcProblem {
+        let problem = self.spec.problem(&Variables::of(self.truth), self.sample_time_s);
+        NmpcProblem { parameters: self.parameters.to_vec(), ..problem }
     }
 
-    pub(crate) fn begin<'n>(
-        &self,
-        nmpc: &'n mut Nmpc,
-        plant: &dyn DynPlant,
-    ) -> Result<ClosedLoop<'n>, BenchError> {
+    pub(crate) fn begin<'n>(&self, nmpc: &'n mut Nmpc) -> Result<ClosedLoop<'n>, BenchError> {
         let spec = self.spec;
         let starts = spec.references.iter().map(|step| step.start_s).collect();
         let values = spec.references.iter().map(|step| step.value.clone()).collect();
         let signal = PiecewiseConstant::new(starts, values)?;
         let steps = super::steps(spec.duration_s, self.sample_time_s);
         let reference = Reference::sample(&signal, steps, self.sample_time_s)?;
-        let truth = Dopri5::shared(plant.to_shared(), spec.plant_tolerance);
+        let truth = Dopri5::shared(self.truth.to_shared(), spec.plant_tolerance);
         let run = ClosedLoop::new(nmpc, truth, reference, &spec.initial_state)?;
         let run = if spec.preview { run } else { run.without_preview() };
         Ok(match &spec.initial_input {
@@ -176,8 +186,8 @@ impl LoopSetup<'_> {
     }
 
     /// The dense trace of a loop.
-    fn trace(&self, run: &ClosedLoop<'_>, plant: &dyn DynPlant) -> ControlTrace {
-        let variables = Variables::of(plant);
+    fn trace(&self, run: &ClosedLoop<'_>) -> ControlTrace {
+        let variables = Variables::of(self.truth);
         let own = variables.own_outputs();
         let trace = run.trajectory();
         let row = |(i, t): (usize, &f64)| {
@@ -242,11 +252,11 @@ impl Times {
         &mut self,
         run: &mut ClosedLoop<'_>,
         budget: Option<Duration>,
-        mut guard: Option<&mut Guard<'_>>,
+        (mut guard, parameters): (Option<&mut Guard<'_>>, &[f64]),
     ) -> Result<(), BenchError> {
         let mut times = Vec::new();
         loop {
-            let (x, p) = (run.state().to_vec(), run.parameters().to_vec());
+            let x = run.state().to_vec();
             let clock = Instant::now();
             let mut expired = || budget.is_some_and(|budget| clock.elapsed() >= budget);
             let control = run.control_within(&mut expired)?;
@@ -254,7 +264,7 @@ impl Times {
             let Some(control) = control else { break };
             times.push(time.as_secs_f64());
             if let Some(guard) = &mut guard {
-                guard.look(&x, control.u(), &p)?;
+                guard.look(&x, control.u(), parameters)?;
             }
             control.advance()?;
         }

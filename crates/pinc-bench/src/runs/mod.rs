@@ -267,7 +267,8 @@ struct Stages<'a> {
 impl Stages<'_> {
     fn run(self) -> Result<(), BenchError> {
         let Self { experiment, options, plan, run_dir } = self;
-        let plant = &*experiment.plant.dyn_plant();
+        let varying = experiment.varying();
+        let plant = &*experiment.plant.family(&varying);
         let trained = match &experiment.training {
             Some(_) if plan.trains => Some(train::stage(plant, experiment, options, run_dir)?),
             _ => None,
@@ -277,18 +278,25 @@ impl Stages<'_> {
         if let (Some(net), Some(spec), true) = (net, &experiment.prediction, plan.runs_free)
             && run_dir.metrics().prediction.is_none()
         {
-            free_run::stage(plant, net, spec, experiment.seed, run_dir)?;
+            // Free runs are of the nominal plant.
+            let nominal = experiment.plant.parameters();
+            let p: Vec<f64> = net.parameter_names().map(|name| nominal[name]).collect();
+            let plant = &*experiment.plant.dyn_plant();
+            free_run::stage(plant, net, (spec, &p), experiment.seed, run_dir)?;
         }
         if let Some(spec) = &experiment.control
             && !plan.loops.is_empty()
         {
             let sample_time_s =
                 experiment.sample_time_s().or_else(|| net.map(PincNet::sample_time_s));
+            let truth = spec.plant.as_ref().unwrap_or(&experiment.plant).dyn_plant();
             let setup = LoopSetup {
                 spec,
                 kinds: &plan.loops,
                 net,
                 sample_time_s: sample_time_s.expect("the plan was checked for it"),
+                parameters: &experiment.model_parameters(),
+                truth: &*truth,
             };
             control::stage(plant, &setup, options, run_dir)?;
             if let (Some(spec), Some(domain)) = (&experiment.one_step, &experiment.domain) {
@@ -327,9 +335,11 @@ fn read_matching_model(
     let net = chainable(path, parse_model(path, &bytes)?)?;
     let variables = experiment.plant.variables();
     let names = |names: &[String]| names.join(", ");
+    let parameters: Vec<_> = net.parameter_names().map(str::to_owned).collect();
     let mut compared = vec![
         ("states", names(net.state_names()), names(&variables.state_names())),
         ("inputs", names(net.input_names()), names(&variables.input_names())),
+        ("parameters", names(&parameters), experiment.varying().join(", ")),
     ];
     if let Some(sample_time_s) = experiment.sample_time_s() {
         compared.push((

@@ -51,6 +51,14 @@ pub(super) fn varying_parameters(experiment: &Experiment) -> Finding {
     let names = |domain: &Domain| -> Vec<String> {
         domain.parameters.iter().map(|range| range.name.clone()).collect()
     };
+    let own = experiment.control.iter().flat_map(|control| control.parameters.keys());
+    for name in own {
+        if !experiment.varying().contains(&name.as_str()) {
+            let key = format!("control.parameters.{name}");
+            let found = "a parameter that the models do not take";
+            return value(&key, found, "one of [domain.parameters]");
+        }
+    }
     let Some(domain) = &experiment.domain else { return Ok(()) };
     let known: Vec<String> = experiment.plant.parameters().into_keys().collect();
     let varying = names(domain);
@@ -60,7 +68,9 @@ pub(super) fn varying_parameters(experiment: &Experiment) -> Finding {
         let found = "a parameter that the plant does not have";
         let expected = match (nearest, &known[..]) {
             (Some(nearest), _) => format!("one of its parameters: did you mean `{nearest}`?"),
-            (None, []) => "no such key: a plant whose parameters vary is written as text".to_owned(),
+            (None, []) => {
+                "no such key: a plant whose parameters vary is written as text".to_owned()
+            }
             (None, known) => format!("one of {}", known.join(", ")),
         };
         return value(&key, found, &expected);

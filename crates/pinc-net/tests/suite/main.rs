@@ -2,6 +2,7 @@
 
 mod distillation;
 mod examples;
+mod family;
 mod growth;
 mod kernel;
 mod levenberg_marquardt;

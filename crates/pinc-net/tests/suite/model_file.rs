@@ -12,6 +12,7 @@ fn net<P: Plant>(plant: &P, ansatz: Ansatz, time_only: bool) -> PincNet {
         state_high: vec![6.0; dims.nx],
         input_low: vec![-1.0; dims.nu],
         input_high: vec![3.0; dims.nu],
+        parameters: Vec::new(),
     };
     let scenario = Scenario { initial_state: vec![1.5; dims.nx], input: vec![0.5; dims.nu] };
     let config = NetConfig {
@@ -52,7 +53,7 @@ fn each_kind_of_damage_is_named() {
     let bytes = net(&VanDerPol::default(), Ansatz::Direct, false).to_bytes();
     let cases = [
         ("pinc-model", "other", "`format`"),
-        (r#""version":"1""#, r#""version":"2""#, "`version`"),
+        (r#""version":"1""#, r#""version":"3""#, "`version`"),
         (r#"\"horizon_s\":0.7"#, r#"\"horizon_s\":-1"#, "horizon_s"),
         (r#"\"horizon_s\":0.7,"#, "", "horizon_s"),
         (r#"\"activation\":\"tanh\""#, r#"\"activation\":\"relu\""#, "activation"),

@@ -77,7 +77,7 @@ fn uses(subject: &Subject<'_>, findings: &mut Vec<Finding>) -> Vec<(&'static str
     };
     let mut free = Vec::new();
     if let Some(spec) = validation {
-        let Domain { state_low, state_high, input_low, input_high } = &spec.domain;
+        let Domain { state_low, state_high, input_low, input_high, .. } = &spec.domain;
         for _ in 0..SCENARIOS {
             let x = draw(state_low, state_high);
             let steps = super::super::steps(spec.duration_s, subject.step_s());
