@@ -367,7 +367,7 @@ impl StepTimes {
     /// If there are none.
     #[must_use]
     pub fn of(mut times: Vec<f64>) -> Self {
-        times.sort_by(f64::total_cmp);
+        times.sort_unstable_by(f64::total_cmp);
         let rank = |percent: usize| times[(times.len() * percent).div_ceil(100).max(1) - 1];
         Self { p50: rank(50), p99: rank(99), max: rank(100) }
     }

@@ -1,6 +1,5 @@
 //! The directory of a run, and its metrics.
 
-use crate::csv::CsvText;
 use crate::error::RecordError;
 use crate::files::{file, is_unfinished, json, remove_unfinished, write_atomically};
 use crate::metrics::Metrics;
@@ -112,17 +111,10 @@ impl RunDir {
         write_atomically(&self.path(name), bytes)
     }
 
-    /// Writes the trace of a closed loop, if this run keeps traces.
-    ///
-    /// # Errors
-    ///
-    /// [`RecordError::Unwritable`].
-    pub fn write_trace(
-        &self,
-        name: &str,
-        table: impl FnOnce() -> CsvText,
-    ) -> Result<(), RecordError> {
-        if self.keeps_traces { self.write(name, table().as_bytes()) } else { Ok(()) }
+    /// Whether the traces of closed loops are written.
+    #[must_use]
+    pub fn keeps_traces(&self) -> bool {
+        self.keeps_traces
     }
 
     /// Removes what closed loops have written.

@@ -9,6 +9,7 @@ mod free_run;
 mod guard;
 mod one_step;
 mod predict;
+mod recording;
 mod train;
 mod trial;
 mod with_outputs;
