@@ -224,7 +224,8 @@ mod tests {
     fn of_a_long_loop_there_are_some_rows_with_all_extremes_and_close_ups_are_whole() {
         let dir = tempfile::tempdir().unwrap();
         let path = Path::new("../../configs/smoke/van-der-pol.toml");
-        let set = ["control.close_ups_s=[[100.0, 110.0]]".to_owned()];
+        let set = ["control.duration_s=5000.0", "control.close_ups_s=[[100.0, 110.0]]"];
+        let set = set.map(str::to_owned);
         let experiment = Experiment::load(path, &set, &pinc_config::Plants::built_in()).unwrap();
         let of = |model: ModelKind, spike| {
             let file = model.to_string();
