@@ -4,7 +4,7 @@ use crate::error::RecordError;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 use std::fs;
-use std::io::{self, BufWriter, ErrorKind, Write};
+use std::io::{BufWriter, ErrorKind, Write};
 use std::path::{Path, PathBuf};
 use tempfile::NamedTempFile;
 
@@ -116,6 +116,32 @@ pub fn write_atomically(path: &Path, bytes: &[u8]) -> Result<(), RecordError> {
     file.finish()
 }
 
+/// Writes what a user has named: a file like [`write_atomically`], that which a link leads to, and
+/// straight into pipes and devices.
+///
+/// # Errors
+///
+/// [`RecordError::Unwritable`].
+pub fn write_output(path: &Path, bytes: &[u8]) -> Result<(), RecordError> {
+    let unwritable = || RecordError::unwritable(path);
+    match fs::metadata(path) {
+        Ok(found) if found.is_file() => {
+            let place = fs::canonicalize(path).map_err(unwritable())?;
+            write_atomically(&place, bytes)
+        }
+        Err(error) if error.kind() == ErrorKind::NotFound && !path.is_symlink() => {
+            write_atomically(path, bytes)
+        }
+        _ => {
+            let mut options = fs::OpenOptions::new();
+            // A link that leads to no file yet.
+            options.write(true).create(path.is_symlink());
+            let written = options.open(path).and_then(|mut file| file.write_all(bytes));
+            written.map_err(unwritable())
+        }
+    }
+}
+
 /// A file being written, which is at its place once it is finished: written under another name beside
 /// it, flushed to the disk, and renamed. If this is dropped before, there is no trace of it.
 #[derive(Debug)]
@@ -176,13 +202,24 @@ pub(crate) fn is_unfinished(entry: &fs::DirEntry) -> bool {
     entry.file_name().to_string_lossy().starts_with(UNFINISHED)
 }
 
-/// Removes the files in `dir` that a killed run has left unfinished.
-pub(crate) fn remove_unfinished(dir: &Path) -> io::Result<()> {
-    for entry in fs::read_dir(dir)? {
-        let entry = entry?;
-        if is_unfinished(&entry) {
-            fs::remove_file(entry.path())?;
+/// Removes the files in `dir`, if there is one, that a killed run has left unfinished.
+///
+/// # Errors
+///
+/// [`RecordError::Unwritable`].
+pub fn remove_unfinished(dir: &Path) -> Result<(), RecordError> {
+    let remove = || {
+        let entries = match fs::read_dir(dir) {
+            Err(error) if error.kind() == ErrorKind::NotFound => return Ok(()),
+            entries => entries?,
+        };
+        for entry in entries {
+            let entry = entry?;
+            if is_unfinished(&entry) {
+                fs::remove_file(entry.path())?;
+            }
         }
-    }
-    Ok(())
+        Ok(())
+    };
+    remove().map_err(RecordError::unwritable(dir))
 }

@@ -12,6 +12,7 @@ mod checkpoint;
 mod csv;
 mod error;
 mod files;
+mod lock;
 mod metrics;
 mod provenance;
 mod run_dir;
@@ -23,9 +24,9 @@ mod verdict;
 pub use checkpoint::{Saved, load_checkpoint, save_checkpoint};
 pub use csv::{CsvText, number};
 pub use error::{CheckpointProblem, RecordError, TableProblem};
-pub use files::{file, read_file, read_text, write_atomically};
+pub use files::{file, read_file, read_text, remove_unfinished, write_atomically, write_output};
 pub use metrics::{
-    ControlMetrics, Excess, Metrics, OneStepMetrics, OutsideDomain, PredictionMetrics,
+    ControlMetrics, Excess, FileNote, Metrics, OneStepMetrics, OutsideDomain, PredictionMetrics,
     ReferenceMetrics, StepErrors, StepTimes, SweepMetrics, TrainingMetrics, ValidationMetrics,
     WallTimes,
 };

@@ -97,7 +97,11 @@ fn extremes<R>(entries: Vec<Entry<R>>) -> Vec<Entry<R>> {
             kept[place] = true;
         }
     }
-    entries.into_iter().zip(kept).filter(|(_, kept)| *kept).map(|(entry, _)| entry).collect()
+    let rest = entries.into_iter().zip(kept).filter(|(_, kept)| *kept).map(|(entry, _)| entry);
+    let mut rest: Vec<_> = rest.collect();
+    // They were collected in the place of all entries, most of which is now free.
+    rest.shrink_to_fit();
+    rest
 }
 
 /// Numbers of which some, evenly spread, are kept to find the median of all.

@@ -47,6 +47,8 @@ pub(crate) fn stage(
     for &kind in setup.kinds {
         let model = (kind, setup.model(kind, plant)?);
         let metrics = run_model(real.as_deref().unwrap_or(plant), setup, model, options, run_dir)?;
+        let models = setup.kinds.len();
+        run_dir.note(&[&file::control(kind, models), &file::steps(kind, models)]);
         run_dir.update(|all| all.control.push(metrics))?;
     }
     Ok(())

@@ -1,6 +1,7 @@
 //! Checks of a config that its types cannot make.
 
 mod control;
+mod limits;
 mod names;
 mod values;
 
@@ -27,6 +28,7 @@ impl Experiment {
         names::column_names(&self.plant, &variables)?;
         let dims = Dims::new(variables.states.len(), variables.inputs.len());
         self.sections(dims)?;
+        limits::sizes(self, dims)?;
         if let Some(validation) = &self.validation {
             validation_scenarios(validation, dims, self.sample_time_s())?;
         }
