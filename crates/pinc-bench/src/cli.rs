@@ -243,6 +243,11 @@ fn run_all(
     for config in configs {
         all.extend(run.load(config, plants, configs.len() > 1)?);
     }
+    for (i, (_, dir)) in all.iter().enumerate() {
+        if all[..i].iter().any(|(_, other)| other == dir) {
+            return Err(BenchError::SameDirectory { dir: dir.clone() });
+        }
+    }
     let work = |experiment: &Experiment, dir: &Path, options: &Options<'_>| match (
         &experiment.sweep,
         shard,

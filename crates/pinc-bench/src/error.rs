@@ -93,6 +93,36 @@ pub enum BenchError {
         /// The upper end.
         high: f64,
     },
+    /// A net whose states are no numbers.
+    #[error(
+        "{}:{line}: the net's {variable} is {value} at this row; the inputs or the initial state are too \
+         large for it, or it is damaged",
+        path.display()
+    )]
+    NotFinite {
+        /// The file with the inputs.
+        path: PathBuf,
+        /// The line, from 1.
+        line: u64,
+        /// The state.
+        variable: String,
+        /// What it is.
+        value: f64,
+    },
+    /// An output that is one of the inputs.
+    #[error("--output {}: is also {role}, which it would overwrite", path.display())]
+    SameFile {
+        /// The file.
+        path: PathBuf,
+        /// The argument that names it too.
+        role: &'static str,
+    },
+    /// Configs whose results would be in one directory.
+    #[error("{}: two of the configs have this run directory; expected each once", dir.display())]
+    SameDirectory {
+        /// The directory.
+        dir: PathBuf,
+    },
     /// A data file that nothing can be learnt from.
     #[error(
         "{}: nothing to compare a net with: expected a row with all states, and within T = \
@@ -194,8 +224,8 @@ pub enum CsvProblem {
         /// All that are expected.
         expected: String,
     },
-    /// A cell that is no finite number.
-    #[error("column `{column}`: `{found}` given, expected a finite number")]
+    /// A cell that is no finite number, or too large a one.
+    #[error("column `{column}`: `{found}` given, expected a finite number up to 1e100")]
     Cell {
         /// The column.
         column: String,
@@ -238,6 +268,12 @@ pub enum CsvProblem {
     },
 }
 
+/// Whether nothing can be written for want of space, rather than at a wrong place.
+fn is_full(error: &std::io::Error) -> bool {
+    use std::io::ErrorKind::{FileTooLarge, QuotaExceeded, StorageFull, WriteZero};
+    matches!(error.kind(), StorageFull | QuotaExceeded | FileTooLarge | WriteZero)
+}
+
 impl BenchError {
     /// The exit code of the program: 2 for bad usage or input, 1 for a run that failed.
     #[must_use]
@@ -245,7 +281,8 @@ impl BenchError {
         match self {
             Self::Net(NetError::Setting { .. } | NetError::Dimension { .. }) => 2,
             Self::Control(MpcError::Plant { .. }) | Self::OutsideDomain { .. } => 1,
-            Self::Net(_) | Self::Plant(_) | Self::FailedSteps { .. } => 1,
+            Self::Net(_) | Self::Plant(_) | Self::FailedSteps { .. } | Self::NotFinite { .. } => 1,
+            Self::Record(RecordError::Unwritable { source, .. }) if is_full(source) => 1,
             Self::Interrupted { .. } | Self::FailedTrials { .. } | Self::FailedRuns { .. } => 1,
             _ => 2,
         }

@@ -1,7 +1,7 @@
 //! The files of a run directory: metrics, tables, checkpoint, provenance.
 //!
 //! - [`RunDir`]: the directory of a run, with its [`Metrics`]; [`LoopFinding`]: what went wrong in it.
-//! - [`TrainingRow`], [`PredictionTable`], [`ControlTrace`], [`StepRow`]: the tables of a run.
+//! - [`TrainingRow`], [`PredictionTable`], [`ControlRow`], [`StepRow`]: the tables of a run.
 //! - [`TrialTable`], [`SummaryTable`]: the tables of a sweep; [`SweepDir`]: where its trials are.
 //! - [`Provenance`]: where results come from.
 //! - [`Saved`]: a training to be resumed.
@@ -12,6 +12,7 @@ mod checkpoint;
 mod csv;
 mod error;
 mod files;
+mod lock;
 mod metrics;
 mod provenance;
 mod run_dir;
@@ -23,9 +24,9 @@ mod verdict;
 pub use checkpoint::{Saved, load_checkpoint, save_checkpoint};
 pub use csv::{CsvText, number};
 pub use error::{CheckpointProblem, RecordError, TableProblem};
-pub use files::{file, read_file, read_text, write_atomically};
+pub use files::{file, read_file, read_text, remove_unfinished, write_atomically, write_output};
 pub use metrics::{
-    ControlMetrics, Excess, Metrics, OneStepMetrics, OutsideDomain, PredictionMetrics,
+    ControlMetrics, Excess, FileNote, Metrics, OneStepMetrics, OutsideDomain, PredictionMetrics,
     ReferenceMetrics, StepErrors, StepTimes, SweepMetrics, TrainingMetrics, ValidationMetrics,
     WallTimes,
 };
@@ -34,8 +35,8 @@ pub use run_dir::RunDir;
 pub use spread::Spread;
 pub use sweep_dir::{Ending, Finished, SweepDir};
 pub use tables::{
-    ControlRow, ControlTrace, LoopMetric, PredictionRow, PredictionTable, StepMetric, StepRow,
-    SummaryRow, SummaryTable, TrainingRow, TrialColumn, TrialMetric, TrialStatus, TrialTable,
-    fixed_table, read_fixed_table,
+    ControlColumns, ControlReader, ControlRow, ControlWriter, FixedReader, FixedWriter, LoopMetric,
+    PredictionRow, PredictionTable, StepMetric, StepRow, SummaryRow, SummaryTable, TrainingRow,
+    TrialColumn, TrialMetric, TrialStatus, TrialTable, fixed_table, read_fixed_table,
 };
 pub use verdict::LoopFinding;

@@ -21,6 +21,9 @@ pub struct Metrics {
     /// The plant's states, in its order.
     #[serde(default)]
     pub states: Vec<String>,
+    /// The files with results.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub files: BTreeMap<String, FileNote>,
     /// The training.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub training: Option<TrainingMetrics>,
@@ -52,6 +55,7 @@ impl Metrics {
         Self {
             variables: units,
             states: variables.state_names(),
+            files: BTreeMap::new(),
             experiment: experiment.name.clone(),
             preset: experiment.preset,
             training: None,
@@ -91,6 +95,16 @@ impl Metrics {
     pub fn is_distilled(&self) -> bool {
         self.training.as_ref().is_some_and(|t| t.source == TrainingTarget::Integrator)
     }
+}
+
+/// What a file was when it was written.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct FileNote {
+    /// Its size.
+    pub bytes: u64,
+    /// Its SHA-256, unless it is large.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub sha256: Option<String>,
 }
 
 /// One step of a model by itself.
@@ -367,7 +381,7 @@ impl StepTimes {
     /// If there are none.
     #[must_use]
     pub fn of(mut times: Vec<f64>) -> Self {
-        times.sort_by(f64::total_cmp);
+        times.sort_unstable_by(f64::total_cmp);
         let rank = |percent: usize| times[(times.len() * percent).div_ceil(100).max(1) - 1];
         Self { p50: rank(50), p99: rank(99), max: rank(100) }
     }

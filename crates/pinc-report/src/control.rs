@@ -1,7 +1,8 @@
 //! The closed loop: what the plant did under the controller, PINC over RK4.
 
-use crate::data::Run;
+use crate::data::{OfModel, Run};
 use crate::picture::Picture;
+use crate::traces::{CloseUp, ControlTrace};
 use crate::variables::Variables;
 use pinc_chart::text;
 use pinc_chart::{
@@ -9,11 +10,10 @@ use pinc_chart::{
     held_since_previous, held_until_next, input_color, present, state_color,
 };
 use pinc_config::ControlSpec;
-use pinc_record::{ControlRow, ControlTrace};
+use pinc_record::ControlRow;
 
-/// A run of more steps than this gets a close-up of its first [`CLOSE_UP`] steps.
+/// A run of more steps than this gets a close-up of its first steps.
 const LONG: f64 = 60.0;
-const CLOSE_UP: f64 = 20.0;
 /// Values that differ by less, by ratio, differ by rounding.
 const EQUAL: f64 = 1e-13;
 /// The form of a reference.
@@ -21,11 +21,12 @@ const REFERENCE: Shape = Shape::Dashes(1.4);
 
 /// The whole closed loop, and parts of it enlarged.
 pub(crate) fn pictures(run: &Run, variables: &Variables) -> Vec<Picture> {
-    if run.control.iter().all(|of| of.table.rows.is_empty()) {
+    let traces = &run.control.loops;
+    if traces.iter().all(|of| of.table.rows.is_empty()) {
         return Vec::new();
     }
-    let loops = Loops { run, variables };
-    let times = run.control.iter().flat_map(|of| &of.table.rows).map(|row| row.t);
+    let loops = Loops { run, variables, traces };
+    let times = traces.iter().flat_map(|of| &of.table.rows).map(|row| row.t);
     let t = extent(times);
     let axis = Axis::ranged("t (s)", Kind::Linear, t);
     let figure = Figure::stack("Closed loop", axis, loops.panels());
@@ -62,6 +63,7 @@ fn input(row: &ControlRow, place: usize) -> f64 {
 struct Loops<'a> {
     run: &'a Run,
     variables: &'a Variables,
+    traces: &'a [OfModel<ControlTrace>],
 }
 
 impl Loops<'_> {
@@ -109,9 +111,9 @@ impl Loops<'_> {
     }
 
     fn add_references(&self, panel: &mut Panel, states: &[String]) {
-        let first = &self.run.control[0].table;
+        let first = &self.traces[0].table;
         for state in states {
-            let Some(place) = first.controlled.iter().position(|name| name == state) else {
+            let Some(place) = first.columns.controlled.iter().position(|name| name == state) else {
                 continue;
             };
             let color = state_color(self.variables.index_of(state));
@@ -148,9 +150,9 @@ impl Loops<'_> {
         color: Color,
         curve: impl Fn(&ControlTrace) -> Vec<Point>,
     ) {
-        let of = &self.run.control[0];
+        let of = &self.traces[0];
         let points = curve(&of.table);
-        let label = match self.run.control.len() {
+        let label = match self.traces.len() {
             1 => variable.to_owned(),
             _ => format!("{variable} with {}", self.run.model_name(of.model)),
         };
@@ -165,7 +167,7 @@ impl Loops<'_> {
         variable: &str,
         curve: impl Fn(&ControlTrace) -> Vec<Point>,
     ) {
-        for of in &self.run.control[1..] {
+        for of in &self.traces[1..] {
             let label = format!("with {}", self.run.model_name(of.model));
             let style = Style::new(AMBER, Shape::Line(5.0)).faint(0.55);
             panel.add_beneath(&label, &format!("{variable} {label}"), curve(&of.table), style);
@@ -186,7 +188,7 @@ impl Loops<'_> {
 
     /// How far the first two models' loops are apart.
     fn difference_panel(&self) -> Option<Panel> {
-        let [one, two, ..] = &self.run.control[..] else { return None };
+        let [one, two, ..] = self.traces else { return None };
         let title =
             format!("|{} − {}|", self.run.model_name(one.model), self.run.model_name(two.model));
         let states = &self.variables.states;
@@ -202,18 +204,23 @@ impl Loops<'_> {
     /// Enlarged parts of the picture: those that the config asks for, or else the first steps if
     /// the run has many.
     fn close_ups(&self, whole: &Figure, t: (f64, f64)) -> Vec<Picture> {
-        let asked = self.run.experiment.control.iter().flat_map(|control| &control.close_ups_s);
-        let asked = asked.filter(|[from, to]| *from < t.1 && *to > t.0);
-        let asked: Vec<(f64, f64)> = asked.map(|[from, to]| (from.max(t.0), to.min(t.1))).collect();
-        let step = self.run.step_s().filter(|step| t.1 - t.0 > LONG * step);
-        let beginning = step.map(|step| (t.0, t.0 + CLOSE_UP * step));
-        let windows = if asked.is_empty() { beginning.into_iter().collect() } else { asked };
-        windows.into_iter().map(|window| self.close_up(whole, window)).collect()
+        let asked = self.run.experiment.control.as_ref().map_or(0, |spec| spec.close_ups_s.len());
+        let (asked, first_steps) = self.run.control.close_ups.split_at(asked);
+        let shown = |part: &&CloseUp| part.window.0 < t.1 && part.window.1 > t.0;
+        let asked: Vec<&CloseUp> = asked.iter().filter(shown).collect();
+        let is_long = self.run.step_s().is_some_and(|step| t.1 - t.0 > LONG * step);
+        let first_steps = first_steps.iter().filter(|_| is_long && asked.is_empty());
+        let parts = asked.iter().copied().chain(first_steps);
+        parts.map(|part| self.close_up(whole, part, t)).collect()
     }
 
-    fn close_up(&self, whole: &Figure, (from, to): (f64, f64)) -> Picture {
+    fn close_up(&self, whole: &Figure, part: &CloseUp, t: (f64, f64)) -> Picture {
+        let (from, to) = (part.window.0.max(t.0), part.window.1.min(t.1));
         let (from_s, to_s) = (text::number(from, 6), text::number(to, 6));
         let mut figure = whole.clone();
+        if let Some(traces) = &part.loops {
+            figure.panels = Loops { traces, ..*self }.panels();
+        }
         figure.name = format!("Closed loop from {from_s} s to {to_s} s");
         figure.x.range = Some((from, to));
         Picture {
@@ -225,11 +232,11 @@ impl Loops<'_> {
     }
 
     fn caption(&self) -> String {
-        let files: Vec<_> = self.run.control.iter().map(|of| of.file.clone()).collect();
+        let files: Vec<_> = self.traces.iter().map(|of| of.file.clone()).collect();
         let mut caption = "The plant, integrated accurately, under the controller. Dashed: the \
                            references, in the colours of what follows them; grey: the bounds."
             .to_owned();
-        if let [first, second, ..] = &self.run.control[..] {
+        if let [first, second, ..] = self.traces {
             let (one, two) = (self.run.model_name(first.model), self.run.model_name(second.model));
             caption += &format!(
                 " Thin curves: with {one} as the controller's model; broad amber curves beneath: \
@@ -246,6 +253,12 @@ impl Loops<'_> {
                 " They differ by at most {} (lowest panel; no curve where they are equal up to \
                 rounding).",
                 text::listed(&largest)
+            );
+        }
+        if let Some(rows) = self.run.control.taken_of {
+            let rows = text::count(rows);
+            caption += &format!(
+                " Of {rows} rows those are drawn where a curve is at its highest or lowest."
             );
         }
         format!("{caption} From {}.", text::listed(&files))

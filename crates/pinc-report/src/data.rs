@@ -1,11 +1,12 @@
 //! A run directory's files, read as far as the report needs them.
 
 use crate::error::ReportError;
+use crate::traces::{Steps, Traces};
 use crate::trials::Trials;
 use pinc_config::{Experiment, ModelKind};
 use pinc_record::{
-    ControlTrace, Metrics, PredictionTable, Provenance, RecordError, StepRow, TrainingRow, file,
-    read_fixed_table, read_text,
+    ControlReader, FixedReader, Metrics, PredictionTable, Provenance, RecordError, TrainingRow,
+    file, read_fixed_table, read_text,
 };
 use std::io::ErrorKind;
 use std::path::Path;
@@ -23,9 +24,8 @@ pub(crate) struct Run {
     pub(crate) provenance: Option<Provenance>,
     pub(crate) training: Option<Vec<TrainingRow>>,
     pub(crate) prediction: Option<PredictionTable>,
-    /// The closed loops, PINC first.
-    pub(crate) control: Vec<OfModel<ControlTrace>>,
-    pub(crate) steps: Vec<OfModel<Vec<StepRow>>>,
+    pub(crate) control: Traces,
+    pub(crate) steps: Vec<OfModel<Steps>>,
     /// Of a sweep.
     pub(crate) trials: Option<Trials>,
 }
@@ -52,16 +52,23 @@ impl Run {
         let experiment = Experiment::read_back(&path, &config_text)?;
         let metrics = Metrics::read(dir)?;
         let only = metrics.iter().flat_map(|metrics| &metrics.control).map(|of| of.model).next();
-        let control = read_models(dir, file::control, only, |path| {
-            let Some(control) = &experiment.control else { return Ok(None) };
-            ControlTrace::read(path, control.input_low.len(), &control.controlled)
-        })?;
+        let control = match &experiment.control {
+            None => Traces::default(),
+            Some(spec) => {
+                let open =
+                    |path: &Path| ControlReader::open(path, spec.input_low.len(), &spec.controlled);
+                let readers = read_models(dir, file::control, only, open)?;
+                Traces::read(readers, spec, step_s(&experiment))?
+            }
+        };
         Ok(Self {
             provenance: Provenance::read(dir)?,
             training: read_fixed_table(&dir.join(file::TRAINING))?,
             prediction: PredictionTable::read(&dir.join(file::PREDICTION))?,
             control,
-            steps: read_models(dir, file::steps, only, read_fixed_table)?,
+            steps: read_models(dir, file::steps, only, |path| {
+                FixedReader::open(path)?.map(Steps::read).transpose()
+            })?,
             trials: Trials::read(dir, &experiment)?,
             config_text,
             experiment,
@@ -71,7 +78,7 @@ impl Run {
 
     /// The length T of a step in s.
     pub(crate) fn step_s(&self) -> Option<f64> {
-        self.experiment.sample_time_s().filter(|t| *t > 0.0)
+        step_s(&self.experiment)
     }
 
     /// A model's name as the report writes it.
@@ -131,6 +138,10 @@ impl Run {
         let first = unit(variables.first()?)?;
         variables.iter().all(|v| unit(v) == Some(first)).then_some(first)
     }
+}
+
+fn step_s(experiment: &Experiment) -> Option<f64> {
+    experiment.sample_time_s().filter(|t| *t > 0.0)
 }
 
 /// The tables of all models, or that of a run with one model, which may be known to be `only`.

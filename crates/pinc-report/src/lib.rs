@@ -9,6 +9,7 @@
 
 mod control;
 mod data;
+mod decimation;
 mod error;
 mod html;
 mod number_tables;
@@ -23,6 +24,7 @@ mod sweep;
 mod testing;
 #[cfg(test)]
 mod tests;
+mod traces;
 mod training;
 mod trials;
 mod variables;

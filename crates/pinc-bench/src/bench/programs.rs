@@ -35,10 +35,11 @@ fn measure(case: Case, method: QpMethod, repetitions: usize) -> Result<QpTime, B
         let mut run = setup.begin(&mut nmpc)?;
         in_model.take_ns();
         let in_controller = Spent::default();
+        let mut programs = 0;
         while let Some(control) = in_controller.watch(|| run.control())? {
+            programs += control.record().sqp_iterations;
             control.advance()?;
         }
-        let programs: usize = run.steps().iter().map(|step| step.sqp_iterations).sum();
         let ns = in_controller.take_ns() - in_model.take_ns();
         times.push(1e-3 * to_f64(ns) / to_f64(programs as u64));
     }

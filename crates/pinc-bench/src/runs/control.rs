@@ -2,18 +2,17 @@
 
 use super::Options;
 use super::guard::Guard;
+use super::recording::{Recording, Totals, TraceColumns, write_medians};
 use super::with_outputs::WithOutputs;
 use crate::BenchError;
 use crate::progress::Stage;
 use pinc_config::{ControlSpec, Experiment, ModelKind, Variables};
-use pinc_mpc::{ClosedLoop, Nmpc, NmpcProblem, Reference, StepRecord};
+use pinc_mpc::{ClosedLoop, Nmpc, NmpcProblem, Reference};
 use pinc_net::{NetError, PincModel, PincNet};
 use pinc_ode::{Dopri5, DynPlant, Model, PiecewiseConstant, Trajectory};
 use pinc_record::{
-    ControlMetrics, ControlRow, ControlTrace, Metrics, ReferenceMetrics, RunDir, StepRow,
-    StepTimes, WallTimes, file, fixed_table,
+    ControlColumns, ControlMetrics, Metrics, ReferenceMetrics, RunDir, StepTimes, WallTimes, file,
 };
-use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
 
 /// What the stage works from.
@@ -50,6 +49,8 @@ pub(crate) fn stage(
     for &kind in setup.kinds {
         let model = (kind, setup.model(kind, plant)?);
         let metrics = run_model(setup, model, options, run_dir)?;
+        let models = setup.kinds.len();
+        run_dir.note(&[&file::control(kind, models), &file::steps(kind, models)]);
         run_dir.update(|all| all.control.push(metrics))?;
     }
     Ok(())
@@ -68,25 +69,32 @@ fn run_model(
     let mut times = Times::default();
     let mut results = None;
     let mut outside = None;
+    let steps_file = run_dir.path(&file::steps(kind, setup.kinds.len()));
     for repetition in 0..*repetitions {
         options.check_interrupt(run_dir.dir())?;
         progress.advance(repetition as u64, String::new);
-        // Only the first leaves results: the others give the same numbers in other times.
         let mut run = setup.begin(&mut nmpc)?;
         let mut guard = setup.guard(kind);
         let budget = budget_us.map(|us| Duration::from_secs_f64(1e-6 * us));
-        let outcome = times.watch(&mut run, budget, (guard.as_mut(), setup.parameters));
-        if results.is_none() || outcome.is_err() {
-            let name = file::control(kind, setup.kinds.len());
-            run_dir.write_trace(&name, || setup.trace(&run).to_csv())?;
-            results = Some(Results::of(&run, setup));
-            outside = guard.map(Guard::found);
+        // Only the first leaves results: the others give the same numbers in other times.
+        if results.is_some() {
+            times.watch(&mut run, budget, setup.watched(&mut guard), None)?;
+            continue;
         }
+        let trace_file = run_dir.path(&file::control(kind, setup.kinds.len()));
+        let files = run_dir.keeps_traces().then_some((&*trace_file, &*steps_file));
+        let mut recording = Recording::begin(files, setup.columns())?;
+        let outcome =
+            times.watch(&mut run, budget, setup.watched(&mut guard), Some(&mut recording));
+        let totals = recording.finish(&run)?;
         outcome?;
+        results = Some(Results::of(&run, totals, setup));
+        outside = guard.map(Guard::found);
     }
     let results = results.expect("there is at least one repetition");
-    let name = file::steps(kind, setup.kinds.len());
-    run_dir.write_trace(&name, || fixed_table(&times.rows(&results)))?;
+    if *repetitions > 1 && run_dir.keeps_traces() {
+        write_medians(&steps_file, |k| times.median_us(k))?;
+    }
     progress.end(&format!("{repetitions} runs, IAE {:.4}", results.iae_dense_sum));
     let metrics = results.metrics(kind, times);
     Ok(ControlMetrics { outside_domain: outside, ..metrics })
@@ -108,19 +116,23 @@ pub(crate) fn verdict(experiment: &Experiment, metrics: &Metrics) -> Result<(), 
     }
 }
 
-/// The plant's trajectory in the closed loop of `spec` with RK4 as the model, run once and not
-/// recorded.
+/// Runs the closed loop of `spec` with RK4 as the model once, unrecorded, and shows `see` states and
+/// inputs of the plant, step by step.
 pub(super) fn rehearse(
     plant: &dyn DynPlant,
     spec: &ControlSpec,
     sample_time_s: f64,
-) -> Result<Trajectory, BenchError> {
+    mut see: impl FnMut(&Trajectory),
+) -> Result<(), BenchError> {
     let setup = LoopSetup::numerical(spec, sample_time_s, plant);
     let model = setup.model(ModelKind::Rk4, plant)?;
     let mut nmpc = Nmpc::new(setup.problem(), model, spec.sqp)?;
     let mut run = setup.begin(&mut nmpc)?;
-    run.run()?;
-    Ok(run.trajectory().clone())
+    while let Some(control) = run.control()? {
+        control.advance()?;
+        see(run.last_step());
+    }
+    Ok(())
 }
 
 impl<'a> LoopSetup<'a> {
@@ -140,6 +152,14 @@ impl LoopSetup<'_> {
     fn guard(&self, kind: ModelKind) -> Option<Guard<'_>> {
         let net = self.net.filter(|_| kind == ModelKind::Pinc);
         net.map(|net| Guard::new(net, self.spec.outside_domain))
+    }
+
+    /// The guard with the parameters that the net is asked for.
+    fn watched<'g, 'n>(
+        &'g self,
+        guard: &'g mut Option<Guard<'n>>,
+    ) -> Option<(&'g mut Guard<'n>, &'g [f64])> {
+        guard.as_mut().map(|guard| (guard, self.parameters))
     }
 
     pub(crate) fn model(
@@ -185,27 +205,17 @@ impl LoopSetup<'_> {
         })
     }
 
-    /// The dense trace of a loop.
-    fn trace(&self, run: &ClosedLoop<'_>) -> ControlTrace {
+    /// The columns of the loop's trace.
+    fn columns(&self) -> TraceColumns {
         let variables = Variables::of(self.truth);
-        let own = variables.own_outputs();
-        let trace = run.trajectory();
-        let row = |(i, t): (usize, &f64)| {
-            let outputs = if own.is_empty() { Vec::new() } else { run.outputs_at(i) };
-            ControlRow {
-                t: *t,
-                state: trace.state(i).to_vec(),
-                input: trace.input(i).to_vec(),
-                reference: run.reference_at(i).to_vec(),
-                output: own.iter().map(|(place, _)| outputs[*place]).collect(),
-            }
-        };
-        ControlTrace {
-            states: variables.state_names(),
-            inputs: variables.input_names(),
-            controlled: self.spec.controlled.clone(),
-            outputs: variables.own_output_names(),
-            rows: trace.times().iter().enumerate().map(row).collect(),
+        TraceColumns {
+            columns: ControlColumns {
+                states: variables.state_names(),
+                inputs: variables.input_names(),
+                controlled: self.spec.controlled.clone(),
+                outputs: variables.own_output_names(),
+            },
+            outputs: variables.own_outputs().iter().map(|(place, _)| *place).collect(),
         }
     }
 
@@ -242,9 +252,14 @@ impl LoopSetup<'_> {
     }
 }
 
-/// How long the controller took, in s, for each step of each repetition.
+/// How long the controller took, in s.
 #[derive(Default)]
-struct Times(Vec<Vec<f64>>);
+struct Times {
+    /// Each step of each repetition: of the first, then of the second, ..
+    steps: Vec<f64>,
+    /// The sum of each repetition.
+    runs: Vec<f64>,
+}
 
 impl Times {
     /// Runs the loop to its end, with an eye on the clock.
@@ -252,46 +267,45 @@ impl Times {
         &mut self,
         run: &mut ClosedLoop<'_>,
         budget: Option<Duration>,
-        (mut guard, parameters): (Option<&mut Guard<'_>>, &[f64]),
+        mut guard: Option<(&mut Guard<'_>, &[f64])>,
+        mut recording: Option<&mut Recording>,
     ) -> Result<(), BenchError> {
-        let mut times = Vec::new();
+        let mut sum = 0.0;
         loop {
             let x = run.state().to_vec();
             let clock = Instant::now();
             let mut expired = || budget.is_some_and(|budget| clock.elapsed() >= budget);
             let control = run.control_within(&mut expired)?;
-            let time = clock.elapsed();
+            let time = clock.elapsed().as_secs_f64();
             let Some(control) = control else { break };
-            times.push(time.as_secs_f64());
-            if let Some(guard) = &mut guard {
+            self.steps.push(time);
+            sum += time;
+            if let Some(recording) = &mut recording {
+                recording.controlled(control.record(), 1e6 * time)?;
+            }
+            if let Some((guard, parameters)) = &mut guard {
                 guard.look(&x, control.u(), parameters)?;
             }
-            control.advance()?;
+            let advanced = control.advance();
+            if let Some(recording) = &mut recording {
+                recording.advanced(run)?;
+            }
+            advanced?;
         }
-        self.0.push(times);
+        self.runs.push(sum);
         Ok(())
     }
 
-    /// The rows of `steps.csv`, with each step's median time.
-    fn rows(&self, results: &Results) -> Vec<StepRow> {
-        let row = |(k, step): (usize, &StepRecord)| {
-            let times = self.0.iter().map(|run| 1e6 * run[k]).collect();
-            StepRow {
-                step: k,
-                status: step.status.to_string(),
-                sqp_iterations: step.sqp_iterations,
-                kkt: step.kkt,
-                solve_us: WallTimes::of(times).median,
-                violated: step.violated.map_or(String::new(), |constraint| constraint.to_string()),
-            }
-        };
-        results.steps.iter().enumerate().map(row).collect()
+    /// The median over the repetitions of step `k`, in us.
+    fn median_us(&self, k: usize) -> f64 {
+        let steps = self.steps.len() / self.runs.len();
+        WallTimes::of(self.steps[k..].iter().step_by(steps).map(|s| 1e6 * s).collect()).median
     }
 }
 
 /// The results of a closed loop, except times.
 struct Results {
-    steps: Vec<StepRecord>,
+    totals: Totals,
     rmse: f64,
     iae: f64,
     rmse_dense: f64,
@@ -301,10 +315,10 @@ struct Results {
 }
 
 impl Results {
-    fn of(run: &ClosedLoop<'_>, setup: &LoopSetup<'_>) -> Self {
+    fn of(run: &ClosedLoop<'_>, totals: Totals, setup: &LoopSetup<'_>) -> Self {
         let (at_steps, dense) = (run.tracking_at_steps(), run.tracking_dense());
         Self {
-            steps: run.steps().to_vec(),
+            totals,
             rmse: at_steps.rmse(),
             iae: at_steps.iae_mean(),
             rmse_dense: dense.rmse(),
@@ -315,25 +329,21 @@ impl Results {
     }
 
     fn metrics(self, model: ModelKind, times: Times) -> ControlMetrics {
-        let Self { steps, rmse, iae, rmse_dense, iae_dense_sum, max_violation, references } = self;
-        let mut status = BTreeMap::new();
-        for step in &steps {
-            *status.entry(step.status.to_string()).or_default() += 1;
-        }
-        #[expect(clippy::cast_precision_loss, reason = "no run has 2^53 iterations")]
-        let mean = |sum: usize| sum as f64 / steps.len() as f64;
+        let Self { totals, rmse, iae, rmse_dense, iae_dense_sum, max_violation, references } = self;
+        let mut step_us = times.steps;
+        step_us.iter_mut().for_each(|time| *time *= 1e6);
         ControlMetrics {
             model,
             rmse,
             iae,
             rmse_dense,
             iae_dense_sum,
-            wall_s: WallTimes::of(times.0.iter().map(|run| run.iter().sum()).collect()),
-            step_us: StepTimes::of(times.0.iter().flatten().map(|s| 1e6 * s).collect()),
-            sqp_iterations_mean: mean(steps.iter().map(|step| step.sqp_iterations).sum()),
-            kkt_max: steps.iter().map(|step| step.kkt).fold(0.0, f64::max),
+            wall_s: WallTimes::of(times.runs),
+            step_us: StepTimes::of(step_us),
+            sqp_iterations_mean: totals.sqp_iterations_mean(),
+            kkt_max: totals.kkt_max,
             max_violation,
-            status,
+            status: totals.status,
             references,
             outside_domain: None,
         }

@@ -41,6 +41,7 @@ pub(crate) fn stage(
     let outside_domain = Some(guard.found()).filter(|found| found.samples > 0);
     let metrics =
         PredictionMetrics { mse_marks: error(&marks), mse_all: error(&all), outside_domain };
+    run_dir.note(&[file::PREDICTION]);
     Ok(run_dir.update(|all| all.prediction = Some(metrics))?)
 }
 

@@ -5,10 +5,12 @@ mod check;
 mod columns;
 mod control;
 mod data;
+mod found;
 mod free_run;
 mod guard;
 mod one_step;
 mod predict;
+mod recording;
 mod train;
 mod trial;
 mod with_outputs;
@@ -25,7 +27,9 @@ use crate::invocation::invocation;
 use crate::progress::Verbosity;
 use pinc_config::{Experiment, ModelKind};
 use pinc_net::PincNet;
-use pinc_record::{Metrics, Provenance, RecordError, RunDir, file, read_file, write_atomically};
+use pinc_record::{
+    Metrics, Provenance, RecordError, RunDir, file, read_file, remove_unfinished, write_atomically,
+};
 use pinc_report as report;
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -124,6 +128,7 @@ pub fn rebuild_report(dir: &Path) -> Result<PathBuf, BenchError> {
 /// Writes the report's pictures, and removes those of an earlier report that it has no more.
 fn write_figures(dir: &Path, figures: &[report::FigureFiles]) -> Result<(), BenchError> {
     fs::create_dir_all(dir).map_err(RecordError::unwritable(dir))?;
+    remove_unfinished(dir)?;
     let file = |name: &str, ending: &str| dir.join(format!("{name}.{ending}"));
     let mut written = Vec::new();
     for figure in figures {
@@ -151,6 +156,9 @@ fn execute(
     let plan = Plan::of(experiment, command)?;
     let mut run_dir = RunDir::open(dir, experiment)?;
     plan.remove_stale(&mut run_dir, options.resume)?;
+    if options.resume {
+        found::forget_damaged(&plan, &mut run_dir)?;
+    }
     if !(options.resume && plan.is_done(experiment, run_dir.metrics())) {
         run_dir.write_provenance(
             &Provenance::of(experiment, invocation(options.arguments)),

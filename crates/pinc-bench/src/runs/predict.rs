@@ -8,7 +8,7 @@ use crate::error::CsvProblem;
 use csv::StringRecord;
 use pinc_config::OutsidePolicy;
 use pinc_net::{PincNet, TrainingTarget};
-use pinc_record::{CsvText, OutsideDomain, number, read_file, write_atomically};
+use pinc_record::{CsvText, OutsideDomain, number, read_file, write_output};
 use std::collections::HashMap;
 use std::path::Path;
 
@@ -27,6 +27,7 @@ use std::path::Path;
 /// # Errors
 ///
 /// [`BenchError`], naming file, line and column of what is wrong with the input;
+/// [`BenchError::NotFinite`] if a state is no number;
 /// [`BenchError::OutsideDomain`] if `policy` is to refuse that.
 pub fn predict(
     model: &Path,
@@ -34,12 +35,32 @@ pub fn predict(
     output: &Path,
     policy: OutsidePolicy,
 ) -> Result<OutsideDomain, BenchError> {
+    for (role, input) in [("--model", model), ("--inputs", inputs)] {
+        if is_same_file(input, output) {
+            return Err(BenchError::SameFile { path: output.to_owned(), role });
+        }
+    }
     let net = super::chainable(model, super::read_model(model)?)?;
     let text = read_file(inputs)?;
     let mut guard = Guard::new(&net, policy);
     let table = run(&net, inputs, &text, &mut guard)?;
-    write_atomically(output, table.as_bytes())?;
+    write_output(output, table.as_bytes())?;
     Ok(guard.found())
+}
+
+/// Whether two paths lead to one file, also by links.
+fn is_same_file(one: &Path, two: &Path) -> bool {
+    #[cfg(unix)]
+    {
+        use std::os::unix::fs::MetadataExt;
+        let id = |path: &Path| std::fs::metadata(path).ok().map(|m| (m.dev(), m.ino()));
+        id(one).is_some() && id(one) == id(two)
+    }
+    #[cfg(not(unix))]
+    {
+        let place = |path: &Path| std::fs::canonicalize(path).ok();
+        place(one).is_some() && place(one) == place(two)
+    }
 }
 
 /// The output for the text of the file `path`.
@@ -62,6 +83,10 @@ fn run(
             None => begin_chain(net, &mut chains, &columns, &row),
         };
         let state = state.map_err(|problem| at((line, problem)))?;
+        if let Some(i) = state.iter().position(|value| !value.is_finite()) {
+            let (variable, value) = (net.state_names()[i].clone(), state[i]);
+            return Err(BenchError::NotFinite { path: path.to_owned(), line, variable, value });
+        }
         let (u, p) = row.inputs.split_at(net.input_names().len());
         guard.look(&state, u, p)?;
         table.push(columns.write(&cells, &state));

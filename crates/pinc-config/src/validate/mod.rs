@@ -1,6 +1,7 @@
 //! Checks of a config that its types cannot make.
 
 mod control;
+mod limits;
 mod names;
 mod values;
 
@@ -28,6 +29,7 @@ impl Experiment {
         names::varying_parameters(self)?;
         let dims = self.dims();
         self.sections(dims)?;
+        limits::sizes(self, dims)?;
         if let Some(validation) = &self.validation {
             validation_scenarios(validation, dims, self.sample_time_s())?;
         }

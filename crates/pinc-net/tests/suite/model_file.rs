@@ -38,7 +38,7 @@ fn a_net_survives_the_file_bit_for_bit_and_the_bytes_are_stable() {
 }
 
 /// The file with its header's text changed; the header is filled up with spaces.
-fn with_header(bytes: &[u8], change: impl Fn(&str) -> String) -> Vec<u8> {
+pub(crate) fn with_header(bytes: &[u8], change: impl Fn(&str) -> String) -> Vec<u8> {
     let length = usize::try_from(u64::from_le_bytes(bytes[..8].try_into().unwrap())).unwrap();
     let mut header = change(std::str::from_utf8(&bytes[8..8 + length]).unwrap()).into_bytes();
     header.resize(header.len().next_multiple_of(8), b' ');

@@ -9,8 +9,8 @@ mod training;
 mod trial_metric;
 mod trials;
 
-pub use control::{ControlRow, ControlTrace};
-pub use fixed::{fixed_table, read_fixed_table};
+pub use control::{ControlColumns, ControlReader, ControlRow, ControlWriter};
+pub use fixed::{FixedReader, FixedWriter, fixed_table, read_fixed_table};
 pub use prediction::{PredictionRow, PredictionTable};
 pub use steps::StepRow;
 pub use summary::{SummaryRow, SummaryTable};

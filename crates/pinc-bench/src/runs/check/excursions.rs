@@ -92,14 +92,14 @@ fn uses(subject: &Subject<'_>, findings: &mut Vec<Finding>) -> Vec<(&'static str
         uses.push(("the free run of [prediction]", simulate(subject, &run, findings)));
     }
     if let (Some(control), Some(sample_time_s)) = (control, subject.experiment.sample_time_s()) {
-        match control::rehearse(subject.plant, control, sample_time_s) {
-            Ok(trace) => {
-                let mut extent = Extent::default();
-                for i in 0..trace.len() {
-                    extent.add(trace.state(i).iter().chain(trace.input(i)).copied());
-                }
-                uses.push(("the closed loop with RK4", extent));
+        let mut extent = Extent::default();
+        let rehearsed = control::rehearse(subject.plant, control, sample_time_s, |trace| {
+            for i in 0..trace.len() {
+                extent.add(trace.state(i).iter().chain(trace.input(i)).copied());
             }
+        });
+        match rehearsed {
+            Ok(()) => uses.push(("the closed loop with RK4", extent)),
             Err(error) => findings.push(
                 Finding::error("control", format!("with RK4 as the model: {error}"))
                     .because(
