@@ -1,5 +1,6 @@
 //! The content of `metrics.json`.
 
+use crate::domain_error::{DomainErrorMetrics, DomainFinding};
 use crate::error::RecordError;
 use crate::files::{file, read_json};
 use pinc_config::{Experiment, ModelKind, Preset};
@@ -21,6 +22,9 @@ pub struct Metrics {
     /// The plant's states, in its order.
     #[serde(default)]
     pub states: Vec<String>,
+    /// Its inputs.
+    #[serde(default)]
+    pub inputs: Vec<String>,
     /// The training.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub training: Option<TrainingMetrics>,
@@ -52,6 +56,7 @@ impl Metrics {
         Self {
             variables: units,
             states: variables.state_names(),
+            inputs: variables.input_names(),
             experiment: experiment.name.clone(),
             preset: experiment.preset,
             training: None,
@@ -84,6 +89,13 @@ impl Metrics {
     #[must_use]
     pub fn step_of(&self, model: ModelKind) -> Option<&OneStepMetrics> {
         self.one_step.iter().find(|of| of.model == model)
+    }
+
+    /// Whether the net is badly wrong somewhere in its domain.
+    #[must_use]
+    pub fn domain_finding(&self) -> Option<DomainFinding> {
+        let validation = self.validation.as_ref()?;
+        validation.domain_error.as_ref()?.finding(&self.states, &self.inputs)
     }
 
     /// Whether the net was trained on an integrator's steps.
@@ -139,7 +151,7 @@ pub struct SweepMetrics {
     pub failed: usize,
 }
 
-/// How good the net that was kept is.
+/// How good the net that was kept is, on scenarios that it was not chosen by.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ValidationMetrics {
     /// Eq. (`mse_gen`) of the paper: self-loop, at the steps t = kT, in the states' units squared.
@@ -151,16 +163,35 @@ pub struct ValidationMetrics {
     /// Of one step from random points of the box, in the states' units squared.
     #[serde(deserialize_with = "number_or_null")]
     pub one_step_mse: f64,
-    /// On held-out measurements, each state in standard deviations of the box.
+    /// `mse_gen` with each state in standard deviations of the box.
+    #[serde(default = "nan", deserialize_with = "number_or_null")]
+    pub mse_gen_normalized: f64,
+    /// On held-out measurements, each state in standard deviations of the box: the best net was chosen
+    /// by it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub measured_mse: Option<f64>,
+    /// Of one step from all over the training domain; not there for a conventional PINN.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub domain_error: Option<DomainErrorMetrics>,
 }
 
-impl From<Validation> for ValidationMetrics {
-    fn from(validation: Validation) -> Self {
-        let Validation { mse_gen, mse_all_normalized, one_step_mse, measured_mse } = validation;
-        Self { mse_gen, mse_all_normalized, one_step_mse, measured_mse }
+impl ValidationMetrics {
+    /// These errors of a net, and its error over the domain if there is one.
+    #[must_use]
+    pub fn new(validation: &Validation, domain_error: Option<DomainErrorMetrics>) -> Self {
+        Self {
+            mse_gen: validation.mse_gen,
+            mse_all_normalized: validation.mse_all_normalized,
+            one_step_mse: validation.one_step_mse,
+            mse_gen_normalized: validation.mse_gen_normalized,
+            measured_mse: validation.measured_mse,
+            domain_error,
+        }
     }
+}
+
+fn nan() -> f64 {
+    f64::NAN
 }
 
 /// A number; JSON has `null` in place of NaN and infinity.

@@ -56,6 +56,12 @@ impl RunDir {
         Ok(Self { dir: dir.to_owned(), metrics, keeps_traces: true })
     }
 
+    /// The same directory, in which no more traces are written.
+    #[must_use]
+    pub fn without_traces(self) -> Self {
+        Self { keeps_traces: false, ..self }
+    }
+
     /// Writes where the results to come are from. A resumed run keeps what is said of those that are
     /// there.
     ///
@@ -112,7 +118,7 @@ impl RunDir {
         write_atomically(&self.path(name), bytes)
     }
 
-    /// Writes the trace of a closed loop, if this run keeps traces.
+    /// Writes the trace of a closed loop or the errors of a net point by point, if this run keeps traces.
     ///
     /// # Errors
     ///

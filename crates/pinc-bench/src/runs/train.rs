@@ -2,6 +2,7 @@
 
 use super::Options;
 use super::data::{self, Data};
+use super::domain_error;
 use crate::BenchError;
 use crate::progress::Stage;
 use pinc_config::{DataSpec, Effort, Experiment, TrainingSpec};
@@ -12,7 +13,7 @@ use pinc_net::{
 use pinc_ode::DynPlant;
 use pinc_record::{
     CheckpointProblem, RecordError, RunDir, Saved, TrainingMetrics, TrainingRow, file, fixed_table,
-    load_checkpoint, read_fixed_table, save_checkpoint,
+    ValidationMetrics, load_checkpoint, read_fixed_table, save_checkpoint,
 };
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
@@ -28,9 +29,11 @@ pub(crate) fn stage(
         return super::read_model(&run_dir.path(file::MODEL));
     }
     let setup = TrainingSetup::of(experiment)?;
-    let mut validation = setup.training(experiment.seed).validation_set(plant)?;
+    let training = setup.training(experiment.seed);
+    let (mut validation, mut test) = (training.validation_set(plant)?, training.test_set(plant)?);
     if let Some(held_out) = setup.measured(experiment, |data| &data.held_out)? {
-        validation = validation.with_measurements(held_out.measurements);
+        validation = validation.with_measurements(held_out.measurements.clone());
+        test = test.with_measurements(held_out.measurements);
     }
     let mut session = Session::begin(plant, experiment, &setup, &validation, options, run_dir)?;
     let outcome = session.work(run_dir, &setup.training.effort, options);
@@ -48,9 +51,10 @@ pub(crate) fn stage(
     };
     run_dir.write(file::MODEL, &net.to_bytes())?;
     let metrics = session.metrics(stop_reason);
+    let domain_error = domain_error::judge(plant, &net, &setup, experiment.seed, run_dir)?;
     run_dir.update(|all| {
         all.training = Some(metrics);
-        all.validation = Some(validation.evaluate(&net).into());
+        all.validation = Some(ValidationMetrics::new(&test.evaluate(&net), domain_error));
     })?;
     run_dir.remove(file::CHECKPOINT)?;
     Ok(net)
@@ -61,7 +65,7 @@ pub(crate) struct TrainingSetup<'a> {
     pub(crate) net: &'a NetConfig,
     pub(crate) domain: &'a Domain,
     pub(crate) training: &'a TrainingSpec,
-    validation: &'a ValidationConfig,
+    pub(crate) validation: &'a ValidationConfig,
     data: Option<&'a DataSpec>,
 }
 

@@ -1,0 +1,164 @@
+//! How wrong one step of a net is all over its training domain, in numbers and in words.
+
+use crate::metrics::number_or_null;
+use pinc_net::DomainError;
+use serde::{Deserialize, Serialize};
+use std::fmt;
+
+/// An error that is worth a warning where it is found: so many widths of a state's range.
+const OFF: f64 = 0.01;
+
+/// How wrong one step of a net is over its training domain.
+///
+/// The error of a state is measured in widths of its range in the domain; that of a point is the
+/// largest of its states' errors. Not finite where a step is not.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct DomainErrorMetrics {
+    /// Root mean square over points and states.
+    #[serde(deserialize_with = "number_or_null")]
+    pub rms: f64,
+    /// The 99th percentile over the points.
+    #[serde(deserialize_with = "number_or_null")]
+    pub p99: f64,
+    /// The largest found, by a search from the worst points.
+    #[serde(deserialize_with = "number_or_null")]
+    pub max: f64,
+    /// Where that is.
+    pub max_at: Place,
+    /// The state that is predicted worst there.
+    pub max_of: String,
+    /// What it is predicted to be, in its unit.
+    #[serde(deserialize_with = "number_or_null")]
+    pub predicted: f64,
+    /// What it is.
+    #[serde(deserialize_with = "number_or_null")]
+    pub truth: f64,
+    /// The share of the points whose error is larger than a hundredth of a width.
+    pub share_off: f64,
+    /// How many points were looked at.
+    pub points: usize,
+    /// From how many more the plant cannot be integrated over a step.
+    pub unsolved: usize,
+    /// The root mean square of RK4 at the same points.
+    pub rk4: Rk4Errors,
+}
+
+/// A state and an input, in the plant's order and units.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Place {
+    /// The state.
+    pub x: Vec<f64>,
+    /// The input.
+    pub u: Vec<f64>,
+}
+
+/// The errors of RK4 by its substeps.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Rk4Errors {
+    /// With one.
+    #[serde(rename = "1", deserialize_with = "number_or_null")]
+    pub one: f64,
+    /// With two.
+    #[serde(rename = "2", deserialize_with = "number_or_null")]
+    pub two: f64,
+    /// With four.
+    #[serde(rename = "4", deserialize_with = "number_or_null")]
+    pub four: f64,
+}
+
+impl DomainErrorMetrics {
+    /// What `judged` says of a net with these states.
+    ///
+    /// # Panics
+    ///
+    /// If there are fewer names than states.
+    #[must_use]
+    pub fn of(judged: &DomainError, states: &[String], unsolved: usize, rk4: Rk4Errors) -> Self {
+        let worst = &judged.worst;
+        Self {
+            rms: judged.rms,
+            p99: judged.p99,
+            max: judged.max,
+            max_at: Place { x: worst.x.clone(), u: worst.u.clone() },
+            max_of: states[worst.state].clone(),
+            predicted: worst.predicted,
+            truth: worst.truth,
+            share_off: judged.share_beyond(OFF),
+            points: judged.errors.len(),
+            unsolved,
+            rk4,
+        }
+    }
+}
+
+/// A net that is badly wrong somewhere in its training domain.
+#[derive(Clone, Debug, PartialEq)]
+pub struct DomainFinding {
+    share_off: f64,
+    /// Where the error is largest: names with values.
+    place: String,
+    state: String,
+    predicted: f64,
+    truth: f64,
+    max: f64,
+}
+
+impl DomainErrorMetrics {
+    /// Whether the net is wrong enough somewhere that a user must know.
+    #[must_use]
+    pub fn finding(&self, states: &[String], inputs: &[String]) -> Option<DomainFinding> {
+        if self.max <= OFF {
+            return None;
+        }
+        Some(DomainFinding {
+            share_off: self.share_off,
+            place: self.max_at.named(states, inputs),
+            state: self.max_of.clone(),
+            predicted: self.predicted,
+            truth: self.truth,
+            max: self.max,
+        })
+    }
+}
+
+impl Place {
+    /// Names with values, as "x = 1, v = 0; u = 0.5".
+    #[must_use]
+    pub fn named(&self, states: &[String], inputs: &[String]) -> String {
+        let named = |names: &[String], values: &[f64]| {
+            let pairs = names.iter().zip(values);
+            let pairs = pairs.map(|(name, value)| format!("{name} = {}", rounded(*value)));
+            pairs.collect::<Vec<_>>().join(", ")
+        };
+        format!("{}; {}", named(states, &self.x), named(inputs, &self.u))
+    }
+}
+
+/// A number with three digits.
+fn rounded(value: f64) -> String {
+    let rounded: f64 = format!("{value:.2e}").parse().unwrap_or(value);
+    match rounded.abs() {
+        0.0 => "0".to_owned(),
+        size if (1e-3..1e6).contains(&size) => rounded.to_string(),
+        _ => format!("{rounded:e}"),
+    }
+}
+
+impl fmt::Display for DomainFinding {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "The net is wrong in a part of its domain: ")?;
+        if self.share_off > 0.0 {
+            let percent = rounded(100.0 * self.share_off);
+            write!(f, "{percent} % of [domain] is off by more than {} % ", rounded(100.0 * OFF))?;
+            write!(f, "of a state's range after one step; ")?;
+        }
+        let Self { place, state, predicted, truth, max, .. } = self;
+        let (predicted, truth) = (rounded(*predicted), rounded(*truth));
+        write!(f, "worst at {place}, where {state} is to become {truth} and the net says ")?;
+        write!(f, "{predicted} ({} % of its range off). ", rounded(100.0 * max))?;
+        f.write_str(
+            "A controller that plans there is misled: see what `pinc check` says of poles and kinks, \
+             take a smaller [domain] or a shorter T, or a larger net and more training.",
+        )
+    }
+}
