@@ -317,10 +317,14 @@ impl ControlMetrics {
     /// judged, and those that the time budget ended.
     #[must_use]
     pub fn failed_steps(&self) -> usize {
-        let fine = [SqpStatus::Converged, SqpStatus::Prepared, SqpStatus::Deadline];
-        let failed = |status: &str| fine.iter().all(|fine| fine.to_string() != status);
-        self.status.iter().filter(|(status, _)| failed(status)).map(|(_, steps)| steps).sum()
+        self.status.iter().filter(|(status, _)| is_failure(status)).map(|(_, steps)| steps).sum()
     }
+}
+
+/// Whether a control step with this status, in the words of [`SqpStatus`], has failed.
+pub(crate) fn is_failure(status: &str) -> bool {
+    let fine = [SqpStatus::Converged, SqpStatus::Prepared, SqpStatus::Deadline];
+    fine.iter().all(|fine| fine.to_string() != status)
 }
 
 /// Whether the references were reached, each of which holds for a segment of the run. A segment is looked at

@@ -1,6 +1,6 @@
 //! What went wrong in closed loops, and what can be done about it.
 
-use crate::metrics::{ControlMetrics, Metrics};
+use crate::metrics::{ControlMetrics, Metrics, is_failure};
 use pinc_config::ModelKind;
 use pinc_mpc::SqpStatus;
 use std::fmt;
@@ -49,9 +49,7 @@ impl Metrics {
     fn findings_of(&self, of: &ControlMetrics) -> Vec<LoopFinding> {
         let mut findings = Vec::new();
         if of.failed_steps() > 0 {
-            let fine = [SqpStatus::Converged, SqpStatus::Prepared, SqpStatus::Deadline];
-            let fine = fine.map(|status| status.to_string());
-            let failures = of.status.iter().filter(|(status, _)| !fine.contains(status));
+            let failures = of.status.iter().filter(|(status, _)| is_failure(status));
             let most = failures.max_by_key(|(_, steps)| **steps);
             findings.push(LoopFinding::FailedSteps {
                 model: of.model,

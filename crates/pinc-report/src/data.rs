@@ -4,7 +4,7 @@ use crate::error::ReportError;
 use crate::trials::Trials;
 use pinc_config::{Experiment, ModelKind};
 use pinc_record::{
-    ControlTrace, Metrics, PredictionTable, Provenance, RecordError, StepRow, TrainingRow, file,
+    ControlTrace, DomainErrorTable, Metrics, PredictionTable, Provenance, RecordError, StepRow, TrainingRow, file,
     read_fixed_table, read_text,
 };
 use std::io::ErrorKind;
@@ -22,6 +22,8 @@ pub(crate) struct Run {
     pub(crate) metrics: Option<Metrics>,
     pub(crate) provenance: Option<Provenance>,
     pub(crate) training: Option<Vec<TrainingRow>>,
+    /// The errors of the net over its domain.
+    pub(crate) domain_error: Option<DomainErrorTable>,
     pub(crate) prediction: Option<PredictionTable>,
     /// The closed loops, PINC first.
     pub(crate) control: Vec<OfModel<ControlTrace>>,
@@ -59,6 +61,7 @@ impl Run {
         Ok(Self {
             provenance: Provenance::read(dir)?,
             training: read_fixed_table(&dir.join(file::TRAINING))?,
+            domain_error: DomainErrorTable::read(&dir.join(file::DOMAIN_ERROR))?,
             prediction: PredictionTable::read(&dir.join(file::PREDICTION))?,
             control,
             steps: read_models(dir, file::steps, only, read_fixed_table)?,

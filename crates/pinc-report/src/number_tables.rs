@@ -4,7 +4,7 @@ use crate::data::Run;
 use pinc_chart::text::{self, MISSING};
 use pinc_config::ModelKind;
 use pinc_record::{
-    ControlMetrics, PredictionMetrics, Provenance, TrainingMetrics, ValidationMetrics, WallTimes,
+    ControlMetrics, DomainErrorMetrics, Metrics, PredictionMetrics, Provenance, TrainingMetrics, ValidationMetrics, WallTimes,
 };
 use serde_json::Value;
 
@@ -22,6 +22,8 @@ pub(crate) fn number_tables(run: &Run) -> Vec<NumberTable> {
     let mut tables = Vec::new();
     tables.extend(metrics.training.as_ref().map(training));
     tables.extend(metrics.validation.as_ref().map(validation));
+    let domain = metrics.validation.as_ref().and_then(|of| of.domain_error.as_ref());
+    tables.extend(domain.map(|of| over_the_domain(of, metrics)));
     tables.extend(metrics.prediction.as_ref().map(prediction));
     tables.extend(control(run, &metrics.control));
     tables
@@ -53,7 +55,26 @@ fn validation(of: &ValidationMetrics) -> NumberTable {
         [
             ("MSE at the steps t = kT, physical units", shown(of.mse_gen)),
             ("MSE of all rows, normalized", shown(of.mse_all_normalized)),
-            ("MSE of one step, from random states", shown(of.one_step_mse)),
+            ("MSE of one step, from random states in validation.domain", shown(of.one_step_mse)),
+        ],
+    )
+}
+
+fn over_the_domain(of: &DomainErrorMetrics, metrics: &Metrics) -> NumberTable {
+    let shown = |value| text::significant(value, 2);
+    let state = &of.max_of;
+    let became = format!("{} instead of {}", text::number(of.predicted, 4), text::number(of.truth, 4));
+    plain(
+        "Error of one step over [domain], in widths of the states' ranges",
+        [
+            ("Root mean square", shown(of.rms)),
+            ("99th percentile of the points", shown(of.p99)),
+            ("Largest", shown(of.max)),
+            ("Where", of.max_at.named(&metrics.states, &metrics.inputs)),
+            ("What is predicted there", format!("{state} = {became}")),
+            ("RK4 with 1 substep, root mean square", shown(of.rk4.one)),
+            ("RK4 with 2 substeps", shown(of.rk4.two)),
+            ("RK4 with 4 substeps", shown(of.rk4.four)),
         ],
     )
 }
