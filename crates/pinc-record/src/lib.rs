@@ -30,7 +30,7 @@ pub use files::{file, read_file, read_text, write_atomically};
 pub use metrics::{
     ControlMetrics, Excess, Metrics, OneStepMetrics, OutsideDomain, PredictionMetrics,
     ReferenceMetrics, StepErrors, StepTimes, SweepMetrics, TrainingMetrics, ValidationMetrics,
-    WallTimes,
+    WallTimes, is_failure,
 };
 pub use provenance::{Invocation, Provenance};
 pub use run_dir::RunDir;
@@ -41,4 +41,4 @@ pub use tables::{
     SummaryRow, SummaryTable, TrainingRow, TrialColumn, TrialMetric, TrialStatus, TrialTable,
     fixed_table, read_fixed_table,
 };
-pub use verdict::LoopFinding;
+pub use verdict::{LoopFinding, advice};

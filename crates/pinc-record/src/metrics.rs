@@ -322,7 +322,8 @@ impl ControlMetrics {
 }
 
 /// Whether a control step with this status, in the words of [`SqpStatus`], has failed.
-pub(crate) fn is_failure(status: &str) -> bool {
+#[must_use]
+pub fn is_failure(status: &str) -> bool {
     let fine = [SqpStatus::Converged, SqpStatus::Prepared, SqpStatus::Deadline];
     fine.iter().all(|fine| fine.to_string() != status)
 }

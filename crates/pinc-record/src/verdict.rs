@@ -141,8 +141,9 @@ impl fmt::Display for LoopFinding {
     }
 }
 
-/// What can be done about steps that end with this status.
-fn advice(status: &str) -> &'static str {
+/// What can be done about control steps that end with this status, in the words of [`SqpStatus`].
+#[must_use]
+pub fn advice(status: &str) -> &'static str {
     let is = |known: SqpStatus| known.to_string() == status;
     if is(SqpStatus::InfeasibleQp) {
         "No plan keeps all bounds: widen them, lengthen the horizon n2, or let states leave their \

@@ -107,19 +107,34 @@ pub(crate) fn verdict(experiment: &Experiment, metrics: &Metrics) -> Result<(), 
     }
 }
 
-/// The plant's trajectory in the closed loop of `spec` with RK4 as the model, run once and not
-/// recorded.
+/// A closed loop that was run once and not recorded.
+pub(super) struct Rehearsal {
+    /// The integrator that was the model.
+    pub(super) model: ModelKind,
+    /// The plant's trajectory.
+    pub(super) trace: Trajectory,
+    /// How many steps ended with which status.
+    pub(super) status: BTreeMap<String, usize>,
+}
+
+/// The closed loop of `spec` with an integrator as the model: the first one of the config, or else RK4.
 pub(super) fn rehearse(
     plant: &dyn DynPlant,
     spec: &ControlSpec,
     sample_time_s: f64,
-) -> Result<Trajectory, BenchError> {
-    let setup = LoopSetup { spec, kinds: &[ModelKind::Rk4], net: None, sample_time_s };
-    let model = setup.model(ModelKind::Rk4, plant)?;
+) -> Result<Rehearsal, BenchError> {
+    let integrator = spec.models.iter().find(|kind| **kind != ModelKind::Pinc);
+    let kind = integrator.copied().unwrap_or(ModelKind::Rk4);
+    let setup = LoopSetup { spec, kinds: &[kind], net: None, sample_time_s };
+    let model = setup.model(kind, plant)?;
     let mut nmpc = Nmpc::new(setup.problem(plant), model, spec.sqp)?;
     let mut run = setup.begin(&mut nmpc, plant)?;
     run.run()?;
-    Ok(run.trajectory().clone())
+    let mut status = BTreeMap::new();
+    for step in run.steps() {
+        *status.entry(step.status.to_string()).or_default() += 1;
+    }
+    Ok(Rehearsal { model: kind, trace: run.trajectory().clone(), status })
 }
 
 impl LoopSetup<'_> {

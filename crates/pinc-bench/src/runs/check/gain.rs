@@ -1,7 +1,7 @@
 //! What the inputs can do at steady state: the rank of the static gain, and the transmission zeros.
 
 use super::numbers::{rate, time};
-use super::{Finding, Subject, short};
+use super::{Finding, LISTED, Subject, short};
 use pinc_analysis::{
     OperatingPoint, StateSpace, TimeScales, TransmissionZeros, common_plane, common_ratio,
 };
@@ -121,7 +121,12 @@ fn of_zeros(subject: &Subject<'_>, place: &str, linear: &StateSpace) -> Vec<Find
     if zeros.is_empty() {
         return vec![Finding::fact(place, "no transmission zeros")];
     }
-    let what = format!("transmission zeros {} 1/s", shown.join(", "));
+    let what = match (&shown[..], zeros.len() > LISTED) {
+        ([first, .., last], true) => {
+            format!("{} transmission zeros, from {first} to {last} 1/s", zeros.len())
+        }
+        _ => format!("transmission zeros {} 1/s", shown.join(", ")),
+    };
     if zeros.iter().any(|zero| is_zero(zero.re) && is_zero(zero.im)) {
         return vec![
             Finding::warning(place, format!("{what}: one is at s = 0"))

@@ -9,10 +9,12 @@ mod derivatives;
 mod excursions;
 mod finding;
 mod gain;
+mod horizon;
 mod irregularities;
 mod numbers;
 mod references;
 mod region;
+mod rehearsal;
 mod stability;
 mod substeps;
 #[cfg(test)]
@@ -20,6 +22,8 @@ mod tests;
 
 pub use finding::{Finding, Severity};
 
+use super::control::{Rehearsal, rehearse};
+use crate::BenchError;
 use crate::spec::Experiment;
 use numbers::{named, short};
 use pinc_analysis::{HeldPoint, OperatingPoint, Region, SteadyStateSearch};
@@ -29,18 +33,23 @@ use pinc_ode::DynPlant;
 type Examination = fn(&Subject<'_>) -> Vec<Finding>;
 
 /// All of them, in the order of their findings.
-const EXAMINATIONS: [Examination; 10] = [
+const EXAMINATIONS: [Examination; 12] = [
     dimensions,
     derivatives::examine,
     irregularities::examine,
     stability::examine,
+    horizon::examine,
     gain::examine,
     references::examine,
     bounds::examine,
+    rehearsal::examine,
     excursions::examine,
     substeps::examine,
     data::examine,
 ];
+
+/// More states, modes or zeros than these are summed up.
+const LISTED: usize = 6;
 
 /// Examines the plant of a config (which is itself valid, or it would not have loaded) on the
 /// training domain, or else within the controller's bounds.
@@ -82,6 +91,8 @@ struct Subject<'a> {
     holds: Vec<HeldPoint>,
     /// The steady state in the middle of the region, if there is one.
     centre: Option<OperatingPoint>,
+    /// The closed loop with an integrator as the model, if the config has one and says T.
+    rehearsal: Option<Result<Rehearsal, BenchError>>,
 }
 
 impl<'a> Subject<'a> {
@@ -92,7 +103,9 @@ impl<'a> Subject<'a> {
         region_name: &'static str,
     ) -> Self {
         let (holds, centre) = (Vec::new(), None);
-        let mut subject = Self { plant, experiment, region, region_name, holds, centre };
+        let loop_of = experiment.control.as_ref().zip(experiment.sample_time_s());
+        let rehearsal = loop_of.map(|(spec, step_s)| rehearse(plant, spec, step_s));
+        let mut subject = Self { plant, experiment, region, region_name, holds, centre, rehearsal };
         subject.holds = subject.held_references();
         subject.centre = subject.search().settle(&subject.region.centre().u);
         subject
@@ -170,10 +183,23 @@ impl<'a> Subject<'a> {
         places.unwrap_or_default()
     }
 
-    /// Names with values, as a reader needs them.
+    /// Names with values, as a reader needs them; of many states those that are controlled, the first
+    /// and the last.
     fn state(&self, x: &[f64]) -> String {
-        let names = self.plant.states().iter().map(|v| v.name.as_ref());
-        named(names, &self.without_rounding(x, 0))
+        let names: Vec<&str> = self.plant.states().iter().map(|v| v.name.as_ref()).collect();
+        let values = self.without_rounding(x, 0);
+        if names.len() <= LISTED {
+            return named(names.into_iter(), &values);
+        }
+        let controlled = self.controlled();
+        let is_shown = |i: &usize| *i == 0 || *i == names.len() - 1 || controlled.contains(i);
+        let shown: Vec<usize> = (0..names.len()).filter(is_shown).collect();
+        let values: Vec<f64> = shown.iter().map(|&i| values[i]).collect();
+        let text = named(shown.iter().map(|&i| names[i]), &values);
+        match names.len() - shown.len() {
+            0 => text,
+            more => format!("{text} (and {more} more states)"),
+        }
     }
 
     fn input(&self, u: &[f64]) -> String {
@@ -191,12 +217,17 @@ impl<'a> Subject<'a> {
 fn dimensions(subject: &Subject<'_>) -> Vec<Finding> {
     let (states, inputs) = (subject.plant.states(), subject.plant.inputs());
     let list = |what: &str, variables: &[pinc_ode::Variable]| {
-        let with_unit = variables.iter().map(|v| match v.unit.as_ref() {
+        let with_unit = |v: &pinc_ode::Variable| match v.unit.as_ref() {
             "" => v.name.to_string(),
             unit => format!("{} ({unit})", v.name),
-        });
+        };
         let plural = if variables.len() == 1 { "" } else { "s" };
-        let names = with_unit.collect::<Vec<_>>().join(", ");
+        let names = match variables {
+            [first, .., last] if variables.len() > LISTED => {
+                format!("{} to {}", with_unit(first), with_unit(last))
+            }
+            all => all.iter().map(with_unit).collect::<Vec<_>>().join(", "),
+        };
         format!("{} {what}{plural}: {names}", variables.len())
     };
     let text = format!("{}; {}", list("state", states), list("input", inputs));

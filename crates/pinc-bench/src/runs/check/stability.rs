@@ -1,7 +1,7 @@
 //! The plant's own modes at its steady states, against the step T, the horizon and the integrators.
 
 use super::numbers::{rate, time};
-use super::{Finding, Subject, short};
+use super::{Finding, LISTED, Subject, short};
 use crate::spec::{ControlSpec, ModelKind};
 use pinc_analysis::{
     Complex, ExplicitMethod, Growth, HeldPoint, OperatingPoint, StateSpace, TimeScales, beyond_knee,
@@ -15,12 +15,6 @@ const STIFF: f64 = 10.0;
 /// is four times as large when it can be answered.
 const MOST_DOUBLINGS: f64 = 2.0;
 
-/// A mode this slow, per step, is an integrator's: rounding leaves its eigenvalue a little off 0.
-const INTEGRATES: f64 = 1e-6;
-
-/// More modes than these are summed up.
-const LISTED: usize = 6;
-
 /// Points between two references, and random points of the region, at which integrators are
 /// examined.
 const BETWEEN: u32 = 8;
@@ -29,6 +23,7 @@ const POINTS: usize = 200;
 pub(super) fn examine(subject: &Subject<'_>) -> Vec<Finding> {
     let mut findings = Vec::new();
     let points = subject.operating_points();
+    let mut found = Vec::new();
     if points.is_empty() {
         let what = format!("no steady state was found in {} or near it", subject.region_name);
         findings.push(Finding::fact("", what));
@@ -51,7 +46,6 @@ pub(super) fn examine(subject: &Subject<'_>) -> Vec<Finding> {
         };
         findings.push(Finding::fact(place.clone(), format!("modes {}", describe(&modes))));
         if subject.experiment.sample_time_s().is_some() {
-            findings.extend(stiff(subject, &place, &modes));
             let scales = match beyond_knee(subject.plant, point, &subject.region) {
                 Some((i, beside)) => {
                     findings.push(knee(subject, &place, i, &beside));
@@ -61,8 +55,11 @@ pub(super) fn examine(subject: &Subject<'_>) -> Vec<Finding> {
                 None => TimeScales::of(&modes),
             };
             findings.extend(sample_time(subject, &place, &scales));
-            findings.extend(horizon(subject, &scales));
         }
+        found.push((place, modes));
+    }
+    if subject.experiment.sample_time_s().is_some() {
+        findings.extend(stiff(subject, &found));
     }
     if let (Some(control), Some(_)) =
         (&subject.experiment.control, subject.experiment.sample_time_s())
@@ -122,17 +119,30 @@ fn describe(modes: &[Complex]) -> String {
     text
 }
 
-fn stiff(subject: &Subject<'_>, place: &str, modes: &[Complex]) -> Option<Finding> {
-    let (step, scales) = (subject.step_s(), TimeScales::of(modes));
-    let (fastest, slowest) = (scales.fastest, scales.slowest?);
-    if fastest * step <= STIFF || fastest <= STIFF * slowest {
-        return None;
-    }
+/// Whether the modes at some point are far apart and fast against T: of all points that where it is
+/// worst, and only a fact where RK4 has the substeps that it needs.
+fn stiff(subject: &Subject<'_>, found: &[(String, Vec<Complex>)]) -> Option<Finding> {
+    let step = subject.step_s();
+    let is_stiff = |scales: &TimeScales| {
+        let slowest = scales.slowest.unwrap_or(scales.fastest);
+        scales.fastest * step > STIFF && scales.fastest > STIFF * slowest
+    };
+    let all = found.iter().map(|(place, modes)| (place, modes, TimeScales::of(modes)));
+    let stiff = all.filter(|(.., scales)| is_stiff(scales));
+    let (place, modes, scales) = stiff.max_by(|a, b| a.2.fastest.total_cmp(&b.2.fastest))?;
     let what = format!(
         "stiff: the fastest mode times T is {}, and it is {} times as fast as the slowest",
-        short(fastest * step),
-        short(fastest / slowest)
+        short(scales.fastest * step),
+        short(scales.fastest / scales.slowest?)
     );
+    let control = subject.experiment.control.as_ref();
+    let has_enough = |control: &ControlSpec| {
+        let needed = ExplicitMethod::Rk4.stable_substeps(modes, step);
+        control.models.contains(&ModelKind::Rk4) && needed.is_some_and(|n| n <= control.rk4_substeps)
+    };
+    if control.is_some_and(has_enough) {
+        return Some(Finding::fact(place, what));
+    }
     Some(
         Finding::warning(place, what)
             .because(
@@ -189,35 +199,6 @@ fn sample_time(subject: &Subject<'_>, place: &str, scales: &TimeScales) -> Optio
     })
 }
 
-fn horizon(subject: &Subject<'_>, scales: &TimeScales) -> Option<Finding> {
-    let control = subject.experiment.control.as_ref()?;
-    let (rate, scale) = match scales.doubling_s {
-        Some(doubling) => (1.0 / doubling, "the time in which a deviation doubles"),
-        None => (scales.slowest?, "the slowest time constant"),
-    };
-    #[expect(clippy::cast_precision_loss, reason = "a few steps")]
-    let horizon = control.n2 as f64 * subject.step_s();
-    if rate * horizon >= 0.1 || rate * subject.step_s() < INTEGRATES {
-        return None;
-    }
-    let what = format!(
-        "the prediction horizon, {}, is {} of {scale}",
-        time(horizon),
-        short(rate * horizon)
-    );
-    Some(
-        Finding::warning("control.n2", what)
-            .because(
-                "the controller sees too little of what its inputs do, and becomes timid or \
-             short-sighted",
-            )
-            .change(format!(
-                "n2 of about {:.0}, or a longer T",
-                (0.5 / (rate * subject.step_s())).ceil()
-            )),
-    )
-}
-
 /// The substeps with which an explicit method is stable, at the references and between them, and at
 /// random points of the region.
 fn integrator(
@@ -233,7 +214,8 @@ fn integrator(
         Some(method.stable_substeps(&modes, step).unwrap_or(usize::MAX))
     };
     let mut findings = Vec::new();
-    let along = along_references(subject, control);
+    let mut along = along_references(subject, control);
+    along.extend(along_the_loop(subject));
     let worst = along.iter().filter_map(|(name, point)| Some((needed(point)?, name, point)));
     if let Some((n, name, point)) = worst.max_by_key(|(n, ..)| *n)
         && n > substeps
@@ -282,6 +264,21 @@ fn integrator(
         findings.push(Finding::fact(key, what));
     }
     findings
+}
+
+/// Where the closed loop with an integrator goes, as far as that is in the region: with too few
+/// substeps it can go anywhere.
+fn along_the_loop(subject: &Subject<'_>) -> Vec<(String, OperatingPoint)> {
+    let Some(Ok(rehearsal)) = &subject.rehearsal else { return Vec::new() };
+    let trace = &rehearsal.trace;
+    let every = trace.len().div_ceil(POINTS);
+    let point = |i: usize| {
+        let (x, u) = (trace.state(i).to_vec(), trace.input(i).to_vec());
+        let name = format!("t = {} of the closed loop", time(trace.times()[i]));
+        (name, OperatingPoint { x, u })
+    };
+    let points = (0..trace.len()).step_by(every.max(1)).map(point);
+    points.filter(|(_, point)| subject.region.contains(point)).collect()
 }
 
 /// The steady states of the references and the ways from one to the next.
