@@ -3,7 +3,7 @@
 use crate::domain_error::{DomainErrorMetrics, DomainFinding};
 use crate::error::RecordError;
 use crate::files::{file, read_json};
-use pinc_config::{Experiment, ModelKind, Preset};
+use pinc_config::{Experiment, ModelKind, Preset, TimeUnit};
 use pinc_mpc::SqpStatus;
 use pinc_net::{TrainingTarget, Validation};
 use serde::{Deserialize, Deserializer, Serialize};
@@ -19,6 +19,9 @@ pub struct Metrics {
     pub preset: Preset,
     /// The units of the plant's variables by name; empty for a number without dimension.
     pub variables: BTreeMap<String, String>,
+    /// The unit in which times of the plant are shown, if the config says one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub time_unit: Option<TimeUnit>,
     /// The plant's states, in its order.
     #[serde(default)]
     pub states: Vec<String>,
@@ -55,6 +58,7 @@ impl Metrics {
         let units = all.map(|v| (v.name.to_string(), v.unit.to_string())).collect();
         Self {
             variables: units,
+            time_unit: experiment.time_unit,
             states: variables.state_names(),
             inputs: variables.input_names(),
             experiment: experiment.name.clone(),

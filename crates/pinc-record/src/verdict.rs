@@ -1,7 +1,7 @@
 //! What went wrong in closed loops, and what can be done about it.
 
 use crate::metrics::{ControlMetrics, Metrics, is_failure};
-use pinc_config::ModelKind;
+use pinc_config::{ModelKind, TimeUnit};
 use pinc_mpc::SqpStatus;
 use std::fmt;
 
@@ -34,6 +34,8 @@ pub enum LoopFinding {
         offset: f64,
         /// When the reference of this offset begins, in s.
         start_s: f64,
+        /// The unit in which to show that.
+        time_unit: Option<TimeUnit>,
         /// A model of the same run with which this reference was reached.
         reached_with: Option<ModelKind>,
     },
@@ -78,6 +80,7 @@ impl Metrics {
             references: offsets.len(),
             offset,
             start_s: of.references.reference_start_s.get(segment).copied().unwrap_or_default(),
+            time_unit: self.time_unit,
             reached_with: others.filter(reaches).map(|other| other.model).next(),
         })
     }
@@ -111,6 +114,7 @@ impl fmt::Display for LoopFinding {
                 references,
                 offset,
                 start_s,
+                time_unit,
                 reached_with,
             } => {
                 let model = model.title();
@@ -120,7 +124,8 @@ impl fmt::Display for LoopFinding {
                     _ => write!(
                         f,
                         "{missed} of its {references} references: it ends {offset:.3} off on average \
-                         with the one from {start_s} s. "
+                         with the one from {}. ",
+                        TimeUnit::shown(*start_s, *time_unit)
                     )?,
                 }
                 match reached_with {

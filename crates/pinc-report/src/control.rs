@@ -29,7 +29,7 @@ pub(crate) fn pictures(run: &Run, variables: &Variables) -> Vec<Picture> {
     let loops = Loops { run, variables };
     let times = run.control.iter().flat_map(|of| &of.table.rows).map(|row| row.t);
     let t = extent(times);
-    let axis = Axis::ranged("t (s)", Kind::Linear, t);
+    let axis = run.time_axis(t);
     let figure = Figure::stack("Closed loop", axis, loops.panels());
     let mut pictures = vec![Picture {
         stem: "control".to_owned(),
@@ -121,13 +121,13 @@ impl Loops<'_> {
 
     /// Crosses where control steps failed, on the curves of a state.
     fn add_failures(&self, panel: &mut Panel, place: usize) {
-        let Some(step_s) = self.run.step_s() else { return };
+        let Some(length) = self.run.step() else { return };
         let mut failed = Vec::new();
         for (of, steps) in self.run.control.iter().zip(&self.run.steps) {
             for step in steps.table.iter().filter(|step| step.failed()) {
                 #[expect(clippy::cast_precision_loss, reason = "no run has 2^53 steps")]
-                let t = step.step as f64 * step_s;
-                let k = of.table.rows.partition_point(|row| row.t < t - 1e-6 * step_s);
+                let t = step.step as f64 * length;
+                let k = of.table.rows.partition_point(|row| row.t < t - 1e-6 * length);
                 failed.extend(of.table.rows.get(k).map(|row| (row.t, quantity(row, place))));
             }
         }
@@ -263,22 +263,29 @@ impl Loops<'_> {
     /// the run has many.
     fn close_ups(&self, whole: &Figure, t: (f64, f64)) -> Vec<Picture> {
         let asked = self.run.experiment.control.iter().flat_map(|control| &control.close_ups_s);
+        let second = 1.0 / self.run.time_unit().seconds();
+        let asked = asked.map(|[from, to]| [from * second, to * second]);
         let asked = asked.filter(|[from, to]| *from < t.1 && *to > t.0);
         let asked: Vec<(f64, f64)> = asked.map(|[from, to]| (from.max(t.0), to.min(t.1))).collect();
-        let step = self.run.step_s().filter(|step| t.1 - t.0 > LONG * step);
+        let step = self.run.step().filter(|step| t.1 - t.0 > LONG * step);
         let beginning = step.map(|step| (t.0, t.0 + CLOSE_UP * step));
         let windows = if asked.is_empty() { beginning.into_iter().collect() } else { asked };
         windows.into_iter().map(|window| self.close_up(whole, window)).collect()
     }
 
     fn close_up(&self, whole: &Figure, (from, to): (f64, f64)) -> Picture {
-        let (from_s, to_s) = (text::number(from, 6), text::number(to, 6));
+        let window = format!(
+            "{} {unit} to {} {unit}",
+            text::number(from, 6),
+            text::number(to, 6),
+            unit = self.run.time_unit().name()
+        );
         let mut figure = whole.clone();
-        figure.name = format!("Closed loop from {from_s} s to {to_s} s");
+        figure.name = format!("Closed loop from {window}");
         figure.x.range = Some((from, to));
         Picture {
             stem: format!("control-{from}-{to}"),
-            title: format!("Closed loop: {from_s} s to {to_s} s"),
+            title: format!("Closed loop: {window}"),
             figure,
             caption: "A part of the picture above, enlarged. From the same files.".to_owned(),
         }

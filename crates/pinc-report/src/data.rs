@@ -2,7 +2,8 @@
 
 use crate::error::ReportError;
 use crate::trials::Trials;
-use pinc_config::{Experiment, ModelKind};
+use pinc_chart::{Axis, Kind};
+use pinc_config::{Experiment, ModelKind, TimeUnit};
 use pinc_record::{
     ControlTrace, DomainErrorTable, Metrics, PredictionTable, Provenance, RecordError, StepRow, TrainingRow, file,
     read_fixed_table, read_text,
@@ -24,8 +25,9 @@ pub(crate) struct Run {
     pub(crate) training: Option<Vec<TrainingRow>>,
     /// The errors of the net over its domain.
     pub(crate) domain_error: Option<DomainErrorTable>,
+    /// Times are in the report's unit.
     pub(crate) prediction: Option<PredictionTable>,
-    /// The closed loops, PINC first.
+    /// The closed loops, PINC first; times are in the report's unit.
     pub(crate) control: Vec<OfModel<ControlTrace>>,
     pub(crate) steps: Vec<OfModel<Vec<StepRow>>>,
     /// Of a sweep.
@@ -54,15 +56,22 @@ impl Run {
         let experiment = Experiment::read_back(&path, &config_text)?;
         let metrics = Metrics::read(dir)?;
         let only = metrics.iter().flat_map(|metrics| &metrics.control).map(|of| of.model).next();
-        let control = read_models(dir, file::control, only, |path| {
+        // Times are shown in the config's unit.
+        let second = 1.0 / experiment.time_unit.unwrap_or(TimeUnit::S).seconds();
+        let mut control = read_models(dir, file::control, only, |path| {
             let Some(control) = &experiment.control else { return Ok(None) };
             ControlTrace::read(path, control.input_low.len(), &control.controlled)
         })?;
+        let rows = control.iter_mut().flat_map(|of: &mut OfModel<ControlTrace>| &mut of.table.rows);
+        rows.for_each(|row| row.t *= second);
+        let mut prediction = PredictionTable::read(&dir.join(file::PREDICTION))?;
+        let rows = prediction.iter_mut().flat_map(|table| &mut table.rows);
+        rows.for_each(|row| row.t *= second);
         Ok(Self {
             provenance: Provenance::read(dir)?,
             training: read_fixed_table(&dir.join(file::TRAINING))?,
             domain_error: DomainErrorTable::read(&dir.join(file::DOMAIN_ERROR))?,
-            prediction: PredictionTable::read(&dir.join(file::PREDICTION))?,
+            prediction,
             control,
             steps: read_models(dir, file::steps, only, read_fixed_table)?,
             trials: Trials::read(dir, &experiment)?,
@@ -72,9 +81,20 @@ impl Run {
         })
     }
 
-    /// The length T of a step in s.
-    pub(crate) fn step_s(&self) -> Option<f64> {
-        self.experiment.sample_time_s().filter(|t| *t > 0.0)
+    /// The length T of a step, in the report's unit.
+    pub(crate) fn step(&self) -> Option<f64> {
+        let step_s = self.experiment.sample_time_s().filter(|t| *t > 0.0);
+        step_s.map(|step_s| step_s / self.time_unit().seconds())
+    }
+
+    /// The unit of the plant's times in the report.
+    pub(crate) fn time_unit(&self) -> TimeUnit {
+        self.experiment.time_unit.unwrap_or(TimeUnit::S)
+    }
+
+    /// The axis of the plant's times, from one end to the other.
+    pub(crate) fn time_axis(&self, ends: (f64, f64)) -> Axis {
+        Axis::ranged(&format!("t ({})", self.time_unit().name()), Kind::Linear, ends)
     }
 
     /// A model's name as the report writes it.

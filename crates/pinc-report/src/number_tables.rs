@@ -2,7 +2,7 @@
 
 use crate::data::Run;
 use pinc_chart::text::{self, MISSING};
-use pinc_config::ModelKind;
+use pinc_config::{ModelKind, TimeUnit};
 use pinc_record::{
     ControlMetrics, DomainErrorMetrics, Metrics, PredictionMetrics, Provenance, TrainingMetrics, ValidationMetrics, WallTimes,
 };
@@ -103,7 +103,7 @@ fn control(run: &Run, models: &[ControlMetrics]) -> Option<NumberTable> {
     }
     let row = |(label, quantity): &(&str, Quantity)| {
         let mut cells = vec![(*label).to_owned()];
-        cells.extend(models.iter().map(|of| quantity.show(of)));
+        cells.extend(models.iter().map(|of| quantity.show(run, of)));
         cells.extend(both.map(|(pinc, rk4)| quantity.compare(pinc, rk4)));
         cells
     };
@@ -122,6 +122,8 @@ enum Quantity {
     Time(fn(&ControlMetrics) -> f64),
     /// Text.
     Text(fn(&ControlMetrics) -> String),
+    /// Text that depends on the config.
+    OfRun(fn(&Run, &ControlMetrics) -> String),
 }
 
 const CONTROL: [(&str, Quantity); 15] = [
@@ -138,18 +140,19 @@ const CONTROL: [(&str, Quantity); 15] = [
     ("Largest KKT residual", Quantity::Number(|of| of.kkt_max, 2)),
     ("Largest violation of a bound", Quantity::Number(|of| of.max_violation, 2)),
     ("Steps by status", Quantity::Text(statuses)),
-    ("Settled after, per reference", Quantity::Text(settled)),
+    ("Settled after, per reference", Quantity::OfRun(settled)),
     ("Offset at the end, per reference", Quantity::Text(offsets)),
 ];
 
 impl Quantity {
-    fn show(self, of: &ControlMetrics) -> String {
+    fn show(self, run: &Run, of: &ControlMetrics) -> String {
         match self {
             Self::Number(value, digits) | Self::Compared(value, digits) => {
                 text::significant(value(of), digits)
             }
             Self::Time(seconds) => text::duration(seconds(of)),
             Self::Text(text) => text(of),
+            Self::OfRun(text) => text(run, of),
         }
     }
 
@@ -186,8 +189,12 @@ fn statuses(of: &ControlMetrics) -> String {
     each.collect::<Vec<_>>().join(", ")
 }
 
-fn settled(of: &ControlMetrics) -> String {
-    let time = |time: &Option<f64>| time.map_or_else(|| "not".to_owned(), text::duration);
+fn settled(run: &Run, of: &ControlMetrics) -> String {
+    let shown = |seconds| match run.experiment.time_unit {
+        None => text::duration(seconds),
+        unit => TimeUnit::shown(seconds, unit),
+    };
+    let time = |time: &Option<f64>| time.map_or_else(|| "not".to_owned(), shown);
     of.references.settle_s.iter().map(time).collect::<Vec<_>>().join(", ")
 }
 

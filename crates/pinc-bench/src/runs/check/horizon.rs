@@ -1,7 +1,6 @@
 //! Whether the controller sees what its inputs do: how far they move the controlled states within the
 //! prediction horizon.
 
-use super::numbers::time;
 use super::{Finding, Subject, short};
 use crate::spec::ControlSpec;
 use pinc_analysis::OperatingPoint;
@@ -40,7 +39,7 @@ fn finding(subject: &Subject<'_>, control: &ControlSpec, i: usize, share: f64) -
     let what = format!(
         "within the prediction horizon, {}, the inputs can move {name} by {} of a change of its \
          reference",
-        time(horizon),
+        subject.time(horizon),
         short(share)
     );
     Finding::warning("control.n2", what)

@@ -27,6 +27,7 @@ use crate::BenchError;
 use crate::spec::Experiment;
 use numbers::{named, short};
 use pinc_analysis::{HeldPoint, OperatingPoint, Region, SteadyStateSearch};
+use pinc_config::TimeUnit;
 use pinc_ode::DynPlant;
 
 /// One look at a plant and its config.
@@ -153,6 +154,21 @@ impl<'a> Subject<'a> {
     /// Length T of a step, where the config says it; else 1 s, as a unit of time.
     fn step_s(&self) -> f64 {
         self.experiment.sample_time_s().unwrap_or(1.0)
+    }
+
+    /// A time in s, in the config's unit.
+    fn time(&self, seconds: f64) -> String {
+        TimeUnit::shown(seconds, self.experiment.time_unit)
+    }
+
+    /// A rate in 1/s, or a part of one, in the unit of [`Subject::rate_unit`].
+    fn rate(&self, value: f64) -> String {
+        let unit = self.experiment.time_unit.unwrap_or(TimeUnit::S);
+        numbers::rate(value * unit.seconds())
+    }
+
+    fn rate_unit(&self) -> String {
+        format!("1/{}", self.experiment.time_unit.unwrap_or(TimeUnit::S).name())
     }
 
     /// The steady states that the plant is to be at, with their names: those of the references, or

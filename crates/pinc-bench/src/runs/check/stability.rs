@@ -1,6 +1,5 @@
 //! The plant's own modes at its steady states, against the step T, the horizon and the integrators.
 
-use super::numbers::{rate, time};
 use super::{Finding, LISTED, Subject, short};
 use crate::spec::{ControlSpec, ModelKind};
 use pinc_analysis::{
@@ -44,7 +43,7 @@ pub(super) fn examine(subject: &Subject<'_>) -> Vec<Finding> {
             );
             continue;
         };
-        findings.push(Finding::fact(place.clone(), format!("modes {}", describe(&modes))));
+        findings.push(Finding::fact(place.clone(), format!("modes {}", describe(subject, &modes))));
         if subject.experiment.sample_time_s().is_some() {
             let scales = match beyond_knee(subject.plant, point, &subject.region) {
                 Some((i, beside)) => {
@@ -81,22 +80,22 @@ fn modes(subject: &Subject<'_>, point: &OperatingPoint) -> Option<Vec<Complex>> 
     StateSpace::tangent(subject.plant, point, &[]).map(|tangent| tangent.eigenvalues())
 }
 
-fn describe(modes: &[Complex]) -> String {
-    let fastest = TimeScales::of(modes).fastest;
+fn describe(subject: &Subject<'_>, modes: &[Complex]) -> String {
+    let (fastest, unit) = (TimeScales::of(modes).fastest, subject.rate_unit());
     let one = |mode: &Complex| {
         let imaginary = match mode.im {
             0.0 => String::new(),
-            im if im < 0.0 => format!(" -{}i", rate(-im)),
-            im => format!(" +{}i", rate(im)),
+            im if im < 0.0 => format!(" -{}i", subject.rate(-im)),
+            im => format!(" +{}i", subject.rate(im)),
         };
         let meaning = match Growth::of(*mode, fastest) {
             Growth::Neutral => "neither grows nor decays".to_owned(),
             Growth::Decays { time_constant_s } => {
-                format!("time constant {}", time(time_constant_s))
+                format!("time constant {}", subject.time(time_constant_s))
             }
-            Growth::Grows { doubling_s } => format!("doubles in {}", time(doubling_s)),
+            Growth::Grows { doubling_s } => format!("doubles in {}", subject.time(doubling_s)),
         };
-        format!("{}{imaginary} 1/s ({meaning})", rate(mode.re))
+        format!("{}{imaginary} {unit} ({meaning})", subject.rate(mode.re))
     };
     if modes.len() <= LISTED {
         return modes.iter().map(one).collect::<Vec<_>>().join("; ");
@@ -159,7 +158,7 @@ fn stiff(subject: &Subject<'_>, found: &[(String, Vec<Complex>)]) -> Option<Find
 /// What is around a point whose linearization holds for that point alone.
 fn knee(subject: &Subject<'_>, place: &str, i: usize, beside: &OperatingPoint) -> Finding {
     let name = &subject.plant.states()[i].name;
-    let modes = modes(subject, beside).map_or_else(String::new, |modes| describe(&modes));
+    let modes = modes(subject, beside).map_or_else(String::new, |modes| describe(subject, &modes));
     let at = short(beside.x[i]);
     Finding::fact(
         place,
@@ -173,21 +172,21 @@ fn sample_time(subject: &Subject<'_>, place: &str, scales: &TimeScales) -> Optio
     if let Some(doubling) = scales.doubling_s {
         let what = format!(
             "T = {} is {} times the {} in which a deviation doubles",
-            time(step),
+            subject.time(step),
             short(step / doubling),
-            time(doubling)
+            subject.time(doubling)
         );
         return (step > MOST_DOUBLINGS * doubling).then(|| {
             Finding::warning(place, what)
                 .because(
                     "an unstable plant runs away between two inputs: the controller acts too late",
                 )
-                .change(format!("a sample_time_s of {} or less", time(doubling / 5.0)))
+                .change(format!("a T of {} or less (model.horizon_s or control.step_s)", subject.time(doubling / 5.0)))
         });
     }
     let slowest = scales.slowest?;
     let what =
-        format!("T = {} is {} times the slowest time constant", time(step), short(slowest * step));
+        format!("T = {} is {} times the slowest time constant", subject.time(step), short(slowest * step));
     // What integrates does not settle, however fast the rest is.
     (slowest * step > 3.0 && !scales.is_neutral).then(|| {
         Finding::warning(place, what)
@@ -195,7 +194,7 @@ fn sample_time(subject: &Subject<'_>, place: &str, scales: &TimeScales) -> Optio
                 "the plant has settled at the end of a step: the controller sees steady \
              states and cannot shape the way there",
             )
-            .change(format!("a sample_time_s of {} or less", time(1.0 / slowest)))
+            .change(format!("a T of {} or less (model.horizon_s or control.step_s)", subject.time(1.0 / slowest)))
     })
 }
 
@@ -274,7 +273,7 @@ fn along_the_loop(subject: &Subject<'_>) -> Vec<(String, OperatingPoint)> {
     let every = trace.len().div_ceil(POINTS);
     let point = |i: usize| {
         let (x, u) = (trace.state(i).to_vec(), trace.input(i).to_vec());
-        let name = format!("t = {} of the closed loop", time(trace.times()[i]));
+        let name = format!("t = {} of the closed loop", subject.time(trace.times()[i]));
         (name, OperatingPoint { x, u })
     };
     let points = (0..trace.len()).step_by(every.max(1)).map(point);

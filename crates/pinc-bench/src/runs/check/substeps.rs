@@ -1,6 +1,5 @@
 //! How many substeps of RK4 a step T needs: what a net has to beat.
 
-use super::numbers::time;
 use super::{Finding, Subject, short};
 use crate::spec::ModelKind;
 use pinc_analysis::OneStepSamples;
@@ -35,7 +34,7 @@ pub(super) fn examine(subject: &Subject<'_>) -> Vec<Finding> {
                 .because(
                     "there the equation has no solution over a step, so that no net can learn one",
                 )
-                .change("a smaller domain or a shorter sample_time_s"),
+                .change("a smaller domain or a shorter T"),
         );
     }
     if samples.is_empty() {
@@ -67,7 +66,7 @@ fn needed(subject: &Subject<'_>, sample_time_s: f64, samples: &OneStepSamples) -
     });
     let fact = format!(
         "T = {}: RK4 has an rms error of {}",
-        time(sample_time_s),
+        subject.time(sample_time_s),
         text.collect::<Vec<_>>().join(", ")
     );
     let mut findings = vec![Finding::fact("", fact)];
