@@ -162,3 +162,58 @@ impl fmt::Display for DomainFinding {
         )
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use pinc_net::WorstStep;
+
+    fn names(names: &[&str]) -> Vec<String> {
+        names.iter().map(|&name| name.to_owned()).collect()
+    }
+
+    fn judged(errors: Vec<f64>, max: f64) -> DomainErrorMetrics {
+        let worst = WorstStep {
+            x: vec![2.2, 0.4],
+            u: vec![0.36512],
+            state: 1,
+            predicted: -0.310_04,
+            truth: 0.876,
+        };
+        let judged = DomainError { rms: 1e-2, p99: 0.3, max, worst, errors };
+        let rk4 = Rk4Errors { one: 1.0, two: f64::NAN, four: 1e-3 };
+        DomainErrorMetrics::of(&judged, &names(&["X", "S"]), 0, rk4)
+    }
+
+    #[test]
+    fn a_net_that_is_wrong_somewhere_is_described_in_plain_words() {
+        let mut errors = vec![1e-6; 1000];
+        errors[..13].fill(0.3);
+        let finding = judged(errors, 0.395).finding(&names(&["X", "S"]), &names(&["D"])).unwrap();
+        let said = finding.to_string();
+        for part in [
+            "1.3 % of [domain] is off by more than 1 % of a state's range after one step",
+            "worst at X = 2.2, S = 0.4; D = 0.365, where S is to become 0.876 and the net says -0.31",
+            "(39.5 % of its range off)",
+            "`pinc check`",
+        ] {
+            assert!(said.contains(part), "no `{part}` in {said}");
+        }
+        // Found by the search only.
+        let finding = judged(vec![1e-6], 0.395).finding(&names(&["X", "S"]), &names(&["D"]));
+        assert!(!finding.unwrap().to_string().contains("0 %"));
+        assert_eq!(judged(vec![1e-3], 2e-3).finding(&names(&["X", "S"]), &names(&["D"])), None);
+    }
+
+    #[test]
+    fn numbers_that_are_none_are_read_back() {
+        let of = judged(vec![f64::INFINITY], f64::INFINITY);
+        let text = serde_json::to_string(&of).unwrap();
+        assert!(text.contains(r#""rk4":{"1":1.0,"2":null,"4":0.001}"#), "{text}");
+        let read: DomainErrorMetrics = serde_json::from_str(&text).unwrap();
+        assert!(read.max.is_nan() && read.rk4.two.is_nan());
+        assert_eq!((read.max_at, read.share_off), (of.max_at.clone(), 1.0));
+        // What is no number is no small error.
+        assert!(of.finding(&names(&["X", "S"]), &names(&["D"])).is_some());
+    }
+}
