@@ -101,7 +101,12 @@ pub struct DomainFinding {
     predicted: f64,
     truth: f64,
     max: f64,
+    /// Whether the net fits fresh points as well as its sample: more of them would not help.
+    is_too_small: bool,
 }
+
+/// Up to this ratio of the loss on fresh points to that on its sample a net does not overfit.
+const FITS: f64 = 2.0;
 
 impl DomainErrorMetrics {
     /// Whether the net is wrong enough somewhere that a user must know.
@@ -117,7 +122,16 @@ impl DomainErrorMetrics {
             predicted: self.predicted,
             truth: self.truth,
             max: self.max,
+            is_too_small: false,
         })
+    }
+}
+
+impl DomainFinding {
+    /// The same, of a net with these losses on its sample and on fresh points.
+    #[must_use]
+    pub fn of_training(self, loss: f64, fresh_loss: f64) -> Self {
+        Self { is_too_small: fresh_loss <= FITS * loss, ..self }
     }
 }
 
@@ -152,14 +166,24 @@ impl fmt::Display for DomainFinding {
             write!(f, "{percent} % of [domain] is off by more than {} % ", rounded(100.0 * OFF))?;
             write!(f, "of a state's range after one step; ")?;
         }
-        let Self { place, state, predicted, truth, max, .. } = self;
+        let Self { place, state, predicted, truth, max, is_too_small, .. } = self;
         let (predicted, truth) = (rounded(*predicted), rounded(*truth));
         write!(f, "worst at {place}, where {state} is to become {truth} and the net says ")?;
-        write!(f, "{predicted} ({} % of its range off). ", rounded(100.0 * max))?;
+        match max.is_finite() {
+            true => write!(f, "{predicted} ({} % of its range off). ", rounded(100.0 * max))?,
+            false => write!(f, "nothing that is a number. ")?,
+        }
         f.write_str(
             "A controller that plans there is misled: see what `pinc check` says of poles and kinks, \
-             take a smaller [domain] or a shorter T, or a larger net and more training.",
-        )
+             take a smaller [domain] or a shorter T, ",
+        )?;
+        f.write_str(match is_too_small {
+            true => {
+                "or a larger net: its loss is the same on fresh points, so that more points would not \
+                 help."
+            }
+            false => "or a larger net and more training.",
+        })
     }
 }
 
@@ -199,6 +223,10 @@ mod tests {
         ] {
             assert!(said.contains(part), "no `{part}` in {said}");
         }
+        assert!(said.ends_with("a larger net and more training."), "{said}");
+        let said = finding.clone().of_training(1e-6, 1.5e-6).to_string();
+        assert!(said.contains("larger net: its loss is the same on fresh points"), "{said}");
+        assert!(finding.of_training(1e-6, 1e-3).to_string().ends_with("more training."));
         // Found by the search only.
         let finding = judged(vec![1e-6], 0.395).finding(&names(&["X", "S"]), &names(&["D"]));
         assert!(!finding.unwrap().to_string().contains("0 %"));
@@ -214,6 +242,7 @@ mod tests {
         assert!(read.max.is_nan() && read.rk4.two.is_nan());
         assert_eq!((read.max_at, read.share_off), (of.max_at.clone(), 1.0));
         // What is no number is no small error.
-        assert!(of.finding(&names(&["X", "S"]), &names(&["D"])).is_some());
+        let said = of.finding(&names(&["X", "S"]), &names(&["D"])).unwrap().to_string();
+        assert!(said.contains("nothing that is a number"), "{said}");
     }
 }

@@ -99,7 +99,13 @@ impl Metrics {
     #[must_use]
     pub fn domain_finding(&self) -> Option<DomainFinding> {
         let validation = self.validation.as_ref()?;
-        validation.domain_error.as_ref()?.finding(&self.states, &self.inputs)
+        let finding = validation.domain_error.as_ref()?.finding(&self.states, &self.inputs)?;
+        let training = self.training.as_ref();
+        let losses = training.and_then(|training| training.loss.zip(training.fresh_loss));
+        Some(match losses {
+            Some((loss, fresh)) => finding.of_training(loss, fresh),
+            None => finding,
+        })
     }
 
     /// Whether the net was trained on an integrator's steps.
@@ -255,6 +261,12 @@ pub struct TrainingMetrics {
     pub loss_evaluations: u64,
     /// Why it ended.
     pub stop_reason: String,
+    /// The loss in the last iteration, where it was looked at on fresh points.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub loss: Option<f64>,
+    /// The loss on points that the net was not trained on, then.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub fresh_loss: Option<f64>,
 }
 
 /// How good the free run is.

@@ -260,6 +260,7 @@ impl Session {
     fn metrics(self, stop_reason: String) -> TrainingMetrics {
         let totals = self.trainer.totals();
         let wall_s = self.wall().as_secs_f64();
+        let checked = self.rows.iter().rfind(|row| row.fresh_loss.is_some());
         self.stage
             .end(&format!("{stop_reason} after {} iterations, {wall_s:.1} s", totals.iterations));
         TrainingMetrics {
@@ -269,6 +270,8 @@ impl Session {
             iterations: totals.iterations,
             loss_evaluations: totals.loss_evaluations,
             stop_reason,
+            loss: checked.map(|row| row.loss),
+            fresh_loss: checked.and_then(|row| row.fresh_loss),
         }
     }
 }

@@ -17,3 +17,4 @@ mod resume;
 mod run_directory;
 mod smoke;
 mod sweep;
+mod traps;

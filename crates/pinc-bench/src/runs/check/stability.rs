@@ -213,8 +213,9 @@ fn integrator(
         Some(method.stable_substeps(&modes, step).unwrap_or(usize::MAX))
     };
     let mut findings = Vec::new();
-    let mut along = along_references(subject, control);
-    along.extend(along_the_loop(subject));
+    // Of places that are alike the last is named: a reference rather than a time.
+    let mut along = along_the_loop(subject);
+    along.extend(along_references(subject, control));
     let worst = along.iter().filter_map(|(name, point)| Some((needed(point)?, name, point)));
     if let Some((n, name, point)) = worst.max_by_key(|(n, ..)| *n)
         && n > substeps
