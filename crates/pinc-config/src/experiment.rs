@@ -11,6 +11,7 @@ use crate::prediction::PredictionSpec;
 use crate::presets::Preset;
 use crate::problem::{ConfigError, Problem};
 use crate::sweep::SweepSpec;
+use crate::time_unit::TimeUnit;
 use crate::training::{Effort, TrainingSpec};
 use pinc_net::{Domain, NetConfig, ValidationConfig};
 use pinc_ode::Dims;
@@ -34,6 +35,9 @@ pub struct Experiment {
     pub preset: Preset,
     /// What every random draw follows from.
     pub seed: u64,
+    /// The unit in which times of the plant are shown; absent, that in which each is a small number.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub time_unit: Option<TimeUnit>,
     /// The plant.
     pub plant: PlantSpec,
     /// The net.
@@ -220,10 +224,10 @@ impl Experiment {
     }
 
     /// The same experiment without what its numbers do not depend on: how many threads work on it,
-    /// and how often they write a checkpoint.
+    /// how often they write a checkpoint, and in which unit times are shown.
     #[must_use]
     pub fn normalized(&self) -> Self {
-        let mut same = self.clone();
+        let mut same = Self { time_unit: None, ..self.clone() };
         if let Some(training) = &mut same.training {
             let time_limit_s = training.effort.time_limit_s;
             training.effort = Effort { time_limit_s, ..Effort::default() };

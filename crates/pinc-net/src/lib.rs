@@ -28,6 +28,7 @@
 mod ansatz;
 mod config;
 mod domain;
+mod domain_error;
 mod error;
 mod file;
 mod kernel;
@@ -49,6 +50,7 @@ mod workers;
 pub use ansatz::Ansatz;
 pub use config::{GrowthConfig, Phase, SelectNet, TrainingConfig, TrainingTarget};
 pub use domain::{Domain, ParameterRange};
+pub use domain_error::{DomainError, DomainTruth, WorstStep};
 pub use error::{ModelError, NetError};
 pub use kernel::BatchLoss;
 pub use loss::{

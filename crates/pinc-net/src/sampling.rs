@@ -44,6 +44,9 @@ pub(crate) enum Purpose {
     Validation = 4,
     OneStep = 5,
     Fresh = 6,
+    Test = 7,
+    TestOneStep = 8,
+    Domain = 9,
 }
 
 /// The random numbers of `seed` for `purpose`.

@@ -22,7 +22,7 @@ pub struct ValidationConfig {
     pub domain: Domain,
     /// Tolerance of the accurate integration.
     pub tolerance: f64,
-    /// Random points of the box for the error of one step.
+    /// Points of the box for the error of one step, and as many of the training domain.
     pub one_step_points: usize,
 }
 
@@ -32,6 +32,9 @@ pub struct Validation {
     /// Eq. (`mse_gen`) of the paper: self-loop, at the steps t = kT, k >= 1, in the states' units
     /// squared.
     pub mse_gen: f64,
+    /// The same with each state in standard deviations of the box, so that none counts more for its
+    /// unit.
+    pub mse_gen_normalized: f64,
     /// The authors' code: self-loop, at all rows (inner times and initial rows included), each
     /// state in standard deviations of the box. The inner times are left out for a distilled net.
     pub mse_all_normalized: f64,
@@ -44,10 +47,10 @@ pub struct Validation {
 
 impl Validation {
     /// The criterion for the best net: the error against held-out measurements of the plant itself
-    /// if there are any, otherwise `mse_gen`.
+    /// if there are any, otherwise `mse_gen_normalized`.
     #[must_use]
     pub fn score(&self) -> f64 {
-        self.measured_mse.unwrap_or(self.mse_gen)
+        self.measured_mse.unwrap_or(self.mse_gen_normalized)
     }
 }
 
@@ -134,23 +137,40 @@ impl ValidationSet {
         config: &ValidationConfig,
         seed: u64,
     ) -> Result<Self, NetError> {
-        let domain = config.domain.in_order_of(plant)?;
-        let config = &ValidationConfig { domain, ..config.clone() };
-        let steps = config.validate(plant.dims(), sample_time_s)?;
-        let integrator = Dopri5::shared(plant.to_shared(), config.tolerance);
-        Self::integrate_all(integrator, steps, sample_time_s, config, seed)
+        let purposes = [Purpose::Validation, Purpose::OneStep];
+        Self::draw(plant, sample_time_s, config, seed, purposes)
     }
 
-    fn integrate_all(
-        mut integrator: Dopri5,
-        steps: usize,
+    /// Others of the same kind, which are independent of those of [`ValidationSet::generate`]: the
+    /// errors on what a net was chosen by are too small.
+    ///
+    /// # Errors
+    ///
+    /// As [`ValidationSet::generate`].
+    pub fn generate_test(
+        plant: &dyn DynRhs,
         sample_time_s: f64,
         config: &ValidationConfig,
         seed: u64,
     ) -> Result<Self, NetError> {
+        let purposes = [Purpose::Test, Purpose::TestOneStep];
+        Self::draw(plant, sample_time_s, config, seed, purposes)
+    }
+
+    fn draw(
+        plant: &dyn DynRhs,
+        sample_time_s: f64,
+        config: &ValidationConfig,
+        seed: u64,
+        [scenarios_from, one_step_from]: [Purpose; 2],
+    ) -> Result<Self, NetError> {
+        let domain = config.domain.in_order_of(plant)?;
+        let config = &ValidationConfig { domain, ..config.clone() };
+        let steps = config.validate(plant.dims(), sample_time_s)?;
+        let mut integrator = Dopri5::shared(plant.to_shared(), config.tolerance);
         let Dims { nx: states, nu, .. } = integrator.dims();
         let ends: Vec<_> = config.domain.ends().collect();
-        let mut random = rng(seed, Purpose::Validation);
+        let mut random = rng(seed, scenarios_from);
         let mut uniform = |(low, high): (f64, f64)| low + (high - low) * random.random::<f64>();
         let mut scenarios = Vec::with_capacity(config.scenarios);
         for _ in 0..config.scenarios {
@@ -164,7 +184,7 @@ impl ValidationSet {
         }
         let count = config.one_step_points;
         let points =
-            Sampler::Sobol.sample(count, sample_time_s, &config.domain, 1, seed, Purpose::OneStep);
+            Sampler::Sobol.sample(count, sample_time_s, &config.domain, 1, seed, one_step_from);
         let one_step = (0..count)
             .map(|i| {
                 let inputs = vec![points.input(i).to_vec()];
@@ -264,6 +284,7 @@ impl ValidationSet {
         let units = vec![1.0; states];
         Validation {
             mse_gen: marks.error(&units),
+            mse_gen_normalized: marks.error(&self.scale),
             mse_all_normalized: rows.error(&self.scale),
             one_step_mse: single.error(&units),
             measured_mse: self.held_out.as_ref().map(|held_out| self.measured_error(net, held_out)),

@@ -22,6 +22,8 @@ pub mod file {
     pub const TRAINING: &str = "training.csv";
     /// The net.
     pub const MODEL: &str = "model.safetensors";
+    /// The errors of one step of the net over its domain.
+    pub const DOMAIN_ERROR: &str = "domain-error.csv";
     /// The free run.
     pub const PREDICTION: &str = "prediction.csv";
     /// The numbers that the run gave.

@@ -65,6 +65,12 @@ impl RunDir {
         Ok(Self { dir: dir.to_owned(), metrics, keeps_traces: true, _lock: None })
     }
 
+    /// The same directory, in which no more traces are written.
+    #[must_use]
+    pub fn without_traces(self) -> Self {
+        Self { keeps_traces: false, ..self }
+    }
+
     /// Writes where the results to come are from. A resumed run keeps what is said of those that are
     /// there.
     ///
@@ -141,7 +147,7 @@ impl RunDir {
         write_atomically(&self.path(name), bytes)
     }
 
-    /// Whether the traces of closed loops are written.
+    /// Whether the traces of closed loops and the errors of nets point by point are written.
     #[must_use]
     pub fn keeps_traces(&self) -> bool {
         self.keeps_traces

@@ -16,6 +16,8 @@ use pinc_record::ControlRow;
 const LONG: f64 = 60.0;
 /// Values that differ by less, by ratio, differ by rounding.
 const EQUAL: f64 = 1e-13;
+/// The share of a panel's height that a curve must take up to be read.
+const READABLE: f64 = 0.04;
 /// The form of a reference.
 const REFERENCE: Shape = Shape::Dashes(1.4);
 
@@ -28,7 +30,7 @@ pub(crate) fn pictures(run: &Run, variables: &Variables) -> Vec<Picture> {
     let loops = Loops { run, variables, traces };
     let times = traces.iter().flat_map(|of| &of.table.rows).map(|row| row.t);
     let t = extent(times);
-    let axis = Axis::ranged("t (s)", Kind::Linear, t);
+    let axis = run.time_axis(t);
     let figure = Figure::stack("Closed loop", axis, loops.panels());
     let mut pictures = vec![Picture {
         stem: "control".to_owned(),
@@ -70,6 +72,7 @@ impl Loops<'_> {
     fn panels(&self) -> Vec<Panel> {
         let mut groups = self.variables.output_panels();
         groups.extend(self.variables.panels_of(&self.variables.states));
+        let groups: Vec<_> = groups.into_iter().flat_map(|group| self.by_size(group)).collect();
         let mut panels = Vec::new();
         for (i, (title, group)) in groups.iter().enumerate() {
             let height = if i == 0 { 280.0 } else { 180.0 };
@@ -78,6 +81,60 @@ impl Loops<'_> {
         panels.push(self.input_panel());
         panels.extend(self.difference_panel());
         panels
+    }
+
+    /// A group of variables, divided so that those in a panel are of a like size.
+    fn by_size(&self, (title, names): (String, Vec<String>)) -> Vec<(String, Vec<String>)> {
+        let mut panels: Vec<Vec<(f64, f64)>> = Vec::new();
+        let mut groups: Vec<Vec<String>> = Vec::new();
+        for name in names {
+            let range = self.range(&name);
+            let place = panels.iter().position(|ranges| fit(ranges, range));
+            match place {
+                Some(i) => {
+                    panels[i].push(range);
+                    groups[i].push(name);
+                }
+                None => {
+                    panels.push(vec![range]);
+                    groups.push(vec![name]);
+                }
+            }
+        }
+        let divided = groups.len() > 1;
+        let titled = |names: Vec<String>| match divided {
+            true => (format!("{title}: {}", names.join(", ")), names),
+            false => (title.clone(), names),
+        };
+        groups.into_iter().map(titled).collect()
+    }
+
+    /// The values that a variable and its reference take.
+    fn range(&self, name: &str) -> (f64, f64) {
+        let place = self.variables.index_of(name);
+        let rows = self.traces.iter().flat_map(|of| &of.table.rows);
+        let values = rows.map(|row| quantity(row, place));
+        let first = &self.traces[0].table;
+        let followed = first.columns.controlled.iter().position(|controlled| controlled == name);
+        let rows = first.rows.iter();
+        let references =
+            followed.into_iter().flat_map(|i| rows.clone().map(move |row| row.reference[i]));
+        extent(values.chain(references))
+    }
+
+    /// Crosses where control steps failed, on the curves of a state.
+    fn add_failures(&self, panel: &mut Panel, place: usize) {
+        let Some(length) = self.run.step() else { return };
+        let mut failed = Vec::new();
+        for (of, steps) in self.traces.iter().zip(&self.run.steps) {
+            for step in steps.table.rows.iter().filter(|step| step.failed()) {
+                #[expect(clippy::cast_precision_loss, reason = "no run has 2^53 steps")]
+                let t = step.step as f64 * length;
+                let k = of.table.rows.partition_point(|row| row.t < t - 1e-6 * length);
+                failed.extend(of.table.rows.get(k).map(|row| (row.t, quantity(row, place))));
+            }
+        }
+        panel.add_named("failed steps", failed, Style::new(INK, Shape::Crosses(5.0)));
     }
 
     fn state_panel(&self, title: &str, states: &[String], height: f64) -> Panel {
@@ -95,6 +152,10 @@ impl Loops<'_> {
         }
         if states.iter().any(|state| self.variables.controlled.contains(state)) {
             panel.key("reference", Look::Curve(Style::new(INK, REFERENCE)));
+        }
+        let controlled = states.iter().filter(|state| self.variables.controlled.contains(state));
+        for state in controlled.take(1) {
+            self.add_failures(&mut panel, self.variables.index_of(state));
         }
         for (_, place) in places() {
             let bound = |states: &Option<Vec<f64>>, outputs: &Option<Vec<f64>>| match place
@@ -208,7 +269,7 @@ impl Loops<'_> {
         let (asked, first_steps) = self.run.control.close_ups.split_at(asked);
         let shown = |part: &&CloseUp| part.window.0 < t.1 && part.window.1 > t.0;
         let asked: Vec<&CloseUp> = asked.iter().filter(shown).collect();
-        let is_long = self.run.step_s().is_some_and(|step| t.1 - t.0 > LONG * step);
+        let is_long = self.run.step().is_some_and(|step| t.1 - t.0 > LONG * step);
         let first_steps = first_steps.iter().filter(|_| is_long && asked.is_empty());
         let parts = asked.iter().copied().chain(first_steps);
         parts.map(|part| self.close_up(whole, part, t)).collect()
@@ -216,16 +277,21 @@ impl Loops<'_> {
 
     fn close_up(&self, whole: &Figure, part: &CloseUp, t: (f64, f64)) -> Picture {
         let (from, to) = (part.window.0.max(t.0), part.window.1.min(t.1));
-        let (from_s, to_s) = (text::number(from, 6), text::number(to, 6));
+        let window = format!(
+            "{} {unit} to {} {unit}",
+            text::number(from, 6),
+            text::number(to, 6),
+            unit = self.run.time_unit().name()
+        );
         let mut figure = whole.clone();
         if let Some(traces) = &part.loops {
             figure.panels = Loops { traces, ..*self }.panels();
         }
-        figure.name = format!("Closed loop from {from_s} s to {to_s} s");
+        figure.name = format!("Closed loop from {window}");
         figure.x.range = Some((from, to));
         Picture {
             stem: format!("control-{from}-{to}"),
-            title: format!("Closed loop: {from_s} s to {to_s} s"),
+            title: format!("Closed loop: {window}"),
             figure,
             caption: "A part of the picture above, enlarged. From the same files.".to_owned(),
         }
@@ -263,6 +329,15 @@ impl Loops<'_> {
         }
         format!("{caption} From {}.", text::listed(&files))
     }
+}
+
+/// Whether a curve can be read beside others of these ranges, and they beside it: each takes up some of
+/// the height that all take together, unless it is constant.
+fn fit(ranges: &[(f64, f64)], new: (f64, f64)) -> bool {
+    let all = extent(ranges.iter().chain([&new]).flat_map(|range| [range.0, range.1]));
+    let height = all.1 - all.0;
+    let mut spreads = ranges.iter().chain([&new]).map(|(low, high)| high - low);
+    spreads.all(|spread| spread >= READABLE * height || spread <= EQUAL * height)
 }
 
 /// By how much a state differs between two loops, as far as both go.

@@ -3,10 +3,11 @@
 use crate::error::ReportError;
 use crate::traces::{Steps, Traces};
 use crate::trials::Trials;
-use pinc_config::{Experiment, ModelKind};
+use pinc_chart::{Axis, Kind};
+use pinc_config::{Experiment, ModelKind, TimeUnit};
 use pinc_record::{
-    ControlReader, FixedReader, Metrics, PredictionTable, Provenance, RecordError, TrainingRow,
-    file, read_fixed_table, read_text,
+    ControlReader, DomainErrorTable, FixedReader, Metrics, PredictionTable, Provenance,
+    RecordError, TrainingRow, file, read_fixed_table, read_text,
 };
 use std::io::ErrorKind;
 use std::path::Path;
@@ -23,6 +24,9 @@ pub(crate) struct Run {
     pub(crate) metrics: Option<Metrics>,
     pub(crate) provenance: Option<Provenance>,
     pub(crate) training: Option<Vec<TrainingRow>>,
+    /// The errors of the net over its domain.
+    pub(crate) domain_error: Option<DomainErrorTable>,
+    /// Times are in the report's unit.
     pub(crate) prediction: Option<PredictionTable>,
     pub(crate) control: Traces,
     pub(crate) steps: Vec<OfModel<Steps>>,
@@ -52,19 +56,25 @@ impl Run {
         let experiment = Experiment::read_back(&path, &config_text)?;
         let metrics = Metrics::read(dir)?;
         let only = metrics.iter().flat_map(|metrics| &metrics.control).map(|of| of.model).next();
+        // Times are shown in the config's unit.
+        let second = 1.0 / experiment.time_unit.unwrap_or(TimeUnit::S).seconds();
         let control = match &experiment.control {
             None => Traces::default(),
             Some(spec) => {
                 let open =
                     |path: &Path| ControlReader::open(path, spec.input_low.len(), &spec.controlled);
                 let readers = read_models(dir, file::control, only, open)?;
-                Traces::read(readers, spec, step_s(&experiment))?
+                Traces::read(readers, spec, step_s(&experiment), second)?
             }
         };
+        let mut prediction = PredictionTable::read(&dir.join(file::PREDICTION))?;
+        let rows = prediction.iter_mut().flat_map(|table| &mut table.rows);
+        rows.for_each(|row| row.t *= second);
         Ok(Self {
             provenance: Provenance::read(dir)?,
             training: read_fixed_table(&dir.join(file::TRAINING))?,
-            prediction: PredictionTable::read(&dir.join(file::PREDICTION))?,
+            domain_error: DomainErrorTable::read(&dir.join(file::DOMAIN_ERROR))?,
+            prediction,
             control,
             steps: read_models(dir, file::steps, only, |path| {
                 FixedReader::open(path)?.map(Steps::read).transpose()
@@ -76,9 +86,19 @@ impl Run {
         })
     }
 
-    /// The length T of a step in s.
-    pub(crate) fn step_s(&self) -> Option<f64> {
-        step_s(&self.experiment)
+    /// The length T of a step, in the report's unit.
+    pub(crate) fn step(&self) -> Option<f64> {
+        step_s(&self.experiment).map(|step_s| step_s / self.time_unit().seconds())
+    }
+
+    /// The unit of the plant's times in the report.
+    pub(crate) fn time_unit(&self) -> TimeUnit {
+        self.experiment.time_unit.unwrap_or(TimeUnit::S)
+    }
+
+    /// The axis of the plant's times, from one end to the other.
+    pub(crate) fn time_axis(&self, ends: (f64, f64)) -> Axis {
+        Axis::ranged(&format!("t ({})", self.time_unit().name()), Kind::Linear, ends)
     }
 
     /// A model's name as the report writes it.

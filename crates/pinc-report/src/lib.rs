@@ -7,9 +7,11 @@
 //! Everything is made from the types of [`pinc_record`] that wrote the files. A picture is first a
 //! [`pinc_chart::Figure`], plain data, and then drawn.
 
+mod color_bar;
 mod control;
 mod data;
 mod decimation;
+mod domain_error;
 mod error;
 mod html;
 mod number_tables;

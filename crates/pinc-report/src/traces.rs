@@ -31,7 +31,7 @@ pub(crate) struct Traces {
 /// A part of the loops.
 #[derive(Debug)]
 pub(crate) struct CloseUp {
-    /// From when to when, in s.
+    /// From when to when, in the report's unit.
     pub(crate) window: (f64, f64),
     /// Its rows, if the loops are too long for their rows to be all there.
     pub(crate) loops: Option<Vec<OfModel<ControlTrace>>>,
@@ -41,23 +41,27 @@ pub(crate) struct CloseUp {
 type Rows = Vec<Option<ControlRow>>;
 
 impl Traces {
-    /// Reads the traces of loops with steps of `step_s`.
+    /// Reads the traces of loops with steps of `step_s`. Their times are given in a unit of which
+    /// `second` make up a second.
     pub(crate) fn read(
         mut readers: Vec<OfModel<ControlReader>>,
         spec: &ControlSpec,
         step_s: Option<f64>,
+        second: f64,
     ) -> Result<Self, RecordError> {
+        let step = step_s.map(|step_s| step_s * second);
         let mut whole = Decimation::new();
         let mut parts: Vec<Part> =
-            spec.close_ups_s.iter().map(|[a, b]| Part::new(*a, *b)).collect();
+            spec.close_ups_s.iter().map(|[a, b]| Part::new(a * second, b * second)).collect();
         loop {
-            let rows: Rows = readers
+            let mut rows: Rows = readers
                 .iter_mut()
                 .map(|of| of.table.next().transpose())
                 .collect::<Result<_, _>>()?;
+            rows.iter_mut().flatten().for_each(|row| row.t *= second);
             let Some(t) = rows.iter().flatten().map(|row| row.t).next() else { break };
             if whole.len() == 0 {
-                parts.extend(step_s.map(|step| Part::new(t, t + CLOSE_UP * step)));
+                parts.extend(step.map(|step| Part::new(t, t + CLOSE_UP * step)));
             }
             let columns = numbers(&readers, &rows);
             parts.iter_mut().for_each(|part| part.push(t, &rows, &columns));
@@ -234,7 +238,7 @@ mod tests {
         };
         let readers = vec![of(ModelKind::Pinc, 0.0), of(ModelKind::Rk4, 1e-3)];
         let traces =
-            Traces::read(readers, experiment.control.as_ref().unwrap(), Some(0.5)).unwrap();
+            Traces::read(readers, experiment.control.as_ref().unwrap(), Some(0.5), 1.0).unwrap();
         assert_eq!(traces.taken_of, Some(ROWS as usize));
         let [pinc, rk4] = &traces.loops[..] else { panic!("two loops") };
         assert!(pinc.table.rows.len() < 60_000);

@@ -13,6 +13,7 @@ use pinc_ode::{Dopri5, DynPlant, Model, PiecewiseConstant, Trajectory};
 use pinc_record::{
     ControlColumns, ControlMetrics, Metrics, ReferenceMetrics, RunDir, StepTimes, WallTimes, file,
 };
+use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
 
 /// What the stage works from.
@@ -116,27 +117,42 @@ pub(crate) fn verdict(experiment: &Experiment, metrics: &Metrics) -> Result<(), 
     }
 }
 
-/// Runs the closed loop of `spec` with RK4 as the model once, unrecorded, and shows `see` states and
-/// inputs of the plant, step by step.
+/// A closed loop that was run once and not recorded.
+pub(super) struct Rehearsal {
+    /// The integrator that was the model.
+    pub(super) model: ModelKind,
+    /// The plant's trajectory.
+    pub(super) trace: Trajectory,
+    /// How many steps ended with which status.
+    pub(super) status: BTreeMap<String, usize>,
+}
+
+/// The closed loop of `spec` with an integrator as the model: the first one of the config, or else RK4.
 pub(super) fn rehearse(
     plant: &dyn DynPlant,
     spec: &ControlSpec,
     sample_time_s: f64,
-    mut see: impl FnMut(&Trajectory),
-) -> Result<(), BenchError> {
+) -> Result<Rehearsal, BenchError> {
+    let integrator = spec.models.iter().find(|kind| **kind != ModelKind::Pinc);
+    let kind = integrator.copied().unwrap_or(ModelKind::Rk4);
     let setup = LoopSetup::numerical(spec, sample_time_s, plant);
-    let model = setup.model(ModelKind::Rk4, plant)?;
+    let model = setup.model(kind, plant)?;
     let mut nmpc = Nmpc::new(setup.problem(), model, spec.sqp)?;
     let mut run = setup.begin(&mut nmpc)?;
+    let (mut trace, mut status) = (Trajectory::new(plant.dims()), BTreeMap::new());
     while let Some(control) = run.control()? {
+        *status.entry(control.record().status.to_string()).or_default() += 1;
         control.advance()?;
-        see(run.last_step());
+        let step = run.last_step();
+        for (i, t) in step.times().iter().enumerate() {
+            trace.push(*t, step.state(i), step.input(i));
+        }
     }
-    Ok(())
+    Ok(Rehearsal { model: kind, trace, status })
 }
 
 impl<'a> LoopSetup<'a> {
-    /// RK4 as the model of the plant in the loop.
+    /// With an integrator as the model of the plant in the loop.
     pub(crate) fn numerical(
         spec: &'a ControlSpec,
         sample_time_s: f64,

@@ -5,6 +5,7 @@ mod check;
 mod columns;
 mod control;
 mod data;
+mod domain_error;
 mod found;
 mod free_run;
 mod guard;
@@ -249,7 +250,8 @@ impl Plan {
             run_dir.update(|metrics| {
                 (metrics.training, metrics.validation, metrics.prediction) = (None, None, None);
             })?;
-            for name in [file::CHECKPOINT, file::TRAINING, file::MODEL, file::PREDICTION] {
+            let of_net = [file::CHECKPOINT, file::TRAINING, file::MODEL, file::DOMAIN_ERROR];
+            for name in of_net.into_iter().chain([file::PREDICTION]) {
                 run_dir.remove(name)?;
             }
         }

@@ -2,6 +2,7 @@
 
 use super::Options;
 use super::data::{self, Data};
+use super::domain_error;
 use crate::BenchError;
 use crate::progress::Stage;
 use pinc_config::{DataSpec, Effort, Experiment, TrainingSpec};
@@ -11,8 +12,8 @@ use pinc_net::{
 };
 use pinc_ode::DynPlant;
 use pinc_record::{
-    CheckpointProblem, RecordError, RunDir, Saved, TrainingMetrics, TrainingRow, file, fixed_table,
-    load_checkpoint, read_fixed_table, save_checkpoint,
+    CheckpointProblem, RecordError, RunDir, Saved, TrainingMetrics, TrainingRow, ValidationMetrics,
+    file, fixed_table, load_checkpoint, read_fixed_table, save_checkpoint,
 };
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
@@ -35,9 +36,11 @@ pub(crate) fn stage(
         return super::read_model(&run_dir.path(file::MODEL));
     }
     let setup = TrainingSetup::of(experiment)?;
-    let mut validation = setup.training(experiment.seed).validation_set(plant)?;
+    let training = setup.training(experiment.seed);
+    let (mut validation, mut test) = (training.validation_set(plant)?, training.test_set(plant)?);
     if let Some(held_out) = setup.measured(experiment, |data| &data.held_out)? {
-        validation = validation.with_measurements(held_out.measurements);
+        validation = validation.with_measurements(held_out.measurements.clone());
+        test = test.with_measurements(held_out.measurements);
     }
     let mut session = Session::begin(plant, experiment, &setup, &validation, options, run_dir)?;
     let outcome = session.work(run_dir, &setup.training.effort, options);
@@ -49,10 +52,11 @@ pub(crate) fn stage(
     }
     session.write_log(run_dir)?;
     let metrics = session.metrics(outcome?);
-    run_dir.note(&[file::MODEL, file::TRAINING]);
+    let domain_error = domain_error::judge(plant, &net, &setup, experiment.seed, run_dir)?;
+    run_dir.note(&[file::MODEL, file::TRAINING, file::DOMAIN_ERROR]);
     run_dir.update(|all| {
         all.training = Some(metrics);
-        all.validation = Some(validation.evaluate(&net).into());
+        all.validation = Some(ValidationMetrics::new(&test.evaluate(&net), domain_error));
     })?;
     run_dir.remove(file::CHECKPOINT)?;
     Ok(net)
@@ -63,7 +67,7 @@ pub(crate) struct TrainingSetup<'a> {
     pub(crate) net: &'a NetConfig,
     pub(crate) domain: &'a Domain,
     pub(crate) training: &'a TrainingSpec,
-    validation: &'a ValidationConfig,
+    pub(crate) validation: &'a ValidationConfig,
     data: Option<&'a DataSpec>,
 }
 
@@ -264,6 +268,7 @@ impl Session {
     fn metrics(self, stop_reason: String) -> TrainingMetrics {
         let totals = self.trainer.totals();
         let wall_s = self.wall().as_secs_f64();
+        let checked = self.rows.iter().rfind(|row| row.fresh_loss.is_some());
         self.stage
             .end(&format!("{stop_reason} after {} iterations, {wall_s:.1} s", totals.iterations));
         TrainingMetrics {
@@ -273,6 +278,8 @@ impl Session {
             iterations: totals.iterations,
             loss_evaluations: totals.loss_evaluations,
             stop_reason,
+            loss: checked.map(|row| row.loss),
+            fresh_loss: checked.and_then(|row| row.fresh_loss),
         }
     }
 }

@@ -19,3 +19,4 @@ mod resume;
 mod run_directory;
 mod smoke;
 mod sweep;
+mod traps;

@@ -1,6 +1,7 @@
 //! Nets, their losses, optimizers, training and files.
 
 mod distillation;
+mod domain_error;
 mod examples;
 mod family;
 mod growth;

@@ -57,7 +57,7 @@ fn the_best_net_on_validation_is_kept() {
     let mut best = (f64::INFINITY, Vec::new());
     while let Progress::Iterated(_) = trainer.step().unwrap() {
         if trainer.validation_due() {
-            let error = trainer.validate().mse_gen;
+            let error = trainer.validate().score();
             if error < best.0 {
                 best = (error, trainer.net().to_bytes());
             }

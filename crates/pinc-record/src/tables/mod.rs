@@ -1,6 +1,7 @@
 //! The tables of runs and sweeps, each with the names of its columns.
 
 mod control;
+mod domain_error;
 mod fixed;
 mod prediction;
 mod steps;
@@ -10,6 +11,7 @@ mod trial_metric;
 mod trials;
 
 pub use control::{ControlColumns, ControlReader, ControlRow, ControlWriter};
+pub use domain_error::DomainErrorTable;
 pub use fixed::{FixedReader, FixedWriter, fixed_table, read_fixed_table};
 pub use prediction::{PredictionRow, PredictionTable};
 pub use steps::StepRow;
