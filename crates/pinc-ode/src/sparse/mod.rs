@@ -1,0 +1,39 @@
+//! Plants whose Jacobians are known to be zero in most places: the interface, and the
+//! Runge-Kutta methods on it.
+
+mod pattern;
+mod propagation;
+mod runge_kutta;
+mod tableau;
+
+pub use pattern::SparsityPattern;
+pub use runge_kutta::{SparsePlant, sparse_runge_kutta};
+pub use tableau::Tableau;
+
+use pinc_ad::simd::Simd;
+use std::fmt::Debug;
+
+/// A function of the variables (x, u, p) with its Jacobian, of which it is known where it is zero
+/// everywhere. It is evaluated at as many points as a vector has lanes.
+pub trait SparseFunction: Clone + Debug + Send + Sync + 'static {
+    /// Where the Jacobian is not zero everywhere: a row for each value, a column for each of x, u
+    /// and p, one after the other.
+    fn pattern(&self) -> &SparsityPattern;
+
+    /// Room to compute in, for the other methods.
+    fn memory<V: Simd>(&self, zero: V) -> Vec<V>;
+
+    /// Writes the values at the variables `at`.
+    ///
+    /// # Shapes
+    ///
+    /// `at`: the pattern's columns; `values`: its rows.
+    fn values<V: Simd>(&self, memory: &mut [V], at: &[V], values: &mut [V]);
+
+    /// Writes the values, and the entries of the Jacobian in the order of the pattern.
+    ///
+    /// # Shapes
+    ///
+    /// `at`: the pattern's columns; `values`: its rows; `entries`: its entries.
+    fn linearize<V: Simd>(&self, memory: &mut [V], at: &[V], values: &mut [V], entries: &mut [V]);
+}

@@ -1,0 +1,377 @@
+//! Runge-Kutta methods with exact sensitivities through sparse Jacobians, as models.
+
+use super::propagation::{Sensitivities, Substep};
+use super::tableau::{Combination, Tableau};
+use super::SparseFunction;
+use crate::points::Points;
+use crate::{Dims, Linearization, Model, OutputLinearization, Stages};
+use pinc_ad::simd::{Isa, Simd, Task, Work};
+
+/// Lanes of the widest vector.
+const WIDEST: usize = 8;
+
+/// A plant x' = f(x, u, p), y = h(x, u, p) as functions with sparse Jacobians.
+#[derive(Clone, Debug)]
+pub struct SparsePlant<F> {
+    /// The sizes.
+    pub dims: Dims,
+    /// f
+    pub rhs: F,
+    /// h; `None` if the outputs are the states.
+    pub outputs: Option<F>,
+}
+
+/// The method of `tableau` over steps of `sample_time_s` seconds, each in `substeps` parts, as a
+/// [`Model`].
+///
+/// The points of a horizon are in the lanes of the vectors of `isa`. At each stage f and the
+/// entries of its Jacobian are computed at all of them; the sensitivities S follow S' = J S with
+/// sparse J. So they are those of the method itself, exact to rounding.
+///
+/// # Panics
+///
+/// If `sample_time_s` is not positive and finite or `substeps` is 0, if the functions are not of
+/// the size of the plant, or if the machine does not have the instruction set.
+#[must_use]
+pub fn sparse_runge_kutta<F: SparseFunction>(
+    plant: SparsePlant<F>,
+    tableau: Tableau,
+    sample_time_s: f64,
+    substeps: usize,
+    isa: Isa,
+) -> Box<dyn Model> {
+    assert!(sample_time_s > 0.0 && sample_time_s.is_finite(), "the step must be positive");
+    assert!(substeps > 0, "at least one substep");
+    let Dims { nx, nu, np, ny } = plant.dims;
+    let size = |function: &F| [function.pattern().rows(), function.pattern().columns()];
+    assert!(size(&plant.rhs) == [nx, nx + nu + np], "size of f");
+    let outputs = plant.outputs.as_ref().map_or([nx, nx + nu + np], size);
+    assert!(outputs == [ny, nx + nu + np], "size of h");
+    isa.dispatch(Build { plant, tableau, sample_time_s, substeps })
+}
+
+struct Build<F> {
+    plant: SparsePlant<F>,
+    tableau: Tableau,
+    sample_time_s: f64,
+    substeps: usize,
+}
+
+impl<F: SparseFunction> Task for Build<F> {
+    type Output = Box<dyn Model>;
+
+    fn run<V: Simd>(self, zero: V) -> Box<dyn Model> {
+        let Self { plant, tableau, sample_time_s, substeps } = self;
+        #[expect(clippy::cast_precision_loss, reason = "a number of substeps is far below 2^53")]
+        let h = sample_time_s / substeps as f64;
+        let stages = tableau.stages();
+        let pattern = plant.rhs.pattern();
+        let (nx, variables) = (pattern.rows(), pattern.columns());
+        Box::new(SparseRungeKutta {
+            sample_time_s,
+            substeps,
+            combinations: (1..=stages).map(|s| tableau.stage(s, h)).collect(),
+            zero,
+            memory: plant.rhs.memory(zero),
+            at: vec![zero; variables],
+            x: vec![zero; nx],
+            slopes: vec![zero; stages * nx],
+            entries: vec![zero; stages * pattern.entries()],
+            sensitivities: Sensitivities::new(pattern, stages, zero),
+            outputs: Outputs::new(&plant, zero),
+            plant,
+        })
+    }
+}
+
+/// The model, on one kind of vectors.
+#[derive(Clone, Debug)]
+struct SparseRungeKutta<F, V> {
+    plant: SparsePlant<F>,
+    sample_time_s: f64,
+    substeps: usize,
+    combinations: Vec<Combination>,
+    zero: V,
+    memory: Vec<V>,
+    /// (x, u, p), x being that of the stage.
+    at: Vec<V>,
+    /// The state at the beginning of the substep.
+    x: Vec<V>,
+    /// f at each stage.
+    slopes: Vec<V>,
+    /// The entries of its Jacobian at each stage.
+    entries: Vec<V>,
+    sensitivities: Sensitivities<V>,
+    outputs: Outputs<V>,
+}
+
+/// Room for the outputs with their Jacobian.
+#[derive(Clone, Debug)]
+struct Outputs<V> {
+    memory: Vec<V>,
+    values: Vec<V>,
+    entries: Vec<V>,
+}
+
+impl<V: Simd> Outputs<V> {
+    fn new<F: SparseFunction>(plant: &SparsePlant<F>, zero: V) -> Self {
+        let function = plant.outputs.as_ref();
+        let entries = function.map_or(0, |function| function.pattern().entries());
+        let memory = function.map_or(Vec::new(), |function| function.memory(zero));
+        Self { memory, values: vec![zero; plant.dims.ny], entries: vec![zero; entries] }
+    }
+}
+
+impl<F: SparseFunction, V: Simd> SparseRungeKutta<F, V> {
+    /// Loads points from the one numbered `begin` on; lanes without one repeat the last.
+    #[inline(always)]
+    fn load(&mut self, points: Stages<'_>, begin: usize) -> usize {
+        let Dims { nx, nu, .. } = self.plant.dims;
+        let filled = V::LANES.min(points.x.len() / nx - begin);
+        let point = |lane: usize| begin + lane.min(filled - 1);
+        let (x, rest) = self.at.split_at_mut(nx);
+        let (u, p) = rest.split_at_mut(nu);
+        for (to, from) in [(x, points.x), (u, points.u), (p, points.p)] {
+            let width = to.len();
+            for (j, to) in to.iter_mut().enumerate() {
+                *to = self.zero.generate(|lane| from[point(lane) * width + j]);
+            }
+        }
+        filled
+    }
+
+    /// Makes stage `s` (the last is the result) of the slopes before it.
+    #[inline(always)]
+    fn advance(&mut self, s: usize) {
+        let (nx, zero) = (self.x.len(), self.zero);
+        let Combination { earlier, last } = &self.combinations[s - 1];
+        let last = zero.constant(*last);
+        for (i, (to, &x)) in self.at.iter_mut().zip(&self.x).enumerate() {
+            let mut sum = x;
+            for &(j, factor) in earlier {
+                sum = self.slopes[j * nx + i].mul_add(zero.constant(factor), sum);
+            }
+            *to = self.slopes[(s - 1) * nx + i].mul_add(last, sum);
+        }
+    }
+
+    /// A substep of the state alone.
+    #[inline(always)]
+    fn substep(&mut self) {
+        let nx = self.x.len();
+        self.x.copy_from_slice(&self.at[..nx]);
+        for s in 0..self.combinations.len() {
+            let slopes = &mut self.slopes[s * nx..][..nx];
+            self.plant.rhs.values(&mut self.memory, &self.at, slopes);
+            self.advance(s + 1);
+        }
+    }
+
+    /// A substep of the state and of its derivatives by the first `columns` variables.
+    #[inline(always)]
+    fn linearized_substep(&mut self, number: usize, columns: usize) {
+        let nx = self.x.len();
+        let count = self.plant.rhs.pattern().entries();
+        self.x.copy_from_slice(&self.at[..nx]);
+        for s in 0..self.combinations.len() {
+            let slopes = &mut self.slopes[s * nx..][..nx];
+            let entries = &mut self.entries[s * count..][..count];
+            self.plant.rhs.linearize(&mut self.memory, &self.at, slopes, entries);
+            self.advance(s + 1);
+        }
+        let Self { plant, entries, combinations, sensitivities, zero, .. } = self;
+        let pattern = plant.rhs.pattern();
+        let substep = Substep { number, pattern, entries, combinations };
+        sensitivities.propagate(&substep, columns, *zero);
+    }
+
+    /// Writes the state with its derivatives to the points from `begin` on.
+    #[inline(always)]
+    fn store(&self, points: &mut Points<'_>, begin: usize, filled: usize, columns: usize) {
+        let dims = self.plant.dims;
+        for (i, &x) in self.at.iter().enumerate().take(dims.nx) {
+            let row = |lane: usize| (begin + lane) * dims.nx + i;
+            scatter(x, filled, |lane, value| points.out.next[row(lane)] = value);
+            for column in 0..columns {
+                scatter(self.sensitivities.get(i, column), filled, |lane, derivative| {
+                    points.set(dims, row(lane), column, derivative);
+                });
+            }
+        }
+    }
+}
+
+/// Gives each of the first `filled` lanes to `to`.
+#[inline(always)]
+fn scatter<V: Simd>(vector: V, filled: usize, mut to: impl FnMut(usize, f64)) {
+    let mut lanes = [0.0; WIDEST];
+    vector.write(&mut lanes);
+    lanes.iter().enumerate().take(filled).for_each(|(lane, &value)| to(lane, value));
+}
+
+/// A step of one point.
+struct Step<'a, F, V> {
+    model: &'a mut SparseRungeKutta<F, V>,
+    at: Stages<'a>,
+    next: &'a mut [f64],
+}
+
+impl<F: SparseFunction, V: Simd> Work for Step<'_, F, V> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let Self { model, at, next } = self;
+        model.load(at, 0);
+        for _ in 0..model.substeps {
+            model.substep();
+        }
+        for (to, &x) in next.iter_mut().zip(&model.at) {
+            scatter(x, 1, |_, value| *to = value);
+        }
+    }
+}
+
+/// Steps of some points with their Jacobians.
+struct Linearize<'a, F, V> {
+    model: &'a mut SparseRungeKutta<F, V>,
+    points: Points<'a>,
+}
+
+impl<F: SparseFunction, V: Simd> Work for Linearize<'_, F, V> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let Self { model, mut points } = self;
+        let dims = model.plant.dims;
+        let columns = points.columns(dims);
+        for begin in (0..points.at.x.len() / dims.nx).step_by(V::LANES) {
+            let filled = model.load(points.at, begin);
+            model.sensitivities.reset(model.zero);
+            for number in 0..model.substeps {
+                model.linearized_substep(number, columns);
+            }
+            model.store(&mut points, begin, filled, columns);
+        }
+    }
+}
+
+/// The outputs at one point.
+struct Output<'a, F, V> {
+    model: &'a mut SparseRungeKutta<F, V>,
+    at: Stages<'a>,
+    y: &'a mut [f64],
+}
+
+impl<F: SparseFunction, V: Simd> Work for Output<'_, F, V> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let Self { model, at, y } = self;
+        model.load(at, 0);
+        let Outputs { memory, values, .. } = &mut model.outputs;
+        let Some(function) = &model.plant.outputs else { return y.copy_from_slice(at.x) };
+        function.values(memory, &model.at, values);
+        for (to, &value) in y.iter_mut().zip(&*values) {
+            scatter(value, 1, |_, value| *to = value);
+        }
+    }
+}
+
+/// The outputs at some points with their Jacobians.
+struct LinearizeOutput<'a, F, V> {
+    model: &'a mut SparseRungeKutta<F, V>,
+    at: Stages<'a>,
+    out: OutputLinearization<'a>,
+}
+
+impl<F: SparseFunction, V: Simd> Work for LinearizeOutput<'_, F, V> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let Self { model, at, mut out } = self;
+        let dims = model.plant.dims;
+        for begin in (0..at.x.len() / dims.nx).step_by(V::LANES) {
+            let filled = model.load(at, begin);
+            let Outputs { memory, values, entries } = &mut model.outputs;
+            let Some(function) = &model.plant.outputs else { return };
+            function.linearize(memory, &model.at, values, entries);
+            for (i, &value) in values.iter().enumerate() {
+                let row = |lane: usize| (begin + lane) * dims.ny + i;
+                scatter(value, filled, |lane, value| out.y[row(lane)] = value);
+                for entry in function.pattern().row(i) {
+                    let column = function.pattern().places()[entry];
+                    scatter(entries[entry], filled, |lane, derivative| {
+                        set_output(&mut out, dims, row(lane), column, derivative);
+                    });
+                }
+            }
+        }
+    }
+}
+
+/// Writes the derivative of a row (counted through all points) in a column.
+#[inline(always)]
+fn set_output(
+    out: &mut OutputLinearization<'_>,
+    Dims { nx, nu, np, .. }: Dims,
+    row: usize,
+    column: usize,
+    derivative: f64,
+) {
+    if column < nx {
+        out.c[row * nx + column] = derivative;
+    } else if column < nx + nu {
+        out.d[row * nu + column - nx] = derivative;
+    } else if !out.e.is_empty() {
+        out.e[row * np + column - nx - nu] = derivative;
+    }
+}
+
+impl<F: SparseFunction, V: Simd> Model for SparseRungeKutta<F, V> {
+    fn dims(&self) -> Dims {
+        self.plant.dims
+    }
+
+    fn sample_time_s(&self) -> f64 {
+        self.sample_time_s
+    }
+
+    fn step(&mut self, x: &[f64], u: &[f64], p: &[f64], next: &mut [f64]) {
+        let at = Stages { x, u, p };
+        assert!(at.count(self.plant.dims) == 1 && next.len() == x.len(), "one point");
+        self.zero.vectorize(Step { model: self, at, next });
+    }
+
+    fn linearize(&mut self, at: Stages<'_>, out: Linearization<'_>) {
+        let dims = self.plant.dims;
+        out.check(at.count(dims), dims);
+        self.zero.vectorize(Linearize { model: self, points: Points { at, out } });
+    }
+
+    fn output(&mut self, x: &[f64], u: &[f64], p: &[f64], y: &mut [f64]) {
+        let at = Stages { x, u, p };
+        assert!(at.count(self.plant.dims) == 1 && y.len() == self.plant.dims.ny, "one point");
+        self.zero.vectorize(Output { model: self, at, y });
+    }
+
+    fn linearize_output(&mut self, at: Stages<'_>, out: OutputLinearization<'_>) {
+        let dims = self.plant.dims;
+        out.check(at.count(dims), dims);
+        let nx = dims.nx;
+        for part in [&mut *out.c, &mut *out.d, &mut *out.e] {
+            part.fill(0.0);
+        }
+        if self.plant.outputs.is_none() {
+            out.y.copy_from_slice(at.x);
+            for c in out.c.chunks_exact_mut(nx * nx) {
+                c.iter_mut().step_by(nx + 1).for_each(|diagonal| *diagonal = 1.0);
+            }
+            return;
+        }
+        self.zero.vectorize(LinearizeOutput { model: self, at, out });
+    }
+}
