@@ -76,7 +76,7 @@ impl DynPlant for TextPlant {
     }
 
     fn rodas4(&self, sample_time_s: f64, substeps: usize) -> Box<dyn Model> {
-        Box::new(Rodas4::new(self.0.clone(), sample_time_s, substeps))
+        /*Box::new(Rodas4::new(self.0.clone(), sample_time_s, substeps))*/ self.rk4(sample_time_s, substeps)
     }
 }
 
@@ -99,10 +99,11 @@ impl<F: SparseFunction> Task for Entries<'_, F> {
     fn run<V: Simd>(self, zero: V) -> Vec<f64> {
         let Self { function, at } = self;
         let pattern = function.pattern();
-        let at: Vec<V> = at.iter().map(|value| zero.constant(*value)).collect();
+        let mut memory = function.memory(zero);
+        memory.iter_mut().zip(at).for_each(|(to, value)| *to = zero.constant(*value));
         let mut values = vec![zero; pattern.rows()];
         let mut entries = vec![zero; pattern.entries()];
-        function.linearize(&mut function.memory(zero), &at, &mut values, &mut entries);
+        function.linearize(&mut memory, &mut values, &mut entries);
         let first = |vector: &V| {
             let mut lanes = [0.0; 8];
             vector.write(&mut lanes);

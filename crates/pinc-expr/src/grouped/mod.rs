@@ -40,7 +40,7 @@ impl GroupedFunction {
         let values = Code::new(&dag, variables, &ids)?;
         let entries = rows.iter().flatten().map(|(_, id)| *id);
         let all: Vec<_> = ids.iter().copied().chain(entries).collect();
-        let linearization = Code::new(&dag, variables, &all)?;
+        let linearization = Code::new(&dag, values.registers, &all)?;
         let places = rows.iter().map(|row| row.iter().map(|(variable, _)| *variable));
         let pattern = SparsityPattern::new(variables, places);
         Ok(Self(Arc::new(Parts { values, linearization, pattern })))
@@ -53,51 +53,28 @@ impl SparseFunction for GroupedFunction {
     }
 
     fn memory<V: Simd>(&self, zero: V) -> Vec<V> {
-        let mut memory = Vec::new();
-        for code in [&self.0.values, &self.0.linearization] {
-            let begin = memory.len() + code.variables;
-            memory.resize(memory.len() + code.registers, zero);
+        let Parts { values, linearization, .. } = &*self.0;
+        let mut memory = vec![zero; linearization.registers];
+        for code in [values, linearization] {
             let constants = code.constants.iter().map(|constant| zero.constant(*constant));
-            memory[begin..].iter_mut().zip(constants).for_each(|(to, constant)| *to = constant);
+            memory[code.first..].iter_mut().zip(constants).for_each(|(to, from)| *to = from);
         }
         memory
     }
 
     #[inline(always)]
-    fn values<V: Simd>(&self, memory: &mut [V], at: &[V], values: &mut [V]) {
-        let code = &self.0.values;
-        let registers = &mut memory[..code.registers];
-        run(code, registers, at);
-        copy(code, registers, 0, values);
+    fn values<V: Simd>(&self, memory: &mut [V], values: &mut [V]) {
+        run(&self.0.values, memory, values, &mut []);
     }
 
     #[inline(always)]
-    fn linearize<V: Simd>(
-        &self,
-        memory: &mut [V],
-        at: &[V],
-        values: &mut [V],
-        entries: &mut [V],
-    ) {
-        let code = &self.0.linearization;
-        let registers = &mut memory[self.0.values.registers..];
-        run(code, registers, at);
-        copy(code, registers, 0, values);
-        copy(code, registers, values.len(), entries);
+    fn linearize<V: Simd>(&self, memory: &mut [V], values: &mut [V], entries: &mut [V]) {
+        run(&self.0.linearization, memory, values, entries);
     }
 }
 
 #[inline(always)]
-fn run<V: Simd>(code: &Code, registers: &mut [V], at: &[V]) {
-    registers[..code.variables].copy_from_slice(at);
-    let Some(&first) = at.first() else { return };
-    first.vectorize(Run { code, registers });
-}
-
-/// Copies the results from the `begin`-th on.
-#[inline(always)]
-fn copy<V: Simd>(code: &Code, registers: &[V], begin: usize, to: &mut [V]) {
-    for (to, &register) in to.iter_mut().zip(&code.results[begin..]) {
-        *to = registers[usize::from(register)];
-    }
+fn run<V: Simd>(code: &Code, registers: &mut [V], values: &mut [V], entries: &mut [V]) {
+    let Some(&first) = registers.first() else { return };
+    first.vectorize(Run { code, registers, values, entries });
 }

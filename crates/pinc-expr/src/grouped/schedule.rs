@@ -21,13 +21,14 @@ pub(super) struct Group {
 
 /// Steps in groups, so that the operation is looked up once a group.
 ///
-/// The registers begin with the variables and the constants, which no step overwrites. Any other is
-/// taken again once its value has been used for the last time.
+/// The variables have the first registers, the constants some others, which no step overwrites. Any
+/// other is taken again once its value has been used for the last time.
 #[derive(Clone, Debug)]
 pub(super) struct Code {
     pub(super) groups: Vec<Group>,
     pub(super) steps: Vec<Step>,
-    pub(super) variables: usize,
+    /// The first register besides the variables: that of the first constant.
+    pub(super) first: usize,
     pub(super) constants: Vec<f64>,
     /// The register of each result.
     pub(super) results: Vec<u16>,
@@ -35,15 +36,15 @@ pub(super) struct Code {
 }
 
 impl Code {
-    /// The code that leads from the variables to `results`.
+    /// The code that leads from the variables to `results`, with registers from `first` on.
     pub(super) fn new(
         dag: &Dag,
-        variables: usize,
+        first: usize,
         results: &[Id],
     ) -> Result<Self, ExpressionProblem> {
         let (nodes, uses) = fused(dag, results);
         let order = grouped(&nodes, &uses);
-        let mut allocation = Allocation::new(variables, &nodes, uses);
+        let mut allocation = Allocation::new(first, &nodes, uses);
         let (mut groups, mut steps) = (Vec::new(), Vec::new());
         for (op, ids) in order {
             let begin = steps.len();
@@ -63,7 +64,7 @@ impl Code {
         let results = results.iter().map(|result| narrow(allocation.place[*result]));
         let results = results.collect::<Result<_, _>>()?;
         let constants = allocation.constants;
-        Ok(Self { groups, steps, variables, constants, results, registers: needed })
+        Ok(Self { groups, steps, first, constants, results, registers: needed })
     }
 }
 
@@ -168,19 +169,19 @@ struct Allocation {
 }
 
 impl Allocation {
-    fn new(variables: usize, nodes: &[DagNode], uses: Vec<usize>) -> Self {
+    fn new(first: usize, nodes: &[DagNode], uses: Vec<usize>) -> Self {
         let (mut place, mut constants) = (vec![0; nodes.len()], Vec::new());
         for (id, node) in nodes.iter().enumerate() {
             match node.op {
                 Op::Variable(index) => place[id] = index,
                 Op::Constant(number) if uses[id] > 0 => {
-                    place[id] = variables + constants.len();
+                    place[id] = first + constants.len();
                     constants.push(number.value());
                 }
                 _ => {}
             }
         }
-        let needed = variables + constants.len();
+        let needed = first + constants.len();
         Self { place, uses, constants, free: Vec::new(), needed }
     }
 

@@ -20,20 +20,21 @@ pub trait SparseFunction: Clone + Debug + Send + Sync + 'static {
     /// and p, one after the other.
     fn pattern(&self) -> &SparsityPattern;
 
-    /// Room to compute in, for the other methods.
+    /// Room to compute in, for the other methods. It begins with the variables: set them there.
     fn memory<V: Simd>(&self, zero: V) -> Vec<V>;
 
-    /// Writes the values at the variables `at`.
+    /// Writes the values at the variables in `memory`.
     ///
     /// # Shapes
     ///
-    /// `at`: the pattern's columns; `values`: its rows.
-    fn values<V: Simd>(&self, memory: &mut [V], at: &[V], values: &mut [V]);
+    /// `memory`: that of [`memory`](Self::memory), beginning with the pattern's columns; `values`:
+    /// the pattern's rows.
+    fn values<V: Simd>(&self, memory: &mut [V], values: &mut [V]);
 
     /// Writes the values, and the entries of the Jacobian in the order of the pattern.
     ///
     /// # Shapes
     ///
-    /// `at`: the pattern's columns; `values`: its rows; `entries`: its entries.
-    fn linearize<V: Simd>(&self, memory: &mut [V], at: &[V], values: &mut [V], entries: &mut [V]);
+    /// As for [`values`](Self::values); `entries`: the pattern's entries.
+    fn linearize<V: Simd>(&self, memory: &mut [V], values: &mut [V], entries: &mut [V]);
 }

@@ -2,27 +2,38 @@
 //! where it is not zero.
 
 use super::SparsityPattern;
-use super::tableau::Combination;
+use super::tableau::{Stage, places};
 use pinc_ad::simd::{Simd, Work};
 use std::ops::Range;
 
 /// Numbers of columns that go through the method together.
 const WIDTHS: [usize; 5] = [2, 3, 4, 6, 8];
 
+/// What a block may take of the fastest memory, in bytes.
+const FAST_MEMORY: usize = 20_000;
+
+/// Addresses that differ by multiples of this are told apart late.
+const ALIASING: usize = 4096;
+
+/// Rows of a block that are in use together, at most, where the coupling is local.
+const ROWS: usize = 32;
+
 /// Derivatives of the state by the variables (x, u, p) at the start of a step, some columns, a
 /// *block*, at a time.
 ///
 /// Per block there is a row of [`Sensitivities::width`] columns for each variable: those of inputs
-/// and parameters do not change. The blocks are followed by two of the same size for stages.
+/// and parameters do not change. The blocks are followed by places of the same size for stages.
 #[derive(Clone, Debug)]
 pub(super) struct Sensitivities<V> {
     width: usize,
     variables: usize,
     states: usize,
     blocks: usize,
+    /// Rows from one place to the next.
+    stride: usize,
+    /// Of each row of the Jacobian, where the entries by inputs and parameters begin.
+    splits: Vec<usize>,
     numbers: Vec<V>,
-    /// Slopes: for each stage a row for each state.
-    slopes: Vec<V>,
     /// Of each substep, until nothing changes any more, and each block.
     reach: Vec<Vec<Reach>>,
 }
@@ -36,24 +47,21 @@ struct Reach {
 }
 
 impl<V: Simd> Sensitivities<V> {
-    /// Room for the derivatives by all variables, for a method of `stages` stages.
-    pub(super) fn new(pattern: &SparsityPattern, stages: usize, zero: V) -> Self {
+    /// Room for the derivatives by all variables.
+    pub(super) fn new(pattern: &SparsityPattern, stages: &[Stage], zero: V) -> Self {
         let (states, variables) = (pattern.rows(), pattern.columns());
+        let column = places(stages) * variables.min(ROWS) * size_of::<V>();
+        let fast = |width: &usize| *width == WIDTHS[0] || width * column <= FAST_MEMORY;
         // Each block reads the entries of the Jacobian again, which is as much work as a column.
-        let width = WIDTHS.into_iter().min_by_key(|width| variables.div_ceil(*width) * (width + 1));
-        let width = width.unwrap_or(1);
+        let work = |width: &usize| variables.div_ceil(*width) * (width + 1);
+        let width = WIDTHS.into_iter().filter(fast).min_by_key(work).unwrap_or(WIDTHS[0]);
         let blocks = variables.div_ceil(width);
-        let block = variables * width;
-        let reach = reach(pattern, stages, width, blocks);
-        Self {
-            width,
-            variables,
-            states,
-            blocks,
-            numbers: vec![zero; (blocks + 2) * block],
-            slopes: vec![zero; stages * states * width],
-            reach,
-        }
+        let stride = stride(variables, width * size_of::<V>(), places(stages));
+        let rows = blocks * variables + (places(stages) - 1) * stride;
+        let reach = reach(pattern, stages.len(), width, blocks);
+        let numbers = vec![zero; rows * width];
+        let splits = (0..states).map(|i| split(pattern, i)).collect();
+        Self { width, variables, states, blocks, stride, splits, numbers, reach }
     }
 
     /// Sets them to those of a step of no length: the identity.
@@ -99,6 +107,22 @@ impl<V: Simd> Sensitivities<V> {
     }
 }
 
+/// The first entry of row `i` by an input or a parameter, or the end.
+fn split(pattern: &SparsityPattern, i: usize) -> usize {
+    let row = pattern.row(i);
+    row.start + pattern.places()[row].partition_point(|place| *place < pattern.rows())
+}
+
+/// How many rows of `row` bytes lie between places of `rows` rows each: so many that the same rows of
+/// two places are not at addresses that a processor takes for the same at first (by the last 12
+/// bits), which would make a row wait for the ones before it to be written.
+fn stride(rows: usize, row: usize, places: usize) -> usize {
+    let apart = |stride: &usize| {
+        (1..places).all(|k| (ALIASING / 8..=ALIASING / 8 * 7).contains(&(k * stride * row % ALIASING)))
+    };
+    (rows..rows + 64).find(apart).unwrap_or(rows)
+}
+
 /// What a substep does to the sensitivities.
 #[derive(Debug)]
 pub(super) struct Substep<'a, V> {
@@ -106,8 +130,7 @@ pub(super) struct Substep<'a, V> {
     pub(super) pattern: &'a SparsityPattern,
     /// The entries of the Jacobian, stage by stage.
     pub(super) entries: &'a [V],
-    /// What makes each stage from the second on, and the result.
-    pub(super) combinations: &'a [Combination],
+    pub(super) stages: &'a [Stage],
 }
 
 struct Propagate<'a, V> {
@@ -126,77 +149,92 @@ impl<V: Simd, const W: usize> Work for Columns<'_, V, W> {
     #[inline(always)]
     fn run(self) {
         let Propagate { sensitivities, substep, blocks, zero } = self.0;
-        let Sensitivities { variables, states, numbers, slopes, reach, .. } = sensitivities;
-        let (variables, states) = (*variables, *states);
-        let buffers = numbers.len() / W - 2 * variables;
+        let Sensitivities { variables, states, blocks: all, stride, splits, numbers, reach, .. } =
+            sensitivities;
+        let (variables, states, stride, buffers) =
+            (*variables, *states, *stride, *all * *variables);
         let reach = &reach[substep.number.min(reach.len() - 1)];
         let (rows, _) = numbers.as_chunks_mut::<W>();
-        let (slopes, _) = slopes.as_chunks_mut::<W>();
         for (block, reach) in reach.iter().enumerate().take(blocks) {
             let begin = block * variables;
-            // Rows of other blocks are left in the buffers.
-            for buffer in [buffers, buffers + variables] {
-                rows[buffer..][reach.read.clone()].fill([zero; W]);
-                rows.copy_within(begin + states..begin + variables, buffer + states);
+            // Rows of other blocks are left in the other places.
+            for buffer in (buffers..rows.len()).step_by(stride) {
+                rows[buffer + reach.read.start..buffer + reach.written.start].fill([zero; W]);
+                rows[buffer + reach.written.end..buffer + reach.read.end].fill([zero; W]);
             }
-            let mut from = begin;
-            for (s, combination) in substep.combinations.iter().enumerate() {
-                let is_last = s + 1 == substep.combinations.len();
-                let to = if is_last { begin } else { buffers + s % 2 * variables };
-                let stage = Stage { from, begin, to, states, s, combination };
-                stage.run(rows, slopes, substep, reach.written.clone(), zero);
-                from = to;
+            let place = |k: usize| if k == 0 { begin } else { buffers + (k - 1) * stride };
+            let has_inputs = (block + 1) * W > states;
+            for (s, stage) in substep.stages.iter().enumerate() {
+                let count = substep.pattern.entries();
+                let entries = &substep.entries[s * count..][..count];
+                let mut moves = [Shift { from: 0, to: 0, factor: zero }; MOST_MOVES];
+                let moves = &mut moves[..stage.moves.len()];
+                for (to, step) in moves.iter_mut().zip(&stage.moves) {
+                    let factor = zero.constant(step.factor);
+                    *to = Shift { from: place(step.from), to: place(step.to), factor };
+                }
+                let product = Product { pattern: substep.pattern, splits, entries, has_inputs };
+                let at = [place(stage.input), begin];
+                advance(rows, &product, at, moves, reach.written.clone());
             }
         }
     }
 }
 
-/// Where the rows of a stage are: those it is computed from, those at the beginning of the substep,
-/// and those of the next stage.
-struct Stage<'a> {
+/// Moves of a stage, at most.
+const MOST_MOVES: usize = 8;
+
+/// A [`Move`](super::tableau::Move) from rows to rows.
+#[derive(Clone, Copy)]
+struct Shift<V> {
     from: usize,
-    begin: usize,
     to: usize,
-    states: usize,
-    s: usize,
-    combination: &'a Combination,
+    factor: V,
 }
 
-impl Stage<'_> {
-    #[inline(always)]
-    fn run<V: Simd, const W: usize>(
-        &self,
-        rows: &mut [[V; W]],
-        slopes: &mut [[V; W]],
-        substep: &Substep<'_, V>,
-        range: Range<usize>,
-        zero: V,
-    ) {
-        let Self { from, begin, to, states, s, combination } = *self;
-        let pattern = substep.pattern;
-        let entries = &substep.entries[s * pattern.entries()..][..pattern.entries()];
-        let last = zero.constant(combination.last);
-        for i in range {
-            let mut slope = [zero; W];
-            let row = pattern.row(i);
-            for (&place, &entry) in pattern.places()[row.clone()].iter().zip(&entries[row]) {
-                let factors = &rows[from + place];
+/// J, where it acts.
+struct Product<'a, V> {
+    pattern: &'a SparsityPattern,
+    splits: &'a [usize],
+    entries: &'a [V],
+    has_inputs: bool,
+}
+
+/// Computes the slopes of the rows in `range` from the states' rows at `input` and the inputs' at
+/// `begin`, and makes the `moves` with them.
+#[inline(always)]
+fn advance<V: Simd, const W: usize>(
+    rows: &mut [[V; W]],
+    product: &Product<'_, V>,
+    [input, begin]: [usize; 2],
+    moves: &[Shift<V>],
+    range: Range<usize>,
+) {
+    let Product { pattern, splits, entries, has_inputs } = *product;
+    let (places, zero) = (pattern.places(), moves[0].factor.constant(0.0));
+    for i in range {
+        let (row, split) = (pattern.row(i), splits[i]);
+        let mut slope = [zero; W];
+        for (&place, &entry) in places[row.start..split].iter().zip(&entries[row.start..split]) {
+            let factors = &rows[input + place];
+            for c in 0..W {
+                slope[c] = factors[c].mul_add(entry, slope[c]);
+            }
+        }
+        if has_inputs {
+            for (&place, &entry) in places[split..row.end].iter().zip(&entries[split..row.end]) {
+                let factors = &rows[begin + place];
                 for c in 0..W {
                     slope[c] = factors[c].mul_add(entry, slope[c]);
                 }
             }
-            let mut next = rows[begin + i];
-            for &(j, factor) in &combination.earlier {
-                let (slope, factor) = (&slopes[j * states + i], zero.constant(factor));
-                for c in 0..W {
-                    next[c] = slope[c].mul_add(factor, next[c]);
-                }
-            }
+        }
+        for &Shift { from, to, factor } in moves {
+            let from = rows[from + i];
+            let to = &mut rows[to + i];
             for c in 0..W {
-                next[c] = slope[c].mul_add(last, next[c]);
+                to[c] = slope[c].mul_add(factor, from[c]);
             }
-            slopes[s * states + i] = slope;
-            rows[to + i] = next;
         }
     }
 }

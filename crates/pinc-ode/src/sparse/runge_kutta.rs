@@ -1,7 +1,7 @@
 //! Runge-Kutta methods with exact sensitivities through sparse Jacobians, as models.
 
 use super::propagation::{Sensitivities, Substep};
-use super::tableau::{Combination, Tableau};
+use super::tableau::{Stage, Tableau, places};
 use super::SparseFunction;
 use crate::points::Points;
 use crate::{Dims, Linearization, Model, OutputLinearization, Stages};
@@ -64,22 +64,21 @@ impl<F: SparseFunction> Task for Build<F> {
         let Self { plant, tableau, sample_time_s, substeps } = self;
         #[expect(clippy::cast_precision_loss, reason = "a number of substeps is far below 2^53")]
         let h = sample_time_s / substeps as f64;
-        let stages = tableau.stages();
+        let stages = tableau.stages_of(h);
         let pattern = plant.rhs.pattern();
-        let (nx, variables) = (pattern.rows(), pattern.columns());
+        let nx = pattern.rows();
         Box::new(SparseRungeKutta {
             sample_time_s,
             substeps,
-            combinations: (1..=stages).map(|s| tableau.stage(s, h)).collect(),
             zero,
             memory: plant.rhs.memory(zero),
-            at: vec![zero; variables],
-            x: vec![zero; nx],
-            slopes: vec![zero; stages * nx],
-            entries: vec![zero; stages * pattern.entries()],
-            sensitivities: Sensitivities::new(pattern, stages, zero),
+            x: vec![zero; places(&stages) * nx],
+            slope: vec![zero; nx],
+            entries: vec![zero; stages.len() * pattern.entries()],
+            sensitivities: Sensitivities::new(pattern, &stages, zero),
             outputs: Outputs::new(&plant, zero),
             plant,
+            stages,
         })
     }
 }
@@ -90,15 +89,14 @@ struct SparseRungeKutta<F, V> {
     plant: SparsePlant<F>,
     sample_time_s: f64,
     substeps: usize,
-    combinations: Vec<Combination>,
+    stages: Vec<Stage>,
     zero: V,
+    /// That of f, with the stage's (x, u, p).
     memory: Vec<V>,
-    /// (x, u, p), x being that of the stage.
-    at: Vec<V>,
-    /// The state at the beginning of the substep.
+    /// The places of the stages: see [`Stage`].
     x: Vec<V>,
-    /// f at each stage.
-    slopes: Vec<V>,
+    /// f at a stage.
+    slope: Vec<V>,
     /// The entries of its Jacobian at each stage.
     entries: Vec<V>,
     sensitivities: Sensitivities<V>,
@@ -122,66 +120,73 @@ impl<V: Simd> Outputs<V> {
     }
 }
 
-impl<F: SparseFunction, V: Simd> SparseRungeKutta<F, V> {
-    /// Loads points from the one numbered `begin` on; lanes without one repeat the last.
-    #[inline(always)]
-    fn load(&mut self, points: Stages<'_>, begin: usize) -> usize {
-        let Dims { nx, nu, .. } = self.plant.dims;
-        let filled = V::LANES.min(points.x.len() / nx - begin);
-        let point = |lane: usize| begin + lane.min(filled - 1);
-        let (x, rest) = self.at.split_at_mut(nx);
-        let (u, p) = rest.split_at_mut(nu);
-        for (to, from) in [(x, points.x), (u, points.u), (p, points.p)] {
-            let width = to.len();
-            for (j, to) in to.iter_mut().enumerate() {
-                *to = self.zero.generate(|lane| from[point(lane) * width + j]);
-            }
+/// Writes the variables of points from the one numbered `begin` on to the first places of `memory`;
+/// lanes without a point repeat the last. Gives the number of points.
+#[inline(always)]
+fn load<V: Simd>(memory: &mut [V], dims: Dims, points: Stages<'_>, begin: usize, zero: V) -> usize {
+    let Dims { nx, nu, np, .. } = dims;
+    let filled = V::LANES.min(points.x.len() / nx - begin);
+    let (x, rest) = memory.split_at_mut(nx);
+    let (u, rest) = rest.split_at_mut(nu);
+    for (to, from) in [(x, points.x), (u, points.u), (&mut rest[..np], points.p)] {
+        let width = to.len();
+        for (j, to) in to.iter_mut().enumerate() {
+            *to = zero.generate(|lane| from[(begin + lane.min(filled - 1)) * width + j]);
         }
-        filled
+    }
+    filled
+}
+
+impl<F: SparseFunction, V: Simd> SparseRungeKutta<F, V> {
+    /// Keeps the state as that at the beginning of a substep.
+    #[inline(always)]
+    fn begin(&mut self) {
+        for (to, &x) in self.x.iter_mut().zip(&self.memory[..self.slope.len()]) {
+            *to = x;
+        }
     }
 
-    /// Makes stage `s` (the last is the result) of the slopes before it.
+    /// Adds the slope of stage `s` to what is made of it, and makes the next stage the current one.
     #[inline(always)]
     fn advance(&mut self, s: usize) {
-        let (nx, zero) = (self.x.len(), self.zero);
-        let Combination { earlier, last } = &self.combinations[s - 1];
-        let last = zero.constant(*last);
-        for (i, (to, &x)) in self.at.iter_mut().zip(&self.x).enumerate() {
-            let mut sum = x;
-            for &(j, factor) in earlier {
-                sum = self.slopes[j * nx + i].mul_add(zero.constant(factor), sum);
+        let Self { stages, slope, x, memory, zero, .. } = self;
+        let nx = slope.len();
+        let next = stages.get(s + 1).map_or(0, |stage| stage.input);
+        for step in &stages[s].moves {
+            let factor = zero.constant(step.factor);
+            for (i, slope) in slope.iter().enumerate() {
+                let sum = slope.mul_add(factor, x[step.from * nx + i]);
+                x[step.to * nx + i] = sum;
+                if step.to == next {
+                    memory[i] = sum;
+                }
             }
-            *to = self.slopes[(s - 1) * nx + i].mul_add(last, sum);
         }
     }
 
     /// A substep of the state alone.
     #[inline(always)]
     fn substep(&mut self) {
-        let nx = self.x.len();
-        self.x.copy_from_slice(&self.at[..nx]);
-        for s in 0..self.combinations.len() {
-            let slopes = &mut self.slopes[s * nx..][..nx];
-            self.plant.rhs.values(&mut self.memory, &self.at, slopes);
-            self.advance(s + 1);
+        self.begin();
+        for s in 0..self.stages.len() {
+            self.plant.rhs.values(&mut self.memory, &mut self.slope);
+            self.advance(s);
         }
     }
 
     /// A substep of the state and of its derivatives by the first `columns` variables.
     #[inline(always)]
     fn linearized_substep(&mut self, number: usize, columns: usize) {
-        let nx = self.x.len();
         let count = self.plant.rhs.pattern().entries();
-        self.x.copy_from_slice(&self.at[..nx]);
-        for s in 0..self.combinations.len() {
-            let slopes = &mut self.slopes[s * nx..][..nx];
+        self.begin();
+        for s in 0..self.stages.len() {
             let entries = &mut self.entries[s * count..][..count];
-            self.plant.rhs.linearize(&mut self.memory, &self.at, slopes, entries);
-            self.advance(s + 1);
+            self.plant.rhs.linearize(&mut self.memory, &mut self.slope, entries);
+            self.advance(s);
         }
-        let Self { plant, entries, combinations, sensitivities, zero, .. } = self;
+        let Self { plant, entries, stages, sensitivities, zero, .. } = self;
         let pattern = plant.rhs.pattern();
-        let substep = Substep { number, pattern, entries, combinations };
+        let substep = Substep { number, pattern, entries, stages };
         sensitivities.propagate(&substep, columns, *zero);
     }
 
@@ -189,7 +194,7 @@ impl<F: SparseFunction, V: Simd> SparseRungeKutta<F, V> {
     #[inline(always)]
     fn store(&self, points: &mut Points<'_>, begin: usize, filled: usize, columns: usize) {
         let dims = self.plant.dims;
-        for (i, &x) in self.at.iter().enumerate().take(dims.nx) {
+        for (i, &x) in self.memory.iter().enumerate().take(dims.nx) {
             let row = |lane: usize| (begin + lane) * dims.nx + i;
             scatter(x, filled, |lane, value| points.out.next[row(lane)] = value);
             for column in 0..columns {
@@ -222,11 +227,11 @@ impl<F: SparseFunction, V: Simd> Work for Step<'_, F, V> {
     #[inline(always)]
     fn run(self) {
         let Self { model, at, next } = self;
-        model.load(at, 0);
+        load(&mut model.memory, model.plant.dims, at, 0, model.zero);
         for _ in 0..model.substeps {
             model.substep();
         }
-        for (to, &x) in next.iter_mut().zip(&model.at) {
+        for (to, &x) in next.iter_mut().zip(&model.memory) {
             scatter(x, 1, |_, value| *to = value);
         }
     }
@@ -247,7 +252,7 @@ impl<F: SparseFunction, V: Simd> Work for Linearize<'_, F, V> {
         let dims = model.plant.dims;
         let columns = points.columns(dims);
         for begin in (0..points.at.x.len() / dims.nx).step_by(V::LANES) {
-            let filled = model.load(points.at, begin);
+            let filled = load(&mut model.memory, dims, points.at, begin, model.zero);
             model.sensitivities.reset(model.zero);
             for number in 0..model.substeps {
                 model.linearized_substep(number, columns);
@@ -270,10 +275,10 @@ impl<F: SparseFunction, V: Simd> Work for Output<'_, F, V> {
     #[inline(always)]
     fn run(self) {
         let Self { model, at, y } = self;
-        model.load(at, 0);
         let Outputs { memory, values, .. } = &mut model.outputs;
         let Some(function) = &model.plant.outputs else { return y.copy_from_slice(at.x) };
-        function.values(memory, &model.at, values);
+        load(memory, model.plant.dims, at, 0, model.zero);
+        function.values(memory, values);
         for (to, &value) in y.iter_mut().zip(&*values) {
             scatter(value, 1, |_, value| *to = value);
         }
@@ -295,10 +300,10 @@ impl<F: SparseFunction, V: Simd> Work for LinearizeOutput<'_, F, V> {
         let Self { model, at, mut out } = self;
         let dims = model.plant.dims;
         for begin in (0..at.x.len() / dims.nx).step_by(V::LANES) {
-            let filled = model.load(at, begin);
             let Outputs { memory, values, entries } = &mut model.outputs;
             let Some(function) = &model.plant.outputs else { return };
-            function.linearize(memory, &model.at, values, entries);
+            let filled = load(memory, dims, at, begin, model.zero);
+            function.linearize(memory, values, entries);
             for (i, &value) in values.iter().enumerate() {
                 let row = |lane: usize| (begin + lane) * dims.ny + i;
                 scatter(value, filled, |lane, value| out.y[row(lane)] = value);

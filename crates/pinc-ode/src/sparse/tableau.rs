@@ -26,19 +26,64 @@ impl Tableau {
         self.0.len() - 1
     }
 
-    /// What makes stage `s` (from 1 on; the last is the result) in a step of `h` seconds: the
-    /// factors of all slopes before the last one that are not 0, and of this one.
-    pub(super) fn stage(self, s: usize, h: f64) -> Combination {
-        let row = self.0[s];
-        let scaled = |j: usize| (j, h * row[j]);
-        let earlier = (0..s - 1).filter(|&j| row[j] != 0.0).map(scaled).collect();
-        Combination { earlier, last: h * row[s - 1] }
+    /// What a step of `h` seconds does with the slope of each stage.
+    pub(super) fn stages_of(self, h: f64) -> Vec<Stage> {
+        let count = self.stages();
+        // The place of each stage and of the result, where something has been added already.
+        let mut places: Vec<Option<usize>> = vec![None; count + 1];
+        let mut free: Vec<usize> = Vec::new();
+        let mut used = 1;
+        let mut input = 0;
+        let mut stages = Vec::new();
+        for s in 0..count {
+            let mut moves = Vec::new();
+            for target in s + 1..=count {
+                let factor = h * self.0[target][s];
+                // The next stage needs a place in any case.
+                if factor == 0.0 && target > s + 1 {
+                    continue;
+                }
+                let from = places[target].unwrap_or(0);
+                let to = match places[target] {
+                    _ if s + 1 == count => 0,
+                    Some(place) => place,
+                    None => free.pop().unwrap_or_else(|| {
+                        used += 1;
+                        used - 1
+                    }),
+                };
+                places[target] = Some(to);
+                moves.push(Move { from, to, factor });
+            }
+            stages.push(Stage { input, moves });
+            if input > 0 {
+                free.push(input);
+            }
+            input = places[s + 1].unwrap_or(0);
+        }
+        stages
     }
 }
 
-/// `x + sum_j factor_j k_j + last k`, with k the newest slope.
-#[derive(Clone, Debug)]
-pub(super) struct Combination {
-    pub(super) earlier: Vec<(usize, f64)>,
-    pub(super) last: f64,
+/// A stage of a step: its slope, computed from what is in the place `input`, is added to later
+/// stages and to the result. What is in place 0 at the beginning is the state, in the end the
+/// result.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Stage {
+    pub(super) input: usize,
+    pub(super) moves: Vec<Move>,
+}
+
+/// `to := from + factor slope`
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Move {
+    pub(super) from: usize,
+    pub(super) to: usize,
+    pub(super) factor: f64,
+}
+
+/// The number of places that some stages need, with place 0.
+pub(super) fn places(stages: &[Stage]) -> usize {
+    let moves = stages.iter().flat_map(|stage| &stage.moves);
+    moves.map(|step| step.to + 1).max().unwrap_or(1)
 }
