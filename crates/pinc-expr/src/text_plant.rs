@@ -101,12 +101,10 @@ impl<F: SparseFunction> Task for Entries<'_, F> {
         let pattern = function.pattern();
         let mut memory = function.memory(zero);
         memory.iter_mut().zip(at).for_each(|(to, value)| *to = zero.constant(*value));
-        let mut values = vec![zero; pattern.rows()];
-        let mut entries = vec![zero; pattern.entries()];
-        function.linearize(&mut memory, &mut values, &mut entries);
-        let first = |vector: &V| {
+        let entries = &function.linearize(&mut memory)[pattern.rows()..];
+        let first = |place: &u16| {
             let mut lanes = [0.0; 8];
-            vector.write(&mut lanes);
+            memory[usize::from(*place)].write(&mut lanes);
             lanes[0]
         };
         entries.iter().map(first).collect()

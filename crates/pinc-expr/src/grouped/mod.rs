@@ -63,18 +63,20 @@ impl SparseFunction for GroupedFunction {
     }
 
     #[inline(always)]
-    fn values<V: Simd>(&self, memory: &mut [V], values: &mut [V]) {
-        run(&self.0.values, memory, values, &mut []);
+    fn values<V: Simd>(&self, memory: &mut [V]) -> &[u16] {
+        run(&self.0.values, memory)
     }
 
     #[inline(always)]
-    fn linearize<V: Simd>(&self, memory: &mut [V], values: &mut [V], entries: &mut [V]) {
-        run(&self.0.linearization, memory, values, entries);
+    fn linearize<V: Simd>(&self, memory: &mut [V]) -> &[u16] {
+        run(&self.0.linearization, memory)
     }
 }
 
 #[inline(always)]
-fn run<V: Simd>(code: &Code, registers: &mut [V], values: &mut [V], entries: &mut [V]) {
-    let Some(&first) = registers.first() else { return };
-    first.vectorize(Run { code, registers, values, entries });
+fn run<'a, V: Simd>(code: &'a Code, registers: &mut [V]) -> &'a [u16] {
+    if let Some(&first) = registers.first() {
+        first.vectorize(Run { code, registers });
+    }
+    &code.results
 }

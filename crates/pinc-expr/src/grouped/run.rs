@@ -6,13 +6,10 @@ use crate::graph::Function;
 use pinc_ad::Scalar;
 use pinc_ad::simd::{Simd, Work, cos, sin};
 
-/// A run of some code, whose registers have their constants and variables. The results go to
-/// `values`, then to `entries`.
+/// A run of some code, whose registers have their constants and variables.
 pub(super) struct Run<'a, V> {
     pub(super) code: &'a Code,
     pub(super) registers: &'a mut [V],
-    pub(super) values: &'a mut [V],
-    pub(super) entries: &'a mut [V],
 }
 
 impl<V: Simd> Work for Run<'_, V> {
@@ -20,7 +17,7 @@ impl<V: Simd> Work for Run<'_, V> {
 
     #[inline(always)]
     fn run(self) {
-        let Self { code, registers, values, entries } = self;
+        let Self { code, registers } = self;
         let r = &mut registers[..code.registers];
         for group in &code.groups {
             let steps = &code.steps[group.begin..group.end];
@@ -43,9 +40,6 @@ impl<V: Simd> Work for Run<'_, V> {
                 Op::PowerSlope(number) => unary(r, steps, |a| power_slope(a, number.value())),
                 Op::Function(function) => apply(r, steps, function),
             }
-        }
-        for (to, &register) in values.iter_mut().chain(entries).zip(&code.results) {
-            *to = r[usize::from(register)];
         }
     }
 }

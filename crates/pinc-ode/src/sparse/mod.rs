@@ -1,6 +1,7 @@
 //! Plants whose Jacobians are known to be zero in most places: the interface, and the
 //! Runge-Kutta methods on it.
 
+mod by_count;
 mod pattern;
 mod propagation;
 mod runge_kutta;
@@ -23,18 +24,10 @@ pub trait SparseFunction: Clone + Debug + Send + Sync + 'static {
     /// Room to compute in, for the other methods. It begins with the variables: set them there.
     fn memory<V: Simd>(&self, zero: V) -> Vec<V>;
 
-    /// Writes the values at the variables in `memory`.
-    ///
-    /// # Shapes
-    ///
-    /// `memory`: that of [`memory`](Self::memory), beginning with the pattern's columns; `values`:
-    /// the pattern's rows.
-    fn values<V: Simd>(&self, memory: &mut [V], values: &mut [V]);
+    /// Computes the values at the variables in `memory`, and returns their places there.
+    fn values<V: Simd>(&self, memory: &mut [V]) -> &[u16];
 
-    /// Writes the values, and the entries of the Jacobian in the order of the pattern.
-    ///
-    /// # Shapes
-    ///
-    /// As for [`values`](Self::values); `entries`: the pattern's entries.
-    fn linearize<V: Simd>(&self, memory: &mut [V], values: &mut [V], entries: &mut [V]);
+    /// Computes the values and the entries of the Jacobian, in the order of the pattern, and
+    /// returns their places in `memory`, values first.
+    fn linearize<V: Simd>(&self, memory: &mut [V]) -> &[u16];
 }

@@ -12,6 +12,9 @@ const WIDTHS: [usize; 5] = [2, 3, 4, 6, 8];
 /// What a block may take of the fastest memory, in bytes.
 const FAST_MEMORY: usize = 20_000;
 
+/// Places of a method, at most; a power of 2, so that a remainder spares the check of an index.
+const MOST_PLACES: usize = 8;
+
 /// Addresses that differ by multiples of this are told apart late.
 const ALIASING: usize = 4096;
 
@@ -49,6 +52,7 @@ struct Reach {
 impl<V: Simd> Sensitivities<V> {
     /// Room for the derivatives by all variables.
     pub(super) fn new(pattern: &SparsityPattern, stages: &[Stage], zero: V) -> Self {
+        assert!(places(stages) <= MOST_PLACES, "places of the method");
         let (states, variables) = (pattern.rows(), pattern.columns());
         let column = places(stages) * variables.min(ROWS) * size_of::<V>();
         let fast = |width: &usize| *width == WIDTHS[0] || width * column <= FAST_MEMORY;
@@ -162,34 +166,19 @@ impl<V: Simd, const W: usize> Work for Columns<'_, V, W> {
                 rows[buffer + reach.read.start..buffer + reach.written.start].fill([zero; W]);
                 rows[buffer + reach.written.end..buffer + reach.read.end].fill([zero; W]);
             }
-            let place = |k: usize| if k == 0 { begin } else { buffers + (k - 1) * stride };
+            let mut bases = [begin; MOST_PLACES];
+            for (k, base) in bases.iter_mut().enumerate().skip(1) {
+                *base = buffers + (k - 1) * stride;
+            }
             let has_inputs = (block + 1) * W > states;
             for (s, stage) in substep.stages.iter().enumerate() {
                 let count = substep.pattern.entries();
                 let entries = &substep.entries[s * count..][..count];
-                let mut moves = [Shift { from: 0, to: 0, factor: zero }; MOST_MOVES];
-                let moves = &mut moves[..stage.moves.len()];
-                for (to, step) in moves.iter_mut().zip(&stage.moves) {
-                    let factor = zero.constant(step.factor);
-                    *to = Shift { from: place(step.from), to: place(step.to), factor };
-                }
                 let product = Product { pattern: substep.pattern, splits, entries, has_inputs };
-                let at = [place(stage.input), begin];
-                advance(rows, &product, at, moves, reach.written.clone());
+                advance(rows, &product, stage, &bases, reach.written.clone(), zero);
             }
         }
     }
-}
-
-/// Moves of a stage, at most.
-const MOST_MOVES: usize = 8;
-
-/// A [`Move`](super::tableau::Move) from rows to rows.
-#[derive(Clone, Copy)]
-struct Shift<V> {
-    from: usize,
-    to: usize,
-    factor: V,
 }
 
 /// J, where it acts.
@@ -200,18 +189,20 @@ struct Product<'a, V> {
     has_inputs: bool,
 }
 
-/// Computes the slopes of the rows in `range` from the states' rows at `input` and the inputs' at
-/// `begin`, and makes the `moves` with them.
+/// Computes the slopes of the rows in `range`, and makes the stage's moves with them. Place k begins
+/// at row `bases[k]`.
 #[inline(always)]
 fn advance<V: Simd, const W: usize>(
     rows: &mut [[V; W]],
     product: &Product<'_, V>,
-    [input, begin]: [usize; 2],
-    moves: &[Shift<V>],
+    stage: &Stage,
+    bases: &[usize; MOST_PLACES],
     range: Range<usize>,
+    zero: V,
 ) {
     let Product { pattern, splits, entries, has_inputs } = *product;
-    let (places, zero) = (pattern.places(), moves[0].factor.constant(0.0));
+    let places = pattern.places();
+    let (begin, input) = (bases[0], bases[stage.input % MOST_PLACES]);
     for i in range {
         let (row, split) = (pattern.row(i), splits[i]);
         let mut slope = [zero; W];
@@ -229,9 +220,10 @@ fn advance<V: Simd, const W: usize>(
                 }
             }
         }
-        for &Shift { from, to, factor } in moves {
-            let from = rows[from + i];
-            let to = &mut rows[to + i];
+        for step in &stage.moves {
+            let factor = zero.constant(step.factor);
+            let from = rows[bases[step.from % MOST_PLACES] + i];
+            let to = &mut rows[bases[step.to % MOST_PLACES] + i];
             for c in 0..W {
                 to[c] = slope[c].mul_add(factor, from[c]);
             }

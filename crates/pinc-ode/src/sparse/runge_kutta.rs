@@ -3,6 +3,7 @@
 use super::propagation::{Sensitivities, Substep};
 use super::tableau::{Stage, Tableau, places};
 use super::SparseFunction;
+use super::by_count::ByCount;
 use crate::points::Points;
 use crate::{Dims, Linearization, Model, OutputLinearization, Stages};
 use pinc_ad::simd::{Isa, Simd, Task, Work};
@@ -47,9 +48,15 @@ pub fn sparse_runge_kutta<F: SparseFunction>(
     assert!(size(&plant.rhs) == [nx, nx + nu + np], "size of f");
     let outputs = plant.outputs.as_ref().map_or([nx, nx + nu + np], size);
     assert!(outputs == [ny, nx + nu + np], "size of h");
-    isa.dispatch(Build { plant, tableau, sample_time_s, substeps })
+    let build = Build { plant, tableau, sample_time_s, substeps };
+    if isa != Isa::Avx512 || !Isa::available().contains(&Isa::Avx2) {
+        return isa.dispatch(build);
+    }
+    let narrow = Isa::Avx2.dispatch(build.clone());
+    Box::new(ByCount { wide: isa.dispatch(build), narrow, lanes: isa.lanes() })
 }
 
+#[derive(Clone)]
 struct Build<F> {
     plant: SparsePlant<F>,
     tableau: Tableau,
@@ -73,10 +80,9 @@ impl<F: SparseFunction> Task for Build<F> {
             zero,
             memory: plant.rhs.memory(zero),
             x: vec![zero; places(&stages) * nx],
-            slope: vec![zero; nx],
             entries: vec![zero; stages.len() * pattern.entries()],
             sensitivities: Sensitivities::new(pattern, &stages, zero),
-            outputs: Outputs::new(&plant, zero),
+            outputs: plant.outputs.as_ref().map_or(Vec::new(), |outputs| outputs.memory(zero)),
             plant,
             stages,
         })
@@ -95,29 +101,11 @@ struct SparseRungeKutta<F, V> {
     memory: Vec<V>,
     /// The places of the stages: see [`Stage`].
     x: Vec<V>,
-    /// f at a stage.
-    slope: Vec<V>,
     /// The entries of its Jacobian at each stage.
     entries: Vec<V>,
     sensitivities: Sensitivities<V>,
-    outputs: Outputs<V>,
-}
-
-/// Room for the outputs with their Jacobian.
-#[derive(Clone, Debug)]
-struct Outputs<V> {
-    memory: Vec<V>,
-    values: Vec<V>,
-    entries: Vec<V>,
-}
-
-impl<V: Simd> Outputs<V> {
-    fn new<F: SparseFunction>(plant: &SparsePlant<F>, zero: V) -> Self {
-        let function = plant.outputs.as_ref();
-        let entries = function.map_or(0, |function| function.pattern().entries());
-        let memory = function.map_or(Vec::new(), |function| function.memory(zero));
-        Self { memory, values: vec![zero; plant.dims.ny], entries: vec![zero; entries] }
-    }
+    /// That of h.
+    outputs: Vec<V>,
 }
 
 /// Writes the variables of points from the one numbered `begin` on to the first places of `memory`;
@@ -137,30 +125,37 @@ fn load<V: Simd>(memory: &mut [V], dims: Dims, points: Stages<'_>, begin: usize,
     filled
 }
 
+/// Adds the slope of stage `s`, whose components are at `slope` in `memory`, to what is made of it
+/// in the places `x`, and makes the next stage the current one.
+#[inline(always)]
+fn advance<V: Simd>(
+    stages: &[Stage],
+    s: usize,
+    slope: &[u16],
+    x: &mut [V],
+    memory: &mut [V],
+    zero: V,
+) {
+    let nx = slope.len();
+    for step in &stages[s].moves {
+        let factor = zero.constant(step.factor);
+        for (i, &place) in slope.iter().enumerate() {
+            let sum = memory[usize::from(place)].mul_add(factor, x[step.from * nx + i]);
+            x[step.to * nx + i] = sum;
+        }
+    }
+    let next = stages.get(s + 1).map_or(0, |stage| stage.input);
+    for (to, &x) in memory.iter_mut().zip(&x[next * nx..][..nx]) {
+        *to = x;
+    }
+}
+
 impl<F: SparseFunction, V: Simd> SparseRungeKutta<F, V> {
     /// Keeps the state as that at the beginning of a substep.
     #[inline(always)]
     fn begin(&mut self) {
-        for (to, &x) in self.x.iter_mut().zip(&self.memory[..self.slope.len()]) {
+        for (to, &x) in self.x.iter_mut().zip(&self.memory[..self.plant.dims.nx]) {
             *to = x;
-        }
-    }
-
-    /// Adds the slope of stage `s` to what is made of it, and makes the next stage the current one.
-    #[inline(always)]
-    fn advance(&mut self, s: usize) {
-        let Self { stages, slope, x, memory, zero, .. } = self;
-        let nx = slope.len();
-        let next = stages.get(s + 1).map_or(0, |stage| stage.input);
-        for step in &stages[s].moves {
-            let factor = zero.constant(step.factor);
-            for (i, slope) in slope.iter().enumerate() {
-                let sum = slope.mul_add(factor, x[step.from * nx + i]);
-                x[step.to * nx + i] = sum;
-                if step.to == next {
-                    memory[i] = sum;
-                }
-            }
         }
     }
 
@@ -168,21 +163,25 @@ impl<F: SparseFunction, V: Simd> SparseRungeKutta<F, V> {
     #[inline(always)]
     fn substep(&mut self) {
         self.begin();
-        for s in 0..self.stages.len() {
-            self.plant.rhs.values(&mut self.memory, &mut self.slope);
-            self.advance(s);
+        let Self { plant, stages, zero, memory, x, .. } = self;
+        for s in 0..stages.len() {
+            let places = plant.rhs.values(memory);
+            advance(stages, s, places, x, memory, *zero);
         }
     }
 
     /// A substep of the state and of its derivatives by the first `columns` variables.
     #[inline(always)]
     fn linearized_substep(&mut self, number: usize, columns: usize) {
-        let count = self.plant.rhs.pattern().entries();
         self.begin();
-        for s in 0..self.stages.len() {
-            let entries = &mut self.entries[s * count..][..count];
-            self.plant.rhs.linearize(&mut self.memory, &mut self.slope, entries);
-            self.advance(s);
+        let Self { plant, stages, zero, memory, x, entries, .. } = self;
+        let (nx, count) = (plant.dims.nx, plant.rhs.pattern().entries());
+        for s in 0..stages.len() {
+            let (values, rest) = plant.rhs.linearize(memory).split_at(nx);
+            for (to, &place) in entries[s * count..][..count].iter_mut().zip(rest) {
+                *to = memory[usize::from(place)];
+            }
+            advance(stages, s, values, x, memory, *zero);
         }
         let Self { plant, entries, stages, sensitivities, zero, .. } = self;
         let pattern = plant.rhs.pattern();
@@ -275,12 +274,11 @@ impl<F: SparseFunction, V: Simd> Work for Output<'_, F, V> {
     #[inline(always)]
     fn run(self) {
         let Self { model, at, y } = self;
-        let Outputs { memory, values, .. } = &mut model.outputs;
+        let memory = &mut model.outputs;
         let Some(function) = &model.plant.outputs else { return y.copy_from_slice(at.x) };
         load(memory, model.plant.dims, at, 0, model.zero);
-        function.values(memory, values);
-        for (to, &value) in y.iter_mut().zip(&*values) {
-            scatter(value, 1, |_, value| *to = value);
+        for (to, &place) in y.iter_mut().zip(function.values(memory)) {
+            scatter(memory[usize::from(place)], 1, |_, value| *to = value);
         }
     }
 }
@@ -300,16 +298,17 @@ impl<F: SparseFunction, V: Simd> Work for LinearizeOutput<'_, F, V> {
         let Self { model, at, mut out } = self;
         let dims = model.plant.dims;
         for begin in (0..at.x.len() / dims.nx).step_by(V::LANES) {
-            let Outputs { memory, values, entries } = &mut model.outputs;
+            let memory = &mut model.outputs;
             let Some(function) = &model.plant.outputs else { return };
             let filled = load(memory, dims, at, begin, model.zero);
-            function.linearize(memory, values, entries);
+            let (values, entries) = function.linearize(memory).split_at(dims.ny);
             for (i, &value) in values.iter().enumerate() {
                 let row = |lane: usize| (begin + lane) * dims.ny + i;
-                scatter(value, filled, |lane, value| out.y[row(lane)] = value);
+                scatter(memory[usize::from(value)], filled, |lane, value| out.y[row(lane)] = value);
                 for entry in function.pattern().row(i) {
                     let column = function.pattern().places()[entry];
-                    scatter(entries[entry], filled, |lane, derivative| {
+                    let derivative = memory[usize::from(entries[entry])];
+                    scatter(derivative, filled, |lane, derivative| {
                         set_output(&mut out, dims, row(lane), column, derivative);
                     });
                 }
