@@ -64,11 +64,10 @@ fn is_small<V: Simd>(x: V) -> bool {
 /// The sine of x plus some right angles.
 #[inline(always)]
 fn reduced<V: Simd>(x: V, right_angles: f64) -> V {
-    let number = |value| x.constant(value);
-    let k = x.mul_add(number(std::f64::consts::FRAC_2_PI), number(SHIFT)) - SHIFT;
+    let k = x.mul_add(x.constant(std::f64::consts::FRAC_2_PI), x.constant(SHIFT)) - SHIFT;
     let mut r = x;
     for part in RIGHT_ANGLE {
-        r = k.neg_mul_add(number(part), r);
+        r = k.neg_mul_add(x.constant(part), r);
     }
     let turned = k + right_angles;
     // The last two bits of the number of right angles.
@@ -77,23 +76,23 @@ fn reduced<V: Simd>(x: V, right_angles: f64) -> V {
     let quarter = (half * 0.5 - 0.25 + SHIFT) - SHIFT;
     let negative = half - quarter * 2.0;
     let square = r * r;
-    let [sine, cosine] = [polynomial(square, SINE), polynomial(square, COSINE)];
-    let sine = (square * r).mul_add(sine, r);
+    let sine = (square * r).mul_add(polynomial(square, SINE), r);
     let half_square = square * 0.5;
     let near = -half_square + 1.0;
     // What the sum 1 - r^2/2 has lost.
     let lost = (-near + 1.0) - half_square;
-    let cosine = near + (square * square).mul_add(cosine, lost);
+    let cosine = near + (square * square).mul_add(polynomial(square, COSINE), lost);
     odd.where_nonpositive(sine, cosine) * (negative * -2.0 + 1.0)
 }
 
 /// By Estrin's scheme.
 #[inline(always)]
 fn polynomial<V: Simd>(z: V, [c0, c1, c2, c3, c4, c5]: [f64; 6]) -> V {
-    let pair = |low, high| z.mul_add(z.constant(high), z.constant(low));
+    let low = z.mul_add(z.constant(c1), z.constant(c0));
+    let middle = z.mul_add(z.constant(c3), z.constant(c2));
+    let high = z.mul_add(z.constant(c5), z.constant(c4));
     let square = z * z;
-    let high = square.mul_add(pair(c4, c5), pair(c2, c3));
-    square.mul_add(high, pair(c0, c1))
+    square.mul_add(square.mul_add(high, middle), low)
 }
 
 /// A function of the standard library, lane by lane.

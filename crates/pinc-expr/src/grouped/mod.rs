@@ -11,7 +11,7 @@ use crate::graph::{Graph, Value};
 use derivatives::differentiate;
 use pinc_ad::simd::Simd;
 use pinc_ode::{SparseFunction, SparsityPattern};
-use run::Run;
+use run::{FEW, Run};
 use schedule::Code;
 use std::sync::Arc;
 
@@ -54,7 +54,7 @@ impl SparseFunction for GroupedFunction {
 
     fn memory<V: Simd>(&self, zero: V) -> Vec<V> {
         let Parts { values, linearization, .. } = &*self.0;
-        let mut memory = vec![zero; linearization.registers];
+        let mut memory = vec![zero; linearization.registers.max(FEW)];
         for code in [values, linearization] {
             let constants = code.constants.iter().map(|constant| zero.constant(*constant));
             memory[code.first..].iter_mut().zip(constants).for_each(|(to, from)| *to = from);

@@ -37,11 +37,7 @@ pub(super) struct Code {
 
 impl Code {
     /// The code that leads from the variables to `results`, with registers from `first` on.
-    pub(super) fn new(
-        dag: &Dag,
-        first: usize,
-        results: &[Id],
-    ) -> Result<Self, ExpressionProblem> {
+    pub(super) fn new(dag: &Dag, first: usize, results: &[Id]) -> Result<Self, ExpressionProblem> {
         let (nodes, uses) = fused(dag, results);
         let order = grouped(&nodes, &uses);
         let mut allocation = Allocation::new(first, &nodes, uses);

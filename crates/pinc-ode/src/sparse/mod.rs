@@ -5,6 +5,7 @@ mod by_count;
 mod pattern;
 mod propagation;
 mod runge_kutta;
+mod small;
 mod tableau;
 
 pub use pattern::SparsityPattern;

@@ -10,10 +10,10 @@ use std::ops::Range;
 const WIDTHS: [usize; 5] = [2, 3, 4, 6, 8];
 
 /// What a block may take of the fastest memory, in bytes.
-const FAST_MEMORY: usize = 20_000;
+const FAST_MEMORY: usize = 33_000;
 
 /// Places of a method, at most; a power of 2, so that a remainder spares the check of an index.
-const MOST_PLACES: usize = 8;
+pub(super) const MOST_PLACES: usize = 8;
 
 /// Addresses that differ by multiples of this are told apart late.
 const ALIASING: usize = 4096;
@@ -34,8 +34,7 @@ pub(super) struct Sensitivities<V> {
     blocks: usize,
     /// Rows from one place to the next.
     stride: usize,
-    /// Of each row of the Jacobian, where the entries by inputs and parameters begin.
-    splits: Vec<usize>,
+    rows: Vec<Row>,
     numbers: Vec<V>,
     /// Of each substep, until nothing changes any more, and each block.
     reach: Vec<Vec<Reach>>,
@@ -56,16 +55,16 @@ impl<V: Simd> Sensitivities<V> {
         let (states, variables) = (pattern.rows(), pattern.columns());
         let column = places(stages) * variables.min(ROWS) * size_of::<V>();
         let fast = |width: &usize| *width == WIDTHS[0] || width * column <= FAST_MEMORY;
-        // Each block reads the entries of the Jacobian again, which is as much work as a column.
-        let work = |width: &usize| variables.div_ceil(*width) * (width + 1);
+        // Each block takes the entries of the Jacobian again, which is as much work as two columns.
+        let work = |width: &usize| variables.div_ceil(*width) * (width + 2);
         let width = WIDTHS.into_iter().filter(fast).min_by_key(work).unwrap_or(WIDTHS[0]);
         let blocks = variables.div_ceil(width);
         let stride = stride(variables, width * size_of::<V>(), places(stages));
         let rows = blocks * variables + (places(stages) - 1) * stride;
         let reach = reach(pattern, stages.len(), width, blocks);
         let numbers = vec![zero; rows * width];
-        let splits = (0..states).map(|i| split(pattern, i)).collect();
-        Self { width, variables, states, blocks, stride, splits, numbers, reach }
+        let spans = (0..states).map(|i| Row::new(pattern, i)).collect();
+        Self { width, variables, states, blocks, stride, rows: spans, numbers, reach }
     }
 
     /// Sets them to those of a step of no length: the identity.
@@ -92,12 +91,7 @@ impl<V: Simd> Sensitivities<V> {
     /// Takes the derivatives by the first `columns` variables through a substep, by the entries of
     /// the Jacobian at all its stages.
     #[inline(always)]
-    pub(super) fn propagate(
-        &mut self,
-        substep: &Substep<'_, V>,
-        columns: usize,
-        zero: V,
-    ) {
+    pub(super) fn propagate(&mut self, substep: &Substep<'_, V>, columns: usize, zero: V) {
         let blocks = columns.div_ceil(self.width);
         let width = self.width;
         let parts = Propagate { sensitivities: self, substep, blocks, zero };
@@ -111,10 +105,21 @@ impl<V: Simd> Sensitivities<V> {
     }
 }
 
-/// The first entry of row `i` by an input or a parameter, or the end.
-fn split(pattern: &SparsityPattern, i: usize) -> usize {
-    let row = pattern.row(i);
-    row.start + pattern.places()[row].partition_point(|place| *place < pattern.rows())
+/// The entries of a row of the Jacobian: those by states, then those by inputs and parameters.
+#[derive(Clone, Copy, Debug)]
+struct Row {
+    begin: usize,
+    split: usize,
+    end: usize,
+}
+
+impl Row {
+    fn new(pattern: &SparsityPattern, i: usize) -> Self {
+        let Range { start: begin, end } = pattern.row(i);
+        let by_states = |place: &usize| *place < pattern.rows();
+        let split = begin + pattern.places()[begin..end].partition_point(by_states);
+        Self { begin, split, end }
+    }
 }
 
 /// How many rows of `row` bytes lie between places of `rows` rows each: so many that the same rows of
@@ -122,7 +127,8 @@ fn split(pattern: &SparsityPattern, i: usize) -> usize {
 /// bits), which would make a row wait for the ones before it to be written.
 fn stride(rows: usize, row: usize, places: usize) -> usize {
     let apart = |stride: &usize| {
-        (1..places).all(|k| (ALIASING / 8..=ALIASING / 8 * 7).contains(&(k * stride * row % ALIASING)))
+        (1..places)
+            .all(|k| (ALIASING / 8..=ALIASING / 8 * 7).contains(&(k * stride * row % ALIASING)))
     };
     (rows..rows + 64).find(apart).unwrap_or(rows)
 }
@@ -153,8 +159,16 @@ impl<V: Simd, const W: usize> Work for Columns<'_, V, W> {
     #[inline(always)]
     fn run(self) {
         let Propagate { sensitivities, substep, blocks, zero } = self.0;
-        let Sensitivities { variables, states, blocks: all, stride, splits, numbers, reach, .. } =
-            sensitivities;
+        let Sensitivities {
+            variables,
+            states,
+            blocks: all,
+            stride,
+            rows: spans,
+            numbers,
+            reach,
+            ..
+        } = sensitivities;
         let (variables, states, stride, buffers) =
             (*variables, *states, *stride, *all * *variables);
         let reach = &reach[substep.number.min(reach.len() - 1)];
@@ -174,7 +188,8 @@ impl<V: Simd, const W: usize> Work for Columns<'_, V, W> {
             for (s, stage) in substep.stages.iter().enumerate() {
                 let count = substep.pattern.entries();
                 let entries = &substep.entries[s * count..][..count];
-                let product = Product { pattern: substep.pattern, splits, entries, has_inputs };
+                let places = substep.pattern.places();
+                let product = Product { spans, places, entries, has_inputs };
                 advance(rows, &product, stage, &bases, reach.written.clone(), zero);
             }
         }
@@ -183,8 +198,8 @@ impl<V: Simd, const W: usize> Work for Columns<'_, V, W> {
 
 /// J, where it acts.
 struct Product<'a, V> {
-    pattern: &'a SparsityPattern,
-    splits: &'a [usize],
+    spans: &'a [Row],
+    places: &'a [usize],
     entries: &'a [V],
     has_inputs: bool,
 }
@@ -200,20 +215,18 @@ fn advance<V: Simd, const W: usize>(
     range: Range<usize>,
     zero: V,
 ) {
-    let Product { pattern, splits, entries, has_inputs } = *product;
-    let places = pattern.places();
+    let Product { spans, places, entries, has_inputs } = *product;
     let (begin, input) = (bases[0], bases[stage.input % MOST_PLACES]);
-    for i in range {
-        let (row, split) = (pattern.row(i), splits[i]);
+    for (i, &Row { begin: first, split, end }) in range.clone().zip(&spans[range]) {
         let mut slope = [zero; W];
-        for (&place, &entry) in places[row.start..split].iter().zip(&entries[row.start..split]) {
+        for (&place, &entry) in places[first..split].iter().zip(&entries[first..split]) {
             let factors = &rows[input + place];
             for c in 0..W {
                 slope[c] = factors[c].mul_add(entry, slope[c]);
             }
         }
         if has_inputs {
-            for (&place, &entry) in places[split..row.end].iter().zip(&entries[split..row.end]) {
+            for (&place, &entry) in places[split..end].iter().zip(&entries[split..end]) {
                 let factors = &rows[begin + place];
                 for c in 0..W {
                     slope[c] = factors[c].mul_add(entry, slope[c]);
@@ -232,12 +245,7 @@ fn advance<V: Simd, const W: usize>(
 }
 
 /// How far the blocks' columns have come after each substep, until nothing changes any more.
-fn reach(
-    pattern: &SparsityPattern,
-    stages: usize,
-    width: usize,
-    blocks: usize,
-) -> Vec<Vec<Reach>> {
+fn reach(pattern: &SparsityPattern, stages: usize, width: usize, blocks: usize) -> Vec<Vec<Reach>> {
     let states = pattern.rows();
     let mut at: Vec<Range<usize>> = (0..blocks)
         .map(|block| {
@@ -264,11 +272,7 @@ fn reach(
 
 /// The smallest range with `at` and the rows that have an entry in it, or in a column of an input
 /// or a parameter that is among `columns`.
-fn spread(
-    pattern: &SparsityPattern,
-    at: &Range<usize>,
-    columns: &Range<usize>,
-) -> Range<usize> {
+fn spread(pattern: &SparsityPattern, at: &Range<usize>, columns: &Range<usize>) -> Range<usize> {
     let states = pattern.rows();
     let mut range = at.clone();
     for i in 0..states {
@@ -276,7 +280,8 @@ fn spread(
         let reached =
             |place: &usize| at.contains(place) || *place >= states && columns.contains(place);
         if places.iter().any(reached) {
-            range = if range.is_empty() { i..i + 1 } else { range.start.min(i)..range.end.max(i + 1) };
+            range =
+                if range.is_empty() { i..i + 1 } else { range.start.min(i)..range.end.max(i + 1) };
         }
     }
     range

@@ -1,9 +1,10 @@
 //! Runge-Kutta methods with exact sensitivities through sparse Jacobians, as models.
 
-use super::propagation::{Sensitivities, Substep};
-use super::tableau::{Stage, Tableau, places};
 use super::SparseFunction;
 use super::by_count::ByCount;
+use super::propagation::{Sensitivities, Substep};
+use super::small::{Small, Steps};
+use super::tableau::{Stage, Tableau, places};
 use crate::points::Points;
 use crate::{Dims, Linearization, Model, OutputLinearization, Stages};
 use pinc_ad::simd::{Isa, Simd, Task, Work};
@@ -82,6 +83,7 @@ impl<F: SparseFunction> Task for Build<F> {
             x: vec![zero; places(&stages) * nx],
             entries: vec![zero; stages.len() * pattern.entries()],
             sensitivities: Sensitivities::new(pattern, &stages, zero),
+            small: Small::new(pattern, zero),
             outputs: plant.outputs.as_ref().map_or(Vec::new(), |outputs| outputs.memory(zero)),
             plant,
             stages,
@@ -104,6 +106,7 @@ struct SparseRungeKutta<F, V> {
     /// The entries of its Jacobian at each stage.
     entries: Vec<V>,
     sensitivities: Sensitivities<V>,
+    small: Option<Small<V>>,
     /// That of h.
     outputs: Vec<V>,
 }
@@ -197,7 +200,11 @@ impl<F: SparseFunction, V: Simd> SparseRungeKutta<F, V> {
             let row = |lane: usize| (begin + lane) * dims.nx + i;
             scatter(x, filled, |lane, value| points.out.next[row(lane)] = value);
             for column in 0..columns {
-                scatter(self.sensitivities.get(i, column), filled, |lane, derivative| {
+                let derivatives = match &self.small {
+                    Some(small) => small.get(i, column),
+                    None => self.sensitivities.get(i, column),
+                };
+                scatter(derivatives, filled, |lane, derivative| {
                     points.set(dims, row(lane), column, derivative);
                 });
             }
@@ -252,9 +259,15 @@ impl<F: SparseFunction, V: Simd> Work for Linearize<'_, F, V> {
         let columns = points.columns(dims);
         for begin in (0..points.at.x.len() / dims.nx).step_by(V::LANES) {
             let filled = load(&mut model.memory, dims, points.at, begin, model.zero);
-            model.sensitivities.reset(model.zero);
-            for number in 0..model.substeps {
-                model.linearized_substep(number, columns);
+            let SparseRungeKutta { plant, stages, substeps, memory, zero, small, .. } = &mut *model;
+            if let Some(small) = small {
+                let (rhs, substeps, zero) = (&plant.rhs, *substeps, *zero);
+                small.run(Steps { rhs, stages, substeps, memory, zero });
+            } else {
+                model.sensitivities.reset(model.zero);
+                for number in 0..model.substeps {
+                    model.linearized_substep(number, columns);
+                }
             }
             model.store(&mut points, begin, filled, columns);
         }
