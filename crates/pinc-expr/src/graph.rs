@@ -9,7 +9,7 @@ use std::collections::HashMap;
 pub(crate) struct Number(u64);
 
 impl Number {
-    fn new(value: f64) -> Self {
+    pub(crate) fn new(value: f64) -> Self {
         Self(value.to_bits())
     }
 
