@@ -30,6 +30,7 @@ mod config;
 mod domain;
 mod error;
 mod file;
+mod folded;
 mod kernel;
 mod labels;
 mod loss;
@@ -50,6 +51,7 @@ pub use ansatz::Ansatz;
 pub use config::{GrowthConfig, Phase, SelectNet, TrainingConfig, TrainingTarget};
 pub use domain::Domain;
 pub use error::{ModelError, NetError};
+pub use folded::{FoldedNet, PlainLayer};
 pub use kernel::BatchLoss;
 pub use loss::{
     InitialScale, LossTerms, LossWeights, ResidualScale, reference_loss, reference_measured,
