@@ -1,7 +1,7 @@
 //! The command line.
 
 use crate::runs::verdict;
-use crate::{BenchError, BenchOptions, Options, Shard, Verbosity, console, summary};
+use crate::{BenchError, BenchOptions, Options, Shard, Target, Verbosity, console, summary};
 use clap::{Args, Parser, Subcommand};
 use pinc_config::{Experiment, ModelKind, OutsidePolicy, Plants, RunList};
 use pinc_record::RunDir;
@@ -79,6 +79,35 @@ enum Command {
         only: Option<Only>,
         #[command(flatten)]
         run: RunArgs,
+    },
+    /// Export a trained net as sources and files of other programs.
+    Export {
+        /// Model file (safetensors).
+        #[arg(long)]
+        model: PathBuf,
+        /// What to export to.
+        #[arg(long, value_enum)]
+        to: To,
+        /// Directory of the files, by default `exports/`, the name and the target.
+        #[arg(long, value_name = "DIR")]
+        out: Option<PathBuf>,
+        /// What all names begin with, by default the model file's name.
+        #[arg(long)]
+        name: Option<String>,
+    },
+    /// Serve the controller as a process: one JSON object a line, from standard input to standard
+    /// output.
+    Serve {
+        /// Config file (TOML).
+        config: PathBuf,
+        /// Model file (safetensors) of the net that is the model.
+        #[arg(long)]
+        model: Option<PathBuf>,
+        /// The model, if it is not to be the config's first.
+        #[arg(long, value_enum)]
+        only: Option<Only>,
+        #[command(flatten)]
+        set: SetArgs,
     },
     /// Check a config and examine its plant before anything is trained.
     Check {
@@ -162,6 +191,32 @@ enum Only {
     Rodas4,
 }
 
+impl Only {
+    fn kind(self) -> ModelKind {
+        match self {
+            Self::Pinc => ModelKind::Pinc,
+            Self::Rk4 => ModelKind::Rk4,
+            Self::Rk5 => ModelKind::Rk5,
+            Self::Rodas4 => ModelKind::Rodas4,
+        }
+    }
+}
+
+/// What a net is exported to.
+#[derive(Clone, Copy, Debug, clap::ValueEnum)]
+enum To {
+    /// C99 without dependencies.
+    C,
+}
+
+impl To {
+    fn target(self) -> Target {
+        match self {
+            Self::C => Target::C,
+        }
+    }
+}
+
 /// The whole program `pinc`, with `plants` besides the built-in ones.
 #[must_use]
 pub fn program(plants: &Plants) -> ExitCode {
@@ -193,12 +248,7 @@ fn execute(cli: &Cli, plants: &Plants) -> Result<ExitCode, BenchError> {
             run.one(config, plants, quiet, crate::train)?;
         }
         Command::Control { config, model, only, run } => {
-            let only = only.map(|only| match only {
-                Only::Pinc => ModelKind::Pinc,
-                Only::Rk4 => ModelKind::Rk4,
-                Only::Rk5 => ModelKind::Rk5,
-                Only::Rodas4 => ModelKind::Rodas4,
-            });
+            let only = only.map(Only::kind);
             run.one(config, plants, quiet, |experiment, dir, options| {
                 crate::control(experiment, dir, options, model.as_deref(), only)
             })?;
@@ -209,6 +259,19 @@ fn execute(cli: &Cli, plants: &Plants) -> Result<ExitCode, BenchError> {
                 Outside::Refuse => OutsidePolicy::Refuse,
             };
             let found = crate::predict(model, inputs, output, policy)?;
+            if found.outside > 0 && !quiet {
+                console::note(&format!("warning: {found}"));
+            }
+        }
+        Command::Export { model, to, out, name } => {
+            let dir = crate::export_net(model, to.target(), name.as_deref(), out.as_deref())?;
+            show(quiet, &dir.display().to_string());
+        }
+        Command::Serve { config, model, only, set } => {
+            let experiment = Experiment::load(config, &set.set, plants)?;
+            let only = only.map(Only::kind);
+            let (input, output) = (std::io::stdin().lock(), std::io::stdout().lock());
+            let found = crate::serve(&experiment, model.as_deref(), only, input, output)?;
             if found.outside > 0 && !quiet {
                 console::note(&format!("warning: {found}"));
             }

@@ -1,6 +1,7 @@
 //! What can go wrong with an experiment.
 
 use pinc_config::{ConfigError, ModelKind};
+use pinc_export::ExportError;
 use pinc_mpc::MpcError;
 use pinc_net::{ModelError, NetError};
 use pinc_ode::OdeError;
@@ -37,6 +38,20 @@ pub enum BenchError {
         /// The requested model.
         model: &'static str,
     },
+    /// The net is to be the model, and no file has it.
+    #[error(
+        "{name}: `{command}` with the model `pinc` needs --model FILE, a net that was trained; \
+        `pinc train` makes one, and --only names another of the config's models"
+    )]
+    NoModelFile {
+        /// The experiment.
+        name: String,
+        /// The command.
+        command: &'static str,
+    },
+    /// Something that cannot be exported.
+    #[error("export: {0}")]
+    Export(#[from] ExportError),
     /// A model file that holds no usable model.
     #[error("{}: {source}", path.display())]
     Model {

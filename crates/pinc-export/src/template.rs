@@ -21,6 +21,7 @@ impl Template {
     /// Fills the places `@key@` with a text, which may have places filled before.
     pub(crate) fn set(&mut self, key: &'static str, text: impl ToString) -> &mut Self {
         let text = self.fill(&text.to_string());
+        self.places.retain(|(old, _)| *old != key);
         self.places.push((key, text));
         self
     }

@@ -5,11 +5,14 @@ mod critical;
 mod error;
 mod graph;
 mod lexer;
+mod listing;
 mod parser;
 mod program;
 
 pub use critical::{CriticalTerm, CriticalTerms, TermRole};
 pub use error::{Excerpt, ExpressionError, ExpressionProblem};
+pub use graph::Function;
+pub use listing::{Instruction, Listing};
 
 use graph::{Graph, Value};
 use pinc_ad::Scalar;

@@ -2,13 +2,16 @@
 
 mod chain;
 mod check;
+mod chosen;
 mod columns;
 mod control;
 mod data;
+mod export;
 mod free_run;
 mod guard;
 mod one_step;
 mod predict;
+mod serve;
 mod train;
 mod trial;
 mod with_outputs;
@@ -18,7 +21,9 @@ pub(crate) use train::TrainingSetup;
 pub(crate) use trial::{run_trial, train_shared};
 
 pub use check::{Finding, Severity, check, findings_json};
+pub use export::{Target, export_net};
 pub use predict::predict;
+pub use serve::serve;
 
 use crate::BenchError;
 use crate::invocation::invocation;

@@ -1,0 +1,4 @@
+//! What is generated, compiled and run.
+
+mod compile;
+mod net;
