@@ -80,20 +80,28 @@ enum Command {
         #[command(flatten)]
         run: RunArgs,
     },
-    /// Export a trained net as sources and files of other programs.
+    /// Export a trained net, or with a config its whole controller, to other programs.
     Export {
+        /// Config file (TOML) of the controller; without one the net alone is exported.
+        #[arg(required_unless_present = "model")]
+        config: Option<PathBuf>,
         /// Model file (safetensors).
         #[arg(long)]
-        model: PathBuf,
+        model: Option<PathBuf>,
+        /// The controller's model, if it is not to be the net given or the config's first.
+        #[arg(long, value_enum, requires = "config")]
+        only: Option<Only>,
         /// What to export to.
         #[arg(long, value_enum)]
         to: To,
         /// Directory of the files, by default `exports/`, the name and the target.
         #[arg(long, value_name = "DIR")]
         out: Option<PathBuf>,
-        /// What all names begin with, by default the model file's name.
+        /// What all names begin with, by default the model file's or the experiment's name.
         #[arg(long)]
         name: Option<String>,
+        #[command(flatten)]
+        set: SetArgs,
     },
     /// Serve the controller as a process: one JSON object a line, from standard input to standard
     /// output.
@@ -263,8 +271,18 @@ fn execute(cli: &Cli, plants: &Plants) -> Result<ExitCode, BenchError> {
                 console::note(&format!("warning: {found}"));
             }
         }
-        Command::Export { model, to, out, name } => {
-            let dir = crate::export_net(model, to.target(), name.as_deref(), out.as_deref())?;
+        Command::Export { config, model, only, to, out, name, set } => {
+            let (to, name, out) = (to.target(), name.as_deref(), out.as_deref());
+            let model = model.as_deref();
+            let dir = match (config, model) {
+                (Some(config), _) => {
+                    let experiment = Experiment::load(config, &set.set, plants)?;
+                    let only = only.map(Only::kind);
+                    crate::export_controller(&experiment, model, only, to, name, out)?
+                }
+                (None, Some(model)) => crate::export_net(model, to, name, out)?,
+                (None, None) => unreachable!("one of them is required"),
+            };
             show(quiet, &dir.display().to_string());
         }
         Command::Serve { config, model, only, set } => {

@@ -49,6 +49,18 @@ pub enum BenchError {
         /// The command.
         command: &'static str,
     },
+    /// A controller whose model cannot be written in another language.
+    #[error(
+        "export: the model `{model}` of the plant `{plant}` cannot be written in C; it can for \
+        `pinc`, a net, and for `rk4` of plants whose equations are text ([plant.expression], \
+        van-der-pol, four-tanks, one-tank)"
+    )]
+    NotExportable {
+        /// The plant's key in the config.
+        plant: &'static str,
+        /// The model.
+        model: &'static str,
+    },
     /// Something that cannot be exported.
     #[error("export: {0}")]
     Export(#[from] ExportError),

@@ -32,6 +32,7 @@
 
 mod control;
 mod data;
+mod equations;
 mod experiment;
 mod explain;
 mod layers;

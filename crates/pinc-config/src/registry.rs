@@ -55,7 +55,7 @@ impl PlantSpec {
     }
 }
 
-fn four_tanks(spec: &FourTanksSpec) -> FourTanks {
+pub(crate) fn four_tanks(spec: &FourTanksSpec) -> FourTanks {
     let published = match spec.parameters {
         FourTanksParameters::Antonelo => FourTanks::antonelo(),
         FourTanksParameters::JohanssonNonminimum => FourTanks::johansson_nonminimum(),

@@ -1,5 +1,7 @@
 //! What cannot be exported.
 
+use pinc_expr::ExpressionError;
+use pinc_mpc::MpcError;
 use pinc_net::NetError;
 use thiserror::Error;
 
@@ -19,4 +21,18 @@ pub enum ExportError {
     /// A net that is no model.
     #[error(transparent)]
     Net(#[from] NetError),
+    /// Equations that are none.
+    #[error("the plant's equations: {0}")]
+    Equations(#[from] ExpressionError),
+    /// A controller that is none.
+    #[error("the controller: {0}")]
+    Controller(#[from] MpcError),
+    /// Something that generated controllers do not have.
+    #[error("the generated controller has no {feature}; use {instead}")]
+    Feature {
+        /// What it has not.
+        feature: &'static str,
+        /// What can be used in its place.
+        instead: &'static str,
+    },
 }

@@ -1,20 +1,28 @@
 //! Nets and controllers as sources and files of other programs.
 //!
 //! - [`net_to_c`]: a net as C99 without dependencies.
+//! - [`controller_to_c`]: a whole controller, with a net or an integrator as its model.
 //!
 //! All of these give the content of files, [`GeneratedFile`]; writing them is up to the caller.
 
+mod controller;
+mod equation;
 mod error;
 mod golden;
+mod mpc_c;
 mod name;
 mod net_c;
 mod origin;
+mod rk4_c;
 mod template;
 
+pub use controller::{Controller, ModelSource};
 pub use error::ExportError;
+pub use mpc_c::controller_to_c;
 pub use name::Name;
 pub use net_c::net_to_c;
 pub use origin::Origin;
+pub use rk4_c::Rk4Model;
 
 /// A file to be written.
 #[derive(Clone, Debug, PartialEq, Eq)]

@@ -504,7 +504,7 @@ static pinc_qp_status pinc_dense_solve(pinc_mpc *m)
     }
     pinc_start(s);
     while (s->changes <= 10 * (PINC_LIMITS + 10)) {
-        pinc_row worst;
+        pinc_row worst = pinc_row_at(s, 0, 0);
         pinc_copy(s->x, s->y, PINC_INPUTS);
         pinc_backward(s, s->x);
         pinc_row_values(s);

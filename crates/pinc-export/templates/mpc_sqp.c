@@ -552,13 +552,17 @@ static void pinc_shift_plan(pinc_mpc *m)
 /* Predicts the state in which the input that is chosen now will act. */
 static void pinc_predict_delay(pinc_mpc *m, const PINC_REAL *x)
 {
+#if PINC_DELAY > 0
     int d;
+#endif
     pinc_copy(m->start, x, PINC_NX);
+#if PINC_DELAY > 0
     for (d = 0; d < PINC_DELAY; d++) {
         PINC_REAL next[PINC_NX];
         pinc_@MODEL@_step(m->start, m->pending + (d * PINC_NU), next);
         pinc_copy(m->start, next, PINC_NX);
     }
+#endif
 }
 
 static int pinc_plan_is_finite(const pinc_plan *plan)

@@ -48,7 +48,6 @@ pub(crate) enum Operation {
 /// The functions of one argument that equations may use, as
 /// [`Scalar`] defines them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-#[non_exhaustive]
 pub enum Function {
     /// The square root.
     Sqrt,

@@ -6,7 +6,6 @@ use crate::{Equations, Parsed};
 
 /// One value of a [`Listing`], made of values before it, which are named by their places.
 #[derive(Clone, Copy, Debug, PartialEq)]
-#[non_exhaustive]
 pub enum Instruction {
     /// A state or an input, counted together in this order.
     Variable(usize),

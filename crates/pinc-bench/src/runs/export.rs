@@ -1,8 +1,10 @@
 //! `pinc export`: nets and controllers for other programs.
 
+use super::chosen::Chosen;
 use super::{chainable, parse_model};
 use crate::BenchError;
-use pinc_export::{GeneratedFile, Name, Origin};
+use pinc_config::{Experiment, ModelKind, Variables};
+use pinc_export::{Controller, GeneratedFile, ModelSource, Name, Origin, Rk4Model};
 use pinc_record::{RecordError, read_file, write_atomically};
 use sha2::{Digest, Sha256};
 use std::fmt::Write as _;
@@ -43,6 +45,61 @@ pub fn export_net(
     let origin = Origin::of_net(&net, env!("CARGO_PKG_VERSION"), &hash(&bytes));
     let files = match to {
         Target::C => pinc_export::net_to_c(&net, &name, &origin)?,
+    };
+    write(&files, to, &name, out)
+}
+
+/// Exports the whole controller of `experiment`, with the net of the file `model` or `only` one of
+/// the config's models in it. All names begin with `name`, by default the experiment's. Returns the
+/// directory.
+///
+/// # Errors
+///
+/// [`BenchError`] if the controller has something that cannot be exported, or files cannot be
+/// written.
+pub fn export_controller(
+    experiment: &Experiment,
+    model: Option<&Path>,
+    only: Option<ModelKind>,
+    to: Target,
+    name: Option<&str>,
+    out: Option<&Path>,
+) -> Result<PathBuf, BenchError> {
+    let chosen = Chosen::of(experiment, model, only, "pinc export")?;
+    let name = name.map_or_else(|| Ok(Name::nearest(&experiment.name)), Name::new)?;
+    let plant = experiment.plant.dyn_plant();
+    let equations = experiment.plant.equations();
+    let setup = chosen.setup();
+    let source = match (chosen.kind, chosen.net(), &equations) {
+        (ModelKind::Pinc, Some(net), _) => ModelSource::Net(net),
+        (ModelKind::Rk4, _, Some(equations)) => ModelSource::Rk4(Rk4Model {
+            equations,
+            sample_time_s: chosen.sample_time_s,
+            substeps: chosen.spec.rk4_substeps,
+        }),
+        (kind, _, _) => {
+            let plant = experiment.plant.name();
+            return Err(BenchError::NotExportable { plant, model: kind.name() });
+        }
+    };
+    let variables = Variables::of(&*plant);
+    let mut content = experiment.to_toml().into_bytes();
+    content.extend(chosen.given.iter().flat_map(|(bytes, _)| bytes));
+    let origin = Origin {
+        version: env!("CARGO_PKG_VERSION").to_owned(),
+        hash: hash(&content),
+        states: variables.states,
+        inputs: variables.inputs,
+    };
+    let controller = Controller {
+        problem: &setup.problem(&*plant),
+        config: &chosen.spec.sqp,
+        model: source,
+        initial_state: &chosen.spec.initial_state,
+        reference: &setup.reference()?,
+    };
+    let files = match to {
+        Target::C => pinc_export::controller_to_c(&controller, &name, &origin)?,
     };
     write(&files, to, &name, out)
 }

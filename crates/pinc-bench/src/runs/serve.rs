@@ -2,11 +2,9 @@
 
 use super::chosen::Chosen;
 use super::guard::Guard;
-use super::steps;
 use crate::BenchError;
 use pinc_config::{ControlSpec, Experiment, ModelKind};
 use pinc_mpc::{Nmpc, Reference, StepReport};
-use pinc_ode::PiecewiseConstant;
 use pinc_record::OutsideDomain;
 use serde::{Deserialize, Serialize};
 use std::io::{BufRead, Write};
@@ -95,13 +93,9 @@ impl<'c> Server<'c> {
         let (setup, spec) = (chosen.setup(), chosen.spec);
         let model = setup.model(chosen.kind, &*plant)?;
         let nmpc = Nmpc::new(setup.problem(&*plant), model, spec.sqp)?;
-        let starts = spec.references.iter().map(|step| step.start_s).collect();
-        let values = spec.references.iter().map(|step| step.value.clone()).collect();
-        let signal = PiecewiseConstant::new(starts, values)?;
-        let count = steps(spec.duration_s, chosen.sample_time_s);
         let guard = chosen.net().map(|net| Guard::new(net, spec.outside_domain));
         Ok(Self {
-            reference: Reference::sample(&signal, count, chosen.sample_time_s)?,
+            reference: setup.reference()?,
             window: vec![0.0; spec.n2 * spec.controlled.len()],
             nmpc,
             spec,

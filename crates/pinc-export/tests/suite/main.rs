@@ -1,4 +1,5 @@
 //! What is generated, compiled and run.
 
 mod compile;
+mod controller;
 mod net;
