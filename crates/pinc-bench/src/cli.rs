@@ -100,6 +100,9 @@ enum Command {
         /// What all names begin with, by default the model file's or the experiment's name.
         #[arg(long)]
         name: Option<String>,
+        /// Write an ONNX file with numbers of 64 bits, which not all runtimes take.
+        #[arg(long)]
+        double: bool,
         #[command(flatten)]
         set: SetArgs,
     },
@@ -215,12 +218,22 @@ impl Only {
 enum To {
     /// C99 without dependencies.
     C,
+    /// C for CasADi's `external`, with exact Jacobian and Hessian.
+    Casadi,
+    /// A co-simulation FMU of FMI 2.0, with its sources.
+    Fmu,
+    /// An ONNX file.
+    Onnx,
 }
 
 impl To {
-    fn target(self) -> Target {
+    fn target(self, double: bool) -> Target {
         match self {
             Self::C => Target::C,
+            Self::Casadi => Target::Casadi,
+            Self::Fmu => Target::Fmu,
+            Self::Onnx if double => Target::OnnxDouble,
+            Self::Onnx => Target::Onnx,
         }
     }
 }
@@ -271,8 +284,8 @@ fn execute(cli: &Cli, plants: &Plants) -> Result<ExitCode, BenchError> {
                 console::note(&format!("warning: {found}"));
             }
         }
-        Command::Export { config, model, only, to, out, name, set } => {
-            let (to, name, out) = (to.target(), name.as_deref(), out.as_deref());
+        Command::Export { config, model, only, to, out, name, double, set } => {
+            let (to, name, out) = (to.target(*double), name.as_deref(), out.as_deref());
             let model = model.as_deref();
             let dir = match (config, model) {
                 (Some(config), _) => {

@@ -61,6 +61,15 @@ pub enum BenchError {
         /// The model.
         model: &'static str,
     },
+    /// A controller for a target that takes nets only.
+    #[error(
+        "export: `--to {target}` takes a net, by --model FILE without a config; a whole controller \
+        goes `--to c` or `--to fmu`"
+    )]
+    NetOnly {
+        /// The target.
+        target: &'static str,
+    },
     /// Something that cannot be exported.
     #[error("export: {0}")]
     Export(#[from] ExportError),

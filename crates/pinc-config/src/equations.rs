@@ -55,10 +55,8 @@ fn van_der_pol(plant: VanDerPol) -> Parts {
 
 fn tanks(plant: &FourTanks) -> Parts {
     let FourTanks { area, outlet, gamma, pump } = plant;
-    let names = [
-        ["area1", "area2", "area3", "area4"],
-        ["outlet1", "outlet2", "outlet3", "outlet4"],
-    ];
+    let names =
+        [["area1", "area2", "area3", "area4"], ["outlet1", "outlet2", "outlet3", "outlet4"]];
     let mut parameters = vec![
         ("twice_g", TWICE_GRAVITY),
         ("gamma1", gamma[0]),

@@ -32,6 +32,14 @@ pub enum ModelSource<'a> {
 }
 
 impl Controller<'_> {
+    /// Length T of a step, in s.
+    pub(crate) fn sample_time_s(&self) -> f64 {
+        match self.model {
+            ModelSource::Net(net) => net.sample_time_s(),
+            ModelSource::Rk4(model) => model.sample_time_s,
+        }
+    }
+
     /// The model, as the library has it.
     pub(crate) fn library_model(&self) -> Result<Box<dyn Model>, ExportError> {
         Ok(match self.model {

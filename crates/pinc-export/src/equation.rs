@@ -105,11 +105,12 @@ impl Body {
     fn slope(&mut self, i: usize, instruction: Instruction) -> Option<String> {
         let text = match instruction {
             Instruction::Power(a, p) => {
-                let slope =
-                    format!("({} * PINC_MATH(pow)(v{a}, {}))", number(p), number(p - 1.0));
+                let slope = format!("({} * PINC_MATH(pow)(v{a}, {}))", number(p), number(p - 1.0));
                 // Infinite at 0, and counted as 0.
                 match p < 1.0 {
-                    true => format!("((v{a} <= PINC_N(0)) && (v{a} >= PINC_N(0))) ? PINC_N(0) : {slope}"),
+                    true => format!(
+                        "((v{a} <= PINC_N(0)) && (v{a} >= PINC_N(0))) ? PINC_N(0) : {slope}"
+                    ),
                     false => slope,
                 }
             }

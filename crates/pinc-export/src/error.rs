@@ -27,6 +27,9 @@ pub enum ExportError {
     /// A controller that is none.
     #[error("the controller: {0}")]
     Controller(#[from] MpcError),
+    /// Files that do not fit into an archive.
+    #[error("the files do not fit into an archive of 4 GB")]
+    Archive,
     /// Something that generated controllers do not have.
     #[error("the generated controller has no {feature}; use {instead}")]
     Feature {

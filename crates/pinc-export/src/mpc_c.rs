@@ -32,6 +32,22 @@ pub fn controller_to_c(
     name: &Name,
     origin: &Origin,
 ) -> Result<Vec<GeneratedFile>, ExportError> {
+    let (mut t, mut files) = controller_sources(controller, name, origin)?;
+    set_selftest(&mut t, controller)?;
+    files.push(t.file("selftest.c", include_str!("../templates/mpc_selftest.c")));
+    t.set("SOURCES", "pinc_mpc.c pinc_@MODEL@.c");
+    files.push(t.named("CMakeLists.txt", include_str!("../templates/net_cmake.txt")));
+    set_page(&mut t, controller, origin);
+    files.push(t.named("README.md", include_str!("../templates/mpc_readme.md")));
+    Ok(files)
+}
+
+/// Headers and sources of the controller and its model, and what templates are filled with.
+pub(crate) fn controller_sources(
+    controller: &Controller<'_>,
+    name: &Name,
+    origin: &Origin,
+) -> Result<(Template, Vec<GeneratedFile>), ExportError> {
     let dims = controller.library_model()?.dims();
     controller.check(dims)?;
     let (mut files, model) = match controller.model {
@@ -52,13 +68,7 @@ pub fn controller_to_c(
         .set("SQP", include_str!("../templates/mpc_sqp.c"));
     files.push(t.file("mpc.h", include_str!("../templates/mpc.h")));
     files.push(t.file("mpc.c", include_str!("../templates/mpc.c")));
-    set_selftest(&mut t, controller)?;
-    files.push(t.file("selftest.c", include_str!("../templates/mpc_selftest.c")));
-    t.set("SOURCES", format!("pinc_mpc.c pinc_{model}.c"));
-    files.push(t.named("CMakeLists.txt", include_str!("../templates/net_cmake.txt")));
-    set_page(&mut t, controller, origin);
-    files.push(t.named("README.md", include_str!("../templates/mpc_readme.md")));
-    Ok(files)
+    Ok((t, files))
 }
 
 fn set_sizes(t: &mut Template, controller: &Controller<'_>, dims: Dims) {
@@ -82,7 +92,8 @@ fn set_problem(t: &mut Template, controller: &Controller<'_>, dims: Dims) {
     let problem = controller.problem;
     let (states, inputs) = (problem.horizon * dims.nx, problem.control_horizon * dims.nu);
     let expand = |side: &[f64], count: usize| side.repeat(count / side.len().max(1));
-    let low = [expand(&problem.state_bounds.low, states), expand(&problem.input_bounds.low, inputs)];
+    let low =
+        [expand(&problem.state_bounds.low, states), expand(&problem.input_bounds.low, inputs)];
     let high =
         [expand(&problem.state_bounds.high, states), expand(&problem.input_bounds.high, inputs)];
     let increment_low = expand(&problem.increment_bounds.low, inputs);
@@ -98,7 +109,8 @@ fn set_problem(t: &mut Template, controller: &Controller<'_>, dims: Dims) {
     // The first rows and columns of W are those of the input applied last.
     let width = inputs + dims.nu;
     let free = w.chunks_exact(width).skip(dims.nu).flat_map(|row| &row[dims.nu..]).copied();
-    let mut tables = String::from("/* Bounds on z, and what multipliers of states are at most. */\n");
+    let mut tables =
+        String::from("/* Bounds on z, and what multipliers of states are at most. */\n");
     tables += &array("low", &low.concat());
     tables += &array("high", &high.concat());
     tables += &array("penalty", &controller.penalties(dims));
@@ -180,20 +192,19 @@ fn set_selftest(t: &mut Template, controller: &Controller<'_>) -> Result<(), Exp
         inputs.push(u);
         x = next;
     }
-    t.set("STEPS", inputs.len())
-        .set("DOUBLE", TOLERANCES[0])
-        .set("FLOAT", TOLERANCES[1])
-        .set("TABLES", [table("x", &states), table("reference", &windows), table("u", &inputs)].concat());
+    t.set("STEPS", inputs.len()).set("DOUBLE", TOLERANCES[0]).set("FLOAT", TOLERANCES[1]).set(
+        "TABLES",
+        [table("x", &states), table("reference", &windows), table("u", &inputs)].concat(),
+    );
     Ok(())
 }
 
 fn set_page(t: &mut Template, controller: &Controller<'_>, origin: &Origin) {
-    let list = |values: &[f64]| {
-        values.iter().map(|v| constant(*v)).collect::<Vec<_>>().join(", ")
-    };
+    let list = |values: &[f64]| values.iter().map(|v| constant(*v)).collect::<Vec<_>>().join(", ");
     let rows = match controller.model {
         ModelSource::Net(net) => {
-            let rows = domain(net, origin).iter().map(|row| format!("- {row}\n")).collect::<String>();
+            let rows =
+                domain(net, origin).iter().map(|row| format!("- {row}\n")).collect::<String>();
             format!("The model is a net, which is good where it was trained:\n\n{rows}")
         }
         ModelSource::Rk4(model) => format!(
@@ -209,8 +220,11 @@ fn set_page(t: &mut Template, controller: &Controller<'_>, origin: &Origin) {
         .set("Y", tracked.join(", "))
         .set("STATES", origin.state_list())
         .set("INPUTS", origin.input_list())
-        .set("T", constant(match controller.model {
-            ModelSource::Net(net) => net.sample_time_s(),
-            ModelSource::Rk4(model) => model.sample_time_s,
-        }));
+        .set(
+            "T",
+            constant(match controller.model {
+                ModelSource::Net(net) => net.sample_time_s(),
+                ModelSource::Rk4(model) => model.sample_time_s,
+            }),
+        );
 }

@@ -29,8 +29,7 @@ pub fn net_to_c(
     files.push(selftest(net, &mut t)?);
     t.set("SOURCES", "pinc_net.c");
     files.push(t.named("CMakeLists.txt", include_str!("../templates/net_cmake.txt")));
-    let markdown = domain(net, origin).iter().map(|row| format!("- {row}\n")).collect::<String>();
-    t.set("DOMAIN", markdown.trim_end());
+    net_page(net, origin, &mut t);
     files.push(t.named("README.md", include_str!("../templates/net_readme.md")));
     Ok(files)
 }
@@ -52,12 +51,18 @@ pub(crate) fn net_core(
     ])
 }
 
+/// The domain as a list of a page.
+pub(crate) fn net_page(net: &PincNet, origin: &Origin, t: &mut Template) {
+    let markdown: String = domain(net, origin).iter().map(|row| format!("- {row}\n")).collect();
+    t.set("DOMAIN", markdown.trim_end());
+}
+
 /// Whether the net is meaningful between t = 0 and t = T.
 pub(crate) fn has_time(net: &PincNet) -> bool {
     net.source() != TrainingTarget::Integrator
 }
 
-fn places(net: &PincNet, name: &Name, origin: &Origin) -> Result<Template, ExportError> {
+pub(crate) fn places(net: &PincNet, name: &Name, origin: &Origin) -> Result<Template, ExportError> {
     let folded = FoldedNet::new(net)?;
     let (nx, nu) = (origin.states.len(), origin.inputs.len());
     let widths = folded.layers.iter().map(|layer| layer.bias.len());

@@ -87,3 +87,9 @@ fn named(variable: &Variable) -> String {
 pub(crate) fn comment(text: &str) -> String {
     text.replace("*/", "* /").replace(['\n', '\r'], " ")
 }
+
+/// A text within the quotes of an attribute in XML.
+pub(crate) fn attribute(text: &str) -> String {
+    let escaped = text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;");
+    escaped.replace('"', "&quot;").replace(['\n', '\r'], " ")
+}

@@ -1,10 +1,13 @@
 //! `pinc export`: nets and controllers for other programs.
 
 use super::chosen::Chosen;
+use super::shared_library::shared_library;
 use super::{chainable, parse_model};
 use crate::BenchError;
 use pinc_config::{Experiment, ModelKind, Variables};
-use pinc_export::{Controller, GeneratedFile, ModelSource, Name, Origin, Rk4Model};
+use pinc_export::{
+    Controller, GeneratedFile, ModelSource, Name, Origin, Precision, Rk4Model, net_to_onnx,
+};
 use pinc_record::{RecordError, read_file, write_atomically};
 use sha2::{Digest, Sha256};
 use std::fmt::Write as _;
@@ -16,12 +19,23 @@ use std::path::{Path, PathBuf};
 pub enum Target {
     /// C99 without dependencies.
     C,
+    /// C for CasADi's `external`.
+    Casadi,
+    /// A co-simulation FMU of FMI 2.0.
+    Fmu,
+    /// An ONNX file, with numbers of 32 bits.
+    Onnx,
+    /// An ONNX file, with numbers of 64 bits.
+    OnnxDouble,
 }
 
 impl Target {
     fn name(self) -> &'static str {
         match self {
             Self::C => "c",
+            Self::Casadi => "casadi",
+            Self::Fmu => "fmu",
+            Self::Onnx | Self::OnnxDouble => "onnx",
         }
     }
 }
@@ -45,6 +59,10 @@ pub fn export_net(
     let origin = Origin::of_net(&net, env!("CARGO_PKG_VERSION"), &hash(&bytes));
     let files = match to {
         Target::C => pinc_export::net_to_c(&net, &name, &origin)?,
+        Target::Casadi => pinc_export::net_to_casadi(&net, &name, &origin)?,
+        Target::Fmu => vec![fmu(pinc_export::net_to_fmu(&net, &name, &origin)?, &name)?],
+        Target::Onnx => vec![net_to_onnx(&net, &name, &origin, Precision::Single)?],
+        Target::OnnxDouble => vec![net_to_onnx(&net, &name, &origin, Precision::Double)?],
     };
     write(&files, to, &name, out)
 }
@@ -100,8 +118,24 @@ pub fn export_controller(
     };
     let files = match to {
         Target::C => pinc_export::controller_to_c(&controller, &name, &origin)?,
+        Target::Fmu => {
+            let content = pinc_export::controller_to_fmu(&controller, &name, &origin)?;
+            vec![fmu(content, &name)?]
+        }
+        Target::Casadi | Target::Onnx | Target::OnnxDouble => {
+            return Err(BenchError::NetOnly { target: to.name() });
+        }
     };
     write(&files, to, &name, out)
+}
+
+/// The FMU of this content, with a binary for this machine where it has a C compiler.
+fn fmu(mut content: Vec<GeneratedFile>, name: &Name) -> Result<GeneratedFile, BenchError> {
+    if let Some(binary) = shared_library(&content, name)? {
+        content.push(binary);
+    }
+    let bytes = pinc_export::archive(&content)?;
+    Ok(GeneratedFile { path: format!("{}.fmu", name.as_str()), bytes })
 }
 
 /// SHA-256 in hexadecimal digits.

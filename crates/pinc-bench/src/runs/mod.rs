@@ -12,6 +12,7 @@ mod guard;
 mod one_step;
 mod predict;
 mod serve;
+mod shared_library;
 mod train;
 mod trial;
 mod with_outputs;

@@ -22,9 +22,34 @@ const STRICT: [&str; 9] = [
 
 /// What libm and the compiler itself bring along.
 const KNOWN: [&str; 28] = [
-    "tanh", "sqrt", "exp", "log", "sin", "cos", "tan", "atan", "pow", "fabs", "fmax", "fmin",
-    "hypot", "tanhf", "sqrtf", "expf", "logf", "sinf", "cosf", "tanf", "atanf", "powf", "fabsf",
-    "hypotf", "memcpy", "memset", "memmove", "_GLOBAL_OFFSET_TABLE_",
+    "tanh",
+    "sqrt",
+    "exp",
+    "log",
+    "sin",
+    "cos",
+    "tan",
+    "atan",
+    "pow",
+    "fabs",
+    "fmax",
+    "fmin",
+    "hypot",
+    "tanhf",
+    "sqrtf",
+    "expf",
+    "logf",
+    "sinf",
+    "cosf",
+    "tanf",
+    "atanf",
+    "powf",
+    "fabsf",
+    "hypotf",
+    "memcpy",
+    "memset",
+    "memmove",
+    "_GLOBAL_OFFSET_TABLE_",
 ];
 
 /// Generated files in a directory.

@@ -1,10 +1,8 @@
 //! Controllers in C against the library's, step by step.
 
 use super::compile::Sources;
+use pinc_export::{Controller, ExportError, ModelSource, Name, Origin, Rk4Model, controller_to_c};
 use pinc_expr::Equations;
-use pinc_export::{
-    Controller, ExportError, ModelSource, Name, Origin, Rk4Model, controller_to_c,
-};
 use pinc_mpc::{
     Bounds, Nmpc, NmpcProblem, QpMethod, Reference, Softness, SqpConfig, Tracked, Weights,
 };
@@ -196,7 +194,13 @@ impl Case {
             let bounds = &self.problem.input_bounds;
             let ends = bounds.low.iter().zip(&bounds.high);
             let mut applied: Vec<f64> = ends.map(|(l, h)| draws.between(*l, *h)).collect();
-            let reset = if !fresh { 0.0 } else if draws.unit() < 0.5 { 1.0 } else { 2.0 };
+            let reset = if !fresh {
+                0.0
+            } else if draws.unit() < 0.5 {
+                1.0
+            } else {
+                2.0
+            };
             let mut surprise = if draws.unit() < 0.05 { 1.0 } else { 0.0 };
             if let Some(Step { status: 1 | 4, u, .. }) = found.last()
                 && !fresh
@@ -362,7 +366,12 @@ fn all_features_take_the_librarys_steps() {
         }),
         with(&|p| {
             p.tracked = Tracked::states([1]);
-            p.weights = Weights::scaled(vec![10.0], vec![1.0], &[5.0, 4.0, 3.0, 2.0, 1.0], &[5.0, 4.0, 3.0, 2.0, 1.0]);
+            p.weights = Weights::scaled(
+                vec![10.0],
+                vec![1.0],
+                &[5.0, 4.0, 3.0, 2.0, 1.0],
+                &[5.0, 4.0, 3.0, 2.0, 1.0],
+            );
             p.state_bounds.low[0] = f64::NEG_INFINITY;
             p.state_bounds.high[0] = f64::INFINITY;
         }),
