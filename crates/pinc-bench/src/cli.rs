@@ -1,9 +1,10 @@
 //! The command line.
 
+use crate::choices::{Only, Outside, To};
 use crate::runs::verdict;
-use crate::{BenchError, BenchOptions, Options, Shard, Target, Verbosity, console, summary};
+use crate::{BenchError, BenchOptions, Options, Shard, Verbosity, console, summary};
 use clap::{Args, Parser, Subcommand};
-use pinc_config::{Experiment, ModelKind, OutsidePolicy, Plants, RunList};
+use pinc_config::{Experiment, Plants, RunList};
 use pinc_record::RunDir;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -179,65 +180,6 @@ struct SetArgs {
     set: Vec<String>,
 }
 
-/// What to do where a net is evaluated outside its training domain.
-#[derive(Clone, Copy, Debug, clap::ValueEnum)]
-enum Outside {
-    /// Continue, and report how often and how far.
-    Report,
-    /// End there.
-    Refuse,
-}
-
-/// The model inside the controller.
-#[derive(Clone, Copy, Debug, clap::ValueEnum)]
-enum Only {
-    /// The trained net.
-    Pinc,
-    /// The Runge-Kutta method of order 4.
-    Rk4,
-    /// The Runge-Kutta method of order 5.
-    Rk5,
-    /// The Rosenbrock method.
-    #[value(name = "rosenbrock")]
-    Rodas4,
-}
-
-impl Only {
-    fn kind(self) -> ModelKind {
-        match self {
-            Self::Pinc => ModelKind::Pinc,
-            Self::Rk4 => ModelKind::Rk4,
-            Self::Rk5 => ModelKind::Rk5,
-            Self::Rodas4 => ModelKind::Rodas4,
-        }
-    }
-}
-
-/// What a net is exported to.
-#[derive(Clone, Copy, Debug, clap::ValueEnum)]
-enum To {
-    /// C99 without dependencies.
-    C,
-    /// C for CasADi's `external`, with exact Jacobian and Hessian.
-    Casadi,
-    /// A co-simulation FMU of FMI 2.0, with its sources.
-    Fmu,
-    /// An ONNX file.
-    Onnx,
-}
-
-impl To {
-    fn target(self, double: bool) -> Target {
-        match self {
-            Self::C => Target::C,
-            Self::Casadi => Target::Casadi,
-            Self::Fmu => Target::Fmu,
-            Self::Onnx if double => Target::OnnxDouble,
-            Self::Onnx => Target::Onnx,
-        }
-    }
-}
-
 /// The whole program `pinc`, with `plants` besides the built-in ones.
 #[must_use]
 pub fn program(plants: &Plants) -> ExitCode {
@@ -275,11 +217,7 @@ fn execute(cli: &Cli, plants: &Plants) -> Result<ExitCode, BenchError> {
             })?;
         }
         Command::Predict { model, inputs, output, outside_domain } => {
-            let policy = match outside_domain {
-                Outside::Report => OutsidePolicy::Report,
-                Outside::Refuse => OutsidePolicy::Refuse,
-            };
-            let found = crate::predict(model, inputs, output, policy)?;
+            let found = crate::predict(model, inputs, output, outside_domain.policy())?;
             if found.outside > 0 && !quiet {
                 console::note(&format!("warning: {found}"));
             }

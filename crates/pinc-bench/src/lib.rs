@@ -11,6 +11,7 @@
 //! This is the only crate of the project that writes to the terminal and reads a clock.
 
 mod bench;
+mod choices;
 mod cli;
 mod clock;
 pub mod console;

@@ -14,7 +14,7 @@ const STEPS: usize = 20;
 
 /// What an input of the self-test may differ by in double and in float, relative to 1 + its size.
 /// In float the iteration ends earlier.
-const TOLERANCES: [&str; 2] = ["1e-8", "2e-2"];
+const TOLERANCES: [&str; 2] = ["1e-8", "1e-3"];
 
 /// The smallest residual that single precision can be asked for.
 const FLOAT_TOLERANCE: f64 = 1e-3;

@@ -28,7 +28,7 @@
 /* Of the length of steps. */
 #define PINC_PATIENCE 4
 /* Of the elastic mode: weight of violations, and whether bounds on states stay so soft. */
-#define PINC_ELASTIC_WEIGHT PINC_N(1e3)
+#define PINC_ELASTIC_WEIGHT PINC_PICK(1e3, 10)
 #define PINC_STATES_EXACT @STATES_EXACT@
 /* The largest entries of the cost's Hessian. */
 #define PINC_LARGEST_Q PINC_N(@LARGEST_Q@)

@@ -73,6 +73,16 @@ impl Sources {
         Self { dir, library }
     }
 
+    /// Files of which the driver includes what it needs.
+    pub(crate) fn included(files: &[GeneratedFile]) -> Self {
+        Self { library: Vec::new(), ..Self::new(files) }
+    }
+
+    /// Files of which one is compiled by itself, and the driver includes the others.
+    pub(crate) fn library_of(files: &[GeneratedFile], own: &str) -> Self {
+        Self { library: vec![own.to_owned()], ..Self::new(files) }
+    }
+
     fn path(&self) -> &Path {
         self.dir.path()
     }
@@ -82,8 +92,9 @@ impl Sources {
     fn run(&self, command: &mut Command) -> String {
         let output = command.current_dir(self.path()).output().unwrap();
         let errors = String::from_utf8_lossy(&output.stderr);
-        assert!(output.status.success() && errors.is_empty(), "{command:?}: {errors}");
-        String::from_utf8(output.stdout).unwrap()
+        let text = String::from_utf8_lossy(&output.stdout).into_owned();
+        assert!(output.status.success() && errors.is_empty(), "{command:?}: {errors}{text}");
+        text
     }
 
     /// The program of the generated files and `main`, compiled with `more` options.

@@ -3,3 +3,4 @@
 mod compile;
 mod controller;
 mod net;
+mod wrappers;

@@ -60,7 +60,7 @@ fn tanks() -> Domain {
     Domain::new([level(), level(), 0.5..=8.0, 0.5..=8.0], [0.0..=5.0, 0.0..=5.0])
 }
 
-fn nets() -> [PincNet; 3] {
+pub(crate) fn nets() -> [PincNet; 3] {
     [
         net(VanDerPol::default().into_dyn(), &oscillator(), 4, Ansatz::HardLinear),
         net(VanDerPol::default().into_dyn(), &oscillator(), 1, Ansatz::Direct),
