@@ -274,6 +274,39 @@ def check_controller_fmu(model):
     report(f"FMU of the controller, {compared} steps of the loop", worst, 1e-8)
 
 
+def check_loop_of_fmus(model):
+    """Plant and controller as FMUs, closed, against `pinc control` without preview."""
+    loop = WORK / "held"
+    held = ["--set", "control.preview=false", "--set", "control.repetitions=1"]
+    pinc("control", CONFIG, "--model", model, "--only", "pinc", "--out", loop, *held)
+    table = read(loop / "control.csv")
+    states, inputs = numbers(table, "x1", "x2"), numbers(table, "u")
+    references = numbers(table, "x1_ref", "x2_ref")[1::POINTS]
+    out = WORK / "plant"
+    pinc("export", CONFIG, "--plant", "--to", "fmu", "--name", "osc", "--out", out)
+    check_validity(out / "osc.fmu")
+    plant, controller = Slave(out / "osc.fmu"), Slave(WORK / "controller" / "ctl.fmu")
+    plant.begin()
+    controller.begin()
+    worst_x = worst_u = 0.0
+    for k, reference in enumerate(references):
+        controller.set("x", plant.get("x", 2))
+        controller.set("reference", reference)
+        u = controller.get("u", 1)
+        worst_u = max(worst_u, abs(u[0] - inputs[POINTS * k][0]))
+        plant.set("u", u)
+        for part in range(2):
+            t = (k + part / 2) * T
+            plant.fmu.doStep(t, T / 2)
+            controller.fmu.doStep(t, T / 2)
+        end = np.abs(np.array(plant.get("x", 2)) - states[POINTS * (k + 1)]).max()
+        worst_x = max(worst_x, end)
+    plant.close()
+    controller.close()
+    report(f"FMUs of plant and controller, {len(references)} steps, states", worst_x, 1e-7)
+    report("FMUs of plant and controller, inputs", worst_u, 1e-7)
+
+
 def main():
     WORK.mkdir(parents=True, exist_ok=True)
     net = WORK / "net"
@@ -285,6 +318,7 @@ def main():
     check_casadi(model)
     check_fmu(model)
     check_controller_fmu(model)
+    check_loop_of_fmus(model)
     if FAILED:
         sys.exit(f"{len(FAILED)} checks failed")
     print("all checks passed")

@@ -101,6 +101,9 @@ enum Command {
         /// What all names begin with, by default the model file's or the experiment's name.
         #[arg(long)]
         name: Option<String>,
+        /// Export the config's plant in place of its controller, to try controllers on.
+        #[arg(long, requires = "config", conflicts_with_all = ["model", "only"])]
+        plant: bool,
         /// Write an ONNX file with numbers of 64 bits, which not all runtimes take.
         #[arg(long)]
         double: bool,
@@ -222,13 +225,18 @@ fn execute(cli: &Cli, plants: &Plants) -> Result<ExitCode, BenchError> {
                 console::note(&format!("warning: {found}"));
             }
         }
-        Command::Export { config, model, only, to, out, name, double, set } => {
+        Command::Export { config, model, only, to, out, name, plant, double, set } => {
             let (to, name, out) = (to.target(*double), name.as_deref(), out.as_deref());
             let model = model.as_deref();
             let dir = match (config, model) {
                 (Some(config), _) => {
                     let experiment = Experiment::load(config, &set.set, plants)?;
                     let only = only.map(Only::kind);
+                    if *plant {
+                        let dir = crate::export_plant(&experiment, to, name, out)?;
+                        show(quiet, &dir.display().to_string());
+                        return Ok(ExitCode::SUCCESS);
+                    }
                     crate::export_controller(&experiment, model, only, to, name, out)?
                 }
                 (None, Some(model)) => crate::export_net(model, to, name, out)?,

@@ -61,6 +61,12 @@ pub enum BenchError {
         /// The model.
         model: &'static str,
     },
+    /// A plant for a target that does not take plants.
+    #[error("export: `--to {target}` takes no plant; `--plant` goes `--to fmu`")]
+    PlantTarget {
+        /// The target.
+        target: &'static str,
+    },
     /// A controller for a target that takes nets only.
     #[error(
         "export: `--to {target}` takes a net, by --model FILE without a config; a whole controller \

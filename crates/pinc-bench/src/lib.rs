@@ -2,7 +2,7 @@
 //!
 //! - [`run`], [`train`], [`control`], [`predict`], [`check`], [`rebuild_report`]: what the
 //!   program does with an [`Experiment`](pinc_config::Experiment).
-//! - [`export_net`], [`export_controller`], [`serve`]: nets and controllers for other programs.
+//! - [`export_net`], [`export_controller`], [`export_plant`], [`serve`]: nets and controllers for other programs.
 //! - [`sweep()`], [`merge`]: an experiment many times over.
 //! - [`bench()`]: measurements of the machine.
 //! - [`program`]: the command line; with [`Plants`] of your own, a `pinc` that
@@ -32,7 +32,7 @@ pub use pinc_config::Plants;
 pub use progress::Verbosity;
 pub use runs::{
     Finding, Options, Severity, Target, check, control, export_controller, export_net,
-    findings_json, predict, rebuild_report, run, serve, train,
+    export_plant, findings_json, predict, rebuild_report, run, serve, train,
 };
 pub use summary::summary;
 pub use sweep::{Shard, merge, sweep};

@@ -4,12 +4,16 @@ use crate::controller::Controller;
 use crate::mpc_c::controller_sources;
 use crate::net_c::{has_time, net_core, places};
 use crate::origin::{Origin, attribute};
+use crate::rk4_c::{Rk4Model, rk4_core};
 use crate::template::{Template, constant};
 use crate::{ExportError, GeneratedFile, Name};
 use pinc_net::PincNet;
 use pinc_ode::Variable;
 use std::collections::BTreeSet;
 use std::fmt::Write as _;
+
+/// Substeps per T of a plant that is to be accurate.
+const FINE: f64 = 100.0;
 
 /// A net as the content of an FMU: model description and sources. It is a plant: its inputs are
 /// `u[i]`, its outputs the states `x[i]`, and its parameters the initial states `x_start[i]`.
@@ -92,6 +96,38 @@ pub fn controller_to_fmu(
             .collect(),
     };
     Ok(description.files(t, sources, name, origin))
+}
+
+/// A plant by its equations as the content of an FMU, integrated accurately: what a controller can
+/// be tried on. Variables are those of [`net_to_fmu`]; it starts in `initial_state`.
+///
+/// # Errors
+///
+/// [`ExportError::Equations`] if the equations are none.
+pub fn plant_to_fmu(
+    plant: Rk4Model<'_>,
+    initial_state: &[f64],
+    name: &Name,
+    origin: &Origin,
+) -> Result<Vec<GeneratedFile>, ExportError> {
+    let (states, inputs) = (&origin.states, &origin.inputs);
+    let mut variables = list(states, "x", Role::Output, initial_state);
+    variables.extend(list(inputs, "u", Role::Input, &vec![0.0; inputs.len()]));
+    variables.extend(list(states, "x_start", Role::Start, initial_state));
+    let mut t = Template::new(name);
+    t.set("BANNER", origin.banner("A plant, integrated.", None));
+    t.set("HEADER", "rk4").set("FIRST_SET", states.len()).set("FIELDS", "");
+    t.set("FINE", constant(plant.sample_time_s / FINE));
+    t.set("MODEL_CODE", include_str!("../templates/fmu_plant.c"));
+    let description = Description {
+        variables: &variables,
+        step_s: plant.sample_time_s,
+        any_step: true,
+        feed_through: false,
+        status: false,
+        sources: vec![format!("{}_rk4.c", name.as_str())],
+    };
+    Ok(description.files(t, rk4_core(plant, name, origin)?, name, origin))
 }
 
 /// What a variable is for.

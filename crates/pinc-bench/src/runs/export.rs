@@ -8,6 +8,7 @@ use pinc_config::{Experiment, ModelKind, Variables};
 use pinc_export::{
     Controller, GeneratedFile, ModelSource, Name, Origin, Precision, Rk4Model, net_to_onnx,
 };
+use pinc_ode::DynPlant;
 use pinc_record::{RecordError, read_file, write_atomically};
 use sha2::{Digest, Sha256};
 use std::fmt::Write as _;
@@ -100,15 +101,9 @@ pub fn export_controller(
             return Err(BenchError::NotExportable { plant, model: kind.name() });
         }
     };
-    let variables = Variables::of(&*plant);
     let mut content = experiment.to_toml().into_bytes();
     content.extend(chosen.given.iter().flat_map(|(bytes, _)| bytes));
-    let origin = Origin {
-        version: env!("CARGO_PKG_VERSION").to_owned(),
-        hash: hash(&content),
-        states: variables.states,
-        inputs: variables.inputs,
-    };
+    let origin = origin(&content, &*plant);
     let controller = Controller {
         problem: &setup.problem(&*plant),
         config: &chosen.spec.sqp,
@@ -127,6 +122,51 @@ pub fn export_controller(
         }
     };
     write(&files, to, &name, out)
+}
+
+/// Exports the plant of `experiment`, the one in its closed loop, as an FMU on which a controller can
+/// be tried. All names begin with `name`, by default the experiment's. Returns the directory.
+///
+/// # Errors
+///
+/// [`BenchError`] if the plant's equations are no text, or files cannot be written.
+pub fn export_plant(
+    experiment: &Experiment,
+    to: Target,
+    name: Option<&str>,
+    out: Option<&Path>,
+) -> Result<PathBuf, BenchError> {
+    let missing = |section| BenchError::MissingSection {
+        name: experiment.name.clone(),
+        section,
+        command: "pinc export --plant",
+    };
+    let control = experiment.control.as_ref().ok_or_else(|| missing("control"))?;
+    let sample_time_s = experiment.sample_time_s().ok_or_else(|| missing("model"))?;
+    let spec = control.plant.as_ref().unwrap_or(&experiment.plant);
+    if to != Target::Fmu {
+        return Err(BenchError::PlantTarget { target: to.name() });
+    }
+    let equations = spec.equations().ok_or_else(|| BenchError::NotExportable {
+        plant: spec.name(),
+        model: ModelKind::Rk4.name(),
+    })?;
+    let name = name.map_or_else(|| Ok(Name::nearest(&experiment.name)), Name::new)?;
+    let origin = origin(experiment.to_toml().as_bytes(), &*spec.dyn_plant());
+    let plant = Rk4Model { equations: &equations, sample_time_s, substeps: control.rk4_substeps };
+    let content = pinc_export::plant_to_fmu(plant, &control.initial_state, &name, &origin)?;
+    write(&[fmu(content, &name)?], to, &name, out)
+}
+
+/// Where the export of something with this content, and the variables of `plant`, comes from.
+fn origin(content: &[u8], plant: &dyn DynPlant) -> Origin {
+    let variables = Variables::of(plant);
+    Origin {
+        version: env!("CARGO_PKG_VERSION").to_owned(),
+        hash: hash(content),
+        states: variables.states,
+        inputs: variables.inputs,
+    }
 }
 
 /// The FMU of this content, with a binary for this machine where it has a C compiler.

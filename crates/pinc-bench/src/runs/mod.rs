@@ -22,7 +22,7 @@ pub(crate) use train::TrainingSetup;
 pub(crate) use trial::{run_trial, train_shared};
 
 pub use check::{Finding, Severity, check, findings_json};
-pub use export::{Target, export_controller, export_net};
+pub use export::{Target, export_controller, export_net, export_plant};
 pub use predict::predict;
 pub use serve::serve;
 

@@ -51,8 +51,8 @@ impl Closed {
         let at = |step: usize| {
             let step = u32::try_from(step.min(self.steps.len() - 1)).unwrap();
             let t = f64::from(step) * self.sample_time_s;
-            let begun = self.spec.references.iter().filter(|r| r.start_s <= t);
-            begun.last().unwrap().value.clone()
+            let mut begun = self.spec.references.iter().filter(|r| r.start_s <= t);
+            begun.next_back().unwrap().value.clone()
         };
         (0..self.spec.n2).map(|j| at(k + self.spec.delay_steps + j)).collect()
     }

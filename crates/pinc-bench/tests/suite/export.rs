@@ -174,3 +174,41 @@ fn what_cannot_be_exported_is_refused() {
     refused(&[&training, "--only", "rk4"], &["[control]", "pinc export"]);
     refused(&["--model", "none.safetensors"], &["none.safetensors", "cannot be read"]);
 }
+
+/// Every target writes its files; FMUs are archives with sources and, where this machine can make one,
+/// a binary.
+#[test]
+fn all_targets_are_written() {
+    let dir = tempfile::tempdir().unwrap();
+    let model = repository("crates/pinc-bench/tests/data/model.safetensors");
+    let config = repository("configs/van-der-pol/control.toml");
+    let (model, config) = (model.to_str().unwrap(), config.to_str().unwrap());
+    let export = |arguments: &[&str]| {
+        let mut command = pinc(&["export", "--name", "it", "--out", "out", "--to"]);
+        outcome(command.args(arguments).current_dir(dir.path()))
+    };
+    let read = |file: &str| fs::read(dir.path().join("out").join(file)).unwrap();
+    let contains = |bytes: &[u8], part: &str| {
+        bytes.windows(part.len()).any(|window| window == part.as_bytes())
+    };
+    fine(&export(&["casadi", "--model", model]));
+    assert!(contains(&read("it_casadi.c"), "jac_jac_it"));
+    fine(&export(&["onnx", "--model", model]));
+    let single = read("it.onnx");
+    fine(&export(&["onnx", "--model", model, "--double"]));
+    assert!(read("it.onnx").len() > 3 * single.len() / 2);
+    for arguments in [
+        &["fmu", "--model", model][..],
+        &["fmu", config, "--only", "rk4"],
+        &["fmu", config, "--plant"],
+    ] {
+        fine(&export(arguments));
+        let fmu = read("it.fmu");
+        assert!(fmu.starts_with(b"PK"));
+        let binary = cfg!(all(target_os = "linux", target_arch = "x86_64"));
+        assert_eq!(contains(&fmu, "binaries/linux64/it.so"), binary, "{arguments:?}");
+        assert!(contains(&fmu, "sources/it_fmu.c") && contains(&fmu, "canHandleVariable"));
+    }
+    export(&["onnx", config, "--only", "rk4"]).assert_refused(&["--to onnx", "takes a net"]);
+    export(&["casadi", config, "--plant"]).assert_refused(&["--to casadi", "takes no plant"]);
+}
