@@ -196,7 +196,8 @@ fn all_targets_are_written() {
     fine(&export(&["onnx", "--model", model]));
     let single = read("it.onnx");
     fine(&export(&["onnx", "--model", model, "--double"]));
-    assert!(read("it.onnx").len() > 3 * single.len() / 2);
+    // 80 weights and biases with four bytes more.
+    assert!(read("it.onnx").len() >= single.len() + 320);
     for arguments in [
         &["fmu", "--model", model][..],
         &["fmu", config, "--only", "rk4"],
