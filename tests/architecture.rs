@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use toml::{Table, Value};
 
 /// Our crates with the ones of ours that each depends on, from the bottom up.
-const CRATES: [(&str, &[&str]); 13] = [
+const CRATES: [(&str, &[&str]); 14] = [
     ("pinc-ad", &[]),
     ("pinc-qp", &[]),
     ("pinc-chart", &[]),
@@ -17,6 +17,7 @@ const CRATES: [(&str, &[&str]); 13] = [
     ("pinc-analysis", &["pinc-ode"]),
     ("pinc-net", &["pinc-ad", "pinc-ode"]),
     ("pinc-mpc", &["pinc-ad", "pinc-ode", "pinc-qp"]),
+    ("pinc-export", &["pinc-expr", "pinc-mpc", "pinc-net", "pinc-ode"]),
     ("pinc-config", &["pinc-expr", "pinc-mpc", "pinc-net", "pinc-ode", "pinc-plants"]),
     ("pinc-record", &["pinc-config", "pinc-mpc", "pinc-net"]),
     ("pinc-report", &["pinc-chart", "pinc-config", "pinc-mpc", "pinc-net", "pinc-record"]),
@@ -26,6 +27,7 @@ const CRATES: [(&str, &[&str]); 13] = [
             "pinc-ad",
             "pinc-analysis",
             "pinc-config",
+            "pinc-export",
             "pinc-expr",
             "pinc-mpc",
             "pinc-net",

@@ -1,6 +1,7 @@
 //! What can go wrong with an experiment.
 
 use pinc_config::{ConfigError, ModelKind};
+use pinc_export::ExportError;
 use pinc_mpc::MpcError;
 use pinc_net::{ModelError, NetError};
 use pinc_ode::OdeError;
@@ -37,6 +38,47 @@ pub enum BenchError {
         /// The requested model.
         model: &'static str,
     },
+    /// The net is to be the model, and no file has it.
+    #[error(
+        "{name}: `{command}` with the model `pinc` needs --model FILE, a net that was trained; \
+        `pinc train` makes one, and --only names another of the config's models"
+    )]
+    NoModelFile {
+        /// The experiment.
+        name: String,
+        /// The command.
+        command: &'static str,
+    },
+    /// A controller whose model cannot be written in another language.
+    #[error(
+        "export: the model `{model}` of the plant `{plant}` cannot be written in C; it can for \
+        `pinc`, a net, and for `rk4` of plants whose equations are text ([plant.expression], \
+        van-der-pol, four-tanks, one-tank)"
+    )]
+    NotExportable {
+        /// The plant's key in the config.
+        plant: &'static str,
+        /// The model.
+        model: &'static str,
+    },
+    /// A plant for a target that does not take plants.
+    #[error("export: `--to {target}` takes no plant; `--plant` goes `--to fmu`")]
+    PlantTarget {
+        /// The target.
+        target: &'static str,
+    },
+    /// A controller for a target that takes nets only.
+    #[error(
+        "export: `--to {target}` takes a net, by --model FILE without a config; a whole controller \
+        goes `--to c` or `--to fmu`"
+    )]
+    NetOnly {
+        /// The target.
+        target: &'static str,
+    },
+    /// Something that cannot be exported.
+    #[error("export: {0}")]
+    Export(#[from] ExportError),
     /// A model file that holds no usable model.
     #[error("{}: {source}", path.display())]
     Model {

@@ -6,12 +6,15 @@ mod error;
 mod graph;
 mod grouped;
 mod lexer;
+mod listing;
 mod parser;
 mod program;
 mod text_plant;
 
 pub use critical::{CriticalTerm, CriticalTerms, TermRole};
 pub use error::{Excerpt, ExpressionError, ExpressionProblem};
+pub use graph::Function;
+pub use listing::{Instruction, Listing};
 
 use graph::{Graph, Value};
 use grouped::GroupedFunction;

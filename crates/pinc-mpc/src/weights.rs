@@ -160,7 +160,12 @@ impl Weight {
     }
 
     /// Entry (i, k).
-    pub(crate) fn entry(&self, i: usize, k: usize) -> f64 {
+    ///
+    /// # Panics
+    ///
+    /// If there is no such row or column.
+    #[must_use]
+    pub fn entry(&self, i: usize, k: usize) -> f64 {
         match self {
             Self::Diagonal(diagonal) => {
                 if i == k {

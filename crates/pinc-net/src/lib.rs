@@ -31,6 +31,7 @@ mod domain;
 mod domain_error;
 mod error;
 mod file;
+mod folded;
 mod kernel;
 mod labels;
 mod loss;
@@ -52,6 +53,7 @@ pub use config::{GrowthConfig, Phase, SelectNet, TrainingConfig, TrainingTarget}
 pub use domain::{Domain, ParameterRange};
 pub use domain_error::{DomainError, DomainTruth, WorstStep};
 pub use error::{ModelError, NetError};
+pub use folded::{FoldedNet, PlainLayer};
 pub use kernel::BatchLoss;
 pub use loss::{
     InitialScale, LossTerms, LossWeights, ResidualScale, reference_loss, reference_measured,

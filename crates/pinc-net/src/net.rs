@@ -231,6 +231,31 @@ impl PincNet {
         net
     }
 
+    /// The net of the plant with the parameters `p`, `np`, which takes none: their part goes into
+    /// the biases.
+    ///
+    /// # Panics
+    ///
+    /// If the length of `p` does not fit.
+    #[must_use]
+    pub fn member(&self, p: &[f64]) -> Self {
+        let Dims { nx, nu, np, .. } = self.dims();
+        assert_eq!(p.len(), np, "length of p");
+        if np == 0 {
+            return self.clone();
+        }
+        let kept = 1 + nx + nu;
+        let scale = self.input.mean[kept..].iter().zip(&self.input.std[kept..]);
+        let normalized: Vec<f64> = p.iter().zip(scale).map(|(p, (m, s))| (p - m) / s).collect();
+        let first = |values: &[f64]| values[..kept].to_vec();
+        Self {
+            mlp: self.mlp.with_inputs_fixed(kept, &normalized),
+            input: Normalizer { mean: first(&self.input.mean), std: first(&self.input.std) },
+            domain: Domain { parameters: Vec::new(), ..self.domain.clone() },
+            ..self.clone()
+        }
+    }
+
     /// y(t) after `t` seconds from `y0` under the constant input `u`, of the plant with the
     /// parameters `p`.
     ///

@@ -205,13 +205,18 @@ impl LoopSetup<'_> {
         NmpcProblem { parameters: self.parameters.to_vec(), ..problem }
     }
 
-    pub(crate) fn begin<'n>(&self, nmpc: &'n mut Nmpc) -> Result<ClosedLoop<'n>, BenchError> {
-        let spec = self.spec;
-        let starts = spec.references.iter().map(|step| step.start_s).collect();
-        let values = spec.references.iter().map(|step| step.value.clone()).collect();
+    /// What is followed, step by step.
+    pub(super) fn reference(&self) -> Result<Reference, BenchError> {
+        let references = &self.spec.references;
+        let starts = references.iter().map(|step| step.start_s).collect();
+        let values = references.iter().map(|step| step.value.clone()).collect();
         let signal = PiecewiseConstant::new(starts, values)?;
-        let steps = super::steps(spec.duration_s, self.sample_time_s);
-        let reference = Reference::sample(&signal, steps, self.sample_time_s)?;
+        let steps = super::steps(self.spec.duration_s, self.sample_time_s);
+        Ok(Reference::sample(&signal, steps, self.sample_time_s)?)
+    }
+
+    pub(crate) fn begin<'n>(&self, nmpc: &'n mut Nmpc) -> Result<ClosedLoop<'n>, BenchError> {
+        let (spec, reference) = (self.spec, self.reference()?);
         let truth = Dopri5::shared(self.truth.to_shared(), spec.plant_tolerance);
         let run = ClosedLoop::new(nmpc, truth, reference, &spec.initial_state)?;
         let run = if spec.preview { run } else { run.without_preview() };

@@ -2,16 +2,20 @@
 
 mod chain;
 mod check;
+mod chosen;
 mod columns;
 mod control;
 mod data;
 mod domain_error;
+mod export;
 mod found;
 mod free_run;
 mod guard;
 mod one_step;
 mod predict;
 mod recording;
+mod serve;
+mod shared_library;
 mod train;
 mod trial;
 mod with_outputs;
@@ -21,7 +25,9 @@ pub(crate) use train::TrainingSetup;
 pub(crate) use trial::{run_trial, train_shared};
 
 pub use check::{Finding, Severity, check, findings_json};
+pub use export::{Target, export_controller, export_net, export_plant};
 pub use predict::predict;
+pub use serve::serve;
 
 use crate::BenchError;
 use crate::invocation::invocation;

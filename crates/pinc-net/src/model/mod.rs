@@ -4,7 +4,7 @@ mod batched;
 mod layout;
 mod step;
 
-use crate::{NetError, PincNet};
+use crate::{FoldedNet, NetError, PincNet};
 use batched::{Batched, Cells};
 use layout::Layout;
 use pinc_ad::simd::Isa;
@@ -47,11 +47,8 @@ impl PincModel {
     ///
     /// On use, if the machine does not have the instruction set.
     pub fn with_isa(net: &PincNet, isa: Isa) -> Result<Self, NetError> {
-        if net.time_only.is_some() {
-            return Err(NetError::OneScenario);
-        }
         let dims = net.dims();
-        let layout = Layout::new(net, isa.lanes());
+        let layout = Layout::new(FoldedNet::new(net)?, isa.lanes());
         let tangents = dims.nx + dims.nu + dims.np;
         let columns = Columns::new(layout.longest(), tangents);
         let cells = Cells::new(layout.widest(), tangents, isa.lanes());

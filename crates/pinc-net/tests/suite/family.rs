@@ -74,6 +74,16 @@ fn one_net_serves_the_family() {
             worst = worst.max((x[0] - truth[0]).abs()).max((x[1] - truth[1]).abs());
         }
         assert!(worst < 0.03, "{worst}");
+        // The net of one member is that member, and takes no parameters.
+        let (p, member) = ([1.3, 0.2], net.member(&[1.3, 0.2]));
+        assert_eq!(member.parameter_names().count(), 0);
+        for t in [0.1, 0.4] {
+            let both = [
+                net.evaluate(t, &[0.8, -0.3], &[0.4], &p),
+                member.evaluate(t, &[0.8, -0.3], &[0.4], &[]),
+            ];
+            assert!(both[0].iter().zip(&both[1]).all(|(a, b)| (a - b).abs() < 1e-14), "{both:?}");
+        }
         // Which member it is matters: another one is somewhere else.
         let [one, other] =
             [[0.6, 0.5], [1.9, 0.15]].map(|p| net.evaluate(0.4, &[0.8, -0.3], &[0.4], &p));
