@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use toml::{Table, Value};
 
 /// Our crates with the ones of ours that each depends on, from the bottom up.
-const CRATES: [(&str, &[&str]); 14] = [
+const CRATES: [(&str, &[&str]); 15] = [
     ("pinc-ad", &[]),
     ("pinc-qp", &[]),
     ("pinc-chart", &[]),
@@ -18,6 +18,7 @@ const CRATES: [(&str, &[&str]); 14] = [
     ("pinc-net", &["pinc-ad", "pinc-ode"]),
     ("pinc-mpc", &["pinc-ad", "pinc-ode", "pinc-qp"]),
     ("pinc-estimate", &["pinc-mpc", "pinc-ode", "pinc-qp"]),
+    ("pinc-export", &["pinc-expr", "pinc-mpc", "pinc-net", "pinc-ode"]),
     (
         "pinc-config",
         &["pinc-estimate", "pinc-expr", "pinc-mpc", "pinc-net", "pinc-ode", "pinc-plants"],
@@ -31,6 +32,7 @@ const CRATES: [(&str, &[&str]); 14] = [
             "pinc-analysis",
             "pinc-config",
             "pinc-estimate",
+            "pinc-export",
             "pinc-expr",
             "pinc-mpc",
             "pinc-net",

@@ -69,9 +69,10 @@ fn run(task: Task, estimator: Option<(Augmentation, Tuning)>) -> Answer {
         Some(feedback) => run.with_observer(feedback),
         None => run,
     };
-    run.run().unwrap();
+    let (record, ended) = run.run_recorded();
+    ended.unwrap();
     assert_eq!(run.seen() == run.state(), !observed);
-    assert!(run.steps().iter().all(|step| step.status == SqpStatus::Converged));
+    assert!(record.steps.iter().all(|step| step.status == SqpStatus::Converged));
     let segments = run.segments(&vec![within; quantities]);
     let (iae, offsets, settled) = (
         run.tracking_dense().iae_sum(),

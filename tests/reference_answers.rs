@@ -37,10 +37,11 @@ fn run<P: Plant>(
     let truth = Dopri5::new(plant, TRUTH);
     let steps = reference.steps();
     let mut run = ClosedLoop::new(&mut nmpc, truth, reference, start).unwrap();
-    run.run().unwrap();
-    assert_eq!(run.steps().len(), steps);
-    assert_eq!(run.trajectory().len(), 9 * steps + 1);
-    for (k, step) in run.steps().iter().enumerate() {
+    let (record, ended) = run.run_recorded();
+    ended.unwrap();
+    assert_eq!(record.steps.len(), steps);
+    assert_eq!(record.trajectory.len(), 9 * steps + 1);
+    for (k, step) in record.steps.iter().enumerate() {
         assert_eq!(step.status, SqpStatus::Converged, "step {k}");
         assert!(step.kkt <= 1e-8, "step {k}: {:e}", step.kkt);
     }

@@ -236,6 +236,7 @@ fn net(plant: &dyn DynRhs, hard: bool) -> Box<dyn Model> {
         state_high: vec![3.0; dims.nx],
         input_low: vec![-1.0; dims.nu],
         input_high: vec![1.0; dims.nu],
+        parameters: Vec::new(),
     };
     let ansatz = if hard { Ansatz::HardLinear } else { Ansatz::Direct };
     let config =

@@ -55,8 +55,9 @@ fn iae(model: Box<dyn Model>) -> Result<f64, Box<dyn Error>> {
     let mut nmpc = Nmpc::new(problem, model, SqpConfig::default())?;
     let reference = Reference::new([[1.0; 20], [0.5; 20]].concat(), 1)?;
     let mut run = ClosedLoop::new(&mut nmpc, Dopri5::new(Cart, 1e-10), reference, &[0.0])?;
-    run.run()?;
-    assert!(run.steps().iter().all(|step| step.status == SqpStatus::Converged));
+    let (record, ended) = run.run_recorded();
+    ended?;
+    assert!(record.steps.iter().all(|step| step.status == SqpStatus::Converged));
     Ok(run.tracking_at_steps().iae_mean())
 }
 

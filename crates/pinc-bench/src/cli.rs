@@ -1,9 +1,10 @@
 //! The command line.
 
+use crate::choices::{Only, Outside, To};
 use crate::runs::verdict;
 use crate::{BenchError, BenchOptions, Options, Shard, Verbosity, console, summary};
 use clap::{Args, Parser, Subcommand};
-use pinc_config::{Experiment, ModelKind, OutsidePolicy, Plants, RunList};
+use pinc_config::{Experiment, Plants, RunList};
 use pinc_record::RunDir;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -99,6 +100,49 @@ enum Command {
         #[command(flatten)]
         set: SetArgs,
     },
+    /// Export a trained net, or with a config its whole controller, to other programs.
+    Export {
+        /// Config file (TOML) of the controller; without one the net alone is exported.
+        #[arg(required_unless_present = "model")]
+        config: Option<PathBuf>,
+        /// Model file (safetensors).
+        #[arg(long)]
+        model: Option<PathBuf>,
+        /// The controller's model, if it is not to be the net given or the config's first.
+        #[arg(long, value_enum, requires = "config")]
+        only: Option<Only>,
+        /// What to export to.
+        #[arg(long, value_enum)]
+        to: To,
+        /// Directory of the files, by default `exports/`, the name and the target.
+        #[arg(long, value_name = "DIR")]
+        out: Option<PathBuf>,
+        /// What all names begin with, by default the model file's or the experiment's name.
+        #[arg(long)]
+        name: Option<String>,
+        /// Export the config's plant in place of its controller, to try controllers on.
+        #[arg(long, requires = "config", conflicts_with_all = ["model", "only"])]
+        plant: bool,
+        /// Write an ONNX file with numbers of 64 bits, which not all runtimes take.
+        #[arg(long)]
+        double: bool,
+        #[command(flatten)]
+        set: SetArgs,
+    },
+    /// Serve the controller as a process: one JSON object a line, from standard input to standard
+    /// output.
+    Serve {
+        /// Config file (TOML).
+        config: PathBuf,
+        /// Model file (safetensors) of the net that is the model.
+        #[arg(long)]
+        model: Option<PathBuf>,
+        /// The model, if it is not to be the config's first.
+        #[arg(long, value_enum)]
+        only: Option<Only>,
+        #[command(flatten)]
+        set: SetArgs,
+    },
     /// Check a config and examine its plant before anything is trained.
     Check {
         /// Config file (TOML).
@@ -158,40 +202,6 @@ struct SetArgs {
     set: Vec<String>,
 }
 
-/// What to do where a net is evaluated outside its training domain.
-#[derive(Clone, Copy, Debug, clap::ValueEnum)]
-enum Outside {
-    /// Continue, and report how often and how far.
-    Report,
-    /// End there.
-    Refuse,
-}
-
-/// The model inside the controller.
-#[derive(Clone, Copy, Debug, clap::ValueEnum)]
-enum Only {
-    /// The trained net.
-    Pinc,
-    /// The Runge-Kutta method of order 4.
-    Rk4,
-    /// The Runge-Kutta method of order 5.
-    Rk5,
-    /// The Rosenbrock method.
-    #[value(name = "rosenbrock")]
-    Rodas4,
-}
-
-impl From<Only> for ModelKind {
-    fn from(only: Only) -> Self {
-        match only {
-            Only::Pinc => Self::Pinc,
-            Only::Rk4 => Self::Rk4,
-            Only::Rk5 => Self::Rk5,
-            Only::Rodas4 => Self::Rodas4,
-        }
-    }
-}
-
 /// The whole program `pinc`, with `plants` besides the built-in ones.
 #[must_use]
 pub fn program(plants: &Plants) -> ExitCode {
@@ -223,24 +233,48 @@ fn execute(cli: &Cli, plants: &Plants) -> Result<ExitCode, BenchError> {
             run.one(config, plants, quiet, crate::train)?;
         }
         Command::Control { config, model, only, run } => {
-            let only = only.map(ModelKind::from);
+            let only = only.map(Only::kind);
             run.one(config, plants, quiet, |experiment, dir, options| {
                 crate::control(experiment, dir, options, model.as_deref(), only)
             })?;
         }
         Command::Predict { model, inputs, output, outside_domain } => {
-            let policy = match outside_domain {
-                Outside::Report => OutsidePolicy::Report,
-                Outside::Refuse => OutsidePolicy::Refuse,
+            let found = crate::predict(model, inputs, output, outside_domain.policy())?;
+            if found.outside > 0 && !quiet {
+                console::note(&format!("warning: {found}"));
+            }
+        }
+        Command::Export { config, model, only, to, out, name, plant, double, set } => {
+            let (to, name, out) = (to.target(*double), name.as_deref(), out.as_deref());
+            let model = model.as_deref();
+            let dir = match (config, model) {
+                (Some(config), _) => {
+                    let experiment = Experiment::load(config, &set.set, plants)?;
+                    let only = only.map(Only::kind);
+                    if *plant {
+                        let dir = crate::export_plant(&experiment, to, name, out)?;
+                        show(quiet, &dir.display().to_string());
+                        return Ok(ExitCode::SUCCESS);
+                    }
+                    crate::export_controller(&experiment, model, only, to, name, out)?
+                }
+                (None, Some(model)) => crate::export_net(model, to, name, out)?,
+                (None, None) => unreachable!("one of them is required"),
             };
-            let found = crate::predict(model, inputs, output, policy)?;
+            show(quiet, &dir.display().to_string());
+        }
+        Command::Serve { config, model, only, set } => {
+            let experiment = Experiment::load(config, &set.set, plants)?;
+            let only = only.map(Only::kind);
+            let (input, output) = (std::io::stdin().lock(), std::io::stdout().lock());
+            let found = crate::serve(&experiment, model.as_deref(), only, input, output)?;
             if found.outside > 0 && !quiet {
                 console::note(&format!("warning: {found}"));
             }
         }
         Command::Estimate { config, data, output, model, only, set } => {
             let experiment = Experiment::load(config, &set.set, plants)?;
-            let only = only.map(ModelKind::from);
+            let only = only.map(Only::kind);
             let (output, model) = (output.as_deref(), model.as_deref());
             let found = crate::estimate(&experiment, data, output, model, only)?;
             show(quiet, &found.to_string());
@@ -274,6 +308,11 @@ fn run_all(
     let mut all = Vec::new();
     for config in configs {
         all.extend(run.load(config, plants, configs.len() > 1)?);
+    }
+    for (i, (_, dir)) in all.iter().enumerate() {
+        if all[..i].iter().any(|(_, other)| other == dir) {
+            return Err(BenchError::SameDirectory { dir: dir.clone() });
+        }
     }
     let work = |experiment: &Experiment, dir: &Path, options: &Options<'_>| match (
         &experiment.sweep,

@@ -2,6 +2,7 @@
 
 use pinc_config::{ConfigError, ModelKind};
 use pinc_estimate::EstimateError;
+use pinc_export::ExportError;
 use pinc_mpc::MpcError;
 use pinc_net::{ModelError, NetError};
 use pinc_ode::OdeError;
@@ -38,6 +39,47 @@ pub enum BenchError {
         /// The requested model.
         model: &'static str,
     },
+    /// The net is to be the model, and no file has it.
+    #[error(
+        "{name}: `{command}` with the model `pinc` needs --model FILE, a net that was trained; \
+        `pinc train` makes one, and --only names another of the config's models"
+    )]
+    NoModelFile {
+        /// The experiment.
+        name: String,
+        /// The command.
+        command: &'static str,
+    },
+    /// A controller whose model cannot be written in another language.
+    #[error(
+        "export: the model `{model}` of the plant `{plant}` cannot be written in C; it can for \
+        `pinc`, a net, and for `rk4` of plants whose equations are text ([plant.expression], \
+        van-der-pol, four-tanks, one-tank)"
+    )]
+    NotExportable {
+        /// The plant's key in the config.
+        plant: &'static str,
+        /// The model.
+        model: &'static str,
+    },
+    /// A plant for a target that does not take plants.
+    #[error("export: `--to {target}` takes no plant; `--plant` goes `--to fmu`")]
+    PlantTarget {
+        /// The target.
+        target: &'static str,
+    },
+    /// A controller for a target that takes nets only.
+    #[error(
+        "export: `--to {target}` takes a net, by --model FILE without a config; a whole controller \
+        goes `--to c` or `--to fmu`"
+    )]
+    NetOnly {
+        /// The target.
+        target: &'static str,
+    },
+    /// Something that cannot be exported.
+    #[error("export: {0}")]
+    Export(#[from] ExportError),
     /// A model file that holds no usable model.
     #[error("{}: {source}", path.display())]
     Model {
@@ -94,6 +136,36 @@ pub enum BenchError {
         /// The upper end.
         high: f64,
     },
+    /// A net whose states are no numbers.
+    #[error(
+        "{}:{line}: the net's {variable} is {value} at this row; the inputs or the initial state are too \
+         large for it, or it is damaged",
+        path.display()
+    )]
+    NotFinite {
+        /// The file with the inputs.
+        path: PathBuf,
+        /// The line, from 1.
+        line: u64,
+        /// The state.
+        variable: String,
+        /// What it is.
+        value: f64,
+    },
+    /// An output that is one of the inputs.
+    #[error("--output {}: is also {role}, which it would overwrite", path.display())]
+    SameFile {
+        /// The file.
+        path: PathBuf,
+        /// The argument that names it too.
+        role: &'static str,
+    },
+    /// Configs whose results would be in one directory.
+    #[error("{}: two of the configs have this run directory; expected each once", dir.display())]
+    SameDirectory {
+        /// The directory.
+        dir: PathBuf,
+    },
     /// A data file that nothing can be learnt from.
     #[error(
         "{}: nothing to compare a net with: expected a row with all states, and within T = \
@@ -106,6 +178,17 @@ pub enum BenchError {
         path: PathBuf,
         /// Length T of a step, in s.
         sample_time_s: f64,
+    },
+    /// A command for controllers that see the whole state.
+    #[error(
+        "{name}: `{command}` is for controllers that are given the state: it does not take \
+        [control.estimator] along; remove the section, and give the controller estimates"
+    )]
+    WithEstimator {
+        /// The experiment.
+        name: String,
+        /// The command.
+        command: &'static str,
     },
     /// An estimator and its model that do not fit together.
     #[error(transparent)]
@@ -198,8 +281,8 @@ pub enum CsvProblem {
         /// All that are expected.
         expected: String,
     },
-    /// A cell that is no finite number.
-    #[error("column `{column}`: `{found}` given, expected a finite number")]
+    /// A cell that is no finite number, or too large a one.
+    #[error("column `{column}`: `{found}` given, expected a finite number up to 1e100")]
     Cell {
         /// The column.
         column: String,
@@ -252,6 +335,12 @@ pub enum CsvProblem {
     },
 }
 
+/// Whether nothing can be written for want of space, rather than at a wrong place.
+fn is_full(error: &std::io::Error) -> bool {
+    use std::io::ErrorKind::{FileTooLarge, QuotaExceeded, StorageFull, WriteZero};
+    matches!(error.kind(), StorageFull | QuotaExceeded | FileTooLarge | WriteZero)
+}
+
 impl BenchError {
     /// The exit code of the program: 2 for bad usage or input, 1 for a run that failed.
     #[must_use]
@@ -259,7 +348,8 @@ impl BenchError {
         match self {
             Self::Net(NetError::Setting { .. } | NetError::Dimension { .. }) => 2,
             Self::Control(MpcError::Plant { .. }) | Self::OutsideDomain { .. } => 1,
-            Self::Net(_) | Self::Plant(_) | Self::FailedSteps { .. } => 1,
+            Self::Net(_) | Self::Plant(_) | Self::FailedSteps { .. } | Self::NotFinite { .. } => 1,
+            Self::Record(RecordError::Unwritable { source, .. }) if is_full(source) => 1,
             Self::Interrupted { .. } | Self::FailedTrials { .. } | Self::FailedRuns { .. } => 1,
             _ => 2,
         }

@@ -2,6 +2,7 @@
 //!
 //! - [`run`], [`train`], [`control`], [`predict`], [`estimate`], [`check`], [`rebuild_report`]: what the
 //!   program does with an [`Experiment`](pinc_config::Experiment).
+//! - [`export_net`], [`export_controller`], [`export_plant`], [`serve`]: nets and controllers for other programs.
 //! - [`sweep()`], [`merge`]: an experiment many times over.
 //! - [`bench()`]: measurements of the machine.
 //! - [`program`]: the command line; with [`Plants`] of your own, a `pinc` that
@@ -10,6 +11,7 @@
 //! This is the only crate of the project that writes to the terminal and reads a clock.
 
 mod bench;
+mod choices;
 mod cli;
 mod clock;
 pub mod console;
@@ -29,8 +31,8 @@ pub use error::{BenchError, CsvProblem};
 pub use pinc_config::Plants;
 pub use progress::Verbosity;
 pub use runs::{
-    Estimated, Finding, Options, Severity, check, control, estimate, findings_json, predict,
-    rebuild_report, run, train,
+    Estimated, Finding, Options, Severity, Target, check, control, estimate, export_controller,
+    export_net, export_plant, findings_json, predict, rebuild_report, run, serve, train,
 };
 pub use summary::summary;
 pub use sweep::{Shard, merge, sweep};

@@ -23,7 +23,7 @@ pub(crate) struct Steps {
     dims: Dims,
     points: Points,
     next: Vec<f64>,
-    /// Of the states, then of the inputs.
+    /// Of the states, then of the inputs, then of the parameters.
     widths: Vec<f64>,
 }
 
@@ -43,6 +43,7 @@ impl Steps {
         let mut next = Vec::new();
         for i in 0..count {
             let mut x = points.state(i).to_vec();
+            integrator.set_parameters(points.parameters(i));
             integrator.integrate(&mut x, points.input(i), sample_time_s)?;
             next.extend(x);
         }
@@ -68,19 +69,20 @@ impl Steps {
     /// A model's Jacobians at the same points.
     fn linearized(&self, model: &mut dyn Model) -> LinearizationBuffer {
         let count = self.points.len().min(JACOBIANS);
-        let (x, u) = self.flat(0..count);
+        let [x, u, p] = &self.flat(0..count);
         let mut to = LinearizationBuffer::new(self.dims, count);
-        model.linearize(Stages { x: &x, u: &u, p: &[] }, to.as_mut());
+        model.linearize(Stages { x, u, p }, to.as_mut());
         to
     }
 
-    /// Points in a row, `[points, n]` and `[points, m]`; after the last comes the first.
-    fn flat(&self, points: Range<usize>) -> (Vec<f64>, Vec<f64>) {
+    /// Points in a row, `[points, nx]`, `[points, nu]` and `[points, np]`; after the last comes the
+    /// first.
+    fn flat(&self, points: Range<usize>) -> [Vec<f64>; 3] {
         let of = |get: fn(&Points, usize) -> &[f64]| {
             let points = points.clone().map(|i| get(&self.points, i % self.points.len()));
             points.flatten().copied().collect()
         };
-        (of(Points::state), of(Points::input))
+        [of(Points::state), of(Points::input), of(Points::parameters)]
     }
 
     /// The errors of a model, whose [`Steps::true_jacobians`] are `truth`.
@@ -104,7 +106,8 @@ impl Steps {
     fn predictions(&self, model: &mut dyn Model) -> Vec<f64> {
         let mut predicted = vec![0.0; self.next.len()];
         for (i, next) in predicted.chunks_exact_mut(self.dims.nx).enumerate() {
-            model.step(self.points.state(i), self.points.input(i), &[], next);
+            let Self { points, .. } = self;
+            model.step(points.state(i), points.input(i), points.parameters(i), next);
         }
         predicted
     }
@@ -112,7 +115,8 @@ impl Steps {
     /// Root mean square over points and entries, in widths of the domain per width.
     fn jacobian_error(&self, truth: &LinearizationBuffer, found: &LinearizationBuffer) -> f64 {
         let n = self.dims.nx;
-        let (of, by_u) = self.widths.split_at(n);
+        let (of, rest) = self.widths.split_at(n);
+        let by_u = &rest[..self.dims.nu];
         // The widths of what a state is differentiated by.
         let squares = |found: &[f64], truth: &[f64], by: &[f64]| -> f64 {
             let entries = found.iter().zip(truth).enumerate();
@@ -138,7 +142,7 @@ impl Steps {
                 for ((x, &from), next) in x.iter_mut().zip(self.points.state(i)).zip(&next) {
                     *x = from + next.abs().min(nothing);
                 }
-                model.step(&x, self.points.input(i), &[], &mut next);
+                model.step(&x, self.points.input(i), self.points.parameters(i), &mut next);
             }
             black_box(&mut next);
         })
@@ -157,8 +161,8 @@ impl Steps {
         let horizons: Vec<_> = (0..calls).map(horizon).collect();
         let mut to = LinearizationBuffer::new(self.dims, stages);
         nanoseconds(seconds, calls * stages, || {
-            for (x, u) in &horizons {
-                let at = Stages { x: black_box(x), u: black_box(u), p: &[] };
+            for [x, u, p] in &horizons {
+                let at = Stages { x: black_box(x), u: black_box(u), p };
                 model.linearize(at, to.as_mut());
                 black_box(&mut to);
             }

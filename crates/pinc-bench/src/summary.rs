@@ -27,8 +27,18 @@ fn metrics(text: &mut String, metrics: &Metrics) -> std::fmt::Result {
     if let Some(validation) = &metrics.validation {
         writeln!(
             text,
-            "validation  mse_gen {:.3e}, all rows normalized {:.3e}, one step {:.3e}",
+            "validation  mse_gen {:.3e}, all rows normalized {:.3e}, one step in validation.domain \
+             {:.3e}",
             validation.mse_gen, validation.mse_all_normalized, validation.one_step_mse
+        )?;
+    }
+    if let Some(of) = metrics.validation.as_ref().and_then(|v| v.domain_error.as_ref()) {
+        let place = of.max_at.named(&metrics.states, &metrics.inputs);
+        writeln!(
+            text,
+            "domain      one step in [domain], in widths: rms {:.1e}, p99 {:.1e}, max {:.1e} at \
+             {place}\n            rms of RK4 there: x1 {:.1e}, x2 {:.1e}, x4 {:.1e}",
+            of.rms, of.p99, of.max, of.rk4.one, of.rk4.two, of.rk4.four
         )?;
     }
     if let Some(measured) = metrics.validation.as_ref().and_then(|v| v.measured_mse) {
@@ -52,6 +62,9 @@ fn metrics(text: &mut String, metrics: &Metrics) -> std::fmt::Result {
             "sweep       {} trials: {} done, {} failed, {pending} pending",
             sweep.trials, sweep.done, sweep.failed
         )?;
+    }
+    if let Some(finding) = metrics.domain_finding() {
+        writeln!(text, "warning: {finding}")?;
     }
     if metrics.control.is_empty() {
         return Ok(());

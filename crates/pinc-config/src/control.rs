@@ -4,6 +4,7 @@ use crate::estimator::{EstimatorSpec, MeasurementSpec};
 use crate::{PlantSpec, Variables};
 use pinc_mpc::{Bounds, NmpcProblem, Softness, SqpConfig, Tracked, Weight, Weights};
 use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
 use std::fmt;
 
 /// A closed loop: the plant, integrated accurately, under the controller.
@@ -25,6 +26,10 @@ pub struct ControlSpec {
     pub duration_s: f64,
     /// The state it starts from, in the plant's order.
     pub initial_state: Vec<f64>,
+    /// The values that the models have for the parameters in `[domain.parameters]`; those of
+    /// `[plant]` for the others.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub parameters: BTreeMap<String, f64>,
     /// What was applied before the first step, one number per input; 0 if absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub initial_input: Option<Vec<f64>>,

@@ -1,6 +1,6 @@
 //! `[control.measurement]` and `[control.estimator]`.
 
-use crate::{PlantSpec, Variables};
+use crate::Variables;
 use pinc_estimate::{Augmentation, Disturbance, Measured, Tuning};
 use serde::{Deserialize, Serialize};
 
@@ -100,7 +100,7 @@ pub enum DisturbanceSpec {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct UnknownParameter {
-    /// One of the plant's parameters.
+    /// One of the plant's parameters, those that a family of plants may vary.
     pub name: String,
     /// The estimate before the first measurement.
     pub initial: f64,
@@ -140,12 +140,6 @@ impl MeasurementSpec {
 }
 
 impl EstimatorSpec {
-    /// The names of the estimated parameters.
-    #[must_use]
-    pub fn parameter_names(&self) -> Vec<&str> {
-        self.parameters.iter().map(|parameter| parameter.name.as_str()).collect()
-    }
-
     /// Where disturbances enter, by the places of states.
     fn disturbance(&self, variables: &Variables) -> Disturbance {
         match &self.disturbance {
@@ -159,18 +153,19 @@ impl EstimatorSpec {
         }
     }
 
-    /// What is measured and estimated beside the state.
+    /// What is measured and estimated beside the state, with models that have the parameters
+    /// `values`, of which those at the places `estimated` are estimated.
     #[must_use]
     pub fn augmentation(
         &self,
         measurement: &MeasurementSpec,
         variables: &Variables,
+        (values, estimated): (&[f64], &[usize]),
     ) -> Augmentation {
-        let initial = self.parameters.iter().map(|parameter| parameter.initial);
         let mut augmentation = Augmentation::measured(measurement.quantities(variables));
         augmentation.disturbance = self.disturbance(variables);
-        augmentation.parameters = initial.collect();
-        augmentation.estimated = (0..self.parameters.len()).collect();
+        augmentation.parameters = values.to_vec();
+        augmentation.estimated = estimated.to_vec();
         augmentation
     }
 
@@ -212,14 +207,6 @@ impl EstimatorSpec {
             measurement_sd: self.measurement_sd.clone(),
             low: side(&self.low, f64::NEG_INFINITY, |p| p.low.unwrap_or(f64::NEG_INFINITY)),
             high: side(&self.high, f64::INFINITY, |p| p.high.unwrap_or(f64::INFINITY)),
-        }
-    }
-
-    /// The parameters of `plant` that can be estimated.
-    pub(crate) fn parameters_of(plant: &PlantSpec) -> Vec<String> {
-        match plant {
-            PlantSpec::Expression(equations) => equations.parameters.keys().cloned().collect(),
-            _ => Vec::new(),
         }
     }
 }

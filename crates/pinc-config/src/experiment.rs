@@ -11,6 +11,7 @@ use crate::prediction::PredictionSpec;
 use crate::presets::Preset;
 use crate::problem::{ConfigError, Problem};
 use crate::sweep::SweepSpec;
+use crate::time_unit::TimeUnit;
 use crate::training::{Effort, TrainingSpec};
 use pinc_net::{Domain, NetConfig, ValidationConfig};
 use pinc_ode::Dims;
@@ -34,6 +35,9 @@ pub struct Experiment {
     pub preset: Preset,
     /// What every random draw follows from.
     pub seed: u64,
+    /// The unit in which times of the plant are shown; absent, that in which each is a small number.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub time_unit: Option<TimeUnit>,
     /// The plant.
     pub plant: PlantSpec,
     /// The net.
@@ -66,6 +70,17 @@ pub struct Experiment {
     /// The plants that the config may name, for the trials of a sweep.
     #[serde(skip)]
     plants: Plants,
+}
+
+/// The parameters p of the models in a closed loop.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct LoopParameters<'a> {
+    /// Their names.
+    pub names: Vec<&'a str>,
+    /// Their values, or the initial estimates.
+    pub values: Vec<f64>,
+    /// The places of those that are estimated, in the order of the estimator.
+    pub estimated: Vec<usize>,
 }
 
 impl Experiment {
@@ -125,6 +140,7 @@ impl Experiment {
         if let Some(plant) = in_the_loop {
             plant.bind(plants);
         }
+        experiment.share_parameters();
         experiment.validate()?;
         experiment.choose_optimizers();
         Ok(experiment)
@@ -151,13 +167,67 @@ impl Experiment {
         &self.plants
     }
 
+    /// Validates a net of a family of plants over the family, unless the config says otherwise.
+    fn share_parameters(&mut self) {
+        if let (Some(domain), Some(validation)) = (&self.domain, &mut self.validation)
+            && validation.domain.parameters.is_empty()
+        {
+            validation.domain.parameters.clone_from(&domain.parameters);
+        }
+    }
+
+    /// The parameters that the net takes as inputs, by their names.
+    #[must_use]
+    pub fn varying(&self) -> Vec<&str> {
+        let ranges = self.domain.iter().flat_map(|domain| &domain.parameters);
+        ranges.map(|range| range.name.as_str()).collect()
+    }
+
+    /// The values that the models of the controller have for [`Experiment::varying`], in this order.
+    #[must_use]
+    pub fn model_parameters(&self) -> Vec<f64> {
+        let nominal = self.plant.parameters();
+        let own = self.control.as_ref().map(|control| &control.parameters);
+        let value = |name: &str| own.and_then(|own| own.get(name)).or_else(|| nominal.get(name));
+        self.varying().into_iter().filter_map(|name| value(name).copied()).collect()
+    }
+
+    /// The parameters of the models in the loop: those that vary, and those that an estimator
+    /// estimates.
+    #[must_use]
+    pub fn loop_parameters(&self) -> LoopParameters<'_> {
+        let (mut names, mut values) = (self.varying(), self.model_parameters());
+        let mut estimated = Vec::new();
+        let estimator = self.control.as_ref().and_then(|control| control.estimator.as_ref());
+        for parameter in estimator.into_iter().flat_map(|estimator| &estimator.parameters) {
+            let place = names.iter().position(|name| *name == parameter.name);
+            let place = place.unwrap_or_else(|| {
+                names.push(&parameter.name);
+                values.push(parameter.initial);
+                names.len() - 1
+            });
+            values[place] = parameter.initial;
+            estimated.push(place);
+        }
+        LoopParameters { names, values, estimated }
+    }
+
+    /// The dimensions of the plant, with the parameters that vary.
+    ///
+    /// # Panics
+    ///
+    /// As [`PlantSpec::dyn_plant`].
+    #[must_use]
+    pub fn dims(&self) -> Dims {
+        self.plant.variables().dims().with_parameters(self.varying().len())
+    }
+
     /// Makes the choices by the size of the net, so that what is used is what is written down.
     fn choose_optimizers(&mut self) {
+        let dims = self.dims();
         let (Some(model), Some(training)) = (&self.model, &mut self.training) else {
             return;
         };
-        let variables = self.plant.variables();
-        let dims = Dims::new(variables.states.len(), variables.inputs.len());
         let weights = model.parameters(dims);
         for phase in &mut training.config.phases {
             phase.optimizer = phase.optimizer.for_size(weights);
@@ -185,10 +255,10 @@ impl Experiment {
     }
 
     /// The same experiment without what its numbers do not depend on: how many threads work on it,
-    /// and how often they write a checkpoint.
+    /// how often they write a checkpoint, and in which unit times are shown.
     #[must_use]
     pub fn normalized(&self) -> Self {
-        let mut same = self.clone();
+        let mut same = Self { time_unit: None, ..self.clone() };
         if let Some(training) = &mut same.training {
             let time_limit_s = training.effort.time_limit_s;
             training.effort = Effort { time_limit_s, ..Effort::default() };

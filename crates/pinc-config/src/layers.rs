@@ -45,7 +45,7 @@ impl Layers {
         lay(&mut layers.table, file, "", &mut layers.origins, &origin);
         lay(&mut layers.table, differences, "", &mut layers.origins, &difference);
         for set in sets {
-            layers.assign(set)?;
+            layers.assign(set, preset)?;
         }
         Ok(layers)
     }
@@ -84,11 +84,25 @@ impl Layers {
         self.table.iter().find_map(|(key, value)| search(value, key))
     }
 
-    fn assign(&mut self, set: Setting) -> Result<(), ConfigError> {
+    /// Puts a value in place of what is there; a table has the preset's defaults beneath it.
+    fn assign(&mut self, set: Setting, preset: Preset) -> Result<(), ConfigError> {
         let Setting { argument, key, value } = set;
-        match assign(&mut self.table, &key, value.clone()) {
+        let mut beneath = Some(Value::Table(preset.defaults())).filter(|_| value.is_table());
+        for key in key.split('.') {
+            beneath = beneath.and_then(|value| match value {
+                Value::Table(mut table) => table.remove(key),
+                _ => None,
+            });
+        }
+        let mut whole = value.clone();
+        if let (Value::Table(whole), Some(Value::Table(beneath))) = (&mut whole, beneath) {
+            let over = std::mem::replace(whole, beneath);
+            lay(whole, over, "", &mut BTreeMap::new(), &|_| Origin::Preset(preset.name()));
+        }
+        match assign(&mut self.table, &key, whole.clone()) {
             Ok(path) => {
                 forget(&mut self.origins, &path);
+                note(&mut self.origins, &path, &whole, &|_| Origin::Preset(preset.name()));
                 note(&mut self.origins, &path, &value, &|_| Origin::Set(argument.clone()));
                 Ok(())
             }
@@ -179,10 +193,14 @@ fn note(
 
 /// Drops the origins of a value that is replaced.
 fn forget(origins: &mut BTreeMap<String, Origin>, path: &str) {
-    origins.retain(|key, _| {
-        let rest = key.strip_prefix(path);
-        !rest.is_some_and(|rest| rest.is_empty() || rest.starts_with(['.', '[']))
-    });
+    origins.remove(path);
+    for within in [format!("{path}."), format!("{path}[")] {
+        let all = origins.range(within.clone()..).map(|(key, _)| key);
+        let keys: Vec<String> = all.take_while(|key| key.starts_with(&within)).cloned().collect();
+        for key in keys {
+            origins.remove(&key);
+        }
+    }
 }
 
 fn join(prefix: &str, key: &str) -> String {
@@ -191,49 +209,63 @@ fn join(prefix: &str, key: &str) -> String {
 
 /// The file as a table, and the line of every key in it.
 fn parse(path: &Path, text: &str) -> Result<(Table, BTreeMap<String, usize>), ConfigError> {
+    let ends = LineEnds::of(text);
     let syntax = |error: toml::de::Error| ConfigError::Syntax {
         path: path.to_owned(),
-        line: line_at(text, error.span().map_or(0, |span| span.start)),
+        line: ends.line_at(error.span().map_or(0, |span| span.start)),
         message: error.message().to_owned(),
     };
     let table = text.parse::<Table>().map_err(syntax)?;
     let spanned = DeTable::parse(text).map_err(syntax)?;
     let mut lines = BTreeMap::new();
-    note_lines(text, "", spanned.get_ref(), &mut lines);
+    note_lines(&ends, "", spanned.get_ref(), &mut lines);
     Ok((table, lines))
 }
 
-fn note_lines(text: &str, prefix: &str, table: &DeTable<'_>, lines: &mut BTreeMap<String, usize>) {
+fn note_lines(
+    ends: &LineEnds,
+    prefix: &str,
+    table: &DeTable<'_>,
+    lines: &mut BTreeMap<String, usize>,
+) {
     for (key, value) in table {
         let path = join(prefix, key.get_ref());
-        lines.insert(path.clone(), line_at(text, key.span().start));
-        note_lines_within(text, &path, value, lines);
+        lines.insert(path.clone(), ends.line_at(key.span().start));
+        note_lines_within(ends, &path, value, lines);
     }
 }
 
 fn note_lines_within(
-    text: &str,
+    ends: &LineEnds,
     path: &str,
     value: &Spanned<DeValue<'_>>,
     lines: &mut BTreeMap<String, usize>,
 ) {
     match value.get_ref() {
-        DeValue::Table(table) => note_lines(text, path, table, lines),
+        DeValue::Table(table) => note_lines(ends, path, table, lines),
         DeValue::Array(items) => {
             for (i, item) in items.iter().enumerate() {
                 let path = format!("{path}[{i}]");
-                lines.insert(path.clone(), line_at(text, item.span().start));
-                note_lines_within(text, &path, item, lines);
+                lines.insert(path.clone(), ends.line_at(item.span().start));
+                note_lines_within(ends, &path, item, lines);
             }
         }
         _ => {}
     }
 }
 
-/// The line of a byte of the text, from 1.
-fn line_at(text: &str, byte: usize) -> usize {
-    let before = text.as_bytes().iter().take(byte);
-    1 + before.filter(|&&b| b == b'\n').count()
+/// Where the lines of a text end.
+struct LineEnds(Vec<usize>);
+
+impl LineEnds {
+    fn of(text: &str) -> Self {
+        Self(text.match_indices('\n').map(|(byte, _)| byte).collect())
+    }
+
+    /// The line of a byte, from 1.
+    fn line_at(&self, byte: usize) -> usize {
+        1 + self.0.partition_point(|&end| end < byte)
+    }
 }
 
 /// The line of a key, or of the innermost table around it that the file has.

@@ -35,6 +35,7 @@ mod data;
 mod estimator;
 mod experiment;
 mod explain;
+mod family;
 mod layers;
 mod list;
 mod one_step;
@@ -45,6 +46,7 @@ mod presets;
 mod problem;
 mod registry;
 mod sweep;
+mod time_unit;
 mod training;
 mod trial;
 mod validate;
@@ -54,7 +56,7 @@ pub use data::DataSpec;
 pub use estimator::{
     DisturbanceSpec, EstimatorKind, EstimatorSpec, MeasurementSpec, UnknownParameter,
 };
-pub use experiment::Experiment;
+pub use experiment::{Experiment, LoopParameters};
 pub use list::{ListedRun, RunList};
 pub use one_step::OneStepSpec;
 pub use plant::{
@@ -67,5 +69,6 @@ pub use presets::Preset;
 pub use problem::{ConfigError, Origin, Problem, SetProblem};
 pub use registry::Variables;
 pub use sweep::{AxisSpec, CaseSpec, DrawsSpec, RangeSpec, SweepSpec};
+pub use time_unit::TimeUnit;
 pub use training::{Effort, TrainingSpec};
 pub use trial::{CASE, DRAW, DRAWN, SEED, Trial, cell_columns, columns, trials};

@@ -67,6 +67,10 @@ impl RunList {
         let list: Self = serde_path_to_error::deserialize(Value::Table(table))
             .map_err(|error| explain::explain(&error))?;
         validate::directory_name(&list.name)?;
+        if list.runs.is_empty() {
+            let (found, expected) = ("[]".to_owned(), "at least one { config }".to_owned());
+            return Err(("runs".to_owned(), Problem::Value { found, expected }));
+        }
         Ok(list)
     }
 
@@ -83,7 +87,7 @@ impl RunList {
     ) -> Result<Vec<(Experiment, PathBuf)>, ConfigError> {
         let folder = path.parent().unwrap_or(Path::new(""));
         let mut all = Vec::new();
-        for run in &self.runs {
+        for (i, run) in self.runs.iter().enumerate() {
             let named = run.presets.iter().map(|preset| Some(format!("preset={}", preset.name())));
             let presets = if run.presets.is_empty() { vec![None] } else { named.collect() };
             for preset in presets {
@@ -91,6 +95,15 @@ impl RunList {
                     run.set.iter().cloned().chain(preset).chain(sets.iter().cloned()).collect();
                 let experiment = Experiment::load(&folder.join(&run.config), &values, plants)?;
                 let dir = Path::new(&experiment.name).join(experiment.preset.name());
+                if all.iter().any(|(_, other)| *other == dir) {
+                    let problem = Problem::Value {
+                        found: format!("{} once more", dir.display()),
+                        expected: "each name with each preset once".to_owned(),
+                    };
+                    let origin = Origin::File { path: path.to_owned(), line: 1 };
+                    let (key, problem) = (format!("runs[{i}]"), Box::new(problem));
+                    return Err(ConfigError::Key { origin, key, problem });
+                }
                 all.push((experiment, dir));
             }
         }

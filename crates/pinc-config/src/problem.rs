@@ -175,8 +175,11 @@ fn did_you_mean(nearest: &Option<String>) -> String {
     nearest.as_ref().map_or_else(String::new, |word| format!("; did you mean `{word}`?"))
 }
 
-/// The one of `known` that `word` is most likely a misspelling of.
+/// The one of `known`, if any, that `word` is most likely a misspelling of.
 pub(crate) fn nearest(word: &str, known: &[String]) -> Option<String> {
+    if word.len() > 100 {
+        return None;
+    }
     let similar = known.iter().map(|k| (strsim::damerau_levenshtein(word, k), k));
     let (distance, best) = similar.min()?;
     // A third of the letters wrong is a misspelling; more is another word.

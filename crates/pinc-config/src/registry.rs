@@ -44,23 +44,6 @@ impl PlantSpec {
         }
     }
 
-    /// The same with some of its parameters as arguments of the equation, in this order.
-    ///
-    /// # Panics
-    ///
-    /// As for [`PlantSpec::dyn_plant`], and if one of them is no parameter that can vary.
-    #[must_use]
-    pub fn dyn_plant_with(&self, varying: &[&str]) -> Box<dyn DynPlant> {
-        match self {
-            _ if varying.is_empty() => self.dyn_plant(),
-            Self::Expression(equations) => equations
-                .compile_with(varying)
-                .expect("the parameters were checked when the config was read")
-                .into_dyn(),
-            _ => panic!("no parameters of the plant {} can vary", self.name()),
-        }
-    }
-
     /// The plant's states, inputs and outputs.
     ///
     /// # Panics
@@ -72,7 +55,7 @@ impl PlantSpec {
     }
 }
 
-fn four_tanks(spec: &FourTanksSpec) -> FourTanks {
+pub(crate) fn four_tanks(spec: &FourTanksSpec) -> FourTanks {
     let published = match spec.parameters {
         FourTanksParameters::Antonelo => FourTanks::antonelo(),
         FourTanksParameters::JohanssonNonminimum => FourTanks::johansson_nonminimum(),

@@ -2,6 +2,7 @@
 
 use crate::Problem;
 use serde::{Deserialize, Serialize};
+use std::collections::BTreeSet;
 
 /// The experiment many times over: one trial for each combination of a seed, a case, a value of
 /// each axis of the grid, and a draw.
@@ -91,6 +92,7 @@ impl SweepSpec {
                 return wrong(&format!("sweep.grid[{i}].values"), "[]", "one value or more");
             }
         }
+        self.names()?;
         for (i, case) in self.cases.iter().enumerate() {
             for key in case.set.keys() {
                 may_be_swept(&format!("sweep.cases[{i}].set"), key)?;
@@ -113,8 +115,30 @@ impl SweepSpec {
         self.size()
     }
 
+    /// Names are cells of tables, which tell trials apart and are opened by other programs.
+    fn names(&self) -> Result<(), (String, Problem)> {
+        let cases = self.cases.iter().enumerate();
+        let cases = cases.map(|(i, case)| (format!("sweep.cases[{i}].name"), &case.name));
+        let draws = self.draws.iter().enumerate();
+        let draws = draws.map(|(i, draws)| (format!("sweep.draws[{i}].name"), &draws.name));
+        let mut taken = [BTreeSet::new(), BTreeSet::new()];
+        let listed = cases.map(|named| (0, named)).chain(draws.map(|named| (1, named)));
+        for (list, (key, name)) in listed {
+            if name.starts_with(['=', '+', '-', '@']) || name.contains(char::is_control) {
+                let expected = "a name that no spreadsheet takes for a formula: without =, +, - or @ at \
+                                its beginning, and without control characters";
+                return wrong(&key, &format!("{name:?}"), expected);
+            }
+            if !taken[list].insert(name) {
+                return wrong(&key, &format!("{name:?}"), "another name than those before");
+            }
+        }
+        Ok(())
+    }
+
     fn size(&self) -> Result<(), (String, Problem)> {
-        let drawn: usize = self.draws.iter().map(|draws| draws.count).sum();
+        let drawn: usize =
+            self.draws.iter().map(|draws| draws.count).fold(0, usize::saturating_add);
         let factors = [self.seeds.len(), self.cases.len(), drawn];
         let lengths = self.grid.iter().map(|axis| axis.values.len());
         let product = factors.into_iter().chain(lengths).map(|n| n.max(1));

@@ -9,7 +9,7 @@ use std::collections::HashMap;
 pub(crate) struct Number(u64);
 
 impl Number {
-    fn new(value: f64) -> Self {
+    pub(crate) fn new(value: f64) -> Self {
         Self(value.to_bits())
     }
 
@@ -45,18 +45,29 @@ pub(crate) enum Operation {
     Function(Function),
 }
 
-/// The functions of one argument.
+/// The functions of one argument that equations may use, as
+/// [`Scalar`] defines them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub(crate) enum Function {
+pub enum Function {
+    /// The square root.
     Sqrt,
+    /// e to the power of the argument.
     Exp,
+    /// The natural logarithm.
     Log,
+    /// The sine.
     Sin,
+    /// The cosine.
     Cos,
+    /// The tangent.
     Tan,
+    /// The hyperbolic tangent.
     Tanh,
+    /// The inverse of the tangent.
     Atan,
+    /// The absolute value.
     Abs,
+    /// The sign: -1, 0 or 1.
     Sign,
 }
 

@@ -4,16 +4,22 @@ mod checks;
 mod critical;
 mod error;
 mod graph;
+mod grouped;
 mod lexer;
+mod listing;
 mod parser;
 mod program;
+mod text_plant;
 
 pub use critical::{CriticalTerm, CriticalTerms, TermRole};
 pub use error::{Excerpt, ExpressionError, ExpressionProblem};
+pub use graph::Function;
+pub use listing::{Instruction, Listing};
 
 use graph::{Graph, Value};
+use grouped::GroupedFunction;
 use pinc_ad::Scalar;
-use pinc_ode::{DynPlant, Plant, Variable};
+use pinc_ode::{Dims, Plant, SparsePlant, Variable};
 use program::Program;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -127,6 +133,8 @@ pub struct ExpressionPlant {
     parameters: Vec<Variable>,
     rhs: Program,
     outputs: Option<Outputs>,
+    /// The same functions with their Jacobians.
+    sparse: SparsePlant<GroupedFunction>,
 }
 
 /// Outputs that are not just the states.
@@ -134,16 +142,6 @@ pub struct ExpressionPlant {
 struct Outputs {
     variables: Vec<Variable>,
     program: Program,
-}
-
-impl ExpressionPlant {
-    /// The plant with its type erased. The integrators of such plants are compiled where this is:
-    /// here, once, and not in each program that uses it.
-    #[must_use]
-    #[inline(never)]
-    pub fn into_dyn(self) -> Box<dyn DynPlant> {
-        Box::new(self)
-    }
 }
 
 impl Plant for ExpressionPlant {
@@ -214,19 +212,35 @@ impl Equations {
         let program = |values: &[Value], key: &str| {
             Program::new(&graph, variables.len(), values).map_err(|problem| problem.at(key))
         };
-        let outputs = match &outputs[..] {
+        let own = match &outputs[..] {
             [] => None,
             values => {
                 let variables = self.output_variables();
                 Some(Outputs { variables, program: program(values, "outputs")? })
             }
         };
+        let grouped = |values: &[Value], key: &str| {
+            let function = GroupedFunction::new(&graph, variables.len(), values);
+            function.map_err(|problem| problem.at(key))
+        };
+        let dims = Dims::new(self.states.len(), self.inputs.len())
+            .with_parameters(varying.len())
+            .with_outputs(if outputs.is_empty() { self.states.len() } else { outputs.len() });
+        let sparse = SparsePlant {
+            dims,
+            rhs: grouped(&derivatives, "derivatives")?,
+            outputs: match &outputs[..] {
+                [] => None,
+                values => Some(grouped(values, "outputs")?),
+            },
+        };
         Ok(ExpressionPlant {
+            sparse,
             states: self.states.clone(),
             inputs: self.inputs.clone(),
             parameters: varying.iter().map(|&name| variable(name, "")).collect(),
             rhs: program(&derivatives, "derivatives")?,
-            outputs,
+            outputs: own,
         })
     }
 

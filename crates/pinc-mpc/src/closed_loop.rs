@@ -1,19 +1,22 @@
 //! The controller and the plant together.
 
 use crate::error::check_finite;
+use crate::loop_errors::LoopErrors;
 use crate::observer::Watch;
 use crate::{Constraint, MpcError, Nmpc, Observer, PlantNow, Reference, SqpStatus, Tracked};
 use pinc_ode::metrics::Tracking;
 use pinc_ode::{Dopri5, Trajectory};
 
 /// Points of the dense trace per control step, the last one at its end.
-pub(crate) const POINTS: usize = 9;
+const POINTS: usize = 9;
 
 /// A controller in closed loop with an accurately integrated plant.
 ///
 /// The plant need not be the controller's model: parameters that differ show how sensitive the
 /// control is. There are as many steps as reference values. Each is taken in two parts, so that a
-/// caller can watch, and time, the controller alone:
+/// caller can watch, and time, the controller alone. Of the trace only the last step is kept, and the
+/// tracked quantities at the step marks; [`LoopRecord`](crate::LoopRecord) keeps the rest.
+///
 ///
 /// ```
 /// # use pinc_mpc::{Bounds, ClosedLoop, Nmpc, NmpcProblem, Reference, SqpConfig, Weights};
@@ -31,8 +34,8 @@ pub(crate) const POINTS: usize = 9;
 /// let mut run = ClosedLoop::new(&mut nmpc, truth, reference, &[1.0, 0.0])?;
 /// while let Some(control) = run.control()? {
 ///     control.advance()?;
+///     assert_eq!(run.last_step().len(), 1 + 9);
 /// }
-/// assert_eq!(run.trajectory().len(), 20 * 9 + 1);
 /// assert!(run.state()[0].abs() < 1e-3);
 /// # Ok::<(), pinc_mpc::MpcError>(())
 /// ```
@@ -49,12 +52,16 @@ pub struct ClosedLoop<'a> {
     preview: bool,
     /// What tells the controller of the plant, if it does not see the state itself.
     watch: Option<Watch<'a>>,
-    steps: Vec<StepRecord>,
+    /// What the controller did last.
+    record: Option<StepRecord>,
     /// How many steps the plant has taken.
     done: usize,
     /// Whether the plant could not be integrated.
     broken: bool,
-    trajectory: Trajectory,
+    /// The dense trace of the step that the plant began last, and which step that is.
+    last_step: Trajectory,
+    last: usize,
+    errors: LoopErrors,
     max_violation: f64,
 }
 
@@ -113,10 +120,12 @@ impl<'a> ClosedLoop<'a> {
             window: vec![0.0; nmpc.problem().horizon * outputs],
             preview: true,
             watch: None,
-            steps: Vec::with_capacity(reference.steps()),
+            record: None,
             done: 0,
             broken: false,
-            trajectory: Trajectory::new(dims),
+            last_step: Trajectory::new(dims),
+            last: 0,
+            errors: LoopErrors::new(outputs),
             max_violation: 0.0,
             nmpc,
             plant,
@@ -210,8 +219,7 @@ impl<'a> ClosedLoop<'a> {
         self.observe()?;
         let seen = self.watch.as_ref().map_or(&self.x, |watch| &watch.x);
         let step = self.nmpc.step_within(seen, &self.window, expired)?;
-        self.steps.truncate(self.done);
-        self.steps.push(StepRecord {
+        self.record = Some(StepRecord {
             status: step.status,
             sqp_iterations: step.sqp_iterations,
             kkt: step.kkt.max(),
@@ -240,44 +248,23 @@ impl<'a> ClosedLoop<'a> {
         &self.x
     }
 
-    /// One record per step taken.
+    /// The dense trace of the step taken last: the point where it began and nine more, the last one at
+    /// its end, all with the input that acted. If the plant could not be integrated, this is the
+    /// trace until then; before the first step it is empty.
     #[must_use]
-    pub fn steps(&self) -> &[StepRecord] {
-        &self.steps
+    pub fn last_step(&self) -> &Trajectory {
+        &self.last_step
     }
 
-    /// The dense trace: the initial point and nine points per step, the last one at its end, each
-    /// with the input that holds from there on (at the end of the trace, with the last one). If the plant
-    /// could not be integrated, this is the trace until then.
-    #[must_use]
-    pub fn trajectory(&self) -> &Trajectory {
-        &self.trajectory
-    }
-
-    /// What sample `i` of the dense trace is compared with: the value of the step that led there;
-    /// for the initial point, that of the first step.
+    /// What sample `i` of [`ClosedLoop::last_step`] is compared with: the value of the step that led
+    /// there; for the initial point of the loop, that of the first step.
     #[must_use]
     pub fn reference_at(&self, i: usize) -> &[f64] {
-        self.reference.at(i.saturating_sub(1) / POINTS)
+        let k = if i == 0 { self.last.saturating_sub(1) } else { self.last };
+        self.reference.at(k)
     }
 
-    /// What is tracked, of the plant at sample `i` of the dense trace.
-    ///
-    /// # Panics
-    ///
-    /// If there is no sample `i`.
-    #[must_use]
-    pub fn tracked_at(&self, i: usize) -> Vec<f64> {
-        let tracked = &self.nmpc.problem().tracked;
-        let y = if self.nmpc.problem().tracks_outputs() { self.outputs_at(i) } else { Vec::new() };
-        let value = |tracked: &Tracked| match *tracked {
-            Tracked::State(state) => self.trajectory.state(i)[state],
-            Tracked::Output(output) => y[output],
-        };
-        tracked.iter().map(value).collect()
-    }
-
-    /// The outputs of the plant at sample `i` of the dense trace, `ny`.
+    /// The outputs of the plant at sample `i` of [`ClosedLoop::last_step`], `ny`.
     ///
     /// # Panics
     ///
@@ -285,29 +272,52 @@ impl<'a> ClosedLoop<'a> {
     #[must_use]
     pub fn outputs_at(&self, i: usize) -> Vec<f64> {
         let mut y = vec![0.0; self.plant.dims().ny];
-        self.plant.output(self.trajectory.state(i), self.trajectory.input(i), &mut y);
+        self.plant.output(self.last_step.state(i), self.last_step.input(i), &mut y);
         y
+    }
+
+    /// What is tracked, of the plant at sample `i` of the last step.
+    fn tracked_at(&self, i: usize) -> Vec<f64> {
+        let tracked = &self.nmpc.problem().tracked;
+        let y = if self.nmpc.problem().tracks_outputs() { self.outputs_at(i) } else { Vec::new() };
+        let value = |tracked: &Tracked| match *tracked {
+            Tracked::State(state) => self.last_step.state(i)[state],
+            Tracked::Output(output) => y[output],
+        };
+        tracked.iter().map(value).collect()
     }
 
     /// The tracking error at the ends of the steps: the metrics as printed.
     #[must_use]
     pub fn tracking_at_steps(&self) -> Tracking {
-        self.tracking((1..=self.done).map(|mark| mark * POINTS))
+        self.with_end(self.errors.at_steps())
     }
 
     /// The tracking error on the dense trace: the metrics of the paper's Table 1.
     #[must_use]
     pub fn tracking_dense(&self) -> Tracking {
-        self.tracking(0..self.trajectory.len())
+        self.with_end(self.errors.dense())
     }
 
-    /// The tracking error at some samples of the dense trace.
-    fn tracking(&self, samples: impl Iterator<Item = usize>) -> Tracking {
-        let mut tracking = Tracking::new(self.reference.outputs());
-        for i in samples {
-            tracking.push(self.reference_at(i), &self.tracked_at(i));
+    /// `sum` with the error at the end of the last step.
+    fn with_end(&self, sum: &Tracking) -> Tracking {
+        let mut sum = sum.clone();
+        if let Some(tracked) = self.tracked_at_end() {
+            sum.push(self.reference_at(self.last_step.len() - 1), &tracked);
         }
-        tracking
+        sum
+    }
+
+    /// What is tracked at the end of the last step, as far as its input is known; in
+    /// [`ClosedLoop::errors`] it is as of the beginning of the next step.
+    pub(crate) fn tracked_at_end(&self) -> Option<Vec<f64>> {
+        let is_open = self.done > 0 && !self.broken;
+        is_open.then(|| self.tracked_at(self.last_step.len() - 1))
+    }
+
+    /// The errors up to the beginning of the step that the plant began last.
+    pub(crate) fn errors(&self) -> &LoopErrors {
+        &self.errors
     }
 
     /// What is followed.
@@ -337,10 +347,10 @@ impl<'a> ClosedLoop<'a> {
         let problem = self.nmpc.problem();
         let states = problem.state_bounds.violation(&self.x);
         let inputs = problem.input_bounds.violation(u);
-        let outputs = problem.output_bounds.as_ref().map_or(0.0, |bounds| {
-            let last = self.trajectory.len() - 1;
-            bounds.violation(&self.outputs_at(last))
-        });
+        let outputs = problem
+            .output_bounds
+            .as_ref()
+            .map_or(0.0, |bounds| bounds.violation(&self.outputs_at(self.last_step.len() - 1)));
         self.max_violation = self.max_violation.max(states).max(inputs).max(outputs);
     }
 }
@@ -354,9 +364,13 @@ impl Control<'_, '_> {
     }
 
     /// What the controller did.
+    ///
+    /// # Panics
+    ///
+    /// Never: the controller has done something.
     #[must_use]
     pub fn record(&self) -> &StepRecord {
-        &self.run.steps[self.run.done]
+        self.run.record.as_ref().expect("the controller has chosen an input")
     }
 
     /// The plant's part of the step, under the input that acts now.
@@ -382,15 +396,18 @@ impl Control<'_, '_> {
 impl ClosedLoop<'_> {
     fn move_plant(&mut self, u: &[f64]) -> Result<(), MpcError> {
         let sample_time_s = self.nmpc.model().sample_time_s();
-        match self.trajectory.is_empty() {
-            true => self.trajectory.push(0.0, &self.x, u),
-            false => self.trajectory.set_last_input(u),
-        }
         let done = self.done;
         #[expect(clippy::cast_precision_loss, reason = "no run has 2^53 steps")]
         let time = |part: usize| (done as f64 + part as f64 / POINTS as f64) * sample_time_s;
-        let times: [f64; POINTS] = std::array::from_fn(|part| time(part + 1));
-        for t in times {
+        self.last_step.clear();
+        self.last = done;
+        self.last_step.push(time(0), &self.x, u);
+        let (reference, tracked) = (self.reference_at(0).to_vec(), self.tracked_at(0));
+        match done {
+            0 => self.errors.push_start(&reference, &tracked),
+            _ => self.errors.push_mark(&reference, &tracked),
+        }
+        for part in 1..=POINTS {
             #[expect(clippy::cast_precision_loss, reason = "nine")]
             let duration = sample_time_s / POINTS as f64;
             let integrated = self.plant.integrate(&mut self.x, u, duration);
@@ -398,8 +415,13 @@ impl ClosedLoop<'_> {
                 self.broken = true;
                 return Err(MpcError::Plant { step: done, source });
             }
-            self.trajectory.push(t, &self.x, u);
+            self.last_step.push(time(part), &self.x, u);
             self.watch_bounds(u);
+            // That of the last part is known with the next input, on which an output may depend.
+            if part < POINTS {
+                let tracked = self.tracked_at(part);
+                self.errors.push_between(self.reference.at(done), &tracked);
+            }
         }
         self.done += 1;
         Ok(())

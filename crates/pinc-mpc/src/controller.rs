@@ -10,7 +10,7 @@ use crate::solution::Solution;
 use crate::sqp::{Outcome, Sqp, StepInput};
 use crate::{MpcError, NmpcProblem, SqpConfig, SqpStatus};
 use pinc_ode::Model;
-use pinc_qp::OcpDims;
+use pinc_qp::{OcpDims, all_finite};
 
 /// Nonlinear model predictive control, Algorithm 2 of the paper, with any [`Model`] as the model.
 ///
@@ -337,7 +337,7 @@ impl Nmpc {
         }
         if !self.warm {
             // Where the model has no value for what is under way, the states stay as they are.
-            if self.start.iter().all(|v| v.is_finite()) {
+            if all_finite(&self.start) {
                 self.plan.stay_at(&self.start);
             } else {
                 self.plan.multipliers.clear();

@@ -6,7 +6,8 @@
 //! - [`Nmpc`]: the controller. Each step solves the problem by Gauss-Newton sequential quadratic
 //!   programming, says how that ended ([`SqpStatus`]) and how good the plan is ([`KktResidual`]).
 //!   The length of its steps, [`BarzilaiBorwein`], is of use to other Gauss-Newton iterations too.
-//! - [`ClosedLoop`]: the controller with an accurately integrated plant, following a [`Reference`].
+//! - [`ClosedLoop`]: the controller with an accurately integrated plant, following a [`Reference`];
+//!   [`LoopRecord`] keeps its whole trace.
 //!
 //! What a model is made of is nothing to this crate: an integrator and a neural net enter by the
 //! same trait. It prints nothing, opens no file and reads no clock.
@@ -28,8 +29,9 @@
 //! let plant = Dopri5::new(VanDerPol::default(), 1e-10);
 //! let reference = Reference::new([0.0, 0.0].repeat(20), 2)?;
 //! let mut run = ClosedLoop::new(&mut nmpc, plant, reference, &[1.0, 0.0])?;
-//! run.run()?;
-//! assert!(run.steps().iter().all(|step| step.status == SqpStatus::Converged));
+//! let (record, ended) = run.run_recorded();
+//! ended?;
+//! assert!(record.steps.iter().all(|step| step.status == SqpStatus::Converged));
 //! assert!(run.state()[0].abs() < 1e-3);
 //! # Ok::<(), pinc_mpc::MpcError>(())
 //! ```
@@ -50,6 +52,8 @@ mod error;
 mod horizon;
 mod kkt;
 mod linearization_cache;
+mod loop_errors;
+mod loop_record;
 mod merit;
 mod observer;
 mod outputs;
@@ -75,6 +79,7 @@ pub use constraints::{Constraints, StageConstraints};
 pub use controller::{Nmpc, StepReport};
 pub use error::MpcError;
 pub use kkt::KktResidual;
+pub use loop_record::LoopRecord;
 pub use observer::{Observer, PlantNow};
 pub use pinc_qp::{QpError, QpMethod};
 pub use problem::NmpcProblem;

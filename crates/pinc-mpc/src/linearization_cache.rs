@@ -2,7 +2,7 @@
 
 use crate::horizon::Horizon;
 use pinc_ode::{Linearization, Model, Stages};
-use pinc_qp::OcpDims;
+use pinc_qp::{OcpDims, all_finite};
 
 /// The model, linearised at all stages of a plan.
 ///
@@ -160,7 +160,6 @@ impl StageBlocks {
     }
 
     fn is_finite(&self) -> bool {
-        let parts = [&self.next, &self.a, &self.b];
-        parts.into_iter().flatten().all(|v| v.is_finite())
+        all_finite(&self.next) && all_finite(&self.a) && all_finite(&self.b)
     }
 }

@@ -1,6 +1,8 @@
 //! The control problem.
 
+use crate::cost::Cost;
 use crate::error::{check_finite, check_numbers, check_range};
+use crate::units::Units;
 use crate::{Bounds, Constraints, MpcError, Softness, Tracked, Weights};
 use pinc_ode::Dims;
 use pinc_qp::OcpDims;
@@ -126,6 +128,17 @@ impl NmpcProblem {
         }
         let rows = self.constraints.as_ref().map_or(0, |c| c.inequalities() + c.equalities());
         self.constraint_softness.validate("constraint_softness", rows)
+    }
+
+    /// Whether the optimisation computes in the units of the plant, since bounds, sizes and weights
+    /// are ordinary numbers. (A state or an input without bounds may be seen to be large later.)
+    #[must_use]
+    pub fn is_of_ordinary_size(&self, dims: Dims) -> bool {
+        let dims = self.ocp_dims(dims);
+        let cost = Cost::new(self, dims);
+        let mut units = Units::new(self, dims);
+        units.choose_cost(&cost.state_hessians(), &cost.increment_hessians());
+        units.is_identity()
     }
 
     /// The sizes of the problem with a model of dimensions `dims`.

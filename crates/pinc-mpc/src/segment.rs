@@ -1,7 +1,6 @@
 //! Whether the references were reached.
 
 use crate::ClosedLoop;
-use crate::closed_loop::POINTS;
 use std::ops::Range;
 
 /// How many step marks an offset is averaged over.
@@ -26,10 +25,11 @@ impl ClosedLoop<'_> {
     /// the first step.
     #[must_use]
     pub fn largest_errors(&self) -> Vec<f64> {
+        let marks = self.marks();
         let mut largest = vec![0.0_f64; self.reference().outputs()];
         for k in 0..self.steps_done() {
             for mark in [k, k + 1] {
-                for (most, error) in largest.iter_mut().zip(self.errors(k, mark)) {
+                for (most, error) in largest.iter_mut().zip(marks.errors(k, mark)) {
                     *most = most.max(error);
                 }
             }
@@ -48,14 +48,15 @@ impl ClosedLoop<'_> {
         assert_eq!(tolerance.len(), self.reference().outputs(), "one tolerance per quantity");
         let all = self.reference().segments().into_iter();
         let begun = all.filter(|steps| steps.start < self.steps_done());
-        begun.map(|steps| self.segment(steps, tolerance)).collect()
+        let marks = self.marks();
+        begun.map(|steps| self.segment(&marks, steps, tolerance)).collect()
     }
 
-    fn segment(&self, steps: Range<usize>, tolerance: &[f64]) -> Segment {
+    fn segment(&self, seen: &Marks<'_, '_>, steps: Range<usize>, tolerance: &[f64]) -> Segment {
         let has_next = steps.end < self.reference().steps();
         let prepared = if has_next { self.preview_steps() } else { 0 };
         let last = steps.end.saturating_sub(prepared).min(self.steps_done());
-        let errors = |mark: usize| self.errors(steps.start, mark);
+        let errors = |mark: usize| seen.errors(steps.start, mark);
 
         let marks = (steps.start + 1).max((last + 1).saturating_sub(MARKS))..last + 1;
         let mut offset = vec![0.0; tolerance.len()];
@@ -68,16 +69,34 @@ impl ClosedLoop<'_> {
         }
         offset.iter_mut().for_each(|sum| *sum /= count);
 
-        let near = |mark: usize| errors(mark).iter().zip(tolerance).all(|(e, most)| e <= most);
+        let near = |mark: usize| errors(mark).zip(tolerance).all(|(e, most)| e <= *most);
         let outside = (steps.start..=last).rev().find(|&mark| !near(mark));
         let settled = outside.map_or(steps.start, |mark| mark + 1);
         let settled = (settled <= last).then(|| settled - steps.start);
         Segment { steps, offset, settled }
     }
+}
 
+impl<'a> ClosedLoop<'a> {
+    fn marks(&self) -> Marks<'_, 'a> {
+        Marks { run: self, end: self.tracked_at_end() }
+    }
+}
+
+/// The step marks of a loop.
+struct Marks<'m, 'a> {
+    run: &'m ClosedLoop<'a>,
+    /// What is tracked at the last one.
+    end: Option<Vec<f64>>,
+}
+
+impl Marks<'_, '_> {
     /// |yref - y| at a step mark, with the reference of step `k`.
-    fn errors(&self, k: usize, mark: usize) -> Vec<f64> {
-        let y = self.tracked_at(mark * POINTS);
-        self.reference().at(k).iter().zip(y).map(|(r, y)| (r - y).abs()).collect()
+    fn errors(&self, k: usize, mark: usize) -> impl Iterator<Item = f64> {
+        let y = match &self.end {
+            Some(end) if mark == self.run.steps_done() => end,
+            _ => self.run.errors().at_mark(mark),
+        };
+        self.run.reference().at(k).iter().zip(y).map(|(r, y)| (r - y).abs())
     }
 }

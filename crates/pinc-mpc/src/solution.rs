@@ -1,6 +1,6 @@
 //! A plan and its multipliers.
 
-use pinc_qp::{Multipliers, OcpDims};
+use pinc_qp::{Multipliers, OcpDims, all_finite};
 
 /// A plan with its multipliers; if it is optimal, a stationary point of the Lagrangian
 ///
@@ -142,7 +142,7 @@ impl Solution {
 
     /// Whether all numbers are finite.
     pub(crate) fn is_finite(&self) -> bool {
-        self.z.iter().chain(self.multipliers.parts().into_iter().flatten()).all(|v| v.is_finite())
+        all_finite(&self.z) && self.multipliers.is_finite()
     }
 
     /// Plans to stay at `x` with the input `u`; all multipliers are 0.

@@ -125,16 +125,17 @@ impl Transcription {
     /// bounds an input may go as far as to the nearest. An input that is not finite becomes the one
     /// before it.
     pub(crate) fn project(&self, plan: &mut Solution, previous: &[f64]) {
-        let first = self.dims.all_states();
-        for v in 0..self.dims.all_inputs() {
-            let before = self.before(v, &plan.z, previous);
-            let (least, most) = (self.bounds.low[first + v], self.bounds.high[first + v]);
-            let low = (before + self.increments.low[v]).min(most);
-            let high = (before + self.increments.high[v]).max(least);
-            let input = &mut plan.z[first + v];
-            let wanted = if input.is_finite() { *input } else { before };
+        let (first, m) = (self.dims.all_states(), self.dims.nu);
+        let inputs = &mut plan.z[first..];
+        let bounds = self.bounds.low[first..].iter().zip(&self.bounds.high[first..]);
+        let increments = self.increments.low.iter().zip(&self.increments.high);
+        for (v, ((&least, &most), (down, up))) in bounds.zip(increments).enumerate() {
+            let before = if v < m { previous[v] } else { inputs[v - m] };
+            let low = (before + down).min(most);
+            let high = (before + up).max(least);
+            let wanted = if inputs[v].is_finite() { inputs[v] } else { before };
             // With a finite input before, low <= high.
-            *input = wanted.max(low).min(high).max(least).min(most);
+            inputs[v] = wanted.max(low).min(high).max(least).min(most);
         }
     }
 

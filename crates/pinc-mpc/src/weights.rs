@@ -160,7 +160,12 @@ impl Weight {
     }
 
     /// Entry (i, k).
-    pub(crate) fn entry(&self, i: usize, k: usize) -> f64 {
+    ///
+    /// # Panics
+    ///
+    /// If there is no such row or column.
+    #[must_use]
+    pub fn entry(&self, i: usize, k: usize) -> f64 {
         match self {
             Self::Diagonal(diagonal) => {
                 if i == k {
@@ -211,9 +216,11 @@ fn check_full(field: &'static str, rows: &[Vec<f64>], expected: usize) -> Result
 /// Whether the symmetric matrix has no negative eigenvalue, but for rounding: by elimination with
 /// the largest pivot first.
 fn is_semidefinite(rows: &[Vec<f64>]) -> bool {
-    let mut rest = rows.to_vec();
-    let largest = rest.iter().flatten().fold(0.0_f64, |largest, w| largest.max(w.abs()));
-    let negligible = 1e-12 * largest;
+    let largest = rows.iter().flatten().fold(f64::MIN_POSITIVE, |most, w| most.max(w.abs()));
+    // In units in which no product overflows.
+    let mut rest: Vec<Vec<f64>> =
+        rows.iter().map(|row| row.iter().map(|w| w / largest).collect()).collect();
+    let negligible = 1e-12;
     let mut open: Vec<usize> = (0..rest.len()).collect();
     while let Some(place) =
         (0..open.len()).max_by(|&i, &k| rest[open[i]][open[i]].total_cmp(&rest[open[k]][open[k]]))

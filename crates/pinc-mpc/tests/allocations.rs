@@ -1,12 +1,12 @@
-//! A control step allocates nothing, however it ends.
+//! A control step allocates nothing, however it ends, and a closed loop keeps little of it.
 #![expect(unsafe_code, reason = "an allocator that counts must implement an unsafe trait")]
 
 use pinc_ad::Scalar;
 use pinc_mpc::{
-    Bounds, Constraints, Nmpc, NmpcProblem, QpMethod, SqpConfig, SqpStatus, StageConstraints,
-    Tracked, Weights,
+    Bounds, ClosedLoop, Constraints, Nmpc, NmpcProblem, QpMethod, Reference, SqpConfig, SqpStatus,
+    StageConstraints, Tracked, Weights,
 };
-use pinc_ode::{Model, Rk4};
+use pinc_ode::{Dopri5, Model, Rk4};
 use pinc_plants::{FourTanks, VanDerPol};
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
@@ -17,10 +17,21 @@ struct Counting;
 
 thread_local! {
     static REQUESTS: Cell<usize> = const { Cell::new(0) };
+    /// Bytes that are in use.
+    static HELD: Cell<isize> = const { Cell::new(0) };
 }
 
 fn requests() -> usize {
     REQUESTS.with(Cell::get)
+}
+
+fn held() -> isize {
+    HELD.with(Cell::get)
+}
+
+fn hold(bytes: usize, more: isize) {
+    let bytes = isize::try_from(bytes).unwrap_or(isize::MAX);
+    HELD.with(|held| held.set(held.get() + more * bytes));
 }
 
 fn count() {
@@ -31,15 +42,19 @@ fn count() {
 unsafe impl GlobalAlloc for Counting {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
         count();
+        hold(layout.size(), 1);
         // SAFETY: the caller keeps the contract of `alloc`.
         unsafe { System.alloc(layout) }
     }
     unsafe fn dealloc(&self, memory: *mut u8, layout: Layout) {
+        hold(layout.size(), -1);
         // SAFETY: `memory` came from `System` with this layout.
         unsafe { System.dealloc(memory, layout) }
     }
     unsafe fn realloc(&self, memory: *mut u8, layout: Layout, size: usize) -> *mut u8 {
         count();
+        hold(layout.size(), -1);
+        hold(size, 1);
         // SAFETY: `memory` came from `System` with this layout.
         unsafe { System.realloc(memory, layout, size) }
     }
@@ -119,4 +134,22 @@ fn a_control_step_allocates_nothing() {
             }
         }
     }
+}
+
+/// Of a step it keeps what is tracked at its end.
+#[test]
+fn a_closed_loop_keeps_a_few_bytes_of_a_step() {
+    let mut nmpc = oscillator(SqpConfig::default());
+    let steps = 5000;
+    let reference = Reference::new([0.0, 0.0].repeat(steps), 2).unwrap();
+    let plant = Dopri5::new(VanDerPol::default(), 1e-9);
+    let mut run = ClosedLoop::new(&mut nmpc, plant, reference, &[0.5, 0.2]).unwrap();
+    run.control().unwrap().unwrap().advance().unwrap();
+    let before = held();
+    run.run().unwrap();
+    let most = 2 * steps * 2 * size_of::<f64>();
+    let kept = usize::try_from(held() - before).unwrap();
+    assert!(kept <= most, "{kept} bytes");
+    // Twice the tracked quantities, since a vector doubles: there are that many.
+    assert!(kept >= steps * 2 * size_of::<f64>());
 }

@@ -29,6 +29,7 @@ fn points_four_tanks_5x20(bencher: Bencher<'_, '_>, points: usize) {
         state_high: vec![20.0, 20.0, 6.0, 6.0],
         input_low: vec![0.0; 2],
         input_high: vec![5.0; 2],
+        parameters: Vec::new(),
     };
     let net = config(10.0, 5, 20);
     loss_gradient(bencher, &FourTanks::antonelo(), &domain, &net, points);
@@ -50,6 +51,7 @@ fn van_der_pol(bencher: Bencher<'_, '_>, points: usize, hidden_layers: usize, ne
         state_high: vec![3.0; 2],
         input_low: vec![-1.0],
         input_high: vec![1.0],
+        parameters: Vec::new(),
     };
     let net = config(0.5, hidden_layers, neurons);
     loss_gradient(bencher, &VanDerPol::default(), &domain, &net, points);

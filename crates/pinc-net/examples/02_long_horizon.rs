@@ -25,7 +25,7 @@ pub(crate) fn main() -> Result<(), Box<dyn Error>> {
     for k in 0..12 {
         let t = f64::from(k) * model.sample_time_s();
         // Between the steps the net has a value for any time.
-        let halfway = net.evaluate(0.5 * model.sample_time_s(), &x, input.at(t));
+        let halfway = net.evaluate(0.5 * model.sample_time_s(), &x, input.at(t), &[]);
         model.step(&x, input.at(t), &[], &mut next);
         plant.integrate(&mut truth, input.at(t), model.sample_time_s())?;
         println!("t {t:3.1} s: halfway {halfway:7.4?}, then {next:7.4?}, truth {truth:7.4?}");

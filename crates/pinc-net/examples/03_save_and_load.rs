@@ -25,7 +25,7 @@ pub(crate) fn main() -> Result<(), Box<dyn Error>> {
     println!("for steps of {} s, trained on {:?}", read.sample_time_s(), read.domain());
     assert_eq!(read, net);
     // How far a point is outside the box, one number per state and input; 0 inside.
-    let outside: Vec<_> = read.domain().excess(&[3.5, 0.0], &[0.0]).collect();
+    let outside: Vec<_> = read.domain().excess(&[3.5, 0.0], &[0.0], &[]).collect();
     println!("x1 = 3.5 is outside by {outside:?}");
 
     // A damaged file is refused.

@@ -18,7 +18,7 @@ use std::error::Error;
 
 /// Measurements of the plant itself after single steps from `count` states.
 fn steps(count: usize) -> Result<Measurements, Box<dyn Error>> {
-    let mut measured = Measurements::new(2);
+    let mut measured = Measurements::new(pinc_ode::Dims::new(2, 1));
     let mut plant = Dopri5::new(VanDerPol { mu: 1.0 }, 1e-10);
     for k in 0..u32::try_from(count)? {
         let angle = 2.4 * f64::from(k);
@@ -27,7 +27,7 @@ fn steps(count: usize) -> Result<Measurements, Box<dyn Error>> {
         let mut y = y0;
         plant.integrate(&mut y, &u, 0.5)?;
         // After every other step only the position is known.
-        measured.push(0.5, &y0, &u, &[Some(y[0]), (k % 2 == 0).then_some(y[1])]);
+        measured.push(0.5, &y0, &u, &[], &[Some(y[0]), (k % 2 == 0).then_some(y[1])]);
     }
     Ok(measured)
 }
@@ -61,7 +61,7 @@ fn fit(measured: Option<&Measurements>) -> Result<PincNet, Box<dyn Error>> {
 fn error(net: &PincNet, of: &Measurements) -> f64 {
     let points = of.points();
     let squared = |k: usize| {
-        let predicted = net.evaluate(points.time(k), points.state(k), points.input(k))[0];
+        let predicted = net.evaluate(points.time(k), points.state(k), points.input(k), &[])[0];
         of.state(k)[0].map(|measured| (predicted - measured).powi(2))
     };
     let squares: Vec<f64> = (0..of.len()).filter_map(squared).collect();

@@ -1,11 +1,12 @@
-//! The box of states and inputs that a net is trained on.
+//! The box of states, inputs and parameters that a net is trained on.
 
 use crate::NetError;
-use pinc_ode::Dims;
+use pinc_ode::{Dims, DynRhs};
 use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
 use std::ops::RangeInclusive;
 
-/// A box of initial states and inputs.
+/// A box of initial states, inputs and, for a net of a family of plants, parameters.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Domain {
@@ -17,6 +18,51 @@ pub struct Domain {
     pub input_low: Vec<f64>,
     /// Upper ends of the inputs.
     pub input_high: Vec<f64>,
+    /// The parameters that vary. In files a table `{ name = [low, high] }`.
+    #[serde(default, skip_serializing_if = "Vec::is_empty", with = "as_table")]
+    pub parameters: Vec<ParameterRange>,
+}
+
+/// The values of a parameter for which a net is trained.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ParameterRange {
+    /// The parameter's name in the plant.
+    pub name: String,
+    /// The least value.
+    pub low: f64,
+    /// The largest value.
+    pub high: f64,
+}
+
+impl ParameterRange {
+    /// The parameter `name` in this range.
+    #[must_use]
+    pub fn new(name: impl Into<String>, range: RangeInclusive<f64>) -> Self {
+        let (low, high) = range.into_inner();
+        Self { name: name.into(), low, high }
+    }
+}
+
+/// Ranges in files.
+mod as_table {
+    use super::{BTreeMap, Deserialize, ParameterRange, Serialize};
+    use serde::{Deserializer, Serializer};
+
+    pub(super) fn serialize<S: Serializer>(
+        ranges: &[ParameterRange],
+        to: S,
+    ) -> Result<S::Ok, S::Error> {
+        let table = ranges.iter().map(|range| (&range.name, [range.low, range.high]));
+        table.collect::<BTreeMap<_, _>>().serialize(to)
+    }
+
+    pub(super) fn deserialize<'a, D: Deserializer<'a>>(
+        from: D,
+    ) -> Result<Vec<ParameterRange>, D::Error> {
+        let table = BTreeMap::<String, [f64; 2]>::deserialize(from)?;
+        let range = |(name, [low, high]): (String, [f64; 2])| ParameterRange { name, low, high };
+        Ok(table.into_iter().map(range).collect())
+    }
 }
 
 impl Domain {
@@ -33,7 +79,42 @@ impl Domain {
     ) -> Self {
         let (state_low, state_high) = states.into_iter().map(RangeInclusive::into_inner).unzip();
         let (input_low, input_high) = inputs.into_iter().map(RangeInclusive::into_inner).unzip();
-        Self { state_low, state_high, input_low, input_high }
+        Self { state_low, state_high, input_low, input_high, parameters: Vec::new() }
+    }
+
+    /// The same box for plants whose parameters lie in these ranges.
+    ///
+    /// ```
+    /// use pinc_net::{Domain, ParameterRange};
+    /// let family = Domain::new([-3.0..=3.0, -4.0..=4.0], [-1.0..=1.0])
+    ///     .with_parameters([ParameterRange::new("mu", 0.5..=1.5)]);
+    /// assert_eq!(family.ends().last(), Some((0.5, 1.5)));
+    /// ```
+    #[must_use]
+    pub fn with_parameters(self, ranges: impl IntoIterator<Item = ParameterRange>) -> Self {
+        Self { parameters: ranges.into_iter().collect(), ..self }
+    }
+
+    /// The same box with its parameters in the order of the plant.
+    ///
+    /// # Errors
+    ///
+    /// [`NetError::Parameter`] if the plant's parameters that vary are not those of the box.
+    pub fn in_order_of(&self, plant: &dyn DynRhs) -> Result<Self, NetError> {
+        let of = |name: &str| self.parameters.iter().find(|range| range.name == name);
+        let mut ordered = Vec::with_capacity(self.parameters.len());
+        for parameter in plant.parameters() {
+            let name = parameter.name.to_string();
+            let problem = "varies in the plant, and has no range in the domain";
+            let range = of(&name).ok_or(NetError::Parameter { name, problem })?;
+            ordered.push(range.clone());
+        }
+        let unknown = self.parameters.iter().find(|range| !ordered.contains(range));
+        if let Some(ParameterRange { name, .. }) = unknown {
+            let problem = "has a range in the domain, and does not vary in the plant";
+            return Err(NetError::Parameter { name: name.clone(), problem });
+        }
+        Ok(Self { parameters: ordered, ..self.clone() })
     }
 
     /// Checks the lengths against the plant's, and that every lower end is below its upper end.
@@ -66,20 +147,49 @@ impl Domain {
                 return Err(NetError::Setting { key, found, expected: "less than the upper end" });
             }
         }
+        if self.parameters.len() != dims.np {
+            let (key, found) = ("parameters", self.parameters.len());
+            return Err(NetError::Dimension {
+                key,
+                found,
+                expected: dims.np,
+                per: "parameter that varies",
+            });
+        }
+        for ParameterRange { name, low, high } in &self.parameters {
+            if !(low < high && low.is_finite() && high.is_finite()) {
+                let (key, found) = ("parameters", format!("{name} = [{low}, {high}]"));
+                let expected = "a lower end, and a larger upper end";
+                return Err(NetError::Setting { key, found, expected });
+            }
+        }
         Ok(())
     }
 
-    /// How far each variable of the state `x` and the input `u` lies outside the box, states first;
-    /// 0 for those inside.
-    pub fn excess<'a>(&'a self, x: &'a [f64], u: &'a [f64]) -> impl Iterator<Item = f64> + 'a {
-        let values = x.iter().chain(u).zip(self.ends());
+    /// The numbers of states, inputs and parameters.
+    #[must_use]
+    pub fn dims(&self) -> Dims {
+        let parameters = self.parameters.len();
+        Dims::new(self.state_low.len(), self.input_low.len()).with_parameters(parameters)
+    }
+
+    /// How far each variable of the state `x`, the input `u` and the parameters `p` lies outside
+    /// the box, states first; 0 for those inside.
+    pub fn excess<'a>(
+        &'a self,
+        x: &'a [f64],
+        u: &'a [f64],
+        p: &'a [f64],
+    ) -> impl Iterator<Item = f64> + 'a {
+        let values = x.iter().chain(u).chain(p).zip(self.ends());
         values.map(|(value, (low, high))| (low - value).max(value - high).max(0.0))
     }
 
-    /// Lower and upper ends, states first, then inputs.
+    /// Lower and upper ends, states first, then inputs, then parameters.
     pub fn ends(&self) -> impl Iterator<Item = (f64, f64)> {
         let states = self.state_low.iter().zip(&self.state_high);
         let inputs = self.input_low.iter().zip(&self.input_high);
-        states.chain(inputs).map(|(&low, &high)| (low, high))
+        let parameters = self.parameters.iter().map(|range| (range.low, range.high));
+        states.chain(inputs).map(|(&low, &high)| (low, high)).chain(parameters)
     }
 }

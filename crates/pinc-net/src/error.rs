@@ -33,6 +33,14 @@ pub enum NetError {
         /// What there is one of each for.
         per: &'static str,
     },
+    /// A parameter that the plant and the domain do not agree on.
+    #[error("parameter `{name}` {problem}")]
+    Parameter {
+        /// Its name.
+        name: String,
+        /// What does not agree.
+        problem: &'static str,
+    },
     /// A conventional PINN y(t) where a model for control belongs.
     #[error(
         "a conventional PINN stands for one initial state and one input: it cannot be a model for \

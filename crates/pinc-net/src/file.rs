@@ -1,7 +1,9 @@
 //! The model file: a safetensors container with the tensors of the perceptron and a JSON
 //! description.
 
-use crate::{Ansatz, Domain, Mlp, ModelError, Normalizer, PincNet, Scenario, TrainingTarget};
+use crate::{
+    Ansatz, Domain, Mlp, ModelError, Normalizer, ParameterRange, PincNet, Scenario, TrainingTarget,
+};
 use pinc_ode::Dims;
 use safetensors::{Dtype, SafeTensorError, SafeTensors, tensor::TensorView};
 use serde::{Deserialize, Serialize};
@@ -9,7 +11,8 @@ use serde_json::Value;
 use std::collections::BTreeMap;
 
 const FORMAT: &str = "pinc-model";
-const VERSION: &str = "1";
+/// The versions: that of nets of one plant, and that of nets which take parameters as inputs.
+const VERSIONS: [&str; 2] = ["1", "2"];
 const ACTIVATION: &str = "tanh";
 
 /// The JSON text under the metadata key `model`.
@@ -17,6 +20,9 @@ const ACTIVATION: &str = "tanh";
 struct Description {
     states: Vec<String>,
     inputs: Vec<String>,
+    /// In version 2 only.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    parameters: Vec<String>,
     #[serde(rename = "horizon_s")]
     sample_time_s: f64,
     activation: String,
@@ -41,7 +47,7 @@ fn is_physics(source: &TrainingTarget) -> bool {
 #[derive(Debug, Serialize, Deserialize)]
 #[serde(untagged)]
 enum DomainBox {
-    /// Ends of the states, then of the inputs.
+    /// Ends of the states, then of the inputs, then of the parameters.
     Flat { low: Vec<f64>, high: Vec<f64> },
     /// As in a config.
     Named(Domain),
@@ -56,16 +62,25 @@ struct Ends {
 }
 
 impl DomainBox {
-    fn into_domain(self, states: usize) -> Domain {
+    /// The domain of a net with so many states and inputs and these parameters.
+    fn into_domain(self, states: usize, inputs: usize, parameters: &[String]) -> Domain {
         match self {
             Self::Flat { low, high } => {
                 let split = |ends: &[f64]| {
-                    let (states, inputs) = ends.split_at(states.min(ends.len()));
-                    (states.to_vec(), inputs.to_vec())
+                    let (states, rest) = ends.split_at(states.min(ends.len()));
+                    let (inputs, parameters) = rest.split_at(inputs.min(rest.len()));
+                    [states, inputs, parameters].map(<[f64]>::to_vec)
                 };
-                let ((state_low, input_low), (state_high, input_high)) =
-                    (split(&low), split(&high));
-                Domain { state_low, state_high, input_low, input_high }
+                let [[state_low, input_low, low], [state_high, input_high, high]] =
+                    [split(&low), split(&high)];
+                let ends = low.into_iter().zip(high).zip(parameters);
+                let range = |((low, high), name): ((f64, f64), &String)| ParameterRange {
+                    name: name.clone(),
+                    low,
+                    high,
+                };
+                let parameters = ends.map(range).collect();
+                Domain { state_low, state_high, input_low, input_high, parameters }
             }
             Self::Named(domain) => domain,
             Self::Nested { states, inputs } => Domain {
@@ -73,6 +88,7 @@ impl DomainBox {
                 state_high: states.high,
                 input_low: inputs.low,
                 input_high: inputs.high,
+                parameters: Vec::new(),
             },
         }
     }
@@ -82,10 +98,13 @@ impl PincNet {
     /// The net as the bytes of a model file. The same net gives the same bytes.
     #[must_use]
     pub fn to_bytes(&self) -> Vec<u8> {
-        let ends = |states: &[f64], inputs: &[f64]| [states, inputs].concat();
+        let (low, high) = self.domain.ends().unzip();
+        let parameters: Vec<_> = self.parameter_names().map(str::to_owned).collect();
+        let version = VERSIONS[usize::from(!parameters.is_empty())];
         let description = Description {
             states: self.states.clone(),
             inputs: self.inputs.clone(),
+            parameters,
             sample_time_s: self.sample_time_s,
             activation: ACTIVATION.into(),
             ansatz: self.ansatz,
@@ -94,10 +113,7 @@ impl PincNet {
             output_mean: self.output.mean.clone(),
             output_std: self.output.std.clone(),
             skip: Value::Bool(false),
-            domain: DomainBox::Flat {
-                low: ends(&self.domain.state_low, &self.domain.input_low),
-                high: ends(&self.domain.state_high, &self.domain.input_high),
-            },
+            domain: DomainBox::Flat { low, high },
             time_only: self.time_only.clone(),
             source: self.source,
         };
@@ -107,7 +123,7 @@ impl PincNet {
         let mut data = Vec::new();
         let metadata = BTreeMap::from([
             ("format", FORMAT.to_owned()),
-            ("version", VERSION.to_owned()),
+            ("version", version.to_owned()),
             ("model", serde_json::json!(description).to_string()),
         ]);
         header.insert("__metadata__".to_owned(), serde_json::json!(metadata));
@@ -143,19 +159,22 @@ impl PincNet {
         let (_, header) = SafeTensors::read_metadata(bytes).map_err(container)?;
         let empty = std::collections::HashMap::new();
         let metadata = header.metadata().as_ref().unwrap_or(&empty);
-        let entry = |key: &'static str, expected: &'static str| {
+        let entry = |key: &'static str, allowed: &[&str], expected: &'static str| {
             let found = metadata.get(key);
-            if found.is_some_and(|v| expected.is_empty() || v == expected) {
+            if found.is_some_and(|v| allowed.is_empty() || allowed.contains(&v.as_str())) {
                 return Ok(found.map_or("", String::as_str));
             }
             let found = found.map_or("missing".to_owned(), |v| format!("\"{v}\""));
-            let expected = if expected.is_empty() { "a JSON text" } else { expected };
             Err(ModelError::Foreign { key, found, expected })
         };
-        entry("format", FORMAT)?;
-        entry("version", VERSION)?;
-        let description: Description = serde_json::from_str(entry("model", "")?)
+        entry("format", &[FORMAT], FORMAT)?;
+        let version = entry("version", &VERSIONS, "1 or 2")?;
+        let description: Description = serde_json::from_str(entry("model", &[], "a JSON text")?)
             .map_err(|error| ModelError::Description(error.into()))?;
+        if version == VERSIONS[0] && !description.parameters.is_empty() {
+            let (field, problem) = ("parameters", "are known from version 2 on");
+            return Err(ModelError::Inconsistent { field, problem });
+        }
         description.into_net(&SafeTensors::deserialize(bytes).map_err(container)?)
     }
 }
@@ -164,10 +183,11 @@ impl Description {
     fn into_net(self, tensors: &SafeTensors<'_>) -> Result<PincNet, ModelError> {
         self.check()?;
         let (states, inputs) = (self.states.len(), self.inputs.len());
-        let first = if self.time_only.is_some() { 1 } else { 1 + states + inputs };
-        let mlp = read_layers(tensors, first, states)?;
-        let domain = self.domain.into_domain(states);
-        if domain.validate(Dims::new(states, inputs)).is_err() {
+        let mlp = read_layers(tensors, self.features(), states)?;
+        let domain = self.domain.into_domain(states, inputs, &self.parameters);
+        let dims = Dims::new(states, inputs).with_parameters(self.parameters.len());
+        let named = domain.parameters.iter().map(|range| &range.name).eq(&self.parameters);
+        if !named || domain.validate(dims).is_err() {
             let (field, problem) = ("domain", "does not have a low and a higher end per variable");
             return Err(ModelError::Inconsistent { field, problem });
         }
@@ -185,9 +205,15 @@ impl Description {
         })
     }
 
+    /// The length of the net's input.
+    fn features(&self) -> usize {
+        let variables = self.states.len() + self.inputs.len() + self.parameters.len();
+        if self.time_only.is_some() { 1 } else { 1 + variables }
+    }
+
     fn check(&self) -> Result<(), ModelError> {
         let fail = |field, problem| Err(ModelError::Inconsistent { field, problem });
-        let (states, variables) = (self.states.len(), self.states.len() + self.inputs.len());
+        let states = self.states.len();
         if states == 0 {
             return fail("states", "names no state");
         }
@@ -200,7 +226,7 @@ impl Description {
         if !(self.sample_time_s > 0.0 && self.sample_time_s.is_finite()) {
             return fail("horizon_s", "is not a positive number");
         }
-        let features = if self.time_only.is_some() { 1 } else { 1 + variables };
+        let features = self.features();
         for (field, values, length) in [
             ("input_mean", &self.input_mean, features),
             ("input_std", &self.input_std, features),
@@ -215,9 +241,11 @@ impl Description {
             return fail("input_std, output_std", "has a number that is not positive");
         }
         if let Some(Scenario { initial_state, input }) = &self.time_only
-            && (initial_state.len() != states || input.len() != self.inputs.len())
+            && (initial_state.len() != states
+                || input.len() != self.inputs.len()
+                || !self.parameters.is_empty())
         {
-            return fail("time_only", "does not have one number per state and input");
+            return fail("time_only", "does not have one number per state and input alone");
         }
         Ok(())
     }

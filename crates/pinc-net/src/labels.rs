@@ -30,7 +30,7 @@ impl Labels {
             return Err(NetError::Setting { key, found, expected });
         }
         let integrator = Dopri5::shared(plant.to_shared(), TOLERANCE);
-        let known = Measurements::new(plant.dims().nx);
+        let known = Measurements::new(plant.dims());
         Ok(Some(Self { integrator, sample_time_s: net.sample_time_s, known }))
     }
 
@@ -47,14 +47,17 @@ impl Labels {
             let mut y = points.state(i).to_vec();
             // A fresh integrator has adapted no step size yet: the same bits on any number of
             // threads.
-            integrator.clone().integrate(&mut y, points.input(i), *sample_time_s)?;
+            let mut fresh = integrator.clone();
+            fresh.set_parameters(points.parameters(i));
+            fresh.integrate(&mut y, points.input(i), *sample_time_s)?;
             Ok(y)
         };
         let ends: Result<Vec<_>, NetError> =
             workers.pool.install(|| new.clone().into_par_iter().map(integrate).collect());
         for (i, y) in new.zip(ends?) {
             let y: Vec<_> = y.into_iter().map(Some).collect();
-            known.push(*sample_time_s, points.state(i), points.input(i), &y);
+            let [x, u, p] = [points.state(i), points.input(i), points.parameters(i)];
+            known.push(*sample_time_s, x, u, p, &y);
         }
         Ok(known)
     }

@@ -1,7 +1,7 @@
 //! Physics-informed nets for control: the net, its training from the equation alone, and its file.
 //!
-//! A [`PincNet`] maps (t, y(0), u) to y(t) for t in \[0, T\] (Eq. `net_pred` of the paper). It is
-//! trained on the residual y' - f(y, u) of a [`pinc_ode::Plant`] at collocation points, chained
+//! A [`PincNet`] maps (t, y(0), u) to y(t) for t in \[0, T\] (Eq. `net_pred` of the paper); that of
+//! a family of plants takes their parameters as further inputs. It is trained on the residual y' - f(y, u) of a [`pinc_ode::Plant`] at collocation points, chained
 //! over any horizon, and offered to a controller as a [`pinc_ode::Model`] ([`PincModel`]).
 //!
 //! - [`Training`] describes a training and runs it; a [`Trainer`] is one in progress, which can be
@@ -28,8 +28,10 @@
 mod ansatz;
 mod config;
 mod domain;
+mod domain_error;
 mod error;
 mod file;
+mod folded;
 mod kernel;
 mod labels;
 mod loss;
@@ -48,8 +50,10 @@ mod workers;
 
 pub use ansatz::Ansatz;
 pub use config::{GrowthConfig, Phase, SelectNet, TrainingConfig, TrainingTarget};
-pub use domain::Domain;
+pub use domain::{Domain, ParameterRange};
+pub use domain_error::{DomainError, DomainTruth, WorstStep};
 pub use error::{ModelError, NetError};
+pub use folded::{FoldedNet, PlainLayer};
 pub use kernel::BatchLoss;
 pub use loss::{
     InitialScale, LossTerms, LossWeights, ResidualScale, reference_loss, reference_measured,

@@ -172,9 +172,10 @@ pub fn reference_residuals<S: Scalar, P: Plant>(
         let y0: Vec<_> = collocation.state(k).iter().map(constant).collect();
         let u: Vec<_> = collocation.input(k).iter().map(constant).collect();
         let t = Dual::variable(context.constant(collocation.time(k)), 0);
-        let y = net.state(&lifted, t, &y0, &u);
+        let p: Vec<_> = collocation.parameters(k).iter().map(constant).collect();
+        let y = net.state(&lifted, t, &y0, &u, &p);
         let mut f = vec![Dual::lift(context.constant(0.0)); nx];
-        plant.rhs(&y, &u, &[], &mut f);
+        plant.rhs(&y, &u, &p, &mut f);
         let share = share(collocation.len(), weights.lambda);
         physics
             .extend((0..nx).map(|i| (y[i].eps[0] - f[i].re) * weights.residual_scale[i] * share));
@@ -184,7 +185,8 @@ pub fn reference_residuals<S: Scalar, P: Plant>(
         let constant = |v: &f64| context.constant(*v);
         let y0: Vec<_> = initial.state(j).iter().map(constant).collect();
         let u: Vec<_> = initial.input(j).iter().map(constant).collect();
-        let y = net.state(parameters, context.constant(initial.time(j)), &y0, &u);
+        let p: Vec<_> = initial.parameters(j).iter().map(constant).collect();
+        let y = net.state(parameters, context.constant(initial.time(j)), &y0, &u, &p);
         let share = share(initial.len(), 1.0);
         data.extend((0..nx).map(|i| (y[i] - y0[i]) * weights.initial_scale[i] * share));
     }
@@ -211,7 +213,8 @@ pub fn reference_measured<S: Scalar>(
         let constant = |v: &f64| context.constant(*v);
         let y0: Vec<_> = points.state(k).iter().map(constant).collect();
         let u: Vec<_> = points.input(k).iter().map(constant).collect();
-        let y = net.state(parameters, context.constant(points.time(k)), &y0, &u);
+        let p: Vec<_> = points.parameters(k).iter().map(constant).collect();
+        let y = net.state(parameters, context.constant(points.time(k)), &y0, &u, &p);
         for (i, measured) in measurements.state(k).iter().enumerate() {
             if let Some(measured) = *measured {
                 let error = y[i] - context.constant(measured);

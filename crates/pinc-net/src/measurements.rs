@@ -1,6 +1,7 @@
 //! Measurements of the plant, to which a net can be fitted beside the plant's equation.
 
 use crate::sampling::Points;
+use pinc_ode::Dims;
 
 /// Measured states: y(t), `t` seconds after the plant was in y0, under the constant input u. Any of
 /// the states may be missing.
@@ -23,31 +24,32 @@ pub struct Recorded {
 }
 
 impl Measurements {
-    /// No measurements yet, of a plant with this many states.
+    /// No measurements yet, of a plant of these dimensions.
     #[must_use]
-    pub fn new(states: usize) -> Self {
-        Self { states, points: Points::new(states), values: Vec::new() }
+    pub fn new(dims: Dims) -> Self {
+        Self { states: dims.nx, points: Points::new(dims), values: Vec::new() }
     }
 
-    /// Adds the measured states `y`, `t` seconds after `y0` under the input `u`.
+    /// Adds the measured states `y`, `t` seconds after `y0` under the input `u`, of the plant with
+    /// the parameters `p`.
     ///
     /// # Panics
     ///
-    /// If the length of `y0`, `y` or `u` differs from that in earlier measurements.
-    pub fn push(&mut self, t: f64, y0: &[f64], u: &[f64], y: &[Option<f64>]) {
+    /// If a length is not that of the plant.
+    pub fn push(&mut self, t: f64, y0: &[f64], u: &[f64], p: &[f64], y: &[Option<f64>]) {
         assert_eq!(y.len(), self.states, "length of y");
-        self.points.push(t, y0, u);
+        self.points.push(t, y0, u, p);
         self.values.extend_from_slice(y);
     }
 
     /// Adds a recorded trajectory, its rows in the order of time: every row with all states
     /// measured is the y0 of the rows up to `sample_time_s` after it, as long as the input stays
-    /// the same. Rows that follow no such row are ignored.
+    /// the same. Rows that follow no such row are ignored. The plant's parameters were `p`.
     ///
     /// # Panics
     ///
     /// As [`Measurements::push`].
-    pub fn push_trajectory(&mut self, sample_time_s: f64, rows: &[Recorded]) {
+    pub fn push_trajectory(&mut self, sample_time_s: f64, p: &[f64], rows: &[Recorded]) {
         for (i, start) in rows.iter().enumerate() {
             let Some(y0) = start.state.iter().copied().collect::<Option<Vec<f64>>>() else {
                 continue;
@@ -59,13 +61,13 @@ impl Measurements {
                     break;
                 }
                 if row.state.iter().any(Option::is_some) {
-                    self.push(t.min(sample_time_s), &y0, &start.input, &row.state);
+                    self.push(t.min(sample_time_s), &y0, &start.input, p, &row.state);
                 }
             }
         }
     }
 
-    /// Number of points (t, y0, u).
+    /// Number of points (t, y0, u, p).
     #[must_use]
     pub fn len(&self) -> usize {
         self.points.len()
@@ -77,7 +79,7 @@ impl Measurements {
         self.points.is_empty()
     }
 
-    /// The points (t, y0, u).
+    /// The points (t, y0, u, p).
     #[must_use]
     pub fn points(&self) -> &Points {
         &self.points

@@ -77,6 +77,23 @@ impl Mlp {
         fits.then_some(Self { widths, parameters })
     }
 
+    /// The perceptron of the first `kept` inputs, the others having the values `fixed`, which go into
+    /// the biases.
+    pub(crate) fn with_inputs_fixed(&self, kept: usize, fixed: &[f64]) -> Self {
+        let mut layers = self.layers();
+        let first = layers.next().expect("there is a layer");
+        let rows = || self.parameters[first.weight.clone()].chunks_exact(first.inputs);
+        let biases = rows().zip(&self.parameters[first.bias.clone()]).map(|(row, bias)| {
+            row[kept..].iter().zip(fixed).fold(*bias, |bias, (w, value)| w.mul_add(*value, bias))
+        });
+        let rest = &self.parameters[first.bias.end..];
+        let parameters = rows().flat_map(|row| &row[..kept]).copied();
+        let parameters = parameters.chain(biases).chain(rest.iter().copied()).collect();
+        let mut widths = self.widths.clone();
+        widths[0] = kept;
+        Self { widths, parameters }
+    }
+
     /// Lengths of the input, of each hidden layer and of the output.
     #[must_use]
     pub fn widths(&self) -> &[usize] {

@@ -54,9 +54,9 @@ impl NetConfig {
     }
 
     fn size(&self, dims: Dims) -> MlpConfig {
-        let of_scenario = if self.time_only.is_some() { 0 } else { dims.nx + dims.nu };
+        let varying = if self.time_only.is_some() { 0 } else { dims.nx + dims.nu + dims.np };
         MlpConfig {
-            inputs: 1 + of_scenario,
+            inputs: 1 + varying,
             hidden_layers: self.hidden_layers,
             neurons: self.neurons,
             outputs: dims.nx,
@@ -80,6 +80,11 @@ impl NetConfig {
             }
         }
         if let Some(scenario) = &self.time_only {
+            if dims.np > 0 {
+                let (key, found) = ("time_only", "a scenario".to_owned());
+                let expected = "nothing for a net of a family of plants";
+                return Err(NetError::Setting { key, found, expected });
+            }
             for (key, values, expected, per) in [
                 ("time_only.initial_state", &scenario.initial_state, dims.nx, "state"),
                 ("time_only.input", &scenario.input, dims.nu, "input"),
@@ -97,19 +102,20 @@ impl NetConfig {
     }
 }
 
-/// A trained (or fresh) net y(t) = `f_w`(t, y(0), u), Eq. (`net_pred`) of the paper. It is
-/// self-contained: normalization, ansatz, T, domain and the names of the variables are part of it.
+/// A trained (or fresh) net y(t) = `f_w`(t, y(0), u, p), Eq. (`net_pred`) of the paper, with the
+/// parameters p of a family of plants if it is of one. It is self-contained: normalization, ansatz, T, domain and the names of the variables are part of it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PincNet {
     pub(crate) mlp: Mlp,
     pub(crate) ansatz: Ansatz,
     pub(crate) sample_time_s: f64,
-    /// Of (t, y(0), u), or of t alone.
+    /// Of (t, y(0), u, p), or of t alone.
     pub(crate) input: Normalizer,
     /// Of the states.
     pub(crate) output: Normalizer,
     pub(crate) states: Vec<String>,
     pub(crate) inputs: Vec<String>,
+    /// With the parameters in the plant's order.
     pub(crate) domain: Domain,
     pub(crate) time_only: Option<Scenario>,
     pub(crate) source: TrainingTarget,
@@ -130,6 +136,7 @@ impl PincNet {
     ) -> Result<Self, NetError> {
         let dims = plant.dims();
         config.validate(dims)?;
+        let domain = domain.in_order_of(plant)?;
         domain.validate(dims)?;
         let time = (0.0, config.sample_time_s);
         let input = match config.time_only {
@@ -138,7 +145,7 @@ impl PincNet {
         };
         let output = match config.ansatz {
             Ansatz::Direct => Normalizer::of_uniform(domain.ends().take(dims.nx)),
-            Ansatz::HardLinear => displacement_scale(plant, config, domain, seed)?,
+            Ansatz::HardLinear => displacement_scale(plant, config, &domain, seed)?,
         };
         let size = config.size(dims);
         let names = |variables: &[pinc_ode::Variable]| {
@@ -152,16 +159,16 @@ impl PincNet {
             output,
             states: names(plant.states()),
             inputs: names(plant.inputs()),
-            domain: domain.clone(),
+            domain,
             time_only: config.time_only.clone(),
             source: TrainingTarget::Physics,
         })
     }
 
-    /// The numbers of states and inputs.
+    /// The numbers of states, inputs and parameters.
     #[must_use]
     pub fn dims(&self) -> Dims {
-        Dims::new(self.states.len(), self.inputs.len())
+        self.domain.dims()
     }
 
     /// Length T of one step, in s.
@@ -180,6 +187,11 @@ impl PincNet {
     #[must_use]
     pub fn input_names(&self) -> &[String] {
         &self.inputs
+    }
+
+    /// Names of the parameters that it takes as inputs, in the plant's order.
+    pub fn parameter_names(&self) -> impl Iterator<Item = &str> {
+        self.domain.parameters.iter().map(|range| range.name.as_str())
     }
 
     /// The box that the net was trained on.
@@ -219,36 +231,62 @@ impl PincNet {
         net
     }
 
-    /// y(t) after `t` seconds from `y0` under the constant input `u`.
+    /// The net of the plant with the parameters `p`, `np`, which takes none: their part goes into
+    /// the biases.
+    ///
+    /// # Panics
+    ///
+    /// If the length of `p` does not fit.
+    #[must_use]
+    pub fn member(&self, p: &[f64]) -> Self {
+        let Dims { nx, nu, np, .. } = self.dims();
+        assert_eq!(p.len(), np, "length of p");
+        if np == 0 {
+            return self.clone();
+        }
+        let kept = 1 + nx + nu;
+        let scale = self.input.mean[kept..].iter().zip(&self.input.std[kept..]);
+        let normalized: Vec<f64> = p.iter().zip(scale).map(|(p, (m, s))| (p - m) / s).collect();
+        let first = |values: &[f64]| values[..kept].to_vec();
+        Self {
+            mlp: self.mlp.with_inputs_fixed(kept, &normalized),
+            input: Normalizer { mean: first(&self.input.mean), std: first(&self.input.std) },
+            domain: Domain { parameters: Vec::new(), ..self.domain.clone() },
+            ..self.clone()
+        }
+    }
+
+    /// y(t) after `t` seconds from `y0` under the constant input `u`, of the plant with the
+    /// parameters `p`.
     ///
     /// # Shapes
     ///
-    /// `y0` and the result: `n`; `u`: `m`. A conventional PINN ignores `y0` and `u` except, with a
+    /// `y0` and the result: `nx`; `u`: `nu`; `p`: `np`. A conventional PINN ignores `y0` and `u` except, with a
     /// hard initial condition, `y0`.
     ///
     /// # Panics
     ///
     /// If a length does not fit.
     #[must_use]
-    pub fn evaluate(&self, t: f64, y0: &[f64], u: &[f64]) -> Vec<f64> {
-        self.state(self.mlp.parameters(), t, y0, u)
+    pub fn evaluate(&self, t: f64, y0: &[f64], u: &[f64], p: &[f64]) -> Vec<f64> {
+        self.state(self.mlp.parameters(), t, y0, u, p)
     }
 
-    /// y(t) over any scalar, with `parameters` in place of the net's own: the specification of the
+    /// y(t) over any scalar, with `weights` (and biases) in place of the net's own: the specification of the
     /// net, and with `Dual<Var>` its derivatives in time inside those in the weights.
     ///
     /// # Panics
     ///
     /// If a length does not fit.
-    pub fn state<S: Scalar>(&self, parameters: &[S], t: S, y0: &[S], u: &[S]) -> Vec<S> {
-        let Dims { nx, nu, .. } = self.dims();
-        assert_eq!((y0.len(), u.len()), (nx, nu), "lengths of y0 and u");
-        let raw = std::iter::once(&t).chain(y0).chain(u);
+    pub fn state<S: Scalar>(&self, weights: &[S], t: S, y0: &[S], u: &[S], p: &[S]) -> Vec<S> {
+        let Dims { nx, nu, np, .. } = self.dims();
+        assert_eq!([y0.len(), u.len(), p.len()], [nx, nu, np], "lengths of y0, u and p");
+        let raw = std::iter::once(&t).chain(y0).chain(u).chain(p);
         let normalized: Vec<S> = raw
             .zip(self.input.mean.iter().zip(&self.input.std))
             .map(|(&v, (&mean, &std))| (v - mean) / std)
             .collect();
-        let z = self.mlp.forward(parameters, &normalized);
+        let z = self.mlp.forward(weights, &normalized);
         let output = self.output.mean.iter().zip(&self.output.std);
         z.into_iter()
             .zip(output)
@@ -260,7 +298,7 @@ impl PincNet {
     }
 }
 
-/// Mean and standard deviation of T f(y0, u) over the domain: a state's displacement in one step.
+/// Mean and standard deviation of T f(y0, u, p) over the domain: a state's displacement in one step.
 fn displacement_scale(
     plant: &dyn DynRhs,
     config: &NetConfig,
@@ -276,7 +314,7 @@ fn displacement_scale(
     let mut velocities = vec![Vec::new(); dims.nx];
     for i in 0..points.len() {
         let (x, u) = (points.state(i), points.input(i));
-        plant.rhs(x, u, &[], &mut velocity);
+        plant.rhs(x, u, points.parameters(i), &mut velocity);
         for (j, v) in velocity.iter().enumerate() {
             if !v.is_finite() {
                 let state = plant.states()[j].name.to_string();

@@ -3,31 +3,35 @@
 use crate::Domain;
 use crate::mlp::to_f64;
 use crate::net::Scenario;
+use pinc_ode::Dims;
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 use serde::{Deserialize, Serialize};
 
-/// How collocation points (t, y0, u) are distributed over \[0, T\] and the domain.
+/// How collocation points (t, y0, u, p) are distributed over \[0, T\] and the domain.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Sampler {
     /// All coordinates uniform and independent: the paper's text.
     Independent,
-    /// As many random (y0, u) as there are initial points, each on the same uniform grid of times
+    /// As many random (y0, u, p) as there are initial points, each on the same uniform grid of times
     /// with both ends: the authors' code.
     CoupledGrid,
     /// A scrambled Sobol sequence (Owen scrambling): low discrepancy.
     Sobol,
 }
 
-/// A set of points (t, y0, u).
+/// A set of points (t, y0, u, p).
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Points {
     states: usize,
+    inputs: usize,
+    parameters: usize,
     t: Vec<f64>,
     y0: Vec<f64>,
     u: Vec<f64>,
+    p: Vec<f64>,
 }
 
 /// The purpose of a stream of random numbers. Each purpose has a stream of its own, so that drawing
@@ -40,6 +44,9 @@ pub(crate) enum Purpose {
     Validation = 4,
     OneStep = 5,
     Fresh = 6,
+    Test = 7,
+    TestOneStep = 8,
+    Domain = 9,
 }
 
 /// The random numbers of `seed` for `purpose`.
@@ -50,24 +57,25 @@ pub(crate) fn rng(seed: u64, purpose: Purpose) -> ChaCha8Rng {
 }
 
 impl Points {
-    /// No points yet, of a plant with this many states.
+    /// No points yet, of a plant of these dimensions.
     #[must_use]
-    pub fn new(states: usize) -> Self {
-        Self { states, ..Self::default() }
+    pub fn new(dims: Dims) -> Self {
+        Self { states: dims.nx, inputs: dims.nu, parameters: dims.np, ..Self::default() }
     }
 
-    /// Appends the point (t, y0, u).
+    /// Appends the point (t, y0, u, p).
     ///
     /// # Panics
     ///
-    /// If `y0` or `u` is not as long as in the points before.
-    pub fn push(&mut self, t: f64, y0: &[f64], u: &[f64]) {
-        let first = self.t.is_empty();
+    /// If a length is not that of the plant.
+    pub fn push(&mut self, t: f64, y0: &[f64], u: &[f64], p: &[f64]) {
         assert_eq!(y0.len(), self.states, "length of y0");
-        assert!(first || u.len() * self.len() == self.u.len(), "length of u");
+        assert_eq!(u.len(), self.inputs, "length of u");
+        assert_eq!(p.len(), self.parameters, "length of p");
         self.t.push(t);
         self.y0.extend_from_slice(y0);
         self.u.extend_from_slice(u);
+        self.p.extend_from_slice(p);
     }
 
     /// Number of points.
@@ -109,13 +117,22 @@ impl Points {
     /// If there is no point `i`.
     #[must_use]
     pub fn input(&self, i: usize) -> &[f64] {
-        let inputs = self.u.len() / self.len();
-        &self.u[i * inputs..(i + 1) * inputs]
+        &self.u[i * self.inputs..(i + 1) * self.inputs]
+    }
+
+    /// The parameters of point `i`.
+    ///
+    /// # Panics
+    ///
+    /// If there is no point `i`.
+    #[must_use]
+    pub fn parameters(&self, i: usize) -> &[f64] {
+        &self.p[i * self.parameters..(i + 1) * self.parameters]
     }
 }
 
 impl Sampler {
-    /// `count` collocation points over \[0, T\] and `domain`; `scenarios` is the number of (y0, u)
+    /// `count` collocation points over \[0, T\] and `domain`; `scenarios` is the number of (y0, u, p)
     /// of the coupled grid, which divides its points evenly among them (rounding the number of
     /// times up).
     #[must_use]
@@ -140,8 +157,7 @@ impl Sampler {
         purpose: Purpose,
     ) -> Points {
         let ends: Vec<_> = std::iter::once((0.0, sample_time_s)).chain(domain.ends()).collect();
-        let states = domain.state_low.len();
-        let mut points = Points::new(states);
+        let mut points = Points::new(domain.dims());
         let mut random = rng(seed, purpose);
         match self {
             Self::Independent => {
@@ -165,8 +181,7 @@ impl Sampler {
                         .map(|&(l, h)| l + (h - l) * random.random::<f64>())
                         .collect();
                     for k in 0..times {
-                        let t = sample_time_s * to_f64(k) / to_f64(times - 1);
-                        points.push(t, &values[..states], &values[states..]);
+                        points.push_row(sample_time_s * to_f64(k) / to_f64(times - 1), &values);
                     }
                 }
             }
@@ -183,7 +198,8 @@ impl Sampler {
         scenario: &Scenario,
         seed: u64,
     ) -> Points {
-        let mut points = Points::new(scenario.initial_state.len());
+        let dims = Dims::new(scenario.initial_state.len(), scenario.input.len());
+        let mut points = Points::new(dims);
         let mut random = rng(seed, Purpose::Collocation);
         let scramble: u32 = random.random();
         for i in 0..count {
@@ -192,17 +208,17 @@ impl Sampler {
                 Self::Sobol => sobol(i, 0, scramble),
                 Self::CoupledGrid => to_f64(i) / to_f64(count.max(2) - 1),
             };
-            points.push(sample_time_s * unit, &scenario.initial_state, &scenario.input);
+            points.push(sample_time_s * unit, &scenario.initial_state, &scenario.input, &[]);
         }
         points
     }
 }
 
-/// `count` initial conditions (t = 0) with random (y0, u) in `domain`.
+/// `count` initial conditions (t = 0) with random (y0, u, p) in `domain`.
 #[must_use]
 pub fn initial_conditions(count: usize, domain: &Domain, seed: u64) -> Points {
     let ends: Vec<_> = std::iter::once((0.0, 0.0)).chain(domain.ends()).collect();
-    let mut points = Points::new(domain.state_low.len());
+    let mut points = Points::new(domain.dims());
     let mut random = rng(seed, Purpose::Initial);
     for _ in 0..count {
         points.push_unit(&ends, || random.random());
@@ -211,12 +227,18 @@ pub fn initial_conditions(count: usize, domain: &Domain, seed: u64) -> Points {
 }
 
 impl Points {
-    /// Appends a point whose coordinates, in the order t, y0, u, come from \[0, 1).
+    /// Appends a point whose coordinates, in the order t, y0, u, p, come from \[0, 1).
     fn push_unit(&mut self, ends: &[(f64, f64)], mut unit: impl FnMut() -> f64) {
         let values: Vec<f64> =
             ends.iter().map(|&(low, high)| low + (high - low) * unit()).collect();
-        let (y0, u) = values[1..].split_at(self.states);
-        self.push(values[0], y0, u);
+        self.push_row(values[0], &values[1..]);
+    }
+
+    /// Appends the point of time `t` and the numbers y0, u, p.
+    fn push_row(&mut self, t: f64, numbers: &[f64]) {
+        let (y0, rest) = numbers.split_at(self.states);
+        let (u, p) = rest.split_at(self.inputs);
+        self.push(t, y0, u, p);
     }
 }
 
@@ -234,12 +256,7 @@ mod tests {
     use super::*;
 
     fn domain() -> Domain {
-        Domain {
-            state_low: vec![-3.0, 2.0],
-            state_high: vec![3.0, 20.0],
-            input_low: vec![-1.0],
-            input_high: vec![1.0],
-        }
+        Domain::new([-3.0..=3.0, 2.0..=20.0], [-1.0..=1.0])
     }
 
     #[test]

@@ -399,8 +399,8 @@ impl Trainer {
                 initial_conditions(initial, domain, self.seed),
             ),
             Some(scenario) => {
-                let mut one = Points::new(self.net.dims().nx);
-                one.push(0.0, &scenario.initial_state, &scenario.input);
+                let mut one = Points::new(self.net.dims());
+                one.push(0.0, &scenario.initial_state, &scenario.input, &[]);
                 (sampler.scenario(points, sample_time_s, scenario, self.seed), one)
             }
         };

@@ -36,7 +36,7 @@ pub struct Training {
 pub struct Trained {
     /// The net, selected as [`TrainingConfig::keep`] says.
     pub net: PincNet,
-    /// Its errors.
+    /// Its errors, on scenarios that it was not chosen by ([`Training::test_set`]).
     pub validation: Validation,
     /// Why the training ended.
     pub stop_reason: StopReason,
@@ -55,7 +55,7 @@ impl Training {
         Self { net, domain, config: TrainingConfig::recommended(), validation, seed: 0, threads: 0 }
     }
 
-    /// The scenarios that the net is validated on, integrated accurately.
+    /// The scenarios that the best net is chosen by, integrated accurately.
     ///
     /// # Errors
     ///
@@ -65,6 +65,22 @@ impl Training {
         match &self.net.time_only {
             Some(scenario) => ValidationSet::of_scenario(plant, sample_time_s, config, scenario),
             None => ValidationSet::generate(plant, sample_time_s, config, self.seed),
+        }
+    }
+
+    /// The scenarios that the net which was kept is judged by: others of the same kind, from the same
+    /// seed. A conventional PINN has but one scenario.
+    ///
+    /// # Errors
+    ///
+    /// As [`Training::validation_set`].
+    pub fn test_set(&self, plant: &dyn DynRhs) -> Result<ValidationSet, NetError> {
+        match &self.net.time_only {
+            Some(_) => self.validation_set(plant),
+            None => {
+                let (sample_time_s, config) = (self.net.sample_time_s, &self.validation);
+                ValidationSet::generate_test(plant, sample_time_s, config, self.seed)
+            }
         }
     }
 
@@ -80,7 +96,7 @@ impl Training {
         let mut trainer = Trainer::new(plant, self, validation)?;
         let stop_reason = trainer.run()?;
         let net = trainer.net();
-        let validation = trainer.validation_set().evaluate(&net);
+        let validation = self.test_set(plant)?.evaluate(&net);
         Ok(Trained { net, validation, stop_reason, totals: trainer.totals() })
     }
 }

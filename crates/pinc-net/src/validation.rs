@@ -18,11 +18,11 @@ pub struct ValidationConfig {
     pub duration_s: f64,
     /// Parts of a step: the error is also evaluated at the times between them.
     pub subintervals: usize,
-    /// Box of the initial states and inputs.
+    /// Box of the initial states, inputs and parameters.
     pub domain: Domain,
     /// Tolerance of the accurate integration.
     pub tolerance: f64,
-    /// Random points of the box for the error of one step.
+    /// Points of the box for the error of one step, and as many of the training domain.
     pub one_step_points: usize,
 }
 
@@ -32,6 +32,9 @@ pub struct Validation {
     /// Eq. (`mse_gen`) of the paper: self-loop, at the steps t = kT, k >= 1, in the states' units
     /// squared.
     pub mse_gen: f64,
+    /// The same with each state in standard deviations of the box, so that none counts more for its
+    /// unit.
+    pub mse_gen_normalized: f64,
     /// The authors' code: self-loop, at all rows (inner times and initial rows included), each
     /// state in standard deviations of the box. The inner times are left out for a distilled net.
     pub mse_all_normalized: f64,
@@ -44,10 +47,10 @@ pub struct Validation {
 
 impl Validation {
     /// The criterion for the best net: the error against held-out measurements of the plant itself
-    /// if there are any, otherwise `mse_gen`.
+    /// if there are any, otherwise `mse_gen_normalized`.
     #[must_use]
     pub fn score(&self) -> f64 {
-        self.measured_mse.unwrap_or(self.mse_gen)
+        self.measured_mse.unwrap_or(self.mse_gen_normalized)
     }
 }
 
@@ -65,12 +68,13 @@ pub struct ValidationSet {
     held_out: Option<Measurements>,
 }
 
-/// An initial state, an input for each step, and the accurately integrated states after each part
-/// of a step.
+/// An initial state, an input for each step, the plant's parameters, and the accurately integrated
+/// states after each part of a step.
 #[derive(Clone, Debug, PartialEq)]
 struct TrueTrajectory {
     initial: Vec<f64>,
     inputs: Vec<Vec<f64>>,
+    parameters: Vec<f64>,
     truth: Vec<f64>,
 }
 
@@ -133,42 +137,59 @@ impl ValidationSet {
         config: &ValidationConfig,
         seed: u64,
     ) -> Result<Self, NetError> {
-        let steps = config.validate(plant.dims(), sample_time_s)?;
-        let integrator = Dopri5::shared(plant.to_shared(), config.tolerance);
-        Self::integrate_all(integrator, steps, sample_time_s, config, seed)
+        let purposes = [Purpose::Validation, Purpose::OneStep];
+        Self::draw(plant, sample_time_s, config, seed, purposes)
     }
 
-    fn integrate_all(
-        mut integrator: Dopri5,
-        steps: usize,
+    /// Others of the same kind, which are independent of those of [`ValidationSet::generate`]: the
+    /// errors on what a net was chosen by are too small.
+    ///
+    /// # Errors
+    ///
+    /// As [`ValidationSet::generate`].
+    pub fn generate_test(
+        plant: &dyn DynRhs,
         sample_time_s: f64,
         config: &ValidationConfig,
         seed: u64,
     ) -> Result<Self, NetError> {
-        let states = integrator.dims().nx;
+        let purposes = [Purpose::Test, Purpose::TestOneStep];
+        Self::draw(plant, sample_time_s, config, seed, purposes)
+    }
+
+    fn draw(
+        plant: &dyn DynRhs,
+        sample_time_s: f64,
+        config: &ValidationConfig,
+        seed: u64,
+        [scenarios_from, one_step_from]: [Purpose; 2],
+    ) -> Result<Self, NetError> {
+        let domain = config.domain.in_order_of(plant)?;
+        let config = &ValidationConfig { domain, ..config.clone() };
+        let steps = config.validate(plant.dims(), sample_time_s)?;
+        let mut integrator = Dopri5::shared(plant.to_shared(), config.tolerance);
+        let Dims { nx: states, nu, .. } = integrator.dims();
         let ends: Vec<_> = config.domain.ends().collect();
-        let mut random = rng(seed, Purpose::Validation);
+        let mut random = rng(seed, scenarios_from);
         let mut uniform = |(low, high): (f64, f64)| low + (high - low) * random.random::<f64>();
         let mut scenarios = Vec::with_capacity(config.scenarios);
         for _ in 0..config.scenarios {
             let initial: Vec<f64> = ends[..states].iter().map(|&e| uniform(e)).collect();
-            let inputs: Vec<Vec<f64>> =
-                (0..steps).map(|_| ends[states..].iter().map(|&e| uniform(e)).collect()).collect();
-            scenarios.push(integrate(
-                &mut integrator,
-                initial,
-                inputs,
-                sample_time_s,
-                config.subintervals,
-            )?);
+            let mut draw = |ends: &[(f64, f64)]| ends.iter().map(|&e| uniform(e)).collect();
+            let inputs = (0..steps).map(|_| draw(&ends[states..states + nu])).collect();
+            let parameters = draw(&ends[states + nu..]);
+            let held = Held { inputs, parameters };
+            let parts = config.subintervals;
+            scenarios.push(integrate(&mut integrator, initial, held, sample_time_s, parts)?);
         }
         let count = config.one_step_points;
         let points =
-            Sampler::Sobol.sample(count, sample_time_s, &config.domain, 1, seed, Purpose::OneStep);
+            Sampler::Sobol.sample(count, sample_time_s, &config.domain, 1, seed, one_step_from);
         let one_step = (0..count)
             .map(|i| {
-                let (x, u) = (points.state(i).to_vec(), points.input(i).to_vec());
-                integrate(&mut integrator, x, vec![u], sample_time_s, 1)
+                let inputs = vec![points.input(i).to_vec()];
+                let held = Held { inputs, parameters: points.parameters(i).to_vec() };
+                integrate(&mut integrator, points.state(i).to_vec(), held, sample_time_s, 1)
             })
             .collect::<Result<_, _>>()?;
         let (subintervals, scale) = (config.subintervals, config.scale(states));
@@ -200,8 +221,9 @@ impl ValidationSet {
         let (states, subintervals) = (plant.dims().nx, config.subintervals);
         let mut integrator = Dopri5::shared(plant.to_shared(), config.tolerance);
         let mut trial = |parts| {
-            let (initial, inputs) = (scenario.initial_state.clone(), vec![scenario.input.clone()]);
-            integrate(&mut integrator, initial, inputs, sample_time_s, parts)
+            let held = Held { inputs: vec![scenario.input.clone()], parameters: Vec::new() };
+            let initial = scenario.initial_state.clone();
+            integrate(&mut integrator, initial, held, sample_time_s, parts)
         };
         let (scenarios, one_step) = (vec![trial(subintervals)?], vec![trial(1)?]);
         let scale = config.scale(states);
@@ -233,7 +255,8 @@ impl ValidationSet {
         for scenario in &self.scenarios {
             let mut start = scenario.initial.clone();
             // Row 0 is the net's own y(0).
-            let first = net.evaluate(0.0, &start, &scenario.inputs[0]);
+            let p = &scenario.parameters;
+            let first = net.evaluate(0.0, &start, &scenario.inputs[0], p);
             rows.push(&first, &start);
             for (k, input) in scenario.inputs.iter().enumerate() {
                 // A distilled net is meaningful at the end of a step only.
@@ -241,7 +264,7 @@ impl ValidationSet {
                     if net.source() == TrainingTarget::Integrator { self.subintervals } else { 1 };
                 for part in first..=self.subintervals {
                     let t = self.sample_time_s * to_f64(part) / to_f64(self.subintervals);
-                    let y = net.evaluate(t, &start, input);
+                    let y = net.evaluate(t, &start, input, p);
                     let row = k * self.subintervals + part - 1;
                     let truth = &scenario.truth[row * states..(row + 1) * states];
                     rows.push(&y, truth);
@@ -254,12 +277,14 @@ impl ValidationSet {
         }
         let mut single = Comparison::default();
         for trial in &self.one_step {
-            let y = net.evaluate(self.sample_time_s, &trial.initial, &trial.inputs[0]);
+            let TrueTrajectory { initial, inputs, parameters, .. } = trial;
+            let y = net.evaluate(self.sample_time_s, initial, &inputs[0], parameters);
             single.push(&y, &trial.truth);
         }
         let units = vec![1.0; states];
         Validation {
             mse_gen: marks.error(&units),
+            mse_gen_normalized: marks.error(&self.scale),
             mse_all_normalized: rows.error(&self.scale),
             one_step_mse: single.error(&units),
             measured_mse: self.held_out.as_ref().map(|held_out| self.measured_error(net, held_out)),
@@ -270,7 +295,8 @@ impl ValidationSet {
         let points = held_out.points();
         let (mut predicted, mut truth) = (Vec::new(), Vec::new());
         for k in 0..points.len() {
-            let y = net.evaluate(points.time(k), points.state(k), points.input(k));
+            let (x, u, p) = (points.state(k), points.input(k), points.parameters(k));
+            let y = net.evaluate(points.time(k), x, u, p);
             for (i, measured) in held_out.state(k).iter().enumerate() {
                 if let Some(measured) = measured {
                     predicted.push(y[i] / self.scale[i]);
@@ -307,13 +333,21 @@ impl Comparison {
     }
 }
 
+/// What acts on a plant in a scenario.
+struct Held {
+    /// One input per step.
+    inputs: Vec<Vec<f64>>,
+    parameters: Vec<f64>,
+}
+
 fn integrate(
     integrator: &mut Dopri5,
     initial: Vec<f64>,
-    inputs: Vec<Vec<f64>>,
+    Held { inputs, parameters }: Held,
     sample_time_s: f64,
     subintervals: usize,
 ) -> Result<TrueTrajectory, NetError> {
+    integrator.set_parameters(&parameters);
     let mut x = initial.clone();
     let mut truth = Vec::with_capacity(inputs.len() * subintervals * x.len());
     for input in &inputs {
@@ -322,5 +356,5 @@ fn integrate(
             truth.extend_from_slice(&x);
         }
     }
-    Ok(TrueTrajectory { initial, inputs, truth })
+    Ok(TrueTrajectory { initial, inputs, parameters, truth })
 }

@@ -98,6 +98,7 @@ fn loss(points: usize, neurons: usize, workers: &Workers) -> (usize, usize) {
         state_high: vec![3.0; 2],
         input_low: vec![-1.0],
         input_high: vec![1.0],
+        parameters: Vec::new(),
     };
     let (sample_time_s, ansatz) = (0.5, Ansatz::Direct);
     let config = NetConfig { sample_time_s, hidden_layers: 2, neurons, ansatz, time_only: None };

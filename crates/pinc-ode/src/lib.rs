@@ -34,6 +34,7 @@ mod plant;
 mod points;
 mod rodas4;
 mod runge_kutta;
+mod sparse;
 mod trajectory;
 mod variable;
 
@@ -45,5 +46,6 @@ pub use piecewise_constant::PiecewiseConstant;
 pub use plant::Plant;
 pub use rodas4::Rodas4;
 pub use runge_kutta::{Classical, DormandPrince, Method, Rk4, Rk5, RungeKutta};
+pub use sparse::{SparseFunction, SparsePlant, SparsityPattern, Tableau, sparse_runge_kutta};
 pub use trajectory::Trajectory;
 pub use variable::Variable;

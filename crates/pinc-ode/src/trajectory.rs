@@ -40,6 +40,13 @@ impl Trajectory {
         self.u[last..].copy_from_slice(u);
     }
 
+    /// Removes all samples.
+    pub fn clear(&mut self) {
+        self.t.clear();
+        self.x.clear();
+        self.u.clear();
+    }
+
     /// The numbers of states and inputs.
     #[must_use]
     pub fn dims(&self) -> Dims {

@@ -1,5 +1,13 @@
 //! Products of small matrices, stored row by row, and vectors.
 
+/// Whether all numbers are finite. All are looked at, which takes less time than to stop at the
+/// first that is not, where nearly always none is.
+#[inline]
+#[must_use]
+pub fn all_finite(values: &[f64]) -> bool {
+    values.iter().fold(true, |finite, value| finite & value.is_finite())
+}
+
 /// sum += factor vector, as far as the shorter goes.
 #[inline(always)]
 pub(super) fn add_scaled(sum: &mut [f64], factor: f64, vector: &[f64]) {

@@ -18,6 +18,7 @@ mod riccati;
 #[cfg(test)]
 mod tests;
 
+pub use algebra::all_finite;
 pub use choice::{ChosenQp, QpError, QpMethod};
 pub use multipliers::Multipliers;
 pub use ocp_dims::OcpDims;
@@ -142,7 +143,7 @@ impl QpStep {
     #[must_use]
     #[inline]
     pub fn is_finite(&self) -> bool {
-        self.d.iter().chain(self.multipliers.parts().into_iter().flatten()).all(|v| v.is_finite())
+        all_finite(&self.d) && self.multipliers.is_finite()
     }
 }
 
@@ -338,6 +339,7 @@ impl Qp {
 }
 
 /// Block `i` of blocks of `size` numbers.
+#[inline]
 fn block(blocks: &[f64], i: usize, size: usize) -> &[f64] {
     &blocks[i * size..(i + 1) * size]
 }

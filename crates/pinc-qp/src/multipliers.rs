@@ -1,6 +1,6 @@
 //! The multipliers of a control problem.
 
-use crate::OcpDims;
+use crate::{OcpDims, all_finite};
 
 /// The multipliers of all constraints.
 #[derive(Clone, Debug, PartialEq)]
@@ -38,6 +38,13 @@ impl Multipliers {
     #[inline]
     pub fn parts_mut(&mut self) -> [&mut [f64]; 4] {
         [&mut self.dynamics, &mut self.bounds, &mut self.increments, &mut self.rows]
+    }
+
+    /// Whether all are finite.
+    #[must_use]
+    #[inline]
+    pub fn is_finite(&self) -> bool {
+        self.parts().into_iter().all(all_finite)
     }
 
     /// Takes the values of `other`, of the same sizes.

@@ -1,9 +1,11 @@
-//! Tables as CSV text: written in memory, read with the line of what is wrong.
+//! Tables as CSV: written in memory or to a file row by row, read with the line of what is wrong.
 
 use crate::error::{RecordError, TableProblem};
-use crate::files::read_text;
+use crate::files::AtomicFile;
 use ::csv::{Reader, ReaderBuilder, StringRecord, Trim};
 use std::fmt::Write;
+use std::fs::File;
+use std::io::{ErrorKind, Read};
 use std::path::{Path, PathBuf};
 
 /// A CSV file being made, in memory.
@@ -56,6 +58,46 @@ impl CsvText {
     }
 }
 
+/// A CSV file being written row by row; it is at its place once it is finished.
+#[derive(Debug)]
+pub(crate) struct CsvWriter {
+    file: AtomicFile,
+    row: CsvText,
+}
+
+impl CsvWriter {
+    /// Begins the file `path` with these columns.
+    pub(crate) fn create<T: AsRef<str>>(
+        path: &Path,
+        columns: impl IntoIterator<Item = T>,
+    ) -> Result<Self, RecordError> {
+        let row = CsvText::new(columns);
+        let mut file = AtomicFile::create(path)?;
+        file.write(row.as_bytes())?;
+        Ok(Self { file, row })
+    }
+
+    /// Adds a row of numbers.
+    pub(crate) fn push_numbers<'a>(
+        &mut self,
+        values: impl IntoIterator<Item = &'a f64>,
+    ) -> Result<(), RecordError> {
+        self.row.text.clear();
+        self.row.push_numbers(values);
+        self.file.write(self.row.as_bytes())
+    }
+
+    /// Adds rows that are text already.
+    pub(crate) fn append(&mut self, rows: &[u8]) -> Result<(), RecordError> {
+        self.file.write(rows)
+    }
+
+    /// Puts the file at its place.
+    pub(crate) fn finish(self) -> Result<(), RecordError> {
+        self.file.finish()
+    }
+}
+
 /// A cell as it has to be written: names may hold commas and quotes.
 fn quoted(cell: &str) -> std::borrow::Cow<'_, str> {
     if cell.contains([',', '"', '\n', '\r']) {
@@ -74,28 +116,76 @@ pub fn number(value: f64) -> String {
 /// A CSV file that was read: its header, and its rows as text.
 #[derive(Debug)]
 pub(crate) struct CsvFile {
-    path: PathBuf,
-    pub(crate) header: StringRecord,
+    pub(crate) head: CsvHead,
     pub(crate) rows: Vec<StringRecord>,
 }
 
 impl CsvFile {
     /// Reads a file; `None` if it does not exist.
     pub(crate) fn read(path: &Path) -> Result<Option<Self>, RecordError> {
-        read_text(path)?.map(|text| Self::parse(path, &text)).transpose()
+        CsvReader::open(path)?.map(Self::of).transpose()
     }
 
-    fn parse(path: &Path, text: &str) -> Result<Self, RecordError> {
-        let damaged = |source: ::csv::Error| RecordError::Table {
-            path: path.to_owned(),
-            line: source.position().map_or(1, ::csv::Position::line),
-            problem: TableProblem::Syntax(source),
-        };
-        let mut builder = ReaderBuilder::new();
-        let mut reader: Reader<&[u8]> = builder.trim(Trim::All).from_reader(text.as_bytes());
-        let header = reader.headers().map_err(damaged)?.clone();
-        let rows = reader.into_records().collect::<Result<_, _>>().map_err(damaged)?;
-        Ok(Self { path: path.to_owned(), header, rows })
+    fn of<R: Read>(reader: CsvReader<R>) -> Result<Self, RecordError> {
+        let CsvReader { head, reader } = reader;
+        let rows = reader.into_records().map(|row| row.map_err(|source| head.damaged(source)));
+        let rows = rows.collect::<Result<_, _>>()?;
+        Ok(Self { head, rows })
+    }
+}
+
+/// A CSV file being read row by row.
+#[derive(Debug)]
+pub(crate) struct CsvReader<R> {
+    pub(crate) head: CsvHead,
+    reader: Reader<R>,
+}
+
+impl CsvReader<File> {
+    /// Begins to read a file; `None` if it does not exist.
+    pub(crate) fn open(path: &Path) -> Result<Option<Self>, RecordError> {
+        match File::open(path) {
+            Ok(file) => Self::new(path, file).map(Some),
+            Err(error) if error.kind() == ErrorKind::NotFound => Ok(None),
+            Err(error) => Err(RecordError::unreadable(path)(error)),
+        }
+    }
+}
+
+impl<R: Read> CsvReader<R> {
+    fn new(path: &Path, from: R) -> Result<Self, RecordError> {
+        let mut reader = ReaderBuilder::new().trim(Trim::All).from_reader(from);
+        let mut head = CsvHead { path: path.to_owned(), header: StringRecord::new() };
+        head.header = reader.headers().map_err(|source| head.damaged(source))?.clone();
+        Ok(Self { head, reader })
+    }
+
+    /// The next row; `None` at the end.
+    pub(crate) fn next_row(&mut self) -> Option<Result<StringRecord, RecordError>> {
+        let mut row = StringRecord::new();
+        match self.reader.read_record(&mut row) {
+            Ok(true) => Some(Ok(row)),
+            Ok(false) => None,
+            Err(source) => Some(Err(self.head.damaged(source))),
+        }
+    }
+}
+
+/// The header of a CSV file, by which cells are found.
+#[derive(Debug)]
+pub(crate) struct CsvHead {
+    path: PathBuf,
+    pub(crate) header: StringRecord,
+}
+
+impl CsvHead {
+    fn damaged(&self, source: ::csv::Error) -> RecordError {
+        let path = self.path.clone();
+        let line = source.position().map_or(1, ::csv::Position::line);
+        if source.is_io_error() {
+            return RecordError::Unreadable { path, source: source.into() };
+        }
+        RecordError::Table { path, line, problem: TableProblem::Syntax(source) }
     }
 
     /// The place of a column, if the file has it.
@@ -169,10 +259,11 @@ mod tests {
         table.push(["a \"b\", c", "1"]);
         table.push(["", "-0.0"]);
         let text = String::from_utf8(table.as_bytes().to_vec()).unwrap();
-        let file = CsvFile::parse("t.csv".as_ref(), &text).unwrap();
-        assert_eq!(&file.header, &vec!["name", "value, of it"]);
-        assert_eq!(&file.rows[0], &vec!["a \"b\", c", "1"]);
-        assert_eq!(file.number(&file.rows[1], 1).unwrap().to_bits(), (-0.0f64).to_bits());
-        assert!(file.number(&file.rows[1], 0).unwrap().is_nan());
+        let reader = CsvReader::new("t.csv".as_ref(), text.as_bytes()).unwrap();
+        let CsvFile { head, rows } = CsvFile::of(reader).unwrap();
+        assert_eq!(&head.header, &vec!["name", "value, of it"]);
+        assert_eq!(&rows[0], &vec!["a \"b\", c", "1"]);
+        assert_eq!(head.number(&rows[1], 1).unwrap().to_bits(), (-0.0f64).to_bits());
+        assert!(head.number(&rows[1], 0).unwrap().is_nan());
     }
 }

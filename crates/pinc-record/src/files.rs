@@ -4,8 +4,9 @@ use crate::error::RecordError;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 use std::fs;
-use std::io::{self, ErrorKind, Write};
-use std::path::Path;
+use std::io::{BufWriter, ErrorKind, Write};
+use std::path::{Path, PathBuf};
+use tempfile::NamedTempFile;
 
 /// Names of the files of a run directory.
 pub mod file {
@@ -21,6 +22,8 @@ pub mod file {
     pub const TRAINING: &str = "training.csv";
     /// The net.
     pub const MODEL: &str = "model.safetensors";
+    /// The errors of one step of the net over its domain.
+    pub const DOMAIN_ERROR: &str = "domain-error.csv";
     /// The free run.
     pub const PREDICTION: &str = "prediction.csv";
     /// The numbers that the run gave.
@@ -118,11 +121,52 @@ pub(crate) fn json(value: &impl Serialize) -> String {
 ///
 /// [`RecordError::Unwritable`].
 pub fn write_atomically(path: &Path, bytes: &[u8]) -> Result<(), RecordError> {
-    let write = || {
-        let dir = match path.parent() {
-            Some(dir) if dir != Path::new("") => dir,
-            _ => Path::new("."),
-        };
+    let mut file = AtomicFile::create(path)?;
+    file.write(bytes)?;
+    file.finish()
+}
+
+/// Writes what a user has named: a file like [`write_atomically`], that which a link leads to, and
+/// straight into pipes and devices.
+///
+/// # Errors
+///
+/// [`RecordError::Unwritable`].
+pub fn write_output(path: &Path, bytes: &[u8]) -> Result<(), RecordError> {
+    let unwritable = || RecordError::unwritable(path);
+    match fs::metadata(path) {
+        Ok(found) if found.is_file() => {
+            let place = fs::canonicalize(path).map_err(unwritable())?;
+            write_atomically(&place, bytes)
+        }
+        Err(error) if error.kind() == ErrorKind::NotFound && !path.is_symlink() => {
+            write_atomically(path, bytes)
+        }
+        _ => {
+            let mut options = fs::OpenOptions::new();
+            // A link that leads to no file yet.
+            options.write(true).create(path.is_symlink());
+            let written = options.open(path).and_then(|mut file| file.write_all(bytes));
+            written.map_err(unwritable())
+        }
+    }
+}
+
+/// A file being written, which is at its place once it is finished: written under another name beside
+/// it, flushed to the disk, and renamed. If this is dropped before, there is no trace of it.
+#[derive(Debug)]
+pub(crate) struct AtomicFile {
+    path: PathBuf,
+    file: BufWriter<NamedTempFile>,
+}
+
+impl AtomicFile {
+    /// Begins the file `path`.
+    ///
+    /// # Errors
+    ///
+    /// [`RecordError::Unwritable`], as of the other methods.
+    pub(crate) fn create(path: &Path) -> Result<Self, RecordError> {
         let mut builder = tempfile::Builder::new();
         builder.prefix(UNFINISHED);
         #[cfg(unix)]
@@ -131,15 +175,36 @@ pub fn write_atomically(path: &Path, bytes: &[u8]) -> Result<(), RecordError> {
             // As for any new file, less what the user's umask takes away.
             builder.permissions(fs::Permissions::from_mode(0o666));
         }
-        let mut file = builder.tempfile_in(dir)?;
-        file.write_all(bytes)?;
-        file.as_file().sync_all()?;
-        file.persist(path).map_err(|error| error.error)?;
-        #[cfg(unix)]
-        fs::File::open(dir)?.sync_all()?;
-        Ok(())
-    };
-    write().map_err(RecordError::unwritable(path))
+        let file = builder.tempfile_in(parent(path)).map_err(RecordError::unwritable(path))?;
+        Ok(Self { path: path.to_owned(), file: BufWriter::new(file) })
+    }
+
+    /// Adds bytes.
+    pub(crate) fn write(&mut self, bytes: &[u8]) -> Result<(), RecordError> {
+        self.file.write_all(bytes).map_err(RecordError::unwritable(&self.path))
+    }
+
+    /// Puts the file at its place.
+    pub(crate) fn finish(self) -> Result<(), RecordError> {
+        let Self { path, file } = self;
+        let finish = || {
+            let file = file.into_inner()?;
+            file.as_file().sync_all()?;
+            file.persist(&path).map_err(|error| error.error)?;
+            #[cfg(unix)]
+            fs::File::open(parent(&path))?.sync_all()?;
+            Ok(())
+        };
+        finish().map_err(RecordError::unwritable(&path))
+    }
+}
+
+/// The directory of a file.
+fn parent(path: &Path) -> &Path {
+    match path.parent() {
+        Some(dir) if dir != Path::new("") => dir,
+        _ => Path::new("."),
+    }
 }
 
 /// Whether a file is one that a killed run has left unfinished.
@@ -147,13 +212,24 @@ pub(crate) fn is_unfinished(entry: &fs::DirEntry) -> bool {
     entry.file_name().to_string_lossy().starts_with(UNFINISHED)
 }
 
-/// Removes the files in `dir` that a killed run has left unfinished.
-pub(crate) fn remove_unfinished(dir: &Path) -> io::Result<()> {
-    for entry in fs::read_dir(dir)? {
-        let entry = entry?;
-        if is_unfinished(&entry) {
-            fs::remove_file(entry.path())?;
+/// Removes the files in `dir`, if there is one, that a killed run has left unfinished.
+///
+/// # Errors
+///
+/// [`RecordError::Unwritable`].
+pub fn remove_unfinished(dir: &Path) -> Result<(), RecordError> {
+    let remove = || {
+        let entries = match fs::read_dir(dir) {
+            Err(error) if error.kind() == ErrorKind::NotFound => return Ok(()),
+            entries => entries?,
+        };
+        for entry in entries {
+            let entry = entry?;
+            if is_unfinished(&entry) {
+                fs::remove_file(entry.path())?;
+            }
         }
-    }
-    Ok(())
+        Ok(())
+    };
+    remove().map_err(RecordError::unwritable(dir))
 }

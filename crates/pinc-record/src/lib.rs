@@ -1,8 +1,8 @@
 //! The files of a run directory: metrics, tables, checkpoint, provenance.
 //!
 //! - [`RunDir`]: the directory of a run, with its [`Metrics`]; [`LoopFinding`]: what went wrong in it.
-//! - [`TrainingRow`], [`PredictionTable`], [`ControlTrace`], [`StepRow`], [`EstimateTable`]: the tables of
-//!   a run.
+//! - [`TrainingRow`], [`DomainErrorTable`], [`PredictionTable`], [`ControlRow`], [`StepRow`],
+//!   [`EstimateTable`]: the tables of a run.
 //! - [`TrialTable`], [`SummaryTable`]: the tables of a sweep; [`SweepDir`]: where its trials are.
 //! - [`Provenance`]: where results come from.
 //! - [`Saved`]: a training to be resumed.
@@ -11,8 +11,10 @@
 
 mod checkpoint;
 mod csv;
+mod domain_error;
 mod error;
 mod files;
+mod lock;
 mod metrics;
 mod provenance;
 mod run_dir;
@@ -23,20 +25,22 @@ mod verdict;
 
 pub use checkpoint::{Saved, load_checkpoint, save_checkpoint};
 pub use csv::{CsvText, number};
+pub use domain_error::{DomainErrorMetrics, DomainFinding, Place, Rk4Errors};
 pub use error::{CheckpointProblem, RecordError, TableProblem};
-pub use files::{file, read_file, read_text, write_atomically};
+pub use files::{file, read_file, read_text, remove_unfinished, write_atomically, write_output};
 pub use metrics::{
-    ControlMetrics, EstimatorMetrics, Excess, Metrics, OneStepMetrics, OutsideDomain,
+    ControlMetrics, EstimatorMetrics, Excess, FileNote, Metrics, OneStepMetrics, OutsideDomain,
     PredictionMetrics, ReferenceMetrics, StepErrors, StepTimes, SweepMetrics, TrainingMetrics,
-    ValidationMetrics, WallTimes,
+    ValidationMetrics, WallTimes, is_failure,
 };
 pub use provenance::{Invocation, Provenance};
 pub use run_dir::RunDir;
 pub use spread::Spread;
 pub use sweep_dir::{Ending, Finished, SweepDir};
 pub use tables::{
-    ControlRow, ControlTrace, EstimateRow, EstimateTable, LoopMetric, PredictionRow,
-    PredictionTable, StepMetric, StepRow, SummaryRow, SummaryTable, TrainingRow, TrialColumn,
-    TrialMetric, TrialStatus, TrialTable, fixed_table, read_fixed_table,
+    ControlColumns, ControlReader, ControlRow, ControlWriter, DomainErrorTable, EstimateRow,
+    EstimateTable, FixedReader, FixedWriter, LoopMetric, PredictionRow, PredictionTable,
+    StepMetric, StepRow, SummaryRow, SummaryTable, TrainingRow, TrialColumn, TrialMetric,
+    TrialStatus, TrialTable, fixed_table, read_fixed_table,
 };
-pub use verdict::LoopFinding;
+pub use verdict::{LoopFinding, advice};

@@ -1,8 +1,9 @@
 //! The content of `metrics.json`.
 
+use crate::domain_error::{DomainErrorMetrics, DomainFinding};
 use crate::error::RecordError;
 use crate::files::{file, read_json};
-use pinc_config::{Experiment, ModelKind, Preset};
+use pinc_config::{Experiment, ModelKind, Preset, TimeUnit};
 use pinc_mpc::SqpStatus;
 use pinc_net::{TrainingTarget, Validation};
 use serde::{Deserialize, Deserializer, Serialize};
@@ -18,9 +19,18 @@ pub struct Metrics {
     pub preset: Preset,
     /// The units of the plant's variables by name; empty for a number without dimension.
     pub variables: BTreeMap<String, String>,
+    /// The unit in which times of the plant are shown, if the config says one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub time_unit: Option<TimeUnit>,
     /// The plant's states, in its order.
     #[serde(default)]
     pub states: Vec<String>,
+    /// The files with results.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub files: BTreeMap<String, FileNote>,
+    /// Its inputs.
+    #[serde(default)]
+    pub inputs: Vec<String>,
     /// The training.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub training: Option<TrainingMetrics>,
@@ -51,7 +61,10 @@ impl Metrics {
         let units = all.map(|v| (v.name.to_string(), v.unit.to_string())).collect();
         Self {
             variables: units,
+            time_unit: experiment.time_unit,
             states: variables.state_names(),
+            files: BTreeMap::new(),
+            inputs: variables.input_names(),
             experiment: experiment.name.clone(),
             preset: experiment.preset,
             training: None,
@@ -86,11 +99,34 @@ impl Metrics {
         self.one_step.iter().find(|of| of.model == model)
     }
 
+    /// Whether the net is badly wrong somewhere in its domain.
+    #[must_use]
+    pub fn domain_finding(&self) -> Option<DomainFinding> {
+        let validation = self.validation.as_ref()?;
+        let finding = validation.domain_error.as_ref()?.finding(&self.states, &self.inputs)?;
+        let training = self.training.as_ref();
+        let losses = training.and_then(|training| training.loss.zip(training.fresh_loss));
+        Some(match losses {
+            Some((loss, fresh)) => finding.of_training(loss, fresh),
+            None => finding,
+        })
+    }
+
     /// Whether the net was trained on an integrator's steps.
     #[must_use]
     pub fn is_distilled(&self) -> bool {
         self.training.as_ref().is_some_and(|t| t.source == TrainingTarget::Integrator)
     }
+}
+
+/// What a file was when it was written.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct FileNote {
+    /// Its size.
+    pub bytes: u64,
+    /// Its SHA-256, unless it is large.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub sha256: Option<String>,
 }
 
 /// One step of a model by itself.
@@ -139,7 +175,7 @@ pub struct SweepMetrics {
     pub failed: usize,
 }
 
-/// How good the net that was kept is.
+/// How good the net that was kept is, on scenarios that it was not chosen by.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ValidationMetrics {
     /// Eq. (`mse_gen`) of the paper: self-loop, at the steps t = kT, in the states' units squared.
@@ -151,16 +187,35 @@ pub struct ValidationMetrics {
     /// Of one step from random points of the box, in the states' units squared.
     #[serde(deserialize_with = "number_or_null")]
     pub one_step_mse: f64,
-    /// On held-out measurements, each state in standard deviations of the box.
+    /// `mse_gen` with each state in standard deviations of the box.
+    #[serde(default = "nan", deserialize_with = "number_or_null")]
+    pub mse_gen_normalized: f64,
+    /// On held-out measurements, each state in standard deviations of the box: the best net was chosen
+    /// by it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub measured_mse: Option<f64>,
+    /// Of one step from all over the training domain; not there for a conventional PINN.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub domain_error: Option<DomainErrorMetrics>,
 }
 
-impl From<Validation> for ValidationMetrics {
-    fn from(validation: Validation) -> Self {
-        let Validation { mse_gen, mse_all_normalized, one_step_mse, measured_mse } = validation;
-        Self { mse_gen, mse_all_normalized, one_step_mse, measured_mse }
+impl ValidationMetrics {
+    /// These errors of a net, and its error over the domain if there is one.
+    #[must_use]
+    pub fn new(validation: &Validation, domain_error: Option<DomainErrorMetrics>) -> Self {
+        Self {
+            mse_gen: validation.mse_gen,
+            mse_all_normalized: validation.mse_all_normalized,
+            one_step_mse: validation.one_step_mse,
+            mse_gen_normalized: validation.mse_gen_normalized,
+            measured_mse: validation.measured_mse,
+            domain_error,
+        }
     }
+}
+
+fn nan() -> f64 {
+    f64::NAN
 }
 
 /// A number; JSON has `null` in place of NaN and infinity.
@@ -220,6 +275,12 @@ pub struct TrainingMetrics {
     pub loss_evaluations: u64,
     /// Why it ended.
     pub stop_reason: String,
+    /// The loss in the last iteration, where it was looked at on fresh points.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub loss: Option<f64>,
+    /// The loss on points that the net was not trained on, then.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub fresh_loss: Option<f64>,
 }
 
 /// How good the free run is.
@@ -308,10 +369,15 @@ impl ControlMetrics {
     /// judged, and those that the time budget ended.
     #[must_use]
     pub fn failed_steps(&self) -> usize {
-        let fine = [SqpStatus::Converged, SqpStatus::Prepared, SqpStatus::Deadline];
-        let failed = |status: &str| fine.iter().all(|fine| fine.to_string() != status);
-        self.status.iter().filter(|(status, _)| failed(status)).map(|(_, steps)| steps).sum()
+        self.status.iter().filter(|(status, _)| is_failure(status)).map(|(_, steps)| steps).sum()
     }
+}
+
+/// Whether a control step with this status, in the words of [`SqpStatus`], has failed.
+#[must_use]
+pub fn is_failure(status: &str) -> bool {
+    let fine = [SqpStatus::Converged, SqpStatus::Prepared, SqpStatus::Deadline];
+    fine.iter().all(|fine| fine.to_string() != status)
 }
 
 /// Whether the references were reached, each of which holds for a segment of the run. A segment is looked at
@@ -389,7 +455,7 @@ impl StepTimes {
     /// If there are none.
     #[must_use]
     pub fn of(mut times: Vec<f64>) -> Self {
-        times.sort_by(f64::total_cmp);
+        times.sort_unstable_by(f64::total_cmp);
         let rank = |percent: usize| times[(times.len() * percent).div_ceil(100).max(1) - 1];
         Self { p50: rank(50), p99: rank(99), max: rank(100) }
     }

@@ -1,14 +1,16 @@
 //! The directory of a run, and its metrics.
 
-use crate::csv::CsvText;
 use crate::error::RecordError;
 use crate::files::{file, is_unfinished, json, remove_unfinished, write_atomically};
-use crate::metrics::Metrics;
+use crate::lock::{DirLock, LOCK};
+use crate::metrics::{FileNote, Metrics};
 use crate::provenance::Provenance;
 use pinc_config::Experiment;
+use sha2::{Digest, Sha256};
 use std::fs;
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 /// The results of a run: its directory, and the numbers in its `metrics.json`.
 #[derive(Clone, Debug)]
@@ -16,6 +18,8 @@ pub struct RunDir {
     dir: PathBuf,
     metrics: Metrics,
     keeps_traces: bool,
+    /// Held while results are written.
+    _lock: Option<Arc<DirLock>>,
 }
 
 impl RunDir {
@@ -27,12 +31,17 @@ impl RunDir {
     /// [`RecordError`] if it cannot be read or written, or holds something else.
     pub fn open(dir: &Path, experiment: &Experiment) -> Result<Self, RecordError> {
         fs::create_dir_all(dir).map_err(RecordError::unwritable(dir))?;
+        // Before the lock is taken, which is a file: nothing is changed in a directory of others.
         check_owner(dir, experiment)?;
-        remove_unfinished(dir).map_err(RecordError::unwritable(dir))?;
+        let lock = DirLock::take(dir)?;
+        check_owner(dir, experiment)?;
+        remove_unfinished(dir)?;
+        remove_unfinished(&dir.join(file::FIGURES))?;
         // Damaged metrics are made anew, like those that are missing.
         let metrics = Metrics::read(dir).ok().flatten();
         let metrics = metrics.unwrap_or_else(|| Metrics::new(experiment));
-        let run = Self { dir: dir.to_owned(), metrics, keeps_traces: true };
+        let lock = Some(Arc::new(lock));
+        let run = Self { dir: dir.to_owned(), metrics, keeps_traces: true, _lock: lock };
         run.write(file::CONFIG, config_text(experiment).as_bytes())?;
         Ok(run)
     }
@@ -41,7 +50,7 @@ impl RunDir {
     /// that it belongs to.
     #[must_use]
     pub fn of_trial(dir: &Path, experiment: &Experiment, keeps_traces: bool) -> Self {
-        Self { dir: dir.to_owned(), metrics: Metrics::new(experiment), keeps_traces }
+        Self { dir: dir.to_owned(), metrics: Metrics::new(experiment), keeps_traces, _lock: None }
     }
 
     /// The directory of a run that has been made.
@@ -53,7 +62,13 @@ impl RunDir {
         let path = dir.join(file::METRICS);
         let missing = || RecordError::unreadable(&path)(ErrorKind::NotFound.into());
         let metrics = Metrics::read(dir)?.ok_or_else(missing)?;
-        Ok(Self { dir: dir.to_owned(), metrics, keeps_traces: true })
+        Ok(Self { dir: dir.to_owned(), metrics, keeps_traces: true, _lock: None })
+    }
+
+    /// The same directory, in which no more traces are written.
+    #[must_use]
+    pub fn without_traces(self) -> Self {
+        Self { keeps_traces: false, ..self }
     }
 
     /// Writes where the results to come are from. A resumed run keeps what is said of those that are
@@ -103,6 +118,26 @@ impl RunDir {
         self.write(file::METRICS, json(&self.metrics).as_bytes())
     }
 
+    /// Notes what files with results are, now that they are finished; see [`RunDir::is_as_noted`].
+    pub fn note(&mut self, names: &[&str]) {
+        for name in names {
+            match note_of(&self.path(name)) {
+                Some(note) => self.metrics.files.insert((*name).to_owned(), note),
+                None => self.metrics.files.remove(*name),
+            };
+        }
+    }
+
+    /// Whether a file is what was noted; of one without a note, whether it is there.
+    #[must_use]
+    pub fn is_as_noted(&self, name: &str) -> bool {
+        let found = note_of(&self.path(name));
+        match self.metrics.files.get(name) {
+            Some(noted) => found.as_ref() == Some(noted),
+            None => found.is_some(),
+        }
+    }
+
     /// Writes a file, which is there either whole or not at all, also if the machine stops.
     ///
     /// # Errors
@@ -112,17 +147,10 @@ impl RunDir {
         write_atomically(&self.path(name), bytes)
     }
 
-    /// Writes the trace of a closed loop, if this run keeps traces.
-    ///
-    /// # Errors
-    ///
-    /// [`RecordError::Unwritable`].
-    pub fn write_trace(
-        &self,
-        name: &str,
-        table: impl FnOnce() -> CsvText,
-    ) -> Result<(), RecordError> {
-        if self.keeps_traces { self.write(name, table().as_bytes()) } else { Ok(()) }
+    /// Whether the traces of closed loops and the errors of nets point by point are written.
+    #[must_use]
+    pub fn keeps_traces(&self) -> bool {
+        self.keeps_traces
     }
 
     /// Removes what closed loops have written.
@@ -153,6 +181,22 @@ impl RunDir {
     }
 }
 
+/// Files up to this size, in bytes, are told apart by more than their size.
+const DIGESTED: u64 = 1 << 26;
+
+/// What a file is, if it is there.
+fn note_of(path: &Path) -> Option<FileNote> {
+    let bytes = fs::metadata(path).ok()?.len();
+    let digest = || fs::read(path).ok().map(|content| hexadecimal(&Sha256::digest(content)));
+    let sha256 = if bytes > DIGESTED { None } else { Some(digest()?) };
+    Some(FileNote { bytes, sha256 })
+}
+
+/// Bytes as hexadecimal digits.
+fn hexadecimal(bytes: &[u8]) -> String {
+    bytes.iter().map(|byte| format!("{byte:02x}")).collect()
+}
+
 /// Whether `dir` is empty or belongs to `experiment`.
 fn check_owner(dir: &Path, experiment: &Experiment) -> Result<(), RecordError> {
     match fs::read_to_string(dir.join(file::CONFIG)) {
@@ -160,7 +204,8 @@ fn check_owner(dir: &Path, experiment: &Experiment) -> Result<(), RecordError> {
         Ok(_) => Err(RecordError::OtherConfig { dir: dir.to_owned() }),
         Err(error) if error.kind() == ErrorKind::NotFound => {
             let mut entries = fs::read_dir(dir).map_err(RecordError::unreadable(dir))?;
-            match entries.find(|e| !e.as_ref().is_ok_and(is_unfinished)) {
+            let is_ours = |e: &fs::DirEntry| is_unfinished(e) || e.file_name() == LOCK;
+            match entries.find(|e| !e.as_ref().is_ok_and(is_ours)) {
                 None => Ok(()),
                 Some(_) => Err(RecordError::NoRunDirectory { dir: dir.to_owned() }),
             }

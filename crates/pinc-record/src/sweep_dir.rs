@@ -6,7 +6,8 @@
 //! ```
 
 use crate::error::RecordError;
-use crate::files::{file, json, read_file, read_json, write_atomically};
+use crate::files::{file, is_unfinished, json, read_file, read_json, write_atomically};
+use crate::lock::LOCK;
 use crate::metrics::Metrics;
 use serde::{Deserialize, Serialize};
 use std::fs;
@@ -140,7 +141,10 @@ fn copy_files(from: &Path, to: &Path, last: &str) -> Result<(), RecordError> {
     fs::create_dir_all(to).map_err(RecordError::unwritable(to))?;
     let mut names = Vec::new();
     for entry in fs::read_dir(from).map_err(RecordError::unreadable(from))? {
-        names.push(entry.map_err(RecordError::unreadable(from))?.file_name());
+        let entry = entry.map_err(RecordError::unreadable(from))?;
+        if !is_unfinished(&entry) && entry.file_name() != LOCK {
+            names.push(entry.file_name());
+        }
     }
     names.sort_by_key(|name| name == last);
     for name in names {

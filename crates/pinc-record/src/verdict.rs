@@ -1,7 +1,7 @@
 //! What went wrong in closed loops, and what can be done about it.
 
-use crate::metrics::{ControlMetrics, Metrics};
-use pinc_config::ModelKind;
+use crate::metrics::{ControlMetrics, Metrics, is_failure};
+use pinc_config::{ModelKind, TimeUnit};
 use pinc_mpc::SqpStatus;
 use std::fmt;
 
@@ -34,6 +34,8 @@ pub enum LoopFinding {
         offset: f64,
         /// When the reference of this offset begins, in s.
         start_s: f64,
+        /// The unit in which to show that.
+        time_unit: Option<TimeUnit>,
         /// A model of the same run with which this reference was reached.
         reached_with: Option<ModelKind>,
     },
@@ -49,9 +51,7 @@ impl Metrics {
     fn findings_of(&self, of: &ControlMetrics) -> Vec<LoopFinding> {
         let mut findings = Vec::new();
         if of.failed_steps() > 0 {
-            let fine = [SqpStatus::Converged, SqpStatus::Prepared, SqpStatus::Deadline];
-            let fine = fine.map(|status| status.to_string());
-            let failures = of.status.iter().filter(|(status, _)| !fine.contains(status));
+            let failures = of.status.iter().filter(|(status, _)| is_failure(status));
             let most = failures.max_by_key(|(_, steps)| **steps);
             findings.push(LoopFinding::FailedSteps {
                 model: of.model,
@@ -80,6 +80,7 @@ impl Metrics {
             references: offsets.len(),
             offset,
             start_s: of.references.reference_start_s.get(segment).copied().unwrap_or_default(),
+            time_unit: self.time_unit,
             reached_with: others.filter(reaches).map(|other| other.model).next(),
         })
     }
@@ -113,6 +114,7 @@ impl fmt::Display for LoopFinding {
                 references,
                 offset,
                 start_s,
+                time_unit,
                 reached_with,
             } => {
                 let model = model.title();
@@ -122,7 +124,8 @@ impl fmt::Display for LoopFinding {
                     _ => write!(
                         f,
                         "{missed} of its {references} references: it ends {offset:.3} off on average \
-                         with the one from {start_s} s. "
+                         with the one from {}. ",
+                        TimeUnit::shown(*start_s, *time_unit)
                     )?,
                 }
                 match reached_with {
@@ -143,8 +146,9 @@ impl fmt::Display for LoopFinding {
     }
 }
 
-/// What can be done about steps that end with this status.
-fn advice(status: &str) -> &'static str {
+/// What can be done about control steps that end with this status, in the words of [`SqpStatus`].
+#[must_use]
+pub fn advice(status: &str) -> &'static str {
     let is = |known: SqpStatus| known.to_string() == status;
     if is(SqpStatus::InfeasibleQp) {
         "No plan keeps all bounds: widen them, lengthen the horizon n2, or let states leave their \

@@ -1,7 +1,8 @@
 //! The closed loop: what the plant did under the controller, PINC over RK4.
 
-use crate::data::Run;
+use crate::data::{OfModel, Run};
 use crate::picture::Picture;
+use crate::traces::{CloseUp, ControlTrace};
 use crate::variables::Variables;
 use pinc_chart::text;
 use pinc_chart::{
@@ -9,25 +10,27 @@ use pinc_chart::{
     held_since_previous, held_until_next, input_color, present, state_color,
 };
 use pinc_config::ControlSpec;
-use pinc_record::{ControlRow, ControlTrace};
+use pinc_record::ControlRow;
 
-/// A run of more steps than this gets a close-up of its first [`CLOSE_UP`] steps.
+/// A run of more steps than this gets a close-up of its first steps.
 const LONG: f64 = 60.0;
-const CLOSE_UP: f64 = 20.0;
 /// Values that differ by less, by ratio, differ by rounding.
 const EQUAL: f64 = 1e-13;
+/// The share of a panel's height that a curve must take up to be read.
+const READABLE: f64 = 0.04;
 /// The form of a reference.
 const REFERENCE: Shape = Shape::Dashes(1.4);
 
 /// The whole closed loop, and parts of it enlarged.
 pub(crate) fn pictures(run: &Run, variables: &Variables) -> Vec<Picture> {
-    if run.control.iter().all(|of| of.table.rows.is_empty()) {
+    let traces = &run.control.loops;
+    if traces.iter().all(|of| of.table.rows.is_empty()) {
         return Vec::new();
     }
-    let loops = Loops { run, variables };
-    let times = run.control.iter().flat_map(|of| &of.table.rows).map(|row| row.t);
+    let loops = Loops { run, variables, traces };
+    let times = traces.iter().flat_map(|of| &of.table.rows).map(|row| row.t);
     let t = extent(times);
-    let axis = Axis::ranged("t (s)", Kind::Linear, t);
+    let axis = run.time_axis(t);
     let figure = Figure::stack("Closed loop", axis, loops.panels());
     let mut pictures = vec![Picture {
         stem: "control".to_owned(),
@@ -62,12 +65,14 @@ fn input(row: &ControlRow, place: usize) -> f64 {
 struct Loops<'a> {
     run: &'a Run,
     variables: &'a Variables,
+    traces: &'a [OfModel<ControlTrace>],
 }
 
 impl Loops<'_> {
     fn panels(&self) -> Vec<Panel> {
         let mut groups = self.variables.output_panels();
         groups.extend(self.variables.panels_of(&self.variables.states));
+        let groups: Vec<_> = groups.into_iter().flat_map(|group| self.by_size(group)).collect();
         let mut panels = Vec::new();
         for (i, (title, group)) in groups.iter().enumerate() {
             let height = if i == 0 { 280.0 } else { 180.0 };
@@ -76,6 +81,60 @@ impl Loops<'_> {
         panels.push(self.input_panel());
         panels.extend(self.difference_panel());
         panels
+    }
+
+    /// A group of variables, divided so that those in a panel are of a like size.
+    fn by_size(&self, (title, names): (String, Vec<String>)) -> Vec<(String, Vec<String>)> {
+        let mut panels: Vec<Vec<(f64, f64)>> = Vec::new();
+        let mut groups: Vec<Vec<String>> = Vec::new();
+        for name in names {
+            let range = self.range(&name);
+            let place = panels.iter().position(|ranges| fit(ranges, range));
+            match place {
+                Some(i) => {
+                    panels[i].push(range);
+                    groups[i].push(name);
+                }
+                None => {
+                    panels.push(vec![range]);
+                    groups.push(vec![name]);
+                }
+            }
+        }
+        let divided = groups.len() > 1;
+        let titled = |names: Vec<String>| match divided {
+            true => (format!("{title}: {}", names.join(", ")), names),
+            false => (title.clone(), names),
+        };
+        groups.into_iter().map(titled).collect()
+    }
+
+    /// The values that a variable and its reference take.
+    fn range(&self, name: &str) -> (f64, f64) {
+        let place = self.variables.index_of(name);
+        let rows = self.traces.iter().flat_map(|of| &of.table.rows);
+        let values = rows.map(|row| quantity(row, place));
+        let first = &self.traces[0].table;
+        let followed = first.columns.controlled.iter().position(|controlled| controlled == name);
+        let rows = first.rows.iter();
+        let references =
+            followed.into_iter().flat_map(|i| rows.clone().map(move |row| row.reference[i]));
+        extent(values.chain(references))
+    }
+
+    /// Crosses where control steps failed, on the curves of a state.
+    fn add_failures(&self, panel: &mut Panel, place: usize) {
+        let Some(length) = self.run.step() else { return };
+        let mut failed = Vec::new();
+        for (of, steps) in self.traces.iter().zip(&self.run.steps) {
+            for step in steps.table.rows.iter().filter(|step| step.failed()) {
+                #[expect(clippy::cast_precision_loss, reason = "no run has 2^53 steps")]
+                let t = step.step as f64 * length;
+                let k = of.table.rows.partition_point(|row| row.t < t - 1e-6 * length);
+                failed.extend(of.table.rows.get(k).map(|row| (row.t, quantity(row, place))));
+            }
+        }
+        panel.add_named("failed steps", failed, Style::new(INK, Shape::Crosses(5.0)));
     }
 
     fn state_panel(&self, title: &str, states: &[String], height: f64) -> Panel {
@@ -94,6 +153,10 @@ impl Loops<'_> {
         if states.iter().any(|state| self.variables.controlled.contains(state)) {
             panel.key("reference", Look::Curve(Style::new(INK, REFERENCE)));
         }
+        let controlled = states.iter().filter(|state| self.variables.controlled.contains(state));
+        for state in controlled.take(1) {
+            self.add_failures(&mut panel, self.variables.index_of(state));
+        }
         for (_, place) in places() {
             let bound = |states: &Option<Vec<f64>>, outputs: &Option<Vec<f64>>| match place
                 .checked_sub(self.variables.states.len())
@@ -109,9 +172,9 @@ impl Loops<'_> {
     }
 
     fn add_references(&self, panel: &mut Panel, states: &[String]) {
-        let first = &self.run.control[0].table;
+        let first = &self.traces[0].table;
         for state in states {
-            let Some(place) = first.controlled.iter().position(|name| name == state) else {
+            let Some(place) = first.columns.controlled.iter().position(|name| name == state) else {
                 continue;
             };
             let color = state_color(self.variables.index_of(state));
@@ -148,9 +211,9 @@ impl Loops<'_> {
         color: Color,
         curve: impl Fn(&ControlTrace) -> Vec<Point>,
     ) {
-        let of = &self.run.control[0];
+        let of = &self.traces[0];
         let points = curve(&of.table);
-        let label = match self.run.control.len() {
+        let label = match self.traces.len() {
             1 => variable.to_owned(),
             _ => format!("{variable} with {}", self.run.model_name(of.model)),
         };
@@ -165,7 +228,7 @@ impl Loops<'_> {
         variable: &str,
         curve: impl Fn(&ControlTrace) -> Vec<Point>,
     ) {
-        for of in &self.run.control[1..] {
+        for of in &self.traces[1..] {
             let label = format!("with {}", self.run.model_name(of.model));
             let style = Style::new(AMBER, Shape::Line(5.0)).faint(0.55);
             panel.add_beneath(&label, &format!("{variable} {label}"), curve(&of.table), style);
@@ -186,7 +249,7 @@ impl Loops<'_> {
 
     /// How far the first two models' loops are apart.
     fn difference_panel(&self) -> Option<Panel> {
-        let [one, two, ..] = &self.run.control[..] else { return None };
+        let [one, two, ..] = self.traces else { return None };
         let title =
             format!("|{} − {}|", self.run.model_name(one.model), self.run.model_name(two.model));
         let states = &self.variables.states;
@@ -202,34 +265,44 @@ impl Loops<'_> {
     /// Enlarged parts of the picture: those that the config asks for, or else the first steps if
     /// the run has many.
     fn close_ups(&self, whole: &Figure, t: (f64, f64)) -> Vec<Picture> {
-        let asked = self.run.experiment.control.iter().flat_map(|control| &control.close_ups_s);
-        let asked = asked.filter(|[from, to]| *from < t.1 && *to > t.0);
-        let asked: Vec<(f64, f64)> = asked.map(|[from, to]| (from.max(t.0), to.min(t.1))).collect();
-        let step = self.run.step_s().filter(|step| t.1 - t.0 > LONG * step);
-        let beginning = step.map(|step| (t.0, t.0 + CLOSE_UP * step));
-        let windows = if asked.is_empty() { beginning.into_iter().collect() } else { asked };
-        windows.into_iter().map(|window| self.close_up(whole, window)).collect()
+        let asked = self.run.experiment.control.as_ref().map_or(0, |spec| spec.close_ups_s.len());
+        let (asked, first_steps) = self.run.control.close_ups.split_at(asked);
+        let shown = |part: &&CloseUp| part.window.0 < t.1 && part.window.1 > t.0;
+        let asked: Vec<&CloseUp> = asked.iter().filter(shown).collect();
+        let is_long = self.run.step().is_some_and(|step| t.1 - t.0 > LONG * step);
+        let first_steps = first_steps.iter().filter(|_| is_long && asked.is_empty());
+        let parts = asked.iter().copied().chain(first_steps);
+        parts.map(|part| self.close_up(whole, part, t)).collect()
     }
 
-    fn close_up(&self, whole: &Figure, (from, to): (f64, f64)) -> Picture {
-        let (from_s, to_s) = (text::number(from, 6), text::number(to, 6));
+    fn close_up(&self, whole: &Figure, part: &CloseUp, t: (f64, f64)) -> Picture {
+        let (from, to) = (part.window.0.max(t.0), part.window.1.min(t.1));
+        let window = format!(
+            "{} {unit} to {} {unit}",
+            text::number(from, 6),
+            text::number(to, 6),
+            unit = self.run.time_unit().name()
+        );
         let mut figure = whole.clone();
-        figure.name = format!("Closed loop from {from_s} s to {to_s} s");
+        if let Some(traces) = &part.loops {
+            figure.panels = Loops { traces, ..*self }.panels();
+        }
+        figure.name = format!("Closed loop from {window}");
         figure.x.range = Some((from, to));
         Picture {
             stem: format!("control-{from}-{to}"),
-            title: format!("Closed loop: {from_s} s to {to_s} s"),
+            title: format!("Closed loop: {window}"),
             figure,
             caption: "A part of the picture above, enlarged. From the same files.".to_owned(),
         }
     }
 
     fn caption(&self) -> String {
-        let files: Vec<_> = self.run.control.iter().map(|of| of.file.clone()).collect();
+        let files: Vec<_> = self.traces.iter().map(|of| of.file.clone()).collect();
         let mut caption = "The plant, integrated accurately, under the controller. Dashed: the \
                            references, in the colours of what follows them; grey: the bounds."
             .to_owned();
-        if let [first, second, ..] = &self.run.control[..] {
+        if let [first, second, ..] = self.traces {
             let (one, two) = (self.run.model_name(first.model), self.run.model_name(second.model));
             caption += &format!(
                 " Thin curves: with {one} as the controller's model; broad amber curves beneath: \
@@ -248,8 +321,23 @@ impl Loops<'_> {
                 text::listed(&largest)
             );
         }
+        if let Some(rows) = self.run.control.taken_of {
+            let rows = text::count(rows);
+            caption += &format!(
+                " Of {rows} rows those are drawn where a curve is at its highest or lowest."
+            );
+        }
         format!("{caption} From {}.", text::listed(&files))
     }
+}
+
+/// Whether a curve can be read beside others of these ranges, and they beside it: each takes up some of
+/// the height that all take together, unless it is constant.
+fn fit(ranges: &[(f64, f64)], new: (f64, f64)) -> bool {
+    let all = extent(ranges.iter().chain([&new]).flat_map(|range| [range.0, range.1]));
+    let height = all.1 - all.0;
+    let mut spreads = ranges.iter().chain([&new]).map(|(low, high)| high - low);
+    spreads.all(|spread| spread >= READABLE * height || spread <= EQUAL * height)
 }
 
 /// By how much a state differs between two loops, as far as both go.

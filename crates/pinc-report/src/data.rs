@@ -1,11 +1,13 @@
 //! A run directory's files, read as far as the report needs them.
 
 use crate::error::ReportError;
+use crate::traces::{Steps, Traces};
 use crate::trials::Trials;
-use pinc_config::{Experiment, ModelKind};
+use pinc_chart::{Axis, Kind};
+use pinc_config::{Experiment, ModelKind, TimeUnit};
 use pinc_record::{
-    ControlTrace, EstimateTable, Metrics, PredictionTable, Provenance, RecordError, StepRow,
-    TrainingRow, file, read_fixed_table, read_text,
+    ControlReader, DomainErrorTable, EstimateTable, FixedReader, Metrics, PredictionTable,
+    Provenance, RecordError, TrainingRow, file, read_fixed_table, read_text,
 };
 use std::io::ErrorKind;
 use std::path::Path;
@@ -22,10 +24,12 @@ pub(crate) struct Run {
     pub(crate) metrics: Option<Metrics>,
     pub(crate) provenance: Option<Provenance>,
     pub(crate) training: Option<Vec<TrainingRow>>,
+    /// The errors of the net over its domain.
+    pub(crate) domain_error: Option<DomainErrorTable>,
+    /// Times are in the report's unit.
     pub(crate) prediction: Option<PredictionTable>,
-    /// The closed loops, PINC first.
-    pub(crate) control: Vec<OfModel<ControlTrace>>,
-    pub(crate) steps: Vec<OfModel<Vec<StepRow>>>,
+    pub(crate) control: Traces,
+    pub(crate) steps: Vec<OfModel<Steps>>,
     pub(crate) estimates: Vec<OfModel<EstimateTable>>,
     /// Of a sweep.
     pub(crate) trials: Option<Trials>,
@@ -53,17 +57,34 @@ impl Run {
         let experiment = Experiment::read_back(&path, &config_text)?;
         let metrics = Metrics::read(dir)?;
         let only = metrics.iter().flat_map(|metrics| &metrics.control).map(|of| of.model).next();
-        let control = read_models(dir, file::control, only, |path| {
-            let Some(control) = &experiment.control else { return Ok(None) };
-            ControlTrace::read(path, control.input_low.len(), &control.controlled)
-        })?;
+        // Times are shown in the config's unit.
+        let second = 1.0 / experiment.time_unit.unwrap_or(TimeUnit::S).seconds();
+        let control = match &experiment.control {
+            None => Traces::default(),
+            Some(spec) => {
+                let open =
+                    |path: &Path| ControlReader::open(path, spec.input_low.len(), &spec.controlled);
+                let readers = read_models(dir, file::control, only, open)?;
+                Traces::read(readers, spec, step_s(&experiment), second)?
+            }
+        };
+        let mut prediction = PredictionTable::read(&dir.join(file::PREDICTION))?;
+        let rows = prediction.iter_mut().flat_map(|table| &mut table.rows);
+        rows.for_each(|row| row.t *= second);
+        let mut estimates = read_models(dir, file::estimates, only, EstimateTable::read)?;
+        let rows =
+            estimates.iter_mut().flat_map(|of: &mut OfModel<EstimateTable>| &mut of.table.rows);
+        rows.for_each(|row| row.t *= second);
         Ok(Self {
             provenance: Provenance::read(dir)?,
             training: read_fixed_table(&dir.join(file::TRAINING))?,
-            prediction: PredictionTable::read(&dir.join(file::PREDICTION))?,
+            domain_error: DomainErrorTable::read(&dir.join(file::DOMAIN_ERROR))?,
+            prediction,
             control,
-            steps: read_models(dir, file::steps, only, read_fixed_table)?,
-            estimates: read_models(dir, file::estimates, only, EstimateTable::read)?,
+            steps: read_models(dir, file::steps, only, |path| {
+                FixedReader::open(path)?.map(Steps::read).transpose()
+            })?,
+            estimates,
             trials: Trials::read(dir, &experiment)?,
             config_text,
             experiment,
@@ -71,9 +92,19 @@ impl Run {
         })
     }
 
-    /// The length T of a step in s.
-    pub(crate) fn step_s(&self) -> Option<f64> {
-        self.experiment.sample_time_s().filter(|t| *t > 0.0)
+    /// The length T of a step, in the report's unit.
+    pub(crate) fn step(&self) -> Option<f64> {
+        step_s(&self.experiment).map(|step_s| step_s / self.time_unit().seconds())
+    }
+
+    /// The unit of the plant's times in the report.
+    pub(crate) fn time_unit(&self) -> TimeUnit {
+        self.experiment.time_unit.unwrap_or(TimeUnit::S)
+    }
+
+    /// The axis of the plant's times, from one end to the other.
+    pub(crate) fn time_axis(&self, ends: (f64, f64)) -> Axis {
+        Axis::ranged(&format!("t ({})", self.time_unit().name()), Kind::Linear, ends)
     }
 
     /// A model's name as the report writes it.
@@ -133,6 +164,10 @@ impl Run {
         let first = unit(variables.first()?)?;
         variables.iter().all(|v| unit(v) == Some(first)).then_some(first)
     }
+}
+
+fn step_s(experiment: &Experiment) -> Option<f64> {
+    experiment.sample_time_s().filter(|t| *t > 0.0)
 }
 
 /// The tables of all models, or that of a run with one model, which may be known to be `only`.

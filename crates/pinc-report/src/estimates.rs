@@ -14,7 +14,7 @@ const BAND: f64 = 1.96;
 /// The estimates of the first model, if there was an estimator.
 pub(crate) fn picture(run: &Run) -> Option<Picture> {
     let of = run.estimates.first().filter(|of| !of.table.rows.is_empty())?;
-    let axis = Axis::ranged("t (s)", Kind::Linear, extent(of.table.rows.iter().map(|row| row.t)));
+    let axis = run.time_axis(extent(of.table.rows.iter().map(|row| row.t)));
     let table = &of.table;
     let mut panels: Vec<Panel> = (0..table.names.len()).map(|i| estimate(run, of, i)).collect();
     panels.extend((0..table.measured.len()).map(|i| innovation(run, table, i)));
@@ -36,9 +36,9 @@ fn estimate(run: &Run, of: &OfModel<EstimateTable>, i: usize) -> Panel {
     let (table, name) = (&of.table, &of.table.names[i]);
     let label = run.axis_label(std::slice::from_ref(name));
     let mut panel = Panel::new(name, Axis::new(&label, Kind::Linear), 120.0);
-    let trace = run.control.iter().find(|trace| trace.model == of.model);
+    let trace = run.control.loops.iter().find(|trace| trace.model == of.model);
     let truth = trace.and_then(|trace| {
-        let place = trace.table.states.iter().position(|state| state == name)?;
+        let place = trace.table.columns.states.iter().position(|state| state == name)?;
         Some(trace.table.rows.iter().map(|row| (row.t, row.state[place])).collect())
     });
     if let Some(truth) = truth {

@@ -88,8 +88,13 @@ fn missing_tables(run: &Run) -> Vec<String> {
             experiment.prediction.is_some(),
             run.prediction.as_ref().map(|table| table.rows.len()),
         ),
-        ("control.csv", "closed loop", looped, rows(&run.control, |table| table.rows.len())),
-        ("steps.csv", "picture of the controller's steps", looped, rows(&run.steps, Vec::len)),
+        ("control.csv", "closed loop", looped, rows(&run.control.loops, |table| table.rows.len())),
+        (
+            "steps.csv",
+            "picture of the controller's steps",
+            looped,
+            rows(&run.steps, |steps| steps.count),
+        ),
     ];
     let mut notes = Vec::new();
     // A config without the section wants no such file.

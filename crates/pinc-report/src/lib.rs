@@ -7,8 +7,11 @@
 //! Everything is made from the types of [`pinc_record`] that wrote the files. A picture is first a
 //! [`pinc_chart::Figure`], plain data, and then drawn.
 
+mod color_bar;
 mod control;
 mod data;
+mod decimation;
+mod domain_error;
 mod error;
 mod estimates;
 mod html;
@@ -24,6 +27,7 @@ mod sweep;
 mod testing;
 #[cfg(test)]
 mod tests;
+mod traces;
 mod training;
 mod trials;
 mod variables;

@@ -2,9 +2,10 @@
 
 use crate::data::Run;
 use pinc_chart::text::{self, MISSING};
-use pinc_config::ModelKind;
+use pinc_config::{ModelKind, TimeUnit};
 use pinc_record::{
-    ControlMetrics, PredictionMetrics, Provenance, TrainingMetrics, ValidationMetrics, WallTimes,
+    ControlMetrics, DomainErrorMetrics, Metrics, PredictionMetrics, Provenance, TrainingMetrics,
+    ValidationMetrics, WallTimes,
 };
 use serde_json::Value;
 
@@ -22,6 +23,8 @@ pub(crate) fn number_tables(run: &Run) -> Vec<NumberTable> {
     let mut tables = Vec::new();
     tables.extend(metrics.training.as_ref().map(training));
     tables.extend(metrics.validation.as_ref().map(validation));
+    let domain = metrics.validation.as_ref().and_then(|of| of.domain_error.as_ref());
+    tables.extend(domain.map(|of| over_the_domain(of, metrics)));
     tables.extend(metrics.prediction.as_ref().map(prediction));
     tables.extend(control(run, &metrics.control));
     tables
@@ -53,7 +56,27 @@ fn validation(of: &ValidationMetrics) -> NumberTable {
         [
             ("MSE at the steps t = kT, physical units", shown(of.mse_gen)),
             ("MSE of all rows, normalized", shown(of.mse_all_normalized)),
-            ("MSE of one step, from random states", shown(of.one_step_mse)),
+            ("MSE of one step, from random states in validation.domain", shown(of.one_step_mse)),
+        ],
+    )
+}
+
+fn over_the_domain(of: &DomainErrorMetrics, metrics: &Metrics) -> NumberTable {
+    let shown = |value| text::significant(value, 2);
+    let state = &of.max_of;
+    let became =
+        format!("{} instead of {}", text::number(of.predicted, 4), text::number(of.truth, 4));
+    plain(
+        "Error of one step over [domain], in widths of the states' ranges",
+        [
+            ("Root mean square", shown(of.rms)),
+            ("99th percentile of the points", shown(of.p99)),
+            ("Largest", shown(of.max)),
+            ("Where", of.max_at.named(&metrics.states, &metrics.inputs)),
+            ("What is predicted there", format!("{state} = {became}")),
+            ("RK4 with 1 substep, root mean square", shown(of.rk4.one)),
+            ("RK4 with 2 substeps", shown(of.rk4.two)),
+            ("RK4 with 4 substeps", shown(of.rk4.four)),
         ],
     )
 }
@@ -82,7 +105,7 @@ fn control(run: &Run, models: &[ControlMetrics]) -> Option<NumberTable> {
     }
     let row = |(label, quantity): &(&str, Quantity)| {
         let mut cells = vec![(*label).to_owned()];
-        cells.extend(models.iter().map(|of| quantity.show(of)));
+        cells.extend(models.iter().map(|of| quantity.show(run, of)));
         cells.extend(both.map(|(pinc, rk4)| quantity.compare(pinc, rk4)));
         cells
     };
@@ -101,6 +124,8 @@ enum Quantity {
     Time(fn(&ControlMetrics) -> f64),
     /// Text.
     Text(fn(&ControlMetrics) -> String),
+    /// Text that depends on the config.
+    OfRun(fn(&Run, &ControlMetrics) -> String),
 }
 
 const CONTROL: [(&str, Quantity); 15] = [
@@ -117,18 +142,19 @@ const CONTROL: [(&str, Quantity); 15] = [
     ("Largest KKT residual", Quantity::Number(|of| of.kkt_max, 2)),
     ("Largest violation of a bound", Quantity::Number(|of| of.max_violation, 2)),
     ("Steps by status", Quantity::Text(statuses)),
-    ("Settled after, per reference", Quantity::Text(settled)),
+    ("Settled after, per reference", Quantity::OfRun(settled)),
     ("Offset at the end, per reference", Quantity::Text(offsets)),
 ];
 
 impl Quantity {
-    fn show(self, of: &ControlMetrics) -> String {
+    fn show(self, run: &Run, of: &ControlMetrics) -> String {
         match self {
             Self::Number(value, digits) | Self::Compared(value, digits) => {
                 text::significant(value(of), digits)
             }
             Self::Time(seconds) => text::duration(seconds(of)),
             Self::Text(text) => text(of),
+            Self::OfRun(text) => text(run, of),
         }
     }
 
@@ -165,8 +191,12 @@ fn statuses(of: &ControlMetrics) -> String {
     each.collect::<Vec<_>>().join(", ")
 }
 
-fn settled(of: &ControlMetrics) -> String {
-    let time = |time: &Option<f64>| time.map_or_else(|| "not".to_owned(), text::duration);
+fn settled(run: &Run, of: &ControlMetrics) -> String {
+    let shown = |seconds| match run.experiment.time_unit {
+        None => text::duration(seconds),
+        unit => TimeUnit::shown(seconds, unit),
+    };
+    let time = |time: &Option<f64>| time.map_or_else(|| "not".to_owned(), shown);
     of.references.settle_s.iter().map(time).collect::<Vec<_>>().join(", ")
 }
 

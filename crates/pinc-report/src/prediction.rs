@@ -20,7 +20,7 @@ pub(crate) fn picture(run: &Run, variables: &Variables) -> Option<Picture> {
     panels.push(input_panel(run, table));
     panels.push(error_panel(run, table));
     let t = extent(table.rows.iter().map(|row| row.t));
-    let axis = Axis::ranged("t (s)", Kind::Linear, t);
+    let axis = run.time_axis(t);
     let mut figure = Figure::stack("Free run of the net against the truth", axis, panels);
     figure.events = horizon(run, t);
     Some(Picture {
@@ -93,7 +93,7 @@ fn errors(table: &PredictionTable, place: usize) -> Vec<Point> {
 fn horizon(run: &Run, t: (f64, f64)) -> Vec<Event> {
     let steps = run.experiment.control.as_ref().map(|control| control.n2);
     #[expect(clippy::cast_precision_loss, reason = "a horizon has far fewer than 2^53 steps")]
-    let end = steps.zip(run.step_s()).map(|(n, step)| t.0 + n as f64 * step);
+    let end = steps.zip(run.step()).map(|(n, step)| t.0 + n as f64 * step);
     let event = end.filter(|end| *end < t.1).map(|end| {
         let label = "horizon of the controller, N₂T".to_owned();
         Event::minor(end, label)

@@ -4,11 +4,11 @@ use crate::data::Run;
 use crate::picture::Picture;
 use pinc_chart::text;
 use pinc_chart::{AMBER, Axis, BLACK, BLUE, Figure, Kind, Panel, Shape, Style, extent, present};
-use pinc_record::{StepRow, WallTimes};
+use pinc_record::StepRow;
 
 /// The controller step by step, if there was a closed loop.
 pub(crate) fn picture(run: &Run) -> Option<Picture> {
-    let steps: Vec<f64> = run.steps.iter().flat_map(|of| &of.table).map(number).collect();
+    let steps: Vec<f64> = run.steps.iter().flat_map(|of| &of.table.rows).map(number).collect();
     if steps.is_empty() {
         return None;
     }
@@ -34,14 +34,11 @@ fn times(run: &Run) -> Panel {
     let mut all = Vec::new();
     let mut named = Vec::new();
     for (i, of) in run.steps.iter().enumerate() {
-        let points = of.table.iter().map(|row| (number(row), row.solve_us));
+        let points = of.table.rows.iter().map(|row| (number(row), row.solve_us));
         let points = present(points.collect());
         all.extend(points.iter().map(|p| p.1));
-        let times: Vec<f64> = points.iter().map(|p| p.1).collect();
-        let median = match times.is_empty() {
-            true => text::MISSING.to_owned(),
-            false => text::duration(1e-6 * WallTimes::of(times).median),
-        };
+        let median = of.table.median_us.map(|us| text::duration(1e-6 * us));
+        let median = median.unwrap_or_else(|| text::MISSING.to_owned());
         let model = run.model_name(of.model);
         named.push((format!("{model}, median {median}"), model, points, dots(i)));
     }
@@ -75,8 +72,8 @@ fn add_with_failures(run: &Run, panel: &mut Panel, value: fn(&StepRow) -> f64) {
     let mut failed = Vec::new();
     let point = |row: &StepRow| (number(row), value(row));
     for (i, of) in run.steps.iter().enumerate() {
-        failed.extend(of.table.iter().filter(|row| !row.converged()).map(point));
-        let (model, points) = (run.model_name(of.model), of.table.iter().map(point).collect());
+        failed.extend(of.table.rows.iter().filter(|row| !row.converged()).map(point));
+        let (model, points) = (run.model_name(of.model), of.table.rows.iter().map(point).collect());
         panel.add_beneath(model, model, points, dots(i));
     }
     let crosses = Style::new(BLACK, Shape::Crosses(5.0));
@@ -100,22 +97,19 @@ fn caption(run: &Run) -> String {
         caption += &format!(" A time is the median of {runs} repetitions of the loop.");
     }
     for of in &run.steps {
-        let mut reasons: Vec<String> = Vec::new();
-        let failed: Vec<&StepRow> = of.table.iter().filter(|row| !row.converged()).collect();
-        for row in &failed {
-            if !reasons.contains(&row.status) {
-                reasons.push(row.status.clone());
-            }
-        }
-        let (all, model) = (text::count(of.table.len()), run.model_name(of.model));
-        caption += &match failed.len() {
+        let steps = &of.table;
+        let (all, model) = (text::count(steps.count), run.model_name(of.model));
+        caption += &match steps.failed {
             0 => format!(" With {model} all {all} steps converged."),
             bad => format!(
                 " With {model} {} of {all} steps did not converge ({}; crosses).",
                 text::count(bad),
-                reasons.join(", ")
+                steps.reasons.join(", ")
             ),
         };
+    }
+    if run.steps.iter().any(|of| of.table.rows.len() < of.table.count) {
+        caption += " Of so many steps those are drawn that stand out.";
     }
     let files: Vec<_> = run.steps.iter().map(|of| of.file.clone()).collect();
     format!("{caption} From {}.", text::listed(&files))

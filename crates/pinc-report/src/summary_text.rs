@@ -13,6 +13,8 @@ pub(crate) fn paragraph(run: &Run) -> String {
     let sentences = [
         metrics.training.as_ref().map(training),
         metrics.validation.as_ref().map(validation),
+        metrics.validation.as_ref().and_then(|of| over_the_domain(of, metrics)),
+        metrics.domain_finding().map(|finding| finding.to_string()),
         tracking(run, metrics),
         speed(run, metrics),
         statuses(metrics),
@@ -33,9 +35,25 @@ fn training(training: &TrainingMetrics) -> String {
 
 fn validation(validation: &ValidationMetrics) -> String {
     format!(
-        "Running freely on the validation scenarios, its mean squared error is {} at the steps.",
+        "Running freely on scenarios that it was not chosen by, its mean squared error is {} at the steps.",
         text::number(validation.mse_gen, 3)
     )
+}
+
+fn over_the_domain(validation: &ValidationMetrics, metrics: &Metrics) -> Option<String> {
+    let of = validation.domain_error.as_ref()?;
+    let shown = |value| text::number(value, 2);
+    Some(format!(
+        "After one step from {} points all over its domain it is off by {} of a state's range (rms; \
+         RK4 with 1, 2 and 4 substeps: {}, {} and {}), by {} at most: at {}.",
+        text::count(of.points),
+        shown(of.rms),
+        shown(of.rk4.one),
+        shown(of.rk4.two),
+        shown(of.rk4.four),
+        shown(of.max),
+        of.max_at.named(&metrics.states, &metrics.inputs)
+    ))
 }
 
 fn tracking(run: &Run, metrics: &Metrics) -> Option<String> {

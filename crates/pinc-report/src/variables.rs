@@ -18,12 +18,12 @@ pub(crate) struct Variables {
 impl Variables {
     /// The variables of a run: those of its closed loop, or else of its free run.
     pub(crate) fn of(run: &Run) -> Self {
-        if let Some(of) = run.control.first() {
+        if let Some(of) = run.control.loops.first() {
             return Self {
-                states: of.table.states.clone(),
-                inputs: of.table.inputs.clone(),
-                outputs: of.table.outputs.clone(),
-                controlled: of.table.controlled.clone(),
+                states: of.table.columns.states.clone(),
+                inputs: of.table.columns.inputs.clone(),
+                outputs: of.table.columns.outputs.clone(),
+                controlled: of.table.columns.controlled.clone(),
             };
         }
         let prediction = run.prediction.as_ref();

@@ -12,10 +12,12 @@
 
 mod exp;
 mod tanh;
+mod trigonometric;
 #[cfg(target_arch = "x86_64")]
 mod x86;
 
 pub use tanh::tanh_all;
+pub use trigonometric::{cos, sin};
 
 use crate::{Lanes, Scalar};
 

@@ -25,20 +25,21 @@ fn measure(case: Case, method: QpMethod, repetitions: usize) -> Result<QpTime, B
     let experiment = case.experiment(&[&format!("control.sqp.qp={method}")])?;
     let spec = experiment.control.as_ref().expect("the shipped loops have a controller");
     let sample_time_s = experiment.sample_time_s().expect("the shipped loops train a net");
-    let setup = LoopSetup::of(spec, &[ModelKind::Rk4], sample_time_s);
     let plant = &*experiment.plant.dyn_plant();
+    let setup = LoopSetup::numerical(spec, sample_time_s, plant);
     let in_model = Spent::default();
     let model = Watched { model: setup.model(ModelKind::Rk4, plant)?, spent: in_model.clone() };
-    let mut nmpc = Nmpc::new(setup.problem(plant), Box::new(model), spec.sqp)?;
+    let mut nmpc = Nmpc::new(setup.problem(), Box::new(model), spec.sqp)?;
     let mut times = Vec::new();
     for _ in 0..repetitions {
-        let mut run = setup.begin(&mut nmpc, plant)?;
+        let mut run = setup.begin(&mut nmpc)?;
         in_model.take_ns();
         let in_controller = Spent::default();
+        let mut programs = 0;
         while let Some(control) = in_controller.watch(|| run.control())? {
+            programs += control.record().sqp_iterations;
             control.advance()?;
         }
-        let programs: usize = run.steps().iter().map(|step| step.sqp_iterations).sum();
         let ns = in_controller.take_ns() - in_model.take_ns();
         times.push(1e-3 * to_f64(ns) / to_f64(programs as u64));
     }

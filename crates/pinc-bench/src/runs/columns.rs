@@ -42,10 +42,13 @@ pub(super) fn places(header: &StringRecord, names: &[String]) -> Result<Vec<usiz
     names.iter().map(place).collect()
 }
 
+/// Numbers in cells: the squares of larger ones are not finite.
+const LARGEST: f64 = 1e100;
+
 /// The number in a cell.
 pub(super) fn finite(cell: &str, column: &str) -> Result<f64, CsvProblem> {
     match cell.parse::<f64>() {
-        Ok(value) if value.is_finite() => Ok(value),
+        Ok(value) if value.abs() <= LARGEST => Ok(value),
         _ => Err(CsvProblem::Cell { column: column.to_owned(), found: cell.to_owned() }),
     }
 }

@@ -3,16 +3,16 @@
 use super::Options;
 use super::feedback::{self, TimedFeedback};
 use super::guard::Guard;
+use super::recording::{Recording, Totals, TraceColumns, write_medians};
 use super::with_outputs::WithOutputs;
 use crate::BenchError;
 use crate::progress::Stage;
-use pinc_config::{ControlSpec, Experiment, ModelKind, PlantSpec, Variables};
-use pinc_mpc::{ClosedLoop, Nmpc, NmpcProblem, Reference, StepRecord};
+use pinc_config::{ControlSpec, Experiment, ModelKind, Variables};
+use pinc_mpc::{ClosedLoop, Nmpc, NmpcProblem, Reference};
 use pinc_net::{NetError, PincModel, PincNet};
 use pinc_ode::{Dopri5, DynPlant, Model, PiecewiseConstant, Trajectory};
 use pinc_record::{
-    ControlMetrics, ControlRow, ControlTrace, Metrics, ReferenceMetrics, RunDir, StepRow,
-    StepTimes, WallTimes, file, fixed_table,
+    ControlColumns, ControlMetrics, Metrics, ReferenceMetrics, RunDir, StepTimes, WallTimes, file,
 };
 use std::cell::Cell;
 use std::collections::BTreeMap;
@@ -29,25 +29,15 @@ pub(crate) struct LoopSetup<'a> {
     pub(crate) sample_time_s: f64,
     /// What the noise of measurements follows from.
     pub(crate) seed: u64,
-    /// The plant with the parameters that are estimated as arguments of its equation, if there are any.
-    pub(crate) adaptive: Option<Box<dyn DynPlant>>,
+    /// The p of the models; those that are estimated have their initial estimates.
+    pub(crate) parameters: &'a [f64],
+    /// The places of those.
+    pub(crate) estimated: &'a [usize],
+    /// The plant in the loop, whose parameters are fixed.
+    pub(crate) truth: &'a dyn DynPlant,
 }
 
-/// The plant that the models are of, and the one in the loop.
-struct Plants<'a> {
-    modelled: &'a dyn DynPlant,
-    real: &'a dyn DynPlant,
-}
-
-/// The plant of an experiment whose estimator estimates some of its parameters.
-pub(super) fn adaptive(experiment: &Experiment) -> Option<Box<dyn DynPlant>> {
-    let estimator = experiment.control.as_ref()?.estimator.as_ref()?;
-    let names = estimator.parameter_names();
-    (!names.is_empty()).then(|| experiment.plant.dyn_plant_with(&names))
-}
-
-/// Runs the closed loops, unless all have been run. `plant` is the one that the models are of, and
-/// also the one in the loop unless the config has another.
+/// Runs the closed loops, unless all have been run. `plant` is the one that the models are of.
 pub(crate) fn stage(
     plant: &dyn DynPlant,
     setup: &LoopSetup<'_>,
@@ -60,66 +50,81 @@ pub(crate) fn stage(
     }
     run_dir.update(|all| all.control.clear())?;
     run_dir.remove_loops()?;
-    let real = setup.spec.plant.as_ref().map(PlantSpec::dyn_plant);
     for &kind in setup.kinds {
-        let plants = Plants { modelled: plant, real: real.as_deref().unwrap_or(plant) };
-        let metrics = run_model(&plants, setup, kind, options, run_dir)?;
+        let metrics = run_model(plant, setup, kind, options, run_dir)?;
+        let models = setup.kinds.len();
+        run_dir.note(&[&file::control(kind, models), &file::steps(kind, models)]);
+        if metrics.estimator.is_some() {
+            run_dir.note(&[&file::estimates(kind, models)]);
+        }
         run_dir.update(|all| all.control.push(metrics))?;
     }
     Ok(())
 }
 
 fn run_model(
-    &Plants { modelled, real: plant }: &Plants<'_>,
+    plant: &dyn DynPlant,
     setup: &LoopSetup<'_>,
     kind: ModelKind,
     options: &Options<'_>,
     run_dir: &RunDir,
 ) -> Result<ControlMetrics, BenchError> {
     let ControlSpec { sqp, repetitions, budget_us, .. } = setup.spec;
-    let (model, problem) = setup.controller(kind, modelled)?;
+    let (model, problem) = setup.controller(kind, plant)?;
     let mut nmpc = Nmpc::new(problem, model, *sqp)?;
     let name = format!("control {kind}");
     let mut progress = Stage::begin(options.verbosity, &name, *repetitions as u64);
     let mut times = Times::default();
     let mut results = None;
     let (mut outside, mut estimates, mut estimator_us) = (None, None, Vec::new());
+    let steps_file = run_dir.path(&file::steps(kind, setup.kinds.len()));
     for repetition in 0..*repetitions {
         options.check_interrupt(run_dir.dir())?;
         progress.advance(repetition as u64, String::new);
-        // Only the first leaves results: the others give the same numbers in other times.
-        let mut feedback = setup.feedback(kind, modelled)?;
+        let mut feedback = setup.feedback(kind, plant)?;
         let estimating = feedback.as_ref().map(TimedFeedback::clock);
-        let run = setup.begin(&mut nmpc, plant)?;
-        let mut run = match &mut feedback {
-            Some(feedback) => run.with_observer(feedback),
-            None => run,
-        };
-        let mut guard = setup.guard(kind);
-        let budget = budget_us.map(|us| Duration::from_secs_f64(1e-6 * us));
-        let outcome = times.watch(&mut run, budget, guard.as_mut(), estimating.as_deref());
-        if results.is_none() || outcome.is_err() {
-            let name = file::control(kind, setup.kinds.len());
-            run_dir.write_trace(&name, || setup.trace(&run, plant).to_csv())?;
-            results = Some(Results::of(&run, setup));
-            outside = guard.map(Guard::found);
-            if let Some(feedback) = &feedback {
-                let name = file::estimates(kind, setup.kinds.len());
-                let table = setup.estimates(feedback.history(), plant);
-                run_dir.write_trace(&name, || table.to_csv())?;
-                estimates = Some(feedback.history().clone());
-            }
+        let mut run = setup.begin(&mut nmpc)?;
+        if let Some(feedback) = &mut feedback {
+            run = run.with_observer(feedback);
         }
-        estimator_us.extend(feedback.iter().flat_map(TimedFeedback::step_us));
+        let mut guard = setup.guard(kind);
+        let budget = Budget {
+            time: budget_us.map(|us| Duration::from_secs_f64(1e-6 * us)),
+            estimating: estimating.as_deref(),
+        };
+        // Only the first leaves results: the others give the same numbers in other times.
+        if results.is_some() {
+            times.watch(&mut run, budget, setup.watched(&mut guard), None)?;
+            estimator_us.extend(feedback.iter().flat_map(TimedFeedback::step_us));
+            continue;
+        }
+        let trace_file = run_dir.path(&file::control(kind, setup.kinds.len()));
+        let files = run_dir.keeps_traces().then_some((&*trace_file, &*steps_file));
+        let mut recording = Recording::begin(files, setup.columns())?;
+        let outcome =
+            times.watch(&mut run, budget, setup.watched(&mut guard), Some(&mut recording));
+        let totals = recording.finish(&run)?;
+        let found = outcome.is_ok().then(|| Results::of(&run, totals, setup));
+        estimates = feedback;
+        if let Some(feedback) = &estimates {
+            if run_dir.keeps_traces() {
+                let name = file::estimates(kind, setup.kinds.len());
+                run_dir.write(&name, setup.estimates(feedback.history()).to_csv().as_bytes())?;
+            }
+            estimator_us.extend(feedback.step_us());
+        }
         outcome?;
+        results = found;
+        outside = guard.map(Guard::found);
     }
     let results = results.expect("there is at least one repetition");
-    let name = file::steps(kind, setup.kinds.len());
-    run_dir.write_trace(&name, || fixed_table(&times.rows(&results)))?;
+    if *repetitions > 1 && run_dir.keeps_traces() {
+        write_medians(&steps_file, |k| times.median_us(k))?;
+    }
     progress.end(&format!("{repetitions} runs, IAE {:.4}", results.iae_dense_sum));
     let metrics = results.metrics(kind, times);
     let names = Variables::of(plant).state_names();
-    let estimator = estimates.map(|history| feedback::metrics(&history, &names, estimator_us));
+    let estimator = estimates.map(|of| feedback::metrics(of.history(), &names, estimator_us));
     Ok(ControlMetrics { outside_domain: outside, estimator, ..metrics })
 }
 
@@ -139,25 +144,58 @@ pub(crate) fn verdict(experiment: &Experiment, metrics: &Metrics) -> Result<(), 
     }
 }
 
-/// The plant's trajectory in the closed loop of `spec` with RK4 as the model, run once and not
-/// recorded.
+/// A closed loop that was run once and not recorded.
+pub(super) struct Rehearsal {
+    /// The integrator that was the model.
+    pub(super) model: ModelKind,
+    /// The plant's trajectory.
+    pub(super) trace: Trajectory,
+    /// How many steps ended with which status.
+    pub(super) status: BTreeMap<String, usize>,
+}
+
+/// The closed loop of `spec` with an integrator as the model: the first one of the config, or else RK4.
 pub(super) fn rehearse(
     plant: &dyn DynPlant,
     spec: &ControlSpec,
     sample_time_s: f64,
-) -> Result<Trajectory, BenchError> {
-    let setup = LoopSetup::of(spec, &[ModelKind::Rk4], sample_time_s);
-    let model = setup.model(ModelKind::Rk4, plant)?;
-    let mut nmpc = Nmpc::new(setup.problem(plant), model, spec.sqp)?;
-    let mut run = setup.begin(&mut nmpc, plant)?;
-    run.run()?;
-    Ok(run.trajectory().clone())
+) -> Result<Rehearsal, BenchError> {
+    let integrator = spec.models.iter().find(|kind| **kind != ModelKind::Pinc);
+    let kind = integrator.copied().unwrap_or(ModelKind::Rk4);
+    let setup = LoopSetup::numerical(spec, sample_time_s, plant);
+    let model = setup.model(kind, plant)?;
+    let mut nmpc = Nmpc::new(setup.problem(), model, spec.sqp)?;
+    let mut run = setup.begin(&mut nmpc)?;
+    let (mut trace, mut status) = (Trajectory::new(plant.dims()), BTreeMap::new());
+    while let Some(control) = run.control()? {
+        *status.entry(control.record().status.to_string()).or_default() += 1;
+        control.advance()?;
+        let step = run.last_step();
+        for (i, t) in step.times().iter().enumerate() {
+            trace.push(*t, step.state(i), step.input(i));
+        }
+    }
+    Ok(Rehearsal { model: kind, trace, status })
 }
 
 impl<'a> LoopSetup<'a> {
-    /// Without a net and an estimator.
-    pub(crate) fn of(spec: &'a ControlSpec, kinds: &'a [ModelKind], sample_time_s: f64) -> Self {
-        Self { spec, kinds, net: None, sample_time_s, seed: 0, adaptive: None }
+    /// With an integrator as the model of the plant in the loop.
+    pub(crate) fn numerical(
+        spec: &'a ControlSpec,
+        sample_time_s: f64,
+        plant: &'a dyn DynPlant,
+    ) -> Self {
+        let kinds = &[ModelKind::Rk4];
+        Self {
+            spec,
+            kinds,
+            net: None,
+            sample_time_s,
+            seed: 0,
+            parameters: &[],
+            estimated: &[],
+            truth: plant,
+        }
     }
 }
 
@@ -166,6 +204,14 @@ impl LoopSetup<'_> {
     fn guard(&self, kind: ModelKind) -> Option<Guard<'_>> {
         let net = self.net.filter(|_| kind == ModelKind::Pinc);
         net.map(|net| Guard::new(net, self.spec.outside_domain))
+    }
+
+    /// The guard with the parameters that the net is asked for.
+    fn watched<'g, 'n>(
+        &'g self,
+        guard: &'g mut Option<Guard<'n>>,
+    ) -> Option<(&'g mut Guard<'n>, &'g [f64])> {
+        guard.as_mut().map(|guard| (guard, self.parameters))
     }
 
     pub(crate) fn model(
@@ -190,22 +236,24 @@ impl LoopSetup<'_> {
         })
     }
 
-    pub(crate) fn problem(&self, plant: &dyn DynPlant) -> NmpcProblem {
-        self.spec.problem(&Variables::of(plant), self.sample_time_s)
+    pub(crate) fn problem(&self) -> NmpcProblem {
+        let problem = self.spec.problem(&Variables::of(self.truth), self.sample_time_s);
+        NmpcProblem { parameters: self.parameters.to_vec(), ..problem }
     }
 
-    pub(crate) fn begin<'n>(
-        &self,
-        nmpc: &'n mut Nmpc,
-        plant: &dyn DynPlant,
-    ) -> Result<ClosedLoop<'n>, BenchError> {
-        let spec = self.spec;
-        let starts = spec.references.iter().map(|step| step.start_s).collect();
-        let values = spec.references.iter().map(|step| step.value.clone()).collect();
+    /// What is followed, step by step.
+    pub(super) fn reference(&self) -> Result<Reference, BenchError> {
+        let references = &self.spec.references;
+        let starts = references.iter().map(|step| step.start_s).collect();
+        let values = references.iter().map(|step| step.value.clone()).collect();
         let signal = PiecewiseConstant::new(starts, values)?;
-        let steps = super::steps(spec.duration_s, self.sample_time_s);
-        let reference = Reference::sample(&signal, steps, self.sample_time_s)?;
-        let truth = Dopri5::shared(plant.to_shared(), spec.plant_tolerance);
+        let steps = super::steps(self.spec.duration_s, self.sample_time_s);
+        Ok(Reference::sample(&signal, steps, self.sample_time_s)?)
+    }
+
+    pub(crate) fn begin<'n>(&self, nmpc: &'n mut Nmpc) -> Result<ClosedLoop<'n>, BenchError> {
+        let (spec, reference) = (self.spec, self.reference()?);
+        let truth = Dopri5::shared(self.truth.to_shared(), spec.plant_tolerance);
         let run = ClosedLoop::new(nmpc, truth, reference, &spec.initial_state)?;
         let run = if spec.preview { run } else { run.without_preview() };
         Ok(match &spec.initial_input {
@@ -214,27 +262,17 @@ impl LoopSetup<'_> {
         })
     }
 
-    /// The dense trace of a loop.
-    fn trace(&self, run: &ClosedLoop<'_>, plant: &dyn DynPlant) -> ControlTrace {
-        let variables = Variables::of(plant);
-        let own = variables.own_outputs();
-        let trace = run.trajectory();
-        let row = |(i, t): (usize, &f64)| {
-            let outputs = if own.is_empty() { Vec::new() } else { run.outputs_at(i) };
-            ControlRow {
-                t: *t,
-                state: trace.state(i).to_vec(),
-                input: trace.input(i).to_vec(),
-                reference: run.reference_at(i).to_vec(),
-                output: own.iter().map(|(place, _)| outputs[*place]).collect(),
-            }
-        };
-        ControlTrace {
-            states: variables.state_names(),
-            inputs: variables.input_names(),
-            controlled: self.spec.controlled.clone(),
-            outputs: variables.own_output_names(),
-            rows: trace.times().iter().enumerate().map(row).collect(),
+    /// The columns of the loop's trace.
+    fn columns(&self) -> TraceColumns {
+        let variables = Variables::of(self.truth);
+        TraceColumns {
+            columns: ControlColumns {
+                states: variables.state_names(),
+                inputs: variables.input_names(),
+                controlled: self.spec.controlled.clone(),
+                outputs: variables.own_output_names(),
+            },
+            outputs: variables.own_outputs().iter().map(|(place, _)| *place).collect(),
         }
     }
 
@@ -271,58 +309,69 @@ impl LoopSetup<'_> {
     }
 }
 
-/// How long the controller took, in s, for each step of each repetition.
+/// The time that the controller and its estimator have for a step.
+#[derive(Clone, Copy)]
+struct Budget<'a> {
+    time: Option<Duration>,
+    /// How long the estimator took last, which is not the controller's time.
+    estimating: Option<&'a Cell<Duration>>,
+}
+
+/// How long the controller took, in s.
 #[derive(Default)]
-struct Times(Vec<Vec<f64>>);
+struct Times {
+    /// Each step of each repetition: of the first, then of the second, ..
+    steps: Vec<f64>,
+    /// The sum of each repetition.
+    runs: Vec<f64>,
+}
 
 impl Times {
     /// Runs the loop to its end, with an eye on the clock.
     fn watch(
         &mut self,
         run: &mut ClosedLoop<'_>,
-        budget: Option<Duration>,
-        mut guard: Option<&mut Guard<'_>>,
-        estimating: Option<&Cell<Duration>>,
+        budget: Budget<'_>,
+        mut guard: Option<(&mut Guard<'_>, &[f64])>,
+        mut recording: Option<&mut Recording>,
     ) -> Result<(), BenchError> {
-        let mut times = Vec::new();
+        let mut sum = 0.0;
         loop {
             let x = run.state().to_vec();
             let clock = Instant::now();
-            let mut expired = || budget.is_some_and(|budget| clock.elapsed() >= budget);
+            let mut expired = || budget.time.is_some_and(|budget| clock.elapsed() >= budget);
             let control = run.control_within(&mut expired)?;
-            let estimating = estimating.map_or(Duration::ZERO, Cell::get);
-            let time = clock.elapsed().saturating_sub(estimating);
+            let estimating = budget.estimating.map_or(Duration::ZERO, Cell::get);
+            let time = clock.elapsed().saturating_sub(estimating).as_secs_f64();
             let Some(control) = control else { break };
-            times.push(time.as_secs_f64());
-            if let Some(guard) = &mut guard {
-                guard.look(&x, control.u())?;
+            self.steps.push(time);
+            sum += time;
+            if let Some(recording) = &mut recording {
+                recording.controlled(control.record(), 1e6 * time)?;
             }
-            control.advance()?;
+            if let Some((guard, parameters)) = &mut guard {
+                guard.look(&x, control.u(), parameters)?;
+            }
+            let advanced = control.advance();
+            if let Some(recording) = &mut recording {
+                recording.advanced(run)?;
+            }
+            advanced?;
         }
-        self.0.push(times);
+        self.runs.push(sum);
         Ok(())
     }
 
-    /// The rows of `steps.csv`, with each step's median time.
-    fn rows(&self, results: &Results) -> Vec<StepRow> {
-        let row = |(k, step): (usize, &StepRecord)| {
-            let times = self.0.iter().map(|run| 1e6 * run[k]).collect();
-            StepRow {
-                step: k,
-                status: step.status.to_string(),
-                sqp_iterations: step.sqp_iterations,
-                kkt: step.kkt,
-                solve_us: WallTimes::of(times).median,
-                violated: step.violated.map_or(String::new(), |constraint| constraint.to_string()),
-            }
-        };
-        results.steps.iter().enumerate().map(row).collect()
+    /// The median over the repetitions of step `k`, in us.
+    fn median_us(&self, k: usize) -> f64 {
+        let steps = self.steps.len() / self.runs.len();
+        WallTimes::of(self.steps[k..].iter().step_by(steps).map(|s| 1e6 * s).collect()).median
     }
 }
 
 /// The results of a closed loop, except times.
 struct Results {
-    steps: Vec<StepRecord>,
+    totals: Totals,
     rmse: f64,
     iae: f64,
     rmse_dense: f64,
@@ -332,10 +381,10 @@ struct Results {
 }
 
 impl Results {
-    fn of(run: &ClosedLoop<'_>, setup: &LoopSetup<'_>) -> Self {
+    fn of(run: &ClosedLoop<'_>, totals: Totals, setup: &LoopSetup<'_>) -> Self {
         let (at_steps, dense) = (run.tracking_at_steps(), run.tracking_dense());
         Self {
-            steps: run.steps().to_vec(),
+            totals,
             rmse: at_steps.rmse(),
             iae: at_steps.iae_mean(),
             rmse_dense: dense.rmse(),
@@ -346,25 +395,21 @@ impl Results {
     }
 
     fn metrics(self, model: ModelKind, times: Times) -> ControlMetrics {
-        let Self { steps, rmse, iae, rmse_dense, iae_dense_sum, max_violation, references } = self;
-        let mut status = BTreeMap::new();
-        for step in &steps {
-            *status.entry(step.status.to_string()).or_default() += 1;
-        }
-        #[expect(clippy::cast_precision_loss, reason = "no run has 2^53 iterations")]
-        let mean = |sum: usize| sum as f64 / steps.len() as f64;
+        let Self { totals, rmse, iae, rmse_dense, iae_dense_sum, max_violation, references } = self;
+        let mut step_us = times.steps;
+        step_us.iter_mut().for_each(|time| *time *= 1e6);
         ControlMetrics {
             model,
             rmse,
             iae,
             rmse_dense,
             iae_dense_sum,
-            wall_s: WallTimes::of(times.0.iter().map(|run| run.iter().sum()).collect()),
-            step_us: StepTimes::of(times.0.iter().flatten().map(|s| 1e6 * s).collect()),
-            sqp_iterations_mean: mean(steps.iter().map(|step| step.sqp_iterations).sum()),
-            kkt_max: steps.iter().map(|step| step.kkt).fold(0.0, f64::max),
+            wall_s: WallTimes::of(times.runs),
+            step_us: StepTimes::of(step_us),
+            sqp_iterations_mean: totals.sqp_iterations_mean(),
+            kkt_max: totals.kkt_max,
             max_violation,
-            status,
+            status: totals.status,
             references,
             outside_domain: None,
             estimator: None,

@@ -28,7 +28,7 @@ pub(crate) fn read(
     sample_time_s: f64,
     files: &[PathBuf],
 ) -> Result<Data, BenchError> {
-    let mut measurements = Measurements::new(variables.states.len());
+    let mut measurements = Measurements::new(variables.dims());
     let mut hash = Sha256::new();
     for path in files {
         let text = read_file(path)?;
@@ -81,7 +81,7 @@ fn steps(
         let y0 = (1 + m..=m + n).map(number).collect::<Result<Vec<_>, _>>()?;
         let measured = |i: usize| optional(&row[places[i]], &names[i]).map_err(at);
         let y = (1 + m + n..=m + 2 * n).map(measured).collect::<Result<Vec<_>, _>>()?;
-        to.push(t.min(sample_time_s), &y0, &u, &y);
+        to.push(t.min(sample_time_s), &y0, &u, &[], &y);
     }
     Ok(())
 }
@@ -125,7 +125,7 @@ fn trajectories(
         recorded.push(Recorded { t, input, state });
     }
     for (_, recorded) in &scenarios {
-        to.push_trajectory(sample_time_s, recorded);
+        to.push_trajectory(sample_time_s, &[], recorded);
     }
     Ok(())
 }

@@ -1,12 +1,12 @@
 //! `pinc estimate`: the estimator of a config over recorded data, from CSV to CSV.
 
 use super::columns::{At, finite, optional, rows};
-use super::control::{LoopSetup, adaptive};
+use super::control::LoopSetup;
 use super::feedback;
 use crate::BenchError;
 use crate::error::CsvProblem;
 use csv::StringRecord;
-use pinc_config::{Experiment, ModelKind, Variables};
+use pinc_config::{Experiment, LoopParameters, ModelKind, Variables};
 use pinc_estimate::Estimator;
 use pinc_record::{EstimateRow, EstimateTable, read_file, write_atomically};
 use std::fmt;
@@ -75,17 +75,18 @@ pub fn estimate(
         (None, None) => numerical().unwrap_or(ModelKind::Rk4),
     };
     let sample_time_s = experiment.sample_time_s().ok_or_else(|| missing("model"))?;
-    let plant = experiment.plant.dyn_plant();
+    let LoopParameters { names, values, estimated } = experiment.loop_parameters();
+    let plant = experiment.plant.family(&names);
     let setup = LoopSetup {
         net: net.as_ref(),
-        seed: experiment.seed,
-        adaptive: adaptive(experiment),
-        ..LoopSetup::of(spec, &[], sample_time_s)
+        parameters: &values,
+        estimated: &estimated,
+        ..LoopSetup::numerical(spec, sample_time_s, &*plant)
     };
     let variables = Variables::of(&*plant);
     let measurement = spec.measurement.clone().unwrap_or_default();
-    let augmentation = estimator.augmentation(&measurement, &variables);
-    let model = setup.model(kind, setup.adaptive.as_deref().unwrap_or(&*plant))?;
+    let augmentation = setup.augmentation(estimator, &measurement, &*plant);
+    let model = setup.model(kind, &*plant)?;
     let mut filter = feedback::estimator(estimator, &augmentation, model)?;
     let names = estimator.names(&measurement, &variables);
     let measured = measurement.names(&variables);

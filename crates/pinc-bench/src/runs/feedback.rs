@@ -87,6 +87,17 @@ impl LoopSetup<'_> {
         Some((estimator, self.spec.measurement.clone().unwrap_or_default()))
     }
 
+    /// What is measured and estimated beside the state.
+    pub(super) fn augmentation(
+        &self,
+        spec: &EstimatorSpec,
+        measurement: &MeasurementSpec,
+        plant: &dyn DynPlant,
+    ) -> Augmentation {
+        let parameters = (self.parameters, self.estimated);
+        spec.augmentation(measurement, &Variables::of(plant), parameters)
+    }
+
     /// The controller's model and problem: where there is an estimator, the disturbances and
     /// parameters that this estimates are parameters of the model.
     pub(crate) fn controller(
@@ -94,10 +105,9 @@ impl LoopSetup<'_> {
         kind: ModelKind,
         plant: &dyn DynPlant,
     ) -> Result<(Box<dyn Model>, NmpcProblem), BenchError> {
-        let model = self.model(kind, self.adaptive.as_deref().unwrap_or(plant))?;
-        let problem = self.problem(plant);
+        let (model, problem) = (self.model(kind, plant)?, self.problem());
         let Some((estimator, measurement)) = self.sections() else { return Ok((model, problem)) };
-        let augmentation = estimator.augmentation(&measurement, &Variables::of(plant));
+        let augmentation = self.augmentation(estimator, &measurement, plant);
         let model = Compensated::new(model, augmentation)?;
         let unknown = estimator.tuning().initial_estimate.split_off(plant.states().len());
         Ok((Box::new(model), NmpcProblem { parameters: unknown, ..problem }))
@@ -110,8 +120,8 @@ impl LoopSetup<'_> {
         plant: &dyn DynPlant,
     ) -> Result<Option<TimedFeedback>, BenchError> {
         let Some((spec, measurement)) = self.sections() else { return Ok(None) };
-        let augmentation = spec.augmentation(&measurement, &Variables::of(plant));
-        let model = self.model(kind, self.adaptive.as_deref().unwrap_or(plant))?;
+        let augmentation = self.augmentation(spec, &measurement, plant);
+        let model = self.model(kind, plant)?;
         let estimator = estimator(spec, &augmentation, model)?;
         let steps = super::steps(self.spec.duration_s, self.sample_time_s);
         let noise = self.noise(&measurement, steps);
@@ -138,8 +148,8 @@ impl LoopSetup<'_> {
     }
 
     /// The estimates of a loop as a table.
-    pub(super) fn estimates(&self, history: &History, plant: &dyn DynPlant) -> EstimateTable {
-        let variables = Variables::of(plant);
+    pub(super) fn estimates(&self, history: &History) -> EstimateTable {
+        let variables = Variables::of(self.truth);
         let (spec, measurement) = self.sections().expect("a history is of an estimator");
         let names = spec.names(&measurement, &variables);
         let measured = measurement.names(&variables);

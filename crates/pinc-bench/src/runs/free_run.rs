@@ -16,15 +16,15 @@ use rand_chacha::rand_core::SeedableRng;
 const STREAM: u64 = 1 << 32;
 
 /// Runs net and plant under the same random inputs, or a conventional PINN beside its one scenario,
-/// and writes `prediction.csv`.
+/// and writes `prediction.csv`. `p` are the parameters of the plant that the net takes as inputs.
 pub(crate) fn stage(
     plant: &dyn DynPlant,
     net: &PincNet,
-    spec: &PredictionSpec,
+    (spec, p): (&PredictionSpec, &[f64]),
     seed: u64,
     run_dir: &mut RunDir,
 ) -> Result<(), BenchError> {
-    let rows = simulate(plant, net, spec, seed)?;
+    let rows = simulate(plant, net, (spec, p), seed)?;
     let (inputs, states) = (net.input_names().to_vec(), net.state_names().to_vec());
     let table = PredictionTable { inputs, states, rows };
     run_dir.write(file::PREDICTION, table.to_csv().as_bytes())?;
@@ -36,18 +36,19 @@ pub(crate) fn stage(
     if net.time_only().is_none() {
         rows.iter()
             .filter(|row| row.mark)
-            .try_for_each(|row| guard.look(&row.state, &row.input))?;
+            .try_for_each(|row| guard.look(&row.state, &row.input, p))?;
     }
     let outside_domain = Some(guard.found()).filter(|found| found.samples > 0);
     let metrics =
         PredictionMetrics { mse_marks: error(&marks), mse_all: error(&all), outside_domain };
+    run_dir.note(&[file::PREDICTION]);
     Ok(run_dir.update(|all| all.prediction = Some(metrics))?)
 }
 
 fn simulate(
     plant: &dyn DynPlant,
     net: &PincNet,
-    spec: &PredictionSpec,
+    (spec, p): (&PredictionSpec, &[f64]),
     seed: u64,
 ) -> Result<Vec<PredictionRow>, BenchError> {
     let sample_time_s = net.sample_time_s();
@@ -78,9 +79,10 @@ fn simulate(
             let (state, mark) = match net.time_only() {
                 // It has no initial state to be fed back: beyond T it is asked for what it never
                 // learnt.
-                Some(_) => (net.evaluate(t, &spec.initial_state, input), i == subintervals),
+                Some(_) => (net.evaluate(t, &spec.initial_state, input, p), i == subintervals),
                 None => {
-                    let sample = chain.advance(&|t, y0, u| net.evaluate(t, y0, u), t, held);
+                    let step = |t, y0: &[f64], u: &[f64]| net.evaluate(t, y0, u, p);
+                    let sample = chain.advance(&step, t, held);
                     (sample.state, sample.mark)
                 }
             };

@@ -2,15 +2,22 @@
 
 mod chain;
 mod check;
+mod chosen;
 mod columns;
 mod control;
 mod data;
+mod domain_error;
 mod estimate;
+mod export;
 mod feedback;
+mod found;
 mod free_run;
 mod guard;
 mod one_step;
 mod predict;
+mod recording;
+mod serve;
+mod shared_library;
 mod train;
 mod trial;
 mod with_outputs;
@@ -21,14 +28,18 @@ pub(crate) use trial::{run_trial, train_shared};
 
 pub use check::{Finding, Severity, check, findings_json};
 pub use estimate::{Estimated, estimate};
+pub use export::{Target, export_controller, export_net, export_plant};
 pub use predict::predict;
+pub use serve::serve;
 
 use crate::BenchError;
 use crate::invocation::invocation;
 use crate::progress::Verbosity;
-use pinc_config::{Experiment, ModelKind};
+use pinc_config::{Experiment, LoopParameters, ModelKind};
 use pinc_net::PincNet;
-use pinc_record::{Metrics, Provenance, RecordError, RunDir, file, read_file, write_atomically};
+use pinc_record::{
+    Metrics, Provenance, RecordError, RunDir, file, read_file, remove_unfinished, write_atomically,
+};
 use pinc_report as report;
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -127,6 +138,7 @@ pub fn rebuild_report(dir: &Path) -> Result<PathBuf, BenchError> {
 /// Writes the report's pictures, and removes those of an earlier report that it has no more.
 fn write_figures(dir: &Path, figures: &[report::FigureFiles]) -> Result<(), BenchError> {
     fs::create_dir_all(dir).map_err(RecordError::unwritable(dir))?;
+    remove_unfinished(dir)?;
     let file = |name: &str, ending: &str| dir.join(format!("{name}.{ending}"));
     let mut written = Vec::new();
     for figure in figures {
@@ -154,6 +166,9 @@ fn execute(
     let plan = Plan::of(experiment, command)?;
     let mut run_dir = RunDir::open(dir, experiment)?;
     plan.remove_stale(&mut run_dir, options.resume)?;
+    if options.resume {
+        found::forget_damaged(&plan, &mut run_dir)?;
+    }
     if !(options.resume && plan.is_done(experiment, run_dir.metrics())) {
         run_dir.write_provenance(
             &Provenance::of(experiment, invocation(options.arguments)),
@@ -244,7 +259,8 @@ impl Plan {
             run_dir.update(|metrics| {
                 (metrics.training, metrics.validation, metrics.prediction) = (None, None, None);
             })?;
-            for name in [file::CHECKPOINT, file::TRAINING, file::MODEL, file::PREDICTION] {
+            let of_net = [file::CHECKPOINT, file::TRAINING, file::MODEL, file::DOMAIN_ERROR];
+            for name in of_net.into_iter().chain([file::PREDICTION]) {
                 run_dir.remove(name)?;
             }
         }
@@ -270,7 +286,8 @@ struct Stages<'a> {
 impl Stages<'_> {
     fn run(self) -> Result<(), BenchError> {
         let Self { experiment, options, plan, run_dir } = self;
-        let plant = &*experiment.plant.dyn_plant();
+        let varying = experiment.varying();
+        let plant = &*experiment.plant.family(&varying);
         let trained = match &experiment.training {
             Some(_) if plan.trains => Some(train::stage(plant, experiment, options, run_dir)?),
             _ => None,
@@ -280,20 +297,29 @@ impl Stages<'_> {
         if let (Some(net), Some(spec), true) = (net, &experiment.prediction, plan.runs_free)
             && run_dir.metrics().prediction.is_none()
         {
-            free_run::stage(plant, net, spec, experiment.seed, run_dir)?;
+            // Free runs are of the nominal plant.
+            let nominal = experiment.plant.parameters();
+            let p: Vec<f64> = net.parameter_names().map(|name| nominal[name]).collect();
+            let plant = &*experiment.plant.dyn_plant();
+            free_run::stage(plant, net, (spec, &p), experiment.seed, run_dir)?;
         }
         if let Some(spec) = &experiment.control
             && !plan.loops.is_empty()
         {
             let sample_time_s =
                 experiment.sample_time_s().or_else(|| net.map(PincNet::sample_time_s));
+            let truth = spec.plant.as_ref().unwrap_or(&experiment.plant).dyn_plant();
+            let LoopParameters { names, values, estimated } = experiment.loop_parameters();
+            let plant = &*experiment.plant.family(&names);
             let setup = LoopSetup {
                 spec,
                 kinds: &plan.loops,
                 net,
                 sample_time_s: sample_time_s.expect("the plan was checked for it"),
                 seed: experiment.seed,
-                adaptive: control::adaptive(experiment),
+                parameters: &values,
+                estimated: &estimated,
+                truth: &*truth,
             };
             control::stage(plant, &setup, options, run_dir)?;
             if let (Some(spec), Some(domain)) = (&experiment.one_step, &experiment.domain) {
@@ -332,9 +358,11 @@ fn read_matching_model(
     let net = chainable(path, parse_model(path, &bytes)?)?;
     let variables = experiment.plant.variables();
     let names = |names: &[String]| names.join(", ");
+    let parameters: Vec<_> = net.parameter_names().map(str::to_owned).collect();
     let mut compared = vec![
         ("states", names(net.state_names()), names(&variables.state_names())),
         ("inputs", names(net.input_names()), names(&variables.input_names())),
+        ("parameters", names(&parameters), experiment.varying().join(", ")),
     ];
     if let Some(sample_time_s) = experiment.sample_time_s() {
         compared.push((

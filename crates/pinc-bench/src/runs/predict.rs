@@ -8,16 +8,16 @@ use crate::error::CsvProblem;
 use csv::StringRecord;
 use pinc_config::OutsidePolicy;
 use pinc_net::{PincNet, TrainingTarget};
-use pinc_record::{CsvText, OutsideDomain, number, read_file, write_atomically};
+use pinc_record::{CsvText, OutsideDomain, number, read_file, write_output};
 use std::collections::HashMap;
 use std::path::Path;
 
 /// Reads the inputs from the file `inputs`, lets the net of the file `model` run freely, and writes
 /// its states to the file `output`.
 ///
-/// The input has the columns `scenario`, `t`, the net's inputs, the net's states, in any order. The
-/// first row of a scenario gives its initial state; the inputs of a row hold until the scenario's
-/// next; other state cells may be empty. The net is chained every T from the scenario's first row
+/// The input has the columns `scenario`, `t`, the net's inputs, the parameters that the net takes as
+/// inputs, if there are any, and the net's states, in any order. The first row of a scenario gives its initial state; the inputs and parameters of a row hold until the
+/// scenario's next; other state cells may be empty. The net is chained every T from the scenario's first row
 /// on and asked at the times between. Where the inputs change within an interval of T, the chain is
 /// restarted: a new interval begins at that row. The output has the same columns. A distilled net
 /// cannot be asked between steps: all rows have to lie on step marks.
@@ -27,6 +27,7 @@ use std::path::Path;
 /// # Errors
 ///
 /// [`BenchError`], naming file, line and column of what is wrong with the input;
+/// [`BenchError::NotFinite`] if a state is no number;
 /// [`BenchError::OutsideDomain`] if `policy` is to refuse that.
 pub fn predict(
     model: &Path,
@@ -34,12 +35,32 @@ pub fn predict(
     output: &Path,
     policy: OutsidePolicy,
 ) -> Result<OutsideDomain, BenchError> {
+    for (role, input) in [("--model", model), ("--inputs", inputs)] {
+        if is_same_file(input, output) {
+            return Err(BenchError::SameFile { path: output.to_owned(), role });
+        }
+    }
     let net = super::chainable(model, super::read_model(model)?)?;
     let text = read_file(inputs)?;
     let mut guard = Guard::new(&net, policy);
     let table = run(&net, inputs, &text, &mut guard)?;
-    write_atomically(output, table.as_bytes())?;
+    write_output(output, table.as_bytes())?;
     Ok(guard.found())
+}
+
+/// Whether two paths lead to one file, also by links.
+fn is_same_file(one: &Path, two: &Path) -> bool {
+    #[cfg(unix)]
+    {
+        use std::os::unix::fs::MetadataExt;
+        let id = |path: &Path| std::fs::metadata(path).ok().map(|m| (m.dev(), m.ino()));
+        id(one).is_some() && id(one) == id(two)
+    }
+    #[cfg(not(unix))]
+    {
+        let place = |path: &Path| std::fs::canonicalize(path).ok();
+        place(one).is_some() && place(one) == place(two)
+    }
 }
 
 /// The output for the text of the file `path`.
@@ -62,7 +83,12 @@ fn run(
             None => begin_chain(net, &mut chains, &columns, &row),
         };
         let state = state.map_err(|problem| at((line, problem)))?;
-        guard.look(&state, &row.inputs)?;
+        if let Some(i) = state.iter().position(|value| !value.is_finite()) {
+            let (variable, value) = (net.state_names()[i].clone(), state[i]);
+            return Err(BenchError::NotFinite { path: path.to_owned(), line, variable, value });
+        }
+        let (u, p) = row.inputs.split_at(net.input_names().len());
+        guard.look(&state, u, p)?;
         table.push(columns.write(&cells, &state));
     }
     Ok(table)
@@ -95,7 +121,11 @@ fn continue_chain(
     if !chain.reaches(row.t) {
         return Err(CsvProblem::Gap { t: row.t });
     }
-    let sample = chain.advance(&|t, y0, u| net.evaluate(t, y0, u), row.t, &row.inputs);
+    let step = |t, y0: &[f64], held: &[f64]| {
+        let (u, p) = held.split_at(net.input_names().len());
+        net.evaluate(t, y0, u, p)
+    };
+    let sample = chain.advance(&step, row.t, &row.inputs);
     if net.source() == TrainingTarget::Integrator && !sample.mark {
         return Err(CsvProblem::BetweenSteps { t: row.t, sample_time_s: net.sample_time_s() });
     }
@@ -106,6 +136,7 @@ fn continue_chain(
 struct Columns {
     scenario: usize,
     t: usize,
+    /// Of the inputs and the parameters.
     inputs: Vec<(usize, String)>,
     states: Vec<(usize, String)>,
 }
@@ -114,6 +145,7 @@ struct Columns {
 struct InputRow<'a> {
     scenario: &'a str,
     t: f64,
+    /// The inputs, then the parameters.
     inputs: Vec<f64>,
     states: Vec<Option<f64>>,
 }
@@ -121,10 +153,12 @@ struct InputRow<'a> {
 impl Columns {
     fn find(net: &PincNet, header: &StringRecord) -> Result<Self, CsvProblem> {
         let fixed = ["scenario".to_owned(), "t".to_owned()];
-        let names = [&fixed[..], net.input_names(), net.state_names()].concat();
+        let mut held = net.input_names().to_vec();
+        held.extend(net.parameter_names().map(str::to_owned));
+        let names = [&fixed[..], &held, net.state_names()].concat();
         let mut named = places(header, &names)?.into_iter().zip(names);
         let (scenario, t) = (named.next().map_or(0, |c| c.0), named.next().map_or(0, |c| c.0));
-        let inputs = named.by_ref().take(net.input_names().len()).collect();
+        let inputs = named.by_ref().take(held.len()).collect();
         Ok(Self { scenario, t, inputs, states: named.collect() })
     }
 

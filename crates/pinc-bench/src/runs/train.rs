@@ -2,6 +2,7 @@
 
 use super::Options;
 use super::data::{self, Data};
+use super::domain_error;
 use crate::BenchError;
 use crate::progress::Stage;
 use pinc_config::{DataSpec, Effort, Experiment, TrainingSpec};
@@ -11,11 +12,16 @@ use pinc_net::{
 };
 use pinc_ode::DynPlant;
 use pinc_record::{
-    CheckpointProblem, RecordError, RunDir, Saved, TrainingMetrics, TrainingRow, file, fixed_table,
-    load_checkpoint, read_fixed_table, save_checkpoint,
+    CheckpointProblem, RecordError, RunDir, Saved, TrainingMetrics, TrainingRow, ValidationMetrics,
+    file, fixed_table, load_checkpoint, read_fixed_table, save_checkpoint,
 };
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
+
+/// The share of the time that writing checkpoints may take.
+const TIME_SHARE: f64 = 0.03;
+/// How much checkpoints may write per second of training.
+const BYTES_PER_S: f64 = 4e6;
 
 /// Trains the net, or reads it if that has been done, and returns it.
 pub(crate) fn stage(
@@ -25,32 +31,32 @@ pub(crate) fn stage(
     run_dir: &mut RunDir,
 ) -> Result<PincNet, BenchError> {
     if run_dir.metrics().training.is_some() {
+        // A run that was killed between its results and this has one.
+        run_dir.remove(file::CHECKPOINT)?;
         return super::read_model(&run_dir.path(file::MODEL));
     }
     let setup = TrainingSetup::of(experiment)?;
-    let mut validation = setup.training(experiment.seed).validation_set(plant)?;
+    let training = setup.training(experiment.seed);
+    let (mut validation, mut test) = (training.validation_set(plant)?, training.test_set(plant)?);
     if let Some(held_out) = setup.measured(experiment, |data| &data.held_out)? {
-        validation = validation.with_measurements(held_out.measurements);
+        validation = validation.with_measurements(held_out.measurements.clone());
+        test = test.with_measurements(held_out.measurements);
     }
     let mut session = Session::begin(plant, experiment, &setup, &validation, options, run_dir)?;
     let outcome = session.work(run_dir, &setup.training.effort, options);
-    session.write_log(run_dir)?;
     let net = session.trainer.net();
-    let stop_reason = match outcome {
-        Ok(reason) => reason,
-        Err(error) => {
-            // Interrupted: the checkpoint says all. Failed: at least the last good net is kept.
-            if !matches!(error, BenchError::Interrupted { .. }) {
-                run_dir.write(file::MODEL, &net.to_bytes())?;
-            }
-            return Err(error);
-        }
-    };
-    run_dir.write(file::MODEL, &net.to_bytes())?;
-    let metrics = session.metrics(stop_reason);
+    // The net first: it is what the time was spent on. That of an interrupted training is in the
+    // checkpoint; of one that failed, the last good net is kept.
+    if !matches!(outcome, Err(BenchError::Interrupted { .. })) {
+        run_dir.write(file::MODEL, &net.to_bytes())?;
+    }
+    session.write_log(run_dir)?;
+    let metrics = session.metrics(outcome?);
+    let domain_error = domain_error::judge(plant, &net, &setup, experiment.seed, run_dir)?;
+    run_dir.note(&[file::MODEL, file::TRAINING, file::DOMAIN_ERROR]);
     run_dir.update(|all| {
         all.training = Some(metrics);
-        all.validation = Some(validation.evaluate(&net).into());
+        all.validation = Some(ValidationMetrics::new(&test.evaluate(&net), domain_error));
     })?;
     run_dir.remove(file::CHECKPOINT)?;
     Ok(net)
@@ -61,7 +67,7 @@ pub(crate) struct TrainingSetup<'a> {
     pub(crate) net: &'a NetConfig,
     pub(crate) domain: &'a Domain,
     pub(crate) training: &'a TrainingSpec,
-    validation: &'a ValidationConfig,
+    pub(crate) validation: &'a ValidationConfig,
     data: Option<&'a DataSpec>,
 }
 
@@ -192,6 +198,7 @@ impl Session {
         options: &Options<'_>,
     ) -> Result<String, BenchError> {
         let mut last_checkpoint = Instant::now();
+        let mut pause_s = effort.checkpoint_every_s;
         loop {
             if let Err(stop) = options.check_interrupt(run_dir.dir()) {
                 self.write_checkpoint(run_dir)?;
@@ -213,9 +220,11 @@ impl Session {
                 }
                 Progress::Iterated(iterated) => self.log(iterated),
             }
-            if last_checkpoint.elapsed().as_secs_f64() >= effort.checkpoint_every_s {
-                self.write_checkpoint(run_dir)?;
+            if last_checkpoint.elapsed().as_secs_f64() >= pause_s {
+                let clock = Instant::now();
+                let bytes = self.write_checkpoint(run_dir)?;
                 last_checkpoint = Instant::now();
+                pause_s = pause(effort.checkpoint_every_s, clock.elapsed(), bytes);
             }
         }
     }
@@ -241,7 +250,8 @@ impl Session {
     }
 
     /// Writes the log first, so that it always reaches as far as the checkpoint.
-    fn write_checkpoint(&self, run_dir: &RunDir) -> Result<(), BenchError> {
+    /// Returns the size of the checkpoint.
+    fn write_checkpoint(&self, run_dir: &RunDir) -> Result<usize, BenchError> {
         self.write_log(run_dir)?;
         let saved = Saved {
             fingerprint: self.fingerprint.clone(),
@@ -250,12 +260,15 @@ impl Session {
             wall_s: self.wall().as_secs_f64(),
             trainer: self.trainer.checkpoint(),
         };
-        Ok(run_dir.write(file::CHECKPOINT, &save_checkpoint(&saved))?)
+        let bytes = save_checkpoint(&saved);
+        run_dir.write(file::CHECKPOINT, &bytes)?;
+        Ok(bytes.len())
     }
 
     fn metrics(self, stop_reason: String) -> TrainingMetrics {
         let totals = self.trainer.totals();
         let wall_s = self.wall().as_secs_f64();
+        let checked = self.rows.iter().rfind(|row| row.fresh_loss.is_some());
         self.stage
             .end(&format!("{stop_reason} after {} iterations, {wall_s:.1} s", totals.iterations));
         TrainingMetrics {
@@ -265,8 +278,18 @@ impl Session {
             iterations: totals.iterations,
             loss_evaluations: totals.loss_evaluations,
             stop_reason,
+            loss: checked.map(|row| row.loss),
+            fresh_loss: checked.and_then(|row| row.fresh_loss),
         }
     }
+}
+
+/// The time from a checkpoint to the next one, in s: the time that is asked for, and no less than
+/// makes writing one a small share of the training, and of what the disk is given.
+fn pause(every_s: f64, took: Duration, bytes: usize) -> f64 {
+    #[expect(clippy::cast_precision_loss, reason = "a checkpoint is smaller than 2^53 bytes")]
+    let by_size = bytes as f64 / BYTES_PER_S;
+    every_s.max(took.as_secs_f64() / TIME_SHARE).max(by_size)
 }
 
 /// The row of an iteration in `training.csv`.
@@ -288,5 +311,19 @@ fn row(
         collocation_points: iterated.collocation_points,
         fresh_loss: iterated.fresh_loss,
         loss_measured: iterated.loss_measured,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn checkpoints_take_a_small_share_of_time_and_disk() {
+        let near = |found: f64, expected: f64| (found - expected).abs() < 1e-9;
+        assert!(near(pause(5.0, Duration::from_millis(10), 100_000), 5.0));
+        assert!(near(pause(5.0, Duration::from_millis(600), 100_000), 20.0));
+        assert!(near(pause(5.0, Duration::from_millis(10), 256_000_000), 64.0));
+        assert!(near(pause(90.0, Duration::from_millis(10), 256_000_000), 90.0));
     }
 }

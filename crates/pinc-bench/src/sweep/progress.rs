@@ -140,7 +140,7 @@ impl Share {
 pub(super) fn effort(training: &Experiment) -> f64 {
     let (Some(model), Some(spec)) = (&training.model, &training.training) else { return 0.0 };
     let config = &spec.config;
-    let weights = model.parameters(training.plant.dyn_plant().dims());
+    let weights = model.parameters(training.dims());
     let points = config.collocation_points + config.initial_points;
     let iterations: u64 = config.phases.iter().map(|phase| phase.iterations).sum();
     to_f64(weights as u64) * to_f64(points as u64) * to_f64(iterations)

@@ -2,7 +2,7 @@
 
 use crate::common::{Outcome, outcome, pinc, repository};
 use pinc_config::ModelKind;
-use pinc_record::{ControlTrace, Metrics, file};
+use pinc_record::{ControlReader, ControlRow, Metrics, file};
 use std::fmt::Write as _;
 use std::fs;
 use std::path::Path;
@@ -91,10 +91,10 @@ fn metrics(dir: &Path) -> Metrics {
     Metrics::read(&dir.join("run")).unwrap().unwrap()
 }
 
-fn trace(dir: &Path, model: ModelKind, models: usize, controlled: &[&str]) -> ControlTrace {
+fn trace(dir: &Path, model: ModelKind, models: usize, controlled: &[&str]) -> Vec<ControlRow> {
     let controlled: Vec<String> = controlled.iter().map(|&name| name.to_owned()).collect();
     let path = dir.join("run").join(file::control(model, models));
-    ControlTrace::read(&path, 1, &controlled).unwrap().unwrap()
+    ControlReader::open(&path, 1, &controlled).unwrap().unwrap().collect::<Result<_, _>>().unwrap()
 }
 
 /// With the equation and with a net the output comes to its references; files and report have it, and
@@ -109,11 +109,11 @@ fn an_output_is_controlled_with_the_equation_and_with_a_net() {
     // A net that is 1e-3 of the domain off per step is some hundredths off at rest.
     for (model, near) in [(ModelKind::Pinc, 0.03), (ModelKind::Rk4, 1e-3)] {
         let trace = trace(dir, model, 2, &["y"]);
-        assert_eq!(trace.outputs, ["y"]);
-        for row in &trace.rows {
+        assert!(trace.iter().all(|row| row.output.len() == 1));
+        for row in &trace {
             assert!((row.output[0] - row.state[0] - row.state[1]).abs() < 1e-12, "{row:?}");
         }
-        for step in trace.rows[..180].chunks(9).chain(trace.rows[180..360].chunks(9)) {
+        for step in trace[..180].chunks(9).chain(trace[180..360].chunks(9)) {
             assert!(step.iter().all(|row| row.input == step[0].input), "{step:?}");
         }
         let of = metrics.loop_with(model).unwrap();
@@ -122,7 +122,7 @@ fn an_output_is_controlled_with_the_equation_and_with_a_net() {
         assert!(offsets.iter().all(|offset| offset.unwrap() < near), "{offsets:?}");
         // Rest is reached after the slow lag has settled, and well before the end.
         assert!(of.steps() == 40 && of.failed_steps() == 0, "{of:?}");
-        let last = trace.rows.last().unwrap();
+        let last = trace.last().unwrap();
         assert!((last.output[0] + 0.5).abs() < near, "{last:?}");
     }
     let report = fs::read_to_string(dir.join("run/report.html")).unwrap();
@@ -130,7 +130,7 @@ fn an_output_is_controlled_with_the_equation_and_with_a_net() {
 
     let trace = trace(dir, ModelKind::Pinc, 2, &["y"]);
     let mut inputs = "scenario,t,u,x1,x2\n".to_owned();
-    for row in &trace.rows {
+    for row in &trace {
         writeln!(inputs, "a,{:?},{:?},{:?},{:?}", row.t, row.input[0], row.state[0], row.state[1])
             .unwrap();
     }
@@ -146,7 +146,7 @@ fn an_output_is_controlled_with_the_equation_and_with_a_net() {
     ];
     fine(&outcome(pinc(&arguments).current_dir(dir)));
     let predicted = fs::read_to_string(dir.join("out.csv")).unwrap();
-    for (line, row) in predicted.lines().skip(1).zip(&trace.rows) {
+    for (line, row) in predicted.lines().skip(1).zip(&trace) {
         let cells: Vec<f64> = line.split(',').skip(1).map(|cell| cell.parse().unwrap()).collect();
         for (found, expected) in cells[2..].iter().zip(&row.state) {
             assert!((found - expected).abs() < 0.02, "{line}: {row:?}");
@@ -161,7 +161,7 @@ fn a_bound_of_an_output_holds_and_the_offset_is_said() {
     let outcome = control(dir.path(), &config, &["--only", "rk4"]);
     fine(&outcome);
     let trace = trace(dir.path(), ModelKind::Rk4, 1, &["y"]);
-    let highest = trace.rows.iter().map(|row| row.output[0]).fold(f64::MIN, f64::max);
+    let highest = trace.iter().map(|row| row.output[0]).fold(f64::MIN, f64::max);
     // Between the marks the output may pass its bound a little.
     assert!((0.69..0.71).contains(&highest), "{highest}");
     let metrics = metrics(dir.path());
@@ -179,7 +179,7 @@ fn a_loop_at_rest_begins_with_the_input_that_was_applied() {
     let first_input = |config: &str| {
         let dir = tempfile::tempdir().unwrap();
         fine(&control(dir.path(), config, &[]));
-        trace(dir.path(), ModelKind::Rk4, 1, &["gap"]).rows[0].input[0]
+        trace(dir.path(), ModelKind::Rk4, 1, &["gap"])[0].input[0]
     };
     let told = MAGNET.replace("repetitions", "initial_input = [13.14]\nrepetitions");
     assert!((first_input(&told) - 13.14).abs() < 1e-6, "{}", first_input(&told));
@@ -197,8 +197,8 @@ fn references_are_known_in_advance_or_not() {
         fine(&control(dir.path(), &config, &arguments));
         let trace = trace(dir.path(), ModelKind::Rk4, 1, &["y"]);
         // 20 steps of 9 rows: the one at 10 s has the first input that knows the new reference.
-        let before = trace.rows[..180].iter().map(|row| row.input[0].abs()).fold(0.0, f64::max);
-        (before, trace.rows[180].input[0].abs())
+        let before = trace[..180].iter().map(|row| row.input[0].abs()).fold(0.0, f64::max);
+        (before, trace[180].input[0].abs())
     };
     let (earlier, then) = before(&["--set", "control.preview=false"]);
     assert!(earlier < 1e-9 && then > 0.05, "{earlier} {then}");

@@ -132,7 +132,7 @@ fn recorded_data_may_have_gaps_and_must_have_steps_and_columns() {
     assert!(found.stdout.contains("3 rows") && !found.stdout.contains("RMSE"), "{found:?}");
     run("t,u1,y_h1,y_h2\n0,3,8,13\n").assert_refused(&["data.csv:1: column `u2` is missing"]);
     let late = "t,u1,u2,y_h1,y_h2\n0,3,3,8,13\n15,3,3,8,13\n";
-    run(late).assert_refused(&["data.csv:3", "15 s after 0 given", "T = 10 s"]);
+    run(late).assert_refused(&["data.csv:3", "15 s after 0 s given", "T = 10 s"]);
     run("t,u1,u2,y_h1,y_h2\n0,3,3,8,high\n").assert_refused(&["data.csv:2", "`y_h2`: `high`"]);
 }
 
@@ -203,7 +203,7 @@ fn sections_that_do_not_fit_are_refused() {
     tanks("measurement.measured", "[\"h1\", \"h7\"]", &["measured[1]`: `h7` is not known"]);
     tanks("measurement.noise_sd", "[0.1]", &["noise_sd`", "measured quantity"]);
     tanks("measurement.noise_sd", "[0.1, -0.1]", &["noise_sd[1]`", "0 or a positive number"]);
-    tanks("estimator.kind", "kalman", &["estimator.kind`", "`ekf`"]);
+    tanks("estimator.kind", "kalman", &["estimator.kind`", "ekf, ukf, mhe"]);
     tanks("estimator.process_sd", "[0.1]", &["process_sd`", "state"]);
     tanks("estimator.measurement_sd", "[0.1, 0.0]", &["measurement_sd[1]`", "positive"]);
     tanks("estimator.window", "5", &["window`", "it is for kind = \"mhe\""]);
@@ -212,7 +212,9 @@ fn sections_that_do_not_fit_are_refused() {
     let states = "{ states = [\"h1\", \"h1\"] }";
     tanks("estimator.disturbance", states, &["disturbance.states[1]`", "each of them once"]);
     let parameter = "[{ name = \"k1\", initial = 3.3, initial_sd = 0.1 }]";
-    tanks("estimator.parameters", parameter, &["parameters[0].name`", "plant.expression"]);
+    let k9 = parameter.replace("k1", "k9");
+    tanks("estimator.parameters", &k9, &["`k9` is not known"]);
+    tanks("models", "[\"rk4\", \"rk4\"]", &["control.models"]);
     let parameter = "[{ name = \"gains\", initial = 3.3, initial_sd = 0.1 }]";
     let key = of("estimator.parameters", parameter);
     refused(LAG, &key, &["`gains` is not known", "did you mean `gain`?"]);

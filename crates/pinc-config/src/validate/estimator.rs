@@ -4,7 +4,10 @@ use super::values::{at_least_one, bounds, length, positive, value};
 use super::{Finding, Problem};
 use crate::problem::nearest;
 use crate::registry::Variables;
-use crate::{ControlSpec, DisturbanceSpec, EstimatorKind, EstimatorSpec, ModelKind, PlantSpec};
+use crate::{
+    ControlSpec, DisturbanceSpec, EstimatorKind, EstimatorSpec, Experiment, LoopParameters,
+    ModelKind,
+};
 use pinc_estimate::EstimateError;
 
 /// What there is one number of per measured quantity.
@@ -15,8 +18,8 @@ const ESTIMATOR: &str = "control.estimator";
 
 /// Both sections.
 pub(super) fn output_feedback(
+    experiment: &Experiment,
     spec: &ControlSpec,
-    plant: &PlantSpec,
     variables: &Variables,
 ) -> Finding {
     let measurement = spec.measurement.clone().unwrap_or_default();
@@ -39,9 +42,11 @@ pub(super) fn output_feedback(
         }
         (Some(estimator), _) => {
             tuned(estimator, variables, measured.len())?;
-            unknown_parameters(estimator, spec, plant)?;
-            let augmentation = estimator.augmentation(&measurement, variables);
-            let dims = variables.dims().with_parameters(estimator.parameters.len());
+            unknown_parameters(estimator, spec, experiment)?;
+            let LoopParameters { values, estimated, .. } = experiment.loop_parameters();
+            let parameters = (&values[..], &estimated[..]);
+            let augmentation = estimator.augmentation(&measurement, variables, parameters);
+            let dims = variables.dims().with_parameters(values.len());
             augmentation.validate(dims).map_err(|error| finding(&error))
         }
     }
@@ -102,12 +107,16 @@ fn tuned(spec: &EstimatorSpec, variables: &Variables, measured: usize) -> Findin
     }
 }
 
-fn unknown_parameters(spec: &EstimatorSpec, control: &ControlSpec, plant: &PlantSpec) -> Finding {
-    let known = EstimatorSpec::parameters_of(plant);
+fn unknown_parameters(
+    spec: &EstimatorSpec,
+    control: &ControlSpec,
+    experiment: &Experiment,
+) -> Finding {
+    let known: Vec<String> = experiment.plant.parameters().into_keys().collect();
     for (i, parameter) in spec.parameters.iter().enumerate() {
         let key = |name: &str| format!("{ESTIMATOR}.parameters[{i}].{name}");
         if known.is_empty() {
-            let expected = "no such key: only parameters of [plant.expression] can be estimated";
+            let expected = "no such key: the plant has no parameters that can vary";
             return value(&key("name"), format!("{:?}", parameter.name), expected);
         }
         let twice = spec.parameters[..i].iter().any(|before| before.name == parameter.name);
@@ -126,8 +135,9 @@ fn unknown_parameters(spec: &EstimatorSpec, control: &ControlSpec, plant: &Plant
         {
             return value(&key("low"), low, &format!("at most the upper end, {high}"));
         }
-        if control.models.contains(&ModelKind::Pinc) {
-            let expected = "no parameters with the model \"pinc\": a net has none";
+        let of_the_net = experiment.varying().contains(&parameter.name.as_str());
+        if control.models.contains(&ModelKind::Pinc) && !of_the_net {
+            let expected = "one of domain.parameters, with the model \"pinc\": the net is of these";
             return value(&key("name"), format!("{:?}", parameter.name), expected);
         }
     }

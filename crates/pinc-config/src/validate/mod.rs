@@ -2,6 +2,7 @@
 
 mod control;
 mod estimator;
+mod limits;
 mod names;
 mod values;
 
@@ -26,8 +27,10 @@ impl Experiment {
         plant("plant", &self.plant, self.plants())?;
         let variables = self.plant.variables();
         names::column_names(&self.plant, &variables)?;
-        let dims = Dims::new(variables.states.len(), variables.inputs.len());
+        names::varying_parameters(self)?;
+        let dims = self.dims();
         self.sections(dims)?;
+        limits::sizes(self, dims)?;
         if let Some(validation) = &self.validation {
             validation_scenarios(validation, dims, self.sample_time_s())?;
         }
@@ -36,7 +39,7 @@ impl Experiment {
         }
         if let Some(control) = &self.control {
             closed_loop(control, &variables, self.plants(), self.sample_time_s())?;
-            estimator::output_feedback(control, &self.plant, &variables)?;
+            estimator::output_feedback(self, control, &variables)?;
         }
         if let Some(one_step) = &self.one_step {
             let needed = "[one_step] needs it";

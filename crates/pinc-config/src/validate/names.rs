@@ -1,8 +1,10 @@
-//! Names of states, inputs and outputs as names of columns.
+//! Names of states, inputs and outputs as names of columns; names of parameters.
 
 use super::{Finding, value};
-use crate::PlantSpec;
+use crate::problem::nearest;
 use crate::registry::Variables;
+use crate::{Experiment, PlantSpec};
+use pinc_net::Domain;
 
 /// The tables of a run have a state's truth, its reference and its initial value beside it, and an
 /// output's reference, in columns named by these endings.
@@ -40,6 +42,45 @@ pub(super) fn column_names(plant: &PlantSpec, variables: &Variables) -> Finding 
             _ => "plant".to_owned(),
         };
         return value(&key, format!("{name:?}"), &expected);
+    }
+    Ok(())
+}
+
+/// Checks that the parameters that vary in [domain] and [validation] are ones of the plant.
+pub(super) fn varying_parameters(experiment: &Experiment) -> Finding {
+    let names = |domain: &Domain| -> Vec<String> {
+        domain.parameters.iter().map(|range| range.name.clone()).collect()
+    };
+    let own = experiment.control.iter().flat_map(|control| control.parameters.keys());
+    for name in own {
+        if !experiment.varying().contains(&name.as_str()) {
+            let key = format!("control.parameters.{name}");
+            let found = "a parameter that the models do not take";
+            return value(&key, found, "one of [domain.parameters]");
+        }
+    }
+    let Some(domain) = &experiment.domain else { return Ok(()) };
+    let known: Vec<String> = experiment.plant.parameters().into_keys().collect();
+    let varying = names(domain);
+    if let Some(unknown) = varying.iter().find(|name| !known.contains(name)) {
+        let key = format!("domain.parameters.{unknown}");
+        let nearest = nearest(unknown, &known);
+        let found = "a parameter that the plant does not have";
+        let expected = match (nearest, &known[..]) {
+            (Some(nearest), _) => format!("one of its parameters: did you mean `{nearest}`?"),
+            (None, []) => {
+                "no such key: a plant whose parameters vary is written as text".to_owned()
+            }
+            (None, known) => format!("one of {}", known.join(", ")),
+        };
+        return value(&key, found, &expected);
+    }
+    if let Some(validation) = &experiment.validation
+        && names(&validation.domain) != varying
+    {
+        let found = format!("{:?}", names(&validation.domain));
+        let expected = format!("the parameters of [domain], {varying:?}, or no such key");
+        return value("validation.domain.parameters", found, &expected);
     }
     Ok(())
 }

@@ -4,4 +4,5 @@
 mod common;
 mod numbers;
 mod outputs;
+mod sparse;
 mod syntax;

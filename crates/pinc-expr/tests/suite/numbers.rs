@@ -13,15 +13,15 @@ use std::collections::BTreeMap;
 /// roundings in each of some ten operations.
 const ROUNDING: f64 = 1e-14;
 
-fn variables(names: &[&'static str]) -> Vec<Variable> {
+pub(crate) fn variables(names: &[&'static str]) -> Vec<Variable> {
     names.iter().map(|name| Variable::new(name, "")).collect()
 }
 
-fn texts(pairs: &[(&str, &str)]) -> BTreeMap<String, String> {
+pub(crate) fn texts(pairs: &[(&str, &str)]) -> BTreeMap<String, String> {
     pairs.iter().map(|(name, text)| ((*name).to_owned(), (*text).to_owned())).collect()
 }
 
-fn numbers(pairs: &[(&str, f64)]) -> BTreeMap<String, f64> {
+pub(crate) fn numbers(pairs: &[(&str, f64)]) -> BTreeMap<String, f64> {
     pairs.iter().map(|(name, value)| ((*name).to_owned(), *value)).collect()
 }
 
@@ -221,7 +221,7 @@ fn text(e: &Expr) -> String {
 }
 
 /// x' = e, y' = the same once more, by way of an intermediate name.
-fn plant_of(e: &Expr) -> ExpressionPlant {
+pub(crate) fn plant_of(e: &Expr) -> ExpressionPlant {
     let equations = Equations {
         states: variables(&["x", "y"]),
         inputs: variables(&["u"]),

@@ -136,8 +136,9 @@ fn a_loop_brings_an_output_to_its_reference() {
     let reference = Reference::new(vec![0.5; 60], 1).unwrap();
     let plant = Dopri5::new(ObservedPlant(VanDerPol::default()), 1e-10);
     let mut run = ClosedLoop::new(&mut nmpc, plant, reference, &[0.0, 0.0]).unwrap();
-    run.run().unwrap();
-    assert!(run.steps().iter().all(|step| step.status == SqpStatus::Converged));
+    let (record, ended) = run.run_recorded();
+    ended.unwrap();
+    assert!(record.steps.iter().all(|step| step.status == SqpStatus::Converged));
     assert!((run.state()[0] + run.state()[1] - 0.5).abs() < 1e-3, "{:?}", run.state());
     // The tracking error is the output's: it falls from 0.5, and its mean is far below.
     assert!(run.tracking_at_steps().iae_mean() / 60.0 < 0.1);

@@ -7,12 +7,12 @@ use pinc_ode::Dims;
 /// A coordinate of the points of one panel: two vectors.
 pub(super) type Pair<V> = [V; 2];
 
-/// Points grouped into panels of two vectors; a panel holds the rows t, y0, u. The last panel is
+/// Points grouped into panels of two vectors; a panel holds the rows t, y0, u, p. The last panel is
 /// filled up with copies of the last point, which its mask takes out of all sums.
 #[derive(Debug)]
 pub(super) struct Panels<V> {
     rows: usize,
-    states: usize,
+    dims: Dims,
     data: Vec<Pair<V>>,
     targets: Vec<Target<V>>,
     errors: usize,
@@ -28,13 +28,14 @@ pub(super) struct Target<V> {
     pub(super) known: Pair<V>,
 }
 
-/// One panel: each of `t`, `y0`, `u` in the plant's units.
+/// One panel: each of `t`, `y0`, `u`, `p` in the plant's units.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Panel<'a, V> {
     pub(super) t: &'a Pair<V>,
     pub(super) y0: &'a [Pair<V>],
     pub(super) u: &'a [Pair<V>],
-    /// The rows t, y0, u in one slice: the inputs of the net before normalization.
+    pub(super) p: &'a [Pair<V>],
+    /// The rows t, y0, u, p in one slice: the inputs of the net before normalization.
     pub(super) rows: &'a [Pair<V>],
     /// 1 in the lanes that count, 0 in the others.
     pub(super) mask: &'a Pair<V>,
@@ -45,19 +46,19 @@ pub(super) struct Panel<'a, V> {
 impl<V: Simd> Panels<V> {
     pub(super) fn new(points: &Points, dims: Dims, zero: V) -> Self {
         let width = 2 * V::LANES;
-        let rows = 1 + dims.nx + dims.nu;
+        let Dims { nx, nu, np, .. } = dims;
+        let rows = 1 + nx + nu + np;
         let mut data = Vec::with_capacity(points.len().div_ceil(width) * rows);
         for first in (0..points.len()).step_by(width) {
             for row in 0..rows {
                 data.push([0, 1].map(|half| {
                     zero.generate(|lane| {
                         let i = (first + half * V::LANES + lane).min(points.len() - 1);
-                        if row == 0 {
-                            points.time(i)
-                        } else if row <= dims.nx {
-                            points.state(i)[row - 1]
-                        } else {
-                            points.input(i)[row - 1 - dims.nx]
+                        match row {
+                            0 => points.time(i),
+                            row if row <= nx => points.state(i)[row - 1],
+                            row if row <= nx + nu => points.input(i)[row - 1 - nx],
+                            row => points.parameters(i)[row - 1 - nx - nu],
                         }
                     })
                 }));
@@ -68,8 +69,8 @@ impl<V: Simd> Panels<V> {
             zero.generate(|lane| if half * V::LANES + lane < in_last { 1.0 } else { 0.0 })
         });
         let ones = [zero.constant(1.0); 2];
-        let (states, errors) = (dims.nx, points.len() * dims.nx);
-        Self { rows, states, data, targets: Vec::new(), errors, ones, last_mask }
+        let errors = points.len() * nx;
+        Self { rows, dims, data, targets: Vec::new(), errors, ones, last_mask }
     }
 
     /// The same for `points` whose states are compared with `target` (of a point and a state),
@@ -111,12 +112,14 @@ impl<V: Simd> Panels<V> {
     #[inline(always)]
     pub(super) fn panel(&self, i: usize) -> Panel<'_, V> {
         let rows = &self.data[i * self.rows..(i + 1) * self.rows];
-        let (y0, u) = rows[1..].split_at(self.states);
+        let Dims { nx, nu, .. } = self.dims;
+        let (y0, rest) = rows[1..].split_at(nx);
+        let (u, p) = rest.split_at(nu);
         let mask = if i + 1 == self.len() { &self.last_mask } else { &self.ones };
         let targets = match self.targets.is_empty() {
             true => &[],
-            false => &self.targets[i * self.states..(i + 1) * self.states],
+            false => &self.targets[i * nx..(i + 1) * nx],
         };
-        Panel { t: &rows[0], y0, u, rows, mask, targets }
+        Panel { t: &rows[0], y0, u, p, rows, mask, targets }
     }
 }

@@ -39,6 +39,7 @@ pub(super) struct Physics<V> {
 pub(super) struct PlantBuffers<V> {
     x: Vec<Dual<V, DIRECTIONS>>,
     u: Vec<Dual<V, DIRECTIONS>>,
+    p: Vec<Dual<V, DIRECTIONS>>,
     f: Vec<Dual<V, DIRECTIONS>>,
     /// y' of each state.
     rate: Vec<V>,
@@ -53,6 +54,7 @@ impl<V: Simd> PlantBuffers<V> {
         Self {
             x: states.clone(),
             u: vec![Dual::lift(zero); dims.nu],
+            p: vec![Dual::lift(zero); dims.np],
             f: states,
             rate: vec![zero; dims.nx],
             state_adjoint: vec![zero; dims.nx],
@@ -171,7 +173,7 @@ impl<V: Simd> Physics<V> {
         (y, factor_rate.mul_add(d, factor * d_rate))
     }
 
-    /// y', f(y, u), and the derivatives of f in the states from `first` on, into the buffers.
+    /// y', f(y, u, p), and the derivatives of f in the states from `first` on, into the buffers.
     #[inline(always)]
     fn evaluate_rhs(
         &self,
@@ -181,8 +183,8 @@ impl<V: Simd> Physics<V> {
         first: usize,
         scratch: &mut PlantBuffers<V>,
     ) {
-        let PlantBuffers { x, u, f, rate, .. } = scratch;
-        for (to, from) in u.iter_mut().zip(panel.u) {
+        let PlantBuffers { x, u, p, f, rate, .. } = scratch;
+        for (to, from) in u.iter_mut().chain(&mut *p).zip(panel.u.iter().chain(panel.p)) {
             *to = Dual::lift(from[half]);
         }
         for (i, (x, rate)) in x.iter_mut().zip(rate).enumerate() {
@@ -190,7 +192,7 @@ impl<V: Simd> Physics<V> {
             *x = Dual::variable(y, i.checked_sub(first).unwrap_or(DIRECTIONS));
             *rate = y_rate;
         }
-        self.plant.rhs(x, u, &[], f);
+        self.plant.rhs(x, u, p, f);
     }
 
     /// F = y' - f(y, u).

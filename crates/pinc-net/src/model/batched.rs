@@ -3,7 +3,7 @@
 use super::layout::{BlockedLayer, Layout};
 use super::step::{LINE, start};
 use pinc_ad::simd::{Simd, Task, tanh_all};
-use pinc_ode::Dims;
+use pinc_ode::{Dims, Linearization, Stages};
 
 /// Maximum number of columns of a neuron that are computed together.
 const COLUMNS: usize = 4;
@@ -30,13 +30,10 @@ pub(super) struct Batched<'a> {
     pub(super) layout: &'a Layout,
     pub(super) cells: &'a mut Cells,
     pub(super) dims: Dims,
-    /// Shapes `[points, n]` and `[points, m]`.
-    pub(super) x: &'a [f64],
-    pub(super) u: &'a [f64],
-    /// Shapes `[points, n]`, `[points, n, n]` and `[points, n, m]`.
-    pub(super) next: &'a mut [f64],
-    pub(super) a: &'a mut [f64],
-    pub(super) b: &'a mut [f64],
+    /// How many of the numbers (x, u, p) there are derivatives by: those of x and u, or all.
+    pub(super) tangents: usize,
+    pub(super) at: Stages<'a>,
+    pub(super) out: Linearization<'a>,
 }
 
 impl Task for Batched<'_> {
@@ -45,8 +42,8 @@ impl Task for Batched<'_> {
     #[inline(always)]
     fn run<V: Simd>(mut self, zero: V) {
         self.start(zero);
-        let Self { layout, cells, dims, .. } = &mut self;
-        let width = 1 + dims.nx + dims.nu;
+        let Self { layout, cells, tangents, .. } = &mut self;
+        let width = 1 + *tangents;
         let last = layout.packed.len() - 1;
         for (l, layer) in layout.packed.iter().enumerate() {
             let Cells { from, to } = &mut **cells;
@@ -68,15 +65,16 @@ impl Task for Batched<'_> {
 }
 
 impl Batched<'_> {
-    /// The values of (x, u), without the tangents, which are unit vectors. Lanes without a point
+    /// The values of (x, u, p), without the tangents, which are unit vectors. Lanes without a point
     /// repeat the last one.
     #[inline(always)]
     fn start<V: Simd>(&mut self, zero: V) {
-        let Dims { nx: n, nu: m, .. } = self.dims;
-        let points = self.x.len() / n;
+        let Dims { nx: n, nu: m, np, .. } = self.dims;
+        let Stages { x, u, p } = self.at;
+        let points = x.len() / n;
         let at = start(&self.cells.from);
         let mut to = self.cells.from[at..].chunks_exact_mut(V::LANES);
-        for (of, width) in [(self.x, n), (self.u, m)] {
+        for (of, width) in [(x, n), (u, m), (p, np)] {
             for (i, to) in (0..width).zip(&mut to) {
                 zero.generate(|lane| of[lane.min(points - 1) * width + i]).write(to);
             }
@@ -86,26 +84,30 @@ impl Batched<'_> {
     /// From the last layer's cells to the results.
     #[inline(always)]
     fn finish<V: Simd>(self, _: V) {
-        let Dims { nx: n, nu: m, .. } = self.dims;
-        let points = self.x.len() / n;
+        let Dims { nx: n, nu: m, np, .. } = self.dims;
+        let (x, Linearization { next, a, b, e }) = (self.at.x, self.out);
+        let points = x.len() / n;
         let from = &self.cells.from[start(&self.cells.from)..];
-        let width = 1 + n + m;
+        let width = 1 + self.tangents;
         let own: f64 = if self.layout.adds_initial_state() { 1.0 } else { 0.0 };
         for (i, cell) in from.chunks_exact(width * V::LANES).take(n).enumerate() {
             let (value, tangents) = cell.split_at(V::LANES);
-            let (by_x, by_u) = tangents.split_at(n * V::LANES);
+            let (by_x, rest) = tangents.split_at(n * V::LANES);
+            let (by_u, by_p) = rest.split_at(m * V::LANES);
             for (point, value) in value[..points].iter().enumerate() {
-                self.next[point * n + i] = value + own * self.x[point * n + i];
+                next[point * n + i] = value + own * x[point * n + i];
             }
             for (j, by) in by_x.chunks_exact(V::LANES).enumerate() {
                 let own = if i == j { own } else { 0.0 };
                 for (point, value) in by[..points].iter().enumerate() {
-                    self.a[(point * n + i) * n + j] = value + own;
+                    a[(point * n + i) * n + j] = value + own;
                 }
             }
-            for (j, by) in by_u.chunks_exact(V::LANES).enumerate() {
-                for (point, value) in by[..points].iter().enumerate() {
-                    self.b[(point * n + i) * m + j] = *value;
+            for (by, matrix, width) in [(by_u, &mut *b, m), (by_p, &mut *e, np)] {
+                for (j, by) in by.chunks_exact(V::LANES).enumerate() {
+                    for (point, value) in by[..points].iter().enumerate() {
+                        matrix[(point * n + i) * width + j] = *value;
+                    }
                 }
             }
         }
@@ -135,7 +137,7 @@ impl<V: Simd> LayerPass<'_, V> {
                 sum = zero.constant(w).mul_add(zero.load(&self.from[k * V::LANES..]), sum);
             }
             self.store(row, 0, sum);
-            for (j, &w) in weights.iter().enumerate() {
+            for (j, &w) in weights.iter().enumerate().take(self.width - 1) {
                 self.store(row, 1 + j, zero.constant(w));
             }
         }

@@ -1,27 +1,18 @@
 //! The weights of a net in the order in which its control interface reads them.
 
-use crate::{Ansatz, PincNet};
+use crate::{FoldedNet, PlainLayer};
 
 /// Maximum number of vectors of neurons that are computed together: three of values and nine of
 /// tangents fit into the registers, with the weights.
 const ROWS: usize = 3;
 
-/// The layers of a net at t = T, folded, transposed and padded.
-///
-/// With z = W v + b and v = ((t, y0, u) - mean)/std, the first layer becomes W' (y0, u) + b' with
-///
-/// ```text
-/// W'_j = W_j / std_j                 b' = b + W_t (T - mean_t) / std_t - sum_j W'_j mean_j
-/// ```
-///
-/// and the output layer d = `output_mean` + `output_std` (W a + b) likewise. At t = T both ansatzes
-/// are d, or y0 + d.
+/// The layers of a [`FoldedNet`], transposed and padded.
 #[derive(Clone, Debug)]
 pub(super) struct Layout {
     pub(super) layers: Vec<FoldedLayer>,
     pub(super) packed: Vec<BlockedLayer>,
     lanes: usize,
-    ansatz: Ansatz,
+    adds_initial_state: bool,
 }
 
 /// A layer, as blocks of rows.
@@ -47,31 +38,21 @@ pub(super) struct RowBlock {
 
 impl Layout {
     /// The layout of `net` for vectors of so many lanes.
-    pub(super) fn new(net: &PincNet, lanes: usize) -> Self {
-        let count = net.mlp.layers().len();
-        let folded = net.mlp.layers().enumerate().map(|(l, layer)| {
-            let parameters = net.mlp.parameters();
-            let mut weights: Vec<Vec<f64>> =
-                parameters[layer.weight].chunks_exact(layer.inputs).map(<[f64]>::to_vec).collect();
-            let mut bias = parameters[layer.bias].to_vec();
-            if l == 0 {
-                fold_input(net, &mut weights, &mut bias);
-            }
-            if l + 1 == count {
-                fold_output(net, &mut weights, &mut bias);
-            }
+    pub(super) fn new(net: FoldedNet, lanes: usize) -> Self {
+        let FoldedNet { layers, adds_initial_state, .. } = net;
+        let arranged = layers.into_iter().map(|PlainLayer { weights, bias }| {
             (FoldedLayer::new(&weights, &bias, lanes), BlockedLayer::new(&weights, bias))
         });
-        let (layers, packed) = folded.unzip();
-        Self { layers, packed, lanes, ansatz: net.ansatz }
+        let (layers, packed) = arranged.unzip();
+        Self { layers, packed, lanes, adds_initial_state }
     }
 
     /// Whether the state at the end is the initial state plus what the layers give.
     pub(super) fn adds_initial_state(&self) -> bool {
-        self.ansatz == Ansatz::HardLinear
+        self.adds_initial_state
     }
 
-    /// The most neurons of a layer, or numbers of (x, u).
+    /// The most neurons of a layer, or numbers of (x, u, p).
     pub(super) fn widest(&self) -> usize {
         let widths = self.packed.iter().map(|layer| layer.bias.len().max(layer.inputs));
         widths.max().unwrap_or(0)
@@ -114,30 +95,6 @@ impl BlockedLayer {
             rows: weights.concat(),
             blocks: weights.chunks(Self::ROWS).flat_map(block).collect(),
         }
-    }
-}
-
-/// From weights of the normalized (t, y0, u) to weights of (y0, u).
-fn fold_input(net: &PincNet, weights: &mut [Vec<f64>], bias: &mut [f64]) {
-    for (row, bias) in weights.iter_mut().zip(bias) {
-        let scaled = row.iter().zip(&net.input.std).map(|(w, std)| w / std);
-        let mut scaled: Vec<f64> = scaled.collect();
-        *bias += scaled[0] * net.sample_time_s;
-        for (w, mean) in scaled.iter().zip(&net.input.mean) {
-            *bias -= w * mean;
-        }
-        *row = scaled.split_off(1);
-    }
-}
-
-/// From the normalized output to the states' units.
-fn fold_output(net: &PincNet, weights: &mut [Vec<f64>], bias: &mut [f64]) {
-    for (i, (row, bias)) in weights.iter_mut().zip(bias).enumerate() {
-        let (mean, std) = (net.output.mean[i], net.output.std[i]);
-        for w in row {
-            *w *= std;
-        }
-        *bias = *bias * std + mean;
     }
 }
 

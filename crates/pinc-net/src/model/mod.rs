@@ -4,15 +4,15 @@ mod batched;
 mod layout;
 mod step;
 
-use crate::{NetError, PincNet};
+use crate::{FoldedNet, NetError, PincNet};
 use batched::{Batched, Cells};
 use layout::Layout;
 use pinc_ad::simd::Isa;
 use pinc_ode::{Dims, Linearization, Model, Stages};
 use step::{Columns, SIDE_BY_SIDE, Step};
 
-/// The control interface f^(y, u) = `f_w`(T, y, u) of a net, Eq. (interface) of the paper, with its
-/// Jacobians by forward differentiation.
+/// The control interface f^(y, u, p) = `f_w`(T, y, u, p) of a net, Eq. (interface) of the paper,
+/// with its Jacobians by forward differentiation.
 ///
 /// It is the net compiled for one purpose: t = T, both normalizers and the ansatz are folded into
 /// weights and biases, and the neurons of a layer lie across the lanes of vectors. It agrees with
@@ -47,26 +47,24 @@ impl PincModel {
     ///
     /// On use, if the machine does not have the instruction set.
     pub fn with_isa(net: &PincNet, isa: Isa) -> Result<Self, NetError> {
-        if net.time_only.is_some() {
-            return Err(NetError::OneScenario);
-        }
         let dims = net.dims();
-        let layout = Layout::new(net, isa.lanes());
-        let columns = Columns::new(layout.longest(), dims.nx + dims.nu);
-        let cells = Cells::new(layout.widest(), dims.nx + dims.nu, isa.lanes());
+        let layout = Layout::new(FoldedNet::new(net)?, isa.lanes());
+        let tangents = dims.nx + dims.nu + dims.np;
+        let columns = Columns::new(layout.longest(), tangents);
+        let cells = Cells::new(layout.widest(), tangents, isa.lanes());
         Ok(Self { dims, sample_time_s: net.sample_time_s, isa, layout, columns, cells })
     }
 
-    /// Runs the net from one (x, u), or from [`SIDE_BY_SIDE`] of them, with the tangents of the
+    /// Runs the net from one (x, u, p), or from [`SIDE_BY_SIDE`] of them, with the tangents of the
     /// first `tangents` of their numbers; the results are in the columns returned.
-    fn run(&mut self, x: &[f64], u: &[f64], tangents: usize) -> &Columns {
-        let Dims { nx: n, nu: m, .. } = self.dims;
+    fn run(&mut self, Stages { x, u, p }: Stages<'_>, tangents: usize) -> &Columns {
+        let Dims { nx: n, nu: m, np, .. } = self.dims;
         let Self { layout, columns, isa, .. } = self;
         columns.set_tangents(tangents);
         let points = x.len() / n;
         for point in 0..points {
             let part = |width: usize| point * width..(point + 1) * width;
-            columns.start(point, &x[part(n)], &u[part(m)]);
+            columns.start(point, [&x[part(n)], &u[part(m)], &p[part(np)]]);
         }
         match points {
             1 => isa.dispatch(Step::<1> { layout, columns }),
@@ -76,18 +74,19 @@ impl PincModel {
     }
 
     /// Copies the results at `point`, whose state is `x`.
-    fn results(&self, point: usize, x: &[f64], next: &mut [f64], a: &mut [f64], b: &mut [f64]) {
-        let (Dims { nx: n, nu: m, .. }, columns) = (self.dims, &self.columns);
+    fn results(&self, point: usize, x: &[f64], out: Linearization<'_>) {
+        let (Dims { nx: n, nu: m, np, .. }, columns) = (self.dims, &self.columns);
+        let Linearization { next, a, b, e } = out;
         next.copy_from_slice(&columns.value(point)[..n]);
-        for j in 0..n {
-            for (i, derivative) in columns.tangent(point, j)[..n].iter().enumerate() {
-                a[i * n + j] = *derivative;
+        let np = if e.is_empty() { 0 } else { np };
+        let mut first = 0;
+        for (matrix, width) in [(&mut *a, n), (b, m), (e, np)] {
+            for j in 0..width {
+                for (i, derivative) in columns.tangent(point, first + j)[..n].iter().enumerate() {
+                    matrix[i * width + j] = *derivative;
+                }
             }
-        }
-        for j in 0..m {
-            for (i, derivative) in columns.tangent(point, n + j)[..n].iter().enumerate() {
-                b[i * m + j] = *derivative;
-            }
+            first += width;
         }
         if self.layout.adds_initial_state() {
             for (i, x) in x.iter().enumerate() {
@@ -107,11 +106,12 @@ impl Model for PincModel {
         self.sample_time_s
     }
 
-    fn step(&mut self, x: &[f64], u: &[f64], _p: &[f64], next: &mut [f64]) {
-        let Dims { nx: n, nu: m, .. } = self.dims;
-        assert!(x.len() == n && u.len() == m && next.len() == n, "lengths of x, u, next");
+    fn step(&mut self, x: &[f64], u: &[f64], p: &[f64], next: &mut [f64]) {
+        let Dims { nx: n, nu: m, np, .. } = self.dims;
+        assert!(x.len() == n && next.len() == n, "lengths of x and next");
+        assert!(u.len() == m && p.len() == np, "lengths of u and p");
         let from_x = self.layout.adds_initial_state();
-        next.copy_from_slice(&self.run(x, u, 0).value(0)[..n]);
+        next.copy_from_slice(&self.run(Stages { x, u, p }, 0).value(0)[..n]);
         if from_x {
             for (next, x) in next.iter_mut().zip(x) {
                 *next += x;
@@ -119,40 +119,38 @@ impl Model for PincModel {
         }
     }
 
-    fn linearize(&mut self, at: Stages<'_>, out: Linearization<'_>) {
-        let Dims { nx: n, nu: m, .. } = self.dims;
+    fn linearize(&mut self, at: Stages<'_>, mut out: Linearization<'_>) {
+        let Dims { nx: n, nu: m, np, .. } = self.dims;
         let count = at.count(self.dims);
         out.check(count, self.dims);
-        let (Stages { x, u, .. }, Linearization { next, a, b, .. }) = (at, out);
+        let tangents = n + m + if out.e.is_empty() { 0 } else { np };
         let mut first = 0;
         let lanes = self.isa.lanes();
         while first < count {
             let left = count - first;
-            if left >= lanes / 2 {
-                let points = left.min(lanes);
-                let part = |width: usize| first * width..(first + points) * width;
-                let Self { layout, cells, dims, isa, .. } = self;
-                isa.dispatch(Batched {
-                    layout,
-                    cells,
-                    dims: *dims,
-                    x: &x[part(n)],
-                    u: &u[part(m)],
-                    next: &mut next[part(n)],
-                    a: &mut a[part(n * n)],
-                    b: &mut b[part(n * m)],
-                });
-                first += points;
-                continue;
-            }
-            let points = if left < SIDE_BY_SIDE { 1 } else { SIDE_BY_SIDE };
+            let points = match left {
+                left if left >= lanes / 2 => left.min(lanes),
+                left if left < SIDE_BY_SIDE => 1,
+                _ => SIDE_BY_SIDE,
+            };
             let part = |width: usize| first * width..(first + points) * width;
-            self.run(&x[part(n)], &u[part(m)], n + m);
-            for point in 0..points {
-                let k = first + point;
-                let of = |width: usize| k * width..(k + 1) * width;
-                let (a, b) = (&mut a[of(n * n)], &mut b[of(n * m)]);
-                self.results(point, &x[of(n)], &mut next[of(n)], a, b);
+            let here = Stages { x: &at.x[part(n)], u: &at.u[part(m)], p: &at.p[part(np)] };
+            if left >= lanes / 2 {
+                let e = if out.e.is_empty() { 0..0 } else { part(n * np) };
+                let out = Linearization {
+                    next: &mut out.next[part(n)],
+                    a: &mut out.a[part(n * n)],
+                    b: &mut out.b[part(n * m)],
+                    e: &mut out.e[e],
+                };
+                let Self { layout, cells, dims, isa, .. } = self;
+                isa.dispatch(Batched { layout, cells, dims: *dims, tangents, at: here, out });
+            } else {
+                self.run(here, tangents);
+                for point in 0..points {
+                    let x = &here.x[point * n..(point + 1) * n];
+                    self.results(point, x, out.point(first + point, self.dims));
+                }
             }
             first += points;
         }

@@ -36,12 +36,15 @@ impl Columns {
         self.tangents = tangents;
     }
 
-    /// The input of the first layer is (x, u). Its tangents are unit vectors and are not stored.
-    pub(super) fn start(&mut self, point: usize, x: &[f64], u: &[f64]) {
+    /// The input of the first layer is (x, u, p). Its tangents are unit vectors and are not stored.
+    pub(super) fn start(&mut self, point: usize, numbers: [&[f64]; 3]) {
         let first = point * (1 + self.tangents) * self.stride;
-        let input = &mut aligned(&mut self.from)[first..];
-        input[..x.len()].copy_from_slice(x);
-        input[x.len()..x.len() + u.len()].copy_from_slice(u);
+        let mut input = &mut aligned(&mut self.from)[first..];
+        for part in numbers {
+            let (to, rest) = input.split_at_mut(part.len());
+            to.copy_from_slice(part);
+            input = rest;
+        }
     }
 
     /// The values at `point`.

@@ -51,8 +51,8 @@ fn what_cannot_be_distilled_is_refused() {
     let grid = TrainingConfig { sampler: Sampler::CoupledGrid, ..config.clone() };
     let grid = error(distilled(&grid, Ansatz::HardLinear, 1));
     assert!(grid.starts_with("sampler: coupled-grid given"), "{grid}");
-    let mut data = Measurements::new(2);
-    data.push(0.1, &[0.0; 2], &[0.0], &[Some(0.1), None]);
+    let mut data = Measurements::new(pinc_ode::Dims::new(2, 1));
+    data.push(0.1, &[0.0; 2], &[0.0], &[], &[Some(0.1), None]);
     let both = distilled(&config, Ansatz::HardLinear, 1).unwrap().with_measurements(&data, 1.0);
     assert!(error(both).starts_with("source: integrator given"));
 }

@@ -1,10 +1,11 @@
 //! The batched kernel against its specification, dual numbers inside a tape.
 
+use super::family::Pendulum;
 use pinc_ad::{Scalar, Tape};
 use pinc_net::{
     Ansatz, BatchLoss, Domain, InitialScale, Isa, LossTerms, LossWeights, Measurements, NetConfig,
-    PincNet, Points, ResidualScale, Sampler, Scenario, Workers, initial_conditions, reference_loss,
-    reference_measured, reference_residuals,
+    ParameterRange, PincNet, Points, ResidualScale, Sampler, Scenario, Workers, initial_conditions,
+    reference_loss, reference_measured, reference_residuals,
 };
 use pinc_ode::Plant;
 use pinc_plants::{FourTanks, OneTank, VanDerPol};
@@ -21,7 +22,9 @@ fn domain(plant: &impl Plant) -> Domain {
         state_high: vec![6.0; dims.nx],
         input_low: vec![-1.0; dims.nu],
         input_high: vec![3.0; dims.nu],
+        parameters: Vec::new(),
     }
+    .with_parameters(plant.parameters().iter().map(|p| ParameterRange::new(&*p.name, 0.2..=1.4)))
 }
 
 #[derive(Clone, Debug)]
@@ -60,19 +63,22 @@ fn problem<P: Plant>(plant: P, case: &Case) -> Problem<P> {
     let dims = plant.dims();
     let domain = domain(&plant);
     let scenario = Scenario { initial_state: vec![1.5; dims.nx], input: vec![0.5; dims.nu] };
+    // A conventional PINN is of one plant.
+    let time_only = case.time_only && dims.np == 0;
     let config = NetConfig {
         sample_time_s: 0.7,
         hidden_layers: case.hidden_layers,
         neurons: case.neurons,
         ansatz: case.ansatz,
-        time_only: case.time_only.then(|| scenario.clone()),
+        time_only: time_only.then(|| scenario.clone()),
     };
     let net = PincNet::new(&plant, &config, &domain, case.seed).unwrap();
+    let domain = net.domain().clone();
     let scale = ResidualScale::Normalized;
     let weights = LossWeights::new(&net, 0.3, &scale, InitialScale::Normalized).unwrap();
-    let (collocation, initial) = if case.time_only {
-        let mut initial = Points::new(dims.nx);
-        initial.push(0.0, &scenario.initial_state, &scenario.input);
+    let (collocation, initial) = if time_only {
+        let mut initial = Points::new(dims);
+        initial.push(0.0, &scenario.initial_state, &scenario.input, &[]);
         (Sampler::Sobol.scenario(case.collocation, 0.7, &scenario, case.seed), initial)
     } else {
         (
@@ -87,12 +93,12 @@ fn problem<P: Plant>(plant: P, case: &Case) -> Problem<P> {
 /// Values about as large as the states, every third of them missing.
 fn measured(case: &Case, domain: &Domain) -> Measurements {
     let points = Sampler::Independent.collocation(case.measured, 0.7, domain, 1, !case.seed);
-    let mut measured = Measurements::new(domain.state_low.len());
+    let mut measured = Measurements::new(domain.dims());
     for k in 0..points.len() {
         let y0 = points.state(k);
         let value = |i: usize| (!(k + i).is_multiple_of(3)).then_some(1.0 - 0.5 * y0[i]);
         let y: Vec<_> = (0..y0.len()).map(value).collect();
-        measured.push(points.time(k), y0, points.input(k), &y);
+        measured.push(points.time(k), y0, points.input(k), points.parameters(k), &y);
     }
     measured
 }
@@ -208,6 +214,11 @@ proptest! {
     }
 
     #[test]
+    fn a_family_agrees_with_the_specification(case in case()) {
+        problem(Pendulum, &case).check()?;
+    }
+
+    #[test]
     fn four_tanks_agree_with_the_specification(case in case()) {
         problem(FourTanks::antonelo(), &case).check()?;
     }
@@ -223,6 +234,7 @@ proptest! {
         case.neurons = case.neurons.min(8);
         problem(VanDerPol::default(), &case).check_normal_matrix()?;
         problem(OneTank::default(), &case).check_normal_matrix()?;
+        problem(Pendulum, &case).check_normal_matrix()?;
         problem(FourTanks::antonelo(), &case).check_normal_matrix()?;
     }
 }

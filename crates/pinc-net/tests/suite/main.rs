@@ -1,7 +1,9 @@
 //! Nets, their losses, optimizers, training and files.
 
 mod distillation;
+mod domain_error;
 mod examples;
+mod family;
 mod growth;
 mod kernel;
 mod levenberg_marquardt;

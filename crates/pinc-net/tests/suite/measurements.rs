@@ -26,8 +26,8 @@ fn a_trajectory_is_cut_where_a_step_can_begin_and_must_end() {
         row(0.9, 0.3, [None, Some(6.0)]),
         row(1.4, 0.3, [Some(7.0), Some(8.0)]),
     ];
-    let mut measured = Measurements::new(2);
-    measured.push_trajectory(T, &rows);
+    let mut measured = Measurements::new(pinc_ode::Dims::new(2, 1));
+    measured.push_trajectory(T, &[], &rows);
     // From t = 0: the rows at 0.2 and 0.4, where the input changes. From 0.4: not the empty row,
     // but that at 0.9 = 0.4 + T. No other row has all states and another within T.
     let found: Vec<_> = (0..measured.len())
@@ -54,7 +54,7 @@ fn domain() -> Domain {
 /// One step of the plant with mu = 1 from points of a grid; of every other point only one state.
 fn measured() -> Measurements {
     let mut plant = Dopri5::new(VanDerPol { mu: 1.0 }, 1e-10);
-    let mut measured = Measurements::new(2);
+    let mut measured = Measurements::new(pinc_ode::Dims::new(2, 1));
     for i in 0..5 {
         for j in 0..5 {
             for (k, t) in [0.25, 0.5].into_iter().enumerate() {
@@ -63,7 +63,7 @@ fn measured() -> Measurements {
                 let mut y = y0;
                 plant.integrate(&mut y, &u, t).unwrap();
                 let partly = k == 0;
-                measured.push(t, &y0, &u, &[(!partly).then_some(y[0]), Some(y[1])]);
+                measured.push(t, &y0, &u, &[], &[(!partly).then_some(y[0]), Some(y[1])]);
             }
         }
     }
@@ -172,7 +172,7 @@ fn held_out_measurements_choose_the_best_net() {
     let (mut sum, mut count) = (0.0, 0.0);
     for k in 0..measured.len() {
         let points = measured.points();
-        let y = kept.evaluate(points.time(k), points.state(k), points.input(k));
+        let y = kept.evaluate(points.time(k), points.state(k), points.input(k), &[]);
         for (y, measured) in y.iter().zip(measured.state(k)) {
             if let Some(measured) = measured {
                 sum += (y - measured).powi(2) * 12.0 / 16.0;
@@ -189,8 +189,8 @@ fn without_a_value_or_a_weight_they_are_refused() {
         let trainer = trainer(phase(broyden(), 1), SelectNet::Last, 1);
         trainer.with_measurements(measured, weight).map(|_| ()).unwrap_err()
     };
-    let mut nothing = Measurements::new(2);
-    nothing.push(0.1, &[0.0, 0.0], &[0.0], &[None, None]);
+    let mut nothing = Measurements::new(pinc_ode::Dims::new(2, 1));
+    nothing.push(0.1, &[0.0, 0.0], &[0.0], &[], &[None, None]);
     for (measured, weight, expected) in [
         (&nothing, 1.0, "data"),
         (&measured(), 0.0, "data.weight"),

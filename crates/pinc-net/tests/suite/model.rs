@@ -1,45 +1,72 @@
 //! The net's control interface against its specification over dual numbers.
 
+use super::family::Pendulum;
 use pinc_ad::{Dual, jacobian};
-use pinc_net::{Ansatz, Domain, Isa, NetConfig, NetError, PincModel, PincNet, Scenario};
-use pinc_ode::{Linearization, Model, Plant, Stages};
+use pinc_net::{
+    Ansatz, Domain, Isa, NetConfig, NetError, ParameterRange, PincModel, PincNet, Scenario,
+};
+use pinc_ode::{Linearization, LinearizationBuffer, Model, Plant, Stages};
 use pinc_plants::{FourTanks, VanDerPol};
 use proptest::prelude::*;
 
 fn check<P: Plant>(plant: &P, ansatz: Ansatz, seed: u64, at: f64) -> Result<(), TestCaseError> {
     let dims = plant.dims();
-    let (n, m) = (dims.nx, dims.nu);
-    let domain = Domain::new(vec![0.5..=6.0; n], vec![-1.0..=3.0; m]);
+    let (n, m, np) = (dims.nx, dims.nu, dims.np);
+    let ranges = plant.parameters().iter().map(|p| ParameterRange::new(&*p.name, 0.2..=1.4));
+    let domain = Domain::new(vec![0.5..=6.0; n], vec![-1.0..=3.0; m]).with_parameters(ranges);
     let config = NetConfig { ansatz, ..NetConfig::new(0.7, 3, 11) };
     let net = PincNet::new(plant, &config, &domain, seed).unwrap();
     let mut model = PincModel::new(&net).unwrap();
-    let xu: Vec<f64> = (0..n + m).map(|i| at + 0.3 * i as f64).collect();
-    let (x, u) = xu.split_at(n);
+    let xup: Vec<f64> = (0..n + m + np).map(|i| at + 0.3 * i as f64).collect();
+    let (x, rest) = xup.split_at(n);
+    let (u, p) = rest.split_at(m);
     let mut next = vec![0.0; n];
-    let (mut a, mut b) = (vec![0.0; n * n], vec![0.0; n * m]);
+    let (mut a, mut b, mut e) = (vec![0.0; n * n], vec![0.0; n * m], vec![0.0; n * np]);
     model.linearize(
-        Stages { x, u, p: &[] },
-        Linearization { next: &mut next, a: &mut a, b: &mut b, e: &mut [] },
+        Stages { x, u, p },
+        Linearization { next: &mut next, a: &mut a, b: &mut b, e: &mut e },
     );
-    let expected = net.evaluate(0.7, x, u);
+    let expected = net.evaluate(0.7, x, u, p);
     let parameters: Vec<_> = net.mlp().parameters().iter().map(|&w| Dual::lift(w)).collect();
     let derivatives = jacobian(
-        |v, out| out.copy_from_slice(&net.state(&parameters, Dual::lift(0.7), &v[..n], &v[n..])),
-        &xu,
+        |v, out| {
+            let (x, rest) = v.split_at(n);
+            let (u, p) = rest.split_at(m);
+            out.copy_from_slice(&net.state(&parameters, Dual::lift(0.7), x, u, p));
+        },
+        &xup,
         n,
     );
     // Some hundred roundings of numbers of size 10.
     for i in 0..n {
         prop_assert!((next[i] - expected[i]).abs() < 1e-12);
-        let row = &derivatives[i * (n + m)..(i + 1) * (n + m)];
-        for (j, &derivative) in row.iter().enumerate() {
-            let got = if j < n { a[i * n + j] } else { b[i * m + j - n] };
+        let row = &derivatives[i * (n + m + np)..(i + 1) * (n + m + np)];
+        let found = a[i * n..(i + 1) * n].iter().chain(&b[i * m..(i + 1) * m]);
+        let found = found.chain(&e[i * np..(i + 1) * np]);
+        for (j, (&derivative, got)) in row.iter().zip(found).enumerate() {
             prop_assert!((got - derivative).abs() < 1e-12, "{i} {j}: {got} {derivative}");
         }
     }
     let mut value = vec![0.0; n];
-    model.step(x, u, &[], &mut value);
+    model.step(x, u, p, &mut value);
     prop_assert!(value.iter().zip(&next).all(|(p, l)| (p - l).abs() < 1e-13));
+    // Many points together, without the derivatives by p and with them.
+    for points in [2, 9] {
+        let [xs, us, ps] = [x, u, p].map(|part| part.repeat(points));
+        let at = Stages { x: &xs, u: &us, p: &ps };
+        let mut of = LinearizationBuffer::new(dims, points);
+        for with in [false, true] {
+            let mut out = of.as_mut();
+            if !with {
+                out.e = &mut [];
+            }
+            model.linearize(at, out);
+        }
+        for (found, one) in [(&of.next, &next), (&of.a, &a), (&of.b, &b), (&of.e, &e)] {
+            let mut pairs = found.iter().zip(one.iter().cycle());
+            prop_assert!(pairs.all(|(found, one)| (found - one).abs() < 1e-12));
+        }
+    }
     Ok(())
 }
 
@@ -52,6 +79,7 @@ proptest! {
     ) {
         check(&VanDerPol::default(), ansatz, seed, at)?;
         check(&FourTanks::antonelo(), ansatz, seed, at)?;
+        check(&Pendulum, ansatz, seed, at)?;
     }
 }
 

@@ -12,6 +12,7 @@ fn net<P: Plant>(plant: &P, ansatz: Ansatz, time_only: bool) -> PincNet {
         state_high: vec![6.0; dims.nx],
         input_low: vec![-1.0; dims.nu],
         input_high: vec![3.0; dims.nu],
+        parameters: Vec::new(),
     };
     let scenario = Scenario { initial_state: vec![1.5; dims.nx], input: vec![0.5; dims.nu] };
     let config = NetConfig {
@@ -37,7 +38,7 @@ fn a_net_survives_the_file_bit_for_bit_and_the_bytes_are_stable() {
 }
 
 /// The file with its header's text changed; the header is filled up with spaces.
-fn with_header(bytes: &[u8], change: impl Fn(&str) -> String) -> Vec<u8> {
+pub(crate) fn with_header(bytes: &[u8], change: impl Fn(&str) -> String) -> Vec<u8> {
     let length = usize::try_from(u64::from_le_bytes(bytes[..8].try_into().unwrap())).unwrap();
     let mut header = change(std::str::from_utf8(&bytes[8..8 + length]).unwrap()).into_bytes();
     header.resize(header.len().next_multiple_of(8), b' ');
@@ -52,7 +53,7 @@ fn each_kind_of_damage_is_named() {
     let bytes = net(&VanDerPol::default(), Ansatz::Direct, false).to_bytes();
     let cases = [
         ("pinc-model", "other", "`format`"),
-        (r#""version":"1""#, r#""version":"2""#, "`version`"),
+        (r#""version":"1""#, r#""version":"3""#, "`version`"),
         (r#"\"horizon_s\":0.7"#, r#"\"horizon_s\":-1"#, "horizon_s"),
         (r#"\"horizon_s\":0.7,"#, "", "horizon_s"),
         (r#"\"activation\":\"tanh\""#, r#"\"activation\":\"relu\""#, "activation"),

@@ -57,7 +57,7 @@ fn the_best_net_on_validation_is_kept() {
     let mut best = (f64::INFINITY, Vec::new());
     while let Progress::Iterated(_) = trainer.step().unwrap() {
         if trainer.validation_due() {
-            let error = trainer.validate().mse_gen;
+            let error = trainer.validate().score();
             if error < best.0 {
                 best = (error, trainer.net().to_bytes());
             }
@@ -221,10 +221,10 @@ fn a_conventional_pinn_learns_its_one_scenario() {
         while let Progress::Iterated(_) = trainer.step().unwrap() {}
         let mut truth = scenario.initial_state.clone();
         let mut integrator = Dopri5::new(plant, 1e-12);
-        let mut squares = (trainer.net().evaluate(0.0, &[15.0], &[2.0])[0] - 15.0).powi(2);
+        let mut squares = (trainer.net().evaluate(0.0, &[15.0], &[2.0], &[])[0] - 15.0).powi(2);
         for k in 1..=10 {
             integrator.integrate(&mut truth, &scenario.input, 3.0).unwrap();
-            let y = trainer.net().evaluate(3.0 * f64::from(k), &[15.0], &[2.0]);
+            let y = trainer.net().evaluate(3.0 * f64::from(k), &[15.0], &[2.0], &[]);
             assert!(
                 (y[0] - truth[0]).abs() < 1e-3,
                 "{ansatz:?}, t = {}: {} {}",
@@ -266,7 +266,7 @@ fn validation_chains_the_net_as_the_paper_says() {
     let (mut y, mut truth, mut squares) = (vec![1.0, -0.5], vec![1.0, -0.5], 0.0);
     let mut integrator = Dopri5::new(plant, 1e-12);
     for step in 0..3 {
-        y = net.evaluate(0.5, &y, &[0.25]);
+        y = net.evaluate(0.5, &y, &[0.25], &[]);
         integrator.integrate(&mut truth, &[0.25], 0.5).unwrap();
         squares += (y[0] - truth[0]).powi(2) + (y[1] - truth[1]).powi(2);
         if step == 0 {

@@ -1,7 +1,7 @@
 //! The dual active-set method.
 
 use super::DenseQp;
-use crate::algebra::{add_scaled, dot};
+use crate::algebra::{add_scaled, all_finite, dot};
 use crate::factor::{Cholesky, ThinQr};
 
 /// A row counts as met when it is off by less than this, relative to 1 + |bound|.
@@ -188,7 +188,7 @@ impl ActiveSet {
 
     /// Whether the solution is made of numbers: comparisons with NaN find no row that is off.
     fn is_finite(&self) -> bool {
-        self.values.iter().chain(&self.mu).all(|v| v.is_finite())
+        all_finite(&self.values) && all_finite(&self.mu)
     }
 
     /// Makes the working set of the guess, less the rows whose multipliers it gets wrong.

@@ -1,19 +1,22 @@
 //! `control.csv`: the dense trace of a closed loop.
 
-use crate::csv::{CsvFile, CsvText};
+use crate::csv::{CsvReader, CsvWriter};
 use crate::error::RecordError;
+use csv::StringRecord;
+use std::fs::File;
+use std::ops::Range;
 use std::path::Path;
 
 const TIME: &str = "t";
 
-fn reference(quantity: &str) -> String {
+fn reference_column(quantity: &str) -> String {
     format!("{quantity}_ref")
 }
 
-/// A closed loop: the columns are `t`, the states, the inputs, `<controlled quantity>_ref` and the outputs
-/// that are no states.
-#[derive(Clone, Debug, PartialEq)]
-pub struct ControlTrace {
+/// The columns of a closed loop's trace: `t`, the states, the inputs, `<controlled quantity>_ref` and the
+/// outputs that are no states.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct ControlColumns {
     /// Names of the states.
     pub states: Vec<String>,
     /// Names of the inputs.
@@ -22,8 +25,6 @@ pub struct ControlTrace {
     pub controlled: Vec<String>,
     /// Names of the outputs that are no states.
     pub outputs: Vec<String>,
-    /// The rows, by time.
-    pub rows: Vec<ControlRow>,
 }
 
 /// One time of a closed loop.
@@ -41,69 +42,119 @@ pub struct ControlRow {
     pub output: Vec<f64>,
 }
 
-impl ControlTrace {
-    /// The trace as a CSV file.
-    #[must_use]
-    pub fn to_csv(&self) -> CsvText {
-        let mut columns = vec![TIME.to_owned()];
-        columns.extend(self.states.iter().chain(&self.inputs).cloned());
-        columns.extend(self.controlled.iter().map(|name| reference(name)));
-        columns.extend(self.outputs.iter().cloned());
-        let mut table = CsvText::new(columns);
-        for row in &self.rows {
-            let values = std::iter::once(&row.t).chain(&row.state).chain(&row.input);
-            table.push_numbers(values.chain(&row.reference).chain(&row.output));
-        }
-        table
+/// A trace being written row by row; it is at its place once it is finished.
+#[derive(Debug)]
+pub struct ControlWriter(CsvWriter);
+
+impl ControlWriter {
+    /// Begins the file `path`.
+    ///
+    /// # Errors
+    ///
+    /// [`RecordError::Unwritable`], as of the other methods.
+    pub fn create(path: &Path, columns: &ControlColumns) -> Result<Self, RecordError> {
+        let mut names = vec![TIME.to_owned()];
+        names.extend(columns.states.iter().chain(&columns.inputs).cloned());
+        names.extend(columns.controlled.iter().map(|name| reference_column(name)));
+        names.extend(columns.outputs.iter().cloned());
+        CsvWriter::create(path, names).map(Self)
     }
 
-    /// Reads the trace of a loop with so many inputs in which the quantities `controlled` follow
-    /// references; `None` if the file does not exist.
+    /// Adds a row.
+    ///
+    /// # Errors
+    ///
+    /// [`RecordError::Unwritable`].
+    pub fn push(&mut self, row: &ControlRow) -> Result<(), RecordError> {
+        let values = std::iter::once(&row.t).chain(&row.state).chain(&row.input);
+        self.0.push_numbers(values.chain(&row.reference).chain(&row.output))
+    }
+
+    /// Puts the file at its place.
+    ///
+    /// # Errors
+    ///
+    /// [`RecordError::Unwritable`].
+    pub fn finish(self) -> Result<(), RecordError> {
+        self.0.finish()
+    }
+}
+
+/// A trace being read row by row.
+#[derive(Debug)]
+pub struct ControlReader {
+    file: CsvReader<File>,
+    columns: ControlColumns,
+    /// The places of the time, and of the first input, reference and output.
+    t: usize,
+    input: usize,
+    reference: usize,
+    output: usize,
+}
+
+impl ControlReader {
+    /// Begins to read the trace of a loop with so many inputs in which the quantities `controlled`
+    /// follow references; `None` if the file does not exist.
     ///
     /// # Errors
     ///
     /// [`RecordError`], with the line and column of what is wrong.
-    pub fn read(
+    pub fn open(
         path: &Path,
         inputs: usize,
         controlled: &[String],
     ) -> Result<Option<Self>, RecordError> {
-        let Some(file) = CsvFile::read(path)? else { return Ok(None) };
-        let t = file.place(TIME)?;
+        let Some(file) = CsvReader::open(path)? else { return Ok(None) };
+        let head = &file.head;
+        let t = head.place(TIME)?;
         // The references stand together after the inputs; what follows them are outputs.
-        let wanted: Vec<String> = controlled.iter().map(|name| reference(name)).collect();
-        let names: Vec<&str> = file.header.iter().collect();
+        let wanted: Vec<String> = controlled.iter().map(|name| reference_column(name)).collect();
+        let names: Vec<&str> = head.header.iter().collect();
         let together = |place: &usize| names[*place..].iter().zip(&wanted).all(|(a, b)| a == b);
         let places = (t + 1..=names.len().saturating_sub(wanted.len())).rev();
-        let Some(first) = places.into_iter().find(together) else {
+        let Some(reference) = places.into_iter().find(together) else {
             let lacks = wanted.iter().find(|name| !names.contains(&name.as_str()));
-            return Err(file.missing(lacks.or(wanted.first()).map_or("", String::as_str)));
+            return Err(head.missing(lacks.or(wanted.first()).map_or("", String::as_str)));
         };
-        let outputs = first + wanted.len();
-        let Some(middle) = first.checked_sub(inputs).filter(|middle| *middle > t) else {
-            return Err(file.missing("the inputs"));
+        let output = reference + wanted.len();
+        let Some(input) = reference.checked_sub(inputs).filter(|input| *input > t) else {
+            return Err(head.missing("the inputs"));
         };
-        let row = |row| {
-            Ok(ControlRow {
-                t: file.number(row, t)?,
-                state: file.numbers(row, t + 1..middle)?,
-                input: file.numbers(row, middle..first)?,
-                reference: file.numbers(row, first..outputs)?,
-                output: file.numbers(row, outputs..file.header.len())?,
-            })
-        };
-        let rows = file.rows.iter().map(row).collect::<Result<_, RecordError>>()?;
-        let names = |places: std::ops::Range<usize>| {
-            let names = places.filter_map(|place| file.header.get(place));
-            names.map(str::to_owned).collect()
-        };
-        Ok(Some(Self {
-            states: names(t + 1..middle),
-            inputs: names(middle..first),
+        let names = |places: Range<usize>| names[places].iter().map(|&n| n.to_owned()).collect();
+        let columns = ControlColumns {
+            states: names(t + 1..input),
+            inputs: names(input..reference),
             controlled: controlled.to_vec(),
-            outputs: names(outputs..file.header.len()),
-            rows,
-        }))
+            outputs: names(output..head.header.len()),
+        };
+        Ok(Some(Self { file, columns, t, input, reference, output }))
+    }
+
+    /// The columns.
+    #[must_use]
+    pub fn columns(&self) -> &ControlColumns {
+        &self.columns
+    }
+
+    fn parse(&self, row: &StringRecord) -> Result<ControlRow, RecordError> {
+        let head = &self.file.head;
+        Ok(ControlRow {
+            t: head.number(row, self.t)?,
+            state: head.numbers(row, self.t + 1..self.input)?,
+            input: head.numbers(row, self.input..self.reference)?,
+            reference: head.numbers(row, self.reference..self.output)?,
+            output: head.numbers(row, self.output..head.header.len())?,
+        })
+    }
+}
+
+/// The rows by time, each with the line and column of what is wrong.
+impl Iterator for ControlReader {
+    type Item = Result<ControlRow, RecordError>;
+
+    fn next(&mut self) -> Option<Self::Item> {
+        let row = self.file.next_row()?;
+        Some(row.and_then(|row| self.parse(&row)))
     }
 }
 
@@ -121,19 +172,25 @@ mod tests {
             reference: vec![-1.0],
             output: vec![2.5, t],
         };
-        let trace = ControlTrace {
+        let columns = ControlColumns {
             states: names(&["a", "b_ref"]),
             inputs: names(&["u"]),
             controlled: names(&["a"]),
             outputs: names(&["sum", "difference"]),
-            rows: vec![row(0.0), row(0.1 + 0.2)],
         };
+        let rows = [row(0.0), row(0.1 + 0.2)];
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("control.csv");
-        assert!(ControlTrace::read(&path, 1, &trace.controlled).unwrap().is_none());
-        std::fs::write(&path, trace.to_csv().as_bytes()).unwrap();
-        assert_eq!(ControlTrace::read(&path, 1, &trace.controlled).unwrap().unwrap(), trace);
-        let other = ControlTrace::read(&path, 1, &["c".to_owned()]).unwrap_err().to_string();
+        let mut writer = ControlWriter::create(&path, &columns).unwrap();
+        assert!(ControlReader::open(&path, 1, &columns.controlled).unwrap().is_none());
+        rows.iter().for_each(|row| writer.push(row).unwrap());
+        writer.finish().unwrap();
+        let reader = ControlReader::open(&path, 1, &columns.controlled).unwrap().unwrap();
+        assert_eq!(*reader.columns(), columns);
+        assert_eq!(reader.collect::<Result<Vec<_>, _>>().unwrap(), rows);
+        let other = ControlReader::open(&path, 1, &["c".to_owned()]).unwrap_err().to_string();
         assert!(other.contains("control.csv:1: no column `c_ref`"), "{other}");
+        drop(ControlWriter::create(&path, &ControlColumns::default()).unwrap());
+        assert_eq!(std::fs::read_dir(&dir).unwrap().count(), 1);
     }
 }

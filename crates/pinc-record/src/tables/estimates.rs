@@ -80,10 +80,10 @@ impl EstimateTable {
     /// [`RecordError`], with the line and column of what is wrong.
     pub fn read(path: &Path) -> Result<Option<Self>, RecordError> {
         let Some(file) = CsvFile::read(path)? else { return Ok(None) };
-        let t = file.place(TIME)?;
+        let t = file.head.place(TIME)?;
         let with_partner = |partner: fn(&str) -> Option<String>| -> Vec<String> {
-            let columns = file.header.iter();
-            let has = |name: &&str| partner(name).is_some_and(|p| file.position(&p).is_some());
+            let columns = file.head.header.iter();
+            let has = |name: &&str| partner(name).is_some_and(|p| file.head.position(&p).is_some());
             columns.filter(has).map(str::to_owned).collect()
         };
         let names = with_partner(|name| Some(format!("{name}_sd")));
@@ -91,27 +91,27 @@ impl EstimateTable {
         let measured = with_partner(innovation);
         let measured: Vec<_> = measured.iter().map(|name| name[2..].to_owned()).collect();
         let places = |names: &[String], form: fn(&str) -> String| {
-            let places = names.iter().map(|name| file.place(&form(name)));
+            let places = names.iter().map(|name| file.head.place(&form(name)));
             places.collect::<Result<Vec<_>, _>>()
         };
         let estimates = places(&names, str::to_owned)?;
         let sd = places(&names, |name| format!("{name}_sd"))?;
         let y = places(&measured, |name| format!("y_{name}"))?;
         let innovations = places(&measured, |name| format!("innovation_{name}"))?;
-        let (nis, nees) = (file.place(NIS)?, file.place(NEES)?);
+        let (nis, nees) = (file.head.place(NIS)?, file.head.place(NEES)?);
         let mut rows = Vec::new();
         for row in &file.rows {
             let numbers = |places: &[usize]| {
-                places.iter().map(|&place| file.number(row, place)).collect::<Result<_, _>>()
+                places.iter().map(|&place| file.head.number(row, place)).collect::<Result<_, _>>()
             };
             rows.push(EstimateRow {
-                t: file.number(row, t)?,
+                t: file.head.number(row, t)?,
                 estimate: numbers(&estimates)?,
                 sd: numbers(&sd)?,
                 measured: numbers(&y)?,
                 innovation: numbers(&innovations)?,
-                nis: file.number(row, nis)?,
-                nees: file.number(row, nees)?,
+                nis: file.head.number(row, nis)?,
+                nees: file.head.number(row, nees)?,
             });
         }
         Ok(Some(Self { names, measured, rows }))

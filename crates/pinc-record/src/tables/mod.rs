@@ -1,6 +1,7 @@
 //! The tables of runs and sweeps, each with the names of its columns.
 
 mod control;
+mod domain_error;
 mod estimates;
 mod fixed;
 mod prediction;
@@ -10,9 +11,10 @@ mod training;
 mod trial_metric;
 mod trials;
 
-pub use control::{ControlRow, ControlTrace};
+pub use control::{ControlColumns, ControlReader, ControlRow, ControlWriter};
+pub use domain_error::DomainErrorTable;
 pub use estimates::{EstimateRow, EstimateTable};
-pub use fixed::{fixed_table, read_fixed_table};
+pub use fixed::{FixedReader, FixedWriter, fixed_table, read_fixed_table};
 pub use prediction::{PredictionRow, PredictionTable};
 pub use steps::StepRow;
 pub use summary::{SummaryRow, SummaryTable};

@@ -60,7 +60,7 @@ impl PredictionTable {
     ///
     /// [`RecordError`], with the line and column of what is wrong.
     pub fn read(path: &Path) -> Result<Option<Self>, RecordError> {
-        let Some(file) = CsvFile::read(path)? else { return Ok(None) };
+        let Some(CsvFile { head: file, rows }) = CsvFile::read(path)? else { return Ok(None) };
         let (t, mark) = (file.place(TIME)?, file.place(MARK)?);
         let header: Vec<&str> = file.header.iter().collect();
         // The states are those in front of as many columns of their truth.
@@ -84,7 +84,7 @@ impl PredictionTable {
                 mark: file.number(row, mark)? > 0.5,
             })
         };
-        let rows = file.rows.iter().map(row).collect::<Result<_, RecordError>>()?;
+        let rows = rows.iter().map(row).collect::<Result<_, RecordError>>()?;
         Ok(Some(Self { inputs: names(&inputs).collect(), states: names(&states).collect(), rows }))
     }
 

@@ -1,6 +1,7 @@
 //! `steps.csv`: one row per control step.
 
 use super::fixed::exact;
+use crate::metrics::is_failure;
 use pinc_mpc::SqpStatus;
 use serde::{Deserialize, Serialize};
 
@@ -29,5 +30,12 @@ impl StepRow {
     #[must_use]
     pub fn converged(&self) -> bool {
         self.status == SqpStatus::Converged.to_string()
+    }
+
+    /// Whether the step failed: it neither converged, nor is it one of a real-time iteration, which is
+    /// not judged, nor did the time budget end it.
+    #[must_use]
+    pub fn failed(&self) -> bool {
+        is_failure(&self.status)
     }
 }

@@ -110,7 +110,7 @@ impl SummaryTable {
     ///
     /// [`RecordError`], with the line and column of what is wrong.
     pub fn read(path: &Path) -> Result<Option<Self>, RecordError> {
-        let Some(file) = CsvFile::read(path)? else { return Ok(None) };
+        let Some(CsvFile { head: file, rows }) = CsvFile::read(path)? else { return Ok(None) };
         let cells = file.place(COLUMNS[0])?;
         let mut places = [0; COLUMNS.len()];
         for (place, column) in places.iter_mut().zip(COLUMNS) {
@@ -138,7 +138,7 @@ impl SummaryTable {
                 confidence: value(12)?,
             })
         };
-        let rows = file.rows.iter().map(row).collect::<Result<_, RecordError>>()?;
+        let rows = rows.iter().map(row).collect::<Result<_, RecordError>>()?;
         let cell_columns = file.header.iter().take(cells).map(str::to_owned).collect();
         Ok(Some(Self { cell_columns, rows }))
     }

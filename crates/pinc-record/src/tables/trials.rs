@@ -149,7 +149,9 @@ impl TrialTable {
     ///
     /// [`RecordError`], with the line and column of what is wrong.
     pub fn read(path: &Path, columns: Vec<TrialColumn>) -> Result<Option<Self>, RecordError> {
-        let Some(file) = CsvFile::read(path)? else { return Ok(None) };
+        let Some(CsvFile { head: file, rows: read }) = CsvFile::read(path)? else {
+            return Ok(None);
+        };
         let mut found = Vec::new();
         for column in columns {
             match (&column, file.position(&column.name())) {
@@ -159,7 +161,7 @@ impl TrialTable {
             }
         }
         let mut rows = Vec::new();
-        for row in &file.rows {
+        for row in &read {
             for (place, column) in &found {
                 use TrialMetric::{Source, StopReason};
                 let is_number =

@@ -2,15 +2,15 @@
 
 use super::metric::Metric;
 use super::sizes;
+use crate::color_bar::color_bar;
 use crate::picture::Picture;
 use crate::trials::{Cell, Trials, short, shown};
 use pinc_chart::text;
-use pinc_chart::{Area, Axis, Figure, Fill, GREY, Kind, Look, Panel, extent, graded, places};
+use pinc_chart::{Area, Axis, Figure, Fill, GREY, Look, Panel, extent, graded, places};
 use pinc_record::TrialMetric;
 
 /// A cell's height in pixels.
 const CELL: f64 = 46.0;
-const COLOR_STEPS: usize = 64;
 
 /// A map for each column of the metric and each combination of what is not on the two axes.
 pub(super) fn pictures(trials: &Trials, metric: &Metric) -> Vec<Picture> {
@@ -92,7 +92,7 @@ impl<'a> Map<'a> {
             panel.key("no number: failed, or not yet run", Look::Area(Fill::hatched(GREY)));
         }
         let x = axis(self.columns, &columns);
-        let bar = self.color_bar(ends, height);
+        let bar = color_bar(&self.label(), ends, height);
         let name = format!("{} over {} and {}", self.label(), name(self.rows), name(self.columns));
         Figure::grid(&name, x, vec![26.0, 1.0], vec![panel, bar])
     }
@@ -144,32 +144,6 @@ impl<'a> Map<'a> {
             true => format!("log₁₀ of the median {}", self.metric.label),
             false => format!("median {}", self.metric.label),
         }
-    }
-
-    /// The colours of the map as a bar with a scale.
-    fn color_bar(&self, ends: (f64, f64), height: f64) -> Panel {
-        let (low, high) = match ends.1 > ends.0 {
-            true => ends,
-            false => (ends.0 - 0.5, ends.1 + 0.5),
-        };
-        let axis = Axis::ranged(&self.label(), Kind::Linear, (low, high));
-        let mut panel = Panel::new("", axis, height);
-        panel.x = Some(Axis::named("", &[String::new()]));
-        let steps = places(COLOR_STEPS + 1);
-        let last = steps[COLOR_STEPS];
-        for pair in steps.windows(2) {
-            let at = |step: f64| low + step / last * (high - low);
-            panel.areas.push(Area {
-                name: String::new(),
-                x: (-0.5, 0.5),
-                // Into the next step, so that no rounding leaves a gap.
-                y: (at(pair[0]), at((pair[1] + 0.5).min(last))),
-                fill: Fill::solid(graded(0.5 * (pair[0] + pair[1]) / last)),
-                value: None,
-                text: String::new(),
-            });
-        }
-        panel
     }
 
     fn caption(&self) -> String {

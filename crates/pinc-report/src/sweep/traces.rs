@@ -97,7 +97,7 @@ fn traces(run: &Run, trials: &Trials) -> Result<Vec<Trace>, ReportError> {
         let Some(table) = trials.free_run(name)? else { continue };
         let sample_time_s = set.get("model.horizon_s").and_then(|value| value.as_float());
         let is_pinn = set.contains_key("model.time_only");
-        let pinn = sample_time_s.or_else(|| run.step_s()).filter(|_| is_pinn);
+        let pinn = sample_time_s.or_else(|| run.experiment.sample_time_s()).filter(|_| is_pinn);
         traces.push(Trace { name: name.clone(), pinn, table });
     }
     Ok(traces)

@@ -1,7 +1,8 @@
 //! Whether the equation and its derivatives are finite where they will be asked for.
 
-use super::{Finding, Subject, short};
+use super::{Finding, LISTED, Subject, short};
 use pinc_analysis::OperatingPoint;
+use pinc_ode::Variable;
 
 /// Random points of the region.
 const POINTS: usize = 1000;
@@ -29,7 +30,11 @@ pub(super) fn examine(subject: &Subject<'_>) -> Vec<Finding> {
         }
     }
     let states = subject.plant.states().iter().zip(&fastest);
-    let rates: Vec<_> = states.map(|(v, f)| format!("|{}'| <= {}", v.name, short(*f))).collect();
+    let rate = |(v, f): (&Variable, &f64)| format!("|{}'| <= {}", v.name, short(*f));
+    let rates: Vec<_> = match fastest.len() {
+        0..=LISTED => states.map(rate).collect(),
+        _ => states.max_by(|a, b| a.1.total_cmp(b.1)).map(rate).into_iter().collect(),
+    };
     let text = format!(
         "values and derivatives are finite at {POINTS} random points of {}; there {}",
         subject.region_name,

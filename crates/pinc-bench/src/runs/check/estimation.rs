@@ -3,7 +3,7 @@
 
 use super::{Finding, Subject};
 use pinc_analysis::{OperatingPoint, StateSpace, UnseenMode, unseen_modes};
-use pinc_config::{ControlSpec, DisturbanceSpec, EstimatorSpec, Variables};
+use pinc_config::{ControlSpec, DisturbanceSpec, EstimatorSpec, LoopParameters, Variables};
 use pinc_estimate::Augmented;
 use pinc_ode::{Dims, LinearizationBuffer, Model, OutputLinearization, Stages};
 
@@ -122,9 +122,11 @@ fn unseen(
 ) -> Vec<UnseenMode> {
     let variables = Variables::of(subject.plant);
     let measurement = control.measurement.clone().unwrap_or_default();
-    let plant = subject.experiment.plant.dyn_plant_with(&estimator.parameter_names());
+    let LoopParameters { names, values, estimated } = subject.experiment.loop_parameters();
+    let plant = subject.experiment.plant.family(&names);
     let model = plant.rk4(subject.step_s(), control.rk4_substeps);
-    let augmentation = estimator.augmentation(&measurement, &variables);
+    let parameters = (&values[..], &estimated[..]);
+    let augmentation = estimator.augmentation(&measurement, &variables, parameters);
     let Ok(mut model) = Augmented::new(model, augmentation) else { return Vec::new() };
     let tuning = estimator.tuning();
     let unknowns = &tuning.initial_estimate[point.x.len()..];

@@ -1,7 +1,6 @@
 //! Where trajectories really go, against the training domain: the validation's scenarios, the free
 //! run, and the closed loop with RK4 as the model.
 
-use super::super::control;
 use super::{Finding, Subject, short};
 use crate::spec::Experiment;
 use pinc_analysis::OperatingPoint;
@@ -29,7 +28,7 @@ pub(super) fn examine(subject: &Subject<'_>) -> Vec<Finding> {
     let mut seen = Extent::default();
     for (place, extent) in uses(subject, &mut findings) {
         if let Some(domain) = &subject.experiment.domain {
-            findings.extend(compare(subject, place, &extent, domain));
+            findings.extend(compare(subject, &place, &extent, domain));
         }
         seen.merge(&extent);
     }
@@ -39,7 +38,7 @@ pub(super) fn examine(subject: &Subject<'_>) -> Vec<Finding> {
     } else if subject.experiment.domain.is_some() && !seen.ends.is_empty() && findings.is_empty() {
         findings.push(Finding::fact(
             "domain",
-            "trajectories stay in the training domain: free ones and those under RK4",
+            "trajectories stay in the training domain: free ones and those of the closed loop",
         ));
     }
     findings
@@ -68,8 +67,8 @@ impl Extent {
 }
 
 /// The uses that the config makes of the net, and where each goes.
-fn uses(subject: &Subject<'_>, findings: &mut Vec<Finding>) -> Vec<(&'static str, Extent)> {
-    let Experiment { validation, prediction, control, seed, .. } = subject.experiment;
+fn uses(subject: &Subject<'_>, findings: &mut Vec<Finding>) -> Vec<(String, Extent)> {
+    let Experiment { validation, prediction, seed, .. } = subject.experiment;
     let mut uses = Vec::new();
     let mut rng = ChaCha8Rng::seed_from_u64(*seed);
     let mut draw = |low: &[f64], high: &[f64]| -> Vec<f64> {
@@ -77,41 +76,26 @@ fn uses(subject: &Subject<'_>, findings: &mut Vec<Finding>) -> Vec<(&'static str
     };
     let mut free = Vec::new();
     if let Some(spec) = validation {
-        let Domain { state_low, state_high, input_low, input_high } = &spec.domain;
+        let Domain { state_low, state_high, input_low, input_high, .. } = &spec.domain;
         for _ in 0..SCENARIOS {
             let x = draw(state_low, state_high);
             let steps = super::super::steps(spec.duration_s, subject.step_s());
             free.push((x, (0..steps).map(|_| draw(input_low, input_high)).collect::<Vec<_>>()));
         }
-        uses.push(("the validation's scenarios", simulate(subject, &free, findings)));
+        uses.push(("the validation's scenarios".to_owned(), simulate(subject, &free, findings)));
     }
     if let Some(spec) = prediction {
         let steps = super::super::steps(spec.duration_s, subject.step_s());
         let inputs = (0..steps).map(|_| draw(&spec.input_low, &spec.input_high)).collect();
         let run = [(spec.initial_state.clone(), inputs)];
-        uses.push(("the free run of [prediction]", simulate(subject, &run, findings)));
+        uses.push(("the free run of [prediction]".to_owned(), simulate(subject, &run, findings)));
     }
-    if let (Some(control), Some(sample_time_s)) = (control, subject.experiment.sample_time_s()) {
-        match control::rehearse(subject.plant, control, sample_time_s) {
-            Ok(trace) => {
-                let mut extent = Extent::default();
-                for i in 0..trace.len() {
-                    extent.add(trace.state(i).iter().chain(trace.input(i)).copied());
-                }
-                uses.push(("the closed loop with RK4", extent));
-            }
-            Err(error) => findings.push(
-                Finding::error("control", format!("with RK4 as the model: {error}"))
-                    .because(
-                        "a controller that fails with the plant's own equation will not work \
-                     with a net",
-                    )
-                    .change(
-                        "other bounds, references or a shorter T; more rk4_substeps if the \
-                     equation is stiff",
-                    ),
-            ),
+    if let Some(Ok(rehearsal)) = &subject.rehearsal {
+        let (trace, mut extent) = (&rehearsal.trace, Extent::default());
+        for i in 0..trace.len() {
+            extent.add(trace.state(i).iter().chain(trace.input(i)).copied());
         }
+        uses.push((format!("the closed loop with {}", rehearsal.model.title()), extent));
     }
     uses
 }

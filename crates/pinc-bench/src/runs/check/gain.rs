@@ -1,7 +1,6 @@
 //! What the inputs can do at steady state: the rank of the static gain, and the transmission zeros.
 
-use super::numbers::{rate, time};
-use super::{Finding, Subject, short};
+use super::{Finding, LISTED, Subject, short};
 use pinc_analysis::{
     OperatingPoint, StateSpace, TimeScales, TransmissionZeros, common_plane, common_ratio,
 };
@@ -113,15 +112,21 @@ fn of_zeros(subject: &Subject<'_>, place: &str, linear: &StateSpace) -> Vec<Find
         .iter()
         .map(|zero| match (is_zero(zero.re), is_zero(zero.im)) {
             (true, true) => "0".to_owned(),
-            (_, true) => rate(zero.re),
-            _ if zero.im < 0.0 => format!("{} -{}i", rate(zero.re), rate(-zero.im)),
-            _ => format!("{} +{}i", rate(zero.re), rate(zero.im)),
+            (_, true) => subject.rate(zero.re),
+            _ if zero.im < 0.0 => format!("{} -{}i", subject.rate(zero.re), subject.rate(-zero.im)),
+            _ => format!("{} +{}i", subject.rate(zero.re), subject.rate(zero.im)),
         })
         .collect();
     if zeros.is_empty() {
         return vec![Finding::fact(place, "no transmission zeros")];
     }
-    let what = format!("transmission zeros {} 1/s", shown.join(", "));
+    let unit = subject.rate_unit();
+    let what = match (&shown[..], zeros.len() > LISTED) {
+        ([first, .., last], true) => {
+            format!("{} transmission zeros, from {first} to {last} {unit}", zeros.len())
+        }
+        _ => format!("transmission zeros {} {unit}", shown.join(", ")),
+    };
     if zeros.iter().any(|zero| is_zero(zero.re) && is_zero(zero.im)) {
         return vec![
             Finding::warning(place, format!("{what}: one is at s = 0"))
@@ -144,7 +149,7 @@ fn of_zeros(subject: &Subject<'_>, place: &str, linear: &StateSpace) -> Vec<Find
         format!("{what}: nonminimum phase, the response to an input first goes the wrong way");
     if too_short {
         vec![
-            Finding::warning(place, format!("{what} for about {}", time(1.0 / slowest)))
+            Finding::warning(place, format!("{what} for about {}", subject.time(1.0 / slowest)))
                 .because(format!(
                     "a horizon of {} steps sees little more than that: the controller may then \
                      choose the wrong direction",

@@ -15,6 +15,10 @@ const HUGE: f64 = 1e3;
 /// How far beside, in widths.
 const BESIDE: f64 = 1e-6;
 
+/// How far beyond a place a term is looked at, of the way there from the middle, and random points.
+const FURTHER: f64 = 0.01;
+const POINTS: usize = 1000;
+
 pub(super) fn examine(subject: &Subject<'_>) -> Vec<Finding> {
     let seed = subject.experiment.seed;
     let survey = Survey::run(subject.plant, &subject.region, MARGIN, seed);
@@ -63,13 +67,25 @@ fn of_terms(subject: &Subject<'_>, survey: &Survey, terms: &CriticalTerms) -> Ve
     let mut findings = Vec::new();
     for (i, (term, crossing)) in terms.list().iter().zip(found).enumerate() {
         let Some(crossing) = crossing else { continue };
-        let problem = match term.role {
+        let function = match term.role {
             TermRole::Kink | TermRole::Jump => continue,
             TermRole::Denominator if !is_pole(subject, survey, &crossing) => continue,
-            TermRole::Denominator => format!("the denominator {} is 0 at", term.text),
-            TermRole::Radicand => format!("sqrt({}) is not defined beyond", term.text),
-            TermRole::Logarithm => format!("log({}) is not defined beyond", term.text),
-            TermRole::Base => format!("a power of {} is not defined beyond", term.text),
+            TermRole::Denominator => format!("the denominator {}", term.text),
+            TermRole::Radicand => format!("sqrt({})", term.text),
+            TermRole::Logarithm => format!("log({})", term.text),
+            TermRole::Base => format!("a power of {}", term.text),
+        };
+        let is_root = matches!(term.role, TermRole::Radicand | TermRole::Base);
+        let problem = match term.role {
+            TermRole::Denominator => format!("{function} is 0 at"),
+            // A root of 0 is 0, but its slope is not finite.
+            _ if is_root && !becomes_negative(subject, &values, i, &crossing) => {
+                if has_slopes(subject, &crossing.behind) {
+                    continue;
+                }
+                format!("{function} has no finite slope at")
+            }
+            _ => format!("{function} is not defined beyond"),
         };
         let place = format!("plant.expression.{}", term.key);
         let where_it_is = whereabouts(subject, crossing.is_inside);
@@ -89,6 +105,25 @@ fn of_terms(subject: &Subject<'_>, survey: &Survey, terms: &CriticalTerms) -> Ve
         );
     }
     findings
+}
+
+/// Whether a term is negative beyond the place where it becomes 0, and not 0 from there on.
+fn becomes_negative(
+    subject: &Subject<'_>,
+    values: &dyn Fn(&[f64]) -> Vec<f64>,
+    i: usize,
+    crossing: &Crossing,
+) -> bool {
+    let (centre, behind) = (subject.region.centre().joined(), crossing.behind.joined());
+    let further = centre.iter().zip(&behind).map(|(from, to)| to + FURTHER * (to - from)).collect();
+    let wide = subject.region.enlarged(MARGIN);
+    let random = wide.points(subject.experiment.seed).take(POINTS).map(|point| point.joined());
+    std::iter::once(further).chain(random).any(|at: Vec<f64>| values(&at)[i] < 0.0)
+}
+
+/// Whether the derivatives of all rates are finite.
+fn has_slopes(subject: &Subject<'_>, at: &OperatingPoint) -> bool {
+    subject.plant.jacobian(&at.x, &at.u, &[]).iter().all(|slope| slope.is_finite())
 }
 
 /// Whether the rates are huge beside the place, or not finite: a quotient may have a limit.

@@ -10,10 +10,12 @@ mod estimation;
 mod excursions;
 mod finding;
 mod gain;
+mod horizon;
 mod irregularities;
 mod numbers;
 mod references;
 mod region;
+mod rehearsal;
 mod stability;
 mod substeps;
 #[cfg(test)]
@@ -21,28 +23,36 @@ mod tests;
 
 pub use finding::{Finding, Severity};
 
+use super::control::{Rehearsal, rehearse};
+use crate::BenchError;
 use crate::spec::Experiment;
 use numbers::{named, short};
 use pinc_analysis::{HeldPoint, OperatingPoint, Region, SteadyStateSearch};
+use pinc_config::TimeUnit;
 use pinc_ode::DynPlant;
 
 /// One look at a plant and its config.
 type Examination = fn(&Subject<'_>) -> Vec<Finding>;
 
 /// All of them, in the order of their findings.
-const EXAMINATIONS: [Examination; 11] = [
+const EXAMINATIONS: [Examination; 13] = [
     dimensions,
     derivatives::examine,
     irregularities::examine,
     stability::examine,
+    horizon::examine,
     gain::examine,
     references::examine,
     estimation::examine,
     bounds::examine,
+    rehearsal::examine,
     excursions::examine,
     substeps::examine,
     data::examine,
 ];
+
+/// More states, modes or zeros than these are summed up.
+const LISTED: usize = 6;
 
 /// Examines the plant of a config (which is itself valid, or it would not have loaded) on the
 /// training domain, or else within the controller's bounds.
@@ -84,6 +94,8 @@ struct Subject<'a> {
     holds: Vec<HeldPoint>,
     /// The steady state in the middle of the region, if there is one.
     centre: Option<OperatingPoint>,
+    /// The closed loop with an integrator as the model, if the config has one and says T.
+    rehearsal: Option<Result<Rehearsal, BenchError>>,
 }
 
 impl<'a> Subject<'a> {
@@ -94,7 +106,9 @@ impl<'a> Subject<'a> {
         region_name: &'static str,
     ) -> Self {
         let (holds, centre) = (Vec::new(), None);
-        let mut subject = Self { plant, experiment, region, region_name, holds, centre };
+        let loop_of = experiment.control.as_ref().zip(experiment.sample_time_s());
+        let rehearsal = loop_of.map(|(spec, step_s)| rehearse(plant, spec, step_s));
+        let mut subject = Self { plant, experiment, region, region_name, holds, centre, rehearsal };
         subject.holds = subject.held_references();
         subject.centre = subject.search().settle(&subject.region.centre().u);
         subject
@@ -144,6 +158,21 @@ impl<'a> Subject<'a> {
         self.experiment.sample_time_s().unwrap_or(1.0)
     }
 
+    /// A time in s, in the config's unit.
+    fn time(&self, seconds: f64) -> String {
+        TimeUnit::shown(seconds, self.experiment.time_unit)
+    }
+
+    /// A rate in 1/s, or a part of one, in the unit of [`Subject::rate_unit`].
+    fn rate(&self, value: f64) -> String {
+        let unit = self.experiment.time_unit.unwrap_or(TimeUnit::S);
+        numbers::rate(value * unit.seconds())
+    }
+
+    fn rate_unit(&self) -> String {
+        format!("1/{}", self.experiment.time_unit.unwrap_or(TimeUnit::S).name())
+    }
+
     /// The steady states that the plant is to be at, with their names: those of the references, or
     /// else that of the middle.
     fn operating_points(&self) -> Vec<(String, &OperatingPoint)> {
@@ -172,10 +201,23 @@ impl<'a> Subject<'a> {
         places.unwrap_or_default()
     }
 
-    /// Names with values, as a reader needs them.
+    /// Names with values, as a reader needs them; of many states those that are controlled, the first
+    /// and the last.
     fn state(&self, x: &[f64]) -> String {
-        let names = self.plant.states().iter().map(|v| v.name.as_ref());
-        named(names, &self.without_rounding(x, 0))
+        let names: Vec<&str> = self.plant.states().iter().map(|v| v.name.as_ref()).collect();
+        let values = self.without_rounding(x, 0);
+        if names.len() <= LISTED {
+            return named(names.into_iter(), &values);
+        }
+        let controlled = self.controlled();
+        let is_shown = |i: &usize| *i == 0 || *i == names.len() - 1 || controlled.contains(i);
+        let shown: Vec<usize> = (0..names.len()).filter(is_shown).collect();
+        let values: Vec<f64> = shown.iter().map(|&i| values[i]).collect();
+        let text = named(shown.iter().map(|&i| names[i]), &values);
+        match names.len() - shown.len() {
+            0 => text,
+            more => format!("{text} (and {more} more states)"),
+        }
     }
 
     fn input(&self, u: &[f64]) -> String {
@@ -193,12 +235,17 @@ impl<'a> Subject<'a> {
 fn dimensions(subject: &Subject<'_>) -> Vec<Finding> {
     let (states, inputs) = (subject.plant.states(), subject.plant.inputs());
     let list = |what: &str, variables: &[pinc_ode::Variable]| {
-        let with_unit = variables.iter().map(|v| match v.unit.as_ref() {
+        let with_unit = |v: &pinc_ode::Variable| match v.unit.as_ref() {
             "" => v.name.to_string(),
             unit => format!("{} ({unit})", v.name),
-        });
+        };
         let plural = if variables.len() == 1 { "" } else { "s" };
-        let names = with_unit.collect::<Vec<_>>().join(", ");
+        let names = match variables {
+            [first, .., last] if variables.len() > LISTED => {
+                format!("{} to {}", with_unit(first), with_unit(last))
+            }
+            all => all.iter().map(with_unit).collect::<Vec<_>>().join(", "),
+        };
         format!("{} {what}{plural}: {names}", variables.len())
     };
     let text = format!("{}; {}", list("state", states), list("input", inputs));

@@ -36,26 +36,7 @@ pub(super) fn apart(one: f64, other: f64) -> (String, String) {
     (one.to_string(), other.to_string())
 }
 
-/// A time in the unit in which it is a small number.
-pub(super) fn time(seconds: f64) -> String {
-    let (value, unit) = match seconds.abs() {
-        0.0 => (0.0, "s"),
-        t if t < 1e-4 => (seconds * 1e6, "us"),
-        t if t < 0.1 => (seconds * 1e3, "ms"),
-        t if t < 120.0 => (seconds, "s"),
-        t if t < 7200.0 => (seconds / 60.0, "min"),
-        _ => (seconds / 3600.0, "h"),
-    };
-    format!("{} {unit}", three(value))
-}
-
-/// A number with three digits, without an exponent up to a million.
-fn three(value: f64) -> String {
-    let rounded: f64 = format!("{value:.2e}").parse().unwrap_or(value);
-    if rounded.abs() < 1e6 { rounded.to_string() } else { format!("{rounded:e}") }
-}
-
-/// A rate, or a part of one, in 1/s.
+/// A rate, or a part of one.
 pub(super) fn rate(value: f64) -> String {
     if value == 0.0 || (1e-2..1e5).contains(&value.abs()) {
         format!("{value:.4}")

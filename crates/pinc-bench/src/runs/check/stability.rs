@@ -1,7 +1,6 @@
 //! The plant's own modes at its steady states, against the step T, the horizon and the integrators.
 
-use super::numbers::{rate, time};
-use super::{Finding, Subject, short};
+use super::{Finding, LISTED, Subject, short};
 use crate::spec::{ControlSpec, ModelKind};
 use pinc_analysis::{
     Complex, ExplicitMethod, Growth, HeldPoint, OperatingPoint, StateSpace, TimeScales, beyond_knee,
@@ -15,12 +14,6 @@ const STIFF: f64 = 10.0;
 /// is four times as large when it can be answered.
 const MOST_DOUBLINGS: f64 = 2.0;
 
-/// A mode this slow, per step, is an integrator's: rounding leaves its eigenvalue a little off 0.
-const INTEGRATES: f64 = 1e-6;
-
-/// More modes than these are summed up.
-const LISTED: usize = 6;
-
 /// Points between two references, and random points of the region, at which integrators are
 /// examined.
 const BETWEEN: u32 = 8;
@@ -29,6 +22,7 @@ const POINTS: usize = 200;
 pub(super) fn examine(subject: &Subject<'_>) -> Vec<Finding> {
     let mut findings = Vec::new();
     let points = subject.operating_points();
+    let mut found = Vec::new();
     if points.is_empty() {
         let what = format!("no steady state was found in {} or near it", subject.region_name);
         findings.push(Finding::fact("", what));
@@ -49,9 +43,8 @@ pub(super) fn examine(subject: &Subject<'_>) -> Vec<Finding> {
             );
             continue;
         };
-        findings.push(Finding::fact(place.clone(), format!("modes {}", describe(&modes))));
+        findings.push(Finding::fact(place.clone(), format!("modes {}", describe(subject, &modes))));
         if subject.experiment.sample_time_s().is_some() {
-            findings.extend(stiff(subject, &place, &modes));
             let scales = match beyond_knee(subject.plant, point, &subject.region) {
                 Some((i, beside)) => {
                     findings.push(knee(subject, &place, i, &beside));
@@ -61,8 +54,11 @@ pub(super) fn examine(subject: &Subject<'_>) -> Vec<Finding> {
                 None => TimeScales::of(&modes),
             };
             findings.extend(sample_time(subject, &place, &scales));
-            findings.extend(horizon(subject, &scales));
         }
+        found.push((place, modes));
+    }
+    if subject.experiment.sample_time_s().is_some() {
+        findings.extend(stiff(subject, &found));
     }
     if let (Some(control), Some(_)) =
         (&subject.experiment.control, subject.experiment.sample_time_s())
@@ -84,22 +80,22 @@ fn modes(subject: &Subject<'_>, point: &OperatingPoint) -> Option<Vec<Complex>> 
     StateSpace::tangent(subject.plant, point, &[]).map(|tangent| tangent.eigenvalues())
 }
 
-fn describe(modes: &[Complex]) -> String {
-    let fastest = TimeScales::of(modes).fastest;
+fn describe(subject: &Subject<'_>, modes: &[Complex]) -> String {
+    let (fastest, unit) = (TimeScales::of(modes).fastest, subject.rate_unit());
     let one = |mode: &Complex| {
         let imaginary = match mode.im {
             0.0 => String::new(),
-            im if im < 0.0 => format!(" -{}i", rate(-im)),
-            im => format!(" +{}i", rate(im)),
+            im if im < 0.0 => format!(" -{}i", subject.rate(-im)),
+            im => format!(" +{}i", subject.rate(im)),
         };
         let meaning = match Growth::of(*mode, fastest) {
             Growth::Neutral => "neither grows nor decays".to_owned(),
             Growth::Decays { time_constant_s } => {
-                format!("time constant {}", time(time_constant_s))
+                format!("time constant {}", subject.time(time_constant_s))
             }
-            Growth::Grows { doubling_s } => format!("doubles in {}", time(doubling_s)),
+            Growth::Grows { doubling_s } => format!("doubles in {}", subject.time(doubling_s)),
         };
-        format!("{}{imaginary} 1/s ({meaning})", rate(mode.re))
+        format!("{}{imaginary} {unit} ({meaning})", subject.rate(mode.re))
     };
     if modes.len() <= LISTED {
         return modes.iter().map(one).collect::<Vec<_>>().join("; ");
@@ -122,17 +118,31 @@ fn describe(modes: &[Complex]) -> String {
     text
 }
 
-fn stiff(subject: &Subject<'_>, place: &str, modes: &[Complex]) -> Option<Finding> {
-    let (step, scales) = (subject.step_s(), TimeScales::of(modes));
-    let (fastest, slowest) = (scales.fastest, scales.slowest?);
-    if fastest * step <= STIFF || fastest <= STIFF * slowest {
-        return None;
-    }
+/// Whether the modes at some point are far apart and fast against T: of all points that where it is
+/// worst, and only a fact where RK4 has the substeps that it needs.
+fn stiff(subject: &Subject<'_>, found: &[(String, Vec<Complex>)]) -> Option<Finding> {
+    let step = subject.step_s();
+    let is_stiff = |scales: &TimeScales| {
+        let slowest = scales.slowest.unwrap_or(scales.fastest);
+        scales.fastest * step > STIFF && scales.fastest > STIFF * slowest
+    };
+    let all = found.iter().map(|(place, modes)| (place, modes, TimeScales::of(modes)));
+    let stiff = all.filter(|(.., scales)| is_stiff(scales));
+    let (place, modes, scales) = stiff.max_by(|a, b| a.2.fastest.total_cmp(&b.2.fastest))?;
     let what = format!(
         "stiff: the fastest mode times T is {}, and it is {} times as fast as the slowest",
-        short(fastest * step),
-        short(fastest / slowest)
+        short(scales.fastest * step),
+        short(scales.fastest / scales.slowest?)
     );
+    let control = subject.experiment.control.as_ref();
+    let has_enough = |control: &ControlSpec| {
+        let needed = ExplicitMethod::Rk4.stable_substeps(modes, step);
+        control.models.contains(&ModelKind::Rk4)
+            && needed.is_some_and(|n| n <= control.rk4_substeps)
+    };
+    if control.is_some_and(has_enough) {
+        return Some(Finding::fact(place, what));
+    }
     Some(
         Finding::warning(place, what)
             .because(
@@ -149,7 +159,7 @@ fn stiff(subject: &Subject<'_>, place: &str, modes: &[Complex]) -> Option<Findin
 /// What is around a point whose linearization holds for that point alone.
 fn knee(subject: &Subject<'_>, place: &str, i: usize, beside: &OperatingPoint) -> Finding {
     let name = &subject.plant.states()[i].name;
-    let modes = modes(subject, beside).map_or_else(String::new, |modes| describe(&modes));
+    let modes = modes(subject, beside).map_or_else(String::new, |modes| describe(subject, &modes));
     let at = short(beside.x[i]);
     Finding::fact(
         place,
@@ -163,21 +173,27 @@ fn sample_time(subject: &Subject<'_>, place: &str, scales: &TimeScales) -> Optio
     if let Some(doubling) = scales.doubling_s {
         let what = format!(
             "T = {} is {} times the {} in which a deviation doubles",
-            time(step),
+            subject.time(step),
             short(step / doubling),
-            time(doubling)
+            subject.time(doubling)
         );
         return (step > MOST_DOUBLINGS * doubling).then(|| {
             Finding::warning(place, what)
                 .because(
                     "an unstable plant runs away between two inputs: the controller acts too late",
                 )
-                .change(format!("a sample_time_s of {} or less", time(doubling / 5.0)))
+                .change(format!(
+                    "a T of {} or less (model.horizon_s or control.step_s)",
+                    subject.time(doubling / 5.0)
+                ))
         });
     }
     let slowest = scales.slowest?;
-    let what =
-        format!("T = {} is {} times the slowest time constant", time(step), short(slowest * step));
+    let what = format!(
+        "T = {} is {} times the slowest time constant",
+        subject.time(step),
+        short(slowest * step)
+    );
     // What integrates does not settle, however fast the rest is.
     (slowest * step > 3.0 && !scales.is_neutral).then(|| {
         Finding::warning(place, what)
@@ -185,37 +201,11 @@ fn sample_time(subject: &Subject<'_>, place: &str, scales: &TimeScales) -> Optio
                 "the plant has settled at the end of a step: the controller sees steady \
              states and cannot shape the way there",
             )
-            .change(format!("a sample_time_s of {} or less", time(1.0 / slowest)))
-    })
-}
-
-fn horizon(subject: &Subject<'_>, scales: &TimeScales) -> Option<Finding> {
-    let control = subject.experiment.control.as_ref()?;
-    let (rate, scale) = match scales.doubling_s {
-        Some(doubling) => (1.0 / doubling, "the time in which a deviation doubles"),
-        None => (scales.slowest?, "the slowest time constant"),
-    };
-    #[expect(clippy::cast_precision_loss, reason = "a few steps")]
-    let horizon = control.n2 as f64 * subject.step_s();
-    if rate * horizon >= 0.1 || rate * subject.step_s() < INTEGRATES {
-        return None;
-    }
-    let what = format!(
-        "the prediction horizon, {}, is {} of {scale}",
-        time(horizon),
-        short(rate * horizon)
-    );
-    Some(
-        Finding::warning("control.n2", what)
-            .because(
-                "the controller sees too little of what its inputs do, and becomes timid or \
-             short-sighted",
-            )
             .change(format!(
-                "n2 of about {:.0}, or a longer T",
-                (0.5 / (rate * subject.step_s())).ceil()
-            )),
-    )
+                "a T of {} or less (model.horizon_s or control.step_s)",
+                subject.time(1.0 / slowest)
+            ))
+    })
 }
 
 /// The substeps with which an explicit method is stable, at the references and between them, and at
@@ -233,7 +223,9 @@ fn integrator(
         Some(method.stable_substeps(&modes, step).unwrap_or(usize::MAX))
     };
     let mut findings = Vec::new();
-    let along = along_references(subject, control);
+    // Of places that are alike the last is named: a reference rather than a time.
+    let mut along = along_the_loop(subject);
+    along.extend(along_references(subject, control));
     let worst = along.iter().filter_map(|(name, point)| Some((needed(point)?, name, point)));
     if let Some((n, name, point)) = worst.max_by_key(|(n, ..)| *n)
         && n > substeps
@@ -282,6 +274,21 @@ fn integrator(
         findings.push(Finding::fact(key, what));
     }
     findings
+}
+
+/// Where the closed loop with an integrator goes, as far as that is in the region: with too few
+/// substeps it can go anywhere.
+fn along_the_loop(subject: &Subject<'_>) -> Vec<(String, OperatingPoint)> {
+    let Some(Ok(rehearsal)) = &subject.rehearsal else { return Vec::new() };
+    let trace = &rehearsal.trace;
+    let every = trace.len().div_ceil(POINTS);
+    let point = |i: usize| {
+        let (x, u) = (trace.state(i).to_vec(), trace.input(i).to_vec());
+        let name = format!("t = {} of the closed loop", subject.time(trace.times()[i]));
+        (name, OperatingPoint { x, u })
+    };
+    let points = (0..trace.len()).step_by(every.max(1)).map(point);
+    points.filter(|(_, point)| subject.region.contains(point)).collect()
 }
 
 /// The steady states of the references and the ways from one to the next.

@@ -1,7 +1,7 @@
 //! How many substeps of RK4 a step T needs: what a net has to beat.
 
-use super::numbers::time;
 use super::{Finding, Subject, short};
+use crate::spec::ModelKind;
 use pinc_analysis::OneStepSamples;
 
 /// Random points at which integrators are compared.
@@ -34,16 +34,20 @@ pub(super) fn examine(subject: &Subject<'_>) -> Vec<Finding> {
                 .because(
                     "there the equation has no solution over a step, so that no net can learn one",
                 )
-                .change("a smaller domain or a shorter sample_time_s"),
+                .change("a smaller domain or a shorter T"),
         );
     }
     if samples.is_empty() {
         return findings;
     }
-    let shown = SHOWN.map(|n| format!("{n}: {:.1e}", error(subject, &samples, n, false)));
+    let shown = SHOWN.map(|n| format!("{n}: {:.1e}", error(subject, &samples, n)));
     findings.push(Finding::fact(
         "",
-        format!("rms error of one step of RK4 by substeps: {}", shown.join(", ")),
+        format!(
+            "rms error of one step of RK4 over {}, in its widths, by substeps: {}",
+            subject.region_name,
+            shown.join(", ")
+        ),
     ));
     findings.extend(needed(subject, sample_time_s, &samples));
     findings
@@ -52,7 +56,7 @@ pub(super) fn examine(subject: &Subject<'_>) -> Vec<Finding> {
 fn needed(subject: &Subject<'_>, sample_time_s: f64, samples: &OneStepSamples) -> Vec<Finding> {
     let enough = |wanted: f64| {
         let counts = std::iter::successors(Some(1), |n| (n * 2 <= MOST).then_some(n * 2));
-        let mut counts = counts.map(|n| (n, error(subject, samples, n, true)));
+        let mut counts = counts.map(|n| (n, error(subject, samples, n)));
         counts.find(|(_, error)| *error <= wanted).map(|(n, _)| n)
     };
     let found = WANTED.map(enough);
@@ -62,12 +66,13 @@ fn needed(subject: &Subject<'_>, sample_time_s: f64, samples: &OneStepSamples) -
     });
     let fact = format!(
         "T = {}: RK4 has an rms error of {}",
-        time(sample_time_s),
+        subject.time(sample_time_s),
         text.collect::<Vec<_>>().join(", ")
     );
     let mut findings = vec![Finding::fact("", fact)];
-    if let Some(control) = &subject.experiment.control {
-        let error = error(subject, samples, control.rk4_substeps, true);
+    let control = subject.experiment.control.as_ref();
+    if let Some(control) = control.filter(|control| control.models.contains(&ModelKind::Rk4)) {
+        let error = error(subject, samples, control.rk4_substeps);
         if error > 1e-2 || error.is_nan() {
             let (n, enough) = (
                 control.rk4_substeps,
@@ -93,10 +98,8 @@ fn needed(subject: &Subject<'_>, sample_time_s: f64, samples: &OneStepSamples) -
     findings
 }
 
-/// The root of the mean squared error of a step of RK4, in the states' units or in widths of the
-/// region.
-fn error(subject: &Subject<'_>, samples: &OneStepSamples, substeps: usize, in_widths: bool) -> f64 {
-    let scale = |i: usize| if in_widths { subject.region.width(i) } else { 1.0 };
-    let scale: Vec<f64> = (0..subject.region.dims.nx).map(scale).collect();
+/// The root of the mean squared error of a step of RK4, in widths of the region.
+fn error(subject: &Subject<'_>, samples: &OneStepSamples, substeps: usize) -> f64 {
+    let scale: Vec<f64> = (0..subject.region.dims.nx).map(|i| subject.region.width(i)).collect();
     samples.rms_error(&mut *subject.plant.rk4(subject.step_s(), substeps), &scale)
 }

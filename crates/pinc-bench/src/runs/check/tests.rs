@@ -196,8 +196,18 @@ fn steps_and_horizons_against_the_modes() {
     assert!(found.iter().any(change), "{found:?}");
     let found = findings(Test::Damped, &["control.step_s=5.0", "control.duration_s=50.0"]);
     assert_found(&found, Warning, "references[0]", "T = 5 s is 5 times the slowest time constant");
-    let found = findings(Test::Slow, &[]);
-    assert_found(&found, Warning, "control.n2", "2.5 s, is 0.0025 of the slowest time constant");
+    // From 0.5 the input -1 moves x1 by 1.5 (1 - exp(-0.0025)) = 3.746e-3 in 2.5 s; the change is 0.25.
+    let found = findings(Test::Slow, &["control.initial_state=[0.25, 0.5]"]);
+    assert_found(
+        &found,
+        Warning,
+        "control.n2",
+        "2.5 s, the inputs can move x1 by 0.01498 of a change",
+    );
+    // A slow plant whose inputs are strong enough needs no longer horizon.
+    let strong = ["control.input_low=[-100.0]", "control.input_high=[100.0]"];
+    let found = findings(Test::Slow, &strong);
+    assert!(found.iter().all(|f| f.place != "control.n2"), "{found:?}");
 }
 
 #[test]
@@ -259,7 +269,7 @@ fn a_plant_that_breaks_off() {
         ["control.initial_state=[1.9, 0.0]", "control.step_s=2.0", "control.duration_s=20.0"];
     let found = findings(Test::Explosive, &sets);
     assert_found(&found, Warning, "domain", "the plant breaks off within T from");
-    assert_found(&found, Error, "control", "with RK4 as the model");
+    assert_found(&found, Error, "control", "with an integrator as the model");
 }
 
 /// A free run from x1 = 1.9, and scenarios from there on.

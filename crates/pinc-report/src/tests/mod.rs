@@ -1,5 +1,7 @@
 //! The report of synthetic run directories: whole, incomplete and damaged ones.
 
+mod domain;
+
 use crate::error::ReportError;
 use crate::report::{self, FigureFiles};
 use crate::testing::assert_sound;

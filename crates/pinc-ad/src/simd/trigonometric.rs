@@ -1,0 +1,160 @@
+//! Sine and cosine in SIMD lanes.
+
+use crate::simd::Simd;
+
+/// 1.5 * 2^52: adding it rounds a number to an integer.
+const SHIFT: f64 = 6_755_399_441_055_744.0;
+
+/// Beyond it, or where a lane is not a number, the lanes are taken one by one: whole multiples of
+/// the parts of pi/2 up to this angle are exact.
+const LIMIT: f64 = 1e6;
+
+/// pi/2 in three parts of 33 bits each, and the rest.
+const RIGHT_ANGLE: [f64; 4] = [
+    1.570_796_326_734_125_6,
+    6.077_100_506_303_966e-11,
+    2.022_266_248_711_166_5e-21,
+    8.478_427_660_368_9e-32,
+];
+
+/// (sin r - r)/r^3 in powers of r^2 for |r| <= pi/4, to 2^-58. Source: fdlibm, `k_sin.c`.
+const SINE: [f64; 6] = [
+    -0.166_666_666_666_666_32,
+    0.008_333_333_333_322_49,
+    -0.000_198_412_698_298_579_5,
+    2.755_731_370_707_006_8e-6,
+    -2.505_076_025_340_686_3e-8,
+    1.589_690_995_211_55e-10,
+];
+
+/// (cos r - 1 + r^2/2)/r^4 likewise. Source: fdlibm, `k_cos.c`.
+const COSINE: [f64; 6] = [
+    0.041_666_666_666_666_6,
+    -0.001_388_888_888_887_411,
+    2.480_158_728_947_673e-5,
+    -2.755_731_435_139_066_3e-7,
+    2.087_572_321_298_175e-9,
+    -1.135_964_755_778_819_5e-11,
+];
+
+/// The sine, to within 2 units in the last place for angles up to 1e6 and that of the standard
+/// library beyond.
+///
+/// ```text
+/// x = k pi/2 + r, |r| <= pi/4,    sin x = +-sin r or +-cos r, as k mod 4 says
+/// ```
+#[inline(always)]
+pub fn sin<V: Simd>(x: V) -> V {
+    if is_small(x) { reduced(x, 0.0) } else { lanes(x, f64::sin) }
+}
+
+/// The cosine, likewise.
+#[inline(always)]
+pub fn cos<V: Simd>(x: V) -> V {
+    if is_small(x) { reduced(x, 1.0) } else { lanes(x, f64::cos) }
+}
+
+/// Whether all lanes are in the range of [`reduced`].
+#[inline(always)]
+fn is_small<V: Simd>(x: V) -> bool {
+    let beyond = x - x.clamp(LIMIT);
+    (beyond * beyond).sum() == 0.0
+}
+
+/// The sine of x plus some right angles.
+#[inline(always)]
+fn reduced<V: Simd>(x: V, right_angles: f64) -> V {
+    let k = x.mul_add(x.constant(std::f64::consts::FRAC_2_PI), x.constant(SHIFT)) - SHIFT;
+    let mut r = x;
+    for part in RIGHT_ANGLE {
+        r = k.neg_mul_add(x.constant(part), r);
+    }
+    let turned = k + right_angles;
+    // The last two bits of the number of right angles.
+    let half = (turned * 0.5 - 0.25 + SHIFT) - SHIFT;
+    let odd = turned - half * 2.0;
+    let quarter = (half * 0.5 - 0.25 + SHIFT) - SHIFT;
+    let negative = half - quarter * 2.0;
+    let square = r * r;
+    let sine = (square * r).mul_add(polynomial(square, SINE), r);
+    let half_square = square * 0.5;
+    let near = -half_square + 1.0;
+    // What the sum 1 - r^2/2 has lost.
+    let lost = (-near + 1.0) - half_square;
+    let cosine = near + (square * square).mul_add(polynomial(square, COSINE), lost);
+    odd.where_nonpositive(sine, cosine) * (negative * -2.0 + 1.0)
+}
+
+/// By Estrin's scheme.
+#[inline(always)]
+fn polynomial<V: Simd>(z: V, [c0, c1, c2, c3, c4, c5]: [f64; 6]) -> V {
+    let low = z.mul_add(z.constant(c1), z.constant(c0));
+    let middle = z.mul_add(z.constant(c3), z.constant(c2));
+    let high = z.mul_add(z.constant(c5), z.constant(c4));
+    let square = z * z;
+    square.mul_add(square.mul_add(high, middle), low)
+}
+
+/// A function of the standard library, lane by lane.
+#[inline(never)]
+fn lanes<V: Simd>(x: V, f: impl Fn(f64) -> f64) -> V {
+    let mut values = [0.0; 8];
+    x.write(&mut values);
+    x.generate(|lane| f(values[lane]))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::simd::{Isa, Task};
+
+    struct Both(f64);
+
+    impl Task for Both {
+        type Output = [f64; 2];
+        #[inline(always)]
+        fn run<V: Simd>(self, zero: V) -> [f64; 2] {
+            let (mut sine, mut cosine) = ([0.0; 8], [0.0; 8]);
+            sin(zero.constant(self.0)).write(&mut sine);
+            cos(zero.constant(self.0)).write(&mut cosine);
+            [sine[V::LANES - 1], cosine[V::LANES - 1]]
+        }
+    }
+
+    /// Angles of all sizes, and some next to multiples of a right angle.
+    fn angles() -> Vec<f64> {
+        let mut all: Vec<f64> = (-40_000..40_000).map(|i| f64::from(i) * 3.7e-4).collect();
+        all.extend((0..4_000).map(|i| 1.011_f64.powi(i) * 1e-12).filter(|x| *x < 1e9));
+        for k in 0..3_000 {
+            let multiple = f64::from(k * k) * std::f64::consts::FRAC_PI_2;
+            all.extend([multiple, multiple.next_up(), -multiple.next_down()]);
+        }
+        all
+    }
+
+    /// The standard library's are correct to one unit.
+    #[test]
+    fn within_two_units_in_the_last_place() {
+        for isa in Isa::available() {
+            for x in angles() {
+                let [sine, cosine] = isa.dispatch(Both(x));
+                for (found, expected) in [(sine, x.sin()), (cosine, x.cos())] {
+                    let unit = expected.abs().next_up() - expected.abs();
+                    let error = (found - expected).abs();
+                    assert!(error <= 2.0 * unit, "{isa}, {x:e}: {found:e}, {expected:e}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn not_finite_arguments() {
+        for isa in Isa::available() {
+            for x in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
+                assert!(isa.dispatch(Both(x)).iter().all(|y| y.is_nan()), "{isa}, {x}");
+            }
+            let [sine, cosine] = isa.dispatch(Both(0.0));
+            assert!(sine.to_bits() == 0 && cosine.to_bits() == 1.0_f64.to_bits(), "{isa}");
+        }
+    }
+}

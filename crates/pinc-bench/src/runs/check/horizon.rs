@@ -1,0 +1,89 @@
+//! Whether the controller sees what its inputs do: how far they move the controlled states within the
+//! prediction horizon.
+
+use super::{Finding, Subject, short};
+use crate::spec::ControlSpec;
+use pinc_analysis::OperatingPoint;
+use pinc_ode::Dopri5;
+
+/// Local error tolerance: enough to see how far a state moves.
+const TOLERANCE: f64 = 1e-6;
+
+/// The share of a change of the reference that inputs have to be able to make within the horizon.
+const LEAST: f64 = 0.1;
+
+/// What counts as a change where the reference does not change: this share of the region.
+const CHANGE: f64 = 0.05;
+
+pub(super) fn examine(subject: &Subject<'_>) -> Vec<Finding> {
+    let control = subject.experiment.control.as_ref();
+    let Some(control) = control.filter(|_| subject.experiment.sample_time_s().is_some()) else {
+        return Vec::new();
+    };
+    let points = subject.operating_points();
+    let wanted = changes(subject, control);
+    let shares = subject.controlled().into_iter().zip(wanted).map(|(i, wanted)| {
+        let moved = points.iter().map(|(_, point)| movement(subject, control, point, i));
+        (i, moved.fold(f64::NAN, f64::max), wanted)
+    });
+    // What no input moves at all is said where gains are examined.
+    let poor = shares.filter(|(_, moved, wanted)| *moved > 0.0 && *moved < LEAST * wanted);
+    let worst = poor.min_by(|a, b| (a.1 / a.2).total_cmp(&(b.1 / b.2)));
+    worst
+        .map(|(i, moved, wanted)| finding(subject, control, i, moved / wanted))
+        .into_iter()
+        .collect()
+}
+
+#[expect(clippy::cast_precision_loss, reason = "a few steps")]
+fn finding(subject: &Subject<'_>, control: &ControlSpec, i: usize, share: f64) -> Finding {
+    let horizon = control.n2 as f64 * subject.step_s();
+    let name = &subject.plant.states()[i].name;
+    let what = format!(
+        "within the prediction horizon, {}, the inputs can move {name} by {} of a change of its \
+         reference",
+        subject.time(horizon),
+        short(share)
+    );
+    Finding::warning("control.n2", what)
+        .because("the controller sees too little of what its inputs do, and becomes timid")
+        .change(format!(
+            "n2 of about {:.0}, or a longer T",
+            (0.5 / share * control.n2 as f64).ceil()
+        ))
+}
+
+/// The largest change of the reference of each controlled state, from the start of the loop on.
+fn changes(subject: &Subject<'_>, control: &ControlSpec) -> Vec<f64> {
+    let change = |(k, &i): (usize, &usize)| {
+        let mut last = control.initial_state[i];
+        let mut largest = 0.0_f64;
+        for reference in &control.references {
+            largest = largest.max((reference.value[k] - last).abs());
+            last = reference.value[k];
+        }
+        largest.max(CHANGE * subject.region.width(i))
+    };
+    subject.controlled().iter().enumerate().map(change).collect()
+}
+
+/// How far one of the inputs, put to one of its bounds, moves a state from a steady state within the
+/// horizon.
+fn movement(subject: &Subject<'_>, control: &ControlSpec, from: &OperatingPoint, i: usize) -> f64 {
+    let mut largest = 0.0_f64;
+    for j in 0..from.u.len() {
+        for bound in [control.input_low[j], control.input_high[j]] {
+            let (mut x, mut u) = (from.x.clone(), from.u.clone());
+            u[j] = bound;
+            let mut truth = Dopri5::shared(subject.plant.to_shared(), TOLERANCE);
+            for _ in 0..control.n2 {
+                if truth.integrate(&mut x, &u, subject.step_s()).is_err() {
+                    // It ran away.
+                    return f64::INFINITY;
+                }
+                largest = largest.max((x[i] - from.x[i]).abs());
+            }
+        }
+    }
+    largest
+}

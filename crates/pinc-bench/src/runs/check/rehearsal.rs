@@ -1,0 +1,50 @@
+//! How the steps of the closed loop end when an integrator is the model.
+
+use super::{Finding, Subject};
+use pinc_record::{advice, is_failure};
+
+pub(super) fn examine(subject: &Subject<'_>) -> Vec<Finding> {
+    let (Some(control), Some(rehearsal)) = (&subject.experiment.control, &subject.rehearsal) else {
+        return Vec::new();
+    };
+    let rehearsal = match rehearsal {
+        Ok(rehearsal) => rehearsal,
+        Err(error) => {
+            // Only RK4 has not been asked for where no integrator is in the config.
+            return vec![
+                Finding::error("control", format!("with an integrator as the model: {error}"))
+                    .because(
+                        "a controller that fails with the plant's own equation will not work \
+                         with a net",
+                    )
+                    .change(
+                        "other bounds, references or a shorter T; more rk4_substeps if the \
+                         equation is stiff",
+                    ),
+            ];
+        }
+    };
+    let (model, steps) = (rehearsal.model.title(), rehearsal.status.values().sum::<usize>());
+    let failures = || rehearsal.status.iter().filter(|(status, _)| is_failure(status));
+    let failed: usize = failures().map(|(_, steps)| steps).sum();
+    let Some((worst, _)) = failures().max_by_key(|(_, steps)| **steps) else {
+        let what = format!("all {steps} steps of the closed loop with {model} succeed");
+        return vec![Finding::fact("control", what)];
+    };
+    let what = format!(
+        "{failed} of {steps} steps of the closed loop with {model} fail, most with the status {worst}"
+    );
+    #[expect(clippy::cast_precision_loss, reason = "no loop has 2^53 steps")]
+    let share = failed as f64 / steps as f64;
+    if share <= control.max_failed_share {
+        return vec![Finding::fact("control", what)];
+    }
+    vec![
+        Finding::warning("control", what)
+            .because(
+                "a step that fails follows the plan of the step before, or none: what the loop does \
+                 then says little of the model",
+            )
+            .change(advice(worst)),
+    ]
+}

@@ -1,0 +1,83 @@
+//! The one model that a controller outside of a run works with.
+
+use super::{LoopSetup, read_matching_model};
+use crate::BenchError;
+use pinc_config::{ControlSpec, Experiment, ModelKind};
+use pinc_net::PincNet;
+use pinc_ode::DynPlant;
+use std::path::Path;
+
+/// The controller of a config, with one of its models.
+pub(super) struct Chosen<'e> {
+    pub(super) spec: &'e ControlSpec,
+    pub(super) kind: ModelKind,
+    /// The content of the model file with its net, where that is the model.
+    pub(super) given: Option<(Vec<u8>, PincNet)>,
+    pub(super) sample_time_s: f64,
+    /// The plant that the model is of, and the p of the model.
+    pub(super) plant: Box<dyn DynPlant>,
+    pub(super) parameters: Vec<f64>,
+    truth: Box<dyn DynPlant>,
+}
+
+impl<'e> Chosen<'e> {
+    /// The model that `only` names, or else the net of the file `model` if one is given, or else
+    /// the config's first.
+    pub(super) fn of(
+        experiment: &'e Experiment,
+        model: Option<&Path>,
+        only: Option<ModelKind>,
+        command: &'static str,
+    ) -> Result<Self, BenchError> {
+        let name = || experiment.name.clone();
+        let missing = |section| BenchError::MissingSection { name: name(), section, command };
+        let spec = experiment.control.as_ref().ok_or_else(|| missing("control"))?;
+        if spec.estimator.is_some() {
+            return Err(BenchError::WithEstimator { name: name(), command });
+        }
+        let first = spec.models.first().copied().unwrap_or(ModelKind::Rk4);
+        let kind = only.unwrap_or(if model.is_some() { ModelKind::Pinc } else { first });
+        if !spec.models.contains(&kind) {
+            return Err(BenchError::MissingModel { name: name(), model: kind.name() });
+        }
+        let given = match (kind, model) {
+            (ModelKind::Pinc, None) => {
+                return Err(BenchError::NoModelFile { name: name(), command });
+            }
+            (ModelKind::Pinc, Some(path)) => Some(read_matching_model(experiment, path)?),
+            _ => None,
+        };
+        // Of a family, a net is taken for the member that the config names; an integrator is asked for
+        // it at each call.
+        let values = experiment.model_parameters();
+        let (given, varying, parameters) = match given {
+            Some((bytes, net)) => (Some((bytes, net.member(&values))), Vec::new(), Vec::new()),
+            None => (None, experiment.varying(), values),
+        };
+        let of_net = given.as_ref().map(|(_, net)| net.sample_time_s());
+        let sample_time_s = experiment.sample_time_s().or(of_net);
+        let sample_time_s = sample_time_s.ok_or_else(|| missing("model"))?;
+        let plant = experiment.plant.family(&varying);
+        let truth = experiment.plant.dyn_plant();
+        Ok(Self { spec, kind, given, sample_time_s, plant, parameters, truth })
+    }
+
+    /// The net, where that is the model.
+    pub(super) fn net(&self) -> Option<&PincNet> {
+        self.given.as_ref().map(|(_, net)| net)
+    }
+
+    /// What a closed loop with it works from.
+    pub(super) fn setup(&self) -> LoopSetup<'_> {
+        LoopSetup {
+            spec: self.spec,
+            kinds: std::slice::from_ref(&self.kind),
+            net: self.net(),
+            sample_time_s: self.sample_time_s,
+            seed: 0,
+            parameters: &self.parameters,
+            estimated: &[],
+            truth: &*self.truth,
+        }
+    }
+}

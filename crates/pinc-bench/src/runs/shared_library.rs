@@ -1,0 +1,43 @@
+//! The binary of an FMU, by the machine's C compiler.
+
+use crate::BenchError;
+use pinc_export::{GeneratedFile, Name};
+use pinc_record::{RecordError, read_file};
+use std::fs;
+use std::process::Command;
+
+/// Where FMI 2.0 wants the binary of this machine, if it has a name for it.
+const PLATFORM: Option<(&str, &str)> = if cfg!(all(target_os = "linux", target_arch = "x86_64")) {
+    Some(("linux64", "so"))
+} else {
+    None
+};
+
+/// The shared library of the C files among the content of an FMU; none on other machines, and where
+/// there is no compiler `cc`: the FMU then has its sources only.
+pub(super) fn shared_library(
+    content: &[GeneratedFile],
+    name: &Name,
+) -> Result<Option<GeneratedFile>, BenchError> {
+    let Some((platform, ending)) = PLATFORM else { return Ok(None) };
+    let dir = tempfile::tempdir().map_err(RecordError::unwritable(&std::env::temp_dir()))?;
+    let dir = dir.path();
+    let mut command = Command::new("cc");
+    command.args(["-std=c99", "-O2", "-shared", "-fPIC", "-fvisibility=hidden"]);
+    for file in content.iter().filter_map(|file| Some((file.path.strip_prefix("sources/")?, file)))
+    {
+        let path = dir.join(file.0);
+        fs::write(&path, &file.1.bytes).map_err(RecordError::unwritable(&path))?;
+        if file.0.ends_with(".c") {
+            command.arg(file.0);
+        }
+    }
+    let binary = format!("{}.{ending}", name.as_str());
+    let ended = command.args(["-lm", "-o", &binary]).current_dir(dir).output();
+    if !ended.is_ok_and(|output| output.status.success()) {
+        tracing::warn!("no binary in the FMU: the C compiler `cc` is missing or failed");
+        return Ok(None);
+    }
+    let bytes = read_file(&dir.join(&binary))?;
+    Ok(Some(GeneratedFile { path: format!("binaries/{platform}/{binary}"), bytes }))
+}

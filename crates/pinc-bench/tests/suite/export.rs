@@ -1,0 +1,215 @@
+//! `pinc export`: what is written compiles, and does what `pinc control` does.
+
+use crate::closed::Closed;
+use crate::common::{Outcome, outcome, pinc, repository, smoke};
+use pinc_config::ModelKind;
+use std::fmt::Write as _;
+use std::fs;
+use std::path::Path;
+use std::process::{Command, Stdio};
+
+/// Reads a state and a reference per step, and writes the input and the status.
+const DRIVER: &str = r#"
+#include "loop_mpc.h"
+#include <stdio.h>
+static loop_mpc m;
+static int read(double *to, int count)
+{
+    int i;
+    for (i = 0; i < count; i++) {
+        if (scanf("%lf", &to[i]) != 1) {
+            return 0;
+        }
+    }
+    return 1;
+}
+int main(void)
+{
+    double x[LOOP_NX], reference[LOOP_N2 * LOOP_NY], u[LOOP_NU];
+    loop_mpc_init(&m);
+    while (read(x, LOOP_NX) && read(reference, LOOP_N2 * LOOP_NY)) {
+        const loop_status status = loop_mpc_step(&m, x, reference, u);
+        int i;
+        for (i = 0; i < LOOP_NU; i++) {
+            printf("%.17g ", u[i]);
+        }
+        printf("%s\n", loop_status_name(status));
+    }
+    return 0;
+}
+"#;
+
+fn export(arguments: &[&str], dir: &Path) -> Outcome {
+    outcome(pinc(&["export", "--to", "c"]).args(arguments).current_dir(dir))
+}
+
+#[track_caller]
+fn fine(outcome: &Outcome) {
+    assert_eq!(outcome.code, Some(0), "{outcome:?}");
+}
+
+/// Compiles all C files of a directory but those that end in one of `without`.
+#[track_caller]
+fn compile(dir: &Path, without: &str) {
+    let names = fs::read_dir(dir).unwrap().map(|entry| entry.unwrap().file_name());
+    let names = names.filter_map(|name| name.into_string().ok());
+    let sources = names.filter(|name| name.ends_with(".c") && !name.ends_with(without));
+    let mut command = Command::new("cc");
+    command.args(["-std=c99", "-O1"]).args(sources).args(["-lm", "-o", "program"]);
+    fine(&outcome(command.current_dir(dir)));
+}
+
+/// What the program in `dir` writes, line by line, for this input.
+fn drive(dir: &Path, input: String) -> Vec<String> {
+    let mut command = Command::new(dir.join("program"));
+    let child = command.stdin(Stdio::piped()).stdout(Stdio::piped()).spawn();
+    let mut child = child.unwrap();
+    let mut stdin = child.stdin.take().unwrap();
+    let writer = std::thread::spawn(move || {
+        std::io::Write::write_all(&mut stdin, input.as_bytes()).unwrap();
+    });
+    let output = child.wait_with_output().unwrap();
+    writer.join().unwrap();
+    String::from_utf8(output.stdout).unwrap().lines().map(str::to_owned).collect()
+}
+
+/// The exported controller is given the states of the loop that `pinc control` ran, and chooses the
+/// same inputs with the same statuses.
+#[track_caller]
+fn assert_same_loop(config: &Path, kind: ModelKind, more: &[&str], model: &[&str]) -> usize {
+    let dir = tempfile::tempdir().unwrap();
+    let dir = dir.path();
+    let given = [more, model].concat();
+    let closed = Closed::run(dir, config, kind, &given);
+    let mut command = pinc(&["export", "--to", "c", "--name", "loop", "--out", "c", "--only"]);
+    command.arg(kind.name()).arg(config).args(&given).current_dir(dir);
+    fine(&outcome(&mut command));
+    let sources = dir.join("c");
+    fs::write(sources.join("driver.c"), DRIVER).unwrap();
+    compile(&sources, "_selftest.c");
+    let mut input = String::new();
+    for (k, x) in closed.states.iter().enumerate() {
+        for v in x.iter().chain(&closed.reference(k).concat()) {
+            let _ = writeln!(input, "{v:?}");
+        }
+    }
+    let lines = drive(&sources, input);
+    assert_eq!(lines.len(), closed.steps.len());
+    for (k, (line, step)) in lines.iter().zip(&closed.steps).enumerate() {
+        let (numbers, status) = line.rsplit_once(' ').unwrap();
+        assert_eq!(status, step.status, "step {k}");
+        let found = numbers.split_whitespace().map(|v| v.parse::<f64>().unwrap());
+        for (found, expected) in found.zip(&closed.inputs[k]) {
+            assert!((found - expected).abs() < 1e-8, "step {k}: {found} {expected}");
+        }
+    }
+    lines.len()
+}
+
+#[test]
+fn the_oscillators_loop_in_c_is_that_of_the_program() {
+    let config = repository("configs/van-der-pol/control.toml");
+    assert_eq!(assert_same_loop(&config, ModelKind::Rk4, &[], &[]), 120);
+    // Weighted differences of inputs.
+    let released = ["--set", "preset=\"as-released\"", "--set", "control.duration_s=20.0"];
+    assert_eq!(assert_same_loop(&config, ModelKind::Rk4, &released, &[]), 40);
+}
+
+#[test]
+fn the_tanks_loop_in_c_is_that_of_the_program() {
+    let config = repository("configs/four-tanks/control.toml");
+    assert_eq!(assert_same_loop(&config, ModelKind::Rk4, &[], &[]), 240);
+}
+
+/// A controller with a trained net, which is trained once.
+#[test]
+fn a_loop_with_a_net_in_c_is_that_of_the_program() {
+    let dir = tempfile::tempdir().unwrap();
+    let config = dir.path().join("smoke.toml");
+    fs::write(&config, smoke()).unwrap();
+    let trained =
+        pinc(&["train", "smoke.toml", "--quiet", "--out", "net"]).current_dir(dir.path()).status();
+    assert!(trained.unwrap().success());
+    let model = dir.path().join("net/model.safetensors");
+    let model = ["--model", model.to_str().unwrap()];
+    assert_eq!(assert_same_loop(&config, ModelKind::Pinc, &[], &model), 10);
+    // Increments so small that bounds on states cannot be met.
+    let slow = ["--set", "control.increment_high=[0.1]", "--set", "control.max_failed_share=1.0"];
+    assert_eq!(assert_same_loop(&config, ModelKind::Pinc, &slow, &model), 10);
+}
+
+#[test]
+fn an_exported_net_passes_its_self_test() {
+    let dir = tempfile::tempdir().unwrap();
+    let model = repository("crates/pinc-bench/tests/data/model.safetensors");
+    let exported = export(&["--model", model.to_str().unwrap()], dir.path());
+    fine(&exported);
+    assert_eq!(exported.stdout.trim(), "exports/model-c");
+    let out = dir.path().join("exports/model-c");
+    compile(&out, "none");
+    let lines = drive(&out, String::new());
+    assert!(lines[0].starts_with("model: 12 cases"), "{lines:?}");
+    assert!(fs::read_to_string(out.join("README.md")).unwrap().contains("model_net_step"));
+}
+
+#[test]
+fn what_cannot_be_exported_is_refused() {
+    let dir = tempfile::tempdir().unwrap();
+    let config = |name: &str| repository(name).to_str().unwrap().to_owned();
+    let refused = |arguments: &[&str], parts: &[&str]| {
+        export(arguments, dir.path()).assert_refused(parts);
+        assert!(!dir.path().join("exports").exists());
+    };
+    let car = config("configs/costly/car.toml");
+    refused(&[&car, "--only", "rk4"], &["single-track-car", "van-der-pol"]);
+    let oscillator = config("configs/van-der-pol/control.toml");
+    let method = "control.sqp.qp=\"clarabel\"";
+    refused(&[&oscillator, "--only", "rk4", "--set", method], &["QP method", "condensed"]);
+    let real_time = "control.sqp.real_time=true";
+    refused(&[&oscillator, "--only", "rk4", "--set", real_time], &["real-time"]);
+    refused(&[&oscillator, "--only", "rk5"], &["control.models does not contain `rk5`"]);
+    refused(&[&oscillator], &["--model FILE"]);
+    refused(&[&oscillator, "--only", "rk4", "--name", "2nd"], &["`2nd`", "a letter"]);
+    let training = config("configs/van-der-pol/training.toml");
+    refused(&[&training, "--only", "rk4"], &["[control]", "pinc export"]);
+    refused(&["--model", "none.safetensors"], &["none.safetensors", "cannot be read"]);
+}
+
+/// Every target writes its files; FMUs are archives with sources and, where this machine can make one,
+/// a binary.
+#[test]
+fn all_targets_are_written() {
+    let dir = tempfile::tempdir().unwrap();
+    let model = repository("crates/pinc-bench/tests/data/model.safetensors");
+    let config = repository("configs/van-der-pol/control.toml");
+    let (model, config) = (model.to_str().unwrap(), config.to_str().unwrap());
+    let export = |arguments: &[&str]| {
+        let mut command = pinc(&["export", "--name", "it", "--out", "out", "--to"]);
+        outcome(command.args(arguments).current_dir(dir.path()))
+    };
+    let read = |file: &str| fs::read(dir.path().join("out").join(file)).unwrap();
+    let contains = |bytes: &[u8], part: &str| {
+        bytes.windows(part.len()).any(|window| window == part.as_bytes())
+    };
+    fine(&export(&["casadi", "--model", model]));
+    assert!(contains(&read("it_casadi.c"), "jac_jac_it"));
+    fine(&export(&["onnx", "--model", model]));
+    let single = read("it.onnx");
+    fine(&export(&["onnx", "--model", model, "--double"]));
+    // 80 weights and biases with four bytes more.
+    assert!(read("it.onnx").len() >= single.len() + 320);
+    for arguments in [
+        &["fmu", "--model", model][..],
+        &["fmu", config, "--only", "rk4"],
+        &["fmu", config, "--plant"],
+    ] {
+        fine(&export(arguments));
+        let fmu = read("it.fmu");
+        assert!(fmu.starts_with(b"PK"));
+        let binary = cfg!(all(target_os = "linux", target_arch = "x86_64"));
+        assert_eq!(contains(&fmu, "binaries/linux64/it.so"), binary, "{arguments:?}");
+        assert!(contains(&fmu, "sources/it_fmu.c") && contains(&fmu, "canHandleVariable"));
+    }
+    export(&["onnx", config, "--only", "rk4"]).assert_refused(&["--to onnx", "takes a net"]);
+    export(&["casadi", config, "--plant"]).assert_refused(&["--to casadi", "takes no plant"]);
+}

@@ -1,0 +1,163 @@
+//! `pinc serve`: the controller as a process.
+
+use crate::closed::Closed;
+use crate::common::{outcome, pinc, repository};
+use pinc_config::ModelKind;
+use serde_json::{Value, json};
+use std::io::{BufRead, BufReader, Write};
+use std::path::Path;
+use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
+
+/// A server, line by line.
+struct Served {
+    child: Child,
+    input: ChildStdin,
+    output: BufReader<ChildStdout>,
+}
+
+impl Served {
+    fn new(config: &Path, more: &[&str]) -> Self {
+        let mut command = pinc(&["serve", "--only", "rk4"]);
+        command.arg(config).args(more).stdin(Stdio::piped()).stdout(Stdio::piped());
+        let mut child = command.spawn().unwrap();
+        let (input, output) = (child.stdin.take().unwrap(), child.stdout.take().unwrap());
+        Self { child, input, output: BufReader::new(output) }
+    }
+
+    fn ask_bytes(&mut self, line: &[u8]) -> Value {
+        self.input.write_all(line).unwrap();
+        self.input.write_all(b"\n").unwrap();
+        let mut answer = String::new();
+        self.output.read_line(&mut answer).unwrap();
+        serde_json::from_str(&answer).unwrap()
+    }
+
+    fn ask(&mut self, request: &Value) -> Value {
+        self.ask_bytes(request.to_string().as_bytes())
+    }
+
+    /// The input that a request is answered with.
+    #[track_caller]
+    fn input(&mut self, request: &Value) -> f64 {
+        let answer = self.ask(request);
+        answer["u"][0].as_f64().unwrap_or_else(|| panic!("{request}: {answer}"))
+    }
+
+    #[track_caller]
+    fn refuses(&mut self, line: &[u8], part: &str) {
+        let answer = self.ask_bytes(line);
+        let error = answer["error"].as_str().unwrap();
+        assert!(error.contains(part), "{part}: {error}");
+        assert!(answer.get("u").is_none());
+    }
+
+    /// Ends the input; the program ends by itself.
+    fn end(self) {
+        let Self { mut child, input, .. } = self;
+        drop(input);
+        assert!(child.wait().unwrap().success());
+    }
+}
+
+/// Given the states of the loop that `pinc control` ran, it chooses the same inputs; with the
+/// references on the lines and without.
+#[test]
+fn the_served_controller_is_that_of_the_loop() {
+    let dir = tempfile::tempdir().unwrap();
+    let config = repository("configs/van-der-pol/control.toml");
+    let short = ["--set", "control.duration_s=20.0"];
+    let closed = Closed::run(dir.path(), &config, ModelKind::Rk4, &short);
+    for with_reference in [false, true] {
+        let mut served = Served::new(&config, &short);
+        for (k, x) in closed.states.iter().enumerate() {
+            let mut request = json!({ "y": x });
+            if with_reference {
+                request["reference"] = json!(closed.reference(k));
+            }
+            let answer = served.ask(&request);
+            assert_eq!(answer["status"], closed.steps[k].status.as_str(), "{answer}");
+            assert_eq!(answer["x"], json!(x));
+            assert!(answer["step_us"].as_f64().is_some(), "{answer}");
+            let u = answer["u"][0].as_f64().unwrap();
+            assert!((u - closed.inputs[k][0]).abs() < 1e-12, "step {k}: {u}");
+        }
+        served.end();
+    }
+}
+
+#[test]
+fn bad_lines_are_answered_and_change_nothing() {
+    let config = repository("configs/van-der-pol/control.toml");
+    let mut served = Served::new(&config, &[]);
+    let mut other = Served::new(&config, &[]);
+    let good = json!({ "y": [0.5, 0.1] });
+    assert!(served.input(&good).total_cmp(&other.input(&good)).is_eq());
+    for (line, part) in [
+        (&b""[..], "expected"),
+        (b"hello", "expected {\"y\""),
+        (b"{\"y\": [0.1, 0.2]", "EOF"),
+        (b"{\"y\": [0.1]}", "y: 1 numbers given, expected 2"),
+        (b"{\"y\": [0.1, 1e999]}", "out of range"),
+        (b"{\"y\": [0.1, null]}", "null"),
+        (b"{\"x\": [0.1, 0.2]}", "unknown field `x`"),
+        (b"{\"u_applied\": [0.1]}", "missing field `y`"),
+        (b"{\"y\": [0.1, 0.2], \"reference\": [0.1]}", "reference: 1 numbers given, expected 2"),
+        (b"{\"y\": [0.1, 0.2], \"reference\": [[0.1, 0.2]]}", "1 rows given, expected"),
+        (b"{\"y\": [0.1, 0.2], \"reference\": \"up\"}", "expected"),
+        (b"{\"y\": [0.1, 0.2], \"u_applied\": [0.1, 0.2]}", "u_applied: 2 numbers given"),
+        (b"\xff\xfe{}", "expected"),
+    ] {
+        served.refuses(line, part);
+    }
+    let next = json!({ "y": [0.4, -0.1] });
+    assert!(served.input(&next).total_cmp(&other.input(&next)).is_eq());
+    served.end();
+    other.end();
+}
+
+#[test]
+fn the_applied_input_and_the_reference_count() {
+    let config = repository("configs/van-der-pol/control.toml");
+    let answers = [
+        json!({ "y": [0.4, 0.2] }),
+        json!({ "y": [0.4, 0.2], "u_applied": [1.0] }),
+        json!({ "y": [0.4, 0.2], "reference": [0.8, 0.0] }),
+    ];
+    let inputs = answers.map(|request| {
+        let mut served = Served::new(&config, &[]);
+        served.input(&json!({ "y": [0.5, 0.1] }));
+        let u = served.input(&request);
+        served.end();
+        u
+    });
+    // What was applied is not left fast, since changes are weighted; the reference is above.
+    assert!(inputs[1] > inputs[0] + 0.05, "{inputs:?}");
+    assert!(inputs[2] > inputs[0] + 0.1, "{inputs:?}");
+}
+
+#[test]
+fn what_cannot_be_served_is_refused() {
+    let config = repository("configs/van-der-pol/control.toml");
+    let refused = |arguments: &[&str], part: &str| {
+        let mut command = pinc(&["serve"]);
+        outcome(command.arg(&config).args(arguments)).assert_refused(&[part]);
+    };
+    refused(&[], "--model FILE");
+    refused(&["--only", "rosenbrock"], "control.models");
+    refused(&["--model", "none.safetensors"], "none.safetensors");
+}
+
+/// The example client closes the loop with its own simulator, where there is a Python to run it.
+#[test]
+fn the_example_client_closes_the_loop() {
+    let python = Command::new("python3").arg("--version").output();
+    if !python.is_ok_and(|version| version.status.success()) {
+        return;
+    }
+    let client = repository("examples/serve-client/client.py");
+    let mut command = Command::new("python3");
+    command.arg(client).arg(env!("CARGO_BIN_EXE_pinc")).current_dir(repository("."));
+    let ended = outcome(&mut command);
+    assert_eq!(ended.code, Some(0), "{ended:?}");
+    assert!(ended.stdout.contains("40 steps, 40 converged"), "{ended:?}");
+}

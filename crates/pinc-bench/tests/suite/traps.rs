@@ -1,0 +1,257 @@
+//! Plants that a net cannot learn in a part of its domain: `pinc check` names the reason, and a training
+//! the place; and plants that only look hard in their units.
+
+use crate::common::{outcome, pinc, repository};
+use pinc_bench::{Finding, Severity, check};
+use pinc_config::{Experiment, Plants};
+
+fn trap(name: &str, sets: &[&str]) -> Vec<Finding> {
+    let sets: Vec<_> = sets.iter().map(|set| (*set).to_owned()).collect();
+    let path = repository("crates/pinc-bench/tests/data/traps").join(name);
+    check(&Experiment::load(&path, &sets, &Plants::built_in()).unwrap())
+}
+
+fn warnings(findings: &[Finding]) -> Vec<String> {
+    let serious = findings.iter().filter(|f| f.severity != Severity::Fact);
+    serious.map(ToString::to_string).collect()
+}
+
+/// The one warning, which has all of `parts`.
+#[track_caller]
+fn assert_warns(findings: &[Finding], parts: &[&str]) {
+    let found = warnings(findings);
+    let [warning] = &found[..] else { panic!("{found:?}") };
+    assert!(parts.iter().all(|part| warning.contains(part)), "no {parts:?} in {warning}");
+}
+
+const GUARDED: &str = "plant.expression.let.s=\"max(S, 0)\"";
+
+#[test]
+fn a_pole_is_warned_of_until_it_is_guarded() {
+    let found = trap("chemostat.toml", &[]);
+    assert_warns(&found, &["let.mu", "s + 0.1 is 0 at", "just outside", "write max(S, 0) for S"]);
+    assert_eq!(warnings(&trap("chemostat.toml", &[GUARDED])), [""; 0]);
+}
+
+#[test]
+fn a_kink_is_warned_of_until_it_is_smooth() {
+    let found = trap("valve.toml", &[]);
+    assert_warns(&found, &["the derivative of x' jumps at", "u = 0.3", "let.open", "smooth"]);
+    let smooth = "plant.expression.let.open=\"(u - 0.3 + sqrt((u - 0.3)^2 + 0.02^2))/2\"";
+    assert_eq!(warnings(&trap("valve.toml", &[smooth])), [""; 0]);
+}
+
+#[test]
+fn the_end_of_a_root_is_warned_of_until_it_has_a_slope() {
+    let found = trap("outflow.toml", &[]);
+    assert_warns(&found, &["sqrt(h) is not defined beyond h = 0", "write max(h, 0.02) for h"]);
+    let level =
+        |text: &str| trap("outflow.toml", &[&format!("plant.expression.let.level=\"{text}\"")]);
+    // Defined below 0, but with an infinite slope at 0.
+    assert_warns(&level("max(h, 0)"), &["sqrt(max(h, 0)) has no finite slope at h = 0"]);
+    assert_eq!(warnings(&level("max(h, 0.02)")), [""; 0]);
+    assert_eq!(warnings(&level("h + 1")), [""; 0]);
+}
+
+#[test]
+fn a_net_trained_all_the_same_is_warned_of_with_place_and_size() {
+    let dir = tempfile::tempdir().unwrap();
+    let config = repository("crates/pinc-bench/tests/data/traps/chemostat.toml");
+    let train = |name: &str, sets: &[&str]| {
+        let out = dir.path().join(name);
+        let mut command = pinc(&["train".as_ref(), config.as_os_str(), "--quiet".as_ref()]);
+        sets.iter().for_each(|set| drop(command.args(["--set", set])));
+        let outcome = outcome(command.arg("--out").arg(&out));
+        assert_eq!(outcome.code, Some(0), "{outcome:?}");
+        let read = |file: &str| std::fs::read_to_string(out.join(file)).unwrap();
+        let metrics: serde_json::Value = serde_json::from_str(&read("metrics.json")).unwrap();
+        let points = read("domain-error.csv").lines().count();
+        (outcome.stdout, read("report.html"), metrics["validation"]["domain_error"].clone(), points)
+    };
+    let (table, report, error, points) = train("trap", &[]);
+    let number = |of: &serde_json::Value, key: &str| of[key].as_f64().unwrap();
+    assert!(number(&error, "max") > 0.1 && number(&error, "share_off") > 0.01, "{error}");
+    assert!(number(&error, "rms") <= number(&error, "max"), "{error}");
+    // Where the substrate nearly runs out.
+    assert!(error["max_at"]["x"][1].as_f64().unwrap() < 0.6, "{error}");
+    assert_eq!(error["max_at"]["u"].as_array().unwrap().len(), 1);
+    for substeps in ["1", "2", "4"] {
+        assert!(number(&error["rk4"], substeps) > 0.0, "{error}");
+    }
+    for said in ["warning: The net is wrong in a part of its domain", "worst at X = ", "; D = "] {
+        assert!(table.contains(said), "no {said} in {table}");
+    }
+    assert!(
+        table.contains("one step in validation.domain") && table.contains("one step in [domain]")
+    );
+    assert!(report.contains("The net is wrong in a part of its domain"));
+    assert!(report.contains("<section id=\"domain-error\">"));
+    assert_eq!(points, 1 + 1024);
+    let (table, report, error, _) = train("guarded", &[GUARDED]);
+    assert!(number(&error, "max") < 1e-2, "{error}");
+    assert!(!table.contains("warning") && !report.contains("is wrong in a part"), "{table}");
+}
+
+/// A magnet that holds a ball; lengths in units of 1/`per_m` m, times in units of 1/`per_s` s.
+fn maglev(per_m: f64, per_s: f64) -> Vec<Finding> {
+    let gap = |m: f64| m * per_m;
+    let speed = |m: f64| m * per_m / per_s;
+    let text = format!(
+        r#"
+        name = "maglev"
+        preset = "ours"
+        seed = 1
+        [plant.expression]
+        states = ["gap", "v", "i"]
+        inputs = ["u"]
+        [plant.expression.parameters]
+        m = {per_m:?}
+        s = {per_s:?}
+        [plant.expression.derivatives]
+        gap = "v"
+        v = "(9.81 - 6.53e-5/0.068*(i*m/gap)^2)*m/s^2"
+        i = "(u - 10*i)/(0.41*s)"
+        [domain]
+        state_low = [{:?}, {:?}, 0.2]
+        state_high = [{:?}, {:?}, 3.0]
+        input_low = [0.0]
+        input_high = [30.0]
+        [control]
+        models = ["rk4"]
+        step_s = {:?}
+        duration_s = {:?}
+        initial_state = [{:?}, 0.0, 1.314]
+        controlled = ["gap", "v", "i"]
+        q = [{:?}, {:?}, 0.01]
+        r = [0.01]
+        n2 = 10
+        nu = 10
+        state_low = [{:?}, {:?}, 0.2]
+        state_high = [{:?}, {:?}, 3.0]
+        input_low = [0.0]
+        input_high = [30.0]
+        references = [
+            {{ start_s = 0.0, value = [{:?}, 0.0, 1.314] }},
+            {{ start_s = {:?}, value = [{:?}, 0.0, 1.0107] }},
+        ]
+        "#,
+        gap(0.007),
+        speed(-0.3),
+        gap(0.02),
+        speed(0.3),
+        0.005 * per_s,
+        0.2 * per_s,
+        gap(0.013),
+        1e6 / (per_m * per_m),
+        10.0 * (per_s / per_m).powi(2),
+        gap(0.007),
+        speed(-0.3),
+        gap(0.02),
+        speed(0.3),
+        gap(0.013),
+        0.1 * per_s,
+        gap(0.01),
+    );
+    check(&Experiment::parse("maglev.toml".as_ref(), &text, &[], &Plants::built_in()).unwrap())
+}
+
+/// Two tanks, one below the other; levels in units of 1/`scale` cm.
+fn tanks(scale: f64) -> Vec<Finding> {
+    let text = format!(
+        r#"
+        name = "tanks"
+        preset = "ours"
+        seed = 1
+        [plant.expression]
+        states = ["a", "b"]
+        inputs = ["u"]
+        [plant.expression.parameters]
+        cm = {scale:?}
+        [plant.expression.derivatives]
+        a = "(0.3*u - 0.2*sqrt(a/cm))*cm"
+        b = "(0.2*sqrt(a/cm) - 0.2*sqrt(b/cm))*cm"
+        [domain]
+        state_low = [{:?}, {:?}]
+        state_high = [{:?}, {:?}]
+        input_low = [0.0]
+        input_high = [5.0]
+        [control]
+        models = ["rk4"]
+        step_s = 5.0
+        duration_s = 200.0
+        initial_state = [{:?}, {:?}]
+        controlled = ["b"]
+        q = [{:?}]
+        r = [0.1]
+        n2 = 10
+        nu = 5
+        state_low = [{:?}, {:?}]
+        state_high = [{:?}, {:?}]
+        input_low = [0.0]
+        input_high = [5.0]
+        references = [
+            {{ start_s = 0.0, value = [{:?}] }},
+            {{ start_s = 100.0, value = [{:?}] }},
+        ]
+        "#,
+        4.0 * scale,
+        4.0 * scale,
+        30.0 * scale,
+        30.0 * scale,
+        9.0 * scale,
+        9.0 * scale,
+        1.0 / (scale * scale),
+        4.0 * scale,
+        4.0 * scale,
+        30.0 * scale,
+        30.0 * scale,
+        9.0 * scale,
+        16.0 * scale,
+    );
+    check(&Experiment::parse("tanks.toml".as_ref(), &text, &[], &Plants::built_in()).unwrap())
+}
+
+#[test]
+fn what_is_found_does_not_depend_on_units() {
+    let kinds = |findings: &[Finding]| -> Vec<(Severity, String)> {
+        let place = |f: &Finding| f.place.split(',').next().unwrap_or_default().to_owned();
+        findings.iter().map(|f| (f.severity, place(f))).collect()
+    };
+    let steps = |findings: &[Finding]| {
+        let rehearsal = findings.iter().find(|f| f.what.contains("steps of the closed loop"));
+        rehearsal.unwrap().what.clone()
+    };
+    let metres = maglev(1.0, 1.0);
+    assert_eq!(warnings(&metres), [""; 0]);
+    assert_eq!(steps(&metres), "all 40 steps of the closed loop with RK4 succeed");
+    // Held at the gap's references by currents that are rounded in the config.
+    let held = metres.iter().filter(|f| f.what.contains("is held at gap = ")).count();
+    assert_eq!(held, 2, "{metres:?}");
+    for (per_m, per_s) in [(1e3, 1.0), (1e6, 1e3), (1e-3, 1.0 / 3600.0)] {
+        let found = maglev(per_m, per_s);
+        assert_eq!(kinds(&found), kinds(&metres), "{per_m} {per_s}: {found:?}");
+        assert_eq!(steps(&found), steps(&metres));
+    }
+    let centimetres = tanks(1.0);
+    assert_eq!(warnings(&centimetres), [""; 0]);
+    assert_eq!(steps(&centimetres), "all 40 steps of the closed loop with RK4 succeed");
+    for scale in [1e7, 1e-6] {
+        let found = tanks(scale);
+        assert_eq!(kinds(&found), kinds(&centimetres), "{scale}: {found:?}");
+        assert_eq!(steps(&found), steps(&centimetres));
+    }
+}
+
+#[test]
+fn a_motor_whose_substeps_are_unstable_fails_in_the_rehearsal() {
+    let found = trap("motor.toml", &[]);
+    let text = warnings(&found);
+    assert!(
+        text.iter()
+            .any(|w| w.contains("4 substeps are unstable") && w.contains("rk4_substeps = 8"))
+    );
+    let failed = text.iter().find(|w| w.contains("steps of the closed loop with RK4 fail"));
+    assert!(failed.is_some_and(|w| w.starts_with("warn  control: ")), "{text:?}");
+    let stable = trap("motor.toml", &["control.rk4_substeps=16"]);
+    assert!(warnings(&stable).iter().all(|w| !w.contains("unstable") && !w.contains("fail")));
+}

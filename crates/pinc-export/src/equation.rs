@@ -1,0 +1,202 @@
+//! A right-hand side as C, with its derivatives by forward differentiation.
+
+use crate::template::constant;
+use pinc_expr::{Function, Instruction, Listing};
+use std::fmt::Write as _;
+
+/// The body of a function of x and u that writes dx.
+pub(crate) fn values(listing: &Listing, nx: usize) -> String {
+    let mut body = Body { text: String::new(), nx, tangents: 0 };
+    for (i, instruction) in listing.instructions.iter().enumerate() {
+        body.value(i, *instruction);
+    }
+    body.results(listing);
+    body.finish(listing)
+}
+
+/// The same with the derivatives by x and u, which go to f.
+pub(crate) fn jacobian(listing: &Listing, nx: usize, nu: usize) -> String {
+    let tangents = nx + nu;
+    let mut body = Body { text: String::new(), nx, tangents };
+    let mut known: Vec<Vec<bool>> = Vec::new();
+    for (i, instruction) in listing.instructions.iter().enumerate() {
+        body.value(i, *instruction);
+        known.push(body.tangents(i, *instruction, &known));
+    }
+    body.results(listing);
+    for (row, &result) in listing.results.iter().enumerate() {
+        for (t, &there) in known[result].iter().enumerate() {
+            let value = if there { format!("v{result}_{t}") } else { "PINC_N(0)".to_owned() };
+            let _ = writeln!(body.text, "    f[{row}][{t}] = {value};");
+        }
+    }
+    body.finish(listing)
+}
+
+struct Body {
+    text: String,
+    nx: usize,
+    tangents: usize,
+}
+
+impl Body {
+    fn value(&mut self, i: usize, instruction: Instruction) {
+        let text = match instruction {
+            Instruction::Variable(index) => match index.checked_sub(self.nx) {
+                None => format!("x[{index}]"),
+                Some(input) => format!("u[{input}]"),
+            },
+            Instruction::Constant(value) => number(value),
+            Instruction::Add(a, b) => format!("v{a} + v{b}"),
+            Instruction::Sub(a, b) => format!("v{a} - v{b}"),
+            Instruction::Mul(a, b) => format!("v{a} * v{b}"),
+            Instruction::Div(a, b) => format!("v{a} / v{b}"),
+            Instruction::Min(a, b) => smaller(a, b, &format!("v{a}"), &format!("v{b}")),
+            Instruction::Max(a, b) => larger(a, b, &format!("v{a}"), &format!("v{b}")),
+            Instruction::Neg(a) => format!("-v{a}"),
+            Instruction::Power(a, p) => format!("PINC_MATH(pow)(v{a}, {})", number(p)),
+            Instruction::Function(function, a) => call(function, a),
+        };
+        let _ = writeln!(self.text, "    const PINC_REAL v{i} = {text};");
+    }
+
+    /// Writes the tangents of value `i`; gives which are not 0.
+    fn tangents(&mut self, i: usize, instruction: Instruction, known: &[Vec<bool>]) -> Vec<bool> {
+        let slope = self.slope(i, instruction);
+        let mut there = vec![false; self.tangents];
+        for (t, there) in there.iter_mut().enumerate() {
+            let of = |v: usize| known[v][t].then(|| format!("v{v}_{t}"));
+            let or_zero = |part: Option<String>| part.unwrap_or_else(|| "PINC_N(0)".to_owned());
+            let text = match instruction {
+                Instruction::Variable(index) => (index == t).then(|| "PINC_N(1)".to_owned()),
+                Instruction::Constant(_) => None,
+                Instruction::Add(a, b) => joined(of(a), "+", of(b)),
+                Instruction::Sub(a, b) => joined(of(a), "-", of(b)),
+                Instruction::Mul(a, b) => joined(
+                    of(a).map(|d| format!("({d} * v{b})")),
+                    "+",
+                    of(b).map(|d| format!("(v{a} * {d})")),
+                ),
+                Instruction::Div(a, b) => {
+                    let part = of(b).map(|d| format!("(v{i} * {d})"));
+                    joined(of(a), "-", part).map(|d| format!("({d}) / v{b}"))
+                }
+                Instruction::Min(a, b) | Instruction::Max(a, b) => {
+                    let least = matches!(instruction, Instruction::Min(..));
+                    let pick = if least { smaller } else { larger };
+                    let any = known[a][t] || known[b][t];
+                    any.then(|| pick(a, b, &or_zero(of(a)), &or_zero(of(b))))
+                }
+                Instruction::Neg(a) => of(a).map(|d| format!("-{d}")),
+                Instruction::Power(a, _) | Instruction::Function(_, a) => {
+                    let slope = slope.as_ref();
+                    slope.and_then(|slope| of(a).map(|d| format!("{slope} * {d}")))
+                }
+            };
+            if let Some(text) = text {
+                let _ = writeln!(self.text, "    const PINC_REAL v{i}_{t} = {text};");
+                *there = true;
+            }
+        }
+        there
+    }
+
+    /// Writes the derivative of a function; gives its name, or none if it is 0 everywhere.
+    fn slope(&mut self, i: usize, instruction: Instruction) -> Option<String> {
+        let text = match instruction {
+            Instruction::Power(a, p) => {
+                let slope = format!("({} * PINC_MATH(pow)(v{a}, {}))", number(p), number(p - 1.0));
+                // Infinite at 0, and counted as 0.
+                match p < 1.0 {
+                    true => format!(
+                        "((v{a} <= PINC_N(0)) && (v{a} >= PINC_N(0))) ? PINC_N(0) : {slope}"
+                    ),
+                    false => slope,
+                }
+            }
+            Instruction::Function(function, a) => match function {
+                Function::Sqrt => {
+                    format!("(v{i} <= PINC_N(0)) ? PINC_N(0) : (PINC_N(0.5) / v{i})")
+                }
+                Function::Exp => format!("v{i}"),
+                Function::Log => format!("PINC_N(1) / v{a}"),
+                Function::Sin => format!("PINC_MATH(cos)(v{a})"),
+                Function::Cos => format!("-PINC_MATH(sin)(v{a})"),
+                Function::Tan => format!("(v{i} * v{i}) + PINC_N(1)"),
+                Function::Tanh => format!("PINC_N(1) - (v{i} * v{i})"),
+                Function::Atan => format!("PINC_N(1) / ((v{a} * v{a}) + PINC_N(1))"),
+                Function::Abs => sign(a),
+                Function::Sign => return None,
+            },
+            _ => return None,
+        };
+        let _ = writeln!(self.text, "    const PINC_REAL s{i} = {text};");
+        Some(format!("s{i}"))
+    }
+
+    fn results(&mut self, listing: &Listing) {
+        for (row, result) in listing.results.iter().enumerate() {
+            let _ = writeln!(self.text, "    dx[{row}] = v{result};");
+        }
+    }
+
+    /// The body; what the equations do not depend on is named as unused.
+    fn finish(mut self, listing: &Listing) -> String {
+        let reads = |inputs: bool| {
+            let mut all = listing.instructions.iter();
+            all.any(|i| matches!(i, Instruction::Variable(v) if (*v >= self.nx) == inputs))
+        };
+        for (argument, used) in [("x", reads(false)), ("u", reads(true))] {
+            if !used {
+                let _ = writeln!(self.text, "    (void){argument};");
+            }
+        }
+        self.text
+    }
+}
+
+fn number(value: f64) -> String {
+    format!("PINC_N({})", constant(value))
+}
+
+/// The sum or difference of two parts of which one may be 0.
+fn joined(a: Option<String>, operator: &str, b: Option<String>) -> Option<String> {
+    match (a, b) {
+        (Some(a), Some(b)) => Some(format!("{a} {operator} {b}")),
+        (Some(a), None) => Some(a),
+        (None, Some(b)) if operator == "-" => Some(format!("-{b}")),
+        (None, b) => b,
+    }
+}
+
+/// What belongs to the smaller of two values; of equal ones, the second; NaN if one is.
+fn smaller(a: usize, b: usize, of_a: &str, of_b: &str) -> String {
+    format!("(v{b} <= v{a}) ? {of_b} : ((v{a} <= v{b}) ? {of_a} : ({of_a} + {of_b}))")
+}
+
+/// The same of the larger.
+fn larger(a: usize, b: usize, of_a: &str, of_b: &str) -> String {
+    format!("(v{a} <= v{b}) ? {of_b} : ((v{b} <= v{a}) ? {of_a} : ({of_a} + {of_b}))")
+}
+
+fn sign(a: usize) -> String {
+    format!(
+        "(v{a} > PINC_N(0)) ? PINC_N(1) : ((v{a} < PINC_N(0)) ? PINC_N(-1) : (v{a} * PINC_N(0)))"
+    )
+}
+
+fn call(function: Function, a: usize) -> String {
+    let name = match function {
+        Function::Sqrt => "sqrt",
+        Function::Exp => "exp",
+        Function::Log => "log",
+        Function::Sin => "sin",
+        Function::Cos => "cos",
+        Function::Tan => "tan",
+        Function::Tanh => "tanh",
+        Function::Atan => "atan",
+        Function::Abs => "fabs",
+        Function::Sign => return sign(a),
+    };
+    format!("PINC_MATH({name})(v{a})")
+}

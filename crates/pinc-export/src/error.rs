@@ -1,0 +1,46 @@
+//! What cannot be exported.
+
+use pinc_expr::ExpressionError;
+use pinc_mpc::MpcError;
+use pinc_net::NetError;
+use thiserror::Error;
+
+/// An error of this crate.
+#[derive(Debug, Error)]
+#[non_exhaustive]
+pub enum ExportError {
+    /// A name that cannot begin the names in a program.
+    #[error(
+        "name: `{found}` given, expected a letter, then letters, digits and underscores, at most \
+        31 in all, and no word of C"
+    )]
+    Name {
+        /// The name.
+        found: String,
+    },
+    /// A net that is no model.
+    #[error(transparent)]
+    Net(#[from] NetError),
+    /// Equations that are none.
+    #[error("the plant's equations: {0}")]
+    Equations(#[from] ExpressionError),
+    /// A controller that is none.
+    #[error("the controller: {0}")]
+    Controller(#[from] MpcError),
+    /// A net of a family of plants by itself.
+    #[error(
+        "the net takes the parameters {0} as inputs; export the controller of its config, which fixes them"
+    )]
+    Family(String),
+    /// Files that do not fit into an archive.
+    #[error("the files do not fit into an archive of 4 GB")]
+    Archive,
+    /// Something that generated controllers do not have.
+    #[error("the generated controller has no {feature}; use {instead}")]
+    Feature {
+        /// What it has not.
+        feature: &'static str,
+        /// What can be used in its place.
+        instead: &'static str,
+    },
+}

@@ -1,0 +1,52 @@
+//! Nets and controllers as sources and files of other programs.
+//!
+//! - [`net_to_c`]: a net as C99 without dependencies.
+//! - [`net_to_casadi`], [`net_to_onnx`]: a net for CasADi, and as an ONNX file.
+//! - [`controller_to_c`]: a whole controller, with a net or an integrator as its model.
+//! - [`net_to_fmu`], [`controller_to_fmu`], [`plant_to_fmu`]: the content of FMUs, which [`archive`] packs.
+//!
+//! All of these give the content of files, [`GeneratedFile`]; writing them is up to the caller.
+
+mod casadi;
+mod controller;
+mod equation;
+mod error;
+mod fmu;
+mod golden;
+mod mpc_c;
+mod name;
+mod net_c;
+mod onnx;
+mod origin;
+mod protobuf;
+mod rk4_c;
+mod template;
+mod zip;
+
+pub use casadi::net_to_casadi;
+pub use controller::{Controller, ModelSource};
+pub use error::ExportError;
+pub use fmu::{controller_to_fmu, net_to_fmu, plant_to_fmu};
+pub use mpc_c::controller_to_c;
+pub use name::Name;
+pub use net_c::net_to_c;
+pub use onnx::{Precision, net_to_onnx};
+pub use origin::Origin;
+pub use rk4_c::Rk4Model;
+pub use zip::archive;
+
+/// A file to be written.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct GeneratedFile {
+    /// Its path below the directory of the export, with slashes.
+    pub path: String,
+    /// Its content.
+    pub bytes: Vec<u8>,
+}
+
+impl GeneratedFile {
+    /// A file of text.
+    pub(crate) fn text(path: String, text: String) -> Self {
+        Self { path, bytes: text.into_bytes() }
+    }
+}

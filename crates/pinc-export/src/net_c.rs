@@ -1,0 +1,149 @@
+//! A net in C.
+
+use crate::golden::{CASES, Golden};
+use crate::origin::{Origin, domain};
+use crate::template::{Template, array, numbers, table};
+use crate::{ExportError, GeneratedFile, Name};
+use pinc_net::{FoldedNet, PincModel, PincNet, TrainingTarget};
+use std::fmt::Write as _;
+
+/// What a number of the C code may differ by from the library's, in double and in float, relative
+/// to 1 + its size.
+pub(crate) const TOLERANCES: [&str; 2] = ["1e-12", "1e-4"];
+
+/// The net as C99: step and Jacobians, self-test with golden vectors, build file and a page that says
+/// how to use them.
+///
+/// A net distilled from an integrator knows t = T only; others get a function of t besides.
+///
+/// # Errors
+///
+/// [`ExportError::Net`] for a conventional PINN, which is no model; [`ExportError::Family`].
+pub fn net_to_c(
+    net: &PincNet,
+    name: &Name,
+    origin: &Origin,
+) -> Result<Vec<GeneratedFile>, ExportError> {
+    check_member(net)?;
+    let mut files = net_core(net, name, origin)?;
+    let mut t = places(net, name, origin)?;
+    files.push(selftest(net, &mut t)?);
+    t.set("SOURCES", "pinc_net.c");
+    files.push(t.named("CMakeLists.txt", include_str!("../templates/net_cmake.txt")));
+    net_page(net, origin, &mut t);
+    files.push(t.named("README.md", include_str!("../templates/net_readme.md")));
+    Ok(files)
+}
+
+/// Header and source of the net.
+pub(crate) fn net_core(
+    net: &PincNet,
+    name: &Name,
+    origin: &Origin,
+) -> Result<Vec<GeneratedFile>, ExportError> {
+    let t = places(net, name, origin)?;
+    let mut header = t.clone();
+    header.set("AT", if has_time(net) { include_str!("../templates/net_at.h") } else { "" });
+    let mut source = t;
+    source.set("AT", if has_time(net) { include_str!("../templates/net_at.c") } else { "" });
+    Ok(vec![
+        header.file("net.h", include_str!("../templates/net.h")),
+        source.file("net.c", include_str!("../templates/net.c")),
+    ])
+}
+
+/// The domain as a list of a page.
+pub(crate) fn net_page(net: &PincNet, origin: &Origin, t: &mut Template) {
+    let markdown: String = domain(net, origin).iter().map(|row| format!("- {row}\n")).collect();
+    t.set("DOMAIN", markdown.trim_end());
+}
+
+/// An error if the net is of a family of plants.
+pub(crate) fn check_member(net: &PincNet) -> Result<(), ExportError> {
+    let names: Vec<_> = net.parameter_names().collect();
+    if names.is_empty() { Ok(()) } else { Err(ExportError::Family(names.join(", "))) }
+}
+
+/// Whether the net is meaningful between t = 0 and t = T.
+pub(crate) fn has_time(net: &PincNet) -> bool {
+    net.source() != TrainingTarget::Integrator
+}
+
+pub(crate) fn places(net: &PincNet, name: &Name, origin: &Origin) -> Result<Template, ExportError> {
+    let folded = FoldedNet::new(net)?;
+    let (nx, nu) = (origin.states.len(), origin.inputs.len());
+    let widths = folded.layers.iter().map(|layer| layer.bias.len());
+    let adds = folded.adds_initial_state;
+    let pick = |yes: &'static str, no: &'static str| if adds { yes } else { no };
+    let at = match adds {
+        true => "x[i] + ((t / PINC_N(PINC_SAMPLE_TIME_S)) * out[i])",
+        false => "out[i]",
+    };
+    let hidden = folded.layers.len() > 1;
+    let mut t = Template::new(name);
+    t.set("BANNER", origin.banner("A net as the model of a plant.", Some(net)))
+        .set("REAL", include_str!("../templates/real.h"))
+        .set("NX", nx)
+        .set("NU", nu)
+        .set("T", format!("{:?}", net.sample_time_s()))
+        .set("WIDEST", widths.chain([nx + nu]).max().unwrap_or(1))
+        .set("LAYERS", folded.layers.len())
+        .set("TABLES", layer_tables(&folded))
+        .set("PLUS_X", pick("x[i] + ", ""))
+        .set("PLUS_I", pick(" + ((i == k) ? PINC_N(1) : PINC_N(0))", ""))
+        .set("FIRST", folded.time.len())
+        .set("TIME", numbers(&folded.time))
+        .set("FIRST_HIDDEN", if hidden { "PINC_MATH(tanh)(z)" } else { "z" })
+        .set("AT_VALUE", at)
+        .set("CASES", CASES)
+        .set("DOUBLE", TOLERANCES[0])
+        .set("FLOAT", TOLERANCES[1])
+        .set("STATES", origin.state_list())
+        .set("INPUTS", origin.input_list())
+        .set("MODEL", "net");
+    t.set(
+        "DESCRIPTION",
+        "The model of a plant in discrete time, x[k+1] = F(x[k], u[k]), with its Jacobians.",
+    );
+    let middle = |ends: Vec<(f64, f64)>| {
+        let middles = ends.iter().map(|(low, high)| format!("{:?}", f64::midpoint(*low, *high)));
+        middles.collect::<Vec<_>>().join(", ")
+    };
+    let ends: Vec<_> = net.domain().ends().collect();
+    t.set("X", middle(ends[..nx].to_vec())).set("U", middle(ends[nx..].to_vec()));
+    Ok(t)
+}
+
+fn layer_tables(folded: &FoldedNet) -> String {
+    let mut text = String::new();
+    let mut list = String::new();
+    for (l, layer) in folded.layers.iter().enumerate() {
+        text += &array(&format!("weights_{l}"), &layer.weights.concat());
+        text += &array(&format!("bias_{l}"), &layer.bias);
+        let (inputs, outputs) = (layer.weights[0].len(), layer.bias.len());
+        let _ = writeln!(list, "    {{pinc_weights_{l}, pinc_bias_{l}, {inputs}, {outputs}}},");
+    }
+    text + &format!("\nstatic const pinc_layer pinc_layers[PINC_LAYERS] = {{\n{list}}};\n")
+}
+
+fn selftest(net: &PincNet, t: &mut Template) -> Result<GeneratedFile, ExportError> {
+    let ends: Vec<_> = net.domain().ends().collect();
+    let golden = Golden::of(&mut PincModel::new(net)?, &[], &ends);
+    let mut tables = golden_tables(&golden);
+    if has_time(net) {
+        let half = 0.5 * net.sample_time_s();
+        let points = golden.x.iter().zip(&golden.u);
+        let rows: Vec<_> = points.map(|(x, u)| net.evaluate(half, x, u, &[])).collect();
+        tables += &table("half", &rows);
+    }
+    t.set("TABLES", tables);
+    t.set("AT", if has_time(net) { include_str!("../templates/net_selftest_at.c") } else { "" });
+    Ok(t.file("selftest.c", include_str!("../templates/net_selftest.c")))
+}
+
+/// The golden vectors as tables.
+pub(crate) fn golden_tables(golden: &Golden) -> String {
+    let Golden { x, u, next, a, b } = golden;
+    let parts = [("x", x), ("u", u), ("next", next), ("a", a), ("b", b)];
+    parts.into_iter().map(|(name, rows)| table(name, rows)).collect()
+}

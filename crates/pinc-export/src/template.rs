@@ -1,0 +1,110 @@
+//! Templates of generated files, and the texts that they are filled with.
+
+use crate::{GeneratedFile, Name};
+use std::fmt::Write as _;
+
+/// What the places of templates are filled with.
+///
+/// A template is C with `pinc_` and `PINC_` in front of its names, for which those of the export
+/// are put, and with places `@KEY@`.
+#[derive(Clone, Debug)]
+pub(crate) struct Template {
+    name: String,
+    places: Vec<(&'static str, String)>,
+}
+
+impl Template {
+    pub(crate) fn new(name: &Name) -> Self {
+        Self { name: name.as_str().to_owned(), places: Vec::new() }
+    }
+
+    /// Fills the places `@key@` with a text, which may have places filled before.
+    pub(crate) fn set(&mut self, key: &'static str, text: impl ToString) -> &mut Self {
+        let text = self.fill(&text.to_string());
+        self.places.retain(|(old, _)| *old != key);
+        self.places.push((key, text));
+        self
+    }
+
+    /// The template `text`, filled.
+    pub(crate) fn fill(&self, text: &str) -> String {
+        let mut filled = text.replace("@name@", &self.name);
+        filled = filled.replace("pinc_", &format!("{}_", self.name));
+        filled = filled.replace("PINC_", &format!("{}_", self.name.to_uppercase()));
+        for (key, text) in &self.places {
+            filled = filled.replace(&format!("@{key}@"), text);
+        }
+        filled
+    }
+
+    /// The file of the name's `_suffix`, filled from a template.
+    pub(crate) fn file(&self, suffix: &str, text: &str) -> GeneratedFile {
+        GeneratedFile::text(format!("{}_{suffix}", self.name), self.fill(text))
+    }
+
+    /// The file `path`, filled from a template.
+    pub(crate) fn named(&self, path: &str, text: &str) -> GeneratedFile {
+        GeneratedFile::text(path.to_owned(), self.fill(text))
+    }
+}
+
+/// A number as a constant of C.
+pub(crate) fn constant(value: f64) -> String {
+    match value {
+        _ if value == f64::INFINITY => "INFINITY".to_owned(),
+        _ if value == f64::NEG_INFINITY => "-INFINITY".to_owned(),
+        _ => format!("{value:?}"),
+    }
+}
+
+/// Constants, some on a line, each as `wrap` makes them.
+fn lines(values: &[f64], wrap: impl Fn(String) -> String) -> String {
+    let mut text = String::new();
+    for row in values.chunks(4) {
+        let row: Vec<_> = row.iter().map(|&v| wrap(constant(v))).collect();
+        let _ = writeln!(text, "    {},", row.join(", "));
+    }
+    text
+}
+
+/// The constants of an array of the type of all numbers.
+pub(crate) fn numbers(values: &[f64]) -> String {
+    lines(values, |v| format!("PINC_N({v})"))
+}
+
+/// An array of the type of all numbers.
+pub(crate) fn array(name: &str, values: &[f64]) -> String {
+    // C has no arrays of length 0.
+    let values = if values.is_empty() { &[0.0][..] } else { values };
+    let (count, list) = (values.len(), numbers(values));
+    format!("static const PINC_REAL pinc_{name}[{count}] = {{\n{list}}};\n")
+}
+
+/// A table of doubles, `rows` of the same length.
+pub(crate) fn table(name: &str, rows: &[Vec<f64>]) -> String {
+    let width = rows.first().map_or(1, Vec::len);
+    let mut text = format!("static const double pinc_{name}[{}][{width}] = {{\n", rows.len());
+    for row in rows {
+        let _ = write!(text, "    {{\n{}    }},\n", lines(row, |v| v));
+    }
+    text + "};\n"
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_and_places_are_filled() {
+        let mut template = Template::new(&Name::new("osc").unwrap());
+        template.set("A", "pinc_a").set("B", "[@A@]");
+        let filled = template.fill("#define PINC_X @A@ @B@ /* @name@ */");
+        assert_eq!(filled, "#define OSC_X osc_a [osc_a] /* osc */");
+    }
+
+    #[test]
+    fn numbers_are_those_of_c() {
+        assert_eq!([0.1, -2.0, 1e300, 5e-324].map(constant), ["0.1", "-2.0", "1e300", "5e-324"]);
+        assert_eq!(constant(f64::NEG_INFINITY), "-INFINITY");
+    }
+}

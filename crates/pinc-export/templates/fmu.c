@@ -1,0 +1,437 @@
+@BANNER@
+/* A co-simulation slave of the Functional Mock-up Interface, version 2.0. */
+#include "pinc_@HEADER@.h"
+
+#include <math.h>
+#include <stddef.h>
+#include <string.h>
+
+/* ---- The interface, as far as it is needed -------------------------------------------------- */
+
+typedef void *fmi2Component;
+typedef void *fmi2ComponentEnvironment;
+typedef void *fmi2FMUstate;
+typedef unsigned int fmi2ValueReference;
+typedef double fmi2Real;
+typedef int fmi2Integer;
+typedef int fmi2Boolean;
+typedef char fmi2Char;
+typedef const fmi2Char *fmi2String;
+typedef char fmi2Byte;
+typedef enum { fmi2OK, fmi2Warning, fmi2Discard, fmi2Error, fmi2Fatal, fmi2Pending } fmi2Status;
+typedef enum { fmi2ModelExchange, fmi2CoSimulation } fmi2Type;
+typedef enum {
+    fmi2DoStepStatus,
+    fmi2PendingStatus,
+    fmi2LastSuccessfulTime,
+    fmi2Terminated
+} fmi2StatusKind;
+
+typedef struct {
+    void (*logger)(fmi2ComponentEnvironment, fmi2String, fmi2Status, fmi2String, fmi2String, ...);
+    void *(*allocateMemory)(size_t, size_t);
+    void (*freeMemory)(void *);
+    void (*stepFinished)(fmi2ComponentEnvironment, fmi2Status);
+    fmi2ComponentEnvironment componentEnvironment;
+} fmi2CallbackFunctions;
+
+#ifdef FMI2_FUNCTION_PREFIX
+#define PINC_FMI(name) PINC_JOIN(FMI2_FUNCTION_PREFIX, name)
+#else
+#define PINC_FMI(name) name
+#endif
+#ifdef _WIN32
+#define PINC_EXPORT __declspec(dllexport)
+#else
+#define PINC_EXPORT __attribute__((visibility("default")))
+#endif
+
+/* ---- The model ------------------------------------------------------------------------------ */
+
+#define PINC_GUID "@GUID@"
+/* Real variables, by their value references; from the first on those that can be set. */
+#define PINC_REALS @REALS@
+#define PINC_FIRST_SET @FIRST_SET@
+
+static const double pinc_starts[PINC_REALS] = {
+@STARTS@};
+
+typedef struct {
+    /* The time of the last communication point. */
+    double time;
+    double reals[PINC_REALS];
+    int status;
+@FIELDS@} pinc_slave;
+
+@MODEL_CODE@
+typedef struct {
+    pinc_slave slave;
+    fmi2CallbackFunctions callbacks;
+} pinc_instance;
+
+static void pinc_set_defaults(pinc_slave *s)
+{
+    memset(s, 0, sizeof(*s));
+    memcpy(s->reals, pinc_starts, sizeof(s->reals));
+    pinc_begin_run(s);
+}
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+/* ---- Functions of every slave --------------------------------------------------------------- */
+
+PINC_EXPORT const char *PINC_FMI(fmi2GetTypesPlatform)(void)
+{
+    return "default";
+}
+
+PINC_EXPORT const char *PINC_FMI(fmi2GetVersion)(void)
+{
+    return "2.0";
+}
+
+PINC_EXPORT fmi2Status PINC_FMI(fmi2SetDebugLogging)(fmi2Component c, fmi2Boolean on, size_t n,
+                                                     const fmi2String categories[])
+{
+    (void)c;
+    (void)on;
+    (void)n;
+    (void)categories;
+    return fmi2OK;
+}
+
+PINC_EXPORT fmi2Component PINC_FMI(fmi2Instantiate)(fmi2String name, fmi2Type type,
+                                                    fmi2String guid, fmi2String resources,
+                                                    const fmi2CallbackFunctions *callbacks,
+                                                    fmi2Boolean visible, fmi2Boolean logging)
+{
+    pinc_instance *instance;
+    (void)resources;
+    (void)visible;
+    (void)logging;
+    if ((name == NULL) || (callbacks == NULL) || (callbacks->allocateMemory == NULL)) {
+        return NULL;
+    }
+    if ((type != fmi2CoSimulation) || (guid == NULL) || (strcmp(guid, PINC_GUID) != 0)) {
+        if (callbacks->logger != NULL) {
+            callbacks->logger(callbacks->componentEnvironment, name, fmi2Error, "error",
+                              "expected co-simulation with the GUID %s", PINC_GUID);
+        }
+        return NULL;
+    }
+    instance = (pinc_instance *)callbacks->allocateMemory(1, sizeof(pinc_instance));
+    if (instance != NULL) {
+        instance->callbacks = *callbacks;
+        pinc_set_defaults(&instance->slave);
+    }
+    return instance;
+}
+
+PINC_EXPORT void PINC_FMI(fmi2FreeInstance)(fmi2Component c)
+{
+    pinc_instance *instance = (pinc_instance *)c;
+    if ((instance != NULL) && (instance->callbacks.freeMemory != NULL)) {
+        instance->callbacks.freeMemory(instance);
+    }
+}
+
+PINC_EXPORT fmi2Status PINC_FMI(fmi2SetupExperiment)(fmi2Component c, fmi2Boolean toleranceDefined,
+                                                     fmi2Real tolerance, fmi2Real startTime,
+                                                     fmi2Boolean stopTimeDefined, fmi2Real stopTime)
+{
+    (void)toleranceDefined;
+    (void)tolerance;
+    (void)stopTimeDefined;
+    (void)stopTime;
+    ((pinc_instance *)c)->slave.time = startTime;
+    return fmi2OK;
+}
+
+PINC_EXPORT fmi2Status PINC_FMI(fmi2EnterInitializationMode)(fmi2Component c)
+{
+    pinc_begin_run(&((pinc_instance *)c)->slave);
+    return fmi2OK;
+}
+
+PINC_EXPORT fmi2Status PINC_FMI(fmi2ExitInitializationMode)(fmi2Component c)
+{
+    pinc_begin_run(&((pinc_instance *)c)->slave);
+    return fmi2OK;
+}
+
+PINC_EXPORT fmi2Status PINC_FMI(fmi2Terminate)(fmi2Component c)
+{
+    (void)c;
+    return fmi2OK;
+}
+
+PINC_EXPORT fmi2Status PINC_FMI(fmi2Reset)(fmi2Component c)
+{
+    pinc_set_defaults(&((pinc_instance *)c)->slave);
+    return fmi2OK;
+}
+
+PINC_EXPORT fmi2Status PINC_FMI(fmi2GetReal)(fmi2Component c, const fmi2ValueReference vr[],
+                                             size_t n, fmi2Real value[])
+{
+    pinc_slave *s = &((pinc_instance *)c)->slave;
+    size_t i;
+    for (i = 0; i < n; i++) {
+        if (vr[i] >= PINC_REALS) {
+            return fmi2Error;
+        }
+        if (vr[i] < PINC_FIRST_SET) {
+            pinc_refresh(s);
+        }
+        value[i] = s->reals[vr[i]];
+    }
+    return fmi2OK;
+}
+
+PINC_EXPORT fmi2Status PINC_FMI(fmi2SetReal)(fmi2Component c, const fmi2ValueReference vr[],
+                                             size_t n, const fmi2Real value[])
+{
+    pinc_slave *s = &((pinc_instance *)c)->slave;
+    size_t i;
+    for (i = 0; i < n; i++) {
+        if ((vr[i] >= PINC_REALS) || (vr[i] < PINC_FIRST_SET)) {
+            return fmi2Error;
+        }
+        s->reals[vr[i]] = value[i];
+    }
+    pinc_changed(s);
+    return fmi2OK;
+}
+
+PINC_EXPORT fmi2Status PINC_FMI(fmi2GetInteger)(fmi2Component c, const fmi2ValueReference vr[],
+                                                size_t n, fmi2Integer value[])
+{
+    pinc_slave *s = &((pinc_instance *)c)->slave;
+    size_t i;
+    for (i = 0; i < n; i++) {
+        if (vr[i] != 0) {
+            return fmi2Error;
+        }
+        pinc_refresh(s);
+        value[i] = s->status;
+    }
+    return fmi2OK;
+}
+
+PINC_EXPORT fmi2Status PINC_FMI(fmi2DoStep)(fmi2Component c, fmi2Real from, fmi2Real length,
+                                            fmi2Boolean noSetFMUStatePriorToCurrentPoint)
+{
+    (void)noSetFMUStatePriorToCurrentPoint;
+    return pinc_advance(&((pinc_instance *)c)->slave, from, length);
+}
+
+PINC_EXPORT fmi2Status PINC_FMI(fmi2GetFMUstate)(fmi2Component c, fmi2FMUstate *state)
+{
+    pinc_instance *instance = (pinc_instance *)c;
+    if (*state == NULL) {
+        *state = instance->callbacks.allocateMemory(1, sizeof(pinc_slave));
+    }
+    if (*state == NULL) {
+        return fmi2Error;
+    }
+    memcpy(*state, &instance->slave, sizeof(pinc_slave));
+    return fmi2OK;
+}
+
+PINC_EXPORT fmi2Status PINC_FMI(fmi2SetFMUstate)(fmi2Component c, fmi2FMUstate state)
+{
+    memcpy(&((pinc_instance *)c)->slave, state, sizeof(pinc_slave));
+    return fmi2OK;
+}
+
+PINC_EXPORT fmi2Status PINC_FMI(fmi2FreeFMUstate)(fmi2Component c, fmi2FMUstate *state)
+{
+    pinc_instance *instance = (pinc_instance *)c;
+    if ((*state != NULL) && (instance->callbacks.freeMemory != NULL)) {
+        instance->callbacks.freeMemory(*state);
+    }
+    *state = NULL;
+    return fmi2OK;
+}
+
+PINC_EXPORT fmi2Status PINC_FMI(fmi2SerializedFMUstateSize)(fmi2Component c, fmi2FMUstate state,
+                                                            size_t *size)
+{
+    (void)c;
+    (void)state;
+    *size = sizeof(pinc_slave);
+    return fmi2OK;
+}
+
+PINC_EXPORT fmi2Status PINC_FMI(fmi2SerializeFMUstate)(fmi2Component c, fmi2FMUstate state,
+                                                       fmi2Byte bytes[], size_t size)
+{
+    (void)c;
+    if (size != sizeof(pinc_slave)) {
+        return fmi2Error;
+    }
+    memcpy(bytes, state, size);
+    return fmi2OK;
+}
+
+PINC_EXPORT fmi2Status PINC_FMI(fmi2DeSerializeFMUstate)(fmi2Component c, const fmi2Byte bytes[],
+                                                         size_t size, fmi2FMUstate *state)
+{
+    pinc_instance *instance = (pinc_instance *)c;
+    if (size != sizeof(pinc_slave)) {
+        return fmi2Error;
+    }
+    if (*state == NULL) {
+        *state = instance->callbacks.allocateMemory(1, sizeof(pinc_slave));
+    }
+    if (*state == NULL) {
+        return fmi2Error;
+    }
+    memcpy(*state, bytes, size);
+    return fmi2OK;
+}
+
+/* ---- What this slave has not ---------------------------------------------------------------- */
+
+PINC_EXPORT fmi2Status PINC_FMI(fmi2SetInteger)(fmi2Component c, const fmi2ValueReference vr[],
+                                                size_t n, const fmi2Integer value[])
+{
+    (void)c;
+    (void)vr;
+    (void)value;
+    return (n == 0) ? fmi2OK : fmi2Error;
+}
+
+PINC_EXPORT fmi2Status PINC_FMI(fmi2GetBoolean)(fmi2Component c, const fmi2ValueReference vr[],
+                                                size_t n, fmi2Boolean value[])
+{
+    (void)c;
+    (void)vr;
+    (void)value;
+    return (n == 0) ? fmi2OK : fmi2Error;
+}
+
+PINC_EXPORT fmi2Status PINC_FMI(fmi2SetBoolean)(fmi2Component c, const fmi2ValueReference vr[],
+                                                size_t n, const fmi2Boolean value[])
+{
+    (void)c;
+    (void)vr;
+    (void)value;
+    return (n == 0) ? fmi2OK : fmi2Error;
+}
+
+PINC_EXPORT fmi2Status PINC_FMI(fmi2GetString)(fmi2Component c, const fmi2ValueReference vr[],
+                                               size_t n, fmi2String value[])
+{
+    (void)c;
+    (void)vr;
+    (void)value;
+    return (n == 0) ? fmi2OK : fmi2Error;
+}
+
+PINC_EXPORT fmi2Status PINC_FMI(fmi2SetString)(fmi2Component c, const fmi2ValueReference vr[],
+                                               size_t n, const fmi2String value[])
+{
+    (void)c;
+    (void)vr;
+    (void)value;
+    return (n == 0) ? fmi2OK : fmi2Error;
+}
+
+PINC_EXPORT fmi2Status PINC_FMI(fmi2GetDirectionalDerivative)(
+    fmi2Component c, const fmi2ValueReference unknown[], size_t nUnknown,
+    const fmi2ValueReference known[], size_t nKnown, const fmi2Real dKnown[], fmi2Real dUnknown[])
+{
+    (void)c;
+    (void)unknown;
+    (void)nUnknown;
+    (void)known;
+    (void)nKnown;
+    (void)dKnown;
+    (void)dUnknown;
+    return fmi2Error;
+}
+
+PINC_EXPORT fmi2Status PINC_FMI(fmi2SetRealInputDerivatives)(fmi2Component c,
+                                                             const fmi2ValueReference vr[],
+                                                             size_t n, const fmi2Integer order[],
+                                                             const fmi2Real value[])
+{
+    (void)c;
+    (void)vr;
+    (void)order;
+    (void)value;
+    return (n == 0) ? fmi2OK : fmi2Error;
+}
+
+PINC_EXPORT fmi2Status PINC_FMI(fmi2GetRealOutputDerivatives)(fmi2Component c,
+                                                              const fmi2ValueReference vr[],
+                                                              size_t n, const fmi2Integer order[],
+                                                              fmi2Real value[])
+{
+    (void)c;
+    (void)vr;
+    (void)order;
+    (void)value;
+    return (n == 0) ? fmi2OK : fmi2Error;
+}
+
+PINC_EXPORT fmi2Status PINC_FMI(fmi2CancelStep)(fmi2Component c)
+{
+    (void)c;
+    return fmi2Error;
+}
+
+PINC_EXPORT fmi2Status PINC_FMI(fmi2GetStatus)(fmi2Component c, fmi2StatusKind kind,
+                                               fmi2Status *value)
+{
+    (void)c;
+    (void)kind;
+    (void)value;
+    return fmi2Discard;
+}
+
+PINC_EXPORT fmi2Status PINC_FMI(fmi2GetRealStatus)(fmi2Component c, fmi2StatusKind kind,
+                                                   fmi2Real *value)
+{
+    if (kind == fmi2LastSuccessfulTime) {
+        *value = ((pinc_instance *)c)->slave.time;
+        return fmi2OK;
+    }
+    return fmi2Discard;
+}
+
+PINC_EXPORT fmi2Status PINC_FMI(fmi2GetIntegerStatus)(fmi2Component c, fmi2StatusKind kind,
+                                                      fmi2Integer *value)
+{
+    (void)c;
+    (void)kind;
+    (void)value;
+    return fmi2Discard;
+}
+
+PINC_EXPORT fmi2Status PINC_FMI(fmi2GetBooleanStatus)(fmi2Component c, fmi2StatusKind kind,
+                                                      fmi2Boolean *value)
+{
+    (void)c;
+    if (kind == fmi2Terminated) {
+        *value = 0;
+        return fmi2OK;
+    }
+    return fmi2Discard;
+}
+
+PINC_EXPORT fmi2Status PINC_FMI(fmi2GetStringStatus)(fmi2Component c, fmi2StatusKind kind,
+                                                     fmi2String *value)
+{
+    (void)c;
+    (void)kind;
+    (void)value;
+    return fmi2Discard;
+}
+
+#ifdef __cplusplus
+}
+#endif

@@ -1,0 +1,7 @@
+    /* The controller before and after the step at hand, and whether that is computed. */
+    pinc_mpc before;
+    pinc_mpc after;
+    int computed;
+    /* Steps that the controller has taken, from the start time on. */
+    double start;
+    double steps;

@@ -1,0 +1,78 @@
+/* Value references: states, then inputs, then initial states. */
+static double *pinc_outputs(pinc_slave *s)
+{
+    return s->reals;
+}
+
+static void pinc_begin_run(pinc_slave *s)
+{
+    int i;
+    for (i = 0; i < PINC_NX; i++) {
+        s->state[i] = PINC_N(s->reals[PINC_NX + PINC_NU + i]);
+        pinc_outputs(s)[i] = s->reals[PINC_NX + PINC_NU + i];
+    }
+    for (i = 0; i < PINC_NU; i++) {
+        s->input[i] = PINC_N(s->reals[PINC_NX + i]);
+    }
+    s->origin = s->time;
+    s->marks = 0.0;
+}
+
+static void pinc_refresh(pinc_slave *s)
+{
+    (void)s;
+}
+
+static void pinc_changed(pinc_slave *s)
+{
+    (void)s;
+}
+
+/* Takes the inputs over; if they change within a step of the net, a new chain begins. */
+static void pinc_take_inputs(pinc_slave *s, double slack)
+{
+    const double begin = s->origin + (s->marks * PINC_SAMPLE_TIME_S);
+    int changed = 0;
+    int i;
+    for (i = 0; i < PINC_NU; i++) {
+        const PINC_REAL value = PINC_N(s->reals[PINC_NX + i]);
+        if ((value < s->input[i]) || (value > s->input[i])) {
+            changed = 1;
+        }
+        s->input[i] = value;
+    }
+    if ((changed != 0) && (fabs(s->time - begin) > slack)) {
+        for (i = 0; i < PINC_NX; i++) {
+            s->state[i] = PINC_N(pinc_outputs(s)[i]);
+        }
+        s->origin = s->time;
+        s->marks = 0.0;
+    }
+}
+
+static fmi2Status pinc_advance(pinc_slave *s, double from, double length)
+{
+    const double end = from + length;
+    const double largest = (fabs(end) > PINC_SAMPLE_TIME_S) ? fabs(end) : PINC_SAMPLE_TIME_S;
+    const double slack = 1e-9 * largest;
+    PINC_REAL next[PINC_NX];
+    double begin;
+    int i;
+    s->time = from;
+    pinc_take_inputs(s, slack);
+    while (end >= s->origin + ((s->marks + 1.0) * PINC_SAMPLE_TIME_S) - slack) {
+        pinc_net_step(s->state, s->input, next);
+        memcpy(s->state, next, sizeof(next));
+        s->marks += 1.0;
+    }
+    begin = s->origin + (s->marks * PINC_SAMPLE_TIME_S);
+    if (fabs(end - begin) <= slack) {
+        memcpy(next, s->state, sizeof(next));
+    } else {
+@BETWEEN@    }
+    for (i = 0; i < PINC_NX; i++) {
+        pinc_outputs(s)[i] = (double)next[i];
+    }
+    s->time = end;
+    return fmi2OK;
+}

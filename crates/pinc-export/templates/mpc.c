@@ -1,0 +1,150 @@
+@BANNER@
+#include "pinc_mpc.h"
+
+#include <math.h>
+#include <string.h>
+
+#ifdef __FAST_MATH__
+#error "this controller tests for infinity and NaN: compile it without -ffast-math"
+#endif
+
+#define PINC_INFINITY ((PINC_REAL)INFINITY)
+/* A row counts as met when it is off by less than this, relative to 1 + |bound|. */
+#define PINC_MET PINC_PICK(1e-11, 1e-5)
+/* A row off by more than this that cannot be met makes a program infeasible. */
+#define PINC_CONFLICT PINC_PICK(1e-8, 1e-3)
+/* A normal of which less than this part is independent counts as dependent. */
+#define PINC_DEPENDENT PINC_PICK(1e-10, 1e-4)
+/* A pivot below this part of its diagonal entry counts as 0. */
+#define PINC_SMALLEST_PIVOT PINC_PICK(1e-13, 1e-6)
+/* What rounding makes of the merit function, relative to its value. */
+#define PINC_NOISE PINC_PICK(1e-14, 1e-6)
+/* The KKT residual's largest defect in the dynamics with which a plan is followed. */
+#define PINC_CREDIBLE PINC_PICK(@CREDIBLE@, @CREDIBLE_FLOAT@)
+/* Of the line search. */
+#define PINC_CONTRACTION PINC_N(0.9)
+#define PINC_SUFFICIENT PINC_N(1e-4)
+#define PINC_HALVINGS 20
+/* Of the length of steps. */
+#define PINC_PATIENCE 4
+/* Of the elastic mode: weight of violations, and whether bounds on states stay so soft. */
+#define PINC_ELASTIC_WEIGHT PINC_PICK(1e3, 10)
+#define PINC_STATES_EXACT @STATES_EXACT@
+/* The largest entries of the cost's Hessian. */
+#define PINC_LARGEST_Q PINC_N(@LARGEST_Q@)
+#define PINC_LARGEST_R PINC_N(@LARGEST_R@)
+#define PINC_LARGEST_W PINC_N(@LARGEST_W@)
+/* Whether the sequence of inputs is weighted. */
+#define PINC_HAS_W @HAS_W@
+
+@TABLES@
+/* ---- Vectors and small matrices ------------------------------------------------------------ */
+
+static PINC_REAL pinc_abs(PINC_REAL v)
+{
+    return PINC_MATH(fabs)(v);
+}
+
+static PINC_REAL pinc_max(PINC_REAL a, PINC_REAL b)
+{
+    return (a > b) ? a : b;
+}
+
+static PINC_REAL pinc_min(PINC_REAL a, PINC_REAL b)
+{
+    return (a < b) ? a : b;
+}
+
+/* Whether a number is finite: the difference of infinities is NaN. */
+static int pinc_finite(PINC_REAL v)
+{
+    const PINC_REAL zero = v - v;
+    return (zero <= PINC_N(0)) ? 1 : 0;
+}
+
+static int pinc_all_finite(const PINC_REAL *v, int count)
+{
+    int i;
+    for (i = 0; i < count; i++) {
+        if (pinc_finite(v[i]) == 0) {
+            return 0;
+        }
+    }
+    return 1;
+}
+
+static void pinc_fill(PINC_REAL *v, PINC_REAL value, int count)
+{
+    int i;
+    for (i = 0; i < count; i++) {
+        v[i] = value;
+    }
+}
+
+static void pinc_copy(PINC_REAL *to, const PINC_REAL *from, int count)
+{
+    int i;
+    for (i = 0; i < count; i++) {
+        to[i] = from[i];
+    }
+}
+
+/* sum += factor vector */
+static void pinc_add_scaled(PINC_REAL *sum, PINC_REAL factor, const PINC_REAL *v, int count)
+{
+    int i;
+    for (i = 0; i < count; i++) {
+        sum[i] += factor * v[i];
+    }
+}
+
+/* a'b, in two sums side by side. */
+static PINC_REAL pinc_dot(const PINC_REAL *a, const PINC_REAL *b, int count)
+{
+    PINC_REAL even = PINC_N(0);
+    PINC_REAL odd = PINC_N(0);
+    const PINC_REAL last = ((count % 2) == 1) ? (a[count - 1] * b[count - 1]) : PINC_N(0);
+    int i;
+    for (i = 0; i + 1 < count; i += 2) {
+        even += a[i] * b[i];
+        odd += a[i + 1] * b[i + 1];
+    }
+    return even + odd + last;
+}
+
+/* sum += matrix vector */
+static void pinc_add_product(const PINC_REAL *matrix, const PINC_REAL *v, PINC_REAL *sum, int rows,
+                             int columns)
+{
+    int i;
+    for (i = 0; i < rows; i++) {
+        sum[i] += pinc_dot(matrix + (i * columns), v, columns);
+    }
+}
+
+/* sum += matrix' vector */
+static void pinc_add_transposed(const PINC_REAL *matrix, const PINC_REAL *v, PINC_REAL *sum,
+                                int rows, int columns)
+{
+    int i;
+    for (i = 0; i < rows; i++) {
+        pinc_add_scaled(sum, v[i], matrix + (i * columns), columns);
+    }
+}
+
+/* The index of the input that acts in stage j: the last is held. */
+static int pinc_acting(int j)
+{
+    return (j < PINC_NC) ? j : (PINC_NC - 1);
+}
+
+/* Whether the budget is spent. */
+static int pinc_expired(pinc_mpc *m)
+{
+    m->spent++;
+    return ((m->budget > 0) && (m->spent > m->budget)) ? 1 : 0;
+}
+
+@DENSE@
+@CONDENSE@
+@SQP@

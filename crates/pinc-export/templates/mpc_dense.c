@@ -1,0 +1,531 @@
+/* ---- A dense quadratic program: dual active-set method of Goldfarb and Idnani (1983) ------- */
+
+/* H = L L'; L below the diagonal column by column, mirrored above. 0 if H is not positive. */
+static int pinc_factor(pinc_dense *s)
+{
+    const int n = PINC_INPUTS;
+    int c;
+    int i;
+    pinc_copy(s->factor, s->hessian, n * n);
+    for (c = 0; c < n; c++) {
+        PINC_REAL *column = s->factor + ((c * n) + c);
+        const PINC_REAL pivot = column[0];
+        PINC_REAL inverse;
+        if (!(pivot > PINC_SMALLEST_PIVOT * s->hessian[(c * n) + c])) {
+            return 0;
+        }
+        inverse = PINC_N(1) / PINC_MATH(sqrt)(pivot);
+        s->inverse_diagonal[c] = inverse;
+        for (i = 0; i < n - c; i++) {
+            column[i] *= inverse;
+        }
+        for (i = 0; c + 1 + i < n; i++) {
+            PINC_REAL *target = s->factor + ((c + 1 + i) * n);
+            const PINC_REAL entry = column[1 + i];
+            target[c] = entry;
+            pinc_add_scaled(target + (c + 1 + i), -entry, column + (1 + i), n - (c + 1 + i));
+        }
+    }
+    return 1;
+}
+
+/* v <- L^-1 v */
+static void pinc_forward(const pinc_dense *s, PINC_REAL *v)
+{
+    const int n = PINC_INPUTS;
+    int c;
+    for (c = 0; c < n; c++) {
+        const PINC_REAL value = v[c] * s->inverse_diagonal[c];
+        v[c] = value;
+        pinc_add_scaled(v + (c + 1), -value, s->factor + ((c * n) + c + 1), n - (c + 1));
+    }
+}
+
+/* v <- L'^-1 v */
+static void pinc_backward(const pinc_dense *s, PINC_REAL *v)
+{
+    const int n = PINC_INPUTS;
+    int r;
+    for (r = n - 1; r >= 0; r--) {
+        const PINC_REAL value = v[r] * s->inverse_diagonal[r];
+        v[r] = value;
+        pinc_add_scaled(v, -value, s->factor + (r * n), r);
+    }
+}
+
+/* Moves what of z is in the range of Q to w; gives what |z|^2 is then. */
+static PINC_REAL pinc_project_out(pinc_dense *s)
+{
+    const int n = PINC_INPUTS;
+    int k;
+    for (k = 0; k < s->members; k++) {
+        const PINC_REAL *q = s->q + (k * n);
+        const PINC_REAL part = pinc_dot(q, s->z, n);
+        s->w[k] += part;
+        pinc_add_scaled(s->z, -part, q, n);
+    }
+    return pinc_dot(s->z, s->z, n);
+}
+
+/* Appends the column Q w + z, where |z|^2 = squared, to Q R. */
+static void pinc_qr_push(pinc_dense *s, PINC_REAL squared)
+{
+    const int n = PINC_INPUTS;
+    const int at = s->members * n;
+    const PINC_REAL norm = PINC_MATH(sqrt)(squared);
+    const PINC_REAL inverse = PINC_N(1) / norm;
+    int i;
+    for (i = 0; i < n; i++) {
+        s->q[at + i] = s->z[i] * inverse;
+    }
+    pinc_copy(s->r + at, s->w, s->members);
+    s->r[at + s->members] = norm;
+}
+
+/* Removes a column of Q R, of which members are left then. */
+static void pinc_qr_remove(pinc_dense *s, int gone, int members)
+{
+    const int n = PINC_INPUTS;
+    int c;
+    int k;
+    int i;
+    for (c = gone; c < members; c++) {
+        pinc_copy(s->r + (c * n), s->r + ((c + 1) * n), c + 2);
+    }
+    for (c = gone; c < members; c++) {
+        const PINC_REAL a = s->r[(c * n) + c];
+        const PINC_REAL b = s->r[(c * n) + c + 1];
+        const PINC_REAL length = PINC_MATH(hypot)(a, b);
+        const PINC_REAL cosine = a / length;
+        const PINC_REAL sine = b / length;
+        PINC_REAL *first = s->q + (c * n);
+        PINC_REAL *second = s->q + ((c + 1) * n);
+        for (k = c; k < members; k++) {
+            PINC_REAL *column = s->r + (k * n);
+            const PINC_REAL upper = column[c];
+            const PINC_REAL lower = column[c + 1];
+            column[c] = (cosine * upper) + (sine * lower);
+            column[c + 1] = (cosine * lower) - (sine * upper);
+        }
+        for (i = 0; i < n; i++) {
+            const PINC_REAL one = first[i];
+            const PINC_REAL two = second[i];
+            first[i] = (cosine * one) + (sine * two);
+            second[i] = (cosine * two) - (sine * one);
+        }
+    }
+}
+
+/* v <- R^-1 v */
+static void pinc_qr_solve(const pinc_dense *s, PINC_REAL *v)
+{
+    const int n = PINC_INPUTS;
+    int c;
+    for (c = s->members - 1; c >= 0; c--) {
+        const PINC_REAL *column = s->r + (c * n);
+        v[c] /= column[c];
+        pinc_add_scaled(v, -v[c], column, c);
+    }
+}
+
+/* The normal of a row: a unit vector, or a row of C. */
+static void pinc_normal(const pinc_dense *s, int row, PINC_REAL *normal)
+{
+    int i;
+    for (i = 0; i < PINC_INPUTS; i++) {
+        if (row < PINC_INPUTS) {
+            normal[i] = (i == row) ? PINC_N(1) : PINC_N(0);
+        } else {
+            normal[i] = s->matrix[(i * PINC_ROWS) + (row - PINC_INPUTS)];
+        }
+    }
+}
+
+/* (x, C x) */
+static void pinc_row_values(pinc_dense *s)
+{
+    int i;
+    pinc_copy(s->values, s->x, PINC_INPUTS);
+    pinc_fill(s->values + PINC_INPUTS, PINC_N(0), PINC_ROWS);
+    for (i = 0; i < PINC_INPUTS; i++) {
+        pinc_add_scaled(s->values + PINC_INPUTS, s->x[i], s->matrix + (i * PINC_ROWS), PINC_ROWS);
+    }
+}
+
+/* A row held at a bound, with the limits of its multiplier. */
+typedef struct {
+    int row;
+    PINC_REAL bound;
+    PINC_REAL least;
+    PINC_REAL most;
+    /* Of a row that is off: on which side, and by how much. */
+    PINC_REAL sign;
+    PINC_REAL gap;
+} pinc_row;
+
+static pinc_row pinc_row_at(const pinc_dense *s, int row, int upper)
+{
+    const int equality = (s->low[row] >= s->high[row]) ? 1 : 0;
+    pinc_row member;
+    member.row = row;
+    member.bound = (upper != 0) ? s->high[row] : s->low[row];
+    member.least = ((upper != 0) && (equality == 0)) ? PINC_N(0) : -s->penalty[row];
+    member.most = ((upper != 0) || (equality != 0)) ? s->penalty[row] : PINC_N(0);
+    member.sign = PINC_N(1);
+    member.gap = PINC_N(0);
+    return member;
+}
+
+static void pinc_join(pinc_dense *s, const pinc_row *member, PINC_REAL squared)
+{
+    pinc_qr_push(s, squared);
+    s->working[s->members] = member->row;
+    s->bound[s->members] = member->bound;
+    s->least[s->members] = member->least;
+    s->most[s->members] = member->most;
+    s->members++;
+}
+
+static void pinc_leave(pinc_dense *s, int gone)
+{
+    int k;
+    s->members--;
+    for (k = gone; k < s->members; k++) {
+        s->working[k] = s->working[k + 1];
+        s->bound[k] = s->bound[k + 1];
+        s->least[k] = s->least[k + 1];
+        s->most[k] = s->most[k + 1];
+    }
+    pinc_qr_remove(s, gone, s->members);
+}
+
+/* Splits the normal of a row into w and z; gives |z|^2 and whether that is nothing. */
+static PINC_REAL pinc_split(pinc_dense *s, int row, int *dependent)
+{
+    PINC_REAL whole;
+    PINC_REAL squared;
+    pinc_normal(s, row, s->z);
+    pinc_forward(s, s->z);
+    whole = pinc_dot(s->z, s->z, PINC_INPUTS);
+    pinc_fill(s->w, PINC_N(0), s->members);
+    squared = pinc_project_out(s);
+    if (squared < PINC_N(0.25) * whole) {
+        squared = pinc_project_out(s);
+    }
+    *dependent = ((squared <= PINC_DEPENDENT * PINC_DEPENDENT * whole) ||
+                  (s->members == PINC_INPUTS))
+                     ? 1
+                     : 0;
+    return squared;
+}
+
+/* Computes y and the multipliers of the working set afresh. */
+static void pinc_resolve(pinc_dense *s)
+{
+    const int n = PINC_INPUTS;
+    int k;
+    int i;
+    for (k = 0; k < s->members; k++) {
+        s->mu[s->working[k]] = PINC_N(0);
+    }
+    for (i = 0; i < n; i++) {
+        s->y[i] = -s->gradient[i];
+    }
+    for (k = 0; k < PINC_LIMITS; k++) {
+        if (pinc_abs(s->mu[k]) > PINC_N(0)) {
+            pinc_normal(s, k, s->z);
+            pinc_add_scaled(s->y, -s->mu[k], s->z, n);
+        }
+    }
+    pinc_forward(s, s->y);
+    for (k = 0; k < s->members; k++) {
+        const PINC_REAL *column = s->r + (k * n);
+        s->rates[k] = (s->bound[k] - pinc_dot(column, s->rates, k)) / column[k];
+    }
+    for (k = 0; k < s->members; k++) {
+        s->rates[k] -= pinc_dot(s->q + (k * n), s->y, n);
+    }
+    for (k = 0; k < s->members; k++) {
+        pinc_add_scaled(s->y, s->rates[k], s->q + (k * n), n);
+    }
+    pinc_qr_solve(s, s->rates);
+    for (k = 0; k < s->members; k++) {
+        s->mu[s->working[k]] = -s->rates[k];
+    }
+}
+
+/* The member of the working set whose multiplier is furthest outside its limits, or -1. */
+static int pinc_most_excessive(const pinc_dense *s)
+{
+    int worst = -1;
+    PINC_REAL largest = PINC_N(0);
+    int k;
+    for (k = 0; k < s->members; k++) {
+        const PINC_REAL mu = s->mu[s->working[k]];
+        const PINC_REAL excess = pinc_max(s->least[k] - mu, mu - s->most[k]);
+        if (excess > largest) {
+            worst = k;
+            largest = excess;
+        }
+    }
+    return worst;
+}
+
+static PINC_REAL pinc_clamp(PINC_REAL v, PINC_REAL least, PINC_REAL most)
+{
+    return pinc_min(pinc_max(v, least), most);
+}
+
+/* Makes the working set of the multipliers given, less the rows whose multipliers it gets wrong. */
+static void pinc_start(pinc_dense *s)
+{
+    int row;
+    int gone;
+    s->members = 0;
+    for (row = 0; row < PINC_LIMITS; row++) {
+        const PINC_REAL mu = s->mu[row];
+        if (pinc_abs(mu) > PINC_N(0)) {
+            const pinc_row member = pinc_row_at(s, row, (mu > PINC_N(0)) ? 1 : 0);
+            s->mu[row] = PINC_N(0);
+            if (pinc_finite(member.bound) == 0) {
+                continue;
+            }
+            if (pinc_abs(mu) >= s->penalty[row]) {
+                s->mu[row] = pinc_clamp(mu, member.least, member.most);
+            } else {
+                int dependent = 0;
+                const PINC_REAL squared = pinc_split(s, row, &dependent);
+                if (dependent == 0) {
+                    pinc_join(s, &member, squared);
+                }
+            }
+        }
+    }
+    pinc_resolve(s);
+    gone = pinc_most_excessive(s);
+    while (gone >= 0) {
+        row = s->working[gone];
+        s->mu[row] = pinc_clamp(s->mu[row], s->least[gone], s->most[gone]);
+        pinc_leave(s, gone);
+        pinc_resolve(s);
+        gone = pinc_most_excessive(s);
+    }
+}
+
+/* Whether a row is off and its multiplier can be moved; writes how. */
+static int pinc_candidate(const pinc_dense *s, int row, pinc_row *member)
+{
+    const PINC_REAL mu = s->mu[row];
+    const PINC_REAL value = s->values[row];
+    const int upper =
+        ((mu > PINC_N(0)) || ((mu >= PINC_N(0)) && (value > s->high[row]))) ? 1 : 0;
+    PINC_REAL off;
+    PINC_REAL limit;
+    int k;
+    *member = pinc_row_at(s, row, upper);
+    off = value - member->bound;
+    member->sign = (off < PINC_N(0)) ? PINC_N(-1) : PINC_N(1);
+    member->gap = pinc_abs(off);
+    limit = (member->sign > PINC_N(0)) ? member->most : member->least;
+    if (!(member->gap > s->tolerance * (PINC_N(1) + pinc_abs(member->bound))) ||
+        !(member->sign * (limit - mu) > PINC_N(0))) {
+        return 0;
+    }
+    for (k = 0; k < s->members; k++) {
+        if (s->working[k] == row) {
+            return 0;
+        }
+    }
+    return 1;
+}
+
+/* The row that is most off, if there is one. */
+static int pinc_worst(const pinc_dense *s, pinc_row *worst)
+{
+    PINC_REAL largest = PINC_N(0);
+    int any = 0;
+    int row;
+    for (row = 0; row < PINC_LIMITS; row++) {
+        const PINC_REAL mu = s->mu[row];
+        const PINC_REAL above = s->values[row] - s->high[row];
+        const PINC_REAL below = s->low[row] - s->values[row];
+        PINC_REAL off = pinc_max(above, below);
+        if (mu > PINC_N(0)) {
+            off = pinc_abs(above);
+        } else if (mu < PINC_N(0)) {
+            off = pinc_abs(below);
+        }
+        if (off > largest) {
+            pinc_row found;
+            if (pinc_candidate(s, row, &found) != 0) {
+                *worst = found;
+                largest = off;
+                any = 1;
+            }
+        }
+    }
+    return any;
+}
+
+/* Below this a rate is mere rounding. */
+static PINC_REAL pinc_rounding(const pinc_dense *s)
+{
+    PINC_REAL largest = PINC_N(0);
+    int k;
+    for (k = 0; k < s->members; k++) {
+        largest = pinc_max(largest, pinc_abs(s->rates[k]));
+    }
+    return PINC_DEPENDENT * largest;
+}
+
+/* The working row whose multiplier comes to a limit first, or -1; writes when. */
+static int pinc_first_at_limit(const pinc_dense *s, PINC_REAL sign, int dependent, PINC_REAL *when)
+{
+    const PINC_REAL rounding = (dependent != 0) ? pinc_rounding(s) : PINC_N(0);
+    int first = -1;
+    int k;
+    *when = PINC_INFINITY;
+    for (k = 0; k < s->members; k++) {
+        const PINC_REAL rate = -sign * s->rates[k];
+        if (pinc_abs(rate) > rounding) {
+            const PINC_REAL limit = (rate > PINC_N(0)) ? s->most[k] : s->least[k];
+            const PINC_REAL t = pinc_max((limit - s->mu[s->working[k]]) / rate, PINC_N(0));
+            if (t < *when) {
+                *when = t;
+                first = k;
+            }
+        }
+    }
+    return first;
+}
+
+/* How a dense program ended. */
+typedef enum { PINC_QP_SOLVED, PINC_QP_CONTINUES, PINC_QP_INFEASIBLE, PINC_QP_FAILED,
+               PINC_QP_EXPIRED } pinc_qp_status;
+
+/* A row that is off and depends on rows that cannot yield. */
+static pinc_qp_status pinc_certify(pinc_dense *s, const pinc_row *member, PINC_REAL gap)
+{
+    const PINC_REAL size = PINC_N(1) + pinc_abs(member->bound);
+    PINC_REAL terms = PINC_N(0);
+    PINC_REAL rounding;
+    int k;
+    pinc_normal(s, member->row, s->z);
+    for (k = 0; k < PINC_INPUTS; k++) {
+        terms += pinc_abs(s->z[k] * s->x[k]);
+    }
+    if (pinc_finite(gap / (size + terms)) == 0) {
+        return PINC_QP_FAILED;
+    }
+    if (gap <= PINC_CONFLICT * (size + terms)) {
+        s->tolerance = pinc_max(s->tolerance, PINC_N(2) * gap / size);
+        return PINC_QP_CONTINUES;
+    }
+    pinc_fill(s->mu, PINC_N(0), PINC_LIMITS);
+    s->mu[member->row] = member->sign;
+    rounding = pinc_rounding(s);
+    for (k = 0; k < s->members; k++) {
+        if (pinc_abs(s->rates[k]) > rounding) {
+            s->mu[s->working[k]] = -member->sign * s->rates[k];
+        }
+    }
+    return PINC_QP_INFEASIBLE;
+}
+
+/* Moves the multiplier of a row until the row is met, or the multiplier is at its limit. */
+static pinc_qp_status pinc_add_row(pinc_dense *s, const pinc_row *member)
+{
+    const int row = member->row;
+    const PINC_REAL sign = member->sign;
+    const PINC_REAL limit = (sign > PINC_N(0)) ? member->most : member->least;
+    PINC_REAL gap = member->gap;
+    int pass;
+    /* Each pass but the last makes the working set smaller. */
+    for (pass = 0; pass <= PINC_INPUTS; pass++) {
+        int dependent = 0;
+        int leaving;
+        int own_limit = 0;
+        int leaves = 0;
+        int k;
+        PINC_REAL when;
+        PINC_REAL step;
+        PINC_REAL own;
+        const PINC_REAL squared = pinc_split(s, row, &dependent);
+        s->changes++;
+        pinc_copy(s->rates, s->w, s->members);
+        pinc_qr_solve(s, s->rates);
+        step = (dependent != 0) ? PINC_INFINITY : (gap / squared);
+        own = sign * (limit - s->mu[row]);
+        if (own < step) {
+            step = own;
+            own_limit = 1;
+        }
+        leaving = pinc_first_at_limit(s, sign, dependent, &when);
+        if ((leaving >= 0) && (when < step)) {
+            step = when;
+            own_limit = 0;
+            leaves = 1;
+        }
+        if (step >= PINC_INFINITY) {
+            return pinc_certify(s, member, gap);
+        }
+        s->mu[row] += sign * step;
+        for (k = 0; k < s->members; k++) {
+            s->mu[s->working[k]] -= sign * step * s->rates[k];
+        }
+        if (dependent == 0) {
+            pinc_add_scaled(s->y, -sign * step, s->z, PINC_INPUTS);
+            gap -= step * squared;
+        }
+        if (leaves != 0) {
+            const int falling = (-sign * s->rates[leaving] < PINC_N(0)) ? 1 : 0;
+            s->mu[s->working[leaving]] = (falling != 0) ? s->least[leaving] : s->most[leaving];
+            pinc_leave(s, leaving);
+        } else if (own_limit != 0) {
+            s->mu[row] = limit;
+            return PINC_QP_CONTINUES;
+        } else {
+            pinc_join(s, member, squared);
+            return PINC_QP_CONTINUES;
+        }
+    }
+    return PINC_QP_FAILED;
+}
+
+/* Solves the dense program, starting from the multipliers in mu. */
+static pinc_qp_status pinc_dense_solve(pinc_mpc *m)
+{
+    pinc_dense *s = &m->dense;
+    int fresh = 1;
+    s->changes = 0;
+    s->tolerance = PINC_MET;
+    if (pinc_factor(s) == 0) {
+        return PINC_QP_FAILED;
+    }
+    pinc_start(s);
+    while (s->changes <= 10 * (PINC_LIMITS + 10)) {
+        pinc_row worst = pinc_row_at(s, 0, 0);
+        pinc_copy(s->x, s->y, PINC_INPUTS);
+        pinc_backward(s, s->x);
+        pinc_row_values(s);
+        if (pinc_worst(s, &worst) != 0) {
+            pinc_qp_status status;
+            if ((s->changes > 0) && (pinc_expired(m) != 0)) {
+                return PINC_QP_EXPIRED;
+            }
+            fresh = 0;
+            status = pinc_add_row(s, &worst);
+            if (status != PINC_QP_CONTINUES) {
+                return status;
+            }
+        } else if (fresh != 0) {
+            const int finite = pinc_all_finite(s->values, PINC_LIMITS) &
+                               pinc_all_finite(s->mu, PINC_LIMITS);
+            return (finite != 0) ? PINC_QP_SOLVED : PINC_QP_FAILED;
+        } else {
+            pinc_resolve(s);
+            fresh = 1;
+        }
+    }
+    return PINC_QP_FAILED;
+}

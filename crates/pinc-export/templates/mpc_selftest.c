@@ -1,0 +1,45 @@
+@BANNER@
+/* The controller against golden vectors, step by step: exit 0 if all inputs agree. */
+#include "pinc_mpc.h"
+
+#include <math.h>
+#include <stdio.h>
+
+#define PINC_STEPS @STEPS@
+/* What an input may differ by, relative to 1 + its size. */
+#define PINC_TOLERANCE ((sizeof(PINC_REAL) == sizeof(float)) ? @FLOAT@ : @DOUBLE@)
+
+@TABLES@
+static pinc_mpc pinc_controller;
+
+int main(void)
+{
+    double worst = 0.0;
+    int failed = 0;
+    int k;
+    int i;
+    pinc_mpc_init(&pinc_controller);
+    for (k = 0; k < PINC_STEPS; k++) {
+        PINC_REAL x[PINC_NX];
+        PINC_REAL reference[PINC_N2 * PINC_NY];
+        PINC_REAL u[PINC_NU];
+        pinc_status status;
+        for (i = 0; i < PINC_NX; i++) {
+            x[i] = PINC_N(pinc_x[k][i]);
+        }
+        for (i = 0; i < PINC_N2 * PINC_NY; i++) {
+            reference[i] = PINC_N(pinc_reference[k][i]);
+        }
+        status = pinc_mpc_step(&pinc_controller, x, reference, u);
+        failed += ((status == PINC_NUMERICAL_TROUBLE) || (status == PINC_BAD_ARGUMENT)) ? 1 : 0;
+        for (i = 0; i < PINC_NU; i++) {
+            const double off = fabs((double)u[i] - pinc_u[k][i]) / (1.0 + fabs(pinc_u[k][i]));
+            if (!(off <= worst)) {
+                worst = (off > worst) ? off : 1.0;
+            }
+        }
+    }
+    printf("@name@: %d steps, largest difference %.2e, allowed %.2e\n", PINC_STEPS, worst,
+           PINC_TOLERANCE);
+    return ((worst <= PINC_TOLERANCE) && (failed == 0)) ? 0 : 1;
+}

@@ -1,0 +1,679 @@
+/* ---- The control problem along a plan ------------------------------------------------------- */
+
+/* The input before number v of all inputs. */
+static PINC_REAL pinc_before(const pinc_mpc *m, const PINC_REAL *z, int v)
+{
+    return (v < PINC_NU) ? m->previous[v] : z[PINC_STATES + v - PINC_NU];
+}
+
+/* Moves the plan's inputs into their bounds and those of their increments. */
+static void pinc_project(const pinc_mpc *m, PINC_REAL *z)
+{
+    int v;
+    for (v = 0; v < PINC_INPUTS; v++) {
+        const PINC_REAL before = pinc_before(m, z, v);
+        const PINC_REAL least = pinc_low[PINC_STATES + v];
+        const PINC_REAL most = pinc_high[PINC_STATES + v];
+        const PINC_REAL low = pinc_min(before + pinc_increment_low[v], most);
+        const PINC_REAL high = pinc_max(before + pinc_increment_high[v], least);
+        PINC_REAL *input = z + (PINC_STATES + v);
+        const PINC_REAL wanted = (pinc_finite(*input) != 0) ? *input : before;
+        *input = pinc_min(pinc_max(pinc_min(pinc_max(wanted, low), high), least), most);
+    }
+}
+
+/* Linearizes the model along z, from the state at the start. */
+static void pinc_linearize(const pinc_mpc *m, const PINC_REAL *z, pinc_qp *qp)
+{
+    int j;
+    int i;
+    for (j = 0; j < PINC_N2; j++) {
+        const PINC_REAL *x = (j == 0) ? m->start : (z + ((j - 1) * PINC_NX));
+        const PINC_REAL *u = z + (PINC_STATES + (pinc_acting(j) * PINC_NU));
+        pinc_@MODEL@_linearize(x, u, qp->c + (j * PINC_NX), PINC_A(qp, j), PINC_B(qp, j));
+    }
+    for (i = 0; i < PINC_STATES; i++) {
+        qp->c[i] -= z[i];
+    }
+}
+
+/* What is left of bounds and increments at z. */
+static void pinc_limit(const pinc_mpc *m, const PINC_REAL *z, pinc_qp *qp)
+{
+    int v;
+    for (v = 0; v < PINC_UNKNOWNS; v++) {
+        qp->low[v] = pinc_low[v] - z[v];
+        qp->high[v] = pinc_high[v] - z[v];
+    }
+    for (v = 0; v < PINC_INPUTS; v++) {
+        const PINC_REAL before = pinc_before(m, z, v);
+        const PINC_REAL increment = z[PINC_STATES + v] - before;
+        PINC_REAL up = PINC_N(0);
+        PINC_REAL down = PINC_N(0);
+        if (v < PINC_NU) {
+            /* The first input may always go as far as to its nearest bound. */
+            up = pinc_high[PINC_STATES + v] - before;
+            down = pinc_low[PINC_STATES + v] - before;
+        }
+        qp->increment_low[v] = pinc_min(pinc_increment_low[v], up) - increment;
+        qp->increment_high[v] = pinc_max(pinc_increment_high[v], down) - increment;
+    }
+}
+
+/* The part of the cost, twice, that increments make, and its gradient. */
+static PINC_REAL pinc_move_inputs(const pinc_mpc *m, const PINC_REAL *z, PINC_REAL *gradient)
+{
+    PINC_REAL twice = PINC_N(0);
+    int v;
+    int k;
+    for (v = 0; v < PINC_INPUTS; v++) {
+        const int first = v - (v % PINC_NU);
+        PINC_REAL force = PINC_N(0);
+        for (k = 0; k < PINC_NU; k++) {
+            const PINC_REAL change = z[PINC_STATES + first + k] - pinc_before(m, z, first + k);
+            force += pinc_r[(v * PINC_NU) + k] * change;
+        }
+        gradient[PINC_STATES + v] += force;
+        if (v >= PINC_NU) {
+            gradient[PINC_STATES + v - PINC_NU] -= force;
+        }
+        twice += force * (z[PINC_STATES + v] - pinc_before(m, z, v));
+    }
+    return twice;
+}
+
+/* The same of tracking. */
+static PINC_REAL pinc_track(const PINC_REAL *z, const PINC_REAL *reference, PINC_REAL *gradient)
+{
+    PINC_REAL twice = PINC_N(0);
+    int j;
+    int i;
+    int k;
+    for (j = 0; j < PINC_N2; j++) {
+        const PINC_REAL *x = z + (j * PINC_NX);
+        const PINC_REAL *y = reference + (j * PINC_NY);
+        for (i = 0; i < PINC_NY; i++) {
+            const int row = pinc_tracked[i];
+            PINC_REAL force = PINC_N(0);
+            for (k = 0; k < PINC_NY; k++) {
+                const int column = pinc_tracked[k];
+                force += PINC_Q(j)[(row * PINC_NX) + column] * (x[column] - y[k]);
+            }
+            gradient[(j * PINC_NX) + row] = force;
+            twice += force * (x[row] - y[i]);
+        }
+    }
+    return twice;
+}
+
+#if PINC_HAS_W
+/* The same of the weighted sequence of inputs. */
+static PINC_REAL pinc_weigh_inputs(const pinc_mpc *m, const PINC_REAL *z, PINC_REAL *gradient)
+{
+    const int width = PINC_INPUTS + PINC_NU;
+    PINC_REAL twice = PINC_N(0);
+    int i;
+    int k;
+    for (i = 0; i < width; i++) {
+        PINC_REAL force = PINC_N(0);
+        for (k = 0; k < width; k++) {
+            force += pinc_w[(i * width) + k] * pinc_before(m, z, k);
+        }
+        twice += force * pinc_before(m, z, i);
+        if (i >= PINC_NU) {
+            gradient[PINC_STATES + i - PINC_NU] += force;
+        }
+    }
+    return twice;
+}
+#endif
+
+/* Linearizes at z and gives the cost. */
+static PINC_REAL pinc_evaluate(const pinc_mpc *m, const PINC_REAL *z, const PINC_REAL *reference,
+                               pinc_qp *qp)
+{
+    PINC_REAL twice;
+    pinc_linearize(m, z, qp);
+    pinc_limit(m, z, qp);
+    pinc_fill(qp->gradient, PINC_N(0), PINC_UNKNOWNS);
+    twice = pinc_move_inputs(m, z, qp->gradient);
+    twice += pinc_track(z, reference, qp->gradient);
+#if PINC_HAS_W
+    twice += pinc_weigh_inputs(m, z, qp->gradient);
+#endif
+    return twice / PINC_N(2);
+}
+
+/* ---- How far a plan is from optimal --------------------------------------------------------- */
+
+/* The larger of two numbers; infinity if the second is NaN. */
+static PINC_REAL pinc_worse(PINC_REAL largest, PINC_REAL v)
+{
+    if (v <= largest) {
+        return largest;
+    }
+    return (v > largest) ? v : PINC_INFINITY;
+}
+
+static PINC_REAL pinc_largest(const PINC_REAL *v, int count)
+{
+    PINC_REAL largest = PINC_N(0);
+    int i;
+    for (i = 0; i < count; i++) {
+        largest = pinc_worse(largest, pinc_abs(v[i]));
+    }
+    return largest;
+}
+
+static PINC_REAL pinc_size(const PINC_REAL *v, int count)
+{
+    PINC_REAL sum = PINC_N(0);
+    int i;
+    for (i = 0; i < count; i++) {
+        sum += pinc_abs(v[i]);
+    }
+    return sum;
+}
+
+/* The residuals of rows with limits: stationarity, violation, product. */
+typedef struct {
+    PINC_REAL stationarity;
+    PINC_REAL violation;
+    PINC_REAL product;
+} pinc_residuals;
+
+static void pinc_see(pinc_residuals *worst, PINC_REAL low, PINC_REAL high, PINC_REAL penalty,
+                     PINC_REAL mu)
+{
+    const PINC_REAL outside = pinc_max(pinc_max(low, -high), PINC_N(0));
+    const PINC_REAL size = pinc_abs(mu);
+    const PINC_REAL room =
+        (mu > PINC_N(0)) ? pinc_max(high, PINC_N(0)) : pinc_max(-low, PINC_N(0));
+    worst->product = pinc_worse(worst->product, (size > PINC_N(0)) ? (size * room) : PINC_N(0));
+    if (penalty < PINC_INFINITY) {
+        const PINC_REAL lacking = outside * pinc_max(penalty - size, PINC_N(0));
+        worst->product = pinc_worse(worst->product, lacking);
+        worst->stationarity = pinc_worse(worst->stationarity, size - penalty);
+    } else {
+        worst->violation = pinc_worse(worst->violation, outside);
+    }
+}
+
+/* The gradient of the Lagrangian. */
+static void pinc_lagrangian(const pinc_qp *qp, const pinc_multipliers *at, PINC_REAL *gradient)
+{
+    PINC_REAL *inputs = gradient + PINC_STATES;
+    int v;
+    int j;
+    for (v = 0; v < PINC_UNKNOWNS; v++) {
+        gradient[v] = qp->gradient[v] + at->bounds[v];
+    }
+    for (j = 0; j < PINC_N2; j++) {
+        const PINC_REAL *lambda = at->dynamics + (j * PINC_NX);
+        for (v = 0; v < PINC_NX; v++) {
+            gradient[(j * PINC_NX) + v] -= lambda[v];
+        }
+        if (j > 0) {
+            pinc_add_transposed(PINC_A(qp, j), lambda, gradient + ((j - 1) * PINC_NX), PINC_NX,
+                                PINC_NX);
+        }
+        pinc_add_transposed(PINC_B(qp, j), lambda, inputs + (pinc_acting(j) * PINC_NU), PINC_NX,
+                            PINC_NU);
+    }
+    for (v = 0; v < PINC_INPUTS; v++) {
+        inputs[v] += at->increments[v];
+        if (v >= PINC_NU) {
+            inputs[v - PINC_NU] -= at->increments[v];
+        }
+    }
+}
+
+/* The KKT residual of the plan, where the program at hand is linearized. */
+static PINC_REAL pinc_residual(pinc_mpc *m, const pinc_qp *qp)
+{
+    const pinc_multipliers *at = &m->plan.m;
+    const PINC_REAL count = PINC_N(PINC_STATES + PINC_UNKNOWNS + PINC_INPUTS);
+    pinc_residuals worst;
+    PINC_REAL scale;
+    int v;
+    pinc_lagrangian(qp, at, m->work);
+    worst.stationarity = pinc_largest(m->work, PINC_UNKNOWNS);
+    worst.violation = PINC_N(0);
+    worst.product = PINC_N(0);
+    for (v = 0; v < PINC_UNKNOWNS; v++) {
+        const PINC_REAL penalty = (v < PINC_STATES) ? m->penalty[v] : PINC_INFINITY;
+        pinc_see(&worst, qp->low[v], qp->high[v], penalty, at->bounds[v]);
+    }
+    for (v = 0; v < PINC_INPUTS; v++) {
+        pinc_see(&worst, qp->increment_low[v], qp->increment_high[v], PINC_INFINITY,
+                 at->increments[v]);
+    }
+    scale = pinc_size(at->dynamics, PINC_STATES);
+    scale += pinc_size(at->bounds, PINC_UNKNOWNS);
+    scale += pinc_size(at->increments, PINC_INPUTS);
+    scale = pinc_max(scale / count / PINC_N(100), PINC_N(1));
+    m->bounds_residual = worst.violation;
+    m->dynamics_residual = pinc_largest(qp->c, PINC_STATES);
+    m->kkt = pinc_worse(pinc_worse(pinc_worse(pinc_worse(PINC_N(0), worst.stationarity / scale),
+                                              m->dynamics_residual),
+                                   worst.violation),
+                        worst.product / scale);
+    return m->kkt;
+}
+
+/* ---- The merit function --------------------------------------------------------------------- */
+
+static void pinc_update_weights(PINC_REAL *weights, const PINC_REAL *multipliers, int count)
+{
+    int i;
+    for (i = 0; i < count; i++) {
+        const PINC_REAL least = pinc_abs(multipliers[i]);
+        weights[i] = pinc_max(least, PINC_N(0.5) * (weights[i] + least));
+    }
+}
+
+static PINC_REAL pinc_violation(PINC_REAL low, PINC_REAL high, PINC_REAL penalty, PINC_REAL weight)
+{
+    const PINC_REAL outside = pinc_max(pinc_max(low, -high), PINC_N(0));
+    if (outside > PINC_N(0)) {
+        return outside * ((penalty < PINC_INFINITY) ? penalty : weight);
+    }
+    return PINC_N(0);
+}
+
+/* The exact L1 merit function. */
+static PINC_REAL pinc_merit(const pinc_mpc *m, const pinc_qp *qp, PINC_REAL cost)
+{
+    PINC_REAL defects = PINC_N(0);
+    PINC_REAL bounds = PINC_N(0);
+    PINC_REAL increments = PINC_N(0);
+    int v;
+    for (v = 0; v < PINC_STATES; v++) {
+        defects += m->weights.dynamics[v] * pinc_abs(qp->c[v]);
+    }
+    for (v = 0; v < PINC_UNKNOWNS; v++) {
+        const PINC_REAL penalty = (v < PINC_STATES) ? m->penalty[v] : PINC_INFINITY;
+        bounds += pinc_violation(qp->low[v], qp->high[v], penalty, m->weights.bounds[v]);
+    }
+    for (v = 0; v < PINC_INPUTS; v++) {
+        increments += pinc_violation(qp->increment_low[v], qp->increment_high[v], PINC_INFINITY,
+                                     m->weights.increments[v]);
+    }
+    return cost + defects + (bounds + increments);
+}
+
+/* At most this is the merit function's slope along the step. */
+static PINC_REAL pinc_slope(const pinc_mpc *m, const pinc_qp *qp)
+{
+    PINC_REAL along = PINC_N(0);
+    PINC_REAL left = PINC_N(0);
+    int v;
+    for (v = 0; v < PINC_UNKNOWNS; v++) {
+        along += qp->gradient[v] * m->d[v];
+    }
+    for (v = 0; v < PINC_STATES; v++) {
+        if (m->penalty[v] < PINC_INFINITY) {
+            const PINC_REAL off = pinc_max(qp->low[v] - m->d[v], m->d[v] - qp->high[v]);
+            left += m->penalty[v] * pinc_max(off, PINC_N(0));
+        }
+    }
+    return along - (pinc_merit(m, qp, PINC_N(0)) - left);
+}
+
+/* ---- Sequential quadratic programming ------------------------------------------------------- */
+
+/* Hard constraints on states become soft, at a weight above their multipliers. */
+static void pinc_enter_elastic(pinc_mpc *m)
+{
+    const PINC_REAL sizes = pinc_largest(m->qp[m->at].gradient, PINC_UNKNOWNS) + PINC_LARGEST_Q +
+                            PINC_LARGEST_R + PINC_LARGEST_W;
+    const PINC_REAL weight = PINC_ELASTIC_WEIGHT * pinc_max(sizes, PINC_N(1));
+    int v;
+    m->elastic = 1;
+    for (v = 0; v < PINC_STATES; v++) {
+        if (!(m->penalty[v] < PINC_INFINITY)) {
+            m->penalty[v] = weight;
+        }
+    }
+}
+
+static void pinc_move_part(PINC_REAL *to, const PINC_REAL *from, const PINC_REAL *step, int count,
+                           PINC_REAL length)
+{
+    int i;
+    for (i = 0; i < count; i++) {
+        to[i] = from[i] + (length * (step[i] - from[i]));
+    }
+}
+
+/* Sets the plan so much of the step away from the base, and linearizes there; gives the cost. */
+static PINC_REAL pinc_try(pinc_mpc *m, const PINC_REAL *reference, PINC_REAL length)
+{
+    pinc_qp *trial = &m->qp[1 - m->at];
+    PINC_REAL cost;
+    int v;
+    for (v = 0; v < PINC_UNKNOWNS; v++) {
+        m->plan.z[v] = m->base.z[v] + (length * m->d[v]);
+    }
+    pinc_move_part(m->plan.m.dynamics, m->base.m.dynamics, m->step.dynamics, PINC_STATES, length);
+    pinc_move_part(m->plan.m.bounds, m->base.m.bounds, m->step.bounds, PINC_UNKNOWNS, length);
+    pinc_move_part(m->plan.m.increments, m->base.m.increments, m->step.increments, PINC_INPUTS,
+                   length);
+    pinc_project(m, m->plan.z);
+    cost = pinc_evaluate(m, m->plan.z, reference, trial);
+    (void)pinc_residual(m, trial);
+    return cost;
+}
+
+static void pinc_accept(pinc_mpc *m, PINC_REAL length)
+{
+    pinc_copy(m->last_step, m->d, PINC_UNKNOWNS);
+    m->last_length = length;
+    m->steps++;
+    m->at = 1 - m->at;
+}
+
+/* The length to try for the step after Barzilai and Borwein, or 0 for none. */
+static PINC_REAL pinc_length(const pinc_mpc *m)
+{
+    PINC_REAL along = PINC_N(0);
+    PINC_REAL whole = PINC_N(0);
+    PINC_REAL ratio;
+    int v;
+    if (m->steps < PINC_PATIENCE) {
+        return PINC_N(0);
+    }
+    for (v = 0; v < PINC_UNKNOWNS; v++) {
+        along += m->d[v] * m->last_step[v];
+        whole += m->last_step[v] * m->last_step[v];
+    }
+    ratio = along / whole;
+    if (!(ratio < PINC_N(1))) {
+        return PINC_N(0);
+    }
+    return pinc_clamp(m->last_length / (PINC_N(1) - ratio), PINC_N(0.05), PINC_N(50));
+}
+
+/* Goes along the step as far as is good and gives 1; 0 if it is not good at all. */
+static int pinc_search(pinc_mpc *m, const PINC_REAL *reference, PINC_REAL *cost, PINC_REAL least)
+{
+    const PINC_REAL good = PINC_CONTRACTION * least;
+    PINC_REAL length = pinc_length(m);
+    PINC_REAL start;
+    PINC_REAL slope;
+    PINC_REAL now;
+    int halving;
+    m->base = m->plan;
+    if (length > PINC_N(0)) {
+        now = pinc_try(m, reference, length);
+        if (m->kkt <= good) {
+            pinc_accept(m, length);
+            *cost = now;
+            return 1;
+        }
+    }
+    length = PINC_N(1);
+    now = pinc_try(m, reference, length);
+    if (m->kkt <= good) {
+        pinc_accept(m, length);
+        *cost = now;
+        return 1;
+    }
+    pinc_update_weights(m->weights.dynamics, m->step.dynamics, PINC_STATES);
+    pinc_update_weights(m->weights.bounds, m->step.bounds, PINC_UNKNOWNS);
+    pinc_update_weights(m->weights.increments, m->step.increments, PINC_INPUTS);
+    start = pinc_merit(m, &m->qp[m->at], *cost);
+    slope = pinc_min(pinc_slope(m, &m->qp[m->at]), PINC_N(0));
+    for (halving = 0; halving < PINC_HALVINGS; halving++) {
+        const PINC_REAL merit = pinc_merit(m, &m->qp[1 - m->at], now);
+        const PINC_REAL most = start + (PINC_SUFFICIENT * length * slope);
+        if (merit <= most + (PINC_NOISE * pinc_abs(start))) {
+            pinc_accept(m, length);
+            *cost = now;
+            return 1;
+        }
+        length *= PINC_N(0.5);
+        now = pinc_try(m, reference, length);
+    }
+    m->plan = m->base;
+    return 0;
+}
+
+/* Improves the plan; gives how that ended. */
+static pinc_status pinc_optimize(pinc_mpc *m, const PINC_REAL *reference)
+{
+    PINC_REAL cost = pinc_evaluate(m, m->plan.z, reference, &m->qp[m->at]);
+    PINC_REAL kkt = pinc_residual(m, &m->qp[m->at]);
+    PINC_REAL least = kkt;
+    memset(&m->weights, 0, sizeof(m->weights));
+    m->steps = 0;
+    m->iterations = 0;
+    for (;;) {
+        pinc_qp_status solved;
+        m->kkt = kkt;
+        if (pinc_finite(kkt) == 0) {
+            return PINC_NUMERICAL_TROUBLE;
+        }
+        if (kkt <= PINC_KKT_TOLERANCE) {
+            return PINC_CONVERGED;
+        }
+        if (m->iterations == PINC_MAX_ITERATIONS) {
+            return PINC_ITERATION_LIMIT;
+        }
+        if (pinc_expired(m) != 0) {
+            return PINC_DEADLINE;
+        }
+        m->iterations++;
+        m->step = m->plan.m;
+        solved = pinc_solve_qp(m);
+        if (solved == PINC_QP_EXPIRED) {
+            return PINC_DEADLINE;
+        }
+        if (solved == PINC_QP_INFEASIBLE) {
+            if (m->elastic != 0) {
+                return PINC_INFEASIBLE_QP;
+            }
+            pinc_enter_elastic(m);
+            continue;
+        }
+        if (solved != PINC_QP_SOLVED) {
+            return PINC_NUMERICAL_TROUBLE;
+        }
+        if (pinc_search(m, reference, &cost, least) != 0) {
+            kkt = m->kkt;
+        } else if (m->elastic != 0) {
+            m->kkt = kkt;
+            return PINC_STALLED;
+        } else {
+            pinc_enter_elastic(m);
+            kkt = pinc_residual(m, &m->qp[m->at]);
+        }
+        least = pinc_min(least, kkt);
+    }
+}
+
+/* Judges the end by the problem's own hard constraints. */
+static pinc_status pinc_judge(pinc_mpc *m, pinc_status status)
+{
+    if (m->elastic != 0) {
+        if (PINC_STATES_EXACT == 0) {
+            pinc_copy(m->penalty, pinc_penalty, PINC_STATES);
+        }
+    }
+    (void)pinc_residual(m, &m->qp[m->at]);
+    if ((m->elastic != 0) && (m->bounds_residual > PINC_KKT_TOLERANCE) &&
+        (status == PINC_CONVERGED)) {
+        status = PINC_INFEASIBLE_QP;
+    }
+    return (pinc_finite(m->kkt) != 0) ? status : PINC_NUMERICAL_TROUBLE;
+}
+
+/* ---- The controller ------------------------------------------------------------------------- */
+
+static void pinc_shift(PINC_REAL *v, int width, int count)
+{
+    int i;
+    for (i = 0; i + width < count; i++) {
+        v[i] = v[i + width];
+    }
+}
+
+/* Plans to stay at a state; all multipliers are 0. */
+static void pinc_stay_at(pinc_plan *plan, const PINC_REAL *x)
+{
+    int j;
+    for (j = 0; j < PINC_N2; j++) {
+        pinc_copy(plan->z + (j * PINC_NX), x, PINC_NX);
+    }
+    memset(&plan->m, 0, sizeof(plan->m));
+}
+
+/* Makes the last plan the first guess of the next. */
+static void pinc_shift_plan(pinc_mpc *m)
+{
+    pinc_plan *plan = &m->plan;
+    pinc_shift(plan->z, PINC_NX, PINC_STATES);
+    pinc_shift(plan->z + PINC_STATES, PINC_NU, PINC_INPUTS);
+    pinc_shift(plan->m.dynamics, PINC_NX, PINC_STATES);
+    pinc_shift(plan->m.bounds, PINC_NX, PINC_STATES);
+    pinc_shift(plan->m.bounds + PINC_STATES, PINC_NU, PINC_INPUTS);
+    pinc_shift(plan->m.increments, PINC_NU, PINC_INPUTS);
+    if (m->warm == 0) {
+        if (pinc_all_finite(m->start, PINC_NX) != 0) {
+            pinc_stay_at(plan, m->start);
+        } else {
+            memset(&plan->m, 0, sizeof(plan->m));
+        }
+    }
+    pinc_project(m, plan->z);
+    m->fallback = *plan;
+}
+
+/* Predicts the state in which the input that is chosen now will act. */
+static void pinc_predict_delay(pinc_mpc *m, const PINC_REAL *x)
+{
+#if PINC_DELAY > 0
+    int d;
+#endif
+    pinc_copy(m->start, x, PINC_NX);
+#if PINC_DELAY > 0
+    for (d = 0; d < PINC_DELAY; d++) {
+        PINC_REAL next[PINC_NX];
+        pinc_@MODEL@_step(m->start, m->pending + (d * PINC_NU), next);
+        pinc_copy(m->start, next, PINC_NX);
+    }
+#endif
+}
+
+static int pinc_plan_is_finite(const pinc_plan *plan)
+{
+    return pinc_all_finite(plan->z, PINC_UNKNOWNS) &
+           pinc_all_finite(plan->m.dynamics, PINC_STATES) &
+           pinc_all_finite(plan->m.bounds, PINC_UNKNOWNS) &
+           pinc_all_finite(plan->m.increments, PINC_INPUTS);
+}
+
+/* Puts the input chosen under way. */
+static void pinc_push(pinc_mpc *m)
+{
+    pinc_copy(m->previous, m->plan.z + PINC_STATES, PINC_NU);
+#if PINC_DELAY > 0
+    pinc_shift(m->pending, PINC_NU, PINC_DELAY * PINC_NU);
+    pinc_copy(m->pending + ((PINC_DELAY - 1) * PINC_NU), m->previous, PINC_NU);
+#endif
+}
+
+void pinc_mpc_init(pinc_mpc *m)
+{
+    memset(m, 0, sizeof(*m));
+    pinc_init_rows(&m->dense);
+    pinc_copy(m->penalty, pinc_penalty, PINC_STATES);
+}
+
+void pinc_mpc_reset(pinc_mpc *m)
+{
+    const long budget = m->budget;
+    pinc_mpc_init(m);
+    m->budget = budget;
+}
+
+void pinc_mpc_reset_to(pinc_mpc *m, const PINC_REAL x[PINC_NX], const PINC_REAL u[PINC_NU])
+{
+    int i;
+    pinc_mpc_reset(m);
+    pinc_copy(m->previous, u, PINC_NU);
+    for (i = 0; i < PINC_DELAY; i++) {
+        pinc_copy(m->pending + (i * PINC_NU), u, PINC_NU);
+    }
+    pinc_stay_at(&m->plan, x);
+    for (i = 0; i < PINC_NC; i++) {
+        pinc_copy(m->plan.z + (PINC_STATES + (i * PINC_NU)), u, PINC_NU);
+    }
+    m->warm = 1;
+}
+
+void pinc_mpc_set_applied(pinc_mpc *m, const PINC_REAL u[PINC_NU])
+{
+    pinc_copy(m->previous, u, PINC_NU);
+#if PINC_DELAY > 0
+    pinc_copy(m->pending + ((PINC_DELAY - 1) * PINC_NU), u, PINC_NU);
+#endif
+}
+
+pinc_status pinc_mpc_step(pinc_mpc *m, const PINC_REAL x[PINC_NX],
+                          const PINC_REAL reference[PINC_N2 * PINC_NY], PINC_REAL u[PINC_NU])
+{
+    pinc_status status;
+    int finite;
+    int good;
+    if ((pinc_all_finite(x, PINC_NX) & pinc_all_finite(reference, PINC_N2 * PINC_NY)) == 0) {
+        int v;
+        for (v = 0; v < PINC_NU; v++) {
+            u[v] = pinc_clamp(m->previous[v], pinc_low[PINC_STATES + v],
+                              pinc_high[PINC_STATES + v]);
+        }
+        return PINC_BAD_ARGUMENT;
+    }
+    m->spent = 0;
+    m->elastic = 0;
+    pinc_copy(m->penalty, pinc_penalty, PINC_STATES);
+    pinc_predict_delay(m, x);
+    pinc_shift_plan(m);
+    status = pinc_judge(m, pinc_optimize(m, reference));
+    finite = pinc_plan_is_finite(&m->plan);
+    if (finite == 0) {
+        status = PINC_NUMERICAL_TROUBLE;
+    }
+    /* A plan that is true to the model is followed, optimal or not. */
+    good = ((status == PINC_CONVERGED) || (m->dynamics_residual <= PINC_CREDIBLE)) ? 1 : 0;
+    m->warm = finite & good;
+    m->followed = m->warm;
+    if (m->warm == 0) {
+        m->plan = m->fallback;
+    }
+    pinc_project(m, m->plan.z);
+    pinc_push(m);
+    pinc_copy(u, m->previous, PINC_NU);
+    return status;
+}
+
+const char *pinc_status_name(pinc_status status)
+{
+    switch (status) {
+    case PINC_CONVERGED:
+        return "converged";
+    case PINC_ITERATION_LIMIT:
+        return "iteration-limit";
+    case PINC_DEADLINE:
+        return "deadline";
+    case PINC_INFEASIBLE_QP:
+        return "infeasible-qp";
+    case PINC_STALLED:
+        return "stalled";
+    case PINC_NUMERICAL_TROUBLE:
+        return "numerical-trouble";
+    case PINC_BAD_ARGUMENT:
+    default:
+        return "bad-argument";
+    }
+}

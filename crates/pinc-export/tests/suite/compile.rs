@@ -1,0 +1,174 @@
+//! Generated files, compiled by the C compiler of the machine.
+
+use pinc_export::GeneratedFile;
+use std::fs;
+use std::io::Write as _;
+use std::path::Path;
+use std::process::{Command, Stdio};
+use tempfile::TempDir;
+
+/// What generated C must be clean under.
+const STRICT: [&str; 9] = [
+    "-std=c99",
+    "-Wall",
+    "-Wextra",
+    "-Wconversion",
+    "-Wdouble-promotion",
+    "-Wvla",
+    "-pedantic",
+    "-Werror",
+    "-fno-stack-protector",
+];
+
+/// What libm and the compiler itself bring along.
+const KNOWN: [&str; 28] = [
+    "tanh",
+    "sqrt",
+    "exp",
+    "log",
+    "sin",
+    "cos",
+    "tan",
+    "atan",
+    "pow",
+    "fabs",
+    "fmax",
+    "fmin",
+    "hypot",
+    "tanhf",
+    "sqrtf",
+    "expf",
+    "logf",
+    "sinf",
+    "cosf",
+    "tanf",
+    "atanf",
+    "powf",
+    "fabsf",
+    "hypotf",
+    "memcpy",
+    "memset",
+    "memmove",
+    "_GLOBAL_OFFSET_TABLE_",
+];
+
+/// Generated files in a directory.
+pub(crate) struct Sources {
+    dir: TempDir,
+    /// The C files, without those that have a `main`.
+    library: Vec<String>,
+}
+
+impl Sources {
+    pub(crate) fn new(files: &[GeneratedFile]) -> Self {
+        let dir = tempfile::tempdir().unwrap();
+        for file in files {
+            let path = dir.path().join(&file.path);
+            fs::create_dir_all(path.parent().unwrap()).unwrap();
+            fs::write(path, &file.bytes).unwrap();
+        }
+        let names = files.iter().map(|file| file.path.clone());
+        let library =
+            names.filter(|name| name.ends_with(".c") && !name.ends_with("_selftest.c")).collect();
+        Self { dir, library }
+    }
+
+    /// Files of which the driver includes what it needs.
+    pub(crate) fn included(files: &[GeneratedFile]) -> Self {
+        Self { library: Vec::new(), ..Self::new(files) }
+    }
+
+    /// Files of which one is compiled by itself, and the driver includes the others.
+    pub(crate) fn library_of(files: &[GeneratedFile], own: &str) -> Self {
+        Self { library: vec![own.to_owned()], ..Self::new(files) }
+    }
+
+    fn path(&self) -> &Path {
+        self.dir.path()
+    }
+
+    /// Runs a command in the directory; it has to succeed and say nothing on standard error.
+    #[track_caller]
+    fn run(&self, command: &mut Command) -> String {
+        let output = command.current_dir(self.path()).output().unwrap();
+        let errors = String::from_utf8_lossy(&output.stderr);
+        let text = String::from_utf8_lossy(&output.stdout).into_owned();
+        assert!(output.status.success() && errors.is_empty(), "{command:?}: {errors}{text}");
+        text
+    }
+
+    /// The program of the generated files and `main`, compiled with `more` options.
+    #[track_caller]
+    fn program(&self, main: &str, more: &[&str], as_program: &str) {
+        let mut command = Command::new("cc");
+        command.args(STRICT).args(["-O1", "-I."]).args(more).args(&self.library).arg(main);
+        self.run(command.args(["-lm", "-o", as_program]));
+    }
+
+    /// The self-test passes, compiled with `more` options.
+    #[track_caller]
+    pub(crate) fn selftest(&self, name: &str, more: &[&str]) -> String {
+        self.program(&format!("{name}_selftest.c"), more, "selftest");
+        self.run(&mut Command::new("./selftest"))
+    }
+
+    /// What a program of the generated files and the text `main` writes when it is given `input`.
+    #[track_caller]
+    pub(crate) fn drive(&self, main: &str, more: &[&str], input: &[f64]) -> Vec<f64> {
+        fs::write(self.path().join("drive.c"), main).unwrap();
+        self.program("drive.c", more, "drive");
+        let mut command = Command::new(self.path().join("drive"));
+        let mut child =
+            command.stdin(Stdio::piped()).stdout(Stdio::piped()).spawn().expect("a program");
+        let text: String = input.iter().map(|v| format!("{v:?}\n")).collect();
+        let mut stdin = child.stdin.take().unwrap();
+        let writer = std::thread::spawn(move || stdin.write_all(text.as_bytes()));
+        let output = child.wait_with_output().unwrap();
+        writer.join().unwrap().unwrap();
+        assert!(output.status.success(), "{:?}", output.status);
+        let text = String::from_utf8(output.stdout).unwrap();
+        text.split_whitespace().map(|word| word.parse().unwrap()).collect()
+    }
+
+    /// Clean as C under other compilers and as C++, where the machine has these; and in need of
+    /// nothing but libm.
+    #[track_caller]
+    pub(crate) fn assert_portable(&self, name: &str) {
+        let has = |program: &str| {
+            let found = Command::new(program).arg("--version").stdout(Stdio::null()).status();
+            found.is_ok_and(|status| status.success())
+        };
+        let selftest = format!("{name}_selftest.c");
+        for real in ["double", "float"] {
+            let real = format!("-D{}_REAL={real}", name.to_uppercase());
+            for source in self.library.iter().chain([&selftest]) {
+                let strict = |compiler: &str| {
+                    let mut command = Command::new(compiler);
+                    command.args(["-O2", "-I.", "-c", "-o", "object.o", &real]);
+                    command
+                };
+                self.run(strict("cc").args(STRICT).arg(source));
+                if source != &selftest {
+                    self.assert_self_contained(name);
+                }
+                if has("clang") {
+                    self.run(strict("clang").args(STRICT).arg(source));
+                }
+                if has("c++") {
+                    let flags = &STRICT[1..];
+                    self.run(strict("c++").args(["-x", "c++"]).args(flags).arg(source));
+                }
+            }
+        }
+    }
+
+    /// The object file needs nothing but libm, and what is generated with it.
+    #[track_caller]
+    fn assert_self_contained(&self, name: &str) {
+        let undefined = self.run(Command::new("nm").args(["-u", "object.o"]));
+        for symbol in undefined.split_whitespace().filter(|word| *word != "U") {
+            let own = symbol.starts_with(&format!("{name}_"));
+            assert!(own || KNOWN.contains(&symbol), "undefined: {symbol}");
+        }
+    }
+}

@@ -1,0 +1,441 @@
+//! Controllers in C against the library's, step by step.
+
+use super::compile::Sources;
+use pinc_export::{Controller, ExportError, ModelSource, Name, Origin, Rk4Model, controller_to_c};
+use pinc_expr::Equations;
+use pinc_mpc::{
+    Bounds, Nmpc, NmpcProblem, QpMethod, Reference, Softness, SqpConfig, Tracked, Weights,
+};
+use pinc_net::{Domain, NetConfig, PincModel, PincNet};
+use pinc_ode::{Dims, Model, Variable};
+use pinc_plants::{FourTanks, VanDerPol};
+
+/// Reads per step: 1 for a reset before it, 1 and an input for one that was applied, the budget,
+/// state and reference. Writes status, iterations and input.
+const DRIVER: &str = r#"
+#include "ctl_mpc.h"
+#include <stdio.h>
+static ctl_mpc m;
+static int read(CTL_REAL *to, int count)
+{
+    int i;
+    for (i = 0; i < count; i++) {
+        double v;
+        if (scanf("%lf", &v) != 1) {
+            return 0;
+        }
+        to[i] = (CTL_REAL)v;
+    }
+    return 1;
+}
+int main(void)
+{
+    CTL_REAL head[3], applied[CTL_NU], x[CTL_NX], reference[CTL_N2 * CTL_NY], u[CTL_NU];
+    ctl_mpc_init(&m);
+    while (read(head, 3) && read(applied, CTL_NU) && read(x, CTL_NX) &&
+           read(reference, CTL_N2 * CTL_NY)) {
+        int i;
+        ctl_status status;
+        if (head[0] > 1) {
+            ctl_mpc_reset_to(&m, x, applied);
+        } else if (head[0] > 0) {
+            ctl_mpc_reset(&m);
+        }
+        if (head[1] > 0) {
+            ctl_mpc_set_applied(&m, applied);
+        }
+        m.budget = (long)head[2];
+        status = ctl_mpc_step(&m, x, reference, u);
+        printf("%d %d %d\n", (int)status, m.iterations, m.followed);
+        for (i = 0; i < CTL_NU; i++) {
+            printf("%.17g\n", (double)u[i]);
+        }
+    }
+    return 0;
+}
+"#;
+
+const STATUSES: [&str; 6] =
+    ["converged", "iteration-limit", "deadline", "infeasible-qp", "stalled", "numerical-trouble"];
+
+fn equations(json: &str) -> Equations {
+    serde_json::from_str(json).unwrap()
+}
+
+fn oscillator() -> Equations {
+    equations(
+        r#"{"states": [{"name": "x1"}, {"name": "x2"}], "inputs": [{"name": "u"}],
+            "derivatives": {"x1": "x2", "x2": "(1 - x1^2)*x2 - x1 + u"}}"#,
+    )
+}
+
+fn tanks() -> Equations {
+    equations(
+        r#"{"states": [{"name": "h1"}, {"name": "h2"}, {"name": "h3"}, {"name": "h4"}],
+            "inputs": [{"name": "u1"}, {"name": "u2"}],
+            "let": {"w1": "0.071*sqrt(1962*max(h1, 0))", "w2": "0.057*sqrt(1962*max(h2, 0))",
+                    "w3": "0.071*sqrt(1962*max(h3, 0))", "w4": "0.057*sqrt(1962*max(h4, 0))"},
+            "derivatives": {"h1": "(0.7*3.33*u1 + w3 - w1)/28", "h2": "(0.6*3.35*u2 + w4 - w2)/32",
+                            "h3": "(0.4*3.35*u2 - w3)/28", "h4": "(0.3*3.33*u1 - w4)/32"}}"#,
+    )
+}
+
+/// A generator of numbers in [0, 1), the same in every run.
+struct Draws(u64);
+
+impl Draws {
+    fn unit(&mut self) -> f64 {
+        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
+        f64::from(u32::try_from(self.0 >> 33).unwrap()) / f64::from(1_u32 << 31)
+    }
+
+    fn between(&mut self, low: f64, high: f64) -> f64 {
+        low + self.unit() * (high - low)
+    }
+}
+
+/// A case: a controller, the plant it is tried on, and the box that states are drawn from.
+struct Case {
+    problem: NmpcProblem,
+    config: SqpConfig,
+    source: Source,
+    low: Vec<f64>,
+    high: Vec<f64>,
+    sample_time_s: f64,
+}
+
+enum Source {
+    Rk4(Equations, usize),
+    Net(PincNet),
+}
+
+impl Case {
+    fn source(&self) -> ModelSource<'_> {
+        match &self.source {
+            Source::Net(net) => ModelSource::Net(net),
+            Source::Rk4(equations, substeps) => ModelSource::Rk4(Rk4Model {
+                equations,
+                sample_time_s: self.sample_time_s,
+                substeps: *substeps,
+            }),
+        }
+    }
+
+    fn model(&self) -> Box<dyn Model> {
+        match &self.source {
+            Source::Net(net) => Box::new(PincModel::new(net).unwrap()),
+            Source::Rk4(equations, substeps) => {
+                equations.compile().unwrap().into_dyn().rk4(self.sample_time_s, *substeps)
+            }
+        }
+    }
+
+    fn sources(&self) -> Sources {
+        Sources::new(&self.export().unwrap())
+    }
+
+    fn export(&self) -> Result<Vec<pinc_export::GeneratedFile>, ExportError> {
+        let variables = |count: usize, name: &str| -> Vec<Variable> {
+            (0..count)
+                .map(|i| Variable { name: format!("{name}{i}").into(), unit: String::new().into() })
+                .collect()
+        };
+        let dims = self.model().dims();
+        let origin = Origin {
+            version: "0".to_owned(),
+            hash: "00".to_owned(),
+            states: variables(dims.nx, "x"),
+            inputs: variables(dims.nu, "u"),
+        };
+        let outputs = self.problem.tracked.len();
+        let middle: Vec<f64> =
+            self.low.iter().zip(&self.high).map(|(l, h)| f64::midpoint(*l, *h)).collect();
+        let tracked = self.problem.tracked.iter().map(|t| match t {
+            Tracked::State(i) => middle[*i],
+            _ => 0.0,
+        });
+        let reference = Reference::new(tracked.collect::<Vec<_>>().repeat(30), outputs).unwrap();
+        let controller = Controller {
+            problem: &self.problem,
+            config: &self.config,
+            model: self.source(),
+            initial_state: &middle,
+            reference: &reference,
+        };
+        controller_to_c(&controller, &Name::new("ctl").unwrap(), &origin)
+    }
+
+    /// `steps` steps of the library, with random states and references in episodes of 25 and some
+    /// surprises: the lines for the driver, and what it is to write.
+    fn run(&self, steps: usize, draws: &mut Draws) -> (Vec<f64>, Vec<Step>) {
+        let mut nmpc = Nmpc::new(self.problem.clone(), self.model(), self.config).unwrap();
+        let mut model = self.model();
+        let Dims { nx, nu, .. } = model.dims();
+        let (mut lines, mut found) = (Vec::new(), Vec::new());
+        let mut x = vec![0.0; nx];
+        let mut reference = Vec::new();
+        for k in 0..steps {
+            let draw = |draws: &mut Draws| -> Vec<f64> {
+                let ends = self.low.iter().zip(&self.high);
+                ends.map(|(low, high)| draws.between(*low, *high)).collect()
+            };
+            let fresh = k % 25 == 0;
+            if fresh {
+                x = draw(draws);
+            }
+            if k % 10 == 0 {
+                let target = draw(draws);
+                let row = self.problem.tracked.iter().map(|t| match t {
+                    Tracked::State(i) => target[*i],
+                    _ => 0.0,
+                });
+                reference = row.collect::<Vec<_>>().repeat(self.problem.horizon);
+            }
+            let bounds = &self.problem.input_bounds;
+            let ends = bounds.low.iter().zip(&bounds.high);
+            let mut applied: Vec<f64> = ends.map(|(l, h)| draws.between(*l, *h)).collect();
+            let reset = if !fresh {
+                0.0
+            } else if draws.unit() < 0.5 {
+                1.0
+            } else {
+                2.0
+            };
+            let mut surprise = if draws.unit() < 0.05 { 1.0 } else { 0.0 };
+            if let Some(Step { status: 1 | 4, u, .. }) = found.last()
+                && !fresh
+            {
+                // Both go on from one input.
+                (surprise, applied) = (1.0, u.clone());
+            }
+            // What a budget leaves undone depends on the order of equals: only once, at the end.
+            let cut = k % 25 == 24 && draws.unit() < 0.7;
+            let budget = if cut { (1.0 + 8.0 * draws.unit()).floor() } else { 0.0 };
+            if reset > 1.0 {
+                nmpc.reset_to(&x, &applied).unwrap();
+            } else if reset > 0.0 {
+                nmpc.reset();
+            }
+            if surprise > 0.0 {
+                nmpc.set_applied_input(&applied).unwrap();
+            }
+            lines.extend([reset, surprise, budget]);
+            lines.extend(applied);
+            lines.extend(&x);
+            lines.extend(&reference);
+            let mut spent = 0.0;
+            let mut expired = || {
+                spent += 1.0;
+                budget > 0.0 && spent > budget
+            };
+            let step = nmpc.step_within(&x, &reference, &mut expired).unwrap();
+            let name = step.status.to_string();
+            let status = STATUSES.iter().position(|s| *s == name).unwrap();
+            let iterations = u32::try_from(step.sqp_iterations).unwrap();
+            let (followed, u) = (step.followed, step.u.to_vec());
+            let mut next = vec![0.0; nx];
+            model.step(&x, &u, &[], &mut next);
+            x = next;
+            // A disturbance, so that the plan is not just followed.
+            let ends = self.low.iter().zip(&self.high);
+            for (x, (low, high)) in x.iter_mut().zip(ends) {
+                *x += (high - low) * draws.between(-0.01, 0.01);
+                if !x.is_finite() {
+                    *x = *low;
+                }
+            }
+            found.push(Step { status, iterations, followed, cut, u });
+        }
+        assert!(nu > 0);
+        (lines, found)
+    }
+}
+
+#[derive(Debug)]
+struct Step {
+    status: usize,
+    iterations: u32,
+    followed: bool,
+    cut: bool,
+    u: Vec<f64>,
+}
+
+/// Runs both and compares; gives how often each status was seen.
+#[track_caller]
+fn compare(case: &Case, steps: usize, seed: u64) -> [usize; 6] {
+    let (lines, expected) = case.run(steps, &mut Draws(seed));
+    let found = case.sources().drive(DRIVER, &[], &lines);
+    let width = 3 + case.problem.input_bounds.low.len();
+    assert_eq!(found.len(), steps * width);
+    let (mut seen, mut others) = ([0; 6], 0);
+    for (k, (found, expected)) in found.chunks_exact(width).zip(&expected).enumerate() {
+        if expected.cut && found[1].total_cmp(&f64::from(expected.iterations)).is_ne() {
+            others += 1;
+            continue;
+        }
+        let wanted = f64::from(u32::try_from(expected.status).unwrap());
+        assert!(found[0].total_cmp(&wanted).is_eq(), "step {k}: {found:?} {expected:?}");
+        let followed = f64::from(u8::from(expected.followed));
+        assert!(found[2].total_cmp(&followed).is_eq(), "step {k}: {found:?} {expected:?}");
+        // An iteration that does not converge ends anywhere.
+        let allowed = if matches!(expected.status, 1 | 4) { 1e-2 } else { 1e-8 };
+        for (found, expected_u) in found[3..].iter().zip(&expected.u) {
+            let off = (found - expected_u).abs();
+            assert!(off < allowed, "step {k}: {found} {expected:?}, {off:e}");
+        }
+        seen[expected.status] += 1;
+    }
+    assert!(others <= 1 + steps / 250, "{others} steps cut elsewhere");
+    seen
+}
+
+fn oscillator_case() -> Case {
+    let weights = Weights::uniform(vec![10.0, 10.0], vec![1.0]);
+    Case {
+        problem: NmpcProblem {
+            state_bounds: Bounds::new(vec![-1.0; 2], vec![1.0; 2]),
+            input_bounds: Bounds::new(vec![-1.0], vec![1.0]),
+            ..NmpcProblem::new(Dims::new(2, 1), 5, weights)
+        },
+        config: SqpConfig::default(),
+        source: Source::Rk4(oscillator(), 4),
+        low: vec![-1.3, -1.3],
+        high: vec![1.3, 1.3],
+        sample_time_s: 0.5,
+    }
+}
+
+fn tanks_case() -> Case {
+    let weights = Weights::uniform(vec![10.0, 10.0], vec![1.0, 1.0]);
+    Case {
+        problem: NmpcProblem {
+            tracked: Tracked::states([0, 1]),
+            state_bounds: Bounds::new(vec![6.0, 6.0, 1.5, 1.5], vec![12.0, 12.0, 4.0, 4.0]),
+            input_bounds: Bounds::new(vec![0.0; 2], vec![5.0; 2]),
+            ..NmpcProblem::new(Dims::new(4, 2), 10, weights)
+        },
+        config: SqpConfig::default(),
+        source: Source::Rk4(tanks(), 2),
+        low: vec![1.0, 1.0, 0.3, 0.3],
+        high: vec![22.0, 22.0, 7.0, 7.0],
+        sample_time_s: 10.0,
+    }
+}
+
+#[test]
+fn the_oscillators_controller_takes_the_librarys_steps() {
+    let seen = compare(&oscillator_case(), 8000, 1);
+    // Ordinary ones, some cut by the budget, some that cannot be met.
+    assert!(seen[0] > 4000 && seen[2] > 40 && seen[3] > 200, "{seen:?}");
+}
+
+#[test]
+fn the_tanks_controller_takes_the_librarys_steps() {
+    let seen = compare(&tanks_case(), 250, 2);
+    assert!(seen[0] > 10 && seen[2] > 2 && seen[3] > 100, "{seen:?}");
+}
+
+/// Delay, bounded increments, soft bounds of both kinds, fewer free inputs, N1, a terminal weight,
+/// and a weighted sequence of inputs.
+#[test]
+fn all_features_take_the_librarys_steps() {
+    let base = oscillator_case;
+    let with = |change: &dyn Fn(&mut NmpcProblem)| {
+        let mut case = base();
+        change(&mut case.problem);
+        case
+    };
+    let increments = || Bounds::new(vec![-0.2], vec![0.3]);
+    let cases = [
+        with(&|p| p.delay = 2),
+        with(&|p| (p.increment_bounds, p.delay) = (increments(), 1)),
+        with(&|p| p.state_softness = Softness::Exact),
+        with(&|p| p.state_softness = Softness::Penalty(vec![50.0, 5.0])),
+        with(&|p| (p.control_horizon, p.n1) = (2, 3)),
+        with(&|p| p.state_bounds = Bounds::none(2)),
+        with(&|p| {
+            p.weights = p.weights.clone().with_terminal(vec![40.0, 70.0]);
+            p.increment_bounds = increments();
+        }),
+        with(&|p| {
+            let mut w = vec![vec![0.0; 6]; 6];
+            for (i, k, v) in [(0, 0, 2.0), (1, 1, 3.0), (0, 1, -1.0), (1, 0, -1.0), (5, 5, 1.0)] {
+                w[i][k] = v;
+            }
+            p.weights = p.weights.clone().with_input_sequence(w);
+        }),
+        with(&|p| {
+            p.tracked = Tracked::states([1]);
+            p.weights = Weights::scaled(
+                vec![10.0],
+                vec![1.0],
+                &[5.0, 4.0, 3.0, 2.0, 1.0],
+                &[5.0, 4.0, 3.0, 2.0, 1.0],
+            );
+            p.state_bounds.low[0] = f64::NEG_INFINITY;
+            p.state_bounds.high[0] = f64::INFINITY;
+        }),
+    ];
+    for (i, case) in cases.iter().enumerate() {
+        let seen = compare(case, 250, 10 + i as u64);
+        assert!(seen[0] > 20, "case {i}: {seen:?}");
+    }
+}
+
+/// The net with weights so small that it is nearly linear, and can be controlled.
+fn mild(net: PincNet) -> PincNet {
+    let smaller: Vec<f64> = net.mlp().parameters().iter().map(|w| 0.5 * w).collect();
+    net.with_parameters(&smaller)
+}
+
+/// A net as the model.
+#[test]
+fn controllers_with_nets_take_the_librarys_steps() {
+    let domain = Domain::new([-3.0..=3.0, -4.35..=4.35], [-1.0..=1.0]);
+    let plant = VanDerPol::default().into_dyn();
+    let net = mild(PincNet::new(&*plant, &NetConfig::new(0.5, 4, 20), &domain, 3).unwrap());
+    let case = Case { source: Source::Net(net), ..oscillator_case() };
+    let seen = compare(&case, 200, 5);
+    assert!(seen[0] > 10 && seen[3] > 50, "{seen:?}");
+    let level = || 1.0..=20.0;
+    let domain = Domain::new([level(), level(), 0.5..=8.0, 0.5..=8.0], [0.0..=5.0, 0.0..=5.0]);
+    let plant = FourTanks::antonelo().into_dyn();
+    let net = mild(PincNet::new(&*plant, &NetConfig::new(10.0, 2, 10), &domain, 4).unwrap());
+    let case = Case { source: Source::Net(net), ..tanks_case() };
+    let seen = compare(&case, 60, 6);
+    assert!(seen[1] > 30, "{seen:?}");
+}
+
+#[test]
+fn the_self_test_passes_and_the_code_is_portable() {
+    for case in [oscillator_case(), tanks_case()] {
+        let sources = case.sources();
+        assert!(sources.selftest("ctl", &[]).contains("20 steps"));
+        sources.selftest("ctl", &["-DCTL_REAL=float"]);
+        sources.assert_portable("ctl");
+    }
+}
+
+#[test]
+fn what_generated_controllers_lack_is_refused() {
+    let refused = |change: &dyn Fn(&mut Case), word: &str| {
+        let mut case = oscillator_case();
+        change(&mut case);
+        match case.export() {
+            Err(ExportError::Feature { feature, .. }) => {
+                assert!(feature.contains(word), "{feature}");
+            }
+            other => panic!("{word}: {other:?}"),
+        }
+    };
+    refused(&|case| case.config.real_time = true, "real-time");
+    refused(&|case| case.config.qp = QpMethod::Riccati, "QP method");
+    refused(&|case| case.config.qp = QpMethod::Clarabel, "QP method");
+    refused(
+        &|case| {
+            (case.problem.horizon, case.problem.control_horizon) = (41, 41);
+        },
+        "QP method",
+    );
+    refused(&|case| case.problem.state_bounds.high[0] = 1e6, "scales");
+}

@@ -1,0 +1,6 @@
+//! What is generated, compiled and run.
+
+mod compile;
+mod controller;
+mod net;
+mod wrappers;

@@ -1,0 +1,171 @@
+//! A net in C against the library.
+
+use super::compile::Sources;
+use pinc_export::{ExportError, Name, Origin, net_to_c};
+use pinc_net::{Ansatz, Domain, NetConfig, NetError, PincModel, PincNet, Scenario};
+use pinc_ode::{DynPlant, Linearization, Model, Stages};
+use pinc_plants::{FourTanks, VanDerPol};
+
+/// Reads states and inputs until the end, and writes step, linearization and inner state.
+const DRIVER: &str = r#"
+#include "net_net.h"
+#include <stdio.h>
+static int read(NET_REAL *to, int count)
+{
+    int i;
+    for (i = 0; i < count; i++) {
+        double v;
+        if (scanf("%lf", &v) != 1) {
+            return 0;
+        }
+        to[i] = (NET_REAL)v;
+    }
+    return 1;
+}
+static void show(const NET_REAL *from, int count)
+{
+    int i;
+    for (i = 0; i < count; i++) {
+        printf("%.17g\n", (double)from[i]);
+    }
+}
+int main(void)
+{
+    NET_REAL x[NET_NX], u[NET_NU], y[NET_NX], a[NET_NX * NET_NX], b[NET_NX * NET_NU];
+    while (read(x, NET_NX) && read(u, NET_NU)) {
+        net_net_step(x, u, y);
+        show(y, NET_NX);
+        net_net_linearize(x, u, y, a, b);
+        show(y, NET_NX);
+        show(a, NET_NX * NET_NX);
+        show(b, NET_NX * NET_NU);
+        net_net_at((NET_REAL)0.3, x, u, y);
+        show(y, NET_NX);
+    }
+    return 0;
+}
+"#;
+
+fn net(plant: Box<dyn DynPlant>, domain: &Domain, layers: usize, ansatz: Ansatz) -> PincNet {
+    let config = NetConfig { ansatz, ..NetConfig::new(0.5, layers, 13) };
+    PincNet::new(&*plant, &config, domain, 3).unwrap()
+}
+
+fn oscillator() -> Domain {
+    Domain::new([-3.0..=3.0, -4.35..=4.35], [-1.0..=1.0])
+}
+
+fn tanks() -> Domain {
+    let level = || 1.0..=20.0;
+    Domain::new([level(), level(), 0.5..=8.0, 0.5..=8.0], [0.0..=5.0, 0.0..=5.0])
+}
+
+pub(crate) fn nets() -> [PincNet; 3] {
+    [
+        net(VanDerPol::default().into_dyn(), &oscillator(), 4, Ansatz::HardLinear),
+        net(VanDerPol::default().into_dyn(), &oscillator(), 1, Ansatz::Direct),
+        net(FourTanks::antonelo().into_dyn(), &tanks(), 3, Ansatz::HardLinear),
+    ]
+}
+
+fn sources(net: &PincNet) -> Sources {
+    let name = Name::new("net").unwrap();
+    Sources::new(&net_to_c(net, &name, &Origin::of_net(net, "0", "00")).unwrap())
+}
+
+/// Points in the domain, flat, and what the library makes of them.
+fn expected(net: &PincNet) -> (Vec<f64>, Vec<f64>) {
+    let mut model = PincModel::new(net).unwrap();
+    let (nx, nu) = (model.dims().nx, model.dims().nu);
+    let (mut given, mut all) = (Vec::new(), Vec::new());
+    for i in 0..200 {
+        let part = |v: usize| (f64::from(i) * (0.37 + 0.11 * [1.0, 2.1, 3.3, 4.7][v % 4])).fract();
+        let ends = net.domain().ends().enumerate();
+        let point: Vec<f64> = ends.map(|(v, (low, high))| low + part(v) * (high - low)).collect();
+        let (x, u) = point.split_at(nx);
+        let (mut next, mut a, mut b) = (vec![0.0; nx], vec![0.0; nx * nx], vec![0.0; nx * nu]);
+        model.step(x, u, &[], &mut next);
+        all.extend_from_slice(&next);
+        let out = Linearization { next: &mut next, a: &mut a, b: &mut b, e: &mut [] };
+        model.linearize(Stages { x, u, p: &[] }, out);
+        for part in [&next, &a, &b] {
+            all.extend_from_slice(part);
+        }
+        all.extend(net.evaluate(0.3, x, u));
+        given.extend(point);
+    }
+    (given, all)
+}
+
+fn largest_difference(found: &[f64], expected: &[f64]) -> f64 {
+    assert_eq!(found.len(), expected.len());
+    let pairs = found.iter().zip(expected);
+    pairs.map(|(f, e)| (f - e).abs() / (1.0 + e.abs())).fold(0.0, f64::max)
+}
+
+#[test]
+fn c_computes_what_the_library_does() {
+    for net in nets() {
+        let sources = sources(&net);
+        let (given, expected) = expected(&net);
+        let found = sources.drive(DRIVER, &[], &given);
+        let off = largest_difference(&found, &expected);
+        assert!(off < 1e-12, "{off}");
+        // Digits of a float, times some for the sums and layers.
+        let found = sources.drive(DRIVER, &["-DNET_REAL=float"], &given);
+        let off = largest_difference(&found, &expected);
+        assert!(off < 2e-5 && off > 1e-9, "{off}");
+    }
+}
+
+#[test]
+fn the_self_test_passes_and_the_code_is_portable() {
+    for net in nets() {
+        let sources = sources(&net);
+        assert!(sources.selftest("net", &[]).contains("12 cases"));
+        sources.selftest("net", &["-DNET_REAL=float"]);
+        sources.assert_portable("net");
+    }
+}
+
+/// The self-test of another net fails.
+#[test]
+fn the_self_test_can_fail() {
+    let [net, ..] = nets();
+    let name = Name::new("net").unwrap();
+    let origin = Origin::of_net(&net, "0", "00");
+    let mut files = net_to_c(&net, &name, &origin).unwrap();
+    let mut weights = net.mlp().parameters().to_vec();
+    weights[20] += 1e-9;
+    let other = net_to_c(&net.with_parameters(&weights), &name, &origin).unwrap();
+    files[1] = other[1].clone();
+    let failed = std::panic::catch_unwind(|| Sources::new(&files).selftest("net", &[]));
+    assert!(failed.is_err());
+}
+
+#[test]
+fn a_net_of_one_scenario_is_refused() {
+    let scenario = Scenario { initial_state: vec![1.0, 0.0], input: vec![0.0] };
+    let config = NetConfig { time_only: Some(scenario), ..NetConfig::new(0.5, 1, 4) };
+    let plant = VanDerPol::default().into_dyn();
+    let net = PincNet::new(&*plant, &config, &oscillator(), 3).unwrap();
+    let refused = net_to_c(&net, &Name::new("net").unwrap(), &Origin::of_net(&net, "0", "00"));
+    assert!(matches!(refused, Err(ExportError::Net(NetError::OneScenario))));
+}
+
+/// The header says what an engineer needs to know, and no name ends a comment.
+#[test]
+fn the_header_states_names_domain_and_hash() {
+    let [net, ..] = nets();
+    let mut origin = Origin::of_net(&net, "1.2.3", "c0ffee");
+    origin.states[0].unit = "m */".into();
+    let files = net_to_c(&net, &Name::new("osc").unwrap(), &origin).unwrap();
+    let header = String::from_utf8(files[0].bytes.clone()).unwrap();
+    assert_eq!(files[0].path, "osc_net.h");
+    for part in ["pinc 1.2.3", "c0ffee", "x1 (m * /)", "x2 from -4.35 to 4.35", "OSC_NX 2"] {
+        assert!(header.contains(part), "{part} in {header}");
+    }
+    let paths: Vec<_> = files.iter().map(|file| &*file.path).collect();
+    let expected = ["osc_net.h", "osc_net.c", "osc_selftest.c", "CMakeLists.txt", "README.md"];
+    assert_eq!(paths, expected);
+}

@@ -1,0 +1,82 @@
+//! A function and its Jacobian as code for vectors: steps grouped by operation.
+
+mod dag;
+mod derivatives;
+mod linear;
+mod run;
+mod schedule;
+
+use crate::error::ExpressionProblem;
+use crate::graph::{Graph, Value};
+use derivatives::differentiate;
+use pinc_ad::simd::Simd;
+use pinc_ode::{SparseFunction, SparsityPattern};
+use run::{FEW, Run};
+use schedule::Code;
+use std::sync::Arc;
+
+/// Values of a graph as a function of its variables, with those derivatives that are not zero
+/// everywhere.
+#[derive(Clone, Debug)]
+pub(crate) struct GroupedFunction(Arc<Parts>);
+
+#[derive(Debug)]
+struct Parts {
+    /// Values alone.
+    values: Code,
+    /// Values, then the entries of the Jacobian.
+    linearization: Code,
+    pattern: SparsityPattern,
+}
+
+impl GroupedFunction {
+    /// The function from the first `variables` nodes' values to `results`.
+    pub(crate) fn new(
+        graph: &Graph,
+        variables: usize,
+        results: &[Value],
+    ) -> Result<Self, ExpressionProblem> {
+        let (dag, ids, rows) = differentiate(graph, results);
+        let values = Code::new(&dag, variables, &ids)?;
+        let entries = rows.iter().flatten().map(|(_, id)| *id);
+        let all: Vec<_> = ids.iter().copied().chain(entries).collect();
+        let linearization = Code::new(&dag, values.registers, &all)?;
+        let places = rows.iter().map(|row| row.iter().map(|(variable, _)| *variable));
+        let pattern = SparsityPattern::new(variables, places);
+        Ok(Self(Arc::new(Parts { values, linearization, pattern })))
+    }
+}
+
+impl SparseFunction for GroupedFunction {
+    fn pattern(&self) -> &SparsityPattern {
+        &self.0.pattern
+    }
+
+    fn memory<V: Simd>(&self, zero: V) -> Vec<V> {
+        let Parts { values, linearization, .. } = &*self.0;
+        let mut memory = vec![zero; linearization.registers.max(FEW)];
+        for code in [values, linearization] {
+            let constants = code.constants.iter().map(|constant| zero.constant(*constant));
+            memory[code.first..].iter_mut().zip(constants).for_each(|(to, from)| *to = from);
+        }
+        memory
+    }
+
+    #[inline(always)]
+    fn values<V: Simd>(&self, memory: &mut [V]) -> &[u16] {
+        run(&self.0.values, memory)
+    }
+
+    #[inline(always)]
+    fn linearize<V: Simd>(&self, memory: &mut [V]) -> &[u16] {
+        run(&self.0.linearization, memory)
+    }
+}
+
+#[inline(always)]
+fn run<'a, V: Simd>(code: &'a Code, registers: &mut [V]) -> &'a [u16] {
+    if let Some(&first) = registers.first() {
+        first.vectorize(Run { code, registers });
+    }
+    &code.results
+}

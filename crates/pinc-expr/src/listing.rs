@@ -1,0 +1,128 @@
+//! Equations as a list of instructions, for programs that write code from them.
+
+use crate::error::ExpressionError;
+use crate::graph::{Function, Graph, Node, Operation, Value};
+use crate::{Equations, Parsed};
+
+/// One value of a [`Listing`], made of values before it, which are named by their places.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Instruction {
+    /// A state or an input, counted together in this order.
+    Variable(usize),
+    /// A number.
+    Constant(f64),
+    /// a + b
+    Add(usize, usize),
+    /// a - b
+    Sub(usize, usize),
+    /// a b
+    Mul(usize, usize),
+    /// a / b
+    Div(usize, usize),
+    /// The smaller of a and b; of two equal ones, b.
+    Min(usize, usize),
+    /// The larger of a and b; of two equal ones, b.
+    Max(usize, usize),
+    /// -a
+    Neg(usize),
+    /// a to the power of a number.
+    Power(usize, f64),
+    /// A function of a.
+    Function(Function, usize),
+}
+
+/// The time derivatives of the states as a list of instructions: constants are folded, no value is
+/// computed twice, and none is computed that is not needed.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Listing {
+    /// The values.
+    pub instructions: Vec<Instruction>,
+    /// The place of each state's derivative.
+    pub results: Vec<usize>,
+}
+
+impl Equations {
+    /// The right-hand side as a list of instructions, all parameters fixed.
+    ///
+    /// # Errors
+    ///
+    /// The first thing that is wrong with the equations.
+    pub fn listing(&self) -> Result<Listing, ExpressionError> {
+        let Parsed { graph, derivatives, .. } = self.parse(&[])?;
+        Ok(Listing::new(&graph, &derivatives))
+    }
+}
+
+impl Listing {
+    fn new(graph: &Graph, results: &[Value]) -> Self {
+        let mut needed = vec![false; graph.nodes.len()];
+        results.iter().for_each(|result| needed[result.0] = true);
+        for (i, node) in graph.nodes.iter().enumerate().rev() {
+            if needed[i] {
+                node.operands.iter().flatten().for_each(|operand| needed[operand.0] = true);
+            }
+        }
+        let mut listing = Self { instructions: Vec::new(), results: Vec::new() };
+        let mut places = vec![0; graph.nodes.len()];
+        for (i, node) in graph.nodes.iter().enumerate().filter(|(i, _)| needed[*i]) {
+            places[i] = listing.push(node, &places);
+        }
+        listing.results = results.iter().map(|result| places[result.0]).collect();
+        listing
+    }
+
+    /// Appends a node, and the number in it if there is one; gives its place.
+    fn push(&mut self, node: &Node, places: &[usize]) -> usize {
+        let [a, b] = node.operands.map(|operand| operand.map_or(0, |value| places[value.0]));
+        let mut constant = |value: f64| {
+            self.instructions.push(Instruction::Constant(value));
+            self.instructions.len() - 1
+        };
+        let instruction = match node.operation {
+            Operation::Variable(index) => Instruction::Variable(index),
+            Operation::Constant(number) => Instruction::Constant(number.value()),
+            Operation::Add => Instruction::Add(a, b),
+            Operation::Sub => Instruction::Sub(a, b),
+            Operation::Mul => Instruction::Mul(a, b),
+            Operation::Div => Instruction::Div(a, b),
+            Operation::Min => Instruction::Min(a, b),
+            Operation::Max => Instruction::Max(a, b),
+            Operation::Neg => Instruction::Neg(a),
+            Operation::AddNumber(number) => Instruction::Add(a, constant(number.value())),
+            Operation::SubFrom(number) => Instruction::Sub(constant(number.value()), a),
+            Operation::MulNumber(number) => Instruction::Mul(a, constant(number.value())),
+            Operation::DivInto(number) => Instruction::Div(constant(number.value()), a),
+            Operation::Power(number) => Instruction::Power(a, number.value()),
+            Operation::Function(function) => Instruction::Function(function, a),
+        };
+        self.instructions.push(instruction);
+        self.instructions.len() - 1
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_what_is_needed_is_listed_and_numbers_have_places() {
+        let equations: Equations = serde_json::from_str(
+            r#"{"states": [{"name": "x"}], "inputs": [{"name": "u"}],
+                "let": {"unused": "sin(x)", "a": "3 - x"},
+                "derivatives": {"x": "a*a + exp(u)"}}"#,
+        )
+        .unwrap();
+        let listing = equations.listing().unwrap();
+        let expected = [
+            Instruction::Variable(0),
+            Instruction::Variable(1),
+            Instruction::Constant(3.0),
+            Instruction::Sub(2, 0),
+            Instruction::Mul(3, 3),
+            Instruction::Function(Function::Exp, 1),
+            Instruction::Add(4, 5),
+        ];
+        assert_eq!(listing.instructions, expected);
+        assert_eq!(listing.results, [6]);
+    }
+}

@@ -1,0 +1,124 @@
+//! Text plants with their type erased: their integrators use the sparse Jacobian.
+
+use crate::ExpressionPlant;
+use pinc_ad::simd::{Isa, Simd, Task};
+use pinc_ode::{
+    AnyVectorRhs, Dims, DynPlant, DynRhs, Model, Plant, SparseFunction, SparsityPattern, Tableau,
+    Variable, sparse_runge_kutta,
+};
+use std::sync::Arc;
+
+impl ExpressionPlant {
+    /// The plant with its type erased. Its Runge-Kutta methods are made of code for the equations
+    /// and their Jacobian that runs on many points at once.
+    #[must_use]
+    pub fn into_dyn(self) -> Box<dyn DynPlant> {
+        Box::new(TextPlant(self))
+    }
+}
+
+/// A plant that is no [`Plant`] for others: those have integrators compiled for their equation.
+#[derive(Clone, Debug)]
+struct TextPlant(ExpressionPlant);
+
+impl DynRhs for TextPlant {
+    fn dims(&self) -> Dims {
+        self.0.sparse.dims
+    }
+
+    fn states(&self) -> &[Variable] {
+        Plant::states(&self.0)
+    }
+
+    fn inputs(&self) -> &[Variable] {
+        Plant::inputs(&self.0)
+    }
+
+    fn parameters(&self) -> &[Variable] {
+        Plant::parameters(&self.0)
+    }
+
+    fn outputs(&self) -> &[Variable] {
+        Plant::outputs(&self.0)
+    }
+
+    fn rhs(&self, x: &[f64], u: &[f64], p: &[f64], dx: &mut [f64]) {
+        Plant::rhs(&self.0, x, u, p, dx);
+    }
+
+    fn output(&self, x: &[f64], u: &[f64], p: &[f64], y: &mut [f64]) {
+        Plant::output(&self.0, x, u, p, y);
+    }
+
+    fn jacobian(&self, x: &[f64], u: &[f64], p: &[f64]) -> Vec<f64> {
+        let function = &self.0.sparse.rhs;
+        let at = [x, u, p].concat();
+        let entries = Isa::detect().dispatch(Entries { function, at: &at });
+        dense(function.pattern(), &entries)
+    }
+
+    fn vectorized(&self, isa: Isa) -> AnyVectorRhs {
+        DynRhs::vectorized(&self.0, isa)
+    }
+
+    fn to_shared(&self) -> Arc<dyn DynRhs> {
+        Arc::new(self.clone())
+    }
+}
+
+impl DynPlant for TextPlant {
+    fn rk4(&self, sample_time_s: f64, substeps: usize) -> Box<dyn Model> {
+        self.runge_kutta(Tableau::CLASSICAL, sample_time_s, substeps)
+    }
+
+    fn rk5(&self, sample_time_s: f64, substeps: usize) -> Box<dyn Model> {
+        self.runge_kutta(Tableau::DORMAND_PRINCE, sample_time_s, substeps)
+    }
+
+    fn rodas4(&self, sample_time_s: f64, substeps: usize) -> Box<dyn Model> {
+        /*Box::new(Rodas4::new(self.0.clone(), sample_time_s, substeps))*/
+        self.rk4(sample_time_s, substeps)
+    }
+}
+
+impl TextPlant {
+    fn runge_kutta(&self, tableau: Tableau, sample_time_s: f64, substeps: usize) -> Box<dyn Model> {
+        let plant = self.0.sparse.clone();
+        sparse_runge_kutta(plant, tableau, sample_time_s, substeps, Isa::detect())
+    }
+}
+
+/// The entries of a Jacobian at one point.
+struct Entries<'a, F> {
+    function: &'a F,
+    at: &'a [f64],
+}
+
+impl<F: SparseFunction> Task for Entries<'_, F> {
+    type Output = Vec<f64>;
+
+    fn run<V: Simd>(self, zero: V) -> Vec<f64> {
+        let Self { function, at } = self;
+        let pattern = function.pattern();
+        let mut memory = function.memory(zero);
+        memory.iter_mut().zip(at).for_each(|(to, value)| *to = zero.constant(*value));
+        let entries = &function.linearize(&mut memory)[pattern.rows()..];
+        let first = |place: &u16| {
+            let mut lanes = [0.0; 8];
+            memory[usize::from(*place)].write(&mut lanes);
+            lanes[0]
+        };
+        entries.iter().map(first).collect()
+    }
+}
+
+/// A matrix with these entries, row by row.
+fn dense(pattern: &SparsityPattern, entries: &[f64]) -> Vec<f64> {
+    let mut matrix = vec![0.0; pattern.rows() * pattern.columns()];
+    for (i, row) in matrix.chunks_exact_mut(pattern.columns()).enumerate() {
+        for entry in pattern.row(i) {
+            row[pattern.places()[entry]] = entries[entry];
+        }
+    }
+    matrix
+}

@@ -1,0 +1,225 @@
+//! The integrators of text plants, which use sparse Jacobians, against those that are compiled for
+//! an equation, which use dual numbers.
+
+use super::common::{INPUTS, config, expressions, points};
+use super::numbers::{numbers, plant_of, texts, variables};
+use pinc_expr::{Equations, ExpressionPlant};
+use pinc_ode::{Dims, LinearizationBuffer, Model, Plant, Rk4, Rk5, Stages};
+use proptest::prelude::*;
+
+/// What the two may differ by, relative to 1 + |value|.
+const ROUNDING: f64 = 1e-13;
+
+fn linearize(model: &mut dyn Model, points: &[f64]) -> LinearizationBuffer {
+    let dims @ Dims { nx, nu, np, .. } = model.dims();
+    let width = nx + nu + np;
+    let part = |from: usize, to: usize| -> Vec<f64> {
+        points.chunks_exact(width).flat_map(|point| point[from..to].to_vec()).collect()
+    };
+    let (x, u, p) = (part(0, nx), part(nx, nx + nu), part(nx + nu, width));
+    let mut out = LinearizationBuffer::new(dims, points.len() / width);
+    for values in [&mut out.next, &mut out.a, &mut out.b, &mut out.e] {
+        values.fill(1e300);
+    }
+    model.linearize(Stages { x: &x, u: &u, p: &p }, out.as_mut());
+    out
+}
+
+/// The largest difference of two linearizations, relative to 1 + |value|. What is not a number in
+/// the one must not be in the other.
+fn difference(found: &LinearizationBuffer, expected: &LinearizationBuffer) -> f64 {
+    let parts = |out: &LinearizationBuffer| [&out.next[..], &out.a, &out.b, &out.e].concat();
+    let pairs = parts(found).into_iter().zip(parts(expected));
+    let errors = pairs.map(|(a, b)| match (a.is_finite(), b.is_finite()) {
+        (true, true) => (a - b).abs() / (1.0 + b.abs()),
+        (false, false) => 0.0,
+        _ => f64::INFINITY,
+    });
+    errors.fold(0.0, f64::max)
+}
+
+/// The same methods on dual numbers.
+fn on_dual_numbers(plant: &ExpressionPlant, h: f64) -> [Box<dyn Model>; 2] {
+    let (a, b) = (plant.clone(), plant.clone());
+    [Box::new(Rk4::new(a, h, 2)), Box::new(Rk5::new(b, h, 1))]
+}
+
+/// The difference of RK4 and of the method of order 5 from those on dual numbers.
+fn differences(plant: &ExpressionPlant, h: f64, points: &[f64]) -> [f64; 2] {
+    let erased = plant.clone().into_dyn();
+    let found = [erased.rk4(h, 2), erased.rk5(h, 1)];
+    let mut pairs = found.into_iter().zip(on_dual_numbers(plant, h));
+    std::array::from_fn(|_| {
+        let (mut found, mut expected) = pairs.next().expect("two methods");
+        difference(&linearize(&mut *found, points), &linearize(&mut *expected, points))
+    })
+}
+
+proptest! {
+    #![proptest_config(config())]
+
+    /// Jacobians of random expressions: rounding, amplified by at most 8 at each of four levels.
+    #[test]
+    fn jacobians_of_random_expressions((e, x) in (expressions(), points())) {
+        prop_assume!(e.is_tame(&x));
+        let plant = plant_of(&e);
+        let found = plant.clone().into_dyn().jacobian(&x[..2], &x[2..], &[]);
+        let expected = pinc_ode::DynRhs::jacobian(&plant, &x[..2], &x[2..], &[]);
+        prop_assert_eq!(found.len(), 2 * INPUTS);
+        for (a, b) in found.iter().zip(&expected) {
+            prop_assert!((a - b).abs() <= 20.0 * ROUNDING * (1.0 + b.abs()), "{} {}", a, b);
+        }
+    }
+
+    /// A short step: what an expression amplifies rounding by is multiplied by its length.
+    #[test]
+    fn steps_of_random_expressions((e, x) in (expressions(), points())) {
+        prop_assume!(e.is_tame(&x));
+        let points: Vec<f64> = (0..7).flat_map(|_| x).collect();
+        for difference in differences(&plant_of(&e), 1e-2, &points) {
+            prop_assert!(difference <= ROUNDING, "{:e}", difference);
+        }
+    }
+
+    /// Plants of all sizes with random coupling, at all numbers of points.
+    #[test]
+    fn random_coupling(
+        (n, couplings) in (1..15_usize).prop_flat_map(|n| {
+            (Just(n), prop::collection::vec((0..n, 0..n + 2, -1.0..1.0), 0..3 * n))
+        }),
+        count in 1..18_usize,
+        seed in 0.0..1.0_f64,
+    ) {
+        let plant = coupled(n, &couplings);
+        let at = |i: usize| (seed + i as f64 * 0.37).sin();
+        let points: Vec<f64> = (0..count * (n + 3)).map(at).collect();
+        for difference in differences(&plant, 0.3, &points) {
+            prop_assert!(difference <= ROUNDING, "{:e}", difference);
+        }
+    }
+}
+
+/// `x_i' = k x_i (1 - x_i) + sum c tanh(x_j)`, where j may be one of two inputs.
+fn coupled(n: usize, couplings: &[(usize, usize, f64)]) -> ExpressionPlant {
+    let name = |j: usize| if j < n { format!("x{j}") } else { format!("u{}", j - n) };
+    let equation = |i: usize| {
+        let terms = couplings.iter().filter(|(to, ..)| *to == i);
+        let terms = terms.map(|(_, j, c)| format!(" + ({c:?})*tanh({})", name(*j)));
+        (name(i), format!("k*x{i}*(1 - x{i}){}", terms.collect::<String>()))
+    };
+    let variable = |j: usize| pinc_ode::Variable { name: name(j).into(), unit: "".into() };
+    let equations = Equations {
+        states: (0..n).map(variable).collect(),
+        inputs: (n..n + 2).map(variable).collect(),
+        parameters: numbers(&[("k", 0.5)]),
+        derivatives: (0..n).map(equation).collect(),
+        ..Equations::default()
+    };
+    equations.compile_with(&["k"]).expect("valid equations")
+}
+
+/// On kinks and jumps, where roots end and powers begin, the same derivatives count.
+#[test]
+fn kinks_and_ends_are_those_of_dual_numbers() {
+    let expressions = [
+        "abs(x)",
+        "sign(x)*y",
+        "min(x, y)",
+        "max(x, y)",
+        "max(y, x)",
+        "max(x, 0)",
+        "max(0, x)",
+        "min(x, 0)",
+        "min(0, x)",
+        "sqrt(max(x, 0))",
+        "sqrt(x^2 + y^2)",
+        "sqrt(x)",
+        "x^0.5",
+        "x^0.7",
+        "x^1.5",
+        "max(x, 0)^0.7",
+        "max(log(x), -5)",
+        "min(1/x, 3)",
+        "exp(-abs(x - y))",
+        "x*y/(x - y)",
+        "x^y",
+        "max(x, y)*abs(x*y)",
+        "tan(x) - atan(y)",
+        "x - x",
+        "0*x + y",
+        "x/y - y/x",
+    ];
+    let values = [0.0, -0.0, 1.0, -1.0, 0.5, 2.0];
+    let points: Vec<f64> =
+        values.iter().flat_map(|&x| values.map(|y| [x, y, 0.3])).flatten().collect::<Vec<f64>>();
+    for e in expressions {
+        let equations = Equations {
+            states: variables(&["x", "y"]),
+            inputs: variables(&["u"]),
+            derivatives: texts(&[("x", e), ("y", "u - y")]),
+            ..Equations::default()
+        };
+        let plant = equations.compile().expect("valid equations");
+        let erased = plant.clone().into_dyn();
+        for point in points.chunks_exact(3) {
+            let (x, u) = point.split_at(2);
+            let found = erased.jacobian(x, u, &[]);
+            let expected = pinc_ode::DynRhs::jacobian(&plant, x, u, &[]);
+            for (a, b) in found.iter().zip(&expected) {
+                // A derivative may be a number where dual numbers multiply 0 and infinity.
+                let same =
+                    (a - b).abs() <= ROUNDING * (1.0 + b.abs()) || a.to_bits() == b.to_bits();
+                assert!(same || !b.is_finite(), "{e} at {point:?}: {found:?}, {expected:?}");
+            }
+        }
+    }
+}
+
+/// A rod of 40 nodes: each block of columns reaches only a part of them.
+#[test]
+fn a_long_rod_is_that_on_dual_numbers() {
+    let couplings: Vec<_> = (0..40_usize)
+        .flat_map(|i| [(i, i.saturating_sub(1), 0.8), (i, (i + 1).min(39), 0.7)])
+        .chain([(3, 40, 1.0), (39, 41, 0.5)])
+        .collect();
+    let plant = coupled(40, &couplings);
+    for count in [1, 5, 12] {
+        let points: Vec<f64> = (0..count * 43).map(|i| (i as f64 * 0.7).cos()).collect();
+        for difference in differences(&plant, 0.5, &points) {
+            assert!(difference <= ROUNDING, "{difference:e}");
+        }
+    }
+}
+
+/// A root, a sum and a quotient, of one state, two, and an input.
+#[test]
+fn outputs_have_the_derivatives_of_dual_numbers() {
+    let equations = Equations {
+        outputs: [("a", "sqrt(x)*k"), ("b", "x + y"), ("c", "u^2/y")]
+            .map(|(name, e)| {
+                (
+                    name.to_owned(),
+                    pinc_expr::OutputExpression { expression: e.to_owned(), unit: String::new() },
+                )
+            })
+            .into(),
+        states: variables(&["x", "y"]),
+        inputs: variables(&["u"]),
+        parameters: numbers(&[("k", 1.0)]),
+        derivatives: texts(&[("x", "u - x"), ("y", "k*x - y")]),
+        ..Equations::default()
+    };
+    let plant = equations.compile_with(&["k"]).expect("valid equations");
+    let (x, u, p) = ([4.0, 0.5], [3.0], [2.0]);
+    let mut model = plant.clone().into_dyn().rk4(0.1, 1);
+    let (mut y, mut c, mut d, mut e) = ([9.0; 3], [9.0; 6], [9.0; 3], [9.0; 3]);
+    let out = pinc_ode::OutputLinearization { y: &mut y, c: &mut c, d: &mut d, e: &mut e };
+    model.linearize_output(Stages { x: &x, u: &u, p: &p }, out);
+    let close = |found: &[f64], expected: &[f64]| {
+        found.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-14 * (1.0 + b.abs()))
+    };
+    assert!(close(&y, &[4.0, 4.5, 18.0]), "{y:?}");
+    assert!(close(&c, &[0.5, 0.0, 1.0, 1.0, 0.0, -36.0]), "{c:?}");
+    assert!(close(&d, &[0.0, 0.0, 12.0]) && close(&e, &[2.0, 0.0, 0.0]), "{d:?} {e:?}");
+    assert_eq!(plant.dims().ny, 3);
+}

@@ -1,0 +1,262 @@
+//! How wrong one step of a net is all over its training domain, in numbers and in words.
+
+use crate::metrics::number_or_null;
+use pinc_net::DomainError;
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+use std::fmt;
+
+/// An error that is worth a warning where it is found: so many widths of a state's range.
+const OFF: f64 = 0.01;
+
+/// How wrong one step of a net is over its training domain.
+///
+/// The error of a state is measured in widths of its range in the domain; that of a point is the
+/// largest of its states' errors. Not finite where a step is not.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct DomainErrorMetrics {
+    /// Root mean square over points and states.
+    #[serde(deserialize_with = "number_or_null")]
+    pub rms: f64,
+    /// The 99th percentile over the points.
+    #[serde(deserialize_with = "number_or_null")]
+    pub p99: f64,
+    /// The largest found, by a search from the worst points.
+    #[serde(deserialize_with = "number_or_null")]
+    pub max: f64,
+    /// Where that is.
+    pub max_at: Place,
+    /// The state that is predicted worst there.
+    pub max_of: String,
+    /// What it is predicted to be, in its unit.
+    #[serde(deserialize_with = "number_or_null")]
+    pub predicted: f64,
+    /// What it is.
+    #[serde(deserialize_with = "number_or_null")]
+    pub truth: f64,
+    /// The share of the points whose error is larger than a hundredth of a width.
+    pub share_off: f64,
+    /// How many points were looked at.
+    pub points: usize,
+    /// From how many more the plant cannot be integrated over a step.
+    pub unsolved: usize,
+    /// The root mean square of RK4 at the same points.
+    pub rk4: Rk4Errors,
+}
+
+/// A state and an input, in the plant's order and units.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Place {
+    /// The state.
+    pub x: Vec<f64>,
+    /// The input.
+    pub u: Vec<f64>,
+    /// The parameters that the net takes as inputs.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub p: BTreeMap<String, f64>,
+}
+
+/// The errors of RK4 by its substeps.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Rk4Errors {
+    /// With one.
+    #[serde(rename = "1", deserialize_with = "number_or_null")]
+    pub one: f64,
+    /// With two.
+    #[serde(rename = "2", deserialize_with = "number_or_null")]
+    pub two: f64,
+    /// With four.
+    #[serde(rename = "4", deserialize_with = "number_or_null")]
+    pub four: f64,
+}
+
+impl DomainErrorMetrics {
+    /// What `judged` says of a net with these states and parameters.
+    ///
+    /// # Panics
+    ///
+    /// If there are fewer names than states.
+    #[must_use]
+    pub fn of(
+        judged: &DomainError,
+        [states, parameters]: [&[String]; 2],
+        unsolved: usize,
+        rk4: Rk4Errors,
+    ) -> Self {
+        let worst = &judged.worst;
+        let p = parameters.iter().cloned().zip(worst.p.iter().copied()).collect();
+        Self {
+            rms: judged.rms,
+            p99: judged.p99,
+            max: judged.max,
+            max_at: Place { x: worst.x.clone(), u: worst.u.clone(), p },
+            max_of: states[worst.state].clone(),
+            predicted: worst.predicted,
+            truth: worst.truth,
+            share_off: judged.share_beyond(OFF),
+            points: judged.errors.len(),
+            unsolved,
+            rk4,
+        }
+    }
+}
+
+/// A net that is badly wrong somewhere in its training domain.
+#[derive(Clone, Debug, PartialEq)]
+pub struct DomainFinding {
+    share_off: f64,
+    /// Where the error is largest: names with values.
+    place: String,
+    state: String,
+    predicted: f64,
+    truth: f64,
+    max: f64,
+    /// Whether the net fits fresh points as well as its sample: more of them would not help.
+    is_too_small: bool,
+}
+
+/// Up to this ratio of the loss on fresh points to that on its sample a net does not overfit.
+const FITS: f64 = 2.0;
+
+impl DomainErrorMetrics {
+    /// Whether the net is wrong enough somewhere that a user must know.
+    #[must_use]
+    pub fn finding(&self, states: &[String], inputs: &[String]) -> Option<DomainFinding> {
+        if self.max <= OFF {
+            return None;
+        }
+        Some(DomainFinding {
+            share_off: self.share_off,
+            place: self.max_at.named(states, inputs),
+            state: self.max_of.clone(),
+            predicted: self.predicted,
+            truth: self.truth,
+            max: self.max,
+            is_too_small: false,
+        })
+    }
+}
+
+impl DomainFinding {
+    /// The same, of a net with these losses on its sample and on fresh points.
+    #[must_use]
+    pub fn of_training(self, loss: f64, fresh_loss: f64) -> Self {
+        Self { is_too_small: fresh_loss <= FITS * loss, ..self }
+    }
+}
+
+impl Place {
+    /// Names with values, as "x = 1, v = 0; u = 0.5".
+    #[must_use]
+    pub fn named(&self, states: &[String], inputs: &[String]) -> String {
+        let named = |names: &[String], values: &[f64]| {
+            let pairs = names.iter().zip(values);
+            let pairs = pairs.map(|(name, value)| format!("{name} = {}", rounded(*value)));
+            pairs.collect::<Vec<_>>().join(", ")
+        };
+        let (names, values): (Vec<_>, Vec<_>) = self.p.clone().into_iter().unzip();
+        let parts = [named(states, &self.x), named(inputs, &self.u), named(&names, &values)];
+        let parts: Vec<_> = parts.into_iter().filter(|part| !part.is_empty()).collect();
+        parts.join("; ")
+    }
+}
+
+/// A number with three digits.
+fn rounded(value: f64) -> String {
+    let rounded: f64 = format!("{value:.2e}").parse().unwrap_or(value);
+    match rounded.abs() {
+        0.0 => "0".to_owned(),
+        size if (1e-3..1e6).contains(&size) => rounded.to_string(),
+        _ => format!("{rounded:e}"),
+    }
+}
+
+impl fmt::Display for DomainFinding {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "The net is wrong in a part of its domain: ")?;
+        if self.share_off > 0.0 {
+            let percent = rounded(100.0 * self.share_off);
+            write!(f, "{percent} % of [domain] is off by more than {} % ", rounded(100.0 * OFF))?;
+            write!(f, "of a state's range after one step; ")?;
+        }
+        let Self { place, state, predicted, truth, max, is_too_small, .. } = self;
+        let (predicted, truth) = (rounded(*predicted), rounded(*truth));
+        write!(f, "worst at {place}, where {state} is to become {truth} and the net says ")?;
+        match max.is_finite() {
+            true => write!(f, "{predicted} ({} % of its range off). ", rounded(100.0 * max))?,
+            false => write!(f, "nothing that is a number. ")?,
+        }
+        f.write_str(
+            "A controller that plans there is misled: see what `pinc check` says of poles and kinks, \
+             take a smaller [domain] or a shorter T, ",
+        )?;
+        f.write_str(match is_too_small {
+            true => {
+                "or a larger net: its loss is the same on fresh points, so that more points would not \
+                 help."
+            }
+            false => "or a larger net and more training.",
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use pinc_net::WorstStep;
+
+    fn names(names: &[&str]) -> Vec<String> {
+        names.iter().map(|&name| name.to_owned()).collect()
+    }
+
+    fn judged(errors: Vec<f64>, max: f64) -> DomainErrorMetrics {
+        let worst = WorstStep {
+            x: vec![2.2, 0.4],
+            u: vec![0.36512],
+            p: Vec::new(),
+            state: 1,
+            predicted: -0.310_04,
+            truth: 0.876,
+        };
+        let judged = DomainError { rms: 1e-2, p99: 0.3, max, worst, errors };
+        let rk4 = Rk4Errors { one: 1.0, two: f64::NAN, four: 1e-3 };
+        DomainErrorMetrics::of(&judged, [&names(&["X", "S"]), &[]], 0, rk4)
+    }
+
+    #[test]
+    fn a_net_that_is_wrong_somewhere_is_described_in_plain_words() {
+        let mut errors = vec![1e-6; 1000];
+        errors[..13].fill(0.3);
+        let finding = judged(errors, 0.395).finding(&names(&["X", "S"]), &names(&["D"])).unwrap();
+        let said = finding.to_string();
+        for part in [
+            "1.3 % of [domain] is off by more than 1 % of a state's range after one step",
+            "worst at X = 2.2, S = 0.4; D = 0.365, where S is to become 0.876 and the net says -0.31",
+            "(39.5 % of its range off)",
+            "`pinc check`",
+        ] {
+            assert!(said.contains(part), "no `{part}` in {said}");
+        }
+        assert!(said.ends_with("a larger net and more training."), "{said}");
+        let said = finding.clone().of_training(1e-6, 1.5e-6).to_string();
+        assert!(said.contains("larger net: its loss is the same on fresh points"), "{said}");
+        assert!(finding.of_training(1e-6, 1e-3).to_string().ends_with("more training."));
+        // Found by the search only.
+        let finding = judged(vec![1e-6], 0.395).finding(&names(&["X", "S"]), &names(&["D"]));
+        assert!(!finding.unwrap().to_string().contains("0 %"));
+        assert_eq!(judged(vec![1e-3], 2e-3).finding(&names(&["X", "S"]), &names(&["D"])), None);
+    }
+
+    #[test]
+    fn numbers_that_are_none_are_read_back() {
+        let of = judged(vec![f64::INFINITY], f64::INFINITY);
+        let text = serde_json::to_string(&of).unwrap();
+        assert!(text.contains(r#""rk4":{"1":1.0,"2":null,"4":0.001}"#), "{text}");
+        let read: DomainErrorMetrics = serde_json::from_str(&text).unwrap();
+        assert!(read.max.is_nan() && read.rk4.two.is_nan());
+        assert_eq!((read.max_at, read.share_off), (of.max_at.clone(), 1.0));
+        // What is no number is no small error.
+        let said = of.finding(&names(&["X", "S"]), &names(&["D"])).unwrap().to_string();
+        assert!(said.contains("nothing that is a number"), "{said}");
+    }
+}

@@ -1,0 +1,104 @@
+//! The error over the domain, failed steps, states of different size, and the unit of time.
+
+use super::{CONFIG, METRICS, assert_sound, build, stems, svg, whole, write};
+use std::fmt::Write as _;
+use tempfile::TempDir;
+
+/// A run whose net is wrong where a > 0.5 and b < -0.5, whatever c and u are.
+fn with_domain_error() -> TempDir {
+    let dir = whole();
+    let of = r#""states": ["a", "b", "c"], "inputs": ["u"],
+        "validation": { "domain_error": { "rms": 1.25e-3, "p99": 0.0625, "max": 0.375,
+            "max_at": { "x": [0.75, -1.0, 1.5], "u": [0.5] }, "max_of": "b",
+            "predicted": -0.25, "truth": 0.5, "share_off": 0.0625, "points": 1000, "unsolved": 0,
+            "rk4": { "1": 0.5, "2": 3.5e-2, "4": null } },"#;
+    write(&dir, "metrics.json", &METRICS.replace("\"validation\": {", of));
+    let mut table = "a,b,c,u,error\n".to_owned();
+    for i in 0..1000 {
+        let share = |n: i32| f64::from((i * n) % 1000) / 1000.0;
+        let (a, b) = (2.0 * share(7) - 1.0, 2.0 * share(111) - 1.0);
+        let error = if a > 0.5 && b < -0.5 { 0.2 } else { 1e-4 };
+        let _ = writeln!(table, "{a},{b},{},{},{error}", 3.0 * share(37), 2.0 * share(3) - 1.0);
+    }
+    write(&dir, "domain-error.csv", &table);
+    dir
+}
+
+#[test]
+fn a_net_that_is_wrong_in_a_corner_is_shown_there_and_warned_of() {
+    let dir = with_domain_error();
+    assert!(stems(dir.path()).contains(&"domain-error".to_owned()));
+    let map = svg(dir.path(), "domain-error");
+    assert_sound(&map);
+    // The two states that matter, and the place.
+    for word in ["a (cm)", "b (cm)", "the largest error found", "log₁₀ of the largest error"] {
+        assert!(map.contains(word), "no {word}");
+    }
+    assert!(!map.contains("c (cm)"));
+    let html = build(dir.path()).unwrap();
+    for said in [
+        "6.25 % of [domain] is off by more than 1 % of a state&#39;s range",
+        "worst at a = 0.75, b = -1, c = 1.5; u = 0.5, where b is to become 0.5 and the net says -0.25",
+        "(37.5 % of its range off)",
+        "<th>Largest</th><td>0.37",
+        "<th>RK4 with 2 substeps</th><td>0.035",
+        "<th>RK4 with 4 substeps</th><td>–</td>",
+    ] {
+        let html = html.replace("'", "&#39;");
+        assert!(html.contains(said), "no {said} in\n{html}");
+    }
+}
+
+#[test]
+fn errors_that_are_no_numbers_are_hatched() {
+    let dir = with_domain_error();
+    write(&dir, "domain-error.csv", "a,b,c,u,error\n0,0,1,0,inf\n0.5,0.5,1,0,1e-3\n");
+    let map = svg(dir.path(), "domain-error");
+    assert_sound(&map);
+    assert!(map.contains("no finite number"));
+    // Columns that are not those of the config make no picture.
+    write(&dir, "domain-error.csv", "a,b,error\n0,0,1\n");
+    assert!(!stems(dir.path()).contains(&"domain-error".to_owned()));
+}
+
+#[test]
+fn failed_steps_are_marked_where_the_state_was() {
+    let dir = whole();
+    // Step 42 of both models ended at its iteration limit.
+    assert!(svg(dir.path(), "control").contains("failed steps"));
+    for model in ["pinc", "rk4"] {
+        let fine =
+            "step,status,sqp_iterations,kkt,solve_us\n0,converged,2,1e-9,5\n1,deadline,2,1e-3,5\n";
+        write(&dir, &format!("steps-{model}.csv"), fine);
+    }
+    assert!(!svg(dir.path(), "control").contains("failed steps"));
+}
+
+#[test]
+fn a_state_too_small_to_be_read_beside_another_has_a_panel_of_its_own() {
+    let dir = whole();
+    assert!(svg(dir.path(), "control").contains("Controlled states"));
+    for model in ["pinc", "rk4"] {
+        let mut text = "t,a,b,c,u,a_ref,b_ref\n".to_owned();
+        for i in 0..=900 {
+            let t = f64::from(i) / 18.0;
+            let _ = writeln!(text, "{t},{},{},1,0,1,0", (-t).exp(), 500.0 * (-t).exp());
+        }
+        write(&dir, &format!("control-{model}.csv"), &text);
+    }
+    let control = svg(dir.path(), "control");
+    assert!(control.contains("Controlled states: a") && control.contains("Controlled states: b"));
+    assert_sound(&control);
+}
+
+#[test]
+fn times_are_shown_in_the_unit_of_the_config() {
+    let dir = whole();
+    assert!(svg(dir.path(), "control").contains("t (s)"));
+    let config = CONFIG.replace("seed = 7", "seed = 7\ntime_unit = \"min\"");
+    write(&dir, "config.toml", &config);
+    let control = svg(dir.path(), "control");
+    // 50 s are 0.833 min.
+    assert!(control.contains("t (min)") && control.contains(">0.8<"), "{control}");
+    assert!(svg(dir.path(), "prediction").contains("t (min)"));
+}

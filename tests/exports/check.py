@@ -1,0 +1,328 @@
+"""Checks what `pinc export` writes with the programs that it is for: CasADi, ONNX Runtime, FMPy.
+
+    python3 tests/exports/check.py PINC WORK
+
+PINC is the program, WORK a directory for files. `.ci/exports` installs the packages and runs this.
+"""
+
+import csv
+import json
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import casadi
+import fmpy
+import fmpy.validation
+import numpy as np
+import onnx
+import onnxruntime
+from fmpy.fmi2 import FMU2Slave
+
+PINC, WORK = Path(sys.argv[1]).resolve(), Path(sys.argv[2]).resolve()
+TOP = Path(__file__).resolve().parents[2]
+CONFIG = TOP / "configs/van-der-pol/control.toml"
+T = 0.5
+POINTS = 9  # of a dense trace per step
+FAILED = []
+
+
+def pinc(*arguments):
+    """Runs the program; returns what it writes."""
+    done = subprocess.run([PINC, *map(str, arguments)], check=True, text=True, capture_output=True)
+    return done.stdout
+
+
+def report(what, found, allowed):
+    """Prints a check and remembers if it failed."""
+    good = bool(found <= allowed)
+    print(f"{'ok    ' if good else 'FAILED'}  {what}: {found:.2e}, allowed {allowed:.0e}", flush=True)
+    if not good:
+        FAILED.append(what)
+
+
+def read(path):
+    """A CSV file as lists by column."""
+    with open(path, newline="") as file:
+        rows = list(csv.DictReader(file))
+    return {key: [row[key] for row in rows] for key in rows[0]}
+
+
+def numbers(table, *names):
+    """Columns of a table as an array."""
+    return np.array([[float(v) for v in table[name]] for name in names]).T
+
+
+def one_step(model, points):
+    """The net's states after T from points (x1, x2, u), by `pinc predict`."""
+    given, found = WORK / "points.csv", WORK / "steps.csv"
+    with open(given, "w") as file:
+        file.write("scenario,t,u,x1,x2\n")
+        for i, (x1, x2, u) in enumerate(points):
+            file.write(f"{i},0,{u!r},{x1!r},{x2!r}\n{i},{T},{u!r},,\n")
+    pinc("predict", "--model", model, "--inputs", given, "--output", found)
+    return numbers(read(found), "x1", "x2")[1::2]
+
+
+def random_points(count):
+    low, high = np.array([-2.5, -3.5, -1.0]), np.array([2.5, 3.5, 1.0])
+    return np.random.default_rng(1).uniform(low, high, (count, 3)).tolist()
+
+
+def check_onnx(model):
+    """The checker, and ONNX Runtime against the program."""
+    points = np.array(random_points(100))
+    expected = one_step(model, points.tolist())
+    for double, dtype, allowed in [(True, np.float64, 1e-12), (False, np.float32, 1e-4)]:
+        out = WORK / f"onnx-{double}"
+        flags = ["--double"] if double else []
+        pinc("export", "--model", model, "--to", "onnx", "--name", "osc", "--out", out, *flags)
+        onnx.checker.check_model(onnx.load(out / "osc.onnx"), full_check=True)
+        session = onnxruntime.InferenceSession(str(out / "osc.onnx"))
+        given = {"x": points[:, :2].astype(dtype), "u": points[:, 2:].astype(dtype)}
+        (found,) = session.run(["x_next"], given)
+        report(f"ONNX Runtime, {dtype.__name__}", np.abs(found - expected).max(), allowed)
+
+
+def check_casadi(model):
+    """Values, derivatives, and IPOPT in the loop against `pinc control`."""
+    out = WORK / "casadi"
+    pinc("export", "--model", model, "--to", "casadi", "--name", "osc", "--out", out)
+    library = out / "osc.so"
+    subprocess.run(
+        ["cc", "-O2", "-shared", "-fPIC", "osc_casadi.c", "-lm", "-o", library], cwd=out, check=True
+    )
+    f = casadi.external("osc", str(library))
+    points = random_points(50)
+    found = np.array([np.array(f(p[:2], p[2])).ravel() for p in points])
+    report("CasADi, values", np.abs(found - one_step(model, points)).max(), 1e-12)
+
+    x, u = casadi.MX.sym("x", 2), casadi.MX.sym("u")
+    xu = casadi.vertcat(x, u)
+    jacobian = casadi.Function("J", [x, u], [casadi.jacobian(f(x, u), xu)])
+    weights = casadi.DM([0.7, -1.3])
+    hessian, _ = casadi.hessian(casadi.dot(weights, f(x, u)), xu)
+    hessian = casadi.Function("H", [x, u], [hessian])
+    worst_j = worst_h = 0.0
+    h = 1e-5
+    for p in points[:10]:
+        j = np.array(jacobian(p[:2], p[2]))
+        second = np.array(hessian(p[:2], p[2]))
+        for k in range(3):
+            up, down = (np.array(p) + s * h * np.eye(3)[k] for s in (1, -1))
+            slope = np.array(f(up[:2], up[2]) - f(down[:2], down[2])).ravel() / (2 * h)
+            worst_j = max(worst_j, np.abs(j[:, k] - slope).max())
+            of_j = np.array(jacobian(up[:2], up[2]) - jacobian(down[:2], down[2])) / (2 * h)
+            worst_h = max(worst_h, np.abs(second[:, k] - np.array(weights).ravel() @ of_j).max())
+    report("CasADi, Jacobian against differences", worst_j, 1e-8)
+    report("CasADi, Hessian against differences", worst_h, 1e-8)
+    check_ipopt(model, f)
+
+
+def check_ipopt(model, f):
+    """The oscillator's control problem by IPOPT, at the states of the loop of `pinc control`."""
+    states, inputs, references, spec = closed_loop(model)
+    n2, bounds = spec["n2"], 1.0
+    nlp_x, cost, g = [], 0, []
+    x0, previous = casadi.MX.sym("x0", 2), casadi.MX.sym("previous")
+    reference = casadi.MX.sym("reference", 2, n2)
+    before, at = previous, x0
+    for j in range(n2):
+        u, x = casadi.MX.sym(f"u{j}"), casadi.MX.sym(f"x{j + 1}", 2)
+        nlp_x += [u, x]
+        g.append(f(at, u) - x)
+        error = x - reference[:, j]
+        cost += 10 * casadi.dot(error, error) + (u - before) ** 2
+        before, at = u, x
+    p = casadi.vertcat(x0, previous, casadi.vec(reference))
+    nlp = {"x": casadi.vertcat(*nlp_x), "f": cost, "g": casadi.vertcat(*g), "p": p}
+    quiet = {"ipopt.print_level": 0, "print_time": False, "ipopt.tol": 1e-11, "ipopt.sb": "yes"}
+    # Bounds as they are, not relaxed by IPOPT.
+    quiet["ipopt.bound_relax_factor"] = 0.0
+    solver = casadi.nlpsol("solver", "ipopt", nlp, quiet)
+    worst, u_before = 0.0, 0.0
+    for k in range(0, 30):
+        window = np.array([references[min(k + j, len(references) - 1)] for j in range(n2)])
+        given = np.concatenate([states[k], [u_before], window.ravel()])
+        answer = solver(x0=0, p=given, lbx=-bounds, ubx=bounds, lbg=0, ubg=0)
+        worst = max(worst, abs(float(answer["x"][0]) - inputs[k][0]))
+        u_before = inputs[k][0]
+    report("IPOPT with the external, inputs of the loop", worst, 1e-6)
+
+
+LOOP = {}
+
+
+def closed_loop(model):
+    """States, inputs and references at the steps of the loop of `pinc control`."""
+    if "loop" not in LOOP:
+        out = WORK / "loop"
+        pinc("control", CONFIG, "--model", model, "--only", "pinc", "--out", out)
+        table = read(out / "control.csv")
+        rows = slice(0, -1, POINTS)
+        states, inputs = numbers(table, "x1", "x2")[rows], numbers(table, "u")[rows]
+        # A row has the reference that led there.
+        references = numbers(table, "x1_ref", "x2_ref")[1::POINTS]
+        import tomllib
+
+        spec = tomllib.loads((out / "config.toml").read_text())["control"]
+        LOOP["loop"] = states, inputs, references, spec
+    return LOOP["loop"]
+
+
+class Slave:
+    """An FMU, opened."""
+
+    def __init__(self, path):
+        self.directory = fmpy.extract(str(path))
+        description = fmpy.read_model_description(str(path))
+        self.vr = {v.name: v.valueReference for v in description.modelVariables}
+        self.fmu = FMU2Slave(
+            guid=description.guid,
+            unzipDirectory=self.directory,
+            modelIdentifier=description.coSimulation.modelIdentifier,
+            instanceName="slave",
+        )
+        self.fmu.instantiate()
+        self.fmu.setupExperiment(startTime=0.0)
+
+    def begin(self):
+        self.fmu.enterInitializationMode()
+        self.fmu.exitInitializationMode()
+
+    def set(self, name, values):
+        self.fmu.setReal([self.vr[f"{name}[{i + 1}]"] for i in range(len(values))], list(values))
+
+    def get(self, name, count):
+        return self.fmu.getReal([self.vr[f"{name}[{i + 1}]"] for i in range(count)])
+
+    def close(self):
+        self.fmu.terminate()
+        self.fmu.freeInstance()
+        shutil.rmtree(self.directory, ignore_errors=True)
+
+
+def check_validity(path):
+    """FMPy's validator finds nothing."""
+    problems = fmpy.validation.validate_fmu(str(path))
+    for problem in problems:
+        print(problem)
+    report(f"FMPy validates {path.name}", len(problems), 0)
+
+
+def check_fmu(model):
+    """A free run against `pinc predict`, also rebuilt from the sources."""
+    out = WORK / "fmu"
+    pinc("export", "--model", model, "--to", "fmu", "--name", "osc", "--out", out)
+    path = out / "osc.fmu"
+    check_validity(path)
+    given, expected = WORK / "run.csv", WORK / "run-out.csv"
+    rng = np.random.default_rng(2)
+    times = [0.0, 0.5, 0.7, 1.0, 1.5, 1.75, 2.25, 2.5, 3.0, 4.5, 6.0]
+    inputs = rng.uniform(-1, 1, len(times)).tolist()
+    with open(given, "w") as file:
+        file.write("scenario,t,u,x1,x2\n")
+        for i, (t, u) in enumerate(zip(times, inputs)):
+            file.write(f"a,{t!r},{u!r}," + ("0.8,-0.3\n" if i == 0 else ",\n"))
+    pinc("predict", "--model", model, "--inputs", given, "--output", expected)
+    expected = numbers(read(expected), "x1", "x2")
+    for rebuilt in (False, True):
+        if rebuilt:
+            # With the compiler of this machine, by CMake.
+            command = [sys.executable, "-m", "fmpy", "compile", path]
+            subprocess.run(command, check=True, capture_output=True)
+        slave = Slave(path)
+        slave.set("x_start", [0.8, -0.3])
+        slave.begin()
+        found = [slave.get("x", 2)]
+        for t, end, u in zip(times, times[1:], inputs):
+            slave.set("u", [u])
+            slave.fmu.doStep(t, end - t)
+            found.append(slave.get("x", 2))
+        slave.close()
+        what = "FMU of the net, rebuilt" if rebuilt else "FMU of the net"
+        report(f"{what}, a free run", np.abs(np.array(found) - expected).max(), 1e-12)
+    start = {"x_start[1]": 0.8, "x_start[2]": -0.3, "u[1]": 0.25}
+    result = fmpy.simulate_fmu(str(path), stop_time=2.0, step_size=0.1, start_values=start)
+    report("FMPy simulates, to the end", abs(result["time"][-1] - 2.0), 1e-9)
+
+
+def check_controller_fmu(model):
+    """The controller's FMU at the states of the loop."""
+    out = WORK / "controller"
+    pinc("export", CONFIG, "--model", model, "--to", "fmu", "--name", "ctl", "--out", out)
+    path = out / "ctl.fmu"
+    check_validity(path)
+    states, inputs, references, spec = closed_loop(model)
+    slave = Slave(path)
+    slave.begin()
+    worst, compared = 0.0, 0
+    for k, (x, u) in enumerate(zip(states, inputs)):
+        # The slave holds a reference over the horizon: the first segment is compared.
+        if k + spec["n2"] >= 30:
+            break
+        slave.set("x", [9.0, 9.0])
+        slave.get("u", 1)  # too early: what is set afterwards counts
+        slave.set("x", x)
+        slave.set("reference", references[k])
+        worst = max(worst, abs(slave.get("u", 1)[0] - u[0]))
+        slave.fmu.doStep(k * T, 0.2)
+        slave.fmu.doStep(k * T + 0.2, T - 0.2)
+        compared += 1
+    slave.close()
+    report(f"FMU of the controller, {compared} steps of the loop", worst, 1e-8)
+
+
+def check_loop_of_fmus(model):
+    """Plant and controller as FMUs, closed, against `pinc control` without preview."""
+    loop = WORK / "held"
+    held = ["--set", "control.preview=false", "--set", "control.repetitions=1"]
+    pinc("control", CONFIG, "--model", model, "--only", "pinc", "--out", loop, *held)
+    table = read(loop / "control.csv")
+    states, inputs = numbers(table, "x1", "x2"), numbers(table, "u")
+    references = numbers(table, "x1_ref", "x2_ref")[1::POINTS]
+    out = WORK / "plant"
+    pinc("export", CONFIG, "--plant", "--to", "fmu", "--name", "osc", "--out", out)
+    check_validity(out / "osc.fmu")
+    plant, controller = Slave(out / "osc.fmu"), Slave(WORK / "controller" / "ctl.fmu")
+    plant.begin()
+    controller.begin()
+    worst_x = worst_u = 0.0
+    for k, reference in enumerate(references):
+        controller.set("x", plant.get("x", 2))
+        controller.set("reference", reference)
+        u = controller.get("u", 1)
+        worst_u = max(worst_u, abs(u[0] - inputs[POINTS * k][0]))
+        plant.set("u", u)
+        for part in range(2):
+            t = (k + part / 2) * T
+            plant.fmu.doStep(t, T / 2)
+            controller.fmu.doStep(t, T / 2)
+        end = np.abs(np.array(plant.get("x", 2)) - states[POINTS * (k + 1)]).max()
+        worst_x = max(worst_x, end)
+    plant.close()
+    controller.close()
+    report(f"FMUs of plant and controller, {len(references)} steps, states", worst_x, 1e-7)
+    report("FMUs of plant and controller, inputs", worst_u, 1e-7)
+
+
+def main():
+    WORK.mkdir(parents=True, exist_ok=True)
+    net = WORK / "net"
+    pinc("train", TOP / "configs/van-der-pol/main.toml", "--out", net, "--quiet")
+    model = net / "model.safetensors"
+    print(json.dumps({"casadi": casadi.__version__, "onnxruntime": onnxruntime.__version__,
+                      "onnx": onnx.__version__, "fmpy": fmpy.__version__}))
+    check_onnx(model)
+    check_casadi(model)
+    check_fmu(model)
+    check_controller_fmu(model)
+    check_loop_of_fmus(model)
+    if FAILED:
+        sys.exit(f"{len(FAILED)} checks failed")
+    print("all checks passed")
+
+
+if __name__ == "__main__":
+    main()
