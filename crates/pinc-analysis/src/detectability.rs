@@ -31,8 +31,8 @@ pub struct UnseenMode {
 /// rank [A - 1, Bd; C, Cd] = n + nd
 /// ```
 ///
-/// `a`: `[states, states]`; `c`: `[ny, states]`, both row by row; the states and measurements should
-/// be of like sizes.
+/// `a`: `[states, states]`; `c`: `[ny, states]`, both row by row; the states and measurements
+/// should be of like sizes.
 ///
 /// ```
 /// use pinc_analysis::unseen_modes;
@@ -67,7 +67,8 @@ pub fn unseen_modes(a: &[f64], c: &[f64], states: usize) -> Vec<UnseenMode> {
     candidates.into_iter().filter_map(|at| unseen(a, c, states, at)).collect()
 }
 
-/// The mode at an eigenvalue, if it is unseen. A complex matrix of rank r is a real one of rank 2 r.
+/// The mode at an eigenvalue, if it is unseen. A complex matrix of rank r is a real one of rank
+/// 2 r.
 fn unseen(a: &[f64], c: &[f64], n: usize, at: Complex) -> Option<UnseenMode> {
     let outputs = c.len() / n;
     let is_real = at.im.abs() < RANK;

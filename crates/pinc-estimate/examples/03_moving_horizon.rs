@@ -1,5 +1,5 @@
-//! A batch reactor of which the total pressure is measured: with a bad prior the Kalman filter finds
-//! a negative pressure and stays there; moving horizon estimation knows that there is none.
+//! A batch reactor of which the total pressure is measured: with a bad prior the Kalman filter
+//! finds a negative pressure and stays there; moving horizon estimation knows that there is none.
 //!
 //! `cargo run -p pinc-estimate --example 03_moving_horizon`
 #![expect(clippy::print_stdout, reason = "an example shows what it computes")]

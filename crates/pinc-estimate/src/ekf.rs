@@ -9,7 +9,8 @@ use pinc_ode::{Dims, Linearization, LinearizationBuffer, Model, OutputLinearizat
 /// Kalman filter.
 ///
 /// ```text
-/// correct   S = H P H' + R,  K = P H' S^-1,  z += K (y - h(z)),  P = (I - K H) P (I - K H)' + K R K'
+/// correct   S = H P H' + R,  K = P H' S^-1,  z += K (y - h(z)),
+///           P = (I - K H) P (I - K H)' + K R K'
 /// predict   A = dF/dz(z, u),  P = A P A' + Q,  z = F(z, u)
 /// ```
 ///

@@ -4,9 +4,9 @@ use crate::matrix::{dot, factor, solve_lower};
 use crate::{Augmentation, Correction, Estimator, EstimatorStatus, Measured};
 use pinc_mpc::{Observer, PlantNow};
 
-/// Output feedback: the plant of a closed loop is measured, with noise, and an estimator makes of it
-/// what the controller is told. Its model is to be [`Compensated`](crate::Compensated) with the same
-/// augmentation.
+/// Output feedback: the plant of a closed loop is measured, with noise, and an estimator makes of
+/// it what the controller is told. The controller's model is to be
+/// [`Compensated`](crate::Compensated) with the same augmentation.
 ///
 /// All steps are remembered.
 #[derive(Debug)]

@@ -53,8 +53,9 @@ pub struct Ukf {
     work: Work,
 }
 
-/// The weights of the points, for sums of differences from the one in the middle: the weights of the
-/// means add up to 1, so that a mean is that point plus `pair` times the sum of the differences.
+/// The weights of the points, for sums of differences from the one in the middle: the weights of
+/// the means add up to 1, so that a mean is that point plus `pair` times the sum of the
+/// differences.
 #[derive(Clone, Copy, Debug)]
 struct Weights {
     /// How far the points are, in standard deviations.

@@ -363,6 +363,12 @@ impl Control<'_, '_> {
         &self.run.inputs[chosen..]
     }
 
+    /// What the controller took for the state of the plant, shape `n`.
+    #[must_use]
+    pub fn seen(&self) -> &[f64] {
+        self.run.seen()
+    }
+
     /// What the controller did.
     ///
     /// # Panics

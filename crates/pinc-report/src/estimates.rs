@@ -90,8 +90,8 @@ fn consistency(table: &EstimateTable) -> Panel {
 
 fn caption(run: &Run, of: &OfModel<EstimateTable>) -> String {
     let mut caption = format!(
-        "What the estimator with {} as its model makes of the measurements, with bands of 95 %, and \
-         d_.. for disturbances. Below, innovations, measured less expected, and the normalized \
+        "What the estimator with {} as its model makes of the measurements, with bands of 95 %, \
+         and d_.. for disturbances. Below, innovations, measured less expected, and the normalized \
          squares of innovations (NIS) and errors (NEES).",
         run.model_name(of.model)
     );

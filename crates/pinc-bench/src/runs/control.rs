@@ -337,7 +337,6 @@ impl Times {
     ) -> Result<(), BenchError> {
         let mut sum = 0.0;
         loop {
-            let x = run.state().to_vec();
             let clock = Instant::now();
             let mut expired = || budget.time.is_some_and(|budget| clock.elapsed() >= budget);
             let control = run.control_within(&mut expired)?;
@@ -350,7 +349,7 @@ impl Times {
                 recording.controlled(control.record(), 1e6 * time)?;
             }
             if let Some((guard, parameters)) = &mut guard {
-                guard.look(&x, control.u(), parameters)?;
+                guard.look(control.seen(), control.u(), parameters)?;
             }
             let advanced = control.advance();
             if let Some(recording) = &mut recording {

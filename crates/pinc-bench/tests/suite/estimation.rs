@@ -72,7 +72,13 @@ process_sd = [0.001]
 measurement_sd = [0.01]
 initial_estimate = [0.0]
 initial_sd = [0.1]
-parameters = [{ name = "gain", initial = 1.0, initial_sd = 0.3, drift_sd = 0.001, low = 0.5, high = 2.0 }]
+[[control.estimator.parameters]]
+name = "gain"
+initial = 1.0
+initial_sd = 0.3
+drift_sd = 0.001
+low = 0.5
+high = 2.0
 "#;
 
 fn recorded(name: &str) -> PathBuf {

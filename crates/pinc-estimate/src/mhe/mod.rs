@@ -30,7 +30,8 @@ const NO_STEP: f64 = 1e-13;
 /// within bounds,
 ///
 /// ```text
-/// min  |x_0 - prior|^2_(P^-1) + sum_j |x_(j+1) - F(x_j, u_j)|^2_(Q^-1) + sum_j |y_j - h(x_j)|^2_(R^-1)
+/// min  |x_0 - prior|^2_(P^-1) + sum_j |x_(j+1) - F(x_j, u_j)|^2_(Q^-1)
+///      + sum_j |y_j - h(x_j)|^2_(R^-1)
 /// s.t. low <= x_j <= high
 /// ```
 ///
@@ -99,13 +100,13 @@ impl Mhe {
     /// The longest window in steps: memory is allocated for every length up to it.
     pub const LONGEST: usize = 200;
 
-    /// An estimator over a window of `steps` steps, with the outputs of `model` as what is measured.
-    /// Until the first prediction, the input is taken for 0.
+    /// An estimator over a window of `steps` steps, with the outputs of `model` as what is
+    /// measured. Until the first prediction, the input is taken for 0.
     ///
     /// # Errors
     ///
-    /// [`EstimateError`] if the tuning does not suit the model, or the window is not from 1 to [`Mhe::LONGEST`]
-    /// steps long.
+    /// [`EstimateError`] if the tuning does not suit the model, or the window is not from 1 to
+    /// [`Mhe::LONGEST`] steps long.
     pub fn new(model: Box<dyn Model>, tuning: Tuning, steps: usize) -> Result<Self, EstimateError> {
         let dims = model.dims();
         tuning.validate(dims)?;
@@ -218,9 +219,9 @@ impl Mhe {
         (status, ITERATIONS, point.kkt)
     }
 
-    /// Solves the problem of the window from its states, and, while the window grows and the solution
-    /// is at a bound, from others: states at a bound are easily a local solution where little is
-    /// known yet. The best one is kept.
+    /// Solves the problem of the window from its states, and, while the window grows and the
+    /// solution is at a bound, from others: states at a bound are easily a local solution where
+    /// little is known yet. The best one is kept.
     fn explore(&mut self, expired: &mut dyn FnMut() -> bool) -> (EstimatorStatus, usize, f64) {
         let first = self.optimize(expired);
         let steps = self.window.steps;

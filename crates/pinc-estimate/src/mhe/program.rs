@@ -9,7 +9,8 @@ use pinc_qp::{ChosenQp, Limits, Multipliers, OcpDims, Qp, QpMethod, QpSolver, Qp
 /// Above this mean multiplier the residuals are scaled down, as a controller's.
 const LARGE_MULTIPLIER: f64 = 100.0;
 
-/// The numbers that do not change: standard deviations, bounds and units, per state and measurement.
+/// The numbers that do not change: standard deviations, bounds and units, per state and
+/// measurement.
 #[derive(Clone, Debug)]
 pub(super) struct Constants {
     pub(super) process_sd: Vec<f64>,

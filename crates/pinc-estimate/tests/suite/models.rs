@@ -63,8 +63,8 @@ fn augmentations() -> Vec<Augmentation> {
 }
 
 proptest! {
-    /// What an estimator and a controller predict is the same, step by step and measured quantity by
-    /// measured quantity.
+    /// What an estimator and a controller predict is the same, step by step and measured quantity
+    /// by measured quantity.
     #[test]
     fn both_models_predict_the_same(
         state in prop::array::uniform2(-2.0..2.0_f64),

@@ -1,6 +1,7 @@
 //! The report of synthetic run directories: whole, incomplete and damaged ones.
 
 mod domain;
+mod estimates;
 
 use crate::error::ReportError;
 use crate::report::{self, FigureFiles};
