@@ -36,7 +36,8 @@ fn estimates_stand_beside_the_plant_and_the_measurements() {
     let dir = with_estimates();
     let picture = svg(dir.path(), "estimates");
     assert_sound(&picture);
-    for word in ["estimate", "95 % band", "plant", "measured", "d_u", "Innovation of a", "NIS", "NEES"]
+    for word in
+        ["estimate", "95 % band", "plant", "measured", "d_u", "Innovation of a", "NIS", "NEES"]
     {
         assert!(picture.contains(word), "no {word}");
     }
