@@ -11,6 +11,7 @@ mod equations;
 mod estimation;
 mod examples;
 mod export;
+mod family;
 mod files;
 mod guard;
 mod limits;

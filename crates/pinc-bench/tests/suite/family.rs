@@ -1,0 +1,118 @@
+//! One net for a family of plants, through the program.
+
+use crate::common::{outcome, pinc};
+use std::fs;
+use std::path::Path;
+
+const FAMILY: &str = r#"
+name = "tanks"
+preset = "ours"
+seed = 3
+plant = { one-tank = {} }
+model = { horizon_s = 10.0, hidden_layers = 1, neurons = 8 }
+domain = { state_low = [2.0], state_high = [20.0], input_low = [0.5], input_high = [4.45], parameters = { k = [2.4, 3.8] } }
+[training]
+collocation_points = 256
+phases = [{ optimizer = { self-scaled-broyden = { initial_step = 0.1, gradient_tolerance = 1e-14 } }, iterations = 120 }]
+[validation]
+scenarios = 2
+duration_s = 50.0
+one_step_points = 64
+domain = { state_low = [4.0], state_high = [16.0], input_low = [2.0], input_high = [3.0] }
+[prediction]
+duration_s = 50.0
+initial_state = [8.0]
+input_low = [2.0]
+input_high = [3.0]
+[control]
+duration_s = 400.0
+initial_state = [5.0]
+initial_input = [2.2]
+controlled = ["h"]
+q = [10.0]
+r = [1.0]
+input_low = [0.5]
+input_high = [4.45]
+references = [{ start_s = 0.0, value = [9.0] }]
+repetitions = 1
+"#;
+
+fn run(dir: &Path, sets: &[&str]) -> serde_json::Value {
+    let config = dir.join("tanks.toml");
+    fs::write(&config, FAMILY).unwrap();
+    let out = dir.join("run");
+    let mut command = pinc(&["run", "--quiet"]);
+    command.arg(&config).arg("--out").arg(&out);
+    for set in sets {
+        command.args(["--set", set]);
+    }
+    let outcome = outcome(&mut command);
+    assert_eq!(outcome.code, Some(0), "{outcome:?}");
+    serde_json::from_str(&fs::read_to_string(out.join("metrics.json")).unwrap()).unwrap()
+}
+
+/// The offset of each model at the end of the loop.
+fn offsets(metrics: &serde_json::Value) -> [f64; 2] {
+    [0, 1].map(|of| metrics["control"][of]["offset"]["h"][0].as_f64().unwrap())
+}
+
+/// A controller that is told of a worn pump does as well as one with a new pump; one that is not has
+/// an offset, with both models.
+#[test]
+fn a_controller_is_told_of_its_parameters() {
+    let dir = tempfile::tempdir().unwrap();
+    let nominal = run(dir.path(), &[]);
+    let place = &nominal["validation"]["domain_error"]["max_at"];
+    let k = place["p"]["k"].as_f64().unwrap();
+    assert!((2.4..=3.8).contains(&k), "{place}");
+    let worn = "control.plant={one-tank={}}";
+    // The built-in tank has no parameters to choose; the models are told of another one instead.
+    let wrong = run(dir.path(), &[worn, "control.parameters={k=2.6}"]);
+    for (right, wrong) in offsets(&nominal).into_iter().zip(offsets(&wrong)) {
+        assert!(right < 0.05 && wrong > 0.2, "{right} {wrong}");
+    }
+    let both = offsets(&wrong);
+    assert!((both[0] - both[1]).abs() < 0.05, "{both:?}");
+}
+
+#[test]
+fn a_free_run_is_given_the_parameters_as_columns() {
+    let dir = tempfile::tempdir().unwrap();
+    run(dir.path(), &[]);
+    let path = |name: &str| dir.path().join(name);
+    let predict = |inputs: &str| {
+        fs::write(path("in.csv"), inputs).unwrap();
+        let mut command = pinc(&["predict", "--model"]);
+        command.arg(path("run/model.safetensors")).arg("--inputs").arg(path("in.csv"));
+        outcome(command.arg("--output").arg(path("out.csv")))
+    };
+    // The pump wears at 10 s: from there on the level rises less.
+    let outcome = predict(
+        "scenario,t,u,k,h\na,0,3,3.6,8\na,10,3,2.6,\na,20,3,2.6,\nb,0,3,3.6,8\nb,10,3,3.6,\nb,20,3,3.6,\n",
+    );
+    assert_eq!(outcome.code, Some(0), "{outcome:?}");
+    let text = fs::read_to_string(path("out.csv")).unwrap();
+    let levels: Vec<f64> =
+        text.lines().skip(1).map(|row| row.rsplit(',').next().unwrap().parse().unwrap()).collect();
+    assert!((levels[1] - levels[4]).abs() < 1e-12, "{levels:?}");
+    assert!(levels[5] - levels[2] > 0.5, "{levels:?}");
+    predict("scenario,t,u,h\na,0,3,8\n").assert_refused(&["in.csv:1: ", "`k`"]);
+}
+
+#[test]
+fn parameters_that_make_no_sense_are_refused() {
+    let dir = tempfile::tempdir().unwrap();
+    let config = dir.path().join("tanks.toml");
+    fs::write(&config, FAMILY).unwrap();
+    for (set, parts) in [
+        ("domain.parameters={kk=[2.4, 3.8]}", &["domain.parameters.kk", "did you mean `k`?"][..]),
+        ("domain.parameters={k=[3.8, 2.4]}", &["domain.parameters", "k = [3.8, 2.4]"]),
+        ("control.parameters={a=0.07}", &["control.parameters.a", "one of [domain.parameters]"]),
+        ("validation.domain.parameters={a=[0.06, 0.08]}", &["validation.domain.parameters"]),
+        ("plant={two-link-arm={}}", &["domain.parameters.k", "written as text"]),
+    ] {
+        let mut command = pinc(&["check"]);
+        let outcome = outcome(command.arg(&config).args(["--set", set]));
+        outcome.assert_refused(parts);
+    }
+}
