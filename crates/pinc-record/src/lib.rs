@@ -37,8 +37,8 @@ pub use run_dir::RunDir;
 pub use spread::Spread;
 pub use sweep_dir::{Ending, Finished, SweepDir};
 pub use tables::{
-    ControlRow, ControlTrace, DomainErrorTable, LoopMetric, PredictionRow, PredictionTable, StepMetric, StepRow,
-    SummaryRow, SummaryTable, TrainingRow, TrialColumn, TrialMetric, TrialStatus, TrialTable,
-    fixed_table, read_fixed_table,
+    ControlRow, ControlTrace, DomainErrorTable, LoopMetric, PredictionRow, PredictionTable,
+    StepMetric, StepRow, SummaryRow, SummaryTable, TrainingRow, TrialColumn, TrialMetric,
+    TrialStatus, TrialTable, fixed_table, read_fixed_table,
 };
 pub use verdict::{LoopFinding, advice};

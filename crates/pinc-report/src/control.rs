@@ -115,7 +115,8 @@ impl Loops<'_> {
         let first = &self.run.control[0].table;
         let followed = first.controlled.iter().position(|controlled| controlled == name);
         let rows = first.rows.iter();
-        let references = followed.into_iter().flat_map(|i| rows.clone().map(move |row| row.reference[i]));
+        let references =
+            followed.into_iter().flat_map(|i| rows.clone().map(move |row| row.reference[i]));
         extent(values.chain(references))
     }
 

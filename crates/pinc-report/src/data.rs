@@ -5,8 +5,8 @@ use crate::trials::Trials;
 use pinc_chart::{Axis, Kind};
 use pinc_config::{Experiment, ModelKind, TimeUnit};
 use pinc_record::{
-    ControlTrace, DomainErrorTable, Metrics, PredictionTable, Provenance, RecordError, StepRow, TrainingRow, file,
-    read_fixed_table, read_text,
+    ControlTrace, DomainErrorTable, Metrics, PredictionTable, Provenance, RecordError, StepRow,
+    TrainingRow, file, read_fixed_table, read_text,
 };
 use std::io::ErrorKind;
 use std::path::Path;

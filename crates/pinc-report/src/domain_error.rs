@@ -5,7 +5,7 @@ use crate::data::Run;
 use crate::picture::Picture;
 use pinc_chart::text;
 use pinc_chart::{
-    Area, Axis, Fill, Figure, GREY, INK, Kind, Look, Panel, Shape, Style, extent, graded,
+    Area, Axis, Figure, Fill, GREY, INK, Kind, Look, Panel, Shape, Style, extent, graded,
 };
 use pinc_record::{DomainErrorTable, file};
 

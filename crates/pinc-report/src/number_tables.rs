@@ -4,7 +4,8 @@ use crate::data::Run;
 use pinc_chart::text::{self, MISSING};
 use pinc_config::{ModelKind, TimeUnit};
 use pinc_record::{
-    ControlMetrics, DomainErrorMetrics, Metrics, PredictionMetrics, Provenance, TrainingMetrics, ValidationMetrics, WallTimes,
+    ControlMetrics, DomainErrorMetrics, Metrics, PredictionMetrics, Provenance, TrainingMetrics,
+    ValidationMetrics, WallTimes,
 };
 use serde_json::Value;
 
@@ -63,7 +64,8 @@ fn validation(of: &ValidationMetrics) -> NumberTable {
 fn over_the_domain(of: &DomainErrorMetrics, metrics: &Metrics) -> NumberTable {
     let shown = |value| text::significant(value, 2);
     let state = &of.max_of;
-    let became = format!("{} instead of {}", text::number(of.predicted, 4), text::number(of.truth, 4));
+    let became =
+        format!("{} instead of {}", text::number(of.predicted, 4), text::number(of.truth, 4));
     plain(
         "Error of one step over [domain], in widths of the states' ranges",
         [

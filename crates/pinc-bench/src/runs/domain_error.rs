@@ -20,8 +20,7 @@ pub(super) fn judge(
     }
     let (count, tolerance) = (setup.validation.one_step_points, setup.validation.tolerance);
     let sample_time_s = net.sample_time_s();
-    let mut truth =
-        DomainTruth::draw(plant, setup.domain, sample_time_s, count, tolerance, seed);
+    let mut truth = DomainTruth::draw(plant, setup.domain, sample_time_s, count, tolerance, seed);
     if truth.points().is_empty() {
         return Ok(None);
     }

@@ -12,8 +12,8 @@ use pinc_net::{
 };
 use pinc_ode::DynPlant;
 use pinc_record::{
-    CheckpointProblem, RecordError, RunDir, Saved, TrainingMetrics, TrainingRow, file, fixed_table,
-    ValidationMetrics, load_checkpoint, read_fixed_table, save_checkpoint,
+    CheckpointProblem, RecordError, RunDir, Saved, TrainingMetrics, TrainingRow, ValidationMetrics,
+    file, fixed_table, load_checkpoint, read_fixed_table, save_checkpoint,
 };
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};

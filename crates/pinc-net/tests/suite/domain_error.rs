@@ -112,7 +112,7 @@ fn the_largest_error_is_climbed_to_from_the_worst_points() {
         256,
     );
     let best = found.errors.iter().copied().fold(0.0, f64::max);
-    assert!(best < 0.09999 && (found.max - 0.1).abs() < 1e-7, "{best} {}", found.max);
+    assert!(best < 0.09999 && (found.max - 0.1).abs() < 1e-5, "{best} {}", found.max);
     let at = &found.worst;
     let off = [at.x[0] - 0.3, at.x[1] - 7.0, at.u[0] - 1.0];
     assert!(off.iter().all(|off| off.abs() < 1e-2), "{at:?}");
@@ -134,7 +134,14 @@ fn what_is_no_number_is_infinitely_wrong_and_what_has_no_solution_is_counted() {
 
 #[test]
 fn a_method_of_order_4_shows_its_order() {
-    let truth = DomainTruth::draw(&Linear, &Domain::new([-1.0..=1.0, 2.0..=10.0], [0.0..=4.0]), 0.5, 128, 1e-13, 1);
+    let truth = DomainTruth::draw(
+        &Linear,
+        &Domain::new([-1.0..=1.0, 2.0..=10.0], [0.0..=4.0]),
+        0.5,
+        128,
+        1e-13,
+        1,
+    );
     let rms = |substeps| truth.rms(&mut Rk4::new(Linear, 0.5, substeps));
     let ratio = rms(2) / rms(4);
     assert!((14.0..20.0).contains(&ratio), "{ratio}");

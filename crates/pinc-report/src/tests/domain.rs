@@ -67,7 +67,8 @@ fn failed_steps_are_marked_where_the_state_was() {
     // Step 42 of both models ended at its iteration limit.
     assert!(svg(dir.path(), "control").contains("failed steps"));
     for model in ["pinc", "rk4"] {
-        let fine = "step,status,sqp_iterations,kkt,solve_us\n0,converged,2,1e-9,5\n1,deadline,2,1e-3,5\n";
+        let fine =
+            "step,status,sqp_iterations,kkt,solve_us\n0,converged,2,1e-9,5\n1,deadline,2,1e-3,5\n";
         write(&dir, &format!("steps-{model}.csv"), fine);
     }
     assert!(!svg(dir.path(), "control").contains("failed steps"));

@@ -29,7 +29,10 @@ pub(super) fn examine(subject: &Subject<'_>) -> Vec<Finding> {
     // What no input moves at all is said where gains are examined.
     let poor = shares.filter(|(_, moved, wanted)| *moved > 0.0 && *moved < LEAST * wanted);
     let worst = poor.min_by(|a, b| (a.1 / a.2).total_cmp(&(b.1 / b.2)));
-    worst.map(|(i, moved, wanted)| finding(subject, control, i, moved / wanted)).into_iter().collect()
+    worst
+        .map(|(i, moved, wanted)| finding(subject, control, i, moved / wanted))
+        .into_iter()
+        .collect()
 }
 
 #[expect(clippy::cast_precision_loss, reason = "a few steps")]
@@ -44,7 +47,10 @@ fn finding(subject: &Subject<'_>, control: &ControlSpec, i: usize, share: f64) -
     );
     Finding::warning("control.n2", what)
         .because("the controller sees too little of what its inputs do, and becomes timid")
-        .change(format!("n2 of about {:.0}, or a longer T", (0.5 / share * control.n2 as f64).ceil()))
+        .change(format!(
+            "n2 of about {:.0}, or a longer T",
+            (0.5 / share * control.n2 as f64).ceil()
+        ))
 }
 
 /// The largest change of the reference of each controlled state, from the start of the loop on.

@@ -80,10 +80,10 @@ fn of_terms(subject: &Subject<'_>, survey: &Survey, terms: &CriticalTerms) -> Ve
             TermRole::Denominator => format!("{function} is 0 at"),
             // A root of 0 is 0, but its slope is not finite.
             _ if is_root && !becomes_negative(subject, &values, i, &crossing) => {
-                if has_slopes(subject, &crossing.behind) {
-                    continue;
+                if !has_slopes(subject, &crossing.behind) {
+                    findings.push(without_slope(subject, term, &function, &crossing));
                 }
-                format!("{function} has no finite slope at")
+                continue;
             }
             _ => format!("{function} is not defined beyond"),
         };
@@ -105,6 +105,21 @@ fn of_terms(subject: &Subject<'_>, survey: &Survey, terms: &CriticalTerms) -> Ve
         );
     }
     findings
+}
+
+/// A root that is defined on both sides of the place where it is 0.
+fn without_slope(
+    subject: &Subject<'_>,
+    term: &CriticalTerm,
+    function: &str,
+    crossing: &Crossing,
+) -> Finding {
+    let (place, where_it_is) =
+        (at(subject, &crossing.behind), whereabouts(subject, crossing.is_inside));
+    let what = format!("{function} has no finite slope at {place}, {where_it_is}");
+    Finding::warning(format!("plant.expression.{}", term.key), what)
+        .because("training and control need the derivatives of the equation, also there")
+        .change(format!("write max({}, width) with a small width there", term.text))
 }
 
 /// Whether a term is negative beyond the place where it becomes 0, and not 0 from there on.

@@ -137,7 +137,8 @@ fn stiff(subject: &Subject<'_>, found: &[(String, Vec<Complex>)]) -> Option<Find
     let control = subject.experiment.control.as_ref();
     let has_enough = |control: &ControlSpec| {
         let needed = ExplicitMethod::Rk4.stable_substeps(modes, step);
-        control.models.contains(&ModelKind::Rk4) && needed.is_some_and(|n| n <= control.rk4_substeps)
+        control.models.contains(&ModelKind::Rk4)
+            && needed.is_some_and(|n| n <= control.rk4_substeps)
     };
     if control.is_some_and(has_enough) {
         return Some(Finding::fact(place, what));
@@ -181,12 +182,18 @@ fn sample_time(subject: &Subject<'_>, place: &str, scales: &TimeScales) -> Optio
                 .because(
                     "an unstable plant runs away between two inputs: the controller acts too late",
                 )
-                .change(format!("a T of {} or less (model.horizon_s or control.step_s)", subject.time(doubling / 5.0)))
+                .change(format!(
+                    "a T of {} or less (model.horizon_s or control.step_s)",
+                    subject.time(doubling / 5.0)
+                ))
         });
     }
     let slowest = scales.slowest?;
-    let what =
-        format!("T = {} is {} times the slowest time constant", subject.time(step), short(slowest * step));
+    let what = format!(
+        "T = {} is {} times the slowest time constant",
+        subject.time(step),
+        short(slowest * step)
+    );
     // What integrates does not settle, however fast the rest is.
     (slowest * step > 3.0 && !scales.is_neutral).then(|| {
         Finding::warning(place, what)
@@ -194,7 +201,10 @@ fn sample_time(subject: &Subject<'_>, place: &str, scales: &TimeScales) -> Optio
                 "the plant has settled at the end of a step: the controller sees steady \
              states and cannot shape the way there",
             )
-            .change(format!("a T of {} or less (model.horizon_s or control.step_s)", subject.time(1.0 / slowest)))
+            .change(format!(
+                "a T of {} or less (model.horizon_s or control.step_s)",
+                subject.time(1.0 / slowest)
+            ))
     })
 }
 

@@ -171,7 +171,13 @@ fn steady_states_and_their_modes() {
     );
     assert_found(&found, Fact, "", "start and references are within the bounds");
     assert_found(&found, Fact, "", "no transmission zeros");
-    assert_found(&found, Fact, "", "rms error of one step of RK4 by substeps: 1: ");
+    assert_found(
+        &found,
+        Fact,
+        "",
+        "rms error of one step of RK4 over the training domain, in its widths",
+    );
+    assert_found(&found, Fact, "control", "all 10 steps of the closed loop with RK4 succeed");
     assert_found(
         &found,
         Fact,
@@ -198,7 +204,12 @@ fn steps_and_horizons_against_the_modes() {
     assert_found(&found, Warning, "references[0]", "T = 5 s is 5 times the slowest time constant");
     // From 0.5 the input -1 moves x1 by 1.5 (1 - exp(-0.0025)) = 3.746e-3 in 2.5 s; the change is 0.25.
     let found = findings(Test::Slow, &["control.initial_state=[0.25, 0.5]"]);
-    assert_found(&found, Warning, "control.n2", "2.5 s, the inputs can move x1 by 0.01498 of a change");
+    assert_found(
+        &found,
+        Warning,
+        "control.n2",
+        "2.5 s, the inputs can move x1 by 0.01498 of a change",
+    );
     // A slow plant whose inputs are strong enough needs no longer horizon.
     let strong = ["control.input_low=[-100.0]", "control.input_high=[100.0]"];
     let found = findings(Test::Slow, &strong);
