@@ -78,13 +78,8 @@ fn of_terms(subject: &Subject<'_>, survey: &Survey, terms: &CriticalTerms) -> Ve
         let is_root = matches!(term.role, TermRole::Radicand | TermRole::Base);
         let problem = match term.role {
             TermRole::Denominator => format!("{function} is 0 at"),
-            // A root of 0 is 0, but its slope is not finite.
-            _ if is_root && !becomes_negative(subject, &values, i, &crossing) => {
-                if !has_slopes(subject, &crossing.behind) {
-                    findings.push(without_slope(subject, term, &function, &crossing));
-                }
-                continue;
-            }
+            // What is defined on both sides may have a kink there, which the survey finds.
+            _ if is_root && !becomes_negative(subject, &values, i, &crossing) => continue,
             _ => format!("{function} is not defined beyond"),
         };
         let place = format!("plant.expression.{}", term.key);
@@ -107,21 +102,6 @@ fn of_terms(subject: &Subject<'_>, survey: &Survey, terms: &CriticalTerms) -> Ve
     findings
 }
 
-/// A root that is defined on both sides of the place where it is 0.
-fn without_slope(
-    subject: &Subject<'_>,
-    term: &CriticalTerm,
-    function: &str,
-    crossing: &Crossing,
-) -> Finding {
-    let (place, where_it_is) =
-        (at(subject, &crossing.behind), whereabouts(subject, crossing.is_inside));
-    let what = format!("{function} has no finite slope at {place}, {where_it_is}");
-    Finding::warning(format!("plant.expression.{}", term.key), what)
-        .because("training and control need the derivatives of the equation, also there")
-        .change(format!("write max({}, width) with a small width there", term.text))
-}
-
 /// Whether a term is negative beyond the place where it becomes 0, and not 0 from there on.
 fn becomes_negative(
     subject: &Subject<'_>,
@@ -134,11 +114,6 @@ fn becomes_negative(
     let wide = subject.region.enlarged(MARGIN);
     let random = wide.points(subject.experiment.seed).take(POINTS).map(|point| point.joined());
     std::iter::once(further).chain(random).any(|at: Vec<f64>| values(&at)[i] < 0.0)
-}
-
-/// Whether the derivatives of all rates are finite.
-fn has_slopes(subject: &Subject<'_>, at: &OperatingPoint) -> bool {
-    subject.plant.jacobian(&at.x, &at.u, &[]).iter().all(|slope| slope.is_finite())
 }
 
 /// Whether the rates are huge beside the place, or not finite: a quotient may have a limit.
