@@ -20,6 +20,7 @@ mod run_dir;
 mod spread;
 mod sweep_dir;
 mod tables;
+mod times;
 mod verdict;
 
 pub use checkpoint::{Saved, load_checkpoint, save_checkpoint};
@@ -29,8 +30,7 @@ pub use error::{CheckpointProblem, RecordError, TableProblem};
 pub use files::{file, read_file, read_text, write_atomically};
 pub use metrics::{
     ControlMetrics, Excess, Metrics, OneStepMetrics, OutsideDomain, PredictionMetrics,
-    ReferenceMetrics, StepErrors, StepTimes, SweepMetrics, TrainingMetrics, ValidationMetrics,
-    WallTimes, is_failure,
+    ReferenceMetrics, StepErrors, SweepMetrics, TrainingMetrics, ValidationMetrics, is_failure,
 };
 pub use provenance::{Invocation, Provenance};
 pub use run_dir::RunDir;
@@ -41,4 +41,5 @@ pub use tables::{
     StepMetric, StepRow, SummaryRow, SummaryTable, TrainingRow, TrialColumn, TrialMetric,
     TrialStatus, TrialTable, fixed_table, read_fixed_table,
 };
+pub use times::{StepTimes, WallTimes};
 pub use verdict::{LoopFinding, advice};
