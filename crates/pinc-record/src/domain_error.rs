@@ -6,8 +6,14 @@ use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::fmt;
 
-/// An error that is worth a warning where it is found: so many widths of a state's range.
+/// An error that counts as off: so many widths of a state's range.
 const OFF: f64 = 0.01;
+
+/// The largest error, and that of a hundredth of the domain, from which a reader is warned. Beside a
+/// pole a net has 0.5 and 0.3; of the shipped configs with a full training, all but the stiff servo are
+/// below, most by far.
+const WORST: f64 = 0.2;
+const HUNDREDTH: f64 = 0.02;
 
 /// How wrong one step of a net is over its training domain.
 ///
@@ -122,7 +128,7 @@ impl DomainErrorMetrics {
     /// Whether the net is wrong enough somewhere that a user must know.
     #[must_use]
     pub fn finding(&self, states: &[String], inputs: &[String]) -> Option<DomainFinding> {
-        if self.max <= OFF {
+        if self.max <= WORST && self.p99 <= HUNDREDTH {
             return None;
         }
         Some(DomainFinding {
@@ -218,7 +224,7 @@ mod tests {
             predicted: -0.310_04,
             truth: 0.876,
         };
-        let judged = DomainError { rms: 1e-2, p99: 0.3, max, worst, errors };
+        let judged = DomainError { rms: 1e-2, p99: 1e-3, max, worst, errors };
         let rk4 = Rk4Errors { one: 1.0, two: f64::NAN, four: 1e-3 };
         DomainErrorMetrics::of(&judged, [&names(&["X", "S"]), &[]], 0, rk4)
     }
@@ -244,7 +250,7 @@ mod tests {
         // Found by the search only.
         let finding = judged(vec![1e-6], 0.395).finding(&names(&["X", "S"]), &names(&["D"]));
         assert!(!finding.unwrap().to_string().contains("0 %"));
-        assert_eq!(judged(vec![1e-3], 2e-3).finding(&names(&["X", "S"]), &names(&["D"])), None);
+        assert_eq!(judged(vec![1e-3], 0.02).finding(&names(&["X", "S"]), &names(&["D"])), None);
     }
 
     #[test]

@@ -21,6 +21,7 @@ mod run_dir;
 mod spread;
 mod sweep_dir;
 mod tables;
+mod times;
 mod verdict;
 
 pub use checkpoint::{Saved, load_checkpoint, save_checkpoint};
@@ -30,8 +31,8 @@ pub use error::{CheckpointProblem, RecordError, TableProblem};
 pub use files::{file, read_file, read_text, remove_unfinished, write_atomically, write_output};
 pub use metrics::{
     ControlMetrics, EstimatorMetrics, Excess, FileNote, Metrics, OneStepMetrics, OutsideDomain,
-    PredictionMetrics, ReferenceMetrics, StepErrors, StepTimes, SweepMetrics, TrainingMetrics,
-    ValidationMetrics, WallTimes, is_failure,
+    PredictionMetrics, ReferenceMetrics, StepErrors, SweepMetrics, TrainingMetrics,
+    ValidationMetrics, is_failure,
 };
 pub use provenance::{Invocation, Provenance};
 pub use run_dir::RunDir;
@@ -43,4 +44,5 @@ pub use tables::{
     StepMetric, StepRow, SummaryRow, SummaryTable, TrainingRow, TrialColumn, TrialMetric,
     TrialStatus, TrialTable, fixed_table, read_fixed_table,
 };
+pub use times::{StepTimes, WallTimes};
 pub use verdict::{LoopFinding, advice};

@@ -169,7 +169,8 @@ pub fn advice(status: &str) -> &'static str {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::metrics::{ReferenceMetrics, StepTimes, WallTimes};
+    use crate::metrics::ReferenceMetrics;
+    use crate::times::{StepTimes, WallTimes};
     use std::collections::BTreeMap;
 
     fn metrics(control: Vec<ControlMetrics>) -> Metrics {

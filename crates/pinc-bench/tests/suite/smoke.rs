@@ -43,6 +43,7 @@ fn van_der_pol_leaves_every_file() {
         "config.toml",
         "control-pinc.csv",
         "control-rk4.csv",
+        "domain-error.csv",
         "figures",
         "metrics.json",
         "model.safetensors",

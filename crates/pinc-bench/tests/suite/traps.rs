@@ -34,6 +34,64 @@ fn a_pole_is_warned_of_until_it_is_guarded() {
 }
 
 #[test]
+fn times_and_rates_are_in_the_unit_that_the_config_says() {
+    let said = |sets: &[&str]| {
+        let found = trap("chemostat.toml", sets);
+        found.iter().map(ToString::to_string).collect::<Vec<_>>().join("\n")
+    };
+    // At S = 0.1 the slow mode is that of D = 0.2 per hour.
+    let hours = said(&[]);
+    for part in ["-0.2000 1/h (time constant 5 h)", "T = 0.25 h: ", "zeros -0.2000 1/h"] {
+        assert!(hours.contains(part), "no {part} in {hours}");
+    }
+    let days = said(&["time_unit=d"]);
+    assert!(days.contains("-4.8000 1/d (time constant 0.208 d)"), "{days}");
+    let wrong = ["time_unit=hours".to_owned()];
+    let path = repository("crates/pinc-bench/tests/data/traps/chemostat.toml");
+    let error = Experiment::load(&path, &wrong, &Plants::built_in()).unwrap_err().to_string();
+    for part in ["`time_unit`: `hours` is not known", "min, h, d"] {
+        assert!(error.contains(part), "no {part} in {error}");
+    }
+}
+
+/// A rod of twenty pieces that is heated at one end, and cools at all.
+#[test]
+fn of_many_states_only_a_few_are_written_out() {
+    let list = |value: &str| vec![value; 20].join(", ");
+    let rates: Vec<String> = (1..=20)
+        .map(|k| {
+            let before = if k == 1 { "T1 + u".to_owned() } else { format!("T{}", k - 1) };
+            let after = (k + 1).min(20);
+            format!("T{k} = \"2*({before} - 2*T{k} + T{after}) - 0.1*T{k}\"")
+        })
+        .collect();
+    let names: Vec<String> = (1..=20).map(|k| format!("\"T{k}\"")).collect();
+    let text = format!(
+        "name = \"rod\"\npreset = \"ours\"\nseed = 1\n[plant.expression]\nstates = [{}]\n\
+         inputs = [\"u\"]\n[plant.expression.derivatives]\n{}\n[control]\nmodels = [\"rk4\"]\n\
+         step_s = 1.0\nduration_s = 4.0\ninitial_state = [{}]\ncontrolled = [\"T5\"]\nq = [1.0]\n\
+         r = [1e-3]\nstate_low = [{}]\nstate_high = [{}]\ninput_low = [0.0]\ninput_high = [50.0]\n\
+         references = [{{ start_s = 0.0, value = [10.0] }}]\n",
+        names.join(", "),
+        rates.join("\n"),
+        list("8.0"),
+        list("0.0"),
+        list("100.0"),
+    );
+    let found =
+        check(&Experiment::parse("rod.toml".as_ref(), &text, &[], &Plants::built_in()).unwrap());
+    for finding in &found {
+        let longest = finding.to_string().lines().map(str::len).max().unwrap();
+        assert!(longest < 400, "{finding}");
+    }
+    let said: Vec<_> = found.iter().map(ToString::to_string).collect();
+    for part in ["20 states: T1 to T20;", "T5 = 10, ", "(and 17 more states)", "transmission zeros"]
+    {
+        assert!(said.iter().any(|text| text.contains(part)), "no {part} in {}", said.join("\n"));
+    }
+}
+
+#[test]
 fn a_kink_is_warned_of_until_it_is_smooth() {
     let found = trap("valve.toml", &[]);
     assert_warns(&found, &["the derivative of x' jumps at", "u = 0.3", "let.open", "smooth"]);
@@ -47,10 +105,11 @@ fn the_end_of_a_root_is_warned_of_until_it_has_a_slope() {
     assert_warns(&found, &["sqrt(h) is not defined beyond h = 0", "write max(h, 0.02) for h"]);
     let level =
         |text: &str| trap("outflow.toml", &[&format!("plant.expression.let.level=\"{text}\"")]);
-    // Defined below 0, but with an infinite slope at 0.
-    assert_warns(&level("max(h, 0)"), &["sqrt(max(h, 0)) has no finite slope at h = 0"]);
-    assert_eq!(warnings(&level("max(h, 0.02)")), [""; 0]);
-    assert_eq!(warnings(&level("h + 1")), [""; 0]);
+    for guarded in ["max(h, 0)", "max(h, 0.02)"] {
+        assert_eq!(warnings(&level(guarded)), [""; 0], "{guarded}");
+    }
+    // Defined on both sides of h = 0.5, with a kink there.
+    assert_warns(&level("(h - 0.5)^2"), &["the derivative of h' jumps at h = 0.5"]);
 }
 
 #[test]
@@ -59,8 +118,10 @@ fn a_net_trained_all_the_same_is_warned_of_with_place_and_size() {
     let config = repository("crates/pinc-bench/tests/data/traps/chemostat.toml");
     let train = |name: &str, sets: &[&str]| {
         let out = dir.path().join(name);
-        let mut command = pinc(&["train".as_ref(), config.as_os_str(), "--quiet".as_ref()]);
-        sets.iter().for_each(|set| drop(command.args(["--set", set])));
+        let mut command = pinc(&["train".as_ref(), config.as_os_str()]);
+        for set in sets {
+            command.args(["--set", set]);
+        }
         let outcome = outcome(command.arg("--out").arg(&out));
         assert_eq!(outcome.code, Some(0), "{outcome:?}");
         let read = |file: &str| std::fs::read_to_string(out.join(file)).unwrap();

@@ -112,7 +112,7 @@ fn the_largest_error_is_climbed_to_from_the_worst_points() {
         256,
     );
     let best = found.errors.iter().copied().fold(0.0, f64::max);
-    assert!(best < 0.09999 && (found.max - 0.1).abs() < 1e-7, "{best} {}", found.max);
+    assert!(best < 0.09999 && (found.max - 0.1).abs() < 1e-5, "{best} {}", found.max);
     let at = &found.worst;
     let off = [at.x[0] - 0.3, at.x[1] - 7.0, at.u[0] - 1.0];
     assert!(off.iter().all(|off| off.abs() < 1e-2), "{at:?}");

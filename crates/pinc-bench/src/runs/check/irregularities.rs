@@ -78,13 +78,8 @@ fn of_terms(subject: &Subject<'_>, survey: &Survey, terms: &CriticalTerms) -> Ve
         let is_root = matches!(term.role, TermRole::Radicand | TermRole::Base);
         let problem = match term.role {
             TermRole::Denominator => format!("{function} is 0 at"),
-            // A root of 0 is 0, but its slope is not finite.
-            _ if is_root && !becomes_negative(subject, &values, i, &crossing) => {
-                if has_slopes(subject, &crossing.behind) {
-                    continue;
-                }
-                format!("{function} has no finite slope at")
-            }
+            // What is defined on both sides may have a kink there, which the survey finds.
+            _ if is_root && !becomes_negative(subject, &values, i, &crossing) => continue,
             _ => format!("{function} is not defined beyond"),
         };
         let place = format!("plant.expression.{}", term.key);
@@ -119,11 +114,6 @@ fn becomes_negative(
     let wide = subject.region.enlarged(MARGIN);
     let random = wide.points(subject.experiment.seed).take(POINTS).map(|point| point.joined());
     std::iter::once(further).chain(random).any(|at: Vec<f64>| values(&at)[i] < 0.0)
-}
-
-/// Whether the derivatives of all rates are finite.
-fn has_slopes(subject: &Subject<'_>, at: &OperatingPoint) -> bool {
-    subject.plant.jacobian(&at.x, &at.u, &[]).iter().all(|slope| slope.is_finite())
 }
 
 /// Whether the rates are huge beside the place, or not finite: a quotient may have a limit.

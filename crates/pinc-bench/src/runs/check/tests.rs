@@ -171,7 +171,13 @@ fn steady_states_and_their_modes() {
     );
     assert_found(&found, Fact, "", "start and references are within the bounds");
     assert_found(&found, Fact, "", "no transmission zeros");
-    assert_found(&found, Fact, "", "rms error of one step of RK4 by substeps: 1: ");
+    assert_found(
+        &found,
+        Fact,
+        "",
+        "rms error of one step of RK4 over the training domain, in its widths",
+    );
+    assert_found(&found, Fact, "control", "all 10 steps of the closed loop with RK4 succeed");
     assert_found(
         &found,
         Fact,
