@@ -15,6 +15,7 @@ mod lists;
 mod measurements;
 mod own_plant;
 mod predict;
+mod random;
 mod resume;
 mod run_directory;
 mod smoke;
