@@ -3,7 +3,7 @@
 
 use crate::presets::Preset;
 use crate::problem::{ConfigError, Origin, Problem, SetProblem, nearest};
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::{BTreeSet, HashMap};
 use std::path::{Path, PathBuf};
 use toml::de::{DeTable, DeValue};
 use toml::{Spanned, Table, Value};
@@ -15,8 +15,25 @@ const PRESETS: &str = "presets";
 #[derive(Debug)]
 pub(crate) struct Layers {
     pub(crate) table: Table,
-    origins: BTreeMap<String, Origin>,
+    origins: Origins,
     path: PathBuf,
+    preset: Preset,
+    /// The arguments of the `--set`s.
+    arguments: Vec<String>,
+}
+
+/// The origin of each value, by its key.
+type Origins = HashMap<String, Source>;
+
+/// An [`Origin`] without its texts: a config may have very many values.
+#[derive(Clone, Copy, Debug)]
+enum Source {
+    /// The config file, with the line.
+    File(usize),
+    /// The `--set` of this number.
+    Set(usize),
+    /// The defaults of the preset.
+    Preset,
 }
 
 impl Layers {
@@ -36,16 +53,21 @@ impl Layers {
         let mut defaults = preset.defaults();
         defaults.retain(|section, _| mentioned.contains(section));
 
-        let mut layers =
-            Self { table: Table::new(), origins: BTreeMap::new(), path: path.to_owned() };
-        let built_in = |_: &str| Origin::Preset(preset.name());
+        let mut layers = Self {
+            table: Table::new(),
+            origins: Origins::new(),
+            path: path.to_owned(),
+            preset,
+            arguments: sets.iter().map(|set| set.argument.clone()).collect(),
+        };
         let prefix = format!("{PRESETS}.{}", preset.name());
-        let difference = |key: &str| origin(&format!("{prefix}.{key}"));
-        lay(&mut layers.table, defaults, "", &mut layers.origins, &built_in);
-        lay(&mut layers.table, file, "", &mut layers.origins, &origin);
+        let in_file = |key: &str| Source::File(line_of(&lines, key));
+        let difference = |key: &str| in_file(&format!("{prefix}.{key}"));
+        lay(&mut layers.table, defaults, "", &mut layers.origins, &|_| Source::Preset);
+        lay(&mut layers.table, file, "", &mut layers.origins, &in_file);
         lay(&mut layers.table, differences, "", &mut layers.origins, &difference);
-        for set in sets {
-            layers.assign(set, preset)?;
+        for (number, set) in sets.into_iter().enumerate() {
+            layers.assign(number, set)?;
         }
         Ok(layers)
     }
@@ -55,8 +77,8 @@ impl Layers {
         let key = key.into();
         let mut place = key.as_str();
         let origin = loop {
-            if let Some(origin) = self.origins.get(place) {
-                break origin.clone();
+            if let Some(source) = self.origins.get(place) {
+                break self.origin(*source);
             }
             match place.rfind(['.', '[']) {
                 Some(end) => place = &place[..end],
@@ -68,26 +90,39 @@ impl Layers {
         ConfigError::Key { origin, key, problem: Box::new(problem) }
     }
 
+    fn origin(&self, source: Source) -> Origin {
+        match source {
+            Source::File(line) => Origin::File { path: self.path.clone(), line },
+            Source::Set(number) => Origin::Set(self.arguments[number].clone()),
+            Source::Preset => Origin::Preset(self.preset.name()),
+        }
+    }
+
     /// The key of the first number that is NaN or infinite, and the number.
     pub(crate) fn first_not_finite(&self) -> Option<(String, f64)> {
-        fn search(value: &Value, key: &str) -> Option<(String, f64)> {
+        /// The rest of the key, and the number.
+        fn search(value: &Value) -> Option<(String, f64)> {
             match value {
-                Value::Float(v) if !v.is_finite() => Some((key.to_owned(), *v)),
-                Value::Array(items) => {
-                    let mut items = items.iter().enumerate();
-                    items.find_map(|(i, item)| search(item, &format!("{key}[{i}]")))
-                }
-                Value::Table(table) => table.iter().find_map(|(k, v)| search(v, &join(key, k))),
+                Value::Float(v) if !v.is_finite() => Some((String::new(), *v)),
+                Value::Array(items) => items.iter().enumerate().find_map(|(i, item)| {
+                    search(item).map(|(rest, v)| (format!("[{i}]{rest}"), v))
+                }),
+                Value::Table(table) => table.iter().find_map(|(key, value)| {
+                    search(value).map(|(rest, v)| (format!(".{key}{rest}"), v))
+                }),
                 _ => None,
             }
         }
-        self.table.iter().find_map(|(key, value)| search(value, key))
+        let of = |(key, value): (&String, &Value)| {
+            search(value).map(|(rest, v)| (format!("{key}{rest}"), v))
+        };
+        self.table.iter().find_map(of)
     }
 
     /// Puts a value in place of what is there; a table has the preset's defaults beneath it.
-    fn assign(&mut self, set: Setting, preset: Preset) -> Result<(), ConfigError> {
+    fn assign(&mut self, number: usize, set: Setting) -> Result<(), ConfigError> {
         let Setting { argument, key, value } = set;
-        let mut beneath = Some(Value::Table(preset.defaults())).filter(|_| value.is_table());
+        let mut beneath = Some(Value::Table(self.preset.defaults())).filter(|_| value.is_table());
         for key in key.split('.') {
             beneath = beneath.and_then(|value| match value {
                 Value::Table(mut table) => table.remove(key),
@@ -97,13 +132,13 @@ impl Layers {
         let mut whole = value.clone();
         if let (Value::Table(whole), Some(Value::Table(beneath))) = (&mut whole, beneath) {
             let over = std::mem::replace(whole, beneath);
-            lay(whole, over, "", &mut BTreeMap::new(), &|_| Origin::Preset(preset.name()));
+            lay(whole, over, "", &mut Origins::new(), &|_| Source::Preset);
         }
         match assign(&mut self.table, &key, whole.clone()) {
-            Ok(path) => {
-                forget(&mut self.origins, &path);
-                note(&mut self.origins, &path, &whole, &|_| Origin::Preset(preset.name()));
-                note(&mut self.origins, &path, &value, &|_| Origin::Set(argument.clone()));
+            Ok((path, old)) => {
+                forget(&mut self.origins, &path, &old);
+                note(&mut self.origins, &path, &whole, &|_| Source::Preset);
+                note(&mut self.origins, &path, &value, &|_| Source::Set(number));
                 Ok(())
             }
             Err(path) => Err(ConfigError::Set { argument, problem: SetProblem::Path(path) }),
@@ -112,20 +147,27 @@ impl Layers {
 }
 
 /// Puts a value under a key path as `training.phases.0.iterations`, with the tables that lack for
-/// it. Returns the path as errors write it, or as much of it as leads to something that holds no
-/// keys.
-pub(super) fn assign(table: &mut Table, key: &str, value: Value) -> Result<String, String> {
+/// it. Returns the path as errors write it and the value that was there, or as much of the path as
+/// leads to something that holds no keys.
+pub(super) fn assign(
+    table: &mut Table,
+    key: &str,
+    value: Value,
+) -> Result<(String, Value), String> {
     let mut path = String::new();
     let mut root = Value::Table(std::mem::take(table));
     let mut place = Some(&mut root);
     for key in key.split('.') {
         place = place.and_then(|value| child(value, key, &mut path));
     }
-    let found = place.map(|place| *place = value).is_some();
+    let old = place.map(|place| std::mem::replace(place, value));
     if let Value::Table(changed) = root {
         *table = changed;
     }
-    if found { Ok(path) } else { Err(path) }
+    match old {
+        Some(old) => Ok((path, old)),
+        None => Err(path),
+    }
 }
 
 /// The value under `key`, made if it is not there; adds the key to `path`.
@@ -149,8 +191,8 @@ fn lay(
     base: &mut Table,
     top: Table,
     prefix: &str,
-    origins: &mut BTreeMap<String, Origin>,
-    origin: &dyn Fn(&str) -> Origin,
+    origins: &mut Origins,
+    origin: &dyn Fn(&str) -> Source,
 ) {
     for (key, value) in top {
         let path = join(prefix, &key);
@@ -159,8 +201,10 @@ fn lay(
                 origins.insert(path.clone(), origin(&path));
                 lay(under, over, &path, origins, origin);
             }
-            (_, value) => {
-                forget(origins, &path);
+            (old, value) => {
+                if let Some(old) = old {
+                    forget(origins, &path, old);
+                }
                 note(origins, &path, &value, origin);
                 base.insert(key, value);
             }
@@ -169,12 +213,7 @@ fn lay(
 }
 
 /// Notes the origin of a value and of all in it.
-fn note(
-    origins: &mut BTreeMap<String, Origin>,
-    path: &str,
-    value: &Value,
-    origin: &dyn Fn(&str) -> Origin,
-) {
+fn note(origins: &mut Origins, path: &str, value: &Value, origin: &dyn Fn(&str) -> Source) {
     origins.insert(path.to_owned(), origin(path));
     match value {
         Value::Table(table) => {
@@ -191,15 +230,18 @@ fn note(
     }
 }
 
-/// Drops the origins of a value that is replaced.
-fn forget(origins: &mut BTreeMap<String, Origin>, path: &str) {
+/// Drops the origins of a value that is replaced, and of all in it.
+fn forget(origins: &mut Origins, path: &str, old: &Value) {
     origins.remove(path);
-    for within in [format!("{path}."), format!("{path}[")] {
-        let all = origins.range(within.clone()..).map(|(key, _)| key);
-        let keys: Vec<String> = all.take_while(|key| key.starts_with(&within)).cloned().collect();
-        for key in keys {
-            origins.remove(&key);
+    match old {
+        Value::Table(table) => {
+            table.iter().for_each(|(key, value)| forget(origins, &join(path, key), value));
         }
+        Value::Array(items) => {
+            let items = items.iter().enumerate();
+            items.for_each(|(i, item)| forget(origins, &format!("{path}[{i}]"), item));
+        }
+        _ => {}
     }
 }
 
@@ -208,7 +250,7 @@ fn join(prefix: &str, key: &str) -> String {
 }
 
 /// The file as a table, and the line of every key in it.
-fn parse(path: &Path, text: &str) -> Result<(Table, BTreeMap<String, usize>), ConfigError> {
+fn parse(path: &Path, text: &str) -> Result<(Table, HashMap<String, usize>), ConfigError> {
     let ends = LineEnds::of(text);
     let syntax = |error: toml::de::Error| ConfigError::Syntax {
         path: path.to_owned(),
@@ -217,7 +259,7 @@ fn parse(path: &Path, text: &str) -> Result<(Table, BTreeMap<String, usize>), Co
     };
     let table = text.parse::<Table>().map_err(syntax)?;
     let spanned = DeTable::parse(text).map_err(syntax)?;
-    let mut lines = BTreeMap::new();
+    let mut lines = HashMap::new();
     note_lines(&ends, "", spanned.get_ref(), &mut lines);
     Ok((table, lines))
 }
@@ -226,7 +268,7 @@ fn note_lines(
     ends: &LineEnds,
     prefix: &str,
     table: &DeTable<'_>,
-    lines: &mut BTreeMap<String, usize>,
+    lines: &mut HashMap<String, usize>,
 ) {
     for (key, value) in table {
         let path = join(prefix, key.get_ref());
@@ -239,7 +281,7 @@ fn note_lines_within(
     ends: &LineEnds,
     path: &str,
     value: &Spanned<DeValue<'_>>,
-    lines: &mut BTreeMap<String, usize>,
+    lines: &mut HashMap<String, usize>,
 ) {
     match value.get_ref() {
         DeValue::Table(table) => note_lines(ends, path, table, lines),
@@ -269,7 +311,7 @@ impl LineEnds {
 }
 
 /// The line of a key, or of the innermost table around it that the file has.
-fn line_of(lines: &BTreeMap<String, usize>, key: &str) -> usize {
+fn line_of(lines: &HashMap<String, usize>, key: &str) -> usize {
     let mut place = key;
     loop {
         if let Some(&line) = lines.get(place) {
