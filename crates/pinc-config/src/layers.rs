@@ -17,19 +17,24 @@ pub(crate) struct Layers {
     pub(crate) table: Table,
     origins: Origins,
     path: PathBuf,
+    text: String,
     preset: Preset,
     /// The arguments of the `--set`s.
     arguments: Vec<String>,
 }
 
-/// The origin of each value, by its key.
+/// The origin of each value, by its key. What is in a list has that of the list, unless it was set by
+/// itself.
 type Origins = HashMap<String, Source>;
 
-/// An [`Origin`] without its texts: a config may have very many values.
+/// An [`Origin`] without its texts. In which line something stands is looked up when it is asked for:
+/// a config may have very many values.
 #[derive(Clone, Copy, Debug)]
 enum Source {
-    /// The config file, with the line.
-    File(usize),
+    /// The config file.
+    File,
+    /// The part of the file that is the preset's own.
+    Difference,
     /// The `--set` of this number.
     Set(usize),
     /// The defaults of the preset.
@@ -41,9 +46,9 @@ impl Layers {
     /// a `--set` mentions, the file's own tables, its `[presets.<chosen>]` tables, the `--set`s.
     /// Tables are merged, everything else is replaced.
     pub(crate) fn resolve(path: &Path, text: &str, sets: &[String]) -> Result<Self, ConfigError> {
-        let (mut file, lines) = parse(path, text)?;
+        let mut file = parse(path, text)?;
         let sets = sets.iter().map(|s| Setting::parse(s)).collect::<Result<Vec<_>, _>>()?;
-        let origin = |key: &str| Origin::File { path: path.to_owned(), line: line_of(&lines, key) };
+        let origin = |key: &str| Origin::File { path: path.to_owned(), line: line_of(text, key) };
         let preset = chosen_preset(&file, &sets, &origin)?;
         let differences = take_differences(&mut file, preset, &origin)?;
 
@@ -57,15 +62,13 @@ impl Layers {
             table: Table::new(),
             origins: Origins::new(),
             path: path.to_owned(),
+            text: text.to_owned(),
             preset,
             arguments: sets.iter().map(|set| set.argument.clone()).collect(),
         };
-        let prefix = format!("{PRESETS}.{}", preset.name());
-        let in_file = |key: &str| Source::File(line_of(&lines, key));
-        let difference = |key: &str| in_file(&format!("{prefix}.{key}"));
-        lay(&mut layers.table, defaults, "", &mut layers.origins, &|_| Source::Preset);
-        lay(&mut layers.table, file, "", &mut layers.origins, &in_file);
-        lay(&mut layers.table, differences, "", &mut layers.origins, &difference);
+        lay(&mut layers.table, defaults, "", &mut layers.origins, Source::Preset);
+        lay(&mut layers.table, file, "", &mut layers.origins, Source::File);
+        lay(&mut layers.table, differences, "", &mut layers.origins, Source::Difference);
         for (number, set) in sets.into_iter().enumerate() {
             layers.assign(number, set)?;
         }
@@ -78,7 +81,7 @@ impl Layers {
         let mut place = key.as_str();
         let origin = loop {
             if let Some(source) = self.origins.get(place) {
-                break self.origin(*source);
+                break self.origin(*source, &key);
             }
             match place.rfind(['.', '[']) {
                 Some(end) => place = &place[..end],
@@ -90,9 +93,12 @@ impl Layers {
         ConfigError::Key { origin, key, problem: Box::new(problem) }
     }
 
-    fn origin(&self, source: Source) -> Origin {
+    fn origin(&self, source: Source, key: &str) -> Origin {
+        let in_file =
+            |key: &str| Origin::File { path: self.path.clone(), line: line_of(&self.text, key) };
         match source {
-            Source::File(line) => Origin::File { path: self.path.clone(), line },
+            Source::File => in_file(key),
+            Source::Difference => in_file(&format!("{PRESETS}.{}.{key}", self.preset.name())),
             Source::Set(number) => Origin::Set(self.arguments[number].clone()),
             Source::Preset => Origin::Preset(self.preset.name()),
         }
@@ -132,13 +138,13 @@ impl Layers {
         let mut whole = value.clone();
         if let (Value::Table(whole), Some(Value::Table(beneath))) = (&mut whole, beneath) {
             let over = std::mem::replace(whole, beneath);
-            lay(whole, over, "", &mut Origins::new(), &|_| Source::Preset);
+            lay(whole, over, "", &mut Origins::new(), Source::Preset);
         }
         match assign(&mut self.table, &key, whole.clone()) {
             Ok((path, old)) => {
                 forget(&mut self.origins, &path, &old);
-                note(&mut self.origins, &path, &whole, &|_| Source::Preset);
-                note(&mut self.origins, &path, &value, &|_| Source::Set(number));
+                note(&mut self.origins, &path, &whole, Source::Preset);
+                note(&mut self.origins, &path, &value, Source::Set(number));
                 Ok(())
             }
             Err(path) => Err(ConfigError::Set { argument, problem: SetProblem::Path(path) }),
@@ -187,46 +193,30 @@ fn child<'a>(parent: &'a mut Value, key: &str, path: &mut String) -> Option<&'a 
 }
 
 /// `top` over `base`.
-fn lay(
-    base: &mut Table,
-    top: Table,
-    prefix: &str,
-    origins: &mut Origins,
-    origin: &dyn Fn(&str) -> Source,
-) {
+fn lay(base: &mut Table, top: Table, prefix: &str, origins: &mut Origins, source: Source) {
     for (key, value) in top {
         let path = join(prefix, &key);
         match (base.get_mut(&key), value) {
             (Some(Value::Table(under)), Value::Table(over)) => {
-                origins.insert(path.clone(), origin(&path));
-                lay(under, over, &path, origins, origin);
+                origins.insert(path.clone(), source);
+                lay(under, over, &path, origins, source);
             }
             (old, value) => {
                 if let Some(old) = old {
                     forget(origins, &path, old);
                 }
-                note(origins, &path, &value, origin);
+                note(origins, &path, &value, source);
                 base.insert(key, value);
             }
         }
     }
 }
 
-/// Notes the origin of a value and of all in it.
-fn note(origins: &mut Origins, path: &str, value: &Value, origin: &dyn Fn(&str) -> Source) {
-    origins.insert(path.to_owned(), origin(path));
-    match value {
-        Value::Table(table) => {
-            for (key, value) in table {
-                note(origins, &join(path, key), value, origin);
-            }
-        }
-        Value::Array(items) => {
-            for (i, item) in items.iter().enumerate() {
-                note(origins, &format!("{path}[{i}]"), item, origin);
-            }
-        }
-        _ => {}
+/// Notes the origin of a value and of all in it, but for lists.
+fn note(origins: &mut Origins, path: &str, value: &Value, source: Source) {
+    origins.insert(path.to_owned(), source);
+    if let Value::Table(table) = value {
+        table.iter().for_each(|(key, value)| note(origins, &join(path, key), value, source));
     }
 }
 
@@ -249,19 +239,13 @@ fn join(prefix: &str, key: &str) -> String {
     if prefix.is_empty() { key.to_owned() } else { format!("{prefix}.{key}") }
 }
 
-/// The file as a table, and the line of every key in it.
-fn parse(path: &Path, text: &str) -> Result<(Table, HashMap<String, usize>), ConfigError> {
-    let ends = LineEnds::of(text);
-    let syntax = |error: toml::de::Error| ConfigError::Syntax {
+/// The file as a table.
+fn parse(path: &Path, text: &str) -> Result<Table, ConfigError> {
+    text.parse::<Table>().map_err(|error| ConfigError::Syntax {
         path: path.to_owned(),
-        line: ends.line_at(error.span().map_or(0, |span| span.start)),
+        line: LineEnds::of(text).line_at(error.span().map_or(0, |span| span.start)),
         message: error.message().to_owned(),
-    };
-    let table = text.parse::<Table>().map_err(syntax)?;
-    let spanned = DeTable::parse(text).map_err(syntax)?;
-    let mut lines = HashMap::new();
-    note_lines(&ends, "", spanned.get_ref(), &mut lines);
-    Ok((table, lines))
+    })
 }
 
 fn note_lines(
@@ -310,8 +294,12 @@ impl LineEnds {
     }
 }
 
-/// The line of a key, or of the innermost table around it that the file has.
-fn line_of(lines: &HashMap<String, usize>, key: &str) -> usize {
+/// The line of a key in the text of a file, or of the innermost table around it that the file has.
+fn line_of(text: &str, key: &str) -> usize {
+    let mut lines = HashMap::new();
+    if let Ok(spanned) = DeTable::parse(text) {
+        note_lines(&LineEnds::of(text), "", spanned.get_ref(), &mut lines);
+    }
     let mut place = key;
     loop {
         if let Some(&line) = lines.get(place) {
@@ -327,12 +315,12 @@ fn line_of(lines: &HashMap<String, usize>, key: &str) -> usize {
 fn chosen_preset(
     file: &Table,
     sets: &[Setting],
-    origin: &dyn Fn(&str) -> Origin,
+    in_file: &dyn Fn(&str) -> Origin,
 ) -> Result<Preset, ConfigError> {
     let set = sets.iter().rev().find(|s| s.key == "preset");
     let (value, origin) = match set {
-        Some(set) => (Some(&set.value), Origin::Set(set.argument.clone())),
-        None => (file.get("preset"), origin("preset")),
+        Some(set) => (Some(&set.value), Some(Origin::Set(set.argument.clone()))),
+        None => (file.get("preset"), None),
     };
     let problem = match value {
         None => {
@@ -347,6 +335,7 @@ fn chosen_preset(
             other.type_str()
         )),
     };
+    let origin = origin.unwrap_or_else(|| in_file("preset"));
     Err(ConfigError::Key { origin, key: "preset".to_owned(), problem: Box::new(problem) })
 }
 
