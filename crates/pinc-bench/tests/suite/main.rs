@@ -10,6 +10,7 @@ mod equations;
 mod examples;
 mod files;
 mod guard;
+mod kills;
 mod limits;
 mod lists;
 mod measurements;
