@@ -105,11 +105,11 @@ impl Experiment {
         sets: &[String],
         plants: &Plants,
     ) -> Result<Self, ConfigError> {
-        let layers = Layers::resolve(path, text, sets)?;
+        let mut layers = Layers::resolve(path, text, sets)?;
         if let Some((key, value)) = layers.first_not_finite() {
             return Err(layers.error(key, Problem::NotFinite(value)));
         }
-        let experiment = Self::from_table(layers.table.clone(), plants);
+        let experiment = Self::from_table(std::mem::take(&mut layers.table), plants);
         experiment.map_err(|(key, problem)| layers.error(key, problem))
     }
 
@@ -121,8 +121,8 @@ impl Experiment {
     ///
     /// Like [`Experiment::load`], of syntax, keys and types.
     pub fn read_back(path: &Path, text: &str) -> Result<Self, ConfigError> {
-        let layers = Layers::resolve(path, text, &[])?;
-        let experiment = Self::deserialized(layers.table.clone());
+        let mut layers = Layers::resolve(path, text, &[])?;
+        let experiment = Self::deserialized(std::mem::take(&mut layers.table));
         experiment.map_err(|(key, problem)| layers.error(key, problem))
     }
 
@@ -146,20 +146,25 @@ impl Experiment {
         Ok(experiment)
     }
 
-    /// The experiment with other values for some keys, checked; or the key and what is wrong with
-    /// its value.
+    /// The experiment as a table.
+    pub(crate) fn to_table(&self) -> Table {
+        Table::try_from(self).expect("the values have a form in TOML")
+    }
+
+    /// The experiment of a table with other values for some keys, checked; or the key and what is
+    /// wrong with its value.
     pub(crate) fn with_values<'a>(
-        &self,
+        mut table: Table,
+        plants: &Plants,
         values: impl IntoIterator<Item = (&'a str, Value)>,
     ) -> Result<Self, (String, Problem)> {
-        let mut table = Table::try_from(self).expect("the values have a form in TOML");
         for (key, value) in values {
             layers::assign(&mut table, key, value).map_err(|path| {
                 let expected = format!("a key that can be set: `{path}` has no such element");
                 (key.to_owned(), Problem::Value { found: format!("`{key}`"), expected })
             })?;
         }
-        Self::from_table(table, &self.plants)
+        Self::from_table(table, plants)
     }
 
     /// The plants that the config may name.

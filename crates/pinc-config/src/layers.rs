@@ -3,7 +3,7 @@
 
 use crate::presets::Preset;
 use crate::problem::{ConfigError, Origin, Problem, SetProblem, nearest};
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::{BTreeSet, HashMap};
 use std::path::{Path, PathBuf};
 use toml::de::{DeTable, DeValue};
 use toml::{Spanned, Table, Value};
@@ -15,8 +15,30 @@ const PRESETS: &str = "presets";
 #[derive(Debug)]
 pub(crate) struct Layers {
     pub(crate) table: Table,
-    origins: BTreeMap<String, Origin>,
+    origins: Origins,
     path: PathBuf,
+    text: String,
+    preset: Preset,
+    /// The arguments of the `--set`s.
+    arguments: Vec<String>,
+}
+
+/// The origin of each value, by its key. What is in a list has that of the list, unless it was set by
+/// itself.
+type Origins = HashMap<String, Source>;
+
+/// An [`Origin`] without its texts. In which line something stands is looked up when it is asked for:
+/// a config may have very many values.
+#[derive(Clone, Copy, Debug)]
+enum Source {
+    /// The config file.
+    File,
+    /// The part of the file that is the preset's own.
+    Difference,
+    /// The `--set` of this number.
+    Set(usize),
+    /// The defaults of the preset.
+    Preset,
 }
 
 impl Layers {
@@ -24,9 +46,9 @@ impl Layers {
     /// a `--set` mentions, the file's own tables, its `[presets.<chosen>]` tables, the `--set`s.
     /// Tables are merged, everything else is replaced.
     pub(crate) fn resolve(path: &Path, text: &str, sets: &[String]) -> Result<Self, ConfigError> {
-        let (mut file, lines) = parse(path, text)?;
+        let mut file = parse(path, text)?;
         let sets = sets.iter().map(|s| Setting::parse(s)).collect::<Result<Vec<_>, _>>()?;
-        let origin = |key: &str| Origin::File { path: path.to_owned(), line: line_of(&lines, key) };
+        let origin = |key: &str| Origin::File { path: path.to_owned(), line: line_of(text, key) };
         let preset = chosen_preset(&file, &sets, &origin)?;
         let differences = take_differences(&mut file, preset, &origin)?;
 
@@ -36,16 +58,19 @@ impl Layers {
         let mut defaults = preset.defaults();
         defaults.retain(|section, _| mentioned.contains(section));
 
-        let mut layers =
-            Self { table: Table::new(), origins: BTreeMap::new(), path: path.to_owned() };
-        let built_in = |_: &str| Origin::Preset(preset.name());
-        let prefix = format!("{PRESETS}.{}", preset.name());
-        let difference = |key: &str| origin(&format!("{prefix}.{key}"));
-        lay(&mut layers.table, defaults, "", &mut layers.origins, &built_in);
-        lay(&mut layers.table, file, "", &mut layers.origins, &origin);
-        lay(&mut layers.table, differences, "", &mut layers.origins, &difference);
-        for set in sets {
-            layers.assign(set, preset)?;
+        let mut layers = Self {
+            table: Table::new(),
+            origins: Origins::new(),
+            path: path.to_owned(),
+            text: text.to_owned(),
+            preset,
+            arguments: sets.iter().map(|set| set.argument.clone()).collect(),
+        };
+        lay(&mut layers.table, defaults, "", &mut layers.origins, Source::Preset);
+        lay(&mut layers.table, file, "", &mut layers.origins, Source::File);
+        lay(&mut layers.table, differences, "", &mut layers.origins, Source::Difference);
+        for (number, set) in sets.into_iter().enumerate() {
+            layers.assign(number, set)?;
         }
         Ok(layers)
     }
@@ -55,8 +80,8 @@ impl Layers {
         let key = key.into();
         let mut place = key.as_str();
         let origin = loop {
-            if let Some(origin) = self.origins.get(place) {
-                break origin.clone();
+            if let Some(source) = self.origins.get(place) {
+                break self.origin(*source, &key);
             }
             match place.rfind(['.', '[']) {
                 Some(end) => place = &place[..end],
@@ -68,26 +93,42 @@ impl Layers {
         ConfigError::Key { origin, key, problem: Box::new(problem) }
     }
 
+    fn origin(&self, source: Source, key: &str) -> Origin {
+        let in_file =
+            |key: &str| Origin::File { path: self.path.clone(), line: line_of(&self.text, key) };
+        match source {
+            Source::File => in_file(key),
+            Source::Difference => in_file(&format!("{PRESETS}.{}.{key}", self.preset.name())),
+            Source::Set(number) => Origin::Set(self.arguments[number].clone()),
+            Source::Preset => Origin::Preset(self.preset.name()),
+        }
+    }
+
     /// The key of the first number that is NaN or infinite, and the number.
     pub(crate) fn first_not_finite(&self) -> Option<(String, f64)> {
-        fn search(value: &Value, key: &str) -> Option<(String, f64)> {
+        /// The rest of the key, and the number.
+        fn search(value: &Value) -> Option<(String, f64)> {
             match value {
-                Value::Float(v) if !v.is_finite() => Some((key.to_owned(), *v)),
-                Value::Array(items) => {
-                    let mut items = items.iter().enumerate();
-                    items.find_map(|(i, item)| search(item, &format!("{key}[{i}]")))
-                }
-                Value::Table(table) => table.iter().find_map(|(k, v)| search(v, &join(key, k))),
+                Value::Float(v) if !v.is_finite() => Some((String::new(), *v)),
+                Value::Array(items) => items.iter().enumerate().find_map(|(i, item)| {
+                    search(item).map(|(rest, v)| (format!("[{i}]{rest}"), v))
+                }),
+                Value::Table(table) => table.iter().find_map(|(key, value)| {
+                    search(value).map(|(rest, v)| (format!(".{key}{rest}"), v))
+                }),
                 _ => None,
             }
         }
-        self.table.iter().find_map(|(key, value)| search(value, key))
+        let of = |(key, value): (&String, &Value)| {
+            search(value).map(|(rest, v)| (format!("{key}{rest}"), v))
+        };
+        self.table.iter().find_map(of)
     }
 
     /// Puts a value in place of what is there; a table has the preset's defaults beneath it.
-    fn assign(&mut self, set: Setting, preset: Preset) -> Result<(), ConfigError> {
+    fn assign(&mut self, number: usize, set: Setting) -> Result<(), ConfigError> {
         let Setting { argument, key, value } = set;
-        let mut beneath = Some(Value::Table(preset.defaults())).filter(|_| value.is_table());
+        let mut beneath = Some(Value::Table(self.preset.defaults())).filter(|_| value.is_table());
         for key in key.split('.') {
             beneath = beneath.and_then(|value| match value {
                 Value::Table(mut table) => table.remove(key),
@@ -97,13 +138,13 @@ impl Layers {
         let mut whole = value.clone();
         if let (Value::Table(whole), Some(Value::Table(beneath))) = (&mut whole, beneath) {
             let over = std::mem::replace(whole, beneath);
-            lay(whole, over, "", &mut BTreeMap::new(), &|_| Origin::Preset(preset.name()));
+            lay(whole, over, "", &mut Origins::new(), Source::Preset);
         }
         match assign(&mut self.table, &key, whole.clone()) {
-            Ok(path) => {
-                forget(&mut self.origins, &path);
-                note(&mut self.origins, &path, &whole, &|_| Origin::Preset(preset.name()));
-                note(&mut self.origins, &path, &value, &|_| Origin::Set(argument.clone()));
+            Ok((path, old)) => {
+                forget(&mut self.origins, &path, &old);
+                note(&mut self.origins, &path, &whole, Source::Preset);
+                note(&mut self.origins, &path, &value, Source::Set(number));
                 Ok(())
             }
             Err(path) => Err(ConfigError::Set { argument, problem: SetProblem::Path(path) }),
@@ -112,20 +153,27 @@ impl Layers {
 }
 
 /// Puts a value under a key path as `training.phases.0.iterations`, with the tables that lack for
-/// it. Returns the path as errors write it, or as much of it as leads to something that holds no
-/// keys.
-pub(super) fn assign(table: &mut Table, key: &str, value: Value) -> Result<String, String> {
+/// it. Returns the path as errors write it and the value that was there, or as much of the path as
+/// leads to something that holds no keys.
+pub(super) fn assign(
+    table: &mut Table,
+    key: &str,
+    value: Value,
+) -> Result<(String, Value), String> {
     let mut path = String::new();
     let mut root = Value::Table(std::mem::take(table));
     let mut place = Some(&mut root);
     for key in key.split('.') {
         place = place.and_then(|value| child(value, key, &mut path));
     }
-    let found = place.map(|place| *place = value).is_some();
+    let old = place.map(|place| std::mem::replace(place, value));
     if let Value::Table(changed) = root {
         *table = changed;
     }
-    if found { Ok(path) } else { Err(path) }
+    match old {
+        Some(old) => Ok((path, old)),
+        None => Err(path),
+    }
 }
 
 /// The value under `key`, made if it is not there; adds the key to `path`.
@@ -145,61 +193,45 @@ fn child<'a>(parent: &'a mut Value, key: &str, path: &mut String) -> Option<&'a 
 }
 
 /// `top` over `base`.
-fn lay(
-    base: &mut Table,
-    top: Table,
-    prefix: &str,
-    origins: &mut BTreeMap<String, Origin>,
-    origin: &dyn Fn(&str) -> Origin,
-) {
+fn lay(base: &mut Table, top: Table, prefix: &str, origins: &mut Origins, source: Source) {
     for (key, value) in top {
         let path = join(prefix, &key);
         match (base.get_mut(&key), value) {
             (Some(Value::Table(under)), Value::Table(over)) => {
-                origins.insert(path.clone(), origin(&path));
-                lay(under, over, &path, origins, origin);
+                origins.insert(path.clone(), source);
+                lay(under, over, &path, origins, source);
             }
-            (_, value) => {
-                forget(origins, &path);
-                note(origins, &path, &value, origin);
+            (old, value) => {
+                if let Some(old) = old {
+                    forget(origins, &path, old);
+                }
+                note(origins, &path, &value, source);
                 base.insert(key, value);
             }
         }
     }
 }
 
-/// Notes the origin of a value and of all in it.
-fn note(
-    origins: &mut BTreeMap<String, Origin>,
-    path: &str,
-    value: &Value,
-    origin: &dyn Fn(&str) -> Origin,
-) {
-    origins.insert(path.to_owned(), origin(path));
-    match value {
-        Value::Table(table) => {
-            for (key, value) in table {
-                note(origins, &join(path, key), value, origin);
-            }
-        }
-        Value::Array(items) => {
-            for (i, item) in items.iter().enumerate() {
-                note(origins, &format!("{path}[{i}]"), item, origin);
-            }
-        }
-        _ => {}
+/// Notes the origin of a value and of all in it, but for lists.
+fn note(origins: &mut Origins, path: &str, value: &Value, source: Source) {
+    origins.insert(path.to_owned(), source);
+    if let Value::Table(table) = value {
+        table.iter().for_each(|(key, value)| note(origins, &join(path, key), value, source));
     }
 }
 
-/// Drops the origins of a value that is replaced.
-fn forget(origins: &mut BTreeMap<String, Origin>, path: &str) {
+/// Drops the origins of a value that is replaced, and of all in it.
+fn forget(origins: &mut Origins, path: &str, old: &Value) {
     origins.remove(path);
-    for within in [format!("{path}."), format!("{path}[")] {
-        let all = origins.range(within.clone()..).map(|(key, _)| key);
-        let keys: Vec<String> = all.take_while(|key| key.starts_with(&within)).cloned().collect();
-        for key in keys {
-            origins.remove(&key);
+    match old {
+        Value::Table(table) => {
+            table.iter().for_each(|(key, value)| forget(origins, &join(path, key), value));
         }
+        Value::Array(items) => {
+            let items = items.iter().enumerate();
+            items.for_each(|(i, item)| forget(origins, &format!("{path}[{i}]"), item));
+        }
+        _ => {}
     }
 }
 
@@ -207,26 +239,20 @@ fn join(prefix: &str, key: &str) -> String {
     if prefix.is_empty() { key.to_owned() } else { format!("{prefix}.{key}") }
 }
 
-/// The file as a table, and the line of every key in it.
-fn parse(path: &Path, text: &str) -> Result<(Table, BTreeMap<String, usize>), ConfigError> {
-    let ends = LineEnds::of(text);
-    let syntax = |error: toml::de::Error| ConfigError::Syntax {
+/// The file as a table.
+fn parse(path: &Path, text: &str) -> Result<Table, ConfigError> {
+    text.parse::<Table>().map_err(|error| ConfigError::Syntax {
         path: path.to_owned(),
-        line: ends.line_at(error.span().map_or(0, |span| span.start)),
+        line: LineEnds::of(text).line_at(error.span().map_or(0, |span| span.start)),
         message: error.message().to_owned(),
-    };
-    let table = text.parse::<Table>().map_err(syntax)?;
-    let spanned = DeTable::parse(text).map_err(syntax)?;
-    let mut lines = BTreeMap::new();
-    note_lines(&ends, "", spanned.get_ref(), &mut lines);
-    Ok((table, lines))
+    })
 }
 
 fn note_lines(
     ends: &LineEnds,
     prefix: &str,
     table: &DeTable<'_>,
-    lines: &mut BTreeMap<String, usize>,
+    lines: &mut HashMap<String, usize>,
 ) {
     for (key, value) in table {
         let path = join(prefix, key.get_ref());
@@ -239,7 +265,7 @@ fn note_lines_within(
     ends: &LineEnds,
     path: &str,
     value: &Spanned<DeValue<'_>>,
-    lines: &mut BTreeMap<String, usize>,
+    lines: &mut HashMap<String, usize>,
 ) {
     match value.get_ref() {
         DeValue::Table(table) => note_lines(ends, path, table, lines),
@@ -268,8 +294,12 @@ impl LineEnds {
     }
 }
 
-/// The line of a key, or of the innermost table around it that the file has.
-fn line_of(lines: &BTreeMap<String, usize>, key: &str) -> usize {
+/// The line of a key in the text of a file, or of the innermost table around it that the file has.
+fn line_of(text: &str, key: &str) -> usize {
+    let mut lines = HashMap::new();
+    if let Ok(spanned) = DeTable::parse(text) {
+        note_lines(&LineEnds::of(text), "", spanned.get_ref(), &mut lines);
+    }
     let mut place = key;
     loop {
         if let Some(&line) = lines.get(place) {
@@ -285,12 +315,12 @@ fn line_of(lines: &BTreeMap<String, usize>, key: &str) -> usize {
 fn chosen_preset(
     file: &Table,
     sets: &[Setting],
-    origin: &dyn Fn(&str) -> Origin,
+    in_file: &dyn Fn(&str) -> Origin,
 ) -> Result<Preset, ConfigError> {
     let set = sets.iter().rev().find(|s| s.key == "preset");
     let (value, origin) = match set {
-        Some(set) => (Some(&set.value), Origin::Set(set.argument.clone())),
-        None => (file.get("preset"), origin("preset")),
+        Some(set) => (Some(&set.value), Some(Origin::Set(set.argument.clone()))),
+        None => (file.get("preset"), None),
     };
     let problem = match value {
         None => {
@@ -305,6 +335,7 @@ fn chosen_preset(
             other.type_str()
         )),
     };
+    let origin = origin.unwrap_or_else(|| in_file("preset"));
     Err(ConfigError::Key { origin, key: "preset".to_owned(), problem: Box::new(problem) })
 }
 

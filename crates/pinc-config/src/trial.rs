@@ -1,10 +1,10 @@
 //! From a `[sweep]` section to its trials.
 
-use crate::{AxisSpec, DrawsSpec, Experiment, Problem, SweepSpec};
+use crate::{AxisSpec, DrawsSpec, Experiment, Plants, Problem, SweepSpec};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
-use toml::Value;
+use toml::{Table, Value};
 
 /// The first stream of random numbers that draws come from, one per group; those below are others'.
 const STREAM: u64 = 1 << 33;
@@ -79,10 +79,30 @@ fn drawn_keys(sweep: &SweepSpec) -> Vec<String> {
 /// config does not admit.
 pub fn trials(experiment: &Experiment) -> Result<Vec<Trial>, (String, Problem)> {
     let Some(sweep) = &experiment.sweep else { return Ok(Vec::new()) };
-    let mut base = experiment.clone();
-    base.sweep = None;
     let columns = columns(sweep);
-    choices(sweep, experiment.seed).iter().map(|choice| choice.trial(&base, &columns)).collect()
+    let made = made(experiment, sweep);
+    made.map(|(choice, experiment)| Ok(choice.trial(experiment?, &columns))).collect()
+}
+
+/// Checks that all trials can be made.
+pub(crate) fn check(experiment: &Experiment) -> Result<(), (String, Problem)> {
+    let Some(sweep) = &experiment.sweep else { return Ok(()) };
+    made(experiment, sweep).try_for_each(|(_, experiment)| experiment.map(drop))
+}
+
+/// The choices of a sweep, and what each makes of the experiment.
+fn made(
+    experiment: &Experiment,
+    sweep: &SweepSpec,
+) -> impl Iterator<Item = (Choice, Result<Experiment, (String, Problem)>)> {
+    let mut base = experiment.to_table();
+    base.remove("sweep");
+    let plants = experiment.plants().clone();
+    let choices = choices(sweep, experiment.seed).into_iter();
+    choices.map(move |choice| {
+        let made = choice.experiment(base.clone(), &plants);
+        (choice, made)
+    })
 }
 
 /// One combination of a sweep's alternatives.
@@ -108,12 +128,15 @@ impl Choice {
         named.collect::<Vec<_>>().join(", ")
     }
 
-    fn trial(&self, base: &Experiment, columns: &[String]) -> Result<Trial, (String, Problem)> {
+    fn experiment(&self, base: Table, plants: &Plants) -> Result<Experiment, (String, Problem)> {
         let values = self.values.iter().map(|(key, value)| (key.as_str(), value.clone()));
-        let experiment = base.with_values(values).map_err(|(key, problem)| {
+        Experiment::with_values(base, plants, values).map_err(|(key, problem)| {
             let (trial, problem) = (self.description(), Box::new(problem));
             ("sweep".to_owned(), Problem::Trial { trial, key, problem })
-        })?;
+        })
+    }
+
+    fn trial(&self, experiment: Experiment, columns: &[String]) -> Trial {
         let name = |column: &String| {
             let named = self.names.iter().find(|(key, _)| key == column);
             named.map_or_else(String::new, |(_, name)| name.clone())
@@ -123,12 +146,12 @@ impl Choice {
             (alone.prediction, alone.control, alone.one_step) = (None, None, None);
             (id(&alone), alone)
         });
-        Ok(Trial {
+        Trial {
             id: id(&experiment),
             cells: columns.iter().map(name).collect(),
             experiment,
             training,
-        })
+        }
     }
 }
 

@@ -2,13 +2,13 @@
 
 use crate::graph::{Function, Graph, Node, Operation, Value};
 use crate::program::apply;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, HashSet};
 
 /// Longer texts of terms are cut.
 const LONGEST: usize = 60;
 
 /// What a term is needed for.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum TermRole {
     /// It is divided by: not defined where it is 0.
     Denominator,
@@ -69,9 +69,10 @@ impl CriticalTerms {
     ) -> Self {
         let printer = Printer { nodes: &graph.nodes, variables, names };
         let mut terms: Vec<CriticalTerm> = Vec::new();
+        let mut seen = HashSet::new();
         for (i, node) in graph.nodes.iter().enumerate() {
             let Some((role, values)) = role(node) else { continue };
-            if terms.iter().any(|term| term.role == role && term.values == values) {
+            if !seen.insert((role, values)) {
                 continue;
             }
             let key = keys.iter().find(|(end, _)| i < *end).map_or("", |(_, key)| key.as_str());

@@ -15,7 +15,7 @@ use std::collections::BTreeMap;
 use std::ops::Range;
 
 /// How deep expressions may be nested.
-pub(crate) const DEEPEST: usize = 200;
+pub(crate) const DEEPEST: usize = 100;
 
 /// The functions of two arguments.
 const PAIRS: [&str; 2] = ["min", "max"];

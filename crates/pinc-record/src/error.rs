@@ -49,13 +49,13 @@ pub enum RecordError {
     #[error(
         "{}: {} works on this run; wait until it is done, or choose another directory with --out",
         dir.display(),
-        process.map_or("another process".to_owned(), |id| format!("process {id}"))
+        holder.map_or("another process".to_owned(), |id| format!("process {id}"))
     )]
     Locked {
         /// The directory.
         dir: PathBuf,
-        /// The process's id, if it is known.
-        process: Option<u32>,
+        /// Its id, if it is known.
+        holder: Option<u32>,
     },
     /// The directory does not exist or is a file.
     #[error("{}: not a directory", path.display())]

@@ -17,12 +17,12 @@ pub(crate) struct DirLock {
 }
 
 impl DirLock {
-    /// Locks the directory `dir`.
+    /// Locks the directory `dir` for this process, whose id is `id`.
     ///
     /// # Errors
     ///
     /// [`RecordError::Locked`] if another process has it; [`RecordError::Unwritable`].
-    pub(crate) fn take(dir: &Path) -> Result<Self, RecordError> {
+    pub(crate) fn take(dir: &Path, id: u32) -> Result<Self, RecordError> {
         let path = dir.join(LOCK);
         let unwritable = || RecordError::unwritable(&path);
         loop {
@@ -34,8 +34,8 @@ impl DirLock {
                 Err(TryLockError::WouldBlock) => {
                     let mut text = String::new();
                     let read = file.read_to_string(&mut text);
-                    let process = read.ok().and_then(|_| text.trim().parse().ok());
-                    return Err(RecordError::Locked { dir: dir.to_owned(), process });
+                    let holder = read.ok().and_then(|_| text.trim().parse().ok());
+                    return Err(RecordError::Locked { dir: dir.to_owned(), holder });
                 }
                 // A file system without locks.
                 Err(TryLockError::Error(error)) if error.kind() == io::ErrorKind::Unsupported => {}
@@ -45,17 +45,17 @@ impl DirLock {
             if !is_at(&file, &path) {
                 continue;
             }
-            write_id(&mut file).map_err(unwritable())?;
+            write_id(&mut file, id).map_err(unwritable())?;
             return Ok(Self { file, path });
         }
     }
 }
 
-/// Writes the process's id, for those that are refused.
-fn write_id(file: &mut File) -> io::Result<()> {
+/// Writes the id, for those that are refused.
+fn write_id(file: &mut File, id: u32) -> io::Result<()> {
     file.set_len(0)?;
     file.seek(SeekFrom::Start(0))?;
-    writeln!(file, "{}", std::process::id())
+    writeln!(file, "{id}")
 }
 
 /// Whether `path` is still this file.
@@ -89,12 +89,12 @@ mod tests {
     fn a_directory_is_locked_once_and_a_file_left_behind_locks_nothing() {
         let dir = tempfile::tempdir().unwrap();
         fs::write(dir.path().join(LOCK), "1\n").unwrap();
-        let lock = DirLock::take(dir.path()).unwrap();
-        let refused = DirLock::take(dir.path()).unwrap_err();
-        let RecordError::Locked { process, .. } = refused else { panic!("{refused}") };
-        assert_eq!(process, Some(std::process::id()));
+        let lock = DirLock::take(dir.path(), 17).unwrap();
+        let refused = DirLock::take(dir.path(), 17).unwrap_err();
+        let RecordError::Locked { holder, .. } = refused else { panic!("{refused}") };
+        assert_eq!(holder, Some(17));
         drop(lock);
         assert_eq!(fs::read_dir(dir.path()).unwrap().count(), 0);
-        DirLock::take(dir.path()).unwrap();
+        DirLock::take(dir.path(), 17).unwrap();
     }
 }

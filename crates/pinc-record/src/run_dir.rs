@@ -24,16 +24,17 @@ pub struct RunDir {
 
 impl RunDir {
     /// The directory `dir`, made if it is not there, for the results of `experiment`. What it holds
-    /// of the same experiment stays until it is replaced.
+    /// of the same experiment stays until it is replaced. Nobody else can open it until the value
+    /// and its clones are dropped; `id` says to others which process has it.
     ///
     /// # Errors
     ///
     /// [`RecordError`] if it cannot be read or written, or holds something else.
-    pub fn open(dir: &Path, experiment: &Experiment) -> Result<Self, RecordError> {
+    pub fn open(dir: &Path, experiment: &Experiment, id: u32) -> Result<Self, RecordError> {
         fs::create_dir_all(dir).map_err(RecordError::unwritable(dir))?;
         // Before the lock is taken, which is a file: nothing is changed in a directory of others.
         check_owner(dir, experiment)?;
-        let lock = DirLock::take(dir)?;
+        let lock = DirLock::take(dir, id)?;
         check_owner(dir, experiment)?;
         remove_unfinished(dir)?;
         remove_unfinished(&dir.join(file::FIGURES))?;

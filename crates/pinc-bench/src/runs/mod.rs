@@ -164,7 +164,7 @@ fn execute(
     command: Command,
 ) -> Result<RunDir, BenchError> {
     let plan = Plan::of(experiment, command)?;
-    let mut run_dir = RunDir::open(dir, experiment)?;
+    let mut run_dir = RunDir::open(dir, experiment, std::process::id())?;
     plan.remove_stale(&mut run_dir, options.resume)?;
     if options.resume {
         found::forget_damaged(&plan, &mut run_dir)?;

@@ -15,7 +15,7 @@ pub(crate) fn train_shared(
     threads: usize,
     options: &Options<'_>,
 ) -> Result<(), BenchError> {
-    let mut run_dir = RunDir::open(dir, experiment)?.without_traces();
+    let mut run_dir = RunDir::open(dir, experiment, std::process::id())?.without_traces();
     let mut threaded = experiment.clone();
     if let Some(training) = &mut threaded.training {
         training.effort.threads = threads;

@@ -114,7 +114,7 @@ impl<'a> Session<'a> {
         let trials = trials(experiment);
         let trials = trials.expect("the experiment was checked, and its trials with it");
         let provenance = Provenance::of(experiment, invocation(options.arguments));
-        let run_dir = RunDir::open(dir, experiment)?;
+        let run_dir = RunDir::open(dir, experiment, std::process::id())?;
         let counts = run_dir.metrics().sweep.as_ref();
         if !(options.resume && counts.is_some_and(|all| all.done + all.failed == all.trials)) {
             run_dir.write_provenance(&provenance, options.resume)?;

@@ -47,3 +47,18 @@ impl Outcome {
         }
     }
 }
+
+/// The files below `dir` that only a run at work has.
+pub(crate) fn leftovers(dir: &Path) -> Vec<PathBuf> {
+    let mut found = Vec::new();
+    for entry in std::fs::read_dir(dir).unwrap() {
+        let path = entry.unwrap().path();
+        let name = path.file_name().unwrap().to_string_lossy().into_owned();
+        if path.is_dir() {
+            found.extend(leftovers(&path));
+        } else if name.starts_with(".pinc") || name == "checkpoint.bin" {
+            found.push(path);
+        }
+    }
+    found
+}

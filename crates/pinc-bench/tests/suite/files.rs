@@ -1,7 +1,7 @@
 //! Files that are damaged, locked, in the way or elsewhere: nothing of the user's is overwritten, and
 //! a resumed run makes what is missing.
 
-use crate::common::{Outcome, outcome, pinc, repository, smoke};
+use crate::common::{Outcome, leftovers, outcome, pinc, repository, smoke};
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Stdio;
@@ -43,21 +43,6 @@ fn model_and_inputs(dir: &Path) -> (PathBuf, PathBuf) {
         to
     };
     (copy("model.safetensors"), copy("inputs.csv"))
-}
-
-/// Whether any file below `dir` is one that only a run at work has.
-fn leftovers(dir: &Path) -> Vec<PathBuf> {
-    let mut found = Vec::new();
-    for entry in fs::read_dir(dir).unwrap() {
-        let path = entry.unwrap().path();
-        let name = path.file_name().unwrap().to_string_lossy().into_owned();
-        if path.is_dir() {
-            found.extend(leftovers(&path));
-        } else if name.starts_with(".pinc") || name == "checkpoint.bin" {
-            found.push(path);
-        }
-    }
-    found
 }
 
 #[cfg(unix)]

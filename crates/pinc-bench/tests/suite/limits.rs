@@ -102,7 +102,7 @@ fn long_configs_are_read() {
     let path = dir.path().join("long.toml");
     let mut references = String::new();
     for i in 1..100_000 {
-        write!(references, "    {{ start_s = {i}.0, value = [0.0, 0.0] }},\n").unwrap();
+        writeln!(references, "    {{ start_s = {i}.0, value = [0.0, 0.0] }},").unwrap();
     }
     let first = "    { start_s = 2.5, value = [-0.5, 0.0] },\n";
     assert!(smoke().contains(first));
@@ -113,7 +113,7 @@ fn long_configs_are_read() {
 
     let mut unknown = smoke();
     for i in 0..20_000 {
-        write!(unknown, "[unknown{i}]\na = 1\n").unwrap();
+        writeln!(unknown, "[unknown{i}]\na = 1").unwrap();
     }
     fs::write(&path, unknown).unwrap();
     outcome(&mut pinc(&["check".as_ref(), path.as_os_str()])).assert_refused(&["unknown key"]);

@@ -7,7 +7,7 @@ use std::process::Stdio;
 use std::time::{Duration, Instant};
 
 /// Eight trainings of tiny nets, in cells of two seeds and two loops each: 16 trials.
-const SWEEP: &str = r#"
+pub(crate) const SWEEP: &str = r#"
 name = "sweep"
 preset = "ours"
 seed = 3

@@ -51,7 +51,7 @@ impl Experiment {
         }
         if let Some(sweep) = &self.sweep {
             sweep.validate()?;
-            crate::trial::trials(self)?;
+            crate::trial::check(self)?;
         }
         Ok(())
     }

@@ -155,7 +155,7 @@ fn the_excerpt_is_the_line_with_the_error() {
 #[test]
 fn nesting_has_a_limit() {
     let nested = |depth: usize| format!("{}x{}", "(".repeat(depth), ")".repeat(depth));
-    assert!((value(&nested(150)) - 5.0).abs() < f64::EPSILON);
+    assert!((value(&nested(90)) - 5.0).abs() < f64::EPSILON);
     for text in [nested(100_000), "-".repeat(100_000), format!("{}x", "2^".repeat(100_000))] {
         assert_eq!(error(&text).problem, ExpressionProblem::TooDeep);
     }
