@@ -5,6 +5,8 @@ mod derivatives;
 mod linear;
 mod run;
 mod schedule;
+#[cfg(test)]
+mod tests;
 
 use crate::error::ExpressionProblem;
 use crate::graph::{Graph, Value};

@@ -122,10 +122,32 @@ fn coupled(n: usize, couplings: &[(usize, usize, f64)]) -> ExpressionPlant {
 #[test]
 fn kinks_and_ends_are_those_of_dual_numbers() {
     let expressions = [
-        "abs(x)", "sign(x)*y", "min(x, y)", "max(x, y)", "max(y, x)", "max(x, 0)", "max(0, x)",
-        "min(x, 0)", "min(0, x)", "sqrt(max(x, 0))", "sqrt(x^2 + y^2)", "sqrt(x)", "x^0.5", "x^0.7",
-        "x^1.5", "max(x, 0)^0.7", "max(log(x), -5)", "min(1/x, 3)", "exp(-abs(x - y))", "x*y/(x - y)",
-        "x^y", "max(x, y)*abs(x*y)", "tan(x) - atan(y)", "x - x", "0*x + y", "x/y - y/x",
+        "abs(x)",
+        "sign(x)*y",
+        "min(x, y)",
+        "max(x, y)",
+        "max(y, x)",
+        "max(x, 0)",
+        "max(0, x)",
+        "min(x, 0)",
+        "min(0, x)",
+        "sqrt(max(x, 0))",
+        "sqrt(x^2 + y^2)",
+        "sqrt(x)",
+        "x^0.5",
+        "x^0.7",
+        "x^1.5",
+        "max(x, 0)^0.7",
+        "max(log(x), -5)",
+        "min(1/x, 3)",
+        "exp(-abs(x - y))",
+        "x*y/(x - y)",
+        "x^y",
+        "max(x, y)*abs(x*y)",
+        "tan(x) - atan(y)",
+        "x - x",
+        "0*x + y",
+        "x/y - y/x",
     ];
     let values = [0.0, -0.0, 1.0, -1.0, 0.5, 2.0];
     let points: Vec<f64> =
@@ -145,7 +167,8 @@ fn kinks_and_ends_are_those_of_dual_numbers() {
             let expected = pinc_ode::DynRhs::jacobian(&plant, x, u, &[]);
             for (a, b) in found.iter().zip(&expected) {
                 // A derivative may be a number where dual numbers multiply 0 and infinity.
-                let same = (a - b).abs() <= ROUNDING * (1.0 + b.abs()) || a.to_bits() == b.to_bits();
+                let same =
+                    (a - b).abs() <= ROUNDING * (1.0 + b.abs()) || a.to_bits() == b.to_bits();
                 assert!(same || !b.is_finite(), "{e} at {point:?}: {found:?}, {expected:?}");
             }
         }
@@ -173,10 +196,12 @@ fn a_long_rod_is_that_on_dual_numbers() {
 fn outputs_have_the_derivatives_of_dual_numbers() {
     let equations = Equations {
         outputs: [("a", "sqrt(x)*k"), ("b", "x + y"), ("c", "u^2/y")]
-            .map(|(name, e)| (name.to_owned(), pinc_expr::OutputExpression {
-                expression: e.to_owned(),
-                unit: String::new(),
-            }))
+            .map(|(name, e)| {
+                (
+                    name.to_owned(),
+                    pinc_expr::OutputExpression { expression: e.to_owned(), unit: String::new() },
+                )
+            })
             .into(),
         states: variables(&["x", "y"]),
         inputs: variables(&["u"]),
