@@ -10,7 +10,7 @@ mod tests;
 
 use crate::error::ExpressionProblem;
 use crate::graph::{Graph, Value};
-use derivatives::differentiate;
+use derivatives::{Linearized, differentiate};
 use pinc_ad::simd::Simd;
 use pinc_ode::{SparseFunction, SparsityPattern};
 use run::{FEW, Run};
@@ -38,7 +38,7 @@ impl GroupedFunction {
         variables: usize,
         results: &[Value],
     ) -> Result<Self, ExpressionProblem> {
-        let (dag, ids, rows) = differentiate(graph, results);
+        let Linearized { dag, values: ids, rows } = differentiate(graph, results);
         let values = Code::new(&dag, variables, &ids)?;
         let entries = rows.iter().flatten().map(|(_, id)| *id);
         let all: Vec<_> = ids.iter().copied().chain(entries).collect();
