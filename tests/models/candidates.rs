@@ -144,6 +144,15 @@ fn texts() -> Vec<Candidate> {
         })
         .with_parameters([[0.5, 2.0], [-0.1, 0.1]]),
     ];
+    // Columns in several blocks, of which each reaches some of the rows.
+    all.push(
+        Candidate::new("RK4, rod", ([[0.1, 2.0]; 30], [[0.0, 1.0]]), || rod(30).rk4(0.2, 3))
+            .with_parameters([[0.5, 2.0]]),
+    );
+    all.push(
+        Candidate::new("RK5, rod", ([[0.1, 2.0]; 30], [[0.0, 1.0]]), || rod(30).rk5(0.2, 1))
+            .with_parameters([[0.5, 2.0]]),
+    );
     type Build = fn(&dyn DynPlant) -> Box<dyn Model>;
     let methods: [(&str, Build); 3] = [
         ("RK4, reactor", |plant| plant.rk4(0.5, 2)),
@@ -226,6 +235,27 @@ fn chain_plant(varying: &[&str]) -> Box<dyn DynPlant> {
         outputs: &[("last", "k2*x7 + u")],
     };
     plant_of(varying, &chain)
+}
+
+/// A rod of `nodes` nodes that is heated at its first and radiates; its end is measured.
+fn rod(nodes: usize) -> Box<dyn DynPlant> {
+    let name = |i: usize| format!("T{i}");
+    let equation = |i: usize| {
+        let left = if i == 0 { "heat".to_owned() } else { format!("g*(T{} - T{i})", i - 1) };
+        let right =
+            if i + 1 == nodes { String::new() } else { format!(" + g*(T{} - T{i})", i + 1) };
+        (name(i), format!("{left}{right} - 0.1*T{i}^4"))
+    };
+    let end = OutputExpression { expression: name(nodes - 1), unit: String::new() };
+    let equations = Equations {
+        states: (0..nodes).map(|i| Variable { name: name(i).into(), unit: "".into() }).collect(),
+        inputs: vec![Variable::new("heat", "")],
+        parameters: [("g".to_owned(), 1.0)].into(),
+        derivatives: (0..nodes).map(equation).collect(),
+        outputs: [("end".to_owned(), end)].into(),
+        ..Equations::default()
+    };
+    equations.compile_with(&["g"]).expect("valid equations").into_dyn()
 }
 
 /// A net with its starting weights: the suite does not need a good one.

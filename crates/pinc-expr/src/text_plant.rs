@@ -76,8 +76,7 @@ impl DynPlant for TextPlant {
     }
 
     fn rodas4(&self, sample_time_s: f64, substeps: usize) -> Box<dyn Model> {
-        /*Box::new(Rodas4::new(self.0.clone(), sample_time_s, substeps))*/
-        self.rk4(sample_time_s, substeps)
+        Box::new(Rodas4::new(self.0.clone(), sample_time_s, substeps))
     }
 }
 

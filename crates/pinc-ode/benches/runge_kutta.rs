@@ -1,7 +1,9 @@
-//! A step of RK4, alone and with Jacobians, by substeps: the time grows linearly with them.
+//! A step of RK4, alone and with Jacobians, by substeps: the time grows linearly with them. The stages
+//! of a horizon together, of plants built in and as text.
 
 use divan::{Bencher, black_box};
-use pinc_ode::{Dims, Linearization, Model, Plant, Rk4, Stages};
+use pinc_expr::Equations;
+use pinc_ode::{Dims, Linearization, Model, Plant, Rk4, Stages, Variable};
 use pinc_plants::{FourTanks, VanDerPol};
 
 const SUBSTEPS: [usize; 5] = [1, 4, 5, 10, 50];
@@ -66,9 +68,60 @@ fn linearize_stages_four_tanks(bencher: Bencher<'_, '_>, stages: usize) {
     linearize_stages(bencher, &mut four_tanks(4), &[9.0, 14.0, 2.5, 2.5], &[2.5, 2.5], stages);
 }
 
-fn linearize_stages<P: Plant>(
+/// The same plants as text.
+#[divan::bench(args = [1, 5, 10, 20])]
+fn linearize_stages_van_der_pol_as_text(bencher: Bencher<'_, '_>, stages: usize) {
+    let states = [("x1", "x2"), ("x2", "(1 - x1^2)*x2 - x1 + u")];
+    let equations = as_text(&states, &["u"]);
+    let mut model = rk4(&equations, 0.5);
+    linearize_stages(bencher, &mut *model, &[1.0, -0.5], &[0.3], stages);
+}
+
+#[divan::bench(args = [1, 5, 10, 20])]
+fn linearize_stages_four_tanks_as_text(bencher: Bencher<'_, '_>, stages: usize) {
+    let states = [
+        ("h1", "(2*u1 + 0.07*sqrt(1962*max(h3, 0)) - 0.07*sqrt(1962*max(h1, 0)))/28"),
+        ("h2", "(2*u2 + 0.06*sqrt(1962*max(h4, 0)) - 0.06*sqrt(1962*max(h2, 0)))/32"),
+        ("h3", "(1.3*u2 - 0.07*sqrt(1962*max(h3, 0)))/28"),
+        ("h4", "(u1 - 0.06*sqrt(1962*max(h4, 0)))/32"),
+    ];
+    let equations = as_text(&states, &["u1", "u2"]);
+    let mut model = rk4(&equations, 10.0);
+    linearize_stages(bencher, &mut *model, &[9.0, 14.0, 2.5, 2.5], &[2.5, 2.5], stages);
+}
+
+/// The 20 stages of a rod that is heated and radiates, by its nodes.
+#[divan::bench(args = [10, 20, 50, 100])]
+fn linearize_20_stages_of_a_rod(bencher: Bencher<'_, '_>, nodes: usize) {
+    let states: Vec<_> = (0..nodes)
+        .map(|i| {
+            let left = if i == 0 { "u".to_owned() } else { format!("0.2*(T{} - T{i})", i - 1) };
+            let right = if i + 1 == nodes { i } else { i + 1 };
+            (format!("T{i}"), format!("{left} + 0.2*(T{right} - T{i}) - 1e-3*(T{i} + 2)^4"))
+        })
+        .collect();
+    let states: Vec<_> = states.iter().map(|(name, f)| (name.as_str(), f.as_str())).collect();
+    let mut model = rk4(&as_text(&states, &["u"]), 1.0);
+    linearize_stages(bencher, &mut *model, &vec![1.0; nodes], &[0.3], 20);
+}
+
+fn as_text(states: &[(&str, &str)], inputs: &[&'static str]) -> Equations {
+    let name = |name: &str| Variable { name: name.to_owned().into(), unit: "".into() };
+    Equations {
+        states: states.iter().map(|(state, _)| name(state)).collect(),
+        inputs: inputs.iter().map(|input| name(input)).collect(),
+        derivatives: states.iter().map(|&(a, b)| (a.to_owned(), b.to_owned())).collect(),
+        ..Equations::default()
+    }
+}
+
+fn rk4(equations: &Equations, sample_time_s: f64) -> Box<dyn Model> {
+    equations.compile().expect("valid equations").into_dyn().rk4(sample_time_s, 4)
+}
+
+fn linearize_stages(
     bencher: Bencher<'_, '_>,
-    model: &mut Rk4<P>,
+    model: &mut dyn Model,
     x: &[f64],
     u: &[f64],
     stages: usize,

@@ -107,12 +107,18 @@ impl Derivative {
     }
 }
 
-/// The values of `results`, and of each the variables on which it depends with the derivatives by
-/// them.
-pub(super) fn differentiate(
-    graph: &Graph,
-    results: &[Value],
-) -> (Dag, Vec<Id>, Vec<Vec<(usize, Id)>>) {
+/// Values with their derivatives.
+#[derive(Debug)]
+pub(super) struct Linearized {
+    pub(super) dag: Dag,
+    /// The values.
+    pub(super) values: Vec<Id>,
+    /// Of each value, the variables on which it depends with the derivatives by them.
+    pub(super) rows: Vec<Vec<(usize, Id)>>,
+}
+
+/// The values of `results` with their derivatives.
+pub(super) fn differentiate(graph: &Graph, results: &[Value]) -> Linearized {
     let (mut dag, ids) = Dag::of(graph);
     let mut derivatives: Vec<Derivative> = Vec::with_capacity(graph.nodes.len());
     for (node, &id) in graph.nodes.iter().zip(&ids) {
@@ -130,7 +136,7 @@ pub(super) fn differentiate(
             entries.into_iter().map(|(v, entry)| (v, entry.to_value(&mut dag))).collect()
         })
         .collect();
-    (dag, results.iter().map(|result| ids[result.0]).collect(), rows)
+    Linearized { dag, values: results.iter().map(|result| ids[result.0]).collect(), rows }
 }
 
 /// The derivatives of a value `id` that is made of the values a and b with theirs.

@@ -5,10 +5,12 @@ mod derivatives;
 mod linear;
 mod run;
 mod schedule;
+#[cfg(test)]
+mod tests;
 
 use crate::error::ExpressionProblem;
 use crate::graph::{Graph, Value};
-use derivatives::differentiate;
+use derivatives::{Linearized, differentiate};
 use pinc_ad::simd::Simd;
 use pinc_ode::{SparseFunction, SparsityPattern};
 use run::{FEW, Run};
@@ -36,7 +38,7 @@ impl GroupedFunction {
         variables: usize,
         results: &[Value],
     ) -> Result<Self, ExpressionProblem> {
-        let (dag, ids, rows) = differentiate(graph, results);
+        let Linearized { dag, values: ids, rows } = differentiate(graph, results);
         let values = Code::new(&dag, variables, &ids)?;
         let entries = rows.iter().flatten().map(|(_, id)| *id);
         let all: Vec<_> = ids.iter().copied().chain(entries).collect();
@@ -73,7 +75,9 @@ impl SparseFunction for GroupedFunction {
     }
 }
 
-#[inline(always)]
+/// Not inlined: portable vectors have no function of their own for [`pinc_ad::Scalar::vectorize`], and
+/// the code would stand at each of its places.
+#[inline(never)]
 fn run<'a, V: Simd>(code: &'a Code, registers: &mut [V]) -> &'a [u16] {
     if let Some(&first) = registers.first() {
         first.vectorize(Run { code, registers });

@@ -41,6 +41,7 @@ macro_rules! each {
 trait Registers<V> {
     fn get(&self, place: u16) -> V;
     fn set(&mut self, place: u16, value: V);
+    fn all(&mut self) -> &mut [V];
 }
 
 impl<V: Simd> Registers<V> for &mut [V; FEW] {
@@ -53,6 +54,10 @@ impl<V: Simd> Registers<V> for &mut [V; FEW] {
     fn set(&mut self, place: u16, value: V) {
         self[usize::from(place) % FEW] = value;
     }
+    #[inline(always)]
+    fn all(&mut self) -> &mut [V] {
+        *self
+    }
 }
 
 impl<V: Simd> Registers<V> for &mut [V] {
@@ -63,6 +68,10 @@ impl<V: Simd> Registers<V> for &mut [V] {
     #[inline(always)]
     fn set(&mut self, place: u16, value: V) {
         self[usize::from(place)] = value;
+    }
+    #[inline(always)]
+    fn all(&mut self) -> &mut [V] {
+        self
     }
 }
 
@@ -91,34 +100,55 @@ fn steps<V: Simd>(code: &Code, mut r: impl Registers<V>) {
             Op::Sub => each!(r, steps, a b => a - b),
             Op::Mul => each!(r, steps, a b => a * b),
             Op::Div => each!(r, steps, a b => a / b),
-            Op::Min => each!(r, steps, a b => a.min(b)),
-            Op::Max => each!(r, steps, a b => a.max(b)),
             Op::MulAdd => each!(r, steps, a b c => a.mul_add(b, c)),
             Op::MulSub => each!(r, steps, a b c => a.mul_add(b, -c)),
             Op::NegMulAdd => each!(r, steps, a b c => a.neg_mul_add(b, c)),
             Op::Where => each!(r, steps, a b c => a.where_nonpositive(b, c)),
             Op::Neg => each!(r, steps, a => -a),
             Op::RootSlope => each!(r, steps, a => root_slope(a)),
-            Op::Power(number) => each!(r, steps, a => a.powf(number.value())),
-            Op::PowerSlope(number) => each!(r, steps, a => power_slope(a, number.value())),
-            Op::Function(function) => apply(r, steps, function),
+            Op::Function(Function::Sqrt) => each!(r, steps, a => a.sqrt()),
+            op => long(op, steps, r.all()),
         }
     }
 }
 
-#[inline(always)]
-fn apply<V: Simd>(r: &mut impl Registers<V>, steps: &[Step], function: Function) {
-    match function {
-        Function::Sqrt => each!(r, steps, a => a.sqrt()),
-        Function::Exp => each!(r, steps, a => a.exp()),
-        Function::Log => each!(r, steps, a => a.ln()),
-        Function::Sin => each!(r, steps, a => sin(a)),
-        Function::Cos => each!(r, steps, a => cos(a)),
-        Function::Tan => each!(r, steps, a => sin(a) / cos(a)),
-        Function::Tanh => each!(r, steps, a => a.tanh()),
-        Function::Atan => each!(r, steps, a => a.atan()),
-        Function::Abs => each!(r, steps, a => a.abs()),
-        Function::Sign => each!(r, steps, a => a.sign()),
+/// Takes an operation that is long, and therefore compiled once, through some steps.
+#[inline(never)]
+fn long<V: Simd>(op: Op, steps: &[Step], registers: &mut [V]) {
+    if let Some(&first) = registers.first() {
+        first.vectorize(Long { op, steps, registers });
+    }
+}
+
+struct Long<'a, V> {
+    op: Op,
+    steps: &'a [Step],
+    registers: &'a mut [V],
+}
+
+impl<V: Simd> Work for Long<'_, V> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let Self { op, steps, registers: mut r } = self;
+        match op {
+            Op::Power(number) => each!(r, steps, a => a.powf(number.value())),
+            Op::PowerSlope(number) => each!(r, steps, a => power_slope(a, number.value())),
+            Op::Function(Function::Exp) => each!(r, steps, a => a.exp()),
+            Op::Function(Function::Log) => each!(r, steps, a => a.ln()),
+            Op::Function(Function::Sin) => each!(r, steps, a => sin(a)),
+            Op::Function(Function::Cos) => each!(r, steps, a => cos(a)),
+            Op::Function(Function::Tan) => each!(r, steps, a => a.tan()),
+            Op::Function(Function::Tanh) => each!(r, steps, a => a.tanh()),
+            Op::Function(Function::Atan) => each!(r, steps, a => a.atan()),
+            Op::Function(Function::Abs) => each!(r, steps, a => a.abs()),
+            Op::Function(Function::Sign) => each!(r, steps, a => a.sign()),
+            Op::Min => each!(r, steps, a b => a.min(b)),
+            Op::Max => each!(r, steps, a b => a.max(b)),
+            // The others are short.
+            _ => {}
+        }
     }
 }
 

@@ -117,9 +117,7 @@ impl<F: SparseFunction, V: Simd, const N: usize, const W: usize> Work for Sized<
                 let places = rhs.linearize(memory);
                 advance(x, rows, stage, &small.jacobian, memory, places, zero);
                 let next = stages.get(s + 1).map_or(0, |stage| stage.input) % MOST_PLACES;
-                for i in 0..N {
-                    memory[i] = x[next][i];
-                }
+                memory[..N].copy_from_slice(&x[next]);
             }
         }
     }
@@ -140,16 +138,16 @@ fn advance<V: Simd, const N: usize, const W: usize>(
     let input = stage.input % MOST_PLACES;
     for i in 0..N {
         let mut slope = [zero; W];
-        for j in 0..N {
+        for (j, row) in rows[input].iter().enumerate() {
             if let Some(entry) = jacobian.at(i * W + j, memory, entries) {
                 for c in 0..W {
-                    slope[c] = rows[input][j][c].mul_add(entry, slope[c]);
+                    slope[c] = row[c].mul_add(entry, slope[c]);
                 }
             }
         }
-        for c in N..W {
+        for (c, slope) in slope.iter_mut().enumerate().skip(N) {
             if let Some(entry) = jacobian.at(i * W + c, memory, entries) {
-                slope[c] = slope[c] + entry;
+                *slope = *slope + entry;
             }
         }
         let value = memory[usize::from(values[i])];

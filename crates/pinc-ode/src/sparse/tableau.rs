@@ -37,14 +37,14 @@ impl Tableau {
         let mut stages = Vec::new();
         for s in 0..count {
             let mut moves = Vec::new();
-            for target in s + 1..=count {
+            for (target, place) in places.iter_mut().enumerate().skip(s + 1) {
                 let factor = h * self.0[target][s];
                 // The next stage needs a place in any case.
                 if factor == 0.0 && target > s + 1 {
                     continue;
                 }
-                let from = places[target].unwrap_or(0);
-                let to = match places[target] {
+                let from = place.unwrap_or(0);
+                let to = match *place {
                     _ if s + 1 == count => 0,
                     Some(place) => place,
                     None => free.pop().unwrap_or_else(|| {
@@ -52,7 +52,7 @@ impl Tableau {
                         used - 1
                     }),
                 };
-                places[target] = Some(to);
+                *place = Some(to);
                 moves.push(Move { from, to, factor });
             }
             stages.push(Stage { input, moves });
