@@ -287,6 +287,24 @@ def check_fmu(model):
     report("FMPy simulates, to the end", abs(result["time"][-1] - 2.0), 1e-9)
 
 
+def check_fmi3(model):
+    """A free run of the FMU of FMI 3.0 against that of FMI 2.0, and the validator on all kinds."""
+    out = WORK / "fmi3"
+    flags = ["--to", "fmu", "--fmi3", "--name"]
+    pinc("export", "--model", model, *flags, "osc", "--out", out)
+    pinc("export", CONFIG, "--model", model, *flags, "ctl", "--out", out)
+    pinc("export", CONFIG, "--plant", *flags, "plant", "--out", out)
+    for name in ("osc", "ctl", "plant"):
+        check_validity(out / f"{name}.fmu")
+    results = []
+    for path in (WORK / "fmu" / "osc.fmu", out / "osc.fmu"):
+        result = fmpy.simulate_fmu(str(path), stop_time=3.0, step_size=0.125, output_interval=0.125)
+        names = result.dtype.names
+        columns = [result["x[1]"], result["x[2]"]] if "x[1]" in names else list(result["x"].T)
+        results.append(np.array(columns))
+    report("FMU of FMI 3.0 against that of 2.0", np.abs(results[0] - results[1]).max(), 1e-15)
+
+
 def check_controller_fmu(model):
     """The controller's FMU at the states of the loop."""
     out = WORK / "controller"
@@ -360,6 +378,7 @@ def main():
     check_fmu(model)
     check_controller_fmu(model)
     check_loop_of_fmus(model)
+    check_fmi3(model)
     if FAILED:
         sys.exit(f"{len(FAILED)} checks failed")
     print("all checks passed")
