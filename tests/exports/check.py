@@ -1,4 +1,4 @@
-"""Checks what `pinc export` writes with the programs that it is for: CasADi, ONNX Runtime, FMPy.
+"""Checks what `pinc export` writes with the programs that it is for: CasADi, do-mpc, ONNX Runtime, FMPy.
 
     python3 tests/exports/check.py PINC WORK
 
@@ -10,14 +10,17 @@ import json
 import shutil
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 
 import casadi
+import do_mpc
 import fmpy
 import fmpy.validation
 import numpy as np
 import onnx
 import onnxruntime
+from do_mpc.sysid import ONNXConversion
 from fmpy.fmi2 import FMU2Slave
 
 PINC, WORK = Path(sys.argv[1]).resolve(), Path(sys.argv[2]).resolve()
@@ -164,11 +167,47 @@ def closed_loop(model):
         states, inputs = numbers(table, "x1", "x2")[rows], numbers(table, "u")[rows]
         # A row has the reference that led there.
         references = numbers(table, "x1_ref", "x2_ref")[1::POINTS]
-        import tomllib
-
         spec = tomllib.loads((out / "config.toml").read_text())["control"]
         LOOP["loop"] = states, inputs, references, spec
     return LOOP["loop"]
+
+
+def check_do_mpc(model):
+    """do-mpc: its conversion of the ONNX file, and its controller with the external."""
+    conversion = ONNXConversion(onnx.load(WORK / "onnx-True" / "osc.onnx"))
+    x, u = casadi.SX.sym("x", 1, 2), casadi.SX.sym("u", 1, 1)
+    conversion.convert(x=x, u=u)
+    converted = casadi.Function("f", [x, u], [conversion["x_next"]])
+    points = random_points(20)
+    found = [np.array(converted(casadi.DM([p[:2]]), p[2])).ravel() for p in points]
+    report("do-mpc's conversion", np.abs(np.array(found) - one_step(model, points)).max(), 1e-12)
+
+    external = casadi.external("osc", str(WORK / "casadi" / "osc.so"))
+    states, inputs, _, spec = closed_loop(model)
+    plant = do_mpc.model.Model("discrete", "MX")
+    state = plant.set_variable("_x", "x", shape=(2, 1))
+    plant.set_rhs("x", external(state, plant.set_variable("_u", "u")))
+    plant.setup()
+    controller = do_mpc.controller.MPC(plant)
+    tight = {"ipopt.print_level": 0, "print_time": 0, "ipopt.sb": "yes", "ipopt.tol": 1e-11,
+             "ipopt.bound_relax_factor": 0.0}
+    controller.set_param(n_horizon=spec["n2"], t_step=T, n_robust=0, nlpsol_opts=tight,
+                         store_full_solution=False)
+    cost = 10 * casadi.dot(plant.x["x"], plant.x["x"])
+    controller.set_objective(mterm=cost, lterm=cost)
+    controller.set_rterm(u=1.0)
+    for side, bound in (("lower", -1.0), ("upper", 1.0)):
+        controller.bounds[side, "_x", "x"] = bound
+        controller.bounds[side, "_u", "u"] = bound
+    controller.setup()
+    controller.x0, controller.u0 = states[0], np.zeros((1, 1))
+    controller.set_initial_guess()
+    worst = 0.0
+    # The reference is 0 until the preview sees the first change, at step 30.
+    for k in range(20):
+        found = float(np.array(controller.make_step(states[k].reshape(2, 1))).ravel()[0])
+        worst = max(worst, abs(found - inputs[k][0]))
+    report("do-mpc with the external, inputs of the loop", worst, 1e-6)
 
 
 class Slave:
@@ -248,6 +287,24 @@ def check_fmu(model):
     report("FMPy simulates, to the end", abs(result["time"][-1] - 2.0), 1e-9)
 
 
+def check_fmi3(model):
+    """A free run of the FMU of FMI 3.0 against that of FMI 2.0, and the validator on all kinds."""
+    out = WORK / "fmi3"
+    flags = ["--to", "fmu", "--fmi3", "--name"]
+    pinc("export", "--model", model, *flags, "osc", "--out", out)
+    pinc("export", CONFIG, "--model", model, *flags, "ctl", "--out", out)
+    pinc("export", CONFIG, "--plant", *flags, "plant", "--out", out)
+    for name in ("osc", "ctl", "plant"):
+        check_validity(out / f"{name}.fmu")
+    results = []
+    for path in (WORK / "fmu" / "osc.fmu", out / "osc.fmu"):
+        result = fmpy.simulate_fmu(str(path), stop_time=3.0, step_size=0.125, output_interval=0.125)
+        names = result.dtype.names
+        columns = [result["x[1]"], result["x[2]"]] if "x[1]" in names else list(result["x"].T)
+        results.append(np.array(columns))
+    report("FMU of FMI 3.0 against that of 2.0", np.abs(results[0] - results[1]).max(), 1e-15)
+
+
 def check_controller_fmu(model):
     """The controller's FMU at the states of the loop."""
     out = WORK / "controller"
@@ -310,15 +367,18 @@ def check_loop_of_fmus(model):
 def main():
     WORK.mkdir(parents=True, exist_ok=True)
     net = WORK / "net"
-    pinc("train", TOP / "configs/van-der-pol/main.toml", "--out", net, "--quiet")
     model = net / "model.safetensors"
+    if not model.exists():
+        pinc("train", TOP / "configs/van-der-pol/main.toml", "--out", net, "--quiet")
     print(json.dumps({"casadi": casadi.__version__, "onnxruntime": onnxruntime.__version__,
-                      "onnx": onnx.__version__, "fmpy": fmpy.__version__}))
+                      "onnx": onnx.__version__, "fmpy": fmpy.__version__, "do_mpc": do_mpc.__version__}))
     check_onnx(model)
     check_casadi(model)
+    check_do_mpc(model)
     check_fmu(model)
     check_controller_fmu(model)
     check_loop_of_fmus(model)
+    check_fmi3(model)
     if FAILED:
         sys.exit(f"{len(FAILED)} checks failed")
     print("all checks passed")

@@ -2,6 +2,7 @@
 
 use crate::Target;
 use pinc_config::{ModelKind, OutsidePolicy};
+use pinc_export::FmiVersion;
 
 /// What to do where a net is evaluated outside its training domain.
 #[derive(Clone, Copy, Debug, clap::ValueEnum)]
@@ -53,18 +54,19 @@ pub(crate) enum To {
     C,
     /// C for CasADi's `external`, with exact Jacobian and Hessian.
     Casadi,
-    /// A co-simulation FMU of FMI 2.0, with its sources.
+    /// A co-simulation FMU, with its sources.
     Fmu,
     /// An ONNX file.
     Onnx,
 }
 
 impl To {
-    pub(crate) fn target(self, double: bool) -> Target {
+    pub(crate) fn target(self, double: bool, fmi3: bool) -> Target {
         match self {
             Self::C => Target::C,
             Self::Casadi => Target::Casadi,
-            Self::Fmu => Target::Fmu,
+            Self::Fmu if fmi3 => Target::Fmu(FmiVersion::Three),
+            Self::Fmu => Target::Fmu(FmiVersion::Two),
             Self::Onnx if double => Target::OnnxDouble,
             Self::Onnx => Target::Onnx,
         }

@@ -126,6 +126,9 @@ enum Command {
         /// Write an ONNX file with numbers of 64 bits, which not all runtimes take.
         #[arg(long)]
         double: bool,
+        /// Write an FMU of FMI 3.0, with arrays as variables, in place of one of 2.0.
+        #[arg(long)]
+        fmi3: bool,
         #[command(flatten)]
         set: SetArgs,
     },
@@ -244,8 +247,8 @@ fn execute(cli: &Cli, plants: &Plants) -> Result<ExitCode, BenchError> {
                 console::note(&format!("warning: {found}"));
             }
         }
-        Command::Export { config, model, only, to, out, name, plant, double, set } => {
-            let (to, name, out) = (to.target(*double), name.as_deref(), out.as_deref());
+        Command::Export { config, model, only, to, out, name, plant, double, fmi3, set } => {
+            let (to, name, out) = (to.target(*double, *fmi3), name.as_deref(), out.as_deref());
             let model = model.as_deref();
             let dir = match (config, model) {
                 (Some(config), _) => {

@@ -1,16 +1,14 @@
-//! Nets and controllers as co-simulation slaves of FMI 2.0.
+//! Nets, plants and controllers as co-simulation slaves.
 
 use crate::controller::Controller;
 use crate::mpc_c::controller_sources;
 use crate::net_c::{check_member, has_time, net_core, places};
-use crate::origin::{Origin, attribute};
+use crate::origin::Origin;
 use crate::rk4_c::{Rk4Model, rk4_core};
 use crate::template::{Template, constant};
 use crate::{ExportError, GeneratedFile, Name};
 use pinc_net::PincNet;
 use pinc_ode::Variable;
-use std::collections::BTreeSet;
-use std::fmt::Write as _;
 
 /// Substeps per T of a plant that is to be accurate.
 const FINE: f64 = 100.0;
@@ -28,6 +26,7 @@ pub fn net_to_fmu(
     net: &PincNet,
     name: &Name,
     origin: &Origin,
+    version: FmiVersion,
 ) -> Result<Vec<GeneratedFile>, ExportError> {
     check_member(net)?;
     let middle: Vec<f64> =
@@ -41,7 +40,7 @@ pub fn net_to_fmu(
     let mut t = places(net, name, origin)?;
     let between = match has_time(net) {
         true => "        pinc_net_at(PINC_N(end - begin), s->state, s->input, next);\n",
-        false => "        /* The net knows t = T only. */\n        return fmi2Error;\n",
+        false => "        /* The net knows t = T only. */\n        return 1;\n",
     };
     t.set("HEADER", "net").set("FIRST_SET", states.len());
     t.set("FIELDS", include_str!("../templates/fmu_net_fields.c"));
@@ -54,6 +53,7 @@ pub fn net_to_fmu(
         feed_through: false,
         status: false,
         sources: vec![format!("{}_net.c", name.as_str())],
+        version,
     };
     Ok(description.files(t, net_core(net, name, origin)?, name, origin))
 }
@@ -72,6 +72,7 @@ pub fn controller_to_fmu(
     controller: &Controller<'_>,
     name: &Name,
     origin: &Origin,
+    version: FmiVersion,
 ) -> Result<Vec<GeneratedFile>, ExportError> {
     let (mut t, sources) = controller_sources(controller, name, origin)?;
     let tracked: Vec<Variable> =
@@ -95,6 +96,7 @@ pub fn controller_to_fmu(
             .map(|file| file.path.clone())
             .filter(|path| path.ends_with(".c"))
             .collect(),
+        version,
     };
     Ok(description.files(t, sources, name, origin))
 }
@@ -110,6 +112,7 @@ pub fn plant_to_fmu(
     initial_state: &[f64],
     name: &Name,
     origin: &Origin,
+    version: FmiVersion,
 ) -> Result<Vec<GeneratedFile>, ExportError> {
     let (states, inputs) = (&origin.states, &origin.inputs);
     let mut variables = list(states, "x", Role::Output, initial_state);
@@ -127,30 +130,43 @@ pub fn plant_to_fmu(
         feed_through: false,
         status: false,
         sources: vec![format!("{}_rk4.c", name.as_str())],
+        version,
     };
     Ok(description.files(t, rk4_core(plant, name, origin)?, name, origin))
 }
 
+/// The version of the interface.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum FmiVersion {
+    /// 2.0, with a variable per number.
+    Two,
+    /// 3.0, with arrays.
+    Three,
+}
+
 /// What a variable is for.
 #[derive(Clone, Copy, PartialEq, Eq)]
-enum Role {
+pub(crate) enum Role {
     Output,
     Input,
     Start,
 }
 
 /// A real variable.
-struct Real {
-    name: String,
-    description: String,
-    unit: String,
-    role: Role,
-    start: f64,
+pub(crate) struct Real {
+    /// The array that it is of.
+    pub(crate) array: &'static str,
+    pub(crate) name: String,
+    pub(crate) description: String,
+    pub(crate) unit: String,
+    pub(crate) role: Role,
+    pub(crate) start: f64,
 }
 
-fn list(variables: &[Variable], name: &str, role: Role, starts: &[f64]) -> Vec<Real> {
+fn list(variables: &[Variable], array: &'static str, role: Role, starts: &[f64]) -> Vec<Real> {
     let real = |(i, (variable, &start)): (usize, (&Variable, &f64))| Real {
-        name: format!("{name}[{}]", i + 1),
+        array,
+        name: format!("{array}[{}]", i + 1),
         description: variable.name.to_string(),
         unit: variable.unit.to_string(),
         role,
@@ -159,16 +175,17 @@ fn list(variables: &[Variable], name: &str, role: Role, starts: &[f64]) -> Vec<R
     variables.iter().zip(starts).enumerate().map(real).collect()
 }
 
-/// What `modelDescription.xml` says.
-struct Description<'a> {
-    variables: &'a [Real],
-    step_s: f64,
-    any_step: bool,
+/// What `modelDescription.xml` is made of.
+pub(crate) struct Description<'a> {
+    pub(crate) variables: &'a [Real],
+    pub(crate) step_s: f64,
+    pub(crate) any_step: bool,
     /// Whether outputs depend on inputs at the same time.
-    feed_through: bool,
+    pub(crate) feed_through: bool,
     /// Whether there is an integer `status`.
-    status: bool,
-    sources: Vec<String>,
+    pub(crate) status: bool,
+    pub(crate) sources: Vec<String>,
+    version: FmiVersion,
 }
 
 impl Description<'_> {
@@ -182,10 +199,26 @@ impl Description<'_> {
         let starts: String =
             self.variables.iter().map(|v| format!("    {},\n", constant(v.start))).collect();
         t.set("GUID", guid(origin)).set("REALS", self.variables.len()).set("STARTS", starts);
-        let slave = t.file("fmu.c", include_str!("../templates/fmu.c"));
+        let part = t.fill(include_str!("../templates/fmu_model.c"));
+        t.set("MODEL_PART", part);
+        let slave = match self.version {
+            FmiVersion::Two => include_str!("../templates/fmu2.c"),
+            FmiVersion::Three => {
+                self.set_arrays(&mut t);
+                include_str!("../templates/fmu3.c")
+            }
+        };
+        let slave = t.file("fmu.c", slave);
         self.sources.insert(0, slave.path.clone());
-        let xml = self.xml(name, origin);
+        let xml = match self.version {
+            FmiVersion::Two => self.xml2(name, origin),
+            FmiVersion::Three => self.xml3(name, origin),
+        };
         let mut files = vec![GeneratedFile::text("modelDescription.xml".to_owned(), xml)];
+        if self.version == FmiVersion::Three {
+            let path = "sources/buildDescription.xml".to_owned();
+            files.push(GeneratedFile::text(path, self.build_description(name)));
+        }
         let below = |file: GeneratedFile| GeneratedFile {
             path: format!("sources/{}", file.path),
             bytes: file.bytes,
@@ -193,117 +226,10 @@ impl Description<'_> {
         files.extend(sources.into_iter().chain([slave]).map(below));
         files
     }
-
-    fn xml(&self, name: &Name, origin: &Origin) -> String {
-        let name = name.as_str();
-        let sources: String =
-            self.sources.iter().map(|file| format!("      <File name=\"{file}\"/>\n")).collect();
-        format!(
-            "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<fmiModelDescription fmiVersion=\"2.0\" \
-             modelName=\"{name}\" guid=\"{}\"\n    generationTool=\"pinc {}\" \
-             variableNamingConvention=\"structured\">\n  <CoSimulation modelIdentifier=\"{name}\" \
-             canHandleVariableCommunicationStepSize=\"{}\"\n      canGetAndSetFMUstate=\"true\" \
-             canSerializeFMUstate=\"true\">\n    <SourceFiles>\n{sources}    </SourceFiles>\n  \
-             </CoSimulation>\n{}  <DefaultExperiment startTime=\"0\" stepSize=\"{}\"/>\n  \
-             <ModelVariables>\n{}  </ModelVariables>\n{}</fmiModelDescription>\n",
-            guid(origin),
-            attribute(&origin.version),
-            self.any_step,
-            self.units(),
-            constant(self.step_s),
-            self.model_variables(),
-            self.structure(),
-        )
-    }
-
-    fn units(&self) -> String {
-        let units: BTreeSet<&str> =
-            self.variables.iter().map(|v| &*v.unit).filter(|unit| !unit.is_empty()).collect();
-        if units.is_empty() {
-            return String::new();
-        }
-        let list: String = units
-            .iter()
-            .map(|unit| format!("    <Unit name=\"{}\"/>\n", attribute(unit)))
-            .collect();
-        format!("  <UnitDefinitions>\n{list}  </UnitDefinitions>\n")
-    }
-
-    fn model_variables(&self) -> String {
-        let mut text = String::new();
-        for (i, variable) in self.variables.iter().enumerate() {
-            let discrete = if self.feed_through { "discrete" } else { "continuous" };
-            let kind = match variable.role {
-                Role::Output => {
-                    format!(
-                        "causality=\"output\" variability=\"{discrete}\" initial=\"calculated\""
-                    )
-                }
-                Role::Input => "causality=\"input\" variability=\"continuous\"".to_owned(),
-                Role::Start => {
-                    "causality=\"parameter\" variability=\"fixed\" initial=\"exact\"".to_owned()
-                }
-            };
-            let unit = match &*variable.unit {
-                "" => String::new(),
-                unit => format!(" unit=\"{}\"", attribute(unit)),
-            };
-            let start = match variable.role {
-                Role::Output => String::new(),
-                _ => format!(" start=\"{}\"", constant(variable.start)),
-            };
-            let _ = writeln!(
-                text,
-                "    <ScalarVariable name=\"{}\" valueReference=\"{i}\" description=\"{}\" {kind}>\n      \
-                 <Real{unit}{start}/>\n    </ScalarVariable>",
-                variable.name,
-                attribute(&variable.description),
-            );
-        }
-        if self.status {
-            text += "    <ScalarVariable name=\"status\" valueReference=\"0\" description=\"0: \
-                     converged\" causality=\"output\" variability=\"discrete\" \
-                     initial=\"calculated\">\n      <Integer/>\n    </ScalarVariable>\n";
-        }
-        text
-    }
-
-    /// Which outputs depend on what, at all times and at the first.
-    fn structure(&self) -> String {
-        let places = |role: Role| {
-            let all = self.variables.iter().enumerate().filter(move |(_, v)| v.role == role);
-            all.map(|(i, _)| i + 1)
-        };
-        let mut outputs: Vec<usize> = places(Role::Output).collect();
-        if self.status {
-            outputs.push(self.variables.len() + 1);
-        }
-        let join =
-            |list: Vec<usize>| list.iter().map(usize::to_string).collect::<Vec<_>>().join(" ");
-        let inputs = join(places(Role::Input).collect());
-        let starts: Vec<usize> = places(Role::Start).collect();
-        let unknowns = |of: &dyn Fn(usize) -> String| -> String {
-            let row = |(at, index): (usize, &usize)| {
-                format!("      <Unknown index=\"{index}\" dependencies=\"{}\"/>\n", of(at))
-            };
-            outputs.iter().enumerate().map(row).collect()
-        };
-        let always = |_: usize| if self.feed_through { inputs.clone() } else { String::new() };
-        let first = |at: usize| match starts.get(at) {
-            Some(start) => start.to_string(),
-            None => always(at),
-        };
-        format!(
-            "  <ModelStructure>\n    <Outputs>\n{}    </Outputs>\n    <InitialUnknowns>\n{}    \
-             </InitialUnknowns>\n  </ModelStructure>\n",
-            unknowns(&always),
-            unknowns(&first),
-        )
-    }
 }
 
 /// The hash in the form of a GUID.
-fn guid(origin: &Origin) -> String {
+pub(crate) fn guid(origin: &Origin) -> String {
     let digits: String = origin
         .hash
         .chars()

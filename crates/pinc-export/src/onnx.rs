@@ -94,7 +94,8 @@ impl Writer {
             let transposed: Vec<f64> = columns.collect();
             graph = graph
                 .message(5, &self.tensor(&weights, &[inputs, outputs], &transposed))
-                .message(5, &self.tensor(&bias, &[outputs], &layer.bias));
+                // A row, as do-mpc reads it.
+                .message(5, &self.tensor(&bias, &[1, outputs], &layer.bias));
         }
         graph
             .message(11, &self.value("x", dims.nx))

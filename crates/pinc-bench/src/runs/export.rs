@@ -6,7 +6,8 @@ use super::{chainable, parse_model};
 use crate::BenchError;
 use pinc_config::{Experiment, ModelKind, Variables};
 use pinc_export::{
-    Controller, GeneratedFile, ModelSource, Name, Origin, Precision, Rk4Model, net_to_onnx,
+    Controller, FmiVersion, GeneratedFile, ModelSource, Name, Origin, Precision, Rk4Model,
+    net_to_onnx,
 };
 use pinc_expr::Equations;
 use pinc_mpc::NmpcProblem;
@@ -24,8 +25,8 @@ pub enum Target {
     C,
     /// C for CasADi's `external`.
     Casadi,
-    /// A co-simulation FMU of FMI 2.0.
-    Fmu,
+    /// A co-simulation FMU.
+    Fmu(FmiVersion),
     /// An ONNX file, with numbers of 32 bits.
     Onnx,
     /// An ONNX file, with numbers of 64 bits.
@@ -37,7 +38,7 @@ impl Target {
         match self {
             Self::C => "c",
             Self::Casadi => "casadi",
-            Self::Fmu => "fmu",
+            Self::Fmu(_) => "fmu",
             Self::Onnx | Self::OnnxDouble => "onnx",
         }
     }
@@ -63,7 +64,9 @@ pub fn export_net(
     let files = match to {
         Target::C => pinc_export::net_to_c(&net, &name, &origin)?,
         Target::Casadi => pinc_export::net_to_casadi(&net, &name, &origin)?,
-        Target::Fmu => vec![fmu(pinc_export::net_to_fmu(&net, &name, &origin)?, &name)?],
+        Target::Fmu(version) => {
+            vec![fmu(pinc_export::net_to_fmu(&net, &name, &origin, version)?, &name, version)?]
+        }
         Target::Onnx => vec![net_to_onnx(&net, &name, &origin, Precision::Single)?],
         Target::OnnxDouble => vec![net_to_onnx(&net, &name, &origin, Precision::Double)?],
     };
@@ -118,9 +121,9 @@ pub fn export_controller(
     };
     let files = match to {
         Target::C => pinc_export::controller_to_c(&controller, &name, &origin)?,
-        Target::Fmu => {
-            let content = pinc_export::controller_to_fmu(&controller, &name, &origin)?;
-            vec![fmu(content, &name)?]
+        Target::Fmu(version) => {
+            let content = pinc_export::controller_to_fmu(&controller, &name, &origin, version)?;
+            vec![fmu(content, &name, version)?]
         }
         Target::Casadi | Target::Onnx | Target::OnnxDouble => {
             return Err(BenchError::NetOnly { target: to.name() });
@@ -149,9 +152,9 @@ pub fn export_plant(
     let control = experiment.control.as_ref().ok_or_else(|| missing("control"))?;
     let sample_time_s = experiment.sample_time_s().ok_or_else(|| missing("model"))?;
     let spec = control.plant.as_ref().unwrap_or(&experiment.plant);
-    if to != Target::Fmu {
+    let Target::Fmu(version) = to else {
         return Err(BenchError::PlantTarget { target: to.name() });
-    }
+    };
     let equations = spec.equations().ok_or_else(|| BenchError::NotExportable {
         plant: spec.name(),
         model: ModelKind::Rk4.name(),
@@ -159,8 +162,9 @@ pub fn export_plant(
     let name = name.map_or_else(|| Ok(Name::nearest(&experiment.name)), Name::new)?;
     let origin = origin(experiment.to_toml().as_bytes(), &*spec.dyn_plant());
     let plant = Rk4Model { equations: &equations, sample_time_s, substeps: control.rk4_substeps };
-    let content = pinc_export::plant_to_fmu(plant, &control.initial_state, &name, &origin)?;
-    write(&[fmu(content, &name)?], to, &name, out)
+    let start = &control.initial_state;
+    let content = pinc_export::plant_to_fmu(plant, start, &name, &origin, version)?;
+    write(&[fmu(content, &name, version)?], to, &name, out)
 }
 
 /// Where the export of something with this content, and the variables of `plant`, comes from.
@@ -175,8 +179,12 @@ fn origin(content: &[u8], plant: &dyn DynPlant) -> Origin {
 }
 
 /// The FMU of this content, with a binary for this machine where it has a C compiler.
-fn fmu(mut content: Vec<GeneratedFile>, name: &Name) -> Result<GeneratedFile, BenchError> {
-    if let Some(binary) = shared_library(&content, name)? {
+fn fmu(
+    mut content: Vec<GeneratedFile>,
+    name: &Name,
+    version: FmiVersion,
+) -> Result<GeneratedFile, BenchError> {
+    if let Some(binary) = shared_library(&content, name, version)? {
         content.push(binary);
     }
     let bytes = pinc_export::archive(&content)?;

@@ -1,25 +1,28 @@
 //! The binary of an FMU, by the machine's C compiler.
 
 use crate::BenchError;
-use pinc_export::{GeneratedFile, Name};
+use pinc_export::{FmiVersion, GeneratedFile, Name};
 use pinc_record::{RecordError, read_file};
 use std::fs;
 use std::process::Command;
 
-/// Where FMI 2.0 wants the binary of this machine, if it has a name for it.
-const PLATFORM: Option<(&str, &str)> = if cfg!(all(target_os = "linux", target_arch = "x86_64")) {
-    Some(("linux64", "so"))
-} else {
-    None
-};
+/// Whether this machine is one that binaries are made for.
+const KNOWN: bool = cfg!(all(target_os = "linux", target_arch = "x86_64"));
 
 /// The shared library of the C files among the content of an FMU; none on other machines, and where
 /// there is no compiler `cc`: the FMU then has its sources only.
 pub(super) fn shared_library(
     content: &[GeneratedFile],
     name: &Name,
+    version: FmiVersion,
 ) -> Result<Option<GeneratedFile>, BenchError> {
-    let Some((platform, ending)) = PLATFORM else { return Ok(None) };
+    if !KNOWN {
+        return Ok(None);
+    }
+    let platform = match version {
+        FmiVersion::Two => "linux64",
+        FmiVersion::Three => "x86_64-linux",
+    };
     let dir = tempfile::tempdir().map_err(RecordError::unwritable(&std::env::temp_dir()))?;
     let dir = dir.path();
     let mut command = Command::new("cc");
@@ -32,7 +35,7 @@ pub(super) fn shared_library(
             command.arg(file.0);
         }
     }
-    let binary = format!("{}.{ending}", name.as_str());
+    let binary = format!("{}.so", name.as_str());
     let ended = command.args(["-lm", "-o", &binary]).current_dir(dir).output();
     if !ended.is_ok_and(|output| output.status.success()) {
         tracing::warn!("no binary in the FMU: the C compiler `cc` is missing or failed");

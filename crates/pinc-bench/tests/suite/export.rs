@@ -202,12 +202,15 @@ fn all_targets_are_written() {
         &["fmu", "--model", model][..],
         &["fmu", config, "--only", "rk4"],
         &["fmu", config, "--plant"],
+        &["fmu", "--model", model, "--fmi3"],
     ] {
         fine(&export(arguments));
         let fmu = read("it.fmu");
         assert!(fmu.starts_with(b"PK"));
         let binary = cfg!(all(target_os = "linux", target_arch = "x86_64"));
-        assert_eq!(contains(&fmu, "binaries/linux64/it.so"), binary, "{arguments:?}");
+        let folder = if arguments.contains(&"--fmi3") { "x86_64-linux" } else { "linux64" };
+        let place = format!("binaries/{folder}/it.so");
+        assert_eq!(contains(&fmu, &place), binary, "{arguments:?}");
         assert!(contains(&fmu, "sources/it_fmu.c") && contains(&fmu, "canHandleVariable"));
     }
     export(&["onnx", config, "--only", "rk4"]).assert_refused(&["--to onnx", "takes a net"]);

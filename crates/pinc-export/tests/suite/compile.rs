@@ -138,25 +138,28 @@ impl Sources {
             let found = Command::new(program).arg("--version").stdout(Stdio::null()).status();
             found.is_ok_and(|status| status.success())
         };
+        let (clang, cpp) = (has("clang"), has("c++"));
         let selftest = format!("{name}_selftest.c");
         for real in ["double", "float"] {
             let real = format!("-D{}_REAL={real}", name.to_uppercase());
             for source in self.library.iter().chain([&selftest]) {
-                let strict = |compiler: &str| {
+                let strict = |compiler: &str, more: &[&str]| {
                     let mut command = Command::new(compiler);
-                    command.args(["-O2", "-I.", "-c", "-o", "object.o", &real]);
+                    command.args(["-I.", &real]).args(more);
                     command
                 };
-                self.run(strict("cc").args(STRICT).arg(source));
+                let whole = ["-O2", "-c", "-o", "object.o"];
+                self.run(strict("cc", &whole).args(STRICT).arg(source));
                 if source != &selftest {
                     self.assert_self_contained(name);
                 }
-                if has("clang") {
-                    self.run(strict("clang").args(STRICT).arg(source));
+                let syntax = ["-fsyntax-only"];
+                if clang {
+                    self.run(strict("clang", &syntax).args(STRICT).arg(source));
                 }
-                if has("c++") {
+                if cpp {
                     let flags = &STRICT[1..];
-                    self.run(strict("c++").args(["-x", "c++"]).args(flags).arg(source));
+                    self.run(strict("c++", &syntax).args(["-x", "c++"]).args(flags).arg(source));
                 }
             }
         }

@@ -2,7 +2,9 @@
 
 use super::compile::Sources;
 use super::net::nets;
-use pinc_export::{GeneratedFile, Name, Origin, Precision, net_to_casadi, net_to_fmu, net_to_onnx};
+use pinc_export::{
+    FmiVersion, GeneratedFile, Name, Origin, Precision, net_to_casadi, net_to_fmu, net_to_onnx,
+};
 use pinc_net::{FoldedNet, PincModel, PincNet};
 use pinc_ode::{Linearization, Model, Stages};
 
@@ -222,7 +224,7 @@ int main(void)
 #[test]
 fn an_fmu_chains_the_net_as_a_free_run_does() {
     let [net, ..] = nets();
-    let files = net_to_fmu(&net, &name(), &origin(&net)).unwrap();
+    let files = net_to_fmu(&net, &name(), &origin(&net), FmiVersion::Two).unwrap();
     assert_eq!(files[0].path, "modelDescription.xml");
     let xml = String::from_utf8(files[0].bytes.clone()).unwrap();
     assert!(xml.contains("guid=\"{00ff0000-0000-0000-0000-000000000000}\""), "{xml}");

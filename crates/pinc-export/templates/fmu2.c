@@ -48,33 +48,11 @@ typedef struct {
 
 /* ---- The model ------------------------------------------------------------------------------ */
 
-#define PINC_GUID "@GUID@"
-/* Real variables, by their value references; from the first on those that can be set. */
-#define PINC_REALS @REALS@
-#define PINC_FIRST_SET @FIRST_SET@
-
-static const double pinc_starts[PINC_REALS] = {
-@STARTS@};
-
-typedef struct {
-    /* The time of the last communication point. */
-    double time;
-    double reals[PINC_REALS];
-    int status;
-@FIELDS@} pinc_slave;
-
-@MODEL_CODE@
+@MODEL_PART@
 typedef struct {
     pinc_slave slave;
     fmi2CallbackFunctions callbacks;
 } pinc_instance;
-
-static void pinc_set_defaults(pinc_slave *s)
-{
-    memset(s, 0, sizeof(*s));
-    memcpy(s->reals, pinc_starts, sizeof(s->reals));
-    pinc_begin_run(s);
-}
 
 #ifdef __cplusplus
 extern "C" {
@@ -224,7 +202,7 @@ PINC_EXPORT fmi2Status PINC_FMI(fmi2DoStep)(fmi2Component c, fmi2Real from, fmi2
                                             fmi2Boolean noSetFMUStatePriorToCurrentPoint)
 {
     (void)noSetFMUStatePriorToCurrentPoint;
-    return pinc_advance(&((pinc_instance *)c)->slave, from, length);
+    return (pinc_advance(&((pinc_instance *)c)->slave, from, length) == 0) ? fmi2OK : fmi2Error;
 }
 
 PINC_EXPORT fmi2Status PINC_FMI(fmi2GetFMUstate)(fmi2Component c, fmi2FMUstate *state)

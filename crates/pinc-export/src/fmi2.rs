@@ -1,0 +1,119 @@
+//! The model description of FMI 2.0.
+
+use crate::Name;
+use crate::fmu::{Description, Role, guid};
+use crate::origin::{Origin, attribute};
+use crate::template::constant;
+use std::collections::BTreeSet;
+use std::fmt::Write as _;
+
+impl Description<'_> {
+    /// `modelDescription.xml` of FMI 2.0.
+    pub(crate) fn xml2(&self, name: &Name, origin: &Origin) -> String {
+        let name = name.as_str();
+        let sources: String =
+            self.sources.iter().map(|file| format!("      <File name=\"{file}\"/>\n")).collect();
+        format!(
+            "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<fmiModelDescription fmiVersion=\"2.0\" \
+             modelName=\"{name}\" guid=\"{}\"\n    generationTool=\"pinc {}\" \
+             variableNamingConvention=\"structured\">\n  <CoSimulation modelIdentifier=\"{name}\" \
+             canHandleVariableCommunicationStepSize=\"{}\"\n      canGetAndSetFMUstate=\"true\" \
+             canSerializeFMUstate=\"true\">\n    <SourceFiles>\n{sources}    </SourceFiles>\n  \
+             </CoSimulation>\n{}  <DefaultExperiment startTime=\"0\" stepSize=\"{}\"/>\n  \
+             <ModelVariables>\n{}  </ModelVariables>\n{}</fmiModelDescription>\n",
+            guid(origin),
+            attribute(&origin.version),
+            self.any_step,
+            self.units(),
+            constant(self.step_s),
+            self.model_variables(),
+            self.structure(),
+        )
+    }
+
+    /// The units that variables have.
+    pub(crate) fn units(&self) -> String {
+        let units: BTreeSet<&str> =
+            self.variables.iter().map(|v| &*v.unit).filter(|unit| !unit.is_empty()).collect();
+        if units.is_empty() {
+            return String::new();
+        }
+        let list: String = units
+            .iter()
+            .map(|unit| format!("    <Unit name=\"{}\"/>\n", attribute(unit)))
+            .collect();
+        format!("  <UnitDefinitions>\n{list}  </UnitDefinitions>\n")
+    }
+
+    fn model_variables(&self) -> String {
+        let mut text = String::new();
+        for (i, variable) in self.variables.iter().enumerate() {
+            let discrete = if self.feed_through { "discrete" } else { "continuous" };
+            let kind = match variable.role {
+                Role::Output => {
+                    format!(
+                        "causality=\"output\" variability=\"{discrete}\" initial=\"calculated\""
+                    )
+                }
+                Role::Input => "causality=\"input\" variability=\"continuous\"".to_owned(),
+                Role::Start => {
+                    "causality=\"parameter\" variability=\"fixed\" initial=\"exact\"".to_owned()
+                }
+            };
+            let unit = match &*variable.unit {
+                "" => String::new(),
+                unit => format!(" unit=\"{}\"", attribute(unit)),
+            };
+            let start = match variable.role {
+                Role::Output => String::new(),
+                _ => format!(" start=\"{}\"", constant(variable.start)),
+            };
+            let _ = writeln!(
+                text,
+                "    <ScalarVariable name=\"{}\" valueReference=\"{i}\" description=\"{}\" {kind}>\n      \
+                 <Real{unit}{start}/>\n    </ScalarVariable>",
+                variable.name,
+                attribute(&variable.description),
+            );
+        }
+        if self.status {
+            text += "    <ScalarVariable name=\"status\" valueReference=\"0\" description=\"0: \
+                     converged\" causality=\"output\" variability=\"discrete\" \
+                     initial=\"calculated\">\n      <Integer/>\n    </ScalarVariable>\n";
+        }
+        text
+    }
+
+    /// Which outputs depend on what, at all times and at the first.
+    fn structure(&self) -> String {
+        let places = |role: Role| {
+            let all = self.variables.iter().enumerate().filter(move |(_, v)| v.role == role);
+            all.map(|(i, _)| i + 1)
+        };
+        let mut outputs: Vec<usize> = places(Role::Output).collect();
+        if self.status {
+            outputs.push(self.variables.len() + 1);
+        }
+        let join =
+            |list: Vec<usize>| list.iter().map(usize::to_string).collect::<Vec<_>>().join(" ");
+        let inputs = join(places(Role::Input).collect());
+        let starts: Vec<usize> = places(Role::Start).collect();
+        let unknowns = |of: &dyn Fn(usize) -> String| -> String {
+            let row = |(at, index): (usize, &usize)| {
+                format!("      <Unknown index=\"{index}\" dependencies=\"{}\"/>\n", of(at))
+            };
+            outputs.iter().enumerate().map(row).collect()
+        };
+        let always = |_: usize| if self.feed_through { inputs.clone() } else { String::new() };
+        let first = |at: usize| match starts.get(at) {
+            Some(start) => start.to_string(),
+            None => always(at),
+        };
+        format!(
+            "  <ModelStructure>\n    <Outputs>\n{}    </Outputs>\n    <InitialUnknowns>\n{}    \
+             </InitialUnknowns>\n  </ModelStructure>\n",
+            unknowns(&always),
+            unknowns(&first),
+        )
+    }
+}

@@ -1,0 +1,423 @@
+@BANNER@
+/* A co-simulation slave of the Functional Mock-up Interface, version 3.0. */
+#include "pinc_@HEADER@.h"
+
+#include <math.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdlib.h>
+#include <string.h>
+
+/* ---- The interface, as far as it is needed -------------------------------------------------- */
+
+#ifndef __cplusplus
+#include <stdbool.h>
+#endif
+
+typedef void *fmi3Instance;
+typedef void *fmi3InstanceEnvironment;
+typedef void *fmi3FMUState;
+typedef uint32_t fmi3ValueReference;
+typedef double fmi3Float64;
+typedef int32_t fmi3Int32;
+typedef bool fmi3Boolean;
+typedef const char *fmi3String;
+typedef uint8_t fmi3Byte;
+typedef enum { fmi3OK, fmi3Warning, fmi3Discard, fmi3Error, fmi3Fatal } fmi3Status;
+typedef void (*fmi3LogMessageCallback)(fmi3InstanceEnvironment, fmi3Status, fmi3String, fmi3String);
+
+#ifdef FMI3_FUNCTION_PREFIX
+#define PINC_FMI(name) PINC_JOIN(FMI3_FUNCTION_PREFIX, name)
+#else
+#define PINC_FMI(name) name
+#endif
+#ifdef _WIN32
+#define PINC_EXPORT __declspec(dllexport)
+#else
+#define PINC_EXPORT __attribute__((visibility("default")))
+#endif
+
+/* ---- The model ------------------------------------------------------------------------------ */
+
+@MODEL_PART@
+/* Arrays, by their value references from 1 on: where they begin, and how long they are. */
+#define PINC_ARRAYS @ARRAYS@
+static const size_t pinc_arrays[PINC_ARRAYS][2] = {
+@PLACES@};
+/* The value reference of the status. */
+#define PINC_STATUS_REFERENCE (PINC_ARRAYS + 1)
+
+static pinc_slave *pinc_of(fmi3Instance instance)
+{
+    return (pinc_slave *)instance;
+}
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+/* ---- Functions of every slave --------------------------------------------------------------- */
+
+PINC_EXPORT const char *PINC_FMI(fmi3GetVersion)(void)
+{
+    return "3.0";
+}
+
+PINC_EXPORT fmi3Status PINC_FMI(fmi3SetDebugLogging)(fmi3Instance c, fmi3Boolean on, size_t n,
+                                                     const fmi3String categories[])
+{
+    (void)c;
+    (void)on;
+    (void)n;
+    (void)categories;
+    return fmi3OK;
+}
+
+PINC_EXPORT fmi3Instance PINC_FMI(fmi3InstantiateCoSimulation)(
+    fmi3String name, fmi3String token, fmi3String resources, fmi3Boolean visible,
+    fmi3Boolean logging, fmi3Boolean eventMode, fmi3Boolean earlyReturn,
+    const fmi3ValueReference intermediate[], size_t nIntermediate,
+    fmi3InstanceEnvironment environment, fmi3LogMessageCallback log, void *intermediateUpdate)
+{
+    pinc_slave *slave;
+    (void)name;
+    (void)resources;
+    (void)visible;
+    (void)logging;
+    (void)eventMode;
+    (void)earlyReturn;
+    (void)intermediate;
+    (void)nIntermediate;
+    (void)intermediateUpdate;
+    if ((token == NULL) || (strcmp(token, PINC_GUID) != 0)) {
+        if (log != NULL) {
+            log(environment, fmi3Error, "error", "expected the token " PINC_GUID);
+        }
+        return NULL;
+    }
+    slave = (pinc_slave *)calloc(1, sizeof(pinc_slave));
+    if (slave != NULL) {
+        pinc_set_defaults(slave);
+    }
+    return slave;
+}
+
+PINC_EXPORT void PINC_FMI(fmi3FreeInstance)(fmi3Instance c)
+{
+    free(c);
+}
+
+PINC_EXPORT fmi3Status PINC_FMI(fmi3EnterInitializationMode)(
+    fmi3Instance c, fmi3Boolean toleranceDefined, fmi3Float64 tolerance, fmi3Float64 startTime,
+    fmi3Boolean stopTimeDefined, fmi3Float64 stopTime)
+{
+    (void)toleranceDefined;
+    (void)tolerance;
+    (void)stopTimeDefined;
+    (void)stopTime;
+    pinc_of(c)->time = startTime;
+    pinc_begin_run(pinc_of(c));
+    return fmi3OK;
+}
+
+PINC_EXPORT fmi3Status PINC_FMI(fmi3ExitInitializationMode)(fmi3Instance c)
+{
+    pinc_begin_run(pinc_of(c));
+    return fmi3OK;
+}
+
+PINC_EXPORT fmi3Status PINC_FMI(fmi3Terminate)(fmi3Instance c)
+{
+    (void)c;
+    return fmi3OK;
+}
+
+PINC_EXPORT fmi3Status PINC_FMI(fmi3Reset)(fmi3Instance c)
+{
+    pinc_set_defaults(pinc_of(c));
+    return fmi3OK;
+}
+
+PINC_EXPORT fmi3Status PINC_FMI(fmi3GetFloat64)(fmi3Instance c, const fmi3ValueReference vr[],
+                                                size_t n, fmi3Float64 values[], size_t nValues)
+{
+    pinc_slave *s = pinc_of(c);
+    size_t written = 0;
+    size_t i;
+    for (i = 0; i < n; i++) {
+        const double *from = &s->time;
+        size_t count = 1;
+        if (vr[i] > PINC_ARRAYS) {
+            return fmi3Error;
+        }
+        if (vr[i] > 0) {
+            if (pinc_arrays[vr[i] - 1][0] < PINC_FIRST_SET) {
+                pinc_refresh(s);
+            }
+            from = s->reals + pinc_arrays[vr[i] - 1][0];
+            count = pinc_arrays[vr[i] - 1][1];
+        }
+        if (written + count > nValues) {
+            return fmi3Error;
+        }
+        memcpy(values + written, from, count * sizeof(double));
+        written += count;
+    }
+    return fmi3OK;
+}
+
+PINC_EXPORT fmi3Status PINC_FMI(fmi3SetFloat64)(fmi3Instance c, const fmi3ValueReference vr[],
+                                                size_t n, const fmi3Float64 values[],
+                                                size_t nValues)
+{
+    pinc_slave *s = pinc_of(c);
+    size_t taken = 0;
+    size_t i;
+    for (i = 0; i < n; i++) {
+        size_t count;
+        if ((vr[i] < 1) || (vr[i] > PINC_ARRAYS) ||
+            (pinc_arrays[vr[i] - 1][0] < PINC_FIRST_SET)) {
+            return fmi3Error;
+        }
+        count = pinc_arrays[vr[i] - 1][1];
+        if (taken + count > nValues) {
+            return fmi3Error;
+        }
+        memcpy(s->reals + pinc_arrays[vr[i] - 1][0], values + taken, count * sizeof(double));
+        taken += count;
+    }
+    pinc_changed(s);
+    return fmi3OK;
+}
+
+PINC_EXPORT fmi3Status PINC_FMI(fmi3GetInt32)(fmi3Instance c, const fmi3ValueReference vr[],
+                                              size_t n, fmi3Int32 values[], size_t nValues)
+{
+    pinc_slave *s = pinc_of(c);
+    size_t i;
+    for (i = 0; i < n; i++) {
+        if ((vr[i] != PINC_STATUS_REFERENCE) || (i >= nValues)) {
+            return fmi3Error;
+        }
+        pinc_refresh(s);
+        values[i] = s->status;
+    }
+    return fmi3OK;
+}
+
+PINC_EXPORT fmi3Status PINC_FMI(fmi3DoStep)(fmi3Instance c, fmi3Float64 from, fmi3Float64 length,
+                                            fmi3Boolean noSetFMUStatePriorToCurrentPoint,
+                                            fmi3Boolean *eventHandlingNeeded,
+                                            fmi3Boolean *terminateSimulation,
+                                            fmi3Boolean *earlyReturn, fmi3Float64 *lastTime)
+{
+    (void)noSetFMUStatePriorToCurrentPoint;
+    *eventHandlingNeeded = false;
+    *terminateSimulation = false;
+    *earlyReturn = false;
+    if (pinc_advance(pinc_of(c), from, length) != 0) {
+        return fmi3Error;
+    }
+    *lastTime = pinc_of(c)->time;
+    return fmi3OK;
+}
+
+PINC_EXPORT fmi3Status PINC_FMI(fmi3GetFMUState)(fmi3Instance c, fmi3FMUState *state)
+{
+    if (*state == NULL) {
+        *state = malloc(sizeof(pinc_slave));
+    }
+    if (*state == NULL) {
+        return fmi3Error;
+    }
+    memcpy(*state, c, sizeof(pinc_slave));
+    return fmi3OK;
+}
+
+PINC_EXPORT fmi3Status PINC_FMI(fmi3SetFMUState)(fmi3Instance c, fmi3FMUState state)
+{
+    memcpy(c, state, sizeof(pinc_slave));
+    return fmi3OK;
+}
+
+PINC_EXPORT fmi3Status PINC_FMI(fmi3FreeFMUState)(fmi3Instance c, fmi3FMUState *state)
+{
+    (void)c;
+    free(*state);
+    *state = NULL;
+    return fmi3OK;
+}
+
+PINC_EXPORT fmi3Status PINC_FMI(fmi3SerializedFMUStateSize)(fmi3Instance c, fmi3FMUState state,
+                                                            size_t *size)
+{
+    (void)c;
+    (void)state;
+    *size = sizeof(pinc_slave);
+    return fmi3OK;
+}
+
+PINC_EXPORT fmi3Status PINC_FMI(fmi3SerializeFMUState)(fmi3Instance c, fmi3FMUState state,
+                                                       fmi3Byte bytes[], size_t size)
+{
+    (void)c;
+    if (size != sizeof(pinc_slave)) {
+        return fmi3Error;
+    }
+    memcpy(bytes, state, size);
+    return fmi3OK;
+}
+
+PINC_EXPORT fmi3Status PINC_FMI(fmi3DeserializeFMUState)(fmi3Instance c, const fmi3Byte bytes[],
+                                                         size_t size, fmi3FMUState *state)
+{
+    if (size != sizeof(pinc_slave)) {
+        return fmi3Error;
+    }
+    if (PINC_FMI(fmi3GetFMUState)(c, state) != fmi3OK) {
+        return fmi3Error;
+    }
+    memcpy(*state, bytes, size);
+    return fmi3OK;
+}
+
+/* ---- What this slave has not ---------------------------------------------------------------- */
+
+PINC_EXPORT fmi3Instance PINC_FMI(fmi3InstantiateModelExchange)(
+    fmi3String name, fmi3String token, fmi3String resources, fmi3Boolean visible,
+    fmi3Boolean logging, fmi3InstanceEnvironment environment, fmi3LogMessageCallback log)
+{
+    (void)name;
+    (void)token;
+    (void)resources;
+    (void)visible;
+    (void)logging;
+    (void)environment;
+    (void)log;
+    return NULL;
+}
+
+PINC_EXPORT fmi3Instance PINC_FMI(fmi3InstantiateScheduledExecution)(
+    fmi3String name, fmi3String token, fmi3String resources, fmi3Boolean visible,
+    fmi3Boolean logging, fmi3InstanceEnvironment environment, fmi3LogMessageCallback log,
+    void *clockUpdate, void *lock, void *unlock)
+{
+    (void)name;
+    (void)token;
+    (void)resources;
+    (void)visible;
+    (void)logging;
+    (void)environment;
+    (void)log;
+    (void)clockUpdate;
+    (void)lock;
+    (void)unlock;
+    return NULL;
+}
+
+/* Variables of a type that there are none of. */
+#define PINC_NONE_OF(Type, type)                                                                   \
+    PINC_EXPORT fmi3Status PINC_FMI(fmi3Get##Type)(                                                \
+        fmi3Instance c, const fmi3ValueReference vr[], size_t n, type values[], size_t nValues)    \
+    {                                                                                              \
+        (void)c;                                                                                   \
+        (void)vr;                                                                                  \
+        (void)values;                                                                              \
+        (void)nValues;                                                                             \
+        return (n == 0) ? fmi3OK : fmi3Error;                                                      \
+    }                                                                                              \
+    PINC_NO_SETTER(Type, type)
+#define PINC_NO_SETTER(Type, type)                                                                 \
+    PINC_EXPORT fmi3Status PINC_FMI(fmi3Set##Type)(fmi3Instance c, const fmi3ValueReference vr[],  \
+                                                   size_t n, const type values[], size_t nValues)  \
+    {                                                                                              \
+        (void)c;                                                                                   \
+        (void)vr;                                                                                  \
+        (void)values;                                                                              \
+        (void)nValues;                                                                             \
+        return (n == 0) ? fmi3OK : fmi3Error;                                                      \
+    }
+
+PINC_NO_SETTER(Int32, fmi3Int32)
+PINC_NONE_OF(Float32, float)
+PINC_NONE_OF(Int8, int8_t)
+PINC_NONE_OF(UInt8, uint8_t)
+PINC_NONE_OF(Int16, int16_t)
+PINC_NONE_OF(UInt16, uint16_t)
+PINC_NONE_OF(UInt32, uint32_t)
+PINC_NONE_OF(Int64, int64_t)
+PINC_NONE_OF(UInt64, uint64_t)
+PINC_NONE_OF(Boolean, fmi3Boolean)
+PINC_NONE_OF(String, fmi3String)
+
+/* A function that nothing calls, as the model description says. */
+#define PINC_ABSENT(name, ...)                                                                     \
+    PINC_EXPORT fmi3Status PINC_FMI(name)(__VA_ARGS__);                                            \
+    PINC_EXPORT fmi3Status PINC_FMI(name)(__VA_ARGS__)                                             \
+    {                                                                                              \
+        return fmi3Error;                                                                          \
+    }
+
+#if defined(__GNUC__)
+#pragma GCC diagnostic push
+#pragma GCC diagnostic ignored "-Wunused-parameter"
+#endif
+PINC_ABSENT(fmi3GetBinary, fmi3Instance c, const fmi3ValueReference vr[], size_t n, size_t sizes[],
+            const fmi3Byte *values[], size_t nValues)
+PINC_ABSENT(fmi3SetBinary, fmi3Instance c, const fmi3ValueReference vr[], size_t n,
+            const size_t sizes[], const fmi3Byte *const values[], size_t nValues)
+PINC_ABSENT(fmi3GetClock, fmi3Instance c, const fmi3ValueReference vr[], size_t n, bool values[])
+PINC_ABSENT(fmi3SetClock, fmi3Instance c, const fmi3ValueReference vr[], size_t n,
+            const bool values[])
+PINC_ABSENT(fmi3EnterEventMode, fmi3Instance c)
+PINC_ABSENT(fmi3EnterStepMode, fmi3Instance c)
+PINC_ABSENT(fmi3EnterConfigurationMode, fmi3Instance c)
+PINC_ABSENT(fmi3ExitConfigurationMode, fmi3Instance c)
+PINC_ABSENT(fmi3EnterContinuousTimeMode, fmi3Instance c)
+PINC_ABSENT(fmi3EvaluateDiscreteStates, fmi3Instance c)
+PINC_ABSENT(fmi3UpdateDiscreteStates, fmi3Instance c, bool *discrete, bool *terminate,
+            bool *nominals, bool *values, bool *defined, double *next)
+PINC_ABSENT(fmi3CompletedIntegratorStep, fmi3Instance c, bool noSet, bool *enter, bool *terminate)
+PINC_ABSENT(fmi3SetTime, fmi3Instance c, double time)
+PINC_ABSENT(fmi3SetContinuousStates, fmi3Instance c, const double states[], size_t n)
+PINC_ABSENT(fmi3GetContinuousStates, fmi3Instance c, double states[], size_t n)
+PINC_ABSENT(fmi3GetContinuousStateDerivatives, fmi3Instance c, double derivatives[], size_t n)
+PINC_ABSENT(fmi3GetNominalsOfContinuousStates, fmi3Instance c, double nominals[], size_t n)
+PINC_ABSENT(fmi3GetNumberOfContinuousStates, fmi3Instance c, size_t *n)
+PINC_ABSENT(fmi3GetNumberOfEventIndicators, fmi3Instance c, size_t *n)
+PINC_ABSENT(fmi3GetEventIndicators, fmi3Instance c, double indicators[], size_t n)
+PINC_ABSENT(fmi3GetNumberOfVariableDependencies, fmi3Instance c, fmi3ValueReference vr, size_t *n)
+PINC_ABSENT(fmi3GetVariableDependencies, fmi3Instance c, fmi3ValueReference vr, size_t elements[],
+            fmi3ValueReference independents[], size_t places[], int kinds[], size_t n)
+PINC_ABSENT(fmi3GetDirectionalDerivative, fmi3Instance c, const fmi3ValueReference unknowns[],
+            size_t nUnknowns, const fmi3ValueReference knowns[], size_t nKnowns,
+            const double seed[], size_t nSeed, double sensitivity[], size_t nSensitivity)
+PINC_ABSENT(fmi3GetAdjointDerivative, fmi3Instance c, const fmi3ValueReference unknowns[],
+            size_t nUnknowns, const fmi3ValueReference knowns[], size_t nKnowns,
+            const double seed[], size_t nSeed, double sensitivity[], size_t nSensitivity)
+PINC_ABSENT(fmi3GetOutputDerivatives, fmi3Instance c, const fmi3ValueReference vr[], size_t n,
+            const int32_t orders[], double values[], size_t nValues)
+PINC_ABSENT(fmi3ActivateModelPartition, fmi3Instance c, fmi3ValueReference clock, double time)
+PINC_ABSENT(fmi3GetIntervalDecimal, fmi3Instance c, const fmi3ValueReference vr[], size_t n,
+            double intervals[], int qualifiers[])
+PINC_ABSENT(fmi3GetIntervalFraction, fmi3Instance c, const fmi3ValueReference vr[], size_t n,
+            uint64_t counters[], uint64_t resolutions[], int qualifiers[])
+PINC_ABSENT(fmi3GetShiftDecimal, fmi3Instance c, const fmi3ValueReference vr[], size_t n,
+            double shifts[])
+PINC_ABSENT(fmi3GetShiftFraction, fmi3Instance c, const fmi3ValueReference vr[], size_t n,
+            uint64_t counters[], uint64_t resolutions[])
+PINC_ABSENT(fmi3SetIntervalDecimal, fmi3Instance c, const fmi3ValueReference vr[], size_t n,
+            const double intervals[])
+PINC_ABSENT(fmi3SetIntervalFraction, fmi3Instance c, const fmi3ValueReference vr[], size_t n,
+            const uint64_t counters[], const uint64_t resolutions[])
+PINC_ABSENT(fmi3SetShiftDecimal, fmi3Instance c, const fmi3ValueReference vr[], size_t n,
+            const double shifts[])
+PINC_ABSENT(fmi3SetShiftFraction, fmi3Instance c, const fmi3ValueReference vr[], size_t n,
+            const uint64_t counters[], const uint64_t resolutions[])
+#if defined(__GNUC__)
+#pragma GCC diagnostic pop
+#endif
+
+#ifdef __cplusplus
+}
+#endif

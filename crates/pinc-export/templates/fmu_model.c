@@ -1,0 +1,23 @@
+#define PINC_GUID "@GUID@"
+/* Real variables, by their value references; from the first on those that can be set. */
+#define PINC_REALS @REALS@
+#define PINC_FIRST_SET @FIRST_SET@
+
+static const double pinc_starts[PINC_REALS] = {
+@STARTS@};
+
+typedef struct {
+    /* The time of the last communication point. */
+    double time;
+    double reals[PINC_REALS];
+    int status;
+@FIELDS@} pinc_slave;
+
+@MODEL_CODE@
+
+static void pinc_set_defaults(pinc_slave *s)
+{
+    memset(s, 0, sizeof(*s));
+    memcpy(s->reals, pinc_starts, sizeof(s->reals));
+    pinc_begin_run(s);
+}
