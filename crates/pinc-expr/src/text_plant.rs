@@ -3,8 +3,8 @@
 use crate::ExpressionPlant;
 use pinc_ad::simd::{Isa, Simd, Task};
 use pinc_ode::{
-    AnyVectorRhs, Dims, DynPlant, DynRhs, Model, Plant, SparseFunction, SparsityPattern, Tableau,
-    Variable, sparse_runge_kutta,
+    AnyVectorRhs, Dims, DynPlant, DynRhs, Model, Plant, Rodas4, SparseFunction, SparsityPattern,
+    Tableau, Variable, sparse_runge_kutta,
 };
 use std::sync::Arc;
 

@@ -276,7 +276,10 @@ fn model_files_are_read_or_refused() {
     try_cases("model", 1, &[fs::read(file).unwrap()], |bytes| match PincNet::from_bytes(bytes) {
         Ok(net) => {
             let (n, m) = (net.state_names().len(), net.input_names().len());
-            assert_eq!(net.evaluate(0.0, &vec![0.1; n], &vec![0.1; m]).len(), n);
+            assert_eq!(
+                net.evaluate(0.0, &vec![0.1; n], &vec![0.1; m], &vec![0.1; net.dims().np]).len(),
+                n
+            );
             let again = PincNet::from_bytes(&net.to_bytes()).expect("what is written can be read");
             assert_eq!(again.state_names(), net.state_names());
         }

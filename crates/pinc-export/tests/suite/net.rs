@@ -91,7 +91,7 @@ fn expected(net: &PincNet) -> (Vec<f64>, Vec<f64>) {
         for part in [&next, &a, &b] {
             all.extend_from_slice(part);
         }
-        all.extend(net.evaluate(0.3, x, u));
+        all.extend(net.evaluate(0.3, x, u, &[]));
         given.extend(point);
     }
     (given, all)

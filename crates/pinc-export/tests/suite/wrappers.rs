@@ -246,7 +246,7 @@ fn an_fmu_chains_the_net_as_a_free_run_does() {
         (-0.6, 0.25, true),
         (0.4, 0.5, true),
     ] {
-        let next = net.evaluate(t, &x, &[u]);
+        let next = net.evaluate(t, &x, &[u], &[]);
         expected.extend_from_slice(&next);
         if chained {
             x = next;
