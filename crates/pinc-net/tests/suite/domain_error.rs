@@ -210,7 +210,7 @@ fn a_net_is_judged_by_other_scenarios_than_it_was_chosen_by() {
     let mut model = PincModel::new(&trained.net).unwrap();
     let found = truth.judge(&mut model);
     let first = (truth.points().state(0), truth.points().input(0));
-    let by_net = trained.net.evaluate(0.5, first.0, first.1);
+    let by_net = trained.net.evaluate(0.5, first.0, first.1, &[]);
     let by_model = {
         let mut next = vec![0.0; 2];
         model.step(first.0, first.1, &[], &mut next);
