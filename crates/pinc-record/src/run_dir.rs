@@ -25,7 +25,7 @@ pub struct RunDir {
 impl RunDir {
     /// The directory `dir`, made if it is not there, for the results of `experiment`. What it holds
     /// of the same experiment stays until it is replaced. Nobody else can open it until the value
-    /// and its clones are dropped; `id` says to others which process has it.
+    /// and its clones are dropped or [released](RunDir::released); `id` says to others which process has it.
     ///
     /// # Errors
     ///
@@ -64,6 +64,12 @@ impl RunDir {
         let missing = || RecordError::unreadable(&path)(ErrorKind::NotFound.into());
         let metrics = Metrics::read(dir)?.ok_or_else(missing)?;
         Ok(Self { dir: dir.to_owned(), metrics, keeps_traces: true, _lock: None })
+    }
+
+    /// The same directory, for others to open.
+    #[must_use]
+    pub fn released(self) -> Self {
+        Self { _lock: None, ..self }
     }
 
     /// Writes where the results to come are from. A resumed run keeps what is said of those that are

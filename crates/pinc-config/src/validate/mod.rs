@@ -1,7 +1,7 @@
 //! Checks of a config that its types cannot make.
 
 mod control;
-mod limits;
+pub(crate) mod limits;
 mod names;
 mod values;
 
