@@ -72,3 +72,4 @@ pub use sweep::{AxisSpec, CaseSpec, DrawsSpec, RangeSpec, SweepSpec};
 pub use time_unit::TimeUnit;
 pub use training::{Effort, TrainingSpec};
 pub use trial::{CASE, DRAW, DRAWN, SEED, Trial, cell_columns, columns, trials};
+pub use validate::limits::STEPS as MOST_STEPS;

@@ -25,7 +25,7 @@ pub struct RunDir {
 impl RunDir {
     /// The directory `dir`, made if it is not there, for the results of `experiment`. What it holds
     /// of the same experiment stays until it is replaced. Nobody else can open it until the value
-    /// and its clones are dropped; `id` says to others which process has it.
+    /// and its clones are dropped or [released](RunDir::released); `id` says to others which process has it.
     ///
     /// # Errors
     ///
@@ -70,6 +70,12 @@ impl RunDir {
     #[must_use]
     pub fn without_traces(self) -> Self {
         Self { keeps_traces: false, ..self }
+    }
+
+    /// The same directory, for others to open.
+    #[must_use]
+    pub fn released(self) -> Self {
+        Self { _lock: None, ..self }
     }
 
     /// Writes where the results to come are from. A resumed run keeps what is said of those that are

@@ -35,7 +35,7 @@ pub use serve::serve;
 use crate::BenchError;
 use crate::invocation::invocation;
 use crate::progress::Verbosity;
-use pinc_config::{Experiment, LoopParameters, ModelKind};
+use pinc_config::{Experiment, LoopParameters, MOST_STEPS, ModelKind};
 use pinc_net::PincNet;
 use pinc_record::{
     Metrics, Provenance, RecordError, RunDir, file, read_file, remove_unfinished, write_atomically,
@@ -178,7 +178,7 @@ fn execute(
     let stages = Stages { experiment, options, plan: &plan, run_dir: &mut run_dir };
     stages.run()?;
     rebuild_report(dir)?;
-    Ok(run_dir)
+    Ok(run_dir.released())
 }
 
 /// What is done, and with which net.
@@ -370,6 +370,15 @@ fn read_matching_model(
             format!("{} s", net.sample_time_s()),
             format!("{sample_time_s} s"),
         ));
+    }
+    if let (None, Some(control)) = (experiment.sample_time_s(), &experiment.control) {
+        #[expect(clippy::cast_precision_loss, reason = "far fewer than 2^53")]
+        let least = control.duration_s / MOST_STEPS as f64;
+        if net.sample_time_s() < least {
+            let found = format!("{} s", net.sample_time_s());
+            let expected = format!("{least} s at least, for {MOST_STEPS} steps at most");
+            compared.push(("step length T", found, expected));
+        }
     }
     for (what, found, expected) in compared {
         if found != expected {

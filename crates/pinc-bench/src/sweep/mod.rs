@@ -204,7 +204,7 @@ impl<'a> Session<'a> {
             let table = self.run_dir.path(file::SWEEP);
             return Err(BenchError::FailedTrials { failed, trials, table });
         }
-        Ok(self.run_dir)
+        Ok(self.run_dir.released())
     }
 }
 

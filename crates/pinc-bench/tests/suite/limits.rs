@@ -52,6 +52,23 @@ fn sizes_have_limits() {
     check_set(&loops).assert_refused(&["`control.repetitions`", "100000000 steps in all at most"]);
 }
 
+/// T may be known by the model file alone.
+#[test]
+fn a_loop_with_a_models_own_step_is_not_endless() {
+    let dir = tempfile::tempdir().unwrap();
+    let text = smoke();
+    let (begin, rest) = text.split_once("[model]").unwrap();
+    let (_, control) = rest.split_once("[control]").unwrap();
+    let control = control.split("\n[").next().unwrap();
+    let control = control.replacen("duration_s = 5.0", "duration_s = 1e12", 1);
+    let path = dir.path().join("loop.toml");
+    fs::write(&path, format!("{begin}[control]{control}")).unwrap();
+    let model = repository("crates/pinc-bench/tests/data/model.safetensors");
+    let mut command = pinc(&["control".as_ref(), path.as_os_str(), "--out".as_ref()]);
+    outcome(command.arg(dir.path().join("run")).arg("--model").arg(model))
+        .assert_refused(&["step length T", "10000000 steps at most"]);
+}
+
 #[test]
 fn a_table_that_is_set_lies_over_the_defaults() {
     let outcome = check_set(&["data={files=[\"nowhere.csv\"]}"]);

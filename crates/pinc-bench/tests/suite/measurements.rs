@@ -54,6 +54,10 @@ fn both_kinds_of_file_enter_loss_record_and_metrics() {
 #[test]
 fn bad_files_are_refused_with_line_and_column() {
     refused(
+        &TRAJECTORY.replace("0.95", "1e308"),
+        &["m.csv:4: column `x1`: `1e308` given, expected a finite number up to 1e100"],
+    );
+    refused(
         &TRAJECTORY.replace("0.95", "much"),
         &["m.csv:4: column `x1`: `much` given, expected a finite number"],
     );

@@ -65,7 +65,8 @@ fn csv_mistakes_name_line_and_column() {
         ("a,0.5,,,\n", &["in.csv:3: ", "column `u`", "`` given"]),
         ("a,0.5,0.1,z,\n", &["in.csv:3: ", "column `x1`", "`z` given"]),
         ("a,0.0,0.1,,\n", &["in.csv:3: ", "column `t`", "expected more than 0 s"]),
-        ("a,1e300,0.1,,\n", &["in.csv:3: ", "column `t`", "million steps"]),
+        ("a,1e90,0.1,,\n", &["in.csv:3: ", "column `t`", "million steps"]),
+        ("a,0.5,1e300,,\n", &["in.csv:3: ", "column `u`", "up to 1e100"]),
         ("a,0.5,0.1\n", &["in.csv:3: ", "not a CSV file"]),
         ("b,0.0,0.1,1.0,\n", &["in.csv:3: ", "column `x2`", "`` given"]),
     ] {

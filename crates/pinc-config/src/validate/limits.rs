@@ -7,8 +7,8 @@ use pinc_mpc::{QpMethod, Weight};
 use pinc_net::optim::OptimizerConfig;
 use pinc_ode::Dims;
 
-/// Steps of T that a run or a scenario may have.
-const STEPS: usize = 10_000_000;
+/// Steps of T that a run or a scenario may have at most.
+pub const STEPS: usize = 10_000_000;
 /// Points, scenarios and rows that are held in memory.
 const POINTS: usize = 1_000_000;
 /// Substeps, subintervals and other parts of a step.

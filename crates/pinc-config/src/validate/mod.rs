@@ -2,7 +2,7 @@
 
 mod control;
 mod estimator;
-mod limits;
+pub(crate) mod limits;
 mod names;
 mod values;
 
