@@ -73,11 +73,14 @@ fn innovation(run: &Run, table: &EstimateTable, i: usize) -> Panel {
     panel
 }
 
+/// A column of the table.
+type Value = fn(&EstimateRow) -> f64;
+
 /// The normalized squares of innovations and errors.
 fn consistency(table: &EstimateTable) -> Panel {
     let axis = Axis::new("normalized square", Kind::Log);
     let mut panel = Panel::new("Consistency", axis, 130.0);
-    let squares: [(&str, fn(&EstimateRow) -> f64, Style); 2] = [
+    let squares: [(&str, Value, Style); 2] = [
         ("NIS", |row| row.nis, Style::new(BLUE, Shape::Dots(2.0))),
         ("NEES", |row| row.nees, Style::new(AMBER, Shape::Dots(2.0))),
     ];

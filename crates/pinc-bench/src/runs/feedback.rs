@@ -19,7 +19,7 @@ use std::rc::Rc;
 use std::time::{Duration, Instant};
 
 /// Which stream of random numbers the noise is drawn from.
-const NOISE: u64 = 0x6e6f_6973_65;
+const NOISE: u64 = 0x006e_6f69_7365;
 
 /// Sensors and estimator, with an eye on the clock.
 #[derive(Debug)]
@@ -174,12 +174,11 @@ pub(super) fn metrics(
     states: &[String],
     times_us: Vec<f64>,
 ) -> EstimatorMetrics {
-    #[expect(clippy::cast_precision_loss, reason = "no run has 2^53 steps")]
     let mean = |values: &mut dyn Iterator<Item = f64>| {
         let (sum, count) = values
             .filter(|value| !value.is_nan())
-            .fold((0.0, 0), |(sum, count), value| (sum + value, count + 1));
-        sum / count as f64
+            .fold((0.0, 0.0), |(sum, count), value| (sum + value, count + 1.0));
+        sum / count
     };
     #[expect(clippy::cast_precision_loss, reason = "no run has 2^53 steps")]
     let steps = history.nees.len() as f64;
