@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use toml::{Table, Value};
 
 /// Our crates with the ones of ours that each depends on, from the bottom up.
-const CRATES: [(&str, &[&str]); 15] = [
+const CRATES: [(&str, &[&str]); 16] = [
     ("pinc-ad", &[]),
     ("pinc-qp", &[]),
     ("pinc-chart", &[]),
@@ -24,12 +24,24 @@ const CRATES: [(&str, &[&str]); 15] = [
         &["pinc-estimate", "pinc-expr", "pinc-mpc", "pinc-net", "pinc-ode", "pinc-plants"],
     ),
     ("pinc-record", &["pinc-config", "pinc-mpc", "pinc-net"]),
+    (
+        "pinc-check",
+        &[
+            "pinc-analysis",
+            "pinc-config",
+            "pinc-estimate",
+            "pinc-expr",
+            "pinc-net",
+            "pinc-ode",
+            "pinc-record",
+        ],
+    ),
     ("pinc-report", &["pinc-chart", "pinc-config", "pinc-mpc", "pinc-net", "pinc-record"]),
     (
         "pinc-bench",
         &[
             "pinc-ad",
-            "pinc-analysis",
+            "pinc-check",
             "pinc-config",
             "pinc-estimate",
             "pinc-export",

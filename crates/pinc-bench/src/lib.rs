@@ -36,8 +36,3 @@ pub use runs::{
 };
 pub use summary::summary;
 pub use sweep::{Shard, merge, sweep};
-
-// What the examinations of a plant call by these names.
-pub(crate) use pinc_config as spec;
-#[cfg(test)]
-pub(crate) use pinc_config::Experiment;

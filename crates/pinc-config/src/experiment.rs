@@ -287,6 +287,18 @@ impl Experiment {
     }
 }
 
+/// How many steps of `sample_time_s` a duration has; the config was checked for it to be whole.
+#[must_use]
+pub fn steps(duration_s: f64, sample_time_s: f64) -> usize {
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "a positive number of steps that fits into memory"
+    )]
+    let steps = (duration_s / sample_time_s).round() as usize;
+    steps.max(1)
+}
+
 /// The text of a file.
 pub(crate) fn read(path: &Path) -> Result<String, ConfigError> {
     std::fs::read_to_string(path)

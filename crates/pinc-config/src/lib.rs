@@ -56,7 +56,7 @@ pub use data::DataSpec;
 pub use estimator::{
     DisturbanceSpec, EstimatorKind, EstimatorSpec, MeasurementSpec, UnknownParameter,
 };
-pub use experiment::{Experiment, LoopParameters};
+pub use experiment::{Experiment, LoopParameters, steps};
 pub use list::{ListedRun, RunList};
 pub use one_step::OneStepSpec;
 pub use plant::{

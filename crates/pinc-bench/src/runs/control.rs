@@ -7,6 +7,7 @@ use super::recording::{Recording, Totals, TraceColumns, write_medians};
 use super::with_outputs::WithOutputs;
 use crate::BenchError;
 use crate::progress::Stage;
+use pinc_check::Rehearsal;
 use pinc_config::{ControlSpec, Experiment, ModelKind, Variables};
 use pinc_mpc::{ClosedLoop, Nmpc, NmpcProblem, Reference};
 use pinc_net::{NetError, PincModel, PincNet};
@@ -144,16 +145,6 @@ pub(crate) fn verdict(experiment: &Experiment, metrics: &Metrics) -> Result<(), 
     }
 }
 
-/// A closed loop that was run once and not recorded.
-pub(super) struct Rehearsal {
-    /// The integrator that was the model.
-    pub(super) model: ModelKind,
-    /// The plant's trajectory.
-    pub(super) trace: Trajectory,
-    /// How many steps ended with which status.
-    pub(super) status: BTreeMap<String, usize>,
-}
-
 /// The closed loop of `spec` with an integrator as the model: the first one of the config, or else RK4.
 pub(super) fn rehearse(
     plant: &dyn DynPlant,
@@ -247,7 +238,7 @@ impl LoopSetup<'_> {
         let starts = references.iter().map(|step| step.start_s).collect();
         let values = references.iter().map(|step| step.value.clone()).collect();
         let signal = PiecewiseConstant::new(starts, values)?;
-        let steps = super::steps(self.spec.duration_s, self.sample_time_s);
+        let steps = pinc_config::steps(self.spec.duration_s, self.sample_time_s);
         Ok(Reference::sample(&signal, steps, self.sample_time_s)?)
     }
 

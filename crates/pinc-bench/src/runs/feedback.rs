@@ -123,7 +123,7 @@ impl LoopSetup<'_> {
         let augmentation = self.augmentation(spec, &measurement, plant);
         let model = self.model(kind, plant)?;
         let estimator = estimator(spec, &augmentation, model)?;
-        let steps = super::steps(self.spec.duration_s, self.sample_time_s);
+        let steps = pinc_config::steps(self.spec.duration_s, self.sample_time_s);
         let noise = self.noise(&measurement, steps);
         let feedback = OutputFeedback::new(estimator, augmentation, noise);
         Ok(Some(TimedFeedback {

@@ -96,7 +96,7 @@ fn simulate(
 fn draw_inputs(spec: &PredictionSpec, sample_time_s: f64, seed: u64) -> Vec<Vec<f64>> {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     rng.set_stream(STREAM);
-    let steps = super::steps(spec.duration_s, sample_time_s);
+    let steps = pinc_config::steps(spec.duration_s, sample_time_s);
     let mut draw = || {
         let ends = spec.input_low.iter().zip(&spec.input_high);
         ends.map(|(low, high)| low + (high - low) * rng.random::<f64>()).collect()

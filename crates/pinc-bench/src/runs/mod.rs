@@ -26,9 +26,10 @@ pub(crate) use control::{LoopSetup, verdict};
 pub(crate) use train::TrainingSetup;
 pub(crate) use trial::{run_trial, train_shared};
 
-pub use check::{Finding, Severity, check, findings_json};
+pub use check::check;
 pub use estimate::{Estimated, estimate};
 pub use export::{Target, export_controller, export_net, export_plant};
+pub use pinc_check::{Finding, Severity, findings_json};
 pub use predict::predict;
 pub use serve::serve;
 
@@ -386,15 +387,4 @@ fn read_matching_model(
         }
     }
     Ok((bytes, net))
-}
-
-/// How many steps of `sample_time_s` a duration has; the config was checked for it to be whole.
-fn steps(duration_s: f64, sample_time_s: f64) -> usize {
-    #[expect(
-        clippy::cast_possible_truncation,
-        clippy::cast_sign_loss,
-        reason = "a positive number of steps that fits into memory"
-    )]
-    let steps = (duration_s / sample_time_s).round() as usize;
-    steps.max(1)
 }

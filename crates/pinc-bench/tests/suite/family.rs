@@ -37,10 +37,10 @@ references = [{ start_s = 0.0, value = [9.0] }]
 repetitions = 1
 "#;
 
-fn run(dir: &Path, sets: &[&str]) -> serde_json::Value {
+fn run(dir: &Path, name: &str, sets: &[&str]) -> serde_json::Value {
     let config = dir.join("tanks.toml");
     fs::write(&config, FAMILY).unwrap();
-    let out = dir.join("run");
+    let out = dir.join(name);
     let mut command = pinc(&["run", "--quiet"]);
     command.arg(&config).arg("--out").arg(&out);
     for set in sets {
@@ -61,13 +61,13 @@ fn offsets(metrics: &serde_json::Value) -> [f64; 2] {
 #[test]
 fn a_controller_is_told_of_its_parameters() {
     let dir = tempfile::tempdir().unwrap();
-    let nominal = run(dir.path(), &[]);
+    let nominal = run(dir.path(), "nominal", &[]);
     let place = &nominal["validation"]["domain_error"]["max_at"];
     let k = place["p"]["k"].as_f64().unwrap();
     assert!((2.4..=3.8).contains(&k), "{place}");
     let worn = "control.plant={one-tank={}}";
     // The built-in tank has no parameters to choose; the models are told of another one instead.
-    let wrong = run(dir.path(), &[worn, "control.parameters={k=2.6}"]);
+    let wrong = run(dir.path(), "wrong", &[worn, "control.parameters={k=2.6}"]);
     for (right, wrong) in offsets(&nominal).into_iter().zip(offsets(&wrong)) {
         assert!(right < 0.05 && wrong > 0.2, "{right} {wrong}");
     }
@@ -78,7 +78,7 @@ fn a_controller_is_told_of_its_parameters() {
 #[test]
 fn a_free_run_is_given_the_parameters_as_columns() {
     let dir = tempfile::tempdir().unwrap();
-    run(dir.path(), &[]);
+    run(dir.path(), "run", &[]);
     let path = |name: &str| dir.path().join(name);
     let predict = |inputs: &str| {
         fs::write(path("in.csv"), inputs).unwrap();

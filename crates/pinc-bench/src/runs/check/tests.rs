@@ -1,9 +1,10 @@
 //! Every message of the examinations, from a plant that gives rise to it.
 
-use super::Severity::{self, Error, Fact, Warning};
-use super::{Finding, examine};
-use crate::Experiment;
+use super::examine;
 use pinc_ad::Scalar;
+use pinc_check::Finding;
+use pinc_check::Severity::{self, Error, Fact, Warning};
+use pinc_config::Experiment;
 use pinc_ode::{Plant, Variable};
 
 /// A plant of two states x1, x2 and one input u, as the config below says it is.

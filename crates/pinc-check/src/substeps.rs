@@ -1,8 +1,8 @@
 //! How many substeps of RK4 a step T needs: what a net has to beat.
 
-use super::{Finding, Subject, short};
-use crate::spec::ModelKind;
+use crate::{Finding, Subject, short};
 use pinc_analysis::OneStepSamples;
+use pinc_config::ModelKind;
 
 /// Random points at which integrators are compared.
 const POINTS: usize = 100;
@@ -16,7 +16,7 @@ const MOST: usize = 1024;
 /// The errors asked for, in widths of the region.
 const WANTED: [f64; 2] = [1e-4, 1e-6];
 
-pub(super) fn examine(subject: &Subject<'_>) -> Vec<Finding> {
+pub(crate) fn examine(subject: &Subject<'_>) -> Vec<Finding> {
     let Some(sample_time_s) = subject.experiment.sample_time_s() else {
         return Vec::new();
     };

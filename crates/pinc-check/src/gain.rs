@@ -1,6 +1,6 @@
 //! What the inputs can do at steady state: the rank of the static gain, and the transmission zeros.
 
-use super::{Finding, LISTED, Subject, short};
+use crate::{Finding, LISTED, Subject, short};
 use pinc_analysis::{
     OperatingPoint, StateSpace, TimeScales, TransmissionZeros, common_plane, common_ratio,
 };
@@ -11,7 +11,7 @@ const AT_ZERO: f64 = 1e-6;
 /// Random inputs whose steady states are compared.
 const SAMPLES: usize = 40;
 
-pub(super) fn examine(subject: &Subject<'_>) -> Vec<Finding> {
+pub(crate) fn examine(subject: &Subject<'_>) -> Vec<Finding> {
     let controlled = subject.controlled();
     if controlled.is_empty() {
         return Vec::new();

@@ -1,11 +1,11 @@
 //! Whether a steady state reaches each reference, and the inputs can hold it within their bounds.
 
-use super::numbers::apart;
-use super::{Finding, Subject, named, short};
-use crate::spec::ControlSpec;
+use crate::numbers::apart;
+use crate::{Finding, Subject, named, short};
 use pinc_analysis::{HeldPoint, OperatingPoint};
+use pinc_config::ControlSpec;
 
-pub(super) fn examine(subject: &Subject<'_>) -> Vec<Finding> {
+pub(crate) fn examine(subject: &Subject<'_>) -> Vec<Finding> {
     let Some(control) = &subject.experiment.control else {
         return Vec::new();
     };

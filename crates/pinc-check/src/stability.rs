@@ -1,10 +1,10 @@
 //! The plant's own modes at its steady states, against the step T, the horizon and the integrators.
 
-use super::{Finding, LISTED, Subject, short};
-use crate::spec::{ControlSpec, ModelKind};
+use crate::{Finding, LISTED, Subject, short};
 use pinc_analysis::{
     Complex, ExplicitMethod, Growth, HeldPoint, OperatingPoint, StateSpace, TimeScales, beyond_knee,
 };
+use pinc_config::{ControlSpec, ModelKind};
 
 /// |lambda| T from which a plant is stiff for explicit methods, and how far its modes are apart
 /// then.
@@ -19,7 +19,7 @@ const MOST_DOUBLINGS: f64 = 2.0;
 const BETWEEN: u32 = 8;
 const POINTS: usize = 200;
 
-pub(super) fn examine(subject: &Subject<'_>) -> Vec<Finding> {
+pub(crate) fn examine(subject: &Subject<'_>) -> Vec<Finding> {
     let mut findings = Vec::new();
     let points = subject.operating_points();
     let mut found = Vec::new();
@@ -279,7 +279,7 @@ fn integrator(
 /// Where the closed loop with an integrator goes, as far as that is in the region: with too few
 /// substeps it can go anywhere.
 fn along_the_loop(subject: &Subject<'_>) -> Vec<(String, OperatingPoint)> {
-    let Some(Ok(rehearsal)) = &subject.rehearsal else { return Vec::new() };
+    let Some(Ok(rehearsal)) = &subject.evidence.rehearsal else { return Vec::new() };
     let trace = &rehearsal.trace;
     let every = trace.len().div_ceil(POINTS);
     let point = |i: usize| {

@@ -1,7 +1,7 @@
 //! The estimator: whether what is measured tells what is estimated, and whether control with it is
 //! free of offset.
 
-use super::{Finding, Subject};
+use crate::{Finding, Subject};
 use pinc_analysis::{OperatingPoint, StateSpace, UnseenMode, unseen_modes};
 use pinc_config::{ControlSpec, DisturbanceSpec, EstimatorSpec, LoopParameters, Variables};
 use pinc_estimate::Augmented;
@@ -12,7 +12,7 @@ const SECTION: &str = "control.estimator";
 /// Variables that take part in a mode by less than this are not named.
 const PART: f64 = 0.01;
 
-pub(super) fn examine(subject: &Subject<'_>) -> Vec<Finding> {
+pub(crate) fn examine(subject: &Subject<'_>) -> Vec<Finding> {
     let Some(control) = &subject.experiment.control else { return Vec::new() };
     let Some(estimator) = &control.estimator else { return Vec::new() };
     let variables = Variables::of(subject.plant);

@@ -1,10 +1,9 @@
 //! The measurements of `[data]`: whether they can be read, and lie where the net is trained.
 
-use super::super::data;
-use super::{Finding, Subject};
+use crate::{Finding, Subject};
 use std::path::PathBuf;
 
-pub(super) fn examine(subject: &Subject<'_>) -> Vec<Finding> {
+pub(crate) fn examine(subject: &Subject<'_>) -> Vec<Finding> {
     let Some(spec) = &subject.experiment.data else {
         return Vec::new();
     };
@@ -25,18 +24,16 @@ pub(super) fn examine(subject: &Subject<'_>) -> Vec<Finding> {
 }
 
 fn of_files(subject: &Subject<'_>, key: &str, files: &[PathBuf]) -> Vec<Finding> {
-    let variables = subject.experiment.plant.variables();
-    let data = match data::read(&variables, subject.step_s(), files) {
-        Ok(data) => data,
+    let measured = match (subject.evidence.read)(files) {
+        Ok(measured) => measured,
         Err(error) => {
             return vec![
-                Finding::error(key, error.to_string())
+                Finding::error(key, error)
                     .because("the training cannot begin without it")
                     .change("the file"),
             ];
         }
     };
-    let measured = data.measurements;
     let what =
         format!("{} measured values at {} points (t, y0, u)", measured.values(), measured.len());
     let mut findings = vec![Finding::fact(key, what)];

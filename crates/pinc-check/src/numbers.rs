@@ -1,13 +1,13 @@
 //! Numbers and times as text.
 
 /// Names with their values, as "h1 = 9.16, h2 = 14.2".
-pub(super) fn named<'n>(names: impl Iterator<Item = &'n str>, values: &[f64]) -> String {
+pub(crate) fn named<'n>(names: impl Iterator<Item = &'n str>, values: &[f64]) -> String {
     let pairs = names.zip(values).map(|(name, value)| format!("{name} = {}", short(*value)));
     pairs.collect::<Vec<_>>().join(", ")
 }
 
 /// A number with five digits.
-pub(super) fn short(value: f64) -> String {
+pub(crate) fn short(value: f64) -> String {
     match value.abs() {
         0.0 => "0".to_owned(),
         size if (1e-3..1e5).contains(&size) => {
@@ -23,7 +23,7 @@ pub(super) fn short(value: f64) -> String {
 }
 
 /// Two numbers with as many digits as tell them apart.
-pub(super) fn apart(one: f64, other: f64) -> (String, String) {
+pub(crate) fn apart(one: f64, other: f64) -> (String, String) {
     for digits in 4..17 {
         let shown = [one, other].map(|v| format!("{v:.digits$e}").parse().unwrap_or(v));
         let difference: f64 = shown[0] - shown[1];
@@ -37,7 +37,7 @@ pub(super) fn apart(one: f64, other: f64) -> (String, String) {
 }
 
 /// A rate, or a part of one.
-pub(super) fn rate(value: f64) -> String {
+pub(crate) fn rate(value: f64) -> String {
     if value == 0.0 || (1e-2..1e5).contains(&value.abs()) {
         format!("{value:.4}")
     } else {

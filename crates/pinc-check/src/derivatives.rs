@@ -1,6 +1,6 @@
 //! Whether the equation and its derivatives are finite where they will be asked for.
 
-use super::{Finding, LISTED, Subject, short};
+use crate::{Finding, LISTED, Subject, short};
 use pinc_analysis::OperatingPoint;
 use pinc_ode::Variable;
 
@@ -10,7 +10,7 @@ const POINTS: usize = 1000;
 /// Halvings of the way from a good point to a bad one.
 const HALVINGS: usize = 40;
 
-pub(super) fn examine(subject: &Subject<'_>) -> Vec<Finding> {
+pub(crate) fn examine(subject: &Subject<'_>) -> Vec<Finding> {
     let region = &subject.region;
     let random: Vec<OperatingPoint> = region.points(subject.experiment.seed).take(POINTS).collect();
     let bad: Vec<&OperatingPoint> = random.iter().filter(|p| fault(subject, p).is_some()).collect();

@@ -1,12 +1,12 @@
 //! The box that is examined.
 
-use crate::spec::Experiment;
 use pinc_analysis::Region;
+use pinc_config::Experiment;
 use pinc_ode::Dims;
 
 /// The box and what it is called: the training domain, or else the controller's bounds. A state
 /// without bounds has the range of the start and the references, or 1 about the start.
-pub(super) fn of(experiment: &Experiment, dims: Dims) -> Option<(Region, &'static str)> {
+pub(crate) fn of(experiment: &Experiment, dims: Dims) -> Option<(Region, &'static str)> {
     if let Some(domain) = &experiment.domain {
         let low = [&domain.state_low[..], &domain.input_low].concat();
         let high = [&domain.state_high[..], &domain.input_high].concat();

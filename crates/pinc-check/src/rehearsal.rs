@@ -1,10 +1,12 @@
 //! How the steps of the closed loop end when an integrator is the model.
 
-use super::{Finding, Subject};
+use crate::{Finding, Subject};
 use pinc_record::{advice, is_failure};
 
-pub(super) fn examine(subject: &Subject<'_>) -> Vec<Finding> {
-    let (Some(control), Some(rehearsal)) = (&subject.experiment.control, &subject.rehearsal) else {
+pub(crate) fn examine(subject: &Subject<'_>) -> Vec<Finding> {
+    let (Some(control), Some(rehearsal)) =
+        (&subject.experiment.control, &subject.evidence.rehearsal)
+    else {
         return Vec::new();
     };
     let rehearsal = match rehearsal {

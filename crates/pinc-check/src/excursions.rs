@@ -1,9 +1,9 @@
 //! Where trajectories really go, against the training domain: the validation's scenarios, the free
 //! run, and the closed loop with RK4 as the model.
 
-use super::{Finding, Subject, short};
-use crate::spec::Experiment;
+use crate::{Finding, Subject, short};
 use pinc_analysis::OperatingPoint;
+use pinc_config::Experiment;
 use pinc_net::Domain;
 use pinc_ode::Dopri5;
 use rand::RngExt;
@@ -23,7 +23,7 @@ const SLACK: f64 = 1e-3;
 /// What a proposed domain leaves beyond what was seen, of its width.
 const MARGIN: f64 = 0.05;
 
-pub(super) fn examine(subject: &Subject<'_>) -> Vec<Finding> {
+pub(crate) fn examine(subject: &Subject<'_>) -> Vec<Finding> {
     let mut findings = Vec::new();
     let mut seen = Extent::default();
     for (place, extent) in uses(subject, &mut findings) {
@@ -79,18 +79,18 @@ fn uses(subject: &Subject<'_>, findings: &mut Vec<Finding>) -> Vec<(String, Exte
         let Domain { state_low, state_high, input_low, input_high, .. } = &spec.domain;
         for _ in 0..SCENARIOS {
             let x = draw(state_low, state_high);
-            let steps = super::super::steps(spec.duration_s, subject.step_s());
+            let steps = pinc_config::steps(spec.duration_s, subject.step_s());
             free.push((x, (0..steps).map(|_| draw(input_low, input_high)).collect::<Vec<_>>()));
         }
         uses.push(("the validation's scenarios".to_owned(), simulate(subject, &free, findings)));
     }
     if let Some(spec) = prediction {
-        let steps = super::super::steps(spec.duration_s, subject.step_s());
+        let steps = pinc_config::steps(spec.duration_s, subject.step_s());
         let inputs = (0..steps).map(|_| draw(&spec.input_low, &spec.input_high)).collect();
         let run = [(spec.initial_state.clone(), inputs)];
         uses.push(("the free run of [prediction]".to_owned(), simulate(subject, &run, findings)));
     }
-    if let Some(Ok(rehearsal)) = &subject.rehearsal {
+    if let Some(Ok(rehearsal)) = &subject.evidence.rehearsal {
         let (trace, mut extent) = (&rehearsal.trace, Extent::default());
         for i in 0..trace.len() {
             extent.add(trace.state(i).iter().chain(trace.input(i)).copied());

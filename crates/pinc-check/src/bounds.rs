@@ -1,10 +1,10 @@
 //! Whether start, references and bounds fit together and lie in the training domain.
 
-use super::{Finding, Subject};
-use crate::spec::ControlSpec;
+use crate::{Finding, Subject};
+use pinc_config::ControlSpec;
 use pinc_net::Domain;
 
-pub(super) fn examine(subject: &Subject<'_>) -> Vec<Finding> {
+pub(crate) fn examine(subject: &Subject<'_>) -> Vec<Finding> {
     let Some(control) = &subject.experiment.control else {
         return Vec::new();
     };

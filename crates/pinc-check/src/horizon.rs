@@ -1,9 +1,9 @@
 //! Whether the controller sees what its inputs do: how far they move the controlled states within the
 //! prediction horizon.
 
-use super::{Finding, Subject, short};
-use crate::spec::ControlSpec;
+use crate::{Finding, Subject, short};
 use pinc_analysis::OperatingPoint;
+use pinc_config::ControlSpec;
 use pinc_ode::Dopri5;
 
 /// Local error tolerance: enough to see how far a state moves.
@@ -15,7 +15,7 @@ const LEAST: f64 = 0.1;
 /// What counts as a change where the reference does not change: this share of the region.
 const CHANGE: f64 = 0.05;
 
-pub(super) fn examine(subject: &Subject<'_>) -> Vec<Finding> {
+pub(crate) fn examine(subject: &Subject<'_>) -> Vec<Finding> {
     let control = subject.experiment.control.as_ref();
     let Some(control) = control.filter(|_| subject.experiment.sample_time_s().is_some()) else {
         return Vec::new();

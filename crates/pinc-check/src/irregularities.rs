@@ -1,9 +1,9 @@
 //! Poles, jumps and kinks of the equation in the region and a little beyond, and what to write
 //! instead.
 
-use super::{Finding, Subject, short};
-use crate::spec::PlantSpec;
+use crate::{Finding, Subject, short};
 use pinc_analysis::{Crossing, Irregularity, IrregularityKind, OperatingPoint, Survey, crossings};
+use pinc_config::PlantSpec;
 use pinc_expr::{CriticalTerm, CriticalTerms, TermRole};
 
 /// How far beyond the region is looked, in its widths: predictions leave the box by a little.
@@ -19,7 +19,7 @@ const BESIDE: f64 = 1e-6;
 const FURTHER: f64 = 0.01;
 const POINTS: usize = 1000;
 
-pub(super) fn examine(subject: &Subject<'_>) -> Vec<Finding> {
+pub(crate) fn examine(subject: &Subject<'_>) -> Vec<Finding> {
     let seed = subject.experiment.seed;
     let survey = Survey::run(subject.plant, &subject.region, MARGIN, seed);
     let terms = match &subject.experiment.plant {

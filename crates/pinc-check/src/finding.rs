@@ -32,15 +32,15 @@ pub struct Finding {
 }
 
 impl Finding {
-    pub(super) fn fact(place: impl Into<String>, what: impl Into<String>) -> Self {
+    pub(crate) fn fact(place: impl Into<String>, what: impl Into<String>) -> Self {
         Self::new(Severity::Fact, place, what)
     }
 
-    pub(super) fn warning(place: impl Into<String>, what: impl Into<String>) -> Self {
+    pub(crate) fn warning(place: impl Into<String>, what: impl Into<String>) -> Self {
         Self::new(Severity::Warning, place, what)
     }
 
-    pub(super) fn error(place: impl Into<String>, what: impl Into<String>) -> Self {
+    pub(crate) fn error(place: impl Into<String>, what: impl Into<String>) -> Self {
         Self::new(Severity::Error, place, what)
     }
 
@@ -50,12 +50,12 @@ impl Finding {
     }
 
     /// The same, with why it matters.
-    pub(super) fn because(self, why: impl Into<String>) -> Self {
+    pub(crate) fn because(self, why: impl Into<String>) -> Self {
         Self { why: why.into(), ..self }
     }
 
     /// The same, with what to change.
-    pub(super) fn change(self, change: impl Into<String>) -> Self {
+    pub(crate) fn change(self, change: impl Into<String>) -> Self {
         Self { change: change.into(), ..self }
     }
 }

@@ -1,0 +1,282 @@
+//! What is said of an experiment and its plant before anything is trained.
+//!
+//! An examination takes the `Subject` and gives [`Finding`]s; the list of them is `EXAMINATIONS`.
+//! What only a program can do, running a closed loop and reading files, is handed in as
+//! [`Evidence`].
+
+mod bounds;
+mod data;
+mod derivatives;
+mod estimation;
+mod excursions;
+mod finding;
+mod gain;
+mod horizon;
+mod irregularities;
+mod numbers;
+mod references;
+mod region;
+mod rehearsal;
+mod stability;
+mod substeps;
+
+pub use finding::{Finding, Severity};
+
+use numbers::{named, short};
+use pinc_analysis::{HeldPoint, OperatingPoint, Region, SteadyStateSearch};
+use pinc_config::Experiment;
+use pinc_config::ModelKind;
+use pinc_config::TimeUnit;
+use pinc_net::Measurements;
+use pinc_ode::{DynPlant, Trajectory};
+use std::collections::BTreeMap;
+use std::fmt;
+use std::path::PathBuf;
+
+/// One look at a plant and its config.
+type Examination = fn(&Subject<'_>) -> Vec<Finding>;
+
+/// All of them, in the order of their findings.
+const EXAMINATIONS: [Examination; 13] = [
+    dimensions,
+    derivatives::examine,
+    irregularities::examine,
+    stability::examine,
+    horizon::examine,
+    gain::examine,
+    references::examine,
+    estimation::examine,
+    bounds::examine,
+    rehearsal::examine,
+    excursions::examine,
+    substeps::examine,
+    data::examine,
+];
+
+/// More states, modes or zeros than these are summed up.
+const LISTED: usize = 6;
+
+/// A closed loop that was run once and not recorded.
+#[derive(Clone, Debug)]
+pub struct Rehearsal {
+    /// The integrator that was the model.
+    pub model: ModelKind,
+    /// The plant's trajectory.
+    pub trace: Trajectory,
+    /// How many steps ended with which status.
+    pub status: BTreeMap<String, usize>,
+}
+
+/// Reads the measurements of some files for steps of an experiment's plant; or says, in words, why
+/// they cannot be read.
+pub type ReadMeasurements<'a> = dyn Fn(&[PathBuf]) -> Result<Measurements, String> + 'a;
+
+/// What is known beside the config.
+pub struct Evidence<'a> {
+    /// The closed loop with an integrator as the model, if the config has one and says T; or why
+    /// it could not be run.
+    pub rehearsal: Option<Result<Rehearsal, String>>,
+    /// The files of `[data]`.
+    pub read: &'a ReadMeasurements<'a>,
+}
+
+impl fmt::Debug for Evidence<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Evidence").field("rehearsal", &self.rehearsal).finish_non_exhaustive()
+    }
+}
+
+/// The findings as JSON text: a list of objects with the fields of [`Finding`].
+///
+/// # Panics
+///
+/// Never: findings are words.
+#[must_use]
+pub fn findings_json(findings: &[Finding]) -> String {
+    serde_json::to_string_pretty(findings).expect("words can be JSON")
+}
+
+/// Examines a plant (that of the config, which is itself valid, or it would not have loaded) on the
+/// training domain, or else within the controller's bounds.
+#[must_use]
+pub fn check(
+    plant: &dyn DynPlant,
+    experiment: &Experiment,
+    evidence: &Evidence<'_>,
+) -> Vec<Finding> {
+    let Some((region, name)) = region::of(experiment, plant.dims()) else {
+        return vec![
+            Finding::warning("", "no [domain] and no [control]: nothing to look at")
+                .because("an examination needs to know where the plant is used")
+                .change("give [domain], the box that a net is to be trained on"),
+        ];
+    };
+    let subject = Subject::new(plant, experiment, (region, name), evidence);
+    EXAMINATIONS.iter().flat_map(|examination| examination(&subject)).collect()
+}
+
+/// What is examined.
+struct Subject<'a> {
+    plant: &'a dyn DynPlant,
+    experiment: &'a Experiment,
+    region: Region,
+    /// What the region is called.
+    region_name: &'static str,
+    /// Where each of the controller's references can be held.
+    holds: Vec<HeldPoint>,
+    /// The steady state in the middle of the region, if there is one.
+    centre: Option<OperatingPoint>,
+    evidence: &'a Evidence<'a>,
+}
+
+impl<'a> Subject<'a> {
+    fn new(
+        plant: &'a dyn DynPlant,
+        experiment: &'a Experiment,
+        (region, region_name): (Region, &'static str),
+        evidence: &'a Evidence<'a>,
+    ) -> Self {
+        let (holds, centre) = (Vec::new(), None);
+        let mut subject = Self { plant, experiment, region, region_name, holds, centre, evidence };
+        subject.holds = subject.held_references();
+        subject.centre = subject.search().settle(&subject.region.centre().u);
+        subject
+    }
+
+    /// A search for steady states near the start of the loop, or else the middle of the region.
+    fn search(&self) -> SteadyStateSearch<'_> {
+        let search = SteadyStateSearch::new(self.plant, &self.region, self.experiment.seed);
+        match &self.experiment.control {
+            Some(control) => {
+                let (x, u) = (control.initial_state.clone(), self.region.centre().u);
+                search.near(OperatingPoint { x, u })
+            }
+            None => search,
+        }
+    }
+
+    fn held_references(&self) -> Vec<HeldPoint> {
+        let Some(control) = &self.experiment.control else { return Vec::new() };
+        let nx = self.region.dims.nx;
+        let ends = |states: &Option<Vec<f64>>, inputs: &[f64], none: f64| {
+            [&states.clone().unwrap_or_else(|| vec![none; nx])[..], inputs].concat()
+        };
+        let low = ends(&control.state_low, &control.input_low, f64::NEG_INFINITY);
+        let high = ends(&control.state_high, &control.input_high, f64::INFINITY);
+        let places = self.controlled();
+        if places.is_empty() {
+            return Vec::new();
+        }
+        let search = self.search();
+        let hold = |value: &Vec<f64>| {
+            let held: Vec<_> = places.iter().copied().zip(value.iter().copied()).collect();
+            search.hold(&held, Some((&low, &high)))
+        };
+        control.references.iter().map(|reference| hold(&reference.value)).collect()
+    }
+
+    /// f(x, u).
+    fn rhs(&self, x: &[f64], u: &[f64]) -> Vec<f64> {
+        let mut dx = vec![0.0; x.len()];
+        self.plant.rhs(x, u, &[], &mut dx);
+        dx
+    }
+
+    /// Length T of a step, where the config says it; else 1 s, as a unit of time.
+    fn step_s(&self) -> f64 {
+        self.experiment.sample_time_s().unwrap_or(1.0)
+    }
+
+    /// A time in s, in the config's unit.
+    fn time(&self, seconds: f64) -> String {
+        TimeUnit::shown(seconds, self.experiment.time_unit)
+    }
+
+    /// A rate in 1/s, or a part of one, in the unit of [`Subject::rate_unit`].
+    fn rate(&self, value: f64) -> String {
+        let unit = self.experiment.time_unit.unwrap_or(TimeUnit::S);
+        numbers::rate(value * unit.seconds())
+    }
+
+    fn rate_unit(&self) -> String {
+        format!("1/{}", self.experiment.time_unit.unwrap_or(TimeUnit::S).name())
+    }
+
+    /// The steady states that the plant is to be at, with their names: those of the references, or
+    /// else that of the middle.
+    fn operating_points(&self) -> Vec<(String, &OperatingPoint)> {
+        let mut points: Vec<(String, &OperatingPoint)> = Vec::new();
+        for (k, hold) in self.holds.iter().enumerate() {
+            if let HeldPoint::Within(point) | HeldPoint::Outside(point) = hold
+                && !points.iter().any(|(_, other)| self.region.same(other, point))
+            {
+                points.push((format!("the steady state of control.references[{k}]"), point));
+            }
+        }
+        if points.is_empty() {
+            let centre = self.centre.iter();
+            points.extend(centre.map(|p| (format!("the steady state of {}", self.region_name), p)));
+        }
+        points
+    }
+
+    /// The states that are to follow the references, by their places; none where outputs are among what
+    /// follows, since a reference then does not say what the states are to be.
+    fn controlled(&self) -> Vec<usize> {
+        let control = self.experiment.control.iter();
+        let names = control.flat_map(|control| &control.controlled);
+        let place = |name: &String| self.plant.states().iter().position(|s| s.name == *name);
+        let places: Option<Vec<usize>> = names.map(place).collect();
+        places.unwrap_or_default()
+    }
+
+    /// Names with values, as a reader needs them; of many states those that are controlled, the first
+    /// and the last.
+    fn state(&self, x: &[f64]) -> String {
+        let names: Vec<&str> = self.plant.states().iter().map(|v| v.name.as_ref()).collect();
+        let values = self.without_rounding(x, 0);
+        if names.len() <= LISTED {
+            return named(names.into_iter(), &values);
+        }
+        let controlled = self.controlled();
+        let is_shown = |i: &usize| *i == 0 || *i == names.len() - 1 || controlled.contains(i);
+        let shown: Vec<usize> = (0..names.len()).filter(is_shown).collect();
+        let values: Vec<f64> = shown.iter().map(|&i| values[i]).collect();
+        let text = named(shown.iter().map(|&i| names[i]), &values);
+        match names.len() - shown.len() {
+            0 => text,
+            more => format!("{text} (and {more} more states)"),
+        }
+    }
+
+    fn input(&self, u: &[f64]) -> String {
+        let names = self.plant.inputs().iter().map(|v| v.name.as_ref());
+        named(names, &self.without_rounding(u, self.region.dims.nx))
+    }
+
+    /// The values of the variables from `first` on, with 0 for what is 0 but for rounding.
+    fn without_rounding(&self, values: &[f64], first: usize) -> Vec<f64> {
+        let is_zero = |i: usize, v: f64| v.abs() < 1e-12 * self.region.width(first + i);
+        values.iter().enumerate().map(|(i, &v)| if is_zero(i, v) { 0.0 } else { v }).collect()
+    }
+}
+
+fn dimensions(subject: &Subject<'_>) -> Vec<Finding> {
+    let (states, inputs) = (subject.plant.states(), subject.plant.inputs());
+    let list = |what: &str, variables: &[pinc_ode::Variable]| {
+        let with_unit = |v: &pinc_ode::Variable| match v.unit.as_ref() {
+            "" => v.name.to_string(),
+            unit => format!("{} ({unit})", v.name),
+        };
+        let plural = if variables.len() == 1 { "" } else { "s" };
+        let names = match variables {
+            [first, .., last] if variables.len() > LISTED => {
+                format!("{} to {}", with_unit(first), with_unit(last))
+            }
+            all => all.iter().map(with_unit).collect::<Vec<_>>().join(", "),
+        };
+        format!("{} {what}{plural}: {names}", variables.len())
+    };
+    let text = format!("{}; {}", list("state", states), list("input", inputs));
+    vec![Finding::fact("", text)]
+}
