@@ -1,5 +1,5 @@
 //! Closed loops with a plant that is not the model, and with an estimator, against the answers of
-//! an independent program: the same problems in CasADi, the filter in NumPy.
+//! an independent program: the same problems in CasADi, the filter in `NumPy`.
 
 use pinc_ad::Scalar;
 use pinc_estimate::{

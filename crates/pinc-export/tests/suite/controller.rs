@@ -106,7 +106,7 @@ struct Case {
 
 enum Source {
     Rk4(Equations, usize),
-    Net(PincNet),
+    Net(Box<PincNet>),
 }
 
 impl Case {
@@ -394,14 +394,14 @@ fn controllers_with_nets_take_the_librarys_steps() {
     let domain = Domain::new([-3.0..=3.0, -4.35..=4.35], [-1.0..=1.0]);
     let plant = VanDerPol::default().into_dyn();
     let net = mild(PincNet::new(&*plant, &NetConfig::new(0.5, 4, 20), &domain, 3).unwrap());
-    let case = Case { source: Source::Net(net), ..oscillator_case() };
+    let case = Case { source: Source::Net(Box::new(net)), ..oscillator_case() };
     let seen = compare(&case, 200, 5);
     assert!(seen[0] > 10 && seen[3] > 50, "{seen:?}");
     let level = || 1.0..=20.0;
     let domain = Domain::new([level(), level(), 0.5..=8.0, 0.5..=8.0], [0.0..=5.0, 0.0..=5.0]);
     let plant = FourTanks::antonelo().into_dyn();
     let net = mild(PincNet::new(&*plant, &NetConfig::new(10.0, 2, 10), &domain, 4).unwrap());
-    let case = Case { source: Source::Net(net), ..tanks_case() };
+    let case = Case { source: Source::Net(Box::new(net)), ..tanks_case() };
     let seen = compare(&case, 60, 6);
     assert!(seen[1] > 30, "{seen:?}");
 }
