@@ -1,11 +1,20 @@
 //! Products of small matrices, stored row by row, and vectors.
 
-/// Whether all numbers are finite. All are looked at, which takes less time than to stop at the
-/// first that is not, where nearly always none is.
+/// Whether all numbers are finite. All are looked at, in vectors, which takes less time than to stop
+/// at the first that is not, where nearly always none is.
 #[inline]
 #[must_use]
 pub fn all_finite(values: &[f64]) -> bool {
-    values.iter().fold(true, |finite, value| finite & value.is_finite())
+    // 0 times infinity is NaN.
+    let (fours, rest) = values.as_chunks::<4>();
+    let mut sums = [0.0; 4];
+    for four in fours {
+        for (sum, value) in sums.iter_mut().zip(four) {
+            *sum += value * 0.0;
+        }
+    }
+    let rest: f64 = rest.iter().map(|value| value * 0.0).sum();
+    (sums.iter().sum::<f64>() + rest).is_finite()
 }
 
 /// sum += factor vector, as far as the shorter goes.
@@ -45,5 +54,25 @@ pub(super) fn add_product(matrix: &[f64], vector: &[f64], sum: &mut [f64]) {
 pub(super) fn add_transposed(matrix: &[f64], vector: &[f64], sum: &mut [f64]) {
     for (row, factor) in matrix.chunks_exact(sum.len()).zip(vector) {
         add_scaled(sum, *factor, row);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn one_number_that_is_not_finite_is_found_anywhere() {
+        for length in 0..11 {
+            let mut values = vec![f64::MAX; length];
+            assert!(all_finite(&values));
+            for i in 0..length {
+                for bad in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
+                    let good = std::mem::replace(&mut values[i], bad);
+                    assert!(!all_finite(&values), "{bad} at {i} of {length}");
+                    values[i] = good;
+                }
+            }
+        }
     }
 }
