@@ -17,6 +17,18 @@ pub fn all_finite(values: &[f64]) -> bool {
     (sums.iter().sum::<f64>() + rest).is_finite()
 }
 
+/// Block `j` of blocks of `size` numbers.
+#[inline(always)]
+pub(super) fn block(blocks: &[f64], j: usize, size: usize) -> &[f64] {
+    &blocks[j * size..(j + 1) * size]
+}
+
+/// The same, to be written.
+#[inline(always)]
+pub(super) fn block_mut(blocks: &mut [f64], j: usize, size: usize) -> &mut [f64] {
+    &mut blocks[j * size..(j + 1) * size]
+}
+
 /// sum += factor vector, as far as the shorter goes.
 #[inline(always)]
 pub(super) fn add_scaled(sum: &mut [f64], factor: f64, vector: &[f64]) {

@@ -1,6 +1,6 @@
 //! Condensing: the QP in the inputs alone.
 
-use super::algebra::{add_product, add_scaled, add_transposed, dot};
+use super::algebra::{add_product, add_scaled, add_transposed, block, block_mut, dot};
 use super::dense::{ActiveSet, DenseQp, DenseStatus};
 use super::{Kind, Limits, Qp, QpSolver, QpStatus, QpStep, Row};
 use crate::OcpDims;
@@ -378,16 +378,6 @@ fn expand_sized(qp: &Qp, step: &mut QpStep, n: usize, m: usize) {
 #[inline(always)]
 fn neighbours(blocks: &mut [f64], j: usize, size: usize) -> (&mut [f64], &mut [f64]) {
     blocks[(j - 1) * size..(j + 1) * size].split_at_mut(size)
-}
-
-#[inline(always)]
-fn block(blocks: &[f64], j: usize, size: usize) -> &[f64] {
-    &blocks[j * size..(j + 1) * size]
-}
-
-#[inline(always)]
-fn block_mut(blocks: &mut [f64], j: usize, size: usize) -> &mut [f64] {
-    &mut blocks[j * size..(j + 1) * size]
 }
 
 /// Two vectors, known to be of this size.

@@ -28,7 +28,7 @@ use clarabel::ClarabelQp;
 use condense::CondensedQp;
 use riccati::RiccatiQp;
 
-use algebra::add_transposed;
+use algebra::{add_transposed, block, block_mut};
 use std::fmt::Debug;
 
 /// The control problem linearised at a point z, in the unknown step `d = (dx_1, .., du_0, ..)`:
@@ -304,17 +304,13 @@ impl Qp {
         for ((sum, g), mu) in gradient.iter_mut().zip(&self.gradient).zip(&multipliers.bounds) {
             *sum = g + mu;
         }
-        for j in 0..dims.horizon {
-            let lambda = &multipliers.dynamics[dims.next_state(j)];
-            for (sum, lambda) in gradient[dims.next_state(j)].iter_mut().zip(lambda) {
-                *sum -= lambda;
-            }
-            if let Some(state) = dims.state(j) {
-                add_transposed(self.a(j), lambda, &mut gradient[state]);
-            }
-            add_transposed(self.b(j), lambda, &mut gradient[dims.input(dims.acting(j))]);
+        let (states, inputs) = gradient.split_at_mut(dims.all_states());
+        let sums = [&mut *states, &mut *inputs];
+        match (dims.nx, dims.nu) {
+            (2, 1) => self.add_dynamics(&multipliers.dynamics, sums, 2, 1),
+            (4, 2) => self.add_dynamics(&multipliers.dynamics, sums, 4, 2),
+            (n, m) => self.add_dynamics(&multipliers.dynamics, sums, n, m),
         }
-        let inputs = &mut gradient[dims.all_states()..];
         for (v, nu) in multipliers.increments.iter().enumerate() {
             inputs[v] += nu;
             if let Some(before) = v.checked_sub(dims.nu) {
@@ -330,16 +326,27 @@ impl Qp {
         }
     }
 
+    /// The part of the dynamics in [`Qp::lagrangian_gradient`]. With constants for `n` and `m` it is
+    /// unrolled.
+    #[inline(always)]
+    fn add_dynamics(&self, lambda: &[f64], [states, inputs]: [&mut [f64]; 2], n: usize, m: usize) {
+        for j in 0..self.dims.horizon {
+            let lambda = block(lambda, j, n);
+            for (sum, lambda) in block_mut(states, j, n).iter_mut().zip(lambda) {
+                *sum -= lambda;
+            }
+            if let Some(before) = j.checked_sub(1) {
+                add_transposed(block(&self.a, j, n * n), lambda, block_mut(states, before, n));
+            }
+            let input = block_mut(inputs, self.dims.acting(j), m);
+            add_transposed(block(&self.b, j, n * m), lambda, input);
+        }
+    }
+
     /// The limits with their kind.
     #[must_use]
     #[inline]
     pub fn limits(&self) -> [(Kind, &Limits); 3] {
         [(Kind::Bound, &self.bounds), (Kind::Increment, &self.increments), (Kind::Row, &self.rows)]
     }
-}
-
-/// Block `i` of blocks of `size` numbers.
-#[inline]
-fn block(blocks: &[f64], i: usize, size: usize) -> &[f64] {
-    &blocks[i * size..(i + 1) * size]
 }
