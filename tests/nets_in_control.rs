@@ -1,7 +1,8 @@
-//! Nets as the model in the closed loops of the paper: optimal plans, the same inputs by every method for the quadratic
-//! programs, and true statuses whatever the net.
+//! Nets as the model in the closed loops of the paper: optimal plans, the same inputs by every
+//! method for the quadratic programs, and true statuses whatever the net.
 //!
-//! The loops, the conditions of optimality and the random steps are those that pinc-mpc's own tests use with RK4.
+//! The loops, the conditions of optimality and the random steps are those that pinc-mpc's own tests
+//! use with RK4.
 
 #[path = "../crates/pinc-mpc/tests/suite/agreement.rs"]
 mod agreement;
@@ -91,7 +92,8 @@ fn a_net_for_the_oscillator_from_anywhere() {
     assert!(share(&usual, &[SqpStatus::Converged, SqpStatus::InfeasibleQp]) > 0.99, "{usual:?}");
 }
 
-/// The weights of another plant: an oscillator with four times the damping, and tanks with other outlets.
+/// The weights of another plant: an oscillator with four times the damping, and tanks with other
+/// outlets.
 #[test]
 fn nets_for_other_plants_from_anywhere() {
     let draw = Draw { states: &[[-3.0, 3.0]; 2], references: &[[-1.5, 1.5]; 2] };

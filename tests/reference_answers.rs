@@ -124,8 +124,8 @@ fn van_der_pol_states_only() {
     close(answer.rmse_dense, 0.14041, 1e-4);
 }
 
-/// The cost of the authors' program: weights that fall along the horizon, and increments of inputs with
-/// wrong indices,
+/// The cost of the authors' program: weights that fall along the horizon, and increments of inputs
+/// with wrong indices,
 ///
 /// ```text
 /// J = T [ sum_i (N - i) 10 |e_i|^2 + 5 ((u0 - ul)^2 + (u1 - ul)^2) + 10 ((u0 - u4)^2 + (u1 - u0)^2) ]

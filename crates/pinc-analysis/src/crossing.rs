@@ -113,7 +113,8 @@ impl Search<'_> {
         outside.fold(0.0, f64::max)
     }
 
-    /// The same crossing with the variables that do not matter in the middle, or else inside the box.
+    /// The same crossing with the variables that do not matter in the middle, or else inside the
+    /// box.
     fn simplified(
         &self,
         term: &dyn Fn(&[f64]) -> f64,

@@ -2,8 +2,8 @@
 
 use crate::Complex;
 
-/// Rates this far below the fastest are 0 but for rounding: those of two integrators in a row are off by
-/// its square root.
+/// Rates this far below the fastest are 0 but for rounding: those of two integrators in a row are
+/// off by its square root.
 const INTEGRATES: f64 = 1e-7;
 
 /// What a mode does by itself.

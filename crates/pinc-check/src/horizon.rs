@@ -1,5 +1,5 @@
-//! Whether the controller sees what its inputs do: how far they move the controlled states within the
-//! prediction horizon.
+//! Whether the controller sees what its inputs do: how far they move the controlled states within
+//! the prediction horizon.
 
 use crate::{Finding, Subject, short};
 use pinc_analysis::OperatingPoint;
@@ -67,8 +67,8 @@ fn changes(subject: &Subject<'_>, control: &ControlSpec) -> Vec<f64> {
     subject.controlled().iter().enumerate().map(change).collect()
 }
 
-/// How far one of the inputs, put to one of its bounds, moves a state from a steady state within the
-/// horizon.
+/// How far one of the inputs, put to one of its bounds, moves a state from a steady state within
+/// the horizon.
 fn movement(subject: &Subject<'_>, control: &ControlSpec, from: &OperatingPoint, i: usize) -> f64 {
     let mut largest = 0.0_f64;
     for j in 0..from.u.len() {

@@ -220,8 +220,8 @@ impl<'a> Subject<'a> {
         points
     }
 
-    /// The states that are to follow the references, by their places; none where outputs are among what
-    /// follows, since a reference then does not say what the states are to be.
+    /// The states that are to follow the references, by their places; none where outputs are among
+    /// what follows, since a reference then does not say what the states are to be.
     fn controlled(&self) -> Vec<usize> {
         let control = self.experiment.control.iter();
         let names = control.flat_map(|control| &control.controlled);
@@ -230,8 +230,8 @@ impl<'a> Subject<'a> {
         places.unwrap_or_default()
     }
 
-    /// Names with values, as a reader needs them; of many states those that are controlled, the first
-    /// and the last.
+    /// Names with values, as a reader needs them; of many states those that are controlled, the
+    /// first and the last.
     fn state(&self, x: &[f64]) -> String {
         let names: Vec<&str> = self.plant.states().iter().map(|v| v.name.as_ref()).collect();
         let values = self.without_rounding(x, 0);

@@ -192,8 +192,8 @@ impl ControlSpec {
         Softness::Penalty(all)
     }
 
-    /// The weight of all inputs of the horizon that `input_differences` make, the input applied last in
-    /// front: that of two inputs i and j is `(u_i - u_j)' W (u_i - u_j)`.
+    /// The weight of all inputs of the horizon that `input_differences` make, the input applied
+    /// last in front: that of two inputs i and j is `(u_i - u_j)' W (u_i - u_j)`.
     fn input_sequence(&self, inputs: usize) -> Option<Weight> {
         if self.input_differences.is_empty() {
             return None;

@@ -35,7 +35,8 @@ pub struct Experiment {
     pub preset: Preset,
     /// What every random draw follows from.
     pub seed: u64,
-    /// The unit in which times of the plant are shown; absent, that in which each is a small number.
+    /// The unit in which times of the plant are shown; absent, that in which each is a small
+    /// number.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub time_unit: Option<TimeUnit>,
     /// The plant.
@@ -188,7 +189,8 @@ impl Experiment {
         ranges.map(|range| range.name.as_str()).collect()
     }
 
-    /// The values that the models of the controller have for [`Experiment::varying`], in this order.
+    /// The values that the models of the controller have for [`Experiment::varying`], in this
+    /// order.
     #[must_use]
     pub fn model_parameters(&self) -> Vec<f64> {
         let nominal = self.plant.parameters();

@@ -23,12 +23,12 @@ pub(crate) struct Layers {
     arguments: Vec<String>,
 }
 
-/// The origin of each value, by its key. What is in a list has that of the list, unless it was set by
-/// itself.
+/// The origin of each value, by its key. What is in a list has that of the list, unless it was set
+/// by itself.
 type Origins = HashMap<String, Source>;
 
-/// An [`Origin`] without its texts. In which line something stands is looked up when it is asked for:
-/// a config may have very many values.
+/// An [`Origin`] without its texts. In which line something stands is looked up when it is asked
+/// for: a config may have very many values.
 #[derive(Clone, Copy, Debug)]
 enum Source {
     /// The config file.

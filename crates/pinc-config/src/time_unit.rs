@@ -4,7 +4,8 @@ use serde::{Deserialize, Serialize};
 
 /// A unit of time.
 ///
-/// Keys of a config and columns of tables are in seconds whatever it is: it says how times are shown.
+/// Keys of a config and columns of tables are in seconds whatever it is: it says how times are
+/// shown.
 ///
 /// ```
 /// use pinc_config::TimeUnit;

@@ -75,8 +75,8 @@ fn drawn_keys(sweep: &SweepSpec) -> Vec<String> {
 ///
 /// # Errors
 ///
-/// The key that is wrong, and what is wrong with it: an axis that names no value, or a value that the
-/// config does not admit.
+/// The key that is wrong, and what is wrong with it: an axis that names no value, or a value that
+/// the config does not admit.
 pub fn trials(experiment: &Experiment) -> Result<Vec<Trial>, (String, Problem)> {
     let Some(sweep) = &experiment.sweep else { return Ok(Vec::new()) };
     let columns = columns(sweep);

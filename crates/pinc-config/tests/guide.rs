@@ -30,8 +30,8 @@ fn defaults(preset: &Table, section: &str) -> Vec<(String, Value)> {
     keys.collect()
 }
 
-/// The default of a key in the guide's table of a section: the last cell has one for each key of the
-/// first.
+/// The default of a key in the guide's table of a section: the last cell has one for each key of
+/// the first.
 fn documented(guide: &str, section: &str, key: &str) -> Option<Value> {
     let (_, rest) = guide.split_once(&format!("\n### `[{section}]`\n"))?;
     let part = rest.split("\n### ").next()?;

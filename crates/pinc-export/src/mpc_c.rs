@@ -20,8 +20,8 @@ const TOLERANCES: [&str; 2] = ["1e-8", "1e-3"];
 const FLOAT_TOLERANCE: f64 = 1e-3;
 
 /// The controller as C99: the model, the transcription by multiple shooting, Gauss-Newton SQP and
-/// the condensed active-set method, in memory of fixed size; with a self-test, build file and a page
-/// that says how to use them.
+/// the condensed active-set method, in memory of fixed size; with a self-test, build file and a
+/// page that says how to use them.
 ///
 /// # Errors
 ///

@@ -11,8 +11,8 @@ use std::fmt::Write as _;
 /// to 1 + its size.
 pub(crate) const TOLERANCES: [&str; 2] = ["1e-12", "1e-4"];
 
-/// The net as C99: step and Jacobians, self-test with golden vectors, build file and a page that says
-/// how to use them.
+/// The net as C99: step and Jacobians, self-test with golden vectors, build file and a page that
+/// says how to use them.
 ///
 /// A net distilled from an integrator knows t = T only; others get a function of t besides.
 ///

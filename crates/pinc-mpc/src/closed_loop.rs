@@ -14,8 +14,8 @@ const POINTS: usize = 9;
 ///
 /// The plant need not be the controller's model: parameters that differ show how sensitive the
 /// control is. There are as many steps as reference values. Each is taken in two parts, so that a
-/// caller can watch, and time, the controller alone. Of the trace only the last step is kept, and the
-/// tracked quantities at the step marks; [`LoopRecord`](crate::LoopRecord) keeps the rest.
+/// caller can watch, and time, the controller alone. Of the trace only the last step is kept, and
+/// the tracked quantities at the step marks; [`LoopRecord`](crate::LoopRecord) keeps the rest.
 ///
 ///
 /// ```
@@ -248,16 +248,16 @@ impl<'a> ClosedLoop<'a> {
         &self.x
     }
 
-    /// The dense trace of the step taken last: the point where it began and nine more, the last one at
-    /// its end, all with the input that acted. If the plant could not be integrated, this is the
+    /// The dense trace of the step taken last: the point where it began and nine more, the last one
+    /// at its end, all with the input that acted. If the plant could not be integrated, this is the
     /// trace until then; before the first step it is empty.
     #[must_use]
     pub fn last_step(&self) -> &Trajectory {
         &self.last_step
     }
 
-    /// What sample `i` of [`ClosedLoop::last_step`] is compared with: the value of the step that led
-    /// there; for the initial point of the loop, that of the first step.
+    /// What sample `i` of [`ClosedLoop::last_step`] is compared with: the value of the step that
+    /// led there; for the initial point of the loop, that of the first step.
     #[must_use]
     pub fn reference_at(&self, i: usize) -> &[f64] {
         let k = if i == 0 { self.last.saturating_sub(1) } else { self.last };
@@ -336,8 +336,8 @@ impl<'a> ClosedLoop<'a> {
         if self.preview { self.nmpc.problem().horizon } else { 0 }
     }
 
-    /// The most by which a bounded state, input or output was outside its bounds on the dense trace, the
-    /// initial point apart, which is given.
+    /// The most by which a bounded state, input or output was outside its bounds on the dense
+    /// trace, the initial point apart, which is given.
     #[must_use]
     pub fn max_violation(&self) -> f64 {
         self.max_violation

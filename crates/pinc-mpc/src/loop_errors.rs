@@ -2,8 +2,8 @@
 
 use pinc_ode::metrics::Tracking;
 
-/// What is kept of a loop's trace: the sums of its tracking errors, and the tracked quantities at the
-/// step marks t = kT.
+/// What is kept of a loop's trace: the sums of its tracking errors, and the tracked quantities at
+/// the step marks t = kT.
 #[derive(Clone, Debug)]
 pub(crate) struct LoopErrors {
     width: usize,

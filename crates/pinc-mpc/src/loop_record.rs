@@ -7,9 +7,9 @@ use pinc_ode::{Dims, Trajectory};
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct LoopRecord {
-    /// The dense trace: the initial point and nine points per step, the last one at its end, each with
-    /// the input that holds from there on (at the end of the trace, with the last one). If the plant
-    /// could not be integrated, this is the trace until then.
+    /// The dense trace: the initial point and nine points per step, the last one at its end, each
+    /// with the input that holds from there on (at the end of the trace, with the last one). If the
+    /// plant could not be integrated, this is the trace until then.
     pub trajectory: Trajectory,
     /// What the controller did in each step, the last one perhaps not taken by the plant.
     pub steps: Vec<StepRecord>,

@@ -6,23 +6,23 @@ use std::ops::Range;
 /// How many step marks an offset is averaged over.
 const MARKS: usize = 10;
 
-/// What became of one value of the reference, seen at the step marks t = kT from its beginning to where
-/// the controller begins to prepare the next value: with preview N2 steps before it.
+/// What became of one value of the reference, seen at the step marks t = kT from its beginning to
+/// where the controller begins to prepare the next value: with preview N2 steps before it.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct Segment {
     /// The steps in which the value holds.
     pub steps: Range<usize>,
-    /// The mean |yref - y| of each tracked quantity over the last ten of these marks, or as many as there
-    /// are; NaN if there are none.
+    /// The mean |yref - y| of each tracked quantity over the last ten of these marks, or as many as
+    /// there are; NaN if there are none.
     pub offset: Vec<f64>,
     /// After how many steps all errors stayed within the tolerances; `None` if they did not.
     pub settled: Option<usize>,
 }
 
 impl ClosedLoop<'_> {
-    /// The largest error of each tracked quantity at the step marks, the initial one among them; 0 before
-    /// the first step.
+    /// The largest error of each tracked quantity at the step marks, the initial one among them; 0
+    /// before the first step.
     #[must_use]
     pub fn largest_errors(&self) -> Vec<f64> {
         let marks = self.marks();
@@ -37,8 +37,8 @@ impl ClosedLoop<'_> {
         largest
     }
 
-    /// What became of each value of the reference, as far as the run went. `tolerance` says for each
-    /// tracked quantity how near the reference it has to stay to be settled.
+    /// What became of each value of the reference, as far as the run went. `tolerance` says for
+    /// each tracked quantity how near the reference it has to stay to be settled.
     ///
     /// # Panics
     ///

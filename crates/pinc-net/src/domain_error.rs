@@ -138,8 +138,8 @@ impl DomainTruth {
         mean_squared_error(&self.predictions(model), &self.next, &self.widths).sqrt()
     }
 
-    /// The errors of one step of `model`, and the worst, which is searched for by moving one variable
-    /// at a time from the worst points.
+    /// The errors of one step of `model`, and the worst, which is searched for by moving one
+    /// variable at a time from the worst points.
     ///
     /// # Panics
     ///
@@ -225,8 +225,9 @@ impl DomainTruth {
         self.largest(&y, &end).1
     }
 
-    /// A local maximum of the error, by the pattern search of Hooke and Jeeves (Journal of the ACM 8,
-    /// 1961, 212): moves along one variable at a time, and again along the sum of those that helped.
+    /// A local maximum of the error, by the pattern search of Hooke and Jeeves (Journal of the ACM
+    /// 8, 1961, 212): moves along one variable at a time, and again along the sum of those that
+    /// helped.
     fn climb(&mut self, start: Found, most: usize, model: &mut dyn Model) -> Found {
         let (mut best, mut step, mut evaluations) = (start, FIRST_STEP, 0);
         while step > LAST_STEP && best.error.is_finite() && evaluations < most {

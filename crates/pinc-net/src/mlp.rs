@@ -77,8 +77,8 @@ impl Mlp {
         fits.then_some(Self { widths, parameters })
     }
 
-    /// The perceptron of the first `kept` inputs, the others having the values `fixed`, which go into
-    /// the biases.
+    /// The perceptron of the first `kept` inputs, the others having the values `fixed`, which go
+    /// into the biases.
     pub(crate) fn with_inputs_fixed(&self, kept: usize, fixed: &[f64]) -> Self {
         let mut layers = self.layers();
         let first = layers.next().expect("there is a layer");

@@ -103,7 +103,8 @@ impl NetConfig {
 }
 
 /// A trained (or fresh) net y(t) = `f_w`(t, y(0), u, p), Eq. (`net_pred`) of the paper, with the
-/// parameters p of a family of plants if it is of one. It is self-contained: normalization, ansatz, T, domain and the names of the variables are part of it.
+/// parameters p of a family of plants if it is of one. It is self-contained: normalization, ansatz,
+/// T, domain and the names of the variables are part of it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PincNet {
     pub(crate) mlp: Mlp,
@@ -261,8 +262,8 @@ impl PincNet {
     ///
     /// # Shapes
     ///
-    /// `y0` and the result: `nx`; `u`: `nu`; `p`: `np`. A conventional PINN ignores `y0` and `u` except, with a
-    /// hard initial condition, `y0`.
+    /// `y0` and the result: `nx`; `u`: `nu`; `p`: `np`. A conventional PINN ignores `y0` and `u`
+    /// except, with a hard initial condition, `y0`.
     ///
     /// # Panics
     ///
@@ -272,8 +273,9 @@ impl PincNet {
         self.state(self.mlp.parameters(), t, y0, u, p)
     }
 
-    /// y(t) over any scalar, with `weights` (and biases) in place of the net's own: the specification of the
-    /// net, and with `Dual<Var>` its derivatives in time inside those in the weights.
+    /// y(t) over any scalar, with `weights` (and biases) in place of the net's own: the
+    /// specification of the net, and with `Dual<Var>` its derivatives in time inside those in the
+    /// weights.
     ///
     /// # Panics
     ///
@@ -298,7 +300,8 @@ impl PincNet {
     }
 }
 
-/// Mean and standard deviation of T f(y0, u, p) over the domain: a state's displacement in one step.
+/// Mean and standard deviation of T f(y0, u, p) over the domain: a state's displacement in one
+/// step.
 fn displacement_scale(
     plant: &dyn DynRhs,
     config: &NetConfig,

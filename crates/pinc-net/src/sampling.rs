@@ -15,8 +15,8 @@ use serde::{Deserialize, Serialize};
 pub enum Sampler {
     /// All coordinates uniform and independent: the paper's text.
     Independent,
-    /// As many random (y0, u, p) as there are initial points, each on the same uniform grid of times
-    /// with both ends: the authors' code.
+    /// As many random (y0, u, p) as there are initial points, each on the same uniform grid of
+    /// times with both ends: the authors' code.
     CoupledGrid,
     /// A scrambled Sobol sequence (Owen scrambling): low discrepancy.
     Sobol,
@@ -132,8 +132,8 @@ impl Points {
 }
 
 impl Sampler {
-    /// `count` collocation points over \[0, T\] and `domain`; `scenarios` is the number of (y0, u, p)
-    /// of the coupled grid, which divides its points evenly among them (rounding the number of
+    /// `count` collocation points over \[0, T\] and `domain`; `scenarios` is the number of (y0, u,
+    /// p) of the coupled grid, which divides its points evenly among them (rounding the number of
     /// times up).
     #[must_use]
     pub fn collocation(

@@ -68,8 +68,8 @@ impl Training {
         }
     }
 
-    /// The scenarios that the net which was kept is judged by: others of the same kind, from the same
-    /// seed. A conventional PINN has but one scenario.
+    /// The scenarios that the net which was kept is judged by: others of the same kind, from the
+    /// same seed. A conventional PINN has but one scenario.
     ///
     /// # Errors
     ///

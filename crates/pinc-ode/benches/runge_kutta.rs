@@ -1,5 +1,5 @@
-//! A step of RK4, alone and with Jacobians, by substeps: the time grows linearly with them. The stages
-//! of a horizon together, of plants built in and as text.
+//! A step of RK4, alone and with Jacobians, by substeps: the time grows linearly with them. The
+//! stages of a horizon together, of plants built in and as text.
 
 use divan::{Bencher, black_box};
 use pinc_expr::Equations;

@@ -1,7 +1,7 @@
 //! Products of small matrices, stored row by row, and vectors.
 
-/// Whether all numbers are finite. All are looked at, in vectors, which takes less time than to stop
-/// at the first that is not, where nearly always none is.
+/// Whether all numbers are finite. All are looked at, in vectors, which takes less time than to
+/// stop at the first that is not, where nearly always none is.
 #[inline]
 #[must_use]
 pub fn all_finite(values: &[f64]) -> bool {

@@ -326,8 +326,8 @@ impl Qp {
         }
     }
 
-    /// The part of the dynamics in [`Qp::lagrangian_gradient`]. With constants for `n` and `m` it is
-    /// unrolled.
+    /// The part of the dynamics in [`Qp::lagrangian_gradient`]. With constants for `n` and `m` it
+    /// is unrolled.
     #[inline(always)]
     fn add_dynamics(&self, lambda: &[f64], [states, inputs]: [&mut [f64]; 2], n: usize, m: usize) {
         for j in 0..self.dims.horizon {

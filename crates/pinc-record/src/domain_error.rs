@@ -9,9 +9,9 @@ use std::fmt;
 /// An error that counts as off: so many widths of a state's range.
 const OFF: f64 = 0.01;
 
-/// The largest error, and that of a hundredth of the domain, from which a reader is warned. Beside a
-/// pole a net has 0.5 and 0.3; of the shipped configs with a full training, all but the stiff servo are
-/// below, most by far.
+/// The largest error, and that of a hundredth of the domain, from which a reader is warned. Beside
+/// a pole a net has 0.5 and 0.3; of the shipped configs with a full training, all but the stiff
+/// servo are below, most by far.
 const WORST: f64 = 0.2;
 const HUNDREDTH: f64 = 0.02;
 

@@ -152,8 +152,8 @@ pub fn write_output(path: &Path, bytes: &[u8]) -> Result<(), RecordError> {
     }
 }
 
-/// A file being written, which is at its place once it is finished: written under another name beside
-/// it, flushed to the disk, and renamed. If this is dropped before, there is no trace of it.
+/// A file being written, which is at its place once it is finished: written under another name
+/// beside it, flushed to the disk, and renamed. If this is dropped before, there is no trace of it.
 #[derive(Debug)]
 pub(crate) struct AtomicFile {
     path: PathBuf,

@@ -191,8 +191,8 @@ pub struct ValidationMetrics {
     /// `mse_gen` with each state in standard deviations of the box.
     #[serde(default = "nan", deserialize_with = "number_or_null")]
     pub mse_gen_normalized: f64,
-    /// On held-out measurements, each state in standard deviations of the box: the best net was chosen
-    /// by it.
+    /// On held-out measurements, each state in standard deviations of the box: the best net was
+    /// chosen by it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub measured_mse: Option<f64>,
     /// Of one step from all over the training domain; not there for a conventional PINN.
@@ -340,12 +340,12 @@ pub struct ControlMetrics {
     pub estimator: Option<EstimatorMetrics>,
 }
 
-/// How good the estimates of a closed loop are, and whether the estimator is as sure of itself as it may
-/// be.
+/// How good the estimates of a closed loop are, and whether the estimator is as sure of itself as
+/// it may be.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct EstimatorMetrics {
-    /// The mean of the normalized innovations squared: of a consistent estimator, the number of measured
-    /// quantities.
+    /// The mean of the normalized innovations squared: of a consistent estimator, the number of
+    /// measured quantities.
     #[serde(deserialize_with = "number_or_null")]
     pub nis_mean: f64,
     /// The mean of the normalized errors squared: of a consistent estimator, the number of states.
@@ -355,7 +355,8 @@ pub struct EstimatorMetrics {
     pub estimate_rmse: BTreeMap<String, f64>,
     /// Time of a correction and a prediction together.
     pub estimator_us: StepTimes,
-    /// How many corrections ended with which status, and how many predictions with another than updated.
+    /// How many corrections ended with which status, and how many predictions with another than
+    /// updated.
     pub estimator_status: BTreeMap<String, usize>,
 }
 
@@ -366,8 +367,8 @@ impl ControlMetrics {
         self.status.values().sum()
     }
 
-    /// How many of them failed: those that did not converge, but for real-time iterations, which are not
-    /// judged, and those that the time budget ended.
+    /// How many of them failed: those that did not converge, but for real-time iterations, which
+    /// are not judged, and those that the time budget ended.
     #[must_use]
     pub fn failed_steps(&self) -> usize {
         self.status.iter().filter(|(status, _)| is_failure(status)).map(|(_, steps)| steps).sum()
@@ -381,19 +382,19 @@ pub fn is_failure(status: &str) -> bool {
     fine.iter().all(|fine| fine.to_string() != status)
 }
 
-/// Whether the references were reached, each of which holds for a segment of the run. A segment is looked at
-/// by its step marks t = kT, up to where the controller prepares the next one.
+/// Whether the references were reached, each of which holds for a segment of the run. A segment is
+/// looked at by its step marks t = kT, up to where the controller prepares the next one.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct ReferenceMetrics {
     /// When each segment begins, in s.
     #[serde(default)]
     pub reference_start_s: Vec<f64>,
-    /// For each controlled quantity and segment, the mean absolute error over the last ten marks, in its
-    /// unit; `None` if the segment is too short for one.
+    /// For each controlled quantity and segment, the mean absolute error over the last ten marks,
+    /// in its unit; `None` if the segment is too short for one.
     #[serde(default)]
     pub offset: BTreeMap<String, Vec<Option<f64>>>,
-    /// For each segment, the time from its beginning until all controlled quantities stay near their
-    /// references, in s; `None` if they do not.
+    /// For each segment, the time from its beginning until all controlled quantities stay near
+    /// their references, in s; `None` if they do not.
     #[serde(default)]
     pub settle_s: Vec<Option<f64>>,
     /// How near that is for each quantity, in its unit.

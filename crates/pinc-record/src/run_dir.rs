@@ -25,7 +25,8 @@ pub struct RunDir {
 impl RunDir {
     /// The directory `dir`, made if it is not there, for the results of `experiment`. What it holds
     /// of the same experiment stays until it is replaced. Nobody else can open it until the value
-    /// and its clones are dropped or [released](RunDir::released); `id` says to others which process has it.
+    /// and its clones are dropped or [released](RunDir::released); `id` says to others which
+    /// process has it.
     ///
     /// # Errors
     ///
@@ -78,8 +79,8 @@ impl RunDir {
         Self { _lock: None, ..self }
     }
 
-    /// Writes where the results to come are from. A resumed run keeps what is said of those that are
-    /// there.
+    /// Writes where the results to come are from. A resumed run keeps what is said of those that
+    /// are there.
     ///
     /// # Errors
     ///

@@ -331,8 +331,8 @@ impl Loops<'_> {
     }
 }
 
-/// Whether a curve can be read beside others of these ranges, and they beside it: each takes up some of
-/// the height that all take together, unless it is constant.
+/// Whether a curve can be read beside others of these ranges, and they beside it: each takes up
+/// some of the height that all take together, unless it is constant.
 fn fit(ranges: &[(f64, f64)], new: (f64, f64)) -> bool {
     let all = extent(ranges.iter().chain([&new]).flat_map(|range| [range.0, range.1]));
     let height = all.1 - all.0;

@@ -3,8 +3,8 @@
 /// Tables of at most as many rows are kept whole.
 const WHOLE: usize = 20_000;
 
-/// Takes a table row by row. All rows are kept as long as they are few; of a longer table, in each of
-/// many stretches, the first row, the last, and those in which a column is least or greatest. No
+/// Takes a table row by row. All rows are kept as long as they are few; of a longer table, in each
+/// of many stretches, the first row, the last, and those in which a column is least or greatest. No
 /// extreme is lost, and a curve through the rows looks the same where a stretch is narrower than
 /// what an eye can tell apart.
 #[derive(Debug)]

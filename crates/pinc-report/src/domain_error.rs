@@ -40,8 +40,8 @@ pub(crate) fn picture(run: &Run) -> Option<Picture> {
     })
 }
 
-/// The two states over which the error varies most; with one state, that and the input over which it
-/// does.
+/// The two states over which the error varies most; with one state, that and the input over which
+/// it does.
 fn variables(table: &DomainErrorTable, ends: &[(f64, f64)], states: usize) -> (usize, usize) {
     let second = if states > 1 { 0..states } else { 0..ends.len() };
     let pairs = (0..states).flat_map(|a| second.clone().map(move |b| (a, b)));

@@ -106,8 +106,8 @@ impl Part {
     }
 }
 
-/// All numbers of these rows that are drawn: those of each loop, and how far the states of the first
-/// two loops are apart.
+/// All numbers of these rows that are drawn: those of each loop, and how far the states of the
+/// first two loops are apart.
 fn numbers(readers: &[OfModel<ControlReader>], rows: &Rows) -> Vec<f64> {
     let mut numbers = Vec::new();
     for (of, row) in readers.iter().zip(rows) {

@@ -46,7 +46,8 @@ impl Plant for Pendulum {
         &INPUTS
     }
 
-    // Written once, for any number: it becomes part of the training kernel, of the Jacobians, of the truth.
+    // Written once, for any number: it becomes part of the training kernel, of the Jacobians, of
+    // the truth.
     #[inline(always)]
     fn rhs<S: Scalar>(&self, x: &[S], u: &[S], _p: &[S], dx: &mut [S]) {
         let Self { mass: m, length: l, friction } = *self;

@@ -47,8 +47,8 @@ impl<'e> Chosen<'e> {
             (ModelKind::Pinc, Some(path)) => Some(read_matching_model(experiment, path)?),
             _ => None,
         };
-        // Of a family, a net is taken for the member that the config names; an integrator is asked for
-        // it at each call.
+        // Of a family, a net is taken for the member that the config names; an integrator is asked
+        // for it at each call.
         let values = experiment.model_parameters();
         let (given, varying, parameters) = match given {
             Some((bytes, net)) => (Some((bytes, net.member(&values))), Vec::new(), Vec::new()),

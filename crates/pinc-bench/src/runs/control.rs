@@ -145,7 +145,8 @@ pub(crate) fn verdict(experiment: &Experiment, metrics: &Metrics) -> Result<(), 
     }
 }
 
-/// The closed loop of `spec` with an integrator as the model: the first one of the config, or else RK4.
+/// The closed loop of `spec` with an integrator as the model: the first one of the config, or else
+/// RK4.
 pub(super) fn rehearse(
     plant: &dyn DynPlant,
     spec: &ControlSpec,

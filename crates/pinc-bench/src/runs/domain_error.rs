@@ -6,8 +6,8 @@ use pinc_net::{DomainTruth, PincModel, PincNet};
 use pinc_ode::DynPlant;
 use pinc_record::{DomainErrorMetrics, DomainErrorTable, Rk4Errors, RunDir, file};
 
-/// Judges `net`, and writes the error of each point; nothing for a conventional PINN, which makes no
-/// steps, or if the plant cannot be integrated from anywhere.
+/// Judges `net`, and writes the error of each point; nothing for a conventional PINN, which makes
+/// no steps, or if the plant cannot be integrated from anywhere.
 pub(super) fn judge(
     plant: &dyn DynPlant,
     net: &PincNet,

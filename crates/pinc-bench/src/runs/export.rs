@@ -132,8 +132,8 @@ pub fn export_controller(
     write(&files, to, &name, out)
 }
 
-/// Exports the plant of `experiment`, the one in its closed loop, as an FMU on which a controller can
-/// be tried. All names begin with `name`, by default the experiment's. Returns the directory.
+/// Exports the plant of `experiment`, the one in its closed loop, as an FMU on which a controller
+/// can be tried. All names begin with `name`, by default the experiment's. Returns the directory.
 ///
 /// # Errors
 ///

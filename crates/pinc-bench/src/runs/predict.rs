@@ -15,10 +15,11 @@ use std::path::Path;
 /// Reads the inputs from the file `inputs`, lets the net of the file `model` run freely, and writes
 /// its states to the file `output`.
 ///
-/// The input has the columns `scenario`, `t`, the net's inputs, the parameters that the net takes as
-/// inputs, if there are any, and the net's states, in any order. The first row of a scenario gives its initial state; the inputs and parameters of a row hold until the
-/// scenario's next; other state cells may be empty. The net is chained every T from the scenario's first row
-/// on and asked at the times between. Where the inputs change within an interval of T, the chain is
+/// The input has the columns `scenario`, `t`, the net's inputs, the parameters that the net takes
+/// as inputs, if there are any, and the net's states, in any order. The first row of a scenario
+/// gives its initial state; the inputs and parameters of a row hold until the scenario's next;
+/// other state cells may be empty. The net is chained every T from the scenario's first row on and
+/// asked at the times between. Where the inputs change within an interval of T, the chain is
 /// restarted: a new interval begins at that row. The output has the same columns. A distilled net
 /// cannot be asked between steps: all rows have to lie on step marks.
 ///

@@ -80,8 +80,8 @@ impl Recording {
         Ok(())
     }
 
-    /// Adds what the plant did. The end of a step is written with the next one's input, or at the end
-    /// of the loop.
+    /// Adds what the plant did. The end of a step is written with the next one's input, or at the
+    /// end of the loop.
     pub(super) fn advanced(&mut self, run: &ClosedLoop<'_>) -> Result<(), BenchError> {
         let last = run.last_step().len().saturating_sub(1);
         Ok(self.push_samples(run, 0..last)?)

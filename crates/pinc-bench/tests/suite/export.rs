@@ -175,8 +175,8 @@ fn what_cannot_be_exported_is_refused() {
     refused(&["--model", "none.safetensors"], &["none.safetensors", "cannot be read"]);
 }
 
-/// Every target writes its files; FMUs are archives with sources and, where this machine can make one,
-/// a binary.
+/// Every target writes its files; FMUs are archives with sources and, where this machine can make
+/// one, a binary.
 #[test]
 fn all_targets_are_written() {
     let dir = tempfile::tempdir().unwrap();

@@ -56,8 +56,8 @@ fn offsets(metrics: &serde_json::Value) -> [f64; 2] {
     [0, 1].map(|of| metrics["control"][of]["offset"]["h"][0].as_f64().unwrap())
 }
 
-/// A controller that is told of a worn pump does as well as one with a new pump; one that is not has
-/// an offset, with both models.
+/// A controller that is told of a worn pump does as well as one with a new pump; one that is not
+/// has an offset, with both models.
 #[test]
 fn a_controller_is_told_of_its_parameters() {
     let dir = tempfile::tempdir().unwrap();

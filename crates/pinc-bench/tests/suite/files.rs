@@ -1,5 +1,5 @@
-//! Files that are damaged, locked, in the way or elsewhere: nothing of the user's is overwritten, and
-//! a resumed run makes what is missing.
+//! Files that are damaged, locked, in the way or elsewhere: nothing of the user's is overwritten,
+//! and a resumed run makes what is missing.
 
 use crate::common::{Outcome, leftovers, outcome, pinc, repository, smoke};
 use std::fs;

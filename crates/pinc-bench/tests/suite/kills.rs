@@ -1,7 +1,7 @@
 //! Runs that are killed at random moments and resumed: the same bits, and no file left behind.
 //!
-//! Each kind of run is killed as often as `PINC_KILLS` says, `docs/testing.md` says how a long test is
-//! run.
+//! Each kind of run is killed as often as `PINC_KILLS` says, `docs/testing.md` says how a long test
+//! is run.
 
 use crate::common::{leftovers, outcome, pinc, repository};
 use crate::sweep::SWEEP;
@@ -20,8 +20,8 @@ fn kills() -> u32 {
     std::env::var("PINC_KILLS").ok().map_or(KILLS, |text| text.parse().unwrap())
 }
 
-/// Kills the run that `command` makes in a directory, resumes it, and compares `files` with those of a
-/// run that was not killed.
+/// Kills the run that `command` makes in a directory, resumes it, and compares `files` with those
+/// of a run that was not killed.
 fn kill(command: &dyn Fn(&Path) -> Command, files: &[&str]) {
     let dir = tempfile::tempdir().unwrap();
     let whole = dir.path().join("whole");

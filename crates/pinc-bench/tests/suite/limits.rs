@@ -1,5 +1,5 @@
-//! Every size has an upper limit, and texts from outside do no harm: errors are short, plain, and say
-//! what was expected.
+//! Every size has an upper limit, and texts from outside do no harm: errors are short, plain, and
+//! say what was expected.
 
 use crate::common::{Outcome, outcome, pinc, repository, smoke};
 use std::fmt::Write;

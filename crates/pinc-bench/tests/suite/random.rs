@@ -1,8 +1,8 @@
-//! Random texts and bytes in place of a user's files: they are read, or refused with a message; nothing
-//! panics. A text is one of the shipped files with some changes at random.
+//! Random texts and bytes in place of a user's files: they are read, or refused with a message;
+//! nothing panics. A text is one of the shipped files with some changes at random.
 //!
-//! As many as `PINC_RANDOM_CASES` says are tried, from the seed `PINC_RANDOM_SEED` on; a long run is
-//! described in `docs/testing.md`.
+//! As many as `PINC_RANDOM_CASES` says are tried, from the seed `PINC_RANDOM_SEED` on; a long run
+//! is described in `docs/testing.md`.
 
 use crate::common::repository;
 use pinc_ad::Dual;
@@ -128,7 +128,8 @@ fn number(name: &str) -> Option<u64> {
     std::env::var(name).ok().map(|text| text.parse().unwrap())
 }
 
-/// Tries random cases. One that panics fails the test, one that hangs ends it; either is kept in a file.
+/// Tries random cases. One that panics fails the test, one that hangs ends it; either is kept in a
+/// file.
 fn try_cases(name: &str, share: u64, seeds: &[Vec<u8>], check: impl Fn(&[u8])) {
     let cases = number("PINC_RANDOM_CASES").unwrap_or(CASES) / share;
     let seed = number("PINC_RANDOM_SEED").unwrap_or(1);

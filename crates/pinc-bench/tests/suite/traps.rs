@@ -1,5 +1,5 @@
-//! Plants that a net cannot learn in a part of its domain: `pinc check` names the reason, and a training
-//! the place; and plants that only look hard in their units.
+//! Plants that a net cannot learn in a part of its domain: `pinc check` names the reason, and a
+//! training the place; and plants that only look hard in their units.
 
 use crate::common::{outcome, pinc, repository};
 use pinc_bench::{Finding, Severity, check};

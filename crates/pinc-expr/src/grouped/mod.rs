@@ -75,8 +75,8 @@ impl SparseFunction for GroupedFunction {
     }
 }
 
-/// Not inlined: portable vectors have no function of their own for [`pinc_ad::Scalar::vectorize`], and
-/// the code would stand at each of its places.
+/// Not inlined: portable vectors have no function of their own for [`pinc_ad::Scalar::vectorize`],
+/// and the code would stand at each of its places.
 #[inline(never)]
 fn run<'a, V: Simd>(code: &'a Code, registers: &mut [V]) -> &'a [u16] {
     if let Some(&first) = registers.first() {

@@ -14,8 +14,8 @@ pub(super) struct Run<'a, V> {
 /// Registers whose numbers need no check, if there are enough.
 pub(super) const FEW: usize = 256;
 
-/// Takes an expression of the operands through some steps. (No closures: where they are not inlined,
-/// they are compiled without the vectors' instructions.)
+/// Takes an expression of the operands through some steps. (No closures: where they are not
+/// inlined, they are compiled without the vectors' instructions.)
 macro_rules! each {
     ($r:ident, $steps:ident, $a:ident => $value:expr) => {
         for Step { operands: [a, ..], to } in $steps {

@@ -82,7 +82,8 @@ fn the_trace_has_nine_points_a_step() {
     assert!((run.max_violation() - 1.5).abs() < 1e-9);
 }
 
-/// The plant integrated again under the inputs of the trace, each from its time on, gives the trace.
+/// The plant integrated again under the inputs of the trace, each from its time on, gives the
+/// trace.
 #[test]
 fn the_inputs_of_the_trace_hold_from_their_times_on() {
     let model = Rk4::new(VanDerPol::default(), 0.5, 4);

@@ -184,8 +184,8 @@ fn iterate(initial_damping: f64, f: fn(f64) -> (f64, f64), iterations: usize) ->
     at.x[0]
 }
 
-/// The first damping is relative to J'J: in whatever units the residual a x is, the first step from 1
-/// with mu = J'J / 2 goes to 1 - 1/(1 + 1/2).
+/// The first damping is relative to J'J: in whatever units the residual a x is, the first step from
+/// 1 with mu = J'J / 2 goes to 1 - 1/(1 + 1/2).
 #[test]
 fn the_first_damping_is_relative_to_the_normal_matrix() {
     for f in [|x| (1e-5 * x, 1e-5), |x| (3.0 * x, 3.0), |x| (1e5 * x, 1e5)] {
@@ -209,8 +209,8 @@ fn the_damping_follows_the_gain() {
     assert!((x - expected).abs() < 1e-15, "{x} {expected}");
 }
 
-/// Damping grows by 2, 4, 8, .. from 1e-3 to 1e30 times J'J, in whatever units: its exponent of 2 is
-/// k (k + 1)/2 after k failures, which must not exceed log2 of 1e33, so that k = 0 .. 14.
+/// Damping grows by 2, 4, 8, .. from 1e-3 to 1e30 times J'J, in whatever units: its exponent of 2
+/// is k (k + 1)/2 after k failures, which must not exceed log2 of 1e33, so that k = 0 .. 14.
 #[test]
 fn damping_grows_to_its_limit_in_any_units() {
     for slope in [-1e-5, -1.0, -1e5] {

@@ -122,8 +122,8 @@ impl Row {
     }
 }
 
-/// How many rows of `row` bytes lie between places of `rows` rows each: so many that the same rows of
-/// two places are not at addresses that a processor takes for the same at first (by the last 12
+/// How many rows of `row` bytes lie between places of `rows` rows each: so many that the same rows
+/// of two places are not at addresses that a processor takes for the same at first (by the last 12
 /// bits), which would make a row wait for the ones before it to be written.
 fn stride(rows: usize, row: usize, places: usize) -> usize {
     let apart = |stride: &usize| {
@@ -204,8 +204,8 @@ struct Product<'a, V> {
     has_inputs: bool,
 }
 
-/// Computes the slopes of the rows in `range`, and makes the stage's moves with them. Place k begins
-/// at row `bases[k]`.
+/// Computes the slopes of the rows in `range`, and makes the stage's moves with them. Place k
+/// begins at row `bases[k]`.
 #[inline(always)]
 fn advance<V: Simd, const W: usize>(
     rows: &mut [[V; W]],

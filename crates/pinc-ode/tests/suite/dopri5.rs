@@ -105,10 +105,10 @@ impl Plant for Logistic {
 const FINE: f64 = 1e-12;
 
 /// What the errors of single steps may add up to. A step's estimate, of order h^5, is at most
-/// `FINE * (1 + |x|)`; its true error, of order h^6, is smaller by about `h * rate`, with the rate in 1/s
-/// at which the equation moves. Over all steps that is `FINE * (1 + |x|) * rate * duration`, times
-/// the `growth` of an error on its way to the end; and once more for the first step, whose size is
-/// a guess.
+/// `FINE * (1 + |x|)`; its true error, of order h^6, is smaller by about `h * rate`, with the rate
+/// in 1/s at which the equation moves. Over all steps that is `FINE * (1 + |x|) * rate * duration`,
+/// times the `growth` of an error on its way to the end; and once more for the first step, whose
+/// size is a guess.
 fn bound(size: f64, rate: f64, duration: f64, growth: f64) -> f64 {
     FINE * (1.0 + size) * (1.0 + rate * duration) * growth
 }

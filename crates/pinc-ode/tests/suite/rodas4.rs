@@ -22,9 +22,9 @@ fn jacobians(model: &mut impl Model, x: &[f64], u: &[f64]) -> [Vec<f64>; 2] {
     [a, b]
 }
 
-/// The order by regression of the errors against `end`, as in `runge_kutta.rs`: without those above 1e-5,
-/// where the step is still too long for the leading term to rule, and those below 1e-12, where
-/// rounding shows.
+/// The order by regression of the errors against `end`, as in `runge_kutta.rs`: without those above
+/// 1e-5, where the step is still too long for the leading term to rule, and those below 1e-12,
+/// where rounding shows.
 fn order<P: Plant>(plant: &P, duration_s: f64, x: &[f64], u: &[f64], end: &[f64]) -> f64 {
     let errors: Vec<_> = (1..12)
         .map(|k| {

@@ -13,8 +13,8 @@ fn reference_column(quantity: &str) -> String {
     format!("{quantity}_ref")
 }
 
-/// The columns of a closed loop's trace: `t`, the states, the inputs, `<controlled quantity>_ref` and the
-/// outputs that are no states.
+/// The columns of a closed loop's trace: `t`, the states, the inputs, `<controlled quantity>_ref`
+/// and the outputs that are no states.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct ControlColumns {
     /// Names of the states.

@@ -32,8 +32,8 @@ impl StepRow {
         self.status == SqpStatus::Converged.to_string()
     }
 
-    /// Whether the step failed: it neither converged, nor is it one of a real-time iteration, which is
-    /// not judged, nor did the time budget end it.
+    /// Whether the step failed: it neither converged, nor is it one of a real-time iteration, which
+    /// is not judged, nor did the time budget end it.
     #[must_use]
     pub fn failed(&self) -> bool {
         is_failure(&self.status)

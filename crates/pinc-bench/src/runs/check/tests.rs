@@ -203,7 +203,8 @@ fn steps_and_horizons_against_the_modes() {
     assert!(found.iter().any(change), "{found:?}");
     let found = findings(Test::Damped, &["control.step_s=5.0", "control.duration_s=50.0"]);
     assert_found(&found, Warning, "references[0]", "T = 5 s is 5 times the slowest time constant");
-    // From 0.5 the input -1 moves x1 by 1.5 (1 - exp(-0.0025)) = 3.746e-3 in 2.5 s; the change is 0.25.
+    // From 0.5 the input -1 moves x1 by 1.5 (1 - exp(-0.0025)) = 3.746e-3 in 2.5 s; the change is
+    // 0.25.
     let found = findings(Test::Slow, &["control.initial_state=[0.25, 0.5]"]);
     assert_found(
         &found,
