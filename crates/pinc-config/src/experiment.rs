@@ -231,11 +231,11 @@ impl Experiment {
 
     /// Makes the choices by the size of the net, so that what is used is what is written down.
     fn choose_optimizers(&mut self) {
-        let dims = self.dims();
-        let (Some(model), Some(training)) = (&self.model, &mut self.training) else {
+        let Some(model) = self.model.as_ref().filter(|_| self.training.is_some()) else {
             return;
         };
-        let weights = model.parameters(dims);
+        let weights = model.parameters(self.dims());
+        let Some(training) = &mut self.training else { return };
         for phase in &mut training.config.phases {
             phase.optimizer = phase.optimizer.for_size(weights);
         }

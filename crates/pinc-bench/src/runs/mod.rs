@@ -311,7 +311,7 @@ impl Stages<'_> {
                 experiment.sample_time_s().or_else(|| net.map(PincNet::sample_time_s));
             let truth = spec.plant.as_ref().unwrap_or(&experiment.plant).dyn_plant();
             let LoopParameters { names, values, estimated } = experiment.loop_parameters();
-            let plant = &*experiment.plant.family(&names);
+            let modelled = &*experiment.plant.family(&names);
             let setup = LoopSetup {
                 spec,
                 kinds: &plan.loops,
@@ -322,7 +322,7 @@ impl Stages<'_> {
                 estimated: &estimated,
                 truth: &*truth,
             };
-            control::stage(plant, &setup, options, run_dir)?;
+            control::stage(modelled, &setup, options, run_dir)?;
             if let (Some(spec), Some(domain)) = (&experiment.one_step, &experiment.domain) {
                 one_step::stage(plant, &setup, (spec, domain), options, run_dir)?;
             }

@@ -282,3 +282,19 @@ fn check_says_what_an_estimator_cannot_find() {
     let said = check(&(oscillator + output));
     assert!(said.contains("output disturbances with an unstable steady state"), "{said}");
 }
+
+/// What is estimated in the loop is no argument of the steps that `[one_step]` looks at.
+#[test]
+fn single_steps_are_judged_beside_an_estimated_parameter() {
+    let dir = tempfile::tempdir().unwrap();
+    let sections = "[domain]\nstate_low = [-2.0]\nstate_high = [2.0]\ninput_low = [-5.0]\n\
+                    input_high = [5.0]\n[one_step]\npoints = 16\nmeasure_s = 0.001\n";
+    let config = written(dir.path(), &format!("{LAG}{sections}"));
+    let out = dir.path().join("run");
+    let (config, out) = (config.to_str().unwrap(), out.to_str().unwrap());
+    let found = outcome(&mut pinc(&["run", config, "--quiet", "--out", out]));
+    assert_eq!(found.code, Some(0), "{found:?}");
+    let metrics = Metrics::read(Path::new(out)).unwrap().unwrap();
+    let [rk4] = &metrics.one_step[..] else { panic!("{metrics:?}") };
+    assert!(rk4.errors.rms < 1e-4, "{rk4:?}");
+}
