@@ -2,7 +2,7 @@
 
 use super::{LoopSetup, read_matching_model};
 use crate::BenchError;
-use pinc_config::{ControlSpec, Experiment, ModelKind};
+use pinc_config::{ControlSpec, Experiment, LoopParameters, ModelKind};
 use pinc_net::PincNet;
 use pinc_ode::DynPlant;
 use std::path::Path;
@@ -17,6 +17,8 @@ pub(super) struct Chosen<'e> {
     /// The plant that the model is of, and the p of the model.
     pub(super) plant: Box<dyn DynPlant>,
     pub(super) parameters: Vec<f64>,
+    /// The places of those that are estimated.
+    estimated: Vec<usize>,
     truth: Box<dyn DynPlant>,
 }
 
@@ -32,9 +34,6 @@ impl<'e> Chosen<'e> {
         let name = || experiment.name.clone();
         let missing = |section| BenchError::MissingSection { name: name(), section, command };
         let spec = experiment.control.as_ref().ok_or_else(|| missing("control"))?;
-        if spec.estimator.is_some() {
-            return Err(BenchError::WithEstimator { name: name(), command });
-        }
         let first = spec.models.first().copied().unwrap_or(ModelKind::Rk4);
         let kind = only.unwrap_or(if model.is_some() { ModelKind::Pinc } else { first });
         if !spec.models.contains(&kind) {
@@ -47,19 +46,21 @@ impl<'e> Chosen<'e> {
             (ModelKind::Pinc, Some(path)) => Some(read_matching_model(experiment, path)?),
             _ => None,
         };
-        // Of a family, a net is taken for the member that the config names; an integrator is asked
-        // for it at each call.
-        let values = experiment.model_parameters();
-        let (given, varying, parameters) = match given {
-            Some((bytes, net)) => (Some((bytes, net.member(&values))), Vec::new(), Vec::new()),
-            None => (None, experiment.varying(), values),
+        // Of a family, a net is taken for the member that the config names, unless an estimator is
+        // to say which one it is; an integrator is asked for it at each call.
+        let LoopParameters { names, values, estimated } = experiment.loop_parameters();
+        let (given, names, parameters) = match given {
+            Some((bytes, net)) if estimated.is_empty() => {
+                (Some((bytes, net.member(&values))), Vec::new(), Vec::new())
+            }
+            given => (given, names, values),
         };
         let of_net = given.as_ref().map(|(_, net)| net.sample_time_s());
         let sample_time_s = experiment.sample_time_s().or(of_net);
         let sample_time_s = sample_time_s.ok_or_else(|| missing("model"))?;
-        let plant = experiment.plant.family(&varying);
+        let plant = experiment.plant.family(&names);
         let truth = experiment.plant.dyn_plant();
-        Ok(Self { spec, kind, given, sample_time_s, plant, parameters, truth })
+        Ok(Self { spec, kind, given, sample_time_s, plant, parameters, estimated, truth })
     }
 
     /// The net, where that is the model.
@@ -76,7 +77,7 @@ impl<'e> Chosen<'e> {
             sample_time_s: self.sample_time_s,
             seed: 0,
             parameters: &self.parameters,
-            estimated: &[],
+            estimated: &self.estimated,
             truth: &*self.truth,
         }
     }

@@ -90,6 +90,10 @@ pub fn export_controller(
     out: Option<&Path>,
 ) -> Result<PathBuf, BenchError> {
     let chosen = Chosen::of(experiment, model, only, "pinc export")?;
+    if chosen.spec.estimator.is_some() {
+        let (name, command) = (experiment.name.clone(), "pinc export");
+        return Err(BenchError::WithEstimator { name, command });
+    }
     let name = name.map_or_else(|| Ok(Name::nearest(&experiment.name)), Name::new)?;
     let plant = experiment.plant.dyn_plant();
     let equations = experiment.plant.equations().map(|equations| {
