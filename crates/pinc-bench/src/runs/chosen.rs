@@ -1,11 +1,21 @@
 //! The one model that a controller outside of a run works with.
 
-use super::{LoopSetup, read_matching_model};
+use super::{LoopSetup, matching_model};
 use crate::BenchError;
 use pinc_config::{ControlSpec, Experiment, LoopParameters, ModelKind};
 use pinc_net::PincNet;
 use pinc_ode::DynPlant;
+use pinc_record::read_file;
 use std::path::Path;
+
+/// A trained net for a controller.
+#[derive(Clone, Copy, Debug)]
+pub enum ModelFile<'a> {
+    /// A file.
+    At(&'a Path),
+    /// The content of a file.
+    Content(&'a [u8]),
+}
 
 /// The controller of a config, with one of its models.
 pub(super) struct Chosen<'e> {
@@ -23,11 +33,11 @@ pub(super) struct Chosen<'e> {
 }
 
 impl<'e> Chosen<'e> {
-    /// The model that `only` names, or else the net of the file `model` if one is given, or else
-    /// the config's first.
+    /// The model that `only` names, or else the net of `model` if one is given, or else the
+    /// config's first.
     pub(super) fn of(
         experiment: &'e Experiment,
-        model: Option<&Path>,
+        model: Option<ModelFile<'_>>,
         only: Option<ModelKind>,
         command: &'static str,
     ) -> Result<Self, BenchError> {
@@ -43,7 +53,12 @@ impl<'e> Chosen<'e> {
             (ModelKind::Pinc, None) => {
                 return Err(BenchError::NoModelFile { name: name(), command });
             }
-            (ModelKind::Pinc, Some(path)) => Some(read_matching_model(experiment, path)?),
+            (ModelKind::Pinc, Some(ModelFile::At(path))) => {
+                Some(matching_model(experiment, path, read_file(path)?)?)
+            }
+            (ModelKind::Pinc, Some(ModelFile::Content(bytes))) => {
+                Some(matching_model(experiment, Path::new("model"), bytes.to_vec())?)
+            }
             _ => None,
         };
         // Of a family, a net is taken for the member that the config names, unless an estimator is

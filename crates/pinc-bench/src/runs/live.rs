@@ -1,7 +1,7 @@
 //! A controller with its estimator, stepped by a plant that is somewhere else.
 
 use super::LoopSetup;
-use super::chosen::Chosen;
+use super::chosen::{Chosen, ModelFile};
 use super::feedback;
 use super::guard::Guard;
 use crate::BenchError;
@@ -10,7 +10,6 @@ use pinc_estimate::{Augmentation, Estimator, EstimatorStatus};
 use pinc_mpc::{Nmpc, Reference, SqpStatus};
 use pinc_ode::DynPlant;
 use pinc_record::OutsideDomain;
-use std::path::Path;
 use std::time::{Duration, Instant};
 
 /// The controller of a config, with its estimator if it has one, for a plant that is somewhere
@@ -81,15 +80,15 @@ pub struct LiveStep<'a> {
 }
 
 impl LiveController {
-    /// The controller of `experiment` with the model of the file `model`, or `only` one of the
-    /// config's models, or else the first of them. `command` is named in errors.
+    /// The controller of `experiment` with the net of `model`, or `only` one of the config's
+    /// models, or else the first of them. `command` is named in errors.
     ///
     /// # Errors
     ///
     /// [`BenchError`] if the controller cannot be made.
     pub fn new(
         experiment: &Experiment,
-        model: Option<&Path>,
+        model: Option<ModelFile<'_>>,
         only: Option<ModelKind>,
         command: &'static str,
     ) -> Result<Self, BenchError> {

@@ -1,5 +1,6 @@
 //! `pinc serve`: the controller as a process, one JSON object a line.
 
+use super::chosen::ModelFile;
 use super::live::{Follow, LiveController};
 use crate::BenchError;
 use pinc_config::{Experiment, ModelKind};
@@ -67,7 +68,8 @@ pub fn serve(
     input: impl BufRead,
     mut output: impl Write,
 ) -> Result<OutsideDomain, BenchError> {
-    let mut controller = LiveController::new(experiment, model, only, "pinc serve")?;
+    let mut controller =
+        LiveController::new(experiment, model.map(ModelFile::At), only, "pinc serve")?;
     for line in input.split(b'\n') {
         let Ok(line) = line else { break };
         let answer = answer(&mut controller, &line);
