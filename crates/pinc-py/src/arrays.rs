@@ -7,7 +7,7 @@ use numpy::{
 };
 use pyo3::prelude::*;
 
-/// Numbers as a caller gives them: an array, or what NumPy makes one of.
+/// Numbers as a caller gives them: an array, or what `numpy` makes one of.
 pub(crate) type Given<'py> = PyArrayLikeDyn<'py, f64, AllowTypeChange>;
 
 /// An array of numbers for a caller.
