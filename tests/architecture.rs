@@ -18,7 +18,7 @@ const CRATES: [(&str, &[&str]); 16] = [
     ("pinc-net", &["pinc-ad", "pinc-ode"]),
     ("pinc-mpc", &["pinc-ad", "pinc-ode", "pinc-qp"]),
     ("pinc-estimate", &["pinc-mpc", "pinc-ode", "pinc-qp"]),
-    ("pinc-export", &["pinc-expr", "pinc-mpc", "pinc-net", "pinc-ode"]),
+    ("pinc-export", &["pinc-estimate", "pinc-expr", "pinc-mpc", "pinc-net", "pinc-ode"]),
     (
         "pinc-config",
         &["pinc-estimate", "pinc-expr", "pinc-mpc", "pinc-net", "pinc-ode", "pinc-plants"],

@@ -189,17 +189,6 @@ pub enum BenchError {
         /// What was expected.
         expected: String,
     },
-    /// A command for controllers that see the whole state.
-    #[error(
-        "{name}: `{command}` is for controllers that are given the state: it does not take \
-        [control.estimator] along; remove the section, and give the controller estimates"
-    )]
-    WithEstimator {
-        /// The experiment.
-        name: String,
-        /// The command.
-        command: &'static str,
-    },
     /// An estimator and its model that do not fit together.
     #[error(transparent)]
     Estimate(#[from] EstimateError),
