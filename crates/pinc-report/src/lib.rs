@@ -31,6 +31,7 @@ mod traces;
 mod training;
 mod trials;
 mod variables;
+mod zoom;
 
 pub use error::ReportError;
 pub use paper::{results, write_results};
