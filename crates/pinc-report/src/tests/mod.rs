@@ -1,5 +1,6 @@
 //! The report of synthetic run directories: whole, incomplete and damaged ones.
 
+mod compare;
 mod domain;
 mod estimates;
 mod zoom;
