@@ -1,7 +1,7 @@
 //! A whole controller in C.
 
 use crate::controller::{Controller, ModelSource};
-use crate::feedback_c::{feedback_core, set_disturbances};
+use crate::feedback_c::{Filter, feedback_core, set_disturbances};
 use crate::net_c::net_core;
 use crate::origin::{Origin, domain};
 use crate::rk4_c::rk4_core;
@@ -16,6 +16,10 @@ const STEPS: usize = 20;
 /// What an input of the self-test may differ by in double and in float, relative to 1 + its size.
 /// In float the iteration ends earlier.
 const TOLERANCES: [&str; 2] = ["1e-8", "1e-3"];
+
+/// The same with the unscented filter, whose points are near one another in double, which leaves
+/// rounding, and far from one another in float, which is another filter.
+const UNSCENTED_TOLERANCES: [&str; 2] = ["1e-6", "5e-2"];
 
 /// The smallest residual that single precision can be asked for.
 const FLOAT_TOLERANCE: f64 = 1e-3;
@@ -34,7 +38,11 @@ pub fn controller_to_c(
     origin: &Origin,
 ) -> Result<Vec<GeneratedFile>, ExportError> {
     let (mut t, mut files) = controller_sources(controller, name, origin)?;
-    t.set("DOUBLE", TOLERANCES[0]).set("FLOAT", TOLERANCES[1]);
+    let [double, float] = controller.estimator.map_or(TOLERANCES, |of| match of.filter {
+        Filter::Extended => TOLERANCES,
+        Filter::Unscented => UNSCENTED_TOLERANCES,
+    });
+    t.set("DOUBLE", double).set("FLOAT", float);
     let selftest = match controller.estimator {
         None => {
             set_selftest(&mut t, controller)?;
