@@ -13,6 +13,12 @@ use serde::Deserialize;
 use std::ops::Range;
 use toml::{Table, Value};
 
+/// A value, or the key and what is wrong there.
+type Checked<T> = Result<T, (String, Problem)>;
+
+/// Equations with their states, inputs and outputs.
+type Arrays = (Equations, [Vec<Variable>; 3]);
+
 /// How lists were written in a file, by their keys. No result depends on it: all are equal.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct AsWritten(Vec<(String, Value)>);
@@ -78,7 +84,7 @@ const PER_DISTURBANCE: [&str; 2] =
     ["control.estimator.disturbance_sd", "control.estimator.disturbance_initial_sd"];
 
 /// Writes the lists of a resolved config out, one entry per element.
-pub(crate) fn write_out(table: &mut Table) -> Result<AsWritten, (String, Problem)> {
+pub(crate) fn write_out(table: &mut Table) -> Checked<AsWritten> {
     let Some((equations, [states, inputs, outputs])) = arrays(table)? else {
         return Ok(AsWritten::default());
     };
@@ -111,7 +117,7 @@ pub(crate) fn write_out(table: &mut Table) -> Result<AsWritten, (String, Problem
 
 /// The equations of a plant with arrays, and its variables. Of a section that is no plant nothing is
 /// said here.
-fn arrays(table: &Table) -> Result<Option<(Equations, [Vec<Variable>; 3])>, (String, Problem)> {
+fn arrays(table: &Table) -> Checked<Option<Arrays>> {
     let plant = table.get("plant").filter(|plant| plant.get("expression").is_some());
     let plant = plant.map(|plant| PlantSpec::deserialize(plant.clone()));
     let Some(Ok(PlantSpec::Expression(equations))) = plant else { return Ok(None) };
@@ -132,11 +138,7 @@ impl Lists<'_> {
     /// A list of names, in which `T` stands for all elements of an array and `T[n]` or `T[2..n]` for
     /// some: the places that each entry has
     /// in the new list. None if there is no such list.
-    fn names(
-        &mut self,
-        key: &str,
-        known: &[String],
-    ) -> Result<Option<Vec<Range<usize>>>, (String, Problem)> {
+    fn names(&mut self, key: &str, known: &[String]) -> Checked<Option<Vec<Range<usize>>>> {
         let Some(Value::Array(list)) = at(self.table, key) else { return Ok(None) };
         let (mut all, mut groups) = (Vec::new(), Vec::new());
         for entry in &*list {
@@ -170,7 +172,7 @@ impl Lists<'_> {
         Ok(Some(groups))
     }
 
-    fn numbers(&mut self, keys: &[&str], groups: &[Range<usize>]) -> Result<(), (String, Problem)> {
+    fn numbers(&mut self, keys: &[&str], groups: &[Range<usize>]) -> Checked<()> {
         for key in keys {
             let Some((list, rest)) = key.split_once(".*.") else {
                 self.list(key, groups)?;
@@ -184,7 +186,7 @@ impl Lists<'_> {
         Ok(())
     }
 
-    fn list(&mut self, key: &str, groups: &[Range<usize>]) -> Result<(), (String, Problem)> {
+    fn list(&mut self, key: &str, groups: &[Range<usize>]) -> Checked<()> {
         let total = groups.last().map_or(0, |last| last.end);
         let Some(Value::Array(list)) = at(self.table, key) else { return Ok(()) };
         let has_lists = list.iter().any(Value::is_array);
