@@ -13,7 +13,7 @@ mod parser;
 mod program;
 mod text_plant;
 
-pub use critical::{CriticalTerm, CriticalTerms, TermRole};
+pub use critical::{CriticalTerm, CriticalTerms, LoneTerm, TermRole};
 pub use error::{Excerpt, ExpressionError, ExpressionProblem};
 pub use graph::Function;
 pub use listing::{Instruction, Listing};

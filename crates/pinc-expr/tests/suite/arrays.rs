@@ -101,6 +101,13 @@ fn outputs_are_in_the_order_of_their_indices() {
 }
 
 #[test]
+fn a_range_may_be_empty() {
+    // Two nodes have no inner one.
+    let plant = rod(2).compile().unwrap();
+    assert_eq!(Plant::states(&plant).len(), 3);
+}
+
+#[test]
 fn elements_of_a_parameter_vary() {
     let plant = rod(3).compile_with(&["w[3]", "k"]).unwrap();
     let mut y = [0.0; 5];
@@ -273,4 +280,28 @@ fn a_name_with_an_index_is_unknown_to_a_plant_without_arrays() {
     let equations = read(r#"{"states": ["x"], "inputs": ["u"], "derivatives": {"x": "u*x[1]"}}"#);
     let shown = equations.compile().unwrap_err().to_string();
     assert!(shown.starts_with("`derivatives.x`: `x` is not an array"), "{shown}");
+}
+
+/// A chain of which all elements are computed before the first equation: they are not all kept.
+#[test]
+fn what_an_equation_needs_is_computed_when_it_is_needed() {
+    let mut chain = read(
+        r#"{"sizes": {"n": 90}, "states": ["T[n]"], "inputs": ["u"],
+            "let": {"k[i=1..n]": "exp(-T[i])", "p[0]": "u", "p[i=1..n]": "p[i-1]/(1 + k[i])",
+                    "r[i=1..n]": "k[i]*p[i]"},
+            "derivatives": {"T[i]": "r[i] - T[i]"}}"#,
+    );
+    let mut rates = |n: usize| {
+        chain.sizes.insert("n".to_owned(), n);
+        let mut dx = vec![0.0; n];
+        Plant::rhs(&chain.compile().unwrap(), &vec![0.25; n], &[2.0], &[], &mut dx);
+        dx
+    };
+    let (few, many) = (rates(5), rates(200));
+    assert_eq!(few[..], many[..5]);
+    let (k, mut p) = ((-0.25_f64).exp(), 2.0);
+    for rate in many {
+        p /= 1.0 + k;
+        assert!((rate - (k * p - 0.25)).abs() < 1e-15);
+    }
 }
