@@ -49,8 +49,8 @@ fn rows(run: &Run) -> Option<(&'static str, String, Rows<'_>)> {
 
 fn panel(run: &Run, states: &[String], array: &Range<usize>, rows: &Rows<'_>) -> Panel {
     let names = &states[array.clone()];
-    let label = run.axis_label(&names[..1]);
     let title = Variable::grouped_names(names).join(", ");
+    let label = run.label_in_unit_of(&title, names);
     let mut panel = Panel::new(&title, Axis::new(&label, Kind::Linear), 260.0);
     let indices: Vec<f64> = indices(names);
     let (from, to) = extent(rows.iter().map(|(t, _)| *t));

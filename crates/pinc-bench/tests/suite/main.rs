@@ -1,11 +1,13 @@
 //! The program and what it does, in one test program: each links all of it.
 
 mod accuracy_cost;
+mod arrays;
 mod bad_config;
 mod bench;
 mod check;
 mod closed;
 mod common;
+mod compare;
 mod control;
 mod equations;
 mod estimation;
