@@ -36,7 +36,10 @@ const CRATES: [(&str, &[&str]); 16] = [
             "pinc-record",
         ],
     ),
-    ("pinc-report", &["pinc-chart", "pinc-config", "pinc-mpc", "pinc-net", "pinc-record"]),
+    (
+        "pinc-report",
+        &["pinc-chart", "pinc-config", "pinc-mpc", "pinc-net", "pinc-ode", "pinc-record"],
+    ),
     (
         "pinc-bench",
         &[

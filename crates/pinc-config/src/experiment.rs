@@ -1,5 +1,6 @@
 //! What a config file says, as types, and how one is read.
 
+use crate::arrays::{self, AsWritten};
 use crate::control::{ControlSpec, ModelKind};
 use crate::data::DataSpec;
 use crate::explain;
@@ -71,6 +72,9 @@ pub struct Experiment {
     /// The plants that the config may name, for the trials of a sweep.
     #[serde(skip)]
     plants: Plants,
+    /// The lists for a plant with arrays, for the trials of a sweep.
+    #[serde(skip)]
+    as_written: AsWritten,
 }
 
 /// The parameters p of the models in a closed loop.
@@ -133,8 +137,10 @@ impl Experiment {
     }
 
     /// The experiment of a resolved table, checked; or the key and what is wrong with its value.
-    fn from_table(table: Table, plants: &Plants) -> Result<Self, (String, Problem)> {
+    fn from_table(mut table: Table, plants: &Plants) -> Result<Self, (String, Problem)> {
+        let as_written = arrays::write_out(&mut table)?;
         let mut experiment = Self::deserialized(table)?;
+        experiment.as_written = as_written;
         experiment.plants = plants.clone();
         experiment.plant.bind(plants);
         let in_the_loop = experiment.control.as_mut().and_then(|control| control.plant.as_mut());
@@ -150,6 +156,13 @@ impl Experiment {
     /// The experiment as a table.
     pub(crate) fn to_table(&self) -> Table {
         Table::try_from(self).expect("the values have a form in TOML")
+    }
+
+    /// The same, with the lists for a plant with arrays as they were written.
+    pub(crate) fn to_table_as_written(&self) -> Table {
+        let mut table = self.to_table();
+        self.as_written.restore(&mut table);
+        table
     }
 
     /// The experiment of a table with other values for some keys, checked; or the key and what is

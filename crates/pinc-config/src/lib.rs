@@ -30,6 +30,7 @@
 //! # Ok::<(), pinc_config::ConfigError>(())
 //! ```
 
+mod arrays;
 mod control;
 mod data;
 mod estimator;

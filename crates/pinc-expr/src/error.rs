@@ -138,6 +138,64 @@ pub enum ExpressionProblem {
         /// What should.
         expected: &'static str,
     },
+    /// A size that no array can have.
+    #[error("a size of {0}, expected 1 to {most}", most = crate::arrays::LARGEST)]
+    Size(usize),
+    /// What stands for an index and is none.
+    #[error("`{0}` is no index, expected a whole number from 0 to {most}", most = crate::arrays::LARGEST)]
+    Index(String),
+    /// A name between brackets that stands for no whole number.
+    #[error("unknown index `{found}`; {}", indices(known))]
+    UnknownIndex {
+        /// The name.
+        found: String,
+        /// The indices and sizes that could stand there.
+        known: Vec<String>,
+    },
+    /// A range whose end is before its beginning.
+    #[error("the range {from}..{to} runs backwards, expected one like 1..n")]
+    Range {
+        /// The first value.
+        from: i64,
+        /// The last one.
+        to: i64,
+    },
+    /// An equation for elements that are not said; the text is an example of what to write.
+    #[error("for which elements is not said, expected a range, as {0}")]
+    NoRange(String),
+    /// An index with the name of something else.
+    #[error("the index `{0}` has the name of something else, expected a name that is free")]
+    IndexTaken(String),
+    /// An element that an array does not have.
+    #[error("`{element}` does not exist, expected an index from {first} to {last}")]
+    NoElement {
+        /// The element.
+        element: String,
+        /// The first index of the array.
+        first: usize,
+        /// The last one.
+        last: usize,
+    },
+    /// Brackets behind something that is no array.
+    #[error("`{0}` is not an array")]
+    NotAnArray(String),
+    /// An array without brackets.
+    #[error("`{0}` is an array, expected one of its elements, as {0}[1]")]
+    WholeArray(String),
+    /// Arrays with very many elements.
+    #[error("the arrays have more than {most} elements", most = crate::arrays::MOST)]
+    TooMany,
+    /// Arrays and sums that become too much text.
+    #[error("written out, the equations have more than {most} characters", most = crate::arrays::LONGEST)]
+    TooLong,
+    /// What is wrong for some values of the indices.
+    #[error("{problem} (at {index})")]
+    Element {
+        /// The values, as `i = 3`.
+        index: String,
+        /// What is wrong.
+        problem: Box<ExpressionProblem>,
+    },
     /// More parentheses in one another than anyone writes.
     #[error("nested more than {most} deep", most = crate::parser::DEEPEST)]
     TooDeep,
@@ -145,6 +203,13 @@ pub enum ExpressionProblem {
 
 fn time(name: &str) -> &'static str {
     if name == "t" { "; the time may not stand in an equation" } else { "" }
+}
+
+fn indices(known: &[String]) -> String {
+    if known.is_empty() {
+        return "expected a whole number, since there are no [sizes] and no index here".to_owned();
+    }
+    format!("expected a whole number or one of {}", known.join(", "))
 }
 
 impl ExpressionProblem {
@@ -155,7 +220,9 @@ impl ExpressionProblem {
             Self::UnknownState { found, known }
             | Self::UnknownParameter { found, known }
             | Self::UnknownName { found, known }
+            | Self::UnknownIndex { found, known }
             | Self::UnknownFunction { found, known } => Some((found, known)),
+            Self::Element { problem, .. } => problem.misspelt(),
             _ => None,
         }
     }

@@ -1,5 +1,6 @@
 //! Plants whose equations are text.
 
+mod arrays;
 mod checks;
 mod critical;
 mod error;
@@ -7,11 +8,12 @@ mod graph;
 mod grouped;
 mod lexer;
 mod listing;
+mod parameters;
 mod parser;
 mod program;
 mod text_plant;
 
-pub use critical::{CriticalTerm, CriticalTerms, TermRole};
+pub use critical::{CriticalTerm, CriticalTerms, LoneTerm, TermRole};
 pub use error::{Excerpt, ExpressionError, ExpressionProblem};
 pub use graph::Function;
 pub use listing::{Instruction, Listing};
@@ -56,12 +58,19 @@ use std::collections::BTreeMap;
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Equations {
-    /// The states, in order.
+    /// Named whole numbers: sizes of arrays and ends of ranges.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub sizes: BTreeMap<String, usize>,
+    /// The states, in order; `T[n]` is an array of n states.
     pub states: Vec<Variable>,
     /// The inputs, in order.
     pub inputs: Vec<Variable>,
-    /// Named numbers.
-    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    /// Named numbers. In files, a list is an array, with the elements `w[1]`, `w[2]`, ..
+    #[serde(
+        default,
+        skip_serializing_if = "BTreeMap::is_empty",
+        deserialize_with = "parameters::deserialize"
+    )]
     pub parameters: BTreeMap<String, f64>,
     /// Named expressions, for use in others; their order does not matter.
     #[serde(default, rename = "let", skip_serializing_if = "BTreeMap::is_empty")]
@@ -208,6 +217,11 @@ impl Equations {
     /// The first thing that is wrong with the equations, or a name that is not a parameter's or
     /// given twice.
     pub fn compile_with(&self, varying: &[&str]) -> Result<ExpressionPlant, ExpressionError> {
+        self.unrolled(|plain| plain.compile_plain(varying))
+    }
+
+    /// [`Equations::compile_with`] without arrays.
+    fn compile_plain(&self, varying: &[&str]) -> Result<ExpressionPlant, ExpressionError> {
         let Parsed { graph, variables, derivatives, outputs, .. } = self.parse(varying)?;
         let program = |values: &[Value], key: &str| {
             Program::new(&graph, variables.len(), values).map_err(|problem| problem.at(key))
@@ -250,8 +264,10 @@ impl Equations {
     ///
     /// The first thing that is wrong with the equations.
     pub fn critical_terms(&self) -> Result<CriticalTerms, ExpressionError> {
-        let Parsed { graph, variables, names, keys, .. } = self.parse(&[])?;
-        Ok(CriticalTerms::new(graph, &variables, &names, &keys))
+        self.unrolled(|plain| {
+            let Parsed { graph, variables, names, keys, .. } = plain.parse(&[])?;
+            Ok(CriticalTerms::new(graph, &variables, &names, &keys))
+        })
     }
 
     /// The values that derivatives and outputs are computed from.
@@ -290,7 +306,7 @@ impl Equations {
             derivatives.push(parse(format!("derivatives.{name}"), &self.derivatives[name])?);
         }
         let mut outputs = Vec::new();
-        for (name, output) in &self.outputs {
+        for (name, output) in self.ordered_outputs() {
             outputs.push(parse(format!("outputs.{name}"), &output.expression)?);
         }
         self.check_parameters_are_used()?;
@@ -298,7 +314,8 @@ impl Equations {
     }
 
     fn output_variables(&self) -> Vec<Variable> {
-        self.outputs.iter().map(|(name, output)| variable(name, &output.unit)).collect()
+        let outputs = self.ordered_outputs().into_iter();
+        outputs.map(|(name, output)| variable(name, &output.unit)).collect()
     }
 }
 

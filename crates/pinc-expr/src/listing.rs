@@ -48,8 +48,10 @@ impl Equations {
     ///
     /// The first thing that is wrong with the equations.
     pub fn listing(&self) -> Result<Listing, ExpressionError> {
-        let Parsed { graph, derivatives, .. } = self.parse(&[])?;
-        Ok(Listing::new(&graph, &derivatives))
+        self.unrolled(|plain| {
+            let Parsed { graph, derivatives, .. } = plain.parse(&[])?;
+            Ok(Listing::new(&graph, &derivatives))
+        })
     }
 }
 

@@ -1,7 +1,7 @@
 //! Equations as a list of steps on registers, run over any kind of number.
 
 use crate::error::ExpressionProblem;
-use crate::graph::{Graph, Number, Operation, Value};
+use crate::graph::{Graph, Node, Number, Operation, Value};
 use pinc_ad::Scalar;
 use pinc_ad::simd::Work;
 
@@ -36,16 +36,31 @@ impl Program {
         variables: usize,
         results: &[Value],
     ) -> Result<Self, ExpressionProblem> {
-        let last_use = last_uses(graph, results);
+        match Self::in_order(&graph.nodes, variables, results) {
+            Err(ExpressionProblem::TooLarge(_)) => {
+                let (nodes, results) = result_by_result(&graph.nodes, results);
+                Self::in_order(&nodes, variables, &results)
+            }
+            found => found,
+        }
+    }
+
+    /// The steps in the order of the nodes.
+    fn in_order(
+        nodes: &[Node],
+        variables: usize,
+        results: &[Value],
+    ) -> Result<Self, ExpressionProblem> {
+        let last_use = last_uses(nodes, results);
         let mut registers = Registers::new(variables);
-        let mut place = vec![0; graph.nodes.len()];
+        let mut place = vec![0; nodes.len()];
         let mut steps = Vec::new();
-        for (i, node) in graph.nodes.iter().enumerate() {
+        for (i, node) in nodes.iter().enumerate() {
             if let Operation::Variable(index) = node.operation {
                 place[i] = index;
             }
         }
-        for (i, node) in graph.nodes.iter().enumerate() {
+        for (i, node) in nodes.iter().enumerate() {
             if last_use[i].is_none() || matches!(node.operation, Operation::Variable(_)) {
                 continue;
             }
@@ -90,13 +105,13 @@ impl Program {
 
 /// For each value the last one that is made of it, `usize::MAX` if it is a result;
 /// `None` for values that no result needs.
-fn last_uses(graph: &Graph, results: &[Value]) -> Vec<Option<usize>> {
-    let mut last_use = vec![None; graph.nodes.len()];
+fn last_uses(nodes: &[Node], results: &[Value]) -> Vec<Option<usize>> {
+    let mut last_use = vec![None; nodes.len()];
     for result in results {
         // No node has this place, so the register is never free again.
         last_use[result.0] = Some(usize::MAX);
     }
-    for (i, node) in graph.nodes.iter().enumerate().rev() {
+    for (i, node) in nodes.iter().enumerate().rev() {
         if last_use[i].is_some() {
             for operand in node.operands.iter().flatten() {
                 last_use[operand.0] = last_use[operand.0].max(Some(i));
@@ -104,6 +119,32 @@ fn last_uses(graph: &Graph, results: &[Value]) -> Vec<Option<usize>> {
         }
     }
     last_use
+}
+
+/// The nodes in an order in which each comes when the first result needs it, and the results in it:
+/// fewer are then kept at once where results have little in common, as those of neighbours.
+fn result_by_result(nodes: &[Node], results: &[Value]) -> (Vec<Node>, Vec<Value>) {
+    let mut places: Vec<Option<Value>> = vec![None; nodes.len()];
+    let mut ordered = Vec::new();
+    for result in results {
+        let mut open = vec![*result];
+        while let Some(&value) = open.last() {
+            let Node { operation, operands } = nodes[value.0];
+            let missing = operands.into_iter().flatten().find(|v| places[v.0].is_none());
+            if places[value.0].is_some() {
+                open.pop();
+            } else if let Some(operand) = missing {
+                open.push(operand);
+            } else {
+                let operands = operands.map(|operand| operand.and_then(|v| places[v.0]));
+                places[value.0] = Some(Value(ordered.len()));
+                ordered.push(Node { operation, operands });
+                open.pop();
+            }
+        }
+    }
+    let results = results.iter().filter_map(|result| places[result.0]).collect();
+    (ordered, results)
 }
 
 /// Which registers are free.

@@ -21,6 +21,7 @@ mod number_tables;
 mod paper;
 mod picture;
 mod prediction;
+mod profile;
 mod report;
 mod steps;
 mod summary_text;

@@ -4,7 +4,7 @@ use crate::data::Run;
 use crate::error::ReportError;
 use crate::picture::{Drawn, Picture, drawn};
 use crate::variables::Variables;
-use crate::{control, domain_error, estimates, html, prediction, steps, sweep, training};
+use crate::{control, domain_error, estimates, html, prediction, profile, steps, sweep, training};
 use std::path::Path;
 
 /// A run's report.
@@ -61,6 +61,7 @@ fn pictures(run: &Run) -> Result<Vec<Picture>, ReportError> {
     pictures.extend(domain_error::picture(run));
     pictures.extend(prediction::picture(run, &variables));
     pictures.extend(control::pictures(run, &variables));
+    pictures.extend(profile::picture(run, &variables));
     pictures.extend(estimates::picture(run));
     pictures.extend(steps::picture(run));
     Ok(pictures)

@@ -11,13 +11,16 @@ use pinc_check::Rehearsal;
 use pinc_config::{ControlSpec, Experiment, ModelKind, Variables};
 use pinc_mpc::{ClosedLoop, Nmpc, NmpcProblem, Reference};
 use pinc_net::{NetError, PincModel, PincNet};
-use pinc_ode::{Dopri5, DynPlant, Model, PiecewiseConstant, Trajectory};
+use pinc_ode::{Dims, Dopri5, DynPlant, Model, PiecewiseConstant, Trajectory};
 use pinc_record::{
     ControlColumns, ControlMetrics, Metrics, ReferenceMetrics, RunDir, StepTimes, WallTimes, file,
 };
 use std::cell::Cell;
 use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
+
+/// The entries of Jacobians that a rehearsal computes for its plans.
+const REHEARSED_ENTRIES: usize = 1_000_000_000;
 
 /// What the stage works from.
 pub(crate) struct LoopSetup<'a> {
@@ -163,7 +166,13 @@ pub(super) fn rehearse(
     let mut nmpc = Nmpc::new(setup.problem(), model, spec.sqp)?;
     let mut run = setup.begin(&mut nmpc)?;
     let (mut trace, mut status) = (Trajectory::new(plant.dims()), BTreeMap::new());
-    while let Some(control) = run.control()? {
+    let most = rehearsed_steps(plant.dims(), spec, kind);
+    let left_out = pinc_config::steps(spec.duration_s, sample_time_s).saturating_sub(most);
+    let mut done = 0;
+    while done < most
+        && let Some(control) = run.control()?
+    {
+        done += 1;
         *status.entry(control.record().status.to_string()).or_default() += 1;
         control.advance()?;
         let step = run.last_step();
@@ -171,7 +180,22 @@ pub(super) fn rehearse(
             trace.push(*t, step.state(i), step.input(i));
         }
     }
-    Ok(Rehearsal { model: kind, trace, status })
+    Ok(Rehearsal { model: kind, trace, status, left_out })
+}
+
+/// How many steps of a loop are rehearsed: as many as take a second or so, by the entries of the
+/// Jacobians that the model computes for one plan.
+fn rehearsed_steps(dims: Dims, spec: &ControlSpec, kind: ModelKind) -> usize {
+    let stages = match kind {
+        ModelKind::Rk5 => 7 * spec.rk5_substeps,
+        // A factorization takes as long as the products with its factors.
+        ModelKind::Rodas4 => 12 * spec.rosenbrock_substeps,
+        ModelKind::Rk4 | ModelKind::Pinc => 4 * spec.rk4_substeps,
+    };
+    let dense = if kind == ModelKind::Rodas4 { dims.nx } else { 1 };
+    let sizes = [spec.n2, stages, dims.nx, dims.nx + dims.nu, dense];
+    let work = sizes.into_iter().fold(1_usize, usize::saturating_mul);
+    (REHEARSED_ENTRIES / work.max(1)).max(10)
 }
 
 impl<'a> LoopSetup<'a> {

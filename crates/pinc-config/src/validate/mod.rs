@@ -13,6 +13,7 @@ use crate::{
     DataSpec, Experiment, ModelKind, OwnPlantSpec, PlantSpec, PredictionSpec, Problem, TrainingSpec,
 };
 use control::closed_loop;
+use pinc_expr::ExpressionError;
 use pinc_net::{Ansatz, NetError, ResidualScale, Scenario, TrainingTarget, ValidationConfig};
 use pinc_ode::Dims;
 use values::{at_least_one, bounds, length, positive, present, tolerance, value, whole_steps};
@@ -156,18 +157,20 @@ fn plant(key: &str, plant: &PlantSpec, plants: &Plants) -> Finding {
             }
             Ok(())
         }
-        PlantSpec::Expression(equations) => match equations.compile() {
-            Ok(_) => Ok(()),
-            Err(error) => {
-                let misspelt = error.problem.misspelt();
-                let nearest = misspelt.and_then(|(found, known)| nearest(found, known));
-                let key = format!("{key}.expression.{}", error.key);
-                Err((key, Problem::Expression { error: Box::new(error), nearest }))
-            }
-        },
+        PlantSpec::Expression(equations) => {
+            equations.compile().map(drop).map_err(|error| expression_finding(key, error))
+        }
         PlantSpec::Own(spec) => own_plant(&format!("{key}.own"), spec, plants),
         _ => Ok(()),
     }
+}
+
+/// A finding from an error in the equations of the plant under `key`.
+pub(crate) fn expression_finding(key: &str, error: ExpressionError) -> (String, Problem) {
+    let misspelt = error.problem.misspelt();
+    let nearest = misspelt.and_then(|(found, known)| nearest(found, known));
+    let key = format!("{key}.expression.{}", error.key);
+    (key, Problem::Expression { error: Box::new(error), nearest })
 }
 
 fn own_plant(key: &str, spec: &OwnPlantSpec, plants: &Plants) -> Finding {
