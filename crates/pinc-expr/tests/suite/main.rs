@@ -1,5 +1,6 @@
 //! Plants whose equations are text.
 
+mod algebraic;
 #[path = "../../../pinc-ad/tests/suite/common.rs"]
 mod common;
 mod numbers;
