@@ -247,7 +247,7 @@ fn signed(value: f64) -> (char, String) {
 }
 
 /// A number with six digits at most.
-fn short(value: f64) -> String {
+pub(crate) fn short(value: f64) -> String {
     let rounded: f64 = format!("{value:.5e}").parse().unwrap_or(value);
     format!("{rounded}")
 }

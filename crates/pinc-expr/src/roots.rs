@@ -1,6 +1,7 @@
 //! Algebraic equations at one point: their root, why there is none, and whether there are others.
 
 use crate::algebraic::LARGEST_BLOCK;
+use crate::critical::short;
 use crate::implicit::{AlgebraicSystem, OnPrograms};
 use crate::{Equations, ExpressionError};
 use pinc_ad::{NewtonRoot, NewtonSystem, Scalar};
@@ -73,7 +74,8 @@ fn keys(equations: &[String]) -> String {
 impl fmt::Display for UnsolvedReason {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let listed = |values: &[(String, f64)]| {
-            let all: Vec<_> = values.iter().map(|(name, v)| format!("{name} = {v:.6}")).collect();
+            let all: Vec<_> =
+                values.iter().map(|(name, v)| format!("{name} = {}", short(*v))).collect();
             all.join(", ")
         };
         match self {
@@ -84,7 +86,7 @@ impl fmt::Display for UnsolvedReason {
                 write!(f, "the derivative by the unknowns is singular at {}", listed(at))
             }
             Self::NoRoot { at, residuals } => {
-                let residuals: Vec<_> = residuals.iter().map(|g| format!("{g:.3e}")).collect();
+                let residuals: Vec<_> = residuals.iter().map(|g| short(*g)).collect();
                 write!(
                     f,
                     "no root found in the box: the search ended at {}, where {} should be 0",

@@ -1,6 +1,7 @@
 //! The program and what it does, in one test program: each links all of it.
 
 mod accuracy_cost;
+mod algebraic;
 mod bad_config;
 mod bench;
 mod check;
