@@ -176,8 +176,7 @@ fn loops(text: &str) -> Vec<[f64; 3]> {
         arguments: &[],
     };
     let run = pinc_bench::run(&experiment.unwrap(), dir.path(), &options).unwrap();
-    let numbers =
-        |loops: &pinc_record::ControlMetrics| [loops.rmse_dense, loops.iae, loops.rmse];
+    let numbers = |loops: &pinc_record::ControlMetrics| [loops.rmse_dense, loops.iae, loops.rmse];
     run.metrics().control.iter().map(numbers).collect()
 }
 

@@ -19,6 +19,7 @@ mod kills;
 mod limits;
 mod lists;
 mod measurements;
+mod oil_well;
 mod own_plant;
 mod predict;
 mod random;
