@@ -59,7 +59,7 @@ impl<V: Scalar, const N: usize> NewtonRoot<V, N> {
 }
 
 /// The root of `system` that Newton's method finds from `start` inside the box `limits` (low and
-/// high of each unknown, finite).
+/// high of each unknown, finite); from the middle of the box in what is not inside it.
 ///
 /// A step that would leave the box goes half the way to its edge; one after which the residuals
 /// are larger is halved. Each lane goes its own way and stops by itself, so that its numbers do
@@ -75,7 +75,10 @@ pub fn newton<V: Scalar, T: NewtonSystem<V, N>, const N: usize>(
     let (mut g, mut slopes) = ([zero; N], [[zero; N]; N]);
     let mut z = start;
     for i in 0..n {
-        z[i] = inside(start[i], start[i], limits[i]);
+        let [low, high] = limits[i];
+        let middle = zero + 0.5 * (low + high);
+        let start = (-start[i] + high).where_nonpositive(middle, start[i]);
+        z[i] = (start - low).where_nonpositive(middle, start);
     }
     system.linearize(&z, &mut g, &mut slopes);
     let weights = row_weights(n, &slopes, limits);

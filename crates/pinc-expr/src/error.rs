@@ -125,7 +125,9 @@ pub enum ExpressionProblem {
     #[error("{0}")]
     Singular(Box<Deficiency>),
     /// Algebraic equations where there may be none.
-    #[error("algebraic equations cannot be listed as instructions: their solution iterates")]
+    #[error(
+        "algebraic equations cannot be generated as code: their solution is a search for roots"
+    )]
     NotListed,
     /// Too many values to be kept at once.
     #[error("the equations need {0} values at once, expected {most} at most", most = crate::program::MOST_REGISTERS)]
