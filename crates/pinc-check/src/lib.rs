@@ -4,6 +4,7 @@
 //! What only a program can do, running a closed loop and reading files, is handed in as
 //! [`Evidence`].
 
+mod algebraic;
 mod bounds;
 mod data;
 mod derivatives;
@@ -39,9 +40,10 @@ use std::path::PathBuf;
 type Examination = fn(&Subject<'_>) -> Vec<Finding>;
 
 /// All of them, in the order of their findings.
-const EXAMINATIONS: [Examination; 13] = [
+const EXAMINATIONS: [Examination; 14] = [
     dimensions,
     derivatives::examine,
+    algebraic::examine,
     irregularities::examine,
     stability::examine,
     horizon::examine,

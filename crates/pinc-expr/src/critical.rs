@@ -1,6 +1,7 @@
 //! The terms of equations on which it depends where these are defined and smooth.
 
 use crate::graph::{Function, Graph, Node, Operation, Value};
+use crate::implicit::AlgebraicSystem;
 use crate::program::apply;
 use std::collections::{BTreeMap, BTreeSet, HashSet};
 
@@ -57,6 +58,8 @@ pub struct CriticalTerm {
 pub struct CriticalTerms {
     nodes: Vec<Node>,
     terms: Vec<CriticalTerm>,
+    /// The number of states, and the algebraic equations, if there are any.
+    algebraic: Option<(usize, AlgebraicSystem)>,
 }
 
 impl CriticalTerms {
@@ -80,7 +83,12 @@ impl CriticalTerms {
             let text = printer.difference(values);
             terms.push(CriticalTerm { role, text, key: key.to_owned(), values });
         }
-        Self { nodes: graph.nodes, terms }
+        Self { nodes: graph.nodes, terms, algebraic: None }
+    }
+
+    /// With the equations that the algebraic variables in the terms are solved from.
+    pub(crate) fn with_algebraic(self, states: usize, system: AlgebraicSystem) -> Self {
+        Self { algebraic: (!system.blocks.is_empty()).then_some((states, system)), ..self }
     }
 
     /// They, in the order of the equations.
@@ -96,11 +104,17 @@ impl CriticalTerms {
     /// `at`: `nx + nu`, states first.
     #[must_use]
     pub fn values(&self, at: &[f64]) -> Vec<f64> {
+        let mut with_unknowns = at.to_vec();
+        if let Some((states, system)) = &self.algebraic {
+            let (x, u) = at.split_at(*states);
+            with_unknowns.resize(at.len() + system.names.len(), f64::NAN);
+            system.solve(x, u, &[], &mut with_unknowns[at.len()..]);
+        }
         let mut all = Vec::with_capacity(self.nodes.len());
         for node in &self.nodes {
             let [a, b] = node.operands.map(|operand| operand.map_or(0.0, |value| all[value.0]));
             all.push(match node.operation {
-                Operation::Variable(i) => at[i],
+                Operation::Variable(i) => with_unknowns[i],
                 operation => apply(operation, &a, &b),
             });
         }
@@ -306,7 +320,7 @@ fn signed(value: f64) -> (char, String) {
 }
 
 /// A number with six digits at most.
-fn short(value: f64) -> String {
+pub(crate) fn short(value: f64) -> String {
     let rounded: f64 = format!("{value:.5e}").parse().unwrap_or(value);
     format!("{rounded}")
 }

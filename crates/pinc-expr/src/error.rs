@@ -92,6 +92,43 @@ pub enum ExpressionProblem {
     /// Intermediate expressions that need one another.
     #[error("defined by itself: {}", .0.join(" needs "))]
     Cycle(Vec<String>),
+    /// A box of an algebraic variable that is none.
+    #[error("the box goes from {low} to {high}; expected finite numbers, low < high")]
+    Box {
+        /// Its lower end.
+        low: f64,
+        /// Its upper end.
+        high: f64,
+    },
+    /// A search for an algebraic variable that begins outside its box.
+    #[error("the search starts at {start}, outside the box from {low} to {high}")]
+    Start {
+        /// Where it starts.
+        start: f64,
+        /// The lower end of the box.
+        low: f64,
+        /// The upper end.
+        high: f64,
+    },
+    /// A start that depends on an algebraic variable.
+    #[error("depends on the algebraic variable `{0}`; expected states, inputs and parameters only")]
+    StartNeedsUnknown(String),
+    /// More algebraic variables than can be solved for.
+    #[error("{found} algebraic variables that depend on one another, expected {most} at most")]
+    TooManyUnknowns {
+        /// How many there are.
+        found: usize,
+        /// How many there may be.
+        most: usize,
+    },
+    /// Algebraic equations that cannot determine the algebraic variables.
+    #[error("{0}")]
+    Singular(Box<Deficiency>),
+    /// Algebraic equations where there may be none.
+    #[error(
+        "algebraic equations cannot be generated as code: their solution is a search for roots"
+    )]
+    NotListed,
     /// Too many values to be kept at once.
     #[error("the equations need {0} values at once, expected {most} at most", most = crate::program::MOST_REGISTERS)]
     TooLarge(usize),
@@ -199,6 +236,40 @@ pub enum ExpressionProblem {
     /// More parentheses in one another than anyone writes.
     #[error("nested more than {most} deep", most = crate::parser::DEEPEST)]
     TooDeep,
+}
+
+/// Equations with fewer algebraic variables than there are of them.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Deficiency {
+    /// The equations, by the algebraic variables to which they are given.
+    pub equations: Vec<String>,
+    /// The algebraic variables in them.
+    pub unknowns: Vec<String>,
+    /// Those for which no equation is left.
+    pub undetermined: Vec<String>,
+}
+
+impl std::fmt::Display for Deficiency {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let advice = "differentiate it by the time, replacing derivatives of states by their \
+         equations, until one of them appears, and leave out the states that it then determines";
+        let open = self.undetermined.join(", ");
+        if self.unknowns.is_empty() {
+            return write!(
+                f,
+                "this equation contains no algebraic variable, and nothing determines {open}: the \
+                 system is of index 2 or more; {advice}"
+            );
+        }
+        write!(
+            f,
+            "the equations of {} contain no algebraic variables but {}, and nothing determines \
+             {open}: they depend on one another, or the system is of index 2 or more; of an \
+             equation too many, {advice}",
+            self.equations.join(", "),
+            self.unknowns.join(", "),
+        )
+    }
 }
 
 fn time(name: &str) -> &'static str {

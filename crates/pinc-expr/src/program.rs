@@ -93,13 +93,54 @@ impl Program {
     /// set that the number stands for.
     #[inline(always)]
     pub(crate) fn run<S: Scalar>(&self, x: &[S], u: &[S], p: &[S], to: &mut [S]) {
-        let Some(&first) = x.first() else { return };
+        self.run_on(&Variables { x, u, p, z: &[] }, Same, to);
+    }
+
+    /// Writes the results, on the kind of number that `convert` makes of the variables, into `to`.
+    #[inline(always)]
+    pub(crate) fn run_on<S: Scalar, C: Convert<S>>(
+        &self,
+        at: &Variables<'_, S>,
+        convert: C,
+        to: &mut [C::To],
+    ) {
+        let Some(&first) = at.x.first() else { return };
+        let program = self;
         match self.registers {
-            0..=8 => first.vectorize(Run::<S, 8> { program: self, x, u, p, to }),
-            9..=16 => first.vectorize(Run::<S, 16> { program: self, x, u, p, to }),
-            17..=64 => first.vectorize(Run::<S, 64> { program: self, x, u, p, to }),
-            _ => first.vectorize(Run::<S, MOST_REGISTERS> { program: self, x, u, p, to }),
+            0..=8 => first.vectorize(Run::<S, C, 8> { program, at, convert, to }),
+            9..=16 => first.vectorize(Run::<S, C, 16> { program, at, convert, to }),
+            17..=64 => first.vectorize(Run::<S, C, 64> { program, at, convert, to }),
+            _ => first.vectorize(Run::<S, C, MOST_REGISTERS> { program, at, convert, to }),
         }
+    }
+}
+
+/// The values of the variables: states, inputs, parameters and algebraic variables.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Variables<'a, S> {
+    pub(crate) x: &'a [S],
+    pub(crate) u: &'a [S],
+    pub(crate) p: &'a [S],
+    pub(crate) z: &'a [S],
+}
+
+/// On which kind of number a program runs, given one of the variables.
+pub(crate) trait Convert<S> {
+    type To: Scalar;
+
+    /// The variable with this place among all.
+    fn convert(&self, value: S, place: usize) -> Self::To;
+}
+
+/// On the kind of the variables.
+pub(crate) struct Same;
+
+impl<S: Scalar> Convert<S> for Same {
+    type To = S;
+
+    #[inline(always)]
+    fn convert(&self, value: S, _place: usize) -> S {
+        value
     }
 }
 
@@ -171,25 +212,27 @@ impl Registers {
 }
 
 /// A run of a program with `R` registers, a power of 2.
-struct Run<'a, S, const R: usize> {
+struct Run<'a, S, C: Convert<S>, const R: usize> {
     program: &'a Program,
-    x: &'a [S],
-    u: &'a [S],
-    p: &'a [S],
-    to: &'a mut [S],
+    at: &'a Variables<'a, S>,
+    convert: C,
+    to: &'a mut [C::To],
 }
 
-impl<S: Scalar, const R: usize> Work for Run<'_, S, R> {
+impl<S: Scalar, C: Convert<S>, const R: usize> Work for Run<'_, S, C, R> {
     type Output = ();
 
     #[inline(always)]
     fn run(self) {
-        let mut registers = [self.x[0]; R];
-        let (states, rest) = registers.split_at_mut(self.x.len());
-        states.copy_from_slice(self.x);
-        let (inputs, rest) = rest.split_at_mut(self.u.len());
-        inputs.copy_from_slice(self.u);
-        rest[..self.p.len()].copy_from_slice(self.p);
+        let Variables { x, u, p, z } = *self.at;
+        let mut registers = [self.convert.convert(x[0], 0); R];
+        let mut first = 0;
+        for part in [x, u, p, z] {
+            for (i, (to, &value)) in registers[first..].iter_mut().zip(part).enumerate() {
+                *to = self.convert.convert(value, first + i);
+            }
+            first += part.len();
+        }
         for step in &self.program.steps {
             // The remainder spares the check of the index.
             let (a, b) = (usize::from(step.a) % R, usize::from(step.b) % R);

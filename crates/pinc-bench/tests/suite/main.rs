@@ -1,6 +1,7 @@
 //! The program and what it does, in one test program: each links all of it.
 
 mod accuracy_cost;
+mod algebraic;
 mod arrays;
 mod bad_config;
 mod bench;
@@ -20,6 +21,7 @@ mod kills;
 mod limits;
 mod lists;
 mod measurements;
+mod oil_well;
 mod own_plant;
 mod predict;
 mod random;

@@ -1,6 +1,7 @@
 //! Arrays, written out: equations with `T[n]`, `T[i=2..n-1]` and sums become plain ones, in which
 //! `T[3]` is a name like any other.
 
+mod bases;
 mod expand;
 mod index;
 
@@ -8,8 +9,9 @@ pub(crate) use expand::LONGEST;
 pub(crate) use index::{LARGEST, MOST};
 
 use crate::error::{Excerpt, ExpressionError, ExpressionProblem};
-use crate::lexer::{self, Misplaced};
-use crate::{Equations, OutputExpression, parser};
+use crate::lexer::Misplaced;
+use crate::{AlgebraicVariable, Equations, OutputExpression, Start, parser};
+use bases::check_bases;
 use expand::{Names, expand};
 use index::{Cursor, Indices};
 use pinc_ode::Variable;
@@ -80,19 +82,13 @@ impl Equations {
         (cursor.accept("]") && cursor.is_at_end()).then_some((array, range))
     }
 
-    /// The outputs in order: alphabetical, the elements of an array by their indices.
-    pub(crate) fn ordered_outputs(&self) -> Vec<(&String, &OutputExpression)> {
-        let mut outputs: Vec<_> = self.outputs.iter().collect();
-        outputs.sort_by_key(|(name, _)| place(name));
-        outputs
-    }
-
     fn has_arrays(&self) -> bool {
         let variables = self.states.iter().chain(&self.inputs).map(|v| v.name.as_ref());
         let tables = [&self.intermediates, &self.derivatives].into_iter().flatten();
         let texts = tables.flat_map(|(name, text)| [name.as_str(), text]);
         let outputs = self.outputs.iter().flat_map(|(name, y)| [name.as_str(), &y.expression]);
-        let mut all = variables.chain(texts).chain(outputs);
+        let unknowns = self.algebraic.iter().flat_map(|(name, z)| [name.as_str(), &z.equation]);
+        let mut all = variables.chain(texts).chain(outputs).chain(unknowns);
         !self.sizes.is_empty() || all.any(|text| text.contains(['[', '=']))
     }
 }
@@ -116,6 +112,8 @@ impl<'a> Unrolled<'a> {
         let derivatives = unrolled.entries("derivatives", texts(&of.derivatives), &sizes)?;
         let outputs = of.outputs.iter().map(|(name, y)| (name.as_str(), &*y.expression, &y.unit));
         let outputs = unrolled.entries("outputs", outputs.collect(), &sizes)?;
+        let unknowns = of.algebraic.iter().map(|(name, z)| (name.as_str(), &*z.equation, z));
+        let unknowns = unrolled.entries("algebraic", unknowns.collect(), &sizes)?;
         unrolled.names.scalars.extend(of.sizes.keys().map(String::as_str));
         let mut length = 0;
         for (name, text, ()) in unrolled.write_out("let", lets, &mut length)? {
@@ -128,8 +126,33 @@ impl<'a> Unrolled<'a> {
             let output = OutputExpression { expression, unit: unit.clone() };
             unrolled.equations.outputs.insert(name, output);
         }
+        unrolled.write_out_algebraic(unknowns, &mut length)?;
         unrolled.forget_unused_elements();
         Ok(unrolled)
+    }
+
+    fn write_out_algebraic(
+        &mut self,
+        unknowns: Vec<Entry<'a, &'a AlgebraicVariable>>,
+        length: &mut usize,
+    ) -> Result<(), ExpressionError> {
+        let starts = unknowns.iter().filter_map(|Entry { name, source, value }| {
+            let Some(Start::Expression(text)) = &value.start else { return None };
+            let key = format!("{}.start", source.key);
+            let source = Source { key, text, indices: source.indices.clone() };
+            Some(Entry { name: format!("{name}.start"), source, value: name.clone() })
+        });
+        let starts = starts.collect();
+        for (name, equation, unknown) in self.write_out("algebraic", unknowns, length)? {
+            let unknown = AlgebraicVariable { equation, ..unknown.clone() };
+            self.equations.algebraic.insert(name, unknown);
+        }
+        for (_, text, name) in self.write_out("algebraic", starts, length)? {
+            if let Some(unknown) = self.equations.algebraic.get_mut(&name) {
+                unknown.start = Some(Start::Expression(text));
+            }
+        }
+        Ok(())
     }
 
     fn add_name(&mut self, name: &'a str) {
@@ -259,9 +282,15 @@ impl<'a> Unrolled<'a> {
 
     /// Drops elements of parameters that no expression has, if it has others of the same array.
     fn forget_unused_elements(&mut self) {
-        let Equations { intermediates, derivatives, outputs, parameters, .. } = &mut self.equations;
+        let Equations { intermediates, derivatives, outputs, parameters, algebraic, .. } =
+            &mut self.equations;
         let outputs = outputs.values().map(|output| &output.expression);
+        let unknowns = algebraic.values().flat_map(|unknown| match &unknown.start {
+            Some(Start::Expression(start)) => vec![&unknown.equation, start],
+            _ => vec![&unknown.equation],
+        });
         let texts = intermediates.values().chain(derivatives.values()).chain(outputs);
+        let texts = texts.chain(unknowns);
         let used: BTreeSet<&str> = texts.flat_map(|text| parser::names(text)).collect();
         let array = |name: &str| Variable::split_name(name).map(|(array, _)| array.to_owned());
         let arrays: BTreeSet<_> = used.iter().filter_map(|name| array(name)).collect();
@@ -389,54 +418,6 @@ fn in_order(names: &mut [String]) {
 }
 
 /// What names are sorted by.
-fn place(name: &str) -> (&str, usize) {
+pub(crate) fn place(name: &str) -> (&str, usize) {
     Variable::split_name(name).unwrap_or((name, 0))
-}
-
-/// Checks the names before the brackets, and the sizes.
-fn check_bases(of: &Equations) -> Result<(), ExpressionError> {
-    for (name, &size) in &of.sizes {
-        if !(1..=LARGEST).contains(&size) {
-            return Err(ExpressionProblem::Size(size).at(format!("sizes.{name}")));
-        }
-    }
-    let listed = |field: &'static str, variables: &'_ [Variable]| {
-        let keys = variables.iter().enumerate();
-        keys.map(|(i, v)| (v.name.to_string(), field, format!("{field}[{i}]"))).collect::<Vec<_>>()
-    };
-    let keyed = |field: &'static str, names: Vec<&String>| {
-        let names = names.into_iter();
-        names.map(|name| (name.clone(), field, format!("{field}.{name}"))).collect::<Vec<_>>()
-    };
-    let all = [
-        listed("states", &of.states),
-        listed("inputs", &of.inputs),
-        keyed("sizes", of.sizes.keys().collect()),
-        keyed("parameters", of.parameters.keys().collect()),
-        keyed("let", of.intermediates.keys().collect()),
-        keyed("outputs", of.outputs.keys().collect()),
-    ];
-    let mut taken: BTreeMap<String, (&'static str, bool, String)> = BTreeMap::new();
-    for (name, field, key) in all.into_iter().flatten() {
-        let (base, is_array) = match name.split_once('[') {
-            Some((base, _)) => (base.trim(), true),
-            None => (name.as_str(), false),
-        };
-        if !lexer::is_valid_name(base) {
-            return Err(ExpressionProblem::Name(base.to_owned()).at(key));
-        }
-        if let Some(meaning) = parser::reserved(base) {
-            return Err(ExpressionProblem::Reserved { name: base.to_owned(), meaning }.at(key));
-        }
-        let has_elements_with_keys = is_array && !matches!(field, "states" | "inputs");
-        if let Some((other, was_array, first)) = taken.get(base) {
-            if *other != field || !was_array || !has_elements_with_keys {
-                let (name, first) = (base.to_owned(), first.clone());
-                return Err(ExpressionProblem::Duplicate { name, first }.at(key));
-            }
-        } else {
-            taken.insert(base.to_owned(), (field, is_array, key));
-        }
-    }
-    Ok(())
 }

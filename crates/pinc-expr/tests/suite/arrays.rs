@@ -305,3 +305,30 @@ fn what_an_equation_needs_is_computed_when_it_is_needed() {
         assert!((rate - (k * p - 0.25)).abs() < 1e-15);
     }
 }
+
+#[test]
+fn algebraic_variables_may_be_arrays() {
+    let array = read(
+        r#"{"sizes": {"n": 3}, "states": ["h[n]"], "inputs": ["u"], "parameters": {"r": 0.5},
+            "algebraic": {"q[i=1..n]": {"equation": "q[i]^2*r - h[i]/i", "start": "sqrt(h[i]) + i",
+                                       "low": 0.0, "high": 50.0}},
+            "derivatives": {"h[1]": "u - q[1]", "h[i=2..n]": "q[i-1] - q[i]"}}"#,
+    );
+    let by_hand = read(
+        r#"{"states": ["h1", "h2", "h3"], "inputs": ["u"], "parameters": {"r": 0.5},
+            "algebraic": {
+                "q1": {"equation": "q1^2*r - h1/1", "start": "sqrt(h1) + 1", "low": 0.0, "high": 50.0},
+                "q2": {"equation": "q2^2*r - h2/2", "start": "sqrt(h2) + 2", "low": 0.0, "high": 50.0},
+                "q3": {"equation": "q3^2*r - h3/3", "start": "sqrt(h3) + 3", "low": 0.0, "high": 50.0}},
+            "derivatives": {"h1": "u - q1", "h2": "q1 - q2", "h3": "q2 - q3"}}"#,
+    );
+    let [array, by_hand] = [array, by_hand].map(|equations| equations.compile().unwrap());
+    let names: Vec<_> = Plant::outputs(&array).iter().map(|y| y.name.as_ref()).collect();
+    assert_eq!(names, ["q[1]", "q[2]", "q[3]"]);
+    let rates = |plant: &pinc_expr::ExpressionPlant| {
+        let mut rates = [0.0; 3];
+        Plant::rhs(plant, &[2.0, 3.5, 0.7], &[0.4], &[], &mut rates);
+        rates.map(f64::to_bits)
+    };
+    assert_eq!(rates(&array), rates(&by_hand));
+}
