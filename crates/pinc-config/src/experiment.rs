@@ -3,6 +3,7 @@
 use crate::control::{ControlSpec, ModelKind};
 use crate::data::DataSpec;
 use crate::explain;
+use crate::identify::IdentifySpec;
 use crate::layers::{self, Layers};
 use crate::one_step::OneStepSpec;
 use crate::plant::PlantSpec;
@@ -65,6 +66,9 @@ pub struct Experiment {
     /// The controller's models, one step of each by itself.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub one_step: Option<OneStepSpec>,
+    /// What is to be found in recorded data.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub identify: Option<IdentifySpec>,
     /// The experiment many times over, with other values each time.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub sweep: Option<SweepSpec>,

@@ -36,6 +36,7 @@ mod estimator;
 mod experiment;
 mod explain;
 mod family;
+mod identify;
 mod layers;
 mod list;
 mod one_step;
@@ -57,6 +58,7 @@ pub use estimator::{
     DisturbanceSpec, EstimatorKind, EstimatorSpec, MeasurementSpec, UnknownParameter,
 };
 pub use experiment::{Experiment, LoopParameters, steps};
+pub use identify::{IdentifiedParameter, IdentifySpec};
 pub use list::{ListedRun, RunList};
 pub use one_step::OneStepSpec;
 pub use plant::{

@@ -2,6 +2,7 @@
 
 mod control;
 mod estimator;
+mod identify;
 pub(crate) mod limits;
 mod names;
 mod values;
@@ -48,6 +49,9 @@ impl Experiment {
             at_least_one("one_step.points", one_step.points)?;
             tolerance("one_step.tolerance", one_step.tolerance)?;
             positive("one_step.measure_s", one_step.measure_s)?;
+        }
+        if let Some(identify) = &self.identify {
+            identify::identification(self, identify, &variables)?;
         }
         if let Some(sweep) = &self.sweep {
             sweep.validate()?;
