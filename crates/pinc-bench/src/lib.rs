@@ -1,6 +1,6 @@
 //! Runs of experiments, sweeps, measurements of the machine, and the program `pinc`.
 //!
-//! - [`run`], [`train`], [`control`], [`predict`], [`estimate`], [`check`], [`rebuild_report`]: what the
+//! - [`run`], [`train`], [`control`], [`predict`], [`estimate`], [`identify`], [`check`], [`rebuild_report`]: what the
 //!   program does with an [`Experiment`](pinc_config::Experiment).
 //! - [`export_net`], [`export_controller`], [`export_plant`], [`serve`]: nets and controllers for other programs.
 //! - [`sweep()`], [`merge`]: an experiment many times over.
@@ -32,7 +32,8 @@ pub use pinc_config::Plants;
 pub use progress::Verbosity;
 pub use runs::{
     Estimated, Finding, Options, Severity, Target, check, control, estimate, export_controller,
-    export_net, export_plant, findings_json, predict, rebuild_report, run, serve, train,
+    export_net, export_plant, findings_json, identification_summary, identify, predict,
+    rebuild_report, run, serve, train,
 };
 pub use summary::summary;
 pub use sweep::{Shard, merge, sweep};

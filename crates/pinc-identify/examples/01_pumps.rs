@@ -6,10 +6,10 @@
 
 use pinc_ad::Scalar;
 use pinc_identify::{
-    Channel, Finding, FitStatus, IdentifyError, InitialState, Measured, Problem, Recording, Unknown,
-    identify,
+    Channel, Finding, FitStatus, IdentifyError, InitialState, Measured, Problem, Recording,
+    Unknown, identify,
 };
-use pinc_ode::{Dims, Model, Plant, Rk4, Variable};
+use pinc_ode::{Model, Plant, Rk4, Variable};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, Normal};
@@ -19,9 +19,6 @@ use rand_distr::{Distribution, Normal};
 struct Tank;
 
 impl Plant for Tank {
-    fn dims(&self) -> Dims {
-        Dims::new(1, 1).with_parameters(2)
-    }
     fn states(&self) -> &[Variable] {
         const { &[Variable::new("h", "cm")] }
     }
@@ -69,6 +66,7 @@ pub(crate) fn main() -> Result<(), IdentifyError> {
         unknown: vec![unknown("k", 0, 3.33, 0.5, 8.0), unknown("a", 1, 0.071, 0.01, 0.2)],
         initial_state: InitialState::Free(vec![8.0]),
         states: vec!["h".to_owned()],
+        inputs: vec!["u".to_owned()],
     };
     let record = Recording { name: "record", u: &u, y: &y };
     let found = identify(&mut model, &problem, &[record])?;

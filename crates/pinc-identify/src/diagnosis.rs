@@ -10,7 +10,7 @@ use std::fmt;
 /// The half width, as a share of the value, from which on an estimate says little.
 const WEAK: f64 = 0.5;
 /// The correlation from which on two parameters can hardly be told apart.
-const PAIR: f64 = 0.99;
+const PAIR: f64 = 0.999;
 /// How many times the expected noise the residuals may be.
 const NOISE: f64 = 2.0;
 /// The same where the noise is estimated from the data.
@@ -110,8 +110,8 @@ pub enum Finding {
     },
     /// An input with which the data fit far better if it is taken times a factor.
     InputUnits {
-        /// Its place among the inputs.
-        input: usize,
+        /// The input.
+        name: String,
         /// The factor.
         factor: f64,
     },
@@ -120,14 +120,12 @@ pub enum Finding {
 impl fmt::Display for Finding {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::NotConverged { status } => write!(
-                f,
-                "the fit did not converge ({status}): start nearer, or set bounds"
-            ),
-            Self::NoInfluence { name } => write!(
-                f,
-                "{name} cannot be identified: nothing measured depends on it"
-            ),
+            Self::NotConverged { status } => {
+                write!(f, "the fit did not converge ({status}): start nearer, or set bounds")
+            }
+            Self::NoInfluence { name } => {
+                write!(f, "{name} cannot be identified: nothing measured depends on it")
+            }
             Self::Undetermined { direction } => {
                 let names: Vec<_> = direction.iter().map(|(name, _)| name.as_str()).collect();
                 write!(f, "{} cannot be identified together: ", names.join(", "))?;
@@ -178,9 +176,9 @@ impl fmt::Display for Finding {
                  its units those of the plant?",
                 factor.log10()
             ),
-            Self::InputUnits { input, factor } => write!(
+            Self::InputUnits { name, factor } => write!(
                 f,
-                "input {input}: the data would fit far better with {factor:e} times its values: \
+                "{name}: the data would fit far better with {factor:e} times its values: \
                  are its units those of the plant?"
             ),
         }
@@ -205,11 +203,7 @@ fn residuals<'a>(
 }
 
 /// What is left of each channel.
-pub(crate) fn channels(
-    problem: &Problem,
-    fit: &Fit<'_>,
-    fitted: &[Vec<f64>],
-) -> Vec<ChannelFit> {
+pub(crate) fn channels(problem: &Problem, fit: &Fit<'_>, fitted: &[Vec<f64>]) -> Vec<ChannelFit> {
     let channel = |i: usize| {
         let all = residuals(problem, fit, fitted, i);
         let given: Vec<f64> = all.iter().flatten().copied().filter(|r| !r.is_nan()).collect();
@@ -299,12 +293,7 @@ fn of_the_unknowns(problem: &Problem, found: &Identified, analysis: &Analysis) -
     all
 }
 
-fn of_a_channel(
-    problem: &Problem,
-    fit: &Fit<'_>,
-    i: usize,
-    channel: &ChannelFit,
-) -> Vec<Finding> {
+fn of_a_channel(problem: &Problem, fit: &Fit<'_>, i: usize, channel: &ChannelFit) -> Vec<Finding> {
     let name = || channel.name.clone();
     if channel.measurements == 0 {
         return vec![Finding::NeverMeasured { name: name() }];
@@ -315,9 +304,10 @@ fn of_a_channel(
         Some(sd) => (sd, NOISE),
         None => (roughness(problem, fit, i), ROUGH_NOISE),
     };
-    let size = fit.recordings.iter().flat_map(|of| {
-        of.recording.y.iter().skip(i).step_by(problem.channels.len())
-    });
+    let size = fit
+        .recordings
+        .iter()
+        .flat_map(|of| of.recording.y.iter().skip(i).step_by(problem.channels.len()));
     let size = size.filter(|y| !y.is_nan()).fold(0.0, |most: f64, y| most.max(y.abs()));
     // Residuals that are nothing but rounding are as large as any noise of exact data.
     if channel.rms <= 1e-9 * size {
@@ -382,7 +372,7 @@ fn of_units(
         for factor in [1e-3, 1e3] {
             let other = cost_with(problem, fit, (&p, input, factor), with);
             if other < 0.01 * cost || (other.is_finite() && !cost.is_finite()) {
-                all.push(Finding::InputUnits { input, factor });
+                all.push(Finding::InputUnits { name: problem.inputs[input].clone(), factor });
             }
         }
     }

@@ -100,9 +100,7 @@ pub(crate) fn numbers(
     is_good: impl Fn(f64) -> bool,
 ) -> Result<(), IdentifyError> {
     match numbers.iter().position(|&number| !is_good(number)) {
-        Some(index) => {
-            Err(IdentifyError::Number { field, index, expected, value: numbers[index] })
-        }
+        Some(index) => Err(IdentifyError::Number { field, index, expected, value: numbers[index] }),
         None => Ok(()),
     }
 }

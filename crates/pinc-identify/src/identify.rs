@@ -1,12 +1,12 @@
 //! The fit in one call: single or multiple shooting, and what is made of its end.
 
+use crate::IdentifyError;
 use crate::fit::{Fit, FitStatus};
 use crate::method::{Method, Why, segments};
 use crate::problem::{InitialState, Problem, Recording};
 use crate::result::Identified;
 use crate::shooting::{Nodes, Shooting};
 use crate::trajectory::{Evaluation, Trajectory};
-use crate::IdentifyError;
 use pinc_estimate::Measured;
 use pinc_ode::Model;
 

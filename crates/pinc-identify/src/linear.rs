@@ -61,9 +61,7 @@ impl Linear {
             let width = of.triangle.width();
             for row in factor.chunks_exact(width) {
                 let by_p = &row[of.nq..width - 1];
-                for ((length, slope), j) in
-                    self.lengths.iter_mut().zip(&mut self.slope).zip(by_p)
-                {
+                for ((length, slope), j) in self.lengths.iter_mut().zip(&mut self.slope).zip(by_p) {
                     *length += j * j;
                     *slope += j * row[width - 1];
                 }
@@ -101,9 +99,7 @@ impl Linear {
     ) {
         let root = damping.sqrt();
         self.reduced.clear();
-        for ((of, factor), damped) in
-            recordings.iter().zip(&self.factors).zip(&mut self.damped)
-        {
+        for ((of, factor), damped) in recordings.iter().zip(&self.factors).zip(&mut self.damped) {
             let (width, nq) = (of.triangle.width(), of.nq);
             damped.clear();
             for row in factor.chunks_exact(width) {

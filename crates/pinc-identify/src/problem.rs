@@ -18,6 +18,8 @@ pub struct Problem {
     pub initial_state: InitialState,
     /// The names of the states, for what is said of them, `nx`.
     pub states: Vec<String>,
+    /// The names of the inputs, `nu`.
+    pub inputs: Vec<String>,
 }
 
 /// A measured quantity.
@@ -124,6 +126,7 @@ impl Problem {
         length("initial state", self.initial_state.values().len(), dims.nx)?;
         numbers("initial state", self.initial_state.values(), "finite", f64::is_finite)?;
         length("names of states", self.states.len(), dims.nx)?;
+        length("names of inputs", self.inputs.len(), dims.nu)?;
         if self.channels.is_empty() {
             return Err(IdentifyError::Length { field: "channels", expected: 1, found: 0 });
         }

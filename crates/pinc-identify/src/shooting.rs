@@ -236,9 +236,8 @@ impl<'a> Shooting<'a> {
     /// How much of its scale the state changes with q.
     fn size(&self, s: &[f64]) -> f64 {
         let rows = s.chunks_exact(self.triangle.width()).zip(&self.scale);
-        let squares = rows.map(|(s, scale)| {
-            s[..self.nq].iter().map(|s| (s / scale).powi(2)).sum::<f64>()
-        });
+        let squares =
+            rows.map(|(s, scale)| s[..self.nq].iter().map(|s| (s / scale).powi(2)).sum::<f64>());
         squares.sum::<f64>().sqrt()
     }
 

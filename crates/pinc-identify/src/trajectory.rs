@@ -24,6 +24,8 @@ pub(crate) struct Evaluation<'m> {
     /// The outputs at one point.
     y: Vec<f64>,
     next: Vec<f64>,
+    /// The measured quantities at one point.
+    channels: Vec<f64>,
 }
 
 /// The states of the model along one recording.
@@ -41,7 +43,7 @@ impl<'m> Evaluation<'m> {
     pub(crate) fn new(model: &'m mut dyn Model) -> Self {
         let dims = model.dims();
         let (y, next) = (vec![0.0; dims.ny], vec![0.0; dims.nx]);
-        Self { model, dims, work: Work::default(), y, next }
+        Self { model, dims, work: Work::default(), y, next, channels: Vec::new() }
     }
 
     /// The measured quantities at one point, in the order of the channels.
@@ -73,7 +75,8 @@ impl<'m> Evaluation<'m> {
     ) {
         let Dims { nx, nu, .. } = self.dims;
         let (channels, rows) = (problem.channels.len(), to.x.len() / nx);
-        let mut measured = vec![0.0; channels];
+        let mut measured = std::mem::take(&mut self.channels);
+        measured.resize(channels, 0.0);
         let mut segment = 0;
         to.cost = 0.0;
         for k in 0..rows {
@@ -103,6 +106,7 @@ impl<'m> Evaluation<'m> {
                 to.x[(k + 1) * nx..(k + 2) * nx].copy_from_slice(&self.next);
             }
         }
+        self.channels = measured;
     }
 }
 

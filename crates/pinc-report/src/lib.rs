@@ -15,6 +15,7 @@ mod domain_error;
 mod error;
 mod estimates;
 mod html;
+mod identification;
 mod number_tables;
 mod paper;
 mod picture;

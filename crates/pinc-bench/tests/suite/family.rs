@@ -99,6 +99,55 @@ fn a_free_run_is_given_the_parameters_as_columns() {
     predict("scenario,t,u,h\na,0,3,8\n").assert_refused(&["in.csv:1: ", "`k`"]);
 }
 
+/// A net of the family and the equation find the same pump in a record; what the net does not take
+/// it cannot find.
+#[test]
+fn a_net_of_a_family_identifies_as_the_equation_does() {
+    let dir = tempfile::tempdir().unwrap();
+    let section =
+        "[identify]\ninitial_state = [8.0]\nparameters = [{ name = \"k\", initial = 3.3 }]\n";
+    fs::write(dir.path().join("tanks.toml"), format!("{FAMILY}{section}")).unwrap();
+    let config = dir.path().join("tanks.toml");
+    let run = |command: &[&str], out: &str| {
+        let mut program = pinc(command);
+        program.arg(&config).arg("--out").arg(dir.path().join(out));
+        program
+    };
+    assert_eq!(outcome(&mut run(&["train", "--quiet"], "net")).code, Some(0));
+    // The levels of a pump with k = 2.8, of which the still water says how far they rise.
+    let (mut h, mut csv) = (8.0f64, "t,u,y_h\n".to_owned());
+    for step in 0..60 {
+        let u = if (step / 10) % 2 == 0 { 3.0 } else { 2.4 };
+        csv += &format!("{},{u},{h}\n", 10 * step);
+        for _ in 0..1000 {
+            h += 0.01 * (2.8 * u - 0.071 * (1962.0 * h).sqrt()) / 28.0;
+        }
+    }
+    fs::write(dir.path().join("data.csv"), csv).unwrap();
+    let net = dir.path().join("net/model.safetensors");
+    let identified = |arguments: &[&str], out: &str| {
+        let mut program = run(&["identify"], out);
+        program.arg("--data").arg(dir.path().join("data.csv")).arg("--model").arg(&net);
+        let found = outcome(program.args(arguments));
+        assert_eq!(found.code, Some(0), "{found:?}");
+        let text = fs::read_to_string(dir.path().join(out).join("identify.json")).unwrap();
+        let json: serde_json::Value = serde_json::from_str(&text).unwrap();
+        let k = json["parameters"]["k"]["value"].as_f64().unwrap();
+        (json["model"].as_str().unwrap().to_owned(), k, json["parameters"]["k"]["high"].clone())
+    };
+    let (model, by_net, high) = identified(&[], "by-net");
+    // The net's range is a bound: beyond it the net knows nothing.
+    assert_eq!((model.as_str(), high.as_f64()), ("pinc", Some(3.8)));
+    let (model, by_equation, _) = identified(&["--only", "rk4"], "by-equation");
+    assert_eq!(model, "rk4");
+    assert!((by_equation - 2.8).abs() < 0.05, "{by_equation}");
+    assert!((by_net - by_equation).abs() < 0.05, "{by_net} {by_equation}");
+    let mut other = run(&["identify"], "other");
+    other.arg("--data").arg(dir.path().join("data.csv")).arg("--model").arg(&net);
+    other.args(["--set", "identify.parameters=[{ name = \"a\", initial = 0.07 }]"]);
+    outcome(&mut other).assert_refused(&["does not take `a` as an input, but k"]);
+}
+
 #[test]
 fn parameters_that_make_no_sense_are_refused() {
     let dir = tempfile::tempdir().unwrap();

@@ -14,6 +14,7 @@ mod export;
 mod family;
 mod files;
 mod guard;
+mod identification;
 mod kills;
 mod limits;
 mod lists;

@@ -82,7 +82,9 @@ fn a_pair_that_cannot_be_told_apart_is_named_with_its_direction() {
     assert_eq!(names, ["k", "gamma"]);
     assert!((direction[0].1 - 1.0).abs() < 1e-6 && (direction[1].1 + 1.0).abs() < 1e-6);
     let text = words(&found);
-    assert!(text.contains("k, gamma cannot be identified together: k by +1.00 %, gamma by -1.00 %"));
+    assert!(
+        text.contains("k, gamma cannot be identified together: k by +1.00 %, gamma by -1.00 %")
+    );
     // What is determined is so, and the product too.
     assert!(found.parameters[0].half_width.is_some());
     assert_eq!((found.parameters[1].half_width, found.parameters[2].half_width), (None, None));
@@ -120,11 +122,14 @@ fn units_that_are_wrong_by_a_thousand_are_suspected() {
     let (u, y) = data(150);
     let millimetres: Vec<f64> = y.iter().map(|y| 1000.0 * y).collect();
     let text = words(&fit(&with(&[0, 1]), &u, &millimetres));
-    assert!(text.contains("h: the measurements are about 1e3 times what the model gives"), "{text}");
+    assert!(
+        text.contains("h: the measurements are about 1e3 times what the model gives"),
+        "{text}"
+    );
     let millivolts: Vec<f64> = u.iter().map(|u| 1000.0 * u).collect();
     let found = fit(&with(&[0, 1]), &millivolts, &y);
     let text = words(&found);
-    assert!(text.contains("input 0: the data would fit far better with 1e-3 times"), "{text}");
+    assert!(text.contains("u: the data would fit far better with 1e-3 times"), "{text}");
     // Without bounds that say no, a factor in k makes good for it: that is said too.
     let mut wide = with(&[0, 1]);
     wide.unknown[1].low = 0.0;

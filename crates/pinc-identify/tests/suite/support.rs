@@ -79,6 +79,7 @@ pub(crate) fn problem(
         unknown: unknowns.collect(),
         initial_state,
         states: plant.states().iter().map(|state| state.name.to_string()).collect(),
+        inputs: plant.inputs().iter().map(|input| input.name.to_string()).collect(),
     }
 }
 
