@@ -2,8 +2,15 @@
 
 #[path = "../examples/01_pumps.rs"]
 mod pumps;
+#[path = "../examples/02_segments.rs"]
+mod segments;
 
 #[test]
 fn pumps_and_outlets() {
     pumps::main().unwrap();
+}
+
+#[test]
+fn a_chaotic_system_in_segments() {
+    segments::main().unwrap();
 }

@@ -62,7 +62,7 @@ fn assert_answer(found: &Identified, answer: &Answer, cost: f64) {
         let close = (estimate.value - value).abs() <= 0.51e-6 + 1e-6 * value;
         assert!(close, "{}: {} instead of {value}", estimate.name, estimate.value);
         let width = estimate.half_width.unwrap();
-        let digit = if *half_width == 0.003 { 0.5e-3 } else { 0.5e-4 };
+        let digit = if (half_width - 0.003).abs() < 1e-9 { 0.5e-3 } else { 0.5e-4 };
         let close = (width - half_width).abs() <= digit + 0.01 * half_width;
         assert!(close, "{}: +- {width} instead of {half_width}", estimate.name);
     }
@@ -113,9 +113,9 @@ fn near_and_far_starts_end_in_the_same_place() {
 #[test]
 fn the_fit_takes_few_evaluations_of_the_model() {
     let near = fit(&[0, 1, 2, 3], &NEAR, STATE);
-    assert!(near.work.iterations <= 8, "{:?}", near.work);
-    assert!(near.work.linearized <= 200 * 10, "{:?}", near.work);
-    assert!(near.work.steps <= 199 * 12, "{:?}", near.work);
+    assert!(near.work.iterations <= 7, "{:?}", near.work);
+    assert!(near.work.linearized <= 201 * 9, "{:?}", near.work);
+    assert!(near.work.steps <= 200 * 9, "{:?}", near.work);
     let far = fit(&[0, 1, 2, 3], &FAR, STATE);
     assert!(far.work.iterations <= 25 && far.work.steps <= 199 * 45, "{:?}", far.work);
 }
