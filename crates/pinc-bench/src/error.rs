@@ -191,6 +191,17 @@ pub enum BenchError {
         /// The command.
         command: &'static str,
     },
+    /// A command for controllers whose parameters do not change.
+    #[error(
+        "{name}: `{command}` does not take control.parameter_schedule along: remove the key, and \
+        set the values of now in control.parameters"
+    )]
+    WithSchedule {
+        /// The experiment.
+        name: String,
+        /// The command.
+        command: &'static str,
+    },
     /// An estimator and its model that do not fit together.
     #[error(transparent)]
     Estimate(#[from] EstimateError),

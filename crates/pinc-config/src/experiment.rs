@@ -266,10 +266,10 @@ impl Experiment {
     }
 
     /// The same experiment without what its numbers do not depend on: how many threads work on it,
-    /// how often they write a checkpoint, and in which unit times are shown.
+    /// how often they write a checkpoint, in which unit times are shown, and what is identified.
     #[must_use]
     pub fn normalized(&self) -> Self {
-        let mut same = Self { time_unit: None, ..self.clone() };
+        let mut same = Self { time_unit: None, identify: None, ..self.clone() };
         if let Some(training) = &mut same.training {
             let time_limit_s = training.effort.time_limit_s;
             training.effort = Effort { time_limit_s, ..Effort::default() };

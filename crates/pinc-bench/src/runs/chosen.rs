@@ -1,6 +1,6 @@
 //! The one model that a controller outside of a run works with.
 
-use super::{LoopSetup, read_matching_model};
+use super::{LoopSetup, Schedules, read_matching_model};
 use crate::BenchError;
 use pinc_config::{ControlSpec, Experiment, ModelKind};
 use pinc_net::PincNet;
@@ -34,6 +34,9 @@ impl<'e> Chosen<'e> {
         let spec = experiment.control.as_ref().ok_or_else(|| missing("control"))?;
         if spec.estimator.is_some() {
             return Err(BenchError::WithEstimator { name: name(), command });
+        }
+        if !spec.parameter_schedule.is_empty() {
+            return Err(BenchError::WithSchedule { name: name(), command });
         }
         let first = spec.models.first().copied().unwrap_or(ModelKind::Rk4);
         let kind = only.unwrap_or(if model.is_some() { ModelKind::Pinc } else { first });
@@ -78,6 +81,7 @@ impl<'e> Chosen<'e> {
             parameters: &self.parameters,
             estimated: &[],
             truth: &*self.truth,
+            schedules: Schedules::default(),
         }
     }
 }

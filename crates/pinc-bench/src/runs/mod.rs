@@ -24,7 +24,7 @@ mod train;
 mod trial;
 mod with_outputs;
 
-pub(crate) use control::{LoopSetup, verdict};
+pub(crate) use control::{LoopSetup, Schedules, verdict};
 pub(crate) use train::TrainingSetup;
 pub(crate) use trial::{run_trial, train_shared};
 
@@ -323,18 +323,25 @@ impl Stages<'_> {
         {
             let sample_time_s =
                 experiment.sample_time_s().or_else(|| net.map(PincNet::sample_time_s));
-            let truth = spec.plant.as_ref().unwrap_or(&experiment.plant).dyn_plant();
+            let sample_time_s = sample_time_s.expect("the plan was checked for it");
+            let schedules = Schedules {
+                model: experiment.model_schedule(sample_time_s),
+                plant: experiment.plant_schedule(sample_time_s),
+            };
+            let changing: Vec<_> = schedules.plant.names.iter().map(String::as_str).collect();
+            let truth = experiment.plant_in_the_loop().family(&changing);
             let LoopParameters { names, values, estimated } = experiment.loop_parameters();
             let modelled = &*experiment.plant.family(&names);
             let setup = LoopSetup {
                 spec,
                 kinds: &plan.loops,
                 net,
-                sample_time_s: sample_time_s.expect("the plan was checked for it"),
+                sample_time_s,
                 seed: experiment.seed,
                 parameters: &values,
                 estimated: &estimated,
                 truth: &*truth,
+                schedules,
             };
             control::stage(modelled, &setup, options, run_dir)?;
             if let (Some(spec), Some(domain)) = (&experiment.one_step, &experiment.domain) {

@@ -75,6 +75,75 @@ fn a_controller_is_told_of_its_parameters() {
     assert!((both[0] - both[1]).abs() < 0.05, "{both:?}");
 }
 
+/// A pump that wears in the middle of the run: told of it at that time, the controller has no offset
+/// afterwards; otherwise it has one.
+#[test]
+fn a_controller_is_told_of_parameters_that_change() {
+    let dir = tempfile::tempdir().unwrap();
+    let config = dir.path().join("tanks.toml");
+    fs::write(&config, FAMILY).unwrap();
+    let wear = "control.plant_schedule=[{ start_s = 200.0, values = { k = 2.6 } }]";
+    let told = "control.parameter_schedule=[{ start_s = 200.0, values = { k = 2.6 } }]";
+    let halves =
+        "control.references=[{ start_s = 0.0, value = [9.0] }, { start_s = 200.0, value = [8.5] }]";
+    let run = |name: &str, sets: &[&str]| {
+        let out = dir.path().join(name);
+        let mut command = pinc(&["control", "--quiet", "--only", "rk4"]);
+        command.arg(&config).arg("--out").arg(&out);
+        for set in sets {
+            command.args(["--set", set]);
+        }
+        let found = outcome(&mut command);
+        assert_eq!(found.code, Some(0), "{found:?}");
+        let text = fs::read_to_string(out.join("metrics.json")).unwrap();
+        let metrics: serde_json::Value = serde_json::from_str(&text).unwrap();
+        let control = &metrics["control"][0];
+        let offset = |i: usize| control["offset"]["h"][i].as_f64().unwrap();
+        (offset(0), offset(1), control["iae"].as_f64().unwrap())
+    };
+    let unchanged = run("unchanged", &[halves]);
+    assert!(unchanged.0 < 0.05 && unchanged.1 < 0.05, "{unchanged:?}");
+    let unaware = run("unaware", &[halves, wear]);
+    assert!(unaware.0 < 0.05 && unaware.1 > 0.2, "{unaware:?}");
+    let aware = run("aware", &[halves, wear, told]);
+    assert!(aware.0 < 0.05 && aware.1 < 0.05, "{aware:?}");
+    // A schedule that changes nothing is none.
+    let same = "control.parameter_schedule=[{ start_s = 200.0, values = {} }]";
+    let same = run("same", &[halves, same]);
+    assert_eq!(same.2.to_bits(), unchanged.2.to_bits());
+}
+
+#[test]
+fn schedules_that_make_no_sense_are_refused() {
+    let dir = tempfile::tempdir().unwrap();
+    let config = dir.path().join("tanks.toml");
+    fs::write(&config, FAMILY).unwrap();
+    for (set, parts) in [
+        (
+            "control.parameter_schedule=[{ start_s = 200.0, values = { a = 0.07 } }]",
+            &["control.parameter_schedule[0].values.a", "`a` is not known"][..],
+        ),
+        (
+            "control.plant_schedule=[{ start_s = 205.0, values = { k = 2.6 } }]",
+            &["control.plant_schedule[0].start_s", "whole number of steps"],
+        ),
+        (
+            "control.plant_schedule=[{ start_s = 400.0, values = { k = 2.6 } }]",
+            &["less than the duration of the run, 400"],
+        ),
+        (
+            "control.plant_schedule=[{ start_s = 20.0, values = {} }, { start_s = 10.0, values = {} }]",
+            &["control.plant_schedule[1].start_s", "more than 20"],
+        ),
+    ] {
+        let mut command = pinc(&["check"]);
+        outcome(command.arg(&config).args(["--set", set])).assert_refused(parts);
+    }
+    let mut command = pinc(&["serve", "--only", "rk4"]);
+    let set = "control.parameter_schedule=[{ start_s = 200.0, values = { k = 2.6 } }]";
+    outcome(command.arg(&config).args(["--set", set])).assert_refused(&["parameter_schedule"]);
+}
+
 #[test]
 fn a_free_run_is_given_the_parameters_as_columns() {
     let dir = tempfile::tempdir().unwrap();

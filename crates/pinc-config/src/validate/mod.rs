@@ -5,6 +5,7 @@ mod estimator;
 mod identify;
 pub(crate) mod limits;
 mod names;
+mod schedule;
 mod values;
 
 use crate::plants::Plants;
@@ -41,6 +42,7 @@ impl Experiment {
         if let Some(control) = &self.control {
             closed_loop(control, &variables, self.plants(), self.sample_time_s())?;
             estimator::output_feedback(self, control, &variables)?;
+            schedule::schedules(self, control)?;
         }
         if let Some(one_step) = &self.one_step {
             let needed = "[one_step] needs it";
