@@ -100,6 +100,25 @@ enum Command {
         #[command(flatten)]
         set: SetArgs,
     },
+    /// Identify parameters and initial states from recorded data.
+    Identify {
+        /// Config file (TOML).
+        config: PathBuf,
+        /// Data: columns t, the inputs, y_ and the name of each measured quantity.
+        #[arg(long, required = true, num_args = 1.., value_name = "FILE")]
+        data: Vec<PathBuf>,
+        /// Directory of the results, by default `runs/`, the experiment's name and `-identify`.
+        #[arg(long, value_name = "DIR")]
+        out: Option<PathBuf>,
+        /// Model file (safetensors), to identify with a net of a family.
+        #[arg(long)]
+        model: Option<PathBuf>,
+        /// The model to identify with.
+        #[arg(long, value_enum)]
+        only: Option<Only>,
+        #[command(flatten)]
+        set: SetArgs,
+    },
     /// Export a trained net, or with a config its whole controller, to other programs.
     Export {
         /// Config file (TOML) of the controller; without one the net alone is exported.
@@ -291,6 +310,15 @@ fn execute(cli: &Cli, plants: &Plants) -> Result<ExitCode, BenchError> {
             let (output, model) = (output.as_deref(), model.as_deref());
             let found = crate::estimate(&experiment, data, output, model, only)?;
             show(quiet, &found.to_string());
+        }
+        Command::Identify { config, data, out, model, only, set } => {
+            let experiment = Experiment::load(config, &set.set, plants)?;
+            let named = || Path::new("runs").join(format!("{}-identify", experiment.name));
+            let dir = out.clone().unwrap_or_else(named);
+            let (only, arguments) = (only.map(Only::kind), arguments());
+            let options = options(false, quiet, &arguments);
+            let found = crate::identify(&experiment, data, &dir, &options, model.as_deref(), only)?;
+            show(quiet, &crate::identification_summary(&found));
         }
         Command::Check { config, json, set } => return check(config, *json, &set.set, plants),
         Command::Report { dir } => {

@@ -3,6 +3,7 @@
 use pinc_config::{ConfigError, ModelKind};
 use pinc_estimate::EstimateError;
 use pinc_export::ExportError;
+use pinc_identify::IdentifyError;
 use pinc_mpc::MpcError;
 use pinc_net::{ModelError, NetError};
 use pinc_ode::OdeError;
@@ -200,9 +201,43 @@ pub enum BenchError {
         /// The command.
         command: &'static str,
     },
+    /// A command for controllers whose parameters do not change.
+    #[error(
+        "{name}: `{command}` does not take control.parameter_schedule along: remove the key, and \
+        set the values of now in control.parameters"
+    )]
+    WithSchedule {
+        /// The experiment.
+        name: String,
+        /// The command.
+        command: &'static str,
+    },
     /// An estimator and its model that do not fit together.
     #[error(transparent)]
     Estimate(#[from] EstimateError),
+    /// A problem of identification that cannot be solved.
+    #[error("identify: {0}")]
+    Identify(#[from] IdentifyError),
+    /// The same, of a data file.
+    #[error("{}: {source}", path.display())]
+    IdentifyFile {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong with it.
+        source: IdentifyError,
+    },
+    /// A parameter to be identified with a net that does not take it.
+    #[error(
+        "identify: the net does not take `{parameter}` as an input, but {}; a net of a family \
+         ([domain.parameters]) or --only rk4 can identify it",
+        if known.is_empty() { "no parameters" } else { known }
+    )]
+    NotAParameterOfTheNet {
+        /// The parameter.
+        parameter: String,
+        /// Those that it takes.
+        known: String,
+    },
     /// Another error of a net or its training.
     #[error("training: {0}")]
     Net(#[from] NetError),
@@ -310,6 +345,25 @@ pub enum CsvProblem {
     /// Times that are not a step apart.
     #[error("column `t`: {t} s after {previous} s given, expected steps of T = {sample_time_s} s")]
     Spacing {
+        /// The time.
+        t: f64,
+        /// The time of the row before.
+        previous: f64,
+        /// Length T of a step, in s.
+        sample_time_s: f64,
+    },
+    /// A file without data.
+    #[error("{rows} rows of data, expected 2 or more below the header")]
+    TooFewRows {
+        /// How many there are.
+        rows: usize,
+    },
+    /// Times that are not whole steps apart.
+    #[error(
+        "column `t`: {t} s after {previous} s given, expected a whole number of steps of T = \
+         {sample_time_s} s; identify.step_s sets T for integrators"
+    )]
+    Grid {
         /// The time.
         t: f64,
         /// The time of the row before.

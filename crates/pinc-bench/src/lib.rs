@@ -1,7 +1,7 @@
 //! Runs of experiments, sweeps, measurements of the machine, and the program `pinc`.
 //!
 //! - [`run`], [`train`] (or [`train_watched`], which writes no files), [`control`], [`predict`],
-//!   [`estimate`], [`check`], [`rebuild_report`]: what the program does with an
+//!   [`estimate`], [`identify`], [`check`], [`rebuild_report`]: what the program does with an
 //!   [`Experiment`](pinc_config::Experiment).
 //! - [`export_net`], [`export_controller`], [`export_plant`], [`serve`]: nets and controllers for
 //!   other programs; [`LiveController`] is the controller that is served, step by step.
@@ -36,8 +36,8 @@ pub use progress::Verbosity;
 pub use runs::{
     Estimated, Finding, Follow, LiveController, LiveStep, ModelFile, Options, Severity, Target,
     TrainedNet, TrainingProgress, check, compare, control, estimate, export_controller, export_net,
-    export_plant, findings_json, predict, rebuild_report, run, serve, train, train_watched,
-    verdict,
+    export_plant, findings_json, identification_summary, identify, predict, rebuild_report, run,
+    serve, train, train_watched, verdict,
 };
 pub use summary::summary;
 pub use sweep::{Shard, merge, sweep};

@@ -1,7 +1,7 @@
 //! The `[control]` section.
 
 use crate::estimator::{EstimatorSpec, MeasurementSpec};
-use crate::{PlantSpec, Variables};
+use crate::{ParameterStep, PlantSpec, Variables};
 use pinc_mpc::{Bounds, NmpcProblem, Softness, SqpConfig, Tracked, Weight, Weights};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -30,6 +30,12 @@ pub struct ControlSpec {
     /// `[plant]` for the others.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub parameters: BTreeMap<String, f64>,
+    /// Other values of these in parts of the run: what the controller is told.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub parameter_schedule: Vec<ParameterStep>,
+    /// Other values of parameters of the plant in the loop in parts of the run: what is true.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub plant_schedule: Vec<ParameterStep>,
     /// What was applied before the first step, one number per input; 0 if absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub initial_input: Option<Vec<f64>>,

@@ -4,6 +4,7 @@ use crate::arrays::{self, AsWritten};
 use crate::control::{ControlSpec, ModelKind};
 use crate::data::DataSpec;
 use crate::explain;
+use crate::identify::IdentifySpec;
 use crate::layers::{self, Layers};
 use crate::one_step::OneStepSpec;
 use crate::plant::PlantSpec;
@@ -66,6 +67,9 @@ pub struct Experiment {
     /// The controller's models, one step of each by itself.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub one_step: Option<OneStepSpec>,
+    /// What is to be found in recorded data.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub identify: Option<IdentifySpec>,
     /// The experiment many times over, with other values each time.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub sweep: Option<SweepSpec>,
@@ -275,10 +279,10 @@ impl Experiment {
     }
 
     /// The same experiment without what its numbers do not depend on: how many threads work on it,
-    /// how often they write a checkpoint, and in which unit times are shown.
+    /// how often they write a checkpoint, in which unit times are shown, and what is identified.
     #[must_use]
     pub fn normalized(&self) -> Self {
-        let mut same = Self { time_unit: None, ..self.clone() };
+        let mut same = Self { time_unit: None, identify: None, ..self.clone() };
         if let Some(training) = &mut same.training {
             let time_limit_s = training.effort.time_limit_s;
             training.effort = Effort { time_limit_s, ..Effort::default() };

@@ -37,6 +37,7 @@ mod estimator;
 mod experiment;
 mod explain;
 mod family;
+mod identify;
 mod layers;
 mod list;
 mod one_step;
@@ -46,6 +47,7 @@ mod prediction;
 mod presets;
 mod problem;
 mod registry;
+mod schedule;
 mod sweep;
 mod time_unit;
 mod training;
@@ -58,6 +60,7 @@ pub use estimator::{
     DisturbanceSpec, EstimatorKind, EstimatorSpec, MeasurementSpec, UnknownParameter,
 };
 pub use experiment::{Experiment, LoopParameters, steps};
+pub use identify::{IdentifiedParameter, IdentifySpec};
 pub use list::{ListedRun, RunList};
 pub use one_step::OneStepSpec;
 pub use plant::{
@@ -69,6 +72,7 @@ pub use prediction::PredictionSpec;
 pub use presets::Preset;
 pub use problem::{ConfigError, Origin, Problem, SetProblem};
 pub use registry::Variables;
+pub use schedule::{ParameterStep, Schedule};
 pub use sweep::{AxisSpec, CaseSpec, DrawsSpec, RangeSpec, SweepSpec};
 pub use time_unit::TimeUnit;
 pub use training::{Effort, TrainingSpec};

@@ -162,6 +162,25 @@ impl<'a> ClosedLoop<'a> {
         Self { watch: Some(Watch::new(observer, dims.nx, dims.np)), ..self }
     }
 
+    /// Lets the plant have the parameters `p` from now on.
+    ///
+    /// # Panics
+    ///
+    /// If `p` is not as long as the plant's.
+    pub fn set_plant_parameters(&mut self, p: &[f64]) {
+        self.plant.set_parameters(p);
+    }
+
+    /// Tells the controller that the parameters of its model are `p` from now on. An observer has
+    /// the last word.
+    ///
+    /// # Errors
+    ///
+    /// As [`Nmpc::set_parameters`].
+    pub fn set_model_parameters(&mut self, p: &[f64]) -> Result<(), MpcError> {
+        self.nmpc.set_parameters(p)
+    }
+
     /// Asks the observer, if there is one.
     fn observe(&mut self) -> Result<(), MpcError> {
         let Some(watch) = &mut self.watch else { return Ok(()) };

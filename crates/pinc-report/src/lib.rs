@@ -17,6 +17,7 @@ mod domain_error;
 mod error;
 mod estimates;
 mod html;
+mod identification;
 mod number_tables;
 mod paper;
 mod picture;

@@ -8,7 +8,7 @@ use super::with_outputs::WithOutputs;
 use crate::BenchError;
 use crate::progress::Stage;
 use pinc_check::Rehearsal;
-use pinc_config::{ControlSpec, Experiment, ModelKind, Variables};
+use pinc_config::{ControlSpec, Experiment, ModelKind, Schedule, Variables};
 use pinc_mpc::{ClosedLoop, Nmpc, NmpcProblem, Reference};
 use pinc_net::{NetError, PincModel, PincNet};
 use pinc_ode::{Dims, Dopri5, DynPlant, Model, PiecewiseConstant, Trajectory};
@@ -37,8 +37,32 @@ pub(crate) struct LoopSetup<'a> {
     pub(crate) parameters: &'a [f64],
     /// The places of those.
     pub(crate) estimated: &'a [usize],
-    /// The plant in the loop, whose parameters are fixed.
+    /// The plant in the loop, whose parameters are those of the schedule.
     pub(crate) truth: &'a dyn DynPlant,
+    /// How the parameters of models and plant change.
+    pub(crate) schedules: Schedules,
+}
+
+/// How the parameters in a loop change.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Schedules {
+    /// Those that the models are told.
+    pub(crate) model: Schedule,
+    /// Those that the plant has.
+    pub(crate) plant: Schedule,
+}
+
+impl Schedules {
+    /// Makes the changes that come with `step`.
+    fn apply(&self, run: &mut ClosedLoop<'_>, step: usize) -> Result<(), BenchError> {
+        if let Some(p) = self.plant.beginning(step) {
+            run.set_plant_parameters(p);
+        }
+        if let Some(p) = self.model.beginning(step) {
+            run.set_model_parameters(p)?;
+        }
+        Ok(())
+    }
 }
 
 /// Runs the closed loops, unless all have been run. `plant` is the one that the models are of.
@@ -98,15 +122,16 @@ fn run_model(
         };
         // Only the first leaves results: the others give the same numbers in other times.
         if results.is_some() {
-            times.watch(&mut run, budget, setup.watched(&mut guard), None)?;
+            times.watch(&mut run, budget, setup.watched(&mut guard), None, &setup.schedules)?;
             estimator_us.extend(feedback.iter().flat_map(TimedFeedback::step_us));
             continue;
         }
         let trace_file = run_dir.path(&file::control(kind, setup.kinds.len()));
         let files = run_dir.keeps_traces().then_some((&*trace_file, &*steps_file));
         let mut recording = Recording::begin(files, setup.columns())?;
+        let watched = setup.watched(&mut guard);
         let outcome =
-            times.watch(&mut run, budget, setup.watched(&mut guard), Some(&mut recording));
+            times.watch(&mut run, budget, watched, Some(&mut recording), &setup.schedules);
         let totals = recording.finish(&run)?;
         let found = outcome.is_ok().then(|| Results::of(&run, totals, setup));
         estimates = feedback;
@@ -215,6 +240,7 @@ impl<'a> LoopSetup<'a> {
             parameters: &[],
             estimated: &[],
             truth: plant,
+            schedules: Schedules::default(),
         }
     }
 }
@@ -273,7 +299,10 @@ impl LoopSetup<'_> {
 
     pub(crate) fn begin<'n>(&self, nmpc: &'n mut Nmpc) -> Result<ClosedLoop<'n>, BenchError> {
         let (spec, reference) = (self.spec, self.reference()?);
-        let truth = Dopri5::shared(self.truth.to_shared(), spec.plant_tolerance);
+        let mut truth = Dopri5::shared(self.truth.to_shared(), spec.plant_tolerance);
+        if let Some(p) = self.schedules.plant.beginning(0) {
+            truth.set_parameters(p);
+        }
         let run = ClosedLoop::new(nmpc, truth, reference, &spec.initial_state)?;
         let run = if spec.preview { run } else { run.without_preview() };
         Ok(match &spec.initial_input {
@@ -348,15 +377,21 @@ struct Times {
 
 impl Times {
     /// Runs the loop to its end, with an eye on the clock.
-    fn watch(
+    fn watch<'g>(
         &mut self,
         run: &mut ClosedLoop<'_>,
         budget: Budget<'_>,
-        mut guard: Option<(&mut Guard<'_>, &[f64])>,
+        mut guard: Option<(&'g mut Guard<'_>, &'g [f64])>,
         mut recording: Option<&mut Recording>,
+        schedules: &'g Schedules,
     ) -> Result<(), BenchError> {
         let mut sum = 0.0;
-        loop {
+        for step in 0.. {
+            schedules.apply(run, step)?;
+            if let (Some((_, parameters)), Some(p)) = (&mut guard, schedules.model.beginning(step))
+            {
+                *parameters = p;
+            }
             let clock = Instant::now();
             let mut expired = || budget.time.is_some_and(|budget| clock.elapsed() >= budget);
             let control = run.control_within(&mut expired)?;

@@ -13,9 +13,11 @@ mod feedback;
 mod found;
 mod free_run;
 mod guard;
+mod identify;
 mod live;
 mod one_step;
 mod predict;
+mod recorded;
 mod recording;
 mod serve;
 mod shared_library;
@@ -24,7 +26,7 @@ mod train_watched;
 mod trial;
 mod with_outputs;
 
-pub(crate) use control::LoopSetup;
+pub(crate) use control::{LoopSetup, Schedules};
 pub(crate) use train::TrainingSetup;
 pub(crate) use trial::{run_trial, train_shared};
 
@@ -33,6 +35,7 @@ pub use chosen::ModelFile;
 pub use control::verdict;
 pub use estimate::{Estimated, estimate};
 pub use export::{Target, export_controller, export_net, export_plant};
+pub use identify::{identification_summary, identify};
 pub use live::{Follow, LiveController, LiveStep};
 pub use pinc_check::{Finding, Severity, findings_json};
 pub use predict::predict;
@@ -326,18 +329,25 @@ impl Stages<'_> {
         {
             let sample_time_s =
                 experiment.sample_time_s().or_else(|| net.map(PincNet::sample_time_s));
-            let truth = spec.plant.as_ref().unwrap_or(&experiment.plant).dyn_plant();
+            let sample_time_s = sample_time_s.expect("the plan was checked for it");
+            let schedules = Schedules {
+                model: experiment.model_schedule(sample_time_s),
+                plant: experiment.plant_schedule(sample_time_s),
+            };
+            let changing: Vec<_> = schedules.plant.names.iter().map(String::as_str).collect();
+            let truth = experiment.plant_in_the_loop().family(&changing);
             let LoopParameters { names, values, estimated } = experiment.loop_parameters();
             let modelled = &*experiment.plant.family(&names);
             let setup = LoopSetup {
                 spec,
                 kinds: &plan.loops,
                 net,
-                sample_time_s: sample_time_s.expect("the plan was checked for it"),
+                sample_time_s,
                 seed: experiment.seed,
                 parameters: &values,
                 estimated: &estimated,
                 truth: &*truth,
+                schedules,
             };
             control::stage(modelled, &setup, options, run_dir)?;
             if let (Some(spec), Some(domain)) = (&experiment.one_step, &experiment.domain) {

@@ -17,6 +17,7 @@ mod export;
 mod family;
 mod files;
 mod guard;
+mod identification;
 mod kills;
 mod limits;
 mod lists;

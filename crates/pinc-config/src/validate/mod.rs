@@ -2,8 +2,10 @@
 
 mod control;
 mod estimator;
+mod identify;
 pub(crate) mod limits;
 mod names;
+mod schedule;
 mod values;
 
 use crate::plants::Plants;
@@ -41,6 +43,7 @@ impl Experiment {
         if let Some(control) = &self.control {
             closed_loop(control, &variables, self.plants(), self.sample_time_s())?;
             estimator::output_feedback(self, control, &variables)?;
+            schedule::schedules(self, control)?;
         }
         if let Some(one_step) = &self.one_step {
             let needed = "[one_step] needs it";
@@ -49,6 +52,9 @@ impl Experiment {
             at_least_one("one_step.points", one_step.points)?;
             tolerance("one_step.tolerance", one_step.tolerance)?;
             positive("one_step.measure_s", one_step.measure_s)?;
+        }
+        if let Some(identify) = &self.identify {
+            identify::identification(self, identify, &variables)?;
         }
         if let Some(sweep) = &self.sweep {
             sweep.validate()?;
