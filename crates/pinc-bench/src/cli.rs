@@ -34,8 +34,19 @@ enum Command {
         /// Run only a share of a sweep, as 3/8: the third of eight.
         #[arg(long, value_name = "K/N", value_parser = shard)]
         shard: Option<Shard>,
+        /// Share a sweep with other processes that work in the same run directory.
+        #[arg(long)]
+        shared: bool,
+        /// Throw away the results that a sweep has in the run directory.
+        #[arg(long, conflicts_with = "resume")]
+        fresh: bool,
         #[command(flatten)]
         run: RunArgs,
+    },
+    /// Say how far a sweep is, and when it will be over.
+    Status {
+        /// Run directory.
+        dir: PathBuf,
     },
     /// Collect the trials of sweeps of one config, run as shards, in one directory.
     Merge {
@@ -226,7 +237,13 @@ pub fn program(plants: &Plants) -> ExitCode {
 fn execute(cli: &Cli, plants: &Plants) -> Result<ExitCode, BenchError> {
     let quiet = cli.quiet;
     match &cli.command {
-        Command::Run { configs, shard, run } => run_all(configs, *shard, run, plants, quiet)?,
+        Command::Run { configs, shard, shared, fresh, run } => {
+            let part = shard.unwrap_or(Shard::WHOLE);
+            let part = Shard { shared: *shared, ..part };
+            let part = (shard.is_some() || *shared).then_some(part);
+            run_all(configs, part, *fresh, run, plants, quiet)?;
+        }
+        Command::Status { dir } => show(quiet, &crate::status(dir, plants)?.to_string()),
         Command::Merge { parts, out } => {
             let arguments = arguments();
             let options = options(true, quiet, &arguments);
@@ -304,6 +321,7 @@ fn execute(cli: &Cli, plants: &Plants) -> Result<ExitCode, BenchError> {
 fn run_all(
     configs: &[PathBuf],
     shard: Option<Shard>,
+    fresh: bool,
     run: &RunArgs,
     plants: &Plants,
     quiet: bool,
@@ -322,7 +340,12 @@ fn run_all(
         shard,
     ) {
         (None, None) => crate::run(experiment, dir, options),
-        _ => crate::sweep(experiment, dir, options, shard.unwrap_or(Shard::WHOLE)),
+        _ => {
+            if !(fresh || options.resume) {
+                may_begin_afresh(experiment, dir)?;
+            }
+            crate::sweep(experiment, dir, options, shard.unwrap_or(Shard::WHOLE))
+        }
     };
     if let [(experiment, dir)] = &all[..] {
         return run.execute(experiment, dir, quiet, &work);
@@ -341,6 +364,17 @@ fn run_all(
     match failed {
         0 => Ok(()),
         failed => Err(BenchError::FailedRuns { failed, runs: all.len() }),
+    }
+}
+
+/// Whether nothing of a sweep is lost if it begins now, or whoever is asked agrees.
+fn may_begin_afresh(experiment: &Experiment, dir: &Path) -> Result<(), BenchError> {
+    let Some(crate::Kept { trials, nets }) = crate::kept(experiment, dir) else { return Ok(()) };
+    let place = dir.display();
+    let question = format!("{place} holds {trials} finished trials and {nets} nets. Remove them?");
+    match console::confirmed(&question) {
+        Some(true) => Ok(()),
+        _ => Err(BenchError::KeepsResults { dir: dir.to_owned(), trials, nets }),
     }
 }
 
@@ -439,7 +473,7 @@ fn options(resume: bool, quiet: bool, arguments: &[String]) -> Options<'_> {
 fn shard(text: &str) -> Result<Shard, String> {
     let parts = text.split_once('/').and_then(|(k, n)| Some((k.parse().ok()?, n.parse().ok()?)));
     match parts {
-        Some((number, of)) if (1..=of).contains(&number) => Ok(Shard { number, of }),
+        Some((number, of)) if (1..=of).contains(&number) => Ok(Shard { number, of, shared: false }),
         _ => Err("expected K/N with K from 1 to N, as 3/8".to_owned()),
     }
 }

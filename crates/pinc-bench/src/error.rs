@@ -238,6 +238,30 @@ pub enum BenchError {
         /// Of how many.
         runs: usize,
     },
+    /// A sweep that would begin afresh where results are.
+    #[error(
+        "{}: holds results of this sweep ({trials} trials, {nets} nets); --resume goes on with \
+        them, --fresh throws them away",
+        dir.display()
+    )]
+    KeepsResults {
+        /// The directory.
+        dir: PathBuf,
+        /// How many trials are over.
+        trials: usize,
+        /// How many nets are trained.
+        nets: usize,
+    },
+    /// A directory to be shared on a file system that cannot say who works on what.
+    #[error(
+        "{}: its file system has no locks, so that nobody knows what others work on; give each \
+        process a share with --shard K/N",
+        dir.display()
+    )]
+    NoLocks {
+        /// The directory.
+        dir: PathBuf,
+    },
     /// Sweeps to merge that are not of one config.
     #[error(
         "{}: belongs to another sweep than {} (their config.toml differ)",

@@ -3,7 +3,7 @@
 //! - [`run`], [`train`], [`control`], [`predict`], [`estimate`], [`check`], [`rebuild_report`]: what the
 //!   program does with an [`Experiment`](pinc_config::Experiment).
 //! - [`export_net`], [`export_controller`], [`export_plant`], [`serve`]: nets and controllers for other programs.
-//! - [`sweep()`], [`merge`]: an experiment many times over.
+//! - [`sweep()`], [`merge`], [`status`]: an experiment many times over.
 //! - [`bench()`]: measurements of the machine.
 //! - [`program`]: the command line; with [`Plants`] of your own, a `pinc` that
 //!   knows them.
@@ -35,4 +35,4 @@ pub use runs::{
     export_net, export_plant, findings_json, predict, rebuild_report, run, serve, train,
 };
 pub use summary::summary;
-pub use sweep::{Shard, merge, sweep};
+pub use sweep::{Kept, Shard, Status, kept, merge, status, sweep};

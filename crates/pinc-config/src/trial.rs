@@ -34,6 +34,14 @@ pub struct Trial {
     pub training: Option<(String, Experiment)>,
 }
 
+impl Trial {
+    /// What the trials have in common that one process runs: the training, if there is one.
+    #[must_use]
+    pub fn unit(&self) -> &str {
+        self.training.as_ref().map_or(&self.id, |(id, _)| id)
+    }
+}
+
 /// The columns that tell the trials of a sweep apart, the seed last.
 pub fn columns(sweep: &SweepSpec) -> Vec<String> {
     let mut columns = cell_columns(sweep);

@@ -126,6 +126,14 @@ pub fn write_atomically(path: &Path, bytes: &[u8]) -> Result<(), RecordError> {
     file.finish()
 }
 
+/// Like [`write_atomically`], but not flushed to the disk: if the machine stops, the file may be
+/// missing or damaged afterwards. A hundred times as fast.
+pub(crate) fn write_unflushed(path: &Path, bytes: &[u8]) -> Result<(), RecordError> {
+    let mut file = AtomicFile::create(path)?;
+    file.write(bytes)?;
+    file.put()
+}
+
 /// Writes what a user has named: a file like [`write_atomically`], that which a link leads to, and
 /// straight into pipes and devices.
 ///
@@ -182,6 +190,16 @@ impl AtomicFile {
     /// Adds bytes.
     pub(crate) fn write(&mut self, bytes: &[u8]) -> Result<(), RecordError> {
         self.file.write_all(bytes).map_err(RecordError::unwritable(&self.path))
+    }
+
+    /// Puts the file at its place, without waiting for the disk.
+    fn put(self) -> Result<(), RecordError> {
+        let Self { path, file } = self;
+        let put = || {
+            file.into_inner()?.persist(&path).map_err(|error| error.error)?;
+            Ok(())
+        };
+        put().map_err(RecordError::unwritable(&path))
     }
 
     /// Puts the file at its place.

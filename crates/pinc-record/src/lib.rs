@@ -37,7 +37,7 @@ pub use metrics::{
 pub use provenance::{Invocation, Provenance};
 pub use run_dir::RunDir;
 pub use spread::Spread;
-pub use sweep_dir::{Ending, Finished, SweepDir};
+pub use sweep_dir::{Claim, Ending, Finished, SweepDir, WorkerNote};
 pub use tables::{
     ControlColumns, ControlReader, ControlRow, ControlWriter, DomainErrorTable, EstimateRow,
     EstimateTable, FixedReader, FixedWriter, LoopMetric, PredictionRow, PredictionTable,

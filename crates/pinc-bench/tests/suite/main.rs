@@ -24,6 +24,7 @@ mod random;
 mod resume;
 mod run_directory;
 mod serve;
+mod shared;
 mod smoke;
 mod sweep;
 mod traps;

@@ -91,8 +91,8 @@ impl TrialColumn {
                 place.map_or_else(String::new, |place| trial.cells[place].clone())
             }
             Self::Metric(metric) => {
-                let metrics = finished.and_then(|finished| finished.metrics.as_ref());
-                metrics.and_then(|metrics| metric.cell(metrics)).unwrap_or_default()
+                let cell = finished.and_then(|finished| metric.cell(&finished.metrics));
+                cell.unwrap_or_default()
             }
             Self::Status => match ending {
                 None => TrialStatus::Pending.name().to_owned(),
