@@ -4,6 +4,7 @@
 //!   program does with an [`Experiment`](pinc_config::Experiment).
 //! - [`export_net`], [`export_controller`], [`export_plant`], [`serve`]: nets and controllers for other programs.
 //! - [`sweep()`], [`merge`], [`status`]: an experiment many times over.
+//! - [`submit`], [`wait`]: a sweep as jobs of Slurm.
 //! - [`bench()`]: measurements of the machine.
 //! - [`program`]: the command line; with [`Plants`] of your own, a `pinc` that
 //!   knows them.
@@ -20,6 +21,7 @@ mod invocation;
 mod one_step;
 mod progress;
 mod runs;
+mod slurm;
 mod summary;
 mod sweep;
 
@@ -34,5 +36,6 @@ pub use runs::{
     Estimated, Finding, Options, Severity, Target, check, control, estimate, export_controller,
     export_net, export_plant, findings_json, predict, rebuild_report, run, serve, train,
 };
+pub use slurm::{OnSlurm, Submitted, submit, wait};
 pub use summary::summary;
-pub use sweep::{Kept, Shard, Status, kept, merge, status, sweep};
+pub use sweep::{Kept, Shard, Status, clear, kept, merge, status, sweep};

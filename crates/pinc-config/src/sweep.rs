@@ -1,6 +1,6 @@
 //! The `[sweep]` section.
 
-use crate::Problem;
+use crate::{Problem, SlurmSpec};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeSet;
 
@@ -27,6 +27,10 @@ pub struct SweepSpec {
     /// Alternatives with values drawn at random.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub draws: Vec<DrawsSpec>,
+    /// What the sweep asks of Slurm, as [`SlurmSpec`](crate::SlurmSpec) reads it. It is not in the
+    /// resolved config: what is run does not depend on it.
+    #[serde(default, skip_serializing)]
+    pub slurm: toml::Table,
 }
 
 /// An axis of the grid: one key and its values.
@@ -92,6 +96,8 @@ impl SweepSpec {
                 return wrong(&format!("sweep.grid[{i}].values"), "[]", "one value or more");
             }
         }
+        SlurmSpec::of(&self.slurm)
+            .map_err(|(key, problem)| (format!("sweep.slurm.{key}"), problem))?;
         self.names()?;
         for (i, case) in self.cases.iter().enumerate() {
             for key in case.set.keys() {

@@ -60,6 +60,17 @@ pub fn kept(experiment: &Experiment, dir: &Path) -> Option<Kept> {
     (trials + nets > 0 && RunDir::is_of(dir, experiment)).then_some(Kept { trials, nets })
 }
 
+/// Removes what [`kept`] finds.
+///
+/// # Errors
+///
+/// [`BenchError`] if the directory holds something else, somebody works in it, or it cannot be
+/// written.
+pub fn clear(experiment: &Experiment, dir: &Path) -> Result<(), BenchError> {
+    let _alone = RunDir::open(dir, experiment, std::process::id())?;
+    Ok(SweepDir::of(dir).clear()?)
+}
+
 /// Runs the trials of a sweep, or a share of them, with their results in `dir`. Trials that failed
 /// are in its tables and stop no others. Unless it resumes, what [`kept`] finds is removed.
 ///
@@ -75,14 +86,29 @@ pub fn sweep(
 ) -> Result<RunDir, BenchError> {
     let trials = made(experiment)?;
     if !options.resume {
-        let _alone = RunDir::open(dir, experiment, std::process::id())?;
-        SweepDir::of(dir).clear()?;
+        clear(experiment, dir)?;
     }
     let session = Session::open(experiment, &trials, dir, options, shard.shared)?;
     let worked = session.work(options, shard);
     let closed = session.close();
     // What was done before it stopped is in the tables; why it stopped matters more.
     worked.and(closed)
+}
+
+/// How many units of work of a sweep are left in `dir`: trials that need the same net are one as
+/// long as it is not trained.
+pub(crate) fn units_left(experiment: &Experiment, dir: &Path) -> Result<usize, BenchError> {
+    let (trials, sweep_dir) = (made(experiment)?, SweepDir::of(dir));
+    let mut ledger = Ledger::new(&trials);
+    if RunDir::is_of(dir, experiment) {
+        ledger.look_up(&sweep_dir)?;
+    }
+    let left = trials.iter().filter(|trial| !ledger.knows(trial));
+    let unit = |trial: &'_ Trial| match sweep_dir.is_trained(trial.unit()) {
+        true => trial.id.clone(),
+        false => trial.unit().to_owned(),
+    };
+    Ok(left.map(unit).collect::<HashSet<_>>().len())
 }
 
 /// The trials of an experiment that has a sweep.

@@ -5,6 +5,7 @@ use super::progress::{Estimate, SILENCE_S, now_s, span};
 use super::{effort_of_trainings, made};
 use crate::BenchError;
 use crate::invocation::rfc3339;
+use crate::slurm::queue_in_words;
 use pinc_config::{Experiment, Plants};
 use pinc_record::{Ending, RecordError, RunDir, SweepDir, SweepMetrics, file};
 use std::fmt;
@@ -32,6 +33,8 @@ pub struct Status {
     pub seconds_left: Option<f64>,
     /// The first failed trials: hash and error.
     pub failures: Vec<(String, String)>,
+    /// Which jobs of the sweep are in Slurm's queue.
+    pub queue: Option<String>,
 }
 
 /// How far the sweep in `dir` is, whose config may name one of `plants`.
@@ -72,8 +75,28 @@ pub fn status(dir: &Path, plants: &Plants) -> Result<Status, BenchError> {
         lanes: alive.iter().map(|note| note.lanes).sum(),
         seconds_left: estimate.filter(|_| !alive.is_empty() && !left.is_empty()),
         failures: failures.take(NAMED).collect(),
+        queue: queue_in_words(dir)?,
         counts,
     })
+}
+
+impl Status {
+    /// Who is at work, and how long that will take.
+    pub(crate) fn at_work(&self) -> String {
+        let SweepMetrics { trials, done, failed } = self.counts;
+        let mut text = match (trials - done - failed, self.processes) {
+            (0, 0) => return "over".to_owned(),
+            (_, 0) => return "nobody works on it".to_owned(),
+            (_, 1) => "at work: 1 process".to_owned(),
+            (_, n) => format!("at work: {n} processes"),
+        };
+        text += &format!(" with {} at a time", self.lanes);
+        if let Some(seconds) = self.seconds_left {
+            let end = UNIX_EPOCH + Duration::from_secs_f64(now_s() + seconds);
+            text += &format!("; about {} left, until {}", span(seconds), rfc3339(end));
+        }
+        text
+    }
 }
 
 impl fmt::Display for Status {
@@ -90,19 +113,9 @@ impl fmt::Display for Status {
         if failed > self.failures.len() {
             writeln!(f, "failed: {} more", failed - self.failures.len())?;
         }
-        match (left, self.processes) {
-            (0, 0) => return write!(f, "over"),
-            (_, 0) => return write!(f, "nobody works on it"),
-            (_, 1) => write!(f, "at work: 1 process")?,
-            (_, n) => write!(f, "at work: {n} processes")?,
+        if let Some(queue) = &self.queue {
+            writeln!(f, "{queue}")?;
         }
-        write!(f, " with {} at a time", self.lanes)?;
-        match self.seconds_left {
-            None => Ok(()),
-            Some(seconds) => {
-                let end = UNIX_EPOCH + Duration::from_secs_f64(now_s() + seconds);
-                write!(f, "; about {} left, until {}", span(seconds), rfc3339(end))
-            }
-        }
+        write!(f, "{}", self.at_work())
     }
 }

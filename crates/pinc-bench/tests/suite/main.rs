@@ -25,6 +25,7 @@ mod resume;
 mod run_directory;
 mod serve;
 mod shared;
+mod slurm;
 mod smoke;
 mod sweep;
 mod traps;
