@@ -252,6 +252,19 @@ pub enum BenchError {
         /// How many nets are trained.
         nets: usize,
     },
+    /// A search for the least of something that the trials do not have.
+    #[error(
+        "{name}: `sweep.search.minimize`: \"{minimize}\" given, expected one of {}",
+        known.join(", ")
+    )]
+    NoSuchMetric {
+        /// The experiment.
+        name: String,
+        /// What is to be small.
+        minimize: String,
+        /// What the trials have.
+        known: Vec<String>,
+    },
     /// An option for Slurm that cannot be used.
     #[error("--slurm {option}: {problem}")]
     SlurmOption {

@@ -45,6 +45,7 @@ mod prediction;
 mod presets;
 mod problem;
 mod registry;
+mod search;
 mod slurm;
 mod sweep;
 mod time_unit;
@@ -69,9 +70,12 @@ pub use prediction::PredictionSpec;
 pub use presets::Preset;
 pub use problem::{ConfigError, Origin, Problem, SetProblem};
 pub use registry::Variables;
+pub use search::{HalvingSpec, SearchRange, SearchSpec};
 pub use slurm::SlurmSpec;
 pub use sweep::{AxisSpec, CaseSpec, DrawsSpec, RangeSpec, SweepSpec};
 pub use time_unit::TimeUnit;
 pub use training::{Effort, TrainingSpec};
-pub use trial::{CASE, DRAW, DRAWN, SEED, Trial, cell_columns, columns, trials};
+pub use trial::{
+    CANDIDATE, CASE, DRAW, DRAWN, SEED, SearchPlace, Trial, cell_columns, columns, trials,
+};
 pub use validate::limits::STEPS as MOST_STEPS;

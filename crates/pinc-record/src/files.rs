@@ -34,6 +34,8 @@ pub mod file {
     pub const FIGURES: &str = "figures";
     /// The trials of a sweep.
     pub const SWEEP: &str = "sweep.csv";
+    /// The config of the best candidate of a sweep with a search.
+    pub const BEST: &str = "best.toml";
     /// The spread of the trials in each cell of a sweep.
     pub const SUMMARY: &str = "summary.csv";
     /// The times of the trials of a sweep.

@@ -18,6 +18,7 @@ mod lock;
 mod metrics;
 mod provenance;
 mod run_dir;
+mod search;
 mod spread;
 mod sweep_dir;
 mod tables;
@@ -36,6 +37,7 @@ pub use metrics::{
 };
 pub use provenance::{Invocation, Provenance};
 pub use run_dir::RunDir;
+pub use search::{Best, Search, Standing};
 pub use spread::Spread;
 pub use sweep_dir::{Claim, Ending, Finished, SweepDir, WorkerNote};
 pub use tables::{

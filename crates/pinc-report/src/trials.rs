@@ -106,6 +106,17 @@ impl Trials {
         self.cells.iter().all(|cell| cell.done() <= 1)
     }
 
+    /// What a cell has in one of the columns that tell cells apart.
+    pub(crate) fn place<'a>(&self, cell: &'a Cell, column: &str) -> Option<&'a str> {
+        let place = self.columns.iter().position(|known| known == column)?;
+        cell.place.get(place).map(String::as_str)
+    }
+
+    /// What a trial has for a key.
+    pub(crate) fn choice(&self, row: usize, key: &str) -> &str {
+        self.table.cell(row, &TrialColumn::Choice(key.to_owned()))
+    }
+
     /// The numbers of all trials, of those that failed and of those not yet run.
     pub(crate) fn counts(&self) -> (usize, usize, usize) {
         let sum = |count: fn(&Cell) -> usize| self.cells.iter().map(count).sum();
@@ -197,6 +208,7 @@ fn cells(table: &TrialTable, columns: &[String]) -> Vec<Cell> {
             TrialStatus::Done => cell.finished.push(row),
             TrialStatus::Pending => cell.pending.push(row),
             TrialStatus::Failed => cell.failed.push(row),
+            TrialStatus::Dropped => {}
         }
     }
     cells

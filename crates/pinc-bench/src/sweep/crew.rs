@@ -62,13 +62,28 @@ impl<'a> Crew<'a, '_> {
                 (Job::Run(trial, failure), _) => self.run(trial, failure.clone()),
             });
             match outcome {
-                Ok(outcome) => self.queue.over(&job, Some(outcome)),
+                Ok(outcome) => {
+                    if matches!(outcome, Outcome::Over) {
+                        self.reconsider();
+                    }
+                    self.queue.over(&job, Some(outcome));
+                }
                 Err(error) => {
                     self.queue.over(&job, None);
                     self.stop(error);
                 }
             }
         }
+    }
+
+    /// Lets a search decide who is still in it.
+    fn reconsider(&self) {
+        if !self.session.halves() {
+            return;
+        }
+        let standings = self.session.ledger().standings_by_id();
+        let dropped = self.queue.reconsider(|trial| standings[trial.id.as_str()]);
+        self.state().dropped(dropped);
     }
 
     fn stop(&self, error: BenchError) {

@@ -17,8 +17,8 @@ use crew::Crew;
 use ledger::Ledger;
 use pinc_config::{Experiment, Plants, SweepSpec, Trial, trials};
 use pinc_record::{
-    Provenance, RecordError, RunDir, SummaryTable, SweepDir, SweepMetrics, TrialColumn, TrialTable,
-    file,
+    Best, Provenance, RecordError, RunDir, Standing, SummaryTable, SweepDir, SweepMetrics,
+    TrialColumn, TrialMetric, TrialTable, file,
 };
 use progress::{Estimate, Progress, effort};
 use queue::Queue;
@@ -99,11 +99,13 @@ pub fn sweep(
 /// long as it is not trained.
 pub(crate) fn units_left(experiment: &Experiment, dir: &Path) -> Result<usize, BenchError> {
     let (trials, sweep_dir) = (made(experiment)?, SweepDir::of(dir));
-    let mut ledger = Ledger::new(&trials);
+    let mut ledger = Ledger::new(experiment, &trials);
     if RunDir::is_of(dir, experiment) {
         ledger.look_up(&sweep_dir)?;
     }
-    let left = trials.iter().filter(|trial| !ledger.knows(trial));
+    let left = trials.iter().zip(ledger.standings());
+    let left = left.filter(|(trial, s)| !ledger.knows(trial) && *s != Standing::Dropped);
+    let left = left.map(|(trial, _)| trial);
     let unit = |trial: &'_ Trial| match sweep_dir.is_trained(trial.unit()) {
         true => trial.id.clone(),
         false => trial.unit().to_owned(),
@@ -116,6 +118,14 @@ fn made(experiment: &Experiment) -> Result<Vec<Trial>, BenchError> {
     if experiment.sweep.is_none() {
         let name = experiment.name.clone();
         return Err(BenchError::MissingSection { name, section: "sweep", command: "a sweep" });
+    }
+    if let Some(search) = &experiment.sweep.as_ref().and_then(|sweep| sweep.search.as_ref())
+        && TrialMetric::searched(experiment).is_none()
+    {
+        let (name, minimize) = (experiment.name.clone(), search.minimize.clone());
+        let known = TrialMetric::results(experiment).into_iter().filter(|m| m.is_number());
+        let known = known.map(TrialMetric::name).collect();
+        return Err(BenchError::NoSuchMetric { name, minimize, known });
     }
     Ok(trials(experiment).expect("the experiment was checked, and its trials with it"))
 }
@@ -188,7 +198,7 @@ impl<'a> Session<'a> {
         let provenance = Provenance::of(experiment, invocation(options.arguments));
         let (run_dir, sweep_dir) = (open_dir(experiment, dir, shared)?, SweepDir::of(dir));
         let counts = run_dir.metrics().sweep.as_ref();
-        if !(options.resume && counts.is_some_and(|all| all.done + all.failed == all.trials)) {
+        if !(options.resume && counts.is_some_and(|all| all.pending() == 0)) {
             // One after the other: each adds itself to what is there.
             let mut tries = (0..TRIES).map(|_| sweep_dir.claim("provenance", std::process::id()));
             let _claim = tries.find_map(|claim| {
@@ -200,7 +210,7 @@ impl<'a> Session<'a> {
             });
             run_dir.write_provenance(&provenance, options.resume || shared)?;
         }
-        let mut ledger = Ledger::new(trials);
+        let mut ledger = Ledger::new(experiment, trials);
         ledger.look_up(&sweep_dir)?;
         let ledger = Mutex::new(ledger);
         Ok(Self { experiment, sweep, trials, run_dir, sweep_dir, provenance, shared, ledger })
@@ -213,14 +223,10 @@ impl<'a> Session<'a> {
     /// Runs what is left of a share of the trials.
     fn work(&self, options: &Options<'_>, shard: Shard) -> Result<(), BenchError> {
         let mine = self.share(shard)?;
-        let mut known = HashSet::new();
-        let left = {
-            let ledger = self.ledger();
-            // Cases may be equal in some preset.
-            let left = mine.iter().filter(|trial| !ledger.knows(trial) && known.insert(&trial.id));
-            left.copied().collect::<Vec<_>>()
-        };
+        let (left, later) = self.left(&mine);
         let queue = Queue::new(left.iter().copied(), self.sweep.timed, cores());
+        let queue = queue.and_later(later.clone());
+        let left = [left, later].concat();
         let workers = queue.width();
         let estimate = Estimate::new(workers, self.effort_of_trainings(&left), left.len());
         let progress = Progress::begin(options.verbosity, mine.len(), left.len(), estimate);
@@ -232,6 +238,22 @@ impl<'a> Session<'a> {
             state: Mutex::new(progress),
         };
         crew.work(workers)
+    }
+
+    /// Which of these trials are to be run, and of which that is not known yet.
+    fn left(&self, mine: &[&'a Trial]) -> (Vec<&'a Trial>, Vec<&'a Trial>) {
+        let ledger = self.ledger();
+        let standings = ledger.standings_by_id();
+        let mut known = HashSet::new();
+        // Cases may be equal in some preset.
+        let left = mine.iter().filter(|trial| !ledger.knows(trial) && known.insert(&trial.id));
+        let left = left.filter(|trial| standings[trial.id.as_str()] != Standing::Dropped);
+        left.partition(|trial| standings[trial.id.as_str()] == Standing::Open)
+    }
+
+    /// Whether a search drops trials.
+    fn halves(&self) -> bool {
+        self.sweep.search.as_ref().is_some_and(|search| search.halving.is_some())
     }
 
     /// The trials of a share, in the order in which they are begun. If the directory is shared, the
@@ -291,15 +313,39 @@ impl<'a> Session<'a> {
             ledger.look_up(&self.sweep_dir)?;
         }
         let (experiment, sweep, results) = (self.experiment, self.sweep, ledger.results());
-        let table = |columns| TrialTable::new(columns, sweep, self.trials, results);
+        let standings = ledger.standings();
+        let table = |columns| TrialTable::new(columns, sweep, self.trials, results, &standings);
         let summary = SummaryTable::new(experiment, sweep, self.trials, results);
-        let (timings, counts) = (table(TrialColumn::of_timings(experiment)), ledger.counts());
+        let (timings, mut counts) = (table(TrialColumn::of_timings(experiment)), ledger.counts());
+        let best = ledger.best();
         let results = table(TrialColumn::of_sweep(experiment, sweep));
         drop(ledger);
+        if let Some(best) = best {
+            counts.best = Some(self.write_best(best)?);
+        }
         self.run_dir.write(file::SWEEP, results.to_csv().as_bytes())?;
         self.run_dir.write(file::SUMMARY, summary.to_csv().as_bytes())?;
         self.run_dir.write(file::TIMINGS, timings.to_csv().as_bytes())?;
         Ok(counts)
+    }
+
+    /// Writes the config of the best candidate, and returns what it is in words.
+    fn write_best(&self, best: Best) -> Result<String, BenchError> {
+        let trial = &self.trials[best.trial];
+        let minimize = self.sweep.search.as_ref().map_or("", |search| search.minimize.as_str());
+        let columns = pinc_config::columns(self.sweep).into_iter().zip(&trial.cells);
+        let of_candidate = columns.filter(|(column, _)| column != pinc_config::SEED);
+        let cells = of_candidate.map(|(column, cell)| match column.as_str() {
+            pinc_config::CANDIDATE => format!("candidate {cell}"),
+            _ => format!("{column} = {cell}"),
+        });
+        let words = cells.collect::<Vec<_>>().join(", ");
+        let words = format!("{words}: {minimize} = {:.4e}", best.score);
+        let mut experiment = trial.experiment.clone();
+        experiment.name += "-best";
+        let text = format!("# The best of the sweep {}.\n# {words}\n\n", self.experiment.name);
+        self.run_dir.write(file::BEST, (text + &experiment.to_toml()).as_bytes())?;
+        Ok(words)
     }
 
     /// Writes the tables and the report, unless others are still at work, who will.

@@ -67,6 +67,12 @@ impl Progress {
         self.over(ending);
     }
 
+    /// Notes that so many trials are not run, since others are better.
+    pub(super) fn dropped(&mut self, count: usize) {
+        self.estimate.trials.left -= to_f64(count as u64);
+        self.left = self.left.saturating_sub(count);
+    }
+
     fn over(&mut self, ending: &Ending) {
         self.left = self.left.saturating_sub(1);
         self.failed += usize::from(*ending != Ending::Done);

@@ -2,6 +2,7 @@
 //! What another process works on is put aside and looked at again.
 
 use pinc_config::Trial;
+use pinc_record::Standing;
 use std::collections::{BTreeMap, HashMap, HashSet, VecDeque};
 use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
@@ -67,6 +68,8 @@ struct State<'a> {
     /// How many trials are being run.
     running: usize,
     waiting: VecDeque<&'a Trial>,
+    /// Trials that may be dropped, depending on what others give.
+    later: Vec<&'a Trial>,
     nets: HashMap<&'a str, Net>,
     /// The nets in training here, in the order of their beginnings.
     training: BTreeMap<usize, &'a str>,
@@ -87,27 +90,55 @@ impl<'a> Queue<'a> {
         timed: bool,
         cores: usize,
     ) -> Self {
-        let waiting: VecDeque<_> = trials.into_iter().collect();
-        let ids = waiting.iter().filter_map(|trial| trial.training.as_ref());
-        let nets: HashMap<_, _> = ids.map(|(id, _)| (id.as_str(), Net::Untrained)).collect();
-        let state = State {
+        let mut state = State {
             timed,
             running: 0,
-            waiting,
-            untrained: nets.len(),
-            nets,
+            waiting: VecDeque::new(),
+            later: Vec::new(),
+            untrained: 0,
+            nets: HashMap::new(),
             training: BTreeMap::new(),
             begun: 0,
             elsewhere: Vec::new(),
             looks: 0,
             stopped: false,
         };
+        trials.into_iter().for_each(|trial| state.enqueue(trial));
         Self { state: Mutex::new(state), changed: Condvar::new(), cores, look_every: LOOK_EVERY }
+    }
+
+    /// The same work, and after it that of it which `later` trials turn out to be.
+    pub(crate) fn and_later(self, later: Vec<&'a Trial>) -> Self {
+        self.lock().later = later;
+        self
+    }
+
+    /// Takes up trials of which it was not known whether they are to be run, and forgets those that
+    /// are not. Returns the number of these.
+    pub(crate) fn reconsider(&self, standing: impl Fn(&Trial) -> Standing) -> usize {
+        let mut state = self.lock();
+        let (before, later) = (state.later.len(), std::mem::take(&mut state.later));
+        let mut begun = 0;
+        for trial in later {
+            match standing(trial) {
+                Standing::Open => {
+                    state.enqueue(trial);
+                    begun += 1;
+                }
+                Standing::Waiting => state.later.push(trial),
+                Standing::Dropped => {}
+            }
+        }
+        let dropped = before - begun - state.later.len();
+        drop(state);
+        self.changed.notify_all();
+        dropped
     }
 
     /// How many things can be done at the same time.
     pub(crate) fn width(&self) -> usize {
-        self.lock().waiting.len().min(self.cores)
+        let state = self.lock();
+        (state.waiting.len() + state.later.len()).min(self.cores)
     }
 
     /// The next job; none when there is nothing left to begin.
@@ -197,7 +228,14 @@ impl<'a> State<'a> {
 
     /// Whether there is nothing left to begin, nor to wait for.
     fn is_over(&self) -> bool {
-        self.waiting.is_empty() && (self.elsewhere.is_empty() || self.looks > PATIENCE)
+        let is_waiting = !self.elsewhere.is_empty();
+        let is_working = self.running > 0 || !self.training.is_empty();
+        self.waiting.is_empty()
+            && match self.later.is_empty() {
+                true => !is_waiting || self.looks > PATIENCE,
+                // What others do decides; if nobody does anything, nothing is decided any more.
+                false => !is_waiting && !is_working,
+            }
     }
 
     /// The first trial that can be run, or whose training can be begun.
@@ -231,6 +269,16 @@ impl<'a> State<'a> {
             return Some(Job::Run(trial, failure));
         }
         None
+    }
+
+    fn enqueue(&mut self, trial: &'a Trial) {
+        if let Some((id, _)) = &trial.training
+            && !self.nets.contains_key(id.as_str())
+        {
+            self.nets.insert(id, Net::Untrained);
+            self.untrained += 1;
+        }
+        self.waiting.push_back(trial);
     }
 
     fn begin_training(&mut self, id: &'a str) {

@@ -7,7 +7,7 @@ use crate::BenchError;
 use crate::invocation::rfc3339;
 use crate::slurm::queue_in_words;
 use pinc_config::{Experiment, Plants};
-use pinc_record::{Ending, RecordError, RunDir, SweepDir, SweepMetrics, file};
+use pinc_record::{Ending, RecordError, RunDir, Standing, SweepDir, SweepMetrics, file};
 use std::fmt;
 use std::path::Path;
 use std::time::{Duration, UNIX_EPOCH};
@@ -49,10 +49,13 @@ pub fn status(dir: &Path, plants: &Plants) -> Result<Status, BenchError> {
     let experiment = Experiment::load(&dir.join(file::CONFIG), &[], plants)?;
     let trials = made(&experiment)?;
     let sweep_dir = SweepDir::of(dir);
-    let mut ledger = Ledger::new(&trials);
+    let mut ledger = Ledger::new(&experiment, &trials);
     ledger.look_up(&sweep_dir)?;
     let counts = ledger.counts();
-    let left: Vec<_> = trials.iter().filter(|trial| !ledger.knows(trial)).collect();
+    let standings = ledger.standings();
+    let left = trials.iter().zip(&standings);
+    let left = left.filter(|(t, s)| !ledger.knows(t) && **s != Standing::Dropped);
+    let left: Vec<_> = left.map(|(trial, _)| trial).collect();
     let (_, _, nets) = effort_of_trainings(&sweep_dir, &trials);
     let (effort, untrained, _) = effort_of_trainings(&sweep_dir, left.iter().copied());
     // Where a file system has no locks, the notes are all that is known.
@@ -83,8 +86,7 @@ pub fn status(dir: &Path, plants: &Plants) -> Result<Status, BenchError> {
 impl Status {
     /// Who is at work, and how long that will take.
     pub(crate) fn at_work(&self) -> String {
-        let SweepMetrics { trials, done, failed } = self.counts;
-        let mut text = match (trials - done - failed, self.processes) {
+        let mut text = match (self.counts.pending(), self.processes) {
             (0, 0) => return "over".to_owned(),
             (_, 0) => return "nobody works on it".to_owned(),
             (_, 1) => "at work: 1 process".to_owned(),
@@ -101,9 +103,12 @@ impl Status {
 
 impl fmt::Display for Status {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let SweepMetrics { trials, done, failed } = self.counts;
-        let left = trials - done - failed;
+        let SweepMetrics { trials, done, failed, dropped, .. } = self.counts;
+        let left = self.counts.pending();
         writeln!(f, "{}: {trials} trials: {done} done, {failed} failed, {left} left", self.name)?;
+        if dropped > 0 {
+            writeln!(f, "dropped by the search: {dropped}")?;
+        }
         if let (1.., untrained) = self.nets {
             writeln!(f, "nets: {} trained, {untrained} left", self.nets.0 - untrained)?;
         }

@@ -23,6 +23,7 @@ mod predict;
 mod random;
 mod resume;
 mod run_directory;
+mod search;
 mod serve;
 mod shared;
 mod slurm;
