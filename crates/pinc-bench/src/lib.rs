@@ -3,6 +3,7 @@
 //! - [`run`], [`train`], [`control`], [`predict`], [`estimate`], [`check`], [`rebuild_report`]: what the
 //!   program does with an [`Experiment`](pinc_config::Experiment).
 //! - [`export_net`], [`export_controller`], [`export_plant`], [`serve`]: nets and controllers for other programs.
+//! - [`compare`]: runs side by side.
 //! - [`sweep()`], [`merge`], [`status`]: an experiment many times over.
 //! - [`submit`], [`wait`]: a sweep as jobs of Slurm.
 //! - [`bench()`]: measurements of the machine.
@@ -33,8 +34,9 @@ pub use error::{BenchError, CsvProblem};
 pub use pinc_config::Plants;
 pub use progress::Verbosity;
 pub use runs::{
-    Estimated, Finding, Options, Severity, Target, check, control, estimate, export_controller,
-    export_net, export_plant, findings_json, predict, rebuild_report, run, serve, train,
+    Estimated, Finding, Options, Severity, Target, check, compare, control, estimate,
+    export_controller, export_net, export_plant, findings_json, predict, rebuild_report, run,
+    serve, train,
 };
 pub use slurm::{OnSlurm, Submitted, submit, wait};
 pub use summary::summary;
