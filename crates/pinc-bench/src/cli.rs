@@ -1,8 +1,8 @@
 //! The command line.
 
-use crate::choices::{Only, Outside, To};
+use crate::choices::{Only, Outside, SweepArgs, To};
 use crate::runs::verdict;
-use crate::{BenchError, BenchOptions, Options, Shard, Verbosity, console, summary};
+use crate::{BenchError, BenchOptions, OnSlurm, Options, Shard, Verbosity, console, summary};
 use clap::{Args, Parser, Subcommand};
 use pinc_config::{Experiment, Plants, RunList};
 use pinc_record::RunDir;
@@ -31,11 +31,15 @@ enum Command {
         /// Config files, or lists of such (TOML).
         #[arg(required = true, value_name = "CONFIG")]
         configs: Vec<PathBuf>,
-        /// Run only a share of a sweep, as 3/8: the third of eight.
-        #[arg(long, value_name = "K/N", value_parser = shard)]
-        shard: Option<Shard>,
+        #[command(flatten)]
+        sweep: SweepArgs,
         #[command(flatten)]
         run: RunArgs,
+    },
+    /// Say how far a sweep is, and when it will be over.
+    Status {
+        /// Run directory.
+        dir: PathBuf,
     },
     /// Collect the trials of sweeps of one config, run as shards, in one directory.
     Merge {
@@ -255,7 +259,8 @@ pub fn program(plants: &Plants) -> ExitCode {
 fn execute(cli: &Cli, plants: &Plants) -> Result<ExitCode, BenchError> {
     let quiet = cli.quiet;
     match &cli.command {
-        Command::Run { configs, shard, run } => run_all(configs, *shard, run, plants, quiet)?,
+        Command::Run { configs, sweep, run } => run_all(configs, sweep, run, plants, quiet)?,
+        Command::Status { dir } => show(quiet, &crate::status(dir, plants)?.to_string()),
         Command::Merge { parts, out } => {
             let arguments = arguments();
             let options = options(true, quiet, &arguments);
@@ -348,7 +353,7 @@ fn execute(cli: &Cli, plants: &Plants) -> Result<ExitCode, BenchError> {
 /// All configs are read before the first is run, so that a mistake in the last shows at once.
 fn run_all(
     configs: &[PathBuf],
-    shard: Option<Shard>,
+    sweep: &SweepArgs,
     run: &RunArgs,
     plants: &Plants,
     quiet: bool,
@@ -362,12 +367,22 @@ fn run_all(
             return Err(BenchError::SameDirectory { dir: dir.clone() });
         }
     }
+    if let Some(slurm) = &sweep.on_slurm() {
+        return all.iter().try_for_each(|(experiment, dir)| {
+            run.on_slurm(experiment, dir, sweep.fresh, slurm, plants, quiet)
+        });
+    }
     let work = |experiment: &Experiment, dir: &Path, options: &Options<'_>| match (
         &experiment.sweep,
-        shard,
+        sweep.shard(),
     ) {
         (None, None) => crate::run(experiment, dir, options),
-        _ => crate::sweep(experiment, dir, options, shard.unwrap_or(Shard::WHOLE)),
+        (_, shard) => {
+            if !(sweep.fresh || options.resume) {
+                may_begin_afresh(experiment, dir)?;
+            }
+            crate::sweep(experiment, dir, options, shard.unwrap_or(Shard::WHOLE))
+        }
     };
     if let [(experiment, dir)] = &all[..] {
         return run.execute(experiment, dir, quiet, &work);
@@ -386,6 +401,17 @@ fn run_all(
     match failed {
         0 => Ok(()),
         failed => Err(BenchError::FailedRuns { failed, runs: all.len() }),
+    }
+}
+
+/// Whether nothing of a sweep is lost if it begins now, or whoever is asked agrees.
+fn may_begin_afresh(experiment: &Experiment, dir: &Path) -> Result<(), BenchError> {
+    let Some(crate::Kept { trials, nets }) = crate::kept(experiment, dir) else { return Ok(()) };
+    let place = dir.display();
+    let question = format!("{place} holds {trials} finished trials and {nets} nets. Remove them?");
+    match console::confirmed(&question) {
+        Some(true) => Ok(()),
+        _ => Err(BenchError::KeepsResults { dir: dir.to_owned(), trials, nets }),
     }
 }
 
@@ -446,6 +472,31 @@ impl RunArgs {
         Ok(listed.map(|(experiment, place)| (experiment, dir.join(place))).collect())
     }
 
+    /// Submits a sweep, with what its directory holds unless it is to be thrown away.
+    fn on_slurm(
+        &self,
+        experiment: &Experiment,
+        dir: &Path,
+        fresh: bool,
+        slurm: &OnSlurm,
+        plants: &Plants,
+        quiet: bool,
+    ) -> Result<(), BenchError> {
+        if fresh {
+            crate::clear(experiment, dir)?;
+        }
+        let submitted = crate::submit(experiment, dir, slurm)?;
+        show(quiet, &submitted.to_string());
+        if slurm.wait && submitted.jobs > 0 {
+            let arguments = arguments();
+            crate::wait(dir, plants, &options(true, quiet, &arguments))?;
+            let merged =
+                crate::merge(&[dir.to_owned()], dir, plants, &options(true, quiet, &arguments))?;
+            show(quiet, &summary(&merged));
+        }
+        Ok(())
+    }
+
     /// The directory of the run or list `name`, which may be one of several.
     fn directory(&self, name: &str, several: bool) -> PathBuf {
         match &self.out {
@@ -478,15 +529,6 @@ fn arguments() -> Vec<String> {
 fn options(resume: bool, quiet: bool, arguments: &[String]) -> Options<'_> {
     let verbosity = if quiet { Verbosity::Quiet } else { Verbosity::Shown };
     Options { resume, verbosity, interrupt: catch_interrupts(), arguments }
-}
-
-/// A share of a sweep, written K/N.
-fn shard(text: &str) -> Result<Shard, String> {
-    let parts = text.split_once('/').and_then(|(k, n)| Some((k.parse().ok()?, n.parse().ok()?)));
-    match parts {
-        Some((number, of)) if (1..=of).contains(&number) => Ok(Shard { number, of }),
-        _ => Err("expected K/N with K from 1 to N, as 3/8".to_owned()),
-    }
 }
 
 /// From now on, the first Ctrl-C asks the run to stop, and a second ends the program.

@@ -1,6 +1,6 @@
 //! What can go wrong with an experiment.
 
-use pinc_config::{ConfigError, ModelKind};
+use pinc_config::{ConfigError, ModelKind, Problem};
 use pinc_estimate::EstimateError;
 use pinc_export::ExportError;
 use pinc_identify::IdentifyError;
@@ -283,6 +283,74 @@ pub enum BenchError {
         /// Of how many.
         runs: usize,
     },
+    /// A sweep that would begin afresh where results are.
+    #[error(
+        "{}: holds results of this sweep ({trials} trials, {nets} nets); --resume goes on with \
+        them, --fresh throws them away",
+        dir.display()
+    )]
+    KeepsResults {
+        /// The directory.
+        dir: PathBuf,
+        /// How many trials are over.
+        trials: usize,
+        /// How many nets are trained.
+        nets: usize,
+    },
+    /// A search for the least of something that the trials do not have.
+    #[error(
+        "{name}: `sweep.search.minimize`: \"{minimize}\" given, expected one of {}",
+        known.join(", ")
+    )]
+    NoSuchMetric {
+        /// The experiment.
+        name: String,
+        /// What is to be small.
+        minimize: String,
+        /// What the trials have.
+        known: Vec<String>,
+    },
+    /// An option for Slurm that cannot be used.
+    #[error("--slurm {option}: {problem}")]
+    SlurmOption {
+        /// The option.
+        option: String,
+        /// What is wrong with it.
+        problem: Problem,
+    },
+    /// Slurm, or what is to talk to it.
+    #[error("{program}: {said}; with --dry-run the scripts are written only")]
+    Slurm {
+        /// The program that was called.
+        program: String,
+        /// What it says.
+        said: String,
+    },
+    /// A sweep that is submitted once more before its jobs are over.
+    #[error(
+        "jobs of this sweep are still in Slurm's queue: {numbers}; wait until they are over, or \
+        `scancel {numbers}` first: what is done stays"
+    )]
+    Queued {
+        /// Their numbers.
+        numbers: String,
+    },
+    /// The user does not wait any longer.
+    #[error("the jobs go on; `pinc status {}` says how far they are", dir.display())]
+    StillQueued {
+        /// The run directory.
+        dir: PathBuf,
+    },
+    /// A directory to be shared on a file system that cannot say who works on what.
+    #[error(
+        "{}: its file system has no locks, so that nobody knows what others work on; give each \
+        process a share with --shard K/N",
+        dir.display()
+    )]
+    NoLocks {
+        /// The directory.
+        dir: PathBuf,
+    },
     /// Sweeps to merge that are not of one config.
     #[error(
         "{}: belongs to another sweep than {} (their config.toml differ)",
@@ -414,6 +482,7 @@ impl BenchError {
             Self::Control(MpcError::Plant { .. }) | Self::OutsideDomain { .. } => 1,
             Self::Net(_) | Self::Plant(_) | Self::FailedSteps { .. } | Self::NotFinite { .. } => 1,
             Self::Record(RecordError::Unwritable { source, .. }) if is_full(source) => 1,
+            Self::Slurm { .. } | Self::Queued { .. } | Self::StillQueued { .. } => 1,
             Self::Interrupted { .. } | Self::FailedTrials { .. } | Self::FailedRuns { .. } => 1,
             _ => 2,
         }

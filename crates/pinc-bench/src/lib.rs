@@ -6,7 +6,8 @@
 //! - [`export_net`], [`export_controller`], [`export_plant`], [`serve`]: nets and controllers for
 //!   other programs; [`LiveController`] is the controller that is served, step by step.
 //! - [`compare`]: runs side by side.
-//! - [`sweep()`], [`merge`]: an experiment many times over.
+//! - [`sweep()`], [`merge`], [`status`]: an experiment many times over.
+//! - [`submit`], [`wait`]: a sweep as jobs of Slurm.
 //! - [`bench()`]: measurements of the machine.
 //! - [`program`]: the command line; with [`Plants`] of your own, a `pinc` that
 //!   knows them.
@@ -23,6 +24,7 @@ mod invocation;
 mod one_step;
 mod progress;
 mod runs;
+mod slurm;
 mod summary;
 mod sweep;
 
@@ -39,5 +41,6 @@ pub use runs::{
     export_plant, findings_json, identification_summary, identify, predict, rebuild_report, run,
     serve, train, train_watched, verdict,
 };
+pub use slurm::{OnSlurm, Submitted, submit, wait};
 pub use summary::summary;
-pub use sweep::{Shard, merge, sweep};
+pub use sweep::{Kept, Shard, Status, clear, kept, merge, status, sweep};

@@ -48,6 +48,8 @@ mod presets;
 mod problem;
 mod registry;
 mod schedule;
+mod search;
+mod slurm;
 mod sweep;
 mod time_unit;
 mod training;
@@ -73,8 +75,12 @@ pub use presets::Preset;
 pub use problem::{ConfigError, Origin, Problem, SetProblem};
 pub use registry::Variables;
 pub use schedule::{ParameterStep, Schedule};
+pub use search::{HalvingSpec, SearchRange, SearchSpec};
+pub use slurm::SlurmSpec;
 pub use sweep::{AxisSpec, CaseSpec, DrawsSpec, RangeSpec, SweepSpec};
 pub use time_unit::TimeUnit;
 pub use training::{Effort, TrainingSpec};
-pub use trial::{CASE, DRAW, DRAWN, SEED, Trial, cell_columns, columns, trials};
+pub use trial::{
+    CANDIDATE, CASE, DRAW, DRAWN, SEED, SearchPlace, Trial, cell_columns, columns, trials,
+};
 pub use validate::limits::STEPS as MOST_STEPS;

@@ -20,6 +20,7 @@ mod lock;
 mod metrics;
 mod provenance;
 mod run_dir;
+mod search;
 mod spread;
 mod sweep_dir;
 mod tables;
@@ -42,8 +43,9 @@ pub use metrics::{
 };
 pub use provenance::{Invocation, Provenance};
 pub use run_dir::RunDir;
+pub use search::{Best, Search, Standing};
 pub use spread::Spread;
-pub use sweep_dir::{Ending, Finished, SweepDir};
+pub use sweep_dir::{Claim, Ending, Finished, SweepDir, WorkerNote};
 pub use tables::{
     ControlColumns, ControlReader, ControlRow, ControlWriter, DomainErrorTable, EstimateRow,
     EstimateTable, FixedReader, FixedWriter, LoopMetric, PredictionRow, PredictionTable,

@@ -174,6 +174,25 @@ pub struct SweepMetrics {
     pub done: usize,
     /// Those that ended with an error.
     pub failed: usize,
+    /// Those that a search has dropped before they were run.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub dropped: usize,
+    /// The best candidate of a search, in words.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub best: Option<String>,
+}
+
+impl SweepMetrics {
+    /// Those that are still to be run.
+    #[must_use]
+    pub fn pending(&self) -> usize {
+        self.trials - self.done - self.failed - self.dropped
+    }
+}
+
+#[expect(clippy::trivially_copy_pass_by_ref, reason = "serde calls it with a reference")]
+fn is_zero(count: &usize) -> bool {
+    *count == 0
 }
 
 /// How good the net that was kept is, on scenarios that it was not chosen by.

@@ -5,6 +5,7 @@ use pinc_config::{CASE, DRAW, DRAWN, Experiment, SEED, cell_columns};
 use pinc_record::{
     PredictionTable, RecordError, SweepDir, TrialColumn, TrialMetric, TrialStatus, TrialTable, file,
 };
+use std::collections::{HashMap, HashSet};
 use std::path::{Path, PathBuf};
 
 /// The trials, with the cells that they make up.
@@ -105,6 +106,17 @@ impl Trials {
         self.cells.iter().all(|cell| cell.done() <= 1)
     }
 
+    /// What a cell has in one of the columns that tell cells apart.
+    pub(crate) fn place<'a>(&self, cell: &'a Cell, column: &str) -> Option<&'a str> {
+        let place = self.columns.iter().position(|known| known == column)?;
+        cell.place.get(place).map(String::as_str)
+    }
+
+    /// What a trial has for a key.
+    pub(crate) fn choice(&self, row: usize, key: &str) -> &str {
+        self.table.cell(row, &TrialColumn::Choice(key.to_owned()))
+    }
+
     /// The numbers of all trials, of those that failed and of those not yet run.
     pub(crate) fn counts(&self) -> (usize, usize, usize) {
         let sum = |count: fn(&Cell) -> usize| self.cells.iter().map(count).sum();
@@ -166,12 +178,9 @@ impl Trials {
 
     /// The different values of a column of the cells, numbers in their order.
     pub(crate) fn values_of(&self, column: usize) -> Vec<String> {
-        let mut values: Vec<String> = Vec::new();
-        for cell in &self.cells {
-            if !values.contains(&cell.place[column]) {
-                values.push(cell.place[column].clone());
-            }
-        }
+        let mut known = HashSet::new();
+        let all = self.cells.iter().map(|cell| &cell.place[column]);
+        let values: Vec<String> = all.filter(|value| known.insert(*value)).cloned().collect();
         let numbers: Result<Vec<f64>, _> = values.iter().map(|v| v.parse()).collect();
         if let Ok(numbers) = numbers {
             let mut pairs: Vec<_> = numbers.into_iter().zip(values).collect();
@@ -185,13 +194,13 @@ impl Trials {
 fn cells(table: &TrialTable, columns: &[String]) -> Vec<Cell> {
     let choices: Vec<TrialColumn> = columns.iter().cloned().map(TrialColumn::Choice).collect();
     let mut cells: Vec<Cell> = Vec::new();
+    let mut known = HashMap::new();
     for row in 0..table.len() {
         let place = choices.iter().map(|choice| table.cell(row, choice).to_owned());
         let place: Vec<String> = place.collect();
-        let known = cells.iter().position(|cell| cell.place == place);
-        let index = known.unwrap_or_else(|| {
+        let index = *known.entry(place).or_insert_with_key(|place| {
             let (finished, failed, pending) = (Vec::new(), Vec::new(), Vec::new());
-            cells.push(Cell { place, finished, failed, pending });
+            cells.push(Cell { place: place.clone(), finished, failed, pending });
             cells.len() - 1
         });
         let cell = &mut cells[index];
@@ -199,6 +208,7 @@ fn cells(table: &TrialTable, columns: &[String]) -> Vec<Cell> {
             TrialStatus::Done => cell.finished.push(row),
             TrialStatus::Pending => cell.pending.push(row),
             TrialStatus::Failed => cell.failed.push(row),
+            TrialStatus::Dropped => {}
         }
     }
     cells

@@ -27,7 +27,7 @@ mod trial;
 mod with_outputs;
 
 pub(crate) use control::{LoopSetup, Schedules};
-pub(crate) use train::TrainingSetup;
+pub(crate) use train::{Threads, TrainingSetup};
 pub(crate) use trial::{run_trial, train_shared};
 
 pub use check::check;
@@ -196,8 +196,7 @@ fn execute(
             options.resume,
         )?;
     }
-    let stages = Stages { experiment, options, plan: &plan, run_dir: &mut run_dir };
-    stages.run()?;
+    Stages { experiment, options, plan: &plan, threads: None, run_dir: &mut run_dir }.run()?;
     rebuild_report(dir)?;
     Ok(run_dir.released())
 }
@@ -301,16 +300,20 @@ struct Stages<'a> {
     experiment: &'a Experiment,
     options: &'a Options<'a>,
     plan: &'a Plan,
+    /// Those of the training, if not what the config says.
+    threads: Option<&'a Threads<'a>>,
     run_dir: &'a mut RunDir,
 }
 
 impl Stages<'_> {
     fn run(self) -> Result<(), BenchError> {
-        let Self { experiment, options, plan, run_dir } = self;
+        let Self { experiment, options, plan, threads, run_dir } = self;
         let varying = experiment.varying();
         let plant = &*experiment.plant.family(&varying);
         let trained = match &experiment.training {
-            Some(_) if plan.trains => Some(train::stage(plant, experiment, options, run_dir)?),
+            Some(_) if plan.trains => {
+                Some(train::stage(plant, experiment, options, threads, run_dir)?)
+            }
             _ => None,
         };
         let net = trained.as_ref().or(plan.given.as_ref().map(|(_, net)| net));

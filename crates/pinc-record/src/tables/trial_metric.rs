@@ -167,6 +167,21 @@ impl TrialMetric {
         all
     }
 
+    /// The number that the search of an experiment minimizes; none if there is no such search, or
+    /// no such number.
+    #[must_use]
+    pub fn searched(experiment: &Experiment) -> Option<Self> {
+        let name = &experiment.sweep.as_ref()?.search.as_ref()?.minimize;
+        let mut numbers = Self::results(experiment).into_iter().filter(|metric| metric.is_number());
+        numbers.find(|metric| metric.name() == *name)
+    }
+
+    /// Whether it is a number rather than a name.
+    #[must_use]
+    pub fn is_number(self) -> bool {
+        !matches!(self, Self::Source | Self::StopReason)
+    }
+
     /// The times of the stages that an experiment has.
     #[must_use]
     pub fn times(experiment: &Experiment) -> Vec<Self> {
