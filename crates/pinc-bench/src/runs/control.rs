@@ -20,7 +20,7 @@ use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
 
 /// The entries of Jacobians that a rehearsal computes for its plans.
-const REHEARSED_ENTRIES: usize = 1_000_000_000;
+const REHEARSED_ENTRIES: usize = 400_000_000;
 
 /// What the stage works from.
 pub(crate) struct LoopSetup<'a> {
@@ -220,7 +220,7 @@ fn rehearsed_steps(dims: Dims, spec: &ControlSpec, kind: ModelKind) -> usize {
     let dense = if kind == ModelKind::Rodas4 { dims.nx } else { 1 };
     let sizes = [spec.n2, stages, dims.nx, dims.nx + dims.nu, dense];
     let work = sizes.into_iter().fold(1_usize, usize::saturating_mul);
-    (REHEARSED_ENTRIES / work.max(1)).max(10)
+    (REHEARSED_ENTRIES / work.max(1)).max(5)
 }
 
 impl<'a> LoopSetup<'a> {
