@@ -420,3 +420,11 @@ pub struct ReferenceMetrics {
     #[serde(default)]
     pub settled_within: BTreeMap<String, f64>,
 }
+
+impl ReferenceMetrics {
+    /// The largest of all offsets; NaN if no segment is long enough for one.
+    #[must_use]
+    pub fn largest_offset(&self) -> f64 {
+        self.offset.values().flatten().flatten().copied().fold(f64::NAN, f64::max)
+    }
+}

@@ -66,7 +66,7 @@ fn pictures(run: &Run) -> Result<Vec<Picture>, ReportError> {
     pictures.extend(prediction::picture(run, &variables));
     pictures.extend(control::pictures(run, &variables));
     pictures.extend(profile::picture(run, &variables));
-    pictures.extend(estimates::picture(run));
+    pictures.extend(estimates::pictures(run));
     pictures.extend(steps::picture(run));
     Ok(pictures)
 }

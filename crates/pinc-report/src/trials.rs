@@ -82,6 +82,11 @@ impl Trials {
         self.table.has(&TrialColumn::Choice(DRAW.to_owned()))
     }
 
+    /// Whether there are cases, each tried with the same draws.
+    pub(crate) fn are_of_cases(&self) -> bool {
+        self.has_draws() && self.columns.iter().any(|column| column == CASE)
+    }
+
     /// Whether a metric, or a time, is there.
     pub(crate) fn has(&self, metric: TrialMetric) -> bool {
         self.table_of(metric).0.has(&TrialColumn::Metric(metric))
