@@ -62,6 +62,15 @@ pub enum BenchError {
         /// The model.
         model: &'static str,
     },
+    /// A controller whose stages differ in length, for a target that knows one length.
+    #[error(
+        "{name}: exported controllers have stages of one length; leave out control.stages_s, or \
+         use `pinc serve`"
+    )]
+    ExportedStages {
+        /// Name of the experiment.
+        name: String,
+    },
     /// A plant for a target that does not take plants.
     #[error("export: `--to {target}` takes no plant; `--plant` goes `--to fmu`")]
     PlantTarget {

@@ -45,6 +45,7 @@ mod prediction;
 mod presets;
 mod problem;
 mod registry;
+mod stages;
 mod sweep;
 mod time_unit;
 mod training;

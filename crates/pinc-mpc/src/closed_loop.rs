@@ -3,6 +3,7 @@
 use crate::error::check_finite;
 use crate::loop_errors::LoopErrors;
 use crate::observer::Watch;
+use crate::reference::steps_until;
 use crate::{Constraint, MpcError, Nmpc, Observer, PlantNow, Reference, SqpStatus, Tracked};
 use pinc_ode::metrics::Tracking;
 use pinc_ode::{Dopri5, Trajectory};
@@ -177,18 +178,12 @@ impl<'a> ClosedLoop<'a> {
 
     /// Writes what is followed by the input chosen in step `k`, at the ends of the stages.
     fn write_window(&mut self, k: usize) {
-        let times = self.nmpc.stage_times_s();
-        let first = if self.preview { k + self.nmpc.problem().delay } else { k };
-        let width = self.reference.outputs();
-        for (row, time) in self.window.chunks_exact_mut(width).zip(&times[1..]) {
-            #[expect(
-                clippy::cast_possible_truncation,
-                clippy::cast_sign_loss,
-                reason = "stages are few, and times positive"
-            )]
-            let stage = (time / times[1]).round() as usize;
-            let later = if self.preview { stage - 1 } else { 0 };
-            row.copy_from_slice(self.reference.at(first + later));
+        if self.preview {
+            let (first, ends) = (k + self.nmpc.problem().delay, &self.nmpc.stage_times_s()[1..]);
+            return self.reference.preview_at(first, ends, &mut self.window);
+        }
+        for row in self.window.chunks_exact_mut(self.reference.outputs()) {
+            row.copy_from_slice(self.reference.at(k));
         }
     }
 
@@ -333,7 +328,8 @@ impl<'a> ClosedLoop<'a> {
 
     /// The steps by which the controller knows a change of the reference in advance.
     pub(crate) fn preview_steps(&self) -> usize {
-        if self.preview { self.nmpc.problem().horizon } else { 0 }
+        let times = self.nmpc.stage_times_s();
+        if self.preview { steps_until(times[times.len() - 1], times[1]) } else { 0 }
     }
 
     /// The most by which a bounded state, input or output was outside its bounds on the dense

@@ -90,8 +90,7 @@ struct Server<'c> {
 impl<'c> Server<'c> {
     fn new(chosen: &'c Chosen<'_>) -> Result<Self, BenchError> {
         let (setup, spec) = (chosen.setup(), chosen.spec);
-        let model = setup.model(chosen.kind, &*chosen.plant)?;
-        let nmpc = Nmpc::new(setup.problem(), model, spec.sqp)?;
+        let nmpc = setup.controller(chosen.kind, &*chosen.plant)?;
         let guard = chosen.net().map(|net| Guard::new(net, spec.outside_domain));
         Ok(Self {
             reference: setup.reference()?,
@@ -181,7 +180,8 @@ impl<'c> Server<'c> {
             }
             None if self.spec.preview => {
                 let first = self.done + self.spec.delay_steps;
-                self.reference.preview(first, &mut self.window);
+                let ends = &self.nmpc.stage_times_s()[1..];
+                self.reference.preview_at(first, ends, &mut self.window);
             }
             None => {
                 let now = self.reference.at(self.done);

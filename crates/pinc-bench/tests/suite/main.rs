@@ -25,5 +25,6 @@ mod resume;
 mod run_directory;
 mod serve;
 mod smoke;
+mod stages;
 mod sweep;
 mod traps;
