@@ -18,7 +18,6 @@ const POINTS: usize = 9;
 /// caller can watch, and time, the controller alone. Of the trace only the last step is kept, and
 /// the tracked quantities at the step marks; [`LoopRecord`](crate::LoopRecord) keeps the rest.
 ///
-///
 /// ```
 /// # use pinc_mpc::{Bounds, ClosedLoop, Nmpc, NmpcProblem, Reference, SqpConfig, Weights};
 /// # use pinc_ode::{Dopri5, Model, Rk4};
@@ -49,6 +48,8 @@ pub struct ClosedLoop<'a> {
     /// The input that the controller has chosen, and before it those under way: the first acts now.
     inputs: Vec<f64>,
     window: Vec<f64>,
+    /// At the ends of the stages, how many steps after the next mark the reference is looked up.
+    ahead: Vec<usize>,
     /// Whether the controller sees later values of the reference.
     preview: bool,
     /// What tells the controller of the plant, if it does not see the state itself.
@@ -119,6 +120,7 @@ impl<'a> ClosedLoop<'a> {
             x: x.to_vec(),
             inputs: vec![0.0; (nmpc.problem().delay + 1) * dims.nu],
             window: vec![0.0; nmpc.problem().horizon * outputs],
+            ahead: steps_ahead(nmpc.stage_times_s()),
             preview: true,
             watch: None,
             record: None,
@@ -178,12 +180,11 @@ impl<'a> ClosedLoop<'a> {
 
     /// Writes what is followed by the input chosen in step `k`, at the ends of the stages.
     fn write_window(&mut self, k: usize) {
-        if self.preview {
-            let (first, ends) = (k + self.nmpc.problem().delay, &self.nmpc.stage_times_s()[1..]);
-            return self.reference.preview_at(first, ends, &mut self.window);
-        }
-        for row in self.window.chunks_exact_mut(self.reference.outputs()) {
-            row.copy_from_slice(self.reference.at(k));
+        let delay = self.nmpc.problem().delay;
+        let rows = self.window.chunks_exact_mut(self.reference.outputs());
+        for (row, ahead) in rows.zip(&self.ahead) {
+            let later = if self.preview { delay + ahead } else { 0 };
+            row.copy_from_slice(self.reference.at(k + later));
         }
     }
 
@@ -349,6 +350,12 @@ impl<'a> ClosedLoop<'a> {
             .map_or(0.0, |bounds| bounds.violation(&self.outputs_at(self.last_step.len() - 1)));
         self.max_violation = self.max_violation.max(states).max(inputs).max(outputs);
     }
+}
+
+/// The steps from the end of the first stage, which is a step, to those in which all end; `times`
+/// are those of the stages' ends from the beginning of the first.
+fn steps_ahead(times: &[f64]) -> Vec<usize> {
+    times[1..].iter().map(|&time| steps_until(time, times[1]) - 1).collect()
 }
 
 impl Control<'_, '_> {

@@ -148,6 +148,7 @@ impl Cost {
 
 impl Cost {
     /// The part of W: v'(2 W)v and its gradient, with v = (u\[k-1\], u\[k\], ..).
+    #[inline(never)]
     fn weigh_inputs(&self, u: &[f64], targets: Targets<'_>, gradient: &mut [f64]) -> f64 {
         let m = self.dims.nu;
         let width = u.len() + m;

@@ -23,6 +23,7 @@ impl Outputs {
     }
 
     /// Linearises along the plan `z`.
+    #[inline(never)]
     pub(crate) fn follow(&mut self, horizon: &mut Horizon, dims: OcpDims, z: &[f64], p: &[f64]) {
         let Dims { nx, nu, ny, .. } = self.model;
         for j in 1..=dims.horizon {

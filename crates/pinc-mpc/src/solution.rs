@@ -93,6 +93,7 @@ impl Solution {
     /// of which the first is the shortest; `times`, `[N + 1]`, are those of `x_0` .. `x_N`. States
     /// are interpolated linearly, inputs held as planned; the multipliers of a stage are those of
     /// the stage that covers its beginning.
+    #[inline(never)]
     pub(crate) fn resample(&mut self, from: &Self, times: &[f64]) {
         let (dims, length) = (self.dims, times[1]);
         // The stage of `from` at a time, and which part of it is over. The end belongs to the last.

@@ -54,6 +54,7 @@ impl StageTerms {
     }
 
     /// Writes Q, S and T, adds to the gradient, and gives the value.
+    #[inline(never)]
     pub(crate) fn add(
         &mut self,
         cost: &Cost,

@@ -156,7 +156,9 @@ impl Transcription {
         for ((c, next), z) in qp.c.iter_mut().zip(next).zip(z) {
             *c = next - z;
         }
-        self.linearize_constraints(z, qp);
+        if self.constraints.is_some() {
+            self.linearize_constraints(z, qp);
+        }
         if let Some(outputs) = &mut self.outputs {
             outputs.follow(horizon, self.dims, z, self.cache.parameters());
             self.limit_outputs(qp);
@@ -190,6 +192,7 @@ impl Transcription {
     }
 
     /// h and g: their values go, with the sign changed, to the limits.
+    #[inline(never)]
     fn linearize_constraints(&mut self, z: &[f64], qp: &mut Qp) {
         let Some(constraints) = &self.constraints else { return };
         let dims = self.dims;
@@ -209,6 +212,7 @@ impl Transcription {
     }
 
     /// The rows of bounded outputs.
+    #[inline(never)]
     fn limit_outputs(&self, qp: &mut Qp) {
         let (dims, Some(outputs)) = (self.dims, &self.outputs) else { return };
         let (n, m) = (dims.nx, dims.nu);

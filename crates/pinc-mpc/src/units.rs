@@ -73,6 +73,7 @@ impl Units {
     }
 
     /// Chooses the unit of the cost by its weights, Q of states and R, in the plant's units.
+    #[inline(never)]
     pub(crate) fn choose_cost(&mut self, q: &[f64], r: &[f64]) {
         let (mut least, mut most) = (f64::INFINITY, 0.0_f64);
         for (blocks, units) in [(q, &self.x), (r, &self.u)] {
@@ -117,6 +118,7 @@ impl Units {
     }
 
     /// Scales the model's linearisation and the rows in `qp`.
+    #[inline(never)]
     pub(crate) fn scale_constraints(&self, qp: &mut Qp) {
         let nx = self.dims.nx;
         scale_matrices(&mut qp.a, &self.x, &self.x);
@@ -133,6 +135,7 @@ impl Units {
     }
 
     /// Scales limits, gradient and what changes of the Hessian in `qp`; gives the cost.
+    #[inline(never)]
     pub(crate) fn scale_cost(&self, qp: &mut Qp, cost: f64) -> f64 {
         let m = self.u.len();
         for v in 0..qp.gradient.len() {
@@ -153,6 +156,7 @@ impl Units {
     }
 
     /// Scales the constant parts: the Hessian and the penalties.
+    #[inline(never)]
     pub(crate) fn scale_constants(&self, qp: &mut Qp) {
         let (n, m) = (self.x.len(), self.u.len());
         self.scale_weights(&mut qp.q, &self.x, &self.x);
@@ -178,6 +182,7 @@ impl Units {
     }
 
     /// Brings multipliers to these units, or back to those of the plant.
+    #[inline(never)]
     pub(crate) fn convert(&self, multipliers: &mut Multipliers, back: bool) {
         let scale = |value: &mut f64, unit: f64| {
             let factor = unit / self.cost;

@@ -12,6 +12,7 @@ const ELASTIC_WEIGHT: f64 = 1e3;
 
 impl Sqp {
     /// Makes the hard constraints on states soft.
+    #[inline(never)]
     pub(super) fn enter_elastic(&mut self) {
         self.elastic = true;
         let qp = &self.qp;
@@ -34,6 +35,7 @@ impl Sqp {
     }
 
     /// Gives bounds on states, h and g, and bounds on outputs the penalties that the problem has.
+    #[inline(never)]
     fn restore(&mut self, [states, general, outputs]: [bool; 3]) {
         for qp in [&mut self.qp, &mut self.trial] {
             let dims = qp.dims;

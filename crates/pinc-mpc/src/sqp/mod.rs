@@ -40,7 +40,8 @@ const HALVINGS: usize = 20;
 /// "SNOPT", SIAM Review 47 (2005), for the elastic mode; Diehl et al., "Real-time optimization for
 /// large scale processes", J. Process Control 12 (2002).
 ///
-/// All memory is allocated at construction.
+/// All memory is allocated at construction. What few problems or few steps need is never inlined,
+/// here and in what is called: a step's code is larger than the first cache of instructions.
 #[derive(Debug)]
 pub(crate) struct Sqp {
     config: SqpConfig,
@@ -135,12 +136,17 @@ impl Sqp {
     /// anew.
     fn choose_units(&mut self, x0: &[f64], targets: Option<Targets<'_>>) {
         if self.transcription.choose_units(x0, targets) {
-            self.qp = self.transcription.qp();
-            self.trial = self.qp.clone();
-            self.penalties = [self.qp.bounds.penalty.clone(), self.qp.rows.penalty.clone()];
-            if let Ok(solver) = ChosenQp::new(&self.qp, self.config.qp) {
-                self.solver = solver;
-            }
+            self.rebuild_programs();
+        }
+    }
+
+    #[inline(never)]
+    fn rebuild_programs(&mut self) {
+        self.qp = self.transcription.qp();
+        self.trial = self.qp.clone();
+        self.penalties = [self.qp.bounds.penalty.clone(), self.qp.rows.penalty.clone()];
+        if let Ok(solver) = ChosenQp::new(&self.qp, self.config.qp) {
+            self.solver = solver;
         }
     }
 
@@ -313,6 +319,7 @@ impl Sqp {
     }
 
     /// Halves the step until the merit function decreases.
+    #[inline(never)]
     fn backtrack(
         &mut self,
         model: &mut Horizon,
@@ -356,12 +363,8 @@ impl Sqp {
         for ((z, base), d) in plan.z.iter_mut().zip(&self.base.z).zip(&self.step.d) {
             *z = base + length * d;
         }
-        let units = &self.transcription.units;
-        if !units.is_identity() {
-            let steps = self.step.d.iter().enumerate();
-            for ((z, base), (v, d)) in plan.z.iter_mut().zip(&self.base.z).zip(steps) {
-                *z = base + length * d * units.unknown(v);
-            }
+        if !self.transcription.units.is_identity() {
+            self.move_in_units(plan, length);
         }
         let parts = plan.multipliers.parts_mut().into_iter();
         let ends = self.base.multipliers.parts().into_iter().zip(self.step.multipliers.parts());
@@ -372,6 +375,16 @@ impl Sqp {
         }
         // A step may be outside by the tolerance of its solver, or by rounding.
         self.project(plan, previous);
+    }
+
+    /// Sets the plan `length` of the step away from the base, the step being in other units.
+    #[inline(never)]
+    fn move_in_units(&self, plan: &mut Solution, length: f64) {
+        let units = &self.transcription.units;
+        let steps = self.step.d.iter().enumerate();
+        for ((z, base), (v, d)) in plan.z.iter_mut().zip(&self.base.z).zip(steps) {
+            *z = base + length * d * units.unknown(v);
+        }
     }
 
     /// Linearises at `plan`, into the trial QP.
