@@ -2,7 +2,7 @@
 
 use crate::choices::{Only, Outside, To};
 use crate::runs::verdict;
-use crate::{BenchError, BenchOptions, Options, Shard, Verbosity, console, summary};
+use crate::{BenchError, BenchOptions, ChooseOptions, Options, Shard, Verbosity, console, summary};
 use clap::{Args, Parser, Subcommand};
 use pinc_config::{Experiment, Plants, RunList};
 use pinc_record::RunDir;
@@ -146,6 +146,20 @@ enum Command {
         #[command(flatten)]
         set: SetArgs,
     },
+    /// Say which model should be in a config's loop: tries integrators by their substeps and nets by
+    /// their size, and writes the config with the cheapest that is good enough.
+    Choose {
+        /// Config file (TOML).
+        config: PathBuf,
+        /// How much more than the most exact model's a loop's IAE may be, as 1% or 0.01.
+        #[arg(long, value_name = "SHARE", default_value = "1%", value_parser = share)]
+        within: f64,
+        /// The time for trying, in s.
+        #[arg(long, value_name = "SECONDS", default_value_t = 120.0, value_parser = seconds)]
+        budget_s: f64,
+        #[command(flatten)]
+        run: RunArgs,
+    },
     /// Check a config and examine its plant before anything is trained.
     Check {
         /// Config file (TOML).
@@ -281,6 +295,15 @@ fn execute(cli: &Cli, plants: &Plants) -> Result<ExitCode, BenchError> {
             let (output, model) = (output.as_deref(), model.as_deref());
             let found = crate::estimate(&experiment, data, output, model, only)?;
             show(quiet, &found.to_string());
+        }
+        Command::Choose { config, within, budget_s, run } => {
+            let experiment = Experiment::load(config, &run.set.set, plants)?;
+            let dir = run.directory(&format!("{}-choose", experiment.name), false);
+            let arguments = arguments();
+            let options = options(run.resume, quiet, &arguments);
+            let how = ChooseOptions { within: *within, budget_s: *budget_s };
+            let choice = crate::choose(&experiment, &dir, plants, &options, how)?;
+            show(quiet, &choice.to_string());
         }
         Command::Check { config, json, set } => return check(config, *json, &set.set, plants),
         Command::Report { dir } => {
@@ -442,6 +465,23 @@ fn shard(text: &str) -> Result<Shard, String> {
         Some((number, of)) if (1..=of).contains(&number) => Ok(Shard { number, of }),
         _ => Err("expected K/N with K from 1 to N, as 3/8".to_owned()),
     }
+}
+
+/// A share, written 1% or 0.01.
+fn share(text: &str) -> Result<f64, String> {
+    let (number, unit) = match text.trim().strip_suffix('%') {
+        Some(number) => (number, 0.01),
+        None => (text, 1.0),
+    };
+    let share = number.trim().parse::<f64>().ok().map(|number| unit * number);
+    let is_share = |share: &f64| *share > 0.0 && *share <= 1.0;
+    share.filter(is_share).ok_or_else(|| "expected a share above 0, as 1% or 0.01".to_owned())
+}
+
+/// A number of seconds.
+fn seconds(text: &str) -> Result<f64, String> {
+    let seconds = text.parse::<f64>().ok().filter(|s| *s > 0.0 && s.is_finite());
+    seconds.ok_or_else(|| "expected a positive number of seconds, as 120".to_owned())
 }
 
 /// From now on, the first Ctrl-C asks the run to stop, and a second ends the program.

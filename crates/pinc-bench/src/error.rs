@@ -71,6 +71,19 @@ pub enum BenchError {
         /// Name of the experiment.
         name: String,
     },
+    /// No integrator makes a loop that others could be compared with.
+    #[error(
+        "{name}: there is no model to choose, since no loop with an integrator stands{}: {reasons}",
+        if *out_of_time { " so far (the time was up; --budget-s gives more)" } else { "" }
+    )]
+    NothingToChoose {
+        /// Name of the experiment.
+        name: String,
+        /// Whether not all could be tried.
+        out_of_time: bool,
+        /// How each loop ended.
+        reasons: String,
+    },
     /// A plant for a target that does not take plants.
     #[error("export: `--to {target}` takes no plant; `--plant` goes `--to fmu`")]
     PlantTarget {
@@ -359,6 +372,7 @@ impl BenchError {
             Self::Control(MpcError::Plant { .. }) | Self::OutsideDomain { .. } => 1,
             Self::Net(_) | Self::Plant(_) | Self::FailedSteps { .. } | Self::NotFinite { .. } => 1,
             Self::Record(RecordError::Unwritable { source, .. }) if is_full(source) => 1,
+            Self::NothingToChoose { .. } => 1,
             Self::Interrupted { .. } | Self::FailedTrials { .. } | Self::FailedRuns { .. } => 1,
             _ => 2,
         }

@@ -4,6 +4,7 @@
 //!   program does with an [`Experiment`](pinc_config::Experiment).
 //! - [`export_net`], [`export_controller`], [`export_plant`], [`serve`]: nets and controllers for other programs.
 //! - [`sweep()`], [`merge`]: an experiment many times over.
+//! - [`choose()`]: which model should be in a loop.
 //! - [`bench()`]: measurements of the machine.
 //! - [`program`]: the command line; with [`Plants`] of your own, a `pinc` that
 //!   knows them.
@@ -12,6 +13,7 @@
 
 mod bench;
 mod choices;
+mod choose;
 mod cli;
 mod clock;
 pub mod console;
@@ -26,6 +28,7 @@ mod sweep;
 pub use bench::{
     BenchOptions, BenchReport, FmaPeak, LossGradient, Machine, ModelStep, NmpcTimes, QpTime, bench,
 };
+pub use choose::{Choice, ChooseOptions, choose};
 pub use cli::program;
 pub use error::{BenchError, CsvProblem};
 pub use pinc_config::Plants;

@@ -50,6 +50,16 @@ impl ControlSpec {
         substeps.max(1)
     }
 
+    /// Sets the substeps of an integrator in a control step; a net has none.
+    pub fn set_substeps(&mut self, kind: ModelKind, substeps: usize) {
+        match kind {
+            ModelKind::Pinc => {}
+            ModelKind::Rk4 => self.rk4_substeps = substeps,
+            ModelKind::Rk5 => self.rk5_substeps = substeps,
+            ModelKind::Rodas4 => self.rosenbrock_substeps = substeps,
+        }
+    }
+
     /// The weights of stages of different length, if they are: a stage counts in Q as many times as
     /// it is longer than the first, as its steps would.
     pub(crate) fn weights_by_length(&self) -> Option<Weights> {

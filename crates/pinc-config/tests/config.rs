@@ -261,8 +261,9 @@ fn stages_may_differ_in_length() {
     // A stage counts as its steps would.
     let problem = control.problem(&experiment.plant.variables(), 10.0);
     let q = |i: usize| problem.weights.q.at(i).entry(1, 1);
-    assert_eq!([0, 1, 2, 5].map(q), [10.0, 10.0, 20.0, 140.0]);
-    assert_eq!([0, 5].map(|i| problem.weights.r.at(i).entry(0, 0)), [1.0, 1.0]);
+    assert_eq!([0, 1, 2, 5].map(q).to_vec(), [10.0, 10.0, 20.0, 140.0]);
+    let r = |i: usize| problem.weights.r.at(i).entry(0, 0);
+    assert_eq!([0, 5].map(r).to_vec(), [1.0, 1.0]);
 }
 
 #[test]

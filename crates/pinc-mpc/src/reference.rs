@@ -143,7 +143,7 @@ mod tests {
     #[test]
     fn a_preview_of_stages_has_the_values_at_their_ends() {
         let reference = Reference::new((0..20_i32).map(f64::from).collect(), 1).unwrap();
-        let mut window = [0.0; 5];
+        let mut window = vec![0.0; 5];
         reference.preview_at(2, &[0.1, 0.2, 0.5, 0.85, 9.0], &mut window);
         assert_eq!(window, [2.0, 3.0, 6.0, 10.0, 19.0]);
     }

@@ -62,7 +62,7 @@ pub struct Options<'a> {
 
 impl Options<'_> {
     /// An error if the run is to stop.
-    fn check_interrupt(&self, dir: &Path) -> Result<(), BenchError> {
+    pub(crate) fn check_interrupt(&self, dir: &Path) -> Result<(), BenchError> {
         if self.interrupt.load(Ordering::Relaxed) {
             return Err(BenchError::Interrupted { dir: dir.to_owned() });
         }

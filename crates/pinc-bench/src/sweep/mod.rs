@@ -178,20 +178,7 @@ impl<'a> Session<'a> {
 
     /// Writes the tables of what has been done so far, and counts it.
     fn write_tables(&self) -> Result<SweepMetrics, BenchError> {
-        let finished = self.trials.iter().map(|trial| self.sweep_dir.finished(&trial.id));
-        let finished = finished.collect::<Result<Vec<_>, _>>()?;
-        let (experiment, sweep) = (self.experiment, self.sweep);
-        let table = |columns| TrialTable::new(columns, sweep, &self.trials, &finished);
-        let summary = SummaryTable::new(experiment, sweep, &self.trials, &finished);
-        let results = table(TrialColumn::of_sweep(experiment, sweep));
-        let timings = table(TrialColumn::of_timings(experiment));
-        self.run_dir.write(file::SWEEP, results.to_csv().as_bytes())?;
-        self.run_dir.write(file::SUMMARY, summary.to_csv().as_bytes())?;
-        self.run_dir.write(file::TIMINGS, timings.to_csv().as_bytes())?;
-        let over = finished.iter().flatten();
-        let failed = over.clone().filter(|finished| finished.ending != Ending::Done).count();
-        let done = over.count() - failed;
-        Ok(SweepMetrics { trials: self.trials.len(), done, failed })
+        write_tables(self.experiment, &self.trials, &self.run_dir, &self.sweep_dir)
     }
 
     /// Writes the tables and the report.
@@ -206,6 +193,29 @@ impl<'a> Session<'a> {
         }
         Ok(self.run_dir.released())
     }
+}
+
+/// Writes the tables of a sweep, as far as its `trials` in `sweep_dir` are done, and counts these.
+pub(crate) fn write_tables(
+    experiment: &Experiment,
+    trials: &[Trial],
+    run_dir: &RunDir,
+    sweep_dir: &SweepDir,
+) -> Result<SweepMetrics, BenchError> {
+    let sweep = experiment.sweep.as_ref().expect("a sweep has the section");
+    let finished = trials.iter().map(|trial| sweep_dir.finished(&trial.id));
+    let finished = finished.collect::<Result<Vec<_>, _>>()?;
+    let table = |columns| TrialTable::new(columns, sweep, trials, &finished);
+    let summary = SummaryTable::new(experiment, sweep, trials, &finished);
+    let results = table(TrialColumn::of_sweep(experiment, sweep));
+    let timings = table(TrialColumn::of_timings(experiment));
+    run_dir.write(file::SWEEP, results.to_csv().as_bytes())?;
+    run_dir.write(file::SUMMARY, summary.to_csv().as_bytes())?;
+    run_dir.write(file::TIMINGS, timings.to_csv().as_bytes())?;
+    let over = finished.iter().flatten();
+    let failed = over.clone().filter(|finished| finished.ending != Ending::Done).count();
+    let done = over.count() - failed;
+    Ok(SweepMetrics { trials: trials.len(), done, failed })
 }
 
 /// The threads that work on a sweep.

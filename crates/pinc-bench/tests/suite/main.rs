@@ -4,6 +4,7 @@ mod accuracy_cost;
 mod bad_config;
 mod bench;
 mod check;
+mod choose;
 mod closed;
 mod common;
 mod control;
