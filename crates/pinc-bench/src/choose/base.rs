@@ -2,7 +2,7 @@
 
 use crate::BenchError;
 use crate::one_step::Steps;
-use pinc_config::{Experiment, ModelKind, Plants};
+use pinc_config::{ControlSpec, Experiment, ModelKind, Plants};
 use pinc_net::{Domain, TrainingTarget};
 use std::fmt::Write;
 use std::path::Path;
@@ -84,6 +84,13 @@ impl Base {
         let text = format!("{}\n{added}", own.to_toml());
         let experiment = Experiment::parse(Path::new("pinc choose"), &text, &[], plants)?;
         Ok(Self { experiment, sources, notes })
+    }
+}
+
+impl Base {
+    /// The loop.
+    pub(super) fn control(&self) -> &ControlSpec {
+        self.experiment.control.as_ref().expect("the config was looked at for it")
     }
 }
 

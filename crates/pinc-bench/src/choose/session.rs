@@ -1,29 +1,25 @@
 //! Trying candidates, one after the other, within a time.
 
 use super::base::Base;
-use super::candidate::Candidate;
-use super::judge::{Score, Tried};
 use crate::BenchError;
 use crate::clock::Deadline;
 use crate::invocation::invocation;
 use crate::progress::{Stage, Verbosity};
 use crate::runs::{Options, run_trial, train_shared};
+use pinc_choose::{Candidate, Loops, Score, Tried};
 use pinc_config::{Experiment, Plants, Trial, trials};
 use pinc_record::{Ending, Finished, Provenance, RunDir, SweepDir};
 use std::path::Path;
 
 /// The candidates tried so far, and where what came of them lies.
 pub(super) struct Session<'a> {
-    pub(super) base: &'a Base,
-    pub(super) tried: Vec<Tried>,
+    base: &'a Base,
     pub(super) run_dir: RunDir,
     pub(super) sweep_dir: SweepDir,
     plants: &'a Plants,
     provenance: Provenance,
     options: &'a Options<'a>,
     deadline: Deadline,
-    /// Whether something was not tried for want of time.
-    pub(super) is_out_of_time: bool,
     stage: Stage,
 }
 
@@ -45,75 +41,12 @@ impl<'a> Session<'a> {
         }
         let deadline = Deadline::in_seconds(budget_s);
         let stage = Stage::begin(options.verbosity, "choose", deadline.whole_s());
-        let (tried, is_out_of_time) = (Vec::new(), false);
-        Ok(Self {
-            base,
-            tried,
-            run_dir,
-            sweep_dir,
-            plants,
-            provenance,
-            options,
-            deadline,
-            is_out_of_time,
-            stage,
-        })
+        Ok(Self { base, run_dir, sweep_dir, plants, provenance, options, deadline, stage })
     }
 
-    /// What came of a candidate that was tried with its loop run once.
-    pub(super) fn known(&self, candidate: Candidate) -> Option<&Tried> {
-        self.tried.iter().find(|tried| tried.candidate == candidate)
-    }
-
-    /// Tries a candidate, unless there is no time for it; gives whether that has been done.
-    pub(super) fn attempt(&mut self, candidate: Candidate) -> Result<bool, BenchError> {
-        let Some(tried) = self.result(candidate, 1, true)? else {
-            self.is_out_of_time = true;
-            return Ok(false);
-        };
-        self.tried.push(tried);
-        Ok(true)
-    }
-
-    /// Runs the loop of a candidate that was tried so many times, for its times' sake.
-    pub(super) fn measure(&mut self, place: usize, repetitions: usize) -> Result<(), BenchError> {
-        let candidate = self.tried[place].candidate;
-        if let Some(tried) = self.result(candidate, repetitions, false)? {
-            self.tried[place] = tried;
-        }
-        Ok(())
-    }
-
-    pub(super) fn end(self) -> (Vec<Tried>, RunDir) {
-        self.stage.end(&format!("{} models tried", self.tried.len()));
-        (self.tried, self.run_dir)
-    }
-
-    /// What comes of a candidate; nothing if the time is up before.
-    fn result(
-        &mut self,
-        candidate: Candidate,
-        repetitions: usize,
-        limited: bool,
-    ) -> Result<Option<Tried>, BenchError> {
-        let done = self.deadline.seconds_over();
-        self.stage.advance(done, || candidate.to_string());
-        let trial = self.trial(candidate, repetitions)?;
-        let net = trial.training.as_ref().map(|(id, _)| id.clone());
-        let finished = match self.sweep_dir.finished(&trial.id)? {
-            Some(finished) => finished,
-            None if limited && self.deadline.is_over() => return Ok(None),
-            None => match self.run(&trial, limited)? {
-                Some(finished) => finished,
-                None => return Ok(None),
-            },
-        };
-        let result = match (finished.ending, finished.metrics.as_ref().and_then(Score::of)) {
-            (Ending::Failed { error }, _) => Err(error),
-            (Ending::Done, Some(score)) => Ok(score),
-            (Ending::Done, None) => Err("no results".to_owned()),
-        };
-        Ok(Some(Tried { candidate, net, repetitions, result }))
+    /// Ends the session, in which so much was tried.
+    pub(super) fn end(self, tried: usize) {
+        self.stage.end(&format!("{tried} models tried"));
     }
 
     /// The sweep whose cases are these.
@@ -130,7 +63,7 @@ impl<'a> Session<'a> {
     }
 
     /// Runs a trial after its training, and keeps what came of it; nothing if the time was up.
-    fn run(&self, trial: &Trial, limited: bool) -> Result<Option<Finished>, BenchError> {
+    fn run_trial(&self, trial: &Trial, limited: bool) -> Result<Option<Finished>, BenchError> {
         let user = self.options.interrupt;
         let limit = limited.then_some(self.deadline);
         let worked = crate::clock::until(limit, user, |interrupt| {
@@ -166,5 +99,35 @@ impl<'a> Session<'a> {
             net = Some(place);
         }
         run_trial(&trial.experiment, net.as_deref(), &dir, false, options)
+    }
+}
+
+impl Loops for Session<'_> {
+    type Error = BenchError;
+
+    fn run(
+        &mut self,
+        candidate: Candidate,
+        repetitions: usize,
+        limited: bool,
+    ) -> Result<Option<Tried>, BenchError> {
+        let done = self.deadline.seconds_over();
+        self.stage.advance(done, || candidate.to_string());
+        let trial = self.trial(candidate, repetitions)?;
+        let net = trial.training.as_ref().map(|(id, _)| id.clone());
+        let finished = match self.sweep_dir.finished(&trial.id)? {
+            Some(finished) => finished,
+            None if limited && self.deadline.is_over() => return Ok(None),
+            None => match self.run_trial(&trial, limited)? {
+                Some(finished) => finished,
+                None => return Ok(None),
+            },
+        };
+        let result = match (finished.ending, finished.metrics.as_ref().and_then(Score::of)) {
+            (Ending::Failed { error }, _) => Err(error),
+            (Ending::Done, Some(score)) => Ok(score),
+            (Ending::Done, None) => Err("no results".to_owned()),
+        };
+        Ok(Some(Tried { candidate, net, repetitions, result }))
     }
 }

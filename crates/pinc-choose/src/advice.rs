@@ -1,22 +1,28 @@
 //! What was found, as a table and a sentence.
 
-use super::candidate::Candidate;
-use super::judge::{Score, Standard, Tried};
+use crate::candidate::Candidate;
+use crate::judge::{Score, Standard, Tried};
+use crate::search::{Found, Search};
 use pinc_net::TrainingTarget;
 use std::fmt;
 
-/// What was found.
-pub(super) struct Found<'a> {
-    pub(super) tried: &'a [Tried],
-    pub(super) standard: &'a Standard,
-    pub(super) winner: &'a Tried,
+/// A step that is wrong by more than this, in widths of the domain, is worth a word.
+const LARGE: f64 = 0.1;
+
+/// What to use, and why. Its `Display` is a table of all that was tried, and the reasons.
+#[derive(Clone, Debug)]
+pub struct Advice<'a> {
+    tried: &'a [Tried],
+    standard: Standard,
+    winner: &'a Tried,
+    score: &'a Score,
     /// What could not be tried, and why.
-    pub(super) notes: &'a [String],
-    pub(super) within: f64,
-    pub(super) is_out_of_time: bool,
+    notes: &'a [String],
+    within: f64,
+    is_out_of_time: bool,
 }
 
-impl fmt::Display for Found<'_> {
+impl fmt::Display for Advice<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         writeln!(f, "model               IAE    step p50 us      p99 us  worst error  training s")?;
         let score = |tried: &&Tried| tried.result.as_ref().map_or(f64::INFINITY, |s| s.p50_us);
@@ -26,7 +32,7 @@ impl fmt::Display for Found<'_> {
             let name = tried.candidate.to_string();
             match &tried.result {
                 Ok(score) => self.row(f, &name, score)?,
-                Err(error) => writeln!(f, "{name:<16}  {error}")?,
+                Err(error) => writeln!(f, "{name:<14}   {error}")?,
             }
         }
         for sentence in self.sentences() {
@@ -36,7 +42,23 @@ impl fmt::Display for Found<'_> {
     }
 }
 
-impl Found<'_> {
+impl<'a> Advice<'a> {
+    /// The advice that a search comes to; `notes` say what could not be tried. Nothing if no loop
+    /// stands.
+    #[must_use]
+    pub fn of(search: &Search<'_>, found: &'a Found, notes: &'a [String]) -> Option<Self> {
+        let standard = search.standard(&found.tried)?;
+        let (winner, score) = standard.winner(&found.tried)?;
+        let (within, is_out_of_time) = (search.within, found.is_out_of_time);
+        Some(Self { tried: &found.tried, standard, winner, score, notes, within, is_out_of_time })
+    }
+
+    /// The model to use.
+    #[must_use]
+    pub fn winner(&self) -> &'a Tried {
+        self.winner
+    }
+
     fn row(&self, f: &mut fmt::Formatter<'_>, name: &str, score: &Score) -> fmt::Result {
         let number = |value: Option<f64>| match value {
             Some(value) if value.is_finite() => format!("{value:.1e}"),
@@ -60,8 +82,18 @@ impl Found<'_> {
     }
 
     /// The advice, and what it does not rest on.
-    pub(super) fn sentences(&self) -> Vec<String> {
+    pub(crate) fn sentences(&self) -> Vec<String> {
         let mut sentences = vec![self.advice()];
+        if let Some(worst) = self.score.worst.filter(|worst| !(..=LARGE).contains(worst)) {
+            sentences.push(format!(
+                "Somewhere in the domain a step of it is wrong by {}: the loop does not go there.",
+                if worst.is_finite() {
+                    format!("{worst:.1} of its width")
+                } else {
+                    "all bounds".to_owned()
+                }
+            ));
+        }
         if self.is_out_of_time {
             sentences.push(
                 "The time was up before all had been tried: `--resume` with more of it goes on."
@@ -73,7 +105,7 @@ impl Found<'_> {
     }
 
     fn advice(&self) -> String {
-        let Ok(score) = &self.winner.result else { return String::new() };
+        let score = self.score;
         let (exact, iae) = (self.standard.exact, self.standard.iae);
         let mut text = format!(
             "Use {}: its IAE of {:.6} is {}that of the most exact model, {exact}, {iae:.6}, and its \

@@ -1,22 +1,22 @@
 //! Which number of substeps, or size of a net, is tried next, by what came of those before.
 
 /// The most substeps that are tried.
-pub(super) const MOST: usize = 128;
+pub(crate) const MOST: usize = 128;
 
 /// A number of substeps that was tried.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Rung {
-    pub(super) substeps: usize,
+pub(crate) struct Rung {
+    pub(crate) substeps: usize,
     /// The IAE of its loop, if that did not fail.
-    pub(super) iae: Option<f64>,
+    pub(crate) iae: Option<f64>,
     /// Whether the loop is as good as that of the most exact model.
-    pub(super) good: bool,
+    pub(crate) good: bool,
 }
 
 /// On the way to a model so exact that another one changes nothing: twice the substeps, from
 /// `start` on, until two IAEs in a row agree to a relative `tolerance`. Nothing when that is found,
 /// or cannot be.
-pub(super) fn finer(start: usize, tried: &[Rung], tolerance: f64) -> Option<usize> {
+pub(crate) fn finer(start: usize, tried: &[Rung], tolerance: f64) -> Option<usize> {
     let mut rungs: Vec<&Rung> = tried.iter().filter(|rung| rung.substeps >= start).collect();
     rungs.sort_by_key(|rung| rung.substeps);
     let Some(last) = rungs.last() else { return Some(start) };
@@ -27,7 +27,7 @@ pub(super) fn finer(start: usize, tried: &[Rung], tolerance: f64) -> Option<usiz
 }
 
 /// Whether such a model is among those tried.
-pub(super) fn is_exact(tried: &[Rung], tolerance: f64) -> bool {
+pub(crate) fn is_exact(tried: &[Rung], tolerance: f64) -> bool {
     let mut rungs: Vec<&Rung> = tried.iter().collect();
     rungs.sort_by_key(|rung| rung.substeps);
     agree(&rungs, tolerance)
@@ -44,7 +44,7 @@ fn agree(rungs: &[&Rung], tolerance: f64) -> bool {
 
 /// On the way to the fewest substeps that are good: from `start` up until some are, then half as
 /// many until they are not, then between these. Nothing when that is found, or cannot be.
-pub(super) fn fewer(start: usize, tried: &[Rung]) -> Option<usize> {
+pub(crate) fn fewer(start: usize, tried: &[Rung]) -> Option<usize> {
     let largest = tried.iter().map(|rung| rung.substeps).max();
     let Some(largest) = largest else { return Some(start) };
     let good = tried.iter().filter(|rung| rung.good).map(|rung| rung.substeps).min();
@@ -61,7 +61,7 @@ pub(super) fn fewer(start: usize, tried: &[Rung]) -> Option<usize> {
 /// The size of a net to try next, as a place in a list from cheap to exact: from `start` up until
 /// one is good, or down until one is not. Nothing when the smallest good one is found, or there is
 /// none.
-pub(super) fn size(start: usize, sizes: usize, tried: &[(usize, bool)]) -> Option<usize> {
+pub(crate) fn size(start: usize, sizes: usize, tried: &[(usize, bool)]) -> Option<usize> {
     let largest = tried.iter().map(|(place, _)| *place).max();
     let Some(largest) = largest else { return Some(start) };
     let good = tried.iter().filter(|(_, good)| *good).map(|(place, _)| *place).min();
@@ -95,7 +95,10 @@ mod tests {
 
     #[test]
     fn exactness_is_found_by_doubling() {
-        let iae = |substeps: usize| Some(100.0 + 50.0 * 0.01_f64.powf((substeps as f64).log2()));
+        let iae = |substeps: usize| {
+            let halvings = i32::try_from(substeps.ilog2()).unwrap();
+            Some(100.0 + 50.0 * 0.01_f64.powi(halvings))
+        };
         assert_eq!(order(|tried| finer(4, tried, 1e-3), iae), [4, 8]);
         assert_eq!(order(|tried| finer(1, tried, 1e-3), iae), [1, 2, 4, 8]);
         // What is unstable is passed over.

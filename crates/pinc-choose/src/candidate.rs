@@ -1,4 +1,4 @@
-//! What may be the model in a loop.
+//! Models that are tried in a loop.
 
 use pinc_config::ModelKind;
 use pinc_net::TrainingTarget;
@@ -6,22 +6,34 @@ use std::fmt::{self, Write};
 
 /// A model to try.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Candidate {
+pub enum Candidate {
     /// An integrator with so many substeps per control step.
-    Integrator { kind: ModelKind, substeps: usize },
+    Integrator {
+        /// Which.
+        kind: ModelKind,
+        /// How many.
+        substeps: usize,
+    },
     /// A net of this size, trained on this.
-    Net { shape: Shape, source: TrainingTarget },
+    Net {
+        /// The size.
+        shape: Shape,
+        /// What it is trained on.
+        source: TrainingTarget,
+    },
 }
 
 /// Hidden layers and neurons in each.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Shape {
-    pub(super) layers: usize,
-    pub(super) neurons: usize,
+pub struct Shape {
+    /// Hidden layers.
+    pub layers: usize,
+    /// Neurons in each.
+    pub neurons: usize,
 }
 
 /// The sizes of nets that are tried, from cheap to exact.
-pub(super) const SHAPES: [Shape; 5] = [
+pub const SHAPES: [Shape; 5] = [
     Shape { layers: 2, neurons: 8 },
     Shape { layers: 2, neurons: 16 },
     Shape { layers: 2, neurons: 24 },
@@ -30,7 +42,8 @@ pub(super) const SHAPES: [Shape; 5] = [
 ];
 
 impl Candidate {
-    pub(super) fn kind(self) -> ModelKind {
+    /// The model of the loop.
+    pub(crate) fn kind(self) -> ModelKind {
         match self {
             Self::Integrator { kind, .. } => kind,
             Self::Net { .. } => ModelKind::Pinc,
@@ -38,7 +51,7 @@ impl Candidate {
     }
 
     /// The key of an integrator's substeps.
-    pub(super) fn substeps_key(kind: ModelKind) -> &'static str {
+    fn substeps_key(kind: ModelKind) -> &'static str {
         match kind {
             ModelKind::Rk5 => "rk5_substeps",
             ModelKind::Rodas4 => "rosenbrock_substeps",
@@ -47,7 +60,8 @@ impl Candidate {
     }
 
     /// A case of a sweep, as TOML: this candidate in loops that are run so many times.
-    pub(super) fn case(self, repetitions: usize) -> String {
+    #[must_use]
+    pub fn case(self, repetitions: usize) -> String {
         let mut set = format!("\"control.models\" = [\"{}\"]", self.kind());
         let _ = write!(set, ", \"control.repetitions\" = {repetitions}");
         // Writing to a String does not fail.

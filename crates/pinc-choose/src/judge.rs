@@ -1,6 +1,6 @@
 //! Which of the models that were tried are good enough, and which of these is the one to use.
 
-use super::candidate::Candidate;
+use crate::candidate::Candidate;
 use pinc_config::ControlSpec;
 use pinc_record::Metrics;
 
@@ -10,51 +10,59 @@ const AS_CHEAP: f64 = 1.1;
 
 /// What came of a model in the loop.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Score {
+pub struct Score {
     /// On the dense trace.
-    pub(super) iae: f64,
-    pub(super) violation: f64,
+    pub iae: f64,
+    /// The largest violation of a bound.
+    pub violation: f64,
     /// The share of control steps that failed.
-    pub(super) failed: f64,
-    /// Times of a control step, in us.
-    pub(super) p50_us: f64,
-    pub(super) p99_us: f64,
-    /// Errors of one step over the domain, in its widths, where that was looked at.
-    pub(super) rms: Option<f64>,
-    pub(super) worst: Option<f64>,
-    pub(super) training_s: Option<f64>,
+    pub failed: f64,
+    /// The median time of a control step, in us.
+    pub p50_us: f64,
+    /// The 99th percentile of this.
+    pub p99_us: f64,
+    /// The root mean square error of one step over the domain, in its widths, where that was looked
+    /// at.
+    pub rms: Option<f64>,
+    /// The largest of these errors.
+    pub worst: Option<f64>,
+    /// How long the net was trained, in s.
+    pub training_s: Option<f64>,
 }
 
 /// A model that was tried.
 #[derive(Clone, Debug)]
-pub(super) struct Tried {
-    pub(super) candidate: Candidate,
+pub struct Tried {
+    /// Which.
+    pub candidate: Candidate,
     /// The hash of its training.
-    pub(super) net: Option<String>,
+    pub net: Option<String>,
     /// How often its loop was run.
-    pub(super) repetitions: usize,
+    pub repetitions: usize,
     /// What came of it, or why nothing did.
-    pub(super) result: Result<Score, String>,
+    pub result: Result<Score, String>,
 }
 
 /// What a model has to come up to.
 #[derive(Clone, Debug)]
-pub(super) struct Standard {
-    /// The most exact model, and its loop.
-    pub(super) exact: Candidate,
-    pub(super) iae: f64,
+pub struct Standard {
+    /// The most exact model.
+    pub(crate) exact: Candidate,
+    /// Its loop's.
+    pub(crate) iae: f64,
     violation: f64,
     /// How much more the IAE may be, relative.
     within: f64,
     /// By how much more a bound may be violated.
     room: f64,
     max_failed: f64,
-    pub(super) budget_us: Option<f64>,
+    pub(crate) budget_us: Option<f64>,
 }
 
 impl Score {
     /// The score in the metrics of a trial with one model.
-    pub(super) fn of(metrics: &Metrics) -> Option<Self> {
+    #[must_use]
+    pub fn of(metrics: &Metrics) -> Option<Self> {
         let run = metrics.control.first()?;
         let step = metrics.one_step.first();
         #[expect(clippy::cast_precision_loss, reason = "no run has 2^53 steps")]
@@ -72,7 +80,7 @@ impl Score {
     }
 
     /// Whether it says anything of a controller.
-    pub(super) fn stands(&self, max_failed: f64) -> bool {
+    pub(crate) fn stands(&self, max_failed: f64) -> bool {
         self.iae.is_finite() && self.failed <= max_failed
     }
 }
@@ -80,7 +88,7 @@ impl Score {
 impl Standard {
     /// That of the integrator whose steps are the most exact of those whose loops stand; none if no
     /// loop does.
-    pub(super) fn of(tried: &[Tried], spec: &ControlSpec, within: f64) -> Option<Self> {
+    pub(crate) fn of(tried: &[Tried], spec: &ControlSpec, within: f64) -> Option<Self> {
         let max_failed = spec.max_failed_share;
         let loops = tried.iter().filter_map(|tried| match (tried.candidate, &tried.result) {
             (Candidate::Integrator { substeps, .. }, Ok(score)) if score.stands(max_failed) => {
@@ -102,32 +110,32 @@ impl Standard {
     }
 
     /// In what a model falls short, but for its time; nothing if it is good.
-    pub(super) fn shortfall(&self, score: &Score) -> Option<String> {
+    pub(crate) fn shortfall(&self, score: &Score) -> Option<String> {
         if score.failed > self.max_failed {
             return Some(format!("{:.0} % of its steps fail", 100.0 * score.failed));
         }
-        let more = score.iae / self.iae - 1.0;
-        if !(score.iae <= (1.0 + self.within) * self.iae) {
-            return Some(match score.iae.is_finite() {
-                true => format!("IAE {:.2} % more", 100.0 * more),
-                false => "its loop leaves the finite numbers".to_owned(),
-            });
+        if !score.iae.is_finite() {
+            return Some("its loop leaves the finite numbers".to_owned());
+        }
+        if score.iae > (1.0 + self.within) * self.iae {
+            let more = 100.0 * (score.iae / self.iae - 1.0);
+            return Some(format!("IAE {more:.2} % more"));
         }
         let violated = score.violation - self.violation;
-        (violated > self.room).then(|| format!("violates a bound by {:.1e} more", violated))
+        (violated > self.room).then(|| format!("violates a bound by {violated:.1e} more"))
     }
 
-    pub(super) fn is_good(&self, score: &Score) -> bool {
+    pub(crate) fn is_good(&self, score: &Score) -> bool {
         self.shortfall(score).is_none()
     }
 
     /// Whether its steps end in time, where there is a limit.
-    pub(super) fn is_in_time(&self, score: &Score) -> bool {
+    pub(crate) fn is_in_time(&self, score: &Score) -> bool {
         self.budget_us.is_none_or(|budget| score.p99_us <= budget)
     }
 
     /// The good models, the cheapest first; those that end in time before others.
-    pub(super) fn ranking<'a>(&self, tried: &'a [Tried]) -> Vec<(&'a Tried, &'a Score)> {
+    pub(crate) fn ranking<'a>(&self, tried: &'a [Tried]) -> Vec<(&'a Tried, &'a Score)> {
         let scored = tried.iter().filter_map(|tried| Some((tried, tried.result.as_ref().ok()?)));
         let mut good: Vec<_> = scored.filter(|(_, score)| self.is_good(score)).collect();
         good.sort_by(|(_, a), (_, b)| {
@@ -139,7 +147,7 @@ impl Standard {
 
     /// The model to use: of those that cost as little as the cheapest, an integrator rather than a
     /// net, which has to be trained, and then the most exact one.
-    pub(super) fn winner<'a>(&self, tried: &'a [Tried]) -> Option<(&'a Tried, &'a Score)> {
+    pub(crate) fn winner<'a>(&self, tried: &'a [Tried]) -> Option<(&'a Tried, &'a Score)> {
         let ranking = self.ranking(tried);
         let (_, cheapest) = ranking.first()?;
         let (most, in_time) = (AS_CHEAP * cheapest.p50_us, self.is_in_time(cheapest));
@@ -172,14 +180,15 @@ fn narrowest(spec: &ControlSpec) -> f64 {
 }
 
 #[cfg(test)]
-mod tests {
+pub(crate) mod tests {
     use super::*;
-    use crate::choose::candidate::SHAPES;
+    use crate::candidate::SHAPES;
     use pinc_config::ModelKind;
     use pinc_net::TrainingTarget;
 
-    fn tried(candidate: Candidate, iae: f64, p50_us: f64, rms: f64) -> Tried {
-        let score = Score {
+    /// A score with these numbers and no flaws.
+    pub(crate) fn score(iae: f64, p50_us: f64, rms: f64) -> Score {
+        Score {
             iae,
             violation: 0.0,
             failed: 0.0,
@@ -188,9 +197,12 @@ mod tests {
             rms: Some(rms),
             worst: None,
             training_s: None,
-        };
-        let net = None;
-        Tried { candidate, net, repetitions: 1, result: Ok(score) }
+        }
+    }
+
+    fn tried(candidate: Candidate, iae: f64, p50_us: f64, rms: f64) -> Tried {
+        let result = Ok(score(iae, p50_us, rms));
+        Tried { candidate, net: None, repetitions: 1, result }
     }
 
     fn rk4(substeps: usize, iae: f64, p50_us: f64, rms: f64) -> Tried {
