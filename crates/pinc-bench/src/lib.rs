@@ -3,6 +3,7 @@
 //! - [`run`], [`train`], [`control`], [`predict`], [`estimate`], [`check`], [`rebuild_report`]: what the
 //!   program does with an [`Experiment`](pinc_config::Experiment).
 //! - [`export_net`], [`export_controller`], [`export_plant`], [`serve`]: nets and controllers for other programs.
+//! - [`compare`]: runs side by side.
 //! - [`sweep()`], [`merge`]: an experiment many times over.
 //! - [`choose()`]: which model should be in a loop.
 //! - [`bench()`]: measurements of the machine.
@@ -34,8 +35,9 @@ pub use error::{BenchError, CsvProblem};
 pub use pinc_config::Plants;
 pub use progress::Verbosity;
 pub use runs::{
-    Estimated, Finding, Options, Severity, Target, check, control, estimate, export_controller,
-    export_net, export_plant, findings_json, predict, rebuild_report, run, serve, train,
+    Estimated, Finding, Options, Severity, Target, check, compare, control, estimate,
+    export_controller, export_net, export_plant, findings_json, predict, rebuild_report, run,
+    serve, train,
 };
 pub use summary::summary;
 pub use sweep::{Shard, merge, sweep};

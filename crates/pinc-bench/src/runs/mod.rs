@@ -137,6 +137,17 @@ pub fn rebuild_report(dir: &Path) -> Result<PathBuf, BenchError> {
     Ok(path)
 }
 
+/// Compares the runs in `dirs` with the first of them, on an HTML page.
+///
+/// # Errors
+///
+/// [`BenchError`] if a directory holds no run, the plants differ, or a file is damaged or cannot be
+/// written.
+pub fn compare(dirs: &[PathBuf], page: &Path) -> Result<(), BenchError> {
+    let comparison = report::compare(dirs)?;
+    Ok(write_atomically(page, comparison.html.as_bytes())?)
+}
+
 /// Writes the report's pictures, and removes those of an earlier report that it has no more.
 fn write_figures(dir: &Path, figures: &[report::FigureFiles]) -> Result<(), BenchError> {
     fs::create_dir_all(dir).map_err(RecordError::unwritable(dir))?;

@@ -7,6 +7,7 @@ mod check;
 mod choose;
 mod closed;
 mod common;
+mod compare;
 mod control;
 mod equations;
 mod estimation;
