@@ -93,10 +93,11 @@ fn nothing(name: &str, found: &Found) -> BenchError {
     }
 }
 
-/// Makes a sweep of all that was tried, with its tables and its report, and returns the path of
-/// the latter.
+/// Makes a sweep of all loops that came to their end, with its tables and its report, and returns
+/// the path of the latter.
 fn write_report(session: &Session<'_>, tried: &[Tried]) -> Result<PathBuf, BenchError> {
-    let cases = tried.iter().map(|tried| tried.candidate.case(tried.repetitions));
+    let ended = tried.iter().filter(|tried| tried.result.is_ok());
+    let cases = ended.map(|tried| tried.candidate.case(tried.repetitions));
     let experiment = session.sweep(&cases.collect::<String>())?;
     let dir = session.run_dir.path(TRIED);
     match fs::remove_dir_all(&dir) {

@@ -113,7 +113,15 @@ impl Loops for Session<'_> {
     ) -> Result<Option<Tried>, BenchError> {
         let done = self.deadline.seconds_over();
         self.stage.advance(done, || candidate.to_string());
-        let trial = self.trial(candidate, repetitions)?;
+        let trial = match self.trial(candidate, repetitions) {
+            Ok(trial) => trial,
+            // Too many substeps in a long stage, say.
+            Err(BenchError::Config(error)) => {
+                let (net, result) = (None, Err(error.to_string()));
+                return Ok(Some(Tried { candidate, net, repetitions, result }));
+            }
+            Err(error) => return Err(error),
+        };
         let net = trial.training.as_ref().map(|(id, _)| id.clone());
         let finished = match self.sweep_dir.finished(&trial.id)? {
             Some(finished) => finished,
