@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use toml::{Table, Value};
 
 /// Our crates with the ones of ours that each depends on, from the bottom up.
-const CRATES: [(&str, &[&str]); 17] = [
+const CRATES: [(&str, &[&str]); 18] = [
     ("pinc-ad", &[]),
     ("pinc-qp", &[]),
     ("pinc-chart", &[]),
@@ -37,6 +37,7 @@ const CRATES: [(&str, &[&str]); 17] = [
             "pinc-record",
         ],
     ),
+    ("pinc-choose", &["pinc-config", "pinc-net", "pinc-record"]),
     (
         "pinc-report",
         &["pinc-chart", "pinc-config", "pinc-mpc", "pinc-net", "pinc-ode", "pinc-record"],
@@ -46,6 +47,7 @@ const CRATES: [(&str, &[&str]); 17] = [
         &[
             "pinc-ad",
             "pinc-check",
+            "pinc-choose",
             "pinc-config",
             "pinc-estimate",
             "pinc-export",

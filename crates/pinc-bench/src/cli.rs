@@ -1,8 +1,10 @@
 //! The command line.
 
-use crate::choices::{Only, Outside, SweepArgs, To};
+use crate::choices::{Only, Outside, SweepArgs, To, seconds, share};
 use crate::runs::verdict;
-use crate::{BenchError, BenchOptions, OnSlurm, Options, Shard, Verbosity, console, summary};
+use crate::{
+    BenchError, BenchOptions, ChooseOptions, OnSlurm, Options, Shard, Verbosity, console, summary,
+};
 use clap::{Args, Parser, Subcommand};
 use pinc_config::{Experiment, Plants, RunList};
 use pinc_record::RunDir;
@@ -169,6 +171,20 @@ enum Command {
         #[command(flatten)]
         set: SetArgs,
     },
+    /// Say which model should be in a config's loop: tries integrators by their substeps and nets by
+    /// their size, and writes the config with the cheapest that is good enough.
+    Choose {
+        /// Config file (TOML).
+        config: PathBuf,
+        /// How much more than the most exact model's a loop's IAE may be, as 1% or 0.01.
+        #[arg(long, value_name = "SHARE", default_value = "1%", value_parser = share)]
+        within: f64,
+        /// The time for trying, in s.
+        #[arg(long, value_name = "SECONDS", default_value_t = 120.0, value_parser = seconds)]
+        budget_s: f64,
+        #[command(flatten)]
+        run: RunArgs,
+    },
     /// Check a config and examine its plant before anything is trained.
     Check {
         /// Config file (TOML).
@@ -324,6 +340,15 @@ fn execute(cli: &Cli, plants: &Plants) -> Result<ExitCode, BenchError> {
             let options = options(false, quiet, &arguments);
             let found = crate::identify(&experiment, data, &dir, &options, model.as_deref(), only)?;
             show(quiet, &crate::identification_summary(&found));
+        }
+        Command::Choose { config, within, budget_s, run } => {
+            let experiment = Experiment::load(config, &run.set.set, plants)?;
+            let dir = run.directory(&format!("{}-choose", experiment.name), false);
+            let arguments = arguments();
+            let options = options(run.resume, quiet, &arguments);
+            let how = ChooseOptions { within: *within, budget_s: *budget_s };
+            let choice = crate::choose(&experiment, &dir, plants, &options, how)?;
+            show(quiet, &choice.to_string());
         }
         Command::Check { config, json, set } => return check(config, *json, &set.set, plants),
         Command::Report { dir } => {

@@ -63,6 +63,28 @@ pub enum BenchError {
         /// The model.
         model: &'static str,
     },
+    /// A controller whose stages differ in length, for a target that knows one length.
+    #[error(
+        "{name}: exported controllers have stages of one length; leave out control.stages_s, or \
+         use `pinc serve`"
+    )]
+    ExportedStages {
+        /// Name of the experiment.
+        name: String,
+    },
+    /// No integrator makes a loop that others could be compared with.
+    #[error(
+        "{name}: there is no model to choose, since no loop with an integrator stands{}: {reasons}",
+        if *out_of_time { " so far (the time was up; --budget-s gives more)" } else { "" }
+    )]
+    NothingToChoose {
+        /// Name of the experiment.
+        name: String,
+        /// Whether not all could be tried.
+        out_of_time: bool,
+        /// How each loop ended.
+        reasons: String,
+    },
     /// A plant for a target that does not take plants.
     #[error("export: `--to {target}` takes no plant; `--plant` goes `--to fmu`")]
     PlantTarget {
@@ -483,6 +505,7 @@ impl BenchError {
             Self::Net(_) | Self::Plant(_) | Self::FailedSteps { .. } | Self::NotFinite { .. } => 1,
             Self::Record(RecordError::Unwritable { source, .. }) if is_full(source) => 1,
             Self::Slurm { .. } | Self::Queued { .. } | Self::StillQueued { .. } => 1,
+            Self::NothingToChoose { .. } => 1,
             Self::Interrupted { .. } | Self::FailedTrials { .. } | Self::FailedRuns { .. } => 1,
             _ => 2,
         }

@@ -8,6 +8,7 @@
 //! - [`compare`]: runs side by side.
 //! - [`sweep()`], [`merge`], [`status`]: an experiment many times over.
 //! - [`submit`], [`wait`]: a sweep as jobs of Slurm.
+//! - [`choose()`]: which model should be in a loop.
 //! - [`bench()`]: measurements of the machine.
 //! - [`program`]: the command line; with [`Plants`] of your own, a `pinc` that
 //!   knows them.
@@ -16,6 +17,7 @@
 
 mod bench;
 mod choices;
+mod choose;
 mod cli;
 mod clock;
 pub mod console;
@@ -31,6 +33,7 @@ mod sweep;
 pub use bench::{
     BenchOptions, BenchReport, FmaPeak, LossGradient, Machine, ModelStep, NmpcTimes, QpTime, bench,
 };
+pub use choose::{Choice, ChooseOptions, choose};
 pub use cli::program;
 pub use error::{BenchError, CsvProblem};
 pub use pinc_config::Plants;

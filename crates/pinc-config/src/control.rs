@@ -47,6 +47,10 @@ pub struct ControlSpec {
     pub n2: usize,
     /// Nu, the number of free inputs.
     pub nu: usize,
+    /// The lengths of the N2 stages of the horizon in s, of which the first, the shortest, is the
+    /// control step; each a control step long if absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub stages_s: Option<Vec<f64>>,
     /// Q, for the controlled quantities: its diagonal, or all of its rows.
     pub q: Weight,
     /// R, for the inputs' changes: its diagonal, or all of its rows.
@@ -147,7 +151,10 @@ impl ControlSpec {
         let factors = self.weights_profile.factors(self.n2, sample_time_s);
         let free = self.nu.min(self.n2);
         let weights = match factors {
-            None => Weights::uniform(self.q.clone(), self.r.clone()),
+            None => {
+                let uniform = || Weights::uniform(self.q.clone(), self.r.clone());
+                self.weights_by_length().unwrap_or_else(uniform)
+            }
             Some(w) => Weights::scaled(self.q.clone(), self.r.clone(), &w, &w[..free]),
         };
         let weights = Weights {

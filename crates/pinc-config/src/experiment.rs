@@ -298,11 +298,23 @@ impl Experiment {
         self.training.is_some() && (self.prediction.is_some() || !numerical)
     }
 
-    /// The length T of a step in s, where the config says it.
+    /// The length T of a control step in s, where the config says it: that of the net, unless the
+    /// stages of the horizon differ in length.
     #[must_use]
     pub fn sample_time_s(&self) -> Option<f64> {
+        let stages = self.control.as_ref().and_then(|control| control.stages_s.as_ref());
+        let first = stages.and_then(|stages| stages.first().copied());
         let model = self.model.as_ref().map(|m| m.sample_time_s);
-        model.or_else(|| self.control.as_ref().and_then(|c| c.step_s))
+        first.or(model).or_else(|| self.control.as_ref().and_then(|c| c.step_s))
+    }
+
+    /// The length in s of the step that the net is trained for, where the config says it; where it
+    /// does not, that of a control step, unless the stages of the horizon differ in length.
+    #[must_use]
+    pub fn net_step_s(&self) -> Option<f64> {
+        let has_stages = self.control.as_ref().is_some_and(|control| control.stages_s.is_some());
+        let model = self.model.as_ref().map(|m| m.sample_time_s);
+        model.or_else(|| self.sample_time_s().filter(|_| !has_stages))
     }
 }
 

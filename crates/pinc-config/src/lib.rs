@@ -50,6 +50,7 @@ mod registry;
 mod schedule;
 mod search;
 mod slurm;
+mod stages;
 mod sweep;
 mod time_unit;
 mod training;

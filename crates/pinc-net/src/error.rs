@@ -47,6 +47,14 @@ pub enum NetError {
          control"
     )]
     OneScenario,
+    /// A length of a step that a net does not know.
+    #[error("the net has no state after {t} s: it is for {known}")]
+    Time {
+        /// The length, in s.
+        t: f64,
+        /// What it knows.
+        known: String,
+    },
     /// A NaN or an infinity where a number belongs.
     #[error("{term} became NaN or infinite at iteration {iteration}; the last good net is kept")]
     NotFinite {

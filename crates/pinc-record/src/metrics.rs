@@ -159,6 +159,9 @@ pub struct StepErrors {
     /// 99th percentile over the points.
     #[serde(deserialize_with = "number_or_null")]
     pub p99: f64,
+    /// The largest of the points.
+    #[serde(default = "nan", deserialize_with = "number_or_null")]
+    pub max: f64,
     /// Root mean square, over points and entries, of the errors of the Jacobians A and B, in widths
     /// of the domain per width.
     #[serde(deserialize_with = "number_or_null")]

@@ -93,9 +93,9 @@ fn errors(table: &PredictionTable, place: usize) -> Vec<Point> {
 
 /// Where the controller's prediction ends, N2 steps ahead.
 fn horizon(run: &Run, t: (f64, f64)) -> Vec<Event> {
-    let steps = run.experiment.control.as_ref().map(|control| control.n2);
-    #[expect(clippy::cast_precision_loss, reason = "a horizon has far fewer than 2^53 steps")]
-    let end = steps.zip(run.step()).map(|(n, step)| t.0 + n as f64 * step);
+    let (experiment, second) = (&run.experiment, 1.0 / run.time_unit().seconds());
+    let control = experiment.control.as_ref().zip(experiment.sample_time_s());
+    let end = control.map(|(control, step_s)| t.0 + second * control.horizon_s(step_s));
     let event = end.filter(|end| *end < t.1).map(|end| {
         let label = "horizon of the controller, N₂T".to_owned();
         Event::minor(end, label)

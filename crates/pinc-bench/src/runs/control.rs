@@ -4,14 +4,13 @@ use super::Options;
 use super::feedback::{self, TimedFeedback};
 use super::guard::Guard;
 use super::recording::{Recording, Totals, TraceColumns, write_medians};
-use super::with_outputs::WithOutputs;
 use crate::BenchError;
 use crate::progress::Stage;
 use pinc_check::Rehearsal;
 use pinc_config::{ControlSpec, Experiment, ModelKind, Schedule, Variables};
 use pinc_mpc::{ClosedLoop, Nmpc, NmpcProblem, Reference};
-use pinc_net::{NetError, PincModel, PincNet};
-use pinc_ode::{Dims, Dopri5, DynPlant, Model, PiecewiseConstant, Trajectory};
+use pinc_net::PincNet;
+use pinc_ode::{Dims, Dopri5, DynPlant, PiecewiseConstant, Trajectory};
 use pinc_record::{
     ControlColumns, ControlMetrics, Metrics, ReferenceMetrics, RunDir, StepTimes, WallTimes, file,
 };
@@ -97,9 +96,8 @@ fn run_model(
     options: &Options<'_>,
     run_dir: &RunDir,
 ) -> Result<ControlMetrics, BenchError> {
-    let ControlSpec { sqp, repetitions, budget_us, .. } = setup.spec;
-    let (model, problem) = setup.controller(kind, plant)?;
-    let mut nmpc = Nmpc::new(problem, model, *sqp)?;
+    let ControlSpec { repetitions, budget_us, .. } = setup.spec;
+    let mut nmpc = setup.controller(kind, plant)?;
     let name = format!("control {kind}");
     let mut progress = Stage::begin(options.verbosity, &name, *repetitions as u64);
     let mut times = Times::default();
@@ -186,12 +184,12 @@ pub(super) fn rehearse(
 ) -> Result<Rehearsal, BenchError> {
     let integrator = spec.models.iter().find(|kind| **kind != ModelKind::Pinc);
     let kind = integrator.copied().unwrap_or(ModelKind::Rk4);
-    let setup = LoopSetup::numerical(spec, sample_time_s, plant);
-    let model = setup.model(kind, plant)?;
-    let mut nmpc = Nmpc::new(setup.problem(), model, spec.sqp)?;
+    let spec = ControlSpec { estimator: None, ..spec.clone() };
+    let setup = LoopSetup::numerical(&spec, sample_time_s, plant);
+    let mut nmpc = setup.controller(kind, plant)?;
     let mut run = setup.begin(&mut nmpc)?;
     let (mut trace, mut status) = (Trajectory::new(plant.dims()), BTreeMap::new());
-    let most = rehearsed_steps(plant.dims(), spec, kind);
+    let most = rehearsed_steps(plant.dims(), &spec, kind);
     let left_out = pinc_config::steps(spec.duration_s, sample_time_s).saturating_sub(most);
     let mut done = 0;
     while done < most
@@ -258,28 +256,6 @@ impl LoopSetup<'_> {
         guard: &'g mut Option<Guard<'n>>,
     ) -> Option<(&'g mut Guard<'n>, &'g [f64])> {
         guard.as_mut().map(|guard| (guard, self.parameters))
-    }
-
-    pub(crate) fn model(
-        &self,
-        kind: ModelKind,
-        plant: &dyn DynPlant,
-    ) -> Result<Box<dyn Model>, NetError> {
-        let (sample_time_s, spec) = (self.sample_time_s, self.spec);
-        Ok(match (kind, self.net) {
-            (ModelKind::Pinc, Some(net)) => {
-                let model = PincModel::new(net)?;
-                match Variables::of(plant).own_outputs().is_empty() {
-                    true => Box::new(model),
-                    // The net knows the states; what follows from them is the plant's to say.
-                    false => Box::new(WithOutputs::new(model, plant.rk4(sample_time_s, 1))),
-                }
-            }
-            (ModelKind::Pinc, None) => unreachable!("the plan trains or reads a net for this loop"),
-            (ModelKind::Rk4, _) => plant.rk4(sample_time_s, spec.rk4_substeps),
-            (ModelKind::Rk5, _) => plant.rk5(sample_time_s, spec.rk5_substeps),
-            (ModelKind::Rodas4, _) => plant.rodas4(sample_time_s, spec.rosenbrock_substeps),
-        })
     }
 
     pub(crate) fn problem(&self) -> NmpcProblem {

@@ -13,6 +13,7 @@ mod feedback;
 mod found;
 mod free_run;
 mod guard;
+mod horizon;
 mod identify;
 mod live;
 mod one_step;
@@ -70,7 +71,7 @@ pub struct Options<'a> {
 
 impl Options<'_> {
     /// An error if the run is to stop.
-    fn check_interrupt(&self, dir: &Path) -> Result<(), BenchError> {
+    pub(crate) fn check_interrupt(&self, dir: &Path) -> Result<(), BenchError> {
         if self.interrupt.load(Ordering::Relaxed) {
             return Err(BenchError::Interrupted { dir: dir.to_owned() });
         }
@@ -403,12 +404,17 @@ fn matching_model(
         ("inputs", names(net.input_names()), names(&variables.input_names())),
         ("parameters", names(&parameters), experiment.varying().join(", ")),
     ];
-    if let Some(sample_time_s) = experiment.sample_time_s() {
-        compared.push((
-            "step length T",
-            format!("{} s", net.sample_time_s()),
-            format!("{sample_time_s} s"),
-        ));
+    let found = || format!("{} s", net.sample_time_s());
+    if let Some(step_s) = experiment.net_step_s() {
+        compared.push(("step length T", found(), format!("{step_s} s")));
+    } else if let (Some(control), Some(step_s)) = (&experiment.control, experiment.sample_time_s())
+    {
+        let stages = control.stages(step_s).into_iter();
+        let longest = stages.map(|(length_s, _)| length_s).fold(0.0, f64::max);
+        if net.sample_time_s() < longest {
+            let expected = format!("{longest} s at least, the longest of control.stages_s");
+            compared.push(("step length T", found(), expected));
+        }
     }
     if let (None, Some(control)) = (experiment.sample_time_s(), &experiment.control) {
         #[expect(clippy::cast_precision_loss, reason = "far fewer than 2^53")]

@@ -6,6 +6,7 @@ mod identify;
 pub(crate) mod limits;
 mod names;
 mod schedule;
+mod stages;
 mod values;
 
 use crate::plants::Plants;
@@ -35,10 +36,10 @@ impl Experiment {
         self.sections(dims)?;
         limits::sizes(self, dims)?;
         if let Some(validation) = &self.validation {
-            validation_scenarios(validation, dims, self.sample_time_s())?;
+            validation_scenarios(validation, dims, self.net_step_s())?;
         }
         if let Some(prediction) = &self.prediction {
-            free_run(prediction, &variables, self.sample_time_s())?;
+            free_run(prediction, &variables, self.net_step_s())?;
         }
         if let Some(control) = &self.control {
             closed_loop(control, &variables, self.plants(), self.sample_time_s())?;
@@ -110,8 +111,12 @@ impl Experiment {
                 return value("model.time_only", "a single scenario", expected);
             }
         }
+        if let Some(control) = &self.control {
+            stages::lengths(control, self.model.as_ref(), self.is_distilled())?;
+        }
         if let (Some(model), Some(step_s)) =
             (&self.model, self.control.as_ref().and_then(|c| c.step_s))
+            && self.control.as_ref().is_none_or(|control| control.stages_s.is_none())
             && model.sample_time_s.total_cmp(&step_s).is_ne()
         {
             let expected = format!("model.horizon_s, {}, or no such key", model.sample_time_s);
