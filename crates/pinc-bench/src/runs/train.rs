@@ -56,20 +56,11 @@ pub(crate) fn stage(
         return super::read_model(&run_dir.path(file::MODEL));
     }
     let setup = TrainingSetup::of(experiment)?;
-    let given = || match setup.training.effort.threads {
-        0 => cores(),
-        threads => threads,
-    };
+    let given = || setup.threads();
     let given = Threads { now: &given, every: Duration::MAX };
     let threads = threads.unwrap_or(&given);
-    let training = setup.training(experiment.seed);
-    let (mut validation, mut test) = (training.validation_set(plant)?, training.test_set(plant)?);
-    if let Some(held_out) = setup.measured(experiment, |data| &data.held_out)? {
-        validation = validation.with_measurements(held_out.measurements.clone());
-        test = test.with_measurements(held_out.measurements);
-    }
-    let measured = setup.measured(experiment, |data| &data.files)?;
-    let material = Material { plant, training, validation, weight: setup.weight(), measured };
+    let (validation, test) = setup.scenarios(plant, experiment)?;
+    let material = setup.material(plant, experiment, validation)?;
     let mut session =
         Session::begin(&material, experiment, (threads.now)(), options.verbosity, run_dir)?;
     let outcome = session.work(&material, run_dir, &setup.training.effort, threads, options);
@@ -116,9 +107,57 @@ impl<'a> TrainingSetup<'a> {
         })
     }
 
-    /// The weight of measurements in the loss.
-    fn weight(&self) -> f64 {
-        self.data.map_or(0.0, |data| data.weight)
+    /// The scenarios that the best net is chosen by, and those that it is judged by.
+    pub(super) fn scenarios(
+        &self,
+        plant: &dyn DynPlant,
+        experiment: &Experiment,
+    ) -> Result<(ValidationSet, ValidationSet), BenchError> {
+        let training = self.training(experiment.seed);
+        let (validation, test) = (training.validation_set(plant)?, training.test_set(plant)?);
+        Ok(match self.measured(experiment, |data| &data.held_out)? {
+            None => (validation, test),
+            Some(Data { measurements, .. }) => (
+                validation.with_measurements(measurements.clone()),
+                test.with_measurements(measurements),
+            ),
+        })
+    }
+
+    /// What a trainer is made from.
+    fn material<'p>(
+        &self,
+        plant: &'p dyn DynPlant,
+        experiment: &Experiment,
+        validation: ValidationSet,
+    ) -> Result<Material<'p>, BenchError> {
+        let training = self.training(experiment.seed);
+        let measured = self.measured(experiment, |data| &data.files)?;
+        let weight = self.data.map_or(0.0, |data| data.weight);
+        Ok(Material { plant, training, validation, measured, weight })
+    }
+
+    /// A fresh trainer.
+    pub(super) fn trainer(
+        &self,
+        plant: &dyn DynPlant,
+        experiment: &Experiment,
+        validation: ValidationSet,
+    ) -> Result<Trainer, BenchError> {
+        self.material(plant, experiment, validation)?.trainer(self.threads())
+    }
+
+    /// How many threads the config asks for.
+    fn threads(&self) -> usize {
+        match self.training.effort.threads {
+            0 => cores(),
+            threads => threads,
+        }
+    }
+
+    /// How many iterations it has at most.
+    pub(super) fn iterations(&self) -> u64 {
+        self.training.config.phases.iter().map(|phase| phase.iterations).sum()
     }
 
     /// The training that they describe, on one thread.
