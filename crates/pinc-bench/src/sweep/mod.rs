@@ -10,6 +10,7 @@ mod status;
 pub use status::{Status, status};
 
 use crate::BenchError;
+use crate::clock::to_f64;
 use crate::invocation::{cores, invocation};
 use crate::progress::Verbosity;
 use crate::runs::{Options, rebuild_report};
@@ -226,10 +227,13 @@ impl<'a> Session<'a> {
         let (left, later) = self.left(&mine);
         let queue = Queue::new(left.iter().copied(), self.sweep.timed, cores());
         let queue = queue.and_later(later.clone());
-        let left = [left, later].concat();
         let workers = queue.width();
-        let estimate = Estimate::new(workers, self.effort_of_trainings(&left), left.len());
-        let progress = Progress::begin(options.verbosity, mine.len(), left.len(), estimate);
+        let expected = expected(self.experiment, left.iter().copied(), later.iter().copied());
+        let trials = expected.iter().map(|(_, share)| share).sum();
+        let (effort, ..) = effort_of_trainings(&self.sweep_dir, expected);
+        let estimate = Estimate::new(workers, effort, trials);
+        let (all, left) = (mine.len(), left.len() + later.len());
+        let progress = Progress::begin(options.verbosity, all, left, estimate);
         let crew = Crew {
             session: self,
             // The sweep shows the progress of its trials, which are resumed from what is there.
@@ -278,11 +282,6 @@ impl<'a> Session<'a> {
         // Of equal distance in their own order.
         trials.sort_by_key(|(distance, _)| *distance);
         Ok(trials.into_iter().map(|(_, trial)| trial).collect())
-    }
-
-    /// What has to be trained for these trials.
-    fn effort_of_trainings(&self, trials: &[&Trial]) -> f64 {
-        effort_of_trainings(&self.sweep_dir, trials.iter().copied()).0
     }
 
     fn import_trials(&self, part: &SweepDir) -> Result<(), BenchError> {
@@ -408,16 +407,34 @@ fn tables(
     ]
 }
 
-/// The effort of the trainings that are left for these trials, how many these are, and how many
-/// there are in all.
+/// Trials that are to be run, and those of `later` of which that is not known yet, each with the
+/// share of its like that a search runs.
+fn expected<'t>(
+    experiment: &Experiment,
+    now: impl Iterator<Item = &'t Trial>,
+    later: impl Iterator<Item = &'t Trial>,
+) -> Vec<(&'t Trial, f64)> {
+    let search = experiment.sweep.as_ref().and_then(|sweep| sweep.search.as_ref());
+    let share = |trial: &Trial| {
+        let (search, place) = (search?, trial.search?);
+        let survivors = search.halving.as_ref()?.survivors(search.candidates, place.rung);
+        Some(to_f64(survivors as u64) / to_f64(search.candidates as u64))
+    };
+    let later = later.map(|trial| (trial, share(trial).unwrap_or(1.0)));
+    now.map(|trial| (trial, 1.0)).chain(later).collect()
+}
+
+/// The effort of the trainings that are left for these trials, of which shares are run, how many
+/// these are, and how many there are in all.
 fn effort_of_trainings<'t>(
     dir: &SweepDir,
-    trials: impl IntoIterator<Item = &'t Trial>,
+    trials: impl IntoIterator<Item = (&'t Trial, f64)>,
 ) -> (f64, usize, usize) {
     let mut known = HashSet::new();
-    let trainings = trials.into_iter().filter_map(|trial| trial.training.as_ref());
-    let trainings: Vec<_> = trainings.filter(|(id, _)| known.insert(id)).collect();
-    let left: Vec<_> = trainings.iter().filter(|(id, _)| !dir.is_trained(id)).collect();
-    let sum = left.iter().map(|(_, training)| effort(training)).sum();
+    let shares = trials.into_iter();
+    let trainings = shares.filter_map(|(trial, share)| Some((trial.training.as_ref()?, share)));
+    let trainings: Vec<_> = trainings.filter(|((id, _), _)| known.insert(id)).collect();
+    let left: Vec<_> = trainings.iter().filter(|((id, _), _)| !dir.is_trained(id)).collect();
+    let sum = left.iter().map(|((_, training), share)| share * effort(training)).sum();
     (sum, left.len(), trainings.len())
 }

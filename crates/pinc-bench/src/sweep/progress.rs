@@ -69,7 +69,6 @@ impl Progress {
 
     /// Notes that so many trials are not run, since others are better.
     pub(super) fn dropped(&mut self, count: usize) {
-        self.estimate.trials.left -= to_f64(count as u64);
         self.left = self.left.saturating_sub(count);
     }
 
@@ -159,23 +158,23 @@ struct Share {
 }
 
 impl Estimate {
-    pub(super) fn new(workers: usize, effort_of_trainings: f64, trials: usize) -> Self {
+    pub(super) fn new(workers: usize, effort_of_trainings: f64, trials: f64) -> Self {
         Self {
             workers: workers.max(1),
             trainings: Share::new(effort_of_trainings),
-            trials: Share::new(to_f64(trials as u64)),
+            trials: Share::new(trials),
         }
     }
 
     /// What is known from several processes, if any is at work, of what is left for them.
-    pub(super) fn together(notes: &[WorkerNote], trainings: f64, trials: usize) -> Option<f64> {
+    pub(super) fn together(notes: &[WorkerNote], trainings: f64, trials: f64) -> Option<f64> {
         let sum = |of: fn(&WorkerNote) -> f64| notes.iter().map(of).sum();
         let share = |left, over, seconds| Share { left, over, seconds };
         let alive = notes.iter().filter(|note| now_s() - note.at_s < SILENCE_S);
         let estimate = Self {
             workers: alive.map(|note| note.lanes).sum(),
             trainings: share(trainings, sum(|note| note.trained), sum(|note| note.trained_s)),
-            trials: share(to_f64(trials as u64), sum(|n| n.trials), sum(|n| n.trials_s)),
+            trials: share(trials, sum(|n| n.trials), sum(|n| n.trials_s)),
         };
         if estimate.workers == 0 { None } else { estimate.seconds() }
     }
@@ -223,7 +222,7 @@ mod tests {
 
     #[test]
     fn trainings_are_estimated_by_their_effort_and_trials_by_their_number() {
-        let mut estimate = Estimate::new(2, 10.0 + 90.0, 302);
+        let mut estimate = Estimate::new(2, 10.0 + 90.0, 302.0);
         assert_eq!(estimate.seconds(), None);
         estimate.trainings.over(10.0, Duration::from_secs(60));
         assert_eq!(estimate.seconds(), None, "no trial is over yet");
@@ -234,7 +233,7 @@ mod tests {
         (0..301).for_each(|_| estimate.trials.over(1.0, Duration::from_millis(20)));
         assert!(estimate.seconds().unwrap() < 1e-9);
         // Numerical models alone: nothing is trained.
-        let mut estimate = Estimate::new(1, 0.0, 3);
+        let mut estimate = Estimate::new(1, 0.0, 3.0);
         estimate.trials.over(1.0, Duration::from_secs(2));
         assert!((estimate.seconds().unwrap() - 4.0).abs() < 1e-9);
     }

@@ -2,7 +2,7 @@
 
 use super::ledger::Ledger;
 use super::progress::{Estimate, SILENCE_S, now_s, span};
-use super::{effort_of_trainings, made};
+use super::{effort_of_trainings, expected, made};
 use crate::BenchError;
 use crate::invocation::rfc3339;
 use crate::slurm::queue_in_words;
@@ -55,9 +55,12 @@ pub fn status(dir: &Path, plants: &Plants) -> Result<Status, BenchError> {
     let standings = ledger.standings();
     let left = trials.iter().zip(&standings);
     let left = left.filter(|(t, s)| !ledger.knows(t) && **s != Standing::Dropped);
-    let left: Vec<_> = left.map(|(trial, _)| trial).collect();
-    let (_, _, nets) = effort_of_trainings(&sweep_dir, &trials);
-    let (effort, untrained, _) = effort_of_trainings(&sweep_dir, left.iter().copied());
+    let (now, later): (Vec<_>, Vec<_>) = left.partition(|(_, s)| **s == Standing::Open);
+    let (now, later) = (now.into_iter().map(|left| left.0), later.into_iter().map(|left| left.0));
+    let left = expected(&experiment, now, later);
+    let trials_left = left.iter().map(|(_, share)| share).sum();
+    let (_, _, nets) = effort_of_trainings(&sweep_dir, trials.iter().map(|trial| (trial, 1.0)));
+    let (effort, untrained, _) = effort_of_trainings(&sweep_dir, left);
     // Where a file system has no locks, the notes are all that is known.
     let notes = sweep_dir.notes();
     let alive = notes.iter().filter(|note| now_s() - note.at_s < SILENCE_S);
@@ -70,13 +73,13 @@ pub fn status(dir: &Path, plants: &Plants) -> Result<Status, BenchError> {
         Ending::Done => None,
         Ending::Failed { error } => Some((trial.id.clone(), error.clone())),
     });
-    let estimate = Estimate::together(&notes, effort, left.len());
+    let estimate = Estimate::together(&notes, effort, trials_left);
     Ok(Status {
         name: experiment.name.clone(),
         nets: (nets, untrained),
         processes: alive.len(),
         lanes: alive.iter().map(|note| note.lanes).sum(),
-        seconds_left: estimate.filter(|_| !alive.is_empty() && !left.is_empty()),
+        seconds_left: estimate.filter(|_| !alive.is_empty() && trials_left > 0.0),
         failures: failures.take(NAMED).collect(),
         queue: queue_in_words(dir)?,
         counts,

@@ -85,7 +85,12 @@ fn panel(
     };
     let name = trials::short(&range.key);
     let mut panel = Panel::new(&name, y.clone(), 220.0);
-    panel.x = Some(Axis::new(&name, if range.log { Kind::Log } else { Kind::Linear }));
+    let kind = match (range.log, range.whole) {
+        (true, _) => Kind::Log,
+        (false, true) => Kind::Count,
+        (false, false) => Kind::Linear,
+    };
+    panel.x = Some(Axis::new(&name, kind));
     let mut any = false;
     for rung in 0..search.rungs() {
         let points: Vec<Point> =
