@@ -161,6 +161,16 @@ enum Command {
         /// Run directory.
         dir: PathBuf,
     },
+    /// Compare runs of one plant with the first of them: their configs, their numbers.
+    Compare {
+        /// Run directories, two or more.
+        #[arg(required = true, num_args = 2.., value_name = "DIR")]
+        dirs: Vec<PathBuf>,
+        /// Write a page with the tables and overlaid traces to FILE (HTML) instead of printing the
+        /// tables.
+        #[arg(long, value_name = "FILE")]
+        out: Option<PathBuf>,
+    },
     /// Print the paper's tables beside the results of configs/paper.toml, in Markdown.
     Results {
         /// Directory of the list's runs.
@@ -286,6 +296,13 @@ fn execute(cli: &Cli, plants: &Plants) -> Result<ExitCode, BenchError> {
         Command::Report { dir } => {
             let path = crate::rebuild_report(dir)?;
             show(quiet, &path.display().to_string());
+        }
+        Command::Compare { dirs, out: None } => {
+            console::line(pinc_report::compare(dirs)?.text.trim_end());
+        }
+        Command::Compare { dirs, out: Some(page) } => {
+            crate::compare(dirs, page)?;
+            show(quiet, &page.display().to_string());
         }
         Command::Results { dir, out: None } => console::line(pinc_report::results(dir)?.trim_end()),
         Command::Results { dir, out: Some(page) } => pinc_report::write_results(dir, page)?,

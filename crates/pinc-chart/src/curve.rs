@@ -17,6 +17,50 @@ pub fn held_since_previous(points: &[Point]) -> Vec<Point> {
     first.into_iter().chain(points.windows(2).flat_map(corner)).collect()
 }
 
+/// The points without the corners of steps, and with each value once: 1 if a value holds until the
+/// next point, -1 if it has held since the previous one, 0 with all points if they are no steps.
+pub(crate) fn held(points: &[Point]) -> (i8, Vec<Point>) {
+    let equal = |a: f64, b: f64| a.to_bits() == b.to_bits();
+    let corners = |x: usize, y: usize| {
+        let at = |three: &[Point]| equal(three[1].0, three[x].0) && equal(three[1].1, three[y].1);
+        points.len() > 2 && points.windows(3).step_by(2).all(at)
+    };
+    if points.len().is_multiple_of(2) || !(corners(2, 0) || corners(0, 2)) {
+        return (0, points.to_vec());
+    }
+    let kept = |all: Vec<Point>, repeats: fn(&[Point], usize) -> bool| {
+        let last = all.len() - 1;
+        let inner = (0..=last).filter(|i| *i == 0 || *i == last || !repeats(&all, *i));
+        inner.map(|i| all[i]).collect()
+    };
+    let all: Vec<Point> = points.iter().step_by(2).copied().collect();
+    match corners(2, 0) {
+        true => (1, kept(all, |all, i| all[i].1.to_bits() == all[i - 1].1.to_bits())),
+        false => (-1, kept(all, |all, i| all[i].1.to_bits() == all[i + 1].1.to_bits())),
+    }
+}
+
+/// About `most` points at most: of each of many groups the first, the last, the lowest, the highest
+/// and a gap.
+pub(crate) fn simplified_to(points: &[Point], most: usize) -> Vec<Point> {
+    if points.len() <= most {
+        return points.to_vec();
+    }
+    let length = points.len().div_ceil((most / 4).max(1));
+    let of_group = |group: &[Point]| {
+        let known = || (0..group.len()).filter(|i| group[*i].1.is_finite());
+        let by_height = |a: &usize, b: &usize| group[*a].1.total_cmp(&group[*b].1);
+        let gap = (0..group.len()).find(|i| !group[*i].1.is_finite());
+        let ends = [Some(0), Some(group.len() - 1), gap];
+        let extremes = [known().min_by(by_height), known().max_by(by_height)];
+        let mut kept: Vec<usize> = ends.into_iter().chain(extremes).flatten().collect();
+        kept.sort_unstable();
+        kept.dedup();
+        kept.into_iter().map(|i| group[i]).collect::<Vec<_>>()
+    };
+    points.chunks(length).flat_map(of_group).collect()
+}
+
 /// The points whose two numbers are finite.
 pub fn present(points: Vec<Point>) -> Vec<Point> {
     let finite = |p: &Point| p.0.is_finite() && p.1.is_finite();
@@ -115,11 +159,11 @@ fn same(a: Point, b: Point) -> bool {
     (a.0 - b.0).abs() + (a.1 - b.1).abs() < 1e-6
 }
 
-/// Drops points that a picture cannot show: in columns of half a pixel with more than four points
-/// all but the first, the lowest, the highest and the last.
-pub(crate) fn thinned(points: &[Point]) -> Vec<Point> {
+/// Drops points that a picture cannot show: in columns of some pixels' width with more than four
+/// points all but the first, the lowest, the highest and the last.
+pub(crate) fn thinned(points: &[Point], width: f64) -> Vec<Point> {
     let mut out = Vec::with_capacity(points.len());
-    let column = |p: &Point| (2.0 * p.0).floor();
+    let column = |p: &Point| (p.0 / width).floor();
     for group in points.chunk_by(|a, b| column(a).total_cmp(&column(b)).is_eq()) {
         if group.len() <= 4 {
             out.extend_from_slice(group);
@@ -142,11 +186,16 @@ fn extremes(group: &[Point]) -> impl Iterator<Item = Point> {
 
 /// How far a line may be from a point that it leaves out, in pixels: much less than its width.
 const INVISIBLE: f64 = 0.1;
+/// A line with more points than that is noise, of which whole pixels show as much as halves.
+const NOISY: usize = 2000;
 
 /// A line with fewer corners that nobody can tell from the one through all `points` (Douglas and
 /// Peucker, 1973).
 pub(crate) fn simplified(points: &[Point]) -> Vec<Point> {
-    let points = thinned(points);
+    let mut points = thinned(points, 0.5);
+    if points.len() > NOISY {
+        points = thinned(&points, 1.0);
+    }
     let Some(last) = points.len().checked_sub(1) else { return points };
     let mut kept = vec![false; points.len()];
     (kept[0], kept[last]) = (true, true);
@@ -223,7 +272,7 @@ mod tests {
             (0..10_000).map(|i| f64::from(i) * 1e-3).map(|x| (x, (700.0 * x).sin())).collect();
         points[4321].1 = 99.0;
         points[7777].1 = -99.0;
-        let thin = thinned(&points);
+        let thin = thinned(&points, 0.5);
         assert!(thin.len() <= 20 * 4, "{} points left", thin.len());
         assert!(thin.contains(&points[4321]) && thin.contains(&points[7777]));
         assert!(thin.is_sorted_by(|a, b| a.0 <= b.0));

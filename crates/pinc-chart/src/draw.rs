@@ -208,11 +208,16 @@ impl Placed<'_> {
         }
         let inside = places.into_iter().flatten();
         let mut inside: Vec<Point> = inside.filter(|p| self.frame.contains(*p)).collect();
-        if inside.len() > MOST_MARKS {
-            inside = thinned(&inside);
-        }
-        for p in inside {
-            canvas.mark(p, style);
+        match style.shape {
+            Shape::Dots(radius) if inside.len() > MOST_MARKS => {
+                canvas.dots(&thinned(&inside, 1.0), radius, style);
+            }
+            _ => {
+                if inside.len() > MOST_MARKS {
+                    inside = thinned(&inside, 1.0);
+                }
+                inside.into_iter().for_each(|p| canvas.mark(p, style));
+            }
         }
     }
 

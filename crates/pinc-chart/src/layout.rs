@@ -70,24 +70,35 @@ pub(crate) struct PlacedKey<'a> {
 }
 
 /// A panel that will be seen.
-struct Shown<'a> {
-    panel: &'a Panel,
-    x: &'a Axis,
-    scales: Option<Scales>,
+#[derive(Debug)]
+pub(crate) struct Shown<'a> {
+    pub panel: &'a Panel,
+    pub x: &'a Axis,
+    /// As in [`Placed`].
+    pub scales: Option<Scales>,
+}
+
+/// The panels that have something to show or to say.
+pub(crate) fn shown(figure: &Figure) -> Vec<Shown<'_>> {
+    let x = common_scale(figure);
+    figure.panels.iter().filter_map(|panel| Shown::of(panel, &figure.x, x)).collect()
+}
+
+/// The scale of the panels that have no horizontal axis of their own.
+fn common_scale(figure: &Figure) -> Option<Scale> {
+    let together = figure.panels.iter().filter(|p| p.x.is_none());
+    figure.x.scale(together.flat_map(Panel::positions))
 }
 
 impl<'a> Layout<'a> {
     /// Finds the places; `None` if no panel has anything to show or to say.
     pub(crate) fn of(figure: &'a Figure) -> Option<Self> {
-        let together = figure.panels.iter().filter(|p| p.x.is_none());
-        let x = figure.x.scale(together.flat_map(Panel::positions));
-        let shown: Vec<Shown<'_>> =
-            figure.panels.iter().filter_map(|panel| Shown::of(panel, &figure.x, x)).collect();
+        let shown = shown(figure);
         if shown.is_empty() {
             return None;
         }
         let columns = columns(figure, &shown);
-        let flags = x.map_or_else(Vec::new, |x| {
+        let flags = common_scale(figure).map_or_else(Vec::new, |x| {
             flags(&figure.events, &x, (columns[0].left, columns[0].right()), TICK.size)
         });
         let lanes = flags.iter().filter_map(|f| f.lane).max().map_or(0, |lane| lane + 1);

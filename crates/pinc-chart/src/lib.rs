@@ -1,7 +1,8 @@
-//! Figures as plain data, drawn as SVG and exported as CSV.
+//! Figures as plain data, drawn as SVG, exported as CSV, and as JSON for pages that zoom.
 //!
 //! A [`Figure`] says what is shown, in data units: panels with axes, series and limits.
-//! [`Figure::svg`] draws it, [`Figure::csv`] writes its data. Sizes are in pixels of the SVG page.
+//! [`Figure::svg`] draws it, [`Figure::csv`] writes its data, [`Figure::live`] is what a page needs
+//! that zooms. Sizes are in pixels of the SVG page.
 //! [`text`] has numbers and times as a reader likes them.
 //!
 //! `layout` gives the panels their places, `draw` puts them on the page, `export` writes the table.
@@ -23,6 +24,7 @@ mod figure;
 mod flags;
 mod labels;
 mod layout;
+mod live;
 mod scale;
 mod svg;
 pub mod text;
@@ -35,5 +37,6 @@ pub use curve::{Point, held_since_previous, held_until_next, present};
 pub use figure::{
     Area, Axis, Event, Figure, Key, Label, Look, Panel, Series, Span, extent, places,
 };
+pub use live::Live;
 pub use scale::Kind;
 pub use svg::{Fill, Shape, Style, state_mark, width_of};

@@ -208,6 +208,14 @@ impl Canvas {
         }
     }
 
+    /// Very many dots, as one element: strokes of no length with round ends.
+    pub(crate) fn dots(&mut self, points: &[Point], radius: f64, style: &Style) {
+        let moves = points.iter().map(|p| format!("M{},{}h0", Pixels(p.0), Pixels(p.1)));
+        let moves: String = moves.collect();
+        let look = style.stroke(2.0 * radius);
+        self.put(format_args!("<path d=\"{moves}\" stroke-linecap=\"round\" {look}/>"));
+    }
+
     /// A filled rectangle.
     pub(crate) fn area(&mut self, frame: &Frame, fill: &Fill) {
         let Frame { left, top, width, height } = *frame;

@@ -25,6 +25,37 @@ pub enum ReportError {
         /// The directory.
         dir: PathBuf,
     },
+    /// A directory of a sweep, where runs are compared.
+    #[error(
+        "{}: a sweep, whose report compares its trials; expected the directory of a run",
+        dir.display()
+    )]
+    ComparedSweep {
+        /// The directory.
+        dir: PathBuf,
+    },
+    /// A run without results.
+    #[error("{}: the run has no metrics.json; finish it with `pinc run --resume`", dir.display())]
+    NoMetrics {
+        /// The directory.
+        dir: PathBuf,
+    },
+    /// Two runs with different plants.
+    #[error(
+        "{}: its plant is {plant}; expected that of {}, {expected}",
+        dir.display(),
+        first.display()
+    )]
+    OtherPlant {
+        /// The directory.
+        dir: PathBuf,
+        /// Its plant.
+        plant: String,
+        /// The directory that it is compared with.
+        first: PathBuf,
+        /// The plant of that.
+        expected: String,
+    },
     /// A page whose name leaves none for the directory of its pictures.
     #[error("--out {}: expected a file name with an ending, as results.md", path.display())]
     PageWithoutEnding {

@@ -2,9 +2,9 @@
 
 use crate::data::{OfModel, Run};
 use crate::number_tables::{NumberTable, flattened, number_tables};
-use crate::picture::Drawn;
+use crate::picture::{Drawn, Picture};
 use crate::summary_text::paragraph;
-use crate::sweep;
+use crate::{sweep, zoom};
 use pinc_chart::text::escape;
 use pinc_record::file;
 
@@ -19,12 +19,23 @@ pub(crate) fn page(run: &Run, drawn: &[Drawn]) -> String {
         Some(trials) => [pictures(drawn), numbers("Tables", &sweep::number_tables(run, trials))],
     };
     let body = [header(run), body.concat(), footer(run)].concat();
+    document(&format!("{name} · PINC report"), &body, drawn)
+}
+
+/// A page with its style and its scripts inside, which loads nothing.
+pub(crate) fn document(title: &str, body: &str, drawn: &[Drawn]) -> String {
+    let (style, script) = match drawn.iter().any(|of| of.live.is_some()) {
+        true => ([STYLE, zoom::STYLE].concat(), zoom::script()),
+        false => (STYLE.to_owned(), String::new()),
+    };
     format!(
         "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
          <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
-         <title>{} · PINC \
-         report</title>\n<style>\n{STYLE}</style>\n</head>\n<body>\n{body}</body>\n</html>\n",
-        escape(name)
+         <meta http-equiv=\"Content-Security-Policy\" content=\"default-src 'none'; \
+         style-src 'unsafe-inline'; script-src 'unsafe-inline'\">\n\
+         <title>{}</title>\n<style>\n{style}</style>\n</head>\n\
+         <body>\n{body}{script}</body>\n</html>\n",
+        escape(title)
     )
 }
 
@@ -108,7 +119,7 @@ fn missing_tables(run: &Run) -> Vec<String> {
     notes
 }
 
-fn numbers(title: &str, tables: &[NumberTable]) -> String {
+pub(crate) fn numbers(title: &str, tables: &[NumberTable]) -> String {
     let tables: Vec<String> = tables.iter().map(table).collect();
     if tables.is_empty() {
         return String::new();
@@ -141,17 +152,24 @@ fn table(table: &NumberTable) -> String {
 }
 
 fn pictures(drawn: &[Drawn]) -> String {
-    let section = |Drawn { picture, svg }: &Drawn| {
-        format!(
-            "<section id=\"{}\">\n<h2>{}</h2>\n<figure>\n{svg}<figcaption>{} \
-             Also in figures/{}.svg and .csv.</figcaption>\n</figure>\n</section>\n",
-            picture.stem,
-            escape(&picture.title),
-            escape(&picture.caption),
-            picture.stem
-        )
+    let section = |of: &Drawn| {
+        let Picture { stem, title, caption, .. } = &of.picture;
+        let caption = format!("{caption} Also in figures/{stem}.svg and .csv.");
+        section(of, (stem, title, &caption))
     };
     drawn.iter().map(section).collect()
+}
+
+/// A picture with its anchor, its title and its caption.
+pub(crate) fn section(of: &Drawn, (stem, title, caption): (&str, &str, &str)) -> String {
+    let live = of.live.as_deref().map(zoom::data).unwrap_or_default();
+    format!(
+        "<section id=\"{stem}\">\n<h2>{}</h2>\n<figure>\n{}{live}<figcaption>{}</figcaption>\n\
+         </figure>\n</section>\n",
+        escape(title),
+        of.svg,
+        escape(caption),
+    )
 }
 
 fn footer(run: &Run) -> String {

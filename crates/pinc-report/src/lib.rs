@@ -2,12 +2,14 @@
 //!
 //! - [`build`]: the report of a run directory, one HTML page that stands alone, and the pictures in
 //!   it as files of their own.
+//! - [`compare`]: runs side by side.
 //! - [`results`], [`write_results`]: the paper's tables and figures beside those of a list of runs.
 //!
 //! Everything is made from the types of [`pinc_record`] that wrote the files. A picture is first a
 //! [`pinc_chart::Figure`], plain data, and then drawn.
 
 mod color_bar;
+mod compare;
 mod control;
 mod data;
 mod decimation;
@@ -31,7 +33,9 @@ mod traces;
 mod training;
 mod trials;
 mod variables;
+mod zoom;
 
+pub use compare::{Comparison, compare};
 pub use error::ReportError;
 pub use paper::{results, write_results};
 pub use report::{FigureFiles, Report, build};

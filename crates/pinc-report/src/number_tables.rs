@@ -170,6 +170,32 @@ impl Quantity {
     }
 }
 
+/// What closed loops are like, a row for each quantity: the first loop's numbers, and those of the
+/// others with what they differ by.
+pub(crate) fn loops_side_by_side(loops: &[(&Run, &ControlMetrics)]) -> Vec<Vec<String>> {
+    let row = |(label, quantity): &(&str, Quantity)| {
+        let cell = |(i, (run, of)): (usize, &(&Run, &ControlMetrics))| {
+            let difference = if i == 0 { String::new() } else { quantity.compare(of, loops[0].1) };
+            let shown = quantity.show(run, of);
+            if difference.is_empty() { shown } else { format!("{shown} ({difference})") }
+        };
+        let cells = loops.iter().enumerate().map(cell);
+        std::iter::once((*label).to_owned()).chain(cells).collect()
+    };
+    CONTROL.iter().map(row).collect()
+}
+
+/// " (0.02 % higher)", or a quotient of numbers that differ by more than half; nothing if one of
+/// them is none.
+pub(crate) fn changed(value: f64, against: f64) -> String {
+    let ratio = value / against;
+    match ratio {
+        ratio if !ratio.is_finite() || ratio <= 0.0 => String::new(),
+        ratio if (0.5..=2.0).contains(&ratio) => format!(" ({})", comparison(value, against)),
+        ratio => format!(" (× {})", text::number(ratio, 3)),
+    }
+}
+
 /// "0.02 % higher".
 pub(crate) fn comparison(value: f64, against: f64) -> String {
     let percent = 100.0 * (value / against - 1.0);

@@ -2,7 +2,7 @@
 
 use crate::data::Run;
 use crate::error::ReportError;
-use crate::picture::{Drawn, Picture};
+use crate::picture::{Drawn, Picture, drawn};
 use crate::variables::Variables;
 use crate::{control, domain_error, estimates, html, prediction, steps, sweep, training};
 use std::path::Path;
@@ -32,7 +32,7 @@ pub struct FigureFiles {
 }
 
 impl FigureFiles {
-    fn of(Drawn { picture, svg }: Drawn) -> Self {
+    fn of(Drawn { picture, svg, .. }: Drawn) -> Self {
         Self { name: picture.stem, svg, csv: picture.figure.csv() }
     }
 }
@@ -46,7 +46,7 @@ impl FigureFiles {
 /// read or is damaged.
 pub fn build(dir: &Path) -> Result<Report, ReportError> {
     let run = Run::read(dir)?;
-    let drawn: Vec<_> = pictures(&run)?.into_iter().filter_map(Picture::drawn).collect();
+    let drawn = drawn(pictures(&run)?);
     let html = html::page(&run, &drawn);
     Ok(Report { html, figures: drawn.into_iter().map(FigureFiles::of).collect() })
 }

@@ -7,6 +7,7 @@ mod bench;
 mod check;
 mod closed;
 mod common;
+mod compare;
 mod control;
 mod equations;
 mod estimation;

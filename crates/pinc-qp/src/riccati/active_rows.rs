@@ -14,6 +14,11 @@ const SLOPE_TOLERANCE: f64 = 3e-13;
 /// What rounding leaves of the gradient, where it cancels against the Hessian times the step.
 const ROUNDING: f64 = 2e-15;
 
+/// Where a multiplier is below this, and below the distance to the limit, its row is more likely to
+/// have come off the limit than to go back. Along a plan that nears its bounds for ever, and is
+/// moved on by a stage, there are many of them; held, they are let go and held again without end.
+const SMALL_MULTIPLIER: f64 = 1e-5;
+
 /// How many times the set of active rows may change.
 const CHANGES: usize = 12;
 
@@ -56,7 +61,8 @@ impl ActiveRows {
         }
     }
 
-    /// Takes rows with a multiplier for active; `weight(row)` is the multiplier.
+    /// Takes rows with a multiplier for active; `weight(row)` is the multiplier. Small ones of rows
+    /// away from their limits do not count.
     pub(super) fn guess(&mut self, qp: &Qp, weight: impl Fn(usize) -> f64) {
         for (row, (status, [low, high, penalty])) in
             self.statuses.iter_mut().zip(Rows::limits(qp)).enumerate()
@@ -64,9 +70,10 @@ impl ActiveRows {
             let mu = weight(row);
             let upper = mu > 0.0;
             let bound = if upper { high } else { low };
+            let room = bound.abs().min(SMALL_MULTIPLIER);
             *status = if low >= high && penalty.is_infinite() {
                 RowStatus::Held { bound: high, upper: true }
-            } else if mu.abs() <= 0.0 || !bound.is_finite() {
+            } else if mu.abs() <= room || !bound.is_finite() {
                 RowStatus::Inactive
             } else if mu.abs() >= penalty {
                 RowStatus::Violated(penalty.copysign(mu))

@@ -82,6 +82,7 @@ impl Riccati {
                 add_scaled(&mut p[c * s..c * s + n], 1.0, q);
                 p[c * s + c] += state_weights[c];
             }
+            symmetrize(p, s);
             merge(p, (qp.a(j), qp.b(j)), n, &mut self.product, &mut self.merged);
             by_row.add_general(qp, j, &mut self.merged);
             if j > 0 {
@@ -210,6 +211,19 @@ impl Riccati {
             for (entry, column) in self.vector.iter().zip(p) {
                 add_scaled(lambda, *entry, column);
             }
+        }
+    }
+}
+
+/// Makes a matrix that is symmetric but for rounding symmetric. Over the stages the gains contain
+/// what rounding does to its symmetric part; an antisymmetric part would grow as the plant does
+/// without control, `A' P A`.
+fn symmetrize(matrix: &mut [f64], size: usize) {
+    for c in 1..size {
+        for r in 0..c {
+            let mean = 0.5 * (matrix[c * size + r] + matrix[r * size + c]);
+            matrix[c * size + r] = mean;
+            matrix[r * size + c] = mean;
         }
     }
 }

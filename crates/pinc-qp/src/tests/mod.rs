@@ -5,7 +5,7 @@
 use super::clarabel::ClarabelQp;
 use super::condense::CondensedQp;
 use super::riccati::RiccatiQp;
-use super::{ChosenQp, Qp, QpError, QpMethod, QpSolver, QpStatus, QpStep};
+use super::{ChosenQp, OcpDims, Qp, QpError, QpMethod, QpSolver, QpStatus, QpStep};
 mod programs;
 
 use programs::{counted, coupled, programs, stage_costs};
@@ -337,5 +337,34 @@ proptest! {
             let other = ClarabelQp::new(&qp).solve(&qp, &mut cold.clone(), &mut || false);
             prop_assert!((other == QpStatus::Solved) == feasible || other == QpStatus::Failed);
         }
+    }
+}
+
+/// Along these horizons a disturbance would grow without control by 1e26, and rounding with it.
+#[test]
+fn long_horizons_of_unstable_plants_are_solved_stage_by_stage() {
+    let dims = OcpDims {
+        nx: 2,
+        nu: 1,
+        horizon: 200,
+        n_controls: 200,
+        n1: 1,
+        inequalities: 0,
+        equalities: 0,
+        outputs: 0,
+    };
+    let weight = [2.0, 0.0, 0.0, 2.0].repeat(dims.horizon);
+    let mut qp = Qp::new(dims, weight, vec![2.0; dims.n_controls]);
+    qp.a = [1.3, 0.4, -0.4, 1.3].repeat(dims.horizon);
+    qp.b = [0.1, 0.5].repeat(dims.horizon);
+    let wave = |i: usize| f64::from(u8::try_from(i * i % 17).unwrap()) - 8.0;
+    qp.gradient.iter_mut().enumerate().for_each(|(i, entry)| *entry = wave(i));
+    qp.c.iter_mut().enumerate().for_each(|(i, entry)| *entry = 0.01 * wave(i + 3));
+    for high in [f64::INFINITY, 1.5] {
+        qp.bounds.high[dims.all_states()..].fill(high);
+        let mut step = QpStep::new(dims);
+        let status = RiccatiQp::new(&qp).solve(&qp, &mut step, &mut || false);
+        assert_eq!(status, QpStatus::Solved);
+        assert!(residual(&qp, &step) < SHARP);
     }
 }

@@ -1,7 +1,9 @@
 //! The report of synthetic run directories: whole, incomplete and damaged ones.
 
+mod compare;
 mod domain;
 mod estimates;
+mod zoom;
 
 use crate::error::ReportError;
 use crate::report::{self, FigureFiles};
@@ -226,12 +228,15 @@ fn a_whole_run_shows_every_picture_and_every_metric() {
 #[test]
 fn the_page_needs_nothing_else() {
     let html = build(whole().path()).unwrap();
-    for link in ["src=", "href=", "url(", "@import", "<script"] {
+    for link in ["src=", "href=", "url(", "@import", "import(", "fetch(", "XMLHttpRequest"] {
         assert!(!html.contains(link), "{link} in the page");
     }
-    // The name of SVG's vocabulary is no address to load.
+    // The name of SVG's vocabulary is no address to load, nor is that of uPlot's home.
     let addresses = html.replace("http://www.w3.org/2000/svg", "");
+    let addresses = addresses.replacen("https://github.com/leeoniya/uPlot", "", 1);
+    let addresses = addresses.replacen("http-equiv", "", 1);
     assert!(!addresses.contains("http"), "an address in the page");
+    assert!(html.contains("default-src 'none'"), "a browser may load something");
 }
 
 #[test]
