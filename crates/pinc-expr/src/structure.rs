@@ -187,7 +187,7 @@ mod tests {
         let expected = Deficiency {
             equations: vec!["a".into(), "b".into()],
             unknowns: vec!["b".into()],
-            undetermined: vec!["a".into()],
+            undetermined: vec!["c".into()],
         };
         assert_eq!(error.problem, ExpressionProblem::Singular(Box::new(expected)));
     }
