@@ -19,7 +19,7 @@ const CRATES: [(&str, &[&str]); 18] = [
     ("pinc-mpc", &["pinc-ad", "pinc-ode", "pinc-qp"]),
     ("pinc-estimate", &["pinc-mpc", "pinc-ode", "pinc-qp"]),
     ("pinc-identify", &["pinc-estimate", "pinc-ode"]),
-    ("pinc-export", &["pinc-expr", "pinc-mpc", "pinc-net", "pinc-ode"]),
+    ("pinc-export", &["pinc-estimate", "pinc-expr", "pinc-mpc", "pinc-net", "pinc-ode"]),
     (
         "pinc-config",
         &["pinc-estimate", "pinc-expr", "pinc-mpc", "pinc-net", "pinc-ode", "pinc-plants"],

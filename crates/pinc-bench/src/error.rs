@@ -212,17 +212,6 @@ pub enum BenchError {
         /// What was expected.
         expected: String,
     },
-    /// A command for controllers that see the whole state.
-    #[error(
-        "{name}: `{command}` is for controllers that are given the state: it does not take \
-        [control.estimator] along; remove the section, and give the controller estimates"
-    )]
-    WithEstimator {
-        /// The experiment.
-        name: String,
-        /// The command.
-        command: &'static str,
-    },
     /// A command for controllers whose parameters do not change.
     #[error(
         "{name}: `{command}` does not take control.parameter_schedule along: remove the key, and \
