@@ -55,6 +55,11 @@ const CRATES: [(&str, &[&str]); 16] = [
     ),
 ];
 
+/// The Python package, which is no member of the workspace, with the crates that it depends on. None
+/// depends on it.
+const BINDINGS: (&str, &[&str]) =
+    ("pinc-py", &["pinc-bench", "pinc-config", "pinc-net", "pinc-ode", "pinc-record"]);
+
 /// The program's crate, the only one that prints, reads clocks and looks at its surroundings.
 const PROGRAM: &str = "pinc-bench";
 
@@ -72,6 +77,11 @@ const LARGEST: usize = 8000;
 const LONG: usize = 400;
 /// No file is longer than this.
 const LONGEST: usize = 600;
+
+/// All crates by their names, with the Python package.
+fn all_crates() -> impl Iterator<Item = &'static str> {
+    CRATES.into_iter().map(|(name, _)| name).chain([BINDINGS.0])
+}
 
 fn root() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR"))
@@ -291,7 +301,7 @@ fn members_are_the_crates_and_the_tests() {
     let expected = crates.iter().map(String::as_str).chain(["tests"]).collect();
     assert_eq!(found, expected);
     let folders = fs::read_dir(self::root().join("crates")).unwrap();
-    assert_eq!(folders.count(), CRATES.len(), "a folder in crates/ that is no member");
+    assert_eq!(folders.count(), all_crates().count(), "a folder in crates/ that is no member");
 }
 
 #[test]
@@ -323,6 +333,35 @@ fn dependencies_of_tests_point_down_too() {
         }
         let ours = of_ours(dependencies(&manifest, "dev-dependencies"));
         assert!(ours.is_subset(&allowed), "{name}: {ours:?}");
+    }
+}
+
+/// It builds by itself, is the only crate that knows Python, and keeps the rules of the others.
+#[test]
+fn the_python_package_is_beside_the_workspace() {
+    let (name, uses) = BINDINGS;
+    let (bindings, root) = (crate_manifest(name), manifest("."));
+    let workspace = table(&root, "workspace").unwrap();
+    let excluded = workspace["exclude"].as_array().unwrap();
+    assert!(excluded.contains(&Value::from(format!("crates/{name}"))), "{excluded:?}");
+    assert!(bindings.contains_key("workspace"));
+    let ours = of_ours(dependencies(&bindings, "dependencies"));
+    assert_eq!(ours, uses.iter().copied().collect());
+    for dependency in ours {
+        let path = bindings["dependencies"][dependency].get("path").and_then(Value::as_str);
+        assert_eq!(path, Some(&*format!("../{dependency}")));
+    }
+    assert!(!bindings.contains_key("dev-dependencies"), "its tests are in Python");
+    for key in ["version", "edition", "rust-version", "license"] {
+        assert_eq!(bindings["package"][key], workspace["package"][key], "{key}");
+    }
+    assert_eq!(bindings["lints"], workspace["lints"]);
+    for (member, _) in CRATES {
+        let manifest = crate_manifest(member);
+        for kind in ["dependencies", "dev-dependencies", "build-dependencies"] {
+            let known = dependencies(&manifest, kind);
+            assert!(!known.contains("pyo3") && !known.contains(name), "{member}: {kind}");
+        }
     }
 }
 
@@ -389,7 +428,7 @@ fn versions_are_stated_once_and_without_wildcards() {
 
 #[test]
 fn only_the_program_prints_or_reads_a_clock_and_few_crates_open_files() {
-    for (name, _) in CRATES.iter().filter(|(name, _)| *name != PROGRAM) {
+    for name in all_crates().filter(|name| *name != PROGRAM) {
         for (path, text) in compiled(name) {
             let code = code(&text);
             assert_eq!(forbidden(&code, name), [""; 0], "{}", path.display());
@@ -434,7 +473,7 @@ fn is_simd(path: &Path) -> bool {
 #[test]
 fn unsafe_code_is_in_the_simd_module_only() {
     let mut used = false;
-    for (path, text) in CRATES.iter().flat_map(|(name, _)| sources(name)) {
+    for (path, text) in all_crates().flat_map(sources) {
         let code = code(&text);
         let found = words(&code).any(|word| word == "unsafe");
         assert!(!found || is_simd(&path), "{}", path.display());
@@ -450,7 +489,7 @@ fn unsafe_code_is_in_the_simd_module_only() {
 /// `#[allow]` goes stale unnoticed and needs no reason; `#[expect]` does not, and gives one.
 #[test]
 fn exceptions_from_lints_are_expected_and_explained() {
-    for (path, text) in CRATES.iter().flat_map(|(name, _)| sources(name)) {
+    for (path, text) in all_crates().flat_map(sources) {
         for attribute in text.split("#[").skip(1).chain(text.split("#![").skip(1)) {
             let attribute = attribute.split(']').next().unwrap_or_default();
             assert!(!attribute.starts_with("allow("), "{}: {attribute}", path.display());
@@ -462,7 +501,7 @@ fn exceptions_from_lints_are_expected_and_explained() {
 
 #[test]
 fn crates_are_small() {
-    for (name, _) in CRATES {
+    for name in all_crates() {
         let lines: usize = sources(name).iter().map(|(_, text)| text.lines().count()).sum();
         assert!(lines <= LARGEST, "{name}: {lines} lines");
     }

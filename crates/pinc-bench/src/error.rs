@@ -179,6 +179,16 @@ pub enum BenchError {
         /// Length T of a step, in s.
         sample_time_s: f64,
     },
+    /// A step of a controller asked for with something that cannot be used.
+    #[error("{what}: {found} given, expected {expected}")]
+    Argument {
+        /// What it was given for.
+        what: &'static str,
+        /// What was given.
+        found: String,
+        /// What was expected.
+        expected: String,
+    },
     /// A command for controllers that see the whole state.
     #[error(
         "{name}: `{command}` is for controllers that are given the state: it does not take \

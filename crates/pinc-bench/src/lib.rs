@@ -1,8 +1,10 @@
 //! Runs of experiments, sweeps, measurements of the machine, and the program `pinc`.
 //!
-//! - [`run`], [`train`], [`control`], [`predict`], [`estimate`], [`check`], [`rebuild_report`]: what the
-//!   program does with an [`Experiment`](pinc_config::Experiment).
-//! - [`export_net`], [`export_controller`], [`export_plant`], [`serve`]: nets and controllers for other programs.
+//! - [`run`], [`train`] (or [`train_watched`], which writes no files), [`control`], [`predict`],
+//!   [`estimate`], [`check`], [`rebuild_report`]: what the program does with an
+//!   [`Experiment`](pinc_config::Experiment).
+//! - [`export_net`], [`export_controller`], [`export_plant`], [`serve`]: nets and controllers for
+//!   other programs; [`LiveController`] is the controller that is served, step by step.
 //! - [`compare`]: runs side by side.
 //! - [`sweep()`], [`merge`]: an experiment many times over.
 //! - [`bench()`]: measurements of the machine.
@@ -32,9 +34,10 @@ pub use error::{BenchError, CsvProblem};
 pub use pinc_config::Plants;
 pub use progress::Verbosity;
 pub use runs::{
-    Estimated, Finding, Options, Severity, Target, check, compare, control, estimate,
-    export_controller, export_net, export_plant, findings_json, predict, rebuild_report, run,
-    serve, train,
+    Estimated, Finding, Follow, LiveController, LiveStep, ModelFile, Options, Severity, Target,
+    TrainedNet, TrainingProgress, check, compare, control, estimate, export_controller, export_net,
+    export_plant, findings_json, predict, rebuild_report, run, serve, train, train_watched,
+    verdict,
 };
 pub use summary::summary;
 pub use sweep::{Shard, merge, sweep};

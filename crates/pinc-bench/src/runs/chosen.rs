@@ -1,11 +1,21 @@
 //! The one model that a controller outside of a run works with.
 
-use super::{LoopSetup, read_matching_model};
+use super::{LoopSetup, matching_model};
 use crate::BenchError;
-use pinc_config::{ControlSpec, Experiment, ModelKind};
+use pinc_config::{ControlSpec, Experiment, LoopParameters, ModelKind};
 use pinc_net::PincNet;
 use pinc_ode::DynPlant;
+use pinc_record::read_file;
 use std::path::Path;
+
+/// A trained net for a controller.
+#[derive(Clone, Copy, Debug)]
+pub enum ModelFile<'a> {
+    /// A file.
+    At(&'a Path),
+    /// The content of a file.
+    Content(&'a [u8]),
+}
 
 /// The controller of a config, with one of its models.
 pub(super) struct Chosen<'e> {
@@ -17,24 +27,23 @@ pub(super) struct Chosen<'e> {
     /// The plant that the model is of, and the p of the model.
     pub(super) plant: Box<dyn DynPlant>,
     pub(super) parameters: Vec<f64>,
+    /// The places of those that are estimated.
+    estimated: Vec<usize>,
     truth: Box<dyn DynPlant>,
 }
 
 impl<'e> Chosen<'e> {
-    /// The model that `only` names, or else the net of the file `model` if one is given, or else
-    /// the config's first.
+    /// The model that `only` names, or else the net of `model` if one is given, or else the
+    /// config's first.
     pub(super) fn of(
         experiment: &'e Experiment,
-        model: Option<&Path>,
+        model: Option<ModelFile<'_>>,
         only: Option<ModelKind>,
         command: &'static str,
     ) -> Result<Self, BenchError> {
         let name = || experiment.name.clone();
         let missing = |section| BenchError::MissingSection { name: name(), section, command };
         let spec = experiment.control.as_ref().ok_or_else(|| missing("control"))?;
-        if spec.estimator.is_some() {
-            return Err(BenchError::WithEstimator { name: name(), command });
-        }
         let first = spec.models.first().copied().unwrap_or(ModelKind::Rk4);
         let kind = only.unwrap_or(if model.is_some() { ModelKind::Pinc } else { first });
         if !spec.models.contains(&kind) {
@@ -44,22 +53,29 @@ impl<'e> Chosen<'e> {
             (ModelKind::Pinc, None) => {
                 return Err(BenchError::NoModelFile { name: name(), command });
             }
-            (ModelKind::Pinc, Some(path)) => Some(read_matching_model(experiment, path)?),
+            (ModelKind::Pinc, Some(ModelFile::At(path))) => {
+                Some(matching_model(experiment, path, read_file(path)?)?)
+            }
+            (ModelKind::Pinc, Some(ModelFile::Content(bytes))) => {
+                Some(matching_model(experiment, Path::new("model"), bytes.to_vec())?)
+            }
             _ => None,
         };
-        // Of a family, a net is taken for the member that the config names; an integrator is asked
-        // for it at each call.
-        let values = experiment.model_parameters();
-        let (given, varying, parameters) = match given {
-            Some((bytes, net)) => (Some((bytes, net.member(&values))), Vec::new(), Vec::new()),
-            None => (None, experiment.varying(), values),
+        // Of a family, a net is taken for the member that the config names, unless an estimator is
+        // to say which one it is; an integrator is asked for it at each call.
+        let LoopParameters { names, values, estimated } = experiment.loop_parameters();
+        let (given, names, parameters) = match given {
+            Some((bytes, net)) if estimated.is_empty() => {
+                (Some((bytes, net.member(&values))), Vec::new(), Vec::new())
+            }
+            given => (given, names, values),
         };
         let of_net = given.as_ref().map(|(_, net)| net.sample_time_s());
         let sample_time_s = experiment.sample_time_s().or(of_net);
         let sample_time_s = sample_time_s.ok_or_else(|| missing("model"))?;
-        let plant = experiment.plant.family(&varying);
+        let plant = experiment.plant.family(&names);
         let truth = experiment.plant.dyn_plant();
-        Ok(Self { spec, kind, given, sample_time_s, plant, parameters, truth })
+        Ok(Self { spec, kind, given, sample_time_s, plant, parameters, estimated, truth })
     }
 
     /// The net, where that is the model.
@@ -76,7 +92,7 @@ impl<'e> Chosen<'e> {
             sample_time_s: self.sample_time_s,
             seed: 0,
             parameters: &self.parameters,
-            estimated: &[],
+            estimated: &self.estimated,
             truth: &*self.truth,
         }
     }

@@ -129,8 +129,12 @@ fn run_model(
     Ok(ControlMetrics { outside_domain: outside, estimator, ..metrics })
 }
 
-/// An error if more control steps failed in a loop than the config allows.
-pub(crate) fn verdict(experiment: &Experiment, metrics: &Metrics) -> Result<(), BenchError> {
+/// Whether a run that has come to its end did what it was for.
+///
+/// # Errors
+///
+/// [`BenchError::FailedSteps`] if more control steps failed in a loop than the config allows.
+pub fn verdict(experiment: &Experiment, metrics: &Metrics) -> Result<(), BenchError> {
     let Some(spec) = &experiment.control else { return Ok(()) };
     #[expect(clippy::cast_precision_loss, reason = "no run has 2^53 steps")]
     let share = |of: &ControlMetrics| of.failed_steps() as f64 / of.steps() as f64;

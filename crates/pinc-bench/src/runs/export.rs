@@ -1,6 +1,6 @@
 //! `pinc export`: nets and controllers for other programs.
 
-use super::chosen::Chosen;
+use super::chosen::{Chosen, ModelFile};
 use super::shared_library::shared_library;
 use super::{chainable, parse_model};
 use crate::BenchError;
@@ -89,7 +89,11 @@ pub fn export_controller(
     name: Option<&str>,
     out: Option<&Path>,
 ) -> Result<PathBuf, BenchError> {
-    let chosen = Chosen::of(experiment, model, only, "pinc export")?;
+    let chosen = Chosen::of(experiment, model.map(ModelFile::At), only, "pinc export")?;
+    if chosen.spec.estimator.is_some() {
+        let (name, command) = (experiment.name.clone(), "pinc export");
+        return Err(BenchError::WithEstimator { name, command });
+    }
     let name = name.map_or_else(|| Ok(Name::nearest(&experiment.name)), Name::new)?;
     let plant = experiment.plant.dyn_plant();
     let equations = experiment.plant.equations().map(|equations| {

@@ -82,7 +82,7 @@ pub(super) fn estimator(
 
 impl LoopSetup<'_> {
     /// The estimator's section, with what is measured.
-    fn sections(&self) -> Option<(&EstimatorSpec, MeasurementSpec)> {
+    pub(super) fn sections(&self) -> Option<(&EstimatorSpec, MeasurementSpec)> {
         let estimator = self.spec.estimator.as_ref()?;
         Some((estimator, self.spec.measurement.clone().unwrap_or_default()))
     }

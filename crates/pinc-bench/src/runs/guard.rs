@@ -4,20 +4,27 @@ use crate::BenchError;
 use pinc_config::OutsidePolicy;
 use pinc_net::PincNet;
 use pinc_record::{Excess, OutsideDomain};
+use std::borrow::Cow;
 
 /// Beyond the box by less than this share of its width is rounding.
 const ROUNDING: f64 = 1e-9;
 
 /// Looks at each use of a net: the initial state of a step, its input, and the parameters.
+#[derive(Debug)]
 pub(crate) struct Guard<'n> {
-    net: &'n PincNet,
+    net: Cow<'n, PincNet>,
     policy: OutsidePolicy,
     found: OutsideDomain,
 }
 
 impl<'n> Guard<'n> {
     pub(crate) fn new(net: &'n PincNet, policy: OutsidePolicy) -> Self {
-        Self { net, policy, found: OutsideDomain::default() }
+        Self { net: Cow::Borrowed(net), policy, found: OutsideDomain::default() }
+    }
+
+    /// One that has its net to itself.
+    pub(crate) fn owning(net: PincNet, policy: OutsidePolicy) -> Guard<'static> {
+        Guard { net: Cow::Owned(net), policy, found: OutsideDomain::default() }
     }
 
     /// Counts a use in the state `x` under the input `u` with the parameters `p`; an error if it is
@@ -52,5 +59,10 @@ impl<'n> Guard<'n> {
     /// What was seen.
     pub(crate) fn found(self) -> OutsideDomain {
         self.found
+    }
+
+    /// What was seen so far.
+    pub(crate) fn seen(&self) -> &OutsideDomain {
+        &self.found
     }
 }

@@ -13,25 +13,31 @@ mod feedback;
 mod found;
 mod free_run;
 mod guard;
+mod live;
 mod one_step;
 mod predict;
 mod recording;
 mod serve;
 mod shared_library;
 mod train;
+mod train_watched;
 mod trial;
 mod with_outputs;
 
-pub(crate) use control::{LoopSetup, verdict};
+pub(crate) use control::LoopSetup;
 pub(crate) use train::TrainingSetup;
 pub(crate) use trial::{run_trial, train_shared};
 
 pub use check::check;
+pub use chosen::ModelFile;
+pub use control::verdict;
 pub use estimate::{Estimated, estimate};
 pub use export::{Target, export_controller, export_net, export_plant};
+pub use live::{Follow, LiveController, LiveStep};
 pub use pinc_check::{Finding, Severity, findings_json};
 pub use predict::predict;
 pub use serve::serve;
+pub use train_watched::{TrainedNet, TrainingProgress, train_watched};
 
 use crate::BenchError;
 use crate::invocation::invocation;
@@ -366,7 +372,15 @@ fn read_matching_model(
     experiment: &Experiment,
     path: &Path,
 ) -> Result<(Vec<u8>, PincNet), BenchError> {
-    let bytes = read_file(path)?;
+    matching_model(experiment, path, read_file(path)?)
+}
+
+/// Like [`read_matching_model`], from the `bytes` of the file `path`.
+fn matching_model(
+    experiment: &Experiment,
+    path: &Path,
+    bytes: Vec<u8>,
+) -> Result<(Vec<u8>, PincNet), BenchError> {
     let net = chainable(path, parse_model(path, &bytes)?)?;
     let variables = experiment.plant.variables();
     let names = |names: &[String]| names.join(", ");

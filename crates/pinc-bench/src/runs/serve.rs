@@ -1,22 +1,20 @@
 //! `pinc serve`: the controller as a process, one JSON object a line.
 
-use super::chosen::Chosen;
-use super::guard::Guard;
+use super::chosen::ModelFile;
+use super::live::{Follow, LiveController};
 use crate::BenchError;
-use pinc_config::{ControlSpec, Experiment, ModelKind};
-use pinc_mpc::{Nmpc, Reference, StepReport};
+use pinc_config::{Experiment, ModelKind};
 use pinc_record::OutsideDomain;
 use serde::{Deserialize, Serialize};
 use std::io::{BufRead, Write};
 use std::path::Path;
-use std::time::{Duration, Instant};
 
 /// A line from the plant.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Request {
-    /// What was measured: all states.
-    y: Vec<f64>,
+    /// What was measured: all states, or what the estimator is told, with null for what is missing.
+    y: Vec<Option<f64>>,
     /// What is to be followed, in place of the config's references.
     reference: Option<Window>,
     /// The input that the plant was really given since the last line.
@@ -38,6 +36,11 @@ struct Answer<'a> {
     status: String,
     /// The state that the controller took the plant to be in.
     x: &'a [f64],
+    /// The estimated disturbances and parameters, and how the estimator's step ended.
+    #[serde(skip_serializing_if = "<[f64]>::is_empty")]
+    unknowns: &'a [f64],
+    #[serde(skip_serializing_if = "Option::is_none")]
+    estimator: Option<String>,
     step_us: f64,
 }
 
@@ -47,9 +50,10 @@ struct Refusal {
     error: String,
 }
 
-/// Serves the controller of `experiment` with the model of the file `model`, or `only` one of the
-/// config's: reads a line of `input`, writes one to `output`, until the input ends or nobody reads
-/// the output. A line that cannot be used is answered with `{"error": ".."}` and changes nothing.
+/// Serves the controller of `experiment`, with its estimator if it has one, and with the model of
+/// the file `model`, or `only` one of the config's: reads a line of `input`, writes one to
+/// `output`, until the input ends or nobody reads the output. A line that cannot be used is
+/// answered with `{"error": ".."}` and changes nothing.
 ///
 /// Without a reference the config's are followed, from the first step on. Returns how often the net
 /// was used outside its training domain.
@@ -64,131 +68,45 @@ pub fn serve(
     input: impl BufRead,
     mut output: impl Write,
 ) -> Result<OutsideDomain, BenchError> {
-    let chosen = Chosen::of(experiment, model, only, "pinc serve")?;
-    let mut server = Server::new(&chosen)?;
+    let mut controller =
+        LiveController::new(experiment, model.map(ModelFile::At), only, "pinc serve")?;
     for line in input.split(b'\n') {
         let Ok(line) = line else { break };
-        let answer = server.answer(&line).unwrap_or_else(|error| text(&Refusal { error }));
+        let answer = answer(&mut controller, &line);
+        let answer = answer.unwrap_or_else(|error| text(&Refusal { error }));
         if writeln!(output, "{answer}").and_then(|()| output.flush()).is_err() {
             break;
         }
+        controller.prepare();
     }
-    Ok(server.guard.map_or_else(OutsideDomain::default, Guard::found))
+    Ok(controller.outside_domain())
 }
 
-struct Server<'c> {
-    nmpc: Nmpc,
-    spec: &'c ControlSpec,
-    guard: Option<Guard<'c>>,
-    /// What is followed if a line does not say it.
-    reference: Reference,
-    window: Vec<f64>,
-    /// Steps done.
-    done: usize,
-}
-
-impl<'c> Server<'c> {
-    fn new(chosen: &'c Chosen<'_>) -> Result<Self, BenchError> {
-        let (setup, spec) = (chosen.setup(), chosen.spec);
-        let model = setup.model(chosen.kind, &*chosen.plant)?;
-        let nmpc = Nmpc::new(setup.problem(), model, spec.sqp)?;
-        let guard = chosen.net().map(|net| Guard::new(net, spec.outside_domain));
-        Ok(Self {
-            reference: setup.reference()?,
-            window: vec![0.0; spec.n2 * spec.controlled.len()],
-            nmpc,
-            spec,
-            guard,
-            done: 0,
-        })
+/// The answer to a line, or what is wrong with it.
+fn answer(controller: &mut LiveController, line: &[u8]) -> Result<String, String> {
+    let request: Request = serde_json::from_slice(line).map_err(|error| {
+        format!("{error}; expected {{\"y\": [..], \"reference\": [..], \"u_applied\": [..]}}")
+    })?;
+    // What is missing is NaN, which only an estimator takes.
+    let y: Vec<f64> = request.y.iter().map(|y| y.unwrap_or(f64::NAN)).collect();
+    if y.iter().any(|y| y.is_nan()) && controller.spec().estimator.is_none() {
+        return Err("y: null given, expected numbers; what is missing takes an estimator".into());
     }
-
-    /// The answer to a line, or what is wrong with it.
-    fn answer(&mut self, line: &[u8]) -> Result<String, String> {
-        let request: Request = serde_json::from_slice(line).map_err(|error| {
-            format!("{error}; expected {{\"y\": [..], \"reference\": [..], \"u_applied\": [..]}}")
-        })?;
-        self.check(&request)?;
-        self.write_window(request.reference.as_ref());
-        let x = request.y;
-        if self.done == 0
-            && let Some(u) = &self.spec.initial_input
-        {
-            self.nmpc.reset_to(&x, u).map_err(|error| error.to_string())?;
-        }
-        if let Some(u) = &request.u_applied {
-            self.nmpc.set_applied_input(u).map_err(|error| error.to_string())?;
-        }
-        let budget = self.spec.budget_us.map(|us| Duration::from_secs_f64(1e-6 * us));
-        let clock = Instant::now();
-        let mut expired = || budget.is_some_and(|budget| clock.elapsed() >= budget);
-        let step = self.nmpc.step_within(&x, &self.window, &mut expired);
-        let StepReport { u, status, .. } = step.map_err(|error| error.to_string())?;
-        let step_us = 1e6 * clock.elapsed().as_secs_f64();
-        self.done += 1;
-        if let Some(guard) = &mut self.guard {
-            guard.look(&x, u, &[]).map_err(|error| error.to_string())?;
-        }
-        let answer = text(&Answer { u, status: status.to_string(), x: &x, step_us });
-        // What can be done of the next step before its line comes.
-        self.nmpc.prepare();
-        Ok(answer)
-    }
-
-    /// Checks the lengths, so that a line that is refused has changed nothing.
-    fn check(&self, request: &Request) -> Result<(), String> {
-        let dims = self.nmpc.model().dims();
-        let outputs = self.spec.controlled.len();
-        let length = |what: &str, found: usize, expected: usize, each: &str| match found {
-            found if found == expected => Ok(()),
-            _ => Err(format!("{what}: {found} numbers given, expected {expected}, one per {each}")),
-        };
-        length("y", request.y.len(), dims.nx, "state")?;
-        if let Some(u) = &request.u_applied {
-            length("u_applied", u.len(), dims.nu, "input")?;
-        }
-        match &request.reference {
-            None => {}
-            Some(Window::Held(row)) => {
-                length("reference", row.len(), outputs, "controlled quantity")?;
-            }
-            Some(Window::Stages(rows)) => {
-                if rows.len() != self.spec.n2 {
-                    let (found, expected) = (rows.len(), self.spec.n2);
-                    return Err(format!(
-                        "reference: {found} rows given, expected {expected}, one per step of the \
-                         horizon"
-                    ));
-                }
-                for row in rows {
-                    length("a row of reference", row.len(), outputs, "controlled quantity")?;
-                }
-            }
-        }
-        Ok(())
-    }
-
-    /// Writes what is followed by the input of this step.
-    fn write_window(&mut self, reference: Option<&Window>) {
-        let width = self.spec.controlled.len();
-        match reference {
-            Some(Window::Held(row)) => {
-                self.window.chunks_exact_mut(width).for_each(|to| to.copy_from_slice(row));
-            }
-            Some(Window::Stages(rows)) => {
-                let stages = self.window.chunks_exact_mut(width).zip(rows);
-                stages.for_each(|(to, row)| to.copy_from_slice(row));
-            }
-            None if self.spec.preview => {
-                let first = self.done + self.spec.delay_steps;
-                self.reference.preview(first, &mut self.window);
-            }
-            None => {
-                let now = self.reference.at(self.done);
-                self.window.chunks_exact_mut(width).for_each(|to| to.copy_from_slice(now));
-            }
-        }
-    }
+    let follow = match &request.reference {
+        None => Follow::Config,
+        Some(Window::Held(row)) => Follow::Held(row),
+        Some(Window::Stages(rows)) => Follow::Stages(rows),
+    };
+    let step = controller.step(&y, follow, request.u_applied.as_deref());
+    let step = step.map_err(|error| error.to_string())?;
+    Ok(text(&Answer {
+        u: step.u,
+        status: step.status.to_string(),
+        x: step.x,
+        unknowns: step.unknowns,
+        estimator: step.estimator.map(|status| status.to_string()),
+        step_us: step.step_us,
+    }))
 }
 
 fn text(value: &impl Serialize) -> String {

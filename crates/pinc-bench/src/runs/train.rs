@@ -36,13 +36,8 @@ pub(crate) fn stage(
         return super::read_model(&run_dir.path(file::MODEL));
     }
     let setup = TrainingSetup::of(experiment)?;
-    let training = setup.training(experiment.seed);
-    let (mut validation, mut test) = (training.validation_set(plant)?, training.test_set(plant)?);
-    if let Some(held_out) = setup.measured(experiment, |data| &data.held_out)? {
-        validation = validation.with_measurements(held_out.measurements.clone());
-        test = test.with_measurements(held_out.measurements);
-    }
-    let mut session = Session::begin(plant, experiment, &setup, &validation, options, run_dir)?;
+    let (validation, test) = setup.scenarios(plant, experiment)?;
+    let mut session = Session::begin(plant, experiment, &setup, validation, options, run_dir)?;
     let outcome = session.work(run_dir, &setup.training.effort, options);
     let net = session.trainer.net();
     // The net first: it is what the time was spent on. That of an interrupted training is in the
@@ -85,6 +80,42 @@ impl<'a> TrainingSetup<'a> {
             validation: experiment.validation.as_ref().ok_or_else(|| missing("validation"))?,
             data: experiment.data.as_ref(),
         })
+    }
+
+    /// The scenarios that the best net is chosen by, and those that it is judged by.
+    pub(super) fn scenarios(
+        &self,
+        plant: &dyn DynPlant,
+        experiment: &Experiment,
+    ) -> Result<(ValidationSet, ValidationSet), BenchError> {
+        let training = self.training(experiment.seed);
+        let (validation, test) = (training.validation_set(plant)?, training.test_set(plant)?);
+        Ok(match self.measured(experiment, |data| &data.held_out)? {
+            None => (validation, test),
+            Some(Data { measurements, .. }) => (
+                validation.with_measurements(measurements.clone()),
+                test.with_measurements(measurements),
+            ),
+        })
+    }
+
+    /// A fresh trainer, and the digest of the measurements that it fits, if there are some.
+    pub(super) fn trainer(
+        &self,
+        plant: &dyn DynPlant,
+        experiment: &Experiment,
+        validation: ValidationSet,
+    ) -> Result<(Trainer, Option<[u8; 32]>), BenchError> {
+        let trainer = Trainer::new(plant, &self.training(experiment.seed), validation)?;
+        let data = self.measured(experiment, |data| &data.files)?;
+        let (Some(data), Some(spec)) = (data, self.data) else { return Ok((trainer, None)) };
+        let trainer = trainer.with_measurements(&data.measurements, spec.weight)?;
+        Ok((trainer, Some(data.digest)))
+    }
+
+    /// How many iterations it has at most.
+    pub(super) fn iterations(&self) -> u64 {
+        self.training.config.phases.iter().map(|phase| phase.iterations).sum()
     }
 
     /// The training that they describe.
@@ -133,24 +164,18 @@ impl Session {
         plant: &dyn DynPlant,
         experiment: &Experiment,
         setup: &TrainingSetup<'_>,
-        validation: &ValidationSet,
+        validation: ValidationSet,
         options: &Options<'_>,
         run_dir: &RunDir,
     ) -> Result<Self, BenchError> {
         let begun = Instant::now();
         let mut fingerprint = experiment.normalized().fingerprint();
-        let total = setup.training.config.phases.iter().map(|phase| phase.iterations).sum();
-        let training = setup.training(experiment.seed);
-        let mut trainer = Trainer::new(plant, &training, validation.clone())?;
-        if let Some(spec) = setup.data
-            && let Some(data) = setup.measured(experiment, |spec| &spec.files)?
-        {
-            trainer = trainer.with_measurements(&data.measurements, spec.weight)?;
-            // The config only names the files; a training is resumed with the same measurements or
-            // not at all.
-            fingerprint.extend(data.digest.iter().map(|byte| format!("{byte:02x}")));
-        }
-        let stage = Stage::begin(options.verbosity, "training", total);
+        let (trainer, digest) = setup.trainer(plant, experiment, validation)?;
+        // The config only names the files; a training is resumed with the same measurements or not
+        // at all.
+        let digest = digest.iter().flatten();
+        fingerprint.extend(digest.map(|byte| format!("{byte:02x}")));
+        let stage = Stage::begin(options.verbosity, "training", setup.iterations());
         let fresh = Self {
             trainer,
             fingerprint,

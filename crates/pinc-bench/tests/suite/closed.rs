@@ -3,7 +3,7 @@
 use crate::common::{outcome, pinc};
 use pinc_bench::Plants;
 use pinc_config::{ControlSpec, Experiment, ModelKind};
-use pinc_record::{ControlReader, ControlRow, StepRow, file, read_fixed_table};
+use pinc_record::{ControlReader, ControlRow, EstimateTable, StepRow, file, read_fixed_table};
 use std::path::{Path, PathBuf};
 
 /// Points of a dense trace per control step.
@@ -14,6 +14,8 @@ pub(crate) struct Closed {
     pub(crate) states: Vec<Vec<f64>>,
     pub(crate) inputs: Vec<Vec<f64>>,
     pub(crate) steps: Vec<StepRow>,
+    /// What an estimator was told and made of it, if there is one.
+    pub(crate) estimates: Option<EstimateTable>,
     pub(crate) spec: ControlSpec,
     sample_time_s: f64,
 }
@@ -41,6 +43,7 @@ impl Closed {
         Self {
             states: rows().map(|row| row.state.clone()).collect(),
             inputs: rows().map(|row| row.input.clone()).collect(),
+            estimates: EstimateTable::read(&path(file::estimates(kind, 1).into())).unwrap(),
             sample_time_s: experiment.sample_time_s().unwrap(),
             steps,
             spec,

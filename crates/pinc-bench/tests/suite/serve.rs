@@ -85,6 +85,75 @@ fn the_served_controller_is_that_of_the_loop() {
     }
 }
 
+/// Given what the estimator of the loop was told, the served one estimates the same, and the
+/// controller chooses the same inputs.
+#[test]
+fn the_served_estimator_is_that_of_the_loop() {
+    let config = repository("configs/estimation/tanks.toml");
+    let estimator = |kind: &'static str| format!("control.estimator.kind={kind}");
+    let (ekf, ukf, mhe) = (estimator("ekf"), estimator("ukf"), estimator("mhe"));
+    let output = "control.estimator.disturbance=output";
+    let held = "control.initial_input=[1.6, 4.0]";
+    for more in [
+        &[&ekf[..]][..],
+        &[&ukf, output],
+        &[&mhe, "control.estimator.window=5", "control.delay_steps=2", held],
+    ] {
+        let mut sets = vec!["--set", "control.duration_s=700.0"];
+        more.iter().for_each(|set| sets.extend(["--set", *set]));
+        let dir = tempfile::tempdir().unwrap();
+        let closed = Closed::run(dir.path(), &config, ModelKind::Rk4, &sets);
+        let estimates = closed.estimates.as_ref().unwrap();
+        let mut served = Served::new(&config, &sets);
+        for (k, row) in estimates.rows.iter().enumerate() {
+            let answer = served.ask(&json!({ "y": row.measured }));
+            assert_eq!(answer["status"], closed.steps[k].status.as_str(), "{more:?} {k}: {answer}");
+            assert_eq!(answer["estimator"], "updated", "{answer}");
+            let found = |key: &str, i: usize| answer[key][i].as_f64().unwrap();
+            for (i, expected) in row.estimate[4..].iter().enumerate() {
+                let off = found("unknowns", i) - expected;
+                assert!(off.abs() < 1e-9, "{more:?} {k}: {off:e}");
+            }
+            for (i, expected) in row.estimate[..4].iter().enumerate() {
+                // The controller sees a measured state with its disturbance.
+                let own = if more.contains(&output) && i < 2 { found("unknowns", i) } else { 0.0 };
+                let off = found("x", i) - own - expected;
+                assert!(off.abs() < 1e-9, "{more:?} {k}: {off:e}");
+            }
+            let Some(inputs) = closed.inputs.get(k + closed.spec.delay_steps) else { continue };
+            for (i, expected) in inputs.iter().enumerate() {
+                let off = found("u", i) - expected;
+                assert!(off.abs() < 1e-8, "{more:?} {k}: {off:e}");
+            }
+        }
+        served.end();
+    }
+}
+
+/// A measurement that is missing is no number; an input that was not the one chosen moves the
+/// estimate.
+#[test]
+fn the_served_estimator_takes_what_is_missing_and_what_was_applied() {
+    let config = repository("configs/estimation/tanks.toml");
+    let answers = [
+        json!({ "y": [2.1, 2.0] }),
+        json!({ "y": [null, null] }),
+        json!({ "y": [null, null], "u_applied": [0.0, 0.0] }),
+    ];
+    let [measured, missing, applied] = answers.map(|request| {
+        let mut served = Served::new(&config, &[]);
+        served.refuses(b"{\"y\": [2.0, 2.0, 0.6, 0.6]}", "expected 2, one per measured quantity");
+        served.input(&json!({ "y": [2.0, 2.0] }));
+        let answer = served.ask(&request);
+        served.end();
+        answer
+    });
+    assert_eq!(measured["estimator"], "updated");
+    assert_eq!(missing["estimator"], "nothing-measured");
+    let level = |answer: &Value| answer["x"][0].as_f64().unwrap();
+    assert!(level(&applied) < level(&missing) - 0.1, "{applied} {missing}");
+}
+
 #[test]
 fn bad_lines_are_answered_and_change_nothing() {
     let config = repository("configs/van-der-pol/control.toml");

@@ -4,6 +4,7 @@ use crate::common::repository;
 use pinc_bench::{Options, Verbosity};
 use pinc_config::{Experiment, ModelKind, Plants};
 use pinc_record::{Metrics, RunDir};
+use std::ops::ControlFlow;
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
 
@@ -149,4 +150,34 @@ fn a_time_limit_ends_a_training_with_its_best_net() {
     let training = record.metrics().training.as_ref().unwrap();
     assert_eq!(training.stop_reason, "time-limit");
     assert!(dir.path().join("model.safetensors").exists());
+}
+
+/// A training in memory gives the net of the run, and the best so far when it is stopped.
+#[test]
+fn a_watched_training_gives_the_net_of_a_run() {
+    let dir = tempfile::tempdir().unwrap();
+    let few = ["training.phases.0.iterations=120"];
+    let (experiment, record) = run("van-der-pol.toml", &few, dir.path());
+    let mut seen = Vec::new();
+    let trained = pinc_bench::train_watched(&experiment, |now| {
+        assert_eq!(now.iterations, 120);
+        seen.push((now.iteration, now.validation_mse.is_some()));
+        ControlFlow::Continue(())
+    })
+    .unwrap();
+    assert!(seen.iter().map(|(iteration, _)| *iteration).eq(1..=120));
+    assert!(!seen[48].1 && seen[49].1, "validated every 50 iterations");
+    let file = std::fs::read(dir.path().join("model.safetensors")).unwrap();
+    assert!(trained.net.to_bytes() == file, "another net");
+    let metrics = record.metrics();
+    let (training, validation) = (metrics.training.as_ref(), metrics.validation.as_ref());
+    assert_eq!(trained.stop_reason, training.unwrap().stop_reason);
+    assert_eq!(trained.totals.loss_evaluations, training.unwrap().loss_evaluations);
+    assert!(trained.validation.mse_gen.total_cmp(&validation.unwrap().mse_gen).is_eq());
+    let stopped = pinc_bench::train_watched(&experiment, |now| match now.iteration {
+        7 => ControlFlow::Break(()),
+        _ => ControlFlow::Continue(()),
+    });
+    let stopped = stopped.unwrap();
+    assert_eq!((stopped.stop_reason.as_str(), stopped.totals.iterations), ("stopped", 7));
 }

@@ -1,0 +1,226 @@
+import os
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any, Optional, Union, final
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ._config import Config
+
+_Array = NDArray[np.float64]
+
+__all__ = ["ControlStep", "Model", "Nmpc", "Trained", "TrainingProgress", "run_into", "train"]
+
+@final
+class Model:
+    """A trained net as a model in discrete time, ``x[k+1] = F(x[k], u[k])``, with its Jacobians.
+
+    All methods take one point, ``x`` of shape ``(n,)`` and ``u`` of shape ``(m,)``, or rows of
+    them, ``(points, n)`` and ``(points, m)``; one that is given once stands for all. The net of a
+    family of plants takes its parameters ``p`` too. A model can be pickled and copied, and used
+    from several threads.
+    """
+
+    @staticmethod
+    def load(path: Union[str, os.PathLike[str]]) -> Model:
+        """Reads a model file, ``model.safetensors``."""
+    @staticmethod
+    def from_bytes(data: bytes) -> Model:
+        """The model of the content of a file."""
+    def save(self, path: Union[str, os.PathLike[str]]) -> None:
+        """Writes the model file."""
+    def to_bytes(self) -> bytes:
+        """The content of its file."""
+    @property
+    def states(self) -> list[str]:
+        """Names of the states, in order."""
+    @property
+    def inputs(self) -> list[str]:
+        """Names of the inputs, in order."""
+    @property
+    def parameters(self) -> list[str]:
+        """Names of the parameters that the net of a family of plants takes."""
+    @property
+    def sample_time_s(self) -> float:
+        """Length T of a step in s."""
+    @property
+    def domain(self) -> dict[str, tuple[float, float]]:
+        """The box that the net was trained on: of each variable the lowest and highest value."""
+    @property
+    def layers(self) -> list[tuple[_Array, _Array]]:
+        """Weights ``(outputs, inputs)`` and bias of each layer at the end of a step, from
+        ``(x, u, p)``, with all scaling folded in; all but the last are followed by tanh."""
+    @property
+    def adds_initial_state(self) -> bool:
+        """Whether the layers give the change of the state rather than the state."""
+    def step(self, x: ArrayLike, u: ArrayLike, p: Optional[ArrayLike] = None) -> _Array:
+        """The state after T."""
+    def linearize(
+        self, x: ArrayLike, u: ArrayLike, p: Optional[ArrayLike] = None
+    ) -> tuple[_Array, _Array, _Array]:
+        """The state after T with its Jacobians by the state, ``(n, n)``, and by the input,
+        ``(n, m)``."""
+    def evaluate(
+        self, t: float, x: ArrayLike, u: ArrayLike, p: Optional[ArrayLike] = None
+    ) -> _Array:
+        """The state at the time t of a step, from 0 to T."""
+    def predict(self, x: ArrayLike, u: ArrayLike, p: Optional[ArrayLike] = None) -> _Array:
+        """The free run from the state ``x`` under the inputs ``u``, a row per step: the states at
+        all step marks, ``(steps + 1, n)``, the first of them ``x``."""
+    def casadi(self, name: str = "pinc") -> Any:
+        """The model as a ``casadi.Function`` of ``(x, u)``, with parameters ``(x, u, p)``, built in
+        SX. Needs the package casadi."""
+
+@final
+class TrainingProgress:
+    """How far a training is."""
+
+    @property
+    def iteration(self) -> int:
+        """Iterations done."""
+    @property
+    def iterations(self) -> int:
+        """How many there are at most."""
+    @property
+    def elapsed_s(self) -> float:
+        """Time since the training began, in s."""
+    @property
+    def loss(self) -> float:
+        """The loss."""
+    @property
+    def validation_mse(self) -> Optional[float]:
+        """The last mean squared error of free runs on the validation scenarios."""
+
+@final
+class Trained:
+    """A trained net, with what came of its training."""
+
+    @property
+    def model(self) -> Model:
+        """The net."""
+    @property
+    def validation(self) -> dict[str, Optional[float]]:
+        """Its errors on scenarios that it was not chosen by, as in ``metrics.json``."""
+    @property
+    def stop_reason(self) -> str:
+        """Why the training ended; ``"stopped"`` if the caller stopped it."""
+    @property
+    def iterations(self) -> int:
+        """Iterations done."""
+    @property
+    def loss_evaluations(self) -> int:
+        """Evaluations of the loss and its gradient."""
+    @property
+    def wall_s(self) -> float:
+        """How long the training took, in s."""
+
+def train(
+    config: Config,
+    overrides: Optional[Mapping[str, object]] = None,
+    progress: Optional[Callable[[TrainingProgress], Optional[bool]]] = None,
+) -> Trained:
+    """Trains the net of a config, in memory.
+
+    ``progress`` is called after every iteration; the training stops, with the best net so far, when
+    it returns something false other than None. Ctrl-C raises ``KeyboardInterrupt``, and an
+    exception of ``progress`` is raised on.
+    """
+
+@final
+class Nmpc:
+    """The controller of a config, with its estimator if the config has one, for a plant that is
+    somewhere else.
+
+    The model is the net ``model``, a ``Model`` or the path of a model file, or the one that
+    ``only`` names (``"pinc"``, ``"rk4"``, ``"rk5"``, ``"rosenbrock"``), or else the config's first.
+    """
+
+    def __new__(
+        cls,
+        config: Config,
+        model: Union[Model, str, os.PathLike[str], None] = None,
+        only: Optional[str] = None,
+        overrides: Optional[Mapping[str, object]] = None,
+    ) -> Nmpc: ...
+    def step(
+        self,
+        y: ArrayLike,
+        reference: Optional[ArrayLike] = None,
+        u_applied: Optional[ArrayLike] = None,
+    ) -> ControlStep:
+        """Chooses the input for a plant of which ``y`` was measured (see ``measured``; with an
+        estimator, what is missing is NaN).
+
+        ``reference`` is a value per controlled quantity, held over the horizon, or a row of them
+        per step ahead (with a delay of d steps, d steps later); without it the config's references
+        are followed, from the first step on. ``u_applied`` is the input that the plant was really
+        given since the last step, if that was not the one chosen.
+        """
+    def reset(self) -> None:
+        """Forgets everything: the next step is again the first."""
+    @property
+    def predicted_states(self) -> _Array:
+        """The states of the last plan at the ends of the steps ahead, ``(horizon, n)``."""
+    @property
+    def planned_inputs(self) -> _Array:
+        """The inputs of the last plan, the one chosen first."""
+    @property
+    def measured(self) -> list[str]:
+        """Names of what is measured: all states, or what the estimator is told."""
+    @property
+    def states(self) -> list[str]:
+        """Names of the states."""
+    @property
+    def inputs(self) -> list[str]:
+        """Names of the inputs."""
+    @property
+    def controlled(self) -> list[str]:
+        """Names of what is controlled: the columns of a reference."""
+    @property
+    def unknowns(self) -> list[str]:
+        """Names of the disturbances and parameters that are estimated."""
+    @property
+    def horizon(self) -> int:
+        """N2, the number of steps ahead."""
+    @property
+    def sample_time_s(self) -> float:
+        """Length T of a step in s."""
+
+@final
+class ControlStep:
+    """What came of a control step."""
+
+    @property
+    def u(self) -> _Array:
+        """The input to apply, within its bounds whatever the status."""
+    @property
+    def status(self) -> str:
+        """How the optimization ended, as in ``steps.csv``: ``"converged"`` is the ordinary one."""
+    @property
+    def x(self) -> _Array:
+        """The state that the controller took the plant to be in: what was measured, or the
+        estimate."""
+    @property
+    def unknowns(self) -> _Array:
+        """The estimated disturbances and parameters; empty without an estimator."""
+    @property
+    def estimator(self) -> Optional[str]:
+        """How the estimator's correction ended; ``"updated"`` is the ordinary one."""
+    @property
+    def sqp_iterations(self) -> int:
+        """How many quadratic programs were solved."""
+    @property
+    def kkt(self) -> float:
+        """The KKT residual that the optimization ended with."""
+    @property
+    def step_us(self) -> float:
+        """How long the step took, in us."""
+
+def run_into(
+    config: Config,
+    out: Union[str, os.PathLike[str], None] = None,
+    overrides: Optional[Mapping[str, object]] = None,
+    resume: bool = False,
+    verbose: bool = False,
+) -> Path: ...

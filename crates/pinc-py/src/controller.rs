@@ -1,0 +1,236 @@
+//! A controller, step by step.
+
+use crate::arrays::{Array, Given, array, values, vector};
+use crate::config::experiment;
+use crate::errors::{input, of_run};
+use crate::model::Model;
+use numpy::{PyArrayDyn, PyUntypedArrayMethods};
+use pinc_bench::{Follow, LiveController, ModelFile};
+use pinc_config::ModelKind;
+use pyo3::prelude::*;
+use std::path::PathBuf;
+use std::sync::{Mutex, MutexGuard, PoisonError};
+
+/// The controller of a config, with its estimator if the config has one.
+#[pyclass(module = "pinc", frozen)]
+#[derive(Debug)]
+pub(crate) struct Nmpc {
+    controller: Mutex<LiveController>,
+}
+
+impl Nmpc {
+    fn lock(&self) -> MutexGuard<'_, LiveController> {
+        self.controller.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+/// What came of a control step.
+#[pyclass(module = "pinc", frozen, get_all)]
+#[derive(Debug)]
+pub(crate) struct ControlStep {
+    /// The input to apply.
+    u: Py<PyArrayDyn<f64>>,
+    /// How the optimization ended.
+    status: String,
+    /// The state that the controller took the plant to be in.
+    x: Py<PyArrayDyn<f64>>,
+    /// The estimated disturbances and parameters.
+    unknowns: Py<PyArrayDyn<f64>>,
+    /// How the estimator's correction ended, or None.
+    estimator: Option<String>,
+    /// How many quadratic programs were solved.
+    sqp_iterations: usize,
+    /// The KKT residual that the optimization ended with.
+    kkt: f64,
+    /// How long the step took, in us.
+    step_us: f64,
+}
+
+#[pymethods]
+impl ControlStep {
+    fn __repr__(&self, py: Python<'_>) -> String {
+        let Self { u, status, .. } = self;
+        format!("<pinc.ControlStep: u = {}, {status}>", u.bind(py))
+    }
+}
+
+/// What is given for the model of a controller.
+#[derive(FromPyObject)]
+enum GivenModel<'py> {
+    Model(Bound<'py, Model>),
+    Path(PathBuf),
+}
+
+#[pymethods]
+impl Nmpc {
+    #[new]
+    #[pyo3(signature = (config, model=None, only=None, overrides=None))]
+    fn new(
+        config: &Bound<'_, PyAny>,
+        model: Option<GivenModel<'_>>,
+        only: Option<&str>,
+        overrides: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<Self> {
+        let experiment = experiment(config, overrides)?;
+        let only = only.map(kind).transpose()?;
+        let bytes;
+        let model = match &model {
+            None => None,
+            Some(GivenModel::Path(path)) => Some(ModelFile::At(path)),
+            Some(GivenModel::Model(model)) => {
+                bytes = model.get().bytes();
+                Some(ModelFile::Content(&bytes))
+            }
+        };
+        let controller = LiveController::new(&experiment, model, only, "pinc.Nmpc");
+        let controller = controller.map_err(|error| of_run(&error))?;
+        Ok(Self { controller: Mutex::new(controller) })
+    }
+
+    /// Chooses the input for a plant of which y was measured.
+    #[pyo3(signature = (y, reference=None, u_applied=None))]
+    fn step(
+        &self,
+        py: Python<'_>,
+        y: Given<'_>,
+        reference: Option<Given<'_>>,
+        u_applied: Option<Given<'_>>,
+    ) -> PyResult<ControlStep> {
+        let y = vector(&y, "y")?;
+        let u_applied = u_applied.map(|u| vector(&u, "u_applied")).transpose()?;
+        let wanted = reference.map(|reference| Reference::read(&reference)).transpose()?;
+        let follow = match &wanted {
+            None => Follow::Config,
+            Some(Reference::Held(row)) => Follow::Held(row),
+            Some(Reference::Stages(rows)) => Follow::Stages(rows),
+        };
+        let mut controller = self.lock();
+        let step = controller.step(&y, follow, u_applied.as_deref());
+        let step = step.map_err(|error| of_run(&error))?;
+        let vector = |values: &[f64]| -> PyResult<Py<PyArrayDyn<f64>>> {
+            Ok(array(py, values.to_vec(), None, &[values.len()])?.unbind())
+        };
+        let done = ControlStep {
+            u: vector(step.u)?,
+            status: step.status.to_string(),
+            x: vector(step.x)?,
+            unknowns: vector(step.unknowns)?,
+            estimator: step.estimator.map(|status| status.to_string()),
+            sqp_iterations: step.sqp_iterations,
+            kkt: step.kkt,
+            step_us: step.step_us,
+        };
+        controller.prepare();
+        Ok(done)
+    }
+
+    /// Forgets everything: the next step is again the first.
+    fn reset(&self) {
+        self.lock().reset();
+    }
+
+    /// The states of the last plan at the ends of the steps ahead.
+    #[getter]
+    fn predicted_states<'py>(&self, py: Python<'py>) -> PyResult<Array<'py>> {
+        let controller = self.lock();
+        let (plan, nx) = (controller.nmpc().plan(), controller.nmpc().model().dims().nx);
+        let states = plan.states().to_vec();
+        let rows = states.len() / nx;
+        array(py, states, Some(rows), &[nx])
+    }
+
+    /// The inputs of the last plan, the one chosen first.
+    #[getter]
+    fn planned_inputs<'py>(&self, py: Python<'py>) -> PyResult<Array<'py>> {
+        let controller = self.lock();
+        let (plan, nu) = (controller.nmpc().plan(), controller.nmpc().model().dims().nu);
+        let inputs = plan.inputs().to_vec();
+        let rows = inputs.len() / nu;
+        array(py, inputs, Some(rows), &[nu])
+    }
+
+    /// Names of what is measured: the argument y of a step.
+    #[getter]
+    fn measured(&self) -> Vec<String> {
+        self.lock().measured()
+    }
+
+    /// Names of the states.
+    #[getter]
+    fn states(&self) -> Vec<String> {
+        self.lock().variables().state_names()
+    }
+
+    /// Names of the inputs.
+    #[getter]
+    fn inputs(&self) -> Vec<String> {
+        self.lock().variables().input_names()
+    }
+
+    /// Names of what is controlled: the columns of a reference.
+    #[getter]
+    fn controlled(&self) -> Vec<String> {
+        self.lock().spec().controlled.clone()
+    }
+
+    /// Names of the disturbances and parameters that are estimated.
+    #[getter]
+    fn unknowns(&self) -> Vec<String> {
+        self.lock().unknowns().to_vec()
+    }
+
+    /// N2, the number of steps ahead.
+    #[getter]
+    fn horizon(&self) -> usize {
+        self.lock().spec().n2
+    }
+
+    /// Length T of a step in s.
+    #[getter]
+    fn sample_time_s(&self) -> f64 {
+        self.lock().nmpc().model().sample_time_s()
+    }
+
+    fn __repr__(&self) -> String {
+        let controller = self.lock();
+        format!(
+            "<pinc.Nmpc: measured {}; inputs {}; controlled {}>",
+            controller.measured().join(", "),
+            controller.variables().input_names().join(", "),
+            controller.spec().controlled.join(", ")
+        )
+    }
+}
+
+/// A reference as it is given: for the whole horizon, or a row per step ahead.
+enum Reference {
+    Held(Vec<f64>),
+    Stages(Vec<Vec<f64>>),
+}
+
+impl Reference {
+    fn read(given: &Given<'_>) -> PyResult<Self> {
+        match *given.shape() {
+            [_] => Ok(Self::Held(values(given))),
+            [rows, width] => {
+                let values = values(given);
+                let row = |k: usize| values[k * width..(k + 1) * width].to_vec();
+                Ok(Self::Stages((0..rows).map(row).collect()))
+            }
+            ref found => Err(input(format!(
+                "reference: an array of {} dimensions given, expected a number per controlled \
+                 quantity, or a row of them per step of the horizon",
+                found.len()
+            ))),
+        }
+    }
+}
+
+/// The model of this name.
+fn kind(name: &str) -> PyResult<ModelKind> {
+    let all = ModelKind::ALL;
+    all.into_iter().find(|kind| kind.name() == name).ok_or_else(|| {
+        let names = ModelKind::ALL.map(ModelKind::name).join(", ");
+        input(format!("only: {name:?} given, expected one of {names}"))
+    })
+}

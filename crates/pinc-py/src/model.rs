@@ -1,0 +1,299 @@
+//! A trained net as a model.
+
+use crate::arrays::{Array, Given, Points, array};
+use crate::errors::{input, of_run};
+use pinc_bench::BenchError;
+use pinc_net::{FoldedNet, PincModel, PincNet, TrainingTarget};
+use pinc_ode::{Dims, Linearization, Model as _, Stages};
+use pinc_record::{read_file, write_atomically};
+use pyo3::prelude::*;
+use pyo3::types::{PyBytes, PyDict, PyTuple};
+use std::path::{Path, PathBuf};
+use std::sync::{Mutex, MutexGuard, PoisonError};
+
+/// A trained net as a model in discrete time, x[k+1] = F(x[k], u[k]), with its Jacobians.
+#[pyclass(module = "pinc", frozen)]
+#[derive(Debug)]
+pub(crate) struct Model {
+    net: PincNet,
+    dims: Dims,
+    parameters: Vec<String>,
+    model: Mutex<PincModel>,
+}
+
+impl Model {
+    pub(crate) fn of(net: PincNet) -> PyResult<Self> {
+        let model = PincModel::new(&net).map_err(|error| input(error.to_string()))?;
+        Ok(Self {
+            dims: model.dims(),
+            parameters: net.parameter_names().map(str::to_owned).collect(),
+            model: Mutex::new(model),
+            net,
+        })
+    }
+
+    fn parse(path: &Path, bytes: &[u8]) -> PyResult<Self> {
+        let net = PincNet::from_bytes(bytes)
+            .map_err(|source| of_run(&BenchError::Model { path: path.to_owned(), source }))?;
+        Self::of(net)
+    }
+
+    /// The content of its file.
+    pub(crate) fn bytes(&self) -> Vec<u8> {
+        self.net.to_bytes()
+    }
+
+    /// The model, for one call. It has no memory of earlier calls, not even of one that failed.
+    fn lock(&self) -> MutexGuard<'_, PincModel> {
+        self.model.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Points for x, u and p, with one of each for all where it is given once.
+    fn arguments(
+        &self,
+        x: &Given<'_>,
+        u: &Given<'_>,
+        p: Option<&Given<'_>>,
+    ) -> PyResult<Arguments> {
+        let x = Points::read(x, "x", self.net.state_names())?;
+        let u = Points::read(u, "u", self.net.input_names())?;
+        let p = match p {
+            Some(p) => Points::read(p, "p", &self.parameters)?,
+            None if self.parameters.is_empty() => Points { values: Vec::new(), rows: None },
+            None => {
+                let names = self.parameters.join(", ");
+                return Err(input(format!("p: missing, the net takes parameters ({names})")));
+            }
+        };
+        let rows = [x.rows, u.rows, p.rows].into_iter().flatten().max();
+        let count = rows.unwrap_or(1);
+        for (name, points) in [("x", &x), ("u", &u), ("p", &p)] {
+            if points.rows.is_some() && points.count() != count {
+                let found = points.count();
+                return Err(input(format!("{name}: {found} rows given, expected {count}")));
+            }
+        }
+        Ok(Arguments {
+            x: x.repeated(count),
+            u: u.repeated(count),
+            p: p.repeated(count),
+            count,
+            rows,
+        })
+    }
+}
+
+/// The arguments of a model at some points.
+struct Arguments {
+    x: Vec<f64>,
+    u: Vec<f64>,
+    p: Vec<f64>,
+    count: usize,
+    rows: Option<usize>,
+}
+
+#[pymethods]
+impl Model {
+    /// Reads a model file.
+    #[staticmethod]
+    fn load(path: PathBuf) -> PyResult<Self> {
+        let bytes = read_file(&path).map_err(|error| of_run(&error.into()))?;
+        Self::parse(&path, &bytes)
+    }
+
+    /// The model of the content of a file.
+    #[staticmethod]
+    fn from_bytes(data: &[u8]) -> PyResult<Self> {
+        Self::parse(Path::new("model"), data)
+    }
+
+    /// Writes the model file.
+    fn save(&self, path: PathBuf) -> PyResult<()> {
+        write_atomically(&path, &self.bytes()).map_err(|error| of_run(&error.into()))
+    }
+
+    /// The content of its file.
+    fn to_bytes<'py>(&self, py: Python<'py>) -> Bound<'py, PyBytes> {
+        PyBytes::new(py, &self.bytes())
+    }
+
+    fn __reduce__<'py>(
+        slf: &Bound<'py, Self>,
+    ) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+        let make = slf.get_type().getattr("from_bytes")?;
+        Ok((make, PyTuple::new(slf.py(), [slf.get().to_bytes(slf.py())])?))
+    }
+
+    fn __repr__(&self) -> String {
+        format!(
+            "<pinc.Model: states {}; inputs {}; T = {} s>",
+            self.net.state_names().join(", "),
+            self.net.input_names().join(", "),
+            self.net.sample_time_s()
+        )
+    }
+
+    /// Names of the states.
+    #[getter]
+    fn states(&self) -> Vec<String> {
+        self.net.state_names().to_vec()
+    }
+
+    /// Names of the inputs.
+    #[getter]
+    fn inputs(&self) -> Vec<String> {
+        self.net.input_names().to_vec()
+    }
+
+    /// Names of the parameters that the net of a family of plants takes.
+    #[getter]
+    fn parameters(&self) -> Vec<String> {
+        self.parameters.clone()
+    }
+
+    /// Length T of a step in s.
+    #[getter]
+    fn sample_time_s(&self) -> f64 {
+        self.net.sample_time_s()
+    }
+
+    /// The box that the net was trained on: of each variable the lowest and the highest value.
+    #[getter]
+    fn domain<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let names = self.net.state_names().iter().chain(self.net.input_names());
+        let domain = PyDict::new(py);
+        for (name, ends) in names.chain(&self.parameters).zip(self.net.domain().ends()) {
+            domain.set_item(name, ends)?;
+        }
+        Ok(domain)
+    }
+
+    /// The layers at the end of a step: weights and bias of each, with all scaling folded in.
+    #[getter]
+    fn layers<'py>(&self, py: Python<'py>) -> PyResult<Vec<(Array<'py>, Array<'py>)>> {
+        let folded = FoldedNet::new(&self.net).map_err(|error| input(error.to_string()))?;
+        let layers = folded.layers.into_iter().map(|layer| {
+            let shape = [layer.bias.len(), layer.weights.first().map_or(0, Vec::len)];
+            let weights = array(py, layer.weights.concat(), None, &shape)?;
+            Ok((weights, array(py, layer.bias, None, &shape[..1])?))
+        });
+        layers.collect()
+    }
+
+    /// Whether the layers give the change of the state rather than the state.
+    #[getter]
+    fn adds_initial_state(&self) -> PyResult<bool> {
+        let folded = FoldedNet::new(&self.net).map_err(|error| input(error.to_string()))?;
+        Ok(folded.adds_initial_state)
+    }
+
+    /// The state after T.
+    #[pyo3(signature = (x, u, p=None))]
+    fn step<'py>(
+        &self,
+        py: Python<'py>,
+        x: Given<'py>,
+        u: Given<'py>,
+        p: Option<Given<'py>>,
+    ) -> PyResult<Array<'py>> {
+        let at = self.arguments(&x, &u, p.as_ref())?;
+        let Dims { nx, nu, np, .. } = self.dims;
+        let mut next = vec![0.0; at.count * nx];
+        let mut model = self.lock();
+        for k in 0..at.count {
+            let part = |all: &'_ [f64], width: usize| all[k * width..(k + 1) * width].to_vec();
+            let (x, u, p) = (part(&at.x, nx), part(&at.u, nu), part(&at.p, np));
+            model.step(&x, &u, &p, &mut next[k * nx..(k + 1) * nx]);
+        }
+        drop(model);
+        array(py, next, at.rows, &[nx])
+    }
+
+    /// The state after T with its Jacobians by the state and the input.
+    #[pyo3(signature = (x, u, p=None))]
+    fn linearize<'py>(
+        &self,
+        py: Python<'py>,
+        x: Given<'py>,
+        u: Given<'py>,
+        p: Option<Given<'py>>,
+    ) -> PyResult<(Array<'py>, Array<'py>, Array<'py>)> {
+        let at = self.arguments(&x, &u, p.as_ref())?;
+        let Dims { nx, nu, .. } = self.dims;
+        let mut next = vec![0.0; at.count * nx];
+        let mut a = vec![0.0; at.count * nx * nx];
+        let mut b = vec![0.0; at.count * nx * nu];
+        self.lock().linearize(
+            Stages { x: &at.x, u: &at.u, p: &at.p },
+            Linearization { next: &mut next, a: &mut a, b: &mut b, e: &mut [] },
+        );
+        Ok((
+            array(py, next, at.rows, &[nx])?,
+            array(py, a, at.rows, &[nx, nx])?,
+            array(py, b, at.rows, &[nx, nu])?,
+        ))
+    }
+
+    /// The state at the time t of a step, from 0 to T.
+    #[pyo3(signature = (t, x, u, p=None))]
+    fn evaluate<'py>(
+        &self,
+        py: Python<'py>,
+        t: f64,
+        x: Given<'py>,
+        u: Given<'py>,
+        p: Option<Given<'py>>,
+    ) -> PyResult<Array<'py>> {
+        let end = self.net.sample_time_s();
+        if !(0.0..=end).contains(&t) {
+            return Err(input(format!("t: {t} s given, expected from 0 to T = {end} s")));
+        }
+        if self.net.source() == TrainingTarget::Integrator && t < end {
+            return Err(input(format!(
+                "t: {t} s given, expected T = {end} s: a net distilled from an integrator knows \
+                 the end of a step only"
+            )));
+        }
+        let at = self.arguments(&x, &u, p.as_ref())?;
+        let Dims { nx, nu, np, .. } = self.dims;
+        let mut states = Vec::with_capacity(at.count * nx);
+        for k in 0..at.count {
+            let part = |all: &'_ [f64], width: usize| all[k * width..(k + 1) * width].to_vec();
+            let (x, u, p) = (part(&at.x, nx), part(&at.u, nu), part(&at.p, np));
+            states.extend(self.net.evaluate(t, &x, &u, &p));
+        }
+        array(py, states, at.rows, &[nx])
+    }
+
+    /// The free run from a state under a row of inputs per step.
+    #[pyo3(signature = (x, u, p=None))]
+    fn predict<'py>(
+        &self,
+        py: Python<'py>,
+        x: Given<'py>,
+        u: Given<'py>,
+        p: Option<Given<'py>>,
+    ) -> PyResult<Array<'py>> {
+        let at = self.arguments(&x, &u, p.as_ref())?;
+        let Dims { nx, nu, np, .. } = self.dims;
+        if Points::read(&x, "x", self.net.state_names())?.rows.is_some() {
+            return Err(input("x: rows given, expected one state, where the run begins"));
+        }
+        let mut states = at.x[..nx.min(at.x.len())].to_vec();
+        states.resize((at.count + 1) * nx, 0.0);
+        let mut model = self.lock();
+        for k in 0..at.count {
+            let (done, next) = states.split_at_mut((k + 1) * nx);
+            let (u, p) = (&at.u[k * nu..(k + 1) * nu], &at.p[k * np..(k + 1) * np]);
+            model.step(&done[k * nx..], u, p, &mut next[..nx]);
+        }
+        drop(model);
+        array(py, states, Some(at.count + 1), &[nx])
+    }
+
+    /// The model as a function of CasADi, in SX.
+    #[pyo3(signature = (name="pinc"))]
+    fn casadi<'py>(slf: &Bound<'py, Self>, name: &str) -> PyResult<Bound<'py, PyAny>> {
+        slf.py().import("pinc._casadi")?.call_method1("function", (slf, name))
+    }
+}

@@ -1,0 +1,120 @@
+//! Training a net.
+
+use crate::config::experiment;
+use crate::errors::of_run;
+use crate::model::Model;
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+use std::ops::ControlFlow;
+
+/// How far a training is.
+#[pyclass(module = "pinc", frozen, get_all)]
+#[derive(Debug)]
+pub(crate) struct TrainingProgress {
+    /// Iterations done.
+    iteration: u64,
+    /// How many there are at most.
+    iterations: u64,
+    /// Time since the training began, in s.
+    elapsed_s: f64,
+    /// The loss.
+    loss: f64,
+    /// The last mean squared error of a free run on the validation scenarios, or None.
+    validation_mse: Option<f64>,
+}
+
+#[pymethods]
+impl TrainingProgress {
+    fn __repr__(&self) -> String {
+        let mse = self.validation_mse.map_or_else(String::new, |mse| format!(", MSE {mse:.2e}"));
+        let Self { iteration, iterations, loss, .. } = self;
+        format!("<pinc.TrainingProgress: {iteration}/{iterations}, loss {loss:.2e}{mse}>")
+    }
+}
+
+/// A trained net, with what came of its training.
+#[pyclass(module = "pinc", frozen, get_all)]
+#[derive(Debug)]
+pub(crate) struct Trained {
+    /// The net.
+    model: Py<Model>,
+    /// Its errors on scenarios that it was not chosen by.
+    validation: Py<PyDict>,
+    /// Why the training ended.
+    stop_reason: String,
+    /// Iterations done.
+    iterations: u64,
+    /// Evaluations of the loss and its gradient.
+    loss_evaluations: u64,
+    /// How long the training took, in s.
+    wall_s: f64,
+}
+
+#[pymethods]
+impl Trained {
+    fn __repr__(&self) -> String {
+        let Self { stop_reason, iterations, wall_s, .. } = self;
+        format!("<pinc.Trained: {stop_reason} after {iterations} iterations, {wall_s:.1} s>")
+    }
+}
+
+/// Trains the net of a config.
+#[pyfunction]
+#[pyo3(signature = (config, overrides=None, progress=None))]
+pub(crate) fn train(
+    py: Python<'_>,
+    config: &Bound<'_, PyAny>,
+    overrides: Option<&Bound<'_, PyAny>>,
+    progress: Option<Py<PyAny>>,
+) -> PyResult<Trained> {
+    let experiment = experiment(config, overrides)?;
+    let mut raised = None;
+    let trained = py.detach(|| {
+        pinc_bench::train_watched(&experiment, |now| {
+            let shown = Python::attach(|py| show(py, progress.as_ref(), now));
+            shown.unwrap_or_else(|error| {
+                raised = Some(error);
+                ControlFlow::Break(())
+            })
+        })
+    });
+    if let Some(error) = raised {
+        return Err(error);
+    }
+    let trained = trained.map_err(|error| of_run(&error))?;
+    let validation = PyDict::new(py);
+    let errors = &trained.validation;
+    validation.set_item("mse_gen", errors.mse_gen)?;
+    validation.set_item("mse_gen_normalized", errors.mse_gen_normalized)?;
+    validation.set_item("mse_all_normalized", errors.mse_all_normalized)?;
+    validation.set_item("one_step_mse", errors.one_step_mse)?;
+    validation.set_item("measured_mse", errors.measured_mse)?;
+    Ok(Trained {
+        model: Py::new(py, Model::of(trained.net)?)?,
+        validation: validation.unbind(),
+        stop_reason: trained.stop_reason,
+        iterations: trained.totals.iterations,
+        loss_evaluations: trained.totals.loss_evaluations,
+        wall_s: trained.wall_s,
+    })
+}
+
+/// Lets signals be handled, and calls the caller's function. It stops the training with `False`.
+fn show(
+    py: Python<'_>,
+    progress: Option<&Py<PyAny>>,
+    now: &pinc_bench::TrainingProgress,
+) -> PyResult<ControlFlow<()>> {
+    py.check_signals()?;
+    let Some(progress) = progress else { return Ok(ControlFlow::Continue(())) };
+    let shown = TrainingProgress {
+        iteration: now.iteration,
+        iterations: now.iterations,
+        elapsed_s: now.elapsed_s,
+        loss: now.loss,
+        validation_mse: now.validation_mse,
+    };
+    let answer = progress.bind(py).call1((shown,))?;
+    let stops = !answer.is_none() && !answer.is_truthy()?;
+    Ok(if stops { ControlFlow::Break(()) } else { ControlFlow::Continue(()) })
+}

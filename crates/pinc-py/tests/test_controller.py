@@ -1,0 +1,109 @@
+"""Controllers, step by step."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import pinc
+
+POINTS = 9  # of a dense trace per step
+TANKS = Path(__file__).resolve().parents[3] / "configs" / "estimation" / "tanks.toml"
+
+
+@pytest.mark.parametrize("kind", ["pinc", "rk4"])
+def test_it_takes_the_steps_of_the_closed_loop(
+    done: pinc.Run, smoke: Path, model: pinc.Model, kind: str
+) -> None:
+    trace, steps = done.control(kind), done.steps(kind)
+    marks = slice(0, POINTS * len(steps["step"]), POINTS)
+    net = done.path / "model.safetensors"
+    controllers = [pinc.Nmpc(smoke, of, only=kind) for of in (model, net, str(net))]
+    for controller in controllers:
+        for k, (x1, x2, u) in enumerate(zip(*(trace[n][marks] for n in ("x1", "x2", "u")))):
+            step = controller.step([x1, x2])
+            assert abs(step.u[0] - u) < 1e-9
+            assert step.status == steps["status"][k]
+            assert step.sqp_iterations == steps["sqp_iterations"][k]
+            assert np.array_equal(step.x, [x1, x2])
+            assert step.estimator is None and step.unknowns.size == 0
+            assert step.kkt < 1e-7 and step.step_us > 0
+
+
+def test_what_it_says_of_itself(smoke: Path) -> None:
+    controller = pinc.Nmpc(smoke, only="rk4")
+    assert controller.measured == controller.states == controller.controlled == ["x1", "x2"]
+    assert (controller.inputs, controller.unknowns) == (["u"], [])
+    assert controller.sample_time_s == 0.5
+    step = controller.step([0.3, 0.1])
+    plan = controller.planned_inputs
+    assert controller.predicted_states.shape == (controller.horizon, 2)
+    assert np.array_equal(plan[0], step.u) and plan.shape[1] == 1
+    assert "controlled x1, x2" in repr(controller) and "converged" in repr(step)
+
+
+def test_reference_applied_input_and_reset_count(smoke: Path) -> None:
+    controller = pinc.Nmpc(smoke, only="rk4")
+
+    def second(**given: object) -> float:
+        controller.reset()
+        controller.step([0.5, 0.1])
+        return float(controller.step([0.4, 0.2], **given).u[0])  # type: ignore[arg-type]
+
+    plain = second()
+    assert second() == plain
+    assert second(u_applied=[1.0]) > plain + 0.05
+    held = second(reference=[0.8, 0.0])
+    assert held > plain + 0.1
+    assert second(reference=np.tile([0.8, 0.0], (controller.horizon, 1))) == held
+
+
+def test_an_estimator_is_taken_along(tmp_path: Path) -> None:
+    few = {"control.duration_s": 300.0, "control.models": ["rk4"], "control.repetitions": 1}
+    tanks = TANKS.read_text(encoding="utf-8").split("[training]")[0].split("[model]")[0]
+    loop = "[control]\nstep_s = 10.0\n" + TANKS.read_text(encoding="utf-8").split("[control]\n")[1]
+    run = pinc.run(tanks + loop, tmp_path, few | {"control.repetitions": 1})
+    trace, estimates = run.control(), run.estimates("rk4")
+    controller = pinc.Nmpc(tanks + loop, overrides=few)
+    assert controller.measured == ["h1", "h2"] and controller.unknowns == ["d_u1", "d_u2"]
+    for k, (h1, h2) in enumerate(zip(estimates["y_h1"], estimates["y_h2"])):
+        step = controller.step([h1, h2])
+        assert step.estimator == "updated"
+        for name, value in zip(controller.states + controller.unknowns, [*step.x, *step.unknowns]):
+            assert abs(value - estimates[name][k]) < 1e-9
+        assert np.abs(step.u - [trace[n][POINTS * k] for n in controller.inputs]).max() < 1e-8
+    assert controller.step([np.nan, np.nan]).estimator == "nothing-measured"
+
+
+def test_wrong_arguments_are_said_to_be_so_and_change_nothing(smoke: Path) -> None:
+    controller, other = (pinc.Nmpc(smoke, only="rk4") for _ in range(2))
+    assert controller.step([0.5, 0.1]).u == other.step([0.5, 0.1]).u
+    for y, given, message in [
+        ([0.1], {}, "y: 1 numbers given, expected 2, one per state"),
+        ([0.1, np.nan], {}, "y: NaN given, expected finite numbers"),
+        ([[0.1, 0.2]], {}, "y: an array of shape"),
+        ([0.1, 0.2], {"reference": [0.1]}, "reference: 1 numbers given, expected 2"),
+        ([0.1, 0.2], {"reference": [[0.1, 0.2]]}, "1 rows given, expected"),
+        ([0.1, 0.2], {"reference": np.zeros((1, 1, 2))}, "3 dimensions"),
+        ([0.1, 0.2], {"reference": [np.inf, 0]}, "reference: inf given"),
+        ([0.1, 0.2], {"u_applied": [0.1, 0.2]}, "u_applied: 2 numbers given, expected 1"),
+    ]:
+        with pytest.raises(pinc.InputError, match=message):
+            controller.step(y, **given)
+    assert controller.step([0.4, -0.1]).u == other.step([0.4, -0.1]).u
+
+
+def test_controllers_that_cannot_be_made_are_refused(
+    smoke: Path, model: pinc.Model, tmp_path: Path
+) -> None:
+    for given, message in [
+        ({}, "a net that was trained"),
+        ({"only": "none"}, "only: \"none\" given, expected one of pinc, rk4"),
+        ({"only": "rosenbrock"}, "control.models"),
+        ({"model": tmp_path / "none"}, "none"),
+        ({"model": model, "overrides": {"model.horizon_s": 0.25}}, "step length T"),
+    ]:
+        with pytest.raises(pinc.InputError, match=message):
+            pinc.Nmpc(smoke, **given)  # type: ignore[arg-type]
+    with pytest.raises(TypeError):
+        pinc.Nmpc(smoke, model=3)  # type: ignore[arg-type]
