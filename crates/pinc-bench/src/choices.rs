@@ -1,6 +1,6 @@
 //! What arguments of the command line can be chosen from.
 
-use crate::Target;
+use crate::{OnSlurm, Shard, Target};
 use pinc_config::{ModelKind, OutsidePolicy};
 use pinc_export::FmiVersion;
 
@@ -47,6 +47,69 @@ impl Only {
     }
 }
 
+/// What runs a sweep in place of this process.
+#[derive(Clone, Copy, Debug, clap::ValueEnum)]
+pub(crate) enum On {
+    /// Jobs of a Slurm that is there.
+    Slurm,
+}
+
+/// How a sweep is run.
+#[derive(Debug, clap::Args)]
+pub(crate) struct SweepArgs {
+    /// Run only a share of a sweep, as 3/8: the third of eight.
+    #[arg(long, value_name = "K/N", value_parser = shard)]
+    shard: Option<Shard>,
+    /// Share a sweep with other processes that work in the same run directory.
+    #[arg(long)]
+    shared: bool,
+    /// Throw away the results that a sweep has in the run directory.
+    #[arg(long, conflicts_with = "resume")]
+    pub(crate) fresh: bool,
+    /// Submit a sweep as a job array of Slurm with a merge after it.
+    #[arg(long, value_enum, conflicts_with_all = ["shard", "shared"])]
+    on: Option<On>,
+    /// How many jobs share the sweep.
+    #[arg(long, requires = "on", value_parser = clap::value_parser!(u16).range(1..=10_000))]
+    jobs: Option<u16>,
+    /// An option of sbatch, as partition=short or time=02:00:00, or modules=NAME,.. (repeatable).
+    #[arg(long, value_name = "KEY=VALUE", requires = "on")]
+    slurm: Vec<String>,
+    /// Write the scripts for Slurm and submit nothing.
+    #[arg(long, requires = "on")]
+    dry_run: bool,
+    /// Wait until the jobs are over, and show how far they are.
+    #[arg(long, requires = "on", conflicts_with = "dry_run")]
+    wait: bool,
+}
+
+impl SweepArgs {
+    /// The share to run, if the experiment has to be a sweep.
+    pub(crate) fn shard(&self) -> Option<Shard> {
+        let part = Shard { shared: self.shared, ..self.shard.unwrap_or(Shard::WHOLE) };
+        (self.shard.is_some() || self.shared).then_some(part)
+    }
+
+    /// How the sweep is given to Slurm, if it is.
+    pub(crate) fn on_slurm(&self) -> Option<OnSlurm> {
+        self.on.map(|On::Slurm| OnSlurm {
+            jobs: self.jobs.map(usize::from),
+            options: self.slurm.clone(),
+            dry_run: self.dry_run,
+            wait: self.wait,
+        })
+    }
+}
+
+/// A share of a sweep, written K/N.
+fn shard(text: &str) -> Result<Shard, String> {
+    let parts = text.split_once('/').and_then(|(k, n)| Some((k.parse().ok()?, n.parse().ok()?)));
+    match parts {
+        Some((number, of)) if (1..=of).contains(&number) => Ok(Shard { number, of, shared: false }),
+        _ => Err("expected K/N with K from 1 to N, as 3/8".to_owned()),
+    }
+}
+
 /// What a net is exported to.
 #[derive(Clone, Copy, Debug, clap::ValueEnum)]
 pub(crate) enum To {
@@ -71,4 +134,21 @@ impl To {
             Self::Onnx => Target::Onnx,
         }
     }
+}
+
+/// A share, written 1% or 0.01.
+pub(crate) fn share(text: &str) -> Result<f64, String> {
+    let (number, unit) = match text.trim().strip_suffix('%') {
+        Some(number) => (number, 0.01),
+        None => (text, 1.0),
+    };
+    let share = number.trim().parse::<f64>().ok().map(|number| unit * number);
+    let is_share = |share: &f64| *share > 0.0 && *share <= 1.0;
+    share.filter(is_share).ok_or_else(|| "expected a share above 0, as 1% or 0.01".to_owned())
+}
+
+/// A number of seconds.
+pub(crate) fn seconds(text: &str) -> Result<f64, String> {
+    let seconds = text.parse::<f64>().ok().filter(|s| *s > 0.0 && s.is_finite());
+    seconds.ok_or_else(|| "expected a positive number of seconds, as 120".to_owned())
 }

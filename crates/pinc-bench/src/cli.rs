@@ -1,8 +1,10 @@
 //! The command line.
 
-use crate::choices::{Only, Outside, To};
+use crate::choices::{Only, Outside, SweepArgs, To, seconds, share};
 use crate::runs::verdict;
-use crate::{BenchError, BenchOptions, Options, Shard, Verbosity, console, summary};
+use crate::{
+    BenchError, BenchOptions, ChooseOptions, OnSlurm, Options, Shard, Verbosity, console, summary,
+};
 use clap::{Args, Parser, Subcommand};
 use pinc_config::{Experiment, Plants, RunList};
 use pinc_record::RunDir;
@@ -31,11 +33,15 @@ enum Command {
         /// Config files, or lists of such (TOML).
         #[arg(required = true, value_name = "CONFIG")]
         configs: Vec<PathBuf>,
-        /// Run only a share of a sweep, as 3/8: the third of eight.
-        #[arg(long, value_name = "K/N", value_parser = shard)]
-        shard: Option<Shard>,
+        #[command(flatten)]
+        sweep: SweepArgs,
         #[command(flatten)]
         run: RunArgs,
+    },
+    /// Say how far a sweep is, and when it will be over.
+    Status {
+        /// Run directory.
+        dir: PathBuf,
     },
     /// Collect the trials of sweeps of one config, run as shards, in one directory.
     Merge {
@@ -100,6 +106,25 @@ enum Command {
         #[command(flatten)]
         set: SetArgs,
     },
+    /// Identify parameters and initial states from recorded data.
+    Identify {
+        /// Config file (TOML).
+        config: PathBuf,
+        /// Data: columns t, the inputs, y_ and the name of each measured quantity.
+        #[arg(long, required = true, num_args = 1.., value_name = "FILE")]
+        data: Vec<PathBuf>,
+        /// Directory of the results, by default `runs/`, the experiment's name and `-identify`.
+        #[arg(long, value_name = "DIR")]
+        out: Option<PathBuf>,
+        /// Model file (safetensors), to identify with a net of a family.
+        #[arg(long)]
+        model: Option<PathBuf>,
+        /// The model to identify with.
+        #[arg(long, value_enum)]
+        only: Option<Only>,
+        #[command(flatten)]
+        set: SetArgs,
+    },
     /// Export a trained net, or with a config its whole controller, to other programs.
     Export {
         /// Config file (TOML) of the controller; without one the net alone is exported.
@@ -145,6 +170,20 @@ enum Command {
         only: Option<Only>,
         #[command(flatten)]
         set: SetArgs,
+    },
+    /// Say which model should be in a config's loop: tries integrators by their substeps and nets by
+    /// their size, and writes the config with the cheapest that is good enough.
+    Choose {
+        /// Config file (TOML).
+        config: PathBuf,
+        /// How much more than the most exact model's a loop's IAE may be, as 1% or 0.01.
+        #[arg(long, value_name = "SHARE", default_value = "1%", value_parser = share)]
+        within: f64,
+        /// The time for trying, in s.
+        #[arg(long, value_name = "SECONDS", default_value_t = 120.0, value_parser = seconds)]
+        budget_s: f64,
+        #[command(flatten)]
+        run: RunArgs,
     },
     /// Check a config and examine its plant before anything is trained.
     Check {
@@ -236,7 +275,8 @@ pub fn program(plants: &Plants) -> ExitCode {
 fn execute(cli: &Cli, plants: &Plants) -> Result<ExitCode, BenchError> {
     let quiet = cli.quiet;
     match &cli.command {
-        Command::Run { configs, shard, run } => run_all(configs, *shard, run, plants, quiet)?,
+        Command::Run { configs, sweep, run } => run_all(configs, sweep, run, plants, quiet)?,
+        Command::Status { dir } => show(quiet, &crate::status(dir, plants)?.to_string()),
         Command::Merge { parts, out } => {
             let arguments = arguments();
             let options = options(true, quiet, &arguments);
@@ -292,6 +332,24 @@ fn execute(cli: &Cli, plants: &Plants) -> Result<ExitCode, BenchError> {
             let found = crate::estimate(&experiment, data, output, model, only)?;
             show(quiet, &found.to_string());
         }
+        Command::Identify { config, data, out, model, only, set } => {
+            let experiment = Experiment::load(config, &set.set, plants)?;
+            let named = || Path::new("runs").join(format!("{}-identify", experiment.name));
+            let dir = out.clone().unwrap_or_else(named);
+            let (only, arguments) = (only.map(Only::kind), arguments());
+            let options = options(false, quiet, &arguments);
+            let found = crate::identify(&experiment, data, &dir, &options, model.as_deref(), only)?;
+            show(quiet, &crate::identification_summary(&found));
+        }
+        Command::Choose { config, within, budget_s, run } => {
+            let experiment = Experiment::load(config, &run.set.set, plants)?;
+            let dir = run.directory(&format!("{}-choose", experiment.name), false);
+            let arguments = arguments();
+            let options = options(run.resume, quiet, &arguments);
+            let how = ChooseOptions { within: *within, budget_s: *budget_s };
+            let choice = crate::choose(&experiment, &dir, plants, &options, how)?;
+            show(quiet, &choice.to_string());
+        }
         Command::Check { config, json, set } => return check(config, *json, &set.set, plants),
         Command::Report { dir } => {
             let path = crate::rebuild_report(dir)?;
@@ -320,7 +378,7 @@ fn execute(cli: &Cli, plants: &Plants) -> Result<ExitCode, BenchError> {
 /// All configs are read before the first is run, so that a mistake in the last shows at once.
 fn run_all(
     configs: &[PathBuf],
-    shard: Option<Shard>,
+    sweep: &SweepArgs,
     run: &RunArgs,
     plants: &Plants,
     quiet: bool,
@@ -334,12 +392,22 @@ fn run_all(
             return Err(BenchError::SameDirectory { dir: dir.clone() });
         }
     }
+    if let Some(slurm) = &sweep.on_slurm() {
+        return all.iter().try_for_each(|(experiment, dir)| {
+            run.on_slurm(experiment, dir, sweep.fresh, slurm, plants, quiet)
+        });
+    }
     let work = |experiment: &Experiment, dir: &Path, options: &Options<'_>| match (
         &experiment.sweep,
-        shard,
+        sweep.shard(),
     ) {
         (None, None) => crate::run(experiment, dir, options),
-        _ => crate::sweep(experiment, dir, options, shard.unwrap_or(Shard::WHOLE)),
+        (_, shard) => {
+            if !(sweep.fresh || options.resume) {
+                may_begin_afresh(experiment, dir)?;
+            }
+            crate::sweep(experiment, dir, options, shard.unwrap_or(Shard::WHOLE))
+        }
     };
     if let [(experiment, dir)] = &all[..] {
         return run.execute(experiment, dir, quiet, &work);
@@ -358,6 +426,17 @@ fn run_all(
     match failed {
         0 => Ok(()),
         failed => Err(BenchError::FailedRuns { failed, runs: all.len() }),
+    }
+}
+
+/// Whether nothing of a sweep is lost if it begins now, or whoever is asked agrees.
+fn may_begin_afresh(experiment: &Experiment, dir: &Path) -> Result<(), BenchError> {
+    let Some(crate::Kept { trials, nets }) = crate::kept(experiment, dir) else { return Ok(()) };
+    let place = dir.display();
+    let question = format!("{place} holds {trials} finished trials and {nets} nets. Remove them?");
+    match console::confirmed(&question) {
+        Some(true) => Ok(()),
+        _ => Err(BenchError::KeepsResults { dir: dir.to_owned(), trials, nets }),
     }
 }
 
@@ -418,6 +497,31 @@ impl RunArgs {
         Ok(listed.map(|(experiment, place)| (experiment, dir.join(place))).collect())
     }
 
+    /// Submits a sweep, with what its directory holds unless it is to be thrown away.
+    fn on_slurm(
+        &self,
+        experiment: &Experiment,
+        dir: &Path,
+        fresh: bool,
+        slurm: &OnSlurm,
+        plants: &Plants,
+        quiet: bool,
+    ) -> Result<(), BenchError> {
+        if fresh {
+            crate::clear(experiment, dir)?;
+        }
+        let submitted = crate::submit(experiment, dir, slurm)?;
+        show(quiet, &submitted.to_string());
+        if slurm.wait && submitted.jobs > 0 {
+            let arguments = arguments();
+            crate::wait(dir, plants, &options(true, quiet, &arguments))?;
+            let merged =
+                crate::merge(&[dir.to_owned()], dir, plants, &options(true, quiet, &arguments))?;
+            show(quiet, &summary(&merged));
+        }
+        Ok(())
+    }
+
     /// The directory of the run or list `name`, which may be one of several.
     fn directory(&self, name: &str, several: bool) -> PathBuf {
         match &self.out {
@@ -450,15 +554,6 @@ fn arguments() -> Vec<String> {
 fn options(resume: bool, quiet: bool, arguments: &[String]) -> Options<'_> {
     let verbosity = if quiet { Verbosity::Quiet } else { Verbosity::Shown };
     Options { resume, verbosity, interrupt: catch_interrupts(), arguments }
-}
-
-/// A share of a sweep, written K/N.
-fn shard(text: &str) -> Result<Shard, String> {
-    let parts = text.split_once('/').and_then(|(k, n)| Some((k.parse().ok()?, n.parse().ok()?)));
-    match parts {
-        Some((number, of)) if (1..=of).contains(&number) => Ok(Shard { number, of }),
-        _ => Err("expected K/N with K from 1 to N, as 3/8".to_owned()),
-    }
 }
 
 /// From now on, the first Ctrl-C asks the run to stop, and a second ends the program.

@@ -56,6 +56,17 @@ pub(crate) fn is_watched() -> bool {
     io::stderr().is_terminal()
 }
 
+/// Asks whoever looks at standard error a question, if somebody does: whether the answer is yes.
+pub(crate) fn confirmed(question: &str) -> Option<bool> {
+    if !is_watched() || !io::stdin().is_terminal() {
+        return None;
+    }
+    let _ = write!(io::stderr().lock(), "{} [y/N] ", plain(question));
+    let mut answer = String::new();
+    let read = io::stdin().read_line(&mut answer);
+    Some(read.is_ok() && matches!(answer.trim(), "y" | "Y" | "yes"))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -17,9 +17,16 @@ pub(crate) fn invocation(arguments: &[String]) -> Invocation {
         target: env!("PINC_TARGET").to_owned(),
         profile: env!("PINC_PROFILE").to_owned(),
         cpu: cpu_model(),
-        cores: std::thread::available_parallelism().map_or(1, usize::from),
+        cores: cores(),
         os: std::env::consts::OS.to_owned(),
     }
+}
+
+/// How many threads may work at a time: what Slurm gave to this task, or what the machine has.
+pub(crate) fn cores() -> usize {
+    let given = std::env::var("SLURM_CPUS_PER_TASK").ok().and_then(|text| text.parse().ok());
+    let all = || std::thread::available_parallelism().map_or(1, usize::from);
+    given.filter(|cores| *cores > 0).unwrap_or_else(all)
 }
 
 /// An argument in which a path says nothing of where its user keeps things: relative to the working
@@ -61,7 +68,7 @@ fn cpu_model() -> String {
 }
 
 /// A time as `2026-01-31T12:00:00Z`.
-fn rfc3339(time: SystemTime) -> String {
+pub(crate) fn rfc3339(time: SystemTime) -> String {
     let seconds = time.duration_since(UNIX_EPOCH).map_or(0, |d| d.as_secs());
     let (days, second) = (seconds / 86400, seconds % 86400);
     let (year, month, day) = civil(days);

@@ -56,12 +56,18 @@ fn metrics(text: &mut String, metrics: &Metrics) -> std::fmt::Result {
         writeln!(text, "            {found}")?;
     }
     if let Some(sweep) = &metrics.sweep {
-        let pending = sweep.trials - sweep.done - sweep.failed;
         writeln!(
             text,
-            "sweep       {} trials: {} done, {} failed, {pending} pending",
-            sweep.trials, sweep.done, sweep.failed
+            "sweep       {} trials: {} done, {} failed, {} pending{}",
+            sweep.trials,
+            sweep.done,
+            sweep.failed,
+            sweep.pending(),
+            if sweep.dropped > 0 { format!(", {} dropped", sweep.dropped) } else { String::new() }
         )?;
+        if let Some(best) = &sweep.best {
+            writeln!(text, "best        {best}: {}", file::BEST)?;
+        }
     }
     if let Some(finding) = metrics.domain_finding() {
         writeln!(text, "warning: {finding}")?;

@@ -1,11 +1,11 @@
 //! The `[sweep]` section.
 
-use crate::Problem;
+use crate::{Problem, SearchSpec, SlurmSpec};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeSet;
 
 /// The experiment many times over: one trial for each combination of a seed, a case, a value of
-/// each axis of the grid, and a draw.
+/// each axis of the grid, a candidate of the search, and a draw.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SweepSpec {
@@ -27,6 +27,13 @@ pub struct SweepSpec {
     /// Alternatives with values drawn at random.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub draws: Vec<DrawsSpec>,
+    /// Candidates drawn at random, of which the best one is looked for.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub search: Option<SearchSpec>,
+    /// What the sweep asks of Slurm, as [`SlurmSpec`](crate::SlurmSpec) reads it. It is not in the
+    /// resolved config: what is run does not depend on it.
+    #[serde(default, skip_serializing)]
+    pub slurm: toml::Table,
 }
 
 /// An axis of the grid: one key and its values.
@@ -92,6 +99,8 @@ impl SweepSpec {
                 return wrong(&format!("sweep.grid[{i}].values"), "[]", "one value or more");
             }
         }
+        SlurmSpec::of(&self.slurm)
+            .map_err(|(key, problem)| (format!("sweep.slurm.{key}"), problem))?;
         self.names()?;
         for (i, case) in self.cases.iter().enumerate() {
             for key in case.set.keys() {
@@ -112,7 +121,23 @@ impl SweepSpec {
                 }
             }
         }
+        self.search()?;
         self.size()
+    }
+
+    fn search(&self) -> Result<(), (String, Problem)> {
+        let Some(search) = &self.search else { return Ok(()) };
+        search.validate()?;
+        let axes = self.grid.iter().flat_map(|axis| std::iter::once(&axis.key).chain(&axis.also));
+        let mut known: BTreeSet<&str> = axes.map(String::as_str).collect();
+        for (place, key) in search.keys() {
+            may_be_swept(&place, key)?;
+            if !known.insert(key) {
+                let expected = "a key that nothing else of the grid and the search sets";
+                return wrong(&place, &format!("{key:?}"), expected);
+            }
+        }
+        Ok(())
     }
 
     /// Names are cells of tables, which tell trials apart and are opened by other programs.
@@ -139,7 +164,9 @@ impl SweepSpec {
     fn size(&self) -> Result<(), (String, Problem)> {
         let drawn: usize =
             self.draws.iter().map(|draws| draws.count).fold(0, usize::saturating_add);
-        let factors = [self.seeds.len(), self.cases.len(), drawn];
+        let candidates = self.search.as_ref();
+        let candidates = candidates.map_or(0, |s| s.candidates.saturating_mul(s.rungs()));
+        let factors = [self.seeds.len(), self.cases.len(), candidates, drawn];
         let lengths = self.grid.iter().map(|axis| axis.values.len());
         let product = factors.into_iter().chain(lengths).map(|n| n.max(1));
         let trials = product.fold(1_usize, usize::saturating_mul);

@@ -36,16 +36,6 @@ impl Default for Effort {
     }
 }
 
-impl Effort {
-    /// The number of threads to start.
-    pub fn threads(&self) -> usize {
-        match self.threads {
-            0 => std::thread::available_parallelism().map_or(1, usize::from),
-            n => n,
-        }
-    }
-}
-
 // `#[serde(flatten)]` would do, but buffers the table, which loses the key of an error inside it.
 impl<'de> Deserialize<'de> for TrainingSpec {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {

@@ -1,9 +1,10 @@
 //! From a `[sweep]` section to its trials.
 
-use crate::{AxisSpec, DrawsSpec, Experiment, Plants, Problem, SweepSpec};
+use crate::{AxisSpec, DrawsSpec, Experiment, Plants, Problem, SearchSpec, SweepSpec};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
+use std::collections::HashMap;
 use toml::{Table, Value};
 
 /// The first stream of random numbers that draws come from, one per group; those below are others'.
@@ -14,6 +15,8 @@ const DIGITS: usize = 16;
 
 /// The column of a sweep's tables with the names of cases.
 pub const CASE: &str = "case";
+/// The column with the numbers of candidates of a search.
+pub const CANDIDATE: &str = "candidate";
 /// The column with the names of groups of draws.
 pub const DRAWN: &str = "drawn";
 /// The column with the numbers of draws.
@@ -32,6 +35,27 @@ pub struct Trial {
     pub experiment: Experiment,
     /// The training that it needs, which others may share, and the hash of that.
     pub training: Option<(String, Experiment)>,
+    /// Its place in a search, if there is one.
+    pub search: Option<SearchPlace>,
+}
+
+/// The place of a trial in a search.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct SearchPlace {
+    /// Cases and axes of the grid have a search each: the number of this one.
+    pub group: usize,
+    /// The candidate, from 0.
+    pub candidate: usize,
+    /// The rung of the halving, from 0.
+    pub rung: usize,
+}
+
+impl Trial {
+    /// What the trials have in common that one process runs: the training, if there is one.
+    #[must_use]
+    pub fn unit(&self) -> &str {
+        self.training.as_ref().map_or(&self.id, |(id, _)| id)
+    }
 }
 
 /// The columns that tell the trials of a sweep apart, the seed last.
@@ -41,6 +65,8 @@ pub fn columns(sweep: &SweepSpec) -> Vec<String> {
         columns.push(DRAW.to_owned());
         columns.extend(drawn_keys(sweep));
     }
+    let searched = sweep.search.iter().flat_map(|search| &search.ranges);
+    columns.extend(searched.map(|range| range.key.clone()));
     columns.push(SEED.to_owned());
     columns
 }
@@ -48,14 +74,24 @@ pub fn columns(sweep: &SweepSpec) -> Vec<String> {
 /// Those of the [`columns`] that tell the cells of a sweep apart: a cell has one trial per seed and
 /// draw. They are the first ones.
 pub fn cell_columns(sweep: &SweepSpec) -> Vec<String> {
+    let mut columns = group_columns(sweep);
+    if let Some(search) = &sweep.search {
+        columns.push(CANDIDATE.to_owned());
+        columns.extend(search.halving.iter().map(|halving| halving.key.clone()));
+    }
+    if !sweep.draws.is_empty() {
+        columns.push(DRAWN.to_owned());
+    }
+    columns
+}
+
+/// Those of the [`columns`] with alternatives that are not searched: cases and axes of the grid.
+fn group_columns(sweep: &SweepSpec) -> Vec<String> {
     let mut columns = Vec::new();
     if !sweep.cases.is_empty() {
         columns.push(CASE.to_owned());
     }
     columns.extend(sweep.grid.iter().map(|axis| axis.key.clone()));
-    if !sweep.draws.is_empty() {
-        columns.push(DRAWN.to_owned());
-    }
     columns
 }
 
@@ -81,7 +117,16 @@ pub fn trials(experiment: &Experiment) -> Result<Vec<Trial>, (String, Problem)> 
     let Some(sweep) = &experiment.sweep else { return Ok(Vec::new()) };
     let columns = columns(sweep);
     let made = made(experiment, sweep);
-    made.map(|(choice, experiment)| Ok(choice.trial(experiment?, &columns))).collect()
+    let made = made.map(|(choice, experiment)| Ok(choice.trial(experiment?, &columns)));
+    let mut trials = made.collect::<Result<Vec<_>, _>>()?;
+    let (of_group, mut groups) = (group_columns(sweep).len(), HashMap::new());
+    for trial in &mut trials {
+        if let Some(place) = &mut trial.search {
+            let next = groups.len();
+            place.group = *groups.entry(trial.cells[..of_group].to_vec()).or_insert(next);
+        }
+    }
+    Ok(trials)
 }
 
 /// Checks that all trials can be made.
@@ -95,7 +140,7 @@ fn made(
     experiment: &Experiment,
     sweep: &SweepSpec,
 ) -> impl Iterator<Item = (Choice, Result<Experiment, (String, Problem)>)> {
-    let mut base = experiment.to_table();
+    let mut base = experiment.to_table_as_written();
     base.remove("sweep");
     let plants = experiment.plants().clone();
     let choices = choices(sweep, experiment.seed).into_iter();
@@ -112,6 +157,8 @@ struct Choice {
     names: Vec<(String, String)>,
     /// What it sets, by key.
     values: Vec<(String, Value)>,
+    /// Candidate and rung of a search.
+    candidate: Option<(usize, usize)>,
 }
 
 impl Choice {
@@ -120,6 +167,7 @@ impl Choice {
         Self {
             names: self.names.iter().chain(&other.names).cloned().collect(),
             values: self.values.iter().chain(&other.values).cloned().collect(),
+            candidate: self.candidate.or(other.candidate),
         }
     }
 
@@ -151,11 +199,16 @@ impl Choice {
             cells: columns.iter().map(name).collect(),
             experiment,
             training,
+            search: self.candidate.map(|(candidate, rung)| SearchPlace {
+                group: 0,
+                candidate,
+                rung,
+            }),
         }
     }
 }
 
-/// All combinations: seeds outermost, draws innermost.
+/// All combinations: seeds outermost, draws innermost, candidates after rungs.
 fn choices(sweep: &SweepSpec, seed: u64) -> Vec<Choice> {
     let seeds = if sweep.seeds.is_empty() { vec![seed] } else { sweep.seeds.clone() };
     // The experiment was made from TOML, which has no larger numbers.
@@ -165,6 +218,7 @@ fn choices(sweep: &SweepSpec, seed: u64) -> Vec<Choice> {
     for axis in &sweep.grid {
         axes.push(axis.values.iter().map(|value| place(axis, value)).collect());
     }
+    axes.extend(sweep.search.as_ref().map(|search| candidates(search, seed)));
     let groups = sweep.draws.iter().zip(STREAM..);
     axes.push(groups.flat_map(|(draws, stream)| drawn(draws, seed, stream)).collect());
     let cross = |before: Vec<Choice>, axis: Vec<Choice>| match axis.is_empty() {
@@ -177,19 +231,53 @@ fn choices(sweep: &SweepSpec, seed: u64) -> Vec<Choice> {
 /// One value of one key.
 fn one(key: &str, value: Value) -> Choice {
     let name = text(&value);
-    Choice { names: vec![(key.to_owned(), name)], values: vec![(key.to_owned(), value)] }
+    Choice {
+        names: vec![(key.to_owned(), name)],
+        values: vec![(key.to_owned(), value)],
+        candidate: None,
+    }
 }
 
 /// A place on an axis of the grid.
 fn place(axis: &AxisSpec, value: &Value) -> Choice {
-    let mut choice = one(&axis.key, value.clone());
-    choice.values.extend(axis.also.iter().map(|key| (key.clone(), value.clone())));
+    together(&axis.key, &axis.also, value)
+}
+
+/// One value of a key and of those beside it.
+fn together(key: &str, also: &[String], value: &Value) -> Choice {
+    let mut choice = one(key, value.clone());
+    choice.values.extend(also.iter().map(|key| (key.clone(), value.clone())));
     choice
 }
 
 fn case(case: &crate::CaseSpec) -> Choice {
     let values = case.set.iter().map(|(key, value)| (key.clone(), value.clone())).collect();
-    Choice { names: vec![(CASE.to_owned(), case.name.clone())], values }
+    Choice { names: vec![(CASE.to_owned(), case.name.clone())], values, candidate: None }
+}
+
+/// The candidates of a search, on each rung of its halving.
+fn candidates(search: &SearchSpec, seed: u64) -> Vec<Choice> {
+    let drawn = search.drawn(seed);
+    let choice = |rung: usize, candidate: usize| {
+        let mut choice = Choice {
+            names: vec![(CANDIDATE.to_owned(), (candidate + 1).to_string())],
+            candidate: Some((candidate, rung)),
+            ..Choice::default()
+        };
+        for (range, value) in search.ranges.iter().zip(&drawn[candidate]) {
+            choice = choice.and(&together(&range.key, &range.also, value));
+        }
+        if let Some(halving) = &search.halving {
+            let budget = Value::Integer(halving.budget(rung));
+            choice = choice.and(&together(&halving.key, &halving.also, &budget));
+        }
+        choice
+    };
+    let rungs = 0..search.rungs();
+    rungs
+        .flat_map(|rung| (0..drawn.len()).map(move |i| (rung, i)))
+        .map(|(r, i)| choice(r, i))
+        .collect()
 }
 
 /// The draws of one group.
@@ -202,7 +290,7 @@ fn drawn(draws: &DrawsSpec, seed: u64, stream: u64) -> Vec<Choice> {
                 (DRAWN.to_owned(), draws.name.clone()),
                 (DRAW.to_owned(), (i + 1).to_string()),
             ],
-            values: Vec::new(),
+            ..Choice::default()
         };
         for range in &draws.ranges {
             let value = Value::Float(range.low + (range.high - range.low) * rng.random::<f64>());

@@ -159,6 +159,9 @@ pub struct StepErrors {
     /// 99th percentile over the points.
     #[serde(deserialize_with = "number_or_null")]
     pub p99: f64,
+    /// The largest of the points.
+    #[serde(default = "nan", deserialize_with = "number_or_null")]
+    pub max: f64,
     /// Root mean square, over points and entries, of the errors of the Jacobians A and B, in widths
     /// of the domain per width.
     #[serde(deserialize_with = "number_or_null")]
@@ -174,6 +177,25 @@ pub struct SweepMetrics {
     pub done: usize,
     /// Those that ended with an error.
     pub failed: usize,
+    /// Those that a search has dropped before they were run.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub dropped: usize,
+    /// The best candidate of a search, in words.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub best: Option<String>,
+}
+
+impl SweepMetrics {
+    /// Those that are still to be run.
+    #[must_use]
+    pub fn pending(&self) -> usize {
+        self.trials - self.done - self.failed - self.dropped
+    }
+}
+
+#[expect(clippy::trivially_copy_pass_by_ref, reason = "serde calls it with a reference")]
+fn is_zero(count: &usize) -> bool {
+    *count == 0
 }
 
 /// How good the net that was kept is, on scenarios that it was not chosen by.
@@ -400,4 +422,12 @@ pub struct ReferenceMetrics {
     /// How near that is for each quantity, in its unit.
     #[serde(default)]
     pub settled_within: BTreeMap<String, f64>,
+}
+
+impl ReferenceMetrics {
+    /// The largest of all offsets; NaN if no segment is long enough for one.
+    #[must_use]
+    pub fn largest_offset(&self) -> f64 {
+        self.offset.values().flatten().flatten().copied().fold(f64::NAN, f64::max)
+    }
 }

@@ -2,7 +2,7 @@
 
 use crate::error::RecordError;
 use crate::files::{file, is_unfinished, json, remove_unfinished, write_atomically};
-use crate::lock::{DirLock, LOCK};
+use crate::lock::{LOCK, Lock, is_taken};
 use crate::metrics::{FileNote, Metrics};
 use crate::provenance::Provenance;
 use pinc_config::Experiment;
@@ -19,7 +19,9 @@ pub struct RunDir {
     metrics: Metrics,
     keeps_traces: bool,
     /// Held while results are written.
-    _lock: Option<Arc<DirLock>>,
+    lock: Option<Arc<Lock>>,
+    /// Whether the metrics are not written.
+    in_memory: bool,
 }
 
 impl RunDir {
@@ -35,24 +37,83 @@ impl RunDir {
         fs::create_dir_all(dir).map_err(RecordError::unwritable(dir))?;
         // Before the lock is taken, which is a file: nothing is changed in a directory of others.
         check_owner(dir, experiment)?;
-        let lock = DirLock::take(dir, id)?;
+        let lock = Lock::of_dir(dir, id)?;
         check_owner(dir, experiment)?;
         remove_unfinished(dir)?;
         remove_unfinished(&dir.join(file::FIGURES))?;
-        // Damaged metrics are made anew, like those that are missing.
-        let metrics = Metrics::read(dir).ok().flatten();
-        let metrics = metrics.unwrap_or_else(|| Metrics::new(experiment));
-        let lock = Some(Arc::new(lock));
-        let run = Self { dir: dir.to_owned(), metrics, keeps_traces: true, _lock: lock };
+        let run = Self::locked(dir, experiment, lock);
         run.write(file::CONFIG, config_text(experiment).as_bytes())?;
         Ok(run)
     }
 
+    /// Like [`RunDir::open`], together with other processes that open it like this and work on the
+    /// same run.
+    ///
+    /// # Errors
+    ///
+    /// As [`RunDir::open`].
+    pub fn open_shared(dir: &Path, experiment: &Experiment, id: u32) -> Result<Self, RecordError> {
+        fs::create_dir_all(dir).map_err(RecordError::unwritable(dir))?;
+        check_owner(dir, experiment)?;
+        let lock = Lock::shared(dir, id)?;
+        check_owner(dir, experiment)?;
+        let run = Self::locked(dir, experiment, lock);
+        if !run.path(file::CONFIG).exists() {
+            run.write(file::CONFIG, config_text(experiment).as_bytes())?;
+        }
+        Ok(run)
+    }
+
+    fn locked(dir: &Path, experiment: &Experiment, lock: Lock) -> Self {
+        // Damaged metrics are made anew, like those that are missing.
+        let metrics = Metrics::read(dir).ok().flatten();
+        let metrics = metrics.unwrap_or_else(|| Metrics::new(experiment));
+        let lock = Some(Arc::new(lock));
+        Self { dir: dir.to_owned(), metrics, keeps_traces: true, lock, in_memory: false }
+    }
+
+    /// The same directory for this process alone; none while others share it.
+    ///
+    /// # Errors
+    ///
+    /// [`RecordError::Unwritable`].
+    pub fn alone(mut self) -> Result<Option<Self>, RecordError> {
+        let Some(lock) = self.lock.take() else { return Ok(Some(self)) };
+        // A clone that is still in use keeps it.
+        let Some(lock) = Arc::into_inner(lock).and_then(Lock::alone) else { return Ok(None) };
+        remove_unfinished(&self.dir)?;
+        remove_unfinished(&self.dir.join(file::FIGURES))?;
+        self.lock = Some(Arc::new(lock));
+        Ok(Some(self))
+    }
+
+    /// Whether other processes are kept out of what this one works on: some file systems have no
+    /// locks.
+    #[must_use]
+    pub fn keeps_others_out(&self) -> bool {
+        self.lock.as_ref().is_some_and(|lock| lock.is_real())
+    }
+
+    /// Whether `dir` is the directory of a run of `experiment`.
+    #[must_use]
+    pub fn is_of(dir: &Path, experiment: &Experiment) -> bool {
+        fs::read_to_string(dir.join(file::CONFIG)).is_ok_and(|text| text == config_text(experiment))
+    }
+
+    /// Whether some process works in `dir`, as far as the file system tells.
+    #[must_use]
+    pub fn is_in_use(dir: &Path) -> bool {
+        is_taken(&dir.join(LOCK))
+    }
+
     /// The directory of a trial, which is there and empty. What the trial was is said by the sweep
-    /// that it belongs to.
+    /// that it belongs to; its metrics stay in memory, for [`SweepDir::finish`] to write.
+    ///
+    /// [`SweepDir::finish`]: crate::SweepDir::finish
     #[must_use]
     pub fn of_trial(dir: &Path, experiment: &Experiment, keeps_traces: bool) -> Self {
-        Self { dir: dir.to_owned(), metrics: Metrics::new(experiment), keeps_traces, _lock: None }
+        let (dir, metrics) = (dir.to_owned(), Metrics::new(experiment));
+        Self { dir, metrics, keeps_traces, lock: None, in_memory: true }
     }
 
     /// The directory of a run that has been made.
@@ -64,7 +125,7 @@ impl RunDir {
         let path = dir.join(file::METRICS);
         let missing = || RecordError::unreadable(&path)(ErrorKind::NotFound.into());
         let metrics = Metrics::read(dir)?.ok_or_else(missing)?;
-        Ok(Self { dir: dir.to_owned(), metrics, keeps_traces: true, _lock: None })
+        Ok(Self { dir: dir.to_owned(), metrics, keeps_traces: true, lock: None, in_memory: false })
     }
 
     /// The same directory, in which no more traces are written.
@@ -76,7 +137,7 @@ impl RunDir {
     /// The same directory, for others to open.
     #[must_use]
     pub fn released(self) -> Self {
-        Self { _lock: None, ..self }
+        Self { lock: None, ..self }
     }
 
     /// Writes where the results to come are from. A resumed run keeps what is said of those that
@@ -123,6 +184,9 @@ impl RunDir {
     /// [`RecordError::Unwritable`].
     pub fn update(&mut self, change: impl FnOnce(&mut Metrics)) -> Result<(), RecordError> {
         change(&mut self.metrics);
+        if self.in_memory {
+            return Ok(());
+        }
         self.write(file::METRICS, json(&self.metrics).as_bytes())
     }
 
@@ -167,7 +231,8 @@ impl RunDir {
     ///
     /// [`RecordError::Unwritable`].
     pub fn remove_loops(&self) -> Result<(), RecordError> {
-        for name in file::of_loops() {
+        // A trial begins in an empty directory.
+        for name in file::of_loops().filter(|_| !self.in_memory) {
             self.remove(&name)?;
         }
         Ok(())

@@ -45,10 +45,14 @@ impl Spread {
     #[must_use]
     pub fn interval_of_median(&self) -> (f64, f64, f64) {
         let n = self.values.len();
-        let (mut k, mut confidence) = (1, 1.0 - 2.0 * binomial_tail(n, 0));
-        while 2 * (k + 1) <= n && 1.0 - 2.0 * binomial_tail(n, k) >= CONFIDENCE {
-            confidence = 1.0 - 2.0 * binomial_tail(n, k);
-            k += 1;
+        let mut tails = Tails::new(n);
+        let (mut k, mut confidence) = (1, 1.0 - 2.0 * tails.next(0));
+        while 2 * (k + 1) <= n {
+            let less = 1.0 - 2.0 * tails.next(k);
+            if less < CONFIDENCE {
+                break;
+            }
+            (k, confidence) = (k + 1, less);
         }
         (self.values[k - 1], self.values[n - k], confidence)
     }
@@ -60,16 +64,35 @@ impl Spread {
     }
 }
 
-/// The probability of at most `k` heads in `n` throws of a coin.
-fn binomial_tail(n: usize, k: usize) -> f64 {
-    // The terms C(n, i) / 2^n, each from the one before.
-    let mut term = 0.5_f64.powf(real(n));
-    let mut sum = term;
-    for i in 1..=k {
-        term *= real(n + 1 - i) / real(i);
-        sum += term;
+/// More throws than this, and the probability of none is too small for a number.
+const MANY: usize = 1000;
+
+/// The probabilities of at most 0, 1, 2 .. heads in `n` throws of a coin.
+struct Tails {
+    n: usize,
+    /// C(n, k) / 2^n, or its logarithm if there are many throws.
+    term: f64,
+    sum: f64,
+}
+
+impl Tails {
+    fn new(n: usize) -> Self {
+        let term = if n > MANY { -real(n) * 2.0_f64.ln() } else { 0.5_f64.powf(real(n)) };
+        Self { n, term, sum: 0.0 }
     }
-    sum
+
+    /// The probability of at most `k` heads, when those of fewer have been asked for.
+    fn next(&mut self, k: usize) -> f64 {
+        let ratio = if k == 0 { 1.0 } else { real(self.n + 1 - k) / real(k) };
+        if self.n > MANY {
+            self.term += ratio.ln();
+            self.sum += self.term.exp();
+        } else {
+            self.term *= ratio;
+            self.sum += self.term;
+        }
+        self.sum
+    }
 }
 
 #[expect(clippy::cast_precision_loss, reason = "far fewer than 2^53 trials")]
@@ -104,5 +127,18 @@ mod tests {
         let five: Vec<f64> = (1..=5).map(f64::from).collect();
         assert_eq!(spread(&five).interval_of_median(), (1.0, 5.0, 1.0 - 2.0 / 32.0));
         assert_eq!(spread(&[7.0]).interval_of_median(), (7.0, 7.0, 0.0));
+    }
+
+    #[test]
+    fn the_interval_of_very_many_values_is_narrow() {
+        // Python, with math.comb.
+        for (n, first, confidence) in
+            [(2000_u32, 956.0, 0.953_447_179_508), (10_000, 4902.0, 0.951_167_050_103_6)]
+        {
+            let values: Vec<f64> = (1..=n).map(f64::from).collect();
+            let (low, high, found) = spread(&values).interval_of_median();
+            assert_eq!((low, high), (first, f64::from(n) + 1.0 - first));
+            assert!((found - confidence).abs() < 1e-9, "{found}");
+        }
     }
 }

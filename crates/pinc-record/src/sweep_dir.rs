@@ -1,13 +1,17 @@
 //! The directory of a sweep: what its trials leave there.
 //!
 //! ```text
-//! nets/<hash of a training>/    a run directory as of `pinc train`, shared by all trials of that
-//! net trials/<hash of a trial>/     metrics.json, traces, and last of all result.json
+//! nets/<hash of a training>/    a run directory as of `pinc train`, shared by all trials of that net
+//! trials/<hash of a trial>/     traces, if they are kept, and last of all result.json
+//! workers/                      while it is worked on: locks of what is being done, and how far
+//!                               each process is
 //! ```
 
 use crate::error::RecordError;
-use crate::files::{file, is_unfinished, json, read_file, read_json, write_atomically};
-use crate::lock::LOCK;
+use crate::files::{
+    file, is_unfinished, json, read_file, read_json, read_text, write_atomically, write_unflushed,
+};
+use crate::lock::{LOCK, Lock};
 use crate::metrics::Metrics;
 use serde::{Deserialize, Serialize};
 use std::fs;
@@ -16,6 +20,7 @@ use std::path::{Path, PathBuf};
 
 const NETS: &str = "nets";
 const TRIALS: &str = "trials";
+const WORKERS: &str = "workers";
 const RESULT: &str = "result.json";
 
 /// How a trial ended.
@@ -32,12 +37,36 @@ pub enum Ending {
 }
 
 /// The results of a trial that is over.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Finished {
     /// How it ended.
+    #[serde(flatten)]
     pub ending: Ending,
     /// As far as the trial got.
-    pub metrics: Option<Metrics>,
+    pub metrics: Metrics,
+}
+
+/// Part of a sweep that no other process works on until this is dropped.
+#[derive(Debug)]
+pub struct Claim {
+    _lock: Lock,
+}
+
+/// How far a process is that works on a sweep, for others to read.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct WorkerNote {
+    /// When this was written, in s since 1970.
+    pub at_s: f64,
+    /// How many things it does at a time.
+    pub lanes: usize,
+    /// The effort of the trainings that it has done.
+    pub trained: f64,
+    /// The time that these took one after the other, in s.
+    pub trained_s: f64,
+    /// How many trials it has done.
+    pub trials: f64,
+    /// The time that these took one after the other, in s.
+    pub trials_s: f64,
 }
 
 /// The directory of a sweep.
@@ -77,7 +106,7 @@ impl SweepDir {
     ///
     /// [`RecordError`] if a file cannot be read or written.
     pub fn clear(&self) -> Result<(), RecordError> {
-        for name in [TRIALS, NETS] {
+        for name in [TRIALS, NETS, WORKERS] {
             remove_all(&self.dir.join(name))?;
         }
         Ok(())
@@ -95,24 +124,88 @@ impl SweepDir {
         Ok(dir)
     }
 
-    /// Notes that a trial is over.
+    /// Notes that a trial is over. If the machine stops soon after, that may be lost, and the trial
+    /// is then not [finished](SweepDir::finished).
     ///
     /// # Errors
     ///
     /// [`RecordError`] if a file cannot be read or written.
-    pub fn finish(&self, id: &str, ending: &Ending) -> Result<(), RecordError> {
-        write_atomically(&self.trial(id).join(RESULT), json(ending).as_bytes())
+    pub fn finish(&self, id: &str, finished: &Finished) -> Result<(), RecordError> {
+        write_unflushed(&self.trial(id).join(RESULT), json(finished).as_bytes())
     }
 
     /// The results of a trial, if it is over.
     ///
     /// # Errors
     ///
-    /// [`RecordError`] if a file cannot be read or written.
+    /// [`RecordError`] if a file cannot be read.
     pub fn finished(&self, id: &str) -> Result<Option<Finished>, RecordError> {
-        let dir = self.trial(id);
-        let Some(ending) = read_json(&dir.join(RESULT))? else { return Ok(None) };
-        Ok(Some(Finished { ending, metrics: read_json(&dir.join(file::METRICS))? }))
+        match read_json(&self.trial(id).join(RESULT)) {
+            // Damaged when the machine stopped.
+            Err(RecordError::Json { .. }) => Ok(None),
+            read => read,
+        }
+    }
+
+    /// How many trials are over and how many nets trained, at most: those of other configs that
+    /// were here before count too.
+    #[must_use]
+    pub fn results(&self) -> (usize, usize) {
+        let count = |folder: &str, file: &str| {
+            let entries = fs::read_dir(self.dir.join(folder)).into_iter().flatten().flatten();
+            entries.filter(|entry| entry.path().join(file).exists()).count()
+        };
+        (count(TRIALS, RESULT), count(NETS, file::METRICS))
+    }
+
+    /// Claims part of the sweep for this process, whose id is `id`; none if another one works on
+    /// it.
+    ///
+    /// # Errors
+    ///
+    /// [`RecordError`] if a file cannot be written.
+    pub fn claim(&self, part: &str, id: u32) -> Result<Option<Claim>, RecordError> {
+        let path = self.workers()?.join(format!("{part}.lock"));
+        Ok(Lock::take(&path, id, false)?.ok().map(|lock| Claim { _lock: lock }))
+    }
+
+    /// Says how far the process `name` is.
+    ///
+    /// # Errors
+    ///
+    /// [`RecordError`] if a file cannot be written.
+    pub fn write_note(&self, name: &str, note: &WorkerNote) -> Result<(), RecordError> {
+        write_unflushed(&self.workers()?.join(format!("{name}.json")), json(note).as_bytes())
+    }
+
+    /// Removes what [`SweepDir::write_note`] wrote.
+    pub fn remove_note(&self, name: &str) {
+        let _ = fs::remove_file(self.dir.join(WORKERS).join(format!("{name}.json")));
+    }
+
+    /// How far all processes are, those included that were killed.
+    #[must_use]
+    pub fn notes(&self) -> Vec<WorkerNote> {
+        let entries = fs::read_dir(self.dir.join(WORKERS)).into_iter().flatten().flatten();
+        let texts = entries
+            .filter(|entry| entry.path().extension().is_some_and(|ending| ending == "json"))
+            .filter_map(|entry| read_text(&entry.path()).ok().flatten());
+        texts.filter_map(|text| serde_json::from_str(&text).ok()).collect()
+    }
+
+    /// Removes what processes at work have left that were killed.
+    ///
+    /// # Errors
+    ///
+    /// [`RecordError`] if a file cannot be removed.
+    pub fn remove_workers(&self) -> Result<(), RecordError> {
+        remove_all(&self.dir.join(WORKERS))
+    }
+
+    fn workers(&self) -> Result<PathBuf, RecordError> {
+        let dir = self.dir.join(WORKERS);
+        fs::create_dir_all(&dir).map_err(RecordError::unwritable(&dir))?;
+        Ok(dir)
     }
 
     /// Takes over a finished trial, with its net, from another sweep directory.

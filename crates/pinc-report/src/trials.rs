@@ -5,6 +5,7 @@ use pinc_config::{CASE, DRAW, DRAWN, Experiment, SEED, cell_columns};
 use pinc_record::{
     PredictionTable, RecordError, SweepDir, TrialColumn, TrialMetric, TrialStatus, TrialTable, file,
 };
+use std::collections::{HashMap, HashSet};
 use std::path::{Path, PathBuf};
 
 /// The trials, with the cells that they make up.
@@ -81,6 +82,11 @@ impl Trials {
         self.table.has(&TrialColumn::Choice(DRAW.to_owned()))
     }
 
+    /// Whether there are cases, each tried with the same draws.
+    pub(crate) fn are_of_cases(&self) -> bool {
+        self.has_draws() && self.columns.iter().any(|column| column == CASE)
+    }
+
     /// Whether a metric, or a time, is there.
     pub(crate) fn has(&self, metric: TrialMetric) -> bool {
         self.table_of(metric).0.has(&TrialColumn::Metric(metric))
@@ -103,6 +109,17 @@ impl Trials {
     /// Whether no cell has more than one finished trial, so that nothing can be said of a spread.
     pub(crate) fn are_alone(&self) -> bool {
         self.cells.iter().all(|cell| cell.done() <= 1)
+    }
+
+    /// What a cell has in one of the columns that tell cells apart.
+    pub(crate) fn place<'a>(&self, cell: &'a Cell, column: &str) -> Option<&'a str> {
+        let place = self.columns.iter().position(|known| known == column)?;
+        cell.place.get(place).map(String::as_str)
+    }
+
+    /// What a trial has for a key.
+    pub(crate) fn choice(&self, row: usize, key: &str) -> &str {
+        self.table.cell(row, &TrialColumn::Choice(key.to_owned()))
     }
 
     /// The numbers of all trials, of those that failed and of those not yet run.
@@ -166,12 +183,9 @@ impl Trials {
 
     /// The different values of a column of the cells, numbers in their order.
     pub(crate) fn values_of(&self, column: usize) -> Vec<String> {
-        let mut values: Vec<String> = Vec::new();
-        for cell in &self.cells {
-            if !values.contains(&cell.place[column]) {
-                values.push(cell.place[column].clone());
-            }
-        }
+        let mut known = HashSet::new();
+        let all = self.cells.iter().map(|cell| &cell.place[column]);
+        let values: Vec<String> = all.filter(|value| known.insert(*value)).cloned().collect();
         let numbers: Result<Vec<f64>, _> = values.iter().map(|v| v.parse()).collect();
         if let Ok(numbers) = numbers {
             let mut pairs: Vec<_> = numbers.into_iter().zip(values).collect();
@@ -185,13 +199,13 @@ impl Trials {
 fn cells(table: &TrialTable, columns: &[String]) -> Vec<Cell> {
     let choices: Vec<TrialColumn> = columns.iter().cloned().map(TrialColumn::Choice).collect();
     let mut cells: Vec<Cell> = Vec::new();
+    let mut known = HashMap::new();
     for row in 0..table.len() {
         let place = choices.iter().map(|choice| table.cell(row, choice).to_owned());
         let place: Vec<String> = place.collect();
-        let known = cells.iter().position(|cell| cell.place == place);
-        let index = known.unwrap_or_else(|| {
+        let index = *known.entry(place).or_insert_with_key(|place| {
             let (finished, failed, pending) = (Vec::new(), Vec::new(), Vec::new());
-            cells.push(Cell { place, finished, failed, pending });
+            cells.push(Cell { place: place.clone(), finished, failed, pending });
             cells.len() - 1
         });
         let cell = &mut cells[index];
@@ -199,6 +213,7 @@ fn cells(table: &TrialTable, columns: &[String]) -> Vec<Cell> {
             TrialStatus::Done => cell.finished.push(row),
             TrialStatus::Pending => cell.pending.push(row),
             TrialStatus::Failed => cell.failed.push(row),
+            TrialStatus::Dropped => {}
         }
     }
     cells
@@ -216,11 +231,30 @@ pub(crate) fn short(key: &str) -> String {
         "control.rk4_substeps" => "substeps of RK4".to_owned(),
         "control.rk5_substeps" => "substeps of RK5".to_owned(),
         "control.rosenbrock_substeps" => "substeps of the Rosenbrock method".to_owned(),
-        key => key.rsplit('.').next().unwrap_or(key).replace('_', " "),
+        key => {
+            // An entry of a list is named after the list.
+            let is_place = |part: &&str| part.bytes().all(|b| b.is_ascii_digit());
+            let name = key.rsplit('.').find(|part| !is_place(part)).unwrap_or(key);
+            let place = key.rsplit('.').take_while(is_place);
+            std::iter::once(name).chain(place).collect::<Vec<_>>().join(" ").replace('_', " ")
+        }
     }
 }
 
 /// A value of an axis as a reader likes it.
 pub(crate) fn shown(value: &str) -> String {
     value.parse().map_or_else(|_| value.to_owned(), |number| text::number(number, 6))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn keys_without_a_name_of_their_own_are_called_by_their_last_words() {
+        assert_eq!(short("control.sqp.max_iterations"), "max iterations");
+        assert_eq!(short("control.measurement.noise_sd.0"), "noise sd 0");
+        assert_eq!(short("training.phases.0.iterations"), "iterations");
+        assert_eq!(short("plant.mu2"), "mu2");
+    }
 }

@@ -99,6 +99,9 @@ pub fn export_controller(
         Equations { parameters: equations.parameters.into_iter().chain(own).collect(), ..equations }
     });
     let setup = chosen.setup();
+    if chosen.spec.stages_s.is_some() {
+        return Err(BenchError::ExportedStages { name: experiment.name.clone() });
+    }
     let source = match (chosen.kind, chosen.net(), &equations) {
         (ModelKind::Pinc, Some(net), _) => ModelSource::Net(net),
         (ModelKind::Rk4, _, Some(equations)) => ModelSource::Rk4(Rk4Model {

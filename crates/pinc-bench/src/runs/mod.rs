@@ -13,9 +13,12 @@ mod feedback;
 mod found;
 mod free_run;
 mod guard;
+mod horizon;
+mod identify;
 mod live;
 mod one_step;
 mod predict;
+mod recorded;
 mod recording;
 mod serve;
 mod shared_library;
@@ -24,8 +27,8 @@ mod train_watched;
 mod trial;
 mod with_outputs;
 
-pub(crate) use control::LoopSetup;
-pub(crate) use train::TrainingSetup;
+pub(crate) use control::{LoopSetup, Schedules};
+pub(crate) use train::{Threads, TrainingSetup};
 pub(crate) use trial::{run_trial, train_shared};
 
 pub use check::check;
@@ -33,6 +36,7 @@ pub use chosen::ModelFile;
 pub use control::verdict;
 pub use estimate::{Estimated, estimate};
 pub use export::{Target, export_controller, export_net, export_plant};
+pub use identify::{identification_summary, identify};
 pub use live::{Follow, LiveController, LiveStep};
 pub use pinc_check::{Finding, Severity, findings_json};
 pub use predict::predict;
@@ -67,7 +71,7 @@ pub struct Options<'a> {
 
 impl Options<'_> {
     /// An error if the run is to stop.
-    fn check_interrupt(&self, dir: &Path) -> Result<(), BenchError> {
+    pub(crate) fn check_interrupt(&self, dir: &Path) -> Result<(), BenchError> {
         if self.interrupt.load(Ordering::Relaxed) {
             return Err(BenchError::Interrupted { dir: dir.to_owned() });
         }
@@ -193,8 +197,7 @@ fn execute(
             options.resume,
         )?;
     }
-    let stages = Stages { experiment, options, plan: &plan, run_dir: &mut run_dir };
-    stages.run()?;
+    Stages { experiment, options, plan: &plan, threads: None, run_dir: &mut run_dir }.run()?;
     rebuild_report(dir)?;
     Ok(run_dir.released())
 }
@@ -298,16 +301,20 @@ struct Stages<'a> {
     experiment: &'a Experiment,
     options: &'a Options<'a>,
     plan: &'a Plan,
+    /// Those of the training, if not what the config says.
+    threads: Option<&'a Threads<'a>>,
     run_dir: &'a mut RunDir,
 }
 
 impl Stages<'_> {
     fn run(self) -> Result<(), BenchError> {
-        let Self { experiment, options, plan, run_dir } = self;
+        let Self { experiment, options, plan, threads, run_dir } = self;
         let varying = experiment.varying();
         let plant = &*experiment.plant.family(&varying);
         let trained = match &experiment.training {
-            Some(_) if plan.trains => Some(train::stage(plant, experiment, options, run_dir)?),
+            Some(_) if plan.trains => {
+                Some(train::stage(plant, experiment, options, threads, run_dir)?)
+            }
             _ => None,
         };
         let net = trained.as_ref().or(plan.given.as_ref().map(|(_, net)| net));
@@ -326,18 +333,25 @@ impl Stages<'_> {
         {
             let sample_time_s =
                 experiment.sample_time_s().or_else(|| net.map(PincNet::sample_time_s));
-            let truth = spec.plant.as_ref().unwrap_or(&experiment.plant).dyn_plant();
+            let sample_time_s = sample_time_s.expect("the plan was checked for it");
+            let schedules = Schedules {
+                model: experiment.model_schedule(sample_time_s),
+                plant: experiment.plant_schedule(sample_time_s),
+            };
+            let changing: Vec<_> = schedules.plant.names.iter().map(String::as_str).collect();
+            let truth = experiment.plant_in_the_loop().family(&changing);
             let LoopParameters { names, values, estimated } = experiment.loop_parameters();
             let modelled = &*experiment.plant.family(&names);
             let setup = LoopSetup {
                 spec,
                 kinds: &plan.loops,
                 net,
-                sample_time_s: sample_time_s.expect("the plan was checked for it"),
+                sample_time_s,
                 seed: experiment.seed,
                 parameters: &values,
                 estimated: &estimated,
                 truth: &*truth,
+                schedules,
             };
             control::stage(modelled, &setup, options, run_dir)?;
             if let (Some(spec), Some(domain)) = (&experiment.one_step, &experiment.domain) {
@@ -390,12 +404,17 @@ fn matching_model(
         ("inputs", names(net.input_names()), names(&variables.input_names())),
         ("parameters", names(&parameters), experiment.varying().join(", ")),
     ];
-    if let Some(sample_time_s) = experiment.sample_time_s() {
-        compared.push((
-            "step length T",
-            format!("{} s", net.sample_time_s()),
-            format!("{sample_time_s} s"),
-        ));
+    let found = || format!("{} s", net.sample_time_s());
+    if let Some(step_s) = experiment.net_step_s() {
+        compared.push(("step length T", found(), format!("{step_s} s")));
+    } else if let (Some(control), Some(step_s)) = (&experiment.control, experiment.sample_time_s())
+    {
+        let stages = control.stages(step_s).into_iter();
+        let longest = stages.map(|(length_s, _)| length_s).fold(0.0, f64::max);
+        if net.sample_time_s() < longest {
+            let expected = format!("{longest} s at least, the longest of control.stages_s");
+            compared.push(("step length T", found(), expected));
+        }
     }
     if let (None, Some(control)) = (experiment.sample_time_s(), &experiment.control) {
         #[expect(clippy::cast_precision_loss, reason = "far fewer than 2^53")]

@@ -4,7 +4,8 @@ use super::Options;
 use super::data::{self, Data};
 use super::domain_error;
 use crate::BenchError;
-use crate::progress::Stage;
+use crate::invocation::cores;
+use crate::progress::{Stage, Verbosity};
 use pinc_config::{DataSpec, Effort, Experiment, TrainingSpec};
 use pinc_net::{
     Domain, IterationRecord, NetConfig, PincNet, Progress, Trainer, Training, Validation,
@@ -23,11 +24,30 @@ const TIME_SHARE: f64 = 0.03;
 /// How much checkpoints may write per second of training.
 const BYTES_PER_S: f64 = 4e6;
 
-/// Trains the net, or reads it if that has been done, and returns it.
+/// Time between two looks at how many threads a training may use.
+const LOOK_EVERY: Duration = Duration::from_secs(2);
+
+/// How many threads a training may use, which can change while it runs. Its bits do not depend on
+/// them.
+pub(crate) struct Threads<'a> {
+    now: &'a (dyn Fn() -> usize + 'a),
+    every: Duration,
+}
+
+impl<'a> Threads<'a> {
+    /// As many as `now` says.
+    pub(crate) fn new(now: &'a (dyn Fn() -> usize + 'a)) -> Self {
+        Self { now, every: LOOK_EVERY }
+    }
+}
+
+/// Trains the net, or reads it if that has been done, and returns it. `threads` are those to use,
+/// if not what the config says.
 pub(crate) fn stage(
     plant: &dyn DynPlant,
     experiment: &Experiment,
     options: &Options<'_>,
+    threads: Option<&Threads<'_>>,
     run_dir: &mut RunDir,
 ) -> Result<PincNet, BenchError> {
     if run_dir.metrics().training.is_some() {
@@ -36,9 +56,13 @@ pub(crate) fn stage(
         return super::read_model(&run_dir.path(file::MODEL));
     }
     let setup = TrainingSetup::of(experiment)?;
-    let (validation, test) = setup.scenarios(plant, experiment)?;
-    let mut session = Session::begin(plant, experiment, &setup, validation, options, run_dir)?;
-    let outcome = session.work(run_dir, &setup.training.effort, options);
+    let threads_of_config = || setup.threads();
+    let given = Threads { now: &threads_of_config, every: Duration::MAX };
+    let threads = threads.unwrap_or(&given);
+    let (material, test) = setup.material(plant, experiment)?;
+    let mut session =
+        Session::begin(&material, experiment, (threads.now)(), options.verbosity, run_dir)?;
+    let outcome = session.work(&material, run_dir, &setup.training.effort, threads, options);
     let net = session.trainer.net();
     // The net first: it is what the time was spent on. That of an interrupted training is in the
     // checkpoint; of one that failed, the last good net is kept.
@@ -82,43 +106,33 @@ impl<'a> TrainingSetup<'a> {
         })
     }
 
-    /// The scenarios that the best net is chosen by, and those that it is judged by.
-    pub(super) fn scenarios(
+    /// What a trainer is made from, and the scenarios that its net is judged by.
+    pub(super) fn material<'p>(
         &self,
-        plant: &dyn DynPlant,
+        plant: &'p dyn DynPlant,
         experiment: &Experiment,
-    ) -> Result<(ValidationSet, ValidationSet), BenchError> {
+    ) -> Result<(Material<'p>, ValidationSet), BenchError> {
         let training = self.training(experiment.seed);
-        let (validation, test) = (training.validation_set(plant)?, training.test_set(plant)?);
-        Ok(match self.measured(experiment, |data| &data.held_out)? {
-            None => (validation, test),
-            Some(Data { measurements, .. }) => (
-                validation.with_measurements(measurements.clone()),
-                test.with_measurements(measurements),
-            ),
-        })
+        let (mut validation, mut test) =
+            (training.validation_set(plant)?, training.test_set(plant)?);
+        if let Some(held_out) = self.measured(experiment, |data| &data.held_out)? {
+            validation = validation.with_measurements(held_out.measurements.clone());
+            test = test.with_measurements(held_out.measurements);
+        }
+        let measured = self.measured(experiment, |data| &data.files)?;
+        let weight = self.data.map_or(0.0, |data| data.weight);
+        Ok((Material { plant, training, validation, measured, weight }, test))
     }
 
-    /// A fresh trainer, and the digest of the measurements that it fits, if there are some.
-    pub(super) fn trainer(
-        &self,
-        plant: &dyn DynPlant,
-        experiment: &Experiment,
-        validation: ValidationSet,
-    ) -> Result<(Trainer, Option<[u8; 32]>), BenchError> {
-        let trainer = Trainer::new(plant, &self.training(experiment.seed), validation)?;
-        let data = self.measured(experiment, |data| &data.files)?;
-        let (Some(data), Some(spec)) = (data, self.data) else { return Ok((trainer, None)) };
-        let trainer = trainer.with_measurements(&data.measurements, spec.weight)?;
-        Ok((trainer, Some(data.digest)))
+    /// The threads that the config gives.
+    pub(super) fn threads(&self) -> usize {
+        match self.training.effort.threads {
+            0 => cores(),
+            threads => threads,
+        }
     }
 
-    /// How many iterations it has at most.
-    pub(super) fn iterations(&self) -> u64 {
-        self.training.config.phases.iter().map(|phase| phase.iterations).sum()
-    }
-
-    /// The training that they describe.
+    /// The training that they describe, on one thread.
     fn training(&self, seed: u64) -> Training {
         Training {
             net: self.net.clone(),
@@ -126,7 +140,7 @@ impl<'a> TrainingSetup<'a> {
             config: self.training.config.clone(),
             validation: self.validation.clone(),
             seed,
-            threads: self.training.effort.threads(),
+            threads: 1,
         }
     }
 
@@ -142,9 +156,37 @@ impl<'a> TrainingSetup<'a> {
     }
 }
 
+/// What a trainer is made from.
+pub(super) struct Material<'a> {
+    plant: &'a dyn DynPlant,
+    training: Training,
+    validation: ValidationSet,
+    measured: Option<Data>,
+    /// The weight of the measurements.
+    weight: f64,
+}
+
+impl Material<'_> {
+    /// How many iterations a training has at most.
+    pub(super) fn iterations(&self) -> u64 {
+        self.training.config.phases.iter().map(|phase| phase.iterations).sum()
+    }
+
+    /// A trainer at the beginning.
+    pub(super) fn trainer(&self, threads: usize) -> Result<Trainer, BenchError> {
+        let training = Training { threads, ..self.training.clone() };
+        let trainer = Trainer::new(self.plant, &training, self.validation.clone())?;
+        Ok(match &self.measured {
+            Some(data) => trainer.with_measurements(&data.measurements, self.weight)?,
+            None => trainer,
+        })
+    }
+}
+
 /// A training at work.
 struct Session {
     trainer: Trainer,
+    threads: usize,
     fingerprint: String,
     /// The rows of `training.csv`.
     rows: Vec<TrainingRow>,
@@ -161,23 +203,22 @@ struct Session {
 
 impl Session {
     fn begin(
-        plant: &dyn DynPlant,
+        material: &Material<'_>,
         experiment: &Experiment,
-        setup: &TrainingSetup<'_>,
-        validation: ValidationSet,
-        options: &Options<'_>,
+        threads: usize,
+        verbosity: Verbosity,
         run_dir: &RunDir,
     ) -> Result<Self, BenchError> {
         let begun = Instant::now();
         let mut fingerprint = experiment.normalized().fingerprint();
-        let (trainer, digest) = setup.trainer(plant, experiment, validation)?;
-        // The config only names the files; a training is resumed with the same measurements or not
-        // at all.
-        let digest = digest.iter().flatten();
-        fingerprint.extend(digest.map(|byte| format!("{byte:02x}")));
-        let stage = Stage::begin(options.verbosity, "training", setup.iterations());
+        if let Some(data) = &material.measured {
+            // The config only names the files; a training is resumed with the same measurements or
+            // not at all.
+            fingerprint.extend(data.digest.iter().map(|byte| format!("{byte:02x}")));
+        }
         let fresh = Self {
-            trainer,
+            trainer: material.trainer(threads)?,
+            threads,
             fingerprint,
             rows: Vec::new(),
             validated: None,
@@ -185,12 +226,22 @@ impl Session {
             optimizer: Duration::ZERO,
             earlier: Duration::ZERO,
             begun,
-            stage,
+            stage: Stage::begin(verbosity, "training", material.iterations()),
         };
         match run_dir.path(file::CHECKPOINT) {
             path if path.exists() => fresh.resume_from(&path, run_dir),
             _ => Ok(fresh),
         }
+    }
+
+    /// Continues on as many threads, if they are others than now.
+    fn use_threads(&mut self, material: &Material<'_>, threads: usize) -> Result<(), BenchError> {
+        if threads != self.threads {
+            let state = self.trainer.checkpoint().clone();
+            self.trainer = material.trainer(threads)?.resume(state)?;
+            self.threads = threads;
+        }
+        Ok(())
     }
 
     /// The same session, resumed from the checkpoint at `path`.
@@ -218,11 +269,13 @@ impl Session {
     /// Trains to the end and returns why that was the end.
     fn work(
         &mut self,
+        material: &Material<'_>,
         run_dir: &RunDir,
         effort: &Effort,
+        threads: &Threads<'_>,
         options: &Options<'_>,
     ) -> Result<String, BenchError> {
-        let mut last_checkpoint = Instant::now();
+        let (mut last_checkpoint, mut last_look) = (Instant::now(), Instant::now());
         let mut pause_s = effort.checkpoint_every_s;
         loop {
             if let Err(stop) = options.check_interrupt(run_dir.dir()) {
@@ -231,6 +284,10 @@ impl Session {
             }
             if effort.time_limit_s.is_some_and(|limit| self.wall().as_secs_f64() >= limit) {
                 return Ok("time-limit".to_owned());
+            }
+            if last_look.elapsed() >= threads.every {
+                self.use_threads(material, (threads.now)())?;
+                last_look = Instant::now();
             }
             let clock = Instant::now();
             let progress = self.trainer.step()?;
@@ -342,6 +399,9 @@ fn row(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use pinc_config::Plants;
+    use std::cell::Cell;
+    use std::sync::atomic::AtomicBool;
 
     #[test]
     fn checkpoints_take_a_small_share_of_time_and_disk() {
@@ -350,5 +410,31 @@ mod tests {
         assert!(near(pause(5.0, Duration::from_millis(600), 100_000), 20.0));
         assert!(near(pause(5.0, Duration::from_millis(10), 256_000_000), 64.0));
         assert!(near(pause(90.0, Duration::from_millis(10), 256_000_000), 90.0));
+    }
+
+    /// The net of a training whose threads are those of a list, one after the other.
+    fn trained(threads: &[usize]) -> (Vec<u8>, usize) {
+        let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../configs/smoke/one-tank.toml");
+        let set = "training.phases.0.iterations=60".to_owned();
+        let experiment = Experiment::load(Path::new(path), &[set], &Plants::built_in()).unwrap();
+        let dir = tempfile::tempdir().unwrap();
+        let mut run_dir = RunDir::open(dir.path(), &experiment, 1).unwrap();
+        let interrupt = AtomicBool::new(false);
+        let (verbosity, interrupt) = (Verbosity::Quiet, &interrupt);
+        let options = Options { resume: false, verbosity, interrupt, arguments: &[] };
+        let looks = Cell::new(0);
+        let now = || threads[looks.replace(looks.get() + 1) % threads.len()];
+        let threads = Threads { now: &now, every: Duration::ZERO };
+        let plant = experiment.plant.dyn_plant();
+        let net = stage(&*plant, &experiment, &options, Some(&threads), &mut run_dir).unwrap();
+        (net.to_bytes(), looks.get())
+    }
+
+    #[test]
+    fn threads_may_come_and_go_and_change_no_bit() {
+        let (one, _) = trained(&[1]);
+        let (changing, looks) = trained(&[1, 3, 3, 2]);
+        assert!(looks > 20, "{looks}");
+        assert!(one == changing);
     }
 }

@@ -1,31 +1,27 @@
 //! The parts of a sweep: trainings that trials share, and trials.
 
-use super::{Options, Plan, Stages, read_model};
+use super::{Options, Plan, Stages, Threads, read_model};
 use crate::BenchError;
 use pinc_config::Experiment;
 use pinc_record::{Provenance, RecordError, RunDir, file};
 use std::path::Path;
 
-/// Trains the net of `experiment` in the run directory `dir`, on so many threads, or resumes
+/// Trains the net of `experiment` in the run directory `dir`, on these threads, or resumes
 /// the training that is there.
 pub(crate) fn train_shared(
     experiment: &Experiment,
     dir: &Path,
     provenance: &Provenance,
-    threads: usize,
+    threads: &Threads<'_>,
     options: &Options<'_>,
 ) -> Result<(), BenchError> {
     let mut run_dir = RunDir::open(dir, experiment, std::process::id())?.without_traces();
-    let mut threaded = experiment.clone();
-    if let Some(training) = &mut threaded.training {
-        training.effort.threads = threads;
-    }
     let plan = Plan { trains: true, runs_free: false, loops: Vec::new(), given: None };
     if !plan.is_done(experiment, run_dir.metrics()) {
         run_dir.write_provenance(provenance, true)?;
     }
     let train = |run_dir: &mut RunDir| {
-        Stages { experiment: &threaded, options, plan: &plan, run_dir }.run()
+        Stages { experiment, options, plan: &plan, threads: Some(threads), run_dir }.run()
     };
     match train(&mut run_dir) {
         // A checkpoint of no use: nobody asked for it by name, so the training begins anew.
@@ -37,16 +33,14 @@ pub(crate) fn train_shared(
     }
 }
 
-/// Runs a trial in `dir`, which holds nothing yet, with the net of the run directory `net` if it
-/// needs one.
+/// Runs a trial in its directory, which holds nothing yet, with the net of the run directory `net`
+/// if it needs one.
 pub(crate) fn run_trial(
     experiment: &Experiment,
     net: Option<&Path>,
-    dir: &Path,
-    keep_traces: bool,
+    run_dir: &mut RunDir,
     options: &Options<'_>,
 ) -> Result<(), BenchError> {
-    let mut run_dir = RunDir::of_trial(dir, experiment, keep_traces);
     let mut plan = Plan { trains: false, runs_free: false, loops: Vec::new(), given: None };
     if let Some(control) = &experiment.control {
         plan.loops.clone_from(&control.models);
@@ -62,5 +56,5 @@ pub(crate) fn run_trial(
             plan.given = Some((Vec::new(), read_model(&trained.path(file::MODEL))?));
         }
     }
-    Stages { experiment, options, plan: &plan, run_dir: &mut run_dir }.run()
+    Stages { experiment, options, plan: &plan, threads: None, run_dir }.run()
 }

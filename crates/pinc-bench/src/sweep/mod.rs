@@ -1,45 +1,79 @@
 //! Sweeps: an experiment many times over, on all cores, in parts that can be interrupted, spread
 //! over machines and merged.
 
+mod crew;
+mod ledger;
 mod progress;
 mod queue;
+mod status;
+
+pub use status::{Status, status};
 
 use crate::BenchError;
-use crate::invocation::invocation;
+use crate::clock::to_f64;
+use crate::invocation::{cores, invocation};
 use crate::progress::Verbosity;
-use crate::runs::{Options, rebuild_report, run_trial, train_shared};
+use crate::runs::{Options, rebuild_report};
+use crew::Crew;
+use ledger::Ledger;
 use pinc_config::{Experiment, Plants, SweepSpec, Trial, trials};
-use pinc_net::NetError;
 use pinc_record::{
-    Ending, Provenance, RecordError, RunDir, SummaryTable, SweepDir, SweepMetrics, TrialColumn,
-    TrialTable, file,
+    Best, CsvText, Provenance, RecordError, RunDir, Standing, SummaryTable, SweepDir, SweepMetrics,
+    TrialColumn, TrialMetric, TrialTable, file,
 };
 use progress::{Estimate, Progress, effort};
-use queue::{Job, Queue};
+use queue::Queue;
+use std::collections::{HashMap, HashSet};
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, MutexGuard, PoisonError};
-use std::time::Instant;
+use std::time::Duration;
 
-/// A share of a sweep: every `of`-th trial, beginning with number `number`, from 1.
+/// A share of a sweep. Trials that need the same net are in one share.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Shard {
-    /// Which share.
+    /// Which share, from 1.
     pub number: usize,
     /// Of how many.
     pub of: usize,
+    /// Whether other processes work on the same directory. Each then begins with its own share, and
+    /// goes on with what nobody else works on.
+    pub shared: bool,
 }
 
 impl Shard {
-    /// All of it.
-    pub const WHOLE: Self = Self { number: 1, of: 1 };
+    /// All of it, by this process.
+    pub const WHOLE: Self = Self { number: 1, of: 1, shared: false };
+}
 
-    fn has(self, index: usize) -> bool {
-        index % self.of == self.number - 1
-    }
+/// The trials of a sweep that are over, and the nets that are trained.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Kept {
+    /// How many trials are over.
+    pub trials: usize,
+    /// How many nets are trained.
+    pub nets: usize,
+}
+
+/// What `dir` holds of a sweep, which is lost if the sweep begins afresh; none if there is nothing.
+#[must_use]
+pub fn kept(experiment: &Experiment, dir: &Path) -> Option<Kept> {
+    let (trials, nets) = SweepDir::of(dir).results();
+    (trials + nets > 0 && RunDir::is_of(dir, experiment)).then_some(Kept { trials, nets })
+}
+
+/// Removes what [`kept`] finds.
+///
+/// # Errors
+///
+/// [`BenchError`] if the directory holds something else, somebody works in it, or it cannot be
+/// written.
+pub fn clear(experiment: &Experiment, dir: &Path) -> Result<(), BenchError> {
+    let _alone = RunDir::open(dir, experiment, std::process::id())?;
+    Ok(SweepDir::of(dir).clear()?)
 }
 
 /// Runs the trials of a sweep, or a share of them, with their results in `dir`. Trials that failed
-/// are in its tables and stop no others.
+/// are in its tables and stop no others. Unless it resumes, what [`kept`] finds is removed.
 ///
 /// # Errors
 ///
@@ -51,14 +85,50 @@ pub fn sweep(
     options: &Options<'_>,
     shard: Shard,
 ) -> Result<RunDir, BenchError> {
-    let session = Session::open(experiment, dir, options)?;
+    let trials = made(experiment)?;
     if !options.resume {
-        session.sweep_dir.clear()?;
+        clear(experiment, dir)?;
     }
+    let session = Session::open(experiment, &trials, dir, options, shard.shared)?;
     let worked = session.work(options, shard);
     let closed = session.close();
     // What was done before it stopped is in the tables; why it stopped matters more.
     worked.and(closed)
+}
+
+/// How many units of work of a sweep are left in `dir`: trials that need the same net are one as
+/// long as it is not trained.
+pub(crate) fn units_left(experiment: &Experiment, dir: &Path) -> Result<usize, BenchError> {
+    let (trials, sweep_dir) = (made(experiment)?, SweepDir::of(dir));
+    let mut ledger = Ledger::new(experiment, &trials);
+    if RunDir::is_of(dir, experiment) {
+        ledger.look_up(&sweep_dir)?;
+    }
+    let left = trials.iter().zip(ledger.standings());
+    let left = left.filter(|(trial, s)| !ledger.knows(trial) && *s != Standing::Dropped);
+    let left = left.map(|(trial, _)| trial);
+    let unit = |trial: &'_ Trial| match sweep_dir.is_trained(trial.unit()) {
+        true => trial.id.clone(),
+        false => trial.unit().to_owned(),
+    };
+    Ok(left.map(unit).collect::<HashSet<_>>().len())
+}
+
+/// The trials of an experiment that has a sweep.
+fn made(experiment: &Experiment) -> Result<Vec<Trial>, BenchError> {
+    if experiment.sweep.is_none() {
+        let name = experiment.name.clone();
+        return Err(BenchError::MissingSection { name, section: "sweep", command: "a sweep" });
+    }
+    if let Some(search) = &experiment.sweep.as_ref().and_then(|sweep| sweep.search.as_ref())
+        && TrialMetric::searched(experiment).is_none()
+    {
+        let (name, minimize) = (experiment.name.clone(), search.minimize.clone());
+        let known = TrialMetric::results(experiment).into_iter().filter(|m| m.is_number());
+        let known = known.map(TrialMetric::name).collect();
+        return Err(BenchError::NoSuchMetric { name, minimize, known });
+    }
+    Ok(trials(experiment).expect("the experiment was checked, and its trials with it"))
 }
 
 /// Collects the trials of sweeps of the same config, from their directories, in `dir`. The config
@@ -84,121 +154,203 @@ pub fn merge(
     if let Some(i) = others.iter().position(|other| other != experiment) {
         return Err(BenchError::OtherSweep { dir: parts[i + 1].clone(), first: parts[0].clone() });
     }
-    let session = Session::open(experiment, dir, options)?;
+    let trials = made(experiment)?;
+    let session = Session::open(experiment, &trials, dir, options, false)?;
     for part in parts {
-        session.import_trial(&SweepDir::of(part))?;
+        session.import_trials(&SweepDir::of(part))?;
     }
     session.close()
+}
+
+/// How often a directory is tried that another process has for a short while.
+const TRIES: u32 = 300;
+/// The time between two tries.
+const TRY_EVERY: Duration = Duration::from_millis(200);
+
+/// A name for this process that no other one has, on no machine.
+fn worker_name() -> String {
+    let host = std::fs::read_to_string("/proc/sys/kernel/hostname").unwrap_or_default();
+    let host = host.trim().replace(|c: char| !c.is_ascii_alphanumeric(), "-");
+    format!("{host}-{}", std::process::id())
 }
 
 /// A sweep and its directory.
 struct Session<'a> {
     experiment: &'a Experiment,
     sweep: &'a SweepSpec,
-    trials: Vec<Trial>,
+    trials: &'a [Trial],
     run_dir: RunDir,
     sweep_dir: SweepDir,
     provenance: Provenance,
+    /// Whether other processes work in the directory.
+    shared: bool,
+    ledger: Mutex<Ledger<'a>>,
 }
 
 impl<'a> Session<'a> {
     fn open(
         experiment: &'a Experiment,
+        trials: &'a [Trial],
         dir: &Path,
         options: &Options<'_>,
+        shared: bool,
     ) -> Result<Self, BenchError> {
-        let Some(sweep) = &experiment.sweep else {
-            let name = experiment.name.clone();
-            return Err(BenchError::MissingSection { name, section: "sweep", command: "a sweep" });
-        };
-        let trials = trials(experiment);
-        let trials = trials.expect("the experiment was checked, and its trials with it");
+        let sweep = experiment.sweep.as_ref().expect("it has trials");
         let provenance = Provenance::of(experiment, invocation(options.arguments));
-        let run_dir = RunDir::open(dir, experiment, std::process::id())?;
+        let (run_dir, sweep_dir) = (open_dir(experiment, dir, shared)?, SweepDir::of(dir));
         let counts = run_dir.metrics().sweep.as_ref();
-        if !(options.resume && counts.is_some_and(|all| all.done + all.failed == all.trials)) {
-            run_dir.write_provenance(&provenance, options.resume)?;
+        if !(options.resume && counts.is_some_and(|all| all.pending() == 0)) {
+            // One after the other: each adds itself to what is there.
+            let mut tries = (0..TRIES).map(|_| sweep_dir.claim("provenance", std::process::id()));
+            let _claim = tries.find_map(|claim| {
+                let claim = claim.transpose();
+                if claim.is_none() {
+                    std::thread::sleep(TRY_EVERY / 10);
+                }
+                claim
+            });
+            run_dir.write_provenance(&provenance, options.resume || shared)?;
         }
-        Ok(Self { experiment, sweep, trials, run_dir, sweep_dir: SweepDir::of(dir), provenance })
+        let mut ledger = Ledger::new(experiment, trials);
+        ledger.look_up(&sweep_dir)?;
+        let ledger = Mutex::new(ledger);
+        Ok(Self { experiment, sweep, trials, run_dir, sweep_dir, provenance, shared, ledger })
+    }
+
+    fn ledger(&self) -> MutexGuard<'_, Ledger<'a>> {
+        self.ledger.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// Runs what is left of a share of the trials.
     fn work(&self, options: &Options<'_>, shard: Shard) -> Result<(), BenchError> {
-        let mine = self.trials.iter().enumerate().filter(|(i, _)| shard.has(*i));
-        let mine: Vec<_> = mine.map(|(_, trial)| trial).collect();
-        let mut left: Vec<&Trial> = Vec::new();
-        for &trial in &mine {
-            // Cases may be equal in some preset.
-            let twice = left.iter().any(|other| other.id == trial.id);
-            if !twice && self.sweep_dir.finished(&trial.id)?.is_none() {
-                left.push(trial);
-            }
-        }
-        let cores = std::thread::available_parallelism().map_or(1, usize::from);
-        let queue = Queue::new(left.iter().copied(), self.sweep.timed);
-        let workers = queue.width().min(cores);
-        let estimate = Estimate::new(workers, self.effort_of_trainings(&left), left.len());
+        let mine = self.share(shard)?;
+        let (left, later) = self.left(&mine);
+        let queue = Queue::new(left.iter().copied(), self.sweep.timed, cores());
+        let queue = queue.and_later(later.clone());
+        let workers = queue.width();
+        let expected = expected(self.experiment, left.iter().copied(), later.iter().copied());
+        let trials = expected.iter().map(|(_, share)| share).sum();
+        let (effort, ..) = effort_of_trainings(&self.sweep_dir, expected);
+        let estimate = Estimate::new(workers, effort, trials);
+        let (all, left) = (mine.len(), left.len() + later.len());
+        let progress = Progress::begin(options.verbosity, all, left, estimate);
         let crew = Crew {
             session: self,
             // The sweep shows the progress of its trials, which are resumed from what is there.
             options: Options { resume: true, verbosity: Verbosity::Quiet, ..*options },
             queue,
-            threads: (cores / workers.max(1)).max(1),
-            state: Mutex::new(Progress::begin(options.verbosity, mine.len(), left.len(), estimate)),
+            state: Mutex::new(progress),
         };
-        std::thread::scope(|scope| {
-            for _ in 0..workers {
-                scope.spawn(|| crew.work());
-            }
-        });
-        let progress = crew.state.into_inner().unwrap_or_else(PoisonError::into_inner);
-        progress.end()
+        crew.work(workers)
     }
 
-    /// What has to be trained for these trials.
-    fn effort_of_trainings(&self, trials: &[&Trial]) -> f64 {
-        let trainings = trials.iter().filter_map(|trial| trial.training.as_ref());
-        let mut trainings: Vec<_> =
-            trainings.filter(|(id, _)| !self.sweep_dir.is_trained(id)).collect();
-        trainings.sort_by(|a, b| a.0.cmp(&b.0));
-        trainings.dedup_by(|a, b| a.0 == b.0);
-        trainings.into_iter().map(|(_, training)| effort(training)).sum()
+    /// Which of these trials are to be run, and of which that is not known yet.
+    fn left(&self, mine: &[&'a Trial]) -> (Vec<&'a Trial>, Vec<&'a Trial>) {
+        let ledger = self.ledger();
+        let standings = ledger.standings_by_id();
+        let mut known = HashSet::new();
+        // Cases may be equal in some preset.
+        let left = mine.iter().filter(|trial| !ledger.knows(trial) && known.insert(&trial.id));
+        let left = left.filter(|trial| standings[trial.id.as_str()] != Standing::Dropped);
+        left.partition(|trial| standings[trial.id.as_str()] == Standing::Open)
     }
 
-    fn import_trial(&self, part: &SweepDir) -> Result<(), BenchError> {
-        for trial in &self.trials {
+    /// Whether a search drops trials.
+    fn halves(&self) -> bool {
+        self.sweep.search.as_ref().is_some_and(|search| search.halving.is_some())
+    }
+
+    /// The trials of a share, in the order in which they are begun. If the directory is shared, the
+    /// other shares follow.
+    fn share(&self, shard: Shard) -> Result<Vec<&'a Trial>, BenchError> {
+        let Shard { number, of, shared } = shard;
+        let mut units = HashMap::new();
+        let of_trial = |trial: &'a Trial| {
+            let next = units.len();
+            let unit = *units.entry(trial.unit()).or_insert(next);
+            // How many shares after its own one is that of the trial.
+            ((unit + of - (number - 1)) % of, trial)
+        };
+        let mut trials: Vec<_> = self.trials.iter().map(of_trial).collect();
+        let keeps_others_out = self.run_dir.keeps_others_out();
+        if shared && !keeps_others_out && of == 1 {
+            return Err(BenchError::NoLocks { dir: self.run_dir.dir().to_owned() });
+        }
+        if !(shared && keeps_others_out) {
+            trials.retain(|(distance, _)| *distance == 0);
+        }
+        // Of equal distance in their own order.
+        trials.sort_by_key(|(distance, _)| *distance);
+        Ok(trials.into_iter().map(|(_, trial)| trial).collect())
+    }
+
+    fn import_trials(&self, part: &SweepDir) -> Result<(), BenchError> {
+        let mut ledger = self.ledger();
+        for trial in self.trials {
             let net = trial.training.as_ref().map(|(id, _)| id.as_str());
-            if self.sweep_dir.finished(&trial.id)?.is_none() && part.finished(&trial.id)?.is_some()
+            if !ledger.knows(trial)
+                && let Some(finished) = part.finished(&trial.id)?
             {
                 self.sweep_dir.import_trial(part, &trial.id, net)?;
+                ledger.note(trial, &finished);
             }
         }
         Ok(())
     }
 
-    /// Writes the tables of what has been done so far, and counts it.
-    fn write_tables(&self) -> Result<SweepMetrics, BenchError> {
-        let finished = self.trials.iter().map(|trial| self.sweep_dir.finished(&trial.id));
-        let finished = finished.collect::<Result<Vec<_>, _>>()?;
-        let (experiment, sweep) = (self.experiment, self.sweep);
-        let table = |columns| TrialTable::new(columns, sweep, &self.trials, &finished);
-        let summary = SummaryTable::new(experiment, sweep, &self.trials, &finished);
-        let results = table(TrialColumn::of_sweep(experiment, sweep));
-        let timings = table(TrialColumn::of_timings(experiment));
-        self.run_dir.write(file::SWEEP, results.to_csv().as_bytes())?;
-        self.run_dir.write(file::SUMMARY, summary.to_csv().as_bytes())?;
-        self.run_dir.write(file::TIMINGS, timings.to_csv().as_bytes())?;
-        let over = finished.iter().flatten();
-        let failed = over.clone().filter(|finished| finished.ending != Ending::Done).count();
-        let done = over.count() - failed;
-        Ok(SweepMetrics { trials: self.trials.len(), done, failed })
+    /// Whether nobody has written the tables for so long.
+    fn tables_are_old(&self, pause: Duration) -> bool {
+        let written = std::fs::metadata(self.run_dir.path(file::SWEEP)).and_then(|m| m.modified());
+        let age = written.ok().and_then(|written| written.elapsed().ok());
+        !self.shared || age.is_none_or(|age| age >= pause)
     }
 
-    /// Writes the tables and the report.
+    /// Writes the tables of what has been done so far, and counts it.
+    fn write_tables(&self) -> Result<SweepMetrics, BenchError> {
+        let mut ledger = self.ledger();
+        if self.shared {
+            ledger.look_up(&self.sweep_dir)?;
+        }
+        let tables = tables(self.experiment, self.trials, &ledger);
+        let (mut counts, best) = (ledger.counts(), ledger.best());
+        drop(ledger);
+        if let Some(best) = best {
+            counts.best = Some(self.write_best(best)?);
+        }
+        for (name, table) in tables {
+            self.run_dir.write(name, table.as_bytes())?;
+        }
+        Ok(counts)
+    }
+
+    /// Writes the config of the best candidate, and returns what it is in words.
+    fn write_best(&self, best: Best) -> Result<String, BenchError> {
+        let trial = &self.trials[best.trial];
+        let minimize = self.sweep.search.as_ref().map_or("", |search| search.minimize.as_str());
+        let columns = pinc_config::columns(self.sweep).into_iter().zip(&trial.cells);
+        let of_candidate = columns.filter(|(column, _)| column != pinc_config::SEED);
+        let cells = of_candidate.map(|(column, cell)| match column.as_str() {
+            pinc_config::CANDIDATE => format!("candidate {cell}"),
+            _ => format!("{column} = {cell}"),
+        });
+        let words = cells.collect::<Vec<_>>().join(", ");
+        let words = format!("{words}: {minimize} = {:.4e}", best.score);
+        let mut experiment = trial.experiment.clone();
+        experiment.name += "-best";
+        let text = format!("# The best of the sweep {}.\n# {words}\n\n", self.experiment.name);
+        self.run_dir.write(file::BEST, (text + &experiment.to_toml()).as_bytes())?;
+        Ok(words)
+    }
+
+    /// Writes the tables and the report, unless others are still at work, who will.
     fn close(mut self) -> Result<RunDir, BenchError> {
+        let (dir, metrics) = (self.run_dir.dir().to_owned(), self.run_dir.clone().released());
+        let Some(run_dir) = self.run_dir.alone()? else { return Ok(metrics) };
+        self.run_dir = run_dir;
         let counts = self.write_tables()?;
         self.run_dir.update(|all| all.sweep = Some(counts.clone()))?;
-        rebuild_report(self.run_dir.dir())?;
+        rebuild_report(&dir)?;
+        self.sweep_dir.remove_workers()?;
         if counts.failed > 0 {
             let SweepMetrics { trials, failed, .. } = counts;
             let table = self.run_dir.path(file::SWEEP);
@@ -208,103 +360,81 @@ impl<'a> Session<'a> {
     }
 }
 
-/// The threads that work on a sweep.
-struct Crew<'a> {
-    session: &'a Session<'a>,
-    options: Options<'a>,
-    queue: Queue<'a>,
-    /// Threads for one training.
-    threads: usize,
-    state: Mutex<Progress>,
+/// Opens the directory of a sweep, which the last of several processes has to itself for a while
+/// when it writes the report.
+fn open_dir(experiment: &Experiment, dir: &Path, shared: bool) -> Result<RunDir, BenchError> {
+    let id = std::process::id();
+    if !shared {
+        return Ok(RunDir::open(dir, experiment, id)?);
+    }
+    for _ in 0..TRIES {
+        match RunDir::open_shared(dir, experiment, id) {
+            Err(RecordError::Locked { .. }) => std::thread::sleep(TRY_EVERY),
+            opened => return Ok(opened?),
+        }
+    }
+    Ok(RunDir::open_shared(dir, experiment, id)?)
 }
 
-impl<'a> Crew<'a> {
-    /// Does one job after the other until there is none.
-    fn work(&self) {
-        let _guard = StopIfPanicking(&self.queue);
-        while let Some(job) = self.queue.next() {
-            let outcome = match job {
-                Job::Train(trial) => self.train(trial),
-                Job::Run(trial, failure) => self.run(trial, failure),
-            };
-            self.queue.over();
-            if let Err(error) = outcome {
-                let error = match error {
-                    BenchError::Interrupted { .. } => {
-                        BenchError::Interrupted { dir: self.session.run_dir.dir().to_owned() }
-                    }
-                    other => other,
-                };
-                self.state().error.get_or_insert(error);
-                self.queue.stop();
-            }
-        }
+/// Writes the tables of a sweep, as far as its `trials` in `sweep_dir` are done, and counts these.
+pub(crate) fn write_tables(
+    experiment: &Experiment,
+    trials: &[Trial],
+    run_dir: &RunDir,
+    sweep_dir: &SweepDir,
+) -> Result<SweepMetrics, BenchError> {
+    let mut ledger = Ledger::new(experiment, trials);
+    ledger.look_up(sweep_dir)?;
+    for (name, table) in tables(experiment, trials, &ledger) {
+        run_dir.write(name, table.as_bytes())?;
     }
-
-    fn train(&self, trial: &'a Trial) -> Result<(), BenchError> {
-        let Some((id, training)) = &trial.training else { return Ok(()) };
-        let (sweep_dir, begun) = (&self.session.sweep_dir, Instant::now());
-        let (dir, was_trained) = (sweep_dir.net(id), sweep_dir.is_trained(id));
-        let provenance = Provenance { seed: training.seed, ..self.session.provenance.clone() };
-        let provenance = Provenance { config_sha256: training.fingerprint(), ..provenance };
-        let outcome = train_shared(training, &dir, &provenance, self.threads, &self.options);
-        let outcome = result_of_trial(outcome)?;
-        if !was_trained {
-            self.state().trained(effort(training), begun.elapsed());
-        }
-        self.queue.trained(trial, outcome);
-        Ok(())
-    }
-
-    fn run(&self, trial: &Trial, failure: Option<String>) -> Result<(), BenchError> {
-        let (sweep_dir, begun) = (&self.session.sweep_dir, Instant::now());
-        let dir = sweep_dir.begin(&trial.id)?;
-        let net = trial.training.as_ref().map(|(id, _)| sweep_dir.net(id));
-        let outcome = match failure {
-            Some(error) => Err(error),
-            None => {
-                let keep_traces = self.session.sweep.keep_traces;
-                let run =
-                    run_trial(&trial.experiment, net.as_deref(), &dir, keep_traces, &self.options);
-                result_of_trial(run)?
-            }
-        };
-        let ending = match outcome {
-            Ok(()) => Ending::Done,
-            Err(error) => Ending::Failed { error },
-        };
-        sweep_dir.finish(&trial.id, &ending)?;
-        let tables_are_due = self.state().finished(&ending, begun.elapsed());
-        if tables_are_due {
-            self.session.write_tables()?;
-        }
-        Ok(())
-    }
-
-    fn state(&self) -> MutexGuard<'_, Progress> {
-        self.state.lock().unwrap_or_else(PoisonError::into_inner)
-    }
+    Ok(ledger.counts())
 }
 
-/// Lets no thread wait for one that will never be done.
-struct StopIfPanicking<'a, 'b>(&'a Queue<'b>);
-
-impl Drop for StopIfPanicking<'_, '_> {
-    fn drop(&mut self) {
-        if std::thread::panicking() {
-            self.0.stop();
-        }
-    }
+/// The tables of a sweep, with the names of their files.
+fn tables(
+    experiment: &Experiment,
+    trials: &[Trial],
+    ledger: &Ledger<'_>,
+) -> [(&'static str, CsvText); 3] {
+    let sweep = experiment.sweep.as_ref().expect("a sweep has the section");
+    let (results, standings) = (ledger.results(), ledger.standings());
+    let table = |columns| TrialTable::new(columns, sweep, trials, results, &standings).to_csv();
+    [
+        (file::SWEEP, table(TrialColumn::of_sweep(experiment, sweep))),
+        (file::SUMMARY, SummaryTable::new(experiment, sweep, trials, results).to_csv()),
+        (file::TIMINGS, table(TrialColumn::of_timings(experiment))),
+    ]
 }
 
-/// Tells an error that is the trial's own, and the same every time, from one that ends the sweep.
-fn result_of_trial(outcome: Result<(), BenchError>) -> Result<Result<(), String>, BenchError> {
-    match outcome {
-        Ok(()) => Ok(Ok(())),
-        Err(BenchError::Net(error @ NetError::Threads(_))) => Err(BenchError::Net(error)),
-        Err(error @ (BenchError::Net(_) | BenchError::Control(_) | BenchError::Plant(_))) => {
-            Ok(Err(error.to_string()))
-        }
-        Err(error) => Err(error),
-    }
+/// Trials that are to be run, and those of `later` of which that is not known yet, each with the
+/// share of its like that a search runs.
+fn expected<'t>(
+    experiment: &Experiment,
+    now: impl Iterator<Item = &'t Trial>,
+    later: impl Iterator<Item = &'t Trial>,
+) -> Vec<(&'t Trial, f64)> {
+    let search = experiment.sweep.as_ref().and_then(|sweep| sweep.search.as_ref());
+    let share = |trial: &Trial| {
+        let (search, place) = (search?, trial.search?);
+        let survivors = search.halving.as_ref()?.survivors(search.candidates, place.rung);
+        Some(to_f64(survivors as u64) / to_f64(search.candidates as u64))
+    };
+    let later = later.map(|trial| (trial, share(trial).unwrap_or(1.0)));
+    now.map(|trial| (trial, 1.0)).chain(later).collect()
+}
+
+/// The effort of the trainings that are left for these trials, of which shares are run, how many
+/// these are, and how many there are in all.
+fn effort_of_trainings<'t>(
+    dir: &SweepDir,
+    trials: impl IntoIterator<Item = (&'t Trial, f64)>,
+) -> (f64, usize, usize) {
+    let mut known = HashSet::new();
+    let shares = trials.into_iter();
+    let trainings = shares.filter_map(|(trial, share)| Some((trial.training.as_ref()?, share)));
+    let trainings: Vec<_> = trainings.filter(|((id, _), _)| known.insert(id)).collect();
+    let left: Vec<_> = trainings.iter().filter(|((id, _), _)| !dir.is_trained(id)).collect();
+    let sum = left.iter().map(|((_, training), share)| share * effort(training)).sum();
+    (sum, left.len(), trainings.len())
 }

@@ -7,6 +7,7 @@ use crate::metrics::Metrics;
 use crate::spread::Spread;
 use crate::sweep_dir::{Ending, Finished};
 use pinc_config::{Experiment, SweepSpec, Trial, cell_columns};
+use std::collections::HashMap;
 use std::path::Path;
 
 /// The columns after those that tell the cells apart.
@@ -160,12 +161,14 @@ impl SummaryTable {
 /// The cells in the order of their first trials, each with its trials.
 fn cells(trials: &[Trial], columns: usize) -> Vec<(&[String], Vec<usize>)> {
     let mut cells: Vec<(&[String], Vec<usize>)> = Vec::new();
+    let mut known = HashMap::new();
     for (i, trial) in trials.iter().enumerate() {
         let place = &trial.cells[..columns];
-        match cells.iter_mut().find(|(cell, _)| *cell == place) {
-            Some((_, group)) => group.push(i),
-            None => cells.push((place, vec![i])),
-        }
+        let cell = *known.entry(place).or_insert_with(|| {
+            cells.push((place, Vec::new()));
+            cells.len() - 1
+        });
+        cells[cell].1.push(i);
     }
     cells
 }
@@ -196,7 +199,7 @@ fn row(cell: &[String], metric: TrialMetric, group: &[Option<&Finished>]) -> Opt
 
 /// The metrics of a trial that ended as it should.
 fn done(finished: Option<&Finished>) -> Option<&Metrics> {
-    finished.filter(|finished| finished.ending == Ending::Done)?.metrics.as_ref()
+    finished.filter(|finished| finished.ending == Ending::Done).map(|finished| &finished.metrics)
 }
 
 #[cfg(test)]

@@ -3,6 +3,7 @@
 use super::trial_metric::TrialMetric;
 use crate::csv::{CsvFile, CsvText};
 use crate::error::RecordError;
+use crate::search::Standing;
 use crate::sweep_dir::{Ending, Finished};
 use pinc_config::{Experiment, SweepSpec, Trial, columns};
 use std::path::Path;
@@ -16,6 +17,8 @@ pub enum TrialStatus {
     Failed,
     /// It has not been run.
     Pending,
+    /// It is not run, since others of a search are better.
+    Dropped,
 }
 
 impl TrialStatus {
@@ -26,13 +29,14 @@ impl TrialStatus {
             Self::Done => "done",
             Self::Failed => "failed",
             Self::Pending => "pending",
+            Self::Dropped => "dropped",
         }
     }
 
     /// The status with this name; [`TrialStatus::Failed`] if there is none.
     #[must_use]
     pub fn of(name: &str) -> Self {
-        let all = [Self::Done, Self::Pending];
+        let all = [Self::Done, Self::Pending, Self::Dropped];
         all.into_iter().find(|status| status.name() == name).unwrap_or(Self::Failed)
     }
 }
@@ -46,7 +50,7 @@ pub enum TrialColumn {
     Choice(String),
     /// A result.
     Metric(TrialMetric),
-    /// How it ended: `done`, `failed` or `pending`.
+    /// How it ended: `done`, `failed`, `pending` or `dropped`.
     Status,
     /// The error that it ended with.
     Error,
@@ -82,7 +86,13 @@ impl TrialColumn {
     }
 
     /// The cell of a trial that may be over.
-    fn cell(&self, trial: &Trial, choices: &[String], finished: Option<&Finished>) -> String {
+    fn cell(
+        &self,
+        trial: &Trial,
+        choices: &[String],
+        finished: Option<&Finished>,
+        standing: Standing,
+    ) -> String {
         let ending = finished.map(|finished| &finished.ending);
         match self {
             Self::Trial => trial.id.clone(),
@@ -91,10 +101,11 @@ impl TrialColumn {
                 place.map_or_else(String::new, |place| trial.cells[place].clone())
             }
             Self::Metric(metric) => {
-                let metrics = finished.and_then(|finished| finished.metrics.as_ref());
-                metrics.and_then(|metrics| metric.cell(metrics)).unwrap_or_default()
+                let cell = finished.and_then(|finished| metric.cell(&finished.metrics));
+                cell.unwrap_or_default()
             }
             Self::Status => match ending {
+                None if standing == Standing::Dropped => TrialStatus::Dropped.name().to_owned(),
                 None => TrialStatus::Pending.name().to_owned(),
                 Some(Ending::Done) => TrialStatus::Done.name().to_owned(),
                 Some(Ending::Failed { .. }) => TrialStatus::Failed.name().to_owned(),
@@ -116,19 +127,22 @@ pub struct TrialTable {
 }
 
 impl TrialTable {
-    /// The table with these columns of trials, each of which may be over.
+    /// The table with these columns of trials, each of which may be over, and which stand like
+    /// this.
     #[must_use]
     pub fn new(
         columns: Vec<TrialColumn>,
         sweep: &SweepSpec,
         trials: &[Trial],
         finished: &[Option<Finished>],
+        standings: &[Standing],
     ) -> Self {
         let choices = pinc_config::columns(sweep);
-        let row = |(trial, finished): (&Trial, &Option<Finished>)| {
-            columns.iter().map(|c| c.cell(trial, &choices, finished.as_ref())).collect()
+        let row = |((trial, finished), standing): ((&Trial, &Option<Finished>), &Standing)| {
+            let finished = finished.as_ref();
+            columns.iter().map(|c| c.cell(trial, &choices, finished, *standing)).collect()
         };
-        let rows = trials.iter().zip(finished).map(row).collect();
+        let rows = trials.iter().zip(finished).zip(standings).map(row).collect();
         Self { columns, rows }
     }
 
@@ -163,9 +177,7 @@ impl TrialTable {
         let mut rows = Vec::new();
         for row in &read {
             for (place, column) in &found {
-                use TrialMetric::{Source, StopReason};
-                let is_number =
-                    matches!(column, TrialColumn::Metric(m) if !matches!(m, Source | StopReason));
+                let is_number = matches!(column, TrialColumn::Metric(m) if m.is_number());
                 if is_number {
                     file.number(row, *place)?;
                 }

@@ -1,14 +1,17 @@
 //! The report of a sweep: the results of its trials, cell by cell, and those that failed.
 //!
 //! A cell is a place in the grid, with one trial per seed and draw. The form of a picture follows
-//! from the sweep: a map for two axes, curves for one, bars for cases, histograms for draws.
+//! from the sweep: a map for two axes, curves for one, bars for cases, histograms for draws, boxes
+//! for cases with draws.
 
 mod accuracy_cost;
 mod bars;
+mod boxes;
 mod curves;
 mod histogram;
 mod map;
 mod metric;
+mod search;
 #[cfg(test)]
 mod tests;
 mod traces;
@@ -25,12 +28,18 @@ use pinc_record::TrialMetric;
 /// The pictures of a sweep.
 pub(crate) fn pictures(run: &Run, trials: &Trials) -> Result<Vec<Picture>, ReportError> {
     let mut pictures = Vec::from_iter(traces::picture(run, trials)?);
+    if let Some(found) = search::of(&run.experiment) {
+        pictures.extend(search::picture(trials, found));
+        return Ok(pictures);
+    }
     if accuracy_cost::is_there(trials) {
         pictures.extend(accuracy_cost::pictures(run, trials));
         return Ok(pictures);
     }
     for metric in Selection::of(run, trials).varying {
-        if trials.has_draws() {
+        if trials.are_of_cases() {
+            pictures.extend(boxes::picture(trials, &metric));
+        } else if trials.has_draws() {
             pictures.extend(histogram::picture(trials, &metric));
         } else {
             match trials.axes().len() {
@@ -62,7 +71,7 @@ pub(crate) fn paragraph(run: &Run, trials: &Trials) -> String {
             }
         );
     }
-    if !accuracy_cost::is_there(trials) {
+    if search::of(&run.experiment).is_none() && !accuracy_cost::is_there(trials) {
         summary += &Selection::of(run, trials).sentence();
     }
     summary
@@ -75,6 +84,11 @@ fn counted(count: usize, one: &str, many: &str) -> String {
 /// The tables of a sweep: the spread of each metric by cell, and the trials that failed.
 pub(crate) fn number_tables(run: &Run, trials: &Trials) -> Vec<NumberTable> {
     let mut tables = Vec::new();
+    if let Some(found) = search::of(&run.experiment) {
+        tables.push(search::number_table(trials, found));
+        tables.extend(failures(trials));
+        return tables;
+    }
     if accuracy_cost::is_there(trials) {
         tables.extend(accuracy_cost::number_tables(trials));
         tables.extend(failures(trials));

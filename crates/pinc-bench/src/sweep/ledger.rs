@@ -1,0 +1,95 @@
+//! What is known of the trials that are over.
+
+use pinc_config::{Experiment, Trial};
+use pinc_record::{Best, Ending, Finished, RecordError, Search, Standing, SweepDir, SweepMetrics};
+use std::collections::HashMap;
+
+/// The results of the trials of a sweep, as far as they are over.
+#[derive(Debug)]
+pub(super) struct Ledger<'a> {
+    /// The places of the trials by their hashes: those of a sweep may be equal.
+    places: HashMap<&'a str, Vec<usize>>,
+    results: Vec<Option<Finished>>,
+    search: Option<Search<'a>>,
+}
+
+impl<'a> Ledger<'a> {
+    /// Nothing is known yet.
+    pub(super) fn new(experiment: &'a Experiment, trials: &'a [Trial]) -> Self {
+        let mut places: HashMap<&str, Vec<usize>> = HashMap::new();
+        for (i, trial) in trials.iter().enumerate() {
+            places.entry(&trial.id).or_default().push(i);
+        }
+        let search = Search::of(experiment, trials);
+        Self { places, results: vec![None; trials.len()], search }
+    }
+
+    /// Takes up what is in `dir` and was not known.
+    pub(super) fn look_up(&mut self, dir: &SweepDir) -> Result<(), RecordError> {
+        let Self { places, results, .. } = self;
+        for (id, places) in places {
+            if results[places[0]].is_some() {
+                continue;
+            }
+            let Some(finished) = dir.finished(id)? else { continue };
+            for &place in &*places {
+                results[place] = Some(finished.clone());
+            }
+        }
+        Ok(())
+    }
+
+    /// Notes that a trial is over.
+    pub(super) fn note(&mut self, trial: &Trial, finished: &Finished) {
+        for &place in self.places.get(trial.id.as_str()).into_iter().flatten() {
+            self.results[place] = Some(finished.clone());
+        }
+    }
+
+    pub(super) fn knows(&self, trial: &Trial) -> bool {
+        let place = self.places.get(trial.id.as_str()).map(|places| places[0]);
+        place.is_some_and(|place| self.results[place].is_some())
+    }
+
+    /// The results, in the order of the trials.
+    pub(super) fn results(&self) -> &[Option<Finished>] {
+        &self.results
+    }
+
+    /// How the trials stand.
+    pub(super) fn standings(&self) -> Vec<Standing> {
+        match &self.search {
+            Some(search) => search.standings(&self.results),
+            None => vec![Standing::Open; self.results.len()],
+        }
+    }
+
+    /// How the trials stand, by their hashes: of equal ones one is enough.
+    pub(super) fn standings_by_id(&self) -> HashMap<&'a str, Standing> {
+        let standings = self.standings();
+        let least = |places: &Vec<usize>| places.iter().map(|&i| standings[i]).min();
+        let known = self.places.iter().map(|(id, places)| (*id, least(places)));
+        known.filter_map(|(id, standing)| Some((id, standing?))).collect()
+    }
+
+    /// The best candidate of a search.
+    pub(super) fn best(&self) -> Option<Best> {
+        self.search.as_ref()?.best(&self.results)
+    }
+
+    pub(super) fn counts(&self) -> SweepMetrics {
+        let over = self.results.iter().flatten();
+        let failed = over.clone().filter(|finished| finished.ending != Ending::Done).count();
+        let standings = self.standings();
+        let pairs = self.results.iter().zip(&standings);
+        let dropped =
+            pairs.filter(|(result, standing)| result.is_none() && **standing == Standing::Dropped);
+        SweepMetrics {
+            trials: self.results.len(),
+            done: over.count() - failed,
+            failed,
+            dropped: dropped.count(),
+            best: None,
+        }
+    }
+}

@@ -1,0 +1,129 @@
+//! How far a sweep is, from its directory alone.
+
+use super::ledger::Ledger;
+use super::progress::{Estimate, SILENCE_S, now_s, span};
+use super::{effort_of_trainings, expected, made};
+use crate::BenchError;
+use crate::invocation::rfc3339;
+use crate::slurm::queue_in_words;
+use pinc_config::{Experiment, Plants};
+use pinc_record::{Ending, RecordError, RunDir, Standing, SweepDir, SweepMetrics, file};
+use std::fmt;
+use std::path::Path;
+use std::time::{Duration, UNIX_EPOCH};
+
+/// How many failed trials are named.
+const NAMED: usize = 5;
+
+/// How far a sweep is.
+#[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
+pub struct Status {
+    /// The sweep's name.
+    pub name: String,
+    /// How many trials there are, and how many are over.
+    pub counts: SweepMetrics,
+    /// How many nets are to be trained, and how many of them are not.
+    pub nets: (usize, usize),
+    /// The processes at work.
+    pub processes: usize,
+    /// How many things these do at a time.
+    pub lanes: usize,
+    /// How long they will take for what is left, in s, if that is known.
+    pub seconds_left: Option<f64>,
+    /// The first failed trials: hash and error.
+    pub failures: Vec<(String, String)>,
+    /// Which jobs of the sweep are in Slurm's queue.
+    pub queue: Option<String>,
+}
+
+/// How far the sweep in `dir` is, whose config may name one of `plants`.
+///
+/// # Errors
+///
+/// [`BenchError`] if the directory holds no sweep.
+pub fn status(dir: &Path, plants: &Plants) -> Result<Status, BenchError> {
+    if !dir.join(file::CONFIG).exists() {
+        return Err(RecordError::NoRunDirectory { dir: dir.to_owned() }.into());
+    }
+    let experiment = Experiment::load(&dir.join(file::CONFIG), &[], plants)?;
+    let trials = made(&experiment)?;
+    let sweep_dir = SweepDir::of(dir);
+    let mut ledger = Ledger::new(&experiment, &trials);
+    ledger.look_up(&sweep_dir)?;
+    let counts = ledger.counts();
+    let standings = ledger.standings();
+    let left = trials.iter().zip(&standings);
+    let left = left.filter(|(t, s)| !ledger.knows(t) && **s != Standing::Dropped);
+    let (now, later): (Vec<_>, Vec<_>) = left.partition(|(_, s)| **s == Standing::Open);
+    let (now, later) = (now.into_iter().map(|left| left.0), later.into_iter().map(|left| left.0));
+    let left = expected(&experiment, now, later);
+    let trials_left = left.iter().map(|(_, share)| share).sum();
+    let (_, _, nets) = effort_of_trainings(&sweep_dir, trials.iter().map(|trial| (trial, 1.0)));
+    let (effort, untrained, _) = effort_of_trainings(&sweep_dir, left);
+    // Where a file system has no locks, the notes are all that is known.
+    let notes = sweep_dir.notes();
+    let alive = notes.iter().filter(|note| now_s() - note.at_s < SILENCE_S);
+    let is_in_use = RunDir::is_in_use(dir) || !cfg!(unix);
+    let alive: Vec<_> = alive.filter(|_| is_in_use).collect();
+    let failures = trials.iter().zip(ledger.results()).filter_map(|(trial, result)| match &result
+        .as_ref()?
+        .ending
+    {
+        Ending::Done => None,
+        Ending::Failed { error } => Some((trial.id.clone(), error.clone())),
+    });
+    let estimate = Estimate::together(&notes, effort, trials_left);
+    Ok(Status {
+        name: experiment.name.clone(),
+        nets: (nets, untrained),
+        processes: alive.len(),
+        lanes: alive.iter().map(|note| note.lanes).sum(),
+        seconds_left: estimate.filter(|_| !alive.is_empty() && trials_left > 0.0),
+        failures: failures.take(NAMED).collect(),
+        queue: queue_in_words(dir)?,
+        counts,
+    })
+}
+
+impl Status {
+    /// Who is at work, and how long that will take.
+    pub(crate) fn at_work(&self) -> String {
+        let mut text = match (self.counts.pending(), self.processes) {
+            (0, 0) => return "over".to_owned(),
+            (_, 0) => return "nobody works on it".to_owned(),
+            (_, 1) => "at work: 1 process".to_owned(),
+            (_, n) => format!("at work: {n} processes"),
+        };
+        text += &format!(" with {} at a time", self.lanes);
+        if let Some(seconds) = self.seconds_left {
+            let end = UNIX_EPOCH + Duration::from_secs_f64(now_s() + seconds);
+            text += &format!("; about {} left, until {}", span(seconds), rfc3339(end));
+        }
+        text
+    }
+}
+
+impl fmt::Display for Status {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let SweepMetrics { trials, done, failed, dropped, .. } = self.counts;
+        let left = self.counts.pending();
+        writeln!(f, "{}: {trials} trials: {done} done, {failed} failed, {left} left", self.name)?;
+        if dropped > 0 {
+            writeln!(f, "dropped by the search: {dropped}")?;
+        }
+        if let (1.., untrained) = self.nets {
+            writeln!(f, "nets: {} trained, {untrained} left", self.nets.0 - untrained)?;
+        }
+        for (trial, error) in &self.failures {
+            writeln!(f, "failed: {trial}: {error}")?;
+        }
+        if failed > self.failures.len() {
+            writeln!(f, "failed: {} more", failed - self.failures.len())?;
+        }
+        if let Some(queue) = &self.queue {
+            writeln!(f, "{queue}")?;
+        }
+        write!(f, "{}", self.at_work())
+    }
+}

@@ -1,0 +1,244 @@
+//! The table `[sweep.search]`: candidates drawn at random, and successive halving among them.
+
+use crate::Problem;
+use rand::RngExt;
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::SeedableRng;
+use serde::{Deserialize, Serialize};
+use toml::Value;
+
+/// The stream of random numbers that candidates come from; those below are others'.
+const STREAM: u64 = 1 << 34;
+
+/// Most rungs of a halving.
+const MOST_RUNGS: usize = 20;
+
+/// A number of candidates drawn at random from the experiment's own seed, of which the best one is
+/// looked for.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SearchSpec {
+    /// How many candidates.
+    pub candidates: usize,
+    /// The column of `sweep.csv` whose median over seeds and draws is to be small.
+    pub minimize: String,
+    /// What is drawn, independently.
+    pub ranges: Vec<SearchRange>,
+    /// Successive halving; without it every candidate is run in full.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub halving: Option<HalvingSpec>,
+}
+
+/// What a value is drawn from: a range, or a list.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SearchRange {
+    /// The key, as `--set` has it.
+    pub key: String,
+    /// Keys that take the same value.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub also: Vec<String>,
+    /// The lower end of a range.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub low: Option<f64>,
+    /// The upper end of a range.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub high: Option<f64>,
+    /// Whether the logarithm is drawn uniformly, rather than the value.
+    #[serde(default)]
+    pub log: bool,
+    /// Whether the value is a whole number.
+    #[serde(default)]
+    pub whole: bool,
+    /// A list of values, each as likely.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub values: Vec<Value>,
+}
+
+/// Successive halving: all candidates have a small budget, and the best of each rung a larger one.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct HalvingSpec {
+    /// The key of the budget, a whole number.
+    pub key: String,
+    /// Keys that take the same value.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub also: Vec<String>,
+    /// The budget of the first rung.
+    pub least: i64,
+    /// From rung to rung, how many times larger the budget is, and how many times fewer the
+    /// candidates are.
+    pub factor: i64,
+    /// How many rungs.
+    pub rungs: usize,
+}
+
+impl HalvingSpec {
+    /// The budget of a rung, from 0.
+    #[must_use]
+    pub fn budget(&self, rung: usize) -> i64 {
+        (0..rung).fold(self.least, |budget, _| budget.saturating_mul(self.factor))
+    }
+
+    /// How many of so many candidates reach a rung.
+    #[must_use]
+    pub fn survivors(&self, candidates: usize, rung: usize) -> usize {
+        let factor = usize::try_from(self.factor).unwrap_or(usize::MAX);
+        (0..rung).fold(candidates, |left, _| left.div_ceil(factor)).max(1)
+    }
+}
+
+impl SearchSpec {
+    /// How many rungs there are.
+    #[must_use]
+    pub fn rungs(&self) -> usize {
+        self.halving.as_ref().map_or(1, |halving| halving.rungs)
+    }
+
+    /// The keys that are set, each with its place in the config.
+    pub(crate) fn keys(&self) -> Vec<(String, &str)> {
+        let mut keys = Vec::new();
+        for (i, range) in self.ranges.iter().enumerate() {
+            keys.push((format!("sweep.search.ranges[{i}].key"), range.key.as_str()));
+            let also = range.also.iter().map(String::as_str);
+            keys.extend(also.map(|key| (format!("sweep.search.ranges[{i}].also"), key)));
+        }
+        if let Some(halving) = &self.halving {
+            keys.push(("sweep.search.halving.key".to_owned(), halving.key.as_str()));
+            let also = halving.also.iter().map(String::as_str);
+            keys.extend(also.map(|key| ("sweep.search.halving.also".to_owned(), key)));
+        }
+        keys
+    }
+
+    /// Checks what can be checked without looking at the trials.
+    pub(crate) fn validate(&self) -> Result<(), (String, Problem)> {
+        let wrong = |key: &str, found: String, expected: &str| {
+            let problem = Problem::Value { found, expected: expected.to_owned() };
+            Err((format!("sweep.search.{key}"), problem))
+        };
+        if self.candidates == 0 {
+            return wrong("candidates", "0".to_owned(), "1 or more");
+        }
+        if self.ranges.is_empty() {
+            return wrong("ranges", "[]".to_owned(), "one range or more");
+        }
+        for (i, range) in self.ranges.iter().enumerate() {
+            if let Err((found, expected)) = range.check() {
+                return wrong(&format!("ranges[{i}]"), found, expected);
+            }
+        }
+        let Some(halving) = &self.halving else { return Ok(()) };
+        if halving.least < 1 {
+            return wrong("halving.least", halving.least.to_string(), "1 or more");
+        }
+        if halving.factor < 2 {
+            return wrong("halving.factor", halving.factor.to_string(), "2 or more");
+        }
+        match (2..=MOST_RUNGS).contains(&halving.rungs) {
+            true => Ok(()),
+            false => wrong("halving.rungs", halving.rungs.to_string(), "from 2 to 20"),
+        }
+    }
+
+    /// The candidates, each with a value for each range: the first ones are the same however many
+    /// there are.
+    pub(crate) fn drawn(&self, seed: u64) -> Vec<Vec<Value>> {
+        let mut rng = ChaCha8Rng::seed_from_u64(seed);
+        rng.set_stream(STREAM);
+        let mut candidate =
+            || self.ranges.iter().map(|range| range.value(rng.random::<f64>())).collect();
+        (0..self.candidates).map(|_| candidate()).collect()
+    }
+}
+
+impl SearchRange {
+    /// Whether it is a range or a list; or what was found, and what expected.
+    fn check(&self) -> Result<(), (String, &'static str)> {
+        match (self.low, self.high) {
+            (None, None) if !self.values.is_empty() => Ok(()),
+            (Some(low), Some(high)) if self.values.is_empty() => {
+                let found = format!("{low} to {high}");
+                match () {
+                    () if low >= high => Err((found, "a lower end below the upper end")),
+                    () if self.log && low <= 0.0 => {
+                        Err((found, "positive ends, to draw the logarithm"))
+                    }
+                    () if self.whole && (low.fract() != 0.0 || high.fract() != 0.0) => {
+                        Err((found, "whole ends of a range of whole numbers"))
+                    }
+                    () => Ok(()),
+                }
+            }
+            _ => Err((format!("`{}`", self.key), "either low and high, or values")),
+        }
+    }
+
+    /// The value at a place from 0 to 1. It has four digits, so that the last bits of a logarithm
+    /// do not matter.
+    fn value(&self, place: f64) -> Value {
+        let (Some(low), Some(high)) = (self.low, self.high) else {
+            let count = self.values.len();
+            #[expect(
+                clippy::cast_precision_loss,
+                clippy::cast_possible_truncation,
+                clippy::cast_sign_loss,
+                reason = "a place in a short list"
+            )]
+            let i = (place * count as f64) as usize;
+            return self.values[i.min(count - 1)].clone();
+        };
+        let ends = if self.whole { (low - 0.5, high + 0.5) } else { (low, high) };
+        let ends = if self.log { (ends.0.max(0.5 * low).ln(), ends.1.ln()) } else { ends };
+        let drawn = ends.0 + (ends.1 - ends.0) * place;
+        let drawn = if self.log { drawn.exp() } else { drawn };
+        if self.whole {
+            #[expect(clippy::cast_possible_truncation, reason = "between whole numbers")]
+            return Value::Integer(drawn.round().clamp(low, high) as i64);
+        }
+        let short: f64 = format!("{drawn:.3e}").parse().unwrap_or(drawn);
+        Value::Float(short.clamp(low, high))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn range(text: &str) -> SearchRange {
+        toml::from_str(&format!("key = \"model.neurons\"\n{text}")).unwrap()
+    }
+
+    #[test]
+    fn values_are_in_their_ranges_and_reach_both_ends() {
+        let whole = range("low = 2\nhigh = 5\nwhole = true");
+        let at = |range: &SearchRange, place| range.value(place);
+        let found: Vec<_> = [0.0, 0.3, 0.6, 0.999].map(|place| at(&whole, place)).into();
+        assert_eq!(found, [2, 3, 4, 5].map(Value::Integer));
+        let log = range("low = 0.001\nhigh = 10.0\nlog = true");
+        assert_eq!(at(&log, 0.0), Value::Float(0.001));
+        assert_eq!(at(&log, 0.5), Value::Float(0.1));
+        assert_eq!(at(&log, 0.123), Value::Float(0.003105));
+        let both = range("low = 1\nhigh = 64\nwhole = true\nlog = true");
+        assert_eq!([0.0, 0.5, 0.9999].map(|p| at(&both, p)), [1, 6, 64].map(Value::Integer));
+        let list = range("values = [\"a\", \"b\"]");
+        assert_eq!(at(&list, 0.49), Value::String("a".to_owned()));
+        assert_eq!(at(&list, 0.51), Value::String("b".to_owned()));
+        for wrong in ["low = 1.0", "low = 2.0\nhigh = 1.0", "low = 0\nhigh = 1\nlog = true", ""] {
+            assert!(range(wrong).check().is_err(), "{wrong}");
+        }
+    }
+
+    #[test]
+    fn each_rung_has_a_share_of_the_candidates_and_a_multiple_of_the_budget() {
+        let halving = HalvingSpec {
+            key: "training.phases.0.iterations".to_owned(),
+            also: Vec::new(),
+            least: 100,
+            factor: 3,
+            rungs: 4,
+        };
+        assert_eq!([0, 1, 2, 3].map(|rung| halving.budget(rung)), [100, 300, 900, 2700]);
+        assert_eq!([0, 1, 2, 3].map(|rung| halving.survivors(20, rung)), [20, 7, 3, 1]);
+    }
+}
