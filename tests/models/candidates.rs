@@ -2,7 +2,7 @@
 
 use crate::user_models::{Disturbed, Leaky};
 use pinc_estimate::{Augmentation, Augmented, Compensated, Disturbance, Measured};
-use pinc_expr::{Equations, OutputExpression};
+use pinc_expr::{AlgebraicVariable, Equations, OutputExpression};
 use pinc_net::{Ansatz, Domain, NetConfig, PincModel, PincNet};
 use pinc_ode::{DynPlant, DynRhs, Model, Variable};
 use pinc_plants::{FourTanks, OneTank, VanDerPol};
@@ -154,14 +154,16 @@ fn texts() -> Vec<Candidate> {
             .with_parameters([[0.5, 2.0]]),
     );
     type Build = fn(&dyn DynPlant) -> Box<dyn Model>;
-    let methods: [(&str, Build); 3] = [
-        ("RK4, reactor", |plant| plant.rk4(0.5, 2)),
-        ("RK5, reactor", |plant| plant.rk5(0.5, 2)),
-        ("Rodas4, reactor", |plant| plant.rodas4(0.5, 2)),
+    let methods: [(&str, &str, Build); 3] = [
+        ("RK4, reactor", "RK4, vessels", |plant| plant.rk4(0.5, 2)),
+        ("RK5, reactor", "RK5, vessels", |plant| plant.rk5(0.5, 2)),
+        ("Rodas4, reactor", "Rodas4, vessels", |plant| plant.rodas4(0.5, 2)),
     ];
-    for (name, method) in methods {
+    for (name, algebraic, method) in methods {
         let build = move || method(&*plant_of(&["k2", "k1"], &REACTOR));
         all.push(Candidate::new(name, reactor, build).with_parameters([[0.1, 1.0], [0.5, 2.0]]));
+        let build = move || method(&*vessels());
+        all.push(Candidate::new(algebraic, reactor, build).with_parameters([[0.5, 2.0]]));
     }
     all
 }
@@ -216,6 +218,34 @@ fn equations(text: &Text) -> Equations {
         outputs: text.outputs.iter().map(output).collect(),
         ..Equations::default()
     }
+}
+
+/// Two vessels with a pump and a pipe between them. The pressure at its junction and the flows on
+/// both sides are algebraic variables that depend on one another, a level one by itself.
+fn vessels() -> Box<dyn DynPlant> {
+    let unknown = |(name, equation): (&str, &str)| {
+        let equation = equation.to_owned();
+        let (start, low, high, unit) = (None, -10.0, 20.0, String::new());
+        (name.to_owned(), AlgebraicVariable { equation, start, low, high, unit })
+    };
+    let text = Text {
+        inputs: &["feed"],
+        parameters: &[("k", 1.0)],
+        derivatives: &[("a", "feed - qa - 0.01*level"), ("b", "qb - 0.3*b")],
+        outputs: &[("total", "a + b + qa*feed")],
+    };
+    let equations = Equations {
+        algebraic: [
+            ("junction", "qa - qb"),
+            ("level", "level^3 + level - k*a"),
+            ("qa", "qa + 0.2*qa^3 - k*(a + 5 - junction)"),
+            ("qb", "qb + 0.1*qb^3 - (junction - b)"),
+        ]
+        .map(unknown)
+        .into(),
+        ..equations(&text)
+    };
+    equations.compile_with(&["k"]).expect("valid equations").into_dyn()
 }
 
 /// Seven states, more than are integrated in registers.
