@@ -33,10 +33,13 @@ pub trait Terms {
     fn alone(&self, i: usize) -> Term<'_>;
 }
 
+/// A function of a point `[x, u]`.
+pub type Value<'a> = Box<dyn Fn(&[f64]) -> f64 + 'a>;
+
 /// One of several [`Terms`].
 pub struct Term<'a> {
     /// Its value at a point `[x, u]`.
-    pub value: Box<dyn Fn(&[f64]) -> f64 + 'a>,
+    pub value: Value<'a>,
     /// The variables that it depends on, states first; all if it is not known.
     pub variables: Option<Vec<usize>>,
     /// About how many operations a value takes.

@@ -15,8 +15,10 @@ pub(crate) fn examine(subject: &Subject<'_>) -> Vec<Finding> {
         let (place, reference) =
             (format!("control.references[{first}]"), &control.references[*first]);
         let mut value = subject.controlled_values(&reference.value);
-        if *count > 1 {
-            value = format!("{value} (and {} times more)", count - 1);
+        match count - 1 {
+            0 => {}
+            1 => value = format!("{value} (and once more)"),
+            more => value = format!("{value} (and {more} times more)"),
         }
         findings.push(match point {
             HeldPoint::Within(point) => {
