@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use toml::{Table, Value};
 
 /// Our crates with the ones of ours that each depends on, from the bottom up.
-const CRATES: [(&str, &[&str]); 16] = [
+const CRATES: [(&str, &[&str]); 18] = [
     ("pinc-ad", &[]),
     ("pinc-qp", &[]),
     ("pinc-chart", &[]),
@@ -18,7 +18,8 @@ const CRATES: [(&str, &[&str]); 16] = [
     ("pinc-net", &["pinc-ad", "pinc-ode"]),
     ("pinc-mpc", &["pinc-ad", "pinc-ode", "pinc-qp"]),
     ("pinc-estimate", &["pinc-mpc", "pinc-ode", "pinc-qp"]),
-    ("pinc-export", &["pinc-expr", "pinc-mpc", "pinc-net", "pinc-ode"]),
+    ("pinc-identify", &["pinc-estimate", "pinc-ode"]),
+    ("pinc-export", &["pinc-estimate", "pinc-expr", "pinc-mpc", "pinc-net", "pinc-ode"]),
     (
         "pinc-config",
         &["pinc-estimate", "pinc-expr", "pinc-mpc", "pinc-net", "pinc-ode", "pinc-plants"],
@@ -36,16 +37,22 @@ const CRATES: [(&str, &[&str]); 16] = [
             "pinc-record",
         ],
     ),
-    ("pinc-report", &["pinc-chart", "pinc-config", "pinc-mpc", "pinc-net", "pinc-record"]),
+    ("pinc-choose", &["pinc-config", "pinc-net", "pinc-record"]),
+    (
+        "pinc-report",
+        &["pinc-chart", "pinc-config", "pinc-mpc", "pinc-net", "pinc-ode", "pinc-record"],
+    ),
     (
         "pinc-bench",
         &[
             "pinc-ad",
             "pinc-check",
+            "pinc-choose",
             "pinc-config",
             "pinc-estimate",
             "pinc-export",
             "pinc-expr",
+            "pinc-identify",
             "pinc-mpc",
             "pinc-net",
             "pinc-ode",
@@ -67,8 +74,8 @@ const PROGRAM: &str = "pinc-bench";
 const WITH_FILES: [&str; 3] = ["pinc-config", "pinc-record", "pinc-report"];
 
 /// The crates with examples, each of which a user may want by itself.
-const WITH_EXAMPLES: [&str; 6] =
-    ["pinc-ad", "pinc-ode", "pinc-net", "pinc-mpc", "pinc-estimate", "pinc-bench"];
+const WITH_EXAMPLES: [&str; 7] =
+    ["pinc-ad", "pinc-ode", "pinc-net", "pinc-mpc", "pinc-estimate", "pinc-identify", "pinc-bench"];
 
 /// No crate has more lines in its sources.
 const LARGEST: usize = 8000;

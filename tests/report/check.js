@@ -1,7 +1,7 @@
 // Tries what a reader does with the pictures of a report; appended to a page by check.py, which reads
 // the findings from the element `checked`.
 (async () => {
-  const findings = [], facts = { figures: 0, panels: 0, built_ms: 0 };
+  const findings = [], facts = { figures: 0, panels: 0 };
   const expect = (what, holds) => { if (!holds) findings.push(what); };
   const frame = () => new Promise((done) => setTimeout(done, 60));
   const near = (a, b) => Math.abs(a - b) <= 1e-6 * Math.max(Math.abs(a), Math.abs(b), 1e-9);
@@ -26,9 +26,9 @@
   };
 
   const group_of = async (name, group) => {
-    const [plot] = group.plots, full = group.full, together = (what) => {
-      for (const other of group.plots) expect(`${name}: ${what}: panels are apart`, same(range(other), range(plot)));
-    };
+    const [plot] = group.plots, full = group.full;
+    const together = (what) => expect(`${name}: ${what}: panels are apart`,
+      group.plots.every((other) => same(range(other), range(plot))));
     expect(`${name}: does not begin with everything`, same(range(plot), full));
     const log = group.log ? Math.log10 : (v) => v;
     const share = (i) => log(full[0]) + i * (log(full[1]) - log(full[0]));
@@ -67,7 +67,8 @@
     mouse(plot.over, "mouseenter", plot, [0.5, 0.5]);
     mouse(plot.over, "mousemove", plot, [0.5, 0.5]);
     await frame();
-    const rows = [...plot.root.parentElement.parentElement.querySelectorAll(".u-series:not(.nameless)")].slice(1);
+    const place = plot.root.parentElement.parentElement;
+    const rows = [...place.querySelectorAll(".u-series:not(.nameless)")].slice(1);
     const values = rows.map((row) => row.querySelector(".u-value").textContent);
     const curves = plot.series.slice(1).some((of) => of.width > 0);
     if (curves && rows.length) {
@@ -87,11 +88,10 @@
     for (const figure of document.querySelectorAll("figure")) {
       if (!figure.querySelector("script")) continue;
       facts.figures += 1;
-      const name = figure.parentElement.id, start = performance.now();
+      const name = figure.parentElement.id;
       figure.scrollIntoView();
       for (let i = 0; i < 500 && !figure.classList.contains("live"); i++) await frame();
       expect(`${name}: is not built`, figure.classList.contains("live"));
-      facts.built_ms = Math.max(facts.built_ms, Math.round(performance.now() - start));
       await frame();
       expect(`${name}: the static picture is still there`,
         getComputedStyle(figure.querySelector("svg")).display === "none");

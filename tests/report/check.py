@@ -2,8 +2,9 @@
 
     python3 tests/report/check.py PINC WORK [REPORT...]
 
-PINC is the program, WORK a directory for files, REPORT one of RUNS; all of them without. `.ci/report` installs Chromium and runs this. Findings are
-printed and make it fail; screenshots of screen, print and pages without scripts are left in WORK.
+PINC is the program, WORK a directory for files, REPORT one of RUNS; all of them without. `.ci/report`
+installs Chromium and Poppler and runs this. Findings are printed and make it fail; pictures of screen,
+print and pages without scripts are left in WORK.
 """
 
 import html
@@ -20,10 +21,11 @@ CONFIGS = HERE.parents[1] / "configs"
 MOST = 2_000_000  # bytes of a page
 FAILED = []
 
-# What each report is made from: a run with everything, one of 1e5 rows, an estimator, a sweep with curves,
-# and accuracy over cost.
+# What each report is made from: a run with everything, the same with another seed, one of 1e5 rows, an
+# estimator, a sweep with curves, and accuracy over cost.
 RUNS = {
     "run": ["run", CONFIGS / "smoke/van-der-pol.toml"],
+    "other": ["run", CONFIGS / "smoke/van-der-pol.toml", "--set", "seed=8"],
     "long": ["control", CONFIGS / "estimation/tanks.toml", "--only", "rk4",
              "--set", "control.duration_s=112000.0", "--set", "control.repetitions=1"],
     "estimates": ["control", CONFIGS / "estimation/tanks.toml", "--only", "rk4"],
@@ -37,10 +39,15 @@ def failed(what):
     print(f"FAILED: {what}")
 
 
+def pinc(*arguments):
+    subprocess.run([PINC, *map(str, arguments), "--quiet"], check=True)
+
+
 def chromium(page, *arguments):
     """Opens a page; returns what Chromium writes."""
-    options = ["--headless=new", "--no-sandbox", "--disable-gpu", "--hide-scrollbars", "--window-size=1200,900",
-               "--disable-background-networking", "--disable-component-update", "--no-first-run",
+    options = ["--headless=new", "--no-sandbox", "--disable-gpu", "--hide-scrollbars",
+               "--window-size=1200,900", "--no-first-run",
+               "--disable-background-networking", "--disable-component-update",
                # Nothing goes out, whoever asks.
                "--host-resolver-rules=MAP * ~NOTFOUND",
                f"--user-data-dir={WORK / 'profile'}"]
@@ -49,8 +56,8 @@ def chromium(page, *arguments):
 
 
 def requests(log):
-    """The addresses that a page asked for, by a log of Chromium's network; what Chromium itself wants has no
-    origin."""
+    """The addresses that a page asked for, by a log of Chromium's network; what Chromium itself wants
+    has no origin."""
     events = [event.get("params", {}) for event in json.loads(log.read_text())["events"]]
     asked = {event["url"] for event in events if event.get("initiator", "not an origin") != "not an origin"}
     return sorted(url for url in asked if not url.startswith(("file:", "data:")))
@@ -96,9 +103,10 @@ def static(name, page):
     for source in [page, plain]:
         pdf = WORK / f"{source.stem}.pdf"
         chromium(source, "--virtual-time-budget=5000", "--no-pdf-header-footer", f"--print-to-pdf={pdf}")
-        prints.append(len(re.findall(rb"/Type /Page\b", pdf.read_bytes())))
-    if prints[0] != prints[1]:
-        failed(f"{name}: {prints[0]} pages in print, without scripts {prints[1]}")
+        subprocess.run(["pdftoppm", "-r", "60", "-png", pdf, pdf.with_suffix("")], check=True)
+        prints.append([path.read_bytes() for path in sorted(WORK.glob(f"{source.stem}-[0-9]*.png"))])
+    if prints[0] != prints[1] or not prints[0]:
+        failed(f"{name}: its {len(prints[0])} printed pages are not those of its SVG pictures")
     size = "--window-size=1200,6000"
     chromium(page, size, "--virtual-time-budget=5000", f"--screenshot={WORK / f'{name}-screen.png'}")
     silent = WORK / f"{name}-no-scripts.html"
@@ -114,11 +122,14 @@ def main():
     shutil.rmtree(WORK, ignore_errors=True)
     WORK.mkdir(parents=True)
     seen()
-    for name in sys.argv[3:] or RUNS:
-        out = WORK / name
-        subprocess.run([PINC, *map(str, RUNS[name]), "--quiet", "--out", str(out)], check=True)
-        page = WORK / f"{name}.html"
-        shutil.copy(out / "report.html", page)
+    names = sys.argv[3:] or [*RUNS, "compared"]
+    for name in names:
+        out, page = WORK / name, WORK / f"{name}.html"
+        if name == "compared":
+            pinc("compare", WORK / "run", WORK / "other", "--out", page)
+        else:
+            pinc(*RUNS[name], "--out", out)
+            shutil.copy(out / "report.html", page)
         size = page.stat().st_size
         print(f"{name}: {size} bytes")
         if size > MOST:

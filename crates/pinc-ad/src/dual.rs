@@ -211,6 +211,11 @@ impl<S: Scalar, const N: usize, E: Derivative<S>> Div<f64> for Dual<S, N, E> {
 
 impl<S: Scalar, const N: usize, E: Derivative<S>> Scalar for Dual<S, N, E> {
     type Plain = S::Plain;
+    const ORDER: usize = S::ORDER + 1;
+    #[inline(always)]
+    fn all_nonpositive(self) -> bool {
+        self.re.all_nonpositive()
+    }
     #[inline(always)]
     fn plain(self) -> S::Plain {
         self.re.plain()

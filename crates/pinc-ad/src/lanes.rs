@@ -67,6 +67,11 @@ impl<const L: usize> Neg for Lanes<L> {
 
 impl<const L: usize> Scalar for Lanes<L> {
     type Plain = Self;
+    const ORDER: usize = 0;
+    #[inline(always)]
+    fn all_nonpositive(self) -> bool {
+        self.0.iter().all(|lane| *lane <= 0.0)
+    }
     #[inline(always)]
     fn plain(self) -> Self {
         self

@@ -29,6 +29,10 @@ pub trait Scalar:
     /// equation that solves another one inside iterates on it (see [`plain`](Scalar::plain)).
     type Plain: Scalar<Plain = Self::Plain>;
 
+    /// Up to which order it carries derivatives: how many kinds of number that differentiate are
+    /// nested in it.
+    const ORDER: usize;
+
     /// The constant `value` in the context of `self` (same tape, same lanes); its derivatives are
     /// 0.
     #[must_use]
@@ -39,7 +43,7 @@ pub trait Scalar:
     /// An equation g(z, x) = 0 inside another is solved for z on plain numbers; one Newton step on
     /// the kind of number itself then gives z its derivatives `dz/dx = -g_x / g_z`, exact to first
     /// order (implicit function theorem). Iterating on numbers with derivatives would cost several
-    /// times as much.
+    /// times as much. [`solve_implicit`](crate::solve_implicit) does this.
     #[must_use]
     fn plain(self) -> Self::Plain;
 
@@ -166,10 +170,19 @@ pub trait Scalar:
     /// visible). Both sides are evaluated; the derivative is that of the side taken.
     #[must_use]
     fn where_nonpositive(self, yes: Self, no: Self) -> Self;
+
+    /// Whether the value is <= 0 in all lanes: when an iteration on several of them may end.
+    #[must_use]
+    fn all_nonpositive(self) -> bool;
 }
 
 impl Scalar for f64 {
     type Plain = Self;
+    const ORDER: usize = 0;
+    #[inline(always)]
+    fn all_nonpositive(self) -> bool {
+        self <= 0.0
+    }
     #[inline(always)]
     fn plain(self) -> Self {
         self

@@ -181,6 +181,10 @@ impl Div<f64> for Var<'_> {
 
 impl Scalar for Var<'_> {
     type Plain = f64;
+    const ORDER: usize = 1;
+    fn all_nonpositive(self) -> bool {
+        self.value <= 0.0
+    }
     fn plain(self) -> f64 {
         self.value
     }

@@ -29,7 +29,7 @@ mod substeps;
 mod survey;
 mod zeros;
 
-pub use crossing::{Crossing, crossings};
+pub use crossing::{Crossing, Crossings, Term, Terms, crossings};
 pub use detectability::{UnseenMode, unseen_modes};
 pub use knee::beyond_knee;
 pub use modes::{Growth, TimeScales};

@@ -135,3 +135,20 @@ impl To {
         }
     }
 }
+
+/// A share, written 1% or 0.01.
+pub(crate) fn share(text: &str) -> Result<f64, String> {
+    let (number, unit) = match text.trim().strip_suffix('%') {
+        Some(number) => (number, 0.01),
+        None => (text, 1.0),
+    };
+    let share = number.trim().parse::<f64>().ok().map(|number| unit * number);
+    let is_share = |share: &f64| *share > 0.0 && *share <= 1.0;
+    share.filter(is_share).ok_or_else(|| "expected a share above 0, as 1% or 0.01".to_owned())
+}
+
+/// A number of seconds.
+pub(crate) fn seconds(text: &str) -> Result<f64, String> {
+    let seconds = text.parse::<f64>().ok().filter(|s| *s > 0.0 && s.is_finite());
+    seconds.ok_or_else(|| "expected a positive number of seconds, as 120".to_owned())
+}

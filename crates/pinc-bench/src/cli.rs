@@ -1,8 +1,10 @@
 //! The command line.
 
-use crate::choices::{Only, Outside, SweepArgs, To};
+use crate::choices::{Only, Outside, SweepArgs, To, seconds, share};
 use crate::runs::verdict;
-use crate::{BenchError, BenchOptions, OnSlurm, Options, Shard, Verbosity, console, summary};
+use crate::{
+    BenchError, BenchOptions, ChooseOptions, OnSlurm, Options, Shard, Verbosity, console, summary,
+};
 use clap::{Args, Parser, Subcommand};
 use pinc_config::{Experiment, Plants, RunList};
 use pinc_record::RunDir;
@@ -104,6 +106,25 @@ enum Command {
         #[command(flatten)]
         set: SetArgs,
     },
+    /// Identify parameters and initial states from recorded data.
+    Identify {
+        /// Config file (TOML).
+        config: PathBuf,
+        /// Data: columns t, the inputs, y_ and the name of each measured quantity.
+        #[arg(long, required = true, num_args = 1.., value_name = "FILE")]
+        data: Vec<PathBuf>,
+        /// Directory of the results, by default `runs/`, the experiment's name and `-identify`.
+        #[arg(long, value_name = "DIR")]
+        out: Option<PathBuf>,
+        /// Model file (safetensors), to identify with a net of a family.
+        #[arg(long)]
+        model: Option<PathBuf>,
+        /// The model to identify with.
+        #[arg(long, value_enum)]
+        only: Option<Only>,
+        #[command(flatten)]
+        set: SetArgs,
+    },
     /// Export a trained net, or with a config its whole controller, to other programs.
     Export {
         /// Config file (TOML) of the controller; without one the net alone is exported.
@@ -149,6 +170,20 @@ enum Command {
         only: Option<Only>,
         #[command(flatten)]
         set: SetArgs,
+    },
+    /// Say which model should be in a config's loop: tries integrators by their substeps and nets by
+    /// their size, and writes the config with the cheapest that is good enough.
+    Choose {
+        /// Config file (TOML).
+        config: PathBuf,
+        /// How much more than the most exact model's a loop's IAE may be, as 1% or 0.01.
+        #[arg(long, value_name = "SHARE", default_value = "1%", value_parser = share)]
+        within: f64,
+        /// The time for trying, in s.
+        #[arg(long, value_name = "SECONDS", default_value_t = 120.0, value_parser = seconds)]
+        budget_s: f64,
+        #[command(flatten)]
+        run: RunArgs,
     },
     /// Check a config and examine its plant before anything is trained.
     Check {
@@ -296,6 +331,24 @@ fn execute(cli: &Cli, plants: &Plants) -> Result<ExitCode, BenchError> {
             let (output, model) = (output.as_deref(), model.as_deref());
             let found = crate::estimate(&experiment, data, output, model, only)?;
             show(quiet, &found.to_string());
+        }
+        Command::Identify { config, data, out, model, only, set } => {
+            let experiment = Experiment::load(config, &set.set, plants)?;
+            let named = || Path::new("runs").join(format!("{}-identify", experiment.name));
+            let dir = out.clone().unwrap_or_else(named);
+            let (only, arguments) = (only.map(Only::kind), arguments());
+            let options = options(false, quiet, &arguments);
+            let found = crate::identify(&experiment, data, &dir, &options, model.as_deref(), only)?;
+            show(quiet, &crate::identification_summary(&found));
+        }
+        Command::Choose { config, within, budget_s, run } => {
+            let experiment = Experiment::load(config, &run.set.set, plants)?;
+            let dir = run.directory(&format!("{}-choose", experiment.name), false);
+            let arguments = arguments();
+            let options = options(run.resume, quiet, &arguments);
+            let how = ChooseOptions { within: *within, budget_s: *budget_s };
+            let choice = crate::choose(&experiment, &dir, plants, &options, how)?;
+            show(quiet, &choice.to_string());
         }
         Command::Check { config, json, set } => return check(config, *json, &set.set, plants),
         Command::Report { dir } => {

@@ -3,6 +3,7 @@
 use pinc_config::{ConfigError, ModelKind, Problem};
 use pinc_estimate::EstimateError;
 use pinc_export::ExportError;
+use pinc_identify::IdentifyError;
 use pinc_mpc::MpcError;
 use pinc_net::{ModelError, NetError};
 use pinc_ode::OdeError;
@@ -61,6 +62,28 @@ pub enum BenchError {
         plant: &'static str,
         /// The model.
         model: &'static str,
+    },
+    /// A controller whose stages differ in length, for a target that knows one length.
+    #[error(
+        "{name}: exported controllers have stages of one length; leave out control.stages_s, or \
+         use `pinc serve`"
+    )]
+    ExportedStages {
+        /// Name of the experiment.
+        name: String,
+    },
+    /// No integrator makes a loop that others could be compared with.
+    #[error(
+        "{name}: there is no model to choose, since no loop with an integrator stands{}: {reasons}",
+        if *out_of_time { " so far (the time was up; --budget-s gives more)" } else { "" }
+    )]
+    NothingToChoose {
+        /// Name of the experiment.
+        name: String,
+        /// Whether not all could be tried.
+        out_of_time: bool,
+        /// How each loop ended.
+        reasons: String,
     },
     /// A plant for a target that does not take plants.
     #[error("export: `--to {target}` takes no plant; `--plant` goes `--to fmu`")]
@@ -189,12 +212,12 @@ pub enum BenchError {
         /// What was expected.
         expected: String,
     },
-    /// A command for controllers that see the whole state.
+    /// A command for controllers whose parameters do not change.
     #[error(
-        "{name}: `{command}` is for controllers that are given the state: it does not take \
-        [control.estimator] along; remove the section, and give the controller estimates"
+        "{name}: `{command}` does not take control.parameter_schedule along: remove the key, and \
+        set the values of now in control.parameters"
     )]
-    WithEstimator {
+    WithSchedule {
         /// The experiment.
         name: String,
         /// The command.
@@ -203,6 +226,29 @@ pub enum BenchError {
     /// An estimator and its model that do not fit together.
     #[error(transparent)]
     Estimate(#[from] EstimateError),
+    /// A problem of identification that cannot be solved.
+    #[error("identify: {0}")]
+    Identify(#[from] IdentifyError),
+    /// The same, of a data file.
+    #[error("{}: {source}", path.display())]
+    IdentifyFile {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong with it.
+        source: IdentifyError,
+    },
+    /// A parameter to be identified with a net that does not take it.
+    #[error(
+        "identify: the net does not take `{parameter}` as an input, but {}; a net of a family \
+         ([domain.parameters]) or --only rk4 can identify it",
+        if known.is_empty() { "no parameters" } else { known }
+    )]
+    NotAParameterOfTheNet {
+        /// The parameter.
+        parameter: String,
+        /// Those that it takes.
+        known: String,
+    },
     /// Another error of a net or its training.
     #[error("training: {0}")]
     Net(#[from] NetError),
@@ -385,6 +431,25 @@ pub enum CsvProblem {
         /// Length T of a step, in s.
         sample_time_s: f64,
     },
+    /// A file without data.
+    #[error("{rows} rows of data, expected 2 or more below the header")]
+    TooFewRows {
+        /// How many there are.
+        rows: usize,
+    },
+    /// Times that are not whole steps apart.
+    #[error(
+        "column `t`: {t} s after {previous} s given, expected a whole number of steps of T = \
+         {sample_time_s} s; identify.step_s sets T for integrators"
+    )]
+    Grid {
+        /// The time.
+        t: f64,
+        /// The time of the row before.
+        previous: f64,
+        /// Length T of a step, in s.
+        sample_time_s: f64,
+    },
     /// A time that is not within a step.
     #[error("column `t`: {t} s given, expected from 0 to T = {sample_time_s} s")]
     OutsideStep {
@@ -429,6 +494,7 @@ impl BenchError {
             Self::Net(_) | Self::Plant(_) | Self::FailedSteps { .. } | Self::NotFinite { .. } => 1,
             Self::Record(RecordError::Unwritable { source, .. }) if is_full(source) => 1,
             Self::Slurm { .. } | Self::Queued { .. } | Self::StillQueued { .. } => 1,
+            Self::NothingToChoose { .. } => 1,
             Self::Interrupted { .. } | Self::FailedTrials { .. } | Self::FailedRuns { .. } => 1,
             _ => 2,
         }

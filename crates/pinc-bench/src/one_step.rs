@@ -99,6 +99,7 @@ impl Steps {
             rms: mean.sqrt(),
             median: part(50).sqrt(),
             p99: part(99).sqrt(),
+            max: squares.last().copied().unwrap_or(f64::NAN).sqrt(),
             jacobian_rms: self.jacobian_error(truth, &self.linearized(model)),
         }
     }

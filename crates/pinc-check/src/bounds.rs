@@ -1,8 +1,10 @@
 //! Whether start, references and bounds fit together and lie in the training domain.
 
+use crate::groups::groups;
 use crate::{Finding, Subject};
 use pinc_config::ControlSpec;
 use pinc_net::Domain;
+use std::ops::Range;
 
 pub(crate) fn examine(subject: &Subject<'_>) -> Vec<Finding> {
     let Some(control) = &subject.experiment.control else {
@@ -29,8 +31,11 @@ fn values(subject: &Subject<'_>, control: &ControlSpec) -> Vec<Finding> {
     let outside = |value: f64, (low, high): (f64, f64)| value < low || value > high;
     let states = subject.plant.states();
     let mut findings = Vec::new();
-    for (i, value) in control.initial_state.iter().enumerate() {
-        if outside(*value, ends(control, i)) {
+    for (_, places) in groups(states) {
+        let is_out = |i: &usize| outside(control.initial_state[*i], ends(control, *i));
+        // Of an array the first element is enough.
+        if let Some(i) = places.clone().find(is_out) {
+            let value = control.initial_state[i];
             let what = format!("{} = {value} is outside its bounds", states[i].name);
             findings.push(
                 Finding::warning("control.initial_state", what)
@@ -81,8 +86,22 @@ fn reach(subject: &Subject<'_>, control: &ControlSpec, domain: &Domain) -> Vec<F
             );
         }
     };
-    for (i, state) in subject.plant.states().iter().enumerate() {
-        compare(&state.name, ends(control, i), (domain.state_low[i], domain.state_high[i]));
+    // Of an array the ends of all elements together.
+    let together = |places: &Range<usize>, ends: &dyn Fn(usize) -> (f64, f64)| {
+        let all = places.clone().map(ends);
+        all.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), (from, to)| {
+            (low.min(from), high.max(to))
+        })
+    };
+    for (name, places) in groups(subject.plant.states()) {
+        let of_domain = |i: usize| (domain.state_low[i], domain.state_high[i]);
+        let is_out = |i: &usize| {
+            let ((low, high), (from, to)) = (ends(control, *i), of_domain(*i));
+            low < from || high > to
+        };
+        if let Some(out) = places.clone().find(is_out) {
+            compare(&name, together(&places, &|i| ends(control, i)), of_domain(out));
+        }
     }
     for (i, input) in subject.plant.inputs().iter().enumerate() {
         let bounds = (control.input_low[i], control.input_high[i]);

@@ -48,7 +48,9 @@ fn fault(subject: &Subject<'_>, point: &OperatingPoint) -> Option<String> {
     let names = |i: usize| &subject.plant.states()[i].name;
     let velocity = subject.rhs(&point.x, &point.u);
     if let Some(i) = velocity.iter().position(|v| !v.is_finite()) {
-        return Some(format!("{}' is {}", names(i), velocity[i]));
+        let reason = subject.plant.explain(&point.x, &point.u, &[]);
+        let reason = reason.map_or(String::new(), |reason| format!(" ({reason})"));
+        return Some(format!("{}' is {}{reason}", names(i), velocity[i]));
     }
     let jacobian = subject.plant.jacobian(&point.x, &point.u, &[]);
     let inputs = subject.plant.inputs().iter();
@@ -80,7 +82,8 @@ fn broken(subject: &Subject<'_>, bad: &OperatingPoint, share: &str) -> Finding {
         .change(
             "keep [domain] away from there, or write the equation so that it is defined there \
              too: guard the \
-             argument of sqrt, log and of a division",
+             argument of sqrt, log and of a division, give algebraic variables a box and a start \
+             with the root beside it",
         )
 }
 

@@ -1,14 +1,16 @@
 //! Where trajectories really go, against the training domain: the validation's scenarios, the free
 //! run, and the closed loop with RK4 as the model.
 
+use crate::groups::groups;
 use crate::{Finding, Subject, short};
 use pinc_analysis::OperatingPoint;
 use pinc_config::Experiment;
 use pinc_net::Domain;
-use pinc_ode::Dopri5;
+use pinc_ode::{Dopri5, Variable};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
+use std::ops::Range;
 
 /// Random scenarios, and samples per T.
 const SCENARIOS: usize = 10;
@@ -34,7 +36,7 @@ pub(crate) fn examine(subject: &Subject<'_>) -> Vec<Finding> {
     }
     let left = findings.iter().any(|finding| finding.place == "domain");
     if left && let Some(domain) = &subject.experiment.domain {
-        findings.push(proposal(&seen, domain));
+        findings.push(proposal(subject, &seen, domain));
     } else if subject.experiment.domain.is_some() && !seen.ends.is_empty() && findings.is_empty() {
         findings.push(Finding::fact(
             "domain",
@@ -143,20 +145,28 @@ fn simulate(subject: &Subject<'_>, runs: &[Scenario], findings: &mut Vec<Finding
 
 /// One finding for every variable that leaves the domain.
 fn compare(subject: &Subject<'_>, place: &str, extent: &Extent, domain: &Domain) -> Vec<Finding> {
-    let variables = subject.plant.states().iter().chain(subject.plant.inputs());
+    let (states, inputs) = (subject.plant.states(), subject.plant.inputs());
+    let variables = states.iter().chain(inputs);
     let lows = domain.state_low.iter().chain(&domain.input_low);
     let highs = domain.state_high.iter().chain(&domain.input_high);
+    let all: Vec<_> = variables.zip(&extent.ends).zip(lows.zip(highs)).collect();
+    let later =
+        groups(inputs).into_iter().map(|(_, at)| at.start + states.len()..at.end + states.len());
     let mut left = Vec::new();
-    for ((variable, (from, to)), (low, high)) in variables.zip(&extent.ends).zip(lows.zip(highs)) {
-        let slack = SLACK * (high - low);
-        if *from < low - slack {
-            left.push(format!(
-                "{} goes down to {} (domain from {low})",
-                variable.name,
-                short(*from)
-            ));
+    for places in groups(states).into_iter().map(|(_, at)| at).chain(later) {
+        let places = places.start..places.end.min(all.len());
+        // Of an array the elements that go farthest.
+        let below = |i: &usize| (all[*i].1.0 - all[*i].0.1.0) / (all[*i].1.1 - all[*i].1.0);
+        let above = |i: &usize| (all[*i].0.1.1 - all[*i].1.1) / (all[*i].1.1 - all[*i].1.0);
+        let lowest = places.clone().max_by(|a, b| below(a).total_cmp(&below(b)));
+        let highest = places.max_by(|a, b| above(a).total_cmp(&above(b)));
+        if let Some(i) = lowest.filter(|i| below(i) > SLACK) {
+            let ((variable, (from, _)), (low, _)) = all[i];
+            let from = short(*from);
+            left.push(format!("{} goes down to {from} (domain from {low})", variable.name));
         }
-        if *to > high + slack {
+        if let Some(i) = highest.filter(|i| above(i) > SLACK) {
+            let ((variable, (_, to)), (_, high)) = all[i];
             left.push(format!("{} goes up to {} (domain to {high})", variable.name, short(*to)));
         }
     }
@@ -171,7 +181,7 @@ fn compare(subject: &Subject<'_>, place: &str, extent: &Extent, domain: &Domain)
 }
 
 /// A domain that holds all that was seen.
-fn proposal(seen: &Extent, domain: &Domain) -> Finding {
+fn proposal(subject: &Subject<'_>, seen: &Extent, domain: &Domain) -> Finding {
     let states = domain.state_low.len();
     let ends = |i: usize, low: f64, high: f64| {
         let (from, to) = seen.ends.get(i).copied().unwrap_or((low, high));
@@ -185,8 +195,18 @@ fn proposal(seen: &Extent, domain: &Domain) -> Finding {
         let both = lows.iter().zip(highs).enumerate();
         both.map(|(i, (low, high))| ends(first + i, *low, *high)).unzip()
     };
-    let (state_low, state_high) = pairs(&domain.state_low, &domain.state_high, 0);
-    let (input_low, input_high) = pairs(&domain.input_low, &domain.input_high, states);
+    // A list has one entry per array.
+    let per_group = |variables: &[Variable], (low, high): (Vec<f64>, Vec<f64>)| {
+        let ends = |(_, places): (String, Range<usize>)| {
+            let least = low[places.clone()].iter().copied().fold(f64::INFINITY, f64::min);
+            (least, high[places].iter().copied().fold(f64::NEG_INFINITY, f64::max))
+        };
+        groups(variables).into_iter().map(ends).unzip()
+    };
+    let (plant, of_states) = (subject.plant, pairs(&domain.state_low, &domain.state_high, 0));
+    let of_inputs = pairs(&domain.input_low, &domain.input_high, states);
+    let (state_low, state_high): (Vec<f64>, Vec<f64>) = per_group(plant.states(), of_states);
+    let (input_low, input_high): (Vec<f64>, Vec<f64>) = per_group(plant.inputs(), of_inputs);
     let text = format!(
         "[domain]\nstate_low = {state_low:?}\nstate_high = {state_high:?}\ninput_low = \
          {input_low:?}\n\

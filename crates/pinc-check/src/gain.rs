@@ -143,19 +143,25 @@ fn of_zeros(subject: &Subject<'_>, place: &str, linear: &StateSpace) -> Vec<Find
         return vec![Finding::fact(place, what)];
     };
     let steps = (2.0 / (slowest * subject.step_s())).ceil();
-    #[expect(clippy::cast_precision_loss, reason = "a few steps")]
-    let too_short = (control.n2 as f64) < steps;
+    let horizon_s = control.horizon_s(subject.step_s());
+    let too_short = horizon_s < steps * subject.step_s() * (1.0 - 1e-9);
     let what =
         format!("{what}: nonminimum phase, the response to an input first goes the wrong way");
     if too_short {
         vec![
             Finding::warning(place, format!("{what} for about {}", subject.time(1.0 / slowest)))
                 .because(format!(
-                    "a horizon of {} steps sees little more than that: the controller may then \
-                     choose the wrong direction",
-                    control.n2
+                    "a horizon of {} sees little more than that: the controller may then choose \
+                     the wrong direction",
+                    match control.stages_s {
+                        Some(_) => subject.time(horizon_s),
+                        None => format!("{} steps", control.n2),
+                    }
                 ))
-                .change(format!("control.n2 of about {steps:.0} or more, or a longer T")),
+                .change(format!(
+                    "control.n2 of about {steps:.0} or more, a longer T, or control.stages_s that \
+                     become longer"
+                )),
         ]
     } else {
         vec![Finding::fact(place, what)]

@@ -35,9 +35,8 @@ pub(crate) fn examine(subject: &Subject<'_>) -> Vec<Finding> {
         .collect()
 }
 
-#[expect(clippy::cast_precision_loss, reason = "a few steps")]
 fn finding(subject: &Subject<'_>, control: &ControlSpec, i: usize, share: f64) -> Finding {
-    let horizon = control.n2 as f64 * subject.step_s();
+    let horizon = control.horizon_s(subject.step_s());
     let name = &subject.plant.states()[i].name;
     let what = format!(
         "within the prediction horizon, {}, the inputs can move {name} by {} of a change of its \
@@ -45,12 +44,20 @@ fn finding(subject: &Subject<'_>, control: &ControlSpec, i: usize, share: f64) -
         subject.time(horizon),
         short(share)
     );
-    Finding::warning("control.n2", what)
+    #[expect(clippy::cast_precision_loss, reason = "a few steps")]
+    let (key, change) = match &control.stages_s {
+        Some(_) => {
+            let needed = subject.time(0.5 / share * horizon);
+            ("control.stages_s", format!("longer stages, or more, for a horizon of about {needed}"))
+        }
+        None => {
+            let needed = (0.5 / share * control.n2 as f64).ceil();
+            ("control.n2", format!("n2 of about {needed:.0}, or a longer T"))
+        }
+    };
+    Finding::warning(key, what)
         .because("the controller sees too little of what its inputs do, and becomes timid")
-        .change(format!(
-            "n2 of about {:.0}, or a longer T",
-            (0.5 / share * control.n2 as f64).ceil()
-        ))
+        .change(change)
 }
 
 /// The largest change of the reference of each controlled state, from the start of the loop on.
@@ -76,8 +83,9 @@ fn movement(subject: &Subject<'_>, control: &ControlSpec, from: &OperatingPoint,
             let (mut x, mut u) = (from.x.clone(), from.u.clone());
             u[j] = bound;
             let mut truth = Dopri5::shared(subject.plant.to_shared(), TOLERANCE);
-            for _ in 0..control.n2 {
-                if truth.integrate(&mut x, &u, subject.step_s()).is_err() {
+            let stages = control.stages(subject.step_s()).into_iter();
+            for length in stages.flat_map(|(length, count)| std::iter::repeat_n(length, count)) {
+                if truth.integrate(&mut x, &u, length).is_err() {
                     // It ran away.
                     return f64::INFINITY;
                 }

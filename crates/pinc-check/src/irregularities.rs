@@ -2,9 +2,12 @@
 //! instead.
 
 use crate::{Finding, Subject, short};
-use pinc_analysis::{Crossing, Irregularity, IrregularityKind, OperatingPoint, Survey, crossings};
+use pinc_analysis::{
+    Crossing, Irregularity, IrregularityKind, OperatingPoint, Survey, Term, Terms, crossings,
+};
 use pinc_config::PlantSpec;
-use pinc_expr::{CriticalTerm, CriticalTerms, TermRole};
+use pinc_expr::{CriticalTerm, CriticalTerms, LoneTerm, TermRole};
+use std::collections::BTreeSet;
 
 /// How far beyond the region is looked, in its widths: predictions leave the box by a little.
 const MARGIN: f64 = 0.15;
@@ -31,9 +34,11 @@ pub(crate) fn examine(subject: &Subject<'_>) -> Vec<Finding> {
     let broken = |kind| matches!(kind, IrregularityKind::Pole | IrregularityKind::Undefined);
     let is_named = !named.is_empty();
     let mut findings = named;
-    let mut seen: Vec<(IrregularityKind, usize)> = Vec::new();
+    let mut seen: Vec<(IrregularityKind, String)> = Vec::new();
+    let variables = subject.plant.states().iter().chain(subject.plant.inputs());
+    let variables: Vec<String> = variables.map(|variable| pattern(&variable.name)).collect();
     for found in &survey.irregularities {
-        let key = (found.kind, found.variable);
+        let key = (found.kind, variables[found.variable].clone());
         if seen.contains(&key) || (broken(found.kind) && is_named) {
             continue;
         }
@@ -62,11 +67,15 @@ fn at(subject: &Subject<'_>, point: &OperatingPoint) -> String {
 
 /// Poles and the ends of functions, from the terms of text equations.
 fn of_terms(subject: &Subject<'_>, survey: &Survey, terms: &CriticalTerms) -> Vec<Finding> {
-    let values = |at: &[f64]| terms.values(at);
-    let found = crossings(&values, &subject.region, MARGIN, subject.experiment.seed);
+    let found = crossings(&Each(terms), &subject.region, MARGIN, subject.experiment.seed);
     let mut findings = Vec::new();
-    for (i, (term, crossing)) in terms.list().iter().zip(found).enumerate() {
+    let mut seen = BTreeSet::new();
+    for (i, (term, crossing)) in terms.list().iter().zip(found.found).enumerate() {
         let Some(crossing) = crossing else { continue };
+        // Of the elements of an array the first one is enough.
+        if !seen.insert((pattern(&term.key), pattern(&term.text))) {
+            continue;
+        }
         let function = match term.role {
             TermRole::Kink | TermRole::Jump => continue,
             TermRole::Denominator if !is_pole(subject, survey, &crossing) => continue,
@@ -79,7 +88,7 @@ fn of_terms(subject: &Subject<'_>, survey: &Survey, terms: &CriticalTerms) -> Ve
         let problem = match term.role {
             TermRole::Denominator => format!("{function} is 0 at"),
             // What is defined on both sides may have a kink there, which the survey finds.
-            _ if is_root && !becomes_negative(subject, &values, i, &crossing) => continue,
+            _ if is_root && !becomes_negative(subject, &terms.alone(i), &crossing) => continue,
             _ => format!("{function} is not defined beyond"),
         };
         let place = format!("plant.expression.{}", term.key);
@@ -99,21 +108,45 @@ fn of_terms(subject: &Subject<'_>, survey: &Survey, terms: &CriticalTerms) -> Ve
                 .change(instead(subject, terms, i, term, &crossing)),
         );
     }
+    if found.left_out > 0 {
+        let (count, all) = (found.left_out, terms.list().len());
+        let what = format!("{count} of {all} divisors and arguments of functions not looked at");
+        findings.push(Finding::fact("plant", format!("{what}: those before them took too long")));
+    }
     findings
 }
 
+/// The terms of text equations, of which each is computed by itself.
+struct Each<'a>(&'a CriticalTerms);
+
+impl Terms for Each<'_> {
+    fn values(&self, at: &[f64]) -> Vec<f64> {
+        self.0.values(at)
+    }
+
+    fn alone(&self, i: usize) -> Term<'_> {
+        let term = self.0.alone(i);
+        let (variables, operations) = (Some(term.variables().to_vec()), term.operations());
+        Term { value: Box::new(move |at| term.value(at)), variables, operations }
+    }
+}
+
+/// A text with all indices of elements of arrays alike.
+fn pattern(text: &str) -> String {
+    let mut pieces = text.split('[');
+    let first = pieces.next().unwrap_or_default().to_owned();
+    pieces.fold(first, |pattern, piece| {
+        pattern + "[" + piece.trim_start_matches(|c: char| c.is_ascii_digit())
+    })
+}
+
 /// Whether a term is negative beyond the place where it becomes 0, and not 0 from there on.
-fn becomes_negative(
-    subject: &Subject<'_>,
-    values: &dyn Fn(&[f64]) -> Vec<f64>,
-    i: usize,
-    crossing: &Crossing,
-) -> bool {
+fn becomes_negative(subject: &Subject<'_>, term: &LoneTerm, crossing: &Crossing) -> bool {
     let (centre, behind) = (subject.region.centre().joined(), crossing.behind.joined());
     let further = centre.iter().zip(&behind).map(|(from, to)| to + FURTHER * (to - from)).collect();
     let wide = subject.region.enlarged(MARGIN);
     let random = wide.points(subject.experiment.seed).take(POINTS).map(|point| point.joined());
-    std::iter::once(further).chain(random).any(|at: Vec<f64>| values(&at)[i] < 0.0)
+    std::iter::once(further).chain(random).any(|at: Vec<f64>| term.value(&at) < 0.0)
 }
 
 /// Whether the rates are huge beside the place, or not finite: a quotient may have a limit.
@@ -143,7 +176,8 @@ fn instead(
 ) -> String {
     let (before, behind) = (crossing.before.joined(), crossing.behind.joined());
     let region = &subject.region;
-    let sign = terms.values(&region.centre().joined())[i].signum();
+    let alone = terms.alone(i);
+    let sign = alone.value(&region.centre().joined()).signum();
     let names = subject.plant.states().iter().chain(subject.plant.inputs());
     for (k, variable) in names.enumerate() {
         let (low, high) = (region.low[k], region.high[k]);
@@ -157,7 +191,7 @@ fn instead(
         for end in ends.into_iter().flatten() {
             let mut guarded = behind.clone();
             guarded[k] = end;
-            if terms.values(&guarded)[i] * sign > 0.0 {
+            if alone.value(&guarded) * sign > 0.0 {
                 let (name, function) = (&variable.name, if below { "max" } else { "min" });
                 return format!("write {function}({name}, {}) for {name} in it", short(end));
             }

@@ -4,6 +4,7 @@
 //! What only a program can do, running a closed loop and reading files, is handed in as
 //! [`Evidence`].
 
+mod algebraic;
 mod bounds;
 mod data;
 mod derivatives;
@@ -11,6 +12,7 @@ mod estimation;
 mod excursions;
 mod finding;
 mod gain;
+mod groups;
 mod horizon;
 mod irregularities;
 mod numbers;
@@ -28,8 +30,9 @@ use pinc_config::Experiment;
 use pinc_config::ModelKind;
 use pinc_config::TimeUnit;
 use pinc_net::Measurements;
-use pinc_ode::{DynPlant, Trajectory};
+use pinc_ode::{DynPlant, Trajectory, Variable};
 use std::collections::BTreeMap;
+use std::collections::btree_map::Entry;
 use std::fmt;
 use std::path::PathBuf;
 
@@ -37,9 +40,10 @@ use std::path::PathBuf;
 type Examination = fn(&Subject<'_>) -> Vec<Finding>;
 
 /// All of them, in the order of their findings.
-const EXAMINATIONS: [Examination; 13] = [
+const EXAMINATIONS: [Examination; 14] = [
     dimensions,
     derivatives::examine,
+    algebraic::examine,
     irregularities::examine,
     stability::examine,
     horizon::examine,
@@ -53,6 +57,9 @@ const EXAMINATIONS: [Examination; 13] = [
     data::examine,
 ];
 
+/// Values of references for which steady states are looked for.
+const MOST_REFERENCES: usize = 50;
+
 /// More states, modes or zeros than these are summed up.
 const LISTED: usize = 6;
 
@@ -65,6 +72,8 @@ pub struct Rehearsal {
     pub trace: Trajectory,
     /// How many steps ended with which status.
     pub status: BTreeMap<String, usize>,
+    /// How many steps at the end of the loop were left out, since those before took so long.
+    pub left_out: usize,
 }
 
 /// Reads the measurements of some files for steps of an experiment's plant; or says, in words, why
@@ -115,6 +124,15 @@ pub fn check(
     EXAMINATIONS.iter().flat_map(|examination| examination(&subject)).collect()
 }
 
+/// Where a value of the references can be held.
+struct Held {
+    /// The place of the first reference with this value.
+    first: usize,
+    /// How many references have it.
+    count: usize,
+    point: HeldPoint,
+}
+
 /// What is examined.
 struct Subject<'a> {
     plant: &'a dyn DynPlant,
@@ -122,8 +140,10 @@ struct Subject<'a> {
     region: Region,
     /// What the region is called.
     region_name: &'static str,
-    /// Where each of the controller's references can be held.
-    holds: Vec<HeldPoint>,
+    /// Where the controller's references can be held, each value once.
+    holds: Vec<Held>,
+    /// How many further values of references were not looked at.
+    other_references: usize,
     /// The steady state in the middle of the region, if there is one.
     centre: Option<OperatingPoint>,
     evidence: &'a Evidence<'a>,
@@ -136,9 +156,18 @@ impl<'a> Subject<'a> {
         (region, region_name): (Region, &'static str),
         evidence: &'a Evidence<'a>,
     ) -> Self {
-        let (holds, centre) = (Vec::new(), None);
-        let mut subject = Self { plant, experiment, region, region_name, holds, centre, evidence };
-        subject.holds = subject.held_references();
+        let (holds, centre, other_references) = (Vec::new(), None, 0);
+        let mut subject = Self {
+            plant,
+            experiment,
+            region,
+            region_name,
+            holds,
+            other_references,
+            centre,
+            evidence,
+        };
+        (subject.holds, subject.other_references) = subject.held_references();
         subject.centre = subject.search().settle(&subject.region.centre().u);
         subject
     }
@@ -155,8 +184,9 @@ impl<'a> Subject<'a> {
         }
     }
 
-    fn held_references(&self) -> Vec<HeldPoint> {
-        let Some(control) = &self.experiment.control else { return Vec::new() };
+    /// Where the references can be held, and how many values of them are too many to be looked at.
+    fn held_references(&self) -> (Vec<Held>, usize) {
+        let Some(control) = &self.experiment.control else { return (Vec::new(), 0) };
         let nx = self.region.dims.nx;
         let ends = |states: &Option<Vec<f64>>, inputs: &[f64], none: f64| {
             [&states.clone().unwrap_or_else(|| vec![none; nx])[..], inputs].concat()
@@ -165,14 +195,34 @@ impl<'a> Subject<'a> {
         let high = ends(&control.state_high, &control.input_high, f64::INFINITY);
         let places = self.controlled();
         if places.is_empty() {
-            return Vec::new();
+            return (Vec::new(), 0);
         }
         let search = self.search();
-        let hold = |value: &Vec<f64>| {
+        let hold = |value: &[f64]| {
             let held: Vec<_> = places.iter().copied().zip(value.iter().copied()).collect();
             search.hold(&held, Some((&low, &high)))
         };
-        control.references.iter().map(|reference| hold(&reference.value)).collect()
+        let mut places_of: BTreeMap<Vec<u64>, usize> = BTreeMap::new();
+        let (mut holds, mut others): (Vec<Held>, usize) = (Vec::new(), 0);
+        for (first, reference) in control.references.iter().enumerate() {
+            let bits = reference.value.iter().map(|v| v.to_bits()).collect();
+            match places_of.entry(bits) {
+                Entry::Occupied(known) => {
+                    if let Some(held) = holds.get_mut(*known.get()) {
+                        held.count += 1;
+                    }
+                }
+                Entry::Vacant(new) => {
+                    new.insert(holds.len() + others);
+                    if holds.len() == MOST_REFERENCES {
+                        others += 1;
+                        continue;
+                    }
+                    holds.push(Held { first, count: 1, point: hold(&reference.value) });
+                }
+            }
+        }
+        (holds, others)
     }
 
     /// f(x, u).
@@ -206,8 +256,8 @@ impl<'a> Subject<'a> {
     /// else that of the middle.
     fn operating_points(&self) -> Vec<(String, &OperatingPoint)> {
         let mut points: Vec<(String, &OperatingPoint)> = Vec::new();
-        for (k, hold) in self.holds.iter().enumerate() {
-            if let HeldPoint::Within(point) | HeldPoint::Outside(point) = hold
+        for Held { first: k, point, .. } in &self.holds {
+            if let HeldPoint::Within(point) | HeldPoint::Outside(point) = point
                 && !points.iter().any(|(_, other)| self.region.same(other, point))
             {
                 points.push((format!("the steady state of control.references[{k}]"), point));
@@ -239,6 +289,11 @@ impl<'a> Subject<'a> {
             return named(names.into_iter(), &values);
         }
         let controlled = self.controlled();
+        if groups::are_shown(&names) {
+            let single = controlled.iter().filter(|_| controlled.len() <= LISTED);
+            let single = single.map(|&i| format!(", {} = {}", names[i], short(values[i])));
+            return groups::summary(&names, &values) + &single.collect::<String>();
+        }
         let is_shown = |i: &usize| *i == 0 || *i == names.len() - 1 || controlled.contains(i);
         let shown: Vec<usize> = (0..names.len()).filter(is_shown).collect();
         let values: Vec<f64> = shown.iter().map(|&i| values[i]).collect();
@@ -247,6 +302,17 @@ impl<'a> Subject<'a> {
             0 => text,
             more => format!("{text} (and {more} more states)"),
         }
+    }
+
+    /// What is controlled with its values, as a reader needs it.
+    fn controlled_values(&self, values: &[f64]) -> String {
+        let control = self.experiment.control.iter();
+        let names: Vec<&str> =
+            control.flat_map(|control| &control.controlled).map(String::as_str).collect();
+        if groups::are_shown(&names) {
+            return groups::summary(&names, values);
+        }
+        named(names.into_iter(), values)
     }
 
     fn input(&self, u: &[f64]) -> String {
@@ -263,13 +329,21 @@ impl<'a> Subject<'a> {
 
 fn dimensions(subject: &Subject<'_>) -> Vec<Finding> {
     let (states, inputs) = (subject.plant.states(), subject.plant.inputs());
-    let list = |what: &str, variables: &[pinc_ode::Variable]| {
-        let with_unit = |v: &pinc_ode::Variable| match v.unit.as_ref() {
+    let list = |what: &str, variables: &[Variable]| {
+        let with_unit = |v: &Variable| match v.unit.as_ref() {
             "" => v.name.to_string(),
             unit => format!("{} ({unit})", v.name),
         };
         let plural = if variables.len() == 1 { "" } else { "s" };
+        let groups = groups::groups(variables);
         let names = match variables {
+            all if groups.len() < all.len() => {
+                let group = |(name, places): &(String, std::ops::Range<usize>)| {
+                    let Variable { unit, .. } = &all[places.start];
+                    if unit.is_empty() { name.clone() } else { format!("{name} ({unit})") }
+                };
+                groups.iter().map(group).collect::<Vec<_>>().join(", ")
+            }
             [first, .., last] if variables.len() > LISTED => {
                 format!("{} to {}", with_unit(first), with_unit(last))
             }

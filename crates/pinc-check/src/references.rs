@@ -1,7 +1,8 @@
 //! Whether a steady state reaches each reference, and the inputs can hold it within their bounds.
 
+use crate::groups::groups;
 use crate::numbers::apart;
-use crate::{Finding, Subject, named, short};
+use crate::{Finding, Held, Subject, short};
 use pinc_analysis::{HeldPoint, OperatingPoint};
 use pinc_config::ControlSpec;
 
@@ -10,10 +11,14 @@ pub(crate) fn examine(subject: &Subject<'_>) -> Vec<Finding> {
         return Vec::new();
     };
     let mut findings = Vec::new();
-    for (k, (reference, hold)) in control.references.iter().zip(&subject.holds).enumerate() {
-        let place = format!("control.references[{k}]");
-        let value = named(control.controlled.iter().map(String::as_str), &reference.value);
-        findings.push(match hold {
+    for Held { first, count, point } in &subject.holds {
+        let (place, reference) =
+            (format!("control.references[{first}]"), &control.references[*first]);
+        let mut value = subject.controlled_values(&reference.value);
+        if *count > 1 {
+            value = format!("{value} (and {} times more)", count - 1);
+        }
+        findings.push(match point {
             HeldPoint::Within(point) => {
                 let (x, u) = (subject.state(&point.x), subject.input(&point.u));
                 Finding::fact(place, format!("{value} is held at {x} by {u}"))
@@ -24,6 +29,14 @@ pub(crate) fn examine(subject: &Subject<'_>) -> Vec<Finding> {
                 nowhere(subject, control, at, &reference.value, nearest.as_ref())
             }
         });
+    }
+    if subject.other_references > 0 {
+        let (looked_at, others) = (subject.holds.len(), subject.other_references);
+        let what = format!(
+            "steady states were looked for at the first {looked_at} different values, not at the \
+             {others} others"
+        );
+        findings.push(Finding::fact("control.references", what));
     }
     findings
 }
@@ -42,13 +55,19 @@ fn outside(
     ];
     let mut needs = Vec::new();
     for (variables, values, low, high) in sides {
-        for (i, (variable, value)) in variables.iter().zip(values).enumerate() {
-            let low = low.map_or(f64::NEG_INFINITY, |low| low[i]);
-            let high = high.map_or(f64::INFINITY, |high| high[i]);
-            if *value < low || *value > high {
-                let needed = apart(*value, if *value < low { low } else { high }).0;
+        for (_, places) in groups(variables) {
+            let over = |i: usize| {
+                let low = low.map_or(f64::NEG_INFINITY, |low| low[i]);
+                let high = high.map_or(f64::INFINITY, |high| high[i]);
+                ((low - values[i]).max(values[i] - high), low, high)
+            };
+            // Of an array the element that is farthest outside.
+            let worst = places.max_by(|&a, &b| over(a).0.total_cmp(&over(b).0));
+            let Some((i, (by, low, high))) = worst.map(|i| (i, over(i))) else { continue };
+            if by > 0.0 {
+                let needed = apart(values[i], if values[i] < low { low } else { high }).0;
                 let ends = format!("bounds {} to {}", short(low), short(high));
-                needs.push(format!("{} = {needed} ({ends})", variable.name));
+                needs.push(format!("{} = {needed} ({ends})", variables[i].name));
             }
         }
     }

@@ -30,7 +30,13 @@ pub(crate) fn examine(subject: &Subject<'_>) -> Vec<Finding> {
     let failures = || rehearsal.status.iter().filter(|(status, _)| is_failure(status));
     let failed: usize = failures().map(|(_, steps)| steps).sum();
     let Some((worst, _)) = failures().max_by_key(|(_, steps)| **steps) else {
-        let what = format!("all {steps} steps of the closed loop with {model} succeed");
+        let what = match rehearsal.left_out {
+            0 => format!("all {steps} steps of the closed loop with {model} succeed"),
+            more => format!(
+                "the first {steps} steps of the closed loop with {model} succeed; the other {more} \
+                 were left out, since they would take long"
+            ),
+        };
         return vec![Finding::fact("control", what)];
     };
     let what = format!(

@@ -1,6 +1,6 @@
 //! The plant's own modes at its steady states, against the step T, the horizon and the integrators.
 
-use crate::{Finding, LISTED, Subject, short};
+use crate::{Finding, Held, LISTED, Subject, short};
 use pinc_analysis::{
     Complex, ExplicitMethod, Growth, HeldPoint, OperatingPoint, StateSpace, TimeScales, beyond_knee,
 };
@@ -69,7 +69,7 @@ pub(crate) fn examine(subject: &Subject<'_>) -> Vec<Finding> {
         ] {
             if control.models.contains(&kind) {
                 let key = format!("control.{key}_substeps");
-                findings.extend(integrator(subject, control, method, &key, substeps));
+                findings.extend(integrator(subject, method, &key, substeps));
             }
         }
     }
@@ -212,7 +212,6 @@ fn sample_time(subject: &Subject<'_>, place: &str, scales: &TimeScales) -> Optio
 /// random points of the region.
 fn integrator(
     subject: &Subject<'_>,
-    control: &ControlSpec,
     method: ExplicitMethod,
     key: &str,
     substeps: usize,
@@ -225,7 +224,7 @@ fn integrator(
     let mut findings = Vec::new();
     // Of places that are alike the last is named: a reference rather than a time.
     let mut along = along_the_loop(subject);
-    along.extend(along_references(subject, control));
+    along.extend(along_references(subject));
     let worst = along.iter().filter_map(|(name, point)| Some((needed(point)?, name, point)));
     if let Some((n, name, point)) = worst.max_by_key(|(n, ..)| *n)
         && n > substeps
@@ -292,10 +291,10 @@ fn along_the_loop(subject: &Subject<'_>) -> Vec<(String, OperatingPoint)> {
 }
 
 /// The steady states of the references and the ways from one to the next.
-fn along_references(subject: &Subject<'_>, control: &ControlSpec) -> Vec<(String, OperatingPoint)> {
+fn along_references(subject: &Subject<'_>) -> Vec<(String, OperatingPoint)> {
     let mut points: Vec<(String, OperatingPoint)> = Vec::new();
-    for (k, hold) in subject.holds.iter().enumerate().take(control.references.len()) {
-        let (HeldPoint::Within(point) | HeldPoint::Outside(point)) = hold else { continue };
+    for Held { first: k, point, .. } in &subject.holds {
+        let (HeldPoint::Within(point) | HeldPoint::Outside(point)) = point else { continue };
         if let Some((_, last)) = points.last().cloned() {
             let (from, to) = (last.joined(), point.joined());
             for part in 1..BETWEEN {

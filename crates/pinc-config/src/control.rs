@@ -1,7 +1,7 @@
 //! The `[control]` section.
 
 use crate::estimator::{EstimatorSpec, MeasurementSpec};
-use crate::{PlantSpec, Variables};
+use crate::{ParameterStep, PlantSpec, Variables};
 use pinc_mpc::{Bounds, NmpcProblem, Softness, SqpConfig, Tracked, Weight, Weights};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -30,6 +30,12 @@ pub struct ControlSpec {
     /// `[plant]` for the others.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub parameters: BTreeMap<String, f64>,
+    /// Other values of these in parts of the run: what the controller is told.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub parameter_schedule: Vec<ParameterStep>,
+    /// Other values of parameters of the plant in the loop in parts of the run: what is true.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub plant_schedule: Vec<ParameterStep>,
     /// What was applied before the first step, one number per input; 0 if absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub initial_input: Option<Vec<f64>>,
@@ -41,6 +47,10 @@ pub struct ControlSpec {
     pub n2: usize,
     /// Nu, the number of free inputs.
     pub nu: usize,
+    /// The lengths of the N2 stages of the horizon in s, of which the first, the shortest, is the
+    /// control step; each a control step long if absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub stages_s: Option<Vec<f64>>,
     /// Q, for the controlled quantities: its diagonal, or all of its rows.
     pub q: Weight,
     /// R, for the inputs' changes: its diagonal, or all of its rows.
@@ -141,7 +151,10 @@ impl ControlSpec {
         let factors = self.weights_profile.factors(self.n2, sample_time_s);
         let free = self.nu.min(self.n2);
         let weights = match factors {
-            None => Weights::uniform(self.q.clone(), self.r.clone()),
+            None => {
+                let uniform = || Weights::uniform(self.q.clone(), self.r.clone());
+                self.weights_by_length().unwrap_or_else(uniform)
+            }
             Some(w) => Weights::scaled(self.q.clone(), self.r.clone(), &w, &w[..free]),
         };
         let weights = Weights {

@@ -1,8 +1,10 @@
 //! What a config file says, as types, and how one is read.
 
+use crate::arrays::{self, AsWritten};
 use crate::control::{ControlSpec, ModelKind};
 use crate::data::DataSpec;
 use crate::explain;
+use crate::identify::IdentifySpec;
 use crate::layers::{self, Layers};
 use crate::one_step::OneStepSpec;
 use crate::plant::PlantSpec;
@@ -65,12 +67,18 @@ pub struct Experiment {
     /// The controller's models, one step of each by itself.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub one_step: Option<OneStepSpec>,
+    /// What is to be found in recorded data.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub identify: Option<IdentifySpec>,
     /// The experiment many times over, with other values each time.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub sweep: Option<SweepSpec>,
     /// The plants that the config may name, for the trials of a sweep.
     #[serde(skip)]
     plants: Plants,
+    /// The lists for a plant with arrays, for the trials of a sweep.
+    #[serde(skip)]
+    as_written: AsWritten,
 }
 
 /// The parameters p of the models in a closed loop.
@@ -133,8 +141,10 @@ impl Experiment {
     }
 
     /// The experiment of a resolved table, checked; or the key and what is wrong with its value.
-    fn from_table(table: Table, plants: &Plants) -> Result<Self, (String, Problem)> {
+    fn from_table(mut table: Table, plants: &Plants) -> Result<Self, (String, Problem)> {
+        let as_written = arrays::write_out(&mut table)?;
         let mut experiment = Self::deserialized(table)?;
+        experiment.as_written = as_written;
         experiment.plants = plants.clone();
         experiment.plant.bind(plants);
         let in_the_loop = experiment.control.as_mut().and_then(|control| control.plant.as_mut());
@@ -150,6 +160,13 @@ impl Experiment {
     /// The experiment as a table.
     pub(crate) fn to_table(&self) -> Table {
         Table::try_from(self).expect("the values have a form in TOML")
+    }
+
+    /// The same, with the lists for a plant with arrays as they were written.
+    pub(crate) fn to_table_as_written(&self) -> Table {
+        let mut table = self.to_table();
+        self.as_written.restore(&mut table);
+        table
     }
 
     /// The experiment of a table with other values for some keys, checked; or the key and what is
@@ -262,10 +279,10 @@ impl Experiment {
     }
 
     /// The same experiment without what its numbers do not depend on: how many threads work on it,
-    /// how often they write a checkpoint, and in which unit times are shown.
+    /// how often they write a checkpoint, in which unit times are shown, and what is identified.
     #[must_use]
     pub fn normalized(&self) -> Self {
-        let mut same = Self { time_unit: None, ..self.clone() };
+        let mut same = Self { time_unit: None, identify: None, ..self.clone() };
         if let Some(training) = &mut same.training {
             let time_limit_s = training.effort.time_limit_s;
             training.effort = Effort { time_limit_s, ..Effort::default() };
@@ -281,11 +298,23 @@ impl Experiment {
         self.training.is_some() && (self.prediction.is_some() || !numerical)
     }
 
-    /// The length T of a step in s, where the config says it.
+    /// The length T of a control step in s, where the config says it: that of the net, unless the
+    /// stages of the horizon differ in length.
     #[must_use]
     pub fn sample_time_s(&self) -> Option<f64> {
+        let stages = self.control.as_ref().and_then(|control| control.stages_s.as_ref());
+        let first = stages.and_then(|stages| stages.first().copied());
         let model = self.model.as_ref().map(|m| m.sample_time_s);
-        model.or_else(|| self.control.as_ref().and_then(|c| c.step_s))
+        first.or(model).or_else(|| self.control.as_ref().and_then(|c| c.step_s))
+    }
+
+    /// The length in s of the step that the net is trained for, where the config says it; where it
+    /// does not, that of a control step, unless the stages of the horizon differ in length.
+    #[must_use]
+    pub fn net_step_s(&self) -> Option<f64> {
+        let has_stages = self.control.as_ref().is_some_and(|control| control.stages_s.is_some());
+        let model = self.model.as_ref().map(|m| m.sample_time_s);
+        model.or_else(|| self.sample_time_s().filter(|_| !has_stages))
     }
 }
 

@@ -30,12 +30,14 @@
 //! # Ok::<(), pinc_config::ConfigError>(())
 //! ```
 
+mod arrays;
 mod control;
 mod data;
 mod estimator;
 mod experiment;
 mod explain;
 mod family;
+mod identify;
 mod layers;
 mod list;
 mod one_step;
@@ -45,8 +47,10 @@ mod prediction;
 mod presets;
 mod problem;
 mod registry;
+mod schedule;
 mod search;
 mod slurm;
+mod stages;
 mod sweep;
 mod time_unit;
 mod training;
@@ -59,6 +63,7 @@ pub use estimator::{
     DisturbanceSpec, EstimatorKind, EstimatorSpec, MeasurementSpec, UnknownParameter,
 };
 pub use experiment::{Experiment, LoopParameters, steps};
+pub use identify::{IdentifiedParameter, IdentifySpec};
 pub use list::{ListedRun, RunList};
 pub use one_step::OneStepSpec;
 pub use plant::{
@@ -70,6 +75,7 @@ pub use prediction::PredictionSpec;
 pub use presets::Preset;
 pub use problem::{ConfigError, Origin, Problem, SetProblem};
 pub use registry::Variables;
+pub use schedule::{ParameterStep, Schedule};
 pub use search::{HalvingSpec, SearchRange, SearchSpec};
 pub use slurm::SlurmSpec;
 pub use sweep::{AxisSpec, CaseSpec, DrawsSpec, RangeSpec, SweepSpec};

@@ -1,6 +1,7 @@
 //! What can be wrong with a config, and where it stands.
 
 use pinc_expr::{Excerpt, ExpressionError};
+use pinc_ode::Variable;
 use std::fmt;
 use std::path::PathBuf;
 use thiserror::Error;
@@ -164,7 +165,10 @@ pub enum Problem {
 }
 
 fn one_of(known: &[String]) -> String {
-    if known.is_empty() { String::new() } else { format!("; expected one of {}", known.join(", ")) }
+    if known.is_empty() {
+        return String::new();
+    }
+    format!("; expected one of {}", Variable::grouped_names(known).join(", "))
 }
 
 fn excerpt(error: &ExpressionError) -> String {

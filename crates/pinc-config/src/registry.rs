@@ -51,6 +51,12 @@ impl PlantSpec {
     /// As for [`PlantSpec::dyn_plant`].
     #[must_use]
     pub fn variables(&self) -> Variables {
+        if let Self::Expression(equations) = self
+            && let Ok([states, inputs, outputs]) = equations.variables()
+        {
+            let outputs = if outputs.is_empty() { states.clone() } else { outputs };
+            return Variables { states, inputs, outputs };
+        }
         Variables::of(&*self.dyn_plant())
     }
 }

@@ -140,7 +140,7 @@ fn made(
     experiment: &Experiment,
     sweep: &SweepSpec,
 ) -> impl Iterator<Item = (Choice, Result<Experiment, (String, Problem)>)> {
-    let mut base = experiment.to_table();
+    let mut base = experiment.to_table_as_written();
     base.remove("sweep");
     let plants = experiment.plants().clone();
     let choices = choices(sweep, experiment.seed).into_iter();

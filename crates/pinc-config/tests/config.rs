@@ -1,6 +1,6 @@
 //! How a config becomes an experiment: presets, merging, overrides, and back to a file.
 
-use pinc_config::{Experiment, Plants, Preset};
+use pinc_config::{Experiment, ModelKind, Plants, Preset};
 use pinc_mpc::Weight;
 use std::path::{Path, PathBuf};
 
@@ -243,4 +243,53 @@ fn differences_of_several_inputs_have_blocks() {
         vec![-0.5, -3.0, 0.0, 0.0, 0.5, 3.0],
     ];
     assert_eq!(weights.input_sequence, Some(Weight::Full(expected)));
+}
+
+/// The six stages of the shipped example.
+#[test]
+fn stages_may_differ_in_length() {
+    let path = repository("configs/four-tanks/few-stages.toml");
+    let text = std::fs::read_to_string(path).unwrap();
+    let experiment = parse(&text, &[]);
+    assert_eq!((experiment.sample_time_s(), experiment.net_step_s()), (Some(10.0), Some(140.0)));
+    let control = experiment.control.unwrap();
+    let stages = control.stages(10.0);
+    assert_eq!(stages, [(10.0, 2), (20.0, 1), (40.0, 1), (80.0, 1), (140.0, 1)]);
+    assert!((control.horizon_s(10.0) - 300.0).abs() < 1e-9);
+    let substeps = |length_s| control.substeps(ModelKind::Rk4, length_s, 10.0);
+    assert_eq!([10.0, 20.0, 140.0].map(substeps), [1, 2, 14]);
+    // A stage counts as its steps would.
+    let problem = control.problem(&experiment.plant.variables(), 10.0);
+    let q = |i: usize| problem.weights.q.at(i).entry(1, 1);
+    assert_eq!([0, 1, 2, 5].map(q).to_vec(), [10.0, 10.0, 20.0, 140.0]);
+    let r = |i: usize| problem.weights.r.at(i).entry(0, 0);
+    assert_eq!([0, 5].map(r).to_vec(), [1.0, 1.0]);
+}
+
+#[test]
+fn stages_that_make_no_sense_are_refused() {
+    let path = repository("configs/four-tanks/few-stages.toml");
+    let text = std::fs::read_to_string(path).unwrap();
+    let refusal = |sets: &[&str]| {
+        let sets: Vec<_> = sets.iter().map(|set| (*set).to_owned()).collect();
+        let parsed = Experiment::parse(Path::new("test.toml"), &text, &sets, &Plants::built_in());
+        parsed.unwrap_err().to_string()
+    };
+    let stages = |list: &str| format!("control.stages_s={list}");
+    for (sets, expected) in [
+        (vec![stages("[]")], "one stage or more"),
+        (vec!["control.n2=7".into()], "expected 7, one per stage of the horizon (control.n2)"),
+        (vec![stages("[10, 10, 20, 40, 80, 5]")], "control.stages_s[5]"),
+        (vec![stages("[10, 10, 20, 40, 80, 145]")], "a whole number of control steps of 10 s"),
+        (vec![stages("[0.0, 10, 20, 40, 80, 140]")], "a positive number"),
+        (vec![stages("[10, 10, 20, 40, 80, 150]")], "`model.horizon_s`"),
+        (vec!["control.step_s=20.0".into()], "control.stages_s[0], 10"),
+        (vec!["control.weights_profile=cumulative".into()], "\"uniform\" with control.stages_s"),
+        (vec!["training.source=integrator".into()], "a distilled net knows one length only"),
+        (vec!["control.rk4_substeps=1000".into()], "10000 substeps of rk4 at most"),
+    ] {
+        let sets: Vec<&str> = sets.iter().map(String::as_str).collect();
+        let found = refusal(&sets);
+        assert!(found.contains(expected), "{sets:?}: {found}");
+    }
 }

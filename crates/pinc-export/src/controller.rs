@@ -1,6 +1,7 @@
 //! What is exported of a controller, and what cannot be.
 
 use crate::ExportError;
+use crate::feedback_c::Estimation;
 use crate::rk4_c::Rk4Model;
 use pinc_mpc::{Nmpc, NmpcProblem, QpMethod, Reference, Softness, SqpConfig, Tracked};
 use pinc_net::{PincModel, PincNet};
@@ -19,6 +20,9 @@ pub struct Controller<'a> {
     pub initial_state: &'a [f64],
     /// What it follows.
     pub reference: &'a Reference,
+    /// The estimator that tells it the state, if there is one; its disturbances are the problem's
+    /// parameters.
+    pub estimator: Option<Estimation<'a>>,
 }
 
 /// What the model of a controller is made from.
@@ -52,7 +56,12 @@ impl Controller<'_> {
 
     /// The controller, as the library has it.
     pub(crate) fn library(&self) -> Result<Nmpc, ExportError> {
-        Ok(Nmpc::new(self.problem.clone(), self.library_model()?, *self.config)?)
+        let model = self.library_model()?;
+        let model = match &self.estimator {
+            None => model,
+            Some(estimation) => estimation.compensated(model)?,
+        };
+        Ok(Nmpc::new(self.problem.clone(), model, *self.config)?)
     }
 
     /// What is tracked: states only.
@@ -74,7 +83,9 @@ impl Controller<'_> {
         if problem.output_bounds.is_some() || self.tracked().len() != problem.tracked.len() {
             return refuse("outputs that are tracked or bounded", "states");
         }
-        if !problem.parameters.is_empty() {
+        if let Some(estimation) = &self.estimator {
+            estimation.check()?;
+        } else if !problem.parameters.is_empty() {
             return refuse("parameters of the model", "constants");
         }
         if config.real_time {

@@ -1,5 +1,6 @@
 //! What cannot be exported.
 
+use pinc_estimate::EstimateError;
 use pinc_expr::ExpressionError;
 use pinc_mpc::MpcError;
 use pinc_net::NetError;
@@ -27,6 +28,9 @@ pub enum ExportError {
     /// A controller that is none.
     #[error("the controller: {0}")]
     Controller(#[from] MpcError),
+    /// An estimator that is none.
+    #[error("the estimator: {0}")]
+    Estimator(#[from] EstimateError),
     /// A net of a family of plants by itself.
     #[error(
         "the net takes the parameters {0} as inputs; export the controller of its config, which fixes them"

@@ -67,13 +67,19 @@ pub fn net_to_fmu(
 ///
 /// # Errors
 ///
-/// As [`controller_to_c`](crate::controller_to_c).
+/// As [`controller_to_c`](crate::controller_to_c); a controller with an estimator is refused.
 pub fn controller_to_fmu(
     controller: &Controller<'_>,
     name: &Name,
     origin: &Origin,
     version: FmiVersion,
 ) -> Result<Vec<GeneratedFile>, ExportError> {
+    if controller.estimator.is_some() {
+        let feature = "estimator as an FMU";
+        let instead =
+            "`--to c`, or a config without [control.estimator] and an FMU that is told the state";
+        return Err(ExportError::Feature { feature, instead });
+    }
     let (mut t, sources) = controller_sources(controller, name, origin)?;
     let tracked: Vec<Variable> =
         controller.tracked().into_iter().map(|i| origin.states[i].clone()).collect();

@@ -2,7 +2,8 @@
 //!
 //! - [`net_to_c`]: a net as C99 without dependencies.
 //! - [`net_to_casadi`], [`net_to_onnx`]: a net for CasADi, and as an ONNX file.
-//! - [`controller_to_c`]: a whole controller, with a net or an integrator as its model.
+//! - [`controller_to_c`]: a whole controller, with a net or an integrator as its model, and its
+//!   estimator.
 //! - [`net_to_fmu`], [`controller_to_fmu`], [`plant_to_fmu`]: the content of FMUs, which [`archive`] packs.
 //!
 //! All of these give the content of files, [`GeneratedFile`]; writing them is up to the caller.
@@ -11,6 +12,7 @@ mod casadi;
 mod controller;
 mod equation;
 mod error;
+mod feedback_c;
 mod fmi2;
 mod fmi3;
 mod fmu;
@@ -28,6 +30,7 @@ mod zip;
 pub use casadi::net_to_casadi;
 pub use controller::{Controller, ModelSource};
 pub use error::ExportError;
+pub use feedback_c::{Estimation, Filter};
 pub use fmu::{FmiVersion, controller_to_fmu, net_to_fmu, plant_to_fmu};
 pub use mpc_c::controller_to_c;
 pub use name::Name;

@@ -1,11 +1,12 @@
 //! A whole controller in C.
 
 use crate::controller::{Controller, ModelSource};
+use crate::feedback_c::{Filter, feedback_core, set_disturbances};
 use crate::net_c::net_core;
 use crate::origin::{Origin, domain};
 use crate::rk4_c::rk4_core;
-use crate::template::{Template, array, constant, table};
-use crate::{ExportError, GeneratedFile, Name};
+use crate::template::{Template, array, constant, places, table};
+use crate::{ExportError, GeneratedFile, Name, feedback_c};
 use pinc_mpc::{Softness, Weight};
 use pinc_ode::Dims;
 
@@ -15,6 +16,10 @@ const STEPS: usize = 20;
 /// What an input of the self-test may differ by in double and in float, relative to 1 + its size.
 /// In float the iteration ends earlier.
 const TOLERANCES: [&str; 2] = ["1e-8", "1e-3"];
+
+/// The same with the unscented filter, whose points are near one another in double, which leaves
+/// rounding, and far from one another in float, which is another filter.
+const UNSCENTED_TOLERANCES: [&str; 2] = ["1e-6", "5e-2"];
 
 /// The smallest residual that single precision can be asked for.
 const FLOAT_TOLERANCE: f64 = 1e-3;
@@ -33,9 +38,25 @@ pub fn controller_to_c(
     origin: &Origin,
 ) -> Result<Vec<GeneratedFile>, ExportError> {
     let (mut t, mut files) = controller_sources(controller, name, origin)?;
-    set_selftest(&mut t, controller)?;
-    files.push(t.file("selftest.c", include_str!("../templates/mpc_selftest.c")));
-    t.set("SOURCES", "pinc_mpc.c pinc_@MODEL@.c");
+    let [double, float] = controller.estimator.map_or(TOLERANCES, |of| match of.filter {
+        Filter::Extended => TOLERANCES,
+        Filter::Unscented => UNSCENTED_TOLERANCES,
+    });
+    t.set("DOUBLE", double).set("FLOAT", float);
+    let selftest = match controller.estimator {
+        None => {
+            set_selftest(&mut t, controller)?;
+            include_str!("../templates/mpc_selftest.c")
+        }
+        Some(estimation) => {
+            let steps = feedback_c::set_selftest(&mut t, controller, estimation, STEPS)?;
+            t.set("STEPS", steps);
+            include_str!("../templates/feedback_selftest.c")
+        }
+    };
+    files.push(t.file("selftest.c", selftest));
+    let more = if controller.estimator.is_some() { " pinc_feedback.c" } else { "" };
+    t.set("SOURCES", format!("pinc_mpc.c pinc_@MODEL@.c{more}"));
     files.push(t.named("CMakeLists.txt", include_str!("../templates/net_cmake.txt")));
     set_page(&mut t, controller, origin);
     files.push(t.named("README.md", include_str!("../templates/mpc_readme.md")));
@@ -63,11 +84,15 @@ pub(crate) fn controller_sources(
     t.set("MODEL", model);
     set_sizes(&mut t, controller, dims);
     set_problem(&mut t, controller, dims);
+    set_disturbances(&mut t, controller.estimator, dims);
     t.set("DENSE", include_str!("../templates/mpc_dense.c"))
         .set("CONDENSE", include_str!("../templates/mpc_condense.c"))
         .set("SQP", include_str!("../templates/mpc_sqp.c"));
     files.push(t.file("mpc.h", include_str!("../templates/mpc.h")));
     files.push(t.file("mpc.c", include_str!("../templates/mpc.c")));
+    if let Some(estimation) = controller.estimator {
+        files.extend(feedback_core(&mut t, estimation, dims));
+    }
     Ok((t, files))
 }
 
@@ -137,16 +162,6 @@ fn set_problem(t: &mut Template, controller: &Controller<'_>, dims: Dims) {
         .set("TABLES", tables);
 }
 
-/// A table of whole numbers; C has none of length 0.
-fn places(name: &str, values: &[usize]) -> String {
-    let list = if values.is_empty() { &[0][..] } else { values };
-    let rows: Vec<String> = list
-        .chunks(16)
-        .map(|row| row.iter().map(|v| format!("{v},")).collect::<Vec<_>>().join(" "))
-        .collect();
-    format!("static const int pinc_{name}[{}] = {{\n    {}\n}};\n", list.len(), rows.join("\n    "))
-}
-
 /// 2 Q in terms of all states, 2 R, and 2 W or nothing.
 fn weights(controller: &Controller<'_>, dims: Dims) -> [Vec<f64>; 3] {
     let problem = controller.problem;
@@ -192,10 +207,8 @@ fn set_selftest(t: &mut Template, controller: &Controller<'_>) -> Result<(), Exp
         inputs.push(u);
         x = next;
     }
-    t.set("STEPS", inputs.len()).set("DOUBLE", TOLERANCES[0]).set("FLOAT", TOLERANCES[1]).set(
-        "TABLES",
-        [table("x", &states), table("reference", &windows), table("u", &inputs)].concat(),
-    );
+    let tables = [table("x", &states), table("reference", &windows), table("u", &inputs)];
+    t.set("STEPS", inputs.len()).set("TABLES", tables.concat());
     Ok(())
 }
 
@@ -215,16 +228,16 @@ fn set_page(t: &mut Template, controller: &Controller<'_>, origin: &Origin) {
     };
     let tracked = controller.tracked().into_iter().map(|i| origin.states[i].name.to_string());
     let tracked: Vec<_> = tracked.collect();
+    if let Some(estimation) = controller.estimator {
+        let measured = estimation.measured().map(|i| origin.states[i].name.to_string());
+        t.set("MEASURED", measured.collect::<Vec<_>>().join(", "));
+    }
+    t.set("T", constant(controller.sample_time_s()));
+    let feedback = controller.estimator.map(|_| include_str!("../templates/feedback_readme.md"));
+    t.set("FEEDBACK", feedback.unwrap_or_default());
     t.set("MODEL_TEXT", rows.trim_end())
         .set("X", list(controller.initial_state))
         .set("Y", tracked.join(", "))
         .set("STATES", origin.state_list())
-        .set("INPUTS", origin.input_list())
-        .set(
-            "T",
-            constant(match controller.model {
-                ModelSource::Net(net) => net.sample_time_s(),
-                ModelSource::Rk4(model) => model.sample_time_s,
-            }),
-        );
+        .set("INPUTS", origin.input_list());
 }

@@ -80,6 +80,16 @@ pub(crate) fn array(name: &str, values: &[f64]) -> String {
     format!("static const PINC_REAL pinc_{name}[{count}] = {{\n{list}}};\n")
 }
 
+/// A table of whole numbers; C has none of length 0.
+pub(crate) fn places(name: &str, values: &[usize]) -> String {
+    let list = if values.is_empty() { &[0][..] } else { values };
+    let rows: Vec<String> = list
+        .chunks(16)
+        .map(|row| row.iter().map(|v| format!("{v},")).collect::<Vec<_>>().join(" "))
+        .collect();
+    format!("static const int pinc_{name}[{}] = {{\n    {}\n}};\n", list.len(), rows.join("\n    "))
+}
+
 /// A table of doubles, `rows` of the same length.
 pub(crate) fn table(name: &str, rows: &[Vec<f64>]) -> String {
     let width = rows.first().map_or(1, Vec::len);

@@ -147,4 +147,4 @@ static int pinc_expired(pinc_mpc *m)
 
 @DENSE@
 @CONDENSE@
-@SQP@
+@PLANT@@SQP@

@@ -16,7 +16,7 @@ extern "C" {
 #define PINC_NY @NY@
 /** How many whole steps pass until an input acts. */
 #define PINC_DELAY @DELAY@
-/** How many quadratic programs a step may solve. */
+@DISTURBANCES@/** How many quadratic programs a step may solve. */
 #define PINC_MAX_ITERATIONS @MAX_ITERATIONS@
 /** The largest KKT residual that counts as converged. */
 #define PINC_KKT_TOLERANCE PINC_PICK(@KKT_TOLERANCE@, @KKT_TOLERANCE_FLOAT@)
@@ -125,7 +125,7 @@ typedef struct {
     PINC_REAL kkt;
     /** Whether the last input is of the plan that the step ended with. */
     int followed;
-
+@DISTURBANCE_FIELD@
     /* The rest is private. */
     pinc_plan plan;
     pinc_plan fallback;

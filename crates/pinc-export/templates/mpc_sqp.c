@@ -30,7 +30,7 @@ static void pinc_linearize(const pinc_mpc *m, const PINC_REAL *z, pinc_qp *qp)
     for (j = 0; j < PINC_N2; j++) {
         const PINC_REAL *x = (j == 0) ? m->start : (z + ((j - 1) * PINC_NX));
         const PINC_REAL *u = z + (PINC_STATES + (pinc_acting(j) * PINC_NU));
-        pinc_@MODEL@_linearize(x, u, qp->c + (j * PINC_NX), PINC_A(qp, j), PINC_B(qp, j));
+        @LINEARIZE@x, u, qp->c + (j * PINC_NX), PINC_A(qp, j), PINC_B(qp, j));
     }
     for (i = 0; i < PINC_STATES; i++) {
         qp->c[i] -= z[i];
@@ -559,7 +559,7 @@ static void pinc_predict_delay(pinc_mpc *m, const PINC_REAL *x)
 #if PINC_DELAY > 0
     for (d = 0; d < PINC_DELAY; d++) {
         PINC_REAL next[PINC_NX];
-        pinc_@MODEL@_step(m->start, m->pending + (d * PINC_NU), next);
+        @STEP@m->start, m->pending + (d * PINC_NU), next);
         pinc_copy(m->start, next, PINC_NX);
     }
 #endif

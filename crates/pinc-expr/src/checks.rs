@@ -1,6 +1,6 @@
 //! What equations must satisfy before their expressions are read.
 
-use crate::{Equations, ExpressionError, ExpressionProblem, lexer, parser};
+use crate::{Equations, ExpressionError, ExpressionProblem, Start, lexer, parser};
 use pinc_ode::Variable;
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -15,7 +15,8 @@ impl Equations {
         let parameters = self.parameters.keys().map(|n| (n.clone(), format!("parameters.{n}")));
         let intermediates = self.intermediates.keys().map(|n| (n.clone(), format!("let.{n}")));
         let outputs = self.outputs.keys().map(|n| (n.clone(), format!("outputs.{n}")));
-        let listed = states.into_iter().chain(inputs);
+        let unknowns = self.algebraic.keys().map(|n| (n.clone(), format!("algebraic.{n}")));
+        let listed = states.into_iter().chain(inputs).chain(unknowns);
         let all: Vec<_> = listed.chain(parameters).chain(intermediates).chain(outputs).collect();
         for (name, key) in &all {
             if !lexer::is_valid_name(name) {
@@ -58,7 +59,13 @@ impl Equations {
 
     pub(crate) fn check_parameters_are_used(&self) -> Result<(), ExpressionError> {
         let outputs = self.outputs.values().map(|output| &output.expression);
-        let texts = self.derivatives.values().chain(self.intermediates.values()).chain(outputs);
+        let starts = self.algebraic.values().filter_map(|unknown| match &unknown.start {
+            Some(Start::Expression(text)) => Some(text),
+            _ => None,
+        });
+        let unknowns = self.algebraic.values().map(|unknown| &unknown.equation).chain(starts);
+        let texts = self.derivatives.values().chain(self.intermediates.values());
+        let texts = texts.chain(outputs).chain(unknowns);
         let used: BTreeSet<_> = texts.flat_map(|text| parser::names(text)).collect();
         match self.parameters.keys().find(|name| !used.contains(name.as_str())) {
             Some(name) => Err(ExpressionProblem::UnusedParameter.at(format!("parameters.{name}"))),

@@ -1,8 +1,9 @@
 //! The terms of equations on which it depends where these are defined and smooth.
 
 use crate::graph::{Function, Graph, Node, Operation, Value};
+use crate::implicit::AlgebraicSystem;
 use crate::program::apply;
-use std::collections::{BTreeMap, HashSet};
+use std::collections::{BTreeMap, BTreeSet, HashSet};
 
 /// Longer texts of terms are cut.
 const LONGEST: usize = 60;
@@ -57,6 +58,8 @@ pub struct CriticalTerm {
 pub struct CriticalTerms {
     nodes: Vec<Node>,
     terms: Vec<CriticalTerm>,
+    /// The number of states, and the algebraic equations, if there are any.
+    algebraic: Option<(usize, AlgebraicSystem)>,
 }
 
 impl CriticalTerms {
@@ -75,11 +78,17 @@ impl CriticalTerms {
             if !seen.insert((role, values)) {
                 continue;
             }
-            let key = keys.iter().find(|(end, _)| i < *end).map_or("", |(_, key)| key.as_str());
+            let key = keys.get(keys.partition_point(|(end, _)| *end <= i));
+            let key = key.map_or("", |(_, key)| key.as_str());
             let text = printer.difference(values);
             terms.push(CriticalTerm { role, text, key: key.to_owned(), values });
         }
-        Self { nodes: graph.nodes, terms }
+        Self { nodes: graph.nodes, terms, algebraic: None }
+    }
+
+    /// With the equations that the algebraic variables in the terms are solved from.
+    pub(crate) fn with_algebraic(self, states: usize, system: AlgebraicSystem) -> Self {
+        Self { algebraic: (!system.blocks.is_empty()).then_some((states, system)), ..self }
     }
 
     /// They, in the order of the equations.
@@ -95,16 +104,94 @@ impl CriticalTerms {
     /// `at`: `nx + nu`, states first.
     #[must_use]
     pub fn values(&self, at: &[f64]) -> Vec<f64> {
+        let mut with_unknowns = at.to_vec();
+        if let Some((states, system)) = &self.algebraic {
+            let (x, u) = at.split_at(*states);
+            with_unknowns.resize(at.len() + system.names.len(), f64::NAN);
+            system.solve(x, u, &[], &mut with_unknowns[at.len()..]);
+        }
         let mut all = Vec::with_capacity(self.nodes.len());
         for node in &self.nodes {
             let [a, b] = node.operands.map(|operand| operand.map_or(0.0, |value| all[value.0]));
             all.push(match node.operation {
-                Operation::Variable(i) => at[i],
+                Operation::Variable(i) => with_unknowns[i],
                 operation => apply(operation, &a, &b),
             });
         }
         let of = |value: Option<Value>| value.map_or(0.0, |value| all[value.0]);
         self.terms.iter().map(|term| of(term.values[0]) - of(term.values[1])).collect()
+    }
+}
+
+/// One of the [`CriticalTerms`], computed without the others.
+#[derive(Clone, Debug)]
+pub struct LoneTerm {
+    /// What is computed, each with the places of its operands among these.
+    steps: Vec<(Operation, [usize; 2])>,
+    /// Which of these the term is the difference of, or the one that it is.
+    values: [Option<usize>; 2],
+    variables: Vec<usize>,
+}
+
+impl CriticalTerms {
+    /// The term `list()[i]` by itself: what it is made of, and nothing else.
+    #[must_use]
+    pub fn alone(&self, i: usize) -> LoneTerm {
+        let mut needed: BTreeSet<Value> = BTreeSet::new();
+        let mut open: Vec<Value> = self.terms[i].values.into_iter().flatten().collect();
+        while let Some(value) = open.pop() {
+            if needed.insert(value) {
+                open.extend(self.nodes[value.0].operands.into_iter().flatten());
+            }
+        }
+        let needed: Vec<Value> = needed.into_iter().collect();
+        // Operands come before what is made of them, so that the order can stay.
+        let place = |value: Value| needed.binary_search(&value).unwrap_or_default();
+        let step = |value: &Value| {
+            let Node { operation, operands } = self.nodes[value.0];
+            (operation, operands.map(|operand| operand.map_or(0, place)))
+        };
+        let steps: Vec<_> = needed.iter().map(step).collect();
+        let variable = |(operation, _): &(Operation, [usize; 2])| match operation {
+            Operation::Variable(variable) => Some(*variable),
+            _ => None,
+        };
+        let mut variables: Vec<usize> = steps.iter().filter_map(variable).collect();
+        variables.sort_unstable();
+        LoneTerm { values: self.terms[i].values.map(|value| value.map(place)), variables, steps }
+    }
+}
+
+impl LoneTerm {
+    /// Its value, the same as in [`CriticalTerms::values`].
+    ///
+    /// # Shapes
+    ///
+    /// `at`: `nx + nu`, states first.
+    #[must_use]
+    pub fn value(&self, at: &[f64]) -> f64 {
+        let mut all = Vec::with_capacity(self.steps.len());
+        for &(operation, [a, b]) in &self.steps {
+            let operand = |place: usize| all.get(place).copied().unwrap_or_default();
+            all.push(match operation {
+                Operation::Variable(i) => at[i],
+                operation => apply(operation, &operand(a), &operand(b)),
+            });
+        }
+        let of = |value: Option<usize>| value.map_or(0.0, |value| all[value]);
+        of(self.values[0]) - of(self.values[1])
+    }
+
+    /// The states and inputs that it depends on, counted together.
+    #[must_use]
+    pub fn variables(&self) -> &[usize] {
+        &self.variables
+    }
+
+    /// How many values are computed for it.
+    #[must_use]
+    pub fn operations(&self) -> usize {
+        self.steps.len()
     }
 }
 
@@ -233,7 +320,7 @@ fn signed(value: f64) -> (char, String) {
 }
 
 /// A number with six digits at most.
-fn short(value: f64) -> String {
+pub(crate) fn short(value: f64) -> String {
     let rounded: f64 = format!("{value:.5e}").parse().unwrap_or(value);
     format!("{rounded}")
 }

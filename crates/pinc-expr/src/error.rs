@@ -92,6 +92,43 @@ pub enum ExpressionProblem {
     /// Intermediate expressions that need one another.
     #[error("defined by itself: {}", .0.join(" needs "))]
     Cycle(Vec<String>),
+    /// A box of an algebraic variable that is none.
+    #[error("the box goes from {low} to {high}; expected finite numbers, low < high")]
+    Box {
+        /// Its lower end.
+        low: f64,
+        /// Its upper end.
+        high: f64,
+    },
+    /// A search for an algebraic variable that begins outside its box.
+    #[error("the search starts at {start}, outside the box from {low} to {high}")]
+    Start {
+        /// Where it starts.
+        start: f64,
+        /// The lower end of the box.
+        low: f64,
+        /// The upper end.
+        high: f64,
+    },
+    /// A start that depends on an algebraic variable.
+    #[error("depends on the algebraic variable `{0}`; expected states, inputs and parameters only")]
+    StartNeedsUnknown(String),
+    /// More algebraic variables than can be solved for.
+    #[error("{found} algebraic variables that depend on one another, expected {most} at most")]
+    TooManyUnknowns {
+        /// How many there are.
+        found: usize,
+        /// How many there may be.
+        most: usize,
+    },
+    /// Algebraic equations that cannot determine the algebraic variables.
+    #[error("{0}")]
+    Singular(Box<Deficiency>),
+    /// Algebraic equations where there may be none.
+    #[error(
+        "algebraic equations cannot be generated as code: their solution is a search for roots"
+    )]
+    NotListed,
     /// Too many values to be kept at once.
     #[error("the equations need {0} values at once, expected {most} at most", most = crate::program::MOST_REGISTERS)]
     TooLarge(usize),
@@ -138,13 +175,112 @@ pub enum ExpressionProblem {
         /// What should.
         expected: &'static str,
     },
+    /// A size that no array can have.
+    #[error("a size of {0}, expected 1 to {most}", most = crate::arrays::LARGEST)]
+    Size(usize),
+    /// What stands for an index and is none.
+    #[error("`{0}` is no index, expected a whole number from 0 to {most}", most = crate::arrays::LARGEST)]
+    Index(String),
+    /// A name between brackets that stands for no whole number.
+    #[error("unknown index `{found}`; {}", indices(known))]
+    UnknownIndex {
+        /// The name.
+        found: String,
+        /// The indices and sizes that could stand there.
+        known: Vec<String>,
+    },
+    /// A range whose end is before its beginning.
+    #[error("the range {from}..{to} runs backwards, expected one like 1..n")]
+    Range {
+        /// The first value.
+        from: i64,
+        /// The last one.
+        to: i64,
+    },
+    /// An equation for elements that are not said; the text is an example of what to write.
+    #[error("for which elements is not said, expected a range, as {0}")]
+    NoRange(String),
+    /// An index with the name of something else.
+    #[error("the index `{0}` has the name of something else, expected a name that is free")]
+    IndexTaken(String),
+    /// An element that an array does not have.
+    #[error("`{element}` does not exist, expected an index from {first} to {last}")]
+    NoElement {
+        /// The element.
+        element: String,
+        /// The first index of the array.
+        first: usize,
+        /// The last one.
+        last: usize,
+    },
+    /// Brackets behind something that is no array.
+    #[error("`{0}` is not an array")]
+    NotAnArray(String),
+    /// An array without brackets.
+    #[error("`{0}` is an array, expected one of its elements, as {0}[1]")]
+    WholeArray(String),
+    /// Arrays with very many elements.
+    #[error("the arrays have more than {most} elements", most = crate::arrays::MOST)]
+    TooMany,
+    /// Arrays and sums that become too much text.
+    #[error("written out, the equations have more than {most} characters", most = crate::arrays::LONGEST)]
+    TooLong,
+    /// What is wrong for some values of the indices.
+    #[error("{problem} (at {index})")]
+    Element {
+        /// The values, as `i = 3`.
+        index: String,
+        /// What is wrong.
+        problem: Box<ExpressionProblem>,
+    },
     /// More parentheses in one another than anyone writes.
     #[error("nested more than {most} deep", most = crate::parser::DEEPEST)]
     TooDeep,
 }
 
+/// Equations with fewer algebraic variables than there are of them.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Deficiency {
+    /// The equations, by the algebraic variables to which they are given.
+    pub equations: Vec<String>,
+    /// The algebraic variables in them.
+    pub unknowns: Vec<String>,
+    /// Those for which no equation is left.
+    pub undetermined: Vec<String>,
+}
+
+impl std::fmt::Display for Deficiency {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let advice = "differentiate it by the time, replacing derivatives of states by their \
+         equations, until one of them appears, and leave out the states that it then determines";
+        let open = self.undetermined.join(", ");
+        if self.unknowns.is_empty() {
+            return write!(
+                f,
+                "this equation contains no algebraic variable, and nothing determines {open}: the \
+                 system is of index 2 or more; {advice}"
+            );
+        }
+        write!(
+            f,
+            "the equations of {} contain no algebraic variables but {}, and nothing determines \
+             {open}: they depend on one another, or the system is of index 2 or more; of an \
+             equation too many, {advice}",
+            self.equations.join(", "),
+            self.unknowns.join(", "),
+        )
+    }
+}
+
 fn time(name: &str) -> &'static str {
     if name == "t" { "; the time may not stand in an equation" } else { "" }
+}
+
+fn indices(known: &[String]) -> String {
+    if known.is_empty() {
+        return "expected a whole number, since there are no [sizes] and no index here".to_owned();
+    }
+    format!("expected a whole number or one of {}", known.join(", "))
 }
 
 impl ExpressionProblem {
@@ -155,7 +291,9 @@ impl ExpressionProblem {
             Self::UnknownState { found, known }
             | Self::UnknownParameter { found, known }
             | Self::UnknownName { found, known }
+            | Self::UnknownIndex { found, known }
             | Self::UnknownFunction { found, known } => Some((found, known)),
+            Self::Element { problem, .. } => problem.misspelt(),
             _ => None,
         }
     }

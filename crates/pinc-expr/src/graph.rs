@@ -104,7 +104,7 @@ impl Function {
 
 /// A value of the graph: the place of its node.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub(crate) struct Value(pub(super) usize);
+pub(crate) struct Value(pub(crate) usize);
 
 /// A value's operation and operands; of those that the operation does not have, a value before it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]

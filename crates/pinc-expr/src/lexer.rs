@@ -1,6 +1,7 @@
 //! From the text of an expression to its words.
 
 use crate::error::ExpressionProblem;
+use pinc_ode::Variable;
 use std::ops::Range;
 
 /// A word of an expression.
@@ -60,6 +61,7 @@ impl<'a> Lexer<'a> {
             }
             'a'..='z' | 'A'..='Z' | '_' => {
                 let length = rest.find(|c: char| !is_name(c)).unwrap_or(rest.len());
+                let length = length + element_length(&rest[length..]);
                 (Token::Name(&rest[..length]), length)
             }
             '*' if rest.starts_with("**") => {
@@ -80,13 +82,21 @@ fn is_name(c: char) -> bool {
     c.is_ascii_alphanumeric() || c == '_'
 }
 
-/// Whether a name can stand in an expression.
+/// The length of the `[3]` that `text` begins with, if it does.
+fn element_length(text: &str) -> usize {
+    let Some(rest) = text.strip_prefix('[') else { return 0 };
+    let digits = rest.bytes().take_while(u8::is_ascii_digit).count();
+    if digits > 0 && rest[digits..].starts_with(']') { digits + 2 } else { 0 }
+}
+
+/// Whether a name can stand in an expression; of an element of an array, the array's name.
 pub(crate) fn is_valid_name(name: &str) -> bool {
+    let name = Variable::split_name(name).map_or(name, |(array, _)| array);
     name.starts_with(|c: char| c.is_ascii_alphabetic() || c == '_') && name.chars().all(is_name)
 }
 
 /// The length of the number that `text` begins with: digits, point and digits, exponent.
-fn number_length(text: &str) -> usize {
+pub(crate) fn number_length(text: &str) -> usize {
     let digits = |from: usize| {
         let rest = &text.as_bytes()[from..];
         from + rest.iter().take_while(|b| b.is_ascii_digit()).count()

@@ -1,23 +1,33 @@
 //! Plants whose equations are text.
 
+mod algebraic;
+mod arrays;
 mod checks;
 mod critical;
 mod error;
 mod graph;
 mod grouped;
+mod implicit;
 mod lexer;
 mod listing;
+mod parameters;
 mod parser;
 mod program;
+mod roots;
+mod structure;
 mod text_plant;
 
-pub use critical::{CriticalTerm, CriticalTerms, TermRole};
-pub use error::{Excerpt, ExpressionError, ExpressionProblem};
+pub use algebraic::{AlgebraicVariable, Start};
+pub use critical::{CriticalTerm, CriticalTerms, LoneTerm, TermRole};
+pub use error::{Deficiency, Excerpt, ExpressionError, ExpressionProblem};
 pub use graph::Function;
 pub use listing::{Instruction, Listing};
+pub use roots::{AlgebraicEquations, AlgebraicRoot, Unsolved, UnsolvedReason};
 
+use algebraic::Algebraic;
 use graph::{Graph, Value};
 use grouped::GroupedFunction;
+use implicit::AlgebraicSystem;
 use pinc_ad::Scalar;
 use pinc_ode::{Dims, Plant, SparsePlant, Variable};
 use program::Program;
@@ -56,19 +66,31 @@ use std::collections::BTreeMap;
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Equations {
-    /// The states, in order.
+    /// Named whole numbers: sizes of arrays and ends of ranges.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub sizes: BTreeMap<String, usize>,
+    /// The states, in order; `T[n]` is an array of n states.
     pub states: Vec<Variable>,
     /// The inputs, in order.
     pub inputs: Vec<Variable>,
-    /// Named numbers.
-    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    /// Named numbers. In files, a list is an array, with the elements `w[1]`, `w[2]`, ..
+    #[serde(
+        default,
+        skip_serializing_if = "BTreeMap::is_empty",
+        deserialize_with = "parameters::deserialize"
+    )]
     pub parameters: BTreeMap<String, f64>,
     /// Named expressions, for use in others; their order does not matter.
     #[serde(default, rename = "let", skip_serializing_if = "BTreeMap::is_empty")]
     pub intermediates: BTreeMap<String, String>,
     /// The time derivative of each state, in its unit per second.
     pub derivatives: BTreeMap<String, String>,
-    /// The outputs, in the alphabetical order of their names; the states where there are none.
+    /// The algebraic variables, each with an equation: a differential-algebraic system of index 1.
+    /// They are outputs too.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub algebraic: BTreeMap<String, AlgebraicVariable>,
+    /// The outputs, with the algebraic variables in the alphabetical order of their names; the
+    /// states where there are none.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub outputs: BTreeMap<String, OutputExpression>,
 }
@@ -133,6 +155,7 @@ pub struct ExpressionPlant {
     parameters: Vec<Variable>,
     rhs: Program,
     outputs: Option<Outputs>,
+    algebraic: Option<AlgebraicSystem>,
     /// The same functions with their Jacobians.
     sparse: SparsePlant<GroupedFunction>,
 }
@@ -163,14 +186,23 @@ impl Plant for ExpressionPlant {
 
     #[inline(always)]
     fn rhs<S: Scalar>(&self, x: &[S], u: &[S], p: &[S], dx: &mut [S]) {
-        self.rhs.run(x, u, p, dx);
+        match &self.algebraic {
+            None => self.rhs.run(x, u, p, dx),
+            Some(system) => system.run(&self.rhs, [x, u, p], dx),
+        }
     }
 
     fn output<S: Scalar>(&self, x: &[S], u: &[S], p: &[S], y: &mut [S]) {
-        match &self.outputs {
-            Some(outputs) => outputs.program.run(x, u, p, y),
-            None => y.copy_from_slice(x),
+        match (&self.outputs, &self.algebraic) {
+            (Some(outputs), Some(system)) => system.run(&outputs.program, [x, u, p], y),
+            (Some(outputs), None) => outputs.program.run(x, u, p, y),
+            (None, _) => y.copy_from_slice(x),
         }
+    }
+
+    fn explain(&self, x: &[f64], u: &[f64], p: &[f64]) -> Option<String> {
+        let unsolved = self.algebraic.as_ref()?.examine([x, u, p]).err()?;
+        Some(unsolved.to_string())
     }
 }
 
@@ -179,10 +211,13 @@ struct Parsed<'a> {
     graph: Graph,
     /// States, inputs and varying parameters.
     variables: Vec<&'a str>,
+    /// They and the algebraic variables.
+    printed: Vec<&'a str>,
     /// The derivative of each state.
     derivatives: Vec<Value>,
     /// The measured outputs.
     outputs: Vec<Value>,
+    algebraic: Algebraic,
     /// The intermediate expressions' names.
     names: BTreeMap<Value, &'a str>,
     /// The key of each equation, with the number of nodes after it.
@@ -208,9 +243,16 @@ impl Equations {
     /// The first thing that is wrong with the equations, or a name that is not a parameter's or
     /// given twice.
     pub fn compile_with(&self, varying: &[&str]) -> Result<ExpressionPlant, ExpressionError> {
-        let Parsed { graph, variables, derivatives, outputs, .. } = self.parse(varying)?;
+        self.unrolled(|plain| plain.compile_plain(varying))
+    }
+
+    /// [`Equations::compile_with`] without arrays.
+    fn compile_plain(&self, varying: &[&str]) -> Result<ExpressionPlant, ExpressionError> {
+        let Parsed { graph, variables, derivatives, outputs, algebraic, .. } =
+            self.parse(varying)?;
+        let all = variables.len() + algebraic.names.len();
         let program = |values: &[Value], key: &str| {
-            Program::new(&graph, variables.len(), values).map_err(|problem| problem.at(key))
+            Program::new(&graph, all, values).map_err(|problem| problem.at(key))
         };
         let own = match &outputs[..] {
             [] => None,
@@ -220,7 +262,7 @@ impl Equations {
             }
         };
         let grouped = |values: &[Value], key: &str| {
-            let function = GroupedFunction::new(&graph, variables.len(), values);
+            let function = GroupedFunction::new(&graph, variables.len(), &algebraic, values);
             function.map_err(|problem| problem.at(key))
         };
         let dims = Dims::new(self.states.len(), self.inputs.len())
@@ -234,8 +276,11 @@ impl Equations {
                 values => Some(grouped(values, "outputs")?),
             },
         };
+        let system = AlgebraicSystem::new(&graph, variables.len(), &algebraic);
+        let system = system.map_err(|problem| problem.at("algebraic"))?;
         Ok(ExpressionPlant {
             sparse,
+            algebraic: (!system.blocks.is_empty()).then_some(system),
             states: self.states.clone(),
             inputs: self.inputs.clone(),
             parameters: varying.iter().map(|&name| variable(name, "")).collect(),
@@ -250,14 +295,21 @@ impl Equations {
     ///
     /// The first thing that is wrong with the equations.
     pub fn critical_terms(&self) -> Result<CriticalTerms, ExpressionError> {
-        let Parsed { graph, variables, names, keys, .. } = self.parse(&[])?;
-        Ok(CriticalTerms::new(graph, &variables, &names, &keys))
+        self.unrolled(|plain| {
+            let Parsed { graph, variables, printed, algebraic, names, keys, .. } =
+                plain.parse(&[])?;
+            let system = AlgebraicSystem::new(&graph, variables.len(), &algebraic);
+            let system = system.map_err(|problem| problem.at("algebraic"))?;
+            let terms = CriticalTerms::new(graph, &printed, &names, &keys);
+            Ok(terms.with_algebraic(plain.states.len(), system))
+        })
     }
 
     /// The values that derivatives and outputs are computed from.
     fn parse<'a>(&'a self, varying: &[&'a str]) -> Result<Parsed<'a>, ExpressionError> {
         self.check_names()?;
         self.check_states_have_derivatives()?;
+        self.check_algebraic()?;
         self.check_varying(varying)?;
         let order = self.order()?;
 
@@ -272,6 +324,11 @@ impl Equations {
         for (i, name) in variables.iter().enumerate() {
             scope.insert(name, graph.variable(i));
         }
+        let mut printed = variables.clone();
+        for (i, name) in self.algebraic.keys().enumerate() {
+            scope.insert(name, graph.variable(variables.len() + i));
+            printed.push(name);
+        }
         for name in order {
             let key = format!("let.{name}");
             let value = parser::parse(&key, &self.intermediates[name], &scope, &mut graph)?;
@@ -279,6 +336,8 @@ impl Equations {
             names.entry(value).or_insert(name);
             keys.push((graph.nodes.len(), key));
         }
+        let first = variables.len();
+        let algebraic = self.parse_algebraic(first, &scope, &mut graph, &mut keys)?;
         let mut parse = |key: String, text: &str| {
             let value = parser::parse(&key, text, &scope, &mut graph)?;
             keys.push((graph.nodes.len(), key));
@@ -290,15 +349,13 @@ impl Equations {
             derivatives.push(parse(format!("derivatives.{name}"), &self.derivatives[name])?);
         }
         let mut outputs = Vec::new();
-        for (name, output) in &self.outputs {
-            outputs.push(parse(format!("outputs.{name}"), &output.expression)?);
+        for Variable { name, .. } in self.output_variables() {
+            let output = self.outputs.get(name.as_ref());
+            let text = output.map_or(name.as_ref(), |output| &output.expression);
+            outputs.push(parse(format!("outputs.{name}"), text)?);
         }
         self.check_parameters_are_used()?;
-        Ok(Parsed { graph, variables, derivatives, outputs, names, keys })
-    }
-
-    fn output_variables(&self) -> Vec<Variable> {
-        self.outputs.iter().map(|(name, output)| variable(name, &output.unit)).collect()
+        Ok(Parsed { graph, variables, printed, derivatives, outputs, algebraic, names, keys })
     }
 }
 

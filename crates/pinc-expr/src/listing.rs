@@ -1,6 +1,6 @@
 //! Equations as a list of instructions, for programs that write code from them.
 
-use crate::error::ExpressionError;
+use crate::error::{ExpressionError, ExpressionProblem};
 use crate::graph::{Function, Graph, Node, Operation, Value};
 use crate::{Equations, Parsed};
 
@@ -46,10 +46,15 @@ impl Equations {
     ///
     /// # Errors
     ///
-    /// The first thing that is wrong with the equations.
+    /// The first thing that is wrong with the equations, or that some are algebraic.
     pub fn listing(&self) -> Result<Listing, ExpressionError> {
-        let Parsed { graph, derivatives, .. } = self.parse(&[])?;
-        Ok(Listing::new(&graph, &derivatives))
+        if !self.algebraic.is_empty() {
+            return Err(ExpressionProblem::NotListed.at("algebraic"));
+        }
+        self.unrolled(|plain| {
+            let Parsed { graph, derivatives, .. } = plain.parse(&[])?;
+            Ok(Listing::new(&graph, &derivatives))
+        })
     }
 }
 

@@ -1,7 +1,7 @@
 //! Equations as a list of steps on registers, run over any kind of number.
 
 use crate::error::ExpressionProblem;
-use crate::graph::{Graph, Number, Operation, Value};
+use crate::graph::{Graph, Node, Number, Operation, Value};
 use pinc_ad::Scalar;
 use pinc_ad::simd::Work;
 
@@ -36,16 +36,31 @@ impl Program {
         variables: usize,
         results: &[Value],
     ) -> Result<Self, ExpressionProblem> {
-        let last_use = last_uses(graph, results);
+        match Self::in_order(&graph.nodes, variables, results) {
+            Err(ExpressionProblem::TooLarge(_)) => {
+                let (nodes, results) = result_by_result(&graph.nodes, results);
+                Self::in_order(&nodes, variables, &results)
+            }
+            found => found,
+        }
+    }
+
+    /// The steps in the order of the nodes.
+    fn in_order(
+        nodes: &[Node],
+        variables: usize,
+        results: &[Value],
+    ) -> Result<Self, ExpressionProblem> {
+        let last_use = last_uses(nodes, results);
         let mut registers = Registers::new(variables);
-        let mut place = vec![0; graph.nodes.len()];
+        let mut place = vec![0; nodes.len()];
         let mut steps = Vec::new();
-        for (i, node) in graph.nodes.iter().enumerate() {
+        for (i, node) in nodes.iter().enumerate() {
             if let Operation::Variable(index) = node.operation {
                 place[i] = index;
             }
         }
-        for (i, node) in graph.nodes.iter().enumerate() {
+        for (i, node) in nodes.iter().enumerate() {
             if last_use[i].is_none() || matches!(node.operation, Operation::Variable(_)) {
                 continue;
             }
@@ -78,25 +93,66 @@ impl Program {
     /// set that the number stands for.
     #[inline(always)]
     pub(crate) fn run<S: Scalar>(&self, x: &[S], u: &[S], p: &[S], to: &mut [S]) {
-        let Some(&first) = x.first() else { return };
+        self.run_on(&Variables { x, u, p, z: &[] }, Same, to);
+    }
+
+    /// Writes the results, on the kind of number that `convert` makes of the variables, into `to`.
+    #[inline(always)]
+    pub(crate) fn run_on<S: Scalar, C: Convert<S>>(
+        &self,
+        at: &Variables<'_, S>,
+        convert: C,
+        to: &mut [C::To],
+    ) {
+        let Some(&first) = at.x.first() else { return };
+        let program = self;
         match self.registers {
-            0..=8 => first.vectorize(Run::<S, 8> { program: self, x, u, p, to }),
-            9..=16 => first.vectorize(Run::<S, 16> { program: self, x, u, p, to }),
-            17..=64 => first.vectorize(Run::<S, 64> { program: self, x, u, p, to }),
-            _ => first.vectorize(Run::<S, MOST_REGISTERS> { program: self, x, u, p, to }),
+            0..=8 => first.vectorize(Run::<S, C, 8> { program, at, convert, to }),
+            9..=16 => first.vectorize(Run::<S, C, 16> { program, at, convert, to }),
+            17..=64 => first.vectorize(Run::<S, C, 64> { program, at, convert, to }),
+            _ => first.vectorize(Run::<S, C, MOST_REGISTERS> { program, at, convert, to }),
         }
+    }
+}
+
+/// The values of the variables: states, inputs, parameters and algebraic variables.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Variables<'a, S> {
+    pub(crate) x: &'a [S],
+    pub(crate) u: &'a [S],
+    pub(crate) p: &'a [S],
+    pub(crate) z: &'a [S],
+}
+
+/// On which kind of number a program runs, given one of the variables.
+pub(crate) trait Convert<S> {
+    type To: Scalar;
+
+    /// The variable with this place among all.
+    fn convert(&self, value: S, place: usize) -> Self::To;
+}
+
+/// On the kind of the variables.
+pub(crate) struct Same;
+
+impl<S: Scalar> Convert<S> for Same {
+    type To = S;
+
+    #[inline(always)]
+    fn convert(&self, value: S, _place: usize) -> S {
+        value
     }
 }
 
 /// For each value the last one that is made of it, `usize::MAX` if it is a result;
 /// `None` for values that no result needs.
-fn last_uses(graph: &Graph, results: &[Value]) -> Vec<Option<usize>> {
-    let mut last_use = vec![None; graph.nodes.len()];
+fn last_uses(nodes: &[Node], results: &[Value]) -> Vec<Option<usize>> {
+    let mut last_use = vec![None; nodes.len()];
     for result in results {
         // No node has this place, so the register is never free again.
         last_use[result.0] = Some(usize::MAX);
     }
-    for (i, node) in graph.nodes.iter().enumerate().rev() {
+    for (i, node) in nodes.iter().enumerate().rev() {
         if last_use[i].is_some() {
             for operand in node.operands.iter().flatten() {
                 last_use[operand.0] = last_use[operand.0].max(Some(i));
@@ -104,6 +160,32 @@ fn last_uses(graph: &Graph, results: &[Value]) -> Vec<Option<usize>> {
         }
     }
     last_use
+}
+
+/// The nodes in an order in which each comes when the first result needs it, and the results in it:
+/// fewer are then kept at once where results have little in common, as those of neighbours.
+fn result_by_result(nodes: &[Node], results: &[Value]) -> (Vec<Node>, Vec<Value>) {
+    let mut places: Vec<Option<Value>> = vec![None; nodes.len()];
+    let mut ordered = Vec::new();
+    for result in results {
+        let mut open = vec![*result];
+        while let Some(&value) = open.last() {
+            let Node { operation, operands } = nodes[value.0];
+            let missing = operands.into_iter().flatten().find(|v| places[v.0].is_none());
+            if places[value.0].is_some() {
+                open.pop();
+            } else if let Some(operand) = missing {
+                open.push(operand);
+            } else {
+                let operands = operands.map(|operand| operand.and_then(|v| places[v.0]));
+                places[value.0] = Some(Value(ordered.len()));
+                ordered.push(Node { operation, operands });
+                open.pop();
+            }
+        }
+    }
+    let results = results.iter().filter_map(|result| places[result.0]).collect();
+    (ordered, results)
 }
 
 /// Which registers are free.
@@ -130,25 +212,27 @@ impl Registers {
 }
 
 /// A run of a program with `R` registers, a power of 2.
-struct Run<'a, S, const R: usize> {
+struct Run<'a, S, C: Convert<S>, const R: usize> {
     program: &'a Program,
-    x: &'a [S],
-    u: &'a [S],
-    p: &'a [S],
-    to: &'a mut [S],
+    at: &'a Variables<'a, S>,
+    convert: C,
+    to: &'a mut [C::To],
 }
 
-impl<S: Scalar, const R: usize> Work for Run<'_, S, R> {
+impl<S: Scalar, C: Convert<S>, const R: usize> Work for Run<'_, S, C, R> {
     type Output = ();
 
     #[inline(always)]
     fn run(self) {
-        let mut registers = [self.x[0]; R];
-        let (states, rest) = registers.split_at_mut(self.x.len());
-        states.copy_from_slice(self.x);
-        let (inputs, rest) = rest.split_at_mut(self.u.len());
-        inputs.copy_from_slice(self.u);
-        rest[..self.p.len()].copy_from_slice(self.p);
+        let Variables { x, u, p, z } = *self.at;
+        let mut registers = [self.convert.convert(x[0], 0); R];
+        let mut first = 0;
+        for part in [x, u, p, z] {
+            for (i, (to, &value)) in registers[first..].iter_mut().zip(part).enumerate() {
+                *to = self.convert.convert(value, first + i);
+            }
+            first += part.len();
+        }
         for step in &self.program.steps {
             // The remainder spares the check of the index.
             let (a, b) = (usize::from(step.a) % R, usize::from(step.b) % R);

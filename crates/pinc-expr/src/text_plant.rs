@@ -50,6 +50,10 @@ impl DynRhs for TextPlant {
         Plant::output(&self.0, x, u, p, y);
     }
 
+    fn explain(&self, x: &[f64], u: &[f64], p: &[f64]) -> Option<String> {
+        Plant::explain(&self.0, x, u, p)
+    }
+
     fn jacobian(&self, x: &[f64], u: &[f64], p: &[f64]) -> Vec<f64> {
         let function = &self.0.sparse.rhs;
         let at = [x, u, p].concat();

@@ -3,6 +3,7 @@
 use crate::error::check_finite;
 use crate::loop_errors::LoopErrors;
 use crate::observer::Watch;
+use crate::reference::steps_until;
 use crate::{Constraint, MpcError, Nmpc, Observer, PlantNow, Reference, SqpStatus, Tracked};
 use pinc_ode::metrics::Tracking;
 use pinc_ode::{Dopri5, Trajectory};
@@ -160,6 +161,25 @@ impl<'a> ClosedLoop<'a> {
     pub fn with_observer(self, observer: &'a mut dyn Observer) -> Self {
         let dims = self.nmpc.model().dims();
         Self { watch: Some(Watch::new(observer, dims.nx, dims.np)), ..self }
+    }
+
+    /// Lets the plant have the parameters `p` from now on.
+    ///
+    /// # Panics
+    ///
+    /// If `p` is not as long as the plant's.
+    pub fn set_plant_parameters(&mut self, p: &[f64]) {
+        self.plant.set_parameters(p);
+    }
+
+    /// Tells the controller that the parameters of its model are `p` from now on. An observer has
+    /// the last word.
+    ///
+    /// # Errors
+    ///
+    /// As [`Nmpc::set_parameters`].
+    pub fn set_model_parameters(&mut self, p: &[f64]) -> Result<(), MpcError> {
+        self.nmpc.set_parameters(p)
     }
 
     /// Asks the observer, if there is one.
@@ -328,7 +348,8 @@ impl<'a> ClosedLoop<'a> {
 
     /// The steps by which the controller knows a change of the reference in advance.
     pub(crate) fn preview_steps(&self) -> usize {
-        if self.preview { self.nmpc.problem().horizon } else { 0 }
+        let times = self.nmpc.stage_times_s();
+        if self.preview { steps_until(times[times.len() - 1], times[1]) } else { 0 }
     }
 
     /// The most by which a bounded state, input or output was outside its bounds on the dense
@@ -350,16 +371,10 @@ impl<'a> ClosedLoop<'a> {
     }
 }
 
-/// The steps from the end of the first stage, which is a step, to those of all, rounded; `times` are
-/// those of the stages' ends from the beginning of the first.
+/// The steps from the end of the first stage, which is a step, to those in which all end; `times`
+/// are those of the stages' ends from the beginning of the first.
 fn steps_ahead(times: &[f64]) -> Vec<usize> {
-    #[expect(
-        clippy::cast_possible_truncation,
-        clippy::cast_sign_loss,
-        reason = "stages are few, and times positive"
-    )]
-    let steps = |time: &f64| (time / times[1]).round() as usize;
-    times[1..].iter().map(|time| steps(time) - 1).collect()
+    times[1..].iter().map(|&time| steps_until(time, times[1]) - 1).collect()
 }
 
 impl Control<'_, '_> {

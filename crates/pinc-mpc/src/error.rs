@@ -110,7 +110,7 @@ pub enum MpcError {
         field: &'static str,
     },
     /// The plant could not be integrated over a control step.
-    #[error("the plant could not be integrated in control step {step}")]
+    #[error("the plant could not be integrated in control step {step}: {source}")]
     Plant {
         /// The control step.
         step: usize,

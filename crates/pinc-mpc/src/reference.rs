@@ -96,6 +96,30 @@ impl Reference {
             row.copy_from_slice(self.at(k + i));
         }
     }
+
+    /// Writes the preview at step `k` for stages that end at the times `ends_s`, in s from there,
+    /// of which the first is the length of a step: the values of the steps in which they end.
+    ///
+    /// # Shapes
+    ///
+    /// `window`: `[stages, outputs]`, row by row.
+    pub fn preview_at(&self, k: usize, ends_s: &[f64], window: &mut [f64]) {
+        for (row, end) in window.chunks_exact_mut(self.outputs).zip(ends_s) {
+            row.copy_from_slice(self.at(k + steps_until(*end, ends_s[0]) - 1));
+        }
+    }
+}
+
+/// How many steps of `length_s` it takes to come to `time_s`, which is positive; a part that is
+/// rounding is none.
+pub(crate) fn steps_until(time_s: f64, length_s: f64) -> usize {
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "stages are few, and times positive"
+    )]
+    let steps = (time_s / length_s * (1.0 - 1e-9)).ceil() as usize;
+    steps.max(1)
 }
 
 #[cfg(test)]
@@ -114,6 +138,14 @@ mod tests {
         assert_eq!(preview(2, 2), [2.0, 3.0]);
         assert_eq!(preview(3, 2), [3.0, 3.0]);
         assert_eq!(preview(1, 6), [1.0, 2.0, 3.0, 3.0, 3.0, 3.0]);
+    }
+
+    #[test]
+    fn a_preview_of_stages_has_the_values_at_their_ends() {
+        let reference = Reference::new((0..20_i32).map(f64::from).collect(), 1).unwrap();
+        let mut window = vec![0.0; 5];
+        reference.preview_at(2, &[0.1, 0.2, 0.5, 0.85, 9.0], &mut window);
+        assert_eq!(window, [2.0, 3.0, 6.0, 10.0, 19.0]);
     }
 
     #[test]

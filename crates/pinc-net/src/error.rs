@@ -47,6 +47,14 @@ pub enum NetError {
          control"
     )]
     OneScenario,
+    /// A length of a step that a net does not know.
+    #[error("the net has no state after {t} s: it is for {known}")]
+    Time {
+        /// The length, in s.
+        t: f64,
+        /// What it knows.
+        known: String,
+    },
     /// A NaN or an infinity where a number belongs.
     #[error("{term} became NaN or infinite at iteration {iteration}; the last good net is kept")]
     NotFinite {
@@ -56,7 +64,10 @@ pub enum NetError {
         iteration: u64,
     },
     /// The equation has no finite value in the training domain.
-    #[error("the derivative of state {state} is not finite at x = {x:?}, u = {u:?} in the domain")]
+    #[error(
+        "the derivative of state {state} is not finite at x = {x:?}, u = {u:?} in the domain\
+        {}{}", if reason.is_empty() { "" } else { ": " }, reason
+    )]
     Plant {
         /// Name of the state.
         state: String,
@@ -64,6 +75,8 @@ pub enum NetError {
         x: Vec<f64>,
         /// The input vector.
         u: Vec<f64>,
+        /// Why, in the plant's words; empty if it does not know.
+        reason: String,
     },
     /// The truth to validate with could not be integrated.
     #[error("the validation scenarios cannot be integrated: {0}")]

@@ -321,7 +321,8 @@ fn displacement_scale(
         for (j, v) in velocity.iter().enumerate() {
             if !v.is_finite() {
                 let state = plant.states()[j].name.to_string();
-                return Err(NetError::Plant { state, x: x.to_vec(), u: u.to_vec() });
+                let reason = plant.explain(x, u, points.parameters(i)).unwrap_or_default();
+                return Err(NetError::Plant { state, x: x.to_vec(), u: u.to_vec(), reason });
             }
             velocities[j].push(config.sample_time_s * v);
         }

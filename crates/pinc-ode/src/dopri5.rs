@@ -116,7 +116,8 @@ impl Dopri5 {
     ///
     /// # Errors
     ///
-    /// [`OdeError::NotFinite`], or [`OdeError::StepTooSmall`], also if a million steps do not
+    /// [`OdeError::NotFinite`], or [`OdeError::Undefined`] if the plant knows why, or
+    /// [`OdeError::StepTooSmall`], also if a million steps do not
     /// suffice; `x` is then the last state reached.
     ///
     /// # Panics
@@ -154,7 +155,7 @@ impl Dopri5 {
             }
             let error = self.attempt(x, u, h);
             if !error.is_finite() && h < 1e-12 * duration {
-                return Err(OdeError::NotFinite { t, state: x.to_vec() });
+                return Err(self.not_finite(x, u, h, t));
             }
             // The usual controller; a non-finite error shrinks the step as far as it may.
             let factor = (0.9 * error.powf(-0.2)).clamp(0.2, 5.0);
@@ -169,6 +170,22 @@ impl Dopri5 {
         }
         self.step = Some(step);
         Ok(())
+    }
+
+    /// What is wrong where a step of size `h` from `x` is not finite: the plant is asked at the
+    /// stages, up to the first at which it knows.
+    fn not_finite(&mut self, x: &[f64], u: &[f64], h: f64, t: f64) -> OdeError {
+        for (s, row) in A.iter().enumerate() {
+            for (i, stage) in self.stage.iter_mut().enumerate() {
+                let slope: f64 = row.iter().zip(&self.k).map(|(a, k)| a * k[i]).sum();
+                *stage = x[i] + h * slope;
+            }
+            if let Some(reason) = self.plant.explain(&self.stage, u, &self.p) {
+                return OdeError::Undefined { t, state: x.to_vec(), reason };
+            }
+            self.plant.rhs(&self.stage, u, &self.p, &mut self.k[s]);
+        }
+        OdeError::NotFinite { t, state: x.to_vec() }
     }
 
     /// Computes a step of size `h` from `x` into `self.stage`, the derivative there into the last

@@ -44,6 +44,9 @@ pub trait DynRhs: Debug + Send + Sync {
     /// Writes h(x, u, p) into `y` (`ny`).
     fn output(&self, x: &[f64], u: &[f64], p: &[f64], y: &mut [f64]);
 
+    /// Why f(x, u, p) is not finite there, in words, where the plant knows.
+    fn explain(&self, x: &[f64], u: &[f64], p: &[f64]) -> Option<String>;
+
     /// df/d(x, u, p), shape `[nx, nx + nu + np]`, row by row.
     fn jacobian(&self, x: &[f64], u: &[f64], p: &[f64]) -> Vec<f64>;
 
@@ -81,6 +84,10 @@ impl<P: Plant> DynRhs for P {
 
     fn output(&self, x: &[f64], u: &[f64], p: &[f64], y: &mut [f64]) {
         Plant::output(self, x, u, p, y);
+    }
+
+    fn explain(&self, x: &[f64], u: &[f64], p: &[f64]) -> Option<String> {
+        Plant::explain(self, x, u, p)
     }
 
     fn jacobian(&self, x: &[f64], u: &[f64], p: &[f64]) -> Vec<f64> {

@@ -14,6 +14,16 @@ pub enum OdeError {
         /// The state there: the last finite one, unless the integration began with none.
         state: Vec<f64>,
     },
+    /// The equation has no value, for a reason that the plant knows.
+    #[error("the equation has no value beyond t = {t} s (state {state:?}): {reason}")]
+    Undefined {
+        /// Time within the interval integrated, in s.
+        t: f64,
+        /// The last state reached.
+        state: Vec<f64>,
+        /// What the plant says: see [`Plant::explain`](crate::Plant::explain).
+        reason: String,
+    },
     /// The steps that the tolerance asks for are too small to get through the interval.
     #[error("the step size fell to {step} s at t = {t} s: the equation is too stiff or has a jump")]
     StepTooSmall {

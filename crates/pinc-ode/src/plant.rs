@@ -73,6 +73,17 @@ pub trait Plant: Clone + Debug + Send + Sync + 'static {
         y.copy_from_slice(x);
     }
 
+    /// Why f(x, u, p) is not finite there, in words, where the plant knows: an equation inside it
+    /// without a root, for one. By default nothing is known.
+    ///
+    /// # Shapes
+    ///
+    /// `x`: `nx`; `u`: `nu`; `p`: `np`.
+    fn explain(&self, x: &[f64], u: &[f64], p: &[f64]) -> Option<String> {
+        let _ = (x, u, p);
+        None
+    }
+
     /// The numbers of states, inputs, parameters and outputs.
     fn dims(&self) -> Dims {
         Dims::new(self.states().len(), self.inputs().len())

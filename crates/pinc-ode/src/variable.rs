@@ -5,6 +5,7 @@ use serde::de::{MapAccess, Visitor};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use std::borrow::Cow;
 use std::fmt;
+use std::ops::Range;
 
 /// Name and unit of a state or an input.
 ///
@@ -22,6 +23,58 @@ impl Variable {
     #[must_use]
     pub const fn new(name: &'static str, unit: &'static str) -> Self {
         Self { name: Cow::Borrowed(name), unit: Cow::Borrowed(unit) }
+    }
+
+    /// The array and the index of the element of an array, by its name.
+    ///
+    /// ```
+    /// use pinc_ode::Variable;
+    ///
+    /// assert_eq!(Variable::split_name("T[12]"), Some(("T", 12)));
+    /// assert_eq!(Variable::split_name("T12"), None);
+    /// ```
+    #[must_use]
+    pub fn split_name(name: &str) -> Option<(&str, usize)> {
+        let (array, index) = name.strip_suffix(']')?.split_once('[')?;
+        let is_index = !index.is_empty() && index.bytes().all(|b| b.is_ascii_digit());
+        Some((array, index.parse().ok().filter(|_| is_index)?))
+    }
+
+    /// The places of each array among these names, and of each name that is no element of one.
+    ///
+    /// ```
+    /// use pinc_ode::Variable;
+    ///
+    /// assert_eq!(Variable::groups(&["T[1]", "T[2]", "E"]), [0..2, 2..3]);
+    /// ```
+    #[must_use]
+    pub fn groups<N: AsRef<str>>(names: &[N]) -> Vec<Range<usize>> {
+        let array = |i: usize| Self::split_name(names[i].as_ref()).map(|(array, _)| array);
+        let mut groups: Vec<Range<usize>> = Vec::new();
+        for i in 0..names.len() {
+            match groups.last_mut() {
+                Some(last) if array(i).is_some() && array(i) == array(last.start) => {
+                    last.end = i + 1;
+                }
+                _ => groups.push(i..i + 1),
+            }
+        }
+        groups
+    }
+
+    /// Names for a reader, neighbouring elements of an array as one, such as `T[1..20]`.
+    #[must_use]
+    pub fn grouped_names<N: AsRef<str>>(names: &[N]) -> Vec<String> {
+        let name = |group: Range<usize>| {
+            let [first, last] = [group.start, group.end - 1].map(|i| names[i].as_ref());
+            match (Self::split_name(first), Self::split_name(last)) {
+                (Some((array, from)), Some((_, to))) if from < to => {
+                    format!("{array}[{from}..{to}]")
+                }
+                _ => first.to_owned(),
+            }
+        };
+        Self::groups(names).into_iter().map(name).collect()
     }
 }
 

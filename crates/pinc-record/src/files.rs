@@ -28,6 +28,12 @@ pub mod file {
     pub const PREDICTION: &str = "prediction.csv";
     /// The numbers that the run gave.
     pub const METRICS: &str = "metrics.json";
+    /// What was identified.
+    pub const IDENTIFY: &str = "identify.json";
+    /// The data that it was identified from, beside the fit.
+    pub const RESIDUALS: &str = "residuals.csv";
+    /// The config with the plant that was identified.
+    pub const IDENTIFIED: &str = "identified.toml";
     /// The report.
     pub const REPORT: &str = "report.html";
     /// The directory of the report's pictures.

@@ -5,6 +5,7 @@
 //!   [`EstimateTable`]: the tables of a run.
 //! - [`TrialTable`], [`SummaryTable`]: the tables of a sweep; [`SweepDir`]: where its trials are.
 //! - [`work`]: who does what of a sweep.
+//! - [`IdentificationMetrics`], [`ResidualTable`]: what was identified of a plant.
 //! - [`Provenance`]: where results come from.
 //! - [`Saved`]: a training to be resumed.
 //!
@@ -15,6 +16,7 @@ mod csv;
 mod domain_error;
 mod error;
 mod files;
+mod identification;
 mod lock;
 mod metrics;
 mod provenance;
@@ -32,6 +34,10 @@ pub use csv::{CsvText, number};
 pub use domain_error::{DomainErrorMetrics, DomainFinding, Place, Rk4Errors};
 pub use error::{CheckpointProblem, RecordError, TableProblem};
 pub use files::{file, read_file, read_text, remove_unfinished, write_atomically, write_output};
+pub use identification::{
+    CorrelationMetrics, EstimateMetrics, IdentificationMetrics, InitialStateMetrics,
+    ParameterMetrics, ResidualMetrics, WorkMetrics,
+};
 pub use metrics::{
     ControlMetrics, EstimatorMetrics, Excess, FileNote, Metrics, OneStepMetrics, OutsideDomain,
     PredictionMetrics, ReferenceMetrics, StepErrors, SweepMetrics, TrainingMetrics,
@@ -45,8 +51,8 @@ pub use sweep_dir::{Claim, Ending, Finished, SweepDir, WorkerNote};
 pub use tables::{
     ControlColumns, ControlReader, ControlRow, ControlWriter, DomainErrorTable, EstimateRow,
     EstimateTable, FixedReader, FixedWriter, LoopMetric, PredictionRow, PredictionTable,
-    StepMetric, StepRow, SummaryRow, SummaryTable, TrainingRow, TrialColumn, TrialMetric,
-    TrialStatus, TrialTable, fixed_table, read_fixed_table,
+    ResidualRow, ResidualTable, StepMetric, StepRow, SummaryRow, SummaryTable, TrainingRow,
+    TrialColumn, TrialMetric, TrialStatus, TrialTable, fixed_table, read_fixed_table,
 };
 pub use times::{StepTimes, WallTimes};
 pub use verdict::{LoopFinding, advice};

@@ -159,6 +159,9 @@ pub struct StepErrors {
     /// 99th percentile over the points.
     #[serde(deserialize_with = "number_or_null")]
     pub p99: f64,
+    /// The largest of the points.
+    #[serde(default = "nan", deserialize_with = "number_or_null")]
+    pub max: f64,
     /// Root mean square, over points and entries, of the errors of the Jacobians A and B, in widths
     /// of the domain per width.
     #[serde(deserialize_with = "number_or_null")]
@@ -419,4 +422,12 @@ pub struct ReferenceMetrics {
     /// How near that is for each quantity, in its unit.
     #[serde(default)]
     pub settled_within: BTreeMap<String, f64>,
+}
+
+impl ReferenceMetrics {
+    /// The largest of all offsets; NaN if no segment is long enough for one.
+    #[must_use]
+    pub fn largest_offset(&self) -> f64 {
+        self.offset.values().flatten().flatten().copied().fold(f64::NAN, f64::max)
+    }
 }

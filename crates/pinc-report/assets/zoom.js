@@ -128,7 +128,7 @@
     };
     for (const of of first ? events : []) write(of.label, u.valToPos(of.x, "x", true), top + 9 * ratio, INK);
     for (const { at: [x, y], text, color } of panel.labels) {
-      write(text, u.valToPos(x, "x", true), u.valToPos(y, "y", true), color);
+      write(text, u.valToPos(x, "x", true), u.valToPos(y, "y", true) - 8 * ratio, color);
     }
     ctx.restore();
   };

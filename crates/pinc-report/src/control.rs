@@ -10,6 +10,7 @@ use pinc_chart::{
     held_since_previous, held_until_next, input_color, present, state_color,
 };
 use pinc_config::ControlSpec;
+use pinc_ode::Variable;
 use pinc_record::ControlRow;
 
 /// A run of more steps than this gets a close-up of its first steps.
@@ -255,7 +256,8 @@ impl Loops<'_> {
         let states = &self.variables.states;
         let label = self.run.label_in_unit_of(&title, states);
         let mut panel = Panel::new("Difference of the states", Axis::new(&label, Kind::Log), 170.0);
-        for (place, state) in states.iter().enumerate() {
+        for state in &self.variables.shown(states) {
+            let place = self.variables.index_of(state);
             let style = Style::new(state_color(place), Shape::Line(1.4));
             panel.add_named(state, differences(&one.table, &two.table, place), style);
         }
@@ -310,10 +312,13 @@ impl Loops<'_> {
                  {two}. Where amber is only a rim, both do the same."
             );
             let mut largest = Vec::new();
-            for (place, state) in self.variables.states.iter().enumerate() {
-                let differences = present(differences(&first.table, &second.table, place));
-                let most = extent(differences.iter().map(|p| p.1)).1;
-                largest.push(format!("{} in {state}", text::number(most, 2)));
+            let states = &self.variables.states;
+            let names = Variable::grouped_names(states);
+            for (places, name) in Variable::groups(states).into_iter().zip(names) {
+                let all = places
+                    .flat_map(|place| present(differences(&first.table, &second.table, place)));
+                let most = extent(all.map(|p| p.1)).1;
+                largest.push(format!("{} in {name}", text::number(most, 2)));
             }
             caption += &format!(
                 " They differ by at most {} (lowest panel; no curve where they are equal up to \

@@ -6,8 +6,9 @@ use crate::trials::Trials;
 use pinc_chart::{Axis, Kind};
 use pinc_config::{Experiment, ModelKind, TimeUnit};
 use pinc_record::{
-    ControlReader, DomainErrorTable, EstimateTable, FixedReader, Metrics, PredictionTable,
-    Provenance, RecordError, TrainingRow, file, read_fixed_table, read_text,
+    ControlReader, DomainErrorTable, EstimateTable, FixedReader, IdentificationMetrics, Metrics,
+    PredictionTable, Provenance, RecordError, ResidualTable, TrainingRow, file, read_fixed_table,
+    read_text,
 };
 use std::io::ErrorKind;
 use std::path::Path;
@@ -31,6 +32,9 @@ pub(crate) struct Run {
     pub(crate) control: Traces,
     pub(crate) steps: Vec<OfModel<Steps>>,
     pub(crate) estimates: Vec<OfModel<EstimateTable>>,
+    /// What was identified, and the data beside the fit.
+    pub(crate) identification: Option<IdentificationMetrics>,
+    pub(crate) residuals: Option<ResidualTable>,
     /// Of a sweep.
     pub(crate) trials: Option<Trials>,
 }
@@ -75,7 +79,12 @@ impl Run {
         let rows =
             estimates.iter_mut().flat_map(|of: &mut OfModel<EstimateTable>| &mut of.table.rows);
         rows.for_each(|row| row.t *= second);
+        let mut residuals = ResidualTable::read(&dir.join(file::RESIDUALS))?;
+        let rows = residuals.iter_mut().flat_map(|table| &mut table.rows);
+        rows.for_each(|row| row.t *= second);
         Ok(Self {
+            identification: IdentificationMetrics::read(dir)?,
+            residuals,
             provenance: Provenance::read(dir)?,
             training: read_fixed_table(&dir.join(file::TRAINING))?,
             domain_error: DomainErrorTable::read(&dir.join(file::DOMAIN_ERROR))?,

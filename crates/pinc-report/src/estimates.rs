@@ -11,20 +11,28 @@ use pinc_record::{EstimateRow, EstimateTable};
 /// Of a normal distribution, 95 % are within so many standard deviations.
 const BAND: f64 = 1.96;
 
-/// The estimates of the first model, if there was an estimator.
-pub(crate) fn picture(run: &Run) -> Option<Picture> {
-    let of = run.estimates.first().filter(|of| !of.table.rows.is_empty())?;
+/// The estimates of each model, if there was an estimator.
+pub(crate) fn pictures(run: &Run) -> Vec<Picture> {
+    let tables = || run.estimates.iter().filter(|of| !of.table.rows.is_empty());
+    let several = tables().count() > 1;
+    tables().map(|of| picture(run, of, several)).collect()
+}
+
+/// The estimates of a model, which may be one of several.
+fn picture(run: &Run, of: &OfModel<EstimateTable>, several: bool) -> Picture {
     let axis = run.time_axis(extent(of.table.rows.iter().map(|row| row.t)));
     let table = &of.table;
     let mut panels: Vec<Panel> = (0..table.names.len()).map(|i| estimate(run, of, i)).collect();
     panels.extend((0..table.measured.len()).map(|i| innovation(run, table, i)));
     panels.push(consistency(table));
-    Some(Picture {
-        stem: "estimates".to_owned(),
-        title: "Estimates".to_owned(),
-        caption: caption(run, of),
-        figure: Figure::stack("Estimates", axis, panels),
-    })
+    let (stem, title) = match of.model.filter(|_| several) {
+        None => ("estimates".to_owned(), "Estimates".to_owned()),
+        Some(model) => {
+            (format!("estimates-{model}"), format!("Estimates with {}", run.model_name(of.model)))
+        }
+    };
+    let figure = Figure::stack(&title, axis, panels);
+    Picture { stem, title, caption: caption(run, of), figure }
 }
 
 fn points(table: &EstimateTable, value: impl Fn(&EstimateRow) -> f64) -> Vec<Point> {

@@ -66,8 +66,9 @@ fn header(run: &Run) -> String {
 /// What the report would show, were its file there.
 fn notes(run: &Run) -> Vec<String> {
     let mut notes = match run.trials {
-        None => missing_tables(run),
-        Some(_) => Vec::new(),
+        // What was only identified has no loops.
+        None if run.identification.is_none() => missing_tables(run),
+        _ => Vec::new(),
     };
     for (file, content, missing) in [
         (file::METRICS, "table of metrics", run.metrics.is_none() && run.trials.is_none()),

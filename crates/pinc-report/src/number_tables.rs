@@ -1,6 +1,7 @@
 //! The tables of numbers.
 
 use crate::data::Run;
+use crate::identification;
 use pinc_chart::text::{self, MISSING};
 use pinc_config::{ModelKind, TimeUnit};
 use pinc_record::{
@@ -19,8 +20,9 @@ pub(crate) struct NumberTable {
 
 /// What `metrics.json` says of training, validation, free run and closed loops.
 pub(crate) fn number_tables(run: &Run) -> Vec<NumberTable> {
-    let Some(metrics) = &run.metrics else { return Vec::new() };
     let mut tables = Vec::new();
+    tables.extend(run.identification.iter().flat_map(identification::number_tables));
+    let Some(metrics) = &run.metrics else { return tables };
     tables.extend(metrics.training.as_ref().map(training));
     tables.extend(metrics.validation.as_ref().map(validation));
     let domain = metrics.validation.as_ref().and_then(|of| of.domain_error.as_ref());

@@ -8,6 +8,7 @@ use pinc_chart::{
     Axis, BLACK, Event, Figure, Kind, Look, Panel, Point, Shape, Style, extent, held_until_next,
     input_color, present, state_color, state_mark,
 };
+use pinc_ode::Variable;
 use pinc_record::{PredictionRow, PredictionTable, file};
 
 /// The free run, if there is one.
@@ -18,7 +19,7 @@ pub(crate) fn picture(run: &Run, variables: &Variables) -> Option<Picture> {
         panels.push(state_panel(run, table, &title, &group));
     }
     panels.push(input_panel(run, table));
-    panels.push(error_panel(run, table));
+    panels.push(error_panel(run, variables, table));
     let t = extent(table.rows.iter().map(|row| row.t));
     let axis = run.time_axis(t);
     let mut figure = Figure::stack("Free run of the net against the truth", axis, panels);
@@ -75,10 +76,11 @@ fn input_panel(run: &Run, table: &PredictionTable) -> Panel {
     panel
 }
 
-fn error_panel(run: &Run, table: &PredictionTable) -> Panel {
+fn error_panel(run: &Run, variables: &Variables, table: &PredictionTable) -> Panel {
     let label = run.label_in_unit_of("|prediction − truth|", &table.states);
     let mut panel = Panel::new("Absolute error", Axis::new(&label, Kind::Log), 170.0);
-    for (place, state) in table.states.iter().enumerate() {
+    for state in &variables.shown(&table.states) {
+        let Some(place) = table.index_of(state) else { continue };
         let style = Style::new(state_color(place), Shape::Line(1.5));
         panel.add_named(state, errors(table, place), style);
     }
@@ -91,9 +93,9 @@ fn errors(table: &PredictionTable, place: usize) -> Vec<Point> {
 
 /// Where the controller's prediction ends, N2 steps ahead.
 fn horizon(run: &Run, t: (f64, f64)) -> Vec<Event> {
-    let steps = run.experiment.control.as_ref().map(|control| control.n2);
-    #[expect(clippy::cast_precision_loss, reason = "a horizon has far fewer than 2^53 steps")]
-    let end = steps.zip(run.step()).map(|(n, step)| t.0 + n as f64 * step);
+    let (experiment, second) = (&run.experiment, 1.0 / run.time_unit().seconds());
+    let control = experiment.control.as_ref().zip(experiment.sample_time_s());
+    let end = control.map(|(control, step_s)| t.0 + second * control.horizon_s(step_s));
     let event = end.filter(|end| *end < t.1).map(|end| {
         let label = "horizon of the controller, N₂T".to_owned();
         Event::minor(end, label)
@@ -103,8 +105,9 @@ fn horizon(run: &Run, t: (f64, f64)) -> Vec<Event> {
 
 fn caption(table: &PredictionTable) -> String {
     let mut worst = Vec::new();
-    for (place, state) in table.states.iter().enumerate() {
-        let errors = present(errors(table, place));
+    let names = Variable::grouped_names(&table.states);
+    for (places, state) in Variable::groups(&table.states).into_iter().zip(names) {
+        let errors: Vec<Point> = places.flat_map(|place| present(errors(table, place))).collect();
         if !errors.is_empty() {
             let largest = extent(errors.iter().map(|p| p.1)).1;
             worst.push(format!("{} in {state}", text::number(largest, 2)));

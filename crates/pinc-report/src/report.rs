@@ -4,7 +4,10 @@ use crate::data::Run;
 use crate::error::ReportError;
 use crate::picture::{Drawn, Picture, drawn};
 use crate::variables::Variables;
-use crate::{control, domain_error, estimates, html, prediction, steps, sweep, training};
+use crate::{
+    control, domain_error, estimates, html, identification, prediction, profile, steps, sweep,
+    training,
+};
 use std::path::Path;
 
 /// A run's report.
@@ -57,11 +60,13 @@ fn pictures(run: &Run) -> Result<Vec<Picture>, ReportError> {
     }
     let variables = Variables::of(run);
     let mut pictures = Vec::new();
+    pictures.extend(identification::picture(run));
     pictures.extend(training::picture(run));
     pictures.extend(domain_error::picture(run));
     pictures.extend(prediction::picture(run, &variables));
     pictures.extend(control::pictures(run, &variables));
-    pictures.extend(estimates::picture(run));
+    pictures.extend(profile::picture(run, &variables));
+    pictures.extend(estimates::pictures(run));
     pictures.extend(steps::picture(run));
     Ok(pictures)
 }

@@ -1,6 +1,7 @@
 //! A run in a few sentences.
 
 use crate::data::Run;
+use crate::identification;
 use crate::number_tables::comparison;
 use pinc_chart::text;
 use pinc_config::ModelKind;
@@ -9,8 +10,10 @@ use pinc_record::{Metrics, TrainingMetrics, ValidationMetrics};
 
 /// The run in a few sentences; empty if there are no metrics.
 pub(crate) fn paragraph(run: &Run) -> String {
-    let Some(metrics) = &run.metrics else { return String::new() };
+    let identified = run.identification.as_ref().map(identification::paragraph);
+    let Some(metrics) = &run.metrics else { return identified.unwrap_or_default() };
     let sentences = [
+        identified,
         metrics.training.as_ref().map(training),
         metrics.validation.as_ref().map(validation),
         metrics.validation.as_ref().and_then(|of| over_the_domain(of, metrics)),

@@ -82,6 +82,11 @@ impl Trials {
         self.table.has(&TrialColumn::Choice(DRAW.to_owned()))
     }
 
+    /// Whether there are cases, each tried with the same draws.
+    pub(crate) fn are_of_cases(&self) -> bool {
+        self.has_draws() && self.columns.iter().any(|column| column == CASE)
+    }
+
     /// Whether a metric, or a time, is there.
     pub(crate) fn has(&self, metric: TrialMetric) -> bool {
         self.table_of(metric).0.has(&TrialColumn::Metric(metric))
@@ -226,11 +231,30 @@ pub(crate) fn short(key: &str) -> String {
         "control.rk4_substeps" => "substeps of RK4".to_owned(),
         "control.rk5_substeps" => "substeps of RK5".to_owned(),
         "control.rosenbrock_substeps" => "substeps of the Rosenbrock method".to_owned(),
-        key => key.rsplit('.').next().unwrap_or(key).replace('_', " "),
+        key => {
+            // An entry of a list is named after the list.
+            let is_place = |part: &&str| part.bytes().all(|b| b.is_ascii_digit());
+            let name = key.rsplit('.').find(|part| !is_place(part)).unwrap_or(key);
+            let place = key.rsplit('.').take_while(is_place);
+            std::iter::once(name).chain(place).collect::<Vec<_>>().join(" ").replace('_', " ")
+        }
     }
 }
 
 /// A value of an axis as a reader likes it.
 pub(crate) fn shown(value: &str) -> String {
     value.parse().map_or_else(|_| value.to_owned(), |number| text::number(number, 6))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn keys_without_a_name_of_their_own_are_called_by_their_last_words() {
+        assert_eq!(short("control.sqp.max_iterations"), "max iterations");
+        assert_eq!(short("control.measurement.noise_sd.0"), "noise sd 0");
+        assert_eq!(short("training.phases.0.iterations"), "iterations");
+        assert_eq!(short("plant.mu2"), "mu2");
+    }
 }

@@ -1,6 +1,10 @@
 //! The plant's variables: states, inputs, outputs, and which are controlled.
 
 use crate::data::Run;
+use pinc_ode::Variable;
+
+/// Of an array with more elements than this not all have curves of their own.
+pub(crate) const MOST_SHOWN: usize = 6;
 
 /// The plant's variables, as the files name them.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -40,6 +44,27 @@ impl Variables {
         self.states.iter().chain(&self.outputs).position(|s| s == name).unwrap_or(0)
     }
 
+    /// Of an array with many elements the first, the middle and the last, and those that are
+    /// controlled unless they are many too; all other names.
+    pub(crate) fn shown(&self, names: &[String]) -> Vec<String> {
+        let mut shown = Vec::new();
+        for group in Variable::groups(names) {
+            let all = &names[group];
+            if all.len() <= MOST_SHOWN {
+                shown.extend(all.iter().cloned());
+                continue;
+            }
+            let controlled = all.iter().filter(|name| self.controlled.contains(name)).count();
+            let ends = [0, (all.len() - 1) / 2, all.len() - 1];
+            let is_shown = |(i, name): &(usize, &String)| {
+                let is_followed = controlled <= MOST_SHOWN && self.controlled.contains(name);
+                ends.contains(i) || is_followed
+            };
+            shown.extend(all.iter().enumerate().filter(is_shown).map(|(_, name)| name.clone()));
+        }
+        shown
+    }
+
     /// The states divided into panels: the controlled ones, and the others.
     pub(crate) fn panels_of(&self, states: &[String]) -> Vec<(String, Vec<String>)> {
         self.divided("states", states)
@@ -51,6 +76,7 @@ impl Variables {
     }
 
     fn divided(&self, what: &str, names: &[String]) -> Vec<(String, Vec<String>)> {
+        let names = &self.shown(names)[..];
         let is_controlled = |s: &&String| self.controlled.contains(s);
         let (first, rest): (Vec<_>, Vec<_>) = names.iter().partition(is_controlled);
         let owned = |group: Vec<&String>| group.into_iter().cloned().collect::<Vec<_>>();

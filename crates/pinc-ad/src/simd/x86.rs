@@ -67,6 +67,13 @@ macro_rules! vector {
 
         impl Scalar for $V {
             type Plain = Self;
+            const ORDER: usize = 0;
+            #[inline(always)]
+            fn all_nonpositive(self) -> bool {
+                let mut lanes = [1.0; 8];
+                self.write(&mut lanes);
+                lanes[..<Self as Simd>::LANES].iter().all(|lane| *lane <= 0.0)
+            }
             #[inline(always)]
             fn plain(self) -> Self {
                 self

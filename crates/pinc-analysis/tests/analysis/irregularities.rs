@@ -1,7 +1,7 @@
 //! Poles, jumps and kinks in and around a box.
 
 use super::{chemostat, plant, region};
-use pinc_analysis::{IrregularityKind, Region, Survey, crossings};
+use pinc_analysis::{IrregularityKind, Region, Survey, Term, Terms, crossings};
 use pinc_expr::TermRole;
 use pinc_ode::{Dims, DynRhs};
 use pinc_plants::{FourTanks, VanDerPol};
@@ -29,7 +29,7 @@ fn the_pole_of_a_chemostat_just_outside_the_box() {
     assert_eq!(terms.list().len(), 1);
     assert_eq!((terms.list()[0].role, &*terms.list()[0].text), (TermRole::Denominator, "S + 0.1"));
     assert_eq!(terms.list()[0].key, "derivatives.X");
-    let found = crossings(&|at| terms.values(at), &chemostat_region(0.0), 0.15, 1);
+    let found = crossings(&|at: &[f64]| terms.values(at), &chemostat_region(0.0), 0.15, 1).found;
     let crossing = found[0].as_ref().unwrap();
     assert!((crossing.behind.x[1] + 0.1).abs() < 1e-9 && !crossing.is_inside, "{crossing:?}");
 }
@@ -39,7 +39,7 @@ fn a_guarded_chemostat_is_quiet() {
     let equations = chemostat("0.4*max(S, 0)/(0.1 + max(S, 0))");
     assert_eq!(kinds(&equations.compile().unwrap(), &chemostat_region(0.0)), []);
     let terms = equations.critical_terms().unwrap();
-    let found = crossings(&|at| terms.values(at), &chemostat_region(0.0), 0.15, 1);
+    let found = crossings(&|at: &[f64]| terms.values(at), &chemostat_region(0.0), 0.15, 1).found;
     for (term, crossing) in terms.list().iter().zip(&found) {
         assert!(term.role == TermRole::Kink || crossing.is_none(), "{term:?} {crossing:?}");
     }
@@ -52,7 +52,7 @@ fn a_root_that_is_left() {
     let region = region(1, &[0.1, 0.0], &[2.0, 1.0]);
     assert_eq!(kinds(&plant, &region), [(IrregularityKind::Undefined, 0, 0, false)]);
     let terms = text.critical_terms().unwrap();
-    let found = crossings(&|at| terms.values(at), &region, 0.15, 1);
+    let found = crossings(&|at: &[f64]| terms.values(at), &region, 0.15, 1).found;
     assert_eq!(terms.list()[0].role, TermRole::Radicand);
     assert!((found[0].as_ref().unwrap().behind.x[0]).abs() < 1e-9, "{found:?}");
 }
@@ -95,8 +95,73 @@ fn a_term_without_a_change_of_sign_is_followed_to_its_zero() {
         let (x, y) = (at[0] - 0.37, at[1] + 0.62);
         vec![x * x + y * y, x * x + y * y + 0.01]
     };
-    let found = crossings(&terms, &region, 0.1, 1);
+    let found = crossings(&terms, &region, 0.1, 1).found;
     let zero = found[0].as_ref().unwrap();
     assert!((zero.behind.x[0] - 0.37).abs() < 1e-4 && zero.is_inside, "{zero:?}");
     assert_eq!(found[1], None);
+}
+
+/// Terms `1 + u_i`, `x + c_i`, of which each is computed alone; counts the operations.
+struct Counted {
+    count: usize,
+    operations: std::cell::Cell<usize>,
+}
+
+impl Terms for Counted {
+    fn values(&self, at: &[f64]) -> Vec<f64> {
+        self.operations.set(self.operations.get() + self.count);
+        (0..self.count).map(|i| self.value(i, at)).collect()
+    }
+
+    fn alone(&self, i: usize) -> Term<'_> {
+        let value = move |at: &[f64]| {
+            self.operations.set(self.operations.get() + 1);
+            self.value(i, at)
+        };
+        Term { value: Box::new(value), variables: Some(vec![i % 2]), operations: 1 }
+    }
+}
+
+impl Counted {
+    #[expect(clippy::cast_precision_loss, reason = "few terms")]
+    fn value(&self, i: usize, at: &[f64]) -> f64 {
+        at[i % 2] + 1.5 * (i as f64) / (self.count as f64)
+    }
+}
+
+/// The work grows as the number of terms, and what is found is what is found of all together.
+#[test]
+fn the_work_for_crossings_is_proportional_to_the_number_of_terms() {
+    let region = region(1, &[-1.0, -1.0], &[1.0, 1.0]);
+    let work = |count: usize| {
+        let terms = Counted { count, operations: std::cell::Cell::new(0) };
+        let found = crossings(&terms, &region, 0.1, 1);
+        let work = terms.operations.get();
+        let all = |at: &[f64]| terms.values(at);
+        if count < 100 {
+            assert_eq!(found, crossings(&all, &region, 0.1, 1));
+        }
+        assert_eq!(found.left_out, 0);
+        work
+    };
+    let (few, many) = (work(50), work(1000));
+    assert!(many < 21 * few && few < 50 * 8000, "{few} {many}");
+}
+
+/// With terms that take very long the last ones are left out, and it is said how many.
+#[test]
+fn very_long_terms_are_left_out() {
+    struct Long;
+    impl Terms for Long {
+        fn values(&self, at: &[f64]) -> Vec<f64> {
+            vec![at[0]; 3]
+        }
+        fn alone(&self, _: usize) -> Term<'_> {
+            let value = |at: &[f64]| at[0];
+            Term { value: Box::new(value), variables: None, operations: 1 << 28 }
+        }
+    }
+    let found = crossings(&Long, &region(1, &[-1.0, -1.0], &[1.0, 1.0]), 0.1, 1);
+    assert_eq!(found.found.iter().map(Option::is_some).collect::<Vec<_>>(), [true, false, false]);
+    assert_eq!(found.left_out, 2);
 }

@@ -8,7 +8,6 @@ mod steady_states;
 use pinc_analysis::Region;
 use pinc_expr::{Equations, ExpressionPlant};
 use pinc_ode::Dims;
-use std::collections::BTreeMap;
 
 /// Equations of a plant with these states, inputs and derivatives.
 fn equations(states: &[&str], inputs: &[&str], derivatives: &[&str]) -> Equations {
@@ -23,10 +22,8 @@ fn equations(states: &[&str], inputs: &[&str], derivatives: &[&str]) -> Equation
     Equations {
         states: variables(states),
         inputs: variables(inputs),
-        parameters: BTreeMap::new(),
-        intermediates: BTreeMap::new(),
         derivatives: derivatives.collect(),
-        outputs: BTreeMap::new(),
+        ..Equations::default()
     }
 }
 

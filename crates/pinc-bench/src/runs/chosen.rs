@@ -1,6 +1,6 @@
 //! The one model that a controller outside of a run works with.
 
-use super::{LoopSetup, matching_model};
+use super::{LoopSetup, Schedules, matching_model};
 use crate::BenchError;
 use pinc_config::{ControlSpec, Experiment, LoopParameters, ModelKind};
 use pinc_net::PincNet;
@@ -44,6 +44,9 @@ impl<'e> Chosen<'e> {
         let name = || experiment.name.clone();
         let missing = |section| BenchError::MissingSection { name: name(), section, command };
         let spec = experiment.control.as_ref().ok_or_else(|| missing("control"))?;
+        if !spec.parameter_schedule.is_empty() {
+            return Err(BenchError::WithSchedule { name: name(), command });
+        }
         let first = spec.models.first().copied().unwrap_or(ModelKind::Rk4);
         let kind = only.unwrap_or(if model.is_some() { ModelKind::Pinc } else { first });
         if !spec.models.contains(&kind) {
@@ -94,6 +97,7 @@ impl<'e> Chosen<'e> {
             parameters: &self.parameters,
             estimated: &self.estimated,
             truth: &*self.truth,
+            schedules: Schedules::default(),
         }
     }
 }

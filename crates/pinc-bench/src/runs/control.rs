@@ -4,20 +4,22 @@ use super::Options;
 use super::feedback::{self, TimedFeedback};
 use super::guard::Guard;
 use super::recording::{Recording, Totals, TraceColumns, write_medians};
-use super::with_outputs::WithOutputs;
 use crate::BenchError;
 use crate::progress::Stage;
 use pinc_check::Rehearsal;
-use pinc_config::{ControlSpec, Experiment, ModelKind, Variables};
+use pinc_config::{ControlSpec, Experiment, ModelKind, Schedule, Variables};
 use pinc_mpc::{ClosedLoop, Nmpc, NmpcProblem, Reference};
-use pinc_net::{NetError, PincModel, PincNet};
-use pinc_ode::{Dopri5, DynPlant, Model, PiecewiseConstant, Trajectory};
+use pinc_net::PincNet;
+use pinc_ode::{Dims, Dopri5, DynPlant, PiecewiseConstant, Trajectory};
 use pinc_record::{
     ControlColumns, ControlMetrics, Metrics, ReferenceMetrics, RunDir, StepTimes, WallTimes, file,
 };
 use std::cell::Cell;
 use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
+
+/// The entries of Jacobians that a rehearsal computes for its plans.
+const REHEARSED_ENTRIES: usize = 400_000_000;
 
 /// What the stage works from.
 pub(crate) struct LoopSetup<'a> {
@@ -34,8 +36,32 @@ pub(crate) struct LoopSetup<'a> {
     pub(crate) parameters: &'a [f64],
     /// The places of those.
     pub(crate) estimated: &'a [usize],
-    /// The plant in the loop, whose parameters are fixed.
+    /// The plant in the loop, whose parameters are those of the schedule.
     pub(crate) truth: &'a dyn DynPlant,
+    /// How the parameters of models and plant change.
+    pub(crate) schedules: Schedules,
+}
+
+/// How the parameters in a loop change.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Schedules {
+    /// Those that the models are told.
+    pub(crate) model: Schedule,
+    /// Those that the plant has.
+    pub(crate) plant: Schedule,
+}
+
+impl Schedules {
+    /// Makes the changes that come with `step`.
+    fn apply(&self, run: &mut ClosedLoop<'_>, step: usize) -> Result<(), BenchError> {
+        if let Some(p) = self.plant.beginning(step) {
+            run.set_plant_parameters(p);
+        }
+        if let Some(p) = self.model.beginning(step) {
+            run.set_model_parameters(p)?;
+        }
+        Ok(())
+    }
 }
 
 /// Runs the closed loops, unless all have been run. `plant` is the one that the models are of.
@@ -70,9 +96,8 @@ fn run_model(
     options: &Options<'_>,
     run_dir: &RunDir,
 ) -> Result<ControlMetrics, BenchError> {
-    let ControlSpec { sqp, repetitions, budget_us, .. } = setup.spec;
-    let (model, problem) = setup.controller(kind, plant)?;
-    let mut nmpc = Nmpc::new(problem, model, *sqp)?;
+    let ControlSpec { repetitions, budget_us, .. } = setup.spec;
+    let mut nmpc = setup.controller(kind, plant)?;
     let name = format!("control {kind}");
     let mut progress = Stage::begin(options.verbosity, &name, *repetitions as u64);
     let mut times = Times::default();
@@ -95,15 +120,16 @@ fn run_model(
         };
         // Only the first leaves results: the others give the same numbers in other times.
         if results.is_some() {
-            times.watch(&mut run, budget, setup.watched(&mut guard), None)?;
+            times.watch(&mut run, budget, setup.watched(&mut guard), None, &setup.schedules)?;
             estimator_us.extend(feedback.iter().flat_map(TimedFeedback::step_us));
             continue;
         }
         let trace_file = run_dir.path(&file::control(kind, setup.kinds.len()));
         let files = run_dir.keeps_traces().then_some((&*trace_file, &*steps_file));
         let mut recording = Recording::begin(files, setup.columns())?;
+        let watched = setup.watched(&mut guard);
         let outcome =
-            times.watch(&mut run, budget, setup.watched(&mut guard), Some(&mut recording));
+            times.watch(&mut run, budget, watched, Some(&mut recording), &setup.schedules);
         let totals = recording.finish(&run)?;
         let found = outcome.is_ok().then(|| Results::of(&run, totals, setup));
         estimates = feedback;
@@ -158,12 +184,18 @@ pub(super) fn rehearse(
 ) -> Result<Rehearsal, BenchError> {
     let integrator = spec.models.iter().find(|kind| **kind != ModelKind::Pinc);
     let kind = integrator.copied().unwrap_or(ModelKind::Rk4);
-    let setup = LoopSetup::numerical(spec, sample_time_s, plant);
-    let model = setup.model(kind, plant)?;
-    let mut nmpc = Nmpc::new(setup.problem(), model, spec.sqp)?;
+    let spec = ControlSpec { estimator: None, ..spec.clone() };
+    let setup = LoopSetup::numerical(&spec, sample_time_s, plant);
+    let mut nmpc = setup.controller(kind, plant)?;
     let mut run = setup.begin(&mut nmpc)?;
     let (mut trace, mut status) = (Trajectory::new(plant.dims()), BTreeMap::new());
-    while let Some(control) = run.control()? {
+    let most = rehearsed_steps(plant.dims(), &spec, kind);
+    let left_out = pinc_config::steps(spec.duration_s, sample_time_s).saturating_sub(most);
+    let mut done = 0;
+    while done < most
+        && let Some(control) = run.control()?
+    {
+        done += 1;
         *status.entry(control.record().status.to_string()).or_default() += 1;
         control.advance()?;
         let step = run.last_step();
@@ -171,7 +203,22 @@ pub(super) fn rehearse(
             trace.push(*t, step.state(i), step.input(i));
         }
     }
-    Ok(Rehearsal { model: kind, trace, status })
+    Ok(Rehearsal { model: kind, trace, status, left_out })
+}
+
+/// How many steps of a loop are rehearsed: as many as take a second or so, by the entries of the
+/// Jacobians that the model computes for one plan.
+fn rehearsed_steps(dims: Dims, spec: &ControlSpec, kind: ModelKind) -> usize {
+    let stages = match kind {
+        ModelKind::Rk5 => 7 * spec.rk5_substeps,
+        // A factorization takes as long as the products with its factors.
+        ModelKind::Rodas4 => 12 * spec.rosenbrock_substeps,
+        ModelKind::Rk4 | ModelKind::Pinc => 4 * spec.rk4_substeps,
+    };
+    let dense = if kind == ModelKind::Rodas4 { dims.nx } else { 1 };
+    let sizes = [spec.n2, stages, dims.nx, dims.nx + dims.nu, dense];
+    let work = sizes.into_iter().fold(1_usize, usize::saturating_mul);
+    (REHEARSED_ENTRIES / work.max(1)).max(5)
 }
 
 impl<'a> LoopSetup<'a> {
@@ -191,6 +238,7 @@ impl<'a> LoopSetup<'a> {
             parameters: &[],
             estimated: &[],
             truth: plant,
+            schedules: Schedules::default(),
         }
     }
 }
@@ -210,28 +258,6 @@ impl LoopSetup<'_> {
         guard.as_mut().map(|guard| (guard, self.parameters))
     }
 
-    pub(crate) fn model(
-        &self,
-        kind: ModelKind,
-        plant: &dyn DynPlant,
-    ) -> Result<Box<dyn Model>, NetError> {
-        let (sample_time_s, spec) = (self.sample_time_s, self.spec);
-        Ok(match (kind, self.net) {
-            (ModelKind::Pinc, Some(net)) => {
-                let model = PincModel::new(net)?;
-                match Variables::of(plant).own_outputs().is_empty() {
-                    true => Box::new(model),
-                    // The net knows the states; what follows from them is the plant's to say.
-                    false => Box::new(WithOutputs::new(model, plant.rk4(sample_time_s, 1))),
-                }
-            }
-            (ModelKind::Pinc, None) => unreachable!("the plan trains or reads a net for this loop"),
-            (ModelKind::Rk4, _) => plant.rk4(sample_time_s, spec.rk4_substeps),
-            (ModelKind::Rk5, _) => plant.rk5(sample_time_s, spec.rk5_substeps),
-            (ModelKind::Rodas4, _) => plant.rodas4(sample_time_s, spec.rosenbrock_substeps),
-        })
-    }
-
     pub(crate) fn problem(&self) -> NmpcProblem {
         let problem = self.spec.problem(&Variables::of(self.truth), self.sample_time_s);
         NmpcProblem { parameters: self.parameters.to_vec(), ..problem }
@@ -249,7 +275,10 @@ impl LoopSetup<'_> {
 
     pub(crate) fn begin<'n>(&self, nmpc: &'n mut Nmpc) -> Result<ClosedLoop<'n>, BenchError> {
         let (spec, reference) = (self.spec, self.reference()?);
-        let truth = Dopri5::shared(self.truth.to_shared(), spec.plant_tolerance);
+        let mut truth = Dopri5::shared(self.truth.to_shared(), spec.plant_tolerance);
+        if let Some(p) = self.schedules.plant.beginning(0) {
+            truth.set_parameters(p);
+        }
         let run = ClosedLoop::new(nmpc, truth, reference, &spec.initial_state)?;
         let run = if spec.preview { run } else { run.without_preview() };
         Ok(match &spec.initial_input {
@@ -324,15 +353,21 @@ struct Times {
 
 impl Times {
     /// Runs the loop to its end, with an eye on the clock.
-    fn watch(
+    fn watch<'g>(
         &mut self,
         run: &mut ClosedLoop<'_>,
         budget: Budget<'_>,
-        mut guard: Option<(&mut Guard<'_>, &[f64])>,
+        mut guard: Option<(&'g mut Guard<'_>, &'g [f64])>,
         mut recording: Option<&mut Recording>,
+        schedules: &'g Schedules,
     ) -> Result<(), BenchError> {
         let mut sum = 0.0;
-        loop {
+        for step in 0.. {
+            schedules.apply(run, step)?;
+            if let (Some((_, parameters)), Some(p)) = (&mut guard, schedules.model.beginning(step))
+            {
+                *parameters = p;
+            }
             let clock = Instant::now();
             let mut expired = || budget.time.is_some_and(|budget| clock.elapsed() >= budget);
             let control = run.control_within(&mut expired)?;

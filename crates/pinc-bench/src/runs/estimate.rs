@@ -1,11 +1,11 @@
 //! `pinc estimate`: the estimator of a config over recorded data, from CSV to CSV.
 
-use super::columns::{At, finite, optional, rows};
+use super::columns::{At, rows};
 use super::control::LoopSetup;
 use super::feedback;
+use super::recorded::Columns;
 use crate::BenchError;
 use crate::error::CsvProblem;
-use csv::StringRecord;
 use pinc_config::{Experiment, LoopParameters, ModelKind, Variables};
 use pinc_estimate::Estimator;
 use pinc_record::{EstimateRow, EstimateTable, read_file, write_atomically};
@@ -173,60 +173,4 @@ fn run(
         before = Some((row.t, row.u));
     }
     Ok(run)
-}
-
-/// Where in a row the columns are, with their names.
-struct Columns {
-    t: usize,
-    inputs: Vec<(usize, String)>,
-    measured: Vec<(usize, String)>,
-    states: Option<Vec<(usize, String)>>,
-}
-
-/// One row; a measurement that is missing is NaN.
-struct DataRow {
-    t: f64,
-    u: Vec<f64>,
-    y: Vec<f64>,
-    truth: Option<Vec<f64>>,
-}
-
-impl Columns {
-    fn find(
-        header: &StringRecord,
-        variables: &Variables,
-        measured: &[String],
-    ) -> Result<Self, CsvProblem> {
-        let inputs = variables.input_names();
-        let measured: Vec<_> = measured.iter().map(|name| format!("y_{name}")).collect();
-        let expected = [&["t".to_owned()][..], &inputs, &measured].concat().join(",");
-        let place = |name: &String| {
-            let column = header.iter().position(|column| column == name);
-            let missing =
-                || CsvProblem::MissingColumn { column: name.clone(), expected: expected.clone() };
-            Ok((column.ok_or_else(missing)?, name.clone()))
-        };
-        let all = |names: &[String]| names.iter().map(place).collect::<Result<Vec<_>, _>>();
-        Ok(Self {
-            t: place(&"t".to_owned())?.0,
-            inputs: all(&inputs)?,
-            measured: all(&measured)?,
-            states: all(&variables.state_names()).ok(),
-        })
-    }
-
-    fn read(&self, cells: &StringRecord) -> Result<DataRow, CsvProblem> {
-        let number = |(place, name): &(usize, String)| finite(&cells[*place], name);
-        let measurement = |(place, name): &(usize, String)| match &cells[*place] {
-            "NaN" | "nan" | "NAN" => Ok(f64::NAN),
-            cell => Ok(optional(cell, name)?.unwrap_or(f64::NAN)),
-        };
-        let truth = self.states.as_ref().map(|states| states.iter().map(number).collect());
-        Ok(DataRow {
-            t: finite(&cells[self.t], "t")?,
-            u: self.inputs.iter().map(number).collect::<Result<_, _>>()?,
-            y: self.measured.iter().map(measurement).collect::<Result<_, _>>()?,
-            truth: truth.transpose()?,
-        })
-    }
 }

@@ -4,10 +4,11 @@ use super::chosen::{Chosen, ModelFile};
 use super::shared_library::shared_library;
 use super::{chainable, parse_model};
 use crate::BenchError;
-use pinc_config::{Experiment, ModelKind, Variables};
+use pinc_config::{EstimatorKind, Experiment, ModelKind, Variables};
+use pinc_estimate::{Augmentation, Tuning};
 use pinc_export::{
-    Controller, FmiVersion, GeneratedFile, ModelSource, Name, Origin, Precision, Rk4Model,
-    net_to_onnx,
+    Controller, Estimation, ExportError, Filter, FmiVersion, GeneratedFile, ModelSource, Name,
+    Origin, Precision, Rk4Model, net_to_onnx,
 };
 use pinc_expr::Equations;
 use pinc_mpc::NmpcProblem;
@@ -90,10 +91,7 @@ pub fn export_controller(
     out: Option<&Path>,
 ) -> Result<PathBuf, BenchError> {
     let chosen = Chosen::of(experiment, model.map(ModelFile::At), only, "pinc export")?;
-    if chosen.spec.estimator.is_some() {
-        let (name, command) = (experiment.name.clone(), "pinc export");
-        return Err(BenchError::WithEstimator { name, command });
-    }
+    let estimating = Estimating::of(&chosen)?;
     let name = name.map_or_else(|| Ok(Name::nearest(&experiment.name)), Name::new)?;
     let plant = experiment.plant.dyn_plant();
     let equations = experiment.plant.equations().map(|equations| {
@@ -101,6 +99,9 @@ pub fn export_controller(
         Equations { parameters: equations.parameters.into_iter().chain(own).collect(), ..equations }
     });
     let setup = chosen.setup();
+    if chosen.spec.stages_s.is_some() {
+        return Err(BenchError::ExportedStages { name: experiment.name.clone() });
+    }
     let source = match (chosen.kind, chosen.net(), &equations) {
         (ModelKind::Pinc, Some(net), _) => ModelSource::Net(net),
         (ModelKind::Rk4, _, Some(equations)) => ModelSource::Rk4(Rk4Model {
@@ -117,11 +118,15 @@ pub fn export_controller(
     content.extend(chosen.given.iter().flat_map(|(bytes, _)| bytes));
     let origin = origin(&content, &*plant);
     let controller = Controller {
-        problem: &NmpcProblem { parameters: Vec::new(), ..setup.problem() },
+        problem: &NmpcProblem {
+            parameters: vec![0.0; estimating.as_ref().map_or(0, |of| of.disturbances)],
+            ..setup.problem()
+        },
         config: &chosen.spec.sqp,
         model: source,
         initial_state: &chosen.spec.initial_state,
         reference: &setup.reference()?,
+        estimator: estimating.as_ref().map(Estimating::estimation),
     };
     let files = match to {
         Target::C => pinc_export::controller_to_c(&controller, &name, &origin)?,
@@ -134,6 +139,40 @@ pub fn export_controller(
         }
     };
     write(&files, to, &name, out)
+}
+
+/// The estimator of a controller that is exported.
+struct Estimating {
+    filter: Filter,
+    augmentation: Augmentation,
+    tuning: Tuning,
+    disturbances: usize,
+}
+
+impl Estimating {
+    /// That of the config, if it has one.
+    fn of(chosen: &Chosen<'_>) -> Result<Option<Self>, BenchError> {
+        let Some(spec) = &chosen.spec.estimator else { return Ok(None) };
+        let refuse = |feature, instead| Err(ExportError::Feature { feature, instead }.into());
+        if !spec.parameters.is_empty() {
+            return refuse("estimated parameters", "disturbances");
+        }
+        let filter = match spec.kind {
+            EstimatorKind::Ekf => Filter::Extended,
+            EstimatorKind::Ukf => Filter::Unscented,
+            _ => return refuse("moving horizon estimation", "kind = \"ekf\" or kind = \"ukf\""),
+        };
+        let measurement = chosen.spec.measurement.clone().unwrap_or_default();
+        let variables = Variables::of(&*chosen.plant);
+        let augmentation = spec.augmentation(&measurement, &variables, (&[], &[]));
+        let disturbances = augmentation.unknowns(variables.dims());
+        Ok(Some(Self { filter, augmentation, tuning: spec.tuning(), disturbances }))
+    }
+
+    fn estimation(&self) -> Estimation<'_> {
+        let Self { filter, augmentation, tuning, .. } = self;
+        Estimation { filter: *filter, augmentation, tuning }
+    }
 }
 
 /// Exports the plant of `experiment`, the one in its closed loop, as an FMU on which a controller

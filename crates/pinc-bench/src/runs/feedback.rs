@@ -4,10 +4,9 @@ use super::control::LoopSetup;
 use crate::BenchError;
 use pinc_config::{EstimatorKind, EstimatorSpec, MeasurementSpec, ModelKind, Variables};
 use pinc_estimate::{
-    Augmentation, Augmented, Compensated, Ekf, Estimator, EstimatorStatus, History, Mhe,
-    OutputFeedback, Ukf,
+    Augmentation, Augmented, Ekf, Estimator, EstimatorStatus, History, Mhe, OutputFeedback, Ukf,
 };
-use pinc_mpc::{NmpcProblem, Observer, PlantNow};
+use pinc_mpc::{Observer, PlantNow};
 use pinc_ode::{DynPlant, Model};
 use pinc_record::{EstimateRow, EstimateTable, EstimatorMetrics, StepTimes};
 use rand::SeedableRng;
@@ -96,21 +95,6 @@ impl LoopSetup<'_> {
     ) -> Augmentation {
         let parameters = (self.parameters, self.estimated);
         spec.augmentation(measurement, &Variables::of(plant), parameters)
-    }
-
-    /// The controller's model and problem: where there is an estimator, the disturbances and
-    /// parameters that this estimates are parameters of the model.
-    pub(crate) fn controller(
-        &self,
-        kind: ModelKind,
-        plant: &dyn DynPlant,
-    ) -> Result<(Box<dyn Model>, NmpcProblem), BenchError> {
-        let (model, problem) = (self.model(kind, plant)?, self.problem());
-        let Some((estimator, measurement)) = self.sections() else { return Ok((model, problem)) };
-        let augmentation = self.augmentation(estimator, &measurement, plant);
-        let model = Compensated::new(model, augmentation)?;
-        let unknown = estimator.tuning().initial_estimate.split_off(plant.states().len());
-        Ok((Box::new(model), NmpcProblem { parameters: unknown, ..problem }))
     }
 
     /// Sensors and estimator for one run, if there are any.

@@ -94,8 +94,7 @@ impl LiveController {
     ) -> Result<Self, BenchError> {
         let chosen = Chosen::of(experiment, model, only, command)?;
         let (setup, spec) = (chosen.setup(), chosen.spec);
-        let (model, problem) = setup.controller(chosen.kind, &*chosen.plant)?;
-        let nmpc = Nmpc::new(problem, model, spec.sqp)?;
+        let nmpc = setup.controller(chosen.kind, &*chosen.plant)?;
         let net = chosen.net().cloned();
         let guard = net.map(|net| Guard::owning(net, spec.outside_domain));
         let dims = nmpc.model().dims();
@@ -301,7 +300,8 @@ impl LiveController {
             }
             Follow::Config if self.spec.preview => {
                 let first = self.done + self.spec.delay_steps;
-                self.reference.preview(first, &mut self.window);
+                let ends = &self.nmpc.stage_times_s()[1..];
+                self.reference.preview_at(first, ends, &mut self.window);
             }
             Follow::Config => {
                 let now = self.reference.at(self.done);

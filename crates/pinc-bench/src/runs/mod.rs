@@ -13,9 +13,12 @@ mod feedback;
 mod found;
 mod free_run;
 mod guard;
+mod horizon;
+mod identify;
 mod live;
 mod one_step;
 mod predict;
+mod recorded;
 mod recording;
 mod serve;
 mod shared_library;
@@ -24,7 +27,7 @@ mod train_watched;
 mod trial;
 mod with_outputs;
 
-pub(crate) use control::LoopSetup;
+pub(crate) use control::{LoopSetup, Schedules};
 pub(crate) use train::{Threads, TrainingSetup};
 pub(crate) use trial::{run_trial, train_shared};
 
@@ -33,6 +36,7 @@ pub use chosen::ModelFile;
 pub use control::verdict;
 pub use estimate::{Estimated, estimate};
 pub use export::{Target, export_controller, export_net, export_plant};
+pub use identify::{identification_summary, identify};
 pub use live::{Follow, LiveController, LiveStep};
 pub use pinc_check::{Finding, Severity, findings_json};
 pub use predict::predict;
@@ -67,7 +71,7 @@ pub struct Options<'a> {
 
 impl Options<'_> {
     /// An error if the run is to stop.
-    fn check_interrupt(&self, dir: &Path) -> Result<(), BenchError> {
+    pub(crate) fn check_interrupt(&self, dir: &Path) -> Result<(), BenchError> {
         if self.interrupt.load(Ordering::Relaxed) {
             return Err(BenchError::Interrupted { dir: dir.to_owned() });
         }
@@ -329,18 +333,25 @@ impl Stages<'_> {
         {
             let sample_time_s =
                 experiment.sample_time_s().or_else(|| net.map(PincNet::sample_time_s));
-            let truth = spec.plant.as_ref().unwrap_or(&experiment.plant).dyn_plant();
+            let sample_time_s = sample_time_s.expect("the plan was checked for it");
+            let schedules = Schedules {
+                model: experiment.model_schedule(sample_time_s),
+                plant: experiment.plant_schedule(sample_time_s),
+            };
+            let changing: Vec<_> = schedules.plant.names.iter().map(String::as_str).collect();
+            let truth = experiment.plant_in_the_loop().family(&changing);
             let LoopParameters { names, values, estimated } = experiment.loop_parameters();
             let modelled = &*experiment.plant.family(&names);
             let setup = LoopSetup {
                 spec,
                 kinds: &plan.loops,
                 net,
-                sample_time_s: sample_time_s.expect("the plan was checked for it"),
+                sample_time_s,
                 seed: experiment.seed,
                 parameters: &values,
                 estimated: &estimated,
                 truth: &*truth,
+                schedules,
             };
             control::stage(modelled, &setup, options, run_dir)?;
             if let (Some(spec), Some(domain)) = (&experiment.one_step, &experiment.domain) {
@@ -393,12 +404,17 @@ fn matching_model(
         ("inputs", names(net.input_names()), names(&variables.input_names())),
         ("parameters", names(&parameters), experiment.varying().join(", ")),
     ];
-    if let Some(sample_time_s) = experiment.sample_time_s() {
-        compared.push((
-            "step length T",
-            format!("{} s", net.sample_time_s()),
-            format!("{sample_time_s} s"),
-        ));
+    let found = || format!("{} s", net.sample_time_s());
+    if let Some(step_s) = experiment.net_step_s() {
+        compared.push(("step length T", found(), format!("{step_s} s")));
+    } else if let (Some(control), Some(step_s)) = (&experiment.control, experiment.sample_time_s())
+    {
+        let stages = control.stages(step_s).into_iter();
+        let longest = stages.map(|(length_s, _)| length_s).fold(0.0, f64::max);
+        if net.sample_time_s() < longest {
+            let expected = format!("{longest} s at least, the longest of control.stages_s");
+            compared.push(("step length T", found(), expected));
+        }
     }
     if let (None, Some(control)) = (experiment.sample_time_s(), &experiment.control) {
         #[expect(clippy::cast_precision_loss, reason = "far fewer than 2^53")]

@@ -56,11 +56,10 @@ pub(crate) fn stage(
         return super::read_model(&run_dir.path(file::MODEL));
     }
     let setup = TrainingSetup::of(experiment)?;
-    let given = || setup.threads();
-    let given = Threads { now: &given, every: Duration::MAX };
+    let threads_of_config = || setup.threads();
+    let given = Threads { now: &threads_of_config, every: Duration::MAX };
     let threads = threads.unwrap_or(&given);
-    let (validation, test) = setup.scenarios(plant, experiment)?;
-    let material = setup.material(plant, experiment, validation)?;
+    let (material, test) = setup.material(plant, experiment)?;
     let mut session =
         Session::begin(&material, experiment, (threads.now)(), options.verbosity, run_dir)?;
     let outcome = session.work(&material, run_dir, &setup.training.effort, threads, options);
@@ -107,57 +106,30 @@ impl<'a> TrainingSetup<'a> {
         })
     }
 
-    /// The scenarios that the best net is chosen by, and those that it is judged by.
-    pub(super) fn scenarios(
-        &self,
-        plant: &dyn DynPlant,
-        experiment: &Experiment,
-    ) -> Result<(ValidationSet, ValidationSet), BenchError> {
-        let training = self.training(experiment.seed);
-        let (validation, test) = (training.validation_set(plant)?, training.test_set(plant)?);
-        Ok(match self.measured(experiment, |data| &data.held_out)? {
-            None => (validation, test),
-            Some(Data { measurements, .. }) => (
-                validation.with_measurements(measurements.clone()),
-                test.with_measurements(measurements),
-            ),
-        })
-    }
-
-    /// What a trainer is made from.
-    fn material<'p>(
+    /// What a trainer is made from, and the scenarios that its net is judged by.
+    pub(super) fn material<'p>(
         &self,
         plant: &'p dyn DynPlant,
         experiment: &Experiment,
-        validation: ValidationSet,
-    ) -> Result<Material<'p>, BenchError> {
+    ) -> Result<(Material<'p>, ValidationSet), BenchError> {
         let training = self.training(experiment.seed);
+        let (mut validation, mut test) =
+            (training.validation_set(plant)?, training.test_set(plant)?);
+        if let Some(held_out) = self.measured(experiment, |data| &data.held_out)? {
+            validation = validation.with_measurements(held_out.measurements.clone());
+            test = test.with_measurements(held_out.measurements);
+        }
         let measured = self.measured(experiment, |data| &data.files)?;
         let weight = self.data.map_or(0.0, |data| data.weight);
-        Ok(Material { plant, training, validation, measured, weight })
+        Ok((Material { plant, training, validation, measured, weight }, test))
     }
 
-    /// A fresh trainer.
-    pub(super) fn trainer(
-        &self,
-        plant: &dyn DynPlant,
-        experiment: &Experiment,
-        validation: ValidationSet,
-    ) -> Result<Trainer, BenchError> {
-        self.material(plant, experiment, validation)?.trainer(self.threads())
-    }
-
-    /// How many threads the config asks for.
-    fn threads(&self) -> usize {
+    /// The threads that the config gives.
+    pub(super) fn threads(&self) -> usize {
         match self.training.effort.threads {
             0 => cores(),
             threads => threads,
         }
-    }
-
-    /// How many iterations it has at most.
-    pub(super) fn iterations(&self) -> u64 {
-        self.training.config.phases.iter().map(|phase| phase.iterations).sum()
     }
 
     /// The training that they describe, on one thread.
@@ -185,7 +157,7 @@ impl<'a> TrainingSetup<'a> {
 }
 
 /// What a trainer is made from.
-struct Material<'a> {
+pub(super) struct Material<'a> {
     plant: &'a dyn DynPlant,
     training: Training,
     validation: ValidationSet,
@@ -195,8 +167,13 @@ struct Material<'a> {
 }
 
 impl Material<'_> {
+    /// How many iterations a training has at most.
+    pub(super) fn iterations(&self) -> u64 {
+        self.training.config.phases.iter().map(|phase| phase.iterations).sum()
+    }
+
     /// A trainer at the beginning.
-    fn trainer(&self, threads: usize) -> Result<Trainer, BenchError> {
+    pub(super) fn trainer(&self, threads: usize) -> Result<Trainer, BenchError> {
         let training = Training { threads, ..self.training.clone() };
         let trainer = Trainer::new(self.plant, &training, self.validation.clone())?;
         Ok(match &self.measured {
@@ -239,8 +216,6 @@ impl Session {
             // not at all.
             fingerprint.extend(data.digest.iter().map(|byte| format!("{byte:02x}")));
         }
-        let phases = &material.training.config.phases;
-        let total = phases.iter().map(|phase| phase.iterations).sum();
         let fresh = Self {
             trainer: material.trainer(threads)?,
             threads,
@@ -251,7 +226,7 @@ impl Session {
             optimizer: Duration::ZERO,
             earlier: Duration::ZERO,
             begun,
-            stage: Stage::begin(verbosity, "training", total),
+            stage: Stage::begin(verbosity, "training", material.iterations()),
         };
         match run_dir.path(file::CHECKPOINT) {
             path if path.exists() => fresh.resume_from(&path, run_dir),

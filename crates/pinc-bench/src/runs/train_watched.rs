@@ -54,8 +54,8 @@ pub fn train_watched(
     let elapsed_s = || begun.elapsed().as_secs_f64();
     let setup = TrainingSetup::of(experiment)?;
     let plant = &*experiment.plant.family(&experiment.varying());
-    let (validation, test) = setup.scenarios(plant, experiment)?;
-    let mut trainer = setup.trainer(plant, experiment, validation)?;
+    let (material, test) = setup.material(plant, experiment)?;
+    let mut trainer = material.trainer(setup.threads())?;
     let limit_s = setup.training.effort.time_limit_s.unwrap_or(f64::INFINITY);
     let mut validation_mse = None;
     let stop_reason = loop {
@@ -71,7 +71,7 @@ pub fn train_watched(
         }
         let progress = TrainingProgress {
             iteration: iterated.iteration,
-            iterations: setup.iterations(),
+            iterations: material.iterations(),
             elapsed_s: elapsed_s(),
             loss: iterated.loss,
             validation_mse,

@@ -15,7 +15,7 @@ use crew::Crew;
 use pinc_config::{Experiment, Plants, SweepSpec, Trial, trials};
 use pinc_record::work::{Estimate, Ledger, Queue, effort, expected};
 use pinc_record::{
-    Best, Provenance, RecordError, RunDir, Standing, SummaryTable, SweepDir, SweepMetrics,
+    Best, CsvText, Provenance, RecordError, RunDir, Standing, SummaryTable, SweepDir, SweepMetrics,
     TrialColumn, TrialMetric, TrialTable, file,
 };
 use progress::Progress;
@@ -307,20 +307,15 @@ impl<'a> Session<'a> {
         if self.shared {
             ledger.look_up(&self.sweep_dir)?;
         }
-        let (experiment, sweep, results) = (self.experiment, self.sweep, ledger.results());
-        let standings = ledger.standings();
-        let table = |columns| TrialTable::new(columns, sweep, self.trials, results, &standings);
-        let summary = SummaryTable::new(experiment, sweep, self.trials, results);
-        let (timings, mut counts) = (table(TrialColumn::of_timings(experiment)), ledger.counts());
-        let best = ledger.best();
-        let results = table(TrialColumn::of_sweep(experiment, sweep));
+        let tables = tables(self.experiment, self.trials, &ledger);
+        let (mut counts, best) = (ledger.counts(), ledger.best());
         drop(ledger);
         if let Some(best) = best {
             counts.best = Some(self.write_best(best)?);
         }
-        self.run_dir.write(file::SWEEP, results.to_csv().as_bytes())?;
-        self.run_dir.write(file::SUMMARY, summary.to_csv().as_bytes())?;
-        self.run_dir.write(file::TIMINGS, timings.to_csv().as_bytes())?;
+        for (name, table) in tables {
+            self.run_dir.write(name, table.as_bytes())?;
+        }
         Ok(counts)
     }
 
@@ -375,6 +370,37 @@ fn open_dir(experiment: &Experiment, dir: &Path, shared: bool) -> Result<RunDir,
         }
     }
     Ok(RunDir::open_shared(dir, experiment, id)?)
+}
+
+/// Writes the tables of a sweep, as far as its `trials` in `sweep_dir` are done, and counts these.
+pub(crate) fn write_tables(
+    experiment: &Experiment,
+    trials: &[Trial],
+    run_dir: &RunDir,
+    sweep_dir: &SweepDir,
+) -> Result<SweepMetrics, BenchError> {
+    let mut ledger = Ledger::new(experiment, trials);
+    ledger.look_up(sweep_dir)?;
+    for (name, table) in tables(experiment, trials, &ledger) {
+        run_dir.write(name, table.as_bytes())?;
+    }
+    Ok(ledger.counts())
+}
+
+/// The tables of a sweep, with the names of their files.
+fn tables(
+    experiment: &Experiment,
+    trials: &[Trial],
+    ledger: &Ledger<'_>,
+) -> [(&'static str, CsvText); 3] {
+    let sweep = experiment.sweep.as_ref().expect("a sweep has the section");
+    let (results, standings) = (ledger.results(), ledger.standings());
+    let table = |columns| TrialTable::new(columns, sweep, trials, results, &standings).to_csv();
+    [
+        (file::SWEEP, table(TrialColumn::of_sweep(experiment, sweep))),
+        (file::SUMMARY, SummaryTable::new(experiment, sweep, trials, results).to_csv()),
+        (file::TIMINGS, table(TrialColumn::of_timings(experiment))),
+    ]
 }
 
 /// The effort of the trainings that are left for these trials, of which shares are run, how many

@@ -100,6 +100,30 @@ fn columns(path: &Path) -> (Vec<String>, Vec<Vec<f64>>) {
     (header, lines.map(row).collect())
 }
 
+/// The shipped loop with pumps that wear: the pump constants are followed, and nothing is left of
+/// the error that stays without.
+#[test]
+fn pumps_that_wear_are_adapted_to() {
+    let dir = tempfile::tempdir().unwrap();
+    let config = repository("configs/estimation/wear.toml");
+    let run = |name: &str, set: &str| {
+        let out = dir.path().join(name);
+        let mut command = pinc(&["control", "--quiet", "--set", "control.repetitions=1"]);
+        command.arg(&config).arg("--out").arg(&out).args(["--set", set]);
+        let found = outcome(&mut command);
+        assert_eq!(found.code, Some(0), "{found:?}");
+        let offset = &Metrics::read(&out).unwrap().unwrap().control[0].references.offset;
+        let last = |name: &str| offset[name].last().copied().flatten().unwrap();
+        let table = EstimateTable::read(&out.join("estimates.csv")).unwrap().unwrap();
+        (last("h1"), last("h2"), table.rows.last().unwrap().estimate[4..].to_vec())
+    };
+    let (h1, h2, pumps) = run("adaptive", "control.preview=true");
+    assert!(h1 < 1e-3 && h2 < 1e-3, "{h1} {h2}");
+    assert!((pumps[0] - 2.664).abs() < 0.03 && (pumps[1] - 2.68).abs() < 0.03, "{pumps:?}");
+    let (h1, h2, pumps) = run("plain", "control.estimator.parameters=[]");
+    assert!(h1 > 0.1 && h2 > 0.1 && pumps.is_empty(), "{h1} {h2}");
+}
+
 #[test]
 fn recorded_data_are_estimated() {
     let dir = tempfile::tempdir().unwrap();

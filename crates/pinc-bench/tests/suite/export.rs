@@ -106,6 +106,108 @@ fn assert_same_loop(config: &Path, kind: ModelKind, more: &[&str], model: &[&str
     lines.len()
 }
 
+/// The same of a controller with its estimator, which are given what was measured in the loop:
+/// inputs, statuses and estimates agree.
+#[track_caller]
+fn assert_same_feedback(config: &Path, more: &[&str]) {
+    let dir = tempfile::tempdir().unwrap();
+    let dir = dir.path();
+    let closed = Closed::run(dir, config, ModelKind::Rk4, more);
+    let mut command = pinc(&["export", "--to", "c", "--name", "loop", "--out", "c"]);
+    command.args(["--only", "rk4"]).arg(config).args(more).current_dir(dir);
+    fine(&outcome(&mut command));
+    let sources = dir.join("c");
+    let held = closed.spec.initial_input.as_ref().map_or(String::new(), |u| {
+        let numbers = u.iter().map(|v| format!("{v:?}")).collect::<Vec<_>>().join(", ");
+        format!("{{ const double held[] = {{{numbers}}}; loop_feedback_reset_to(&m, held); }}")
+    });
+    let driver = DRIVER
+        .replace("loop_mpc.h", "loop_feedback.h")
+        .replace("loop_mpc_init(&m);", &format!("loop_feedback_init(&m); {held}"))
+        .replace("loop_mpc", "loop_feedback")
+        .replace("read(x, LOOP_NX)", "read(x, LOOP_NM)")
+        .replace(
+            "printf(\"%s",
+            "for (i = 0; i < LOOP_NZ; i++) { printf(\"%.17g \", \
+                                  m.estimator.z[i]); }\nprintf(\"%s",
+        );
+    fs::write(sources.join("driver.c"), driver).unwrap();
+    compile(&sources, "_selftest.c");
+    let estimates = closed.estimates.as_ref().unwrap();
+    let mut input = String::new();
+    for (k, row) in estimates.rows.iter().enumerate() {
+        for v in row.measured.iter().chain(&closed.reference(k).concat()) {
+            let _ = writeln!(input, "{v:?}");
+        }
+    }
+    let lines = drive(&sources, input);
+    assert_eq!(lines.len(), closed.steps.len());
+    // A mean of the unscented filter is a difference of near points, times a weight of 1e5.
+    let unscented = more.iter().any(|set| set.contains("kind=ukf"));
+    let allowed = if unscented { 1e-6 } else { 1e-8 };
+    for (k, (line, step)) in lines.iter().zip(&closed.steps).enumerate() {
+        let (numbers, status) = line.rsplit_once(' ').unwrap();
+        assert_eq!(status, step.status, "{more:?}: step {k}");
+        let found: Vec<f64> = numbers.split_whitespace().map(|v| v.parse().unwrap()).collect();
+        let (u, z) = found.split_at(2);
+        assert_eq!(z.len(), estimates.names.len());
+        for (found, expected) in z.iter().zip(&estimates.rows[k].estimate) {
+            assert!((found - expected).abs() < allowed, "{more:?}: step {k}: {found} {expected}");
+        }
+        // The input that acts `delay` steps later.
+        let Some(inputs) = closed.inputs.get(k + closed.spec.delay_steps) else { continue };
+        for (found, expected) in u.iter().zip(inputs) {
+            assert!((found - expected).abs() < allowed, "{more:?}: step {k}: {found} {expected}");
+        }
+    }
+}
+
+#[test]
+fn loops_with_estimators_in_c_are_those_of_the_program() {
+    let config = repository("configs/estimation/tanks.toml");
+    let ukf = "control.estimator.kind=ukf";
+    let of = |what: &str| format!("control.estimator.disturbance={what}");
+    let (output, states) = (of("output"), of("{ states = [\"h1\", \"h2\"] }"));
+    let none = [
+        &of("none"),
+        "control.estimator.disturbance_sd=[]",
+        "control.estimator.disturbance_initial_sd=[]",
+    ];
+    let low = "control.estimator.low=[1.0, 1.0, 0.3, 0.7]";
+    let (late, held) = ("control.delay_steps=2", "control.initial_input=[1.6, 4.0]");
+    for sets in [
+        &[][..],
+        &[ukf],
+        &[&output, late, held],
+        &[ukf, &states, late],
+        &[&states, low],
+        &[ukf, &output, low, held],
+        &none,
+    ] {
+        let mut more = vec!["--set", "control.duration_s=900.0"];
+        sets.iter().for_each(|set| more.extend(["--set", *set]));
+        assert_same_feedback(&config, &more);
+    }
+}
+
+#[test]
+fn estimators_that_c_does_not_have_are_refused() {
+    let config = repository("configs/estimation/tanks.toml");
+    let config = config.to_str().unwrap();
+    let dir = tempfile::tempdir().unwrap();
+    let refused = |more: &[&str], part: &str| {
+        let arguments = [&[config, "--only", "rk4"], more].concat();
+        export(&arguments, dir.path()).assert_refused(&[part]);
+    };
+    let mhe = ["--set", "control.estimator.kind=mhe", "--set", "control.estimator.window=4"];
+    refused(&mhe, "no moving horizon estimation; use kind = \"ekf\"");
+    let k1 = "control.estimator.parameters=[{ name = \"k1\", initial = 3.14, initial_sd = 0.1 }]";
+    let rk4 = "control.models=[\"rk4\"]";
+    refused(&["--set", k1, "--set", rk4], "no estimated parameters");
+    let fmu = outcome(pinc(&["export", "--to", "fmu", "--only", "rk4", config]).current_dir(&dir));
+    fmu.assert_refused(&["no estimator as an FMU; use `--to c`"]);
+}
+
 #[test]
 fn the_oscillators_loop_in_c_is_that_of_the_program() {
     let config = repository("configs/van-der-pol/control.toml");

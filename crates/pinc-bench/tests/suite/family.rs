@@ -75,6 +75,75 @@ fn a_controller_is_told_of_its_parameters() {
     assert!((both[0] - both[1]).abs() < 0.05, "{both:?}");
 }
 
+/// A pump that wears in the middle of the run: told of it at that time, the controller has no offset
+/// afterwards; otherwise it has one.
+#[test]
+fn a_controller_is_told_of_parameters_that_change() {
+    let dir = tempfile::tempdir().unwrap();
+    let config = dir.path().join("tanks.toml");
+    fs::write(&config, FAMILY).unwrap();
+    let wear = "control.plant_schedule=[{ start_s = 200.0, values = { k = 2.6 } }]";
+    let told = "control.parameter_schedule=[{ start_s = 200.0, values = { k = 2.6 } }]";
+    let halves =
+        "control.references=[{ start_s = 0.0, value = [9.0] }, { start_s = 200.0, value = [8.5] }]";
+    let run = |name: &str, sets: &[&str]| {
+        let out = dir.path().join(name);
+        let mut command = pinc(&["control", "--quiet", "--only", "rk4"]);
+        command.arg(&config).arg("--out").arg(&out);
+        for set in sets {
+            command.args(["--set", set]);
+        }
+        let found = outcome(&mut command);
+        assert_eq!(found.code, Some(0), "{found:?}");
+        let text = fs::read_to_string(out.join("metrics.json")).unwrap();
+        let metrics: serde_json::Value = serde_json::from_str(&text).unwrap();
+        let control = &metrics["control"][0];
+        let offset = |i: usize| control["offset"]["h"][i].as_f64().unwrap();
+        (offset(0), offset(1), control["iae"].as_f64().unwrap())
+    };
+    let unchanged = run("unchanged", &[halves]);
+    assert!(unchanged.0 < 0.05 && unchanged.1 < 0.05, "{unchanged:?}");
+    let unaware = run("unaware", &[halves, wear]);
+    assert!(unaware.0 < 0.05 && unaware.1 > 0.2, "{unaware:?}");
+    let aware = run("aware", &[halves, wear, told]);
+    assert!(aware.0 < 0.05 && aware.1 < 0.05, "{aware:?}");
+    // A schedule that changes nothing is none.
+    let same = "control.parameter_schedule=[{ start_s = 200.0, values = {} }]";
+    let same = run("same", &[halves, same]);
+    assert_eq!(same.2.to_bits(), unchanged.2.to_bits());
+}
+
+#[test]
+fn schedules_that_make_no_sense_are_refused() {
+    let dir = tempfile::tempdir().unwrap();
+    let config = dir.path().join("tanks.toml");
+    fs::write(&config, FAMILY).unwrap();
+    for (set, parts) in [
+        (
+            "control.parameter_schedule=[{ start_s = 200.0, values = { a = 0.07 } }]",
+            &["control.parameter_schedule[0].values.a", "`a` is not known"][..],
+        ),
+        (
+            "control.plant_schedule=[{ start_s = 205.0, values = { k = 2.6 } }]",
+            &["control.plant_schedule[0].start_s", "whole number of steps"],
+        ),
+        (
+            "control.plant_schedule=[{ start_s = 400.0, values = { k = 2.6 } }]",
+            &["less than the duration of the run, 400"],
+        ),
+        (
+            "control.plant_schedule=[{ start_s = 20.0, values = {} }, { start_s = 10.0, values = {} }]",
+            &["control.plant_schedule[1].start_s", "more than 20"],
+        ),
+    ] {
+        let mut command = pinc(&["check"]);
+        outcome(command.arg(&config).args(["--set", set])).assert_refused(parts);
+    }
+    let mut command = pinc(&["serve", "--only", "rk4"]);
+    let set = "control.parameter_schedule=[{ start_s = 200.0, values = { k = 2.6 } }]";
+    outcome(command.arg(&config).args(["--set", set])).assert_refused(&["parameter_schedule"]);
+}
+
 #[test]
 fn a_free_run_is_given_the_parameters_as_columns() {
     let dir = tempfile::tempdir().unwrap();
@@ -97,6 +166,55 @@ fn a_free_run_is_given_the_parameters_as_columns() {
     assert!((levels[1] - levels[4]).abs() < 1e-12, "{levels:?}");
     assert!(levels[5] - levels[2] > 0.5, "{levels:?}");
     predict("scenario,t,u,h\na,0,3,8\n").assert_refused(&["in.csv:1: ", "`k`"]);
+}
+
+/// A net of the family and the equation find the same pump in a record; what the net does not take
+/// it cannot find.
+#[test]
+fn a_net_of_a_family_identifies_as_the_equation_does() {
+    let dir = tempfile::tempdir().unwrap();
+    let section =
+        "[identify]\ninitial_state = [8.0]\nparameters = [{ name = \"k\", initial = 3.3 }]\n";
+    fs::write(dir.path().join("tanks.toml"), format!("{FAMILY}{section}")).unwrap();
+    let config = dir.path().join("tanks.toml");
+    let run = |command: &[&str], out: &str| {
+        let mut program = pinc(command);
+        program.arg(&config).arg("--out").arg(dir.path().join(out));
+        program
+    };
+    assert_eq!(outcome(&mut run(&["train", "--quiet"], "net")).code, Some(0));
+    // The levels of a pump with k = 2.8, of which the still water says how far they rise.
+    let (mut h, mut csv) = (8.0f64, "t,u,y_h\n".to_owned());
+    for step in 0..60 {
+        let u = if (step / 10) % 2 == 0 { 3.0 } else { 2.4 };
+        csv += &format!("{},{u},{h}\n", 10 * step);
+        for _ in 0..1000 {
+            h += 0.01 * (2.8 * u - 0.071 * (1962.0 * h).sqrt()) / 28.0;
+        }
+    }
+    fs::write(dir.path().join("data.csv"), csv).unwrap();
+    let net = dir.path().join("net/model.safetensors");
+    let identified = |arguments: &[&str], out: &str| {
+        let mut program = run(&["identify"], out);
+        program.arg("--data").arg(dir.path().join("data.csv")).arg("--model").arg(&net);
+        let found = outcome(program.args(arguments));
+        assert_eq!(found.code, Some(0), "{found:?}");
+        let text = fs::read_to_string(dir.path().join(out).join("identify.json")).unwrap();
+        let json: serde_json::Value = serde_json::from_str(&text).unwrap();
+        let k = json["parameters"]["k"]["value"].as_f64().unwrap();
+        (json["model"].as_str().unwrap().to_owned(), k, json["parameters"]["k"]["high"].clone())
+    };
+    let (model, by_net, high) = identified(&[], "by-net");
+    // The net's range is a bound: beyond it the net knows nothing.
+    assert_eq!((model.as_str(), high.as_f64()), ("pinc", Some(3.8)));
+    let (model, by_equation, _) = identified(&["--only", "rk4"], "by-equation");
+    assert_eq!(model, "rk4");
+    assert!((by_equation - 2.8).abs() < 0.05, "{by_equation}");
+    assert!((by_net - by_equation).abs() < 0.05, "{by_net} {by_equation}");
+    let mut other = run(&["identify"], "other");
+    other.arg("--data").arg(dir.path().join("data.csv")).arg("--model").arg(&net);
+    other.args(["--set", "identify.parameters=[{ name = \"a\", initial = 0.07 }]"]);
+    outcome(&mut other).assert_refused(&["does not take `a` as an input, but k"]);
 }
 
 #[test]

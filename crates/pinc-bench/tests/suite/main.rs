@@ -1,9 +1,12 @@
 //! The program and what it does, in one test program: each links all of it.
 
 mod accuracy_cost;
+mod algebraic;
+mod arrays;
 mod bad_config;
 mod bench;
 mod check;
+mod choose;
 mod closed;
 mod common;
 mod compare;
@@ -15,10 +18,12 @@ mod export;
 mod family;
 mod files;
 mod guard;
+mod identification;
 mod kills;
 mod limits;
 mod lists;
 mod measurements;
+mod oil_well;
 mod own_plant;
 mod predict;
 mod random;
@@ -29,5 +34,6 @@ mod serve;
 mod shared;
 mod slurm;
 mod smoke;
+mod stages;
 mod sweep;
 mod traps;

@@ -145,7 +145,7 @@ fn unknown_parameters(
 }
 
 /// Names of which each is known and given once.
-fn names(key: &str, names: &[String], known: &[String]) -> Finding {
+pub(super) fn names(key: &str, names: &[String], known: &[String]) -> Finding {
     if names.is_empty() {
         return value(key, "[]", &format!("one or more of {}", known.join(", ")));
     }

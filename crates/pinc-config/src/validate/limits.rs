@@ -12,7 +12,7 @@ pub const STEPS: usize = 10_000_000;
 /// Points, scenarios and rows that are held in memory.
 const POINTS: usize = 1_000_000;
 /// Substeps, subintervals and other parts of a step.
-const PARTS: usize = 10_000;
+pub(super) const PARTS: usize = 10_000;
 /// Iterations of a phase or of an optimization.
 const ITERATIONS: u64 = 10_000_000;
 /// Weights and biases of a net.
@@ -35,8 +35,9 @@ const COST: f64 = 1e100;
 pub(super) fn sizes(experiment: &Experiment, dims: Dims) -> Finding {
     net(experiment, dims)?;
     training(experiment)?;
+    let net_step_s = experiment.net_step_s();
     if let Some(validation) = &experiment.validation {
-        let steps = steps_of(experiment, "validation.duration_s", validation.duration_s)?;
+        let steps = steps_of(net_step_s, "validation.duration_s", validation.duration_s)?;
         at_most("validation.scenarios", validation.scenarios, POINTS)?;
         at_most("validation.subintervals", validation.subintervals, PARTS)?;
         at_most("validation.one_step_points", validation.one_step_points, POINTS)?;
@@ -44,7 +45,7 @@ pub(super) fn sizes(experiment: &Experiment, dims: Dims) -> Finding {
         rows_at_most("validation", "scenarios, steps and subintervals", &rows)?;
     }
     if let Some(prediction) = &experiment.prediction {
-        let steps = steps_of(experiment, "prediction.duration_s", prediction.duration_s)?;
+        let steps = steps_of(net_step_s, "prediction.duration_s", prediction.duration_s)?;
         at_most("prediction.subintervals", prediction.subintervals, PARTS)?;
         rows_at_most("prediction", "steps and subintervals", &[steps, prediction.subintervals])?;
     }
@@ -53,7 +54,7 @@ pub(super) fn sizes(experiment: &Experiment, dims: Dims) -> Finding {
         number_at_most("one_step.measure_s", one_step.measure_s, 3600.0)?;
     }
     let Some(control) = &experiment.control else { return Ok(()) };
-    let steps = steps_of(experiment, "control.duration_s", control.duration_s)?;
+    let steps = steps_of(experiment.sample_time_s(), "control.duration_s", control.duration_s)?;
     at_most("control.repetitions", control.repetitions, POINTS)?;
     let times = steps.saturating_mul(control.repetitions);
     if times > TIMES {
@@ -150,11 +151,11 @@ fn weights(key: &str, weight: &Weight) -> Finding {
 
 /// The steps of a duration, if they are not too many.
 fn steps_of(
-    experiment: &Experiment,
+    sample_time_s: Option<f64>,
     key: &str,
     duration_s: f64,
 ) -> Result<usize, (String, Problem)> {
-    let Some(sample_time_s) = experiment.sample_time_s() else { return Ok(1) };
+    let Some(sample_time_s) = sample_time_s else { return Ok(1) };
     let steps = (duration_s / sample_time_s).round();
     #[expect(clippy::cast_precision_loss, reason = "far fewer than 2^53")]
     if steps > STEPS as f64 {

@@ -2,8 +2,11 @@
 
 mod control;
 mod estimator;
+mod identify;
 pub(crate) mod limits;
 mod names;
+mod schedule;
+mod stages;
 mod values;
 
 use crate::plants::Plants;
@@ -13,6 +16,7 @@ use crate::{
     DataSpec, Experiment, ModelKind, OwnPlantSpec, PlantSpec, PredictionSpec, Problem, TrainingSpec,
 };
 use control::closed_loop;
+use pinc_expr::ExpressionError;
 use pinc_net::{Ansatz, NetError, ResidualScale, Scenario, TrainingTarget, ValidationConfig};
 use pinc_ode::Dims;
 use values::{at_least_one, bounds, length, positive, present, tolerance, value, whole_steps};
@@ -32,14 +36,15 @@ impl Experiment {
         self.sections(dims)?;
         limits::sizes(self, dims)?;
         if let Some(validation) = &self.validation {
-            validation_scenarios(validation, dims, self.sample_time_s())?;
+            validation_scenarios(validation, dims, self.net_step_s())?;
         }
         if let Some(prediction) = &self.prediction {
-            free_run(prediction, &variables, self.sample_time_s())?;
+            free_run(prediction, &variables, self.net_step_s())?;
         }
         if let Some(control) = &self.control {
             closed_loop(control, &variables, self.plants(), self.sample_time_s())?;
             estimator::output_feedback(self, control, &variables)?;
+            schedule::schedules(self, control)?;
         }
         if let Some(one_step) = &self.one_step {
             let needed = "[one_step] needs it";
@@ -48,6 +53,9 @@ impl Experiment {
             at_least_one("one_step.points", one_step.points)?;
             tolerance("one_step.tolerance", one_step.tolerance)?;
             positive("one_step.measure_s", one_step.measure_s)?;
+        }
+        if let Some(identify) = &self.identify {
+            identify::identification(self, identify, &variables)?;
         }
         if let Some(sweep) = &self.sweep {
             sweep.validate()?;
@@ -103,8 +111,12 @@ impl Experiment {
                 return value("model.time_only", "a single scenario", expected);
             }
         }
+        if let Some(control) = &self.control {
+            stages::lengths(control, self.model.as_ref(), self.is_distilled())?;
+        }
         if let (Some(model), Some(step_s)) =
             (&self.model, self.control.as_ref().and_then(|c| c.step_s))
+            && self.control.as_ref().is_none_or(|control| control.stages_s.is_none())
             && model.sample_time_s.total_cmp(&step_s).is_ne()
         {
             let expected = format!("model.horizon_s, {}, or no such key", model.sample_time_s);
@@ -156,18 +168,20 @@ fn plant(key: &str, plant: &PlantSpec, plants: &Plants) -> Finding {
             }
             Ok(())
         }
-        PlantSpec::Expression(equations) => match equations.compile() {
-            Ok(_) => Ok(()),
-            Err(error) => {
-                let misspelt = error.problem.misspelt();
-                let nearest = misspelt.and_then(|(found, known)| nearest(found, known));
-                let key = format!("{key}.expression.{}", error.key);
-                Err((key, Problem::Expression { error: Box::new(error), nearest }))
-            }
-        },
+        PlantSpec::Expression(equations) => {
+            equations.compile().map(drop).map_err(|error| expression_finding(key, error))
+        }
         PlantSpec::Own(spec) => own_plant(&format!("{key}.own"), spec, plants),
         _ => Ok(()),
     }
+}
+
+/// A finding from an error in the equations of the plant under `key`.
+pub(crate) fn expression_finding(key: &str, error: ExpressionError) -> (String, Problem) {
+    let misspelt = error.problem.misspelt();
+    let nearest = misspelt.and_then(|(found, known)| nearest(found, known));
+    let key = format!("{key}.expression.{}", error.key);
+    (key, Problem::Expression { error: Box::new(error), nearest })
 }
 
 fn own_plant(key: &str, spec: &OwnPlantSpec, plants: &Plants) -> Finding {

@@ -28,41 +28,44 @@ fn normalized(p: &[f64], e: &[f64]) -> f64 {
     sum
 }
 
-/// Means of NEES and NIS over simulated plants with just the noise that the filters are told of.
+/// NEES and NIS in each of 240 steps on a simulated plant with just the noise that the filter is
+/// told of; the first estimate is off by `spread` times what the filter is told.
+fn simulated(unscented: bool, seed: u64, spread: f64) -> Vec<(f64, f64)> {
+    let case = tanks();
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    let Tuning { initial_estimate, initial_sd, process_sd, measurement_sd, .. } =
+        case.tuning.clone();
+    let mut filter: Box<dyn Estimator> = if unscented {
+        Box::new(Ukf::new(case.model(), case.tuning.clone()).unwrap())
+    } else {
+        Box::new(Ekf::new(case.model(), case.tuning.clone()).unwrap())
+    };
+    let mut plant = case.model();
+    let start = initial_estimate.iter().zip(&initial_sd);
+    let mut x: Vec<f64> = start.map(|(z, sd)| z + spread * sd * normal(&mut rng)).collect();
+    let step = |k| {
+        let y = [0, 1].map(|i| x[i] + measurement_sd[i] * normal(&mut rng));
+        let nis = filter.correct(&y).nis;
+        let errors: Vec<_> = filter.estimate().iter().zip(&x).map(|(z, x)| z - x).collect();
+        let nees = normalized(filter.covariance(), &errors);
+        let u = case.data.at(k, case.inputs);
+        filter.predict(&u);
+        let mut next = [0.0; 4];
+        plant.step(&x, &u, &[], &mut next);
+        for ((x, next), sd) in x.iter_mut().zip(next).zip(&process_sd) {
+            *x = next + sd * normal(&mut rng);
+        }
+        (nees, nis)
+    };
+    (0..240).map(step).collect()
+}
+
+/// Means of NEES and NIS over plants and steps.
 #[test]
 fn errors_and_innovations_have_the_spread_that_is_claimed() {
     for unscented in [false, true] {
-        let (mut nees, mut nis) = (Vec::new(), Vec::new());
-        for seed in 0..20 {
-            let case = tanks();
-            let mut rng = ChaCha8Rng::seed_from_u64(seed);
-            let Tuning { initial_estimate, initial_sd, process_sd, measurement_sd, .. } =
-                case.tuning.clone();
-            let mut filter: Box<dyn Estimator> = if unscented {
-                Box::new(Ukf::new(case.model(), case.tuning.clone()).unwrap())
-            } else {
-                Box::new(Ekf::new(case.model(), case.tuning.clone()).unwrap())
-            };
-            let mut plant = case.model();
-            let start = initial_estimate.iter().zip(&initial_sd);
-            let mut x: Vec<f64> = start.map(|(z, sd)| z + 0.5 * sd * normal(&mut rng)).collect();
-            for k in 0..240 {
-                let y = [0, 1].map(|i| x[i] + measurement_sd[i] * normal(&mut rng));
-                let correction = filter.correct(&y);
-                let errors: Vec<_> = filter.estimate().iter().zip(&x).map(|(z, x)| z - x).collect();
-                if k >= 20 {
-                    nis.push(correction.nis);
-                    nees.push(normalized(filter.covariance(), &errors));
-                }
-                let u = case.data.at(k, case.inputs);
-                filter.predict(&u);
-                let mut next = [0.0; 4];
-                plant.step(&x, &u, &[], &mut next);
-                for ((x, next), sd) in x.iter_mut().zip(next).zip(&process_sd) {
-                    *x = next + sd * normal(&mut rng);
-                }
-            }
-        }
+        let of_seed = |seed| simulated(unscented, seed, 0.5).into_iter().skip(20);
+        let (nees, nis): (Vec<f64>, Vec<f64>) = (0..20).flat_map(of_seed).unzip();
         let mean = |values: &[f64]| {
             values.iter().sum::<f64>() / f64::from(u32::try_from(values.len()).unwrap())
         };
@@ -70,6 +73,28 @@ fn errors_and_innovations_have_the_spread_that_is_claimed() {
         // with 4, of which some ten steps in a row are alike.
         assert!((mean(&nis) - 2.0).abs() < 1.96 * (4.0 / 4400.0_f64).sqrt(), "{}", mean(&nis));
         assert!((mean(&nees) - 4.0).abs() < 1.96 * (8.0 / 440.0_f64).sqrt(), "{}", mean(&nees));
+    }
+}
+
+/// At each step the means over 20 plants are within their 95 % bands, as often as that says.
+#[test]
+fn means_over_seeds_are_within_their_bands() {
+    // 2.5 % of the chi-square distributions with 20 * 4 and 20 * 2 degrees of freedom lie below,
+    // and 2.5 % above (a table's quantiles).
+    let (nees_band, nis_band) = (57.153..106.629, 24.433..59.342);
+    for unscented in [false, true] {
+        let plants: Vec<_> = (100..120).map(|seed| simulated(unscented, seed, 1.0)).collect();
+        let sums = (0..240).map(|k| {
+            let steps = plants.iter().map(|plant| plant[k]);
+            steps.fold((0.0, 0.0), |sum, step| (sum.0 + step.0, sum.1 + step.1))
+        });
+        let (nees, nis): (Vec<f64>, Vec<f64>) = sums.unzip();
+        // Of 240 independent sums 228 are expected inside, with a standard deviation of 3.4; that of
+        // errors is some three times as large, since those of neighbouring steps are alike.
+        for (sums, band, least) in [(nees, &nees_band, 207), (nis, &nis_band, 217)] {
+            let inside = sums.iter().filter(|sum| band.contains(*sum)).count();
+            assert!((least..240).contains(&inside), "{inside} of 240");
+        }
     }
 }
 

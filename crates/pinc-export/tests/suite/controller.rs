@@ -1,7 +1,9 @@
 //! Controllers in C against the library's, step by step.
 
 use super::compile::Sources;
-use pinc_export::{Controller, ExportError, ModelSource, Name, Origin, Rk4Model, controller_to_c};
+use pinc_export::{
+    Controller, Estimation, ExportError, ModelSource, Name, Origin, Rk4Model, controller_to_c,
+};
 use pinc_expr::Equations;
 use pinc_mpc::{
     Bounds, Nmpc, NmpcProblem, QpMethod, Reference, Softness, SqpConfig, Tracked, Weights,
@@ -81,30 +83,30 @@ fn tanks() -> Equations {
 }
 
 /// A generator of numbers in [0, 1), the same in every run.
-struct Draws(u64);
+pub(crate) struct Draws(pub(crate) u64);
 
 impl Draws {
-    fn unit(&mut self) -> f64 {
+    pub(crate) fn unit(&mut self) -> f64 {
         self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
         f64::from(u32::try_from(self.0 >> 33).unwrap()) / f64::from(1_u32 << 31)
     }
 
-    fn between(&mut self, low: f64, high: f64) -> f64 {
+    pub(crate) fn between(&mut self, low: f64, high: f64) -> f64 {
         low + self.unit() * (high - low)
     }
 }
 
 /// A case: a controller, the plant it is tried on, and the box that states are drawn from.
-struct Case {
-    problem: NmpcProblem,
-    config: SqpConfig,
+pub(crate) struct Case {
+    pub(crate) problem: NmpcProblem,
+    pub(crate) config: SqpConfig,
     source: Source,
-    low: Vec<f64>,
-    high: Vec<f64>,
+    pub(crate) low: Vec<f64>,
+    pub(crate) high: Vec<f64>,
     sample_time_s: f64,
 }
 
-enum Source {
+pub(crate) enum Source {
     Rk4(Equations, usize),
     Net(Box<PincNet>),
 }
@@ -121,7 +123,7 @@ impl Case {
         }
     }
 
-    fn model(&self) -> Box<dyn Model> {
+    pub(crate) fn model(&self) -> Box<dyn Model> {
         match &self.source {
             Source::Net(net) => Box::new(PincModel::new(net).unwrap()),
             Source::Rk4(equations, substeps) => {
@@ -131,10 +133,13 @@ impl Case {
     }
 
     fn sources(&self) -> Sources {
-        Sources::new(&self.export().unwrap())
+        Sources::new(&self.export(None).unwrap())
     }
 
-    fn export(&self) -> Result<Vec<pinc_export::GeneratedFile>, ExportError> {
+    pub(crate) fn export(
+        &self,
+        estimator: Option<Estimation<'_>>,
+    ) -> Result<Vec<pinc_export::GeneratedFile>, ExportError> {
         let variables = |count: usize, name: &str| -> Vec<Variable> {
             (0..count)
                 .map(|i| Variable { name: format!("{name}{i}").into(), unit: String::new().into() })
@@ -161,6 +166,7 @@ impl Case {
             model: self.source(),
             initial_state: &middle,
             reference: &reference,
+            estimator,
         };
         controller_to_c(&controller, &Name::new("ctl").unwrap(), &origin)
     }
@@ -289,7 +295,7 @@ fn compare(case: &Case, steps: usize, seed: u64) -> [usize; 6] {
     seen
 }
 
-fn oscillator_case() -> Case {
+pub(crate) fn oscillator_case() -> Case {
     let weights = Weights::uniform(vec![10.0, 10.0], vec![1.0]);
     Case {
         problem: NmpcProblem {
@@ -305,7 +311,7 @@ fn oscillator_case() -> Case {
     }
 }
 
-fn tanks_case() -> Case {
+pub(crate) fn tanks_case() -> Case {
     let weights = Weights::uniform(vec![10.0, 10.0], vec![1.0, 1.0]);
     Case {
         problem: NmpcProblem {
@@ -421,7 +427,7 @@ fn what_generated_controllers_lack_is_refused() {
     let refused = |change: &dyn Fn(&mut Case), word: &str| {
         let mut case = oscillator_case();
         change(&mut case);
-        match case.export() {
+        match case.export(None) {
             Err(ExportError::Feature { feature, .. }) => {
                 assert!(feature.contains(word), "{feature}");
             }

@@ -2,5 +2,6 @@
 
 mod compile;
 mod controller;
+mod feedback;
 mod net;
 mod wrappers;

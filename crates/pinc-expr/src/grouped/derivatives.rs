@@ -7,6 +7,15 @@ use super::linear::Linear;
 use crate::graph::{Function, Graph, Operation, Value};
 use std::rc::Rc;
 
+/// The derivative of a variable of the graph by one of the variables that derivatives are taken by.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Seed {
+    /// It is this variable.
+    One,
+    /// It depends on it, and the derivative is in this register.
+    Register(usize),
+}
+
 /// Derivatives by variables, in ascending order of these.
 type Entries = Vec<(usize, Linear)>;
 
@@ -19,8 +28,18 @@ struct Derivative {
 }
 
 impl Derivative {
-    fn of_variable(index: usize) -> Self {
-        Self { factor: None, entries: Rc::new(vec![(index, Linear::constant(1.0))]) }
+    fn of_variable(seeds: Vec<(usize, Seed)>, dag: &mut Dag) -> Self {
+        let entry = |(variable, seed)| {
+            let entry = match seed {
+                Seed::One => Linear::constant(1.0),
+                Seed::Register(register) => {
+                    let value = dag.variable(register);
+                    Linear::value(dag, value)
+                }
+            };
+            (variable, entry)
+        };
+        Self::new(seeds.into_iter().map(entry).collect())
     }
 
     fn new(entries: Entries) -> Self {
@@ -117,8 +136,13 @@ pub(super) struct Linearized {
     pub(super) rows: Vec<Vec<(usize, Id)>>,
 }
 
-/// The values of `results` with their derivatives.
-pub(super) fn differentiate(graph: &Graph, results: &[Value]) -> Linearized {
+/// The values of `results` with their derivatives; `seeds` has those of each variable, in
+/// ascending order.
+pub(super) fn differentiate(
+    graph: &Graph,
+    results: &[Value],
+    seeds: &dyn Fn(usize) -> Vec<(usize, Seed)>,
+) -> Linearized {
     let (mut dag, ids) = Dag::of(graph);
     let mut derivatives: Vec<Derivative> = Vec::with_capacity(graph.nodes.len());
     for (node, &id) in graph.nodes.iter().zip(&ids) {
@@ -127,7 +151,10 @@ pub(super) fn differentiate(graph: &Graph, results: &[Value]) -> Linearized {
                 (ids[value.0], derivatives[value.0].clone())
             })
         });
-        derivatives.push(derivative(node.operation, id, a, b, &mut dag));
+        derivatives.push(match node.operation {
+            Operation::Variable(index) => Derivative::of_variable(seeds(index), &mut dag),
+            operation => derivative(operation, id, a, b, &mut dag),
+        });
     }
     let rows = results
         .iter()
@@ -148,8 +175,8 @@ fn derivative(
     dag: &mut Dag,
 ) -> Derivative {
     match operation {
-        Operation::Variable(index) => Derivative::of_variable(index),
-        Operation::Constant(_) => Derivative::default(),
+        // Those of variables are given.
+        Operation::Variable(_) | Operation::Constant(_) => Derivative::default(),
         Operation::Add => da.plus(&db, dag),
         Operation::Sub => {
             let minus = db.times(&Linear::constant(-1.0), dag);

@@ -2,15 +2,18 @@
 
 mod dag;
 mod derivatives;
+mod implicit;
 mod linear;
 mod run;
 mod schedule;
 #[cfg(test)]
 mod tests;
 
+use crate::algebraic::Algebraic;
 use crate::error::ExpressionProblem;
 use crate::graph::{Graph, Value};
-use derivatives::{Linearized, differentiate};
+use derivatives::{Linearized, Seed, differentiate};
+use implicit::Unknowns;
 use pinc_ad::simd::Simd;
 use pinc_ode::{SparseFunction, SparsityPattern};
 use run::{FEW, Run};
@@ -29,23 +32,36 @@ struct Parts {
     /// Values, then the entries of the Jacobian.
     linearization: Code,
     pattern: SparsityPattern,
+    /// The algebraic variables, if there are any.
+    unknowns: Option<Unknowns>,
 }
 
 impl GroupedFunction {
-    /// The function from the first `variables` nodes' values to `results`.
+    /// The function from the first `variables` nodes' values, and the algebraic variables that
+    /// belong to them, to `results`.
     pub(crate) fn new(
         graph: &Graph,
         variables: usize,
+        equations: &Algebraic,
         results: &[Value],
     ) -> Result<Self, ExpressionProblem> {
-        let Linearized { dag, values: ids, rows } = differentiate(graph, results);
-        let values = Code::new(&dag, variables, &ids)?;
+        let unknowns = match equations.names.is_empty() {
+            true => None,
+            false => Some(Unknowns::new(graph, variables, equations)?),
+        };
+        let seeds = |variable: usize| match &unknowns {
+            Some(unknowns) => unknowns.seeds(variable),
+            None => vec![(variable, Seed::One)],
+        };
+        let Linearized { dag, values: ids, rows } = differentiate(graph, results, &seeds);
+        let first = unknowns.as_ref().map_or(variables, |unknowns| unknowns.registers);
+        let values = Code::new(&dag, first, &ids)?;
         let entries = rows.iter().flatten().map(|(_, id)| *id);
         let all: Vec<_> = ids.iter().copied().chain(entries).collect();
         let linearization = Code::new(&dag, values.registers, &all)?;
         let places = rows.iter().map(|row| row.iter().map(|(variable, _)| *variable));
         let pattern = SparsityPattern::new(variables, places);
-        Ok(Self(Arc::new(Parts { values, linearization, pattern })))
+        Ok(Self(Arc::new(Parts { values, linearization, pattern, unknowns })))
     }
 }
 
@@ -55,9 +71,10 @@ impl SparseFunction for GroupedFunction {
     }
 
     fn memory<V: Simd>(&self, zero: V) -> Vec<V> {
-        let Parts { values, linearization, .. } = &*self.0;
+        let Parts { values, linearization, unknowns, .. } = &*self.0;
         let mut memory = vec![zero; linearization.registers.max(FEW)];
-        for code in [values, linearization] {
+        let solving = unknowns.iter().flat_map(Unknowns::code);
+        for code in solving.chain([values, linearization]) {
             let constants = code.constants.iter().map(|constant| zero.constant(*constant));
             memory[code.first..].iter_mut().zip(constants).for_each(|(to, from)| *to = from);
         }
@@ -66,11 +83,17 @@ impl SparseFunction for GroupedFunction {
 
     #[inline(always)]
     fn values<V: Simd>(&self, memory: &mut [V]) -> &[u16] {
+        if let Some(unknowns) = &self.0.unknowns {
+            unknowns.solve(memory, false);
+        }
         run(&self.0.values, memory)
     }
 
     #[inline(always)]
     fn linearize<V: Simd>(&self, memory: &mut [V]) -> &[u16] {
+        if let Some(unknowns) = &self.0.unknowns {
+            unknowns.solve(memory, true);
+        }
         run(&self.0.linearization, memory)
     }
 }

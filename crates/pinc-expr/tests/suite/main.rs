@@ -1,5 +1,7 @@
 //! Plants whose equations are text.
 
+mod algebraic;
+mod arrays;
 #[path = "../../../pinc-ad/tests/suite/common.rs"]
 mod common;
 mod numbers;

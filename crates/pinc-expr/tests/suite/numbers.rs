@@ -185,7 +185,7 @@ fn a_tape_records_an_expression() {
 /// An expression of the family that `pinc-ad` is tested with, as text. What an operator makes
 /// stands in parentheses: `^` binds to the right, so that an operand that ends in a power would be
 /// another one.
-fn text(e: &Expr) -> String {
+pub(crate) fn text(e: &Expr) -> String {
     match e {
         Expr::Input(i) => ["x", "y", "u"][*i].to_owned(),
         Expr::Constant(c) => format!("({c:?})"),

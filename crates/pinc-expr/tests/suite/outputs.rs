@@ -17,6 +17,7 @@ fn reaction() -> Equations {
         intermediates: [text("r", "k*pA^order")].into(),
         derivatives: [text("pA", "feed - r"), text("pB", "r")].into(),
         outputs: [output("total", "pA + pB", "kPa"), output("speed", "r + 0*feed", "")].into(),
+        ..Equations::default()
     }
 }
 

@@ -242,12 +242,16 @@ fn cycles_of_intermediates() {
 #[test]
 fn too_many_values_at_once() {
     let mut equations = equations("0*x");
-    // All are computed before the first is used, and added from the last on.
+    // All are needed for the second factor when the first one has been computed.
     for i in 0..400 {
         equations.intermediates.insert(format!("p{i:03}"), format!("sin(x + {i})"));
     }
-    let sum: Vec<_> = (0..400).rev().map(|i| format!("p{i:03}")).collect();
-    equations.derivatives.insert("x".to_owned(), sum.join(" + "));
+    let sum = |power: &str| {
+        let terms: Vec<_> = (0..400).rev().map(|i| format!("p{i:03}{power}")).collect();
+        terms.join(" + ")
+    };
+    let text = format!("({})*({})", sum(""), sum("^2"));
+    equations.derivatives.insert("x".to_owned(), text);
     let found = equations.compile().expect_err("400 values at once").problem;
     assert!(matches!(found, ExpressionProblem::TooLarge(needed) if needed > 256), "{found}");
 }

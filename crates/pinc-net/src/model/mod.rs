@@ -37,6 +37,17 @@ impl PincModel {
         Self::with_isa(net, Isa::detect())
     }
 
+    /// The control interface of `net` for steps of `t` seconds, in (0, T], in which the net is
+    /// asked for its state at `t`: f^(y, u, p) = `f_w`(t, y, u, p).
+    ///
+    /// # Errors
+    ///
+    /// [`NetError::OneScenario`] for a conventional PINN; [`NetError::Time`] for another `t`, or
+    /// one that a distilled net does not know.
+    pub fn at(net: &PincNet, t: f64) -> Result<Self, NetError> {
+        Self::folded(net, t, Isa::detect())
+    }
+
     /// The control interface of `net` in the instruction set `isa`.
     ///
     /// # Errors
@@ -47,12 +58,16 @@ impl PincModel {
     ///
     /// On use, if the machine does not have the instruction set.
     pub fn with_isa(net: &PincNet, isa: Isa) -> Result<Self, NetError> {
+        Self::folded(net, net.sample_time_s, isa)
+    }
+
+    fn folded(net: &PincNet, t: f64, isa: Isa) -> Result<Self, NetError> {
         let dims = net.dims();
-        let layout = Layout::new(FoldedNet::new(net)?, isa.lanes());
+        let layout = Layout::new(FoldedNet::at(net, t)?, isa.lanes());
         let tangents = dims.nx + dims.nu + dims.np;
         let columns = Columns::new(layout.longest(), tangents);
         let cells = Cells::new(layout.widest(), tangents, isa.lanes());
-        Ok(Self { dims, sample_time_s: net.sample_time_s, isa, layout, columns, cells })
+        Ok(Self { dims, sample_time_s: t, isa, layout, columns, cells })
     }
 
     /// Runs the net from one (x, u, p), or from [`SIDE_BY_SIDE`] of them, with the tangents of the

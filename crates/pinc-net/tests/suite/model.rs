@@ -99,3 +99,27 @@ fn a_conventional_pinn_is_no_model_for_control() {
         assert!(matches!(PincModel::with_isa(&net, Isa::detect()), Err(NetError::OneScenario)));
     }
 }
+
+/// A stage of any length up to T is one evaluation of the net at its time.
+#[test]
+fn a_shorter_step_is_the_net_at_its_time() {
+    let plant = FourTanks::antonelo();
+    let domain = Domain::new(vec![2.0..=20.0; 4], vec![0.0..=5.0; 2]);
+    let (x, u) = ([9.0, 14.0, 2.5, 3.0], [2.0, 3.5]);
+    for ansatz in [Ansatz::Direct, Ansatz::HardLinear] {
+        let config = NetConfig { ansatz, ..NetConfig::new(160.0, 3, 11) };
+        let net = PincNet::new(&plant, &config, &domain, 4).unwrap();
+        for t in [10.0, 45.0, 160.0] {
+            let mut model = PincModel::at(&net, t).unwrap();
+            assert!((model.sample_time_s() - t).abs() < f64::EPSILON);
+            let mut next = [0.0; 4];
+            model.step(&x, &u, &[], &mut next);
+            for (next, expected) in next.iter().zip(net.evaluate(t, &x, &u, &[])) {
+                assert!((next - expected).abs() < 1e-11, "{t}: {next} {expected}");
+            }
+        }
+        for t in [0.0, -1.0, 160.1, f64::NAN] {
+            assert!(matches!(PincModel::at(&net, t), Err(NetError::Time { .. })), "{t}");
+        }
+    }
+}

@@ -48,6 +48,8 @@ pub enum LoopMetric {
     RmseDense,
     /// IAE on the dense trace, summed over outputs.
     IaeDenseSum,
+    /// The largest offset from a reference at rest, over quantities and segments; NaN without one.
+    OffsetMax,
     /// The worst violation of a bound.
     MaxViolation,
     /// The largest KKT residual.
@@ -79,11 +81,12 @@ pub enum StepMetric {
 }
 
 impl LoopMetric {
-    const RESULTS: [Self; 7] = [
+    const RESULTS: [Self; 8] = [
         Self::Rmse,
         Self::Iae,
         Self::RmseDense,
         Self::IaeDenseSum,
+        Self::OffsetMax,
         Self::MaxViolation,
         Self::KktMax,
         Self::SqpIterationsMean,
@@ -96,6 +99,7 @@ impl LoopMetric {
             Self::Iae => "iae",
             Self::RmseDense => "rmse_dense",
             Self::IaeDenseSum => "iae_dense_sum",
+            Self::OffsetMax => "offset_max",
             Self::MaxViolation => "max_violation",
             Self::KktMax => "kkt_max",
             Self::SqpIterationsMean => "sqp_iterations_mean",
@@ -110,6 +114,7 @@ impl LoopMetric {
             Self::Iae => of.iae,
             Self::RmseDense => of.rmse_dense,
             Self::IaeDenseSum => of.iae_dense_sum,
+            Self::OffsetMax => of.references.largest_offset(),
             Self::MaxViolation => of.max_violation,
             Self::KktMax => of.kkt_max,
             Self::SqpIterationsMean => of.sqp_iterations_mean,

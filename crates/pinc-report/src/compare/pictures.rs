@@ -5,7 +5,7 @@ use crate::data::Run;
 use crate::picture::Picture;
 use crate::traces::ControlTrace;
 use pinc_chart::{
-    Axis, Color, Figure, INK, Kind, Panel, Point, Shape, Style, extent, held_since_previous,
+    Axis, Figure, INK, Kind, Panel, Point, Shape, Style, extent, held_since_previous,
     held_until_next, present, state_color,
 };
 use pinc_record::{ControlRow, TrainingRow};
@@ -14,14 +14,14 @@ pub(super) fn all(runs: &[Compared]) -> Vec<Picture> {
     [loops(runs), training(runs), steps(runs)].into_iter().flatten().collect()
 }
 
-/// The i-th curve: colors first, then the same ones dashed.
+/// The i-th curve: the first is broad and light beneath the others; these differ in color, then in
+/// dashes.
 fn style(i: usize) -> Style {
+    if i == 0 {
+        return Style::new(state_color(0), Shape::Line(5.0)).faint(0.4);
+    }
     let shape = if (i / 6).is_multiple_of(2) { Shape::Line(1.6) } else { Shape::Dashes(1.6) };
     Style::new(state_color(i), shape)
-}
-
-fn color(i: usize) -> Color {
-    state_color(i)
 }
 
 /// A loop with its name, and how many of the first run's units of time one of its own is.
@@ -85,7 +85,8 @@ fn loops(runs: &[Compared]) -> Option<Picture> {
         title: "Closed loops".to_owned(),
         figure: Figure::stack("Closed loops of several runs", axis, panels),
         caption: "The plants, integrated accurately, under the controllers; dashed in dark grey \
-                  the references."
+                  the references. The first run is the broad curve: where it is only a rim, the \
+                  others do the same."
             .to_owned(),
     })
 }
@@ -160,7 +161,7 @@ fn steps(runs: &[Compared]) -> Option<Picture> {
     let all = runs.iter().flat_map(|run| run.run.steps.iter().map(move |of| (run, of)));
     let mut last: f64 = 0.0;
     for (i, (run, of)) in all.enumerate() {
-        let dots = Style::new(color(i), Shape::Dots(2.2)).faint(0.7);
+        let dots = Style::new(state_color(i), Shape::Dots(2.2)).faint(0.7);
         let name = run.named(of, &run.run.steps);
         #[expect(clippy::cast_precision_loss, reason = "no run has 2^53 steps")]
         let points = |value: fn(&pinc_record::StepRow) -> f64| -> Vec<Point> {

@@ -153,16 +153,36 @@ fn metrics(run: &Run, trials: &Trials) -> Vec<Metric> {
             log: false,
         },
     ];
+    // What cases are told apart by, beside how well they follow.
+    let of_cases = [
+        Metric {
+            columns: of_models(trials, LoopMetric::OffsetMax),
+            stem: "offset",
+            title: "Closed loop: offset at rest",
+            factor: 1.0,
+            label: run.label_in_states_unit("largest offset from a reference", ""),
+            log: false,
+        },
+        Metric {
+            columns: of_models(trials, LoopMetric::MaxViolation),
+            stem: "violation",
+            title: "Closed loop: violation of bounds",
+            factor: 1.0,
+            label: "largest violation of a bound".to_owned(),
+            log: false,
+        },
+    ];
+    let of_cases = of_cases.into_iter().filter(|_| trials.are_of_cases());
     let is_worth = |metric: &Metric, column: TrialMetric| {
         let varies = || metric.spreads(trials, column).any(|spread| spread.max > spread.min);
-        trials.has(column) && (!trials.has_draws() || varies())
+        trials.has(column) && (!trials.has_draws() || trials.are_of_cases() || varies())
     };
     let present = |metric: Metric| {
         let columns = metric.columns.iter().filter(|(column, _)| is_worth(&metric, *column));
         let columns: Vec<_> = columns.copied().collect();
         (!columns.is_empty()).then_some(Metric { columns, ..metric })
     };
-    all.into_iter().filter_map(present).collect()
+    all.into_iter().chain(of_cases).filter_map(present).collect()
 }
 
 /// The time of the controller, where a sweep has one axis and so shows what it depends on.

@@ -1,10 +1,12 @@
 //! The report of a sweep: the results of its trials, cell by cell, and those that failed.
 //!
 //! A cell is a place in the grid, with one trial per seed and draw. The form of a picture follows
-//! from the sweep: a map for two axes, curves for one, bars for cases, histograms for draws.
+//! from the sweep: a map for two axes, curves for one, bars for cases, histograms for draws, boxes
+//! for cases with draws.
 
 mod accuracy_cost;
 mod bars;
+mod boxes;
 mod curves;
 mod histogram;
 mod map;
@@ -35,7 +37,9 @@ pub(crate) fn pictures(run: &Run, trials: &Trials) -> Result<Vec<Picture>, Repor
         return Ok(pictures);
     }
     for metric in Selection::of(run, trials).varying {
-        if trials.has_draws() {
+        if trials.are_of_cases() {
+            pictures.extend(boxes::picture(trials, &metric));
+        } else if trials.has_draws() {
             pictures.extend(histogram::picture(trials, &metric));
         } else {
             match trials.axes().len() {

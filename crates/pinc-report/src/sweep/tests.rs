@@ -243,6 +243,48 @@ fn draws_make_histograms_that_count_every_trial() {
 }
 
 #[test]
+fn cases_with_draws_make_boxes_side_by_side() {
+    let mut trials = Vec::new();
+    for (place, factor) in [(&["plain", "pumps"], 1.0), (&["offset-free", "pumps"], 0.001)] {
+        for draw in 1..=5_u32 {
+            let value = factor * f64::from(draw);
+            trials.push(SyntheticTrial { place, draw: Some(draw), value, status: "done" });
+        }
+    }
+    let metrics = ["rk4_iae_dense_sum", "rk4_offset_max", "rk4_max_violation"];
+    let dir = directory(&["case", "drawn"], &metrics, &trials);
+    let (figures, html) = report(dir.path());
+    let stems: Vec<&str> = figures.iter().map(|figure| figure.name.as_str()).collect();
+    assert_eq!(stems, ["iae", "offset", "violation"]);
+    for figure in &figures {
+        // From 0.001 to 5: of 1 to 5 the quartiles are 2 and 4, the median is 3.
+        let rows = csv(figure);
+        for row in [
+            ",\"RK4 plain, quartiles\",plain,,2.0,4.0,3.0",
+            ",\"RK4 offset-free, quartiles\",offset-free,,0.002,0.004,0.003",
+            ",\"RK4 offset-free, extremes\",offset-free,,0.001,0.005,",
+        ] {
+            assert!(rows.contains(row), "no {row} in {rows}");
+        }
+        assert_eq!(rows.matches("\"RK4 plain, trials\"").count(), 5);
+        // What all cells have in common is no part of their names.
+        assert!(figure.svg.contains(">plain<") && !figure.svg.contains("pumps"));
+    }
+    assert!(html.contains("5 trials in each cell"));
+    // What no case does is said.
+    let path = dir.path().join("sweep.csv");
+    let kept = |line: &str| match line.rsplit_once(",done,") {
+        Some((values, end)) => format!("{},0,done,{end}\n", values.rsplit_once(',').unwrap().0),
+        None => format!("{line}\n"),
+    };
+    let sweep: String = fs::read_to_string(&path).unwrap().lines().map(kept).collect();
+    fs::write(&path, sweep).unwrap();
+    let (figures, html) = report(dir.path());
+    assert_eq!(figures.len(), 2);
+    assert!(html.contains("The same in every trial: largest violation of a bound 0."));
+}
+
+#[test]
 fn pinns_stand_in_columns_beside_the_chained_net() {
     let cases = ["PINC", "PINN, T = 0.5 s", "PINN, T = 10 s"];
     let trials: Vec<SyntheticTrial<'_>> =

@@ -34,14 +34,21 @@ fn with_estimates() -> TempDir {
 #[test]
 fn estimates_stand_beside_the_plant_and_the_measurements() {
     let dir = with_estimates();
-    let picture = svg(dir.path(), "estimates");
-    assert_sound(&picture);
-    for word in
-        ["estimate", "95 % band", "plant", "measured", "d_u", "Innovation of a", "NIS", "NEES"]
-    {
-        assert!(picture.contains(word), "no {word}");
+    for model in ["pinc", "rk4"] {
+        let picture = svg(dir.path(), &format!("estimates-{model}"));
+        assert_sound(&picture);
+        for word in
+            ["estimate", "95 % band", "plant", "measured", "d_u", "Innovation of a", "NIS", "NEES"]
+        {
+            assert!(picture.contains(word), "no {word}");
+        }
+        let html = build(dir.path()).unwrap();
+        assert!(html.contains(&format!("From estimates-{model}.csv")));
     }
-    assert!(build(dir.path()).unwrap().contains("From estimates-pinc.csv"));
+    assert!(build(dir.path()).unwrap().contains("<h2>Estimates with RK4</h2>"));
+    // Of one model they need no name.
+    fs::remove_file(dir.path().join("estimates-rk4.csv")).unwrap();
+    assert!(stems(dir.path()).contains(&"estimates".to_owned()));
 }
 
 #[test]
@@ -70,7 +77,7 @@ fn without_estimates_there_is_no_picture_of_them() {
     for model in ["pinc", "rk4"] {
         fs::remove_file(dir.path().join(format!("estimates-{model}.csv"))).unwrap();
     }
-    assert!(!stems(dir.path()).contains(&"estimates".to_owned()));
+    assert!(!stems(dir.path()).iter().any(|stem| stem.starts_with("estimates")));
     write(&dir, "estimates-pinc.csv", "t,a,a_sd,nis,nees\n0,1,0.1,high,1\n");
     let error = build(dir.path()).unwrap_err().to_string();
     assert!(error.contains("estimates-pinc.csv:2"), "{error}");

@@ -3,6 +3,7 @@
 mod compare;
 mod domain;
 mod estimates;
+mod profile;
 mod zoom;
 
 use crate::error::ReportError;

@@ -24,7 +24,8 @@ fn examine(plant: &dyn DynPlant, experiment: &Experiment) -> Vec<Finding> {
         .map(|(spec, step_s)| rehearse(plant, spec, step_s).map_err(|error| error.to_string()));
     let read = |files: &[PathBuf]| {
         let variables = experiment.plant.variables();
-        let data = data::read(&variables, step_s.unwrap_or(1.0), files);
+        let step_s = experiment.net_step_s().unwrap_or(1.0);
+        let data = data::read(&variables, step_s, files);
         data.map(|data| data.measurements).map_err(|error| error.to_string())
     };
     pinc_check::check(plant, experiment, &Evidence { rehearsal, read: &read })

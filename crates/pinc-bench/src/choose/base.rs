@@ -1,0 +1,148 @@
+//! The experiment whose loop the candidates are tried in.
+
+use crate::BenchError;
+use crate::one_step::Steps;
+use pinc_config::{ControlSpec, Experiment, ModelKind, Plants};
+use pinc_net::{Domain, TrainingTarget};
+use std::fmt::Write;
+use std::path::Path;
+
+/// Points over the domain at which a step is looked at, and how long each of its times is measured.
+const ONE_STEP: &str = "[one_step]\npoints = 1024\nmeasure_s = 0.05\n";
+
+/// What the candidates have in common.
+#[derive(Clone, Debug)]
+pub(super) struct Base {
+    /// The config with the sections that trying needs.
+    pub(super) experiment: Experiment,
+    /// What nets can be trained on; nothing if none can be tried.
+    pub(super) sources: Vec<TrainingTarget>,
+    /// What cannot be tried or looked at, and why.
+    pub(super) notes: Vec<String>,
+}
+
+impl Base {
+    /// That of a config, which may name one of `plants`.
+    pub(super) fn of(experiment: &Experiment, plants: &Plants) -> Result<Self, BenchError> {
+        let missing = |section| BenchError::MissingSection {
+            name: experiment.name.clone(),
+            section,
+            command: "pinc choose",
+        };
+        let control = experiment.control.as_ref().ok_or_else(|| missing("control"))?;
+        let step_s = experiment.sample_time_s().ok_or_else(|| missing("model"))?;
+        let mut notes = Vec::new();
+        let mut own = experiment.clone();
+        (own.sweep, own.prediction) = (None, None);
+        if let Some(control) = &mut own.control {
+            // A section that is not there makes no sense of it; each case says its own model.
+            control.models = vec![ModelKind::Rk4];
+        }
+        if own.domain.is_none() {
+            own.domain = domain_of_bounds(experiment);
+        }
+        let mut added = String::new();
+        let is_steppable = own.domain.as_ref().is_some_and(|domain| {
+            let plant = own.plant.family(&own.varying());
+            Steps::new(&*plant, domain, step_s, 64, 1e-10).is_ok()
+        });
+        if !is_steppable {
+            own.one_step = None;
+        } else if own.one_step.is_none() {
+            added += ONE_STEP;
+        }
+        let stages = control.stages(step_s);
+        let longest = stages.iter().map(|(length_s, _)| *length_s).fold(step_s, f64::max);
+        let mut sources = Vec::new();
+        match (&own.domain, is_steppable) {
+            (None, _) => notes.push(
+                "no net was tried and no single step looked at, since neither [domain] nor bounds \
+                 of all states say where the plant may be"
+                    .to_owned(),
+            ),
+            (Some(_), false) => notes.push(
+                "no net was tried and no single step looked at, since the plant cannot be \
+                 integrated over T from all over the domain"
+                    .to_owned(),
+            ),
+            (Some(domain), true) => {
+                let whole = own.model.as_ref().is_none_or(|model| model.time_only.is_none());
+                if whole {
+                    added += &net_sections(&own, domain, longest);
+                    sources = sources_of(&own, stages.len() == 1);
+                } else {
+                    notes.push("no net was tried, since [model] is of one scenario".to_owned());
+                }
+            }
+        }
+        if sources.is_empty() {
+            (own.model, own.training, own.validation, own.data) = (None, None, None, None);
+            if let Some(control) = &mut own.control {
+                control.step_s = Some(step_s);
+            }
+        }
+        let text = format!("{}\n{added}", own.to_toml());
+        let experiment = Experiment::parse(Path::new("pinc choose"), &text, &[], plants)?;
+        Ok(Self { experiment, sources, notes })
+    }
+}
+
+impl Base {
+    /// The loop.
+    pub(super) fn control(&self) -> &ControlSpec {
+        self.experiment.control.as_ref().expect("the config was looked at for it")
+    }
+}
+
+/// The box of the controller's bounds, if all states have some.
+fn domain_of_bounds(experiment: &Experiment) -> Option<Domain> {
+    let control = experiment.control.as_ref()?;
+    let (low, high) = (control.state_low.clone()?, control.state_high.clone()?);
+    let is_finite = low.iter().chain(&high).all(|bound| bound.is_finite());
+    is_finite.then(|| Domain {
+        state_low: low,
+        state_high: high,
+        input_low: control.input_low.clone(),
+        input_high: control.input_high.clone(),
+        parameters: Vec::new(),
+    })
+}
+
+/// What nets can be trained on, the best guess first.
+fn sources_of(own: &Experiment, one_length: bool) -> Vec<TrainingTarget> {
+    use pinc_net::Ansatz::HardLinear;
+    let is_hard = own.model.as_ref().is_none_or(|model| model.ansatz == HardLinear);
+    match is_hard && one_length && own.data.is_none() {
+        true => vec![TrainingTarget::Integrator, TrainingTarget::Physics],
+        false => vec![TrainingTarget::Physics],
+    }
+}
+
+/// The sections of a training that the config lacks. The scenarios of the validation begin in the
+/// inner half of the domain, with the inner half of the inputs.
+fn net_sections(own: &Experiment, domain: &Domain, longest_s: f64) -> String {
+    let mut text = String::new();
+    // Writing to a String does not fail.
+    if own.model.is_none() {
+        let _ =
+            write!(text, "[model]\nhorizon_s = {longest_s:?}\nhidden_layers = 2\nneurons = 16\n");
+    }
+    if own.training.is_none() {
+        text += "[training]\n";
+    }
+    if own.validation.is_none() {
+        let length_s = own.model.as_ref().map_or(longest_s, |model| model.sample_time_s);
+        let inner = |low: &[f64], high: &[f64], part: f64| {
+            let ends = low.iter().zip(high);
+            ends.map(|(low, high)| low + part * (high - low)).collect::<Vec<_>>()
+        };
+        let _ =
+            write!(text, "[validation]\nduration_s = {:?}\n[validation.domain]\n", 10.0 * length_s);
+        for (end, part) in [("low", 0.25), ("high", 0.75)] {
+            let states = inner(&domain.state_low, &domain.state_high, part);
+            let inputs = inner(&domain.input_low, &domain.input_high, part);
+            let _ = write!(text, "state_{end} = {states:?}\ninput_{end} = {inputs:?}\n");
+        }
+    }
+    text
+}

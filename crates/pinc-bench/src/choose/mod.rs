@@ -1,0 +1,126 @@
+//! `pinc choose`: candidates of pinc-choose, each tried as a trial of a sweep is run and kept.
+
+mod base;
+mod session;
+
+use crate::BenchError;
+use crate::runs::{Options, rebuild_report};
+use crate::sweep::write_tables;
+use base::Base;
+use pinc_choose::{Advice, Found, Search, Tried};
+use pinc_config::{Experiment, Plants, trials};
+use pinc_record::{RecordError, RunDir, file, write_atomically};
+use session::Session;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+/// The recommended config, and its net.
+const RECOMMENDED: &str = "recommended.toml";
+const NET: &str = "recommended.safetensors";
+
+/// The directory of the sweep of all that was tried, with its report.
+const TRIED: &str = "tried";
+
+/// How good is good enough, and how long may be tried.
+#[derive(Clone, Copy, Debug)]
+pub struct ChooseOptions {
+    /// How much more than the most exact model's a loop's IAE may be, relative.
+    pub within: f64,
+    /// The time for trying, in s. The last measurements of the best take a little longer.
+    pub budget_s: f64,
+}
+
+/// What was found; its `Display` is a short table and the advice.
+#[derive(Clone, Debug)]
+pub struct Choice {
+    /// The config with the model to use, in words why.
+    pub recommended: PathBuf,
+    /// Charts of all that was tried.
+    pub report: PathBuf,
+    text: String,
+}
+
+impl std::fmt::Display for Choice {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let (config, report) = (self.recommended.display(), self.report.display());
+        write!(f, "{}config: {config}\nreport: {report}", self.text)
+    }
+}
+
+/// Tries models in the closed loop of `experiment`, which may name one of `plants`, and chooses
+/// one. Results are in `dir`; those of an earlier call are taken up where `options` say so.
+///
+/// # Errors
+///
+/// [`BenchError`] if the config has no closed loop, no loop with an integrator stands, or files
+/// cannot be written.
+pub fn choose(
+    experiment: &Experiment,
+    dir: &Path,
+    plants: &Plants,
+    options: &Options<'_>,
+    how: ChooseOptions,
+) -> Result<Choice, BenchError> {
+    let base = Base::of(experiment, plants)?;
+    let mut session = Session::open(&base, dir, plants, options, how.budget_s)?;
+    let search = Search { control: base.control(), sources: &base.sources, within: how.within };
+    let found = search.run(&mut session)?;
+    let Some(advice) = Advice::of(&search, &found, &base.notes) else {
+        return Err(nothing(&experiment.name, &found));
+    };
+    let report = write_report(&session, &found.tried)?;
+    let net = copy_net(&session, advice.winner())?.then_some(NET);
+    let recommended = session.run_dir.path(RECOMMENDED);
+    let config = advice.config(experiment, &base.experiment, net);
+    write_atomically(&recommended, config.as_bytes())?;
+    session.end(found.tried.len());
+    Ok(Choice { recommended, report, text: advice.to_string() })
+}
+
+/// An error that says how the loops with integrators ended.
+fn nothing(name: &str, found: &Found) -> BenchError {
+    let reason = |tried: &Tried| match &tried.result {
+        Err(error) => format!("{}: {error}", tried.candidate),
+        Ok(score) => {
+            format!("{}: {:.0} % of its steps fail", tried.candidate, 100.0 * score.failed)
+        }
+    };
+    let reasons: Vec<String> = found.tried.iter().map(reason).collect();
+    BenchError::NothingToChoose {
+        name: name.to_owned(),
+        out_of_time: found.is_out_of_time,
+        reasons: reasons.join("; "),
+    }
+}
+
+/// Makes a sweep of all loops that came to their end, with its tables and its report, and returns
+/// the path of the latter.
+fn write_report(session: &Session<'_>, tried: &[Tried]) -> Result<PathBuf, BenchError> {
+    let ended = tried.iter().filter(|tried| tried.result.is_ok());
+    let cases = ended.map(|tried| tried.candidate.case(tried.repetitions));
+    let experiment = session.sweep(&cases.collect::<String>())?;
+    let dir = session.run_dir.path(TRIED);
+    match fs::remove_dir_all(&dir) {
+        Err(error) if error.kind() != std::io::ErrorKind::NotFound => {
+            return Err(RecordError::unwritable(&dir)(error).into());
+        }
+        _ => {}
+    }
+    let mut run_dir = RunDir::open(&dir, &experiment, std::process::id())?;
+    let all = trials(&experiment).expect("the experiment was checked, and its trials with it");
+    let counts = write_tables(&experiment, &all, &run_dir, &session.sweep_dir)?;
+    run_dir.update(|metrics| metrics.sweep = Some(counts))?;
+    rebuild_report(&dir)
+}
+
+/// Copies the net of the model to use to where the recommended config is; gives whether it has one.
+fn copy_net(session: &Session<'_>, winner: &Tried) -> Result<bool, BenchError> {
+    let to = session.run_dir.path(NET);
+    let Some(net) = &winner.net else {
+        session.run_dir.remove(NET)?;
+        return Ok(false);
+    };
+    let from = session.sweep_dir.net(net).join(file::MODEL);
+    fs::copy(&from, &to).map_err(RecordError::unwritable(&to))?;
+    Ok(true)
+}

@@ -1,0 +1,147 @@
+//! Trying candidates, one after the other, within a time.
+
+use super::base::Base;
+use crate::BenchError;
+use crate::clock::Deadline;
+use crate::invocation::{cores, invocation};
+use crate::progress::{Stage, Verbosity};
+use crate::runs::{Options, Threads, run_trial, train_shared};
+use pinc_choose::{Candidate, Loops, Score, Tried};
+use pinc_config::{Experiment, Plants, Trial, trials};
+use pinc_record::{Ending, Finished, Provenance, RunDir, SweepDir};
+use std::path::Path;
+
+/// The candidates tried so far, and where what came of them lies.
+pub(super) struct Session<'a> {
+    base: &'a Base,
+    pub(super) run_dir: RunDir,
+    pub(super) sweep_dir: SweepDir,
+    plants: &'a Plants,
+    provenance: Provenance,
+    options: &'a Options<'a>,
+    deadline: Deadline,
+    stage: Stage,
+}
+
+impl<'a> Session<'a> {
+    /// A session in `dir`, in which the results of an earlier one may be.
+    pub(super) fn open(
+        base: &'a Base,
+        dir: &Path,
+        plants: &'a Plants,
+        options: &'a Options<'a>,
+        budget_s: f64,
+    ) -> Result<Self, BenchError> {
+        let run_dir = RunDir::open(dir, &base.experiment, std::process::id())?;
+        let provenance = Provenance::of(&base.experiment, invocation(options.arguments));
+        run_dir.write_provenance(&provenance, options.resume)?;
+        let sweep_dir = SweepDir::of(dir);
+        if !options.resume {
+            sweep_dir.clear()?;
+        }
+        let deadline = Deadline::in_seconds(budget_s);
+        let stage = Stage::begin(options.verbosity, "choose", deadline.whole_s());
+        Ok(Self { base, run_dir, sweep_dir, plants, provenance, options, deadline, stage })
+    }
+
+    /// Ends the session, in which so much was tried.
+    pub(super) fn end(self, tried: usize) {
+        self.stage.end(&format!("{tried} models tried"));
+    }
+
+    /// The sweep whose cases are these.
+    pub(super) fn sweep(&self, cases: &str) -> Result<Experiment, BenchError> {
+        let own = self.base.experiment.to_toml();
+        let text = format!("{own}\n[sweep]\ntimed = true\n{cases}");
+        Ok(Experiment::parse(Path::new("pinc choose"), &text, &[], self.plants)?)
+    }
+
+    fn trial(&self, candidate: Candidate, repetitions: usize) -> Result<Trial, BenchError> {
+        let sweep = self.sweep(&candidate.case(repetitions))?;
+        let made = trials(&sweep).expect("the experiment was checked, and its trials with it");
+        Ok(made.into_iter().next().expect("a sweep with one case has one trial"))
+    }
+
+    /// Runs a trial after its training, and keeps what came of it; nothing if the time was up.
+    fn run_trial(&self, trial: &Trial, limited: bool) -> Result<Option<Finished>, BenchError> {
+        let dir = self.sweep_dir.begin(&trial.id)?;
+        let mut run_dir = RunDir::of_trial(&dir, &trial.experiment, false);
+        let user = self.options.interrupt;
+        let limit = limited.then_some(self.deadline);
+        let worked = crate::clock::until(limit, user, |interrupt| {
+            let quiet = Verbosity::Quiet;
+            let options = Options { resume: true, verbosity: quiet, interrupt, ..*self.options };
+            self.train_and_run(trial, &mut run_dir, &options)
+        });
+        let ending = match worked {
+            Ok(()) => Ending::Done,
+            Err(BenchError::Interrupted { .. }) => {
+                self.options.check_interrupt(self.run_dir.dir())?;
+                return Ok(None);
+            }
+            Err(error @ (BenchError::Record(_) | BenchError::Config(_))) => return Err(error),
+            // The same every time: the model cannot do it.
+            Err(error) => Ending::Failed { error: error.to_string() },
+        };
+        let finished = Finished { ending, metrics: run_dir.metrics().clone() };
+        self.sweep_dir.finish(&trial.id, &finished)?;
+        Ok(Some(finished))
+    }
+
+    fn train_and_run(
+        &self,
+        trial: &Trial,
+        run_dir: &mut RunDir,
+        options: &Options<'_>,
+    ) -> Result<(), BenchError> {
+        let mut net = None;
+        if let Some((id, training)) = &trial.training {
+            let place = self.sweep_dir.net(id);
+            if !self.sweep_dir.is_trained(id) {
+                let provenance =
+                    Provenance { config_sha256: training.fingerprint(), ..self.provenance.clone() };
+                train_shared(training, &place, &provenance, &Threads::new(&cores), options)?;
+            }
+            net = Some(place);
+        }
+        run_trial(&trial.experiment, net.as_deref(), run_dir, options)
+    }
+}
+
+impl Loops for Session<'_> {
+    type Error = BenchError;
+
+    fn run(
+        &mut self,
+        candidate: Candidate,
+        repetitions: usize,
+        limited: bool,
+    ) -> Result<Option<Tried>, BenchError> {
+        let done = self.deadline.seconds_over();
+        self.stage.advance(done, || candidate.to_string());
+        let trial = match self.trial(candidate, repetitions) {
+            Ok(trial) => trial,
+            // Too many substeps in a long stage, say.
+            Err(BenchError::Config(error)) => {
+                let (net, result) = (None, Err(error.to_string()));
+                return Ok(Some(Tried { candidate, net, repetitions, result }));
+            }
+            Err(error) => return Err(error),
+        };
+        let net = trial.training.as_ref().map(|(id, _)| id.clone());
+        let finished = match self.sweep_dir.finished(&trial.id)? {
+            Some(finished) => finished,
+            None if limited && self.deadline.is_over() => return Ok(None),
+            None => match self.run_trial(&trial, limited)? {
+                Some(finished) => finished,
+                None => return Ok(None),
+            },
+        };
+        let result = match (finished.ending, Score::of(&finished.metrics)) {
+            (Ending::Failed { error }, _) => Err(error),
+            (Ending::Done, Some(score)) => Ok(score),
+            (Ending::Done, None) => Err("no results".to_owned()),
+        };
+        Ok(Some(Tried { candidate, net, repetitions, result }))
+    }
+}

@@ -1,0 +1,67 @@
+//! Recorded data: the columns `t`, the inputs, and `y_` with the name of what is measured.
+
+use super::columns::{finite, optional};
+use crate::error::CsvProblem;
+use csv::StringRecord;
+use pinc_config::Variables;
+
+/// Where in a row the columns are, with their names.
+pub(super) struct Columns {
+    t: usize,
+    inputs: Vec<(usize, String)>,
+    measured: Vec<(usize, String)>,
+    pub(super) states: Option<Vec<(usize, String)>>,
+}
+
+/// One row; a measurement that is missing is NaN.
+pub(super) struct DataRow {
+    pub(super) t: f64,
+    pub(super) u: Vec<f64>,
+    pub(super) y: Vec<f64>,
+    pub(super) truth: Option<Vec<f64>>,
+}
+
+impl Columns {
+    pub(super) fn find(
+        header: &StringRecord,
+        variables: &Variables,
+        measured: &[String],
+    ) -> Result<Self, CsvProblem> {
+        let inputs = variables.input_names();
+        let measured: Vec<_> = measured.iter().map(|name| format!("y_{name}")).collect();
+        let expected = [&["t".to_owned()][..], &inputs, &measured].concat().join(",");
+        let place = |name: &String| {
+            let column = header.iter().position(|column| column == name);
+            let missing =
+                || CsvProblem::MissingColumn { column: name.clone(), expected: expected.clone() };
+            Ok((column.ok_or_else(missing)?, name.clone()))
+        };
+        let all = |names: &[String]| names.iter().map(place).collect::<Result<Vec<_>, _>>();
+        Ok(Self {
+            t: place(&"t".to_owned())?.0,
+            inputs: all(&inputs)?,
+            measured: all(&measured)?,
+            states: all(&variables.state_names()).ok(),
+        })
+    }
+
+    /// The same without the true states, which do not matter everywhere.
+    pub(super) fn without_truth(self) -> Self {
+        Self { states: None, ..self }
+    }
+
+    pub(super) fn read(&self, cells: &StringRecord) -> Result<DataRow, CsvProblem> {
+        let number = |(place, name): &(usize, String)| finite(&cells[*place], name);
+        let measurement = |(place, name): &(usize, String)| match &cells[*place] {
+            "NaN" | "nan" | "NAN" => Ok(f64::NAN),
+            cell => Ok(optional(cell, name)?.unwrap_or(f64::NAN)),
+        };
+        let truth = self.states.as_ref().map(|states| states.iter().map(number).collect());
+        Ok(DataRow {
+            t: finite(&cells[self.t], "t")?,
+            u: self.inputs.iter().map(number).collect::<Result<_, _>>()?,
+            y: self.measured.iter().map(measurement).collect::<Result<_, _>>()?,
+            truth: truth.transpose()?,
+        })
+    }
+}

@@ -1,0 +1,185 @@
+//! `pinc choose`: which model should be in a loop.
+
+use crate::common::{Outcome, outcome, pinc, repository};
+use pinc_bench::Plants;
+use pinc_config::{Experiment, ModelKind};
+use pinc_record::Metrics;
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::time::SystemTime;
+
+/// The oscillator with trainings that end before their nets are any good.
+const TINY: [&str; 6] = [
+    "--set",
+    "training.phases.0.iterations=8",
+    "--set",
+    "training.collocation_points=64",
+    "--set",
+    "control.duration_s=5.0",
+];
+
+/// A lag so fast that explicit methods are unstable with any number of substeps that is tried.
+const FAST: &str = r#"
+name = "fast"
+preset = "ours"
+seed = 1
+[plant.expression]
+states = ["x"]
+inputs = ["u"]
+derivatives = { x = "2e4*(u - x)" }
+[control]
+step_s = 0.1
+duration_s = 0.5
+initial_state = [0.0]
+controlled = ["x"]
+n2 = 2
+nu = 2
+q = [10.0]
+r = [1.0]
+input_low = [-5.0]
+input_high = [5.0]
+references = [{ start_s = 0.0, value = [1.0] }]
+repetitions = 1
+plant_tolerance = 1e-6
+"#;
+
+fn choose(config: &Path, out: &Path, more: &[&str]) -> Outcome {
+    let mut command = pinc(&["choose", "--out"]);
+    command.arg(out).arg(config).args(more);
+    if !more.iter().any(|argument| argument.starts_with("--budget-s")) {
+        command.args(["--budget-s", "1000"]);
+    }
+    outcome(&mut command)
+}
+
+fn iae_of(config: &Path, out: &Path) -> f64 {
+    let mut command = pinc(&["control", "--quiet", "--set", "control.repetitions=1", "--out"]);
+    let ended = outcome(command.arg(out).arg(config));
+    assert_eq!(ended.code, Some(0), "{ended:?}");
+    let metrics = fs::read(out.join("metrics.json")).unwrap();
+    let metrics: Metrics = serde_json::from_slice(&metrics).unwrap();
+    metrics.control[0].iae_dense_sum
+}
+
+/// When each result of a trial and each net was written.
+fn written(out: &Path) -> BTreeMap<PathBuf, SystemTime> {
+    let mut found = BTreeMap::new();
+    for (folder, name) in [("trials", "result.json"), ("nets", "model.safetensors")] {
+        for entry in fs::read_dir(out.join(folder)).unwrap() {
+            let path = entry.unwrap().path().join(name);
+            let time = fs::metadata(&path).unwrap().modified().unwrap();
+            found.insert(path, time);
+        }
+    }
+    found
+}
+
+/// The table and the advice, without the progress.
+fn table(outcome: &Outcome) -> String {
+    assert_eq!(outcome.code, Some(0), "{outcome:?}");
+    outcome.stdout.clone()
+}
+
+#[test]
+fn the_recommended_config_keeps_what_is_promised_and_a_resumed_run_repeats_nothing() {
+    let dir = tempfile::tempdir().unwrap();
+    let out = dir.path().join("choice");
+    let config = repository("configs/smoke/van-der-pol.toml");
+    let one_step = dir.path().join("config.toml");
+    let text = fs::read_to_string(config).unwrap();
+    fs::write(&one_step, format!("{text}\n[one_step]\npoints = 64\nmeasure_s = 0.001\n")).unwrap();
+    let first = table(&choose(&one_step, &out, &TINY));
+    // The nets are bad after so short a training, so that an integrator it is.
+    assert!(first.contains("Use RK"), "{first}");
+    assert!(first.contains("RK4 x4 ") && first.contains("distilled 2x16"), "{first}");
+    assert!(out.join("tried/report.html").exists());
+
+    let recommended = out.join("recommended.toml");
+    let chosen = Experiment::load(&recommended, &[], &Plants::built_in()).unwrap();
+    let comments = fs::read_to_string(&recommended).unwrap();
+    assert!(comments.starts_with("# Use RK"), "{comments}");
+    let models = &chosen.control.as_ref().unwrap().models;
+    assert!(models.len() == 1 && models[0] != ModelKind::Pinc, "{models:?}");
+    let promised = iae_of(&recommended, &dir.path().join("run"));
+    assert!(first.contains(&format!("its IAE of {promised:.6} is")), "{promised} {first}");
+    let exact = ["--set", "control.models=[\"rk4\"]", "--set", "control.rk4_substeps=64"];
+    let exact_config = dir.path().join("exact.toml");
+    fs::write(&exact_config, chosen.to_toml()).unwrap();
+    let mut command = pinc(&["control", "--quiet", "--out"]);
+    let ran = dir.path().join("exact");
+    assert_eq!(outcome(command.arg(&ran).arg(&exact_config).args(exact)).code, Some(0));
+    let metrics = fs::read(ran.join("metrics.json")).unwrap();
+    let metrics: Metrics = serde_json::from_slice(&metrics).unwrap();
+    assert!(promised <= 1.01 * metrics.control[0].iae_dense_sum, "{promised}");
+
+    // All is there: nothing is run or trained again, and the same is said.
+    let before = written(&out);
+    assert!(before.len() > 8, "{before:?}");
+    let resumed = choose(&one_step, &out, &[&TINY[..], &["--resume"]].concat());
+    assert_eq!(table(&resumed), first);
+    assert_eq!(written(&out), before);
+
+    // Another config has another directory.
+    choose(&one_step, &out, &["--resume"]).assert_refused(&["another config"]);
+}
+
+#[test]
+fn a_stiff_plant_gets_the_method_for_stiff_plants() {
+    let dir = tempfile::tempdir().unwrap();
+    let config = dir.path().join("fast.toml");
+    fs::write(&config, FAST).unwrap();
+    let out = dir.path().join("choice");
+    let said = table(&choose(&config, &out, &[]));
+    assert!(said.contains("Use Rosenbrock with"), "{said}");
+    assert!(said.contains("no net was tried and no single step looked at"), "{said}");
+    let chosen = Experiment::load(&out.join("recommended.toml"), &[], &Plants::built_in()).unwrap();
+    assert_eq!(chosen.control.unwrap().models, [ModelKind::Rodas4]);
+}
+
+#[test]
+fn a_plant_that_no_loop_stands_with_is_said() {
+    let dir = tempfile::tempdir().unwrap();
+    let config = dir.path().join("bolting.toml");
+    // x is infinite before the second step ends, whatever u is.
+    fs::write(&config, FAST.replace("2e4*(u - x)", "100*(1 + x^2) + 0.01*u")).unwrap();
+    let ended = choose(&config, &dir.path().join("choice"), &[]);
+    assert_eq!(ended.code, Some(1), "{ended:?}");
+    for part in ["no model to choose", "no loop with an integrator stands", "RK4 x4: "] {
+        assert!(ended.stderr.contains(part), "{ended:?}");
+    }
+    assert!(!ended.stderr.contains("panicked"), "{ended:?}");
+}
+
+#[test]
+fn what_cannot_be_chosen_for_is_refused() {
+    let dir = tempfile::tempdir().unwrap();
+    let out = dir.path().join("choice");
+    let config = dir.path().join("plant.toml");
+    let (plant, _) = FAST.split_once("[control]").unwrap();
+    fs::write(&config, plant).unwrap();
+    choose(&config, &out, &[]).assert_refused(&["no section [control]", "pinc choose"]);
+    fs::write(&config, FAST.replace("step_s = 0.1", "")).unwrap();
+    choose(&config, &out, &[]).assert_refused(&["no section [model]"]);
+    fs::write(&config, FAST).unwrap();
+    for (option, value) in [("--within", "0%"), ("--within", "much"), ("--budget-s", "-3")] {
+        let mut command = pinc(&["choose"]);
+        let ended = outcome(command.arg(&config).arg(format!("{option}={value}")));
+        assert_eq!(ended.code, Some(2), "{ended:?}");
+        assert!(ended.stderr.contains("expected a"), "{ended:?}");
+    }
+}
+
+/// With no time at all nothing is tried, which a later call makes up for.
+#[test]
+fn a_run_whose_time_was_up_can_be_resumed() {
+    let dir = tempfile::tempdir().unwrap();
+    let config = dir.path().join("fast.toml");
+    let out = dir.path().join("choice");
+    fs::write(&config, FAST.replace("2e4", "2")).unwrap();
+    let ended = choose(&config, &out, &["--budget-s=1e-9"]);
+    assert_eq!(ended.code, Some(1), "{ended:?}");
+    assert!(ended.stderr.contains("the time was up"), "{ended:?}");
+    let said = table(&choose(&config, &out, &["--resume"]));
+    assert!(said.contains("Use RK"), "{said}");
+}

@@ -1,0 +1,234 @@
+//! `pinc identify`: recorded data to parameters, and what is said of data that are no good.
+
+use crate::common::{outcome, pinc, repository};
+use serde_json::Value;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+const TANKS: &str = r#"
+name = "unknown"
+preset = "ours"
+seed = 1
+[plant]
+four-tanks = { parameters = "antonelo" }
+[identify]
+measured = ["h1", "h2", "h3", "h4"]
+initial_state = [8.0, 10.0, 3.0, 4.0]
+parameters = [
+    { name = "k1", initial = 5.0, low = 0.5, high = 8.0 },
+    { name = "k2", initial = 2.0, low = 0.5, high = 8.0 },
+    { name = "gamma1", initial = 0.3 },
+    { name = "gamma2", initial = 0.7 },
+    { name = "a1", initial = 0.1 },
+    { name = "a2", initial = 0.1 },
+    { name = "a3", initial = 0.1 },
+    { name = "a4", initial = 0.1 },
+]
+"#;
+
+/// A tank with an equation in which only the product of two parameters counts.
+const TANK: &str = r#"
+name = "tank"
+preset = "ours"
+seed = 1
+[plant.expression]
+states = [{ name = "h", unit = "cm" }]
+inputs = [{ name = "u", unit = "V" }]
+parameters = { a = 0.07, gamma = 0.6, k = 3.3 }
+derivatives = { h = "(k*gamma*u - a*sqrt(max(h, 0)*1962))/28" }
+[identify]
+initial_state = [8.0]
+measurement_sd = [0.05]
+step_s = 10.0
+parameters = [
+    { name = "k", initial = 3.0, low = 0.1, high = 9.0 },
+    { name = "a", initial = 0.06, low = 0.01, high = 0.2 },
+]
+"#;
+
+fn recorded() -> PathBuf {
+    repository("configs/identification/tanks.csv")
+}
+
+/// A directory with a config.
+fn directory(text: &str) -> (tempfile::TempDir, String) {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("config.toml");
+    fs::write(&path, text).unwrap();
+    let path = path.to_str().unwrap().to_owned();
+    (dir, path)
+}
+
+fn text(path: &Path) -> String {
+    path.to_str().unwrap().to_owned()
+}
+
+fn json(dir: &Path) -> Value {
+    serde_json::from_str(&fs::read_to_string(dir.join("identify.json")).unwrap()).unwrap()
+}
+
+/// The level of that tank with k = 3.1, a step of 10 s per row, by Euler's method in small steps.
+fn tank_csv(rows: usize, factor: f64) -> String {
+    let (mut h, mut csv) = (8.0f64, "t,u,y_h\n".to_owned());
+    for k in 0..rows {
+        let u = if (k / 12) % 2 == 0 { 3.5 } else { 2.0 };
+        // A noise of some hundredths that repeats after a long time.
+        let noise = 0.07 * ((k * k * 7919 % 1009) as f64 / 1009.0 - 0.5);
+        csv += &format!("{},{u},{}\n", 10 * k, factor * (h + noise));
+        for _ in 0..1000 {
+            h += 0.01 * (3.1 * 0.6 * u - 0.07 * (h * 1962.0).sqrt()) / 28.0;
+        }
+    }
+    csv
+}
+
+#[test]
+fn recorded_data_give_the_plant() {
+    let (dir, config) = directory(TANKS);
+    let out = dir.path().join("out");
+    let arguments = ["identify", &config, "--data", &text(&recorded()), "--out", &text(&out)];
+    let found = outcome(&mut pinc(&arguments));
+    assert_eq!(found.code, Some(0), "{found:?}");
+    assert!(found.stdout.contains("single shooting"), "{found:?}");
+    assert!(found.stdout.contains("k1 = 3.203255 +- 1.29e-2"), "{found:?}");
+    assert!(!found.stdout.contains("note:"), "{found:?}");
+    let json = json(&out);
+    for (name, value, width) in
+        [("k1", 3.203_255, 0.0129), ("k2", 3.480_243, 0.0124), ("a4", 0.059_779, 0.0003)]
+    {
+        let of = &json["parameters"][name];
+        assert!((of["value"].as_f64().unwrap() - value).abs() < 1e-6 * value + 5e-7, "{of}");
+        assert!((of["half_width_95"].as_f64().unwrap() - width).abs() < 0.5e-4, "{of}");
+    }
+    assert_eq!(json["outputs"], serde_json::json!(["h1", "h2", "h3", "h4"]));
+    // Without a noise of the sensors the residuals are in cm.
+    let cost = json["cost"].as_f64().unwrap();
+    assert!((cost - 409.761_095 * 0.05 * 0.05).abs() < 1e-6 * cost, "{cost}");
+    assert_eq!(json["initial_states"][0]["file"], "tanks.csv");
+    let matrix = json["correlation"]["matrix"].as_array().unwrap();
+    assert_eq!((matrix.len(), matrix[3].as_array().unwrap().len()), (12, 12));
+
+    // Data and fit, row by row, and a report of them.
+    let residuals = fs::read_to_string(out.join("residuals.csv")).unwrap();
+    assert!(residuals.starts_with("file,t,y_h1,y_h2,y_h3,y_h4,fit_h1,"), "{residuals}");
+    assert_eq!(residuals.lines().count(), 202);
+    let report = fs::read_to_string(out.join("report.html")).unwrap();
+    assert!(report.contains("Residuals of h3") && report.contains("half width"));
+    assert!(out.join("figures/identification.svg").exists());
+
+    // A config of the plant that was found, which is one.
+    let identified = text(&out.join("identified.toml"));
+    let checked = outcome(&mut pinc(&["check", &identified]));
+    assert_eq!(checked.code, Some(0), "{checked:?}");
+    let written = fs::read_to_string(&identified).unwrap();
+    assert!(written.contains("# k1 = 3.20325"), "{written}");
+    assert!(written.contains("k1 = 3.20325"), "{written}");
+}
+
+/// The noise of the sensors is the loop's where the section has none; pumps and valves have keys of
+/// their own in the plant's section.
+#[test]
+fn the_shipped_config_is_identified_with_two_sensors_too() {
+    let dir = tempfile::tempdir().unwrap();
+    let (config, data) =
+        (text(&repository("configs/identification/tanks.toml")), text(&recorded()));
+    let out = text(&dir.path().join("out"));
+    let sets = ["identify.measured=[\"h1\", \"h2\"]", "identify.measurement_sd=[0.05, 0.05]"];
+    let arguments = ["identify", &config, "--data", &data, "--out", &out];
+    let arguments = [&arguments[..], &["--set", sets[0], "--set", sets[1]]].concat();
+    let found = outcome(&mut pinc(&arguments));
+    assert_eq!(found.code, Some(0), "{found:?}");
+    let json = json(Path::new(&out));
+    let cost = json["cost"].as_f64().unwrap();
+    assert!((cost - 207.618_614).abs() < 1e-6 * cost, "{cost}");
+    let k2 = &json["parameters"]["k2"];
+    assert!((k2["value"].as_f64().unwrap() - 3.484_454).abs() < 4e-6, "{k2}");
+    assert!((k2["half_width_95"].as_f64().unwrap() - 0.0202).abs() < 2e-4, "{k2}");
+}
+
+#[test]
+fn gaps_and_several_files_are_taken() {
+    let (dir, config) = directory(TANK);
+    let whole = tank_csv(80, 1.0);
+    let lines: Vec<&str> = whole.lines().collect();
+    let file = |name: &str, rows: &dyn Fn(usize) -> bool| {
+        let kept = lines.iter().enumerate().filter(|(i, _)| *i == 0 || rows(*i));
+        let kept: Vec<_> = kept.map(|(_, line)| *line).collect();
+        let path = dir.path().join(name);
+        fs::write(&path, kept.join("\n")).unwrap();
+        text(&path)
+    };
+    // Rows that are missing in the first, from where the input stays as it was.
+    let gappy = file("gappy.csv", &|i| i <= 40 && !(16..20).contains(&i));
+    let second = file("second.csv", &|i| i > 40);
+    let out = text(&dir.path().join("out"));
+    let found =
+        outcome(&mut pinc(&["identify", &config, "--data", &gappy, &second, "--out", &out]));
+    assert_eq!(found.code, Some(0), "{found:?}");
+    assert!(found.stdout.contains("h(0) of second.csv = "), "{found:?}");
+    let json = json(Path::new(&out));
+    assert_eq!(json["measurements"], 76);
+    let k = json["parameters"]["k"]["value"].as_f64().unwrap();
+    assert!((k - 3.1).abs() < 0.05, "{k}");
+    let residuals = fs::read_to_string(Path::new(&out).join("residuals.csv")).unwrap();
+    assert_eq!(residuals.lines().count(), 81);
+    // The identified equation has the value that was found.
+    let written = fs::read_to_string(Path::new(&out).join("identified.toml")).unwrap();
+    assert!(written.contains(&format!("k = {k:?}")), "{written}");
+}
+
+#[test]
+fn bad_data_are_answered_in_words() {
+    let (dir, config) = directory(TANK);
+    let path = dir.path().join("data.csv");
+    let mut number = 0;
+    let mut identify = |csv: &str, sets: &[&str]| {
+        fs::write(&path, csv).unwrap();
+        number += 1;
+        let out = text(&dir.path().join(format!("out{number}")));
+        let data = text(&path);
+        let mut arguments = vec!["identify", &config, "--data", &data, "--out", &out];
+        sets.iter().for_each(|set| arguments.extend(["--set", set]));
+        let found = outcome(&mut pinc(&arguments));
+        assert!(!found.stderr.contains("panicked"), "{found:?}");
+        found
+    };
+    for (csv, said) in [
+        ("", "column `t` is missing"),
+        ("t,u,y_h\n", "0 rows of data, expected 2 or more"),
+        ("t,u,y_h\n0,1,8\n", "1 rows of data, expected 2 or more"),
+        ("t,u,y_h\n0,1,8\n10,1,\n", "1 measured values cannot determine 3 unknowns"),
+        ("t,u,y_h\n0,1,8\n0,1,8\n", "0 s given, expected more than 0 s"),
+        ("t,u,y_h\n0,1,8\n15,1,8\n", "15 s after 0 s given, expected a whole number of steps"),
+        ("t,u,y_h\n0,1,8\n10,x,8\n", "`x` given, expected a finite number"),
+        ("t,u\n0,1\n10,1\n", "column `y_h` is missing"),
+    ] {
+        let found = identify(csv, &[]);
+        found.assert_refused(&[said]);
+    }
+    let good = tank_csv(80, 1.0);
+    let found = identify(&good, &[]);
+    assert_eq!(found.code, Some(0), "{found:?}");
+    assert!(!found.stdout.contains("note:"), "{found:?}");
+    // Only a product counts.
+    let pair = "identify.parameters=[{ name = \"k\", initial = 3.0 }, { name = \"gamma\", initial = 0.5 }]";
+    let found = identify(&good, &[pair]);
+    assert!(found.stdout.contains("k, gamma cannot be identified together"), "{found:?}");
+    assert!(found.stdout.contains("k = ") && found.stdout.contains("without an interval"));
+    // Millimetres and more in place of centimetres.
+    let found = identify(&tank_csv(80, 1000.0), &[]);
+    assert!(found.stdout.contains("the measurements are about 1e3 times"), "{found:?}");
+    assert!(found.stdout.contains("bound"), "{found:?}");
+    // Keys that make no sense.
+    for (set, said) in [
+        ("identify.parameters.0.name=kk", "`kk` is not known"),
+        ("identify.parameters.0.initial=10.0", "a start within its bounds, 0.1 to 9"),
+        ("identify.measured=[\"v\"]", "`v` is not known"),
+        ("identify.fixed_initial_state=[8.0]", "no such key beside identify.initial_state"),
+        ("identify.initial_state=[8.0, 1.0]", "2 values given, expected 1"),
+        ("identify.step_s=-1.0", "a positive number"),
+    ] {
+        let found = identify(&good, &[set]);
+        found.assert_refused(&[said]);
+    }
+}

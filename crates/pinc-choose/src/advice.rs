@@ -1,0 +1,162 @@
+//! What was found, as a table and a sentence.
+
+use crate::candidate::Candidate;
+use crate::judge::{Score, Standard, Tried};
+use crate::search::{Found, Search};
+use pinc_net::TrainingTarget;
+use std::fmt;
+
+/// A step that is wrong by more than this, in widths of the domain, is worth a word.
+const LARGE: f64 = 0.1;
+
+/// What to use, and why. Its `Display` is a table of all that was tried, and the reasons.
+#[derive(Clone, Debug)]
+pub struct Advice<'a> {
+    tried: &'a [Tried],
+    standard: Standard,
+    winner: &'a Tried,
+    score: &'a Score,
+    /// What could not be tried, and why.
+    notes: &'a [String],
+    within: f64,
+    is_out_of_time: bool,
+}
+
+impl fmt::Display for Advice<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        writeln!(f, "model               IAE    step p50 us      p99 us  worst error  training s")?;
+        let score = |tried: &&Tried| tried.result.as_ref().map_or(f64::INFINITY, |s| s.p50_us);
+        let mut rows: Vec<&Tried> = self.tried.iter().collect();
+        rows.sort_by(|a, b| score(a).total_cmp(&score(b)));
+        for tried in rows {
+            let name = tried.candidate.to_string();
+            match &tried.result {
+                Ok(score) => self.row(f, &name, score)?,
+                Err(error) => writeln!(f, "{name:<14}   {error}")?,
+            }
+        }
+        for sentence in self.sentences() {
+            writeln!(f, "{sentence}")?;
+        }
+        Ok(())
+    }
+}
+
+impl<'a> Advice<'a> {
+    /// The advice that a search comes to; `notes` say what could not be tried. Nothing if no loop
+    /// stands.
+    #[must_use]
+    pub fn of(search: &Search<'_>, found: &'a Found, notes: &'a [String]) -> Option<Self> {
+        let standard = search.standard(&found.tried)?;
+        let (winner, score) = standard.winner(&found.tried)?;
+        let (within, is_out_of_time) = (search.within, found.is_out_of_time);
+        Some(Self { tried: &found.tried, standard, winner, score, notes, within, is_out_of_time })
+    }
+
+    /// The model to use.
+    #[must_use]
+    pub fn winner(&self) -> &'a Tried {
+        self.winner
+    }
+
+    fn row(&self, f: &mut fmt::Formatter<'_>, name: &str, score: &Score) -> fmt::Result {
+        let number = |value: Option<f64>| match value {
+            Some(value) if value.is_finite() => format!("{value:.1e}"),
+            Some(_) => "not finite".to_owned(),
+            None => "-".to_owned(),
+        };
+        let training = score.training_s.map_or("-".to_owned(), |s| format!("{s:.1}"));
+        let remark = match self.standard.shortfall(score) {
+            Some(shortfall) => shortfall,
+            None if !self.standard.is_in_time(score) => "late".to_owned(),
+            None => "good".to_owned(),
+        };
+        writeln!(
+            f,
+            "{name:<14} {:>12.6} {:>12.2} {:>11.2} {:>12} {training:>11}   {remark}",
+            score.iae,
+            score.p50_us,
+            score.p99_us,
+            number(score.worst),
+        )
+    }
+
+    /// The advice, and what it does not rest on.
+    pub(crate) fn sentences(&self) -> Vec<String> {
+        let mut sentences = vec![self.advice()];
+        if let Some(worst) = self.score.worst.filter(|worst| !(..=LARGE).contains(worst)) {
+            sentences.push(format!(
+                "Somewhere in the domain a step of it is wrong by {}: the loop does not go there.",
+                if worst.is_finite() {
+                    format!("{worst:.1} of its width")
+                } else {
+                    "all bounds".to_owned()
+                }
+            ));
+        }
+        if self.is_out_of_time {
+            sentences.push(
+                "The time was up before all had been tried: `--resume` with more of it goes on."
+                    .to_owned(),
+            );
+        }
+        sentences.extend(self.notes.iter().map(|note| format!("Note: {note}.")));
+        sentences
+    }
+
+    fn advice(&self) -> String {
+        let score = self.score;
+        let (exact, iae) = (self.standard.exact, self.standard.iae);
+        let mut text = format!(
+            "Use {}: its IAE of {:.6} is {}that of the most exact model, {exact}, {iae:.6}, and its \
+             control step takes {:.1} us (99th percentile {:.1} us)",
+            described(self.winner),
+            score.iae,
+            match (score.iae / iae - 1.0).abs() < 1e-9 {
+                true => String::new(),
+                false => format!("within {} % of ", 100.0 * self.within),
+            },
+            score.p50_us,
+            score.p99_us
+        );
+        let wants_net = !matches!(self.winner.candidate, Candidate::Net { .. });
+        let other = self
+            .standard
+            .ranking(self.tried)
+            .into_iter()
+            .find(|(tried, _)| matches!(tried.candidate, Candidate::Net { .. }) == wants_net);
+        let what = if wants_net { "net" } else { "integrator" };
+        text += &match other {
+            Some((tried, other)) => format!(
+                "; that of the cheapest {what} as good, {}, takes {:.1} us.",
+                tried.candidate, other.p50_us
+            ),
+            None => format!("; no {what} that was tried is as good."),
+        };
+        if let Some(budget) = self.standard.budget_us
+            && !self.standard.is_in_time(score)
+        {
+            text += &format!(" No good model keeps within control.budget_us, {budget} us.");
+        }
+        text
+    }
+}
+
+/// A model in words.
+fn described(tried: &Tried) -> String {
+    match tried.candidate {
+        Candidate::Integrator { kind, substeps } => {
+            let plural = if substeps == 1 { "" } else { "s" };
+            format!("{} with {substeps} substep{plural}", kind.title())
+        }
+        Candidate::Net { shape, source } => {
+            let training = tried.result.as_ref().ok().and_then(|score| score.training_s);
+            let time = training.map_or(String::new(), |s| format!(" in {s:.1} s"));
+            let on = match source {
+                TrainingTarget::Integrator => "an integrator (distilled)",
+                _ => "the equation",
+            };
+            format!("a net of {shape} trained on {on}{time}")
+        }
+    }
+}

@@ -1,0 +1,273 @@
+//! Which of the models that were tried are good enough, and which of these is the one to use.
+
+use crate::candidate::Candidate;
+use pinc_config::ControlSpec;
+use pinc_record::Metrics;
+
+/// Loops within this factor of the cheapest control step cost the same, for all that a measurement
+/// of times says.
+const AS_CHEAP: f64 = 1.1;
+
+/// What came of a model in the loop.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Score {
+    /// On the dense trace.
+    pub iae: f64,
+    /// The largest violation of a bound.
+    pub violation: f64,
+    /// The share of control steps that failed.
+    pub failed: f64,
+    /// The median time of a control step, in us.
+    pub p50_us: f64,
+    /// The 99th percentile of this.
+    pub p99_us: f64,
+    /// The root mean square error of one step over the domain, in its widths, where that was looked
+    /// at.
+    pub rms: Option<f64>,
+    /// The largest of these errors.
+    pub worst: Option<f64>,
+    /// How long the net was trained, in s.
+    pub training_s: Option<f64>,
+}
+
+/// A model that was tried.
+#[derive(Clone, Debug)]
+pub struct Tried {
+    /// Which.
+    pub candidate: Candidate,
+    /// The hash of its training.
+    pub net: Option<String>,
+    /// How often its loop was run.
+    pub repetitions: usize,
+    /// What came of it, or why nothing did.
+    pub result: Result<Score, String>,
+}
+
+/// What a model has to come up to.
+#[derive(Clone, Debug)]
+pub struct Standard {
+    /// The most exact model.
+    pub(crate) exact: Candidate,
+    /// Its loop's.
+    pub(crate) iae: f64,
+    violation: f64,
+    /// How much more the IAE may be, relative.
+    within: f64,
+    /// By how much more a bound may be violated.
+    room: f64,
+    max_failed: f64,
+    pub(crate) budget_us: Option<f64>,
+}
+
+impl Score {
+    /// The score in the metrics of a trial with one model.
+    #[must_use]
+    pub fn of(metrics: &Metrics) -> Option<Self> {
+        let run = metrics.control.first()?;
+        let step = metrics.one_step.first();
+        #[expect(clippy::cast_precision_loss, reason = "no run has 2^53 steps")]
+        let share = |steps: usize| steps as f64 / run.steps().max(1) as f64;
+        Some(Self {
+            iae: run.iae_dense_sum,
+            violation: run.max_violation,
+            failed: share(run.failed_steps()),
+            p50_us: run.step_us.p50,
+            p99_us: run.step_us.p99,
+            rms: step.map(|step| step.errors.rms),
+            worst: step.map(|step| step.errors.max),
+            training_s: metrics.training.as_ref().map(|training| training.wall_s),
+        })
+    }
+
+    /// Whether it says anything of a controller.
+    pub(crate) fn stands(&self, max_failed: f64) -> bool {
+        self.iae.is_finite() && self.failed <= max_failed
+    }
+}
+
+impl Standard {
+    /// That of the integrator whose steps are the most exact of those whose loops stand; none if no
+    /// loop does.
+    pub(crate) fn of(tried: &[Tried], spec: &ControlSpec, within: f64) -> Option<Self> {
+        let max_failed = spec.max_failed_share;
+        let loops = tried.iter().filter_map(|tried| match (tried.candidate, &tried.result) {
+            (Candidate::Integrator { substeps, .. }, Ok(score)) if score.stands(max_failed) => {
+                let error = score.rms.filter(|rms| rms.is_finite()).unwrap_or(f64::INFINITY);
+                Some((error, substeps, tried.candidate, score))
+            }
+            _ => None,
+        });
+        let exactest = loops.min_by(|a, b| a.0.total_cmp(&b.0).then(b.1.cmp(&a.1)));
+        exactest.map(|(_, _, exact, score)| Self {
+            exact,
+            iae: score.iae,
+            violation: score.violation,
+            within,
+            room: within * narrowest(spec),
+            max_failed,
+            budget_us: spec.budget_us,
+        })
+    }
+
+    /// In what a model falls short, but for its time; nothing if it is good.
+    pub(crate) fn shortfall(&self, score: &Score) -> Option<String> {
+        if score.failed > self.max_failed {
+            return Some(format!("{:.0} % of its steps fail", 100.0 * score.failed));
+        }
+        if !score.iae.is_finite() {
+            return Some("its loop leaves the finite numbers".to_owned());
+        }
+        if score.iae > (1.0 + self.within) * self.iae {
+            let more = 100.0 * (score.iae / self.iae - 1.0);
+            return Some(format!("IAE {more:.2} % more"));
+        }
+        let violated = score.violation - self.violation;
+        (violated > self.room).then(|| format!("violates a bound by {violated:.1e} more"))
+    }
+
+    pub(crate) fn is_good(&self, score: &Score) -> bool {
+        self.shortfall(score).is_none()
+    }
+
+    /// Whether its steps end in time, where there is a limit.
+    pub(crate) fn is_in_time(&self, score: &Score) -> bool {
+        self.budget_us.is_none_or(|budget| score.p99_us <= budget)
+    }
+
+    /// The good models, the cheapest first; those that end in time before others.
+    pub(crate) fn ranking<'a>(&self, tried: &'a [Tried]) -> Vec<(&'a Tried, &'a Score)> {
+        let scored = tried.iter().filter_map(|tried| Some((tried, tried.result.as_ref().ok()?)));
+        let mut good: Vec<_> = scored.filter(|(_, score)| self.is_good(score)).collect();
+        good.sort_by(|(_, a), (_, b)| {
+            let late = |score: &Score| !self.is_in_time(score);
+            late(a).cmp(&late(b)).then(a.p50_us.total_cmp(&b.p50_us))
+        });
+        good
+    }
+
+    /// The model to use: of those that cost as little as the cheapest, an integrator rather than a
+    /// net, which has to be trained, and then the most exact one.
+    pub(crate) fn winner<'a>(&self, tried: &'a [Tried]) -> Option<(&'a Tried, &'a Score)> {
+        let ranking = self.ranking(tried);
+        let (_, cheapest) = ranking.first()?;
+        let (most, in_time) = (AS_CHEAP * cheapest.p50_us, self.is_in_time(cheapest));
+        let as_cheap = ranking
+            .iter()
+            .filter(|(_, score)| score.p50_us <= most && self.is_in_time(score) == in_time);
+        let order = |(tried, score): &(&Tried, &Score)| {
+            let is_net = matches!(tried.candidate, Candidate::Net { .. });
+            (is_net, score.rms.unwrap_or(f64::INFINITY))
+        };
+        as_cheap
+            .min_by(|a, b| {
+                let (a, b) = (order(a), order(b));
+                a.0.cmp(&b.0).then(a.1.total_cmp(&b.1))
+            })
+            .copied()
+    }
+}
+
+/// The narrowest range that a state or an input is bounded to.
+fn narrowest(spec: &ControlSpec) -> f64 {
+    let ranges = |low: &[f64], high: &[f64]| {
+        low.iter().zip(high).map(|(low, high)| high - low).fold(f64::INFINITY, f64::min)
+    };
+    let states = match (&spec.state_low, &spec.state_high) {
+        (Some(low), Some(high)) => ranges(low, high),
+        _ => f64::INFINITY,
+    };
+    states.min(ranges(&spec.input_low, &spec.input_high))
+}
+
+#[cfg(test)]
+pub(crate) mod tests {
+    use super::*;
+    use crate::candidate::SHAPES;
+    use pinc_config::ModelKind;
+    use pinc_net::TrainingTarget;
+
+    /// A score with these numbers and no flaws.
+    pub(crate) fn score(iae: f64, p50_us: f64, rms: f64) -> Score {
+        Score {
+            iae,
+            violation: 0.0,
+            failed: 0.0,
+            p50_us,
+            p99_us: 2.0 * p50_us,
+            rms: Some(rms),
+            worst: None,
+            training_s: None,
+        }
+    }
+
+    fn tried(candidate: Candidate, iae: f64, p50_us: f64, rms: f64) -> Tried {
+        let result = Ok(score(iae, p50_us, rms));
+        Tried { candidate, net: None, repetitions: 1, result }
+    }
+
+    fn rk4(substeps: usize, iae: f64, p50_us: f64, rms: f64) -> Tried {
+        tried(Candidate::Integrator { kind: ModelKind::Rk4, substeps }, iae, p50_us, rms)
+    }
+
+    fn net(iae: f64, p50_us: f64) -> Tried {
+        let source = TrainingTarget::Integrator;
+        tried(Candidate::Net { shape: SHAPES[1], source }, iae, p50_us, 1e-5)
+    }
+
+    fn standard(all: &[Tried], budget_us: Option<f64>) -> Standard {
+        let Candidate::Integrator { .. } = all[0].candidate else { panic!("an integrator first") };
+        let Ok(score) = &all[0].result else { panic!("a score") };
+        Standard {
+            exact: all[0].candidate,
+            iae: score.iae,
+            violation: 0.0,
+            within: 0.01,
+            room: 0.1,
+            max_failed: 0.05,
+            budget_us,
+        }
+    }
+
+    #[test]
+    fn the_cheapest_good_model_wins_and_a_net_only_if_it_is_cheaper_by_more_than_noise() {
+        let name = |all: &[Tried], budget: Option<f64>| {
+            standard(all, budget).winner(all).map(|(tried, _)| tried.candidate.to_string())
+        };
+        let exact = rk4(16, 100.0, 50.0, 1e-9);
+        let all = [exact.clone(), rk4(2, 100.5, 10.0, 1e-3), net(100.2, 9.5)];
+        assert_eq!(name(&all, None).as_deref(), Some("RK4 x2"));
+        let all = [exact.clone(), rk4(2, 100.5, 10.0, 1e-3), net(100.2, 5.0)];
+        assert_eq!(name(&all, None).as_deref(), Some("distilled 2x16"));
+        let all = [exact.clone(), rk4(1, 101.5, 1.0, 1e-1), rk4(4, 100.0, 12.0, 1e-5)];
+        assert_eq!(name(&all, None).as_deref(), Some("RK4 x4"));
+        // Of two that cost the same, the more exact one.
+        let all = [exact.clone(), rk4(2, 100.5, 10.0, 1e-3), rk4(3, 100.0, 10.5, 1e-4)];
+        assert_eq!(name(&all, None).as_deref(), Some("RK4 x3"));
+        // A cheaper one whose slowest steps are late is none.
+        let mut late = rk4(2, 100.0, 10.0, 1e-3);
+        if let Ok(score) = &mut late.result {
+            score.p99_us = 300.0;
+        }
+        let all = [exact, late];
+        assert_eq!(name(&all, Some(150.0)).as_deref(), Some("RK4 x16"));
+        assert_eq!(name(&all, Some(1.0)).as_deref(), Some("RK4 x2"));
+    }
+
+    #[test]
+    fn shortfalls_are_said() {
+        let all = [rk4(16, 100.0, 50.0, 1e-9)];
+        let standard = standard(&all, None);
+        let Ok(score) = &all[0].result else { panic!("a score") };
+        let with = |change: &dyn Fn(&mut Score)| {
+            let mut score = score.clone();
+            change(&mut score);
+            standard.shortfall(&score).unwrap_or_default()
+        };
+        assert_eq!(with(&|_| ()), "");
+        assert_eq!(with(&|score| score.iae = 103.0), "IAE 3.00 % more");
+        assert_eq!(with(&|score| score.iae = f64::NAN), "its loop leaves the finite numbers");
+        assert_eq!(with(&|score| score.failed = 0.2), "20 % of its steps fail");
+        assert_eq!(with(&|score| score.violation = 0.5), "violates a bound by 5.0e-1 more");
+        assert_eq!(with(&|score| score.iae = 90.0), "");
+    }
+}

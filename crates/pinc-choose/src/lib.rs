@@ -1,0 +1,19 @@
+//! Which model should be in a loop.
+//!
+//! Integrators by their substeps and nets by their size are [`Candidate`]s. A [`Search`] says which
+//! is tried next, the best guesses first, and judges what came of it by the [`Standard`] of the most
+//! exact integrator: by the IAE, the violations of bounds, and the time of a control step. What
+//! trying a candidate takes, a program hands in as [`Loops`]. [`Advice`] is what was found, in
+//! words, and [`Advice::config`] as a config.
+
+mod advice;
+mod candidate;
+mod judge;
+mod ladder;
+mod recommended;
+mod search;
+
+pub use advice::Advice;
+pub use candidate::{Candidate, SHAPES, Shape};
+pub use judge::{Score, Standard, Tried};
+pub use search::{Found, Loops, Search};

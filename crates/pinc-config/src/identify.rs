@@ -1,0 +1,169 @@
+//! The `[identify]` section, and the config of a plant that was identified.
+
+use crate::{Experiment, MeasurementSpec, PlantSpec};
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+
+/// What `pinc identify` finds in recorded data, with all numbers in the units of the plant.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct IdentifySpec {
+    /// Names of the states and outputs that were measured; all states if absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub measured: Option<Vec<String>>,
+    /// The standard deviation of the noise of each, by which its residuals are divided; those of
+    /// `[control.measurement]` if absent, and 1 without these.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub measurement_sd: Option<Vec<f64>>,
+    /// The parameters of the plant that are unknown.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub parameters: Vec<IdentifiedParameter>,
+    /// Where the estimate of each file's initial state starts, in the plant's order.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub initial_state: Option<Vec<f64>>,
+    /// The initial state of each file, where it is known.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub fixed_initial_state: Option<Vec<f64>>,
+    /// Length T of a step in s; that of `[model]` or `[control]` if absent, and the spacing of the
+    /// data without these.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub step_s: Option<f64>,
+    /// Substeps per T of the integrator; those of `[control]` if absent, and 4 without these.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub substeps: Option<usize>,
+}
+
+/// A parameter that is identified.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct IdentifiedParameter {
+    /// One of the plant's parameters, those that a family of plants may vary.
+    pub name: String,
+    /// Where its estimate starts.
+    pub initial: f64,
+    /// The least that it can be; no bound if absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub low: Option<f64>,
+    /// The most that it can be; no bound if absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub high: Option<f64>,
+}
+
+impl IdentifySpec {
+    /// What is measured, as [`MeasurementSpec`] has it.
+    #[must_use]
+    pub fn measurement(&self) -> MeasurementSpec {
+        MeasurementSpec { measured: self.measured.clone(), noise_sd: self.measurement_sd.clone() }
+    }
+}
+
+impl Experiment {
+    /// The noise of each of `measured`, in the units of these: what `[identify]` says, or what
+    /// `[control.measurement]` says of them all.
+    #[must_use]
+    pub fn measurement_sd(&self, spec: &IdentifySpec, measured: &[String]) -> Option<Vec<f64>> {
+        if spec.measurement_sd.is_some() {
+            return spec.measurement_sd.clone();
+        }
+        let of_the_loop = self.control.as_ref()?.measurement.as_ref()?;
+        let names = of_the_loop.names(&self.plant.variables());
+        let sd = of_the_loop.noise_sd.as_ref()?;
+        let of = |name: &String| sd.get(names.iter().position(|known| known == name)?).copied();
+        measured.iter().map(|name| of(name).filter(|sd| *sd > 0.0)).collect()
+    }
+
+    /// The same experiment with a plant that has these values for its parameters: that in
+    /// `[plant]`, and of parameters that a net takes those of the models in `[control]`.
+    #[must_use]
+    pub fn with_parameters(&self, values: &BTreeMap<String, f64>) -> Self {
+        let mut with = self.clone();
+        with.plant = self.plant.with_parameters(values);
+        let varying: Vec<String> = self.varying().into_iter().map(str::to_owned).collect();
+        if let Some(control) = &mut with.control {
+            for (name, value) in values.iter().filter(|(name, _)| varying.contains(name)) {
+                control.parameters.insert(name.clone(), *value);
+            }
+        }
+        with
+    }
+}
+
+impl PlantSpec {
+    /// The plant with other values for some of its [`PlantSpec::parameters`]. A built-in plant
+    /// whose section has no key for one of them becomes one of equations.
+    #[must_use]
+    pub fn with_parameters(&self, values: &BTreeMap<String, f64>) -> Self {
+        let only = |names: &[&str]| values.keys().all(|name| names.contains(&name.as_str()));
+        let value = |name: &str, old: f64| values.get(name).copied().unwrap_or(old);
+        match self {
+            _ if values.is_empty() => self.clone(),
+            Self::VanDerPol(spec) => {
+                let mut spec = spec.clone();
+                spec.mu = value("mu", spec.mu);
+                Self::VanDerPol(spec)
+            }
+            Self::FourTanks(spec) if only(&["k1", "k2", "gamma1", "gamma2"]) => {
+                let (old, mut spec) = (self.parameters(), spec.clone());
+                let pair = |name: &str| {
+                    [1, 2].map(|i| {
+                        let name = format!("{name}{i}");
+                        value(&name, old.get(&name).copied().unwrap_or(f64::NAN))
+                    })
+                };
+                let any = |name: &str| values.keys().any(|key| key.starts_with(name));
+                if any("k") {
+                    spec.pump = Some(pair("k"));
+                }
+                if any("gamma") {
+                    spec.gamma = Some(pair("gamma"));
+                }
+                Self::FourTanks(spec)
+            }
+            _ => match self.equations() {
+                Some(mut equations) => {
+                    for (name, old) in &mut equations.parameters {
+                        *old = value(name, *old);
+                    }
+                    Self::Expression(equations)
+                }
+                None => self.clone(),
+            },
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{FourTanksParameters, FourTanksSpec, VanDerPolSpec};
+
+    fn values(of: &[(&str, f64)]) -> BTreeMap<String, f64> {
+        of.iter().map(|(name, value)| ((*name).to_owned(), *value)).collect()
+    }
+
+    #[test]
+    fn a_plant_takes_other_parameters_and_stays_what_it_is_where_it_can() {
+        let tanks = PlantSpec::FourTanks(FourTanksSpec {
+            parameters: FourTanksParameters::Antonelo,
+            gamma: None,
+            pump: None,
+        });
+        let pumps = tanks.with_parameters(&values(&[("k2", 3.0), ("gamma1", 0.5)]));
+        assert_eq!(pumps.name(), "four-tanks");
+        let found = pumps.parameters();
+        let old = tanks.parameters();
+        let expected = [old["k1"], 3.0, 0.5, old["gamma2"]];
+        let names = ["k1", "k2", "gamma1", "gamma2"];
+        assert_eq!(names.map(|name| found[name].to_bits()), expected.map(f64::to_bits));
+        let outlets = tanks.with_parameters(&values(&[("a1", 0.08), ("k1", 3.0)]));
+        assert_eq!(outlets.name(), "expression");
+        let found = outlets.parameters();
+        assert_eq!(found["a1"].to_bits(), 0.08f64.to_bits());
+        assert_eq!(found["a2"].to_bits(), old["a2"].to_bits());
+        assert_eq!(outlets.variables(), tanks.variables());
+        let oscillator = PlantSpec::VanDerPol(VanDerPolSpec { mu: 1.0 });
+        let other = oscillator.with_parameters(&values(&[("mu", 0.7)]));
+        assert_eq!(other, PlantSpec::VanDerPol(VanDerPolSpec { mu: 0.7 }));
+        assert_eq!(tanks.with_parameters(&BTreeMap::new()), tanks);
+    }
+}

@@ -1,0 +1,71 @@
+//! The stages of the horizon where they differ in length: `control.stages_s`.
+
+use crate::{ControlSpec, ModelKind};
+use pinc_mpc::Weights;
+
+impl ControlSpec {
+    /// The lengths of the horizon's stages in s, and how many in a row are so long, for control
+    /// steps of `sample_time_s`.
+    #[must_use]
+    pub fn stages(&self, sample_time_s: f64) -> Vec<(f64, usize)> {
+        let Some(lengths) = &self.stages_s else { return vec![(sample_time_s, self.n2)] };
+        let mut stages: Vec<(f64, usize)> = Vec::new();
+        for &length in lengths {
+            match stages.last_mut() {
+                Some((last, count)) if last.total_cmp(&length).is_eq() => *count += 1,
+                _ => stages.push((length, 1)),
+            }
+        }
+        stages
+    }
+
+    /// How far the controller looks ahead, in s, for control steps of `sample_time_s`.
+    #[must_use]
+    pub fn horizon_s(&self, sample_time_s: f64) -> f64 {
+        #[expect(clippy::cast_precision_loss, reason = "a horizon has far fewer than 2^53 stages")]
+        let length = |(length, count): (f64, usize)| length * count as f64;
+        self.stages(sample_time_s).into_iter().map(length).sum()
+    }
+
+    /// The substeps of an integrator in a stage of `length_s`: as many times those of a control
+    /// step of `sample_time_s` as it is longer, rounded up, so that they are no longer than those.
+    /// A net has none.
+    #[must_use]
+    pub fn substeps(&self, kind: ModelKind, length_s: f64, sample_time_s: f64) -> usize {
+        let per_step = match kind {
+            ModelKind::Pinc => return 0,
+            ModelKind::Rk4 => self.rk4_substeps,
+            ModelKind::Rk5 => self.rk5_substeps,
+            ModelKind::Rodas4 => self.rosenbrock_substeps,
+        };
+        #[expect(clippy::cast_precision_loss, reason = "far fewer than 2^53 substeps")]
+        let needed = per_step as f64 * length_s / sample_time_s;
+        #[expect(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "a positive number, of which the config was checked to be small"
+        )]
+        // Lengths that are multiples but for rounding are multiples.
+        let substeps = (needed * (1.0 - 1e-12)).ceil() as usize;
+        substeps.max(1)
+    }
+
+    /// Sets the substeps of an integrator in a control step; a net has none.
+    pub fn set_substeps(&mut self, kind: ModelKind, substeps: usize) {
+        match kind {
+            ModelKind::Pinc => {}
+            ModelKind::Rk4 => self.rk4_substeps = substeps,
+            ModelKind::Rk5 => self.rk5_substeps = substeps,
+            ModelKind::Rodas4 => self.rosenbrock_substeps = substeps,
+        }
+    }
+
+    /// The weights of stages of different length, if they are: a stage counts in Q as many times as
+    /// it is longer than the first, as its steps would.
+    pub(crate) fn weights_by_length(&self) -> Option<Weights> {
+        let lengths = self.stages_s.as_ref()?;
+        let w: Vec<f64> = lengths.iter().map(|length| length / lengths[0]).collect();
+        let v = vec![1.0; self.nu.min(self.n2)];
+        Some(Weights::scaled(self.q.clone(), self.r.clone(), &w, &v))
+    }
+}

@@ -1,0 +1,86 @@
+//! Checks of `[identify]`.
+
+use super::estimator::names;
+use super::values::{at_least_one, length, positive, value};
+use super::{Finding, Problem};
+use crate::problem::nearest;
+use crate::registry::Variables;
+use crate::{Experiment, IdentifySpec};
+
+pub(super) fn identification(
+    experiment: &Experiment,
+    spec: &IdentifySpec,
+    variables: &Variables,
+) -> Finding {
+    let mut known = variables.state_names();
+    known.extend(variables.own_output_names());
+    if let Some(measured) = &spec.measured {
+        names("identify.measured", measured, &known)?;
+    }
+    let measured = spec.measurement().names(variables).len();
+    if let Some(sd) = &spec.measurement_sd {
+        length("identify.measurement_sd", sd, measured, "measured quantity")?;
+        for (i, &sd) in sd.iter().enumerate() {
+            positive(&format!("identify.measurement_sd[{i}]"), sd)?;
+        }
+    }
+    initial_state(spec, variables)?;
+    if let Some(step_s) = spec.step_s {
+        positive("identify.step_s", step_s)?;
+    }
+    if let Some(substeps) = spec.substeps {
+        at_least_one("identify.substeps", substeps)?;
+    }
+    if spec.parameters.is_empty() && spec.initial_state.is_none() {
+        let expected = "parameters to identify, or an initial_state to start from";
+        return value("identify.parameters", "[]", expected);
+    }
+    parameters(experiment, spec)
+}
+
+fn initial_state(spec: &IdentifySpec, variables: &Variables) -> Finding {
+    let states = variables.states.len();
+    match (&spec.initial_state, &spec.fixed_initial_state) {
+        (Some(state), None) => length("identify.initial_state", state, states, "state"),
+        (None, Some(state)) => length("identify.fixed_initial_state", state, states, "state"),
+        (Some(_), Some(_)) => {
+            let expected = "no such key beside identify.initial_state, which is one to start from";
+            value("identify.fixed_initial_state", "a state", expected)
+        }
+        (None, None) => {
+            let expected = "initial_state, where the estimate of an unknown one starts; or \
+                            fixed_initial_state, if it is known";
+            value("identify.initial_state", "nothing", expected)
+        }
+    }
+}
+
+fn parameters(experiment: &Experiment, spec: &IdentifySpec) -> Finding {
+    let known: Vec<String> = experiment.plant.parameters().into_keys().collect();
+    for (i, parameter) in spec.parameters.iter().enumerate() {
+        let key = |name: &str| format!("identify.parameters[{i}].{name}");
+        let quoted = format!("{:?}", parameter.name);
+        if known.is_empty() {
+            let expected = "no such key: the plant has no parameters that can vary";
+            return value(&key("name"), quoted, expected);
+        }
+        if spec.parameters[..i].iter().any(|before| before.name == parameter.name) {
+            return value(&key("name"), quoted, "each parameter once");
+        }
+        if !known.contains(&parameter.name) {
+            let nearest = nearest(&parameter.name, &known);
+            let found = parameter.name.clone();
+            return Err((key("name"), Problem::Word { found, known, nearest }));
+        }
+        let low = parameter.low.unwrap_or(f64::NEG_INFINITY);
+        let high = parameter.high.unwrap_or(f64::INFINITY);
+        if low >= high {
+            return value(&key("low"), low, &format!("less than the upper end, {high}"));
+        }
+        if parameter.initial < low || parameter.initial > high {
+            let expected = format!("a start within its bounds, {low} to {high}");
+            return value(&key("initial"), parameter.initial, &expected);
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,53 @@
+//! Checks of parameters that change during a closed loop.
+
+use super::values::{value, whole_steps};
+use super::{Finding, Problem};
+use crate::problem::nearest;
+use crate::{ControlSpec, Experiment, ParameterStep};
+
+pub(super) fn schedules(experiment: &Experiment, spec: &ControlSpec) -> Finding {
+    let varying: Vec<String> = experiment.varying().into_iter().map(str::to_owned).collect();
+    let own: Vec<String> = experiment.plant_in_the_loop().parameters().into_keys().collect();
+    if !spec.parameter_schedule.is_empty() && spec.estimator.is_some() {
+        let expected = "no such key with [control.estimator], which says what parameters are";
+        return value("control.parameter_schedule", "a list", expected);
+    }
+    let sample_time_s = experiment.sample_time_s();
+    let key = "control.parameter_schedule";
+    schedule(key, &spec.parameter_schedule, &varying, spec.duration_s, sample_time_s)?;
+    let key = "control.plant_schedule";
+    schedule(key, &spec.plant_schedule, &own, spec.duration_s, sample_time_s)
+}
+
+fn schedule(
+    key: &str,
+    changes: &[ParameterStep],
+    known: &[String],
+    duration_s: f64,
+    sample_time_s: Option<f64>,
+) -> Finding {
+    let mut before = 0.0;
+    for (i, change) in changes.iter().enumerate() {
+        let start = format!("{key}[{i}].start_s");
+        whole_steps(&start, change.start_s, sample_time_s)?;
+        if change.start_s <= before {
+            return value(&start, change.start_s, &format!("more than {before}, the one before"));
+        }
+        if change.start_s >= duration_s {
+            let expected = format!("less than the duration of the run, {duration_s}");
+            return value(&start, change.start_s, &expected);
+        }
+        before = change.start_s;
+        if let Some(name) = change.values.keys().find(|name| !known.contains(name)) {
+            let (found, known, nearest) = (name.clone(), known.to_vec(), nearest(name, known));
+            let key = format!("{key}[{i}].values.{name}");
+            if known.is_empty() {
+                let expected = "no such key: no parameters of the loop can vary; those of the \
+                                models are in [domain.parameters]";
+                return value(&key, found, expected);
+            }
+            return Err((key, Problem::Word { found, known, nearest }));
+        }
+    }
+    Ok(())
+}

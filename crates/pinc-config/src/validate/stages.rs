@@ -1,0 +1,68 @@
+//! Checks of `control.stages_s`.
+
+use super::Finding;
+use super::limits::PARTS;
+use super::values::{length, positive, value};
+use crate::{ControlSpec, ModelKind, Profile};
+use pinc_net::NetConfig;
+
+const KEY: &str = "control.stages_s";
+
+/// Stages of different length, with the net that has to cover them, which may be distilled.
+pub(super) fn lengths(
+    spec: &ControlSpec,
+    model: Option<&NetConfig>,
+    is_distilled: bool,
+) -> Finding {
+    let Some(stages) = &spec.stages_s else { return Ok(()) };
+    if stages.is_empty() {
+        return value(KEY, "[]", "the lengths of one stage or more");
+    }
+    if stages.len() != spec.n2 {
+        return length(KEY, stages, spec.n2, "stage of the horizon (control.n2)");
+    }
+    for (i, &stage) in stages.iter().enumerate() {
+        let key = format!("{KEY}[{i}]");
+        positive(&key, stage)?;
+        if stage < stages[0] {
+            let expected =
+                format!("{} s at least, the first, which is the control step", stages[0]);
+            return value(&key, stage, &expected);
+        }
+        let steps = stage / stages[0];
+        if (steps - steps.round()).abs() > 1e-9 * steps {
+            let expected = format!("a whole number of control steps of {} s", stages[0]);
+            return value(&key, stage, &expected);
+        }
+        for kind in spec.models.iter().filter(|kind| **kind != ModelKind::Pinc) {
+            if spec.substeps(*kind, stage, stages[0]) > PARTS {
+                let expected = format!("a stage of {PARTS} substeps of {kind} at most");
+                return value(&key, stage, &expected);
+            }
+        }
+    }
+    if let Some(step_s) = spec.step_s
+        && step_s.total_cmp(&stages[0]).is_ne()
+    {
+        let expected = format!("{KEY}[0], {}, or no such key", stages[0]);
+        return value("control.step_s", step_s, &expected);
+    }
+    if spec.weights_profile == Profile::Cumulative {
+        let expected = "\"uniform\" with control.stages_s";
+        return value("control.weights_profile", "\"cumulative\"", expected);
+    }
+    let Some(model) = model.filter(|_| spec.models.contains(&ModelKind::Pinc)) else {
+        return Ok(());
+    };
+    let longest = stages.iter().copied().fold(0.0, f64::max);
+    if model.sample_time_s < longest {
+        let expected = format!("{longest} s at least, the longest of control.stages_s");
+        return value("model.horizon_s", model.sample_time_s, &expected);
+    }
+    let is_known = |stage: &f64| stage.total_cmp(&model.sample_time_s).is_eq();
+    if is_distilled && !stages.iter().all(is_known) {
+        let expected = "\"physics\" with control.stages_s: a distilled net knows one length only";
+        return value("training.source", "\"integrator\"", expected);
+    }
+    Ok(())
+}

@@ -1,0 +1,255 @@
+@BANNER@
+#include "pinc_feedback.h"
+
+#include <math.h>
+#include <string.h>
+
+#ifdef __FAST_MATH__
+#error "this estimator tests for infinity and NaN: compile it without -ffast-math"
+#endif
+
+/* A pivot below this part of its diagonal entry counts as 0: what is left of it is rounding. */
+#define PINC_ROUNDING PINC_PICK(1e-14, 1e-6)
+/* A pivot that is negative by more than this part of its diagonal entry is no rounding. */
+#define PINC_INDEFINITE PINC_PICK(1e-9, 1e-4)
+/* Whether the estimate has bounds. */
+#define PINC_HAS_BOUNDS @HAS_BOUNDS@
+
+@TABLES@
+/* ---- Vectors and small matrices ------------------------------------------------------------ */
+
+/* Whether a number is finite: the difference of infinities is NaN. */
+static int pinc_finite(PINC_REAL v)
+{
+    const PINC_REAL zero = v - v;
+    return (zero <= PINC_N(0)) ? 1 : 0;
+}
+
+static int pinc_all_finite(const PINC_REAL *v, int count)
+{
+    int i;
+    for (i = 0; i < count; i++) {
+        if (pinc_finite(v[i]) == 0) {
+            return 0;
+        }
+    }
+    return 1;
+}
+
+static void pinc_copy(PINC_REAL *to, const PINC_REAL *from, int count)
+{
+    int i;
+    for (i = 0; i < count; i++) {
+        to[i] = from[i];
+    }
+}
+
+static void pinc_fill(PINC_REAL *v, PINC_REAL value, int count)
+{
+    int i;
+    for (i = 0; i < count; i++) {
+        v[i] = value;
+    }
+}
+
+/* sum += factor vector */
+static void pinc_add_scaled(PINC_REAL *sum, PINC_REAL factor, const PINC_REAL *v, int count)
+{
+    int i;
+    for (i = 0; i < count; i++) {
+        sum[i] += factor * v[i];
+    }
+}
+
+static PINC_REAL pinc_dot(const PINC_REAL *a, const PINC_REAL *b, int count)
+{
+    PINC_REAL sum = PINC_N(0);
+    int i;
+    for (i = 0; i < count; i++) {
+        sum += a[i] * b[i];
+    }
+    return sum;
+}
+
+/* Makes a matrix symmetric. */
+static void pinc_mirror(PINC_REAL *p)
+{
+    int i;
+    int j;
+    for (i = 0; i < PINC_NZ; i++) {
+        for (j = 0; j < i; j++) {
+            const PINC_REAL mean =
+                PINC_N(0.5) * (p[(i * PINC_NZ) + j] + p[(j * PINC_NZ) + i]);
+            p[(i * PINC_NZ) + j] = mean;
+            p[(j * PINC_NZ) + i] = mean;
+        }
+    }
+}
+
+/* P = L L' for a positive semidefinite P of size n; 0 if it is indefinite or not finite. */
+static int pinc_factor(const PINC_REAL *p, int n, PINC_REAL *l)
+{
+    int i;
+    int j;
+    pinc_fill(l, PINC_N(0), n * n);
+    for (j = 0; j < n; j++) {
+        PINC_REAL *row = l + (j * n);
+        const PINC_REAL diagonal = p[(j * n) + j];
+        PINC_REAL pivot;
+        for (i = 0; i < j; i++) {
+            const PINC_REAL *other = l + (i * n);
+            const PINC_REAL rest = p[(j * n) + i] - pinc_dot(row, other, i);
+            row[i] = (other[i] > PINC_N(0)) ? (rest / other[i]) : PINC_N(0);
+        }
+        pivot = diagonal - pinc_dot(row, row, j);
+        if ((pinc_finite(pivot) == 0) || (diagonal < PINC_N(0)) ||
+            (pivot < (-PINC_INDEFINITE * PINC_MATH(fabs)(diagonal)))) {
+            return 0;
+        }
+        row[j] = (pivot > (PINC_ROUNDING * diagonal)) ? PINC_MATH(sqrt)(pivot) : PINC_N(0);
+    }
+    return 1;
+}
+
+/* ---- What is estimated ---------------------------------------------------------------------- */
+
+/* Measurement i of z = (x, d): a state, with its disturbance if it has one. */
+static PINC_REAL pinc_measure(const PINC_REAL *z, int i)
+{
+#if PINC_DISTURBED_OUTPUTS
+    return z[pinc_measured[i]] + z[PINC_NX + i];
+#else
+    return z[pinc_measured[i]];
+#endif
+}
+
+/* The input that the model sees. */
+static void pinc_input(const PINC_REAL *z, const PINC_REAL *u, PINC_REAL *inner)
+{
+    int i;
+    for (i = 0; i < PINC_NU; i++) {
+#if PINC_DISTURBED_INPUTS
+        inner[i] = u[i] + z[PINC_NX + i];
+#else
+        (void)z;
+        inner[i] = u[i];
+#endif
+    }
+}
+
+/* What is not of the model: disturbances of states, and that all disturbances stay. */
+static void pinc_stay(const PINC_REAL *z, PINC_REAL *next)
+{
+    int i;
+    for (i = PINC_NX; i < PINC_NZ; i++) {
+#if PINC_DISTURBED_STATES
+        next[pinc_place[i - PINC_NX]] += z[i];
+#endif
+        next[i] = z[i];
+    }
+#if PINC_NW == 0
+    (void)z;
+    (void)next;
+#endif
+}
+
+@KALMAN@
+/* ---- The estimator -------------------------------------------------------------------------- */
+
+static void pinc_estimator_init(pinc_estimator *e)
+{
+    int i;
+    memset(e, 0, sizeof(*e));
+    pinc_copy(e->z, pinc_initial, PINC_NZ);
+    for (i = 0; i < PINC_NZ; i++) {
+        e->p[(i * PINC_NZ) + i] = pinc_initial_variance[i];
+    }
+}
+
+/* Corrects the estimate, and moves it into its bounds. */
+static pinc_estimate_status pinc_estimate(pinc_estimator *e, const PINC_REAL *y)
+{
+    const pinc_estimate_status status = pinc_correct(e, y);
+#if PINC_HAS_BOUNDS
+    int i;
+    for (i = 0; i < PINC_NZ; i++) {
+        if (e->z[i] < pinc_low[i]) {
+            e->z[i] = pinc_low[i];
+        }
+        if (e->z[i] > pinc_high[i]) {
+            e->z[i] = pinc_high[i];
+        }
+    }
+#endif
+    return status;
+}
+
+/* ---- With the controller -------------------------------------------------------------------- */
+
+void pinc_feedback_init(pinc_feedback *f)
+{
+    memset(f, 0, sizeof(*f));
+    pinc_mpc_init(&f->controller);
+    pinc_estimator_init(&f->estimator);
+}
+
+void pinc_feedback_reset(pinc_feedback *f)
+{
+    const long budget = f->controller.budget;
+    pinc_feedback_init(f);
+    f->controller.budget = budget;
+}
+
+void pinc_feedback_reset_to(pinc_feedback *f, const PINC_REAL u[PINC_NU])
+{
+    int i;
+    pinc_feedback_reset(f);
+    for (i = 0; i <= PINC_DELAY; i++) {
+        pinc_copy(f->inputs + (i * PINC_NU), u, PINC_NU);
+    }
+    f->held = 1;
+}
+
+void pinc_feedback_set_applied(pinc_feedback *f, const PINC_REAL u[PINC_NU])
+{
+    pinc_copy(f->inputs + (PINC_DELAY * PINC_NU), u, PINC_NU);
+    pinc_mpc_set_applied(&f->controller, u);
+}
+
+pinc_status pinc_feedback_step(pinc_feedback *f, const PINC_REAL y[PINC_NM],
+                               const PINC_REAL reference[PINC_N2 * PINC_NY],
+                               PINC_REAL u[PINC_NU])
+{
+    pinc_status status;
+    int i;
+    if (f->begun != 0) {
+        /* By the input that acted since; it is known only now. */
+        pinc_predict(&f->estimator, f->inputs);
+        for (i = 0; i < PINC_DELAY * PINC_NU; i++) {
+            f->inputs[i] = f->inputs[i + PINC_NU];
+        }
+    }
+    f->estimate_status = pinc_estimate(&f->estimator, y);
+    pinc_copy(f->x, f->estimator.z, PINC_NX);
+#if PINC_DISTURBED_OUTPUTS
+    for (i = 0; i < PINC_NM; i++) {
+        f->x[pinc_measured[i]] += f->estimator.z[PINC_NX + i];
+    }
+#endif
+    if (f->held != 0) {
+        const long budget = f->controller.budget;
+        PINC_REAL before[PINC_NU];
+        pinc_copy(before, f->inputs + (PINC_DELAY * PINC_NU), PINC_NU);
+        pinc_mpc_reset_to(&f->controller, f->x, f->inputs);
+        pinc_mpc_set_applied(&f->controller, before);
+        f->controller.budget = budget;
+        f->held = 0;
+    }
+#if PINC_NW > 0
+    pinc_copy(f->controller.disturbance, f->estimator.z + PINC_NX, PINC_NW);
+#endif
+    status = pinc_mpc_step(&f->controller, f->x, reference, u);
+    pinc_copy(f->inputs + (PINC_DELAY * PINC_NU), u, PINC_NU);
+    f->begun = 1;
+    return status;
+}

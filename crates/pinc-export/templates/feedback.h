@@ -1,0 +1,79 @@
+@BANNER@
+#ifndef PINC_FEEDBACK_H
+#define PINC_FEEDBACK_H
+
+#include "pinc_mpc.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+/** Number of measured quantities. */
+#define PINC_NM @NM@
+/** Number of all that is estimated: the states, then the disturbances. */
+#define PINC_NZ (PINC_NX + PINC_NW)
+
+/** How a correction by what was measured ended. */
+typedef enum {
+    /** As it should. */
+    PINC_UPDATED = 0,
+    /** Nothing was measured: the prediction is the estimate. */
+    PINC_NOTHING_MEASURED = 1,
+    /** The covariance would have lost its definiteness: the last one was kept. */
+    PINC_INDEFINITE_COVARIANCE = 2,
+    /** The new estimate would not have been finite: the last one was kept. */
+    PINC_NOT_FINITE = 3
+} pinc_estimate_status;
+
+/** The estimator: @FILTER@. */
+typedef struct {
+    /** The estimate: states, then disturbances. */
+    PINC_REAL z[PINC_NZ];
+    /** Its covariance, row by row. */
+    PINC_REAL p[PINC_NZ * PINC_NZ];
+
+    /* The rest is private. */
+@MEMORY@} pinc_estimator;
+
+/** A controller with its estimator: all of their memory. Set up by pinc_feedback_init. */
+typedef struct {
+    /** The controller, with its budget, and what its last step did. */
+    pinc_mpc controller;
+    /** The estimator. */
+    pinc_estimator estimator;
+    /** How its last correction ended. */
+    pinc_estimate_status estimate_status;
+    /** The state that the controller took the plant to be in. */
+    PINC_REAL x[PINC_NX];
+
+    /* The rest is private: inputs under way, the next to act first; the input until now. */
+    PINC_REAL inputs[(PINC_DELAY + 1) * PINC_NU];
+    int begun;
+    int held;
+} pinc_feedback;
+
+/** Sets controller and estimator up. Nothing else has to be done before the first step. */
+void pinc_feedback_init(pinc_feedback *f);
+
+/** Forgets everything but the budget: the next step is again the first. */
+void pinc_feedback_reset(pinc_feedback *f);
+
+/** Begins anew at a plant that has been given the input u so far. */
+void pinc_feedback_reset_to(pinc_feedback *f, const PINC_REAL u[PINC_NU]);
+
+/** Says which input the plant was really given in place of the last one chosen. */
+void pinc_feedback_set_applied(pinc_feedback *f, const PINC_REAL u[PINC_NU]);
+
+/**
+ * Chooses the input u for a plant of which y was measured; what is missing in y is NaN. The
+ * reference is that of pinc_mpc_step. The estimator goes on even if the reference is not finite.
+ */
+pinc_status pinc_feedback_step(pinc_feedback *f, const PINC_REAL y[PINC_NM],
+                               const PINC_REAL reference[PINC_N2 * PINC_NY],
+                               PINC_REAL u[PINC_NU]);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif

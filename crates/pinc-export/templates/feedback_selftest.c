@@ -1,0 +1,54 @@
+@BANNER@
+/* Controller and estimator against golden vectors, step by step: exit 0 if all inputs and
+   estimates agree. */
+#include "pinc_feedback.h"
+
+#include <math.h>
+#include <stdio.h>
+
+#define PINC_STEPS @STEPS@
+/* What a number may differ by, relative to 1 + its size. */
+#define PINC_TOLERANCE ((sizeof(PINC_REAL) == sizeof(float)) ? @FLOAT@ : @DOUBLE@)
+
+@TABLES@
+static pinc_feedback pinc_both;
+
+static double pinc_off(PINC_REAL found, double expected)
+{
+    const double off = fabs((double)found - expected) / (1.0 + fabs(expected));
+    return (off <= 1e300) ? off : 1.0;
+}
+
+int main(void)
+{
+    double worst = 0.0;
+    int failed = 0;
+    int k;
+    int i;
+    pinc_feedback_init(&pinc_both);
+    for (k = 0; k < PINC_STEPS; k++) {
+        PINC_REAL y[PINC_NM];
+        PINC_REAL reference[PINC_N2 * PINC_NY];
+        PINC_REAL u[PINC_NU];
+        pinc_status status;
+        for (i = 0; i < PINC_NM; i++) {
+            y[i] = PINC_N(pinc_y[k][i]);
+        }
+        for (i = 0; i < PINC_N2 * PINC_NY; i++) {
+            reference[i] = PINC_N(pinc_reference[k][i]);
+        }
+        status = pinc_feedback_step(&pinc_both, y, reference, u);
+        failed += ((status == PINC_NUMERICAL_TROUBLE) || (status == PINC_BAD_ARGUMENT)) ? 1 : 0;
+        for (i = 0; i < PINC_NU; i++) {
+            const double off = pinc_off(u[i], pinc_u[k][i]);
+            worst = (off > worst) ? off : worst;
+        }
+        for (i = 0; i < PINC_NZ; i++) {
+            const double off = pinc_off(pinc_both.estimator.z[i], pinc_z[k][i]);
+            worst = (off > worst) ? off : worst;
+        }
+    }
+    printf("@name@: %d steps, largest difference %.2e, allowed %.2e\n", PINC_STEPS, worst,
+           PINC_TOLERANCE);
+    return ((worst <= PINC_TOLERANCE) && (failed == 0)) ? 0 : 1;
+}

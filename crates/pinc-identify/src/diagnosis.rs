@@ -1,0 +1,400 @@
+//! What there is to say of the data and the fit, in words.
+
+use crate::analysis::Analysis;
+use crate::fit::{Fit, FitStatus};
+use crate::problem::Problem;
+use crate::result::{ChannelFit, Identified, outputs};
+use crate::trajectory::{Evaluation, Trajectory};
+use std::fmt;
+
+/// The half width, as a share of the value, from which on an estimate says little.
+const WEAK: f64 = 0.5;
+/// The correlation from which on two parameters can hardly be told apart.
+const PAIR: f64 = 0.999;
+/// How many times the expected noise the residuals may be.
+const NOISE: f64 = 2.0;
+/// The same where the noise is estimated from the data.
+const ROUGH_NOISE: f64 = 4.0;
+/// The ratio from which on units are suspected.
+const UNITS: f64 = 100.0;
+/// The share of the largest entry that a parameter must have in a direction to be named.
+const NAMED: f64 = 0.05;
+
+/// The end of a range.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Side {
+    /// The lower one.
+    Low,
+    /// The upper one.
+    High,
+}
+
+/// Something that a user of the estimates should know.
+#[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
+pub enum Finding {
+    /// The iteration did not converge.
+    NotConverged {
+        /// How it ended.
+        status: FitStatus,
+    },
+    /// An unknown that nothing measured depends on.
+    NoInfluence {
+        /// The unknown.
+        name: String,
+    },
+    /// A combination of unknowns that the data do not determine.
+    Undetermined {
+        /// The unknowns with their relative changes that together change nothing measured.
+        direction: Vec<(String, f64)>,
+    },
+    /// An estimate whose interval is wide.
+    Weak {
+        /// The parameter.
+        name: String,
+        /// Half the width of its interval, as a share of its value.
+        share: f64,
+    },
+    /// Two parameters that can hardly be told apart.
+    Correlated {
+        /// The parameters.
+        names: [String; 2],
+        /// The correlation of their estimates.
+        correlation: f64,
+    },
+    /// A parameter at its bound.
+    AtBound {
+        /// The parameter.
+        name: String,
+        /// Which bound.
+        side: Side,
+        /// The bound.
+        value: f64,
+    },
+    /// A parameter that is far from where it started, as after a mistake in units.
+    Far {
+        /// The parameter.
+        name: String,
+        /// Its value, over that at the start.
+        factor: f64,
+    },
+    /// A channel without any value.
+    NeverMeasured {
+        /// The channel.
+        name: String,
+    },
+    /// Residuals that are larger than the noise.
+    Misfit {
+        /// The channel.
+        name: String,
+        /// The root mean square of its residuals.
+        rms: f64,
+        /// The standard deviation of its noise.
+        noise: f64,
+        /// Whether that was given; if not, it was estimated from the data.
+        given: bool,
+    },
+    /// Residuals that are not white.
+    NotWhite {
+        /// The channel.
+        name: String,
+        /// The correlation of neighbouring ones.
+        correlation: f64,
+    },
+    /// A channel whose values are of another size than the model's at the start.
+    Units {
+        /// The channel.
+        name: String,
+        /// How many times larger the measurements are.
+        factor: f64,
+    },
+    /// An input with which the data fit far better if it is taken times a factor.
+    InputUnits {
+        /// The input.
+        name: String,
+        /// The factor.
+        factor: f64,
+    },
+}
+
+impl fmt::Display for Finding {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::NotConverged { status } => {
+                write!(f, "the fit did not converge ({status}): start nearer, or set bounds")
+            }
+            Self::NoInfluence { name } => {
+                write!(f, "{name} cannot be identified: nothing measured depends on it")
+            }
+            Self::Undetermined { direction } => {
+                let names: Vec<_> = direction.iter().map(|(name, _)| name.as_str()).collect();
+                write!(f, "{} cannot be identified together: ", names.join(", "))?;
+                for (i, (name, change)) in direction.iter().enumerate() {
+                    let comma = if i == 0 { "" } else { ", " };
+                    write!(f, "{comma}{name} by {change:+.2} %")?;
+                }
+                write!(f, " changes nothing measured; fix one of them, or vary the inputs more")
+            }
+            Self::Weak { name, share } => write!(
+                f,
+                "{name} is hardly determined: its interval is +-{:.0} % of its value",
+                100.0 * share
+            ),
+            Self::Correlated { names: [a, b], correlation } => write!(
+                f,
+                "{a} and {b} can hardly be told apart: the correlation of their estimates is \
+                 {correlation:.4}"
+            ),
+            Self::AtBound { name, side, value } => write!(
+                f,
+                "{name} is at its {} bound, {value}: the data ask for more than it allows, and it \
+                 has no interval",
+                if *side == Side::Low { "lower" } else { "upper" }
+            ),
+            Self::Far { name, factor } => write!(
+                f,
+                "{name} ended at {factor:.3e} times its start: are the units of the data those of \
+                 the plant?"
+            ),
+            Self::NeverMeasured { name } => write!(f, "{name} has no measured value at all"),
+            Self::Misfit { name, rms, noise, given } => write!(
+                f,
+                "{name}: the residuals, {rms:.3e} rms, are {:.1} times the noise {} ({noise:.3e}): \
+                 these may be data of another plant, or the equations lack something",
+                rms / noise,
+                if *given { "expected" } else { "that the data seem to have" }
+            ),
+            Self::NotWhite { name, correlation } => write!(
+                f,
+                "{name}: the residuals are not white (correlation of neighbours \
+                 {correlation:.2}), so that the equations lack something, and the intervals are \
+                 too narrow"
+            ),
+            Self::Units { name, factor } => write!(
+                f,
+                "{name}: the measurements are about 1e{:.0} times what the model gives: are \
+                 its units those of the plant?",
+                factor.log10()
+            ),
+            Self::InputUnits { name, factor } => write!(
+                f,
+                "{name}: the data would fit far better with {factor:e} times its values: \
+                 are its units those of the plant?"
+            ),
+        }
+    }
+}
+
+/// The residuals of a channel by recordings, NaN where a value is missing.
+fn residuals<'a>(
+    problem: &Problem,
+    fit: &'a Fit<'_>,
+    fitted: &'a [Vec<f64>],
+    channel: usize,
+) -> Vec<Vec<f64>> {
+    let channels = problem.channels.len();
+    let parts = fit.recordings.iter().zip(fitted);
+    let residuals = parts.map(|(of, fitted)| {
+        let y = of.recording.y.iter().skip(channel).step_by(channels);
+        let model = fitted.iter().skip(channel).step_by(channels);
+        y.zip(model).map(|(y, model)| y - model).collect()
+    });
+    residuals.collect()
+}
+
+/// What is left of each channel.
+pub(crate) fn channels(problem: &Problem, fit: &Fit<'_>, fitted: &[Vec<f64>]) -> Vec<ChannelFit> {
+    let channel = |i: usize| {
+        let all = residuals(problem, fit, fitted, i);
+        let given: Vec<f64> = all.iter().flatten().copied().filter(|r| !r.is_nan()).collect();
+        let squares: f64 = given.iter().map(|r| r * r).sum();
+        let pairs = all.iter().flat_map(|of| of.windows(2)).map(|w| w[0] * w[1]);
+        let products: f64 = pairs.filter(|product| !product.is_nan()).sum();
+        ChannelFit {
+            name: problem.channels[i].name.clone(),
+            measurements: given.len(),
+            rms: (squares / count(given.len().max(1))).sqrt(),
+            correlation: if squares > 0.0 { products / squares } else { 0.0 },
+        }
+    };
+    (0..problem.channels.len()).map(channel).collect()
+}
+
+#[expect(clippy::cast_precision_loss, reason = "no data have 2^53 values")]
+fn count(of: usize) -> f64 {
+    of as f64
+}
+
+/// All that there is to say.
+pub(crate) fn findings(
+    problem: &Problem,
+    fit: &Fit<'_>,
+    found: &Identified,
+    analysis: &Analysis,
+    start: &[Trajectory],
+    with: &mut Evaluation<'_>,
+) -> Vec<Finding> {
+    let mut all = Vec::new();
+    if found.status != FitStatus::Converged {
+        all.push(Finding::NotConverged { status: found.status });
+    }
+    all.extend(of_the_unknowns(problem, found, analysis));
+    let before = all.len();
+    for (i, channel) in found.channels.iter().enumerate() {
+        all.extend(of_a_channel(problem, fit, i, channel));
+    }
+    let doubtful = |finding: &Finding| {
+        !matches!(finding, Finding::NoInfluence { .. } | Finding::Undetermined { .. })
+    };
+    if all.len() > before || all.iter().any(doubtful) {
+        all.extend(of_units(problem, fit, start, with));
+    }
+    all
+}
+
+fn of_the_unknowns(problem: &Problem, found: &Identified, analysis: &Analysis) -> Vec<Finding> {
+    let mut all = Vec::new();
+    let names: Vec<String> = found.estimates().map(|of| of.name.clone()).collect();
+    for &i in &analysis.without_influence {
+        all.push(Finding::NoInfluence { name: names[i].clone() });
+    }
+    for direction in &analysis.directions {
+        let largest = direction.iter().fold(0.0, |most: f64, v| most.max(v.abs()));
+        let sign = direction.iter().find(|v| v.abs() > NAMED * largest).map_or(1.0, |v| v.signum());
+        let entries = names.iter().cloned().zip(direction);
+        let named = entries.filter(|(_, v)| v.abs() > NAMED * largest);
+        let direction = named.map(|(name, v)| (name, sign * v / largest)).collect();
+        all.push(Finding::Undetermined { direction });
+    }
+    for (estimate, unknown) in found.parameters.iter().zip(&problem.unknown) {
+        let name = || estimate.name.clone();
+        if let Some(side) = estimate.at_bound {
+            all.push(Finding::AtBound { name: name(), side, value: estimate.value });
+        }
+        let share = estimate.half_width.map_or(0.0, |width| width / estimate.value.abs());
+        if share > WEAK {
+            all.push(Finding::Weak { name: name(), share });
+        }
+        let factor = estimate.value / unknown.initial;
+        let far = factor.is_finite() && (factor.abs() >= UNITS || factor.abs() <= 1.0 / UNITS);
+        if far && estimate.half_width.is_some() && share <= WEAK {
+            all.push(Finding::Far { name: name(), factor });
+        }
+    }
+    for i in 0..problem.unknown.len() {
+        for j in 0..i {
+            let correlation = analysis.correlation[i * names.len() + j];
+            if correlation.abs() > PAIR {
+                let names = [names[j].clone(), names[i].clone()];
+                all.push(Finding::Correlated { names, correlation });
+            }
+        }
+    }
+    all
+}
+
+fn of_a_channel(problem: &Problem, fit: &Fit<'_>, i: usize, channel: &ChannelFit) -> Vec<Finding> {
+    let name = || channel.name.clone();
+    if channel.measurements == 0 {
+        return vec![Finding::NeverMeasured { name: name() }];
+    }
+    let mut all = Vec::new();
+    let given = problem.channels[i].sd;
+    let (noise, limit) = match given {
+        Some(sd) => (sd, NOISE),
+        None => (roughness(problem, fit, i), ROUGH_NOISE),
+    };
+    let size = fit
+        .recordings
+        .iter()
+        .flat_map(|of| of.recording.y.iter().skip(i).step_by(problem.channels.len()));
+    let size = size.filter(|y| !y.is_nan()).fold(0.0, |most: f64, y| most.max(y.abs()));
+    // Residuals that are nothing but rounding are as large as any noise of exact data.
+    if channel.rms <= 1e-9 * size {
+        return all;
+    }
+    if noise > 0.0 && channel.rms > limit * noise {
+        let (rms, given) = (channel.rms, given.is_some());
+        all.push(Finding::Misfit { name: name(), rms, noise, given });
+    }
+    // White residuals stay within this at all but one in ten thousand.
+    let most = 4.0 / count(channel.measurements).sqrt();
+    if channel.measurements >= 20 && channel.correlation > most.max(0.15) {
+        all.push(Finding::NotWhite { name: name(), correlation: channel.correlation });
+    }
+    all
+}
+
+/// The noise of a channel as its second differences have it, if its signal is smooth.
+fn roughness(problem: &Problem, fit: &Fit<'_>, i: usize) -> f64 {
+    let channels = problem.channels.len();
+    let mut differences: Vec<f64> = Vec::new();
+    for of in &fit.recordings {
+        let y: Vec<f64> = of.recording.y.iter().skip(i).step_by(channels).copied().collect();
+        differences.extend(y.windows(3).map(|w| w[0] - 2.0 * w[1] + w[2]));
+    }
+    differences.retain(|d| !d.is_nan());
+    let squares: f64 = differences.iter().map(|d| d * d).sum();
+    (squares / (6.0 * count(differences.len().max(1)))).sqrt()
+}
+
+/// Mistakes in units: channels by their size at the start, inputs by the cost at the start.
+fn of_units(
+    problem: &Problem,
+    fit: &Fit<'_>,
+    start: &[Trajectory],
+    with: &mut Evaluation<'_>,
+) -> Vec<Finding> {
+    let mut all = Vec::new();
+    let channels = problem.channels.len();
+    let p = {
+        let mut p = problem.parameters.clone();
+        problem.unknown.iter().for_each(|unknown| p[unknown.place] = unknown.initial);
+        p
+    };
+    for (i, channel) in problem.channels.iter().enumerate() {
+        let (mut measured, mut model) = (0.0, 0.0);
+        for (of, start) in fit.recordings.iter().zip(start) {
+            let fitted = outputs(problem, (start, of.recording.u, &p), with);
+            let pairs = of.recording.y.iter().zip(&fitted).skip(i).step_by(channels);
+            for (y, fitted) in pairs.filter(|(y, fitted)| !y.is_nan() && fitted.is_finite()) {
+                measured += y.abs();
+                model += fitted.abs();
+            }
+        }
+        let factor = measured / model;
+        if factor.is_finite() && (factor >= UNITS || (factor > 0.0 && factor <= 1.0 / UNITS)) {
+            all.push(Finding::Units { name: channel.name.clone(), factor });
+        }
+    }
+    let cost: f64 = start.iter().map(|of| of.cost).sum();
+    for input in 0..with.dims.nu {
+        for factor in [1e-3, 1e3] {
+            let other = cost_with(problem, fit, (&p, input, factor), with);
+            if other < 0.01 * cost || (other.is_finite() && !cost.is_finite()) {
+                all.push(Finding::InputUnits { name: problem.inputs[input].clone(), factor });
+            }
+        }
+    }
+    all
+}
+
+/// The cost at the start, if an input is taken times `factor`.
+fn cost_with(
+    problem: &Problem,
+    fit: &Fit<'_>,
+    (p, input, factor): (&[f64], usize, f64),
+    with: &mut Evaluation<'_>,
+) -> f64 {
+    let (nx, nu) = (with.dims.nx, with.dims.nu);
+    let mut cost = 0.0;
+    for of in &fit.recordings {
+        let mut u = of.recording.u.to_vec();
+        u.iter_mut().skip(input).step_by(nu).for_each(|u| *u *= factor);
+        let mut to = Trajectory::new(nx, of.trajectory.x.len() / nx, 1);
+        let recording = crate::Recording { u: &u, ..of.recording };
+        with.simulate(problem, recording, (&[0], problem.initial_state.values(), p), &mut to);
+        cost += if to.is_finite() { to.cost } else { f64::INFINITY };
+    }
+    cost
+}

@@ -1,0 +1,252 @@
+//! The fit in one call: single or multiple shooting, and what is made of its end.
+
+use crate::IdentifyError;
+use crate::fit::{Fit, FitStatus};
+use crate::method::{Method, Why, segments};
+use crate::problem::{InitialState, Problem, Recording};
+use crate::result::Identified;
+use crate::shooting::{Nodes, Shooting};
+use crate::trajectory::{Evaluation, Trajectory};
+use pinc_estimate::Measured;
+use pinc_ode::Model;
+
+/// Sensitivities to the initial state, in scales of the states, from which on single shooting is
+/// not tried.
+const SENSITIVE: f64 = 1e4;
+/// The correlation of neighbouring residuals from which on another fit is looked for.
+const CORRELATED: f64 = 0.5;
+
+/// Finds the parameters and initial states for which the model is nearest to the recordings, by
+/// nonlinear least squares: the sum of the squares of all residuals, divided by the standard
+/// deviations of their channels, is smallest within the bounds.
+///
+/// The method is that of Gauss and Newton, damped as by Levenberg and Marquardt (Moré, "The
+/// Levenberg-Marquardt algorithm: implementation and theory", Lecture Notes in Mathematics 630
+/// (1978)), with the exact derivatives of the model. By single shooting the model runs from the
+/// initial state to the end of a recording; by multiple shooting (Bock, "Numerical treatment of
+/// inverse problems in chemical reaction kinetics", Springer Series in Chemical Physics 18 (1981))
+/// recordings are cut into segments, each with an initial state of its own, which are fitted one by
+/// one at first, and then with the gaps between them closed. [`Identified::method`] says which it was, and why:
+///
+/// - multiple shooting, if the model from the start is not finite to the end of a recording, or
+///   depends on its initial state more than ten-thousandfold;
+/// - otherwise single shooting; but if this does not converge, or leaves residuals that hang
+///   together, multiple shooting is tried as well, and the better fit is taken.
+///
+/// # Errors
+///
+/// [`IdentifyError`] if problem, model and recordings do not fit together, or the model has no
+/// finite value at the start.
+///
+/// # Panics
+///
+/// If a method of the model does.
+pub fn identify(
+    model: &mut dyn Model,
+    problem: &Problem,
+    recordings: &[Recording<'_>],
+) -> Result<Identified, IdentifyError> {
+    let dims = model.dims();
+    problem.validate(dims)?;
+    problem.validate_data(dims, recordings)?;
+    let mut with = Evaluation::new(model);
+    let mut p = problem.parameters.clone();
+    for unknown in &problem.unknown {
+        p[unknown.place] = unknown.initial;
+    }
+    let begin = simulated(problem, recordings, &p, &mut with);
+    let start: Vec<Trajectory> = begin.iter().map(|of| of.trajectory.clone()).collect();
+    let finite = start.iter().all(Trajectory::is_finite);
+    let mut fit = Fit::new(problem, p.clone(), begin, &with);
+    let growth = |fit: &Fit<'_>| fit.recordings.iter().map(|of| of.growth).fold(1.0, f64::max);
+    let linear = finite && fit.linearize(problem, &mut with);
+    let grown = growth(&fit);
+    let (fit, method) = if !linear || grown > SENSITIVE {
+        let why = if linear { Why::Sensitive { growth: grown } } else { Why::NotFinite };
+        (multiple(problem, recordings, &p, &mut with, grown)?, Method::MultipleShooting(why))
+    } else {
+        fit.run(problem, &mut with);
+        let single = Method::SingleShooting { growth: grown };
+        match doubt(problem, &fit) {
+            None => (fit, single),
+            Some(why) => match multiple(problem, recordings, &p, &mut with, grown) {
+                Ok(other) if is_better(&other, &fit) => (other, Method::MultipleShooting(why)),
+                _ => (fit, single),
+            },
+        }
+    };
+    Ok(Identified::of(problem, fit, method, &start, &mut with))
+}
+
+/// The recordings with the model's trajectories from the start.
+fn simulated<'a>(
+    problem: &Problem,
+    recordings: &[Recording<'a>],
+    p: &[f64],
+    with: &mut Evaluation<'_>,
+) -> Vec<Shooting<'a>> {
+    let x = problem.initial_state.values();
+    let of = |recording: &Recording<'a>| {
+        let scale = scale(&guess(problem, *recording, p, with));
+        let mut of = Shooting::new(problem, *recording, Nodes::first(x), scale);
+        of.simulate(problem, p, with);
+        of
+    };
+    recordings.iter().map(of).collect()
+}
+
+/// The size of each state along all rows.
+fn scale(states: &[Vec<f64>]) -> Vec<f64> {
+    let size = |i: usize| states.iter().fold(0.0, |most: f64, x| most.max(x[i].abs()));
+    let sizes = (0..states[0].len()).map(size);
+    sizes.map(|size| if size > 0.0 && size.is_finite() { size } else { 1.0 }).collect()
+}
+
+/// A guess of the states at all rows: the model, put right wherever a state is measured.
+fn guess(
+    problem: &Problem,
+    recording: Recording<'_>,
+    p: &[f64],
+    with: &mut Evaluation<'_>,
+) -> Vec<Vec<f64>> {
+    let (nx, nu, channels) = (with.dims.nx, with.dims.nu, problem.channels.len());
+    let mut all = vec![problem.initial_state.values().to_vec()];
+    for k in 1..recording.rows(channels) {
+        let before = &all[k - 1];
+        let mut next = vec![0.0; nx];
+        with.model.step(before, &recording.u[(k - 1) * nu..k * nu], p, &mut next);
+        with.work.steps += 1;
+        let measured = problem.channels.iter().zip(&recording.y[k * channels..]);
+        for (channel, y) in measured {
+            match channel.measured {
+                Measured::State(place) if !y.is_nan() => next[place] = *y,
+                _ => {}
+            }
+        }
+        // A state that the model loses stays where it was.
+        for (next, before) in next.iter_mut().zip(before) {
+            *next = if next.is_finite() { *next } else { *before };
+        }
+        all.push(next);
+    }
+    all
+}
+
+/// A fit in segments: at first each by itself, with the parameters in common, which lets states be
+/// where the data have them however wrong the parameters still are; with segments that become
+/// longer; and then with the gaps between them closed.
+fn multiple<'a>(
+    problem: &Problem,
+    recordings: &[Recording<'a>],
+    p: &[f64],
+    with: &mut Evaluation<'_>,
+    growth: f64,
+) -> Result<Fit<'a>, IdentifyError> {
+    let (nx, channels) = (with.dims.nx, problem.channels.len());
+    let rows = recordings.iter().map(|of| of.rows(channels)).max().unwrap_or(2);
+    let longest = segments(rows, growth);
+    let mut length = longest.min(2 * nx.div_ceil(channels) + 2);
+    let mut states: Vec<_> =
+        recordings.iter().map(|&recording| guess(problem, recording, p, with)).collect();
+    let mut p = p.to_vec();
+    loop {
+        match apart(problem, recordings, (&mut states, &mut p), length, with) {
+            Err(error) if length <= 2 => return Err(error),
+            Err(_) => length = 2,
+            Ok(()) if length == longest => break,
+            Ok(()) => length = longest.min(2 * length),
+        }
+    }
+    let known = problem.initial_state.values();
+    let parts = recordings.iter().zip(&mut states).map(|(recording, states)| {
+        if !problem.initial_state.is_free() {
+            states[0].copy_from_slice(known);
+        }
+        let nodes = Nodes::every(length, states);
+        let mut of = Shooting::new(problem, *recording, nodes, scale(states));
+        of.simulate(problem, &p, with);
+        of
+    });
+    let parts: Vec<_> = parts.collect();
+    let mut fit = Fit::new(problem, p, parts, with);
+    fit.run(problem, with);
+    Ok(fit)
+}
+
+/// Fits segments of `length` rows as recordings of their own, from given states and parameters,
+/// which move to the fit.
+fn apart(
+    problem: &Problem,
+    recordings: &[Recording<'_>],
+    (states, p): (&mut [Vec<Vec<f64>>], &mut Vec<f64>),
+    length: usize,
+    with: &mut Evaluation<'_>,
+) -> Result<(), IdentifyError> {
+    let (nx, nu, channels) = (with.dims.nx, with.dims.nu, problem.channels.len());
+    let first = problem.initial_state.values().to_vec();
+    let free = Problem { initial_state: InitialState::Free(first), ..problem.clone() };
+    let mut parts = Vec::new();
+    for (number, (recording, states)) in recordings.iter().zip(&*states).enumerate() {
+        let scale = scale(states);
+        for first in (0..states.len()).step_by(length) {
+            let end = states.len().min(first + length);
+            let cut = Recording {
+                u: &recording.u[first * nu..end * nu],
+                y: &recording.y[first * channels..end * channels],
+                ..*recording
+            };
+            let nodes = Nodes::first(&states[first]);
+            let mut part = Shooting::new(&free, cut, nodes, scale.clone());
+            part.simulate(&free, p, with);
+            if !part.trajectory.is_finite() {
+                return Err(IdentifyError::NotFinite { recording: number });
+            }
+            parts.push(part);
+        }
+    }
+    let mut fit = Fit::new(&free, p.clone(), parts, with);
+    fit.run(&free, with);
+    let all = fit.recordings.iter().flat_map(|part| part.trajectory.x.chunks_exact(nx));
+    for (state, x) in states.iter_mut().flatten().zip(all) {
+        state.copy_from_slice(x);
+    }
+    *p = fit.p;
+    Ok(())
+}
+
+/// Why a fit by single shooting may be a wrong one.
+fn doubt(problem: &Problem, fit: &Fit<'_>) -> Option<Why> {
+    if fit.status != FitStatus::Converged {
+        return Some(Why::SingleEnded { status: fit.status });
+    }
+    let correlation = (0..problem.channels.len())
+        .map(|channel| neighbours(problem, fit, channel))
+        .fold(0.0, f64::max);
+    (correlation > CORRELATED).then_some(Why::BetterThanSingle { correlation })
+}
+
+/// The correlation of neighbouring residuals of a channel that measures a state.
+fn neighbours(problem: &Problem, fit: &Fit<'_>, channel: usize) -> f64 {
+    let Measured::State(state) = problem.channels[channel].measured else { return 0.0 };
+    let (mut products, mut squares) = (0.0, 0.0);
+    for of in &fit.recordings {
+        let (nx, channels) = (of.scale.len(), problem.channels.len());
+        let y = of.recording.y.iter().skip(channel).step_by(channels);
+        let x = of.trajectory.x.iter().skip(state).step_by(nx);
+        let mut before = f64::NAN;
+        for residual in x.zip(y).map(|(x, y)| x - y) {
+            if !residual.is_nan() {
+                squares += residual * residual;
+            }
+            if !residual.is_nan() && !before.is_nan() {
+                products += residual * before;
+            }
+            before = residual;
+        }
+    }
+    if squares > 0.0 { products / squares } else { 0.0 }
+}
+
+fn is_better(other: &Fit<'_>, fit: &Fit<'_>) -> bool {
+    other.status == FitStatus::Converged && other.cost() < (1.0 - 1e-6) * fit.cost()
+}

@@ -1,0 +1,35 @@
+//! Identification: parameters and initial states of any [`Model`](pinc_ode::Model) from recorded
+//! data, by nonlinear least squares.
+//!
+//! - [`Problem`]: what is measured ([`Channel`]), what is unknown ([`Unknown`], [`InitialState`]),
+//!   and where the fit starts; [`Recording`]: the data.
+//! - [`identify`]: the fit, by single or multiple shooting, whichever is needed.
+//! - [`Identified`]: values with intervals of 95 %, correlations, residuals, and in words what the
+//!   data do not determine and what looks wrong ([`Finding`]).
+//!
+//! An [`IdentifyError`] means that the parts do not fit together. A poor fit is none: it is said in
+//! the findings.
+
+mod analysis;
+mod diagnosis;
+mod error;
+mod fit;
+mod identify;
+mod linear;
+mod method;
+mod problem;
+mod result;
+mod shooting;
+mod student;
+mod trajectory;
+mod triangle;
+
+pub use diagnosis::{Finding, Side};
+pub use error::IdentifyError;
+pub use fit::FitStatus;
+pub use identify::identify;
+pub use method::{Method, Why};
+pub use pinc_estimate::Measured;
+pub use problem::{Channel, InitialState, Problem, Recording, Unknown};
+pub use result::{ChannelFit, Estimate, Identified};
+pub use trajectory::Work;

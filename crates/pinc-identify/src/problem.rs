@@ -1,0 +1,177 @@
+//! What is to be identified, of which data.
+
+use crate::IdentifyError;
+use crate::error::{length, numbers, places, rows};
+use pinc_estimate::Measured;
+use pinc_ode::Dims;
+
+/// What is measured, what is unknown, and where the fit starts.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Problem {
+    /// What is measured, in the order of the measurements.
+    pub channels: Vec<Channel>,
+    /// p, the parameters of the model, `np`: those that are not identified keep these values.
+    pub parameters: Vec<f64>,
+    /// The parameters that are identified.
+    pub unknown: Vec<Unknown>,
+    /// The state at the first row of each recording.
+    pub initial_state: InitialState,
+    /// The names of the states, for what is said of them, `nx`.
+    pub states: Vec<String>,
+    /// The names of the inputs, `nu`.
+    pub inputs: Vec<String>,
+}
+
+/// A measured quantity.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Channel {
+    /// Its name, for what is said of it.
+    pub name: String,
+    /// What it measures.
+    pub measured: Measured,
+    /// The standard deviation of its noise, by which its residuals are divided; 1 where it is not
+    /// known.
+    pub sd: Option<f64>,
+}
+
+/// A parameter that is identified.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Unknown {
+    /// Its name, for what is said of it.
+    pub name: String,
+    /// Its place among the parameters of the model.
+    pub place: usize,
+    /// Where its estimate starts.
+    pub initial: f64,
+    /// The least that it can be; minus infinity for no bound.
+    pub low: f64,
+    /// The most that it can be; infinity for no bound.
+    pub high: f64,
+}
+
+/// The state at the first row of each recording, `nx`.
+#[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
+pub enum InitialState {
+    /// It is unknown, each recording has its own, and their estimates start here.
+    Free(Vec<f64>),
+    /// It is known to be this.
+    Fixed(Vec<f64>),
+}
+
+/// What was recorded, row by row, one step of the model apart.
+///
+/// # Shapes
+///
+/// `u`: `[rows, nu]`, held from a row to the next; `y`: `[rows, channels]`, NaN where a value is
+/// missing.
+#[derive(Clone, Copy, Debug)]
+pub struct Recording<'a> {
+    /// Its name, for what is said of it.
+    pub name: &'a str,
+    /// The inputs.
+    pub u: &'a [f64],
+    /// The measurements.
+    pub y: &'a [f64],
+}
+
+impl InitialState {
+    /// Where the estimate starts, or what the state is known to be.
+    #[must_use]
+    pub fn values(&self) -> &[f64] {
+        match self {
+            Self::Free(values) | Self::Fixed(values) => values,
+        }
+    }
+
+    /// Whether it is unknown.
+    #[must_use]
+    pub fn is_free(&self) -> bool {
+        matches!(self, Self::Free(_))
+    }
+}
+
+impl Problem {
+    /// Checks it against a model of dimensions `dims`.
+    ///
+    /// # Errors
+    ///
+    /// [`IdentifyError`], with the reason.
+    pub fn validate(&self, dims: Dims) -> Result<(), IdentifyError> {
+        let states = |c: &Channel| match c.measured {
+            Measured::State(place) => Some(place),
+            _ => None,
+        };
+        let outputs = |c: &Channel| match c.measured {
+            Measured::Output(place) => Some(place),
+            _ => None,
+        };
+        let of = |place: &dyn Fn(&Channel) -> Option<usize>| -> Vec<usize> {
+            self.channels.iter().filter_map(place).collect()
+        };
+        places("measured states", &of(&states), dims.nx)?;
+        places("measured outputs", &of(&outputs), dims.ny)?;
+        let sd: Vec<f64> = self.channels.iter().filter_map(|c| c.sd).collect();
+        numbers("measurement sd", &sd, "positive", |sd| sd > 0.0 && sd.is_finite())?;
+        length("parameters", self.parameters.len(), dims.np)?;
+        numbers("parameters", &self.parameters, "finite", f64::is_finite)?;
+        let unknown: Vec<usize> = self.unknown.iter().map(|unknown| unknown.place).collect();
+        places("unknown parameters", &unknown, dims.np)?;
+        for Unknown { name, initial, low, high, .. } in &self.unknown {
+            let (name, initial, low, high) = (name.clone(), *initial, *low, *high);
+            if !(initial.is_finite() && low <= initial && initial <= high && low < high) {
+                return Err(IdentifyError::OutsideBounds { name, initial, low, high });
+            }
+        }
+        length("initial state", self.initial_state.values().len(), dims.nx)?;
+        numbers("initial state", self.initial_state.values(), "finite", f64::is_finite)?;
+        length("names of states", self.states.len(), dims.nx)?;
+        length("names of inputs", self.inputs.len(), dims.nu)?;
+        if self.channels.is_empty() {
+            return Err(IdentifyError::Length { field: "channels", expected: 1, found: 0 });
+        }
+        if self.unknown.is_empty() && !self.initial_state.is_free() {
+            return Err(IdentifyError::NothingUnknown);
+        }
+        Ok(())
+    }
+
+    /// Checks recordings, and that they have more values than there are unknowns.
+    pub(crate) fn validate_data(
+        &self,
+        dims: Dims,
+        recordings: &[Recording<'_>],
+    ) -> Result<(), IdentifyError> {
+        if recordings.is_empty() {
+            return Err(IdentifyError::TooShort { recording: 0, rows: 0 });
+        }
+        for (i, recording) in recordings.iter().enumerate() {
+            rows(i, dims, (recording.u, recording.y, self.channels.len()))?;
+        }
+        let given = |recording: &Recording<'_>| recording.y.iter().filter(|y| !y.is_nan()).count();
+        let measurements = recordings.iter().map(given).sum();
+        let unknowns = self.unknowns(dims, recordings.len());
+        if measurements <= unknowns {
+            return Err(IdentifyError::TooFewMeasurements { measurements, unknowns });
+        }
+        Ok(())
+    }
+
+    /// The number of unknowns: parameters and, where they are free, the initial states.
+    pub(crate) fn unknowns(&self, dims: Dims, recordings: usize) -> usize {
+        let states = if self.initial_state.is_free() { dims.nx } else { 0 };
+        self.unknown.len() + recordings * states
+    }
+
+    /// By what residuals are divided.
+    pub(crate) fn sd(&self, channel: usize) -> f64 {
+        self.channels[channel].sd.unwrap_or(1.0)
+    }
+}
+
+impl Recording<'_> {
+    /// The number of rows of a recording of that many channels.
+    pub(crate) fn rows(&self, channels: usize) -> usize {
+        self.y.len() / channels
+    }
+}

@@ -1,0 +1,385 @@
+//! One recording, linearized: its residuals and their derivatives as a triangle, by single or
+//! multiple shooting.
+
+use crate::problem::{Problem, Recording};
+use crate::trajectory::{Evaluation, Trajectory};
+use crate::triangle::Triangle;
+use faer::Mat;
+use pinc_estimate::Measured;
+use pinc_ode::{Dims, LinearizationBuffer, OutputLinearization, Stages};
+
+/// How many points are linearized at a time.
+const BLOCK: usize = 64;
+
+/// The begins of segments and the states there.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Nodes {
+    /// The first row of each segment; 0 is the first.
+    pub(crate) starts: Vec<usize>,
+    /// The state there, `[segments, nx]`.
+    pub(crate) x: Vec<f64>,
+}
+
+impl Nodes {
+    /// One segment.
+    pub(crate) fn first(x: &[f64]) -> Self {
+        Self { starts: vec![0], x: x.to_vec() }
+    }
+
+    /// Segments of `length` rows.
+    pub(crate) fn every(length: usize, states: &[Vec<f64>]) -> Self {
+        let starts: Vec<usize> = (0..states.len()).step_by(length).collect();
+        Self { x: starts.iter().flat_map(|&k| states[k].clone()).collect(), starts }
+    }
+}
+
+/// A recording with its linearization.
+///
+/// Small changes of the states are linear functions of unknowns (q, p, 1). Those of the first state
+/// are its scale times q, where that is free. From segment to segment q is chosen anew, so that no
+/// state depends on it by more than its scale: directions that grow are scaled down, and the change
+/// of a state at the end of a segment takes the place of that at its begin. What the sensitivities
+/// of unstable plants would lose to rounding is kept so.
+#[derive(Debug)]
+pub(crate) struct Shooting<'a> {
+    pub(crate) recording: Recording<'a>,
+    pub(crate) nodes: Nodes,
+    pub(crate) trajectory: Trajectory,
+    /// The size of each state.
+    pub(crate) scale: Vec<f64>,
+    /// Of (q, p, 1): the residuals, whose squares are twice the cost.
+    pub(crate) triangle: Triangle,
+    /// The number of q.
+    pub(crate) nq: usize,
+    links: Vec<Link>,
+    /// How much the state depends on the first one, at most.
+    pub(crate) growth: f64,
+}
+
+/// What a choice of new q does: q = W (q', p, 1), and the change of the state there by (q', p, 1).
+#[derive(Clone, Debug)]
+struct Link {
+    /// `[nq, width]`
+    back: Vec<f64>,
+    /// `[nx, width]`
+    node: Vec<f64>,
+}
+
+/// Memory for the linearization of a block of points.
+#[derive(Debug)]
+pub(crate) struct Block {
+    model: LinearizationBuffer,
+    /// p at each point.
+    p: Vec<f64>,
+    /// The outputs and their Jacobians.
+    y: Vec<f64>,
+    c: Vec<f64>,
+    d: Vec<f64>,
+    e: Vec<f64>,
+}
+
+impl Block {
+    pub(crate) fn new(dims: Dims) -> Self {
+        let Dims { nx, nu, np, ny, .. } = dims;
+        let zeros = |width: usize| vec![0.0; BLOCK * width];
+        Self {
+            model: LinearizationBuffer::new(dims, BLOCK),
+            p: zeros(np),
+            y: zeros(ny),
+            c: zeros(ny * nx),
+            d: zeros(ny * nu),
+            e: zeros(ny * np),
+        }
+    }
+}
+
+impl<'a> Shooting<'a> {
+    pub(crate) fn new(
+        problem: &Problem,
+        recording: Recording<'a>,
+        nodes: Nodes,
+        scale: Vec<f64>,
+    ) -> Self {
+        let nx = scale.len();
+        let nq = if problem.initial_state.is_free() { nx } else { 0 };
+        let rows = recording.rows(problem.channels.len());
+        Self {
+            trajectory: Trajectory::new(nx, rows, nodes.starts.len()),
+            triangle: Triangle::new(nq + problem.unknown.len() + 1),
+            recording,
+            nodes,
+            scale,
+            nq,
+            links: Vec::new(),
+            growth: 1.0,
+        }
+    }
+
+    /// Writes the model's trajectory from the nodes.
+    pub(crate) fn simulate(&mut self, problem: &Problem, p: &[f64], with: &mut Evaluation<'_>) {
+        let nodes = (&self.nodes.starts[..], &self.nodes.x[..], p);
+        with.simulate(problem, self.recording, nodes, &mut self.trajectory);
+    }
+
+    /// Linearizes along the trajectory, into the triangle.
+    pub(crate) fn linearize(
+        &mut self,
+        problem: &Problem,
+        p: &[f64],
+        with: &mut Evaluation<'_>,
+        block: &mut Block,
+    ) {
+        let (nx, width) = (self.scale.len(), self.triangle.width());
+        let rows = self.trajectory.x.len() / nx;
+        let mut s = vec![0.0; nx * width];
+        for (i, scale) in self.scale.iter().enumerate().take(self.nq) {
+            s[i * width + i] = *scale;
+        }
+        let mut moved = s.clone();
+        self.triangle.clear();
+        self.links.clear();
+        self.growth = 1.0;
+        block.p.chunks_exact_mut(p.len().max(1)).for_each(|to| to.copy_from_slice(p));
+        for first in (0..rows).step_by(BLOCK) {
+            let points = BLOCK.min(rows - first);
+            self.linearize_block(problem, (first, points), with, block);
+            for k in first..first + points {
+                self.push_row(problem, k, &s, (k - first, &*block));
+                if k + 1 == rows {
+                    break;
+                }
+                propagate(problem, with.dims, (k - first, &*block), &s, &mut moved);
+                std::mem::swap(&mut s, &mut moved);
+                if self.nodes.starts.get(self.links.len() + 1) == Some(&(k + 1)) {
+                    self.link(&mut s);
+                } else {
+                    self.growth = self.growth.max(self.size(&s));
+                }
+            }
+        }
+    }
+
+    fn linearize_block(
+        &self,
+        problem: &Problem,
+        (first, points): (usize, usize),
+        with: &mut Evaluation<'_>,
+        block: &mut Block,
+    ) {
+        let Dims { nx, nu, np, ny, .. } = with.dims;
+        let part = |width: usize| first * width..(first + points) * width;
+        let at = Stages {
+            x: &self.trajectory.x[part(nx)],
+            u: &self.recording.u[part(nu)],
+            p: &block.p[..points * np],
+        };
+        let LinearizationBuffer { next, a, b, e } = &mut block.model;
+        let out = pinc_ode::Linearization {
+            next: &mut next[..points * nx],
+            a: &mut a[..points * nx * nx],
+            b: &mut b[..points * nx * nu],
+            e: &mut e[..points * nx * np],
+        };
+        with.model.linearize(at, out);
+        with.work.linearized += points;
+        if problem.has_outputs() {
+            let out = OutputLinearization {
+                y: &mut block.y[..points * ny],
+                c: &mut block.c[..points * ny * nx],
+                d: &mut block.d[..points * ny * nu],
+                e: &mut block.e[..points * ny * np],
+            };
+            with.model.linearize_output(at, out);
+        }
+    }
+
+    /// Pushes the residuals of row `k`, where the change of the state is `s`.
+    fn push_row(
+        &mut self,
+        problem: &Problem,
+        k: usize,
+        s: &[f64],
+        (point, block): (usize, &Block),
+    ) {
+        let (nx, width, nq) = (self.scale.len(), self.triangle.width(), self.nq);
+        let np = problem.parameters.len();
+        let ny = block.y.len() / BLOCK;
+        let channels = problem.channels.len();
+        for (i, channel) in problem.channels.iter().enumerate() {
+            let y = self.recording.y[k * channels + i];
+            if y.is_nan() {
+                continue;
+            }
+            let weight = 1.0 / problem.sd(i);
+            let row = self.triangle.push();
+            match channel.measured {
+                Measured::State(state) => {
+                    let s = &s[state * width..(state + 1) * width];
+                    row.iter_mut().zip(s).for_each(|(to, s)| *to = weight * s);
+                    row[width - 1] += weight * (self.trajectory.x[k * nx + state] - y);
+                }
+                Measured::Output(output) => {
+                    let place = point * ny + output;
+                    for (c, s) in block.c[place * nx..][..nx].iter().zip(s.chunks_exact(width)) {
+                        row.iter_mut().zip(s).for_each(|(to, s)| *to += weight * c * s);
+                    }
+                    for (to, unknown) in row[nq..].iter_mut().zip(&problem.unknown) {
+                        *to += weight * block.e[place * np + unknown.place];
+                    }
+                    row[width - 1] += weight * (block.y[place] - y);
+                }
+                _ => {}
+            }
+        }
+    }
+
+    /// How much of its scale the state changes with q.
+    fn size(&self, s: &[f64]) -> f64 {
+        let rows = s.chunks_exact(self.triangle.width()).zip(&self.scale);
+        let squares =
+            rows.map(|(s, scale)| s[..self.nq].iter().map(|s| (s / scale).powi(2)).sum::<f64>());
+        squares.sum::<f64>().sqrt()
+    }
+
+    /// Begins a segment: chooses new q, of which the change `s` of the state is made.
+    fn link(&mut self, s: &mut [f64]) {
+        let (nx, nq, width) = (self.scale.len(), self.nq, self.triangle.width());
+        let defect = &self.trajectory.defects[self.links.len() * nx..][..nx];
+        for (s, defect) in s.chunks_exact_mut(width).zip(defect) {
+            s[width - 1] += defect;
+        }
+        let mut back = vec![0.0; nq * width];
+        if let Some((u, sigma, v)) = self.directions(s) {
+            let (scale, columns) = (&self.scale, width - nq);
+            let u = |i: usize, k: usize| u[i * nq + k] * scale[i];
+            // What the growing directions have of p and 1 becomes part of q'.
+            let mut share = vec![0.0; nq * columns];
+            for k in (0..nq).filter(|&k| sigma[k] > 1.0) {
+                for c in 0..columns {
+                    let of = |i: usize| u(i, k) / scale[i].powi(2) * s[i * width + nq + c];
+                    share[k * columns + c] = (0..nx).map(of).sum();
+                }
+            }
+            for i in 0..nx {
+                let s = &mut s[i * width..(i + 1) * width];
+                for k in 0..nq {
+                    s[k] = u(i, k) * sigma[k].min(1.0);
+                    for (to, share) in s[nq..].iter_mut().zip(&share[k * columns..]) {
+                        *to -= u(i, k) * share;
+                    }
+                }
+            }
+            for (i, back) in back.chunks_exact_mut(width).enumerate() {
+                for k in 0..nq {
+                    back[k] = v[i * nq + k] / sigma[k].max(1.0);
+                    let w = back[k];
+                    for (to, share) in back[nq..].iter_mut().zip(&share[k * columns..]) {
+                        *to -= w * share;
+                    }
+                }
+            }
+            substitute(&mut self.triangle, nq, &back);
+        }
+        self.links.push(Link { back, node: s.to_vec() });
+    }
+
+    /// The singular value decomposition U, sigma, V of the change of the state by q, in scales of
+    /// the states; none where there is no q.
+    fn directions(&self, s: &[f64]) -> Option<(Vec<f64>, Vec<f64>, Vec<f64>)> {
+        let (nx, nq, width) = (self.scale.len(), self.nq, self.triangle.width());
+        let matrix = Mat::from_fn(nx, nq, |i, k| s[i * width + k] / self.scale[i]);
+        let svd = if nq > 0 { matrix.svd().ok()? } else { return None };
+        let dense = |of: faer::MatRef<'_, f64>| -> Vec<f64> {
+            (0..nq * nq).map(|at| of[(at / nq, at % nq)]).collect()
+        };
+        let sigma = svd.S().column_vector().iter().copied().collect();
+        Some((dense(svd.U()), sigma, dense(svd.V())))
+    }
+
+    /// Adds `alpha` times the change to the nodes that (q, dp, 1) of the last segment makes.
+    pub(crate) fn advance(&self, (q, dp): (&[f64], &[f64]), alpha: f64, nodes: &mut [f64]) {
+        let (nx, nq) = (self.scale.len(), self.nq);
+        let mut z = [q, dp, &[1.0]].concat();
+        let product = |rows: &[f64], z: &[f64]| -> Vec<f64> {
+            let rows = rows.chunks_exact(z.len());
+            rows.map(|row| row.iter().zip(z).map(|(a, b)| a * b).sum()).collect()
+        };
+        for (segment, link) in self.links.iter().enumerate().rev() {
+            let change = product(&link.node, &z);
+            let node = &mut nodes[(segment + 1) * nx..(segment + 2) * nx];
+            node.iter_mut().zip(&change).for_each(|(x, change)| *x += alpha * change);
+            let before = product(&link.back, &z);
+            z[..nq].copy_from_slice(&before);
+        }
+        for ((x, scale), q) in nodes.iter_mut().zip(&self.scale).zip(&z[..nq]) {
+            *x += alpha * scale * q;
+        }
+    }
+
+    /// The change of the first state by (q, p, 1), `[nx, width]`.
+    pub(crate) fn first_state(&self) -> Vec<f64> {
+        let (nx, nq, width) = (self.scale.len(), self.nq, self.triangle.width());
+        let mut all = vec![0.0; nx * width];
+        for (column, z) in (0..width).map(|c| (c, unit(width, c))) {
+            let mut nodes = vec![0.0; nx * self.nodes.starts.len()];
+            // Without the constant, which is none of the unknowns.
+            let mut zero = nodes.clone();
+            self.advance((&z[..nq], &z[nq..width - 1]), 1.0, &mut nodes);
+            self.advance((&vec![0.0; nq], &vec![0.0; width - 1 - nq]), 1.0, &mut zero);
+            for i in 0..nx {
+                all[i * width + column] = nodes[i] - zero[i];
+            }
+        }
+        all
+    }
+
+    /// The sum of the gaps between segments, in scales of the states.
+    pub(crate) fn gaps(&self) -> f64 {
+        let gaps = self.trajectory.defects.chunks_exact(self.scale.len());
+        gaps.flatten().zip(self.scale.iter().cycle()).map(|(d, scale)| (d / scale).abs()).sum()
+    }
+}
+
+fn unit(width: usize, at: usize) -> Vec<f64> {
+    let mut unit = vec![0.0; width];
+    unit[at] = 1.0;
+    unit
+}
+
+/// Writes the change of the next state, `[A s + E]`, into `next`.
+fn propagate(
+    problem: &Problem,
+    dims: Dims,
+    (point, block): (usize, &Block),
+    s: &[f64],
+    next: &mut [f64],
+) {
+    let Dims { nx, np, .. } = dims;
+    let width = s.len() / nx;
+    let unknown = problem.unknown.len();
+    let a = &block.model.a[point * nx * nx..(point + 1) * nx * nx];
+    next.fill(0.0);
+    for (i, next) in next.chunks_exact_mut(width).enumerate() {
+        for (a, s) in a[i * nx..(i + 1) * nx].iter().zip(s.chunks_exact(width)) {
+            next.iter_mut().zip(s).for_each(|(next, s)| *next += a * s);
+        }
+        let e = &block.model.e[(point * nx + i) * np..(point * nx + i + 1) * np];
+        let by_p = &mut next[width - 1 - unknown..];
+        for (to, unknown) in by_p.iter_mut().zip(&problem.unknown) {
+            *to += e[unknown.place];
+        }
+    }
+}
+
+/// Puts q = W (q', p, 1) into the triangle.
+fn substitute(triangle: &mut Triangle, nq: usize, back: &[f64]) {
+    let width = triangle.width();
+    let mut of_q = vec![0.0; nq];
+    for row in triangle.factor_mut().chunks_exact_mut(width) {
+        of_q.copy_from_slice(&row[..nq]);
+        row[..nq].fill(0.0);
+        for (r, back) in of_q.iter().zip(back.chunks_exact(width)) {
+            row.iter_mut().zip(back).for_each(|(to, back)| *to += r * back);
+        }
+    }
+}

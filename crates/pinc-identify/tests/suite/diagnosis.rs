@@ -1,0 +1,202 @@
+//! What is said of data and fits that are not as they should be.
+
+use crate::support::{noise, oscillator, plant, problem, simulated, steps};
+use pinc_identify::{
+    Finding, FitStatus, Identified, IdentifyError, InitialState, Problem, Recording, Side, identify,
+};
+use pinc_ode::DynPlant;
+
+/// One tank: inflow k u through a valve gamma; the second valve does nothing.
+fn tank() -> Box<dyn DynPlant> {
+    plant(
+        &[("h", "(k*gamma*u - a*sqrt(max(h, 0)*1962))/A + 0*idle")],
+        &["u"],
+        &[("A", 28.0), ("a", 0.07), ("gamma", 0.6), ("idle", 1.0), ("k", 3.3)],
+        &["a", "k", "gamma", "idle"],
+    )
+}
+
+const TRUTH: [f64; 4] = [0.07, 3.3, 0.6, 1.0];
+const STARTS: [(f64, f64, f64); 4] =
+    [(0.06, 0.01, 0.2), (3.0, 0.5, 9.0), (0.5, 0.1, 1.0), (2.0, 0.0, 5.0)];
+
+/// The tank's level under steps of the inflow, with noise.
+fn data(rows: usize) -> (Vec<f64>, Vec<f64>) {
+    let u = steps(11, rows, 12, (1.0, 4.0));
+    let x = simulated(&mut *tank().rk4(10.0, 4), &[8.0], &u, &TRUTH);
+    let y = x.iter().zip(noise(4, 0.05, rows)).map(|(x, noise)| x + noise).collect();
+    (u, y)
+}
+
+/// With these parameters unknown, by their places, and the others at their true values.
+fn with(unknown: &[usize]) -> Problem {
+    let free = InitialState::Free(vec![8.0]);
+    let mut all = problem(&*tank(), &[0], Some(0.05), &STARTS, free);
+    all.parameters = TRUTH.to_vec();
+    all.unknown = unknown.iter().map(|&i| all.unknown[i].clone()).collect();
+    all
+}
+
+fn fit(problem: &Problem, u: &[f64], y: &[f64]) -> Identified {
+    let mut model = tank().rk4(10.0, 4);
+    identify(&mut *model, problem, &[Recording { name: "tank", u, y }]).unwrap()
+}
+
+fn words(found: &Identified) -> String {
+    found.findings.iter().map(|finding| format!("{finding}\n")).collect()
+}
+
+#[test]
+fn good_data_have_no_findings() {
+    let (u, y) = data(150);
+    let found = fit(&with(&[0, 1]), &u, &y);
+    assert_eq!(found.findings, []);
+    assert_eq!(found.status, FitStatus::Converged);
+}
+
+#[test]
+fn a_parameter_without_influence_is_named_and_stays() {
+    let (u, y) = data(150);
+    let found = fit(&with(&[0, 1, 3]), &u, &y);
+    assert_eq!(found.findings, [Finding::NoInfluence { name: "idle".to_owned() }]);
+    assert_eq!(found.parameters[2].half_width, None);
+    assert!((found.parameters[2].value - 2.0).abs() < 1e-12);
+    assert!(words(&found).contains("idle cannot be identified: nothing measured depends on it"));
+    // The others do not suffer.
+    let alone = fit(&with(&[0, 1]), &u, &y);
+    for (a, b) in alone.parameters.iter().zip(&found.parameters) {
+        assert!((a.value - b.value).abs() < 1e-6 * a.value);
+        assert!((a.half_width.unwrap() / b.half_width.unwrap() - 1.0).abs() < 0.02);
+    }
+}
+
+/// Only the product of k and gamma counts.
+#[test]
+fn a_pair_that_cannot_be_told_apart_is_named_with_its_direction() {
+    let (u, y) = data(150);
+    let found = fit(&with(&[0, 1, 2]), &u, &y);
+    let [Finding::Undetermined { direction }] = &found.findings[..] else {
+        panic!("{}", words(&found));
+    };
+    let names: Vec<_> = direction.iter().map(|(name, _)| name.as_str()).collect();
+    assert_eq!(names, ["k", "gamma"]);
+    assert!((direction[0].1 - 1.0).abs() < 1e-6 && (direction[1].1 + 1.0).abs() < 1e-6);
+    let text = words(&found);
+    assert!(
+        text.contains("k, gamma cannot be identified together: k by +1.00 %, gamma by -1.00 %")
+    );
+    // What is determined is so, and the product too.
+    assert!(found.parameters[0].half_width.is_some());
+    assert_eq!((found.parameters[1].half_width, found.parameters[2].half_width), (None, None));
+    let product = found.parameters[1].value * found.parameters[2].value;
+    assert!((product - 3.3 * 0.6).abs() < 0.05, "{product}");
+}
+
+#[test]
+fn data_of_another_plant_do_not_fit() {
+    let u = steps(11, 200, 12, (1.0, 4.0));
+    // Two tanks in a row, and a leak.
+    let mut other = plant(
+        &[("h", "(1.98*g - 0.2*h)/28"), ("g", "(u - g)/lag")],
+        &["u"],
+        &[("lag", 60.0)],
+        &["lag"],
+    )
+    .rk4(10.0, 4);
+    let x = simulated(&mut *other, &[8.0, 2.0], &u, &[60.0]);
+    let y: Vec<f64> =
+        x.chunks(2).map(|x| x[0]).zip(noise(4, 0.05, 200)).map(|(x, e)| x + e).collect();
+    let found = fit(&with(&[0, 1]), &u, &y);
+    let text = words(&found);
+    assert!(text.contains("data of another plant"), "{text}");
+    assert!(text.contains("not white"), "{text}");
+    // The same without knowing the noise.
+    let mut unknown = with(&[0, 1]);
+    unknown.channels[0].sd = None;
+    let text = words(&fit(&unknown, &u, &y));
+    assert!(text.contains("not white"), "{text}");
+}
+
+#[test]
+fn units_that_are_wrong_by_a_thousand_are_suspected() {
+    let (u, y) = data(150);
+    let millimetres: Vec<f64> = y.iter().map(|y| 1000.0 * y).collect();
+    let text = words(&fit(&with(&[0, 1]), &u, &millimetres));
+    assert!(
+        text.contains("h: the measurements are about 1e3 times what the model gives"),
+        "{text}"
+    );
+    let millivolts: Vec<f64> = u.iter().map(|u| 1000.0 * u).collect();
+    let found = fit(&with(&[0, 1]), &millivolts, &y);
+    let text = words(&found);
+    assert!(text.contains("u: the data would fit far better with 1e-3 times"), "{text}");
+    // Without bounds that say no, a factor in k makes good for it: that is said too.
+    let mut wide = with(&[0, 1]);
+    wide.unknown[1].low = 0.0;
+    let found = fit(&wide, &millivolts, &y);
+    assert!(found.findings.iter().any(|f| matches!(f, Finding::Far { name, .. } if name == "k")));
+}
+
+#[test]
+fn a_bound_that_is_hit_is_named_and_has_no_interval() {
+    let (u, y) = data(150);
+    let mut tight = with(&[0, 1]);
+    tight.unknown[1].high = 3.1;
+    let found = fit(&tight, &u, &y);
+    let k = &found.parameters[1];
+    assert_eq!((k.value, k.half_width, k.at_bound), (3.1, None, Some(Side::High)));
+    let bound = Finding::AtBound { name: "k".to_owned(), side: Side::High, value: 3.1 };
+    assert!(found.findings.contains(&bound), "{}", words(&found));
+    assert!(found.parameters[0].half_width.is_some());
+    // One unknown less than there are.
+    assert_eq!(found.degrees_of_freedom, 148);
+    // The minimum on the bound: with k fixed there the other one is the same.
+    let mut fixed = with(&[0]);
+    fixed.parameters[1] = 3.1;
+    let fixed = fit(&fixed, &u, &y);
+    assert!((fixed.parameters[0].value - found.parameters[0].value).abs() < 1e-8);
+    assert!((fixed.cost - found.cost).abs() < 1e-9 * fixed.cost);
+}
+
+#[test]
+fn a_channel_without_values_is_named() {
+    let plant = oscillator();
+    let mut model = plant.rk4(0.1, 2);
+    let u = steps(7, 100, 15, (-1.0, 1.0));
+    let x = simulated(&mut *model, &[1.0, 0.0], &u, &[0.8, 1.3]);
+    let y: Vec<f64> = x.chunks(2).flat_map(|x| [x[0], f64::NAN]).collect();
+    let free = InitialState::Free(vec![1.0, 0.0]);
+    let problem = problem(&*plant, &[0, 1], None, &[(0.5, 0.0, 5.0), (1.0, 0.1, 9.0)], free);
+    let recording = Recording { name: "oscillator", u: &u, y: &y };
+    let found = identify(&mut *model, &problem, &[recording]).unwrap();
+    assert_eq!(found.findings, [Finding::NeverMeasured { name: "x2".to_owned() }]);
+    // Without noise the truth comes out to rounding.
+    assert!((found.parameters[0].value - 0.8).abs() < 1e-9);
+    assert!((found.parameters[1].value - 1.3).abs() < 1e-9);
+}
+
+#[test]
+fn data_that_cannot_be_used_are_errors() {
+    let (u, y) = data(20);
+    let problem = with(&[0, 1]);
+    let mut model = tank().rk4(10.0, 4);
+    let mut error = |problem: &Problem, u: &[f64], y: &[f64]| {
+        identify(&mut *model, problem, &[Recording { name: "tank", u, y }]).unwrap_err()
+    };
+    assert_eq!(error(&problem, &[], &[]), IdentifyError::TooShort { recording: 0, rows: 0 });
+    let few = IdentifyError::TooFewMeasurements { measurements: 3, unknowns: 3 };
+    assert_eq!(error(&problem, &u[..3], &y[..3]), few);
+    let missing = [f64::NAN; 20];
+    let none = IdentifyError::TooFewMeasurements { measurements: 0, unknowns: 3 };
+    assert_eq!(error(&problem, &u, &missing), none);
+    let mut bad = u.clone();
+    bad[3] = f64::NAN;
+    assert!(matches!(error(&problem, &bad, &y), IdentifyError::Number { index: 3, .. }));
+    let mut nothing = with(&[]);
+    nothing.initial_state = InitialState::Fixed(vec![8.0]);
+    assert_eq!(error(&nothing, &u, &y), IdentifyError::NothingUnknown);
+    let mut outside = with(&[0]);
+    outside.unknown[0].initial = 7.0;
+    assert!(matches!(error(&outside, &u, &y), IdentifyError::OutsideBounds { .. }));
+    assert!(identify(&mut *model, &problem, &[]).is_err());
+}

@@ -1,0 +1,6 @@
+//! Identification against answers of another program, and against what theory says of it.
+
+mod diagnosis;
+mod recorded;
+mod shooting;
+mod support;

@@ -1,0 +1,141 @@
+//! What was identified of a plant: the fit against the data, the residuals, and the estimates.
+
+use crate::data::Run;
+use crate::number_tables::NumberTable;
+use crate::picture::Picture;
+use pinc_chart::text::{self, MISSING};
+use pinc_chart::{
+    AMBER, Axis, BLUE, Figure, Kind, Panel, Point, Shape, Style, extent, present, state_color,
+};
+use pinc_record::{EstimateMetrics, IdentificationMetrics, ResidualRow, ResidualTable};
+
+/// Data and fit, and what is left of them, if there is an identification.
+pub(crate) fn picture(run: &Run) -> Option<Picture> {
+    let table = run.residuals.as_ref().filter(|table| !table.rows.is_empty())?;
+    let axis = run.time_axis(extent(table.rows.iter().map(|row| row.t)));
+    let mut panels: Vec<Panel> = (0..table.measured.len()).map(|i| fit(run, table, i)).collect();
+    panels.extend((0..table.measured.len()).map(|i| residuals(run, table, i)));
+    Some(Picture {
+        stem: "identification".to_owned(),
+        title: "Identification".to_owned(),
+        caption: "The recorded data with the fit of the model, and the residuals, measured minus \
+                  fitted. Residuals of a model that is right are white: they have no pattern. From \
+                  residuals.csv."
+            .to_owned(),
+        figure: Figure::stack("Identification", axis, panels),
+    })
+}
+
+/// A value at each row, with a gap from file to file.
+fn points(table: &ResidualTable, value: impl Fn(&ResidualRow) -> f64) -> Vec<Point> {
+    let mut points = Vec::new();
+    for (i, row) in table.rows.iter().enumerate() {
+        if i > 0 && table.rows[i - 1].file != row.file {
+            points.push((row.t, f64::NAN));
+        }
+        points.push((row.t, value(row)));
+    }
+    points
+}
+
+fn fit(run: &Run, table: &ResidualTable, i: usize) -> Panel {
+    let name = &table.measured[i];
+    let label = run.axis_label(std::slice::from_ref(name));
+    let mut panel = Panel::new(name, Axis::new(&label, Kind::Linear), 140.0);
+    let measured = present(points(table, |row| row.measured[i]));
+    panel.add_named("measured", measured, Style::new(AMBER, Shape::Dots(1.8)).faint(0.7));
+    let fitted = points(table, |row| row.fitted[i]);
+    panel.add_named("fit", fitted, Style::new(state_color(i), Shape::Line(1.4)));
+    panel
+}
+
+fn residuals(run: &Run, table: &ResidualTable, i: usize) -> Panel {
+    let name = &table.measured[i];
+    let label = run.label_in_unit_of("residual", std::slice::from_ref(name));
+    let title = format!("Residuals of {name}");
+    let mut panel = Panel::new(&title, Axis::new(&label, Kind::Linear), 100.0);
+    let dots = Style::new(BLUE, Shape::Dots(2.0));
+    let left = points(table, |row| row.measured[i] - row.fitted[i]);
+    panel.add(&format!("residual_{name}"), present(left), dots);
+    panel.limits.push(0.0);
+    panel
+}
+
+/// The identification in a few sentences.
+pub(crate) fn paragraph(of: &IdentificationMetrics) -> String {
+    let mut said = format!(
+        "{} parameters were identified from {} measured values, by {} ({}): {}.",
+        of.parameters.len(),
+        of.measurements,
+        of.method,
+        of.reason,
+        of.status
+    );
+    for finding in &of.findings {
+        said += &format!(" {finding}.");
+    }
+    said
+}
+
+/// The estimates, and what is left of the data.
+pub(crate) fn number_tables(of: &IdentificationMetrics) -> Vec<NumberTable> {
+    let heads = |heads: &[&str]| heads.iter().map(|&head| head.to_owned()).collect();
+    let parameters = of.parameters.iter().map(|(name, parameter)| {
+        let [value, width] = shown(&parameter.estimate);
+        vec![name.clone(), value, width, text::number(parameter.initial, 4)]
+    });
+    let mut tables = vec![NumberTable {
+        title: "Parameters".to_owned(),
+        heads: heads(&["", "value", "half width, 95 %", "start"]),
+        rows: parameters.collect(),
+    }];
+    for file in &of.initial_states {
+        let states = file.states.iter().map(|(name, estimate)| {
+            let [value, width] = shown(estimate);
+            vec![name.clone(), value, width]
+        });
+        tables.push(NumberTable {
+            title: format!("Initial state of {}", file.file),
+            heads: heads(&["", "value", "half width, 95 %"]),
+            rows: states.collect(),
+        });
+    }
+    let residuals = of.residuals.iter().map(|(name, left)| {
+        vec![
+            name.clone(),
+            left.measurements.to_string(),
+            text::significant(left.rms, 3),
+            format!("{:.2}", left.correlation),
+        ]
+    });
+    tables.push(NumberTable {
+        title: "Residuals".to_owned(),
+        heads: heads(&["", "values", "rms", "correlation of neighbours"]),
+        rows: residuals.collect(),
+    });
+    let several = of.correlation.names.len() > 1 && of.correlation.names.len() <= 20;
+    tables.extend(several.then(|| correlation(of)));
+    tables
+}
+
+/// An estimate and its half width as text.
+fn shown(estimate: &EstimateMetrics) -> [String; 2] {
+    let width = estimate.half_width_95;
+    [
+        text::number(estimate.value, 6),
+        width.map_or_else(|| MISSING.to_owned(), |width| text::significant(width, 3)),
+    ]
+}
+
+fn correlation(of: &IdentificationMetrics) -> NumberTable {
+    let names = &of.correlation.names;
+    let rows = names.iter().zip(&of.correlation.matrix).map(|(name, row)| {
+        let cell = |c: &Option<f64>| c.map_or_else(|| MISSING.to_owned(), |c| format!("{c:.2}"));
+        std::iter::once(name.clone()).chain(row.iter().map(cell)).collect()
+    });
+    NumberTable {
+        title: "Correlation of the estimates".to_owned(),
+        heads: std::iter::once(String::new()).chain(names.iter().cloned()).collect(),
+        rows: rows.collect(),
+    }
+}
