@@ -4,6 +4,7 @@
 //! - [`TrainingRow`], [`DomainErrorTable`], [`PredictionTable`], [`ControlRow`], [`StepRow`],
 //!   [`EstimateTable`]: the tables of a run.
 //! - [`TrialTable`], [`SummaryTable`]: the tables of a sweep; [`SweepDir`]: where its trials are.
+//! - [`work`]: who does what of a sweep.
 //! - [`IdentificationMetrics`], [`ResidualTable`]: what was identified of a plant.
 //! - [`Provenance`]: where results come from.
 //! - [`Saved`]: a training to be resumed.
@@ -26,6 +27,7 @@ mod sweep_dir;
 mod tables;
 mod times;
 mod verdict;
+pub mod work;
 
 pub use checkpoint::{Saved, load_checkpoint, save_checkpoint};
 pub use csv::{CsvText, number};

@@ -69,6 +69,17 @@ pub struct WorkerNote {
     pub trials_s: f64,
 }
 
+/// A process that says nothing for so long, in s, is not at work.
+const SILENCE_S: f64 = 60.0;
+
+impl WorkerNote {
+    /// Whether its process is at work, as far as it tells.
+    #[must_use]
+    pub fn is_fresh(&self, now_s: f64) -> bool {
+        now_s - self.at_s < SILENCE_S
+    }
+}
+
 /// The directory of a sweep.
 #[derive(Clone, Debug)]
 pub struct SweepDir {

@@ -1,12 +1,12 @@
 //! The threads that work on a sweep.
 
 use super::Session;
-use super::progress::{Progress, effort};
-use super::queue::{Job, Outcome, Queue};
+use super::progress::Progress;
 use crate::BenchError;
 use crate::runs::{Options, Threads, run_trial, train_shared};
 use pinc_config::Trial;
 use pinc_net::NetError;
+use pinc_record::work::{Job, Outcome, Queue, effort};
 use pinc_record::{Ending, Finished, Provenance, RecordError, RunDir};
 use std::sync::mpsc::{RecvTimeoutError, channel};
 use std::sync::{Mutex, MutexGuard, PoisonError};

@@ -2,27 +2,23 @@
 //! over machines and merged.
 
 mod crew;
-mod ledger;
 mod progress;
-mod queue;
 mod status;
 
 pub use status::{Status, status};
 
 use crate::BenchError;
-use crate::clock::to_f64;
 use crate::invocation::{cores, invocation};
 use crate::progress::Verbosity;
 use crate::runs::{Options, rebuild_report};
 use crew::Crew;
-use ledger::Ledger;
 use pinc_config::{Experiment, Plants, SweepSpec, Trial, trials};
+use pinc_record::work::{Estimate, Ledger, Queue, effort, expected};
 use pinc_record::{
     Best, CsvText, Provenance, RecordError, RunDir, Standing, SummaryTable, SweepDir, SweepMetrics,
     TrialColumn, TrialMetric, TrialTable, file,
 };
-use progress::{Estimate, Progress, effort};
-use queue::Queue;
+use progress::Progress;
 use std::collections::{HashMap, HashSet};
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, MutexGuard, PoisonError};
@@ -405,23 +401,6 @@ fn tables(
         (file::SUMMARY, SummaryTable::new(experiment, sweep, trials, results).to_csv()),
         (file::TIMINGS, table(TrialColumn::of_timings(experiment))),
     ]
-}
-
-/// Trials that are to be run, and those of `later` of which that is not known yet, each with the
-/// share of its like that a search runs.
-fn expected<'t>(
-    experiment: &Experiment,
-    now: impl Iterator<Item = &'t Trial>,
-    later: impl Iterator<Item = &'t Trial>,
-) -> Vec<(&'t Trial, f64)> {
-    let search = experiment.sweep.as_ref().and_then(|sweep| sweep.search.as_ref());
-    let share = |trial: &Trial| {
-        let (search, place) = (search?, trial.search?);
-        let survivors = search.halving.as_ref()?.survivors(search.candidates, place.rung);
-        Some(to_f64(survivors as u64) / to_f64(search.candidates as u64))
-    };
-    let later = later.map(|trial| (trial, share(trial).unwrap_or(1.0)));
-    now.map(|trial| (trial, 1.0)).chain(later).collect()
 }
 
 /// The effort of the trainings that are left for these trials, of which shares are run, how many

@@ -1,12 +1,12 @@
 //! How far a sweep is, from its directory alone.
 
-use super::ledger::Ledger;
-use super::progress::{Estimate, SILENCE_S, now_s, span};
-use super::{effort_of_trainings, expected, made};
+use super::progress::{now_s, span};
+use super::{effort_of_trainings, made};
 use crate::BenchError;
 use crate::invocation::rfc3339;
 use crate::slurm::queue_in_words;
 use pinc_config::{Experiment, Plants};
+use pinc_record::work::{Estimate, Ledger, expected};
 use pinc_record::{Ending, RecordError, RunDir, Standing, SweepDir, SweepMetrics, file};
 use std::fmt;
 use std::path::Path;
@@ -63,7 +63,7 @@ pub fn status(dir: &Path, plants: &Plants) -> Result<Status, BenchError> {
     let (effort, untrained, _) = effort_of_trainings(&sweep_dir, left);
     // Where a file system has no locks, the notes are all that is known.
     let notes = sweep_dir.notes();
-    let alive = notes.iter().filter(|note| now_s() - note.at_s < SILENCE_S);
+    let alive = notes.iter().filter(|note| note.is_fresh(now_s()));
     let is_in_use = RunDir::is_in_use(dir) || !cfg!(unix);
     let alive: Vec<_> = alive.filter(|_| is_in_use).collect();
     let failures = trials.iter().zip(ledger.results()).filter_map(|(trial, result)| match &result
@@ -73,7 +73,7 @@ pub fn status(dir: &Path, plants: &Plants) -> Result<Status, BenchError> {
         Ending::Done => None,
         Ending::Failed { error } => Some((trial.id.clone(), error.clone())),
     });
-    let estimate = Estimate::together(&notes, effort, trials_left);
+    let estimate = Estimate::together(&notes, now_s(), effort, trials_left);
     Ok(Status {
         name: experiment.name.clone(),
         nets: (nets, untrained),

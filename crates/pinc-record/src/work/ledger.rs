@@ -1,12 +1,15 @@
 //! What is known of the trials that are over.
 
+use crate::error::RecordError;
+use crate::metrics::SweepMetrics;
+use crate::search::{Best, Search, Standing};
+use crate::sweep_dir::{Ending, Finished, SweepDir};
 use pinc_config::{Experiment, Trial};
-use pinc_record::{Best, Ending, Finished, RecordError, Search, Standing, SweepDir, SweepMetrics};
 use std::collections::HashMap;
 
 /// The results of the trials of a sweep, as far as they are over.
 #[derive(Debug)]
-pub(super) struct Ledger<'a> {
+pub struct Ledger<'a> {
     /// The places of the trials by their hashes: those of a sweep may be equal.
     places: HashMap<&'a str, Vec<usize>>,
     results: Vec<Option<Finished>>,
@@ -15,7 +18,8 @@ pub(super) struct Ledger<'a> {
 
 impl<'a> Ledger<'a> {
     /// Nothing is known yet.
-    pub(super) fn new(experiment: &'a Experiment, trials: &'a [Trial]) -> Self {
+    #[must_use]
+    pub fn new(experiment: &'a Experiment, trials: &'a [Trial]) -> Self {
         let mut places: HashMap<&str, Vec<usize>> = HashMap::new();
         for (i, trial) in trials.iter().enumerate() {
             places.entry(&trial.id).or_default().push(i);
@@ -25,7 +29,11 @@ impl<'a> Ledger<'a> {
     }
 
     /// Takes up what is in `dir` and was not known.
-    pub(super) fn look_up(&mut self, dir: &SweepDir) -> Result<(), RecordError> {
+    ///
+    /// # Errors
+    ///
+    /// [`RecordError`] if a file cannot be read.
+    pub fn look_up(&mut self, dir: &SweepDir) -> Result<(), RecordError> {
         let Self { places, results, .. } = self;
         for (id, places) in places {
             if results[places[0]].is_some() {
@@ -40,24 +48,28 @@ impl<'a> Ledger<'a> {
     }
 
     /// Notes that a trial is over.
-    pub(super) fn note(&mut self, trial: &Trial, finished: &Finished) {
+    pub fn note(&mut self, trial: &Trial, finished: &Finished) {
         for &place in self.places.get(trial.id.as_str()).into_iter().flatten() {
             self.results[place] = Some(finished.clone());
         }
     }
 
-    pub(super) fn knows(&self, trial: &Trial) -> bool {
+    /// Whether a trial is known to be over.
+    #[must_use]
+    pub fn knows(&self, trial: &Trial) -> bool {
         let place = self.places.get(trial.id.as_str()).map(|places| places[0]);
         place.is_some_and(|place| self.results[place].is_some())
     }
 
     /// The results, in the order of the trials.
-    pub(super) fn results(&self) -> &[Option<Finished>] {
+    #[must_use]
+    pub fn results(&self) -> &[Option<Finished>] {
         &self.results
     }
 
     /// How the trials stand.
-    pub(super) fn standings(&self) -> Vec<Standing> {
+    #[must_use]
+    pub fn standings(&self) -> Vec<Standing> {
         match &self.search {
             Some(search) => search.standings(&self.results),
             None => vec![Standing::Open; self.results.len()],
@@ -65,7 +77,8 @@ impl<'a> Ledger<'a> {
     }
 
     /// How the trials stand, by their hashes: of equal ones one is enough.
-    pub(super) fn standings_by_id(&self) -> HashMap<&'a str, Standing> {
+    #[must_use]
+    pub fn standings_by_id(&self) -> HashMap<&'a str, Standing> {
         let standings = self.standings();
         let least = |places: &Vec<usize>| places.iter().map(|&i| standings[i]).min();
         let known = self.places.iter().map(|(id, places)| (*id, least(places)));
@@ -73,11 +86,14 @@ impl<'a> Ledger<'a> {
     }
 
     /// The best candidate of a search.
-    pub(super) fn best(&self) -> Option<Best> {
+    #[must_use]
+    pub fn best(&self) -> Option<Best> {
         self.search.as_ref()?.best(&self.results)
     }
 
-    pub(super) fn counts(&self) -> SweepMetrics {
+    /// How many trials there are of each kind.
+    #[must_use]
+    pub fn counts(&self) -> SweepMetrics {
         let over = self.results.iter().flatten();
         let failed = over.clone().filter(|finished| finished.ending != Ending::Done).count();
         let standings = self.standings();

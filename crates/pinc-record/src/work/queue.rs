@@ -1,8 +1,8 @@
 //! Who does what next: trials in their order, each after the training that it shares with others.
 //! What another process works on is put aside and looked at again.
 
+use crate::search::Standing;
 use pinc_config::Trial;
-use pinc_record::Standing;
 use std::collections::{BTreeMap, HashMap, HashSet, VecDeque};
 use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
@@ -14,7 +14,7 @@ const PATIENCE: usize = 60;
 
 /// Work for one thread.
 #[derive(Clone, Debug)]
-pub(crate) enum Job<'a> {
+pub enum Job<'a> {
     /// Train the net of this trial, which others may want too.
     Train(&'a Trial),
     /// Run this trial. If its training failed, how.
@@ -22,7 +22,9 @@ pub(crate) enum Job<'a> {
 }
 
 impl<'a> Job<'a> {
-    pub(crate) fn trial(&self) -> &'a Trial {
+    /// The trial that it is about.
+    #[must_use]
+    pub fn trial(&self) -> &'a Trial {
         match self {
             Self::Train(trial) | Self::Run(trial, _) => trial,
         }
@@ -31,7 +33,7 @@ impl<'a> Job<'a> {
 
 /// How a job ended for the queue.
 #[derive(Clone, Debug)]
-pub(crate) enum Outcome {
+pub enum Outcome {
     /// The net is trained, or the training failed and how.
     Trained(Result<(), String>),
     /// The trial is over.
@@ -52,7 +54,7 @@ enum Net {
 
 /// The work that is left.
 #[derive(Debug)]
-pub(crate) struct Queue<'a> {
+pub struct Queue<'a> {
     state: Mutex<State<'a>>,
     /// Somebody has done something.
     changed: Condvar,
@@ -85,11 +87,8 @@ struct State<'a> {
 
 impl<'a> Queue<'a> {
     /// The work for these trials, on as many threads.
-    pub(crate) fn new(
-        trials: impl IntoIterator<Item = &'a Trial>,
-        timed: bool,
-        cores: usize,
-    ) -> Self {
+    #[must_use]
+    pub fn new(trials: impl IntoIterator<Item = &'a Trial>, timed: bool, cores: usize) -> Self {
         let mut state = State {
             timed,
             running: 0,
@@ -108,14 +107,15 @@ impl<'a> Queue<'a> {
     }
 
     /// The same work, and after it that of it which `later` trials turn out to be.
-    pub(crate) fn and_later(self, later: Vec<&'a Trial>) -> Self {
+    #[must_use]
+    pub fn and_later(self, later: Vec<&'a Trial>) -> Self {
         self.lock().later = later;
         self
     }
 
     /// Takes up trials of which it was not known whether they are to be run, and forgets those that
     /// are not. Returns the number of these.
-    pub(crate) fn reconsider(&self, standing: impl Fn(&Trial) -> Standing) -> usize {
+    pub fn reconsider(&self, standing: impl Fn(&Trial) -> Standing) -> usize {
         let mut state = self.lock();
         let (before, later) = (state.later.len(), std::mem::take(&mut state.later));
         let mut begun = 0;
@@ -136,13 +136,14 @@ impl<'a> Queue<'a> {
     }
 
     /// How many things can be done at the same time.
-    pub(crate) fn width(&self) -> usize {
+    #[must_use]
+    pub fn width(&self) -> usize {
         let state = self.lock();
         (state.waiting.len() + state.later.len()).min(self.cores)
     }
 
     /// The next job; none when there is nothing left to begin.
-    pub(crate) fn next(&self) -> Option<Job<'a>> {
+    pub fn next(&self) -> Option<Job<'a>> {
         let mut state = self.lock();
         loop {
             if state.stopped || state.is_over() {
@@ -161,7 +162,7 @@ impl<'a> Queue<'a> {
     }
 
     /// Notes how a job ended; without an outcome, it ended the work.
-    pub(crate) fn over(&self, job: &Job<'a>, outcome: Option<Outcome>) {
+    pub fn over(&self, job: &Job<'a>, outcome: Option<Outcome>) {
         let mut state = self.lock();
         let trial = job.trial();
         match (job, &trial.training) {
@@ -199,7 +200,8 @@ impl<'a> Queue<'a> {
 
     /// How many threads the training of this trial's net may use now: its share of those that
     /// nothing else needs.
-    pub(crate) fn threads(&self, trial: &Trial) -> usize {
+    #[must_use]
+    pub fn threads(&self, trial: &Trial) -> usize {
         let state = self.lock();
         let free = self.cores.saturating_sub(state.running);
         let trainings = (state.training.len() + state.untrained).min(free).max(1);
@@ -209,7 +211,7 @@ impl<'a> Queue<'a> {
     }
 
     /// Gives out no more work.
-    pub(crate) fn stop(&self) {
+    pub fn stop(&self) {
         self.lock().stopped = true;
         self.changed.notify_all();
     }
