@@ -1,13 +1,13 @@
 //! The command line.
 
 use crate::choices::{Only, Outside, SweepArgs, To, seconds, share};
-use crate::runs::verdict;
 use crate::{
-    BenchError, BenchOptions, ChooseOptions, OnSlurm, Options, Shard, Verbosity, console, summary,
+    BenchOptions, ChooseOptions, OnSlurm, Options, RunError, Shard, Verbosity, console, summary,
 };
 use clap::{Args, Parser, Subcommand};
 use pinc_config::{Experiment, Plants, RunList};
 use pinc_record::RunDir;
+use pinc_runs::verdict;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -272,7 +272,7 @@ pub fn program(plants: &Plants) -> ExitCode {
     }
 }
 
-fn execute(cli: &Cli, plants: &Plants) -> Result<ExitCode, BenchError> {
+fn execute(cli: &Cli, plants: &Plants) -> Result<ExitCode, RunError> {
     let quiet = cli.quiet;
     match &cli.command {
         Command::Run { configs, sweep, run } => run_all(configs, sweep, run, plants, quiet)?,
@@ -382,14 +382,14 @@ fn run_all(
     run: &RunArgs,
     plants: &Plants,
     quiet: bool,
-) -> Result<(), BenchError> {
+) -> Result<(), RunError> {
     let mut all = Vec::new();
     for config in configs {
         all.extend(run.load(config, plants, configs.len() > 1)?);
     }
     for (i, (_, dir)) in all.iter().enumerate() {
         if all[..i].iter().any(|(_, other)| other == dir) {
-            return Err(BenchError::SameDirectory { dir: dir.clone() });
+            return Err(RunError::SameDirectory { dir: dir.clone() });
         }
     }
     if let Some(slurm) = &sweep.on_slurm() {
@@ -415,7 +415,7 @@ fn run_all(
     let mut failed = 0;
     for (experiment, dir) in &all {
         match run.execute(experiment, dir, quiet, &work) {
-            Err(error @ BenchError::Interrupted { .. }) => return Err(error),
+            Err(error @ RunError::Interrupted { .. }) => return Err(error),
             Err(error) => {
                 failed += 1;
                 console::note(&format!("error: {}: {error}", dir.display()));
@@ -425,18 +425,18 @@ fn run_all(
     }
     match failed {
         0 => Ok(()),
-        failed => Err(BenchError::FailedRuns { failed, runs: all.len() }),
+        failed => Err(RunError::FailedRuns { failed, runs: all.len() }),
     }
 }
 
 /// Whether nothing of a sweep is lost if it begins now, or whoever is asked agrees.
-fn may_begin_afresh(experiment: &Experiment, dir: &Path) -> Result<(), BenchError> {
+fn may_begin_afresh(experiment: &Experiment, dir: &Path) -> Result<(), RunError> {
     let Some(crate::Kept { trials, nets }) = crate::kept(experiment, dir) else { return Ok(()) };
     let place = dir.display();
     let question = format!("{place} holds {trials} finished trials and {nets} nets. Remove them?");
     match console::confirmed(&question) {
         Some(true) => Ok(()),
-        _ => Err(BenchError::KeepsResults { dir: dir.to_owned(), trials, nets }),
+        _ => Err(RunError::KeepsResults { dir: dir.to_owned(), trials, nets }),
     }
 }
 
@@ -445,7 +445,7 @@ fn check(
     json: bool,
     sets: &[String],
     plants: &Plants,
-) -> Result<ExitCode, BenchError> {
+) -> Result<ExitCode, RunError> {
     let experiment = Experiment::load(config, sets, plants)?;
     let findings = crate::check(&experiment);
     if json {
@@ -472,8 +472,8 @@ impl RunArgs {
         config: &Path,
         plants: &Plants,
         quiet: bool,
-        work: impl Fn(&Experiment, &Path, &Options<'_>) -> Result<RunDir, BenchError>,
-    ) -> Result<(), BenchError> {
+        work: impl Fn(&Experiment, &Path, &Options<'_>) -> Result<RunDir, RunError>,
+    ) -> Result<(), RunError> {
         let experiment = Experiment::load(config, &self.set.set, plants)?;
         let dir = self.directory(&experiment.name, false);
         self.execute(&experiment, &dir, quiet, &work)
@@ -485,7 +485,7 @@ impl RunArgs {
         config: &Path,
         plants: &Plants,
         several: bool,
-    ) -> Result<Vec<(Experiment, PathBuf)>, BenchError> {
+    ) -> Result<Vec<(Experiment, PathBuf)>, RunError> {
         let sets = &self.set.set;
         let Some(list) = RunList::load(config)? else {
             let experiment = Experiment::load(config, sets, plants)?;
@@ -506,7 +506,7 @@ impl RunArgs {
         slurm: &OnSlurm,
         plants: &Plants,
         quiet: bool,
-    ) -> Result<(), BenchError> {
+    ) -> Result<(), RunError> {
         if fresh {
             crate::clear(experiment, dir)?;
         }
@@ -536,8 +536,8 @@ impl RunArgs {
         experiment: &Experiment,
         dir: &Path,
         quiet: bool,
-        work: &impl Fn(&Experiment, &Path, &Options<'_>) -> Result<RunDir, BenchError>,
-    ) -> Result<(), BenchError> {
+        work: &impl Fn(&Experiment, &Path, &Options<'_>) -> Result<RunDir, RunError>,
+    ) -> Result<(), RunError> {
         let arguments = arguments();
         let options = options(self.resume, quiet, &arguments);
         let run_dir = work(experiment, dir, &options)?;

@@ -24,7 +24,7 @@ pub enum ExportError {
     Net(#[from] NetError),
     /// Equations that are none.
     #[error("the plant's equations: {0}")]
-    Equations(#[from] ExpressionError),
+    Equations(Box<ExpressionError>),
     /// A controller that is none.
     #[error("the controller: {0}")]
     Controller(#[from] MpcError),
@@ -47,4 +47,10 @@ pub enum ExportError {
         /// What can be used in its place.
         instead: &'static str,
     },
+}
+
+impl From<ExpressionError> for ExportError {
+    fn from(error: ExpressionError) -> Self {
+        Self::Equations(Box::new(error))
+    }
 }

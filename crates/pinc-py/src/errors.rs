@@ -1,6 +1,6 @@
 //! From the errors of the libraries to exceptions.
 
-use pinc_bench::BenchError;
+use pinc_bench::RunError;
 use pinc_config::ConfigError;
 use pyo3::exceptions::PyKeyboardInterrupt;
 use pyo3::{PyErr, import_exception};
@@ -14,9 +14,9 @@ pub(crate) fn input(message: impl Into<String>) -> PyErr {
 }
 
 /// An error of a run: `InputError` where the program ends with the exit code 2 for bad input.
-pub(crate) fn of_run(error: &BenchError) -> PyErr {
+pub(crate) fn of_run(error: &RunError) -> PyErr {
     match error {
-        BenchError::Interrupted { .. } => PyKeyboardInterrupt::new_err(error.to_string()),
+        RunError::Interrupted { .. } => PyKeyboardInterrupt::new_err(error.to_string()),
         _ if error.exit_code() == 2 => input(error.to_string()),
         _ => RunError::new_err(error.to_string()),
     }

@@ -2,7 +2,7 @@
 
 use crate::arrays::{Array, Given, Points, array};
 use crate::errors::{input, of_run};
-use pinc_bench::BenchError;
+use pinc_bench::RunError;
 use pinc_net::{FoldedNet, PincModel, PincNet, TrainingTarget};
 use pinc_ode::{Dims, Linearization, Model as _, Stages};
 use pinc_record::{read_file, write_atomically};
@@ -34,7 +34,7 @@ impl Model {
 
     fn parse(path: &Path, bytes: &[u8]) -> PyResult<Self> {
         let net = PincNet::from_bytes(bytes)
-            .map_err(|source| of_run(&BenchError::Model { path: path.to_owned(), source }))?;
+            .map_err(|source| of_run(&RunError::Model { path: path.to_owned(), source }))?;
         Self::of(net)
     }
 

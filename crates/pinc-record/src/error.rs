@@ -134,7 +134,7 @@ pub enum CheckpointProblem {
     OtherConfig,
     /// The training does not accept it.
     #[error("{0}")]
-    Training(NetError),
+    Training(Box<NetError>),
     /// The training log beside it is missing or damaged.
     #[error("training.csv beside it is missing, damaged or too short")]
     TrainingLog,

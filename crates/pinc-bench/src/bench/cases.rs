@@ -1,6 +1,6 @@
 //! What is measured: the paper's two plants, as the shipped configs have them.
 
-use crate::BenchError;
+use crate::RunError;
 use pinc_config::{Experiment, Plants};
 use std::path::Path;
 
@@ -22,12 +22,12 @@ impl Case {
     }
 
     /// The paper's net and loss.
-    pub(super) fn papers_training(self) -> Result<Experiment, BenchError> {
+    pub(super) fn papers_training(self) -> Result<Experiment, RunError> {
         self.experiment(&["preset=\"as-printed\""])
     }
 
     /// The shipped closed loop, with `sets` over its values.
-    pub(super) fn experiment(self, sets: &[&str]) -> Result<Experiment, BenchError> {
+    pub(super) fn experiment(self, sets: &[&str]) -> Result<Experiment, RunError> {
         let (path, text) = match self {
             Self::VanDerPol => (
                 "configs/van-der-pol/control.toml",

@@ -4,11 +4,11 @@ use super::cases::{Case, Effort};
 use super::model::{self, Trained};
 use super::programs;
 use super::results::{BenchReport, NmpcTimes};
-use crate::clock::to_f64;
-use crate::runs::read_model;
-use crate::{BenchError, Options, Verbosity};
+use crate::{Options, RunError, Verbosity};
 use pinc_config::Experiment;
 use pinc_record::{ControlMetrics, RecordError, RunDir, file};
+use pinc_runs::clock::to_f64;
+use pinc_runs::read_model;
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
 
@@ -17,7 +17,7 @@ const SMALL: [usize; 2] = [2, 10];
 
 /// Trains nets for `case`, and adds its models' steps, closed loops and quadratic programs to
 /// `report`.
-pub(super) fn run(case: Case, effort: &Effort, report: &mut BenchReport) -> Result<(), BenchError> {
+pub(super) fn run(case: Case, effort: &Effort, report: &mut BenchReport) -> Result<(), RunError> {
     let [small_ends, papers_ends] = effort.training;
     let [hidden_layers, neurons] = SMALL;
     let small = case.experiment(&[
@@ -44,8 +44,8 @@ pub(super) fn run(case: Case, effort: &Effort, report: &mut BenchReport) -> Resu
 /// too.
 fn trained(
     experiment: &Experiment,
-    work: impl FnOnce(&Experiment, &Path, &Options<'_>) -> Result<RunDir, BenchError>,
-) -> Result<(Trained, RunDir), BenchError> {
+    work: impl FnOnce(&Experiment, &Path, &Options<'_>) -> Result<RunDir, RunError>,
+) -> Result<(Trained, RunDir), RunError> {
     in_passing(|dir, options| {
         let run_dir = work(experiment, dir, options)?;
         let net = read_model(&dir.join(file::MODEL))?;
@@ -56,8 +56,8 @@ fn trained(
 
 /// Does `work` quietly in a directory that is removed afterwards.
 fn in_passing<T>(
-    work: impl FnOnce(&Path, &Options<'_>) -> Result<T, BenchError>,
-) -> Result<T, BenchError> {
+    work: impl FnOnce(&Path, &Options<'_>) -> Result<T, RunError>,
+) -> Result<T, RunError> {
     let temporary = std::env::temp_dir();
     let dir = tempfile::tempdir().map_err(RecordError::unwritable(&temporary))?;
     let options = Options {

@@ -13,7 +13,7 @@
 
 use super::cases::Case;
 use super::kernel::Evaluation;
-use crate::BenchError;
+use crate::RunError;
 use pinc_net::{Points, Workers};
 use pinc_record::write_atomically;
 use safetensors::tensor::TensorView;
@@ -21,7 +21,7 @@ use safetensors::{Dtype, SafeTensorError, SafeTensors};
 use std::path::Path;
 
 /// Writes `evaluation`, with its result, to `path`.
-pub(super) fn write(path: &Path, case: Case, evaluation: &Evaluation) -> Result<(), BenchError> {
+pub(super) fn write(path: &Path, case: Case, evaluation: &Evaluation) -> Result<(), RunError> {
     let parameters = evaluation.net.mlp().parameters();
     let mut gradient = vec![0.0; parameters.len()];
     let terms = evaluation.batch_loss(&Workers::new(0)?).loss_gradient(parameters, &mut gradient);

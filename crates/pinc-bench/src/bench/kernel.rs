@@ -3,12 +3,12 @@
 use super::cases::{Case, Effort};
 use super::exchange;
 use super::results::{FmaPeak, LossGradient};
-use crate::BenchError;
-use crate::clock::{for_seconds, median, time, to_f64};
-use crate::runs::TrainingSetup;
+use crate::RunError;
 use pinc_config::Experiment;
 use pinc_net::{BatchLoss, Isa, LossWeights, PincNet, Points, Workers, initial_conditions};
 use pinc_ode::DynPlant;
+use pinc_runs::TrainingSetup;
+use pinc_runs::clock::{for_seconds, median, time, to_f64};
 use std::path::Path;
 use std::sync::Barrier;
 
@@ -22,7 +22,7 @@ pub(super) struct Evaluation {
 }
 
 impl Evaluation {
-    fn new(experiment: &Experiment, effort: &Effort) -> Result<Self, BenchError> {
+    fn new(experiment: &Experiment, effort: &Effort) -> Result<Self, RunError> {
         let TrainingSetup { net: model, domain, training, .. } = TrainingSetup::of(experiment)?;
         let seed = experiment.seed;
         let plant = experiment.plant.dyn_plant();
@@ -78,7 +78,7 @@ pub(super) struct Bench<'a> {
 }
 
 impl Bench<'_> {
-    pub(super) fn run(self) -> Result<(), BenchError> {
+    pub(super) fn run(self) -> Result<(), RunError> {
         let experiment = self.case.papers_training()?;
         let Self { case, effort, isas, file, results, probes } = self;
         let evaluation = Evaluation::new(&experiment, effort)?;

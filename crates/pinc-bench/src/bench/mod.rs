@@ -18,11 +18,11 @@ mod table;
 
 pub use results::{BenchReport, FmaPeak, LossGradient, Machine, ModelStep, NmpcTimes, QpTime};
 
-use crate::invocation::invocation;
-use crate::progress::Stage;
-use crate::{BenchError, Verbosity};
+use crate::{RunError, Verbosity};
 use cases::{Case, Effort};
 use pinc_net::Isa;
+use pinc_runs::invocation::invocation;
+use pinc_runs::progress::Stage;
 use std::path::PathBuf;
 
 /// What is measured, and how long.
@@ -41,8 +41,8 @@ pub struct BenchOptions {
 ///
 /// # Errors
 ///
-/// [`BenchError`] if a file cannot be written, or a net cannot be trained.
-pub fn bench(options: &BenchOptions) -> Result<BenchReport, BenchError> {
+/// [`RunError`] if a file cannot be written, or a net cannot be trained.
+pub fn bench(options: &BenchOptions) -> Result<BenchReport, RunError> {
     let effort = Effort::new(options.quick);
     let mut report = BenchReport::begin(options.quick, invocation(&[]));
     let progress = |what: &str, case: Case| {

@@ -2,10 +2,10 @@
 
 use super::cases::{Case, Effort};
 use super::results::ModelStep;
-use crate::BenchError;
-use crate::one_step::Steps;
+use crate::RunError;
 use pinc_net::{Domain, PincModel, PincNet};
 use pinc_ode::{DynPlant, Model};
+use pinc_runs::Steps;
 
 /// Substeps of the Runge-Kutta method that are measured.
 const SUBSTEPS: [usize; 5] = [1, 4, 5, 10, 50];
@@ -26,7 +26,7 @@ pub(super) fn run(
     domain: &Domain,
     nets: &[&Trained],
     effort: &Effort,
-) -> Result<Vec<ModelStep>, BenchError> {
+) -> Result<Vec<ModelStep>, RunError> {
     let sample_time_s = nets[0].net.sample_time_s();
     let steps = Steps::new(plant, domain, sample_time_s, effort.one_step_points, TOLERANCE)?;
     let row = |model: &mut dyn Model| ModelStep {

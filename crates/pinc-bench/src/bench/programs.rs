@@ -3,12 +3,12 @@
 
 use super::cases::Case;
 use super::results::QpTime;
-use crate::BenchError;
-use crate::clock::{median, to_f64};
-use crate::runs::LoopSetup;
+use crate::RunError;
 use pinc_config::ModelKind;
 use pinc_mpc::{Nmpc, QpMethod};
 use pinc_ode::{Dims, Linearization, Model, Stages};
+use pinc_runs::LoopSetup;
+use pinc_runs::clock::{median, to_f64};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Instant;
@@ -17,11 +17,11 @@ use std::time::Instant;
 const METHODS: [QpMethod; 3] = [QpMethod::Condensed, QpMethod::Riccati, QpMethod::Clarabel];
 
 /// The time of a program by each method, in the shipped closed loop with Runge-Kutta.
-pub(super) fn run(case: Case, repetitions: usize) -> Result<Vec<QpTime>, BenchError> {
+pub(super) fn run(case: Case, repetitions: usize) -> Result<Vec<QpTime>, RunError> {
     METHODS.iter().map(|&method| measure(case, method, repetitions)).collect()
 }
 
-fn measure(case: Case, method: QpMethod, repetitions: usize) -> Result<QpTime, BenchError> {
+fn measure(case: Case, method: QpMethod, repetitions: usize) -> Result<QpTime, RunError> {
     let experiment = case.experiment(&[&format!("control.sqp.qp={method}")])?;
     let spec = experiment.control.as_ref().expect("the shipped loops have a controller");
     let sample_time_s = experiment.sample_time_s().expect("the shipped loops train a net");

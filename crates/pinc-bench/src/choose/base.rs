@@ -1,9 +1,9 @@
 //! The experiment whose loop the candidates are tried in.
 
-use crate::BenchError;
-use crate::one_step::Steps;
+use crate::RunError;
 use pinc_config::{ControlSpec, Experiment, ModelKind, Plants};
 use pinc_net::{Domain, TrainingTarget};
+use pinc_runs::Steps;
 use std::fmt::Write;
 use std::path::Path;
 
@@ -23,8 +23,8 @@ pub(super) struct Base {
 
 impl Base {
     /// That of a config, which may name one of `plants`.
-    pub(super) fn of(experiment: &Experiment, plants: &Plants) -> Result<Self, BenchError> {
-        let missing = |section| BenchError::MissingSection {
+    pub(super) fn of(experiment: &Experiment, plants: &Plants) -> Result<Self, RunError> {
+        let missing = |section| RunError::MissingSection {
             name: experiment.name.clone(),
             section,
             command: "pinc choose",

@@ -3,13 +3,13 @@
 mod base;
 mod session;
 
-use crate::BenchError;
-use crate::runs::{Options, rebuild_report};
+use crate::RunError;
 use crate::sweep::write_tables;
 use base::Base;
 use pinc_choose::{Advice, Found, Search, Tried};
 use pinc_config::{Experiment, Plants, trials};
 use pinc_record::{RecordError, RunDir, file, write_atomically};
+use pinc_runs::{Options, rebuild_report};
 use session::Session;
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -52,7 +52,7 @@ impl std::fmt::Display for Choice {
 ///
 /// # Errors
 ///
-/// [`BenchError`] if the config has no closed loop, no loop with an integrator stands, or files
+/// [`RunError`] if the config has no closed loop, no loop with an integrator stands, or files
 /// cannot be written.
 pub fn choose(
     experiment: &Experiment,
@@ -60,7 +60,7 @@ pub fn choose(
     plants: &Plants,
     options: &Options<'_>,
     how: ChooseOptions,
-) -> Result<Choice, BenchError> {
+) -> Result<Choice, RunError> {
     let base = Base::of(experiment, plants)?;
     let mut session = Session::open(&base, dir, plants, options, how.budget_s)?;
     let search = Search { control: base.control(), sources: &base.sources, within: how.within };
@@ -78,7 +78,7 @@ pub fn choose(
 }
 
 /// An error that says how the loops with integrators ended.
-fn nothing(name: &str, found: &Found) -> BenchError {
+fn nothing(name: &str, found: &Found) -> RunError {
     let reason = |tried: &Tried| match &tried.result {
         Err(error) => format!("{}: {error}", tried.candidate),
         Ok(score) => {
@@ -86,7 +86,7 @@ fn nothing(name: &str, found: &Found) -> BenchError {
         }
     };
     let reasons: Vec<String> = found.tried.iter().map(reason).collect();
-    BenchError::NothingToChoose {
+    RunError::NothingToChoose {
         name: name.to_owned(),
         out_of_time: found.is_out_of_time,
         reasons: reasons.join("; "),
@@ -95,7 +95,7 @@ fn nothing(name: &str, found: &Found) -> BenchError {
 
 /// Makes a sweep of all loops that came to their end, with its tables and its report, and returns
 /// the path of the latter.
-fn write_report(session: &Session<'_>, tried: &[Tried]) -> Result<PathBuf, BenchError> {
+fn write_report(session: &Session<'_>, tried: &[Tried]) -> Result<PathBuf, RunError> {
     let ended = tried.iter().filter(|tried| tried.result.is_ok());
     let cases = ended.map(|tried| tried.candidate.case(tried.repetitions));
     let experiment = session.sweep(&cases.collect::<String>())?;
@@ -114,7 +114,7 @@ fn write_report(session: &Session<'_>, tried: &[Tried]) -> Result<PathBuf, Bench
 }
 
 /// Copies the net of the model to use to where the recommended config is; gives whether it has one.
-fn copy_net(session: &Session<'_>, winner: &Tried) -> Result<bool, BenchError> {
+fn copy_net(session: &Session<'_>, winner: &Tried) -> Result<bool, RunError> {
     let to = session.run_dir.path(NET);
     let Some(net) = &winner.net else {
         session.run_dir.remove(NET)?;

@@ -1,14 +1,14 @@
 //! Trying candidates, one after the other, within a time.
 
 use super::base::Base;
-use crate::BenchError;
-use crate::clock::Deadline;
-use crate::invocation::{cores, invocation};
-use crate::progress::{Stage, Verbosity};
-use crate::runs::{Options, Threads, run_trial, train_shared};
+use crate::RunError;
 use pinc_choose::{Candidate, Loops, Score, Tried};
 use pinc_config::{Experiment, Plants, Trial, trials};
 use pinc_record::{Ending, Finished, Provenance, RunDir, SweepDir};
+use pinc_runs::clock::Deadline;
+use pinc_runs::invocation::{cores, invocation};
+use pinc_runs::progress::{Stage, Verbosity};
+use pinc_runs::{Options, Threads, run_trial, train_shared};
 use std::path::Path;
 
 /// The candidates tried so far, and where what came of them lies.
@@ -31,7 +31,7 @@ impl<'a> Session<'a> {
         plants: &'a Plants,
         options: &'a Options<'a>,
         budget_s: f64,
-    ) -> Result<Self, BenchError> {
+    ) -> Result<Self, RunError> {
         let run_dir = RunDir::open(dir, &base.experiment, std::process::id())?;
         let provenance = Provenance::of(&base.experiment, invocation(options.arguments));
         run_dir.write_provenance(&provenance, options.resume)?;
@@ -50,36 +50,36 @@ impl<'a> Session<'a> {
     }
 
     /// The sweep whose cases are these.
-    pub(super) fn sweep(&self, cases: &str) -> Result<Experiment, BenchError> {
+    pub(super) fn sweep(&self, cases: &str) -> Result<Experiment, RunError> {
         let own = self.base.experiment.to_toml();
         let text = format!("{own}\n[sweep]\ntimed = true\n{cases}");
         Ok(Experiment::parse(Path::new("pinc choose"), &text, &[], self.plants)?)
     }
 
-    fn trial(&self, candidate: Candidate, repetitions: usize) -> Result<Trial, BenchError> {
+    fn trial(&self, candidate: Candidate, repetitions: usize) -> Result<Trial, RunError> {
         let sweep = self.sweep(&candidate.case(repetitions))?;
         let made = trials(&sweep).expect("the experiment was checked, and its trials with it");
         Ok(made.into_iter().next().expect("a sweep with one case has one trial"))
     }
 
     /// Runs a trial after its training, and keeps what came of it; nothing if the time was up.
-    fn run_trial(&self, trial: &Trial, limited: bool) -> Result<Option<Finished>, BenchError> {
+    fn run_trial(&self, trial: &Trial, limited: bool) -> Result<Option<Finished>, RunError> {
         let dir = self.sweep_dir.begin(&trial.id)?;
         let mut run_dir = RunDir::of_trial(&dir, &trial.experiment, false);
         let user = self.options.interrupt;
         let limit = limited.then_some(self.deadline);
-        let worked = crate::clock::until(limit, user, |interrupt| {
+        let worked = pinc_runs::clock::until(limit, user, |interrupt| {
             let quiet = Verbosity::Quiet;
             let options = Options { resume: true, verbosity: quiet, interrupt, ..*self.options };
             self.train_and_run(trial, &mut run_dir, &options)
         });
         let ending = match worked {
             Ok(()) => Ending::Done,
-            Err(BenchError::Interrupted { .. }) => {
+            Err(RunError::Interrupted { .. }) => {
                 self.options.check_interrupt(self.run_dir.dir())?;
                 return Ok(None);
             }
-            Err(error @ (BenchError::Record(_) | BenchError::Config(_))) => return Err(error),
+            Err(error @ (RunError::Record(_) | RunError::Config(_))) => return Err(error),
             // The same every time: the model cannot do it.
             Err(error) => Ending::Failed { error: error.to_string() },
         };
@@ -93,7 +93,7 @@ impl<'a> Session<'a> {
         trial: &Trial,
         run_dir: &mut RunDir,
         options: &Options<'_>,
-    ) -> Result<(), BenchError> {
+    ) -> Result<(), RunError> {
         let mut net = None;
         if let Some((id, training)) = &trial.training {
             let place = self.sweep_dir.net(id);
@@ -109,20 +109,20 @@ impl<'a> Session<'a> {
 }
 
 impl Loops for Session<'_> {
-    type Error = BenchError;
+    type Error = RunError;
 
     fn run(
         &mut self,
         candidate: Candidate,
         repetitions: usize,
         limited: bool,
-    ) -> Result<Option<Tried>, BenchError> {
+    ) -> Result<Option<Tried>, RunError> {
         let done = self.deadline.seconds_over();
         self.stage.advance(done, || candidate.to_string());
         let trial = match self.trial(candidate, repetitions) {
             Ok(trial) => trial,
             // Too many substeps in a long stage, say.
-            Err(BenchError::Config(error)) => {
+            Err(RunError::Config(error)) => {
                 let (net, result) = (None, Err(error.to_string()));
                 return Ok(Some(Tried { candidate, net, repetitions, result }));
             }

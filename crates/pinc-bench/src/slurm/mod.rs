@@ -1,11 +1,11 @@
 //! Sweeps on a Slurm that is there: scripts, their submission, and how far the jobs are.
 
-use crate::BenchError;
-use crate::progress::Stage;
-use crate::runs::Options;
+use crate::RunError;
 use crate::sweep::{Status, status, units_left};
 use pinc_config::{Experiment, Plants, Problem, SlurmSpec};
 use pinc_record::{RecordError, RunDir, read_text, write_atomically};
+use pinc_runs::Options;
+use pinc_runs::progress::Stage;
 use std::fmt::{self, Write as _};
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -78,13 +78,9 @@ impl fmt::Display for Submitted {
 ///
 /// # Errors
 ///
-/// [`BenchError`] if the experiment has no sweep, an option cannot be used, jobs of this sweep are
+/// [`RunError`] if the experiment has no sweep, an option cannot be used, jobs of this sweep are
 /// still there, or Slurm refuses.
-pub fn submit(
-    experiment: &Experiment,
-    dir: &Path,
-    slurm: &OnSlurm,
-) -> Result<Submitted, BenchError> {
+pub fn submit(experiment: &Experiment, dir: &Path, slurm: &OnSlurm) -> Result<Submitted, RunError> {
     let units = units_left(experiment, dir)?;
     let spec = spec(experiment, slurm)?;
     let folder = dir.join(FOLDER);
@@ -112,14 +108,14 @@ pub fn submit(
 ///
 /// # Errors
 ///
-/// [`BenchError`] if the run directory cannot be read, or the user stopped the waiting; the jobs go
+/// [`RunError`] if the run directory cannot be read, or the user stopped the waiting; the jobs go
 /// on.
-pub fn wait(dir: &Path, plants: &Plants, options: &Options<'_>) -> Result<(), BenchError> {
+pub fn wait(dir: &Path, plants: &Plants, options: &Options<'_>) -> Result<(), RunError> {
     let first = status(dir, plants)?;
     let mut stage = Stage::begin(options.verbosity, "trials", first.counts.trials as u64);
     while !queued(&dir.join(FOLDER))?.is_empty() {
         if options.interrupt.load(std::sync::atomic::Ordering::Relaxed) {
-            return Err(BenchError::StillQueued { dir: dir.to_owned() });
+            return Err(RunError::StillQueued { dir: dir.to_owned() });
         }
         let now: Status = status(dir, plants)?;
         let over = now.counts.done + now.counts.failed;
@@ -132,11 +128,11 @@ pub fn wait(dir: &Path, plants: &Plants, options: &Options<'_>) -> Result<(), Be
 }
 
 /// What the config and the command line ask for.
-fn spec(experiment: &Experiment, slurm: &OnSlurm) -> Result<SlurmSpec, BenchError> {
+fn spec(experiment: &Experiment, slurm: &OnSlurm) -> Result<SlurmSpec, RunError> {
     let mut table: Table =
         experiment.sweep.as_ref().map(|sweep| sweep.slurm.clone()).unwrap_or_default();
     for option in &slurm.options {
-        let wrong = |problem| BenchError::SlurmOption { option: option.clone(), problem };
+        let wrong = |problem| RunError::SlurmOption { option: option.clone(), problem };
         let Some((key, value)) = option.split_once('=') else {
             let (found, expected) = ("no `=`".to_owned(), "key=value".to_owned());
             return Err(wrong(Problem::Value { found, expected }));
@@ -154,7 +150,7 @@ fn scripts(
     dir: &Path,
     spec: &SlurmSpec,
     jobs: usize,
-) -> Result<[(&'static str, String); 3], BenchError> {
+) -> Result<[(&'static str, String); 3], RunError> {
     let here = PathBuf::from(".");
     let place = std::env::current_dir().map_err(RecordError::unreadable(&here))?;
     let program = std::env::current_exe().map_err(RecordError::unreadable(&here))?;
@@ -197,15 +193,15 @@ fn quoted(path: &Path) -> String {
 }
 
 /// Refuses to do twice what is being done.
-fn refuse_while_queued(folder: &Path) -> Result<(), BenchError> {
+fn refuse_while_queued(folder: &Path) -> Result<(), RunError> {
     match &queued(folder)?[..] {
         [] => Ok(()),
-        numbers => Err(BenchError::Queued { numbers: numbers.join(" ") }),
+        numbers => Err(RunError::Queued { numbers: numbers.join(" ") }),
     }
 }
 
 /// The jobs of the last submission, as far as they are not over.
-fn queued(folder: &Path) -> Result<Vec<String>, BenchError> {
+fn queued(folder: &Path) -> Result<Vec<String>, RunError> {
     let Some(numbers) = read_text(&folder.join(JOBS))? else { return Ok(Vec::new()) };
     let is_there = |number: &&str| {
         let asked = ["--noheader", "--format=%T", "--jobs", number].map(std::ffi::OsStr::new);
@@ -216,14 +212,14 @@ fn queued(folder: &Path) -> Result<Vec<String>, BenchError> {
 }
 
 /// How far the jobs of the last submission are, in words; none if they are over.
-pub(crate) fn queue_in_words(dir: &Path) -> Result<Option<String>, BenchError> {
+pub(crate) fn queue_in_words(dir: &Path) -> Result<Option<String>, RunError> {
     let numbers = queued(&dir.join(FOLDER))?;
     Ok((!numbers.is_empty()).then(|| format!("in Slurm's queue: {}", numbers.join(", "))))
 }
 
 /// What a program says.
-fn said_by(program: &str, arguments: &[&std::ffi::OsStr]) -> Result<String, BenchError> {
-    let failed = |said: String| BenchError::Slurm { program: program.to_owned(), said };
+fn said_by(program: &str, arguments: &[&std::ffi::OsStr]) -> Result<String, RunError> {
+    let failed = |said: String| RunError::Slurm { program: program.to_owned(), said };
     let output = Command::new(program).args(arguments).output();
     let output = output.map_err(|error| failed(error.to_string()))?;
     let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).trim().to_owned();

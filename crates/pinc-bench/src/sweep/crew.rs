@@ -2,12 +2,12 @@
 
 use super::Session;
 use super::progress::Progress;
-use crate::BenchError;
-use crate::runs::{Options, Threads, run_trial, train_shared};
+use crate::RunError;
 use pinc_config::Trial;
 use pinc_net::NetError;
 use pinc_record::work::{Job, Outcome, Queue, effort};
 use pinc_record::{Ending, Finished, Provenance, RecordError, RunDir};
+use pinc_runs::{Options, Threads, run_trial, train_shared};
 use std::sync::mpsc::{RecvTimeoutError, channel};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
@@ -24,7 +24,7 @@ pub(super) struct Crew<'a, 's> {
 
 impl<'a> Crew<'a, '_> {
     /// Does all the work, on so many threads.
-    pub(super) fn work(self, workers: usize) -> Result<(), BenchError> {
+    pub(super) fn work(self, workers: usize) -> Result<(), RunError> {
         let (over, ended) = channel::<()>();
         std::thread::scope(|scope| {
             let crew = &self;
@@ -86,10 +86,10 @@ impl<'a> Crew<'a, '_> {
         self.state().dropped(dropped);
     }
 
-    fn stop(&self, error: BenchError) {
+    fn stop(&self, error: RunError) {
         let error = match error {
-            BenchError::Interrupted { .. } => {
-                BenchError::Interrupted { dir: self.session.run_dir.dir().to_owned() }
+            RunError::Interrupted { .. } => {
+                RunError::Interrupted { dir: self.session.run_dir.dir().to_owned() }
             }
             other => other,
         };
@@ -98,7 +98,7 @@ impl<'a> Crew<'a, '_> {
     }
 
     /// Whether another process has finished the trial.
-    fn look_up(&self, trial: &Trial) -> Result<bool, BenchError> {
+    fn look_up(&self, trial: &Trial) -> Result<bool, RunError> {
         if !self.session.shared {
             return Ok(false);
         }
@@ -110,7 +110,7 @@ impl<'a> Crew<'a, '_> {
         Ok(true)
     }
 
-    fn train(&self, trial: &'a Trial) -> Result<Outcome, BenchError> {
+    fn train(&self, trial: &'a Trial) -> Result<Outcome, RunError> {
         let Some((id, training)) = &trial.training else { return Ok(Outcome::Trained(Ok(()))) };
         let (sweep_dir, begun) = (&self.session.sweep_dir, Instant::now());
         if sweep_dir.is_trained(id) {
@@ -123,7 +123,7 @@ impl<'a> Crew<'a, '_> {
         let dir = sweep_dir.net(id);
         let outcome = train_shared(training, &dir, &provenance, &threads, &self.options);
         if self.session.shared
-            && matches!(outcome, Err(BenchError::Record(RecordError::Locked { .. })))
+            && matches!(outcome, Err(RunError::Record(RecordError::Locked { .. })))
         {
             return Ok(Outcome::Elsewhere);
         }
@@ -132,7 +132,7 @@ impl<'a> Crew<'a, '_> {
         Ok(Outcome::Trained(outcome))
     }
 
-    fn run(&self, trial: &Trial, failure: Option<String>) -> Result<Outcome, BenchError> {
+    fn run(&self, trial: &Trial, failure: Option<String>) -> Result<Outcome, RunError> {
         let (session, begun) = (self.session, Instant::now());
         let mut claim = None;
         if session.shared {
@@ -158,7 +158,7 @@ impl<'a> Crew<'a, '_> {
         Ok(Outcome::Over)
     }
 
-    fn result(&self, trial: &Trial, failure: Option<String>) -> Result<Finished, BenchError> {
+    fn result(&self, trial: &Trial, failure: Option<String>) -> Result<Finished, RunError> {
         let (sweep_dir, keep_traces) = (&self.session.sweep_dir, self.session.sweep.keep_traces);
         let dir = sweep_dir.begin(&trial.id)?;
         let mut run_dir = RunDir::of_trial(&dir, &trial.experiment, keep_traces);
@@ -195,11 +195,11 @@ impl Drop for StopIfPanicking<'_, '_> {
 }
 
 /// Tells an error that is the trial's own, and the same every time, from one that ends the sweep.
-fn result_of_trial(outcome: Result<(), BenchError>) -> Result<Result<(), String>, BenchError> {
+fn result_of_trial(outcome: Result<(), RunError>) -> Result<Result<(), String>, RunError> {
     match outcome {
         Ok(()) => Ok(Ok(())),
-        Err(BenchError::Net(error @ NetError::Threads(_))) => Err(BenchError::Net(error)),
-        Err(error @ (BenchError::Net(_) | BenchError::Control(_) | BenchError::Plant(_))) => {
+        Err(RunError::Net(error @ NetError::Threads(_))) => Err(RunError::Net(error)),
+        Err(error @ (RunError::Net(_) | RunError::Control(_) | RunError::Plant(_))) => {
             Ok(Err(error.to_string()))
         }
         Err(error) => Err(error),

@@ -7,10 +7,7 @@ mod status;
 
 pub use status::{Status, status};
 
-use crate::BenchError;
-use crate::invocation::{cores, invocation};
-use crate::progress::Verbosity;
-use crate::runs::{Options, rebuild_report};
+use crate::RunError;
 use crew::Crew;
 use pinc_config::{Experiment, Plants, SweepSpec, Trial, trials};
 use pinc_record::work::{Estimate, Ledger, Queue, effort, expected};
@@ -18,6 +15,9 @@ use pinc_record::{
     Best, CsvText, Provenance, RecordError, RunDir, Standing, SummaryTable, SweepDir, SweepMetrics,
     TrialColumn, TrialMetric, TrialTable, file,
 };
+use pinc_runs::invocation::{cores, invocation};
+use pinc_runs::progress::Verbosity;
+use pinc_runs::{Options, rebuild_report};
 use progress::Progress;
 use std::collections::{HashMap, HashSet};
 use std::path::{Path, PathBuf};
@@ -61,9 +61,9 @@ pub fn kept(experiment: &Experiment, dir: &Path) -> Option<Kept> {
 ///
 /// # Errors
 ///
-/// [`BenchError`] if the directory holds something else, somebody works in it, or it cannot be
+/// [`RunError`] if the directory holds something else, somebody works in it, or it cannot be
 /// written.
-pub fn clear(experiment: &Experiment, dir: &Path) -> Result<(), BenchError> {
+pub fn clear(experiment: &Experiment, dir: &Path) -> Result<(), RunError> {
     let _alone = RunDir::open(dir, experiment, std::process::id())?;
     Ok(SweepDir::of(dir).clear()?)
 }
@@ -73,14 +73,14 @@ pub fn clear(experiment: &Experiment, dir: &Path) -> Result<(), BenchError> {
 ///
 /// # Errors
 ///
-/// [`BenchError`] if the sweep could not continue, and [`BenchError::FailedTrials`] if it did but
+/// [`RunError`] if the sweep could not continue, and [`RunError::FailedTrials`] if it did but
 /// trials failed.
 pub fn sweep(
     experiment: &Experiment,
     dir: &Path,
     options: &Options<'_>,
     shard: Shard,
-) -> Result<RunDir, BenchError> {
+) -> Result<RunDir, RunError> {
     let trials = made(experiment)?;
     if !options.resume {
         clear(experiment, dir)?;
@@ -94,7 +94,7 @@ pub fn sweep(
 
 /// How many units of work of a sweep are left in `dir`: trials that need the same net are one as
 /// long as it is not trained.
-pub(crate) fn units_left(experiment: &Experiment, dir: &Path) -> Result<usize, BenchError> {
+pub(crate) fn units_left(experiment: &Experiment, dir: &Path) -> Result<usize, RunError> {
     let (trials, sweep_dir) = (made(experiment)?, SweepDir::of(dir));
     let mut ledger = Ledger::new(experiment, &trials);
     if RunDir::is_of(dir, experiment) {
@@ -111,10 +111,10 @@ pub(crate) fn units_left(experiment: &Experiment, dir: &Path) -> Result<usize, B
 }
 
 /// The trials of an experiment that has a sweep.
-fn made(experiment: &Experiment) -> Result<Vec<Trial>, BenchError> {
+fn made(experiment: &Experiment) -> Result<Vec<Trial>, RunError> {
     if experiment.sweep.is_none() {
         let name = experiment.name.clone();
-        return Err(BenchError::MissingSection { name, section: "sweep", command: "a sweep" });
+        return Err(RunError::MissingSection { name, section: "sweep", command: "a sweep" });
     }
     if let Some(search) = &experiment.sweep.as_ref().and_then(|sweep| sweep.search.as_ref())
         && TrialMetric::searched(experiment).is_none()
@@ -122,7 +122,7 @@ fn made(experiment: &Experiment) -> Result<Vec<Trial>, BenchError> {
         let (name, minimize) = (experiment.name.clone(), search.minimize.clone());
         let known = TrialMetric::results(experiment).into_iter().filter(|m| m.is_number());
         let known = known.map(TrialMetric::name).collect();
-        return Err(BenchError::NoSuchMetric { name, minimize, known });
+        return Err(RunError::NoSuchMetric { name, minimize, known });
     }
     Ok(trials(experiment).expect("the experiment was checked, and its trials with it"))
 }
@@ -132,14 +132,14 @@ fn made(experiment: &Experiment) -> Result<Vec<Trial>, BenchError> {
 ///
 /// # Errors
 ///
-/// [`BenchError`] if a directory holds no sweep or one of another config, or a file cannot be
-/// copied; and [`BenchError::FailedTrials`] as for [`sweep`].
+/// [`RunError`] if a directory holds no sweep or one of another config, or a file cannot be
+/// copied; and [`RunError::FailedTrials`] as for [`sweep`].
 pub fn merge(
     parts: &[PathBuf],
     dir: &Path,
     plants: &Plants,
     options: &Options<'_>,
-) -> Result<RunDir, BenchError> {
+) -> Result<RunDir, RunError> {
     let mut experiments = Vec::new();
     for part in parts {
         experiments.push(Experiment::load(&part.join(file::CONFIG), &[], plants)?);
@@ -148,7 +148,7 @@ pub fn merge(
         return Err(RecordError::NoRunDirectory { dir: dir.to_owned() }.into());
     };
     if let Some(i) = others.iter().position(|other| other != experiment) {
-        return Err(BenchError::OtherSweep { dir: parts[i + 1].clone(), first: parts[0].clone() });
+        return Err(RunError::OtherSweep { dir: parts[i + 1].clone(), first: parts[0].clone() });
     }
     let trials = made(experiment)?;
     let session = Session::open(experiment, &trials, dir, options, false)?;
@@ -190,7 +190,7 @@ impl<'a> Session<'a> {
         dir: &Path,
         options: &Options<'_>,
         shared: bool,
-    ) -> Result<Self, BenchError> {
+    ) -> Result<Self, RunError> {
         let sweep = experiment.sweep.as_ref().expect("it has trials");
         let provenance = Provenance::of(experiment, invocation(options.arguments));
         let (run_dir, sweep_dir) = (open_dir(experiment, dir, shared)?, SweepDir::of(dir));
@@ -218,7 +218,7 @@ impl<'a> Session<'a> {
     }
 
     /// Runs what is left of a share of the trials.
-    fn work(&self, options: &Options<'_>, shard: Shard) -> Result<(), BenchError> {
+    fn work(&self, options: &Options<'_>, shard: Shard) -> Result<(), RunError> {
         let mine = self.share(shard)?;
         let (left, later) = self.left(&mine);
         let queue = Queue::new(left.iter().copied(), self.sweep.timed, cores());
@@ -258,7 +258,7 @@ impl<'a> Session<'a> {
 
     /// The trials of a share, in the order in which they are begun. If the directory is shared, the
     /// other shares follow.
-    fn share(&self, shard: Shard) -> Result<Vec<&'a Trial>, BenchError> {
+    fn share(&self, shard: Shard) -> Result<Vec<&'a Trial>, RunError> {
         let Shard { number, of, shared } = shard;
         let mut units = HashMap::new();
         let of_trial = |trial: &'a Trial| {
@@ -270,7 +270,7 @@ impl<'a> Session<'a> {
         let mut trials: Vec<_> = self.trials.iter().map(of_trial).collect();
         let keeps_others_out = self.run_dir.keeps_others_out();
         if shared && !keeps_others_out && of == 1 {
-            return Err(BenchError::NoLocks { dir: self.run_dir.dir().to_owned() });
+            return Err(RunError::NoLocks { dir: self.run_dir.dir().to_owned() });
         }
         if !(shared && keeps_others_out) {
             trials.retain(|(distance, _)| *distance == 0);
@@ -280,7 +280,7 @@ impl<'a> Session<'a> {
         Ok(trials.into_iter().map(|(_, trial)| trial).collect())
     }
 
-    fn import_trials(&self, part: &SweepDir) -> Result<(), BenchError> {
+    fn import_trials(&self, part: &SweepDir) -> Result<(), RunError> {
         let mut ledger = self.ledger();
         for trial in self.trials {
             let net = trial.training.as_ref().map(|(id, _)| id.as_str());
@@ -302,7 +302,7 @@ impl<'a> Session<'a> {
     }
 
     /// Writes the tables of what has been done so far, and counts it.
-    fn write_tables(&self) -> Result<SweepMetrics, BenchError> {
+    fn write_tables(&self) -> Result<SweepMetrics, RunError> {
         let mut ledger = self.ledger();
         if self.shared {
             ledger.look_up(&self.sweep_dir)?;
@@ -320,7 +320,7 @@ impl<'a> Session<'a> {
     }
 
     /// Writes the config of the best candidate, and returns what it is in words.
-    fn write_best(&self, best: Best) -> Result<String, BenchError> {
+    fn write_best(&self, best: Best) -> Result<String, RunError> {
         let trial = &self.trials[best.trial];
         let minimize = self.sweep.search.as_ref().map_or("", |search| search.minimize.as_str());
         let columns = pinc_config::columns(self.sweep).into_iter().zip(&trial.cells);
@@ -339,7 +339,7 @@ impl<'a> Session<'a> {
     }
 
     /// Writes the tables and the report, unless others are still at work, who will.
-    fn close(mut self) -> Result<RunDir, BenchError> {
+    fn close(mut self) -> Result<RunDir, RunError> {
         let (dir, metrics) = (self.run_dir.dir().to_owned(), self.run_dir.clone().released());
         let Some(run_dir) = self.run_dir.alone()? else { return Ok(metrics) };
         self.run_dir = run_dir;
@@ -350,7 +350,7 @@ impl<'a> Session<'a> {
         if counts.failed > 0 {
             let SweepMetrics { trials, failed, .. } = counts;
             let table = self.run_dir.path(file::SWEEP);
-            return Err(BenchError::FailedTrials { failed, trials, table });
+            return Err(RunError::FailedTrials { failed, trials, table });
         }
         Ok(self.run_dir.released())
     }
@@ -358,7 +358,7 @@ impl<'a> Session<'a> {
 
 /// Opens the directory of a sweep, which the last of several processes has to itself for a while
 /// when it writes the report.
-fn open_dir(experiment: &Experiment, dir: &Path, shared: bool) -> Result<RunDir, BenchError> {
+fn open_dir(experiment: &Experiment, dir: &Path, shared: bool) -> Result<RunDir, RunError> {
     let id = std::process::id();
     if !shared {
         return Ok(RunDir::open(dir, experiment, id)?);
@@ -378,7 +378,7 @@ pub(crate) fn write_tables(
     trials: &[Trial],
     run_dir: &RunDir,
     sweep_dir: &SweepDir,
-) -> Result<SweepMetrics, BenchError> {
+) -> Result<SweepMetrics, RunError> {
     let mut ledger = Ledger::new(experiment, trials);
     ledger.look_up(sweep_dir)?;
     for (name, table) in tables(experiment, trials, &ledger) {

@@ -1,9 +1,9 @@
 //! What a sweep shows while it works: how many trials are over, and how long the rest will take.
 
-use crate::BenchError;
-use crate::progress::{Stage, Verbosity};
+use crate::RunError;
 use pinc_record::work::Estimate;
 use pinc_record::{Ending, WorkerNote};
+use pinc_runs::progress::{Stage, Verbosity};
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 /// Least time between two writings of the tables while trials are running.
@@ -21,7 +21,7 @@ pub(super) struct Progress {
     left: usize,
     failed: usize,
     estimate: Estimate,
-    pub(super) error: Option<BenchError>,
+    pub(super) error: Option<RunError>,
 }
 
 impl Progress {
@@ -102,7 +102,7 @@ impl Progress {
         failed.into_iter().chain(left).collect::<Vec<_>>().join(", ")
     }
 
-    pub(super) fn end(self) -> Result<(), BenchError> {
+    pub(super) fn end(self) -> Result<(), RunError> {
         match self.error {
             None => {
                 let seconds = self.begun.elapsed().as_secs_f64();

@@ -2,12 +2,12 @@
 
 use super::progress::{now_s, span};
 use super::{effort_of_trainings, made};
-use crate::BenchError;
-use crate::invocation::rfc3339;
+use crate::RunError;
 use crate::slurm::queue_in_words;
 use pinc_config::{Experiment, Plants};
 use pinc_record::work::{Estimate, Ledger, expected};
 use pinc_record::{Ending, RecordError, RunDir, Standing, SweepDir, SweepMetrics, file};
+use pinc_runs::invocation::rfc3339;
 use std::fmt;
 use std::path::Path;
 use std::time::{Duration, UNIX_EPOCH};
@@ -41,8 +41,8 @@ pub struct Status {
 ///
 /// # Errors
 ///
-/// [`BenchError`] if the directory holds no sweep.
-pub fn status(dir: &Path, plants: &Plants) -> Result<Status, BenchError> {
+/// [`RunError`] if the directory holds no sweep.
+pub fn status(dir: &Path, plants: &Plants) -> Result<Status, RunError> {
     if !dir.join(file::CONFIG).exists() {
         return Err(RecordError::NoRunDirectory { dir: dir.to_owned() }.into());
     }

@@ -6,7 +6,7 @@
 
 use crate::common::repository;
 use pinc_ad::Dual;
-use pinc_bench::{BenchError, Options, Verbosity};
+use pinc_bench::{Options, RunError, Verbosity};
 use pinc_config::{Experiment, OutsidePolicy, Plants};
 use pinc_expr::Equations;
 use pinc_net::PincNet;
@@ -331,7 +331,7 @@ fn measurements_are_read_or_refused() {
         fs::write(&file, bytes).unwrap();
         match pinc_bench::train(&experiment, &dir.path().join("run"), &options) {
             Ok(_) => {}
-            Err(error @ BenchError::Net(_)) => panic!("{error} of {:?}", lossy(bytes)),
+            Err(error @ RunError::Net(_)) => panic!("{error} of {:?}", lossy(bytes)),
             Err(error) => assert!(error.to_string().contains("m.csv"), "{error}"),
         }
     });

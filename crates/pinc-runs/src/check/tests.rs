@@ -1,0 +1,340 @@
+//! Every message of the examinations, from a plant that gives rise to it.
+
+use super::examine;
+use pinc_ad::Scalar;
+use pinc_check::Finding;
+use pinc_check::Severity::{self, Error, Fact, Warning};
+use pinc_config::Experiment;
+use pinc_ode::{Plant, Variable};
+
+/// A plant of two states x1, x2 and one input u, as the config below says it is.
+#[derive(Clone, Copy, Debug)]
+enum Test {
+    /// x1' = -sqrt(x1) + u, x2' = x1 - x2: not defined below 0.
+    Sqrt,
+    /// x1' = 1 / x1 - u, x2' = -x2: infinite at 0 only.
+    Division,
+    /// x1' = u - 1 / (1 / x1), x2' = -x2: like u - x1, with derivatives that are not finite at 0.
+    Reciprocal,
+    /// x1' = -1000 (x1 - u), x2' = x1 - x2.
+    Stiff,
+    /// x1' = u, x2' = x1 - x2.
+    Integrator,
+    /// x1' = u - x1, x2' = 1 - x2: the input does not reach x2.
+    Unreached,
+    /// x1' = -x1 + u, x2' = 1 + x1^2: nothing is ever at rest.
+    Restless,
+    /// x1' = x1^2 + u, x2' = -x2: gone to infinity after 1 / x1(0).
+    Explosive,
+    /// y = x2 = (1 - s) / (1 + s)^2 u: a zero at +1.
+    Nonminimum,
+    /// x1' = 0.001 (u - x1), x2' = 0.002 (x1 - x2).
+    Slow,
+    /// x1' = x2, x2' = u - x1 - x2.
+    Damped,
+    /// x1' = u + x1, x2' = x1 - x2.
+    Unstable,
+}
+
+impl Plant for Test {
+    fn states(&self) -> &[Variable] {
+        static STATES: [Variable; 2] = [Variable::new("x1", ""), Variable::new("x2", "")];
+        &STATES
+    }
+
+    fn inputs(&self) -> &[Variable] {
+        static INPUTS: [Variable; 1] = [Variable::new("u", "")];
+        &INPUTS
+    }
+
+    fn rhs<S: Scalar>(&self, x: &[S], u: &[S], _p: &[S], dx: &mut [S]) {
+        let (x1, x2, u) = (x[0], x[1], u[0]);
+        let one = u.constant(1.0);
+        [dx[0], dx[1]] = match self {
+            Self::Sqrt => [u - x1.sqrt(), x1 - x2],
+            Self::Division => [one / x1 - u, -x2],
+            Self::Reciprocal => [u - one / (one / x1), -x2],
+            Self::Stiff => [(u - x1) * 1000.0, x1 - x2],
+            Self::Integrator => [u, x1 - x2],
+            Self::Unreached => [u - x1, one - x2],
+            Self::Restless => [u - x1, one + x1 * x1],
+            Self::Explosive => [x1 * x1 + u, -x2],
+            Self::Nonminimum => [u - x1, x1 * 2.0 - u - x2],
+            Self::Slow => [(u - x1) * 0.001, (x1 - x2) * 0.002],
+            Self::Damped => [x2, u - x1 - x2],
+            Self::Unstable => [u + x1, x1 - x2],
+        };
+    }
+}
+
+/// A config with a domain and a closed loop for x1, changed by `sets`, and `more` sections.
+fn experiment(sets: &[&str], more: &str) -> Experiment {
+    let text = r#"
+        name = "test"
+        preset = "ours"
+        seed = 1
+        [plant]
+        van-der-pol = { mu = 1.0 }
+        [domain]
+        state_low = [-2.0, -2.0]
+        state_high = [2.0, 2.0]
+        input_low = [-1.0]
+        input_high = [1.0]
+        [control]
+        models = ["rk4"]
+        step_s = 0.5
+        duration_s = 5.0
+        initial_state = [0.5, 0.0]
+        controlled = ["x1"]
+        q = [1.0]
+        r = [1.0]
+        state_low = [-2.0, -2.0]
+        state_high = [2.0, 2.0]
+        input_low = [-1.0]
+        input_high = [1.0]
+        references = [{ start_s = 0.0, value = [0.5] }]
+    "#;
+    let sets: Vec<_> = sets.iter().map(|set| (*set).to_owned()).collect();
+    Experiment::parse(
+        "test.toml".as_ref(),
+        &format!("{text}\n{more}"),
+        &sets,
+        &pinc_config::Plants::built_in(),
+    )
+    .unwrap()
+}
+
+fn findings(plant: Test, sets: &[&str]) -> Vec<Finding> {
+    findings_with(plant, sets, "")
+}
+
+fn findings_with(plant: Test, sets: &[&str], more: &str) -> Vec<Finding> {
+    examine(&plant, &experiment(sets, more))
+}
+
+/// Checks that there is a finding of this severity with this place and text, and that it says why
+/// and what to change unless it is a fact.
+#[track_caller]
+fn assert_found(findings: &[Finding], severity: Severity, place: &str, what: &str) {
+    let of_kind =
+        |f: &&Finding| f.severity == severity && f.place.contains(place) && f.what.contains(what);
+    let all: Vec<_> = findings.iter().map(Finding::to_string).collect();
+    let found = findings.iter().find(of_kind);
+    let found = found.unwrap_or_else(|| panic!("no `{place}: {what}` in\n{}", all.join("\n")));
+    if severity != Fact {
+        assert!(!found.why.is_empty() && !found.change.is_empty(), "{found}");
+    }
+}
+
+#[test]
+fn a_function_that_is_not_defined_in_the_domain() {
+    let found = findings(Test::Sqrt, &[]);
+    assert_found(&found, Error, "plant", "x1' is NaN at x1 = -");
+    // Half of the domain.
+    assert_found(&found, Error, "plant", "random points); from the middle");
+    let found = findings(Test::Division, &[]);
+    assert_found(&found, Warning, "plant", "x1' is inf at x1 = 0");
+    let found = findings(Test::Reciprocal, &[]);
+    assert_found(&found, Warning, "plant", "the derivative of x1' in x1 is NaN at x1 = 0");
+}
+
+#[test]
+fn a_steady_state_without_derivatives() {
+    let found = findings(Test::Reciprocal, &["control.references.0.value=[0.0]"]);
+    assert_found(&found, Warning, "references[0]", "the derivatives are not finite there");
+}
+
+#[test]
+fn where_a_function_breaks_is_named() {
+    let sets = ["domain.state_low=[-1.0, -2.0]", "domain.state_high=[2.0, 2.0]"];
+    let found = findings(Test::Sqrt, &sets);
+    let text = &found.iter().find(|f| f.severity == Error).unwrap().what;
+    // On the way from the middle, x1 = 0.5, to a negative x1 it is finite up to 0.
+    let end = text.split("finite up to x1 = ").nth(1).unwrap();
+    let x1: f64 = end.split(&[',', ';'][..]).next().unwrap().parse().unwrap();
+    assert!(x1.abs() < 1e-6, "{text}");
+}
+
+#[test]
+fn steady_states_and_their_modes() {
+    let found = findings(Test::Damped, &[]);
+    // s^2 + s + 1: -1/2 +- i sqrt(3)/2.
+    assert_found(&found, Fact, "references[0], x1 = 0.5, x2 = 0; u = 0.5", "-0.5000 +0.8660i 1/s");
+    assert_found(&found, Fact, "references[0]", "x1 = 0.5 is held at x1 = 0.5, x2 = 0 by u = 0.5");
+    assert_found(&found, Fact, "", "2 states: x1, x2; 1 input: u");
+    assert_found(&found, Fact, "references[0]", "singular values 1, rank 1");
+    assert_found(&found, Fact, "domain", "trajectories stay in the training domain");
+    assert_found(
+        &found,
+        Fact,
+        "",
+        "at 1000 random points of the training domain; there |x1'| <= 1.9",
+    );
+    assert_found(&found, Fact, "", "start and references are within the bounds");
+    assert_found(&found, Fact, "", "no transmission zeros");
+    assert_found(
+        &found,
+        Fact,
+        "",
+        "rms error of one step of RK4 over the training domain, in its widths",
+    );
+    assert_found(&found, Fact, "control", "all 10 steps of the closed loop with RK4 succeed");
+    assert_found(
+        &found,
+        Fact,
+        "",
+        "T = 0.5 s: RK4 has an rms error of 1e-4 of the region's width with 1 substeps",
+    );
+    assert!(found.iter().all(|f| f.severity == Fact), "{found:?}");
+    assert_found(&findings(Test::Restless, &[]), Fact, "", "no steady state was found");
+    assert_found(&findings(Test::Unstable, &[]), Fact, "", "1.0000 1/s (doubles in 0.693 s)");
+    assert_found(&findings(Test::Integrator, &[]), Fact, "", "neither grows nor decays");
+    assert_found(&findings(Test::Integrator, &[]), Fact, "", "the plant integrates");
+}
+
+#[test]
+fn steps_and_horizons_against_the_modes() {
+    let found = findings(Test::Stiff, &[]);
+    assert_found(&found, Warning, "references[0]", "stiff: the fastest mode times T is 500");
+    assert_found(&found, Warning, "control.rk4_substeps", "with 4 substeps RK4 is wrong by");
+    let found = findings(Test::Stiff, &["control.step_s=50.0", "control.duration_s=50.0"]);
+    assert_found(&found, Fact, "", "1e-6 of it not with 1024 substeps");
+    let change = |f: &Finding| f.change == "rk4_substeps = more than 1024";
+    assert!(found.iter().any(change), "{found:?}");
+    let found = findings(Test::Damped, &["control.step_s=5.0", "control.duration_s=50.0"]);
+    assert_found(&found, Warning, "references[0]", "T = 5 s is 5 times the slowest time constant");
+    // From 0.5 the input -1 moves x1 by 1.5 (1 - exp(-0.0025)) = 3.746e-3 in 2.5 s; the change is
+    // 0.25.
+    let found = findings(Test::Slow, &["control.initial_state=[0.25, 0.5]"]);
+    assert_found(
+        &found,
+        Warning,
+        "control.n2",
+        "2.5 s, the inputs can move x1 by 0.01498 of a change",
+    );
+    // A slow plant whose inputs are strong enough needs no longer horizon.
+    let strong = ["control.input_low=[-100.0]", "control.input_high=[100.0]"];
+    let found = findings(Test::Slow, &strong);
+    assert!(found.iter().all(|f| f.place != "control.n2"), "{found:?}");
+}
+
+#[test]
+fn outputs_out_of_reach() {
+    let sets = ["control.controlled=[\"x2\"]"];
+    let found = findings(Test::Unreached, &sets);
+    assert_found(&found, Warning, "references[0]", "x2 = 0.5 is no steady state, with any input");
+    let sets = ["control.controlled=[\"x2\"]", "control.references.0.value=[1.0]"];
+    let found = findings(Test::Unreached, &sets);
+    assert_found(&found, Warning, "", "rank 0: singular");
+    assert_found(&found, Warning, "", "u has no effect on x2");
+}
+
+#[test]
+fn a_response_that_first_goes_the_wrong_way() {
+    let sets = ["control.controlled=[\"x2\"]", "control.n2=3", "control.nu=3"];
+    let found = findings(Test::Nonminimum, &sets);
+    assert_found(&found, Warning, "", "transmission zeros 1.0000 1/s: nonminimum phase");
+    let sets = ["control.controlled=[\"x2\"]", "control.n2=5"];
+    assert_found(&findings(Test::Nonminimum, &sets), Fact, "", "transmission zeros 1.0000 1/s");
+}
+
+#[test]
+fn references_that_inputs_cannot_hold() {
+    let sets = ["control.references.0.value=[1.5]"];
+    let found = findings(Test::Damped, &sets);
+    assert_found(&found, Warning, "references[0]", "it needs u = 1.5 (bounds -1 to 1)");
+}
+
+#[test]
+fn values_outside_their_bounds() {
+    let sets = ["control.initial_state=[3.0, 0.0]", "control.references.0.value=[-2.5]"];
+    let found = findings(Test::Damped, &sets);
+    assert_found(&found, Warning, "control.initial_state", "x1 = 3 is outside its bounds");
+    assert_found(&found, Warning, "control.references[0]", "x1 = -2.5 is outside its bounds");
+    let sets = ["domain.state_high=[1.0, 2.0]", "domain.input_low=[-0.5]"];
+    let found = findings(Test::Damped, &sets);
+    assert_found(&found, Warning, "domain", "the bounds of x1 reach outside the training domain");
+    assert_found(&found, Warning, "domain", "the bounds of u reach outside the training domain");
+}
+
+#[test]
+fn a_loop_that_leaves_the_domain() {
+    let sets = ["domain.state_low=[0.6, -2.0]"];
+    let found = findings(Test::Damped, &sets);
+    assert_found(&found, Warning, "domain", "the closed loop with RK4: x1 goes down to");
+    assert_found(&found, Fact, "domain", "a box that holds all of these trajectories");
+    let proposal = found.iter().find(|f| f.what.starts_with("a box")).unwrap();
+    let table: toml::Table = proposal.change.parse().unwrap();
+    let low = table["domain"]["state_low"][0].as_float().unwrap();
+    // From 0.5 to the reference 0.5 and back by little: the proposal is not far below.
+    assert!((0.0..0.5).contains(&low), "{proposal}");
+}
+
+#[test]
+fn a_plant_that_breaks_off() {
+    // From 1.9 it is gone after less than a second, with any input.
+    let sets =
+        ["control.initial_state=[1.9, 0.0]", "control.step_s=2.0", "control.duration_s=20.0"];
+    let found = findings(Test::Explosive, &sets);
+    assert_found(&found, Warning, "domain", "the plant breaks off within T from");
+    assert_found(&found, Error, "control", "with an integrator as the model");
+}
+
+/// A free run from x1 = 1.9, and scenarios from there on.
+const FREE: &str = r#"
+    [prediction]
+    duration_s = 2.0
+    initial_state = [1.9, 0.0]
+    input_low = [0.5]
+    input_high = [1.0]
+    [validation]
+    duration_s = 2.0
+    domain = { state_low = [1.5, 0.0], state_high = [1.9, 0.1], input_low = [0.5], input_high = [1.0] }
+"#;
+
+#[test]
+fn free_runs_that_leave_the_domain_or_break_off() {
+    let found = findings_with(Test::Damped, &["domain.state_high=[1.2, 2.0]"], FREE);
+    assert_found(&found, Warning, "domain", "the free run of [prediction]: x1 goes up to 1.9");
+    assert_found(&found, Warning, "domain", "the validation's scenarios: x1 goes up to");
+    let found = findings_with(Test::Explosive, &[], FREE);
+    assert_found(
+        &found,
+        Error,
+        "plant",
+        "the plant breaks off in 1 of 1 free runs, the first at x1",
+    );
+    assert_found(&found, Error, "plant", "the plant breaks off in 10 of 10 free runs");
+}
+
+/// The findings on `[data]` with one file of these steps.
+fn on_measurements(steps: &str, held_out: bool) -> Vec<Finding> {
+    let dir = tempfile::tempdir().unwrap();
+    let file = dir.path().join("m.csv");
+    std::fs::write(&file, format!("x1_0,x2_0,u,t,x1,x2\n{steps}")).unwrap();
+    let held_out = if held_out { format!("held_out = [{file:?}]") } else { String::new() };
+    let model = "[model]\nhorizon_s = 0.5\nhidden_layers = 1\nneurons = 4\n[training]";
+    let data = format!("[data]\nfiles = [{file:?}]\n{held_out}");
+    findings_with(Test::Damped, &[], &format!("{FREE}\n{model}\n{data}"))
+}
+
+#[test]
+fn measurements_inside_the_domain_outside_of_it_and_unreadable() {
+    let found = on_measurements("1,0,0.5,0.5,0.8,\n-1,0.5,0,0.25,0.1,0.8\n", true);
+    assert_found(&found, Fact, "data.files", "3 measured values at 2 points (t, y0, u)");
+    assert_found(&found, Fact, "data.held_out", "3 measured values at 2 points (t, y0, u)");
+    let found = on_measurements("1,0,0.5,0.5,0.8,\n-1,2.5,0,0.25,0.1,0.8\n", false);
+    assert_found(&found, Warning, "data.files", "1 of 2 points lie outside the training domain");
+    assert_found(&found, Warning, "data.held_out", "no measurements are held out");
+    let found = on_measurements("1,0,0.5,0.5,much,\n", true);
+    assert_found(&found, Error, "data.files", "m.csv:2: column `x1`: `much` given");
+    assert_found(&found, Error, "data.held_out", "m.csv:2: column `x1`: `much` given");
+}
+
+#[test]
+fn nothing_to_look_at() {
+    let text = "name = \"t\"\npreset = \"ours\"\nseed = 1\n[plant]\nvan-der-pol = { mu = 1.0 }\n";
+    let experiment =
+        Experiment::parse("t.toml".as_ref(), text, &[], &pinc_config::Plants::built_in()).unwrap();
+    assert_found(&examine(&Test::Damped, &experiment), Warning, "", "nothing to look at");
+}

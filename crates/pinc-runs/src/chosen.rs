@@ -1,0 +1,103 @@
+//! The one model that a controller outside of a run works with.
+
+use super::{LoopSetup, Schedules, matching_model};
+use crate::RunError;
+use pinc_config::{ControlSpec, Experiment, LoopParameters, ModelKind};
+use pinc_net::PincNet;
+use pinc_ode::DynPlant;
+use pinc_record::read_file;
+use std::path::Path;
+
+/// A trained net for a controller.
+#[derive(Clone, Copy, Debug)]
+pub enum ModelFile<'a> {
+    /// A file.
+    At(&'a Path),
+    /// The content of a file.
+    Content(&'a [u8]),
+}
+
+/// The controller of a config, with one of its models.
+pub(super) struct Chosen<'e> {
+    pub(super) spec: &'e ControlSpec,
+    pub(super) kind: ModelKind,
+    /// The content of the model file with its net, where that is the model.
+    pub(super) given: Option<(Vec<u8>, PincNet)>,
+    pub(super) sample_time_s: f64,
+    /// The plant that the model is of, and the p of the model.
+    pub(super) plant: Box<dyn DynPlant>,
+    pub(super) parameters: Vec<f64>,
+    /// The places of those that are estimated.
+    estimated: Vec<usize>,
+    truth: Box<dyn DynPlant>,
+}
+
+impl<'e> Chosen<'e> {
+    /// The model that `only` names, or else the net of `model` if one is given, or else the
+    /// config's first.
+    pub(super) fn of(
+        experiment: &'e Experiment,
+        model: Option<ModelFile<'_>>,
+        only: Option<ModelKind>,
+        command: &'static str,
+    ) -> Result<Self, RunError> {
+        let name = || experiment.name.clone();
+        let missing = |section| RunError::MissingSection { name: name(), section, command };
+        let spec = experiment.control.as_ref().ok_or_else(|| missing("control"))?;
+        if !spec.parameter_schedule.is_empty() {
+            return Err(RunError::WithSchedule { name: name(), command });
+        }
+        let first = spec.models.first().copied().unwrap_or(ModelKind::Rk4);
+        let kind = only.unwrap_or(if model.is_some() { ModelKind::Pinc } else { first });
+        if !spec.models.contains(&kind) {
+            return Err(RunError::MissingModel { name: name(), model: kind.name() });
+        }
+        let given = match (kind, model) {
+            (ModelKind::Pinc, None) => {
+                return Err(RunError::NoModelFile { name: name(), command });
+            }
+            (ModelKind::Pinc, Some(ModelFile::At(path))) => {
+                Some(matching_model(experiment, path, read_file(path)?)?)
+            }
+            (ModelKind::Pinc, Some(ModelFile::Content(bytes))) => {
+                Some(matching_model(experiment, Path::new("model"), bytes.to_vec())?)
+            }
+            _ => None,
+        };
+        // Of a family, a net is taken for the member that the config names, unless an estimator is
+        // to say which one it is; an integrator is asked for it at each call.
+        let LoopParameters { names, values, estimated } = experiment.loop_parameters();
+        let (given, names, parameters) = match given {
+            Some((bytes, net)) if estimated.is_empty() => {
+                (Some((bytes, net.member(&values))), Vec::new(), Vec::new())
+            }
+            given => (given, names, values),
+        };
+        let of_net = given.as_ref().map(|(_, net)| net.sample_time_s());
+        let sample_time_s = experiment.sample_time_s().or(of_net);
+        let sample_time_s = sample_time_s.ok_or_else(|| missing("model"))?;
+        let plant = experiment.plant.family(&names);
+        let truth = experiment.plant.dyn_plant();
+        Ok(Self { spec, kind, given, sample_time_s, plant, parameters, estimated, truth })
+    }
+
+    /// The net, where that is the model.
+    pub(super) fn net(&self) -> Option<&PincNet> {
+        self.given.as_ref().map(|(_, net)| net)
+    }
+
+    /// What a closed loop with it works from.
+    pub(super) fn setup(&self) -> LoopSetup<'_> {
+        LoopSetup {
+            spec: self.spec,
+            kinds: std::slice::from_ref(&self.kind),
+            net: self.net(),
+            sample_time_s: self.sample_time_s,
+            seed: 0,
+            parameters: &self.parameters,
+            estimated: &self.estimated,
+            truth: &*self.truth,
+            schedules: Schedules::default(),
+        }
+    }
+}

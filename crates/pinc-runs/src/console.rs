@@ -1,0 +1,84 @@
+//! The only module that writes to the terminal.
+
+use std::borrow::Cow;
+use std::io::{self, IsTerminal, Write};
+
+/// Lines longer than this are shown without their middle.
+const LONG: usize = 1000;
+/// What is left of them at either end.
+const END: usize = 400;
+
+/// Writes a line to standard output. If the reader has closed its end, that is no error of the run.
+pub fn line(text: &str) {
+    let _ = writeln!(io::stdout().lock(), "{}", plain(text));
+}
+
+/// Writes a line to standard error.
+pub fn note(text: &str) {
+    let shown: Vec<_> = text.lines().map(|line| plain(&shortened(line)).into_owned()).collect();
+    let _ = writeln!(io::stderr().lock(), "{}", shown.join("\n"));
+}
+
+/// A text whose characters do nothing to a terminal: configs and arguments come from anywhere.
+fn plain(text: &str) -> Cow<'_, str> {
+    let acts = |c: char| (c.is_control() && c != '\n' && c != '\t') || turns(c);
+    if !text.contains(acts) {
+        return text.into();
+    }
+    let mut plain = String::with_capacity(text.len());
+    for c in text.chars() {
+        match acts(c) {
+            true => plain.extend(c.escape_default()),
+            false => plain.push(c),
+        }
+    }
+    plain.into()
+}
+
+/// Whether a character changes the direction of the text after it.
+fn turns(c: char) -> bool {
+    matches!(c, '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}')
+}
+
+/// A line that can be read, with how much of it is left out.
+fn shortened(line: &str) -> Cow<'_, str> {
+    let length = line.chars().count();
+    if length <= LONG {
+        return line.into();
+    }
+    let (begin, end): (String, String) =
+        (line.chars().take(END).collect(), line.chars().skip(length - END).collect());
+    format!("{begin} [.. {} characters ..] {end}", length - 2 * END).into()
+}
+
+/// Whether somebody is looking at standard error.
+pub(crate) fn is_watched() -> bool {
+    io::stderr().is_terminal()
+}
+
+/// Asks whoever looks at standard error a question, if somebody does: whether the answer is yes.
+pub fn confirmed(question: &str) -> Option<bool> {
+    if !is_watched() || !io::stdin().is_terminal() {
+        return None;
+    }
+    let _ = write!(io::stderr().lock(), "{} [y/N] ", plain(question));
+    let mut answer = String::new();
+    let read = io::stdin().read_line(&mut answer);
+    Some(read.is_ok() && matches!(answer.trim(), "y" | "Y" | "yes"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn texts_from_outside_are_escaped_and_cut() {
+        assert_eq!(plain("a\u{1b}[31mb\u{9b}\u{202e}\tc\n"), "a\\u{1b}[31mb\\u{9b}\\u{202e}\tc\n");
+        assert!(matches!(plain("a ordinary line, even with é"), Cow::Borrowed(_)));
+        let long = format!("begin{}end", "é".repeat(1_000_000));
+        let shown = shortened(&long);
+        assert!(shown.starts_with("begin") && shown.ends_with("end"));
+        assert!(shown.contains("[.. 999208 characters ..]"), "{}", shown.len());
+        assert!(shown.chars().count() < LONG);
+    }
+}

@@ -1,0 +1,454 @@
+//! The closed-loop stage: the plant under the controller, with one model after the other.
+
+use super::Options;
+use super::feedback::{self, TimedFeedback};
+use super::guard::Guard;
+use super::recording::{Recording, Totals, TraceColumns, write_medians};
+use crate::RunError;
+use crate::progress::Stage;
+use pinc_check::Rehearsal;
+use pinc_config::{ControlSpec, Experiment, ModelKind, Schedule, Variables};
+use pinc_mpc::{ClosedLoop, Nmpc, NmpcProblem, Reference};
+use pinc_net::PincNet;
+use pinc_ode::{Dims, Dopri5, DynPlant, PiecewiseConstant, Trajectory};
+use pinc_record::{
+    ControlColumns, ControlMetrics, Metrics, ReferenceMetrics, RunDir, StepTimes, WallTimes, file,
+};
+use std::cell::Cell;
+use std::collections::BTreeMap;
+use std::time::{Duration, Instant};
+
+/// The entries of Jacobians that a rehearsal computes for its plans.
+const REHEARSED_ENTRIES: usize = 400_000_000;
+
+/// What closed loops work from.
+#[derive(Debug)]
+pub struct LoopSetup<'a> {
+    /// The section of the config.
+    pub(crate) spec: &'a ControlSpec,
+    /// Which of the config's models are run.
+    pub(crate) kinds: &'a [ModelKind],
+    /// The net, where one of them needs it.
+    pub(crate) net: Option<&'a PincNet>,
+    /// Length T of a step.
+    pub(crate) sample_time_s: f64,
+    /// What the noise of measurements follows from.
+    pub(crate) seed: u64,
+    /// The p of the models; those that are estimated have their initial estimates.
+    pub(crate) parameters: &'a [f64],
+    /// The places of those.
+    pub(crate) estimated: &'a [usize],
+    /// The plant in the loop, whose parameters are those of the schedule.
+    pub(crate) truth: &'a dyn DynPlant,
+    /// How the parameters of models and plant change.
+    pub(crate) schedules: Schedules,
+}
+
+/// How the parameters in a loop change.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Schedules {
+    /// Those that the models are told.
+    pub(crate) model: Schedule,
+    /// Those that the plant has.
+    pub(crate) plant: Schedule,
+}
+
+impl Schedules {
+    /// Makes the changes that come with `step`.
+    fn apply(&self, run: &mut ClosedLoop<'_>, step: usize) -> Result<(), RunError> {
+        if let Some(p) = self.plant.beginning(step) {
+            run.set_plant_parameters(p);
+        }
+        if let Some(p) = self.model.beginning(step) {
+            run.set_model_parameters(p)?;
+        }
+        Ok(())
+    }
+}
+
+/// Runs the closed loops, unless all have been run. `plant` is the one that the models are of.
+pub(crate) fn stage(
+    plant: &dyn DynPlant,
+    setup: &LoopSetup<'_>,
+    options: &Options<'_>,
+    run_dir: &mut RunDir,
+) -> Result<(), RunError> {
+    let done = run_dir.metrics().control.iter().map(|run| run.model);
+    if done.eq(setup.kinds.iter().copied()) {
+        return Ok(());
+    }
+    run_dir.update(|all| all.control.clear())?;
+    run_dir.remove_loops()?;
+    for &kind in setup.kinds {
+        let metrics = run_model(plant, setup, kind, options, run_dir)?;
+        let models = setup.kinds.len();
+        run_dir.note(&[&file::control(kind, models), &file::steps(kind, models)]);
+        if metrics.estimator.is_some() {
+            run_dir.note(&[&file::estimates(kind, models)]);
+        }
+        run_dir.update(|all| all.control.push(metrics))?;
+    }
+    Ok(())
+}
+
+fn run_model(
+    plant: &dyn DynPlant,
+    setup: &LoopSetup<'_>,
+    kind: ModelKind,
+    options: &Options<'_>,
+    run_dir: &RunDir,
+) -> Result<ControlMetrics, RunError> {
+    let ControlSpec { repetitions, budget_us, .. } = setup.spec;
+    let mut nmpc = setup.controller(kind, plant)?;
+    let name = format!("control {kind}");
+    let mut progress = Stage::begin(options.verbosity, &name, *repetitions as u64);
+    let mut times = Times::default();
+    let mut results = None;
+    let (mut outside, mut estimates, mut estimator_us) = (None, None, Vec::new());
+    let steps_file = run_dir.path(&file::steps(kind, setup.kinds.len()));
+    for repetition in 0..*repetitions {
+        options.check_interrupt(run_dir.dir())?;
+        progress.advance(repetition as u64, String::new);
+        let mut feedback = setup.feedback(kind, plant)?;
+        let estimating = feedback.as_ref().map(TimedFeedback::clock);
+        let mut run = setup.begin(&mut nmpc)?;
+        if let Some(feedback) = &mut feedback {
+            run = run.with_observer(feedback);
+        }
+        let mut guard = setup.guard(kind);
+        let budget = Budget {
+            time: budget_us.map(|us| Duration::from_secs_f64(1e-6 * us)),
+            estimating: estimating.as_deref(),
+        };
+        // Only the first leaves results: the others give the same numbers in other times.
+        if results.is_some() {
+            times.watch(&mut run, budget, setup.watched(&mut guard), None, &setup.schedules)?;
+            estimator_us.extend(feedback.iter().flat_map(TimedFeedback::step_us));
+            continue;
+        }
+        let trace_file = run_dir.path(&file::control(kind, setup.kinds.len()));
+        let files = run_dir.keeps_traces().then_some((&*trace_file, &*steps_file));
+        let mut recording = Recording::begin(files, setup.columns())?;
+        let watched = setup.watched(&mut guard);
+        let outcome =
+            times.watch(&mut run, budget, watched, Some(&mut recording), &setup.schedules);
+        let totals = recording.finish(&run)?;
+        let found = outcome.is_ok().then(|| Results::of(&run, totals, setup));
+        estimates = feedback;
+        if let Some(feedback) = &estimates {
+            if run_dir.keeps_traces() {
+                let name = file::estimates(kind, setup.kinds.len());
+                run_dir.write(&name, setup.estimates(feedback.history()).to_csv().as_bytes())?;
+            }
+            estimator_us.extend(feedback.step_us());
+        }
+        outcome?;
+        results = found;
+        outside = guard.map(Guard::found);
+    }
+    let results = results.expect("there is at least one repetition");
+    if *repetitions > 1 && run_dir.keeps_traces() {
+        write_medians(&steps_file, |k| times.median_us(k))?;
+    }
+    progress.end(&format!("{repetitions} runs, IAE {:.4}", results.iae_dense_sum));
+    let metrics = results.metrics(kind, times);
+    let names = Variables::of(plant).state_names();
+    let estimator = estimates.map(|of| feedback::metrics(of.history(), &names, estimator_us));
+    Ok(ControlMetrics { outside_domain: outside, estimator, ..metrics })
+}
+
+/// Whether a run that has come to its end did what it was for.
+///
+/// # Errors
+///
+/// [`RunError::FailedSteps`] if more control steps failed in a loop than the config allows.
+pub fn verdict(experiment: &Experiment, metrics: &Metrics) -> Result<(), RunError> {
+    let Some(spec) = &experiment.control else { return Ok(()) };
+    #[expect(clippy::cast_precision_loss, reason = "no run has 2^53 steps")]
+    let share = |of: &ControlMetrics| of.failed_steps() as f64 / of.steps() as f64;
+    match metrics.control.iter().find(|of| share(of) > spec.max_failed_share) {
+        None => Ok(()),
+        Some(of) => Err(RunError::FailedSteps {
+            model: of.model,
+            failed: of.failed_steps(),
+            steps: of.steps(),
+            allowed: spec.max_failed_share,
+        }),
+    }
+}
+
+/// The closed loop of `spec` with an integrator as the model: the first one of the config, or else
+/// RK4.
+pub(super) fn rehearse(
+    plant: &dyn DynPlant,
+    spec: &ControlSpec,
+    sample_time_s: f64,
+) -> Result<Rehearsal, RunError> {
+    let integrator = spec.models.iter().find(|kind| **kind != ModelKind::Pinc);
+    let kind = integrator.copied().unwrap_or(ModelKind::Rk4);
+    let spec = ControlSpec { estimator: None, ..spec.clone() };
+    let setup = LoopSetup::numerical(&spec, sample_time_s, plant);
+    let mut nmpc = setup.controller(kind, plant)?;
+    let mut run = setup.begin(&mut nmpc)?;
+    let (mut trace, mut status) = (Trajectory::new(plant.dims()), BTreeMap::new());
+    let most = rehearsed_steps(plant.dims(), &spec, kind);
+    let left_out = pinc_config::steps(spec.duration_s, sample_time_s).saturating_sub(most);
+    let mut done = 0;
+    while done < most
+        && let Some(control) = run.control()?
+    {
+        done += 1;
+        *status.entry(control.record().status.to_string()).or_default() += 1;
+        control.advance()?;
+        let step = run.last_step();
+        for (i, t) in step.times().iter().enumerate() {
+            trace.push(*t, step.state(i), step.input(i));
+        }
+    }
+    Ok(Rehearsal { model: kind, trace, status, left_out })
+}
+
+/// How many steps of a loop are rehearsed: as many as take a second or so, by the entries of the
+/// Jacobians that the model computes for one plan.
+fn rehearsed_steps(dims: Dims, spec: &ControlSpec, kind: ModelKind) -> usize {
+    let stages = match kind {
+        ModelKind::Rk5 => 7 * spec.rk5_substeps,
+        // A factorization takes as long as the products with its factors.
+        ModelKind::Rodas4 => 12 * spec.rosenbrock_substeps,
+        ModelKind::Rk4 | ModelKind::Pinc => 4 * spec.rk4_substeps,
+    };
+    let dense = if kind == ModelKind::Rodas4 { dims.nx } else { 1 };
+    let sizes = [spec.n2, stages, dims.nx, dims.nx + dims.nu, dense];
+    let work = sizes.into_iter().fold(1_usize, usize::saturating_mul);
+    (REHEARSED_ENTRIES / work.max(1)).max(5)
+}
+
+impl<'a> LoopSetup<'a> {
+    /// With an integrator as the model of the plant in the loop.
+    #[must_use]
+    pub fn numerical(spec: &'a ControlSpec, sample_time_s: f64, plant: &'a dyn DynPlant) -> Self {
+        let kinds = &[ModelKind::Rk4];
+        Self {
+            spec,
+            kinds,
+            net: None,
+            sample_time_s,
+            seed: 0,
+            parameters: &[],
+            estimated: &[],
+            truth: plant,
+            schedules: Schedules::default(),
+        }
+    }
+}
+
+impl LoopSetup<'_> {
+    /// What watches the net, if that is the model.
+    fn guard(&self, kind: ModelKind) -> Option<Guard<'_>> {
+        let net = self.net.filter(|_| kind == ModelKind::Pinc);
+        net.map(|net| Guard::new(net, self.spec.outside_domain))
+    }
+
+    /// The guard with the parameters that the net is asked for.
+    fn watched<'g, 'n>(
+        &'g self,
+        guard: &'g mut Option<Guard<'n>>,
+    ) -> Option<(&'g mut Guard<'n>, &'g [f64])> {
+        guard.as_mut().map(|guard| (guard, self.parameters))
+    }
+
+    /// The control problem.
+    #[must_use]
+    pub fn problem(&self) -> NmpcProblem {
+        let problem = self.spec.problem(&Variables::of(self.truth), self.sample_time_s);
+        NmpcProblem { parameters: self.parameters.to_vec(), ..problem }
+    }
+
+    /// What is followed, step by step.
+    pub(super) fn reference(&self) -> Result<Reference, RunError> {
+        let references = &self.spec.references;
+        let starts = references.iter().map(|step| step.start_s).collect();
+        let values = references.iter().map(|step| step.value.clone()).collect();
+        let signal = PiecewiseConstant::new(starts, values)?;
+        let steps = pinc_config::steps(self.spec.duration_s, self.sample_time_s);
+        Ok(Reference::sample(&signal, steps, self.sample_time_s)?)
+    }
+
+    /// The loop at its beginning.
+    ///
+    /// # Errors
+    ///
+    /// [`RunError`] if the parts do not fit together.
+    pub fn begin<'n>(&self, nmpc: &'n mut Nmpc) -> Result<ClosedLoop<'n>, RunError> {
+        let (spec, reference) = (self.spec, self.reference()?);
+        let mut truth = Dopri5::shared(self.truth.to_shared(), spec.plant_tolerance);
+        if let Some(p) = self.schedules.plant.beginning(0) {
+            truth.set_parameters(p);
+        }
+        let run = ClosedLoop::new(nmpc, truth, reference, &spec.initial_state)?;
+        let run = if spec.preview { run } else { run.without_preview() };
+        Ok(match &spec.initial_input {
+            Some(input) => run.with_initial_input(input)?,
+            None => run,
+        })
+    }
+
+    /// The columns of the loop's trace.
+    fn columns(&self) -> TraceColumns {
+        let variables = Variables::of(self.truth);
+        TraceColumns {
+            columns: ControlColumns {
+                states: variables.state_names(),
+                inputs: variables.input_names(),
+                controlled: self.spec.controlled.clone(),
+                outputs: variables.own_output_names(),
+            },
+            outputs: variables.own_outputs().iter().map(|(place, _)| *place).collect(),
+        }
+    }
+
+    /// How near its reference each controlled quantity stays to count as settled: as the config
+    /// says, or a hundredth of its largest error. Rounding of the reference is no error.
+    fn settled_within(&self, run: &ClosedLoop<'_>) -> Vec<f64> {
+        if let Some(within) = &self.spec.settled_within {
+            return within.clone();
+        }
+        let size = |i: usize| {
+            self.spec.references.iter().fold(0.0, |size: f64, step| size.max(step.value[i].abs()))
+        };
+        let errors = run.largest_errors().into_iter().enumerate();
+        errors.map(|(i, error)| (0.01 * error).max(1e-9 * size(i))).collect()
+    }
+
+    /// Whether the references were reached.
+    fn reached(&self, run: &ClosedLoop<'_>) -> ReferenceMetrics {
+        let within = self.settled_within(run);
+        let segments = run.segments(&within);
+        #[expect(clippy::cast_precision_loss, reason = "no run has 2^53 steps")]
+        let seconds = |steps: usize| steps as f64 * self.sample_time_s;
+        let offsets = |i: usize| {
+            let offsets = segments.iter().map(|segment| segment.offset[i]);
+            offsets.map(|offset| offset.is_finite().then_some(offset)).collect()
+        };
+        let names = || self.spec.controlled.iter().cloned();
+        ReferenceMetrics {
+            reference_start_s: segments.iter().map(|s| seconds(s.steps.start)).collect(),
+            offset: names().enumerate().map(|(i, name)| (name, offsets(i))).collect(),
+            settle_s: segments.iter().map(|s| s.settled.map(seconds)).collect(),
+            settled_within: names().zip(within).collect(),
+        }
+    }
+}
+
+/// The time that the controller and its estimator have for a step.
+#[derive(Clone, Copy)]
+struct Budget<'a> {
+    time: Option<Duration>,
+    /// How long the estimator took last, which is not the controller's time.
+    estimating: Option<&'a Cell<Duration>>,
+}
+
+/// How long the controller took, in s.
+#[derive(Default)]
+struct Times {
+    /// Each step of each repetition: of the first, then of the second, ..
+    steps: Vec<f64>,
+    /// The sum of each repetition.
+    runs: Vec<f64>,
+}
+
+impl Times {
+    /// Runs the loop to its end, with an eye on the clock.
+    fn watch<'g>(
+        &mut self,
+        run: &mut ClosedLoop<'_>,
+        budget: Budget<'_>,
+        mut guard: Option<(&'g mut Guard<'_>, &'g [f64])>,
+        mut recording: Option<&mut Recording>,
+        schedules: &'g Schedules,
+    ) -> Result<(), RunError> {
+        let mut sum = 0.0;
+        for step in 0.. {
+            schedules.apply(run, step)?;
+            if let (Some((_, parameters)), Some(p)) = (&mut guard, schedules.model.beginning(step))
+            {
+                *parameters = p;
+            }
+            let clock = Instant::now();
+            let mut expired = || budget.time.is_some_and(|budget| clock.elapsed() >= budget);
+            let control = run.control_within(&mut expired)?;
+            let estimating = budget.estimating.map_or(Duration::ZERO, Cell::get);
+            let time = clock.elapsed().saturating_sub(estimating).as_secs_f64();
+            let Some(control) = control else { break };
+            self.steps.push(time);
+            sum += time;
+            if let Some(recording) = &mut recording {
+                recording.controlled(control.record(), 1e6 * time)?;
+            }
+            if let Some((guard, parameters)) = &mut guard {
+                guard.look(control.seen(), control.u(), parameters)?;
+            }
+            let advanced = control.advance();
+            if let Some(recording) = &mut recording {
+                recording.advanced(run)?;
+            }
+            advanced?;
+        }
+        self.runs.push(sum);
+        Ok(())
+    }
+
+    /// The median over the repetitions of step `k`, in us.
+    fn median_us(&self, k: usize) -> f64 {
+        let steps = self.steps.len() / self.runs.len();
+        WallTimes::of(self.steps[k..].iter().step_by(steps).map(|s| 1e6 * s).collect()).median
+    }
+}
+
+/// The results of a closed loop, except times.
+struct Results {
+    totals: Totals,
+    rmse: f64,
+    iae: f64,
+    rmse_dense: f64,
+    iae_dense_sum: f64,
+    max_violation: f64,
+    references: ReferenceMetrics,
+}
+
+impl Results {
+    fn of(run: &ClosedLoop<'_>, totals: Totals, setup: &LoopSetup<'_>) -> Self {
+        let (at_steps, dense) = (run.tracking_at_steps(), run.tracking_dense());
+        Self {
+            totals,
+            rmse: at_steps.rmse(),
+            iae: at_steps.iae_mean(),
+            rmse_dense: dense.rmse(),
+            iae_dense_sum: dense.iae_sum(),
+            max_violation: run.max_violation(),
+            references: setup.reached(run),
+        }
+    }
+
+    fn metrics(self, model: ModelKind, times: Times) -> ControlMetrics {
+        let Self { totals, rmse, iae, rmse_dense, iae_dense_sum, max_violation, references } = self;
+        let mut step_us = times.steps;
+        step_us.iter_mut().for_each(|time| *time *= 1e6);
+        ControlMetrics {
+            model,
+            rmse,
+            iae,
+            rmse_dense,
+            iae_dense_sum,
+            wall_s: WallTimes::of(times.runs),
+            step_us: StepTimes::of(step_us),
+            sqp_iterations_mean: totals.sqp_iterations_mean(),
+            kkt_max: totals.kkt_max,
+            max_violation,
+            status: totals.status,
+            references,
+            outside_domain: None,
+            estimator: None,
+        }
+    }
+}

@@ -1,0 +1,131 @@
+//! The files of `[data]`: measured trajectories, or measured steps.
+
+use super::columns::{At, Row, finite, optional, places, rows};
+use crate::RunError;
+use crate::error::CsvProblem;
+use csv::StringRecord;
+use pinc_config::Variables;
+use pinc_net::{Measurements, Recorded};
+use pinc_record::read_file;
+use sha2::{Digest, Sha256};
+use std::path::PathBuf;
+
+/// What the files hold together, and their digest.
+pub(crate) struct Data {
+    pub(crate) measurements: Measurements,
+    pub(crate) digest: [u8; 32],
+}
+
+/// Reads measurements for steps of `sample_time_s`. A file with a column `scenario` is one of
+/// trajectories, with the columns of `pinc predict`; any other is one of steps, with the columns t,
+/// the inputs, `<state>_0` of the states at t = 0, and the states at t.
+///
+/// # Errors
+///
+/// [`RunError`], naming file, line and column.
+pub(crate) fn read(
+    variables: &Variables,
+    sample_time_s: f64,
+    files: &[PathBuf],
+) -> Result<Data, RunError> {
+    let mut measurements = Measurements::new(variables.dims());
+    let mut hash = Sha256::new();
+    for path in files {
+        let text = read_file(path)?;
+        hash.update(&text);
+        let before = measurements.values();
+        parse(variables, sample_time_s, &text, &mut measurements)
+            .map_err(|(line, problem)| RunError::Csv { path: path.clone(), line, problem })?;
+        if measurements.values() == before {
+            return Err(RunError::NoMeasurement { path: path.clone(), sample_time_s });
+        }
+    }
+    Ok(Data { measurements, digest: hash.finalize().into() })
+}
+
+fn parse(
+    variables: &Variables,
+    sample_time_s: f64,
+    text: &[u8],
+    to: &mut Measurements,
+) -> Result<(), At> {
+    let (header, rows) = rows(text)?;
+    if header.iter().any(|column| column == "scenario") {
+        trajectories(variables, sample_time_s, &header, rows, to)
+    } else {
+        steps(variables, sample_time_s, &header, rows, to)
+    }
+}
+
+fn steps(
+    variables: &Variables,
+    sample_time_s: f64,
+    header: &StringRecord,
+    rows: impl Iterator<Item = Row>,
+    to: &mut Measurements,
+) -> Result<(), At> {
+    let (inputs, states) = (variables.input_names(), variables.state_names());
+    let initial: Vec<String> = states.iter().map(|name| format!("{name}_0")).collect();
+    let names = [&["t".to_owned()][..], &inputs, &initial, &states].concat();
+    let places = places(header, &names).map_err(|problem| (1, problem))?;
+    let (m, n) = (inputs.len(), states.len());
+    for row in rows {
+        let (line, row) = row?;
+        let at = |problem| (line, problem);
+        let number = |i: usize| finite(&row[places[i]], &names[i]).map_err(at);
+        let t = number(0)?;
+        if !(0.0..=sample_time_s * (1.0 + 1e-9)).contains(&t) {
+            return Err(at(CsvProblem::OutsideStep { t, sample_time_s }));
+        }
+        let u = (1..=m).map(number).collect::<Result<Vec<_>, _>>()?;
+        let y0 = (1 + m..=m + n).map(number).collect::<Result<Vec<_>, _>>()?;
+        let measured = |i: usize| optional(&row[places[i]], &names[i]).map_err(at);
+        let y = (1 + m + n..=m + 2 * n).map(measured).collect::<Result<Vec<_>, _>>()?;
+        to.push(t.min(sample_time_s), &y0, &u, &[], &y);
+    }
+    Ok(())
+}
+
+fn trajectories(
+    variables: &Variables,
+    sample_time_s: f64,
+    header: &StringRecord,
+    rows: impl Iterator<Item = Row>,
+    to: &mut Measurements,
+) -> Result<(), At> {
+    let (inputs, states) = (variables.input_names(), variables.state_names());
+    let fixed = ["scenario".to_owned(), "t".to_owned()];
+    let names = [&fixed[..], &inputs, &states].concat();
+    let places = places(header, &names).map_err(|problem| (1, problem))?;
+    let m = inputs.len();
+    // In the order in which they begin, so that the sums of the loss have an order.
+    let mut scenarios: Vec<(String, Vec<Recorded>)> = Vec::new();
+    for row in rows {
+        let (line, row) = row?;
+        let at = |problem| (line, problem);
+        let number = |i: usize| finite(&row[places[i]], &names[i]).map_err(at);
+        let measured = |i: usize| optional(&row[places[i]], &names[i]).map_err(at);
+        let t = number(1)?;
+        let input = (2..2 + m).map(number).collect::<Result<_, _>>()?;
+        let state = (2 + m..names.len()).map(measured).collect::<Result<_, _>>()?;
+        let name = &row[places[0]];
+        let place = match scenarios.iter().position(|(other, _)| other == name) {
+            Some(place) => place,
+            None => {
+                scenarios.push((name.to_owned(), Vec::new()));
+                scenarios.len() - 1
+            }
+        };
+        let recorded = &mut scenarios[place].1;
+        if let Some(Recorded { t: previous, .. }) = recorded.last()
+            && t <= *previous
+        {
+            return Err(at(CsvProblem::Time { t, previous: *previous }));
+        }
+        recorded.push(Recorded { t, input, state });
+    }
+    for (_, recorded) in &scenarios {
+        to.push_trajectory(sample_time_s, &[], recorded);
+    }
+    Ok(())
+}

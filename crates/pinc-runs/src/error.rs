@@ -1,0 +1,502 @@
+//! What can go wrong with an experiment.
+
+use pinc_config::{ConfigError, ModelKind, Problem};
+use pinc_estimate::EstimateError;
+use pinc_export::ExportError;
+use pinc_identify::IdentifyError;
+use pinc_mpc::MpcError;
+use pinc_net::{ModelError, NetError};
+use pinc_ode::OdeError;
+use pinc_record::RecordError;
+use pinc_report::ReportError;
+use std::path::PathBuf;
+use thiserror::Error;
+
+/// An error of this crate.
+#[derive(Debug, Error)]
+#[non_exhaustive]
+pub enum RunError {
+    /// The config cannot be used.
+    #[error(transparent)]
+    Config(#[from] ConfigError),
+    /// A file or directory that cannot be read or written.
+    #[error(transparent)]
+    Record(#[from] RecordError),
+    /// The config lacks a section that the command needs.
+    #[error("{name}: the config has no section [{section}], which `{command}` needs")]
+    MissingSection {
+        /// The experiment.
+        name: String,
+        /// The section.
+        section: &'static str,
+        /// The command.
+        command: &'static str,
+    },
+    /// The config's closed loop lacks the requested model.
+    #[error("{name}: control.models does not contain `{model}`")]
+    MissingModel {
+        /// The experiment.
+        name: String,
+        /// The requested model.
+        model: &'static str,
+    },
+    /// The net is to be the model, and no file has it.
+    #[error(
+        "{name}: `{command}` with the model `pinc` needs --model FILE, a net that was trained; \
+        `pinc train` makes one, and --only names another of the config's models"
+    )]
+    NoModelFile {
+        /// The experiment.
+        name: String,
+        /// The command.
+        command: &'static str,
+    },
+    /// A controller whose model cannot be written in another language.
+    #[error(
+        "export: the model `{model}` of the plant `{plant}` cannot be written in C; it can for \
+        `pinc`, a net, and for `rk4` of plants whose equations are text ([plant.expression], \
+        van-der-pol, four-tanks, one-tank)"
+    )]
+    NotExportable {
+        /// The plant's key in the config.
+        plant: &'static str,
+        /// The model.
+        model: &'static str,
+    },
+    /// A controller whose stages differ in length, for a target that knows one length.
+    #[error(
+        "{name}: exported controllers have stages of one length; leave out control.stages_s, or \
+         use `pinc serve`"
+    )]
+    ExportedStages {
+        /// Name of the experiment.
+        name: String,
+    },
+    /// No integrator makes a loop that others could be compared with.
+    #[error(
+        "{name}: there is no model to choose, since no loop with an integrator stands{}: {reasons}",
+        if *out_of_time { " so far (the time was up; --budget-s gives more)" } else { "" }
+    )]
+    NothingToChoose {
+        /// Name of the experiment.
+        name: String,
+        /// Whether not all could be tried.
+        out_of_time: bool,
+        /// How each loop ended.
+        reasons: String,
+    },
+    /// A plant for a target that does not take plants.
+    #[error("export: `--to {target}` takes no plant; `--plant` goes `--to fmu`")]
+    PlantTarget {
+        /// The target.
+        target: &'static str,
+    },
+    /// A controller for a target that takes nets only.
+    #[error(
+        "export: `--to {target}` takes a net, by --model FILE without a config; a whole controller \
+        goes `--to c` or `--to fmu`"
+    )]
+    NetOnly {
+        /// The target.
+        target: &'static str,
+    },
+    /// Something that cannot be exported.
+    #[error("export: {0}")]
+    Export(#[from] ExportError),
+    /// A model file that holds no usable model.
+    #[error("{}: {source}", path.display())]
+    Model {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong with it.
+        source: ModelError,
+    },
+    /// A model that is not one of the config's plant.
+    #[error("{}: {what} of the model: {found}; of the config: {expected}", path.display())]
+    ModelMismatch {
+        /// The file.
+        path: PathBuf,
+        /// What differs.
+        what: &'static str,
+        /// The model's.
+        found: String,
+        /// The config's.
+        expected: String,
+    },
+    /// A model of one scenario where one of any scenario is needed.
+    #[error(
+        "{}: a conventional PINN, for one initial state and input: it can neither be chained nor \
+        control",
+        path.display()
+    )]
+    TimeOnlyModel {
+        /// The file.
+        path: PathBuf,
+    },
+    /// A cell, a row or the header of a CSV file.
+    #[error("{}:{line}: {problem}", path.display())]
+    Csv {
+        /// The file.
+        path: PathBuf,
+        /// The line, from 1.
+        line: u64,
+        /// What is wrong there.
+        problem: CsvProblem,
+    },
+    /// A net about to be used outside the box that it was trained on, where that is refused.
+    #[error(
+        "the net would be used outside its training domain: {variable} is {excess:.3} beyond {low} \
+        to {high}; \
+         train on a larger [domain], or continue with outside_domain = \"report\""
+    )]
+    OutsideDomain {
+        /// The variable.
+        variable: String,
+        /// Its distance from the box.
+        excess: f64,
+        /// The lower end.
+        low: f64,
+        /// The upper end.
+        high: f64,
+    },
+    /// A net whose states are no numbers.
+    #[error(
+        "{}:{line}: the net's {variable} is {value} at this row; the inputs or the initial state are too \
+         large for it, or it is damaged",
+        path.display()
+    )]
+    NotFinite {
+        /// The file with the inputs.
+        path: PathBuf,
+        /// The line, from 1.
+        line: u64,
+        /// The state.
+        variable: String,
+        /// What it is.
+        value: f64,
+    },
+    /// An output that is one of the inputs.
+    #[error("--output {}: is also {role}, which it would overwrite", path.display())]
+    SameFile {
+        /// The file.
+        path: PathBuf,
+        /// The argument that names it too.
+        role: &'static str,
+    },
+    /// Configs whose results would be in one directory.
+    #[error("{}: two of the configs have this run directory; expected each once", dir.display())]
+    SameDirectory {
+        /// The directory.
+        dir: PathBuf,
+    },
+    /// A data file that nothing can be learnt from.
+    #[error(
+        "{}: nothing to compare a net with: expected a row with all states, and within T = \
+        {sample_time_s} s of it, \
+         under the same input, one with a state",
+        path.display()
+    )]
+    NoMeasurement {
+        /// The file.
+        path: PathBuf,
+        /// Length T of a step, in s.
+        sample_time_s: f64,
+    },
+    /// A step of a controller asked for with something that cannot be used.
+    #[error("{what}: {found} given, expected {expected}")]
+    Argument {
+        /// What it was given for.
+        what: &'static str,
+        /// What was given.
+        found: String,
+        /// What was expected.
+        expected: String,
+    },
+    /// A command for controllers whose parameters do not change.
+    #[error(
+        "{name}: `{command}` does not take control.parameter_schedule along: remove the key, and \
+        set the values of now in control.parameters"
+    )]
+    WithSchedule {
+        /// The experiment.
+        name: String,
+        /// The command.
+        command: &'static str,
+    },
+    /// An estimator and its model that do not fit together.
+    #[error(transparent)]
+    Estimate(#[from] EstimateError),
+    /// A problem of identification that cannot be solved.
+    #[error("identify: {0}")]
+    Identify(#[from] IdentifyError),
+    /// The same, of a data file.
+    #[error("{}: {source}", path.display())]
+    IdentifyFile {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong with it.
+        source: IdentifyError,
+    },
+    /// A parameter to be identified with a net that does not take it.
+    #[error(
+        "identify: the net does not take `{parameter}` as an input, but {}; a net of a family \
+         ([domain.parameters]) or --only rk4 can identify it",
+        if known.is_empty() { "no parameters" } else { known }
+    )]
+    NotAParameterOfTheNet {
+        /// The parameter.
+        parameter: String,
+        /// Those that it takes.
+        known: String,
+    },
+    /// Another error of a net or its training.
+    #[error("training: {0}")]
+    Net(#[from] NetError),
+    /// Another error of the control problem, or a plant that could not be integrated in the loop.
+    #[error("closed loop: {0}")]
+    Control(#[from] MpcError),
+    /// Too many steps of a controller failed.
+    #[error(
+        "the loop with {model} failed: {failed} of {steps} control steps did, and control.max_failed_share = \
+         {allowed} allows fewer; the results are kept"
+    )]
+    FailedSteps {
+        /// The model in the controller.
+        model: ModelKind,
+        /// How many failed.
+        failed: usize,
+        /// Of how many.
+        steps: usize,
+        /// The share that may fail.
+        allowed: f64,
+    },
+    /// The truth could not be integrated.
+    #[error("the plant cannot be integrated: {0}")]
+    Plant(#[from] OdeError),
+    /// The report could not be made.
+    #[error(transparent)]
+    Report(#[from] ReportError),
+    /// Some trials of a sweep ended with errors.
+    #[error("{failed} of {trials} trials failed; {} says which and why", table.display())]
+    FailedTrials {
+        /// How many failed.
+        failed: usize,
+        /// Of how many.
+        trials: usize,
+        /// The table that names them.
+        table: PathBuf,
+    },
+    /// Some of several experiments ended with errors.
+    #[error("{failed} of {runs} experiments failed, as said above")]
+    FailedRuns {
+        /// How many failed.
+        failed: usize,
+        /// Of how many.
+        runs: usize,
+    },
+    /// A sweep that would begin afresh where results are.
+    #[error(
+        "{}: holds results of this sweep ({trials} trials, {nets} nets); --resume goes on with \
+        them, --fresh throws them away",
+        dir.display()
+    )]
+    KeepsResults {
+        /// The directory.
+        dir: PathBuf,
+        /// How many trials are over.
+        trials: usize,
+        /// How many nets are trained.
+        nets: usize,
+    },
+    /// A search for the least of something that the trials do not have.
+    #[error(
+        "{name}: `sweep.search.minimize`: \"{minimize}\" given, expected one of {}",
+        known.join(", ")
+    )]
+    NoSuchMetric {
+        /// The experiment.
+        name: String,
+        /// What is to be small.
+        minimize: String,
+        /// What the trials have.
+        known: Vec<String>,
+    },
+    /// An option for Slurm that cannot be used.
+    #[error("--slurm {option}: {problem}")]
+    SlurmOption {
+        /// The option.
+        option: String,
+        /// What is wrong with it.
+        problem: Problem,
+    },
+    /// Slurm, or what is to talk to it.
+    #[error("{program}: {said}; with --dry-run the scripts are written only")]
+    Slurm {
+        /// The program that was called.
+        program: String,
+        /// What it says.
+        said: String,
+    },
+    /// A sweep that is submitted once more before its jobs are over.
+    #[error(
+        "jobs of this sweep are still in Slurm's queue: {numbers}; wait until they are over, or \
+        `scancel {numbers}` first: what is done stays"
+    )]
+    Queued {
+        /// Their numbers.
+        numbers: String,
+    },
+    /// The user does not wait any longer.
+    #[error("the jobs go on; `pinc status {}` says how far they are", dir.display())]
+    StillQueued {
+        /// The run directory.
+        dir: PathBuf,
+    },
+    /// A directory to be shared on a file system that cannot say who works on what.
+    #[error(
+        "{}: its file system has no locks, so that nobody knows what others work on; give each \
+        process a share with --shard K/N",
+        dir.display()
+    )]
+    NoLocks {
+        /// The directory.
+        dir: PathBuf,
+    },
+    /// Sweeps to merge that are not of one config.
+    #[error(
+        "{}: belongs to another sweep than {} (their config.toml differ)",
+        dir.display(),
+        first.display()
+    )]
+    OtherSweep {
+        /// The directory.
+        dir: PathBuf,
+        /// The first directory.
+        first: PathBuf,
+    },
+    /// The user stopped the run.
+    #[error("interrupted; continue with the same command and --resume (state in {})", dir.display())]
+    Interrupted {
+        /// The run directory.
+        dir: PathBuf,
+    },
+}
+
+/// What is wrong with a CSV file.
+#[derive(Debug, Error)]
+#[non_exhaustive]
+pub enum CsvProblem {
+    /// The file as such.
+    #[error("not a CSV file: {0}")]
+    Syntax(csv::Error),
+    /// A column that is missing.
+    #[error("column `{column}` is missing; expected {expected}")]
+    MissingColumn {
+        /// The column.
+        column: String,
+        /// All that are expected.
+        expected: String,
+    },
+    /// A column that is not known, or there twice.
+    #[error("column `{column}` is unexpected; expected {expected}, each once")]
+    UnexpectedColumn {
+        /// The column.
+        column: String,
+        /// All that are expected.
+        expected: String,
+    },
+    /// A cell that is no finite number, or too large a one.
+    #[error("column `{column}`: `{found}` given, expected a finite number up to 1e100")]
+    Cell {
+        /// The column.
+        column: String,
+        /// What is in the cell.
+        found: String,
+    },
+    /// Times that do not increase.
+    #[error("column `t`: {t} s given, expected more than {previous} s, the scenario's row before")]
+    Time {
+        /// The time.
+        t: f64,
+        /// The time of the row before.
+        previous: f64,
+    },
+    /// Times that are not a step apart.
+    #[error("column `t`: {t} s after {previous} s given, expected steps of T = {sample_time_s} s")]
+    Spacing {
+        /// The time.
+        t: f64,
+        /// The time of the row before.
+        previous: f64,
+        /// Length T of a step, in s.
+        sample_time_s: f64,
+    },
+    /// A file without data.
+    #[error("{rows} rows of data, expected 2 or more below the header")]
+    TooFewRows {
+        /// How many there are.
+        rows: usize,
+    },
+    /// Times that are not whole steps apart.
+    #[error(
+        "column `t`: {t} s after {previous} s given, expected a whole number of steps of T = \
+         {sample_time_s} s; identify.step_s sets T for integrators"
+    )]
+    Grid {
+        /// The time.
+        t: f64,
+        /// The time of the row before.
+        previous: f64,
+        /// Length T of a step, in s.
+        sample_time_s: f64,
+    },
+    /// A time that is not within a step.
+    #[error("column `t`: {t} s given, expected from 0 to T = {sample_time_s} s")]
+    OutsideStep {
+        /// The time.
+        t: f64,
+        /// Length T of a step, in s.
+        sample_time_s: f64,
+    },
+    /// A time at which a distilled net is not defined.
+    #[error(
+        "column `t`: {t} s lies between steps of {sample_time_s} s, of which a net distilled from \
+        an \
+         integrator knows nothing; expected times on step marks"
+    )]
+    BetweenSteps {
+        /// The time.
+        t: f64,
+        /// Length of a step, in s.
+        sample_time_s: f64,
+    },
+    /// A gap that would take too many steps to cross.
+    #[error("column `t`: {t} s is more than a million steps of T after the scenario's row before")]
+    Gap {
+        /// The time.
+        t: f64,
+    },
+}
+
+/// Whether nothing can be written for want of space, rather than at a wrong place.
+fn is_full(error: &std::io::Error) -> bool {
+    use std::io::ErrorKind::{FileTooLarge, QuotaExceeded, StorageFull, WriteZero};
+    matches!(error.kind(), StorageFull | QuotaExceeded | FileTooLarge | WriteZero)
+}
+
+impl RunError {
+    /// The exit code of the program: 2 for bad usage or input, 1 for a run that failed.
+    #[must_use]
+    pub fn exit_code(&self) -> u8 {
+        match self {
+            Self::Net(NetError::Setting { .. } | NetError::Dimension { .. }) => 2,
+            Self::Control(MpcError::Plant { .. }) | Self::OutsideDomain { .. } => 1,
+            Self::Net(_) | Self::Plant(_) | Self::FailedSteps { .. } | Self::NotFinite { .. } => 1,
+            Self::Record(RecordError::Unwritable { source, .. }) if is_full(source) => 1,
+            Self::Slurm { .. } | Self::Queued { .. } | Self::StillQueued { .. } => 1,
+            Self::NothingToChoose { .. } => 1,
+            Self::Interrupted { .. } | Self::FailedTrials { .. } | Self::FailedRuns { .. } => 1,
+            _ => 2,
+        }
+    }
+}

@@ -1,0 +1,176 @@
+//! `pinc estimate`: the estimator of a config over recorded data, from CSV to CSV.
+
+use super::columns::{At, rows};
+use super::control::LoopSetup;
+use super::feedback;
+use super::recorded::Columns;
+use crate::RunError;
+use crate::error::CsvProblem;
+use pinc_config::{Experiment, LoopParameters, ModelKind, Variables};
+use pinc_estimate::Estimator;
+use pinc_record::{EstimateRow, EstimateTable, read_file, write_atomically};
+use std::fmt;
+use std::path::Path;
+
+/// What came of an estimator over recorded data.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Estimated {
+    /// The number of rows.
+    pub rows: usize,
+    /// The mean of the normalized innovations squared.
+    pub nis_mean: f64,
+    /// How many measurements there are at a time.
+    pub measured: usize,
+    /// How many corrections did not end as they should.
+    pub refused: usize,
+    /// The root mean square error of each state, where the data have all true states.
+    pub rmse: Vec<(String, f64)>,
+}
+
+impl fmt::Display for Estimated {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { rows, nis_mean, measured, refused, rmse } = self;
+        write!(f, "{rows} rows; NIS {nis_mean:.3}, consistent would be {measured}")?;
+        if *refused > 0 {
+            write!(f, "; {refused} corrections did not succeed")?;
+        }
+        for (i, (name, rmse)) in rmse.iter().enumerate() {
+            write!(f, "{} {name} {rmse:.6}", if i == 0 { "; RMSE" } else { "," })?;
+        }
+        Ok(())
+    }
+}
+
+/// Runs the estimator of `experiment` over the file `data`, and writes its filtered estimates, one
+/// row per row of the data, to the file `output`, if there is one. The model is `only`, or the
+/// first numerical one of the config; the net of the file `model`, if that is given.
+///
+/// The data have the columns `t`, in steps of T, the inputs, which hold from a row to the next, and
+/// `y_<measured>`, of which cells may be empty; other columns are ignored, but for the true states.
+///
+/// # Errors
+///
+/// [`RunError`], naming file, line and column of what is wrong with the data.
+pub fn estimate(
+    experiment: &Experiment,
+    data: &Path,
+    output: Option<&Path>,
+    model: Option<&Path>,
+    only: Option<ModelKind>,
+) -> Result<Estimated, RunError> {
+    let missing = |section| RunError::MissingSection {
+        name: experiment.name.clone(),
+        section,
+        command: "estimate",
+    };
+    let spec = experiment.control.as_ref().ok_or_else(|| missing("control"))?;
+    let estimator = spec.estimator.as_ref().ok_or_else(|| missing("control.estimator"))?;
+    let net = model.map(|path| super::read_matching_model(experiment, path)).transpose()?;
+    let net = net.map(|(_, net)| net);
+    let numerical = || spec.models.iter().copied().find(|kind| *kind != ModelKind::Pinc);
+    let kind = match (only, &net) {
+        (Some(ModelKind::Pinc), None) => return Err(missing("model (a file: --model)")),
+        (Some(kind), _) => kind,
+        (None, Some(_)) => ModelKind::Pinc,
+        (None, None) => numerical().unwrap_or(ModelKind::Rk4),
+    };
+    let sample_time_s = experiment.sample_time_s().ok_or_else(|| missing("model"))?;
+    let LoopParameters { names, values, estimated } = experiment.loop_parameters();
+    let plant = experiment.plant.family(&names);
+    let setup = LoopSetup {
+        net: net.as_ref(),
+        parameters: &values,
+        estimated: &estimated,
+        ..LoopSetup::numerical(spec, sample_time_s, &*plant)
+    };
+    let variables = Variables::of(&*plant);
+    let measurement = spec.measurement.clone().unwrap_or_default();
+    let augmentation = setup.augmentation(estimator, &measurement, &*plant);
+    let model = setup.model(kind, &*plant)?;
+    let mut filter = feedback::estimator(estimator, &augmentation, model)?;
+    let names = estimator.names(&measurement, &variables);
+    let measured = measurement.names(&variables);
+    let text = read_file(data)?;
+    let found = run(filter.as_mut(), &text, &variables, &measured, sample_time_s);
+    let at = |(line, problem): At| RunError::Csv { path: data.to_owned(), line, problem };
+    let Run { rows, refused, squared } = found.map_err(at)?;
+    let table = EstimateTable { names, measured, rows };
+    if let Some(output) = output {
+        write_atomically(output, table.estimates_to_csv().as_bytes())?;
+    }
+    Ok(summary(&table, refused, squared, &variables))
+}
+
+fn summary(
+    table: &EstimateTable,
+    refused: usize,
+    squared: Option<Vec<f64>>,
+    variables: &Variables,
+) -> Estimated {
+    let nis: Vec<f64> = table.rows.iter().map(|row| row.nis).filter(|v| !v.is_nan()).collect();
+    #[expect(clippy::cast_precision_loss, reason = "no file has 2^53 rows")]
+    let (used, rows) = (nis.len() as f64, table.rows.len() as f64);
+    let names = variables.state_names().into_iter();
+    Estimated {
+        rows: table.rows.len(),
+        nis_mean: nis.iter().sum::<f64>() / used,
+        measured: table.measured.len(),
+        refused,
+        rmse: squared.map_or_else(Vec::new, |squared| {
+            names.zip(squared).map(|(name, sum)| (name, (sum / rows).sqrt())).collect()
+        }),
+    }
+}
+
+/// What was made of a file.
+struct Run {
+    rows: Vec<EstimateRow>,
+    refused: usize,
+    /// The sums of squared errors of the states, if their truth is known.
+    squared: Option<Vec<f64>>,
+}
+
+fn run(
+    filter: &mut dyn Estimator,
+    text: &[u8],
+    variables: &Variables,
+    measured: &[String],
+    sample_time_s: f64,
+) -> Result<Run, At> {
+    let (header, rows) = rows(text)?;
+    let columns = Columns::find(&header, variables, measured).map_err(|problem| (1, problem))?;
+    let mut run = Run { rows: Vec::new(), refused: 0, squared: None };
+    run.squared = columns.states.as_ref().map(|states| vec![0.0; states.len()]);
+    let mut before: Option<(f64, Vec<f64>)> = None;
+    for row in rows {
+        let (line, cells) = row?;
+        let row = columns.read(&cells).map_err(|problem| (line, problem))?;
+        if let Some((t, u)) = &before {
+            if (row.t - t - sample_time_s).abs() > 1e-6 * sample_time_s {
+                let problem = CsvProblem::Spacing { t: row.t, previous: *t, sample_time_s };
+                return Err((line, problem));
+            }
+            filter.predict(u);
+        }
+        let correction = filter.correct(&row.y);
+        let refused = correction.nis.is_nan() && correction.measured > 0;
+        run.refused += usize::from(refused);
+        let (z, n) = (filter.estimate(), filter.dims().nx);
+        if let (Some(squared), Some(truth)) = (&mut run.squared, &row.truth) {
+            for (sum, (z, x)) in squared.iter_mut().zip(z.iter().zip(truth)) {
+                *sum += (z - x).powi(2);
+            }
+        }
+        run.rows.push(EstimateRow {
+            t: row.t,
+            estimate: z.to_vec(),
+            sd: filter.covariance().iter().step_by(n + 1).map(|v| v.sqrt()).collect(),
+            measured: row.y,
+            innovation: filter.innovation().to_vec(),
+            nis: correction.nis,
+            nees: f64::NAN,
+        });
+        before = Some((row.t, row.u));
+    }
+    Ok(run)
+}

@@ -1,0 +1,263 @@
+//! `pinc export`: nets and controllers for other programs.
+
+use super::chosen::{Chosen, ModelFile};
+use super::shared_library::shared_library;
+use super::{chainable, parse_model};
+use crate::RunError;
+use pinc_config::{EstimatorKind, Experiment, ModelKind, Variables};
+use pinc_estimate::{Augmentation, Tuning};
+use pinc_export::{
+    Controller, Estimation, ExportError, Filter, FmiVersion, GeneratedFile, ModelSource, Name,
+    Origin, Precision, Rk4Model, net_to_onnx,
+};
+use pinc_expr::Equations;
+use pinc_mpc::NmpcProblem;
+use pinc_ode::DynPlant;
+use pinc_record::{RecordError, read_file, write_atomically};
+use sha2::{Digest, Sha256};
+use std::fmt::Write as _;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+/// What a net or a controller is exported to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Target {
+    /// C99 without dependencies.
+    C,
+    /// C for CasADi's `external`.
+    Casadi,
+    /// A co-simulation FMU.
+    Fmu(FmiVersion),
+    /// An ONNX file, with numbers of 32 bits.
+    Onnx,
+    /// An ONNX file, with numbers of 64 bits.
+    OnnxDouble,
+}
+
+impl Target {
+    fn name(self) -> &'static str {
+        match self {
+            Self::C => "c",
+            Self::Casadi => "casadi",
+            Self::Fmu(_) => "fmu",
+            Self::Onnx | Self::OnnxDouble => "onnx",
+        }
+    }
+}
+
+/// Exports the net of the file `model` into the directory `out`, by default `exports/`, the name
+/// and the target. All names begin with `name`, by default the model file's. Returns the directory.
+///
+/// # Errors
+///
+/// [`RunError`] if the file holds no net that can be exported, or files cannot be written.
+pub fn export_net(
+    model: &Path,
+    to: Target,
+    name: Option<&str>,
+    out: Option<&Path>,
+) -> Result<PathBuf, RunError> {
+    let bytes = read_file(model)?;
+    let net = chainable(model, parse_model(model, &bytes)?)?;
+    let stem = model.file_stem().unwrap_or_default().to_string_lossy();
+    let name = name.map_or_else(|| Ok(Name::nearest(&stem)), Name::new)?;
+    let origin = Origin::of_net(&net, env!("CARGO_PKG_VERSION"), &hash(&bytes));
+    let files = match to {
+        Target::C => pinc_export::net_to_c(&net, &name, &origin)?,
+        Target::Casadi => pinc_export::net_to_casadi(&net, &name, &origin)?,
+        Target::Fmu(version) => {
+            vec![fmu(pinc_export::net_to_fmu(&net, &name, &origin, version)?, &name, version)?]
+        }
+        Target::Onnx => vec![net_to_onnx(&net, &name, &origin, Precision::Single)?],
+        Target::OnnxDouble => vec![net_to_onnx(&net, &name, &origin, Precision::Double)?],
+    };
+    write(&files, to, &name, out)
+}
+
+/// Exports the whole controller of `experiment`, with the net of the file `model` or `only` one of
+/// the config's models in it. All names begin with `name`, by default the experiment's. Returns the
+/// directory.
+///
+/// # Errors
+///
+/// [`RunError`] if the controller has something that cannot be exported, or files cannot be
+/// written.
+pub fn export_controller(
+    experiment: &Experiment,
+    model: Option<&Path>,
+    only: Option<ModelKind>,
+    to: Target,
+    name: Option<&str>,
+    out: Option<&Path>,
+) -> Result<PathBuf, RunError> {
+    let chosen = Chosen::of(experiment, model.map(ModelFile::At), only, "pinc export")?;
+    let estimating = Estimating::of(&chosen)?;
+    let name = name.map_or_else(|| Ok(Name::nearest(&experiment.name)), Name::new)?;
+    let plant = experiment.plant.dyn_plant();
+    let equations = experiment.plant.equations().map(|equations| {
+        let own = chosen.spec.parameters.clone();
+        Equations { parameters: equations.parameters.into_iter().chain(own).collect(), ..equations }
+    });
+    let setup = chosen.setup();
+    if chosen.spec.stages_s.is_some() {
+        return Err(RunError::ExportedStages { name: experiment.name.clone() });
+    }
+    let source = match (chosen.kind, chosen.net(), &equations) {
+        (ModelKind::Pinc, Some(net), _) => ModelSource::Net(net),
+        (ModelKind::Rk4, _, Some(equations)) => ModelSource::Rk4(Rk4Model {
+            equations,
+            sample_time_s: chosen.sample_time_s,
+            substeps: chosen.spec.rk4_substeps,
+        }),
+        (kind, _, _) => {
+            let plant = experiment.plant.name();
+            return Err(RunError::NotExportable { plant, model: kind.name() });
+        }
+    };
+    let mut content = experiment.to_toml().into_bytes();
+    content.extend(chosen.given.iter().flat_map(|(bytes, _)| bytes));
+    let origin = origin(&content, &*plant);
+    let controller = Controller {
+        problem: &NmpcProblem {
+            parameters: vec![0.0; estimating.as_ref().map_or(0, |of| of.disturbances)],
+            ..setup.problem()
+        },
+        config: &chosen.spec.sqp,
+        model: source,
+        initial_state: &chosen.spec.initial_state,
+        reference: &setup.reference()?,
+        estimator: estimating.as_ref().map(Estimating::estimation),
+    };
+    let files = match to {
+        Target::C => pinc_export::controller_to_c(&controller, &name, &origin)?,
+        Target::Fmu(version) => {
+            let content = pinc_export::controller_to_fmu(&controller, &name, &origin, version)?;
+            vec![fmu(content, &name, version)?]
+        }
+        Target::Casadi | Target::Onnx | Target::OnnxDouble => {
+            return Err(RunError::NetOnly { target: to.name() });
+        }
+    };
+    write(&files, to, &name, out)
+}
+
+/// The estimator of a controller that is exported.
+struct Estimating {
+    filter: Filter,
+    augmentation: Augmentation,
+    tuning: Tuning,
+    disturbances: usize,
+}
+
+impl Estimating {
+    /// That of the config, if it has one.
+    fn of(chosen: &Chosen<'_>) -> Result<Option<Self>, RunError> {
+        let Some(spec) = &chosen.spec.estimator else { return Ok(None) };
+        let refuse = |feature, instead| Err(ExportError::Feature { feature, instead }.into());
+        if !spec.parameters.is_empty() {
+            return refuse("estimated parameters", "disturbances");
+        }
+        let filter = match spec.kind {
+            EstimatorKind::Ekf => Filter::Extended,
+            EstimatorKind::Ukf => Filter::Unscented,
+            _ => return refuse("moving horizon estimation", "kind = \"ekf\" or kind = \"ukf\""),
+        };
+        let measurement = chosen.spec.measurement.clone().unwrap_or_default();
+        let variables = Variables::of(&*chosen.plant);
+        let augmentation = spec.augmentation(&measurement, &variables, (&[], &[]));
+        let disturbances = augmentation.unknowns(variables.dims());
+        Ok(Some(Self { filter, augmentation, tuning: spec.tuning(), disturbances }))
+    }
+
+    fn estimation(&self) -> Estimation<'_> {
+        let Self { filter, augmentation, tuning, .. } = self;
+        Estimation { filter: *filter, augmentation, tuning }
+    }
+}
+
+/// Exports the plant of `experiment`, the one in its closed loop, as an FMU on which a controller
+/// can be tried. All names begin with `name`, by default the experiment's. Returns the directory.
+///
+/// # Errors
+///
+/// [`RunError`] if the plant's equations are no text, or files cannot be written.
+pub fn export_plant(
+    experiment: &Experiment,
+    to: Target,
+    name: Option<&str>,
+    out: Option<&Path>,
+) -> Result<PathBuf, RunError> {
+    let missing = |section| RunError::MissingSection {
+        name: experiment.name.clone(),
+        section,
+        command: "pinc export --plant",
+    };
+    let control = experiment.control.as_ref().ok_or_else(|| missing("control"))?;
+    let sample_time_s = experiment.sample_time_s().ok_or_else(|| missing("model"))?;
+    let spec = control.plant.as_ref().unwrap_or(&experiment.plant);
+    let Target::Fmu(version) = to else {
+        return Err(RunError::PlantTarget { target: to.name() });
+    };
+    let equations = spec.equations().ok_or_else(|| RunError::NotExportable {
+        plant: spec.name(),
+        model: ModelKind::Rk4.name(),
+    })?;
+    let name = name.map_or_else(|| Ok(Name::nearest(&experiment.name)), Name::new)?;
+    let origin = origin(experiment.to_toml().as_bytes(), &*spec.dyn_plant());
+    let plant = Rk4Model { equations: &equations, sample_time_s, substeps: control.rk4_substeps };
+    let start = &control.initial_state;
+    let content = pinc_export::plant_to_fmu(plant, start, &name, &origin, version)?;
+    write(&[fmu(content, &name, version)?], to, &name, out)
+}
+
+/// Where the export of something with this content, and the variables of `plant`, comes from.
+fn origin(content: &[u8], plant: &dyn DynPlant) -> Origin {
+    let variables = Variables::of(plant);
+    Origin {
+        version: env!("CARGO_PKG_VERSION").to_owned(),
+        hash: hash(content),
+        states: variables.states,
+        inputs: variables.inputs,
+    }
+}
+
+/// The FMU of this content, with a binary for this machine where it has a C compiler.
+fn fmu(
+    mut content: Vec<GeneratedFile>,
+    name: &Name,
+    version: FmiVersion,
+) -> Result<GeneratedFile, RunError> {
+    if let Some(binary) = shared_library(&content, name, version)? {
+        content.push(binary);
+    }
+    let bytes = pinc_export::archive(&content)?;
+    Ok(GeneratedFile { path: format!("{}.fmu", name.as_str()), bytes })
+}
+
+/// SHA-256 in hexadecimal digits.
+fn hash(bytes: &[u8]) -> String {
+    let digest = Sha256::digest(bytes);
+    digest.iter().fold(String::new(), |mut text, byte| {
+        // Writing to a String does not fail.
+        let _ = write!(text, "{byte:02x}");
+        text
+    })
+}
+
+fn write(
+    files: &[GeneratedFile],
+    to: Target,
+    name: &Name,
+    out: Option<&Path>,
+) -> Result<PathBuf, RunError> {
+    let default = || Path::new("exports").join(format!("{}-{}", name.as_str(), to.name()));
+    let dir = out.map_or_else(default, Path::to_owned);
+    for file in files {
+        let path = dir.join(&file.path);
+        if let Some(parent) = path.parent() {
+            fs::create_dir_all(parent).map_err(RecordError::unwritable(parent))?;
+        }
+        write_atomically(&path, &file.bytes)?;
+    }
+    Ok(dir)
+}

@@ -1,0 +1,182 @@
+//! Output feedback in the closed loop: sensors, an estimator, and a controller that uses it.
+
+use super::control::LoopSetup;
+use crate::RunError;
+use pinc_config::{EstimatorKind, EstimatorSpec, MeasurementSpec, ModelKind, Variables};
+use pinc_estimate::{
+    Augmentation, Augmented, Ekf, Estimator, EstimatorStatus, History, Mhe, OutputFeedback, Ukf,
+};
+use pinc_mpc::{Observer, PlantNow};
+use pinc_ode::{DynPlant, Model};
+use pinc_record::{EstimateRow, EstimateTable, EstimatorMetrics, StepTimes};
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+use rand_distr::{Distribution, StandardNormal};
+use std::cell::Cell;
+use std::collections::BTreeMap;
+use std::rc::Rc;
+use std::time::{Duration, Instant};
+
+/// Which stream of random numbers the noise is drawn from.
+const NOISE: u64 = 0x006e_6f69_7365;
+
+/// Sensors and estimator, with an eye on the clock.
+#[derive(Debug)]
+pub(super) struct TimedFeedback {
+    feedback: OutputFeedback,
+    /// How long each correction and prediction took, in us.
+    correct_us: Vec<f64>,
+    predict_us: Vec<f64>,
+    /// The time of the last correction.
+    last: Rc<Cell<Duration>>,
+}
+
+impl Observer for TimedFeedback {
+    fn observe(&mut self, plant: PlantNow<'_>, x: &mut [f64], parameters: &mut [f64]) {
+        let clock = Instant::now();
+        self.feedback.observe(plant, x, parameters);
+        self.last.set(clock.elapsed());
+        self.correct_us.push(1e6 * self.last.get().as_secs_f64());
+    }
+
+    fn advance(&mut self, u: &[f64]) {
+        let clock = Instant::now();
+        self.feedback.advance(u);
+        self.predict_us.push(1e6 * clock.elapsed().as_secs_f64());
+    }
+}
+
+impl TimedFeedback {
+    /// Says how long the last correction took.
+    pub(super) fn clock(&self) -> Rc<Cell<Duration>> {
+        Rc::clone(&self.last)
+    }
+
+    /// What the estimator did.
+    pub(super) fn history(&self) -> &History {
+        self.feedback.history()
+    }
+
+    /// Of each step, the times of its correction and prediction together.
+    pub(super) fn step_us(&self) -> Vec<f64> {
+        let pairs = self.correct_us.iter().zip(&self.predict_us);
+        pairs.map(|(correct, predict)| correct + predict).collect()
+    }
+}
+
+/// An estimator of `spec` with the models that `model` makes.
+pub(super) fn estimator(
+    spec: &EstimatorSpec,
+    augmentation: &Augmentation,
+    model: Box<dyn Model>,
+) -> Result<Box<dyn Estimator>, RunError> {
+    let model = Box::new(Augmented::new(model, augmentation.clone())?);
+    let tuning = spec.tuning();
+    Ok(match spec.kind {
+        EstimatorKind::Ukf => Box::new(Ukf::new(model, tuning)?),
+        EstimatorKind::Mhe => Box::new(Mhe::new(model, tuning, spec.window.unwrap_or(1))?),
+        _ => Box::new(Ekf::new(model, tuning)?),
+    })
+}
+
+impl LoopSetup<'_> {
+    /// The estimator's section, with what is measured.
+    pub(super) fn sections(&self) -> Option<(&EstimatorSpec, MeasurementSpec)> {
+        let estimator = self.spec.estimator.as_ref()?;
+        Some((estimator, self.spec.measurement.clone().unwrap_or_default()))
+    }
+
+    /// What is measured and estimated beside the state.
+    pub(super) fn augmentation(
+        &self,
+        spec: &EstimatorSpec,
+        measurement: &MeasurementSpec,
+        plant: &dyn DynPlant,
+    ) -> Augmentation {
+        let parameters = (self.parameters, self.estimated);
+        spec.augmentation(measurement, &Variables::of(plant), parameters)
+    }
+
+    /// Sensors and estimator for one run, if there are any.
+    pub(super) fn feedback(
+        &self,
+        kind: ModelKind,
+        plant: &dyn DynPlant,
+    ) -> Result<Option<TimedFeedback>, RunError> {
+        let Some((spec, measurement)) = self.sections() else { return Ok(None) };
+        let augmentation = self.augmentation(spec, &measurement, plant);
+        let model = self.model(kind, plant)?;
+        let estimator = estimator(spec, &augmentation, model)?;
+        let steps = pinc_config::steps(self.spec.duration_s, self.sample_time_s);
+        let noise = self.noise(&measurement, steps);
+        let feedback = OutputFeedback::new(estimator, augmentation, noise);
+        Ok(Some(TimedFeedback {
+            feedback,
+            correct_us: Vec::new(),
+            predict_us: Vec::new(),
+            last: Rc::default(),
+        }))
+    }
+
+    /// The noise of all measurements, row by row: the same for all models.
+    fn noise(&self, measurement: &MeasurementSpec, steps: usize) -> Vec<f64> {
+        let mut rng = ChaCha8Rng::seed_from_u64(self.seed);
+        rng.set_stream(NOISE);
+        let sd = measurement.noise_sd.iter().flatten();
+        let row = std::iter::repeat_n(sd, steps).flatten();
+        row.map(|sd| {
+            let normal: f64 = StandardNormal.sample(&mut rng);
+            sd * normal
+        })
+        .collect()
+    }
+
+    /// The estimates of a loop as a table.
+    pub(super) fn estimates(&self, history: &History) -> EstimateTable {
+        let variables = Variables::of(self.truth);
+        let (spec, measurement) = self.sections().expect("a history is of an estimator");
+        let names = spec.names(&measurement, &variables);
+        let measured = measurement.names(&variables);
+        let (nz, ny) = (names.len(), measured.len());
+        #[expect(clippy::cast_precision_loss, reason = "no run has 2^53 steps")]
+        let row = |k: usize| EstimateRow {
+            t: k as f64 * self.sample_time_s,
+            estimate: history.estimates[k * nz..(k + 1) * nz].to_vec(),
+            sd: history.sd[k * nz..(k + 1) * nz].to_vec(),
+            measured: history.measured[k * ny..(k + 1) * ny].to_vec(),
+            innovation: history.innovations[k * ny..(k + 1) * ny].to_vec(),
+            nis: history.corrections[k].nis,
+            nees: history.nees[k],
+        };
+        EstimateTable { names, measured, rows: (0..history.nees.len()).map(row).collect() }
+    }
+}
+
+/// The numbers of an estimator that has come to its end, of whose steps all times are given.
+pub(super) fn metrics(
+    history: &History,
+    states: &[String],
+    times_us: Vec<f64>,
+) -> EstimatorMetrics {
+    let mean = |values: &mut dyn Iterator<Item = f64>| {
+        let (sum, count) = values
+            .filter(|value| !value.is_nan())
+            .fold((0.0, 0.0), |(sum, count), value| (sum + value, count + 1.0));
+        sum / count
+    };
+    #[expect(clippy::cast_precision_loss, reason = "no run has 2^53 steps")]
+    let steps = history.nees.len() as f64;
+    let rmse = states.iter().cloned().zip(&history.squared_errors);
+    let mut status: BTreeMap<String, usize> = BTreeMap::new();
+    let predictions = history.predictions.iter().filter(|s| **s != EstimatorStatus::Updated);
+    for ended in history.corrections.iter().map(|c| &c.status).chain(predictions) {
+        *status.entry(ended.to_string()).or_default() += 1;
+    }
+    EstimatorMetrics {
+        nis_mean: mean(&mut history.corrections.iter().map(|c| c.nis)),
+        nees_mean: mean(&mut history.nees.iter().copied()),
+        estimate_rmse: rmse.map(|(name, sum)| (name, (sum / steps).sqrt())).collect(),
+        estimator_us: StepTimes::of(times_us),
+        estimator_status: status,
+    }
+}

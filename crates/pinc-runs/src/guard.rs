@@ -1,0 +1,68 @@
+//! Whether a net is used outside the box that it was trained on.
+
+use crate::RunError;
+use pinc_config::OutsidePolicy;
+use pinc_net::PincNet;
+use pinc_record::{Excess, OutsideDomain};
+use std::borrow::Cow;
+
+/// Beyond the box by less than this share of its width is rounding.
+const ROUNDING: f64 = 1e-9;
+
+/// Looks at each use of a net: the initial state of a step, its input, and the parameters.
+#[derive(Debug)]
+pub(crate) struct Guard<'n> {
+    net: Cow<'n, PincNet>,
+    policy: OutsidePolicy,
+    found: OutsideDomain,
+}
+
+impl<'n> Guard<'n> {
+    pub(crate) fn new(net: &'n PincNet, policy: OutsidePolicy) -> Self {
+        Self { net: Cow::Borrowed(net), policy, found: OutsideDomain::default() }
+    }
+
+    /// One that has its net to itself.
+    pub(crate) fn owning(net: PincNet, policy: OutsidePolicy) -> Guard<'static> {
+        Guard { net: Cow::Owned(net), policy, found: OutsideDomain::default() }
+    }
+
+    /// Counts a use in the state `x` under the input `u` with the parameters `p`; an error if it is
+    /// to be refused.
+    pub(crate) fn look(&mut self, x: &[f64], u: &[f64], p: &[f64]) -> Result<(), RunError> {
+        self.found.samples += 1;
+        let domain = self.net.domain();
+        let variables = self.net.state_names().iter().chain(self.net.input_names());
+        let names = variables.map(String::as_str).chain(self.net.parameter_names());
+        let mut outside = false;
+        for ((name, excess), (low, high)) in names.zip(domain.excess(x, u, p)).zip(domain.ends()) {
+            if excess <= ROUNDING * (high - low) {
+                continue;
+            }
+            if self.policy == OutsidePolicy::Refuse {
+                let variable = name.to_owned();
+                return Err(RunError::OutsideDomain { variable, excess, low, high });
+            }
+            outside = true;
+            let of = self
+                .found
+                .variables
+                .entry(name.to_owned())
+                .or_insert(Excess { samples: 0, farthest: 0.0 });
+            of.samples += 1;
+            of.farthest = of.farthest.max(excess);
+        }
+        self.found.outside += usize::from(outside);
+        Ok(())
+    }
+
+    /// What was seen.
+    pub(crate) fn found(self) -> OutsideDomain {
+        self.found
+    }
+
+    /// What was seen so far.
+    pub(crate) fn seen(&self) -> &OutsideDomain {
+        &self.found
+    }
+}

@@ -1,0 +1,70 @@
+//! The controller of a loop: a model for each length of stage that the horizon has.
+
+use super::control::LoopSetup;
+use super::with_outputs::WithOutputs;
+use crate::RunError;
+use pinc_config::{ModelKind, Variables};
+use pinc_estimate::Compensated;
+use pinc_mpc::{Nmpc, NmpcProblem};
+use pinc_net::{NetError, PincModel};
+use pinc_ode::{DynPlant, Model};
+
+impl LoopSetup<'_> {
+    /// The model of a control step.
+    ///
+    /// # Errors
+    ///
+    /// [`NetError`] if a net does not suit.
+    pub fn model(&self, kind: ModelKind, plant: &dyn DynPlant) -> Result<Box<dyn Model>, NetError> {
+        self.model_for(kind, plant, self.sample_time_s)
+    }
+
+    /// The model of a stage of `length_s`.
+    fn model_for(
+        &self,
+        kind: ModelKind,
+        plant: &dyn DynPlant,
+        length_s: f64,
+    ) -> Result<Box<dyn Model>, NetError> {
+        let substeps = self.spec.substeps(kind, length_s, self.sample_time_s);
+        Ok(match (kind, self.net) {
+            (ModelKind::Pinc, Some(net)) => {
+                let model = PincModel::at(net, length_s)?;
+                match Variables::of(plant).own_outputs().is_empty() {
+                    true => Box::new(model),
+                    // The net knows the states; what follows from them is the plant's to say.
+                    false => Box::new(WithOutputs::new(model, plant.rk4(length_s, 1))),
+                }
+            }
+            (ModelKind::Pinc, None) => unreachable!("the plan trains or reads a net for this loop"),
+            (ModelKind::Rk4, _) => plant.rk4(length_s, substeps),
+            (ModelKind::Rk5, _) => plant.rk5(length_s, substeps),
+            (ModelKind::Rodas4, _) => plant.rodas4(length_s, substeps),
+        })
+    }
+
+    /// The controller: where there is an estimator, the disturbances and parameters that this
+    /// estimates are parameters of its models.
+    pub(crate) fn controller(
+        &self,
+        kind: ModelKind,
+        plant: &dyn DynPlant,
+    ) -> Result<Nmpc, RunError> {
+        let (mut problem, mut augmentation) = (self.problem(), None);
+        if let Some((estimator, measurement)) = self.sections() {
+            let unknown = estimator.tuning().initial_estimate.split_off(plant.states().len());
+            problem = NmpcProblem { parameters: unknown, ..problem };
+            augmentation = Some(self.augmentation(estimator, &measurement, plant));
+        }
+        let mut builder = Nmpc::builder(problem).config(self.spec.sqp);
+        for (length_s, count) in self.spec.stages(self.sample_time_s) {
+            let model = self.model_for(kind, plant, length_s)?;
+            let model = match &augmentation {
+                Some(augmentation) => Box::new(Compensated::new(model, augmentation.clone())?),
+                None => model,
+            };
+            builder = builder.stages(model, count);
+        }
+        Ok(builder.build()?)
+    }
+}

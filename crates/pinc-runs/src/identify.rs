@@ -1,0 +1,391 @@
+//! `pinc identify`: parameters and initial states from recorded data.
+
+use super::columns::rows;
+use super::recorded::{Columns, DataRow};
+use super::with_outputs::WithOutputs;
+use super::{Options, rebuild_report};
+use crate::RunError;
+use crate::error::CsvProblem;
+use crate::invocation::invocation;
+use pinc_config::{Experiment, IdentifySpec, ModelKind, Variables};
+use pinc_identify::{
+    Channel, Estimate, Identified, IdentifyError, InitialState, Problem, Recording, Side, Unknown,
+    identify as fit,
+};
+use pinc_net::{PincModel, PincNet};
+use pinc_ode::{DynPlant, Model};
+use pinc_record::{
+    CorrelationMetrics, EstimateMetrics, IdentificationMetrics, InitialStateMetrics,
+    ParameterMetrics, Provenance, ResidualMetrics, ResidualRow, ResidualTable, RunDir, WorkMetrics,
+    file, read_file,
+};
+use std::collections::BTreeMap;
+use std::fmt::Write as _;
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+/// Substeps of an integrator of which no config says how many.
+const SUBSTEPS: usize = 4;
+/// How many steps may lie between two rows.
+const LONGEST_GAP: f64 = 1e6;
+
+/// Identifies what `[identify]` of `experiment` asks for in the files `data`, and writes the run
+/// directory `dir`: `identify.json`, `residuals.csv`, `identified.toml` and the report. The model
+/// is `only`, or the net of the file `model`, if that is given, or RK4.
+///
+/// The data have the columns `t`, the inputs, which hold from a row to the next, and `y_<measured>`,
+/// of which cells may be empty; other columns are ignored. Rows are whole numbers of steps apart.
+///
+/// # Errors
+///
+/// [`RunError`], naming file, line and column of what is wrong with the data.
+pub fn identify(
+    experiment: &Experiment,
+    data: &[PathBuf],
+    dir: &Path,
+    options: &Options<'_>,
+    model: Option<&Path>,
+    only: Option<ModelKind>,
+) -> Result<IdentificationMetrics, RunError> {
+    let missing = |section| RunError::MissingSection {
+        name: experiment.name.clone(),
+        section,
+        command: "identify",
+    };
+    let spec = experiment.identify.as_ref().ok_or_else(|| missing("identify"))?;
+    let net = model.map(|path| super::read_matching_model(experiment, path)).transpose()?;
+    let net = net.map(|(_, net)| net);
+    let kind = match (only, &net) {
+        (Some(ModelKind::Pinc), None) => {
+            let (name, command) = (experiment.name.clone(), "identify");
+            return Err(RunError::NoModelFile { name, command });
+        }
+        (Some(kind), _) => kind,
+        (None, Some(_)) => ModelKind::Pinc,
+        (None, None) => first_integrator(experiment),
+    };
+    let net = net.as_ref().filter(|_| kind == ModelKind::Pinc);
+    let variables = experiment.plant.variables();
+    let measured = spec.measurement().names(&variables);
+    let tables = data.iter().map(|path| read(path, &variables, &measured));
+    let tables = tables.collect::<Result<Vec<_>, _>>()?;
+    let sample_time_s = step_s(experiment, spec, net, &tables);
+    let recorded = data.iter().zip(&tables).map(|(path, table)| filled(path, table, sample_time_s));
+    let recorded = recorded.collect::<Result<Vec<_>, _>>()?;
+    let (problem, plant) = problem(experiment, spec, &variables, net)?;
+    let mut model = fitted_model(experiment, spec, (kind, net), &*plant, sample_time_s)?;
+    let recordings: Vec<_> =
+        recorded.iter().map(|of| Recording { name: &of.name, u: &of.u, y: &of.y }).collect();
+    let clock = Instant::now();
+    let found = fit(&mut *model, &problem, &recordings).map_err(|error| in_file(error, data))?;
+    let wall_s = clock.elapsed().as_secs_f64();
+    let metrics = metrics(experiment, (kind, &problem), &recorded, &found, wall_s);
+    let mut run_dir = RunDir::open(dir, experiment, std::process::id())?;
+    let provenance = Provenance::of(experiment, invocation(options.arguments));
+    run_dir.write_provenance(&provenance, false)?;
+    run_dir.write(file::RESIDUALS, residuals(&measured, &recorded, &found).to_csv().as_bytes())?;
+    run_dir.write(file::IDENTIFIED, identified(experiment, &metrics).as_bytes())?;
+    run_dir.write(file::IDENTIFY, metrics.to_json().as_bytes())?;
+    run_dir.update(|_| {})?;
+    rebuild_report(dir)?;
+    Ok(metrics)
+}
+
+/// The first model of the loop that is an integrator, or else RK4.
+fn first_integrator(experiment: &Experiment) -> ModelKind {
+    let models = experiment.control.iter().flat_map(|control| &control.models);
+    models.copied().find(|kind| *kind != ModelKind::Pinc).unwrap_or(ModelKind::Rk4)
+}
+
+/// The rows of a file, with their lines.
+type Rows = Vec<(u64, DataRow)>;
+
+fn read(path: &Path, variables: &Variables, measured: &[String]) -> Result<Rows, RunError> {
+    let text = read_file(path)?;
+    let at = |(line, problem)| RunError::Csv { path: path.to_owned(), line, problem };
+    let (header, rows) = rows(&text).map_err(at)?;
+    let columns = Columns::find(&header, variables, measured);
+    let columns = columns.map_err(|problem| at((1, problem)))?.without_truth();
+    let mut all = Rows::new();
+    for row in rows {
+        let (line, cells) = row.map_err(at)?;
+        let row = columns.read(&cells).map_err(|problem| at((line, problem)))?;
+        if let Some((_, before)) = all.last()
+            && row.t <= before.t
+        {
+            return Err(at((line, CsvProblem::Time { t: row.t, previous: before.t })));
+        }
+        all.push((line, row));
+    }
+    if all.len() < 2 {
+        return Err(at((1, CsvProblem::TooFewRows { rows: all.len() })));
+    }
+    Ok(all)
+}
+
+/// The length of a step: that of the net, that of the config, or the shortest of the data.
+fn step_s(
+    experiment: &Experiment,
+    spec: &IdentifySpec,
+    net: Option<&PincNet>,
+    tables: &[Rows],
+) -> f64 {
+    let steps = tables.iter().flat_map(|rows| rows.windows(2)).map(|w| w[1].1.t - w[0].1.t);
+    let known = net.map(PincNet::sample_time_s);
+    let known = known.or(spec.step_s).or_else(|| experiment.sample_time_s());
+    known.unwrap_or_else(|| steps.fold(f64::INFINITY, f64::min))
+}
+
+/// A file as the fit needs it: a row for each step.
+struct Recorded {
+    name: String,
+    u: Vec<f64>,
+    y: Vec<f64>,
+    t: Vec<f64>,
+    channels: usize,
+}
+
+/// Fills the steps between rows: there is no measurement, and the input holds.
+fn filled(path: &Path, rows: &Rows, sample_time_s: f64) -> Result<Recorded, RunError> {
+    let name = path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned();
+    let channels = rows[0].1.y.len();
+    let (u, y, t) = (Vec::new(), Vec::new(), Vec::new());
+    let mut all = Recorded { name, u, y, t, channels };
+    let mut before: Option<&DataRow> = None;
+    for (line, row) in rows {
+        if let Some(before) = before {
+            let at = |problem| RunError::Csv { path: path.to_owned(), line: *line, problem };
+            let steps = (row.t - before.t) / sample_time_s;
+            if steps > LONGEST_GAP {
+                return Err(at(CsvProblem::Gap { t: row.t }));
+            }
+            if (steps - steps.round()).abs() > 1e-6 * steps.max(1.0) || steps.round() < 1.0 {
+                let (t, previous) = (row.t, before.t);
+                return Err(at(CsvProblem::Grid { t, previous, sample_time_s }));
+            }
+            for k in (1..).map(f64::from).take_while(|k| *k < steps.round()) {
+                all.u.extend(&before.u);
+                all.y.extend(std::iter::repeat_n(f64::NAN, channels));
+                all.t.push(before.t + k * sample_time_s);
+            }
+        }
+        all.u.extend(&row.u);
+        all.y.extend(&row.y);
+        all.t.push(row.t);
+        before = Some(row);
+    }
+    Ok(all)
+}
+
+/// What is to be fitted, and the plant whose parameters are those of the problem.
+fn problem(
+    experiment: &Experiment,
+    spec: &IdentifySpec,
+    variables: &Variables,
+    net: Option<&PincNet>,
+) -> Result<(Problem, Box<dyn DynPlant>), RunError> {
+    let unknown: Vec<&str> = spec.parameters.iter().map(|of| of.name.as_str()).collect();
+    let (names, values) = match net {
+        Some(_) => (experiment.varying(), experiment.model_parameters()),
+        None => (unknown.clone(), spec.parameters.iter().map(|of| of.initial).collect()),
+    };
+    let measured = spec.measurement();
+    let sd = experiment.measurement_sd(spec, &measured.names(variables));
+    let channels = measured.names(variables).into_iter().zip(measured.quantities(variables));
+    let channels = channels.enumerate().map(|(i, (name, measured))| Channel {
+        name,
+        measured,
+        sd: sd.as_ref().map(|sd| sd[i]),
+    });
+    let mut unknowns = Vec::new();
+    for of in &spec.parameters {
+        let place = names.iter().position(|name| *name == of.name);
+        let not_an_input = || RunError::NotAParameterOfTheNet {
+            parameter: of.name.clone(),
+            known: names.join(", "),
+        };
+        // A net knows nothing beyond what it was trained on.
+        let range = net.and_then(|_| {
+            let ranges = experiment.domain.iter().flat_map(|domain| &domain.parameters);
+            ranges.clone().find(|range| range.name == of.name)
+        });
+        let (low, high) =
+            range.map_or((f64::NEG_INFINITY, f64::INFINITY), |range| (range.low, range.high));
+        let low = of.low.unwrap_or(f64::NEG_INFINITY).max(low);
+        let high = of.high.unwrap_or(f64::INFINITY).min(high);
+        unknowns.push(Unknown {
+            name: of.name.clone(),
+            place: place.ok_or_else(not_an_input)?,
+            initial: of.initial.max(low).min(high),
+            low,
+            high,
+        });
+    }
+    let initial_state = match (&spec.initial_state, &spec.fixed_initial_state) {
+        (_, Some(state)) => InitialState::Fixed(state.clone()),
+        (state, None) => InitialState::Free(state.clone().unwrap_or_default()),
+    };
+    let problem = Problem {
+        channels: channels.collect(),
+        parameters: values,
+        unknown: unknowns,
+        initial_state,
+        states: variables.state_names(),
+        inputs: variables.input_names(),
+    };
+    Ok((problem, experiment.plant.family(&names)))
+}
+
+/// The model that is fitted.
+fn fitted_model(
+    experiment: &Experiment,
+    spec: &IdentifySpec,
+    (kind, net): (ModelKind, Option<&PincNet>),
+    plant: &dyn DynPlant,
+    sample_time_s: f64,
+) -> Result<Box<dyn Model>, RunError> {
+    if let Some(net) = net {
+        let model = PincModel::new(net)?;
+        return Ok(match Variables::of(plant).own_outputs().is_empty() {
+            true => Box::new(model),
+            false => Box::new(WithOutputs::new(model, plant.rk4(sample_time_s, 1))),
+        });
+    }
+    let control = experiment.control.as_ref();
+    let of_the_loop = control.map(|control| match kind {
+        ModelKind::Rk5 => control.rk5_substeps,
+        ModelKind::Rodas4 => control.rosenbrock_substeps,
+        _ => control.rk4_substeps,
+    });
+    let substeps = spec.substeps.or(of_the_loop).unwrap_or(SUBSTEPS);
+    Ok(match kind {
+        ModelKind::Rk5 => plant.rk5(sample_time_s, substeps),
+        ModelKind::Rodas4 => plant.rodas4(sample_time_s, substeps),
+        _ => plant.rk4(sample_time_s, substeps),
+    })
+}
+
+/// An error with the file that it is about.
+fn in_file(error: IdentifyError, data: &[PathBuf]) -> RunError {
+    match &error {
+        IdentifyError::NotFinite { recording } | IdentifyError::TooShort { recording, .. } => {
+            RunError::IdentifyFile { path: data[*recording].clone(), source: error }
+        }
+        _ => RunError::Identify(error),
+    }
+}
+
+fn metrics(
+    experiment: &Experiment,
+    (kind, problem): (ModelKind, &Problem),
+    recorded: &[Recorded],
+    found: &Identified,
+    wall_s: f64,
+) -> IdentificationMetrics {
+    let estimate =
+        |of: &Estimate| EstimateMetrics { value: of.value, half_width_95: of.half_width };
+    let finite = |bound: f64| Some(bound).filter(|bound| bound.is_finite());
+    let parameters = found.parameters.iter().zip(&problem.unknown).map(|(of, unknown)| {
+        let at_bound = of.at_bound.map(|side| if side == Side::Low { "low" } else { "high" });
+        let parameter = ParameterMetrics {
+            estimate: estimate(of),
+            initial: unknown.initial,
+            low: finite(unknown.low),
+            high: finite(unknown.high),
+            at_bound: at_bound.map(str::to_owned),
+        };
+        (of.name.clone(), parameter)
+    });
+    let states = recorded.iter().zip(&found.initial_states).map(|(of, states)| {
+        let states = problem.states.iter().cloned().zip(states.iter().map(estimate));
+        InitialStateMetrics { file: of.name.clone(), states: states.collect() }
+    });
+    let residuals = found.channels.iter().map(|of| {
+        let (measurements, rms, correlation) = (of.measurements, of.rms, of.correlation);
+        (of.name.clone(), ResidualMetrics { measurements, rms, correlation })
+    });
+    let names: Vec<String> = found.estimates().map(|of| of.name.clone()).collect();
+    let matrix = found.correlation.chunks(names.len().max(1));
+    IdentificationMetrics {
+        experiment: experiment.name.clone(),
+        model: kind.name().to_owned(),
+        parameters: parameters.collect(),
+        cost: found.cost,
+        outputs: found.channels.iter().map(|of| of.name.clone()).collect(),
+        measurement_sd: problem.channels.iter().map(|of| of.sd.unwrap_or(1.0)).collect(),
+        initial_states: states.collect(),
+        status: found.status.to_string(),
+        method: found.method.name().to_owned(),
+        reason: found.method.to_string(),
+        measurements: found.measurements,
+        degrees_of_freedom: found.degrees_of_freedom,
+        residuals: residuals.collect(),
+        correlation: CorrelationMetrics {
+            matrix: matrix.map(|row| row.iter().map(|c| finite(*c)).collect()).collect(),
+            names,
+        },
+        singular_values: found.singular_values.clone(),
+        findings: found.findings.iter().map(ToString::to_string).collect(),
+        work: WorkMetrics {
+            iterations: found.work.iterations,
+            steps: found.work.steps,
+            linearized: found.work.linearized,
+            wall_s,
+        },
+    }
+}
+
+fn residuals(measured: &[String], recorded: &[Recorded], found: &Identified) -> ResidualTable {
+    let mut rows = Vec::new();
+    for (number, (of, fitted)) in recorded.iter().zip(&found.fitted).enumerate() {
+        let cut = of.y.chunks(of.channels).zip(fitted.chunks(of.channels)).zip(&of.t);
+        rows.extend(cut.map(|((y, fitted), t)| ResidualRow {
+            file: number + 1,
+            t: *t,
+            measured: y.to_vec(),
+            fitted: fitted.to_vec(),
+        }));
+    }
+    ResidualTable { measured: measured.to_vec(), rows }
+}
+
+/// The config with the identified plant.
+fn identified(experiment: &Experiment, metrics: &IdentificationMetrics) -> String {
+    let values: BTreeMap<String, f64> =
+        metrics.parameters.iter().map(|(name, of)| (name.clone(), of.estimate.value)).collect();
+    let mut text = format!("# {} with the plant that was identified:\n", experiment.name);
+    for (name, of) in &metrics.parameters {
+        // Writing to a String does not fail.
+        let _ = match of.estimate.half_width_95 {
+            Some(width) => writeln!(text, "# {name} = {} +- {width:.2e}", of.estimate.value),
+            None => writeln!(text, "# {name} = {}, without an interval", of.estimate.value),
+        };
+    }
+    format!("{text}\n{}", experiment.with_parameters(&values).to_toml())
+}
+
+/// The result in a few lines.
+pub fn identification_summary(of: &IdentificationMetrics) -> String {
+    let mut text = format!(
+        "{}: {} after {} iterations, {} ({}); cost {:.6}, {} values",
+        of.model, of.status, of.work.iterations, of.method, of.reason, of.cost, of.measurements
+    );
+    let estimates = of.parameters.iter().map(|(name, of)| (name.clone(), &of.estimate));
+    let states = of.initial_states.iter().flat_map(|file| {
+        let several = of.initial_states.len() > 1;
+        file.states.iter().map(move |(state, of)| match several {
+            true => (format!("{state}(0) of {}", file.file), of),
+            false => (format!("{state}(0)"), of),
+        })
+    });
+    for (name, estimate) in estimates.chain(states) {
+        let _ = match estimate.half_width_95 {
+            Some(width) => write!(text, "\n  {name} = {:.6} +- {width:.2e}", estimate.value),
+            None => write!(text, "\n  {name} = {:.6}, without an interval", estimate.value),
+        };
+    }
+    for finding in &of.findings {
+        let _ = write!(text, "\nnote: {finding}");
+    }
+    text
+}

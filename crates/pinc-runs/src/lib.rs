@@ -1,0 +1,454 @@
+//! Experiments done: training, validation, free run and closed loop into the directory of a run, and
+//! what else the program does with one config.
+//!
+//! - [`run`], [`train`] (or [`train_watched`], which writes no files), [`control`], [`predict`],
+//!   [`estimate`], [`identify`], [`check`], [`compare`], [`rebuild_report`];
+//! - [`export_net`], [`export_controller`], [`export_plant`], [`serve`]: nets and controllers for
+//!   other programs; [`LiveController`] is the controller that is served, step by step;
+//! - [`train_shared`], [`run_trial`]: the parts of which sweeps consist.
+//!
+//! With pinc-bench, which is the program around it, this is the part of the project that writes to
+//! the terminal and reads a clock.
+
+mod chain;
+mod check;
+mod chosen;
+pub mod clock;
+mod columns;
+pub mod console;
+mod control;
+mod data;
+mod domain_error;
+mod error;
+mod estimate;
+mod export;
+mod feedback;
+mod found;
+mod free_run;
+mod guard;
+mod horizon;
+mod identify;
+pub mod invocation;
+mod live;
+mod one_step;
+mod predict;
+pub mod progress;
+mod recorded;
+mod recording;
+mod serve;
+mod shared_library;
+mod single_step;
+mod train;
+mod train_watched;
+mod trial;
+mod with_outputs;
+
+pub use check::check;
+pub use chosen::ModelFile;
+use control::Schedules;
+pub use control::{LoopSetup, verdict};
+pub use error::{CsvProblem, RunError};
+pub use estimate::{Estimated, estimate};
+pub use export::{Target, export_controller, export_net, export_plant};
+pub use identify::{identification_summary, identify};
+pub use live::{Follow, LiveController, LiveStep};
+pub use pinc_check::{Finding, Severity, findings_json};
+pub use predict::predict;
+pub use progress::Verbosity;
+pub use serve::serve;
+pub use single_step::Steps;
+pub use train::{Threads, TrainingSetup};
+pub use train_watched::{TrainedNet, TrainingProgress, train_watched};
+pub use trial::{run_trial, train_shared};
+
+use crate::invocation::invocation;
+use pinc_config::{Experiment, LoopParameters, MOST_STEPS, ModelKind};
+use pinc_net::PincNet;
+use pinc_record::{
+    Metrics, Provenance, RecordError, RunDir, file, read_file, remove_unfinished, write_atomically,
+};
+use pinc_report as report;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, Ordering};
+
+/// How an experiment is run; nothing here changes its numbers.
+#[derive(Debug)]
+pub struct Options<'a> {
+    /// Resume from what the run directory holds, rather than start afresh.
+    pub resume: bool,
+    /// What is shown meanwhile.
+    pub verbosity: Verbosity,
+    /// Stops the run, in a state that it can be resumed from, once it is true.
+    pub interrupt: &'a AtomicBool,
+    /// The command line, for the provenance.
+    pub arguments: &'a [String],
+}
+
+impl Options<'_> {
+    /// An error if the run is to stop.
+    ///
+    /// # Errors
+    ///
+    /// [`RunError::Interrupted`].
+    pub fn check_interrupt(&self, dir: &Path) -> Result<(), RunError> {
+        if self.interrupt.load(Ordering::Relaxed) {
+            return Err(RunError::Interrupted { dir: dir.to_owned() });
+        }
+        Ok(())
+    }
+}
+
+/// The stages that a command asks for.
+#[derive(Clone, Debug)]
+enum Command {
+    Run,
+    Train,
+    Control { model: Option<PathBuf>, only: Option<ModelKind> },
+}
+
+/// Runs the whole experiment, with its results in `dir`.
+///
+/// # Errors
+///
+/// [`RunError`]; what was finished before is in `dir`.
+pub fn run(experiment: &Experiment, dir: &Path, options: &Options<'_>) -> Result<RunDir, RunError> {
+    execute(experiment, dir, options, Command::Run)
+}
+
+/// Only trains the net.
+///
+/// # Errors
+///
+/// Like [`run`].
+pub fn train(
+    experiment: &Experiment,
+    dir: &Path,
+    options: &Options<'_>,
+) -> Result<RunDir, RunError> {
+    execute(experiment, dir, options, Command::Train)
+}
+
+/// Only runs the closed loop: with the net of the file `model`, or one trained first if the loop
+/// needs one, and with all models of the config or `only` one of them.
+///
+/// # Errors
+///
+/// Like [`run`].
+pub fn control(
+    experiment: &Experiment,
+    dir: &Path,
+    options: &Options<'_>,
+    model: Option<&Path>,
+    only: Option<ModelKind>,
+) -> Result<RunDir, RunError> {
+    let model = model.map(Path::to_owned);
+    execute(experiment, dir, options, Command::Control { model, only })
+}
+
+/// Rebuilds the report of the run in `dir` and returns its path.
+///
+/// # Errors
+///
+/// [`RunError`] if the directory holds no run, or damaged files.
+pub fn rebuild_report(dir: &Path) -> Result<PathBuf, RunError> {
+    if dir.is_dir() && !dir.join(file::CONFIG).exists() {
+        return Err(RecordError::NoRunDirectory { dir: dir.to_owned() }.into());
+    }
+    let report = report::build(dir)?;
+    write_figures(&dir.join(file::FIGURES), &report.figures)?;
+    let path = dir.join(file::REPORT);
+    write_atomically(&path, report.html.as_bytes())?;
+    Ok(path)
+}
+
+/// Compares the runs in `dirs` with the first of them, on an HTML page.
+///
+/// # Errors
+///
+/// [`RunError`] if a directory holds no run, the plants differ, or a file is damaged or cannot be
+/// written.
+pub fn compare(dirs: &[PathBuf], page: &Path) -> Result<(), RunError> {
+    let comparison = report::compare(dirs)?;
+    Ok(write_atomically(page, comparison.html.as_bytes())?)
+}
+
+/// Writes the report's pictures, and removes those of an earlier report that it has no more.
+fn write_figures(dir: &Path, figures: &[report::FigureFiles]) -> Result<(), RunError> {
+    fs::create_dir_all(dir).map_err(RecordError::unwritable(dir))?;
+    remove_unfinished(dir)?;
+    let file = |name: &str, ending: &str| dir.join(format!("{name}.{ending}"));
+    let mut written = Vec::new();
+    for figure in figures {
+        let (svg, csv) = (file(&figure.name, "svg"), file(&figure.name, "csv"));
+        write_atomically(&svg, figure.svg.as_bytes())?;
+        write_atomically(&csv, &figure.csv)?;
+        written.extend([svg, csv]);
+    }
+    for entry in fs::read_dir(dir).map_err(RecordError::unreadable(dir))? {
+        let path = entry.map_err(RecordError::unreadable(dir))?.path();
+        let is_picture = path.extension().is_some_and(|e| e == "svg" || e == "csv");
+        if is_picture && !written.contains(&path) {
+            fs::remove_file(&path).map_err(RecordError::unwritable(&path))?;
+        }
+    }
+    Ok(())
+}
+
+fn execute(
+    experiment: &Experiment,
+    dir: &Path,
+    options: &Options<'_>,
+    command: Command,
+) -> Result<RunDir, RunError> {
+    let plan = Plan::of(experiment, command)?;
+    let mut run_dir = RunDir::open(dir, experiment, std::process::id())?;
+    plan.remove_stale(&mut run_dir, options.resume)?;
+    if options.resume {
+        found::forget_damaged(&plan, &mut run_dir)?;
+    }
+    if !(options.resume && plan.is_done(experiment, run_dir.metrics())) {
+        run_dir.write_provenance(
+            &Provenance::of(experiment, invocation(options.arguments)),
+            options.resume,
+        )?;
+    }
+    Stages { experiment, options, plan: &plan, threads: None, run_dir: &mut run_dir }.run()?;
+    rebuild_report(dir)?;
+    Ok(run_dir.released())
+}
+
+/// What is done, and with which net.
+struct Plan {
+    trains: bool,
+    runs_free: bool,
+    /// The models of the closed loops.
+    loops: Vec<ModelKind>,
+    /// The content of a model file to use, with its net.
+    given: Option<(Vec<u8>, PincNet)>,
+}
+
+impl Plan {
+    fn of(experiment: &Experiment, command: Command) -> Result<Self, RunError> {
+        let missing = |section, command| RunError::MissingSection {
+            name: experiment.name.clone(),
+            section,
+            command,
+        };
+        let configured = experiment.control.as_ref().map(|c| c.models.clone());
+        let mut plan = Self { trains: false, runs_free: false, loops: Vec::new(), given: None };
+        match command {
+            Command::Run => {
+                plan.trains = experiment.training.is_some();
+                plan.loops = configured.unwrap_or_default();
+                plan.runs_free = plan.trains && experiment.prediction.is_some();
+                if !plan.trains && (plan.loops.is_empty() || plan.loops.contains(&ModelKind::Pinc))
+                {
+                    return Err(missing("training", "pinc run"));
+                }
+            }
+            Command::Train => {
+                plan.trains = true;
+                if experiment.training.is_none() {
+                    return Err(missing("training", "pinc train"));
+                }
+            }
+            Command::Control { model, only } => {
+                plan.loops = configured.ok_or_else(|| missing("control", "pinc control"))?;
+                if let Some(only) = only {
+                    if !plan.loops.contains(&only) {
+                        let name = experiment.name.clone();
+                        return Err(RunError::MissingModel { name, model: only.name() });
+                    }
+                    plan.loops = vec![only];
+                }
+                plan.given =
+                    model.map(|path| read_matching_model(experiment, &path)).transpose()?;
+                plan.trains = plan.given.is_none() && plan.loops.contains(&ModelKind::Pinc);
+                if plan.trains && experiment.training.is_none() {
+                    return Err(missing("training", "pinc control without --model"));
+                }
+            }
+        }
+        if !plan.loops.is_empty() && plan.given.is_none() && experiment.sample_time_s().is_none() {
+            return Err(missing("model", "a closed loop without control.step_s"));
+        }
+        Ok(plan)
+    }
+
+    /// Whether all is there that it asks for.
+    fn is_done(&self, experiment: &Experiment, metrics: &Metrics) -> bool {
+        let loops = self.loops.len();
+        let looped = metrics.control.len() == loops
+            && (experiment.one_step.is_none() || metrics.one_step.len() == loops);
+        (!self.trains || metrics.training.is_some())
+            && (!self.runs_free || metrics.prediction.is_some())
+            && (self.loops.is_empty() || looped)
+    }
+
+    /// Removes those results of earlier runs that do not belong to what is made now.
+    fn remove_stale(&self, run_dir: &mut RunDir, resume: bool) -> Result<(), RunError> {
+        let same_net = match &self.given {
+            Some((bytes, _)) => fs::read(run_dir.path(file::MODEL)).is_ok_and(|old| old == *bytes),
+            None => !self.trains || resume,
+        };
+        if !same_net {
+            run_dir.update(|metrics| {
+                (metrics.training, metrics.validation, metrics.prediction) = (None, None, None);
+            })?;
+            let of_net = [file::CHECKPOINT, file::TRAINING, file::MODEL, file::DOMAIN_ERROR];
+            for name in of_net.into_iter().chain([file::PREDICTION]) {
+                run_dir.remove(name)?;
+            }
+        }
+        if !same_net || (!resume && !self.loops.is_empty()) {
+            run_dir.update(|metrics| (metrics.control, metrics.one_step) = (vec![], vec![]))?;
+            run_dir.remove_loops()?;
+        }
+        if let Some((bytes, _)) = &self.given {
+            run_dir.write(file::MODEL, bytes)?;
+        }
+        Ok(run_dir.remove(file::REPORT)?)
+    }
+}
+
+/// The stages of a plan, one after the other.
+struct Stages<'a> {
+    experiment: &'a Experiment,
+    options: &'a Options<'a>,
+    plan: &'a Plan,
+    /// Those of the training, if not what the config says.
+    threads: Option<&'a Threads<'a>>,
+    run_dir: &'a mut RunDir,
+}
+
+impl Stages<'_> {
+    fn run(self) -> Result<(), RunError> {
+        let Self { experiment, options, plan, threads, run_dir } = self;
+        let varying = experiment.varying();
+        let plant = &*experiment.plant.family(&varying);
+        let trained = match &experiment.training {
+            Some(_) if plan.trains => {
+                Some(train::stage(plant, experiment, options, threads, run_dir)?)
+            }
+            _ => None,
+        };
+        let net = trained.as_ref().or(plan.given.as_ref().map(|(_, net)| net));
+        options.check_interrupt(run_dir.dir())?;
+        if let (Some(net), Some(spec), true) = (net, &experiment.prediction, plan.runs_free)
+            && run_dir.metrics().prediction.is_none()
+        {
+            // Free runs are of the nominal plant.
+            let nominal = experiment.plant.parameters();
+            let p: Vec<f64> = net.parameter_names().map(|name| nominal[name]).collect();
+            let plant = &*experiment.plant.dyn_plant();
+            free_run::stage(plant, net, (spec, &p), experiment.seed, run_dir)?;
+        }
+        if let Some(spec) = &experiment.control
+            && !plan.loops.is_empty()
+        {
+            let sample_time_s =
+                experiment.sample_time_s().or_else(|| net.map(PincNet::sample_time_s));
+            let sample_time_s = sample_time_s.expect("the plan was checked for it");
+            let schedules = Schedules {
+                model: experiment.model_schedule(sample_time_s),
+                plant: experiment.plant_schedule(sample_time_s),
+            };
+            let changing: Vec<_> = schedules.plant.names.iter().map(String::as_str).collect();
+            let truth = experiment.plant_in_the_loop().family(&changing);
+            let LoopParameters { names, values, estimated } = experiment.loop_parameters();
+            let modelled = &*experiment.plant.family(&names);
+            let setup = LoopSetup {
+                spec,
+                kinds: &plan.loops,
+                net,
+                sample_time_s,
+                seed: experiment.seed,
+                parameters: &values,
+                estimated: &estimated,
+                truth: &*truth,
+                schedules,
+            };
+            control::stage(modelled, &setup, options, run_dir)?;
+            if let (Some(spec), Some(domain)) = (&experiment.one_step, &experiment.domain) {
+                one_step::stage(plant, &setup, (spec, domain), options, run_dir)?;
+            }
+        }
+        Ok(())
+    }
+}
+
+/// The net in a model file.
+///
+/// # Errors
+///
+/// [`RunError`] if the file cannot be read or is none.
+pub fn read_model(path: &Path) -> Result<PincNet, RunError> {
+    let bytes = read_file(path)?;
+    parse_model(path, &bytes)
+}
+
+fn parse_model(path: &Path, bytes: &[u8]) -> Result<PincNet, RunError> {
+    let model = |source| RunError::Model { path: path.to_owned(), source };
+    PincNet::from_bytes(bytes).map_err(model)
+}
+
+/// The net of the file `path`, unless it knows one scenario only.
+fn chainable(path: &Path, net: PincNet) -> Result<PincNet, RunError> {
+    match net.time_only() {
+        None => Ok(net),
+        Some(_) => Err(RunError::TimeOnlyModel { path: path.to_owned() }),
+    }
+}
+
+/// A model file and its net, which has to be one of the experiment's plant and step length.
+fn read_matching_model(
+    experiment: &Experiment,
+    path: &Path,
+) -> Result<(Vec<u8>, PincNet), RunError> {
+    matching_model(experiment, path, read_file(path)?)
+}
+
+/// Like [`read_matching_model`], from the `bytes` of the file `path`.
+fn matching_model(
+    experiment: &Experiment,
+    path: &Path,
+    bytes: Vec<u8>,
+) -> Result<(Vec<u8>, PincNet), RunError> {
+    let net = chainable(path, parse_model(path, &bytes)?)?;
+    let variables = experiment.plant.variables();
+    let names = |names: &[String]| names.join(", ");
+    let parameters: Vec<_> = net.parameter_names().map(str::to_owned).collect();
+    let mut compared = vec![
+        ("states", names(net.state_names()), names(&variables.state_names())),
+        ("inputs", names(net.input_names()), names(&variables.input_names())),
+        ("parameters", names(&parameters), experiment.varying().join(", ")),
+    ];
+    let found = || format!("{} s", net.sample_time_s());
+    if let Some(step_s) = experiment.net_step_s() {
+        compared.push(("step length T", found(), format!("{step_s} s")));
+    } else if let (Some(control), Some(step_s)) = (&experiment.control, experiment.sample_time_s())
+    {
+        let stages = control.stages(step_s).into_iter();
+        let longest = stages.map(|(length_s, _)| length_s).fold(0.0, f64::max);
+        if net.sample_time_s() < longest {
+            let expected = format!("{longest} s at least, the longest of control.stages_s");
+            compared.push(("step length T", found(), expected));
+        }
+    }
+    if let (None, Some(control)) = (experiment.sample_time_s(), &experiment.control) {
+        #[expect(clippy::cast_precision_loss, reason = "far fewer than 2^53")]
+        let least = control.duration_s / MOST_STEPS as f64;
+        if net.sample_time_s() < least {
+            let found = format!("{} s", net.sample_time_s());
+            let expected = format!("{least} s at least, for {MOST_STEPS} steps at most");
+            compared.push(("step length T", found, expected));
+        }
+    }
+    for (what, found, expected) in compared {
+        if found != expected {
+            return Err(RunError::ModelMismatch { path: path.to_owned(), what, found, expected });
+        }
+    }
+    Ok((bytes, net))
+}

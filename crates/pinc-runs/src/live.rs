@@ -1,0 +1,357 @@
+//! A controller with its estimator, stepped by a plant that is somewhere else.
+
+use super::LoopSetup;
+use super::chosen::{Chosen, ModelFile};
+use super::feedback;
+use super::guard::Guard;
+use crate::RunError;
+use pinc_config::{ControlSpec, Experiment, ModelKind, Variables};
+use pinc_estimate::{Augmentation, Estimator, EstimatorStatus};
+use pinc_mpc::{Nmpc, Reference, SqpStatus};
+use pinc_ode::DynPlant;
+use pinc_record::OutsideDomain;
+use std::time::{Duration, Instant};
+
+/// The controller of a config, with its estimator if it has one, for a plant that is somewhere
+/// else: each step takes what was measured and gives the input to apply.
+#[derive(Debug)]
+pub struct LiveController {
+    nmpc: Nmpc,
+    spec: ControlSpec,
+    variables: Variables,
+    observer: Option<LiveEstimator>,
+    guard: Option<(Guard<'static>, Vec<f64>)>,
+    /// What is followed if a step does not say it.
+    reference: Reference,
+    window: Vec<f64>,
+    /// The state that the controller took the plant to be in, and the input that it chose.
+    x: Vec<f64>,
+    u: Vec<f64>,
+    /// The input chosen last, and before it those under way: the first acts in the step begun last.
+    inputs: Vec<f64>,
+    done: usize,
+}
+
+/// The estimator of a live controller.
+#[derive(Debug)]
+struct LiveEstimator {
+    estimator: Box<dyn Estimator>,
+    augmentation: Augmentation,
+    measured: Vec<String>,
+    /// The disturbances and parameters, with their names.
+    names: Vec<String>,
+    unknowns: Vec<f64>,
+    status: EstimatorStatus,
+}
+
+/// What a step of a [`LiveController`] is to follow.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
+pub enum Follow<'a> {
+    /// The config's references, from the first step on.
+    Config,
+    /// A value per controlled quantity, held over the horizon.
+    Held(&'a [f64]),
+    /// A row per stage of the horizon, for the ends of the steps ahead (with a delay of d steps, d
+    /// steps later).
+    Stages(&'a [Vec<f64>]),
+}
+
+/// What came of a step of a [`LiveController`].
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
+pub struct LiveStep<'a> {
+    /// The input to apply, within its bounds whatever the status.
+    pub u: &'a [f64],
+    /// How the optimization ended.
+    pub status: SqpStatus,
+    /// The state that the controller took the plant to be in: what was measured, or the estimate.
+    pub x: &'a [f64],
+    /// The estimated disturbances and parameters; empty without an estimator.
+    pub unknowns: &'a [f64],
+    /// How the estimator's correction ended, if there is an estimator.
+    pub estimator: Option<EstimatorStatus>,
+    /// How many quadratic programs were solved.
+    pub sqp_iterations: usize,
+    /// The KKT residual that the optimization ended with.
+    pub kkt: f64,
+    /// How long the step took, in us.
+    pub step_us: f64,
+}
+
+impl LiveController {
+    /// The controller of `experiment` with the net of `model`, or `only` one of the config's
+    /// models, or else the first of them. `command` is named in errors.
+    ///
+    /// # Errors
+    ///
+    /// [`RunError`] if the controller cannot be made.
+    pub fn new(
+        experiment: &Experiment,
+        model: Option<ModelFile<'_>>,
+        only: Option<ModelKind>,
+        command: &'static str,
+    ) -> Result<Self, RunError> {
+        let chosen = Chosen::of(experiment, model, only, command)?;
+        let (setup, spec) = (chosen.setup(), chosen.spec);
+        let nmpc = setup.controller(chosen.kind, &*chosen.plant)?;
+        let net = chosen.net().cloned();
+        let guard = net.map(|net| Guard::owning(net, spec.outside_domain));
+        let dims = nmpc.model().dims();
+        let mut live = Self {
+            observer: LiveEstimator::of(&setup, chosen.kind, &*chosen.plant)?,
+            guard: guard.map(|guard| (guard, chosen.parameters.clone())),
+            reference: setup.reference()?,
+            window: vec![0.0; spec.n2 * spec.controlled.len()],
+            x: vec![0.0; dims.nx],
+            u: vec![0.0; dims.nu],
+            inputs: vec![0.0; (spec.delay_steps + 1) * dims.nu],
+            variables: Variables::of(&*chosen.plant),
+            spec: spec.clone(),
+            nmpc,
+            done: 0,
+        };
+        live.reset();
+        Ok(live)
+    }
+
+    /// Forgets everything: the next step is again the first.
+    pub fn reset(&mut self) {
+        self.nmpc.reset();
+        if let Some(observer) = &mut self.observer {
+            observer.estimator.reset();
+        }
+        self.inputs.fill(0.0);
+        if let Some(u) = &self.spec.initial_input {
+            self.inputs.chunks_exact_mut(u.len()).for_each(|input| input.copy_from_slice(u));
+        }
+        self.done = 0;
+    }
+
+    /// The controller with its model.
+    #[must_use]
+    pub fn nmpc(&self) -> &Nmpc {
+        &self.nmpc
+    }
+
+    /// The section of the config.
+    #[must_use]
+    pub fn spec(&self) -> &ControlSpec {
+        &self.spec
+    }
+
+    /// The plant's variables.
+    #[must_use]
+    pub fn variables(&self) -> &Variables {
+        &self.variables
+    }
+
+    /// The names of what is measured: with an estimator what that is told, or else all states.
+    #[must_use]
+    pub fn measured(&self) -> Vec<String> {
+        let of_estimator = self.observer.as_ref().map(|observer| observer.measured.clone());
+        of_estimator.unwrap_or_else(|| self.variables.state_names())
+    }
+
+    /// The names of the disturbances and parameters that are estimated.
+    #[must_use]
+    pub fn unknowns(&self) -> &[String] {
+        self.observer.as_ref().map_or(&[], |observer| &observer.names)
+    }
+
+    /// How often the net was used outside its training domain.
+    #[must_use]
+    pub fn outside_domain(&self) -> OutsideDomain {
+        self.guard.as_ref().map_or_else(OutsideDomain::default, |(guard, _)| guard.seen().clone())
+    }
+
+    /// Chooses the input for a plant of which `y` was measured: with an estimator the measured
+    /// quantities, of which those that are missing are NaN; without one all states. `u_applied` is
+    /// the input that the plant was really given since the last step, if that was not the one
+    /// chosen.
+    ///
+    /// # Errors
+    ///
+    /// [`RunError::Argument`] if an argument is of a wrong length or not finite: nothing has
+    /// happened then. [`RunError::OutsideDomain`] if the step takes a net out of its domain and
+    /// the config refuses that.
+    pub fn step(
+        &mut self,
+        y: &[f64],
+        follow: Follow<'_>,
+        u_applied: Option<&[f64]>,
+    ) -> Result<LiveStep<'_>, RunError> {
+        self.check(y, follow, u_applied)?;
+        self.write_window(follow);
+        let clock = Instant::now();
+        self.observe(y, u_applied);
+        if let Some(observer) = &self.observer {
+            self.nmpc.set_parameters(&observer.unknowns)?;
+        }
+        if self.done == 0
+            && let Some(u) = &self.spec.initial_input
+        {
+            self.nmpc.reset_to(&self.x, u)?;
+        }
+        if let Some(u) = u_applied {
+            self.nmpc.set_applied_input(u)?;
+        }
+        let budget = self.spec.budget_us.map(|us| Duration::from_secs_f64(1e-6 * us));
+        let mut expired = || budget.is_some_and(|budget| clock.elapsed() >= budget);
+        let step = self.nmpc.step_within(&self.x, &self.window, &mut expired)?;
+        let (status, sqp_iterations, kkt) = (step.status, step.sqp_iterations, step.kkt.max());
+        self.u.copy_from_slice(step.u);
+        let step_us = 1e6 * clock.elapsed().as_secs_f64();
+        let chosen = self.inputs.len() - self.u.len();
+        self.inputs[chosen..].copy_from_slice(&self.u);
+        self.done += 1;
+        if let Some((guard, parameters)) = &mut self.guard {
+            guard.look(&self.x, &self.u, parameters)?;
+        }
+        let observer = self.observer.as_ref();
+        Ok(LiveStep {
+            u: &self.u,
+            status,
+            x: &self.x,
+            unknowns: observer.map_or(&[], |observer| &observer.unknowns),
+            estimator: observer.map(|observer| observer.status),
+            sqp_iterations,
+            kkt,
+            step_us,
+        })
+    }
+
+    /// Does what can be done of the next step before its measurement is there.
+    pub fn prepare(&mut self) {
+        self.nmpc.prepare();
+    }
+
+    /// Makes the state of what was measured.
+    fn observe(&mut self, y: &[f64], u_applied: Option<&[f64]>) {
+        let m = self.u.len();
+        let last = self.inputs.len() - m;
+        if let Some(u) = u_applied {
+            self.inputs[last..].copy_from_slice(u);
+        }
+        let Some(observer) = &mut self.observer else {
+            self.x.copy_from_slice(y);
+            return;
+        };
+        if self.done > 0 {
+            // The estimator goes on by the input that acted since, which is known only now.
+            observer.estimator.predict(&self.inputs[..m]);
+            self.inputs.copy_within(m.., 0);
+        }
+        observer.status = observer.estimator.correct(y).status;
+        let z = observer.estimator.estimate();
+        observer.augmentation.read(z, &mut self.x, &mut observer.unknowns);
+    }
+
+    /// Checks the arguments, so that a step that is refused has changed nothing.
+    fn check(
+        &self,
+        y: &[f64],
+        follow: Follow<'_>,
+        u_applied: Option<&[f64]>,
+    ) -> Result<(), RunError> {
+        let outputs = self.spec.controlled.len();
+        match &self.observer {
+            Some(observer) => length("y", y, observer.measured.len(), "measured quantity")?,
+            None => {
+                length("y", y, self.x.len(), "state")?;
+                finite("y", y)?;
+            }
+        }
+        if let Some(u) = u_applied {
+            length("u_applied", u, self.u.len(), "input")?;
+            finite("u_applied", u)?;
+        }
+        match follow {
+            Follow::Config => {}
+            Follow::Held(row) => {
+                length("reference", row, outputs, "controlled quantity")?;
+                finite("reference", row)?;
+            }
+            Follow::Stages(rows) => {
+                if rows.len() != self.spec.n2 {
+                    return Err(RunError::Argument {
+                        what: "reference",
+                        found: format!("{} rows", rows.len()),
+                        expected: format!("{}, one per step of the horizon", self.spec.n2),
+                    });
+                }
+                for row in rows {
+                    length("a row of reference", row, outputs, "controlled quantity")?;
+                    finite("a row of reference", row)?;
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Writes what is followed by the input of this step.
+    fn write_window(&mut self, follow: Follow<'_>) {
+        let width = self.spec.controlled.len();
+        let mut stages = self.window.chunks_exact_mut(width);
+        match follow {
+            Follow::Held(row) => stages.for_each(|to| to.copy_from_slice(row)),
+            Follow::Stages(rows) => {
+                stages.zip(rows).for_each(|(to, row)| to.copy_from_slice(row));
+            }
+            Follow::Config if self.spec.preview => {
+                let first = self.done + self.spec.delay_steps;
+                let ends = &self.nmpc.stage_times_s()[1..];
+                self.reference.preview_at(first, ends, &mut self.window);
+            }
+            Follow::Config => {
+                let now = self.reference.at(self.done);
+                stages.by_ref().for_each(|to| to.copy_from_slice(now));
+            }
+        }
+    }
+}
+
+impl LiveEstimator {
+    /// The estimator of the config, if it has one.
+    fn of(
+        setup: &LoopSetup<'_>,
+        kind: ModelKind,
+        plant: &dyn DynPlant,
+    ) -> Result<Option<Self>, RunError> {
+        let Some((spec, measurement)) = setup.sections() else { return Ok(None) };
+        let augmentation = setup.augmentation(spec, &measurement, plant);
+        let model = setup.model(kind, plant)?;
+        let variables = Variables::of(plant);
+        let names = spec.names(&measurement, &variables).split_off(plant.states().len());
+        Ok(Some(Self {
+            estimator: feedback::estimator(spec, &augmentation, model)?,
+            augmentation,
+            measured: measurement.names(&variables),
+            unknowns: vec![0.0; names.len()],
+            names,
+            status: EstimatorStatus::NothingMeasured,
+        }))
+    }
+}
+
+fn length(what: &'static str, found: &[f64], expected: usize, each: &str) -> Result<(), RunError> {
+    if found.len() == expected {
+        return Ok(());
+    }
+    Err(RunError::Argument {
+        what,
+        found: format!("{} numbers", found.len()),
+        expected: format!("{expected}, one per {each}"),
+    })
+}
+
+fn finite(what: &'static str, values: &[f64]) -> Result<(), RunError> {
+    match values.iter().find(|value| !value.is_finite()) {
+        None => Ok(()),
+        Some(value) => Err(RunError::Argument {
+            what,
+            found: value.to_string(),
+            expected: "finite numbers".to_owned(),
+        }),
+    }
+}

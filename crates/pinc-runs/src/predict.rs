@@ -1,0 +1,185 @@
+//! `pinc predict`: the free run of a trained net under given inputs, from CSV to CSV.
+
+use super::chain::Chain;
+use super::columns::{At, finite, optional, places, rows};
+use super::guard::Guard;
+use crate::RunError;
+use crate::error::CsvProblem;
+use csv::StringRecord;
+use pinc_config::OutsidePolicy;
+use pinc_net::{PincNet, TrainingTarget};
+use pinc_record::{CsvText, OutsideDomain, number, read_file, write_output};
+use std::collections::HashMap;
+use std::path::Path;
+
+/// Reads the inputs from the file `inputs`, lets the net of the file `model` run freely, and writes
+/// its states to the file `output`.
+///
+/// The input has the columns `scenario`, `t`, the net's inputs, the parameters that the net takes
+/// as inputs, if there are any, and the net's states, in any order. The first row of a scenario
+/// gives its initial state; the inputs and parameters of a row hold until the scenario's next;
+/// other state cells may be empty. The net is chained every T from the scenario's first row on and
+/// asked at the times between. Where the inputs change within an interval of T, the chain is
+/// restarted: a new interval begins at that row. The output has the same columns. A distilled net
+/// cannot be asked between steps: all rows have to lie on step marks.
+///
+/// Returns how often and how far the net was asked outside its training domain, row by row.
+///
+/// # Errors
+///
+/// [`RunError`], naming file, line and column of what is wrong with the input;
+/// [`RunError::NotFinite`] if a state is no number;
+/// [`RunError::OutsideDomain`] if `policy` is to refuse that.
+pub fn predict(
+    model: &Path,
+    inputs: &Path,
+    output: &Path,
+    policy: OutsidePolicy,
+) -> Result<OutsideDomain, RunError> {
+    for (role, input) in [("--model", model), ("--inputs", inputs)] {
+        if is_same_file(input, output) {
+            return Err(RunError::SameFile { path: output.to_owned(), role });
+        }
+    }
+    let net = super::chainable(model, super::read_model(model)?)?;
+    let text = read_file(inputs)?;
+    let mut guard = Guard::new(&net, policy);
+    let table = run(&net, inputs, &text, &mut guard)?;
+    write_output(output, table.as_bytes())?;
+    Ok(guard.found())
+}
+
+/// Whether two paths lead to one file, also by links.
+fn is_same_file(one: &Path, two: &Path) -> bool {
+    #[cfg(unix)]
+    {
+        use std::os::unix::fs::MetadataExt;
+        let id = |path: &Path| std::fs::metadata(path).ok().map(|m| (m.dev(), m.ino()));
+        id(one).is_some() && id(one) == id(two)
+    }
+    #[cfg(not(unix))]
+    {
+        let place = |path: &Path| std::fs::canonicalize(path).ok();
+        place(one).is_some() && place(one) == place(two)
+    }
+}
+
+/// The output for the text of the file `path`.
+fn run(
+    net: &PincNet,
+    path: &Path,
+    text: &[u8],
+    guard: &mut Guard<'_>,
+) -> Result<CsvText, RunError> {
+    let at = |(line, problem): At| RunError::Csv { path: path.to_owned(), line, problem };
+    let (header, rows) = rows(text).map_err(at)?;
+    let columns = Columns::find(net, &header).map_err(|problem| at((1, problem)))?;
+    let mut table = CsvText::new(&header);
+    let mut chains: HashMap<String, Chain> = HashMap::new();
+    for row in rows {
+        let (line, cells) = row.map_err(at)?;
+        let row = columns.read(&cells).map_err(|problem| at((line, problem)))?;
+        let state = match chains.get_mut(row.scenario) {
+            Some(chain) => continue_chain(net, chain, &row),
+            None => begin_chain(net, &mut chains, &columns, &row),
+        };
+        let state = state.map_err(|problem| at((line, problem)))?;
+        if let Some(i) = state.iter().position(|value| !value.is_finite()) {
+            let (variable, value) = (net.state_names()[i].clone(), state[i]);
+            return Err(RunError::NotFinite { path: path.to_owned(), line, variable, value });
+        }
+        let (u, p) = row.inputs.split_at(net.input_names().len());
+        guard.look(&state, u, p)?;
+        table.push(columns.write(&cells, &state));
+    }
+    Ok(table)
+}
+
+fn begin_chain(
+    net: &PincNet,
+    chains: &mut HashMap<String, Chain>,
+    columns: &Columns,
+    row: &InputRow<'_>,
+) -> Result<Vec<f64>, CsvProblem> {
+    let state = row.states.iter().zip(&columns.states).map(|(value, (_, name))| {
+        value.ok_or_else(|| CsvProblem::Cell { column: name.clone(), found: String::new() })
+    });
+    let state = state.collect::<Result<Vec<_>, _>>()?;
+    let chain = Chain::new(net.sample_time_s(), row.t, &state, &row.inputs);
+    chains.insert(row.scenario.to_owned(), chain);
+    Ok(state)
+}
+
+fn continue_chain(
+    net: &PincNet,
+    chain: &mut Chain,
+    row: &InputRow<'_>,
+) -> Result<Vec<f64>, CsvProblem> {
+    let previous = chain.time();
+    if row.t <= previous {
+        return Err(CsvProblem::Time { t: row.t, previous });
+    }
+    if !chain.reaches(row.t) {
+        return Err(CsvProblem::Gap { t: row.t });
+    }
+    let step = |t, y0: &[f64], held: &[f64]| {
+        let (u, p) = held.split_at(net.input_names().len());
+        net.evaluate(t, y0, u, p)
+    };
+    let sample = chain.advance(&step, row.t, &row.inputs);
+    if net.source() == TrainingTarget::Integrator && !sample.mark {
+        return Err(CsvProblem::BetweenSteps { t: row.t, sample_time_s: net.sample_time_s() });
+    }
+    Ok(sample.state)
+}
+
+/// Where in a row the columns are, with their names.
+struct Columns {
+    scenario: usize,
+    t: usize,
+    /// Of the inputs and the parameters.
+    inputs: Vec<(usize, String)>,
+    states: Vec<(usize, String)>,
+}
+
+/// One row; a state cell may be empty.
+struct InputRow<'a> {
+    scenario: &'a str,
+    t: f64,
+    /// The inputs, then the parameters.
+    inputs: Vec<f64>,
+    states: Vec<Option<f64>>,
+}
+
+impl Columns {
+    fn find(net: &PincNet, header: &StringRecord) -> Result<Self, CsvProblem> {
+        let fixed = ["scenario".to_owned(), "t".to_owned()];
+        let mut held = net.input_names().to_vec();
+        held.extend(net.parameter_names().map(str::to_owned));
+        let names = [&fixed[..], &held, net.state_names()].concat();
+        let mut named = places(header, &names)?.into_iter().zip(names);
+        let (scenario, t) = (named.next().map_or(0, |c| c.0), named.next().map_or(0, |c| c.0));
+        let inputs = named.by_ref().take(held.len()).collect();
+        Ok(Self { scenario, t, inputs, states: named.collect() })
+    }
+
+    fn read<'a>(&self, cells: &'a StringRecord) -> Result<InputRow<'a>, CsvProblem> {
+        let states = self.states.iter().map(|(place, name)| optional(&cells[*place], name));
+        let inputs = self.inputs.iter().map(|(place, name)| finite(&cells[*place], name));
+        Ok(InputRow {
+            scenario: &cells[self.scenario],
+            t: finite(&cells[self.t], "t")?,
+            inputs: inputs.collect::<Result<_, _>>()?,
+            states: states.collect::<Result<_, _>>()?,
+        })
+    }
+
+    /// The row `cells` with `state` in its state columns.
+    fn write(&self, cells: &StringRecord, state: &[f64]) -> Vec<String> {
+        let mut cells: Vec<String> = cells.iter().map(str::to_owned).collect();
+        for ((place, _), value) in self.states.iter().zip(state) {
+            cells[*place] = number(*value);
+        }
+        cells
+    }
+}

@@ -1,0 +1,131 @@
+//! What is kept of a closed loop while it runs: its files, written as it goes, and totals.
+
+use crate::RunError;
+use pinc_mpc::{ClosedLoop, StepRecord};
+use pinc_record::{
+    ControlColumns, ControlRow, ControlWriter, FixedReader, FixedWriter, RecordError, StepRow,
+};
+use std::collections::BTreeMap;
+use std::path::Path;
+
+/// The columns of a trace.
+pub(super) struct TraceColumns {
+    pub(super) columns: ControlColumns,
+    /// The places among the plant's outputs of those that are no states.
+    pub(super) outputs: Vec<usize>,
+}
+
+/// Totals over the steps of a controller.
+#[derive(Default)]
+pub(super) struct Totals {
+    /// How many steps ended with which status.
+    pub(super) status: BTreeMap<String, usize>,
+    /// The largest KKT residual.
+    pub(super) kkt_max: f64,
+    sqp_iterations: usize,
+}
+
+impl Totals {
+    fn add(&mut self, step: &StepRecord) {
+        *self.status.entry(step.status.to_string()).or_default() += 1;
+        self.kkt_max = self.kkt_max.max(step.kkt);
+        self.sqp_iterations += step.sqp_iterations;
+    }
+
+    /// SQP iterations per step.
+    pub(super) fn sqp_iterations_mean(&self) -> f64 {
+        let steps: usize = self.status.values().sum();
+        #[expect(clippy::cast_precision_loss, reason = "no run has 2^53 iterations")]
+        let mean = self.sqp_iterations as f64 / steps as f64;
+        mean
+    }
+}
+
+/// Writes the dense trace and the steps of a loop, if the run keeps them, and sums up the steps.
+pub(super) struct Recording {
+    trace: Option<ControlWriter>,
+    steps: Option<FixedWriter<StepRow>>,
+    /// The places among the plant's outputs of those that are no states.
+    outputs: Vec<usize>,
+    totals: Totals,
+    step: usize,
+}
+
+impl Recording {
+    /// Begins the two files, of the trace and of the steps.
+    pub(super) fn begin(
+        files: Option<(&Path, &Path)>,
+        TraceColumns { columns, outputs }: TraceColumns,
+    ) -> Result<Self, RunError> {
+        let trace = files.map(|(trace, _)| ControlWriter::create(trace, &columns));
+        let steps = files.map(|(_, steps)| FixedWriter::create(steps));
+        let totals = Totals::default();
+        Ok(Self { trace: trace.transpose()?, steps: steps.transpose()?, outputs, totals, step: 0 })
+    }
+
+    /// Adds what the controller did, in how many us.
+    pub(super) fn controlled(&mut self, step: &StepRecord, us: f64) -> Result<(), RunError> {
+        self.totals.add(step);
+        if let Some(steps) = &mut self.steps {
+            steps.push(&StepRow {
+                step: self.step,
+                status: step.status.to_string(),
+                sqp_iterations: step.sqp_iterations,
+                kkt: step.kkt,
+                solve_us: us,
+                violated: step.violated.map_or(String::new(), |constraint| constraint.to_string()),
+            })?;
+        }
+        self.step += 1;
+        Ok(())
+    }
+
+    /// Adds what the plant did. The end of a step is written with the next one's input, or at the
+    /// end of the loop.
+    pub(super) fn advanced(&mut self, run: &ClosedLoop<'_>) -> Result<(), RunError> {
+        let last = run.last_step().len().saturating_sub(1);
+        Ok(self.push_samples(run, 0..last)?)
+    }
+
+    /// Puts the files at their places: whole, or as far as the loop went.
+    pub(super) fn finish(mut self, run: &ClosedLoop<'_>) -> Result<Totals, RunError> {
+        let samples = run.last_step().len();
+        if samples > 0 {
+            self.push_samples(run, samples - 1..samples)?;
+        }
+        self.trace.map(ControlWriter::finish).transpose()?;
+        self.steps.map(FixedWriter::finish).transpose()?;
+        Ok(self.totals)
+    }
+
+    fn push_samples(
+        &mut self,
+        run: &ClosedLoop<'_>,
+        samples: std::ops::Range<usize>,
+    ) -> Result<(), RecordError> {
+        let Some(trace) = &mut self.trace else { return Ok(()) };
+        let step = run.last_step();
+        for i in samples {
+            let outputs = if self.outputs.is_empty() { vec![] } else { run.outputs_at(i) };
+            trace.push(&ControlRow {
+                t: step.times()[i],
+                state: step.state(i).to_vec(),
+                input: step.input(i).to_vec(),
+                reference: run.reference_at(i).to_vec(),
+                output: self.outputs.iter().map(|place| outputs[*place]).collect(),
+            })?;
+        }
+        Ok(())
+    }
+}
+
+/// Writes the file of steps once more, with other times.
+pub(super) fn write_medians(path: &Path, us: impl Fn(usize) -> f64) -> Result<(), RunError> {
+    let Some(rows) = FixedReader::<StepRow>::open(path)? else { return Ok(()) };
+    let mut writer = FixedWriter::create(path)?;
+    for row in rows {
+        let row = row?;
+        writer.push(&StepRow { solve_us: us(row.step), ..row })?;
+    }
+    Ok(writer.finish()?)
+}

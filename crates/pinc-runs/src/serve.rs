@@ -1,0 +1,114 @@
+//! `pinc serve`: the controller as a process, one JSON object a line.
+
+use super::chosen::ModelFile;
+use super::live::{Follow, LiveController};
+use crate::RunError;
+use pinc_config::{Experiment, ModelKind};
+use pinc_record::OutsideDomain;
+use serde::{Deserialize, Serialize};
+use std::io::{BufRead, Write};
+use std::path::Path;
+
+/// A line from the plant.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Request {
+    /// What was measured: all states, or what the estimator is told, with null for what is missing.
+    y: Vec<Option<f64>>,
+    /// What is to be followed, in place of the config's references.
+    reference: Option<Window>,
+    /// The input that the plant was really given since the last line.
+    u_applied: Option<Vec<f64>>,
+}
+
+/// A reference: for the whole horizon, or a row per stage.
+#[derive(Deserialize)]
+#[serde(untagged)]
+enum Window {
+    Held(Vec<f64>),
+    Stages(Vec<Vec<f64>>),
+}
+
+/// The answer.
+#[derive(Serialize)]
+struct Answer<'a> {
+    u: &'a [f64],
+    status: String,
+    /// The state that the controller took the plant to be in.
+    x: &'a [f64],
+    /// The estimated disturbances and parameters, and how the estimator's step ended.
+    #[serde(skip_serializing_if = "<[f64]>::is_empty")]
+    unknowns: &'a [f64],
+    #[serde(skip_serializing_if = "Option::is_none")]
+    estimator: Option<String>,
+    step_us: f64,
+}
+
+/// The answer to a line that cannot be used; nothing has happened then.
+#[derive(Serialize)]
+struct Refusal {
+    error: String,
+}
+
+/// Serves the controller of `experiment`, with its estimator if it has one, and with the model of
+/// the file `model`, or `only` one of the config's: reads a line of `input`, writes one to
+/// `output`, until the input ends or nobody reads the output. A line that cannot be used is
+/// answered with `{"error": ".."}` and changes nothing.
+///
+/// Without a reference the config's are followed, from the first step on. Returns how often the net
+/// was used outside its training domain.
+///
+/// # Errors
+///
+/// [`RunError`] if the controller cannot be made.
+pub fn serve(
+    experiment: &Experiment,
+    model: Option<&Path>,
+    only: Option<ModelKind>,
+    input: impl BufRead,
+    mut output: impl Write,
+) -> Result<OutsideDomain, RunError> {
+    let mut controller =
+        LiveController::new(experiment, model.map(ModelFile::At), only, "pinc serve")?;
+    for line in input.split(b'\n') {
+        let Ok(line) = line else { break };
+        let answer = answer(&mut controller, &line);
+        let answer = answer.unwrap_or_else(|error| text(&Refusal { error }));
+        if writeln!(output, "{answer}").and_then(|()| output.flush()).is_err() {
+            break;
+        }
+        controller.prepare();
+    }
+    Ok(controller.outside_domain())
+}
+
+/// The answer to a line, or what is wrong with it.
+fn answer(controller: &mut LiveController, line: &[u8]) -> Result<String, String> {
+    let request: Request = serde_json::from_slice(line).map_err(|error| {
+        format!("{error}; expected {{\"y\": [..], \"reference\": [..], \"u_applied\": [..]}}")
+    })?;
+    // What is missing is NaN, which only an estimator takes.
+    let y: Vec<f64> = request.y.iter().map(|y| y.unwrap_or(f64::NAN)).collect();
+    if y.iter().any(|y| y.is_nan()) && controller.spec().estimator.is_none() {
+        return Err("y: null given, expected numbers; what is missing takes an estimator".into());
+    }
+    let follow = match &request.reference {
+        None => Follow::Config,
+        Some(Window::Held(row)) => Follow::Held(row),
+        Some(Window::Stages(rows)) => Follow::Stages(rows),
+    };
+    let step = controller.step(&y, follow, request.u_applied.as_deref());
+    let step = step.map_err(|error| error.to_string())?;
+    Ok(text(&Answer {
+        u: step.u,
+        status: step.status.to_string(),
+        x: step.x,
+        unknowns: step.unknowns,
+        estimator: step.estimator.map(|status| status.to_string()),
+        step_us: step.step_us,
+    }))
+}
+
+fn text(value: &impl Serialize) -> String {
+    serde_json::to_string(value).expect("finite numbers and texts")
+}

@@ -1,0 +1,457 @@
+//! The training stage: from a config to `model.safetensors` and `training.csv`.
+
+use super::Options;
+use super::data::{self, Data};
+use super::domain_error;
+use crate::RunError;
+use crate::invocation::cores;
+use crate::progress::{Stage, Verbosity};
+use pinc_config::{DataSpec, Effort, Experiment, TrainingSpec};
+use pinc_net::{
+    Domain, IterationRecord, NetConfig, PincNet, Progress, Trainer, Training, Validation,
+    ValidationConfig, ValidationSet,
+};
+use pinc_ode::DynPlant;
+use pinc_record::{
+    CheckpointProblem, RecordError, RunDir, Saved, TrainingMetrics, TrainingRow, ValidationMetrics,
+    file, fixed_table, load_checkpoint, read_fixed_table, save_checkpoint,
+};
+use std::fmt;
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+/// The share of the time that writing checkpoints may take.
+const TIME_SHARE: f64 = 0.03;
+/// How much checkpoints may write per second of training.
+const BYTES_PER_S: f64 = 4e6;
+
+/// Time between two looks at how many threads a training may use.
+const LOOK_EVERY: Duration = Duration::from_secs(2);
+
+/// How many threads a training may use, which can change while it runs. Its bits do not depend on
+/// them.
+pub struct Threads<'a> {
+    now: &'a (dyn Fn() -> usize + 'a),
+    every: Duration,
+}
+
+impl fmt::Debug for Threads<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Threads").field("now", &(self.now)()).field("every", &self.every).finish()
+    }
+}
+
+impl<'a> Threads<'a> {
+    /// As many as `now` says.
+    pub fn new(now: &'a (dyn Fn() -> usize + 'a)) -> Self {
+        Self { now, every: LOOK_EVERY }
+    }
+}
+
+/// Trains the net, or reads it if that has been done, and returns it. `threads` are those to use,
+/// if not what the config says.
+pub(crate) fn stage(
+    plant: &dyn DynPlant,
+    experiment: &Experiment,
+    options: &Options<'_>,
+    threads: Option<&Threads<'_>>,
+    run_dir: &mut RunDir,
+) -> Result<PincNet, RunError> {
+    if run_dir.metrics().training.is_some() {
+        // A run that was killed between its results and this has one.
+        run_dir.remove(file::CHECKPOINT)?;
+        return super::read_model(&run_dir.path(file::MODEL));
+    }
+    let setup = TrainingSetup::of(experiment)?;
+    let threads_of_config = || setup.threads();
+    let given = Threads { now: &threads_of_config, every: Duration::MAX };
+    let threads = threads.unwrap_or(&given);
+    let (material, test) = setup.material(plant, experiment)?;
+    let mut session =
+        Session::begin(&material, experiment, (threads.now)(), options.verbosity, run_dir)?;
+    let outcome = session.work(&material, run_dir, &setup.training.effort, threads, options);
+    let net = session.trainer.net();
+    // The net first: it is what the time was spent on. That of an interrupted training is in the
+    // checkpoint; of one that failed, the last good net is kept.
+    if !matches!(outcome, Err(RunError::Interrupted { .. })) {
+        run_dir.write(file::MODEL, &net.to_bytes())?;
+    }
+    session.write_log(run_dir)?;
+    let metrics = session.metrics(outcome?);
+    let domain_error = domain_error::judge(plant, &net, &setup, experiment.seed, run_dir)?;
+    run_dir.note(&[file::MODEL, file::TRAINING, file::DOMAIN_ERROR]);
+    run_dir.update(|all| {
+        all.training = Some(metrics);
+        all.validation = Some(ValidationMetrics::new(&test.evaluate(&net), domain_error));
+    })?;
+    run_dir.remove(file::CHECKPOINT)?;
+    Ok(net)
+}
+
+/// The sections that a training needs.
+#[derive(Debug)]
+pub struct TrainingSetup<'a> {
+    /// `[model]`
+    pub net: &'a NetConfig,
+    /// `[domain]`
+    pub domain: &'a Domain,
+    /// `[training]`
+    pub training: &'a TrainingSpec,
+    /// `[validation]`
+    pub validation: &'a ValidationConfig,
+    data: Option<&'a DataSpec>,
+}
+
+impl<'a> TrainingSetup<'a> {
+    /// Those of the experiment.
+    ///
+    /// # Errors
+    ///
+    /// [`RunError`] if a section is missing.
+    pub fn of(experiment: &'a Experiment) -> Result<Self, RunError> {
+        let missing = |section| RunError::MissingSection {
+            name: experiment.name.clone(),
+            section,
+            command: "training",
+        };
+        Ok(Self {
+            net: experiment.model.as_ref().ok_or_else(|| missing("model"))?,
+            domain: experiment.domain.as_ref().ok_or_else(|| missing("domain"))?,
+            training: experiment.training.as_ref().ok_or_else(|| missing("training"))?,
+            validation: experiment.validation.as_ref().ok_or_else(|| missing("validation"))?,
+            data: experiment.data.as_ref(),
+        })
+    }
+
+    /// What a trainer is made from, and the scenarios that its net is judged by.
+    pub(super) fn material<'p>(
+        &self,
+        plant: &'p dyn DynPlant,
+        experiment: &Experiment,
+    ) -> Result<(Material<'p>, ValidationSet), RunError> {
+        let training = self.training(experiment.seed);
+        let (mut validation, mut test) =
+            (training.validation_set(plant)?, training.test_set(plant)?);
+        if let Some(held_out) = self.measured(experiment, |data| &data.held_out)? {
+            validation = validation.with_measurements(held_out.measurements.clone());
+            test = test.with_measurements(held_out.measurements);
+        }
+        let measured = self.measured(experiment, |data| &data.files)?;
+        let weight = self.data.map_or(0.0, |data| data.weight);
+        Ok((Material { plant, training, validation, measured, weight }, test))
+    }
+
+    /// The threads that the config gives.
+    pub(super) fn threads(&self) -> usize {
+        match self.training.effort.threads {
+            0 => cores(),
+            threads => threads,
+        }
+    }
+
+    /// The training that they describe, on one thread.
+    fn training(&self, seed: u64) -> Training {
+        Training {
+            net: self.net.clone(),
+            domain: self.domain.clone(),
+            config: self.training.config.clone(),
+            validation: self.validation.clone(),
+            seed,
+            threads: 1,
+        }
+    }
+
+    /// What is in some of the files of `[data]`, if there are any.
+    fn measured(
+        &self,
+        experiment: &Experiment,
+        files: impl Fn(&DataSpec) -> &Vec<PathBuf>,
+    ) -> Result<Option<Data>, RunError> {
+        let files = self.data.map(files).filter(|files| !files.is_empty());
+        let variables = experiment.plant.variables();
+        files.map(|files| data::read(&variables, self.net.sample_time_s, files)).transpose()
+    }
+}
+
+/// What a trainer is made from.
+pub(super) struct Material<'a> {
+    plant: &'a dyn DynPlant,
+    training: Training,
+    validation: ValidationSet,
+    measured: Option<Data>,
+    /// The weight of the measurements.
+    weight: f64,
+}
+
+impl Material<'_> {
+    /// How many iterations a training has at most.
+    pub(super) fn iterations(&self) -> u64 {
+        self.training.config.phases.iter().map(|phase| phase.iterations).sum()
+    }
+
+    /// A trainer at the beginning.
+    pub(super) fn trainer(&self, threads: usize) -> Result<Trainer, RunError> {
+        let training = Training { threads, ..self.training.clone() };
+        let trainer = Trainer::new(self.plant, &training, self.validation.clone())?;
+        Ok(match &self.measured {
+            Some(data) => trainer.with_measurements(&data.measurements, self.weight)?,
+            None => trainer,
+        })
+    }
+}
+
+/// A training at work.
+struct Session {
+    trainer: Trainer,
+    threads: usize,
+    fingerprint: String,
+    /// The rows of `training.csv`.
+    rows: Vec<TrainingRow>,
+    /// The last validation's `mse_gen`.
+    validated: Option<f64>,
+    iteration: u64,
+    /// Wall time of the optimizer.
+    optimizer: Duration,
+    /// Wall time of the stage before this session began.
+    earlier: Duration,
+    begun: Instant,
+    stage: Stage,
+}
+
+impl Session {
+    fn begin(
+        material: &Material<'_>,
+        experiment: &Experiment,
+        threads: usize,
+        verbosity: Verbosity,
+        run_dir: &RunDir,
+    ) -> Result<Self, RunError> {
+        let begun = Instant::now();
+        let mut fingerprint = experiment.normalized().fingerprint();
+        if let Some(data) = &material.measured {
+            // The config only names the files; a training is resumed with the same measurements or
+            // not at all.
+            fingerprint.extend(data.digest.iter().map(|byte| format!("{byte:02x}")));
+        }
+        let fresh = Self {
+            trainer: material.trainer(threads)?,
+            threads,
+            fingerprint,
+            rows: Vec::new(),
+            validated: None,
+            iteration: 0,
+            optimizer: Duration::ZERO,
+            earlier: Duration::ZERO,
+            begun,
+            stage: Stage::begin(verbosity, "training", material.iterations()),
+        };
+        match run_dir.path(file::CHECKPOINT) {
+            path if path.exists() => fresh.resume_from(&path, run_dir),
+            _ => Ok(fresh),
+        }
+    }
+
+    /// Continues on as many threads, if they are others than now.
+    fn use_threads(&mut self, material: &Material<'_>, threads: usize) -> Result<(), RunError> {
+        if threads != self.threads {
+            let state = self.trainer.checkpoint().clone();
+            self.trainer = material.trainer(threads)?.resume(state)?;
+            self.threads = threads;
+        }
+        Ok(())
+    }
+
+    /// The same session, resumed from the checkpoint at `path`.
+    fn resume_from(self, path: &Path, run_dir: &RunDir) -> Result<Self, RunError> {
+        let saved = load_checkpoint(path, &self.fingerprint)?;
+        let problem = |problem| RecordError::Checkpoint { path: path.to_owned(), problem };
+        let rows = read_fixed_table::<TrainingRow>(&run_dir.path(file::TRAINING)).ok().flatten();
+        let mut rows = rows.unwrap_or_default();
+        rows.retain(|row| row.iteration <= saved.iteration);
+        // One row per iteration.
+        if u64::try_from(rows.len()) != Ok(saved.iteration) {
+            return Err(problem(CheckpointProblem::TrainingLog).into());
+        }
+        let trainer = self.trainer.resume(saved.trainer);
+        Ok(Self {
+            trainer: trainer.map_err(|error| problem(CheckpointProblem::Training(Box::new(error))))?,
+            rows,
+            iteration: saved.iteration,
+            optimizer: Duration::from_secs_f64(saved.optimizer_s),
+            earlier: Duration::from_secs_f64(saved.wall_s),
+            ..self
+        })
+    }
+
+    /// Trains to the end and returns why that was the end.
+    fn work(
+        &mut self,
+        material: &Material<'_>,
+        run_dir: &RunDir,
+        effort: &Effort,
+        threads: &Threads<'_>,
+        options: &Options<'_>,
+    ) -> Result<String, RunError> {
+        let (mut last_checkpoint, mut last_look) = (Instant::now(), Instant::now());
+        let mut pause_s = effort.checkpoint_every_s;
+        loop {
+            if let Err(stop) = options.check_interrupt(run_dir.dir()) {
+                self.write_checkpoint(run_dir)?;
+                return Err(stop);
+            }
+            if effort.time_limit_s.is_some_and(|limit| self.wall().as_secs_f64() >= limit) {
+                return Ok("time-limit".to_owned());
+            }
+            if last_look.elapsed() >= threads.every {
+                self.use_threads(material, (threads.now)())?;
+                last_look = Instant::now();
+            }
+            let clock = Instant::now();
+            let progress = self.trainer.step()?;
+            self.optimizer += clock.elapsed();
+            match progress {
+                Progress::Finished(reason) => {
+                    // The last net too may be the best.
+                    if self.trainer.validation_due() {
+                        self.trainer.validate();
+                    }
+                    return Ok(reason.to_string());
+                }
+                Progress::Iterated(iterated) => self.log(iterated),
+            }
+            if last_checkpoint.elapsed().as_secs_f64() >= pause_s {
+                let clock = Instant::now();
+                let bytes = self.write_checkpoint(run_dir)?;
+                last_checkpoint = Instant::now();
+                pause_s = pause(effort.checkpoint_every_s, clock.elapsed(), bytes);
+            }
+        }
+    }
+
+    /// Validates if it is time to, and adds a row to the log.
+    fn log(&mut self, iterated: IterationRecord) {
+        let validation = self.trainer.validation_due().then(|| self.trainer.validate());
+        self.iteration = iterated.iteration;
+        self.rows.push(row(&iterated, self.optimizer, validation.as_ref()));
+        self.validated = validation.map(|v| v.mse_gen).or(self.validated);
+        self.stage.advance(iterated.iteration, || match self.validated {
+            Some(mse) => format!("loss {:.2e}, validation MSE {mse:.2e}", iterated.loss),
+            None => format!("loss {:.2e}", iterated.loss),
+        });
+    }
+
+    fn wall(&self) -> Duration {
+        self.earlier + self.begun.elapsed()
+    }
+
+    fn write_log(&self, run_dir: &RunDir) -> Result<(), RunError> {
+        Ok(run_dir.write(file::TRAINING, fixed_table(&self.rows).as_bytes())?)
+    }
+
+    /// Writes the log first, so that it always reaches as far as the checkpoint.
+    /// Returns the size of the checkpoint.
+    fn write_checkpoint(&self, run_dir: &RunDir) -> Result<usize, RunError> {
+        self.write_log(run_dir)?;
+        let saved = Saved {
+            fingerprint: self.fingerprint.clone(),
+            iteration: self.iteration,
+            optimizer_s: self.optimizer.as_secs_f64(),
+            wall_s: self.wall().as_secs_f64(),
+            trainer: self.trainer.checkpoint(),
+        };
+        let bytes = save_checkpoint(&saved);
+        run_dir.write(file::CHECKPOINT, &bytes)?;
+        Ok(bytes.len())
+    }
+
+    fn metrics(self, stop_reason: String) -> TrainingMetrics {
+        let totals = self.trainer.totals();
+        let wall_s = self.wall().as_secs_f64();
+        let checked = self.rows.iter().rfind(|row| row.fresh_loss.is_some());
+        self.stage
+            .end(&format!("{stop_reason} after {} iterations, {wall_s:.1} s", totals.iterations));
+        TrainingMetrics {
+            source: self.trainer.net().source(),
+            wall_s,
+            optimizer_s: self.optimizer.as_secs_f64(),
+            iterations: totals.iterations,
+            loss_evaluations: totals.loss_evaluations,
+            stop_reason,
+            loss: checked.map(|row| row.loss),
+            fresh_loss: checked.and_then(|row| row.fresh_loss),
+        }
+    }
+}
+
+/// The time from a checkpoint to the next one, in s: the time that is asked for, and no less than
+/// makes writing one a small share of the training, and of what the disk is given.
+fn pause(every_s: f64, took: Duration, bytes: usize) -> f64 {
+    #[expect(clippy::cast_precision_loss, reason = "a checkpoint is smaller than 2^53 bytes")]
+    let by_size = bytes as f64 / BYTES_PER_S;
+    every_s.max(took.as_secs_f64() / TIME_SHARE).max(by_size)
+}
+
+/// The row of an iteration in `training.csv`.
+fn row(
+    iterated: &IterationRecord,
+    elapsed: Duration,
+    validation: Option<&Validation>,
+) -> TrainingRow {
+    TrainingRow {
+        iteration: iterated.iteration,
+        loss_evaluations: iterated.loss_evaluations,
+        elapsed_s: elapsed.as_secs_f64(),
+        loss: iterated.loss,
+        validation_mse: validation.map(|validation| validation.mse_gen),
+        phase: iterated.phase,
+        loss_data: iterated.loss_data,
+        loss_physics: iterated.loss_physics,
+        gradient_norm: iterated.gradient_norm,
+        collocation_points: iterated.collocation_points,
+        fresh_loss: iterated.fresh_loss,
+        loss_measured: iterated.loss_measured,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use pinc_config::Plants;
+    use std::cell::Cell;
+    use std::sync::atomic::AtomicBool;
+
+    #[test]
+    fn checkpoints_take_a_small_share_of_time_and_disk() {
+        let near = |found: f64, expected: f64| (found - expected).abs() < 1e-9;
+        assert!(near(pause(5.0, Duration::from_millis(10), 100_000), 5.0));
+        assert!(near(pause(5.0, Duration::from_millis(600), 100_000), 20.0));
+        assert!(near(pause(5.0, Duration::from_millis(10), 256_000_000), 64.0));
+        assert!(near(pause(90.0, Duration::from_millis(10), 256_000_000), 90.0));
+    }
+
+    /// The net of a training whose threads are those of a list, one after the other.
+    fn trained(threads: &[usize]) -> (Vec<u8>, usize) {
+        let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../configs/smoke/one-tank.toml");
+        let set = "training.phases.0.iterations=60".to_owned();
+        let experiment = Experiment::load(Path::new(path), &[set], &Plants::built_in()).unwrap();
+        let dir = tempfile::tempdir().unwrap();
+        let mut run_dir = RunDir::open(dir.path(), &experiment, 1).unwrap();
+        let interrupt = AtomicBool::new(false);
+        let (verbosity, interrupt) = (Verbosity::Quiet, &interrupt);
+        let options = Options { resume: false, verbosity, interrupt, arguments: &[] };
+        let looks = Cell::new(0);
+        let now = || threads[looks.replace(looks.get() + 1) % threads.len()];
+        let threads = Threads { now: &now, every: Duration::ZERO };
+        let plant = experiment.plant.dyn_plant();
+        let net = stage(&*plant, &experiment, &options, Some(&threads), &mut run_dir).unwrap();
+        (net.to_bytes(), looks.get())
+    }
+
+    #[test]
+    fn threads_may_come_and_go_and_change_no_bit() {
+        let (one, _) = trained(&[1]);
+        let (changing, looks) = trained(&[1, 3, 3, 2]);
+        assert!(looks > 20, "{looks}");
+        assert!(one == changing);
+    }
+}
