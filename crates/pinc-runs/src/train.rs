@@ -274,7 +274,8 @@ impl Session {
         }
         let trainer = self.trainer.resume(saved.trainer);
         Ok(Self {
-            trainer: trainer.map_err(|error| problem(CheckpointProblem::Training(Box::new(error))))?,
+            trainer: trainer
+                .map_err(|error| problem(CheckpointProblem::Training(Box::new(error))))?,
             rows,
             iteration: saved.iteration,
             optimizer: Duration::from_secs_f64(saved.optimizer_s),
