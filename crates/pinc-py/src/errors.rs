@@ -1,6 +1,5 @@
 //! From the errors of the libraries to exceptions.
 
-use pinc_bench::RunError;
 use pinc_config::ConfigError;
 use pyo3::exceptions::PyKeyboardInterrupt;
 use pyo3::{PyErr, import_exception};
@@ -14,9 +13,9 @@ pub(crate) fn input(message: impl Into<String>) -> PyErr {
 }
 
 /// An error of a run: `InputError` where the program ends with the exit code 2 for bad input.
-pub(crate) fn of_run(error: &RunError) -> PyErr {
+pub(crate) fn of_run(error: &pinc_bench::RunError) -> PyErr {
     match error {
-        RunError::Interrupted { .. } => PyKeyboardInterrupt::new_err(error.to_string()),
+        pinc_bench::RunError::Interrupted { .. } => PyKeyboardInterrupt::new_err(error.to_string()),
         _ if error.exit_code() == 2 => input(error.to_string()),
         _ => RunError::new_err(error.to_string()),
     }
