@@ -3,11 +3,11 @@
 use super::{Options, Plan, Stages, Threads, read_model};
 use crate::RunError;
 use pinc_config::Experiment;
-use pinc_record::{Provenance, RecordError, RunDir, file};
+use pinc_record::{Invocation, Provenance, RecordError, RunDir, file};
 use std::path::Path;
 
 /// Trains the net of `experiment` in the run directory `dir`, on these threads, or resumes
-/// the training that is there.
+/// the training that is there; `begun` is the invocation that asks for it.
 ///
 /// # Errors
 ///
@@ -15,14 +15,14 @@ use std::path::Path;
 pub fn train_shared(
     experiment: &Experiment,
     dir: &Path,
-    provenance: &Provenance,
+    begun: &Invocation,
     threads: &Threads<'_>,
     options: &Options<'_>,
 ) -> Result<(), RunError> {
     let mut run_dir = RunDir::open(dir, experiment, std::process::id())?.without_traces();
     let plan = Plan { trains: true, runs_free: false, loops: Vec::new(), given: None };
     if !plan.is_done(experiment, run_dir.metrics()) {
-        run_dir.write_provenance(provenance, true)?;
+        run_dir.write_provenance(&Provenance::of(experiment, begun.clone()), true)?;
     }
     let train = |run_dir: &mut RunDir| {
         Stages { experiment, options, plan: &plan, threads: Some(threads), run_dir }.run()

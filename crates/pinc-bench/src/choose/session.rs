@@ -4,7 +4,7 @@ use super::base::Base;
 use crate::RunError;
 use pinc_choose::{Candidate, Loops, Score, Tried};
 use pinc_config::{Experiment, Plants, Trial, trials};
-use pinc_record::{Ending, Finished, Provenance, RunDir, SweepDir};
+use pinc_record::{Ending, Finished, Invocation, Provenance, RunDir, SweepDir};
 use pinc_runs::clock::Deadline;
 use pinc_runs::invocation::{cores, invocation};
 use pinc_runs::progress::{Stage, Verbosity};
@@ -17,7 +17,7 @@ pub(super) struct Session<'a> {
     pub(super) run_dir: RunDir,
     pub(super) sweep_dir: SweepDir,
     plants: &'a Plants,
-    provenance: Provenance,
+    begun: Invocation,
     options: &'a Options<'a>,
     deadline: Deadline,
     stage: Stage,
@@ -33,7 +33,8 @@ impl<'a> Session<'a> {
         budget_s: f64,
     ) -> Result<Self, RunError> {
         let run_dir = RunDir::open(dir, &base.experiment, std::process::id())?;
-        let provenance = Provenance::of(&base.experiment, invocation(options.arguments));
+        let begun = invocation(options.arguments);
+        let provenance = Provenance::of(&base.experiment, begun.clone());
         run_dir.write_provenance(&provenance, options.resume)?;
         let sweep_dir = SweepDir::of(dir);
         if !options.resume {
@@ -41,7 +42,7 @@ impl<'a> Session<'a> {
         }
         let deadline = Deadline::in_seconds(budget_s);
         let stage = Stage::begin(options.verbosity, "choose", deadline.whole_s());
-        Ok(Self { base, run_dir, sweep_dir, plants, provenance, options, deadline, stage })
+        Ok(Self { base, run_dir, sweep_dir, plants, begun, options, deadline, stage })
     }
 
     /// Ends the session, in which so much was tried.
@@ -98,9 +99,7 @@ impl<'a> Session<'a> {
         if let Some((id, training)) = &trial.training {
             let place = self.sweep_dir.net(id);
             if !self.sweep_dir.is_trained(id) {
-                let provenance =
-                    Provenance { config_sha256: training.fingerprint(), ..self.provenance.clone() };
-                train_shared(training, &place, &provenance, &Threads::new(&cores), options)?;
+                train_shared(training, &place, &self.begun, &Threads::new(&cores), options)?;
             }
             net = Some(place);
         }

@@ -6,7 +6,7 @@ use crate::RunError;
 use pinc_config::Trial;
 use pinc_net::NetError;
 use pinc_record::work::{Job, Outcome, Queue, effort};
-use pinc_record::{Ending, Finished, Provenance, RecordError, RunDir};
+use pinc_record::{Ending, Finished, RecordError, RunDir};
 use pinc_runs::{Options, Threads, run_trial, train_shared};
 use std::sync::mpsc::{RecvTimeoutError, channel};
 use std::sync::{Mutex, MutexGuard, PoisonError};
@@ -116,12 +116,10 @@ impl<'a> Crew<'a, '_> {
         if sweep_dir.is_trained(id) {
             return Ok(Outcome::Trained(Ok(())));
         }
-        let provenance = Provenance { seed: training.seed, ..self.session.provenance.clone() };
-        let provenance = Provenance { config_sha256: training.fingerprint(), ..provenance };
         let threads = || self.queue.threads(trial);
         let threads = Threads::new(&threads);
         let dir = sweep_dir.net(id);
-        let outcome = train_shared(training, &dir, &provenance, &threads, &self.options);
+        let outcome = train_shared(training, &dir, &self.session.begun, &threads, &self.options);
         if self.session.shared
             && matches!(outcome, Err(RunError::Record(RecordError::Locked { .. })))
         {

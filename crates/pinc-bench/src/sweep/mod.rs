@@ -12,8 +12,8 @@ use crew::Crew;
 use pinc_config::{Experiment, Plants, SweepSpec, Trial, trials};
 use pinc_record::work::{Estimate, Ledger, Queue, effort, expected};
 use pinc_record::{
-    Best, CsvText, Provenance, RecordError, RunDir, Standing, SummaryTable, SweepDir, SweepMetrics,
-    TrialColumn, TrialMetric, TrialTable, file,
+    Best, CsvText, Invocation, Provenance, RecordError, RunDir, Standing, SummaryTable, SweepDir,
+    SweepMetrics, TrialColumn, TrialMetric, TrialTable, file,
 };
 use pinc_runs::invocation::{cores, invocation};
 use pinc_runs::progress::Verbosity;
@@ -177,7 +177,7 @@ struct Session<'a> {
     trials: &'a [Trial],
     run_dir: RunDir,
     sweep_dir: SweepDir,
-    provenance: Provenance,
+    begun: Invocation,
     /// Whether other processes work in the directory.
     shared: bool,
     ledger: Mutex<Ledger<'a>>,
@@ -192,7 +192,8 @@ impl<'a> Session<'a> {
         shared: bool,
     ) -> Result<Self, RunError> {
         let sweep = experiment.sweep.as_ref().expect("it has trials");
-        let provenance = Provenance::of(experiment, invocation(options.arguments));
+        let begun = invocation(options.arguments);
+        let provenance = Provenance::of(experiment, begun.clone());
         let (run_dir, sweep_dir) = (open_dir(experiment, dir, shared)?, SweepDir::of(dir));
         let counts = run_dir.metrics().sweep.as_ref();
         if !(options.resume && counts.is_some_and(|all| all.pending() == 0)) {
@@ -210,7 +211,7 @@ impl<'a> Session<'a> {
         let mut ledger = Ledger::new(experiment, trials);
         ledger.look_up(&sweep_dir)?;
         let ledger = Mutex::new(ledger);
-        Ok(Self { experiment, sweep, trials, run_dir, sweep_dir, provenance, shared, ledger })
+        Ok(Self { experiment, sweep, trials, run_dir, sweep_dir, begun, shared, ledger })
     }
 
     fn ledger(&self) -> MutexGuard<'_, Ledger<'a>> {
