@@ -1,9 +1,9 @@
 //! The Kalman filter.
 
 use crate::kalman::{Kalman, subtract};
-use crate::matrix::is_finite;
 use crate::{Correction, EstimateError, Estimator, EstimatorStatus, Tuning};
 use pinc_ode::{Dims, Linearization, LinearizationBuffer, Model, OutputLinearization, Stages};
+use pinc_qp::all_finite;
 
 /// The extended Kalman filter, which linearizes the model at the estimate: with a linear model, the
 /// Kalman filter.
@@ -92,7 +92,7 @@ impl Ekf {
             },
         );
         subtract(y, &self.expected, &mut self.innovation);
-        if !is_finite(&self.expected) || !is_finite(&self.h) {
+        if !all_finite(&self.expected) || !all_finite(&self.h) {
             let measured = y.iter().filter(|y| y.is_finite()).count();
             return Correction::unused(EstimatorStatus::NotFinite, measured);
         }
@@ -127,7 +127,7 @@ impl Estimator for Ekf {
         let LinearizationBuffer { next, a, b, .. } = &mut self.at;
         let out = Linearization { next, a, b, e: &mut [] };
         self.model.linearize(Stages { x: &self.z, u, p: &[] }, out);
-        if !is_finite(&self.at.next) {
+        if !all_finite(&self.at.next) {
             return EstimatorStatus::NotFinite;
         }
         let status = self.kalman.predict(&self.at.a);

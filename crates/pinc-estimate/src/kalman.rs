@@ -2,8 +2,9 @@
 
 use crate::EstimatorStatus;
 use crate::estimator::{variances, write_diagonal};
-use crate::matrix::{add_scaled, dot, factor, is_finite, multiply, propagate};
+use crate::matrix::{add_scaled, dot, factor, multiply, propagate};
 use crate::{Correction, Tuning};
+use pinc_qp::all_finite;
 
 /// A covariance P with the noises that change it, in the form of Joseph: A P A' + Q and (I - K H) P
 /// (I - K H)' + K R K', which keep it symmetric and positive semidefinite under rounding.
@@ -69,7 +70,7 @@ impl Kalman {
         if measured == 0 {
             return Correction::unused(EstimatorStatus::NothingMeasured, 0);
         }
-        let status = if !is_finite(change) || !is_finite(&self.p) {
+        let status = if !all_finite(change) || !all_finite(&self.p) {
             EstimatorStatus::NotFinite
         } else if !factor(&self.p, n, &mut self.work) {
             EstimatorStatus::IndefiniteCovariance
@@ -107,7 +108,7 @@ impl Kalman {
         let n = self.q.len();
         self.before.copy_from_slice(&self.p);
         propagate(a, &self.q, &mut self.p, &mut self.work);
-        let status = if !is_finite(&self.p) {
+        let status = if !all_finite(&self.p) {
             EstimatorStatus::NotFinite
         } else if !factor(&self.p, n, &mut self.work) {
             EstimatorStatus::IndefiniteCovariance

@@ -78,11 +78,6 @@ pub(crate) fn solve_lower(l: &[f64], v: &mut [f64]) {
     }
 }
 
-/// Whether all numbers are finite.
-pub(crate) fn is_finite(values: &[f64]) -> bool {
-    values.iter().all(|value| value.is_finite())
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -2,9 +2,10 @@
 
 use crate::estimator::{variances, write_diagonal};
 use crate::kalman::{mirror, subtract};
-use crate::matrix::{add_scaled, dot, factor, is_finite, solve_lower};
+use crate::matrix::{add_scaled, dot, factor, solve_lower};
 use crate::{Correction, EstimateError, Estimator, EstimatorStatus, Tuning};
 use pinc_ode::{Dims, Model};
+use pinc_qp::all_finite;
 
 /// Merwe's parameters of the sigma points.
 const ALPHA: f64 = 1e-3;
@@ -170,7 +171,7 @@ impl Ukf {
         for outer in work.outer[..2 * n * width].chunks_exact_mut(width) {
             add_scaled(outer, -1.0, mean);
         }
-        if is_finite(&work.middle[..width]) && is_finite(&work.outer[..2 * n * width]) {
+        if all_finite(&work.middle[..width]) && all_finite(&work.outer[..2 * n * width]) {
             EstimatorStatus::Updated
         } else {
             EstimatorStatus::NotFinite
@@ -276,7 +277,7 @@ impl Ukf {
     fn accept(&mut self) -> Result<(), EstimatorStatus> {
         let n = self.z.len();
         let Work { new_p, mean_z, root, .. } = &mut self.work;
-        if !is_finite(mean_z) || !is_finite(new_p) {
+        if !all_finite(mean_z) || !all_finite(new_p) {
             return Err(EstimatorStatus::NotFinite);
         }
         mirror(new_p, n);

@@ -7,10 +7,10 @@ use self::program::{Constants, Point, Program};
 use self::window::Window;
 use crate::estimator::variances;
 use crate::kalman::{Kalman, subtract};
-use crate::matrix::is_finite;
 use crate::{Correction, EstimateError, Estimator, EstimatorStatus, Tuning};
 use pinc_mpc::BarzilaiBorwein;
 use pinc_ode::{Dims, Linearization, LinearizationBuffer, Model, OutputLinearization, Stages};
+use pinc_qp::all_finite;
 use pinc_qp::{Multipliers, QpStatus};
 
 /// The residual of the optimality conditions at which the iteration ends.
@@ -165,7 +165,7 @@ impl Mhe {
         };
         self.model.linearize_output(Stages { x: self.window.last(), u: &self.u, p: &[] }, out);
         subtract(y, &self.expected, &mut self.innovation);
-        if !is_finite(&self.expected) || !is_finite(&self.h) {
+        if !all_finite(&self.expected) || !all_finite(&self.h) {
             let measured = y.iter().filter(|y| y.is_finite()).count();
             return Correction::unused(EstimatorStatus::NotFinite, measured);
         }
@@ -385,7 +385,7 @@ impl Estimator for Mhe {
         let LinearizationBuffer { next, a, b, .. } = &mut self.at;
         let out = Linearization { next, a, b, e: &mut [] };
         self.model.linearize(Stages { x: self.window.last(), u, p: &[] }, out);
-        if !is_finite(&self.at.next) {
+        if !all_finite(&self.at.next) {
             return EstimatorStatus::NotFinite;
         }
         let status = self.kalman.predict(&self.at.a);

@@ -2,9 +2,11 @@
 
 use super::window::Window;
 use crate::EstimateError;
-use crate::matrix::{add_scaled, dot, factor, is_finite};
+use crate::matrix::{add_scaled, dot, factor};
 use pinc_ode::{Dims, Linearization, LinearizationBuffer, Model, OutputLinearization, Stages};
-use pinc_qp::{ChosenQp, Limits, Multipliers, OcpDims, Qp, QpMethod, QpSolver, QpStatus, QpStep};
+use pinc_qp::{
+    ChosenQp, Limits, Multipliers, OcpDims, Qp, QpMethod, QpSolver, QpStatus, QpStep, all_finite,
+};
 
 /// Above this mean multiplier the residuals are scaled down, as a controller's.
 const LARGE_MULTIPLIER: f64 = 100.0;
@@ -257,7 +259,7 @@ impl Program {
         let all = multipliers.dynamics.iter().chain(&multipliers.bounds);
         let (sum, count) = all.fold((0.0, 0.0), |(sum, count), mu| (sum + mu.abs(), count + 1.0));
         let scale = (sum / count / LARGE_MULTIPLIER).max(1.0);
-        let finite = is_finite(&[cost, violation, stationarity, product]);
+        let finite = all_finite(&[cost, violation, stationarity, product]);
         let kkt = (stationarity / scale).max(product / scale).max(largest(&qp.c)).max(outside);
         Point { kkt: if finite { kkt } else { f64::INFINITY }, cost, violation }
     }
@@ -266,7 +268,7 @@ impl Program {
     pub(super) fn solve(&mut self, expired: &mut dyn FnMut() -> bool) -> QpStatus {
         self.step.multipliers.copy_from(&self.multipliers);
         let status = self.solver.solve(&self.qp, &mut self.step, expired);
-        if status == QpStatus::Solved && !is_finite(&self.step.d) {
+        if status == QpStatus::Solved && !all_finite(&self.step.d) {
             return QpStatus::Failed;
         }
         status
