@@ -92,6 +92,14 @@ struct Arguments {
     rows: Option<usize>,
 }
 
+impl Arguments {
+    /// x, u and p of point `k`.
+    fn point(&self, Dims { nx, nu, np, .. }: Dims, k: usize) -> [&[f64]; 3] {
+        let part = |width: usize| k * width..(k + 1) * width;
+        [&self.x[part(nx)], &self.u[part(nu)], &self.p[part(np)]]
+    }
+}
+
 #[pymethods]
 impl Model {
     /// Reads a model file.
@@ -197,13 +205,12 @@ impl Model {
         p: Option<Given<'py>>,
     ) -> PyResult<Array<'py>> {
         let at = self.arguments(&x, &u, p.as_ref())?;
-        let Dims { nx, nu, np, .. } = self.dims;
+        let nx = self.dims.nx;
         let mut next = vec![0.0; at.count * nx];
         let mut model = self.lock();
         for k in 0..at.count {
-            let part = |all: &'_ [f64], width: usize| all[k * width..(k + 1) * width].to_vec();
-            let (x, u, p) = (part(&at.x, nx), part(&at.u, nu), part(&at.p, np));
-            model.step(&x, &u, &p, &mut next[k * nx..(k + 1) * nx]);
+            let [x, u, p] = at.point(self.dims, k);
+            model.step(x, u, p, &mut next[k * nx..(k + 1) * nx]);
         }
         drop(model);
         array(py, next, at.rows, &[nx])
@@ -255,12 +262,11 @@ impl Model {
             )));
         }
         let at = self.arguments(&x, &u, p.as_ref())?;
-        let Dims { nx, nu, np, .. } = self.dims;
+        let nx = self.dims.nx;
         let mut states = Vec::with_capacity(at.count * nx);
         for k in 0..at.count {
-            let part = |all: &'_ [f64], width: usize| all[k * width..(k + 1) * width].to_vec();
-            let (x, u, p) = (part(&at.x, nx), part(&at.u, nu), part(&at.p, np));
-            states.extend(self.net.evaluate(t, &x, &u, &p));
+            let [x, u, p] = at.point(self.dims, k);
+            states.extend(self.net.evaluate(t, x, u, p));
         }
         array(py, states, at.rows, &[nx])
     }
@@ -275,7 +281,7 @@ impl Model {
         p: Option<Given<'py>>,
     ) -> PyResult<Array<'py>> {
         let at = self.arguments(&x, &u, p.as_ref())?;
-        let Dims { nx, nu, np, .. } = self.dims;
+        let nx = self.dims.nx;
         if Points::read(&x, "x", self.net.state_names())?.rows.is_some() {
             return Err(input("x: rows given, expected one state, where the run begins"));
         }
@@ -284,7 +290,7 @@ impl Model {
         let mut model = self.lock();
         for k in 0..at.count {
             let (done, next) = states.split_at_mut((k + 1) * nx);
-            let (u, p) = (&at.u[k * nu..(k + 1) * nu], &at.p[k * np..(k + 1) * np]);
+            let [_, u, p] = at.point(self.dims, k);
             model.step(&done[k * nx..], u, p, &mut next[..nx]);
         }
         drop(model);
