@@ -156,9 +156,7 @@ impl Transcription {
         for ((c, next), z) in qp.c.iter_mut().zip(next).zip(z) {
             *c = next - z;
         }
-        if self.constraints.is_some() {
-            self.linearize_constraints(z, qp);
-        }
+        self.linearize_constraints(z, qp);
         if let Some(outputs) = &mut self.outputs {
             outputs.follow(horizon, self.dims, z, self.cache.parameters());
             self.limit_outputs(qp);
