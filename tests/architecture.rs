@@ -75,8 +75,8 @@ const CRATES: [(&str, &[&str]); 19] = [
     ),
 ];
 
-/// The Python package, which is no member of the workspace, with the crates that it depends on. None
-/// depends on it.
+/// The Python package, which is no member of the workspace, with the crates that it depends on.
+/// None depends on it.
 const BINDINGS: (&str, &[&str]) =
     ("pinc-py", &["pinc-bench", "pinc-config", "pinc-net", "pinc-ode", "pinc-record"]);
 

@@ -52,8 +52,8 @@ impl Live<'_> {
     }
 
     /// The figure as JSON, with at most about `most` points a curve: of more, those stay where the
-    /// curve is at its highest or lowest. A column of numbers is the Base64 of 32-bit floats, little
-    /// end first; NaN is a gap. Columns of horizontal places are written once.
+    /// curve is at its highest or lowest. A column of numbers is the Base64 of 32-bit floats,
+    /// little end first; NaN is a gap. Columns of horizontal places are written once.
     pub fn json(&self, most: usize) -> String {
         let mut columns = Vec::new();
         let panels: Vec<Value> =

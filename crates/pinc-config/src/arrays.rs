@@ -115,8 +115,8 @@ pub(crate) fn write_out(table: &mut Table) -> Checked<AsWritten> {
     Ok(AsWritten(lists.written))
 }
 
-/// The equations of a plant with arrays, and its variables. Of a section that is no plant nothing is
-/// said here.
+/// The equations of a plant with arrays, and its variables. Of a section that is no plant nothing
+/// is said here.
 fn arrays(table: &Table) -> Checked<Option<Arrays>> {
     let plant = table.get("plant").filter(|plant| plant.get("expression").is_some());
     let plant = plant.map(|plant| PlantSpec::deserialize(plant.clone()));
@@ -135,9 +135,8 @@ struct Lists<'a> {
 }
 
 impl Lists<'_> {
-    /// A list of names, in which `T` stands for all elements of an array and `T[n]` or `T[2..n]` for
-    /// some: the places that each entry has
-    /// in the new list. None if there is no such list.
+    /// A list of names, in which `T` stands for all elements of an array and `T[n]` or `T[2..n]`
+    /// for some: the places that each entry has in the new list. None if there is no such list.
     fn names(&mut self, key: &str, known: &[String]) -> Checked<Option<Vec<Range<usize>>>> {
         let Some(Value::Array(list)) = at(self.table, key) else { return Ok(None) };
         let (mut all, mut groups) = (Vec::new(), Vec::new());

@@ -1,7 +1,7 @@
 //! In which order algebraic equations can be solved: an equation for each unknown (a maximum
 //! matching), then the smallest systems that must be solved at once (strongly connected
-//! components). Pantelides, "The consistent initialization of differential-algebraic systems",
-//! SIAM J. Sci. Stat. Comput. 9 (1988), has the first, Duff and Reid, "An implementation of Tarjan's
+//! components). Pantelides, "The consistent initialization of differential-algebraic systems", SIAM
+//! J. Sci. Stat. Comput. 9 (1988), has the first, Duff and Reid, "An implementation of Tarjan's
 //! algorithm for the block triangularization of a matrix", ACM TOMS 4 (1978), the second.
 
 use crate::error::{Deficiency, ExpressionError, ExpressionProblem};

@@ -22,7 +22,8 @@ pub(crate) struct Drawn {
     pub(crate) live: Option<String>,
 }
 
-/// A page has about as many points at most in the curves that can be zoomed: half a megabyte of text.
+/// A page has about as many points at most in the curves that can be zoomed: half a megabyte of
+/// text.
 const MOST_POINTS: usize = 50_000;
 /// More points are of no use in a curve.
 const MOST_IN_CURVE: usize = 10_000;

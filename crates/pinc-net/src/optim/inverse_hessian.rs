@@ -318,6 +318,7 @@ mod tests {
                 let v = numbers(n, step);
                 let mut product = Vec::new();
                 matrix.product(&v, &mut product, &workers);
+                assert_eq!(product.len(), n, "step {step}");
                 for (row, got) in dense.0.iter().zip(&product) {
                     // A hundred products of numbers of size 10 at most.
                     assert!((dot(row, &v) - got).abs() < 1e-12, "n = {n}, step {step}");
