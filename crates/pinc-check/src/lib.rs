@@ -15,6 +15,7 @@ mod gain;
 mod groups;
 mod horizon;
 mod irregularities;
+mod loop_plant;
 mod numbers;
 mod references;
 mod region;
@@ -30,7 +31,7 @@ use pinc_config::Experiment;
 use pinc_config::ModelKind;
 use pinc_config::TimeUnit;
 use pinc_net::Measurements;
-use pinc_ode::{DynPlant, Trajectory, Variable};
+use pinc_ode::{DynPlant, DynRhs, Trajectory, Variable};
 use std::collections::BTreeMap;
 use std::collections::btree_map::Entry;
 use std::fmt;
@@ -40,7 +41,7 @@ use std::path::PathBuf;
 type Examination = fn(&Subject<'_>) -> Vec<Finding>;
 
 /// All of them, in the order of their findings.
-const EXAMINATIONS: [Examination; 14] = [
+const EXAMINATIONS: [Examination; 15] = [
     dimensions,
     derivatives::examine,
     algebraic::examine,
@@ -49,6 +50,7 @@ const EXAMINATIONS: [Examination; 14] = [
     horizon::examine,
     gain::examine,
     references::examine,
+    loop_plant::examine,
     estimation::examine,
     bounds::examine,
     rehearsal::examine,
@@ -174,7 +176,12 @@ impl<'a> Subject<'a> {
 
     /// A search for steady states near the start of the loop, or else the middle of the region.
     fn search(&self) -> SteadyStateSearch<'_> {
-        let search = SteadyStateSearch::new(self.plant, &self.region, self.experiment.seed);
+        self.search_of(self.plant)
+    }
+
+    /// The same with another plant of the same states and inputs.
+    fn search_of<'s>(&'s self, plant: &'s dyn DynRhs) -> SteadyStateSearch<'s> {
+        let search = SteadyStateSearch::new(plant, &self.region, self.experiment.seed);
         match &self.experiment.control {
             Some(control) => {
                 let (x, u) = (control.initial_state.clone(), self.region.centre().u);
@@ -187,21 +194,6 @@ impl<'a> Subject<'a> {
     /// Where the references can be held, and how many values of them are too many to be looked at.
     fn held_references(&self) -> (Vec<Held>, usize) {
         let Some(control) = &self.experiment.control else { return (Vec::new(), 0) };
-        let nx = self.region.dims.nx;
-        let ends = |states: &Option<Vec<f64>>, inputs: &[f64], none: f64| {
-            [&states.clone().unwrap_or_else(|| vec![none; nx])[..], inputs].concat()
-        };
-        let low = ends(&control.state_low, &control.input_low, f64::NEG_INFINITY);
-        let high = ends(&control.state_high, &control.input_high, f64::INFINITY);
-        let places = self.controlled();
-        if places.is_empty() {
-            return (Vec::new(), 0);
-        }
-        let search = self.search();
-        let hold = |value: &[f64]| {
-            let held: Vec<_> = places.iter().copied().zip(value.iter().copied()).collect();
-            search.hold(&held, Some((&low, &high)))
-        };
         let mut places_of: BTreeMap<Vec<u64>, usize> = BTreeMap::new();
         let (mut holds, mut others): (Vec<Held>, usize) = (Vec::new(), 0);
         for (first, reference) in control.references.iter().enumerate() {
@@ -218,11 +210,27 @@ impl<'a> Subject<'a> {
                         others += 1;
                         continue;
                     }
-                    holds.push(Held { first, count: 1, point: hold(&reference.value) });
+                    let Some(point) = self.hold(self.plant, &reference.value) else { break };
+                    holds.push(Held { first, count: 1, point });
                 }
             }
         }
         (holds, others)
+    }
+
+    /// Where a plant can hold this value of the references within the controller's bounds; `None`
+    /// where that is no question of states.
+    fn hold(&self, plant: &dyn DynRhs, value: &[f64]) -> Option<HeldPoint> {
+        let control = self.experiment.control.as_ref()?;
+        let nx = self.region.dims.nx;
+        let ends = |states: &Option<Vec<f64>>, inputs: &[f64], none: f64| {
+            [&states.clone().unwrap_or_else(|| vec![none; nx])[..], inputs].concat()
+        };
+        let low = ends(&control.state_low, &control.input_low, f64::NEG_INFINITY);
+        let high = ends(&control.state_high, &control.input_high, f64::INFINITY);
+        let places = self.controlled();
+        let held: Vec<_> = places.into_iter().zip(value.iter().copied()).collect();
+        (!held.is_empty()).then(|| self.search_of(plant).hold(&held, Some((&low, &high))))
     }
 
     /// f(x, u).

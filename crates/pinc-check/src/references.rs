@@ -44,7 +44,7 @@ pub(crate) fn examine(subject: &Subject<'_>) -> Vec<Finding> {
 }
 
 /// The variables of a point outside the controller's bounds.
-fn outside(
+pub(crate) fn outside(
     subject: &Subject<'_>,
     control: &ControlSpec,
     place: &str,
@@ -82,7 +82,7 @@ fn outside(
         )
 }
 
-fn nowhere(
+pub(crate) fn nowhere(
     subject: &Subject<'_>,
     control: &ControlSpec,
     (place, value): (&str, &str),

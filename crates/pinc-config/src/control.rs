@@ -1,7 +1,7 @@
 //! The `[control]` section.
 
 use crate::estimator::{EstimatorSpec, MeasurementSpec};
-use crate::{ParameterStep, PlantSpec, Variables};
+use crate::{LoadSpec, ParameterStep, PlantSpec, Variables};
 use pinc_mpc::{Bounds, NmpcProblem, Softness, SqpConfig, Tracked, Weight, Weights};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -36,6 +36,9 @@ pub struct ControlSpec {
     /// Other values of parameters of the plant in the loop in parts of the run: what is true.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub plant_schedule: Vec<ParameterStep>,
+    /// Loads on the plant in the loop: what no model knows of.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub loads: Vec<LoadSpec>,
     /// What was applied before the first step, one number per input; 0 if absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub initial_input: Option<Vec<f64>>,

@@ -40,6 +40,7 @@ mod family;
 mod identify;
 mod layers;
 mod list;
+mod load;
 mod one_step;
 mod plant;
 mod plants;
@@ -65,6 +66,7 @@ pub use estimator::{
 pub use experiment::{Experiment, LoopParameters, steps};
 pub use identify::{IdentifiedParameter, IdentifySpec};
 pub use list::{ListedRun, RunList};
+pub use load::{LoadSpec, PlantInTheLoop};
 pub use one_step::OneStepSpec;
 pub use plant::{
     AcetoneColumnSpec, AcetoneStillSpec, FourTanksParameters, FourTanksSpec, HydraulicServoSpec,

@@ -2,7 +2,7 @@
 
 use crate::plants::Plants;
 use crate::{FourTanksParameters, FourTanksSpec, PlantSpec};
-use pinc_ode::{Dims, DynPlant, Variable};
+use pinc_ode::{Dims, DynPlant, DynRhs, Variable};
 use pinc_plants::{
     AcetoneColumn, AcetoneStill, FourTanks, HydraulicServo, OneTank, SingleTrackCar, TwoLinkArm,
     VanDerPol,
@@ -88,7 +88,7 @@ pub struct Variables {
 impl Variables {
     /// Those of a plant.
     #[must_use]
-    pub fn of(plant: &dyn DynPlant) -> Self {
+    pub fn of(plant: &dyn DynRhs) -> Self {
         Self {
             states: plant.states().to_vec(),
             inputs: plant.inputs().to_vec(),

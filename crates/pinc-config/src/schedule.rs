@@ -45,6 +45,12 @@ impl Schedule {
         Self { names, values: all }
     }
 
+    /// The values that hold in `step`; none if they never change.
+    pub(crate) fn at(&self, step: usize) -> &[f64] {
+        let found = self.values.iter().rfind(|(start, _)| *start <= step);
+        found.map_or(&[], |(_, values)| values)
+    }
+
     /// The values that begin at `step`, if any do.
     #[must_use]
     pub fn beginning(&self, step: usize) -> Option<&[f64]> {
@@ -63,8 +69,7 @@ impl Experiment {
     }
 
     /// How the plant in the loop changes, of the parameters that do.
-    #[must_use]
-    pub fn plant_schedule(&self, sample_time_s: f64) -> Schedule {
+    pub(crate) fn plant_schedule(&self, sample_time_s: f64) -> Schedule {
         let changes = self.control.as_ref().map_or(&[][..], |control| &control.plant_schedule);
         let nominal = self.plant_in_the_loop().parameters();
         let changing = |name: &&String| changes.iter().any(|c| c.values.contains_key(*name));

@@ -163,13 +163,15 @@ impl<'a> ClosedLoop<'a> {
         Self { watch: Some(Watch::new(observer, dims.nx, dims.np)), ..self }
     }
 
-    /// Lets the plant have the parameters `p` from now on.
+    /// Lets `plant` take the place of the plant from now on, as it is: with its parameters set.
     ///
     /// # Panics
     ///
-    /// If `p` is not as long as the plant's.
-    pub fn set_plant_parameters(&mut self, p: &[f64]) {
-        self.plant.set_parameters(p);
+    /// If it has other states, inputs or outputs, by their numbers.
+    pub fn set_plant(&mut self, plant: Dopri5) {
+        let sizes = |plant: &Dopri5| plant.dims().with_parameters(0);
+        assert_eq!(sizes(&plant), sizes(&self.plant), "the sizes of a plant");
+        self.plant = plant;
     }
 
     /// Tells the controller that the parameters of its model are `p` from now on. An observer has

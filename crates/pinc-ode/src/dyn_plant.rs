@@ -204,6 +204,10 @@ impl Debug for AnyVectorRhs {
 }
 
 impl AnyVectorRhs {
+    pub(crate) fn of<V: Simd>(rhs: Box<dyn VectorRhs<V>>) -> Self {
+        Self(Box::new(rhs))
+    }
+
     /// The right-hand side on vectors `V`.
     ///
     /// # Panics
@@ -223,7 +227,6 @@ impl<P: Plant> Task for Erase<'_, P> {
     type Output = AnyVectorRhs;
 
     fn run<V: Simd>(self, _zero: V) -> AnyVectorRhs {
-        let rhs: Box<dyn VectorRhs<V>> = Box::new(self.plant.clone());
-        AnyVectorRhs(Box::new(rhs))
+        AnyVectorRhs::of::<V>(Box::new(self.plant.clone()))
     }
 }

@@ -2,6 +2,7 @@
 //!
 //! - [`Plant`]: an ordinary differential equation x' = f(x, u, p) with outputs y = h(x, u, p), written
 //!   once over [`pinc_ad::Scalar`]. [`DynRhs`] and [`DynPlant`] are plants with their type erased.
+//! - [`Loaded`]: a plant with given parameters and loads.
 //! - [`Model`]: a discrete-time model x\[k+1\] = F(x\[k\], u\[k\], p) with its Jacobians, which is all
 //!   that a controller sees of a model. [`Rk4`], [`Rk5`] and, for stiff plants, [`Rodas4`] are models
 //!   made of a plant; a trained net is another.
@@ -26,6 +27,7 @@
 mod dopri5;
 mod dyn_plant;
 mod error;
+mod loaded;
 pub mod metrics;
 mod model;
 mod output;
@@ -41,6 +43,7 @@ mod variable;
 pub use dopri5::Dopri5;
 pub use dyn_plant::{AnyVectorRhs, DynPlant, DynRhs, VECTOR_DIRECTIONS, VectorDual, VectorRhs};
 pub use error::OdeError;
+pub use loaded::Loaded;
 pub use model::{Dims, Linearization, LinearizationBuffer, Model, OutputLinearization, Stages};
 pub use piecewise_constant::PiecewiseConstant;
 pub use plant::Plant;

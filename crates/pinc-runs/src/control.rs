@@ -10,7 +10,7 @@ use pinc_check::Rehearsal;
 use pinc_config::{ControlSpec, Experiment, ModelKind, Schedule, Variables};
 use pinc_mpc::{ClosedLoop, Nmpc, NmpcProblem, Reference};
 use pinc_net::PincNet;
-use pinc_ode::{Dims, Dopri5, DynPlant, PiecewiseConstant, Trajectory};
+use pinc_ode::{Dims, Dopri5, DynPlant, DynRhs, PiecewiseConstant, Trajectory};
 use pinc_record::{
     ControlColumns, ControlMetrics, Metrics, ReferenceMetrics, RunDir, StepTimes, WallTimes, file,
 };
@@ -38,26 +38,26 @@ pub struct LoopSetup<'a> {
     pub(crate) parameters: &'a [f64],
     /// The places of those.
     pub(crate) estimated: &'a [usize],
-    /// The plant in the loop, whose parameters are those of the schedule.
-    pub(crate) truth: &'a dyn DynPlant,
-    /// How the parameters of models and plant change.
+    /// The plant in the loop at first.
+    pub(crate) truth: &'a dyn DynRhs,
+    /// How the parameters of models and the plant change.
     pub(crate) schedules: Schedules,
 }
 
-/// How the parameters in a loop change.
+/// How models and plant in a loop change.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Schedules {
-    /// Those that the models are told.
+    /// The parameters that the models are told.
     pub(crate) model: Schedule,
-    /// Those that the plant has.
-    pub(crate) plant: Schedule,
+    /// The plants that take the place of the first one, each from a step on.
+    pub(crate) plants: Vec<(usize, Dopri5)>,
 }
 
 impl Schedules {
     /// Makes the changes that come with `step`.
     fn apply(&self, run: &mut ClosedLoop<'_>, step: usize) -> Result<(), RunError> {
-        if let Some(p) = self.plant.beginning(step) {
-            run.set_plant_parameters(p);
+        if let Some((_, plant)) = self.plants.iter().find(|(from, _)| *from == step) {
+            run.set_plant(plant.clone());
         }
         if let Some(p) = self.model.beginning(step) {
             run.set_model_parameters(p)?;
@@ -281,10 +281,7 @@ impl LoopSetup<'_> {
     /// [`RunError`] if the parts do not fit together.
     pub fn begin<'n>(&self, nmpc: &'n mut Nmpc) -> Result<ClosedLoop<'n>, RunError> {
         let (spec, reference) = (self.spec, self.reference()?);
-        let mut truth = Dopri5::shared(self.truth.to_shared(), spec.plant_tolerance);
-        if let Some(p) = self.schedules.plant.beginning(0) {
-            truth.set_parameters(p);
-        }
+        let truth = Dopri5::shared(self.truth.to_shared(), spec.plant_tolerance);
         let run = ClosedLoop::new(nmpc, truth, reference, &spec.initial_state)?;
         let run = if spec.preview { run } else { run.without_preview() };
         Ok(match &spec.initial_input {

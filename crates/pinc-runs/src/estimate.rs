@@ -8,9 +8,10 @@ use crate::RunError;
 use crate::error::CsvProblem;
 use pinc_config::{Experiment, LoopParameters, ModelKind, Variables};
 use pinc_estimate::Estimator;
-use pinc_record::{EstimateRow, EstimateTable, read_file, write_atomically};
+use pinc_record::{EstimateRow, EstimateTable, StepTimes, read_file, write_atomically};
 use std::fmt;
 use std::path::Path;
+use std::time::Instant;
 
 /// What came of an estimator over recorded data.
 #[derive(Clone, Debug, PartialEq)]
@@ -23,14 +24,16 @@ pub struct Estimated {
     pub measured: usize,
     /// How many corrections did not end as they should.
     pub refused: usize,
+    /// How long a prediction with the correction after it takes, the median, in us.
+    pub step_us: f64,
     /// The root mean square error of each state, where the data have all true states.
     pub rmse: Vec<(String, f64)>,
 }
 
 impl fmt::Display for Estimated {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { rows, nis_mean, measured, refused, rmse } = self;
-        write!(f, "{rows} rows; NIS {nis_mean:.3}, consistent would be {measured}")?;
+        let Self { rows, nis_mean, measured, refused, step_us, rmse } = self;
+        write!(f, "{rows} rows; NIS {nis_mean:.3}, consistent would be {measured}; {step_us:.2} us a step")?;
         if *refused > 0 {
             write!(f, "; {refused} corrections did not succeed")?;
         }
@@ -93,17 +96,17 @@ pub fn estimate(
     let text = read_file(data)?;
     let found = run(filter.as_mut(), &text, &variables, &measured, sample_time_s);
     let at = |(line, problem): At| RunError::Csv { path: data.to_owned(), line, problem };
-    let Run { rows, refused, squared } = found.map_err(at)?;
+    let Run { rows, refused, step_us, squared } = found.map_err(at)?;
     let table = EstimateTable { names, measured, rows };
     if let Some(output) = output {
         write_atomically(output, table.estimates_to_csv().as_bytes())?;
     }
-    Ok(summary(&table, refused, squared, &variables))
+    let summary = summary(&table, squared, &variables);
+    Ok(Estimated { refused, step_us: StepTimes::of(step_us).p50, ..summary })
 }
 
 fn summary(
     table: &EstimateTable,
-    refused: usize,
     squared: Option<Vec<f64>>,
     variables: &Variables,
 ) -> Estimated {
@@ -115,7 +118,8 @@ fn summary(
         rows: table.rows.len(),
         nis_mean: nis.iter().sum::<f64>() / used,
         measured: table.measured.len(),
-        refused,
+        refused: 0,
+        step_us: f64::NAN,
         rmse: squared.map_or_else(Vec::new, |squared| {
             names.zip(squared).map(|(name, sum)| (name, (sum / rows).sqrt())).collect()
         }),
@@ -126,6 +130,8 @@ fn summary(
 struct Run {
     rows: Vec<EstimateRow>,
     refused: usize,
+    /// How long each row took.
+    step_us: Vec<f64>,
     /// The sums of squared errors of the states, if their truth is known.
     squared: Option<Vec<f64>>,
 }
@@ -139,20 +145,24 @@ fn run(
 ) -> Result<Run, At> {
     let (header, rows) = rows(text)?;
     let columns = Columns::find(&header, variables, measured).map_err(|problem| (1, problem))?;
-    let mut run = Run { rows: Vec::new(), refused: 0, squared: None };
+    let mut run = Run { rows: Vec::new(), refused: 0, step_us: Vec::new(), squared: None };
     run.squared = columns.states.as_ref().map(|states| vec![0.0; states.len()]);
     let mut before: Option<(f64, Vec<f64>)> = None;
     for row in rows {
         let (line, cells) = row?;
         let row = columns.read(&cells).map_err(|problem| (line, problem))?;
-        if let Some((t, u)) = &before {
+        if let Some((t, _)) = &before {
             if (row.t - t - sample_time_s).abs() > 1e-6 * sample_time_s {
                 let problem = CsvProblem::Spacing { t: row.t, previous: *t, sample_time_s };
                 return Err((line, problem));
             }
+        }
+        let clock = Instant::now();
+        if let Some((_, u)) = &before {
             filter.predict(u);
         }
         let correction = filter.correct(&row.y);
+        run.step_us.push(1e6 * clock.elapsed().as_secs_f64());
         let refused = correction.nis.is_nan() && correction.measured > 0;
         run.refused += usize::from(refused);
         let (z, n) = (filter.estimate(), filter.dims().nx);

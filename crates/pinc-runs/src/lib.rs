@@ -62,14 +62,16 @@ pub use train_watched::{TrainedNet, TrainingProgress, train_watched};
 pub use trial::{run_trial, train_shared};
 
 use crate::invocation::invocation;
-use pinc_config::{Experiment, LoopParameters, MOST_STEPS, ModelKind};
+use pinc_config::{Experiment, LoopParameters, MOST_STEPS, ModelKind, PlantInTheLoop};
 use pinc_net::PincNet;
+use pinc_ode::Dopri5;
 use pinc_record::{
     Metrics, Provenance, RecordError, RunDir, file, read_file, remove_unfinished, write_atomically,
 };
 use pinc_report as report;
 use std::fs;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 /// How an experiment is run; nothing here changes its numbers.
@@ -350,12 +352,15 @@ impl Stages<'_> {
             let sample_time_s =
                 experiment.sample_time_s().or_else(|| net.map(PincNet::sample_time_s));
             let sample_time_s = sample_time_s.expect("the plan was checked for it");
+            let plants = experiment.plants_in_the_loop(sample_time_s);
+            let (first, later) = plants.split_first().expect("a loop has a plant at first");
+            let later = later.iter().map(|PlantInTheLoop { from_step, plant }| {
+                (*from_step, Dopri5::shared(Arc::clone(plant), spec.plant_tolerance))
+            });
             let schedules = Schedules {
                 model: experiment.model_schedule(sample_time_s),
-                plant: experiment.plant_schedule(sample_time_s),
+                plants: later.collect(),
             };
-            let changing: Vec<_> = schedules.plant.names.iter().map(String::as_str).collect();
-            let truth = experiment.plant_in_the_loop().family(&changing);
             let LoopParameters { names, values, estimated } = experiment.loop_parameters();
             let modelled = &*experiment.plant.family(&names);
             let setup = LoopSetup {
@@ -366,7 +371,7 @@ impl Stages<'_> {
                 seed: experiment.seed,
                 parameters: &values,
                 estimated: &estimated,
-                truth: &*truth,
+                truth: &*first.plant,
                 schedules,
             };
             control::stage(modelled, &setup, options, run_dir)?;

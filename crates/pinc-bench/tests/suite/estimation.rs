@@ -261,6 +261,89 @@ fn sections_that_do_not_fit_are_refused() {
     refused(lost, "seed=1", &["[control.estimator]"]);
 }
 
+/// A leak that begins and ends: the estimated disturbance is there while the leak is, and the
+/// controlled levels come back.
+#[test]
+fn a_leak_is_found_while_it_lasts() {
+    let dir = tempfile::tempdir().unwrap();
+    let config = written(dir.path(), TANKS);
+    let out = dir.path().join("run");
+    let free = "plant.four-tanks.parameters=johansson-minimum";
+    let leak = "control.loads=[{ start_s = 400.0, end_s = 1000.0, rates = { h1 = -0.02 } }]";
+    let disturbed = "{ states = [\"h1\", \"h2\"] }";
+    let mut sets: Vec<String> = vec![free.into(), leak.into()];
+    for (key, value) in [
+        ("duration_s", "1600.0"),
+        ("initial_state", "[12.4, 12.7, 1.8, 1.4]"),
+        ("references", "[{ start_s = 0.0, value = [12.4, 12.7] }]"),
+        ("measurement.noise_sd", "[0.0, 0.0]"),
+        ("estimator.initial_estimate", "[12.4, 12.7, 1.8, 1.4]"),
+        ("estimator.disturbance", disturbed),
+        ("estimator.disturbance_sd", "[0.1, 0.1]"),
+        ("estimator.disturbance_initial_sd", "[0.5, 0.5]"),
+    ] {
+        sets.push(format!("control.{key}={value}"));
+    }
+    let mut command = pinc(&["control", "--quiet"]);
+    command.arg(&config).arg("--out").arg(&out);
+    sets.iter().for_each(|set| {
+        command.args(["--set", set]);
+    });
+    let found = outcome(&mut command);
+    assert_eq!(found.code, Some(0), "{found:?}");
+    let table = EstimateTable::read(&out.join("estimates.csv")).unwrap().unwrap();
+    let leak = |step: usize| table.rows[step].estimate[4];
+    // 0.02 cm/s for 10 s, less what flows out less at a lower level.
+    assert!(leak(39).abs() < 1e-3 && leak(159).abs() < 1e-3, "{} {}", leak(39), leak(159));
+    assert!((-0.2..-0.15).contains(&leak(99)), "{}", leak(99));
+    let metrics = Metrics::read(&out).unwrap().unwrap();
+    let offset = &metrics.control[0].references.offset["h1"];
+    assert!(offset.iter().flatten().all(|offset| *offset < 1e-2), "{offset:?}");
+}
+
+#[test]
+fn loads_that_make_no_sense_are_refused() {
+    let dir = tempfile::tempdir().unwrap();
+    let config = written(dir.path(), TANKS);
+    for (load, parts) in [
+        ("{ start_s = 0.0 }", &["control.loads[0]`", "what it adds"][..]),
+        ("{ start_s = 300.0, rates = { h1 = 1.0 } }", &["start_s`", "less than the duration"]),
+        ("{ start_s = 5.0, rates = { h1 = 1.0 } }", &["start_s`", "whole number of steps"]),
+        ("{ start_s = 20.0, end_s = 10.0, rates = { h1 = 1.0 } }", &["end_s`", "more than 20"]),
+        ("{ start_s = 0.0, rates = { h7 = 1.0 } }", &["loads[0].rates.h7`", "`h7` is not known"]),
+        ("{ start_s = 0.0, inputs = { h1 = 1.0 } }", &["inputs.h1`", "`h1` is not known"]),
+    ] {
+        let mut command = pinc(&["check"]);
+        command.arg(&config).args(["--set", &format!("control.loads=[{load}]")]);
+        outcome(&mut command).assert_refused(parts);
+    }
+}
+
+/// What the plant of the loop cannot hold, and when.
+#[test]
+fn check_asks_the_plant_of_the_loop() {
+    let dir = tempfile::tempdir().unwrap();
+    let config = written(dir.path(), TANKS);
+    let check = |set: &str| {
+        let found = outcome(&mut pinc(&["check", config.to_str().unwrap(), "--set", set]));
+        assert_eq!(found.code, Some(0), "{found:?}");
+        found.stdout
+    };
+    // A leak takes the levels off the line that the singular gain reaches.
+    let leak = "{ start_s = 100.0, end_s = 200.0, rates = { h1 = -0.02 } }";
+    let said = check(&format!("control.loads=[{leak}]"));
+    let place = "with the plant of the loop from 100 s to 200 s: h1 = 9.1596, h2 = 14.2116";
+    assert!(said.contains(place) && said.contains("is no steady state"), "{said}");
+    // Worn pumps do not, but weak ones need more than 5 V.
+    let pumps = |k: &str| {
+        check(&format!("control.plant={{ four-tanks = {{ parameters = \"antonelo\", pump = {k} }} }}"))
+    };
+    let said = pumps("[3.1, 3.1]");
+    assert!(said.contains("the plant of the loop can hold what that of the models can"), "{said}");
+    let said = pumps("[1.5, 1.5]");
+    assert!(said.contains("with the plant of the loop: ") && said.contains("u1 = "), "{said}");
+}
+
 /// The conditions for offset-free control, in words.
 #[test]
 fn check_says_what_an_estimator_cannot_find() {

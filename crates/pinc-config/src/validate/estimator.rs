@@ -1,6 +1,6 @@
 //! Checks of `[control.measurement]` and `[control.estimator]`.
 
-use super::values::{at_least_one, bounds, length, positive, value};
+use super::values::{at_least_one, bounds, length, not_negative, positive, value};
 use super::{Finding, Problem};
 use crate::problem::nearest;
 use crate::registry::Variables;
@@ -32,7 +32,7 @@ pub(super) fn output_feedback(
     if let Some(sd) = &measurement.noise_sd {
         let key = format!("{MEASUREMENT}.noise_sd");
         length(&key, sd, measured.len(), QUANTITY)?;
-        not_negative(&key, sd)?;
+        none_negative(&key, sd)?;
     }
     match (&spec.estimator, &spec.measurement) {
         (None, None) => Ok(()),
@@ -58,7 +58,7 @@ fn tuned(spec: &EstimatorSpec, variables: &Variables, measured: usize) -> Findin
     let key = |name: &str| format!("{ESTIMATOR}.{name}");
     for (name, sd) in [("process_sd", &spec.process_sd), ("initial_sd", &spec.initial_sd)] {
         length(&key(name), sd, states, "state")?;
-        not_negative(&key(name), sd)?;
+        none_negative(&key(name), sd)?;
     }
     length(&key("initial_estimate"), &spec.initial_estimate, states, "state")?;
     length(&key("measurement_sd"), &spec.measurement_sd, measured, QUANTITY)?;
@@ -79,7 +79,7 @@ fn tuned(spec: &EstimatorSpec, variables: &Variables, measured: usize) -> Findin
         ("disturbance_initial_sd", &spec.disturbance_initial_sd),
     ] {
         length(&key(name), sd, disturbances, "disturbance")?;
-        not_negative(&key(name), sd)?;
+        none_negative(&key(name), sd)?;
     }
     for (name, side) in [("low", &spec.low), ("high", &spec.high)] {
         if let Some(side) = side {
@@ -128,8 +128,8 @@ fn unknown_parameters(
             let found = parameter.name.clone();
             return Err((key("name"), Problem::Word { found, known, nearest }));
         }
-        not_negative(&key("initial_sd"), &[parameter.initial_sd])?;
-        not_negative(&key("drift_sd"), &[parameter.drift_sd])?;
+        not_negative(&key("initial_sd"), parameter.initial_sd)?;
+        not_negative(&key("drift_sd"), parameter.drift_sd)?;
         if let (Some(low), Some(high)) = (parameter.low, parameter.high)
             && low > high
         {
@@ -162,11 +162,9 @@ pub(super) fn names(key: &str, names: &[String], known: &[String]) -> Finding {
     Ok(())
 }
 
-fn not_negative(key: &str, numbers: &[f64]) -> Finding {
-    match numbers.iter().position(|&number| number < 0.0) {
-        Some(i) => value(&format!("{key}[{i}]"), numbers[i], "0 or a positive number"),
-        None => Ok(()),
-    }
+fn none_negative(key: &str, numbers: &[f64]) -> Finding {
+    let mut numbers = numbers.iter().enumerate();
+    numbers.try_for_each(|(i, &number)| not_negative(&format!("{key}[{i}]"), number))
 }
 
 /// A finding from an error of pinc-estimate.

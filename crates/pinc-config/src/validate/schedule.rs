@@ -1,9 +1,9 @@
-//! Checks of parameters that change during a closed loop.
+//! Checks of what changes during a closed loop: parameters and loads.
 
-use super::values::{value, whole_steps};
+use super::values::{not_negative, value, whole_steps};
 use super::{Finding, Problem};
 use crate::problem::nearest;
-use crate::{ControlSpec, Experiment, ParameterStep};
+use crate::{ControlSpec, Experiment, ParameterStep, Variables};
 
 pub(super) fn schedules(experiment: &Experiment, spec: &ControlSpec) -> Finding {
     let varying: Vec<String> = experiment.varying().into_iter().map(str::to_owned).collect();
@@ -16,7 +16,44 @@ pub(super) fn schedules(experiment: &Experiment, spec: &ControlSpec) -> Finding 
     let key = "control.parameter_schedule";
     schedule(key, &spec.parameter_schedule, &varying, spec.duration_s, sample_time_s)?;
     let key = "control.plant_schedule";
-    schedule(key, &spec.plant_schedule, &own, spec.duration_s, sample_time_s)
+    schedule(key, &spec.plant_schedule, &own, spec.duration_s, sample_time_s)?;
+    loads(spec, &experiment.plant.variables(), sample_time_s)
+}
+
+fn loads(spec: &ControlSpec, variables: &Variables, sample_time_s: Option<f64>) -> Finding {
+    for (i, load) in spec.loads.iter().enumerate() {
+        let key = |name: &str| format!("control.loads[{i}].{name}");
+        not_negative(&key("start_s"), load.start_s)?;
+        if load.start_s > 0.0 {
+            whole_steps(&key("start_s"), load.start_s, sample_time_s)?;
+        }
+        if load.start_s >= spec.duration_s {
+            let expected = format!("less than the duration of the run, {}", spec.duration_s);
+            return value(&key("start_s"), load.start_s, &expected);
+        }
+        if let Some(end_s) = load.end_s {
+            whole_steps(&key("end_s"), end_s, sample_time_s)?;
+            if end_s <= load.start_s {
+                let expected = format!("more than {}, where the load begins", load.start_s);
+                return value(&key("end_s"), end_s, &expected);
+            }
+        }
+        if load.inputs.is_empty() && load.rates.is_empty() {
+            let expected = "what it adds, as `inputs = { .. }` or `rates = { .. }`";
+            return value(&format!("control.loads[{i}]"), "nothing", expected);
+        }
+        for (table, found, known) in [
+            ("inputs", &load.inputs, variables.input_names()),
+            ("rates", &load.rates, variables.state_names()),
+        ] {
+            if let Some(name) = found.keys().find(|name| !known.contains(name)) {
+                let (found, nearest) = (name.clone(), nearest(name, &known));
+                let key = key(&format!("{table}.{name}"));
+                return Err((key, Problem::Word { found, known, nearest }));
+            }
+        }
+    }
+    Ok(())
 }
 
 fn schedule(

@@ -15,6 +15,10 @@ pub(super) fn positive(key: &str, number: f64) -> Finding {
     if number > 0.0 { Ok(()) } else { value(key, number, "a positive number") }
 }
 
+pub(super) fn not_negative(key: &str, number: f64) -> Finding {
+    if number >= 0.0 { Ok(()) } else { value(key, number, "0 or a positive number") }
+}
+
 pub(super) fn tolerance(key: &str, number: f64) -> Finding {
     if number > 0.0 && number < 1.0 {
         Ok(())

@@ -1,6 +1,7 @@
 //! Moving horizon estimation.
 
 mod program;
+mod smoother;
 mod window;
 
 use self::program::{Constants, Point, Program};
@@ -197,7 +198,7 @@ impl Mhe {
             if expired() {
                 return (EstimatorStatus::Deadline, iteration, point.kkt);
             }
-            match self.programs[steps].solve(expired) {
+            match self.programs[steps].solve(&self.window, &self.constants, expired) {
                 QpStatus::Solved => {}
                 QpStatus::Expired => return (EstimatorStatus::Deadline, iteration, point.kkt),
                 _ => return (EstimatorStatus::QpFailed, iteration, point.kkt),

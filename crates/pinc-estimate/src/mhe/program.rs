@@ -1,5 +1,6 @@
 //! The estimation problem of a window, linearized.
 
+use super::smoother::{Linear, Smoother};
 use super::window::Window;
 use crate::EstimateError;
 use crate::matrix::{add_scaled, dot, factor};
@@ -36,6 +37,8 @@ pub(super) struct Constants {
 pub(super) struct Program {
     dims: Dims,
     qp: Qp,
+    /// What solves it where no bound holds anything, and what where some do.
+    smoother: Smoother,
     solver: ChosenQp,
     step: QpStep,
     /// Those of the point at which the program is linearized.
@@ -44,6 +47,10 @@ pub(super) struct Program {
     model: LinearizationBuffer,
     expected: Vec<f64>,
     h: Vec<f64>,
+    /// Expected minus measured, `[stages, ny]`, NaN where nothing was.
+    errors: Vec<f64>,
+    /// The defects of the dynamics without noise, `[stages, n]`.
+    defects: Vec<f64>,
     by_u: Vec<f64>,
     root: Vec<f64>,
     work: Vec<f64>,
@@ -91,6 +98,7 @@ impl Program {
         }
         Ok(Self {
             dims,
+            smoother: Smoother::new(dims, stages),
             solver: ChosenQp::new(&qp, QpMethod::Auto)?,
             step: QpStep::new(ocp),
             multipliers: Multipliers::new(ocp),
@@ -98,6 +106,8 @@ impl Program {
             model: LinearizationBuffer::new(dims, steps),
             expected: vec![0.0; stages * dims.ny],
             h: vec![0.0; stages * dims.ny * n],
+            errors: vec![0.0; stages * dims.ny],
+            defects: vec![0.0; stages * n],
             by_u: vec![0.0; dims.ny * dims.nu],
             root: vec![0.0; n * n],
             work: vec![0.0; ocp.unknowns()],
@@ -175,7 +185,8 @@ impl Program {
                 } else {
                     constants.process_sd[i] * v[i]
                 };
-                self.qp.c[j * n + i] = (expected[i] + noise - x[i]) / unit[i];
+                self.defects[j * n + i] = (expected[i] - x[i]) / unit[i];
+                self.qp.c[j * n + i] = self.defects[j * n + i] + noise / unit[i];
             }
         }
         let scaled = self.qp.a[n * n..].chunks_exact_mut(n * n);
@@ -188,39 +199,46 @@ impl Program {
         }
     }
 
-    /// Writes the cost's gradient and Hessian; gives the cost.
+    /// Writes the cost's gradient, and the Jacobian of what is measured in units of the states;
+    /// gives the cost.
     fn write_cost(&mut self, window: &Window, constants: &Constants) -> f64 {
         let Dims { nx: n, ny, .. } = self.dims;
         let stages = self.qp.dims.horizon;
         let (by_x, by_v) = self.qp.gradient.split_at_mut(stages * n);
         by_x.fill(0.0);
-        self.qp.q.fill(0.0);
         by_v.copy_from_slice(&window.v[..stages * n]);
         let mut cost = 0.5 * dot(by_v, by_v);
-        let row = &mut self.work[..n];
         for j in 0..stages {
-            let q = &mut self.qp.q[j * n * n..(j + 1) * n * n];
             let gradient = &mut by_x[j * n..(j + 1) * n];
             for i in 0..ny {
-                let error = self.expected[j * ny + i] - window.y[j * ny + i];
-                if error.is_nan() && !window.y[j * ny + i].is_finite() {
-                    continue;
-                }
-                let weight = 1.0 / constants.measurement_variance[i];
-                cost += 0.5 * weight * error * error;
-                let h = &self.h[(j * ny + i) * n..(j * ny + i + 1) * n];
-                for (row, (h, unit)) in row.iter_mut().zip(h.iter().zip(&constants.unit)) {
-                    *row = h * unit;
-                }
-                add_scaled(gradient, weight * error, row);
-                for (q, entry) in q.chunks_exact_mut(n).zip(&*row) {
-                    if *entry != 0.0 {
-                        add_scaled(q, weight * entry, row);
-                    }
+                let h = &mut self.h[(j * ny + i) * n..(j * ny + i + 1) * n];
+                h.iter_mut().zip(&constants.unit).for_each(|(h, unit)| *h *= unit);
+                let y = window.y[j * ny + i];
+                let error = if y.is_finite() { self.expected[j * ny + i] - y } else { f64::NAN };
+                self.errors[j * ny + i] = error;
+                if y.is_finite() {
+                    let weight = 1.0 / constants.measurement_variance[i];
+                    cost += 0.5 * weight * error * error;
+                    add_scaled(gradient, weight * error, h);
                 }
             }
         }
         cost
+    }
+
+    /// Writes the cost's Hessian.
+    fn write_hessian(&mut self, constants: &Constants) {
+        let Dims { nx: n, ny, .. } = self.dims;
+        self.qp.q.fill(0.0);
+        for (place, error) in self.errors.iter().enumerate().filter(|(_, e)| !e.is_nan()) {
+            let (j, weight) = (place / ny, 1.0 / constants.measurement_variance[place % ny]);
+            debug_assert!(error.is_finite(), "the cost is finite");
+            let h = &self.h[place * n..(place + 1) * n];
+            let q = &mut self.qp.q[j * n * n..(j + 1) * n * n];
+            for (q, entry) in q.chunks_exact_mut(n).zip(h).filter(|(_, entry)| **entry != 0.0) {
+                add_scaled(q, weight * entry, h);
+            }
+        }
     }
 
     fn write_bounds(&mut self, window: &Window, constants: &Constants) {
@@ -265,13 +283,43 @@ impl Program {
     }
 
     /// Solves the program where it is linearized.
-    pub(super) fn solve(&mut self, expired: &mut dyn FnMut() -> bool) -> QpStatus {
+    pub(super) fn solve(
+        &mut self,
+        window: &Window,
+        constants: &Constants,
+        expired: &mut dyn FnMut() -> bool,
+    ) -> QpStatus {
+        if !self.is_at_bound() && self.solve_unbounded(window, constants) {
+            return QpStatus::Solved;
+        }
+        self.write_hessian(constants);
         self.step.multipliers.copy_from(&self.multipliers);
         let status = self.solver.solve(&self.qp, &mut self.step, expired);
         if status == QpStatus::Solved && !all_finite(&self.step.d) {
             return QpStatus::Failed;
         }
         status
+    }
+
+    /// Solves the program without its bounds; whether the solution keeps them, and thus is one of
+    /// the program.
+    fn solve_unbounded(&mut self, window: &Window, constants: &Constants) -> bool {
+        let Self { qp, step, smoother, .. } = self;
+        let (dx, dv) = step.d.split_at_mut(qp.dims.all_states());
+        let linear = Linear {
+            a: &qp.a,
+            b: &qp.b,
+            defects: &self.defects,
+            h: &self.h,
+            errors: &self.errors,
+            variances: &constants.measurement_variance,
+        };
+        smoother.solve(linear, dx, dv, &mut step.multipliers.dynamics);
+        dv.iter_mut().zip(&window.v).for_each(|(dv, v)| *dv -= v);
+        step.multipliers.bounds.fill(0.0);
+        let limits = qp.bounds.low.iter().zip(&qp.bounds.high);
+        let inside = |(d, (low, high)): (&f64, (&f64, &f64))| low <= d && d <= high;
+        all_finite(&step.d) && step.d.iter().zip(limits).all(inside)
     }
 
     /// Moves the window's states and noises by a part of the solution, from `base` on.

@@ -4,6 +4,7 @@ mod common;
 mod dopri5;
 mod dopri5_limits;
 mod examples;
+mod loaded;
 mod metrics;
 mod piecewise_constant;
 mod rodas4;

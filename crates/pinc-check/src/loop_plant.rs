@@ -1,0 +1,86 @@
+//! Whether the plant of the loop, where it is another than the models', can hold the references.
+
+use crate::references::{nowhere, outside};
+use crate::{Finding, HeldPoint, MOST_REFERENCES, Subject};
+use pinc_config::{ControlSpec, PlantInTheLoop};
+use std::ops::Range;
+
+pub(crate) fn examine(subject: &Subject<'_>) -> Vec<Finding> {
+    let control = subject.experiment.control.as_ref().filter(|control| control.has_mismatch());
+    let Some(control) = control.filter(|_| !subject.controlled().is_empty()) else {
+        return Vec::new();
+    };
+    let Some(step_s) = subject.experiment.sample_time_s() else { return Vec::new() };
+    let cases = cases(subject, control, step_s);
+    let looked_at = cases.len().min(MOST_REFERENCES);
+    let mut findings: Vec<Finding> =
+        cases[..looked_at].iter().filter_map(|case| judge(subject, control, case)).collect();
+    let others = match cases.len() - looked_at {
+        0 => String::new(),
+        more => format!("; {more} further references and times were not looked at"),
+    };
+    if findings.is_empty() {
+        let what = format!("the plant of the loop can hold what that of the models can{others}");
+        findings.push(Finding::fact("control.plant", what));
+    }
+    findings
+}
+
+/// A value of the references that is asked of a plant.
+struct Case {
+    /// The place of the reference.
+    reference: usize,
+    plant: PlantInTheLoop,
+    /// When the plant is this one, in s.
+    during_s: Range<f64>,
+}
+
+/// All of them that the plant of the models can hold, each value once per plant.
+fn cases(subject: &Subject<'_>, control: &ControlSpec, step_s: f64) -> Vec<Case> {
+    let plants = subject.experiment.plants_in_the_loop(step_s);
+    #[expect(clippy::cast_precision_loss, reason = "no loop has 2^53 steps")]
+    let mut starts: Vec<f64> = plants.iter().map(|p| p.from_step as f64 * step_s).collect();
+    starts.push(control.duration_s);
+    let held: Vec<&[f64]> = subject
+        .holds
+        .iter()
+        .filter(|held| matches!(held.point, HeldPoint::Within(_)))
+        .map(|held| &control.references[held.first].value[..])
+        .collect();
+    let mut cases: Vec<Case> = Vec::new();
+    for (plant, ends) in plants.into_iter().zip(starts.windows(2)) {
+        let first = cases.len();
+        for (reference, step) in control.references.iter().enumerate() {
+            let until = control.references.get(reference + 1).map_or(f64::INFINITY, |r| r.start_s);
+            let meets = step.start_s < ends[1] && ends[0] < until;
+            let known = |case: &Case| control.references[case.reference].value == step.value;
+            if meets && held.contains(&&step.value[..]) && !cases[first..].iter().any(known) {
+                let during_s = ends[0]..ends[1];
+                cases.push(Case { reference, plant: plant.clone(), during_s });
+            }
+        }
+    }
+    cases
+}
+
+/// What is wrong with a reference and a plant, if anything is.
+fn judge(subject: &Subject<'_>, control: &ControlSpec, case: &Case) -> Option<Finding> {
+    let wanted = &control.references[case.reference].value;
+    let place = format!("control.references[{}]", case.reference);
+    let value = subject.controlled_values(wanted);
+    let finding = match subject.hold(&*case.plant.plant, wanted)? {
+        HeldPoint::Within(_) => return None,
+        HeldPoint::Outside(point) => outside(subject, control, &place, &value, &point),
+        HeldPoint::Nowhere(nearest) => {
+            nowhere(subject, control, (&place, &value), wanted, nearest.as_ref())
+        }
+    };
+    let Range { start, end } = case.during_s;
+    let when = match (start > 0.0, end < control.duration_s) {
+        (false, false) => String::new(),
+        (true, false) => format!(" from {} on", subject.time(start)),
+        (_, true) => format!(" from {} to {}", subject.time(start), subject.time(end)),
+    };
+    let what = format!("with the plant of the loop{when}: {}", finding.what);
+    Some(Finding { what, ..finding })
+}
