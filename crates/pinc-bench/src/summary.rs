@@ -23,6 +23,9 @@ fn metrics(text: &mut String, metrics: &Metrics) -> std::fmt::Result {
             "training    {} iterations, {} loss evaluations, {:.1} s: {}",
             training.iterations, training.loss_evaluations, training.wall_s, training.stop_reason
         )?;
+        for (name, value) in &training.parameters {
+            writeln!(text, "            {name} = {value:.6}, trained with the net")?;
+        }
     }
     if let Some(validation) = &metrics.validation {
         writeln!(

@@ -8,7 +8,7 @@ pub(crate) fn examine(subject: &Subject<'_>) -> Vec<Finding> {
         return Vec::new();
     };
     let mut findings = of_files(subject, "data.files", &spec.files);
-    if spec.held_out.is_empty() {
+    if spec.held_out.is_empty() && spec.parameters.is_empty() {
         findings.push(
             Finding::warning("data.held_out", "no measurements are held out")
                 .because(

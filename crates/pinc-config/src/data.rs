@@ -14,4 +14,8 @@ pub struct DataSpec {
     pub held_out: Vec<PathBuf>,
     /// The weight of the measurements' mean squared error in the loss.
     pub weight: f64,
+    /// Parameters of the plant that are unknown: they are trained with the net, from their values
+    /// in `[plant]` on.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub parameters: Vec<String>,
 }

@@ -190,8 +190,7 @@ impl Choice {
             named.map_or_else(String::new, |(_, name)| name.clone())
         };
         let training = experiment.asks_for_a_net().then(|| {
-            let mut alone = experiment.normalized();
-            (alone.prediction, alone.control, alone.one_step) = (None, None, None);
+            let alone = experiment.training_alone();
             (id(&alone), alone)
         });
         Trial {

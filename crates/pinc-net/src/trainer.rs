@@ -1,5 +1,6 @@
 //! Training: Algorithm 1 of the paper, with a sample that can grow.
 
+use crate::kernel::UnknownParameter;
 use crate::labels::Labels;
 use crate::loss::LossTerms;
 use crate::optim::{Iterate, LeastSquares, Objective, Optimizer, Outcome};
@@ -51,6 +52,8 @@ pub struct Trainer {
     fresh: Option<BatchLoss>,
     /// The targets of a distilled net at the points of the sample.
     labels: Option<Labels>,
+    /// Parameters of the plant that are trained with the net.
+    unknown: Vec<UnknownParameter>,
     state: Checkpoint,
 }
 
@@ -129,11 +132,60 @@ impl Trainer {
             loss,
             fresh,
             labels,
+            unknown: Vec::new(),
             state,
         };
         trainer.sample()?;
         trainer.reevaluate();
         Ok(trainer)
+    }
+
+    /// Trains the parameters of `family` with the net, before measurements are added, to which they
+    /// are fitted: an inverse problem. They start at `start`, one for each, and the net takes none
+    /// of them. Since the plant is not known, nets are not validated, and the last one is kept.
+    ///
+    /// # Errors
+    ///
+    /// [`NetError`] if a length does not fit, a start is not finite, the net takes parameters or is
+    /// trained on an integrator instead of the equation.
+    pub fn with_unknown(mut self, family: &dyn DynRhs, start: &[f64]) -> Result<Self, NetError> {
+        let (key, per) = ("data.parameters", "unknown parameter");
+        if start.len() != family.dims().np {
+            let (found, expected) = (start.len(), family.dims().np);
+            return Err(NetError::Dimension { key, found, expected, per });
+        }
+        if let Some(bad) = start.iter().find(|start| !start.is_finite()) {
+            return Err(NetError::Setting { key, found: bad.to_string(), expected: "a number" });
+        }
+        if self.net.dims().np > 0 || self.labels.is_some() {
+            let found = "unknown parameters".to_owned();
+            let expected = "none for a net that takes parameters, or is trained on an integrator";
+            return Err(NetError::Setting { key, found, expected });
+        }
+        let weights = self.config.weights(&self.net)?;
+        let loss = || BatchLoss::inverse(family, &self.net, &weights, start, &self.workers);
+        let (mut fresh, loss) = (self.fresh.is_some().then(loss), loss());
+        if let (Some(fresh), Some(growth)) = (&mut fresh, &self.config.growth) {
+            let points = fresh_points(&self.net, growth.fresh_points, self.seed);
+            fresh.set_points(&points, &Points::default());
+        }
+        (self.loss, self.fresh) = (loss, fresh);
+        self.unknown = start.iter().map(|&start| UnknownParameter::new(start)).collect();
+        let variables = self.net.mlp().parameters().len() + self.unknown.len();
+        let state = &mut self.state;
+        state.iterate.x.resize(variables, 0.0);
+        state.iterate.gradient.resize(variables, 0.0);
+        state.optimizer = Optimizer::new(&self.config.phases[0].optimizer, variables);
+        self.sample()?;
+        self.reevaluate();
+        Ok(self)
+    }
+
+    /// The present estimates of the parameters that are trained with the net.
+    #[must_use]
+    pub fn estimates(&self) -> Vec<f64> {
+        let q = &self.state.iterate.x[self.net.mlp().parameters().len()..];
+        self.unknown.iter().zip(q).map(|(unknown, &q)| unknown.at(q)).collect()
     }
 
     /// Adds measurements to be fitted beside the equation, before the first iteration: the loss
@@ -172,7 +224,7 @@ impl Trainer {
     ///
     /// [`NetError::Checkpoint`] if it does not fit: it must come from the same [`Training`].
     pub fn resume(mut self, checkpoint: Checkpoint) -> Result<Self, NetError> {
-        if checkpoint.iterate.x.len() != self.net.mlp().parameters().len() {
+        if checkpoint.iterate.x.len() != self.state.iterate.x.len() {
             return Err(NetError::Checkpoint { what: "the number of parameters" });
         }
         if checkpoint.phase >= self.config.phases.len() {
@@ -258,7 +310,7 @@ impl Trainer {
     }
 
     /// Whether a validation is due by the schedule: every `validation_every` iterations and at the
-    /// end of each phase.
+    /// end of each phase; never where parameters of the plant are unknown.
     #[must_use]
     pub fn validation_due(&self) -> bool {
         let iterations = self.state.totals.iterations;
@@ -267,7 +319,7 @@ impl Trainer {
         let due = iterations.is_multiple_of(self.config.validation_every)
             || phase_over
             || self.state.finished.is_some();
-        due && self.state.validated_at != Some(iterations)
+        due && self.unknown.is_empty() && self.state.validated_at != Some(iterations)
     }
 
     /// Validates the current net, keeps it if it is the best so far, and ends the training if it
@@ -294,7 +346,10 @@ impl Trainer {
     pub fn net(&self) -> PincNet {
         match (&self.state.best, self.config.keep) {
             (Some((_, parameters)), SelectNet::Best) => self.net.with_parameters(parameters),
-            _ => self.net.with_parameters(&self.state.iterate.x),
+            _ => {
+                let weights = self.net.mlp().parameters().len();
+                self.net.with_parameters(&self.state.iterate.x[..weights])
+            }
         }
     }
 

@@ -304,6 +304,9 @@ pub struct TrainingMetrics {
     /// The loss on points that the net was not trained on, then.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub fresh_loss: Option<f64>,
+    /// The parameters of the plant that were trained with the net.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub parameters: BTreeMap<String, f64>,
 }
 
 /// How good the free run is.

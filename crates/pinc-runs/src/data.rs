@@ -17,7 +17,8 @@ pub(crate) struct Data {
 }
 
 /// Reads measurements for steps of `sample_time_s`. A file with a column `scenario` is one of
-/// trajectories, with the columns of `pinc predict`; any other is one of steps, with the columns t,
+/// trajectories, with the columns of `pinc predict`; one with a column `y_<state>` is one
+/// trajectory, with the columns of `pinc identify`; any other is one of steps, with the columns t,
 /// the inputs, `<state>_0` of the states at t = 0, and the states at t.
 ///
 /// # Errors
@@ -51,7 +52,9 @@ fn parse(
 ) -> Result<(), At> {
     let (header, rows) = rows(text)?;
     if header.iter().any(|column| column == "scenario") {
-        trajectories(variables, sample_time_s, &header, rows, to)
+        trajectories(variables, (sample_time_s, true), &header, rows, to)
+    } else if header.iter().any(|column| column.starts_with("y_")) {
+        trajectories(variables, (sample_time_s, false), &header, rows, to)
     } else {
         steps(variables, sample_time_s, &header, rows, to)
     }
@@ -86,18 +89,23 @@ fn steps(
     Ok(())
 }
 
+/// Trajectories, by the names in a column `scenario`; or a single one without that column, whose
+/// states are `y_<state>`.
 fn trajectories(
     variables: &Variables,
-    sample_time_s: f64,
+    (sample_time_s, named): (f64, bool),
     header: &StringRecord,
     rows: impl Iterator<Item = Row>,
     to: &mut Measurements,
 ) -> Result<(), At> {
     let (inputs, states) = (variables.input_names(), variables.state_names());
     let fixed = ["scenario".to_owned(), "t".to_owned()];
-    let names = [&fixed[..], &inputs, &states].concat();
+    let fixed = if named { &fixed[..] } else { &fixed[1..] };
+    let prefix = if named { "" } else { "y_" };
+    let measured: Vec<_> = states.iter().map(|name| format!("{prefix}{name}")).collect();
+    let names = [fixed, &inputs, &measured].concat();
     let places = places(header, &names).map_err(|problem| (1, problem))?;
-    let m = inputs.len();
+    let (first, m) = (fixed.len(), inputs.len());
     // In the order in which they begin, so that the sums of the loss have an order.
     let mut scenarios: Vec<(String, Vec<Recorded>)> = Vec::new();
     for row in rows {
@@ -105,10 +113,10 @@ fn trajectories(
         let at = |problem| (line, problem);
         let number = |i: usize| finite(&row[places[i]], &names[i]).map_err(at);
         let measured = |i: usize| optional(&row[places[i]], &names[i]).map_err(at);
-        let t = number(1)?;
-        let input = (2..2 + m).map(number).collect::<Result<_, _>>()?;
-        let state = (2 + m..names.len()).map(measured).collect::<Result<_, _>>()?;
-        let name = &row[places[0]];
+        let t = number(first - 1)?;
+        let input = (first..first + m).map(number).collect::<Result<_, _>>()?;
+        let state = (first + m..names.len()).map(measured).collect::<Result<_, _>>()?;
+        let name = if named { &row[places[0]] } else { "" };
         let place = match scenarios.iter().position(|(other, _)| other == name) {
             Some(place) => place,
             None => {

@@ -337,6 +337,11 @@ impl Stages<'_> {
         };
         let net = trained.as_ref().or(plan.given.as_ref().map(|(_, net)| net));
         options.check_interrupt(run_dir.dir())?;
+        // A plant whose parameters were trained with the net is the one that was found.
+        let found = run_dir.metrics().training.as_ref().map(|t| &t.parameters);
+        let found = found.filter(|found| !found.is_empty());
+        let found = found.map(|found| experiment.with_parameters(found));
+        let experiment = found.as_ref().unwrap_or(experiment);
         if let (Some(net), Some(spec), true) = (net, &experiment.prediction, plan.runs_free)
             && run_dir.metrics().prediction.is_none()
         {

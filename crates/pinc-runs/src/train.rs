@@ -16,6 +16,7 @@ use pinc_record::{
     CheckpointProblem, RecordError, RunDir, Saved, TrainingMetrics, TrainingRow, ValidationMetrics,
     file, fixed_table, load_checkpoint, read_fixed_table, save_checkpoint,
 };
+use std::collections::BTreeMap;
 use std::fmt;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
@@ -71,13 +72,16 @@ pub(crate) fn stage(
         Session::begin(&material, experiment, (threads.now)(), options.verbosity, run_dir)?;
     let outcome = session.work(&material, run_dir, &setup.training.effort, threads, options);
     let net = session.trainer.net();
+    let parameters = material.estimates(&session.trainer);
     // The net first: it is what the time was spent on. That of an interrupted training is in the
     // checkpoint; of one that failed, the last good net is kept.
     if !matches!(outcome, Err(RunError::Interrupted { .. })) {
         run_dir.write(file::MODEL, &net.to_bytes())?;
     }
     session.write_log(run_dir)?;
-    let metrics = session.metrics(outcome?);
+    let metrics = TrainingMetrics { parameters, ..session.metrics(outcome?) };
+    let found = setup.found(experiment, &metrics.parameters)?;
+    let (plant, test) = found.as_ref().map_or((plant, &test), |(plant, test)| (&**plant, test));
     let domain_error = domain_error::judge(plant, &net, &setup, experiment.seed, run_dir)?;
     run_dir.note(&[file::MODEL, file::TRAINING, file::DOMAIN_ERROR]);
     run_dir.update(|all| {
@@ -138,7 +142,24 @@ impl<'a> TrainingSetup<'a> {
         }
         let measured = self.measured(experiment, |data| &data.files)?;
         let weight = self.data.map_or(0.0, |data| data.weight);
-        Ok((Material { plant, training, validation, measured, weight }, test))
+        let unknown = self.data.filter(|data| !data.parameters.is_empty());
+        let unknown = unknown.map(|data| Unknown::of(experiment, &data.parameters));
+        Ok((Material { plant, training, validation, measured, weight, unknown }, test))
+    }
+
+    /// The plant with the parameters that were trained with the net, if any were, and the scenarios
+    /// of it.
+    pub(super) fn found(
+        &self,
+        experiment: &Experiment,
+        parameters: &BTreeMap<String, f64>,
+    ) -> Result<Option<(Box<dyn DynPlant>, ValidationSet)>, RunError> {
+        if parameters.is_empty() {
+            return Ok(None);
+        }
+        let plant = experiment.plant.with_parameters(parameters).dyn_plant();
+        let test = self.training(experiment.seed).test_set(&*plant)?;
+        Ok(Some((plant, test)))
     }
 
     /// The threads that the config gives.
@@ -181,6 +202,28 @@ pub(super) struct Material<'a> {
     measured: Option<Data>,
     /// The weight of the measurements.
     weight: f64,
+    unknown: Option<Unknown>,
+}
+
+/// Parameters of the plant that are trained with the net.
+struct Unknown {
+    names: Vec<String>,
+    /// Where they start.
+    start: Vec<f64>,
+    /// The plant in which they are the p of f(x, u, p).
+    family: Box<dyn DynPlant>,
+}
+
+impl Unknown {
+    fn of(experiment: &Experiment, names: &[String]) -> Self {
+        let nominal = experiment.plant.parameters();
+        let varying: Vec<&str> = names.iter().map(String::as_str).collect();
+        Self {
+            names: names.to_vec(),
+            start: names.iter().map(|name| nominal[name]).collect(),
+            family: experiment.plant.family(&varying),
+        }
+    }
 }
 
 impl Material<'_> {
@@ -192,11 +235,20 @@ impl Material<'_> {
     /// A trainer at the beginning.
     pub(super) fn trainer(&self, threads: usize) -> Result<Trainer, RunError> {
         let training = Training { threads, ..self.training.clone() };
-        let trainer = Trainer::new(self.plant, &training, self.validation.clone())?;
+        let mut trainer = Trainer::new(self.plant, &training, self.validation.clone())?;
+        if let Some(unknown) = &self.unknown {
+            trainer = trainer.with_unknown(&*unknown.family, &unknown.start)?;
+        }
         Ok(match &self.measured {
             Some(data) => trainer.with_measurements(&data.measurements, self.weight)?,
             None => trainer,
         })
+    }
+
+    /// The parameters that are trained with the net, as far as they have come.
+    pub(super) fn estimates(&self, trainer: &Trainer) -> BTreeMap<String, f64> {
+        let names = self.unknown.iter().flat_map(|unknown| &unknown.names).cloned();
+        names.zip(trainer.estimates()).collect()
     }
 }
 
@@ -380,6 +432,7 @@ impl Session {
             stop_reason,
             loss: checked.map(|row| row.loss),
             fresh_loss: checked.and_then(|row| row.fresh_loss),
+            parameters: BTreeMap::new(),
         }
     }
 }

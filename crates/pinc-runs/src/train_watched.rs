@@ -85,7 +85,8 @@ pub fn train_watched(
         trainer.validate();
     }
     let net = trainer.net();
-    let validation = test.evaluate(&net);
+    let found = setup.found(experiment, &material.estimates(&trainer))?;
+    let validation = found.map_or(test, |(_, test)| test).evaluate(&net);
     let totals = trainer.totals();
     Ok(TrainedNet { net, validation, stop_reason, totals, wall_s: elapsed_s() })
 }

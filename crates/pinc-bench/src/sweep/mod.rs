@@ -7,9 +7,9 @@ mod status;
 
 pub use status::{Status, status};
 
-use crate::RunError;
+use crate::{RunError, console};
 use crew::Crew;
-use pinc_config::{Experiment, Plants, SweepSpec, Trial, trials};
+use pinc_config::{Experiment, Plants, SweepSpec, Trial, nets_of_parameters, trials};
 use pinc_record::work::{Estimate, Ledger, Queue, effort, expected};
 use pinc_record::{
     Best, CsvText, Invocation, Provenance, RecordError, RunDir, Standing, SummaryTable, SweepDir,
@@ -86,6 +86,9 @@ pub fn sweep(
         clear(experiment, dir)?;
     }
     let session = Session::open(experiment, &trials, dir, options, shard.shared)?;
+    if let (Some(nets), Verbosity::Shown) = (nets_of_parameters(&trials), options.verbosity) {
+        console::note(&nets);
+    }
     let worked = session.work(options, shard);
     let closed = session.close();
     // What was done before it stopped is in the tables; why it stopped matters more.

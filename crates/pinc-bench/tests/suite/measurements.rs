@@ -1,6 +1,8 @@
 //! `[data]`: measurements from CSV files in the training, and what is said of bad ones.
 
 use crate::common::{Outcome, outcome, pinc, smoke};
+use pinc_ode::Dopri5;
+use pinc_plants::VanDerPol;
 use std::path::Path;
 
 /// Trains the smoke config for a few iterations, with `[data]` of these files.
@@ -114,4 +116,64 @@ fn a_training_goes_on_with_the_same_measurements_or_not_at_all() {
     std::fs::write(dir.path().join("m.csv"), STEPS.replace("0.8,", "0.7,")).unwrap();
     let outcome = outcome(pinc(&arguments).current_dir(dir.path()));
     outcome.assert_refused(&["checkpoint.bin: belongs to another config or other measurements"]);
+}
+
+/// Measurements of an oscillator of mu 0.7, as `pinc identify` reads them.
+fn recorded() -> String {
+    let mut text = "t,u,y_x1,y_x2\n".to_owned();
+    let mut x = [1.0, 0.0];
+    for k in 0..60_u32 {
+        let u = f64::from(k / 5 * 7 % 11) / 5.0 - 1.0;
+        text += &format!("{},{u},{},{}\n", 0.5 * f64::from(k), x[0], x[1]);
+        Dopri5::new(VanDerPol { mu: 0.7 }, 1e-10).integrate(&mut x, &[u], 0.5).unwrap();
+    }
+    text
+}
+
+/// The parameter is found, and everything after the training is of the plant that was found.
+#[test]
+fn an_unknown_parameter_is_trained_with_the_net() {
+    let dir = tempfile::tempdir().unwrap();
+    std::fs::write(dir.path().join("m.csv"), recorded()).unwrap();
+    let data = "[data]\nfiles = [\"m.csv\"]\nparameters = [\"mu\"]\n[training]";
+    std::fs::write(dir.path().join("a.toml"), smoke().replace("[training]", data)).unwrap();
+    let iterations = "training.phases.0.iterations=400";
+    let run = ["run", "a.toml", "--out", "run", "--set", iterations];
+    let first = outcome(pinc(&run).current_dir(dir.path()));
+    assert_eq!(first.code, Some(0), "{first:?}");
+    assert!(first.stdout.contains("trained with the net"), "{first:?}");
+    let metrics = || -> serde_json::Value {
+        let text = std::fs::read(dir.path().join("run/metrics.json")).unwrap();
+        serde_json::from_slice(&text).unwrap()
+    };
+    let before = metrics();
+    let mu = before["training"]["parameters"]["mu"].as_f64().unwrap();
+    assert!((mu - 0.7).abs() < 0.03, "{mu}");
+    // Against mu = 1, where the training began, the net would be off by a tenth of the domain.
+    let error = before["validation"]["domain_error"]["rms"].as_f64().unwrap();
+    assert!(error < 0.02, "{error}");
+    // The loop of a run that is resumed after its training is the same.
+    std::fs::remove_file(dir.path().join("run/control-pinc.csv")).unwrap();
+    let again = [&run[..], &["--resume"]].concat();
+    let again = outcome(pinc(&again).current_dir(dir.path()));
+    assert_eq!(again.code, Some(0), "{again:?}");
+    assert_eq!(metrics()["control"][0]["iae"], before["control"][0]["iae"]);
+}
+
+#[test]
+fn unknown_parameters_that_make_no_sense_are_refused() {
+    let dir = tempfile::tempdir().unwrap();
+    let refused = |data: &str, parts: &[&str]| {
+        train(dir.path(), &[], &format!("files = [\"m.csv\"]\n{data}")).assert_refused(parts);
+    };
+    refused("parameters = [\"mi\"]", &["data.parameters[0]", "mi", "mu"]);
+    refused("parameters = [\"mu\", \"mu\"]", &["data.parameters[1]", "each parameter once"]);
+    refused(
+        "parameters = [\"mu\"]\n[domain.parameters]\nmu = [0.5, 1.5]",
+        &["data.parameters", "no such key with [domain.parameters]"],
+    );
+    refused(
+        "parameters = [\"mu\"]\nheld_out = [\"m.csv\"]",
+        &["data.held_out", "no such key with data.parameters"],
+    );
 }

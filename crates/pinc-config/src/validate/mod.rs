@@ -106,6 +106,7 @@ impl Experiment {
                 return value("training.source", "\"integrator\"", expected);
             }
             measurements(data)?;
+            names::unknown_parameters(self, data)?;
             if self.model.as_ref().is_some_and(|model| model.time_only.is_some()) {
                 let expected = "no such key with [data], whose scenarios differ";
                 return value("model.time_only", "a single scenario", expected);

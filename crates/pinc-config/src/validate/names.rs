@@ -1,9 +1,9 @@
 //! Names of states, inputs and outputs as names of columns; names of parameters.
 
 use super::{Finding, value};
-use crate::problem::nearest;
+use crate::problem::{Problem, nearest};
 use crate::registry::Variables;
-use crate::{Experiment, PlantSpec};
+use crate::{DataSpec, Experiment, PlantSpec};
 use pinc_net::Domain;
 
 /// The tables of a run have a state's truth, its reference and its initial value beside it, and an
@@ -42,6 +42,37 @@ pub(super) fn column_names(plant: &PlantSpec, variables: &Variables) -> Finding 
             _ => "plant".to_owned(),
         };
         return value(&key, format!("{name:?}"), &expected);
+    }
+    Ok(())
+}
+
+/// Checks the parameters that are trained with the net.
+pub(super) fn unknown_parameters(experiment: &Experiment, data: &DataSpec) -> Finding {
+    let known: Vec<String> = experiment.plant.parameters().into_keys().collect();
+    for (i, name) in data.parameters.iter().enumerate() {
+        let (key, quoted) = (format!("data.parameters[{i}]"), format!("{name:?}"));
+        if known.is_empty() {
+            let expected = "no such key: the plant has no parameters that can vary";
+            return value(&key, quoted, expected);
+        }
+        if !known.contains(name) {
+            let (found, nearest) = (name.clone(), nearest(name, &known));
+            return Err((key, Problem::Word { found, known, nearest }));
+        }
+        if data.parameters[..i].contains(name) {
+            return value(&key, quoted, "each parameter once");
+        }
+    }
+    if data.parameters.is_empty() {
+        return Ok(());
+    }
+    if !experiment.varying().is_empty() {
+        let expected = "no such key with [domain.parameters]: the net is of one plant";
+        return value("data.parameters", format!("{:?}", data.parameters), expected);
+    }
+    if !data.held_out.is_empty() {
+        let expected = "no such key with data.parameters: the last net is kept";
+        return value("data.held_out", format!("{:?}", data.held_out), expected);
     }
     Ok(())
 }

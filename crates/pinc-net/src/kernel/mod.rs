@@ -26,6 +26,7 @@ use dense::PackedLayer;
 use faer::MatMut;
 use normal::Slab;
 use panels::Panels;
+pub(crate) use physics::UnknownParameter;
 use physics::{Physics, Term};
 use pinc_ad::simd::{Simd, Task};
 use pinc_ode::{AnyVectorRhs, Dims, DynRhs};
@@ -56,8 +57,38 @@ impl BatchLoss {
         weights: &LossWeights,
         workers: &Workers,
     ) -> Self {
+        Self::of_unknown(plant, net, weights, &[], workers)
+    }
+
+    /// The loss of a net that takes no parameters, on a plant whose parameters are unknown: they are
+    /// trained with the net. `start`, `np` numbers, is where they start. Behind the parameters of
+    /// the net stands a variable q for each, and the plant's parameter is start + |start| q, or q
+    /// where the start is 0.
+    ///
+    /// # Panics
+    ///
+    /// If the length of `start` is not that of the plant's parameters, or the net takes parameters.
+    pub fn inverse(
+        plant: &dyn DynRhs,
+        net: &PincNet,
+        weights: &LossWeights,
+        start: &[f64],
+        workers: &Workers,
+    ) -> Self {
+        assert_eq!([start.len(), net.dims().np], [plant.dims().np, 0], "unknown parameters");
+        let unknown: Vec<_> = start.iter().map(|&start| UnknownParameter::new(start)).collect();
+        Self::of_unknown(plant, net, weights, &unknown, workers)
+    }
+
+    fn of_unknown(
+        plant: &dyn DynRhs,
+        net: &PincNet,
+        weights: &LossWeights,
+        unknown: &[UnknownParameter],
+        workers: &Workers,
+    ) -> Self {
         let rhs = plant.vectorized(workers.isa);
-        let engine = workers.isa.dispatch(Build { rhs, net, weights, workers });
+        let engine = workers.isa.dispatch(Build { rhs, net, weights, unknown, workers });
         Self { engine }
     }
 
@@ -85,7 +116,8 @@ impl BatchLoss {
     ///
     /// # Panics
     ///
-    /// If the numbers of parameters and of derivatives are not that of the net.
+    /// If the numbers of parameters and of derivatives are not that of the net with the unknown
+    /// parameters of the plant.
     pub fn loss_gradient(&mut self, parameters: &[f64], gradient: &mut [f64]) -> LossTerms {
         self.engine.evaluate(parameters, Some(gradient))
     }
@@ -123,6 +155,7 @@ struct Build<'a> {
     rhs: AnyVectorRhs,
     net: &'a PincNet,
     weights: &'a LossWeights,
+    unknown: &'a [UnknownParameter],
     workers: &'a Workers,
 }
 
@@ -130,10 +163,10 @@ impl Task for Build<'_> {
     type Output = Box<dyn Engine>;
 
     fn run<V: Simd>(self, zero: V) -> Box<dyn Engine> {
-        let Self { rhs, net, weights, workers } = self;
+        let Self { rhs, net, weights, unknown, workers } = self;
         let pool = Arc::clone(&workers.pool);
         let dims = net.dims();
-        let workspace = || Mutex::new(Workspace::new(&net.mlp, dims, zero));
+        let workspace = || Mutex::new(Workspace::new(&net.mlp, dims, unknown.len(), zero));
         Box::new(LaneEngine {
             dims,
             layers: net.mlp.layers().map(|l| PackedLayer::new(l, V::ROWS)).collect(),
@@ -145,11 +178,12 @@ impl Task for Build<'_> {
                 output: net.output.clone(),
                 residual_scale: weights.residual_scale.clone(),
                 initial_scale: weights.initial_scale.clone(),
+                unknown: unknown.to_vec(),
             },
             lambda: weights.lambda,
             measured: 0.0,
             sets: Vec::new(),
-            parameters: net.mlp.parameters().len(),
+            parameters: net.mlp.parameters().len() + unknown.len(),
             blocks: Vec::new(),
             slabs: Vec::new(),
             workspaces: (0..pool.current_num_threads()).map(|_| workspace()).collect(),
@@ -201,6 +235,12 @@ impl<V: Simd> LaneEngine<V> {
         assert_eq!(parameters.len(), self.parameters, "number of parameters");
         for layer in &mut self.layers {
             layer.fill(parameters);
+        }
+        // Behind those of the net.
+        let unknown = &mut self.physics.unknown;
+        let (_, q) = parameters.split_at(parameters.len() - unknown.len());
+        for (unknown, &q) in unknown.iter_mut().zip(q) {
+            unknown.value = unknown.at(q);
         }
     }
 

@@ -1,7 +1,7 @@
 //! The loss of one panel, and its derivatives in the outputs of the perceptron.
 
 use super::dense::Cell;
-use super::panels::Panel;
+use super::panels::{Pair, Panel};
 use crate::{Ansatz, Normalizer};
 use pinc_ad::Dual;
 use pinc_ad::simd::Simd;
@@ -32,6 +32,29 @@ pub(super) struct Physics<V> {
     pub(super) residual_scale: Vec<f64>,
     /// Factor of each state's initial error, and of its error against measurements.
     pub(super) initial_scale: Vec<f64>,
+    /// Parameters of the plant that are trained with the net; without any, the plant's parameters
+    /// are those of the points.
+    pub(super) unknown: Vec<UnknownParameter>,
+}
+
+/// A parameter of the plant that is trained with the net, by the variable q of the optimizer.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct UnknownParameter {
+    /// Its value at the present q.
+    pub(super) value: f64,
+    start: f64,
+    scale: f64,
+}
+
+impl UnknownParameter {
+    pub(crate) fn new(start: f64) -> Self {
+        Self { value: start, start, scale: if start.abs() > 0.0 { start.abs() } else { 1.0 } }
+    }
+
+    /// Its value at `q`.
+    pub(crate) fn at(&self, q: f64) -> f64 {
+        self.scale.mul_add(q, self.start)
+    }
 }
 
 /// Memory for the plant's equation on dual numbers.
@@ -43,22 +66,27 @@ pub(super) struct PlantBuffers<V> {
     f: Vec<Dual<V, DIRECTIONS>>,
     /// y' of each state.
     rate: Vec<V>,
-    /// dL/dy and dL/dy' of each state.
+    /// dL/dy of each state, then dL/dp of each unknown parameter.
     state_adjoint: Vec<V>,
+    /// dL/dy' of each state.
     rate_adjoint: Vec<V>,
+    /// dL/dq of each unknown parameter, summed over a panel.
+    pub(super) unknown_adjoint: Vec<V>,
 }
 
 impl<V: Simd> PlantBuffers<V> {
-    pub(super) fn new(dims: Dims, zero: V) -> Self {
+    /// For a net of dimensions `dims` on a plant with as many `unknown` parameters.
+    pub(super) fn new(dims: Dims, unknown: usize, zero: V) -> Self {
         let states = vec![Dual::lift(zero); dims.nx];
         Self {
             x: states.clone(),
             u: vec![Dual::lift(zero); dims.nu],
-            p: vec![Dual::lift(zero); dims.np],
+            p: vec![Dual::lift(zero); dims.np + unknown],
             f: states,
             rate: vec![zero; dims.nx],
-            state_adjoint: vec![zero; dims.nx],
+            state_adjoint: vec![zero; dims.nx + unknown],
             rate_adjoint: vec![zero; dims.nx],
+            unknown_adjoint: vec![zero; unknown],
         }
     }
 }
@@ -80,7 +108,9 @@ impl<V: Simd> Physics<V> {
         adjoint: &mut [Cell<V>],
         scratch: &mut PlantBuffers<V>,
     ) -> V {
-        let mut squares = panel.t[0].constant(0.0);
+        let zero = panel.t[0].constant(0.0);
+        let mut squares = zero;
+        scratch.unknown_adjoint.fill(zero);
         for half in 0..2 {
             let t = panel.t[half];
             let factors = self.ansatz.factor(t, self.sample_time_s);
@@ -102,11 +132,13 @@ impl<V: Simd> Physics<V> {
     }
 
     /// The derivatives of each of a panel's errors, times the root of `weight`, in the perceptron's
-    /// outputs z and their time tangents: with them the loss is the sum of squares.
+    /// outputs z and their time tangents: with them the loss is the sum of squares. Those in the
+    /// unknown parameters go into `unknown`.
     ///
     /// # Shapes
     ///
-    /// `output`: one cell per state; `jacobian`: `[errors, states]`, as many errors as states.
+    /// `output`: one cell per state; `jacobian`: `[errors, states]`, as many errors as states;
+    /// `unknown`: `[errors, unknown parameters]`.
     #[inline(always)]
     pub(super) fn linearize(
         &self,
@@ -114,10 +146,10 @@ impl<V: Simd> Physics<V> {
         weight: f64,
         panel: Panel<'_, V>,
         output: &[Cell<V>],
-        jacobian: &mut [Cell<V>],
+        (jacobian, unknown): (&mut [Cell<V>], &mut [Pair<V>]),
         scratch: &mut PlantBuffers<V>,
     ) {
-        let states = output.len();
+        let (states, parameters) = (output.len(), self.unknown.len());
         let scale = match term {
             Term::Physics => &self.residual_scale,
             Term::Initial | Term::Measured => &self.initial_scale,
@@ -143,6 +175,20 @@ impl<V: Simd> Physics<V> {
                     let (value, tangent) = self.through_ansatz(j, factors, derivatives);
                     jacobian[i * states + j][half] = value;
                     jacobian[i * states + j][half + 2] = tangent;
+                }
+            }
+            for (j, parameter) in self.unknown.iter().enumerate() {
+                let column = states + j;
+                if term == Term::Physics && (j == 0 || column.is_multiple_of(DIRECTIONS)) {
+                    let first = column / DIRECTIONS * DIRECTIONS;
+                    self.evaluate_rhs(panel, output, half, first, scratch);
+                }
+                for i in 0..states {
+                    let error = panel.mask[half] * (weight.sqrt() * scale[i] * parameter.scale);
+                    unknown[i * parameters + j][half] = match term {
+                        Term::Physics => -scratch.f[i].eps[column % DIRECTIONS] * error,
+                        Term::Initial | Term::Measured => zero,
+                    };
                 }
             }
         }
@@ -173,7 +219,8 @@ impl<V: Simd> Physics<V> {
         (y, factor_rate.mul_add(d, factor * d_rate))
     }
 
-    /// y', f(y, u, p), and the derivatives of f in the states from `first` on, into the buffers.
+    /// y', f(y, u, p), and the derivatives of f in the states and unknown parameters from `first`
+    /// on, into the buffers.
     #[inline(always)]
     fn evaluate_rhs(
         &self,
@@ -192,6 +239,10 @@ impl<V: Simd> Physics<V> {
             *x = Dual::variable(y, i.checked_sub(first).unwrap_or(DIRECTIONS));
             *rate = y_rate;
         }
+        for (column, (p, unknown)) in (output.len()..).zip(p.iter_mut().zip(&self.unknown)) {
+            let value = panel.t[half].constant(unknown.value);
+            *p = Dual::variable(value, column.checked_sub(first).unwrap_or(DIRECTIONS));
+        }
         self.plant.rhs(x, u, p, f);
     }
 
@@ -206,8 +257,8 @@ impl<V: Simd> Physics<V> {
         scratch: &mut PlantBuffers<V>,
     ) -> V {
         let mut squares = panel.t[half].constant(0.0);
-        let states = output.len();
-        for first in (0..states).step_by(DIRECTIONS) {
+        let columns = output.len() + self.unknown.len();
+        for first in (0..columns).step_by(DIRECTIONS) {
             self.evaluate_rhs(panel, output, half, first, scratch);
             let PlantBuffers { f, rate, state_adjoint, rate_adjoint, .. } = &mut *scratch;
             if first == 0 {
@@ -219,13 +270,18 @@ impl<V: Simd> Physics<V> {
                 }
             }
             // dL/dy_j = - sum_i dL/dF_i df_i/dy_j
-            let width = DIRECTIONS.min(states - first);
+            let width = DIRECTIONS.min(columns - first);
             for (direction, adjoint) in state_adjoint[first..first + width].iter_mut().enumerate() {
                 *adjoint = adjoint.constant(0.0);
                 for (f, &rate) in f.iter().zip(rate_adjoint.iter()) {
                     *adjoint = f.eps[direction].neg_mul_add(rate, *adjoint);
                 }
             }
+        }
+        let PlantBuffers { state_adjoint, unknown_adjoint, .. } = scratch;
+        let of_parameters = state_adjoint[output.len()..].iter().zip(&self.unknown);
+        for (sum, (&adjoint, unknown)) in unknown_adjoint.iter_mut().zip(of_parameters) {
+            *sum = *sum + adjoint * unknown.scale;
         }
         squares
     }

@@ -1,7 +1,7 @@
 //! A tile of panels through the net, forwards and backwards, in memory that stays in cache.
 
 use super::dense::{Cell, PackedLayer, accumulate, multiply};
-use super::panels::{Panel, Panels};
+use super::panels::{Pair, Panel, Panels};
 use super::physics::{Physics, PlantBuffers, Term};
 use crate::Normalizer;
 use crate::mlp::Mlp;
@@ -33,20 +33,23 @@ pub(super) struct Workspace<V> {
     gradient: Vec<V>,
     /// Derivatives of a panel's errors in the outputs of the net, `[errors, states]`.
     seeds: Vec<Cell<V>>,
+    /// The same in the unknown parameters of the plant, `[errors, unknown parameters]`.
+    unknown_seeds: Vec<Pair<V>>,
     scratch: PlantBuffers<V>,
     zero: V,
 }
 
 impl<V: Simd> Workspace<V> {
-    pub(super) fn new(mlp: &Mlp, dims: pinc_ode::Dims, zero: V) -> Self {
+    pub(super) fn new(mlp: &Mlp, dims: pinc_ode::Dims, unknown: usize, zero: V) -> Self {
         let cells = |width: usize| vec![[zero; 4]; width * tile_panels::<V>()];
         Self {
             shapes: mlp.layers().map(|l| (l.inputs, l.outputs)).collect(),
             activations: mlp.widths().iter().map(|&w| cells(w)).collect(),
             adjoints: mlp.widths()[1..].iter().map(|&w| cells(w)).collect(),
-            gradient: vec![zero; mlp.parameters().len()],
+            gradient: vec![zero; mlp.parameters().len() + unknown],
             seeds: vec![[zero; 4]; dims.nx * dims.nx],
-            scratch: PlantBuffers::new(dims, zero),
+            unknown_seeds: vec![[zero; 2]; dims.nx * unknown],
+            scratch: PlantBuffers::new(dims, unknown, zero),
             zero,
         }
     }
@@ -129,7 +132,7 @@ impl<V: Simd> Work for Jacobian<'_, V> {
             for state in 0..states {
                 pass.seed(state);
                 pass.backward(0);
-                pass.write_rows(row, out.rb_mut());
+                pass.write_rows(row, state, out.rb_mut());
                 row += 2 * V::LANES;
             }
         }
@@ -165,20 +168,28 @@ impl<V: Simd> Pass<'_, V> {
     /// The squared errors, and the derivatives of the loss in the outputs of the net.
     #[inline(always)]
     fn outputs(&mut self, panel: Panel<'_, V>, place: usize) -> V {
-        let Workspace { shapes, activations, adjoints, scratch, .. } = &mut *self.workspace;
+        let Workspace { shapes, activations, adjoints, gradient, scratch, .. } =
+            &mut *self.workspace;
         let last = shapes.len() - 1;
         let range = place * shapes[last].1..(place + 1) * shapes[last].1;
         let output = &activations[last + 1][range.clone()];
         let adjoint = &mut adjoints[last][range];
-        self.physics.panel(self.term, self.weight, panel, output, adjoint, scratch)
+        let squares = self.physics.panel(self.term, self.weight, panel, output, adjoint, scratch);
+        // The derivatives in the plant's parameters follow those in the net's.
+        for (sum, part) in gradient.iter_mut().rev().zip(scratch.unknown_adjoint.iter().rev()) {
+            *sum = *sum + *part;
+        }
+        squares
     }
 
     /// The derivatives of all errors of the panel in place 0 in the outputs of the net.
     #[inline(always)]
     fn linearize(&mut self, panel: Panel<'_, V>) {
-        let Workspace { shapes, activations, seeds, scratch, .. } = &mut *self.workspace;
+        let Workspace { shapes, activations, seeds, unknown_seeds, scratch, .. } =
+            &mut *self.workspace;
         let last = shapes.len() - 1;
         let output = &activations[last + 1][..shapes[last].1];
+        let seeds = (&mut seeds[..], &mut unknown_seeds[..]);
         self.physics.linearize(self.term, self.weight, panel, output, seeds, scratch);
     }
 
@@ -191,11 +202,11 @@ impl<V: Simd> Pass<'_, V> {
         adjoints[last][..states].copy_from_slice(&seeds[state * states..(state + 1) * states]);
     }
 
-    /// Writes the derivatives in each parameter, from the adjoints in place 0: two vectors a
-    /// column, from `row` on.
+    /// Writes the derivatives of the error of `state` in each parameter, from the adjoints in place
+    /// 0: two vectors a column, from `row` on.
     #[inline(always)]
-    fn write_rows(&self, row: usize, mut out: MatMut<'_, f64>) {
-        let Workspace { shapes, activations, adjoints, .. } = &*self.workspace;
+    fn write_rows(&self, row: usize, state: usize, mut out: MatMut<'_, f64>) {
+        let Workspace { shapes, activations, adjoints, unknown_seeds, .. } = &*self.workspace;
         let mut columns = out.rb_mut().col_iter_mut();
         for (l, &(width, height)) in shapes.iter().enumerate() {
             let adjoints = &adjoints[l][..height];
@@ -209,6 +220,10 @@ impl<V: Simd> Pass<'_, V> {
             for adjoint in adjoints {
                 write_rows(columns.next(), row, adjoint[0], adjoint[1]);
             }
+        }
+        let unknown = self.physics.unknown.len();
+        for [first, second] in &unknown_seeds[state * unknown..(state + 1) * unknown] {
+            write_rows(columns.next(), row, *first, *second);
         }
     }
 

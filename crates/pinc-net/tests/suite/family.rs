@@ -4,9 +4,9 @@ use super::model_file::with_header;
 use pinc_ad::Scalar;
 use pinc_net::{
     Domain, Measurements, NetConfig, NetError, ParameterRange, PincModel, PincNet, Trained,
-    Training, TrainingConfig, TrainingTarget, ValidationConfig,
+    Trainer, Training, TrainingConfig, TrainingTarget, ValidationConfig,
 };
-use pinc_ode::{Dopri5, Model, Plant, Variable};
+use pinc_ode::{Dims, Dopri5, Model, Plant, Variable};
 
 /// A pendulum with friction, x'' = -p1 sin x - p2 x' + u, whose parameters vary.
 #[derive(Clone, Debug)]
@@ -163,4 +163,96 @@ fn a_conventional_pinn_has_no_family() {
     let config = NetConfig { time_only: Some(scenario), ..NetConfig::new(0.4, 1, 4) };
     let error = PincNet::new(&Pendulum, &config, &domain(), 0).unwrap_err();
     assert!(matches!(error, NetError::Setting { key: "time_only", .. }), "{error}");
+}
+
+/// Steps of the pendulum with these parameters, from points all over the domain.
+fn measured(p: [f64; 2]) -> Measurements {
+    let mut measured = Measurements::new(Dims::new(2, 1));
+    for k in 0..60_u32 {
+        let part = |n: u32| f64::from(k * n % 61) / 60.0;
+        let (y0, u) = ([3.0 * part(7) - 1.5, 4.0 * part(17) - 2.0], [2.0 * part(29) - 1.0]);
+        let mut x = y0;
+        let mut integrator = Dopri5::new(Pendulum, 1e-10);
+        integrator.set_parameters(&p);
+        integrator.integrate(&mut x, &u, 0.4).unwrap();
+        measured.push(0.4, &y0, &u, &[], &x.map(Some));
+    }
+    measured
+}
+
+/// A member of the family whose parameters do not vary.
+#[derive(Clone, Debug)]
+struct Member([f64; 2]);
+
+impl Plant for Member {
+    fn states(&self) -> &[Variable] {
+        Plant::states(&Pendulum)
+    }
+
+    fn inputs(&self) -> &[Variable] {
+        Plant::inputs(&Pendulum)
+    }
+
+    #[inline(always)]
+    fn rhs<S: Scalar>(&self, x: &[S], u: &[S], _: &[S], dx: &mut [S]) {
+        Pendulum.rhs(x, u, &self.0.map(|p| x[0].constant(p)), dx);
+    }
+}
+
+/// Net and parameters are found in one training, from a start that is far off; and a training that
+/// is resumed finds the same bits.
+#[test]
+fn unknown_parameters_are_trained_with_the_net() {
+    let (truth, start) = ([1.3, 0.2], [0.4, 0.7]);
+    let domain = Domain { parameters: Vec::new(), ..domain() };
+    let mut config = TrainingConfig::recommended();
+    config.phases[0].iterations = 400;
+    let training = Training { config, ..Training::new(NetConfig::new(0.4, 2, 12), domain) };
+    let plant = Member(start);
+    let trainer = || {
+        let validation = training.validation_set(&plant).unwrap();
+        let trainer = Trainer::new(&plant, &training, validation).unwrap();
+        let trainer = trainer.with_unknown(&Pendulum, &start).unwrap();
+        trainer.with_measurements(&measured(truth), 1.0).unwrap()
+    };
+    let mut whole = trainer();
+    assert_eq!(whole.estimates(), start);
+    for _ in 0..150 {
+        whole.step().unwrap();
+    }
+    let mut resumed = trainer().resume(whole.checkpoint().clone()).unwrap();
+    whole.run().unwrap();
+    resumed.run().unwrap();
+    assert_eq!(whole.estimates(), resumed.estimates());
+    assert_eq!(whole.net(), resumed.net());
+    let found = whole.estimates();
+    assert!(
+        found.iter().zip(truth).all(|(found, truth)| (found - truth).abs() < 2e-3),
+        "{found:?}"
+    );
+    // It is the net of the plant that was found.
+    let set = training.test_set(&Member(truth)).unwrap();
+    let error = set.evaluate(&whole.net()).one_step_mse.sqrt();
+    assert!(error < 3e-3, "{error}");
+}
+
+#[test]
+fn unknown_parameters_that_do_not_fit_are_refused() {
+    let flat = Domain { parameters: Vec::new(), ..domain() };
+    let member = Training::new(NetConfig::new(0.4, 1, 4), flat);
+    let fresh = || {
+        let validation = member.validation_set(&Member([1.0, 0.2])).unwrap();
+        Trainer::new(&Member([1.0, 0.2]), &member, validation).unwrap()
+    };
+    let family = Training::new(NetConfig::new(0.4, 1, 4), domain());
+    let of_family =
+        Trainer::new(&Pendulum, &family, family.validation_set(&Pendulum).unwrap()).unwrap();
+    for (refused, expected) in [
+        (fresh().with_unknown(&Pendulum, &[1.0]), "unknown parameter"),
+        (fresh().with_unknown(&Pendulum, &[1.0, f64::NAN]), "NaN"),
+        (of_family.with_unknown(&Pendulum, &[1.0, 0.2]), "none for a net that takes parameters"),
+    ] {
+        let error = refused.unwrap_err().to_string();
+        assert!(error.contains(expected), "{error}");
+    }
 }

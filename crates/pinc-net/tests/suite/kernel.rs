@@ -7,7 +7,7 @@ use pinc_net::{
     ParameterRange, PincNet, Points, ResidualScale, Sampler, Scenario, Workers, initial_conditions,
     reference_loss, reference_measured, reference_residuals,
 };
-use pinc_ode::Plant;
+use pinc_ode::{Plant, Variable};
 use pinc_plants::{FourTanks, OneTank, VanDerPol};
 use proptest::prelude::*;
 
@@ -319,6 +319,83 @@ fn a_nan_or_infinite_weight_shows_in_loss_and_gradient() {
                 let terms = loss.loss_gradient(&parameters, &mut gradient);
                 let finite = terms.total().is_finite() && gradient.iter().all(|g| g.is_finite());
                 assert!(!finite || (bad.is_infinite() && index == 0), "{isa}, {bad}, {index}");
+            }
+        }
+    }
+}
+
+/// The pendulum with parameters that do not vary: what an inverse problem has at one of its points.
+#[derive(Clone, Debug)]
+struct Known([f64; 2]);
+
+impl Plant for Known {
+    fn states(&self) -> &[Variable] {
+        Plant::states(&Pendulum)
+    }
+
+    fn inputs(&self) -> &[Variable] {
+        Plant::inputs(&Pendulum)
+    }
+
+    #[inline(always)]
+    fn rhs<S: Scalar>(&self, x: &[S], u: &[S], _: &[S], dx: &mut [S]) {
+        Pendulum.rhs(x, u, &self.0.map(|p| x[0].constant(p)), dx);
+    }
+}
+
+/// Loss, gradient and normal matrix with unknown parameters: in the weights those of the plant that
+/// is known, in the parameters those of its differences.
+#[test]
+fn unknown_parameters_agree_with_the_specification() {
+    let case = Case { hidden_layers: 2, neurons: 5, collocation: 37, initial: 9, ..large() };
+    for (start, q) in
+        [([0.8, -0.3], [0.5, 0.2]), ([1e-3, 0.0], [3.0, 0.7]), ([4e3, 2.0], [0.1, -0.4])]
+    {
+        let scale = start.map(|start: f64| if start.abs() > 0.0 { start.abs() } else { 1.0 });
+        let at = |q: [f64; 2]| Known([0, 1].map(|i| start[i] + scale[i] * q[i]));
+        let known = problem(at(q), &case);
+        let residuals = |q: [f64; 2]| {
+            let points = (&known.collocation, &known.initial);
+            let w = known.net.mlp().parameters();
+            let [data, physics] =
+                reference_residuals(&at(q), &known.net, &known.weights, w, points, 0.0);
+            let measured = (&known.measured, MEASURED);
+            [data, physics, reference_measured(&known.net, &known.weights, w, measured, 0.0)]
+                .concat()
+        };
+        // The residuals are linear in the parameters.
+        let columns = [0, 1].map(|i| {
+            let moved = |by: f64| residuals([0, 1].map(|j| if i == j { q[j] + by } else { q[j] }));
+            let ends = moved(0.5).into_iter().zip(moved(-0.5));
+            ends.map(|(after, before)| after - before).collect::<Vec<f64>>()
+        });
+        let (r, (_, expected)) = (residuals(q), known.reference());
+        let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
+        let in_q = [0, 1].map(|i| 2.0 * dot(&columns[i], &r));
+        let expected = [&expected[..], &in_q].concat();
+        let size = expected.iter().fold(0.0, |m: f64, g| m.max(g.abs()));
+        for isa in Isa::available() {
+            let workers = Workers::with_isa(2, isa).unwrap();
+            let mut loss =
+                BatchLoss::inverse(&Pendulum, &known.net, &known.weights, &start, &workers);
+            loss.set_points(&known.collocation, &known.initial);
+            loss.set_measurements(&known.measured, MEASURED);
+            let x = [known.net.mlp().parameters(), &q].concat();
+            let mut gradient = vec![f64::NAN; x.len()];
+            let terms = loss.loss_gradient(&x, &mut gradient);
+            assert_eq!(terms, loss.loss(&x));
+            assert!((terms.total() - dot(&r, &r)).abs() <= 1e-12 * terms.total(), "{isa}");
+            for (got, want) in gradient.iter().zip(&expected) {
+                assert!((got - want).abs() <= 1e-11 * size, "{isa}: {got} {want}");
+            }
+            let mut matrix = vec![f64::NAN; x.len().pow(2)];
+            loss.normal_matrix(&x, &mut matrix);
+            let first = x.len() - 2;
+            for (i, j) in [(0, 0), (1, 0), (1, 1)] {
+                let want = dot(&columns[i], &columns[j]);
+                let got = matrix[(first + j) * x.len() + first + i];
+                let size = (dot(&columns[i], &columns[i]) * dot(&columns[j], &columns[j])).sqrt();
+                assert!((got - want).abs() <= 1e-10 * size, "{isa}, {i} {j}: {got} {want}");
             }
         }
     }
