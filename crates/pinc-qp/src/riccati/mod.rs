@@ -11,6 +11,10 @@ use self::interior_point::{Ending, InteriorPoint};
 use self::newton::Newton;
 use super::{Qp, QpSolver, QpStatus, QpStep};
 
+/// How many steps the active rows of a guess may take: a good one needs a few, and what needs more
+/// than this is cheaper for the interior-point method, which takes about as many.
+const FIRST_STEPS: usize = 24;
+
 /// Solves a [`Qp`] stage by stage, at a cost linear in the horizon.
 ///
 /// With a guess of the active rows, as from the step before, a few factorisations find the
@@ -38,11 +42,11 @@ impl RiccatiQp {
         }
     }
 
-    /// Solves from the guess and the point that there are.
-    fn resolve(&mut self, qp: &Qp, expired: &mut dyn FnMut() -> bool) -> bool {
+    /// Solves from the guess and the point that there are, in at most so many steps.
+    fn resolve(&mut self, qp: &Qp, steps: usize, expired: &mut dyn FnMut() -> bool) -> bool {
         let guess = &self.guess;
         self.active.guess(qp, |row| guess[row]);
-        self.active.solve(qp, &mut self.newton, expired)
+        self.active.solve(qp, &mut self.newton, steps, expired)
     }
 }
 
@@ -55,14 +59,19 @@ impl QpSolver for RiccatiQp {
         };
         self.newton.start(step);
         self.guess.copy_from_slice(&self.newton.mu);
-        if self.resolve(qp, expired) {
+        if self.resolve(qp, FIRST_STEPS, expired) {
             self.newton.finish(step);
             return QpStatus::Solved;
+        }
+        if expired() {
+            self.active.note(qp, &mut self.newton.mu);
+            self.newton.rows.write(&self.newton.mu, &mut step.multipliers);
+            return QpStatus::Expired;
         }
         match self.interior.solve(qp, &mut self.newton, expired) {
             Ending::Converged => {
                 self.interior.active(&mut self.guess);
-                if !self.resolve(qp, expired) {
+                if !self.resolve(qp, usize::MAX, expired) {
                     return if late { QpStatus::Expired } else { QpStatus::Failed };
                 }
                 self.newton.finish(step);
