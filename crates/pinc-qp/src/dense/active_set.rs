@@ -153,16 +153,14 @@ impl ActiveSet {
     }
 
     /// Solves `qp`, starting from the guess, which is the last solution if it was not changed.
-    /// After each change of the working set, those of the guess too, `expired` is asked whether the time is up.
+    /// After each change of the working set `expired` is asked whether the time is up.
     pub(crate) fn solve(&mut self, qp: &DenseQp, expired: &mut dyn FnMut() -> bool) -> DenseStatus {
         self.changes = 0;
         self.tolerance = TOLERANCE;
         if !self.cholesky.factor(&qp.hessian) {
             return DenseStatus::Failed;
         }
-        if !self.start(qp, expired) {
-            return DenseStatus::Expired;
-        }
+        self.start(qp);
         let most_changes = 10 * (self.mu.len() + 10);
         let mut fresh = true;
         while self.changes <= most_changes {
@@ -193,9 +191,8 @@ impl ActiveSet {
         all_finite(&self.values) && all_finite(&self.mu)
     }
 
-    /// Makes the working set of the guess, less the rows whose multipliers it gets wrong; whether
-    /// that was done in time.
-    fn start(&mut self, qp: &DenseQp, expired: &mut dyn FnMut() -> bool) -> bool {
+    /// Makes the working set of the guess, less the rows whose multipliers it gets wrong.
+    fn start(&mut self, qp: &DenseQp) {
         self.working.clear();
         self.qr.clear();
         for row in 0..self.mu.len() {
@@ -210,12 +207,8 @@ impl ActiveSet {
             let member = self.working[gone];
             self.mu[member.row] = self.mu[member.row].clamp(member.least, member.most);
             self.leave(gone);
-            if expired() {
-                return false;
-            }
             self.resolve(qp);
         }
-        true
     }
 
     fn try_warm_row(&mut self, qp: &DenseQp, row: usize, mu: f64) {

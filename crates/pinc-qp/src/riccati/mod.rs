@@ -18,9 +18,9 @@ const FIRST_STEPS: usize = 24;
 /// Solves a [`Qp`] stage by stage, at a cost linear in the horizon.
 ///
 /// With a guess of the active rows, as from the step before, a few factorisations find the
-/// solution. Without, or where that does not settle, an interior-point method comes near it, and
-/// its active rows are the guess that gives the exact solution. All memory is allocated at
-/// construction.
+/// solution. Without, or where that does not settle soon, an interior-point method comes near it,
+/// and its active rows are the guess that gives the exact solution. What that cannot solve is left
+/// to the first guess again, without haste. All memory is allocated at construction.
 #[derive(Debug)]
 pub(super) struct RiccatiQp {
     newton: Newton,
@@ -42,6 +42,19 @@ impl RiccatiQp {
         }
     }
 
+    /// Solves from d = 0 and the multipliers of `step`, in at most so many steps.
+    fn solve_from_guess(
+        &mut self,
+        qp: &Qp,
+        step: &QpStep,
+        steps: usize,
+        expired: &mut dyn FnMut() -> bool,
+    ) -> bool {
+        self.newton.start(step);
+        self.guess.copy_from_slice(&self.newton.mu);
+        self.resolve(qp, steps, expired)
+    }
+
     /// Solves from the guess and the point that there are, in at most so many steps.
     fn resolve(&mut self, qp: &Qp, steps: usize, expired: &mut dyn FnMut() -> bool) -> bool {
         let guess = &self.guess;
@@ -57,9 +70,7 @@ impl QpSolver for RiccatiQp {
             late = late || expired();
             late
         };
-        self.newton.start(step);
-        self.guess.copy_from_slice(&self.newton.mu);
-        if self.resolve(qp, FIRST_STEPS, expired) {
+        if self.solve_from_guess(qp, step, FIRST_STEPS, expired) {
             self.newton.finish(step);
             return QpStatus::Solved;
         }
@@ -68,20 +79,24 @@ impl QpSolver for RiccatiQp {
             self.newton.rows.write(&self.newton.mu, &mut step.multipliers);
             return QpStatus::Expired;
         }
-        match self.interior.solve(qp, &mut self.newton, expired) {
+        let solved = match self.interior.solve(qp, &mut self.newton, expired) {
             Ending::Converged => {
                 self.interior.active(&mut self.guess);
-                if !self.resolve(qp, usize::MAX, expired) {
-                    return if late { QpStatus::Expired } else { QpStatus::Failed };
-                }
-                self.newton.finish(step);
-                QpStatus::Solved
+                self.resolve(qp, usize::MAX, expired)
             }
             Ending::Infeasible(row) => {
-                QpStatus::Infeasible(self.newton.rows.row(row, self.newton.mu[row] > 0.0))
+                let upper = self.newton.mu[row] > 0.0;
+                return QpStatus::Infeasible(self.newton.rows.row(row, upper));
             }
-            Ending::Failed if late => QpStatus::Expired,
-            Ending::Failed => QpStatus::Failed,
+            Ending::Failed => false,
+        };
+        if solved || !expired() && self.solve_from_guess(qp, step, usize::MAX, expired) {
+            self.newton.finish(step);
+            QpStatus::Solved
+        } else if expired() {
+            QpStatus::Expired
+        } else {
+            QpStatus::Failed
         }
     }
 }
