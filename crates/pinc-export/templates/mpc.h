@@ -148,6 +148,8 @@ typedef struct {
     PINC_REAL dynamics_residual;
     long spent;
     int warm;
+    int tentative;
+    int has_fallback;
     int elastic;
 } pinc_mpc;
 

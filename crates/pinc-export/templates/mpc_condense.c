@@ -169,13 +169,11 @@ static void pinc_guess(pinc_mpc *m)
     }
 }
 
-/* Writes states, inputs and multipliers of the step. */
-static void pinc_expand(pinc_mpc *m, const pinc_qp *qp)
+/* Writes the multipliers of the limits. */
+static void pinc_read_multipliers(pinc_mpc *m)
 {
     const pinc_dense *s = &m->dense;
-    PINC_REAL *inputs = m->d + PINC_STATES;
     int i;
-    int j;
     pinc_fill(m->step.bounds, PINC_N(0), PINC_STATES);
     pinc_fill(m->step.increments, PINC_N(0), PINC_INPUTS);
     pinc_copy(m->step.bounds + PINC_STATES, s->mu, PINC_INPUTS);
@@ -185,7 +183,15 @@ static void pinc_expand(pinc_mpc *m, const pinc_qp *qp)
     for (i = 0; i < PINC_INCREMENT_ROWS; i++) {
         m->step.increments[pinc_increment_rows[i]] = s->mu[PINC_INPUTS + PINC_STATE_ROWS + i];
     }
-    pinc_copy(inputs, s->x, PINC_INPUTS);
+}
+
+/* Writes states, inputs and multipliers of the step. */
+static void pinc_expand(pinc_mpc *m, const pinc_qp *qp)
+{
+    PINC_REAL *inputs = m->d + PINC_STATES;
+    int j;
+    pinc_read_multipliers(m);
+    pinc_copy(inputs, m->dense.x, PINC_INPUTS);
     pinc_copy(m->d, qp->c, PINC_STATES);
     for (j = 0; j < PINC_N2; j++) {
         PINC_REAL *now = m->d + (j * PINC_NX);
@@ -223,6 +229,8 @@ static pinc_qp_status pinc_solve_qp(pinc_mpc *m)
         if (finite == 0) {
             status = PINC_QP_FAILED;
         }
+    } else if (status == PINC_QP_EXPIRED) {
+        pinc_read_multipliers(m);
     }
     return status;
 }

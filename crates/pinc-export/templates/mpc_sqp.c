@@ -394,8 +394,11 @@ static PINC_REAL pinc_length(const pinc_mpc *m)
     return pinc_clamp(m->last_length / (PINC_N(1) - ratio), PINC_N(0.05), PINC_N(50));
 }
 
-/* Goes along the step as far as is good and gives 1; 0 if it is not good at all. */
-static int pinc_search(pinc_mpc *m, const PINC_REAL *reference, PINC_REAL *cost, PINC_REAL least)
+/* How the search along a step ended. */
+typedef enum { PINC_FOUND, PINC_NO_DESCENT, PINC_LATE } pinc_found;
+
+/* Goes along the step as far as is good. */
+static pinc_found pinc_search(pinc_mpc *m, const PINC_REAL *reference, PINC_REAL *cost, PINC_REAL least)
 {
     const PINC_REAL good = PINC_CONTRACTION * least;
     PINC_REAL length = pinc_length(m);
@@ -409,7 +412,11 @@ static int pinc_search(pinc_mpc *m, const PINC_REAL *reference, PINC_REAL *cost,
         if (m->kkt <= good) {
             pinc_accept(m, length);
             *cost = now;
-            return 1;
+            return PINC_FOUND;
+        }
+        if (pinc_expired(m) != 0) {
+            m->plan = m->base;
+            return PINC_LATE;
         }
     }
     length = PINC_N(1);
@@ -417,7 +424,7 @@ static int pinc_search(pinc_mpc *m, const PINC_REAL *reference, PINC_REAL *cost,
     if (m->kkt <= good) {
         pinc_accept(m, length);
         *cost = now;
-        return 1;
+        return PINC_FOUND;
     }
     pinc_update_weights(m->weights.dynamics, m->step.dynamics, PINC_STATES);
     pinc_update_weights(m->weights.bounds, m->step.bounds, PINC_UNKNOWNS);
@@ -430,13 +437,17 @@ static int pinc_search(pinc_mpc *m, const PINC_REAL *reference, PINC_REAL *cost,
         if (merit <= most + (PINC_NOISE * pinc_abs(start))) {
             pinc_accept(m, length);
             *cost = now;
-            return 1;
+            return PINC_FOUND;
+        }
+        if (pinc_expired(m) != 0) {
+            m->plan = m->base;
+            return PINC_LATE;
         }
         length *= PINC_N(0.5);
         now = pinc_try(m, reference, length);
     }
     m->plan = m->base;
-    return 0;
+    return PINC_NO_DESCENT;
 }
 
 /* Improves the plan; gives how that ended. */
@@ -450,6 +461,7 @@ static pinc_status pinc_optimize(pinc_mpc *m, const PINC_REAL *reference)
     m->iterations = 0;
     for (;;) {
         pinc_qp_status solved;
+        pinc_found found;
         m->kkt = kkt;
         if (pinc_finite(kkt) == 0) {
             return PINC_NUMERICAL_TROUBLE;
@@ -467,6 +479,8 @@ static pinc_status pinc_optimize(pinc_mpc *m, const PINC_REAL *reference)
         m->step = m->plan.m;
         solved = pinc_solve_qp(m);
         if (solved == PINC_QP_EXPIRED) {
+            /* The next control step goes on from there. */
+            m->plan.m = m->step;
             return PINC_DEADLINE;
         }
         if (solved == PINC_QP_INFEASIBLE) {
@@ -479,7 +493,12 @@ static pinc_status pinc_optimize(pinc_mpc *m, const PINC_REAL *reference)
         if (solved != PINC_QP_SOLVED) {
             return PINC_NUMERICAL_TROUBLE;
         }
-        if (pinc_search(m, reference, &cost, least) != 0) {
+        found = pinc_search(m, reference, &cost, least);
+        if (found == PINC_LATE) {
+            m->kkt = kkt;
+            return PINC_DEADLINE;
+        }
+        if (found == PINC_FOUND) {
             kkt = m->kkt;
         } else if (m->elastic != 0) {
             m->kkt = kkt;
@@ -528,16 +547,22 @@ static void pinc_stay_at(pinc_plan *plan, const PINC_REAL *x)
     memset(&plan->m, 0, sizeof(plan->m));
 }
 
-/* Makes the last plan the first guess of the next. */
-static void pinc_shift_plan(pinc_mpc *m)
+/* Moves a plan on by a step. */
+static void pinc_shift_plan(pinc_plan *plan)
 {
-    pinc_plan *plan = &m->plan;
     pinc_shift(plan->z, PINC_NX, PINC_STATES);
     pinc_shift(plan->z + PINC_STATES, PINC_NU, PINC_INPUTS);
     pinc_shift(plan->m.dynamics, PINC_NX, PINC_STATES);
     pinc_shift(plan->m.bounds, PINC_NX, PINC_STATES);
     pinc_shift(plan->m.bounds + PINC_STATES, PINC_NU, PINC_INPUTS);
     pinc_shift(plan->m.increments, PINC_NU, PINC_INPUTS);
+}
+
+/* Makes the last plan the first guess of the next. */
+static void pinc_shift_warm_start(pinc_mpc *m)
+{
+    pinc_plan *plan = &m->plan;
+    pinc_shift_plan(plan);
     if (m->warm == 0) {
         if (pinc_all_finite(m->start, PINC_NX) != 0) {
             pinc_stay_at(plan, m->start);
@@ -546,7 +571,35 @@ static void pinc_shift_plan(pinc_mpc *m)
         }
     }
     pinc_project(m, plan->z);
-    m->fallback = *plan;
+    if (m->tentative != 0) {
+        pinc_shift_plan(&m->fallback);
+        pinc_project(m, m->fallback.z);
+    } else {
+        m->fallback = *plan;
+    }
+}
+
+/* Keeps the new plan if it is worth following, or if only the time was up as a guess for the next
+   step; or else takes the first guess. */
+static void pinc_keep_plan(pinc_mpc *m, pinc_status status, int finite)
+{
+    /* A plan that is true to the model is followed, optimal or not. */
+    const int good =
+        ((status == PINC_CONVERGED) || (m->dynamics_residual <= PINC_CREDIBLE)) ? finite : 0;
+    const int moved = (memcmp(&m->plan, &m->fallback, sizeof(m->plan)) != 0) ? 1 : 0;
+    const int guess =
+        ((finite != 0) && (good == 0) && (status == PINC_DEADLINE)) ? (m->warm | moved) : 0;
+    m->tentative = guess & m->has_fallback;
+    m->followed = (m->tentative != 0) ? 0 : (good | guess);
+    m->has_fallback = good | m->tentative;
+    m->warm = m->followed | m->tentative;
+    if (m->tentative != 0) {
+        pinc_copy(m->plan.z + PINC_STATES, m->fallback.z + PINC_STATES, PINC_NU);
+    } else if (m->followed == 0) {
+        m->plan = m->fallback;
+    } else {
+        /* The plan is followed. */
+    }
 }
 
 /* Predicts the state in which the input that is chosen now will act. */
@@ -625,7 +678,6 @@ pinc_status pinc_mpc_step(pinc_mpc *m, const PINC_REAL x[PINC_NX],
 {
     pinc_status status;
     int finite;
-    int good;
     if ((pinc_all_finite(x, PINC_NX) & pinc_all_finite(reference, PINC_N2 * PINC_NY)) == 0) {
         int v;
         for (v = 0; v < PINC_NU; v++) {
@@ -638,19 +690,13 @@ pinc_status pinc_mpc_step(pinc_mpc *m, const PINC_REAL x[PINC_NX],
     m->elastic = 0;
     pinc_copy(m->penalty, pinc_penalty, PINC_STATES);
     pinc_predict_delay(m, x);
-    pinc_shift_plan(m);
+    pinc_shift_warm_start(m);
     status = pinc_judge(m, pinc_optimize(m, reference));
     finite = pinc_plan_is_finite(&m->plan);
     if (finite == 0) {
         status = PINC_NUMERICAL_TROUBLE;
     }
-    /* A plan that is true to the model is followed, optimal or not. */
-    good = ((status == PINC_CONVERGED) || (m->dynamics_residual <= PINC_CREDIBLE)) ? 1 : 0;
-    m->warm = finite & good;
-    m->followed = m->warm;
-    if (m->warm == 0) {
-        m->plan = m->fallback;
-    }
+    pinc_keep_plan(m, status, finite);
     pinc_project(m, m->plan.z);
     pinc_push(m);
     pinc_copy(u, m->previous, PINC_NU);

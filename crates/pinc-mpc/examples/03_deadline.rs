@@ -23,7 +23,7 @@ pub(crate) fn main() -> Result<(), MpcError> {
     assert_eq!(step.status, SqpStatus::Converged);
     let planned = nmpc.plan().inputs()[1];
 
-    // A clock enters as a closure, asked before each QP: on a machine, `|| start.elapsed() >
+    // A clock enters as a closure, asked before each QP and within: on a machine, `|| start.elapsed() >
     // budget`. Here the time is up at once, and the input is the next one of the last plan.
     let step = nmpc.step_within(&[0.9, -0.4], &reference, &mut || true)?;
     println!("{}: u {:.5}, planned before: {planned:.5}", step.status, step.u[0]);

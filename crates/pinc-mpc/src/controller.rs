@@ -23,7 +23,8 @@ use pinc_qp::{OcpDims, all_finite};
 /// Autom. Control 44 (1999)). Otherwise the input is the next one of the last plan, whose last
 /// input is held when it has run out (before there is a plan, it is 0, moved into the bounds); and
 /// the step after starts afresh from the state measured then, so that one failure does not lead to
-/// the next.
+/// the next. Only where nothing but the time was up, it goes on from where this one ended; and until
+/// there has been a plan true to the model, the one that the time allowed is followed.
 ///
 /// # Delays
 ///
@@ -62,10 +63,15 @@ pub struct Nmpc {
     dims: OcpDims,
     sqp: Sqp,
     plan: Solution,
-    /// The last plan, moved on.
+    /// The last plan that was followed, moved on.
     fallback: Solution,
     /// Whether the plan's states are worth starting from.
     warm: bool,
+    /// Whether the plan is a guess only, since the time was up before it was worth following; the
+    /// last plan that was is the fallback.
+    tentative: bool,
+    /// Whether there is a plan that was good enough to be followed without need.
+    has_fallback: bool,
     /// Whether the plan is moved on.
     shifted: bool,
     /// Whether the problem is linearised there.
@@ -134,6 +140,8 @@ impl Nmpc {
             fallback: plan.clone(),
             plan,
             warm: false,
+            tentative: false,
+            has_fallback: false,
             shifted: false,
             prepared: false,
             previous: vec![0.0; dims.nu],
@@ -197,6 +205,8 @@ impl Nmpc {
         self.plan.clear();
         self.sqp.forget();
         self.warm = false;
+        self.tentative = false;
+        self.has_fallback = false;
         self.shifted = false;
         self.prepared = false;
         self.previous.fill(0.0);
@@ -261,8 +271,11 @@ impl Nmpc {
     }
 
     /// [`Nmpc::step`] within a time budget: `expired` says whether the time is up. It is asked
-    /// before each QP and within it, between changes of its active rows; what is done when it is up
-    /// takes one linearisation at most. The status is then [`SqpStatus::Deadline`].
+    /// within the first linearisation, every 32 stages, before each QP and within it, between
+    /// factorisations and solutions of its linear systems, and between trials of a step's length;
+    /// what is done when it is up takes one linearisation at most. The status is then
+    /// [`SqpStatus::Deadline`]. Its residual is infinite where the first linearisation did not come
+    /// to its end.
     ///
     /// # Errors
     ///
@@ -331,6 +344,9 @@ impl Nmpc {
         }
         if self.horizon.is_uniform() {
             self.plan.shift();
+            if self.tentative {
+                self.fallback.shift();
+            }
         } else {
             self.fallback.copy_from(&self.plan);
             self.plan.resample(&self.fallback, self.horizon.times());
@@ -344,7 +360,11 @@ impl Nmpc {
             }
         }
         self.sqp.project(&mut self.plan, &self.previous);
-        self.fallback.copy_from(&self.plan);
+        if self.tentative {
+            self.sqp.project(&mut self.fallback, &self.previous);
+        } else {
+            self.fallback.copy_from(&self.plan);
+        }
     }
 
     /// Keeps the new plan if it is worth following, or else takes the first guess. Gives the
@@ -357,19 +377,34 @@ impl Nmpc {
         }
         let credible = last.dynamics <= self.config.tolerance.sqrt();
         let good = matches!(status, SqpStatus::Converged | SqpStatus::Prepared) || credible;
-        self.warm = finite && good;
+        let guess = finite && !good && status == SqpStatus::Deadline && self.has_guess();
+        self.tentative = guess && self.has_fallback;
+        // With nothing to fall back on, a plan on its way is better than none.
+        let followed = finite && good || guess && !self.has_fallback;
+        self.has_fallback = finite && good || self.tentative;
+        self.warm = followed || self.tentative;
         self.shifted = false;
         self.prepared = false;
         if status != SqpStatus::Converged && status != SqpStatus::Prepared {
             tracing::debug!(%status, iterations, kkt = last.max(), "a control step did not converge");
         }
-        if !self.warm {
+        if self.tentative {
+            let first = self.dims.input(0);
+            self.plan.z[first].copy_from_slice(self.fallback.first_input());
+        } else if !followed {
             self.plan.copy_from(&self.fallback);
         }
         // Whatever came before: what leaves is within the limits, counted from the input applied
         // last.
         self.sqp.project(&mut self.plan, &self.previous);
-        (status, self.warm)
+        (status, followed)
+    }
+
+    /// Whether a plan that cannot be followed yet is a better guess for the next step than to stay:
+    /// there was one before, or the optimisation has brought one. On stages of different lengths
+    /// there is no memory to keep two plans.
+    fn has_guess(&self) -> bool {
+        self.horizon.is_uniform() && (self.warm || self.plan != self.fallback)
     }
 
     /// Puts the input chosen under way.

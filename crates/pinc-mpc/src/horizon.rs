@@ -5,6 +5,10 @@ use crate::error::check_range;
 use pinc_ode::{Dims, Linearization, Model, Stages};
 use std::ops::Range;
 
+/// How many stages are linearised between two looks at the clock; a multiple of the points that the
+/// models take at once.
+const UNASKED: usize = 32;
+
 /// The models along the prediction horizon, one or more stages each, and the times of the stages.
 #[derive(Debug)]
 pub(crate) struct Horizon {
@@ -89,22 +93,35 @@ impl Horizon {
         self.blocks[place.unwrap_or(last)].model.as_mut()
     }
 
-    /// Linearises at the points of all stages, each by its model.
-    pub(crate) fn linearize(&mut self, at: Stages<'_>, out: Linearization<'_>) {
+    /// Linearises at the points of all stages, each by its model; whether it came to the end before
+    /// `expired` said that the time is up.
+    pub(crate) fn linearize(
+        &mut self,
+        at: Stages<'_>,
+        out: Linearization<'_>,
+        expired: &mut dyn FnMut() -> bool,
+    ) -> bool {
         let Dims { nx, nu, np, .. } = self.dims;
         let Linearization { next, a, b, .. } = out;
         for Block { model, stages } in &mut self.blocks {
-            let part = |width: usize| stages.start * width..stages.end * width;
-            let points = Stages { x: &at.x[part(nx)], u: &at.u[part(nu)], p: &at.p[part(np)] };
-            model.linearize(
-                points,
-                Linearization {
-                    next: &mut next[part(nx)],
-                    a: &mut a[part(nx * nx)],
-                    b: &mut b[part(nx * nu)],
-                    e: &mut [],
-                },
-            );
+            for start in stages.clone().step_by(UNASKED) {
+                if start > 0 && expired() {
+                    return false;
+                }
+                let end = stages.end.min(start + UNASKED);
+                let part = |width: usize| start * width..end * width;
+                let points = Stages { x: &at.x[part(nx)], u: &at.u[part(nu)], p: &at.p[part(np)] };
+                model.linearize(
+                    points,
+                    Linearization {
+                        next: &mut next[part(nx)],
+                        a: &mut a[part(nx * nx)],
+                        b: &mut b[part(nx * nu)],
+                        e: &mut [],
+                    },
+                );
+            }
         }
+        true
     }
 }

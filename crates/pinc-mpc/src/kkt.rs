@@ -1,8 +1,7 @@
 //! How far a plan is from optimal.
 
 use crate::solution::Solution;
-use pinc_qp::Multipliers;
-use pinc_qp::{Limits, Qp};
+use pinc_qp::{Limits, Multipliers, Qp, largest};
 
 /// Above this mean multiplier the residuals that are proportional to the cost are scaled down.
 const LARGE_MULTIPLIER: f64 = 100.0;
@@ -49,6 +48,12 @@ impl KktResidual {
         }
     }
 
+    /// Of a point where nothing is known: all infinite.
+    pub(crate) fn unknown() -> Self {
+        let all = f64::INFINITY;
+        Self { stationarity: all, dynamics: all, bounds: all, complementarity: all }
+    }
+
     /// The largest of the residuals; infinity if one is not a number.
     #[must_use]
     pub fn max(&self) -> f64 {
@@ -68,13 +73,13 @@ impl Worst {
     /// Takes the rows of one kind into account; their values are 0, seen from the limits.
     fn see(&mut self, limits: &Limits, multipliers: &[f64]) {
         for ([low, high, penalty], &mu) in limits.iter().zip(multipliers) {
-            let outside = low.max(-high).max(0.0);
-            let room = if mu > 0.0 { high.max(0.0) } else { (-low).max(0.0) };
+            let outside = more(0.0, more(low, -high));
+            let room = more(0.0, if mu > 0.0 { high } else { -low });
             // No 0 times infinity, where there is no limit.
             let product = if mu.abs() > 0.0 { mu.abs() * room } else { 0.0 };
             self.product = worse(self.product, product);
             if penalty.is_finite() {
-                self.product = worse(self.product, outside * (penalty - mu.abs()).max(0.0));
+                self.product = worse(self.product, outside * more(0.0, penalty - mu.abs()));
                 self.stationarity = worse(self.stationarity, mu.abs() - penalty);
             } else {
                 self.violation = worse(self.violation, outside);
@@ -94,14 +99,15 @@ fn scale(multipliers: &Multipliers) -> f64 {
     (mean / LARGE_MULTIPLIER).max(1.0)
 }
 
-/// The largest absolute value; infinity if there is a NaN, which `f64::max` would drop.
-fn largest(values: &[f64]) -> f64 {
-    values.iter().fold(0.0, |largest, value| worse(largest, value.abs()))
-}
-
 /// The larger of the two; infinity if `value` is NaN.
 fn worse(largest: f64, value: f64) -> f64 {
-    if value.is_nan() { f64::INFINITY } else { largest.max(value) }
+    if value.is_nan() { f64::INFINITY } else { more(largest, value) }
+}
+
+/// The larger of the two, the first if one is NaN: one instruction, which `f64::max` is not.
+#[inline(always)]
+fn more(a: f64, b: f64) -> f64 {
+    if b > a { b } else { a }
 }
 
 #[cfg(test)]

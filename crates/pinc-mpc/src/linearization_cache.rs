@@ -79,8 +79,14 @@ impl LinearizationCache {
         self.known = false;
     }
 
-    /// Linearises along the plan `z` from `x0`.
-    pub(crate) fn follow(&mut self, horizon: &mut Horizon, x0: &[f64], z: &[f64]) {
+    /// Linearises along the plan `z` from `x0`; whether it came to the end before `expired` said
+    /// that the time is up.
+    pub(crate) fn follow(
+        &mut self,
+        horizon: &mut Horizon,
+        [x0, z]: [&[f64]; 2],
+        expired: &mut dyn FnMut() -> bool,
+    ) -> bool {
         let dims = self.dims;
         let Points { x, u } = &mut self.input;
         x[..dims.nx].copy_from_slice(x0);
@@ -92,13 +98,15 @@ impl LinearizationCache {
         let one = horizon.has_one_model();
         let moved_on = one && self.known && self.is_moved_on() && self.stages.is_finite();
         std::mem::swap(&mut self.input, &mut self.stages.points);
+        self.known = true;
         if moved_on {
             self.renew_ends(horizon.first_mut());
         } else {
             let p = self.parameters.len() / self.counts[0] * self.dims.horizon;
-            self.stages.linearize(&self.parameters[..p], |at, out| horizon.linearize(at, out));
+            let by = |at: Stages<'_>, out: Linearization<'_>| horizon.linearize(at, out, expired);
+            self.known = self.stages.linearize(&self.parameters[..p], by);
         }
-        self.known = true;
+        self.known
     }
 
     /// Whether the stages between the first and the last are those that came one later before.
@@ -154,9 +162,13 @@ impl StageBlocks {
         }
     }
 
-    fn linearize(&mut self, p: &[f64], by: impl FnOnce(Stages<'_>, Linearization<'_>)) {
+    fn linearize<T>(
+        &mut self,
+        p: &[f64],
+        by: impl FnOnce(Stages<'_>, Linearization<'_>) -> T,
+    ) -> T {
         let Self { points: Points { x, u }, next, a, b } = self;
-        by(Stages { x, u, p }, Linearization { next, a, b, e: &mut [] });
+        by(Stages { x, u, p }, Linearization { next, a, b, e: &mut [] })
     }
 
     fn is_finite(&self) -> bool {

@@ -11,7 +11,7 @@ use crate::stage_terms::StageTerms;
 use crate::units::Units;
 use crate::{Bounds, Constraints, NmpcProblem};
 use pinc_ode::Dims;
-use pinc_qp::{OcpDims, Qp};
+use pinc_qp::{OcpDims, Qp, all_finite};
 
 /// The control problem in the unknowns z, and its linearisation.
 #[derive(Debug)]
@@ -23,6 +23,8 @@ pub(crate) struct Transcription {
     bounds: Bounds,
     /// Bounds on all increments.
     increments: Bounds,
+    /// Whether there are any of these.
+    limits_increments: bool,
     /// Bounds on the outputs at all constrained stages.
     output_bounds: Bounds,
     constraints: Option<Constraints>,
@@ -43,6 +45,7 @@ impl Transcription {
         let dims = problem.ocp_dims(model);
         let states = problem.state_bounds.expand(dims.all_states());
         let inputs = problem.input_bounds.expand(dims.all_inputs());
+        let increments = problem.increment_bounds.expand(dims.all_inputs());
         let cost = Cost::new(problem, dims);
         let outputs = dims.outputs * dims.constrained().len();
         let output_bounds = problem.output_bounds.as_ref();
@@ -52,7 +55,8 @@ impl Transcription {
             plain: Qp::new(dims, cost.state_hessians(), cost.increment_hessians()),
             cost,
             bounds: states.chain(inputs),
-            increments: problem.increment_bounds.expand(dims.all_inputs()),
+            limits_increments: increments.low.iter().chain(&increments.high).any(|b| b.is_finite()),
+            increments,
             output_bounds: output_bounds.map_or(Bounds::none(0), |b| b.expand(outputs)),
             constraints: problem.constraints.clone(),
             work: ConstraintWork::new(model, dims.rows() - dims.outputs),
@@ -128,6 +132,12 @@ impl Transcription {
         let (first, m) = (self.dims.all_states(), self.dims.nu);
         let inputs = &mut plan.z[first..];
         let bounds = self.bounds.low[first..].iter().zip(&self.bounds.high[first..]);
+        if !self.limits_increments && all_finite(inputs) {
+            for (u, (&least, &most)) in inputs.iter_mut().zip(bounds) {
+                *u = u.max(least).min(most);
+            }
+            return;
+        }
         let increments = self.increments.low.iter().zip(&self.increments.high);
         for (v, ((&least, &most), (down, up))) in bounds.zip(increments).enumerate() {
             let before = if v < m { previous[v] } else { inputs[v - m] };
@@ -147,9 +157,18 @@ impl Transcription {
         }
     }
 
-    /// Linearises the model, its outputs and h and g at `z`, for a plant measured to be at `x0`.
-    pub(crate) fn linearize(&mut self, horizon: &mut Horizon, x0: &[f64], z: &[f64], qp: &mut Qp) {
-        self.cache.follow(horizon, x0, z);
+    /// Linearises the model, its outputs and h and g at `z`, for a plant measured to be at `x0`;
+    /// whether it came to the end before `expired` said that the time is up.
+    pub(crate) fn linearize(
+        &mut self,
+        horizon: &mut Horizon,
+        [x0, z]: [&[f64]; 2],
+        qp: &mut Qp,
+        expired: &mut dyn FnMut() -> bool,
+    ) -> bool {
+        if !self.cache.follow(horizon, [x0, z], expired) {
+            return false;
+        }
         let [next, a, b] = self.cache.parts();
         qp.a.copy_from_slice(a);
         qp.b.copy_from_slice(b);
@@ -164,6 +183,7 @@ impl Transcription {
         if !self.units.is_identity() {
             self.units.scale_constraints(qp);
         }
+        true
     }
 
     /// Forgets where the model was linearised.
@@ -229,9 +249,15 @@ impl Transcription {
 
     /// The limits of bounds and increments: what is left of them at z.
     fn limit(&self, z: &[f64], previous: &[f64], qp: &mut Qp) {
-        for (v, &z) in z.iter().enumerate() {
-            qp.bounds.low[v] = self.bounds.low[v] - z;
-            qp.bounds.high[v] = self.bounds.high[v] - z;
+        let sides =
+            [(&mut qp.bounds.low, &self.bounds.low), (&mut qp.bounds.high, &self.bounds.high)];
+        for (left, bounds) in sides {
+            let bounds = bounds.iter().zip(z);
+            left.iter_mut().zip(bounds).for_each(|(left, (bound, z))| *left = bound - z);
+        }
+        if !self.limits_increments {
+            // They are infinite, and stay so.
+            return;
         }
         let (first, m) = (self.dims.all_states(), self.dims.nu);
         for v in 0..self.dims.all_inputs() {

@@ -397,7 +397,10 @@ impl QpSolver for CondensedQp {
             }
             DenseStatus::Infeasible(row) => QpStatus::Infeasible(self.source(qp, row)),
             DenseStatus::Failed => QpStatus::Failed,
-            DenseStatus::Expired => QpStatus::Expired,
+            DenseStatus::Expired => {
+                self.read_multipliers(qp, step);
+                QpStatus::Expired
+            }
         }
     }
 }

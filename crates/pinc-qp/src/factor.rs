@@ -23,7 +23,12 @@ impl Cholesky {
     /// Factors H, `[n, n]`, of which only the lower triangle, column by column, is read; `false` if
     /// it is not positive definite.
     pub(crate) fn factor(&mut self, h: &[f64]) -> bool {
-        let n = self.size;
+        self.factor_sized(h, self.size)
+    }
+
+    /// The same, unrolled where the caller's n is a constant.
+    #[inline(always)]
+    pub(crate) fn factor_sized(&mut self, h: &[f64], n: usize) -> bool {
         self.square.copy_from_slice(h);
         for c in 0..n {
             let (left, right) = self.square.split_at_mut((c + 1) * n);
@@ -46,20 +51,32 @@ impl Cholesky {
 
     /// v <- L^-1 v
     pub(crate) fn forward(&self, v: &mut [f64]) {
-        for c in 0..self.size {
+        self.forward_sized(v, self.size);
+    }
+
+    /// The same, unrolled where the caller's n is a constant.
+    #[inline(always)]
+    pub(crate) fn forward_sized(&self, v: &mut [f64], n: usize) {
+        for c in 0..n {
             let value = v[c] * self.inverse_diagonal[c];
             v[c] = value;
-            let below = &self.square[c * self.size + c + 1..(c + 1) * self.size];
+            let below = &self.square[c * n + c + 1..(c + 1) * n];
             add_scaled(&mut v[c + 1..], -value, below);
         }
     }
 
     /// v <- L'^-1 v
     pub(crate) fn backward(&self, v: &mut [f64]) {
-        for r in (0..self.size).rev() {
+        self.backward_sized(v, self.size);
+    }
+
+    /// The same, unrolled where the caller's n is a constant.
+    #[inline(always)]
+    pub(crate) fn backward_sized(&self, v: &mut [f64], n: usize) {
+        for r in (0..n).rev() {
             let value = v[r] * self.inverse_diagonal[r];
             v[r] = value;
-            add_scaled(&mut v[..r], -value, &self.square[r * self.size..r * self.size + r]);
+            add_scaled(&mut v[..r], -value, &self.square[r * n..r * n + r]);
         }
     }
 }

@@ -18,7 +18,7 @@ mod riccati;
 #[cfg(test)]
 mod tests;
 
-pub use algebra::all_finite;
+pub use algebra::{all_finite, largest};
 pub use choice::{ChosenQp, QpError, QpMethod};
 pub use multipliers::Multipliers;
 pub use ocp_dims::OcpDims;
@@ -156,7 +156,8 @@ pub enum QpStatus {
     Infeasible(Row),
     /// The method found no solution: a number is not finite, or rounding won.
     Failed,
-    /// The time was up before there was a solution.
+    /// The time was up before there was a solution; the multipliers of the limits are a guess to go
+    /// on from, no worse than the one that was given.
     Expired,
 }
 
@@ -186,7 +187,8 @@ pub enum Kind {
 pub trait QpSolver: Debug + Send {
     /// Solves `qp`. On entry the multipliers in `step` are a guess, by which a solver may know
     /// which constraints are likely to be active; on exit, if the status is [`QpStatus::Solved`],
-    /// `step` is the solution, and otherwise of no meaning.
+    /// `step` is the solution, and otherwise of no meaning, but for the guess that is left when the
+    /// time is up.
     ///
     /// `expired` says whether the time is up; it is asked now and then while the method works. The
     /// status is then [`QpStatus::Expired`].

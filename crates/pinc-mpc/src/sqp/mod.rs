@@ -86,6 +86,14 @@ struct Point {
     cost: f64,
 }
 
+/// How the search along a step ended.
+enum Search {
+    Found(Point),
+    /// The step is no good.
+    NoDescent,
+    Expired,
+}
+
 /// What a control step is given.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct StepInput<'a> {
@@ -172,7 +180,7 @@ impl Sqp {
     pub(crate) fn prepare(&mut self, horizon: &mut Horizon, x0: &[f64], plan: &Solution) {
         self.leave_elastic();
         self.choose_units(x0, None);
-        self.transcription.linearize(horizon, x0, &plan.z, &mut self.qp);
+        self.transcription.linearize(horizon, [x0, &plan.z], &mut self.qp, &mut || false);
         self.prepared.copy_from_slice(x0);
     }
 
@@ -252,7 +260,10 @@ impl Sqp {
     ) -> Outcome {
         self.merit.reset();
         self.step_length.reset();
-        let mut point = self.try_point(model, input, plan);
+        let Some(mut point) = self.try_point(model, input, plan, expired) else {
+            let last = KktResidual::unknown();
+            return Outcome { status: SqpStatus::Deadline, iterations: 0, last, violated: None };
+        };
         std::mem::swap(&mut self.qp, &mut self.trial);
         let (mut iterations, mut least) = (0, point.kkt.max());
         let mut conflict = None;
@@ -267,7 +278,11 @@ impl Sqp {
             self.step.multipliers.copy_from(&plan.multipliers);
             match self.solver.solve(&self.qp, &mut self.step, expired) {
                 QpStatus::Solved => {}
-                QpStatus::Expired => break SqpStatus::Deadline,
+                QpStatus::Expired => {
+                    // The next control step goes on from there.
+                    plan.multipliers.copy_from(&self.step.multipliers);
+                    break SqpStatus::Deadline;
+                }
                 QpStatus::Infeasible(row) => {
                     conflict = Some(row);
                     if self.elastic {
@@ -278,10 +293,11 @@ impl Sqp {
                 }
                 QpStatus::Failed => break SqpStatus::NumericalTrouble,
             }
-            match self.search(model, input, plan, point, least) {
-                Some(next) => point = next,
-                None if self.elastic => break SqpStatus::Stalled,
-                None => {
+            match self.search(model, input, plan, (point, least), expired) {
+                Search::Found(next) => point = next,
+                Search::Expired => break SqpStatus::Deadline,
+                Search::NoDescent if self.elastic => break SqpStatus::Stalled,
+                Search::NoDescent => {
                     self.enter_elastic();
                     point.kkt = self.residual(plan);
                 }
@@ -292,30 +308,41 @@ impl Sqp {
         self.finalize(outcome, plan, conflict)
     }
 
-    /// Goes along the step as far as is good; `None` if it is not good at all.
+    /// Goes along the step as far as is good. Between two trials `expired` is asked whether the
+    /// time is up; the plan is then as it was.
     fn search(
         &mut self,
         model: &mut Horizon,
         input: StepInput<'_>,
         plan: &mut Solution,
-        from: Point,
-        least: f64,
-    ) -> Option<Point> {
+        (from, least): (Point, f64),
+        expired: &mut dyn FnMut() -> bool,
+    ) -> Search {
         self.base.copy_from(plan);
         let good = |point: &Point| point.kkt.max() <= CONTRACTION * least;
         if let Some(length) = self.step_length.length(&self.step.d) {
             let point = self.evaluate_trial(model, input, plan, length);
             if good(&point) {
                 self.accept_trial(length);
-                return Some(point);
+                return Search::Found(point);
+            }
+            if expired() {
+                return self.give_up(plan);
             }
         }
         let whole = self.evaluate_trial(model, input, plan, 1.0);
         if good(&whole) {
             self.accept_trial(1.0);
-            return Some(whole);
+            return Search::Found(whole);
         }
-        self.backtrack(model, input, plan, from, whole)
+        self.backtrack(model, input, plan, (from, whole), expired)
+    }
+
+    /// Goes back to where the step starts: the time is up.
+    #[inline(never)]
+    fn give_up(&self, plan: &mut Solution) -> Search {
+        plan.copy_from(&self.base);
+        Search::Expired
     }
 
     /// Halves the step until the merit function decreases.
@@ -325,9 +352,9 @@ impl Sqp {
         model: &mut Horizon,
         input: StepInput<'_>,
         plan: &mut Solution,
-        from: Point,
-        whole: Point,
-    ) -> Option<Point> {
+        (from, whole): (Point, Point),
+        expired: &mut dyn FnMut() -> bool,
+    ) -> Search {
         self.merit.update_penalties(&self.step.multipliers);
         let start = self.merit.value(&self.qp, from.cost);
         let slope = self.merit.directional_derivative(&self.qp, &self.step).min(0.0);
@@ -338,13 +365,16 @@ impl Sqp {
             let merit = self.merit.value(&self.trial, point.cost);
             if merit <= start + SUFFICIENT * length * slope + noise {
                 self.accept_trial(length);
-                return Some(point);
+                return Search::Found(point);
+            }
+            if expired() {
+                return self.give_up(plan);
             }
             length *= 0.5;
             point = self.evaluate_trial(model, input, plan, length);
         }
         plan.copy_from(&self.base);
-        None
+        Search::NoDescent
     }
 
     /// Sets the plan `length` of the step away from the base, and linearises there.
@@ -356,7 +386,8 @@ impl Sqp {
         length: f64,
     ) -> Point {
         self.set_trial(plan, length, input.targets.previous);
-        self.try_point(model, input, plan)
+        let unknown = Point { kkt: KktResidual::unknown(), cost: f64::INFINITY };
+        self.try_point(model, input, plan, &mut || false).unwrap_or(unknown)
     }
 
     fn set_trial(&self, plan: &mut Solution, length: f64, previous: &[f64]) {
@@ -387,11 +418,21 @@ impl Sqp {
         }
     }
 
-    /// Linearises at `plan`, into the trial QP.
-    fn try_point(&mut self, model: &mut Horizon, input: StepInput<'_>, plan: &Solution) -> Point {
-        self.transcription.linearize(model, input.x0, &plan.z, &mut self.trial);
-        let cost = self.transcription.measure(input.x0, &plan.z, input.targets, &mut self.trial);
-        Point { kkt: KktResidual::new(&self.trial, plan, &mut self.work), cost }
+    /// Linearises at `plan`, into the trial QP, unless `expired` says before that the time is up.
+    fn try_point(
+        &mut self,
+        model: &mut Horizon,
+        input: StepInput<'_>,
+        plan: &Solution,
+        expired: &mut dyn FnMut() -> bool,
+    ) -> Option<Point> {
+        let StepInput { x0, targets } = input;
+        let qp = &mut self.trial;
+        if !self.transcription.linearize(model, [x0, &plan.z], qp, expired) {
+            return None;
+        }
+        let cost = self.transcription.measure(x0, &plan.z, targets, qp);
+        Some(Point { kkt: KktResidual::new(qp, plan, &mut self.work), cost })
     }
 
     fn accept_trial(&mut self, length: f64) {

@@ -3,7 +3,7 @@
 use crate::faulty::{Faulty, NOT_A_NUMBER, SOUND};
 use crate::problems::van_der_pol;
 use crate::support::{Linear, scalar_problem};
-use pinc_mpc::{Bounds, Nmpc, NmpcProblem, QpMethod, SqpConfig, SqpStatus};
+use pinc_mpc::{Bounds, Nmpc, NmpcProblem, QpMethod, SqpConfig, SqpStatus, Weights};
 use pinc_ode::{Dims, Linearization, Model, Rk4, Stages};
 use pinc_plants::VanDerPol;
 use std::sync::Arc;
@@ -199,4 +199,89 @@ fn a_deadline_is_kept_within_a_program() {
         let step = nmpc.step(&[0.0], &[15.0; 20]).unwrap();
         assert_eq!((step.status, step.sqp_iterations), (SqpStatus::Converged, 1), "{qp}");
     }
+}
+
+/// The oscillator over 160 stages, RK4 x4, and the points at which its model was linearised.
+fn long() -> (Nmpc, Arc<AtomicU64>) {
+    let weights = Weights::uniform(vec![10.0; 2], vec![1.0]);
+    let problem = NmpcProblem {
+        state_bounds: Bounds::new(vec![-1.0; 2], vec![1.0; 2]),
+        input_bounds: Bounds::new(vec![-1.0], vec![1.0]),
+        ..NmpcProblem::new(Dims::new(2, 1), 160, weights)
+    };
+    let points = Arc::new(AtomicU64::new(0));
+    let model = Counted { model: oscillator(), points: Arc::clone(&points) };
+    let nmpc = Nmpc::new(problem, Box::new(model), SqpConfig::default()).unwrap();
+    (nmpc, points)
+}
+
+#[derive(Debug)]
+struct Counted {
+    model: Rk4<VanDerPol>,
+    points: Arc<AtomicU64>,
+}
+
+impl Model for Counted {
+    fn dims(&self) -> Dims {
+        self.model.dims()
+    }
+
+    fn sample_time_s(&self) -> f64 {
+        self.model.sample_time_s()
+    }
+
+    fn step(&mut self, x: &[f64], u: &[f64], p: &[f64], next: &mut [f64]) {
+        self.model.step(x, u, p, next);
+    }
+
+    fn linearize(&mut self, at: Stages<'_>, out: Linearization<'_>) {
+        self.points.fetch_add(at.count(self.dims()) as u64, Ordering::Relaxed);
+        self.model.linearize(at, out);
+    }
+}
+
+/// The time may be up within the first linearisation of a long horizon.
+#[test]
+fn a_deadline_is_kept_within_a_linearisation() {
+    let (mut nmpc, points) = long();
+    let reference = [0.0; 320];
+    let step = nmpc.step_within(&[1.0, 0.0], &reference, &mut || true).unwrap();
+    assert_eq!((step.status, step.sqp_iterations), (SqpStatus::Deadline, 0));
+    assert!(!step.followed && step.u[0].abs() <= 1.0 && step.kkt.max().is_infinite());
+    assert_eq!(points.load(Ordering::Relaxed), 32);
+    let step = nmpc.step(&[1.0, 0.0], &reference).unwrap();
+    assert_eq!(step.status, SqpStatus::Converged);
+}
+
+/// No step has the time for a whole optimisation, nor the first ones for that of a program from
+/// scratch. Each goes on from where the last ended, and the loop comes to rest all the same.
+#[test]
+fn what_a_deadline_cuts_off_goes_on_in_the_next_step() {
+    let (mut nmpc, points) = long();
+    let mut plant = oscillator();
+    let mut x = [1.0, 0.0];
+    let mut converged = 0;
+    for k in 0..40 {
+        let (mut asked, mut when_up) = (0, u64::MAX);
+        let mut expired = || {
+            asked += 1;
+            if asked > 6 {
+                when_up = when_up.min(points.load(Ordering::Relaxed));
+            }
+            asked > 6
+        };
+        let step = nmpc.step_within(&x, &[0.0; 320], &mut expired).unwrap();
+        assert!(matches!(step.status, SqpStatus::Converged | SqpStatus::Deadline));
+        assert!(step.u[0].abs() <= 1.0);
+        converged += usize::from(step.status == SqpStatus::Converged);
+        assert!(k > 0 || step.status == SqpStatus::Deadline);
+        // What is done when the time is up takes one linearisation at most.
+        assert!(points.load(Ordering::Relaxed) <= when_up.saturating_add(160));
+        let u = step.u.to_vec();
+        let mut next = [0.0; 2];
+        plant.step(&x, &u, &[], &mut next);
+        x = next;
+    }
+    assert!(converged >= 20, "{converged}");
+    assert!(x.iter().all(|x| x.abs() < 1e-3), "{x:?}");
 }

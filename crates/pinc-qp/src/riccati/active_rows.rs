@@ -1,8 +1,9 @@
 //! The primal-dual active-set method.
 
-use super::newton::{Newton, largest, stiffness};
+use super::newton::{Newton, stiffness};
 use super::rows::Rows;
 use crate::Qp;
+use crate::algebra::largest;
 
 /// Residuals below this, relative to 1 + the largest number involved, count as 0.
 const TOLERANCE: f64 = 1e-11;
@@ -24,6 +25,12 @@ const CHANGES: usize = 12;
 
 /// How many steps the rows of one set may take to be met.
 const STEPS: usize = 20;
+
+/// After how many of them the time is looked at: with a good guess there is a solution by then.
+const UNASKED: usize = 3;
+
+/// The least multiplier that a row is noted with, so that it is taken for active again.
+const NOTED: f64 = 1e-3;
 
 /// What is assumed of a row.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -50,6 +57,8 @@ pub(super) struct ActiveRows {
     stiffness: f64,
     /// How many factorisations the last solution took.
     pub(super) factorizations: usize,
+    /// How many steps it may still take.
+    steps_left: usize,
 }
 
 impl ActiveRows {
@@ -58,6 +67,7 @@ impl ActiveRows {
             statuses: vec![RowStatus::Inactive; Rows::new(qp.dims).len()],
             stiffness: stiffness(qp),
             factorizations: 0,
+            steps_left: 0,
         }
     }
 
@@ -83,15 +93,18 @@ impl ActiveRows {
         }
     }
 
-    /// Solves `qp` from the guess and the point `at`; whether that succeeded.
-    /// Between factorisations `expired` is asked whether the time is up, which is a failure.
+    /// Solves `qp` from the guess and the point `at` in at most so many `steps`, solutions of
+    /// linear systems; whether that succeeded.
+    /// Between factorisations and steps `expired` is asked whether the time is up, which is a
+    /// failure.
     pub(super) fn solve(
         &mut self,
         qp: &Qp,
         at: &mut Newton,
+        steps: usize,
         expired: &mut dyn FnMut() -> bool,
     ) -> bool {
-        self.factorizations = 0;
+        (self.factorizations, self.steps_left) = (0, steps);
         if qp.has_stage_cost() {
             self.stiffness = stiffness(qp);
         }
@@ -99,7 +112,7 @@ impl ActiveRows {
             if change > 0 && expired() {
                 return false;
             }
-            match self.meet(qp, at) {
+            match self.meet(qp, at, expired) {
                 Some(true) if !self.reconsider(qp, at) => return true,
                 Some(true) => {}
                 Some(false) if self.release(qp, at) => {}
@@ -107,6 +120,21 @@ impl ActiveRows {
             }
         }
         false
+    }
+
+    /// Writes multipliers by which the last set of active rows is guessed again.
+    pub(super) fn note(&self, qp: &Qp, list: &mut [f64]) {
+        let rows = self.statuses.iter().zip(Rows::limits(qp));
+        for (mu, (status, [_, _, penalty])) in list.iter_mut().zip(rows) {
+            *mu = match *status {
+                RowStatus::Inactive => 0.0,
+                RowStatus::Violated(penalty) => penalty,
+                RowStatus::Held { upper, .. } => {
+                    let sign = if upper { 1.0 } else { -1.0 };
+                    sign * (sign * *mu).max(NOTED).min(0.5 * penalty)
+                }
+            };
+        }
     }
 
     /// Rows that cannot be met together have multipliers that drift for ever: lets go the one of
@@ -131,7 +159,12 @@ impl ActiveRows {
 
     /// Finds the point at which the held rows are met; whether there is one, or `None` if that
     /// cannot be told.
-    fn meet(&mut self, qp: &Qp, at: &mut Newton) -> Option<bool> {
+    fn meet(
+        &mut self,
+        qp: &Qp,
+        at: &mut Newton,
+        expired: &mut dyn FnMut() -> bool,
+    ) -> Option<bool> {
         for ((status, weight), mu) in self.statuses.iter().zip(&mut at.weights).zip(&mut at.mu) {
             *weight = 0.0;
             match status {
@@ -144,11 +177,15 @@ impl ActiveRows {
         if !at.factor(qp) {
             return None;
         }
-        for _ in 0..STEPS {
+        for step in 0..STEPS {
             at.residuals(qp);
             if self.is_met(qp, at) {
                 return Some(true);
             }
+            if step >= UNASKED && expired() {
+                return None;
+            }
+            self.steps_left = self.steps_left.checked_sub(1)?;
             for ((status, value), term) in self.statuses.iter().zip(&at.values).zip(&mut at.terms) {
                 *term = match status {
                     RowStatus::Held { bound, .. } => self.stiffness * (value - bound),
@@ -170,16 +207,17 @@ impl ActiveRows {
 
     fn is_met(&self, qp: &Qp, at: &Newton) -> bool {
         let size = 1.0 + largest(&at.lambda).max(largest(&at.mu));
+        let slope = SLOPE_TOLERANCE * size + ROUNDING * largest(&qp.gradient);
+        if !size.is_finite() || largest(&at.slope) > slope {
+            return false;
+        }
         let extent = 1.0 + largest(&at.d);
         let off = self.statuses.iter().zip(&at.values).map(|(status, value)| match status {
             RowStatus::Held { bound, .. } => (value - bound).abs(),
             _ => 0.0,
         });
         let off = off.fold(largest(&at.defect), f64::max);
-        size.is_finite()
-            && largest(&at.slope) <= SLOPE_TOLERANCE * size + ROUNDING * largest(&qp.gradient)
-            && extent.is_finite()
-            && off <= TOLERANCE * extent
+        extent.is_finite() && off <= TOLERANCE * extent
     }
 
     /// Changes the statuses that the point contradicts; whether there were any.

@@ -1,8 +1,9 @@
 //! The interior-point method.
 
-use super::newton::{Newton, largest, stiffness};
+use super::newton::{Newton, stiffness};
 use super::rows::Rows;
 use crate::Qp;
+use crate::algebra::largest;
 
 /// How many iterations may be taken.
 const ITERATIONS: usize = 60;
@@ -193,7 +194,7 @@ impl InteriorPoint {
             if let Some(row) = self.contradiction(qp, at) {
                 return Ending::Infeasible(row);
             }
-            if expired() || !self.iterate(qp, at) {
+            if expired() || !self.iterate(qp, at, expired) {
                 return Ending::Failed;
             }
         }
@@ -326,7 +327,7 @@ impl InteriorPoint {
     }
 
     /// A step: predictor and corrector.
-    fn iterate(&mut self, qp: &Qp, at: &mut Newton) -> bool {
+    fn iterate(&mut self, qp: &Qp, at: &mut Newton, expired: &mut dyn FnMut() -> bool) -> bool {
         at.weights.fill(0.0);
         for side in &self.sides {
             at.weights[side.row] += side.weight();
@@ -345,6 +346,9 @@ impl InteriorPoint {
             let gap = |length: f64| self.sides.iter().map(|side| side.gap(length)).sum::<f64>();
             let (before, after) = (gap(0.0), gap(self.longest().min(1.0)));
             tau = (before / pairs * (after / before).powi(3)).max(LEAST_PRODUCT);
+        }
+        if expired() {
+            return false;
         }
         self.direct(qp, at, tau, true);
         let length = (FRACTION * self.longest()).min(1.0);

@@ -11,12 +11,16 @@ use self::interior_point::{Ending, InteriorPoint};
 use self::newton::Newton;
 use super::{Qp, QpSolver, QpStatus, QpStep};
 
+/// How many steps the active rows of a guess may take: a good one needs a few, and what needs more
+/// than this is cheaper for the interior-point method, which takes about as many.
+const FIRST_STEPS: usize = 24;
+
 /// Solves a [`Qp`] stage by stage, at a cost linear in the horizon.
 ///
 /// With a guess of the active rows, as from the step before, a few factorisations find the
-/// solution. Without, or where that does not settle, an interior-point method comes near it, and
-/// its active rows are the guess that gives the exact solution. All memory is allocated at
-/// construction.
+/// solution. Without, or where that does not settle soon, an interior-point method comes near it,
+/// and its active rows are the guess that gives the exact solution. What that cannot solve is left
+/// to the first guess again, without haste. All memory is allocated at construction.
 #[derive(Debug)]
 pub(super) struct RiccatiQp {
     newton: Newton,
@@ -38,11 +42,24 @@ impl RiccatiQp {
         }
     }
 
-    /// Solves from the guess and the point that there are.
-    fn resolve(&mut self, qp: &Qp, expired: &mut dyn FnMut() -> bool) -> bool {
+    /// Solves from d = 0 and the multipliers of `step`, in at most so many steps.
+    fn solve_from_guess(
+        &mut self,
+        qp: &Qp,
+        step: &QpStep,
+        steps: usize,
+        expired: &mut dyn FnMut() -> bool,
+    ) -> bool {
+        self.newton.start(step);
+        self.guess.copy_from_slice(&self.newton.mu);
+        self.resolve(qp, steps, expired)
+    }
+
+    /// Solves from the guess and the point that there are, in at most so many steps.
+    fn resolve(&mut self, qp: &Qp, steps: usize, expired: &mut dyn FnMut() -> bool) -> bool {
         let guess = &self.guess;
         self.active.guess(qp, |row| guess[row]);
-        self.active.solve(qp, &mut self.newton, expired)
+        self.active.solve(qp, &mut self.newton, steps, expired)
     }
 }
 
@@ -53,26 +70,33 @@ impl QpSolver for RiccatiQp {
             late = late || expired();
             late
         };
-        self.newton.start(step);
-        self.guess.copy_from_slice(&self.newton.mu);
-        if self.resolve(qp, expired) {
+        if self.solve_from_guess(qp, step, FIRST_STEPS, expired) {
             self.newton.finish(step);
             return QpStatus::Solved;
         }
-        match self.interior.solve(qp, &mut self.newton, expired) {
+        if expired() {
+            self.active.note(qp, &mut self.newton.mu);
+            self.newton.rows.write(&self.newton.mu, &mut step.multipliers);
+            return QpStatus::Expired;
+        }
+        let solved = match self.interior.solve(qp, &mut self.newton, expired) {
             Ending::Converged => {
                 self.interior.active(&mut self.guess);
-                if !self.resolve(qp, expired) {
-                    return if late { QpStatus::Expired } else { QpStatus::Failed };
-                }
-                self.newton.finish(step);
-                QpStatus::Solved
+                self.resolve(qp, usize::MAX, expired)
             }
             Ending::Infeasible(row) => {
-                QpStatus::Infeasible(self.newton.rows.row(row, self.newton.mu[row] > 0.0))
+                let upper = self.newton.mu[row] > 0.0;
+                return QpStatus::Infeasible(self.newton.rows.row(row, upper));
             }
-            Ending::Failed if late => QpStatus::Expired,
-            Ending::Failed => QpStatus::Failed,
+            Ending::Failed => false,
+        };
+        if solved || !expired() && self.solve_from_guess(qp, step, usize::MAX, expired) {
+            self.newton.finish(step);
+            QpStatus::Solved
+        } else if expired() {
+            QpStatus::Expired
+        } else {
+            QpStatus::Failed
         }
     }
 }

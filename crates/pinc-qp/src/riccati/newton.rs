@@ -3,7 +3,7 @@
 use super::recursion::Riccati;
 use super::rows::Rows;
 use crate::OcpDims;
-use crate::algebra::{add_product, add_scaled, add_transposed, dot};
+use crate::algebra::{add_product, add_scaled, add_transposed, block, block_mut, dot};
 use crate::{Qp, QpStep};
 
 /// d, lambda and mu of a [`Qp`], the residuals of the optimality conditions there, and steps from
@@ -79,31 +79,43 @@ impl Newton {
 
     /// Computes values, slope and defect.
     pub(super) fn residuals(&mut self, qp: &Qp) {
+        match (qp.dims.nx, qp.dims.nu) {
+            (2, 1) => self.residuals_sized(qp, 2, 1),
+            (4, 2) => self.residuals_sized(qp, 4, 2),
+            (n, m) => self.residuals_sized(qp, n, m),
+        }
+    }
+
+    #[inline(always)]
+    fn residuals_sized(&mut self, qp: &Qp, n: usize, m: usize) {
         self.rows.values(qp, &self.d, &mut self.values);
         self.slope.copy_from_slice(&qp.gradient);
         self.rows.add_transposed(qp, &self.mu, &mut self.slope);
         self.defect.copy_from_slice(&qp.c);
         let dims = qp.dims;
+        let (states, inputs) = self.d.split_at(dims.all_states());
+        let (by_x, by_u) = self.slope.split_at_mut(dims.all_states());
         for j in 0..dims.horizon {
-            let (next, input) = (dims.next_state(j), dims.input(dims.acting(j)));
-            let lambda = &self.lambda[next.clone()];
-            let defect = &mut self.defect[next.clone()];
-            add_scaled(defect, -1.0, &self.d[next.clone()]);
-            add_product(qp.b(j), &self.d[input.clone()], defect);
-            add_product(qp.q(j + 1), &self.d[next.clone()], &mut self.slope[next.clone()]);
-            add_scaled(&mut self.slope[next], -1.0, lambda);
-            add_transposed(qp.b(j), lambda, &mut self.slope[input]);
-            if let Some(state) = dims.state(j) {
-                add_product(qp.a(j), &self.d[state.clone()], defect);
-                add_transposed(qp.a(j), lambda, &mut self.slope[state]);
+            let (a, b) = (block(&qp.a, j, n * n), block(&qp.b, j, n * m));
+            let (x, lambda) = (block(states, j, n), block(&self.lambda, j, n));
+            let acting = dims.acting(j);
+            let defect = block_mut(&mut self.defect, j, n);
+            add_scaled(defect, -1.0, x);
+            add_product(b, block(inputs, acting, m), defect);
+            let slope = block_mut(by_x, j, n);
+            add_product(block(&qp.q, j, n * n), x, slope);
+            add_scaled(slope, -1.0, lambda);
+            add_transposed(b, lambda, block_mut(by_u, acting, m));
+            if let Some(before) = j.checked_sub(1) {
+                add_product(a, block(states, before, n), defect);
+                add_transposed(a, lambda, block_mut(by_x, before, n));
             }
         }
         self.add_stage_cost(qp);
-        let m = dims.nu;
         let (_, increments, _) = self.rows.split(&self.values);
         let inputs = &mut self.slope[dims.all_states()..];
         for (i, increment) in increments.chunks_exact(m).enumerate() {
-            for (k, r) in qp.r(i).chunks_exact(m).enumerate() {
+            for (k, r) in block(&qp.r, i, m * m).chunks_exact(m).enumerate() {
                 let force: f64 = r.iter().zip(increment).map(|(r, moved)| r * moved).sum();
                 inputs[i * m + k] += force;
                 if i > 0 {
@@ -194,10 +206,4 @@ pub(super) fn stiffness(qp: &Qp) -> f64 {
     });
     let (least, most) = ends.unwrap_or((1.0, 1.0));
     STIFFNESS * (least.max(1e-8 * most) * most).sqrt()
-}
-
-/// The largest absolute value; infinity if there is a NaN, which `f64::max` would drop.
-pub(super) fn largest(list: &[f64]) -> f64 {
-    list.iter()
-        .fold(0.0, |largest, v| if v.is_nan() { f64::INFINITY } else { largest.max(v.abs()) })
 }

@@ -2,7 +2,7 @@
 
 use crate::OcpDims;
 use crate::Qp;
-use crate::algebra::{add_product, add_scaled, add_transposed};
+use crate::algebra::{add_product, add_scaled, add_transposed, block, block_mut};
 use crate::factor::Cholesky;
 
 /// Solves the equality-constrained part of a [`Qp`], with weights D on its rows C d (see
@@ -67,7 +67,16 @@ impl Riccati {
     /// Factors the matrix with the weights D, in the order of the rows; `false` if it is singular
     /// on the dynamics.
     pub(super) fn factor(&mut self, qp: &Qp, weights: &[f64]) -> bool {
-        let OcpDims { nx: n, nu: m, horizon, n_controls, .. } = self.dims;
+        match (self.dims.nx, self.dims.nu) {
+            (2, 1) => self.factor_sized(qp, weights, 2, 1),
+            (4, 2) => self.factor_sized(qp, weights, 4, 2),
+            (n, m) => self.factor_sized(qp, weights, n, m),
+        }
+    }
+
+    #[inline(always)]
+    fn factor_sized(&mut self, qp: &Qp, weights: &[f64], n: usize, m: usize) -> bool {
+        let OcpDims { horizon, n_controls, .. } = self.dims;
         let s = n + m;
         let by_row = RowWeights::new(self.dims, weights);
         self.merged.fill(0.0);
@@ -78,12 +87,13 @@ impl Riccati {
             let p = &mut self.p[j * s * s..(j + 1) * s * s];
             p.copy_from_slice(&self.merged);
             let state_weights = &by_row.bounds[self.dims.next_state(j)];
-            for (c, q) in qp.q(j + 1).chunks_exact(n).enumerate() {
+            for (c, q) in block(&qp.q, j, n * n).chunks_exact(n).enumerate() {
                 add_scaled(&mut p[c * s..c * s + n], 1.0, q);
                 p[c * s + c] += state_weights[c];
             }
             symmetrize(p, s);
-            merge(p, (qp.a(j), qp.b(j)), n, &mut self.product, &mut self.merged);
+            let model = (block(&qp.a, j, n * n), block(&qp.b, j, n * m));
+            merge(p, model, (n, m), &mut self.product, &mut self.merged);
             by_row.add_general(qp, j, &mut self.merged);
             if j > 0 {
                 add_cross(qp, j, &mut self.merged);
@@ -95,7 +105,8 @@ impl Riccati {
                 for (k, weight) in by_row.bounds[self.dims.input(j)].iter().enumerate() {
                     self.merged[(n + k) * (s + 1)] += weight;
                 }
-                if !self.eliminate(j, qp.r(j), &by_row.increments[j * m..]) {
+                let r = block(&qp.r, j, m * m);
+                if !self.eliminate(j, r, &by_row.increments[j * m..], (n, m)) {
                     return false;
                 }
             }
@@ -104,8 +115,8 @@ impl Riccati {
     }
 
     /// Minimises over the increment of stage `j`.
-    fn eliminate(&mut self, j: usize, r: &[f64], weights: &[f64]) -> bool {
-        let OcpDims { nx: n, nu: m, .. } = self.dims;
+    #[inline(always)]
+    fn eliminate(&mut self, j: usize, r: &[f64], weights: &[f64], (n, m): (usize, usize)) -> bool {
         let s = n + m;
         let pivot = &mut self.product[..m * m];
         for (k, column) in pivot.chunks_exact_mut(m).enumerate() {
@@ -113,13 +124,13 @@ impl Riccati {
             add_scaled(column, 1.0, &r[k * m..]);
             column[k] += weights[k];
         }
-        if !self.pivot[j].factor(pivot) {
+        if !self.pivot[j].factor_sized(pivot, m) {
             return false;
         }
         let gain = &mut self.gain[j * s * m..(j + 1) * s * m];
         for (gain, column) in gain.chunks_exact_mut(m).zip(self.merged.chunks_exact(s)) {
             gain.copy_from_slice(&column[n..]);
-            self.pivot[j].forward(gain);
+            self.pivot[j].forward_sized(gain, m);
         }
         // M_u:' G^-1 M_u: from the half-solved factors, so that it is symmetric.
         for (c, column) in self.merged.chunks_exact_mut(s).enumerate() {
@@ -129,7 +140,7 @@ impl Riccati {
                 }
             }
         }
-        gain.chunks_exact_mut(m).for_each(|gain| self.pivot[j].backward(gain));
+        gain.chunks_exact_mut(m).for_each(|gain| self.pivot[j].backward_sized(gain, m));
         true
     }
 
@@ -143,72 +154,97 @@ impl Riccati {
         d: &mut [f64],
         lambda: &mut [f64],
     ) {
-        self.backward(qp, g, c);
-        self.roll_out(qp, c, d, lambda);
-    }
-
-    fn backward(&mut self, qp: &Qp, g: &[f64], c: &[f64]) {
-        let OcpDims { nx: n, nu: m, horizon, n_controls, .. } = self.dims;
-        let s = n + m;
-        self.vector.fill(0.0);
-        for j in (0..horizon).rev() {
-            let linear = &mut self.linear[j * s..(j + 1) * s];
-            linear.copy_from_slice(&self.vector);
-            add_scaled(linear, 1.0, &g[self.dims.next_state(j)]);
-            self.sum.copy_from_slice(linear);
-            let p = self.p[j * s * s..].chunks_exact(s);
-            for (c, column) in c[j * n..(j + 1) * n].iter().zip(p) {
-                add_scaled(&mut self.sum, *c, column);
+        match (self.dims.nx, self.dims.nu) {
+            (2, 1) => {
+                self.backward(qp, g, c, (2, 1));
+                self.roll_out(qp, c, d, lambda, (2, 1));
             }
-            let (x, u) = self.vector.split_at_mut(n);
-            x.fill(0.0);
-            u.copy_from_slice(&self.sum[n..]);
-            add_transposed(qp.a(j), &self.sum[..n], x);
-            add_transposed(qp.b(j), &self.sum[..n], u);
-            if j < n_controls {
-                add_scaled(u, 1.0, &g[self.dims.input(j)]);
-                let gain = self.gain[j * s * m..].chunks_exact(m);
-                let forward = &mut self.forward[j * m..(j + 1) * m];
-                forward.copy_from_slice(u);
-                for (entry, gain) in self.vector.iter_mut().zip(gain) {
-                    for (gain, forward) in gain.iter().zip(forward.iter()) {
-                        *entry -= gain * forward;
-                    }
-                }
-                self.pivot[j].forward(forward);
-                self.pivot[j].backward(forward);
+            (4, 2) => {
+                self.backward(qp, g, c, (4, 2));
+                self.roll_out(qp, c, d, lambda, (4, 2));
+            }
+            sizes => {
+                self.backward(qp, g, c, sizes);
+                self.roll_out(qp, c, d, lambda, sizes);
             }
         }
     }
 
-    fn roll_out(&mut self, qp: &Qp, c: &[f64], d: &mut [f64], lambda: &mut [f64]) {
-        let OcpDims { nx: n, nu: m, horizon, n_controls, .. } = self.dims;
+    #[inline(always)]
+    fn backward(&mut self, qp: &Qp, g: &[f64], c: &[f64], (n, m): (usize, usize)) {
+        let OcpDims { horizon, n_controls, .. } = self.dims;
         let s = n + m;
+        let (by_x, by_u) = g.split_at(self.dims.all_states());
+        self.vector.fill(0.0);
+        for j in (0..horizon).rev() {
+            let (vector, sum) = (&mut self.vector[..s], &mut self.sum[..s]);
+            let linear = block_mut(&mut self.linear, j, s);
+            linear.copy_from_slice(vector);
+            add_scaled(linear, 1.0, block(by_x, j, n));
+            sum.copy_from_slice(linear);
+            let p = block(&self.p, j, s * s).chunks_exact(s);
+            for (c, column) in block(c, j, n).iter().zip(p) {
+                add_scaled(sum, *c, column);
+            }
+            let (x, u) = vector.split_at_mut(n);
+            x.fill(0.0);
+            u.copy_from_slice(&sum[n..]);
+            add_transposed(block(&qp.a, j, n * n), &sum[..n], x);
+            add_transposed(block(&qp.b, j, n * m), &sum[..n], u);
+            if j < n_controls {
+                add_scaled(u, 1.0, block(by_u, j, m));
+                let gain = block(&self.gain, j, s * m).chunks_exact(m);
+                let forward = block_mut(&mut self.forward, j, m);
+                forward.copy_from_slice(u);
+                for (entry, gain) in vector.iter_mut().zip(gain) {
+                    for (gain, forward) in gain.iter().zip(forward.iter()) {
+                        *entry -= gain * forward;
+                    }
+                }
+                self.pivot[j].forward_sized(forward, m);
+                self.pivot[j].backward_sized(forward, m);
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn roll_out(
+        &mut self,
+        qp: &Qp,
+        c: &[f64],
+        d: &mut [f64],
+        lambda: &mut [f64],
+        (n, m): (usize, usize),
+    ) {
+        let OcpDims { horizon, n_controls, .. } = self.dims;
+        let s = n + m;
+        let (states, inputs) = d.split_at_mut(self.dims.all_states());
         // s_j = (dx_j, du_{j-1})
         self.vector.fill(0.0);
         for j in 0..horizon {
+            let (vector, sum) = (&mut self.vector[..s], &mut self.sum[..s]);
             if j < n_controls {
-                self.sum.copy_from_slice(&self.vector);
-                let u = &mut self.vector[n..];
-                add_scaled(u, -1.0, &self.forward[j * m..(j + 1) * m]);
-                let gain = self.gain[j * s * m..].chunks_exact(m);
-                for (entry, gain) in self.sum.iter().zip(gain) {
+                sum.copy_from_slice(vector);
+                let u = &mut vector[n..];
+                add_scaled(u, -1.0, block(&self.forward, j, m));
+                let gain = block(&self.gain, j, s * m).chunks_exact(m);
+                for (entry, gain) in sum.iter().zip(gain) {
                     add_scaled(u, -*entry, gain);
                 }
-                d[self.dims.input(j)].copy_from_slice(u);
+                block_mut(inputs, j, m).copy_from_slice(u);
             }
-            let (x, u) = self.vector.split_at_mut(n);
-            let next = &mut self.sum[..n];
-            next.copy_from_slice(&c[j * n..(j + 1) * n]);
-            add_product(qp.a(j), x, next);
-            add_product(qp.b(j), u, next);
+            let (x, u) = vector.split_at_mut(n);
+            let next = &mut sum[..n];
+            next.copy_from_slice(block(c, j, n));
+            add_product(block(&qp.a, j, n * n), x, next);
+            add_product(block(&qp.b, j, n * m), u, next);
             x.copy_from_slice(next);
-            d[self.dims.next_state(j)].copy_from_slice(x);
+            block_mut(states, j, n).copy_from_slice(x);
 
-            let lambda = &mut lambda[j * n..(j + 1) * n];
-            lambda.copy_from_slice(&self.linear[j * s..j * s + n]);
-            let p = self.p[j * s * s..].chunks_exact(s);
-            for (entry, column) in self.vector.iter().zip(p) {
+            let lambda = block_mut(lambda, j, n);
+            lambda.copy_from_slice(&block(&self.linear, j, s)[..n]);
+            let p = block(&self.p, j, s * s).chunks_exact(s);
+            for (entry, column) in vector.iter().zip(p) {
                 add_scaled(lambda, *entry, column);
             }
         }
@@ -218,6 +254,7 @@ impl Riccati {
 /// Makes a matrix that is symmetric but for rounding symmetric. Over the stages the gains contain
 /// what rounding does to its symmetric part; an antisymmetric part would grow as the plant does
 /// without control, `A' P A`.
+#[inline(always)]
 fn symmetrize(matrix: &mut [f64], size: usize) {
     for c in 1..size {
         for r in 0..c {
@@ -276,21 +313,28 @@ impl<'a> RowWeights<'a> {
 }
 
 /// Writes F'P F, with the product P F in between; all column by column.
-fn merge(p: &[f64], (a, b): (&[f64], &[f64]), n: usize, product: &mut [f64], merged: &mut [f64]) {
-    let m = b.len() / n;
+#[inline(always)]
+fn merge(
+    p: &[f64],
+    (a, b): (&[f64], &[f64]),
+    (n, m): (usize, usize),
+    product: &mut [f64],
+    merged: &mut [f64],
+) {
     let s = n + m;
-    for (c, column) in product.chunks_exact_mut(s).enumerate() {
+    for (c, column) in product.chunks_exact_mut(s).take(s).enumerate() {
         if c < n {
             column.fill(0.0);
         } else {
-            column.copy_from_slice(&p[c * s..(c + 1) * s]);
+            column.copy_from_slice(block(p, c, s));
         }
         for (k, p) in p.chunks_exact(s).take(n).enumerate() {
             let entry = if c < n { a[k * n + c] } else { b[k * m + c - n] };
             add_scaled(column, entry, p);
         }
     }
-    for (column, product) in merged.chunks_exact_mut(s).zip(product.chunks_exact(s)) {
+    let columns = merged.chunks_exact_mut(s).zip(product.chunks_exact(s)).take(s);
+    for (column, product) in columns {
         let (x, u) = column.split_at_mut(n);
         x.fill(0.0);
         u.copy_from_slice(&product[n..]);
