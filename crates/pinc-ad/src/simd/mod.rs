@@ -11,6 +11,8 @@
 #![expect(unsafe_code, reason = "intrinsics need it; see the module's soundness rule")]
 
 mod exp;
+#[cfg(target_arch = "x86_64")]
+mod ln;
 mod tanh;
 mod trigonometric;
 #[cfg(target_arch = "x86_64")]

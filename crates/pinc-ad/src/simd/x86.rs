@@ -1,5 +1,6 @@
 //! Vectors of AVX-512 and of AVX2 with FMA, and the functions that are compiled with them.
 
+use super::ln::FloatParts;
 use super::{PLACE_BITS, Scalar, Simd, TABLE_SIZE, Task, Work, low_bits};
 use std::arch::x86_64::*;
 use std::fmt;
@@ -98,7 +99,7 @@ macro_rules! vector {
             }
             #[inline(always)]
             fn ln(self) -> Self {
-                self.map(f64::ln)
+                super::ln::ln(self)
             }
             #[inline(always)]
             fn sin(self) -> Self {
@@ -188,6 +189,17 @@ impl F64x8 {
     }
 }
 
+impl FloatParts for F64x8 {
+    #[inline(always)]
+    fn parts(self) -> (Self, Self) {
+        // SAFETY: `self` proves the instructions.
+        unsafe {
+            let mantissa = _mm512_getmant_pd::<_MM_MANT_NORM_1_2, _MM_MANT_SIGN_SRC>(self.0);
+            (Self(mantissa), Self(_mm512_getexp_pd(self.0)))
+        }
+    }
+}
+
 impl Simd for F64x8 {
     const LANES: usize = 8;
     const ROWS: usize = 5;
@@ -263,6 +275,26 @@ impl F64x4 {
             let mask = _mm256_cmp_pd::<_CMP_LE_OQ>(self.0, _mm256_setzero_pd());
             _mm256_blendv_pd(no.0, yes.0, mask)
         })
+    }
+}
+
+impl FloatParts for F64x4 {
+    #[inline(always)]
+    fn parts(self) -> (Self, Self) {
+        const SHIFT: f64 = 4_503_599_627_370_496.0;
+        const BIAS: f64 = 1023.0;
+        const FRACTION: i64 = (1 << 52) - 1;
+        let number = |value: f64| self.constant(value).0;
+        // SAFETY: `self` proves the instructions. The exponent becomes the low bits of 2^52.
+        unsafe {
+            let bits = _mm256_castpd_si256(self.0);
+            let fraction = _mm256_and_si256(bits, _mm256_set1_epi64x(FRACTION));
+            let one = _mm256_castpd_si256(number(1.0));
+            let exponent = _mm256_srli_epi64::<52>(bits);
+            let shifted = _mm256_or_si256(exponent, _mm256_castpd_si256(number(SHIFT)));
+            let mantissa = Self(_mm256_castsi256_pd(_mm256_or_si256(fraction, one)));
+            (mantissa, Self(_mm256_castsi256_pd(shifted)) - (SHIFT + BIAS))
+        }
     }
 }
 
