@@ -6,6 +6,7 @@
 
 mod algebraic;
 mod bounds;
+mod cost;
 mod data;
 mod derivatives;
 mod estimation;
@@ -22,6 +23,7 @@ mod rehearsal;
 mod stability;
 mod substeps;
 
+pub use cost::{Cost, ModelCost};
 pub use finding::{Finding, Severity};
 
 use numbers::{named, short};
@@ -40,7 +42,7 @@ use std::path::PathBuf;
 type Examination = fn(&Subject<'_>) -> Vec<Finding>;
 
 /// All of them, in the order of their findings.
-const EXAMINATIONS: [Examination; 14] = [
+const EXAMINATIONS: [Examination; 15] = [
     dimensions,
     derivatives::examine,
     algebraic::examine,
@@ -54,6 +56,7 @@ const EXAMINATIONS: [Examination; 14] = [
     rehearsal::examine,
     excursions::examine,
     substeps::examine,
+    cost::examine,
     data::examine,
 ];
 
@@ -85,6 +88,8 @@ pub struct Evidence<'a> {
     /// The closed loop with an integrator as the model, if the config has one and says T; or why
     /// it could not be run.
     pub rehearsal: Option<Result<Rehearsal, String>>,
+    /// How long the models of the loop take, if the config has one and says T.
+    pub cost: Option<Cost>,
     /// The files of `[data]`.
     pub read: &'a ReadMeasurements<'a>,
 }

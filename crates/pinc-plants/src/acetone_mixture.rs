@@ -121,8 +121,9 @@ impl<S: Scalar> Work for Boil<S> {
         let mut z = start(plain) - change / CLAUSIUS_CLAPEYRON;
         let steps = if change.abs() < NEAR_NORMAL { NEWTON_STEPS } else { FAR_STEPS };
         for _ in 0..steps {
-            let excess = along_temperature(plain, z, pressure).1;
-            z = z - excess.re / excess.eps[0];
+            let sum =
+                sum(&partial_pressures(lifted(plain), &Volatility::new(Dual::variable(z, 0))));
+            z = z - newton_step(sum.re, sum.eps[0], pressure);
         }
         if const { S::ORDER == 1 } {
             first_order(x, plain, z, pressure)
@@ -153,21 +154,26 @@ fn start<V: Scalar>(x: [V; COMPONENTS]) -> V {
     forms[0] / forms[1]
 }
 
-/// The partial pressures, and by how much the logarithm of their sum over `pressure` differs from
-/// 0, with their derivatives by z.
+/// A step of Newton's method for 2 (s - P)/(s + P) = 0, where s is the sum of the partial pressures:
+/// nearly ln(s/P), which is nearly linear in z.
 #[inline(always)]
-fn along_temperature<V: Scalar>(
-    x: [V; COMPONENTS],
-    z: V,
-    pressure: f64,
-) -> ([Dual<V>; COMPONENTS], Dual<V>) {
-    let mut lifted = [Dual::lift(z); COMPONENTS];
+fn newton_step<V: Scalar>(sum: V, slope: V, pressure: f64) -> V {
+    sum.mul_add(sum, sum.constant(-pressure * pressure)) / (slope * (2.0 * pressure))
+}
+
+#[inline(always)]
+fn sum<S: Scalar>([a, m, w]: &[S; COMPONENTS]) -> S {
+    *a + *m + *w
+}
+
+/// Fractions as constants.
+#[inline(always)]
+fn lifted<V: Scalar>(x: [V; COMPONENTS]) -> [Dual<V>; COMPONENTS] {
+    let mut lifted = [Dual::lift(x[0]); COMPONENTS];
     for (lifted, x) in lifted.iter_mut().zip(x) {
         *lifted = Dual::lift(x);
     }
-    let pressures = partial_pressures(lifted, &Volatility::new(Dual::variable(z, 0)));
-    let excess = ((pressures[0] + pressures[1] + pressures[2]) / pressure).ln();
-    (pressures, excess)
+    lifted
 }
 
 /// The last step for numbers with first derivatives: the derivatives of the step's result by the
@@ -186,12 +192,12 @@ fn first_order<S: Scalar>(
     }
     let volatility = Volatility::new(Dual::<S::Plain>::variable(z, 0)).lifted();
     let pressures = partial_pressures(fractions, &volatility);
-    let sum = pressures[0] + pressures[1] + pressures[2];
-    // ln(sum/pressure) has the slopes sum.eps/sum.
-    let step = -((sum.re / pressure).ln() * sum.re / sum.eps[0]);
+    let sum = sum(&pressures);
+    let step = -newton_step(sum.re, sum.eps[0], pressure);
+    let inverse = -(z.constant(1.0) / sum.eps[0]);
     let mut slopes = sum.eps;
     for slope in &mut slopes {
-        *slope = -(*slope / sum.eps[0]);
+        *slope = *slope * inverse;
     }
     let mut changes = x;
     for (change, plain) in changes.iter_mut().zip(plain) {
@@ -203,9 +209,9 @@ fn first_order<S: Scalar>(
     }
     let mut vapour = x;
     for (y, p) in vapour.iter_mut().zip(pressures) {
-        *y = y.constants(p.eps[0].mul_add(step, p.re) / pressure);
+        *y = y.constants(p.eps[0].mul_add(step, p.re) * (1.0 / pressure));
         for j in 0..COMPONENTS {
-            let slope = p.eps[0].mul_add(slopes[1 + j], p.eps[1 + j]) / pressure;
+            let slope = p.eps[0].mul_add(slopes[1 + j], p.eps[1 + j]) * (1.0 / pressure);
             *y = y.constants(slope).mul_add(changes[j], *y);
         }
     }
@@ -221,21 +227,20 @@ fn any_order<S: Scalar>(
     z: S::Plain,
     pressure: f64,
 ) -> Boiling<S> {
-    let (along, excess) = along_temperature(plain, z, pressure);
+    let along = partial_pressures(lifted(plain), &Volatility::new(Dual::variable(z, 0)));
+    let along_z = sum(&along);
     let mut vapour = x;
     if S::ORDER == 0 {
-        let step = -(excess.re / excess.eps[0]);
+        let step = -newton_step(along_z.re, along_z.eps[0], pressure);
         for (y, p) in vapour.iter_mut().zip(along) {
-            *y = y.constants(p.eps[0].mul_add(step, p.re) / pressure);
+            *y = y.constants(p.eps[0].mul_add(step, p.re) * (1.0 / pressure));
         }
         return Boiling { vapour, inverse_temperature: x[0].constants(z + step) };
     }
-    let slope = x[0].constants(excess.eps[0]);
+    let slope = x[0].constants(along_z.eps[0]);
     let mut z = x[0].constants(z);
     for _ in 0..S::ORDER {
-        let pressures = partial_pressures(x, &Volatility::new(z));
-        let excess = ((pressures[0] + pressures[1] + pressures[2]) / pressure).ln();
-        z = z - excess / slope;
+        z = z - newton_step(sum(&partial_pressures(x, &Volatility::new(z))), slope, pressure);
     }
     vapour = partial_pressures(x, &Volatility::new(z));
     for y in &mut vapour {
@@ -267,8 +272,10 @@ impl<S: Scalar> Volatility<S> {
         }
         let mut ln_pressure = [z; COMPONENTS];
         for (ln_pressure, [a, b, c]) in ln_pressure.iter_mut().zip(ANTOINE) {
-            // B/(t + C) with t = 1/z - 273.15
-            *ln_pressure = -(z * b / (z * (c - CELSIUS) + 1.0)) + a;
+            // B/(t + C) = B z/(1 + (C - 273.15) z), with t = 1/z - 273.15
+            let share = b / (c - CELSIUS);
+            let inverse = z.constant(1.0) / (z * (c - CELSIUS) + 1.0);
+            *ln_pressure = inverse * share + (a - share);
         }
         Self { tau, g, ln_pressure }
     }

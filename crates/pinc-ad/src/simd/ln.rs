@@ -1,12 +1,6 @@
 //! The natural logarithm in SIMD lanes.
 
-use crate::simd::Simd;
-
-/// Vectors whose numbers can be taken apart.
-pub(super) trait FloatParts: Simd {
-    /// m in [1, 2) and k with `self = 2^k m`, for positive normal numbers.
-    fn parts(self) -> (Self, Self);
-}
+use super::parts::FloatParts;
 
 /// ln 2 in two parts: whole multiples of the first up to 2^20 are exact.
 const LN2_HIGH: f64 = 0.693_147_180_369_123_8;
@@ -67,8 +61,7 @@ pub(super) fn ln<V: FloatParts>(x: V) -> V {
 
 #[cfg(all(test, target_arch = "x86_64"))]
 mod tests {
-    use super::super::{Isa, Task};
-    use super::*;
+    use crate::simd::{Isa, Simd, Task};
 
     struct LnOf(f64);
 

@@ -13,8 +13,8 @@ use std::marker::PhantomData;
 /// would be a longer chain of vectors than when the columns are in the lanes.
 pub(super) const COLUMNS: usize = 3;
 
-/// The same for a plant with a long equation, see [`Plant::LONG`].
-pub(super) const COLUMNS_IF_LONG: usize = 8;
+/// The same for a plant with a long equation, see [`Plant::LONG`], of few columns or many.
+pub(super) const COLUMNS_IF_LONG: [usize; 2] = [4, 8];
 
 /// Any number of points of a plant with `N` columns at most through the method `M`.
 pub(super) struct LinearizeBatched<'a, P, M, const N: usize> {

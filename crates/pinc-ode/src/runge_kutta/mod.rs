@@ -128,13 +128,20 @@ impl<P: Plant, M: Method> RungeKutta<P, M> {
     /// Linearises any number of points of a plant with a long equation: what is left over when
     /// vectors are filled goes into narrower ones, if these suffice.
     fn linearize_long(&mut self, points: Points<'_>) {
+        const FEW: usize = COLUMNS_IF_LONG[0];
+        const MANY: usize = COLUMNS_IF_LONG[1];
         let count = points.at.count(self.dims);
         let rest = count % self.isa.lanes();
         let whole = if rest <= self.narrow.lanes() { count - rest } else { count };
         let (whole, rest) = points.split(self.dims, whole);
         for (isa, points) in [(self.isa, whole), (self.narrow, rest)] {
-            if !points.at.x.is_empty() {
-                self.linearize_batched::<COLUMNS_IF_LONG>(isa, points);
+            if points.at.x.is_empty() {
+                continue;
+            }
+            if points.columns(self.dims) <= FEW {
+                self.linearize_batched::<FEW>(isa, points);
+            } else {
+                self.linearize_batched::<MANY>(isa, points);
             }
         }
     }
@@ -204,7 +211,7 @@ impl<P: Plant, M: Method> Model for RungeKutta<P, M> {
         if columns <= COLUMNS && self.heap.is_none() {
             return self.linearize_batched::<COLUMNS>(self.isa, points);
         }
-        if const { P::LONG } && columns <= COLUMNS_IF_LONG && self.heap.is_none() {
+        if const { P::LONG } && columns <= COLUMNS_IF_LONG[1] && self.heap.is_none() {
             return self.linearize_long(points);
         }
         if self.heap.is_none() {
