@@ -6,6 +6,7 @@
 
 mod algebraic;
 mod bounds;
+mod cost;
 mod data;
 mod derivatives;
 mod estimation;
@@ -23,6 +24,7 @@ mod rehearsal;
 mod stability;
 mod substeps;
 
+pub use cost::{Cost, ModelCost};
 pub use finding::{Finding, Severity};
 
 use numbers::{named, short};
@@ -56,6 +58,7 @@ const EXAMINATIONS: [Examination; 15] = [
     rehearsal::examine,
     excursions::examine,
     substeps::examine,
+    cost::examine,
     data::examine,
 ];
 
@@ -87,6 +90,8 @@ pub struct Evidence<'a> {
     /// The closed loop with an integrator as the model, if the config has one and says T; or why
     /// it could not be run.
     pub rehearsal: Option<Result<Rehearsal, String>>,
+    /// How long the models of the loop take, if the config has one and says T.
+    pub cost: Option<Cost>,
     /// The files of `[data]`.
     pub read: &'a ReadMeasurements<'a>,
 }

@@ -4,7 +4,7 @@
 use divan::{Bencher, black_box};
 use pinc_expr::Equations;
 use pinc_ode::{Dims, Linearization, Model, Plant, Rk4, Stages, Variable};
-use pinc_plants::{FourTanks, VanDerPol};
+use pinc_plants::{AcetoneColumn, AcetoneStill, FourTanks, VanDerPol};
 
 const SUBSTEPS: [usize; 5] = [1, 4, 5, 10, 50];
 
@@ -68,7 +68,33 @@ fn linearize_stages_four_tanks(bencher: Bencher<'_, '_>, stages: usize) {
     linearize_stages(bencher, &mut four_tanks(4), &[9.0, 14.0, 2.5, 2.5], &[2.5, 2.5], stages);
 }
 
-/// The same plants as text.
+/// Plants that solve equations inside: four calls a stage.
+#[divan::bench]
+fn step_still(bencher: Bencher<'_, '_>) {
+    step(bencher, &mut Rk4::new(AcetoneStill::default(), 60.0, 1), &STILL.0, &STILL.1);
+}
+
+#[divan::bench]
+fn step_column(bencher: Bencher<'_, '_>) {
+    step(bencher, &mut Rk4::new(AcetoneColumn::default(), 60.0, 1), &COLUMN.0, &COLUMN.1);
+}
+
+#[divan::bench(args = [1, 2, 5, 10, 20])]
+fn linearize_stages_still(bencher: Bencher<'_, '_>, stages: usize) {
+    let mut model = Rk4::new(AcetoneStill::default(), 60.0, 1);
+    linearize_stages(bencher, &mut model, &STILL.0, &STILL.1, stages);
+}
+
+#[divan::bench(args = [1, 2, 5, 10, 20])]
+fn linearize_stages_column(bencher: Bencher<'_, '_>, stages: usize) {
+    let mut model = Rk4::new(AcetoneColumn::default(), 60.0, 1);
+    linearize_stages(bencher, &mut model, &COLUMN.0, &COLUMN.1, stages);
+}
+
+const STILL: ([f64; 2], [f64; 2]) = ([0.17, 0.27], [4.0, 100.0]);
+const COLUMN: ([f64; 6], [f64; 2]) = ([0.1, 0.7, 0.4, 0.3, 0.6, 0.1], [3.0, 120.0]);
+
+/// The oscillator and the tanks as text.
 #[divan::bench(args = [1, 5, 10, 20])]
 fn linearize_stages_van_der_pol_as_text(bencher: Bencher<'_, '_>, stages: usize) {
     let states = [("x1", "x2"), ("x2", "(1 - x1^2)*x2 - x1 + u")];

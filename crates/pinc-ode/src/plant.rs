@@ -39,6 +39,12 @@ use std::fmt::Debug;
 /// assert_eq!(Spring.dims().nx, 2);
 /// ```
 pub trait Plant: Clone + Debug + Send + Sync + 'static {
+    /// Whether [`Plant::rhs`] is long: another equation is solved inside, for instance. The
+    /// Runge-Kutta methods of such a plant compute with points in the lanes of vectors, however
+    /// many columns its Jacobians have, so that logarithms and iterations are those of several
+    /// points at once.
+    const LONG: bool = false;
+
     /// The states, in order; their number is `nx`.
     fn states(&self) -> &[Variable];
 

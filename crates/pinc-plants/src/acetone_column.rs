@@ -54,6 +54,8 @@ impl AcetoneColumn {
 }
 
 impl Plant for AcetoneColumn {
+    const LONG: bool = true;
+
     fn states(&self) -> &[Variable] {
         static VARIABLES: [Variable; 2 * STAGES] = [
             Variable::new("xa0", ""),

@@ -6,13 +6,39 @@ use pinc_ad::{Dual, Scalar};
 /// Acetone, methanol, water.
 pub(crate) const COMPONENTS: usize = 3;
 
-/// Newton steps on plain numbers for the boiling point. From the start below three leave an error
-/// of 1e-11 K at the worst composition, pure water. The fourth is for the slope there, which the
-/// derivatives need as exact; the last step, on the full kind of number, comes on top.
-const NEWTON_STEPS: usize = 4;
+/// Newton steps on plain numbers for the boiling point at a pressure near [`NORMAL_KPA`]. From a
+/// start that is wrong by 0.14 K they leave an error of 1e-13 K, so that the derivatives are exact
+/// there. A last step, which carries the derivatives, comes on top.
+const NEWTON_STEPS: usize = 2;
 
-/// The Newton iteration starts from this temperature, in K, whatever the composition.
-const START_K: f64 = 340.0;
+/// The same at other pressures, where the start is wrong by some K.
+const FAR_STEPS: usize = 4;
+
+/// The pressure of [`START`], in kPa.
+const NORMAL_KPA: f64 = 101.325;
+
+/// Pressures whose logarithm differs by less from that of [`NORMAL_KPA`] are near it.
+const NEAR_NORMAL: f64 = 0.01;
+
+/// How 1/T in 1/K goes down with the logarithm of the pressure, nearly: the heat of vaporization of
+/// the mixture's components over the gas constant, in K.
+const CLAUSIUS_CLAPEYRON: f64 = 4300.0;
+
+/// 1/T of the boiling liquid at [`NORMAL_KPA`], to 0.14 K, is a quotient of two cubic forms in the
+/// mole fractions. Of each monomial the powers of acetone, methanol and water, and its
+/// coefficients in both forms. `tests/data/start.py` fits them.
+const START: [([usize; COMPONENTS], [f64; 2]); 10] = [
+    ([0, 0, 3], [0.002_679_04, 1.0]),
+    ([0, 1, 2], [0.024_458_3, 8.635_72]),
+    ([0, 2, 1], [0.048_982_8, 16.996_3]),
+    ([0, 3, 0], [0.027_256_7, 9.208_57]),
+    ([1, 0, 2], [0.057_350_9, 18.971_4]),
+    ([1, 1, 1], [0.225_909, 77.981_2]),
+    ([1, 2, 0], [0.277_294, 92.520_5]),
+    ([2, 0, 1], [0.247_5, 84.252_9]),
+    ([2, 1, 0], [0.358_468, 116.822]),
+    ([3, 0, 0], [0.326_337, 107.439]),
+];
 
 /// The gas constant, in cal/(mol K), the unit of the interaction energies.
 const GAS_CONSTANT: f64 = 1.987_21;
@@ -48,7 +74,7 @@ const VAPORIZATION: [f64; COMPONENTS] = [29.10, 35.21, 40.66];
 ///
 /// (gamma by the NRTL equation, p by Antoine's.) The equation for T is solved at every call, by
 /// Newton's method in 1/T, in which it is nearly linear; the derivatives are those of the implicit
-/// function theorem, exact to first order.
+/// function theorem.
 ///
 /// Data: Smith, Van Ness and Abbott, *Introduction to Chemical Engineering Thermodynamics*, 7th
 /// edition, table 12.5 (NRTL) and table B.2 (Antoine, heats of vaporization).
@@ -87,72 +113,231 @@ impl<S: Scalar> Work for Boil<S> {
     #[inline(always)]
     fn run(self) -> Boiling<S> {
         let Self { x, pressure } = self;
-        let mut z = x[0].plain().constant(1.0 / START_K);
-        let mut lifted = [Dual::<S::Plain>::lift(z); COMPONENTS];
-        for (lifted, x) in lifted.iter_mut().zip(x) {
-            *lifted = Dual::lift(x.plain());
+        let mut plain = [x[0].plain(); COMPONENTS];
+        for (plain, x) in plain.iter_mut().zip(x) {
+            *plain = x.plain();
         }
-        let mut slope = z;
-        let mut pressure_slopes = [z; COMPONENTS];
-        for _ in 0..NEWTON_STEPS {
-            let pressures = partial_pressures(lifted, Dual::variable(z, 0));
-            let excess = ((pressures[0] + pressures[1] + pressures[2]) / pressure).ln();
-            for (slope, pressure) in pressure_slopes.iter_mut().zip(pressures) {
-                *slope = pressure.eps[0];
-            }
-            slope = excess.eps[0];
-            z = z - excess.re / slope;
+        let change = (pressure / NORMAL_KPA).ln();
+        let mut z = start(plain) - change / CLAUSIUS_CLAPEYRON;
+        let steps = if change.abs() < NEAR_NORMAL { NEWTON_STEPS } else { FAR_STEPS };
+        for _ in 0..steps {
+            let sum =
+                sum(&partial_pressures(lifted(plain), &Volatility::new(Dual::variable(z, 0))));
+            z = z - newton_step(sum.re, sum.eps[0], pressure);
         }
-        // One more step, with derivatives: dz = - g(x, z) / g_z, and along it y.
-        let z = x[0].constants(z);
-        let pressures = partial_pressures(x, z);
-        let excess = ((pressures[0] + pressures[1] + pressures[2]) / pressure).ln();
-        let step = -(excess / z.constants(slope));
-        let mut vapour = pressures;
-        for (y, slope) in vapour.iter_mut().zip(pressure_slopes) {
-            *y = z.constants(slope).mul_add(step, *y) / pressure;
+        if const { S::ORDER == 1 } {
+            first_order(x, plain, z, pressure)
+        } else {
+            any_order(x, plain, z, pressure)
         }
-        Boiling { vapour, inverse_temperature: z + step }
     }
 }
 
-/// The partial pressures in kPa over a liquid x at the temperature 1/z. (Loops, since `array::map`,
-/// `from_fn` and closures are not sure to be inlined into SIMD code.)
+/// An approximate 1/T. Fractions below 0 count as 0.
 #[inline(always)]
-fn partial_pressures<S: Scalar>(x: [S; COMPONENTS], z: S) -> [S; COMPONENTS] {
-    let mut g = [[z.constant(1.0); COMPONENTS]; COMPONENTS];
-    let mut tau = [[z.constant(0.0); COMPONENTS]; COMPONENTS];
-    for i in 0..COMPONENTS {
-        for j in (0..COMPONENTS).filter(|&j| j != i) {
-            tau[i][j] = z * (INTERACTION[i][j] / GAS_CONSTANT);
-            g[i][j] = (z * (-NONRANDOMNESS[i][j] * INTERACTION[i][j] / GAS_CONSTANT)).exp();
+fn start<V: Scalar>(x: [V; COMPONENTS]) -> V {
+    let zero = x[0].constant(0.0);
+    let mut powers = [[zero.constant(1.0); 4]; COMPONENTS];
+    for (powers, x) in powers.iter_mut().zip(x) {
+        let fraction = x.where_nonpositive(zero, x);
+        for i in 1..powers.len() {
+            powers[i] = powers[i - 1] * fraction;
         }
     }
-    let zero = z.constant(0.0);
+    let mut forms = [zero; 2];
+    for ([a, m, w], coefficients) in START {
+        let monomial = powers[0][a] * powers[1][m] * powers[2][w];
+        for (form, coefficient) in forms.iter_mut().zip(coefficients) {
+            *form = monomial.mul_add(zero.constant(coefficient), *form);
+        }
+    }
+    forms[0] / forms[1]
+}
+
+/// A step of Newton's method for 2 (s - P)/(s + P) = 0, where s is the sum of the partial pressures:
+/// nearly ln(s/P), which is nearly linear in z.
+#[inline(always)]
+fn newton_step<V: Scalar>(sum: V, slope: V, pressure: f64) -> V {
+    sum.mul_add(sum, sum.constant(-pressure * pressure)) / (slope * (2.0 * pressure))
+}
+
+#[inline(always)]
+fn sum<S: Scalar>([a, m, w]: &[S; COMPONENTS]) -> S {
+    *a + *m + *w
+}
+
+/// Fractions as constants.
+#[inline(always)]
+fn lifted<V: Scalar>(x: [V; COMPONENTS]) -> [Dual<V>; COMPONENTS] {
+    let mut lifted = [Dual::lift(x[0]); COMPONENTS];
+    for (lifted, x) in lifted.iter_mut().zip(x) {
+        *lifted = Dual::lift(x);
+    }
+    lifted
+}
+
+/// The last step for numbers with first derivatives: the derivatives of the step's result by the
+/// fractions, on plain numbers, times those of the fractions.
+#[inline(always)]
+fn first_order<S: Scalar>(
+    x: [S; COMPONENTS],
+    plain: [S::Plain; COMPONENTS],
+    z: S::Plain,
+    pressure: f64,
+) -> Boiling<S> {
+    // Direction 0 is z, those after it are the fractions.
+    let mut fractions = [Dual::<S::Plain, 4>::lift(z); COMPONENTS];
+    for (i, (to, x)) in fractions.iter_mut().zip(plain).enumerate() {
+        *to = Dual::variable(x, 1 + i);
+    }
+    let volatility = Volatility::new(Dual::<S::Plain>::variable(z, 0)).lifted();
+    let pressures = partial_pressures(fractions, &volatility);
+    let sum = sum(&pressures);
+    let step = -newton_step(sum.re, sum.eps[0], pressure);
+    let inverse = -(z.constant(1.0) / sum.eps[0]);
+    let mut slopes = sum.eps;
+    for slope in &mut slopes {
+        *slope = *slope * inverse;
+    }
+    let mut changes = x;
+    for (change, plain) in changes.iter_mut().zip(plain) {
+        *change = *change - change.constants(plain);
+    }
+    let mut inverse_temperature = x[0].constants(z + step);
+    for (change, slope) in changes.iter().zip(&slopes[1..]) {
+        inverse_temperature = change.constants(*slope).mul_add(*change, inverse_temperature);
+    }
+    let mut vapour = x;
+    for (y, p) in vapour.iter_mut().zip(pressures) {
+        *y = y.constants(p.eps[0].mul_add(step, p.re) * (1.0 / pressure));
+        for j in 0..COMPONENTS {
+            let slope = p.eps[0].mul_add(slopes[1 + j], p.eps[1 + j]) * (1.0 / pressure);
+            *y = y.constants(slope).mul_add(changes[j], *y);
+        }
+    }
+    Boiling { vapour, inverse_temperature }
+}
+
+/// The last step, or as many as the kind of number has orders of derivatives: of each, the first
+/// order that was wrong before it becomes right.
+#[inline(always)]
+fn any_order<S: Scalar>(
+    x: [S; COMPONENTS],
+    plain: [S::Plain; COMPONENTS],
+    z: S::Plain,
+    pressure: f64,
+) -> Boiling<S> {
+    let along = partial_pressures(lifted(plain), &Volatility::new(Dual::variable(z, 0)));
+    let along_z = sum(&along);
+    let mut vapour = x;
+    if S::ORDER == 0 {
+        let step = -newton_step(along_z.re, along_z.eps[0], pressure);
+        for (y, p) in vapour.iter_mut().zip(along) {
+            *y = y.constants(p.eps[0].mul_add(step, p.re) * (1.0 / pressure));
+        }
+        return Boiling { vapour, inverse_temperature: x[0].constants(z + step) };
+    }
+    let slope = x[0].constants(along_z.eps[0]);
+    let mut z = x[0].constants(z);
+    for _ in 0..S::ORDER {
+        z = z - newton_step(sum(&partial_pressures(x, &Volatility::new(z))), slope, pressure);
+    }
+    vapour = partial_pressures(x, &Volatility::new(z));
+    for y in &mut vapour {
+        *y = *y / pressure;
+    }
+    Boiling { vapour, inverse_temperature: z }
+}
+
+/// What depends on the temperature alone. (Loops, since `array::map`, `from_fn` and closures are
+/// not sure to be inlined into SIMD code.)
+struct Volatility<S> {
+    tau: [[S; COMPONENTS]; COMPONENTS],
+    g: [[S; COMPONENTS]; COMPONENTS],
+    /// The logarithm of the components' vapour pressures in kPa.
+    ln_pressure: [S; COMPONENTS],
+}
+
+impl<S: Scalar> Volatility<S> {
+    /// At the temperature 1/z.
+    #[inline(always)]
+    fn new(z: S) -> Self {
+        let mut tau = [[z.constant(0.0); COMPONENTS]; COMPONENTS];
+        let mut g = [[z.constant(1.0); COMPONENTS]; COMPONENTS];
+        for i in 0..COMPONENTS {
+            for j in (0..COMPONENTS).filter(|&j| j != i) {
+                tau[i][j] = z * (INTERACTION[i][j] / GAS_CONSTANT);
+                g[i][j] = (z * (-NONRANDOMNESS[i][j] * INTERACTION[i][j] / GAS_CONSTANT)).exp();
+            }
+        }
+        let mut ln_pressure = [z; COMPONENTS];
+        for (ln_pressure, [a, b, c]) in ln_pressure.iter_mut().zip(ANTOINE) {
+            // B/(t + C) = B z/(1 + (C - 273.15) z), with t = 1/z - 273.15
+            let share = b / (c - CELSIUS);
+            let inverse = z.constant(1.0) / (z * (c - CELSIUS) + 1.0);
+            *ln_pressure = inverse * share + (a - share);
+        }
+        Self { tau, g, ln_pressure }
+    }
+}
+
+impl<V: Scalar> Volatility<Dual<V>> {
+    /// With room for more derivatives.
+    #[inline(always)]
+    fn lifted<const N: usize>(&self) -> Volatility<Dual<V, N>> {
+        let mut lifted = Volatility {
+            tau: [[lifted_number(self.tau[0][0]); COMPONENTS]; COMPONENTS],
+            g: [[lifted_number(self.g[0][0]); COMPONENTS]; COMPONENTS],
+            ln_pressure: [lifted_number(self.ln_pressure[0]); COMPONENTS],
+        };
+        for i in 0..COMPONENTS {
+            for j in 0..COMPONENTS {
+                lifted.tau[i][j] = lifted_number(self.tau[i][j]);
+                lifted.g[i][j] = lifted_number(self.g[i][j]);
+            }
+            lifted.ln_pressure[i] = lifted_number(self.ln_pressure[i]);
+        }
+        lifted
+    }
+}
+
+/// A derivative in one direction as the first of several.
+#[inline(always)]
+fn lifted_number<V: Scalar, const N: usize>(number: Dual<V>) -> Dual<V, N> {
+    let mut lifted = Dual::lift(number.re);
+    lifted.eps[0] = number.eps[0];
+    lifted
+}
+
+/// The partial pressures in kPa over a liquid x.
+#[inline(always)]
+fn partial_pressures<S: Scalar>(x: [S; COMPONENTS], at: &Volatility<S>) -> [S; COMPONENTS] {
+    let Volatility { tau, g, ln_pressure } = at;
+    let zero = x[0].constant(0.0);
     let mut share = [zero; COMPONENTS];
     let mut mean = [zero; COMPONENTS];
     for j in 0..COMPONENTS {
-        let (mut s, mut t) = (zero, zero);
-        for k in 0..COMPONENTS {
+        let (mut s, mut t) = (x[j], zero);
+        for k in (0..COMPONENTS).filter(|&k| k != j) {
             let weight = x[k] * g[k][j];
             s = s + weight;
-            if k != j {
-                t = tau[k][j].mul_add(weight, t);
-            }
+            t = tau[k][j].mul_add(weight, t);
         }
-        share[j] = x[j] / s;
-        mean[j] = t / s;
+        let inverse = zero.constant(1.0) / s;
+        share[j] = x[j] * inverse;
+        mean[j] = t * inverse;
     }
-    let celsius = z.constant(1.0) / z - CELSIUS;
     let mut pressures = x;
     for i in 0..COMPONENTS {
         let mut ln_gamma = mean[i];
         for j in 0..COMPONENTS {
-            ln_gamma = (share[j] * g[i][j]).mul_add(tau[i][j] - mean[j], ln_gamma);
+            if j == i {
+                ln_gamma = ln_gamma - share[j] * mean[j];
+            } else {
+                ln_gamma = (share[j] * g[i][j]).mul_add(tau[i][j] - mean[j], ln_gamma);
+            }
         }
-        let [a, b, c] = ANTOINE[i];
-        let ln_vapour_pressure = -(z.constant(b) / (celsius + c)) + a;
-        pressures[i] = x[i] * (ln_gamma + ln_vapour_pressure).exp();
+        pressures[i] = x[i] * (ln_gamma + ln_pressure[i]).exp();
     }
     pressures
 }

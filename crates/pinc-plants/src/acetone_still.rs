@@ -17,7 +17,7 @@ use pinc_ode::{Plant, Variable};
 /// activity coefficients by the NRTL equation, vapour pressures by Antoine's, with data from Smith,
 /// Van Ness and Abbott, *Introduction to Chemical Engineering Thermodynamics*, 7th edition, tables
 /// 12.5 and B.2. The boiling point is solved for at every call; the derivatives are those of the
-/// implicit function theorem, exact to first order.
+/// implicit function theorem.
 ///
 /// This makes the plant expensive, as plants with property calculations are: a call costs some
 /// hundred times that of the Van der Pol oscillator.
@@ -52,6 +52,8 @@ impl AcetoneStill {
 }
 
 impl Plant for AcetoneStill {
+    const LONG: bool = true;
+
     fn states(&self) -> &[Variable] {
         static VARIABLES: [Variable; 2] = [Variable::new("xa", ""), Variable::new("xm", "")];
         &VARIABLES

@@ -1,13 +1,11 @@
 //! The exponential function in SIMD lanes.
 
-use crate::simd::{Simd, TABLE_SIZE};
+use super::parts::FloatParts;
 
-/// 1.5 * 2^52 + 1024: adding it rounds a number to an integer, which is then in the low bits,
-/// shifted to the middle of the table.
-const SHIFT: f64 = 6_755_399_441_055_744.0 + 1024.0;
+/// 1.5 * 2^52: adding it rounds a number to an integer.
+const SHIFT: f64 = 6_755_399_441_055_744.0;
 
-/// Beyond it e^x is infinite, below minus it 0; its exponent of 2 still has halves within the
-/// table.
+/// Beyond it e^x is infinite, below minus it 0.
 const LIMIT: f64 = 1400.0;
 
 /// ln 2 in two parts: whole multiples of the first up to 2^21 are exact.
@@ -30,9 +28,6 @@ const C: [f64; 12] = [
     1.0 / 6_227_020_800.0,
 ];
 
-/// 2^(i - 1024).
-static POWERS: [f64; TABLE_SIZE] = powers();
-
 /// e^x, to within 2 units in the last place where the result is a normal number (tested over the
 /// whole range); 0 and infinity beyond the range, NaN for NaN.
 ///
@@ -40,7 +35,7 @@ static POWERS: [f64; TABLE_SIZE] = powers();
 /// x = k ln 2 + r, |r| <= ln(2)/2,    e^x = 2^k (1 + r + r^2/2! + .. + r^13/13!)
 /// ```
 #[inline(always)]
-pub(super) fn exp<V: Simd>(x: V) -> V {
+pub(super) fn exp<V: FloatParts>(x: V) -> V {
     let number = |value| x.constant(value);
     let x = x.clamp(LIMIT);
     let k = x.mul_add(number(std::f64::consts::LOG2_E), number(SHIFT)) - SHIFT;
@@ -57,27 +52,12 @@ pub(super) fn exp<V: Simd>(x: V) -> V {
     let middle = c7.mul_add(r, c6).mul_add(r2, c5.mul_add(r, c4));
     let high = c11.mul_add(r, c10).mul_add(r2, c9.mul_add(r, c8));
     let series = c13.mul_add(r, c12).mul_add(r4, high).mul_add(r8, middle.mul_add(r4, low));
-    // 2^k by halves, so that each is a normal number: the last product alone rounds, to 0 or
-    // infinity where it must.
-    let half = k.mul_add(number(0.5), number(SHIFT));
-    let rest = (k - (half - SHIFT)) + SHIFT;
-    series * half.lookup(&POWERS) * rest.lookup(&POWERS)
+    series.times_power(k)
 }
 
-const fn powers() -> [f64; TABLE_SIZE] {
-    let mut table = [0.0; TABLE_SIZE];
-    let mut i = 2;
-    while i < TABLE_SIZE {
-        table[i] = f64::from_bits(((i as u64) - 1) << 52);
-        i += 1;
-    }
-    table
-}
-
-#[cfg(test)]
+#[cfg(all(test, target_arch = "x86_64"))]
 mod tests {
-    use super::super::{Isa, Task};
-    use super::*;
+    use crate::simd::{Isa, Simd, Task};
 
     struct ExpOf(f64);
 
@@ -86,7 +66,7 @@ mod tests {
         #[inline(always)]
         fn run<V: Simd>(self, zero: V) -> f64 {
             let mut out = [0.0; 8];
-            exp(zero.constant(self.0)).write(&mut out);
+            zero.constant(self.0).exp().write(&mut out);
             out[V::LANES - 1]
         }
     }

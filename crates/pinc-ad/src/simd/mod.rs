@@ -10,7 +10,12 @@
 //! the instruction set enabled. A function that is not inlined stays correct but becomes slow.
 #![expect(unsafe_code, reason = "intrinsics need it; see the module's soundness rule")]
 
+#[cfg(target_arch = "x86_64")]
 mod exp;
+#[cfg(target_arch = "x86_64")]
+mod ln;
+#[cfg(target_arch = "x86_64")]
+mod parts;
 mod tanh;
 mod trigonometric;
 #[cfg(target_arch = "x86_64")]

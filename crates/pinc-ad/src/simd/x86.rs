@@ -1,5 +1,6 @@
 //! Vectors of AVX-512 and of AVX2 with FMA, and the functions that are compiled with them.
 
+use super::parts::FloatParts;
 use super::{PLACE_BITS, Scalar, Simd, TABLE_SIZE, Task, Work, low_bits};
 use std::arch::x86_64::*;
 use std::fmt;
@@ -98,7 +99,7 @@ macro_rules! vector {
             }
             #[inline(always)]
             fn ln(self) -> Self {
-                self.map(f64::ln)
+                super::ln::ln(self)
             }
             #[inline(always)]
             fn sin(self) -> Self {
@@ -188,6 +189,22 @@ impl F64x8 {
     }
 }
 
+impl FloatParts for F64x8 {
+    #[inline(always)]
+    fn parts(self) -> (Self, Self) {
+        // SAFETY: `self` proves the instructions.
+        unsafe {
+            let mantissa = _mm512_getmant_pd::<_MM_MANT_NORM_1_2, _MM_MANT_SIGN_SRC>(self.0);
+            (Self(mantissa), Self(_mm512_getexp_pd(self.0)))
+        }
+    }
+    #[inline(always)]
+    fn times_power(self, k: Self) -> Self {
+        // SAFETY: `self` proves the instructions.
+        Self(unsafe { _mm512_scalef_pd(self.0, k.0) })
+    }
+}
+
 impl Simd for F64x8 {
     const LANES: usize = 8;
     const ROWS: usize = 5;
@@ -255,7 +272,23 @@ vector!(
     work_avx2
 );
 
+/// 1.5 * 2^52: adding it rounds a number to an integer, which is then in the low bits.
+const INTEGER: f64 = 6_755_399_441_055_744.0;
+
+/// What is added to an exponent of 2 where it stands in the bits of a number.
+const BIAS: f64 = 1023.0;
+
 impl F64x4 {
+    /// 2 to the power of a whole number between -1022 and 1023.
+    #[inline(always)]
+    fn power_of_two(self) -> Self {
+        let exponent = self + (INTEGER + BIAS);
+        // SAFETY: `self` proves the instructions.
+        Self(unsafe {
+            _mm256_castsi256_pd(_mm256_slli_epi64::<52>(_mm256_castpd_si256(exponent.0)))
+        })
+    }
+
     #[inline(always)]
     fn select_nonpositive(self, yes: Self, no: Self) -> Self {
         // SAFETY: `self` proves the instructions.
@@ -263,6 +296,31 @@ impl F64x4 {
             let mask = _mm256_cmp_pd::<_CMP_LE_OQ>(self.0, _mm256_setzero_pd());
             _mm256_blendv_pd(no.0, yes.0, mask)
         })
+    }
+}
+
+impl FloatParts for F64x4 {
+    #[inline(always)]
+    fn parts(self) -> (Self, Self) {
+        const SHIFT: f64 = 4_503_599_627_370_496.0;
+        const FRACTION: i64 = (1 << 52) - 1;
+        let number = |value: f64| self.constant(value).0;
+        // SAFETY: `self` proves the instructions. The exponent becomes the low bits of 2^52.
+        unsafe {
+            let bits = _mm256_castpd_si256(self.0);
+            let fraction = _mm256_and_si256(bits, _mm256_set1_epi64x(FRACTION));
+            let one = _mm256_castpd_si256(number(1.0));
+            let exponent = _mm256_srli_epi64::<52>(bits);
+            let shifted = _mm256_or_si256(exponent, _mm256_castpd_si256(number(SHIFT)));
+            let mantissa = Self(_mm256_castsi256_pd(_mm256_or_si256(fraction, one)));
+            (mantissa, Self(_mm256_castsi256_pd(shifted)) - (SHIFT + BIAS))
+        }
+    }
+    #[inline(always)]
+    fn times_power(self, k: Self) -> Self {
+        // By halves, so that each is a normal number: the last product alone rounds.
+        let half = k.mul_add(k.constant(0.5), k.constant(INTEGER)) - INTEGER;
+        self * half.power_of_two() * (k - half).power_of_two()
     }
 }
 

@@ -13,8 +13,11 @@ use std::marker::PhantomData;
 /// would be a longer chain of vectors than when the columns are in the lanes.
 pub(super) const COLUMNS: usize = 3;
 
-/// Any number of points of a plant with few columns through the method `M`.
-pub(super) struct LinearizeBatched<'a, P, M> {
+/// The same for a plant with a long equation, see [`Plant::LONG`], of few columns or many.
+pub(super) const COLUMNS_IF_LONG: [usize; 2] = [4, 8];
+
+/// Any number of points of a plant with `N` columns at most through the method `M`.
+pub(super) struct LinearizeBatched<'a, P, M, const N: usize> {
     pub(super) plant: &'a P,
     pub(super) h: f64,
     pub(super) substeps: usize,
@@ -22,7 +25,7 @@ pub(super) struct LinearizeBatched<'a, P, M> {
     pub(super) method: PhantomData<M>,
 }
 
-impl<P: Plant, M: Method> Task for LinearizeBatched<'_, P, M> {
+impl<P: Plant, M: Method, const N: usize> Task for LinearizeBatched<'_, P, M, N> {
     type Output = ();
 
     #[inline(always)]
@@ -32,13 +35,13 @@ impl<P: Plant, M: Method> Task for LinearizeBatched<'_, P, M> {
         let Dims { nx: n, nu: m, np, .. } = dims;
         let Self { plant, h, substeps, mut points, .. } = self;
         let (at, columns) = (points.at, points.columns(dims));
-        assert!(columns <= COLUMNS && np <= SMALL, "a plant with few columns");
+        assert!(columns <= N && np <= SMALL, "a plant with few columns");
         let count = at.x.len() / n;
         for begin in (0..count).step_by(V::LANES) {
             let filled = V::LANES.min(count - begin);
             // Lanes without a point repeat the last.
             let point = |lane: usize| begin + lane.min(filled - 1);
-            let mut workspace = StackWorkspace::new(Dual { re: zero, eps: [zero; COLUMNS] });
+            let mut workspace = StackWorkspace::new(Dual { re: zero, eps: [zero; N] });
             let mut work = workspace.workspace(dims);
             for (j, to) in work.x.iter_mut().enumerate() {
                 *to = variable(zero.generate(|lane| at.x[point(lane) * n + j]), j);
@@ -65,7 +68,7 @@ impl<P: Plant, M: Method> Task for LinearizeBatched<'_, P, M> {
 
 /// Values of the variable of column `column`.
 #[inline(always)]
-fn variable<V: Simd>(values: V, column: usize) -> Dual<V, COLUMNS> {
+fn variable<V: Simd, const N: usize>(values: V, column: usize) -> Dual<V, N> {
     let (zero, one) = (values.constant(0.0), values.constant(1.0));
     Dual { re: values, eps: std::array::from_fn(|k| if k == column { one } else { zero }) }
 }
@@ -76,4 +79,39 @@ fn scatter<V: Simd>(vector: V, filled: usize, mut to: impl FnMut(usize, f64)) {
     let mut lanes = [0.0; WIDEST];
     vector.write(&mut lanes);
     lanes.iter().enumerate().take(filled).for_each(|(lane, &value)| to(lane, value));
+}
+
+/// A step of a plant with a long equation, from one point in all lanes.
+pub(super) struct StepInVectors<'a, P, M> {
+    pub(super) plant: &'a P,
+    pub(super) h: f64,
+    pub(super) substeps: usize,
+    pub(super) at: (&'a [f64], &'a [f64], &'a [f64]),
+    pub(super) next: &'a mut [f64],
+    pub(super) method: PhantomData<M>,
+}
+
+impl<P: Plant, M: Method> Task for StepInVectors<'_, P, M> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<V: Simd>(self, zero: V) {
+        let Self { plant, h, substeps, at: (x, u, p), next, .. } = self;
+        let mut workspace = StackWorkspace::new(zero);
+        let mut work = workspace.workspace(plant.dims());
+        fill(work.x, x);
+        fill(work.u, u);
+        fill(work.p, p);
+        work.run::<P, M>(plant, h, substeps);
+        for (next, x) in next.iter_mut().zip(&*work.x) {
+            scatter(*x, 1, |_, value| *next = value);
+        }
+    }
+}
+
+#[inline(always)]
+fn fill<V: Simd>(to: &mut [V], from: &[f64]) {
+    for (to, &value) in to.iter_mut().zip(from) {
+        *to = to.constant(value);
+    }
 }

@@ -7,7 +7,7 @@ mod method;
 use crate::output::OutputWorkspace;
 use crate::points::Points;
 use crate::{Dims, Linearization, Model, OutputLinearization, Plant, Stages};
-use batched::{COLUMNS, LinearizeBatched};
+use batched::{COLUMNS, COLUMNS_IF_LONG, LinearizeBatched, StepInVectors};
 use linearize::Linearize;
 pub use method::{Classical, DormandPrince, Method};
 use method::{HeapWorkspace, StackWorkspace};
@@ -33,8 +33,8 @@ pub type Rk5<P> = RungeKutta<P, DormandPrince>;
 ///
 /// The Jacobians are those of the method itself, exact to rounding, by dual numbers through it. All
 /// columns go through it together, in the lanes of the machine's widest vectors. In
-/// [`Model::linearize`] two points do so side by side or, for plants with few columns, the lanes
-/// are points. Large plants, and machines without such vectors, take one point at a time.
+/// [`Model::linearize`] two points do so side by side or, for plants with few columns or a long
+/// equation ([`Plant::LONG`]), the lanes are points. Large plants, and machines without such vectors, take one point at a time.
 #[derive(Clone, Debug)]
 pub struct RungeKutta<P, M> {
     plant: P,
@@ -42,6 +42,8 @@ pub struct RungeKutta<P, M> {
     sample_time_s: f64,
     substeps: usize,
     isa: Isa,
+    /// Vectors of half as many lanes, or the same where there are none.
+    narrow: Isa,
     heap: Option<HeapWorkspaces>,
     outputs: OutputWorkspace,
     method: PhantomData<M>,
@@ -66,6 +68,7 @@ impl<P: Plant, M: Method> RungeKutta<P, M> {
         assert!(substeps > 0, "at least one substep");
         let dims = plant.dims();
         let isa = Isa::detect();
+        let narrow = if Isa::available().contains(&Isa::Avx2) { Isa::Avx2 } else { isa };
         let large = dims.nx.max(dims.nu).max(dims.np) > SMALL;
         let heap = (large || isa == Isa::Portable).then(|| HeapWorkspaces {
             values: HeapWorkspace::new(dims, 0.0),
@@ -77,6 +80,7 @@ impl<P: Plant, M: Method> RungeKutta<P, M> {
             sample_time_s,
             substeps,
             isa,
+            narrow,
             heap,
             outputs: OutputWorkspace::new(dims),
             method: PhantomData,
@@ -108,17 +112,38 @@ impl<P: Plant, M: Method> RungeKutta<P, M> {
         });
     }
 
-    /// Linearises any number of points of a plant with few columns.
-    fn linearize_batched(&mut self, points: Points<'_>) {
+    /// Linearises any number of points of a plant with `N` columns at most.
+    fn linearize_batched<const N: usize>(&mut self, isa: Isa, points: Points<'_>) {
         let h = self.h();
-        let Self { plant, substeps, isa, .. } = self;
-        isa.dispatch_vectors(LinearizeBatched::<P, M> {
+        let Self { plant, substeps, .. } = self;
+        isa.dispatch_vectors(LinearizeBatched::<P, M, N> {
             plant,
             h,
             substeps: *substeps,
             points,
             method: PhantomData,
         });
+    }
+
+    /// Linearises any number of points of a plant with a long equation: what is left over when
+    /// vectors are filled goes into narrower ones, if these suffice.
+    fn linearize_long(&mut self, points: Points<'_>) {
+        const FEW: usize = COLUMNS_IF_LONG[0];
+        const MANY: usize = COLUMNS_IF_LONG[1];
+        let count = points.at.count(self.dims);
+        let rest = count % self.isa.lanes();
+        let whole = if rest <= self.narrow.lanes() { count - rest } else { count };
+        let (whole, rest) = points.split(self.dims, whole);
+        for (isa, points) in [(self.isa, whole), (self.narrow, rest)] {
+            if points.at.x.is_empty() {
+                continue;
+            }
+            if points.columns(self.dims) <= FEW {
+                self.linearize_batched::<FEW>(isa, points);
+            } else {
+                self.linearize_batched::<MANY>(isa, points);
+            }
+        }
     }
 
     /// Linearises one point in memory, some directions at a time.
@@ -160,6 +185,16 @@ impl<P: Plant, M: Method> Model for RungeKutta<P, M> {
             Some(heap) => {
                 heap.values.workspace().predict::<P, M>(plant, h, substeps, at, next);
             }
+            None if const { P::LONG } => {
+                self.narrow.dispatch_vectors(StepInVectors::<P, M> {
+                    plant,
+                    h,
+                    substeps,
+                    at,
+                    next,
+                    method: PhantomData,
+                });
+            }
             None => {
                 let mut workspace = StackWorkspace::new(0.0);
                 let mut work = workspace.workspace(plant.dims());
@@ -172,8 +207,12 @@ impl<P: Plant, M: Method> Model for RungeKutta<P, M> {
         let count = at.count(self.dims);
         out.check(count, self.dims);
         let mut points = Points { at, out };
-        if points.columns(self.dims) <= COLUMNS && self.heap.is_none() {
-            return self.linearize_batched(points);
+        let columns = points.columns(self.dims);
+        if columns <= COLUMNS && self.heap.is_none() {
+            return self.linearize_batched::<COLUMNS>(self.isa, points);
+        }
+        if const { P::LONG } && columns <= COLUMNS_IF_LONG[1] && self.heap.is_none() {
+            return self.linearize_long(points);
         }
         if self.heap.is_none() {
             for _ in 0..count / 2 {

@@ -1,6 +1,8 @@
 //! `pinc check`: the examinations of pinc-check, with the closed loop and the files that they ask
 //! for.
 
+mod cost;
+
 use super::control::rehearse;
 use super::data;
 use pinc_check::{Evidence, Finding};
@@ -22,13 +24,14 @@ fn examine(plant: &dyn DynPlant, experiment: &Experiment) -> Vec<Finding> {
         .as_ref()
         .zip(step_s)
         .map(|(spec, step_s)| rehearse(plant, spec, step_s).map_err(|error| error.to_string()));
+    let cost = cost::measure(plant, experiment);
     let read = |files: &[PathBuf]| {
         let variables = experiment.plant.variables();
         let step_s = experiment.net_step_s().unwrap_or(1.0);
         let data = data::read(&variables, step_s, files);
         data.map(|data| data.measurements).map_err(|error| error.to_string())
     };
-    pinc_check::check(plant, experiment, &Evidence { rehearsal, read: &read })
+    pinc_check::check(plant, experiment, &Evidence { rehearsal, cost, read: &read })
 }
 
 #[cfg(test)]
