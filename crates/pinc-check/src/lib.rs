@@ -15,6 +15,7 @@ mod gain;
 mod groups;
 mod horizon;
 mod irregularities;
+mod net_size;
 mod numbers;
 mod references;
 mod region;
@@ -40,7 +41,7 @@ use std::path::PathBuf;
 type Examination = fn(&Subject<'_>) -> Vec<Finding>;
 
 /// All of them, in the order of their findings.
-const EXAMINATIONS: [Examination; 14] = [
+const EXAMINATIONS: [Examination; 15] = [
     dimensions,
     derivatives::examine,
     algebraic::examine,
@@ -54,6 +55,7 @@ const EXAMINATIONS: [Examination; 14] = [
     rehearsal::examine,
     excursions::examine,
     substeps::examine,
+    net_size::examine,
     data::examine,
 ];
 

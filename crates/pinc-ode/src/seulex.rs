@@ -17,6 +17,9 @@ const PARTS: [u32; MAX_ROWS] = [2, 3, 4, 5, 6, 7, 8, 9];
 /// The row that is aimed at first.
 const FIRST_ROW: usize = 4;
 
+/// Steps after which one more row is tried.
+const STEADY: usize = 5;
+
 /// The extrapolated linearly implicit Euler method with automatic order and step size.
 ///
 /// ```text
@@ -38,6 +41,8 @@ pub(crate) struct Seulex {
     tolerance: f64,
     step: Option<f64>,
     row: usize,
+    /// Steps since one more row was tried.
+    steady: usize,
     jacobian: Vec<f64>,
     band: Banded,
     /// The table's last row: changes of the state over the step.
@@ -45,14 +50,19 @@ pub(crate) struct Seulex {
     change: Vec<f64>,
     y: Vec<f64>,
     slope: Vec<f64>,
+    /// f at the start of the step, with which all rows begin.
+    first: Vec<f64>,
+    /// Whether the step tried last was given up because a number in it was not finite.
+    broken: bool,
 }
 
-/// How a row ended: its error in units of the tolerance, and the step and the work per time that
-/// this suggests.
+/// How a row ended: its error in units of the tolerance, the step that this suggests, what a step
+/// costs with it, and what that is per time.
 #[derive(Clone, Copy, Debug)]
 struct Row {
     error: f64,
     step: f64,
+    evaluations: f64,
     work: f64,
 }
 
@@ -66,12 +76,15 @@ impl Seulex {
             tolerance,
             step: None,
             row: FIRST_ROW,
+            steady: 0,
             jacobian: Vec::new(),
             band: Banded::default(),
             table: vec![state.clone(); MAX_ROWS],
             change: state.clone(),
             y: state.clone(),
-            slope: state,
+            slope: state.clone(),
+            first: state,
+            broken: false,
         }
     }
 
@@ -90,6 +103,7 @@ impl Seulex {
         let mut t = from;
         let mut step = self.step.unwrap_or((duration - from) / 16.0);
         let mut known = false;
+        self.plant.rhs(x, u, p, &mut self.first);
         for _ in 0..MAX_STEPS {
             let remaining = duration - t;
             if remaining <= 0.0 {
@@ -112,7 +126,7 @@ impl Seulex {
                 x.iter_mut().zip(&self.change).for_each(|(x, change)| *x += change);
                 step = if last { step.max(next) } else { next };
                 known = false;
-            } else if h < 1e-12 * duration && !self.y.iter().all(|y| y.is_finite()) {
+            } else if h < 1e-12 * duration && self.broken {
                 return Err(self.not_finite(x, (u, p), t));
             } else {
                 step = next;
@@ -130,22 +144,25 @@ impl Seulex {
     }
 
     /// Tries a step of size `h` from `x`. If its error is below the tolerance, the change of the
-    /// state is in `self.change`. The size of the next step is returned in any case.
+    /// state is in `self.change`, and f there in `self.first`. The size of the next step is returned
+    /// in any case.
     fn attempt(&mut self, x: &[f64], at: (&[f64], &[f64]), h: f64) -> (bool, f64) {
         let mut rows: Vec<Row> = Vec::new();
         let last = (self.row + 1).min(MAX_ROWS - 1);
+        self.broken = false;
         for j in 0..=last {
             let done = self.add_row(x, at, h, j);
             let error = if done { self.error(x, j) } else { f64::NAN };
             if !error.is_finite() {
                 // The table is of no use: a much shorter step.
+                self.broken = true;
                 return (false, 0.1 * h);
             }
             rows.push(self.judge(error, h, j));
             let grows = j > 1 && error > 1.0 && error > rows[j - 1].error;
             if j > 0 && j + 1 >= self.row && error <= 1.0 {
-                self.change.copy_from_slice(&self.table[0]);
-                return (true, self.aim(&rows));
+                self.broken = !self.arrive(x, at);
+                return if self.broken { (false, 0.1 * h) } else { (true, self.aim(&rows)) };
             }
             if grows {
                 break;
@@ -153,6 +170,18 @@ impl Seulex {
         }
         let next = self.aim(&rows);
         (false, next.min(0.5 * h))
+    }
+
+    /// Evaluates f at the end of a step. Says whether it is finite there.
+    fn arrive(&mut self, x: &[f64], (u, p): (&[f64], &[f64])) -> bool {
+        self.change.copy_from_slice(&self.table[0]);
+        self.y.iter_mut().zip(x).zip(&self.change).for_each(|((y, x), change)| *y = x + change);
+        self.plant.rhs(&self.y, u, p, &mut self.slope);
+        let finite = self.slope.iter().all(|slope| slope.is_finite());
+        if finite {
+            std::mem::swap(&mut self.slope, &mut self.first);
+        }
+        finite
     }
 
     /// Row `j` of the table: `self.table[j - k]` becomes its entry k. Says whether all is finite.
@@ -164,8 +193,11 @@ impl Seulex {
         }
         self.change.fill(0.0);
         self.y.copy_from_slice(x);
-        for _ in 0..parts {
-            self.plant.rhs(&self.y, u, p, &mut self.slope);
+        for i in 0..parts {
+            match i {
+                0 => self.slope.copy_from_slice(&self.first),
+                _ => self.plant.rhs(&self.y, u, p, &mut self.slope),
+            }
             self.band.solve(&mut self.slope);
             for (i, slope) in self.slope.iter().enumerate() {
                 self.change[i] += slope;
@@ -206,13 +238,17 @@ impl Seulex {
     fn judge(&self, error: f64, h: f64, j: usize) -> Row {
         let order = f64::from(PARTS[j] - 1);
         let factor = (0.9 * (0.5 / error.max(1e-30)).powf(1.0 / order)).clamp(0.1, 4.0);
-        let evaluations: u32 = PARTS[..=j].iter().sum();
-        // A Jacobian takes about as many evaluations as there are states, and one at least.
+        let evaluations = self.evaluations(j);
+        Row { error, step: factor * h, evaluations, work: evaluations / (factor * h) }
+    }
+
+    /// The evaluations of f that a step with rows up to `j` costs, or what takes as long.
+    fn evaluations(&self, j: usize) -> f64 {
+        let evaluations: u32 = PARTS[..=j].iter().map(|parts| parts - 1).sum();
+        // A Jacobian takes about as many evaluations as there are states.
         #[expect(clippy::cast_precision_loss, reason = "a number of states is far below 2^53")]
         let jacobian = self.dims.nx as f64;
-        let factorizations = self.band.cost() * f64::from(PARTS[j] - 1);
-        let work = (f64::from(evaluations) + jacobian + factorizations) / (factor * h);
-        Row { error, step: factor * h, work }
+        f64::from(evaluations) + jacobian + self.band.cost() * f64::from(PARTS[j] - 1)
     }
 
     /// Chooses the row to aim at next, and returns the step that goes with it.
@@ -221,10 +257,18 @@ impl Seulex {
         let from = self.row.saturating_sub(1).clamp(1, reached.max(1)).min(reached);
         let cheapest = (from..=reached).min_by(|&a, &b| rows[a].work.total_cmp(&rows[b].work));
         let best = cheapest.unwrap_or(reached);
-        let Row { error, step, .. } = rows[best];
-        // Where the last row was the cheapest and good, one more may be cheaper still.
-        let more = best == reached && error <= 1.0 && best + 2 < MAX_ROWS;
-        self.row = if more { best + 1 } else { best.clamp(2, MAX_ROWS - 2) };
+        let Row { error, step, evaluations, .. } = rows[best];
+        self.row = best.clamp(2, MAX_ROWS - 2);
+        // Work still falls from row to row: one more may be cheaper, with a step as much longer as
+        // it takes more evaluations. Now and then that is tried in any case.
+        let falls = best > 0 && rows[best].work < 0.9 * rows[best - 1].work;
+        self.steady += 1;
+        if best == reached && error <= 1.0 && (falls || self.steady > STEADY) && best + 2 < MAX_ROWS
+        {
+            self.steady = 0;
+            self.row = best + 1;
+            return step * self.evaluations(best + 1) / evaluations;
+        }
         step
     }
 }

@@ -10,7 +10,7 @@ use pinc_check::Rehearsal;
 use pinc_config::{ControlSpec, Experiment, ModelKind, Schedule, Variables};
 use pinc_mpc::{ClosedLoop, Nmpc, NmpcProblem, Reference};
 use pinc_net::PincNet;
-use pinc_ode::{Dims, Dopri5, DynPlant, PiecewiseConstant, Trajectory};
+use pinc_ode::{AccurateIntegrator, Dims, DynPlant, PiecewiseConstant, Trajectory};
 use pinc_record::{
     ControlColumns, ControlMetrics, Metrics, ReferenceMetrics, RunDir, StepTimes, WallTimes, file,
 };
@@ -281,7 +281,7 @@ impl LoopSetup<'_> {
     /// [`RunError`] if the parts do not fit together.
     pub fn begin<'n>(&self, nmpc: &'n mut Nmpc) -> Result<ClosedLoop<'n>, RunError> {
         let (spec, reference) = (self.spec, self.reference()?);
-        let mut truth = Dopri5::shared(self.truth.to_shared(), spec.plant_tolerance);
+        let mut truth = AccurateIntegrator::shared(self.truth.to_shared(), spec.plant_tolerance);
         if let Some(p) = self.schedules.plant.beginning(0) {
             truth.set_parameters(p);
         }
