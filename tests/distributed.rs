@@ -2,7 +2,7 @@
 //! another way.
 
 use pinc_config::{Experiment, Plants};
-use pinc_ode::{Dopri5, DynPlant};
+use pinc_ode::{AccurateIntegrator, DynPlant};
 use std::path::Path;
 
 fn plant(config: &str, sets: &[&str]) -> Box<dyn DynPlant> {
@@ -19,7 +19,7 @@ fn rates(plant: &dyn DynPlant, x: &[f64], u: &[f64]) -> Vec<f64> {
 
 /// Where the plant comes to rest.
 fn rest(plant: &dyn DynPlant, mut x: Vec<f64>, u: &[f64], time_s: f64) -> Vec<f64> {
-    let mut truth = Dopri5::shared(plant.to_shared(), 1e-8);
+    let mut truth = AccurateIntegrator::shared(plant.to_shared(), 1e-8);
     truth.integrate(&mut x, u, time_s).unwrap();
     x
 }

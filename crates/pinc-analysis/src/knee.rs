@@ -9,6 +9,9 @@ const AROUND: f64 = 0.05;
 /// How many times slower the plant must be there.
 const SLOWER: f64 = 5.0;
 
+/// A Jacobian whose entries all change by less than this share of themselves has no knee between.
+const CHANGED: f64 = 0.1;
+
 /// If the plant is much faster at `point` than a twentieth of the region to either side of it in a
 /// state, as in the middle of a friction law tanh(v/0.01), that state's place and a point beside.
 ///
@@ -35,11 +38,16 @@ pub fn beyond_knee(
     point: &OperatingPoint,
     region: &Region,
 ) -> Option<(usize, OperatingPoint)> {
+    let at_point = StateSpace::tangent(plant, point, &[])?;
+    let here = TimeScales::of(&at_point.eigenvalues()).fastest;
+    // Of a large plant a state changes a few entries, and eigenvalues take long.
     let fastest = |point: &OperatingPoint| {
         let tangent = StateSpace::tangent(plant, point, &[])?;
+        if !changes(&at_point, &tangent) {
+            return Some(here);
+        }
         Some(TimeScales::of(&tangent.eigenvalues()).fastest)
     };
-    let here = fastest(point)?;
     let beside = |i: usize| {
         let moved = |by: f64| {
             let mut moved = point.clone();
@@ -53,4 +61,13 @@ pub fn beyond_knee(
     let found = (0..point.x.len()).filter_map(beside);
     let slowest = found.min_by(|one, other| one.0.total_cmp(&other.0));
     slowest.map(|(_, i, point)| (i, point))
+}
+
+/// Whether an entry of A is another one there.
+fn changes(here: &StateSpace, there: &StateSpace) -> bool {
+    let entries = |plant: &StateSpace| -> Vec<f64> {
+        plant.a.col_iter().flat_map(|column| column.iter().copied().collect::<Vec<_>>()).collect()
+    };
+    let mut pairs = entries(here).into_iter().zip(entries(there));
+    pairs.any(|(a, b)| (a - b).abs() > CHANGED * a.abs().max(b.abs()))
 }

@@ -13,11 +13,16 @@
 
 use crate::{Complex, StateSpace, TransmissionZeros};
 use faer::Mat;
+use faer::linalg::solvers::Solve;
 
 /// Singular values below this share of the system matrix count as 0. Those of the rounding of
 /// orthogonal transformations are near 1e-15; a coupling of variables in like units that is weaker
 /// has no effect.
 const RANK: f64 = 1e-12;
+
+/// The eliminated matrix may be larger than A by this factor: its rounding is then as far below its
+/// eigenvalues as that of the linearization itself.
+const GROWTH: f64 = 1e3;
 
 /// The matrices of a plant with a direct path D.
 struct System {
@@ -94,6 +99,9 @@ impl System {
         if n == 0 {
             return Vec::new();
         }
+        if let Some(zeros) = self.standard_eigenvalues() {
+            return zeros;
+        }
         let matrix = Mat::from_fn(n + p, n + p, |i, k| match (i < n, k < n) {
             (true, true) => self.a[(i, k)],
             (true, false) => self.b[(i, k - n)],
@@ -110,6 +118,20 @@ impl System {
         pairs.sort_by(|one, other| nearness(other).total_cmp(&nearness(one)));
         pairs.truncate(n);
         pairs.into_iter().map(|(a, b)| a.times(1.0 / b)).collect()
+    }
+}
+
+impl System {
+    /// The same as the eigenvalues of A - B D^-1 C, which take a tenth of the time; nothing where
+    /// this matrix is so much larger than A that its rounding would show.
+    fn standard_eigenvalues(&self) -> Option<Vec<Complex>> {
+        let matrix = &self.a - &self.b * self.d.partial_piv_lu().solve(&self.c);
+        let size = largest(&matrix);
+        if !size.is_finite() || size > GROWTH * largest(&self.a) {
+            return None;
+        }
+        let values = matrix.eigenvalues().ok()?;
+        Some(values.iter().map(|v| Complex { re: v.re, im: v.im }).collect())
     }
 }
 

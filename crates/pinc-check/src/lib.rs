@@ -17,6 +17,7 @@ mod groups;
 mod horizon;
 mod irregularities;
 mod loop_plant;
+mod net_size;
 mod numbers;
 mod references;
 mod region;
@@ -43,7 +44,7 @@ use std::path::PathBuf;
 type Examination = fn(&Subject<'_>) -> Vec<Finding>;
 
 /// All of them, in the order of their findings.
-const EXAMINATIONS: [Examination; 15] = [
+const EXAMINATIONS: [Examination; 17] = [
     dimensions,
     derivatives::examine,
     algebraic::examine,
@@ -59,6 +60,7 @@ const EXAMINATIONS: [Examination; 15] = [
     excursions::examine,
     substeps::examine,
     cost::examine,
+    net_size::examine,
     data::examine,
 ];
 

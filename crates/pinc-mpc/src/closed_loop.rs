@@ -6,7 +6,7 @@ use crate::observer::Watch;
 use crate::reference::steps_until;
 use crate::{Constraint, MpcError, Nmpc, Observer, PlantNow, Reference, SqpStatus, Tracked};
 use pinc_ode::metrics::Tracking;
-use pinc_ode::{Dopri5, Trajectory};
+use pinc_ode::{AccurateIntegrator, Trajectory};
 
 /// Points of the dense trace per control step, the last one at its end.
 const POINTS: usize = 9;
@@ -20,7 +20,7 @@ const POINTS: usize = 9;
 ///
 /// ```
 /// # use pinc_mpc::{Bounds, ClosedLoop, Nmpc, NmpcProblem, Reference, SqpConfig, Weights};
-/// # use pinc_ode::{Dopri5, Model, Rk4};
+/// # use pinc_ode::{AccurateIntegrator, Model, Rk4};
 /// # use pinc_plants::VanDerPol;
 /// # let plant = VanDerPol::default();
 /// # let model = Rk4::new(plant, 0.5, 4);
@@ -30,7 +30,7 @@ const POINTS: usize = 9;
 /// # };
 /// # let mut nmpc = Nmpc::new(problem, Box::new(model), SqpConfig::default())?;
 /// let reference = Reference::new([0.0, 0.0].repeat(20), 2)?;
-/// let truth = Dopri5::new(plant, 1e-12);
+/// let truth = AccurateIntegrator::new(plant, 1e-12);
 /// let mut run = ClosedLoop::new(&mut nmpc, truth, reference, &[1.0, 0.0])?;
 /// while let Some(control) = run.control()? {
 ///     control.advance()?;
@@ -42,7 +42,7 @@ const POINTS: usize = 9;
 #[derive(Debug)]
 pub struct ClosedLoop<'a> {
     nmpc: &'a mut Nmpc,
-    plant: Dopri5,
+    plant: AccurateIntegrator,
     reference: Reference,
     x: Vec<f64>,
     /// The input that the controller has chosen, and before it those under way: the first acts now.
@@ -97,10 +97,11 @@ impl<'a> ClosedLoop<'a> {
     /// [`MpcError`] if plant, reference or state do not suit the controller.
     pub fn new(
         nmpc: &'a mut Nmpc,
-        plant: Dopri5,
+        plant: impl Into<AccurateIntegrator>,
         reference: Reference,
         x: &[f64],
     ) -> Result<Self, MpcError> {
+        let plant = plant.into();
         let (dims, given) = (nmpc.model().dims(), plant.dims());
         let outputs = nmpc.problem().tracked.len();
         let measured = if nmpc.problem().uses_outputs() { given.ny } else { dims.ny };
@@ -168,8 +169,8 @@ impl<'a> ClosedLoop<'a> {
     /// # Panics
     ///
     /// If it has other states, inputs or outputs, by their numbers.
-    pub fn set_plant(&mut self, plant: Dopri5) {
-        let sizes = |plant: &Dopri5| plant.dims().with_parameters(0);
+    pub fn set_plant(&mut self, plant: AccurateIntegrator) {
+        let sizes = |plant: &AccurateIntegrator| plant.dims().with_parameters(0);
         assert_eq!(sizes(&plant), sizes(&self.plant), "the sizes of a plant");
         self.plant = plant;
     }

@@ -51,7 +51,13 @@ pub struct Dopri5 {
     rhs_calls: u64,
     k: [Vec<f64>; STAGES],
     stage: Vec<f64>,
+    /// Steps that stability has limited, less those that it has not.
+    limited: usize,
 }
+
+/// h |lambda| beyond which stability counts as what limits a step. The method's limit on the negative
+/// real axis is 3.3, about which the steps swing; those that accuracy limits are far below.
+const STABILITY: f64 = 2.0;
 
 impl Dopri5 {
     /// An integrator of `plant` with this local error tolerance, absolute and relative.
@@ -75,7 +81,17 @@ impl Dopri5 {
         let dims = plant.dims();
         let stage = vec![0.0; dims.nx];
         let k = std::array::from_fn(|_| stage.clone());
-        Self { plant, dims, p: Vec::new(), tolerance, step: None, rhs_calls: 0, k, stage }
+        Self {
+            plant,
+            dims,
+            p: Vec::new(),
+            tolerance,
+            step: None,
+            rhs_calls: 0,
+            k,
+            stage,
+            limited: 0,
+        }
     }
 
     /// The plant's sizes.
@@ -125,6 +141,11 @@ impl Dopri5 {
     /// If `x` or `u` is of another length, `duration` is negative or not finite, or the plant has
     /// parameters and none are set.
     pub fn integrate(&mut self, x: &mut [f64], u: &[f64], duration: f64) -> Result<(), OdeError> {
+        self.check(x, u, duration);
+        self.integrate_until_stiff(x, u, duration, None).map(|_| ())
+    }
+
+    pub(crate) fn check(&self, x: &[f64], u: &[f64], duration: f64) {
         assert!(
             duration >= 0.0 && duration.is_finite(),
             "the duration must be finite and not negative"
@@ -132,9 +153,28 @@ impl Dopri5 {
         assert_eq!(x.len(), self.dims.nx, "length of x");
         assert_eq!(u.len(), self.dims.nu, "length of u");
         assert_eq!(self.p.len(), self.dims.np, "parameters are set before the integration");
+    }
+
+    pub(crate) fn parameters(&self) -> &[f64] {
+        &self.p
+    }
+
+    pub(crate) fn plant_and_tolerance(&self) -> (Arc<dyn DynRhs>, f64) {
+        (Arc::clone(&self.plant), self.tolerance)
+    }
+
+    /// [`Dopri5::integrate`], which ends before `duration` once `most` steps were limited by
+    /// stability, in this call and those before. Returns the time reached.
+    pub(crate) fn integrate_until_stiff(
+        &mut self,
+        x: &mut [f64],
+        u: &[f64],
+        duration: f64,
+        most: Option<usize>,
+    ) -> Result<f64, OdeError> {
         if duration == 0.0 {
             // There is no step size to learn from it, and 0 would be one that never grows.
-            return Ok(());
+            return Ok(duration);
         }
         let mut t = 0.0;
         let mut step = self.step.unwrap_or(duration / 16.0).min(duration);
@@ -162,14 +202,42 @@ impl Dopri5 {
             if error <= 1.0 {
                 t = if last { duration } else { t + h };
                 x.copy_from_slice(&self.stage);
+                if most.is_some() {
+                    self.count_limited(h);
+                }
                 self.k.swap(0, STAGES - 1);
                 step = if last { step.max(h * factor) } else { h * factor };
+                if most.is_some_and(|most| self.limited >= most) {
+                    break;
+                }
             } else {
                 step = h * if error.is_nan() { 0.2 } else { factor.min(0.9) };
             }
         }
         self.step = Some(step);
-        Ok(())
+        Ok(t)
+    }
+
+    /// Whether stability limited the step just taken: the last two stages are at the same time, so
+    /// that f differs by lambda times what lies between them, mostly along the fastest mode (Hairer
+    /// and Wanner, *Solving Ordinary Differential Equations II*, section IV.2).
+    fn count_limited(&mut self, h: f64) {
+        let (mut change, mut distance) = (0.0, 0.0);
+        let (sixth, seventh) = (A[STAGES - 2], A[STAGES - 1]);
+        for i in 0..self.dims.nx {
+            let between: f64 = seventh
+                .iter()
+                .enumerate()
+                .map(|(j, a)| (a - sixth.get(j).unwrap_or(&0.0)) * self.k[j][i])
+                .sum();
+            change += (self.k[STAGES - 1][i] - self.k[STAGES - 2][i]).powi(2);
+            distance += (h * between).powi(2);
+        }
+        if h * h * change > STABILITY * STABILITY * distance && distance > 0.0 {
+            self.limited += 1;
+        } else {
+            self.limited = self.limited.saturating_sub(1);
+        }
     }
 
     /// What is wrong where a step of size `h` from `x` is not finite: the plant is asked at the

@@ -6,7 +6,8 @@
 //! - [`Model`]: a discrete-time model x\[k+1\] = F(x\[k\], u\[k\], p) with its Jacobians, which is all
 //!   that a controller sees of a model. [`Rk4`], [`Rk5`] and, for stiff plants, [`Rodas4`] are models
 //!   made of a plant; a trained net is another.
-//! - [`Dopri5`]: an accurate integrator, for the reference solutions that models are compared with.
+//! - [`AccurateIntegrator`]: the reference solutions that models are compared with. It is [`Dopri5`],
+//!   and an implicit method where the plant is stiff.
 //! - [`PiecewiseConstant`], [`Trajectory`], [`metrics`]: inputs and references over time, sampled
 //!   solutions, and how good they are.
 //!
@@ -24,6 +25,8 @@
 //! # Ok::<(), pinc_ode::OdeError>(())
 //! ```
 
+mod accurate;
+mod banded;
 mod dopri5;
 mod dyn_plant;
 mod error;
@@ -36,10 +39,12 @@ mod plant;
 mod points;
 mod rodas4;
 mod runge_kutta;
+mod seulex;
 mod sparse;
 mod trajectory;
 mod variable;
 
+pub use accurate::AccurateIntegrator;
 pub use dopri5::Dopri5;
 pub use dyn_plant::{AnyVectorRhs, DynPlant, DynRhs, VECTOR_DIRECTIONS, VectorDual, VectorRhs};
 pub use error::OdeError;

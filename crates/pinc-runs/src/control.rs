@@ -10,7 +10,7 @@ use pinc_check::Rehearsal;
 use pinc_config::{ControlSpec, Experiment, ModelKind, Schedule, Variables};
 use pinc_mpc::{ClosedLoop, Nmpc, NmpcProblem, Reference};
 use pinc_net::PincNet;
-use pinc_ode::{Dims, Dopri5, DynPlant, DynRhs, PiecewiseConstant, Trajectory};
+use pinc_ode::{AccurateIntegrator, Dims, DynPlant, DynRhs, PiecewiseConstant, Trajectory};
 use pinc_record::{
     ControlColumns, ControlMetrics, Metrics, ReferenceMetrics, RunDir, StepTimes, WallTimes, file,
 };
@@ -50,7 +50,7 @@ pub(crate) struct Schedules {
     /// The parameters that the models are told.
     pub(crate) model: Schedule,
     /// The plants that take the place of the first one, each from a step on.
-    pub(crate) plants: Vec<(usize, Dopri5)>,
+    pub(crate) plants: Vec<(usize, AccurateIntegrator)>,
 }
 
 impl Schedules {
@@ -281,7 +281,7 @@ impl LoopSetup<'_> {
     /// [`RunError`] if the parts do not fit together.
     pub fn begin<'n>(&self, nmpc: &'n mut Nmpc) -> Result<ClosedLoop<'n>, RunError> {
         let (spec, reference) = (self.spec, self.reference()?);
-        let truth = Dopri5::shared(self.truth.to_shared(), spec.plant_tolerance);
+        let truth = AccurateIntegrator::shared(self.truth.to_shared(), spec.plant_tolerance);
         let run = ClosedLoop::new(nmpc, truth, reference, &spec.initial_state)?;
         let run = if spec.preview { run } else { run.without_preview() };
         Ok(match &spec.initial_input {

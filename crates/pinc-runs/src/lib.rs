@@ -64,7 +64,7 @@ pub use trial::{run_trial, train_shared};
 use crate::invocation::invocation;
 use pinc_config::{Experiment, LoopParameters, MOST_STEPS, ModelKind, PlantInTheLoop};
 use pinc_net::PincNet;
-use pinc_ode::Dopri5;
+use pinc_ode::AccurateIntegrator;
 use pinc_record::{
     Metrics, Provenance, RecordError, RunDir, file, read_file, remove_unfinished, write_atomically,
 };
@@ -360,7 +360,7 @@ impl Stages<'_> {
             let plants = experiment.plants_in_the_loop(sample_time_s);
             let (first, later) = plants.split_first().expect("a loop has a plant at first");
             let later = later.iter().map(|PlantInTheLoop { from_step, plant }| {
-                (*from_step, Dopri5::shared(Arc::clone(plant), spec.plant_tolerance))
+                (*from_step, AccurateIntegrator::shared(Arc::clone(plant), spec.plant_tolerance))
             });
             let schedules = Schedules {
                 model: experiment.model_schedule(sample_time_s),

@@ -1,13 +1,18 @@
 //! The gas-lifted well: its algebraic pressures against the equations with them eliminated by hand,
-//! casing heading without control, and the pressure held where the well is unstable.
+//! casing heading without control, and the pressure held where the well is unstable. The well with a
+//! pump: a published program's steady state, and the pressure at the intake held.
 
 use crate::common::{outcome, pinc, repository};
 use pinc_ad::Scalar;
 use pinc_config::{Experiment, Plants};
-use pinc_ode::{Dopri5, DynPlant, Plant, Variable};
+use pinc_ode::{AccurateIntegrator, Dopri5, DynPlant, Plant, Variable};
 
 fn well() -> Box<dyn DynPlant> {
-    let path = repository("configs/oil-well/gas-lift.toml");
+    plant("gas-lift.toml")
+}
+
+fn plant(config: &str) -> Box<dyn DynPlant> {
+    let path = repository("configs/oil-well").join(config);
     Experiment::load(&path, &[], &Plants::built_in()).unwrap().plant.dyn_plant()
 }
 
@@ -143,4 +148,54 @@ fn the_controller_holds_a_pressure_at_which_the_well_is_unstable() {
         .map(|line| line.split(',').nth(place).unwrap().parse().unwrap())
         .collect();
     assert!(last.iter().all(|p| (p - 88.0).abs() < 0.3), "{last:?}");
+}
+
+/// The steady state that the program named in the config has for 50 Hz and half an opening, and its
+/// pressure at the intake there; in SI units.
+#[test]
+fn the_pump_rests_where_the_program_with_its_parameters_does() {
+    let pump = plant("pump.toml");
+    let (p_bottom, p_head, q) =
+        (8_311_024.821_757_59, 2_990_109.062_074_37, 0.009_950_422_413_517_8);
+    let (x, u) = ([p_bottom / 1e5, p_head / 1e5, 3600.0 * q, 50.0, 50.0], [50.0, 50.0]);
+    let mut rates = [f64::NAN; 5];
+    pump.rhs(&x, &u, &[], &mut rates);
+    // The program's last digit moves the pressures by less than 1e-11 bar/s.
+    assert!(rates.iter().all(|rate| rate.abs() < 1e-9), "{rates:?}");
+    let mut y = vec![f64::NAN; pump.outputs().len()];
+    pump.output(&x, &u, &[], &mut y);
+    let intake = pump.outputs().iter().position(|output| output.name == "p_intake").unwrap();
+    assert!((y[intake] - 60.001_428_855_02).abs() < 1e-9, "{y:?}");
+    // Half of the drive's way in 1.4 s, and the pressure falls with more speed.
+    let faster = [60.0, 50.0];
+    let (mut truth, mut x) = (AccurateIntegrator::shared(pump.to_shared(), 1e-9), x);
+    truth.integrate(&mut x, &faster, 2.0 * 2.0_f64.ln()).unwrap();
+    assert!((x[3] - 55.0).abs() < 1e-7, "{x:?}");
+    truth.integrate(&mut x, &faster, 100.0).unwrap();
+    truth.output(&x, &faster, &mut y);
+    assert!((y[intake] - 47.353).abs() < 1e-3, "{y:?}");
+}
+
+#[test]
+fn the_controller_holds_the_pressure_at_the_intake_of_the_pump() {
+    let dir = tempfile::tempdir().unwrap();
+    let config = repository("configs/oil-well/pump.toml");
+    let mut command =
+        pinc(&["control".as_ref(), config.as_os_str(), "--only".as_ref(), "rk4".as_ref()]);
+    for set in ["control.duration_s=60", "control.repetitions=1"] {
+        command.args(["--set", set]);
+    }
+    let outcome = outcome(command.arg("--out").arg(dir.path().join("run")));
+    assert_eq!(outcome.code, Some(0), "{outcome:?}");
+    let table = std::fs::read_to_string(dir.path().join("run/control.csv")).unwrap();
+    let names: Vec<&str> = table.lines().next().unwrap().split(',').collect();
+    let column = |name: &str| -> Vec<f64> {
+        let place = names.iter().position(|other| *other == name).unwrap();
+        let value = |line: &str| line.split(',').nth(place).unwrap().parse().unwrap();
+        table.lines().skip(1).map(value).collect()
+    };
+    let held = column("p_intake");
+    assert!(held.iter().rev().take(100).all(|p| (p - 48.0).abs() < 0.01), "{held:?}");
+    let thrust = column("thrust");
+    assert!(thrust.iter().all(|thrust| (0.0..=100.0).contains(thrust)), "{thrust:?}");
 }

@@ -1,5 +1,6 @@
 //! The tests of pinc-ode, as one program.
 
+mod accurate;
 mod common;
 mod dopri5;
 mod dopri5_limits;

@@ -338,3 +338,18 @@ fn nothing_to_look_at() {
         Experiment::parse("t.toml".as_ref(), text, &[], &pinc_config::Plants::built_in()).unwrap();
     assert_found(&examine(&Test::Damped, &experiment), Warning, "", "nothing to look at");
 }
+
+#[test]
+fn the_size_of_the_net_against_that_of_the_plant() {
+    let net = |layers: usize, neurons: usize| {
+        let text = format!(
+            "[model]\nhorizon_s = 0.5\nhidden_layers = {layers}\nneurons = {neurons}\n[training]"
+        );
+        findings_with(Test::Damped, &[], &text)
+    };
+    let usual = net(3, 20);
+    assert_found(&usual, Fact, "model", "3 layers of 20 neurons (982 weights) are usual");
+    assert!(usual.iter().all(|f| f.severity == Fact), "{usual:?}");
+    assert_found(&net(2, 1), Warning, "model.neurons", "1 neurons for 2 states are too few");
+    assert_found(&net(8, 64), Warning, "model", "29506 weights are far more than");
+}

@@ -1,0 +1,169 @@
+//! Linear systems with a band of entries about the diagonal.
+
+/// The matrix d I - J of which only a band may differ from zero, and its factors. A matrix without
+/// zeros is a band that is as wide as itself.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Banded {
+    size: usize,
+    /// Entries below the diagonal, and above it.
+    below: usize,
+    above: usize,
+    /// Row by row, from `below` columns before the diagonal on; exchanges of rows fill `below` more
+    /// columns behind those of `above`.
+    entries: Vec<f64>,
+    order: Vec<usize>,
+}
+
+impl Banded {
+    /// Takes the band from `jacobian`, of shape `[size, columns]` with `columns >= size`: it has
+    /// all entries that are not zero. A band does not become narrower: an entry that vanishes at
+    /// one point need not do so at the next.
+    pub(crate) fn set_pattern(&mut self, jacobian: &[f64], size: usize) {
+        if self.size != size {
+            *self = Self { size, order: vec![0; size], ..Self::default() };
+        }
+        let columns = jacobian.len().checked_div(size).unwrap_or(0).max(1);
+        for (i, row) in jacobian.chunks_exact(columns).enumerate() {
+            let row = &row[..size];
+            let first = row.iter().position(|entry| *entry != 0.0).unwrap_or(i);
+            let last = row.iter().rposition(|entry| *entry != 0.0).unwrap_or(i);
+            self.below = self.below.max(i.saturating_sub(first));
+            self.above = self.above.max(last.saturating_sub(i));
+        }
+    }
+
+    /// Entries of a row, with room for those that exchanges fill.
+    fn width(&self) -> usize {
+        2 * self.below + self.above + 1
+    }
+
+    /// What a factorization costs beside an evaluation of the equation, roughly: one for every ten
+    /// entries of a band.
+    #[expect(clippy::cast_precision_loss, reason = "a number of states is far below 2^53")]
+    pub(crate) fn cost(&self) -> f64 {
+        0.1 * self.below as f64
+    }
+
+    /// Factorizes `diagonal` I - `jacobian` with exchange of rows. Says whether it is regular and
+    /// finite.
+    pub(crate) fn factorize(&mut self, jacobian: &[f64], diagonal: f64) -> bool {
+        let (n, below, width) = (self.size, self.below, self.width());
+        let columns = jacobian.len().checked_div(n).unwrap_or(0);
+        self.entries.clear();
+        self.entries.resize(n * width, 0.0);
+        for i in 0..n {
+            let row = &jacobian[i * columns..][..n];
+            let range = i.saturating_sub(below)..n.min(i + self.above + 1);
+            for j in range {
+                self.entries[i * width + j + below - i] = -row[j];
+            }
+            self.entries[i * width + below] += diagonal;
+        }
+        for k in 0..n {
+            if !self.eliminate(k) {
+                return false;
+            }
+        }
+        true
+    }
+
+    /// Column `k`; the pivot is replaced by its reciprocal, what is below by the factors.
+    fn eliminate(&mut self, k: usize) -> bool {
+        let (n, below, width) = (self.size, self.below, self.width());
+        // Column j of row i is at i * width + j + below - i.
+        let place = |i: usize, j: usize| i * width + j + below - i;
+        let end = n.min(k + below + 1);
+        let size = |i: &usize| self.entries[place(*i, k)].abs();
+        let pivot = (k..end).max_by(|a, b| size(a).total_cmp(&size(b))).unwrap_or(k);
+        let last = n.min(k + self.above + below + 1);
+        self.order[k] = pivot;
+        if pivot != k {
+            for j in k..last {
+                self.entries.swap(place(k, j), place(pivot, j));
+            }
+        }
+        let inverse = 1.0 / self.entries[place(k, k)];
+        if !inverse.is_finite() {
+            return false;
+        }
+        self.entries[place(k, k)] = inverse;
+        for i in k + 1..end {
+            let factor = self.entries[place(i, k)] * inverse;
+            self.entries[place(i, k)] = factor;
+            if factor != 0.0 {
+                let (upper, lower) = self.entries.split_at_mut(i * width);
+                let from = &upper[place(k, k + 1)..=place(k, last - 1).max(place(k, k))];
+                let to = &mut lower[k + 1 + below - i..];
+                to.iter_mut().zip(from).for_each(|(to, from)| *to -= factor * from);
+            }
+        }
+        true
+    }
+
+    /// Solves with the factors: `b`, of length `size`, becomes the solution.
+    pub(crate) fn solve(&self, b: &mut [f64]) {
+        let (n, below, width) = (self.size, self.below, self.width());
+        let place = |i: usize, j: usize| i * width + j + below - i;
+        for k in 0..n {
+            b.swap(k, self.order[k]);
+            for i in k + 1..n.min(k + below + 1) {
+                b[i] -= self.entries[place(i, k)] * b[k];
+            }
+        }
+        for i in (0..n).rev() {
+            for j in i + 1..n.min(i + self.above + below + 1) {
+                b[i] -= self.entries[place(i, j)] * b[j];
+            }
+            b[i] *= self.entries[place(i, i)];
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::Banded;
+
+    /// Numbers in [-1, 1) that look random.
+    fn number(k: usize) -> f64 {
+        let k = u32::try_from(k).unwrap();
+        (f64::from(k) * 0.618_033_988_75 + f64::from(k * k % 101) * 0.37).fract() * 2.0 - 1.0
+    }
+
+    /// d I - J times the solution is the right-hand side, for bands of all widths, also where rows
+    /// have to be exchanged, and with columns of inputs behind those of the states.
+    #[test]
+    fn solutions_satisfy_their_systems() {
+        for (n, below, above) in [(1, 0, 0), (5, 1, 1), (12, 3, 1), (12, 0, 4), (9, 8, 8)] {
+            for diagonal in [0.0, 1e-3, 1.0, 1e6] {
+                let columns = n + 2;
+                let mut jacobian = vec![0.0; n * columns];
+                for i in 0..n {
+                    for j in 0..columns {
+                        if j >= n || (j + below >= i && j <= i + above) {
+                            jacobian[i * columns + j] = number(i * columns + j + 1);
+                        }
+                    }
+                }
+                let mut band = Banded::default();
+                band.set_pattern(&jacobian, n);
+                assert!(band.factorize(&jacobian, diagonal), "{n} {below} {above} {diagonal}");
+                let b: Vec<f64> = (0..n).map(|i| number(100 + i)).collect();
+                let mut x = b.clone();
+                band.solve(&mut x);
+                let largest = x.iter().fold(1.0_f64, |m, v| m.max(v.abs())) * (1.0 + diagonal);
+                for i in 0..n {
+                    let row: f64 = (0..n).map(|j| jacobian[i * columns + j] * x[j]).sum();
+                    let left = diagonal * x[i] - row - b[i];
+                    assert!(left.abs() < 1e-13 * largest, "{n} {below} {above} {diagonal} {left}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn a_singular_matrix_is_told() {
+        let mut band = Banded::default();
+        band.set_pattern(&[1.0, 0.0, 0.0, 2.0], 2);
+        assert!(!band.factorize(&[1.0, 0.0, 0.0, 2.0], 1.0));
+    }
+}
