@@ -6,7 +6,7 @@ use crate::observer::Watch;
 use crate::reference::steps_until;
 use crate::{Constraint, MpcError, Nmpc, Observer, PlantNow, Reference, SqpStatus, Tracked};
 use pinc_ode::metrics::Tracking;
-use pinc_ode::{Dopri5, Trajectory};
+use pinc_ode::{Simulator, Trajectory};
 
 /// Points of the dense trace per control step, the last one at its end.
 const POINTS: usize = 9;
@@ -42,7 +42,7 @@ const POINTS: usize = 9;
 #[derive(Debug)]
 pub struct ClosedLoop<'a> {
     nmpc: &'a mut Nmpc,
-    plant: Dopri5,
+    plant: Simulator,
     reference: Reference,
     x: Vec<f64>,
     /// The input that the controller has chosen, and before it those under way: the first acts now.
@@ -97,10 +97,11 @@ impl<'a> ClosedLoop<'a> {
     /// [`MpcError`] if plant, reference or state do not suit the controller.
     pub fn new(
         nmpc: &'a mut Nmpc,
-        plant: Dopri5,
+        plant: impl Into<Simulator>,
         reference: Reference,
         x: &[f64],
     ) -> Result<Self, MpcError> {
+        let plant = plant.into();
         let (dims, given) = (nmpc.model().dims(), plant.dims());
         let outputs = nmpc.problem().tracked.len();
         let measured = if nmpc.problem().uses_outputs() { given.ny } else { dims.ny };

@@ -23,6 +23,7 @@
 //! # Ok::<(), pinc_ode::OdeError>(())
 //! ```
 
+mod black_box;
 mod dopri5;
 mod dyn_plant;
 mod error;
@@ -34,10 +35,12 @@ mod plant;
 mod points;
 mod rodas4;
 mod runge_kutta;
+mod simulator;
 mod sparse;
 mod trajectory;
 mod variable;
 
+pub use black_box::{BlackBox, Differences, Flow};
 pub use dopri5::Dopri5;
 pub use dyn_plant::{AnyVectorRhs, DynPlant, DynRhs, VECTOR_DIRECTIONS, VectorDual, VectorRhs};
 pub use error::OdeError;
@@ -46,6 +49,7 @@ pub use piecewise_constant::PiecewiseConstant;
 pub use plant::Plant;
 pub use rodas4::Rodas4;
 pub use runge_kutta::{Classical, DormandPrince, Method, Rk4, Rk5, RungeKutta};
+pub use simulator::Simulator;
 pub use sparse::{SparseFunction, SparsePlant, SparsityPattern, Tableau, sparse_runge_kutta};
 pub use trajectory::Trajectory;
 pub use variable::Variable;
