@@ -1,7 +1,7 @@
 //! The error of a model over one step.
 
 use crate::{OperatingPoint, Region};
-use pinc_ode::{AccurateIntegrator, DynRhs, Model};
+use pinc_ode::{DynRhs, Model, Simulator};
 
 /// Local error tolerance of the truth.
 const TOLERANCE: f64 = 1e-12;
@@ -29,7 +29,7 @@ impl OneStepSamples {
     /// `count` points, and the states after `step_s` seconds under a constant input.
     #[must_use]
     pub fn draw(plant: &dyn DynRhs, region: &Region, seed: u64, count: usize, step_s: f64) -> Self {
-        let mut truth = AccurateIntegrator::shared(plant.to_shared(), TOLERANCE);
+        let mut truth = Simulator::new(plant, TOLERANCE);
         let samples: Vec<_> = region
             .points(seed)
             .take(count)

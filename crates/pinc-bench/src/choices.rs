@@ -34,6 +34,8 @@ pub(crate) enum Only {
     /// The Rosenbrock method.
     #[value(name = "rosenbrock")]
     Rodas4,
+    /// The plant without an equation itself, with differences.
+    BlackBox,
 }
 
 impl Only {
@@ -43,6 +45,7 @@ impl Only {
             Self::Rk4 => ModelKind::Rk4,
             Self::Rk5 => ModelKind::Rk5,
             Self::Rodas4 => ModelKind::Rodas4,
+            Self::BlackBox => ModelKind::BlackBox,
         }
     }
 }

@@ -24,6 +24,9 @@ struct Cli {
     /// Show no progress and no results: errors only.
     #[arg(long, global = true)]
     quiet: bool,
+    /// Let a config's plant be a program, which is then started with your rights.
+    #[arg(long, global = true)]
+    allow_process: bool,
 }
 
 #[derive(Debug, Subcommand)]
@@ -274,6 +277,10 @@ pub fn program(plants: &Plants) -> ExitCode {
 
 fn execute(cli: &Cli, plants: &Plants) -> Result<ExitCode, RunError> {
     let quiet = cli.quiet;
+    let plants = &match cli.allow_process {
+        true => plants.clone().allowing_processes(),
+        false => plants.clone(),
+    };
     match &cli.command {
         Command::Run { configs, sweep, run } => run_all(configs, sweep, run, plants, quiet)?,
         Command::Status { dir } => show(quiet, &crate::status(dir, plants)?.to_string()),

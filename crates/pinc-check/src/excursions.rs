@@ -6,7 +6,7 @@ use crate::{Finding, Subject, short};
 use pinc_analysis::OperatingPoint;
 use pinc_config::Experiment;
 use pinc_net::Domain;
-use pinc_ode::{AccurateIntegrator, Variable};
+use pinc_ode::{Simulator, Variable};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
@@ -112,7 +112,7 @@ fn simulate(subject: &Subject<'_>, runs: &[Scenario], findings: &mut Vec<Finding
     let mut first = None;
     'runs: for (start, inputs) in runs {
         let mut x = start.clone();
-        let mut truth = AccurateIntegrator::shared(subject.plant.to_shared(), TOLERANCE);
+        let mut truth = Simulator::new(subject.plant, TOLERANCE);
         for u in inputs {
             extent.add(x.iter().chain(u).copied());
             for _ in 0..SAMPLES {

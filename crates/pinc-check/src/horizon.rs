@@ -4,7 +4,7 @@
 use crate::{Finding, Subject, short};
 use pinc_analysis::OperatingPoint;
 use pinc_config::ControlSpec;
-use pinc_ode::AccurateIntegrator;
+use pinc_ode::Simulator;
 
 /// Local error tolerance: enough to see how far a state moves.
 const TOLERANCE: f64 = 1e-6;
@@ -82,7 +82,7 @@ fn movement(subject: &Subject<'_>, control: &ControlSpec, from: &OperatingPoint,
         for bound in [control.input_low[j], control.input_high[j]] {
             let (mut x, mut u) = (from.x.clone(), from.u.clone());
             u[j] = bound;
-            let mut truth = AccurateIntegrator::shared(subject.plant.to_shared(), TOLERANCE);
+            let mut truth = Simulator::new(subject.plant, TOLERANCE);
             let stages = control.stages(subject.step_s()).into_iter();
             for length in stages.flat_map(|(length, count)| std::iter::repeat_n(length, count)) {
                 if truth.integrate(&mut x, &u, length).is_err() {

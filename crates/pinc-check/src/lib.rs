@@ -64,6 +64,9 @@ const EXAMINATIONS: [Examination; 17] = [
     data::examine,
 ];
 
+/// Those that need no equation.
+const OF_BLACK_BOXES: [Examination; 3] = [dimensions, without_equation, rehearsal::examine];
+
 /// Values of references for which steady states are looked for.
 const MOST_REFERENCES: usize = 50;
 
@@ -130,7 +133,11 @@ pub fn check(
         ];
     };
     let subject = Subject::new(plant, experiment, (region, name), evidence);
-    EXAMINATIONS.iter().flat_map(|examination| examination(&subject)).collect()
+    let examinations = match plant.black_box() {
+        None => &EXAMINATIONS[..],
+        Some(_) => &OF_BLACK_BOXES[..],
+    };
+    examinations.iter().flat_map(|examination| examination(&subject)).collect()
 }
 
 /// Where a value of the references can be held.
@@ -176,8 +183,10 @@ impl<'a> Subject<'a> {
             centre,
             evidence,
         };
-        (subject.holds, subject.other_references) = subject.held_references();
-        subject.centre = subject.search().settle(&subject.region.centre().u);
+        if plant.black_box().is_none() {
+            (subject.holds, subject.other_references) = subject.held_references();
+            subject.centre = subject.search().settle(&subject.region.centre().u);
+        }
         subject
     }
 
@@ -340,6 +349,12 @@ impl<'a> Subject<'a> {
         let is_zero = |i: usize, v: f64| v.abs() < 1e-12 * self.region.width(first + i);
         values.iter().enumerate().map(|(i, &v)| if is_zero(i, v) { 0.0 } else { v }).collect()
     }
+}
+
+fn without_equation(_: &Subject<'_>) -> Vec<Finding> {
+    let text = "the plant is a black box: what needs its equation (steady states, stability, \
+                bounds that cannot be held) is not examined";
+    vec![Finding::fact("plant", text)]
 }
 
 fn dimensions(subject: &Subject<'_>) -> Vec<Finding> {

@@ -329,11 +329,13 @@ pub enum ModelKind {
     /// The Rosenbrock method, for stiff plants.
     #[serde(rename = "rosenbrock")]
     Rodas4,
+    /// The plant without an equation itself, with Jacobians by differences.
+    BlackBox,
 }
 
 impl ModelKind {
     /// All of them.
-    pub const ALL: [Self; 4] = [Self::Pinc, Self::Rk4, Self::Rk5, Self::Rodas4];
+    pub const ALL: [Self; 5] = [Self::Pinc, Self::Rk4, Self::Rk5, Self::Rodas4, Self::BlackBox];
 
     /// The name in configs and results.
     #[must_use]
@@ -343,6 +345,7 @@ impl ModelKind {
             Self::Rk4 => "rk4",
             Self::Rk5 => "rk5",
             Self::Rodas4 => "rosenbrock",
+            Self::BlackBox => "black-box",
         }
     }
 
@@ -353,6 +356,7 @@ impl ModelKind {
             Self::Rk4 => "RK4",
             Self::Rk5 => "RK5",
             Self::Rodas4 => "Rosenbrock",
+            Self::BlackBox => "black box",
         }
     }
 }

@@ -31,6 +31,7 @@
 //! ```
 
 mod arrays;
+mod black_box;
 mod control;
 mod data;
 mod estimator;
@@ -59,6 +60,7 @@ mod training;
 mod trial;
 mod validate;
 
+pub use black_box::{FmuSpec, ProcessSpec};
 pub use control::{ControlSpec, InputDifference, ModelKind, OutsidePolicy, Profile, ReferenceStep};
 pub use data::DataSpec;
 pub use estimator::{

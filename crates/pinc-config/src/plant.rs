@@ -1,5 +1,6 @@
 //! The `[plant]` section.
 
+use crate::black_box::{FmuSpec, ProcessSpec};
 use crate::plants::{MakePlant, Plants};
 use pinc_expr::Equations;
 use pinc_ode::DynPlant;
@@ -41,6 +42,10 @@ pub enum PlantSpec {
     Expression(Equations),
     /// A plant that the program adds to these.
     Own(OwnPlantSpec),
+    /// A plant that a program simulates.
+    Process(ProcessSpec),
+    /// A plant that an FMU simulates.
+    Fmu(FmuSpec),
     /// The electro-hydraulic servo axis.
     HydraulicServo(HydraulicServoSpec),
     /// The car with slipping tyres.
@@ -61,6 +66,8 @@ impl PlantSpec {
             Self::AcetoneColumn(_) => "acetone-column",
             Self::Expression(_) => "expression",
             Self::Own(_) => "own",
+            Self::Process(_) => "process",
+            Self::Fmu(_) => "fmu",
             Self::HydraulicServo(_) => "hydraulic-servo",
             Self::SingleTrackCar(_) => "single-track-car",
             Self::TwoLinkArm(_) => "two-link-arm",

@@ -47,6 +47,7 @@ pub(crate) type MakePlant = fn(Table) -> Result<Box<dyn DynPlant>, toml::de::Err
 #[derive(Clone, Debug, Default)]
 pub struct Plants {
     own: Arc<BTreeMap<&'static str, MakePlant>>,
+    processes: bool,
 }
 
 impl Plants {
@@ -64,6 +65,17 @@ impl Plants {
             Ok(Box::new(plant))
         });
         self
+    }
+
+    /// Allows configs to name programs that simulate their plants
+    /// ([`ProcessSpec`](crate::ProcessSpec)), which are then started with the rights of this one.
+    #[must_use]
+    pub fn allowing_processes(self) -> Self {
+        Self { processes: true, ..self }
+    }
+
+    pub(crate) fn processes_are_allowed(&self) -> bool {
+        self.processes
     }
 
     /// The names of the added plants, in alphabetical order.

@@ -1,5 +1,6 @@
 //! From a `[plant]` section to a concrete plant: the only place that knows them all.
 
+use crate::black_box::{FmuSpec, ProcessSpec};
 use crate::plants::Plants;
 use crate::{FourTanksParameters, FourTanksSpec, PlantSpec};
 use pinc_ode::{Dims, DynPlant, DynRhs, Variable};
@@ -11,8 +12,11 @@ use pinc_plants::{
 impl PlantSpec {
     /// Looks a plant of the program's own up among `plants`.
     pub(crate) fn bind(&mut self, plants: &Plants) {
-        if let Self::Own(spec) = self {
-            spec.bind(plants);
+        match self {
+            Self::Own(spec) => spec.bind(plants),
+            Self::Process(spec) if plants.processes_are_allowed() => spec.bind(),
+            Self::Fmu(spec) if plants.processes_are_allowed() => spec.bind(),
+            _ => {}
         }
     }
 
@@ -38,6 +42,12 @@ impl PlantSpec {
                 let plant = spec.build().expect("it was looked up when the config was read");
                 plant.expect("its parameters were checked when the config was read")
             }
+            Self::Process(spec) => {
+                Box::new(spec.build().expect("it was allowed when the config was read"))
+            }
+            Self::Fmu(spec) => {
+                Box::new(spec.build().expect("it was opened when the config was read"))
+            }
             Self::HydraulicServo(_) => HydraulicServo::default().into_dyn(),
             Self::SingleTrackCar(_) => SingleTrackCar::default().into_dyn(),
             Self::TwoLinkArm(_) => TwoLinkArm::default().into_dyn(),
@@ -56,6 +66,12 @@ impl PlantSpec {
         {
             let outputs = if outputs.is_empty() { states.clone() } else { outputs };
             return Variables { states, inputs, outputs };
+        }
+        if let Self::Process(ProcessSpec { states, inputs, .. })
+        | Self::Fmu(FmuSpec { states, inputs, .. }) = self
+        {
+            let (states, inputs) = (states.clone(), inputs.clone());
+            return Variables { outputs: states.clone(), states, inputs };
         }
         Variables::of(&*self.dyn_plant())
     }

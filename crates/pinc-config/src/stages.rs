@@ -29,11 +29,11 @@ impl ControlSpec {
 
     /// The substeps of an integrator in a stage of `length_s`: as many times those of a control
     /// step of `sample_time_s` as it is longer, rounded up, so that they are no longer than those.
-    /// A net has none.
+    /// A net and a black box have none.
     #[must_use]
     pub fn substeps(&self, kind: ModelKind, length_s: f64, sample_time_s: f64) -> usize {
         let per_step = match kind {
-            ModelKind::Pinc => return 0,
+            ModelKind::Pinc | ModelKind::BlackBox => return 0,
             ModelKind::Rk4 => self.rk4_substeps,
             ModelKind::Rk5 => self.rk5_substeps,
             ModelKind::Rodas4 => self.rosenbrock_substeps,
@@ -50,10 +50,11 @@ impl ControlSpec {
         substeps.max(1)
     }
 
-    /// Sets the substeps of an integrator in a control step; a net has none.
+    /// Sets the substeps of an integrator in a control step; a net and a black box have
+    /// none.
     pub fn set_substeps(&mut self, kind: ModelKind, substeps: usize) {
         match kind {
-            ModelKind::Pinc => {}
+            ModelKind::Pinc | ModelKind::BlackBox => {}
             ModelKind::Rk4 => self.rk4_substeps = substeps,
             ModelKind::Rk5 => self.rk5_substeps = substeps,
             ModelKind::Rodas4 => self.rosenbrock_substeps = substeps,

@@ -6,7 +6,7 @@ use crate::observer::Watch;
 use crate::reference::steps_until;
 use crate::{Constraint, MpcError, Nmpc, Observer, PlantNow, Reference, SqpStatus, Tracked};
 use pinc_ode::metrics::Tracking;
-use pinc_ode::{AccurateIntegrator, Trajectory};
+use pinc_ode::{Simulator, Trajectory};
 
 /// Points of the dense trace per control step, the last one at its end.
 const POINTS: usize = 9;
@@ -42,7 +42,7 @@ const POINTS: usize = 9;
 #[derive(Debug)]
 pub struct ClosedLoop<'a> {
     nmpc: &'a mut Nmpc,
-    plant: AccurateIntegrator,
+    plant: Simulator,
     reference: Reference,
     x: Vec<f64>,
     /// The input that the controller has chosen, and before it those under way: the first acts now.
@@ -97,7 +97,7 @@ impl<'a> ClosedLoop<'a> {
     /// [`MpcError`] if plant, reference or state do not suit the controller.
     pub fn new(
         nmpc: &'a mut Nmpc,
-        plant: impl Into<AccurateIntegrator>,
+        plant: impl Into<Simulator>,
         reference: Reference,
         x: &[f64],
     ) -> Result<Self, MpcError> {
@@ -169,8 +169,8 @@ impl<'a> ClosedLoop<'a> {
     /// # Panics
     ///
     /// If it has other states, inputs or outputs, by their numbers.
-    pub fn set_plant(&mut self, plant: AccurateIntegrator) {
-        let sizes = |plant: &AccurateIntegrator| plant.dims().with_parameters(0);
+    pub fn set_plant(&mut self, plant: Simulator) {
+        let sizes = |plant: &Simulator| plant.dims().with_parameters(0);
         assert_eq!(sizes(&plant), sizes(&self.plant), "the sizes of a plant");
         self.plant = plant;
     }

@@ -4,7 +4,7 @@ use crate::Domain;
 use crate::mlp::to_f64;
 use crate::sampling::{Points, Purpose, Sampler};
 use pinc_ode::metrics::mean_squared_error;
-use pinc_ode::{AccurateIntegrator, DynRhs, Model};
+use pinc_ode::{DynRhs, Model, Simulator};
 
 /// The worst points from which the search for the largest error starts.
 const STARTS: usize = 4;
@@ -42,7 +42,7 @@ pub struct DomainTruth {
     /// Of the states.
     widths: Vec<f64>,
     sample_time_s: f64,
-    integrator: AccurateIntegrator,
+    integrator: Simulator,
     /// Of the inputs.
     inputs: usize,
     points: Points,
@@ -102,7 +102,7 @@ impl DomainTruth {
         seed: u64,
     ) -> Self {
         let all = Sampler::Sobol.sample(count, sample_time_s, domain, 1, seed, Purpose::Domain);
-        let mut integrator = AccurateIntegrator::shared(plant.to_shared(), tolerance);
+        let mut integrator = Simulator::new(plant, tolerance);
         let (mut points, mut next) = (Points::new(plant.dims()), Vec::new());
         for i in 0..count {
             let (x, u, p) = (all.state(i), all.input(i), all.parameters(i));

@@ -2,7 +2,7 @@
 
 use crate::sampling::Points;
 use crate::{Ansatz, Measurements, NetError, PincNet, TrainingTarget, Workers};
-use pinc_ode::{AccurateIntegrator, DynRhs};
+use pinc_ode::{DynRhs, Simulator};
 use rayon::prelude::*;
 
 /// Local error tolerance of the integration: far below what nets reach.
@@ -12,7 +12,7 @@ const TOLERANCE: f64 = 1e-11;
 /// the new ones are integrated.
 #[derive(Debug)]
 pub(crate) struct Labels {
-    integrator: AccurateIntegrator,
+    integrator: Simulator,
     sample_time_s: f64,
     known: Measurements,
 }
@@ -29,7 +29,7 @@ impl Labels {
                 "\"physics\" for a net of one scenario or without the hard initial condition";
             return Err(NetError::Setting { key, found, expected });
         }
-        let integrator = AccurateIntegrator::shared(plant.to_shared(), TOLERANCE);
+        let integrator = Simulator::new(plant, TOLERANCE);
         let known = Measurements::new(plant.dims());
         Ok(Some(Self { integrator, sample_time_s: net.sample_time_s, known }))
     }

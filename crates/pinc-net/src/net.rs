@@ -1,10 +1,10 @@
 //! The PINC net: a perceptron with its normalization, ansatz and domain.
 
 use crate::mlp::MlpConfig;
-use crate::sampling::{Purpose, Sampler, rng};
+use crate::sampling::{Points, Purpose, Sampler, rng};
 use crate::{Ansatz, Domain, Mlp, NetError, Normalizer, TrainingTarget};
 use pinc_ad::Scalar;
-use pinc_ode::{Dims, DynRhs};
+use pinc_ode::{BlackBox, Dims, DynRhs, OdeError};
 use serde::{Deserialize, Serialize};
 
 /// Number of points at which the plant's velocities are evaluated to find their scale.
@@ -300,8 +300,8 @@ impl PincNet {
     }
 }
 
-/// Mean and standard deviation of T f(y0, u, p) over the domain: a state's displacement in one
-/// step.
+/// Mean and standard deviation over the domain of a state's displacement in one step: T f(y0, u, p),
+/// or y(T) - y0 of a black box.
 fn displacement_scale(
     plant: &dyn DynRhs,
     config: &NetConfig,
@@ -313,31 +313,57 @@ fn displacement_scale(
         None => Sampler::Sobol.collocation(SCALE_POINTS, config.sample_time_s, domain, 1, seed),
         Some(scenario) => Sampler::Sobol.scenario(1, config.sample_time_s, scenario, seed),
     };
-    let mut velocity = vec![0.0; dims.nx];
-    let mut velocities = vec![Vec::new(); dims.nx];
-    for i in 0..points.len() {
-        let (x, u) = (points.state(i), points.input(i));
-        plant.rhs(x, u, points.parameters(i), &mut velocity);
-        for (j, v) in velocity.iter().enumerate() {
-            if !v.is_finite() {
-                let state = plant.states()[j].name.to_string();
-                let reason = plant.explain(x, u, points.parameters(i)).unwrap_or_default();
-                return Err(NetError::Plant { state, x: x.to_vec(), u: u.to_vec(), reason });
-            }
-            velocities[j].push(config.sample_time_s * v);
-        }
+    let all = match plant.black_box() {
+        Some(black_box) => ends(black_box, &points, config.sample_time_s)?,
+        None => by_velocity(plant, &points, config.sample_time_s)?,
+    };
+    let mut displacements = vec![Vec::new(); dims.nx];
+    for (k, displacement) in all.into_iter().enumerate() {
+        displacements[k % dims.nx].push(displacement);
     }
-    let (mean, std) = velocities
+    let (mean, std) = displacements
         .iter()
         .map(|v| {
             let count = crate::mlp::to_f64(v.len());
             let mean = v.iter().sum::<f64>() / count;
             let variance = v.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / count;
-            // A velocity that does not vary (one scenario, a pure integrator) still has a
+            // A displacement that does not vary (one scenario, a pure integrator) still has a
             // magnitude.
             let std = if variance > 0.0 { variance.sqrt() } else { mean.abs() };
             (mean, if std > 0.0 { std } else { 1.0 })
         })
         .unzip();
     Ok(Normalizer { mean, std })
+}
+
+/// T f(y0, u, p) at these points, one after the other.
+fn by_velocity(plant: &dyn DynRhs, points: &Points, t: f64) -> Result<Vec<f64>, NetError> {
+    let mut velocity = vec![0.0; plant.dims().nx];
+    let mut all = Vec::new();
+    for i in 0..points.len() {
+        let (x, u) = (points.state(i), points.input(i));
+        plant.rhs(x, u, points.parameters(i), &mut velocity);
+        if let Some(j) = velocity.iter().position(|v| !v.is_finite()) {
+            let state = plant.states()[j].name.to_string();
+            let reason = plant.explain(x, u, points.parameters(i)).unwrap_or_default();
+            return Err(NetError::Plant { state, x: x.to_vec(), u: u.to_vec(), reason });
+        }
+        all.extend(velocity.iter().map(|v| t * v));
+    }
+    Ok(all)
+}
+
+/// y(T) - y0 of a black box, likewise.
+fn ends(black_box: &BlackBox, points: &Points, t: f64) -> Result<Vec<f64>, NetError> {
+    let of = |part: fn(&Points, usize) -> &[f64]| -> Vec<f64> {
+        (0..points.len()).flat_map(|i| part(points, i)).copied().collect()
+    };
+    let (x, u) = (of(Points::state), of(Points::input));
+    let mut ends = x.clone();
+    black_box.flow.advance(&mut ends, &u, t)?;
+    if let Some(bad) = ends.iter().position(|end| !end.is_finite()) {
+        let state = points.state(bad / black_box.states.len()).to_vec();
+        return Err(OdeError::NotFinite { t: 0.0, state }.into());
+    }
+    Ok(ends.iter().zip(&x).map(|(end, x)| end - x).collect())
 }

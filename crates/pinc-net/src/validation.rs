@@ -4,7 +4,7 @@ use crate::mlp::to_f64;
 use crate::sampling::{Purpose, Sampler, rng};
 use crate::{Domain, Measurements, NetError, PincNet, Scenario, TrainingTarget};
 use pinc_ode::metrics::mean_squared_error;
-use pinc_ode::{AccurateIntegrator, Dims, DynRhs};
+use pinc_ode::{Dims, DynRhs, Simulator};
 use rand::RngExt;
 use serde::{Deserialize, Serialize};
 
@@ -167,7 +167,7 @@ impl ValidationSet {
         let domain = config.domain.in_order_of(plant)?;
         let config = &ValidationConfig { domain, ..config.clone() };
         let steps = config.validate(plant.dims(), sample_time_s)?;
-        let mut integrator = AccurateIntegrator::shared(plant.to_shared(), config.tolerance);
+        let mut integrator = Simulator::new(plant, config.tolerance);
         let Dims { nx: states, nu, .. } = integrator.dims();
         let ends: Vec<_> = config.domain.ends().collect();
         let mut random = rng(seed, scenarios_from);
@@ -219,7 +219,7 @@ impl ValidationSet {
     ) -> Result<Self, NetError> {
         config.validate(plant.dims(), sample_time_s)?;
         let (states, subintervals) = (plant.dims().nx, config.subintervals);
-        let mut integrator = AccurateIntegrator::shared(plant.to_shared(), config.tolerance);
+        let mut integrator = Simulator::new(plant, config.tolerance);
         let mut trial = |parts| {
             let held = Held { inputs: vec![scenario.input.clone()], parameters: Vec::new() };
             let initial = scenario.initial_state.clone();
@@ -341,7 +341,7 @@ struct Held {
 }
 
 fn integrate(
-    integrator: &mut AccurateIntegrator,
+    integrator: &mut Simulator,
     initial: Vec<f64>,
     Held { inputs, parameters }: Held,
     sample_time_s: f64,

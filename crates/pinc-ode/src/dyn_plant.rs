@@ -1,6 +1,7 @@
 //! Plants whose type is erased: what is compiled once per plant, and all else once.
 
-use crate::{Dims, Model, Plant, Rk4, Rk5, Rodas4, Variable};
+use crate::black_box::NoEquation;
+use crate::{BlackBox, Dims, Model, Plant, Rk4, Rk5, Rodas4, Variable};
 use pinc_ad::Dual;
 use pinc_ad::simd::{Isa, Simd, Task, Work};
 use std::any::Any;
@@ -55,6 +56,11 @@ pub trait DynRhs: Debug + Send + Sync {
 
     /// An owned copy.
     fn to_shared(&self) -> Arc<dyn DynRhs>;
+
+    /// The plant as one without an equation, if it is that.
+    fn black_box(&self) -> Option<&BlackBox> {
+        None
+    }
 }
 
 impl<P: Plant> DynRhs for P {
@@ -208,6 +214,12 @@ impl AnyVectorRhs {
         Self(Box::new(rhs))
     }
 
+    /// That of a plant whose equation is not to be seen: NaN.
+    #[must_use]
+    pub fn none(isa: Isa) -> Self {
+        isa.dispatch(EraseNone)
+    }
+
     /// The right-hand side on vectors `V`.
     ///
     /// # Panics
@@ -216,6 +228,16 @@ impl AnyVectorRhs {
     #[must_use]
     pub fn on<V: Simd>(self) -> Box<dyn VectorRhs<V>> {
         *self.0.downcast().expect("made for the same instruction set")
+    }
+}
+
+struct EraseNone;
+
+impl Task for EraseNone {
+    type Output = AnyVectorRhs;
+
+    fn run<V: Simd>(self, _zero: V) -> AnyVectorRhs {
+        AnyVectorRhs::of::<V>(Box::new(NoEquation))
     }
 }
 

@@ -32,6 +32,12 @@ pub enum OdeError {
         /// The step size, in s.
         step: f64,
     },
+    /// The program that a plant is cannot say.
+    #[error("the plant's own program: {reason}")]
+    External {
+        /// What it says, or what is wrong with what it says.
+        reason: String,
+    },
     /// Times and values that are not a piecewise-constant signal.
     #[error(
         "a signal needs start times that begin at 0 and increase, and values of one length: {reason}"

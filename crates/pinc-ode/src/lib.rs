@@ -27,6 +27,7 @@
 
 mod accurate;
 mod banded;
+mod black_box;
 mod dopri5;
 mod dyn_plant;
 mod error;
@@ -40,11 +41,13 @@ mod points;
 mod rodas4;
 mod runge_kutta;
 mod seulex;
+mod simulator;
 mod sparse;
 mod trajectory;
 mod variable;
 
 pub use accurate::AccurateIntegrator;
+pub use black_box::{BlackBox, Differences, Flow};
 pub use dopri5::Dopri5;
 pub use dyn_plant::{AnyVectorRhs, DynPlant, DynRhs, VECTOR_DIRECTIONS, VectorDual, VectorRhs};
 pub use error::OdeError;
@@ -54,6 +57,7 @@ pub use piecewise_constant::PiecewiseConstant;
 pub use plant::Plant;
 pub use rodas4::Rodas4;
 pub use runge_kutta::{Classical, DormandPrince, Method, Rk4, Rk5, RungeKutta};
+pub use simulator::Simulator;
 pub use sparse::{SparseFunction, SparsePlant, SparsityPattern, Tableau, sparse_runge_kutta};
 pub use trajectory::Trajectory;
 pub use variable::Variable;

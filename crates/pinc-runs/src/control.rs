@@ -10,7 +10,7 @@ use pinc_check::Rehearsal;
 use pinc_config::{ControlSpec, Experiment, ModelKind, Schedule, Variables};
 use pinc_mpc::{ClosedLoop, Nmpc, NmpcProblem, Reference};
 use pinc_net::PincNet;
-use pinc_ode::{AccurateIntegrator, Dims, DynPlant, DynRhs, PiecewiseConstant, Trajectory};
+use pinc_ode::{Dims, DynPlant, DynRhs, PiecewiseConstant, Simulator, Trajectory};
 use pinc_record::{
     ControlColumns, ControlMetrics, Metrics, ReferenceMetrics, RunDir, StepTimes, WallTimes, file,
 };
@@ -50,7 +50,7 @@ pub(crate) struct Schedules {
     /// The parameters that the models are told.
     pub(crate) model: Schedule,
     /// The plants that take the place of the first one, each from a step on.
-    pub(crate) plants: Vec<(usize, AccurateIntegrator)>,
+    pub(crate) plants: Vec<(usize, Simulator)>,
 }
 
 impl Schedules {
@@ -185,7 +185,8 @@ pub(super) fn rehearse(
     sample_time_s: f64,
 ) -> Result<Rehearsal, RunError> {
     let integrator = spec.models.iter().find(|kind| **kind != ModelKind::Pinc);
-    let kind = integrator.copied().unwrap_or(ModelKind::Rk4);
+    let other = if plant.black_box().is_some() { ModelKind::BlackBox } else { ModelKind::Rk4 };
+    let kind = integrator.copied().unwrap_or(other);
     let spec = ControlSpec { estimator: None, ..spec.clone() };
     let setup = LoopSetup::numerical(&spec, sample_time_s, plant);
     let mut nmpc = setup.controller(kind, plant)?;
@@ -215,6 +216,8 @@ fn rehearsed_steps(dims: Dims, spec: &ControlSpec, kind: ModelKind) -> usize {
         ModelKind::Rk5 => 7 * spec.rk5_substeps,
         // A factorization takes as long as the products with its factors.
         ModelKind::Rodas4 => 12 * spec.rosenbrock_substeps,
+        // A millisecond or so for each run of the black box.
+        ModelKind::BlackBox => 10_000,
         ModelKind::Rk4 | ModelKind::Pinc => 4 * spec.rk4_substeps,
     };
     let dense = if kind == ModelKind::Rodas4 { dims.nx } else { 1 };
@@ -281,7 +284,7 @@ impl LoopSetup<'_> {
     /// [`RunError`] if the parts do not fit together.
     pub fn begin<'n>(&self, nmpc: &'n mut Nmpc) -> Result<ClosedLoop<'n>, RunError> {
         let (spec, reference) = (self.spec, self.reference()?);
-        let truth = AccurateIntegrator::shared(self.truth.to_shared(), spec.plant_tolerance);
+        let truth = Simulator::new(self.truth, spec.plant_tolerance);
         let run = ClosedLoop::new(nmpc, truth, reference, &spec.initial_state)?;
         let run = if spec.preview { run } else { run.without_preview() };
         Ok(match &spec.initial_input {

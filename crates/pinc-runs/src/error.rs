@@ -223,6 +223,16 @@ pub enum RunError {
         /// The command.
         command: &'static str,
     },
+    /// A command that needs an equation, for a plant without one.
+    #[error(
+        "{name}: `{command}` needs a plant with an equation, and that of [plant] is a black box"
+    )]
+    NoEquation {
+        /// The experiment.
+        name: String,
+        /// The command.
+        command: &'static str,
+    },
     /// An estimator and its model that do not fit together.
     #[error(transparent)]
     Estimate(#[from] EstimateError),

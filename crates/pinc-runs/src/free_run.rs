@@ -6,7 +6,7 @@ use crate::RunError;
 use pinc_config::{OutsidePolicy, PredictionSpec};
 use pinc_net::{PincNet, TrainingTarget};
 use pinc_ode::metrics::mean_squared_error;
-use pinc_ode::{AccurateIntegrator, DynPlant};
+use pinc_ode::{DynPlant, Simulator};
 use pinc_record::{PredictionMetrics, PredictionRow, PredictionTable, RunDir, file};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
@@ -59,7 +59,7 @@ fn simulate(
     };
     let inputs = draw_inputs(spec, sample_time_s, seed);
     let steps = inputs.len();
-    let mut truth = AccurateIntegrator::shared(plant.to_shared(), spec.tolerance);
+    let mut truth = Simulator::new(plant, spec.tolerance);
     let mut x = spec.initial_state.clone();
     let mut chain = Chain::new(sample_time_s, 0.0, &x, &inputs[0]);
     let mut rows = vec![PredictionRow {

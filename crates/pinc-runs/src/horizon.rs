@@ -7,7 +7,7 @@ use pinc_config::{ModelKind, Variables};
 use pinc_estimate::Compensated;
 use pinc_mpc::{Nmpc, NmpcProblem};
 use pinc_net::{NetError, PincModel};
-use pinc_ode::{DynPlant, Model};
+use pinc_ode::{Differences, DynPlant, Model};
 
 impl LoopSetup<'_> {
     /// The model of a control step.
@@ -37,6 +37,10 @@ impl LoopSetup<'_> {
                 }
             }
             (ModelKind::Pinc, None) => unreachable!("the plan trains or reads a net for this loop"),
+            (ModelKind::BlackBox, _) => match plant.black_box() {
+                Some(black_box) => Box::new(Differences::new(black_box, length_s)),
+                None => unreachable!("the config was checked for it"),
+            },
             (ModelKind::Rk4, _) => plant.rk4(length_s, substeps),
             (ModelKind::Rk5, _) => plant.rk5(length_s, substeps),
             (ModelKind::Rodas4, _) => plant.rodas4(length_s, substeps),

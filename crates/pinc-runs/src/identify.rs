@@ -60,6 +60,10 @@ pub fn identify(
             let (name, command) = (experiment.name.clone(), "identify");
             return Err(RunError::NoModelFile { name, command });
         }
+        (Some(ModelKind::BlackBox), _) => {
+            let (name, model) = (experiment.name.clone(), ModelKind::BlackBox.name());
+            return Err(RunError::MissingModel { name, model });
+        }
         (Some(kind), _) => kind,
         (None, Some(_)) => ModelKind::Pinc,
         (None, None) => first_integrator(experiment),

@@ -64,14 +64,13 @@ pub use trial::{run_trial, train_shared};
 use crate::invocation::invocation;
 use pinc_config::{Experiment, LoopParameters, MOST_STEPS, ModelKind, PlantInTheLoop};
 use pinc_net::PincNet;
-use pinc_ode::AccurateIntegrator;
+use pinc_ode::Simulator;
 use pinc_record::{
     Metrics, Provenance, RecordError, RunDir, file, read_file, remove_unfinished, write_atomically,
 };
 use pinc_report as report;
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 /// How an experiment is run; nothing here changes its numbers.
@@ -360,7 +359,7 @@ impl Stages<'_> {
             let plants = experiment.plants_in_the_loop(sample_time_s);
             let (first, later) = plants.split_first().expect("a loop has a plant at first");
             let later = later.iter().map(|PlantInTheLoop { from_step, plant }| {
-                (*from_step, AccurateIntegrator::shared(Arc::clone(plant), spec.plant_tolerance))
+                (*from_step, Simulator::new(&**plant, spec.plant_tolerance))
             });
             let schedules = Schedules {
                 model: experiment.model_schedule(sample_time_s),

@@ -4,7 +4,7 @@ use crate::RunError;
 use crate::clock::{for_seconds, median, time, to_f64};
 use pinc_net::{Domain, Points, Sampler};
 use pinc_ode::metrics::mean_squared_error;
-use pinc_ode::{AccurateIntegrator, Dims, DynPlant, LinearizationBuffer, Model, Stages};
+use pinc_ode::{Dims, DynPlant, LinearizationBuffer, Model, Simulator, Stages};
 use pinc_record::StepErrors;
 use std::hint::black_box;
 use std::ops::Range;
@@ -44,7 +44,7 @@ impl Steps {
     ) -> Result<Self, RunError> {
         // Sobol points are the same for each seed up to a scrambling.
         let points = Sampler::Sobol.collocation(count, sample_time_s, domain, 1, 0);
-        let mut integrator = AccurateIntegrator::shared(plant.to_shared(), tolerance);
+        let mut integrator = Simulator::new(plant, tolerance);
         let mut next = Vec::new();
         for i in 0..count {
             let mut x = points.state(i).to_vec();

@@ -29,6 +29,10 @@ impl Base {
             section,
             command: "pinc choose",
         };
+        if experiment.plant.is_black_box() {
+            let (name, command) = (experiment.name.clone(), "pinc choose");
+            return Err(RunError::NoEquation { name, command });
+        }
         let control = experiment.control.as_ref().ok_or_else(|| missing("control"))?;
         let step_s = experiment.sample_time_s().ok_or_else(|| missing("model"))?;
         let mut notes = Vec::new();

@@ -1,5 +1,6 @@
 //! Checks of a config that its types cannot make.
 
+mod black_box;
 mod control;
 mod estimator;
 mod identify;
@@ -34,6 +35,7 @@ impl Experiment {
         names::varying_parameters(self)?;
         let dims = self.dims();
         self.sections(dims)?;
+        black_box::uses(self)?;
         limits::sizes(self, dims)?;
         if let Some(validation) = &self.validation {
             validation_scenarios(validation, dims, self.net_step_s())?;
@@ -172,6 +174,8 @@ fn plant(key: &str, plant: &PlantSpec, plants: &Plants) -> Finding {
         PlantSpec::Expression(equations) => {
             equations.compile().map(drop).map_err(|error| expression_finding(key, error))
         }
+        PlantSpec::Process(spec) => black_box::program(key, spec, plants),
+        PlantSpec::Fmu(spec) => black_box::fmu(key, spec, plants),
         PlantSpec::Own(spec) => own_plant(&format!("{key}.own"), spec, plants),
         _ => Ok(()),
     }

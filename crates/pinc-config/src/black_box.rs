@@ -1,0 +1,159 @@
+//! Plants without equations: `[plant.process]` and `[plant.fmu]`.
+
+use crate::PlantSpec;
+use pinc_external::{Fmu, FmuKind, FmuPlant, Process};
+use pinc_ode::{BlackBox, Dims, Flow, Variable};
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+use std::sync::Arc;
+
+/// A plant that a program simulates, which answers states and inputs with states
+/// ([`pinc_external::Process`]).
+///
+/// ```toml
+/// [plant.process]
+/// command = ["python3", "plant.py"]
+/// states = [{ name = "x1", unit = "m" }, { name = "x2", unit = "m/s" }]
+/// inputs = [{ name = "u", unit = "N" }]
+/// ```
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ProcessSpec {
+    /// The program and its arguments.
+    pub command: Vec<String>,
+    /// The states, in order.
+    pub states: Vec<Variable>,
+    /// The inputs, in order.
+    pub inputs: Vec<Variable>,
+    /// A typical size of states and inputs, by name; 1 for those that are absent.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub nominal: BTreeMap<String, f64>,
+    /// The change of a variable for a difference, in its typical size.
+    #[serde(default = "difference_step")]
+    pub difference_step: f64,
+    /// Known once the config has been read where processes are allowed.
+    #[serde(skip)]
+    pub(crate) flow: SharedFlow,
+}
+
+/// A plant that a file of the Functional Mock-up Interface simulates ([`pinc_external::Fmu`]).
+///
+/// ```toml
+/// [plant.fmu]
+/// file = "oscillator.fmu"
+/// states = ["x1", "x2"]
+/// inputs = ["u"]
+/// variables = { x1 = "x[1]", x2 = "x[2]", u = "u[1]" }
+/// ```
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct FmuSpec {
+    /// The file.
+    pub file: PathBuf,
+    /// Which of its interfaces is used; model exchange, if it has that, where nothing is said.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub kind: Option<FmuKind>,
+    /// The states, in order.
+    pub states: Vec<Variable>,
+    /// The inputs, in order.
+    pub inputs: Vec<Variable>,
+    /// The names that states and inputs have in the file, where they are others.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub variables: BTreeMap<String, String>,
+    /// The variables in the file by which states are set at the start, where they are others.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub start_variables: BTreeMap<String, String>,
+    /// Other variables in the file, with the values that they start with.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub parameters: BTreeMap<String, f64>,
+    /// A typical size of states and inputs, by name; 1 for those that are absent.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub nominal: BTreeMap<String, f64>,
+    /// The change of a variable for a difference, in its typical size.
+    #[serde(default = "difference_step")]
+    pub difference_step: f64,
+    /// Known once the config has been read where processes are allowed, or what is wrong.
+    #[serde(skip)]
+    pub(crate) flow: SharedFlow,
+}
+
+fn difference_step() -> f64 {
+    1e-5
+}
+
+/// What moves a black box, one for all copies of its spec: the programs are started once.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct SharedFlow(Option<Arc<dyn Flow>>);
+
+/// It follows from the keys beside it.
+impl PartialEq for SharedFlow {
+    fn eq(&self, _: &Self) -> bool {
+        true
+    }
+}
+
+impl PlantSpec {
+    /// Whether the plant has no equation.
+    #[must_use]
+    pub fn is_black_box(&self) -> bool {
+        matches!(self, Self::Process(_) | Self::Fmu(_))
+    }
+}
+
+impl ProcessSpec {
+    /// Names the program; it is started when the plant is first asked.
+    pub(crate) fn bind(&mut self) {
+        let dims = Dims::new(self.states.len(), self.inputs.len());
+        self.flow = SharedFlow(Some(Arc::new(Process::new(self.command.clone(), dims))));
+    }
+
+    /// The plant, if it is allowed.
+    pub(crate) fn build(&self) -> Option<BlackBox> {
+        self.flow.black_box([&self.states, &self.inputs], &self.nominal, self.difference_step)
+    }
+}
+
+impl SharedFlow {
+    fn black_box(
+        &self,
+        [states, inputs]: [&Vec<Variable>; 2],
+        nominal: &BTreeMap<String, f64>,
+        difference_step: f64,
+    ) -> Option<BlackBox> {
+        let flow = self.0.clone()?;
+        let size = |v: &Variable| nominal.get(&*v.name).copied().unwrap_or(1.0);
+        let step = |v| difference_step * size(v);
+        let difference_steps = states.iter().chain(inputs).map(step).collect();
+        Some(BlackBox { states: states.clone(), inputs: inputs.clone(), difference_steps, flow })
+    }
+}
+
+impl FmuSpec {
+    /// Opens the file; in words, what is wrong with it. Its binary is loaded when the plant is
+    /// first asked.
+    pub(crate) fn open(&self) -> Result<Fmu, String> {
+        let name = |v: &Variable| self.variables.get(&*v.name).cloned();
+        let named = |v: &Variable| name(v).unwrap_or_else(|| v.name.to_string());
+        let start = |v: &Variable| self.start_variables.get(&*v.name).cloned();
+        let plant = FmuPlant {
+            kind: self.kind,
+            states: self.states.iter().map(named).collect(),
+            starts: self.states.iter().map(|v| start(v).unwrap_or_else(|| named(v))).collect(),
+            inputs: self.inputs.iter().map(named).collect(),
+            parameters: self.parameters.clone().into_iter().collect(),
+        };
+        Fmu::open(&self.file, &plant)
+    }
+
+    /// Opens the file, if that can be done: checks say what is wrong otherwise.
+    pub(crate) fn bind(&mut self) {
+        let flow = self.open().ok();
+        self.flow = SharedFlow(flow.map(|fmu| -> Arc<dyn Flow> { Arc::new(fmu) }));
+    }
+
+    /// The plant, if it is allowed.
+    pub(crate) fn build(&self) -> Option<BlackBox> {
+        self.flow.black_box([&self.states, &self.inputs], &self.nominal, self.difference_step)
+    }
+}

@@ -1,0 +1,175 @@
+//! What `modelDescription.xml` says of an FMU.
+
+use roxmltree::{Document, Node};
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+
+/// The version of the interface.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Version {
+    Two,
+    Three,
+}
+
+/// Which of its two interfaces an FMU is used by.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum FmuKind {
+    /// The FMU gives f(x, u), which is integrated here.
+    ModelExchange,
+    /// The FMU integrates itself.
+    CoSimulation,
+}
+
+/// A number of the FMU: an element of a variable.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Place {
+    /// The value reference.
+    pub(super) reference: u32,
+    pub(super) element: usize,
+}
+
+/// What is used of a description.
+#[derive(Debug)]
+pub(super) struct Description {
+    pub(super) version: Version,
+    /// The `guid` of version 2, the `instantiationToken` of version 3.
+    pub(super) token: String,
+    /// The model identifier of each interface that there is.
+    pub(super) model_exchange: Option<String>,
+    pub(super) co_simulation: Option<String>,
+    /// The variables of real numbers by name.
+    variables: BTreeMap<String, Real>,
+    /// The continuous states, in the order of the FMU's vector.
+    pub(super) states: Vec<Place>,
+}
+
+/// A variable of real numbers.
+#[derive(Clone, Debug)]
+struct Real {
+    reference: u32,
+    /// As many as it has elements; 0 where none are given.
+    start: Vec<f64>,
+}
+
+impl Description {
+    /// Reads the text of the file; or says, in words, what is wrong with it.
+    pub(super) fn parse(text: &str) -> Result<Self, String> {
+        let document = Document::parse(text).map_err(|error| error.to_string())?;
+        let root = document.root_element();
+        let (version, token) = match root.attribute("fmiVersion") {
+            Some("2.0") => (Version::Two, "guid"),
+            Some(three) if three.starts_with("3.") => (Version::Three, "instantiationToken"),
+            other => {
+                let found = other.unwrap_or("none");
+                return Err(format!("fmiVersion {found} given, expected 2.0 or 3.0"));
+            }
+        };
+        let token = root.attribute(token).ok_or_else(|| format!("{token} is missing"))?.to_owned();
+        let identifier = |tag| child(root, tag)?.attribute("modelIdentifier").map(str::to_owned);
+        let (model_exchange, co_simulation) =
+            (identifier("ModelExchange"), identifier("CoSimulation"));
+        let (variables, states) = match version {
+            Version::Two => variables_of_two(root),
+            Version::Three => variables_of_three(root),
+        }?;
+        Ok(Self { version, token, model_exchange, co_simulation, variables, states })
+    }
+
+    /// The place of `name`, a variable or an element of one, counted from 1: `x[2]`.
+    pub(super) fn place(&self, name: &str) -> Result<Place, String> {
+        if let Some(Real { reference, start }) = self.variables.get(name)
+            && start.len() == 1
+        {
+            return Ok(Place { reference: *reference, element: 0 });
+        }
+        let element = pinc_ode::Variable::split_name(name).and_then(|(array, index)| {
+            let Real { reference, start } = self.variables.get(array)?;
+            let element = index.checked_sub(1).filter(|element| *element < start.len())?;
+            Some(Place { reference: *reference, element })
+        });
+        element.ok_or_else(|| {
+            let known: Vec<_> = self.variables.keys().map(String::as_str).take(20).collect();
+            format!("no real variable is named `{name}`; there are {}", known.join(", "))
+        })
+    }
+
+    /// The start values of the variable with this reference.
+    pub(super) fn start(&self, reference: u32) -> Vec<f64> {
+        let mut all = self.variables.values();
+        let found = all.find(|real| real.reference == reference);
+        found.map_or_else(Vec::new, |real| real.start.clone())
+    }
+}
+
+fn child<'a>(node: Node<'a, 'a>, tag: &str) -> Option<Node<'a, 'a>> {
+    node.children().find(|child| child.has_tag_name(tag))
+}
+
+fn elements<'a>(root: Node<'a, 'a>, section: &str) -> impl Iterator<Item = Node<'a, 'a>> {
+    child(root, section).into_iter().flat_map(|node| node.children()).filter(Node::is_element)
+}
+
+fn whole<T: std::str::FromStr>(node: Node<'_, '_>, key: &str) -> Result<T, String> {
+    let value = node.attribute(key).and_then(|text| text.trim().parse().ok());
+    let name = node.attribute("name").unwrap_or(node.tag_name().name());
+    value.ok_or_else(|| format!("{name}: {key} is missing or no whole number"))
+}
+
+type Variables = (BTreeMap<String, Real>, Vec<Place>);
+
+fn variables_of_two(root: Node<'_, '_>) -> Result<Variables, String> {
+    let all: Vec<_> = elements(root, "ModelVariables").collect();
+    let mut variables = BTreeMap::new();
+    for node in &all {
+        let Some(real) = child(*node, "Real") else { continue };
+        let start = real.attribute("start").and_then(|text| text.trim().parse().ok());
+        let (reference, start) = (whole(*node, "valueReference")?, vec![start.unwrap_or(0.0)]);
+        let name = node.attribute("name").unwrap_or_default().to_owned();
+        variables.insert(name, Real { reference, start });
+    }
+    // Variables are counted from 1.
+    let numbered = |index: usize| index.checked_sub(1).and_then(|i| all.get(i)).copied();
+    let structure = child(root, "ModelStructure");
+    let derivatives = structure.into_iter().flat_map(|node| elements(node, "Derivatives"));
+    let mut states = Vec::new();
+    for unknown in derivatives {
+        let derivative = numbered(whole(unknown, "index")?).and_then(|node| child(node, "Real"));
+        let derivative = derivative.ok_or("a derivative is no real variable")?;
+        let state = numbered(whole(derivative, "derivative")?);
+        let state = state.ok_or("a derivative is of no variable")?;
+        states.push(Place { reference: whole(state, "valueReference")?, element: 0 });
+    }
+    Ok((variables, states))
+}
+
+fn variables_of_three(root: Node<'_, '_>) -> Result<Variables, String> {
+    let reals = || elements(root, "ModelVariables").filter(|node| node.has_tag_name("Float64"));
+    let mut variables = BTreeMap::new();
+    for node in reals() {
+        let mut length = 1;
+        for dimension in node.children().filter(|child| child.has_tag_name("Dimension")) {
+            let size: Result<usize, _> = whole(dimension, "start");
+            let name = node.attribute("name").unwrap_or_default();
+            length *= size
+                .map_err(|_| format!("{name}: a size that depends on a parameter is not read"))?;
+        }
+        let given = node.attribute("start").unwrap_or_default().split_whitespace();
+        let mut start: Vec<f64> = given.filter_map(|text| text.parse().ok()).collect();
+        start.resize(length, 0.0);
+        let name = node.attribute("name").unwrap_or_default().to_owned();
+        variables.insert(name, Real { reference: whole(node, "valueReference")?, start });
+    }
+    let mut states = Vec::new();
+    let structure = elements(root, "ModelStructure");
+    for unknown in structure.filter(|node| node.has_tag_name("ContinuousStateDerivative")) {
+        let reference: u32 = whole(unknown, "valueReference")?;
+        let is_it = |node: &Node<'_, '_>| whole(*node, "valueReference") == Ok(reference);
+        let derivative = reals().find(is_it).ok_or("a derivative is no variable of Float64")?;
+        let reference = whole(derivative, "derivative")?;
+        let state = variables.values().find(|real| real.reference == reference);
+        let length = state.ok_or("a derivative is of no variable")?.start.len();
+        states.extend((0..length).map(|element| Place { reference, element }));
+    }
+    Ok((variables, states))
+}

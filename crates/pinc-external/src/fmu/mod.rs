@@ -1,0 +1,272 @@
+//! A plant as an FMU of FMI 2.0 or 3.0.
+
+mod archive;
+mod description;
+mod equation;
+mod library;
+
+pub use description::FmuKind;
+
+use crate::pool::{Pool, external};
+use description::{Description, Place, Version};
+use equation::Equation;
+use library::{Binary, Instance};
+use pinc_ode::{Dims, Dopri5, Flow, OdeError};
+use std::fmt::{self, Debug};
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, OnceLock};
+use tempfile::TempDir;
+
+/// Local error tolerance of the integration in model exchange.
+const TOLERANCE: f64 = 1e-10;
+
+/// How an FMU is a plant: which of its variables are what.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FmuPlant {
+    /// The interface; model exchange, if there is one, where nothing is said.
+    pub kind: Option<FmuKind>,
+    /// The variables that are the states: their values after a step.
+    pub states: Vec<String>,
+    /// The variables by which the states are set at the start, which may be the same.
+    pub starts: Vec<String>,
+    /// The variables that are the inputs. They may be parameters, since each step begins anew.
+    pub inputs: Vec<String>,
+    /// Other variables, with the values that they start with.
+    pub parameters: Vec<(String, f64)>,
+}
+
+/// An FMU as a plant. Each step begins at time 0 in the state that is asked for: the FMU's memory
+/// is its states, and it does not depend on time.
+///
+/// By model exchange its derivatives are integrated with [`Dopri5`]; events are not looked for. By
+/// co-simulation it takes a communication step of the whole duration.
+pub struct Fmu {
+    dims: Dims,
+    kind: FmuKind,
+    description: Description,
+    unpacked: TempDir,
+    /// What is set at the start: the variables, their values, and where among these are states and
+    /// inputs.
+    references: Vec<u32>,
+    values: Vec<f64>,
+    starts: Vec<usize>,
+    inputs: Vec<usize>,
+    /// What is read after a co-simulation, and where the states are in it.
+    outputs: Vec<u32>,
+    output_values: usize,
+    states: Vec<usize>,
+    /// In model exchange, the place of each state in the FMU's vector.
+    order: Vec<usize>,
+    binary: OnceLock<Arc<Binary>>,
+    copies: Pool<Copy>,
+}
+
+impl Debug for Fmu {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Fmu").field("description", &self.description).finish_non_exhaustive()
+    }
+}
+
+/// An instance at work.
+enum Copy {
+    ModelExchange(Arc<Equation>, Box<Dopri5>),
+    CoSimulation(Instance),
+}
+
+impl Fmu {
+    /// Unpacks the FMU at `path` and looks at its description. Nothing of it is run before it is
+    /// first asked for a state.
+    ///
+    /// # Errors
+    ///
+    /// In words, what is wrong with the file or does not go with `plant`.
+    pub fn open(path: &Path, plant: &FmuPlant) -> Result<Self, String> {
+        let bytes = fs::read(path).map_err(|error| format!("it cannot be read: {error}"))?;
+        let unpacked = archive::unpack(&bytes)?;
+        let text = fs::read_to_string(unpacked.path().join("modelDescription.xml"));
+        let text = text.map_err(|_| "it has no modelDescription.xml".to_owned())?;
+        let description =
+            Description::parse(&text).map_err(|error| format!("modelDescription.xml: {error}"))?;
+        let kind = kind(&description, plant.kind)?;
+        let places = |names: &[String]| {
+            names.iter().map(|name| description.place(name)).collect::<Result<Vec<_>, _>>()
+        };
+        let [states, starts, inputs] =
+            [places(&plant.states)?, places(&plant.starts)?, places(&plant.inputs)?];
+        let (mut references, mut values) = (Vec::new(), Vec::new());
+        let mut add = |place: Place| slot(&description, place, &mut references, &mut values);
+        let starts: Vec<usize> = starts.into_iter().map(&mut add).collect();
+        let inputs: Vec<usize> = inputs.into_iter().map(&mut add).collect();
+        let mut given = Vec::new();
+        for (name, value) in &plant.parameters {
+            given.push((add(description.place(name)?), *value));
+        }
+        for (place, value) in given {
+            values[place] = value;
+        }
+        let order = match kind {
+            FmuKind::ModelExchange => order(&description, &states)?,
+            FmuKind::CoSimulation => Vec::new(),
+        };
+        let (mut outputs, mut output_values) = (Vec::new(), Vec::new());
+        let read = |place| slot(&description, place, &mut outputs, &mut output_values);
+        let states: Vec<usize> = states.into_iter().map(read).collect();
+        let dims = Dims::new(states.len(), inputs.len());
+        let output_values = output_values.len();
+        let (binary, copies) = (OnceLock::new(), Pool::new());
+        Ok(Self {
+            dims,
+            kind,
+            description,
+            unpacked,
+            references,
+            values,
+            starts,
+            inputs,
+            outputs,
+            output_values,
+            states,
+            order,
+            binary,
+            copies,
+        })
+    }
+
+    fn binary(&self) -> Result<Arc<Binary>, String> {
+        if let Some(binary) = self.binary.get() {
+            return Ok(binary.clone());
+        }
+        let path = self.binary_path()?;
+        let binary = Arc::new(Binary::load(&path, self.description.version)?);
+        Ok(self.binary.get_or_init(|| binary).clone())
+    }
+
+    /// The path of the binary for this machine.
+    fn binary_path(&self) -> Result<PathBuf, String> {
+        let system = std::env::consts::OS.replace("macos", "darwin");
+        let folder = match self.description.version {
+            Version::Two => format!("{}64", system.replace("windows", "win")),
+            Version::Three => format!("{}-{system}", std::env::consts::ARCH),
+        };
+        let identifier = match self.kind {
+            FmuKind::ModelExchange => &self.description.model_exchange,
+            FmuKind::CoSimulation => &self.description.co_simulation,
+        };
+        let name = identifier.as_deref().unwrap_or_default();
+        let ending = match std::env::consts::OS {
+            "macos" => ".dylib",
+            _ => std::env::consts::DLL_SUFFIX,
+        };
+        let file = format!("binaries/{folder}/{name}{ending}");
+        let path = self.unpacked.path().join(&file);
+        path.exists().then_some(path).ok_or_else(|| format!("the FMU has no {file}"))
+    }
+
+    fn start(&self) -> Result<Copy, OdeError> {
+        let resources = self.unpacked.path().join("resources");
+        let token = &self.description.token;
+        let instance = self
+            .binary()
+            .and_then(|binary| Instance::new(&binary, self.kind, token, &resources))
+            .map_err(external)?;
+        Ok(match self.kind {
+            FmuKind::CoSimulation => Copy::CoSimulation(instance),
+            FmuKind::ModelExchange => {
+                let equation = Arc::new(Equation::new(instance, self.order.clone()));
+                let integrator = Dopri5::shared(equation.clone(), TOLERANCE);
+                Copy::ModelExchange(equation, Box::new(integrator))
+            }
+        })
+    }
+
+    /// The values that a step from `x` under `u` begins with.
+    fn begin(&self, x: &[f64], u: &[f64]) -> Vec<f64> {
+        let mut values = self.values.clone();
+        let places = self.starts.iter().chain(&self.inputs);
+        for (&place, &value) in places.zip(x.iter().chain(u)) {
+            values[place] = value;
+        }
+        values
+    }
+
+    fn step(&self, copy: &mut Copy, x: &mut [f64], u: &[f64], t: f64) -> Result<(), OdeError> {
+        let values = self.begin(x, u);
+        match copy {
+            Copy::ModelExchange(equation, integrator) => {
+                let begun = equation.begin(&self.references, &values);
+                begun.map_err(external)?;
+                // A fresh one has adapted no step size yet: the same bits on any number of threads.
+                let integrated = integrator.clone().integrate(x, &[], t);
+                equation.failure().map_or(integrated, |failure| Err(external(failure)))
+            }
+            Copy::CoSimulation(instance) => {
+                let mut ends = vec![0.0; self.output_values];
+                instance
+                    .restart(&self.references, &values)
+                    .and_then(|()| instance.do_step(t))
+                    .and_then(|()| instance.get(&self.outputs, &mut ends))
+                    .map_err(external)?;
+                x.iter_mut().zip(&self.states).for_each(|(x, place)| *x = ends[*place]);
+                Ok(())
+            }
+        }
+    }
+}
+
+impl Flow for Fmu {
+    fn advance(&self, x: &mut [f64], u: &[f64], duration_s: f64) -> Result<(), OdeError> {
+        let Dims { nx, nu, .. } = self.dims;
+        self.copies.with(
+            || self.start(),
+            |copy| {
+                let mut points = x.chunks_exact_mut(nx).zip(u.chunks_exact(nu));
+                points.try_for_each(|(x, u)| self.step(copy, x, u, duration_s))
+            },
+        )
+    }
+}
+
+/// The interface that is asked for, or the first that there is.
+fn kind(description: &Description, asked: Option<FmuKind>) -> Result<FmuKind, String> {
+    let has = |kind: &FmuKind| match kind {
+        FmuKind::ModelExchange => description.model_exchange.is_some(),
+        FmuKind::CoSimulation => description.co_simulation.is_some(),
+    };
+    let kinds = match asked {
+        Some(kind) => vec![kind],
+        None => vec![FmuKind::ModelExchange, FmuKind::CoSimulation],
+    };
+    let found = kinds.into_iter().find(has);
+    found.ok_or_else(|| "it has not the interface that is asked for".to_owned())
+}
+
+/// Where a place is among the values of some variables, to which its variable is added if it is not
+/// among them, with its start values.
+fn slot(
+    description: &Description,
+    place: Place,
+    references: &mut Vec<u32>,
+    values: &mut Vec<f64>,
+) -> usize {
+    let mut first = 0;
+    for &reference in references.iter() {
+        if reference == place.reference {
+            return first + place.element;
+        }
+        first += description.start(reference).len();
+    }
+    references.push(place.reference);
+    values.extend(description.start(place.reference));
+    first + place.element
+}
+
+/// The place of each of the plant's states in the FMU's vector of them.
+fn order(description: &Description, states: &[Place]) -> Result<Vec<usize>, String> {
+    let of_fmu = &description.states;
+    let place = |state| of_fmu.iter().position(|other| other == state);
+    let found: Option<Vec<usize>> = states.iter().map(place).collect();
+    found.filter(|order| order.len() == of_fmu.len()).ok_or_else(|| {
+        format!("model exchange needs all continuous states, of which there are {}", of_fmu.len())
+    })
+}

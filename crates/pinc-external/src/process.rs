@@ -1,0 +1,172 @@
+//! A plant as a process: states and inputs on its standard input, states on its standard output.
+
+use crate::pool::{Pool, external};
+use pinc_ode::{Dims, Flow, OdeError};
+use serde::{Deserialize, Serialize};
+use std::io::{BufRead, BufReader, Read, Write};
+use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
+
+/// Bytes of requests that are under way at a time: a pipe holds them, and the answers, which are
+/// about as long, so that none of the two programs waits for the other to read.
+const UNDER_WAY: usize = 8192;
+
+/// A program that moves the state of a plant in time, started when it is first asked; several
+/// copies of it if several threads ask at once.
+///
+/// One JSON object a line: `{"x":[..],"u":[..],"t":0.5}` asks for the state that follows `x` after
+/// `t` seconds under the constant input `u`; the answer is `{"x":[..]}`, or `{"error":".."}` where
+/// there is none. There may be several requests before the first answer is read; answers are in
+/// their order. The program ends when its standard input does.
+#[derive(Debug)]
+pub struct Process {
+    dims: Dims,
+    command: Vec<String>,
+    copies: Pool<Copy>,
+}
+
+/// One at work.
+struct Copy {
+    child: Child,
+    /// Of the child.
+    input: ChildStdin,
+    output: BufReader<ChildStdout>,
+    requests: Vec<u8>,
+    answer: Vec<u8>,
+}
+
+#[derive(Serialize)]
+struct Request<'a> {
+    x: &'a [f64],
+    u: &'a [f64],
+    t: f64,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Answer {
+    x: Option<Vec<f64>>,
+    error: Option<String>,
+}
+
+impl Process {
+    /// The plant of these sizes that `command`, a program and its arguments, simulates. Nothing is
+    /// started yet.
+    #[must_use]
+    pub fn new(command: Vec<String>, dims: Dims) -> Self {
+        Self { dims, command, copies: Pool::new() }
+    }
+
+    fn start(&self) -> Result<Copy, OdeError> {
+        let (program, arguments) =
+            self.command.split_first().ok_or_else(|| external("no program is named"))?;
+        let mut command = Command::new(program);
+        command.args(arguments).stdin(Stdio::piped()).stdout(Stdio::piped());
+        // Ctrl-C asks this program to come to an end in good order, for which it needs the other.
+        #[cfg(unix)]
+        std::os::unix::process::CommandExt::process_group(&mut command, 0);
+        let started = command.spawn();
+        let mut child =
+            started.map_err(|error| external(format!("{program} cannot be started: {error}")))?;
+        let (Some(input), Some(output)) = (child.stdin.take(), child.stdout.take()) else {
+            return Err(external(format!("{program} has no standard input or output")));
+        };
+        let output = BufReader::new(output);
+        Ok(Copy { child, input, output, requests: Vec::new(), answer: Vec::new() })
+    }
+
+    /// Moves as many of the states as the pipes hold, and says how many.
+    fn exchange(
+        &self,
+        copy: &mut Copy,
+        x: &mut [f64],
+        u: &[f64],
+        t: f64,
+    ) -> Result<usize, OdeError> {
+        let Dims { nx, nu, .. } = self.dims;
+        copy.requests.clear();
+        let mut asked = 0;
+        for (x, u) in x.chunks_exact(nx).zip(u.chunks_exact(nu)) {
+            if asked > 0 && copy.requests.len() > UNDER_WAY {
+                break;
+            }
+            let written = serde_json::to_writer(&mut copy.requests, &Request { x, u, t });
+            written.map_err(|error| external(error.to_string()))?;
+            copy.requests.push(b'\n');
+            asked += 1;
+        }
+        let sent = copy.input.write_all(&copy.requests).and_then(|()| copy.input.flush());
+        sent.map_err(|_| self.ended(copy))?;
+        for x in x.chunks_exact_mut(nx).take(asked) {
+            self.read(copy, x)?;
+        }
+        Ok(asked)
+    }
+
+    /// Reads one answer.
+    fn read(&self, copy: &mut Copy, x: &mut [f64]) -> Result<(), OdeError> {
+        // Far more than the numbers and their names take.
+        let most = 4096 + 64 * x.len() as u64;
+        copy.answer.clear();
+        let read = copy.output.by_ref().take(most).read_until(b'\n', &mut copy.answer);
+        if !matches!(read, Ok(length) if length > 0) {
+            return Err(self.ended(copy));
+        }
+        let found = || {
+            let shown: Vec<u8> = copy.answer.iter().copied().take(200).collect();
+            String::from_utf8_lossy(&shown).trim_end().to_owned()
+        };
+        let expected = || {
+            let n = x.len();
+            external(format!(
+                "{} answered {:?}, expected one line {{\"x\":[..]}} with {n} numbers, or \
+                {{\"error\":\"..\"}}",
+                self.name(),
+                found()
+            ))
+        };
+        match serde_json::from_slice(&copy.answer) {
+            Ok(Answer { x: Some(next), error: None }) if next.len() == x.len() => {
+                x.copy_from_slice(&next);
+                Ok(())
+            }
+            Ok(Answer { x: None, error: Some(error) }) => Err(external(error)),
+            _ => Err(expected()),
+        }
+    }
+
+    fn name(&self) -> &str {
+        self.command.first().map_or("", String::as_str)
+    }
+
+    /// Why there is no answer.
+    fn ended(&self, copy: &mut Copy) -> OdeError {
+        let status = copy.child.try_wait().ok().flatten();
+        let status = status.map_or_else(String::new, |status| format!(" ({status})"));
+        external(format!("{} ended without an answer{status}", self.name()))
+    }
+}
+
+impl Flow for Process {
+    fn advance(&self, x: &mut [f64], u: &[f64], duration_s: f64) -> Result<(), OdeError> {
+        let Dims { nx, nu, .. } = self.dims;
+        self.copies.with(
+            || self.start(),
+            |copy| {
+                let mut done = 0;
+                while done * nx < x.len() {
+                    let rest = &mut x[done * nx..];
+                    done += self.exchange(copy, rest, &u[done * nu..], duration_s)?;
+                }
+                Ok(())
+            },
+        )
+    }
+}
+
+impl Drop for Copy {
+    fn drop(&mut self) {
+        // It may be stuck, and has nothing that needs to be saved.
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}

@@ -1,0 +1,252 @@
+//! A plant as a process, from its samples to the loop: this program is the plant, if its argument
+//! says so, and else the tests.
+
+#![expect(clippy::print_stdout, reason = "it says which tests it runs, and answers as a process")]
+
+use pinc_bench::{Options, Verbosity, check, run};
+use pinc_config::{Experiment, ModelKind, Plants};
+use pinc_ode::{DynPlant, DynRhs, Model, Rk4, Simulator};
+use pinc_plants::VanDerPol;
+use pinc_record::{ControlMetrics, RunDir};
+use serde_json::{Value, json};
+use std::io::{BufRead, Write, stdin, stdout};
+use std::path::Path;
+use std::process::ExitCode;
+use std::sync::atomic::AtomicBool;
+
+/// The last argument of this program as a plant: the oscillator, or one of its defects.
+const PLANT: &str = "plant";
+
+fn main() -> ExitCode {
+    let arguments: Vec<String> = std::env::args().collect();
+    if let [_, first, kind] = &arguments[..]
+        && first == PLANT
+    {
+        be_the_plant(kind);
+        return ExitCode::SUCCESS;
+    }
+    // `cargo test -- --list` and filters are those of the usual programs of tests.
+    let filter = arguments.iter().skip(1).find(|argument| !argument.starts_with('-'));
+    for (name, test) in TESTS {
+        if filter.is_none_or(|filter| name.contains(filter)) {
+            println!("test {name}");
+            test();
+        }
+    }
+    ExitCode::SUCCESS
+}
+
+const TESTS: [(&str, fn()); 4] = [
+    ("it_starts_only_where_it_is_allowed", it_starts_only_where_it_is_allowed),
+    ("many_requests_are_answered_in_order", many_requests_are_answered_in_order),
+    ("what_is_no_answer_is_explained", what_is_no_answer_is_explained),
+    ("it_is_distilled_and_controlled_like_its_equation", it_is_distilled_and_controlled),
+];
+
+/// Answers the requests on standard input.
+fn be_the_plant(kind: &str) {
+    let mut output = stdout().lock();
+    for (number, line) in stdin().lock().lines().enumerate() {
+        let request: Value = serde_json::from_str(&line.unwrap()).unwrap();
+        let numbers = |key: &str| -> Vec<f64> {
+            request[key].as_array().unwrap().iter().map(|v| v.as_f64().unwrap()).collect()
+        };
+        let (x, u, t) = (numbers("x"), numbers("u"), request["t"].as_f64().unwrap());
+        let mut next = vec![0.0; 2];
+        Rk4::new(VanDerPol::default(), t, 64).step(&x, &u, &[], &mut next);
+        let answer = match kind {
+            "words" => json!("here I am"),
+            "short" => json!({ "x": [1.0] }),
+            "fails" if x[0] > 2.0 => json!({ "error": "x1 is beyond 2" }),
+            "ends" if number == 2 => return,
+            _ => json!({ "x": next }),
+        };
+        writeln!(output, "{answer}").unwrap();
+        output.flush().unwrap();
+    }
+}
+
+/// A config of the oscillator, whose plant is `plant`.
+fn config(plant: &str) -> String {
+    format!(
+        r#"
+name = "black-box"
+preset = "ours"
+seed = 1
+[plant]
+{plant}
+[model]
+horizon_s = 0.5
+hidden_layers = 2
+neurons = 12
+[domain]
+state_low = [-3.0, -4.35]
+state_high = [3.0, 4.35]
+input_low = [-1.0]
+input_high = [1.0]
+[training]
+source = "integrator"
+collocation_points = 512
+[validation]
+duration_s = 5.0
+one_step_points = 512
+[validation.domain]
+state_low = [-2.0, -2.0]
+state_high = [2.0, 2.0]
+input_low = [-1.0]
+input_high = [1.0]
+[control]
+models = ["pinc", "MODEL"]
+duration_s = 20.0
+initial_state = [1.0, 0.0]
+controlled = ["x1", "x2"]
+q = [10.0, 10.0]
+r = [1.0]
+state_low = [-1.0, -1.0]
+state_high = [1.0, 1.0]
+input_low = [-1.0]
+input_high = [1.0]
+references = [
+    {{ start_s = 0.0, value = [0.0, 0.0] }},
+    {{ start_s = 10.0, value = [-0.5, 0.0] }},
+]
+"#
+    )
+}
+
+/// The same with this program as the plant.
+fn as_process(kind: &str) -> String {
+    let program = std::env::current_exe().unwrap();
+    let command = json!([program, PLANT, kind]);
+    let plant =
+        format!("process = {{ command = {command}, states = [\"x1\", \"x2\"], inputs = [\"u\"] }}");
+    config(&plant).replace("MODEL", "black-box")
+}
+
+fn parse(text: &str, plants: &Plants) -> Result<Experiment, String> {
+    let sets = ["training.phases.0.iterations=300".to_owned()];
+    Experiment::parse(Path::new("b.toml"), text, &sets, plants).map_err(|error| error.to_string())
+}
+
+fn allowed() -> Plants {
+    Plants::built_in().allowing_processes()
+}
+
+/// The plant that this program is.
+fn plant(kind: &str) -> Box<dyn DynPlant> {
+    parse(&as_process(kind), &allowed()).unwrap().plant.dyn_plant()
+}
+
+fn it_starts_only_where_it_is_allowed() {
+    let error = parse(&as_process("oscillator"), &Plants::built_in()).unwrap_err();
+    assert!(error.contains("`plant.process`") && error.contains("--allow-process"), "{error}");
+    let experiment = parse(&as_process("oscillator"), &allowed()).unwrap();
+    assert_eq!(parse(&experiment.to_toml(), &allowed()).unwrap(), experiment);
+    for (from, to, parts) in [
+        ("\"black-box\"", "\"rk4\"", ["control.models[1]", "no equation"]),
+        ("source = \"integrator\"", "", ["training.source", "distilled"]),
+        ("states = [\"x1\", \"x2\"]", "states = []", ["plant.process.states", "one or more"]),
+        ("inputs = [\"u\"]", "inputs = [\"u\"], nominal = { y = 1.0 }", ["nominal.y", "a state"]),
+        ("inputs = [\"u\"]", "inputs = [\"u\"], difference_step = 0.0", ["difference_step", "pos"]),
+    ] {
+        let text = as_process("oscillator");
+        assert!(text.contains(from));
+        let error = parse(&text.replace(from, to), &allowed()).unwrap_err();
+        assert!(parts.iter().all(|part| error.contains(part)), "{to}: {error}");
+    }
+}
+
+/// More than the pipes hold at a time, from two threads.
+fn many_requests_are_answered_in_order() {
+    let plant = plant("oscillator");
+    let flow = plant.black_box().unwrap().flow.clone();
+    let ask = |shift: f64| {
+        let start = |i: i32| [f64::from(i) / 1000.0 - 1.0, shift];
+        let mut x: Vec<f64> = (0..2000).flat_map(start).collect();
+        flow.advance(&mut x, &vec![0.3; 2000], 0.1).unwrap();
+        for (i, x) in (0..2000).zip(x.chunks_exact(2)) {
+            let mut next = [0.0; 2];
+            Rk4::new(VanDerPol::default(), 0.1, 64).step(&start(i), &[0.3], &[], &mut next);
+            assert_eq!(x.map_bits(), next.map_bits(), "{i}");
+        }
+    };
+    std::thread::scope(|scope| {
+        scope.spawn(|| ask(0.5));
+        scope.spawn(|| ask(-0.5));
+    });
+}
+
+/// Numbers pass through the pipes without a change of any bit.
+trait MapBits {
+    fn map_bits(&self) -> Vec<u64>;
+}
+
+impl MapBits for [f64] {
+    fn map_bits(&self) -> Vec<u64> {
+        self.iter().map(|value| value.to_bits()).collect()
+    }
+}
+
+fn what_is_no_answer_is_explained() {
+    for (kind, part) in [
+        ("words", "answered \"\\\"here I am\\\"\", expected one line {\"x\":[..]} with 2 numbers"),
+        ("short", "with 2 numbers"),
+        ("fails", "x1 is beyond 2"),
+        ("ends", "ended without an answer"),
+    ] {
+        let mut simulator = Simulator::new(&*plant(kind) as &dyn DynRhs, 1e-9);
+        let mut ask = || simulator.integrate(&mut [2.5, 0.0], &[0.0], 0.1);
+        let error = (0..3).find_map(|_| ask().err()).unwrap().to_string();
+        assert!(error.contains(part), "{kind}: {error}");
+    }
+    let missing = as_process("oscillator").replace("command = [\"", "command = [\"/nowhere");
+    let plant = parse(&missing, &allowed()).unwrap().plant.dyn_plant();
+    let mut simulator = Simulator::new(&*plant as &dyn DynRhs, 1e-9);
+    let error = simulator.integrate(&mut [0.0; 2], &[0.0], 0.1).unwrap_err().to_string();
+    assert!(error.contains("/nowhere") && error.contains("cannot be started"), "{error}");
+}
+
+fn run_of(text: &str, dir: &Path) -> RunDir {
+    let experiment = parse(text, &allowed()).unwrap();
+    let findings = check(&experiment);
+    assert!(findings.iter().all(|f| f.severity < pinc_bench::Severity::Error), "{findings:?}");
+    let options = Options {
+        resume: false,
+        verbosity: Verbosity::Quiet,
+        interrupt: &AtomicBool::new(false),
+        arguments: &[],
+    };
+    run(&experiment, dir, &options).unwrap()
+}
+
+/// Net and loops of the process are those of the equation: the samples differ by its rounding, and
+/// its 64 steps of RK4 by less than 1e-9.
+fn it_is_distilled_and_controlled() {
+    let (one, other) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
+    let equation = config("van-der-pol = { mu = 1.0 }").replace("MODEL", "rk4");
+    let equation =
+        run_of(&equation.replace("[control]", "[control]\nrk4_substeps = 32"), one.path());
+    let process = run_of(&as_process("oscillator"), other.path());
+    let rms =
+        |of: &RunDir| of.metrics().validation.as_ref().unwrap().domain_error.as_ref().unwrap().rms;
+    let (of_equation, of_process) = (rms(&equation), rms(&process));
+    assert!(of_equation < 1e-2, "{of_equation}");
+    assert!(of_process < 2.0 * of_equation, "{of_process} {of_equation}");
+    let [net, black_box] = &process.metrics().control[..] else { panic!("two models") };
+    let [_, rk4] = &equation.metrics().control[..] else { panic!("two models") };
+    assert_eq!(black_box.model, ModelKind::BlackBox);
+    let apart = |of: &ControlMetrics, share: f64| {
+        let difference = (of.iae_dense_sum - rk4.iae_dense_sum).abs();
+        assert!(
+            difference < share * rk4.iae_dense_sum,
+            "{} {}",
+            of.iae_dense_sum,
+            rk4.iae_dense_sum
+        );
+    };
+    // Jacobians by differences are not exact; the loop's plant is.
+    apart(black_box, 1e-5);
+    apart(net, 1e-2);
+    let report = std::fs::read_to_string(other.path().join("report.html")).unwrap();
+    assert!(report.contains("black box"));
+}
