@@ -37,6 +37,7 @@ mod runge_kutta;
 mod sparse;
 mod trajectory;
 mod variable;
+mod with_outputs;
 
 pub use dopri5::Dopri5;
 pub use dyn_plant::{AnyVectorRhs, DynPlant, DynRhs, VECTOR_DIRECTIONS, VectorDual, VectorRhs};
@@ -49,3 +50,4 @@ pub use runge_kutta::{Classical, DormandPrince, Method, Rk4, Rk5, RungeKutta};
 pub use sparse::{SparseFunction, SparsePlant, SparsityPattern, Tableau, sparse_runge_kutta};
 pub use trajectory::Trajectory;
 pub use variable::Variable;
+pub use with_outputs::WithOutputs;
