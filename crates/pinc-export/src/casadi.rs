@@ -1,6 +1,7 @@
 //! A net as an external function of CasADi.
 
 use crate::net_c::{check_member, net_core, net_page, places};
+use crate::open::Open;
 use crate::origin::Origin;
 use crate::{ExportError, GeneratedFile, Name};
 use pinc_net::PincNet;
@@ -19,8 +20,8 @@ pub fn net_to_casadi(
     origin: &Origin,
 ) -> Result<Vec<GeneratedFile>, ExportError> {
     check_member(net)?;
-    let mut files = net_core(net, name, origin)?;
-    let mut t = places(net, name, origin)?;
+    let mut files = net_core(net, Open::default(), name, origin)?;
+    let mut t = places(net, Open::default(), name, origin)?;
     files.push(t.file("casadi.c", include_str!("../templates/casadi.c")));
     net_page(net, origin, &mut t);
     files.push(t.named("README.md", include_str!("../templates/casadi_readme.md")));

@@ -2,10 +2,14 @@
 
 use crate::ExportError;
 use crate::feedback_c::Estimation;
-use crate::rk4_c::Rk4Model;
-use pinc_mpc::{Nmpc, NmpcProblem, QpMethod, Reference, Softness, SqpConfig, Tracked};
+use crate::open::Open;
+use crate::runge_kutta_c::RungeKuttaModel;
+use pinc_expr::Equations;
+use pinc_mpc::{
+    Nmpc, NmpcProblem, ProblemUnits, QpMethod, Reference, Softness, SqpConfig, Tracked,
+};
 use pinc_net::{PincModel, PincNet};
-use pinc_ode::{Dims, Model};
+use pinc_ode::{Dims, Model, WithOutputs};
 
 /// A controller, with what its self-test goes along.
 #[derive(Clone, Copy, Debug)]
@@ -16,12 +20,15 @@ pub struct Controller<'a> {
     pub config: &'a SqpConfig,
     /// The model.
     pub model: ModelSource<'a>,
+    /// The plant's equations, where a net is the model and outputs of the plant are tracked,
+    /// bounded or measured.
+    pub equations: Option<&'a Equations>,
     /// Where the self-test begins.
     pub initial_state: &'a [f64],
     /// What it follows.
     pub reference: &'a Reference,
-    /// The estimator that tells it the state, if there is one; its disturbances are the problem's
-    /// parameters.
+    /// The estimator that tells it the state, if there is one; its disturbances and the parameters
+    /// that it estimates are the problem's parameters.
     pub estimator: Option<Estimation<'a>>,
 }
 
@@ -32,26 +39,44 @@ pub enum ModelSource<'a> {
     /// A net.
     Net(&'a PincNet),
     /// An integrator of equations.
-    Rk4(Rk4Model<'a>),
+    RungeKutta(RungeKuttaModel<'a>),
 }
 
-impl Controller<'_> {
+impl<'a> Controller<'a> {
     /// Length T of a step, in s.
     pub(crate) fn sample_time_s(&self) -> f64 {
         match self.model {
             ModelSource::Net(net) => net.sample_time_s(),
-            ModelSource::Rk4(model) => model.sample_time_s,
+            ModelSource::RungeKutta(model) => model.sample_time_s,
         }
     }
 
-    /// The model, as the library has it.
+    /// The model, as the library has it, with the outputs that are used.
     pub(crate) fn library_model(&self) -> Result<Box<dyn Model>, ExportError> {
-        Ok(match self.model {
-            ModelSource::Net(net) => Box::new(PincModel::new(net)?),
-            ModelSource::Rk4(Rk4Model { equations, sample_time_s, substeps }) => {
-                equations.compile()?.into_dyn().rk4(sample_time_s, substeps)
+        let net = match self.model {
+            ModelSource::Net(net) => PincModel::new(net)?,
+            ModelSource::RungeKutta(model) => return model.library(),
+        };
+        Ok(match self.outputs()? {
+            None => Box::new(net),
+            Some((equations, names)) => {
+                let names: Vec<&str> = names.iter().map(String::as_str).collect();
+                let plant = equations.compile_with(&names)?.into_dyn();
+                Box::new(WithOutputs::new(net, plant.rk4(self.sample_time_s(), 1)))
             }
         })
+    }
+
+    /// What is measured in the initial state before there was an input.
+    pub(crate) fn measured_at_start(&self) -> Result<Vec<f64>, ExportError> {
+        let Some(estimation) = self.estimator else { return Ok(self.initial_state.to_vec()) };
+        let mut model = self.library_model()?;
+        let dims = model.dims();
+        let mut outputs = vec![0.0; dims.ny];
+        let p = &estimation.augmentation.parameters;
+        model.output(self.initial_state, &vec![0.0; dims.nu], p, &mut outputs);
+        let all = [self.initial_state, &outputs].concat();
+        Ok(estimation.measured(dims)?.into_iter().map(|place| all[place]).collect())
     }
 
     /// The controller, as the library has it.
@@ -64,13 +89,57 @@ impl Controller<'_> {
         Ok(Nmpc::new(self.problem.clone(), model, *self.config)?)
     }
 
-    /// What is tracked: states only.
-    pub(crate) fn tracked(&self) -> Vec<usize> {
-        let state = |tracked: &Tracked| match tracked {
-            Tracked::State(state) => Some(*state),
-            _ => None,
+    /// What is tracked, by the places of states, and of outputs behind them.
+    pub(crate) fn tracked(&self, dims: Dims) -> Result<Vec<usize>, ExportError> {
+        let place = |tracked: &Tracked| match *tracked {
+            Tracked::State(state) => Ok(state),
+            Tracked::Output(output) => Ok(dims.nx + output),
+            _ => Err(ExportError::Feature {
+                feature: "tracked quantities of this kind",
+                instead: "states or outputs",
+            }),
         };
-        self.problem.tracked.iter().filter_map(state).collect()
+        self.problem.tracked.iter().map(place).collect()
+    }
+
+    /// Whether outputs are tracked.
+    pub(crate) fn tracks_outputs(&self) -> bool {
+        self.problem.tracked.iter().any(|tracked| matches!(tracked, Tracked::Output(_)))
+    }
+
+    /// Whether the optimization looks at outputs.
+    pub(crate) fn optimizes_outputs(&self) -> bool {
+        self.tracks_outputs() || self.problem.output_bounds.is_some()
+    }
+
+    /// The equations of the outputs, with the names of their parameters, if any are used.
+    pub(crate) fn outputs(&self) -> Result<Option<(&'a Equations, Vec<String>)>, ExportError> {
+        let measured = self.estimator.is_some_and(|of| of.measures_outputs());
+        if !measured && !self.optimizes_outputs() {
+            return Ok(None);
+        }
+        match (self.model, self.equations) {
+            (ModelSource::RungeKutta(model), _) => {
+                Ok(Some((model.equations, model.parameters.to_vec())))
+            }
+            (ModelSource::Net(net), Some(equations)) => {
+                Ok(Some((equations, net.parameter_names().map(str::to_owned).collect())))
+            }
+            (ModelSource::Net(_), None) => Err(ExportError::Feature {
+                feature: "outputs of a plant whose equations are no text",
+                instead: "states, or a plant as [plant.expression]",
+            }),
+        }
+    }
+
+    /// The parameters that are arguments of the generated model.
+    pub(crate) fn open(&self) -> Open<'a> {
+        self.estimator.map_or_else(Open::default, |of| Open::of(of.augmentation))
+    }
+
+    /// The units in which the optimization computes.
+    pub(crate) fn units(&self, dims: Dims) -> ProblemUnits {
+        self.problem.units(dims)
     }
 
     /// Refuses what the generated controller does not have.
@@ -78,15 +147,16 @@ impl Controller<'_> {
         let Self { problem, config, .. } = self;
         let refuse = |feature, instead| Err(ExportError::Feature { feature, instead });
         if problem.constraints.is_some() {
-            return refuse("constraints h and g", "bounds on states, inputs and increments");
+            return refuse(
+                "constraints h and g",
+                "bounds on states, outputs, inputs and increments",
+            );
         }
-        if problem.output_bounds.is_some() || self.tracked().len() != problem.tracked.len() {
-            return refuse("outputs that are tracked or bounded", "states");
-        }
-        if let Some(estimation) = &self.estimator {
-            estimation.check()?;
-        } else if !problem.parameters.is_empty() {
-            return refuse("parameters of the model", "constants");
+        if self.estimator.is_none() && !problem.parameters.is_empty() {
+            return refuse(
+                "parameters of the model",
+                "constants, or parameters that are estimated",
+            );
         }
         if config.real_time {
             return refuse("real-time iterations", "sqp.real_time = false and a budget");
@@ -98,14 +168,8 @@ impl Controller<'_> {
         };
         if method != QpMethod::Condensed {
             return refuse(
-                "a QP method other than condensed, which is chosen for up to 40 free inputs",
+                "QP method other than condensed, which is chosen for up to 40 free inputs",
                 "sqp.qp = \"condensed\", or a shorter control horizon",
-            );
-        }
-        if !problem.is_of_ordinary_size(dims) {
-            return refuse(
-                "quantities or weights so large or small that the optimization scales them",
-                "other units, in which bounds are between 0.1 and 1000",
             );
         }
         Ok(())
@@ -113,11 +177,15 @@ impl Controller<'_> {
 
     /// Of the states at all stages: the largest multipliers of their bounds.
     pub(crate) fn penalties(&self, dims: Dims) -> Vec<f64> {
-        let penalty = |state: usize| match &self.problem.state_softness {
-            Softness::Penalty(weights) => weights[state],
-            _ => f64::INFINITY,
-        };
         let all = 0..self.problem.horizon * dims.nx;
-        all.map(|v| penalty(v % dims.nx)).collect()
+        all.map(|v| penalty(&self.problem.state_softness, v % dims.nx)).collect()
+    }
+}
+
+/// The largest multiplier of a constraint.
+pub(crate) fn penalty(softness: &Softness, i: usize) -> f64 {
+    match softness {
+        Softness::Penalty(weights) => weights[i],
+        _ => f64::INFINITY,
     }
 }

@@ -4,18 +4,18 @@ use crate::template::constant;
 use pinc_expr::{Function, Instruction, Listing};
 use std::fmt::Write as _;
 
-/// The body of a function of x and u that writes dx.
-pub(crate) fn values(listing: &Listing, nx: usize) -> String {
+/// The body of a function of x and u that writes the results to `to`.
+pub(crate) fn values(listing: &Listing, nx: usize, to: &str) -> String {
     let mut body = Body { text: String::new(), nx, tangents: 0 };
     for (i, instruction) in listing.instructions.iter().enumerate() {
         body.value(i, *instruction);
     }
-    body.results(listing);
+    body.results(listing, to);
     body.finish(listing)
 }
 
 /// The same with the derivatives by x and u, which go to f.
-pub(crate) fn jacobian(listing: &Listing, nx: usize, nu: usize) -> String {
+pub(crate) fn jacobian(listing: &Listing, nx: usize, nu: usize, to: &str) -> String {
     let tangents = nx + nu;
     let mut body = Body { text: String::new(), nx, tangents };
     let mut known: Vec<Vec<bool>> = Vec::new();
@@ -23,7 +23,7 @@ pub(crate) fn jacobian(listing: &Listing, nx: usize, nu: usize) -> String {
         body.value(i, *instruction);
         known.push(body.tangents(i, *instruction, &known));
     }
-    body.results(listing);
+    body.results(listing, to);
     for (row, &result) in listing.results.iter().enumerate() {
         for (t, &there) in known[result].iter().enumerate() {
             let value = if there { format!("v{result}_{t}") } else { "PINC_N(0)".to_owned() };
@@ -134,9 +134,9 @@ impl Body {
         Some(format!("s{i}"))
     }
 
-    fn results(&mut self, listing: &Listing) {
+    fn results(&mut self, listing: &Listing, to: &str) {
         for (row, result) in listing.results.iter().enumerate() {
-            let _ = writeln!(self.text, "    dx[{row}] = v{result};");
+            let _ = writeln!(self.text, "    {to}[{row}] = v{result};");
         }
     }
 

@@ -7,6 +7,7 @@ use crate::{ExportError, GeneratedFile};
 use pinc_estimate::{
     Augmentation, Augmented, Compensated, Disturbance, Ekf, Estimator, Measured, Tuning, Ukf,
 };
+use pinc_mpc::ProblemUnits;
 use pinc_ode::{Dims, Model};
 
 /// The estimator of a controller: which one, of what, and how it is tuned.
@@ -40,18 +41,6 @@ struct Rows {
 }
 
 impl Estimation<'_> {
-    /// Refuses what the generated estimators do not have.
-    pub(crate) fn check(&self) -> Result<(), ExportError> {
-        let refuse = |feature, instead| Err(ExportError::Feature { feature, instead });
-        if !self.augmentation.estimated.is_empty() {
-            return refuse("estimated parameters", "disturbances");
-        }
-        if self.measured().count() != self.augmentation.measured.len() {
-            return refuse("measured outputs that are no states", "states in control.measurement");
-        }
-        Ok(())
-    }
-
     /// The estimator, as the library has it.
     fn library(&self, model: Box<dyn Model>) -> Result<Box<dyn Estimator>, ExportError> {
         let model = Box::new(Augmented::new(model, self.augmentation.clone())?);
@@ -67,72 +56,104 @@ impl Estimation<'_> {
         Ok(Box::new(Compensated::new(model, self.augmentation.clone())?))
     }
 
-    /// The states that are measured.
-    pub(crate) fn measured(&self) -> impl Iterator<Item = usize> {
-        self.augmentation.measured.iter().filter_map(|measured| match measured {
-            Measured::State(state) => Some(*state),
-            _ => None,
-        })
+    /// Whether outputs are measured, not states alone.
+    pub(crate) fn measures_outputs(&self) -> bool {
+        self.augmentation.measured.iter().any(|measured| matches!(measured, Measured::Output(_)))
     }
 
-    /// Where each disturbance enters: the inputs, measured states or states.
-    fn places(&self, dims: Dims) -> Vec<usize> {
-        match &self.augmentation.disturbance {
+    /// What is measured, by the places of states, and of outputs behind them.
+    pub(crate) fn measured(&self, dims: Dims) -> Result<Vec<usize>, ExportError> {
+        let place = |measured: &Measured| match *measured {
+            Measured::State(state) => Ok(state),
+            Measured::Output(output) => Ok(dims.nx + output),
+            _ => Err(ExportError::Feature {
+                feature: "measured quantities of this kind",
+                instead: "states or outputs",
+            }),
+        };
+        self.augmentation.measured.iter().map(place).collect()
+    }
+
+    /// Where each disturbance enters: the inputs, measured quantities or states.
+    fn places(&self, dims: Dims) -> Result<Vec<usize>, ExportError> {
+        Ok(match &self.augmentation.disturbance {
             Disturbance::Input => (0..dims.nu).collect(),
-            Disturbance::Output => self.measured().collect(),
+            Disturbance::Output => self.measured(dims)?,
             Disturbance::States(states) => states.clone(),
             _ => Vec::new(),
-        }
+        })
     }
 }
 
-/// Fills what the controller knows of disturbances, if any are estimated.
-pub(crate) fn set_disturbances(t: &mut Template, estimation: Option<Estimation<'_>>, dims: Dims) {
-    let entries = estimation.map_or_else(Vec::new, |estimation| estimation.places(dims));
-    let given = estimation.is_some();
-    let Some(estimation) = estimation.filter(|_| !entries.is_empty()) else {
-        let none = "/** Number of disturbances that are estimated. */\n#define PINC_NW 0\n";
-        let none = if given { none } else { "" };
-        t.set("DISTURBANCES", none).set("DISTURBANCE_FIELD", "").set("PLANT", "");
-        t.set("STEP", "pinc_@MODEL@_step(").set("LINEARIZE", "pinc_@MODEL@_linearize(");
-        return;
-    };
-    let disturbance = &estimation.augmentation.disturbance;
-    let is = |yes: bool| u8::from(yes);
+/// Fills what the controller knows of disturbances and estimated parameters, and how it sees the
+/// model: through its disturbances, units and outputs, or as it is.
+pub(crate) fn set_unknowns(
+    t: &mut Template,
+    controller: &Controller<'_>,
+    dims: Dims,
+) -> Result<(), ExportError> {
+    let estimation = controller.estimator;
+    let entries = estimation.map_or_else(|| Ok(Vec::new()), |of| of.places(dims))?;
+    let open = controller.open();
+    let disturbance = estimation.map(|of| &of.augmentation.disturbance);
+    let is = |of: &dyn Fn(&Disturbance) -> bool| u8::from(disturbance.is_some_and(of));
+    let none = if open.count() == 0 { "#define PINC_NP 0\n" } else { "" };
     let defines = format!(
-        "/** Number of disturbances that are estimated, and where they enter. */\n\
+        "/** Number of disturbances and parameters that are estimated; of disturbances alone, and\n \
+         * where they enter. */\n\
          #define PINC_NW {}\n\
+         #define PINC_ND {}\n\
+         {none}\
          #define PINC_DISTURBED_INPUTS {}\n\
          #define PINC_DISTURBED_OUTPUTS {}\n\
          #define PINC_DISTURBED_STATES {}\n",
+        entries.len() + open.count(),
         entries.len(),
-        is(*disturbance == Disturbance::Input),
-        is(*disturbance == Disturbance::Output),
-        is(matches!(disturbance, Disturbance::States(_))),
+        is(&|of| *of == Disturbance::Input),
+        is(&|of| *of == Disturbance::Output),
+        is(&|of| matches!(of, Disturbance::States(_))),
     );
-    t.set("DISTURBANCES", defines)
-        .set(
-            "DISTURBANCE_FIELD",
-            "    /** The disturbances that the model is taken to have. */\n    \
-             PINC_REAL disturbance[PINC_NW];\n",
-        )
-        .set("PLACES", places("place", &entries))
-        .set("PLANT", include_str!("../templates/mpc_disturbed.c"))
-        .set("STEP", "pinc_disturbed_step(m, ")
-        .set("LINEARIZE", "pinc_disturbed_linearize(m, ");
+    let unknowns = entries.len() + open.count();
+    let plain = unknowns == 0 && !has_units(&controller.units(dims));
+    let plain = plain && !controller.optimizes_outputs();
+    t.set("UNKNOWNS", if plain && estimation.is_none() { "" } else { &defines });
+    t.set("UNKNOWN_FIELD", if unknowns == 0 { "" } else { UNKNOWN_FIELD });
+    t.set("INIT_UNKNOWN", if open.count() == 0 { "" } else { INIT_UNKNOWN });
+    t.set("PLACES", if entries.is_empty() { String::new() } else { places("place", &entries) });
+    let call = |of: &str| match plain {
+        true => format!("pinc_@MODEL@_{of}("),
+        false => format!("pinc_seen_{of}(m, "),
+    };
+    t.set("STEP", call("step")).set("LINEARIZE", call("linearize"));
+    t.set("PLANT", if plain { "" } else { include_str!("../templates/mpc_model.c") });
+    Ok(())
 }
 
-/// Header and source of the estimator. The places of [`set_disturbances`] are filled.
+/// What a controller with unknowns has besides.
+const UNKNOWN_FIELD: &str = "    /** The disturbances, then the parameters, that the model is taken to have. */\n    \
+                             PINC_REAL unknown[PINC_NW];\n";
+
+/// What sets its parameters up.
+const INIT_UNKNOWN: &str = "    pinc_copy(m->unknown + PINC_ND, pinc_parameters, PINC_NP);\n";
+
+/// Whether any unit is not 1.
+pub(crate) fn has_units(units: &ProblemUnits) -> bool {
+    let ProblemUnits { states, inputs, outputs, cost } = units;
+    let mut all = states.iter().chain(inputs).chain(outputs).chain([cost]);
+    all.any(|unit| unit.to_bits() != 1.0_f64.to_bits())
+}
+
+/// Header and source of the estimator. The places of [`set_unknowns`] are filled.
 pub(crate) fn feedback_core(
     t: &mut Template,
     estimation: Estimation<'_>,
     dims: Dims,
-) -> Vec<GeneratedFile> {
+) -> Result<Vec<GeneratedFile>, ExportError> {
     let Tuning { initial_estimate, initial_sd, process_sd, measurement_sd, low, high } =
         estimation.tuning;
     let squared = |sd: &[f64]| sd.iter().map(|sd| sd * sd).collect::<Vec<_>>();
     let states = estimation.augmentation.disturbance.clone();
-    let measured: Vec<usize> = estimation.measured().collect();
+    let measured = estimation.measured(dims)?;
     let bounded = !(low.is_empty() && high.is_empty());
     let side = |side: &Vec<f64>, none: f64| match side.is_empty() {
         true => vec![none; initial_estimate.len()],
@@ -148,11 +169,11 @@ pub(crate) fn feedback_core(
         tables += &array("low", &side(low, f64::NEG_INFINITY));
         tables += &array("high", &side(high, f64::INFINITY));
     }
-    tables += "/* The states that are measured. */\n";
+    tables += "/* What is measured: states, and behind them outputs. */\n";
     tables += &places("measured", &measured);
     if matches!(states, Disturbance::States(_)) {
         tables += "/* The states that are disturbed. */\n";
-        tables += &places("place", &estimation.places(dims));
+        tables += &places("place", &estimation.places(dims)?);
     }
     let (title, memory, code) = match estimation.filter {
         Filter::Extended => (
@@ -172,12 +193,17 @@ pub(crate) fn feedback_core(
         .set("FILTER", title)
         .set("MEMORY", memory)
         .set("KALMAN", code)
+        .set("MEASURES_OUTPUTS", u8::from(estimation.measures_outputs()))
+        .set("INCLUDE", if estimation.measures_outputs() { INCLUDE_OUTPUTS } else { "" })
         .set("TABLES", tables);
-    vec![
+    Ok(vec![
         t.file("feedback.h", include_str!("../templates/feedback.h")),
         t.file("feedback.c", include_str!("../templates/feedback.c")),
-    ]
+    ])
 }
+
+/// Of sources that call the outputs.
+pub(crate) const INCLUDE_OUTPUTS: &str = "#include \"pinc_outputs.h\"\n";
 
 /// Golden vectors: controller and estimator of the library in closed loop with their own model,
 /// which is measured with errors up to the noise's standard deviation. Gives the number of steps.
@@ -205,29 +231,37 @@ fn run(
 ) -> Result<Rows, ExportError> {
     let (mut nmpc, mut plant) = (controller.library()?, controller.library_model()?);
     let mut filter = estimation.library(controller.library_model()?)?;
-    let Dims { nx, nu, .. } = plant.dims();
+    let Dims { nx, nu, ny, .. } = plant.dims();
+    let measured_at = estimation.measured(plant.dims())?;
+    let p = &estimation.augmentation.parameters;
+    let mut outputs = vec![0.0; ny];
     let (delay, reference) = (controller.problem.delay, controller.reference);
     let ends: Vec<_> = estimation.tuning.measurement_sd.iter().map(|sd| (-sd, *sd)).collect();
     let errors = golden::points(&ends);
     let (mut x, mut next) = (controller.initial_state.to_vec(), vec![0.0; nx]);
     let (mut seen, mut unknowns) = (vec![0.0; nx], vec![0.0; filter.dims().nx - nx]);
-    let mut acting = vec![0.0; (delay + 1) * nu];
+    let (mut acting, mut before) = (vec![0.0; (delay + 1) * nu], vec![0.0; nu]);
     let mut window = vec![0.0; controller.problem.horizon * reference.outputs()];
     let mut rows = Rows::default();
     for k in 0..steps.min(reference.steps()) {
         if k > 0 {
-            filter.predict(&acting[..nu]);
+            before.copy_from_slice(&acting[..nu]);
+            filter.predict(&before);
             acting.copy_within(nu.., 0);
         }
-        let both = estimation.measured().zip(&errors[k % errors.len()]);
-        let measured: Vec<f64> = both.map(|(state, error)| x[state] + error).collect();
+        if estimation.measures_outputs() {
+            plant.output(&x, &before, p, &mut outputs);
+        }
+        let both = measured_at.iter().zip(&errors[k % errors.len()]);
+        let value = |at: usize| if at < nx { x[at] } else { outputs[at - nx] };
+        let measured: Vec<f64> = both.map(|(&at, error)| value(at) + error).collect();
         filter.correct(&measured);
         estimation.augmentation.read(filter.estimate(), &mut seen, &mut unknowns);
         nmpc.set_parameters(&unknowns)?;
         reference.preview(k + delay, &mut window);
         let u = nmpc.step(&seen, &window)?.u.to_vec();
         acting[delay * nu..].copy_from_slice(&u);
-        plant.step(&x, &acting[..nu], &[], &mut next);
+        plant.step(&x, &acting[..nu], p, &mut next);
         x.copy_from_slice(&next);
         rows.measured.push(measured);
         rows.windows.push(window.clone());

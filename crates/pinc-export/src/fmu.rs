@@ -3,8 +3,9 @@
 use crate::controller::Controller;
 use crate::mpc_c::controller_sources;
 use crate::net_c::{check_member, has_time, net_core, places};
+use crate::open::Open;
 use crate::origin::Origin;
-use crate::rk4_c::{Rk4Model, rk4_core};
+use crate::runge_kutta_c::{RungeKuttaModel, runge_kutta_core};
 use crate::template::{Template, constant};
 use crate::{ExportError, GeneratedFile, Name};
 use pinc_net::PincNet;
@@ -37,7 +38,7 @@ pub fn net_to_fmu(
     variables.extend(list(states, "x", Role::Output, x));
     variables.extend(list(inputs, "u", Role::Input, u));
     variables.extend(list(states, "x_start", Role::Start, x));
-    let mut t = places(net, name, origin)?;
+    let mut t = places(net, Open::default(), name, origin)?;
     let between = match has_time(net) {
         true => "        pinc_net_at(PINC_N(end - begin), s->state, s->input, next);\n",
         false => "        /* The net knows t = T only. */\n        return 1;\n",
@@ -55,40 +56,48 @@ pub fn net_to_fmu(
         sources: vec![format!("{}_net.c", name.as_str())],
         version,
     };
-    Ok(description.files(t, net_core(net, name, origin)?, name, origin))
+    Ok(description.files(t, net_core(net, Open::default(), name, origin)?, name, origin))
 }
 
 /// A controller as the content of an FMU: its inputs are the measured states `x[i]` and the
 /// references `reference[i]`, held over the horizon; its outputs the inputs `u[i]` of the plant and
-/// the `status`.
+/// the `status`. With an estimator its inputs are what is measured, `y[i]`, in place of the states,
+/// and the estimated states are outputs, `x_estimate[i]`.
 ///
 /// It is sampled every T. At a sample its outputs depend on what is set at that time, so that the
 /// input acts at once; a communication step must not go beyond the next sample.
 ///
 /// # Errors
 ///
-/// As [`controller_to_c`](crate::controller_to_c); a controller with an estimator is refused.
+/// As [`controller_to_c`](crate::controller_to_c).
 pub fn controller_to_fmu(
     controller: &Controller<'_>,
     name: &Name,
     origin: &Origin,
     version: FmiVersion,
 ) -> Result<Vec<GeneratedFile>, ExportError> {
-    if controller.estimator.is_some() {
-        let feature = "estimator as an FMU";
-        let instead =
-            "`--to c`, or a config without [control.estimator] and an FMU that is told the state";
-        return Err(ExportError::Feature { feature, instead });
-    }
     let (mut t, sources) = controller_sources(controller, name, origin)?;
-    let tracked: Vec<Variable> =
-        controller.tracked().into_iter().map(|i| origin.states[i].clone()).collect();
-    let first = controller.reference.at(0);
-    let input = vec![0.0; origin.inputs.len()];
-    let mut variables = list(&origin.inputs, "u", Role::Output, &input);
-    variables.extend(list(&origin.states, "x", Role::Input, controller.initial_state));
-    variables.extend(list(&tracked, "reference", Role::Input, first));
-    t.set("HEADER", "mpc").set("FIRST_SET", origin.inputs.len());
+    let (nx, nu) = (origin.states.len(), origin.inputs.len());
+    let dims = controller.library_model()?.dims();
+    let named = |places: Vec<usize>| origin.quantities(&places).cloned().collect::<Vec<_>>();
+    let mut variables = list(&origin.inputs, "u", Role::Output, &vec![0.0; nu]);
+    let start = controller.initial_state;
+    let (header, estimated, seen) = match controller.estimator {
+        None => {
+            variables.extend(list(&origin.states, "x", Role::Input, start));
+            ("mpc", 0, nx)
+        }
+        Some(estimation) => {
+            let measured = named(estimation.measured(dims)?);
+            variables.extend(list(&origin.states, "x_estimate", Role::Output, start));
+            variables.extend(list(&measured, "y", Role::Input, &controller.measured_at_start()?));
+            ("feedback", nx, measured.len())
+        }
+    };
+    let tracked = named(controller.tracked(dims)?);
+    variables.extend(list(&tracked, "reference", Role::Input, controller.reference.at(0)));
+    t.set("HEADER", header).set("FIRST_SET", nu + estimated);
+    t.set("ESTIMATED", estimated).set("SEEN", seen).set("CONTROLLER", format!("pinc_{header}"));
     t.set("FIELDS", include_str!("../templates/fmu_mpc_fields.c"));
     t.set("MODEL_CODE", include_str!("../templates/fmu_mpc.c"));
     let description = Description {
@@ -114,7 +123,7 @@ pub fn controller_to_fmu(
 ///
 /// [`ExportError::Equations`] if the equations are none.
 pub fn plant_to_fmu(
-    plant: Rk4Model<'_>,
+    plant: RungeKuttaModel<'_>,
     initial_state: &[f64],
     name: &Name,
     origin: &Origin,
@@ -126,7 +135,8 @@ pub fn plant_to_fmu(
     variables.extend(list(states, "x_start", Role::Start, initial_state));
     let mut t = Template::new(name);
     t.set("BANNER", origin.banner("A plant, integrated.", None));
-    t.set("HEADER", "rk4").set("FIRST_SET", states.len()).set("FIELDS", "");
+    let method = plant.method.name();
+    t.set("HEADER", method).set("RK", method).set("FIRST_SET", states.len()).set("FIELDS", "");
     t.set("FINE", constant(plant.sample_time_s / FINE));
     t.set("MODEL_CODE", include_str!("../templates/fmu_plant.c"));
     let description = Description {
@@ -135,10 +145,10 @@ pub fn plant_to_fmu(
         any_step: true,
         feed_through: false,
         status: false,
-        sources: vec![format!("{}_rk4.c", name.as_str())],
+        sources: vec![format!("{}_{method}.c", name.as_str())],
         version,
     };
-    Ok(description.files(t, rk4_core(plant, name, origin)?, name, origin))
+    Ok(description.files(t, runge_kutta_core(plant, Open::default(), name, origin)?, name, origin))
 }
 
 /// The version of the interface.

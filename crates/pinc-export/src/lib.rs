@@ -21,9 +21,11 @@ mod mpc_c;
 mod name;
 mod net_c;
 mod onnx;
+mod open;
 mod origin;
+mod outputs_c;
 mod protobuf;
-mod rk4_c;
+mod runge_kutta_c;
 mod template;
 mod zip;
 
@@ -37,7 +39,7 @@ pub use name::Name;
 pub use net_c::net_to_c;
 pub use onnx::{Precision, net_to_onnx};
 pub use origin::Origin;
-pub use rk4_c::Rk4Model;
+pub use runge_kutta_c::{ExplicitMethod, RungeKuttaModel};
 pub use zip::archive;
 
 /// A file to be written.

@@ -1,13 +1,14 @@
 //! A whole controller in C.
 
-use crate::controller::{Controller, ModelSource};
-use crate::feedback_c::{Filter, feedback_core, set_disturbances};
+use crate::controller::{Controller, ModelSource, penalty};
+use crate::feedback_c::{Filter, INCLUDE_OUTPUTS, feedback_core, has_units, set_unknowns};
 use crate::net_c::net_core;
 use crate::origin::{Origin, domain};
-use crate::rk4_c::rk4_core;
+use crate::outputs_c::outputs_core;
+use crate::runge_kutta_c::runge_kutta_core;
 use crate::template::{Template, array, constant, places, table};
 use crate::{ExportError, GeneratedFile, Name, feedback_c};
-use pinc_mpc::{Softness, Weight};
+use pinc_mpc::{ProblemUnits, Softness, Weight};
 use pinc_ode::Dims;
 
 /// Steps of the self-test.
@@ -55,10 +56,12 @@ pub fn controller_to_c(
         }
     };
     files.push(t.file("selftest.c", selftest));
-    let more = if controller.estimator.is_some() { " pinc_feedback.c" } else { "" };
-    t.set("SOURCES", format!("pinc_mpc.c pinc_@MODEL@.c{more}"));
+    let sources = files.iter().map(|file| &*file.path);
+    let sources = sources.filter(|path| path.ends_with(".c") && !path.ends_with("_selftest.c"));
+    let sources = sources.collect::<Vec<_>>().join(" ");
+    t.set("SOURCES", sources);
     files.push(t.named("CMakeLists.txt", include_str!("../templates/net_cmake.txt")));
-    set_page(&mut t, controller, origin);
+    set_page(&mut t, controller, origin)?;
     files.push(t.named("README.md", include_str!("../templates/mpc_readme.md")));
     Ok(files)
 }
@@ -71,27 +74,36 @@ pub(crate) fn controller_sources(
 ) -> Result<(Template, Vec<GeneratedFile>), ExportError> {
     let dims = controller.library_model()?.dims();
     controller.check(dims)?;
+    let open = controller.open();
     let (mut files, model) = match controller.model {
-        ModelSource::Net(net) => (net_core(net, name, origin)?, "net"),
-        ModelSource::Rk4(model) => (rk4_core(model, name, origin)?, "rk4"),
+        ModelSource::Net(net) => (net_core(net, open, name, origin)?, "net"),
+        ModelSource::RungeKutta(model) => {
+            (runge_kutta_core(model, open, name, origin)?, model.method.name())
+        }
     };
+    if let Some((equations, names)) = controller.outputs()? {
+        files.extend(outputs_core(equations, &names, open, (name, model), origin)?);
+    }
     let mut t = Template::new(name);
     let net = match controller.model {
         ModelSource::Net(net) => Some(net),
-        ModelSource::Rk4(_) => None,
+        ModelSource::RungeKutta(_) => None,
     };
     t.set("BANNER", origin.banner("A nonlinear model predictive controller.", net));
-    t.set("MODEL", model);
+    t.set("MODEL", model).set("VECTORS", include_str!("../templates/vectors.c"));
     set_sizes(&mut t, controller, dims);
-    set_problem(&mut t, controller, dims);
-    set_disturbances(&mut t, controller.estimator, dims);
+    set_problem(&mut t, controller, dims)?;
+    set_unknowns(&mut t, controller, dims)?;
+    let looks = controller.optimizes_outputs();
+    t.set("OUTPUTS", if looks { include_str!("../templates/mpc_outputs.c") } else { "" })
+        .set("INCLUDE", if looks { INCLUDE_OUTPUTS } else { "" });
     t.set("DENSE", include_str!("../templates/mpc_dense.c"))
         .set("CONDENSE", include_str!("../templates/mpc_condense.c"))
         .set("SQP", include_str!("../templates/mpc_sqp.c"));
     files.push(t.file("mpc.h", include_str!("../templates/mpc.h")));
     files.push(t.file("mpc.c", include_str!("../templates/mpc.c")));
     if let Some(estimation) = controller.estimator {
-        files.extend(feedback_core(&mut t, estimation, dims));
+        files.extend(feedback_core(&mut t, estimation, dims)?);
     }
     Ok((t, files))
 }
@@ -108,28 +120,44 @@ fn set_sizes(t: &mut Template, controller: &Controller<'_>, dims: Dims) {
         .set("CREDIBLE", constant(config.tolerance.sqrt()))
         .set("CREDIBLE_FLOAT", constant(config.tolerance.max(FLOAT_TOLERANCE).sqrt()))
         .set("STATES_EXACT", u8::from(problem.state_softness == Softness::Exact))
+        .set("OUTPUTS_EXACT", u8::from(problem.output_softness == Softness::Exact))
+        .set("TRACKS_OUTPUTS", u8::from(controller.tracks_outputs()))
+        .set("HAS_UNITS", u8::from(has_units(&controller.units(dims))))
         .set("NX", dims.nx)
         .set("NU", dims.nu);
 }
 
 /// The numbers of the problem as tables.
-fn set_problem(t: &mut Template, controller: &Controller<'_>, dims: Dims) {
+fn set_problem(
+    t: &mut Template,
+    controller: &Controller<'_>,
+    dims: Dims,
+) -> Result<(), ExportError> {
     let problem = controller.problem;
+    let units = controller.units(dims);
     let (states, inputs) = (problem.horizon * dims.nx, problem.control_horizon * dims.nu);
-    let expand = |side: &[f64], count: usize| side.repeat(count / side.len().max(1));
-    let low =
-        [expand(&problem.state_bounds.low, states), expand(&problem.input_bounds.low, inputs)];
-    let high =
-        [expand(&problem.state_bounds.high, states), expand(&problem.input_bounds.high, inputs)];
-    let increment_low = expand(&problem.increment_bounds.low, inputs);
-    let increment_high = expand(&problem.increment_bounds.high, inputs);
+    let expand = |side: &[f64], count: usize, units: &[f64]| -> Vec<f64> {
+        let all = side.repeat(count / side.len().max(1));
+        all.iter().enumerate().map(|(i, v)| v / units[i % units.len()]).collect()
+    };
+    let (of_x, of_u) = (&units.states, &units.inputs);
+    let low = [
+        expand(&problem.state_bounds.low, states, of_x),
+        expand(&problem.input_bounds.low, inputs, of_u),
+    ];
+    let high = [
+        expand(&problem.state_bounds.high, states, of_x),
+        expand(&problem.input_bounds.high, inputs, of_u),
+    ];
+    let increment_low = expand(&problem.increment_bounds.low, inputs, of_u);
+    let increment_high = expand(&problem.increment_bounds.high, inputs, of_u);
     let limited = |low: &[f64], high: &[f64]| -> Vec<usize> {
         let sides = low.iter().zip(high).enumerate();
         sides.filter(|(_, (l, h))| l.is_finite() || h.is_finite()).map(|(i, _)| i).collect()
     };
     let state_rows = limited(&low[0], &high[0]);
     let increment_rows = limited(&increment_low, &increment_high);
-    let [q, r, w] = weights(controller, dims);
+    let [q, r, w] = weights(controller, &units, dims)?;
     let size = |values: &[f64]| constant(values.iter().fold(0.0_f64, |s, v| s.max(v.abs())));
     // The first rows and columns of W are those of the input applied last.
     let width = inputs + dims.nu;
@@ -138,21 +166,40 @@ fn set_problem(t: &mut Template, controller: &Controller<'_>, dims: Dims) {
         String::from("/* Bounds on z, and what multipliers of states are at most. */\n");
     tables += &array("low", &low.concat());
     tables += &array("high", &high.concat());
-    tables += &array("penalty", &controller.penalties(dims));
+    let penalties = controller.penalties(dims);
+    tables += &array("penalty", &expand_penalties(&penalties, of_x, units.cost));
     tables += "/* Bounds on increments. */\n";
     tables += &array("increment_low", &increment_low);
     tables += &array("increment_high", &increment_high);
-    tables += "/* Weights, twice: of the states, [N2][NX][NX], of increments, [NC][NU][NU]. */\n";
+    tables += match controller.tracks_outputs() {
+        true => {
+            "/* Weights, twice: of what is tracked, [N2][NY][NY], of increments, [NC][NU][NU]. */\n"
+        }
+        false => {
+            "/* Weights, twice: of the states, [N2][NX][NX], of increments, [NC][NU][NU]. */\n"
+        }
+    };
     tables += &array("q", &q);
     tables += &array("r", &r);
     if !w.is_empty() {
         tables += "/* Of all inputs, the one applied last in front. */\n";
         tables += &array("w", &w);
     }
-    tables += "/* Tracked states; bounded states and increments among all. */\n";
-    tables += &places("tracked", &controller.tracked());
+    tables += "/* What is tracked: states, and behind them outputs; bounded states and increments \
+               among all. */\n";
+    tables += &places("tracked", &controller.tracked(dims)?);
     tables += &places("state_rows", &state_rows);
     tables += &places("increment_rows", &increment_rows);
+    if has_units(&units) {
+        tables += "/* Units of states and inputs, in those of the plant. */\n";
+        tables += &array("x_unit", of_x);
+        tables += &array("u_unit", of_u);
+    }
+    if controller.open().count() > 0 {
+        tables += "/* Parameters before there is an estimate. */\n";
+        tables += &array("parameters", &controller.open().initial().collect::<Vec<_>>());
+    }
+    tables += &output_rows(t, controller, &units, dims);
     t.set("STATE_ROWS", state_rows.len())
         .set("INCREMENT_ROWS", increment_rows.len())
         .set("LARGEST_Q", size(&q))
@@ -160,14 +207,73 @@ fn set_problem(t: &mut Template, controller: &Controller<'_>, dims: Dims) {
         .set("LARGEST_W", size(&free.collect::<Vec<_>>()))
         .set("HAS_W", u8::from(!w.is_empty()))
         .set("TABLES", tables);
+    Ok(())
 }
 
-/// 2 Q in terms of all states, 2 R, and 2 W or nothing.
-fn weights(controller: &Controller<'_>, dims: Dims) -> [Vec<f64>; 3] {
+/// What multipliers are at most, in the units of the optimization.
+fn expand_penalties(penalties: &[f64], units: &[f64], cost: f64) -> Vec<f64> {
+    let all = penalties.iter().enumerate();
+    all.map(|(i, penalty)| penalty * units[i % units.len()] / cost).collect()
+}
+
+/// The tables of the bounds on outputs: of those that have any, stage by stage.
+fn output_rows(
+    t: &mut Template,
+    controller: &Controller<'_>,
+    units: &ProblemUnits,
+    dims: Dims,
+) -> String {
     let problem = controller.problem;
-    let (weights, tracked) = (&problem.weights, controller.tracked());
-    let mut q = vec![0.0; problem.horizon * dims.nx * dims.nx];
-    for (j, block) in q.chunks_exact_mut(dims.nx * dims.nx).enumerate() {
+    let stages = problem.horizon + 1 - problem.n1;
+    let bounds = problem.output_bounds.as_ref();
+    let side = |side: &[f64]| side.repeat(stages * dims.ny / side.len().max(1));
+    let (low, high) = bounds.map_or_else(Default::default, |b| (side(&b.low), side(&b.high)));
+    let limited = |o: &usize| {
+        let sides = low.iter().zip(&high).skip(*o).step_by(dims.ny);
+        sides.into_iter().any(|(low, high)| low.is_finite() || high.is_finite())
+    };
+    let outputs: Vec<usize> =
+        (0..if bounds.is_some() { dims.ny } else { 0 }).filter(limited).collect();
+    let rows = (0..stages).flat_map(|j| outputs.iter().map(move |&o| (j, o)));
+    let rows: Vec<(usize, usize)> = rows.collect();
+    t.set("OUTPUT_ROWS", rows.len())
+        .set("OUTPUT_WIDTH", outputs.len())
+        .set("ALL_OUTPUT_ROWS", low.len());
+    let pick = |of: &dyn Fn(usize, usize) -> f64| -> Vec<f64> {
+        rows.iter().map(|&(j, o)| of(j, o)).collect()
+    };
+    let soft = |o: usize| penalty(&problem.output_softness, o) * units.outputs[o] / units.cost;
+    let mut text = String::from("/* Rows of bounded outputs: stage, output, and penalty. */\n");
+    let stage_of = |row: &(usize, usize)| row.0 + problem.n1 - 1;
+    text += &places("output_stage", &rows.iter().map(stage_of).collect::<Vec<_>>());
+    if !rows.is_empty() {
+        text += &places("output_number", &rows.iter().map(|row| row.1).collect::<Vec<_>>());
+        text += "/* Bounds in the plant's units; the units of the rows. */\n";
+        text += &array("output_low", &pick(&|j, o| low[j * dims.ny + o]));
+        text += &array("output_high", &pick(&|j, o| high[j * dims.ny + o]));
+        text += &array("output_unit", &pick(&|_, o| units.outputs[o]));
+    }
+    text + &array("output_penalty", &pick(&|_, o| soft(o)))
+}
+
+/// 2 Q in terms of all states, or of what is tracked if outputs are; 2 R, and 2 W or nothing; in
+/// the units of the optimization.
+fn weights(
+    controller: &Controller<'_>,
+    units: &ProblemUnits,
+    dims: Dims,
+) -> Result<[Vec<f64>; 3], ExportError> {
+    let problem = controller.problem;
+    let weights = &problem.weights;
+    let tracked = match controller.tracks_outputs() {
+        true => (0..problem.tracked.len()).collect(),
+        false => controller.tracked(dims)?,
+    };
+    let width = if controller.tracks_outputs() { tracked.len() } else { dims.nx };
+    // Outputs are tracked in the plant's units.
+    let unit = |i: usize| if controller.tracks_outputs() { 1.0 } else { units.states[i] };
+    let mut q = vec![0.0; problem.horizon * width * width];
+    for (j, block) in q.chunks_exact_mut(width * width).enumerate() {
         let weight = match &weights.terminal {
             Some(terminal) if j + 1 == problem.horizon => terminal,
             _ if j + 1 >= problem.n1 => weights.q.at(j),
@@ -175,18 +281,22 @@ fn weights(controller: &Controller<'_>, dims: Dims) -> [Vec<f64>; 3] {
         };
         for (i, row) in tracked.iter().enumerate() {
             for (k, column) in tracked.iter().enumerate() {
-                block[row * dims.nx + column] = 2.0 * weight.entry(i, k);
+                let scale = unit(*row) * unit(*column) / units.cost;
+                block[row * width + column] = 2.0 * weight.entry(i, k) * scale;
             }
         }
     }
-    let r = (0..problem.control_horizon).flat_map(|i| doubled(weights.r.at(i))).collect();
-    [q, r, weights.input_sequence.as_ref().map_or(Vec::new(), doubled)]
-}
-
-/// All entries of a weight, twice.
-fn doubled(weight: &Weight) -> Vec<f64> {
-    let size = weight.size();
-    (0..size * size).map(|at| 2.0 * weight.entry(at / size, at % size)).collect()
+    let inputs = |weight: &Weight| -> Vec<f64> {
+        let (size, nu) = (weight.size(), dims.nu);
+        let entry = |at: usize| {
+            let (row, column) = (at / size, at % size);
+            let scale = units.inputs[row % nu] * units.inputs[column % nu] / units.cost;
+            2.0 * weight.entry(row, column) * scale
+        };
+        (0..size * size).map(entry).collect()
+    };
+    let r = (0..problem.control_horizon).flat_map(|i| inputs(weights.r.at(i))).collect();
+    Ok([q, r, weights.input_sequence.as_ref().map_or_else(Vec::new, inputs)])
 }
 
 /// Golden vectors: the controller of the library in closed loop with its own model.
@@ -212,7 +322,12 @@ fn set_selftest(t: &mut Template, controller: &Controller<'_>) -> Result<(), Exp
     Ok(())
 }
 
-fn set_page(t: &mut Template, controller: &Controller<'_>, origin: &Origin) {
+fn set_page(
+    t: &mut Template,
+    controller: &Controller<'_>,
+    origin: &Origin,
+) -> Result<(), ExportError> {
+    let dims = controller.library_model()?.dims();
     let list = |values: &[f64]| values.iter().map(|v| constant(*v)).collect::<Vec<_>>().join(", ");
     let rows = match controller.model {
         ModelSource::Net(net) => {
@@ -220,24 +335,28 @@ fn set_page(t: &mut Template, controller: &Controller<'_>, origin: &Origin) {
                 domain(net, origin).iter().map(|row| format!("- {row}\n")).collect::<String>();
             format!("The model is a net, which is good where it was trained:\n\n{rows}")
         }
-        ModelSource::Rk4(model) => format!(
-            "The model is the plant's equation, integrated by {} substeps of the Runge-Kutta method \
-             of order 4 per step.\n",
-            model.substeps
+        ModelSource::RungeKutta(model) => format!(
+            "The model is the plant's equation, integrated by {} substeps of a Runge-Kutta method \
+             of order {} per step.\n",
+            model.substeps,
+            model.method.order(),
         ),
     };
-    let tracked = controller.tracked().into_iter().map(|i| origin.states[i].name.to_string());
-    let tracked: Vec<_> = tracked.collect();
+    let names = |places: Vec<usize>| {
+        let names = origin.quantities(&places).map(|variable| variable.name.to_string());
+        names.collect::<Vec<_>>().join(", ")
+    };
+    let tracked = names(controller.tracked(dims)?);
     if let Some(estimation) = controller.estimator {
-        let measured = estimation.measured().map(|i| origin.states[i].name.to_string());
-        t.set("MEASURED", measured.collect::<Vec<_>>().join(", "));
+        t.set("MEASURED", names(estimation.measured(dims)?));
     }
     t.set("T", constant(controller.sample_time_s()));
     let feedback = controller.estimator.map(|_| include_str!("../templates/feedback_readme.md"));
     t.set("FEEDBACK", feedback.unwrap_or_default());
     t.set("MODEL_TEXT", rows.trim_end())
         .set("X", list(controller.initial_state))
-        .set("Y", tracked.join(", "))
+        .set("Y", tracked)
         .set("STATES", origin.state_list())
         .set("INPUTS", origin.input_list());
+    Ok(())
 }

@@ -1,6 +1,7 @@
 //! A net in C.
 
 use crate::golden::{CASES, Golden};
+use crate::open::Open;
 use crate::origin::{Origin, domain};
 use crate::template::{Template, array, numbers, table};
 use crate::{ExportError, GeneratedFile, Name};
@@ -25,8 +26,8 @@ pub fn net_to_c(
     origin: &Origin,
 ) -> Result<Vec<GeneratedFile>, ExportError> {
     check_member(net)?;
-    let mut files = net_core(net, name, origin)?;
-    let mut t = places(net, name, origin)?;
+    let mut files = net_core(net, Open::default(), name, origin)?;
+    let mut t = places(net, Open::default(), name, origin)?;
     files.push(selftest(net, &mut t)?);
     t.set("SOURCES", "pinc_net.c");
     files.push(t.named("CMakeLists.txt", include_str!("../templates/net_cmake.txt")));
@@ -35,13 +36,14 @@ pub fn net_to_c(
     Ok(files)
 }
 
-/// Header and source of the net.
+/// Header and source of the net, with the parameters that `open` names behind the inputs.
 pub(crate) fn net_core(
     net: &PincNet,
+    open: Open<'_>,
     name: &Name,
     origin: &Origin,
 ) -> Result<Vec<GeneratedFile>, ExportError> {
-    let t = places(net, name, origin)?;
+    let t = places(net, open, name, origin)?;
     let mut header = t.clone();
     header.set("AT", if has_time(net) { include_str!("../templates/net_at.h") } else { "" });
     let mut source = t;
@@ -69,9 +71,15 @@ pub(crate) fn has_time(net: &PincNet) -> bool {
     net.source() != TrainingTarget::Integrator
 }
 
-pub(crate) fn places(net: &PincNet, name: &Name, origin: &Origin) -> Result<Template, ExportError> {
-    let folded = FoldedNet::new(net)?;
+pub(crate) fn places(
+    net: &PincNet,
+    open: Open<'_>,
+    name: &Name,
+    origin: &Origin,
+) -> Result<Template, ExportError> {
+    let mut folded = FoldedNet::new(net)?;
     let (nx, nu) = (origin.states.len(), origin.inputs.len());
+    open.fold(&mut folded, nx + nu);
     let widths = folded.layers.iter().map(|layer| layer.bias.len());
     let adds = folded.adds_initial_state;
     let pick = |yes: &'static str, no: &'static str| if adds { yes } else { no };
@@ -86,7 +94,7 @@ pub(crate) fn places(net: &PincNet, name: &Name, origin: &Origin) -> Result<Temp
         .set("NX", nx)
         .set("NU", nu)
         .set("T", format!("{:?}", net.sample_time_s()))
-        .set("WIDEST", widths.chain([nx + nu]).max().unwrap_or(1))
+        .set("WIDEST", widths.chain([nx + nu + open.count()]).max().unwrap_or(1))
         .set("LAYERS", folded.layers.len())
         .set("TABLES", layer_tables(&folded))
         .set("PLUS_X", pick("x[i] + ", ""))
@@ -101,6 +109,7 @@ pub(crate) fn places(net: &PincNet, name: &Name, origin: &Origin) -> Result<Temp
         .set("STATES", origin.state_list())
         .set("INPUTS", origin.input_list())
         .set("MODEL", "net");
+    open.set(&mut t);
     t.set(
         "DESCRIPTION",
         "The model of a plant in discrete time, x[k+1] = F(x[k], u[k]), with its Jacobians.",

@@ -15,6 +15,8 @@ pub struct Origin {
     pub states: Vec<Variable>,
     /// The inputs with their units.
     pub inputs: Vec<Variable>,
+    /// The outputs with their units, where a plant has outputs of its own.
+    pub outputs: Vec<Variable>,
 }
 
 impl Origin {
@@ -31,7 +33,17 @@ impl Origin {
             hash: hash.to_owned(),
             states: variables(net.state_names()),
             inputs: variables(net.input_names()),
+            outputs: Vec::new(),
         }
+    }
+
+    /// The quantities at these places among the states and, behind them, the outputs.
+    pub(crate) fn quantities<'s>(
+        &'s self,
+        places: &'s [usize],
+    ) -> impl Iterator<Item = &'s Variable> {
+        let all = move |place: usize| self.states.iter().chain(&self.outputs).nth(place);
+        places.iter().filter_map(move |&place| all(place))
     }
 
     /// The states, in order.

@@ -1,17 +1,60 @@
 /* ---- The extended Kalman filter ------------------------------------------------------------- */
 
+/* What is to be measured, and its Jacobian, row by row. */
+static void pinc_expect(pinc_estimator *e)
+{
+#if PINC_MEASURES_OUTPUTS
+    PINC_REAL inner[PINC_NU + PINC_NP];
+    PINC_REAL y[PINC_NO];
+    PINC_REAL c[PINC_NO * PINC_NX];
+    PINC_REAL d[PINC_NO * (PINC_NU + PINC_NP)];
+#endif
+    int i;
+    pinc_fill(e->h, PINC_N(0), PINC_NM * PINC_NZ);
+#if PINC_MEASURES_OUTPUTS
+    pinc_believed(e->z, e->u, inner);
+    pinc_outputs_linearize(e->z, inner, y, c, d);
+#endif
+    for (i = 0; i < PINC_NM; i++) {
+        PINC_REAL *h = e->h + (i * PINC_NZ);
+#if PINC_MEASURES_OUTPUTS
+        const int o = pinc_measured[i] - PINC_NX;
+        if (o >= 0) {
+            const PINC_REAL *by_u = d + (o * (PINC_NU + PINC_NP));
+            e->expected[i] = y[o];
+            pinc_copy(h, c + (o * PINC_NX), PINC_NX);
+#if PINC_DISTURBED_INPUTS
+            pinc_copy(h + PINC_NX, by_u, PINC_NU);
+#endif
+            pinc_copy(h + (PINC_NX + PINC_ND), by_u + PINC_NU, PINC_NP);
+        } else {
+            e->expected[i] = e->z[pinc_measured[i]];
+            h[pinc_measured[i]] = PINC_N(1);
+        }
+#else
+        e->expected[i] = e->z[pinc_measured[i]];
+        h[pinc_measured[i]] = PINC_N(1);
+#endif
+#if PINC_DISTURBED_OUTPUTS
+        e->expected[i] += e->z[PINC_NX + i];
+        h[PINC_NX + i] = PINC_N(1);
+#endif
+    }
+}
+
 /* Corrects P and the change of the estimate with measurement i, in the form of Joseph. */
 static void pinc_correct_by(pinc_estimator *e, int i, PINC_REAL innovation)
 {
+    const PINC_REAL *h = e->h + (i * PINC_NZ);
     const PINC_REAL r = pinc_noise_variance[i];
     PINC_REAL s;
     PINC_REAL rest;
     int k;
     for (k = 0; k < PINC_NZ; k++) {
-        e->product[k] = pinc_measure(e->p + (k * PINC_NZ), i);
+        e->product[k] = pinc_dot(e->p + (k * PINC_NZ), h, PINC_NZ);
     }
-    s = pinc_measure(e->product, i) + r;
-    rest = innovation - pinc_measure(e->change, i);
+    s = pinc_dot(h, e->product, PINC_NZ) + r;
+    rest = innovation - pinc_dot(h, e->change, PINC_NZ);
     for (k = 0; k < PINC_NZ; k++) {
         e->gain[k] = e->product[k] / s;
     }
@@ -19,7 +62,7 @@ static void pinc_correct_by(pinc_estimator *e, int i, PINC_REAL innovation)
     for (k = 0; k < PINC_NZ; k++) {
         PINC_REAL *row = e->p + (k * PINC_NZ);
         pinc_add_scaled(row, -e->gain[k], e->product, PINC_NZ);
-        pinc_add_scaled(row, (r * e->gain[k]) - pinc_measure(row, i), e->gain, PINC_NZ);
+        pinc_add_scaled(row, (r * e->gain[k]) - pinc_dot(row, h, PINC_NZ), e->gain, PINC_NZ);
     }
     pinc_mirror(e->p);
 }
@@ -46,9 +89,13 @@ static pinc_estimate_status pinc_correct(pinc_estimator *e, const PINC_REAL *y)
     int i;
     pinc_copy(e->before, e->p, PINC_NZ * PINC_NZ);
     pinc_fill(e->change, PINC_N(0), PINC_NZ);
+    pinc_expect(e);
+    if ((pinc_all_finite(e->expected, PINC_NM) & pinc_all_finite(e->h, PINC_NM * PINC_NZ)) == 0) {
+        return PINC_NOT_FINITE;
+    }
     for (i = 0; i < PINC_NM; i++) {
         if (pinc_finite(y[i]) != 0) {
-            pinc_correct_by(e, i, y[i] - pinc_measure(e->z, i));
+            pinc_correct_by(e, i, y[i] - e->expected[i]);
             count++;
         }
     }
@@ -76,24 +123,30 @@ static void pinc_augment(pinc_estimator *e)
         PINC_REAL *row = e->augmented + (i * PINC_NZ);
         pinc_copy(row, e->a + (i * PINC_NX), PINC_NX);
 #if PINC_DISTURBED_INPUTS
-        pinc_copy(row + PINC_NX, e->b + (i * PINC_NU), PINC_NU);
+        pinc_copy(row + PINC_NX, e->b + (i * (PINC_NU + PINC_NP)), PINC_NU);
+#endif
+#if PINC_NP > 0
+        pinc_copy(row + (PINC_NX + PINC_ND), e->b + ((i * (PINC_NU + PINC_NP)) + PINC_NU), PINC_NP);
 #endif
     }
     for (k = PINC_NX; k < PINC_NZ; k++) {
         e->augmented[(k * PINC_NZ) + k] = PINC_N(1);
-#if PINC_DISTURBED_STATES
-        e->augmented[(pinc_place[k - PINC_NX] * PINC_NZ) + k] = PINC_N(1);
-#endif
     }
+#if PINC_DISTURBED_STATES
+    for (k = 0; k < PINC_ND; k++) {
+        e->augmented[(pinc_place[k] * PINC_NZ) + PINC_NX + k] = PINC_N(1);
+    }
+#endif
 }
 
 /* Moves the estimate on by a step under the input u. */
 static void pinc_predict(pinc_estimator *e, const PINC_REAL *u)
 {
-    PINC_REAL inner[PINC_NU];
+    PINC_REAL inner[PINC_NU + PINC_NP];
     int i;
     int k;
-    pinc_input(e->z, u, inner);
+    pinc_copy(e->u, u, PINC_NU);
+    pinc_believed(e->z, u, inner);
     pinc_@MODEL@_linearize(e->z, inner, e->next, e->a, e->b);
     pinc_stay(e->z, e->next);
     if (pinc_all_finite(e->next, PINC_NZ) == 0) {

@@ -1,6 +1,6 @@
 @BANNER@
 #include "pinc_feedback.h"
-
+@INCLUDE@
 #include <math.h>
 #include <string.h>
 
@@ -14,64 +14,11 @@
 #define PINC_INDEFINITE PINC_PICK(1e-9, 1e-4)
 /* Whether the estimate has bounds. */
 #define PINC_HAS_BOUNDS @HAS_BOUNDS@
+/* Whether outputs are measured, not states alone. */
+#define PINC_MEASURES_OUTPUTS @MEASURES_OUTPUTS@
 
 @TABLES@
-/* ---- Vectors and small matrices ------------------------------------------------------------ */
-
-/* Whether a number is finite: the difference of infinities is NaN. */
-static int pinc_finite(PINC_REAL v)
-{
-    const PINC_REAL zero = v - v;
-    return (zero <= PINC_N(0)) ? 1 : 0;
-}
-
-static int pinc_all_finite(const PINC_REAL *v, int count)
-{
-    int i;
-    for (i = 0; i < count; i++) {
-        if (pinc_finite(v[i]) == 0) {
-            return 0;
-        }
-    }
-    return 1;
-}
-
-static void pinc_copy(PINC_REAL *to, const PINC_REAL *from, int count)
-{
-    int i;
-    for (i = 0; i < count; i++) {
-        to[i] = from[i];
-    }
-}
-
-static void pinc_fill(PINC_REAL *v, PINC_REAL value, int count)
-{
-    int i;
-    for (i = 0; i < count; i++) {
-        v[i] = value;
-    }
-}
-
-/* sum += factor vector */
-static void pinc_add_scaled(PINC_REAL *sum, PINC_REAL factor, const PINC_REAL *v, int count)
-{
-    int i;
-    for (i = 0; i < count; i++) {
-        sum[i] += factor * v[i];
-    }
-}
-
-static PINC_REAL pinc_dot(const PINC_REAL *a, const PINC_REAL *b, int count)
-{
-    PINC_REAL sum = PINC_N(0);
-    int i;
-    for (i = 0; i < count; i++) {
-        sum += a[i] * b[i];
-    }
-    return sum;
-}
-
-/* Makes a matrix symmetric. */
+@VECTORS@/* Makes a matrix symmetric. */
 static void pinc_mirror(PINC_REAL *p)
 {
     int i;
@@ -111,46 +58,40 @@ static int pinc_factor(const PINC_REAL *p, int n, PINC_REAL *l)
     return 1;
 }
 
-/* ---- What is estimated ---------------------------------------------------------------------- */
+/* ---- What is estimated: z, the state, disturbances and parameters ----------------------------- */
 
-/* Measurement i of z = (x, d): a state, with its disturbance if it has one. */
-static PINC_REAL pinc_measure(const PINC_REAL *z, int i)
-{
-#if PINC_DISTURBED_OUTPUTS
-    return z[pinc_measured[i]] + z[PINC_NX + i];
-#else
-    return z[pinc_measured[i]];
-#endif
-}
-
-/* The input that the model sees. */
-static void pinc_input(const PINC_REAL *z, const PINC_REAL *u, PINC_REAL *inner)
+/* The arguments of the model: inputs with their disturbances, then parameters. */
+static void pinc_believed(const PINC_REAL *z, const PINC_REAL *u, PINC_REAL *inner)
 {
     int i;
     for (i = 0; i < PINC_NU; i++) {
-#if PINC_DISTURBED_INPUTS
-        inner[i] = u[i] + z[PINC_NX + i];
-#else
-        (void)z;
         inner[i] = u[i];
+#if PINC_DISTURBED_INPUTS
+        inner[i] += z[PINC_NX + i];
 #endif
     }
+#if PINC_NP > 0
+    for (i = 0; i < PINC_NP; i++) {
+        inner[PINC_NU + i] = z[PINC_NX + PINC_ND + i];
+    }
+#endif
+#if !PINC_DISTURBED_INPUTS && (PINC_NP == 0)
+    (void)z;
+#endif
 }
 
-/* What is not of the model: disturbances of states, and that all disturbances stay. */
+/* What is not of the model: disturbances of states, and that disturbances and parameters stay. */
 static void pinc_stay(const PINC_REAL *z, PINC_REAL *next)
 {
     int i;
-    for (i = PINC_NX; i < PINC_NZ; i++) {
 #if PINC_DISTURBED_STATES
-        next[pinc_place[i - PINC_NX]] += z[i];
+    for (i = 0; i < PINC_ND; i++) {
+        next[pinc_place[i]] += z[PINC_NX + i];
+    }
 #endif
+    for (i = PINC_NX; i < PINC_NZ; i++) {
         next[i] = z[i];
     }
-#if PINC_NW == 0
-    (void)z;
-    (void)next;
-#endif
 }
 
 @KALMAN@
@@ -233,7 +174,9 @@ pinc_status pinc_feedback_step(pinc_feedback *f, const PINC_REAL y[PINC_NM],
     pinc_copy(f->x, f->estimator.z, PINC_NX);
 #if PINC_DISTURBED_OUTPUTS
     for (i = 0; i < PINC_NM; i++) {
-        f->x[pinc_measured[i]] += f->estimator.z[PINC_NX + i];
+        if (pinc_measured[i] < PINC_NX) {
+            f->x[pinc_measured[i]] += f->estimator.z[PINC_NX + i];
+        }
     }
 #endif
     if (f->held != 0) {
@@ -246,7 +189,7 @@ pinc_status pinc_feedback_step(pinc_feedback *f, const PINC_REAL y[PINC_NM],
         f->held = 0;
     }
 #if PINC_NW > 0
-    pinc_copy(f->controller.disturbance, f->estimator.z + PINC_NX, PINC_NW);
+    pinc_copy(f->controller.unknown, f->estimator.z + PINC_NX, PINC_NW);
 #endif
     status = pinc_mpc_step(&f->controller, f->x, reference, u);
     pinc_copy(f->inputs + (PINC_DELAY * PINC_NU), u, PINC_NU);

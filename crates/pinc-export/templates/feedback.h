@@ -10,8 +10,10 @@ extern "C" {
 
 /** Number of measured quantities. */
 #define PINC_NM @NM@
-/** Number of all that is estimated: the states, then the disturbances. */
+/** Number of all that is estimated: states, disturbances, parameters. */
 #define PINC_NZ (PINC_NX + PINC_NW)
+/* The larger of the two. */
+#define PINC_WIDEST_POINT ((PINC_NM > PINC_NZ) ? PINC_NM : PINC_NZ)
 
 /** How a correction by what was measured ended. */
 typedef enum {
@@ -27,12 +29,13 @@ typedef enum {
 
 /** The estimator: @FILTER@. */
 typedef struct {
-    /** The estimate: states, then disturbances. */
+    /** The estimate: states, disturbances, parameters. */
     PINC_REAL z[PINC_NZ];
     /** Its covariance, row by row. */
     PINC_REAL p[PINC_NZ * PINC_NZ];
 
-    /* The rest is private. */
+    /* The rest is private: the input that acted last, and memory. */
+    PINC_REAL u[PINC_NU];
 @MEMORY@} pinc_estimator;
 
 /** A controller with its estimator: all of their memory. Set up by pinc_feedback_init. */

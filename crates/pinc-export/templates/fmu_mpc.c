@@ -1,7 +1,12 @@
-/* Value references: inputs of the plant, then its measured states, then references. */
+/* Value references: inputs of the plant, estimated states if there is an estimator, then what is
+   measured, then references. */
+#define PINC_ESTIMATED @ESTIMATED@
+#define PINC_SEEN @SEEN@
+#define PINC_FIRST_REFERENCE (PINC_FIRST_SET + PINC_SEEN)
+
 static void pinc_begin_run(pinc_slave *s)
 {
-    pinc_mpc_init(&s->before);
+    @CONTROLLER@_init(&s->before);
     s->computed = 0;
     s->start = s->time;
     s->steps = 0.0;
@@ -10,24 +15,29 @@ static void pinc_begin_run(pinc_slave *s)
 /* Computes the step at hand, for what is measured and asked now. */
 static void pinc_refresh(pinc_slave *s)
 {
-    PINC_REAL x[PINC_NX];
+    PINC_REAL seen[PINC_SEEN];
     PINC_REAL reference[PINC_N2 * PINC_NY];
     PINC_REAL u[PINC_NU];
     int i;
     if (s->computed != 0) {
         return;
     }
-    for (i = 0; i < PINC_NX; i++) {
-        x[i] = PINC_N(s->reals[PINC_NU + i]);
+    for (i = 0; i < PINC_SEEN; i++) {
+        seen[i] = PINC_N(s->reals[PINC_FIRST_SET + i]);
     }
     for (i = 0; i < PINC_N2 * PINC_NY; i++) {
-        reference[i] = PINC_N(s->reals[PINC_NU + PINC_NX + (i % PINC_NY)]);
+        reference[i] = PINC_N(s->reals[PINC_FIRST_REFERENCE + (i % PINC_NY)]);
     }
     s->after = s->before;
-    s->status = (int)pinc_mpc_step(&s->after, x, reference, u);
+    s->status = (int)@CONTROLLER@_step(&s->after, seen, reference, u);
     for (i = 0; i < PINC_NU; i++) {
         s->reals[i] = (double)u[i];
     }
+#if PINC_ESTIMATED > 0
+    for (i = 0; i < PINC_ESTIMATED; i++) {
+        s->reals[PINC_NU + i] = (double)s->after.x[i];
+    }
+#endif
     s->computed = 1;
 }
 

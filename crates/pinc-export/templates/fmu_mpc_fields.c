@@ -1,6 +1,6 @@
     /* The controller before and after the step at hand, and whether that is computed. */
-    pinc_mpc before;
-    pinc_mpc after;
+    @CONTROLLER@ before;
+    @CONTROLLER@ after;
     int computed;
     /* Steps that the controller has taken, from the start time on. */
     double start;

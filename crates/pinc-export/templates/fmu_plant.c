@@ -31,7 +31,7 @@ static void pinc_substep(double *x, const double *u, double h)
     memcpy(begin, x, sizeof(begin));
     memcpy(stage, x, sizeof(stage));
     for (j = 0; j < 4; j++) {
-        pinc_rk4_derivative(stage, u, k);
+        pinc_@RK@_derivative(stage, u, k);
         for (i = 0; i < PINC_NX; i++) {
             stage[i] = begin[i] + (h * reach[j] * k[i]);
             x[i] += h * weight[j] * k[i];

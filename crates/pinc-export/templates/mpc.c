@@ -1,6 +1,6 @@
 @BANNER@
 #include "pinc_mpc.h"
-
+@INCLUDE@
 #include <math.h>
 #include <string.h>
 
@@ -27,20 +27,33 @@
 #define PINC_HALVINGS 20
 /* Of the length of steps. */
 #define PINC_PATIENCE 4
-/* Of the elastic mode: weight of violations, and whether bounds on states stay so soft. */
+/* Of the elastic mode: weight of violations, and whether bounds on states and outputs stay
+   so soft. */
 #define PINC_ELASTIC_WEIGHT PINC_PICK(1e3, 10)
 #define PINC_STATES_EXACT @STATES_EXACT@
+#define PINC_OUTPUTS_EXACT @OUTPUTS_EXACT@
 /* The largest entries of the cost's Hessian. */
 #define PINC_LARGEST_Q PINC_N(@LARGEST_Q@)
 #define PINC_LARGEST_R PINC_N(@LARGEST_R@)
 #define PINC_LARGEST_W PINC_N(@LARGEST_W@)
+/* Rows of bounded outputs, as the mean of all multipliers counts them. */
+#define PINC_ALL_OUTPUT_ROWS @ALL_OUTPUT_ROWS@
+/* How many of them a stage has. */
+#define PINC_OUTPUT_WIDTH @OUTPUT_WIDTH@
+/* The units of the optimization, in those of the plant. */
+#define PINC_HAS_UNITS @HAS_UNITS@
+#if PINC_HAS_UNITS
+#define PINC_X_UNIT(i) (pinc_x_unit[i])
+#define PINC_U_UNIT(i) (pinc_u_unit[i])
+#else
+#define PINC_X_UNIT(i) PINC_N(1)
+#define PINC_U_UNIT(i) PINC_N(1)
+#endif
 /* Whether the sequence of inputs is weighted. */
 #define PINC_HAS_W @HAS_W@
 
 @TABLES@
-/* ---- Vectors and small matrices ------------------------------------------------------------ */
-
-static PINC_REAL pinc_abs(PINC_REAL v)
+@VECTORS@static PINC_REAL pinc_abs(PINC_REAL v)
 {
     return PINC_MATH(fabs)(v);
 }
@@ -53,63 +66,6 @@ static PINC_REAL pinc_max(PINC_REAL a, PINC_REAL b)
 static PINC_REAL pinc_min(PINC_REAL a, PINC_REAL b)
 {
     return (a < b) ? a : b;
-}
-
-/* Whether a number is finite: the difference of infinities is NaN. */
-static int pinc_finite(PINC_REAL v)
-{
-    const PINC_REAL zero = v - v;
-    return (zero <= PINC_N(0)) ? 1 : 0;
-}
-
-static int pinc_all_finite(const PINC_REAL *v, int count)
-{
-    int i;
-    for (i = 0; i < count; i++) {
-        if (pinc_finite(v[i]) == 0) {
-            return 0;
-        }
-    }
-    return 1;
-}
-
-static void pinc_fill(PINC_REAL *v, PINC_REAL value, int count)
-{
-    int i;
-    for (i = 0; i < count; i++) {
-        v[i] = value;
-    }
-}
-
-static void pinc_copy(PINC_REAL *to, const PINC_REAL *from, int count)
-{
-    int i;
-    for (i = 0; i < count; i++) {
-        to[i] = from[i];
-    }
-}
-
-/* sum += factor vector */
-static void pinc_add_scaled(PINC_REAL *sum, PINC_REAL factor, const PINC_REAL *v, int count)
-{
-    int i;
-    for (i = 0; i < count; i++) {
-        sum[i] += factor * v[i];
-    }
-}
-
-/* a'b, in two sums side by side. */
-static PINC_REAL pinc_dot(const PINC_REAL *a, const PINC_REAL *b, int count)
-{
-    PINC_REAL even = PINC_N(0);
-    PINC_REAL odd = PINC_N(0);
-    const PINC_REAL last = ((count % 2) == 1) ? (a[count - 1] * b[count - 1]) : PINC_N(0);
-    int i;
-    for (i = 0; i + 1 < count; i += 2) {
-        even += a[i] * b[i];
-        odd += a[i + 1] * b[i + 1];
-    }
-    return even + odd + last;
 }
 
 /* sum += matrix vector */
@@ -147,4 +103,4 @@ static int pinc_expired(pinc_mpc *m)
 
 @DENSE@
 @CONDENSE@
-@PLANT@@SQP@
+@PLANT@@OUTPUTS@@SQP@

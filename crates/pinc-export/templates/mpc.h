@@ -16,7 +16,7 @@ extern "C" {
 #define PINC_NY @NY@
 /** How many whole steps pass until an input acts. */
 #define PINC_DELAY @DELAY@
-@DISTURBANCES@/** How many quadratic programs a step may solve. */
+@UNKNOWNS@/** How many quadratic programs a step may solve. */
 #define PINC_MAX_ITERATIONS @MAX_ITERATIONS@
 /** The largest KKT residual that counts as converged. */
 #define PINC_KKT_TOLERANCE PINC_PICK(@KKT_TOLERANCE@, @KKT_TOLERANCE_FLOAT@)
@@ -30,11 +30,15 @@ extern "C" {
 #define PINC_STATES (PINC_N2 * PINC_NX)
 #define PINC_INPUTS (PINC_NC * PINC_NU)
 #define PINC_UNKNOWNS (PINC_STATES + PINC_INPUTS)
-/* Rows of the condensed program besides the bounds on inputs: bounded states and increments. */
+/* Rows of the condensed program besides the bounds on inputs: bounded states, increments and
+   outputs. */
 #define PINC_STATE_ROWS @STATE_ROWS@
 #define PINC_INCREMENT_ROWS @INCREMENT_ROWS@
-#define PINC_ROWS (PINC_STATE_ROWS + PINC_INCREMENT_ROWS)
+#define PINC_OUTPUT_ROWS @OUTPUT_ROWS@
+#define PINC_ROWS (PINC_STATE_ROWS + PINC_INCREMENT_ROWS + PINC_OUTPUT_ROWS)
 #define PINC_LIMITS (PINC_INPUTS + PINC_ROWS)
+/* Whether outputs are tracked. */
+#define PINC_TRACKS_OUTPUTS @TRACKS_OUTPUTS@
 /* C has no arrays of length 0. */
 #define PINC_ROOM(count) (((count) > 0) ? (count) : 1)
 
@@ -56,11 +60,12 @@ typedef enum {
     PINC_BAD_ARGUMENT = 6
 } pinc_status;
 
-/* The multipliers of dynamics, of bounds and of increments. */
+/* The multipliers of dynamics, of bounds, of increments and of outputs. */
 typedef struct {
     PINC_REAL dynamics[PINC_STATES];
     PINC_REAL bounds[PINC_UNKNOWNS];
     PINC_REAL increments[PINC_INPUTS];
+    PINC_REAL outputs[PINC_ROOM(PINC_OUTPUT_ROWS)];
 } pinc_multipliers;
 
 /* A plan with its multipliers. */
@@ -79,6 +84,16 @@ typedef struct {
     PINC_REAL high[PINC_UNKNOWNS];
     PINC_REAL increment_low[PINC_INPUTS];
     PINC_REAL increment_high[PINC_INPUTS];
+    PINC_REAL output_low[PINC_ROOM(PINC_OUTPUT_ROWS)];
+    PINC_REAL output_high[PINC_ROOM(PINC_OUTPUT_ROWS)];
+    PINC_REAL output_x[PINC_ROOM(PINC_OUTPUT_ROWS * PINC_NX)];
+    PINC_REAL output_u[PINC_ROOM(PINC_OUTPUT_ROWS * PINC_NU)];
+#if PINC_TRACKS_OUTPUTS
+    /* The part of the Hessian that changes: by x and x, by u and x, by u and u. */
+    PINC_REAL q[PINC_STATES * PINC_NX];
+    PINC_REAL s[PINC_N2 * PINC_NU * PINC_NX];
+    PINC_REAL t[PINC_INPUTS * PINC_NU];
+#endif
 } pinc_qp;
 
 /* The same in the inputs alone, and the memory of the active-set method. */
@@ -125,7 +140,7 @@ typedef struct {
     PINC_REAL kkt;
     /** Whether the last input is of the plan that the step ended with. */
     int followed;
-@DISTURBANCE_FIELD@
+@UNKNOWN_FIELD@
     /* The rest is private. */
     pinc_plan plan;
     pinc_plan fallback;
@@ -134,6 +149,7 @@ typedef struct {
     int at;
     pinc_dense dense;
     PINC_REAL penalty[PINC_STATES];
+    PINC_REAL output_penalty[PINC_ROOM(PINC_OUTPUT_ROWS)];
     PINC_REAL d[PINC_UNKNOWNS];
     pinc_multipliers step;
     pinc_multipliers weights;

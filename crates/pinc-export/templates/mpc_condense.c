@@ -3,7 +3,12 @@
 /* Where the blocks of a stage are. */
 #define PINC_A(qp, j) ((qp)->a + ((j) * PINC_NX * PINC_NX))
 #define PINC_B(qp, j) ((qp)->b + ((j) * PINC_NX * PINC_NU))
-#define PINC_Q(j) (pinc_q + ((j) * PINC_NX * PINC_NX))
+#if PINC_TRACKS_OUTPUTS
+#define PINC_Q(qp, j) ((qp)->q + ((j) * PINC_NX * PINC_NX))
+#define PINC_S(qp, j) ((qp)->s + ((j) * PINC_NU * PINC_NX))
+#else
+#define PINC_Q(qp, j) (pinc_q + ((j) * PINC_NX * PINC_NX))
+#endif
 
 /* What the states are where no input changes. */
 static void pinc_condense_offset(pinc_dense *s, const pinc_qp *qp)
@@ -23,7 +28,7 @@ static void pinc_adjoint(const pinc_qp *qp, int j, const PINC_REAL *last, const 
     if (j + 1 < PINC_N2) {
         pinc_add_transposed(PINC_A(qp, j + 1), last, into, PINC_NX, PINC_NX);
     }
-    pinc_add_product(PINC_Q(j), v, into, PINC_NX, PINC_NX);
+    pinc_add_product(PINC_Q(qp, j), v, into, PINC_NX, PINC_NX);
 }
 
 static void pinc_condense_gradient(pinc_dense *s, const pinc_qp *qp)
@@ -35,6 +40,10 @@ static void pinc_condense_gradient(pinc_dense *s, const pinc_qp *qp)
         PINC_REAL *now = s->adjoint[1 - last];
         pinc_copy(now, qp->gradient + (j * PINC_NX), PINC_NX);
         pinc_adjoint(qp, j, s->adjoint[last], s->offset + (j * PINC_NX), now);
+#if PINC_TRACKS_OUTPUTS
+        pinc_add_product(PINC_S(qp, j), s->offset + (j * PINC_NX),
+                         s->gradient + (pinc_acting(j + 1) * PINC_NU), PINC_NU, PINC_NX);
+#endif
         pinc_add_transposed(PINC_B(qp, j), now, s->gradient + (pinc_acting(j) * PINC_NU), PINC_NX,
                             PINC_NU);
         last = 1 - last;
@@ -57,8 +66,9 @@ static void pinc_respond(pinc_dense *s, const pinc_qp *qp, int input, int k)
     }
 }
 
-/* A column of the Hessian, on and below the diagonal. */
-static void pinc_condense_hessian(pinc_dense *s, const pinc_qp *qp, int input, PINC_REAL *column)
+/* A column of the Hessian, on and below the diagonal: that of number k of an input. */
+static void pinc_condense_hessian(pinc_dense *s, const pinc_qp *qp, int input, int k,
+                                  PINC_REAL *column)
 {
     int last = 0;
     int j;
@@ -67,14 +77,23 @@ static void pinc_condense_hessian(pinc_dense *s, const pinc_qp *qp, int input, P
         PINC_REAL *now = s->adjoint[1 - last];
         pinc_fill(now, PINC_N(0), PINC_NX);
         pinc_adjoint(qp, j, s->adjoint[last], s->response + (j * PINC_NX), now);
+#if PINC_TRACKS_OUTPUTS
+        if (pinc_acting(j + 1) == input) {
+            pinc_add_scaled(now, PINC_N(1), PINC_S(qp, j) + (k * PINC_NX), PINC_NX);
+        }
+        pinc_add_product(PINC_S(qp, j), s->response + (j * PINC_NX),
+                         column + (pinc_acting(j + 1) * PINC_NU), PINC_NU, PINC_NX);
+#else
+        (void)k;
+#endif
         pinc_add_transposed(PINC_B(qp, j), now, column + (pinc_acting(j) * PINC_NU), PINC_NX,
                             PINC_NU);
         last = 1 - last;
     }
 }
 
-/* The weights of increments and of all inputs. */
-static void pinc_add_increments(pinc_dense *s)
+/* The weights of increments and of inputs. */
+static void pinc_add_increments(pinc_dense *s, const pinc_qp *qp)
 {
     int i;
     int k;
@@ -82,6 +101,12 @@ static void pinc_add_increments(pinc_dense *s)
         for (k = 0; k < PINC_NU; k++) {
             const PINC_REAL *r = pinc_r + (((i * PINC_NU) + k) * PINC_NU);
             PINC_REAL *column = s->hessian + (((i * PINC_NU) + k) * PINC_INPUTS);
+#if PINC_TRACKS_OUTPUTS
+            pinc_add_scaled(column + (i * PINC_NU), PINC_N(1),
+                            qp->t + (((i * PINC_NU) + k) * PINC_NU), PINC_NU);
+#else
+            (void)qp;
+#endif
             pinc_add_scaled(column + (i * PINC_NU), PINC_N(1), r, PINC_NU);
             if (i > 0) {
                 PINC_REAL *before = column - (PINC_NU * PINC_INPUTS);
@@ -98,7 +123,8 @@ static void pinc_add_increments(pinc_dense *s)
 #endif
 }
 
-/* The limits of inputs, of states less what they are without changes, and of increments. */
+/* The limits of inputs, of increments, and of states and outputs less what they are without
+   changes. */
 static void pinc_condense_limits(pinc_mpc *m, const pinc_qp *qp)
 {
     pinc_dense *s = &m->dense;
@@ -117,6 +143,31 @@ static void pinc_condense_limits(pinc_mpc *m, const pinc_qp *qp)
         s->low[PINC_INPUTS + PINC_STATE_ROWS + i] = qp->increment_low[v];
         s->high[PINC_INPUTS + PINC_STATE_ROWS + i] = qp->increment_high[v];
     }
+    for (i = 0; i < PINC_OUTPUT_ROWS; i++) {
+        const int row = PINC_INPUTS + PINC_STATE_ROWS + PINC_INCREMENT_ROWS + i;
+        const PINC_REAL *state = s->offset + (pinc_output_stage[i] * PINC_NX);
+        const PINC_REAL at = pinc_dot(qp->output_x + (i * PINC_NX), state, PINC_NX);
+        s->low[row] = qp->output_low[i] - at;
+        s->high[row] = qp->output_high[i] - at;
+        s->penalty[row] = m->output_penalty[i];
+    }
+}
+
+/* A column of the outputs' rows: that of number v of all inputs. */
+static void pinc_condense_outputs(const pinc_dense *s, const pinc_qp *qp, int v, PINC_REAL *column)
+{
+    const int input = v / PINC_NU;
+    int i;
+    for (i = 0; i < PINC_OUTPUT_ROWS; i++) {
+        const int j = pinc_output_stage[i];
+        column[i] = (pinc_acting(j + 1) == input)
+                        ? qp->output_u[(i * PINC_NU) + (v % PINC_NU)]
+                        : PINC_N(0);
+        if (j >= input) {
+            column[i] += pinc_dot(qp->output_x + (i * PINC_NX), s->response + (j * PINC_NX),
+                                  PINC_NX);
+        }
+    }
 }
 
 static void pinc_condense(pinc_mpc *m, const pinc_qp *qp)
@@ -130,15 +181,16 @@ static void pinc_condense(pinc_mpc *m, const pinc_qp *qp)
         const int input = v / PINC_NU;
         PINC_REAL *column = s->matrix + (v * PINC_ROWS);
         pinc_respond(s, qp, input, v % PINC_NU);
-        pinc_condense_hessian(s, qp, input, s->hessian + (v * PINC_INPUTS));
+        pinc_condense_hessian(s, qp, input, v % PINC_NU, s->hessian + (v * PINC_INPUTS));
         /* States before the input acts keep the 0 that they have from the beginning. */
         for (i = 0; i < PINC_STATE_ROWS; i++) {
             if (pinc_state_rows[i] >= input * PINC_NX) {
                 column[i] = s->response[pinc_state_rows[i]];
             }
         }
+        pinc_condense_outputs(s, qp, v, column + (PINC_STATE_ROWS + PINC_INCREMENT_ROWS));
     }
-    pinc_add_increments(s);
+    pinc_add_increments(s, qp);
     pinc_condense_limits(m, qp);
 }
 
@@ -167,6 +219,8 @@ static void pinc_guess(pinc_mpc *m)
     for (i = 0; i < PINC_INCREMENT_ROWS; i++) {
         mu[PINC_INPUTS + PINC_STATE_ROWS + i] = m->step.increments[pinc_increment_rows[i]];
     }
+    pinc_copy(mu + (PINC_INPUTS + PINC_STATE_ROWS + PINC_INCREMENT_ROWS), m->step.outputs,
+              PINC_OUTPUT_ROWS);
 }
 
 /* Writes the multipliers of the limits. */
@@ -183,6 +237,8 @@ static void pinc_read_multipliers(pinc_mpc *m)
     for (i = 0; i < PINC_INCREMENT_ROWS; i++) {
         m->step.increments[pinc_increment_rows[i]] = s->mu[PINC_INPUTS + PINC_STATE_ROWS + i];
     }
+    pinc_copy(m->step.outputs, s->mu + (PINC_INPUTS + PINC_STATE_ROWS + PINC_INCREMENT_ROWS),
+              PINC_OUTPUT_ROWS);
 }
 
 /* Writes states, inputs and multipliers of the step. */
@@ -204,7 +260,16 @@ static void pinc_expand(pinc_mpc *m, const pinc_qp *qp)
         PINC_REAL *lambda = m->step.dynamics + (j * PINC_NX);
         pinc_copy(lambda, qp->gradient + (j * PINC_NX), PINC_NX);
         pinc_add_scaled(lambda, PINC_N(1), m->step.bounds + (j * PINC_NX), PINC_NX);
-        pinc_add_product(PINC_Q(j), m->d + (j * PINC_NX), lambda, PINC_NX, PINC_NX);
+        pinc_add_product(PINC_Q(qp, j), m->d + (j * PINC_NX), lambda, PINC_NX, PINC_NX);
+#if PINC_TRACKS_OUTPUTS
+        pinc_add_transposed(PINC_S(qp, j), inputs + (pinc_acting(j + 1) * PINC_NU), lambda, PINC_NU,
+                            PINC_NX);
+#endif
+        for (i = 0; i < PINC_OUTPUT_ROWS; i++) {
+            if (pinc_output_stage[i] == j) {
+                pinc_add_scaled(lambda, m->step.outputs[i], qp->output_x + (i * PINC_NX), PINC_NX);
+            }
+        }
         if (j + 1 < PINC_N2) {
             pinc_add_transposed(PINC_A(qp, j + 1), lambda + PINC_NX, lambda, PINC_NX, PINC_NX);
         }
@@ -225,7 +290,8 @@ static pinc_qp_status pinc_solve_qp(pinc_mpc *m)
         finite = pinc_all_finite(m->d, PINC_UNKNOWNS) &
                  pinc_all_finite(m->step.dynamics, PINC_STATES) &
                  pinc_all_finite(m->step.bounds, PINC_UNKNOWNS) &
-                 pinc_all_finite(m->step.increments, PINC_INPUTS);
+                 pinc_all_finite(m->step.increments, PINC_INPUTS) &
+                 pinc_all_finite(m->step.outputs, PINC_OUTPUT_ROWS);
         if (finite == 0) {
             status = PINC_QP_FAILED;
         }

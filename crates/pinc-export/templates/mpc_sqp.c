@@ -82,6 +82,7 @@ static PINC_REAL pinc_move_inputs(const pinc_mpc *m, const PINC_REAL *z, PINC_RE
     return twice;
 }
 
+#if !PINC_TRACKS_OUTPUTS
 /* The same of tracking. */
 static PINC_REAL pinc_track(const PINC_REAL *z, const PINC_REAL *reference, PINC_REAL *gradient)
 {
@@ -97,14 +98,16 @@ static PINC_REAL pinc_track(const PINC_REAL *z, const PINC_REAL *reference, PINC
             PINC_REAL force = PINC_N(0);
             for (k = 0; k < PINC_NY; k++) {
                 const int column = pinc_tracked[k];
-                force += PINC_Q(j)[(row * PINC_NX) + column] * (x[column] - y[k]);
+                const PINC_REAL error = x[column] - (y[k] / PINC_X_UNIT(column));
+                force += PINC_Q(0, j)[(row * PINC_NX) + column] * error;
             }
             gradient[(j * PINC_NX) + row] = force;
-            twice += force * (x[row] - y[i]);
+            twice += force * (x[row] - (y[i] / PINC_X_UNIT(row)));
         }
     }
     return twice;
 }
+#endif
 
 #if PINC_HAS_W
 /* The same of the weighted sequence of inputs. */
@@ -137,7 +140,12 @@ static PINC_REAL pinc_evaluate(const pinc_mpc *m, const PINC_REAL *z, const PINC
     pinc_limit(m, z, qp);
     pinc_fill(qp->gradient, PINC_N(0), PINC_UNKNOWNS);
     twice = pinc_move_inputs(m, z, qp->gradient);
+#if PINC_TRACKS_OUTPUTS || (PINC_OUTPUT_ROWS > 0)
+    twice += pinc_follow_outputs(m, z, reference, qp);
+#endif
+#if !PINC_TRACKS_OUTPUTS
     twice += pinc_track(z, reference, qp->gradient);
+#endif
 #if PINC_HAS_W
     twice += pinc_weigh_inputs(m, z, qp->gradient);
 #endif
@@ -220,6 +228,12 @@ static void pinc_lagrangian(const pinc_qp *qp, const pinc_multipliers *at, PINC_
         pinc_add_transposed(PINC_B(qp, j), lambda, inputs + (pinc_acting(j) * PINC_NU), PINC_NX,
                             PINC_NU);
     }
+    for (v = 0; v < PINC_OUTPUT_ROWS; v++) {
+        pinc_add_scaled(gradient + (pinc_output_stage[v] * PINC_NX), at->outputs[v],
+                        qp->output_x + (v * PINC_NX), PINC_NX);
+        pinc_add_scaled(inputs + (pinc_acting(pinc_output_stage[v] + 1) * PINC_NU), at->outputs[v],
+                        qp->output_u + (v * PINC_NU), PINC_NU);
+    }
     for (v = 0; v < PINC_INPUTS; v++) {
         inputs[v] += at->increments[v];
         if (v >= PINC_NU) {
@@ -232,7 +246,7 @@ static void pinc_lagrangian(const pinc_qp *qp, const pinc_multipliers *at, PINC_
 static PINC_REAL pinc_residual(pinc_mpc *m, const pinc_qp *qp)
 {
     const pinc_multipliers *at = &m->plan.m;
-    const PINC_REAL count = PINC_N(PINC_STATES + PINC_UNKNOWNS + PINC_INPUTS);
+    const PINC_REAL count = PINC_N(PINC_STATES + PINC_UNKNOWNS + PINC_INPUTS + PINC_ALL_OUTPUT_ROWS);
     pinc_residuals worst;
     PINC_REAL scale;
     int v;
@@ -248,9 +262,14 @@ static PINC_REAL pinc_residual(pinc_mpc *m, const pinc_qp *qp)
         pinc_see(&worst, qp->increment_low[v], qp->increment_high[v], PINC_INFINITY,
                  at->increments[v]);
     }
+    for (v = 0; v < PINC_OUTPUT_ROWS; v++) {
+        pinc_see(&worst, qp->output_low[v], qp->output_high[v], m->output_penalty[v],
+                 at->outputs[v]);
+    }
     scale = pinc_size(at->dynamics, PINC_STATES);
     scale += pinc_size(at->bounds, PINC_UNKNOWNS);
     scale += pinc_size(at->increments, PINC_INPUTS);
+    scale += pinc_size(at->outputs, PINC_OUTPUT_ROWS);
     scale = pinc_max(scale / count / PINC_N(100), PINC_N(1));
     m->bounds_residual = worst.violation;
     m->dynamics_residual = pinc_largest(qp->c, PINC_STATES);
@@ -287,6 +306,7 @@ static PINC_REAL pinc_merit(const pinc_mpc *m, const pinc_qp *qp, PINC_REAL cost
     PINC_REAL defects = PINC_N(0);
     PINC_REAL bounds = PINC_N(0);
     PINC_REAL increments = PINC_N(0);
+    PINC_REAL outputs = PINC_N(0);
     int v;
     for (v = 0; v < PINC_STATES; v++) {
         defects += m->weights.dynamics[v] * pinc_abs(qp->c[v]);
@@ -299,7 +319,11 @@ static PINC_REAL pinc_merit(const pinc_mpc *m, const pinc_qp *qp, PINC_REAL cost
         increments += pinc_violation(qp->increment_low[v], qp->increment_high[v], PINC_INFINITY,
                                      m->weights.increments[v]);
     }
-    return cost + defects + (bounds + increments);
+    for (v = 0; v < PINC_OUTPUT_ROWS; v++) {
+        outputs += pinc_violation(qp->output_low[v], qp->output_high[v], m->output_penalty[v],
+                                  m->weights.outputs[v]);
+    }
+    return cost + defects + (bounds + increments + outputs);
 }
 
 /* At most this is the merit function's slope along the step. */
@@ -317,6 +341,17 @@ static PINC_REAL pinc_slope(const pinc_mpc *m, const pinc_qp *qp)
             left += m->penalty[v] * pinc_max(off, PINC_N(0));
         }
     }
+    for (v = 0; v < PINC_OUTPUT_ROWS; v++) {
+        if (m->output_penalty[v] < PINC_INFINITY) {
+            const int j = pinc_output_stage[v];
+            const PINC_REAL *u = m->d + (PINC_STATES + (pinc_acting(j + 1) * PINC_NU));
+            const PINC_REAL at =
+                pinc_dot(qp->output_x + (v * PINC_NX), m->d + (j * PINC_NX), PINC_NX) +
+                pinc_dot(qp->output_u + (v * PINC_NU), u, PINC_NU);
+            const PINC_REAL off = pinc_max(qp->output_low[v] - at, at - qp->output_high[v]);
+            left += m->output_penalty[v] * pinc_max(off, PINC_N(0));
+        }
+    }
     return along - (pinc_merit(m, qp, PINC_N(0)) - left);
 }
 
@@ -325,14 +360,26 @@ static PINC_REAL pinc_slope(const pinc_mpc *m, const pinc_qp *qp)
 /* Hard constraints on states become soft, at a weight above their multipliers. */
 static void pinc_enter_elastic(pinc_mpc *m)
 {
-    const PINC_REAL sizes = pinc_largest(m->qp[m->at].gradient, PINC_UNKNOWNS) + PINC_LARGEST_Q +
-                            PINC_LARGEST_R + PINC_LARGEST_W;
+    const pinc_qp *qp = &m->qp[m->at];
+#if PINC_TRACKS_OUTPUTS
+    const PINC_REAL changing = pinc_largest(qp->q, PINC_STATES * PINC_NX) +
+                               pinc_largest(qp->t, PINC_INPUTS * PINC_NU);
+#else
+    const PINC_REAL changing = PINC_LARGEST_Q;
+#endif
+    const PINC_REAL sizes = pinc_largest(qp->gradient, PINC_UNKNOWNS) + changing + PINC_LARGEST_R +
+                            PINC_LARGEST_W;
     const PINC_REAL weight = PINC_ELASTIC_WEIGHT * pinc_max(sizes, PINC_N(1));
     int v;
     m->elastic = 1;
     for (v = 0; v < PINC_STATES; v++) {
         if (!(m->penalty[v] < PINC_INFINITY)) {
             m->penalty[v] = weight;
+        }
+    }
+    for (v = 0; v < PINC_OUTPUT_ROWS; v++) {
+        if (!(m->output_penalty[v] < PINC_INFINITY)) {
+            m->output_penalty[v] = weight;
         }
     }
 }
@@ -359,6 +406,7 @@ static PINC_REAL pinc_try(pinc_mpc *m, const PINC_REAL *reference, PINC_REAL len
     pinc_move_part(m->plan.m.bounds, m->base.m.bounds, m->step.bounds, PINC_UNKNOWNS, length);
     pinc_move_part(m->plan.m.increments, m->base.m.increments, m->step.increments, PINC_INPUTS,
                    length);
+    pinc_move_part(m->plan.m.outputs, m->base.m.outputs, m->step.outputs, PINC_OUTPUT_ROWS, length);
     pinc_project(m, m->plan.z);
     cost = pinc_evaluate(m, m->plan.z, reference, trial);
     (void)pinc_residual(m, trial);
@@ -429,6 +477,7 @@ static pinc_found pinc_search(pinc_mpc *m, const PINC_REAL *reference, PINC_REAL
     pinc_update_weights(m->weights.dynamics, m->step.dynamics, PINC_STATES);
     pinc_update_weights(m->weights.bounds, m->step.bounds, PINC_UNKNOWNS);
     pinc_update_weights(m->weights.increments, m->step.increments, PINC_INPUTS);
+    pinc_update_weights(m->weights.outputs, m->step.outputs, PINC_OUTPUT_ROWS);
     start = pinc_merit(m, &m->qp[m->at], *cost);
     slope = pinc_min(pinc_slope(m, &m->qp[m->at]), PINC_N(0));
     for (halving = 0; halving < PINC_HALVINGS; halving++) {
@@ -518,6 +567,9 @@ static pinc_status pinc_judge(pinc_mpc *m, pinc_status status)
         if (PINC_STATES_EXACT == 0) {
             pinc_copy(m->penalty, pinc_penalty, PINC_STATES);
         }
+        if (PINC_OUTPUTS_EXACT == 0) {
+            pinc_copy(m->output_penalty, pinc_output_penalty, PINC_OUTPUT_ROWS);
+        }
     }
     (void)pinc_residual(m, &m->qp[m->at]);
     if ((m->elastic != 0) && (m->bounds_residual > PINC_KKT_TOLERANCE) &&
@@ -556,6 +608,7 @@ static void pinc_shift_plan(pinc_plan *plan)
     pinc_shift(plan->m.bounds, PINC_NX, PINC_STATES);
     pinc_shift(plan->m.bounds + PINC_STATES, PINC_NU, PINC_INPUTS);
     pinc_shift(plan->m.increments, PINC_NU, PINC_INPUTS);
+    pinc_shift(plan->m.outputs, PINC_OUTPUT_WIDTH, PINC_OUTPUT_ROWS);
 }
 
 /* Makes the last plan the first guess of the next. */
@@ -602,13 +655,30 @@ static void pinc_keep_plan(pinc_mpc *m, pinc_status status, int finite)
     }
 }
 
+/* From the plant's units to those of the optimization. */
+static void pinc_take_state(PINC_REAL *to, const PINC_REAL *x)
+{
+    int i;
+    for (i = 0; i < PINC_NX; i++) {
+        to[i] = x[i] / PINC_X_UNIT(i);
+    }
+}
+
+static void pinc_take_input(PINC_REAL *to, const PINC_REAL *u)
+{
+    int i;
+    for (i = 0; i < PINC_NU; i++) {
+        to[i] = u[i] / PINC_U_UNIT(i);
+    }
+}
+
 /* Predicts the state in which the input that is chosen now will act. */
 static void pinc_predict_delay(pinc_mpc *m, const PINC_REAL *x)
 {
 #if PINC_DELAY > 0
     int d;
 #endif
-    pinc_copy(m->start, x, PINC_NX);
+    pinc_take_state(m->start, x);
 #if PINC_DELAY > 0
     for (d = 0; d < PINC_DELAY; d++) {
         PINC_REAL next[PINC_NX];
@@ -623,7 +693,8 @@ static int pinc_plan_is_finite(const pinc_plan *plan)
     return pinc_all_finite(plan->z, PINC_UNKNOWNS) &
            pinc_all_finite(plan->m.dynamics, PINC_STATES) &
            pinc_all_finite(plan->m.bounds, PINC_UNKNOWNS) &
-           pinc_all_finite(plan->m.increments, PINC_INPUTS);
+           pinc_all_finite(plan->m.increments, PINC_INPUTS) &
+           pinc_all_finite(plan->m.outputs, PINC_OUTPUT_ROWS);
 }
 
 /* Puts the input chosen under way. */
@@ -636,12 +707,18 @@ static void pinc_push(pinc_mpc *m)
 #endif
 }
 
+static void pinc_restore_penalties(pinc_mpc *m)
+{
+    pinc_copy(m->penalty, pinc_penalty, PINC_STATES);
+    pinc_copy(m->output_penalty, pinc_output_penalty, PINC_OUTPUT_ROWS);
+}
+
 void pinc_mpc_init(pinc_mpc *m)
 {
     memset(m, 0, sizeof(*m));
     pinc_init_rows(&m->dense);
-    pinc_copy(m->penalty, pinc_penalty, PINC_STATES);
-}
+    pinc_restore_penalties(m);
+@INIT_UNKNOWN@}
 
 void pinc_mpc_reset(pinc_mpc *m)
 {
@@ -654,22 +731,23 @@ void pinc_mpc_reset_to(pinc_mpc *m, const PINC_REAL x[PINC_NX], const PINC_REAL 
 {
     int i;
     pinc_mpc_reset(m);
-    pinc_copy(m->previous, u, PINC_NU);
+    pinc_take_input(m->previous, u);
     for (i = 0; i < PINC_DELAY; i++) {
-        pinc_copy(m->pending + (i * PINC_NU), u, PINC_NU);
+        pinc_copy(m->pending + (i * PINC_NU), m->previous, PINC_NU);
     }
-    pinc_stay_at(&m->plan, x);
+    pinc_take_state(m->start, x);
+    pinc_stay_at(&m->plan, m->start);
     for (i = 0; i < PINC_NC; i++) {
-        pinc_copy(m->plan.z + (PINC_STATES + (i * PINC_NU)), u, PINC_NU);
+        pinc_copy(m->plan.z + (PINC_STATES + (i * PINC_NU)), m->previous, PINC_NU);
     }
     m->warm = 1;
 }
 
 void pinc_mpc_set_applied(pinc_mpc *m, const PINC_REAL u[PINC_NU])
 {
-    pinc_copy(m->previous, u, PINC_NU);
+    pinc_take_input(m->previous, u);
 #if PINC_DELAY > 0
-    pinc_copy(m->pending + ((PINC_DELAY - 1) * PINC_NU), u, PINC_NU);
+    pinc_copy(m->pending + ((PINC_DELAY - 1) * PINC_NU), m->previous, PINC_NU);
 #endif
 }
 
@@ -678,17 +756,17 @@ pinc_status pinc_mpc_step(pinc_mpc *m, const PINC_REAL x[PINC_NX],
 {
     pinc_status status;
     int finite;
+    int v;
     if ((pinc_all_finite(x, PINC_NX) & pinc_all_finite(reference, PINC_N2 * PINC_NY)) == 0) {
-        int v;
         for (v = 0; v < PINC_NU; v++) {
-            u[v] = pinc_clamp(m->previous[v], pinc_low[PINC_STATES + v],
-                              pinc_high[PINC_STATES + v]);
+            u[v] = PINC_U_UNIT(v) * pinc_clamp(m->previous[v], pinc_low[PINC_STATES + v],
+                                               pinc_high[PINC_STATES + v]);
         }
         return PINC_BAD_ARGUMENT;
     }
     m->spent = 0;
     m->elastic = 0;
-    pinc_copy(m->penalty, pinc_penalty, PINC_STATES);
+    pinc_restore_penalties(m);
     pinc_predict_delay(m, x);
     pinc_shift_warm_start(m);
     status = pinc_judge(m, pinc_optimize(m, reference));
@@ -699,7 +777,9 @@ pinc_status pinc_mpc_step(pinc_mpc *m, const PINC_REAL x[PINC_NX],
     pinc_keep_plan(m, status, finite);
     pinc_project(m, m->plan.z);
     pinc_push(m);
-    pinc_copy(u, m->previous, PINC_NU);
+    for (v = 0; v < PINC_NU; v++) {
+        u[v] = m->previous[v] * PINC_U_UNIT(v);
+    }
     return status;
 }
 

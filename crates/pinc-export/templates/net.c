@@ -6,7 +6,7 @@
 /* Numbers that a layer takes and gives, at most. */
 #define PINC_WIDEST @WIDEST@
 /* Tangents: one per state and input. */
-#define PINC_TANGENTS (PINC_NX + PINC_NU)
+#define PINC_TANGENTS (PINC_NX + @WIDTH@)
 /* Hidden layers, and the output layer. */
 #define PINC_LAYERS @LAYERS@
 
@@ -66,7 +66,7 @@ static void pinc_begin(const PINC_REAL *x, const PINC_REAL *u, PINC_REAL *values
     for (i = 0; i < PINC_NX; i++) {
         values[i] = x[i];
     }
-    for (i = 0; i < PINC_NU; i++) {
+    for (i = 0; i < @WIDTH@; i++) {
         values[PINC_NX + i] = u[i];
     }
 }
@@ -83,7 +83,7 @@ static const PINC_REAL *pinc_run(PINC_REAL v[2][PINC_WIDEST], int first)
     return v[from];
 }
 
-void pinc_net_step(const PINC_REAL x[PINC_NX], const PINC_REAL u[PINC_NU], PINC_REAL next[PINC_NX])
+void pinc_net_step(const PINC_REAL x[PINC_NX], const PINC_REAL u[@WIDTH@], PINC_REAL next[PINC_NX])
 {
     PINC_REAL v[2][PINC_WIDEST];
     const PINC_REAL *out;
@@ -95,9 +95,9 @@ void pinc_net_step(const PINC_REAL x[PINC_NX], const PINC_REAL u[PINC_NU], PINC_
     }
 }
 
-void pinc_net_linearize(const PINC_REAL x[PINC_NX], const PINC_REAL u[PINC_NU],
+void pinc_net_linearize(const PINC_REAL x[PINC_NX], const PINC_REAL u[@WIDTH@],
                         PINC_REAL next[PINC_NX], PINC_REAL a[PINC_NX * PINC_NX],
-                        PINC_REAL b[PINC_NX * PINC_NU])
+                        PINC_REAL b[PINC_NX * @WIDTH@])
 {
     PINC_REAL v[2][PINC_WIDEST];
     PINC_REAL d[2][PINC_WIDEST * PINC_TANGENTS];
@@ -124,8 +124,8 @@ void pinc_net_linearize(const PINC_REAL x[PINC_NX], const PINC_REAL u[PINC_NU],
         for (k = 0; k < PINC_NX; k++) {
             a[(i * PINC_NX) + k] = d[from][(i * PINC_TANGENTS) + k]@PLUS_I@;
         }
-        for (k = 0; k < PINC_NU; k++) {
-            b[(i * PINC_NU) + k] = d[from][(i * PINC_TANGENTS) + PINC_NX + k];
+        for (k = 0; k < @WIDTH@; k++) {
+            b[(i * @WIDTH@) + k] = d[from][(i * PINC_TANGENTS) + PINC_NX + k];
         }
     }
 }

@@ -11,23 +11,23 @@ extern "C" {
 #define PINC_NX @NX@
 /** Number of inputs. */
 #define PINC_NU @NU@
-/** Length T of a step, in s. */
+@PARAMETERS@/** Length T of a step, in s. */
 #define PINC_SAMPLE_TIME_S @T@
 
 /**
  * The state after T seconds from the state x under the constant input u.
  * The arrays must not overlap.
  */
-void pinc_net_step(const PINC_REAL x[PINC_NX], const PINC_REAL u[PINC_NU],
+void pinc_net_step(const PINC_REAL x[PINC_NX], const PINC_REAL u[@WIDTH@],
                    PINC_REAL next[PINC_NX]);
 
 /**
  * The same with its Jacobians, row by row: a[i * PINC_NX + k] is the derivative of next[i] by
- * x[k], b[i * PINC_NU + k] that by u[k].
+ * x[k], b[i * @WIDTH@ + k] that by u[k].
  */
-void pinc_net_linearize(const PINC_REAL x[PINC_NX], const PINC_REAL u[PINC_NU],
+void pinc_net_linearize(const PINC_REAL x[PINC_NX], const PINC_REAL u[@WIDTH@],
                         PINC_REAL next[PINC_NX], PINC_REAL a[PINC_NX * PINC_NX],
-                        PINC_REAL b[PINC_NX * PINC_NU]);
+                        PINC_REAL b[PINC_NX * @WIDTH@]);
 @AT@
 #ifdef __cplusplus
 }

@@ -3,7 +3,7 @@
 static const PINC_REAL pinc_time[@FIRST@] = {
 @TIME@};
 
-void pinc_net_at(PINC_REAL t, const PINC_REAL x[PINC_NX], const PINC_REAL u[PINC_NU],
+void pinc_net_at(PINC_REAL t, const PINC_REAL x[PINC_NX], const PINC_REAL u[@WIDTH@],
                  PINC_REAL next[PINC_NX])
 {
     PINC_REAL v[2][PINC_WIDEST];

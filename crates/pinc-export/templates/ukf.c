@@ -15,27 +15,51 @@ static PINC_REAL pinc_sign(int k)
     return (k < PINC_NZ) ? PINC_N(1) : PINC_N(-1);
 }
 
-/* What is to be known of a point: what is measured there, or where it goes under the input u. */
-static void pinc_image(const PINC_REAL *z, const PINC_REAL *u, PINC_REAL *to)
+/* What is to be measured at z, under the input u. */
+static void pinc_expect(const PINC_REAL *z, const PINC_REAL *u, PINC_REAL *y)
 {
-    if (u == 0) {
-        int i;
-        for (i = 0; i < PINC_NM; i++) {
-            to[i] = pinc_measure(z, i);
-        }
-    } else {
-        PINC_REAL inner[PINC_NU];
-        pinc_input(z, u, inner);
+#if PINC_MEASURES_OUTPUTS
+    PINC_REAL inner[PINC_NU + PINC_NP];
+    PINC_REAL all[PINC_NO];
+#endif
+    int i;
+#if PINC_MEASURES_OUTPUTS
+    pinc_believed(z, u, inner);
+    pinc_outputs(z, inner, all);
+#else
+    (void)u;
+#endif
+    for (i = 0; i < PINC_NM; i++) {
+#if PINC_MEASURES_OUTPUTS
+        const int o = pinc_measured[i] - PINC_NX;
+        y[i] = (o >= 0) ? all[(o >= 0) ? o : 0] : z[pinc_measured[i]];
+#else
+        y[i] = z[pinc_measured[i]];
+#endif
+#if PINC_DISTURBED_OUTPUTS
+        y[i] += z[PINC_NX + i];
+#endif
+    }
+}
+
+/* Where z goes under the input u, or what is to be measured there. */
+static void pinc_image(const PINC_REAL *z, const PINC_REAL *u, int moves, PINC_REAL *to)
+{
+    if (moves != 0) {
+        PINC_REAL inner[PINC_NU + PINC_NP];
+        pinc_believed(z, u, inner);
         pinc_@MODEL@_step(z, inner, to);
         pinc_stay(z, to);
+    } else {
+        pinc_expect(z, u, to);
     }
 }
 
 /* Sends the points of the estimate on. Leaves the mean less the image of the middle point in mean,
    and the differences of the others from the mean in outer. */
-static pinc_estimate_status pinc_transform(pinc_estimator *e, const PINC_REAL *u)
+static pinc_estimate_status pinc_transform(pinc_estimator *e, int moves)
 {
-    const int width = (u == 0) ? PINC_NM : PINC_NZ;
+    const int width = (moves != 0) ? PINC_NZ : PINC_NM;
     const PINC_REAL spread = PINC_MATH(sqrt)(PINC_SPREAD_2);
     int finite;
     int k;
@@ -43,14 +67,14 @@ static pinc_estimate_status pinc_transform(pinc_estimator *e, const PINC_REAL *u
     if (pinc_factor(e->p, PINC_NZ, e->root) == 0) {
         return PINC_INDEFINITE_COVARIANCE;
     }
-    pinc_image(e->z, u, e->middle);
+    pinc_image(e->z, e->u, moves, e->middle);
     for (k = 0; k < 2 * PINC_NZ; k++) {
         PINC_REAL *to = e->outer + (k * width);
         for (i = 0; i < PINC_NZ; i++) {
             const PINC_REAL along = e->root[(i * PINC_NZ) + (k % PINC_NZ)];
             e->point[i] = e->z[i] + (pinc_sign(k) * spread * along);
         }
-        pinc_image(e->point, u, to);
+        pinc_image(e->point, e->u, moves, to);
         pinc_add_scaled(to, PINC_N(-1), e->middle, width);
     }
     pinc_fill(e->mean, PINC_N(0), width);
@@ -220,7 +244,8 @@ static void pinc_predict(pinc_estimator *e, const PINC_REAL *u)
 {
     int i;
     int k;
-    if (pinc_transform(e, u) != PINC_UPDATED) {
+    pinc_copy(e->u, u, PINC_NU);
+    if (pinc_transform(e, 1) != PINC_UPDATED) {
         return;
     }
     pinc_fill(e->new_p, PINC_N(0), PINC_NZ * PINC_NZ);

@@ -2,9 +2,9 @@
     PINC_REAL new_p[PINC_NZ * PINC_NZ];
     PINC_REAL new_z[PINC_NZ];
     PINC_REAL point[PINC_NZ];
-    PINC_REAL middle[PINC_NZ];
-    PINC_REAL mean[PINC_NZ];
-    PINC_REAL outer[2 * PINC_NZ * PINC_NZ];
+    PINC_REAL middle[PINC_WIDEST_POINT];
+    PINC_REAL mean[PINC_WIDEST_POINT];
+    PINC_REAL outer[2 * PINC_NZ * PINC_WIDEST_POINT];
     PINC_REAL s[PINC_NM * PINC_NM];
     PINC_REAL s_root[PINC_NM * PINC_NM];
     PINC_REAL cross[PINC_NM * PINC_NZ];

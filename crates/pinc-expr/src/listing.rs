@@ -7,7 +7,7 @@ use crate::{Equations, Parsed};
 /// One value of a [`Listing`], made of values before it, which are named by their places.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Instruction {
-    /// A state or an input, counted together in this order.
+    /// A state, an input or a varying parameter, counted together in this order.
     Variable(usize),
     /// A number.
     Constant(f64),
@@ -31,30 +31,45 @@ pub enum Instruction {
     Function(Function, usize),
 }
 
-/// The time derivatives of the states as a list of instructions: constants are folded, no value is
-/// computed twice, and none is computed that is not needed.
+/// The time derivatives of the states, or the outputs, as a list of instructions: constants are
+/// folded, no value is computed twice, and none is computed that is not needed.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Listing {
     /// The values.
     pub instructions: Vec<Instruction>,
-    /// The place of each state's derivative.
+    /// The place of each result.
     pub results: Vec<usize>,
 }
 
 impl Equations {
-    /// The right-hand side as a list of instructions, all parameters fixed.
+    /// The right-hand side as a list of instructions, all parameters fixed but those named in
+    /// `varying`, which are variables after states and inputs.
     ///
     /// # Errors
     ///
     /// The first thing that is wrong with the equations, or that some are algebraic.
-    pub fn listing(&self) -> Result<Listing, ExpressionError> {
+    pub fn listing(&self, varying: &[&str]) -> Result<Listing, ExpressionError> {
+        self.list(varying, |parsed| Listing::new(&parsed.graph, &parsed.derivatives))
+    }
+
+    /// The same of the outputs, in the order of their names.
+    ///
+    /// # Errors
+    ///
+    /// As [`Equations::listing`].
+    pub fn output_listing(&self, varying: &[&str]) -> Result<Listing, ExpressionError> {
+        self.list(varying, |parsed| Listing::new(&parsed.graph, &parsed.outputs))
+    }
+
+    fn list(
+        &self,
+        varying: &[&str],
+        of: impl Fn(&Parsed<'_>) -> Listing,
+    ) -> Result<Listing, ExpressionError> {
         if !self.algebraic.is_empty() {
             return Err(ExpressionProblem::NotListed.at("algebraic"));
         }
-        self.unrolled(|plain| {
-            let Parsed { graph, derivatives, .. } = plain.parse(&[])?;
-            Ok(Listing::new(&graph, &derivatives))
-        })
+        self.unrolled(|plain| Ok(of(&plain.parse(varying)?)))
     }
 }
 
@@ -117,7 +132,7 @@ mod tests {
                 "derivatives": {"x": "a*a + exp(u)"}}"#,
         )
         .unwrap();
-        let listing = equations.listing().unwrap();
+        let listing = equations.listing(&[]).unwrap();
         let expected = [
             Instruction::Variable(0),
             Instruction::Variable(1),
@@ -129,5 +144,13 @@ mod tests {
         ];
         assert_eq!(listing.instructions, expected);
         assert_eq!(listing.results, [6]);
+        let mut equations = equations;
+        equations.parameters.insert("k".to_owned(), 2.0);
+        equations.derivatives.insert("x".to_owned(), "k*x".to_owned());
+        let of = |listing: Listing| listing.instructions;
+        let two = [Instruction::Variable(0), Instruction::Constant(2.0), Instruction::Mul(0, 1)];
+        assert_eq!(of(equations.listing(&[]).unwrap()), two);
+        let free = [Instruction::Variable(0), Instruction::Variable(2), Instruction::Mul(1, 0)];
+        assert_eq!(of(equations.listing(&["k"]).unwrap()), free);
     }
 }

@@ -88,4 +88,5 @@ pub use segment::Segment;
 pub use solution::Solution;
 pub use stage_cost::{QuadBlock, StageCost, StagePoint};
 pub use tracked::Tracked;
+pub use units::ProblemUnits;
 pub use weights::{PerStage, Weight, Weights};

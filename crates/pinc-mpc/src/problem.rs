@@ -2,7 +2,7 @@
 
 use crate::cost::Cost;
 use crate::error::{check_finite, check_numbers, check_range};
-use crate::units::Units;
+use crate::units::{ProblemUnits, Units};
 use crate::{Bounds, Constraints, MpcError, Softness, Tracked, Weights};
 use pinc_ode::Dims;
 use pinc_qp::OcpDims;
@@ -130,15 +130,15 @@ impl NmpcProblem {
         self.constraint_softness.validate("constraint_softness", rows)
     }
 
-    /// Whether the optimisation computes in the units of the plant, since bounds, sizes and weights
-    /// are ordinary numbers. (A state or an input without bounds may be seen to be large later.)
+    /// The units in which the optimisation computes, by bounds, sizes and weights. (The unit of a
+    /// state or an input without bounds is 1 until it is seen to be large.)
     #[must_use]
-    pub fn is_of_ordinary_size(&self, dims: Dims) -> bool {
+    pub fn units(&self, dims: Dims) -> ProblemUnits {
         let dims = self.ocp_dims(dims);
         let cost = Cost::new(self, dims);
         let mut units = Units::new(self, dims);
         units.choose_cost(&cost.state_hessians(), &cost.increment_hessians());
-        units.is_identity()
+        units.of_problem()
     }
 
     /// The sizes of the problem with a model of dimensions `dims`.

@@ -36,6 +36,20 @@ pub(crate) struct Units {
     unknown: [Vec<bool>; 2],
 }
 
+/// Units of the plant's quantities, in those of the plant: powers of 2, and 1 for quantities of
+/// ordinary size.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ProblemUnits {
+    /// Of the states.
+    pub states: Vec<f64>,
+    /// Of the inputs.
+    pub inputs: Vec<f64>,
+    /// Of the outputs that are bounded; empty where none are.
+    pub outputs: Vec<f64>,
+    /// Of the cost.
+    pub cost: f64,
+}
+
 impl Units {
     pub(crate) fn new(problem: &NmpcProblem, dims: OcpDims) -> Self {
         let states = match &problem.state_sizes {
@@ -64,6 +78,16 @@ impl Units {
                 .map(|sizes| sizes.iter().map(|size| *size <= 0.0).collect()),
             x,
             u,
+        }
+    }
+
+    pub(crate) fn of_problem(&self) -> ProblemUnits {
+        let general = self.rows.len() - self.dims.outputs;
+        ProblemUnits {
+            states: self.x.clone(),
+            inputs: self.u.clone(),
+            outputs: self.rows[general..].to_vec(),
+            cost: self.cost,
         }
     }
 

@@ -45,6 +45,7 @@ mod simulator;
 mod sparse;
 mod trajectory;
 mod variable;
+mod with_outputs;
 
 pub use accurate::AccurateIntegrator;
 pub use black_box::{BlackBox, Differences, Flow};
@@ -61,3 +62,4 @@ pub use simulator::Simulator;
 pub use sparse::{SparseFunction, SparsePlant, SparsityPattern, Tableau, sparse_runge_kutta};
 pub use trajectory::Trajectory;
 pub use variable::Variable;
+pub use with_outputs::WithOutputs;

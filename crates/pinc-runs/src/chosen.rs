@@ -27,8 +27,10 @@ pub(super) struct Chosen<'e> {
     /// The plant that the model is of, and the p of the model.
     pub(super) plant: Box<dyn DynPlant>,
     pub(super) parameters: Vec<f64>,
+    /// The names of these.
+    pub(super) parameter_names: Vec<String>,
     /// The places of those that are estimated.
-    estimated: Vec<usize>,
+    pub(super) estimated: Vec<usize>,
     truth: Box<dyn DynPlant>,
 }
 
@@ -78,7 +80,18 @@ impl<'e> Chosen<'e> {
         let sample_time_s = sample_time_s.ok_or_else(|| missing("model"))?;
         let plant = experiment.plant.family(&names);
         let truth = experiment.plant.dyn_plant();
-        Ok(Self { spec, kind, given, sample_time_s, plant, parameters, estimated, truth })
+        let parameter_names = names.into_iter().map(str::to_owned).collect();
+        Ok(Self {
+            spec,
+            kind,
+            given,
+            sample_time_s,
+            plant,
+            parameters,
+            parameter_names,
+            estimated,
+            truth,
+        })
     }
 
     /// The net, where that is the model.

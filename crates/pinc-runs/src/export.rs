@@ -7,8 +7,8 @@ use crate::RunError;
 use pinc_config::{EstimatorKind, Experiment, ModelKind, Variables};
 use pinc_estimate::{Augmentation, Tuning};
 use pinc_export::{
-    Controller, Estimation, ExportError, Filter, FmiVersion, GeneratedFile, ModelSource, Name,
-    Origin, Precision, Rk4Model, net_to_onnx,
+    Controller, Estimation, ExplicitMethod, ExportError, Filter, FmiVersion, GeneratedFile,
+    ModelSource, Name, Origin, Precision, RungeKuttaModel, net_to_onnx,
 };
 use pinc_expr::Equations;
 use pinc_mpc::NmpcProblem;
@@ -98,18 +98,28 @@ pub fn export_controller(
         let own = chosen.spec.parameters.clone();
         Equations { parameters: equations.parameters.into_iter().chain(own).collect(), ..equations }
     });
-    let setup = chosen.setup();
+    let (setup, estimated) = (chosen.setup(), &chosen.estimated);
     if chosen.spec.stages_s.is_some() {
         return Err(RunError::ExportedStages { name: experiment.name.clone() });
     }
-    let source = match (chosen.kind, chosen.net(), &equations) {
-        (ModelKind::Pinc, Some(net), _) => ModelSource::Net(net),
-        (ModelKind::Rk4, _, Some(equations)) => ModelSource::Rk4(Rk4Model {
-            equations,
-            sample_time_s: chosen.sample_time_s,
-            substeps: chosen.spec.rk4_substeps,
-        }),
-        (kind, _, _) => {
+    let method = match chosen.kind {
+        ModelKind::Rk4 => Some((ExplicitMethod::Rk4, chosen.spec.rk4_substeps)),
+        ModelKind::Rk5 => Some((ExplicitMethod::Rk5, chosen.spec.rk5_substeps)),
+        _ => None,
+    };
+    let source = match (chosen.net(), &equations, method) {
+        (Some(net), _, None) => ModelSource::Net(net),
+        (_, Some(equations), Some((method, substeps))) => {
+            ModelSource::RungeKutta(RungeKuttaModel {
+                equations,
+                parameters: if estimated.is_empty() { &[] } else { &chosen.parameter_names },
+                method,
+                sample_time_s: chosen.sample_time_s,
+                substeps,
+            })
+        }
+        _ => {
+            let kind = chosen.kind;
             let plant = experiment.plant.name();
             return Err(RunError::NotExportable { plant, model: kind.name() });
         }
@@ -119,11 +129,12 @@ pub fn export_controller(
     let origin = origin(&content, &*plant);
     let controller = Controller {
         problem: &NmpcProblem {
-            parameters: vec![0.0; estimating.as_ref().map_or(0, |of| of.disturbances)],
+            parameters: estimating.as_ref().map_or_else(Vec::new, |of| of.unknowns.clone()),
             ..setup.problem()
         },
         config: &chosen.spec.sqp,
         model: source,
+        equations: equations.as_ref(),
         initial_state: &chosen.spec.initial_state,
         reference: &setup.reference()?,
         estimator: estimating.as_ref().map(Estimating::estimation),
@@ -146,7 +157,8 @@ struct Estimating {
     filter: Filter,
     augmentation: Augmentation,
     tuning: Tuning,
-    disturbances: usize,
+    /// The disturbances and parameters before there is an estimate.
+    unknowns: Vec<f64>,
 }
 
 impl Estimating {
@@ -154,9 +166,6 @@ impl Estimating {
     fn of(chosen: &Chosen<'_>) -> Result<Option<Self>, RunError> {
         let Some(spec) = &chosen.spec.estimator else { return Ok(None) };
         let refuse = |feature, instead| Err(ExportError::Feature { feature, instead }.into());
-        if !spec.parameters.is_empty() {
-            return refuse("estimated parameters", "disturbances");
-        }
         let filter = match spec.kind {
             EstimatorKind::Ekf => Filter::Extended,
             EstimatorKind::Ukf => Filter::Unscented,
@@ -164,9 +173,17 @@ impl Estimating {
         };
         let measurement = chosen.spec.measurement.clone().unwrap_or_default();
         let variables = Variables::of(&*chosen.plant);
-        let augmentation = spec.augmentation(&measurement, &variables, (&[], &[]));
-        let disturbances = augmentation.unknowns(variables.dims());
-        Ok(Some(Self { filter, augmentation, tuning: spec.tuning(), disturbances }))
+        // Parameters that are not estimated are constants of the model.
+        let parameters: (&[f64], &[usize]) = match chosen.estimated.is_empty() {
+            true => (&[], &[]),
+            false => (&chosen.parameters, &chosen.estimated),
+        };
+        let augmentation = spec.augmentation(&measurement, &variables, parameters);
+        let mut unknowns = vec![0.0; augmentation.unknowns(variables.dims())];
+        let first = unknowns.len() - parameters.1.len();
+        let initial = parameters.1.iter().map(|&place| parameters.0[place]);
+        unknowns[first..].iter_mut().zip(initial).for_each(|(to, value)| *to = value);
+        Ok(Some(Self { filter, augmentation, tuning: spec.tuning(), unknowns }))
     }
 
     fn estimation(&self) -> Estimation<'_> {
@@ -204,7 +221,13 @@ pub fn export_plant(
     })?;
     let name = name.map_or_else(|| Ok(Name::nearest(&experiment.name)), Name::new)?;
     let origin = origin(experiment.to_toml().as_bytes(), &*spec.dyn_plant());
-    let plant = Rk4Model { equations: &equations, sample_time_s, substeps: control.rk4_substeps };
+    let plant = RungeKuttaModel {
+        equations: &equations,
+        parameters: &[],
+        method: ExplicitMethod::Rk4,
+        sample_time_s,
+        substeps: control.rk4_substeps,
+    };
     let start = &control.initial_state;
     let content = pinc_export::plant_to_fmu(plant, start, &name, &origin, version)?;
     write(&[fmu(content, &name, version)?], to, &name, out)
@@ -218,6 +241,7 @@ fn origin(content: &[u8], plant: &dyn DynPlant) -> Origin {
         hash: hash(content),
         states: variables.states,
         inputs: variables.inputs,
+        outputs: variables.outputs,
     }
 }
 

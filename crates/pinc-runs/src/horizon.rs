@@ -1,13 +1,12 @@
 //! The controller of a loop: a model for each length of stage that the horizon has.
 
 use super::control::LoopSetup;
-use super::with_outputs::WithOutputs;
 use crate::RunError;
 use pinc_config::{ModelKind, Variables};
 use pinc_estimate::Compensated;
 use pinc_mpc::{Nmpc, NmpcProblem};
 use pinc_net::{NetError, PincModel};
-use pinc_ode::{Differences, DynPlant, Model};
+use pinc_ode::{Differences, DynPlant, Model, WithOutputs};
 
 impl LoopSetup<'_> {
     /// The model of a control step.

@@ -2,7 +2,6 @@
 
 use super::columns::rows;
 use super::recorded::{Columns, DataRow};
-use super::with_outputs::WithOutputs;
 use super::{Options, rebuild_report};
 use crate::RunError;
 use crate::error::CsvProblem;
@@ -13,7 +12,7 @@ use pinc_identify::{
     identify as fit,
 };
 use pinc_net::{PincModel, PincNet};
-use pinc_ode::{DynPlant, Model};
+use pinc_ode::{DynPlant, Model, WithOutputs};
 use pinc_record::{
     CorrelationMetrics, EstimateMetrics, IdentificationMetrics, InitialStateMetrics,
     ParameterMetrics, Provenance, ResidualMetrics, ResidualRow, ResidualTable, RunDir, WorkMetrics,

@@ -41,7 +41,6 @@ mod single_step;
 mod train;
 mod train_watched;
 mod trial;
-mod with_outputs;
 
 pub use check::check;
 pub use chosen::ModelFile;

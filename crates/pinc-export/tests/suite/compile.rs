@@ -52,6 +52,22 @@ const KNOWN: [&str; 28] = [
     "_GLOBAL_OFFSET_TABLE_",
 ];
 
+/// For drivers of controllers `ctl`: reads numbers; 0 at the end of the input.
+pub(crate) const READ: &str = r#"
+static int read(CTL_REAL *to, int count)
+{
+    int i;
+    for (i = 0; i < count; i++) {
+        double v;
+        if (scanf("%lf", &v) != 1) {
+            return 0;
+        }
+        to[i] = (CTL_REAL)v;
+    }
+    return 1;
+}
+"#;
+
 /// Generated files in a directory.
 pub(crate) struct Sources {
     dir: TempDir,

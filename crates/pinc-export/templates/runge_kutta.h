@@ -1,6 +1,6 @@
 @BANNER@
-#ifndef PINC_RK4_H
-#define PINC_RK4_H
+#ifndef PINC_RUNGE_KUTTA_H
+#define PINC_RUNGE_KUTTA_H
 
 #ifdef __cplusplus
 extern "C" {
@@ -11,27 +11,27 @@ extern "C" {
 #define PINC_NX @NX@
 /** Number of inputs. */
 #define PINC_NU @NU@
-/** Length T of a step, in s. */
+@PARAMETERS@/** Length T of a step, in s. */
 #define PINC_SAMPLE_TIME_S @T@
 
 /** The time derivative of the state x under the input u. */
-void pinc_rk4_derivative(const PINC_REAL x[PINC_NX], const PINC_REAL u[PINC_NU],
+void pinc_@RK@_derivative(const PINC_REAL x[PINC_NX], const PINC_REAL u[@WIDTH@],
                          PINC_REAL dx[PINC_NX]);
 
 /**
  * The state after T seconds from the state x under the constant input u.
  * The arrays must not overlap.
  */
-void pinc_rk4_step(const PINC_REAL x[PINC_NX], const PINC_REAL u[PINC_NU],
+void pinc_@RK@_step(const PINC_REAL x[PINC_NX], const PINC_REAL u[@WIDTH@],
                    PINC_REAL next[PINC_NX]);
 
 /**
  * The same with its Jacobians, row by row: a[i * PINC_NX + k] is the derivative of next[i] by
- * x[k], b[i * PINC_NU + k] that by u[k].
+ * x[k], b[i * @WIDTH@ + k] that by u[k].
  */
-void pinc_rk4_linearize(const PINC_REAL x[PINC_NX], const PINC_REAL u[PINC_NU],
+void pinc_@RK@_linearize(const PINC_REAL x[PINC_NX], const PINC_REAL u[@WIDTH@],
                         PINC_REAL next[PINC_NX], PINC_REAL a[PINC_NX * PINC_NX],
-                        PINC_REAL b[PINC_NX * PINC_NU]);
+                        PINC_REAL b[PINC_NX * @WIDTH@]);
 
 #ifdef __cplusplus
 }

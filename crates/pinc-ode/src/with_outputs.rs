@@ -1,17 +1,18 @@
-//! A net as the model of a plant that has outputs of its own.
+//! A model of the states with outputs of its own.
 
-use pinc_ode::{Dims, Linearization, Model, OutputLinearization, Stages};
+use crate::{Dims, Linearization, Model, OutputLinearization, Stages};
 
-/// A model of the states, with the outputs of the plant's own equation.
+/// A model of the states, as a net is one, with the outputs y = h(x, u, p) of the plant's own
+/// equation.
 #[derive(Debug)]
-pub(super) struct WithOutputs<M> {
+pub struct WithOutputs<M> {
     states: M,
     outputs: Box<dyn Model>,
 }
 
 impl<M: Model> WithOutputs<M> {
-    /// `states` with the outputs of `outputs`, which is of the same states and inputs.
-    pub(super) fn new(states: M, outputs: Box<dyn Model>) -> Self {
+    /// `states` with the outputs of `outputs`, which is of the same states, inputs and parameters.
+    pub fn new(states: M, outputs: Box<dyn Model>) -> Self {
         Self { states, outputs }
     }
 }

@@ -1,0 +1,77 @@
+//! The parameters of a model that an estimator finds: arguments of the generated code.
+
+use crate::template::Template;
+use pinc_estimate::Augmentation;
+use pinc_expr::Equations;
+use pinc_net::FoldedNet;
+
+/// Which of a model's parameters are arguments of the generated one, behind the inputs, and the
+/// values of the others, which become constants.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Open<'a> {
+    /// p
+    values: &'a [f64],
+    /// The places in it of those that are arguments, in the order of these.
+    estimated: &'a [usize],
+}
+
+impl<'a> Open<'a> {
+    /// Those that are estimated.
+    pub(crate) fn of(augmentation: &'a Augmentation) -> Self {
+        Self { values: &augmentation.parameters, estimated: &augmentation.estimated }
+    }
+
+    /// How many are arguments.
+    pub(crate) fn count(self) -> usize {
+        self.estimated.len()
+    }
+
+    /// Their values before there is an estimate.
+    pub(crate) fn initial(self) -> impl Iterator<Item = f64> {
+        self.estimated.iter().map(move |&place| self.values[place])
+    }
+
+    /// The equations with the others fixed, of the parameters `names`; and those that are
+    /// arguments.
+    pub(crate) fn equations<'n>(
+        self,
+        equations: &Equations,
+        names: &'n [String],
+    ) -> (Equations, Vec<&'n str>) {
+        let mut fixed = equations.clone();
+        let named = names.iter().cloned().zip(self.values.iter().copied());
+        fixed.parameters.extend(named);
+        (fixed, self.estimated.iter().map(|&place| names[place].as_str()).collect())
+    }
+
+    /// The net with the others in its biases, of a net whose inputs are `before` numbers and then
+    /// its parameters.
+    pub(crate) fn fold(self, net: &mut FoldedNet, before: usize) {
+        let first = &mut net.layers[0];
+        for (row, bias) in first.weights.iter_mut().zip(&mut first.bias) {
+            let parameters = row.split_off(before);
+            for (place, (weight, value)) in parameters.iter().zip(self.values).enumerate() {
+                if !self.estimated.contains(&place) {
+                    *bias += weight * value;
+                }
+            }
+            row.extend(self.estimated.iter().map(|&place| parameters[place]));
+        }
+    }
+
+    /// Fills how wide the argument u of the model is.
+    pub(crate) fn set(self, t: &mut Template) {
+        let count = self.count();
+        let (width, defines) = match count {
+            0 => ("PINC_NU", String::new()),
+            _ => (
+                "(PINC_NU + PINC_NP)",
+                format!(
+                    "/** Number of parameters, which follow the inputs in the argument u. */\n\
+                     #define PINC_NP {count}\n"
+                ),
+            ),
+        };
+        t.set("WIDTH", width).set("PARAMETERS", defines);
+    }
+}

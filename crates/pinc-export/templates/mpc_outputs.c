@@ -1,0 +1,138 @@
+/* ---- Outputs of the plant ------------------------------------------------------------------- */
+
+/* The outputs, in their units, and their Jacobians by state and input. */
+static void pinc_seen_outputs(const pinc_mpc *m, const PINC_REAL *x, const PINC_REAL *u,
+                              PINC_REAL *y, PINC_REAL *c, PINC_REAL *d)
+{
+    PINC_REAL inner_x[PINC_NX];
+    PINC_REAL inner_u[PINC_NU + PINC_NP];
+    PINC_REAL inner_d[PINC_NO * (PINC_NU + PINC_NP)];
+    int i;
+    int k;
+    pinc_arguments(m, x, u, inner_x, inner_u);
+    pinc_outputs_linearize(inner_x, inner_u, y, c, inner_d);
+#if PINC_DISTURBED_OUTPUTS
+    for (i = 0; i < PINC_ND; i++) {
+        if (pinc_place[i] >= PINC_NX) {
+            y[pinc_place[i] - PINC_NX] += m->unknown[i];
+        }
+    }
+#endif
+    for (i = 0; i < PINC_NO; i++) {
+        for (k = 0; k < PINC_NX; k++) {
+            c[(i * PINC_NX) + k] *= PINC_X_UNIT(k);
+        }
+        for (k = 0; k < PINC_NU; k++) {
+            d[(i * PINC_NU) + k] = inner_d[(i * (PINC_NU + PINC_NP)) + k] * PINC_U_UNIT(k);
+        }
+    }
+}
+
+#if PINC_OUTPUT_ROWS > 0
+/* What is left of the bounds on outputs at stage j, and their rows. */
+static void pinc_limit_outputs(pinc_qp *qp, int j, const PINC_REAL *y, const PINC_REAL *c,
+                               const PINC_REAL *d)
+{
+    int i;
+    int k;
+    for (i = 0; i < PINC_OUTPUT_ROWS; i++) {
+        const int o = pinc_output_number[i];
+        const PINC_REAL unit = pinc_output_unit[i];
+        if (pinc_output_stage[i] != j) {
+            continue;
+        }
+        qp->output_low[i] = (pinc_output_low[i] - y[o]) / unit;
+        qp->output_high[i] = (pinc_output_high[i] - y[o]) / unit;
+        for (k = 0; k < PINC_NX; k++) {
+            qp->output_x[(i * PINC_NX) + k] = c[(o * PINC_NX) + k] / unit;
+        }
+        for (k = 0; k < PINC_NU; k++) {
+            qp->output_u[(i * PINC_NU) + k] = d[(o * PINC_NU) + k] / unit;
+        }
+    }
+}
+#endif
+
+#if PINC_TRACKS_OUTPUTS
+/* Tracking at stage j, after Gauss and Newton: with the Jacobian (C D) of what is tracked, adds
+   (C D)'Q(C D) to the Hessian and (C D)'Q e to the gradient. Gives its part of the cost, twice. */
+static PINC_REAL pinc_track_outputs(const PINC_REAL *x, const PINC_REAL *reference, int j,
+                                    const PINC_REAL *y, const PINC_REAL *c, const PINC_REAL *d,
+                                    pinc_qp *qp)
+{
+    const PINC_REAL *weight = pinc_q + (j * PINC_NY * PINC_NY);
+    const int acting = pinc_acting(j + 1);
+    PINC_REAL row[PINC_NY][PINC_NX + PINC_NU];
+    PINC_REAL weighted[PINC_NX + PINC_NU];
+    PINC_REAL error[PINC_NY];
+    PINC_REAL twice = PINC_N(0);
+    int i;
+    int k;
+    int v;
+    for (i = 0; i < PINC_NY; i++) {
+        const int o = pinc_tracked[i] - PINC_NX;
+        if (o < 0) {
+            pinc_fill(row[i], PINC_N(0), PINC_NX + PINC_NU);
+            row[i][pinc_tracked[i]] = PINC_X_UNIT(pinc_tracked[i]);
+            error[i] = (x[pinc_tracked[i]] * PINC_X_UNIT(pinc_tracked[i])) - reference[i];
+        } else {
+            pinc_copy(row[i], c + (o * PINC_NX), PINC_NX);
+            pinc_copy(row[i] + PINC_NX, d + (o * PINC_NU), PINC_NU);
+            error[i] = y[o] - reference[i];
+        }
+    }
+    for (i = 0; i < PINC_NY; i++) {
+        PINC_REAL force = PINC_N(0);
+        pinc_fill(weighted, PINC_N(0), PINC_NX + PINC_NU);
+        for (k = 0; k < PINC_NY; k++) {
+            pinc_add_scaled(weighted, weight[(i * PINC_NY) + k], row[k], PINC_NX + PINC_NU);
+            force += weight[(i * PINC_NY) + k] * error[k];
+        }
+        twice += force * error[i];
+        pinc_add_scaled(qp->gradient + (j * PINC_NX), error[i], weighted, PINC_NX);
+        pinc_add_scaled(qp->gradient + (PINC_STATES + (acting * PINC_NU)), error[i],
+                        weighted + PINC_NX, PINC_NU);
+        for (v = 0; v < PINC_NX; v++) {
+            pinc_add_scaled(qp->q + (((j * PINC_NX) + v) * PINC_NX), row[i][v], weighted, PINC_NX);
+        }
+        for (v = 0; v < PINC_NU; v++) {
+            const PINC_REAL factor = row[i][PINC_NX + v];
+            pinc_add_scaled(qp->s + (((j * PINC_NU) + v) * PINC_NX), factor, weighted, PINC_NX);
+            pinc_add_scaled(qp->t + (((acting * PINC_NU) + v) * PINC_NU), factor,
+                            weighted + PINC_NX, PINC_NU);
+        }
+    }
+    return twice;
+}
+#endif
+
+/* All of this along a plan; gives the part of the cost, twice. */
+static PINC_REAL pinc_follow_outputs(const pinc_mpc *m, const PINC_REAL *z,
+                                     const PINC_REAL *reference, pinc_qp *qp)
+{
+    PINC_REAL twice = PINC_N(0);
+    int j;
+#if PINC_TRACKS_OUTPUTS
+    pinc_fill(qp->q, PINC_N(0), PINC_STATES * PINC_NX);
+    pinc_fill(qp->s, PINC_N(0), PINC_N2 * PINC_NU * PINC_NX);
+    pinc_fill(qp->t, PINC_N(0), PINC_INPUTS * PINC_NU);
+#else
+    (void)reference;
+#endif
+    for (j = 0; j < PINC_N2; j++) {
+        const PINC_REAL *x = z + (j * PINC_NX);
+        const PINC_REAL *u = z + (PINC_STATES + (pinc_acting(j + 1) * PINC_NU));
+        PINC_REAL y[PINC_NO];
+        PINC_REAL c[PINC_NO * PINC_NX];
+        PINC_REAL d[PINC_NO * PINC_NU];
+        pinc_seen_outputs(m, x, u, y, c, d);
+#if PINC_OUTPUT_ROWS > 0
+        pinc_limit_outputs(qp, j, y, c, d);
+#endif
+#if PINC_TRACKS_OUTPUTS
+        twice += pinc_track_outputs(x, reference + (j * PINC_NY), j, y, c, d, qp);
+#endif
+    }
+    return twice;
+}
+
