@@ -351,5 +351,5 @@ fn the_size_of_the_net_against_that_of_the_plant() {
     assert_found(&usual, Fact, "model", "3 layers of 20 neurons (982 weights) are usual");
     assert!(usual.iter().all(|f| f.severity == Fact), "{usual:?}");
     assert_found(&net(2, 1), Warning, "model.neurons", "1 neurons for 2 states are too few");
-    assert_found(&net(8, 64), Warning, "model", "29506 weights are far more than");
+    assert_found(&net(8, 64), Warning, "model", "29570 weights are far more than");
 }
