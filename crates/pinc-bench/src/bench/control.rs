@@ -31,7 +31,15 @@ pub(super) fn run(case: Case, effort: &Effort, report: &mut BenchReport) -> Resu
     let (papers, run_dir) =
         trained(&experiment, |e, dir, options| crate::control(e, dir, options, None, None))?;
     let system = experiment.plant.dyn_plant();
-    let steps = model::run(case, &*system, small.net.domain(), &[&small, &papers], effort)?;
+    let text = experiment.plant.equations().and_then(|equations| equations.compile().ok());
+    let text = text.map(|plant| plant.into_dyn());
+    let steps = model::run(
+        case,
+        (&*system, text.as_deref()),
+        small.net.domain(),
+        &[&small, &papers],
+        effort,
+    )?;
     for metrics in &run_dir.metrics().control {
         report.nmpc.push(nmpc(case, &experiment, metrics));
     }

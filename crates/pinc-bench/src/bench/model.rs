@@ -19,10 +19,11 @@ pub(super) struct Trained {
     pub(super) seconds: f64,
 }
 
-/// Measures the models of a plant: Runge-Kutta by substeps, then `nets`.
+/// Measures the models of a plant: Runge-Kutta by substeps, then `nets`, then Runge-Kutta on the
+/// same plant as text, if there is one.
 pub(super) fn run(
     case: Case,
-    plant: &dyn DynPlant,
+    (plant, text): (&dyn DynPlant, Option<&dyn DynPlant>),
     domain: &Domain,
     nets: &[&Trained],
     effort: &Effort,
@@ -34,6 +35,7 @@ pub(super) fn run(
         model: "rk4",
         layers: None,
         substeps: None,
+        as_text: false,
         trained_s: None,
         forward_ns: steps.forward_ns(model, effort.model_s),
         forward_jacobian_ns: steps.forward_jacobian_ns(model, 1, effort.model_s),
@@ -48,6 +50,10 @@ pub(super) fn run(
         let row = row(&mut PincModel::new(net)?);
         let (layers, trained_s) = (Some(super::kernel::size(net)), Some(*seconds));
         rows.push(ModelStep { model: "pinc", layers, trained_s, ..row });
+    }
+    for (substeps, text) in SUBSTEPS.into_iter().flat_map(|n| text.map(|text| (n, text))) {
+        let row = row(&mut *text.rk4(sample_time_s, substeps));
+        rows.push(ModelStep { substeps: Some(substeps), as_text: true, ..row });
     }
     Ok(rows)
 }

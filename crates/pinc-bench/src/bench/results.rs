@@ -141,6 +141,9 @@ pub struct ModelStep {
     /// Substeps of the Runge-Kutta method.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub substeps: Option<usize>,
+    /// Whether the equation is interpreted text and not compiled.
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    pub as_text: bool,
     /// How long a net was trained, in s.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub trained_s: Option<f64>,

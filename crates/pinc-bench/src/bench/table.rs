@@ -55,19 +55,22 @@ impl BenchReport {
         writeln!(f, "\none step of a model")?;
         writeln!(
             f,
-            "{:<12} {:<10} {:>10} {:>15} {:>12}  trained",
+            "{:<12} {:<13} {:>10} {:>15} {:>12}  trained",
             "plant", "model", "forward", "with Jacobians", "rms error"
         )?;
         for row in &self.model_step {
             let detail = match (&row.layers, row.substeps) {
                 (Some(layers), _) => format!("{} {layers}", row.model),
-                (None, Some(substeps)) => format!("{} x{substeps}", row.model),
+                (None, Some(substeps)) => {
+                    let text = if row.as_text { " text" } else { "" };
+                    format!("{} x{substeps}{text}", row.model)
+                }
                 (None, None) => row.model.to_owned(),
             };
             let trained = row.trained_s.map_or_else(String::new, |s| format!("{s:.1} s"));
             writeln!(
                 f,
-                "{:<12} {:<10} {:>7.0} ns {:>12.0} ns {:>12.1e}  {trained}",
+                "{:<12} {:<13} {:>7.0} ns {:>12.0} ns {:>12.1e}  {trained}",
                 row.plant, detail, row.forward_ns, row.forward_jacobian_ns, row.one_step_rms
             )?;
         }

@@ -68,6 +68,11 @@ fn both_plants_are_measured_with_both_models_and_all_instruction_sets() {
         let plants = column(&report, list, "plant");
         assert!(plants.contains(&"van-der-pol") && plants.contains(&"four-tanks"), "{list}");
     }
+    let of_text = |row: &&Value| row["as_text"] == true;
+    let text = report["model_step"].as_array().unwrap().iter().filter(of_text);
+    for plant in ["van-der-pol", "four-tanks"] {
+        assert!(text.clone().any(|row| row["plant"] == plant && row["model"] == "rk4"), "{plant}");
+    }
     let models = column(&report, "nmpc", "model");
     assert_eq!(models, ["pinc", "rk4", "pinc", "rk4"]);
     let measured = column(&report, "loss_gradient", "isa");

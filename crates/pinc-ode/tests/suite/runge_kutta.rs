@@ -3,10 +3,10 @@
 use crate::common::{Oscillator, distance, flows, log_slope};
 use pinc_ad::{Dual, Scalar, central_difference};
 use pinc_ode::{
-    Classical, Dopri5, DormandPrince, Linearization, Method, Model, Plant, Rk4, Rk5, RungeKutta,
-    Stages, Variable,
+    Classical, Dopri5, DormandPrince, Linearization, LinearizationBuffer, Method, Model, Plant,
+    Rk4, Rk5, RungeKutta, Stages, Variable,
 };
-use pinc_plants::{FourTanks, OneTank, VanDerPol};
+use pinc_plants::{AcetoneColumn, AcetoneStill, FourTanks, OneTank, VanDerPol};
 use proptest::prelude::*;
 use proptest::test_runner::{FileFailurePersistence, TestRunner};
 
@@ -309,4 +309,66 @@ fn what_is_no_method_is_a_programming_error() {
         let build = || Rk4::new(VanDerPol::default(), sample_time_s, substeps);
         assert!(std::panic::catch_unwind(build).is_err(), "{sample_time_s} {substeps}");
     }
+}
+
+/// A plant with a long equation, however many points there are: wide vectors, narrow ones and parts
+/// of both give the step that dual numbers give, each point by itself.
+fn check_long<P: Plant>(plant: P, x: &[f64], u: &[f64]) {
+    let (nx, nu) = (x.len(), u.len());
+    let mut model = Rk4::new(plant.clone(), 10.0, 2);
+    let moved = |values: &[f64], k: usize| -> Vec<f64> {
+        let by = 1.0 + 0.01 * f64::from(u8::try_from(k).expect("few points"));
+        values.iter().map(|v| v * by).collect()
+    };
+    for count in [1, 3, 4, 5, 8, 9, 13, 20] {
+        let all_x: Vec<f64> = (0..count).flat_map(|k| moved(x, k)).collect();
+        let all_u: Vec<f64> = (0..count).flat_map(|k| moved(u, k)).collect();
+        let mut to = LinearizationBuffer::new(model.dims(), count);
+        model.linearize(Stages { x: &all_x, u: &all_u, p: &[] }, to.as_mut());
+        for k in 0..count {
+            let at = [moved(x, k), moved(u, k)].concat();
+            let variables: Vec<_> =
+                at.iter().enumerate().map(|(j, &v)| Dual::variable(v, j)).collect();
+            let mut expected = vec![Dual::lift(0.0); nx];
+            by_hand(&plant, &variables, nx, &mut expected);
+            let Linearization { next, a, b, .. } = to.as_mut();
+            for (i, expected) in expected.iter().enumerate() {
+                let row = k * nx + i;
+                assert!((next[row] - expected.re).abs() < 1e-12, "{count}, {k}, {i}");
+                let found = a[row * nx..][..nx].iter().chain(&b[row * nu..][..nu]);
+                for (found, expected) in found.zip(expected.eps) {
+                    assert!((found - expected).abs() < 1e-11, "{count}, {k}, {i}: {found}");
+                }
+            }
+            let mut alone = vec![0.0; nx];
+            model.step(&at[..nx], &at[nx..], &[], &mut alone);
+            for (alone, expected) in alone.iter().zip(&expected) {
+                assert!((alone - expected.re).abs() < 1e-12, "{k}: {alone}, {}", expected.re);
+            }
+        }
+    }
+}
+
+/// Two substeps of 5 s of RK4, as they are written in textbooks.
+fn by_hand<P: Plant>(plant: &P, at: &[Dual<f64, 8>], nx: usize, next: &mut [Dual<f64, 8>]) {
+    let (x, u) = at.split_at(nx);
+    next.copy_from_slice(x);
+    for _ in 0..2 {
+        let begin = next.to_vec();
+        let mut stage = begin.clone();
+        for [weight, length] in [[1.0, 0.5], [2.0, 0.5], [2.0, 1.0], [1.0, 0.0]] {
+            let mut k = stage.clone();
+            plant.rhs(&stage, u, &[], &mut k);
+            for i in 0..nx {
+                stage[i] = begin[i] + k[i] * (5.0 * length);
+                next[i] = next[i] + k[i] * (5.0 * weight / 6.0);
+            }
+        }
+    }
+}
+
+#[test]
+fn plants_with_long_equations() {
+    check_long(AcetoneStill::default(), &[0.15, 0.25], &[4.0, 100.0]);
+    check_long(AcetoneColumn::default(), &[0.1, 0.7, 0.4, 0.3, 0.6, 0.1], &[3.0, 120.0]);
 }
