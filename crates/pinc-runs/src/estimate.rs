@@ -33,7 +33,10 @@ pub struct Estimated {
 impl fmt::Display for Estimated {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { rows, nis_mean, measured, refused, step_us, rmse } = self;
-        write!(f, "{rows} rows; NIS {nis_mean:.3}, consistent would be {measured}; {step_us:.2} us a step")?;
+        write!(
+            f,
+            "{rows} rows; NIS {nis_mean:.3}, consistent would be {measured}; {step_us:.2} us a step"
+        )?;
         if *refused > 0 {
             write!(f, "; {refused} corrections did not succeed")?;
         }
@@ -105,11 +108,7 @@ pub fn estimate(
     Ok(Estimated { refused, step_us: StepTimes::of(step_us).p50, ..summary })
 }
 
-fn summary(
-    table: &EstimateTable,
-    squared: Option<Vec<f64>>,
-    variables: &Variables,
-) -> Estimated {
+fn summary(table: &EstimateTable, squared: Option<Vec<f64>>, variables: &Variables) -> Estimated {
     let nis: Vec<f64> = table.rows.iter().map(|row| row.nis).filter(|v| !v.is_nan()).collect();
     #[expect(clippy::cast_precision_loss, reason = "no file has 2^53 rows")]
     let (used, rows) = (nis.len() as f64, table.rows.len() as f64);

@@ -336,7 +336,9 @@ fn check_asks_the_plant_of_the_loop() {
     assert!(said.contains(place) && said.contains("is no steady state"), "{said}");
     // Worn pumps do not, but weak ones need more than 5 V.
     let pumps = |k: &str| {
-        check(&format!("control.plant={{ four-tanks = {{ parameters = \"antonelo\", pump = {k} }} }}"))
+        check(&format!(
+            "control.plant={{ four-tanks = {{ parameters = \"antonelo\", pump = {k} }} }}"
+        ))
     };
     let said = pumps("[3.1, 3.1]");
     assert!(said.contains("the plant of the loop can hold what that of the models can"), "{said}");

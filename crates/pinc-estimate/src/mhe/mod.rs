@@ -204,20 +204,18 @@ impl Mhe {
                 _ => return (EstimatorStatus::QpFailed, iteration, point.kkt),
             }
             least = least.min(point.kkt);
-            let length = self.programs[steps].length();
+            self.mark_base();
+            if self.programs[steps].length() <= NO_STEP {
+                // There is no better point nearby; the multipliers are those of the solution.
+                let there = self.go(1.0);
+                return (solved(there), iteration + 1, there.kkt);
+            }
             match self.search(point, least) {
                 Some(next) => point = next,
-                // There is no better point nearby.
                 None => return (EstimatorStatus::IterationLimit, iteration + 1, point.kkt),
             }
-            if length <= NO_STEP {
-                return (EstimatorStatus::Updated, iteration + 1, point.kkt);
-            }
         }
-        let is_solved = point.kkt <= TOLERANCE;
-        let status =
-            if is_solved { EstimatorStatus::Updated } else { EstimatorStatus::IterationLimit };
-        (status, ITERATIONS, point.kkt)
+        (solved(point), ITERATIONS, point.kkt)
     }
 
     /// Solves the problem of the window from its states, and, while the window grows and the
@@ -282,9 +280,6 @@ impl Mhe {
     /// then where it was.
     fn search(&mut self, from: Point, least: f64) -> Option<Point> {
         let steps = self.window.steps;
-        self.base.x.copy_from_slice(&self.window.x);
-        self.base.v.copy_from_slice(&self.window.v);
-        self.base_multipliers[steps].copy_from(&self.programs[steps].multipliers);
         let weight = self.programs[steps].penalty();
         let slope = self.programs[steps].slope(from, weight).min(0.0);
         if let Some(part) = self.step_lengths[steps].length(self.programs[steps].direction()) {
@@ -312,6 +307,14 @@ impl Mhe {
 }
 
 impl Mhe {
+    /// Remembers where a step begins.
+    fn mark_base(&mut self) {
+        let steps = self.window.steps;
+        self.base.x.copy_from_slice(&self.window.x);
+        self.base.v.copy_from_slice(&self.window.v);
+        self.base_multipliers[steps].copy_from(&self.programs[steps].multipliers);
+    }
+
     /// Goes a part of the way of the program's solution.
     fn go(&mut self, part: f64) -> Point {
         let steps = self.window.steps;
@@ -327,6 +330,11 @@ impl Mhe {
         self.step_lengths[steps].remember(self.programs[steps].direction(), part);
         there
     }
+}
+
+/// How an iteration that ends at this point has ended.
+fn solved(point: Point) -> EstimatorStatus {
+    if point.kkt <= TOLERANCE { EstimatorStatus::Updated } else { EstimatorStatus::IterationLimit }
 }
 
 /// The numbers of the estimation problem, from the tuning.
