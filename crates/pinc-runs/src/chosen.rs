@@ -29,6 +29,8 @@ pub(super) struct Chosen<'e> {
     pub(super) parameters: Vec<f64>,
     /// The places of those that are estimated.
     estimated: Vec<usize>,
+    /// The places of those that are measured, in the order of the config.
+    pub(super) measured: Vec<usize>,
     truth: Box<dyn DynPlant>,
 }
 
@@ -45,7 +47,8 @@ impl<'e> Chosen<'e> {
         let missing = |section| RunError::MissingSection { name: name(), section, command };
         let spec = experiment.control.as_ref().ok_or_else(|| missing("control"))?;
         if !spec.parameter_schedule.is_empty() {
-            return Err(RunError::WithSchedule { name: name(), command });
+            let key = "control.parameter_schedule";
+            return Err(RunError::WithSchedule { name: name(), command, key });
         }
         let first = spec.models.first().copied().unwrap_or(ModelKind::Rk4);
         let kind = only.unwrap_or(if model.is_some() { ModelKind::Pinc } else { first });
@@ -64,11 +67,13 @@ impl<'e> Chosen<'e> {
             }
             _ => None,
         };
-        // Of a family, a net is taken for the member that the config names, unless an estimator is
-        // to say which one it is; an integrator is asked for it at each call.
+        // Of a family, a net is taken for the member that the config names, unless an estimator or a
+        // measurement is to say which one it is; an integrator is asked for it at each call.
         let LoopParameters { names, values, estimated } = experiment.loop_parameters();
+        let place = |name: &String| names.iter().position(|known| known == name);
+        let measured: Vec<_> = experiment.measured_parameters().iter().filter_map(place).collect();
         let (given, names, parameters) = match given {
-            Some((bytes, net)) if estimated.is_empty() => {
+            Some((bytes, net)) if estimated.is_empty() && measured.is_empty() => {
                 (Some((bytes, net.member(&values))), Vec::new(), Vec::new())
             }
             given => (given, names, values),
@@ -78,7 +83,7 @@ impl<'e> Chosen<'e> {
         let sample_time_s = sample_time_s.ok_or_else(|| missing("model"))?;
         let plant = experiment.plant.family(&names);
         let truth = experiment.plant.dyn_plant();
-        Ok(Self { spec, kind, given, sample_time_s, plant, parameters, estimated, truth })
+        Ok(Self { spec, kind, given, sample_time_s, plant, parameters, estimated, measured, truth })
     }
 
     /// The net, where that is the model.
