@@ -46,8 +46,8 @@ pub fn nets_of_parameters(trials: &[Trial]) -> Option<String> {
     let ranges = ranges.iter().map(|(name, (low, high))| format!("{name} = [{low:?}, {high:?}]"));
     let ranges = ranges.collect::<Vec<_>>().join(", ");
     Some(format!(
-        "{nets} nets for {trials} trials, whose plants differ; with [domain.parameters] {ranges} one \
-         net would serve them all"
+        "{nets} nets for {trials} trials, whose plants differ; with [domain.parameters] {ranges} \
+         one net would serve them all"
     ))
 }
 

@@ -170,8 +170,8 @@ impl LiveController {
         self.guard.as_ref().map_or_else(OutsideDomain::default, |guard| guard.seen().clone())
     }
 
-    /// Takes the values of `control.measured_parameters`, in that order, for what the parameters are
-    /// from now on, and returns those before.
+    /// Takes the values of `control.measured_parameters`, in that order, for what the parameters
+    /// are from now on, and returns those before.
     ///
     /// # Errors
     ///
