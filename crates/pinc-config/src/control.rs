@@ -30,6 +30,9 @@ pub struct ControlSpec {
     /// `[plant]` for the others.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub parameters: BTreeMap<String, f64>,
+    /// Those of them that are measured: the models are told what the plant in the loop has.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub measured_parameters: Vec<String>,
     /// Other values of these in parts of the run: what the controller is told.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub parameter_schedule: Vec<ParameterStep>,

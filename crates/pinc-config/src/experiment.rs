@@ -210,10 +210,19 @@ impl Experiment {
     /// order.
     #[must_use]
     pub fn model_parameters(&self) -> Vec<f64> {
-        let nominal = self.plant.parameters();
+        let (nominal, truth) = (self.plant.parameters(), self.plant_in_the_loop().parameters());
         let own = self.control.as_ref().map(|control| &control.parameters);
-        let value = |name: &str| own.and_then(|own| own.get(name)).or_else(|| nominal.get(name));
+        let measured = self.measured_parameters();
+        let told = |name: &str| truth.get(name).filter(|_| measured.iter().any(|of| of == name));
+        let own = |name: &str| own.and_then(|own| own.get(name));
+        let value = |name: &str| told(name).or_else(|| own(name)).or_else(|| nominal.get(name));
         self.varying().into_iter().filter_map(|name| value(name).copied()).collect()
+    }
+
+    /// The parameters that the controller measures.
+    #[must_use]
+    pub fn measured_parameters(&self) -> &[String] {
+        self.control.as_ref().map_or(&[], |control| &control.measured_parameters)
     }
 
     /// The parameters of the models in the loop: those that vary, and those that an estimator

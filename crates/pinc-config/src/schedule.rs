@@ -63,9 +63,16 @@ impl Experiment {
     /// What the models of the loop are told, of the parameters [`Experiment::varying`].
     #[must_use]
     pub fn model_schedule(&self, sample_time_s: f64) -> Schedule {
-        let changes = self.control.as_ref().map_or(&[][..], |control| &control.parameter_schedule);
+        let Some(control) = &self.control else { return Schedule::default() };
+        let mut changes = control.parameter_schedule.clone();
+        if !control.measured_parameters.is_empty() {
+            changes.clone_from(&control.plant_schedule);
+            for change in &mut changes {
+                change.values.retain(|name, _| control.measured_parameters.contains(name));
+            }
+        }
         let names = self.varying().into_iter().map(str::to_owned).collect();
-        Schedule::of(names, self.model_parameters(), changes, sample_time_s)
+        Schedule::of(names, self.model_parameters(), &changes, sample_time_s)
     }
 
     /// How the plant in the loop changes, of the parameters that do.

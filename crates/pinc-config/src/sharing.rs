@@ -31,17 +31,23 @@ pub fn nets_of_parameters(trials: &[Trial]) -> Option<String> {
     let first = with_net.first().filter(|_| !ranges.is_empty())?;
     let varying = first.experiment.varying();
     let (trials, nets) = (with_net.len(), nets.len());
+    let values = |trial: &&&Trial| format!("{:?}", trial.experiment.plant.parameters());
+    let plants: HashSet<_> = with_net.iter().map(|trial| values(&trial)).collect();
     ranges.retain(|name, _| !varying.contains(&name.as_str()));
     if ranges.is_empty() {
         let count = if nets == 1 { "one net".to_owned() } else { format!("{nets} nets") };
         let names = varying.join(", ");
         return Some(format!("{trials} trials share {count} with the inputs {names}"));
     }
+    // Nets that differ in something else too would not become one.
+    if nets > plants.len() {
+        return None;
+    }
     let ranges = ranges.iter().map(|(name, (low, high))| format!("{name} = [{low:?}, {high:?}]"));
     let ranges = ranges.collect::<Vec<_>>().join(", ");
     Some(format!(
-        "{nets} nets for {trials} trials, whose plants differ; with [domain.parameters] {ranges} one \
-         net would serve them all"
+        "{nets} nets for {trials} trials, whose plants differ; with [domain.parameters] {ranges} \
+         one net would serve them all"
     ))
 }
 

@@ -31,6 +31,8 @@ pub(super) struct Chosen<'e> {
     pub(super) parameter_names: Vec<String>,
     /// The places of those that are estimated.
     pub(super) estimated: Vec<usize>,
+    /// The places of those that are measured, in the order of the config.
+    pub(super) measured: Vec<usize>,
     truth: Box<dyn DynPlant>,
 }
 
@@ -47,7 +49,8 @@ impl<'e> Chosen<'e> {
         let missing = |section| RunError::MissingSection { name: name(), section, command };
         let spec = experiment.control.as_ref().ok_or_else(|| missing("control"))?;
         if !spec.parameter_schedule.is_empty() {
-            return Err(RunError::WithSchedule { name: name(), command });
+            let key = "control.parameter_schedule";
+            return Err(RunError::WithSchedule { name: name(), command, key });
         }
         let first = spec.models.first().copied().unwrap_or(ModelKind::Rk4);
         let kind = only.unwrap_or(if model.is_some() { ModelKind::Pinc } else { first });
@@ -66,11 +69,13 @@ impl<'e> Chosen<'e> {
             }
             _ => None,
         };
-        // Of a family, a net is taken for the member that the config names, unless an estimator is
-        // to say which one it is; an integrator is asked for it at each call.
+        // Of a family, a net is taken for the member that the config names, unless an estimator or
+        // a measurement is to say which one it is; an integrator is asked for it at each call.
         let LoopParameters { names, values, estimated } = experiment.loop_parameters();
+        let place = |name: &String| names.iter().position(|known| known == name);
+        let measured: Vec<_> = experiment.measured_parameters().iter().filter_map(place).collect();
         let (given, names, parameters) = match given {
-            Some((bytes, net)) if estimated.is_empty() => {
+            Some((bytes, net)) if estimated.is_empty() && measured.is_empty() => {
                 (Some((bytes, net.member(&values))), Vec::new(), Vec::new())
             }
             given => (given, names, values),
@@ -90,6 +95,7 @@ impl<'e> Chosen<'e> {
             parameters,
             parameter_names,
             estimated,
+            measured,
             truth,
         })
     }

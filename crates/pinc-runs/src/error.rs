@@ -214,7 +214,7 @@ pub enum RunError {
     },
     /// A command for controllers whose parameters do not change.
     #[error(
-        "{name}: `{command}` does not take control.parameter_schedule along: remove the key, and \
+        "{name}: `{command}` does not take {key} along: remove the key, and \
         set the values of now in control.parameters"
     )]
     WithSchedule {
@@ -222,6 +222,8 @@ pub enum RunError {
         name: String,
         /// The command.
         command: &'static str,
+        /// The key.
+        key: &'static str,
     },
     /// A command that needs an equation, for a plant without one.
     #[error(

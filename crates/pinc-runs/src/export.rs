@@ -91,6 +91,13 @@ pub fn export_controller(
     out: Option<&Path>,
 ) -> Result<PathBuf, RunError> {
     let chosen = Chosen::of(experiment, model.map(ModelFile::At), only, "pinc export")?;
+    if !chosen.measured.is_empty() {
+        return Err(RunError::WithSchedule {
+            name: experiment.name.clone(),
+            command: "pinc export",
+            key: "control.measured_parameters",
+        });
+    }
     let estimating = Estimating::of(&chosen)?;
     let name = name.map_or_else(|| Ok(Name::nearest(&experiment.name)), Name::new)?;
     let plant = experiment.plant.dyn_plant();

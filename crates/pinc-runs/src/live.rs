@@ -20,7 +20,10 @@ pub struct LiveController {
     spec: ControlSpec,
     variables: Variables,
     observer: Option<LiveEstimator>,
-    guard: Option<(Guard<'static>, Vec<f64>)>,
+    guard: Option<Guard<'static>>,
+    /// The p of the model, and the places in it of those that are measured.
+    parameters: Vec<f64>,
+    measured_parameters: Vec<usize>,
     /// What is followed if a step does not say it.
     reference: Reference,
     window: Vec<f64>,
@@ -100,7 +103,9 @@ impl LiveController {
         let dims = nmpc.model().dims();
         let mut live = Self {
             observer: LiveEstimator::of(&setup, chosen.kind, &*chosen.plant)?,
-            guard: guard.map(|guard| (guard, chosen.parameters.clone())),
+            guard,
+            parameters: chosen.parameters.clone(),
+            measured_parameters: chosen.measured.clone(),
             reference: setup.reference()?,
             window: vec![0.0; spec.n2 * spec.controlled.len()],
             x: vec![0.0; dims.nx],
@@ -162,7 +167,25 @@ impl LiveController {
     /// How often the net was used outside its training domain.
     #[must_use]
     pub fn outside_domain(&self) -> OutsideDomain {
-        self.guard.as_ref().map_or_else(OutsideDomain::default, |(guard, _)| guard.seen().clone())
+        self.guard.as_ref().map_or_else(OutsideDomain::default, |guard| guard.seen().clone())
+    }
+
+    /// Takes the values of `control.measured_parameters`, in that order, for what the parameters
+    /// are from now on, and returns those before.
+    ///
+    /// # Errors
+    ///
+    /// [`RunError::Argument`] if there is not one finite value for each: nothing has happened then.
+    pub fn set_measured_parameters(&mut self, values: &[f64]) -> Result<Vec<f64>, RunError> {
+        length("parameters", values, self.measured_parameters.len(), "measured parameter")?;
+        finite("parameters", values)?;
+        let places = self.measured_parameters.iter();
+        let before = places.clone().map(|&place| self.parameters[place]).collect();
+        for (&place, &value) in places.zip(values) {
+            self.parameters[place] = value;
+        }
+        self.nmpc.set_parameters(&self.parameters)?;
+        Ok(before)
     }
 
     /// Chooses the input for a plant of which `y` was measured: with an estimator the measured
@@ -205,8 +228,8 @@ impl LiveController {
         let chosen = self.inputs.len() - self.u.len();
         self.inputs[chosen..].copy_from_slice(&self.u);
         self.done += 1;
-        if let Some((guard, parameters)) = &mut self.guard {
-            guard.look(&self.x, &self.u, parameters)?;
+        if let Some(guard) = &mut self.guard {
+            guard.look(&self.x, &self.u, &self.parameters)?;
         }
         let observer = self.observer.as_ref();
         Ok(LiveStep {

@@ -19,6 +19,8 @@ struct Request {
     reference: Option<Window>,
     /// The input that the plant was really given since the last line.
     u_applied: Option<Vec<f64>>,
+    /// What the parameters of `control.measured_parameters` are; as before if absent.
+    parameters: Option<Vec<f64>>,
 }
 
 /// A reference: for the whole horizon, or a row per stage.
@@ -85,7 +87,10 @@ pub fn serve(
 /// The answer to a line, or what is wrong with it.
 fn answer(controller: &mut LiveController, line: &[u8]) -> Result<String, String> {
     let request: Request = serde_json::from_slice(line).map_err(|error| {
-        format!("{error}; expected {{\"y\": [..], \"reference\": [..], \"u_applied\": [..]}}")
+        format!(
+            "{error}; expected {{\"y\": [..], \"reference\": [..], \"u_applied\": [..], \
+             \"parameters\": [..]}}"
+        )
     })?;
     // What is missing is NaN, which only an estimator takes.
     let y: Vec<f64> = request.y.iter().map(|y| y.unwrap_or(f64::NAN)).collect();
@@ -97,8 +102,18 @@ fn answer(controller: &mut LiveController, line: &[u8]) -> Result<String, String
         Some(Window::Held(row)) => Follow::Held(row),
         Some(Window::Stages(rows)) => Follow::Stages(rows),
     };
-    let step = controller.step(&y, follow, request.u_applied.as_deref());
-    let step = step.map_err(|error| error.to_string())?;
+    let told = request.parameters.as_deref().map(|p| controller.set_measured_parameters(p));
+    let before = told.transpose().map_err(|error| error.to_string())?;
+    let step = match controller.step(&y, follow, request.u_applied.as_deref()) {
+        Ok(step) => step,
+        Err(error) => {
+            let error = error.to_string();
+            if let Some(before) = before {
+                controller.set_measured_parameters(&before).map_err(|error| error.to_string())?;
+            }
+            return Err(error);
+        }
+    };
     Ok(text(&Answer {
         u: step.u,
         status: step.status.to_string(),

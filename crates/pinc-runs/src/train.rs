@@ -81,7 +81,7 @@ pub(crate) fn stage(
     session.write_log(run_dir)?;
     let metrics = TrainingMetrics { parameters, ..session.metrics(outcome?) };
     let found = setup.found(experiment, &metrics.parameters)?;
-    let (plant, test) = found.as_ref().map_or((plant, &test), |(plant, test)| (&**plant, test));
+    let (plant, test) = found.as_ref().map_or((plant, &test), |of| (&*of.plant, &of.test));
     let domain_error = domain_error::judge(plant, &net, &setup, experiment.seed, run_dir)?;
     run_dir.note(&[file::MODEL, file::TRAINING, file::DOMAIN_ERROR]);
     run_dir.update(|all| {
@@ -153,13 +153,13 @@ impl<'a> TrainingSetup<'a> {
         &self,
         experiment: &Experiment,
         parameters: &BTreeMap<String, f64>,
-    ) -> Result<Option<(Box<dyn DynPlant>, ValidationSet)>, RunError> {
+    ) -> Result<Option<Found>, RunError> {
         if parameters.is_empty() {
             return Ok(None);
         }
         let plant = experiment.plant.with_parameters(parameters).dyn_plant();
         let test = self.training(experiment.seed).test_set(&*plant)?;
-        Ok(Some((plant, test)))
+        Ok(Some(Found { plant, test }))
     }
 
     /// The threads that the config gives.
@@ -192,6 +192,12 @@ impl<'a> TrainingSetup<'a> {
         let variables = experiment.plant.variables();
         files.map(|files| data::read(&variables, self.net.sample_time_s, files)).transpose()
     }
+}
+
+/// The plant with the parameters that were trained with the net, and scenarios of it.
+pub(super) struct Found {
+    pub(super) plant: Box<dyn DynPlant>,
+    pub(super) test: ValidationSet,
 }
 
 /// What a trainer is made from.

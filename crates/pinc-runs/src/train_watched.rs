@@ -86,7 +86,7 @@ pub fn train_watched(
     }
     let net = trainer.net();
     let found = setup.found(experiment, &material.estimates(&trainer))?;
-    let validation = found.map_or(test, |(_, test)| test).evaluate(&net);
+    let validation = found.map_or(test, |found| found.test).evaluate(&net);
     let totals = trainer.totals();
     Ok(TrainedNet { net, validation, stop_reason, totals, wall_s: elapsed_s() })
 }

@@ -107,6 +107,10 @@ fn a_controller_is_told_of_parameters_that_change() {
     assert!(unaware.0 < 0.05 && unaware.1 > 0.2, "{unaware:?}");
     let aware = run("aware", &[halves, wear, told]);
     assert!(aware.0 < 0.05 && aware.1 < 0.05, "{aware:?}");
+    // Measured, it needs nobody to tell it, and is the same.
+    let measured = "control.measured_parameters=[\"k\"]";
+    let measured = run("measured", &[halves, wear, measured]);
+    assert_eq!(measured.2.to_bits(), aware.2.to_bits());
     // A schedule that changes nothing is none.
     let same = "control.parameter_schedule=[{ start_s = 200.0, values = {} }]";
     let same = run("same", &[halves, same]);
@@ -135,6 +139,8 @@ fn schedules_that_make_no_sense_are_refused() {
             "control.plant_schedule=[{ start_s = 20.0, values = {} }, { start_s = 10.0, values = {} }]",
             &["control.plant_schedule[1].start_s", "more than 20"],
         ),
+        ("control.measured_parameters=[\"a\"]", &["control.measured_parameters[0]", "`a`"]),
+        ("control.measured_parameters=[\"k\", \"k\"]", &["each parameter once"]),
     ] {
         let mut command = pinc(&["check"]);
         outcome(command.arg(&config).args(["--set", set])).assert_refused(parts);

@@ -230,3 +230,30 @@ fn the_example_client_closes_the_loop() {
     assert_eq!(ended.code, Some(0), "{ended:?}");
     assert!(ended.stdout.contains("40 steps, 40 converged"), "{ended:?}");
 }
+
+/// What a line says of the measured parameters is what the model has from then on; a line that is
+/// refused says nothing.
+#[test]
+fn measured_parameters_are_those_of_the_line() {
+    let config = repository("configs/four-tanks/family.toml");
+    let measured = "control.measured_parameters=[\"k1\", \"k2\"]";
+    let y = json!([8.0, 12.0, 2.0, 3.0]);
+    let plain = json!({ "y": y });
+    let line = json!({ "y": y, "parameters": [3.33, 3.35] });
+    let first = |set: &str, request: &Value| {
+        let mut served = Served::new(&config, &["--set", set]);
+        let u = served.input(request);
+        served.end();
+        u
+    };
+    let told = first("control.parameters={ k1 = 3.33, k2 = 3.35 }", &plain);
+    assert!(first(measured, &line).total_cmp(&told).is_eq());
+    // Without, those of the plant in the loop.
+    assert!((first(measured, &plain) - told).abs() > 1e-3);
+    let mut served = Served::new(&config, &["--set", measured]);
+    let refused = br#"{"y": [8.0, 12.0, 2.0, 3.0], "parameters": [3.33]}"#;
+    served.refuses(refused, "parameters: 1 numbers given, expected 2, one per measured parameter");
+    served.refuses(br#"{"y": [8.0], "parameters": [3.33, 3.35]}"#, "y: 1 numbers given");
+    assert!(served.input(&plain).total_cmp(&first(measured, &plain)).is_eq());
+    served.end();
+}

@@ -12,6 +12,7 @@ pub(super) fn schedules(experiment: &Experiment, spec: &ControlSpec) -> Finding 
         let expected = "no such key with [control.estimator], which says what parameters are";
         return value("control.parameter_schedule", "a list", expected);
     }
+    measured(spec, &varying)?;
     let sample_time_s = experiment.sample_time_s();
     let key = "control.parameter_schedule";
     schedule(key, &spec.parameter_schedule, &varying, spec.duration_s, sample_time_s)?;
@@ -54,6 +55,37 @@ fn loads(spec: &ControlSpec, variables: &Variables, sample_time_s: Option<f64>) 
         }
     }
     Ok(())
+}
+
+/// Checks the parameters that are measured.
+fn measured(spec: &ControlSpec, varying: &[String]) -> Finding {
+    let measured = &spec.measured_parameters;
+    for (i, name) in measured.iter().enumerate() {
+        let (key, quoted) = (format!("control.measured_parameters[{i}]"), format!("{name:?}"));
+        if varying.is_empty() {
+            let expected = "no such key: the models' parameters that vary are in \
+                            [domain.parameters]";
+            return value(&key, quoted, expected);
+        }
+        if !varying.contains(name) {
+            let (found, known, nearest) = (name.clone(), varying.to_vec(), nearest(name, varying));
+            return Err((key, Problem::Word { found, known, nearest }));
+        }
+        if measured[..i].contains(name) {
+            return value(&key, quoted, "each parameter once");
+        }
+    }
+    let told = [
+        (spec.estimator.is_some(), "[control.estimator], which says what parameters are"),
+        (!spec.parameter_schedule.is_empty(), "control.parameter_schedule, which says the same"),
+    ];
+    match told.into_iter().find(|(is_there, _)| *is_there && !measured.is_empty()) {
+        None => Ok(()),
+        Some((_, other)) => {
+            let expected = format!("no such key with {other}");
+            value("control.measured_parameters", format!("{measured:?}"), &expected)
+        }
+    }
 }
 
 fn schedule(

@@ -60,10 +60,10 @@ impl BatchLoss {
         Self::of_unknown(plant, net, weights, &[], workers)
     }
 
-    /// The loss of a net that takes no parameters, on a plant whose parameters are unknown: they are
-    /// trained with the net. `start`, `np` numbers, is where they start. Behind the parameters of
-    /// the net stands a variable q for each, and the plant's parameter is start + |start| q, or q
-    /// where the start is 0.
+    /// The loss of a net that takes no parameters, on a plant whose parameters are unknown: they
+    /// are trained with the net. `start`, `np` numbers, is where they start. Behind the parameters
+    /// of the net stands a variable q for each, and the plant's parameter is start + |start| q, or
+    /// q where the start is 0.
     ///
     /// # Panics
     ///
