@@ -11,6 +11,10 @@ use pinc_mpc::{
 use pinc_net::{PincModel, PincNet};
 use pinc_ode::{Dims, Model, WithOutputs};
 
+/// Up to so many free inputs the automatic choice of the QP method is exported, as condensing: the
+/// only method there is in C, and fast enough for them.
+const MOST_INPUTS: usize = 40;
+
 /// A controller, with what its self-test goes along.
 #[derive(Clone, Copy, Debug)]
 pub struct Controller<'a> {
@@ -161,14 +165,15 @@ impl<'a> Controller<'a> {
         if config.real_time {
             return refuse("real-time iterations", "sqp.real_time = false and a budget");
         }
+        let inputs = problem.control_horizon * dims.nu;
         let coupled = problem.weights.input_sequence.is_some();
         let method = match config.qp {
-            QpMethod::Auto if coupled => QpMethod::Condensed,
-            method => method.resolve(problem.control_horizon * dims.nu),
+            QpMethod::Auto if coupled || inputs <= MOST_INPUTS => QpMethod::Condensed,
+            method => method,
         };
         if method != QpMethod::Condensed {
             return refuse(
-                "QP method other than condensed, which is chosen for up to 40 free inputs",
+                "QP method other than condensed, which is taken for up to 40 free inputs",
                 "sqp.qp = \"condensed\", or a shorter control horizon",
             );
         }

@@ -632,6 +632,24 @@ static void pinc_shift_warm_start(pinc_mpc *m)
     }
 }
 
+static int pinc_differ(const PINC_REAL *a, const PINC_REAL *b, int count)
+{
+    int differ = 0;
+    int i;
+    for (i = 0; i < count; i++) {
+        differ |= (pinc_abs(a[i] - b[i]) > PINC_N(0)) ? 1 : 0;
+    }
+    return differ;
+}
+
+static int pinc_plans_differ(const pinc_plan *a, const pinc_plan *b)
+{
+    return pinc_differ(a->z, b->z, PINC_UNKNOWNS) |
+           pinc_differ(a->m.dynamics, b->m.dynamics, PINC_STATES) |
+           pinc_differ(a->m.bounds, b->m.bounds, PINC_UNKNOWNS) |
+           pinc_differ(a->m.increments, b->m.increments, PINC_INPUTS);
+}
+
 /* Keeps the new plan if it is worth following, or if only the time was up as a guess for the next
    step; or else takes the first guess. */
 static void pinc_keep_plan(pinc_mpc *m, pinc_status status, int finite)
@@ -639,9 +657,8 @@ static void pinc_keep_plan(pinc_mpc *m, pinc_status status, int finite)
     /* A plan that is true to the model is followed, optimal or not. */
     const int good =
         ((status == PINC_CONVERGED) || (m->dynamics_residual <= PINC_CREDIBLE)) ? finite : 0;
-    const int moved = (memcmp(&m->plan, &m->fallback, sizeof(m->plan)) != 0) ? 1 : 0;
-    const int guess =
-        ((finite != 0) && (good == 0) && (status == PINC_DEADLINE)) ? (m->warm | moved) : 0;
+    const int late = ((finite != 0) && (good == 0) && (status == PINC_DEADLINE)) ? 1 : 0;
+    const int guess = (late != 0) ? (m->warm | pinc_plans_differ(&m->plan, &m->fallback)) : 0;
     m->tentative = guess & m->has_fallback;
     m->followed = (m->tentative != 0) ? 0 : (good | guess);
     m->has_fallback = good | m->tentative;

@@ -37,6 +37,6 @@ pub(crate) fn main() -> Result<(), MpcError> {
     let most = differences.fold(0.0, f64::max);
     println!("the {} planned inputs differ by {most:.1e} V at most", inputs[0].len());
     assert!(most < 1e-4);
-    assert_eq!(QpMethod::Auto.resolve(inputs[0].len()), QpMethod::Riccati);
+    assert_eq!(QpMethod::Auto.resolve([4, 2], [STEPS; 2]), QpMethod::Riccati);
     Ok(())
 }

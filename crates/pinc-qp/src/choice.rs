@@ -2,22 +2,28 @@
 
 #[cfg(feature = "clarabel")]
 use super::ClarabelQp;
-use super::{CondensedQp, Qp, QpSolver, QpStatus, QpStep, RiccatiQp};
+use super::{CondensedQp, OcpDims, Qp, QpSolver, QpStatus, QpStep, RiccatiQp};
 use serde::{Deserialize, Serialize};
 use std::fmt;
 use thiserror::Error;
 
-/// Up to this many free inputs, Nu times m, condensing is the faster path: `cargo bench -p pinc-mpc
-/// --bench horizon` measures it.
-const MOST_CONDENSED: usize = 40;
+/// How many times (n + m)^3 a stage costs that is solved by the recursion, where an operation of
+/// condensing counts 1. With it the methods change where they cross in `cargo bench -p pinc-mpc
+/// --bench growth`, from 2 states to 30: at 15 stages for 2 states and 1 input, at 108 for 30 and 1.
+const RECURSION: usize = 10;
+
+/// Up to this many free inputs a condensed program is solved from scratch in less time than the
+/// interior-point method takes.
+const MOST_FROM_SCRATCH: usize = 100;
 
 /// What solves the quadratic programs of a controller.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 #[non_exhaustive]
 pub enum QpMethod {
-    /// `Condensed` for up to 40 free inputs and for programs that couple all inputs, `Riccati` for
-    /// others; where that fails, `Clarabel`, if this crate is built with it.
+    /// `Condensed` where it takes fewer operations, and for programs that couple all inputs;
+    /// `Riccati` for others, which leaves programs of up to 100 free inputs that it has no good
+    /// guess for to `Condensed`; where that fails, `Clarabel`, if this crate is built with it.
     #[default]
     Auto,
     /// The states are eliminated; a dense dual active-set method solves what is left. The fastest
@@ -46,14 +52,22 @@ pub enum QpError {
 }
 
 impl QpMethod {
-    /// What `Auto` stands for, with `inputs` free inputs (Nu times m).
+    /// What `Auto` stands for, with n states and m inputs at a stage, and N stages of which the
+    /// first Nu have an input of their own.
+    ///
+    /// Condensing takes about `Nu m N (3 n^2 + n m) + (Nu m)^3 / 3` operations, the recursion
+    /// `10 N (n + m)^3`.
     #[must_use]
-    pub fn resolve(self, inputs: usize) -> Self {
-        match self {
-            Self::Auto if inputs <= MOST_CONDENSED => Self::Condensed,
-            Self::Auto => Self::Riccati,
-            forced => forced,
+    pub fn resolve(self, [n, m]: [usize; 2], [horizon, n_controls]: [usize; 2]) -> Self {
+        if self != Self::Auto {
+            return self;
         }
+        let product = |factors: &[usize]| factors.iter().fold(1_usize, |p, f| p.saturating_mul(*f));
+        let inputs = product(&[n_controls, m]);
+        let condensed = product(&[inputs, horizon, n, 3 * n + m])
+            .saturating_add(product(&[inputs, inputs, inputs]) / 3);
+        let recursion = product(&[RECURSION, horizon, n + m, n + m, n + m]);
+        if condensed <= recursion { Self::Condensed } else { Self::Riccati }
     }
 }
 
@@ -84,8 +98,13 @@ impl ChosenQp {
     /// [`QpError`] if the method cannot solve such programs, or is not part of this build.
     pub fn new(qp: &Qp, method: QpMethod) -> Result<Self, QpError> {
         let stagewise = qp.w.is_empty();
-        let chosen: Box<dyn QpSolver> = match method.resolve(qp.dims.all_inputs()) {
-            QpMethod::Riccati if stagewise => Box::new(RiccatiQp::new(qp)),
+        let OcpDims { nx, nu, horizon, n_controls, .. } = qp.dims;
+        let few = method == QpMethod::Auto && qp.dims.all_inputs() <= MOST_FROM_SCRATCH;
+        let chosen: Box<dyn QpSolver> = match method.resolve([nx, nu], [horizon, n_controls]) {
+            QpMethod::Riccati if stagewise => {
+                let from_scratch = few.then(|| CondensedQp::new(qp));
+                Box::new(RiccatiQp::new(qp).with_from_scratch(from_scratch))
+            }
             QpMethod::Riccati if method == QpMethod::Riccati => return Err(QpError::NotStagewise),
             QpMethod::Clarabel => general(qp).ok_or(QpError::NoClarabel)?,
             QpMethod::Condensed | QpMethod::Riccati | QpMethod::Auto => {
@@ -124,5 +143,24 @@ impl QpSolver for ChosenQp {
             }
             _ => status,
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Where the methods cross in `benches/growth.rs` of pinc-mpc.
+    #[test]
+    fn the_choice_changes_where_the_methods_cross() {
+        for (sizes, last_condensed) in [([2, 1], 14), ([4, 2], 14), ([10, 1], 41), ([10, 3], 18)] {
+            let resolve = |n: usize| QpMethod::Auto.resolve(sizes, [n, n]);
+            assert_eq!(resolve(last_condensed), QpMethod::Condensed, "{sizes:?}");
+            assert_eq!(resolve(last_condensed + 1), QpMethod::Riccati, "{sizes:?}");
+        }
+        // Few free inputs leave little to condense.
+        assert_eq!(QpMethod::Auto.resolve([4, 2], [80, 5]), QpMethod::Condensed);
+        assert_eq!(QpMethod::Auto.resolve([usize::MAX; 2], [1; 2]), QpMethod::Condensed);
+        assert_eq!(QpMethod::Riccati.resolve([2, 1], [5; 2]), QpMethod::Riccati);
     }
 }

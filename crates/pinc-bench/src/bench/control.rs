@@ -87,7 +87,8 @@ fn nmpc(case: Case, experiment: &Experiment, metrics: &ControlMetrics) -> NmpcTi
         sqp_iterations_mean: metrics.sqp_iterations_mean,
         converged: to_f64(converged as u64) / steps(metrics),
         qp_solver: experiment.control.as_ref().map_or_else(String::new, |control| {
-            control.sqp.qp.resolve(control.nu * control.input_low.len()).to_string()
+            let sizes = [control.initial_state.len(), control.input_low.len()];
+            control.sqp.qp.resolve(sizes, [control.n2, control.nu]).to_string()
         }),
     }
 }

@@ -9,11 +9,14 @@ mod rows;
 use self::active_rows::ActiveRows;
 use self::interior_point::{Ending, InteriorPoint};
 use self::newton::Newton;
-use super::{Qp, QpSolver, QpStatus, QpStep};
+use super::{CondensedQp, Qp, QpSolver, QpStatus, QpStep};
 
 /// How many steps the active rows of a guess may take: a good one needs a few, and what needs more
-/// than this is cheaper for the interior-point method, which takes about as many.
+/// than this is cheaper for the interior-point method, which takes about as many, ..
 const FIRST_STEPS: usize = 24;
+
+/// .. or for condensing, which takes less time than that.
+const FIRST_STEPS_OF_FEW: usize = 12;
 
 /// Solves a [`Qp`] stage by stage, at a cost linear in the horizon.
 ///
@@ -26,6 +29,8 @@ pub(super) struct RiccatiQp {
     newton: Newton,
     active: ActiveRows,
     interior: InteriorPoint,
+    /// What solves programs without a good guess, in place of the interior point.
+    from_scratch: Option<CondensedQp>,
     /// The multipliers that say which rows are active.
     guess: Vec<f64>,
 }
@@ -39,7 +44,14 @@ impl RiccatiQp {
             newton,
             active: ActiveRows::new(qp),
             interior: InteriorPoint::new(qp),
+            from_scratch: None,
         }
+    }
+
+    /// The same with another method for programs without a good guess of the active rows; what that
+    /// fails on is left to the interior point.
+    pub(super) fn with_from_scratch(self, from_scratch: Option<CondensedQp>) -> Self {
+        Self { from_scratch, ..self }
     }
 
     /// Solves from d = 0 and the multipliers of `step`, in at most so many steps.
@@ -70,7 +82,9 @@ impl QpSolver for RiccatiQp {
             late = late || expired();
             late
         };
-        if self.solve_from_guess(qp, step, FIRST_STEPS, expired) {
+        let few = self.from_scratch.is_some();
+        let steps = if few { FIRST_STEPS_OF_FEW } else { FIRST_STEPS };
+        if self.solve_from_guess(qp, step, steps, expired) {
             self.newton.finish(step);
             return QpStatus::Solved;
         }
@@ -78,6 +92,12 @@ impl QpSolver for RiccatiQp {
             self.active.note(qp, &mut self.newton.mu);
             self.newton.rows.write(&self.newton.mu, &mut step.multipliers);
             return QpStatus::Expired;
+        }
+        if let Some(condensed) = &mut self.from_scratch {
+            let status = condensed.solve(qp, step, expired);
+            if status != QpStatus::Failed {
+                return status;
+            }
         }
         let solved = match self.interior.solve(qp, &mut self.newton, expired) {
             Ending::Converged => {

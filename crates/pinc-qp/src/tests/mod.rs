@@ -179,6 +179,9 @@ fn all_agree(qp: &Qp, signs: &[i8]) -> Result<(), TestCaseError> {
     same_inputs(qp, &exact, &solve(&mut riccati, qp, &cold, SHARP)?, 1e-7)?;
     same_inputs(qp, &exact, &solve(&mut riccati, qp, &arbitrary, SHARP)?, 1e-7)?;
     same_inputs(qp, &exact, &solve(&mut riccati, qp, &exact, SHARP)?, 1e-7)?;
+    let mut riccati = RiccatiQp::new(qp).with_from_scratch(Some(condensed));
+    same_inputs(qp, &exact, &solve(&mut riccati, qp, &cold, SHARP)?, 1e-7)?;
+    same_inputs(qp, &exact, &solve(&mut riccati, qp, &arbitrary, SHARP)?, 1e-7)?;
 
     general_agrees(qp, &exact)
 }
