@@ -32,6 +32,11 @@ static cost cost_of_{function} = {{"{function}", 0, 0}};
 """
 SHAPES = {
     "mpc_step": ("{n}_status", "{n}_mpc *m, const {N}_REAL *x, const {N}_REAL *r, {N}_REAL *u", "m, x, r, u"),
+    "feedback_step": (
+        "{n}_status",
+        "{n}_feedback *f, const {N}_REAL *y, const {N}_REAL *r, {N}_REAL *u",
+        "f, y, r, u",
+    ),
     "net_step": ("void", "const {N}_REAL *x, const {N}_REAL *u, {N}_REAL *y", "x, u, y"),
     "net_linearize": (
         "void",
@@ -48,16 +53,16 @@ def run(*command, cwd=None):
     return done.stdout
 
 
-def measured(name, controller):
-    """The header of what is measured."""
-    functions = ["mpc_step"] if controller else ["net_step", "net_linearize"]
+def measured(name, kind):
+    """The header of what is measured, of an export whose main header is that of this kind."""
+    functions = ["net_step", "net_linearize"] if kind == "net" else [f"{kind}_step"]
     text, reports = "", ""
     for short in functions:
         result, parameters, arguments = (t.format(n=name, N=name.upper()) for t in SHAPES[short])
         function = f"{name}_{short}"
         value = result != "void"
         text += WRAPPER.format(
-            header=f"{name}_{'mpc' if controller else 'net'}.h",
+            header=f"{name}_{kind}.h",
             function=function,
             result=result,
             parameters=parameters,
@@ -67,7 +72,7 @@ def measured(name, controller):
             give="return result;" if value else "",
         )
         reports += f'    printf("{function} %lu %lu\\n", (unsigned long)(cost_of_{function}.ticks * 10 / 16), (unsigned long)cost_of_{function}.stack);\n'
-    ram = f"sizeof({name}_mpc)" if controller else "0"
+    ram = "0" if kind == "net" else f"sizeof({name}_{kind})"
     text += f'static void report(void)\n{{\n{reports}    printf("ram %lu\\n", (unsigned long){ram});\n}}\n'
     return text, [f"{name}_{short}" for short in functions]
 
@@ -77,8 +82,9 @@ def measure(directory):
     selftest = next(directory.glob("*_selftest.c"))
     name = selftest.name.removesuffix("_selftest.c")
     sources = [f for f in sorted(directory.glob("*.c")) if f != selftest]
-    controller = (directory / f"{name}_mpc.c").exists()
-    header, functions = measured(name, controller)
+    kinds = ("feedback", "mpc", "net")
+    kind = next(kind for kind in kinds if (directory / f"{name}_{kind}.c").exists())
+    header, functions = measured(name, kind)
     for title, (board, cpu, fpu, real) in BOARDS.items():
         with tempfile.TemporaryDirectory() as work:
             (Path(work) / "measured.h").write_text(header)

@@ -364,6 +364,58 @@ def check_loop_of_fmus(model):
     report("FMUs of plant and controller, inputs", worst_u, 1e-7)
 
 
+class Server:
+    """`pinc serve`, a step per call."""
+
+    def __init__(self, *arguments):
+        pipe = subprocess.PIPE
+        command = [PINC, "serve", *map(str, arguments)]
+        self.process = subprocess.Popen(command, text=True, stdin=pipe, stdout=pipe)
+
+    def step(self, y, reference):
+        print(json.dumps({"y": list(y), "reference": list(reference)}), file=self.process.stdin, flush=True)
+        return json.loads(self.process.stdout.readline())
+
+    def close(self):
+        self.process.stdin.close()
+        self.process.wait()
+
+
+def check_estimating_fmus():
+    """A controller with its estimator and the plant as FMUs, against `pinc serve` beside them."""
+    config, out = TOP / "configs/estimation/tanks.toml", WORK / "estimating"
+    pinc("export", config, "--only", "rk4", "--to", "fmu", "--name", "tanks", "--out", out / "controller")
+    pinc("export", config, "--plant", "--to", "fmu", "--name", "tanks", "--out", out / "plant")
+    pinc("export", config, "--only", "rk4", "--to", "fmu", "--fmi3", "--name", "tanks", "--out", out / "three")
+    for kind in ("controller", "three"):
+        check_validity(out / kind / "tanks.fmu")
+    plant, controller = Slave(out / "plant" / "tanks.fmu"), Slave(out / "controller" / "tanks.fmu")
+    server = Server(config, "--only", "rk4")
+    plant.begin()
+    controller.begin()
+    rng = np.random.default_rng(5)
+    worst_u = worst_x = 0.0
+    for k in range(100):
+        y = np.array(plant.get("x", 4))[:2] + rng.uniform(-0.05, 0.05, 2)
+        reference = [12.4, 12.7] if k < 50 else [13.4, 13.2]
+        controller.set("y", y)
+        controller.set("reference", reference)
+        u = controller.get("u", 2)
+        answer = server.step(y, reference)
+        worst_u = max(worst_u, np.abs(np.array(answer["u"]) - u).max())
+        worst_x = max(worst_x, np.abs(np.array(answer["x"]) - controller.get("x_estimate", 4)).max())
+        plant.set("u", u)
+        plant.fmu.doStep(k * 10.0, 10.0)
+        controller.fmu.doStep(k * 10.0, 10.0)
+    end = np.abs(np.array(plant.get("x", 2)) - [13.4, 13.2]).max()
+    plant.close()
+    controller.close()
+    server.close()
+    report("FMU with an estimator against pinc serve, inputs", worst_u, 1e-8)
+    report("FMU with an estimator against pinc serve, estimates", worst_x, 1e-8)
+    report("FMU with an estimator, worn pumps, levels at the end", end, 0.1)
+
+
 def main():
     WORK.mkdir(parents=True, exist_ok=True)
     net = WORK / "net"
@@ -379,6 +431,7 @@ def main():
     check_controller_fmu(model)
     check_loop_of_fmus(model)
     check_fmi3(model)
+    check_estimating_fmus()
     if FAILED:
         sys.exit(f"{len(FAILED)} checks failed")
     print("all checks passed")

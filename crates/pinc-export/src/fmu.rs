@@ -215,8 +215,13 @@ impl Description<'_> {
         let starts: String =
             self.variables.iter().map(|v| format!("    {},\n", constant(v.start))).collect();
         t.set("GUID", guid(origin)).set("REALS", self.variables.len()).set("STARTS", starts);
-        let part = t.fill(include_str!("../templates/fmu_model.c"));
-        t.set("MODEL_PART", part);
+        let [fmi, upper, instance, state] = match self.version {
+            FmiVersion::Two => ["fmi2", "FMI2", "fmi2Component", "FMUstate"],
+            FmiVersion::Three => ["fmi3", "FMI3", "fmi3Instance", "FMUState"],
+        };
+        t.set("FMI", fmi).set("FMI_UPPER", upper).set("INSTANCE", instance).set("STATE", state);
+        t.set("COMMON", include_str!("../templates/fmu_common.c"));
+        t.set("MODEL_PART", include_str!("../templates/fmu_model.c"));
         let slave = match self.version {
             FmiVersion::Two => include_str!("../templates/fmu2.c"),
             FmiVersion::Three => {

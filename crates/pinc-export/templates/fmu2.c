@@ -35,29 +35,22 @@ typedef struct {
     fmi2ComponentEnvironment componentEnvironment;
 } fmi2CallbackFunctions;
 
-#ifdef FMI2_FUNCTION_PREFIX
-#define PINC_FMI(name) PINC_JOIN(FMI2_FUNCTION_PREFIX, name)
-#else
-#define PINC_FMI(name) name
-#endif
-#ifdef _WIN32
-#define PINC_EXPORT __declspec(dllexport)
-#else
-#define PINC_EXPORT __attribute__((visibility("default")))
-#endif
-
-/* ---- The model ------------------------------------------------------------------------------ */
-
 @MODEL_PART@
 typedef struct {
     pinc_slave slave;
     fmi2CallbackFunctions callbacks;
 } pinc_instance;
 
+static pinc_slave *pinc_of(fmi2Component instance)
+{
+    return &((pinc_instance *)instance)->slave;
+}
+
 #ifdef __cplusplus
 extern "C" {
 #endif
 
+@COMMON@
 /* ---- Functions of every slave --------------------------------------------------------------- */
 
 PINC_EXPORT const char *PINC_FMI(fmi2GetTypesPlatform)(void)
@@ -68,16 +61,6 @@ PINC_EXPORT const char *PINC_FMI(fmi2GetTypesPlatform)(void)
 PINC_EXPORT const char *PINC_FMI(fmi2GetVersion)(void)
 {
     return "2.0";
-}
-
-PINC_EXPORT fmi2Status PINC_FMI(fmi2SetDebugLogging)(fmi2Component c, fmi2Boolean on, size_t n,
-                                                     const fmi2String categories[])
-{
-    (void)c;
-    (void)on;
-    (void)n;
-    (void)categories;
-    return fmi2OK;
 }
 
 PINC_EXPORT fmi2Component PINC_FMI(fmi2Instantiate)(fmi2String name, fmi2Type type,
@@ -123,38 +106,20 @@ PINC_EXPORT fmi2Status PINC_FMI(fmi2SetupExperiment)(fmi2Component c, fmi2Boolea
     (void)tolerance;
     (void)stopTimeDefined;
     (void)stopTime;
-    ((pinc_instance *)c)->slave.time = startTime;
+    pinc_of(c)->time = startTime;
     return fmi2OK;
 }
 
 PINC_EXPORT fmi2Status PINC_FMI(fmi2EnterInitializationMode)(fmi2Component c)
 {
-    pinc_begin_run(&((pinc_instance *)c)->slave);
-    return fmi2OK;
-}
-
-PINC_EXPORT fmi2Status PINC_FMI(fmi2ExitInitializationMode)(fmi2Component c)
-{
-    pinc_begin_run(&((pinc_instance *)c)->slave);
-    return fmi2OK;
-}
-
-PINC_EXPORT fmi2Status PINC_FMI(fmi2Terminate)(fmi2Component c)
-{
-    (void)c;
-    return fmi2OK;
-}
-
-PINC_EXPORT fmi2Status PINC_FMI(fmi2Reset)(fmi2Component c)
-{
-    pinc_set_defaults(&((pinc_instance *)c)->slave);
+    pinc_begin_run(pinc_of(c));
     return fmi2OK;
 }
 
 PINC_EXPORT fmi2Status PINC_FMI(fmi2GetReal)(fmi2Component c, const fmi2ValueReference vr[],
                                              size_t n, fmi2Real value[])
 {
-    pinc_slave *s = &((pinc_instance *)c)->slave;
+    pinc_slave *s = pinc_of(c);
     size_t i;
     for (i = 0; i < n; i++) {
         if (vr[i] >= PINC_REALS) {
@@ -171,7 +136,7 @@ PINC_EXPORT fmi2Status PINC_FMI(fmi2GetReal)(fmi2Component c, const fmi2ValueRef
 PINC_EXPORT fmi2Status PINC_FMI(fmi2SetReal)(fmi2Component c, const fmi2ValueReference vr[],
                                              size_t n, const fmi2Real value[])
 {
-    pinc_slave *s = &((pinc_instance *)c)->slave;
+    pinc_slave *s = pinc_of(c);
     size_t i;
     for (i = 0; i < n; i++) {
         if ((vr[i] >= PINC_REALS) || (vr[i] < PINC_FIRST_SET)) {
@@ -186,7 +151,7 @@ PINC_EXPORT fmi2Status PINC_FMI(fmi2SetReal)(fmi2Component c, const fmi2ValueRef
 PINC_EXPORT fmi2Status PINC_FMI(fmi2GetInteger)(fmi2Component c, const fmi2ValueReference vr[],
                                                 size_t n, fmi2Integer value[])
 {
-    pinc_slave *s = &((pinc_instance *)c)->slave;
+    pinc_slave *s = pinc_of(c);
     size_t i;
     for (i = 0; i < n; i++) {
         if (vr[i] != 0) {
@@ -202,7 +167,7 @@ PINC_EXPORT fmi2Status PINC_FMI(fmi2DoStep)(fmi2Component c, fmi2Real from, fmi2
                                             fmi2Boolean noSetFMUStatePriorToCurrentPoint)
 {
     (void)noSetFMUStatePriorToCurrentPoint;
-    return (pinc_advance(&((pinc_instance *)c)->slave, from, length) == 0) ? fmi2OK : fmi2Error;
+    return (pinc_advance(pinc_of(c), from, length) == 0) ? fmi2OK : fmi2Error;
 }
 
 PINC_EXPORT fmi2Status PINC_FMI(fmi2GetFMUstate)(fmi2Component c, fmi2FMUstate *state)
@@ -218,12 +183,6 @@ PINC_EXPORT fmi2Status PINC_FMI(fmi2GetFMUstate)(fmi2Component c, fmi2FMUstate *
     return fmi2OK;
 }
 
-PINC_EXPORT fmi2Status PINC_FMI(fmi2SetFMUstate)(fmi2Component c, fmi2FMUstate state)
-{
-    memcpy(&((pinc_instance *)c)->slave, state, sizeof(pinc_slave));
-    return fmi2OK;
-}
-
 PINC_EXPORT fmi2Status PINC_FMI(fmi2FreeFMUstate)(fmi2Component c, fmi2FMUstate *state)
 {
     pinc_instance *instance = (pinc_instance *)c;
@@ -231,26 +190,6 @@ PINC_EXPORT fmi2Status PINC_FMI(fmi2FreeFMUstate)(fmi2Component c, fmi2FMUstate 
         instance->callbacks.freeMemory(*state);
     }
     *state = NULL;
-    return fmi2OK;
-}
-
-PINC_EXPORT fmi2Status PINC_FMI(fmi2SerializedFMUstateSize)(fmi2Component c, fmi2FMUstate state,
-                                                            size_t *size)
-{
-    (void)c;
-    (void)state;
-    *size = sizeof(pinc_slave);
-    return fmi2OK;
-}
-
-PINC_EXPORT fmi2Status PINC_FMI(fmi2SerializeFMUstate)(fmi2Component c, fmi2FMUstate state,
-                                                       fmi2Byte bytes[], size_t size)
-{
-    (void)c;
-    if (size != sizeof(pinc_slave)) {
-        return fmi2Error;
-    }
-    memcpy(bytes, state, size);
     return fmi2OK;
 }
 
@@ -375,7 +314,7 @@ PINC_EXPORT fmi2Status PINC_FMI(fmi2GetRealStatus)(fmi2Component c, fmi2StatusKi
                                                    fmi2Real *value)
 {
     if (kind == fmi2LastSuccessfulTime) {
-        *value = ((pinc_instance *)c)->slave.time;
+        *value = pinc_of(c)->time;
         return fmi2OK;
     }
     return fmi2Discard;

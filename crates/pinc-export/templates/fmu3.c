@@ -26,19 +26,6 @@ typedef uint8_t fmi3Byte;
 typedef enum { fmi3OK, fmi3Warning, fmi3Discard, fmi3Error, fmi3Fatal } fmi3Status;
 typedef void (*fmi3LogMessageCallback)(fmi3InstanceEnvironment, fmi3Status, fmi3String, fmi3String);
 
-#ifdef FMI3_FUNCTION_PREFIX
-#define PINC_FMI(name) PINC_JOIN(FMI3_FUNCTION_PREFIX, name)
-#else
-#define PINC_FMI(name) name
-#endif
-#ifdef _WIN32
-#define PINC_EXPORT __declspec(dllexport)
-#else
-#define PINC_EXPORT __attribute__((visibility("default")))
-#endif
-
-/* ---- The model ------------------------------------------------------------------------------ */
-
 @MODEL_PART@
 /* Arrays, by their value references from 1 on: where they begin, and how long they are. */
 #define PINC_ARRAYS @ARRAYS@
@@ -56,21 +43,12 @@ static pinc_slave *pinc_of(fmi3Instance instance)
 extern "C" {
 #endif
 
+@COMMON@
 /* ---- Functions of every slave --------------------------------------------------------------- */
 
 PINC_EXPORT const char *PINC_FMI(fmi3GetVersion)(void)
 {
     return "3.0";
-}
-
-PINC_EXPORT fmi3Status PINC_FMI(fmi3SetDebugLogging)(fmi3Instance c, fmi3Boolean on, size_t n,
-                                                     const fmi3String categories[])
-{
-    (void)c;
-    (void)on;
-    (void)n;
-    (void)categories;
-    return fmi3OK;
 }
 
 PINC_EXPORT fmi3Instance PINC_FMI(fmi3InstantiateCoSimulation)(
@@ -117,24 +95,6 @@ PINC_EXPORT fmi3Status PINC_FMI(fmi3EnterInitializationMode)(
     (void)stopTime;
     pinc_of(c)->time = startTime;
     pinc_begin_run(pinc_of(c));
-    return fmi3OK;
-}
-
-PINC_EXPORT fmi3Status PINC_FMI(fmi3ExitInitializationMode)(fmi3Instance c)
-{
-    pinc_begin_run(pinc_of(c));
-    return fmi3OK;
-}
-
-PINC_EXPORT fmi3Status PINC_FMI(fmi3Terminate)(fmi3Instance c)
-{
-    (void)c;
-    return fmi3OK;
-}
-
-PINC_EXPORT fmi3Status PINC_FMI(fmi3Reset)(fmi3Instance c)
-{
-    pinc_set_defaults(pinc_of(c));
     return fmi3OK;
 }
 
@@ -234,37 +194,11 @@ PINC_EXPORT fmi3Status PINC_FMI(fmi3GetFMUState)(fmi3Instance c, fmi3FMUState *s
     return fmi3OK;
 }
 
-PINC_EXPORT fmi3Status PINC_FMI(fmi3SetFMUState)(fmi3Instance c, fmi3FMUState state)
-{
-    memcpy(c, state, sizeof(pinc_slave));
-    return fmi3OK;
-}
-
 PINC_EXPORT fmi3Status PINC_FMI(fmi3FreeFMUState)(fmi3Instance c, fmi3FMUState *state)
 {
     (void)c;
     free(*state);
     *state = NULL;
-    return fmi3OK;
-}
-
-PINC_EXPORT fmi3Status PINC_FMI(fmi3SerializedFMUStateSize)(fmi3Instance c, fmi3FMUState state,
-                                                            size_t *size)
-{
-    (void)c;
-    (void)state;
-    *size = sizeof(pinc_slave);
-    return fmi3OK;
-}
-
-PINC_EXPORT fmi3Status PINC_FMI(fmi3SerializeFMUState)(fmi3Instance c, fmi3FMUState state,
-                                                       fmi3Byte bytes[], size_t size)
-{
-    (void)c;
-    if (size != sizeof(pinc_slave)) {
-        return fmi3Error;
-    }
-    memcpy(bytes, state, size);
     return fmi3OK;
 }
 

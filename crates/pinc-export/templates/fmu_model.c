@@ -1,3 +1,16 @@
+#ifdef @FMI_UPPER@_FUNCTION_PREFIX
+#define PINC_FMI(name) PINC_JOIN(@FMI_UPPER@_FUNCTION_PREFIX, name)
+#else
+#define PINC_FMI(name) name
+#endif
+#ifdef _WIN32
+#define PINC_EXPORT __declspec(dllexport)
+#else
+#define PINC_EXPORT __attribute__((visibility("default")))
+#endif
+
+/* ---- The model ------------------------------------------------------------------------------ */
+
 #define PINC_GUID "@GUID@"
 /* Real variables, by their value references; from the first on those that can be set. */
 #define PINC_REALS @REALS@

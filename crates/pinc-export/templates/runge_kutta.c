@@ -8,6 +8,8 @@
 #define PINC_SUBSTEP_S PINC_N(@H@)
 /* Tangents: one per state and argument u; the Jacobian by both. */
 #define PINC_TANGENTS (PINC_NX + @WIDTH@)
+/* States with their tangents. */
+#define PINC_ALL (PINC_NX * (1 + PINC_TANGENTS))
 #define PINC_STAGES @STAGES@
 
 /* The method: how far each stage lies along the slopes before it, and in the last row, what the
@@ -32,18 +34,21 @@ static void pinc_combine(int s, const PINC_REAL *from, const PINC_REAL *slopes, 
 {
     const PINC_REAL *row = pinc_tableau + (s * PINC_STAGES);
     const int count = (s < PINC_STAGES) ? s : PINC_STAGES;
+    const PINC_REAL *sum = from;
     int k;
     int i;
-    for (i = 0; i < width; i++) {
-        to[i] = from[i];
-    }
     for (k = 0; k < count; k++) {
         const PINC_REAL factor = PINC_SUBSTEP_S * row[k];
         if ((factor > PINC_N(0)) || (factor < PINC_N(0))) {
+            const PINC_REAL *slope = slopes + (k * width);
             for (i = 0; i < width; i++) {
-                to[i] = (factor * slopes[(k * width) + i]) + to[i];
+                to[i] = (factor * slope[i]) + sum[i];
             }
+            sum = to;
         }
+    }
+    for (i = 0; (sum == from) && (i < width); i++) {
+        to[i] = from[i];
     }
 }
 
@@ -94,47 +99,42 @@ void pinc_@RK@_linearize(const PINC_REAL x[PINC_NX], const PINC_REAL u[@WIDTH@],
                         PINC_REAL next[PINC_NX], PINC_REAL a[PINC_NX * PINC_NX],
                         PINC_REAL b[PINC_NX * @WIDTH@])
 {
-    /* Values and tangents. */
-    PINC_REAL begin[PINC_NX];
-    PINC_REAL stage[PINC_NX];
-    PINC_REAL slopes[PINC_STAGES * PINC_NX];
+    /* States, and behind them their tangents. */
+    PINC_REAL begin[PINC_ALL];
+    PINC_REAL stage[PINC_ALL];
+    PINC_REAL end[PINC_ALL];
+    PINC_REAL slopes[PINC_STAGES * PINC_ALL];
     PINC_REAL f[PINC_NX][PINC_TANGENTS];
-    PINC_REAL d_begin[PINC_NX * PINC_TANGENTS];
-    PINC_REAL d_stage[PINC_NX * PINC_TANGENTS];
-    PINC_REAL d_next[PINC_NX * PINC_TANGENTS];
-    PINC_REAL d_slopes[PINC_STAGES * PINC_NX * PINC_TANGENTS];
     int substep;
     int s;
     int i;
     int t;
     for (i = 0; i < PINC_NX; i++) {
-        next[i] = x[i];
+        end[i] = x[i];
         for (t = 0; t < PINC_TANGENTS; t++) {
-            d_next[(i * PINC_TANGENTS) + t] = (i == t) ? PINC_N(1) : PINC_N(0);
+            end[PINC_NX + (i * PINC_TANGENTS) + t] = (i == t) ? PINC_N(1) : PINC_N(0);
         }
     }
     for (substep = 0; substep < PINC_SUBSTEPS; substep++) {
-        for (i = 0; i < PINC_NX; i++) {
-            begin[i] = next[i];
-        }
-        for (i = 0; i < PINC_NX * PINC_TANGENTS; i++) {
-            d_begin[i] = d_next[i];
+        for (i = 0; i < PINC_ALL; i++) {
+            begin[i] = end[i];
         }
         for (s = 0; s < PINC_STAGES; s++) {
-            pinc_combine(s, begin, slopes, stage, PINC_NX);
-            pinc_combine(s, d_begin, d_slopes, d_stage, PINC_NX * PINC_TANGENTS);
-            pinc_jacobian(stage, u, slopes + (s * PINC_NX), f);
-            pinc_slopes(f, d_stage, d_slopes + (s * PINC_NX * PINC_TANGENTS));
+            PINC_REAL *slope = slopes + (s * PINC_ALL);
+            pinc_combine(s, begin, slopes, stage, PINC_ALL);
+            pinc_jacobian(stage, u, slope, f);
+            pinc_slopes(f, stage + PINC_NX, slope + PINC_NX);
         }
-        pinc_combine(PINC_STAGES, begin, slopes, next, PINC_NX);
-        pinc_combine(PINC_STAGES, d_begin, d_slopes, d_next, PINC_NX * PINC_TANGENTS);
+        pinc_combine(PINC_STAGES, begin, slopes, end, PINC_ALL);
     }
     for (i = 0; i < PINC_NX; i++) {
+        const PINC_REAL *row = end + (PINC_NX + (i * PINC_TANGENTS));
+        next[i] = end[i];
         for (t = 0; t < PINC_NX; t++) {
-            a[(i * PINC_NX) + t] = d_next[(i * PINC_TANGENTS) + t];
+            a[(i * PINC_NX) + t] = row[t];
         }
         for (t = 0; t < @WIDTH@; t++) {
-            b[(i * @WIDTH@) + t] = d_next[(i * PINC_TANGENTS) + PINC_NX + t];
+            b[(i * @WIDTH@) + t] = row[PINC_NX + t];
         }
     }
 }

@@ -90,7 +90,7 @@ for i, variable in enumerate(model.states):
     run.plot(marks, true[:, i], color=f"C{i}", label=f"{variable}, integrated")
     run.plot(marks, predicted[:, i], "x", color=f"C{i}", label=f"{variable}, net")
 run.set(title="Free run", xlabel="t in s")
-run.legend(ncols=2)
+run.legend(ncols=2, loc="lower left")
 state.step(starts + [60], targets + targets[-1:], "k:", where="post", label="reference of x1")
 for name, style in (("pinc", "-"), ("rk4", "--")):
     visited, chosen = loops[name]

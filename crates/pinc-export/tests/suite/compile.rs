@@ -146,6 +146,15 @@ impl Sources {
         text.split_whitespace().map(|word| word.parse().unwrap()).collect()
     }
 
+    /// Every file compiles.
+    #[track_caller]
+    pub(crate) fn assert_compiles(&self) {
+        for source in &self.library {
+            let object = ["-O1", "-I.", "-c", "-o", "object.o"];
+            self.run(Command::new("cc").args(STRICT).args(object).arg(source));
+        }
+    }
+
     /// Clean as C under other compilers and as C++, where the machine has these; and in need of
     /// nothing but libm.
     #[track_caller]

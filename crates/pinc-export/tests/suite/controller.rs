@@ -2,7 +2,7 @@
 
 use super::compile::{READ, Sources};
 use pinc_export::{
-    Controller, Estimation, ExplicitMethod, ExportError, ModelSource, Name, Origin,
+    Controller, Estimation, ExplicitMethod, ExportError, GeneratedFile, ModelSource, Name, Origin,
     RungeKuttaModel, controller_to_c,
 };
 use pinc_expr::Equations;
@@ -150,7 +150,16 @@ impl Case {
     pub(crate) fn export(
         &self,
         estimator: Option<Estimation<'_>>,
-    ) -> Result<Vec<pinc_export::GeneratedFile>, ExportError> {
+    ) -> Result<Vec<GeneratedFile>, ExportError> {
+        self.export_by(estimator, controller_to_c)
+    }
+
+    /// The controller, exported by `export`.
+    pub(crate) fn export_by(
+        &self,
+        estimator: Option<Estimation<'_>>,
+        export: impl Fn(&Controller<'_>, &Name, &Origin) -> Result<Vec<GeneratedFile>, ExportError>,
+    ) -> Result<Vec<GeneratedFile>, ExportError> {
         let variables = |count: usize, name: &str| -> Vec<Variable> {
             (0..count)
                 .map(|i| Variable { name: format!("{name}{i}").into(), unit: String::new().into() })
@@ -178,7 +187,7 @@ impl Case {
             reference: &reference,
             estimator,
         };
-        controller_to_c(&controller, &Name::new("ctl").unwrap(), &origin)
+        export(&controller, &Name::new("ctl").unwrap(), &origin)
     }
 
     /// What is tracked, in this state.

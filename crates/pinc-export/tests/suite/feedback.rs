@@ -5,7 +5,10 @@ use super::controller::{Case, Draws, Source, equations, mild, tanks_case};
 use pinc_estimate::{
     Augmentation, Augmented, Compensated, Disturbance, Ekf, Estimator, Measured, Tuning, Ukf,
 };
-use pinc_export::{Estimation, ExplicitMethod, ExportError, Filter};
+use pinc_export::{
+    Controller, Estimation, ExplicitMethod, ExportError, Filter, FmiVersion, GeneratedFile, Name,
+    Origin, controller_to_fmu,
+};
 use pinc_expr::Equations;
 use pinc_mpc::{Bounds, Nmpc, Tracked};
 use pinc_net::{Domain, NetConfig, ParameterRange, PincNet};
@@ -316,6 +319,29 @@ fn the_self_test_with_an_estimator_passes_and_the_code_is_portable() {
             sources.selftest("ctl", &["-DCTL_REAL=float"]);
             sources.assert_portable("ctl");
         }
+    }
+}
+
+/// Of both versions: outputs that are measured are inputs of the FMU, estimates are outputs.
+#[test]
+fn an_fmu_of_a_controller_with_its_estimator_compiles() {
+    let (case, augmentation, tuning) = with_outputs_and_pump(Disturbance::Output);
+    for version in [FmiVersion::Two, FmiVersion::Three] {
+        let estimation =
+            Estimation { filter: Filter::Extended, augmentation: &augmentation, tuning: &tuning };
+        let export = |controller: &Controller<'_>, name: &Name, origin: &Origin| {
+            controller_to_fmu(controller, name, origin, version)
+        };
+        let files = case.export_by(Some(estimation), export).unwrap();
+        let xml = String::from_utf8(files[0].bytes.clone()).unwrap();
+        assert!(xml.contains("y[2]") || xml.contains("name=\"y\""), "{xml}");
+        assert!(xml.contains("x_estimate"), "{xml}");
+        let flat = |file: GeneratedFile| GeneratedFile {
+            path: file.path.trim_start_matches("sources/").to_owned(),
+            ..file
+        };
+        let sources = Sources::new(&files.into_iter().map(flat).collect::<Vec<_>>());
+        sources.assert_compiles();
     }
 }
 

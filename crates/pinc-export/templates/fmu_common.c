@@ -1,0 +1,55 @@
+/* ---- What slaves of all versions have ------------------------------------------------------- */
+
+PINC_EXPORT @FMI@Status PINC_FMI(@FMI@SetDebugLogging)(@INSTANCE@ c, @FMI@Boolean on, size_t n,
+                                                     const @FMI@String categories[])
+{
+    (void)c;
+    (void)on;
+    (void)n;
+    (void)categories;
+    return @FMI@OK;
+}
+
+PINC_EXPORT @FMI@Status PINC_FMI(@FMI@ExitInitializationMode)(@INSTANCE@ c)
+{
+    pinc_begin_run(pinc_of(c));
+    return @FMI@OK;
+}
+
+PINC_EXPORT @FMI@Status PINC_FMI(@FMI@Terminate)(@INSTANCE@ c)
+{
+    (void)c;
+    return @FMI@OK;
+}
+
+PINC_EXPORT @FMI@Status PINC_FMI(@FMI@Reset)(@INSTANCE@ c)
+{
+    pinc_set_defaults(pinc_of(c));
+    return @FMI@OK;
+}
+
+PINC_EXPORT @FMI@Status PINC_FMI(@FMI@Set@STATE@)(@INSTANCE@ c, @FMI@@STATE@ state)
+{
+    memcpy(pinc_of(c), state, sizeof(pinc_slave));
+    return @FMI@OK;
+}
+
+PINC_EXPORT @FMI@Status PINC_FMI(@FMI@Serialized@STATE@Size)(@INSTANCE@ c, @FMI@@STATE@ state,
+                                                            size_t *size)
+{
+    (void)c;
+    (void)state;
+    *size = sizeof(pinc_slave);
+    return @FMI@OK;
+}
+
+PINC_EXPORT @FMI@Status PINC_FMI(@FMI@Serialize@STATE@)(@INSTANCE@ c, @FMI@@STATE@ state,
+                                                       @FMI@Byte bytes[], size_t size)
+{
+    (void)c;
+    if (size != sizeof(pinc_slave)) {
+        return @FMI@Error;
+    }
+    memcpy(bytes, state, size);
+    return @FMI@OK;
+}
