@@ -124,7 +124,7 @@ fn as_process(kind: &str) -> String {
 }
 
 fn parse(text: &str, plants: &Plants) -> Result<Experiment, String> {
-    let sets = ["training.phases.0.iterations=300".to_owned()];
+    let sets = ["training.phases.0.iterations=1000".to_owned()];
     Experiment::parse(Path::new("b.toml"), text, &sets, plants).map_err(|error| error.to_string())
 }
 
@@ -230,8 +230,10 @@ fn it_is_distilled_and_controlled() {
     let rms =
         |of: &RunDir| of.metrics().validation.as_ref().unwrap().domain_error.as_ref().unwrap().rms;
     let (of_equation, of_process) = (rms(&equation), rms(&process));
-    assert!(of_equation < 1e-2, "{of_equation}");
-    assert!(of_process < 2.0 * of_equation, "{of_process} {of_equation}");
+    assert!(of_equation < 2e-4, "{of_equation}");
+    // Its outputs are scaled by displacements and not by velocities, which makes it another net, as
+    // another seed does: short trainings differ by two to three times.
+    assert!(of_process < 4.0 * of_equation, "{of_process} {of_equation}");
     let [net, black_box] = &process.metrics().control[..] else { panic!("two models") };
     let [_, rk4] = &equation.metrics().control[..] else { panic!("two models") };
     assert_eq!(black_box.model, ModelKind::BlackBox);
@@ -245,7 +247,7 @@ fn it_is_distilled_and_controlled() {
         );
     };
     // Jacobians by differences are not exact; the loop's plant is.
-    apart(black_box, 1e-5);
+    apart(black_box, 1e-6);
     apart(net, 1e-2);
     let report = std::fs::read_to_string(other.path().join("report.html")).unwrap();
     assert!(report.contains("black box"));

@@ -34,10 +34,10 @@ input_high = [{high}]
 [training]
 source = "integrator"
 [validation]
-duration_s = 9.0
+duration_s = {scenario_s}
 [validation.domain]
-state_low = [-2.0, -2.0]
-state_high = [2.0, 2.0]
+state_low = [-0.5, -0.5]
+state_high = [0.5, 0.5]
 input_low = [{low}]
 input_high = [{high}]
 [control]
@@ -53,13 +53,14 @@ input_high = [{high}]
 references = [{{ start_s = 0.0, value = {value} }}]
 """
 
-# The oscillator whose damping is the input, and the one of the paper, which a force pushes.
+# The oscillator whose damping is the input, and the one of the paper, which a force pushes. The first
+# runs away where the damping is negative and it is far out: what runs freely is short.
 DAMPED = {
-    "state_low": [-3.0, -3.0], "state_high": [3.0, 3.0], "low": -2.0, "high": 1.0,
-    "initial": [2.0, 0.0], "value": [0.0, 0.0],
+    "state_low": [-1.2, -1.2], "state_high": [1.2, 1.2], "low": -2.0, "high": 0.5, "scenario_s": 1.8,
+    "initial": [0.8, 0.0], "value": [0.0, 0.0],
 }
 PUSHED = {
-    "state_low": [-3.0, -4.35], "state_high": [3.0, 4.35], "low": -1.0, "high": 1.0,
+    "state_low": [-3.0, -4.35], "state_high": [3.0, 4.35], "low": -1.0, "high": 1.0, "scenario_s": 9.0,
     "initial": [1.0, 0.0], "value": [-0.5, 0.0],
 }
 

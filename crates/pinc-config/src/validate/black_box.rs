@@ -1,1 +1,114 @@
+//! Checks of plants without equations, and of what is done with them.
 
+use super::Finding;
+use super::values::{positive, value};
+use crate::black_box::{FmuSpec, ProcessSpec};
+use crate::plants::Plants;
+use crate::{Experiment, ModelKind};
+use pinc_ode::Variable;
+use std::collections::BTreeMap;
+
+/// A plant under `key` that is a process.
+pub(super) fn program(key: &str, spec: &ProcessSpec, plants: &Plants) -> Finding {
+    let key = format!("{key}.process");
+    if spec.command.first().is_none_or(String::is_empty) {
+        return value(&format!("{key}.command"), "no program", "a program and its arguments");
+    }
+    let ProcessSpec { states, inputs, nominal, difference_step, .. } = spec;
+    variables(&key, [states, inputs], nominal, *difference_step)?;
+    allowed(&key, &format!("the program {}", spec.command[0]), plants)
+}
+
+/// A plant under `key` that is an FMU.
+pub(super) fn fmu(key: &str, spec: &FmuSpec, plants: &Plants) -> Finding {
+    let key = format!("{key}.fmu");
+    let FmuSpec { states, inputs, nominal, difference_step, .. } = spec;
+    variables(&key, [states, inputs], nominal, *difference_step)?;
+    for (list, names, of, kind) in [
+        ("variables", &spec.variables, [&states[..], &inputs[..]], "names of states and inputs"),
+        ("start_variables", &spec.start_variables, [&states[..], &[]], "names of states"),
+    ] {
+        if let Some(name) = names.keys().find(|name| of.iter().all(|of| !has(of, name))) {
+            return value(&format!("{key}.{list}"), format!("`{name}`"), kind);
+        }
+    }
+    allowed(&key, "a file with a binary", plants)?;
+    match spec.open() {
+        Ok(_) => Ok(()),
+        Err(problem) => {
+            let expected = "an FMU of FMI 2.0 or 3.0 with these variables";
+            value(&format!("{key}.file"), format!("{} ({problem})", spec.file.display()), expected)
+        }
+    }
+}
+
+fn has(variables: &[Variable], name: &str) -> bool {
+    variables.iter().any(|variable| variable.name == name)
+}
+
+/// What a config would start, only where that is allowed.
+fn allowed(key: &str, found: &str, plants: &Plants) -> Finding {
+    match plants.processes_are_allowed() {
+        true => Ok(()),
+        false => value(key, found, "--allow-process on the command line, which lets it run"),
+    }
+}
+
+fn variables(
+    key: &str,
+    [states, inputs]: [&[Variable]; 2],
+    nominal: &BTreeMap<String, f64>,
+    difference_step: f64,
+) -> Finding {
+    for (name, list) in [("states", states), ("inputs", inputs)] {
+        if list.is_empty() {
+            return value(&format!("{key}.{name}"), "[]", "one or more");
+        }
+    }
+    for (name, &size) in nominal {
+        let key = format!("{key}.nominal.{name}");
+        if !has(states, name) && !has(inputs, name) {
+            return value(&key, size, "a state or an input of the plant");
+        }
+        positive(&key, size)?;
+    }
+    positive(&format!("{key}.difference_step"), difference_step)
+}
+
+/// What needs an equation does not go with a plant that has none.
+pub(super) fn uses(experiment: &Experiment) -> Finding {
+    let is_black_box = experiment.plant.is_black_box();
+    let models = experiment.control.iter().flat_map(|control| &control.models).enumerate();
+    for (i, model) in models {
+        let key = format!("control.models[{i}]");
+        match (is_black_box, model) {
+            (true, ModelKind::Rk4 | ModelKind::Rk5 | ModelKind::Rodas4) => {
+                let expected = "\"pinc\" or \"black-box\": the plant has no equation";
+                return value(&key, format!("\"{model}\""), expected);
+            }
+            (false, ModelKind::BlackBox) => {
+                let expected = "another model: the plant has an equation";
+                return value(&key, "\"black-box\"", expected);
+            }
+            _ => {}
+        }
+    }
+    if !is_black_box {
+        return Ok(());
+    }
+    if experiment.training.is_some() && !experiment.is_distilled() {
+        let expected = "\"integrator\": a plant without an equation can be distilled only";
+        return value("training.source", "\"physics\"", expected);
+    }
+    let control = experiment.control.as_ref();
+    for (key, is_there) in [
+        ("one_step", experiment.one_step.is_some()),
+        ("identify", experiment.identify.is_some()),
+        ("control.estimator", control.is_some_and(|control| control.estimator.is_some())),
+    ] {
+        if is_there {
+            return value(key, "a section", "no such section: the plant has no equation");
+        }
+    }
+    Ok(())
+}
