@@ -17,48 +17,25 @@ mod problems;
 mod stream;
 #[path = "../crates/pinc-mpc/tests/suite/survey.rs"]
 mod survey;
+mod trained;
 
 use agreement::disagreement;
 use optimality::judge;
 use pinc_mpc::SqpStatus;
-use pinc_net::optim::SelfScaledBroydenConfig;
-use pinc_net::{Domain, NetConfig, Phase, PincModel, Training, TrainingConfig, ValidationConfig};
-use pinc_ode::Plant;
+use pinc_net::{Domain, PincModel};
 use pinc_plants::{FourTanks, VanDerPol};
 use problems::{four_tanks, four_tanks_loop, van_der_pol, van_der_pol_loop};
 use survey::{Draw, share, survey};
-
-/// A net trained for some tenths of a second.
-fn train<P: Plant>(plant: P, sample_time_s: f64, domain: Domain, iterations: u64) -> PincModel {
-    let training = Training {
-        config: TrainingConfig {
-            collocation_points: 512,
-            phases: vec![Phase::new(SelfScaledBroydenConfig::default(), iterations)],
-            growth: None,
-            validation_every: iterations,
-            ..TrainingConfig::recommended()
-        },
-        validation: ValidationConfig {
-            scenarios: 1,
-            subintervals: 1,
-            tolerance: 1e-8,
-            one_step_points: 10,
-            ..ValidationConfig::new(4.0 * sample_time_s, domain.clone())
-        },
-        threads: 1,
-        ..Training::new(NetConfig::new(sample_time_s, 2, 12), domain)
-    };
-    PincModel::new(&training.run(&plant).unwrap().net).unwrap()
-}
+use trained::train;
 
 fn oscillator(mu: f64, iterations: u64) -> PincModel {
     let domain = Domain::new(vec![-3.0..=3.0; 2], [-1.0..=1.0]);
-    train(VanDerPol { mu }, 0.5, domain, iterations)
+    train(VanDerPol { mu }, (0.5, 12), domain, iterations)
 }
 
 fn tanks(plant: FourTanks, iterations: u64) -> PincModel {
     let states = [2.0..=20.0, 2.0..=20.0, 0.6..=5.5, 0.6..=5.5];
-    train(plant, 10.0, Domain::new(states, vec![0.0..=5.0; 2]), iterations)
+    train(plant, (10.0, 12), Domain::new(states, vec![0.0..=5.0; 2]), iterations)
 }
 
 #[test]

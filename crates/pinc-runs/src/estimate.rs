@@ -150,11 +150,11 @@ fn run(
     for row in rows {
         let (line, cells) = row?;
         let row = columns.read(&cells).map_err(|problem| (line, problem))?;
-        if let Some((t, _)) = &before {
-            if (row.t - t - sample_time_s).abs() > 1e-6 * sample_time_s {
-                let problem = CsvProblem::Spacing { t: row.t, previous: *t, sample_time_s };
-                return Err((line, problem));
-            }
+        if let Some((t, _)) = &before
+            && (row.t - t - sample_time_s).abs() > 1e-6 * sample_time_s
+        {
+            let problem = CsvProblem::Spacing { t: row.t, previous: *t, sample_time_s };
+            return Err((line, problem));
         }
         let clock = Instant::now();
         if let Some((_, u)) = &before {

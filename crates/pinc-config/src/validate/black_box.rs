@@ -105,6 +105,7 @@ pub(super) fn uses(experiment: &Experiment) -> Finding {
         ("one_step", experiment.one_step.is_some()),
         ("identify", experiment.identify.is_some()),
         ("control.estimator", control.is_some_and(|control| control.estimator.is_some())),
+        ("control.loads", control.is_some_and(|control| !control.loads.is_empty())),
     ] {
         if is_there {
             return value(key, "a section", "no such section: the plant has no equation");
