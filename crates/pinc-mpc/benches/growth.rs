@@ -6,6 +6,8 @@
 //! The model is a chain of first-order lags with inputs all along it, which costs next to nothing:
 //! what is measured is the controller and its quadratic programs.
 
+#![expect(clippy::print_stdout, reason = "the table is what it is for")]
+
 use pinc_mpc::{Bounds, Nmpc, NmpcProblem, QpMethod, SqpConfig, Weights};
 use pinc_ode::{Dims, Linearization, Model, Stages};
 use std::time::Instant;

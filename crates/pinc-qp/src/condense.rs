@@ -268,15 +268,25 @@ impl CondensedQp {
         low[..unknowns].copy_from_slice(&qp.bounds.low[first..]);
         high[..unknowns].copy_from_slice(&qp.bounds.high[first..]);
         penalty[..unknowns].copy_from_slice(&qp.bounds.penalty[first..]);
-        let rows = low.iter_mut().zip(high.iter_mut()).zip(penalty.iter_mut()).skip(unknowns);
-        let mut rows = rows.map(|((low, high), penalty)| (low, high, penalty));
+        let [low, high, penalty] = [low, high, penalty].map(|list| &mut list[unknowns..]);
+        let states = self.rows.states.len();
+        let sides = [(&mut *low, &qp.bounds.low), (&mut *high, &qp.bounds.high)];
+        for (to, from) in sides {
+            for (to, &v) in to.iter_mut().zip(&self.rows.states) {
+                *to = from[v] - self.offset[v];
+            }
+        }
+        for (to, &v) in penalty.iter_mut().zip(&self.rows.states) {
+            *to = qp.bounds.penalty[v];
+        }
+        let rest = low.iter_mut().zip(high.iter_mut()).zip(penalty.iter_mut()).skip(states);
+        let mut rest = rest.map(|((low, high), penalty)| (low, high, penalty));
         let mut set = |limits: &Limits, i: usize, at: f64| {
-            if let Some((low, high, penalty)) = rows.next() {
+            if let Some((low, high, penalty)) = rest.next() {
                 (*low, *high, *penalty) =
                     (limits.low[i] - at, limits.high[i] - at, limits.penalty[i]);
             }
         };
-        self.rows.states.iter().for_each(|&v| set(&qp.bounds, v, self.offset[v]));
         self.rows.increments.iter().for_each(|&i| set(&qp.increments, i, 0.0));
         for &row in &self.rows.general {
             let state = block(&self.offset, dims.n1 + row / dims.rows() - 1, n);
