@@ -99,8 +99,8 @@ pub(crate) fn set_unknowns(
     let is = |of: &dyn Fn(&Disturbance) -> bool| u8::from(disturbance.is_some_and(of));
     let none = if open.count() == 0 { "#define PINC_NP 0\n" } else { "" };
     let defines = format!(
-        "/** Number of disturbances and parameters that are estimated; of disturbances alone, and\n \
-         * where they enter. */\n\
+        "/** Number of disturbances and parameters that are estimated; of disturbances alone,\n \
+         * and where they enter. */\n\
          #define PINC_NW {}\n\
          #define PINC_ND {}\n\
          {none}\
@@ -131,7 +131,7 @@ pub(crate) fn set_unknowns(
 
 /// What a controller with unknowns has besides.
 const UNKNOWN_FIELD: &str = "    /** The disturbances, then the parameters, that the model is taken to have. */\n    \
-                             PINC_REAL unknown[PINC_NW];\n";
+     PINC_REAL unknown[PINC_NW];\n";
 
 /// What sets its parameters up.
 const INIT_UNKNOWN: &str = "    pinc_copy(m->unknown + PINC_ND, pinc_parameters, PINC_NP);\n";

@@ -58,7 +58,7 @@ static int pinc_factor(const PINC_REAL *p, int n, PINC_REAL *l)
     return 1;
 }
 
-/* ---- What is estimated: z, the state, disturbances and parameters ----------------------------- */
+/* ---- What is estimated: z, the state, disturbances and parameters --------------------------- */
 
 /* The arguments of the model: inputs with their disturbances, then parameters. */
 static void pinc_believed(const PINC_REAL *z, const PINC_REAL *u, PINC_REAL *inner)

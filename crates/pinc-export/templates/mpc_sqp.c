@@ -246,7 +246,8 @@ static void pinc_lagrangian(const pinc_qp *qp, const pinc_multipliers *at, PINC_
 static PINC_REAL pinc_residual(pinc_mpc *m, const pinc_qp *qp)
 {
     const pinc_multipliers *at = &m->plan.m;
-    const PINC_REAL count = PINC_N(PINC_STATES + PINC_UNKNOWNS + PINC_INPUTS + PINC_ALL_OUTPUT_ROWS);
+    const PINC_REAL count =
+        PINC_N(PINC_STATES + PINC_UNKNOWNS + PINC_INPUTS + PINC_ALL_OUTPUT_ROWS);
     pinc_residuals worst;
     PINC_REAL scale;
     int v;
