@@ -343,7 +343,20 @@ fn nothing_to_look_at() {
 fn the_size_of_the_net_against_that_of_the_plant() {
     let net = |layers: usize, neurons: usize| {
         let text = format!(
-            "[model]\nhorizon_s = 0.5\nhidden_layers = {layers}\nneurons = {neurons}\n[training]"
+            r#"
+            [model]
+            horizon_s = 0.5
+            hidden_layers = {layers}
+            neurons = {neurons}
+            [training]
+            [validation]
+            duration_s = 2.0
+            [validation.domain]
+            state_low = [-1.0, -1.0]
+            state_high = [1.0, 1.0]
+            input_low = [-1.0]
+            input_high = [1.0]
+            "#
         );
         findings_with(Test::Damped, &[], &text)
     };
