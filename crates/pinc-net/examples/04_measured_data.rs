@@ -17,7 +17,11 @@ use pinc_plants::VanDerPol;
 use std::error::Error;
 
 /// Measurements of the plant itself after single steps from `count` states.
-fn steps(count: usize) -> Result<Measurements, Box<dyn Error>> {
+///
+/// # Errors
+///
+/// If the plant cannot be integrated.
+pub(crate) fn steps(count: usize) -> Result<Measurements, Box<dyn Error>> {
     let mut measured = Measurements::new(pinc_ode::Dims::new(2, 1));
     let mut plant = Dopri5::new(VanDerPol { mu: 1.0 }, 1e-10);
     for k in 0..u32::try_from(count)? {
@@ -32,10 +36,9 @@ fn steps(count: usize) -> Result<Measurements, Box<dyn Error>> {
     Ok(measured)
 }
 
-/// The net of the wrong equation, with measurements or without; a [`Trainer`] shows the progress.
-fn fit(measured: Option<&Measurements>) -> Result<PincNet, Box<dyn Error>> {
-    let wrong = VanDerPol { mu: 0.8 };
-    let training = Training {
+/// A training that keeps the last net.
+pub(crate) fn training() -> Training {
+    Training {
         config: TrainingConfig {
             collocation_points: 2048,
             phases: vec![Phase::new(AutoConfig::default(), 1000)],
@@ -44,7 +47,13 @@ fn fit(measured: Option<&Measurements>) -> Result<PincNet, Box<dyn Error>> {
             ..TrainingConfig::recommended()
         },
         ..train::training()
-    };
+    }
+}
+
+/// The net of the wrong equation, with measurements or without; a [`Trainer`] shows the progress.
+fn fit(measured: Option<&Measurements>) -> Result<PincNet, Box<dyn Error>> {
+    let wrong = VanDerPol { mu: 0.8 };
+    let training = training();
     let mut trainer = Trainer::new(&wrong, &training, training.validation_set(&wrong)?)?;
     if let Some(measured) = measured {
         trainer = trainer.with_measurements(measured, 100.0)?;

@@ -9,6 +9,8 @@ mod measured_data;
 mod save_and_load;
 #[path = "../../examples/01_train.rs"]
 mod train;
+#[path = "../../examples/05_unknown_parameter.rs"]
+mod unknown_parameter;
 
 #[test]
 fn a_training() {
@@ -28,4 +30,9 @@ fn a_net_saved_and_loaded() {
 #[test]
 fn measured_data() {
     measured_data::main().unwrap();
+}
+
+#[test]
+fn an_unknown_parameter() {
+    unknown_parameter::main().unwrap();
 }
