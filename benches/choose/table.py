@@ -57,6 +57,9 @@ def choose(pinc, plant, seed):
     ended = subprocess.run([str(part) for part in command], capture_output=True, text=True, check=True)
     found = re.search(r"^Use (.*?): .*control step takes ([0-9.]+) us", ended.stdout, re.MULTILINE)
     name = re.sub(r" with (\d+) substeps?", r" x\1", found[1])
+    net = re.match(r"a net of (\d+x\d+) trained on (an integrator|the equation)", name)
+    if net:
+        name = ("distilled " if net[2] == "an integrator" else "PINC ") + net[1]
     return name, float(found[2]), time.monotonic() - begin
 
 
