@@ -23,8 +23,8 @@ use pinc_qp::{OcpDims, all_finite};
 /// Autom. Control 44 (1999)). Otherwise the input is the next one of the last plan, whose last
 /// input is held when it has run out (before there is a plan, it is 0, moved into the bounds); and
 /// the step after starts afresh from the state measured then, so that one failure does not lead to
-/// the next. Only where nothing but the time was up, it goes on from where this one ended; and until
-/// there has been a plan true to the model, the one that the time allowed is followed.
+/// the next. Only where nothing but the time was up, it goes on from where this one ended; and
+/// until there has been a plan true to the model, the one that the time allowed is followed.
 ///
 /// # Delays
 ///

@@ -9,7 +9,8 @@ use thiserror::Error;
 
 /// How many times (n + m)^3 a stage costs that is solved by the recursion, where an operation of
 /// condensing counts 1. With it the methods change where they cross in `cargo bench -p pinc-mpc
-/// --bench growth`, from 2 states to 30: at 15 stages for 2 states and 1 input, at 108 for 30 and 1.
+/// --bench growth`, from 2 states to 30: at 15 stages for 2 states and 1 input, at 108 for 30 and
+/// 1.
 const RECURSION: usize = 10;
 
 /// Up to this many free inputs a condensed program is solved from scratch in less time than the
