@@ -1,6 +1,7 @@
 //! Controllers in C against the library's, step by step.
 
 use super::compile::{READ, Sources};
+use super::variants::{in_odd_units, tracking, with_rk5};
 use pinc_export::{
     Controller, Estimation, ExplicitMethod, ExportError, GeneratedFile, ModelSource, Name, Origin,
     RungeKuttaModel, controller_to_c,
@@ -54,7 +55,7 @@ pub(crate) fn equations(json: &str) -> Equations {
     serde_json::from_str(json).unwrap()
 }
 
-fn oscillator() -> Equations {
+pub(crate) fn oscillator() -> Equations {
     equations(
         r#"{"states": [{"name": "x1"}, {"name": "x2"}], "inputs": [{"name": "u"}],
             "derivatives": {"x1": "x2", "x2": "(1 - x1^2)*x2 - x1 + u"}}"#,
@@ -95,7 +96,7 @@ pub(crate) struct Case {
     pub(crate) parameters: Vec<String>,
     pub(crate) low: Vec<f64>,
     pub(crate) high: Vec<f64>,
-    sample_time_s: f64,
+    pub(crate) sample_time_s: f64,
     /// The plant, where the model is a net and its outputs are used.
     pub(crate) outputs_of: Option<Equations>,
 }
@@ -297,7 +298,7 @@ struct Step {
 
 /// Runs both and compares; gives how often each status was seen.
 #[track_caller]
-fn compare(case: &Case, steps: usize, seed: u64) -> [usize; 6] {
+pub(crate) fn compare(case: &Case, steps: usize, seed: u64) -> [usize; 6] {
     let (lines, expected) = case.run(steps, &mut Draws(seed));
     let found = case.sources().drive(&DRIVER.replace("@READ@", READ), &[], &lines);
     let width = 3 + case.problem.input_bounds.low.len();
@@ -454,124 +455,6 @@ fn controllers_with_nets_take_the_librarys_steps() {
     let case = Case { source: Source::Net(Box::new(net)), ..tanks_case() };
     let seen = compare(&case, 60, 6);
     assert!(seen[1] > 30, "{seen:?}");
-}
-
-fn with_rk5() -> Case {
-    let source = Source::RungeKutta(oscillator(), ExplicitMethod::Rk5, 2);
-    Case { source, ..oscillator_case() }
-}
-
-/// The method of order 5.
-#[test]
-fn controllers_with_rk5_take_the_librarys_steps() {
-    let seen = compare(&with_rk5(), 250, 20);
-    assert!(seen[0] > 100, "{seen:?}");
-}
-
-/// The oscillator in other units: x1 and u in thousandths, x2 in units of 4096.
-fn in_odd_units() -> Case {
-    let equations = equations(
-        r#"{"states": [{"name": "x1"}, {"name": "x2"}], "inputs": [{"name": "u"}],
-            "let": {"a": "x1/8192", "b": "x2*4096"},
-            "derivatives": {"x1": "8192*b", "x2": "((1 - a^2)*b - a + u/8192)/4096"}}"#,
-    );
-    let base = oscillator_case();
-    let (x1, x2) = (8192.0, 1.0 / 4096.0);
-    let sides = |v: f64| vec![v * x1, v * x2];
-    Case {
-        problem: NmpcProblem {
-            state_bounds: Bounds::new(sides(-1.0), sides(1.0)),
-            input_bounds: Bounds::new(vec![-x1], vec![x1]),
-            weights: Weights::uniform(
-                vec![10.0 / (x1 * x1), 10.0 / (x2 * x2)],
-                vec![1.0 / (x1 * x1)],
-            ),
-            ..base.problem
-        },
-        source: Source::RungeKutta(equations, ExplicitMethod::Rk4, 4),
-        low: sides(-1.3),
-        high: sides(1.3),
-        ..oscillator_case()
-    }
-}
-
-/// Quantities that are not of ordinary size are scaled as in the library.
-#[test]
-fn controllers_in_odd_units_take_the_librarys_steps() {
-    let mut case = in_odd_units();
-    let units = case.problem.units(case.model().dims());
-    assert!(units.states[0] > 1.0 && units.states[1] < 1.0 && units.inputs[0] > 1.0, "{units:?}");
-    // Differences are counted in these units.
-    let seen = compare(&case, 1000, 21);
-    assert!(seen[0] > 400 && seen[3] > 20, "{seen:?}");
-    case.problem.delay = 1;
-    case.problem.state_softness = Softness::Penalty(vec![50.0 / 8192.0, 5.0 * 4096.0]);
-    case.problem.increment_bounds = Bounds::new(vec![-2000.0], vec![3000.0]);
-    let seen = compare(&case, 250, 22);
-    assert!(seen[0] > 20, "{seen:?}");
-}
-
-/// The oscillator with outputs: a position with a bend in it, a power, and a force.
-fn with_outputs() -> Case {
-    let equations = equations(
-        r#"{"states": [{"name": "x1"}, {"name": "x2"}], "inputs": [{"name": "u"}],
-            "derivatives": {"x1": "x2", "x2": "(1 - x1^2)*x2 - x1 + u"},
-            "outputs": {"bent": "x1 + 0.2*x1^3", "force": "2*u - 0.5*x1", "power": "u*x2"}}"#,
-    );
-    let base = oscillator_case();
-    Case {
-        source: Source::RungeKutta(equations, ExplicitMethod::Rk4, 4),
-        problem: NmpcProblem { state_bounds: Bounds::none(2), ..base.problem },
-        ..oscillator_case()
-    }
-}
-
-fn tracking() -> Case {
-    let mut case = with_outputs();
-    case.problem.tracked = vec![Tracked::Output(0), Tracked::State(1)];
-    case.problem.output_bounds = Some(Bounds::new(vec![-1.0; 3], vec![1.0; 3]));
-    case
-}
-
-/// Outputs that are tracked, with states or without; outputs that are bounded, softly or not; all
-/// of it in other units too.
-#[test]
-fn controllers_with_outputs_take_the_librarys_steps() {
-    let infinite = f64::INFINITY;
-    let bounds = Bounds::new(vec![-1.0, -infinite, -0.4], vec![1.0, 1.5, infinite]);
-    let with = |change: &dyn Fn(&mut NmpcProblem)| {
-        let mut case = with_outputs();
-        change(&mut case.problem);
-        case
-    };
-    let tracked = || vec![Tracked::Output(0), Tracked::State(1)];
-    let cases = [
-        with(&|p| p.tracked = tracked()),
-        with(&|p| p.output_bounds = Some(bounds.clone())),
-        with(&|p| {
-            p.output_bounds = Some(bounds.clone());
-            p.output_softness = Softness::Exact;
-            (p.tracked, p.n1, p.delay) = (tracked(), 2, 1);
-        }),
-        with(&|p| {
-            p.output_bounds = Some(bounds.clone());
-            p.output_softness = Softness::Penalty(vec![30.0, 20.0, 10.0]);
-            p.tracked = vec![Tracked::Output(1), Tracked::Output(0)];
-            p.control_horizon = 3;
-            p.state_bounds = Bounds::new(vec![-1.5; 2], vec![1.5; 2]);
-        }),
-        with(&|p| {
-            // Bounds of 4e-3 that are large beside nothing, and a cost of another size.
-            let sides = vec![infinite, infinite, 0.004];
-            p.output_bounds = Some(Bounds::new(vec![-infinite, -infinite, -0.004], sides));
-            p.weights = Weights::uniform(vec![1e8, 1e8], vec![1e7]);
-            p.tracked = tracked();
-        }),
-    ];
-    for (i, case) in cases.iter().enumerate() {
-        let seen = compare(case, 250, 30 + i as u64);
-        assert!(seen[0] > 20, "case {i}: {seen:?}");
-    }
 }
 
 #[test]

@@ -4,4 +4,5 @@ mod compile;
 mod controller;
 mod feedback;
 mod net;
+mod variants;
 mod wrappers;
