@@ -154,8 +154,8 @@ fn start<V: Scalar>(x: [V; COMPONENTS]) -> V {
     forms[0] / forms[1]
 }
 
-/// A step of Newton's method for 2 (s - P)/(s + P) = 0, where s is the sum of the partial pressures:
-/// nearly ln(s/P), which is nearly linear in z.
+/// A step of Newton's method for 2 (s - P)/(s + P) = 0, where s is the sum of the partial
+/// pressures: nearly ln(s/P), which is nearly linear in z.
 #[inline(always)]
 fn newton_step<V: Scalar>(sum: V, slope: V, pressure: f64) -> V {
     sum.mul_add(sum, sum.constant(-pressure * pressure)) / (slope * (2.0 * pressure))

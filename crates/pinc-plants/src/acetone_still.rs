@@ -19,8 +19,8 @@ use pinc_ode::{Plant, Variable};
 /// 12.5 and B.2. The boiling point is solved for at every call; the derivatives are those of the
 /// implicit function theorem.
 ///
-/// This makes the plant expensive, as plants with property calculations are: a call alone costs some
-/// forty times that of the Van der Pol oscillator.
+/// This makes the plant expensive, as plants with property calculations are: a call alone costs
+/// some forty times that of the Van der Pol oscillator.
 ///
 /// The still, of pilot size, is this project's.
 #[derive(Clone, Copy, Debug, PartialEq)]
