@@ -3,6 +3,8 @@
 //!
 //! The moving horizon estimator has a window of 10 steps.
 
+#![expect(clippy::print_stdout, reason = "a benchmark shows what it measures")]
+
 #[path = "../tests/suite/support.rs"]
 #[expect(dead_code, reason = "the tests compare estimates too")]
 mod support;
