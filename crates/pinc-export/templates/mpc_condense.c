@@ -245,6 +245,7 @@ static void pinc_read_multipliers(pinc_mpc *m)
 static void pinc_expand(pinc_mpc *m, const pinc_qp *qp)
 {
     PINC_REAL *inputs = m->d + PINC_STATES;
+    int i;
     int j;
     pinc_read_multipliers(m);
     pinc_copy(inputs, m->dense.x, PINC_INPUTS);

@@ -648,7 +648,8 @@ static int pinc_plans_differ(const pinc_plan *a, const pinc_plan *b)
     return pinc_differ(a->z, b->z, PINC_UNKNOWNS) |
            pinc_differ(a->m.dynamics, b->m.dynamics, PINC_STATES) |
            pinc_differ(a->m.bounds, b->m.bounds, PINC_UNKNOWNS) |
-           pinc_differ(a->m.increments, b->m.increments, PINC_INPUTS);
+           pinc_differ(a->m.increments, b->m.increments, PINC_INPUTS) |
+           pinc_differ(a->m.outputs, b->m.outputs, PINC_OUTPUT_ROWS);
 }
 
 /* Keeps the new plan if it is worth following, or if only the time was up as a guess for the next

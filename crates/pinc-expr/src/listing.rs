@@ -150,7 +150,7 @@ mod tests {
         let of = |listing: Listing| listing.instructions;
         let two = [Instruction::Variable(0), Instruction::Constant(2.0), Instruction::Mul(0, 1)];
         assert_eq!(of(equations.listing(&[]).unwrap()), two);
-        let free = [Instruction::Variable(0), Instruction::Variable(2), Instruction::Mul(1, 0)];
+        let free = [Instruction::Variable(0), Instruction::Variable(2), Instruction::Mul(0, 1)];
         assert_eq!(of(equations.listing(&["k"]).unwrap()), free);
     }
 }
