@@ -3,10 +3,11 @@
     for config in configs/pareto/*.toml; do pinc run $config; done
     python3 benches/pareto/table.py runs/*-pareto
 
-Needs Python alone.
+Prints the rows of the summary in docs/measurements.md. Needs Python alone.
 """
 
 import csv
+import math
 import shutil
 import sys
 from pathlib import Path
@@ -80,6 +81,69 @@ def table(directory):
                 yield "| " + " | ".join(row(result["case"], result, time, model)) + " |"
 
 
+# The nets in the summary.
+SUMMARY = {
+    "van-der-pol": ("3x16", "distilled 2x16", "distilled 2x24"),
+    "four-tanks": ("2x24", "distilled 2x24"),
+    "still": ("3x16", "distilled 2x8"),
+    "column": ("3x32", "distilled 3x32"),
+    "servo": ("4x20", "distilled 2x16", "distilled 4x32"),
+    "car": ("4x32", "distilled 3x24"),
+    "arm": ("3x24", "distilled 2x16"),
+}
+
+
+def number(text):
+    return float(text) if text else math.nan
+
+
+def cheapest(methods, rms, column):
+    """The least time at an error, between numbers of substeps, with the method that takes it."""
+    best = (math.inf, "")
+    for name in {method["name"] for method in methods}:
+        own = [m for m in methods if m["name"] == name and math.isfinite(m["rms"])]
+        own.sort(key=lambda method: method["rms"])
+        for fine, coarse in zip(own, own[1:]):
+            if fine["rms"] <= rms <= coarse["rms"]:
+                part = math.log(rms / fine["rms"]) / math.log(coarse["rms"] / fine["rms"])
+                logs = [math.log(method[column]) for method in (fine, coarse)]
+                best = min(best, (math.exp(logs[0] + part * (logs[1] - logs[0])), name))
+        # One that is more exact with its fewest substeps is cheap enough.
+        if own and own[-1]["rms"] <= rms:
+            best = min(best, (own[-1][column], name))
+    return best
+
+
+def summary(plant, directory):
+    names = {"pinc": "net", "rk4": "RK4", "rk5": "RK5", "rosenbrock": "Rosenbrock"}
+    rows = []
+    for result, time in zip(read(directory / "sweep.csv"), read(directory / "timings.csv")):
+        for model, name in names.items():
+            if time.get(f"{model}_forward_ns"):
+                rows.append({
+                    "case": result["case"],
+                    "name": name,
+                    "rms": number(result[f"{model}_one_step_rms"]),
+                    "iae": number(result[f"{model}_iae_dense_sum"]),
+                    "alone": float(time[f"{model}_forward_ns"]),
+                    "jacobians": float(time[f"{model}_forward_jacobian_ns"]),
+                    "step": float(time[f"{model}_step_us"]),
+                })
+    methods = [row for row in rows if row["name"] != "net"]
+    exact = min((m for m in methods if math.isfinite(m["rms"])), key=lambda m: m["rms"])["iae"]
+    good = min((m for m in methods if abs(m["iae"] / exact - 1) < 0.01), key=lambda m: m["step"])
+    for net in (row for row in rows if row["case"] in SUMMARY.get(plant, ())):
+        cells = [plant, net["case"], f"{net['rms']:.1e}"]
+        for column in ("alone", "jacobians"):
+            time, name = cheapest(methods, net["rms"], column)
+            factor = f"{time / net[column]:.2g} ({name})" if name else "–"
+            cells += [f"{net[column]:.0f}", factor]
+        off = net["iae"] / exact - 1
+        factor = f"{good['step'] / net['step']:.1f} ({good['case']}, {good['step']:.1f} us)"
+        cells += [f"{100 * off:+.2f} %", f"{net['step']:.1f}", factor if abs(off) < 0.01 else "–"]
+        yield "| " + " | ".join(cells) + " |"
+
+
 def place(plant):
     return (ORDER.index(plant), "") if plant in ORDER else (len(ORDER), plant)
 
@@ -95,6 +159,7 @@ def main():
         lines += ["", f"## {plant}", "", "```sh", f"pinc run configs/pareto/{plant}.toml", "```", ""]
         lines += [f"![Error of one step over its time: {plant}](pareto/{plant}.svg)", ""]
         lines += table(directory)
+        print(*summary(plant, directory), sep="\n")
     (docs / "accuracy-cost.md").write_text("\n".join(lines) + "\n")
 
 
