@@ -1,4 +1,5 @@
-"""Writes the seed corpora: for `config` every shipped config, for `expression` the expressions in them and some more.
+"""Writes the seed corpora: for `config` every shipped config, for `expression` the expressions in
+them and some more, for `model` the model file of the tests.
 
     python3 fuzz/seeds.py       from the top folder
 """
@@ -33,3 +34,5 @@ for path in sorted(pathlib.Path("configs").rglob("*.toml")):
         (corpus("expression") / name).write_text("\n".join(line.replace("\n", " ") for line in lines))
 for i, text in enumerate(FORMULAS):
     (corpus("expression") / f"formula-{i}").write_text(text)
+model = pathlib.Path("crates/pinc-bench/tests/data/model.safetensors")
+(corpus("model") / model.name).write_bytes(model.read_bytes())

@@ -1,8 +1,8 @@
 //! Random texts and bytes in place of a user's files: they are read, or refused with a message;
 //! nothing panics. A text is one of the shipped files with some changes at random.
 //!
-//! As many as `PINC_RANDOM_CASES` says are tried, from the seed `PINC_RANDOM_SEED` on; a long run
-//! is described in `docs/testing.md`.
+//! As many as `PINC_RANDOM_CASES` says are tried, from the seed `PINC_RANDOM_SEED` on, each for at
+//! most `PINC_RANDOM_HANGS_S`; a long run is described in `docs/testing.md`.
 
 use crate::common::repository;
 use pinc_ad::Dual;
@@ -23,8 +23,8 @@ use std::time::Duration;
 
 /// Cases of a test if nothing else is asked for.
 const CASES: u64 = 200;
-/// A case that takes longer hangs, also on a machine with other work: 10 s of one core's time.
-const HANGS: Duration = Duration::from_secs(40);
+/// Seconds after which a case hangs if nothing else is asked for: many, for machines with other work.
+const HANGS_S: u64 = 40;
 
 /// What is put into files: ends of ranges, and words that mean something.
 const WORDS: [&str; 36] = [
@@ -136,11 +136,12 @@ fn try_cases(name: &str, share: u64, seeds: &[Vec<u8>], check: impl Fn(&[u8])) {
     let kept = std::env::temp_dir().join(format!("pinc-random-{name}-{}", std::process::id()));
     let begun = Arc::new(AtomicU64::new(0));
     let (ended, end) = mpsc::channel::<()>();
+    let hangs = Duration::from_secs(number("PINC_RANDOM_HANGS_S").unwrap_or(HANGS_S));
     let watch = {
         let begun = Arc::clone(&begun);
         std::thread::spawn(move || {
             let mut last = 0;
-            while end.recv_timeout(HANGS) == Err(mpsc::RecvTimeoutError::Timeout) {
+            while end.recv_timeout(hangs) == Err(mpsc::RecvTimeoutError::Timeout) {
                 let now = begun.load(Ordering::Relaxed);
                 if now == last {
                     // No panic reaches a thread that hangs.
