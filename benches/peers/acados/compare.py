@@ -38,7 +38,6 @@ class Case:
     model: str = "rk4"
     horizon: int | None = None
     more: dict = field(default_factory=dict)
-    tolerance: float | None = None
 
     def overrides(self):
         values = dict(self.more)
@@ -63,16 +62,13 @@ CASES = {
 
 
 def settings(horizon):
-    """Of acados: QP solver, stages after condensing, mode, warm start, that of the first QP, shift."""
-    found = []
-    for shift in (0, 1):
-        for first in (0, 1):
-            found.append(("daqp", 0, "SPEED", 1, first, shift))
-        for qp, stages in [("hpipm-full", [0]), ("hpipm-partial", partial(horizon))]:
-            for cond_n in stages:
+    """Of acados: QP solver, stages after condensing, mode, QP tolerance, warm start, that of the first QP, shift."""
+    found = [("daqp", 0, "-", 1e-9, 1, first, shift) for shift in (0, 1) for first in (0, 1)]
+    for qp, stages in [("hpipm-full", [0]), ("hpipm-partial", partial(horizon))]:
+        for cond_n in stages:
+            for mode, tolerance in (("SPEED", 1e-9), ("SPEED", 1e-11), ("BALANCE", 1e-11)):
                 for warm, first in ((0, 0), (1, 2)):
-                    for mode in ("SPEED", "BALANCE"):
-                        found.append((qp, cond_n, mode, warm, first, shift))
+                    found.append((qp, cond_n, mode, tolerance, warm, first, 1))
     return found
 
 
@@ -247,7 +243,7 @@ def compare(name, loop, arguments):
         if arguments.all:
             print(f"    {setting}: {np.median(us):.1f} us, {difference:.0e}, {failed} failed, "
                   f"{mean:.2f} QPs", file=sys.stderr)
-        if failed == 0 and difference <= (loop.case.tolerance or arguments.tolerance):
+        if failed == 0 and difference <= arguments.tolerance:
             good.append((np.median(us), setting))
             apart[setting], iterations[setting], theirs[setting] = difference, mean, []
     best = {}
@@ -279,8 +275,8 @@ def three(values):
 
 
 def describe(setting):
-    qp, cond_n, mode, warm, first, shift = setting
-    parts = [qp] if qp == "daqp" else [qp, mode]
+    qp, cond_n, mode, tolerance, _, first, shift = setting
+    parts = [qp] if qp == "daqp" else [qp, mode, f"QPs to {tolerance:.0e}"]
     if qp == "hpipm-partial":
         parts.append(f"{cond_n} stages")
     parts.append({0: "first QP cold", 1: "first QP warm", 2: "first QP from the plan"}[first])
