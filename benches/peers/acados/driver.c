@@ -23,7 +23,7 @@
 #include "blasfeo_d_aux.h"
 #include "model.h"
 
-enum { NZ = NX + NU };
+enum { NZ = NX + NU, NEVER = -2 };
 
 static double now_us(void) {
     struct timespec now;
@@ -160,13 +160,14 @@ static void set_dimensions(controller *c, const problem *p) {
     }
 }
 
-/* The sum of Q-weighted errors and R-weighted increments; acados takes half of each square. */
+/* The sum of Q-weighted errors and R-weighted increments; acados takes half of each square. The error of the
+   measured state is a constant: it is there for shift(), to which all stages look alike. */
 static void set_cost(controller *c, const problem *p, int stage) {
     const int with_input = stage < p->n2, rows = p->controlled + (with_input ? NU : 0);
     double w[rows * rows], vx[rows * NZ], vu[rows * NU];
     memset(w, 0, sizeof w), memset(vx, 0, sizeof vx), memset(vu, 0, sizeof vu);
     for (int i = 0; i < p->controlled; i++) {
-        w[i * rows + i] = stage == 0 ? 0.0 : 2 * p->q[i];
+        w[i * rows + i] = 2 * p->q[i];
         vx[p->index[i] * rows + i] = 1.0;
     }
     for (int j = 0; with_input && j < NU; j++) {
@@ -257,15 +258,16 @@ static controller create(const problem *p, const settings *s) {
 }
 
 static const double *reference(const problem *p, int k) {
-    return p->reference + (k < p->steps ? k : p->steps - 1) * p->controlled;
+    const int last = p->steps - 1;
+    return p->reference + (k < 0 ? 0 : k > last ? last : k) * p->controlled;
 }
 
-/* Stage i from 1 on has the reference of step k + i - 1. Only what changed is set. */
+/* Stage i has the reference of step k + i - 1. Only what changed is set. */
 static void set_references(controller *c, const problem *p, int k) {
     const size_t bytes = p->controlled * sizeof(double);
-    for (int i = 1; i <= p->n2; i++) {
+    for (int i = 0; i <= p->n2; i++) {
         const double *wanted = reference(p, k + i - 1);
-        if (c->shown[i] >= 0 && !memcmp(reference(p, c->shown[i]), wanted, bytes)) continue;
+        if (c->shown[i] != NEVER && !memcmp(reference(p, c->shown[i]), wanted, bytes)) continue;
         double y[NX + NU] = {0};
         memcpy(y, wanted, bytes);
         ocp_nlp_cost_model_set(c->config, c->dims, c->in, i, "yref", y);
@@ -275,22 +277,29 @@ static void set_references(controller *c, const problem *p, int k) {
 
 /* The first guess of a first step: the state held, no input, no multipliers. */
 static void start(controller *c, const problem *p) {
-    double z[NZ] = {0}, zero[2 * (NZ + NU)] = {0};
+    double z[NZ] = {0};
     memcpy(z, p->x, NX * sizeof *z);
     ocp_nlp_solver_reset_qp_memory(c->solver, c->in, c->out);
     ocp_nlp_out_set_values_to_zero(c->config, c->dims, c->out);
     for (int i = 0; i <= p->n2; i++) {
         ocp_nlp_out_set(c->config, c->dims, c->out, c->in, i, "x", z);
-        c->shown[i] = -1;
+        c->shown[i] = NEVER;
     }
-    ocp_nlp_cost_model_set(c->config, c->dims, c->in, 0, "yref", zero);
 }
 
-/* Multipliers are ordered: lower bounds of inputs, of states, upper bounds of inputs, of states. */
+/* Multipliers are ordered: lower bounds of inputs, of states, upper bounds of inputs, of states. Those of the measured
+   state, which is fixed by bounds, are what stage 1 had for being reached and for its bounds: so a plan that holds
+   for the next step passes acados' test at once, without a QP. */
 static void shift(controller *c, int n2) {
     ocp_nlp_out *out = c->out;
-    blasfeo_dveccp(NU, out->lam + 1, 0, out->lam, 0);
-    blasfeo_dveccp(NU, out->lam + 1, NU + NX, out->lam, NU + NZ);
+    const double *held = out->lam[1].pa, *reached = out->pi[0].pa;
+    double *fixed = out->lam[0].pa;
+    for (int j = 0; j < NU; j++) fixed[j] = held[j], fixed[NU + NZ + j] = held[NU + NX + j];
+    for (int j = 0; j < NZ; j++) {
+        const double force = reached[j] + (j < NX ? held[NU + j] - held[NU + NX + NU + j] : 0.0);
+        fixed[NU + j] = force > 0 ? force : 0.0;
+        fixed[NU + NZ + NU + j] = force < 0 ? -force : 0.0;
+    }
     for (int i = 0; i + 1 < n2; i++) {
         blasfeo_dveccp(NU + NZ, out->ux + i + 1, 0, out->ux + i, 0);
         blasfeo_dveccp(NZ, out->pi + i + 1, 0, out->pi + i, 0);
