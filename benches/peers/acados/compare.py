@@ -3,10 +3,11 @@
     cargo build --release
     python benches/peers/acados/compare.py --acados DIR [--rounds 12] [--cases NAME ..] [--all]
 
-DIR is a checkout of acados with the submodules blasfeo, hpipm and daqp; it is built into --build, once. In each
-round pinc runs a loop, and then each setting of acados gets the states of that loop one by one, solves the same
-problem from its plan of the step before, and is timed. The least medians are acados' setting. The script fails if an
-input differs by more than --tolerance.
+DIR is a checkout of acados with the submodules blasfeo, hpipm and daqp; it is built into --build,
+once. In each round pinc runs a loop, and then each setting of acados gets the states of that loop
+one by one, solves the same problem from its plan of the step before, and is timed. Of each QP
+solver the setting with the least median counts. Settings that fail in a step, or whose inputs
+differ from pinc's by more than --tolerance in any, are out.
 """
 
 import argparse
@@ -32,7 +33,7 @@ ROD = TOP / "configs/distributed/rod.toml"
 
 @dataclass
 class Case:
-    """A loop: a config, overrides of its [control], its plant in C, and the model, rk4 or pinc (a net)."""
+    """A loop: a config, its plant in C, the model (rk4, or pinc: a net), overrides of [control]."""
     config: str
     plant: str
     model: str = "rk4"
@@ -44,6 +45,10 @@ class Case:
         if self.horizon:
             values |= {"n2": self.horizon, "nu": self.horizon}
         return [f"control.{key}={value}" for key, value in values.items()]
+
+    def repetitions(self, wanted):
+        """Runs of the loop in a round: fewer of the long horizons."""
+        return max(1, wanted // 5) if self.horizon else wanted
 
 
 OSCILLATOR = ("van-der-pol/control.toml", "van_der_pol")
@@ -62,7 +67,7 @@ CASES = {
 
 
 def settings(horizon):
-    """Of acados: QP solver, stages after condensing, mode, QP tolerance, warm start, that of the first QP, shift."""
+    """Of acados, in the order of the driver's arguments."""
     found = [("daqp", 0, "-", 1e-9, 1, first, shift) for shift in (0, 1) for first in (0, 1)]
     for qp, stages in [("hpipm-full", [0]), ("hpipm-partial", partial(horizon))]:
         for cond_n in stages:
@@ -122,10 +127,10 @@ def write_net(model, path):
     last, bias_out = out_std[:, None] * weights[-1], out_mean + out_std * biases[-1]
     neurons = len(bias_in)
     width = -(-neurons // 8) * 8
-    wide = width - neurons
+    wide, hard = width - neurons, int(meta["ansatz"] == "hard-linear")
     inner = np.array([np.pad(w, ((0, wide), (0, wide))) for w in weights[1:-1]])
     path.write_text(
-        f"enum {{ DEPTH = {depth}, WIDTH = {width}, HARD = {int(meta['ansatz'] == 'hard-linear')} }};\n"
+        f"enum {{ DEPTH = {depth}, WIDTH = {width}, HARD = {hard} }};\n"
         + table("weight_in", np.pad(first[:, 1:].T, ((0, 0), (0, wide))))
         + table("bias_in", np.pad(bias_in, (0, wide)))
         + table("weight", inner)
@@ -146,17 +151,19 @@ class Loop:
 
     def __init__(self, case, arguments, installed, folder):
         self.case, self.arguments, self.folder = case, arguments, folder
+        self.repetitions = case.repetitions(arguments.repetitions)
         folder.mkdir()
         self.config = TOP / "configs" / case.config
         self.flags = ["--only", case.model]
         if case.model == "pinc":
             self.flags += ["--model", self.train()]
-        self.steps = self.pinc()[1]
-        used = self.used
-        self.horizon = used["control"].get("n2", 5)
-        self.states, self.inputs = self.steps["x"].shape[1], self.steps["u"].shape[1]
-        self.problem = folder / "problem.txt"
-        self.write_problem(used["control"])
+        self.out, self.problem = folder / "pinc", folder / "problem.txt"
+        metrics = self.pinc()
+        used = tomllib.loads((self.out / "config.toml").read_text())
+        self.horizon = used["control"]["n2"]
+        *self.steps, controlled = self.read_steps(metrics)
+        self.size = len(metrics["states"]), len(metrics["inputs"])
+        self.write_problem(used["control"], {**metrics, "controlled": controlled})
         self.driver = folder / "driver"
         self.compile(used, installed)
 
@@ -173,47 +180,46 @@ class Loop:
         return kept
 
     def pinc(self):
-        """Runs the loop; its metrics, and states, inputs and references at the steps."""
-        out = self.folder / "pinc"
-        command = [self.arguments.pinc, "control", self.config, "--quiet", "--out", out, *self.flags]
-        for override in self.case.overrides():
+        """Runs the loop and gives its metrics."""
+        command = [self.arguments.pinc, "control", self.config, "--quiet", "--out", self.out]
+        command += self.flags
+        for override in [*self.case.overrides(), f"control.repetitions={self.repetitions}"]:
             command += ["--set", override]
         run(command)
-        self.used = tomllib.loads((out / "config.toml").read_text())
-        metrics = json.loads((out / "metrics.json").read_text())["control"][0]
-        header, rows = read(out / "control.csv")
-        rows = np.array(rows, dtype=float)
-        n = len(json.loads((out / "metrics.json").read_text())["states"])
-        m = len(json.loads((out / "metrics.json").read_text())["inputs"])
-        nr = len(self.used["control"]["controlled"])
-        assert len(header) == 1 + n + m + nr, header
-        steps = {"x": rows[:-1:9, 1:1 + n], "u": rows[1::9, 1 + n:1 + n + m],
-                 "reference": rows[1::9, 1 + n + m:]}
-        return metrics, steps
+        return json.loads((self.out / "metrics.json").read_text())
 
-    def write_problem(self, control):
-        n, m = self.states, self.inputs
-        header, _ = read(self.folder / "pinc" / "control.csv")
-        controlled = [header[1 + n + m + i].removesuffix("_ref") for i in range(len(control["q"]))]
-        index = [header[1:1 + n].index(name) for name in controlled]
-        broad = lambda values, count: values * count if len(values) == 1 else values
-        lines = [[self.horizon, len(index), len(self.steps["x"])], index, control["q"],
-                 control["r"], broad(control["state_low"], n), broad(control["state_high"], n),
-                 broad(control["input_low"], m), broad(control["input_high"], m)]
-        before = np.vstack([np.zeros((1, m)), self.steps["u"][:-1]])
-        for x, u, reference in zip(self.steps["x"], before, self.steps["reference"]):
-            lines.append([*x, *u, *reference])
+    def read_steps(self, metrics):
+        """States, inputs and references at the steps of the loop, of which control.csv has ten rows
+        each, ends shared, and the names of what follows the references."""
+        header, rows = read(self.out / "control.csv")
+        rows = np.array(rows, dtype=float)
+        after = 1 + len(metrics["states"])
+        states, inputs, references = np.split(rows[:, 1:], np.cumsum([
+            len(metrics["states"]), len(metrics["inputs"])]), axis=1)
+        names = [name.removesuffix("_ref") for name in header[after + len(metrics["inputs"]):]]
+        return states[:-1:9], inputs[1::9], references[1::9], names
+
+    def write_problem(self, control, names):
+        states, inputs, references = self.steps
+        n, m = self.size
+        index = [names["states"].index(name) for name in names["controlled"]]
+        lines = [[self.horizon, len(index), len(states)], index, control["q"], control["r"]]
+        for key, size in (("state_low", n), ("state_high", n), ("input_low", m), ("input_high", m)):
+            # One number stands for all elements of a vector.
+            lines.append(np.broadcast_to(control[key], size))
+        before = np.vstack([np.zeros((1, m)), inputs[:-1]])
+        lines += np.hstack([states, before, references]).tolist()
         self.problem.write_text("\n".join(" ".join(f"{v:.17g}" for v in line) for line in lines))
 
     def compile(self, used, installed):
         case = self.case
-        flags = [f"-DNX={self.states}", f"-DNU={self.inputs}", f"-I{HERE}", f"-I{self.folder}"]
+        flags = [f"-DNX={self.size[0]}", f"-DNU={self.size[1]}", f"-I{HERE}", f"-I{self.folder}"]
         if case.model == "pinc":
             write_net(self.flags[-1], self.folder / "net_weights.h")
             model = HERE / "net.c"
         else:
             model = HERE / "rk4.c"
-            substeps = used["control"].get("rk4_substeps", 4)
+            substeps = used["control"]["rk4_substeps"]
             flags += [f'-DPLANT="{case.plant}.h"', f"-DSTEP_S={used['model']['horizon_s']}",
                       f"-DSUBSTEPS={substeps}"]
         libraries = ["-lacados", "-lhpipm", "-lblasfeo", "-ldaqpstat", "-lm"]
@@ -224,8 +230,9 @@ class Loop:
 
     def acados(self, setting, repetitions):
         """Times in us, the largest difference of an input, steps that failed, mean iterations."""
-        rows = np.loadtxt(run([self.driver, self.problem, *setting, repetitions]).splitlines(), ndmin=2)
-        wanted = self.steps["u"][rows[:, 1].astype(int)]
+        output = run([self.driver, self.problem, *setting, repetitions])
+        rows = np.loadtxt(output.splitlines(), ndmin=2)
+        wanted = self.steps[1][rows[:, 1].astype(int)]
         apart = np.abs(rows[:, 6:] - wanted).max()
         return rows[:, 2], apart, int((rows[:, 3] != 0).sum()), rows[:, 4].mean()
 
@@ -251,21 +258,21 @@ def compare(name, loop, arguments):
         best.setdefault(setting[0], []).append(setting)
     good = [setting for group in best.values() for setting in group[:arguments.keep]]
     for _ in range(arguments.rounds):
-        metrics, _ = loop.pinc()
+        metrics = loop.pinc()["control"][0]
         step = metrics["step_us"]
         ours.append([step["p50"], step["p99"], step["max"]])
         for setting in good:
-            theirs[setting].append(times(loop.acados(setting, arguments.repetitions)[0]))
+            theirs[setting].append(times(loop.acados(setting, loop.repetitions)[0]))
     mine = np.median(ours, axis=0)
     for qp in ("daqp", "hpipm-full", "hpipm-partial"):
         group = [setting for setting in good if setting[0] == qp]
         if not group:
-            print(f"| {name} | {qp} | no setting without failures and with the same inputs |")
+            print(f"| {name}, {qp} | no setting solves all steps | | | | |", flush=True)
             continue
         setting = min(group, key=lambda s: statistics.median(t[0] for t in theirs[s]))
         other = np.median(theirs[setting], axis=0)
         ratio = np.median(np.array(theirs[setting]) / np.array(ours), axis=0)
-        print(f"| {name} | {describe(setting)} | {three(other)} | {three(mine)} | {three(ratio)} "
+        print(f"| {name}, {describe(setting)} | {three(other)} | {three(mine)} | {three(ratio)} "
               f"| {apart[setting]:.0e} | {iterations[setting]:.2f}, "
               f"{metrics['sqp_iterations_mean']:.2f} |", flush=True)
 
@@ -295,12 +302,13 @@ def versions(source, installed, target):
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--acados", type=Path, required=True, help="checkout of acados")
-    parser.add_argument("--build", type=Path, help="folder to build it in, by default in the checkout")
+    parser.add_argument("--build", type=Path, help="where to build it, by default in the checkout")
     parser.add_argument("--blasfeo-target", default="X64_INTEL_HASWELL")
     parser.add_argument("--pinc", default=str(TOP / "target/release/pinc"))
     parser.add_argument("--cases", nargs="+", choices=list(CASES), default=list(CASES))
     parser.add_argument("--rounds", type=int, default=12)
-    parser.add_argument("--repetitions", type=int, default=10, help="of the loop in a round, as pinc")
+    parser.add_argument("--repetitions", type=int, default=10,
+                        help="of the loop in a round; a fifth for long horizons")
     parser.add_argument("--keep", type=int, default=2, help="settings per QP solver that are timed")
     parser.add_argument("--training-s", type=float, default=5.0)
     parser.add_argument("--models", help="folder to keep the nets in, or to take them from")
@@ -310,8 +318,8 @@ def main():
     build_folder = arguments.build or arguments.acados / f"build-{arguments.blasfeo_target}"
     installed = build(arguments.acados, build_folder.resolve(), arguments.blasfeo_target)
     versions(arguments.acados, installed, arguments.blasfeo_target)
-    print("\n| loop | acados | its median / p99 / longest, us | pinc's, us | ratios | inputs differ by "
-          "| QPs a step: acados, pinc |\n|---|---|---|---|---|---|---|")
+    print("\n| loop, acados' setting | acados: median / p99 / longest, us | pinc | times as long "
+          "| inputs differ by | QPs a step: acados, pinc |\n|---|---|---|---|---|---|")
     with tempfile.TemporaryDirectory() as folder:
         for name in arguments.cases:
             compare(name, Loop(CASES[name], arguments, installed, Path(folder) / name), arguments)

@@ -1,17 +1,17 @@
-/* The closed loop of a problem file, step by step, by acados' SQP. See compare.py, which writes the file.
+/* The closed loop of a problem file, step by step, by acados' SQP. compare.py writes the file.
 
    driver PROBLEM QP COND_N MODE QP_TOLERANCE WARM FIRST SHIFT REPETITIONS
 
    QP           daqp, hpipm-full or hpipm-partial
-   COND_N       stages that partial condensing leaves
+   COND_N       stages that partial condensing leaves; 0 for the others
    MODE         HPIPM's: SPEED, BALANCE
    QP_TOLERANCE of each QP
    WARM         qp_warm_start
-   FIRST        warm start of a step's first QP: 0 no, 1 from the QP before, 2 from the multipliers of the plan
+   FIRST        warm start of a step's first QP: 0 no, 1 from the QP before, 2 from the plan
    SHIFT        whether the plan is shifted by a stage before it is the first guess
 
-   The state is the plant's and the input applied last, as increments are weighted. Prints a line per step: repetition,
-   step, us, status, SQP iterations, largest KKT residual, inputs. */
+   The state is the plant's and the input applied last, as increments are weighted. Prints a line
+   per step: repetition, step, us, status, SQP iterations, largest KKT residual, inputs. */
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -31,11 +31,11 @@ static double now_us(void) {
     return 1e6 * now.tv_sec + 1e-3 * now.tv_nsec;
 }
 
-/* acados reads the clock some twenty times per SQP iteration, a tenth of a short step. The linker takes these. */
+/* acados reads the clock all the time, for a tenth of a short step. The linker takes these. */
 void acados_tic(acados_timer *timer) { (void)timer; }
 double acados_toc(acados_timer *timer) { return (void)timer, 0.0; }
 
-/* ------------------------------------------------------------------------------- the model, for acados */
+/* ------------------------------------------------------------------- the model, for acados */
 
 static void evaluate(void **in, double *next, double jacobian[NX][PADDED], double *u) {
     const struct blasfeo_dvec_args *x_in = in[0], *u_in = in[1];
@@ -49,14 +49,15 @@ static void write_next(void *out, const double *next, const double *u) {
     memcpy(to->x->pa + to->xi + NX, u, NU * sizeof *u);
 }
 
-static void step(void *self, ext_fun_arg_t *type_in, void **in, ext_fun_arg_t *type_out, void **out) {
+static void step(void *self, ext_fun_arg_t *type_in, void **in, ext_fun_arg_t *type_out,
+                 void **out) {
     double next[NX], jacobian[NX][PADDED], u[NU];
     (void)self, (void)type_in, (void)type_out;
     evaluate(in, next, jacobian, u);
     write_next(out[0], next, u);
 }
 
-/* acados takes the Jacobian transposed: a row per input, state and last input, a column per next state. */
+/* acados takes the Jacobian transposed: a row per input, state and last input. */
 static void step_jacobian(void *self, ext_fun_arg_t *type_in, void **in, ext_fun_arg_t *type_out,
                           void **out) {
     double next[NX], jacobian[NX][PADDED], u[NU];
@@ -64,13 +65,21 @@ static void step_jacobian(void *self, ext_fun_arg_t *type_in, void **in, ext_fun
     evaluate(in, next, jacobian, u);
     write_next(out[0], next, u);
     const struct blasfeo_dmat_args *to = out[1];
+    struct blasfeo_dmat *a = to->A;
+    const int row = to->ai, column = to->aj;
     for (int i = 0; i < NX; i++) {
-        for (int j = 0; j < NU; j++) BLASFEO_DMATEL(to->A, to->ai + j, to->aj + i) = jacobian[i][NX + j];
-        for (int j = 0; j < NX; j++) BLASFEO_DMATEL(to->A, to->ai + NU + j, to->aj + i) = jacobian[i][j];
-        for (int j = 0; j < NU; j++) BLASFEO_DMATEL(to->A, to->ai + NU + NX + j, to->aj + i) = 0.0;
+        for (int j = 0; j < NU; j++) {
+            BLASFEO_DMATEL(a, row + j, column + i) = jacobian[i][NX + j];
+            BLASFEO_DMATEL(a, row + NU + NX + j, column + i) = 0.0;
+        }
+        for (int j = 0; j < NX; j++) {
+            BLASFEO_DMATEL(a, row + NU + j, column + i) = jacobian[i][j];
+        }
     }
     for (int i = 0; i < NU; i++) {
-        for (int j = 0; j < NU + NZ; j++) BLASFEO_DMATEL(to->A, to->ai + j, to->aj + NX + i) = i == j;
+        for (int j = 0; j < NU + NZ; j++) {
+            BLASFEO_DMATEL(a, row + j, column + NX + i) = i == j;
+        }
     }
 }
 
@@ -79,13 +88,13 @@ static void ignore_workspace(void *self, void *work) { (void)self, (void)work; }
 static external_function_generic fun = {step, no_workspace, ignore_workspace};
 static external_function_generic fun_jac = {step_jacobian, no_workspace, ignore_workspace};
 
-/* ---------------------------------------------------------------------------------- the problem's file */
+/* ---------------------------------------------------------------------- the problem's file */
 
 typedef struct {
     int n2, controlled, steps;
     int index[NX];
     double q[NX], r[NU], x_low[NX], x_high[NX], u_low[NU], u_high[NU];
-    double *x, *before, *reference; /* by steps: the state, the input applied last, the reference ahead */
+    double *x, *before, *reference; /* by steps: state, input applied last, reference ahead */
 } problem;
 
 static double number(FILE *file) {
@@ -124,7 +133,7 @@ static problem read_problem(const char *path) {
     return p;
 }
 
-/* --------------------------------------------------------------------------------------- the solver */
+/* ------------------------------------------------------------------------------ the solver */
 
 typedef struct {
     const char *qp, *mode;
@@ -160,8 +169,9 @@ static void set_dimensions(controller *c, const problem *p) {
     }
 }
 
-/* The sum of Q-weighted errors and R-weighted increments; acados takes half of each square. The error of the
-   measured state is a constant: it is there for shift(), to which all stages look alike. */
+/* The sum of Q-weighted errors and R-weighted increments; acados takes half of each square. The
+   error of the measured state is a constant: it is there for shift(), to which all stages look
+   alike. */
 static void set_cost(controller *c, const problem *p, int stage) {
     const int with_input = stage < p->n2, rows = p->controlled + (with_input ? NU : 0);
     double w[rows * rows], vx[rows * NZ], vu[rows * NU];
@@ -207,7 +217,7 @@ static void *options(controller *c, const settings *s) {
     double tolerance = 1e-8, qp_tolerance = s->qp_tolerance;
     int warm = s->warm, cond_n = s->cond_n, first = s->first > 0;
     if (hpipm) ocp_nlp_solver_opts_set(c->config, opts, "qp_hpipm_mode", (void *)s->mode);
-    if (!strcmp(s->qp, "hpipm-partial")) ocp_nlp_solver_opts_set(c->config, opts, "qp_cond_N", &cond_n);
+    if (cond_n > 0) ocp_nlp_solver_opts_set(c->config, opts, "qp_cond_N", &cond_n);
     const char *tolerances[] = {"tol_stat", "tol_eq", "tol_ineq", "tol_comp"};
     const char *qp_tolerances[] = {"qp_tol_stat", "qp_tol_eq", "qp_tol_ineq", "qp_tol_comp"};
     for (int i = 0; i < 4; i++) {
@@ -221,7 +231,9 @@ static void *options(controller *c, const settings *s) {
     ocp_nlp_solver_opts_set(c->config, opts, "qp_iter_max", &qp_iterations);
     ocp_nlp_solver_opts_set(c->config, opts, "qp_warm_start", &warm);
     ocp_nlp_solver_opts_set(c->config, opts, "warm_start_first_qp", &first);
-    if (s->first == 2) ocp_nlp_solver_opts_set(c->config, opts, "warm_start_first_qp_from_nlp", &on);
+    if (s->first == 2) {
+        ocp_nlp_solver_opts_set(c->config, opts, "warm_start_first_qp_from_nlp", &on);
+    }
     return opts;
 }
 
@@ -287,9 +299,9 @@ static void start(controller *c, const problem *p) {
     }
 }
 
-/* Multipliers are ordered: lower bounds of inputs, of states, upper bounds of inputs, of states. Those of the measured
-   state, which is fixed by bounds, are what stage 1 had for being reached and for its bounds: so a plan that holds
-   for the next step passes acados' test at once, without a QP. */
+/* Multipliers are ordered: lower bounds of inputs, of states, upper bounds of inputs, of states.
+   Those of the measured state, which is fixed by bounds, are what stage 1 had for being reached and
+   for its bounds: so a plan that holds for the next step passes acados' test without a QP. */
 static void shift(controller *c, int n2) {
     ocp_nlp_out *out = c->out;
     const double *held = out->lam[1].pa, *reached = out->pi[0].pa;
@@ -324,7 +336,8 @@ static void run(controller *c, const problem *p, const settings *s, int repetiti
         const double us = now_us() - begun;
         int iterations;
         ocp_nlp_get(c->solver, "sqp_iter", &iterations);
-        printf("%d %d %.3f %d %d %.2e", repetition, k, us, status, iterations, c->out->inf_norm_res);
+        printf("%d %d %.3f %d %d %.2e", repetition, k, us, status, iterations,
+               c->out->inf_norm_res);
         for (int j = 0; j < NU; j++) printf(" %.17g", u[j]);
         printf("\n");
     }
@@ -332,7 +345,7 @@ static void run(controller *c, const problem *p, const settings *s, int repetiti
 
 int main(int count, char **arguments) {
     if (count != 10) {
-        fprintf(stderr, "driver PROBLEM QP COND_N MODE QP_TOLERANCE WARM FIRST SHIFT REPETITIONS\n");
+        fprintf(stderr, "see the head of driver.c for the nine arguments\n");
         return 1;
     }
     const problem p = read_problem(arguments[1]);
@@ -340,6 +353,6 @@ int main(int count, char **arguments) {
                         .qp_tolerance = atof(arguments[5]), .warm = atoi(arguments[6]),
                         .first = atoi(arguments[7]), .shift = atoi(arguments[8])};
     controller c = create(&p, &s);
-    for (int repetition = 0; repetition < atoi(arguments[9]); repetition++) run(&c, &p, &s, repetition);
+    for (int i = 0; i < atoi(arguments[9]); i++) run(&c, &p, &s, i);
     return 0;
 }

@@ -1,4 +1,4 @@
-/* One step of T of a model, with its Jacobian. NX states and NU inputs are given to the compiler. */
+/* One step of T of a model, with its Jacobian. The compiler is told NX states and NU inputs. */
 #ifndef MODEL_H
 #define MODEL_H
 

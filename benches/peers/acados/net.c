@@ -1,6 +1,6 @@
-/* A net of DEPTH hidden layers of WIDTH neurons (a multiple of 4, zeros behind the last), with the Jacobian by
-   reverse mode: fewer rows than a forward mode has columns. net_weights.h is written by compare.py, with T and the
-   normalizers folded into the first and the last layer. */
+/* A net of DEPTH hidden layers of WIDTH neurons, with the Jacobian by reverse mode: fewer rows than
+   a forward mode has columns. net_weights.h is written by compare.py, with T and the normalizers
+   folded into the first and the last layer, and WIDTH padded with zeros to whole vectors. */
 #include <math.h>
 #include <string.h>
 

@@ -1,4 +1,4 @@
-/* RK4 in SUBSTEPS substeps of STEP_S / SUBSTEPS, with forward sensitivities by states and inputs. */
+/* RK4 in SUBSTEPS substeps of T = STEP_S, with forward sensitivities by states and inputs. */
 #include <string.h>
 
 #include "model.h"
