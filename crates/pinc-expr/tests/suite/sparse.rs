@@ -198,9 +198,9 @@ fn pivots_that_vanish() {
         ..Equations::default()
     };
     let plant = equations.compile().expect("valid equations");
-    let at = |k: usize| 8.0 - if k % 3 == 0 { 0.0 } else { 10.0_f64.powi(-(k as i32)) };
+    let at = |k: i32| 8.0 - if k % 3 == 0 { 0.0 } else { 10.0_f64.powi(-k) };
     let points: Vec<f64> =
-        (0..21).flat_map(|k| [1.0 + 0.01 * k as f64, at(k), 0.2, -0.5]).collect();
+        (0..21).flat_map(|k| [1.0 + 0.01 * f64::from(k), at(k), 0.2, -0.5]).collect();
     let mut found = plant.clone().into_dyn().rodas4(0.5, 1);
     let found = linearize(&mut *found, &points);
     let expected = linearize(&mut Rodas4::new(plant, 0.5, 1), &points);
