@@ -8,6 +8,9 @@ by gcc -O3 -march=native and called by a C program, one stage after the other, i
 the stages of a horizon of 20 at once, as its controller does, in one thread too. Both are run in turn, and
 the least of all rounds counts. That they compute the same is checked at one point.
 
+The more nodes, the faster the heat spreads between them: the stage is that of the config, halved until
+RK4 is stable on it (from 50 nodes on).
+
 Two forms of the same derivatives are generated, since neither is the faster one for every size:
 
 expanded    the step with its Jacobian as one list of scalar operations, with the zeros left out
@@ -88,6 +91,17 @@ def rod(nodes, parameters):
     return ca.Function("rhs", [x, power], [ca.vertcat(*dx)])
 
 
+def stage_s(nodes, config):
+    """The length of a stage in s: that of the config, halved until RK4 is far from unstable."""
+    p = config["plant"]["expression"]["parameters"]
+    diffusivity = p["conductivity"] / (p["density"] * p["heat_capacity"])
+    fastest = 4 * diffusivity / (p["length"] / nodes) ** 2
+    stage = config["model"]["horizon_s"]
+    while stage / SUBSTEPS * fastest > 1.4:
+        stage /= 2
+    return stage
+
+
 def substep(rhs, h, x, u):
     k1 = rhs(x, u)
     k2 = rhs(x + h / 2 * k1, u)
@@ -157,12 +171,13 @@ def measured(call, nodes, x, u):
     return call(*pointers), vectors[2]
 
 
-def pincs(pinc, nodes):
+def pincs(pinc, nodes, stage):
     """The time of a stage of pinc's RK4 in ns, a median of some hundred."""
     sets = {
         "plant.expression.sizes.n": nodes,
+        "model.horizon_s": stage,
         "control.rk4_substeps": SUBSTEPS,
-        "control.duration_s": 50.0,
+        "control.duration_s": 10 * stage,
         "control.references": "[{start_s = 0.0, value = [120.0]}]",
         "one_step": "{points = 64}",
     }
@@ -170,7 +185,9 @@ def pincs(pinc, nodes):
         arguments = [str(pinc), "control", str(CONFIG), "--only", "rk4", "--out", folder]
         for key, value in sets.items():
             arguments += ["--set", f"{key}={value}"]
-        subprocess.run(arguments, check=True, capture_output=True)
+        done = subprocess.run(arguments, capture_output=True, text=True)
+        if done.returncode != 0:
+            raise SystemExit(f"{' '.join(arguments)}\n{done.stderr}")
         metrics = json.loads((Path(folder) / "metrics.json").read_text())
     return metrics["one_step"][0]["forward_jacobian_ns"]
 
@@ -184,19 +201,20 @@ def main():
     options = parser.parse_args()
     config = tomllib.loads(CONFIG.read_text())
     parameters = config["plant"]["expression"]["parameters"]
-    h = config["model"]["horizon_s"] / SUBSTEPS
     print(f"{'nodes':>5} {'pinc, us':>9} {'expanded':>9} {'substeps':>9}   a stage; the horizon has {STAGES}")
     with tempfile.TemporaryDirectory() as folder:
         folder = Path(folder)
         for nodes in options.nodes:
             rhs = rod(nodes, parameters)
+            stage = stage_s(nodes, config)
+            h = stage / SUBSTEPS
             calls = {"substeps": compiled(by_substeps(rhs, nodes, h), f"substeps{nodes}", folder)}
             if nodes <= options.expanded:
                 calls["expanded"] = compiled(expanded(rhs, nodes, h), f"expanded{nodes}", folder)
             x = list(np.linspace(140.0, 80.0, nodes))
             least = {}
             for _ in range(options.rounds):
-                times = {"pinc": pincs(options.pinc, nodes)}
+                times = {"pinc": pincs(options.pinc, nodes, stage)}
                 for name, call in calls.items():
                     times[name], reached = measured(call, nodes, x, 40.0)
                     check(rhs, h, x, reached)

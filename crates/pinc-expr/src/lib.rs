@@ -33,6 +33,7 @@ use pinc_ode::{Dims, Plant, SparsePlant, Variable};
 use program::Program;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
 /// The equations of a plant as text, as they stand in a config file.
 ///
@@ -158,6 +159,15 @@ pub struct ExpressionPlant {
     algebraic: Option<AlgebraicSystem>,
     /// The same functions with their Jacobians.
     sparse: SparsePlant<GroupedFunction>,
+    rates: Arc<Rates>,
+}
+
+/// The derivatives of the states as values, of which second derivatives are made where a method
+/// needs them.
+#[derive(Debug)]
+struct Rates {
+    graph: Graph,
+    values: Vec<Value>,
 }
 
 /// Outputs that are not just the states.
@@ -254,6 +264,7 @@ impl Equations {
         let program = |values: &[Value], key: &str| {
             Program::new(&graph, all, values).map_err(|problem| problem.at(key))
         };
+        let rhs = program(&derivatives, "derivatives")?;
         let own = match &outputs[..] {
             [] => None,
             values => {
@@ -280,11 +291,12 @@ impl Equations {
         let system = system.map_err(|problem| problem.at("algebraic"))?;
         Ok(ExpressionPlant {
             sparse,
+            rates: Arc::new(Rates { graph, values: derivatives }),
             algebraic: (!system.blocks.is_empty()).then_some(system),
             states: self.states.clone(),
             inputs: self.inputs.clone(),
             parameters: varying.iter().map(|&name| variable(name, "")).collect(),
-            rhs: program(&derivatives, "derivatives")?,
+            rhs,
             outputs: own,
         })
     }

@@ -1,16 +1,17 @@
 //! Text plants with their type erased: their integrators use the sparse Jacobian.
 
 use crate::ExpressionPlant;
+use crate::grouped::GroupedCurved;
 use pinc_ad::simd::{Isa, Simd, Task};
 use pinc_ode::{
-    AnyVectorRhs, Dims, DynPlant, DynRhs, Model, Plant, Rodas4, SparseFunction, SparsityPattern,
-    Tableau, Variable, sparse_runge_kutta,
+    AnyVectorRhs, Dims, DynPlant, DynRhs, Model, Plant, Rodas4, SparseFunction, SparsePlant,
+    SparsityPattern, Tableau, Variable, sparse_rodas4, sparse_runge_kutta,
 };
 use std::sync::Arc;
 
 impl ExpressionPlant {
-    /// The plant with its type erased. Its Runge-Kutta methods are made of code for the equations
-    /// and their Jacobian that runs on many points at once.
+    /// The plant with its type erased. Its integrators are made of code for the equations and their
+    /// Jacobian that runs on many points at once.
     #[must_use]
     pub fn into_dyn(self) -> Box<dyn DynPlant> {
         Box::new(TextPlant(self))
@@ -80,7 +81,12 @@ impl DynPlant for TextPlant {
     }
 
     fn rodas4(&self, sample_time_s: f64, substeps: usize) -> Box<dyn Model> {
-        Box::new(Rodas4::new(self.0.clone(), sample_time_s, substeps))
+        let ExpressionPlant { sparse, rates, .. } = &self.0;
+        let Some(rhs) = GroupedCurved::new(&sparse.rhs, &rates.graph, &rates.values) else {
+            return Box::new(Rodas4::new(self.0.clone(), sample_time_s, substeps));
+        };
+        let plant = SparsePlant { dims: sparse.dims, rhs, outputs: sparse.outputs.clone() };
+        sparse_rodas4(plant, sample_time_s, substeps, Isa::detect())
     }
 }
 

@@ -3,7 +3,7 @@
 
 use divan::{Bencher, black_box};
 use pinc_expr::Equations;
-use pinc_ode::{Dims, Linearization, Model, Plant, Rk4, Stages, Variable};
+use pinc_ode::{Dims, DynPlant, Linearization, Model, Plant, Rk4, Rodas4, Stages, Variable};
 use pinc_plants::{AcetoneColumn, AcetoneStill, FourTanks, VanDerPol};
 
 const SUBSTEPS: [usize; 5] = [1, 4, 5, 10, 50];
@@ -97,28 +97,77 @@ const COLUMN: ([f64; 6], [f64; 2]) = ([0.1, 0.7, 0.4, 0.3, 0.6, 0.1], [3.0, 120.
 /// The oscillator and the tanks as text.
 #[divan::bench(args = [1, 5, 10, 20])]
 fn linearize_stages_van_der_pol_as_text(bencher: Bencher<'_, '_>, stages: usize) {
-    let states = [("x1", "x2"), ("x2", "(1 - x1^2)*x2 - x1 + u")];
-    let equations = as_text(&states, &["u"]);
-    let mut model = rk4(&equations, 0.5);
+    let mut model = rk4(&van_der_pol_as_text(), 0.5);
     linearize_stages(bencher, &mut *model, &[1.0, -0.5], &[0.3], stages);
 }
 
 #[divan::bench(args = [1, 5, 10, 20])]
 fn linearize_stages_four_tanks_as_text(bencher: Bencher<'_, '_>, stages: usize) {
+    let mut model = rk4(&four_tanks_as_text(), 10.0);
+    linearize_stages(bencher, &mut *model, &[9.0, 14.0, 2.5, 2.5], &[2.5, 2.5], stages);
+}
+
+/// The Rosenbrock method, two substeps.
+#[divan::bench(args = [1, 5, 10, 20])]
+fn rodas4_stages_van_der_pol(bencher: Bencher<'_, '_>, stages: usize) {
+    let mut model = Rodas4::new(VanDerPol::default(), 0.5, 2);
+    linearize_stages(bencher, &mut model, &[1.0, -0.5], &[0.3], stages);
+}
+
+#[divan::bench(args = [1, 5, 10, 20])]
+fn rodas4_stages_van_der_pol_as_text(bencher: Bencher<'_, '_>, stages: usize) {
+    let mut model = compiled(&van_der_pol_as_text()).rodas4(0.5, 2);
+    linearize_stages(bencher, &mut *model, &[1.0, -0.5], &[0.3], stages);
+}
+
+#[divan::bench(args = [1, 5, 10, 20])]
+fn rodas4_stages_four_tanks(bencher: Bencher<'_, '_>, stages: usize) {
+    let mut model = Rodas4::new(FourTanks::antonelo(), 10.0, 2);
+    linearize_stages(bencher, &mut model, &[9.0, 14.0, 2.5, 2.5], &[2.5, 2.5], stages);
+}
+
+#[divan::bench(args = [1, 5, 10, 20])]
+fn rodas4_stages_four_tanks_as_text(bencher: Bencher<'_, '_>, stages: usize) {
+    let mut model = compiled(&four_tanks_as_text()).rodas4(10.0, 2);
+    linearize_stages(bencher, &mut *model, &[9.0, 14.0, 2.5, 2.5], &[2.5, 2.5], stages);
+}
+
+/// Text on dual numbers, as before its second derivatives were known.
+#[divan::bench(args = [20])]
+fn rodas4_stages_four_tanks_as_text_on_dual_numbers(bencher: Bencher<'_, '_>, stages: usize) {
+    let plant = four_tanks_as_text().compile().expect("valid equations");
+    let mut model = Rodas4::new(plant, 10.0, 2);
+    linearize_stages(bencher, &mut model, &[9.0, 14.0, 2.5, 2.5], &[2.5, 2.5], stages);
+}
+
+#[divan::bench(args = [10, 20, 50])]
+fn rodas4_20_stages_of_a_rod(bencher: Bencher<'_, '_>, nodes: usize) {
+    let mut model = compiled(&rod(nodes)).rodas4(1.0, 2);
+    linearize_stages(bencher, &mut *model, &vec![1.0; nodes], &[0.3], 20);
+}
+
+fn van_der_pol_as_text() -> Equations {
+    as_text(&[("x1", "x2"), ("x2", "(1 - x1^2)*x2 - x1 + u")], &["u"])
+}
+
+fn four_tanks_as_text() -> Equations {
     let states = [
         ("h1", "(2*u1 + 0.07*sqrt(1962*max(h3, 0)) - 0.07*sqrt(1962*max(h1, 0)))/28"),
         ("h2", "(2*u2 + 0.06*sqrt(1962*max(h4, 0)) - 0.06*sqrt(1962*max(h2, 0)))/32"),
         ("h3", "(1.3*u2 - 0.07*sqrt(1962*max(h3, 0)))/28"),
         ("h4", "(u1 - 0.06*sqrt(1962*max(h4, 0)))/32"),
     ];
-    let equations = as_text(&states, &["u1", "u2"]);
-    let mut model = rk4(&equations, 10.0);
-    linearize_stages(bencher, &mut *model, &[9.0, 14.0, 2.5, 2.5], &[2.5, 2.5], stages);
+    as_text(&states, &["u1", "u2"])
 }
 
 /// The 20 stages of a rod that is heated and radiates, by its nodes.
 #[divan::bench(args = [10, 20, 50, 100])]
 fn linearize_20_stages_of_a_rod(bencher: Bencher<'_, '_>, nodes: usize) {
+    let mut model = rk4(&rod(nodes), 1.0);
+    linearize_stages(bencher, &mut *model, &vec![1.0; nodes], &[0.3], 20);
+}
+
+fn rod(nodes: usize) -> Equations {
     let states: Vec<_> = (0..nodes)
         .map(|i| {
             let left = if i == 0 { "u".to_owned() } else { format!("0.2*(T{} - T{i})", i - 1) };
@@ -127,8 +176,7 @@ fn linearize_20_stages_of_a_rod(bencher: Bencher<'_, '_>, nodes: usize) {
         })
         .collect();
     let states: Vec<_> = states.iter().map(|(name, f)| (name.as_str(), f.as_str())).collect();
-    let mut model = rk4(&as_text(&states, &["u"]), 1.0);
-    linearize_stages(bencher, &mut *model, &vec![1.0; nodes], &[0.3], 20);
+    as_text(&states, &["u"])
 }
 
 fn as_text(states: &[(&str, &str)], inputs: &[&'static str]) -> Equations {
@@ -141,8 +189,12 @@ fn as_text(states: &[(&str, &str)], inputs: &[&'static str]) -> Equations {
     }
 }
 
+fn compiled(equations: &Equations) -> Box<dyn DynPlant> {
+    equations.compile().expect("valid equations").into_dyn()
+}
+
 fn rk4(equations: &Equations, sample_time_s: f64) -> Box<dyn Model> {
-    equations.compile().expect("valid equations").into_dyn().rk4(sample_time_s, 4)
+    compiled(equations).rk4(sample_time_s, 4)
 }
 
 fn linearize_stages(

@@ -59,7 +59,10 @@ pub use plant::Plant;
 pub use rodas4::Rodas4;
 pub use runge_kutta::{Classical, DormandPrince, Method, Rk4, Rk5, RungeKutta};
 pub use simulator::Simulator;
-pub use sparse::{SparseFunction, SparsePlant, SparsityPattern, Tableau, sparse_runge_kutta};
+pub use sparse::{
+    Curvature, CurvedFunction, SparseFunction, SparsePlant, SparsityPattern, Tableau,
+    sparse_rodas4, sparse_runge_kutta,
+};
 pub use trajectory::Trajectory;
 pub use variable::Variable;
 pub use with_outputs::WithOutputs;

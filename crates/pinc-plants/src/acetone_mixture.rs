@@ -120,6 +120,8 @@ impl<S: Scalar> Work for Boil<S> {
         let change = (pressure / NORMAL_KPA).ln();
         let mut z = start(plain) - change / CLAUSIUS_CLAPEYRON;
         let steps = if change.abs() < NEAR_NORMAL { NEWTON_STEPS } else { FAR_STEPS };
+        // The last step, to first order, is exact enough for values.
+        let steps = if const { S::ORDER == 0 } { steps - 1 } else { steps };
         for _ in 0..steps {
             let sum =
                 sum(&partial_pressures(lifted(plain), &Volatility::new(Dual::variable(z, 0))));
@@ -367,7 +369,8 @@ mod tests {
     }
 
     /// The fractions in the vapour sum to 1 at any pressure, and their derivatives of first order
-    /// are those that numbers with derivatives of second order have.
+    /// are those that numbers with derivatives of second order have. Values alone, which take a step
+    /// less, are the same.
     #[test]
     fn solved_exactly() {
         for pressure in [NORMAL_KPA, 101.0, 50.0, 200.0] {
@@ -379,6 +382,13 @@ mod tests {
                     twice[i] = Dual::lift(once[i]);
                 }
                 let (once, twice) = (boil(once, pressure), boil(twice, pressure));
+                let plain = boil(x, pressure);
+                let error = plain.inverse_temperature / once.inverse_temperature.re - 1.0;
+                assert!(error.abs() < 1e-14, "{x:?}, {pressure}: {error:e}");
+                for (y, expected) in plain.vapour.iter().zip(once.vapour) {
+                    let error = y - expected.re;
+                    assert!(error.abs() < 1e-13, "{x:?}, {pressure}: {error:e}");
+                }
                 let total = sum(&once.vapour).re;
                 assert!((total - 1.0).abs() < 1e-13, "{x:?}, {pressure}: {total}");
                 for (y, expected) in once.vapour.iter().zip(twice.vapour) {

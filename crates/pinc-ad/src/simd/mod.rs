@@ -11,18 +11,22 @@
 #![expect(unsafe_code, reason = "intrinsics need it; see the module's soundness rule")]
 
 #[cfg(target_arch = "x86_64")]
+mod atan;
+#[cfg(target_arch = "x86_64")]
 mod exp;
 #[cfg(target_arch = "x86_64")]
 mod ln;
 #[cfg(target_arch = "x86_64")]
 mod parts;
+#[cfg(target_arch = "x86_64")]
+mod power;
 mod tanh;
 mod trigonometric;
 #[cfg(target_arch = "x86_64")]
 mod x86;
 
 pub use tanh::tanh_all;
-pub use trigonometric::{cos, sin};
+pub use trigonometric::{cos, sin, tan};
 
 use crate::{Lanes, Scalar};
 

@@ -1,4 +1,4 @@
-//! Sine and cosine in SIMD lanes.
+//! Sine, cosine and tangent in SIMD lanes.
 
 use crate::simd::Simd;
 
@@ -45,44 +45,76 @@ const COSINE: [f64; 6] = [
 /// ```
 #[inline(always)]
 pub fn sin<V: Simd>(x: V) -> V {
-    if is_small(x) { reduced(x, 0.0) } else { lanes(x, f64::sin) }
+    if is_small(x) { Reduced::of(x).sine(0.0) } else { lanes(x, f64::sin) }
 }
 
 /// The cosine, likewise.
 #[inline(always)]
 pub fn cos<V: Simd>(x: V) -> V {
-    if is_small(x) { reduced(x, 1.0) } else { lanes(x, f64::cos) }
+    if is_small(x) { Reduced::of(x).sine(1.0) } else { lanes(x, f64::cos) }
 }
 
-/// Whether all lanes are in the range of [`reduced`].
+/// The tangent, likewise, to within 4 units.
+#[inline(always)]
+pub fn tan<V: Simd>(x: V) -> V {
+    if is_small(x) { Reduced::of(x).tangent() } else { lanes(x, f64::tan) }
+}
+
+/// Whether all lanes are in the range of [`Reduced`].
 #[inline(always)]
 fn is_small<V: Simd>(x: V) -> bool {
     let beyond = x - x.clamp(LIMIT);
     (beyond * beyond).sum() == 0.0
 }
 
-/// The sine of x plus some right angles.
-#[inline(always)]
-fn reduced<V: Simd>(x: V, right_angles: f64) -> V {
-    let k = x.mul_add(x.constant(std::f64::consts::FRAC_2_PI), x.constant(SHIFT)) - SHIFT;
-    let mut r = x;
-    for part in RIGHT_ANGLE {
-        r = k.neg_mul_add(x.constant(part), r);
+/// An angle as k right angles and a rest, of which it has sine and cosine.
+struct Reduced<V> {
+    k: V,
+    sine: V,
+    cosine: V,
+}
+
+impl<V: Simd> Reduced<V> {
+    #[inline(always)]
+    fn of(x: V) -> Self {
+        let k = x.mul_add(x.constant(std::f64::consts::FRAC_2_PI), x.constant(SHIFT)) - SHIFT;
+        let mut r = x;
+        for part in RIGHT_ANGLE {
+            r = k.neg_mul_add(x.constant(part), r);
+        }
+        let square = r * r;
+        let sine = (square * r).mul_add(polynomial(square, SINE), r);
+        let half_square = square * 0.5;
+        let near = -half_square + 1.0;
+        // What the sum 1 - r^2/2 has lost.
+        let lost = (-near + 1.0) - half_square;
+        let cosine = near + (square * square).mul_add(polynomial(square, COSINE), lost);
+        Self { k, sine, cosine }
     }
-    let turned = k + right_angles;
-    // The last two bits of the number of right angles.
-    let half = (turned * 0.5 - 0.25 + SHIFT) - SHIFT;
-    let odd = turned - half * 2.0;
-    let quarter = (half * 0.5 - 0.25 + SHIFT) - SHIFT;
-    let negative = half - quarter * 2.0;
-    let square = r * r;
-    let sine = (square * r).mul_add(polynomial(square, SINE), r);
-    let half_square = square * 0.5;
-    let near = -half_square + 1.0;
-    // What the sum 1 - r^2/2 has lost.
-    let lost = (-near + 1.0) - half_square;
-    let cosine = near + (square * square).mul_add(polynomial(square, COSINE), lost);
-    odd.where_nonpositive(sine, cosine) * (negative * -2.0 + 1.0)
+
+    /// The sine of the angle plus some right angles.
+    #[inline(always)]
+    fn sine(self, right_angles: f64) -> V {
+        let turned = self.k + right_angles;
+        // The last two bits of the number of right angles.
+        let (half, odd) = halved(turned);
+        let (_, negative) = halved(half);
+        odd.where_nonpositive(self.sine, self.cosine) * (negative * -2.0 + 1.0)
+    }
+
+    #[inline(always)]
+    fn tangent(self) -> V {
+        let Self { k, sine, cosine } = self;
+        let (_, odd) = halved(k);
+        odd.where_nonpositive(sine, -cosine) / odd.where_nonpositive(cosine, sine)
+    }
+}
+
+/// Half of a whole number, and the rest.
+#[inline(always)]
+fn halved<V: Simd>(whole: V) -> (V, V) {
+    let half = (whole * 0.5 - 0.25 + SHIFT) - SHIFT;
+    (half, whole - half * 2.0)
 }
 
 /// By Estrin's scheme.
@@ -108,16 +140,18 @@ mod tests {
     use super::*;
     use crate::simd::{Isa, Task};
 
-    struct Both(f64);
+    struct All(f64);
 
-    impl Task for Both {
-        type Output = [f64; 2];
+    impl Task for All {
+        type Output = [f64; 3];
         #[inline(always)]
-        fn run<V: Simd>(self, zero: V) -> [f64; 2] {
-            let (mut sine, mut cosine) = ([0.0; 8], [0.0; 8]);
-            sin(zero.constant(self.0)).write(&mut sine);
-            cos(zero.constant(self.0)).write(&mut cosine);
-            [sine[V::LANES - 1], cosine[V::LANES - 1]]
+        fn run<V: Simd>(self, zero: V) -> [f64; 3] {
+            let angle = zero.constant(self.0);
+            [sin(angle), cos(angle), tan(angle)].map(|function| {
+                let mut lanes = [0.0; 8];
+                function.write(&mut lanes);
+                lanes[V::LANES - 1]
+            })
         }
     }
 
@@ -134,14 +168,14 @@ mod tests {
 
     /// The standard library's are correct to one unit.
     #[test]
-    fn within_two_units_in_the_last_place() {
+    fn within_two_units_in_the_last_place_and_four_for_the_tangent() {
         for isa in Isa::available() {
             for x in angles() {
-                let [sine, cosine] = isa.dispatch(Both(x));
-                for (found, expected) in [(sine, x.sin()), (cosine, x.cos())] {
+                let expected = [(x.sin(), 2.0), (x.cos(), 2.0), (x.tan(), 4.0)];
+                for (found, (expected, units)) in isa.dispatch(All(x)).into_iter().zip(expected) {
                     let unit = expected.abs().next_up() - expected.abs();
                     let error = (found - expected).abs();
-                    assert!(error <= 2.0 * unit, "{isa}, {x:e}: {found:e}, {expected:e}");
+                    assert!(error <= units * unit, "{isa}, {x:e}: {found:e}, {expected:e}");
                 }
             }
         }
@@ -151,10 +185,11 @@ mod tests {
     fn not_finite_arguments() {
         for isa in Isa::available() {
             for x in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
-                assert!(isa.dispatch(Both(x)).iter().all(|y| y.is_nan()), "{isa}, {x}");
+                assert!(isa.dispatch(All(x)).iter().all(|y| y.is_nan()), "{isa}, {x}");
             }
-            let [sine, cosine] = isa.dispatch(Both(0.0));
-            assert!(sine.to_bits() == 0 && cosine.to_bits() == 1.0_f64.to_bits(), "{isa}");
+            let [sine, cosine, tangent] = isa.dispatch(All(0.0));
+            assert!(sine.to_bits() == 0 && tangent.to_bits() == 0, "{isa}");
+            assert!(cosine.to_bits() == 1.0_f64.to_bits(), "{isa}");
         }
     }
 }

@@ -103,23 +103,27 @@ macro_rules! vector {
             }
             #[inline(always)]
             fn sin(self) -> Self {
-                self.map(f64::sin)
+                super::trigonometric::sin(self)
             }
             #[inline(always)]
             fn cos(self) -> Self {
-                self.map(f64::cos)
+                super::trigonometric::cos(self)
             }
             #[inline(always)]
             fn tan(self) -> Self {
-                self.map(f64::tan)
+                super::trigonometric::tan(self)
             }
             #[inline(always)]
             fn atan(self) -> Self {
-                self.map(f64::atan)
+                super::atan::atan(self)
             }
             #[inline(always)]
             fn powf(self, p: f64) -> Self {
-                self.map(|x| x.powf(p))
+                if super::power::is_partial(p) {
+                    super::power::powf(self, p)
+                } else {
+                    self.map(|x| x.powf(p))
+                }
             }
             #[inline(always)]
             fn tanh(self) -> Self {

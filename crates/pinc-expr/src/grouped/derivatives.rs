@@ -1,10 +1,11 @@
-//! The Jacobian of a graph's values, by forward differentiation of the graph: of each value the
-//! derivatives that are not zero everywhere. They follow the rules and conventions of
+//! The Jacobian of a graph's values, by forward differentiation: of each value the derivatives that
+//! are not zero everywhere, and their derivatives in turn. They follow the rules and conventions of
 //! [`pinc_ad::Dual`].
 
-use super::dag::{Dag, Id};
+use super::dag::{Dag, DagNode, Id, Op};
 use super::linear::Linear;
-use crate::graph::{Function, Graph, Operation, Value};
+use crate::graph::{Function, Graph, Number, Operation, Value};
+use std::collections::HashMap;
 use std::rc::Rc;
 
 /// The derivative of a variable of the graph by one of the variables that derivatives are taken by.
@@ -134,6 +135,8 @@ pub(super) struct Linearized {
     pub(super) values: Vec<Id>,
     /// Of each value, the variables on which it depends with the derivatives by them.
     pub(super) rows: Vec<Vec<(usize, Id)>>,
+    /// What is known of the nodes from which the derivatives were made.
+    known: Vec<Derivative>,
 }
 
 /// The values of `results` with their derivatives; `seeds` has those of each variable, in
@@ -144,84 +147,135 @@ pub(super) fn differentiate(
     seeds: &dyn Fn(usize) -> Vec<(usize, Seed)>,
 ) -> Linearized {
     let (mut dag, ids) = Dag::of(graph);
-    let mut derivatives: Vec<Derivative> = Vec::with_capacity(graph.nodes.len());
+    // A comparison may stand for the larger of two values. Of two equal ones the second counts.
+    let mut extremes: HashMap<Id, (Operation, [Id; 2])> = HashMap::new();
     for (node, &id) in graph.nodes.iter().zip(&ids) {
-        let [a, b] = node.operands.map(|operand| {
-            operand.map_or((0, Derivative::default()), |value| {
-                (ids[value.0], derivatives[value.0].clone())
-            })
-        });
-        derivatives.push(match node.operation {
-            Operation::Variable(index) => Derivative::of_variable(seeds(index), &mut dag),
-            operation => derivative(operation, id, a, b, &mut dag),
-        });
+        if let (Operation::Min | Operation::Max, [Some(a), Some(b)]) =
+            (node.operation, node.operands)
+        {
+            extremes.insert(id, (node.operation, [ids[a.0], ids[b.0]]));
+        }
     }
-    let rows = results
-        .iter()
-        .map(|result| {
-            let entries = derivatives[result.0].expanded(&mut dag);
-            entries.into_iter().map(|(v, entry)| (v, entry.to_value(&mut dag))).collect()
-        })
-        .collect();
-    Linearized { dag, values: results.iter().map(|result| ids[result.0]).collect(), rows }
+    let mut known: Vec<Derivative> = Vec::with_capacity(dag.nodes.len());
+    for id in 0..dag.nodes.len() {
+        let derivative = match extremes.get(&id) {
+            Some((operation, [a, b])) => {
+                let test = match operation {
+                    Operation::Min => dag.sub(*b, *a),
+                    _ => dag.sub(*a, *b),
+                };
+                let (da, db) = (known[*a].clone(), &known[*b]);
+                db.choose(test, &da, &mut dag)
+            }
+            None => derivative(id, &known, seeds, &mut dag),
+        };
+        known.push(derivative);
+    }
+    let values: Vec<Id> = results.iter().map(|result| ids[result.0]).collect();
+    let rows = values.iter().map(|&id| to_values(&known[id], &mut dag)).collect();
+    Linearized { dag, values, rows, known }
 }
 
-/// The derivatives of a value `id` that is made of the values a and b with theirs.
+/// The derivatives of the derivatives in `rows`: of each of these, in the order of the rows, the
+/// variables on which it depends with its derivatives by them.
+pub(super) fn differentiate_again(linearized: &mut Linearized) -> Vec<Vec<(usize, Id)>> {
+    let Linearized { dag, rows, known, .. } = linearized;
+    let entries: Vec<Id> = rows.iter().flatten().map(|(_, id)| *id).collect();
+    let mut needed = vec![false; dag.nodes.len()];
+    entries.iter().for_each(|&id| needed[id] = true);
+    for id in (0..needed.len()).rev() {
+        if needed[id] {
+            dag.nodes[id].operands().iter().for_each(|&operand| needed[operand] = true);
+        }
+    }
+    let seeds = |variable: usize| vec![(variable, Seed::One)];
+    for (id, needed) in needed.into_iter().enumerate().skip(known.len()) {
+        let derivative =
+            if needed { derivative(id, known, &seeds, dag) } else { Derivative::default() };
+        known.push(derivative);
+    }
+    entries.into_iter().map(|id| to_values(&known[id], dag)).collect()
+}
+
+/// The variables with the derivatives by them as values.
+fn to_values(derivative: &Derivative, dag: &mut Dag) -> Vec<(usize, Id)> {
+    let entries = derivative.expanded(dag);
+    entries.into_iter().map(|(v, entry)| (v, entry.to_value(dag))).collect()
+}
+
+/// The derivatives of a node, of whose operands they are `known`.
 fn derivative(
-    operation: Operation,
     id: Id,
-    (a, da): (Id, Derivative),
-    (b, db): (Id, Derivative),
+    known: &[Derivative],
+    seeds: &dyn Fn(usize) -> Vec<(usize, Seed)>,
     dag: &mut Dag,
 ) -> Derivative {
-    match operation {
-        // Those of variables are given.
-        Operation::Variable(_) | Operation::Constant(_) => Derivative::default(),
-        Operation::Add => da.plus(&db, dag),
-        Operation::Sub => {
-            let minus = db.times(&Linear::constant(-1.0), dag);
-            da.plus(&minus, dag)
+    let DagNode { op, operands: [a, b, c] } = dag.nodes[id];
+    match op {
+        Op::Variable(index) => Derivative::of_variable(seeds(index), dag),
+        Op::Constant(_) => Derivative::default(),
+        Op::Add => known[a].plus(&known[b], dag),
+        Op::Sub => known[a].plus(&negative(&known[b], dag), dag),
+        Op::Mul => product(known, [a, b], dag),
+        Op::MulAdd => product(known, [a, b], dag).plus(&known[c], dag),
+        Op::MulSub => product(known, [a, b], dag).plus(&negative(&known[c], dag), dag),
+        Op::NegMulAdd => negative(&product(known, [a, b], dag), dag).plus(&known[c], dag),
+        Op::Div if known[a].is_zero() => {
+            let quotient = dag.div(id, b);
+            let slope = Linear::value(dag, quotient).scale(-1.0);
+            known[b].times(&slope, dag)
         }
-        Operation::Mul => {
-            let (by_a, by_b) = (Linear::value(dag, b), Linear::value(dag, a));
-            let (da, db) = (da.times(&by_a, dag), db.times(&by_b, dag));
-            da.plus(&db, dag)
-        }
-        Operation::Div => {
+        Op::Div => {
             let one = dag.constant(1.0);
             let inverse = dag.div(one, b);
             let inverse = Linear::value(dag, inverse);
             let quotient = Linear::value(dag, id).times(&inverse, dag).scale(-1.0);
-            let (da, db) = (da.times(&inverse, dag), db.times(&quotient, dag));
+            let (da, db) = (known[a].times(&inverse, dag), known[b].times(&quotient, dag));
             da.plus(&db, dag)
         }
         // Of two equal arguments the second counts.
-        Operation::Min => {
+        Op::Min => {
             let test = dag.sub(b, a);
-            db.choose(test, &da, dag)
+            known[b].choose(test, &known[a], dag)
         }
-        Operation::Max => {
+        Op::Max => {
             let test = dag.sub(a, b);
-            db.choose(test, &da, dag)
+            known[b].choose(test, &known[a], dag)
         }
-        Operation::AddNumber(_) => da,
-        Operation::Neg | Operation::SubFrom(_) => da.times(&Linear::constant(-1.0), dag),
-        Operation::MulNumber(number) => da.times(&Linear::constant(number.value()), dag),
-        Operation::DivInto(_) => {
-            let quotient = dag.div(id, a);
-            let slope = Linear::value(dag, quotient).scale(-1.0);
-            da.times(&slope, dag)
+        Op::Where => known[b].choose(a, &known[c], dag),
+        Op::Neg => negative(&known[a], dag),
+        // -1/(2 a^2), and 0 where that is infinite.
+        Op::RootSlope => {
+            let square = dag.mul(id, id);
+            let slope = Linear::value(dag, square).scale(-2.0);
+            known[a].times(&slope, dag)
         }
-        Operation::Power(number) => {
+        Op::Power(number) => {
             let slope = dag.power_slope(a, number);
             let slope = Linear::value(dag, slope);
-            da.times(&slope, dag)
+            known[a].times(&slope, dag)
         }
-        Operation::Function(function) => {
+        Op::PowerSlope(number) => {
+            let slope = dag.power_slope(a, Number::new(number.value() - 1.0));
+            let slope = Linear::value(dag, slope).scale(number.value());
+            known[a].times(&slope, dag)
+        }
+        Op::Function(function) => {
             let slope = slope(function, a, id, dag);
-            da.times(&slope, dag)
+            known[a].times(&slope, dag)
         }
     }
+}
+
+fn negative(derivative: &Derivative, dag: &mut Dag) -> Derivative {
+    derivative.times(&Linear::constant(-1.0), dag)
+}
+
+/// The derivatives of a b.
+fn product(known: &[Derivative], [a, b]: [Id; 2], dag: &mut Dag) -> Derivative {
+    let (by_a, by_b) = (Linear::value(dag, b), Linear::value(dag, a));
+    let (da, db) = (known[a].times(&by_a, dag), known[b].times(&by_b, dag));
+    da.plus(&db, dag)
 }
 
 /// The derivative of `y = function(a)` by a.

@@ -108,7 +108,7 @@ impl Unknowns {
             let place = unknowns.iter().position(|unknown| *unknown == variable);
             place.into_iter().map(|place| (place, Seed::One)).collect()
         };
-        let Linearized { mut dag, mut values, rows } = differentiate(graph, &residuals, &own);
+        let Linearized { mut dag, mut values, rows, .. } = differentiate(graph, &residuals, &own);
         let zero = dag.constant(0.0);
         for row in &rows {
             let entry = |j: usize| row.iter().find(|(place, _)| *place == j).map_or(zero, |e| e.1);

@@ -1,5 +1,6 @@
 //! A function and its Jacobian as code for vectors: steps grouped by operation.
 
+mod curved;
 mod dag;
 mod derivatives;
 mod implicit;
@@ -12,6 +13,7 @@ mod tests;
 use crate::algebraic::Algebraic;
 use crate::error::ExpressionProblem;
 use crate::graph::{Graph, Value};
+pub(crate) use curved::GroupedCurved;
 use derivatives::{Linearized, Seed, differentiate};
 use implicit::Unknowns;
 use pinc_ad::simd::Simd;
@@ -53,7 +55,7 @@ impl GroupedFunction {
             Some(unknowns) => unknowns.seeds(variable),
             None => vec![(variable, Seed::One)],
         };
-        let Linearized { dag, values: ids, rows } = differentiate(graph, results, &seeds);
+        let Linearized { dag, values: ids, rows, .. } = differentiate(graph, results, &seeds);
         let first = unknowns.as_ref().map_or(variables, |unknowns| unknowns.registers);
         let values = Code::new(&dag, first, &ids)?;
         let entries = rows.iter().flatten().map(|(_, id)| *id);

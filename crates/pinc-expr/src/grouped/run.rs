@@ -3,7 +3,7 @@
 use super::dag::Op;
 use super::schedule::{Code, Step};
 use crate::graph::Function;
-use pinc_ad::simd::{Simd, Work, cos, sin};
+use pinc_ad::simd::{Simd, Work, cos, sin, tan};
 
 /// A run of some code, whose registers have their constants and variables.
 pub(super) struct Run<'a, V> {
@@ -139,7 +139,7 @@ impl<V: Simd> Work for Long<'_, V> {
             Op::Function(Function::Log) => each!(r, steps, a => a.ln()),
             Op::Function(Function::Sin) => each!(r, steps, a => sin(a)),
             Op::Function(Function::Cos) => each!(r, steps, a => cos(a)),
-            Op::Function(Function::Tan) => each!(r, steps, a => a.tan()),
+            Op::Function(Function::Tan) => each!(r, steps, a => tan(a)),
             Op::Function(Function::Tanh) => each!(r, steps, a => a.tanh()),
             Op::Function(Function::Atan) => each!(r, steps, a => a.atan()),
             Op::Function(Function::Abs) => each!(r, steps, a => a.abs()),

@@ -4,7 +4,7 @@
 use super::common::{INPUTS, config, expressions, points};
 use super::numbers::{numbers, plant_of, texts, variables};
 use pinc_expr::{Equations, ExpressionPlant};
-use pinc_ode::{Dims, LinearizationBuffer, Model, Plant, Rk4, Rk5, Stages};
+use pinc_ode::{Dims, LinearizationBuffer, Model, Plant, Rk4, Rk5, Rodas4, Stages};
 use proptest::prelude::*;
 
 /// What the two may differ by, relative to 1 + |value|.
@@ -39,18 +39,18 @@ fn difference(found: &LinearizationBuffer, expected: &LinearizationBuffer) -> f6
 }
 
 /// The same methods on dual numbers.
-fn on_dual_numbers(plant: &ExpressionPlant, h: f64) -> [Box<dyn Model>; 2] {
-    let (a, b) = (plant.clone(), plant.clone());
-    [Box::new(Rk4::new(a, h, 2)), Box::new(Rk5::new(b, h, 1))]
+fn on_dual_numbers(plant: &ExpressionPlant, h: f64) -> [Box<dyn Model>; 3] {
+    let [a, b, c] = std::array::from_fn(|_| plant.clone());
+    [Box::new(Rk4::new(a, h, 2)), Box::new(Rk5::new(b, h, 1)), Box::new(Rodas4::new(c, h, 2))]
 }
 
-/// The difference of RK4 and of the method of order 5 from those on dual numbers.
-fn differences(plant: &ExpressionPlant, h: f64, points: &[f64]) -> [f64; 2] {
+/// The difference of each method from that on dual numbers.
+fn differences(plant: &ExpressionPlant, h: f64, points: &[f64]) -> [f64; 3] {
     let erased = plant.clone().into_dyn();
-    let found = [erased.rk4(h, 2), erased.rk5(h, 1)];
+    let found = [erased.rk4(h, 2), erased.rk5(h, 1), erased.rodas4(h, 2)];
     let mut pairs = found.into_iter().zip(on_dual_numbers(plant, h));
     std::array::from_fn(|_| {
-        let (mut found, mut expected) = pairs.next().expect("two methods");
+        let (mut found, mut expected) = pairs.next().expect("three methods");
         difference(&linearize(&mut *found, points), &linearize(&mut *expected, points))
     })
 }
@@ -171,8 +171,41 @@ fn kinks_and_ends_are_those_of_dual_numbers() {
                     (a - b).abs() <= ROUNDING * (1.0 + b.abs()) || a.to_bits() == b.to_bits();
                 assert!(same || !b.is_finite(), "{e} at {point:?}: {found:?}, {expected:?}");
             }
+            // Second derivatives at the same places.
+            let found = linearize(&mut *erased.rodas4(1e-3, 1), point);
+            let expected = linearize(&mut Rodas4::new(plant.clone(), 1e-3, 1), point);
+            let pairs = [(&found.next, &expected.next), (&found.a, &expected.a)];
+            for (a, b) in pairs.iter().flat_map(|(found, expected)| found.iter().zip(*expected)) {
+                let same = (a - b).abs() <= ROUNDING * (1.0 + b.abs());
+                assert!(same || !b.is_finite(), "{e} at {point:?}: {found:?}, {expected:?}");
+            }
         }
     }
+}
+
+/// The matrix of the Rosenbrock method, 8 I - J here, has no first pivot in some lanes, and less
+/// and less of one in others: rows are exchanged, each lane by itself.
+#[test]
+fn pivots_that_vanish() {
+    let equations = Equations {
+        states: variables(&["x", "y", "z"]),
+        inputs: variables(&["u"]),
+        derivatives: texts(&[
+            ("x", "(x - 1)*y + 3*z"),
+            ("y", "u - 2*x - y*z"),
+            ("z", "x*z - 0.3*y + 0.2*x"),
+        ]),
+        ..Equations::default()
+    };
+    let plant = equations.compile().expect("valid equations");
+    let at = |k: i32| 8.0 - if k % 3 == 0 { 0.0 } else { 10.0_f64.powi(-k) };
+    let points: Vec<f64> =
+        (0..21).flat_map(|k| [1.0 + 0.01 * f64::from(k), at(k), 0.2, -0.5]).collect();
+    let mut found = plant.clone().into_dyn().rodas4(0.5, 1);
+    let found = linearize(&mut *found, &points);
+    let expected = linearize(&mut Rodas4::new(plant, 0.5, 1), &points);
+    let difference = difference(&found, &expected);
+    assert!(difference <= 1e-11, "{difference:e}");
 }
 
 /// A rod of 40 nodes: each block of columns reaches only a part of them.

@@ -6,7 +6,7 @@
 use pinc_ad::{Dual, Scalar};
 
 /// A number whose size can be asked for, so that rows can be exchanged.
-pub(super) trait Pivot: Scalar {
+pub(crate) trait Pivot: Scalar {
     /// The magnitude of its value.
     fn magnitude(self) -> f64;
 }
@@ -29,7 +29,7 @@ impl<const N: usize> Pivot for Dual<f64, N> {
 /// `order[i]`-th of those before. The diagonal is replaced by its reciprocals. A singular matrix
 /// gives numbers that are not finite.
 #[inline(always)]
-pub(super) fn factorize<S: Pivot>(a: &mut [S], order: &mut [usize]) {
+pub(crate) fn factorize<S: Pivot>(a: &mut [S], order: &mut [usize]) {
     let n = order.len();
     for k in 0..n {
         let mut pivot = k;
@@ -58,7 +58,7 @@ pub(super) fn factorize<S: Pivot>(a: &mut [S], order: &mut [usize]) {
 
 /// Solves with the factors of [`factorize`]: `b` becomes the solution.
 #[inline(always)]
-pub(super) fn solve<S: Pivot>(a: &[S], order: &[usize], b: &mut [S]) {
+pub(crate) fn solve<S: Pivot>(a: &[S], order: &[usize], b: &mut [S]) {
     let n = order.len();
     for (k, &pivot) in order.iter().enumerate() {
         b.swap(k, pivot);

@@ -1,6 +1,6 @@
 //! A linearly implicit Runge-Kutta method, for stiff plants.
 
-mod lu;
+pub(crate) mod lu;
 mod stages;
 
 use crate::output::OutputWorkspace;
@@ -9,6 +9,7 @@ use crate::{Dims, Linearization, Model, OutputLinearization, Plant, Stages};
 use pinc_ad::Dual;
 use pinc_ad::simd::{Isa, Simd, Task};
 use stages::Workspace;
+pub(crate) use stages::{A, C, GAMMA};
 
 /// Lanes of the widest vectors.
 const WIDE: usize = 8;

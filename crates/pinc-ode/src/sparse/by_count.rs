@@ -2,14 +2,28 @@
 
 use crate::points::Points;
 use crate::{Dims, Linearization, Model, OutputLinearization, Stages};
+use pinc_ad::simd::{Isa, Task};
+
+/// The model that `build` makes on the vectors of `isa`, with one on half as many lanes beside it
+/// where these are eight.
+pub(super) fn by_count<B>(build: B, isa: Isa) -> Box<dyn Model>
+where
+    B: Task<Output = Box<dyn Model>> + Clone,
+{
+    if isa != Isa::Avx512 || !Isa::available().contains(&Isa::Avx2) {
+        return isa.dispatch(build);
+    }
+    let narrow = Isa::Avx2.dispatch(build.clone());
+    Box::new(ByCount { wide: isa.dispatch(build), narrow, lanes: isa.lanes() })
+}
 
 /// A model on wide vectors, and the same on vectors of half as many lanes for points that fill no
 /// more.
 #[derive(Debug)]
-pub(super) struct ByCount {
-    pub(super) wide: Box<dyn Model>,
-    pub(super) narrow: Box<dyn Model>,
-    pub(super) lanes: usize,
+struct ByCount {
+    wide: Box<dyn Model>,
+    narrow: Box<dyn Model>,
+    lanes: usize,
 }
 
 impl Model for ByCount {

@@ -1,14 +1,20 @@
 //! Plants whose Jacobians are known to be zero in most places: the interface, and the
-//! Runge-Kutta methods on it.
+//! Runge-Kutta and Rosenbrock methods on it.
 
 mod by_count;
+mod elimination;
+mod lanes;
+mod outputs;
 mod pattern;
 mod propagation;
+mod rosenbrock;
 mod runge_kutta;
 mod small;
 mod tableau;
+mod tangents;
 
 pub use pattern::SparsityPattern;
+pub use rosenbrock::sparse_rodas4;
 pub use runge_kutta::{SparsePlant, sparse_runge_kutta};
 pub use tableau::Tableau;
 
@@ -31,4 +37,24 @@ pub trait SparseFunction: Clone + Debug + Send + Sync + 'static {
     /// Computes the values and the entries of the Jacobian, in the order of the pattern, and
     /// returns their places in `memory`, values first.
     fn linearize<V: Simd>(&self, memory: &mut [V]) -> &[u16];
+}
+
+/// A [`SparseFunction`] with the second derivatives that are not zero everywhere.
+pub trait CurvedFunction: SparseFunction {
+    /// Which these are: the derivatives of entries of the Jacobian in columns of x.
+    fn curvatures(&self) -> &[Curvature];
+
+    /// Computes the values, the entries of the Jacobian and the second derivatives, and returns
+    /// their places in `memory`, in this order.
+    fn curve<V: Simd>(&self, memory: &mut [V]) -> &[u16];
+}
+
+/// A second derivative: that of an entry of the Jacobian, counted through the pattern, by a
+/// variable.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Curvature {
+    /// The entry.
+    pub entry: usize,
+    /// The variable: its place in (x, u, p).
+    pub variable: usize,
 }

@@ -1,0 +1,38 @@
+//! Points in the lanes of vectors.
+
+use crate::{Dims, Stages};
+use pinc_ad::simd::Simd;
+
+/// Lanes of the widest vector.
+pub(super) const WIDEST: usize = 8;
+
+/// Writes the variables of points from the one numbered `begin` on to the first places of `memory`;
+/// lanes without a point repeat the last. Gives the number of points.
+#[inline(always)]
+pub(super) fn load<V: Simd>(
+    memory: &mut [V],
+    dims: Dims,
+    points: Stages<'_>,
+    begin: usize,
+    zero: V,
+) -> usize {
+    let Dims { nx, nu, np, .. } = dims;
+    let filled = V::LANES.min(points.x.len() / nx - begin);
+    let (x, rest) = memory.split_at_mut(nx);
+    let (u, rest) = rest.split_at_mut(nu);
+    for (to, from) in [(x, points.x), (u, points.u), (&mut rest[..np], points.p)] {
+        let width = to.len();
+        for (j, to) in to.iter_mut().enumerate() {
+            *to = zero.generate(|lane| from[(begin + lane.min(filled - 1)) * width + j]);
+        }
+    }
+    filled
+}
+
+/// Gives each of the first `filled` lanes to `to`.
+#[inline(always)]
+pub(super) fn scatter<V: Simd>(vector: V, filled: usize, mut to: impl FnMut(usize, f64)) {
+    let mut lanes = [0.0; WIDEST];
+    vector.write(&mut lanes);
+    lanes.iter().enumerate().take(filled).for_each(|(lane, &value)| to(lane, value));
+}
