@@ -40,6 +40,9 @@ use std::collections::btree_map::Entry;
 use std::fmt;
 use std::path::PathBuf;
 
+/// The number of states from which costly examinations take fewer points.
+const MANY_STATES: usize = 40;
+
 /// One look at a plant and its config.
 type Examination = fn(&Subject<'_>) -> Vec<Finding>;
 
@@ -247,6 +250,12 @@ impl<'a> Subject<'a> {
         let places = self.controlled();
         let held: Vec<_> = places.into_iter().zip(value.iter().copied()).collect();
         (!held.is_empty()).then(|| self.search_of(plant).hold(&held, Some((&low, &high))))
+    }
+
+    /// How many random points to take where the cost of one grows with the square or cube of the
+    /// number of states: `few` up to [`MANY_STATES`] states, fewer beyond.
+    fn random_points(&self, few: usize) -> usize {
+        few * MANY_STATES / self.region.dims.nx.max(MANY_STATES)
     }
 
     /// f(x, u).

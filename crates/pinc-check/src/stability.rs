@@ -14,8 +14,8 @@ const STIFF: f64 = 10.0;
 /// is four times as large when it can be answered.
 const MOST_DOUBLINGS: f64 = 2.0;
 
-/// Points between two references, and random points of the region, at which integrators are
-/// examined.
+/// Points between two references, and random points of the region (fewer for many states), at which
+/// integrators are examined.
 const BETWEEN: u32 = 8;
 const POINTS: usize = 200;
 
@@ -256,7 +256,8 @@ fn integrator(
                 }),
         );
     }
-    let random = subject.region.points(subject.experiment.seed).take(POINTS);
+    let points = subject.random_points(POINTS);
+    let random = subject.region.points(subject.experiment.seed).take(points);
     let random: Vec<usize> = random.filter_map(|point| needed(&point)).collect();
     let (most, unstable) = (random.iter().max(), random.iter().filter(|n| **n > substeps).count());
     if let Some(&most) = most {
@@ -264,7 +265,7 @@ fn integrator(
         let stable =
             if most == usize::MAX { "more than a million".to_owned() } else { most.to_string() };
         let mut what = format!(
-            "{name} is stable at {POINTS} random points of {} with {stable} substeps",
+            "{name} is stable at {points} random points of {} with {stable} substeps",
             subject.region_name
         );
         if unstable > 0 {

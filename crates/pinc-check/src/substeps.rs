@@ -4,7 +4,7 @@ use crate::{Finding, Subject, short};
 use pinc_analysis::OneStepSamples;
 use pinc_config::ModelKind;
 
-/// Random points at which integrators are compared.
+/// Random points at which integrators are compared; fewer for many states.
 const POINTS: usize = 100;
 
 /// The numbers of substeps that are shown.
@@ -22,11 +22,12 @@ pub(crate) fn examine(subject: &Subject<'_>) -> Vec<Finding> {
     };
     let mut findings = Vec::new();
     let (region, seed) = (&subject.region, subject.experiment.seed);
-    let samples = OneStepSamples::draw(subject.plant, region, seed, POINTS, sample_time_s);
+    let points = subject.random_points(POINTS);
+    let samples = OneStepSamples::draw(subject.plant, region, seed, points, sample_time_s);
     let missing = samples.missing();
     if missing > 0 {
         let what = format!(
-            "the plant breaks off within T from {missing} of {POINTS} random points of {}",
+            "the plant breaks off within T from {missing} of {points} random points of {}",
             subject.region_name
         );
         findings.push(

@@ -68,6 +68,14 @@ pub trait Simd: Scalar + Send + Sync + 'static {
 
     /// The sum of the lanes, in a fixed order.
     fn sum(self) -> f64;
+
+    /// The sums of the lanes of as many vectors as there are lanes, in a fixed order: in lane i
+    /// that of vector i.
+    ///
+    /// # Panics
+    ///
+    /// If there are fewer vectors.
+    fn sums(vectors: &[Self]) -> Self;
 }
 
 /// Work over one vector type, to be compiled for its instruction set by [`Scalar::vectorize`]. Mark
@@ -262,5 +270,9 @@ impl Simd for Lanes<4> {
     fn sum(self) -> f64 {
         let [a, b, c, d] = self.0;
         (a + b) + (c + d)
+    }
+    #[inline(always)]
+    fn sums(vectors: &[Self]) -> Self {
+        Self(std::array::from_fn(|i| vectors[i].sum()))
     }
 }

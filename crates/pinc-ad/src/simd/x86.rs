@@ -183,6 +183,26 @@ vector!(
 );
 
 impl F64x8 {
+    /// In the even lanes the sums of two neighbours of this vector, in the odd ones those of `b`.
+    #[inline(always)]
+    fn neighbours(self, b: Self) -> Self {
+        // SAFETY: `self` proves the instructions.
+        Self(unsafe {
+            _mm512_add_pd(_mm512_unpacklo_pd(self.0, b.0), _mm512_unpackhi_pd(self.0, b.0))
+        })
+    }
+
+    /// In the lower half the sums of two neighbouring pairs of this vector, in the upper those of
+    /// `b`.
+    #[inline(always)]
+    fn quarters(self, b: Self) -> Self {
+        // SAFETY: `self` proves the instructions.
+        Self(unsafe {
+            let even = _mm512_shuffle_f64x2::<0x88>(self.0, b.0);
+            _mm512_add_pd(even, _mm512_shuffle_f64x2::<0xdd>(self.0, b.0))
+        })
+    }
+
     #[inline(always)]
     fn select_nonpositive(self, yes: Self, no: Self) -> Self {
         // SAFETY: `self` proves the instructions.
@@ -255,6 +275,12 @@ impl Simd for F64x8 {
     fn sum(self) -> f64 {
         let [a, b, c, d, e, f, g, h] = self.to_array();
         ((a + b) + (c + d)) + ((e + f) + (g + h))
+    }
+    #[inline(always)]
+    fn sums(vectors: &[Self]) -> Self {
+        let [a, b, c, d, e, f, g, h] = [0, 1, 2, 3, 4, 5, 6, 7].map(|i| vectors[i]);
+        let first = a.neighbours(b).quarters(c.neighbours(d));
+        first.quarters(e.neighbours(f).quarters(g.neighbours(h)))
     }
 }
 
@@ -372,5 +398,15 @@ impl Simd for F64x4 {
     fn sum(self) -> f64 {
         let [a, b, c, d] = self.to_array();
         (a + b) + (c + d)
+    }
+    #[inline(always)]
+    fn sums(vectors: &[Self]) -> Self {
+        let [a, b, c, d] = [0, 1, 2, 3].map(|i| vectors[i].0);
+        // SAFETY: the vectors prove the instructions.
+        Self(unsafe {
+            let (ab, cd) = (_mm256_hadd_pd(a, b), _mm256_hadd_pd(c, d));
+            let low = _mm256_permute2f128_pd::<0x20>(ab, cd);
+            _mm256_add_pd(low, _mm256_permute2f128_pd::<0x31>(ab, cd))
+        })
     }
 }

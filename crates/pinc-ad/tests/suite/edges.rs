@@ -159,3 +159,28 @@ fn vectors_agree_with_numbers() {
         }
     }
 }
+
+/// The sums of vectors 0, 1, .. of the lanes 1, 2, 4, .., which tell apart which lanes are in them.
+struct Sums;
+
+impl Task for Sums {
+    type Output = Vec<f64>;
+    #[inline(always)]
+    fn run<V: Simd>(self, zero: V) -> Vec<f64> {
+        let power = |place: usize| f64::from(i32::try_from(place).unwrap()).exp2();
+        let vector = |k: usize| zero.generate(|i| power(i + V::LANES * k));
+        let vectors: Vec<V> = (0..V::LANES).map(vector).collect();
+        let mut sums = vec![0.0; V::LANES];
+        V::sums(&vectors).write(&mut sums);
+        sums
+    }
+}
+
+#[test]
+fn sums_of_several_vectors_are_in_their_places() {
+    for isa in Isa::available() {
+        let lanes = i32::try_from(isa.lanes()).unwrap();
+        let expected = (0..lanes).map(|k| 2.0_f64.powi(lanes * k) * (2.0_f64.powi(lanes) - 1.0));
+        assert_eq!(isa.dispatch(Sums), expected.collect::<Vec<_>>(), "{isa}");
+    }
+}

@@ -2,6 +2,7 @@
 
 use crate::mlp::Layer;
 use pinc_ad::simd::Simd;
+use std::ops::Range;
 
 /// What one neuron holds for one panel of points: two vectors of values, then the two vectors of
 /// their time tangents. Value and tangent are columns of the same product, so one product serves
@@ -131,7 +132,8 @@ fn rows<V: Simd, const R: usize>(
 }
 
 /// gradient\[row, column\] += sum over panels of adjoint\[row\] * input\[column\], lane by lane:
-/// the gradient of a weight matrix, still spread over lanes.
+/// the gradient of a weight matrix, still spread over lanes. For matrices whose gradient stays in
+/// cache in this form; [`accumulate_wide`] is for others.
 ///
 /// # Shapes
 ///
@@ -210,5 +212,95 @@ fn outer<V: Simd, const R: usize, const C: usize>(
     }
     for (r, sum) in sum.iter().enumerate() {
         gradient[place(r)].copy_from_slice(sum);
+    }
+}
+
+/// Rows of the adjoint that stay in the first-level cache while the input goes past them.
+const STRIP: usize = 24;
+
+/// gradient\[row, column\] += sum over panels and lanes of adjoint\[row\] * input\[column\]: the
+/// gradient of a weight matrix that is too large to stay spread over lanes. Its sums over lanes
+/// take a number each, and are made as soon as those over the panels are.
+///
+/// # Shapes
+///
+/// Those of [`accumulate`].
+#[inline(always)]
+pub(super) fn accumulate_wide<V: Simd>(
+    adjoint: &[Cell<V>],
+    input: &[Cell<V>],
+    gradient: &mut [f64],
+    shape: (usize, usize, usize),
+) {
+    let (_, height, width) = shape;
+    for first in (0..height).step_by(STRIP) {
+        let rows = first..height.min(first + STRIP);
+        let mut column = 0;
+        while column < width {
+            let rows = rows.clone();
+            column += match width - column {
+                left if V::LANES == 8 && left >= 8 => {
+                    strip::<V, 8>(adjoint, input, gradient, (rows, column), shape)
+                }
+                4.. => strip::<V, 4>(adjoint, input, gradient, (rows, column), shape),
+                2.. => strip::<V, 2>(adjoint, input, gradient, (rows, column), shape),
+                _ => strip::<V, 1>(adjoint, input, gradient, (rows, column), shape),
+            };
+        }
+    }
+}
+
+/// `C` columns from `column` in some rows; returns `C`.
+#[inline(always)]
+fn strip<V: Simd, const C: usize>(
+    adjoint: &[Cell<V>],
+    input: &[Cell<V>],
+    gradient: &mut [f64],
+    (rows, column): (Range<usize>, usize),
+    shape: (usize, usize, usize),
+) -> usize {
+    let mut row = rows.start;
+    while rows.end - row >= 3 {
+        sums::<V, 3, C>(adjoint, input, gradient, (row, column), shape);
+        row += 3;
+    }
+    while row < rows.end {
+        sums::<V, 1, C>(adjoint, input, gradient, (row, column), shape);
+        row += 1;
+    }
+    C
+}
+
+/// `R` rows and `C` columns of the gradient.
+#[inline(always)]
+fn sums<V: Simd, const R: usize, const C: usize>(
+    adjoint: &[Cell<V>],
+    input: &[Cell<V>],
+    gradient: &mut [f64],
+    (row, column): (usize, usize),
+    (panels, height, width): (usize, usize, usize),
+) {
+    let zero = adjoint[0][0].constant(0.0);
+    let mut sum = [[zero; C]; R];
+    for panel in 0..panels {
+        let adjoint = &adjoint[panel * height + row..][..R];
+        let input = &input[panel * width + column..][..C];
+        for v in 0..4 {
+            for r in 0..R {
+                for c in 0..C {
+                    sum[r][c] = adjoint[r][v].mul_add(input[c][v], sum[r][c]);
+                }
+            }
+        }
+    }
+    for (r, sum) in sum.iter().enumerate() {
+        let to = &mut gradient[(row + r) * width + column..][..C];
+        if C == V::LANES {
+            (zero.load(to) + V::sums(sum)).write(to);
+        } else {
+            for (to, sum) in to.iter_mut().zip(sum) {
+                *to += sum.sum();
+            }
+        }
     }
 }

@@ -8,6 +8,10 @@
 //! gradients are then summed over a *tile* of panels, whose cells stay in the second-level cache.
 //! Tiles form *blocks*, the work of a thread at a time.
 //!
+//! In nets with *wide* layers neither the weights nor their gradients, spread over lanes, stay in
+//! cache from panel to panel. There all panels of a tile go through a layer before the next, and the
+//! gradients of wide layers are summed over lanes tile by tile.
+//!
 //! The same bits come out on any number of threads: blocks depend on the number of points only, and
 //! their sums are added in order. Different instruction sets differ by rounding.
 

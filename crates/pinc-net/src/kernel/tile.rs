@@ -1,6 +1,6 @@
 //! A tile of panels through the net, forwards and backwards, in memory that stays in cache.
 
-use super::dense::{Cell, PackedLayer, accumulate, multiply};
+use super::dense::{Cell, PackedLayer, accumulate, accumulate_wide, multiply};
 use super::panels::{Pair, Panel, Panels};
 use super::physics::{Physics, PlantBuffers, Term};
 use crate::Normalizer;
@@ -15,6 +15,10 @@ use std::ops::Range;
 /// gradients are summed over a tile, so that their sums are read and written once per tile.
 const TILE_POINTS: usize = 128;
 
+/// The most weights of a layer whose gradient is summed lane by lane: 128 KB with AVX-512. In larger
+/// layers these sums would leave the second-level cache between two tiles.
+const MAX_WEIGHTS_IN_LANES: usize = 2048;
+
 /// Panels of a tile.
 pub(super) const fn tile_panels<V: Simd>() -> usize {
     TILE_POINTS / (2 * V::LANES)
@@ -25,12 +29,18 @@ pub(super) const fn tile_panels<V: Simd>() -> usize {
 pub(super) struct Workspace<V> {
     /// Shapes (inputs, outputs) of the layers.
     shapes: Vec<(usize, usize)>,
+    /// Panels that go through a layer one after the other before the next: one, which then stays in
+    /// the first-level cache, or in nets with wide layers, whose weights would not stay with it,
+    /// all of a tile.
+    together: usize,
     /// Input of each layer, `[panels, inputs]`, and last the output of the net.
     activations: Vec<Vec<Cell<V>>>,
     /// Derivative of the loss in each layer's output before tanh, `[panels, outputs]`.
     adjoints: Vec<Vec<Cell<V>>>,
-    /// Derivative in each parameter, spread over lanes.
+    /// Derivative in each parameter, spread over lanes, but for the weights of wide layers.
     gradient: Vec<V>,
+    /// Derivative in each weight of the wide layers.
+    wide_gradient: Vec<f64>,
     /// Derivatives of a panel's errors in the outputs of the net, `[errors, states]`.
     seeds: Vec<Cell<V>>,
     /// The same in the unknown parameters of the plant, `[errors, unknown parameters]`.
@@ -42,17 +52,27 @@ pub(super) struct Workspace<V> {
 impl<V: Simd> Workspace<V> {
     pub(super) fn new(mlp: &Mlp, dims: pinc_ode::Dims, unknown: usize, zero: V) -> Self {
         let cells = |width: usize| vec![[zero; 4]; width * tile_panels::<V>()];
+        let shapes: Vec<_> = mlp.layers().map(|l| (l.inputs, l.outputs)).collect();
+        let wide = shapes.iter().filter(|&&shape| is_wide(shape));
+        let wide: usize = wide.map(|(width, height)| width * height).sum();
         Self {
-            shapes: mlp.layers().map(|l| (l.inputs, l.outputs)).collect(),
+            shapes,
+            together: if wide > 0 { tile_panels::<V>() } else { 1 },
             activations: mlp.widths().iter().map(|&w| cells(w)).collect(),
             adjoints: mlp.widths()[1..].iter().map(|&w| cells(w)).collect(),
-            gradient: vec![zero; mlp.parameters().len() + unknown],
+            gradient: vec![zero; mlp.parameters().len() - wide + unknown],
+            wide_gradient: vec![0.0; wide],
             seeds: vec![[zero; 4]; dims.nx * dims.nx],
             unknown_seeds: vec![[zero; 2]; dims.nx * unknown],
             scratch: PlantBuffers::new(dims, unknown, zero),
             zero,
         }
     }
+}
+
+/// Whether a layer of this shape is wide.
+fn is_wide((width, height): (usize, usize)) -> bool {
+    width * height > MAX_WEIGHTS_IN_LANES
 }
 
 /// Panels on their way through the net, in one thread's memory.
@@ -86,15 +106,19 @@ impl<V: Simd> Work for BlockTask<'_, V> {
         let zero = pass.workspace.zero;
         let mut loss = zero;
         pass.workspace.gradient.fill(zero);
-        let tile = tile_panels::<V>();
+        pass.workspace.wide_gradient.fill(0.0);
+        let (tile, together) = (tile_panels::<V>(), pass.workspace.together);
         for first in pass.range.clone().step_by(tile) {
             let count = tile.min(pass.range.end - first);
-            for place in 0..count {
-                let panel = pass.panels.panel(first + place);
-                pass.forward(panel, place);
-                loss = loss + pass.outputs(panel, place);
+            for group in (0..count).step_by(together) {
+                let places = group..count.min(group + together);
+                pass.forward(first, places.clone());
+                for place in places.clone() {
+                    let panel = pass.panels.panel(first + place);
+                    loss = loss + pass.outputs(panel, place);
+                }
                 if gradient.is_some() {
-                    pass.backward(place);
+                    pass.backward(places);
                 }
             }
             if gradient.is_some() {
@@ -102,9 +126,7 @@ impl<V: Simd> Work for BlockTask<'_, V> {
             }
         }
         if let Some(gradient) = gradient {
-            for (to, from) in gradient.iter_mut().zip(&pass.workspace.gradient) {
-                *to = from.sum();
-            }
+            pass.workspace.add_up_lanes(gradient);
         }
         loss.sum()
     }
@@ -126,12 +148,11 @@ impl<V: Simd> Work for Jacobian<'_, V> {
         let states = pass.physics.output.std.len();
         let mut row = 0;
         for panel in pass.range.clone() {
-            let panel = pass.panels.panel(panel);
-            pass.forward(panel, 0);
-            pass.linearize(panel);
+            pass.forward(panel, 0..1);
+            pass.linearize(pass.panels.panel(panel));
             for state in 0..states {
                 pass.seed(state);
-                pass.backward(0);
+                pass.backward(0..1);
                 pass.write_rows(row, state, out.rb_mut());
                 row += 2 * V::LANES;
             }
@@ -140,11 +161,32 @@ impl<V: Simd> Work for Jacobian<'_, V> {
 }
 
 impl<V: Simd> Pass<'_, V> {
-    /// `a_0` = normalized (t, y0, u), `a_(l+1)` = tanh(`W_l` `a_l` + `b_l`), with time tangents.
+    /// `a_0` = normalized (t, y0, u), `a_(l+1)` = tanh(`W_l` `a_l` + `b_l`), with time tangents, of
+    /// the panels from `first` on that belong to `places`.
     #[inline(always)]
-    fn forward(&mut self, panel: Panel<'_, V>, place: usize) {
+    fn forward(&mut self, first: usize, places: Range<usize>) {
+        for place in places.clone() {
+            self.enter(self.panels.panel(first + place), place);
+        }
         let Workspace { shapes, activations, zero, .. } = &mut *self.workspace;
-        let zero = *zero;
+        for (l, layer) in self.layers.iter().enumerate() {
+            let (width, height) = shapes[l];
+            let (known, next) = activations.split_at_mut(l + 1);
+            for place in places.clone() {
+                let input = &known[l][place * width..(place + 1) * width];
+                let output = &mut next[0][place * height..(place + 1) * height];
+                multiply(&layer.forward, Some(&layer.bias), input, output, *zero);
+                if l + 1 < self.layers.len() {
+                    activate(output);
+                }
+            }
+        }
+    }
+
+    /// The input of the net.
+    #[inline(always)]
+    fn enter(&mut self, panel: Panel<'_, V>, place: usize) {
+        let Workspace { shapes, activations, zero, .. } = &mut *self.workspace;
         let width = shapes[0].0;
         let inputs = &mut activations[0][place * width..(place + 1) * width];
         for (i, (cell, row)) in inputs.iter_mut().zip(panel.rows).enumerate() {
@@ -152,16 +194,6 @@ impl<V: Simd> Pass<'_, V> {
             let tangent = zero.constant(if i == 0 { inverse } else { 0.0 });
             let mean = self.input.mean[i];
             *cell = [(row[0] - mean) * inverse, (row[1] - mean) * inverse, tangent, tangent];
-        }
-        for (l, layer) in self.layers.iter().enumerate() {
-            let (width, height) = shapes[l];
-            let (known, next) = activations.split_at_mut(l + 1);
-            let input = &known[l][place * width..(place + 1) * width];
-            let output = &mut next[0][place * height..(place + 1) * height];
-            multiply(&layer.forward, Some(&layer.bias), input, output, zero);
-            if l + 1 < self.layers.len() {
-                activate(output);
-            }
         }
     }
 
@@ -229,36 +261,68 @@ impl<V: Simd> Pass<'_, V> {
 
     /// Adjoints of all layers, from the last to the first.
     #[inline(always)]
-    fn backward(&mut self, place: usize) {
+    fn backward(&mut self, places: Range<usize>) {
         let Workspace { shapes, activations, adjoints, zero, .. } = &mut *self.workspace;
         for (l, layer) in self.layers.iter().enumerate().skip(1).rev() {
             let (width, height) = shapes[l];
             let (below, above) = adjoints.split_at_mut(l);
-            let adjoint = &above[0][place * height..(place + 1) * height];
-            let range = place * width..(place + 1) * width;
-            let result = &mut below[l - 1][range.clone()];
-            multiply(&layer.backward, None, adjoint, result, *zero);
-            through_tanh(&activations[l][range], result);
+            for place in places.clone() {
+                let adjoint = &above[0][place * height..(place + 1) * height];
+                let range = place * width..(place + 1) * width;
+                let result = &mut below[l - 1][range.clone()];
+                multiply(&layer.backward, None, adjoint, result, *zero);
+                through_tanh(&activations[l][range], result);
+            }
         }
     }
 
     /// Adds the gradient of `count` panels.
     #[inline(always)]
     fn accumulate(&mut self, count: usize) {
-        let Workspace { shapes, activations, adjoints, gradient, .. } = &mut *self.workspace;
-        let mut rest = &mut gradient[..];
+        let Workspace { shapes, activations, adjoints, gradient, wide_gradient, .. } =
+            &mut *self.workspace;
+        let (mut rest, mut wide) = (&mut gradient[..], &mut wide_gradient[..]);
         for (l, &(width, height)) in shapes.iter().enumerate() {
-            let (weight, after) = rest.split_at_mut(width * height);
-            let (bias, after) = after.split_at_mut(height);
-            rest = after;
             let adjoint = &adjoints[l][..count * height];
-            accumulate(adjoint, &activations[l], weight, (count, height, width));
+            let (input, shape) = (&activations[l], (count, height, width));
+            if is_wide((width, height)) {
+                let (weight, after) = wide.split_at_mut(width * height);
+                wide = after;
+                accumulate_wide(adjoint, input, weight, shape);
+            } else {
+                let (weight, after) = rest.split_at_mut(width * height);
+                rest = after;
+                accumulate(adjoint, input, weight, shape);
+            }
+            let (bias, after) = rest.split_at_mut(height);
+            rest = after;
             for adjoint in adjoint.chunks_exact(height) {
                 for (bias, adjoint) in bias.iter_mut().zip(adjoint) {
                     *bias = *bias + (adjoint[0] + adjoint[1]);
                 }
             }
         }
+    }
+}
+
+impl<V: Simd> Workspace<V> {
+    /// The derivatives in all parameters, in their order.
+    #[inline(always)]
+    fn add_up_lanes(&self, gradient: &mut [f64]) {
+        let (mut lanes, mut wide) = (self.gradient.iter(), self.wide_gradient.iter());
+        // `to` comes last in each zip, so that none of it is lost where the others end.
+        let mut to = gradient.iter_mut();
+        for &(width, height) in &self.shapes {
+            let mut in_lanes = width * height + height;
+            if is_wide((width, height)) {
+                in_lanes = height;
+                let weights = wide.by_ref().take(width * height);
+                weights.zip(to.by_ref()).for_each(|(from, to)| *to = *from);
+            }
+            lanes.by_ref().take(in_lanes).zip(to.by_ref()).for_each(|(from, to)| *to = from.sum());
+        }
+        // The unknown parameters of the plant.
+        lanes.zip(to).for_each(|(from, to)| *to = from.sum());
     }
 }
 

@@ -285,17 +285,20 @@ fn large() -> Case {
 
 #[test]
 fn the_same_bits_on_any_number_of_threads() {
-    let problem = problem(VanDerPol::default(), &large());
-    for isa in Isa::available() {
-        let one = problem.kernel(isa, 1);
-        assert_eq!(one, problem.kernel(isa, 2));
-        assert_eq!(one, problem.kernel(isa, 5));
+    let wide = Case { hidden_layers: 2, neurons: 47, collocation: 301, ..large() };
+    for case in [large(), wide] {
+        let problem = problem(VanDerPol::default(), &case);
+        for isa in Isa::available() {
+            let one = problem.kernel(isa, 1);
+            assert_eq!(one, problem.kernel(isa, 2));
+            assert_eq!(one, problem.kernel(isa, 5));
+        }
     }
 }
 
 #[test]
 fn wide_and_deep_nets_agree_with_the_specification() {
-    for (hidden_layers, neurons) in [(1, 64), (2, 64), (10, 15), (10, 20)] {
+    for (hidden_layers, neurons) in [(1, 64), (2, 64), (2, 47), (10, 15), (10, 20)] {
         let case =
             Case { hidden_layers, neurons, collocation: 33, initial: 9, measured: 21, ..large() };
         problem(FourTanks::johansson_minimum(), &case).check().unwrap();
@@ -347,10 +350,13 @@ impl Plant for Known {
 /// is known, in the parameters those of its differences.
 #[test]
 fn unknown_parameters_agree_with_the_specification() {
-    let case = Case { hidden_layers: 2, neurons: 5, collocation: 37, initial: 9, ..large() };
-    for (start, q) in
-        [([0.8, -0.3], [0.5, 0.2]), ([1e-3, 0.0], [3.0, 0.7]), ([4e3, 2.0], [0.1, -0.4])]
-    {
+    for (neurons, start, q) in [
+        (5, [0.8, -0.3], [0.5, 0.2]),
+        (5, [1e-3, 0.0], [3.0, 0.7]),
+        (5, [4e3, 2.0], [0.1, -0.4]),
+        (46, [0.8, -0.3], [0.5, 0.2]),
+    ] {
+        let case = Case { hidden_layers: 2, neurons, collocation: 37, initial: 9, ..large() };
         let scale = start.map(|start: f64| if start.abs() > 0.0 { start.abs() } else { 1.0 });
         let at = |q: [f64; 2]| Known([0, 1].map(|i| start[i] + scale[i] * q[i]));
         let known = problem(at(q), &case);
