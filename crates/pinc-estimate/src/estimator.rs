@@ -130,6 +130,12 @@ pub struct Tuning {
 }
 
 impl Tuning {
+    /// Whether there are bounds.
+    #[must_use]
+    pub fn is_bounded(&self) -> bool {
+        !(self.low.is_empty() && self.high.is_empty())
+    }
+
     /// Checks it for a model of dimensions `dims`.
     pub(crate) fn validate(&self, dims: Dims) -> Result<(), EstimateError> {
         if dims.np > 0 {

@@ -5,7 +5,7 @@ use crate::golden;
 use crate::template::{Template, array, places, table};
 use crate::{ExportError, GeneratedFile};
 use pinc_estimate::{
-    Augmentation, Augmented, Compensated, Disturbance, Ekf, Estimator, Measured, Tuning, Ukf,
+    Augmentation, Augmented, Compensated, Disturbance, Ekf, Estimator, Measured, Mhe, Tuning, Ukf,
 };
 use pinc_mpc::ProblemUnits;
 use pinc_ode::{Dims, Model};
@@ -29,6 +29,8 @@ pub enum Filter {
     Extended,
     /// The unscented Kalman filter.
     Unscented,
+    /// Moving horizon estimation over a window of so many steps.
+    MovingHorizon(usize),
 }
 
 /// What the self-test is given and is to find, a row per step.
@@ -48,6 +50,7 @@ impl Estimation<'_> {
         Ok(match self.filter {
             Filter::Extended => Box::new(Ekf::new(model, tuning)?),
             Filter::Unscented => Box::new(Ukf::new(model, tuning)?),
+            Filter::MovingHorizon(steps) => Box::new(Mhe::new(model, tuning, steps)?),
         })
     }
 
@@ -154,7 +157,7 @@ pub(crate) fn feedback_core(
     let squared = |sd: &[f64]| sd.iter().map(|sd| sd * sd).collect::<Vec<_>>();
     let states = estimation.augmentation.disturbance.clone();
     let measured = estimation.measured(dims)?;
-    let bounded = !(low.is_empty() && high.is_empty());
+    let bounded = estimation.tuning.is_bounded();
     let side = |side: &Vec<f64>, none: f64| match side.is_empty() {
         true => vec![none; initial_estimate.len()],
         false => side.clone(),
@@ -175,24 +178,10 @@ pub(crate) fn feedback_core(
         tables += "/* The states that are disturbed. */\n";
         tables += &places("place", &estimation.places(dims)?);
     }
-    let (title, memory, code) = match estimation.filter {
-        Filter::Extended => (
-            "an extended Kalman filter",
-            include_str!("../templates/ekf_memory.c"),
-            include_str!("../templates/ekf.c"),
-        ),
-        Filter::Unscented => (
-            "an unscented Kalman filter",
-            include_str!("../templates/ukf_memory.c"),
-            include_str!("../templates/ukf.c"),
-        ),
-    };
+    set_filter(t, estimation, &mut tables);
     t.set("NM", measured.len())
         .set("NZ", initial_estimate.len())
         .set("HAS_BOUNDS", u8::from(bounded))
-        .set("FILTER", title)
-        .set("MEMORY", memory)
-        .set("KALMAN", code)
         .set("MEASURES_OUTPUTS", u8::from(estimation.measures_outputs()))
         .set("INCLUDE", if estimation.measures_outputs() { INCLUDE_OUTPUTS } else { "" })
         .set("TABLES", tables);
@@ -201,6 +190,57 @@ pub(crate) fn feedback_core(
         t.file("feedback.c", include_str!("../templates/feedback.c")),
     ])
 }
+
+/// Fills what is of one filter alone.
+fn set_filter(t: &mut Template, estimation: Estimation<'_>, tables: &mut String) {
+    let (ekf_memory, ekf) =
+        (include_str!("../templates/ekf_memory.c"), include_str!("../templates/ekf.c"));
+    t.set("TYPES", "").set("MORE_STATUSES", "").set("BEGIN", "").set("ESTIMATE", "filter");
+    match estimation.filter {
+        Filter::Extended => {
+            t.set("FILTER", "an extended Kalman filter").set("MEMORY", ekf_memory);
+            t.set("KALMAN", ekf);
+        }
+        Filter::Unscented => {
+            t.set("FILTER", "an unscented Kalman filter");
+            t.set("MEMORY", include_str!("../templates/ukf_memory.c"));
+            t.set("KALMAN", include_str!("../templates/ukf.c"));
+        }
+        Filter::MovingHorizon(steps) => {
+            let tuning = estimation.tuning;
+            let units = Mhe::units(tuning);
+            let noises = tuning.process_sd.iter().zip(&units).map(|(sd, unit)| sd / unit);
+            *tables += "/* Units of the window's states, and the noises of steps in these. */\n";
+            *tables += &array("unit", &units);
+            *tables += &array("noise", &noises.collect::<Vec<_>>());
+            if tuning.is_bounded() {
+                *tables += &array("initial_sd", &tuning.initial_sd);
+            }
+            t.set("WINDOW", steps).set("ESTIMATE", "horizon");
+            t.set("FILTER", "a moving horizon estimator").set("MORE_STATUSES", MHE_STATUSES);
+            t.set("TYPES", include_str!("../templates/mhe_types.c"));
+            t.set("BEGIN", "    pinc_begin_last(e);\n");
+            let memory = include_str!("../templates/mhe_memory.c");
+            t.set("MEMORY", [ekf_memory, memory].concat());
+            let parts = [
+                ekf,
+                include_str!("../templates/mhe_program.c"),
+                include_str!("../templates/mhe_qp.c"),
+                include_str!("../templates/mhe.c"),
+            ];
+            t.set("KALMAN", parts.join("\n"));
+        }
+    }
+}
+
+/// How the iteration of a moving horizon estimator can end besides.
+const MHE_STATUSES: &str = ",
+    /** The optimality conditions were not met after all iterations; the estimate is the best one
+        found. */
+    PINC_ESTIMATE_ITERATION_LIMIT = 4,
+    /** The window's problem has no solution within the bounds, or none was found; the estimate is the
+        last one that was. */
+    PINC_ESTIMATE_QP_FAILED = 5";
 
 /// Of sources that call the outputs.
 pub(crate) const INCLUDE_OUTPUTS: &str = "#include \"pinc_outputs.h\"\n";

@@ -40,7 +40,7 @@ pub fn controller_to_c(
 ) -> Result<Vec<GeneratedFile>, ExportError> {
     let (mut t, mut files) = controller_sources(controller, name, origin)?;
     let [double, float] = controller.estimator.map_or(TOLERANCES, |of| match of.filter {
-        Filter::Extended => TOLERANCES,
+        Filter::Extended | Filter::MovingHorizon(_) => TOLERANCES,
         Filter::Unscented => UNSCENTED_TOLERANCES,
     });
     t.set("DOUBLE", double).set("FLOAT", float);

@@ -1,7 +1,8 @@
 /* ---- The extended Kalman filter ------------------------------------------------------------- */
 
-/* What is to be measured, and its Jacobian, row by row. */
-static void pinc_expect(pinc_estimator *e)
+/* What is to be measured at z, after the input u, and its Jacobian, row by row. */
+static void pinc_expect(const PINC_REAL *z, const PINC_REAL *u, PINC_REAL *expected,
+                        PINC_REAL *jacobian)
 {
 #if PINC_MEASURES_OUTPUTS
     PINC_REAL inner[PINC_NU + PINC_NP];
@@ -10,33 +11,35 @@ static void pinc_expect(pinc_estimator *e)
     PINC_REAL d[PINC_NO * (PINC_NU + PINC_NP)];
 #endif
     int i;
-    pinc_fill(e->h, PINC_N(0), PINC_NM * PINC_NZ);
+    pinc_fill(jacobian, PINC_N(0), PINC_NM * PINC_NZ);
 #if PINC_MEASURES_OUTPUTS
-    pinc_believed(e->z, e->u, inner);
-    pinc_outputs_linearize(e->z, inner, y, c, d);
+    pinc_believed(z, u, inner);
+    pinc_outputs_linearize(z, inner, y, c, d);
+#else
+    (void)u;
 #endif
     for (i = 0; i < PINC_NM; i++) {
-        PINC_REAL *h = e->h + (i * PINC_NZ);
+        PINC_REAL *h = jacobian + (i * PINC_NZ);
 #if PINC_MEASURES_OUTPUTS
         const int o = pinc_measured[i] - PINC_NX;
         if (o >= 0) {
             const PINC_REAL *by_u = d + (o * (PINC_NU + PINC_NP));
-            e->expected[i] = y[o];
+            expected[i] = y[o];
             pinc_copy(h, c + (o * PINC_NX), PINC_NX);
 #if PINC_DISTURBED_INPUTS
             pinc_copy(h + PINC_NX, by_u, PINC_NU);
 #endif
             pinc_copy(h + (PINC_NX + PINC_ND), by_u + PINC_NU, PINC_NP);
         } else {
-            e->expected[i] = e->z[pinc_measured[i]];
+            expected[i] = z[pinc_measured[i]];
             h[pinc_measured[i]] = PINC_N(1);
         }
 #else
-        e->expected[i] = e->z[pinc_measured[i]];
+        expected[i] = z[pinc_measured[i]];
         h[pinc_measured[i]] = PINC_N(1);
 #endif
 #if PINC_DISTURBED_OUTPUTS
-        e->expected[i] += e->z[PINC_NX + i];
+        expected[i] += z[PINC_NX + i];
         h[PINC_NX + i] = PINC_N(1);
 #endif
     }
@@ -82,14 +85,14 @@ static pinc_estimate_status pinc_accept(pinc_estimator *e)
     return status;
 }
 
-static pinc_estimate_status pinc_correct(pinc_estimator *e, const PINC_REAL *y)
+static pinc_estimate_status pinc_filter_correct(pinc_estimator *e, const PINC_REAL *y)
 {
     pinc_estimate_status status = PINC_NOT_FINITE;
     int count = 0;
     int i;
     pinc_copy(e->before, e->p, PINC_NZ * PINC_NZ);
     pinc_fill(e->change, PINC_N(0), PINC_NZ);
-    pinc_expect(e);
+    pinc_expect(e->z, e->u, e->expected, e->h);
     if ((pinc_all_finite(e->expected, PINC_NM) & pinc_all_finite(e->h, PINC_NM * PINC_NZ)) == 0) {
         return PINC_NOT_FINITE;
     }
@@ -139,20 +142,26 @@ static void pinc_augment(pinc_estimator *e)
 #endif
 }
 
-/* Moves the estimate on by a step under the input u. */
-static void pinc_predict(pinc_estimator *e, const PINC_REAL *u)
+/* What z becomes by a step under the input u, and the Jacobian of that. */
+static void pinc_move_on(pinc_estimator *e, const PINC_REAL *z, const PINC_REAL *u)
 {
     PINC_REAL inner[PINC_NU + PINC_NP];
+    pinc_believed(z, u, inner);
+    pinc_@MODEL@_linearize(z, inner, e->next, e->a, e->b);
+    pinc_stay(z, e->next);
+    pinc_augment(e);
+}
+
+/* Moves the estimate on by a step under the input u, if what it becomes is finite. */
+static void pinc_filter_predict(pinc_estimator *e, const PINC_REAL *u)
+{
     int i;
     int k;
     pinc_copy(e->u, u, PINC_NU);
-    pinc_believed(e->z, u, inner);
-    pinc_@MODEL@_linearize(e->z, inner, e->next, e->a, e->b);
-    pinc_stay(e->z, e->next);
+    pinc_move_on(e, e->z, u);
     if (pinc_all_finite(e->next, PINC_NZ) == 0) {
         return;
     }
-    pinc_augment(e);
     pinc_copy(e->before, e->p, PINC_NZ * PINC_NZ);
     pinc_fill(e->work, PINC_N(0), PINC_NZ * PINC_NZ);
     for (i = 0; i < PINC_NZ; i++) {

@@ -12,8 +12,6 @@
 #define PINC_ROUNDING PINC_PICK(1e-14, 1e-6)
 /* A pivot that is negative by more than this part of its diagonal entry is no rounding. */
 #define PINC_INDEFINITE PINC_PICK(1e-9, 1e-4)
-/* Whether the estimate has bounds. */
-#define PINC_HAS_BOUNDS @HAS_BOUNDS@
 /* Whether outputs are measured, not states alone. */
 #define PINC_MEASURES_OUTPUTS @MEASURES_OUTPUTS@
 
@@ -94,6 +92,22 @@ static void pinc_stay(const PINC_REAL *z, PINC_REAL *next)
     }
 }
 
+#if PINC_HAS_BOUNDS
+/* Moves an estimate into its bounds. */
+static void pinc_clip(PINC_REAL *z)
+{
+    int i;
+    for (i = 0; i < PINC_NZ; i++) {
+        if (z[i] < pinc_low[i]) {
+            z[i] = pinc_low[i];
+        }
+        if (z[i] > pinc_high[i]) {
+            z[i] = pinc_high[i];
+        }
+    }
+}
+#endif
+
 @KALMAN@
 /* ---- The estimator -------------------------------------------------------------------------- */
 
@@ -105,22 +119,14 @@ static void pinc_estimator_init(pinc_estimator *e)
     for (i = 0; i < PINC_NZ; i++) {
         e->p[(i * PINC_NZ) + i] = pinc_initial_variance[i];
     }
-}
+@BEGIN@}
 
 /* Corrects the estimate, and moves it into its bounds. */
 static pinc_estimate_status pinc_estimate(pinc_estimator *e, const PINC_REAL *y)
 {
-    const pinc_estimate_status status = pinc_correct(e, y);
+    const pinc_estimate_status status = pinc_@ESTIMATE@_correct(e, y);
 #if PINC_HAS_BOUNDS
-    int i;
-    for (i = 0; i < PINC_NZ; i++) {
-        if (e->z[i] < pinc_low[i]) {
-            e->z[i] = pinc_low[i];
-        }
-        if (e->z[i] > pinc_high[i]) {
-            e->z[i] = pinc_high[i];
-        }
-    }
+    pinc_clip(e->z);
 #endif
     return status;
 }
@@ -165,7 +171,7 @@ pinc_status pinc_feedback_step(pinc_feedback *f, const PINC_REAL y[PINC_NM],
     int i;
     if (f->begun != 0) {
         /* By the input that acted since; it is known only now. */
-        pinc_predict(&f->estimator, f->inputs);
+        pinc_@ESTIMATE@_predict(&f->estimator, f->inputs);
         for (i = 0; i < PINC_DELAY * PINC_NU; i++) {
             f->inputs[i] = f->inputs[i + PINC_NU];
         }

@@ -12,7 +12,9 @@ extern "C" {
 #define PINC_NM @NM@
 /** Number of all that is estimated: states, disturbances, parameters. */
 #define PINC_NZ (PINC_NX + PINC_NW)
-/* The larger of the two. */
+/* Whether the estimate has bounds. */
+#define PINC_HAS_BOUNDS @HAS_BOUNDS@
+/* The larger of the two sizes. */
 #define PINC_WIDEST_POINT ((PINC_NM > PINC_NZ) ? PINC_NM : PINC_NZ)
 
 /** How a correction by what was measured ended. */
@@ -24,10 +26,10 @@ typedef enum {
     /** The covariance would have lost its definiteness: the last one was kept. */
     PINC_INDEFINITE_COVARIANCE = 2,
     /** The new estimate would not have been finite: the last one was kept. */
-    PINC_NOT_FINITE = 3
+    PINC_NOT_FINITE = 3@MORE_STATUSES@
 } pinc_estimate_status;
 
-/** The estimator: @FILTER@. */
+@TYPES@/** The estimator: @FILTER@. */
 typedef struct {
     /** The estimate: states, disturbances, parameters. */
     PINC_REAL z[PINC_NZ];

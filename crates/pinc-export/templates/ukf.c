@@ -212,7 +212,7 @@ static void pinc_corrected_covariance(pinc_estimator *e)
     }
 }
 
-static pinc_estimate_status pinc_correct(pinc_estimator *e, const PINC_REAL *y)
+static pinc_estimate_status pinc_filter_correct(pinc_estimator *e, const PINC_REAL *y)
 {
     pinc_estimate_status status;
     int i;
@@ -240,7 +240,7 @@ static pinc_estimate_status pinc_correct(pinc_estimator *e, const PINC_REAL *y)
 }
 
 /* Moves the estimate on by a step under the input u. */
-static void pinc_predict(pinc_estimator *e, const PINC_REAL *u)
+static void pinc_filter_predict(pinc_estimator *e, const PINC_REAL *u)
 {
     int i;
     int k;

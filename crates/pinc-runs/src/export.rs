@@ -172,11 +172,10 @@ impl Estimating {
     /// That of the config, if it has one.
     fn of(chosen: &Chosen<'_>) -> Result<Option<Self>, RunError> {
         let Some(spec) = &chosen.spec.estimator else { return Ok(None) };
-        let refuse = |feature, instead| Err(ExportError::Feature { feature, instead }.into());
         let filter = match spec.kind {
             EstimatorKind::Ekf => Filter::Extended,
             EstimatorKind::Ukf => Filter::Unscented,
-            _ => return refuse("moving horizon estimation", "kind = \"ekf\" or kind = \"ukf\""),
+            EstimatorKind::Mhe => Filter::MovingHorizon(spec.window.unwrap_or(1)),
         };
         let measurement = chosen.spec.measurement.clone().unwrap_or_default();
         let variables = Variables::of(&*chosen.plant);

@@ -166,6 +166,7 @@ fn assert_same_feedback(config: &Path, more: &[&str]) {
 fn loops_with_estimators_in_c_are_those_of_the_program() {
     let config = repository("configs/estimation/tanks.toml");
     let ukf = "control.estimator.kind=ukf";
+    let (mhe, window) = ("control.estimator.kind=mhe", "control.estimator.window=10");
     let of = |what: &str| format!("control.estimator.disturbance={what}");
     let (output, states) = (of("output"), of("{ states = [\"h1\", \"h2\"] }"));
     let none = [
@@ -180,6 +181,8 @@ fn loops_with_estimators_in_c_are_those_of_the_program() {
         &[ukf],
         &[&output, late, held],
         &[ukf, &states, late],
+        &[mhe, window, low],
+        &[mhe, window, &output, late, held],
         &[&states, low],
         &[ukf, &output, low, held],
         &none,
@@ -188,17 +191,6 @@ fn loops_with_estimators_in_c_are_those_of_the_program() {
         sets.iter().for_each(|set| more.extend(["--set", *set]));
         assert_same_feedback(&config, &more);
     }
-}
-
-#[test]
-fn estimators_that_c_does_not_have_are_refused() {
-    let config = repository("configs/estimation/tanks.toml");
-    let config = config.to_str().unwrap();
-    let dir = tempfile::tempdir().unwrap();
-    let mhe = ["--set", "control.estimator.kind=mhe", "--set", "control.estimator.window=4"];
-    let arguments = [&[config, "--only", "rk4"], &mhe[..]].concat();
-    let expected = "no moving horizon estimation; use kind = \"ekf\" or kind = \"ukf\"";
-    export(&arguments, dir.path()).assert_refused(&[expected]);
 }
 
 #[test]

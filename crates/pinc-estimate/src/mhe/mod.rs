@@ -144,6 +144,19 @@ impl Mhe {
         Ok(estimator)
     }
 
+    /// The size in which each entry of z is counted, `nx`: what it may be off by at first, or else
+    /// in a step.
+    #[must_use]
+    pub fn units(tuning: &Tuning) -> Vec<f64> {
+        let sizes = tuning.initial_sd.iter().zip(&tuning.process_sd);
+        let unit = |(first, later): (&f64, &f64)| match (*first > 0.0, *later > 0.0) {
+            (true, _) => *first,
+            (false, true) => *later,
+            (false, false) => 1.0,
+        };
+        sizes.map(unit).collect()
+    }
+
     /// The number of steps in the window now, which grows to the full number.
     #[must_use]
     pub fn window(&self) -> usize {
@@ -343,18 +356,12 @@ fn constants(tuning: &Tuning) -> Constants {
     let or = |bounds: &[f64], none: f64| {
         if bounds.is_empty() { vec![none; n] } else { bounds.to_vec() }
     };
-    let sizes = tuning.initial_sd.iter().zip(&tuning.process_sd);
-    let unit = |(first, later): (&f64, &f64)| match (*first > 0.0, *later > 0.0) {
-        (true, _) => *first,
-        (false, true) => *later,
-        (false, false) => 1.0,
-    };
     Constants {
         process_sd: tuning.process_sd.clone(),
         measurement_variance: variances(&tuning.measurement_sd),
         low: or(&tuning.low, f64::NEG_INFINITY),
         high: or(&tuning.high, f64::INFINITY),
-        unit: sizes.map(unit).collect(),
+        unit: Mhe::units(tuning),
     }
 }
 

@@ -3,7 +3,7 @@
 use super::compile::{READ, Sources};
 use super::controller::{Case, Draws, Source, equations, mild, tanks_case};
 use pinc_estimate::{
-    Augmentation, Augmented, Compensated, Disturbance, Ekf, Estimator, Measured, Tuning, Ukf,
+    Augmentation, Augmented, Compensated, Disturbance, Ekf, Estimator, Measured, Mhe, Tuning, Ukf,
 };
 use pinc_export::{
     Controller, Estimation, ExplicitMethod, ExportError, Filter, FmiVersion, GeneratedFile, Name,
@@ -89,6 +89,7 @@ fn library(filter: Filter, case: &Case, of: &Augmentation, tuning: &Tuning) -> B
     let model = Box::new(Augmented::new(case.model(), of.clone()).unwrap());
     match filter {
         Filter::Extended => Box::new(Ekf::new(model, tuning.clone()).unwrap()),
+        Filter::MovingHorizon(steps) => Box::new(Mhe::new(model, tuning.clone(), steps).unwrap()),
         _ => Box::new(Ukf::new(model, tuning.clone()).unwrap()),
     }
 }
@@ -175,8 +176,9 @@ fn run(
     (lines, all)
 }
 
+/// Compares them; gives the number of steps whose estimate is at a bound.
 #[track_caller]
-fn compare(filter: Filter, parts: &Parts) {
+fn compare(filter: Filter, parts: &Parts) -> usize {
     let (case, augmentation, tuning) = parts;
     let estimation = Estimation { filter, augmentation, tuning };
     let sources = Sources::new(&case.export(Some(estimation)).unwrap());
@@ -184,7 +186,14 @@ fn compare(filter: Filter, parts: &Parts) {
     let found = sources.drive(&DRIVER.replace("@READ@", READ), &[], &lines);
     let (width, mut missing, mut worst) = (2 + NU + tuning.initial_estimate.len(), 0, [0.0_f64; 2]);
     assert_eq!(found.len(), expected.len() * width);
-    let words = ["updated", "nothing-measured", "indefinite-covariance", "not-finite"];
+    let words = [
+        "updated",
+        "nothing-measured",
+        "indefinite-covariance",
+        "not-finite",
+        "iteration-limit",
+        "qp-failed",
+    ];
     for (k, (found, expected)) in found.chunks_exact(width).zip(&expected).enumerate() {
         let converged = if found[0] < 0.5 { "converged" } else { "another" };
         let (ended, corrected) = (&expected.statuses[0], &expected.statuses[1]);
@@ -205,6 +214,11 @@ fn compare(filter: Filter, parts: &Parts) {
     let allowed = if filter == Filter::Unscented { [8e-8, 2e-8] } else { [1e-8; 2] };
     assert!(worst[0] < allowed[0] && worst[1] < allowed[1], "inputs, estimates: {worst:?}");
     assert!(missing > 2, "{missing} steps without a measurement");
+    let is_at_bound = |z: &[f64]| {
+        let mut bounds = z.iter().zip(tuning.low.iter().zip(&tuning.high));
+        bounds.any(|(z, (low, high))| (z - low).min(high - z) < 1e-9)
+    };
+    expected.iter().filter(|step| is_at_bound(&step.z)).count()
 }
 
 #[test]
@@ -221,6 +235,28 @@ fn the_unscented_filter_in_c_estimates_what_the_librarys_does() {
     compare(Filter::Unscented, &tanks(Disturbance::Output, 0));
     compare(Filter::Unscented, &tanks(Disturbance::States(vec![1, 0]), 0));
     compare(Filter::Unscented, &tanks(Disturbance::None, 0));
+}
+
+#[test]
+fn the_moving_horizon_in_c_estimates_what_the_librarys_does() {
+    compare(Filter::MovingHorizon(1), &tanks(Disturbance::Input, 0));
+    compare(Filter::MovingHorizon(10), &tanks(Disturbance::Output, 2));
+    compare(Filter::MovingHorizon(4), &tanks(Disturbance::States(vec![1, 0]), 1));
+    // Bounds that hold most of the time.
+    let (_, _, tuning) = tanks(Disturbance::Input, 0);
+    let low = [7.0, 7.0, 2.2, 2.0, -0.05, 0.0].to_vec();
+    let high = [14.0, 9.8, 2.4, 4.0, 0.3, 0.02].to_vec();
+    let tight = Tuning { low, high, ..tuning };
+    // Without noise, bounds on a disturbance at two steps are one.
+    let steady = Tuning { process_sd: vec![0.03, 0.03, 0.03, 0.03, 0.0, 0.0], ..tight.clone() };
+    for tuning in [tight, steady] {
+        let (case, augmentation, _) = tanks(Disturbance::Input, 0);
+        let held = compare(Filter::MovingHorizon(6), &(case, augmentation, tuning));
+        assert!(held > 100, "{held} steps with an estimate at a bound");
+    }
+    let (case, augmentation, tuning) = tanks(Disturbance::None, 0);
+    let free = Tuning { low: Vec::new(), high: Vec::new(), ..tuning };
+    compare(Filter::MovingHorizon(5), &(case, augmentation, free));
 }
 
 /// The tanks with a pump whose constant is estimated, and the sum of the lower levels and a flow
@@ -311,9 +347,11 @@ fn a_parameter_of_a_net_is_estimated_as_in_the_library() {
 
 #[test]
 fn the_self_test_with_an_estimator_passes_and_the_code_is_portable() {
-    for (filter, portable) in
-        [(Filter::Extended, Disturbance::Input), (Filter::Unscented, Disturbance::Output)]
-    {
+    for (filter, portable) in [
+        (Filter::Extended, Disturbance::Input),
+        (Filter::Unscented, Disturbance::Output),
+        (Filter::MovingHorizon(3), Disturbance::Input),
+    ] {
         for disturbance in [Disturbance::Input, Disturbance::Output, Disturbance::None] {
             let (case, augmentation, tuning) = tanks(disturbance.clone(), 1);
             let estimation = Estimation { filter, augmentation: &augmentation, tuning: &tuning };
