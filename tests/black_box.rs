@@ -61,6 +61,10 @@ fn be_the_plant(kind: &str) {
             "short" => json!({ "x": [1.0] }),
             "fails" if x[0] > 2.0 => json!({ "error": "x1 is beyond 2" }),
             "ends" if number == 2 => return,
+            // Until it is ended.
+            "hangs" if number == 2 => loop {
+                std::thread::park();
+            },
             _ => json!({ "x": next }),
         };
         writeln!(output, "{answer}").unwrap();
@@ -150,6 +154,7 @@ fn it_starts_only_where_it_is_allowed() {
         ("states = [\"x1\", \"x2\"]", "states = []", ["plant.process.states", "one or more"]),
         ("inputs = [\"u\"]", "inputs = [\"u\"], nominal = { y = 1.0 }", ["nominal.y", "a state"]),
         ("inputs = [\"u\"]", "inputs = [\"u\"], difference_step = 0.0", ["difference_step", "pos"]),
+        ("inputs = [\"u\"]", "inputs = [\"u\"], time_limit_s = 0.0", ["time_limit_s", "positive"]),
     ] {
         let text = as_process("oscillator");
         assert!(text.contains(from));
@@ -195,8 +200,15 @@ fn what_is_no_answer_is_explained() {
         ("short", "with 2 numbers"),
         ("fails", "x1 is beyond 2"),
         ("ends", "ended without an answer"),
+        ("hangs", "did not answer within 0.2 s"),
     ] {
-        let mut simulator = Simulator::new(&*plant(kind) as &dyn DynRhs, 1e-9);
+        // Far longer than an answer of the others takes.
+        let limit = if kind == "hangs" { "0.2" } else { "60.0" };
+        let text = as_process(kind);
+        let text =
+            text.replace("inputs = [\"u\"]", &format!("inputs = [\"u\"], time_limit_s = {limit}"));
+        let plant = parse(&text, &allowed()).unwrap().plant.dyn_plant();
+        let mut simulator = Simulator::new(&*plant as &dyn DynRhs, 1e-9);
         let mut ask = || simulator.integrate(&mut [2.5, 0.0], &[0.0], 0.1);
         let error = (0..3).find_map(|_| ask().err()).unwrap().to_string();
         assert!(error.contains(part), "{kind}: {error}");
@@ -208,10 +220,29 @@ fn what_is_no_answer_is_explained() {
     assert!(error.contains("/nowhere") && error.contains("cannot be started"), "{error}");
 }
 
-/// The oscillator as an FMU of our own: its 100 steps of RK4 per T are exact to 1e-9.
+/// A config without what a net is trained by.
+fn without_net(text: &str) -> String {
+    let (head, rest) = text.split_once("[training]").unwrap();
+    let (_, control) = rest.split_once("[control]").unwrap();
+    format!("{head}[control]{control}").replace("\"pinc\", ", "")
+}
+
+/// The IAE of the loop with the one model of a config.
+fn iae(experiment: &Experiment) -> f64 {
+    let dir = tempfile::tempdir().unwrap();
+    let run = run_of(experiment, dir.path());
+    let [control] = &run.metrics().control[..] else { panic!("one model") };
+    control.iae_dense_sum
+}
+
+/// The oscillator as an FMU of our own: its 100 steps of RK4 per T are exact to 1e-9, and the loop
+/// with it as plant and as model is that of the equation.
 fn an_exported_plant_is_a_plant() {
     let dir = tempfile::tempdir().unwrap();
     let equation = config("van-der-pol = { mu = 1.0 }").replace("MODEL", "rk4");
+    let read = |text: &str| Experiment::parse(Path::new("b.toml"), text, &[], &allowed()).unwrap();
+    let expected =
+        iae(&read(&without_net(&equation).replace("[control]", "[control]\nrk4_substeps = 32")));
     let equation = parse(&equation, &allowed()).unwrap();
     for version in [FmiVersion::Two, FmiVersion::Three] {
         let out = dir.path().join(format!("{version:?}"));
@@ -221,11 +252,12 @@ fn an_exported_plant_is_a_plant() {
             let fmu = format!(
                 "fmu = {{ file = {file}, states = [\"x1\", \"x2\"], inputs = [\"u\"], {variables} }}"
             );
-            parse(&config(&fmu).replace("MODEL", "black-box"), &allowed())
+            config(&fmu).replace("MODEL", "black-box")
         };
         let names = "variables = { x1 = 'x[1]', x2 = 'x[2]', u = 'u[1]' }";
         let starts = "start_variables = { x1 = 'x_start[1]', x2 = 'x_start[2]' }";
-        let found = plant(&format!("{names}, {starts}")).unwrap().plant.dyn_plant();
+        let text = plant(&format!("{names}, {starts}"));
+        let found = parse(&text, &allowed()).unwrap().plant.dyn_plant();
         let mut found = Simulator::new(&*found as &dyn DynRhs, 1e-9);
         let mut truth = Simulator::new(&VanDerPol::default(), 1e-12);
         for (x, u) in [([1.0, 0.0], 0.3), ([-2.0, 1.5], -1.0), ([1.0, 0.0], 0.3)] {
@@ -236,9 +268,12 @@ fn an_exported_plant_is_a_plant() {
                 assert!((a - b).abs() < 1e-8, "{version:?} {x:?}: {a} {b}");
             }
         }
-        let error = plant("variables = { x1 = 'height' }").unwrap_err();
+        let found = iae(&read(&without_net(&text)));
+        assert!((found / expected - 1.0).abs() < 1e-6, "{version:?}: {found} {expected}");
+        let parsed = |variables: &str| parse(&plant(variables), &allowed());
+        let error = parsed("variables = { x1 = 'height' }").unwrap_err();
         assert!(error.contains("plant.fmu.file") && error.contains("`height`"), "{error}");
-        let error = plant(&format!("{names}, kind = 'model-exchange'")).unwrap_err();
+        let error = parsed(&format!("{names}, kind = 'model-exchange'")).unwrap_err();
         assert!(error.contains("interface"), "{error}");
     }
     let text = config("fmu = { file = 'tests/Cargo.toml', states = ['x'], inputs = ['u'] }");
@@ -246,9 +281,8 @@ fn an_exported_plant_is_a_plant() {
     assert!(error.contains("plant.fmu.file"), "{error}");
 }
 
-fn run_of(text: &str, dir: &Path) -> RunDir {
-    let experiment = parse(text, &allowed()).unwrap();
-    let findings = check(&experiment);
+fn run_of(experiment: &Experiment, dir: &Path) -> RunDir {
+    let findings = check(experiment);
     assert!(findings.iter().all(|f| f.severity < pinc_bench::Severity::Error), "{findings:?}");
     let options = Options {
         resume: false,
@@ -256,7 +290,7 @@ fn run_of(text: &str, dir: &Path) -> RunDir {
         interrupt: &AtomicBool::new(false),
         arguments: &[],
     };
-    run(&experiment, dir, &options).unwrap()
+    run(experiment, dir, &options).unwrap()
 }
 
 /// Net and loops of the process are those of the equation: the samples differ by its rounding, and
@@ -264,6 +298,7 @@ fn run_of(text: &str, dir: &Path) -> RunDir {
 fn it_is_distilled_and_controlled() {
     let (one, other) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
     let equation = config("van-der-pol = { mu = 1.0 }").replace("MODEL", "rk4");
+    let run_of = |text: &str, dir| run_of(&parse(text, &allowed()).unwrap(), dir);
     let equation =
         run_of(&equation.replace("[control]", "[control]\nrk4_substeps = 32"), one.path());
     let process = run_of(&as_process("oscillator"), other.path());

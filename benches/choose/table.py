@@ -1,29 +1,34 @@
-"""What `pinc choose` advises, beside the cheapest model of the full sweep, as a table in Markdown.
+"""What `pinc choose` advises, beside the cheapest good model of the full sweep, as a table in Markdown.
 
-    for config in configs/pareto/*.toml; do pinc run $config; done
-    python3 benches/choose/table.py PINC [SEEDS [PLANT...]]
+    for plant in van-der-pol four-tanks still car rod motor; do pinc run configs/pareto/$plant.toml; done
+    python3 benches/choose/table.py PINC
 
-with the program PINC, for the seeds 1 to SEEDS (5 if nothing is said) and the plants named, or all six. The
-sweeps are read from runs/<plant>-pareto, as docs/accuracy-cost.md; the choices are made in
-runs/choose-<plant>-<seed>. Leave the machine alone meanwhile: at most 2 min for each choice. Needs Python
-alone.
+with the program PINC, from the root of the repository; `--help` lists the options. Each plant is tried with
+several seeds, which takes up to 2 min a choice: leave the machine alone meanwhile. What was advised is added
+to choose.csv in the directory of the results, and not asked for again. Needs Python 3.11 alone.
 
-The winner of a sweep is the cheapest of its models whose IAE is within 1 % of that of the numerical method
-with the most exact step. Of an advised model that is none of the sweep's, the sweep tells no cost: its own
-loop's time is then compared.
+A model of a sweep is good by the rules of `pinc choose`: an IAE at most 1 % above that of the numerical
+method with the most exact step, and violations of bounds at most 1 % of the narrowest bounded range beyond
+that one's. The cost of an advised model is its control step in the sweep, or in its own loop if the sweep
+has no such model or it is none of the good ones there, which `choose.csv` tells.
 """
 
+import argparse
 import csv
+import math
 import re
 import subprocess
 import sys
 import time
+import tomllib
+from collections import Counter
 from pathlib import Path
 
 PLANTS = ("van-der-pol", "four-tanks", "still", "car", "rod", "motor")
 WITHIN = 0.01
-BUDGET_S = 110
+AS_CHEAP = 1.1
 MODELS = ("pinc", "rk4", "rk5", "rosenbrock")
+COLUMNS = ("plant", "seed", "advised", "own_step_us", "in_sweep", "took_s")
 
 
 def read(path):
@@ -31,51 +36,117 @@ def read(path):
         return list(csv.DictReader(file))
 
 
-def sweep(plant):
+def narrowest(config):
+    """The narrowest range that a state or an input is bounded to."""
+    control = tomllib.loads(config.read_text())["control"]
+    ranges = [math.inf]
+    for kind in ("state", "input"):
+        if f"{kind}_low" in control and f"{kind}_high" in control:
+            ends = zip(control[f"{kind}_low"], control[f"{kind}_high"])
+            ranges += [high - low for low, high in ends]
+    return min(ranges)
+
+
+def sweep(directory):
     """The control step in us of each good model of a sweep, by its name."""
-    directory = Path("runs") / f"{plant}-pareto"
     models = []
     for result, timing in zip(read(directory / "sweep.csv"), read(directory / "timings.csv")):
         for model in MODELS:
-            if result.get(f"{model}_iae_dense_sum"):
-                number = lambda table, column: float(table[f"{model}_{column}"] or "nan")
-                name = result["case"]
-                if model == "pinc" and not name.startswith("distilled"):
-                    name = f"PINC {name}"
-                rms, iae = number(result, "one_step_rms"), number(result, "iae_dense_sum")
-                models.append((name, model, rms, iae, number(timing, "step_us")))
-    exact = min((of for of in models if of[1] != "pinc" and of[2] == of[2]), key=lambda of: of[2])
-    return {name: step for name, _, _, iae, step in models if iae <= (1 + WITHIN) * exact[3]}
+            if not result.get(f"{model}_iae_dense_sum"):
+                continue
+            number = lambda table, column: float(table[f"{model}_{column}"] or "nan")
+            name = result["case"]
+            if model == "pinc" and not name.startswith("distilled"):
+                name = f"PINC {name}"
+            models.append({
+                "name": name,
+                "is_net": model == "pinc",
+                "rms": number(result, "one_step_rms"),
+                "iae": number(result, "iae_dense_sum"),
+                "violation": number(result, "max_violation"),
+                "step": number(timing, "step_us"),
+            })
+    methods = [m for m in models if not m["is_net"] and math.isfinite(m["rms"])]
+    exact = min(methods, key=lambda model: model["rms"])
+    most = exact["violation"] + WITHIN * narrowest(directory / "config.toml")
+    good = lambda m: m["iae"] <= (1 + WITHIN) * exact["iae"] and m["violation"] <= most
+    return {model["name"]: model["step"] for model in models if good(model)}
 
 
-def choose(pinc, plant, seed):
+def choose(options, plant, seed):
     """The model advised, the time of its control step in us, and how long that took in s."""
-    out = Path("runs") / f"choose-{plant}-{seed}"
+    out = options.out / f"choose-{plant}-{seed}"
     config = Path("configs/pareto") / f"{plant}.toml"
-    command = [pinc, "choose", config, "--budget-s", BUDGET_S, "--out", out, "--set", f"seed={seed}"]
+    command = [options.pinc, "choose", config, "--budget-s", options.budget_s, "--out", out]
+    command += ["--set", f"seed={seed}"]
     begin = time.monotonic()
-    ended = subprocess.run([str(part) for part in command], capture_output=True, text=True, check=True)
+    ended = subprocess.run([str(part) for part in command], stdout=subprocess.PIPE, text=True)
+    took = time.monotonic() - begin
     found = re.search(r"^Use (.*?): .*control step takes ([0-9.]+) us", ended.stdout, re.MULTILINE)
+    if not found:
+        sys.exit(f"{plant}, seed {seed}: no advice; the directory {out} of another try may be in the way")
     name = re.sub(r" with (\d+) substeps?", r" x\1", found[1])
     net = re.match(r"a net of (\d+x\d+) trained on (an integrator|the equation)", name)
     if net:
         name = ("distilled " if net[2] == "an integrator" else "PINC ") + net[1]
-    return name, float(found[2]), time.monotonic() - begin
+    return name, float(found[2]), took
+
+
+def choices(options, plant, good):
+    """What is advised for each seed: from the file, or asked for and added to it."""
+    path = options.out / "choose.csv"
+    path.parent.mkdir(parents=True, exist_ok=True)
+    known = {(row["plant"], int(row["seed"])): row for row in read(path)} if path.exists() else {}
+    for seed in range(1, options.seeds + 1):
+        if (plant, seed) not in known:
+            name, step, took = choose(options, plant, seed)
+            in_sweep = "yes" if name in good else "no"
+            row = dict(zip(COLUMNS, (plant, seed, name, step, in_sweep, f"{took:.0f}")))
+            is_new = not path.exists()
+            with path.open("a", newline="") as file:
+                writer = csv.DictWriter(file, COLUMNS, lineterminator="\n")
+                if is_new:
+                    writer.writeheader()
+                writer.writerow(row)
+            known[plant, seed] = row
+        yield known[plant, seed]
+
+
+def row(options, plant):
+    """The line of a plant."""
+    good = sweep(options.sweeps / f"{plant}-pareto")
+    winner = min(good, key=good.get)
+    advised = list(choices(options, plant, good))
+    steps = [good.get(choice["advised"], float(choice["own_step_us"])) for choice in advised]
+    ratio = max(steps) / good[winner]
+    counts = Counter(choice["advised"] for choice in advised).most_common()
+    names = counts[0][0] if len(counts) == 1 else ", ".join(f"{n} ({k})" for n, k in counts)
+    holds = "yes" if ratio <= AS_CHEAP or all(c["advised"] == winner for c in advised) else "no"
+    longest = max(float(choice["took_s"]) for choice in advised)
+    cells = [plant, winner, f"{good[winner]:.1f}", names, f"{ratio:.2f}", holds, f"{longest:.0f}"]
+    return "| " + " | ".join(cells) + " |"
 
 
 def main():
-    pinc, seeds = sys.argv[1], int((sys.argv[2:] or ["5"])[0])
-    print("| plant | seed | advised | its control step, us | winner of the sweep | us | ratio | took, s |")
-    print("|---|---|---|---|---|---|---|---|")
-    for plant in sys.argv[3:] or PLANTS:
-        good = sweep(plant)
-        winner = min(good, key=good.get)
-        for seed in range(1, seeds + 1):
-            name, own, took = choose(pinc, plant, seed)
-            step = good.get(name, own)
-            cells = [plant, seed, name, f"{step:.1f}", winner, f"{good[winner]:.1f}"]
-            cells += [f"{step / good[winner]:.2f}", f"{took:.0f}"]
-            print("| " + " | ".join(str(cell) for cell in cells) + " |", flush=True)
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("pinc", help="the program")
+    parser.add_argument("plants", nargs="*", default=PLANTS, help="all six if none is named")
+    parser.add_argument("--seeds", type=int, default=5, help="the seeds 1 to this one")
+    parser.add_argument("--budget-s", type=float, default=110, help="of a choice; its end takes longer")
+    parser.add_argument("--sweeps", type=Path, default=Path("runs"), help="where <plant>-pareto are")
+    parser.add_argument("--out", type=Path, default=Path("runs"), help="where the choices go")
+    options = parser.parse_intermixed_args()
+    missing = [p for p in options.plants if not (options.sweeps / f"{p}-pareto/sweep.csv").exists()]
+    if missing:
+        runs = "; ".join(f"{options.pinc} run configs/pareto/{plant}.toml" for plant in missing)
+        sys.exit(f"{options.sweeps} lacks sweeps; first: {runs}")
+    print(
+        "| plant | cheapest good model of the sweep | its control step, us | advised (seeds) "
+        "| cost of the advised over it, at most | within 10 % | longest choice, s |"
+    )
+    print("|---|---|---|---|---|---|---|")
+    for plant in options.plants:
+        print(row(options, plant), flush=True)
 
 
 if __name__ == "__main__":

@@ -7,6 +7,7 @@ use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::Arc;
+use std::time::Duration;
 
 /// A plant that a program simulates, which answers states and inputs with states
 /// ([`pinc_external::Process`]).
@@ -32,6 +33,9 @@ pub struct ProcessSpec {
     /// The change of a variable for a difference, in its typical size.
     #[serde(default = "difference_step")]
     pub difference_step: f64,
+    /// How long an answer may take, in s; the first includes the start of the program.
+    #[serde(default = "time_limit_s")]
+    pub time_limit_s: f64,
     /// Known once the config has been read where processes are allowed.
     #[serde(skip)]
     pub(crate) flow: SharedFlow,
@@ -82,6 +86,11 @@ fn difference_step() -> f64 {
     1e-5
 }
 
+/// Time enough for programs that take long to start; short of the patience of who waits for a run.
+fn time_limit_s() -> f64 {
+    60.0
+}
+
 /// What moves a black box, one for all copies of its spec: the programs are started once.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct SharedFlow(Option<Arc<dyn Flow>>);
@@ -105,7 +114,10 @@ impl ProcessSpec {
     /// Names the program; it is started when the plant is first asked.
     pub(crate) fn bind(&mut self) {
         let dims = Dims::new(self.states.len(), self.inputs.len());
-        self.flow = SharedFlow(Some(Arc::new(Process::new(self.command.clone(), dims))));
+        // Checks say what is wrong with a time that is none.
+        let time_limit = Duration::try_from_secs_f64(self.time_limit_s).unwrap_or(Duration::MAX);
+        let process = Process::new(self.command.clone(), dims, time_limit);
+        self.flow = SharedFlow(Some(Arc::new(process)));
     }
 
     /// The plant, if it is allowed.

@@ -5,10 +5,15 @@ use pinc_ode::{Dims, Flow, OdeError};
 use serde::{Deserialize, Serialize};
 use std::io::{BufRead, BufReader, Read, Write};
 use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, sync_channel};
+use std::time::Duration;
 
 /// Bytes of requests that are under way at a time: a pipe holds them, and the answers, which are
 /// about as long, so that none of the two programs waits for the other to read.
 const UNDER_WAY: usize = 8192;
+
+/// Lines that are read ahead at most: those of a program that says more than it is asked wait.
+const READ_AHEAD: usize = 256;
 
 /// A program that moves the state of a plant in time, started when it is first asked; several
 /// copies of it if several threads ask at once.
@@ -16,11 +21,13 @@ const UNDER_WAY: usize = 8192;
 /// One JSON object a line: `{"x":[..],"u":[..],"t":0.5}` asks for the state that follows `x` after
 /// `t` seconds under the constant input `u`; the answer is `{"x":[..]}`, or `{"error":".."}` where
 /// there is none. There may be several requests before the first answer is read; answers are in
-/// their order. The program ends when its standard input does.
+/// their order. The program ends when its standard input does, and is ended when an answer takes
+/// longer than the time limit.
 #[derive(Debug)]
 pub struct Process {
     dims: Dims,
     command: Vec<String>,
+    time_limit: Duration,
     copies: Pool<Copy>,
 }
 
@@ -29,9 +36,9 @@ struct Copy {
     child: Child,
     /// Of the child.
     input: ChildStdin,
-    output: BufReader<ChildStdout>,
+    /// Its lines, from a thread that reads them, since a read cannot be given up.
+    answers: Receiver<Vec<u8>>,
     requests: Vec<u8>,
-    answer: Vec<u8>,
 }
 
 #[derive(Serialize)]
@@ -49,11 +56,11 @@ struct Answer {
 }
 
 impl Process {
-    /// The plant of these sizes that `command`, a program and its arguments, simulates. Nothing is
-    /// started yet.
+    /// The plant of these sizes that `command`, a program and its arguments, simulates, each answer
+    /// of which must come within `time_limit`. Nothing is started yet.
     #[must_use]
-    pub fn new(command: Vec<String>, dims: Dims) -> Self {
-        Self { dims, command, copies: Pool::new() }
+    pub fn new(command: Vec<String>, dims: Dims, time_limit: Duration) -> Self {
+        Self { dims, command, time_limit, copies: Pool::new() }
     }
 
     fn start(&self) -> Result<Copy, OdeError> {
@@ -70,8 +77,8 @@ impl Process {
         let (Some(input), Some(output)) = (child.stdin.take(), child.stdout.take()) else {
             return Err(external(format!("{program} has no standard input or output")));
         };
-        let output = BufReader::new(output);
-        Ok(Copy { child, input, output, requests: Vec::new(), answer: Vec::new() })
+        let answers = lines(output, self.dims.nx);
+        Ok(Copy { child, input, answers, requests: Vec::new() })
     }
 
     /// Moves as many of the states as the pipes hold, and says how many.
@@ -104,15 +111,17 @@ impl Process {
 
     /// Reads one answer.
     fn read(&self, copy: &mut Copy, x: &mut [f64]) -> Result<(), OdeError> {
-        // Far more than the numbers and their names take.
-        let most = 4096 + 64 * x.len() as u64;
-        copy.answer.clear();
-        let read = copy.output.by_ref().take(most).read_until(b'\n', &mut copy.answer);
-        if !matches!(read, Ok(length) if length > 0) {
-            return Err(self.ended(copy));
-        }
+        let answer = match copy.answers.recv_timeout(self.time_limit) {
+            Ok(answer) => answer,
+            Err(RecvTimeoutError::Disconnected) => return Err(self.ended(copy)),
+            Err(RecvTimeoutError::Timeout) => {
+                let limit = self.time_limit.as_secs_f64();
+                let name = self.name();
+                return Err(external(format!("{name} did not answer within {limit} s")));
+            }
+        };
         let found = || {
-            let shown: Vec<u8> = copy.answer.iter().copied().take(200).collect();
+            let shown: Vec<u8> = answer.iter().copied().take(200).collect();
             String::from_utf8_lossy(&shown).trim_end().to_owned()
         };
         let expected = || {
@@ -124,7 +133,7 @@ impl Process {
                 found()
             ))
         };
-        match serde_json::from_slice(&copy.answer) {
+        match serde_json::from_slice(&answer) {
             Ok(Answer { x: Some(next), error: None }) if next.len() == x.len() => {
                 x.copy_from_slice(&next);
                 Ok(())
@@ -144,6 +153,24 @@ impl Process {
         let status = status.map_or_else(String::new, |status| format!(" ({status})"));
         external(format!("{} ended without an answer{status}", self.name()))
     }
+}
+
+/// The lines of `output`, read in a thread of its own until nobody wants them any more.
+fn lines(output: ChildStdout, states: usize) -> Receiver<Vec<u8>> {
+    let (sender, receiver) = sync_channel(READ_AHEAD);
+    // Far more than the numbers and their names take.
+    let most = 4096 + 64 * states as u64;
+    let mut output = BufReader::new(output);
+    std::thread::spawn(move || {
+        loop {
+            let mut line = Vec::new();
+            let read = output.by_ref().take(most).read_until(b'\n', &mut line);
+            if !matches!(read, Ok(length) if length > 0) || sender.send(line).is_err() {
+                return;
+            }
+        }
+    });
+    receiver
 }
 
 impl Flow for Process {

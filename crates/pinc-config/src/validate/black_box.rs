@@ -16,6 +16,7 @@ pub(super) fn program(key: &str, spec: &ProcessSpec, plants: &Plants) -> Finding
     }
     let ProcessSpec { states, inputs, nominal, difference_step, .. } = spec;
     variables(&key, [states, inputs], nominal, *difference_step)?;
+    positive(&format!("{key}.time_limit_s"), spec.time_limit_s)?;
     allowed(&key, &format!("the program {}", spec.command[0]), plants)
 }
 
