@@ -6,7 +6,7 @@
 DIR is a checkout of acados with the submodules blasfeo, hpipm and daqp; it is built into --build,
 once. In each round pinc runs a loop, and then each setting of acados gets the states of that loop
 one by one, solves the same problem from its plan of the step before, and is timed. Of each QP
-solver the setting with the least median counts. Settings that fail in a step, or whose inputs
+solver the setting with the least mean counts. Settings that fail in a step, or whose inputs
 differ from pinc's by more than --tolerance in any, are out.
 """
 
@@ -33,12 +33,14 @@ ROD = TOP / "configs/distributed/rod.toml"
 
 @dataclass
 class Case:
-    """A loop: a config, its plant in C, the model (rk4, or pinc: a net), overrides of [control]."""
+    """A loop: a config, its plant in C, the model (rk4, or pinc: a net), overrides of [control],
+    and whether acados gets the net as pinc exports it."""
     config: str
     plant: str
     model: str = "rk4"
     horizon: int | None = None
     more: dict = field(default_factory=dict)
+    exported: bool = False
 
     def overrides(self):
         values = dict(self.more)
@@ -58,6 +60,8 @@ CASES = {
     "oscillator-net": Case(*OSCILLATOR, "pinc"),
     "tanks-rk4": Case(*TANKS),
     "tanks-net": Case(*TANKS, "pinc"),
+    "oscillator-net-exported": Case(*OSCILLATOR, "pinc", exported=True),
+    "tanks-net-exported": Case(*TANKS, "pinc", exported=True),
     "oscillator-rk4-80": Case(*OSCILLATOR, horizon=80),
     "oscillator-rk4-160": Case(*OSCILLATOR, horizon=160),
     "tanks-rk4-40": Case(*TANKS, horizon=40),
@@ -214,7 +218,12 @@ class Loop:
     def compile(self, used, installed):
         case = self.case
         flags = [f"-DNX={self.size[0]}", f"-DNU={self.size[1]}", f"-I{HERE}", f"-I{self.folder}"]
-        if case.model == "pinc":
+        if case.exported:
+            run([self.arguments.pinc, "export", "--model", self.flags[-1], "--to", "c", "--name",
+                 "net", "--out", self.folder / "exported"])
+            flags.append(f"-I{self.folder}/exported")
+            model = HERE / "exported.c"
+        elif case.model == "pinc":
             write_net(self.flags[-1], self.folder / "net_weights.h")
             model = HERE / "net.c"
         else:
@@ -229,30 +238,29 @@ class Loop:
              f"-L{installed}/lib", *libraries, "-o", self.driver])
 
     def acados(self, setting, repetitions):
-        """Times in us, the largest difference of an input, steps that failed, mean iterations."""
+        """Times of a step, the largest difference of an input, steps that failed, QPs a step."""
         output = run([self.driver, self.problem, *setting, repetitions])
         rows = np.loadtxt(output.splitlines(), ndmin=2)
         wanted = self.steps[1][rows[:, 1].astype(int)]
         apart = np.abs(rows[:, 6:] - wanted).max()
-        return rows[:, 2], apart, int((rows[:, 3] != 0).sum()), rows[:, 4].mean()
-
-
-def times(us):
-    return np.array([np.median(us), np.percentile(us, 99), np.max(us)])
+        us = rows[:, 2].reshape(repetitions, -1)
+        times = [np.median(us), np.median(us.mean(axis=1)), np.percentile(us, 99), us.max()]
+        return times, apart, int((rows[:, 3] != 0).sum()), rows[:, 4].mean()
 
 
 def compare(name, loop, arguments):
     candidates = settings(loop.horizon)
-    # Those that fail or do not get the answers are out.
-    good, ours, theirs, apart, iterations = [], [], {}, {}, {}
+    good, ours, theirs, apart, iterations, reasons = [], [], {}, {}, {}, {}
     for setting in candidates:
-        us, difference, failed, mean = loop.acados(setting, 1)
+        times, difference, failed, mean = loop.acados(setting, 1)
         if arguments.all:
-            print(f"    {setting}: {np.median(us):.1f} us, {difference:.0e}, {failed} failed, "
+            print(f"    {setting}: {three(times)} us, {difference:.0e}, {failed} failed, "
                   f"{mean:.2f} QPs", file=sys.stderr)
         if failed == 0 and difference <= arguments.tolerance:
-            good.append((np.median(us), setting))
+            good.append((times[1], setting))
             apart[setting], iterations[setting], theirs[setting] = difference, mean, []
+        else:
+            reasons.setdefault(setting[0], []).append((failed, difference))
     best = {}
     for _, setting in sorted(good):
         best.setdefault(setting[0], []).append(setting)
@@ -260,16 +268,19 @@ def compare(name, loop, arguments):
     for _ in range(arguments.rounds):
         metrics = loop.pinc()["control"][0]
         step = metrics["step_us"]
-        ours.append([step["p50"], step["p99"], step["max"]])
+        mean = 1e6 * metrics["wall_s"]["median"] / len(loop.steps[0])
+        ours.append([step["p50"], mean, step["p99"], step["max"]])
         for setting in good:
-            theirs[setting].append(times(loop.acados(setting, loop.repetitions)[0]))
+            theirs[setting].append(loop.acados(setting, loop.repetitions)[0])
     mine = np.median(ours, axis=0)
     for qp in ("daqp", "hpipm-full", "hpipm-partial"):
         group = [setting for setting in good if setting[0] == qp]
         if not group:
-            print(f"| {name}, {qp} | no setting solves all steps | | | | |", flush=True)
+            failed, difference = min(reasons[qp])
+            print(f"| {name}, {qp} | at best {failed} of {len(loop.steps[0])} steps fail "
+                  f"| | | {difference:.0e} | |", flush=True)
             continue
-        setting = min(group, key=lambda s: statistics.median(t[0] for t in theirs[s]))
+        setting = min(group, key=lambda s: statistics.median(times[1] for times in theirs[s]))
         other = np.median(theirs[setting], axis=0)
         ratio = np.median(np.array(theirs[setting]) / np.array(ours), axis=0)
         print(f"| {name}, {describe(setting)} | {three(other)} | {three(mine)} | {three(ratio)} "
@@ -278,7 +289,8 @@ def compare(name, loop, arguments):
 
 
 def three(values):
-    return " / ".join(f"{value:.3g}" if value < 1000 else f"{value:.0f}" for value in values)
+    """Of three digits each."""
+    return " / ".join(f"{v:.3g}" if v < 1000 else f"{v:.0f}" for v in values)
 
 
 def describe(setting):
@@ -318,8 +330,9 @@ def main():
     build_folder = arguments.build or arguments.acados / f"build-{arguments.blasfeo_target}"
     installed = build(arguments.acados, build_folder.resolve(), arguments.blasfeo_target)
     versions(arguments.acados, installed, arguments.blasfeo_target)
-    print("\n| loop, acados' setting | acados: median / p99 / longest, us | pinc | times as long "
-          "| inputs differ by | QPs a step: acados, pinc |\n|---|---|---|---|---|---|")
+    print("\n| loop, acados' setting | acados: median / mean / p99 / longest, us | pinc "
+          "| times as long | inputs differ by | QPs a step: acados, pinc |\n"
+          "|---|---|---|---|---|---|")
     with tempfile.TemporaryDirectory() as folder:
         for name in arguments.cases:
             compare(name, Loop(CASES[name], arguments, installed, Path(folder) / name), arguments)

@@ -287,10 +287,11 @@ static void set_references(controller *c, const problem *p, int k) {
     }
 }
 
-/* The first guess of a first step: the state held, no input, no multipliers. */
-static void start(controller *c, const problem *p) {
+/* The first guess of a first step, and of one after a failure: the state held, no input, no
+   multipliers. */
+static void start(controller *c, const problem *p, int k) {
     double z[NZ] = {0};
-    memcpy(z, p->x, NX * sizeof *z);
+    memcpy(z, p->x + k * NX, NX * sizeof *z);
     ocp_nlp_solver_reset_qp_memory(c->solver, c->in, c->out);
     ocp_nlp_out_set_values_to_zero(c->config, c->dims, c->out);
     for (int i = 0; i <= p->n2; i++) {
@@ -321,17 +322,19 @@ static void shift(controller *c, int n2) {
 }
 
 static void run(controller *c, const problem *p, const settings *s, int repetition) {
-    start(c, p);
+    int status = 0;
+    start(c, p, 0);
     for (int k = 0; k < p->steps; k++) {
         double z[NZ], u[NU];
         const double begun = now_us();
         memcpy(z, p->x + k * NX, NX * sizeof *z);
         memcpy(z + NX, p->before + k * NU, NU * sizeof *z);
-        if (k > 0 && s->shift) shift(c, p->n2);
+        if (status != 0) start(c, p, k);
+        else if (k > 0 && s->shift) shift(c, p->n2);
         ocp_nlp_constraints_model_set(c->config, c->dims, c->in, c->out, 0, "lbx", z);
         ocp_nlp_constraints_model_set(c->config, c->dims, c->in, c->out, 0, "ubx", z);
         set_references(c, p, k);
-        const int status = ocp_nlp_solve(c->solver, c->in, c->out);
+        status = ocp_nlp_solve(c->solver, c->in, c->out);
         ocp_nlp_out_get(c->config, c->dims, c->out, 0, "u", u);
         const double us = now_us() - begun;
         int iterations;
