@@ -238,8 +238,8 @@ const MHE_STATUSES: &str = ",
     /** The optimality conditions were not met after all iterations; the estimate is the best one
         found. */
     PINC_ESTIMATE_ITERATION_LIMIT = 4,
-    /** The window's problem has no solution within the bounds, or none was found; the estimate is the
-        last one that was. */
+    /** The window's problem has no solution within the bounds, or none was found; the estimate is
+        the last one that was. */
     PINC_ESTIMATE_QP_FAILED = 5";
 
 /// Of sources that call the outputs.

@@ -1,4 +1,4 @@
-/* ---- Moving horizon estimation: Gauss-Newton SQP over the window ------------------------------ */
+/* ---- Moving horizon estimation: Gauss-Newton SQP over the window ----------------------------- */
 
 /* The residual at which the iteration ends, the most programs that it solves, and a step that is
    mere rounding. */
@@ -54,8 +54,8 @@ static PINC_REAL pinc_length(const pinc_estimator *e)
     return (length > PINC_N(50)) ? PINC_N(50) : pinc_max(length, PINC_N(0.05));
 }
 
-/* Goes along the step: the whole way if that is clearly the best so far, or else as far as the merit
-   function decreases; 0, and nowhere, if it does not. */
+/* Goes along the step: the whole way if that is clearly the best so far, or else as far as the
+   merit function decreases; 0, and nowhere, if it does not. */
 static int pinc_search(pinc_estimator *e, PINC_REAL least)
 {
     const int count = pinc_staged(e);
@@ -132,8 +132,8 @@ static pinc_estimate_status pinc_optimize(pinc_estimator *e)
 }
 
 #if PINC_HAS_BOUNDS
-/* Fills the window with the model's states without noise, from the first estimate with an offset in
-   number i on. */
+/* Fills the window with the model's states without noise, from the first estimate with an offset
+   in number i on. */
 static void pinc_roll_out(pinc_estimator *e, int i, PINC_REAL offset)
 {
     int j;

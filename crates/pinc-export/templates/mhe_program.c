@@ -153,7 +153,8 @@ static void pinc_judge(pinc_estimator *e)
     const int count = pinc_staged(e);
     const PINC_REAL stationarity = pinc_stationarity(e);
     const PINC_REAL mean =
-        (pinc_sum(e->now.dynamics, count) + pinc_sum(e->now.bounds, count)) / PINC_N(3 * count);
+        (pinc_sum(e->now.dynamics, count) + pinc_sum(e->now.bounds, count)) /
+        (PINC_N(3) * PINC_N(count));
     const PINC_REAL scale = pinc_max(mean / PINC_N(100), PINC_N(1));
     PINC_REAL outside = PINC_N(0);
     PINC_REAL product = PINC_N(0);

@@ -1,6 +1,8 @@
-/* ---- Its solution: a Kalman filter through the stages, and the smoother of Bryson and Frazier back.
-   A state that is held at a bound is measured to be there, without noise; the multiplier of such a
-   row is that of the bound. A dual active-set method says which are held. ---- */
+/* ---- Its solution -------------------------------------------------------------------------- */
+
+/* A Kalman filter through the stages, and the smoother of Bryson and Frazier back. A state that is
+   held at a bound is measured to be there, without noise: the multiplier of that row is that of the
+   bound. A dual active-set method says which states are held. */
 
 /* What is left of a variance below this part of the largest is rounding. */
 #define PINC_NOTHING_LEFT PINC_PICK(1e-14, 1e-6)
@@ -50,7 +52,8 @@ static void pinc_expect_stage(pinc_estimator *e, int j)
 
 /* Corrects with a row of variance r, of which more than this is expected than was found. Without
    uncertainty it says nothing: 0. */
-static int pinc_use_row(pinc_estimator *e, int row, const PINC_REAL *h, PINC_REAL r, PINC_REAL error)
+static int pinc_use_row(pinc_estimator *e, int row, const PINC_REAL *h, PINC_REAL r,
+                        PINC_REAL error)
 {
     PINC_REAL *gain = e->gains + (row * PINC_NZ);
     PINC_REAL s;
@@ -98,8 +101,8 @@ static void pinc_set_row(pinc_estimator *e, int i)
     e->row[i] = PINC_N(1);
 }
 
-/* Holds what is held of stage j, but `soft` only as by a spring that draws it to a place. Gives a row
-   that follows from others, or -1. */
+/* Holds what is held of stage j, but `soft` only as by a spring that draws it to a place. Gives a
+   row that follows from others, or -1. */
 static int pinc_hold_stage(pinc_estimator *e, int j, int soft, PINC_REAL place)
 {
     int follows = -1;

@@ -176,6 +176,10 @@ impl Estimating {
             EstimatorKind::Ekf => Filter::Extended,
             EstimatorKind::Ukf => Filter::Unscented,
             EstimatorKind::Mhe => Filter::MovingHorizon(spec.window.unwrap_or(1)),
+            _ => {
+                let feature = "estimator of this kind";
+                return Err(ExportError::Feature { feature, instead: "ekf, ukf or mhe" }.into());
+            }
         };
         let measurement = chosen.spec.measurement.clone().unwrap_or_default();
         let variables = Variables::of(&*chosen.plant);
