@@ -39,10 +39,10 @@ use std::fmt::Debug;
 /// assert_eq!(Spring.dims().nx, 2);
 /// ```
 pub trait Plant: Clone + Debug + Send + Sync + 'static {
-    /// Whether [`Plant::rhs`] is long: another equation is solved inside, for instance. The
-    /// Runge-Kutta methods of such a plant compute with points in the lanes of vectors, however
-    /// many columns its Jacobians have, so that logarithms and iterations are those of several
-    /// points at once.
+    /// Whether [`Plant::rhs`] is long: another equation is solved inside, or it has sines and their
+    /// like. The Runge-Kutta methods of such a plant compute with points in the lanes of vectors,
+    /// however many columns its Jacobians have, so that functions and iterations are those of
+    /// several points at once.
     const LONG: bool = false;
 
     /// The states, in order; their number is `nx`.

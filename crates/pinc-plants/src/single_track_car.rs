@@ -83,6 +83,8 @@ impl SingleTrackCar {
 }
 
 impl Plant for SingleTrackCar {
+    const LONG: bool = true;
+
     fn states(&self) -> &[Variable] {
         static VARIABLES: [Variable; 4] = [
             Variable::new("vx", "m/s"),

@@ -45,6 +45,8 @@ impl TwoLinkArm {
 }
 
 impl Plant for TwoLinkArm {
+    const LONG: bool = true;
+
     fn states(&self) -> &[Variable] {
         static VARIABLES: [Variable; 4] = [
             Variable::new("q1", "rad"),

@@ -26,7 +26,7 @@ mod trigonometric;
 mod x86;
 
 pub use tanh::tanh_all;
-pub use trigonometric::{cos, sin, tan};
+pub use trigonometric::{cos, sin, sin_cos, tan};
 
 use crate::{Lanes, Scalar};
 

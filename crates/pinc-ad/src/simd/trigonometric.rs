@@ -54,6 +54,17 @@ pub fn cos<V: Simd>(x: V) -> V {
     if is_small(x) { Reduced::of(x).sine(1.0) } else { lanes(x, f64::cos) }
 }
 
+/// Both, in little more time than one of them.
+#[inline(always)]
+pub fn sin_cos<V: Simd>(x: V) -> (V, V) {
+    if is_small(x) {
+        let reduced = Reduced::of(x);
+        (reduced.sine(0.0), reduced.sine(1.0))
+    } else {
+        (lanes(x, f64::sin), lanes(x, f64::cos))
+    }
+}
+
 /// The tangent, likewise, to within 4 units.
 #[inline(always)]
 pub fn tan<V: Simd>(x: V) -> V {
@@ -64,7 +75,7 @@ pub fn tan<V: Simd>(x: V) -> V {
 #[inline(always)]
 fn is_small<V: Simd>(x: V) -> bool {
     let beyond = x - x.clamp(LIMIT);
-    (beyond * beyond).sum() == 0.0
+    (beyond * beyond).all_nonpositive()
 }
 
 /// An angle as k right angles and a rest, of which it has sine and cosine.
@@ -94,7 +105,7 @@ impl<V: Simd> Reduced<V> {
 
     /// The sine of the angle plus some right angles.
     #[inline(always)]
-    fn sine(self, right_angles: f64) -> V {
+    fn sine(&self, right_angles: f64) -> V {
         let turned = self.k + right_angles;
         // The last two bits of the number of right angles.
         let (half, odd) = halved(turned);
@@ -103,8 +114,8 @@ impl<V: Simd> Reduced<V> {
     }
 
     #[inline(always)]
-    fn tangent(self) -> V {
-        let Self { k, sine, cosine } = self;
+    fn tangent(&self) -> V {
+        let Self { k, sine, cosine } = *self;
         let (_, odd) = halved(k);
         odd.where_nonpositive(sine, -cosine) / odd.where_nonpositive(cosine, sine)
     }
@@ -147,11 +158,16 @@ mod tests {
         #[inline(always)]
         fn run<V: Simd>(self, zero: V) -> [f64; 3] {
             let angle = zero.constant(self.0);
-            [sin(angle), cos(angle), tan(angle)].map(|function| {
-                let mut lanes = [0.0; 8];
-                function.write(&mut lanes);
-                lanes[V::LANES - 1]
-            })
+            let (sine, cosine) = sin_cos(angle);
+            let [sine, cosine, alone @ ..] = [sine, cosine, sin(angle), cos(angle), tan(angle)]
+                .map(|function| {
+                    let mut lanes = [0.0; 8];
+                    function.write(&mut lanes);
+                    lanes[V::LANES - 1]
+                });
+            // Together they have the same bits.
+            assert_eq!([sine.to_bits(), cosine.to_bits()], [alone[0], alone[1]].map(f64::to_bits));
+            alone
         }
     }
 

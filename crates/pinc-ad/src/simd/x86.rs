@@ -71,9 +71,7 @@ macro_rules! vector {
             const ORDER: usize = 0;
             #[inline(always)]
             fn all_nonpositive(self) -> bool {
-                let mut lanes = [1.0; 8];
-                self.write(&mut lanes);
-                lanes[..<Self as Simd>::LANES].iter().all(|lane| *lane <= 0.0)
+                self.are_nonpositive()
             }
             #[inline(always)]
             fn plain(self) -> Self {
@@ -204,6 +202,13 @@ impl F64x8 {
     }
 
     #[inline(always)]
+    fn are_nonpositive(self) -> bool {
+        // SAFETY: `self` proves the instructions.
+        let mask = unsafe { _mm512_cmp_pd_mask::<_CMP_LE_OQ>(self.0, _mm512_setzero_pd()) };
+        mask == 0xff
+    }
+
+    #[inline(always)]
     fn select_nonpositive(self, yes: Self, no: Self) -> Self {
         // SAFETY: `self` proves the instructions.
         Self(unsafe {
@@ -317,6 +322,14 @@ impl F64x4 {
         Self(unsafe {
             _mm256_castsi256_pd(_mm256_slli_epi64::<52>(_mm256_castpd_si256(exponent.0)))
         })
+    }
+
+    #[inline(always)]
+    fn are_nonpositive(self) -> bool {
+        // SAFETY: `self` proves the instructions.
+        let mask =
+            unsafe { _mm256_movemask_pd(_mm256_cmp_pd::<_CMP_LE_OQ>(self.0, _mm256_setzero_pd())) };
+        mask == 0xf
     }
 
     #[inline(always)]

@@ -26,6 +26,8 @@ pub(super) enum Op {
     /// b where a <= 0, else c
     Where,
     Function(Function),
+    /// The sine, and beside it the cosine: see [`super::schedule`].
+    SineCosine,
     /// The derivative of the root, by the root: 1/(2 a), and 0 where that is infinite.
     RootSlope,
     /// a^number
@@ -40,6 +42,7 @@ impl Op {
             Self::Variable(_) | Self::Constant(_) => 0,
             Self::Neg
             | Self::Function(_)
+            | Self::SineCosine
             | Self::RootSlope
             | Self::Power(_)
             | Self::PowerSlope(_) => 1,

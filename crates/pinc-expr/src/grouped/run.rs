@@ -3,7 +3,7 @@
 use super::dag::Op;
 use super::schedule::{Code, Step};
 use crate::graph::Function;
-use pinc_ad::simd::{Simd, Work, cos, sin, tan};
+use pinc_ad::simd::{Simd, Work, cos, sin, sin_cos, tan};
 
 /// A run of some code, whose registers have their constants and variables.
 pub(super) struct Run<'a, V> {
@@ -139,6 +139,13 @@ impl<V: Simd> Work for Long<'_, V> {
             Op::Function(Function::Log) => each!(r, steps, a => a.ln()),
             Op::Function(Function::Sin) => each!(r, steps, a => sin(a)),
             Op::Function(Function::Cos) => each!(r, steps, a => cos(a)),
+            Op::SineCosine => {
+                for Step { operands: [a, cosine, _], to } in steps {
+                    let (sin, cos) = sin_cos(r.get(*a));
+                    r.set(*to, sin);
+                    r.set(*cosine, cos);
+                }
+            }
             Op::Function(Function::Tan) => each!(r, steps, a => tan(a)),
             Op::Function(Function::Tanh) => each!(r, steps, a => a.tanh()),
             Op::Function(Function::Atan) => each!(r, steps, a => a.atan()),

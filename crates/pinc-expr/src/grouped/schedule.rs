@@ -2,8 +2,11 @@
 
 use super::dag::{Dag, DagNode, Id, Op};
 use crate::error::ExpressionProblem;
+use crate::graph::Function;
+use std::collections::HashMap;
 
-/// A step's registers: the operands a, b, c and the result.
+/// A step's registers: the operands a, b, c and the result. A step that has a second result has the
+/// register of that in the place of b.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Step {
     pub(super) operands: [u16; 3],
@@ -38,9 +41,10 @@ pub(super) struct Code {
 impl Code {
     /// The code that leads from the variables to `results`, with registers from `first` on.
     pub(super) fn new(dag: &Dag, first: usize, results: &[Id]) -> Result<Self, ExpressionProblem> {
-        let (nodes, uses) = fused(dag, results);
-        let order = grouped(&nodes, &uses);
-        let mut allocation = Allocation::new(first, &nodes, uses);
+        let (mut nodes, mut uses) = fused(dag, results);
+        let pairs = paired(&mut nodes, &mut uses);
+        let order = grouped(&nodes, &uses, &pairs);
+        let mut allocation = Allocation::new(first, &nodes, uses, pairs);
         let (mut groups, mut steps) = (Vec::new(), Vec::new());
         for (op, ids) in order {
             let begin = steps.len();
@@ -97,17 +101,58 @@ fn fused(dag: &Dag, results: &[Id]) -> (Vec<DagNode>, Vec<usize>) {
     (nodes, uses)
 }
 
+/// Sine and cosine of one value come from one step: of each node that is a cosine so, the node of
+/// the sine.
+#[derive(Debug)]
+struct Pairs {
+    sines: HashMap<Id, Id>,
+    cosines: HashMap<Id, Id>,
+}
+
+impl Pairs {
+    /// The node in whose step a value is computed.
+    fn step_of(&self, id: Id) -> Id {
+        self.sines.get(&id).copied().unwrap_or(id)
+    }
+}
+
+/// Makes steps of two results of sines and cosines.
+fn paired(nodes: &mut [DagNode], uses: &mut [usize]) -> Pairs {
+    let mut of_value: HashMap<Id, [Option<Id>; 2]> = HashMap::new();
+    for id in (0..nodes.len()).filter(|&id| uses[id] > 0) {
+        let place = match nodes[id].op {
+            Op::Function(Function::Sin) => 0,
+            Op::Function(Function::Cos) => 1,
+            _ => continue,
+        };
+        of_value.entry(nodes[id].operands[0]).or_default()[place] = Some(id);
+    }
+    let mut pairs = Pairs { sines: HashMap::new(), cosines: HashMap::new() };
+    for (value, pair) in of_value {
+        if let [Some(sine), Some(cosine)] = pair {
+            nodes[sine].op = Op::SineCosine;
+            // One step is one use.
+            uses[value] -= 1;
+            pairs.sines.insert(cosine, sine);
+            pairs.cosines.insert(sine, cosine);
+        }
+    }
+    pairs
+}
+
 /// The nodes that are used, in groups of one operation each. Of the operations for which nodes are
 /// ready, that comes first of which the largest part is, so that as much as possible of it goes
 /// together.
-fn grouped(nodes: &[DagNode], uses: &[usize]) -> Vec<(Op, Vec<Id>)> {
-    let is_step = |id: Id| uses[id] > 0 && nodes[id].op.arity() > 0;
+fn grouped(nodes: &[DagNode], uses: &[usize], pairs: &Pairs) -> Vec<(Op, Vec<Id>)> {
+    let is_step =
+        |id: Id| uses[id] > 0 && nodes[id].op.arity() > 0 && !pairs.sines.contains_key(&id);
     let mut missing = vec![0; nodes.len()];
     let mut users: Vec<Vec<Id>> = vec![Vec::new(); nodes.len()];
     let mut kinds: Vec<Kind> = Vec::new();
     let mut ready = Vec::new();
     for id in (0..nodes.len()).filter(|&id| is_step(id)) {
-        for &operand in nodes[id].operands().iter().filter(|&&operand| is_step(operand)) {
+        let operands = nodes[id].operands().iter().map(|&operand| pairs.step_of(operand));
+        for operand in operands.filter(|&operand| is_step(operand)) {
             missing[id] += 1;
             users[operand].push(id);
         }
@@ -159,13 +204,14 @@ fn kind(kinds: &mut Vec<Kind>, op: Op) -> &mut Kind {
 struct Allocation {
     place: Vec<usize>,
     uses: Vec<usize>,
+    pairs: Pairs,
     constants: Vec<f64>,
     free: Vec<usize>,
     needed: usize,
 }
 
 impl Allocation {
-    fn new(first: usize, nodes: &[DagNode], uses: Vec<usize>) -> Self {
+    fn new(first: usize, nodes: &[DagNode], uses: Vec<usize>, pairs: Pairs) -> Self {
         let (mut place, mut constants) = (vec![0; nodes.len()], Vec::new());
         for (id, node) in nodes.iter().enumerate() {
             match node.op {
@@ -178,7 +224,7 @@ impl Allocation {
             }
         }
         let needed = first + constants.len();
-        Self { place, uses, constants, free: Vec::new(), needed }
+        Self { place, uses, pairs, constants, free: Vec::new(), needed }
     }
 
     /// The registers of a node's operands and its own. A step reads before it writes, so that its
@@ -196,10 +242,18 @@ impl Allocation {
                 self.free.push(self.place[operand]);
             }
         }
-        self.place[id] = self.free.pop().unwrap_or_else(|| {
+        self.place[id] = self.take();
+        if let Some(&cosine) = self.pairs.cosines.get(&id) {
+            places[1] = self.take();
+            self.place[cosine] = places[1];
+        }
+        (places, self.place[id])
+    }
+
+    fn take(&mut self) -> usize {
+        self.free.pop().unwrap_or_else(|| {
             self.needed += 1;
             self.needed - 1
-        });
-        (places, self.place[id])
+        })
     }
 }

@@ -99,4 +99,6 @@ fn constants_fold_across_the_chain() {
     // Only numbers.
     assert_eq!(code("3*(2*x - u/4) + (1 - x)/5"), 0);
     assert_eq!(code("x - x + u"), 0);
+    // The cosine comes with the sine.
+    assert_eq!(code("sin(x) + u"), 0);
 }
