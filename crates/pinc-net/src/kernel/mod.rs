@@ -9,8 +9,8 @@
 //! Tiles form *blocks*, the work of a thread at a time.
 //!
 //! In nets with *wide* layers neither the weights nor their gradients, spread over lanes, stay in
-//! cache from panel to panel. There all panels of a tile go through a layer before the next, and the
-//! gradients of wide layers are summed over lanes tile by tile.
+//! cache from panel to panel. There all panels of a tile go through a layer before the next, and
+//! the gradients of wide layers are summed over lanes tile by tile.
 //!
 //! The same bits come out on any number of threads: blocks depend on the number of points only, and
 //! their sums are added in order. Different instruction sets differ by rounding.
@@ -47,7 +47,8 @@ const MAX_BLOCKS: usize = 64;
 /// parameters of a net; where there are measurements, with their term.
 ///
 /// Memory: (1 + n + m) numbers a point; per thread, about 16 KB per neuron of the widest layers for
-/// cells and 64 bytes per parameter; per block (64 at most), 8 bytes per parameter.
+/// cells and 64 bytes per parameter, 8 in wide layers; per block (64 at most), 8 bytes per
+/// parameter.
 #[derive(Debug)]
 pub struct BatchLoss {
     engine: Box<dyn Engine>,

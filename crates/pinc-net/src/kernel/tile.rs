@@ -15,8 +15,8 @@ use std::ops::Range;
 /// gradients are summed over a tile, so that their sums are read and written once per tile.
 const TILE_POINTS: usize = 128;
 
-/// The most weights of a layer whose gradient is summed lane by lane: 128 KB with AVX-512. In larger
-/// layers these sums would leave the second-level cache between two tiles.
+/// The most weights of a layer whose gradient is summed lane by lane: 128 KB with AVX-512. In
+/// larger layers these sums would leave the second-level cache between two tiles.
 const MAX_WEIGHTS_IN_LANES: usize = 2048;
 
 /// Panels of a tile.
