@@ -116,8 +116,8 @@ impl ProcessSpec {
         let dims = Dims::new(self.states.len(), self.inputs.len());
         // Checks say what is wrong with a time that is none.
         let time_limit = Duration::try_from_secs_f64(self.time_limit_s).unwrap_or(Duration::MAX);
-        let process = Process::new(self.command.clone(), dims, time_limit);
-        self.flow = SharedFlow(Some(Arc::new(process)));
+        let flow = Process::new(self.command.clone(), dims, time_limit);
+        self.flow = SharedFlow(Some(Arc::new(flow)));
     }
 
     /// The plant, if it is allowed.

@@ -117,7 +117,8 @@ impl Process {
             Err(RecvTimeoutError::Timeout) => {
                 let limit = self.time_limit.as_secs_f64();
                 let name = self.name();
-                return Err(external(format!("{name} did not answer within {limit} s")));
+                let what = format!("{name} did not answer within {limit} s (time_limit_s)");
+                return Err(external(what));
             }
         };
         let found = || {
