@@ -1,19 +1,24 @@
 //! How a real-time iteration grows: medians in us by the number of stages N, of states and of
 //! inputs, with bounds on the inputs that are active or never reached, by each method for the
-//! quadratic programs. `cargo bench -p pinc-mpc --bench growth` prints a table in Markdown; the
-//! method that the automatic choice takes is in bold. A dash is where a smaller N took too long.
+//! quadratic programs. `cargo bench -p pinc-mpc --bench growth` prints the rows of a table in
+//! Markdown; the method that the automatic choice takes is in bold. A dash is where a smaller N took
+//! too long. With `-- --page` it also writes the page docs/growth.md and its picture.
 //!
 //! The model is a chain of first-order lags with inputs all along it, which costs next to nothing:
 //! what is measured is the controller and its quadratic programs.
 
 #![expect(clippy::print_stdout, reason = "the table is what it is for")]
 
+use pinc_chart::{Axis, BLUE, Figure, Kind, Panel, Point, Shape, Style, VERMILLION};
 use pinc_mpc::{Bounds, Nmpc, NmpcProblem, QpMethod, SqpConfig, Weights};
 use pinc_ode::{Dims, Linearization, Model, Stages};
+use std::path::Path;
 use std::time::Instant;
 
 /// N2 = Nu
 const HORIZONS: [usize; 6] = [5, 10, 20, 40, 80, 160];
+/// What is compared.
+const METHODS: [QpMethod; 2] = [QpMethod::Condensed, QpMethod::Riccati];
 /// Numbers of states and inputs.
 const SIZES: [[usize; 2]; 7] = [[2, 1], [4, 2], [10, 1], [10, 3], [30, 1], [30, 10], [100, 3]];
 /// Steps after which the reference is the other one.
@@ -23,34 +28,146 @@ const STEPS: usize = 48;
 /// When a measurement ends early, and after which median longer horizons are left out, in s.
 const PATIENCE_S: [f64; 2] = [2.0, 0.2];
 
+const INTRODUCTION: &str = "\
+# Growth of a control step
+
+A real-time iteration (one linearization of all stages, one QP) by the number N of stages, of states
+and of inputs, with bounds on the inputs that are active or not reached, on a chain of first-order
+lags, in a closed loop between two references: medians in us, the automatic choice in bold. Made by
+
+```sh
+cargo bench -p pinc-mpc --bench growth -- --page
+```
+";
+
+const CHART: &str = "\
+![Time of a step over N, one panel for each number of states and inputs: condensed programs are faster
+for few stages and grow faster than linearly, the Riccati recursion is linear in N](growth.svg)";
+
+const HEADS: &str = "| states, inputs, bounds | method |";
+
 fn main() {
-    print!("| states, inputs, bounds | method |");
-    HORIZONS.iter().for_each(|n| print!(" {n} |"));
-    println!("\n|---|---|{}", "---|".repeat(HORIZONS.len()));
-    for size in SIZES {
-        for active in [false, true] {
-            for method in [QpMethod::Condensed, QpMethod::Riccati] {
-                print_row(size, active, method);
-            }
-        }
+    let rows: Vec<Row> = SIZES
+        .into_iter()
+        .flat_map(|size| [false, true].map(|active| (size, active)))
+        .flat_map(|(size, active)| METHODS.map(|method| Row::measure(size, active, method)))
+        .collect();
+    let summary = summary(&rows);
+    println!("{summary}");
+    if std::env::args().any(|argument| argument == "--page") {
+        let docs = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs");
+        let svg = figure(&rows).svg().expect("there is something to show");
+        std::fs::write(docs.join("growth.svg"), svg).expect("docs/growth.svg can be written");
+        let page = page(&rows, &summary);
+        std::fs::write(docs.join("growth.md"), page).expect("docs/growth.md can be written");
     }
 }
 
-fn print_row([n, m]: [usize; 2], active: bool, method: QpMethod) {
-    print!("| {n}, {m}, {} | {method} |", if active { "active" } else { "not reached" });
-    let mut patient = true;
-    for horizon in HORIZONS {
-        if !patient {
-            print!(" – |");
-            continue;
-        }
-        let median = Loop::new([n, m], horizon, active, method).median_s();
-        patient = median < PATIENCE_S[1];
-        let chosen = QpMethod::Auto.resolve([n, m], [horizon, horizon]) == method;
-        let mark = if chosen { "**" } else { "" };
-        print!(" {mark}{:.1}{mark} |", 1e6 * median);
+/// The medians of one method at one size, in s.
+struct Row {
+    size: [usize; 2],
+    active: bool,
+    method: QpMethod,
+    medians: [Option<f64>; HORIZONS.len()],
+}
+
+impl Row {
+    fn measure(size: [usize; 2], active: bool, method: QpMethod) -> Self {
+        let mut patient = true;
+        let medians = HORIZONS.map(|horizon| {
+            let median = patient.then(|| Loop::new(size, horizon, active, method).median_s());
+            patient = median.is_some_and(|median| median < PATIENCE_S[1]);
+            median
+        });
+        let row = Self { size, active, method, medians };
+        println!("{}", row.markdown());
+        row
     }
-    println!();
+
+    fn is_chosen(&self, horizon: usize) -> bool {
+        QpMethod::Auto.resolve(self.size, [horizon; 2]) == self.method
+    }
+
+    fn title(&self) -> String {
+        let [n, m] = self.size;
+        format!("{n}, {m}, {}", if self.active { "active" } else { "not reached" })
+    }
+
+    fn markdown(&self) -> String {
+        let mut line = format!("| {} | {} |", self.title(), self.method);
+        for (horizon, median) in HORIZONS.into_iter().zip(self.medians) {
+            let mark = if self.is_chosen(horizon) { "**" } else { "" };
+            line += &match median {
+                Some(median) => format!(" {mark}{:.1}{mark} |", 1e6 * median),
+                None => " – |".to_owned(),
+            };
+        }
+        line
+    }
+}
+
+/// How much longer than the better method the automatic choice takes.
+fn summary(rows: &[Row]) -> String {
+    let mut losses = Vec::new();
+    for pair in rows.chunks_exact(METHODS.len()) {
+        for (i, horizon) in HORIZONS.into_iter().enumerate() {
+            let chosen = pair.iter().find(|row| row.is_chosen(horizon));
+            let least = pair.iter().filter_map(|row| row.medians[i]).reduce(f64::min);
+            if let (Some(chosen), Some(least)) = (chosen.and_then(|row| row.medians[i]), least) {
+                losses.push(chosen / least);
+            }
+        }
+    }
+    #[expect(clippy::cast_precision_loss, reason = "some tens")]
+    let mean = losses.iter().map(|loss| loss.ln()).sum::<f64>() / losses.len() as f64;
+    let most = losses.iter().fold(1.0, |most: f64, loss| most.max(*loss));
+    format!(
+        "The automatic choice takes {:.2} times as long as the better of the two methods, in the \
+         geometric mean,\nand {most:.2} times where it is furthest off.",
+        mean.exp()
+    )
+}
+
+/// A panel for each size: time over N.
+fn figure(rows: &[Row]) -> Figure {
+    let x = || {
+        let marks = HORIZONS.map(|n| (place(n), n.to_string())).to_vec();
+        Axis { marks, ..Axis::new("stages N", Kind::Log) }
+    };
+    let panels = rows.chunks_exact(2 * METHODS.len()).map(|of_size| {
+        let [n, m] = of_size[0].size;
+        let title = format!("{n} state{}, {m} input{}", plural(n), plural(m));
+        let mut panel = Panel::new(&title, Axis::new("time of a step (us)", Kind::Log), 220.0);
+        panel.x = Some(x());
+        for row in of_size {
+            let color = if row.method == QpMethod::Condensed { BLUE } else { VERMILLION };
+            let shape = if row.active { Shape::Line(1.8) } else { Shape::Dashes(1.8) };
+            let points = HORIZONS.into_iter().zip(row.medians);
+            let points: Vec<Point> =
+                points.filter_map(|(n, median)| Some((place(n), 1e6 * median?))).collect();
+            let bounds = if row.active { "bounds active" } else { "bounds not reached" };
+            panel.add_named(&format!("{}, {bounds}", row.method), points, Style::new(color, shape));
+        }
+        panel
+    });
+    let name = "Time of a control step over the number of stages, condensed and stage by stage";
+    Figure::grid(name, x(), vec![1.0, 1.0], panels.collect())
+}
+
+#[expect(clippy::cast_precision_loss, reason = "hundreds at most")]
+fn place(horizon: usize) -> f64 {
+    horizon as f64
+}
+
+fn plural(count: usize) -> &'static str {
+    if count == 1 { "" } else { "s" }
+}
+
+fn page(rows: &[Row], summary: &str) -> String {
+    let heads: String = HORIZONS.iter().map(|n| format!(" {n} |")).collect();
+    let rule = "---|".repeat(HORIZONS.len());
+    let lines: String = rows.iter().map(|row| row.markdown() + "\n").collect();
+    format!("{INTRODUCTION}\n{summary}\n\n{CHART}\n\n{HEADS}{heads}\n|---|---|{rule}\n{lines}")
 }
 
 /// `x_i <- x_i + (x_{i-1} - x_i) / 8 + inputs / 4`, input k at states k, k + m, ..

@@ -7,10 +7,14 @@ use crate::error::check_finite;
 use crate::horizon::Horizon;
 use crate::kkt::KktResidual;
 use crate::solution::Solution;
-use crate::sqp::{Outcome, Sqp, StepInput};
+use crate::sqp::{Outcome, Sqp, Standing, StepInput};
 use crate::{MpcError, NmpcProblem, SqpConfig, SqpStatus};
 use pinc_ode::Model;
 use pinc_qp::{OcpDims, all_finite};
+
+/// For how many steps a plan that was followed goes on without having been improved, while the time
+/// does not suffice: then the plan on its way is followed, since a loop must not stay open.
+const MOST_WAITING: usize = 5;
 
 /// Nonlinear model predictive control, Algorithm 2 of the paper, with any [`Model`] as the model.
 ///
@@ -23,8 +27,10 @@ use pinc_qp::{OcpDims, all_finite};
 /// Autom. Control 44 (1999)). Otherwise the input is the next one of the last plan, whose last
 /// input is held when it has run out (before there is a plan, it is 0, moved into the bounds); and
 /// the step after starts afresh from the state measured then, so that one failure does not lead to
-/// the next. Only where nothing but the time was up, it goes on from where this one ended; and
-/// until there has been a plan true to the model, the one that the time allowed is followed.
+/// the next. Only where nothing but the time was up, it goes on from where this one ended. The plan
+/// that the time allowed is followed until there has been one that is true to the model, where a QP
+/// was solved from such a plan, as in a real-time iteration, and where the last good plan has gone on
+/// for five steps.
 ///
 /// # Delays
 ///
@@ -70,6 +76,8 @@ pub struct Nmpc {
     /// Whether the plan is a guess only, since the time was up before it was worth following; the
     /// last plan that was is the fallback.
     tentative: bool,
+    /// For how many steps it has been.
+    waited: usize,
     /// Whether there is a plan that was good enough to be followed without need.
     has_fallback: bool,
     /// Whether the plan is moved on.
@@ -141,6 +149,7 @@ impl Nmpc {
             plan,
             warm: false,
             tentative: false,
+            waited: 0,
             has_fallback: false,
             shifted: false,
             prepared: false,
@@ -270,12 +279,16 @@ impl Nmpc {
         self.step_within(x, reference, &mut || false)
     }
 
-    /// [`Nmpc::step`] within a time budget: `expired` says whether the time is up. It is asked
-    /// within the first linearisation, every 32 stages, before each QP and within it, between
-    /// factorisations and solutions of its linear systems, and between trials of a step's length;
-    /// what is done when it is up takes one linearisation at most. The status is then
-    /// [`SqpStatus::Deadline`]. Its residual is infinite where the first linearisation did not come
-    /// to its end.
+    /// [`Nmpc::step`] within a time budget: `expired` says whether the time is up. It is asked every
+    /// few microseconds of work on small plants: within linearisations, every 32 stages (8, with
+    /// more than 8 states and inputs), before each QP and within it, in the middle of large
+    /// factorisations and between them, and between trials of a step's length. Clarabel alone is
+    /// not interrupted. The status is then [`SqpStatus::Deadline`].
+    ///
+    /// What was reached goes on in the next step: a plan on the way to the solution of a QP, or one
+    /// that there was no time to judge, is where that begins. The residual is then that of the plan
+    /// before, whose input is handed out if it is true to the model; it is infinite where the first
+    /// linearisation did not come to its end.
     ///
     /// # Errors
     ///
@@ -370,17 +383,36 @@ impl Nmpc {
     /// Keeps the new plan if it is worth following, or else takes the first guess. Gives the
     /// status, and whether the plan is followed.
     fn accept(&mut self, outcome: &Outcome) -> (SqpStatus, bool) {
-        let Outcome { mut status, iterations, last, .. } = *outcome;
+        let Outcome { mut status, iterations, last, mut standing, .. } = *outcome;
         let finite = self.plan.is_finite();
         if !finite {
             status = SqpStatus::NumericalTrouble;
         }
         let credible = last.dynamics <= self.config.tolerance.sqrt();
-        let good = matches!(status, SqpStatus::Converged | SqpStatus::Prepared) || credible;
+        if credible && standing == Standing::Underway {
+            // What is true to the model is the plan before.
+            if self.horizon.is_uniform() {
+                self.sqp.copy_base(&mut self.fallback);
+                self.has_fallback = true;
+                self.waited = 0;
+            } else {
+                self.sqp.copy_base(&mut self.plan);
+                standing = Standing::Judged;
+            }
+        }
+        let good = match standing {
+            Standing::Judged => {
+                matches!(status, SqpStatus::Converged | SqpStatus::Prepared) || credible
+            }
+            // As a real-time iteration, if that started from a good plan.
+            Standing::Stepped => credible || !self.tentative && self.has_fallback,
+            Standing::Underway => false,
+        };
         let guess = finite && !good && status == SqpStatus::Deadline && self.has_guess();
-        self.tentative = guess && self.has_fallback;
+        self.tentative = guess && self.has_fallback && self.waited < MOST_WAITING;
+        self.waited = if self.tentative { self.waited + 1 } else { 0 };
         // With nothing to fall back on, a plan on its way is better than none.
-        let followed = finite && good || guess && !self.has_fallback;
+        let followed = finite && good || guess && !self.tentative;
         self.has_fallback = finite && good || self.tentative;
         self.warm = followed || self.tentative;
         self.shifted = false;

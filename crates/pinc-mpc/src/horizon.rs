@@ -5,9 +5,12 @@ use crate::error::check_range;
 use pinc_ode::{Dims, Linearization, Model, Stages};
 use std::ops::Range;
 
-/// How many stages are linearised between two looks at the clock; a multiple of the points that the
-/// models take at once.
-const UNASKED: usize = 32;
+/// How many stages of a small plant, and of one of more states and inputs than that, are linearised
+/// between two looks at the clock; multiples of the points that the models take at once.
+const UNASKED: [usize; 2] = [32, 8];
+
+/// How many states and inputs a small plant has at most.
+const SMALL: usize = 8;
 
 /// The models along the prediction horizon, one or more stages each, and the times of the stages.
 #[derive(Debug)]
@@ -102,13 +105,14 @@ impl Horizon {
         expired: &mut dyn FnMut() -> bool,
     ) -> bool {
         let Dims { nx, nu, np, .. } = self.dims;
+        let unasked = UNASKED[usize::from(nx + nu > SMALL)];
         let Linearization { next, a, b, .. } = out;
         for Block { model, stages } in &mut self.blocks {
-            for start in stages.clone().step_by(UNASKED) {
+            for start in stages.clone().step_by(unasked) {
                 if start > 0 && expired() {
                     return false;
                 }
-                let end = stages.end.min(start + UNASKED);
+                let end = stages.end.min(start + unasked);
                 let part = |width: usize| start * width..end * width;
                 let points = Stages { x: &at.x[part(nx)], u: &at.u[part(nu)], p: &at.p[part(np)] };
                 model.linearize(

@@ -36,7 +36,12 @@ pub(super) struct CondensedQp {
     offset: Vec<f64>,
     /// W or p at a stage, and at the one before.
     adjoint: [Vec<f64>; 2],
+    /// Of how many inputs the columns are computed between two looks at the clock.
+    unasked: usize,
 }
+
+/// About how many operations there are between two looks at the clock: a few microseconds.
+const UNASKED: usize = 20_000;
 
 /// What the rows of C are: their places in the QP's limits, the kinds one after the other.
 #[derive(Debug)]
@@ -105,6 +110,7 @@ impl CondensedQp {
             response: vec![0.0; dims.all_states()],
             offset: vec![0.0; dims.all_states()],
             adjoint: [vec![0.0; n], vec![0.0; n]],
+            unasked: (UNASKED / (4 * dims.nu * dims.horizon * n * (n + dims.nu))).max(1),
         }
     }
 
@@ -114,27 +120,43 @@ impl CondensedQp {
         self.solver.changes()
     }
 
-    fn condense(&mut self, qp: &Qp) {
-        match (qp.dims.nx, qp.dims.nu) {
-            (2, 1) => self.condense_sized(qp, 2, 1),
-            (4, 2) => self.condense_sized(qp, 4, 2),
-            (n, m) => self.condense_sized(qp, n, m),
-        }
+    /// Whether it came to the end before `expired` said that the time is up.
+    fn condense(&mut self, qp: &Qp, expired: &mut dyn FnMut() -> bool) -> bool {
+        let done = match (qp.dims.nx, qp.dims.nu) {
+            (2, 1) => self.condense_sized(qp, 2, 1, expired),
+            (4, 2) => self.condense_sized(qp, 4, 2, expired),
+            (n, m) => self.condense_sized(qp, n, m, expired),
+        };
         self.add_increments(qp);
         self.limit(qp);
+        done
     }
 
     #[inline(always)]
-    fn condense_sized(&mut self, qp: &Qp, n: usize, m: usize) {
+    fn condense_sized(
+        &mut self,
+        qp: &Qp,
+        n: usize,
+        m: usize,
+        expired: &mut dyn FnMut() -> bool,
+    ) -> bool {
         self.condense_offset(qp, n);
         self.condense_gradient(qp, n, m);
+        let mut next_look = self.unasked;
         for input in 0..qp.dims.n_controls {
+            if input == next_look {
+                if expired() {
+                    return false;
+                }
+                next_look += self.unasked;
+            }
             for k in 0..m {
                 self.respond(qp, (n, m), (input, k));
                 self.condense_hessian(qp, (n, m), (input, k));
                 self.condense_rows(qp, (n, m), (input, k));
             }
         }
+        true
     }
 
     /// e
@@ -384,6 +406,13 @@ fn expand_sized(qp: &Qp, step: &mut QpStep, n: usize, m: usize) {
     }
 }
 
+/// The time was up before there was a step.
+#[cold]
+fn nothing_yet(step: &mut QpStep) -> QpStatus {
+    step.d.fill(0.0);
+    QpStatus::Expired
+}
+
 /// Blocks `j - 1` and `j` of blocks of `size` numbers.
 #[inline(always)]
 fn neighbours(blocks: &mut [f64], j: usize, size: usize) -> (&mut [f64], &mut [f64]) {
@@ -398,7 +427,9 @@ fn sized(vectors: &mut [Vec<f64>; 2], size: usize) -> [&mut [f64]; 2] {
 
 impl QpSolver for CondensedQp {
     fn solve(&mut self, qp: &Qp, step: &mut QpStep, expired: &mut dyn FnMut() -> bool) -> QpStatus {
-        self.condense(qp);
+        if !self.condense(qp, expired) {
+            return nothing_yet(step);
+        }
         self.guess(qp, step);
         match self.solver.solve(&self.dense, expired) {
             DenseStatus::Solved => {
@@ -407,8 +438,9 @@ impl QpSolver for CondensedQp {
             }
             DenseStatus::Infeasible(row) => QpStatus::Infeasible(self.source(qp, row)),
             DenseStatus::Failed => QpStatus::Failed,
+            DenseStatus::ExpiredAtStart => nothing_yet(step),
             DenseStatus::Expired => {
-                self.read_multipliers(qp, step);
+                self.expand(qp, step);
                 QpStatus::Expired
             }
         }

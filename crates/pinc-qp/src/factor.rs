@@ -12,6 +12,9 @@ pub(crate) struct Cholesky {
     inverse_diagonal: Vec<f64>,
 }
 
+/// How many columns of a large matrix are eliminated between two looks at the clock.
+const UNASKED: usize = 16;
+
 /// A pivot below this part of its diagonal entry counts as 0: what is left of it is rounding.
 const SMALLEST_PIVOT: f64 = 1e-13;
 
@@ -22,20 +25,41 @@ impl Cholesky {
 
     /// Factors H, `[n, n]`, of which only the lower triangle, column by column, is read; `false` if
     /// it is not positive definite.
-    pub(crate) fn factor(&mut self, h: &[f64]) -> bool {
-        self.factor_sized(h, self.size)
+    /// `None`: `expired` said before the end that the time is up.
+    pub(crate) fn factor_within(
+        &mut self,
+        h: &[f64],
+        expired: &mut dyn FnMut() -> bool,
+    ) -> Option<bool> {
+        if self.size < UNASKED {
+            return Some(self.factor_sized(h, self.size));
+        }
+        self.factor_columns(h, self.size, |c| c % UNASKED == UNASKED - 1 && expired())
     }
 
-    /// The same, unrolled where the caller's n is a constant.
+    /// The same without a limit, unrolled where the caller's n is a constant.
     #[inline(always)]
     pub(crate) fn factor_sized(&mut self, h: &[f64], n: usize) -> bool {
+        self.factor_columns(h, n, |_| false) == Some(true)
+    }
+
+    #[inline(always)]
+    fn factor_columns(
+        &mut self,
+        h: &[f64],
+        n: usize,
+        mut expired: impl FnMut(usize) -> bool,
+    ) -> Option<bool> {
         self.square.copy_from_slice(h);
         for c in 0..n {
+            if expired(c) {
+                return None;
+            }
             let (left, right) = self.square.split_at_mut((c + 1) * n);
             let column = &mut left[c * n + c..];
             let pivot = column[0];
             if pivot.is_nan() || pivot <= SMALLEST_PIVOT * h[c * n + c] {
-                return false;
+                return Some(false);
             }
             let inverse = 1.0 / pivot.sqrt();
             self.inverse_diagonal[c] = inverse;
@@ -46,7 +70,7 @@ impl Cholesky {
                 add_scaled(&mut target[c + 1 + i..], -factor, &column[1 + i..]);
             }
         }
-        true
+        Some(true)
     }
 
     /// v <- L^-1 v

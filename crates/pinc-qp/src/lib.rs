@@ -156,8 +156,8 @@ pub enum QpStatus {
     Infeasible(Row),
     /// The method found no solution: a number is not finite, or rounding won.
     Failed,
-    /// The time was up before there was a solution; the multipliers of the limits are a guess to go
-    /// on from, no worse than the one that was given.
+    /// The time was up before there was a solution: the step is on the way there, with some limits
+    /// not met yet, or 0; its multipliers are the guess to go on from.
     Expired,
 }
 
@@ -187,8 +187,8 @@ pub enum Kind {
 pub trait QpSolver: Debug + Send {
     /// Solves `qp`. On entry the multipliers in `step` are a guess, by which a solver may know
     /// which constraints are likely to be active; on exit, if the status is [`QpStatus::Solved`],
-    /// `step` is the solution, and otherwise of no meaning, but for the guess that is left when the
-    /// time is up.
+    /// `step` is the solution, and otherwise of no meaning, but for what is left when the time is
+    /// up.
     ///
     /// `expired` says whether the time is up; it is asked now and then while the method works. The
     /// status is then [`QpStatus::Expired`].

@@ -1,8 +1,9 @@
 //! The elastic mode: hard constraints on states made soft where they contradict each other.
 
-use super::{Outcome, Sqp};
+use super::{Outcome, Sqp, Standing};
 use crate::SqpStatus;
 use crate::constraint::Constraint;
+use crate::kkt::KktResidual;
 use crate::solution::Solution;
 use pinc_qp::Row;
 
@@ -60,7 +61,10 @@ impl Sqp {
     ) -> Outcome {
         if self.elastic {
             self.restore(self.exact.map(|exact| !exact));
-            outcome.last = self.residual(plan);
+            outcome.last = match outcome.standing {
+                Standing::Judged => self.residual(plan),
+                _ => KktResidual::new(&self.qp, &self.base, &mut self.work),
+            };
             if outcome.last.bounds > self.config.tolerance {
                 let named = conflict.map(|row| Constraint::new(self.qp.dims, row));
                 outcome.violated = self.worst_row().or(named);

@@ -77,6 +77,19 @@ pub(crate) struct Outcome {
     pub(crate) last: KktResidual,
     /// What is in the way, if hard constraints had to be made soft and are violated.
     pub(crate) violated: Option<Constraint>,
+    /// What is known of the plan.
+    pub(crate) standing: Standing,
+}
+
+/// What is known of the plan that an optimisation ends with.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Standing {
+    /// The residual is the plan's own.
+    Judged,
+    /// The time was up when a QP had been solved: the plan is its solution, not linearised at.
+    Stepped,
+    /// The time was up within a QP: the plan is on the way to its solution.
+    Underway,
 }
 
 /// A point with its residual and cost.
@@ -91,7 +104,10 @@ enum Search {
     Found(Point),
     /// The step is no good.
     NoDescent,
+    /// The time is up; the plan is where the step starts.
     Expired,
+    /// The time was up before the end of the step could be judged; the plan is there.
+    Unjudged,
 }
 
 /// What a control step is given.
@@ -212,7 +228,7 @@ impl Sqp {
         }
         self.convert(plan, true);
         let violated = conflict.map(|row| Constraint::new(self.qp.dims, row));
-        Outcome { status, iterations: 1, last, violated }
+        Outcome { status, iterations: 1, last, violated, standing: Standing::Judged }
     }
 
     /// Solves the QP, with hard constraints made soft if it must be.
@@ -261,12 +277,17 @@ impl Sqp {
         self.merit.reset();
         self.step_length.reset();
         let Some(mut point) = self.try_point(model, input, plan, expired) else {
-            let last = KktResidual::unknown();
-            return Outcome { status: SqpStatus::Deadline, iterations: 0, last, violated: None };
+            return Outcome {
+                status: SqpStatus::Deadline,
+                iterations: 0,
+                last: KktResidual::unknown(),
+                violated: None,
+                standing: Standing::Judged,
+            };
         };
         std::mem::swap(&mut self.qp, &mut self.trial);
         let (mut iterations, mut least) = (0, point.kkt.max());
-        let mut conflict = None;
+        let (mut conflict, mut standing) = (None, Standing::Judged);
         let status = loop {
             if let Some(status) = self.check_termination(point.kkt, iterations) {
                 break status;
@@ -279,8 +300,8 @@ impl Sqp {
             match self.solver.solve(&self.qp, &mut self.step, expired) {
                 QpStatus::Solved => {}
                 QpStatus::Expired => {
-                    // The next control step goes on from there.
-                    plan.multipliers.copy_from(&self.step.multipliers);
+                    self.step_on_the_way(plan, input.targets.previous);
+                    standing = Standing::Underway;
                     break SqpStatus::Deadline;
                 }
                 QpStatus::Infeasible(row) => {
@@ -296,6 +317,10 @@ impl Sqp {
             match self.search(model, input, plan, (point, least), expired) {
                 Search::Found(next) => point = next,
                 Search::Expired => break SqpStatus::Deadline,
+                Search::Unjudged => {
+                    standing = Standing::Stepped;
+                    break SqpStatus::Deadline;
+                }
                 Search::NoDescent if self.elastic => break SqpStatus::Stalled,
                 Search::NoDescent => {
                     self.enter_elastic();
@@ -304,7 +329,7 @@ impl Sqp {
             }
             least = least.min(point.kkt.max());
         };
-        let outcome = Outcome { status, iterations, last: point.kkt, violated: None };
+        let outcome = Outcome { status, iterations, last: point.kkt, violated: None, standing };
         self.finalize(outcome, plan, conflict)
     }
 
@@ -321,7 +346,9 @@ impl Sqp {
         self.base.copy_from(plan);
         let good = |point: &Point| point.kkt.max() <= CONTRACTION * least;
         if let Some(length) = self.step_length.length(&self.step.d) {
-            let point = self.evaluate_trial(model, input, plan, length);
+            let Some(point) = self.evaluate_trial(model, input, plan, length, expired) else {
+                return Search::Unjudged;
+            };
             if good(&point) {
                 self.accept_trial(length);
                 return Search::Found(point);
@@ -330,12 +357,30 @@ impl Sqp {
                 return self.give_up(plan);
             }
         }
-        let whole = self.evaluate_trial(model, input, plan, 1.0);
+        let Some(whole) = self.evaluate_trial(model, input, plan, 1.0, expired) else {
+            return Search::Unjudged;
+        };
         if good(&whole) {
             self.accept_trial(1.0);
             return Search::Found(whole);
         }
         self.backtrack(model, input, plan, (from, whole), expired)
+    }
+
+    /// Goes as far towards the solution of a QP as it came before the time was up: the next control
+    /// step goes on from there.
+    #[inline(never)]
+    fn step_on_the_way(&mut self, plan: &mut Solution, previous: &[f64]) {
+        self.base.copy_from(plan);
+        if self.step.is_finite() {
+            self.set_trial(plan, 1.0, previous);
+        }
+    }
+
+    /// Writes the plan that the last step started from.
+    pub(crate) fn copy_base(&self, plan: &mut Solution) {
+        plan.copy_from(&self.base);
+        self.convert(plan, true);
     }
 
     /// Goes back to where the step starts: the time is up.
@@ -371,23 +416,27 @@ impl Sqp {
                 return self.give_up(plan);
             }
             length *= 0.5;
-            point = self.evaluate_trial(model, input, plan, length);
+            match self.evaluate_trial(model, input, plan, length, expired) {
+                Some(shorter) => point = shorter,
+                None => return self.give_up(plan),
+            }
         }
         plan.copy_from(&self.base);
         Search::NoDescent
     }
 
-    /// Sets the plan `length` of the step away from the base, and linearises there.
+    /// Sets the plan `length` of the step away from the base, and linearises there, unless
+    /// `expired` says before that the time is up.
     fn evaluate_trial(
         &mut self,
         model: &mut Horizon,
         input: StepInput<'_>,
         plan: &mut Solution,
         length: f64,
-    ) -> Point {
+        expired: &mut dyn FnMut() -> bool,
+    ) -> Option<Point> {
         self.set_trial(plan, length, input.targets.previous);
-        let unknown = Point { kkt: KktResidual::unknown(), cost: f64::INFINITY };
-        self.try_point(model, input, plan, &mut || false).unwrap_or(unknown)
+        self.try_point(model, input, plan, expired)
     }
 
     fn set_trial(&self, plan: &mut Solution, length: f64, previous: &[f64]) {

@@ -257,6 +257,15 @@ fn a_deadline_is_kept_within_a_linearisation() {
 /// scratch. Each goes on from where the last ended, and the loop comes to rest all the same.
 #[test]
 fn what_a_deadline_cuts_off_goes_on_in_the_next_step() {
+    for allowed in [9, 14, 20] {
+        let (converged, x) = oscillator_cut_off_after(allowed);
+        assert!(converged >= 20, "{allowed}: {converged}");
+        assert!(x.iter().all(|x| x.abs() < 1e-3), "{allowed}: {x:?}");
+    }
+}
+
+/// How many of 40 steps converge where each looks so often at a clock, and where the plant ends.
+fn oscillator_cut_off_after(allowed: usize) -> (usize, [f64; 2]) {
     let (mut nmpc, points) = long();
     let mut plant = oscillator();
     let mut x = [1.0, 0.0];
@@ -265,23 +274,22 @@ fn what_a_deadline_cuts_off_goes_on_in_the_next_step() {
         let (mut asked, mut when_up) = (0, u64::MAX);
         let mut expired = || {
             asked += 1;
-            if asked > 6 {
+            if asked > allowed {
                 when_up = when_up.min(points.load(Ordering::Relaxed));
             }
-            asked > 6
+            asked > allowed
         };
         let step = nmpc.step_within(&x, &[0.0; 320], &mut expired).unwrap();
         assert!(matches!(step.status, SqpStatus::Converged | SqpStatus::Deadline));
         assert!(step.u[0].abs() <= 1.0);
         converged += usize::from(step.status == SqpStatus::Converged);
         assert!(k > 0 || step.status == SqpStatus::Deadline);
-        // What is done when the time is up takes one linearisation at most.
-        assert!(points.load(Ordering::Relaxed) <= when_up.saturating_add(160));
+        // What is linearised when the time is up is one piece of the horizon at most.
+        assert!(points.load(Ordering::Relaxed) <= when_up.saturating_add(32));
         let u = step.u.to_vec();
         let mut next = [0.0; 2];
         plant.step(&x, &u, &[], &mut next);
         x = next;
     }
-    assert!(converged >= 20, "{converged}");
-    assert!(x.iter().all(|x| x.abs() < 1e-3), "{x:?}");
+    (converged, x)
 }

@@ -14,6 +14,9 @@ const INFEASIBLE: f64 = 1e-8;
 /// A normal whose part independent of the working set is below this part of it counts as dependent.
 const DEPENDENT: f64 = 1e-10;
 
+/// How many rows of the guess join the working set between two looks at the clock.
+const UNASKED: usize = 8;
+
 /// The dual method of Goldfarb and Idnani (Math. Program. 27 (1983)) for a [`DenseQp`], with bounds
 /// on the multipliers and started from any guess of them.
 ///
@@ -66,6 +69,8 @@ pub(crate) enum DenseStatus {
     Failed,
     /// The time was up.
     Expired,
+    /// The time was up before the guess had been looked at; the multipliers are of no meaning.
+    ExpiredAtStart,
 }
 
 /// A row in the working set, with the bound that it is held at and the limits of its multiplier.
@@ -157,10 +162,14 @@ impl ActiveSet {
     pub(crate) fn solve(&mut self, qp: &DenseQp, expired: &mut dyn FnMut() -> bool) -> DenseStatus {
         self.changes = 0;
         self.tolerance = TOLERANCE;
-        if !self.cholesky.factor(&qp.hessian) {
-            return DenseStatus::Failed;
+        match self.cholesky.factor_within(&qp.hessian, expired) {
+            Some(true) => {}
+            Some(false) => return DenseStatus::Failed,
+            None => return DenseStatus::ExpiredAtStart,
         }
-        self.start(qp);
+        if !self.start(qp, expired) {
+            return DenseStatus::ExpiredAtStart;
+        }
         let most_changes = 10 * (self.mu.len() + 10);
         let mut fresh = true;
         while self.changes <= most_changes {
@@ -191,14 +200,18 @@ impl ActiveSet {
         all_finite(&self.values) && all_finite(&self.mu)
     }
 
-    /// Makes the working set of the guess, less the rows whose multipliers it gets wrong.
-    fn start(&mut self, qp: &DenseQp) {
+    /// Makes the working set of the guess, less the rows whose multipliers it gets wrong; whether
+    /// it came to the end before the time was up.
+    fn start(&mut self, qp: &DenseQp, expired: &mut dyn FnMut() -> bool) -> bool {
         self.working.clear();
         self.qr.clear();
         for row in 0..self.mu.len() {
             let mu = self.mu[row];
             // Exact: 0 is what rows outside the working set are given.
             if mu.abs() > 0.0 {
+                if self.working.len() % UNASKED == UNASKED - 1 && expired() {
+                    return false;
+                }
                 self.try_warm_row(qp, row, mu);
             }
         }
@@ -209,6 +222,7 @@ impl ActiveSet {
             self.leave(gone);
             self.resolve(qp);
         }
+        true
     }
 
     fn try_warm_row(&mut self, qp: &DenseQp, row: usize, mu: f64) {

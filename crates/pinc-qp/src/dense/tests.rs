@@ -171,7 +171,7 @@ proptest! {
                 });
                 prop_assert!(bounds.sum::<f64>() < -1e-9);
             }
-            DenseStatus::Failed | DenseStatus::Expired => prop_assert!(false, "failed"),
+            other => prop_assert!(false, "{:?}", other),
         }
     }
 }

@@ -20,6 +20,10 @@ const ROUNDING: f64 = 2e-15;
 /// moved on by a stage, there are many of them; held, they are let go and held again without end.
 const SMALL_MULTIPLIER: f64 = 1e-5;
 
+/// What is off by more than this, relative to 1 + its size, when the held rows have been met but
+/// roughly, is so when they are met exactly.
+const FAR: f64 = 1e-4;
+
 /// How many times the set of active rows may change.
 const CHANGES: usize = 12;
 
@@ -174,12 +178,15 @@ impl ActiveRows {
             }
         }
         self.factorizations += 1;
-        if !at.factor(qp) {
+        if !at.factor(qp, expired) {
             return None;
         }
         for step in 0..STEPS {
             at.residuals(qp);
             if self.is_met(qp, at) {
+                return Some(true);
+            }
+            if step > 0 && self.is_contradicted(qp, at) {
                 return Some(true);
             }
             if step >= UNASKED && expired() {
@@ -218,6 +225,22 @@ impl ActiveRows {
         });
         let off = off.fold(largest(&at.defect), f64::max);
         extent.is_finite() && off <= TOLERANCE * extent
+    }
+
+    /// Whether the point contradicts a status by far: by more than another step would change it.
+    fn is_contradicted(&self, qp: &Qp, at: &Newton) -> bool {
+        let points = at.values.iter().zip(&at.mu);
+        let mut rows = self.statuses.iter().zip(Rows::limits(qp)).zip(points);
+        rows.any(|((status, [low, high, _]), (&value, &mu))| match *status {
+            RowStatus::Inactive => {
+                value > high + FAR * (1.0 + high.abs()) || value < low - FAR * (1.0 + low.abs())
+            }
+            RowStatus::Held { upper, .. } => {
+                let pull = if upper { mu } else { -mu };
+                pull < -FAR * (1.0 + mu.abs()) && low < high
+            }
+            RowStatus::Violated(_) => false,
+        })
     }
 
     /// Changes the statuses that the point contradicts; whether there were any.

@@ -183,7 +183,7 @@ impl InteriorPoint {
         }
         self.gather(qp);
         self.factorizations = 0;
-        if !self.begin(qp, at) {
+        if !self.begin(qp, at, expired) {
             return Ending::Failed;
         }
         for _ in 0..ITERATIONS {
@@ -232,7 +232,7 @@ impl InteriorPoint {
 
     /// The starting point of Vandenberghe's coneqp: the least squares of cost and slacks, with
     /// these and the multipliers then moved to the positive side.
-    fn begin(&mut self, qp: &Qp, at: &mut Newton) -> bool {
+    fn begin(&mut self, qp: &Qp, at: &mut Newton, expired: &mut dyn FnMut() -> bool) -> bool {
         at.d.fill(0.0);
         at.lambda.fill(0.0);
         at.mu.fill(0.0);
@@ -247,7 +247,7 @@ impl InteriorPoint {
             at.terms[row] = -self.stiffness * bound;
         }
         self.factorizations += 1;
-        if !at.factor(qp) {
+        if !at.factor(qp, expired) {
             return false;
         }
         at.residuals(qp);
@@ -336,7 +336,7 @@ impl InteriorPoint {
             at.weights[row] = self.stiffness;
         }
         self.factorizations += 1;
-        if !at.factor(qp) {
+        if !at.factor(qp, expired) {
             return false;
         }
         let pairs = self.sides.iter().map(|side| if side.soft() { 2.0 } else { 1.0 }).sum::<f64>();

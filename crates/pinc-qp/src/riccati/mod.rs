@@ -90,7 +90,7 @@ impl QpSolver for RiccatiQp {
         }
         if expired() {
             self.active.note(qp, &mut self.newton.mu);
-            self.newton.rows.write(&self.newton.mu, &mut step.multipliers);
+            self.newton.finish(step);
             return QpStatus::Expired;
         }
         if let Some(condensed) = &mut self.from_scratch {
@@ -114,6 +114,8 @@ impl QpSolver for RiccatiQp {
             self.newton.finish(step);
             QpStatus::Solved
         } else if expired() {
+            self.interior.active(&mut self.newton.mu);
+            self.newton.finish(step);
             QpStatus::Expired
         } else {
             QpStatus::Failed

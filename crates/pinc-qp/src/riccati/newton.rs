@@ -145,9 +145,10 @@ impl Newton {
         }
     }
 
-    /// Factors with the weights as they are; `false` if that is impossible.
-    pub(super) fn factor(&mut self, qp: &Qp) -> bool {
-        self.riccati.factor(qp, &self.weights)
+    /// Factors with the weights as they are; `false` if that is impossible, or if `expired` says
+    /// before the end that the time is up.
+    pub(super) fn factor(&mut self, qp: &Qp, expired: &mut dyn FnMut() -> bool) -> bool {
+        self.riccati.factor(qp, &self.weights, expired)
     }
 
     /// Computes the step from the residuals and the terms.

@@ -46,6 +46,10 @@ pub(super) struct Riccati {
     sum: Vec<f64>,
 }
 
+/// About how many operations of a factorisation there are between two looks at the clock: a few
+/// microseconds.
+const UNASKED: usize = 8_000;
+
 impl Riccati {
     pub(super) fn new(dims: OcpDims) -> Self {
         let (n, m) = (dims.nx, dims.nu);
@@ -65,24 +69,43 @@ impl Riccati {
     }
 
     /// Factors the matrix with the weights D, in the order of the rows; `false` if it is singular
-    /// on the dynamics.
-    pub(super) fn factor(&mut self, qp: &Qp, weights: &[f64]) -> bool {
+    /// on the dynamics, or if `expired` says before the end that the time is up.
+    pub(super) fn factor(
+        &mut self,
+        qp: &Qp,
+        weights: &[f64],
+        expired: &mut dyn FnMut() -> bool,
+    ) -> bool {
         match (self.dims.nx, self.dims.nu) {
-            (2, 1) => self.factor_sized(qp, weights, 2, 1),
-            (4, 2) => self.factor_sized(qp, weights, 4, 2),
-            (n, m) => self.factor_sized(qp, weights, n, m),
+            (2, 1) => self.factor_sized(qp, weights, (2, 1), expired),
+            (4, 2) => self.factor_sized(qp, weights, (4, 2), expired),
+            sizes => self.factor_sized(qp, weights, sizes, expired),
         }
     }
 
     #[inline(always)]
-    fn factor_sized(&mut self, qp: &Qp, weights: &[f64], n: usize, m: usize) -> bool {
+    fn factor_sized(
+        &mut self,
+        qp: &Qp,
+        weights: &[f64],
+        (n, m): (usize, usize),
+        expired: &mut dyn FnMut() -> bool,
+    ) -> bool {
         let OcpDims { horizon, n_controls, .. } = self.dims;
         let s = n + m;
+        let unasked = (UNASKED / (4 * s * s * s)).max(1);
         let by_row = RowWeights::new(self.dims, weights);
         self.merged.fill(0.0);
         by_row.add_general(qp, horizon, &mut self.merged);
         add_cross(qp, horizon, &mut self.merged);
+        let mut next_look = horizon.checked_sub(unasked);
         for j in (0..horizon).rev() {
+            if next_look == Some(j) {
+                if expired() {
+                    return false;
+                }
+                next_look = j.checked_sub(unasked);
+            }
             // merged: what the stages before have left, in terms of s_{j+1}
             let p = &mut self.p[j * s * s..(j + 1) * s * s];
             p.copy_from_slice(&self.merged);
