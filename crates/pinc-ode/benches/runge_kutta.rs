@@ -132,7 +132,7 @@ fn rodas4_stages_four_tanks_as_text(bencher: Bencher<'_, '_>, stages: usize) {
     linearize_stages(bencher, &mut *model, &[9.0, 14.0, 2.5, 2.5], &[2.5, 2.5], stages);
 }
 
-/// Text on dual numbers, as before its second derivatives were known.
+/// The same on dual numbers.
 #[divan::bench(args = [20])]
 fn rodas4_stages_four_tanks_as_text_on_dual_numbers(bencher: Bencher<'_, '_>, stages: usize) {
     let plant = four_tanks_as_text().compile().expect("valid equations");
