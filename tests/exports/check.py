@@ -395,16 +395,18 @@ class Server:
         self.process.wait()
 
 
-def check_estimating_fmus():
+def check_estimating_fmus(kind):
     """A controller with its estimator and the plant as FMUs, against `pinc serve` beside them."""
-    config, out = TOP / "configs/estimation/tanks.toml", WORK / "estimating"
-    pinc("export", config, "--only", "rk4", "--to", "fmu", "--name", "tanks", "--out", out / "controller")
+    config, out = TOP / "configs/estimation/tanks.toml", WORK / f"estimating-{kind}"
+    own = ["--only", "rk4", "--set", f"control.estimator.kind={kind}"]
+    own += ["--set", "control.estimator.window=10"] if kind == "mhe" else []
+    pinc("export", config, *own, "--to", "fmu", "--name", "tanks", "--out", out / "controller")
     pinc("export", config, "--plant", "--to", "fmu", "--name", "tanks", "--out", out / "plant")
-    pinc("export", config, "--only", "rk4", "--to", "fmu", "--fmi3", "--name", "tanks", "--out", out / "three")
-    for kind in ("controller", "three"):
-        check_validity(out / kind / "tanks.fmu")
+    pinc("export", config, *own, "--to", "fmu", "--fmi3", "--name", "tanks", "--out", out / "three")
+    for folder in ("controller", "three"):
+        check_validity(out / folder / "tanks.fmu")
     plant, controller = Slave(out / "plant" / "tanks.fmu"), Slave(out / "controller" / "tanks.fmu")
-    server = Server(config, "--only", "rk4")
+    server = Server(config, *own)
     plant.begin()
     controller.begin()
     rng = np.random.default_rng(5)
@@ -425,9 +427,9 @@ def check_estimating_fmus():
     plant.close()
     controller.close()
     server.close()
-    report("FMU with an estimator against pinc serve, inputs", worst_u, 1e-8)
-    report("FMU with an estimator against pinc serve, estimates", worst_x, 1e-8)
-    report("FMU with an estimator, worn pumps, levels at the end", end, 0.1)
+    report(f"FMU with an estimator, {kind}, against pinc serve, inputs", worst_u, 1e-8)
+    report(f"FMU with an estimator, {kind}, against pinc serve, estimates", worst_x, 1e-8)
+    report(f"FMU with an estimator, {kind}, worn pumps, levels at the end", end, 0.1)
 
 
 def main():
@@ -445,7 +447,8 @@ def main():
     check_controller_fmu(model)
     check_loop_of_fmus(model)
     check_fmi3(model)
-    check_estimating_fmus()
+    check_estimating_fmus("ekf")
+    check_estimating_fmus("mhe")
     if FAILED:
         sys.exit(f"{len(FAILED)} checks failed")
     print("all checks passed")
