@@ -78,6 +78,9 @@ pub struct Nmpc {
     tentative: bool,
     /// For how many steps it has been.
     waited: usize,
+    /// Whether nobody knows what the model says of the plan: where it says nothing, the next step
+    /// starts afresh.
+    unjudged: bool,
     /// Whether there is a plan that was good enough to be followed without need.
     has_fallback: bool,
     /// Whether the plan is moved on.
@@ -150,6 +153,7 @@ impl Nmpc {
             warm: false,
             tentative: false,
             waited: 0,
+            unjudged: false,
             has_fallback: false,
             shifted: false,
             prepared: false,
@@ -215,6 +219,7 @@ impl Nmpc {
         self.sqp.forget();
         self.warm = false;
         self.tentative = false;
+        self.unjudged = false;
         self.has_fallback = false;
         self.shifted = false;
         self.prepared = false;
@@ -308,18 +313,27 @@ impl Nmpc {
         if self.config.real_time {
             self.prepare_linearization();
         }
-        let targets = Targets { reference, previous: &self.previous };
-        let input = StepInput { x0: &self.start, targets };
-        let outcome = if self.config.real_time {
-            self.sqp.feed_back(input, &mut self.plan, expired)
-        } else {
-            self.sqp.solve(&mut self.horizon, input, &mut self.plan, expired)
-        };
+        let mut outcome = self.optimize(reference, expired);
+        if outcome.status == SqpStatus::NumericalTrouble && self.unjudged {
+            self.plan.stay_at(&self.start);
+            self.sqp.project(&mut self.plan, &self.previous);
+            outcome = self.optimize(reference, expired);
+        }
         let (status, followed) = self.accept(&outcome);
         self.push_delay_line();
         let Outcome { iterations, last, violated, .. } = outcome;
         let u = self.plan.first_input();
         Ok(StepReport { u, status, sqp_iterations: iterations, kkt: last, violated, followed })
+    }
+
+    fn optimize(&mut self, reference: &[f64], expired: &mut dyn FnMut() -> bool) -> Outcome {
+        let targets = Targets { reference, previous: &self.previous };
+        let input = StepInput { x0: &self.start, targets };
+        if self.config.real_time {
+            self.sqp.feed_back(input, &mut self.plan, expired)
+        } else {
+            self.sqp.solve(&mut self.horizon, input, &mut self.plan, expired)
+        }
     }
 
     /// Does what can be done of the next real-time iteration before the state is measured: moves
@@ -413,6 +427,7 @@ impl Nmpc {
         self.waited = if self.tentative { self.waited + 1 } else { 0 };
         // With nothing to fall back on, a plan on its way is better than none.
         let followed = finite && good || guess && !self.tentative;
+        self.unjudged = standing != Standing::Judged;
         self.has_fallback = finite && good || self.tentative;
         self.warm = followed || self.tentative;
         self.shifted = false;

@@ -138,7 +138,12 @@ impl QpSolver for ChosenQp {
     fn solve(&mut self, qp: &Qp, step: &mut QpStep, expired: &mut dyn FnMut() -> bool) -> QpStatus {
         let status = checked(self.method.solve(qp, step, expired), step);
         match &mut self.fallback {
-            Some(fallback) if status == QpStatus::Failed && !expired() => {
+            Some(_) if status == QpStatus::Failed && expired() => {
+                step.d.fill(0.0);
+                step.multipliers.clear();
+                QpStatus::Expired
+            }
+            Some(fallback) if status == QpStatus::Failed => {
                 tracing::debug!("a quadratic program is left to Clarabel");
                 checked(fallback.solve(qp, step, expired), step)
             }

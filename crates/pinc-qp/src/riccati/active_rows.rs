@@ -63,6 +63,9 @@ pub(super) struct ActiveRows {
     pub(super) factorizations: usize,
     /// How many steps it may still take.
     steps_left: usize,
+    /// Whether a set is changed as soon as it is clearly wrong, before its rows have been met. That
+    /// takes fewer steps, and gives up more programs.
+    hasty: bool,
 }
 
 impl ActiveRows {
@@ -72,6 +75,7 @@ impl ActiveRows {
             stiffness: stiffness(qp),
             factorizations: 0,
             steps_left: 0,
+            hasty: false,
         }
     }
 
@@ -109,6 +113,7 @@ impl ActiveRows {
         expired: &mut dyn FnMut() -> bool,
     ) -> bool {
         (self.factorizations, self.steps_left) = (0, steps);
+        self.hasty = steps < usize::MAX;
         if qp.has_stage_cost() {
             self.stiffness = stiffness(qp);
         }
@@ -186,7 +191,7 @@ impl ActiveRows {
             if self.is_met(qp, at) {
                 return Some(true);
             }
-            if step > 0 && self.is_contradicted(qp, at) {
+            if self.hasty && step > 0 && self.is_contradicted(qp, at) {
                 return Some(true);
             }
             if step >= UNASKED && expired() {
