@@ -15,8 +15,8 @@ use pinc_ad::simd::{Isa, Simd, Task, Work};
 /// Stages of the method.
 pub(super) const STAGES: usize = 6;
 
-/// The method of [`Rodas4`](crate::Rodas4) over steps of `sample_time_s` seconds, each in `substeps`
-/// parts, as a [`Model`].
+/// The method of [`Rodas4`](crate::Rodas4) over steps of `sample_time_s` seconds, each in
+/// `substeps` parts, as a [`Model`].
 ///
 /// The points of a horizon are in the lanes of the vectors of `isa`. The sensitivities are those of
 /// the method itself, exact to rounding: its equations, differentiated, are linear systems with the

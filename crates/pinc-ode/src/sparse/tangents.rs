@@ -1,7 +1,7 @@
 //! The sensitivities of the method RODAS, some columns, a *block*, at a time.
 //!
-//! With S the derivatives of the state at the beginning of a substep, and W = I / (h gamma) - J, its
-//! equations, differentiated, are
+//! With S the derivatives of the state at the beginning of a substep, and W = I / (h gamma) - J,
+//! its equations, differentiated, are
 //!
 //! ```text
 //! W K_i = J(y_i) sum_(j<i) a_ij K_j + (J(y_i) + M_i) S + sum_(j<i) c_ij K_j / h
