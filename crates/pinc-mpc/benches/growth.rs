@@ -1,8 +1,8 @@
 //! How a real-time iteration grows: medians in us by the number of stages N, of states and of
 //! inputs, with bounds on the inputs that are active or never reached, by each method for the
 //! quadratic programs. `cargo bench -p pinc-mpc --bench growth` prints the rows of a table in
-//! Markdown; the method that the automatic choice takes is in bold. A dash is where a smaller N took
-//! too long. With `-- --page` it also writes the page docs/growth.md and its picture.
+//! Markdown; the method that the automatic choice takes is in bold. A dash is where a smaller N
+//! took too long. With `-- --page` it also writes the page docs/growth.md and its picture.
 //!
 //! The model is a chain of first-order lags with inputs all along it, which costs next to nothing:
 //! what is measured is the controller and its quadratic programs.
@@ -41,8 +41,8 @@ cargo bench -p pinc-mpc --bench growth -- --page
 ";
 
 const CHART: &str = "\
-![Time of a step over N, one panel for each number of states and inputs: condensed programs are faster
-for few stages and grow faster than linearly, the Riccati recursion is linear in N](growth.svg)";
+![Time of a step over N, one panel for each number of states and inputs: condensed programs are
+faster for few stages and grow faster than linearly, the Riccati recursion is linear in N](growth.svg)";
 
 const HEADS: &str = "| states, inputs, bounds | method |";
 

@@ -29,8 +29,8 @@ const MOST_WAITING: usize = 5;
 /// the step after starts afresh from the state measured then, so that one failure does not lead to
 /// the next. Only where nothing but the time was up, it goes on from where this one ended. The plan
 /// that the time allowed is followed until there has been one that is true to the model, where a QP
-/// was solved from such a plan, as in a real-time iteration, and where the last good plan has gone on
-/// for five steps.
+/// was solved from such a plan, as in a real-time iteration, and where the last good plan has gone
+/// on for five steps.
 ///
 /// # Delays
 ///
@@ -284,8 +284,8 @@ impl Nmpc {
         self.step_within(x, reference, &mut || false)
     }
 
-    /// [`Nmpc::step`] within a time budget: `expired` says whether the time is up. It is asked every
-    /// few microseconds of work on small plants: within linearisations, every 32 stages (8, with
+    /// [`Nmpc::step`] within a time budget: `expired` says whether the time is up. It is asked
+    /// every few microseconds of work on small plants: within linearisations, every 32 stages (8, with
     /// more than 8 states and inputs), before each QP and within it, in the middle of large
     /// factorisations and between them, and between trials of a step's length. Clarabel alone is
     /// not interrupted. The status is then [`SqpStatus::Deadline`].

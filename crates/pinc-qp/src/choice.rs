@@ -9,8 +9,8 @@ use thiserror::Error;
 
 /// How many times (n + m)^3 a stage costs that is solved by the recursion, where an operation of
 /// condensing counts 1: in the middle of 7 to 9, with which the choice is least off on the table of
-/// docs/growth.md, from 2 states to 30. The methods change at 13 stages for 2 states and 1 input, at
-/// 87 for 30 and 1.
+/// docs/growth.md, from 2 states to 30. The methods change at 13 stages for 2 states and 1 input,
+/// at 87 for 30 and 1.
 const RECURSION: usize = 8;
 
 /// Up to this many free inputs a condensed program is solved from scratch in less time than the
