@@ -297,7 +297,7 @@ proptest! {
     }
 
     /// A terminal weight far above all others: multipliers up to 1e7, of which the stage-wise
-    /// method keeps all digits that matter.
+    /// method keeps all digits that matter. Their own rounding is up to 1e-9.
     #[test]
     fn a_heavy_terminal_weight_does_not_disturb_the_stage_wise_method(
         coarse in any::<bool>(),
@@ -313,7 +313,7 @@ proptest! {
         let multipliers = guess.multipliers.parts_mut().into_iter().skip(1).flatten();
         multipliers.zip(&signs).for_each(|(mu, sign)| *mu = f64::from(*sign));
         let exact = solve(&mut CondensedQp::new(&qp), &qp, &guess, SHARP)?;
-        let found = solve(&mut RiccatiQp::new(&qp), &qp, &guess, SHARP)?;
+        let found = solve(&mut RiccatiQp::new(&qp), &qp, &guess, 10.0 * SHARP)?;
         same_inputs(&qp, &exact, &found, 1e-6)?;
     }
 
