@@ -5,8 +5,8 @@ use crate::simd::Simd;
 /// 1.5 * 2^52: adding it rounds a number to an integer.
 const SHIFT: f64 = 6_755_399_441_055_744.0;
 
-/// Beyond it, or where a lane is not a number, the lanes are taken one by one: whole multiples of
-/// the parts of pi/2 up to this angle are exact.
+/// Lanes beyond it, and those that are not numbers, have the functions of the standard library:
+/// whole multiples of the parts of pi/2 up to this angle are exact.
 const LIMIT: f64 = 1e6;
 
 /// pi/2 in three parts of 33 bits each, and the rest.
@@ -45,30 +45,34 @@ const COSINE: [f64; 6] = [
 /// ```
 #[inline(always)]
 pub fn sin<V: Simd>(x: V) -> V {
-    if is_small(x) { Reduced::of(x).sine(0.0) } else { lanes(x, f64::sin) }
+    let near = Reduced::of(x).sine(0.0);
+    if is_small(x) { near } else { with_far_lanes(near, x, f64::sin) }
 }
 
 /// The cosine, likewise.
 #[inline(always)]
 pub fn cos<V: Simd>(x: V) -> V {
-    if is_small(x) { Reduced::of(x).sine(1.0) } else { lanes(x, f64::cos) }
+    let near = Reduced::of(x).sine(1.0);
+    if is_small(x) { near } else { with_far_lanes(near, x, f64::cos) }
 }
 
 /// Both, in little more time than one of them.
 #[inline(always)]
 pub fn sin_cos<V: Simd>(x: V) -> (V, V) {
+    let reduced = Reduced::of(x);
+    let (sine, cosine) = (reduced.sine(0.0), reduced.sine(1.0));
     if is_small(x) {
-        let reduced = Reduced::of(x);
-        (reduced.sine(0.0), reduced.sine(1.0))
+        (sine, cosine)
     } else {
-        (lanes(x, f64::sin), lanes(x, f64::cos))
+        (with_far_lanes(sine, x, f64::sin), with_far_lanes(cosine, x, f64::cos))
     }
 }
 
 /// The tangent, likewise, to within 4 units.
 #[inline(always)]
 pub fn tan<V: Simd>(x: V) -> V {
-    if is_small(x) { Reduced::of(x).tangent() } else { lanes(x, f64::tan) }
+    let near = Reduced::of(x).tangent();
+    if is_small(x) { near } else { with_far_lanes(near, x, f64::tan) }
 }
 
 /// Whether all lanes are in the range of [`Reduced`].
@@ -138,12 +142,14 @@ fn polynomial<V: Simd>(z: V, [c0, c1, c2, c3, c4, c5]: [f64; 6]) -> V {
     square.mul_add(square.mul_add(high, middle), low)
 }
 
-/// A function of the standard library, lane by lane.
+/// `near`, with a function of the standard library in the lanes of x that are far: no lane's bits
+/// depend on the others.
 #[inline(never)]
-fn lanes<V: Simd>(x: V, f: impl Fn(f64) -> f64) -> V {
-    let mut values = [0.0; 8];
-    x.write(&mut values);
-    x.generate(|lane| f(values[lane]))
+fn with_far_lanes<V: Simd>(near: V, x: V, f: impl Fn(f64) -> f64) -> V {
+    let (mut values, mut angles) = ([0.0; 8], [0.0; 8]);
+    near.write(&mut values);
+    x.write(&mut angles);
+    x.generate(|lane| if angles[lane].abs() <= LIMIT { values[lane] } else { f(angles[lane]) })
 }
 
 #[cfg(test)]
@@ -193,6 +199,34 @@ mod tests {
                     let error = (found - expected).abs();
                     assert!(error <= units * unit, "{isa}, {x:e}: {found:e}, {expected:e}");
                 }
+            }
+        }
+    }
+
+    struct BesideFar(f64);
+
+    impl Task for BesideFar {
+        type Output = [[f64; 8]; 5];
+        #[inline(always)]
+        fn run<V: Simd>(self, zero: V) -> Self::Output {
+            let x = zero.generate(|lane| if lane == 0 { self.0 } else { 0.3 });
+            let (sine, cosine) = sin_cos(x);
+            [sine, cosine, sin(x), cos(x), tan(x)].map(|function| {
+                let mut lanes = [0.0; 8];
+                function.write(&mut lanes);
+                lanes[0] = 0.0;
+                lanes
+            })
+        }
+    }
+
+    /// A lane that is far or not a number does not change the bits of the others.
+    #[test]
+    fn lanes_do_not_depend_on_one_another() {
+        for isa in Isa::available() {
+            let bits = |first| isa.dispatch(BesideFar(first)).map(|row| row.map(f64::to_bits));
+            for far in [1e7, f64::INFINITY, f64::NAN] {
+                assert_eq!(bits(0.3), bits(far), "{isa}, {far}");
             }
         }
     }
