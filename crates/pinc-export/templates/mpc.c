@@ -27,6 +27,15 @@
 #define PINC_HALVINGS 20
 /* Of the length of steps. */
 #define PINC_PATIENCE 4
+/* For how many steps a plan that was followed goes on without having been improved. */
+#define PINC_MOST_WAITING 5
+/* What is done between two questions whether the budget is spent: stages linearized, inputs
+   condensed, columns of the Cholesky factor, rows of the first working set. */
+#define PINC_UNASKED_STAGES (((PINC_NX + PINC_NU) > 8) ? 8 : 32)
+#define PINC_OPERATIONS (4 * PINC_NU * PINC_N2 * PINC_NX * (PINC_NX + PINC_NU))
+#define PINC_UNASKED_INPUTS ((PINC_OPERATIONS < 20000) ? (20000 / PINC_OPERATIONS) : 1)
+#define PINC_UNASKED_COLUMNS 16
+#define PINC_UNASKED_ROWS 8
 /* Of the elastic mode: weight of violations, and whether bounds on states and outputs stay
    so soft. */
 #define PINC_ELASTIC_WEIGHT PINC_PICK(1e3, 10)
@@ -94,7 +103,7 @@ static int pinc_acting(int j)
     return (j < PINC_NC) ? j : (PINC_NC - 1);
 }
 
-/* Whether the budget is spent. */
+/* Asks whether to go on: 1 if the budget is spent. */
 static int pinc_expired(pinc_mpc *m)
 {
     m->spent++;

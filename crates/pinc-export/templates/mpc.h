@@ -127,16 +127,26 @@ typedef struct {
     PINC_REAL tolerance;
 } pinc_dense;
 
+/* What is known of the plan that an optimization ends with: the residual is its own; or the budget
+   was spent when a program had been solved, and the plan is its solution, not linearized at; or
+   within a program, and the plan is on the way to its solution. */
+typedef enum { PINC_JUDGED = 0, PINC_STEPPED = 1, PINC_UNDERWAY = 2 } pinc_standing;
+
 /** A controller: all of its memory. Set up by pinc_mpc_init. */
 typedef struct {
     /**
-     * What a step may cost: how many quadratic programs and changes of active rows, together;
-     * 0: no limit. A step that spends it ends with PINC_DEADLINE.
+     * How often a step may ask whether to go on, which it does before each quadratic program,
+     * each change of active rows but the first of a program, and each shorter trial of a step; in
+     * large controllers within linearizing, condensing and factoring too. 0: no limit. A step that
+     * spends it ends with PINC_DEADLINE, and what it reached goes on in the next.
      */
     long budget;
     /** How many quadratic programs the last step solved. */
     int iterations;
-    /** The KKT residual that the last step ended with. */
+    /**
+     * The KKT residual that the last step ended with; of a plan that there was no budget to judge,
+     * that of the one before.
+     */
     PINC_REAL kkt;
     /** Whether the last input is of the plan that the step ended with. */
     int followed;
@@ -164,8 +174,13 @@ typedef struct {
     PINC_REAL dynamics_residual;
     long spent;
     int warm;
+    /* Whether the plan is a guess only, and for how many steps it has been. */
     int tentative;
+    int waited;
+    /* Whether nobody knows what the model says of the plan. */
+    int unjudged;
     int has_fallback;
+    pinc_standing standing;
     int elastic;
 } pinc_mpc;
 

@@ -170,7 +170,8 @@ static void pinc_condense_outputs(const pinc_dense *s, const pinc_qp *qp, int v,
     }
 }
 
-static void pinc_condense(pinc_mpc *m, const pinc_qp *qp)
+/* Condenses the program; 0 if the budget was spent before the end. */
+static int pinc_condense(pinc_mpc *m, const pinc_qp *qp)
 {
     pinc_dense *s = &m->dense;
     int v;
@@ -180,6 +181,9 @@ static void pinc_condense(pinc_mpc *m, const pinc_qp *qp)
     for (v = 0; v < PINC_INPUTS; v++) {
         const int input = v / PINC_NU;
         PINC_REAL *column = s->matrix + (v * PINC_ROWS);
+        if ((v > 0) && ((v % (PINC_NU * PINC_UNASKED_INPUTS)) == 0) && (pinc_expired(m) != 0)) {
+            return 0;
+        }
         pinc_respond(s, qp, input, v % PINC_NU);
         pinc_condense_hessian(s, qp, input, v % PINC_NU, s->hessian + (v * PINC_INPUTS));
         /* States before the input acts keep the 0 that they have from the beginning. */
@@ -192,6 +196,7 @@ static void pinc_condense(pinc_mpc *m, const pinc_qp *qp)
     }
     pinc_add_increments(s, qp);
     pinc_condense_limits(m, qp);
+    return 1;
 }
 
 /* The increments' rows of the matrix, which stay. */
@@ -277,27 +282,35 @@ static void pinc_expand(pinc_mpc *m, const pinc_qp *qp)
     }
 }
 
-/* Solves the program at the plan, from the multipliers in the step. */
+static int pinc_step_is_finite(const pinc_mpc *m)
+{
+    return pinc_all_finite(m->d, PINC_UNKNOWNS) &
+           pinc_all_finite(m->step.dynamics, PINC_STATES) &
+           pinc_all_finite(m->step.bounds, PINC_UNKNOWNS) &
+           pinc_all_finite(m->step.increments, PINC_INPUTS) &
+           pinc_all_finite(m->step.outputs, PINC_OUTPUT_ROWS);
+}
+
+/* Solves the program at the plan, from the multipliers in the step. If the budget is spent within
+   it, the step is that to the point on the way. */
 static pinc_qp_status pinc_solve_qp(pinc_mpc *m)
 {
     const pinc_qp *qp = &m->qp[m->at];
-    pinc_qp_status status;
-    pinc_condense(m, qp);
-    pinc_guess(m);
-    status = pinc_dense_solve(m);
-    if (status == PINC_QP_SOLVED) {
-        int finite;
+    pinc_qp_status status = PINC_QP_EXPIRED_EARLY;
+    if (pinc_condense(m, qp) != 0) {
+        pinc_guess(m);
+        status = pinc_dense_solve(m);
+    }
+    if ((status == PINC_QP_SOLVED) || (status == PINC_QP_EXPIRED)) {
         pinc_expand(m, qp);
-        finite = pinc_all_finite(m->d, PINC_UNKNOWNS) &
-                 pinc_all_finite(m->step.dynamics, PINC_STATES) &
-                 pinc_all_finite(m->step.bounds, PINC_UNKNOWNS) &
-                 pinc_all_finite(m->step.increments, PINC_INPUTS) &
-                 pinc_all_finite(m->step.outputs, PINC_OUTPUT_ROWS);
-        if (finite == 0) {
+        if ((status == PINC_QP_SOLVED) && (pinc_step_is_finite(m) == 0)) {
             status = PINC_QP_FAILED;
         }
-    } else if (status == PINC_QP_EXPIRED) {
-        pinc_read_multipliers(m);
+    } else if (status == PINC_QP_EXPIRED_EARLY) {
+        pinc_fill(m->d, PINC_N(0), PINC_UNKNOWNS);
+        status = PINC_QP_EXPIRED;
+    } else {
+        /* There is no step. */
     }
     return status;
 }

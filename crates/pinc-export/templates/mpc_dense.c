@@ -1,8 +1,13 @@
 /* ---- A dense quadratic program: dual active-set method of Goldfarb and Idnani (1983) ------- */
 
-/* H = L L'; L below the diagonal column by column, mirrored above. 0 if H is not positive. */
-static int pinc_factor(pinc_dense *s)
+/* How a dense program, or a part of the method, ended; early: when there was no step yet. */
+typedef enum { PINC_QP_SOLVED, PINC_QP_CONTINUES, PINC_QP_INFEASIBLE, PINC_QP_FAILED,
+               PINC_QP_EXPIRED, PINC_QP_EXPIRED_EARLY } pinc_qp_status;
+
+/* H = L L'; L below the diagonal column by column, mirrored above. Fails if H is not positive. */
+static pinc_qp_status pinc_factor(pinc_mpc *m)
 {
+    pinc_dense *s = &m->dense;
     const int n = PINC_INPUTS;
     int c;
     int i;
@@ -11,8 +16,11 @@ static int pinc_factor(pinc_dense *s)
         PINC_REAL *column = s->factor + ((c * n) + c);
         const PINC_REAL pivot = column[0];
         PINC_REAL inverse;
+        if (((c % PINC_UNASKED_COLUMNS) == (PINC_UNASKED_COLUMNS - 1)) && (pinc_expired(m) != 0)) {
+            return PINC_QP_EXPIRED_EARLY;
+        }
         if (!(pivot > PINC_SMALLEST_PIVOT * s->hessian[(c * n) + c])) {
-            return 0;
+            return PINC_QP_FAILED;
         }
         inverse = PINC_N(1) / PINC_MATH(sqrt)(pivot);
         s->inverse_diagonal[c] = inverse;
@@ -26,7 +34,7 @@ static int pinc_factor(pinc_dense *s)
             pinc_add_scaled(target + (c + 1 + i), -entry, column + (1 + i), n - (c + 1 + i));
         }
     }
-    return 1;
+    return PINC_QP_CONTINUES;
 }
 
 /* v <- L^-1 v */
@@ -276,29 +284,39 @@ static PINC_REAL pinc_clamp(PINC_REAL v, PINC_REAL least, PINC_REAL most)
     return pinc_min(pinc_max(v, least), most);
 }
 
-/* Makes the working set of the multipliers given, less the rows whose multipliers it gets wrong. */
-static void pinc_start(pinc_dense *s)
+/* Takes a row with the multiplier mu into the working set, if it can be. */
+static void pinc_try_warm_row(pinc_dense *s, int row, PINC_REAL mu)
 {
+    const pinc_row member = pinc_row_at(s, row, (mu > PINC_N(0)) ? 1 : 0);
+    s->mu[row] = PINC_N(0);
+    if (pinc_finite(member.bound) == 0) {
+        return;
+    }
+    if (pinc_abs(mu) >= s->penalty[row]) {
+        s->mu[row] = pinc_clamp(mu, member.least, member.most);
+    } else {
+        int dependent = 0;
+        const PINC_REAL squared = pinc_split(s, row, &dependent);
+        if (dependent == 0) {
+            pinc_join(s, &member, squared);
+        }
+    }
+}
+
+/* Makes the working set of the multipliers given, less the rows whose multipliers it gets wrong. */
+static pinc_qp_status pinc_start(pinc_mpc *m)
+{
+    pinc_dense *s = &m->dense;
     int row;
     int gone;
     s->members = 0;
     for (row = 0; row < PINC_LIMITS; row++) {
-        const PINC_REAL mu = s->mu[row];
-        if (pinc_abs(mu) > PINC_N(0)) {
-            const pinc_row member = pinc_row_at(s, row, (mu > PINC_N(0)) ? 1 : 0);
-            s->mu[row] = PINC_N(0);
-            if (pinc_finite(member.bound) == 0) {
-                continue;
+        if (pinc_abs(s->mu[row]) > PINC_N(0)) {
+            if (((s->members % PINC_UNASKED_ROWS) == (PINC_UNASKED_ROWS - 1)) &&
+                (pinc_expired(m) != 0)) {
+                return PINC_QP_EXPIRED_EARLY;
             }
-            if (pinc_abs(mu) >= s->penalty[row]) {
-                s->mu[row] = pinc_clamp(mu, member.least, member.most);
-            } else {
-                int dependent = 0;
-                const PINC_REAL squared = pinc_split(s, row, &dependent);
-                if (dependent == 0) {
-                    pinc_join(s, &member, squared);
-                }
-            }
+            pinc_try_warm_row(s, row, s->mu[row]);
         }
     }
     pinc_resolve(s);
@@ -310,6 +328,7 @@ static void pinc_start(pinc_dense *s)
         pinc_resolve(s);
         gone = pinc_most_excessive(s);
     }
+    return PINC_QP_CONTINUES;
 }
 
 /* Whether a row is off and its multiplier can be moved; writes how. */
@@ -398,10 +417,6 @@ static int pinc_first_at_limit(const pinc_dense *s, PINC_REAL sign, int dependen
     }
     return first;
 }
-
-/* How a dense program ended. */
-typedef enum { PINC_QP_SOLVED, PINC_QP_CONTINUES, PINC_QP_INFEASIBLE, PINC_QP_FAILED,
-               PINC_QP_EXPIRED } pinc_qp_status;
 
 /* A row that is off and depends on rows that cannot yield. */
 static pinc_qp_status pinc_certify(pinc_dense *s, const pinc_row *member, PINC_REAL gap)
@@ -496,13 +511,16 @@ static pinc_qp_status pinc_add_row(pinc_dense *s, const pinc_row *member)
 static pinc_qp_status pinc_dense_solve(pinc_mpc *m)
 {
     pinc_dense *s = &m->dense;
+    pinc_qp_status begun = pinc_factor(m);
     int fresh = 1;
     s->changes = 0;
     s->tolerance = PINC_MET;
-    if (pinc_factor(s) == 0) {
-        return PINC_QP_FAILED;
+    if (begun == PINC_QP_CONTINUES) {
+        begun = pinc_start(m);
     }
-    pinc_start(s);
+    if (begun != PINC_QP_CONTINUES) {
+        return begun;
+    }
     while (s->changes <= 10 * (PINC_LIMITS + 10)) {
         pinc_row worst = pinc_row_at(s, 0, 0);
         pinc_copy(s->x, s->y, PINC_INPUTS);

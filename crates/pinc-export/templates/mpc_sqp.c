@@ -22,19 +22,24 @@ static void pinc_project(const pinc_mpc *m, PINC_REAL *z)
     }
 }
 
-/* Linearizes the model along z, from the state at the start. */
-static void pinc_linearize(const pinc_mpc *m, const PINC_REAL *z, pinc_qp *qp)
+/* Linearizes the model along z, from the state at the start; 0 if the budget was spent before the
+   end. */
+static int pinc_linearize(pinc_mpc *m, const PINC_REAL *z, pinc_qp *qp)
 {
     int j;
     int i;
     for (j = 0; j < PINC_N2; j++) {
         const PINC_REAL *x = (j == 0) ? m->start : (z + ((j - 1) * PINC_NX));
         const PINC_REAL *u = z + (PINC_STATES + (pinc_acting(j) * PINC_NU));
+        if ((j > 0) && ((j % PINC_UNASKED_STAGES) == 0) && (pinc_expired(m) != 0)) {
+            return 0;
+        }
         @LINEARIZE@x, u, qp->c + (j * PINC_NX), PINC_A(qp, j), PINC_B(qp, j));
     }
     for (i = 0; i < PINC_STATES; i++) {
         qp->c[i] -= z[i];
     }
+    return 1;
 }
 
 /* What is left of bounds and increments at z. */
@@ -131,12 +136,14 @@ static PINC_REAL pinc_weigh_inputs(const pinc_mpc *m, const PINC_REAL *z, PINC_R
 }
 #endif
 
-/* Linearizes at z and gives the cost. */
-static PINC_REAL pinc_evaluate(const pinc_mpc *m, const PINC_REAL *z, const PINC_REAL *reference,
-                               pinc_qp *qp)
+/* Linearizes at z and writes the cost; 0 if the budget was spent before that. */
+static int pinc_evaluate(pinc_mpc *m, const PINC_REAL *z, const PINC_REAL *reference, pinc_qp *qp,
+                         PINC_REAL *cost)
 {
     PINC_REAL twice;
-    pinc_linearize(m, z, qp);
+    if (pinc_linearize(m, z, qp) == 0) {
+        return 0;
+    }
     pinc_limit(m, z, qp);
     pinc_fill(qp->gradient, PINC_N(0), PINC_UNKNOWNS);
     twice = pinc_move_inputs(m, z, qp->gradient);
@@ -149,7 +156,8 @@ static PINC_REAL pinc_evaluate(const pinc_mpc *m, const PINC_REAL *z, const PINC
 #if PINC_HAS_W
     twice += pinc_weigh_inputs(m, z, qp->gradient);
 #endif
-    return twice / PINC_N(2);
+    *cost = twice / PINC_N(2);
+    return 1;
 }
 
 /* ---- How far a plan is from optimal --------------------------------------------------------- */
@@ -242,10 +250,9 @@ static void pinc_lagrangian(const pinc_qp *qp, const pinc_multipliers *at, PINC_
     }
 }
 
-/* The KKT residual of the plan, where the program at hand is linearized. */
-static PINC_REAL pinc_residual(pinc_mpc *m, const pinc_qp *qp)
+/* The KKT residual where the program at hand is linearized, with these multipliers. */
+static PINC_REAL pinc_residual(pinc_mpc *m, const pinc_qp *qp, const pinc_multipliers *at)
 {
-    const pinc_multipliers *at = &m->plan.m;
     const PINC_REAL count =
         PINC_N(PINC_STATES + PINC_UNKNOWNS + PINC_INPUTS + PINC_ALL_OUTPUT_ROWS);
     pinc_residuals worst;
@@ -394,11 +401,9 @@ static void pinc_move_part(PINC_REAL *to, const PINC_REAL *from, const PINC_REAL
     }
 }
 
-/* Sets the plan so much of the step away from the base, and linearizes there; gives the cost. */
-static PINC_REAL pinc_try(pinc_mpc *m, const PINC_REAL *reference, PINC_REAL length)
+/* Sets the plan so much of the step away from the base. */
+static void pinc_set_trial(pinc_mpc *m, PINC_REAL length)
 {
-    pinc_qp *trial = &m->qp[1 - m->at];
-    PINC_REAL cost;
     int v;
     for (v = 0; v < PINC_UNKNOWNS; v++) {
         m->plan.z[v] = m->base.z[v] + (length * m->d[v]);
@@ -409,9 +414,18 @@ static PINC_REAL pinc_try(pinc_mpc *m, const PINC_REAL *reference, PINC_REAL len
                    length);
     pinc_move_part(m->plan.m.outputs, m->base.m.outputs, m->step.outputs, PINC_OUTPUT_ROWS, length);
     pinc_project(m, m->plan.z);
-    cost = pinc_evaluate(m, m->plan.z, reference, trial);
-    (void)pinc_residual(m, trial);
-    return cost;
+}
+
+/* Does so and linearizes there; writes the cost. 0 if the budget was spent before that. */
+static int pinc_try(pinc_mpc *m, const PINC_REAL *reference, PINC_REAL length, PINC_REAL *cost)
+{
+    pinc_qp *trial = &m->qp[1 - m->at];
+    pinc_set_trial(m, length);
+    if (pinc_evaluate(m, m->plan.z, reference, trial, cost) == 0) {
+        return 0;
+    }
+    (void)pinc_residual(m, trial, &m->plan.m);
+    return 1;
 }
 
 static void pinc_accept(pinc_mpc *m, PINC_REAL length)
@@ -443,38 +457,19 @@ static PINC_REAL pinc_length(const pinc_mpc *m)
     return pinc_clamp(m->last_length / (PINC_N(1) - ratio), PINC_N(0.05), PINC_N(50));
 }
 
-/* How the search along a step ended. */
-typedef enum { PINC_FOUND, PINC_NO_DESCENT, PINC_LATE } pinc_found;
+/* How the search along a step ended: with a plan; without; with the budget spent and the plan where
+   the step starts; or before the end of the step could be judged, with the plan there. */
+typedef enum { PINC_FOUND, PINC_NO_DESCENT, PINC_LATE, PINC_UNJUDGED } pinc_found;
 
-/* Goes along the step as far as is good. */
-static pinc_found pinc_search(pinc_mpc *m, const PINC_REAL *reference, PINC_REAL *cost, PINC_REAL least)
+/* Halves the step until the merit function decreases, from the whole step at the cost given. */
+static pinc_found pinc_backtrack(pinc_mpc *m, const PINC_REAL *reference, PINC_REAL *cost,
+                                 PINC_REAL whole)
 {
-    const PINC_REAL good = PINC_CONTRACTION * least;
-    PINC_REAL length = pinc_length(m);
+    PINC_REAL length = PINC_N(1);
+    PINC_REAL now = whole;
     PINC_REAL start;
     PINC_REAL slope;
-    PINC_REAL now;
     int halving;
-    m->base = m->plan;
-    if (length > PINC_N(0)) {
-        now = pinc_try(m, reference, length);
-        if (m->kkt <= good) {
-            pinc_accept(m, length);
-            *cost = now;
-            return PINC_FOUND;
-        }
-        if (pinc_expired(m) != 0) {
-            m->plan = m->base;
-            return PINC_LATE;
-        }
-    }
-    length = PINC_N(1);
-    now = pinc_try(m, reference, length);
-    if (m->kkt <= good) {
-        pinc_accept(m, length);
-        *cost = now;
-        return PINC_FOUND;
-    }
     pinc_update_weights(m->weights.dynamics, m->step.dynamics, PINC_STATES);
     pinc_update_weights(m->weights.bounds, m->step.bounds, PINC_UNKNOWNS);
     pinc_update_weights(m->weights.increments, m->step.increments, PINC_INPUTS);
@@ -489,30 +484,67 @@ static pinc_found pinc_search(pinc_mpc *m, const PINC_REAL *reference, PINC_REAL
             *cost = now;
             return PINC_FOUND;
         }
-        if (pinc_expired(m) != 0) {
+        length *= PINC_N(0.5);
+        if ((pinc_expired(m) != 0) || (pinc_try(m, reference, length, &now) == 0)) {
             m->plan = m->base;
             return PINC_LATE;
         }
-        length *= PINC_N(0.5);
-        now = pinc_try(m, reference, length);
     }
     m->plan = m->base;
     return PINC_NO_DESCENT;
 }
 
-/* Improves the plan; gives how that ended. */
-static pinc_status pinc_optimize(pinc_mpc *m, const PINC_REAL *reference)
+/* Goes along the step as far as is good. */
+static pinc_found pinc_search(pinc_mpc *m, const PINC_REAL *reference, PINC_REAL *cost,
+                              PINC_REAL least)
 {
-    PINC_REAL cost = pinc_evaluate(m, m->plan.z, reference, &m->qp[m->at]);
-    PINC_REAL kkt = pinc_residual(m, &m->qp[m->at]);
+    const PINC_REAL good = PINC_CONTRACTION * least;
+    const PINC_REAL length = pinc_length(m);
+    PINC_REAL now = PINC_N(0);
+    m->base = m->plan;
+    if (length > PINC_N(0)) {
+        if (pinc_try(m, reference, length, &now) == 0) {
+            return PINC_UNJUDGED;
+        }
+        if (m->kkt <= good) {
+            pinc_accept(m, length);
+            *cost = now;
+            return PINC_FOUND;
+        }
+        if (pinc_expired(m) != 0) {
+            m->plan = m->base;
+            return PINC_LATE;
+        }
+    }
+    if (pinc_try(m, reference, PINC_N(1), &now) == 0) {
+        return PINC_UNJUDGED;
+    }
+    if (m->kkt <= good) {
+        pinc_accept(m, PINC_N(1));
+        *cost = now;
+        return PINC_FOUND;
+    }
+    return pinc_backtrack(m, reference, cost, now);
+}
+
+/* Goes as far towards the solution of a program as it came before the budget was spent. */
+static void pinc_step_on_the_way(pinc_mpc *m)
+{
+    m->base = m->plan;
+    if (pinc_step_is_finite(m) != 0) {
+        pinc_set_trial(m, PINC_N(1));
+    }
+    m->standing = PINC_UNDERWAY;
+}
+
+/* Improves the plan, at which the problem is linearized; gives how that ended. */
+static pinc_status pinc_iterate(pinc_mpc *m, const PINC_REAL *reference, PINC_REAL cost)
+{
+    PINC_REAL kkt = pinc_residual(m, &m->qp[m->at], &m->plan.m);
     PINC_REAL least = kkt;
-    memset(&m->weights, 0, sizeof(m->weights));
-    m->steps = 0;
-    m->iterations = 0;
     for (;;) {
         pinc_qp_status solved;
         pinc_found found;
-        m->kkt = kkt;
         if (pinc_finite(kkt) == 0) {
             return PINC_NUMERICAL_TROUBLE;
         }
@@ -529,8 +561,7 @@ static pinc_status pinc_optimize(pinc_mpc *m, const PINC_REAL *reference)
         m->step = m->plan.m;
         solved = pinc_solve_qp(m);
         if (solved == PINC_QP_EXPIRED) {
-            /* The next control step goes on from there. */
-            m->plan.m = m->step;
+            pinc_step_on_the_way(m);
             return PINC_DEADLINE;
         }
         if (solved == PINC_QP_INFEASIBLE) {
@@ -544,26 +575,27 @@ static pinc_status pinc_optimize(pinc_mpc *m, const PINC_REAL *reference)
             return PINC_NUMERICAL_TROUBLE;
         }
         found = pinc_search(m, reference, &cost, least);
-        if (found == PINC_LATE) {
-            m->kkt = kkt;
+        if ((found == PINC_LATE) || (found == PINC_UNJUDGED)) {
+            m->standing = (found == PINC_LATE) ? PINC_JUDGED : PINC_STEPPED;
             return PINC_DEADLINE;
         }
         if (found == PINC_FOUND) {
             kkt = m->kkt;
         } else if (m->elastic != 0) {
-            m->kkt = kkt;
             return PINC_STALLED;
         } else {
             pinc_enter_elastic(m);
-            kkt = pinc_residual(m, &m->qp[m->at]);
+            kkt = pinc_residual(m, &m->qp[m->at], &m->plan.m);
         }
         least = pinc_min(least, kkt);
     }
 }
 
-/* Judges the end by the problem's own hard constraints. */
+/* Judges the end by the problem's own hard constraints; a plan that is not linearized at, by the
+   one before. */
 static pinc_status pinc_judge(pinc_mpc *m, pinc_status status)
 {
+    const pinc_plan *judged = (m->standing == PINC_JUDGED) ? &m->plan : &m->base;
     if (m->elastic != 0) {
         if (PINC_STATES_EXACT == 0) {
             pinc_copy(m->penalty, pinc_penalty, PINC_STATES);
@@ -572,12 +604,36 @@ static pinc_status pinc_judge(pinc_mpc *m, pinc_status status)
             pinc_copy(m->output_penalty, pinc_output_penalty, PINC_OUTPUT_ROWS);
         }
     }
-    (void)pinc_residual(m, &m->qp[m->at]);
+    (void)pinc_residual(m, &m->qp[m->at], &judged->m);
     if ((m->elastic != 0) && (m->bounds_residual > PINC_KKT_TOLERANCE) &&
         (status == PINC_CONVERGED)) {
         status = PINC_INFEASIBLE_QP;
     }
     return (pinc_finite(m->kkt) != 0) ? status : PINC_NUMERICAL_TROUBLE;
+}
+
+static void pinc_restore_penalties(pinc_mpc *m)
+{
+    pinc_copy(m->penalty, pinc_penalty, PINC_STATES);
+    pinc_copy(m->output_penalty, pinc_output_penalty, PINC_OUTPUT_ROWS);
+}
+
+/* Optimizes from the plan at hand, with hard constraints hard; gives how that ended. */
+static pinc_status pinc_optimize(pinc_mpc *m, const PINC_REAL *reference)
+{
+    PINC_REAL cost = PINC_N(0);
+    m->elastic = 0;
+    pinc_restore_penalties(m);
+    memset(&m->weights, 0, sizeof(m->weights));
+    m->steps = 0;
+    m->iterations = 0;
+    m->standing = PINC_JUDGED;
+    if (pinc_evaluate(m, m->plan.z, reference, &m->qp[m->at], &cost) == 0) {
+        m->kkt = PINC_INFINITY;
+        m->dynamics_residual = PINC_INFINITY;
+        return PINC_DEADLINE;
+    }
+    return pinc_judge(m, pinc_iterate(m, reference, cost));
 }
 
 /* ---- The controller ------------------------------------------------------------------------- */
@@ -652,17 +708,44 @@ static int pinc_plans_differ(const pinc_plan *a, const pinc_plan *b)
            pinc_differ(a->m.outputs, b->m.outputs, PINC_OUTPUT_ROWS);
 }
 
-/* Keeps the new plan if it is worth following, or if only the time was up as a guess for the next
-   step; or else takes the first guess. */
+/* Whether the new plan is to be followed, optimal or not. */
+static int pinc_is_good(const pinc_mpc *m, pinc_status status, int credible)
+{
+    int good = 0;
+    if (m->standing == PINC_JUDGED) {
+        good = (status == PINC_CONVERGED) ? 1 : credible;
+    } else if (m->standing == PINC_STEPPED) {
+        /* As a real-time iteration, if that started from a good plan. */
+        good = (m->tentative != 0) ? credible : (credible | m->has_fallback);
+    } else {
+        /* It is only on the way. */
+    }
+    return good;
+}
+
+/* Keeps the new plan if it is worth following, or if only the budget was spent as a guess for the
+   next step; or else takes the first guess. */
 static void pinc_keep_plan(pinc_mpc *m, pinc_status status, int finite)
 {
-    /* A plan that is true to the model is followed, optimal or not. */
-    const int good =
-        ((status == PINC_CONVERGED) || (m->dynamics_residual <= PINC_CREDIBLE)) ? finite : 0;
-    const int late = ((finite != 0) && (good == 0) && (status == PINC_DEADLINE)) ? 1 : 0;
-    const int guess = (late != 0) ? (m->warm | pinc_plans_differ(&m->plan, &m->fallback)) : 0;
-    m->tentative = guess & m->has_fallback;
+    /* Whether what was judged is true to the model. */
+    const int credible = (m->dynamics_residual <= PINC_CREDIBLE) ? 1 : 0;
+    int good;
+    int guess = 0;
+    if ((credible != 0) && (m->standing == PINC_UNDERWAY)) {
+        /* That is the plan before. */
+        m->fallback = m->base;
+        m->has_fallback = 1;
+        m->waited = 0;
+    }
+    good = finite & pinc_is_good(m, status, credible);
+    if ((finite != 0) && (good == 0) && (status == PINC_DEADLINE)) {
+        guess = m->warm | pinc_plans_differ(&m->plan, &m->fallback);
+    }
+    m->tentative = (m->waited < PINC_MOST_WAITING) ? (guess & m->has_fallback) : 0;
+    m->waited = (m->tentative != 0) ? (m->waited + 1) : 0;
+    /* With nothing to fall back on, a plan on its way is better than none. */
     m->followed = (m->tentative != 0) ? 0 : (good | guess);
+    m->unjudged = (m->standing != PINC_JUDGED) ? 1 : 0;
     m->has_fallback = good | m->tentative;
     m->warm = m->followed | m->tentative;
     if (m->tentative != 0) {
@@ -726,12 +809,6 @@ static void pinc_push(pinc_mpc *m)
 #endif
 }
 
-static void pinc_restore_penalties(pinc_mpc *m)
-{
-    pinc_copy(m->penalty, pinc_penalty, PINC_STATES);
-    pinc_copy(m->output_penalty, pinc_output_penalty, PINC_OUTPUT_ROWS);
-}
-
 void pinc_mpc_init(pinc_mpc *m)
 {
     memset(m, 0, sizeof(*m));
@@ -784,11 +861,15 @@ pinc_status pinc_mpc_step(pinc_mpc *m, const PINC_REAL x[PINC_NX],
         return PINC_BAD_ARGUMENT;
     }
     m->spent = 0;
-    m->elastic = 0;
-    pinc_restore_penalties(m);
     pinc_predict_delay(m, x);
     pinc_shift_warm_start(m);
-    status = pinc_judge(m, pinc_optimize(m, reference));
+    status = pinc_optimize(m, reference);
+    if ((status == PINC_NUMERICAL_TROUBLE) && (m->unjudged != 0)) {
+        /* From a plan at which the model says nothing. */
+        pinc_stay_at(&m->plan, m->start);
+        pinc_project(m, m->plan.z);
+        status = pinc_optimize(m, reference);
+    }
     finite = pinc_plan_is_finite(&m->plan);
     if (finite == 0) {
         status = PINC_NUMERICAL_TROUBLE;
