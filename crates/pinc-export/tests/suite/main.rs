@@ -1,5 +1,6 @@
 //! What is generated, compiled and run.
 
+mod budgets;
 mod compile;
 mod controller;
 mod feedback;
