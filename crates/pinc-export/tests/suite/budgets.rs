@@ -4,7 +4,7 @@ use super::controller::{Budget, Source, compare_within, equations, oscillator_ca
 use pinc_export::ExplicitMethod;
 use pinc_mpc::{Bounds, QpMethod};
 
-const ANY: Budget = |_, draws| (1.0 + 8.0 * draws.unit()).floor();
+const ANY: Budget = |_, draws| draws.budget(8.0);
 
 /// Plans on their way are improved, waited for, and followed in the end.
 #[test]
@@ -12,7 +12,7 @@ fn steps_cut_off_one_after_another_are_the_librarys() {
     let seen = compare_within(&oscillator_case(), 500, 31, ANY);
     assert!(seen[0] > 100 && seen[2] > 200, "{seen:?}");
     // For longer than a plan that was good is followed without having been improved.
-    let tight: Budget = |k, _| if k < 3 { 0.0 } else { 2.0 };
+    let tight: Budget = |k, _| if k < 3 { [0.0; 2] } else { [2.0; 2] };
     for case in [oscillator_case(), tanks_case()] {
         let seen = compare_within(&case, 250, 32, tight);
         assert!(seen[2] > 150, "{seen:?}");
@@ -25,10 +25,11 @@ fn steps_cut_off_where_the_model_has_no_value_are_the_librarys() {
     let mut case = oscillator_case();
     let equations = equations(
         r#"{"states": [{"name": "x1"}, {"name": "x2"}], "inputs": [{"name": "u"}],
-            "derivatives": {"x1": "x2", "x2": "sqrt(1.4 - x1^2)*x2 - x1 + u"}}"#,
+            "derivatives": {"x1": "x2", "x2": "sqrt(1.1 - x1^2)*x2 - x1 + u"}}"#,
     );
     case.source = Source::RungeKutta(equations, ExplicitMethod::Rk4, 1);
     case.problem.state_bounds = Bounds::none(2);
+    case.problem.input_bounds = Bounds::new(vec![-5.0], vec![5.0]);
     (case.low, case.high) = (vec![-1.0; 2], vec![1.0; 2]);
     let seen = compare_within(&case, 500, 36, ANY);
     assert!(seen[2] > 100 && seen[5] > 10, "{seen:?}");
@@ -42,12 +43,20 @@ fn large_controllers_are_cut_off_where_the_librarys_are() {
     case.config.qp = QpMethod::Condensed;
     (case.low, case.high) = (vec![6.5, 6.5, 1.6, 1.6], vec![11.5, 11.5, 3.9, 3.9]);
     (case.problem.horizon, case.problem.control_horizon) = (20, 20);
-    let seen = compare_within(&case, 100, 34, |_, draws| (1.0 + 60.0 * draws.unit()).floor());
+    let seen = compare_within(&case, 100, 34, |_, draws| draws.budget(60.0));
     assert!(seen[2] > 50, "{seen:?}");
-    // A first plan is linearized: later ones that were judged are linearized anew by C only.
     (case.problem.horizon, case.problem.control_horizon) = (70, 3);
     case.problem.state_bounds = Bounds::none(4);
-    let first: Budget = |k, draws| if k == 0 { (1.0 + 14.0 * draws.unit()).floor() } else { 0.0 };
-    let seen = compare_within(&case, 375, 35, first);
+    let some: Budget = |k, draws| match k {
+        0 => draws.budget(14.0),
+        // The plan is that of a step that was not cut off: C alone linearizes it anew, and asks
+        // after 32 and 64 stages.
+        2 => {
+            let [budget, _] = draws.budget(14.0);
+            [budget, budget + 2.0]
+        }
+        _ => [0.0; 2],
+    };
+    let seen = compare_within(&case, 375, 35, some);
     assert!(seen[0] > 300 && seen[2] > 10, "{seen:?}");
 }

@@ -82,6 +82,11 @@ impl Draws {
         f64::from(u32::try_from(self.0 >> 33).unwrap()) / f64::from(1_u32 << 31)
     }
 
+    /// A budget from 1 to `most`, the same for both.
+    pub(crate) fn budget(&mut self, most: f64) -> [f64; 2] {
+        [(1.0 + most * self.unit()).floor(); 2]
+    }
+
     pub(crate) fn between(&mut self, low: f64, high: f64) -> f64 {
         low + self.unit() * (high - low)
     }
@@ -244,7 +249,7 @@ impl Case {
                 // Both go on from one input.
                 (surprise, applied) = (1.0, u.clone());
             }
-            let budget = budget(k % 25, draws);
+            let [budget, in_c] = budget(k % 25, draws);
             let cut = budget > 0.0;
             if reset > 1.0 {
                 nmpc.reset_to(&x, &applied).unwrap();
@@ -254,7 +259,7 @@ impl Case {
             if surprise > 0.0 {
                 nmpc.set_applied_input(&applied).unwrap();
             }
-            lines.extend([reset, surprise, budget]);
+            lines.extend([reset, surprise, in_c]);
             lines.extend(applied);
             lines.extend(&x);
             lines.extend(&reference);
@@ -295,8 +300,8 @@ struct Step {
     u: Vec<f64>,
 }
 
-/// The budget of step `k` of an episode; 0 is no limit.
-pub(crate) type Budget = fn(k: usize, draws: &mut Draws) -> f64;
+/// The budgets of step `k` of an episode, of the library and of C; 0 is no limit.
+pub(crate) type Budget = fn(k: usize, draws: &mut Draws) -> [f64; 2];
 
 /// Runs both and compares; gives how often each status was seen.
 #[track_caller]
@@ -304,7 +309,7 @@ pub(crate) fn compare(case: &Case, steps: usize, seed: u64) -> [usize; 6] {
     // What a budget leaves undone depends on the order of equals: only once, at the end.
     compare_within(case, steps, seed, |k, draws| {
         let cut = k == 24 && draws.unit() < 0.7;
-        if cut { (1.0 + 8.0 * draws.unit()).floor() } else { 0.0 }
+        if cut { draws.budget(8.0) } else { [0.0; 2] }
     })
 }
 
