@@ -15,7 +15,8 @@ use pinc_ode::{Dims, Model, Variable, WithOutputs};
 use pinc_plants::{FourTanks, VanDerPol};
 
 /// Reads per step: 1 for a reset before it, 1 and an input for one that was applied, the budget,
-/// state and reference. Writes status, iterations and input.
+/// state and reference. Writes status, iterations, whether the plan is followed, the
+/// KKT residual, and the input.
 const DRIVER: &str = r#"
 #include "ctl_mpc.h"
 #include <stdio.h>
@@ -39,7 +40,7 @@ int main(void)
         }
         m.budget = (long)head[2];
         status = ctl_mpc_step(&m, x, reference, u);
-        printf("%d %d %d\n", (int)status, m.iterations, m.followed);
+        printf("%d %d %d %.17g\n", (int)status, m.iterations, m.followed, (double)m.kkt);
         for (i = 0; i < CTL_NU; i++) {
             printf("%.17g\n", (double)u[i]);
         }
@@ -272,7 +273,7 @@ impl Case {
             let name = step.status.to_string();
             let status = STATUSES.iter().position(|s| *s == name).unwrap();
             let iterations = u32::try_from(step.sqp_iterations).unwrap();
-            let (followed, u) = (step.followed, step.u.to_vec());
+            let (followed, kkt, u) = (step.followed, step.kkt.max(), step.u.to_vec());
             let mut next = vec![0.0; nx];
             model.step(&x, &u, &[], &mut next);
             x = next;
@@ -284,7 +285,7 @@ impl Case {
                     *x = *low;
                 }
             }
-            found.push(Step { status, iterations, followed, cut, u });
+            found.push(Step { status, iterations, followed, cut, kkt, u });
         }
         assert!(nu > 0);
         (lines, found)
@@ -297,6 +298,7 @@ struct Step {
     iterations: u32,
     followed: bool,
     cut: bool,
+    kkt: f64,
     u: Vec<f64>,
 }
 
@@ -318,7 +320,7 @@ pub(crate) fn compare(case: &Case, steps: usize, seed: u64) -> [usize; 6] {
 pub(crate) fn compare_within(case: &Case, steps: usize, seed: u64, budget: Budget) -> [usize; 6] {
     let (lines, expected) = case.run(steps, &mut Draws(seed), budget);
     let found = case.sources().drive(&DRIVER.replace("@READ@", READ), &[], &lines);
-    let width = 3 + case.problem.input_bounds.low.len();
+    let width = 4 + case.problem.input_bounds.low.len();
     assert_eq!(found.len(), steps * width);
     let (mut seen, mut others, mut apart) = ([0; 6], 0, false);
     // An input of ordinary size counts as it is.
@@ -334,7 +336,7 @@ pub(crate) fn compare_within(case: &Case, steps: usize, seed: u64, budget: Budge
             continue;
         }
         let wanted = f64::from(u32::try_from(expected.status).unwrap());
-        let same = found[3..].iter().zip(&expected.u).all(|(u, v)| (u - v).abs() < 1e-8 * largest);
+        let same = found[4..].iter().zip(&expected.u).all(|(u, v)| (u - v).abs() < 1e-8 * largest);
         if (found[0] + wanted).total_cmp(&1.0).is_eq()
             && same
             && case.problem.output_bounds.is_some()
@@ -346,9 +348,15 @@ pub(crate) fn compare_within(case: &Case, steps: usize, seed: u64, budget: Budge
         assert!(found[0].total_cmp(&wanted).is_eq(), "step {k}: {found:?} {expected:?}");
         let followed = f64::from(u8::from(expected.followed));
         assert!(found[2].total_cmp(&followed).is_eq(), "step {k}: {found:?} {expected:?}");
+        if expected.status == 2 {
+            // Both may be infinite.
+            let equal = found[3].total_cmp(&expected.kkt).is_eq();
+            let off = (found[3] - expected.kkt).abs();
+            assert!(equal || off < 1e-6 * expected.kkt, "step {k}: {found:?} {expected:?}");
+        }
         // An iteration that does not converge ends anywhere.
         let allowed = if matches!(expected.status, 1 | 4) { 1e-2 } else { 1e-8 };
-        for (found, expected_u) in found[3..].iter().zip(&expected.u) {
+        for (found, expected_u) in found[4..].iter().zip(&expected.u) {
             let off = (found - expected_u).abs() / largest;
             assert!(off < allowed, "step {k}: {found} {expected:?}, {off:e}");
         }
