@@ -136,7 +136,7 @@ typedef enum { PINC_JUDGED = 0, PINC_STEPPED = 1, PINC_UNDERWAY = 2 } pinc_stand
 typedef struct {
     /**
      * How often a step may ask whether to go on, which it does before each quadratic program,
-     * each change of active rows but the first of a program, and each shorter trial of a step; in
+     * each change of active rows but the first of a program, and each further trial of a step; in
      * large controllers within linearizing, condensing and factoring too. 0: no limit. A step that
      * spends it ends with PINC_DEADLINE, and what it reached goes on in the next.
      */
