@@ -173,10 +173,12 @@ pub struct DormandPrince;
 impl Method for DormandPrince {
     const STAGES: usize = 6;
 
+    /// The stages of a long equation are a loop, as those of [`Classical`]; a short one is unrolled.
     #[inline(always)]
     fn step<P: Plant, S: Scalar>(plant: &P, h: f64, work: &mut Workspace<'_, S>) {
         let Workspace { x, u, p, stage, k } = work;
-        for s in 0..Self::STAGES {
+        let stages = if P::LONG { std::hint::black_box(Self::STAGES) } else { Self::STAGES };
+        for s in 0..stages {
             for (i, stage) in stage.iter_mut().enumerate() {
                 *stage = combine(x[i], h, s, k, i);
             }
@@ -192,6 +194,10 @@ impl Method for DormandPrince {
 /// slope is added last: nothing else waits for it.
 #[inline(always)]
 fn combine<S: Scalar>(x: S, h: f64, s: usize, k: &[&mut [S]; MOST_STAGES], i: usize) -> S {
-    let slopes = k.iter().zip(crate::dopri5::A[s]);
-    slopes.fold(x, |sum, (k, a)| k[i].mul_add(x.constant(h * a), sum))
+    // A closure of a fold would be a function without the instructions of the vectors.
+    let mut sum = x;
+    for (k, a) in k.iter().zip(crate::dopri5::A[s]) {
+        sum = k[i].mul_add(x.constant(h * a), sum);
+    }
+    sum
 }
