@@ -1,5 +1,6 @@
 //! Points in the lanes of vectors.
 
+use crate::points::Points;
 use crate::{Dims, Stages};
 use pinc_ad::simd::Simd;
 
@@ -35,4 +36,33 @@ pub(super) fn scatter<V: Simd>(vector: V, filled: usize, mut to: impl FnMut(usiz
     let mut lanes = [0.0; WIDEST];
     vector.write(&mut lanes);
     lanes.iter().enumerate().take(filled).for_each(|(lane, &value)| to(lane, value));
+}
+
+/// Copies numbers from their places.
+#[inline(always)]
+pub(super) fn gather<V: Simd>(to: &mut [V], places: &[u16], memory: &[V]) {
+    for (to, &place) in to.iter_mut().zip(places) {
+        *to = memory[usize::from(place)];
+    }
+}
+
+/// Writes the states x with their derivatives by the first `columns` variables, `derivative` of the
+/// state and the variable, to `filled` points from the one numbered `begin` on.
+#[inline(always)]
+pub(super) fn store<V: Simd>(
+    points: &mut Points<'_>,
+    dims: Dims,
+    x: &[V],
+    (begin, filled, columns): (usize, usize, usize),
+    derivative: impl Fn(usize, usize) -> V,
+) {
+    for (i, &x) in x.iter().enumerate() {
+        let row = |lane: usize| (begin + lane) * dims.nx + i;
+        scatter(x, filled, |lane, value| points.out.next[row(lane)] = value);
+        for column in 0..columns {
+            scatter(derivative(i, column), filled, |lane, derivative| {
+                points.set(dims, row(lane), column, derivative);
+            });
+        }
+    }
 }

@@ -3,7 +3,7 @@
 
 use super::by_count::by_count;
 use super::elimination::Elimination;
-use super::lanes::{load, scatter};
+use super::lanes::{gather, load, scatter, store};
 use super::outputs::Outputs;
 use super::tangents::{Substep, Tangents};
 use super::{CurvedFunction, SparseFunction, SparsePlant};
@@ -104,12 +104,12 @@ impl<F: CurvedFunction, H: SparseFunction, V: Simd> SparseRodas4<F, H, V> {
         x.copy_from_slice(&memory[..nx]);
         let (values, derivatives) =
             if linearized { rhs.curve(memory) } else { rhs.linearize(memory) }.split_at(nx);
-        keep(&mut entries[..count], derivatives, memory);
+        gather(&mut entries[..count], derivatives, memory);
         for (k, &value) in k.iter_mut().zip(values) {
             *k = [memory[usize::from(value)]];
         }
         if linearized {
-            tangents.keep_curvatures(&derivatives[count..], memory);
+            gather(&mut tangents.second, &derivatives[count..], memory);
         }
         elimination.factorize(rhs.pattern(), &entries[..count], 1.0 / (*h * GAMMA));
         elimination.solve(&mut k[..nx]);
@@ -121,7 +121,7 @@ impl<F: CurvedFunction, H: SparseFunction, V: Simd> SparseRodas4<F, H, V> {
             }
             let values = if linearized {
                 let (values, derivatives) = rhs.linearize(memory).split_at(nx);
-                keep(&mut entries[stage * count..][..count], derivatives, memory);
+                gather(&mut entries[stage * count..][..count], derivatives, memory);
                 values
             } else {
                 rhs.values(memory)
@@ -135,29 +135,6 @@ impl<F: CurvedFunction, H: SparseFunction, V: Simd> SparseRodas4<F, H, V> {
         for (x, [k]) in memory.iter_mut().zip(&k[(STAGES - 1) * nx..]) {
             *x = *x + *k;
         }
-    }
-
-    /// Writes the state with its derivatives to the points from `begin` on.
-    #[inline(always)]
-    fn store(&self, points: &mut Points<'_>, begin: usize, filled: usize, columns: usize) {
-        let dims = self.dims;
-        for (i, &x) in self.memory.iter().enumerate().take(dims.nx) {
-            let row = |lane: usize| (begin + lane) * dims.nx + i;
-            scatter(x, filled, |lane, value| points.out.next[row(lane)] = value);
-            for column in 0..columns {
-                scatter(self.tangents.get(i, column), filled, |lane, derivative| {
-                    points.set(dims, row(lane), column, derivative);
-                });
-            }
-        }
-    }
-}
-
-/// Copies numbers from their places.
-#[inline(always)]
-fn keep<V: Simd>(to: &mut [V], places: &[u16], memory: &[V]) {
-    for (to, &place) in to.iter_mut().zip(places) {
-        *to = memory[usize::from(place)];
     }
 }
 
@@ -217,7 +194,8 @@ impl<F: CurvedFunction, H: SparseFunction, V: Simd> Work for Linearize<'_, F, H,
                 let (pattern, h, zero) = (rhs.pattern(), *h, *zero);
                 tangents.propagate(columns, Substep { pattern, entries, k, elimination, h, zero });
             }
-            model.store(&mut points, begin, filled, columns);
+            let (x, place) = (&model.memory[..dims.nx], (begin, filled, columns));
+            store(&mut points, dims, x, place, |i, column| model.tangents.get(i, column));
         }
     }
 }

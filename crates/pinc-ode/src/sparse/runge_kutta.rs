@@ -1,7 +1,7 @@
 //! Runge-Kutta methods with exact sensitivities through sparse Jacobians, as models.
 
 use super::by_count::by_count;
-use super::lanes::{load, scatter};
+use super::lanes::{gather, load, scatter, store};
 use super::outputs::Outputs;
 use super::propagation::{Sensitivities, Substep};
 use super::small::{Small, Steps};
@@ -166,9 +166,7 @@ impl<F: SparseFunction, V: Simd> SparseRungeKutta<F, V> {
         let (nx, count) = (dims.nx, rhs.pattern().entries());
         for s in 0..stages.len() {
             let (values, rest) = rhs.linearize(memory).split_at(nx);
-            for (to, &place) in entries[s * count..][..count].iter_mut().zip(rest) {
-                *to = memory[usize::from(place)];
-            }
+            gather(&mut entries[s * count..][..count], rest, memory);
             advance(stages, s, values, x, memory, *zero);
         }
         let Self { rhs, entries, stages, sensitivities, zero, .. } = self;
@@ -177,22 +175,12 @@ impl<F: SparseFunction, V: Simd> SparseRungeKutta<F, V> {
         sensitivities.propagate(&substep, columns, *zero);
     }
 
-    /// Writes the state with its derivatives to the points from `begin` on.
+    /// The derivative of a state by a variable.
     #[inline(always)]
-    fn store(&self, points: &mut Points<'_>, begin: usize, filled: usize, columns: usize) {
-        let dims = self.dims;
-        for (i, &x) in self.memory.iter().enumerate().take(dims.nx) {
-            let row = |lane: usize| (begin + lane) * dims.nx + i;
-            scatter(x, filled, |lane, value| points.out.next[row(lane)] = value);
-            for column in 0..columns {
-                let derivatives = match &self.small {
-                    Some(small) => small.get(i, column),
-                    None => self.sensitivities.get(i, column),
-                };
-                scatter(derivatives, filled, |lane, derivative| {
-                    points.set(dims, row(lane), column, derivative);
-                });
-            }
+    fn derivative(&self, state: usize, variable: usize) -> V {
+        match &self.small {
+            Some(small) => small.get(state, variable),
+            None => self.sensitivities.get(state, variable),
         }
     }
 }
@@ -246,7 +234,8 @@ impl<F: SparseFunction, V: Simd> Work for Linearize<'_, F, V> {
                     model.linearized_substep(number, columns);
                 }
             }
-            model.store(&mut points, begin, filled, columns);
+            let (x, place) = (&model.memory[..dims.nx], (begin, filled, columns));
+            store(&mut points, dims, x, place, |i, column| model.derivative(i, column));
         }
     }
 }

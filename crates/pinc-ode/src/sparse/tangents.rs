@@ -31,8 +31,8 @@ pub(super) struct Tangents<V> {
     stages: Vec<V>,
     sum: Vec<V>,
     curvatures: Vec<Curved>,
-    /// The second derivatives of f in the order of `curvatures`.
-    second: Vec<V>,
+    /// The second derivatives of f at the beginning of a substep, in the order of `curvatures`.
+    pub(super) second: Vec<V>,
     /// `J(y_i) + M_i`, stage by stage.
     slopes: Vec<V>,
 }
@@ -70,14 +70,6 @@ impl<V: Simd> Tangents<V> {
             second: vec![zero; curvatures.len()],
             curvatures,
             slopes: vec![zero; STAGES * pattern.entries()],
-        }
-    }
-
-    /// Keeps the second derivatives at the beginning of a substep.
-    #[inline(always)]
-    pub(super) fn keep_curvatures(&mut self, places: &[u16], memory: &[V]) {
-        for (to, &place) in self.second.iter_mut().zip(places) {
-            *to = memory[usize::from(place)];
         }
     }
 
