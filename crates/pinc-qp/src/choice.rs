@@ -2,7 +2,7 @@
 
 #[cfg(feature = "clarabel")]
 use super::ClarabelQp;
-use super::{CondensedQp, OcpDims, Qp, QpSolver, QpStatus, QpStep, RiccatiQp};
+use super::{CondensedQp, OcpDims, Qp, QpSolver, QpStatus, QpStep, QpWork, RiccatiQp};
 use serde::{Deserialize, Serialize};
 use std::fmt;
 use thiserror::Error;
@@ -149,6 +149,14 @@ impl QpSolver for ChosenQp {
             }
             _ => status,
         }
+    }
+
+    fn take_work(&mut self) -> QpWork {
+        let mut work = self.method.take_work();
+        if let Some(fallback) = &mut self.fallback {
+            work += fallback.take_work();
+        }
+        work
     }
 }
 

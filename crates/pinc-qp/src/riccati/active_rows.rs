@@ -2,8 +2,8 @@
 
 use super::newton::{Newton, stiffness};
 use super::rows::Rows;
-use crate::Qp;
 use crate::algebra::largest;
+use crate::{Qp, QpWork};
 
 /// Residuals below this, relative to 1 + the largest number involved, count as 0.
 const TOLERANCE: f64 = 1e-11;
@@ -59,8 +59,8 @@ pub(super) enum RowStatus {
 pub(super) struct ActiveRows {
     statuses: Vec<RowStatus>,
     stiffness: f64,
-    /// How many factorisations the last solution took.
-    pub(super) factorizations: usize,
+    /// What all solutions took.
+    pub(super) work: QpWork,
     /// How many steps it may still take.
     steps_left: usize,
     /// Whether a set is changed as soon as it is clearly wrong, before its rows have been met. That
@@ -73,7 +73,7 @@ impl ActiveRows {
         Self {
             statuses: vec![RowStatus::Inactive; Rows::new(qp.dims).len()],
             stiffness: stiffness(qp),
-            factorizations: 0,
+            work: QpWork::default(),
             steps_left: 0,
             hasty: false,
         }
@@ -112,7 +112,7 @@ impl ActiveRows {
         steps: usize,
         expired: &mut dyn FnMut() -> bool,
     ) -> bool {
-        (self.factorizations, self.steps_left) = (0, steps);
+        self.steps_left = steps;
         self.hasty = steps < usize::MAX;
         if qp.has_stage_cost() {
             self.stiffness = stiffness(qp);
@@ -163,6 +163,7 @@ impl ActiveRows {
                 }
             }
         }
+        self.work.changes += usize::from(first.is_some());
         first.map(|(_, status)| *status = RowStatus::Inactive).is_some()
     }
 
@@ -182,7 +183,7 @@ impl ActiveRows {
                 RowStatus::Violated(penalty) => *mu = *penalty,
             }
         }
-        self.factorizations += 1;
+        self.work.factorizations += 1;
         if !at.factor(qp, expired) {
             return None;
         }
@@ -250,7 +251,7 @@ impl ActiveRows {
 
     /// Changes the statuses that the point contradicts; whether there were any.
     fn reconsider(&mut self, qp: &Qp, at: &Newton) -> bool {
-        let mut changed = false;
+        let before = self.work.changes;
         let points = at.values.iter().zip(&at.mu);
         let rows = self.statuses.iter_mut().zip(Rows::limits(qp)).zip(points);
         for ((status, [low, high, penalty]), (&value, &mu)) in rows {
@@ -281,9 +282,9 @@ impl ActiveRows {
                 }
                 unchanged => unchanged,
             };
-            changed |= next != *status;
+            self.work.changes += usize::from(next != *status);
             *status = next;
         }
-        changed
+        self.work.changes > before
     }
 }

@@ -9,7 +9,7 @@ mod rows;
 use self::active_rows::ActiveRows;
 use self::interior_point::{Ending, InteriorPoint};
 use self::newton::Newton;
-use super::{CondensedQp, Qp, QpSolver, QpStatus, QpStep};
+use super::{CondensedQp, Qp, QpSolver, QpStatus, QpStep, QpWork};
 
 /// How many steps the active rows of a guess may take: a good one needs a few, and what needs more
 /// than this is cheaper for the interior-point method, which takes about as many, ..
@@ -120,5 +120,14 @@ impl QpSolver for RiccatiQp {
         } else {
             QpStatus::Failed
         }
+    }
+
+    fn take_work(&mut self) -> QpWork {
+        let mut work = std::mem::take(&mut self.active.work);
+        work += std::mem::take(&mut self.interior.work);
+        if let Some(condensed) = &mut self.from_scratch {
+            work += condensed.take_work();
+        }
+        work
     }
 }
