@@ -36,6 +36,21 @@ const UNASKED: usize = 3;
 /// The least multiplier that a row is noted with, so that it is taken for active again.
 const NOTED: f64 = 1e-3;
 
+/// How much work a guess of the active rows is worth.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Patience {
+    /// How many linear systems may be solved.
+    pub(super) steps: usize,
+    /// The search ends when more rows are wrong than so many times one more than there were at the
+    /// least: sets that come round again only take the time of the next method.
+    pub(super) relapse: usize,
+}
+
+impl Patience {
+    /// There is no other method left.
+    pub(super) const ENDLESS: Self = Self { steps: usize::MAX, relapse: usize::MAX };
+}
+
 /// What is assumed of a row.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum RowStatus {
@@ -101,29 +116,33 @@ impl ActiveRows {
         }
     }
 
-    /// Solves `qp` from the guess and the point `at` in at most so many `steps`, solutions of
-    /// linear systems; whether that succeeded.
+    /// Solves `qp` from the guess and the point `at` as long as there is `patience`; whether that
+    /// succeeded.
     /// Between factorisations and steps `expired` is asked whether the time is up, which is a
     /// failure.
     pub(super) fn solve(
         &mut self,
         qp: &Qp,
         at: &mut Newton,
-        steps: usize,
+        patience: Patience,
         expired: &mut dyn FnMut() -> bool,
     ) -> bool {
-        self.steps_left = steps;
-        self.hasty = steps < usize::MAX;
+        self.steps_left = patience.steps;
+        self.hasty = patience != Patience::ENDLESS;
         if qp.has_stage_cost() {
             self.stiffness = stiffness(qp);
         }
+        let mut most = usize::MAX;
         for change in 0..CHANGES {
             if change > 0 && expired() {
                 return false;
             }
             match self.meet(qp, at, expired) {
-                Some(true) if !self.reconsider(qp, at) => return true,
-                Some(true) => {}
+                Some(true) => match self.reconsider(qp, at) {
+                    0 => return true,
+                    wrong if wrong > most => return false,
+                    wrong => most = most.min(patience.relapse.saturating_mul(wrong + 1)),
+                },
                 Some(false) if self.release(qp, at) => {}
                 Some(false) | None => return false,
             }
@@ -249,8 +268,8 @@ impl ActiveRows {
         })
     }
 
-    /// Changes the statuses that the point contradicts; whether there were any.
-    fn reconsider(&mut self, qp: &Qp, at: &Newton) -> bool {
+    /// Changes the statuses that the point contradicts, and counts them.
+    fn reconsider(&mut self, qp: &Qp, at: &Newton) -> usize {
         let before = self.work.changes;
         let points = at.values.iter().zip(&at.mu);
         let rows = self.statuses.iter_mut().zip(Rows::limits(qp)).zip(points);
@@ -285,6 +304,6 @@ impl ActiveRows {
             self.work.changes += usize::from(next != *status);
             *status = next;
         }
-        self.work.changes > before
+        self.work.changes - before
     }
 }
