@@ -71,14 +71,16 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--program", default="target/release/pinc")
     parser.add_argument("--repetitions", type=int, default=9)
+    parser.add_argument("--counts", action="store_true", help="without times: the same on every machine")
     parser.add_argument("--loops", help="only those whose name contains this")
     arguments = parser.parse_args()
-    print("| loop | " + " | ".join(name for name, _ in COLUMNS) + " |")
-    print("|---" * (len(COLUMNS) + 1) + "|")
+    columns = COLUMNS[1:] if arguments.counts else COLUMNS
+    print("| loop | " + " | ".join(name for name, _ in columns) + " |")
+    print("|---" * (len(columns) + 1) + "|")
     for name, (config, changes) in LOOPS.items():
         if arguments.loops is None or arguments.loops in name:
             rows = steps(arguments.program, config, changes, arguments.repetitions)
-            cells = [cell(rows, column) for _, column in COLUMNS]
+            cells = [cell(rows, column) for _, column in columns]
             print("| " + " | ".join([name, *cells]) + " |", flush=True)
 
 
