@@ -23,8 +23,8 @@ const METHODS: [QpMethod; 2] = [QpMethod::Condensed, QpMethod::Riccati];
 const SIZES: [[usize; 2]; 7] = [[2, 1], [4, 2], [10, 1], [10, 3], [30, 1], [30, 10], [100, 3]];
 /// Steps after which the reference is the other one.
 const HELD: usize = 8;
-/// Steps of a measurement.
-const STEPS: usize = 48;
+/// Steps of a measurement, after the first one, and how many there are at least.
+const STEPS: [usize; 2] = [48, 5];
 /// When a measurement ends early, and after which median longer horizons are left out, in s.
 const PATIENCE_S: [f64; 2] = [2.0, 0.2];
 
@@ -33,7 +33,8 @@ const INTRODUCTION: &str = "\
 
 A real-time iteration (one linearization of all stages, one QP) by the number N of stages, of states
 and of inputs, with bounds on the inputs that are active or not reached, on a chain of first-order
-lags, in a closed loop between two references: medians in us, the automatic choice in bold. Made by
+lags, in a closed loop between two references: medians in us, the automatic choice in bold. The
+first step of a loop, which has no plan to start from, is not counted. Made by
 
 ```sh
 cargo bench -p pinc-mpc --bench growth -- --page
@@ -254,14 +255,16 @@ impl Loop {
         let (mut x, mut next) = (vec![0.0; n], vec![0.0; n]);
         let mut times = Vec::with_capacity(STEPS);
         let begin = Instant::now();
-        for k in 0..STEPS {
+        for k in 0..=STEPS[0] {
             let reference = &self.references[k / HELD % 2];
             let clock = Instant::now();
             let step = self.nmpc.step(&x, reference).expect("numbers of the right shape");
-            times.push(clock.elapsed().as_secs_f64());
+            if k > 0 {
+                times.push(clock.elapsed().as_secs_f64());
+            }
             self.plant.step(&x, step.u, &[], &mut next);
             std::mem::swap(&mut x, &mut next);
-            if begin.elapsed().as_secs_f64() > PATIENCE_S[0] {
+            if times.len() >= STEPS[1] && begin.elapsed().as_secs_f64() > PATIENCE_S[0] {
                 break;
             }
         }

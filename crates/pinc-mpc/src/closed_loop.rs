@@ -4,7 +4,9 @@ use crate::error::check_finite;
 use crate::loop_errors::LoopErrors;
 use crate::observer::Watch;
 use crate::reference::steps_until;
-use crate::{Constraint, MpcError, Nmpc, Observer, PlantNow, Reference, SqpStatus, Tracked};
+use crate::{
+    Constraint, MpcError, Nmpc, Observer, PlantNow, Reference, SqpStatus, StepWork, Tracked,
+};
 use pinc_ode::metrics::Tracking;
 use pinc_ode::{Simulator, Trajectory};
 
@@ -74,6 +76,8 @@ pub struct StepRecord {
     pub status: SqpStatus,
     /// How many QPs were solved.
     pub sqp_iterations: usize,
+    /// What else it took.
+    pub work: StepWork,
     /// The largest KKT residual, [`KktResidual::max`](crate::KktResidual::max).
     pub kkt: f64,
     /// A hard constraint that could not be met.
@@ -240,6 +244,7 @@ impl<'a> ClosedLoop<'a> {
         self.record = Some(StepRecord {
             status: step.status,
             sqp_iterations: step.sqp_iterations,
+            work: step.work,
             kkt: step.kkt.max(),
             violated: step.violated,
         });

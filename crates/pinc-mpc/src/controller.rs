@@ -8,7 +8,7 @@ use crate::horizon::Horizon;
 use crate::kkt::KktResidual;
 use crate::solution::Solution;
 use crate::sqp::{Outcome, Sqp, Standing, StepInput};
-use crate::{MpcError, NmpcProblem, SqpConfig, SqpStatus};
+use crate::{MpcError, NmpcProblem, SqpConfig, SqpStatus, StepWork};
 use pinc_ode::Model;
 use pinc_qp::{OcpDims, all_finite};
 
@@ -106,6 +106,8 @@ pub struct StepReport<'a> {
     pub status: SqpStatus,
     /// How many QPs were solved.
     pub sqp_iterations: usize,
+    /// What else it took; that of [`Nmpc::prepare`] is part of the step after.
+    pub work: StepWork,
     /// The residual of the plan that the optimisation ended with (of a real-time iteration: that it
     /// began with); not finite if the model has no value there.
     pub kkt: KktResidual,
@@ -322,8 +324,9 @@ impl Nmpc {
         let (status, followed) = self.accept(&outcome);
         self.push_delay_line();
         let Outcome { iterations, last, violated, .. } = outcome;
-        let u = self.plan.first_input();
-        Ok(StepReport { u, status, sqp_iterations: iterations, kkt: last, violated, followed })
+        let (u, work) = (self.plan.first_input(), self.sqp.take_work());
+        let (sqp_iterations, kkt) = (iterations, last);
+        Ok(StepReport { u, status, sqp_iterations, work, kkt, violated, followed })
     }
 
     fn optimize(&mut self, reference: &[f64], expired: &mut dyn FnMut() -> bool) -> Outcome {

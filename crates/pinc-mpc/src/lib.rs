@@ -68,6 +68,7 @@ mod tracked;
 mod transcription;
 mod units;
 mod weights;
+mod work;
 
 pub use barzilai_borwein::BarzilaiBorwein;
 pub use bounds::{Bounds, Softness};
@@ -90,3 +91,4 @@ pub use stage_cost::{QuadBlock, StageCost, StagePoint};
 pub use tracked::Tracked;
 pub use units::ProblemUnits;
 pub use weights::{PerStage, Weight, Weights};
+pub use work::StepWork;

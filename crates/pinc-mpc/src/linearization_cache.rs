@@ -23,6 +23,8 @@ pub(crate) struct LinearizationCache {
     counts: [usize; 2],
     /// Whether there are numbers in `stages`.
     known: bool,
+    /// At how many stages the model has been asked.
+    pub(crate) evaluated: usize,
 }
 
 /// States and the inputs that act in them, `[stages, n]` and `[stages, m]`.
@@ -52,6 +54,7 @@ impl LinearizationCache {
             input: Points::new(dims, dims.horizon),
             ends: StageBlocks::new(dims, 2),
             known: false,
+            evaluated: 0,
         }
     }
 
@@ -100,8 +103,10 @@ impl LinearizationCache {
         std::mem::swap(&mut self.input, &mut self.stages.points);
         self.known = true;
         if moved_on {
+            self.evaluated += 2;
             self.renew_ends(horizon.first_mut());
         } else {
+            self.evaluated += dims.horizon;
             let p = self.parameters.len() / self.counts[0] * self.dims.horizon;
             let by = |at: Stages<'_>, out: Linearization<'_>| horizon.linearize(at, out, expired);
             self.known = self.stages.linearize(&self.parameters[..p], by);

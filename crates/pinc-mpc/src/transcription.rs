@@ -125,6 +125,11 @@ impl Transcription {
         self.cache.set_parameters(p);
     }
 
+    /// At how many stages the model has been linearised since this was last asked.
+    pub(crate) fn take_linearized(&mut self) -> usize {
+        std::mem::take(&mut self.cache.evaluated)
+    }
+
     /// Moves the plan's inputs into their bounds and those of their increments. From outside its
     /// bounds an input may go as far as to the nearest. An input that is not finite becomes the one
     /// before it.

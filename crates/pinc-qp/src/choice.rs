@@ -2,7 +2,7 @@
 
 #[cfg(feature = "clarabel")]
 use super::ClarabelQp;
-use super::{CondensedQp, OcpDims, Qp, QpSolver, QpStatus, QpStep, RiccatiQp};
+use super::{CondensedQp, OcpDims, Qp, QpSolver, QpStatus, QpStep, QpWork, RiccatiQp};
 use serde::{Deserialize, Serialize};
 use std::fmt;
 use thiserror::Error;
@@ -150,6 +150,14 @@ impl QpSolver for ChosenQp {
             _ => status,
         }
     }
+
+    fn take_work(&mut self) -> QpWork {
+        let mut work = self.method.take_work();
+        if let Some(fallback) = &mut self.fallback {
+            work += fallback.take_work();
+        }
+        work
+    }
 }
 
 #[cfg(test)]
@@ -159,7 +167,15 @@ mod tests {
     /// Where the methods cross in `benches/growth.rs` of pinc-mpc.
     #[test]
     fn the_choice_changes_where_the_methods_cross() {
-        for (sizes, last_condensed) in [([2, 1], 12), ([4, 2], 12), ([10, 1], 33), ([10, 3], 15)] {
+        for (sizes, last_condensed) in [
+            ([2, 1], 12),
+            ([4, 2], 12),
+            ([10, 1], 33),
+            ([10, 3], 15),
+            ([30, 1], 86),
+            ([30, 10], 14),
+            ([100, 3], 95),
+        ] {
             let resolve = |n: usize| QpMethod::Auto.resolve(sizes, [n, n]);
             assert_eq!(resolve(last_condensed), QpMethod::Condensed, "{sizes:?}");
             assert_eq!(resolve(last_condensed + 1), QpMethod::Riccati, "{sizes:?}");

@@ -1,6 +1,6 @@
 //! The general backend: Clarabel's interior-point method.
 
-use super::{Kind, Limits, Qp, QpSolver, QpStatus, QpStep, Row};
+use super::{Kind, Limits, Qp, QpSolver, QpStatus, QpStep, QpWork, Row};
 use clarabel::algebra::CscMatrix;
 use clarabel::solver::{
     DefaultSettings, DefaultSolver, IPSolver, NonnegativeConeT, SolverStatus, ZeroConeT,
@@ -25,6 +25,7 @@ pub(crate) struct ClarabelQp {
     matrix: Vec<f64>,
     /// r
     right: Vec<f64>,
+    work: QpWork,
 }
 
 impl fmt::Debug for ClarabelQp {
@@ -44,10 +45,11 @@ impl QpSolver for ClarabelQp {
         _expired: &mut dyn FnMut() -> bool,
     ) -> QpStatus {
         if !self.layout.suits(qp) {
-            *self = Self::new(qp);
+            *self = Self { work: self.work, ..Self::new(qp) };
         }
         self.update(qp);
         self.solver.solve();
+        self.work.factorizations += self.solver.solution.iterations as usize;
         match self.solver.solution.status {
             // "Almost": short of the tolerances below. The caller judges the outcome anyway.
             SolverStatus::Solved | SolverStatus::AlmostSolved => {
@@ -59,6 +61,10 @@ impl QpSolver for ClarabelQp {
             }
             _ => QpStatus::Failed,
         }
+    }
+
+    fn take_work(&mut self) -> QpWork {
+        std::mem::take(&mut self.work)
     }
 }
 
@@ -74,7 +80,7 @@ impl ClarabelQp {
         let hessian = hessian(qp, layout.columns);
         let solver = DefaultSolver::new(&hessian, &linear, &matrix, &right, &cones, settings())
             .expect("the sizes have just been counted and the settings are constants");
-        Self { layout, solver, linear, matrix: matrix.nzval, right }
+        Self { layout, solver, linear, matrix: matrix.nzval, right, work: QpWork::default() }
     }
 
     fn update(&mut self, qp: &Qp) {

@@ -2,7 +2,7 @@
 
 use super::algebra::{add_product, add_scaled, add_transposed, block, block_mut, dot};
 use super::dense::{ActiveSet, DenseQp, DenseStatus};
-use super::{Kind, Limits, Qp, QpSolver, QpStatus, QpStep, Row};
+use super::{Kind, Limits, Qp, QpSolver, QpStatus, QpStep, QpWork, Row};
 use crate::OcpDims;
 
 /// Solves a [`Qp`] by eliminating its states and giving what is left, a small dense program in the
@@ -444,5 +444,9 @@ impl QpSolver for CondensedQp {
                 QpStatus::Expired
             }
         }
+    }
+
+    fn take_work(&mut self) -> QpWork {
+        std::mem::take(&mut self.solver.work)
     }
 }

@@ -17,11 +17,13 @@ mod ocp_dims;
 mod riccati;
 #[cfg(test)]
 mod tests;
+mod work;
 
 pub use algebra::{all_finite, largest};
 pub use choice::{ChosenQp, QpError, QpMethod};
 pub use multipliers::Multipliers;
 pub use ocp_dims::OcpDims;
+pub use work::QpWork;
 
 #[cfg(feature = "clarabel")]
 use clarabel::ClarabelQp;
@@ -193,6 +195,9 @@ pub trait QpSolver: Debug + Send {
     /// `expired` says whether the time is up; it is asked now and then while the method works. The
     /// status is then [`QpStatus::Expired`].
     fn solve(&mut self, qp: &Qp, step: &mut QpStep, expired: &mut dyn FnMut() -> bool) -> QpStatus;
+
+    /// The work since this was last asked.
+    fn take_work(&mut self) -> QpWork;
 }
 
 impl Qp {

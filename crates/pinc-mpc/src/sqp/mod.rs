@@ -11,7 +11,7 @@ use crate::merit::Merit;
 use crate::solution::Solution;
 use crate::stage_cost::StageCost;
 use crate::transcription::Transcription;
-use crate::{MpcError, NmpcProblem, Softness, SqpConfig, SqpStatus};
+use crate::{MpcError, NmpcProblem, Softness, SqpConfig, SqpStatus, StepWork};
 use pinc_ode::Dims;
 use pinc_qp::{ChosenQp, Qp, QpSolver, QpStatus, QpStep, Row};
 
@@ -185,6 +185,11 @@ impl Sqp {
     /// Forgets all plans.
     pub(crate) fn forget(&mut self) {
         self.transcription.forget();
+    }
+
+    /// The work since this was last asked.
+    pub(crate) fn take_work(&mut self) -> StepWork {
+        StepWork::new(self.transcription.take_linearized(), self.solver.take_work())
     }
 
     /// Moves the plan's inputs into their bounds.

@@ -1,11 +1,11 @@
-//! How often the controller evaluates its model.
+//! How often the controller evaluates its model, and what its quadratic programs take.
 
 use crate::faulty::{Faulty, NOT_A_NUMBER, SOUND};
-use crate::problems::van_der_pol;
+use crate::problems::{four_tanks, van_der_pol};
 use crate::support::{Linear, scalar_problem};
 use pinc_mpc::{Nmpc, QpMethod, SqpConfig, SqpStatus};
 use pinc_ode::{Dims, Linearization, Model, Rk4, Stages};
-use pinc_plants::VanDerPol;
+use pinc_plants::{FourTanks, VanDerPol};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
 
@@ -57,7 +57,13 @@ impl Counted {
     fn step(&mut self, x: [f64; 2]) -> (SqpStatus, usize, usize) {
         self.points.store(0, Ordering::Relaxed);
         let step = self.nmpc.step(&x, &[0.8, 0.0].repeat(HORIZON)).unwrap();
-        (step.status, self.points.load(Ordering::Relaxed), step.sqp_iterations)
+        let points = self.points.load(Ordering::Relaxed);
+        assert_eq!(step.work.linearized, points);
+        if step.status == SqpStatus::Converged {
+            // Condensed programs: a factor each.
+            assert_eq!(step.work.factorizations, step.sqp_iterations);
+        }
+        (step.status, points, step.sqp_iterations)
     }
 }
 
@@ -106,4 +112,29 @@ fn stages_without_value_are_asked_again() {
     run.fault.store(SOUND, Ordering::Relaxed);
     let (status, points, qps) = run.step([0.5, 0.6]);
     assert_eq!((status, points), (SqpStatus::Converged, (qps + 1) * HORIZON));
+}
+
+/// A first step from the lower bounds of all levels: the sets of active rows of its third program
+/// come round again. Followed until its steps were over, that took 29 factors (and 33 with 40
+/// stages) instead of 19 (22).
+#[test]
+fn a_first_step_does_not_go_round_in_circles() {
+    for (stages, most) in [(20, 23), (40, 27)] {
+        let mut problem = four_tanks();
+        (problem.horizon, problem.control_horizon) = (stages, stages);
+        let model = Box::new(Rk4::new(FourTanks::antonelo(), 10.0, 4));
+        let mut nmpc = Nmpc::new(problem, model, SqpConfig::default()).unwrap();
+        assert_eq!(QpMethod::Auto.resolve([4, 2], [stages; 2]), QpMethod::Riccati);
+        let x = [2.0, 2.0, 0.6, 0.6];
+        let reference = [9.159_582_958_982_018, 14.211_590_549_777_885].repeat(stages);
+        let step = nmpc.step(&x, &reference).unwrap();
+        assert_eq!(step.status, SqpStatus::Converged);
+        assert!(step.work.changes > stages, "{:?}", step.work);
+        assert!(step.work.factorizations <= most, "{:?}", step.work);
+        // With a plan there is next to nothing left to do.
+        let x = nmpc.plan().states()[..4].to_vec();
+        let step = nmpc.step(&x, &reference).unwrap();
+        assert_eq!(step.status, SqpStatus::Converged);
+        assert!(step.work.factorizations <= step.sqp_iterations + 2, "{:?}", step.work);
+    }
 }

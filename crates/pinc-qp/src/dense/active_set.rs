@@ -1,6 +1,7 @@
 //! The dual active-set method.
 
 use super::DenseQp;
+use crate::QpWork;
 use crate::algebra::{add_scaled, all_finite, dot};
 use crate::factor::{Cholesky, ThinQr};
 
@@ -56,6 +57,8 @@ pub(crate) struct ActiveSet {
     z: Vec<f64>,
     tolerance: f64,
     changes: usize,
+    /// What all solutions took.
+    pub(crate) work: QpWork,
 }
 
 /// How the solution of a [`DenseQp`] ended.
@@ -132,6 +135,7 @@ impl ActiveSet {
             z: vec![0.0; unknowns],
             tolerance: TOLERANCE,
             changes: 0,
+            work: QpWork::default(),
         }
     }
 
@@ -162,6 +166,7 @@ impl ActiveSet {
     pub(crate) fn solve(&mut self, qp: &DenseQp, expired: &mut dyn FnMut() -> bool) -> DenseStatus {
         self.changes = 0;
         self.tolerance = TOLERANCE;
+        self.work.factorizations += 1;
         match self.cholesky.factor_within(&qp.hessian, expired) {
             Some(true) => {}
             Some(false) => return DenseStatus::Failed,
@@ -219,6 +224,7 @@ impl ActiveSet {
         while let Some(gone) = self.most_excessive() {
             let member = self.working[gone];
             self.mu[member.row] = self.mu[member.row].clamp(member.least, member.most);
+            self.work.changes += 1;
             self.leave(gone);
             self.resolve(qp);
         }
@@ -339,6 +345,7 @@ impl ActiveSet {
         let limit = if sign > 0.0 { member.most } else { member.least };
         loop {
             self.changes += 1;
+            self.work.changes += 1;
             let (squared, dependent) = self.split(qp, row);
             let k = self.working.len();
             self.rates[..k].copy_from_slice(&self.w[..k]);

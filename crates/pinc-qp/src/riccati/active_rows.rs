@@ -2,8 +2,8 @@
 
 use super::newton::{Newton, stiffness};
 use super::rows::Rows;
-use crate::Qp;
 use crate::algebra::largest;
+use crate::{Qp, QpWork};
 
 /// Residuals below this, relative to 1 + the largest number involved, count as 0.
 const TOLERANCE: f64 = 1e-11;
@@ -36,6 +36,21 @@ const UNASKED: usize = 3;
 /// The least multiplier that a row is noted with, so that it is taken for active again.
 const NOTED: f64 = 1e-3;
 
+/// How much work a guess of the active rows is worth.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Patience {
+    /// How many linear systems may be solved.
+    pub(super) steps: usize,
+    /// The search ends when more rows are wrong than so many times one more than there were at the
+    /// least: sets that come round again only take the time of the next method.
+    pub(super) relapse: usize,
+}
+
+impl Patience {
+    /// There is no other method left.
+    pub(super) const ENDLESS: Self = Self { steps: usize::MAX, relapse: usize::MAX };
+}
+
 /// What is assumed of a row.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum RowStatus {
@@ -59,8 +74,8 @@ pub(super) enum RowStatus {
 pub(super) struct ActiveRows {
     statuses: Vec<RowStatus>,
     stiffness: f64,
-    /// How many factorisations the last solution took.
-    pub(super) factorizations: usize,
+    /// What all solutions took.
+    pub(super) work: QpWork,
     /// How many steps it may still take.
     steps_left: usize,
     /// Whether a set is changed as soon as it is clearly wrong, before its rows have been met. That
@@ -73,7 +88,7 @@ impl ActiveRows {
         Self {
             statuses: vec![RowStatus::Inactive; Rows::new(qp.dims).len()],
             stiffness: stiffness(qp),
-            factorizations: 0,
+            work: QpWork::default(),
             steps_left: 0,
             hasty: false,
         }
@@ -101,29 +116,33 @@ impl ActiveRows {
         }
     }
 
-    /// Solves `qp` from the guess and the point `at` in at most so many `steps`, solutions of
-    /// linear systems; whether that succeeded.
+    /// Solves `qp` from the guess and the point `at` as long as there is `patience`; whether that
+    /// succeeded.
     /// Between factorisations and steps `expired` is asked whether the time is up, which is a
     /// failure.
     pub(super) fn solve(
         &mut self,
         qp: &Qp,
         at: &mut Newton,
-        steps: usize,
+        patience: Patience,
         expired: &mut dyn FnMut() -> bool,
     ) -> bool {
-        (self.factorizations, self.steps_left) = (0, steps);
-        self.hasty = steps < usize::MAX;
+        self.steps_left = patience.steps;
+        self.hasty = patience != Patience::ENDLESS;
         if qp.has_stage_cost() {
             self.stiffness = stiffness(qp);
         }
+        let mut most = usize::MAX;
         for change in 0..CHANGES {
             if change > 0 && expired() {
                 return false;
             }
             match self.meet(qp, at, expired) {
-                Some(true) if !self.reconsider(qp, at) => return true,
-                Some(true) => {}
+                Some(true) => match self.reconsider(qp, at) {
+                    0 => return true,
+                    wrong if wrong > most => return false,
+                    wrong => most = most.min(patience.relapse.saturating_mul(wrong + 1)),
+                },
                 Some(false) if self.release(qp, at) => {}
                 Some(false) | None => return false,
             }
@@ -163,6 +182,7 @@ impl ActiveRows {
                 }
             }
         }
+        self.work.changes += usize::from(first.is_some());
         first.map(|(_, status)| *status = RowStatus::Inactive).is_some()
     }
 
@@ -182,7 +202,7 @@ impl ActiveRows {
                 RowStatus::Violated(penalty) => *mu = *penalty,
             }
         }
-        self.factorizations += 1;
+        self.work.factorizations += 1;
         if !at.factor(qp, expired) {
             return None;
         }
@@ -248,9 +268,9 @@ impl ActiveRows {
         })
     }
 
-    /// Changes the statuses that the point contradicts; whether there were any.
-    fn reconsider(&mut self, qp: &Qp, at: &Newton) -> bool {
-        let mut changed = false;
+    /// Changes the statuses that the point contradicts, and counts them.
+    fn reconsider(&mut self, qp: &Qp, at: &Newton) -> usize {
+        let before = self.work.changes;
         let points = at.values.iter().zip(&at.mu);
         let rows = self.statuses.iter_mut().zip(Rows::limits(qp)).zip(points);
         for ((status, [low, high, penalty]), (&value, &mu)) in rows {
@@ -281,9 +301,9 @@ impl ActiveRows {
                 }
                 unchanged => unchanged,
             };
-            changed |= next != *status;
+            self.work.changes += usize::from(next != *status);
             *status = next;
         }
-        changed
+        self.work.changes - before
     }
 }

@@ -2,8 +2,8 @@
 
 use super::newton::{Newton, stiffness};
 use super::rows::Rows;
-use crate::Qp;
 use crate::algebra::largest;
+use crate::{Qp, QpWork};
 
 /// How many iterations may be taken.
 const ITERATIONS: usize = 60;
@@ -56,8 +56,8 @@ pub(super) struct InteriorPoint {
     /// Rows and bounds.
     equalities: Vec<(usize, f64)>,
     stiffness: f64,
-    /// How many factorisations the last solution took.
-    pub(super) factorizations: usize,
+    /// What all solutions took.
+    pub(super) work: QpWork,
 }
 
 /// A finite limit of a row.
@@ -166,7 +166,7 @@ impl InteriorPoint {
             sides: Vec::with_capacity(2 * rows),
             equalities: Vec::with_capacity(rows),
             stiffness: STIFFNESS * stiffness(qp),
-            factorizations: 0,
+            work: QpWork::default(),
         }
     }
 
@@ -182,7 +182,6 @@ impl InteriorPoint {
             self.stiffness = STIFFNESS * stiffness(qp);
         }
         self.gather(qp);
-        self.factorizations = 0;
         if !self.begin(qp, at, expired) {
             return Ending::Failed;
         }
@@ -246,7 +245,7 @@ impl InteriorPoint {
             at.weights[row] = self.stiffness;
             at.terms[row] = -self.stiffness * bound;
         }
-        self.factorizations += 1;
+        self.work.factorizations += 1;
         if !at.factor(qp, expired) {
             return false;
         }
@@ -335,7 +334,7 @@ impl InteriorPoint {
         for &(row, _) in &self.equalities {
             at.weights[row] = self.stiffness;
         }
-        self.factorizations += 1;
+        self.work.factorizations += 1;
         if !at.factor(qp, expired) {
             return false;
         }

@@ -6,17 +6,17 @@ mod newton;
 mod recursion;
 mod rows;
 
-use self::active_rows::ActiveRows;
+use self::active_rows::{ActiveRows, Patience};
 use self::interior_point::{Ending, InteriorPoint};
 use self::newton::Newton;
-use super::{CondensedQp, Qp, QpSolver, QpStatus, QpStep};
+use super::{CondensedQp, Qp, QpSolver, QpStatus, QpStep, QpWork};
 
-/// How many steps the active rows of a guess may take: a good one needs a few, and what needs more
+/// How much the active rows of a guess may take: a good one needs a few steps, and what needs more
 /// than this is cheaper for the interior-point method, which takes about as many, ..
-const FIRST_STEPS: usize = 24;
+const FIRST: Patience = Patience { steps: 24, relapse: 2 };
 
 /// .. or for condensing, which takes less time than that.
-const FIRST_STEPS_OF_FEW: usize = 12;
+const FIRST_OF_FEW: Patience = Patience { steps: 12, relapse: 1 };
 
 /// Solves a [`Qp`] stage by stage, at a cost linear in the horizon.
 ///
@@ -54,24 +54,24 @@ impl RiccatiQp {
         Self { from_scratch, ..self }
     }
 
-    /// Solves from d = 0 and the multipliers of `step`, in at most so many steps.
+    /// Solves from d = 0 and the multipliers of `step`, as long as there is patience.
     fn solve_from_guess(
         &mut self,
         qp: &Qp,
         step: &QpStep,
-        steps: usize,
+        patience: Patience,
         expired: &mut dyn FnMut() -> bool,
     ) -> bool {
         self.newton.start(step);
         self.guess.copy_from_slice(&self.newton.mu);
-        self.resolve(qp, steps, expired)
+        self.resolve(qp, patience, expired)
     }
 
-    /// Solves from the guess and the point that there are, in at most so many steps.
-    fn resolve(&mut self, qp: &Qp, steps: usize, expired: &mut dyn FnMut() -> bool) -> bool {
+    /// Solves from the guess and the point that there are.
+    fn resolve(&mut self, qp: &Qp, patience: Patience, expired: &mut dyn FnMut() -> bool) -> bool {
         let guess = &self.guess;
         self.active.guess(qp, |row| guess[row]);
-        self.active.solve(qp, &mut self.newton, steps, expired)
+        self.active.solve(qp, &mut self.newton, patience, expired)
     }
 }
 
@@ -82,9 +82,8 @@ impl QpSolver for RiccatiQp {
             late = late || expired();
             late
         };
-        let few = self.from_scratch.is_some();
-        let steps = if few { FIRST_STEPS_OF_FEW } else { FIRST_STEPS };
-        if self.solve_from_guess(qp, step, steps, expired) {
+        let patience = if self.from_scratch.is_some() { FIRST_OF_FEW } else { FIRST };
+        if self.solve_from_guess(qp, step, patience, expired) {
             self.newton.finish(step);
             return QpStatus::Solved;
         }
@@ -102,7 +101,7 @@ impl QpSolver for RiccatiQp {
         let solved = match self.interior.solve(qp, &mut self.newton, expired) {
             Ending::Converged => {
                 self.interior.active(&mut self.guess);
-                self.resolve(qp, usize::MAX, expired)
+                self.resolve(qp, Patience::ENDLESS, expired)
             }
             Ending::Infeasible(row) => {
                 let upper = self.newton.mu[row] > 0.0;
@@ -110,7 +109,7 @@ impl QpSolver for RiccatiQp {
             }
             Ending::Failed => false,
         };
-        if solved || !expired() && self.solve_from_guess(qp, step, usize::MAX, expired) {
+        if solved || !expired() && self.solve_from_guess(qp, step, Patience::ENDLESS, expired) {
             self.newton.finish(step);
             QpStatus::Solved
         } else if expired() {
@@ -120,5 +119,14 @@ impl QpSolver for RiccatiQp {
         } else {
             QpStatus::Failed
         }
+    }
+
+    fn take_work(&mut self) -> QpWork {
+        let mut work = std::mem::take(&mut self.active.work);
+        work += std::mem::take(&mut self.interior.work);
+        if let Some(condensed) = &mut self.from_scratch {
+            work += condensed.take_work();
+        }
+        work
     }
 }

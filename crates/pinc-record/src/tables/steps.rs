@@ -14,6 +14,15 @@ pub struct StepRow {
     pub status: String,
     /// How many quadratic programs were solved.
     pub sqp_iterations: usize,
+    /// At how many stages the model was linearized.
+    #[serde(default)]
+    pub linearized: usize,
+    /// How many matrices were factored for these programs.
+    #[serde(default)]
+    pub factorizations: usize,
+    /// How many constraints became active or ceased to be, in all.
+    #[serde(default)]
+    pub active_changes: usize,
     /// The largest KKT residual.
     #[serde(serialize_with = "exact")]
     pub kkt: f64,
