@@ -143,9 +143,9 @@ impl Process {
 fn writer(mut input: ChildStdin) -> Sender<Vec<u8>> {
     let (sender, receiver) = channel::<Vec<u8>>();
     std::thread::spawn(move || {
-        let mut write = |lines: Vec<u8>| input.write_all(&lines).and_then(|()| input.flush());
+        let write = |lines: Vec<u8>| input.write_all(&lines).and_then(|()| input.flush());
         // A program that cannot be written to has ended: that it does not answer says so.
-        let _ = receiver.into_iter().try_for_each(|lines| write(lines));
+        let _ = receiver.into_iter().try_for_each(write);
     });
     sender
 }
