@@ -29,6 +29,13 @@ pub(super) struct Start<'a> {
     pub(super) inputs: &'a [usize],
 }
 
+/// Room for what goes to the FMU and comes from it.
+#[derive(Debug, Default)]
+pub(super) struct Room {
+    seed: Vec<f64>,
+    slope: Vec<f64>,
+}
+
 impl Derivatives {
     /// Those of an FMU whose plant has these states, in the places `order` of the FMU's vector, and
     /// inputs.
@@ -67,15 +74,18 @@ impl Derivatives {
         order: &[usize],
         (column, input): (&[f64], Option<usize>),
         slope: &mut [f64],
+        Room { seed, slope: of_fmu }: &mut Room,
     ) -> Result<(), String> {
-        let (mut seed, mut of_fmu) = (vec![0.0; self.numbers], vec![0.0; slope.len()]);
+        of_fmu.resize(slope.len(), 0.0);
+        seed.clear();
+        seed.resize(self.numbers, 0.0);
         for (place, change) in self.states.iter().zip(column) {
             seed[*place] = *change;
         }
         if let Some(input) = input {
             seed[self.inputs[input]] = 1.0;
         }
-        instance.directional_derivative(&self.rates, &self.changing, &seed, &mut of_fmu)?;
+        instance.directional_derivative(&self.rates, &self.changing, seed, of_fmu)?;
         slope.iter_mut().zip(order).for_each(|(slope, place)| *slope = of_fmu[*place]);
         Ok(())
     }

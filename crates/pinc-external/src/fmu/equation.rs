@@ -1,6 +1,6 @@
 //! The equation of an FMU for model exchange, for an integrator.
 
-use super::derivatives::Derivatives;
+use super::derivatives::{Derivatives, Room};
 use super::library::Instance;
 use pinc_ad::simd::Isa;
 use pinc_ode::{AnyVectorRhs, Dims, DynRhs, Variable};
@@ -20,6 +20,7 @@ struct Work {
     /// The place of each state in the FMU's vector.
     order: Vec<usize>,
     derivatives: Option<Arc<Derivatives>>,
+    room: Room,
     /// What the step began with: variables, their values, and where among these are the states.
     references: Vec<u32>,
     values: Vec<f64>,
@@ -50,8 +51,18 @@ impl Equation {
         let (references, values) = (Vec::new(), Vec::new());
         let (x, dx) = (vec![0.0; n], vec![0.0; n]);
         let failure = None;
-        let work =
-            Work { instance, order, derivatives, references, values, starts, x, dx, failure };
+        let work = Work {
+            instance,
+            order,
+            derivatives,
+            room: Room::default(),
+            references,
+            values,
+            starts,
+            x,
+            dx,
+            failure,
+        };
         Self { work: Arc::new(Mutex::new(work)), states }
     }
 
@@ -118,11 +129,11 @@ impl Work {
     }
 
     fn slopes(&mut self, columns: &[f64], slopes: &mut [f64]) -> Result<(), String> {
-        let Self { instance, order, derivatives: Some(of), .. } = self else { return Ok(()) };
+        let Self { instance, order, derivatives: Some(of), room, .. } = self else { return Ok(()) };
         let n = order.len();
         let columns = columns.chunks_exact(n).zip(slopes.chunks_exact_mut(n)).enumerate();
         for (j, (column, slope)) in columns {
-            of.along(instance, order, (column, j.checked_sub(n)), slope)?;
+            of.along(instance, order, (column, j.checked_sub(n)), slope, room)?;
         }
         Ok(())
     }

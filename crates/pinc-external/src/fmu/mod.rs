@@ -201,7 +201,7 @@ impl Fmu {
                 let equation = Arc::new(equation);
                 Copy::ModelExchange(Box::new(Integrators {
                     step: Dopri5::shared(equation.clone(), TOLERANCE),
-                    variations: Dopri5::shared(variations, TOLERANCE),
+                    variations: Dopri5::shared(variations, TOLERANCE).controlled_by(self.dims.nx),
                     equation,
                 }))
             }
