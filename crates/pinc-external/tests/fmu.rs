@@ -88,7 +88,8 @@ fn stored(files: &[(&str, &[u8])]) -> Vec<u8> {
         all.extend([b"PK\x03\x04", &common[..], name.as_bytes(), content].concat());
     }
     let count = u16::try_from(files.len()).unwrap().to_le_bytes();
-    let [size, offset] = [directory.len(), all.len()].map(|n| (n as u32).to_le_bytes());
+    let [size, offset] =
+        [directory.len(), all.len()].map(|n| u32::try_from(n).unwrap().to_le_bytes());
     all.extend(directory);
     all.extend([b"PK\x05\x06", &[0; 4][..], &count, &count, &size, &offset, &[0; 2]].concat());
     all
@@ -132,8 +133,8 @@ fn compare(fmu: &Fmu, input: usize, order: [usize; 2]) {
             // The Jacobian is that of the step that is taken.
             assert_eq!(ends[2 * k + i].to_bits(), found.next[2 * k + i].to_bits());
             near(found.b[2 * k + i], expected.b[2 * row + input]);
-            for j in 0..2 {
-                near(found.a[4 * k + 2 * i + j], expected.a[2 * row + order[j]]);
+            for (j, column) in order.iter().enumerate() {
+                near(found.a[4 * k + 2 * i + j], expected.a[2 * row + column]);
             }
         }
     }

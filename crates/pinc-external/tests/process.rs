@@ -74,7 +74,7 @@ fn ask(kind: &str, limit: Duration) -> Result<(), OdeError> {
     let (sender, receiver) = channel();
     std::thread::spawn(move || {
         let process = Process::new(command, Dims::new(STATES, 1), limit);
-        let start: Vec<f64> = (0..3 * STATES).map(|i| f64::from(i as u32).sin()).collect();
+        let start: Vec<f64> = (0..).map(|i: u32| f64::from(i).sin()).take(3 * STATES).collect();
         let mut x = start.clone();
         let result = process.advance(&mut x, &[0.0; 3], 0.1);
         let is_same = x == start;

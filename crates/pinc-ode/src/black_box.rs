@@ -317,6 +317,51 @@ mod tests {
         }
     }
 
+    /// The same, with its derivatives for u >= 0.
+    #[derive(Debug)]
+    struct Known;
+
+    impl Flow for Known {
+        fn advance(&self, x: &mut [f64], u: &[f64], duration_s: f64) -> Result<(), OdeError> {
+            Lag.advance(x, u, duration_s)
+        }
+
+        fn linearize(
+            &self,
+            at: Stages<'_>,
+            duration_s: f64,
+            out: Linearization<'_>,
+        ) -> Option<Result<(), OdeError>> {
+            let decay = (-duration_s).exp();
+            out.a.fill(decay);
+            out.b.fill(1.0 - decay);
+            out.next.copy_from_slice(at.x);
+            let unknown = || OdeError::External { reason: "below 0".to_owned() };
+            Some(match at.u.iter().all(|u| *u >= 0.0) {
+                true => self.advance(out.next, at.u, duration_s),
+                false => Err(unknown()),
+            })
+        }
+    }
+
+    #[test]
+    fn jacobians_that_the_flow_has_are_taken_and_where_they_fail_all_is_nan() {
+        let black_box = BlackBox { flow: Arc::new(Known), ..lag(1.0) };
+        let mut model = FlowModel::new(&black_box, 0.3);
+        let (mut next, mut a, mut b) = ([0.0; 2], [0.0; 2], [0.0; 2]);
+        let mut linearize = |u: [f64; 2]| {
+            let out = Linearization { next: &mut next, a: &mut a, b: &mut b, e: &mut [] };
+            model.linearize(Stages { x: &[1.0, 2.0], u: &u, p: &[] }, out);
+            [next, a, b]
+        };
+        let decay = (-0.3_f64).exp();
+        let [next, a, b] = linearize([0.0, 3.0]);
+        // Differences would not have these bits.
+        assert_eq!([a, b], [[decay; 2], [1.0 - decay; 2]]);
+        assert_eq!(next, [decay, 3.0 - decay]);
+        assert!(linearize([0.0, -3.0]).iter().flatten().all(|value| value.is_nan()));
+    }
+
     #[test]
     fn where_the_flow_fails_the_model_is_nan() {
         let mut model = FlowModel::new(&lag(1.0), 0.3);
