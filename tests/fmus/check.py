@@ -148,6 +148,9 @@ def main():
         for version in (2, 3)
         for kind in ("model-exchange", "co-simulation")
     ]
+    # The same with differences in place of its directional derivatives.
+    differences = REFERENCE + "directional_derivatives = false\n"
+    plants.append(("reference-2-differences", "damped", WORK / "reference-2.fmu", "model-exchange", differences))
     plants += [(f"own-{version}", "pushed", export(version), "co-simulation", OWN) for version in (2, 3)]
     wrong = []
     for name, equation, file, kind, names in plants:

@@ -71,6 +71,9 @@ pub struct FmuSpec {
     /// Other variables in the file, with the values that they start with.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub parameters: BTreeMap<String, f64>,
+    /// Whether its directional derivatives are used where it has them, in place of differences.
+    #[serde(default = "directional_derivatives")]
+    pub directional_derivatives: bool,
     /// A typical size of states and inputs, by name; 1 for those that are absent.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub nominal: BTreeMap<String, f64>,
@@ -80,6 +83,10 @@ pub struct FmuSpec {
     /// Known once the config has been read where processes are allowed, or what is wrong.
     #[serde(skip)]
     pub(crate) flow: SharedFlow,
+}
+
+fn directional_derivatives() -> bool {
+    true
 }
 
 fn difference_step() -> f64 {
@@ -154,6 +161,7 @@ impl FmuSpec {
             starts: self.states.iter().map(|v| start(v).unwrap_or_else(|| named(v))).collect(),
             inputs: self.inputs.iter().map(named).collect(),
             parameters: self.parameters.clone().into_iter().collect(),
+            directional_derivatives: self.directional_derivatives,
         };
         Fmu::open(&self.file, &plant)
     }

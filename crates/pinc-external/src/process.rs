@@ -5,12 +5,8 @@ use pinc_ode::{Dims, Flow, OdeError};
 use serde::{Deserialize, Serialize};
 use std::io::{BufRead, BufReader, Read, Write};
 use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
-use std::sync::mpsc::{Receiver, RecvTimeoutError, sync_channel};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel, sync_channel};
 use std::time::Duration;
-
-/// Bytes of requests that are under way at a time: a pipe holds them, and the answers, which are
-/// about as long, so that none of the two programs waits for the other to read.
-const UNDER_WAY: usize = 8192;
 
 /// Lines that are read ahead at most: those of a program that says more than it is asked wait.
 const READ_AHEAD: usize = 256;
@@ -20,8 +16,8 @@ const READ_AHEAD: usize = 256;
 ///
 /// One JSON object a line: `{"x":[..],"u":[..],"t":0.5}` asks for the state that follows `x` after
 /// `t` seconds under the constant input `u`; the answer is `{"x":[..]}`, or `{"error":".."}` where
-/// there is none. There may be several requests before the first answer is read; answers are in
-/// their order. The program ends when its standard input does, and is ended when an answer takes
+/// there is none. There may be any number of requests before the first answer is read; answers are
+/// in their order. The program ends when its standard input does, and is ended when an answer takes
 /// longer than the time limit.
 #[derive(Debug)]
 pub struct Process {
@@ -34,11 +30,11 @@ pub struct Process {
 /// One at work.
 struct Copy {
     child: Child,
-    /// Of the child.
-    input: ChildStdin,
+    /// Its lines to be, for a thread that writes them: a program that does not read, or not before
+    /// its own lines are read, would keep whoever writes waiting for ever.
+    requests: Sender<Vec<u8>>,
     /// Its lines, from a thread that reads them, since a read cannot be given up.
     answers: Receiver<Vec<u8>>,
-    requests: Vec<u8>,
 }
 
 #[derive(Serialize)]
@@ -77,36 +73,22 @@ impl Process {
         let (Some(input), Some(output)) = (child.stdin.take(), child.stdout.take()) else {
             return Err(external(format!("{program} has no standard input or output")));
         };
-        let answers = lines(output, self.dims.nx);
-        Ok(Copy { child, input, answers, requests: Vec::new() })
+        let (requests, answers) = (writer(input), lines(output, self.dims.nx));
+        Ok(Copy { child, requests, answers })
     }
 
-    /// Moves as many of the states as the pipes hold, and says how many.
-    fn exchange(
-        &self,
-        copy: &mut Copy,
-        x: &mut [f64],
-        u: &[f64],
-        t: f64,
-    ) -> Result<usize, OdeError> {
+    /// Asks for all of the states at once, and reads the answers while the requests are written.
+    fn exchange(&self, copy: &mut Copy, x: &mut [f64], u: &[f64], t: f64) -> Result<(), OdeError> {
         let Dims { nx, nu, .. } = self.dims;
-        copy.requests.clear();
-        let mut asked = 0;
+        let mut requests = Vec::new();
         for (x, u) in x.chunks_exact(nx).zip(u.chunks_exact(nu)) {
-            if asked > 0 && copy.requests.len() > UNDER_WAY {
-                break;
-            }
-            let written = serde_json::to_writer(&mut copy.requests, &Request { x, u, t });
+            let written = serde_json::to_writer(&mut requests, &Request { x, u, t });
             written.map_err(|error| external(error.to_string()))?;
-            copy.requests.push(b'\n');
-            asked += 1;
+            requests.push(b'\n');
         }
-        let sent = copy.input.write_all(&copy.requests).and_then(|()| copy.input.flush());
-        sent.map_err(|_| self.ended(copy))?;
-        for x in x.chunks_exact_mut(nx).take(asked) {
-            self.read(copy, x)?;
-        }
-        Ok(asked)
+        // The thread is gone if an earlier request could not be written.
+        copy.requests.send(requests).map_err(|_| self.ended(copy))?;
+        x.chunks_exact_mut(nx).try_for_each(|x| self.read(copy, x))
     }
 
     /// Reads one answer.
@@ -156,6 +138,18 @@ impl Process {
     }
 }
 
+/// What is sent is written to `input`, by a thread of its own, until nothing more can be sent or
+/// written.
+fn writer(mut input: ChildStdin) -> Sender<Vec<u8>> {
+    let (sender, receiver) = channel::<Vec<u8>>();
+    std::thread::spawn(move || {
+        let write = |lines: Vec<u8>| input.write_all(&lines).and_then(|()| input.flush());
+        // A program that cannot be written to has ended: that it does not answer says so.
+        let _ = receiver.into_iter().try_for_each(write);
+    });
+    sender
+}
+
 /// The lines of `output`, read in a thread of its own until nobody wants them any more.
 fn lines(output: ChildStdout, states: usize) -> Receiver<Vec<u8>> {
     let (sender, receiver) = sync_channel(READ_AHEAD);
@@ -176,18 +170,7 @@ fn lines(output: ChildStdout, states: usize) -> Receiver<Vec<u8>> {
 
 impl Flow for Process {
     fn advance(&self, x: &mut [f64], u: &[f64], duration_s: f64) -> Result<(), OdeError> {
-        let Dims { nx, nu, .. } = self.dims;
-        self.copies.with(
-            || self.start(),
-            |copy| {
-                let mut done = 0;
-                while done * nx < x.len() {
-                    let rest = &mut x[done * nx..];
-                    done += self.exchange(copy, rest, &u[done * nu..], duration_s)?;
-                }
-                Ok(())
-            },
-        )
+        self.copies.with(|| self.start(), |copy| self.exchange(copy, x, u, duration_s))
     }
 }
 

@@ -23,20 +23,35 @@ pub trait Flow: Debug + Send + Sync {
     ///
     /// [`OdeError`] if that cannot be done for one of them; `x` then has no meaning.
     fn advance(&self, x: &mut [f64], u: &[f64], duration_s: f64) -> Result<(), OdeError>;
+
+    /// The same from each of the points with the exact Jacobians of the step; `None` where they are
+    /// not to be had.
+    ///
+    /// # Errors
+    ///
+    /// As [`Flow::advance`], also if the derivatives of one of them fail.
+    fn linearize(
+        &self,
+        _at: Stages<'_>,
+        _duration_s: f64,
+        _out: Linearization<'_>,
+    ) -> Option<Result<(), OdeError>> {
+        None
+    }
 }
 
 /// A plant of which nothing is known but its [`Flow`], with its variables; its outputs are its
 /// states.
 ///
 /// f(x, u) is NaN everywhere, and so is what its integrators give: there is nothing to integrate.
-/// [`Simulator`](crate::Simulator) moves its state, and [`Differences`] is a model of it.
+/// [`Simulator`](crate::Simulator) moves its state, and [`FlowModel`] is a model of it.
 #[derive(Clone, Debug)]
 pub struct BlackBox {
     /// The states, in order.
     pub states: Vec<Variable>,
     /// The inputs, in order.
     pub inputs: Vec<Variable>,
-    /// The change of each state, then of each input, by which [`Differences`] are taken.
+    /// The change of each state, then of each input, by which differences are taken.
     pub difference_steps: Vec<f64>,
     /// What moves the states.
     pub flow: Arc<dyn Flow>,
@@ -150,13 +165,13 @@ impl Model for NoModel {
     }
 }
 
-/// A black box as a [`Model`]: F by its flow, the Jacobians by one-sided differences,
-/// 1 + nx + nu runs of the flow at each point. Each change has the sign of its variable, so that a
-/// quantity that cannot be negative is not asked for below 0.
+/// A black box as a [`Model`]: F by its flow, and the Jacobians too where it has them. Else they
+/// are one-sided differences, 1 + nx + nu runs of the flow at each point; each change has the sign
+/// of its variable, so that a quantity that cannot be negative is not asked for below 0.
 ///
 /// Where the flow fails F is NaN. The model itself allocates nothing; its flow may.
 #[derive(Debug)]
-pub struct Differences {
+pub struct FlowModel {
     dims: Dims,
     sample_time_s: f64,
     steps: Vec<f64>,
@@ -166,7 +181,7 @@ pub struct Differences {
     u: Vec<f64>,
 }
 
-impl Differences {
+impl FlowModel {
     /// The model of steps of `sample_time_s`.
     ///
     /// # Panics
@@ -187,7 +202,7 @@ impl Differences {
     }
 }
 
-impl Model for Differences {
+impl Model for FlowModel {
     fn dims(&self) -> Dims {
         self.dims
     }
@@ -203,10 +218,18 @@ impl Model for Differences {
         }
     }
 
-    fn linearize(&mut self, at: Stages<'_>, out: Linearization<'_>) {
+    fn linearize(&mut self, at: Stages<'_>, mut out: Linearization<'_>) {
         let Dims { nx, nu, .. } = self.dims;
         let (count, all) = (at.count(self.dims), 1 + nx + nu);
         out.check(count, self.dims);
+        let Linearization { next, a, b, e } = &mut out;
+        let own = self.flow.linearize(at, self.sample_time_s, Linearization { next, a, b, e });
+        if let Some(result) = own {
+            if result.is_err() {
+                [out.next, out.a, out.b].into_iter().for_each(|part| part.fill(f64::NAN));
+            }
+            return;
+        }
         self.x.clear();
         self.u.clear();
         for (x, u) in at.x.chunks_exact(nx).zip(at.u.chunks_exact(nu)) {
@@ -279,7 +302,7 @@ mod tests {
     #[test]
     fn differences_are_the_derivatives_in_all_units() {
         for scale in [1e-6, 1e-3, 1.0, 1e3, 1e6] {
-            let mut model = Differences::new(&lag(scale), 0.3);
+            let mut model = FlowModel::new(&lag(scale), 0.3);
             let (mut next, mut a, mut b) = ([0.0; 2], [0.0; 2], [0.0; 2]);
             let at = Stages { x: &[0.0, 2.0 * scale], u: &[scale, -3.0 * scale], p: &[] };
             let out = Linearization { next: &mut next, a: &mut a, b: &mut b, e: &mut [] };
@@ -294,9 +317,54 @@ mod tests {
         }
     }
 
+    /// The same, with its derivatives for u >= 0.
+    #[derive(Debug)]
+    struct Known;
+
+    impl Flow for Known {
+        fn advance(&self, x: &mut [f64], u: &[f64], duration_s: f64) -> Result<(), OdeError> {
+            Lag.advance(x, u, duration_s)
+        }
+
+        fn linearize(
+            &self,
+            at: Stages<'_>,
+            duration_s: f64,
+            out: Linearization<'_>,
+        ) -> Option<Result<(), OdeError>> {
+            let decay = (-duration_s).exp();
+            out.a.fill(decay);
+            out.b.fill(1.0 - decay);
+            out.next.copy_from_slice(at.x);
+            let unknown = || OdeError::External { reason: "below 0".to_owned() };
+            Some(match at.u.iter().all(|u| *u >= 0.0) {
+                true => self.advance(out.next, at.u, duration_s),
+                false => Err(unknown()),
+            })
+        }
+    }
+
+    #[test]
+    fn jacobians_that_the_flow_has_are_taken_and_where_they_fail_all_is_nan() {
+        let black_box = BlackBox { flow: Arc::new(Known), ..lag(1.0) };
+        let mut model = FlowModel::new(&black_box, 0.3);
+        let (mut next, mut a, mut b) = ([0.0; 2], [0.0; 2], [0.0; 2]);
+        let mut linearize = |u: [f64; 2]| {
+            let out = Linearization { next: &mut next, a: &mut a, b: &mut b, e: &mut [] };
+            model.linearize(Stages { x: &[1.0, 2.0], u: &u, p: &[] }, out);
+            [next, a, b]
+        };
+        let decay = (-0.3_f64).exp();
+        let [next, a, b] = linearize([0.0, 3.0]);
+        // Differences would not have these bits.
+        assert_eq!([a, b], [[decay; 2], [1.0 - decay; 2]]);
+        assert_eq!(next, [decay, 3.0 - decay]);
+        assert!(linearize([0.0, -3.0]).iter().flatten().all(|value| value.is_nan()));
+    }
+
     #[test]
     fn where_the_flow_fails_the_model_is_nan() {
-        let mut model = Differences::new(&lag(1.0), 0.3);
+        let mut model = FlowModel::new(&lag(1.0), 0.3);
         let mut next = [0.0];
         model.step(&[-1.0], &[0.0], &[], &mut next);
         assert!(next[0].is_nan());

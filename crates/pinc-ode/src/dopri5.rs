@@ -51,6 +51,8 @@ pub struct Dopri5 {
     rhs_calls: u64,
     k: [Vec<f64>; STAGES],
     stage: Vec<f64>,
+    /// The first components, which alone set the step size.
+    controlled: usize,
     /// Steps that stability has limited, less those that it has not.
     limited: usize,
 }
@@ -90,8 +92,22 @@ impl Dopri5 {
             rhs_calls: 0,
             k,
             stage,
+            controlled: dims.nx,
             limited: 0,
         }
+    }
+
+    /// The same with a step size that follows the first `components` alone. With the variational
+    /// equation behind a plant's own, the plant's state then has the bits of an integration without
+    /// it, and the variations are the derivatives of that state.
+    ///
+    /// # Panics
+    ///
+    /// If there are not as many.
+    #[must_use]
+    pub fn controlled_by(self, components: usize) -> Self {
+        assert!(components <= self.dims.nx, "components of the state");
+        Self { controlled: components, ..self }
     }
 
     /// The plant's sizes.
@@ -269,7 +285,7 @@ impl Dopri5 {
         }
         self.rhs_calls += STAGES as u64 - 1;
         let mut worst = 0.0;
-        for (i, (&old, &new)) in x.iter().zip(&self.stage).enumerate() {
+        for (i, (&old, &new)) in x.iter().zip(&self.stage).take(self.controlled).enumerate() {
             let slope: f64 = ERROR.iter().zip(&self.k).map(|(e, k)| e * k[i]).sum();
             let scale = self.tolerance * (1.0 + old.abs().max(new.abs()));
             let error = (h * slope).abs() / scale;

@@ -6,7 +6,7 @@ use pinc_config::{ModelKind, Variables};
 use pinc_estimate::Compensated;
 use pinc_mpc::{Nmpc, NmpcProblem};
 use pinc_net::{NetError, PincModel};
-use pinc_ode::{Differences, DynPlant, Model, WithOutputs};
+use pinc_ode::{DynPlant, FlowModel, Model, WithOutputs};
 
 impl LoopSetup<'_> {
     /// The model of a control step.
@@ -37,7 +37,7 @@ impl LoopSetup<'_> {
             }
             (ModelKind::Pinc, None) => unreachable!("the plan trains or reads a net for this loop"),
             (ModelKind::BlackBox, _) => match plant.black_box() {
-                Some(black_box) => Box::new(Differences::new(black_box, length_s)),
+                Some(black_box) => Box::new(FlowModel::new(black_box, length_s)),
                 None => unreachable!("the config was checked for it"),
             },
             (ModelKind::Rk4, _) => plant.rk4(length_s, substeps),

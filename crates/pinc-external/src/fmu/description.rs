@@ -42,6 +42,10 @@ pub(super) struct Description {
     variables: BTreeMap<String, Real>,
     /// The continuous states, in the order of the FMU's vector.
     pub(super) states: Vec<Place>,
+    /// The variables that are their derivatives, whose elements are in the same order.
+    pub(super) derivatives: Vec<u32>,
+    /// Whether model exchange has directional derivatives.
+    pub(super) is_differentiable: bool,
 }
 
 /// A variable of real numbers.
@@ -50,6 +54,7 @@ struct Real {
     reference: u32,
     /// As many as it has elements; 0 where none are given.
     start: Vec<f64>,
+    is_input: bool,
 }
 
 impl Description {
@@ -69,22 +74,32 @@ impl Description {
         let identifier = |tag| child(root, tag)?.attribute("modelIdentifier").map(str::to_owned);
         let (model_exchange, co_simulation) =
             (identifier("ModelExchange"), identifier("CoSimulation"));
-        let (variables, states) = match version {
-            Version::Two => variables_of_two(root),
-            Version::Three => variables_of_three(root),
-        }?;
-        Ok(Self { version, token, model_exchange, co_simulation, variables, states })
+        let (flag, (variables, states, derivatives)) = match version {
+            Version::Two => ("providesDirectionalDerivative", variables_of_two(root)?),
+            Version::Three => ("providesDirectionalDerivatives", variables_of_three(root)?),
+        };
+        let flag = child(root, "ModelExchange").and_then(|node| node.attribute(flag));
+        Ok(Self {
+            version,
+            token,
+            model_exchange,
+            co_simulation,
+            variables,
+            states,
+            derivatives,
+            is_differentiable: matches!(flag, Some("true" | "1")),
+        })
     }
 
     /// The place of `name`, a variable or an element of one, counted from 1: `x[2]`.
     pub(super) fn place(&self, name: &str) -> Result<Place, String> {
-        if let Some(Real { reference, start }) = self.variables.get(name)
+        if let Some(Real { reference, start, .. }) = self.variables.get(name)
             && start.len() == 1
         {
             return Ok(Place { reference: *reference, element: 0 });
         }
         let element = pinc_ode::Variable::split_name(name).and_then(|(array, index)| {
-            let Real { reference, start } = self.variables.get(array)?;
+            let Real { reference, start, .. } = self.variables.get(array)?;
             let element = index.checked_sub(1).filter(|element| *element < start.len())?;
             Some(Place { reference: *reference, element })
         });
@@ -96,9 +111,16 @@ impl Description {
 
     /// The start values of the variable with this reference.
     pub(super) fn start(&self, reference: u32) -> Vec<f64> {
-        let mut all = self.variables.values();
-        let found = all.find(|real| real.reference == reference);
-        found.map_or_else(Vec::new, |real| real.start.clone())
+        self.variable(reference).map_or_else(Vec::new, |real| real.start.clone())
+    }
+
+    /// Whether the variable with this reference may change at any time, being an input.
+    pub(super) fn is_input(&self, reference: u32) -> bool {
+        self.variable(reference).is_some_and(|real| real.is_input)
+    }
+
+    fn variable(&self, reference: u32) -> Option<&Real> {
+        self.variables.values().find(|real| real.reference == reference)
     }
 }
 
@@ -116,7 +138,12 @@ fn whole<T: std::str::FromStr>(node: Node<'_, '_>, key: &str) -> Result<T, Strin
     value.ok_or_else(|| format!("{name}: {key} is missing or no whole number"))
 }
 
-type Variables = (BTreeMap<String, Real>, Vec<Place>);
+fn is_input(node: Node<'_, '_>) -> bool {
+    node.attribute("causality") == Some("input")
+}
+
+/// All of them, the states, and the references of these' derivatives.
+type Variables = (BTreeMap<String, Real>, Vec<Place>, Vec<u32>);
 
 fn variables_of_two(root: Node<'_, '_>) -> Result<Variables, String> {
     let all: Vec<_> = elements(root, "ModelVariables").collect();
@@ -126,21 +153,23 @@ fn variables_of_two(root: Node<'_, '_>) -> Result<Variables, String> {
         let start = real.attribute("start").and_then(|text| text.trim().parse().ok());
         let (reference, start) = (whole(*node, "valueReference")?, vec![start.unwrap_or(0.0)]);
         let name = node.attribute("name").unwrap_or_default().to_owned();
-        variables.insert(name, Real { reference, start });
+        variables.insert(name, Real { reference, start, is_input: is_input(*node) });
     }
     // Variables are counted from 1.
     let numbered = |index: usize| index.checked_sub(1).and_then(|i| all.get(i)).copied();
     let structure = child(root, "ModelStructure");
     let derivatives = structure.into_iter().flat_map(|node| elements(node, "Derivatives"));
-    let mut states = Vec::new();
+    let (mut states, mut rates) = (Vec::new(), Vec::new());
     for unknown in derivatives {
-        let derivative = numbered(whole(unknown, "index")?).and_then(|node| child(node, "Real"));
-        let derivative = derivative.ok_or("a derivative is no real variable")?;
+        let variable = numbered(whole(unknown, "index")?);
+        let variable = variable.and_then(|node| Some((node, child(node, "Real")?)));
+        let (node, derivative) = variable.ok_or("a derivative is no real variable")?;
+        rates.push(whole(node, "valueReference")?);
         let state = numbered(whole(derivative, "derivative")?);
         let state = state.ok_or("a derivative is of no variable")?;
         states.push(Place { reference: whole(state, "valueReference")?, element: 0 });
     }
-    Ok((variables, states))
+    Ok((variables, states, rates))
 }
 
 fn variables_of_three(root: Node<'_, '_>) -> Result<Variables, String> {
@@ -158,12 +187,14 @@ fn variables_of_three(root: Node<'_, '_>) -> Result<Variables, String> {
         let mut start: Vec<f64> = given.filter_map(|text| text.parse().ok()).collect();
         start.resize(length, 0.0);
         let name = node.attribute("name").unwrap_or_default().to_owned();
-        variables.insert(name, Real { reference: whole(node, "valueReference")?, start });
+        let reference = whole(node, "valueReference")?;
+        variables.insert(name, Real { reference, start, is_input: is_input(node) });
     }
-    let mut states = Vec::new();
+    let (mut states, mut rates) = (Vec::new(), Vec::new());
     let structure = elements(root, "ModelStructure");
     for unknown in structure.filter(|node| node.has_tag_name("ContinuousStateDerivative")) {
         let reference: u32 = whole(unknown, "valueReference")?;
+        rates.push(reference);
         let is_it = |node: &Node<'_, '_>| whole(*node, "valueReference") == Ok(reference);
         let derivative = reals().find(is_it).ok_or("a derivative is no variable of Float64")?;
         let reference = whole(derivative, "derivative")?;
@@ -171,5 +202,5 @@ fn variables_of_three(root: Node<'_, '_>) -> Result<Variables, String> {
         let length = state.ok_or("a derivative is of no variable")?.start.len();
         states.extend((0..length).map(|element| Place { reference, element }));
     }
-    Ok((variables, states))
+    Ok((variables, states, rates))
 }

@@ -18,6 +18,26 @@ type Handle = *mut c_void;
 type Plain = unsafe extern "C" fn(Handle) -> c_int;
 type Write = unsafe extern "C" fn(Handle, *const f64, usize) -> c_int;
 type Read = unsafe extern "C" fn(Handle, *mut f64, usize) -> c_int;
+type DirectionalOfTwo = unsafe extern "C" fn(
+    Handle,
+    *const c_uint,
+    usize,
+    *const c_uint,
+    usize,
+    *const f64,
+    *mut f64,
+) -> c_int;
+type DirectionalOfThree = unsafe extern "C" fn(
+    Handle,
+    *const u32,
+    usize,
+    *const u32,
+    usize,
+    *const f64,
+    usize,
+    *mut f64,
+    usize,
+) -> c_int;
 
 thread_local! {
     /// What the FMU said last of something that went wrong.
@@ -70,6 +90,7 @@ struct Two {
     get: unsafe extern "C" fn(Handle, *const c_uint, usize, *mut f64) -> c_int,
     do_step: Option<unsafe extern "C" fn(Handle, f64, f64, c_int) -> c_int>,
     update: Option<unsafe extern "C" fn(Handle, *mut EventInfo) -> c_int>,
+    directional: Option<DirectionalOfTwo>,
 }
 
 type Log = unsafe extern "C" fn(*mut c_void, c_int, *const c_char, *const c_char);
@@ -128,6 +149,7 @@ struct Three {
             *mut f64,
         ) -> c_int,
     >,
+    directional: Option<DirectionalOfThree>,
 }
 
 /// `fmi2EventInfo`.
@@ -232,6 +254,7 @@ unsafe fn functions_of_two(library: &Library) -> Result<Functions, String> {
                 get: find(library, "fmi2GetReal")?,
                 do_step: find(library, "fmi2DoStep").ok(),
                 update: find(library, "fmi2NewDiscreteStates").ok(),
+                directional: find(library, "fmi2GetDirectionalDerivative").ok(),
             }),
         })
     }
@@ -258,6 +281,7 @@ unsafe fn functions_of_three(library: &Library) -> Result<Functions, String> {
                 get: find(library, "fmi3GetFloat64")?,
                 do_step: find(library, "fmi3DoStep").ok(),
                 update: find(library, "fmi3UpdateDiscreteStates").ok(),
+                directional: find(library, "fmi3GetDirectionalDerivative").ok(),
             }),
         })
     }
@@ -355,6 +379,12 @@ impl Instance {
 
     /// Begins again at time 0 with these start values.
     pub(super) fn restart(&mut self, references: &[u32], values: &[f64]) -> Result<(), String> {
+        self.initialize(references, values)?;
+        self.end_initialization()
+    }
+
+    /// The same up to the initialization, in which the FMU is left.
+    pub(super) fn initialize(&mut self, references: &[u32], values: &[f64]) -> Result<(), String> {
         let binary = self.binary.clone();
         let of = &binary.functions;
         // SAFETY: the instance lives; the lengths are those of the slices.
@@ -371,8 +401,14 @@ impl Instance {
                     checked("initialization", enter(self.handle, false, 0.0, 0.0, false, 0.0))?;
                 }
             }
-            checked("initialization", (of.exit_initialization)(self.handle))
         }
+        Ok(())
+    }
+
+    pub(super) fn end_initialization(&mut self) -> Result<(), String> {
+        // SAFETY: as above.
+        let status = unsafe { (self.binary.functions.exit_initialization)(self.handle) };
+        checked("initialization", status)
     }
 
     /// Sets variables, whose elements follow one another in `values`.
@@ -476,6 +512,39 @@ impl Instance {
             checked("setting of states", set(self.handle, x.as_ptr(), x.len()))?;
             checked("derivatives", get(self.handle, dx.as_mut_ptr(), dx.len()))
         }
+    }
+}
+
+impl Instance {
+    /// Writes into `slope` the derivative of `unknowns` where `knowns` change by `seed`.
+    pub(super) fn directional_derivative(
+        &mut self,
+        unknowns: &[u32],
+        knowns: &[u32],
+        seed: &[f64],
+        slope: &mut [f64],
+    ) -> Result<(), String> {
+        let what = "directional derivatives";
+        let (to, to_count) = (unknowns.as_ptr(), unknowns.len());
+        let (from, from_count) = (knowns.as_ptr(), knowns.len());
+        // SAFETY: as above; a variable of version 2 has one element.
+        let status = unsafe {
+            match &self.binary.functions.own {
+                Own::Two(of) => {
+                    assert_eq!([to_count, from_count], [slope.len(), seed.len()], "one value each");
+                    let get = of.directional.ok_or_else(|| missing(what))?;
+                    let (seed, slope) = (seed.as_ptr(), slope.as_mut_ptr());
+                    get(self.handle, to, to_count, from, from_count, seed, slope)
+                }
+                Own::Three(of) => {
+                    let get = of.directional.ok_or_else(|| missing(what))?;
+                    let (n, seed) = (seed.len(), seed.as_ptr());
+                    let (m, slope) = (slope.len(), slope.as_mut_ptr());
+                    get(self.handle, to, to_count, from, from_count, seed, n, slope, m)
+                }
+            }
+        };
+        checked("directional derivative", status)
     }
 }
 

@@ -1,6 +1,7 @@
 //! A plant as an FMU of FMI 2.0 or 3.0.
 
 mod archive;
+mod derivatives;
 mod description;
 mod equation;
 mod library;
@@ -8,10 +9,11 @@ mod library;
 pub use description::FmuKind;
 
 use crate::pool::{Pool, external};
+use derivatives::{Derivatives, Start};
 use description::{Description, Place, Version};
 use equation::Equation;
 use library::{Binary, Instance};
-use pinc_ode::{Dims, Dopri5, Flow, OdeError};
+use pinc_ode::{Dims, Dopri5, Flow, Linearization, OdeError, Stages};
 use std::fmt::{self, Debug};
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -34,13 +36,16 @@ pub struct FmuPlant {
     pub inputs: Vec<String>,
     /// Other variables, with the values that they start with.
     pub parameters: Vec<(String, f64)>,
+    /// Whether its directional derivatives are used, where it has them.
+    pub directional_derivatives: bool,
 }
 
 /// An FMU as a plant. Each step begins at time 0 in the state that is asked for: the FMU's memory
 /// is its states, and it does not depend on time.
 ///
-/// By model exchange its derivatives are integrated with [`Dopri5`]; events are not looked for. By
-/// co-simulation it takes a communication step of the whole duration.
+/// By model exchange its derivatives are integrated with [`Dopri5`], and where it has directional
+/// derivatives its variational equation too; events are not looked for. By co-simulation it takes a
+/// communication step of the whole duration.
 pub struct Fmu {
     dims: Dims,
     kind: FmuKind,
@@ -58,6 +63,8 @@ pub struct Fmu {
     states: Vec<usize>,
     /// In model exchange, the place of each state in the FMU's vector.
     order: Vec<usize>,
+    /// Where they are there and to be used.
+    derivatives: Option<Arc<Derivatives>>,
     binary: OnceLock<Arc<Binary>>,
     copies: Pool<Copy>,
 }
@@ -70,8 +77,15 @@ impl Debug for Fmu {
 
 /// An instance at work.
 enum Copy {
-    ModelExchange(Arc<Equation>, Box<Dopri5>),
+    ModelExchange(Box<Integrators>),
     CoSimulation(Instance),
+}
+
+/// One of f(x, u) alone, and one of its variational equation.
+struct Integrators {
+    equation: Arc<Equation>,
+    step: Dopri5,
+    variations: Dopri5,
 }
 
 impl Fmu {
@@ -92,12 +106,12 @@ impl Fmu {
         let places = |names: &[String]| {
             names.iter().map(|name| description.place(name)).collect::<Result<Vec<_>, _>>()
         };
-        let [states, starts, inputs] =
+        let [states, starts, input_places] =
             [places(&plant.states)?, places(&plant.starts)?, places(&plant.inputs)?];
         let (mut references, mut values) = (Vec::new(), Vec::new());
         let mut add = |place: Place| slot(&description, place, &mut references, &mut values);
         let starts: Vec<usize> = starts.into_iter().map(&mut add).collect();
-        let inputs: Vec<usize> = inputs.into_iter().map(&mut add).collect();
+        let inputs: Vec<usize> = input_places.iter().copied().map(&mut add).collect();
         let mut given = Vec::new();
         for (name, value) in &plant.parameters {
             given.push((add(description.place(name)?), *value));
@@ -109,6 +123,13 @@ impl Fmu {
             FmuKind::ModelExchange => order(&description, &states)?,
             FmuKind::CoSimulation => Vec::new(),
         };
+        let is_differentiable = kind == FmuKind::ModelExchange && description.is_differentiable;
+        let derivatives = (is_differentiable && plant.directional_derivatives).then(|| {
+            let numbers = values.len();
+            let start =
+                Start { references: &references, numbers, states: &starts, inputs: &inputs };
+            Arc::new(Derivatives::new(&description, &order, &input_places, start))
+        });
         let (mut outputs, mut output_values) = (Vec::new(), Vec::new());
         let read = |place| slot(&description, place, &mut outputs, &mut output_values);
         let states: Vec<usize> = states.into_iter().map(read).collect();
@@ -128,6 +149,7 @@ impl Fmu {
             output_values,
             states,
             order,
+            derivatives,
             binary,
             copies,
         })
@@ -173,9 +195,15 @@ impl Fmu {
         Ok(match self.kind {
             FmuKind::CoSimulation => Copy::CoSimulation(instance),
             FmuKind::ModelExchange => {
-                let equation = Arc::new(Equation::new(instance, self.order.clone()));
-                let integrator = Dopri5::shared(equation.clone(), TOLERANCE);
-                Copy::ModelExchange(equation, Box::new(integrator))
+                let (order, starts) = (self.order.clone(), self.starts.clone());
+                let equation = Equation::new(instance, order, starts, self.derivatives.clone());
+                let variations = Arc::new(equation.variational(self.dims.nu));
+                let equation = Arc::new(equation);
+                Copy::ModelExchange(Box::new(Integrators {
+                    step: Dopri5::shared(equation.clone(), TOLERANCE),
+                    variations: Dopri5::shared(variations, TOLERANCE).controlled_by(self.dims.nx),
+                    equation,
+                }))
             }
         })
     }
@@ -193,13 +221,7 @@ impl Fmu {
     fn step(&self, copy: &mut Copy, x: &mut [f64], u: &[f64], t: f64) -> Result<(), OdeError> {
         let values = self.begin(x, u);
         match copy {
-            Copy::ModelExchange(equation, integrator) => {
-                let begun = equation.begin(&self.references, &values);
-                begun.map_err(external)?;
-                // A fresh one has adapted no step size yet: the same bits on any number of threads.
-                let integrated = integrator.clone().integrate(x, &[], t);
-                equation.failure().map_or(integrated, |failure| Err(external(failure)))
-            }
+            Copy::ModelExchange(of) => self.integrate(&of.equation, &of.step, &values, x, t),
             Copy::CoSimulation(instance) => {
                 let mut ends = vec![0.0; self.output_values];
                 instance
@@ -214,7 +236,70 @@ impl Fmu {
     }
 }
 
+impl Fmu {
+    /// Moves `x`, with what else `integrator` integrates, from where these values begin.
+    fn integrate(
+        &self,
+        equation: &Equation,
+        integrator: &Dopri5,
+        values: &[f64],
+        x: &mut [f64],
+        t: f64,
+    ) -> Result<(), OdeError> {
+        equation.begin(&self.references, values).map_err(external)?;
+        // A fresh one has adapted no step size yet: the same bits on any number of threads.
+        let integrated = integrator.clone().integrate(x, &[], t);
+        equation.failure().map_or(integrated, |failure| Err(external(failure)))
+    }
+
+    /// The step from one point with its Jacobians, by the variational equation.
+    fn differentiate(
+        &self,
+        of: &Integrators,
+        (x, u): (&[f64], &[f64]),
+        t: f64,
+        out: Linearization<'_>,
+    ) -> Result<(), OdeError> {
+        let Dims { nx, nu, .. } = self.dims;
+        let mut all = vec![0.0; nx * (1 + nx + nu)];
+        let (state, columns) = all.split_at_mut(nx);
+        state.copy_from_slice(x);
+        for i in 0..nx {
+            columns[i * nx + i] = 1.0;
+        }
+        self.integrate(&of.equation, &of.variations, &self.begin(x, u), &mut all, t)?;
+        let (state, columns) = all.split_at(nx);
+        out.next.copy_from_slice(state);
+        for (j, column) in columns.chunks_exact(nx).enumerate() {
+            let (to, width, j) = match j.checked_sub(nx) {
+                None => (&mut *out.a, nx, j),
+                Some(j) => (&mut *out.b, nu, j),
+            };
+            column.iter().enumerate().for_each(|(i, slope)| to[i * width + j] = *slope);
+        }
+        Ok(())
+    }
+}
+
 impl Flow for Fmu {
+    fn linearize(
+        &self,
+        at: Stages<'_>,
+        duration_s: f64,
+        mut out: Linearization<'_>,
+    ) -> Option<Result<(), OdeError>> {
+        self.derivatives.as_ref()?;
+        let work = |copy: &mut Copy| {
+            let Copy::ModelExchange(of) = copy else { return Ok(()) };
+            (0..at.count(self.dims)).try_for_each(|k| {
+                let point = at.point(k, self.dims);
+                let out = out.point(k, self.dims);
+                self.differentiate(of, (point.x, point.u), duration_s, out)
+            })
+        };
+        Some(self.copies.with(|| self.start(), work))
+    }
+
     fn advance(&self, x: &mut [f64], u: &[f64], duration_s: f64) -> Result<(), OdeError> {
         let Dims { nx, nu, .. } = self.dims;
         self.copies.with(

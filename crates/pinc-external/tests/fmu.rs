@@ -1,0 +1,184 @@
+//! The Jacobians of an FMU for model exchange, by its directional derivatives, beside those of its
+//! equation. The FMU is compiled here, by the C compiler of the machine.
+#![cfg(target_os = "linux")]
+
+use pinc_ad::Scalar;
+use pinc_external::{Fmu, FmuKind, FmuPlant};
+use pinc_ode::{Dims, Flow, LinearizationBuffer, Model, Plant, Rk4, Stages, Variable};
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+const TWO: &str = r#"<fmiModelDescription fmiVersion="2.0" guid="g">
+<ModelExchange modelIdentifier="osc" providesDirectionalDerivative="true"/>
+<ModelVariables>
+<ScalarVariable name="x1" valueReference="1" initial="exact"><Real start="0"/></ScalarVariable>
+<ScalarVariable name="x2" valueReference="2" initial="exact"><Real start="0"/></ScalarVariable>
+<ScalarVariable name="der(x1)" valueReference="3"><Real derivative="1"/></ScalarVariable>
+<ScalarVariable name="der(x2)" valueReference="4"><Real derivative="2"/></ScalarVariable>
+<ScalarVariable name="k" valueReference="5" causality="parameter"><Real start="1"/></ScalarVariable>
+<ScalarVariable name="u" valueReference="6" causality="input"><Real start="0"/></ScalarVariable>
+</ModelVariables>
+<ModelStructure><Derivatives><Unknown index="3"/><Unknown index="4"/></Derivatives></ModelStructure>
+</fmiModelDescription>"#;
+
+const THREE: &str = r#"<fmiModelDescription fmiVersion="3.0" instantiationToken="g">
+<ModelExchange modelIdentifier="osc" providesDirectionalDerivatives="true"/>
+<ModelVariables>
+<Float64 name="x" valueReference="1" initial="exact" start="0 0"><Dimension start="2"/></Float64>
+<Float64 name="der(x)" valueReference="3" derivative="1"><Dimension start="2"/></Float64>
+<Float64 name="k" valueReference="5" causality="parameter" start="1"/>
+<Float64 name="w" valueReference="6" causality="input" start="0 0"><Dimension start="2"/></Float64>
+</ModelVariables>
+<ModelStructure><ContinuousStateDerivative valueReference="3"/></ModelStructure>
+</fmiModelDescription>"#;
+
+/// The oscillator with both of its inputs.
+#[derive(Clone, Debug)]
+struct Oscillator;
+
+impl Plant for Oscillator {
+    fn states(&self) -> &[Variable] {
+        static STATES: [Variable; 2] = [Variable::new("x1", ""), Variable::new("x2", "")];
+        &STATES
+    }
+
+    fn inputs(&self) -> &[Variable] {
+        static INPUTS: [Variable; 2] = [Variable::new("k", ""), Variable::new("u", "")];
+        &INPUTS
+    }
+
+    #[inline(always)]
+    fn rhs<S: Scalar>(&self, x: &[S], u: &[S], _p: &[S], dx: &mut [S]) {
+        dx[0] = x[1];
+        dx[1] = u[0] * (-(x[0] * x[0]) + 1.0) * x[1] - x[0] + u[1];
+    }
+}
+
+/// The oscillator as an FMU, in `dir`.
+fn fmu(dir: &Path, version: u32, description: &str) -> PathBuf {
+    let source = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/oscillator.c");
+    let binary = dir.join("osc.so");
+    let mut cc = Command::new("cc");
+    cc.args(["-std=c99", "-Wall", "-Wextra", "-Werror", "-O1", "-shared", "-fPIC"]);
+    cc.arg(format!("-DFMI_VERSION={version}")).arg(source).arg("-o").arg(&binary);
+    assert!(cc.status().unwrap().success(), "cc");
+    let folder = match version {
+        2 => "linux64".to_owned(),
+        _ => format!("{}-linux", std::env::consts::ARCH),
+    };
+    let binary = std::fs::read(binary).unwrap();
+    let name = format!("binaries/{folder}/osc.so");
+    let files = [("modelDescription.xml", description.as_bytes()), (&name, &binary)];
+    let path = dir.join("osc.fmu");
+    std::fs::write(&path, stored(&files)).unwrap();
+    path
+}
+
+/// A ZIP file with these entries as they are; its checksums are 0, which nothing here looks at.
+fn stored(files: &[(&str, &[u8])]) -> Vec<u8> {
+    let (mut all, mut directory) = (Vec::new(), Vec::new());
+    for (name, content) in files {
+        let size = u32::try_from(content.len()).unwrap().to_le_bytes();
+        let length = u16::try_from(name.len()).unwrap().to_le_bytes();
+        // Version, flags, method, time, date, checksum; the sizes; the lengths of name and extra.
+        let common = [&[0; 14][..], &size, &size, &length, &[0; 2]].concat();
+        let offset = u32::try_from(all.len()).unwrap().to_le_bytes();
+        directory.extend([b"PK\x01\x02\0\0", &common[..], &[0; 10], &offset].concat());
+        directory.extend(name.as_bytes());
+        all.extend([b"PK\x03\x04", &common[..], name.as_bytes(), content].concat());
+    }
+    let count = u16::try_from(files.len()).unwrap().to_le_bytes();
+    let [size, offset] =
+        [directory.len(), all.len()].map(|n| u32::try_from(n).unwrap().to_le_bytes());
+    all.extend(directory);
+    all.extend([b"PK\x05\x06", &[0; 4][..], &count, &count, &size, &offset, &[0; 2]].concat());
+    all
+}
+
+fn plant(states: [&str; 2], input: &str) -> FmuPlant {
+    let states = states.map(str::to_owned).to_vec();
+    FmuPlant {
+        kind: Some(FmuKind::ModelExchange),
+        starts: states.clone(),
+        states,
+        inputs: vec![input.to_owned()],
+        parameters: Vec::new(),
+        directional_derivatives: true,
+    }
+}
+
+/// Points of both states and the one input.
+const X: [f64; 6] = [0.8, 0.0, -1.5, 2.0, 0.3, -0.7];
+const U: [f64; 3] = [0.5, -1.0, 0.2];
+
+/// Compares the FMU's steps and Jacobians with those of the equation; `input` is the place of the
+/// plant's input there, and `order` that of its states.
+fn compare(fmu: &Fmu, input: usize, order: [usize; 2]) {
+    let dims = Dims::new(2, 1);
+    let mut found = LinearizationBuffer::new(dims, 3);
+    fmu.linearize(Stages { x: &X, u: &U, p: &[] }, 0.45, found.as_mut()).unwrap().unwrap();
+    let mut ends = X;
+    fmu.advance(&mut ends, &U, 0.45).unwrap();
+    let mut truth = Rk4::new(Oscillator, 0.45, 400);
+    let near = |a: f64, b: f64| assert!((a - b).abs() < 2e-9, "{a} {b}");
+    for k in 0..3 {
+        let mut u = [1.0, 0.0];
+        u[input] = U[k];
+        let x = order.map(|i| X[2 * k + i]);
+        let mut expected = LinearizationBuffer::new(Dims::new(2, 2), 1);
+        truth.linearize(Stages { x: &x, u: &u, p: &[] }, expected.as_mut());
+        for i in 0..2 {
+            let row = order[i];
+            near(found.next[2 * k + i], expected.next[row]);
+            // The Jacobian is that of the step that is taken.
+            assert_eq!(ends[2 * k + i].to_bits(), found.next[2 * k + i].to_bits());
+            near(found.b[2 * k + i], expected.b[2 * row + input]);
+            for (j, column) in order.iter().enumerate() {
+                near(found.a[4 * k + 2 * i + j], expected.a[2 * row + column]);
+            }
+        }
+    }
+}
+
+#[test]
+fn jacobians_by_directional_derivatives_are_those_of_the_equation() {
+    for (version, description, [first, second], force) in
+        [(2, TWO, ["x1", "x2"], "u"), (3, THREE, ["x[1]", "x[2]"], "w[2]")]
+    {
+        let dir = tempfile::tempdir().unwrap();
+        let path = fmu(dir.path(), version, description);
+        for (states, order) in [([first, second], [0, 1]), ([second, first], [1, 0])] {
+            // A parameter, whose derivatives are those of the initialization, and an input.
+            for (name, input) in [("k", 0), (force, 1)] {
+                compare(&Fmu::open(&path, &plant(states, name)).unwrap(), input, order);
+            }
+        }
+    }
+}
+
+#[test]
+fn derivatives_that_are_not_there_or_not_wanted_are_not_asked_for() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = fmu(dir.path(), 2, TWO);
+    let at = Stages { x: &X[..2], u: &U[..1], p: &[] };
+    let mut out = LinearizationBuffer::new(Dims::new(2, 1), 1);
+    let unwanted = FmuPlant { directional_derivatives: false, ..plant(["x1", "x2"], "u") };
+    let unwanted = Fmu::open(&path, &unwanted).unwrap();
+    assert!(unwanted.linearize(at, 0.1, out.as_mut()).is_none());
+    let silent = TWO.replace(" providesDirectionalDerivative=\"true\"", "");
+    let path = fmu(dir.path(), 2, &silent);
+    let silent = Fmu::open(&path, &plant(["x1", "x2"], "u")).unwrap();
+    assert!(silent.linearize(at, 0.1, out.as_mut()).is_none());
+}
+
+#[test]
+fn derivatives_that_fail_are_an_error() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = fmu(dir.path(), 2, TWO);
+    let fmu = Fmu::open(&path, &plant(["x1", "x2"], "u")).unwrap();
+    let mut out = LinearizationBuffer::new(Dims::new(2, 1), 1);
+    let at = Stages { x: &[9.5, 0.0], u: &[0.0], p: &[] };
+    let error = fmu.linearize(at, 0.01, out.as_mut()).unwrap().unwrap_err().to_string();
+    assert!(error.contains("directional derivative failed"), "{error}");
+    assert!(fmu.advance(&mut [9.5, 0.0], &[0.0], 0.01).is_ok());
+}
