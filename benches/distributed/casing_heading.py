@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
-"""Casing heading of the gas-lifted well of configs/oil-well/gas-lift.toml: where it begins, and what
-it costs. Needs Python alone.
+"""Casing heading of the gas-lifted well of configs/oil-well/gas-lift.toml: where it begins, and
+what it costs. Needs Python 3.11 alone.
 
     python3 benches/distributed/casing_heading.py
 
@@ -158,7 +158,8 @@ def main():
         limits = (f"{limit[0]:.3f}", f"{limit[1]:.0f}") if limit else ("none", "")
         swings = high - low > 0.1
         ranges = (f"{low:.1f} to {high:.1f}", f"{period:.0f}") if swings else ("it does not", "")
-        cells = [f"{gas:g}", *limits, f"{pressure:.1f}", *ranges, f"{production:.2f}", f"{mean:.2f}"]
+        productions = (f"{production:.2f}", f"{mean:.2f}")
+        cells = [f"{gas:g}", *limits, f"{pressure:.1f}", *ranges, *productions]
         print("| " + " | ".join(cells) + " |", flush=True)
 
 

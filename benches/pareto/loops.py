@@ -6,7 +6,8 @@
 Of each plant: all nets, of each numerical method the one with the shortest control step among those
 whose IAE is within 1 % of the exact model's, and the exact model, which is the one of least error.
 With `--rounds` the loops of these rows are run again, in turns, with the nets of the sweep, and the
-least and the middle one of the rounds' median control steps are printed; without, that of the sweep.
+least and the middle one of the rounds' median control steps are printed; without, that of the
+sweep.
 Needs Python 3.11 alone, and `pinc` in the path or by `--pinc`.
 """
 
