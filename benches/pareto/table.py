@@ -3,7 +3,8 @@
     for config in configs/pareto/*.toml; do pinc run $config; done
     python3 benches/pareto/table.py runs/*-pareto
 
-Prints the rows of the summary in docs/measurements.md. Needs Python alone.
+Prints the rows of the summary in docs/measurements.md. Sections of plants that are not given stay
+as they are. Needs Python alone.
 """
 
 import csv
@@ -29,7 +30,10 @@ horizon has, by one thread. The control step is the median time of the whole con
 distilled nets, the training time includes the integration of their targets."""
 
 # The page's order; other plants come after these.
-ORDER = ("van-der-pol", "four-tanks", "still", "column", "servo", "car", "arm")
+ORDER = (
+    *("van-der-pol", "four-tanks", "still", "column", "servo", "car", "arm"),
+    *("rod", "rod-20s", "reactor", "gas-lift", "pump"),
+)
 
 HEADS = (
     "model",
@@ -90,6 +94,11 @@ SUMMARY = {
     "servo": ("4x20", "distilled 2x16", "distilled 4x32"),
     "car": ("4x32", "distilled 3x24"),
     "arm": ("3x24", "distilled 2x16"),
+    "rod": ("1x24", "distilled 1x24"),
+    "rod-20s": ("distilled 1x24", "distilled 1x32"),
+    "reactor": ("1x48", "distilled 2x48"),
+    "gas-lift": ("3x24", "distilled 3x24"),
+    "pump": ("3x24", "distilled 2x24"),
 }
 
 
@@ -148,19 +157,33 @@ def place(plant):
     return (ORDER.index(plant), "") if plant in ORDER else (len(ORDER), plant)
 
 
+def sections(page):
+    """The sections of a page by their headings, without what comes before them."""
+    parts = page.split("\n## ")[1:]
+    return {part.split("\n", 1)[0]: ["", *("## " + part).rstrip().split("\n")] for part in parts}
+
+
+def section(plant, directory):
+    lines = ["", f"## {plant}", "", "```sh", f"pinc run configs/pareto/{plant}.toml", "```", ""]
+    lines += [f"![Error of one step over its time: {plant}](pareto/{plant}.svg)", ""]
+    return lines + list(table(directory))
+
+
 def main():
     docs = Path("docs")
-    lines = [INTRODUCTION]
-    plants = {Path(name).name.removesuffix("-pareto"): Path(name) for name in sys.argv[1:]}
-    for plant, directory in sorted(plants.items(), key=lambda item: place(item[0])):
-        picture = docs / "pareto" / f"{plant}.svg"
-        picture.parent.mkdir(exist_ok=True)
-        shutil.copy(directory / "figures" / "accuracy-cost.svg", picture)
-        lines += ["", f"## {plant}", "", "```sh", f"pinc run configs/pareto/{plant}.toml", "```", ""]
-        lines += [f"![Error of one step over its time: {plant}](pareto/{plant}.svg)", ""]
-        lines += table(directory)
+    page = docs / "accuracy-cost.md"
+    found = sections(page.read_text())
+    (docs / "pareto").mkdir(exist_ok=True)
+    for directory in map(Path, sys.argv[1:]):
+        plant = directory.name.removesuffix("-pareto")
+        picture = directory / "figures" / "accuracy-cost.svg"
+        shutil.copy(picture, docs / "pareto" / f"{plant}.svg")
+        found[plant] = section(plant, directory)
         print(*summary(plant, directory), sep="\n")
-    (docs / "accuracy-cost.md").write_text("\n".join(lines) + "\n")
+    lines = [INTRODUCTION]
+    for plant in sorted(found, key=place):
+        lines += found[plant]
+    page.write_text("\n".join(lines) + "\n")
 
 
 if __name__ == "__main__":
