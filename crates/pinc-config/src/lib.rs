@@ -38,6 +38,7 @@ mod estimator;
 mod experiment;
 mod explain;
 mod family;
+mod given;
 mod identify;
 mod layers;
 mod list;

@@ -90,7 +90,7 @@ impl Program {
     /// Writes the results into `to`.
     ///
     /// The steps are compiled once per kind of number and number of registers, for the instruction
-    /// set that the number stands for.
+    /// set that the number stands for, whatever the variables are converted from.
     #[inline(always)]
     pub(crate) fn run<S: Scalar>(&self, x: &[S], u: &[S], p: &[S], to: &mut [S]) {
         self.run_on(&Variables { x, u, p, z: &[] }, Same, to);
@@ -233,15 +233,67 @@ impl<S: Scalar, C: Convert<S>, const R: usize> Work for Run<'_, S, C, R> {
             }
             first += part.len();
         }
-        for step in &self.program.steps {
-            // The remainder spares the check of the index.
-            let (a, b) = (usize::from(step.a) % R, usize::from(step.b) % R);
-            let value = apply(step.operation, &registers[a], &registers[b]);
-            registers[usize::from(step.to) % R] = value;
+        // Second derivatives are rarely asked for, and their code is long.
+        if const { C::To::ORDER < 2 } {
+            run_few(&self.program.steps, &mut registers);
+        } else {
+            run_any(&self.program.steps, &mut registers);
         }
         for (to, &register) in self.to.iter_mut().zip(&self.program.results) {
             *to = registers[usize::from(register) % R];
         }
+    }
+}
+
+/// Takes `R` registers through some steps. Not inlined: what the variables were converted from is
+/// of no account here.
+#[inline(never)]
+fn run_few<S: Scalar, const R: usize>(steps: &[Step], registers: &mut [S; R]) {
+    registers[0].vectorize(Few { steps, registers });
+}
+
+/// Takes any number of registers, a power of 2, through some steps.
+#[inline(never)]
+fn run_any<S: Scalar>(steps: &[Step], registers: &mut [S]) {
+    registers[0].vectorize(Any { steps, registers });
+}
+
+struct Few<'a, S, const R: usize> {
+    steps: &'a [Step],
+    registers: &'a mut [S; R],
+}
+
+impl<S: Scalar, const R: usize> Work for Few<'_, S, R> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        run_steps(self.steps, self.registers);
+    }
+}
+
+struct Any<'a, S> {
+    steps: &'a [Step],
+    registers: &'a mut [S],
+}
+
+impl<S: Scalar> Work for Any<'_, S> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        run_steps(self.steps, self.registers);
+    }
+}
+
+#[inline(always)]
+fn run_steps<S: Scalar>(steps: &[Step], registers: &mut [S]) {
+    // If their number is known, the remainder spares the check of the index.
+    let last = registers.len() - 1;
+    for step in steps {
+        let (a, b) = (usize::from(step.a) & last, usize::from(step.b) & last);
+        let value = apply(step.operation, &registers[a], &registers[b]);
+        registers[usize::from(step.to) & last] = value;
     }
 }
 

@@ -1,6 +1,7 @@
 //! Plants whose type is erased: what is compiled once per plant, and all else once.
 
 use crate::black_box::NoEquation;
+use crate::outlined::evaluate;
 use crate::{BlackBox, Dims, Model, Plant, Rk4, Rk5, Rodas4, Variable};
 use pinc_ad::Dual;
 use pinc_ad::simd::{Isa, Simd, Task, Work};
@@ -85,7 +86,7 @@ impl<P: Plant> DynRhs for P {
     }
 
     fn rhs(&self, x: &[f64], u: &[f64], p: &[f64], dx: &mut [f64]) {
-        Plant::rhs(self, x, u, p, dx);
+        evaluate(self, x, u, p, dx);
     }
 
     fn output(&self, x: &[f64], u: &[f64], p: &[f64], y: &mut [f64]) {
@@ -101,7 +102,7 @@ impl<P: Plant> DynRhs for P {
         let f = |v: &[Dual<f64, VECTOR_DIRECTIONS>], dx: &mut [Dual<f64, VECTOR_DIRECTIONS>]| {
             let (x, rest) = v.split_at(nx);
             let (u, p) = rest.split_at(nu);
-            Plant::rhs(self, x, u, p, dx);
+            evaluate(self, x, u, p, dx);
         };
         let mut jacobian = vec![0.0; nx * all.len()];
         let mut dx = vec![Dual::lift(0.0); nx];

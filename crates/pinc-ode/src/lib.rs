@@ -34,6 +34,7 @@ mod error;
 mod loaded;
 pub mod metrics;
 mod model;
+mod outlined;
 mod output;
 mod piecewise_constant;
 mod plant;

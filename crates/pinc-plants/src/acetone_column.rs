@@ -55,6 +55,7 @@ impl AcetoneColumn {
 
 impl Plant for AcetoneColumn {
     const LONG: bool = true;
+    const COLUMNS: Option<usize> = Some(2 * STAGES + 2);
 
     fn states(&self) -> &[Variable] {
         static VARIABLES: [Variable; 2 * STAGES] = [

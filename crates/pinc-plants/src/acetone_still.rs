@@ -53,6 +53,7 @@ impl AcetoneStill {
 
 impl Plant for AcetoneStill {
     const LONG: bool = true;
+    const COLUMNS: Option<usize> = Some(4);
 
     fn states(&self) -> &[Variable] {
         static VARIABLES: [Variable; 2] = [Variable::new("xa", ""), Variable::new("xm", "")];

@@ -61,6 +61,8 @@ impl FourTanks {
 }
 
 impl Plant for FourTanks {
+    const COLUMNS: Option<usize> = Some(6);
+
     fn states(&self) -> &[Variable] {
         static VARIABLES: [Variable; 4] = [
             Variable::new("h1", "cm"),

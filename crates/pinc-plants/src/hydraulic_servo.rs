@@ -97,6 +97,8 @@ impl HydraulicServo {
 }
 
 impl Plant for HydraulicServo {
+    const COLUMNS: Option<usize> = Some(5);
+
     fn states(&self) -> &[Variable] {
         static VARIABLES: [Variable; 4] = [
             Variable::new("x", "m"),

@@ -28,6 +28,8 @@ impl Default for OneTank {
 }
 
 impl Plant for OneTank {
+    const COLUMNS: Option<usize> = Some(2);
+
     fn states(&self) -> &[Variable] {
         static VARIABLES: [Variable; 1] = [Variable::new("h", "cm")];
         &VARIABLES

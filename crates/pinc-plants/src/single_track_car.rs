@@ -84,6 +84,7 @@ impl SingleTrackCar {
 
 impl Plant for SingleTrackCar {
     const LONG: bool = true;
+    const COLUMNS: Option<usize> = Some(6);
 
     fn states(&self) -> &[Variable] {
         static VARIABLES: [Variable; 4] = [

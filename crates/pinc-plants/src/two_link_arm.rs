@@ -46,6 +46,7 @@ impl TwoLinkArm {
 
 impl Plant for TwoLinkArm {
     const LONG: bool = true;
+    const COLUMNS: Option<usize> = Some(6);
 
     fn states(&self) -> &[Variable] {
         static VARIABLES: [Variable; 4] = [

@@ -25,6 +25,8 @@ impl Default for VanDerPol {
 }
 
 impl Plant for VanDerPol {
+    const COLUMNS: Option<usize> = Some(3);
+
     fn states(&self) -> &[Variable] {
         static VARIABLES: [Variable; 2] = [Variable::new("x1", ""), Variable::new("x2", "")];
         &VARIABLES

@@ -127,10 +127,12 @@ impl Isa {
         let mut all = Vec::new();
         #[cfg(target_arch = "x86_64")]
         {
-            if is_x86_feature_detected!("avx512f") && is_x86_feature_detected!("avx512dq") {
+            let narrow = is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma");
+            let wide = is_x86_feature_detected!("avx512f") && is_x86_feature_detected!("avx512dq");
+            if narrow && wide {
                 all.push(Self::Avx512);
             }
-            if is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma") {
+            if narrow {
                 all.push(Self::Avx2);
             }
         }
@@ -191,8 +193,21 @@ impl Isa {
                 // SAFETY: the features were detected on the line above.
                 unsafe { x86::run_avx512(task) }
             }
+            vectors => vectors.dispatch_narrow(task),
+        }
+    }
+
+    /// Runs `task` in vectors of four lanes also where there are wider ones: for work that gains
+    /// nothing from these, and need not be compiled for them.
+    ///
+    /// # Panics
+    ///
+    /// If the machine has no vectors, or this is the portable instruction set.
+    #[inline]
+    pub fn dispatch_narrow<T: Task>(self, task: T) -> T::Output {
+        match self {
             #[cfg(target_arch = "x86_64")]
-            Self::Avx2 => {
+            Self::Avx512 | Self::Avx2 => {
                 assert!(is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma"));
                 // SAFETY: the features were detected on the line above.
                 unsafe { x86::run_avx2(task) }

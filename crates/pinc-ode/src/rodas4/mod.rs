@@ -3,13 +3,15 @@
 pub(crate) mod lu;
 mod stages;
 
+use crate::outlined::Outlined;
 use crate::output::OutputWorkspace;
 use crate::points::Points;
 use crate::{Dims, Linearization, Model, OutputLinearization, Plant, Stages};
-use pinc_ad::Dual;
-use pinc_ad::simd::{Isa, Simd, Task};
-use stages::Workspace;
+use lu::Pivot;
+use pinc_ad::simd::{Isa, Simd, Task, Work};
+use pinc_ad::{Dual, Lanes};
 pub(crate) use stages::{A, C, GAMMA};
+use stages::{Rates, RatesIn, Workspace};
 
 /// Lanes of the widest vectors.
 const WIDE: usize = 8;
@@ -36,7 +38,7 @@ const NARROW: usize = 4;
 /// there.
 #[derive(Clone, Debug)]
 pub struct Rodas4<P> {
-    plant: P,
+    plant: Outlined<P>,
     dims: Dims,
     sample_time_s: f64,
     substeps: usize,
@@ -60,6 +62,7 @@ impl<P: Plant> Rodas4<P> {
         let value = Workspace::new(dims, 0.0);
         let (isa, outputs) = (Isa::detect(), OutputWorkspace::new(dims));
         let tangents = Tangents::new(dims, isa);
+        let plant = Outlined(plant);
         Self { plant, dims, sample_time_s, substeps, isa, value, tangents, outputs }
     }
 
@@ -106,10 +109,9 @@ impl<P: Plant> Task for Step<'_, P> {
     type Output = ();
 
     #[inline(always)]
-    fn run<V: Simd>(self, _zero: V) {
-        for _ in 0..self.substeps {
-            self.work.step(self.plant, self.h);
-        }
+    fn run<V: Simd>(self, zero: V) {
+        let Self { plant, h, substeps, work } = self;
+        advance(zero, Substeps { rhs: &RatesIn { plant, vector: zero }, h, substeps, work });
     }
 }
 
@@ -126,38 +128,66 @@ impl<P: Plant> Task for Linearize<'_, P> {
     type Output = ();
 
     #[inline(always)]
-    fn run<V: Simd>(self, _zero: V) {
+    fn run<V: Simd>(self, zero: V) {
         let Self { plant, h, substeps, point, tangents } = self;
+        let (dims, rhs) = (plant.dims(), RatesIn { plant, vector: zero });
         // Compiled for the one number of lanes only.
         if const { V::LANES == WIDE } {
             if let Tangents::Wide(work) = tangents {
-                linearize(plant, h, substeps, point, work);
+                linearize(zero, dims, Substeps { rhs: &rhs, h, substeps, work }, point);
             }
         } else if let Tangents::Narrow(work) = tangents {
-            linearize(plant, h, substeps, point, work);
+            linearize(zero, dims, Substeps { rhs: &rhs, h, substeps, work }, point);
         }
     }
 }
 
-#[inline(always)]
-fn linearize<P: Plant, const N: usize>(
-    plant: &P,
+/// The substeps of a step of any plant.
+struct Substeps<'a, S> {
+    rhs: &'a dyn Rates<S>,
     h: f64,
     substeps: usize,
+    work: &'a mut Workspace<S>,
+}
+
+impl<S: Pivot> Work for Substeps<'_, S> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        for _ in 0..self.substeps {
+            self.work.step(self.rhs, self.h);
+        }
+    }
+}
+
+/// The vector of code for any machine.
+fn portable() -> Lanes<NARROW> {
+    Lanes::splat(0.0)
+}
+
+/// Not inlined, so that this is compiled once for all plants.
+#[inline(never)]
+fn advance<V: Simd, S: Pivot>(vector: V, substeps: Substeps<'_, S>) {
+    vector.vectorize(substeps);
+}
+
+#[inline(never)]
+fn linearize<V: Simd, const N: usize>(
+    vector: V,
+    dims: Dims,
+    all: Substeps<'_, Dual<f64, N>>,
     mut point: Points<'_>,
-    work: &mut Workspace<Dual<f64, N>>,
 ) {
-    let dims = plant.dims();
     let (at, columns) = (point.at, point.columns(dims));
+    let Substeps { rhs, h, substeps, work } = all;
     for first in (0..columns).step_by(N) {
         let variables = work.x.iter_mut().chain(&mut work.u).chain(&mut work.p);
         let values = at.x.iter().chain(at.u).chain(at.p);
         for (j, (to, &value)) in variables.zip(values).enumerate() {
             *to = Dual::variable(value, j.checked_sub(first).unwrap_or(N));
         }
-        for _ in 0..substeps {
-            work.step(plant, h);
-        }
+        vector.vectorize(Substeps { rhs, h, substeps, work });
         for (i, result) in work.x.iter().enumerate() {
             point.out.next[i] = result.re;
             for (column, &derivative) in (first..columns).zip(&result.eps) {
@@ -182,7 +212,13 @@ impl<P: Plant> Model for Rodas4<P> {
         work.x.copy_from_slice(x);
         work.u.copy_from_slice(u);
         work.p.copy_from_slice(p);
-        isa.dispatch(Step { plant, h, substeps: *substeps, work });
+        let substeps = *substeps;
+        match isa {
+            Isa::Portable => {
+                advance(portable(), Substeps { rhs: plant, h, substeps, work });
+            }
+            vectors => vectors.dispatch_narrow(Step { plant: &plant.0, h, substeps, work }),
+        }
         next.copy_from_slice(&work.x);
     }
 
@@ -195,15 +231,23 @@ impl<P: Plant> Model for Rodas4<P> {
             let (point, rest) = points.split(dims, 1);
             points = rest;
             let Self { plant, isa, tangents, .. } = self;
-            isa.dispatch(Linearize { plant, h, substeps, point, tangents });
+            match (*isa, tangents) {
+                (Isa::Portable, Tangents::Narrow(work)) => {
+                    linearize(portable(), dims, Substeps { rhs: plant, h, substeps, work }, point);
+                }
+                (vectors, tangents) => {
+                    let plant = &plant.0;
+                    vectors.dispatch_vectors(Linearize { plant, h, substeps, point, tangents });
+                }
+            }
         }
     }
 
     fn output(&mut self, x: &[f64], u: &[f64], p: &[f64], y: &mut [f64]) {
-        self.plant.output(x, u, p, y);
+        self.plant.0.output(x, u, p, y);
     }
 
     fn linearize_output(&mut self, at: Stages<'_>, out: OutputLinearization<'_>) {
-        self.outputs.linearize(&self.plant, at, out);
+        self.outputs.linearize(&self.plant.0, at, out);
     }
 }

@@ -1,8 +1,10 @@
 //! The stages of RODAS on one kind of number.
 
 use super::lu::{self, Pivot};
+use crate::outlined::Outlined;
 use crate::{Dims, Plant};
-use pinc_ad::Dual;
+use pinc_ad::simd::{Simd, Work};
+use pinc_ad::{Dual, Scalar};
 
 pub(crate) const GAMMA: f64 = 0.25;
 
@@ -52,6 +54,63 @@ pub(crate) const C: [[f64; 5]; 5] = [
 /// Columns of J that are computed together.
 const COLUMNS: usize = 4;
 
+/// A number with derivatives by some columns of x.
+type Columns<S> = Dual<S, COLUMNS>;
+
+/// The right-hand side of a plant with its type erased: the method is compiled once for all plants,
+/// and only their equations are compiled for each.
+pub(super) trait Rates<S> {
+    /// f(x, u, p)
+    fn rates(&self, x: &[S], u: &[S], p: &[S], to: &mut [S]);
+
+    /// The same with derivatives.
+    fn columns(&self, x: &[Columns<S>], u: &[Columns<S>], p: &[Columns<S>], to: &mut [Columns<S>]);
+}
+
+/// A plant, evaluated in the instruction set of a vector.
+pub(super) struct RatesIn<'a, P, V> {
+    pub(super) plant: &'a P,
+    pub(super) vector: V,
+}
+
+impl<S: Pivot, P: Plant, V: Simd> Rates<S> for RatesIn<'_, P, V> {
+    fn rates(&self, x: &[S], u: &[S], p: &[S], to: &mut [S]) {
+        self.vector.vectorize(Evaluation { plant: self.plant, x, u, p, to });
+    }
+
+    fn columns(&self, x: &[Columns<S>], u: &[Columns<S>], p: &[Columns<S>], to: &mut [Columns<S>]) {
+        self.vector.vectorize(Evaluation { plant: self.plant, x, u, p, to });
+    }
+}
+
+/// Where there are no vectors.
+impl<S: Pivot, P: Plant> Rates<S> for Outlined<P> {
+    fn rates(&self, x: &[S], u: &[S], p: &[S], to: &mut [S]) {
+        self.rhs(x, u, p, to);
+    }
+
+    fn columns(&self, x: &[Columns<S>], u: &[Columns<S>], p: &[Columns<S>], to: &mut [Columns<S>]) {
+        self.rhs(x, u, p, to);
+    }
+}
+
+struct Evaluation<'a, P, S> {
+    plant: &'a P,
+    x: &'a [S],
+    u: &'a [S],
+    p: &'a [S],
+    to: &'a mut [S],
+}
+
+impl<P: Plant, S: Scalar> Work for Evaluation<'_, P, S> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        self.plant.rhs(self.x, self.u, self.p, self.to);
+    }
+}
+
 /// State, stages and matrix of the method.
 #[derive(Clone, Debug)]
 pub(super) struct Workspace<S> {
@@ -65,10 +124,10 @@ pub(super) struct Workspace<S> {
     matrix: Vec<S>,
     order: Vec<usize>,
     /// x, u, p and f(x, u, p) with some columns of their derivatives by x.
-    lifted_x: Vec<Dual<S, COLUMNS>>,
-    lifted_u: Vec<Dual<S, COLUMNS>>,
-    lifted_p: Vec<Dual<S, COLUMNS>>,
-    slopes: Vec<Dual<S, COLUMNS>>,
+    lifted_x: Vec<Columns<S>>,
+    lifted_u: Vec<Columns<S>>,
+    lifted_p: Vec<Columns<S>>,
+    slopes: Vec<Columns<S>>,
 }
 
 impl<S: Pivot> Workspace<S> {
@@ -92,8 +151,8 @@ impl<S: Pivot> Workspace<S> {
 
     /// Advances `self.x` by `h` seconds.
     #[inline(always)]
-    pub(super) fn step<P: Plant>(&mut self, plant: &P, h: f64) {
-        self.prepare_matrix(plant, h);
+    pub(super) fn step(&mut self, rhs: &dyn Rates<S>, h: f64) {
+        self.prepare_matrix(rhs, h);
         self.k[0].iter_mut().zip(&self.slopes).for_each(|(k, slope)| *k = slope.re);
         lu::solve(&self.matrix, &self.order, &mut self.k[0]);
         for stage in 1..6 {
@@ -101,7 +160,7 @@ impl<S: Pivot> Workspace<S> {
             let (known, [k, ..]) = self.k.split_at_mut(stage) else { return };
             self.point.copy_from_slice(&self.x);
             combine(&mut self.point, 1.0, a, known);
-            plant.rhs(&self.point, &self.u, &self.p, k);
+            rhs.rates(&self.point, &self.u, &self.p, k);
             combine(k, 1.0 / h, c, known);
             lu::solve(&self.matrix, &self.order, k);
         }
@@ -112,7 +171,7 @@ impl<S: Pivot> Workspace<S> {
 
     /// Evaluates J and f at x, and factorises I / (h gamma) - J.
     #[inline(always)]
-    fn prepare_matrix<P: Plant>(&mut self, plant: &P, h: f64) {
+    fn prepare_matrix(&mut self, rhs: &dyn Rates<S>, h: f64) {
         let n = self.x.len();
         for (to, &u) in self.lifted_u.iter_mut().zip(&self.u) {
             *to = Dual::lift(u);
@@ -124,7 +183,7 @@ impl<S: Pivot> Workspace<S> {
             for (j, (to, &x)) in self.lifted_x.iter_mut().zip(&self.x).enumerate() {
                 *to = Dual::variable(x, j.checked_sub(first).unwrap_or(COLUMNS));
             }
-            plant.rhs(&self.lifted_x, &self.lifted_u, &self.lifted_p, &mut self.slopes);
+            rhs.columns(&self.lifted_x, &self.lifted_u, &self.lifted_p, &mut self.slopes);
             for (i, slope) in self.slopes.iter().enumerate() {
                 for (j, &derivative) in (first..n).zip(&slope.eps) {
                     self.matrix[i * n + j] = -derivative;

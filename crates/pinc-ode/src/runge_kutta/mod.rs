@@ -4,6 +4,7 @@ mod batched;
 mod linearize;
 mod method;
 
+use crate::outlined::Outlined;
 use crate::output::OutputWorkspace;
 use crate::points::Points;
 use crate::{Dims, Linearization, Model, OutputLinearization, Plant, Stages};
@@ -34,7 +35,8 @@ pub type Rk5<P> = RungeKutta<P, DormandPrince>;
 /// The Jacobians are those of the method itself, exact to rounding, by dual numbers through it. All
 /// columns go through it together, in the lanes of the machine's widest vectors. In
 /// [`Model::linearize`] two points do so side by side or, for plants with few columns or a long
-/// equation ([`Plant::LONG`]), the lanes are points. Large plants, and machines without such vectors, take one point at a time.
+/// equation ([`Plant::LONG`]), the lanes are points. Large plants, and machines without such
+/// vectors, take one point at a time.
 #[derive(Clone, Debug)]
 pub struct RungeKutta<P, M> {
     plant: P,
@@ -44,14 +46,15 @@ pub struct RungeKutta<P, M> {
     isa: Isa,
     /// Vectors of half as many lanes, or the same where there are none.
     narrow: Isa,
-    heap: Option<HeapWorkspaces>,
+    heap: Option<HeapWorkspaces<P>>,
     outputs: OutputWorkspace,
     method: PhantomData<M>,
 }
 
 /// Numbers of a plant that is not small, or of any plant where the machine has no vectors.
 #[derive(Clone, Debug)]
-struct HeapWorkspaces {
+struct HeapWorkspaces<P> {
+    plant: Outlined<P>,
     values: HeapWorkspace<f64>,
     tangents: HeapWorkspace<Dual<f64, DIRECTIONS>>,
 }
@@ -61,16 +64,20 @@ impl<P: Plant, M: Method> RungeKutta<P, M> {
     ///
     /// # Panics
     ///
-    /// If `sample_time_s` is not positive and finite or `substeps` is 0.
+    /// If `sample_time_s` is not positive and finite or `substeps` is 0, or if the plant does not
+    /// have the columns that [`Plant::COLUMNS`] says.
     #[must_use]
     pub fn new(plant: P, sample_time_s: f64, substeps: usize) -> Self {
         assert!(sample_time_s > 0.0 && sample_time_s.is_finite(), "the step must be positive");
         assert!(substeps > 0, "at least one substep");
         let dims = plant.dims();
+        let columns = P::COLUMNS.is_none_or(|columns| (columns, 0) == (dims.nx + dims.nu, dims.np));
+        assert!(columns, "the plant has other columns than it says");
         let isa = Isa::detect();
         let narrow = if Isa::available().contains(&Isa::Avx2) { Isa::Avx2 } else { isa };
         let large = dims.nx.max(dims.nu).max(dims.np) > SMALL;
         let heap = (large || isa == Isa::Portable).then(|| HeapWorkspaces {
+            plant: Outlined(plant.clone()),
             values: HeapWorkspace::new(dims, 0.0),
             tangents: HeapWorkspace::new(dims, Dual::lift(0.0)),
         });
@@ -125,24 +132,30 @@ impl<P: Plant, M: Method> RungeKutta<P, M> {
         });
     }
 
-    /// Linearises any number of points of a plant with a long equation: what is left over when
-    /// vectors are filled goes into narrower ones, if these suffice.
-    fn linearize_long(&mut self, points: Points<'_>) {
-        const FEW: usize = COLUMNS_IF_LONG[0];
-        const MANY: usize = COLUMNS_IF_LONG[1];
+    /// Linearises any number of points of a plant with a long equation and `N` columns at most:
+    /// what is left over when vectors are filled goes into narrower ones, if these suffice.
+    fn linearize_long<const N: usize>(&mut self, points: Points<'_>) {
         let count = points.at.count(self.dims);
         let rest = count % self.isa.lanes();
         let whole = if rest <= self.narrow.lanes() { count - rest } else { count };
         let (whole, rest) = points.split(self.dims, whole);
         for (isa, points) in [(self.isa, whole), (self.narrow, rest)] {
-            if points.at.x.is_empty() {
-                continue;
+            if !points.at.x.is_empty() {
+                self.linearize_batched::<N>(isa, points);
             }
-            if points.columns(self.dims) <= FEW {
-                self.linearize_batched::<FEW>(isa, points);
-            } else {
-                self.linearize_batched::<MANY>(isa, points);
-            }
+        }
+    }
+
+    /// Linearises any number of points of a small plant, two and two.
+    fn linearize_in_pairs(&mut self, mut points: Points<'_>) {
+        let count = points.at.count(self.dims);
+        for _ in 0..count / 2 {
+            let (pair, rest) = points.split(self.dims, 2);
+            points = rest;
+            self.linearize_side_by_side::<2>(pair);
+        }
+        if count % 2 == 1 {
+            self.linearize_side_by_side::<1>(points);
         }
     }
 
@@ -158,13 +171,48 @@ impl<P: Plant, M: Method> RungeKutta<P, M> {
             for (j, (to, &value)) in variables.zip(values).enumerate() {
                 *to = Dual::variable(value, j.checked_sub(first).unwrap_or(DIRECTIONS));
             }
-            work.run::<P, M>(&self.plant, h, self.substeps);
+            work.run::<Outlined<P>, M>(&heap.plant, h, self.substeps);
             for (i, result) in work.x.iter().enumerate() {
                 points.out.next[i] = result.re;
                 for (column, &derivative) in (first..columns).zip(&result.eps) {
                     points.set(dims, i, column, derivative);
                 }
             }
+        }
+    }
+}
+
+/// How the points of a small plant are linearised in vectors.
+#[derive(Clone, Copy, Debug)]
+enum Way {
+    /// Few columns: points in the lanes.
+    Batched,
+    /// A long equation: points in the lanes, few columns.
+    Long,
+    /// The same with more columns.
+    LongAndWide,
+    /// Columns in the lanes, two points side by side.
+    InPairs,
+}
+
+impl Way {
+    const fn of(long: bool, columns: usize) -> Self {
+        if columns <= COLUMNS {
+            Self::Batched
+        } else if long && columns <= COLUMNS_IF_LONG[0] {
+            Self::Long
+        } else if long && columns <= COLUMNS_IF_LONG[1] {
+            Self::LongAndWide
+        } else {
+            Self::InPairs
+        }
+    }
+
+    /// Whether some number of columns of the plant leads here.
+    const fn is_possible<P: Plant>(self) -> bool {
+        match P::COLUMNS {
+            Some(columns) => self as usize == Self::of(P::LONG, columns) as usize,
+            None => P::LONG || matches!(self, Self::Batched | Self::InPairs),
         }
     }
 }
@@ -183,10 +231,11 @@ impl<P: Plant, M: Method> Model for RungeKutta<P, M> {
         let (plant, substeps, at) = (&self.plant, self.substeps, (x, u, p));
         match &mut self.heap {
             Some(heap) => {
-                heap.values.workspace().predict::<P, M>(plant, h, substeps, at, next);
+                let HeapWorkspaces { plant, values, .. } = heap;
+                values.workspace().predict::<Outlined<P>, M>(plant, h, substeps, at, next);
             }
             None if const { P::LONG } => {
-                self.narrow.dispatch_vectors(StepInVectors::<P, M> {
+                self.isa.dispatch_narrow(StepInVectors::<P, M> {
                     plant,
                     h,
                     substeps,
@@ -207,27 +256,29 @@ impl<P: Plant, M: Method> Model for RungeKutta<P, M> {
         let count = at.count(self.dims);
         out.check(count, self.dims);
         let mut points = Points { at, out };
-        let columns = points.columns(self.dims);
-        if columns <= COLUMNS && self.heap.is_none() {
-            return self.linearize_batched::<COLUMNS>(self.isa, points);
-        }
-        if const { P::LONG } && columns <= COLUMNS_IF_LONG[1] && self.heap.is_none() {
-            return self.linearize_long(points);
-        }
-        if self.heap.is_none() {
-            for _ in 0..count / 2 {
-                let (pair, rest) = points.split(self.dims, 2);
+        if self.heap.is_some() {
+            for _ in 0..count {
+                let (point, rest) = points.split(self.dims, 1);
                 points = rest;
-                self.linearize_side_by_side::<2>(pair);
+                self.linearize_on_heap(point);
             }
+            return;
         }
-        while !points.at.x.is_empty() {
-            let (point, rest) = points.split(self.dims, 1);
-            points = rest;
-            match self.heap {
-                Some(_) => self.linearize_on_heap(point),
-                None => self.linearize_side_by_side::<1>(point),
+        // What is impossible for a plant is not compiled.
+        match Way::of(P::LONG, points.columns(self.dims)) {
+            Way::Batched if const { Way::Batched.is_possible::<P>() } => {
+                self.linearize_batched::<COLUMNS>(self.isa, points);
             }
+            Way::Long if const { Way::Long.is_possible::<P>() } => {
+                self.linearize_long::<{ COLUMNS_IF_LONG[0] }>(points);
+            }
+            Way::LongAndWide if const { Way::LongAndWide.is_possible::<P>() } => {
+                self.linearize_long::<{ COLUMNS_IF_LONG[1] }>(points);
+            }
+            Way::InPairs if const { Way::InPairs.is_possible::<P>() } => {
+                self.linearize_in_pairs(points);
+            }
+            way => unreachable!("{way:?}: a plant has the columns that it says"),
         }
     }
 
