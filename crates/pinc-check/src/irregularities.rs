@@ -141,7 +141,7 @@ fn pattern(text: &str) -> String {
 }
 
 /// Whether a term is negative beyond the place where it becomes 0, and not 0 from there on.
-fn becomes_negative(subject: &Subject<'_>, term: &LoneTerm, crossing: &Crossing) -> bool {
+fn becomes_negative(subject: &Subject<'_>, term: &LoneTerm<'_>, crossing: &Crossing) -> bool {
     let (centre, behind) = (subject.region.centre().joined(), crossing.behind.joined());
     let further = centre.iter().zip(&behind).map(|(from, to)| to + FURTHER * (to - from)).collect();
     let wide = subject.region.enlarged(MARGIN);

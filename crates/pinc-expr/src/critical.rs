@@ -8,6 +8,9 @@ use std::collections::{BTreeMap, BTreeSet, HashSet};
 /// Longer texts of terms are cut.
 const LONGEST: usize = 60;
 
+/// About how often all equations are computed until the algebraic ones are solved.
+const NEWTON_STEPS: usize = 5;
+
 /// What a term is needed for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum TermRole {
@@ -58,8 +61,27 @@ pub struct CriticalTerm {
 pub struct CriticalTerms {
     nodes: Vec<Node>,
     terms: Vec<CriticalTerm>,
-    /// The number of states, and the algebraic equations, if there are any.
-    algebraic: Option<(usize, AlgebraicSystem)>,
+    algebraic: Option<Unknowns>,
+}
+
+/// The equations that the algebraic variables in the terms are solved from.
+#[derive(Debug)]
+struct Unknowns {
+    states: usize,
+    /// States and inputs.
+    variables: usize,
+    system: AlgebraicSystem,
+}
+
+impl Unknowns {
+    /// States and inputs with the algebraic variables behind them.
+    fn with_unknowns(&self, at: &[f64]) -> Vec<f64> {
+        let mut all = at.to_vec();
+        all.resize(at.len() + self.system.names.len(), f64::NAN);
+        let (x, u) = at.split_at(self.states);
+        self.system.solve(x, u, &[], &mut all[at.len()..]);
+        all
+    }
 }
 
 impl CriticalTerms {
@@ -87,8 +109,13 @@ impl CriticalTerms {
     }
 
     /// With the equations that the algebraic variables in the terms are solved from.
-    pub(crate) fn with_algebraic(self, states: usize, system: AlgebraicSystem) -> Self {
-        Self { algebraic: (!system.blocks.is_empty()).then_some((states, system)), ..self }
+    pub(crate) fn with_algebraic(
+        self,
+        [states, inputs]: [usize; 2],
+        system: AlgebraicSystem,
+    ) -> Self {
+        let unknowns = Unknowns { states, variables: states + inputs, system };
+        Self { algebraic: (!unknowns.system.blocks.is_empty()).then_some(unknowns), ..self }
     }
 
     /// They, in the order of the equations.
@@ -104,12 +131,10 @@ impl CriticalTerms {
     /// `at`: `nx + nu`, states first.
     #[must_use]
     pub fn values(&self, at: &[f64]) -> Vec<f64> {
-        let mut with_unknowns = at.to_vec();
-        if let Some((states, system)) = &self.algebraic {
-            let (x, u) = at.split_at(*states);
-            with_unknowns.resize(at.len() + system.names.len(), f64::NAN);
-            system.solve(x, u, &[], &mut with_unknowns[at.len()..]);
-        }
+        let with_unknowns = match &self.algebraic {
+            Some(algebraic) => algebraic.with_unknowns(at),
+            None => at.to_vec(),
+        };
         let mut all = Vec::with_capacity(self.nodes.len());
         for node in &self.nodes {
             let [a, b] = node.operands.map(|operand| operand.map_or(0.0, |value| all[value.0]));
@@ -125,18 +150,22 @@ impl CriticalTerms {
 
 /// One of the [`CriticalTerms`], computed without the others.
 #[derive(Clone, Debug)]
-pub struct LoneTerm {
+pub struct LoneTerm<'a> {
     /// What is computed, each with the places of its operands among these.
     steps: Vec<(Operation, [usize; 2])>,
     /// Which of these the term is the difference of, or the one that it is.
     values: [Option<usize>; 2],
     variables: Vec<usize>,
+    operations: usize,
+    /// If it depends on algebraic variables.
+    unknowns: Option<&'a Unknowns>,
 }
 
 impl CriticalTerms {
-    /// The term `list()[i]` by itself: what it is made of, and nothing else.
+    /// The term `list()[i]` by itself: what it is made of, and nothing else. If algebraic variables
+    /// are among that, all algebraic equations are solved for it.
     #[must_use]
-    pub fn alone(&self, i: usize) -> LoneTerm {
+    pub fn alone(&self, i: usize) -> LoneTerm<'_> {
         let mut needed: BTreeSet<Value> = BTreeSet::new();
         let mut open: Vec<Value> = self.terms[i].values.into_iter().flatten().collect();
         while let Some(value) = open.pop() {
@@ -158,11 +187,19 @@ impl CriticalTerms {
         };
         let mut variables: Vec<usize> = steps.iter().filter_map(variable).collect();
         variables.sort_unstable();
-        LoneTerm { values: self.terms[i].values.map(|value| value.map(place)), variables, steps }
+        let mut operations = steps.len();
+        let depends = |unknowns: &&Unknowns| variables.iter().any(|&i| i >= unknowns.variables);
+        let unknowns = self.algebraic.as_ref().filter(depends);
+        if let Some(unknowns) = unknowns {
+            variables = (0..unknowns.variables).collect();
+            operations += NEWTON_STEPS * self.nodes.len();
+        }
+        let values = self.terms[i].values.map(|value| value.map(place));
+        LoneTerm { steps, values, variables, operations, unknowns }
     }
 }
 
-impl LoneTerm {
+impl LoneTerm<'_> {
     /// Its value, the same as in [`CriticalTerms::values`].
     ///
     /// # Shapes
@@ -170,6 +207,8 @@ impl LoneTerm {
     /// `at`: `nx + nu`, states first.
     #[must_use]
     pub fn value(&self, at: &[f64]) -> f64 {
+        let with_unknowns = self.unknowns.map(|unknowns| unknowns.with_unknowns(at));
+        let at = with_unknowns.as_deref().unwrap_or(at);
         let mut all = Vec::with_capacity(self.steps.len());
         for &(operation, [a, b]) in &self.steps {
             let operand = |place: usize| all.get(place).copied().unwrap_or_default();
@@ -188,10 +227,10 @@ impl LoneTerm {
         &self.variables
     }
 
-    /// How many values are computed for it.
+    /// About how many values are computed for it.
     #[must_use]
     pub fn operations(&self) -> usize {
-        self.steps.len()
+        self.operations
     }
 }
 

@@ -313,7 +313,7 @@ impl Equations {
             let system = AlgebraicSystem::new(&graph, variables.len(), &algebraic);
             let system = system.map_err(|problem| problem.at("algebraic"))?;
             let terms = CriticalTerms::new(graph, &printed, &names, &keys);
-            Ok(terms.with_algebraic(plain.states.len(), system))
+            Ok(terms.with_algebraic([plain.states.len(), plain.inputs.len()], system))
         })
     }
 

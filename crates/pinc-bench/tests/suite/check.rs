@@ -35,6 +35,13 @@ fn sound_configs_give_no_cause_for_warnings() {
 }
 
 #[test]
+fn wells_with_algebraic_pressures_are_examined_too() {
+    for config in ["oil-well/gas-lift.toml", "pareto/gas-lift.toml"] {
+        warnings(&findings(config, &["model.neurons=8"]));
+    }
+}
+
+#[test]
 fn four_tanks_whose_gammas_add_up_to_1_have_a_singular_gain() {
     let findings = findings("four-tanks/main.toml", &[]);
     // At the first reference, by an independent computation: singular values 8.39 and 0; every
