@@ -3,7 +3,6 @@
 //! Where the plant has the states `T[20]` and `E`, a list of states is `[300.0, 0.0]`, the first
 //! number for all elements of `T`, or `[[300.0, 301.0, ..], 0.0]`, or has 21 numbers.
 
-use crate::given::Given;
 use crate::layers;
 use crate::plant::PlantSpec;
 use crate::problem::{Problem, nearest};
@@ -120,7 +119,7 @@ pub(crate) fn write_out(table: &mut Table) -> Checked<AsWritten> {
 /// is said here.
 fn arrays(table: &Table) -> Checked<Option<Arrays>> {
     let plant = table.get("plant").filter(|plant| plant.get("expression").is_some());
-    let plant = plant.map(|plant| PlantSpec::deserialize(Given(plant.clone())));
+    let plant = plant.map(|plant| PlantSpec::deserialize(plant.clone()));
     let Some(Ok(PlantSpec::Expression(equations))) = plant else { return Ok(None) };
     let variables =
         equations.variables().map_err(|error| validate::expression_finding("plant", error))?;

@@ -4,7 +4,6 @@ use crate::arrays::{self, AsWritten};
 use crate::control::{ControlSpec, ModelKind};
 use crate::data::DataSpec;
 use crate::explain;
-use crate::given::Given;
 use crate::identify::IdentifySpec;
 use crate::layers::{self, Layers};
 use crate::one_step::OneStepSpec;
@@ -137,7 +136,8 @@ impl Experiment {
     }
 
     fn deserialized(table: Table) -> Result<Self, (String, Problem)> {
-        Self::deserialize(Given(Value::Table(table))).map_err(|error| explain::explain(&error))
+        serde_path_to_error::deserialize(Value::Table(table))
+            .map_err(|error| explain::explain(&error))
     }
 
     /// The experiment of a resolved table, checked; or the key and what is wrong with its value.
@@ -159,8 +159,7 @@ impl Experiment {
 
     /// The experiment as a table.
     pub(crate) fn to_table(&self) -> Table {
-        // By the way of text, for which there is code already: that for tables is long.
-        self.to_toml().parse().expect("the values have a form in TOML")
+        Table::try_from(self).expect("the values have a form in TOML")
     }
 
     /// The same, with the lists for a plant with arrays as they were written.

@@ -1,11 +1,16 @@
 //! From an error of deserialisation to one that says what to write instead.
 
-use crate::given::{Misfit, NOT_ONE};
 use crate::problem::{Problem, nearest};
 
+type Error = serde_path_to_error::Error<toml::de::Error>;
+
 /// The key of an error and what is wrong there, with the nearest key that exists.
-pub(crate) fn explain(error: &Misfit) -> (String, Problem) {
-    let (mut key, message) = (error.key(), error.message());
+pub(crate) fn explain(error: &Error) -> (String, Problem) {
+    let mut key = match error.path().to_string() {
+        root if root == "." => String::new(),
+        path => path,
+    };
+    let message = error.inner().message().trim_end();
     let problem = if let Some(field) = message.strip_prefix("missing field ") {
         key = within(&key, quoted(field).first());
         Problem::Missing("a value for this key")
@@ -46,7 +51,7 @@ fn take_first(names: &mut Vec<String>) -> String {
 
 /// A message without Rust's names of types.
 fn in_plain_quoted(message: &str) -> String {
-    if message == NOT_ONE {
+    if message.starts_with("wanted exactly 1 element") {
         // A choice between several kinds of thing, of which a table names one by its only key.
         return "no key or several given, expected exactly one".to_owned();
     }

@@ -38,7 +38,6 @@ mod estimator;
 mod experiment;
 mod explain;
 mod family;
-mod given;
 mod identify;
 mod layers;
 mod list;

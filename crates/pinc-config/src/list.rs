@@ -1,7 +1,6 @@
 //! A file that lists experiments to run one after the other.
 
 use crate::experiment::{Experiment, read};
-use crate::given::Given;
 use crate::plants::Plants;
 use crate::presets::Preset;
 use crate::problem::{ConfigError, Origin, Problem};
@@ -65,7 +64,7 @@ impl RunList {
 
     fn from_text(text: &str) -> Result<Self, (String, Problem)> {
         let table: Table = text.parse().unwrap_or_default();
-        let list = Self::deserialize(Given(Value::Table(table)))
+        let list: Self = serde_path_to_error::deserialize(Value::Table(table))
             .map_err(|error| explain::explain(&error))?;
         validate::directory_name(&list.name)?;
         if list.runs.is_empty() {
