@@ -253,7 +253,7 @@ impl Loop {
     fn median_s(&mut self) -> f64 {
         let n = self.plant.dims.nx;
         let (mut x, mut next) = (vec![0.0; n], vec![0.0; n]);
-        let mut times = Vec::with_capacity(STEPS);
+        let mut times = Vec::with_capacity(STEPS[0]);
         let begin = Instant::now();
         for k in 0..=STEPS[0] {
             let reference = &self.references[k / HELD % 2];

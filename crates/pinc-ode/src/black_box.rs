@@ -357,8 +357,9 @@ mod tests {
         let decay = (-0.3_f64).exp();
         let [next, a, b] = linearize([0.0, 3.0]);
         // Differences would not have these bits.
-        assert_eq!([a, b], [[decay; 2], [1.0 - decay; 2]]);
-        assert_eq!(next, [decay, 3.0 - decay]);
+        let bits = |values: [f64; 2]| values.map(f64::to_bits);
+        assert_eq!([a, b].map(bits), [[decay; 2], [1.0 - decay; 2]].map(bits));
+        assert!((next[0] - decay).abs() < 1e-15 && (next[1] - (3.0 - decay)).abs() < 1e-14);
         assert!(linearize([0.0, -3.0]).iter().flatten().all(|value| value.is_nan()));
     }
 
