@@ -64,7 +64,10 @@ fn van_der_pol_leaves_every_file() {
     );
     assert_eq!(header(dir, "prediction.csv"), "t,u,x1,x2,x1_truth,x2_truth,mark");
     assert_eq!(header(dir, "control-rk4.csv"), "t,x1,x2,u,x1_ref,x2_ref");
-    assert_eq!(header(dir, "steps-pinc.csv"), "step,status,sqp_iterations,kkt,solve_us,violated");
+    assert_eq!(
+        header(dir, "steps-pinc.csv"),
+        "step,status,sqp_iterations,kkt,solve_us,violated,linearized,factorizations,active_changes"
+    );
     // 4 T of 9 parts, and 10 steps of 9 points, each with the initial point.
     assert_eq!((rows(dir, "prediction.csv"), rows(dir, "control-pinc.csv")), (37, 91));
     assert_eq!(rows(dir, "steps-rk4.csv"), 10);

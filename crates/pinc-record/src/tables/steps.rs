@@ -14,15 +14,6 @@ pub struct StepRow {
     pub status: String,
     /// How many quadratic programs were solved.
     pub sqp_iterations: usize,
-    /// At how many stages the model was linearized.
-    #[serde(default)]
-    pub linearized: usize,
-    /// How many matrices were factored for these programs.
-    #[serde(default)]
-    pub factorizations: usize,
-    /// How many constraints became active or ceased to be, in all.
-    #[serde(default)]
-    pub active_changes: usize,
     /// The largest KKT residual.
     #[serde(serialize_with = "exact")]
     pub kkt: f64,
@@ -32,6 +23,15 @@ pub struct StepRow {
     /// The hard constraint that could not be met; empty if there is none.
     #[serde(default)]
     pub violated: String,
+    /// At how many stages the model was linearized.
+    #[serde(default)]
+    pub linearized: usize,
+    /// How many matrices were factored for these programs.
+    #[serde(default)]
+    pub factorizations: usize,
+    /// How many constraints became active or ceased to be, in all.
+    #[serde(default)]
+    pub active_changes: usize,
 }
 
 impl StepRow {
