@@ -47,6 +47,8 @@ pub(crate) enum Purpose {
     Test = 7,
     TestOneStep = 8,
     Domain = 9,
+    Directions = 10,
+    FreshDirections = 11,
 }
 
 /// The random numbers of `seed` for `purpose`.
