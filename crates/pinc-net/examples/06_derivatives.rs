@@ -8,9 +8,9 @@
 #[expect(dead_code, reason = "its `main` is not needed")]
 mod train;
 
+use pinc_net::optim::AutoConfig;
 use pinc_net::{
-    AutoConfig, Domain, NetError, Phase, PincModel, PincNet, Sampler, Training, TrainingConfig,
-    TrainingTarget,
+    Domain, NetError, Phase, PincModel, PincNet, Sampler, Training, TrainingConfig, TrainingTarget,
 };
 use pinc_ode::{LinearizationBuffer, Model, Rk4, Stages};
 use pinc_plants::VanDerPol;

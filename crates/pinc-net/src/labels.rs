@@ -24,7 +24,7 @@ pub(crate) struct Labels {
 enum Source {
     Values(Simulator),
     /// With the derivative along one direction per point.
-    Slopes(Tangent, Directions),
+    Slopes(Tangent, Box<Directions>),
 }
 
 /// Random directions of unit length, where half the width of the domain is 1.
@@ -55,8 +55,9 @@ impl Labels {
         let source = match with_derivatives.then(|| Tangent::new(plant, TOLERANCE)) {
             None => Source::Values(Simulator::new(plant, TOLERANCE)),
             Some(Some(tangent)) => {
+                let random = rng(seed, purpose);
                 let half_widths = net.domain.ends().map(|(low, high)| (high - low) / 2.0).collect();
-                Source::Slopes(tangent, Directions { half_widths, random: rng(seed, purpose) })
+                Source::Slopes(tangent, Box::new(Directions { half_widths, random }))
             }
             Some(None) => {
                 let (key, found) = ("derivatives", "a weight".to_owned());
