@@ -138,8 +138,8 @@ impl<V: Simd> Physics<V> {
     ///
     /// # Shapes
     ///
-    /// `output`: one cell per state; `jacobian`: `[errors, states]`, an error per state, followed by
-    /// that of its derivative if those are fitted; `unknown`: `[errors, unknown parameters]`.
+    /// `output`: one cell per state; `jacobian`: `[errors, states]`, an error per state, and behind
+    /// them that of its derivative if those are fitted; `unknown`: `[errors, unknown parameters]`.
     #[inline(always)]
     pub(super) fn linearize(
         &self,
