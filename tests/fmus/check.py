@@ -33,6 +33,7 @@ input_low = [{low}]
 input_high = [{high}]
 [training]
 source = "integrator"
+{training}
 [validation]
 duration_s = {scenario_s}
 [validation.domain]
@@ -122,9 +123,9 @@ def export(version):
     return folder / "osc.fmu"
 
 
-def run(name, values, plant, model):
+def run(name, values, plant, model, training=""):
     config = WORK / f"{name}.toml"
-    config.write_text(CONFIG.format(name=name, plant=plant, model=model, **values))
+    config.write_text(CONFIG.format(name=name, plant=plant, model=model, training=training, **values))
     out = WORK / "runs" / name
     shutil.rmtree(out, ignore_errors=True)
     call(PINC, "run", config, "--allow-process", "--quiet", "--out", out)
@@ -165,6 +166,14 @@ def main():
         for found, right in zip(iae, expected):
             if abs(found - right) > 1e-3 * right:
                 wrong.append(f"{name}: IAE {found} beside {right}")
+    # Fitted to derivatives too, those of the equation and those of the FMU.
+    values, plant = EQUATIONS["damped"]
+    fmu = FMU.format(file=WORK / "reference-2.fmu", kind="model-exchange") + REFERENCE
+    derivatives = "derivatives = 0.1"
+    of_equation, *_ = run("equation-derivatives", values, plant, "rk4", derivatives)
+    rms, *_ = run("reference-2-derivatives", values, fmu, "black-box", derivatives)
+    if rms > 2 * of_equation:
+        wrong.append(f"with derivatives: rms {rms} beside {of_equation}")
     if wrong:
         sys.exit("\n".join(wrong))
 

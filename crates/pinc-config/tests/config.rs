@@ -293,3 +293,59 @@ fn stages_that_make_no_sense_are_refused() {
         assert!(found.contains(expected), "{sets:?}: {found}");
     }
 }
+
+#[test]
+fn derivatives_are_for_distilled_nets_of_plants_that_have_them() {
+    let refusal = |plant: &str, sets: &[&str]| {
+        let text = format!(
+            r#"
+name = "derivatives"
+preset = "ours"
+seed = 1
+[plant]
+{plant}
+[model]
+horizon_s = 0.5
+hidden_layers = 2
+neurons = 12
+[domain]
+state_low = [-3.0, -4.35]
+state_high = [3.0, 4.35]
+input_low = [-1.0]
+input_high = [1.0]
+[training]
+source = "integrator"
+derivatives = 0.1
+[validation]
+duration_s = 5.0
+[validation.domain]
+state_low = [-2.0, -2.0]
+state_high = [2.0, 2.0]
+input_low = [-1.0]
+input_high = [1.0]
+"#
+        );
+        let sets: Vec<_> = sets.iter().map(|&s| s.to_owned()).collect();
+        let plants = Plants::built_in().allowing_processes();
+        let parsed = Experiment::parse(Path::new("test.toml"), &text, &sets, &plants);
+        parsed.map_err(|error| error.to_string())
+    };
+    let process = r#"process = { command = ["true"], states = ["x1", "x2"], inputs = ["u"] }"#;
+    let oscillator = "van-der-pol = { mu = 1.0 }";
+    let experiment = refusal(oscillator, &[]).unwrap();
+    assert_eq!(experiment.training.as_ref().unwrap().config.derivatives, Some(0.1));
+    let again =
+        Experiment::parse(Path::new("again.toml"), &experiment.to_toml(), &[], &Plants::built_in());
+    assert_eq!(again.unwrap(), experiment);
+    for (plant, sets, expected) in [
+        (process, &[][..], "expected no such key: only an FMU for model exchange with directional"),
+        (oscillator, &["training.source=physics"], "without source = \"integrator\""),
+        (oscillator, &["training.derivatives=0.0"], "expected a positive number"),
+        (oscillator, &["training.derivatives=-0.5"], "expected a positive number"),
+    ] {
+        let error = refusal(plant, sets).unwrap_err();
+        assert!(error.contains("test.toml") || !sets.is_empty(), "{error}");
+        assert!(error.contains("training.derivatives"), "{error}");
+        assert!(error.contains(expected), "{error}");
+    }
+}

@@ -62,6 +62,10 @@ impl DynRhs for TextPlant {
         dense(function.pattern(), &entries)
     }
 
+    fn rhs_along(&self, at: [&[f64]; 3], along: [&[f64]; 3], dx: &mut [f64], slope: &mut [f64]) {
+        DynRhs::rhs_along(&self.0, at, along, dx, slope);
+    }
+
     fn vectorized(&self, isa: Isa) -> AnyVectorRhs {
         DynRhs::vectorized(&self.0, isa)
     }

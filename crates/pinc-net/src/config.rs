@@ -104,6 +104,11 @@ pub struct TrainingConfig {
     /// What the net is trained on.
     #[serde(default)]
     pub source: TrainingTarget,
+    /// With [`TrainingTarget::Integrator`], the weight of squared errors of the state's derivative
+    /// along one random direction of (y0, u, p) per point, of unit length where half the width of
+    /// the domain is 1, against those of the state; without it states are fitted alone.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub derivatives: Option<f64>,
     /// How collocation points are distributed.
     pub sampler: Sampler,
     /// Number of collocation points `N_F` (of initial states and inputs for
@@ -143,6 +148,7 @@ impl TrainingConfig {
     pub fn recommended() -> Self {
         Self {
             source: TrainingTarget::Physics,
+            derivatives: None,
             sampler: Sampler::Sobol,
             collocation_points: 1024,
             initial_points: 1,
@@ -159,7 +165,9 @@ impl TrainingConfig {
 
     /// The weights in the loss of `net`.
     pub(crate) fn weights(&self, net: &PincNet) -> Result<LossWeights, NetError> {
-        LossWeights::new(net, self.lambda, &self.residual_scale, self.initial_scale)
+        let Self { lambda, residual_scale, initial_scale, derivatives, .. } = self;
+        let weights = LossWeights::new(net, *lambda, residual_scale, *initial_scale)?;
+        Ok(LossWeights { derivatives: derivatives.unwrap_or(weights.derivatives), ..weights })
     }
 
     /// Checks the settings.
@@ -179,6 +187,17 @@ impl TrainingConfig {
             let (key, found) = ("sampler", "coupled-grid".to_owned());
             let expected = "\"sobol\" or \"independent\" with source = \"integrator\"";
             return Err(NetError::Setting { key, found, expected });
+        }
+        if let Some(weight) = self.derivatives {
+            let expected = match self.source {
+                TrainingTarget::Physics => Some("no such key without source = \"integrator\""),
+                TrainingTarget::Integrator if weight > 0.0 && weight.is_finite() => None,
+                TrainingTarget::Integrator => Some("a positive number"),
+            };
+            if let Some(expected) = expected {
+                let (key, found) = ("derivatives", weight.to_string());
+                return Err(NetError::Setting { key, found, expected });
+            }
         }
         count("collocation_points", self.collocation_points as u64)?;
         count("initial_points", self.initial_points as u64)?;

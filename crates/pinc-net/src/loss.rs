@@ -40,7 +40,9 @@ pub enum InitialScale {
 }
 
 /// Weights of the loss: `MSE_y` + lambda `MSE_F` + weight `MSE_D`, where each state's
-/// errors are multiplied by a factor of its own. `MSE_D` is the mean over measured values.
+/// errors are multiplied by a factor of its own. `MSE_D` is the mean over measured values; where
+/// their derivatives along a direction are known, it is that of squared errors plus `derivatives`
+/// times squared errors of the derivatives.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LossWeights {
     /// The weight lambda of `MSE_F`.
@@ -49,10 +51,12 @@ pub struct LossWeights {
     pub residual_scale: Vec<f64>,
     /// Factor of each state's initial error, and of its error against measurements.
     pub initial_scale: Vec<f64>,
+    /// Weight of the squared errors of derivatives against those of measured states.
+    pub derivatives: f64,
 }
 
 impl LossWeights {
-    /// The weights for `net`.
+    /// The weights for `net`; derivatives have the weight 1.
     ///
     /// # Errors
     ///
@@ -101,7 +105,7 @@ impl LossWeights {
                 return Err(NetError::Setting { key, found, expected: "a positive number" });
             }
         }
-        Ok(Self { lambda, residual_scale, initial_scale })
+        Ok(Self { lambda, residual_scale, initial_scale, derivatives: 1.0 })
     }
 }
 
@@ -194,7 +198,8 @@ pub fn reference_residuals<S: Scalar, P: Plant>(
 }
 
 /// The residuals of the term of the measurements, their `weight` included: one per measured value,
-/// point by point. Their squares add up to weight `MSE_D`.
+/// point by point, and one for its derivative where that is known. Their squares add up to weight
+/// `MSE_D`.
 ///
 /// # Panics
 ///
@@ -207,6 +212,7 @@ pub fn reference_measured<S: Scalar>(
     context: S,
 ) -> Vec<S> {
     let share = (weight / to_f64(measurements.values().max(1))).sqrt();
+    let lifted: Vec<Dual<S>> = parameters.iter().map(|&w| Dual::lift(w)).collect();
     let points = measurements.points();
     let mut residuals = Vec::new();
     for k in 0..points.len() {
@@ -214,10 +220,26 @@ pub fn reference_measured<S: Scalar>(
         let y0: Vec<_> = points.state(k).iter().map(constant).collect();
         let u: Vec<_> = points.input(k).iter().map(constant).collect();
         let p: Vec<_> = points.parameters(k).iter().map(constant).collect();
-        let y = net.state(parameters, context.constant(points.time(k)), &y0, &u, &p);
+        let t = context.constant(points.time(k));
+        let y = net.state(parameters, t, &y0, &u, &p);
         for (i, measured) in measurements.state(k).iter().enumerate() {
             if let Some(measured) = *measured {
                 let error = y[i] - context.constant(measured);
+                residuals.push(error * weights.initial_scale[i] * share);
+            }
+        }
+        let Some((direction, slopes)) = measurements.slope(k) else { continue };
+        let mut directions = direction.iter();
+        let mut along = |at: Vec<S>| -> Vec<Dual<S>> {
+            let seed = |(at, v): (S, &f64)| Dual { re: at, eps: [context.constant(*v)] };
+            at.into_iter().zip(directions.by_ref()).map(seed).collect()
+        };
+        let (y0, u, p) = (along(y0), along(u), along(p));
+        let y = net.state(&lifted, Dual::lift(t), &y0, &u, &p);
+        let share = share * weights.derivatives.sqrt();
+        for (i, measured) in measurements.state(k).iter().enumerate() {
+            if measured.is_some() {
+                let error = y[i].eps[0] - context.constant(slopes[i]);
                 residuals.push(error * weights.initial_scale[i] * share);
             }
         }

@@ -5,11 +5,16 @@ use pinc_ode::Dims;
 
 /// Measured states: y(t), `t` seconds after the plant was in y0, under the constant input u. Any of
 /// the states may be missing.
+///
+/// Where the derivative of y(t) along a direction v of (y0, u, p) is known as well, the net's can
+/// be fitted to it: each point has one, or none has.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Measurements {
     states: usize,
     points: Points,
     values: Vec<Option<f64>>,
+    directions: Vec<f64>,
+    slopes: Vec<f64>,
 }
 
 /// One row of a recorded trajectory.
@@ -27,7 +32,7 @@ impl Measurements {
     /// No measurements yet, of a plant of these dimensions.
     #[must_use]
     pub fn new(dims: Dims) -> Self {
-        Self { states: dims.nx, points: Points::new(dims), values: Vec::new() }
+        Self { states: dims.nx, points: Points::new(dims), ..Self::default() }
     }
 
     /// Adds the measured states `y`, `t` seconds after `y0` under the input `u`, of the plant with
@@ -40,6 +45,25 @@ impl Measurements {
         assert_eq!(y.len(), self.states, "length of y");
         self.points.push(t, y0, u, p);
         self.values.extend_from_slice(y);
+    }
+
+    /// Adds the derivative `slope` of y(t) along `direction`, at the first point that has none.
+    ///
+    /// # Shapes
+    ///
+    /// `direction`: `nx + nu + np`, of y0, u and p; `slope`: `nx`.
+    ///
+    /// # Panics
+    ///
+    /// If a length is not that of the plant, or each point has its derivative already.
+    pub fn push_slope(&mut self, direction: &[f64], slope: &[f64]) {
+        assert!(self.slopes.len() < self.values.len(), "one derivative per point");
+        assert_eq!(slope.len(), self.states, "length of the derivative");
+        let k = self.slopes.len() / self.states;
+        let at = [self.points.state(k), self.points.input(k), self.points.parameters(k)];
+        assert_eq!(direction.len(), at.concat().len(), "length of the direction");
+        self.directions.extend_from_slice(direction);
+        self.slopes.extend_from_slice(slope);
     }
 
     /// Adds a recorded trajectory, its rows in the order of time: every row with all states
@@ -93,6 +117,27 @@ impl Measurements {
     #[must_use]
     pub fn state(&self, i: usize) -> &[Option<f64>] {
         &self.values[i * self.states..(i + 1) * self.states]
+    }
+
+    /// The direction at point `i` and the derivative along it; `None` unless every point has one.
+    ///
+    /// # Panics
+    ///
+    /// If there is no point `i`.
+    #[must_use]
+    pub fn slope(&self, i: usize) -> Option<(&[f64], &[f64])> {
+        if !self.has_slopes() {
+            return None;
+        }
+        let width = self.directions.len() / self.len();
+        let direction = &self.directions[i * width..(i + 1) * width];
+        Some((direction, &self.slopes[i * self.states..(i + 1) * self.states]))
+    }
+
+    /// Whether every point has a derivative, of at least one point.
+    #[must_use]
+    pub fn has_slopes(&self) -> bool {
+        !self.slopes.is_empty() && self.slopes.len() == self.values.len()
     }
 
     /// Number of measured values, over all points and states.

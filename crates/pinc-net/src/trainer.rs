@@ -100,16 +100,18 @@ impl Trainer {
         let weights = config.weights(&net)?;
         let workers = Workers::new(training.threads)?;
         let loss = BatchLoss::new(plant, &net, &weights, &workers);
+        let labels_for =
+            |purpose| Labels::for_net(plant, &net, config.derivatives.is_some(), (seed, purpose));
         let mut fresh = None;
         if let Some(growth) = &config.growth {
             let fresh = fresh.insert(BatchLoss::new(plant, &net, &weights, &workers));
             let points = fresh_points(&net, growth.fresh_points, seed);
-            match &mut Labels::for_net(plant, &net)? {
+            match &mut labels_for(Purpose::FreshDirections)? {
                 None => fresh.set_points(&points, &Points::default()),
                 Some(labels) => fresh.set_measurements(labels.of(&points, &workers)?, 1.0),
             }
         }
-        let labels = Labels::for_net(plant, &net)?;
+        let labels = labels_for(Purpose::Directions)?;
         let parameters = net.mlp().parameters().to_vec();
         let state = Checkpoint {
             phase: 0,

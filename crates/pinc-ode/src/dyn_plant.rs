@@ -52,6 +52,16 @@ pub trait DynRhs: Debug + Send + Sync {
     /// df/d(x, u, p), shape `[nx, nx + nu + np]`, row by row.
     fn jacobian(&self, x: &[f64], u: &[f64], p: &[f64]) -> Vec<f64>;
 
+    /// Writes f into `dx` and its derivative along a direction of (x, u, p) into `slope` (`nx`).
+    fn rhs_along(&self, at: [&[f64]; 3], along: [&[f64]; 3], dx: &mut [f64], slope: &mut [f64]) {
+        let [x, u, p] = at;
+        self.rhs(x, u, p, dx);
+        let (jacobian, along) = (self.jacobian(x, u, p), along.concat());
+        for (slope, row) in slope.iter_mut().zip(jacobian.chunks_exact(along.len())) {
+            *slope = row.iter().zip(&along).map(|(a, b)| a * b).sum();
+        }
+    }
+
     /// The right-hand side on the vectors of an instruction set.
     fn vectorized(&self, isa: Isa) -> AnyVectorRhs;
 
@@ -119,6 +129,23 @@ impl<P: Plant> DynRhs for P {
             }
         }
         jacobian
+    }
+
+    fn rhs_along(&self, at: [&[f64]; 3], along: [&[f64]; 3], dx: &mut [f64], slope: &mut [f64]) {
+        // As many directions as the Jacobian takes at a time: the equation is compiled for these.
+        let [x, u, p] = [0, 1, 2].map(|part| {
+            let dual = |(&value, &along): (&f64, &f64)| {
+                let mut dual = Dual::<f64, VECTOR_DIRECTIONS>::lift(value);
+                dual.eps[0] = along;
+                dual
+            };
+            at[part].iter().zip(along[part]).map(dual).collect::<Vec<_>>()
+        });
+        let mut both = vec![Dual::lift(0.0); x.len()];
+        evaluate(self, &x, &u, &p, &mut both);
+        for ((dx, slope), both) in dx.iter_mut().zip(slope).zip(both) {
+            (*dx, *slope) = (both.re, both.eps[0]);
+        }
     }
 
     fn vectorized(&self, isa: Isa) -> AnyVectorRhs {

@@ -44,6 +44,7 @@ mod runge_kutta;
 mod seulex;
 mod simulator;
 mod sparse;
+mod tangent;
 mod trajectory;
 mod variable;
 mod with_outputs;
@@ -64,6 +65,7 @@ pub use sparse::{
     Curvature, CurvedFunction, SparseFunction, SparsePlant, SparsityPattern, Tableau,
     sparse_rodas4, sparse_runge_kutta,
 };
+pub use tangent::Tangent;
 pub use trajectory::Trajectory;
 pub use variable::Variable;
 pub use with_outputs::WithOutputs;

@@ -85,6 +85,11 @@ impl Base {
                 control.step_s = Some(step_s);
             }
         }
+        // One training for nets of both sources, of which one alone has it.
+        let training = own.training.as_mut();
+        if training.and_then(|training| training.config.derivatives.take()).is_some() {
+            notes.push("nets were trained without training.derivatives".to_owned());
+        }
         let text = format!("{}\n{added}", own.to_toml());
         let experiment = Experiment::parse(Path::new("pinc choose"), &text, &[], plants)?;
         Ok(Self { experiment, sources, notes })

@@ -101,6 +101,14 @@ pub(super) fn uses(experiment: &Experiment) -> Finding {
         let expected = "\"integrator\": a plant without an equation can be distilled only";
         return value("training.source", "\"physics\"", expected);
     }
+    let weight = experiment.training.as_ref().and_then(|training| training.config.derivatives);
+    if let (Some(weight), Some(plant)) = (weight, experiment.plant.dyn_plant().black_box())
+        && !plant.has_derivatives()
+    {
+        let expected = "no such key: only an FMU for model exchange with directional derivatives, \
+                        or an equation, has derivatives";
+        return value("training.derivatives", weight, expected);
+    }
     let control = experiment.control.as_ref();
     for (key, is_there) in [
         ("one_step", experiment.one_step.is_some()),

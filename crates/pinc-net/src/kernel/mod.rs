@@ -3,7 +3,8 @@
 //! # Layout
 //!
 //! Points come in *panels* of two vectors (16 points with AVX-512, 8 with AVX2). For a panel, each
-//! neuron holds one *cell* of four vectors: two of values, two of time tangents. A panel goes
+//! neuron holds one *cell* of four vectors: two of values, two of tangents, which are derivatives
+//! in time or, where derivatives are fitted, along a direction of each point's own. A panel goes
 //! through the whole net and back while its cells stay in the first-level cache; the weight
 //! gradients are then summed over a *tile* of panels, whose cells stay in the second-level cache.
 //! Tiles form *blocks*, the work of a thread at a time.
@@ -183,6 +184,7 @@ impl Task for Build<'_> {
                 output: net.output.clone(),
                 residual_scale: weights.residual_scale.clone(),
                 initial_scale: weights.initial_scale.clone(),
+                derivatives: weights.derivatives,
                 unknown: unknown.to_vec(),
             },
             lambda: weights.lambda,
@@ -293,7 +295,10 @@ impl<V: Simd> Engine for LaneEngine<V> {
     fn set_measurements(&mut self, measurements: &Measurements, weight: f64) {
         self.measured = weight;
         let measured = |k: usize, state: usize| measurements.state(k)[state];
-        let panels = Panels::aimed(measurements.points(), measured, self.dims, self.zero);
+        let mut panels = Panels::aimed(measurements.points(), measured, self.dims, self.zero);
+        if measurements.has_slopes() {
+            panels.add_slopes(measurements, self.zero);
+        }
         self.replace(Term::Measured, panels);
         self.divide();
     }

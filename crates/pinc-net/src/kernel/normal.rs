@@ -63,22 +63,21 @@ impl<V: Simd> LaneEngine<V> {
 
     /// The sets' panels, in parts of a slab each.
     fn parts(&self) -> Vec<(usize, Range<usize>)> {
-        let step = (SLAB_ROWS / self.panel_rows()).max(1);
         let sets = self.sets.iter().enumerate();
         sets.flat_map(|(set, (_, panels))| {
-            let end = panels.len();
+            let (end, step) = (panels.len(), (SLAB_ROWS / self.panel_rows(set)).max(1));
             (0..end).step_by(step).map(move |start| (set, start..end.min(start + step)))
         })
         .collect()
     }
 
-    /// Rows of the Jacobian for one panel.
-    fn panel_rows(&self) -> usize {
-        2 * V::LANES * self.dims.nx
+    /// Rows of the Jacobian for one panel of a set.
+    fn panel_rows(&self, set: usize) -> usize {
+        2 * V::LANES * self.sets[set].1.point_errors()
     }
 
     fn fill_slab(&self, (set, range): &(usize, Range<usize>), slab: &mut Slab) {
-        slab.rows = range.len() * self.panel_rows();
+        slab.rows = range.len() * self.panel_rows(*set);
         if slab.data.nrows() < slab.rows {
             slab.data = Mat::zeros(slab.rows, self.parameters);
         }

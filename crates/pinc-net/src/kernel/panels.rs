@@ -1,5 +1,6 @@
 //! Points in the layout of the kernel.
 
+use crate::Measurements;
 use crate::sampling::Points;
 use pinc_ad::simd::Simd;
 use pinc_ode::Dims;
@@ -15,6 +16,8 @@ pub(super) struct Panels<V> {
     dims: Dims,
     data: Vec<Pair<V>>,
     targets: Vec<Target<V>>,
+    /// Of each panel the directions, one row per y0, u and p, then the slopes, one per state.
+    slopes: Vec<Pair<V>>,
     errors: usize,
     ones: Pair<V>,
     last_mask: Pair<V>,
@@ -41,6 +44,17 @@ pub(super) struct Panel<'a, V> {
     pub(super) mask: &'a Pair<V>,
     /// One per state; empty where states have no targets.
     pub(super) targets: &'a [Target<V>],
+    /// Where the derivatives along a direction have targets.
+    pub(super) slopes: Option<Slopes<'a, V>>,
+}
+
+/// The direction of each point of a panel, and the derivatives of its states along it.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Slopes<'a, V> {
+    /// The rows y0, u, p.
+    pub(super) direction: &'a [Pair<V>],
+    /// One per state.
+    pub(super) value: &'a [Pair<V>],
 }
 
 impl<V: Simd> Panels<V> {
@@ -70,7 +84,8 @@ impl<V: Simd> Panels<V> {
         });
         let ones = [zero.constant(1.0); 2];
         let errors = points.len() * nx;
-        Self { rows, dims, data, targets: Vec::new(), errors, ones, last_mask }
+        let (targets, slopes) = (Vec::new(), Vec::new());
+        Self { rows, dims, data, targets, slopes, errors, ones, last_mask }
     }
 
     /// The same for `points` whose states are compared with `target` (of a point and a state),
@@ -99,6 +114,32 @@ impl<V: Simd> Panels<V> {
         panels
     }
 
+    /// Adds the derivatives that `measurements`, of the same points, have at each of these.
+    pub(super) fn add_slopes(&mut self, measurements: &Measurements, zero: V) {
+        for first in (0..measurements.len()).step_by(2 * V::LANES) {
+            for row in 0..self.rows - 1 + self.dims.nx {
+                self.slopes.push([0, 1].map(|half| {
+                    zero.generate(|lane| {
+                        let i = (first + half * V::LANES + lane).min(measurements.len() - 1);
+                        let Some((direction, slope)) = measurements.slope(i) else { return 0.0 };
+                        let known = direction.get(row);
+                        *known.unwrap_or_else(|| &slope[row - direction.len()])
+                    })
+                }));
+            }
+        }
+    }
+
+    /// Whether derivatives are fitted.
+    pub(super) fn has_slopes(&self) -> bool {
+        !self.slopes.is_empty()
+    }
+
+    /// Number of errors of a point: one per state, and one more where derivatives are fitted.
+    pub(super) fn point_errors(&self) -> usize {
+        if self.has_slopes() { 2 * self.dims.nx } else { self.dims.nx }
+    }
+
     /// Number of errors in the mean over these points.
     pub(super) fn errors(&self) -> usize {
         self.errors
@@ -120,6 +161,12 @@ impl<V: Simd> Panels<V> {
             true => &[],
             false => &self.targets[i * nx..(i + 1) * nx],
         };
-        Panel { t: &rows[0], y0, u, p, rows, mask, targets }
+        let slopes = self.has_slopes().then(|| {
+            let width = self.rows - 1 + nx;
+            let rows = &self.slopes[i * width..(i + 1) * width];
+            let (direction, value) = rows.split_at(width - nx);
+            Slopes { direction, value }
+        });
+        Panel { t: &rows[0], y0, u, p, rows, mask, targets, slopes }
     }
 }

@@ -1,7 +1,7 @@
 //! The loss of one panel, and its derivatives in the outputs of the perceptron.
 
 use super::dense::Cell;
-use super::panels::{Pair, Panel};
+use super::panels::{Pair, Panel, Slopes};
 use crate::{Ansatz, Normalizer};
 use pinc_ad::Dual;
 use pinc_ad::simd::Simd;
@@ -32,6 +32,8 @@ pub(super) struct Physics<V> {
     pub(super) residual_scale: Vec<f64>,
     /// Factor of each state's initial error, and of its error against measurements.
     pub(super) initial_scale: Vec<f64>,
+    /// Weight of the squared errors of derivatives against those of measured states.
+    pub(super) derivatives: f64,
     /// Parameters of the plant that are trained with the net; without any, the plant's parameters
     /// are those of the points.
     pub(super) unknown: Vec<UnknownParameter>,
@@ -93,7 +95,7 @@ impl<V: Simd> PlantBuffers<V> {
 
 impl<V: Simd> Physics<V> {
     /// The sum of a panel's squared errors, lane by lane; the derivatives of `weight` times it in
-    /// the perceptron's outputs z and their time tangents go into `adjoint`.
+    /// the perceptron's outputs z and their tangents go into `adjoint`.
     ///
     /// # Shapes
     ///
@@ -112,8 +114,7 @@ impl<V: Simd> Physics<V> {
         let mut squares = zero;
         scratch.unknown_adjoint.fill(zero);
         for half in 0..2 {
-            let t = panel.t[half];
-            let factors = self.ansatz.factor(t, self.sample_time_s);
+            let factors = self.factors(panel, half);
             squares = squares
                 + match term {
                     Term::Physics => self.residual(weight, panel, output, half, scratch),
@@ -132,13 +133,13 @@ impl<V: Simd> Physics<V> {
     }
 
     /// The derivatives of each of a panel's errors, times the root of `weight`, in the perceptron's
-    /// outputs z and their time tangents: with them the loss is the sum of squares. Those in the
+    /// outputs z and their tangents: with them the loss is the sum of squares. Those in the
     /// unknown parameters go into `unknown`.
     ///
     /// # Shapes
     ///
-    /// `output`: one cell per state; `jacobian`: `[errors, states]`, as many errors as states;
-    /// `unknown`: `[errors, unknown parameters]`.
+    /// `output`: one cell per state; `jacobian`: `[errors, states]`, an error per state, and behind
+    /// them that of its derivative if those are fitted; `unknown`: `[errors, unknown parameters]`.
     #[inline(always)]
     pub(super) fn linearize(
         &self,
@@ -155,8 +156,13 @@ impl<V: Simd> Physics<V> {
             Term::Initial | Term::Measured => &self.initial_scale,
         };
         for half in 0..2 {
-            let factors = self.ansatz.factor(panel.t[half], self.sample_time_s);
+            let factors = self.factors(panel, half);
             let zero = panel.mask[half].constant(0.0);
+            if panel.slopes.is_some() {
+                let (_, jacobian) = jacobian.split_at_mut(states * states);
+                self.linearize_slopes(weight, panel, half, jacobian);
+                unknown[states * parameters..].iter_mut().for_each(|to| to[half] = zero);
+            }
             for j in 0..states {
                 if term == Term::Physics && j.is_multiple_of(DIRECTIONS) {
                     self.evaluate_rhs(panel, output, half, j, scratch);
@@ -194,8 +200,39 @@ impl<V: Simd> Physics<V> {
         }
     }
 
+    /// The same of the errors of derivatives.
+    #[inline(always)]
+    fn linearize_slopes(
+        &self,
+        weight: f64,
+        panel: Panel<'_, V>,
+        half: usize,
+        jacobian: &mut [Cell<V>],
+    ) {
+        let (states, factors) = (panel.targets.len(), self.factors(panel, half));
+        let zero = panel.mask[half].constant(0.0);
+        let weight = (weight * self.derivatives).sqrt();
+        for (i, target) in panel.targets.iter().enumerate() {
+            for j in 0..states {
+                let error = target.known[half] * (weight * self.initial_scale[i]);
+                let own = if i == j { error } else { zero };
+                let (value, tangent) = self.through_ansatz(j, factors, (zero, own));
+                jacobian[i * states + j][half] = value;
+                jacobian[i * states + j][half + 2] = tangent;
+            }
+        }
+    }
+
+    /// The factor p of d in the state, and its derivative where the tangents lead: in time, or
+    /// along a direction in which t stays the same.
+    #[inline(always)]
+    fn factors(&self, panel: Panel<'_, V>, half: usize) -> (V, V) {
+        let (factor, rate) = self.ansatz.factor(panel.t[half], self.sample_time_s);
+        (factor, if panel.slopes.is_some() { rate.constant(0.0) } else { rate })
+    }
+
     /// From the derivatives in (y, y') of state i to those in the perceptron's output z and its
-    /// time tangent: y = base + p d, y' = p' d + p d', with d = mean + std z and `factors` (p, p').
+    /// tangent: y = base + p d, y' = p' d + p d', with d = mean + std z and `factors` (p, p').
     #[inline(always)]
     fn through_ansatz(
         &self,
@@ -286,7 +323,7 @@ impl<V: Simd> Physics<V> {
         squares
     }
 
-    /// y less its target: y(0) - y0, or y(t) less its measured value.
+    /// y less its target: y(0) - y0, or y(t) less its measured value, and its derivative likewise.
     #[inline(always)]
     fn deviation(
         &self,
@@ -305,7 +342,28 @@ impl<V: Simd> Physics<V> {
             squares = masked.mul_add(masked, squares);
             scratch.state_adjoint[i] = masked * (2.0 * weight * scale);
             scratch.rate_adjoint[i] = masked.constant(0.0);
+            if let Some(slopes) = panel.slopes {
+                let scale = scale * self.derivatives.sqrt();
+                let error = self.slope(panel, slopes, output, half, i) - slopes.value[i][half];
+                let masked = error * target.known[half] * scale;
+                squares = masked.mul_add(masked, squares);
+                scratch.rate_adjoint[i] = masked * (2.0 * weight * scale);
+            }
         }
         squares
+    }
+
+    /// The derivative of state i along the panel's direction: the ansatz is linear in y0 and d.
+    #[inline(always)]
+    fn slope(
+        &self,
+        panel: Panel<'_, V>,
+        slopes: Slopes<'_, V>,
+        output: &[Cell<V>],
+        half: usize,
+        i: usize,
+    ) -> V {
+        let d = output[i][half + 2] * self.output.std[i];
+        self.ansatz.state(panel.t[half], self.sample_time_s, slopes.direction[i][half], d)
     }
 }

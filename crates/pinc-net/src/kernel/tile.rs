@@ -41,7 +41,8 @@ pub(super) struct Workspace<V> {
     gradient: Vec<V>,
     /// Derivative in each weight of the wide layers.
     wide_gradient: Vec<f64>,
-    /// Derivatives of a panel's errors in the outputs of the net, `[errors, states]`.
+    /// Derivatives of a panel's errors in the outputs of the net, `[errors, states]`: one error per
+    /// state, and one more where derivatives are fitted.
     seeds: Vec<Cell<V>>,
     /// The same in the unknown parameters of the plant, `[errors, unknown parameters]`.
     unknown_seeds: Vec<Pair<V>>,
@@ -62,8 +63,8 @@ impl<V: Simd> Workspace<V> {
             adjoints: mlp.widths()[1..].iter().map(|&w| cells(w)).collect(),
             gradient: vec![zero; mlp.parameters().len() - wide + unknown],
             wide_gradient: vec![0.0; wide],
-            seeds: vec![[zero; 4]; dims.nx * dims.nx],
-            unknown_seeds: vec![[zero; 2]; dims.nx * unknown],
+            seeds: vec![[zero; 4]; 2 * dims.nx * dims.nx],
+            unknown_seeds: vec![[zero; 2]; 2 * dims.nx * unknown],
             scratch: PlantBuffers::new(dims, unknown, zero),
             zero,
         }
@@ -135,7 +136,7 @@ impl<V: Simd> Work for BlockTask<'_, V> {
 /// The Jacobian of the weighted errors of a few panels, into the columns of a matrix.
 pub(super) struct Jacobian<'a, V> {
     pub(super) pass: Pass<'a, V>,
-    /// A column per parameter; a row per lane and state, panel by panel.
+    /// A column per parameter; a row per lane and error, panel by panel.
     pub(super) out: MatMut<'a, f64>,
 }
 
@@ -145,15 +146,15 @@ impl<V: Simd> Work for Jacobian<'_, V> {
     #[inline(always)]
     fn run(self) {
         let Self { mut pass, mut out } = self;
-        let states = pass.physics.output.std.len();
+        let errors = pass.panels.point_errors();
         let mut row = 0;
         for panel in pass.range.clone() {
             pass.forward(panel, 0..1);
             pass.linearize(pass.panels.panel(panel));
-            for state in 0..states {
-                pass.seed(state);
+            for error in 0..errors {
+                pass.seed(error);
                 pass.backward(0..1);
-                pass.write_rows(row, state, out.rb_mut());
+                pass.write_rows(row, error, out.rb_mut());
                 row += 2 * V::LANES;
             }
         }
@@ -161,7 +162,7 @@ impl<V: Simd> Work for Jacobian<'_, V> {
 }
 
 impl<V: Simd> Pass<'_, V> {
-    /// `a_0` = normalized (t, y0, u), `a_(l+1)` = tanh(`W_l` `a_l` + `b_l`), with time tangents, of
+    /// `a_0` = normalized (t, y0, u), `a_(l+1)` = tanh(`W_l` `a_l` + `b_l`), with tangents, of
     /// the panels from `first` on that belong to `places`.
     #[inline(always)]
     fn forward(&mut self, first: usize, places: Range<usize>) {
@@ -191,9 +192,13 @@ impl<V: Simd> Pass<'_, V> {
         let inputs = &mut activations[0][place * width..(place + 1) * width];
         for (i, (cell, row)) in inputs.iter_mut().zip(panel.rows).enumerate() {
             let inverse = 1.0 / self.input.std[i];
-            let tangent = zero.constant(if i == 0 { inverse } else { 0.0 });
+            let [first, second] = match (panel.slopes, i) {
+                (None, 0) => [zero.constant(inverse); 2],
+                (None, _) | (Some(_), 0) => [*zero; 2],
+                (Some(slopes), _) => slopes.direction[i - 1].map(|v| v * inverse),
+            };
             let mean = self.input.mean[i];
-            *cell = [(row[0] - mean) * inverse, (row[1] - mean) * inverse, tangent, tangent];
+            *cell = [(row[0] - mean) * inverse, (row[1] - mean) * inverse, first, second];
         }
     }
 
@@ -225,19 +230,19 @@ impl<V: Simd> Pass<'_, V> {
         self.physics.linearize(self.term, self.weight, panel, output, seeds, scratch);
     }
 
-    /// Starts a backward pass in place 0 from the error of one state alone.
+    /// Starts a backward pass in place 0 from one error alone.
     #[inline(always)]
-    fn seed(&mut self, state: usize) {
+    fn seed(&mut self, error: usize) {
         let Workspace { shapes, adjoints, seeds, .. } = &mut *self.workspace;
         let last = shapes.len() - 1;
         let states = shapes[last].1;
-        adjoints[last][..states].copy_from_slice(&seeds[state * states..(state + 1) * states]);
+        adjoints[last][..states].copy_from_slice(&seeds[error * states..(error + 1) * states]);
     }
 
-    /// Writes the derivatives of the error of `state` in each parameter, from the adjoints in place
-    /// 0: two vectors a column, from `row` on.
+    /// Writes the derivatives of an error in each parameter, from the adjoints in place 0: two
+    /// vectors a column, from `row` on.
     #[inline(always)]
-    fn write_rows(&self, row: usize, state: usize, mut out: MatMut<'_, f64>) {
+    fn write_rows(&self, row: usize, error: usize, mut out: MatMut<'_, f64>) {
         let Workspace { shapes, activations, adjoints, unknown_seeds, .. } = &*self.workspace;
         let mut columns = out.rb_mut().col_iter_mut();
         for (l, &(width, height)) in shapes.iter().enumerate() {
@@ -254,7 +259,7 @@ impl<V: Simd> Pass<'_, V> {
             }
         }
         let unknown = self.physics.unknown.len();
-        for [first, second] in &unknown_seeds[state * unknown..(state + 1) * unknown] {
+        for [first, second] in &unknown_seeds[error * unknown..(error + 1) * unknown] {
             write_rows(columns.next(), row, *first, *second);
         }
     }

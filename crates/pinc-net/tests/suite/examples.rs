@@ -1,6 +1,9 @@
 //! The examples run to their end; what they assert holds.
 #![expect(clippy::duplicate_mod, reason = "each example takes up the net of the first")]
 
+#[path = "../../examples/06_derivatives.rs"]
+#[expect(dead_code, reason = "its `main` takes longer")]
+mod derivatives;
 #[path = "../../examples/02_long_horizon.rs"]
 mod long_horizon;
 #[path = "../../examples/04_measured_data.rs"]
@@ -35,4 +38,9 @@ fn measured_data() {
 #[test]
 fn an_unknown_parameter() {
     unknown_parameter::main().unwrap();
+}
+
+#[test]
+fn derivatives_beside_values() {
+    derivatives::short().unwrap();
 }

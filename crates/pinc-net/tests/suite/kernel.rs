@@ -36,6 +36,8 @@ struct Case {
     collocation: usize,
     initial: usize,
     measured: usize,
+    /// Whether measurements have derivatives.
+    slopes: bool,
     seed: u64,
 }
 
@@ -43,11 +45,12 @@ fn case() -> impl Strategy<Value = Case> {
     let ansatz = prop_oneof![Just(Ansatz::Direct), Just(Ansatz::HardLinear)];
     let sizes = (1..=10_usize, prop_oneof![Just(3), Just(5), Just(10), 1..=12_usize, Just(20)]);
     let points = (0..40_usize, 0..20_usize, 0..40_usize);
-    (sizes, ansatz, any::<bool>(), points, any::<u64>()).prop_map(
-        |((hidden_layers, neurons), ansatz, time_only, (collocation, initial, measured), seed)| {
-            Case { hidden_layers, neurons, ansatz, time_only, collocation, initial, measured, seed }
-        },
-    )
+    let choices = (ansatz, any::<bool>(), any::<bool>(), any::<u64>());
+    (sizes, points, choices).prop_map(|(sizes, points, (ansatz, time_only, slopes, seed))| {
+        let ((hidden_layers, neurons), (collocation, initial, measured)) = (sizes, points);
+        let kind = Case { hidden_layers, neurons, ansatz, time_only, slopes, seed, ..large() };
+        Case { collocation, initial, measured, ..kind }
+    })
 }
 
 struct Problem<P> {
@@ -76,6 +79,7 @@ fn problem<P: Plant>(plant: P, case: &Case) -> Problem<P> {
     let domain = net.domain().clone();
     let scale = ResidualScale::Normalized;
     let weights = LossWeights::new(&net, 0.3, &scale, InitialScale::Normalized).unwrap();
+    let weights = LossWeights { derivatives: 0.4, ..weights };
     let (collocation, initial) = if time_only {
         let mut initial = Points::new(dims);
         initial.push(0.0, &scenario.initial_state, &scenario.input, &[]);
@@ -90,7 +94,8 @@ fn problem<P: Plant>(plant: P, case: &Case) -> Problem<P> {
     Problem { plant, net, weights, collocation, initial, measured }
 }
 
-/// Values about as large as the states, every third of them missing.
+/// Values about as large as the states, every third of them missing, with slopes where they are
+/// wanted.
 fn measured(case: &Case, domain: &Domain) -> Measurements {
     let points = Sampler::Independent.collocation(case.measured, 0.7, domain, 1, !case.seed);
     let mut measured = Measurements::new(domain.dims());
@@ -98,7 +103,13 @@ fn measured(case: &Case, domain: &Domain) -> Measurements {
         let y0 = points.state(k);
         let value = |i: usize| (!(k + i).is_multiple_of(3)).then_some(1.0 - 0.5 * y0[i]);
         let y: Vec<_> = (0..y0.len()).map(value).collect();
-        measured.push(points.time(k), y0, points.input(k), points.parameters(k), &y);
+        let (u, p) = (points.input(k), points.parameters(k));
+        measured.push(points.time(k), y0, u, p, &y);
+        if case.slopes {
+            let direction: Vec<f64> = [y0, u, p].concat().iter().map(|v| 0.3 - 0.2 * v).collect();
+            let slope: Vec<f64> = y0.iter().map(|y0| 0.1 + 0.3 * y0).collect();
+            measured.push_slope(&direction, &slope);
+        }
     }
     measured
 }
@@ -251,11 +262,13 @@ fn normal_matrices_of_several_slabs_and_strips_agree_with_the_specification() {
         ..large()
     };
     problem(FourTanks::antonelo(), &case).check_normal_matrix().unwrap();
+    let slopes = Case { collocation: 0, initial: 0, measured: 230, slopes: true, ..case };
+    problem(FourTanks::antonelo(), &slopes).check_normal_matrix().unwrap();
 }
 
 #[test]
 fn normal_matrices_are_the_same_on_any_number_of_threads() {
-    let problem = problem(VanDerPol::default(), &Case { neurons: 10, ..large() });
+    let problem = problem(VanDerPol::default(), &Case { neurons: 10, slopes: true, ..large() });
     for isa in Isa::available() {
         let one = problem.normal_matrix(isa, 1);
         assert_eq!(one, problem.normal_matrix(isa, 2));
@@ -279,6 +292,7 @@ fn large() -> Case {
         collocation: 3001,
         initial: 157,
         measured: 301,
+        slopes: false,
         seed: 5,
     }
 }
@@ -286,7 +300,8 @@ fn large() -> Case {
 #[test]
 fn the_same_bits_on_any_number_of_threads() {
     let wide = Case { hidden_layers: 2, neurons: 47, collocation: 301, ..large() };
-    for case in [large(), wide] {
+    let slopes = Case { slopes: true, measured: 3001, ..large() };
+    for case in [large(), wide, slopes] {
         let problem = problem(VanDerPol::default(), &case);
         for isa in Isa::available() {
             let one = problem.kernel(isa, 1);
@@ -299,8 +314,9 @@ fn the_same_bits_on_any_number_of_threads() {
 #[test]
 fn wide_and_deep_nets_agree_with_the_specification() {
     for (hidden_layers, neurons) in [(1, 64), (2, 64), (2, 47), (10, 15), (10, 20)] {
-        let case =
-            Case { hidden_layers, neurons, collocation: 33, initial: 9, measured: 21, ..large() };
+        let (size, slopes) = (large(), hidden_layers == 2);
+        let size = Case { hidden_layers, neurons, slopes, ..size };
+        let case = Case { collocation: 33, initial: 9, measured: 21, ..size };
         problem(FourTanks::johansson_minimum(), &case).check().unwrap();
     }
 }
@@ -356,7 +372,8 @@ fn unknown_parameters_agree_with_the_specification() {
         (5, [4e3, 2.0], [0.1, -0.4]),
         (46, [0.8, -0.3], [0.5, 0.2]),
     ] {
-        let case = Case { hidden_layers: 2, neurons, collocation: 37, initial: 9, ..large() };
+        let size = Case { hidden_layers: 2, neurons, slopes: true, ..large() };
+        let case = Case { collocation: 37, initial: 9, ..size };
         let scale = start.map(|start: f64| if start.abs() > 0.0 { start.abs() } else { 1.0 });
         let at = |q: [f64; 2]| Known([0, 1].map(|i| start[i] + scale[i] * q[i]));
         let known = problem(at(q), &case);

@@ -10,3 +10,4 @@ mod metrics;
 mod piecewise_constant;
 mod rodas4;
 mod runge_kutta;
+mod tangent;

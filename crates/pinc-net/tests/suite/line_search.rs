@@ -1,0 +1,159 @@
+//! Line searches on functions of one variable.
+
+use pinc_net::optim::{Iterate, LineSearch, Objective};
+
+/// A function of one variable, with its slope and the points where it was evaluated.
+struct Function<F> {
+    f: F,
+    steps: Vec<f64>,
+}
+
+impl<F: Fn(f64) -> (f64, f64)> Objective for Function<F> {
+    fn evaluate(&mut self, x: &[f64], gradient: &mut [f64]) -> f64 {
+        self.steps.push(x[0]);
+        let (value, slope) = (self.f)(x[0]);
+        gradient[0] = slope;
+        value
+    }
+}
+
+/// The step found from 0 along the axis, and all that were tried.
+fn search(
+    kind: LineSearch,
+    f: impl Fn(f64) -> (f64, f64),
+    first_step: f64,
+) -> (Option<f64>, Vec<f64>) {
+    let mut function = Function { f, steps: Vec::new() };
+    let start = Iterate::new(&mut function, vec![0.0]);
+    function.steps.clear();
+    let mut next = start.clone();
+    let found = kind.search(&mut function, &start, &[1.0], first_step, &mut next);
+    if let Some(step) = found {
+        assert_eq!(next.x, [step], "the point evaluated last is that of the step");
+        assert_eq!(function.steps.last(), Some(&step));
+    }
+    (found, function.steps)
+}
+
+/// Minimum 0 at 1; value 1 and slope -2 at 0.
+fn parabola(x: f64) -> (f64, f64) {
+    ((x - 1.0) * (x - 1.0), 2.0 * (x - 1.0))
+}
+
+#[test]
+fn weak_wolfe_halves_a_step_that_is_too_long_and_doubles_one_that_is_too_short() {
+    let tried = |first| search(LineSearch::WeakWolfe, parabola, first).1;
+    // At 2 the value is that of the origin: no decrease.
+    assert_eq!(tried(8.0), [8.0, 4.0, 2.0, 1.0]);
+    // The slope must rise from -2 to -1.8: at 0.125 it is -1.75.
+    assert_eq!(tried(0.03125), [0.03125, 0.0625, 0.125]);
+    assert_eq!(tried(1.0), [1.0]);
+    // The decrease asked for is 2e-4 step.
+    assert_eq!(tried(1.9995), [1.9995]);
+    assert_eq!(tried(1.9999), [1.9999, 0.999_95]);
+}
+
+#[test]
+fn weak_wolfe_bisects_between_too_short_and_too_long() {
+    // Slope -1 to the kink at 1, then 100.
+    let kink = |x: f64| if x < 1.0 { (-x, -1.0) } else { (-1.0 + 100.0 * (x - 1.0), 100.0) };
+    let (_, tried) = search(LineSearch::WeakWolfe, kink, 0.75);
+    assert_eq!(tried, [0.75, 1.5, 1.125, 0.9375, 1.03125, 0.984_375, 1.007_812_5]);
+}
+
+#[test]
+fn searches_give_up_where_no_step_is_good() {
+    // A jump at 1, to where the value is above the origin's.
+    let cliff = |x: f64| if x < 1.0 { (-x, -1.0) } else { (10.0, 1.0) };
+    let (found, tried) = search(LineSearch::WeakWolfe, cliff, 0.75);
+    assert_eq!(found, None);
+    // One evaluation per bit, until there is no number in between.
+    assert!((50..60).contains(&tried.len()), "{}", tried.len());
+    // The slope lies: the function rises everywhere.
+    let lie = |x: f64| (x, -1.0);
+    for kind in [LineSearch::WeakWolfe, LineSearch::HagerZhang] {
+        let (found, tried) = search(kind, lie, 1.0);
+        assert_eq!((found, tried.len()), (None, 60), "{kind:?}");
+        // An endless descent.
+        let (found, tried) = search(kind, |x| (-x, -1.0), 1.0);
+        assert_eq!((found, tried.len()), (None, 60), "{kind:?}");
+        // No descent to begin with.
+        for slope in [0.0, 1.0, f64::NAN, f64::NEG_INFINITY] {
+            let (found, tried) = search(kind, |x| (slope * x, slope), 1.0);
+            assert_eq!((found, tried.len()), (None, 0), "{kind:?}");
+        }
+    }
+}
+
+#[test]
+fn hager_zhang_expands_fivefold_and_takes_secants() {
+    let tried = |first| search(LineSearch::HagerZhang, parabola, first).1;
+    // Slopes -1.98, -1.9 and -1.5, of which -1.8 is asked for.
+    let expanded = tried(0.01);
+    assert_eq!(expanded.len(), 3, "{expanded:?}");
+    assert!((expanded[2] - 0.25).abs() < 1e-15, "{expanded:?}");
+    // The slope of a parabola is linear: the secant hits its minimum.
+    assert_eq!(tried(3.0), [3.0, 1.0]);
+    // Rounding hides the decrease: the slopes decide, which must be at most 1.6.
+    let high = |x: f64| (1e20, parabola(x).1);
+    assert_eq!(search(LineSearch::HagerZhang, high, 1.75).1, [1.75]);
+    assert_eq!(search(LineSearch::HagerZhang, high, 1.875).1, [1.875, 1.0]);
+}
+
+/// The functions of Moré and Thuente, "Line search algorithms with guaranteed sufficient
+/// decrease", ACM Trans. Math. Softw. 20 (1994), section 5.
+fn more_thuente(number: usize, a: f64) -> (f64, f64) {
+    let gamma = |b: f64| (1.0 + b * b).sqrt() - b;
+    let smooth = |b1: f64, b2: f64| {
+        let (left, right) = ((1.0 - a).hypot(b2), a.hypot(b1));
+        let value = gamma(b1) * left + gamma(b2) * right;
+        (value, gamma(b1) * (a - 1.0) / left + gamma(b2) * a / right)
+    };
+    match number {
+        1 => (-a / (a * a + 2.0), (a * a - 2.0) / (a * a + 2.0).powi(2)),
+        2 => {
+            let s = a + 0.004;
+            (s.powi(5) - 2.0 * s.powi(4), 5.0 * s.powi(4) - 8.0 * s.powi(3))
+        }
+        3 => {
+            let (beta, l) = (0.01, 39.0);
+            let half = std::f64::consts::FRAC_PI_2;
+            let (base, slope) = if a <= 1.0 - beta {
+                (1.0 - a, -1.0)
+            } else if a >= 1.0 + beta {
+                (a - 1.0, 1.0)
+            } else {
+                ((a - 1.0).powi(2) / (2.0 * beta) + beta / 2.0, (a - 1.0) / beta)
+            };
+            let wave = 2.0 * (1.0 - beta) / (l * std::f64::consts::PI) * (l * half * a).sin();
+            (base + wave, slope + (1.0 - beta) * (l * half * a).cos())
+        }
+        4 => smooth(0.001, 0.001),
+        5 => smooth(0.01, 0.001),
+        _ => smooth(0.001, 0.01),
+    }
+}
+
+#[test]
+fn steps_satisfy_the_conditions_on_the_functions_of_more_and_thuente() {
+    for number in 1..=6 {
+        let f = |a: f64| more_thuente(number, a);
+        let (value, slope) = f(0.0);
+        for first_step in [1e-3, 1e-1, 1e1, 1e3] {
+            let (found, tried) = search(LineSearch::WeakWolfe, f, first_step);
+            let step = found.unwrap_or_else(|| panic!("function {number}, {tried:?}"));
+            let at = f(step);
+            assert!(at.0 <= value + 1e-4 * step * slope && at.1 >= 0.9 * slope);
+            assert!(tried.len() <= 20, "function {number}: {tried:?}");
+
+            let (found, tried) = search(LineSearch::HagerZhang, f, first_step);
+            let step = found.unwrap_or_else(|| panic!("function {number}, {tried:?}"));
+            let at = f(step);
+            let wolfe = at.0 - value <= 0.1 * step * slope;
+            let approximate = -0.8 * slope >= at.1 && at.0 <= value + 1e-6 * value.abs();
+            assert!(at.1 >= 0.9 * slope && (wolfe || approximate), "function {number}");
+            // The reference's own search needs up to 12 on these.
+            assert!(tried.len() <= 20, "function {number}: {tried:?}");
+        }
+    }
+}
