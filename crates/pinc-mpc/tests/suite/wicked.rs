@@ -1,17 +1,32 @@
-//! A model that returns anything: whatever the method, the inputs are finite and within their
-//! limits, and the status is never better than the truth.
+//! A model that returns anything, or panics: whatever the method, the inputs are finite and within
+//! their limits, the status is never better than the truth, and a caller who catches a panic can go
+//! on with the controller.
 //!
 //! `PINC_WICKED_STEPS=1000000` in the environment takes so many steps.
 
 use crate::stream::Stream;
 use pinc_mpc::{Bounds, Nmpc, NmpcProblem, QpMethod, Softness, SqpConfig, SqpStatus, Weights};
 use pinc_ode::{Dims, Linearization, Model, Stages};
+use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 
 /// Control steps, unless the environment says otherwise.
 const STEPS: usize = 20_000;
 
 /// The steps that each controller takes.
 const EACH: usize = 50;
+
+/// The panic of a model.
+#[derive(Debug)]
+struct OfModel;
+
+/// What is done, or nothing if the model panics meanwhile. The library does not panic.
+fn unless_model_panics<T>(what: impl FnOnce() -> T) -> Option<T> {
+    match catch_unwind(AssertUnwindSafe(what)) {
+        Ok(value) => Some(value),
+        Err(panic) if panic.is::<OfModel>() => None,
+        Err(panic) => resume_unwind(panic),
+    }
+}
 
 /// A sound linear model, of which calls now and then return anything else.
 #[derive(Debug)]
@@ -34,8 +49,12 @@ impl Wicked {
         }
     }
 
-    /// Spoils some of the numbers, in one call in three.
+    /// Spoils some of the numbers, in one call in three. One in 200 panics.
     fn spoil(&mut self, parts: [&mut [f64]; 3]) {
+        if self.stream.below(200) == 0 {
+            // Without a message, which a panic prints even if it is caught.
+            resume_unwind(Box::new(OfModel));
+        }
         let [share, which] = [self.stream.below(9), self.stream.below(4)];
         for (i, part) in (0..).zip(parts) {
             for value in part {
@@ -121,11 +140,13 @@ fn take_steps(nmpc: &mut Nmpc, stream: &mut Stream, what: &str) {
     let mut previous = vec![0.0; nu];
     for k in 0..EACH {
         if stream.below(4) == 0 {
-            nmpc.prepare();
+            let _ = unless_model_panics(|| nmpc.prepare());
         }
         let x: Vec<f64> = (0..nx).map(|_| stream.within([-5.0, 5.0])).collect();
         let y = vec![stream.within([-2.0, 2.0]); problem.horizon * nx];
-        let step = nmpc.step(&x, &y).unwrap();
+        let controller = &mut *nmpc;
+        let step = unless_model_panics(move || controller.step(&x, &y).unwrap());
+        let Some(step) = step else { continue };
         for (c, (&u, &before)) in step.u.iter().zip(&previous).enumerate() {
             assert!(u.is_finite(), "{what}, step {k}: {u}");
             let (low, high) = (problem.input_bounds.low[c], problem.input_bounds.high[c]);
