@@ -8,6 +8,7 @@ as they are. Needs Python alone.
 """
 
 import csv
+import json
 import math
 import shutil
 import sys
@@ -164,7 +165,9 @@ def sections(page):
 
 
 def section(plant, directory):
+    provenance = json.loads((directory / "provenance.json").read_text())
     lines = ["", f"## {plant}", "", "```sh", f"pinc run configs/pareto/{plant}.toml", "```", ""]
+    lines += [f"Processor: {provenance['cpu']}, {provenance['cores']} cores.", ""]
     lines += [f"![Error of one step over its time: {plant}](pareto/{plant}.svg)", ""]
     return lines + list(table(directory))
 

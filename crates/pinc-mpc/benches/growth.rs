@@ -168,7 +168,15 @@ fn page(rows: &[Row], summary: &str) -> String {
     let heads: String = HORIZONS.iter().map(|n| format!(" {n} |")).collect();
     let rule = "---|".repeat(HORIZONS.len());
     let lines: String = rows.iter().map(|row| row.markdown() + "\n").collect();
+    let summary = format!("{summary}\n\nProcessor: {}.", processor());
     format!("{INTRODUCTION}\n{summary}\n\n{CHART}\n\n{HEADS}{heads}\n|---|---|{rule}\n{lines}")
+}
+
+/// The processor's name, where the system tells it.
+fn processor() -> String {
+    let told = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
+    let name = told.lines().find_map(|line| line.strip_prefix("model name"));
+    name.map_or("unknown", |name| name.trim_start_matches(['\t', ' ', ':'])).to_owned()
 }
 
 /// `x_i <- x_i + (x_{i-1} - x_i) / 8 + inputs / 4`, input k at states k, k + m, ..
