@@ -4,8 +4,9 @@
     cargo build --release
     python3 benches/control/work.py
 
-Runs each loop with Runge-Kutta as the model, several times, and prints a Markdown table of its steps.csv. The first step of a loop has no plan to
-start from; the others are those after it. Times are medians over the repetitions of each step; all else is counted.
+Runs each loop with Runge-Kutta as the model, several times, and prints a Markdown table of its
+steps.csv. The first step of a loop has no plan to start from; the others are those after it. Times
+are medians over the repetitions of each step; all else is counted.
 """
 
 import argparse

@@ -19,7 +19,7 @@ import tomllib
 from pathlib import Path
 from statistics import median
 
-from table import number, read
+from table import cases, number
 
 METHODS = ("rk4", "rk5", "rosenbrock")
 HEADS = (
@@ -38,21 +38,20 @@ HEADS = (
 
 def rows(directory):
     """What the sweep found of its cases whose loops did not fail."""
-    found = []
-    for result, time in zip(read(directory / "sweep.csv"), read(directory / "timings.csv")):
-        for model in ("pinc", *METHODS):
-            if result["status"] == "done" and time.get(f"{model}_step_us"):
-                found.append({
-                    "case": result["case"],
-                    "model": model,
-                    "rms": number(result[f"{model}_one_step_rms"]),
-                    "iae": number(result[f"{model}_iae_dense_sum"]),
-                    "offset": number(result[f"{model}_offset_max"]),
-                    "iterations": number(result[f"{model}_sqp_iterations_mean"]),
-                    "steps": [number(time[f"{model}_step_us"])],
-                    "training": number(time["training_wall_s"]) if model == "pinc" else None,
-                })
-    return found
+    return [
+        {
+            "case": result["case"],
+            "model": model,
+            "rms": number(result[f"{model}_one_step_rms"]),
+            "iae": number(result[f"{model}_iae_dense_sum"]),
+            "offset": number(result[f"{model}_offset_max"]),
+            "iterations": number(result[f"{model}_sqp_iterations_mean"]),
+            "steps": [number(time[f"{model}_step_us"])],
+            "training": number(time["training_wall_s"]) if model == "pinc" else None,
+        }
+        for result, time, model in cases(directory, "step_us")
+        if result["status"] == "done"
+    ]
 
 
 def shown(found):

@@ -50,6 +50,10 @@ HEADS = (
 )
 
 
+# The models in a loop, as columns begin with them, and their names.
+MODELS = {"pinc": "net", "rk4": "RK4", "rk5": "RK5", "rosenbrock": "Rosenbrock"}
+
+
 def error(text):
     return f"{float(text):.1e}" if text not in ("", "NaN", "inf") else "not finite"
 
@@ -76,14 +80,20 @@ def read(path):
         return list(csv.DictReader(file))
 
 
+def cases(directory, column):
+    """Result, times and model of each loop of a sweep that has a time in this column."""
+    for result, time in zip(read(directory / "sweep.csv"), read(directory / "timings.csv")):
+        for model in MODELS:
+            if time.get(f"{model}_{column}"):
+                yield result, time, model
+
+
 def table(directory):
     """The lines of a run's table."""
     yield "| " + " | ".join(HEADS) + " |"
     yield "|" + "---|" * len(HEADS)
-    for result, time in zip(read(directory / "sweep.csv"), read(directory / "timings.csv")):
-        for model in ("pinc", "rk4", "rk5", "rosenbrock"):
-            if time.get(f"{model}_forward_ns"):
-                yield "| " + " | ".join(row(result["case"], result, time, model)) + " |"
+    for result, time, model in cases(directory, "forward_ns"):
+        yield "| " + " | ".join(row(result["case"], result, time, model)) + " |"
 
 
 # The nets in the summary.
@@ -125,20 +135,18 @@ def cheapest(methods, rms, column):
 
 
 def summary(plant, directory):
-    names = {"pinc": "net", "rk4": "RK4", "rk5": "RK5", "rosenbrock": "Rosenbrock"}
-    rows = []
-    for result, time in zip(read(directory / "sweep.csv"), read(directory / "timings.csv")):
-        for model, name in names.items():
-            if time.get(f"{model}_forward_ns"):
-                rows.append({
-                    "case": result["case"],
-                    "name": name,
-                    "rms": number(result[f"{model}_one_step_rms"]),
-                    "iae": number(result[f"{model}_iae_dense_sum"]),
-                    "alone": float(time[f"{model}_forward_ns"]),
-                    "jacobians": float(time[f"{model}_forward_jacobian_ns"]),
-                    "step": float(time[f"{model}_step_us"]),
-                })
+    rows = [
+        {
+            "case": result["case"],
+            "name": MODELS[model],
+            "rms": number(result[f"{model}_one_step_rms"]),
+            "iae": number(result[f"{model}_iae_dense_sum"]),
+            "alone": float(time[f"{model}_forward_ns"]),
+            "jacobians": float(time[f"{model}_forward_jacobian_ns"]),
+            "step": float(time[f"{model}_step_us"]),
+        }
+        for result, time, model in cases(directory, "forward_ns")
+    ]
     methods = [row for row in rows if row["name"] != "net"]
     exact = min((m for m in methods if math.isfinite(m["rms"])), key=lambda m: m["rms"])["iae"]
     good = min((m for m in methods if abs(m["iae"] / exact - 1) < 0.01), key=lambda m: m["step"])
