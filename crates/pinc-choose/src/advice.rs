@@ -1,6 +1,6 @@
 //! What was found, as a table and a sentence.
 
-use crate::candidate::Candidate;
+use crate::candidate::{Candidate, LONGER};
 use crate::judge::{Score, Standard, Tried};
 use crate::search::{Found, Search};
 use pinc_net::TrainingTarget;
@@ -24,7 +24,10 @@ pub struct Advice<'a> {
 
 impl fmt::Display for Advice<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        writeln!(f, "model               IAE    step p50 us      p99 us  worst error  training s")?;
+        writeln!(
+            f,
+            "model                        IAE  step p50 us      p99 us  worst error  training s"
+        )?;
         let score = |tried: &&Tried| tried.result.as_ref().map_or(f64::INFINITY, |s| s.p50_us);
         let mut rows: Vec<&Tried> = self.tried.iter().collect();
         rows.sort_by(|a, b| score(a).total_cmp(&score(b)));
@@ -32,7 +35,7 @@ impl fmt::Display for Advice<'_> {
             let name = tried.candidate.to_string();
             match &tried.result {
                 Ok(score) => self.row(f, &name, score)?,
-                Err(error) => writeln!(f, "{name:<14}   {error}")?,
+                Err(error) => writeln!(f, "{name:<21}   {error}")?,
             }
         }
         for sentence in self.sentences() {
@@ -73,7 +76,7 @@ impl<'a> Advice<'a> {
         };
         writeln!(
             f,
-            "{name:<14} {:>12.6} {:>12.2} {:>11.2} {:>12} {training:>11}   {remark}",
+            "{name:<21} {:>12.6} {:>12.2} {:>11.2} {:>12} {training:>11}   {remark}",
             score.iae,
             score.p50_us,
             score.p99_us,
@@ -149,14 +152,19 @@ fn described(tried: &Tried) -> String {
             let plural = if substeps == 1 { "" } else { "s" };
             format!("{} with {substeps} substep{plural}", kind.title())
         }
-        Candidate::Net { shape, source } => {
+        Candidate::Net { shape, source, longer } => {
             let training = tried.result.as_ref().ok().and_then(|score| score.training_s);
             let time = training.map_or(String::new(), |s| format!(" in {s:.1} s"));
             let on = match source {
                 TrainingTarget::Integrator => "an integrator (distilled)",
                 _ => "the equation",
             };
-            format!("a net of {shape} trained on {on}{time}")
+            let iterations = if longer {
+                format!(", with {LONGER} times the iterations,")
+            } else {
+                String::new()
+            };
+            format!("a net of {shape} trained on {on}{iterations}{time}")
         }
     }
 }

@@ -20,6 +20,8 @@ pub enum Candidate {
         shape: Shape,
         /// What it is trained on.
         source: TrainingTarget,
+        /// Whether it is trained with [`LONGER`] times the iterations of the config.
+        longer: bool,
     },
 }
 
@@ -32,14 +34,24 @@ pub struct Shape {
     pub neurons: usize,
 }
 
-/// The sizes of nets that are tried, from cheap to exact.
-pub const SHAPES: [Shape; 5] = [
-    Shape { layers: 2, neurons: 8 },
-    Shape { layers: 2, neurons: 16 },
-    Shape { layers: 2, neurons: 24 },
-    Shape { layers: 3, neurons: 24 },
-    Shape { layers: 4, neurons: 32 },
-];
+/// The sizes of nets that are tried for a plant with so many states, from cheap to exact. With many
+/// states the first and the last layer are most of a net's work, and a second hidden one gains
+/// little (docs/accuracy-cost.md).
+pub(crate) fn shapes(states: usize) -> &'static [Shape; 5] {
+    const FEW_STATES: [Shape; 5] = [net(2, 8), net(2, 16), net(2, 24), net(3, 24), net(4, 32)];
+    const MANY_STATES: [Shape; 5] = [net(1, 16), net(1, 24), net(1, 32), net(1, 48), net(2, 48)];
+    if states < MANY { &FEW_STATES } else { &MANY_STATES }
+}
+
+/// How many times the config's iterations a net gets that was nearly good.
+pub(crate) const LONGER: u64 = 2;
+
+/// So many states are many.
+const MANY: usize = 10;
+
+const fn net(layers: usize, neurons: usize) -> Shape {
+    Shape { layers, neurons }
+}
 
 impl Candidate {
     /// The model of the loop.
@@ -59,9 +71,10 @@ impl Candidate {
         }
     }
 
-    /// A case of a sweep, as TOML: this candidate in loops that are run so many times.
+    /// A case of a sweep, as TOML: this candidate in loops that are run so many times. The phases of
+    /// the config's training have so many `iterations`.
     #[must_use]
-    pub fn case(self, repetitions: usize) -> String {
+    pub fn case(self, repetitions: usize, iterations: &[u64]) -> String {
         let mut set = format!("\"control.models\" = [\"{}\"]", self.kind());
         let _ = write!(set, ", \"control.repetitions\" = {repetitions}");
         // Writing to a String does not fail.
@@ -69,11 +82,19 @@ impl Candidate {
             Self::Integrator { kind, substeps } => {
                 write!(set, ", \"control.{}\" = {substeps}", Self::substeps_key(kind))
             }
-            Self::Net { shape: Shape { layers, neurons }, source } => write!(
-                set,
-                ", \"model.hidden_layers\" = {layers}, \"model.neurons\" = {neurons}, \
-                 \"training.source\" = \"{source}\""
-            ),
+            Self::Net { shape: Shape { layers, neurons }, source, longer } => {
+                if longer {
+                    for (phase, count) in iterations.iter().enumerate() {
+                        let count = LONGER * count;
+                        let _ = write!(set, ", \"training.phases.{phase}.iterations\" = {count}");
+                    }
+                }
+                write!(
+                    set,
+                    ", \"model.hidden_layers\" = {layers}, \"model.neurons\" = {neurons}, \
+                     \"training.source\" = \"{source}\""
+                )
+            }
         };
         format!("[[sweep.cases]]\nname = \"{self}\"\nset = {{ {set} }}\n")
     }
@@ -89,10 +110,10 @@ impl fmt::Display for Candidate {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Integrator { kind, substeps } => write!(f, "{} x{substeps}", kind.title()),
-            Self::Net { shape, source: TrainingTarget::Integrator } => {
-                write!(f, "distilled {shape}")
+            Self::Net { shape, source, longer } => {
+                let kind = if *source == TrainingTarget::Integrator { "distilled" } else { "PINC" };
+                write!(f, "{kind} {shape}{}", if *longer { " longer" } else { "" })
             }
-            Self::Net { shape, .. } => write!(f, "PINC {shape}"),
         }
     }
 }

@@ -39,6 +39,8 @@ pub struct Tried {
     pub net: Option<String>,
     /// How often its loop was run.
     pub repetitions: usize,
+    /// Where the results lie, by name.
+    pub place: String,
     /// What came of it, or why nothing did.
     pub result: Result<Score, String>,
 }
@@ -129,6 +131,12 @@ impl Standard {
         self.shortfall(score).is_none()
     }
 
+    /// Whether it falls short by at most as much again as is allowed.
+    pub(crate) fn is_nearly_good(&self, score: &Score) -> bool {
+        let twice = Self { within: 2.0 * self.within, room: 2.0 * self.room, ..self.clone() };
+        !self.is_good(score) && twice.is_good(score)
+    }
+
     /// Whether its steps end in time, where there is a limit.
     pub(crate) fn is_in_time(&self, score: &Score) -> bool {
         self.budget_us.is_none_or(|budget| score.p99_us <= budget)
@@ -182,7 +190,7 @@ fn narrowest(spec: &ControlSpec) -> f64 {
 #[cfg(test)]
 pub(crate) mod tests {
     use super::*;
-    use crate::candidate::SHAPES;
+    use crate::candidate::shapes;
     use pinc_config::ModelKind;
     use pinc_net::TrainingTarget;
 
@@ -202,7 +210,7 @@ pub(crate) mod tests {
 
     fn tried(candidate: Candidate, iae: f64, p50_us: f64, rms: f64) -> Tried {
         let result = Ok(score(iae, p50_us, rms));
-        Tried { candidate, net: None, repetitions: 1, result }
+        Tried { candidate, net: None, repetitions: 1, place: String::new(), result }
     }
 
     fn rk4(substeps: usize, iae: f64, p50_us: f64, rms: f64) -> Tried {
@@ -211,7 +219,7 @@ pub(crate) mod tests {
 
     fn net(iae: f64, p50_us: f64) -> Tried {
         let source = TrainingTarget::Integrator;
-        tried(Candidate::Net { shape: SHAPES[1], source }, iae, p50_us, 1e-5)
+        tried(Candidate::Net { shape: shapes(2)[1], source, longer: false }, iae, p50_us, 1e-5)
     }
 
     fn standard(all: &[Tried], budget_us: Option<f64>) -> Standard {
@@ -269,5 +277,7 @@ pub(crate) mod tests {
         assert_eq!(with(&|score| score.failed = 0.2), "20 % of its steps fail");
         assert_eq!(with(&|score| score.violation = 0.5), "violates a bound by 5.0e-1 more");
         assert_eq!(with(&|score| score.iae = 90.0), "");
+        let nearly = |iae: f64| standard.is_nearly_good(&Score { iae, ..score.clone() });
+        assert!(!nearly(100.9) && nearly(101.1) && nearly(101.9) && !nearly(102.1));
     }
 }

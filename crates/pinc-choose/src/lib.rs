@@ -14,6 +14,6 @@ mod recommended;
 mod search;
 
 pub use advice::Advice;
-pub use candidate::{Candidate, SHAPES, Shape};
+pub use candidate::{Candidate, Shape};
 pub use judge::{Score, Standard, Tried};
-pub use search::{Found, Loops, Search};
+pub use search::{Found, Loops, Purpose, Search};

@@ -1,7 +1,7 @@
 //! The config with the model to use.
 
 use crate::advice::Advice;
-use crate::candidate::Candidate;
+use crate::candidate::{Candidate, LONGER};
 use pinc_config::Experiment;
 
 impl Advice<'_> {
@@ -16,11 +16,14 @@ impl Advice<'_> {
         };
         experiment.name = format!("{}-recommended", own.name);
         (experiment.one_step, experiment.sweep) = (None, None);
-        if let (Candidate::Net { shape, source }, Some(model), Some(training)) =
+        if let (Candidate::Net { shape, source, longer }, Some(model), Some(training)) =
             (candidate, &mut experiment.model, &mut experiment.training)
         {
             (model.hidden_layers, model.neurons) = (shape.layers, shape.neurons);
             training.config.source = source;
+            if longer {
+                training.config.phases.iter_mut().for_each(|phase| phase.iterations *= LONGER);
+            }
             experiment.prediction.clone_from(&own.prediction);
         }
         if let Some(control) = &mut experiment.control {

@@ -97,6 +97,17 @@ impl Base {
 }
 
 impl Base {
+    /// How many iterations the phases of a net's training have.
+    pub(super) fn iterations(&self) -> Vec<u64> {
+        let phases = self.experiment.training.iter().flat_map(|training| &training.config.phases);
+        phases.map(|phase| phase.iterations).collect()
+    }
+
+    /// How many states the plant has.
+    pub(super) fn states(&self) -> usize {
+        self.experiment.dims().nx
+    }
+
     /// The loop.
     pub(super) fn control(&self) -> &ControlSpec {
         self.experiment.control.as_ref().expect("the config was looked at for it")

@@ -63,7 +63,8 @@ pub fn choose(
 ) -> Result<Choice, RunError> {
     let base = Base::of(experiment, plants)?;
     let mut session = Session::open(&base, dir, plants, options, how.budget_s)?;
-    let search = Search { control: base.control(), sources: &base.sources, within: how.within };
+    let (control, sources, states) = (base.control(), &base.sources, base.states());
+    let search = Search { control, sources, states, within: how.within };
     let found = search.run(&mut session)?;
     let Some(advice) = Advice::of(&search, &found, &base.notes) else {
         return Err(nothing(&experiment.name, &found));
@@ -96,8 +97,9 @@ fn nothing(name: &str, found: &Found) -> RunError {
 /// Makes a sweep of all loops that came to their end, with its tables and its report, and returns
 /// the path of the latter.
 fn write_report(session: &Session<'_>, tried: &[Tried]) -> Result<PathBuf, RunError> {
-    let ended = tried.iter().filter(|tried| tried.result.is_ok());
-    let cases = ended.map(|tried| tried.candidate.case(tried.repetitions));
+    let ended: Vec<&Tried> = tried.iter().filter(|tried| tried.result.is_ok()).collect();
+    let iterations = session.base.iterations();
+    let cases = ended.iter().map(|tried| tried.candidate.case(tried.repetitions, &iterations));
     let experiment = session.sweep(&cases.collect::<String>())?;
     let dir = session.run_dir.path(TRIED);
     match fs::remove_dir_all(&dir) {
@@ -107,7 +109,10 @@ fn write_report(session: &Session<'_>, tried: &[Tried]) -> Result<PathBuf, RunEr
         _ => {}
     }
     let mut run_dir = RunDir::open(&dir, &experiment, std::process::id())?;
-    let all = trials(&experiment).expect("the experiment was checked, and its trials with it");
+    let mut all = trials(&experiment).expect("the experiment was checked, and its trials with it");
+    for (trial, tried) in all.iter_mut().zip(&ended) {
+        trial.id.clone_from(&tried.place);
+    }
     let counts = write_tables(&experiment, &all, &run_dir, &session.sweep_dir)?;
     run_dir.update(|metrics| metrics.sweep = Some(counts))?;
     rebuild_report(&dir)

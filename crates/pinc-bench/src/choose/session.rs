@@ -2,7 +2,7 @@
 
 use super::base::Base;
 use crate::RunError;
-use pinc_choose::{Candidate, Loops, Score, Tried};
+use pinc_choose::{Candidate, Loops, Purpose, Score, Tried};
 use pinc_config::{Experiment, Plants, Trial, trials};
 use pinc_record::{Ending, Finished, Invocation, Provenance, RunDir, SweepDir};
 use pinc_runs::clock::Deadline;
@@ -13,7 +13,7 @@ use std::path::Path;
 
 /// The candidates tried so far, and where what came of them lies.
 pub(super) struct Session<'a> {
-    base: &'a Base,
+    pub(super) base: &'a Base,
     pub(super) run_dir: RunDir,
     pub(super) sweep_dir: SweepDir,
     plants: &'a Plants,
@@ -57,10 +57,14 @@ impl<'a> Session<'a> {
         Ok(Experiment::parse(Path::new("pinc choose"), &text, &[], self.plants)?)
     }
 
-    fn trial(&self, candidate: Candidate, repetitions: usize) -> Result<Trial, RunError> {
-        let sweep = self.sweep(&candidate.case(repetitions))?;
+    fn trial(&self, candidate: Candidate, purpose: Purpose) -> Result<Trial, RunError> {
+        let sweep = self.sweep(&candidate.case(repetitions(purpose), &self.base.iterations()))?;
         let made = trials(&sweep).expect("the experiment was checked, and its trials with it");
-        Ok(made.into_iter().next().expect("a sweep with one case has one trial"))
+        let mut trial = made.into_iter().next().expect("a sweep with one case has one trial");
+        if let Purpose::Time { round, .. } = purpose {
+            trial.id = format!("{}-{round}", trial.id);
+        }
+        Ok(trial)
     }
 
     /// Runs a trial after its training, and keeps what came of it; nothing if the time was up.
@@ -110,20 +114,16 @@ impl<'a> Session<'a> {
 impl Loops for Session<'_> {
     type Error = RunError;
 
-    fn run(
-        &mut self,
-        candidate: Candidate,
-        repetitions: usize,
-        limited: bool,
-    ) -> Result<Option<Tried>, RunError> {
+    fn run(&mut self, candidate: Candidate, purpose: Purpose) -> Result<Option<Tried>, RunError> {
+        let (repetitions, limited) = (repetitions(purpose), purpose == Purpose::Quality);
         let done = self.deadline.seconds_over();
         self.stage.advance(done, || candidate.to_string());
-        let trial = match self.trial(candidate, repetitions) {
+        let trial = match self.trial(candidate, purpose) {
             Ok(trial) => trial,
             // Too many substeps in a long stage, say.
             Err(RunError::Config(error)) => {
-                let (net, result) = (None, Err(error.to_string()));
-                return Ok(Some(Tried { candidate, net, repetitions, result }));
+                let (net, place, result) = (None, String::new(), Err(error.to_string()));
+                return Ok(Some(Tried { candidate, net, repetitions, place, result }));
             }
             Err(error) => return Err(error),
         };
@@ -141,6 +141,14 @@ impl Loops for Session<'_> {
             (Ending::Done, Some(score)) => Ok(score),
             (Ending::Done, None) => Err("no results".to_owned()),
         };
-        Ok(Some(Tried { candidate, net, repetitions, result }))
+        Ok(Some(Tried { candidate, net, repetitions, place: trial.id, result }))
+    }
+}
+
+/// How often a loop is run.
+fn repetitions(purpose: Purpose) -> usize {
+    match purpose {
+        Purpose::Quality => 1,
+        Purpose::Time { repetitions, .. } => repetitions,
     }
 }

@@ -1,0 +1,292 @@
+//! The order in which candidates are tried.
+
+use crate::candidate::{Candidate, Shape, shapes};
+use crate::judge::{Standard, Tried};
+use crate::ladder::{self, Rung};
+use pinc_config::{ControlSpec, ModelKind};
+use pinc_net::TrainingTarget;
+
+/// A good model is measured again if its control step took at most this many times as long as the
+/// cheapest's: in one measurement, times are wrong by a third.
+const REACH: f64 = 1.6;
+
+/// The most models that are measured again.
+const FINALISTS: usize = 6;
+
+/// How often they are, in turns, so that a time at which the machine is slow is one for all. Of each
+/// the least counts.
+const ROUNDS: usize = 3;
+
+/// The place among the [`shapes`] of the first net that is tried.
+const FIRST_NET: usize = 1;
+
+/// From so many substeps on, the method for stiff plants may be cheaper.
+const STIFF: usize = 8;
+
+/// A larger net is not tried where the last one's control step is this many times longer than that
+/// of the cheapest good integrator.
+const HOPELESS: f64 = 2.0;
+
+/// The loops that candidates are tried in.
+pub trait Loops {
+    /// What keeps all candidates from being tried.
+    type Error;
+
+    /// What comes of the loop of a candidate. There may be no time left to look whether it is
+    /// [good](Purpose::Quality): then there is nothing.
+    ///
+    /// # Errors
+    ///
+    /// If no candidate can be tried any more.
+    fn run(&mut self, candidate: Candidate, purpose: Purpose)
+    -> Result<Option<Tried>, Self::Error>;
+}
+
+/// What a loop is run for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Purpose {
+    /// Whether the model is good enough.
+    Quality,
+    /// How long its control step takes.
+    Time {
+        /// How often the loop is run.
+        repetitions: usize,
+        /// Which of several measurements it is, from 1.
+        round: usize,
+    },
+}
+
+/// A search for the model of a loop.
+#[derive(Clone, Debug)]
+pub struct Search<'a> {
+    /// The loop.
+    pub control: &'a ControlSpec,
+    /// What nets are trained on, the best guess first; nothing if none are tried.
+    pub sources: &'a [TrainingTarget],
+    /// How many states the plant has.
+    pub states: usize,
+    /// How much more than the most exact model's an IAE may be, relative.
+    pub within: f64,
+}
+
+/// What a search has found.
+#[derive(Clone, Debug, Default)]
+pub struct Found {
+    /// All that was tried, in this order.
+    pub tried: Vec<Tried>,
+    /// Whether something was not tried for want of time.
+    pub is_out_of_time: bool,
+}
+
+impl Found {
+    /// Tries a candidate with its loop run once; gives whether that was done.
+    fn attempt<L: Loops>(&mut self, loops: &mut L, candidate: Candidate) -> Result<bool, L::Error> {
+        let Some(tried) = loops.run(candidate, Purpose::Quality)? else {
+            self.is_out_of_time = true;
+            return Ok(false);
+        };
+        self.tried.push(tried);
+        Ok(true)
+    }
+
+    fn known(&self, candidate: Candidate) -> Option<&Tried> {
+        self.tried.iter().find(|tried| tried.candidate == candidate)
+    }
+}
+
+impl Search<'_> {
+    /// Tries what is worth it.
+    ///
+    /// # Errors
+    ///
+    /// Those of `loops`.
+    pub fn run<L: Loops>(&self, loops: &mut L) -> Result<Found, L::Error> {
+        let mut found = Found::default();
+        self.exact(&mut found, loops)?;
+        if self.standard(&found.tried).is_some() {
+            self.cheap(&mut found, loops)?;
+            self.nets(&mut found, loops)?;
+            self.finals(&mut found, loops)?;
+        }
+        Ok(found)
+    }
+
+    /// What models have to come up to, by what was tried; nothing if no integrator's loop stands.
+    #[must_use]
+    pub fn standard(&self, tried: &[Tried]) -> Option<Standard> {
+        Standard::of(tried, self.control, self.within)
+    }
+
+    /// What was tried of an integrator, judged by what is the most exact one so far.
+    fn rungs(&self, tried: &[Tried], of: ModelKind) -> Vec<Rung> {
+        let standard = self.standard(tried);
+        let rung = |tried: &Tried| match (tried.candidate, &tried.result) {
+            (Candidate::Integrator { kind, substeps }, result) if kind == of => {
+                let score = result.as_ref().ok();
+                let stands = score.filter(|score| score.stands(self.control.max_failed_share));
+                let good = score.zip(standard.as_ref()).is_some_and(|(s, to)| to.is_good(s));
+                Some(Rung { substeps, iae: stands.map(|score| score.iae), good })
+            }
+            _ => None,
+        };
+        tried.iter().filter_map(rung).collect()
+    }
+
+    /// Tries the substeps that `next` says, until it says none or the time is up.
+    fn climb<L: Loops>(
+        &self,
+        found: &mut Found,
+        loops: &mut L,
+        kind: ModelKind,
+        next: impl Fn(&[Rung]) -> Option<usize>,
+    ) -> Result<(), L::Error> {
+        while let Some(substeps) = next(&self.rungs(&found.tried, kind)) {
+            if !found.attempt(loops, Candidate::Integrator { kind, substeps })? {
+                break;
+            }
+        }
+        Ok(())
+    }
+
+    /// The substeps that the config has for an integrator.
+    fn own_substeps(&self, kind: ModelKind) -> usize {
+        self.control.substeps(kind, 1.0, 1.0)
+    }
+
+    /// A model that is so exact that a better one changes nothing.
+    fn exact<L: Loops>(&self, found: &mut Found, loops: &mut L) -> Result<(), L::Error> {
+        let tolerance = 0.1 * self.within;
+        for kind in [ModelKind::Rk4, ModelKind::Rodas4] {
+            let start = self.own_substeps(kind);
+            self.climb(found, loops, kind, |tried| ladder::finer(start, tried, tolerance))?;
+            if ladder::is_exact(&self.rungs(&found.tried, kind), tolerance) {
+                break;
+            }
+        }
+        Ok(())
+    }
+
+    /// The fewest substeps that are good, of each method.
+    fn cheap<L: Loops>(&self, found: &mut Found, loops: &mut L) -> Result<(), L::Error> {
+        for kind in [ModelKind::Rk4, ModelKind::Rk5, ModelKind::Rodas4] {
+            let of_rk4 = self.rungs(&found.tried, ModelKind::Rk4);
+            let fewest = of_rk4.iter().filter(|rung| rung.good).map(|rung| rung.substeps).min();
+            if kind == ModelKind::Rodas4 && fewest.is_some_and(|fewest| fewest < STIFF) {
+                continue;
+            }
+            let start = self.own_substeps(kind);
+            self.climb(found, loops, kind, |tried| ladder::fewer(start, tried))?;
+        }
+        Ok(())
+    }
+
+    /// Nets from the first guess to the smallest that is good, of each source.
+    fn nets<L: Loops>(&self, found: &mut Found, loops: &mut L) -> Result<(), L::Error> {
+        let Some(standard) = self.standard(&found.tried) else { return Ok(()) };
+        let cheapest = standard.ranking(&found.tried).first().map(|(_, score)| score.p50_us);
+        let hopeless = cheapest.map_or(f64::INFINITY, |cheapest| HOPELESS * cheapest);
+        let shapes = shapes(self.states);
+        let mut start = FIRST_NET;
+        for &source in self.sources {
+            let places = |found: &Found| places(shapes, &found.tried, &standard, source);
+            while let Some(place) = ladder::size(start, shapes.len(), &places(found)) {
+                if place > 0 && is_hopeless(found, shapes[place - 1], source, hopeless) {
+                    break;
+                }
+                if !try_net(found, loops, &standard, (shapes[place], source))? {
+                    return Ok(());
+                }
+            }
+            let good = places(found).into_iter().filter(|(_, good)| *good).map(|(place, _)| place);
+            start = good.min().unwrap_or(FIRST_NET);
+        }
+        Ok(())
+    }
+
+    /// Measures the times of the best in turns, and keeps the least of each.
+    fn finals<L: Loops>(&self, found: &mut Found, loops: &mut L) -> Result<(), L::Error> {
+        let Some(standard) = self.standard(&found.tried) else { return Ok(()) };
+        let finalists = self.finalists(&standard, &found.tried);
+        let repetitions = self.control.repetitions.div_ceil(ROUNDS);
+        let mut measured: Vec<Option<Tried>> = vec![None; finalists.len()];
+        for round in 1..=ROUNDS {
+            for (&place, least) in finalists.iter().zip(&mut measured) {
+                let purpose = Purpose::Time { repetitions, round };
+                let again = loops.run(found.tried[place].candidate, purpose)?;
+                if again
+                    .as_ref()
+                    .is_some_and(|again| least.as_ref().is_none_or(|l| faster(again, l)))
+                {
+                    *least = again;
+                }
+            }
+        }
+        for (place, least) in finalists.into_iter().zip(measured) {
+            if let Some(least) = least {
+                found.tried[place] = least;
+            }
+        }
+        Ok(())
+    }
+
+    /// The places of the models that are worth another measurement.
+    fn finalists(&self, standard: &Standard, tried: &[Tried]) -> Vec<usize> {
+        let ranking = standard.ranking(tried);
+        let reach = ranking.first().map_or(0.0, |(_, score)| REACH * score.p50_us);
+        let near = ranking.iter().filter(|(_, score)| score.p50_us <= reach).take(FINALISTS);
+        let place = |candidate| tried.iter().position(|tried| tried.candidate == candidate);
+        near.filter_map(|(tried, _)| place(tried.candidate)).collect()
+    }
+}
+
+/// Whether the control step with a net of this size, if it was tried, is out of reach.
+fn is_hopeless(found: &Found, shape: Shape, source: TrainingTarget, hopeless: f64) -> bool {
+    let smaller = found.known(Candidate::Net { shape, source, longer: false });
+    let smaller = smaller.and_then(|tried| tried.result.as_ref().ok());
+    smaller.is_some_and(|score| score.p50_us > hopeless)
+}
+
+/// Tries a net, and once more with a longer training if it was nearly good; gives whether there
+/// was time for it.
+fn try_net<L: Loops>(
+    found: &mut Found,
+    loops: &mut L,
+    standard: &Standard,
+    (shape, source): (Shape, TrainingTarget),
+) -> Result<bool, L::Error> {
+    let net = |longer| Candidate::Net { shape, source, longer };
+    if !found.attempt(loops, net(false))? {
+        return Ok(false);
+    }
+    let score = found.known(net(false)).and_then(|tried| tried.result.as_ref().ok());
+    if score.is_some_and(|score| standard.is_nearly_good(score)) {
+        return found.attempt(loops, net(true));
+    }
+    Ok(true)
+}
+
+/// Whether a loop's control step was shorter than in another measurement.
+fn faster(a: &Tried, b: &Tried) -> bool {
+    let time = |tried: &Tried| tried.result.as_ref().map_or(f64::INFINITY, |score| score.p50_us);
+    time(a) < time(b)
+}
+
+/// The nets of a source that were tried, as places in `shapes`, and whether they are good.
+fn places(
+    shapes: &[Shape],
+    tried: &[Tried],
+    standard: &Standard,
+    source: TrainingTarget,
+) -> Vec<(usize, bool)> {
+    let place = |(place, &shape): (usize, &Shape)| {
+        let trainings = [false, true].map(|longer| Candidate::Net { shape, source, longer });
+        let mut nets = tried.iter().filter(|tried| trainings.contains(&tried.candidate)).peekable();
+        nets.peek()?;
+        let is_good = |net: &Tried| net.result.as_ref().is_ok_and(|score| standard.is_good(score));
+        Some((place, nets.any(is_good)))
+    };
+    shapes.iter().enumerate().filter_map(place).collect()
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,164 @@
+use super::*;
+use crate::judge::tests::score;
+use std::convert::Infallible;
+
+const SPEC: &str = r#"
+    models = ["rk4"]
+    duration_s = 1.0
+    initial_state = [0.0]
+    controlled = ["x"]
+    n1 = 1
+    n2 = 5
+    nu = 5
+    q = [1.0]
+    r = [1.0]
+    weights_profile = "uniform"
+    input_low = [-1.0]
+    input_high = [1.0]
+    rk4_substeps = 4
+    rk5_substeps = 2
+    rosenbrock_substeps = 4
+    repetitions = 10
+    plant_tolerance = 1e-9
+    references = []
+    sqp = {}
+"#;
+
+/// Loops whose IAE and time follow from the candidate by rules, and the order of what was asked.
+struct Rules<F> {
+    rule: F,
+    asked: Vec<String>,
+    /// How many are run before the time is up.
+    most: usize,
+}
+
+impl<F: Fn(Candidate) -> Option<(f64, f64)>> Loops for Rules<F> {
+    type Error = Infallible;
+
+    fn run(&mut self, candidate: Candidate, purpose: Purpose) -> Result<Option<Tried>, Infallible> {
+        let (repetitions, round) = match purpose {
+            Purpose::Quality if self.asked.len() >= self.most => return Ok(None),
+            Purpose::Quality => (1, 0),
+            Purpose::Time { repetitions, round } => (repetitions, round),
+        };
+        let again = if round == 0 { String::new() } else { format!(" again {round}") };
+        self.asked.push(format!("{candidate}{again}"));
+        // The second measurement finds the machine idle.
+        let share = if round == 2 { 0.5 } else { 1.0 };
+        let result = (self.rule)(candidate).map(|(iae, us)| score(iae, share * us, 1.0 / us));
+        let result = result.ok_or_else(|| "NaN".to_owned());
+        let place = format!("{candidate}-{round}");
+        Ok(Some(Tried { candidate, net: None, repetitions, place, result }))
+    }
+}
+
+fn order(most: usize, rule: impl Fn(Candidate) -> Option<(f64, f64)>) -> (Vec<String>, Found) {
+    order_of(2, most, rule)
+}
+
+fn order_of(
+    states: usize,
+    most: usize,
+    rule: impl Fn(Candidate) -> Option<(f64, f64)>,
+) -> (Vec<String>, Found) {
+    let control: ControlSpec = toml::from_str(SPEC).unwrap();
+    let sources = &[TrainingTarget::Integrator, TrainingTarget::Physics];
+    let search = Search { control: &control, sources, states, within: 0.01 };
+    let mut loops = Rules { rule, asked: Vec::new(), most };
+    let Ok(found) = search.run(&mut loops);
+    (loops.asked, found)
+}
+
+#[expect(clippy::cast_precision_loss, reason = "small numbers")]
+fn us(substeps: usize) -> f64 {
+    1.0 + substeps as f64
+}
+
+#[test]
+fn the_best_guesses_come_first() {
+    // RK4 is good from 2 substeps on, RK5 with 1; a net only if it is distilled and large.
+    let (asked, found) = order(99, |candidate| match candidate {
+        Candidate::Integrator { kind: ModelKind::Rk4, substeps } => {
+            Some((if substeps < 2 { 120.0 } else { 100.0 }, us(substeps)))
+        }
+        Candidate::Integrator { substeps, .. } => Some((100.0, 2.0 * us(substeps))),
+        Candidate::Net { shape, source, .. } => {
+            let good = source == TrainingTarget::Integrator && shape.neurons == 24;
+            Some((if good { 100.0 } else { 150.0 }, 4.0))
+        }
+    });
+    let expected = [
+        "RK4 x4",
+        "RK4 x8",
+        "RK4 x2",
+        "RK4 x1",
+        "RK5 x2",
+        "RK5 x1",
+        "distilled 2x16",
+        "distilled 2x24",
+        "PINC 2x24",
+        "PINC 3x24",
+        "PINC 4x32",
+    ];
+    assert_eq!(asked[..expected.len()], expected);
+    assert!(!found.is_out_of_time);
+    // The best, and what could be as good, in turns; the least time of each counts.
+    let finalists = ["RK4 x2", "RK5 x1", "distilled 2x24"];
+    let rounds = (1..=3).flat_map(|round| finalists.map(|name| format!("{name} again {round}")));
+    assert_eq!(asked[expected.len()..], rounds.collect::<Vec<_>>());
+    let again: Vec<_> = found.tried.iter().filter(|tried| tried.repetitions == 4).collect();
+    assert_eq!(again.len(), 3);
+    assert!(again.iter().all(|tried| tried.place == format!("{}-2", tried.candidate)));
+}
+
+#[test]
+fn nets_of_many_states_have_one_layer_first() {
+    let (asked, _) = order_of(20, 99, |candidate| match candidate {
+        Candidate::Integrator { .. } => Some((100.0, 5.0)),
+        Candidate::Net { .. } => Some((100.0, 1.0)),
+    });
+    assert!(asked.contains(&"distilled 1x24".to_owned()), "{asked:?}");
+    assert!(!asked.iter().any(|asked| asked.contains(" 2x")), "{asked:?}");
+}
+
+#[test]
+fn a_stiff_plant_has_the_method_for_stiff_plants_tried() {
+    let (asked, _) = order(99, |candidate| match candidate {
+        Candidate::Integrator { kind: ModelKind::Rodas4, .. } => Some((100.0, 9.0)),
+        Candidate::Integrator { .. } => None,
+        Candidate::Net { .. } => Some((100.0, 30.0)),
+    });
+    let explicit = ["RK4 x4", "RK4 x8", "RK4 x16", "RK4 x32", "RK4 x64", "RK4 x128"];
+    assert_eq!(asked[..6], explicit);
+    assert_eq!(asked[6..8], ["Rosenbrock x4", "Rosenbrock x8"]);
+    // Its own search comes after RK5's; a net of that size is hopeless, and no larger is tried.
+    assert!(asked.contains(&"Rosenbrock x1".to_owned()), "{asked:?}");
+    assert!(!asked.contains(&"distilled 2x24".to_owned()), "{asked:?}");
+}
+
+#[test]
+fn a_net_that_is_nearly_good_is_trained_longer() {
+    let (asked, _) = order(99, |candidate| match candidate {
+        Candidate::Integrator { .. } => Some((100.0, 5.0)),
+        Candidate::Net { shape: Shape { layers: 2, neurons: 16 }, longer, .. } => {
+            Some((if longer { 100.5 } else { 101.5 }, 2.0))
+        }
+        Candidate::Net { .. } => Some((150.0, 1.0)),
+    });
+    let nets: Vec<_> = asked.iter().filter(|asked| asked.starts_with("distilled")).collect();
+    let expected = ["distilled 2x16", "distilled 2x16 longer", "distilled 2x8"];
+    assert_eq!(nets[..3], expected, "{asked:?}");
+    assert!(asked.contains(&"distilled 2x16 longer again 3".to_owned()), "{asked:?}");
+}
+
+#[test]
+fn nothing_is_tried_after_the_time_is_up() {
+    let (asked, found) = order(3, |_| Some((100.0, 5.0)));
+    assert_eq!(asked[..3], ["RK4 x4", "RK4 x8", "RK4 x2"]);
+    assert!(asked[3..].iter().all(|asked| asked.contains("again")), "{asked:?}");
+    assert!(found.is_out_of_time);
+    // Without any loop that stands there is nothing to compare with.
+    let (asked, found) = order(99, |_| None);
+    assert!(asked.iter().all(|asked| asked.starts_with('R')), "{asked:?}");
+    assert_eq!(found.tried.len(), 12);
+}
