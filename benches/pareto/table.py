@@ -94,7 +94,7 @@ SUMMARY = {
     "arm": ("3x24", "distilled 2x16"),
     "rod": ("1x24", "distilled 1x24"),
     "rod-20s": ("distilled 1x24", "distilled 1x32"),
-    "reactor": ("1x48", "distilled 2x48"),
+    "reactor": ("distilled 1x48", "distilled 2x48"),
     "gas-lift": ("3x24", "distilled 3x24"),
     "pump": ("3x24", "distilled 2x24"),
 }
