@@ -13,15 +13,15 @@ Needs Python 3.11 alone, and `pinc` in the path or by `--pinc`.
 
 import argparse
 import json
+import math
 import subprocess
 import tempfile
 import tomllib
 from pathlib import Path
 from statistics import median
 
-from table import cases, number
+from sweep import MODELS, exact, is_good, loops, methods, off
 
-METHODS = ("rk4", "rk5", "rosenbrock")
 HEADS = (
     "plant",
     "model",
@@ -36,34 +36,14 @@ HEADS = (
 )
 
 
-def rows(directory):
-    """What the sweep found of its cases whose loops did not fail."""
-    return [
-        {
-            "case": result["case"],
-            "model": model,
-            "rms": number(result[f"{model}_one_step_rms"]),
-            "iae": number(result[f"{model}_iae_dense_sum"]),
-            "offset": number(result[f"{model}_offset_max"]),
-            "iterations": number(result[f"{model}_sqp_iterations_mean"]),
-            "steps": [number(time[f"{model}_step_us"])],
-            "training": number(time["training_wall_s"]) if model == "pinc" else None,
-        }
-        for result, time, model in cases(directory, "step_us")
-        if result["status"] == "done"
-    ]
-
-
 def shown(found):
-    """The rows of the table, with the exact model's last."""
-    methods = [row for row in found if row["model"] != "pinc"]
-    exact = min((row for row in methods if row["rms"] == row["rms"]), key=lambda row: row["rms"])
-    good = lambda row: abs(row["iae"] / exact["iae"] - 1.0) < 0.01
-    chosen = [row for row in found if row["model"] == "pinc"]
-    for method in METHODS:
-        own = [row for row in methods if row["model"] == method and good(row)]
-        chosen += sorted(own, key=lambda row: row["steps"][0])[:1]
-    return [row for row in chosen if row is not exact] + [exact]
+    """The loops of the table, with the exact model's last."""
+    standard = exact(found)
+    chosen = [loop for loop in found if loop["model"] == "pinc"]
+    for model in MODELS:
+        own = [m for m in methods(found) if m["model"] == model and is_good(m, standard)]
+        chosen += sorted(own, key=lambda loop: loop["step"])[:1]
+    return [loop for loop in chosen if loop is not standard] + [standard]
 
 
 def net(directory, case):
@@ -79,16 +59,16 @@ def net(directory, case):
     raise SystemExit(f"{directory}: no net of {case['name']}")
 
 
-def again(args, directory, row):
-    """The median control step of one more run of a row's loop, in us."""
+def again(args, directory, loop):
+    """The median control step of one more run of a loop, in us."""
     config = Path("configs/pareto") / (directory.name.removesuffix("-pareto") + ".toml")
     cases = tomllib.loads(config.read_text())["sweep"]["cases"]
-    case = next(case for case in cases if case["name"] == row["case"])
-    line = [args.pinc, "control", config, "--only", row["model"], "--quiet"]
+    case = next(case for case in cases if case["name"] == loop["case"])
+    line = [args.pinc, "control", config, "--only", loop["model"], "--quiet"]
     # The error of a step is known from the sweep.
     for key, value in (case["set"] | {"one_step.points": 16, "one_step.measure_s": 0.01}).items():
         line += ["--set", f"{key}={json.dumps(value)}"]
-    if row["model"] == "pinc":
+    if loop["model"] == "pinc":
         line += ["--model", net(directory, case)]
     with tempfile.TemporaryDirectory() as folder:
         subprocess.run([*map(str, line), "--out", f"{folder}/run"], check=True)
@@ -105,24 +85,24 @@ def main():
     print("| " + " | ".join(HEADS) + " |")
     print("|" + "---|" * len(HEADS))
     for directory in args.runs:
-        chosen = shown(rows(directory))
+        chosen = shown(list(loops(directory)))
         for _ in range(args.rounds):
-            for row in chosen:
-                row.setdefault("rounds", []).append(again(args, directory, row))
-        for row in chosen:
-            steps = row.get("rounds", row["steps"])
-            training = f"{row['training']:.0f}" if row["training"] is not None else ""
+            for loop in chosen:
+                loop.setdefault("rounds", []).append(again(args, directory, loop))
+        for loop in chosen:
+            steps = loop.get("rounds", [loop["step"]])
+            training = loop["training"]
             cells = [
-                directory.name.removesuffix("-pareto") if row is chosen[0] else "",
-                row["case"],
-                f"{row['rms']:.1e}",
-                f"{row['iae']:.6g}",
-                f"{100.0 * (row['iae'] / chosen[-1]['iae'] - 1.0):+.2f} %",
-                f"{row['offset']:.1e}",
-                f"{row['iterations']:.1f}",
+                directory.name.removesuffix("-pareto") if loop is chosen[0] else "",
+                loop["case"],
+                f"{loop['rms']:.1e}",
+                f"{loop['iae']:.6g}",
+                f"{100.0 * off(loop, chosen[-1]):+.2f} %",
+                f"{loop['offset']:.1e}",
+                f"{loop['iterations']:.1f}",
                 f"{min(steps):.1f}",
                 f"{median(steps):.1f}",
-                training,
+                "" if math.isnan(training) else f"{training:.0f}",
             ]
             print("| " + " | ".join(cells) + " |", flush=True)
 

@@ -7,12 +7,13 @@ Prints the rows of the summary in docs/measurements.md. Sections of plants that 
 as they are. Needs Python alone.
 """
 
-import csv
 import json
 import math
 import shutil
 import sys
 from pathlib import Path
+
+from sweep import MODELS, exact, is_good, loops, methods, off
 
 INTRODUCTION = """\
 # Accuracy against cost
@@ -50,50 +51,36 @@ HEADS = (
 )
 
 
-# The models in a loop, as columns begin with them, and their names.
-MODELS = {"pinc": "net", "rk4": "RK4", "rk5": "RK5", "rosenbrock": "Rosenbrock"}
+
+def error(value):
+    return f"{value:.1e}" if math.isfinite(value) else "not finite"
 
 
-def error(text):
-    return f"{float(text):.1e}" if text not in ("", "NaN", "inf") else "not finite"
-
-
-def row(case, result, time, model):
-    """The cells of one case, whose only model is `model`."""
-    of = lambda table, column: table[f"{model}_{column}"]
-    errors = [of(result, f"one_step_{c}") for c in ("rms", "median", "p99")]
-    training = time["training_wall_s"] if model == "pinc" else ""
+def row(loop):
+    """The cells of a loop."""
+    training = loop["training"]
     return [
-        case,
-        *map(error, errors),
-        error(of(result, "jacobian_rms")),
-        f"{float(of(time, 'forward_ns')):.0f}",
-        f"{float(of(time, 'forward_jacobian_ns')):.0f}",
-        f"{float(of(result, 'iae_dense_sum')):.6g}",
-        f"{float(of(time, 'step_us')):.1f}",
-        f"{float(training):.1f}" if training else "",
+        loop["case"],
+        *(error(loop[column]) for column in ("rms", "median", "p99", "jacobian_rms")),
+        f"{loop['alone']:.0f}",
+        f"{loop['jacobians']:.0f}",
+        f"{loop['iae']:.6g}",
+        f"{loop['step']:.1f}",
+        "" if math.isnan(training) else f"{training:.1f}",
     ]
 
 
-def read(path):
-    with path.open(newline="") as file:
-        return list(csv.DictReader(file))
-
-
-def cases(directory, column):
-    """Result, times and model of each loop of a sweep that has a time in this column."""
-    for result, time in zip(read(directory / "sweep.csv"), read(directory / "timings.csv")):
-        for model in MODELS:
-            if time.get(f"{model}_{column}"):
-                yield result, time, model
+def measured(directory):
+    """The loops of a sweep with models of which single steps were looked at."""
+    return [loop for loop in loops(directory) if not math.isnan(loop["alone"])]
 
 
 def table(directory):
     """The lines of a run's table."""
     yield "| " + " | ".join(HEADS) + " |"
     yield "|" + "---|" * len(HEADS)
-    for result, time, model in cases(directory, "forward_ns"):
-        yield "| " + " | ".join(row(result["case"], result, time, model)) + " |"
+    for loop in measured(directory):
+        yield "| " + " | ".join(row(loop)) + " |"
 
 
 # The nets in the summary.
@@ -107,58 +94,42 @@ SUMMARY = {
     "arm": ("3x24", "distilled 2x16"),
     "rod": ("1x24", "distilled 1x24"),
     "rod-20s": ("distilled 1x24", "distilled 1x32"),
-    "reactor": ("1x48", "distilled 2x48"),
+    "reactor": ("distilled 1x48", "distilled 2x48"),
     "gas-lift": ("3x24", "distilled 3x24"),
     "pump": ("3x24", "distilled 2x24"),
 }
 
 
-def number(text):
-    return float(text) if text else math.nan
-
-
-def cheapest(methods, rms, column):
+def cheapest(integrators, rms, column):
     """The least time at an error, between numbers of substeps, with the method that takes it."""
     best = (math.inf, "")
-    for name in {method["name"] for method in methods}:
-        own = [m for m in methods if m["name"] == name and math.isfinite(m["rms"])]
+    for model in {loop["model"] for loop in integrators}:
+        own = [m for m in integrators if m["model"] == model and math.isfinite(m["rms"])]
         own.sort(key=lambda method: method["rms"])
         for fine, coarse in zip(own, own[1:]):
             if fine["rms"] <= rms <= coarse["rms"]:
                 part = math.log(rms / fine["rms"]) / math.log(coarse["rms"] / fine["rms"])
                 logs = [math.log(method[column]) for method in (fine, coarse)]
-                best = min(best, (math.exp(logs[0] + part * (logs[1] - logs[0])), name))
+                best = min(best, (math.exp(logs[0] + part * (logs[1] - logs[0])), MODELS[model]))
         # One that is more exact with its fewest substeps is cheap enough.
         if own and own[-1]["rms"] <= rms:
-            best = min(best, (own[-1][column], name))
+            best = min(best, (own[-1][column], MODELS[model]))
     return best
 
 
 def summary(plant, directory):
-    rows = [
-        {
-            "case": result["case"],
-            "name": MODELS[model],
-            "rms": number(result[f"{model}_one_step_rms"]),
-            "iae": number(result[f"{model}_iae_dense_sum"]),
-            "alone": float(time[f"{model}_forward_ns"]),
-            "jacobians": float(time[f"{model}_forward_jacobian_ns"]),
-            "step": float(time[f"{model}_step_us"]),
-        }
-        for result, time, model in cases(directory, "forward_ns")
-    ]
-    methods = [row for row in rows if row["name"] != "net"]
-    exact = min((m for m in methods if math.isfinite(m["rms"])), key=lambda m: m["rms"])["iae"]
-    good = min((m for m in methods if abs(m["iae"] / exact - 1) < 0.01), key=lambda m: m["step"])
-    for net in (row for row in rows if row["case"] in SUMMARY.get(plant, ())):
+    found = measured(directory)
+    standard = exact(found)
+    good = min((m for m in methods(found) if is_good(m, standard)), key=lambda m: m["step"])
+    for net in (loop for loop in found if loop["case"] in SUMMARY.get(plant, ())):
         cells = [plant, net["case"], f"{net['rms']:.1e}"]
         for column in ("alone", "jacobians"):
-            time, name = cheapest(methods, net["rms"], column)
+            time, name = cheapest(methods(found), net["rms"], column)
             factor = f"{time / net[column]:.2g} ({name})" if name else "–"
             cells += [f"{net[column]:.0f}", factor]
-        off = net["iae"] / exact - 1
         factor = f"{good['step'] / net['step']:.1f} ({good['case']}, {good['step']:.1f} us)"
-        cells += [f"{100 * off:+.2f} %", f"{net['step']:.1f}", factor if abs(off) < 0.01 else "–"]
+        cells += [f"{100 * off(net, standard):+.2f} %", f"{net['step']:.1f}"]
+        cells.append(factor if is_good(net, standard) else "–")
         yield "| " + " | ".join(cells) + " |"
 
 

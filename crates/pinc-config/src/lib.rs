@@ -88,6 +88,7 @@ pub use sweep::{AxisSpec, CaseSpec, DrawsSpec, RangeSpec, SweepSpec};
 pub use time_unit::TimeUnit;
 pub use training::{Effort, TrainingSpec};
 pub use trial::{
-    CANDIDATE, CASE, DRAW, DRAWN, SEED, SearchPlace, Trial, cell_columns, columns, trials,
+    CANDIDATE, CASE, DRAW, DRAWN, SEED, SearchPlace, Trial, cell_columns, columns, sweep_models,
+    trials,
 };
 pub use validate::limits::STEPS as MOST_STEPS;

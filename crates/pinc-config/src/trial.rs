@@ -1,6 +1,6 @@
 //! From a `[sweep]` section to its trials.
 
-use crate::{AxisSpec, DrawsSpec, Experiment, Plants, Problem, SearchSpec, SweepSpec};
+use crate::{AxisSpec, DrawsSpec, Experiment, ModelKind, Plants, Problem, SearchSpec, SweepSpec};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
@@ -127,6 +127,21 @@ pub fn trials(experiment: &Experiment) -> Result<Vec<Trial>, (String, Problem)> 
         }
     }
     Ok(trials)
+}
+
+/// The models in the loops of a sweep, each once: those of the experiment first, then those that
+/// only some of its trials have, in the order of the trials.
+#[must_use]
+pub fn sweep_models(experiment: &Experiment, trials: &[Trial]) -> Vec<ModelKind> {
+    let trials = trials.iter().map(|trial| &trial.experiment);
+    let loops = std::iter::once(experiment).chain(trials).filter_map(|e| e.control.as_ref());
+    let mut models = Vec::new();
+    for model in loops.flat_map(|control| &control.models) {
+        if !models.contains(model) {
+            models.push(*model);
+        }
+    }
+    models
 }
 
 /// Checks that all trials can be made.

@@ -386,13 +386,21 @@ static int pinc_worst(const pinc_dense *s, pinc_row *worst)
     return any;
 }
 
-/* Below this a rate is mere rounding. */
+/* A working row's rate times the length of its normal: a number in the units of the row whose
+   multiplier changes, whatever those of the working row. */
+static PINC_REAL pinc_rate_length(const pinc_dense *s, int k)
+{
+    const PINC_REAL *column = s->r + (k * PINC_INPUTS);
+    return PINC_MATH(sqrt)(pinc_dot(column, column, k + 1)) * pinc_abs(s->rates[k]);
+}
+
+/* Where a rate's length is below this it is mere rounding. */
 static PINC_REAL pinc_rounding(const pinc_dense *s)
 {
     PINC_REAL largest = PINC_N(0);
     int k;
     for (k = 0; k < s->members; k++) {
-        largest = pinc_max(largest, pinc_abs(s->rates[k]));
+        largest = pinc_max(largest, pinc_rate_length(s, k));
     }
     return PINC_DEPENDENT * largest;
 }
@@ -406,7 +414,8 @@ static int pinc_first_at_limit(const pinc_dense *s, PINC_REAL sign, int dependen
     *when = PINC_INFINITY;
     for (k = 0; k < s->members; k++) {
         const PINC_REAL rate = -sign * s->rates[k];
-        if (pinc_abs(rate) > rounding) {
+        if ((pinc_abs(rate) > PINC_N(0)) &&
+            ((dependent == 0) || (pinc_rate_length(s, k) > rounding))) {
             const PINC_REAL limit = (rate > PINC_N(0)) ? s->most[k] : s->least[k];
             const PINC_REAL t = pinc_max((limit - s->mu[s->working[k]]) / rate, PINC_N(0));
             if (t < *when) {
@@ -440,7 +449,7 @@ static pinc_qp_status pinc_certify(pinc_dense *s, const pinc_row *member, PINC_R
     s->mu[member->row] = member->sign;
     rounding = pinc_rounding(s);
     for (k = 0; k < s->members; k++) {
-        if (pinc_abs(s->rates[k]) > rounding) {
+        if (pinc_rate_length(s, k) > rounding) {
             s->mu[s->working[k]] = -member->sign * s->rates[k];
         }
     }

@@ -4,6 +4,7 @@ use crate::error::ExpressionProblem;
 use crate::graph::{Graph, Node, Number, Operation, Value};
 use pinc_ad::Scalar;
 use pinc_ad::simd::Work;
+use std::marker::PhantomData;
 
 /// The most values that can be kept at once.
 pub(crate) const MOST_REGISTERS: usize = 256;
@@ -233,11 +234,11 @@ impl<S: Scalar, C: Convert<S>, const R: usize> Work for Run<'_, S, C, R> {
             }
             first += part.len();
         }
-        // Second derivatives are rarely asked for, and their code is long.
+        // Second derivatives are rarely asked for, and their code is long: it serves any number.
         if const { C::To::ORDER < 2 } {
-            run_few(&self.program.steps, &mut registers);
+            run_steps(&self.program.steps, &mut registers);
         } else {
-            run_any(&self.program.steps, &mut registers);
+            run_steps(&self.program.steps, registers.as_mut_slice());
         }
         for (to, &register) in self.to.iter_mut().zip(&self.program.results) {
             *to = registers[usize::from(register) % R];
@@ -245,55 +246,34 @@ impl<S: Scalar, C: Convert<S>, const R: usize> Work for Run<'_, S, C, R> {
     }
 }
 
-/// Takes `R` registers through some steps. Not inlined: what the variables were converted from is
-/// of no account here.
+/// Takes registers, an array or a slice of a power of 2, through some steps. Not inlined: what the
+/// variables were converted from is of no account here.
 #[inline(never)]
-fn run_few<S: Scalar, const R: usize>(steps: &[Step], registers: &mut [S; R]) {
-    registers[0].vectorize(Few { steps, registers });
+fn run_steps<S: Scalar, R: AsMut<[S]> + ?Sized>(steps: &[Step], registers: &mut R) {
+    let first = registers.as_mut()[0];
+    first.vectorize(Steps { steps, registers, number: PhantomData });
 }
 
-/// Takes any number of registers, a power of 2, through some steps.
-#[inline(never)]
-fn run_any<S: Scalar>(steps: &[Step], registers: &mut [S]) {
-    registers[0].vectorize(Any { steps, registers });
-}
-
-struct Few<'a, S, const R: usize> {
+/// Steps on registers `R` of numbers `S`.
+struct Steps<'a, S, R: ?Sized> {
     steps: &'a [Step],
-    registers: &'a mut [S; R],
+    registers: &'a mut R,
+    number: PhantomData<S>,
 }
 
-impl<S: Scalar, const R: usize> Work for Few<'_, S, R> {
+impl<S: Scalar, R: AsMut<[S]> + ?Sized> Work for Steps<'_, S, R> {
     type Output = ();
 
     #[inline(always)]
     fn run(self) {
-        run_steps(self.steps, self.registers);
-    }
-}
-
-struct Any<'a, S> {
-    steps: &'a [Step],
-    registers: &'a mut [S],
-}
-
-impl<S: Scalar> Work for Any<'_, S> {
-    type Output = ();
-
-    #[inline(always)]
-    fn run(self) {
-        run_steps(self.steps, self.registers);
-    }
-}
-
-#[inline(always)]
-fn run_steps<S: Scalar>(steps: &[Step], registers: &mut [S]) {
-    // If their number is known, the remainder spares the check of the index.
-    let last = registers.len() - 1;
-    for step in steps {
-        let (a, b) = (usize::from(step.a) & last, usize::from(step.b) & last);
-        let value = apply(step.operation, &registers[a], &registers[b]);
-        registers[usize::from(step.to) & last] = value;
+        let registers = self.registers.as_mut();
+        // If their number is known, the remainder spares the check of the index.
+        let last = registers.len() - 1;
+        for step in self.steps {
+            let (a, b) = (usize::from(step.a) & last, usize::from(step.b) & last);
+            let value = apply(step.operation, &registers[a], &registers[b]);
+            registers[usize::from(step.to) & last] = value;
+        }
     }
 }
 

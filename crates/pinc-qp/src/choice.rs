@@ -18,6 +18,12 @@ const RECURSION: usize = 8;
 const MOST_FROM_SCRATCH: usize = 100;
 
 /// What solves the quadratic programs of a controller.
+///
+/// `Condensed` solves a program in any units, each state, each input and the cost in one of its
+/// own. The others compare numbers of a program with one another, and want units in which states
+/// and inputs are within a factor of about 100 of one another: where they are further apart these
+/// methods lose digits or fail. Clarabel wants a cost of ordinary size too, or it may call a
+/// program infeasible that is not. `pinc_mpc` chooses such units itself.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 #[non_exhaustive]

@@ -160,6 +160,12 @@ impl ThinQr {
         self.columns += 1;
     }
 
+    /// The length of a column.
+    pub(crate) fn norm(&self, column: usize) -> f64 {
+        let r = &self.r[column * self.size..=column * self.size + column];
+        dot(r, r).sqrt()
+    }
+
     /// Removes column `gone`.
     pub(crate) fn remove(&mut self, gone: usize) {
         let n = self.size;

@@ -3,7 +3,8 @@
 //!
 //! - [`Qp`]: the program, stage by stage, with its [`OcpDims`] and [`Limits`]; [`QpStep`] its
 //!   solution with the [`Multipliers`].
-//! - [`QpSolver`]: a method; [`ChosenQp`] the one that [`QpMethod`] names.
+//! - [`QpSolver`]: a method; [`ChosenQp`] the one that [`QpMethod`] names, which says in what units
+//!   a program may be.
 
 mod algebra;
 mod choice;

@@ -1,7 +1,7 @@
 //! The trials of a sweep by cells, as `sweep.csv` and `timings.csv` have them.
 
 use pinc_chart::text;
-use pinc_config::{CASE, DRAW, DRAWN, Experiment, SEED, cell_columns};
+use pinc_config::{CASE, DRAW, DRAWN, Experiment, ModelKind, SEED, cell_columns};
 use pinc_record::{
     PredictionTable, RecordError, SweepDir, TrialColumn, TrialMetric, TrialStatus, TrialTable, file,
 };
@@ -51,11 +51,11 @@ impl Trials {
     /// Reads the tables of the sweep in `dir`; `None` if there is none.
     pub(crate) fn read(dir: &Path, experiment: &Experiment) -> Result<Option<Self>, RecordError> {
         let Some(sweep) = &experiment.sweep else { return Ok(None) };
-        let columns = TrialColumn::of_sweep(experiment, sweep);
+        let columns = TrialColumn::of_sweep(experiment, sweep, &ModelKind::ALL);
         let Some(table) = TrialTable::read(&dir.join(file::SWEEP), columns)? else {
             return Ok(None);
         };
-        let columns = TrialColumn::of_timings(experiment);
+        let columns = TrialColumn::of_timings(experiment, &ModelKind::ALL);
         let timings = TrialTable::read(&dir.join(file::TIMINGS), columns)?;
         let timings = timings.filter(|timings| timings.len() == table.len());
         let columns = cell_columns(sweep);

@@ -9,7 +9,7 @@ pub use status::{Status, status};
 
 use crate::{RunError, console};
 use crew::Crew;
-use pinc_config::{Experiment, Plants, SweepSpec, Trial, nets_of_parameters, trials};
+use pinc_config::{Experiment, Plants, SweepSpec, Trial, nets_of_parameters, sweep_models, trials};
 use pinc_record::work::{Estimate, Ledger, Queue, effort, expected};
 use pinc_record::{
     Best, CsvText, Invocation, Provenance, RecordError, RunDir, Standing, SummaryTable, SweepDir,
@@ -399,11 +399,12 @@ fn tables(
 ) -> [(&'static str, CsvText); 3] {
     let sweep = experiment.sweep.as_ref().expect("a sweep has the section");
     let (results, standings) = (ledger.results(), ledger.standings());
+    let models = sweep_models(experiment, trials);
     let table = |columns| TrialTable::new(columns, sweep, trials, results, &standings).to_csv();
     [
-        (file::SWEEP, table(TrialColumn::of_sweep(experiment, sweep))),
+        (file::SWEEP, table(TrialColumn::of_sweep(experiment, sweep, &models))),
         (file::SUMMARY, SummaryTable::new(experiment, sweep, trials, results).to_csv()),
-        (file::TIMINGS, table(TrialColumn::of_timings(experiment))),
+        (file::TIMINGS, table(TrialColumn::of_timings(experiment, &models))),
     ]
 }
 

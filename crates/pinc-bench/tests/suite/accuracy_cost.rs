@@ -67,12 +67,14 @@ fn data_and_an_integrator_exclude_one_another() {
     outcome.assert_refused(&["`training.source`", "with [data]"]);
 }
 
-/// A net and RK4, one step of each by itself.
+/// A net and integrators, one step of each by itself. The config has a loop with the net and one
+/// with RK4.
 const CASES: &str = r#"sweep.cases=[
     { name = "net", set = { "control.models" = ["pinc"] } },
     { name = "distilled", set = { "control.models" = ["pinc"], "training.source" = "integrator" } },
     { name = "RK4 x1", set = { "control.models" = ["rk4"], "control.rk4_substeps" = 1 } },
     { name = "RK4 x2", set = { "control.models" = ["rk4"], "control.rk4_substeps" = 2 } },
+    { name = "RK5 x1", set = { "control.models" = ["rk5"] } },
 ]"#;
 
 #[test]
@@ -94,7 +96,7 @@ fn a_timed_sweep_draws_accuracy_against_cost() {
     let outcome = outcome(&mut pinc(&arguments));
     assert_eq!(outcome.code, Some(0), "{outcome:?}");
 
-    assert_eq!(column(&out.join("sweep.csv"), "source"), ["physics", "integrator", "", ""]);
+    assert_eq!(column(&out.join("sweep.csv"), "source"), ["physics", "integrator", "", "", ""]);
     let errors = column(&out.join("sweep.csv"), "rk4_one_step_rms");
     assert_eq!(errors[..2], ["", ""]);
     let [one, two]: [f64; 2] = [errors[2].parse().unwrap(), errors[3].parse().unwrap()];
@@ -104,6 +106,14 @@ fn a_timed_sweep_draws_accuracy_against_cost() {
         let times = column(&out.join("timings.csv"), name);
         assert!(times[2].parse::<f64>().unwrap() > 0.0, "{name}: {times:?}");
     }
+    // A model that only one case has.
+    for (file, name) in [("sweep.csv", "rk5_one_step_rms"), ("timings.csv", "rk5_step_us")] {
+        let cells = column(&out.join(file), name);
+        let is_there: Vec<bool> = cells.iter().map(|cell| !cell.is_empty()).collect();
+        assert_eq!(is_there, [false, false, false, false, true], "{name}");
+    }
+    let summary = fs::read_to_string(out.join("summary.csv")).unwrap();
+    assert!(summary.contains("RK5 x1,rk5_iae_dense_sum,"), "{summary}");
     // The two nets, and no third for the numerical models.
     assert_eq!(fs::read_dir(out.join("nets")).unwrap().count(), 2);
     for figure in ["accuracy-cost.svg", "loop-cost.svg"] {

@@ -94,6 +94,13 @@ fn the_recommended_config_keeps_what_is_promised_and_a_resumed_run_repeats_nothi
     assert!(first.contains("Use RK"), "{first}");
     assert!(first.contains("RK4 x4 ") && first.contains("distilled 2x16"), "{first}");
     assert!(out.join("tried/report.html").exists());
+    for (file, column) in [("sweep.csv", "iae_dense_sum"), ("timings.csv", "step_us")] {
+        let text = fs::read_to_string(out.join("tried").join(file)).unwrap();
+        let head: Vec<&str> = text.lines().next().unwrap().split(',').collect();
+        for model in ["pinc", "rk4", "rk5"] {
+            assert!(head.contains(&format!("{model}_{column}").as_str()), "{file}: {head:?}");
+        }
+    }
 
     let recommended = out.join("recommended.toml");
     let chosen = Experiment::load(&recommended, &[], &Plants::built_in()).unwrap();

@@ -180,9 +180,10 @@ fn measured(p: [f64; 2]) -> Measurements {
     measured
 }
 
-/// A member of the family whose parameters do not vary.
+/// A member of the family whose parameters do not vary: what an inverse problem has at one of its
+/// points.
 #[derive(Clone, Debug)]
-struct Member([f64; 2]);
+pub(crate) struct Member(pub(crate) [f64; 2]);
 
 impl Plant for Member {
     fn states(&self) -> &[Variable] {

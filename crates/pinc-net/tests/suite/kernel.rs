@@ -1,13 +1,13 @@
 //! The batched kernel against its specification, dual numbers inside a tape.
 
-use super::family::Pendulum;
+use super::family::{Member, Pendulum};
 use pinc_ad::{Scalar, Tape};
 use pinc_net::{
     Ansatz, BatchLoss, Domain, InitialScale, Isa, LossTerms, LossWeights, Measurements, NetConfig,
     ParameterRange, PincNet, Points, ResidualScale, Sampler, Scenario, Workers, initial_conditions,
     reference_loss, reference_measured, reference_residuals,
 };
-use pinc_ode::{Plant, Variable};
+use pinc_ode::Plant;
 use pinc_plants::{FourTanks, OneTank, VanDerPol};
 use proptest::prelude::*;
 
@@ -343,25 +343,6 @@ fn a_nan_or_infinite_weight_shows_in_loss_and_gradient() {
     }
 }
 
-/// The pendulum with parameters that do not vary: what an inverse problem has at one of its points.
-#[derive(Clone, Debug)]
-struct Known([f64; 2]);
-
-impl Plant for Known {
-    fn states(&self) -> &[Variable] {
-        Plant::states(&Pendulum)
-    }
-
-    fn inputs(&self) -> &[Variable] {
-        Plant::inputs(&Pendulum)
-    }
-
-    #[inline(always)]
-    fn rhs<S: Scalar>(&self, x: &[S], u: &[S], _: &[S], dx: &mut [S]) {
-        Pendulum.rhs(x, u, &self.0.map(|p| x[0].constant(p)), dx);
-    }
-}
-
 /// Loss, gradient and normal matrix with unknown parameters: in the weights those of the plant that
 /// is known, in the parameters those of its differences.
 #[test]
@@ -375,7 +356,7 @@ fn unknown_parameters_agree_with_the_specification() {
         let size = Case { hidden_layers: 2, neurons, slopes: true, ..large() };
         let case = Case { collocation: 37, initial: 9, ..size };
         let scale = start.map(|start: f64| if start.abs() > 0.0 { start.abs() } else { 1.0 });
-        let at = |q: [f64; 2]| Known([0, 1].map(|i| start[i] + scale[i] * q[i]));
+        let at = |q: [f64; 2]| Member([0, 1].map(|i| start[i] + scale[i] * q[i]));
         let known = problem(at(q), &case);
         let residuals = |q: [f64; 2]| {
             let points = (&known.collocation, &known.initial);

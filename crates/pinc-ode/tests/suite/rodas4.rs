@@ -1,49 +1,15 @@
 //! The Rosenbrock method: order, stability on stiff problems, sensitivities.
 
-use crate::common::{Oscillator, distance, flows, log_slope};
+use crate::common::{Oscillator, distance, flows, linearize, order, predict};
 use pinc_ad::{Scalar, central_difference};
-use pinc_ode::{Dopri5, Linearization, Model, Plant, Rk4, Rodas4, Stages, Variable};
+use pinc_ode::{Dopri5, Model, Plant, Rk4, Rodas4, Variable};
 use pinc_plants::{FourTanks, HydraulicServo, SingleTrackCar};
-
-fn predict(model: &mut impl Model, x: &[f64], u: &[f64]) -> Vec<f64> {
-    let mut next = vec![f64::NAN; x.len()];
-    model.step(x, u, &[], &mut next);
-    next
-}
-
-/// df/dx and df/du.
-fn jacobians(model: &mut impl Model, x: &[f64], u: &[f64]) -> [Vec<f64>; 2] {
-    let (n, m) = (x.len(), u.len());
-    let [mut next, mut a, mut b] = [n, n * n, n * m].map(|len| vec![f64::NAN; len]);
-    model.linearize(
-        Stages { x, u, p: &[] },
-        Linearization { next: &mut next, a: &mut a, b: &mut b, e: &mut [] },
-    );
-    [a, b]
-}
-
-/// The order by regression of the errors against `end`, as in `runge_kutta.rs`: without those above
-/// 1e-5, where the step is still too long for the leading term to rule, and those below 1e-12,
-/// where rounding shows.
-fn order<P: Plant>(plant: &P, duration_s: f64, x: &[f64], u: &[f64], end: &[f64]) -> f64 {
-    let errors: Vec<_> = (1..12)
-        .map(|k| {
-            let mut method = Rodas4::new(plant.clone(), duration_s, 1 << k);
-            let error = distance(&predict(&mut method, x, u), end);
-            (duration_s / f64::from(1 << k), error)
-        })
-        .filter(|(_, error)| (1e-12..1e-5).contains(error))
-        .collect();
-    let smallest = errors.iter().fold(f64::INFINITY, |s, (_, e)| s.min(*e));
-    assert!(errors.len() >= 5 && smallest < 2e-11, "not down to rounding: {errors:?}");
-    log_slope(&errors)
-}
 
 #[test]
 fn order_4_on_a_linear_system() {
     let plant = Oscillator { damping: 0.2 };
     let (x, u, t) = ([1.0, -0.5], 0.7, 3.0);
-    let slope = order(&plant, t, &x, &[u], &plant.exact(&x, u, t));
+    let slope = order(|n| Rodas4::new(plant.clone(), t, n), &x, &[u], &plant.exact(&x, u, t));
     assert!((slope - 4.0).abs() < 0.15, "{slope}");
 }
 
@@ -51,7 +17,8 @@ fn order_4_on_a_linear_system() {
 fn order_4_on_the_tanks() {
     for flow in flows("johansson-nonminimum") {
         let plant = FourTanks::johansson_nonminimum();
-        let slope = order(&plant, flow.duration_s, &flow.x, &flow.u, &flow.end);
+        let method = |n| Rodas4::new(plant, flow.duration_s, n);
+        let slope = order(method, &flow.x, &flow.u, &flow.end);
         assert!((slope - 4.0).abs() < 0.15, "{slope}");
     }
 }
@@ -153,7 +120,7 @@ fn jacobians_are_those_of_the_method() {
 fn check_jacobians(method: &mut impl Model, points: &[(Vec<f64>, Vec<f64>)], scale: &[f64]) {
     for (x, u) in points {
         let (n, m) = (x.len(), u.len());
-        let [a, b] = jacobians(method, x, u);
+        let [_, a, b] = linearize(method, x, u);
         let unscaled =
             |v: &[f64]| -> Vec<f64> { v.iter().zip(scale).map(|(v, s)| v * s).collect() };
         let at: Vec<_> = x.iter().chain(u).zip(scale).map(|(v, s)| v / s).collect();

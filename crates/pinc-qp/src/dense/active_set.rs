@@ -402,7 +402,7 @@ impl ActiveSet {
         let mut first = None;
         for (k, (member, rate)) in self.working.iter().zip(rates).enumerate() {
             let rate = -sign * rate;
-            if rate.abs() > rounding {
+            if rate.abs() > 0.0 && (!dependent || self.length(k) > rounding) {
                 let limit = if rate > 0.0 { member.most } else { member.least };
                 let t = ((limit - self.mu[member.row]) / rate).max(0.0);
                 if t < first.map_or(f64::INFINITY, |(t, _)| t) {
@@ -413,10 +413,16 @@ impl ActiveSet {
         first
     }
 
-    /// Below this a rate is mere rounding.
+    /// A working row's rate times the length of its normal: a number in the units of the row whose
+    /// multiplier changes, whatever those of the working row.
+    fn length(&self, k: usize) -> f64 {
+        self.qr.norm(k) * self.rates[k].abs()
+    }
+
+    /// Where a rate's length is below this it is mere rounding.
     fn rounding(&self) -> f64 {
-        let rates = self.rates[..self.working.len()].iter();
-        DEPENDENT * rates.fold(0.0, |largest: f64, rate| largest.max(rate.abs()))
+        let lengths = (0..self.working.len()).map(|k| self.length(k));
+        DEPENDENT * lengths.fold(0.0, f64::max)
     }
 
     fn leave(&mut self, k: usize) {
@@ -448,9 +454,9 @@ impl ActiveSet {
         self.mu.fill(0.0);
         self.mu[member.row] = sign;
         let rounding = self.rounding();
-        for (rate, member) in self.rates.iter().zip(&self.working) {
-            if rate.abs() > rounding {
-                self.mu[member.row] = -sign * rate;
+        for (k, member) in self.working.iter().enumerate() {
+            if self.length(k) > rounding {
+                self.mu[member.row] = -sign * self.rates[k];
             }
         }
         Some(DenseStatus::Infeasible(member.row))

@@ -106,6 +106,24 @@ fn contradictions_within_rounding_are_solved_at_once() {
     }
 }
 
+/// The rows x1 = 1 and x2 <= 1 hold x, and x1 + x2 <= 1.5 makes the second of them yield, in
+/// whatever units they are.
+#[test]
+fn rows_in_other_units_yield_too() {
+    for unit in [1.0, 1e4, 1e8] {
+        let mut qp = DenseQp::new(2, 3);
+        qp.hessian = vec![1.0, 0.0, 0.0, 1.0];
+        qp.gradient = vec![0.0, -5.0];
+        qp.matrix = vec![1.0 / unit, 0.0, 1.0, 0.0, unit, 1.0];
+        (qp.low[2], qp.high[2]) = (1.0 / unit, 1.0 / unit);
+        (qp.high[3], qp.high[4]) = (unit, 1.5);
+        let mut solver = ActiveSet::new(2, 3);
+        solver.guess()[2..4].fill(1.0);
+        assert_eq!(solver.solve(&qp, &mut || false), DenseStatus::Solved, "{unit:e}");
+        assert!((solver.x()[0] - 1.0).abs() < 1e-12 && (solver.x()[1] - 0.5).abs() < 1e-12);
+    }
+}
+
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(3000))]
 

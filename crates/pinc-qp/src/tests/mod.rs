@@ -271,31 +271,6 @@ proptest! {
         prop_assert_eq!(status, QpStatus::Solved);
     }
 
-    /// The unknowns, all in one unit, and the cost counted in other units: the same inputs. The
-    /// stage-wise method wants unknowns of ordinary size, which the caller is to choose.
-    #[test]
-    fn units_do_not_matter(
-        qp in stage_costs(false),
-        [unit, cost] in [-6.0..6.0_f64, -6.0..6.0],
-    ) {
-        let [unit, cost] = [unit, cost].map(|exponent| 10.0_f64.powf(exponent));
-        let cold = QpStep::new(qp.dims);
-        let exact = solve(&mut CondensedQp::new(&qp), &qp, &cold, SHARP)?;
-        let [other, dear] = [unit, 1.0].map(|unit| counted(&qp, [unit, unit, cost]));
-        let methods: [(&Qp, f64, Box<dyn QpSolver>); 2] = [
-            (&other, unit, Box::new(CondensedQp::new(&other))),
-            (&dear, 1.0, Box::new(RiccatiQp::new(&dear))),
-        ];
-        for (program, unit, mut method) in methods {
-            let mut step = cold.clone();
-            let status = method.solve(program, &mut step, &mut || false);
-            prop_assume!(status != QpStatus::Failed);
-            prop_assert_eq!(status, QpStatus::Solved, "{:?}", method);
-            step.d[qp.dims.all_states()..].iter_mut().for_each(|d| *d /= unit);
-            same_inputs(&qp, &exact, &step, 1e-3)?;
-        }
-    }
-
     /// A terminal weight far above all others: multipliers up to 1e7, of which the stage-wise
     /// method keeps all digits that matter. Their own rounding is up to 1e-9.
     #[test]
@@ -339,6 +314,43 @@ proptest! {
         {
             let other = ClarabelQp::new(&qp).solve(&qp, &mut cold.clone(), &mut || false);
             prop_assert!((other == QpStatus::Solved) == feasible || other == QpStatus::Failed);
+        }
+    }
+}
+
+proptest! {
+    // The stage-wise method gives up one or two in a hundred.
+    #![proptest_config(ProptestConfig { max_global_rejects: 75, ..cases(1500) })]
+
+    /// Each state and each input in a unit of its own, and the cost in another one: the same
+    /// inputs. But for the condensing method the caller is to choose units in which states and
+    /// inputs are alike, and for Clarabel that of the cost too.
+    #[test]
+    fn units_do_not_matter(
+        qp in stage_costs(false),
+        exponents in vec(-1.0..1.0_f64, 5),
+        cost in -6.0..6.0_f64,
+    ) {
+        type Method = fn(&Qp) -> Box<dyn QpSolver>;
+        let methods: [(Method, f64, f64); _] = [
+            (|qp| Box::new(CondensedQp::new(qp)), 6.0, cost),
+            (|qp| Box::new(RiccatiQp::new(qp)), 1.0, cost),
+            #[cfg(feature = "clarabel")]
+            (|qp| Box::new(ClarabelQp::new(qp)), 1.0, 0.0),
+        ];
+        let cold = QpStep::new(qp.dims);
+        let exact = solve(&mut CondensedQp::new(&qp), &qp, &cold, SHARP)?;
+        for (method, decades, cost) in methods {
+            let units: Vec<f64> = exponents.iter().map(|e| 10_f64.powf(decades * e)).collect();
+            let (x, u) = (&units[..qp.dims.nx], &units[3..][..qp.dims.nu]);
+            let program = counted(&qp, x, u, 10_f64.powf(cost));
+            let (mut method, mut step) = (method(&program), cold.clone());
+            let status = method.solve(&program, &mut step, &mut || false);
+            prop_assume!(status != QpStatus::Failed);
+            prop_assert_eq!(status, QpStatus::Solved, "{:?}", method);
+            let found = step.d[qp.dims.all_states()..].iter_mut();
+            found.zip(u.iter().cycle()).for_each(|(d, unit)| *d /= unit);
+            same_inputs(&qp, &exact, &step, 1e-4)?;
         }
     }
 }

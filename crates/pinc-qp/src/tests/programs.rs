@@ -124,33 +124,44 @@ fn set_limits(qp: &mut Qp, middle: &[f64], spreads: &[Spread]) {
     }
 }
 
-/// The program with states and inputs counted in units so many times smaller, and the cost too.
-pub(super) fn counted(qp: &Qp, [x, u, cost]: [f64; 3]) -> Qp {
+/// The program with the states and inputs of a stage, and the cost, counted in units so many times
+/// smaller, one for each.
+pub(super) fn counted(qp: &Qp, x: &[f64], u: &[f64], cost: f64) -> Qp {
     let mut qp = qp.clone();
     let states = qp.dims.all_states();
-    let times = |values: &mut [f64], factor: f64| values.iter_mut().for_each(|v| *v *= factor);
-    times(&mut qp.q, cost / (x * x));
-    times(&mut qp.s, cost / (x * u));
-    for weights in [&mut qp.r, &mut qp.t] {
-        times(weights, cost / (u * u));
-    }
-    times(&mut qp.b, x / u);
+    // Of blocks of rows in units `of` and columns in units `by`.
+    let blocks = |values: &mut [f64], of: &[f64], by: &[f64]| {
+        for (row, &of) in values.chunks_exact_mut(by.len()).zip(of.iter().cycle()) {
+            row.iter_mut().zip(by).for_each(|(value, by)| *value *= of / by);
+        }
+    };
+    let times = |values: &mut [f64], factors: &[f64]| {
+        values.iter_mut().zip(factors.iter().cycle()).for_each(|(value, f)| *value *= f);
+    };
+    let per = |units: &[f64]| -> Vec<f64> { units.iter().map(|unit| cost / unit).collect() };
+    let (cost_x, cost_u) = (per(x), per(u));
+    blocks(&mut qp.q, &cost_x, x);
+    blocks(&mut qp.s, &cost_u, x);
+    blocks(&mut qp.r, &cost_u, u);
+    blocks(&mut qp.t, &cost_u, u);
+    blocks(&mut qp.a, x, x);
+    blocks(&mut qp.b, x, u);
+    blocks(&mut qp.rows_x, &[1.0], x);
+    blocks(&mut qp.rows_u, &[1.0], u);
     times(&mut qp.c, x);
-    times(&mut qp.rows_x, 1.0 / x);
-    times(&mut qp.rows_u, 1.0 / u);
-    times(&mut qp.gradient[..states], cost / x);
-    times(&mut qp.gradient[states..], cost / u);
+    times(&mut qp.gradient[..states], &cost_x);
+    times(&mut qp.gradient[states..], &cost_u);
     for side in [&mut qp.bounds.low, &mut qp.bounds.high] {
         times(&mut side[..states], x);
         times(&mut side[states..], u);
     }
-    times(&mut qp.bounds.penalty[..states], cost / x);
-    times(&mut qp.bounds.penalty[states..], cost / u);
+    times(&mut qp.bounds.penalty[..states], &cost_x);
+    times(&mut qp.bounds.penalty[states..], &cost_u);
     for side in [&mut qp.increments.low, &mut qp.increments.high] {
         times(side, u);
     }
-    times(&mut qp.increments.penalty, cost / u);
-    times(&mut qp.rows.penalty, cost);
+    times(&mut qp.increments.penalty, &cost_u);
+    times(&mut qp.rows.penalty, &[cost]);
     qp
 }
 

@@ -6,7 +6,7 @@ use crate::error::RecordError;
 use crate::metrics::Metrics;
 use crate::spread::Spread;
 use crate::sweep_dir::{Ending, Finished};
-use pinc_config::{Experiment, SweepSpec, Trial, cell_columns};
+use pinc_config::{Experiment, SweepSpec, Trial, cell_columns, sweep_models};
 use std::collections::HashMap;
 use std::path::Path;
 
@@ -80,7 +80,7 @@ impl SummaryTable {
         finished: &[Option<Finished>],
     ) -> Self {
         let cell_columns = cell_columns(sweep);
-        let metrics = TrialMetric::results(experiment);
+        let metrics = TrialMetric::results_with(experiment, &sweep_models(experiment, trials));
         let mut rows = Vec::new();
         for (cell, group) in cells(trials, cell_columns.len()) {
             let group: Vec<_> = group.into_iter().map(|i| finished[i].as_ref()).collect();

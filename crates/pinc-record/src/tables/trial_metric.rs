@@ -2,7 +2,7 @@
 
 use crate::csv::number;
 use crate::metrics::{ControlMetrics, Metrics, OneStepMetrics};
-use pinc_config::{Experiment, ModelKind};
+use pinc_config::{Experiment, ModelKind, sweep_models};
 
 /// A result of a trial: a number or a name.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -155,6 +155,11 @@ impl TrialMetric {
     /// The metrics of the stages that an experiment has, times left out.
     #[must_use]
     pub fn results(experiment: &Experiment) -> Vec<Self> {
+        Self::results_with(experiment, &sweep_models(experiment, &[]))
+    }
+
+    /// The same with loops of these models.
+    pub(super) fn results_with(experiment: &Experiment, models: &[ModelKind]) -> Vec<Self> {
         let mut all = Vec::new();
         if experiment.training.is_some() {
             all.extend([Self::Source, Self::StopReason, Self::Iterations, Self::LossEvaluations]);
@@ -163,7 +168,7 @@ impl TrialMetric {
                 all.extend([Self::FreeRunMseMarks, Self::FreeRunRmse]);
             }
         }
-        for model in models(experiment) {
+        for &model in models {
             all.extend(LoopMetric::RESULTS.map(|metric| Self::Loop(model, metric)));
             if experiment.one_step.is_some() {
                 all.extend(StepMetric::RESULTS.map(|metric| Self::Step(model, metric)));
@@ -187,14 +192,13 @@ impl TrialMetric {
         !matches!(self, Self::Source | Self::StopReason)
     }
 
-    /// The times of the stages that an experiment has.
-    #[must_use]
-    pub fn times(experiment: &Experiment) -> Vec<Self> {
+    /// The times of the stages that an experiment has, with loops of these models.
+    pub(super) fn times_with(experiment: &Experiment, models: &[ModelKind]) -> Vec<Self> {
         let mut all = Vec::new();
         if experiment.training.is_some() {
             all.extend([Self::TrainingWall, Self::Optimizer]);
         }
-        for model in models(experiment) {
+        for &model in models {
             all.extend(LoopMetric::TIMES.map(|metric| Self::Loop(model, metric)));
             if experiment.one_step.is_some() {
                 all.extend(StepMetric::TIMES.map(|metric| Self::Step(model, metric)));
@@ -246,8 +250,4 @@ impl TrialMetric {
         };
         Some(number(value))
     }
-}
-
-fn models(experiment: &Experiment) -> impl Iterator<Item = ModelKind> {
-    experiment.control.iter().flat_map(|control| control.models.iter().copied())
 }

@@ -5,7 +5,7 @@ use crate::csv::{CsvFile, CsvText};
 use crate::error::RecordError;
 use crate::search::Standing;
 use crate::sweep_dir::{Ending, Finished};
-use pinc_config::{Experiment, SweepSpec, Trial, columns};
+use pinc_config::{Experiment, ModelKind, SweepSpec, Trial, columns};
 use std::path::Path;
 
 /// How far a trial is.
@@ -57,19 +57,20 @@ pub enum TrialColumn {
 }
 
 impl TrialColumn {
-    /// The columns of `sweep.csv`.
+    /// The columns of `sweep.csv` if these are the models in the loops of the trials: see
+    /// [`sweep_models`](pinc_config::sweep_models). All kinds of models read any table.
     #[must_use]
-    pub fn of_sweep(experiment: &Experiment, sweep: &SweepSpec) -> Vec<Self> {
+    pub fn of_sweep(experiment: &Experiment, sweep: &SweepSpec, models: &[ModelKind]) -> Vec<Self> {
         let choices = columns(sweep).into_iter().map(Self::Choice);
-        let metrics = TrialMetric::results(experiment).into_iter().map(Self::Metric);
+        let metrics = TrialMetric::results_with(experiment, models).into_iter().map(Self::Metric);
         let all = std::iter::once(Self::Trial).chain(choices).chain(metrics);
         all.chain([Self::Status, Self::Error]).collect()
     }
 
-    /// The columns of `timings.csv`.
+    /// The columns of `timings.csv`, likewise.
     #[must_use]
-    pub fn of_timings(experiment: &Experiment) -> Vec<Self> {
-        let metrics = TrialMetric::times(experiment).into_iter().map(Self::Metric);
+    pub fn of_timings(experiment: &Experiment, models: &[ModelKind]) -> Vec<Self> {
+        let metrics = TrialMetric::times_with(experiment, models).into_iter().map(Self::Metric);
         std::iter::once(Self::Trial).chain(metrics).collect()
     }
 
@@ -218,5 +219,37 @@ impl TrialTable {
     #[must_use]
     pub fn number(&self, row: usize, metric: TrialMetric) -> f64 {
         self.cell(row, &TrialColumn::Metric(metric)).parse().unwrap_or(f64::NAN)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use pinc_config::{Plants, sweep_models, trials};
+
+    /// The loops of the config are with RK4 alone.
+    #[test]
+    fn models_that_only_some_cases_have_are_columns_too() {
+        let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../configs/smoke/one-tank.toml");
+        let case = |model| {
+            format!("{{ name = \"{model}\", set = {{ \"control.models\" = [\"{model}\"] }} }}")
+        };
+        let cases = ["rk5", "rk4", "pinc"].map(case).join(", ");
+        let sets = ["control.models=[\"rk4\"]".to_owned(), format!("sweep.cases=[{cases}]")];
+        let experiment = Experiment::load(Path::new(path), &sets, &Plants::built_in()).unwrap();
+        let models = sweep_models(&experiment, &trials(&experiment).unwrap());
+        assert_eq!(models, [ModelKind::Rk4, ModelKind::Rk5, ModelKind::Pinc]);
+
+        let sweep = experiment.sweep.as_ref().unwrap();
+        let written = TrialColumn::of_sweep(&experiment, sweep, &models);
+        let read = TrialColumn::of_sweep(&experiment, sweep, &ModelKind::ALL);
+        assert!(written.iter().all(|column| read.contains(column)));
+        let timings = TrialColumn::of_timings(&experiment, &models);
+        let names: Vec<String> = written.iter().chain(&timings).map(TrialColumn::name).collect();
+        for model in models {
+            for metric in ["iae_dense_sum", "step_us"] {
+                assert!(names.contains(&format!("{model}_{metric}")), "{model} {metric}");
+            }
+        }
     }
 }

@@ -1,7 +1,7 @@
 //! What the runs of the paper left: metrics and tables, by experiment and preset.
 
 use crate::error::ReportError;
-use pinc_config::{Experiment, Preset};
+use pinc_config::{Experiment, ModelKind, Preset};
 use pinc_record::{
     Metrics, Provenance, RecordError, SummaryRow, SummaryTable, TrialColumn, TrialMetric,
     TrialTable, file, read_text,
@@ -62,7 +62,8 @@ impl Run {
     pub(super) fn trials(&self) -> Result<TrialTable, ReportError> {
         let experiment = self.config()?;
         let sweep = experiment.sweep.as_ref();
-        let columns = sweep.map(|sweep| TrialColumn::of_sweep(&experiment, sweep));
+        let columns = |sweep| TrialColumn::of_sweep(&experiment, sweep, &ModelKind::ALL);
+        let columns = sweep.map(columns);
         let path = self.dir.join(file::SWEEP);
         Ok(needed(&path, TrialTable::read(&path, columns.unwrap_or_default())?)?)
     }
@@ -70,7 +71,7 @@ impl Run {
     /// The times of the trials of a sweep.
     pub(super) fn timings(&self) -> Result<TrialTable, ReportError> {
         let path = self.dir.join(file::TIMINGS);
-        let columns = TrialColumn::of_timings(&self.config()?);
+        let columns = TrialColumn::of_timings(&self.config()?, &ModelKind::ALL);
         Ok(needed(&path, TrialTable::read(&path, columns)?)?)
     }
 

@@ -1,22 +1,13 @@
 //! How a config becomes an experiment: presets, merging, overrides, and back to a file.
 
+use crate::common::{parse, read, repository};
 use pinc_config::{Experiment, ModelKind, Plants, Preset};
 use pinc_mpc::Weight;
-use std::path::{Path, PathBuf};
-
-/// A file of the repository, by its path from the top.
-fn repository(path: &str) -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("../..").join(path)
-}
+use std::path::PathBuf;
 
 /// The smoke config of the Van der Pol oscillator, as text.
 fn smoke() -> String {
-    std::fs::read_to_string(repository("configs/smoke/van-der-pol.toml")).unwrap()
-}
-
-fn parse(text: &str, sets: &[&str]) -> Experiment {
-    let sets: Vec<_> = sets.iter().map(|set| (*set).to_owned()).collect();
-    Experiment::parse(Path::new("test.toml"), text, &sets, &Plants::built_in()).unwrap()
+    read("configs/smoke/van-der-pol.toml")
 }
 
 /// Every config that is shipped.
@@ -42,7 +33,7 @@ fn every_shipped_config_is_valid_in_every_preset_and_survives_being_written_out(
                 .unwrap_or_else(|error| panic!("{}, {preset}: {error}", path.display()));
             assert_eq!(experiment.preset.name(), preset);
             let text = experiment.to_toml();
-            let again = parse(&text, &[]);
+            let again = parse(&text, &[]).unwrap();
             assert_eq!(again, experiment);
             assert_eq!(again.to_toml(), text);
             assert_eq!(again.fingerprint(), experiment.fingerprint());
@@ -52,10 +43,10 @@ fn every_shipped_config_is_valid_in_every_preset_and_survives_being_written_out(
 
 #[test]
 fn the_config_in_the_readme_is_valid() {
-    let readme = std::fs::read_to_string(repository("README.md")).unwrap();
+    let readme = read("README.md");
     let (_, rest) = readme.split_once("```toml\n").unwrap();
     let (config, _) = rest.split_once("```").unwrap();
-    let experiment = parse(config, &[]);
+    let experiment = parse(config, &[]).unwrap();
     assert!(experiment.training.is_some() && experiment.control.is_some());
 }
 
@@ -101,7 +92,7 @@ rk4_substeps = 8
 #[test]
 fn later_layers_win() {
     let control = |sets: &[&str]| {
-        let control = parse(LAYERED, sets).control.unwrap();
+        let control = parse(LAYERED, sets).unwrap().control.unwrap();
         let [Weight::Diagonal(q), Weight::Diagonal(r)] = [control.q, control.r] else {
             panic!("the file gives diagonals");
         };
@@ -122,7 +113,7 @@ fn later_layers_win() {
 fn presets_differ_where_they_should() {
     let profile = |preset| {
         let set = format!("preset={preset}");
-        let control = parse(LAYERED, &[&set]).control.unwrap();
+        let control = parse(LAYERED, &[&set]).unwrap().control.unwrap();
         format!("{:?}", control.weights_profile)
     };
     assert_eq!(profile("ours"), "Uniform");
@@ -131,7 +122,7 @@ fn presets_differ_where_they_should() {
 
     let ansatz = |preset| {
         let set = format!("preset={preset}");
-        format!("{:?}", parse(&smoke(), &[&set]).model.unwrap().ansatz)
+        format!("{:?}", parse(&smoke(), &[&set]).unwrap().model.unwrap().ansatz)
     };
     assert_eq!(ansatz("ours"), "HardLinear");
     assert_eq!(ansatz("as-printed"), "Direct");
@@ -140,7 +131,7 @@ fn presets_differ_where_they_should() {
 
 #[test]
 fn sections_that_are_not_mentioned_are_absent() {
-    let experiment = parse(LAYERED, &[]);
+    let experiment = parse(LAYERED, &[]).unwrap();
     assert!(experiment.model.is_none() && experiment.training.is_none());
     assert!(experiment.validation.is_none() && experiment.prediction.is_none());
     assert_eq!(experiment.sample_time_s(), Some(10.0));
@@ -159,7 +150,8 @@ fn overrides_are_toml_or_bare_words() {
             "training.time_limit_s=1.5",
             "plant={ van-der-pol = { mu = 2.0 } }",
         ],
-    );
+    )
+    .unwrap();
     assert_eq!((experiment.seed, experiment.name.as_str()), (12, "another-name"));
     assert_eq!(experiment.preset, Preset::AsPrinted);
     assert_eq!(experiment.control.unwrap().references[1].value, [-0.25, 0.0]);
@@ -171,7 +163,7 @@ fn overrides_are_toml_or_bare_words() {
 
 #[test]
 fn fingerprints_tell_configs_apart() {
-    let fingerprint = |sets: &[&str]| parse(LAYERED, sets).fingerprint();
+    let fingerprint = |sets: &[&str]| parse(LAYERED, sets).unwrap().fingerprint();
     assert_eq!(fingerprint(&[]), fingerprint(&["control.rk4_substeps=7"]));
     assert_ne!(fingerprint(&[]), fingerprint(&["seed=2"]));
     assert_ne!(fingerprint(&[]), fingerprint(&["control.q=[1.0000000000000002]"]));
@@ -225,13 +217,13 @@ fn differences_of_inputs_are_a_weight_of_their_sequence() {
 /// Of a plant with two inputs, and with a full weight.
 #[test]
 fn differences_of_several_inputs_have_blocks() {
-    let text = std::fs::read_to_string(repository("configs/smoke/four-tanks.toml")).unwrap();
+    let text = read("configs/smoke/four-tanks.toml");
     let sets = [
         "control.n2=2",
         "control.nu=2",
         "control.input_differences=[{ between = [1, -1], weight = [[2.0, 0.5], [0.5, 3.0]] }]",
     ];
-    let experiment = parse(&text, &sets);
+    let experiment = parse(&text, &sets).unwrap();
     let control = experiment.control.as_ref().unwrap();
     let weights = control.problem(&experiment.plant.variables(), 10.0).weights;
     let expected = vec![
@@ -245,12 +237,12 @@ fn differences_of_several_inputs_have_blocks() {
     assert_eq!(weights.input_sequence, Some(Weight::Full(expected)));
 }
 
-/// The six stages of the shipped example.
+/// The shipped example with six stages.
+const FEW_STAGES: &str = "configs/four-tanks/few-stages.toml";
+
 #[test]
 fn stages_may_differ_in_length() {
-    let path = repository("configs/four-tanks/few-stages.toml");
-    let text = std::fs::read_to_string(path).unwrap();
-    let experiment = parse(&text, &[]);
+    let experiment = parse(&read(FEW_STAGES), &[]).unwrap();
     assert_eq!((experiment.sample_time_s(), experiment.net_step_s()), (Some(10.0), Some(140.0)));
     let control = experiment.control.unwrap();
     let stages = control.stages(10.0);
@@ -268,13 +260,7 @@ fn stages_may_differ_in_length() {
 
 #[test]
 fn stages_that_make_no_sense_are_refused() {
-    let path = repository("configs/four-tanks/few-stages.toml");
-    let text = std::fs::read_to_string(path).unwrap();
-    let refusal = |sets: &[&str]| {
-        let sets: Vec<_> = sets.iter().map(|set| (*set).to_owned()).collect();
-        let parsed = Experiment::parse(Path::new("test.toml"), &text, &sets, &Plants::built_in());
-        parsed.unwrap_err().to_string()
-    };
+    let text = read(FEW_STAGES);
     let stages = |list: &str| format!("control.stages_s={list}");
     for (sets, expected) in [
         (vec![stages("[]")], "one stage or more"),
@@ -289,61 +275,30 @@ fn stages_that_make_no_sense_are_refused() {
         (vec!["control.rk4_substeps=1000".into()], "10000 substeps of rk4 at most"),
     ] {
         let sets: Vec<&str> = sets.iter().map(String::as_str).collect();
-        let found = refusal(&sets);
+        let found = parse(&text, &sets).unwrap_err();
         assert!(found.contains(expected), "{sets:?}: {found}");
     }
 }
 
 #[test]
 fn derivatives_are_for_distilled_nets_of_plants_that_have_them() {
-    let refusal = |plant: &str, sets: &[&str]| {
-        let text = format!(
-            r#"
-name = "derivatives"
-preset = "ours"
-seed = 1
-[plant]
-{plant}
-[model]
-horizon_s = 0.5
-hidden_layers = 2
-neurons = 12
-[domain]
-state_low = [-3.0, -4.35]
-state_high = [3.0, 4.35]
-input_low = [-1.0]
-input_high = [1.0]
-[training]
-source = "integrator"
-derivatives = 0.1
-[validation]
-duration_s = 5.0
-[validation.domain]
-state_low = [-2.0, -2.0]
-state_high = [2.0, 2.0]
-input_low = [-1.0]
-input_high = [1.0]
-"#
-        );
-        let sets: Vec<_> = sets.iter().map(|&s| s.to_owned()).collect();
-        let plants = Plants::built_in().allowing_processes();
-        let parsed = Experiment::parse(Path::new("test.toml"), &text, &sets, &plants);
-        parsed.map_err(|error| error.to_string())
-    };
-    let process = r#"process = { command = ["true"], states = ["x1", "x2"], inputs = ["u"] }"#;
     let oscillator = "van-der-pol = { mu = 1.0 }";
-    let experiment = refusal(oscillator, &[]).unwrap();
+    let process = r#"process = { command = ["true"], states = ["x1", "x2"], inputs = ["u"] }"#;
+    let keys = "\nsource = \"integrator\"\nderivatives = 0.1\n";
+    let smoke = smoke();
+    let (training, _) = smoke.split_once("[prediction]").unwrap();
+    let text = training.replace("[training]\n", &format!("[training]{keys}"));
+    assert!(text.contains(oscillator) && text.contains(keys));
+    let experiment = parse(&text, &[]).unwrap();
     assert_eq!(experiment.training.as_ref().unwrap().config.derivatives, Some(0.1));
-    let again =
-        Experiment::parse(Path::new("again.toml"), &experiment.to_toml(), &[], &Plants::built_in());
-    assert_eq!(again.unwrap(), experiment);
+    assert_eq!(parse(&experiment.to_toml(), &[]).unwrap(), experiment);
     for (plant, sets, expected) in [
         (process, &[][..], "expected no such key: only an FMU for model exchange with directional"),
         (oscillator, &["training.source=physics"], "without source = \"integrator\""),
         (oscillator, &["training.derivatives=0.0"], "expected a positive number"),
         (oscillator, &["training.derivatives=-0.5"], "expected a positive number"),
     ] {
-        let error = refusal(plant, sets).unwrap_err();
+        let error = parse(&text.replace(oscillator, plant), sets).unwrap_err();
         assert!(error.contains("test.toml") || !sets.is_empty(), "{error}");
         assert!(error.contains("training.derivatives"), "{error}");
         assert!(error.contains(expected), "{error}");

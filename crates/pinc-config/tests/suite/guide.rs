@@ -1,21 +1,16 @@
 //! The guide's defaults against the presets.
 
-use std::path::Path;
+use crate::common::read;
 use toml::{Table, Value};
 
 const PRESETS: [&str; 3] = ["ours", "as-printed", "as-released"];
 
-fn read(path: &str) -> String {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(path);
-    std::fs::read_to_string(&path).unwrap_or_else(|error| panic!("{}: {error}", path.display()))
-}
-
 fn guide() -> String {
-    read("../../docs/guide.md")
+    read("docs/guide.md")
 }
 
-fn preset(name: &str) -> Table {
-    read(&format!("presets/{name}.toml")).parse().unwrap()
+fn preset(name: &str) -> String {
+    read(&format!("crates/pinc-config/presets/{name}.toml"))
 }
 
 /// The defaults of a section by the keys that the guide uses, `sqp.tolerance` for instance.
@@ -58,7 +53,7 @@ fn documented(guide: &str, section: &str, key: &str) -> Option<Value> {
 #[test]
 fn the_guide_shows_the_presets_as_they_are() {
     let guide = guide();
-    let presets = PRESETS.map(preset);
+    let presets = PRESETS.map(|name| preset(name).parse::<Table>().unwrap());
     for section in ["data", "validation", "prediction", "control", "one_step"] {
         for (key, value) in defaults(&presets[0], section) {
             let same =
@@ -78,5 +73,5 @@ fn the_guide_quotes_a_preset() {
     let quoted = guide.split("```toml\n# ours.toml\n").nth(1);
     let quoted = quoted.and_then(|rest| rest.split("```").next()).expect("a quotation");
     assert!(quoted.lines().count() > 20, "{quoted}");
-    assert!(read("presets/ours.toml").contains(quoted), "{quoted}");
+    assert!(preset("ours").contains(quoted), "{quoted}");
 }

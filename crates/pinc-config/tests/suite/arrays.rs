@@ -1,8 +1,8 @@
 //! Configs of plants with arrays.
 
-use pinc_config::{Experiment, Plants, trials};
+use crate::common::parse;
+use pinc_config::trials;
 use pinc_mpc::Weight;
-use std::path::Path;
 
 /// A rod with three nodes, a drum of two and a lamp.
 const PLANT: &str = r#"
@@ -51,12 +51,6 @@ input_high = [1.0, 1.0]
 output_low = [0.5]
 references = [{ start_s = 0.0, value = [5.0, 6.0, 7.0] }]
 "#;
-
-fn parse(text: &str, sets: &[&str]) -> Result<Experiment, String> {
-    let sets: Vec<_> = sets.iter().map(|set| (*set).to_owned()).collect();
-    let parsed = Experiment::parse(Path::new("test.toml"), text, &sets, &Plants::built_in());
-    parsed.map_err(|error| error.to_string())
-}
 
 /// The config with other lines for these keys.
 fn with(changes: &[(&str, &str)]) -> String {

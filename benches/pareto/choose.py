@@ -1,7 +1,7 @@
 """What `pinc choose` advises, beside the cheapest good model of the full sweep, as a table in Markdown.
 
     for plant in van-der-pol four-tanks still car rod motor; do pinc run configs/pareto/$plant.toml; done
-    python3 benches/choose/table.py PINC
+    python3 benches/pareto/choose.py PINC
 
 with the program PINC, from the root of the repository; `--help` lists the options. Each plant is tried with
 several seeds, which takes up to 2 min a choice: leave the machine alone meanwhile. What was advised is added
@@ -24,16 +24,11 @@ import tomllib
 from collections import Counter
 from pathlib import Path
 
+from sweep import WITHIN, exact, loops, read
+
 PLANTS = ("van-der-pol", "four-tanks", "still", "car", "rod", "motor")
-WITHIN = 0.01
 AS_CHEAP = 1.1
-MODELS = ("pinc", "rk4", "rk5", "rosenbrock")
 COLUMNS = ("plant", "seed", "advised", "own_step_us", "in_sweep", "took_s")
-
-
-def read(path):
-    with path.open(newline="") as file:
-        return list(csv.DictReader(file))
 
 
 def narrowest(config):
@@ -47,30 +42,19 @@ def narrowest(config):
     return min(ranges)
 
 
+def title(loop):
+    """What `pinc choose` calls the model of a loop."""
+    is_physics = loop["model"] == "pinc" and not loop["case"].startswith("distilled")
+    return f"PINC {loop['case']}" if is_physics else loop["case"]
+
+
 def sweep(directory):
     """The control step in us of each good model of a sweep, by its name."""
-    models = []
-    for result, timing in zip(read(directory / "sweep.csv"), read(directory / "timings.csv")):
-        for model in MODELS:
-            if not result.get(f"{model}_iae_dense_sum"):
-                continue
-            number = lambda table, column: float(table[f"{model}_{column}"] or "nan")
-            name = result["case"]
-            if model == "pinc" and not name.startswith("distilled"):
-                name = f"PINC {name}"
-            models.append({
-                "name": name,
-                "is_net": model == "pinc",
-                "rms": number(result, "one_step_rms"),
-                "iae": number(result, "iae_dense_sum"),
-                "violation": number(result, "max_violation"),
-                "step": number(timing, "step_us"),
-            })
-    methods = [m for m in models if not m["is_net"] and math.isfinite(m["rms"])]
-    exact = min(methods, key=lambda model: model["rms"])
-    most = exact["violation"] + WITHIN * narrowest(directory / "config.toml")
-    good = lambda m: m["iae"] <= (1 + WITHIN) * exact["iae"] and m["violation"] <= most
-    return {model["name"]: model["step"] for model in models if good(model)}
+    found = list(loops(directory))
+    standard = exact(found)
+    most = standard["violation"] + WITHIN * narrowest(directory / "config.toml")
+    good = lambda m: m["iae"] <= (1 + WITHIN) * standard["iae"] and m["violation"] <= most
+    return {title(loop): loop["step"] for loop in found if good(loop)}
 
 
 def choose(options, plant, seed):
