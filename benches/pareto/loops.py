@@ -59,21 +59,27 @@ def net(directory, case):
     raise SystemExit(f"{directory}: no net of {case['name']}")
 
 
-def again(args, directory, loop):
+def control(pinc, arguments):
     """The median control step of one more run of a loop, in us."""
+    with tempfile.TemporaryDirectory() as folder:
+        line = [pinc, "control", *arguments, "--quiet", "--out", f"{folder}/run"]
+        subprocess.run([str(part) for part in line], check=True)
+        metrics = json.loads((Path(folder) / "run" / "metrics.json").read_text())
+    return metrics["control"][0]["step_us"]["p50"]
+
+
+def again(pinc, directory, loop):
+    """That of a loop of the sweep in `directory`."""
     config = Path("configs/pareto") / (directory.name.removesuffix("-pareto") + ".toml")
     cases = tomllib.loads(config.read_text())["sweep"]["cases"]
     case = next(case for case in cases if case["name"] == loop["case"])
-    line = [args.pinc, "control", config, "--only", loop["model"], "--quiet"]
+    line = [config, "--only", loop["model"]]
     # The error of a step is known from the sweep.
     for key, value in (case["set"] | {"one_step.points": 16, "one_step.measure_s": 0.01}).items():
         line += ["--set", f"{key}={json.dumps(value)}"]
     if loop["model"] == "pinc":
         line += ["--model", net(directory, case)]
-    with tempfile.TemporaryDirectory() as folder:
-        subprocess.run([*map(str, line), "--out", f"{folder}/run"], check=True)
-        metrics = json.loads((Path(folder) / "run" / "metrics.json").read_text())
-    return metrics["control"][0]["step_us"]["p50"]
+    return control(pinc, line)
 
 
 def main():
@@ -88,7 +94,7 @@ def main():
         chosen = shown(list(loops(directory)))
         for _ in range(args.rounds):
             for loop in chosen:
-                loop.setdefault("rounds", []).append(again(args, directory, loop))
+                loop.setdefault("rounds", []).append(again(args.pinc, directory, loop))
         for loop in chosen:
             steps = loop.get("rounds", [loop["step"]])
             training = loop["training"]
