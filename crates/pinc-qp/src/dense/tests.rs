@@ -107,7 +107,7 @@ fn contradictions_within_rounding_are_solved_at_once() {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(3000))]
+    #![proptest_config(crate::tests::cases(3000))]
 
     #[test]
     fn feasible_programs_are_solved(qp in programs((-4.0..4.0_f64).boxed())) {

@@ -200,9 +200,13 @@ fn general_agrees(qp: &Qp, exact: &QpStep) -> Result<(), TestCaseError> {
     same_inputs(qp, exact, &solve(&mut clarabel, qp, &QpStep::new(qp.dims), 1e-3)?, 1e-4)
 }
 
-fn cases(cases: u32) -> ProptestConfig {
+/// So many cases, or as many as the variable `PROPTEST_CASES` says.
+pub(super) fn cases(cases: u32) -> ProptestConfig {
+    let default = ProptestConfig::default();
+    let told = std::env::var_os("PROPTEST_CASES").is_some();
+    let cases = if told { default.cases } else { cases };
     // Few programs may be given up.
-    ProptestConfig { cases, max_global_rejects: cases / 50, ..ProptestConfig::default() }
+    ProptestConfig { cases, max_global_rejects: (cases / 50).max(10), ..default }
 }
 
 proptest! {
