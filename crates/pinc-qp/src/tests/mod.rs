@@ -6,6 +6,7 @@ use super::clarabel::ClarabelQp;
 use super::condense::CondensedQp;
 use super::riccati::RiccatiQp;
 use super::{ChosenQp, OcpDims, Qp, QpError, QpMethod, QpSolver, QpStatus, QpStep};
+mod endings;
 mod programs;
 
 use programs::{counted, coupled, programs, stage_costs};
@@ -171,6 +172,9 @@ fn all_agree(qp: &Qp, signs: &[i8]) -> Result<(), TestCaseError> {
     same_inputs(qp, &exact, &solve(&mut condensed, qp, &arbitrary, SHARP)?, 1e-7)?;
     same_inputs(qp, &exact, &solve(&mut condensed, qp, &exact, SHARP)?, 1e-7)?;
     prop_assert!(condensed.changes() <= 1);
+    let mut fresh = CondensedQp::new(qp);
+    same_inputs(qp, &exact, &solve(&mut fresh, qp, &exact, SHARP)?, 1e-7)?;
+    prop_assert!(fresh.changes() <= 1, "{}", fresh.changes());
 
     if !qp.w.is_empty() {
         return general_agrees(qp, &exact);
