@@ -240,7 +240,7 @@ impl ActiveRows {
     fn is_met(&self, qp: &Qp, at: &Newton) -> bool {
         let size = 1.0 + largest(&at.lambda).max(largest(&at.mu));
         let slope = SLOPE_TOLERANCE * size + ROUNDING * largest(&qp.gradient);
-        if !size.is_finite() || largest(&at.slope) > slope {
+        if !slope.is_finite() || largest(&at.slope) > slope {
             return false;
         }
         let extent = 1.0 + largest(&at.d);
