@@ -7,7 +7,7 @@ use crate::riccati::RiccatiQp;
 use crate::{ChosenQp, OcpDims, Qp, QpMethod, QpSolver, QpStatus, QpStep, QpWork};
 
 /// An oscillator driven hither and thither, with many inputs at their bounds; some may be violated.
-fn program() -> Qp {
+pub(crate) fn program() -> Qp {
     let (horizon, n_controls) = (40, 40);
     let dims = OcpDims {
         nx: 2,
@@ -104,7 +104,7 @@ fn the_solution_as_the_guess_takes_one_factorization() {
 }
 
 #[test]
-fn programs_with_numbers_that_are_not_finite_have_no_solution() {
+pub(crate) fn programs_with_numbers_that_are_not_finite_have_no_solution() {
     for bad in [f64::NAN, f64::INFINITY] {
         for part in 0..4 {
             let mut qp = program();

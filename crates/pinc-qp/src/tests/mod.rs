@@ -6,7 +6,7 @@ use super::clarabel::ClarabelQp;
 use super::condense::CondensedQp;
 use super::riccati::RiccatiQp;
 use super::{ChosenQp, OcpDims, Qp, QpError, QpMethod, QpSolver, QpStatus, QpStep};
-mod endings;
+pub(super) mod endings;
 mod programs;
 
 use programs::{counted, coupled, programs, stage_costs};
