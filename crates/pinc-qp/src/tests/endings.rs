@@ -4,7 +4,7 @@
 use super::{SHARP, residual};
 use crate::condense::CondensedQp;
 use crate::riccati::RiccatiQp;
-use crate::{ChosenQp, OcpDims, Qp, QpMethod, QpSolver, QpStatus, QpStep, QpWork};
+use crate::{OcpDims, Qp, QpSolver, QpStatus, QpStep, QpWork};
 
 /// An oscillator driven hither and thither, with many inputs at their bounds; some may be violated.
 pub(crate) fn program() -> Qp {
@@ -36,13 +36,12 @@ pub(crate) fn program() -> Qp {
     qp
 }
 
-fn methods(qp: &Qp) -> [Box<dyn QpSolver>; 4] {
+fn methods(qp: &Qp) -> [Box<dyn QpSolver>; 3] {
     let from_scratch = Some(CondensedQp::new(qp));
     [
         Box::new(CondensedQp::new(qp)),
         Box::new(RiccatiQp::new(qp)),
         Box::new(RiccatiQp::new(qp).with_from_scratch(from_scratch)),
-        Box::new(ChosenQp::new(qp, QpMethod::Auto).unwrap()),
     ]
 }
 
