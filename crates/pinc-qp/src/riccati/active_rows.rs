@@ -344,7 +344,8 @@ mod tests {
 
     #[test]
     fn one_of_two_rows_that_cannot_be_met_together_is_let_go() {
-        for patience in [Patience::ENDLESS, Patience { steps: 24, relapse: 2 }] {
+        // In haste it is seen after a few steps that they cannot.
+        for patience in [Patience::ENDLESS, Patience { steps: 6, relapse: 2 }] {
             let (u, statuses, work) = solved(&program(5.0), [1.0, 1.0, 0.0], patience).unwrap();
             assert!((u - 1.0).abs() < 1e-10, "{u}");
             assert_eq!((statuses, work), ([RowStatus::Inactive, HELD], [2, 1]));
@@ -373,6 +374,20 @@ mod tests {
             let found = solved(&qp, guess, Patience::ENDLESS).unwrap();
             assert!((found.0 - u).abs() < 1e-10, "{} {u}", found.0);
             assert_eq!((found.1, found.2), (statuses, work));
+        }
+    }
+
+    #[test]
+    fn an_equality_is_held_whatever_its_multiplier() {
+        let mut qp = program(-3.0);
+        (qp.bounds.low[0], qp.bounds.low[1]) = (0.0, 1.0);
+        // Alone, and with a row that contradicts it, which is let go.
+        for (guess, work) in [([0.0; 3], [1, 0]), ([-1.0, 0.0, 0.0], [2, 1])] {
+            for patience in [Patience::ENDLESS, Patience { steps: 24, relapse: 2 }] {
+                let found = solved(&qp, guess, patience).unwrap();
+                assert!((found.0 - 1.0).abs() < 1e-10, "{}", found.0);
+                assert_eq!((found.1, found.2), ([RowStatus::Inactive, HELD], work));
+            }
         }
     }
 
