@@ -4,7 +4,7 @@ tries on functions of one variable, from the paper: python3 hager_zhang.py
 Prints, for each function and first step, how many points are tried and the last of them.
 """
 
-from math import cos, hypot, inf, isfinite, pi, sin
+from math import cos, exp, hypot, inf, isfinite, sin, tanh
 
 DELTA, SIGMA, EPSILON, GAMMA, RHO = 0.1, 0.9, 1e-6, 0.66, 5.0
 
@@ -102,7 +102,37 @@ def barrier(a):
     return (inf, 0.0) if a >= 2.0 else ((a - 1.0) ** 2, 2.0 * (a - 1.0))
 
 
-for f in [wall, steep, waves, ripples, barrier]:
-    for first in [1e-3, 0.1, 1.7, 3.0, 40.0, 1e3]:
+def well(a):
+    d = max(a - 1.0, 0.0)
+    return -a + 50.0 * d**4, -1.0 + 200.0 * d**3
+
+
+def valley(a):
+    d = hypot(a - 1.0, 0.01)
+    return 5.0 * d + 4.0 * (a - 1.0), 5.0 * (a - 1.0) / d + 4.0
+
+
+def notch(a):
+    d = 100.0 * (a - 2.0)
+    return -0.2 * a + 3.0 * exp(-d * d), -0.2 - 600.0 * d * exp(-d * d)
+
+
+def cliff(a):
+    t = tanh(200.0 * (a - 1.3))
+    return -a + 3.0 * (t + 1.0), -1.0 + 600.0 * (1.0 - t * t)
+
+
+for f, steps in [
+    (wall, [0.001, 0.1, 1.7, 3.0, 40.0, 1000.0]),
+    (steep, [0.001, 3.0, 40.0, 1000.0]),
+    (waves, [0.001, 1.2, 1.7]),
+    (ripples, [1.7, 2.1, 3.0, 5.0, 7.3, 11.0, 40.0, 1000.0]),
+    (barrier, [3.0, 40.0, 1000.0]),
+    (well, [0.1, 2.1]),
+    (valley, [0.1, 0.9, 40.0]),
+    (notch, [0.4]),
+    (cliff, [0.001, 0.4, 2.1]),
+]:
+    for first in steps:
         count, last = search(f, first)
-        print(f"    ({f.__name__}, {first!r}, {count}, {last!r}),")
+        print(f"({f.__name__}, {first!r}, {count}, {last!r}),")
