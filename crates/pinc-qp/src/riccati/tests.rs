@@ -2,9 +2,10 @@
 
 use super::interior_point::{Ending, InteriorPoint};
 use super::newton::Newton;
+use super::rows::Rows;
 use crate::condense::CondensedQp;
 use crate::tests::endings::program;
-use crate::{OcpDims, Qp, QpSolver, QpStep};
+use crate::{Kind, OcpDims, Qp, QpSolver, QpStep};
 
 /// The ending, the point and the method.
 fn solved(qp: &Qp) -> (Ending, Newton, InteriorPoint) {
@@ -103,5 +104,18 @@ fn rows_are_met_violated_or_proved_to_contradict_each_other() {
                 _ => panic!("{case}"),
             }
         }
+    }
+}
+
+#[test]
+fn rows_are_counted_kind_by_kind() {
+    let dims = OcpDims { inequalities: 2, ..pair([[0.0; 2]; 2]).dims };
+    let rows = Rows::new(dims);
+    let kinds: Vec<_> = (0..rows.len()).map(|i| rows.row(i, true)).collect();
+    let expected =
+        [(Kind::Bound, 0), (Kind::Bound, 1), (Kind::Increment, 0), (Kind::Row, 0), (Kind::Row, 1)];
+    assert_eq!(kinds.len(), expected.len());
+    for (row, (kind, index)) in kinds.iter().zip(expected) {
+        assert_eq!((row.kind, row.index, row.upper), (kind, index, true));
     }
 }
