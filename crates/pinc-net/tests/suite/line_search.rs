@@ -159,7 +159,7 @@ fn steps_satisfy_the_conditions_on_the_functions_of_more_and_thuente() {
 }
 
 /// How many points the reference's search tries, and the last of them: from
-/// tests/data/hager_zhang.py.
+/// `tests/data/hager_zhang.py`.
 #[test]
 fn hager_zhang_tries_the_points_of_the_paper() {
     type Function = fn(f64) -> (f64, f64);

@@ -407,7 +407,7 @@ mod tests {
             rows.statuses.copy_from_slice(&statuses);
             let mut list = mu;
             rows.note(&qp, &mut list);
-            assert_eq!(list, noted);
+            assert_eq!(list.to_vec(), noted.to_vec());
             rows.statuses.fill(HELD);
             rows.guess(&qp, |row| list[row]);
             assert_eq!(rows.statuses, statuses);

@@ -98,8 +98,8 @@ fn the_solution_as_the_guess_takes_one_factorization() {
         method.solve(&qp, &mut QpStep::new(qp.dims), &mut || false);
         from_scratch.push(method.take_work().factorizations);
     }
-    // Condensing takes the place of the interior point, an iteration of which is a factorization.
-    assert!(from_scratch[2] < from_scratch[1], "{from_scratch:?}");
+    // Condensing takes the place of the interior point: it takes 23 and 5.
+    assert!(from_scratch[1] > 12 && from_scratch[2] <= 6, "{from_scratch:?}");
 }
 
 #[test]
