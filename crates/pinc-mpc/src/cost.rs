@@ -212,6 +212,37 @@ mod tests {
     }
 
     #[test]
+    fn each_increment_is_from_the_input_before() {
+        let weights = Weights::scaled(
+            Weight::Full(vec![vec![0.0; 2]; 2]),
+            Weight::Full(vec![vec![1.0, -0.3], vec![-0.3, 2.0]]),
+            &[1.0; 3],
+            &[1.5, 1.0, 0.5],
+        );
+        let problem = NmpcProblem { control_horizon: 3, weights, ..problem() };
+        let cost = Cost::new(&problem, problem.ocp_dims(Dims::new(3, 2)));
+        let targets = Targets { reference: &[0.0; 6], previous: &[0.5, -1.0] };
+        let z = [[0.0; 9].as_slice(), &[1.5, 0.0, 1.0, 2.0, 4.0, -1.0]].concat();
+        // The increments are (1, 1), (-0.5, 2) and (3, -3).
+        let expected = 1.5 * 2.4 + (0.25 + 0.6 + 8.0) + 0.5 * (9.0 + 5.4 + 18.0);
+        let mut gradient = vec![f64::NAN; 15];
+        let found = cost.gradient(&z, targets, &mut gradient);
+        assert!((found - expected).abs() < 1e-13 * expected, "{found} {expected}");
+        let value = |z: &[f64]| cost.gradient(z, targets, &mut [0.0; 15]);
+        check_gradient(value, &z, &gradient, 1e-8).unwrap();
+    }
+
+    #[test]
+    fn the_tracking_weight_is_that_of_its_stage() {
+        let problem = problem();
+        let cost = Cost::new(&problem, problem.ocp_dims(Dims::new(3, 2)));
+        // Before N1, then twice Q, then the terminal weight.
+        assert_eq!(cost.tracking_weight(1).to_vec(), vec![0.0; 4]);
+        assert_eq!(cost.tracking_weight(2).to_vec(), vec![6.0, 0.4, 0.4, 1.0]);
+        assert_eq!(cost.tracking_weight(3).to_vec(), vec![8.0, 0.0, 0.0, 14.0]);
+    }
+
+    #[test]
     fn the_derivatives_are_those_of_the_definition() {
         let problem = problem();
         let dims = problem.ocp_dims(Dims::new(3, 2));

@@ -105,7 +105,7 @@ mod tests {
     use pinc_qp::{ChosenQp, OcpDims, QpMethod, QpSolver, QpStatus};
 
     /// A program that starts outside everything: off its dynamics, a bound, an increment, a hard
-    /// row, and two soft rows, of which one cannot be met at its price.
+    /// row, and three soft ones, of which two cannot be met at their prices.
     fn program() -> Qp {
         let dims = OcpDims {
             nx: 1,
@@ -121,6 +121,7 @@ mod tests {
         (qp.a, qp.b, qp.c) = (vec![0.9, 1.2], vec![0.5, 0.8], vec![0.3, -0.4]);
         qp.gradient = vec![0.5, -1.0, 0.7, 0.2];
         (qp.bounds.low[0], qp.bounds.high[2]) = (0.1, 3.0);
+        (qp.bounds.low[1], qp.bounds.penalty[1]) = (3.0, 0.2);
         qp.increments.low[1] = 0.05;
         qp.rows_x = vec![1.0, 0.5, -1.0, 0.0];
         qp.rows_u = vec![0.0, 1.0, 0.3, 1.0];
@@ -173,10 +174,17 @@ mod tests {
         let qp = program();
         let mut merit = Merit::new(qp.dims);
         let mut multipliers = Multipliers::new(qp.dims);
-        multipliers.parts_mut().into_iter().flatten().for_each(|weight| *weight = 2.0);
-        merit.update_penalties(&multipliers);
-        // c: 0.3 + 0.4; bound 0.1; increment 0.05; rows 0.2 at 5, 0.1, and 4 at 0.3.
-        let expected = 7.0 + 2.0 * (0.7 + 0.1 + 0.05 + 0.1) + 5.0 * 0.2 + 0.3 * 4.0;
-        assert!((merit.value(&qp, 7.0) - expected).abs() < 1e-12);
+        // Powell's rule: at once up to 2, half the way down to 1, up to 4.
+        for (multiplier, sigma) in [(2.0, 2.0), (1.0, 1.5), (-4.0, 4.0)] {
+            multipliers.parts_mut().into_iter().flatten().for_each(|weight| *weight = multiplier);
+            merit.update_penalties(&multipliers);
+            // c: 0.3 + 0.4; bounds 0.1, and 3 at 0.2; increment 0.05; rows 0.2 at 5, 0.1, and 4 at
+            // 0.3.
+            let hard = sigma * (0.7 + 0.1 + 0.05 + 0.1);
+            let expected = 7.0 + hard + 0.2 * 3.0 + 5.0 * 0.2 + 0.3 * 4.0;
+            assert!((merit.value(&qp, 7.0) - expected).abs() < 1e-12, "{multiplier}");
+        }
+        merit.reset();
+        assert!((merit.value(&qp, 7.0) - 9.8).abs() < 1e-12);
     }
 }

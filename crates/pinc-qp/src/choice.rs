@@ -169,6 +169,91 @@ impl QpSolver for ChosenQp {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::{Kind, Row};
+
+    /// Gives this status and step, and counts its calls.
+    #[derive(Debug)]
+    struct Scripted {
+        status: QpStatus,
+        d: f64,
+        calls: usize,
+    }
+
+    impl QpSolver for Scripted {
+        fn solve(&mut self, _: &Qp, step: &mut QpStep, _: &mut dyn FnMut() -> bool) -> QpStatus {
+            self.calls += 1;
+            step.d.fill(self.d);
+            self.status
+        }
+
+        fn take_work(&mut self) -> QpWork {
+            QpWork { factorizations: std::mem::take(&mut self.calls), ..QpWork::default() }
+        }
+    }
+
+    fn program() -> Qp {
+        let [nx, nu, horizon, n_controls, n1] = [1; 5];
+        let [inequalities, equalities, outputs] = [0; 3];
+        let dims = OcpDims { nx, nu, horizon, n_controls, n1, inequalities, equalities, outputs };
+        Qp::new(dims, vec![1.0], vec![1.0])
+    }
+
+    /// The status, d and the number of solutions tried, with and without a fallback.
+    fn chosen(
+        first: (QpStatus, f64),
+        second: Option<(QpStatus, f64)>,
+        expired: bool,
+    ) -> (QpStatus, f64, usize) {
+        let scripted =
+            |(status, d)| -> Box<dyn QpSolver> { Box::new(Scripted { status, d, calls: 0 }) };
+        let mut solver = ChosenQp { method: scripted(first), fallback: second.map(scripted) };
+        let qp = program();
+        let mut step = QpStep::new(qp.dims);
+        step.multipliers.bounds.fill(1.0);
+        let status = solver.solve(&qp, &mut step, &mut || expired);
+        if status == QpStatus::Expired {
+            assert_eq!(step.multipliers.bounds, [0.0; 2]);
+        }
+        (status, step.d[0], solver.take_work().factorizations)
+    }
+
+    #[test]
+    fn what_the_method_fails_on_is_left_to_the_fallback() {
+        use QpStatus::{Expired, Failed, Infeasible, Solved};
+        let nan = f64::NAN;
+        let row = Infeasible(Row { kind: Kind::Bound, index: 0, upper: true });
+        let other = Some((Solved, 2.0));
+        for (first, second, expired, expected) in [
+            ((Solved, 1.0), other, false, (Solved, 1.0, 1)),
+            ((row, 1.0), other, false, (row, 1.0, 1)),
+            ((row, 1.0), other, true, (row, 1.0, 1)),
+            ((Failed, 1.0), other, false, (Solved, 2.0, 2)),
+            ((Failed, 1.0), other, true, (Expired, 0.0, 1)),
+            ((Failed, 1.0), None, false, (Failed, 1.0, 1)),
+            // A step that is not finite is none.
+            ((Solved, nan), other, false, (Solved, 2.0, 2)),
+            ((Failed, 1.0), Some((row, 2.0)), false, (row, 2.0, 2)),
+        ] {
+            assert_eq!(chosen(first, second, expired), expected);
+        }
+        assert_eq!(chosen((Solved, nan), None, false).0, Failed);
+        assert_eq!(chosen((Failed, 1.0), Some((Solved, nan)), false).0, Failed);
+    }
+
+    /// Which method was built, by the memory that it has.
+    #[test]
+    fn programs_of_few_inputs_are_condensed_where_there_is_no_guess() {
+        let built = |inputs: usize, method| {
+            let dims = OcpDims { horizon: inputs, n_controls: inputs, ..program().dims };
+            let qp = Qp::new(dims, vec![1.0; inputs], vec![1.0; inputs]);
+            let text = format!("{:?}", ChosenQp::new(&qp, method).unwrap().method);
+            (text.starts_with("RiccatiQp"), text.contains("CondensedQp"))
+        };
+        assert_eq!(built(MOST_FROM_SCRATCH, QpMethod::Auto), (true, true));
+        assert_eq!(built(MOST_FROM_SCRATCH + 1, QpMethod::Auto), (true, false));
+        assert_eq!(built(MOST_FROM_SCRATCH, QpMethod::Riccati), (true, false));
+        assert_eq!(built(2, QpMethod::Auto), (false, true));
+    }
 
     /// Where the methods cross in `benches/growth.rs` of pinc-mpc.
     #[test]

@@ -218,3 +218,35 @@ impl ThinQr {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn matrices_that_are_not_positive_definite_are_refused() {
+        let factors = |h: [f64; 4]| Cholesky::new(2).factor_within(&h, &mut || true);
+        assert_eq!(factors([2.0, 1.0, 1.0, 2.0]), Some(true));
+        assert_eq!(factors([1.0, 2.0, 2.0, 1.0]), Some(false));
+        assert_eq!(factors([0.0, 0.0, 0.0, 1.0]), Some(false));
+        assert_eq!(factors([1.0, 0.0, 0.0, f64::NAN]), Some(false));
+        // Singular but for rounding: the second pivot is 1e-15.
+        assert_eq!(factors([1.0, 1.0, 1.0, 1.0 + 1e-15]), Some(false));
+        assert_eq!(factors([1.0, 1.0, 1.0, 1.0 + 1e-12]), Some(true));
+    }
+
+    #[test]
+    fn a_large_matrix_is_left_when_the_time_is_up() {
+        let n = 3 * UNASKED + 1;
+        let mut h = vec![0.0; n * n];
+        h.iter_mut().step_by(n + 1).for_each(|entry| *entry = 1.0);
+        for (last, expected) in [(0, None), (2, None), (3, Some(true))] {
+            let mut looks = 0;
+            let mut expired = || {
+                looks += 1;
+                looks > last
+            };
+            assert_eq!(Cholesky::new(n).factor_within(&h, &mut expired), expected, "{last}");
+        }
+    }
+}

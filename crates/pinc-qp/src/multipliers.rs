@@ -82,3 +82,47 @@ fn drop_first(values: &mut [f64], width: usize) {
         values.copy_within(width.., 0);
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn numbered(first: f64) -> (OcpDims, Multipliers) {
+        let (nx, nu, horizon, n_controls, n1) = (2, 1, 3, 2, 2);
+        let [inequalities, equalities, outputs] = [1, 0, 0];
+        let dims = OcpDims { nx, nu, horizon, n_controls, n1, inequalities, equalities, outputs };
+        let mut multipliers = Multipliers::new(dims);
+        let mut number = first;
+        for mu in multipliers.parts_mut().into_iter().flatten() {
+            *mu = number;
+            number += 1.0;
+        }
+        (dims, multipliers)
+    }
+
+    #[test]
+    fn a_shift_drops_the_first_stage_and_keeps_the_last_twice() {
+        let (dims, mut multipliers) = numbered(1.0);
+        multipliers.shift(dims);
+        assert_eq!(multipliers.dynamics, [3.0, 4.0, 5.0, 6.0, 5.0, 6.0]);
+        assert_eq!(multipliers.bounds, [9.0, 10.0, 11.0, 12.0, 11.0, 12.0, 14.0, 14.0]);
+        assert_eq!(multipliers.increments, [16.0, 16.0]);
+        assert_eq!(multipliers.rows, [18.0, 18.0]);
+    }
+
+    #[test]
+    fn all_parts_are_copied_cleared_and_looked_at() {
+        let (dims, multipliers) = numbered(1.0);
+        let mut other = Multipliers::new(dims);
+        other.copy_from(&multipliers);
+        assert_eq!(other, multipliers);
+        other.clear();
+        assert_eq!(other, Multipliers::new(dims));
+        for part in 0..4 {
+            let mut bad = multipliers.clone();
+            assert!(bad.is_finite());
+            bad.parts_mut()[part][1] = f64::NAN;
+            assert!(!bad.is_finite(), "part {part}");
+        }
+    }
+}

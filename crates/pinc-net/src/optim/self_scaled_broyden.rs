@@ -172,6 +172,48 @@ fn scaling(b: f64, h: f64, variables: f64) -> (f64, f64) {
 mod tests {
     use super::*;
 
+    /// A function that is far from quadratic, in four variables.
+    struct Bent;
+
+    impl Objective for Bent {
+        fn evaluate(&mut self, x: &[f64], gradient: &mut [f64]) -> f64 {
+            let terms = x.iter().zip(gradient).zip([1.0, 4.0, 0.3, 20.0]);
+            terms
+                .map(|((x, g), weight)| {
+                    *g = weight * (4.0 * x * x * x + x);
+                    weight * (x.powi(4) + 0.5 * x * x)
+                })
+                .sum()
+        }
+    }
+
+    /// The first step has its length, and after each step s from which the gradient changes by y,
+    /// H y = s.
+    #[test]
+    fn the_inverse_hessian_meets_the_secant_condition() {
+        let workers = Workers::new(1).unwrap();
+        let config = SelfScaledBroydenConfig { initial_step: 0.125, gradient_tolerance: 1e-9 };
+        let mut method = SelfScaledBroyden::new(&config);
+        let mut at = Iterate::new(&mut Bent, vec![1.0, -2.0, 1.5, 0.5]);
+        for step in 0..15 {
+            let from = at.clone();
+            assert_eq!(method.step(&mut Bent, &mut at, &workers), Outcome::Moved);
+            let change = |to: &[f64], from: &[f64]| -> Vec<f64> {
+                to.iter().zip(from).map(|(to, from)| to - from).collect()
+            };
+            let (s, y) = (change(&at.x, &from.x), change(&at.gradient, &from.gradient));
+            if step == 0 {
+                assert!((norm(&s) - 0.125).abs() < 1e-15, "{}", norm(&s));
+            }
+            let [mut hy, mut hg] = [Vec::new(), Vec::new()];
+            method.inverse_hessian.product(&y, &mut hy, &workers);
+            method.inverse_hessian.product(&at.gradient, &mut hg, &workers);
+            for (found, expected) in [(&hy, &s), (&hg, &method.newton)] {
+                assert!(norm(&change(found, expected)) < 1e-9 * norm(expected), "step {step}");
+            }
+        }
+    }
+
     /// The formulas of the references, worked out by hand.
     #[test]
     fn scaling_follows_the_formulas() {
@@ -185,6 +227,8 @@ mod tests {
             (0.1, 20.0, 5.0, 0.5_f64.powf(0.25), 0.0),
             // One variable counts as two.
             (0.5, 4.0, 1.0, 0.5, 0.0),
+            // k = 1, r = 0.94, theta = (1 - b)/b = 3/5, sigma = 8/5.
+            (0.625, 3.2, 3.0, 0.625_f64.sqrt(), 0.25),
             // theta = (1 - b)/b = -1/2, sigma = 1/2, which is below tau1 / sqrt sigma.
             (2.0, 1.0, 3.0, 0.5, 3.0),
             // The same with many variables: tau1 = 1/2 times nearly 1, still above sigma.

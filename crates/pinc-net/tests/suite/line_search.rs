@@ -157,3 +157,98 @@ fn steps_satisfy_the_conditions_on_the_functions_of_more_and_thuente() {
         }
     }
 }
+
+/// How many points the reference's search tries, and the last of them: from
+/// `tests/data/hager_zhang.py`.
+#[test]
+fn hager_zhang_tries_the_points_of_the_paper() {
+    type Function = fn(f64) -> (f64, f64);
+    let wall: Function = |a| {
+        let rise = (a - 1.0).max(0.0);
+        (-a + 0.5e4 * rise * rise, -1.0 + 1e4 * rise)
+    };
+    let steep: Function = |a| (0.1 * (a - 1.0).powi(10), (a - 1.0).powi(9));
+    let waves: Function = |a| (-0.1 * a - (9.0 * a).sin(), -0.1 - 9.0 * (9.0 * a).cos());
+    let ripples: Function = |a| {
+        let (b, wave) = (a - 1.0, 20.0 * a);
+        (0.02 * b * b - 0.1 * wave.sin(), 0.04 * b - 2.0 * wave.cos())
+    };
+    let well: Function = |a| {
+        let d = (a - 1.0).max(0.0);
+        (-a + 50.0 * d.powi(4), -1.0 + 200.0 * d.powi(3))
+    };
+    let valley: Function = |a| {
+        let (b, d) = (a - 1.0, (a - 1.0).hypot(0.01));
+        (5.0 * d + 4.0 * b, 5.0 * b / d + 4.0)
+    };
+    let notch: Function = |a| {
+        let d = 100.0 * (a - 2.0);
+        let bell = (-d * d).exp();
+        (-0.2 * a + 3.0 * bell, -0.2 - 600.0 * d * bell)
+    };
+    let cliff: Function = |a| {
+        let t = (200.0 * (a - 1.3)).tanh();
+        (-a + 3.0 * (t + 1.0), -1.0 + 600.0 * (1.0 - t * t))
+    };
+    let barrier: Function = |a| if a >= 2.0 { (f64::INFINITY, 0.0) } else { parabola(a) };
+    for (f, first_step, count, last) in [
+        (wall, 0.001, 22, 1.006_527_442_335_274_4),
+        (wall, 0.1, 7, 1.000_199_980_002_666_2),
+        (wall, 1.7, 11, 1.009_837_880_848_223_3),
+        (wall, 3.0, 15, 1.008_443_304_557_279_2),
+        (wall, 40.0, 25, 1.006_920_123_239_705_1),
+        (wall, 1000.0, 31, 1.008_542_289_964_143),
+        (steep, 0.001, 3, 0.025),
+        (steep, 3.0, 3, 0.113_735_606_860_451_13),
+        (steep, 40.0, 3, 0.111_118_148_776_296_75),
+        (steep, 1000.0, 11, 0.110_443_134_102_048_31),
+        (waves, 0.001, 4, 0.125),
+        (waves, 1.2, 5, 0.225_199_158_680_436_8),
+        (waves, 1.7, 2, 0.896_220_503_076_545_4),
+        (ripples, 1.7, 5, 0.118_241_463_693_881_8),
+        (ripples, 2.1, 7, 0.120_925_097_027_369_41),
+        (ripples, 3.0, 4, 0.409_949_310_415_161_4),
+        (ripples, 5.0, 7, 1.327_699_842_749_235),
+        (ripples, 7.3, 6, 1.363_883_529_582_783),
+        (ripples, 11.0, 4, 1.335_338_831_204_030_6),
+        (ripples, 40.0, 6, 1.639_307_948_174_248_7),
+        (ripples, 1000.0, 9, 1.316_418_514_945_794),
+        (barrier, 3.0, 2, 1.5),
+        (barrier, 40.0, 6, 1.25),
+        (barrier, 1000.0, 11, 1.0),
+        (well, 0.1, 9, 1.271_233_891_820_805_7),
+        (well, 2.1, 8, 1.257_023_637_620_745_3),
+        (valley, 0.1, 9, 1.012_355_219_296_434_5),
+        (valley, 0.9, 5, 1.093_180_353_686_444_2),
+        (valley, 40.0, 8, 1.025_071_750_526_220_8),
+        (notch, 0.4, 8, 1.968_75),
+        (cliff, 0.001, 15, 1.285_241_216_542_576),
+        (cliff, 0.4, 9, 1.283_208_583_328_032_2),
+        (cliff, 2.1, 10, 1.285_478_408_984_802_4),
+    ] {
+        let (found, tried) = search(LineSearch::HagerZhang, f, first_step);
+        assert_eq!(tried.len(), count, "from {first_step} to {last}: {tried:?}");
+        // The steps are quotients of differences: some digits are lost.
+        assert!((found.unwrap() - last).abs() < 1e-9, "from {first_step} to {last}: {tried:?}");
+    }
+}
+
+#[test]
+fn conditions_that_are_met_with_equality_are_met() {
+    // Value and slope at 1; from 0 and -1 at 0. All products are exact.
+    let tried_from = |origin: f64, kind, value: f64, slope: f64| {
+        let line = |a: f64| if a > 0.0 { (origin + a * value, slope) } else { (origin, -1.0) };
+        search(kind, line, 1.0).1.len()
+    };
+    let tried = |kind, value, slope| tried_from(0.0, kind, value, slope);
+    assert_eq!(tried(LineSearch::WeakWolfe, -1e-4, 0.0), 1);
+    assert_eq!(tried(LineSearch::WeakWolfe, -1.0, -0.9), 1);
+    assert_eq!(tried(LineSearch::HagerZhang, -0.1, 5.0), 1);
+    assert_eq!(tried(LineSearch::HagerZhang, -1.0, -0.9), 1);
+    // The approximate conditions, where the decrease is not enough.
+    assert_eq!(tried(LineSearch::HagerZhang, 0.0, 0.8), 1);
+    assert!(tried(LineSearch::HagerZhang, 0.0, 0.81) > 1);
+    // It is the decrease that counts, not the value.
+    assert_eq!(tried_from(8.0, LineSearch::HagerZhang, -1.0, 5.0), 1);
+    assert!(tried_from(-8.0, LineSearch::HagerZhang, 1.0, 5.0) > 1);
+}

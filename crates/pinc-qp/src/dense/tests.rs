@@ -125,7 +125,7 @@ fn rows_in_other_units_yield_too() {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(3000))]
+    #![proptest_config(crate::tests::cases(3000))]
 
     #[test]
     fn feasible_programs_are_solved(qp in programs((-4.0..4.0_f64).boxed())) {

@@ -240,7 +240,7 @@ impl ActiveRows {
     fn is_met(&self, qp: &Qp, at: &Newton) -> bool {
         let size = 1.0 + largest(&at.lambda).max(largest(&at.mu));
         let slope = SLOPE_TOLERANCE * size + ROUNDING * largest(&qp.gradient);
-        if !size.is_finite() || largest(&at.slope) > slope {
+        if !slope.is_finite() || largest(&at.slope) > slope {
             return false;
         }
         let extent = 1.0 + largest(&at.d);
@@ -305,5 +305,119 @@ impl ActiveRows {
             *status = next;
         }
         self.work.changes - before
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{OcpDims, QpStep};
+
+    /// x = u, at most 1 and 2; the least of (u - middle)^2 / 2. The rows are x, u and the increment.
+    fn program(middle: f64) -> Qp {
+        let [nx, nu, horizon, n_controls, n1] = [1; 5];
+        let [inequalities, equalities, outputs] = [0; 3];
+        let dims = OcpDims { nx, nu, horizon, n_controls, n1, inequalities, equalities, outputs };
+        let mut qp = Qp::new(dims, vec![0.0], vec![1.0]);
+        qp.b[0] = 1.0;
+        qp.gradient[1] = -middle;
+        qp.bounds.high = vec![2.0, 1.0];
+        qp
+    }
+
+    /// u, the status of the two bounds, and how many factorizations and changes it took; `None` if
+    /// there is no solution.
+    fn solved(
+        qp: &Qp,
+        multipliers: [f64; 3],
+        patience: Patience,
+    ) -> Option<(f64, [RowStatus; 2], [usize; 2])> {
+        let (mut rows, mut at) = (ActiveRows::new(qp), Newton::new(qp.dims));
+        at.start(&QpStep::new(qp.dims));
+        rows.guess(qp, |row| multipliers[row]);
+        let found = rows.solve(qp, &mut at, patience, &mut || false);
+        let work = [rows.work.factorizations, rows.work.changes];
+        found.then(|| (at.d[1], [rows.statuses[0], rows.statuses[1]], work))
+    }
+
+    const HELD: RowStatus = RowStatus::Held { bound: 1.0, upper: true };
+
+    #[test]
+    fn one_of_two_rows_that_cannot_be_met_together_is_let_go() {
+        // In haste it is seen after a few steps that they cannot.
+        for patience in [Patience::ENDLESS, Patience { steps: 6, relapse: 2 }] {
+            let (u, statuses, work) = solved(&program(5.0), [1.0, 1.0, 0.0], patience).unwrap();
+            assert!((u - 1.0).abs() < 1e-10, "{u}");
+            assert_eq!((statuses, work), ([RowStatus::Inactive, HELD], [2, 1]));
+        }
+    }
+
+    #[test]
+    fn rows_are_held_let_go_and_violated_as_their_multipliers_say() {
+        use RowStatus::{Inactive, Violated};
+        let soft = |middle: f64| {
+            let mut qp = program(middle);
+            qp.bounds.penalty[1] = 3.0;
+            qp
+        };
+        for (qp, guess, u, statuses, work) in [
+            // Held without need; not held, where u = 5 violates both.
+            (program(0.5), [0.0, 1.0, 0.0], 0.5, [Inactive; 2], [2, 1]),
+            (program(5.0), [0.0; 3], 1.0, [Inactive, HELD], [3, 3]),
+            // The multiplier of a row that is met would be 2, 4 and 3.5.
+            (soft(3.0), [0.0, 1.0, 0.0], 1.0, [Inactive, HELD], [1, 0]),
+            (soft(4.5), [0.0, 1.0, 0.0], 1.5, [Inactive, Violated(3.0)], [2, 1]),
+            (soft(4.5), [0.0, 3.0, 0.0], 1.5, [Inactive, Violated(3.0)], [1, 0]),
+            // Taken for violated, which it is not.
+            (soft(3.0), [0.0, 3.0, 0.0], 1.0, [Inactive, HELD], [2, 1]),
+        ] {
+            let found = solved(&qp, guess, Patience::ENDLESS).unwrap();
+            assert!((found.0 - u).abs() < 1e-10, "{} {u}", found.0);
+            assert_eq!((found.1, found.2), (statuses, work));
+        }
+    }
+
+    #[test]
+    fn an_equality_is_held_whatever_its_multiplier() {
+        let mut qp = program(-3.0);
+        (qp.bounds.low[0], qp.bounds.low[1]) = (0.0, 1.0);
+        // Alone, and with a row that contradicts it, which is let go.
+        for (guess, work) in [([0.0; 3], [1, 0]), ([-1.0, 0.0, 0.0], [2, 1])] {
+            for patience in [Patience::ENDLESS, Patience { steps: 24, relapse: 2 }] {
+                let found = solved(&qp, guess, patience).unwrap();
+                assert!((found.0 - 1.0).abs() < 1e-10, "{}", found.0);
+                assert_eq!((found.1, found.2), ([RowStatus::Inactive, HELD], work));
+            }
+        }
+    }
+
+    #[test]
+    fn the_statuses_are_guessed_again_from_what_was_noted() {
+        let mut qp = program(0.0);
+        qp.bounds.low[0] = -1.0;
+        (qp.bounds.penalty[0], qp.bounds.penalty[1]) = (5.0, 3.0);
+        (qp.increments.low[0], qp.increments.high[0]) = (-1.0, 1.0);
+        let lower = RowStatus::Held { bound: -1.0, upper: false };
+        for (statuses, mu, noted) in [
+            ([lower, RowStatus::Violated(3.0), RowStatus::Inactive], [-2.0; 3], [-2.0, 3.0, 0.0]),
+            // A multiplier of the wrong sign, one that is close to its penalty.
+            ([lower, HELD, lower], [0.1, 2.9, -9.0], [-NOTED, 1.5, -9.0]),
+        ] {
+            let mut rows = ActiveRows::new(&qp);
+            rows.statuses.copy_from_slice(&statuses);
+            let mut list = mu;
+            rows.note(&qp, &mut list);
+            assert_eq!(list.to_vec(), noted.to_vec());
+            rows.statuses.fill(HELD);
+            rows.guess(&qp, |row| list[row]);
+            assert_eq!(rows.statuses, statuses);
+        }
+    }
+
+    #[test]
+    fn patience_ends() {
+        let guess = [0.0, 1.0, 0.0];
+        let of = |steps| solved(&program(0.5), guess, Patience { steps, relapse: 2 }).is_some();
+        assert!(!of(0) && !of(1) && of(20));
     }
 }

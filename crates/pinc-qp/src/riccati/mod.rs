@@ -5,6 +5,8 @@ mod interior_point;
 mod newton;
 mod recursion;
 mod rows;
+#[cfg(test)]
+mod tests;
 
 use self::active_rows::{ActiveRows, Patience};
 use self::interior_point::{Ending, InteriorPoint};

@@ -6,6 +6,7 @@ use super::clarabel::ClarabelQp;
 use super::condense::CondensedQp;
 use super::riccati::RiccatiQp;
 use super::{ChosenQp, OcpDims, Qp, QpError, QpMethod, QpSolver, QpStatus, QpStep};
+pub(super) mod endings;
 mod programs;
 
 use programs::{counted, coupled, programs, stage_costs};
@@ -171,6 +172,9 @@ fn all_agree(qp: &Qp, signs: &[i8]) -> Result<(), TestCaseError> {
     same_inputs(qp, &exact, &solve(&mut condensed, qp, &arbitrary, SHARP)?, 1e-7)?;
     same_inputs(qp, &exact, &solve(&mut condensed, qp, &exact, SHARP)?, 1e-7)?;
     prop_assert!(condensed.changes() <= 1);
+    let mut fresh = CondensedQp::new(qp);
+    same_inputs(qp, &exact, &solve(&mut fresh, qp, &exact, SHARP)?, 1e-7)?;
+    prop_assert!(fresh.changes() <= 1, "{}", fresh.changes());
 
     if !qp.w.is_empty() {
         return general_agrees(qp, &exact);
@@ -200,9 +204,13 @@ fn general_agrees(qp: &Qp, exact: &QpStep) -> Result<(), TestCaseError> {
     same_inputs(qp, exact, &solve(&mut clarabel, qp, &QpStep::new(qp.dims), 1e-3)?, 1e-4)
 }
 
-fn cases(cases: u32) -> ProptestConfig {
+/// So many cases, or as many as the variable `PROPTEST_CASES` says.
+pub(super) fn cases(cases: u32) -> ProptestConfig {
+    let default = ProptestConfig::default();
+    let told = std::env::var_os("PROPTEST_CASES").is_some();
+    let cases = if told { default.cases } else { cases };
     // Few programs may be given up.
-    ProptestConfig { cases, max_global_rejects: cases / 50, ..ProptestConfig::default() }
+    ProptestConfig { cases, max_global_rejects: (cases / 50).max(10), ..default }
 }
 
 proptest! {

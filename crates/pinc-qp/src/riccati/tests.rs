@@ -1,0 +1,121 @@
+//! The interior-point method alone: what it leaves inexact, the active rows would put right.
+
+use super::interior_point::{Ending, InteriorPoint};
+use super::newton::Newton;
+use super::rows::Rows;
+use crate::condense::CondensedQp;
+use crate::tests::endings::program;
+use crate::{Kind, OcpDims, Qp, QpSolver, QpStep};
+
+/// The ending, the point and the method.
+fn solved(qp: &Qp) -> (Ending, Newton, InteriorPoint) {
+    let (mut at, mut method) = (Newton::new(qp.dims), InteriorPoint::new(qp));
+    let ending = method.solve(qp, &mut at, &mut || false);
+    (ending, at, method)
+}
+
+#[test]
+fn the_interior_point_comes_near_the_solution_in_few_iterations() {
+    let qp = program();
+    let mut exact = QpStep::new(qp.dims);
+    CondensedQp::new(&qp).solve(&qp, &mut exact, &mut || false);
+    let (ending, mut at, method) = solved(&qp);
+    assert_eq!(ending, Ending::Converged);
+    // It takes 10.
+    assert!(method.work.factorizations <= 11, "{:?}", method.work);
+    for (d, exact) in at.d.iter().zip(&exact.d) {
+        assert!((d - exact).abs() < 1e-7, "{d} {exact}");
+    }
+    method.active(&mut at.mu);
+    let [_, bounds, increments, rows] = exact.multipliers.parts();
+    let penalties = qp.limits().map(|(_, limits)| &limits.penalty[..]).concat();
+    let exact = [bounds, increments, rows].concat();
+    for (row, ((found, exact), penalty)) in at.mu.iter().zip(exact).zip(penalties).enumerate() {
+        // Below its penalty, where the row is not violated.
+        let expected =
+            if exact.abs() < penalty { exact.clamp(-0.5 * penalty, 0.5 * penalty) } else { exact };
+        assert!((found - expected).abs() < 1e-5, "row {row}: {found} {expected}");
+    }
+}
+
+#[test]
+fn the_interior_point_gives_up_when_the_time_is_up() {
+    let qp = program();
+    let (_, mut at, mut method) = solved(&qp);
+    let iterations = std::mem::take(&mut method.work.factorizations);
+    let mut looks = 0;
+    method.solve(&qp, &mut at, &mut || {
+        looks += 1;
+        false
+    });
+    // Before each iteration and in the middle of it.
+    assert!(looks >= 2 * (iterations - 1), "{looks} {iterations}");
+    for last in 0..looks {
+        let mut looks = 0;
+        let ending = method.solve(&qp, &mut at, &mut || {
+            looks += 1;
+            looks > last
+        });
+        assert_eq!((ending, looks), (Ending::Failed, last + 1));
+    }
+}
+
+/// x = u, with limits on both.
+fn pair([low, high]: [[f64; 2]; 2]) -> Qp {
+    let [nx, nu, horizon, n_controls, n1] = [1; 5];
+    let [inequalities, equalities, outputs] = [0; 3];
+    let dims = OcpDims { nx, nu, horizon, n_controls, n1, inequalities, equalities, outputs };
+    let mut qp = Qp::new(dims, vec![1.0], vec![1.0]);
+    qp.b[0] = 1.0;
+    (qp.bounds.low, qp.bounds.high) = (low.to_vec(), high.to_vec());
+    qp
+}
+
+#[test]
+fn rows_are_met_violated_or_proved_to_contradict_each_other() {
+    let free = f64::INFINITY;
+    // What x is where the rows are hard, if there is one, and where they may be violated at 3 per
+    // unit, with the cost x^2.
+    for (low, high, hard, soft) in [
+        ([2.0, -free], [free, 1.0], None, 1.0),
+        ([-free, 2.0], [1.0, free], None, 1.0),
+        ([-free, 1.0], [1.0, free], Some(1.0), 1.0),
+        ([2.0, -free], [free, 2.5], Some(2.0), 1.5),
+        ([2.0, -free], [2.0, 1.0], None, 1.0),
+        ([2.0, -free], [2.0, 3.0], Some(2.0), 1.5),
+        ([2.0, 2.0], [2.0, free], Some(2.0), 2.0),
+        ([2.0, 2.5], [2.0, free], None, 2.0),
+        ([-free, -1.0], [-2.0, 5.0], None, -1.0),
+    ] {
+        for (penalty, expected) in [(free, hard), (3.0, Some(soft))] {
+            let mut qp = pair([low, high]);
+            qp.bounds.penalty.fill(penalty);
+            let (ending, at, method) = solved(&qp);
+            let case = format!("{low:?} {high:?} {penalty}: {ending:?} {:?}", at.d);
+            assert!(method.work.factorizations <= 8, "{case} {:?}", method.work);
+            match (expected, ending) {
+                (Some(x), Ending::Converged) => assert!((at.d[0] - x).abs() < 1e-7, "{case}"),
+                (None, Ending::Infeasible(row)) => {
+                    // The one that is off pulls.
+                    let upper = at.mu[row] > 0.0;
+                    assert!(if upper { high } else { low }[row].is_finite(), "{case}");
+                    assert!(at.mu[row].abs() > 1.0, "{case}");
+                }
+                _ => panic!("{case}"),
+            }
+        }
+    }
+}
+
+#[test]
+fn rows_are_counted_kind_by_kind() {
+    let dims = OcpDims { inequalities: 2, ..pair([[0.0; 2]; 2]).dims };
+    let rows = Rows::new(dims);
+    let kinds: Vec<_> = (0..rows.len()).map(|i| rows.row(i, true)).collect();
+    let expected =
+        [(Kind::Bound, 0), (Kind::Bound, 1), (Kind::Increment, 0), (Kind::Row, 0), (Kind::Row, 1)];
+    assert_eq!(kinds.len(), expected.len());
+    for (row, (kind, index)) in kinds.iter().zip(expected) {
+        assert_eq!((row.kind, row.index, row.upper), (kind, index, true));
+    }
+}
