@@ -20,7 +20,7 @@ pub enum Candidate {
         shape: Shape,
         /// What it is trained on.
         source: TrainingTarget,
-        /// Whether it is trained with [`LONGER`] times the iterations of the config.
+        /// Whether it is trained with twice the iterations of the config.
         longer: bool,
     },
 }
