@@ -29,8 +29,9 @@ from sweep import WITHIN, exact, loops, read
 
 PLANTS = ("van-der-pol", "four-tanks", "still", "car", "rod", "motor")
 AS_CHEAP = 1.1
-# How many models of a sweep are run again.
+# How many models of a sweep are run again, and how often in a round.
 CONTENDERS = 4
+REPETITIONS = ("--set", "control.repetitions=30")
 COLUMNS = ("plant", "seed", "advised", "took_s")
 
 
@@ -108,7 +109,7 @@ def advised_step(options, plant, seed):
     directory = directory_of(options, plant, seed)
     net = directory / "recommended.safetensors"
     model = ["--model", net] if net.exists() else []
-    return control(options.pinc, [directory / "recommended.toml", *model])
+    return control(options.pinc, [directory / "recommended.toml", *model, *REPETITIONS])
 
 
 def row(options, plant):
@@ -120,7 +121,7 @@ def row(options, plant):
     for _ in range(options.rounds):
         for loop in best:
             name = title(loop)
-            steps[name] = min(steps.get(name, math.inf), again(options.pinc, directory, loop))
+            steps[name] = min(steps.get(name, math.inf), again(options.pinc, directory, loop, REPETITIONS))
         for choice in advised:
             seed = choice["seed"]
             step = advised_step(options, plant, seed)

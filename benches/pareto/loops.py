@@ -68,12 +68,12 @@ def control(pinc, arguments):
     return metrics["control"][0]["step_us"]["p50"]
 
 
-def again(pinc, directory, loop):
-    """That of a loop of the sweep in `directory`."""
+def again(pinc, directory, loop, more=()):
+    """That of a loop of the sweep in `directory`, with `more` arguments."""
     config = Path("configs/pareto") / (directory.name.removesuffix("-pareto") + ".toml")
     cases = tomllib.loads(config.read_text())["sweep"]["cases"]
     case = next(case for case in cases if case["name"] == loop["case"])
-    line = [config, "--only", loop["model"]]
+    line = [config, "--only", loop["model"], *more]
     # The error of a step is known from the sweep.
     for key, value in (case["set"] | {"one_step.points": 16, "one_step.measure_s": 0.01}).items():
         line += ["--set", f"{key}={json.dumps(value)}"]

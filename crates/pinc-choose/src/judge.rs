@@ -6,7 +6,13 @@ use pinc_record::Metrics;
 
 /// Loops within this factor of the cheapest control step cost the same, for all that a measurement
 /// of times says.
-const AS_CHEAP: f64 = 1.1;
+const AS_CHEAP: f64 = 1.05;
+
+/// A time is measured over this much of control steps at least, in us.
+const MEASURED_US: f64 = 20_000.0;
+
+/// The most often a loop is run for this.
+const MOST_REPETITIONS: usize = 100;
 
 /// What came of a model in the loop.
 #[derive(Clone, Debug, PartialEq)]
@@ -17,6 +23,8 @@ pub struct Score {
     pub violation: f64,
     /// The share of control steps that failed.
     pub failed: f64,
+    /// The number of control steps.
+    pub steps: usize,
     /// The median time of a control step, in us.
     pub p50_us: f64,
     /// The 99th percentile of this.
@@ -73,12 +81,20 @@ impl Score {
             iae: run.iae_dense_sum,
             violation: run.max_violation,
             failed: share(run.failed_steps()),
+            steps: run.steps(),
             p50_us: run.step_us.p50,
             p99_us: run.step_us.p99,
             rms: step.map(|step| step.errors.rms),
             worst: step.map(|step| step.errors.max),
             training_s: metrics.training.as_ref().map(|training| training.wall_s),
         })
+    }
+
+    /// How often the loop is to be run, `wanted` times or more, for its time to be worth something.
+    pub(crate) fn repetitions(&self, wanted: usize) -> usize {
+        #[expect(clippy::cast_precision_loss, reason = "no run has 2^53 steps")]
+        let is_enough = |n: &usize| (n * self.steps) as f64 * self.p50_us >= MEASURED_US;
+        (wanted..MOST_REPETITIONS).find(is_enough).unwrap_or(wanted.max(MOST_REPETITIONS))
     }
 
     /// Whether it says anything of a controller.
@@ -200,6 +216,7 @@ pub(crate) mod tests {
             iae,
             violation: 0.0,
             failed: 0.0,
+            steps: 100,
             p50_us,
             p99_us: 2.0 * p50_us,
             rms: Some(rms),
@@ -242,14 +259,14 @@ pub(crate) mod tests {
             standard(all, budget).winner(all).map(|(tried, _)| tried.candidate.to_string())
         };
         let exact = rk4(16, 100.0, 50.0, 1e-9);
-        let all = [exact.clone(), rk4(2, 100.5, 10.0, 1e-3), net(100.2, 9.5)];
+        let all = [exact.clone(), rk4(2, 100.5, 10.0, 1e-3), net(100.2, 9.6)];
         assert_eq!(name(&all, None).as_deref(), Some("RK4 x2"));
         let all = [exact.clone(), rk4(2, 100.5, 10.0, 1e-3), net(100.2, 5.0)];
         assert_eq!(name(&all, None).as_deref(), Some("distilled 2x16"));
         let all = [exact.clone(), rk4(1, 101.5, 1.0, 1e-1), rk4(4, 100.0, 12.0, 1e-5)];
         assert_eq!(name(&all, None).as_deref(), Some("RK4 x4"));
         // Of two that cost the same, the more exact one.
-        let all = [exact.clone(), rk4(2, 100.5, 10.0, 1e-3), rk4(3, 100.0, 10.5, 1e-4)];
+        let all = [exact.clone(), rk4(2, 100.5, 10.0, 1e-3), rk4(3, 100.0, 10.4, 1e-4)];
         assert_eq!(name(&all, None).as_deref(), Some("RK4 x3"));
         // A cheaper one whose slowest steps are late is none.
         let mut late = rk4(2, 100.0, 10.0, 1e-3);
@@ -259,6 +276,15 @@ pub(crate) mod tests {
         let all = [exact, late];
         assert_eq!(name(&all, Some(150.0)).as_deref(), Some("RK4 x16"));
         assert_eq!(name(&all, Some(1.0)).as_deref(), Some("RK4 x2"));
+    }
+
+    #[test]
+    fn short_loops_are_run_more_often() {
+        let repetitions = |p50_us: f64, wanted| score(100.0, p50_us, 1e-3).repetitions(wanted);
+        assert_eq!(repetitions(10.0, 4), 20);
+        assert_eq!(repetitions(1000.0, 4), 4);
+        assert_eq!(repetitions(0.001, 4), 100);
+        assert_eq!(repetitions(0.001, 300), 300);
     }
 
     #[test]

@@ -15,7 +15,7 @@ const FINALISTS: usize = 6;
 
 /// How often they are, in turns, so that a time at which the machine is slow is one for all. Of each
 /// the least counts.
-const ROUNDS: usize = 3;
+const ROUNDS: usize = 5;
 
 /// The place among the [`shapes`] of the first net that is tried.
 const FIRST_NET: usize = 1;
@@ -207,12 +207,13 @@ impl Search<'_> {
     fn finals<L: Loops>(&self, found: &mut Found, loops: &mut L) -> Result<(), L::Error> {
         let Some(standard) = self.standard(&found.tried) else { return Ok(()) };
         let finalists = self.finalists(&standard, &found.tried);
-        let repetitions = self.control.repetitions.div_ceil(ROUNDS);
+        let wanted = self.control.repetitions.div_ceil(ROUNDS);
         let mut measured: Vec<Option<Tried>> = vec![None; finalists.len()];
         for round in 1..=ROUNDS {
             for (&place, least) in finalists.iter().zip(&mut measured) {
-                let purpose = Purpose::Time { repetitions, round };
-                let again = loops.run(found.tried[place].candidate, purpose)?;
+                let Tried { candidate, result, .. } = &found.tried[place];
+                let repetitions = result.as_ref().map_or(wanted, |score| score.repetitions(wanted));
+                let again = loops.run(*candidate, Purpose::Time { repetitions, round })?;
                 if again
                     .as_ref()
                     .is_some_and(|again| least.as_ref().is_none_or(|l| faster(again, l)))

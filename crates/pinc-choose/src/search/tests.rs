@@ -104,9 +104,9 @@ fn the_best_guesses_come_first() {
     assert!(!found.is_out_of_time);
     // The best, and what could be as good, in turns; the least time of each counts.
     let finalists = ["RK4 x2", "RK5 x1", "distilled 2x24"];
-    let rounds = (1..=3).flat_map(|round| finalists.map(|name| format!("{name} again {round}")));
+    let rounds = (1..=5).flat_map(|round| finalists.map(|name| format!("{name} again {round}")));
     assert_eq!(asked[expected.len()..], rounds.collect::<Vec<_>>());
-    let again: Vec<_> = found.tried.iter().filter(|tried| tried.repetitions == 4).collect();
+    let again: Vec<_> = found.tried.iter().filter(|tried| tried.repetitions > 1).collect();
     assert_eq!(again.len(), 3);
     assert!(again.iter().all(|tried| tried.place == format!("{}-2", tried.candidate)));
 }
