@@ -22,6 +22,7 @@ import sys
 import time
 import tomllib
 from collections import Counter
+from functools import partial
 from pathlib import Path
 
 from loops import again, control
@@ -117,17 +118,17 @@ def row(options, plant):
     directory = options.sweeps / f"{plant}-pareto"
     best = contenders(directory)
     advised = list(choices(options, plant))
-    steps = {}
+    # Of an integrator all seeds have the same; each net is another.
+    net = re.compile("PINC|distilled")
+    key = lambda c: f"{c['advised']}, {c['seed']}" if net.match(c["advised"]) else c["advised"]
+    runs = {key(c): partial(advised_step, options, plant, c["seed"]) for c in advised}
+    runs |= {title(loop): partial(again, options.pinc, directory, loop, REPETITIONS) for loop in best}
+    steps = dict.fromkeys(runs, math.inf)
     for _ in range(options.rounds):
-        for loop in best:
-            name = title(loop)
-            steps[name] = min(steps.get(name, math.inf), again(options.pinc, directory, loop, REPETITIONS))
-        for choice in advised:
-            seed = choice["seed"]
-            step = advised_step(options, plant, seed)
-            steps[seed] = min(steps.get(seed, math.inf), step)
+        for name, run in runs.items():
+            steps[name] = min(steps[name], run())
     winner = min(map(title, best), key=steps.get)
-    ratio = max(steps[choice["seed"]] for choice in advised) / steps[winner]
+    ratio = max(steps[key(choice)] for choice in advised) / steps[winner]
     counts = Counter(choice["advised"] for choice in advised).most_common()
     names = counts[0][0] if len(counts) == 1 else ", ".join(f"{n} ({k})" for n, k in counts)
     holds = "yes" if ratio <= AS_CHEAP or all(c["advised"] == winner for c in advised) else "no"
@@ -142,7 +143,7 @@ def main():
     parser.add_argument("plants", nargs="*", default=PLANTS, help="all six if none is named")
     parser.add_argument("--seeds", type=int, default=5, help="the seeds 1 to this one")
     parser.add_argument("--budget-s", type=float, default=110, help="of a choice; its end takes longer")
-    parser.add_argument("--rounds", type=int, default=5, help="in which the loops are run again")
+    parser.add_argument("--rounds", type=int, default=10, help="in which the loops are run again")
     parser.add_argument("--sweeps", type=Path, default=Path("runs"), help="where <plant>-pareto are")
     parser.add_argument("--out", type=Path, default=Path("runs"), help="where the choices go")
     options = parser.parse_intermixed_args()
