@@ -214,11 +214,10 @@ impl Search<'_> {
                 let Tried { candidate, result, .. } = &found.tried[place];
                 let repetitions = result.as_ref().map_or(wanted, |score| score.repetitions(wanted));
                 let again = loops.run(*candidate, Purpose::Time { repetitions, round })?;
-                if again
-                    .as_ref()
-                    .is_some_and(|again| least.as_ref().is_none_or(|l| faster(again, l)))
+                if let Some(again) = again
+                    && least.as_ref().is_none_or(|least| faster(&again, least))
                 {
-                    *least = again;
+                    *least = Some(again);
                 }
             }
         }

@@ -107,7 +107,9 @@ fn the_best_guesses_come_first() {
     let rounds = (1..=5).flat_map(|round| finalists.map(|name| format!("{name} again {round}")));
     assert_eq!(asked[expected.len()..], rounds.collect::<Vec<_>>());
     let again: Vec<_> = found.tried.iter().filter(|tried| tried.repetitions > 1).collect();
-    assert_eq!(again.len(), 3);
+    // As often as makes 20 ms of 100 steps of 3, 4 and 4 us.
+    let repetitions: Vec<_> = again.iter().map(|tried| tried.repetitions).collect();
+    assert_eq!(repetitions, [67, 50, 50]);
     assert!(again.iter().all(|tried| tried.place == format!("{}-2", tried.candidate)));
 }
 
