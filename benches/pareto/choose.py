@@ -26,7 +26,7 @@ from functools import partial
 from pathlib import Path
 
 from loops import again, control
-from sweep import WITHIN, exact, loops, read
+from sweep import WITHIN, exact, loops, off, read
 
 PLANTS = ("van-der-pol", "four-tanks", "still", "car", "rod", "motor")
 AS_CHEAP = 1.1
@@ -58,7 +58,7 @@ def contenders(directory):
     found = list(loops(directory))
     standard = exact(found)
     most = standard["violation"] + WITHIN * narrowest(directory / "config.toml")
-    good = [m for m in found if m["iae"] <= (1 + WITHIN) * standard["iae"] and m["violation"] <= most]
+    good = [m for m in found if off(m, standard) <= WITHIN and m["violation"] <= most]
     return sorted(good, key=lambda loop: loop["step"])[:CONTENDERS]
 
 
