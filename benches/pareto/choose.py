@@ -10,7 +10,8 @@ to choose.csv in the directory of the results, and not asked for again. Needs Py
 A model of a sweep is good by the rules of `pinc choose`: an IAE at most 1 % above that of the numerical
 method with the most exact step, and violations of bounds at most 1 % of the narrowest bounded range beyond
 that one's. The loops with the cheapest of them, and those with the advised models, are then run again, in
-turns; the least of the rounds' median control steps is a model's cost.
+turns. The cheapest is the one whose median control step is the least in the median of the rounds; what
+another costs over it is the median of their ratios, round by round.
 """
 
 import argparse
@@ -24,6 +25,7 @@ import tomllib
 from collections import Counter
 from functools import partial
 from pathlib import Path
+from statistics import median
 
 from loops import again, control
 from sweep import WITHIN, exact, loops, off, read
@@ -123,17 +125,16 @@ def row(options, plant):
     key = lambda c: f"{c['advised']}, {c['seed']}" if net.match(c["advised"]) else c["advised"]
     runs = {key(c): partial(advised_step, options, plant, c["seed"]) for c in advised}
     runs |= {title(loop): partial(again, options.pinc, directory, loop, REPETITIONS) for loop in best}
-    steps = dict.fromkeys(runs, math.inf)
-    for _ in range(options.rounds):
-        for name, run in runs.items():
-            steps[name] = min(steps[name], run())
-    winner = min(map(title, best), key=steps.get)
-    ratio = max(steps[key(choice)] for choice in advised) / steps[winner]
+    rounds = [{name: run() for name, run in runs.items()} for _ in range(options.rounds)]
+    step = {name: median(steps[name] for steps in rounds) for name in runs}
+    winner = min(map(title, best), key=step.get)
+    over = lambda name: median(steps[name] / steps[winner] for steps in rounds)
+    ratio = max(over(key(choice)) for choice in advised)
     counts = Counter(choice["advised"] for choice in advised).most_common()
     names = counts[0][0] if len(counts) == 1 else ", ".join(f"{n} ({k})" for n, k in counts)
     holds = "yes" if ratio <= AS_CHEAP or all(c["advised"] == winner for c in advised) else "no"
     longest = max(float(choice["took_s"]) for choice in advised)
-    cells = [plant, winner, f"{steps[winner]:.1f}", names, f"{ratio:.2f}", holds, f"{longest:.0f}"]
+    cells = [plant, winner, f"{step[winner]:.1f}", names, f"{ratio:.2f}", holds, f"{longest:.0f}"]
     return "| " + " | ".join(cells) + " |"
 
 

@@ -26,7 +26,8 @@ const TRIED: &str = "tried";
 pub struct ChooseOptions {
     /// How much more than the most exact model's a loop's IAE may be, relative.
     pub within: f64,
-    /// The time for trying, in s. The last measurements of the best take a little longer.
+    /// The time, in s: for trying models, and in the end for measuring the best again, each of
+    /// which is measured once at least.
     pub budget_s: f64,
 }
 

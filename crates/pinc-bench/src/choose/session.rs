@@ -4,7 +4,7 @@ use super::base::Base;
 use crate::RunError;
 use pinc_choose::{Candidate, Loops, Purpose, Score, Tried};
 use pinc_config::{Experiment, Plants, Trial, trials};
-use pinc_record::{Ending, Finished, Invocation, Provenance, RunDir, SweepDir};
+use pinc_record::{Ending, Finished, Invocation, OneStepMetrics, Provenance, RunDir, SweepDir};
 use pinc_runs::clock::Deadline;
 use pinc_runs::invocation::{cores, invocation};
 use pinc_runs::progress::{Stage, Verbosity};
@@ -19,9 +19,15 @@ pub(super) struct Session<'a> {
     plants: &'a Plants,
     begun: Invocation,
     options: &'a Options<'a>,
+    /// Until when models are tried.
+    trying: Deadline,
+    /// Until when the best are measured again.
     deadline: Deadline,
     stage: Stage,
 }
+
+/// The share of the time in which models are tried; the rest is for measuring the best again.
+const TRYING: f64 = 0.85;
 
 impl<'a> Session<'a> {
     /// A session in `dir`, in which the results of an earlier one may be.
@@ -40,9 +46,9 @@ impl<'a> Session<'a> {
         if !options.resume {
             sweep_dir.clear()?;
         }
-        let deadline = Deadline::in_seconds(budget_s);
+        let [trying, deadline] = [TRYING * budget_s, budget_s].map(Deadline::in_seconds);
         let stage = Stage::begin(options.verbosity, "choose", deadline.whole_s());
-        Ok(Self { base, run_dir, sweep_dir, plants, begun, options, deadline, stage })
+        Ok(Self { base, run_dir, sweep_dir, plants, begun, options, trying, deadline, stage })
     }
 
     /// Ends the session, in which so much was tried.
@@ -63,16 +69,36 @@ impl<'a> Session<'a> {
         let mut trial = made.into_iter().next().expect("a sweep with one case has one trial");
         if let Purpose::Time { round, .. } = purpose {
             trial.id = format!("{}-{round}", trial.id);
+            // Its single steps were looked at when it was tried.
+            trial.experiment.one_step = None;
         }
         Ok(trial)
     }
 
-    /// Runs a trial after its training, and keeps what came of it; nothing if the time was up.
-    fn run_trial(&self, trial: &Trial, limited: bool) -> Result<Option<Finished>, RunError> {
+    /// The errors of a candidate's single steps, from when it was tried.
+    fn one_step(&self, candidate: Candidate) -> Result<Vec<OneStepMetrics>, RunError> {
+        let tried = self.sweep_dir.finished(&self.trial(candidate, Purpose::Quality)?.id)?;
+        Ok(tried.map_or_else(Vec::new, |tried| tried.metrics.one_step))
+    }
+
+    /// When a trial has to end, if its time is limited: each model has one measurement at least.
+    fn limit(&self, purpose: Purpose) -> Option<Deadline> {
+        match purpose {
+            Purpose::Quality => Some(self.trying),
+            Purpose::Time { round: 1, .. } => None,
+            Purpose::Time { .. } => Some(self.deadline),
+        }
+    }
+
+    /// Runs a trial after its training; nothing if the time was up.
+    fn run_trial(
+        &self,
+        trial: &Trial,
+        limit: Option<Deadline>,
+    ) -> Result<Option<Finished>, RunError> {
         let dir = self.sweep_dir.begin(&trial.id)?;
         let mut run_dir = RunDir::of_trial(&dir, &trial.experiment, false);
         let user = self.options.interrupt;
-        let limit = limited.then_some(self.deadline);
         let worked = pinc_runs::clock::until(limit, user, |interrupt| {
             let quiet = Verbosity::Quiet;
             let options = Options { resume: true, verbosity: quiet, interrupt, ..*self.options };
@@ -88,9 +114,7 @@ impl<'a> Session<'a> {
             // The same every time: the model cannot do it.
             Err(error) => Ending::Failed { error: error.to_string() },
         };
-        let finished = Finished { ending, metrics: run_dir.metrics().clone() };
-        self.sweep_dir.finish(&trial.id, &finished)?;
-        Ok(Some(finished))
+        Ok(Some(Finished { ending, metrics: run_dir.metrics().clone() }))
     }
 
     fn train_and_run(
@@ -115,7 +139,7 @@ impl Loops for Session<'_> {
     type Error = RunError;
 
     fn run(&mut self, candidate: Candidate, purpose: Purpose) -> Result<Option<Tried>, RunError> {
-        let (repetitions, limited) = (repetitions(purpose), purpose == Purpose::Quality);
+        let (repetitions, limit) = (repetitions(purpose), self.limit(purpose));
         let done = self.deadline.seconds_over();
         self.stage.advance(done, || candidate.to_string());
         let trial = match self.trial(candidate, purpose) {
@@ -130,11 +154,15 @@ impl Loops for Session<'_> {
         let net = trial.training.as_ref().map(|(id, _)| id.clone());
         let finished = match self.sweep_dir.finished(&trial.id)? {
             Some(finished) => finished,
-            None if limited && self.deadline.is_over() => return Ok(None),
-            None => match self.run_trial(&trial, limited)? {
-                Some(finished) => finished,
-                None => return Ok(None),
-            },
+            None if limit.is_some_and(Deadline::is_over) => return Ok(None),
+            None => {
+                let Some(mut finished) = self.run_trial(&trial, limit)? else { return Ok(None) };
+                if purpose != Purpose::Quality {
+                    finished.metrics.one_step = self.one_step(candidate)?;
+                }
+                self.sweep_dir.finish(&trial.id, &finished)?;
+                finished
+            }
         };
         let result = match (finished.ending, Score::of(&finished.metrics)) {
             (Ending::Failed { error }, _) => Err(error),

@@ -3,6 +3,10 @@
 
 use crate::common::{outcome, pinc};
 use serde_json::Value;
+use std::sync::LazyLock;
+
+/// What a quick bench says: it takes long enough for one to be run.
+static REPORT: LazyLock<Value> = LazyLock::new(|| quick(&[]));
 
 /// Checks that `row` has these keys, and that all numbers in it, at any depth, are positive and
 /// finite (JSON has no other numbers, but null where one was not finite).
@@ -39,7 +43,7 @@ fn quick(arguments: &[&str]) -> Value {
 
 #[test]
 fn a_quick_bench_has_every_figure() {
-    let report = quick(&[]);
+    let report = &*REPORT;
     assert_row(&report["fma_peak_gflops"], &["f64_1", "f64_all"]);
     for row in report["loss_gradient"].as_array().unwrap() {
         let keys = ["plant", "layers", "points", "precision", "threads", "isa", "ms", "gflops"];
@@ -63,9 +67,9 @@ fn a_quick_bench_has_every_figure() {
 
 #[test]
 fn both_plants_are_measured_with_both_models_and_all_instruction_sets() {
-    let report = quick(&[]);
+    let report = &*REPORT;
     for list in ["loss_gradient", "model_step", "nmpc"] {
-        let plants = column(&report, list, "plant");
+        let plants = column(report, list, "plant");
         assert!(plants.contains(&"van-der-pol") && plants.contains(&"four-tanks"), "{list}");
     }
     let of_text = |row: &&Value| row["as_text"] == true;
@@ -73,9 +77,9 @@ fn both_plants_are_measured_with_both_models_and_all_instruction_sets() {
     for plant in ["van-der-pol", "four-tanks"] {
         assert!(text.clone().any(|row| row["plant"] == plant && row["model"] == "rk4"), "{plant}");
     }
-    let models = column(&report, "nmpc", "model");
+    let models = column(report, "nmpc", "model");
     assert_eq!(models, ["pinc", "rk4", "pinc", "rk4"]);
-    let measured = column(&report, "loss_gradient", "isa");
+    let measured = column(report, "loss_gradient", "isa");
     for isa in pinc_net::Isa::available() {
         assert!(measured.contains(&isa.to_string().as_str()), "{isa}");
     }

@@ -8,14 +8,14 @@ use pinc_net::TrainingTarget;
 
 /// A good model is measured again if its control step took at most this many times as long as the
 /// cheapest's: in one measurement, times are wrong by a third.
-const REACH: f64 = 1.6;
+const REACH: f64 = 2.0;
 
 /// The most models that are measured again.
-const FINALISTS: usize = 6;
+const FINALISTS: usize = 8;
 
 /// How often they are, in turns, so that a time at which the machine is slow is one for all. Of each
 /// the least counts.
-const ROUNDS: usize = 5;
+const ROUNDS: usize = 15;
 
 /// The place among the [`shapes`] of the first net that is tried.
 const FIRST_NET: usize = 1;
@@ -32,8 +32,8 @@ pub trait Loops {
     /// What keeps all candidates from being tried.
     type Error;
 
-    /// What comes of the loop of a candidate. There may be no time left to look whether it is
-    /// [good](Purpose::Quality): then there is nothing.
+    /// What comes of the loop of a candidate; nothing if there is no time left for it. There always
+    /// is for the first round of [measurements](Purpose::Time).
     ///
     /// # Errors
     ///
@@ -209,14 +209,13 @@ impl Search<'_> {
         let finalists = self.finalists(&standard, &found.tried);
         let wanted = self.control.repetitions.div_ceil(ROUNDS);
         let mut measured: Vec<Option<Tried>> = vec![None; finalists.len()];
-        for round in 1..=ROUNDS {
+        'rounds: for round in 1..=ROUNDS {
             for (&place, least) in finalists.iter().zip(&mut measured) {
                 let Tried { candidate, result, .. } = &found.tried[place];
                 let repetitions = result.as_ref().map_or(wanted, |score| score.repetitions(wanted));
-                let again = loops.run(*candidate, Purpose::Time { repetitions, round })?;
-                if let Some(again) = again
-                    && least.as_ref().is_none_or(|least| faster(&again, least))
-                {
+                let purpose = Purpose::Time { repetitions, round };
+                let Some(again) = loops.run(*candidate, purpose)? else { break 'rounds };
+                if least.as_ref().is_none_or(|least| faster(&again, least)) {
                     *least = Some(again);
                 }
             }
