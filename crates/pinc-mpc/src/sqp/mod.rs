@@ -247,7 +247,10 @@ impl Sqp {
             QpStatus::Solved => (SqpStatus::Prepared, None),
             QpStatus::Infeasible(row) if !self.elastic => {
                 self.enter_elastic();
-                (self.solve_prepared(plan, expired).0, Some(row))
+                match self.solve_prepared(plan, expired) {
+                    (SqpStatus::Prepared, _) => (SqpStatus::Prepared, self.broken_by_step()),
+                    (status, _) => (status, Some(row)),
+                }
             }
             QpStatus::Infeasible(row) => (SqpStatus::InfeasibleQp, Some(row)),
             QpStatus::Failed => (SqpStatus::NumericalTrouble, None),

@@ -82,6 +82,67 @@ fn an_infeasible_problem_says_so() {
     assert_eq!(step.status, SqpStatus::Converged);
 }
 
+/// In the real-time iteration too: what can be done is done, and what is in the way is said.
+#[test]
+fn an_infeasible_prepared_program_says_so() {
+    let mut problem = scalar_problem(3, 3);
+    problem.state_bounds.high = vec![1.0];
+    problem.input_bounds = Bounds::new(vec![-1.0], vec![1.0]);
+    let config = SqpConfig { real_time: true, ..SqpConfig::default() };
+    let model = Box::new(Linear::scalar(1.0, 1.0));
+    let mut nmpc = Nmpc::new(problem, model, config).unwrap();
+    nmpc.prepare();
+    let step = nmpc.step(&[5.0], &[1.0; 3]).unwrap();
+    assert_eq!(step.status, SqpStatus::Prepared);
+    assert_eq!(step.violated.unwrap().to_string(), "upper bound of x[k+1][0]");
+    assert!(step.followed && (step.u[0] + 1.0).abs() < 1e-8, "{}", step.u[0]);
+    nmpc.prepare();
+    let step = nmpc.step(&[0.5], &[1.0; 3]).unwrap();
+    assert_eq!((step.status, step.violated), (SqpStatus::Prepared, None));
+}
+
+/// x\[k+1\] = x\[k\] + u\[k\] with a derivative of the wrong sign.
+#[derive(Debug)]
+struct WrongSign(Linear);
+
+impl Model for WrongSign {
+    fn dims(&self) -> Dims {
+        self.0.dims()
+    }
+
+    fn sample_time_s(&self) -> f64 {
+        1.0
+    }
+
+    fn step(&mut self, x: &[f64], u: &[f64], p: &[f64], next: &mut [f64]) {
+        self.0.step(x, u, p, next);
+    }
+
+    fn linearize(&mut self, at: Stages<'_>, out: Linearization<'_>) {
+        let Linearization { next, a, b, e } = out;
+        self.0.linearize(at, Linearization { next, a, b, e });
+        b.iter_mut().for_each(|b| *b = -*b);
+    }
+}
+
+/// After the first step none decreases the merit function, with constraints hard and then soft.
+#[test]
+fn an_iteration_without_descent_stalls() {
+    let model = Box::new(WrongSign(Linear::scalar(1.0, 1.0)));
+    let mut nmpc = Nmpc::new(scalar_problem(3, 3), model, SqpConfig::default()).unwrap();
+    let step = nmpc.step(&[5.0], &[1.0; 3]).unwrap();
+    assert_eq!((step.status, step.sqp_iterations), (SqpStatus::Stalled, 3));
+}
+
+#[test]
+fn a_step_after_a_reset_does_the_work_of_the_first() {
+    let mut nmpc = limited(50);
+    let reference = [0.8, 0.0].repeat(5);
+    let first = nmpc.step(&[-0.5, 0.5], &reference).unwrap().work;
+    nmpc.reset();
+    assert_eq!(nmpc.step(&[-0.5, 0.5], &reference).unwrap().work, first);
+}
+
 fn limited(max_iterations: usize) -> Nmpc {
     let config = SqpConfig { max_iterations, ..SqpConfig::default() };
     Nmpc::new(van_der_pol(), Box::new(oscillator()), config).unwrap()

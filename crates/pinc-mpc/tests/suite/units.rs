@@ -49,13 +49,13 @@ struct Counted {
     bounded: bool,
 }
 
-/// The iterations of all steps, and the inputs in the plant's own units.
-fn run(
-    mut run: Loop,
+/// The controller of a loop that is counted so.
+fn controller(
+    run: &Loop,
     model: impl Model + Clone + 'static,
     counted: Counted,
     qp: QpMethod,
-) -> (usize, Vec<Vec<f64>>) {
+) -> Nmpc {
     let Counted { x, u, cost, bounded } = counted;
     let times = |bounds: &Bounds, factor: f64| {
         let scaled = |side: &[f64]| side.iter().map(|v| v * factor).collect();
@@ -70,8 +70,18 @@ fn run(
     let (q, r) = (problem.weights.q.at(0), problem.weights.r.at(0));
     problem.weights = Weights::uniform(q.times(cost / (x * x)), r.times(cost / (u * u)));
     let config = SqpConfig { qp, ..SqpConfig::default() };
-    let model = Rescaled { model, x, u };
-    let mut nmpc = Nmpc::new(problem, Box::new(model), config).unwrap();
+    Nmpc::new(problem, Box::new(Rescaled { model, x, u }), config).unwrap()
+}
+
+/// The iterations of all steps, and the inputs in the plant's own units.
+fn run(
+    mut run: Loop,
+    model: impl Model + Clone + 'static,
+    counted: Counted,
+    qp: QpMethod,
+) -> (usize, Vec<Vec<f64>>) {
+    let Counted { x, u, .. } = counted;
+    let mut nmpc = controller(&run, model, counted, qp);
     let (mut iterations, mut inputs) = (0, Vec::new());
     run.run(|k, state, reference| {
         let state: Vec<f64> = state.iter().map(|v| v * x).collect();
@@ -150,6 +160,34 @@ fn inputs_and_costs_may_be_counted_in_any_unit() {
             compare(four_tanks_loop, &tanks, counted, qp);
             // The last reference is on two bounds, where the optimum is flat: 90 of 120 steps.
             compare(short_loop, &oscillator, counted, qp);
+        }
+    }
+}
+
+/// Multipliers are the cost's derivatives: of a state counted in numbers a million times larger,
+/// they are a million times smaller.
+#[test]
+fn multipliers_are_in_the_units_of_the_problem() {
+    let multipliers = |counted: Counted| {
+        let model = Rk4::new(FourTanks::antonelo(), 10.0, 4);
+        let (mut nmpc, x) =
+            (controller(&four_tanks_loop(), model, counted, QpMethod::Auto), counted.x);
+        let state = [6.0, 6.0, 5.0, 5.0].map(|v: f64| v * x);
+        let reference = [15.0, 8.0].repeat(5).into_iter().map(|v: f64| v * x).collect::<Vec<_>>();
+        let step = nmpc.step(&state, &reference).unwrap();
+        assert_eq!(step.status, SqpStatus::Converged);
+        let plan = nmpc.plan();
+        let parts = [(plan.dynamics_multipliers(), x), (plan.input_multipliers(), counted.u)];
+        parts.map(|(part, unit)| part.iter().map(|m| m * unit / counted.cost).collect::<Vec<_>>())
+    };
+    let usual = Counted { x: 1.0, u: 1.0, cost: 1.0, bounded: true };
+    let expected = multipliers(usual);
+    let found = multipliers(Counted { x: 1e6, u: 1e-3, cost: 10.0, ..usual });
+    for (expected, found) in expected.iter().zip(&found) {
+        let largest = expected.iter().fold(0.0, |m: f64, v| m.max(v.abs()));
+        assert!(largest > 0.0);
+        for (a, b) in expected.iter().zip(found) {
+            assert!((a - b).abs() <= 1e-5 * largest, "{a} {b}");
         }
     }
 }
