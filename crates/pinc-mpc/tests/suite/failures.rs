@@ -262,6 +262,22 @@ fn a_deadline_is_kept_within_a_program() {
     }
 }
 
+/// Preparing a real-time iteration leaves a quadratic program to the step, and no linearisation.
+#[test]
+fn what_is_prepared_is_not_linearised_again() {
+    let points = Arc::new(AtomicU64::new(0));
+    let model = Counted { model: oscillator(), points: Arc::clone(&points) };
+    let config = SqpConfig { real_time: true, ..SqpConfig::default() };
+    let mut nmpc = Nmpc::new(van_der_pol(), Box::new(model), config).unwrap();
+    nmpc.step(&[0.2, -0.3], &[0.0; 10]).unwrap();
+    let before = points.load(Ordering::Relaxed);
+    nmpc.prepare();
+    let prepared = points.load(Ordering::Relaxed);
+    assert!(prepared > before);
+    nmpc.step(&[0.2, -0.2], &[0.0; 10]).unwrap();
+    assert_eq!(points.load(Ordering::Relaxed), prepared);
+}
+
 /// The oscillator over 160 stages, RK4 x4, and the points at which its model was linearised.
 fn long() -> (Nmpc, Arc<AtomicU64>) {
     let weights = Weights::uniform(vec![10.0; 2], vec![1.0]);
