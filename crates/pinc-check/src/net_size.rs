@@ -30,7 +30,9 @@ pub(crate) fn examine(subject: &Subject<'_>) -> Vec<Finding> {
     };
     let (weights, usual_weights) = (model.parameters(dims), usual.parameters(dims));
     let size = |net: &NetConfig, weights: usize| {
-        format!("{} layers of {} neurons ({weights} weights)", net.hidden_layers, net.neurons)
+        let plural = if net.hidden_layers == 1 { "" } else { "s" };
+        let (layers, neurons) = (net.hidden_layers, net.neurons);
+        format!("{layers} layer{plural} of {neurons} neurons ({weights} weights)")
     };
     let (given, recommended) = (size(model, weights), size(&usual, usual_weights));
     let mut findings = vec![Finding::fact(
