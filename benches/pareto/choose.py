@@ -143,7 +143,7 @@ def main():
     parser.add_argument("pinc", help="the program")
     parser.add_argument("plants", nargs="*", default=PLANTS, help="all six if none is named")
     parser.add_argument("--seeds", type=int, default=5, help="the seeds 1 to this one")
-    parser.add_argument("--budget-s", type=float, default=110, help="of a choice; its end takes longer")
+    parser.add_argument("--budget-s", type=float, default=110, help="of a choice")
     parser.add_argument("--rounds", type=int, default=10, help="in which the loops are run again")
     parser.add_argument("--sweeps", type=Path, default=Path("runs"), help="where <plant>-pareto are")
     parser.add_argument("--out", type=Path, default=Path("runs"), help="where the choices go")

@@ -2,7 +2,7 @@
 
 use pinc_qp::Multipliers;
 use pinc_qp::OcpDims;
-use pinc_qp::{Limits, Qp, QpStep};
+use pinc_qp::{Kind, Limits, Qp, QpStep};
 
 /// The exact L1 merit function
 ///
@@ -76,23 +76,31 @@ fn violations(limits: &Limits, weights: &[f64]) -> f64 {
 
 /// The cost of the violations that the step leaves in the soft rows.
 fn residual_violation(qp: &Qp, step: &QpStep) -> f64 {
-    let dims = qp.dims;
-    let excess = |value: f64, [low, high, penalty]: [f64; 3]| {
-        if penalty.is_finite() { penalty * (low - value).max(value - high).max(0.0) } else { 0.0 }
+    let excess = |(_, _, [low, high, penalty]): (Kind, usize, [f64; 3])| {
+        if penalty.is_finite() { penalty * low.max(-high).max(0.0) } else { 0.0 }
     };
-    let mut sum: f64 = qp.bounds.iter().zip(&step.d).map(|(limits, &d)| excess(d, limits)).sum();
-    if dims.rows() > 0 {
-        for j in dims.constrained() {
-            let (dx, du) = (&step.d[dims.next_state(j - 1)], &step.d[dims.input(dims.acting(j))]);
-            let by_x = qp.rows_x(j).chunks_exact(dims.nx);
-            let by_u = qp.rows_u(j).chunks_exact(dims.nu);
-            for ((row, by_x), by_u) in dims.stage_rows(j).zip(by_x).zip(by_u) {
-                let limits = [qp.rows.low[row], qp.rows.high[row], qp.rows.penalty[row]];
-                sum += excess(dot(by_x, dx) + dot(by_u, du), limits);
-            }
-        }
-    }
-    sum
+    limits_after(qp, &step.d).map(excess).sum()
+}
+
+/// What a step `d` leaves of the limits of all rows whose violation may be the step's, with their
+/// kinds and indices: bounds on unknowns, and h, g and outputs. Those on increments are kept.
+pub(crate) fn limits_after<'a>(
+    qp: &'a Qp,
+    d: &'a [f64],
+) -> impl Iterator<Item = (Kind, usize, [f64; 3])> + 'a {
+    let dims = qp.dims;
+    let left = |value: f64, [low, high, penalty]: [f64; 3]| [low - value, high - value, penalty];
+    let bounds = qp.bounds.iter().zip(d).enumerate();
+    let stages = dims.constrained().filter(move |_| dims.rows() > 0);
+    let values = stages.flat_map(move |j| {
+        let (dx, du) = (&d[dims.next_state(j - 1)], &d[dims.input(dims.acting(j))]);
+        let by_x = qp.rows_x(j).chunks_exact(dims.nx);
+        let by_u = qp.rows_u(j).chunks_exact(dims.nu);
+        by_x.zip(by_u).map(move |(by_x, by_u)| dot(by_x, dx) + dot(by_u, du))
+    });
+    let rows = qp.rows.iter().zip(values).enumerate();
+    let bounds = bounds.map(move |(index, (limits, &d))| (Kind::Bound, index, left(d, limits)));
+    bounds.chain(rows.map(move |(index, (limits, v))| (Kind::Row, index, left(v, limits))))
 }
 
 fn dot(a: &[f64], b: &[f64]) -> f64 {

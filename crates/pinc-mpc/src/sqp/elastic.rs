@@ -4,9 +4,9 @@ use super::{Outcome, Sqp, Standing};
 use crate::SqpStatus;
 use crate::constraint::Constraint;
 use crate::kkt::KktResidual;
+use crate::merit::limits_after;
 use crate::solution::Solution;
 use pinc_qp::{Kind, Row};
-use std::ops::Range;
 
 /// The weight of a violation where it cannot be avoided, in terms of the cost's largest slope and
 /// curvature.
@@ -67,7 +67,10 @@ impl Sqp {
                 _ => KktResidual::new(&self.qp, &self.base, &mut self.work),
             };
             if outcome.last.bounds > self.config.tolerance {
-                let worst = self.worst_row(|_, _| 0.0).map(|(_, row)| row);
+                let limits = self.qp.limits().into_iter().flat_map(|(kind, limits)| {
+                    limits.iter().enumerate().map(move |(index, limits)| (kind, index, limits))
+                });
+                let worst = worst_row(limits).map(|(_, row)| row);
                 outcome.violated = worst.or(conflict).map(|row| Constraint::new(self.qp.dims, row));
                 if outcome.status == SqpStatus::Converged {
                     outcome.status = SqpStatus::InfeasibleQp;
@@ -82,45 +85,18 @@ impl Sqp {
 
     /// The hard row that the step violates most, of the QP at the plan and beyond the tolerance.
     pub(super) fn broken_by_step(&mut self) -> Option<Row> {
+        // What the problem has as soft where it must be is not broken.
         self.restore(self.exact.map(|exact| !exact));
-        let (excess, row) = self.worst_row(|kind, index| self.moved(kind, index))?;
+        let (excess, row) = worst_row(limits_after(&self.qp, &self.step.d))?;
         (excess > self.config.tolerance).then_some(row)
     }
+}
 
-    /// By how much the step moves what a row limits.
-    fn moved(&self, kind: Kind, index: usize) -> f64 {
-        let (qp, d) = (&self.qp, &self.step.d);
-        let dims = qp.dims;
-        match kind {
-            Kind::Bound => d[index],
-            Kind::Increment => {
-                let inputs = &d[dims.all_states()..];
-                inputs[index] - index.checked_sub(dims.nu).map_or(0.0, |before| inputs[before])
-            }
-            Kind::Row => {
-                let (j, row) = (dims.n1 + index / dims.rows(), index % dims.rows());
-                let product = |rows: &[f64], part: Range<usize>| -> f64 {
-                    let row = &rows[row * part.len()..][..part.len()];
-                    row.iter().zip(&d[part]).map(|(a, b)| a * b).sum()
-                };
-                product(qp.rows_x(j), dims.next_state(j - 1))
-                    + product(qp.rows_u(j), dims.input(dims.acting(j)))
-            }
-        }
-    }
-
-    /// The hard row that is violated most where rows have these values, and by how much.
-    fn worst_row(&self, value: impl Fn(Kind, usize) -> f64) -> Option<(f64, Row)> {
-        let rows = self.qp.limits().into_iter().flat_map(|(kind, limits)| {
-            let hard =
-                limits.iter().enumerate().filter(|(_, [_, _, penalty])| penalty.is_infinite());
-            let value = &value;
-            hard.map(move |(index, [low, high, _])| {
-                let value = value(kind, index);
-                let (below, above) = (low - value, value - high);
-                (below.max(above), Row { kind, index, upper: above > below })
-            })
-        });
-        rows.max_by(|(a, _), (b, _)| a.total_cmp(b))
-    }
+/// The hard row of which 0 is furthest outside, and by how much.
+fn worst_row(limits: impl Iterator<Item = (Kind, usize, [f64; 3])>) -> Option<(f64, Row)> {
+    let hard = limits.filter(|(_, _, [_, _, penalty])| penalty.is_infinite());
+    let rows = hard.map(|(kind, index, [low, high, _])| {
+        (low.max(-high), Row { kind, index, upper: -high > low })
+    });
+    rows.max_by(|(a, _), (b, _)| a.total_cmp(b))
 }
