@@ -272,18 +272,19 @@ fn hexadecimal(bytes: &[u8]) -> String {
 
 /// Whether `dir` is empty or belongs to `experiment`.
 fn check_owner(dir: &Path, experiment: &Experiment) -> Result<(), RecordError> {
+    // Listed before the config is read, which is the first file of a run: of one that another
+    // process begins meanwhile, either nothing is seen or the config too.
+    let entries = fs::read_dir(dir).map_err(RecordError::unreadable(dir))?;
+    let is_ours = |e: &fs::DirEntry| is_unfinished(e) || e.file_name() == LOCK;
+    let others = entries.into_iter().any(|e| !e.as_ref().is_ok_and(is_ours));
     match fs::read_to_string(dir.join(file::CONFIG)) {
         Ok(text) if text == config_text(experiment) => Ok(()),
         Ok(_) => Err(RecordError::OtherConfig { dir: dir.to_owned() }),
-        Err(error) if error.kind() == ErrorKind::NotFound => {
-            let mut entries = fs::read_dir(dir).map_err(RecordError::unreadable(dir))?;
-            let is_ours = |e: &fs::DirEntry| is_unfinished(e) || e.file_name() == LOCK;
-            match entries.find(|e| !e.as_ref().is_ok_and(is_ours)) {
-                None => Ok(()),
-                Some(_) => Err(RecordError::NoRunDirectory { dir: dir.to_owned() }),
-            }
+        Err(error) if error.kind() != ErrorKind::NotFound => {
+            Err(RecordError::unreadable(dir)(error))
         }
-        Err(error) => Err(RecordError::unreadable(dir)(error)),
+        Err(_) if others => Err(RecordError::NoRunDirectory { dir: dir.to_owned() }),
+        Err(_) => Ok(()),
     }
 }
 
@@ -292,4 +293,28 @@ fn config_text(experiment: &Experiment) -> String {
     `preset` would change\n\
                    # nothing but the name: choose it in the file this was made from.\n\n";
     format!("{heading}{}", experiment.to_toml())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use pinc_config::Plants;
+
+    #[test]
+    fn a_run_that_another_process_begins_is_no_strangers_directory_at_any_moment() {
+        let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../configs/smoke/one-tank.toml");
+        let experiment = Experiment::load(Path::new(path), &[], &Plants::built_in()).unwrap();
+        let root = tempfile::tempdir().unwrap();
+        for run in 0..100 {
+            let dir = root.path().join(run.to_string());
+            fs::create_dir(&dir).unwrap();
+            std::thread::scope(|scope| {
+                let begin = scope.spawn(|| RunDir::open_shared(&dir, &experiment, 1).map(drop));
+                while !begin.is_finished() {
+                    check_owner(&dir, &experiment).unwrap();
+                }
+                begin.join().unwrap().unwrap();
+            });
+        }
+    }
 }
