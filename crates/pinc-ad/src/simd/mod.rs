@@ -20,6 +20,8 @@ mod ln;
 mod parts;
 #[cfg(target_arch = "x86_64")]
 mod power;
+#[cfg(target_arch = "x86_64")]
+mod sse2;
 mod tanh;
 mod trigonometric;
 #[cfg(target_arch = "x86_64")]
@@ -29,6 +31,13 @@ pub use tanh::tanh_all;
 pub use trigonometric::{cos, sin, sin_cos, tan};
 
 use crate::{Lanes, Scalar};
+
+/// The vectors of [`Isa::Portable`].
+#[cfg(target_arch = "x86_64")]
+pub type PortableVector = sse2::F64x2;
+/// The vectors of [`Isa::Portable`].
+#[cfg(not(target_arch = "x86_64"))]
+pub type PortableVector = Lanes<4>;
 
 /// Length of the tables of [`Simd::lookup`].
 pub const TABLE_SIZE: usize = 1 << PLACE_BITS;
@@ -95,8 +104,8 @@ pub enum Isa {
     Avx512,
     /// x86-64 with AVX2 and FMA: 4 lanes, 16 registers.
     Avx2,
-    /// Any machine: arrays that the compiler vectorizes as well as it can. Products and sums are
-    /// not fused.
+    /// Any machine, with what all of its kind have: on x86-64 two lanes of SSE2, elsewhere arrays
+    /// that the compiler vectorizes as well as it can. Products and sums are not fused.
     Portable,
 }
 
@@ -151,7 +160,8 @@ impl Isa {
     pub fn lanes(self) -> usize {
         match self {
             Self::Avx512 => 8,
-            Self::Avx2 | Self::Portable => 4,
+            Self::Avx2 => 4,
+            Self::Portable => PortableVector::LANES,
         }
     }
 
@@ -171,7 +181,7 @@ impl Isa {
     #[inline]
     pub fn dispatch<T: Task>(self, task: T) -> T::Output {
         match self {
-            Self::Portable => task.run(Lanes::<4>::splat(0.0)),
+            Self::Portable => task.run(PortableVector::splat(0.0)),
             vectors => vectors.dispatch_vectors(task),
         }
     }

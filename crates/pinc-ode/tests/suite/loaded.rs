@@ -1,7 +1,7 @@
 //! Plants under loads.
 
-use pinc_ad::simd::Isa;
-use pinc_ad::{Dual, Lanes};
+use pinc_ad::Dual;
+use pinc_ad::simd::{Isa, PortableVector, Simd};
 use pinc_ode::{DynRhs, Loaded, VectorDual};
 use pinc_plants::FourTanks;
 use std::sync::Arc;
@@ -26,10 +26,14 @@ fn a_load_is_added_to_inputs_and_rates() {
     assert_eq!(found.map(f64::to_bits), expected.map(f64::to_bits));
     assert_eq!(with.jacobian(&x, &u, &[]), DynRhs::jacobian(&plant, &x, &acting, &[]));
 
-    let lift = |v: &[f64]| -> Vec<_> { v.iter().map(|v| Dual::lift(Lanes::splat(*v))).collect() };
-    let mut lanes: Vec<VectorDual<Lanes<4>>> = lift(&[0.0; 4]);
-    with.vectorized(Isa::Portable).on().rhs(&lift(&x), &lift(&u), &[], &mut lanes);
-    for (lanes, expected) in lanes.iter().zip(expected) {
-        assert!((lanes.re.0[3] - expected).abs() < 1e-15, "{lanes:?} is not {expected}");
+    let lift = |v: &[f64]| -> Vec<VectorDual<PortableVector>> {
+        v.iter().map(|v| Dual::lift(PortableVector::splat(*v))).collect()
+    };
+    let mut vectors = lift(&[0.0; 4]);
+    with.vectorized(Isa::Portable).on().rhs(&lift(&x), &lift(&u), &[], &mut vectors);
+    for (vector, expected) in vectors.iter().zip(expected) {
+        let mut lanes = [0.0; PortableVector::LANES];
+        vector.re.write(&mut lanes);
+        assert!(lanes.iter().all(|lane| (lane - expected).abs() < 1e-15), "{lanes:?}, {expected}");
     }
 }
