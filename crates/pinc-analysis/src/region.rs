@@ -1,9 +1,8 @@
 //! Points and boxes of states and inputs.
 
 use pinc_ode::Dims;
-use rand::RngExt;
-use rand_chacha::ChaCha8Rng;
-use rand_chacha::rand_core::SeedableRng;
+use rand::rngs::ChaCha8Rng;
+use rand::{RngExt, SeedableRng};
 
 /// A state and an input.
 #[derive(Clone, Debug, PartialEq)]

@@ -7,9 +7,8 @@ use pinc_analysis::OperatingPoint;
 use pinc_config::Experiment;
 use pinc_net::Domain;
 use pinc_ode::{Simulator, Variable};
-use rand::RngExt;
-use rand_chacha::ChaCha8Rng;
-use rand_chacha::rand_core::SeedableRng;
+use rand::rngs::ChaCha8Rng;
+use rand::{RngExt, SeedableRng};
 use std::ops::Range;
 
 /// Random scenarios, and samples per T.

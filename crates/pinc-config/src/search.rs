@@ -1,9 +1,8 @@
 //! The table `[sweep.search]`: candidates drawn at random, and successive halving among them.
 
 use crate::Problem;
-use rand::RngExt;
-use rand_chacha::ChaCha8Rng;
-use rand_chacha::rand_core::SeedableRng;
+use rand::rngs::ChaCha8Rng;
+use rand::{RngExt, SeedableRng};
 use serde::{Deserialize, Serialize};
 use toml::Value;
 

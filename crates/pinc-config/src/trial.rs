@@ -1,9 +1,8 @@
 //! From a `[sweep]` section to its trials.
 
 use crate::{AxisSpec, DrawsSpec, Experiment, ModelKind, Plants, Problem, SearchSpec, SweepSpec};
-use rand::RngExt;
-use rand_chacha::ChaCha8Rng;
-use rand_chacha::rand_core::SeedableRng;
+use rand::rngs::ChaCha8Rng;
+use rand::{RngExt, SeedableRng};
 use std::collections::HashMap;
 use toml::{Table, Value};
 

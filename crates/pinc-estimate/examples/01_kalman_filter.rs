@@ -11,7 +11,7 @@ use pinc_estimate::{
 use pinc_ode::{Model, Rk4};
 use pinc_plants::FourTanks;
 use rand::SeedableRng;
-use rand_chacha::ChaCha8Rng;
+use rand::rngs::ChaCha8Rng;
 use rand_distr::{Distribution, Normal};
 
 pub(crate) fn main() -> Result<(), EstimateError> {

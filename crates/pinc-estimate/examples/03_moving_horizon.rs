@@ -10,7 +10,7 @@ use pinc_estimate::{
 };
 use pinc_ode::{Model, Plant, Rk4, Variable};
 use rand::SeedableRng;
-use rand_chacha::ChaCha8Rng;
+use rand::rngs::ChaCha8Rng;
 use rand_distr::{Distribution, Normal};
 
 /// 2 A -> B, after Haseltine and Rawlings: pA' = -2 k pA^2, pB' = k pA^2.

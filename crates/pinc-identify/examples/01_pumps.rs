@@ -11,7 +11,7 @@ use pinc_identify::{
 };
 use pinc_ode::{Model, Plant, Rk4, Variable};
 use rand::SeedableRng;
-use rand_chacha::ChaCha8Rng;
+use rand::rngs::ChaCha8Rng;
 use rand_distr::{Distribution, Normal};
 
 /// A tank with pump constant k and outlet a: 28 h' = k u - a sqrt(2 g h), in cm, s and V.

@@ -11,7 +11,7 @@ use pinc_identify::{
 };
 use pinc_ode::{Model, Plant, Rk4, Variable};
 use rand::SeedableRng;
-use rand_chacha::ChaCha8Rng;
+use rand::rngs::ChaCha8Rng;
 use rand_distr::{Distribution, Normal};
 
 /// x' = sigma (y - x), y' = x (rho - z) - y + u, z' = x y - beta z (Lorenz, "Deterministic

@@ -4,7 +4,7 @@ use crate::sampling::{Points, Purpose, rng};
 use crate::{Ansatz, Measurements, NetError, PincNet, TrainingTarget, Workers};
 use pinc_ode::{DynRhs, Simulator, Tangent};
 use rand::RngExt;
-use rand_chacha::ChaCha8Rng;
+use rand::rngs::ChaCha8Rng;
 use rand_distr::StandardNormal;
 use rayon::prelude::*;
 

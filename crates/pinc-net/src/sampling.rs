@@ -4,9 +4,8 @@ use crate::Domain;
 use crate::mlp::to_f64;
 use crate::net::Scenario;
 use pinc_ode::Dims;
-use rand::RngExt;
-use rand_chacha::ChaCha8Rng;
-use rand_chacha::rand_core::SeedableRng;
+use rand::rngs::ChaCha8Rng;
+use rand::{RngExt, SeedableRng};
 use serde::{Deserialize, Serialize};
 
 /// How collocation points (t, y0, u, p) are distributed over \[0, T\] and the domain.

@@ -10,7 +10,7 @@ use pinc_mpc::{Observer, PlantNow};
 use pinc_ode::{DynPlant, Model};
 use pinc_record::{EstimateRow, EstimateTable, EstimatorMetrics, StepTimes};
 use rand::SeedableRng;
-use rand_chacha::ChaCha8Rng;
+use rand::rngs::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 use std::cell::Cell;
 use std::collections::BTreeMap;

@@ -8,9 +8,8 @@ use pinc_net::{PincNet, TrainingTarget};
 use pinc_ode::metrics::mean_squared_error;
 use pinc_ode::{DynPlant, Simulator};
 use pinc_record::{PredictionMetrics, PredictionRow, PredictionTable, RunDir, file};
-use rand::RngExt;
-use rand_chacha::ChaCha8Rng;
-use rand_chacha::rand_core::SeedableRng;
+use rand::rngs::ChaCha8Rng;
+use rand::{RngExt, SeedableRng};
 
 /// The stream of random numbers that the inputs are drawn from; pinc-net's are below.
 const STREAM: u64 = 1 << 32;

@@ -5,9 +5,8 @@
 
 use crate::common::{leftovers, outcome, pinc, repository};
 use crate::sweep::SWEEP;
-use rand::RngExt;
-use rand_chacha::ChaCha8Rng;
-use rand_chacha::rand_core::SeedableRng;
+use rand::rngs::ChaCha8Rng;
+use rand::{RngExt, SeedableRng};
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};

@@ -3,8 +3,8 @@
 
 use crate::support::{oscillator, tanks};
 use pinc_estimate::{Ekf, Estimator, EstimatorStatus, Mhe, Tuning, Ukf};
+use rand::rngs::ChaCha8Rng;
 use rand::{RngExt, SeedableRng};
-use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 
 fn normal(rng: &mut ChaCha8Rng) -> f64 {

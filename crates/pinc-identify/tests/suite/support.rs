@@ -4,7 +4,7 @@ use pinc_expr::Equations;
 use pinc_identify::{Channel, InitialState, Measured, Problem, Unknown};
 use pinc_ode::{DynPlant, Model, Variable};
 use rand::SeedableRng;
-use rand_chacha::ChaCha8Rng;
+use rand::rngs::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 
 pub(crate) fn texts(pairs: &[(&str, &str)]) -> Vec<(String, String)> {
