@@ -58,6 +58,8 @@ pub struct ClosedLoop<'a> {
     watch: Option<Watch<'a>>,
     /// What the controller did last.
     record: Option<StepRecord>,
+    /// Whether the input of the next step is chosen.
+    chosen: bool,
     /// How many steps the plant has taken.
     done: usize,
     /// Whether the plant could not be integrated.
@@ -85,7 +87,7 @@ pub struct StepRecord {
 }
 
 /// A step between its two parts: the input is chosen, the plant has not moved. If it is dropped,
-/// the plant stays, and the controller is asked again.
+/// the plant stays, and the input chosen for this step is the same when it is asked for again.
 #[derive(Debug)]
 #[must_use = "the plant moves only by `advance`"]
 pub struct Control<'b, 'a> {
@@ -129,6 +131,7 @@ impl<'a> ClosedLoop<'a> {
             preview: true,
             watch: None,
             record: None,
+            chosen: false,
             done: 0,
             broken: false,
             last_step: Trajectory::new(dims),
@@ -149,6 +152,7 @@ impl<'a> ClosedLoop<'a> {
     /// [`MpcError`] if `u` is of the wrong length or not finite.
     pub fn with_initial_input(mut self, u: &[f64]) -> Result<Self, MpcError> {
         self.nmpc.reset_to(&self.x, u)?;
+        self.chosen = false;
         self.inputs.chunks_exact_mut(u.len()).for_each(|input| input.copy_from_slice(u));
         Ok(self)
     }
@@ -236,6 +240,10 @@ impl<'a> ClosedLoop<'a> {
         if self.broken || self.done == self.reference.steps() {
             return Ok(None);
         }
+        // The controller takes what it has chosen for applied.
+        if self.chosen {
+            return Ok(Some(Control { run: self }));
+        }
         let delay = self.nmpc.problem().delay;
         self.write_window(self.done);
         self.observe()?;
@@ -250,6 +258,7 @@ impl<'a> ClosedLoop<'a> {
         });
         let chosen = delay * step.u.len();
         self.inputs[chosen..].copy_from_slice(step.u);
+        self.chosen = true;
         Ok(Some(Control { run: self }))
     }
 
@@ -420,6 +429,7 @@ impl Control<'_, '_> {
         let m = run.nmpc.model().dims().nu;
         let u = run.inputs[..m].to_vec();
         run.move_plant(&u)?;
+        run.chosen = false;
         if let Some(watch) = &mut run.watch {
             watch.advance(&u);
         }

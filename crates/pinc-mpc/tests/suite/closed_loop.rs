@@ -3,7 +3,9 @@
 use crate::problems::van_der_pol;
 use crate::support::{Linear, scalar_problem};
 use pinc_ad::Scalar;
-use pinc_mpc::{ClosedLoop, LoopRecord, MpcError, Nmpc, Reference, SqpConfig, SqpStatus};
+use pinc_mpc::{
+    ClosedLoop, LoopRecord, MpcError, Nmpc, Observer, PlantNow, Reference, SqpConfig, SqpStatus,
+};
 use pinc_ode::metrics::Tracking;
 use pinc_ode::{Dopri5, OdeError, Plant, Rk4, Variable};
 use pinc_plants::VanDerPol;
@@ -141,6 +143,7 @@ fn a_plant_that_cannot_be_integrated_leaves_what_there_was() {
     // Infinite at t = 1/0.62 = 1 + 5.5/9: in the second step, past 5 of its 9 points.
     let truth = Dopri5::new(Runaway { rate: 0.62 }, 1e-9);
     let mut run = ClosedLoop::new(&mut nmpc, truth, reference, &[1.0]).unwrap();
+    assert_eq!(run.tracking_dense(), Tracking::new(1));
     let (record, ended) = run.run_recorded();
     let error = ended.unwrap_err();
     let MpcError::Plant { step, source } = error else {
@@ -152,6 +155,10 @@ fn a_plant_that_cannot_be_integrated_leaves_what_there_was() {
     assert_eq!(record.steps.len(), 2);
     assert_eq!(run.last_step().len(), 1 + 5);
     assert!(run.control().unwrap().is_none());
+    // Every sample counts once; what is followed is 0.
+    let samples = 0..record.trajectory.len();
+    let expected: f64 = samples.map(|i| record.trajectory.state(i)[0]).sum();
+    assert!((run.tracking_dense().iae_sum() - expected).abs() < 1e-12 * expected);
 }
 
 #[test]
@@ -171,13 +178,14 @@ fn the_controller_forgets_earlier_runs() {
 }
 
 #[test]
-fn a_step_that_is_dropped_is_taken_again() {
+fn a_step_that_is_dropped_is_the_same_when_it_is_asked_for_again() {
     let model = Rk4::new(VanDerPol::default(), 0.5, 4);
     let mut nmpc = Nmpc::new(van_der_pol(), Box::new(model), SqpConfig::default()).unwrap();
     let reference = Reference::new([0.8, 0.0].repeat(3), 2).unwrap();
     let truth = Dopri5::new(VanDerPol::default(), 1e-9);
     let mut run = ClosedLoop::new(&mut nmpc, truth, reference, &[0.5, 0.2]).unwrap();
-    assert!(run.control().unwrap().is_some());
+    let dropped = run.control().unwrap().unwrap().u().to_vec();
+    assert_eq!(run.control().unwrap().unwrap().u(), dropped);
     let mut controls = 0;
     while let Some(control) = run.control().unwrap() {
         assert_eq!(control.record().status, SqpStatus::Converged);
@@ -186,6 +194,85 @@ fn a_step_that_is_dropped_is_taken_again() {
         controls += 1;
     }
     assert_eq!(controls, 3);
+}
+
+/// Sees a state that is 0.25 too high, and remembers what it was told.
+#[derive(Debug, Default)]
+struct TooHigh {
+    asked: Vec<(usize, f64)>,
+    inputs: Vec<f64>,
+}
+
+impl Observer for TooHigh {
+    fn observe(&mut self, plant: PlantNow<'_>, x: &mut [f64], parameters: &mut [f64]) {
+        assert!(parameters.is_empty());
+        assert_eq!(plant.y, plant.x);
+        self.asked.push((plant.step, plant.x[0]));
+        x[0] = plant.x[0] + 0.25;
+    }
+
+    fn advance(&mut self, u: &[f64]) {
+        self.inputs.push(u[0]);
+    }
+}
+
+#[test]
+fn an_observer_is_asked_once_a_step_and_believed() {
+    let build = || {
+        let model = Box::new(Linear::scalar(1.0, 1.0));
+        Nmpc::new(scalar_problem(2, 2), model, SqpConfig::default()).unwrap()
+    };
+    let (mut nmpc, mut alone) = (build(), build());
+    let reference = Reference::new(vec![0.0; 3], 1).unwrap();
+    let mut observer = TooHigh::default();
+    let truth = Dopri5::new(Runaway { rate: 0.0 }, 1e-12);
+    let run = ClosedLoop::new(&mut nmpc, truth, reference, &[1.0]).unwrap();
+    let mut run = run.with_observer(&mut observer);
+    let (mut states, mut inputs) = (Vec::new(), Vec::new());
+    // Of every step the first control is dropped.
+    while run.control().unwrap().is_some() {
+        let control = run.control().unwrap().unwrap();
+        let (x, seen) = (control.seen()[0] - 0.25, control.seen().to_vec());
+        let expected = alone.step(&seen, &[0.0; 2]).unwrap().u[0];
+        assert!((control.u()[0] - expected).abs() < 1e-12, "{} {expected}", control.u()[0]);
+        states.push(x);
+        inputs.push(expected);
+        control.advance().unwrap();
+        alone.set_applied_input(&[expected]).unwrap();
+    }
+    assert_eq!(observer.asked.iter().map(|(step, _)| *step).collect::<Vec<_>>(), [0, 1, 2]);
+    for ((_, found), expected) in observer.asked.iter().zip(states) {
+        assert!((found - expected).abs() < 1e-12, "{found} {expected}");
+    }
+    for (found, expected) in observer.inputs.iter().zip(inputs) {
+        assert!((found - expected).abs() < 1e-12, "{found} {expected}");
+    }
+    assert_eq!(observer.inputs.len(), 3);
+}
+
+#[test]
+fn a_plant_may_change_on_the_way() {
+    let mut nmpc = idle();
+    let reference = Reference::new(vec![1.0; 2], 1).unwrap();
+    let at_rest = Dopri5::new(Runaway { rate: 0.0 }, 1e-12);
+    let mut run = ClosedLoop::new(&mut nmpc, at_rest, reference, &[1.0]).unwrap();
+    run.control().unwrap().unwrap().advance().unwrap();
+    assert_eq!(run.last_step().state(9), [1.0]);
+    run.set_plant(Dopri5::new(Runaway { rate: 0.25 }, 1e-12).into());
+    run.control().unwrap().unwrap().advance().unwrap();
+    // x = 1/(1 - rate t) after a second.
+    assert!((run.last_step().state(9)[0] - 1.0 / 0.75).abs() < 1e-9);
+    assert!(run.control().unwrap().is_none());
+}
+
+#[test]
+#[should_panic(expected = "the sizes of a plant")]
+fn a_plant_of_another_size_is_a_programming_error() {
+    let mut nmpc = idle();
+    let reference = Reference::new(vec![1.0; 2], 1).unwrap();
+    let plant = Dopri5::new(Runaway { rate: 0.0 }, 1e-12);
+    let mut run = ClosedLoop::new(&mut nmpc, plant, reference, &[1.0]).unwrap();
+    run.set_plant(Dopri5::new(VanDerPol::default(), 1e-12).into());
 }
 
 #[test]

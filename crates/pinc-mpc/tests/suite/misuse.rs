@@ -3,7 +3,8 @@
 use crate::problems::{four_tanks, van_der_pol};
 use crate::support::{Linear, scalar_problem};
 use pinc_mpc::{
-    Bounds, MpcError, Nmpc, NmpcProblem, PerStage, SqpConfig, SqpStatus, Tracked, Weight, Weights,
+    Bounds, MpcError, Nmpc, NmpcProblem, PerStage, Softness, SqpConfig, SqpStatus, Tracked, Weight,
+    Weights,
 };
 use pinc_ode::Rk4;
 use pinc_plants::VanDerPol;
@@ -89,6 +90,26 @@ fn bounds() {
         "state_bounds[0] is inf, but must be finite or -inf"
     );
     assert!(refusal(|p| p.state_bounds.high[0] = f64::NEG_INFINITY).contains("-inf"));
+    // A variable that may not move is no mistake.
+    let mut fixed = scalar_problem(2, 2);
+    fixed.input_bounds = Bounds::new(vec![0.5], vec![0.5]);
+    let model = Box::new(Linear::scalar(1.0, 1.0));
+    let mut nmpc = Nmpc::new(fixed, model, SqpConfig::default()).unwrap();
+    assert!((nmpc.step(&[1.0], &[0.0; 2]).unwrap().u[0] - 0.5).abs() < 1e-12);
+}
+
+#[test]
+fn penalties() {
+    for (weight, text) in [(0.0, "0"), (-1.0, "-1"), (f64::INFINITY, "inf"), (f64::NAN, "NaN")] {
+        assert_eq!(
+            refusal(|p| p.state_softness = Softness::Penalty(vec![1.0, weight])),
+            format!("state_softness[1] is {text}, but must be positive and finite")
+        );
+    }
+    assert_eq!(
+        refusal(|p| p.state_softness = Softness::Penalty(vec![1.0])),
+        "state_softness: 1 numbers, but 2 are expected"
+    );
 }
 
 #[test]

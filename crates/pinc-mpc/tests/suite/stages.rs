@@ -2,7 +2,7 @@
 
 use crate::optimality::{StepInput, residuals, scale};
 use crate::problems::{four_tanks, four_tanks_loop};
-use crate::support::scalar_problem;
+use crate::support::{Linear, scalar_problem};
 use pinc_mpc::{
     Bounds, ClosedLoop, MpcError, Nmpc, NmpcProblem, QpMethod, Reference, SqpConfig, SqpStatus,
     Weight, Weights,
@@ -147,6 +147,21 @@ fn like_models_are_one() {
         }
         expected.u.to_vec()
     });
+}
+
+/// Of a plan that is moved on a stage keeps no linearization of another model: with linear models
+/// one quadratic program is always enough.
+#[test]
+fn stages_are_linearized_by_their_own_models() {
+    let builder = Nmpc::builder(scalar_problem(5, 5));
+    let builder = builder.stages(Box::new(Linear::scalar(0.9, 1.0)), 2);
+    let mut nmpc = builder.stages(Box::new(Linear::scalar(0.5, -0.3)), 3).build().unwrap();
+    let mut x = 1.0;
+    for k in 0..5 {
+        let step = nmpc.step(&[x], &[0.5; 5]).unwrap();
+        assert_eq!((step.status, step.sqp_iterations), (SqpStatus::Converged, 1), "step {k}");
+        x = nmpc.plan().states()[0];
+    }
 }
 
 /// Two stages of 10 s, then three of 40 s: true to the models, optimal, and the plan moved on is a
