@@ -4,7 +4,8 @@ use crate::problems::van_der_pol;
 use crate::support::{Linear, scalar_problem};
 use pinc_ad::Scalar;
 use pinc_mpc::{
-    ClosedLoop, LoopRecord, MpcError, Nmpc, Observer, PlantNow, Reference, SqpConfig, SqpStatus,
+    ClosedLoop, LoopRecord, MpcError, Nmpc, NmpcProblem, Observer, PlantNow, Reference, SqpConfig,
+    SqpStatus, Tracked,
 };
 use pinc_ode::metrics::Tracking;
 use pinc_ode::{Dopri5, OdeError, Plant, Rk4, Variable};
@@ -29,6 +30,35 @@ impl Plant for Runaway {
 
     fn rhs<S: Scalar>(&self, x: &[S], u: &[S], _p: &[S], dx: &mut [S]) {
         dx[0] = x[0] * x[0] * self.rate + u[0];
+    }
+}
+
+/// x' = u, y = (x, -x).
+#[derive(Clone, Debug)]
+struct TwoSensors;
+
+impl Plant for TwoSensors {
+    fn states(&self) -> &[Variable] {
+        static VARIABLES: [Variable; 1] = [Variable::new("x", "")];
+        &VARIABLES
+    }
+
+    fn inputs(&self) -> &[Variable] {
+        static VARIABLES: [Variable; 1] = [Variable::new("u", "")];
+        &VARIABLES
+    }
+
+    fn outputs(&self) -> &[Variable] {
+        static VARIABLES: [Variable; 2] = [Variable::new("y1", ""), Variable::new("y2", "")];
+        &VARIABLES
+    }
+
+    fn rhs<S: Scalar>(&self, _x: &[S], u: &[S], _p: &[S], dx: &mut [S]) {
+        dx[0] = u[0];
+    }
+
+    fn output<S: Scalar>(&self, x: &[S], _u: &[S], _p: &[S], y: &mut [S]) {
+        y.copy_from_slice(&[x[0], -x[0]]);
     }
 }
 
@@ -301,5 +331,17 @@ fn parts_that_do_not_fit_are_errors() {
     assert_eq!(
         ClosedLoop::new(&mut nmpc, other, reference(1), &[1.0]).map_err(refused).unwrap_err(),
         "the plant's states: 2 numbers, but 1 are expected"
+    );
+    // Outputs have to be those of the model only if the controller uses them.
+    let two_sensors = || Dopri5::new(TwoSensors, 1e-9);
+    assert!(ClosedLoop::new(&mut nmpc, two_sensors(), reference(1), &[1.0]).is_ok());
+    let problem = NmpcProblem { tracked: Tracked::outputs([0]), ..scalar_problem(2, 2) };
+    let model = Box::new(Linear::scalar(1.0, 1.0));
+    let mut nmpc = Nmpc::new(problem, model, SqpConfig::default()).unwrap();
+    assert_eq!(
+        ClosedLoop::new(&mut nmpc, two_sensors(), reference(1), &[1.0])
+            .map_err(refused)
+            .unwrap_err(),
+        "the plant's outputs: 2 numbers, but 1 are expected"
     );
 }

@@ -99,6 +99,18 @@ fn bounds() {
 }
 
 #[test]
+fn sizes_of_states() {
+    assert_eq!(
+        refusal(|p| p.state_sizes = Some(vec![1.0, 0.0])),
+        "state_sizes[1] is 0, but must be positive"
+    );
+    assert_eq!(
+        refusal(|p| p.state_sizes = Some(vec![1.0])),
+        "state_sizes: 1 numbers, but 2 are expected"
+    );
+}
+
+#[test]
 fn penalties() {
     for (weight, text) in [(0.0, "0"), (-1.0, "-1"), (f64::INFINITY, "inf"), (f64::NAN, "NaN")] {
         assert_eq!(
