@@ -4,6 +4,7 @@
 mod agreement;
 mod applied_input;
 mod closed_loop;
+mod deadlines;
 mod failures;
 mod faulty;
 mod formulation;
