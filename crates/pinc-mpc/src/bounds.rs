@@ -56,6 +56,16 @@ impl Bounds {
         sizes
     }
 
+    /// The point of the first stage that is this `part` of the way from one bound to the other; -1
+    /// and 1 take the place of bounds that are not finite.
+    pub(crate) fn between(&self, part: f64, variables: usize) -> Vec<f64> {
+        let finite = |bound: f64, other: f64| if bound.is_finite() { bound } else { other };
+        let sides = self.low.iter().zip(&self.high).take(variables);
+        sides
+            .map(|(&low, &high)| (1.0 - part) * finite(low, -1.0) + part * finite(high, 1.0))
+            .collect()
+    }
+
     /// These bounds, followed by those of `other`.
     pub(crate) fn chain(self, other: Self) -> Self {
         Self { low: [self.low, other.low].concat(), high: [self.high, other.high].concat() }

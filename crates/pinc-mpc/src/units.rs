@@ -1,7 +1,9 @@
 //! The units in which the optimisation computes.
 
+use crate::constraints::ConstraintWork;
 use crate::cost::Targets;
 use crate::{NmpcProblem, Tracked};
+use pinc_ode::Dims;
 use pinc_qp::{Multipliers, OcpDims, Qp};
 
 /// A quantity of this size or between is computed with as it is.
@@ -57,8 +59,8 @@ impl Units {
             None => problem.state_bounds.sizes(dims.nx),
         };
         let inputs = problem.input_bounds.sizes(dims.nu);
-        let general = dims.rows() - dims.outputs;
-        let mut rows = vec![1.0; general];
+        let mut rows = row_sizes(problem, [&states, &inputs]);
+        rows.iter_mut().for_each(|size| *size = unit(*size, ORDINARY));
         if let Some(bounds) = &problem.output_bounds {
             rows.extend(bounds.sizes(dims.outputs).into_iter().map(|size| unit(size, ORDINARY)));
         }
@@ -219,6 +221,31 @@ impl Units {
         increments.iter_mut().enumerate().for_each(|(i, v)| scale(v, self.u[i % m]));
         rows.iter_mut().enumerate().for_each(|(i, v)| scale(v, self.rows[i % self.rows.len()]));
     }
+}
+
+/// By how much the rows of the constraints vary with states and inputs of these sizes, 0 where that
+/// is not known: by their slopes at both ends of the bounds and in the middle, for they may be flat
+/// at one point.
+fn row_sizes(problem: &NmpcProblem, sizes: [&[f64]; 2]) -> Vec<f64> {
+    let Some(constraints) = &problem.constraints else { return Vec::new() };
+    let [n, m] = sizes.map(<[f64]>::len);
+    let count = constraints.inequalities() + constraints.equalities();
+    let mut work = ConstraintWork::new(Dims::new(n, m), count);
+    let (mut values, mut by_x, mut by_u) =
+        (vec![0.0; count], vec![0.0; count * n], vec![0.0; count * m]);
+    let mut rows = vec![0.0_f64; count];
+    for part in [0.0, 0.5, 1.0] {
+        let x = problem.state_bounds.between(part, n);
+        let u = problem.input_bounds.between(part, m);
+        constraints.linearize([&x, &u], &mut values, [&mut by_x, &mut by_u], &mut work);
+        for (slopes, sizes) in [(&by_x, sizes[0]), (&by_u, sizes[1])] {
+            for (row, slopes) in rows.iter_mut().zip(slopes.chunks_exact(sizes.len())) {
+                let ranges = slopes.iter().zip(sizes).map(|(slope, size)| slope.abs() * size);
+                *row = ranges.filter(|range| range.is_finite()).fold(*row, f64::max);
+            }
+        }
+    }
+    rows
 }
 
 /// Blocks of matrices M become `rows^-1 M columns`.

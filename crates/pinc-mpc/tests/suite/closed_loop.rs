@@ -166,6 +166,36 @@ fn segments_end_where_the_controller_prepares_the_next() {
     }
 }
 
+/// x = 1/(1 - t/4): 1, 4/3, 2 and 4 at the step marks, under a reference of 1, 1 and 2.
+#[test]
+fn segments_are_judged_by_their_own_marks() {
+    let segments = |preview: bool, steps: usize| {
+        let mut nmpc = idle();
+        let reference = Reference::new(vec![1.0, 1.0, 2.0], 1).unwrap();
+        let truth = Dopri5::new(Runaway { rate: 0.25 }, 1e-12);
+        let run = ClosedLoop::new(&mut nmpc, truth, reference, &[1.0]).unwrap();
+        let mut run = if preview { run } else { run.without_preview() };
+        for _ in 0..steps {
+            run.control().unwrap().unwrap().advance().unwrap();
+        }
+        let segments = run.segments(&[0.5]).into_iter();
+        segments.map(|segment| (segment.offset[0], segment.settled)).collect::<Vec<_>>()
+    };
+    let near = |found: Vec<(f64, Option<usize>)>, expected: &[(f64, Option<usize>)]| {
+        assert_eq!(found.len(), expected.len(), "{found:?}");
+        for (found, expected) in found.iter().zip(expected) {
+            let is_near =
+                (found.0 - expected.0).abs() < 1e-9 || found.0.is_nan() && expected.0.is_nan();
+            assert!(is_near && found.1 == expected.1, "{found:?}");
+        }
+    };
+    near(segments(false, 3), &[(2.0 / 3.0, None), (2.0, None)]);
+    // With a preview of two steps the controller prepares the 2 from the beginning.
+    near(segments(true, 3), &[(f64::NAN, Some(0)), (2.0, None)]);
+    // What has not begun is not judged.
+    near(segments(false, 2), &[(2.0 / 3.0, None)]);
+}
+
 #[test]
 fn a_plant_that_cannot_be_integrated_leaves_what_there_was() {
     let mut nmpc = idle();

@@ -1,7 +1,10 @@
 //! The units of states, inputs and cost do not matter.
 
 use crate::problems::{Loop, four_tanks_loop, van_der_pol_loop};
-use pinc_mpc::{Bounds, Nmpc, QpMethod, SqpConfig, SqpStatus, Weights};
+use pinc_ad::Scalar;
+use pinc_mpc::{
+    Bounds, Constraints, Nmpc, QpMethod, SqpConfig, SqpStatus, StageConstraints, Weights,
+};
 use pinc_ode::{Dims, Linearization, Model, Rk4, Stages};
 use pinc_plants::{FourTanks, VanDerPol};
 
@@ -161,6 +164,46 @@ fn inputs_and_costs_may_be_counted_in_any_unit() {
             // The last reference is on two bounds, where the optimum is flat: 90 of 120 steps.
             compare(short_loop, &oscillator, counted, qp);
         }
+    }
+}
+
+/// No more than 20 in the two lower tanks together: x1 + x2 <= 20, with levels counted in numbers
+/// so many times larger, and the row again in others.
+#[derive(Debug)]
+struct Together {
+    x: f64,
+    row: f64,
+}
+
+impl StageConstraints for Together {
+    fn inequalities(&self) -> usize {
+        1
+    }
+
+    fn evaluate<S: Scalar>(&self, x: &[S], _u: &[S], h: &mut [S], _g: &mut [S]) {
+        h[0] = ((x[0] + x[1]) / self.x - 20.0) * self.row;
+    }
+}
+
+#[test]
+fn constraints_may_be_counted_in_any_unit() {
+    let model = Rk4::new(FourTanks::antonelo(), 10.0, 4);
+    let inputs = |x: f64, row: f64, qp: QpMethod| {
+        let mut built = four_tanks_loop();
+        built.problem.constraints = Some(Constraints::new(Together { x, row }));
+        run(built, model.clone(), Counted { x, u: 1.0, cost: 1.0, bounded: true }, qp).1
+    };
+    for qp in METHODS {
+        let expected = inputs(1.0, 1.0, qp);
+        for (x, row) in [(1e-4, 1.0), (1e4, 1.0), (1e5, 1e-3), (1.0, 1e-5), (1.0, 1e6)] {
+            let found = inputs(x, row, qp);
+            for (k, (a, b)) in expected.iter().flatten().zip(found.iter().flatten()).enumerate() {
+                assert!((a - b).abs() < 1e-5, "{x}, {row}, {qp}, {k}: {a} {b}");
+            }
+        }
+        // Without it the references add up to 23 to 26.
+        let usual = Counted { x: 1.0, u: 1.0, cost: 1.0, bounded: true };
+        assert_ne!(run(four_tanks_loop(), model.clone(), usual, qp).1, expected);
     }
 }
 
