@@ -36,7 +36,7 @@ jax.config.update("jax_enable_x64", True)
 
 
 def tanh_exp(z):
-    """tanh by the exponential, which XLA vectorises; its own f64 tanh is slower."""
+    """tanh by the exponential, which XLA vectorizes; its own f64 tanh is slower."""
     return 1.0 - 2.0 / (jnp.exp(2.0 * z) + 1.0)
 
 
@@ -58,7 +58,7 @@ class Problem:
         return (points - self.e.input_mean[:, None]) / self.e.input_std[:, None]
 
     def loss_of_outputs(self, points, y, dy, mask):
-        """lambda MSE_F's share of some points: y, dy [states, points] before denormalisation."""
+        """lambda MSE_F's share of some points: y, dy [states, points] before denormalization."""
         e = self.e
         y = y * e.output_std[:, None] + e.output_mean[:, None]
         dy = dy * e.output_std[:, None]

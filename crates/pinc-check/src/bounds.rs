@@ -76,7 +76,7 @@ fn reach(subject: &Subject<'_>, control: &ControlSpec, domain: &Domain) -> Vec<F
                     ),
                 )
                 .because(
-                    "a net is wrong outside the box it was trained on, and the optimiser \
+                    "a net is wrong outside the box it was trained on, and the optimizer \
                      may plan there",
                 )
                 .change(format!(

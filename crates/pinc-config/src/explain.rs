@@ -1,4 +1,4 @@
-//! From an error of deserialisation to one that says what to write instead.
+//! From an error of deserialization to one that says what to write instead.
 
 use crate::problem::{Problem, nearest};
 

@@ -1,5 +1,5 @@
 //! A real-time iteration by the length of the horizon, with each method for its QPs: one
-//! linearisation of all stages and one QP, whatever the state. RK4 x4 is the model, and the plant
+//! linearization of all stages and one QP, whatever the state. RK4 x4 is the model, and the plant
 //! in the loop.
 
 use divan::{Bencher, black_box};

@@ -108,7 +108,7 @@ pub enum Softness {
     /// that is in the way; the plan is then that of `Exact`.
     #[default]
     Hard,
-    /// It is met wherever the (linearised) problem has a solution, and violated as little as
+    /// It is met wherever the (linearized) problem has a solution, and violated as little as
     /// possible elsewhere: by an L1 penalty that comes into play only where it must, with a weight
     /// of 1000 times the cost's largest slope at the first guess, above the multipliers of ordinary
     /// problems.

@@ -57,7 +57,7 @@ impl NmpcBuilder {
         self
     }
 
-    /// The choices of the optimisation.
+    /// The choices of the optimization.
     pub fn config(mut self, config: SqpConfig) -> Self {
         self.config = config;
         self

@@ -74,7 +74,7 @@ pub struct ClosedLoop<'a> {
 /// What is remembered of the controller's part of a step.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StepRecord {
-    /// How the optimisation ended.
+    /// How the optimization ended.
     pub status: SqpStatus,
     /// How many QPs were solved.
     pub sqp_iterations: usize,

@@ -1,11 +1,11 @@
-//! The choices of the optimisation, and how it ends.
+//! The choices of the optimization, and how it ends.
 
 use crate::error::{check_range, check_setting};
 use crate::{MpcError, QpMethod};
 use serde::{Deserialize, Serialize};
 use std::fmt;
 
-/// How the optimisation of a control step ended.
+/// How the optimization of a control step ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 #[non_exhaustive]
@@ -27,7 +27,7 @@ pub enum SqpStatus {
     NumericalTrouble,
 }
 
-/// The serialised name, as `converged`.
+/// The serialized name, as `converged`.
 impl fmt::Display for SqpStatus {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
@@ -42,7 +42,7 @@ impl fmt::Display for SqpStatus {
     }
 }
 
-/// The choices of the optimisation.
+/// The choices of the optimization.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct SqpConfig {

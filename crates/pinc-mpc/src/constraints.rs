@@ -41,7 +41,7 @@ pub trait StageConstraints: Debug + Send + Sync {
         0
     }
 
-    /// Writes h(x, u) and g(x, u). Every entry must be written. They may be called anywhere between
+    /// Writes h(x, u) and g(x, u). Every entry must be written. It may be called anywhere between
     /// the bounds of states and inputs: by their slopes there, and the sizes that bounds give, the
     /// controller chooses the units in which it computes with them.
     ///

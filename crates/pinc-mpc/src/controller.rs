@@ -22,7 +22,7 @@ const MOST_WAITING: usize = 5;
 /// and gives the plan's first input.
 ///
 /// The input is always within its bounds, and within those of its increments, however the
-/// optimisation ends. A plan that is not optimal but true to the model (to the square root of the
+/// optimization ends. A plan that is not optimal but true to the model (to the square root of the
 /// tolerance) is followed: suboptimal control suffices (Scokaert, Mayne and Rawlings, IEEE Trans.
 /// Autom. Control 44 (1999)). Otherwise the input is the next one of the last plan, whose last
 /// input is held when it has run out (before there is a plan, it is 0, moved into the bounds); and
@@ -85,7 +85,7 @@ pub struct Nmpc {
     has_fallback: bool,
     /// Whether the plan is moved on.
     shifted: bool,
-    /// Whether the problem is linearised there.
+    /// Whether the problem is linearized there.
     prepared: bool,
     /// u\[k-1\]
     previous: Vec<f64>,
@@ -102,18 +102,18 @@ pub struct Nmpc {
 pub struct StepReport<'a> {
     /// The input to apply, within its bounds whatever the status.
     pub u: &'a [f64],
-    /// How the optimisation ended.
+    /// How the optimization ended.
     pub status: SqpStatus,
     /// How many QPs were solved.
     pub sqp_iterations: usize,
     /// What else it took; that of [`Nmpc::prepare`] is part of the step after.
     pub work: StepWork,
-    /// The residual of the plan that the optimisation ended with (of a real-time iteration: that it
+    /// The residual of the plan that the optimization ended with (of a real-time iteration: that it
     /// began with); not finite if the model has no value there.
     pub kkt: KktResidual,
     /// A hard constraint that cannot be met, if that is what kept the step from being optimal.
     pub violated: Option<Constraint>,
-    /// Whether `u` is of the plan that the optimisation ended with; otherwise it is the next one of
+    /// Whether `u` is of the plan that the optimization ended with; otherwise it is the next one of
     /// the last plan.
     pub followed: bool,
 }
@@ -133,7 +133,7 @@ impl Nmpc {
     }
 
     /// Begins a controller for `problem` that needs more than one model and the choices of the
-    /// optimisation.
+    /// optimization.
     pub fn builder(problem: NmpcProblem) -> NmpcBuilder {
         NmpcBuilder::new(problem)
     }
@@ -208,7 +208,7 @@ impl Nmpc {
         &self.plan
     }
 
-    /// The choices of the optimisation.
+    /// The choices of the optimization.
     #[must_use]
     pub fn config(&self) -> &SqpConfig {
         &self.config
@@ -287,15 +287,15 @@ impl Nmpc {
     }
 
     /// [`Nmpc::step`] within a time budget: `expired` says whether the time is up. It is asked
-    /// every few microseconds of work on small plants: within linearisations, every 32 stages (8, with
-    /// more than 8 states and inputs), before each QP and within it, in the middle of large
-    /// factorisations and between them, and between trials of a step's length. Clarabel alone is
+    /// every few microseconds of work on small plants: within linearizations, every 32 stages (8,
+    /// with more than 8 states and inputs), before each QP and within it, in the middle of large
+    /// factorizations and between them, and between trials of a step's length. Clarabel alone is
     /// not interrupted. The status is then [`SqpStatus::Deadline`].
     ///
     /// What was reached goes on in the next step: a plan on the way to the solution of a QP, or one
     /// that there was no time to judge, is where that begins. The residual is then that of the plan
     /// before, whose input is handed out if it is true to the model; it is infinite where the first
-    /// linearisation did not come to its end.
+    /// linearization did not come to its end.
     ///
     /// # Errors
     ///
@@ -340,7 +340,7 @@ impl Nmpc {
     }
 
     /// Does what can be done of the next real-time iteration before the state is measured: moves
-    /// the plan on and linearises along it. If it is not called, the step does it; without
+    /// the plan on and linearizes along it. If it is not called, the step does it; without
     /// [`SqpConfig::real_time`], or without a plan to start from, nothing is done.
     pub fn prepare(&mut self) {
         if self.config.real_time && self.warm && !self.prepared {
@@ -451,7 +451,7 @@ impl Nmpc {
     }
 
     /// Whether a plan that cannot be followed yet is a better guess for the next step than to stay:
-    /// there was one before, or the optimisation has brought one. On stages of different lengths
+    /// there was one before, or the optimization has brought one. On stages of different lengths
     /// there is no memory to keep two plans.
     fn has_guess(&self) -> bool {
         self.horizon.is_uniform() && (self.warm || self.plan != self.fallback)

@@ -5,7 +5,7 @@ use crate::error::check_range;
 use pinc_ode::{Dims, Linearization, Model, Stages};
 use std::ops::Range;
 
-/// How many stages of a small plant, and of one of more states and inputs than that, are linearised
+/// How many stages of a small plant, and of one of more states and inputs than that, are linearized
 /// between two looks at the clock; multiples of the points that the models take at once.
 const UNASKED: [usize; 2] = [32, 8];
 
@@ -96,7 +96,7 @@ impl Horizon {
         self.blocks[place.unwrap_or(last)].model.as_mut()
     }
 
-    /// Linearises at the points of all stages, each by its model; whether it came to the end before
+    /// Linearizes at the points of all stages, each by its model; whether it came to the end before
     /// `expired` said that the time is up.
     pub(crate) fn linearize(
         &mut self,

@@ -30,7 +30,7 @@ pub struct KktResidual {
 }
 
 impl KktResidual {
-    /// The residuals at the point `at`, where `qp` is the problem linearised there. `work` is as
+    /// The residuals at the point `at`, where `qp` is the problem linearized there. `work` is as
     /// long as z.
     pub(crate) fn new(qp: &Qp, at: &Solution, work: &mut [f64]) -> Self {
         let multipliers = &at.multipliers;

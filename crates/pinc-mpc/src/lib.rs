@@ -1,7 +1,7 @@
 //! Nonlinear model predictive control by multiple shooting, over any
 //! [`Model`](pinc_ode::Model).
 //!
-//! - [`NmpcProblem`]: the optimisation problem of the paper, Eqs. (MS:*), with its [`Weights`] and
+//! - [`NmpcProblem`]: the optimization problem of the paper, Eqs. (MS:*), with its [`Weights`] and
 //!   [`Bounds`].
 //! - [`Nmpc`]: the controller. Each step solves the problem by Gauss-Newton sequential quadratic
 //!   programming, says how that ended ([`SqpStatus`]) and how good the plan is ([`KktResidual`]).
@@ -36,7 +36,7 @@
 //! # Ok::<(), pinc_mpc::MpcError>(())
 //! ```
 //!
-//! A status is a value, for the plant needs an input however the optimisation ends; an
+//! A status is a value, for the plant needs an input however the optimization ends; an
 //! [`MpcError`] means that the parts do not fit together.
 
 mod barzilai_borwein;

@@ -4,16 +4,16 @@ use crate::horizon::Horizon;
 use pinc_ode::{Linearization, Model, Stages};
 use pinc_qp::{OcpDims, all_finite};
 
-/// The model, linearised at all stages of a plan.
+/// The model, linearized at all stages of a plan.
 ///
 /// A controller begins each step with the plan of the step before, moved on by one: all stages but
-/// the first and the last are where the model was linearised when that plan was judged. They are
+/// the first and the last are where the model was linearized when that plan was judged. They are
 /// not evaluated again.
 #[derive(Debug)]
 pub(crate) struct LinearizationCache {
     dims: OcpDims,
     stages: StageBlocks,
-    /// Where it is to be linearised next.
+    /// Where it is to be linearized next.
     input: Points,
     /// The first and the last stage.
     ends: StageBlocks,
@@ -82,7 +82,7 @@ impl LinearizationCache {
         self.known = false;
     }
 
-    /// Linearises along the plan `z` from `x0`; whether it came to the end before `expired` said
+    /// Linearizes along the plan `z` from `x0`; whether it came to the end before `expired` said
     /// that the time is up.
     pub(crate) fn follow(
         &mut self,
@@ -125,7 +125,7 @@ impl LinearizationCache {
         horizon > 2 && same(&self.input.x, x, n) && same(&self.input.u, u, m)
     }
 
-    /// Moves the stages on, and linearises at the first and the last.
+    /// Moves the stages on, and linearizes at the first and the last.
     fn renew_ends(&mut self, model: &mut dyn Model) {
         let OcpDims { nx: n, nu: m, horizon: count, .. } = self.dims;
         let Self { stages, ends, parameters, counts, .. } = self;

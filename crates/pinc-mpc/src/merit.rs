@@ -41,7 +41,7 @@ impl Merit {
         }
     }
 
-    /// phi at the point where the cost is `cost` and which `qp` is linearised at.
+    /// phi at the point where the cost is `cost` and which `qp` is linearized at.
     pub(crate) fn value(&self, qp: &Qp, cost: f64) -> f64 {
         let weights = &self.weights;
         let defects: f64 = qp.c.iter().zip(&weights.dynamics).map(|(c, s)| s * c.abs()).sum();

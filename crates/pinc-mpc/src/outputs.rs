@@ -4,7 +4,7 @@ use crate::horizon::Horizon;
 use pinc_ode::{Dims, OutputLinearization, Stages};
 use pinc_qp::OcpDims;
 
-/// y = h(x, u, p), linearised at `x_1` .. `x_N` with the inputs that act there.
+/// y = h(x, u, p), linearized at `x_1` .. `x_N` with the inputs that act there.
 #[derive(Debug)]
 pub(crate) struct Outputs {
     model: Dims,
@@ -22,7 +22,7 @@ impl Outputs {
         Self { model, y: zeros(1), c: zeros(model.nx), d: zeros(model.nu) }
     }
 
-    /// Linearises along the plan `z`.
+    /// Linearizes along the plan `z`.
     #[inline(never)]
     pub(crate) fn follow(&mut self, horizon: &mut Horizon, dims: OcpDims, z: &[f64], p: &[f64]) {
         let Dims { nx, nu, ny, .. } = self.model;

@@ -10,7 +10,7 @@ use pinc_qp::OcpDims;
 /// The longest horizon, far beyond any use: memory is allocated for it.
 const LONGEST: usize = 10_000;
 
-/// The optimisation problem of the paper, Eqs. (`MS:cost`) to (`MS:eq_const`), over the predicted
+/// The optimization problem of the paper, Eqs. (`MS:cost`) to (`MS:eq_const`), over the predicted
 /// states x\[k+1\]..x\[k+N2\] and the inputs u\[k\]..u\[k+Nu-1\]:
 ///
 /// ```text
@@ -130,7 +130,7 @@ impl NmpcProblem {
         self.constraint_softness.validate("constraint_softness", rows)
     }
 
-    /// The units in which the optimisation computes, by bounds, sizes and weights. (The unit of a
+    /// The units in which the optimization computes, by bounds, sizes and weights. (The unit of a
     /// state or an input without bounds is 1 until it is seen to be large.)
     #[must_use]
     pub fn units(&self, dims: Dims) -> ProblemUnits {

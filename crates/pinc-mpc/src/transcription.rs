@@ -13,7 +13,7 @@ use crate::{Bounds, Constraints, NmpcProblem};
 use pinc_ode::Dims;
 use pinc_qp::{OcpDims, Qp, all_finite};
 
-/// The control problem in the unknowns z, and its linearisation.
+/// The control problem in the unknowns z, and its linearization.
 #[derive(Debug)]
 pub(crate) struct Transcription {
     dims: OcpDims,
@@ -125,7 +125,7 @@ impl Transcription {
         self.cache.set_parameters(p);
     }
 
-    /// At how many stages the model has been linearised since this was last asked.
+    /// At how many stages the model has been linearized since this was last asked.
     pub(crate) fn take_linearized(&mut self) -> usize {
         std::mem::take(&mut self.cache.evaluated)
     }
@@ -162,7 +162,7 @@ impl Transcription {
         }
     }
 
-    /// Linearises the model, its outputs and h and g at `z`, for a plant measured to be at `x0`;
+    /// Linearizes the model, its outputs and h and g at `z`, for a plant measured to be at `x0`;
     /// whether it came to the end before `expired` said that the time is up.
     pub(crate) fn linearize(
         &mut self,
@@ -191,13 +191,13 @@ impl Transcription {
         true
     }
 
-    /// Forgets where the model was linearised.
+    /// Forgets where the model was linearized.
     pub(crate) fn forget(&mut self) {
         self.cache.forget();
     }
 
     /// Writes the cost's derivatives at `z` and what is left of the bounds there into `qp`, and
-    /// returns the cost J. Outputs are those of the last linearisation.
+    /// returns the cost J. Outputs are those of the last linearization.
     pub(crate) fn measure(
         &mut self,
         x0: &[f64],

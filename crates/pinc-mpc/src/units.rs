@@ -1,4 +1,4 @@
-//! The units in which the optimisation computes.
+//! The units in which the optimization computes.
 
 use crate::constraints::ConstraintWork;
 use crate::cost::Targets;
@@ -143,7 +143,7 @@ impl Units {
         }
     }
 
-    /// Scales the model's linearisation and the rows in `qp`.
+    /// Scales the model's linearization and the rows in `qp`.
     #[inline(never)]
     pub(crate) fn scale_constraints(&self, qp: &mut Qp) {
         let nx = self.dims.nx;

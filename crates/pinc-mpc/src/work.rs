@@ -6,7 +6,7 @@ use pinc_qp::QpWork;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct StepWork {
-    /// At how many stages the model was linearised.
+    /// At how many stages the model was linearized.
     pub linearized: usize,
     /// How many matrices were factored for the QPs: those of condensed programs, or recursions
     /// over all stages.

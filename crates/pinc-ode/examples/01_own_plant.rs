@@ -28,7 +28,7 @@ impl Plant for Pendulum {
         &INPUTS
     }
 
-    // So that it becomes part of vectorised loops.
+    // So that it becomes part of vectorized loops.
     #[inline(always)]
     fn rhs<S: Scalar>(&self, x: &[S], u: &[S], _p: &[S], dx: &mut [S]) {
         dx[0] = x[1];

@@ -36,7 +36,7 @@ impl Dims {
     }
 }
 
-/// Points at which a model is linearised, those of a prediction horizon for instance.
+/// Points at which a model is linearized, those of a prediction horizon for instance.
 ///
 /// # Shapes
 ///
@@ -74,7 +74,7 @@ impl<'a> Stages<'a> {
     }
 }
 
-/// Where a linearisation goes: F(x, u, p) and its Jacobians at each point.
+/// Where a linearization goes: F(x, u, p) and its Jacobians at each point.
 ///
 /// # Shapes
 ///
@@ -120,7 +120,7 @@ impl Linearization<'_> {
     }
 }
 
-/// Where the linearised outputs go: h(x, u, p) and its Jacobians at each point.
+/// Where the linearized outputs go: h(x, u, p) and its Jacobians at each point.
 ///
 /// # Shapes
 ///
@@ -244,7 +244,7 @@ pub trait Model: Debug + Send {
     /// `x`, `next`: `nx`; `u`: `nu`; `p`: `np`.
     fn step(&mut self, x: &[f64], u: &[f64], p: &[f64], next: &mut [f64]);
 
-    /// Linearises F at some points, which may be none. The results at a point do not depend on the
+    /// Linearizes F at some points, which may be none. The results at a point do not depend on the
     /// other points but for rounding, and the values may differ from those of [`Model::step`] by
     /// rounding.
     fn linearize(&mut self, at: Stages<'_>, out: Linearization<'_>);
@@ -259,7 +259,7 @@ pub trait Model: Debug + Send {
         y.copy_from_slice(x);
     }
 
-    /// Linearises h at some points; by default y = x, dh/dx = I.
+    /// Linearizes h at some points; by default y = x, dh/dx = I.
     fn linearize_output(&mut self, at: Stages<'_>, out: OutputLinearization<'_>) {
         let nx = self.dims().nx;
         out.check(at.count(self.dims()), self.dims());

@@ -1,8 +1,8 @@
-//! Points to linearise at, with the places of the results.
+//! Points to linearize at, with the places of the results.
 
 use crate::{Dims, Linearization, Stages};
 
-/// Points to linearise at, and where the results go: as in
+/// Points to linearize at, and where the results go: as in
 /// [`Model::linearize`](crate::Model::linearize).
 #[derive(Debug)]
 pub(crate) struct Points<'a> {

@@ -78,7 +78,7 @@ impl QpMethod {
     }
 }
 
-/// The serialised name, as `condensed`.
+/// The serialized name, as `condensed`.
 impl fmt::Display for QpMethod {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {

@@ -34,7 +34,7 @@ use riccati::RiccatiQp;
 use algebra::{add_transposed, block, block_mut};
 use std::fmt::Debug;
 
-/// The control problem linearised at a point z, in the unknown step `d = (dx_1, .., du_0, ..)`:
+/// The control problem linearized at a point z, in the unknown step `d = (dx_1, .., du_0, ..)`:
 ///
 /// ```text
 /// min  g'd + sum_{j=1..N} dx_j' Q_j dx_j / 2 + sum_{i<Nu} (du_i - du_{i-1})' R_i (du_i - du_{i-1}) / 2
@@ -306,7 +306,7 @@ impl Qp {
     /// g + mu - lambda_j + A_j' lambda_{j+1}, ..    and with those of the increments and rows
     /// ```
     ///
-    /// the slope of the problem that was linearised, with these multipliers.
+    /// the slope of the problem that was linearized, with these multipliers.
     pub fn lagrangian_gradient(&self, multipliers: &Multipliers, gradient: &mut [f64]) {
         let dims = self.dims;
         for ((sum, g), mu) in gradient.iter_mut().zip(&self.gradient).zip(&multipliers.bounds) {

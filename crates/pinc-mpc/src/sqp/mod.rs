@@ -22,7 +22,7 @@ const SUFFICIENT: f64 = 1e-4;
 /// How often a step is halved.
 const HALVINGS: usize = 20;
 
-/// SQP by line search: linearise the problem at the current plan, solve the QP, go along its step
+/// SQP by line search: linearize the problem at the current plan, solve the QP, go along its step
 /// and towards its multipliers, until the KKT residual is small.
 ///
 /// With the Gauss-Newton Hessian full steps converge linearly, the faster the smaller the
@@ -32,7 +32,7 @@ const HALVINGS: usize = 20;
 /// near a solution (the Maratos effect) costs steps, nor does the iteration diverge from afar.
 /// Where it turns out to be slow, steps are made longer or shorter by its [`BarzilaiBorwein`].
 ///
-/// If a linearised problem has no solution, or its step is none of descent, the hard constraints on
+/// If a linearized problem has no solution, or its step is none of descent, the hard constraints on
 /// states become soft for the rest of the control step (elastic mode): violated as little as
 /// possible, at a weight above their multipliers, so that they are met in the end if they can be.
 ///
@@ -46,7 +46,7 @@ const HALVINGS: usize = 20;
 pub(crate) struct Sqp {
     config: SqpConfig,
     transcription: Transcription,
-    /// The problem linearised at the plan.
+    /// The problem linearized at the plan.
     qp: Qp,
     /// The same at the point that is tried.
     trial: Qp,
@@ -68,7 +68,7 @@ pub(crate) struct Sqp {
     elastic: bool,
 }
 
-/// What came of an optimisation.
+/// What came of an optimization.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Outcome {
     pub(crate) status: SqpStatus,
@@ -81,12 +81,12 @@ pub(crate) struct Outcome {
     pub(crate) standing: Standing,
 }
 
-/// What is known of the plan that an optimisation ends with.
+/// What is known of the plan that an optimization ends with.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Standing {
     /// The residual is the plan's own.
     Judged,
-    /// The time was up when a QP had been solved: the plan is its solution, not linearised at.
+    /// The time was up when a QP had been solved: the plan is its solution, not linearized at.
     Stepped,
     /// The time was up within a QP: the plan is on the way to its solution.
     Underway,
@@ -174,7 +174,7 @@ impl Sqp {
         }
     }
 
-    /// Brings the plan's multipliers to the units of the optimisation, or back.
+    /// Brings the plan's multipliers to the units of the optimization, or back.
     fn convert(&self, plan: &mut Solution, back: bool) {
         let units = &self.transcription.units;
         if !units.is_identity() {
@@ -197,7 +197,7 @@ impl Sqp {
         self.transcription.project(plan, previous);
     }
 
-    /// Linearises at the plan for a plant that will be at `x0`, for [`Sqp::feed_back`].
+    /// Linearizes at the plan for a plant that will be at `x0`, for [`Sqp::feed_back`].
     pub(crate) fn prepare(&mut self, horizon: &mut Horizon, x0: &[f64], plan: &Solution) {
         self.leave_elastic();
         self.choose_units(x0, None);
@@ -205,7 +205,7 @@ impl Sqp {
         self.prepared.copy_from_slice(x0);
     }
 
-    /// One QP for a plant that turns out to be at `x0`, linearised where it was prepared: the step
+    /// One QP for a plant that turns out to be at `x0`, linearized where it was prepared: the step
     /// of a real-time iteration.
     pub(crate) fn feed_back(
         &mut self,
@@ -433,7 +433,7 @@ impl Sqp {
         Search::NoDescent
     }
 
-    /// Sets the plan `length` of the step away from the base, and linearises there, unless
+    /// Sets the plan `length` of the step away from the base, and linearizes there, unless
     /// `expired` says before that the time is up.
     fn evaluate_trial(
         &mut self,
@@ -475,7 +475,7 @@ impl Sqp {
         }
     }
 
-    /// Linearises at `plan`, into the trial QP, unless `expired` says before that the time is up.
+    /// Linearizes at `plan`, into the trial QP, unless `expired` says before that the time is up.
     fn try_point(
         &mut self,
         model: &mut Horizon,

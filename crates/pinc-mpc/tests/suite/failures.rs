@@ -1,4 +1,4 @@
-//! Optimisations that fail: an honest status, an input within its bounds, and no harm to the next.
+//! Optimizations that fail: an honest status, an input within its bounds, and no harm to the next.
 
 use crate::faulty::{Faulty, NOT_A_NUMBER, SOUND};
 use crate::problems::van_der_pol;
@@ -262,9 +262,9 @@ fn a_deadline_is_kept_within_a_program() {
     }
 }
 
-/// Preparing a real-time iteration leaves a quadratic program to the step, and no linearisation.
+/// Preparing a real-time iteration leaves a quadratic program to the step, and no linearization.
 #[test]
-fn what_is_prepared_is_not_linearised_again() {
+fn what_is_prepared_is_not_linearized_again() {
     let points = Arc::new(AtomicU64::new(0));
     let model = Counted { model: oscillator(), points: Arc::clone(&points) };
     let config = SqpConfig { real_time: true, ..SqpConfig::default() };
@@ -278,7 +278,7 @@ fn what_is_prepared_is_not_linearised_again() {
     assert_eq!(points.load(Ordering::Relaxed), prepared);
 }
 
-/// The oscillator over 160 stages, RK4 x4, and the points at which its model was linearised.
+/// The oscillator over 160 stages, RK4 x4, and the points at which its model was linearized.
 fn long() -> (Nmpc, Arc<AtomicU64>) {
     let weights = Weights::uniform(vec![10.0; 2], vec![1.0]);
     let problem = NmpcProblem {
@@ -317,9 +317,9 @@ impl Model for Counted {
     }
 }
 
-/// The time may be up within the first linearisation of a long horizon.
+/// The time may be up within the first linearization of a long horizon.
 #[test]
-fn a_deadline_is_kept_within_a_linearisation() {
+fn a_deadline_is_kept_within_a_linearization() {
     let (mut nmpc, points) = long();
     let reference = [0.0; 320];
     let step = nmpc.step_within(&[1.0, 0.0], &reference, &mut || true).unwrap();
@@ -330,7 +330,7 @@ fn a_deadline_is_kept_within_a_linearisation() {
     assert_eq!(step.status, SqpStatus::Converged);
 }
 
-/// No step has the time for a whole optimisation, nor the first ones for that of a program from
+/// No step has the time for a whole optimization, nor the first ones for that of a program from
 /// scratch. Each goes on from where the last ended, and the loop comes to rest all the same.
 #[test]
 fn what_a_deadline_cuts_off_goes_on_in_the_next_step() {
@@ -361,7 +361,7 @@ fn oscillator_cut_off_after(allowed: usize) -> (usize, [f64; 2]) {
         assert!(step.u[0].abs() <= 1.0);
         converged += usize::from(step.status == SqpStatus::Converged);
         assert!(k > 0 || step.status == SqpStatus::Deadline);
-        // What is linearised when the time is up is one piece of the horizon at most.
+        // What is linearized when the time is up is one piece of the horizon at most.
         assert!(points.load(Ordering::Relaxed) <= when_up.saturating_add(32));
         let u = step.u.to_vec();
         let mut next = [0.0; 2];

@@ -24,7 +24,7 @@ fn one_step_ahead() {
     assert!((u - expected).abs() < TOLERANCE, "{u} {expected}");
 }
 
-/// u\[k-1\] is the input given before: the second step minimises q (..)^2 + r (u - before)^2.
+/// u\[k-1\] is the input given before: the second step minimizes q (..)^2 + r (u - before)^2.
 #[test]
 fn moves_are_counted_from_the_last_input() {
     let (a, b, q, r) = (1.3, 0.7, 2.0, 3.0);

@@ -50,7 +50,7 @@ fn parameters_are_those_set_last() {
         let mut nmpc = Nmpc::new(problem, Box::new(Parametric), config).unwrap();
         let u = nmpc.step(&[2.0], &[-1.5]).unwrap().u[0];
         assert!((u - one_step([1.3, 0.7], 2.0, -1.5, 0.0)).abs() < 1e-9, "{u}");
-        // Also where the linearisation is ready.
+        // Also where the linearization is ready.
         nmpc.prepare();
         nmpc.set_parameters(&[0.5, -0.4]).unwrap();
         assert_eq!(nmpc.parameters(), [0.5, -0.4]);

@@ -9,7 +9,7 @@ use pinc_plants::{FourTanks, VanDerPol};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
 
-/// A model that counts the points at which it is linearised.
+/// A model that counts the points at which it is linearized.
 #[derive(Debug)]
 struct Counting<M> {
     model: M,
@@ -53,7 +53,7 @@ impl Counted {
         Self { nmpc, points, fault }
     }
 
-    /// The status of a step, the points that it linearised at, and its QPs.
+    /// The status of a step, the points that it linearized at, and its QPs.
     fn step(&mut self, x: [f64; 2]) -> (SqpStatus, usize, usize) {
         self.points.store(0, Ordering::Relaxed);
         let step = self.nmpc.step(&x, &[0.8, 0.0].repeat(HORIZON)).unwrap();
@@ -68,7 +68,7 @@ impl Counted {
 }
 
 #[test]
-fn a_plan_that_is_moved_on_is_linearised_at_its_ends() {
+fn a_plan_that_is_moved_on_is_linearized_at_its_ends() {
     let mut run = Counted::new();
     let (status, points, qps) = run.step([0.2, 0.1]);
     assert_eq!((status, points), (SqpStatus::Converged, (qps + 1) * HORIZON));

@@ -79,7 +79,7 @@ impl<P: Plant> Rodas4<P> {
     }
 }
 
-/// The numbers of a linearisation: as many directions of differentiation go through the method
+/// The numbers of a linearization: as many directions of differentiation go through the method
 /// together as a vector of the instruction set has lanes.
 #[derive(Clone, Debug)]
 enum Tangents {

@@ -169,7 +169,7 @@ impl<S: Pivot> Workspace<S> {
         }
     }
 
-    /// Evaluates J and f at x, and factorises I / (h gamma) - J.
+    /// Evaluates J and f at x, and factorizes I / (h gamma) - J.
     #[inline(always)]
     fn prepare_matrix(&mut self, rhs: &dyn Rates<S>, h: f64) {
         let n = self.x.len();

@@ -106,7 +106,7 @@ impl<P: Plant, M: Method> RungeKutta<P, M> {
         self.sample_time_s / self.substeps as f64
     }
 
-    /// Linearises `C` points of a small plant, side by side.
+    /// Linearizes `C` points of a small plant, side by side.
     fn linearize_side_by_side<const C: usize>(&mut self, points: Points<'_>) {
         let h = self.h();
         let Self { plant, substeps, isa, .. } = self;
@@ -119,7 +119,7 @@ impl<P: Plant, M: Method> RungeKutta<P, M> {
         });
     }
 
-    /// Linearises any number of points of a plant with `N` columns at most.
+    /// Linearizes any number of points of a plant with `N` columns at most.
     fn linearize_batched<const N: usize>(&mut self, isa: Isa, points: Points<'_>) {
         let h = self.h();
         let Self { plant, substeps, .. } = self;
@@ -132,7 +132,7 @@ impl<P: Plant, M: Method> RungeKutta<P, M> {
         });
     }
 
-    /// Linearises any number of points of a plant with a long equation and `N` columns at most:
+    /// Linearizes any number of points of a plant with a long equation and `N` columns at most:
     /// what is left over when vectors are filled goes into narrower ones, if these suffice.
     fn linearize_long<const N: usize>(&mut self, points: Points<'_>) {
         let count = points.at.count(self.dims);
@@ -146,7 +146,7 @@ impl<P: Plant, M: Method> RungeKutta<P, M> {
         }
     }
 
-    /// Linearises any number of points of a small plant, two and two.
+    /// Linearizes any number of points of a small plant, two and two.
     fn linearize_in_pairs(&mut self, mut points: Points<'_>) {
         let count = points.at.count(self.dims);
         for _ in 0..count / 2 {
@@ -159,7 +159,7 @@ impl<P: Plant, M: Method> RungeKutta<P, M> {
         }
     }
 
-    /// Linearises one point in memory, some directions at a time.
+    /// Linearizes one point in memory, some directions at a time.
     fn linearize_on_heap(&mut self, mut points: Points<'_>) {
         let (h, dims) = (self.h(), self.dims);
         let Some(heap) = &mut self.heap else { return };
@@ -182,7 +182,7 @@ impl<P: Plant, M: Method> RungeKutta<P, M> {
     }
 }
 
-/// How the points of a small plant are linearised in vectors.
+/// How the points of a small plant are linearized in vectors.
 #[derive(Clone, Copy, Debug)]
 enum Way {
     /// Few columns: points in the lanes.

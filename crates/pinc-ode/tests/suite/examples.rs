@@ -2,8 +2,8 @@
 
 #[path = "../../examples/02_integrators.rs"]
 mod integrators;
-#[path = "../../examples/03_linearise.rs"]
-mod linearise;
+#[path = "../../examples/03_linearize.rs"]
+mod linearize;
 #[path = "../../examples/01_own_plant.rs"]
 mod own_plant;
 
@@ -18,6 +18,6 @@ fn integrators_compared() {
 }
 
 #[test]
-fn a_model_linearised() {
-    linearise::main();
+fn a_model_linearized() {
+    linearize::main();
 }

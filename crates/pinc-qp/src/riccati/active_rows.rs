@@ -65,7 +65,7 @@ pub(super) enum RowStatus {
 /// Solves a QP from a guess of its active rows: the rows that are held are met with equality; then
 /// those that pull the wrong way are let go, those that are violated are held, and so on until
 /// nothing changes. This is Newton's method on the non-smooth optimality conditions (Hintermueller,
-/// Ito and Kunisch, SIAM J. Optim. 13 (2002)): a few factorisations from a good guess, without a
+/// Ito and Kunisch, SIAM J. Optim. 13 (2002)): a few factorizations from a good guess, without a
 /// guarantee from a bad one.
 ///
 /// Held rows are met by the method of multipliers, which dependent rows do not disturb:
@@ -118,7 +118,7 @@ impl ActiveRows {
 
     /// Solves `qp` from the guess and the point `at` as long as there is `patience`; whether that
     /// succeeded.
-    /// Between factorisations and steps `expired` is asked whether the time is up, which is a
+    /// Between factorizations and steps `expired` is asked whether the time is up, which is a
     /// failure.
     pub(super) fn solve(
         &mut self,

@@ -171,7 +171,7 @@ impl InteriorPoint {
     }
 
     /// Solves `qp` from scratch. Whatever the ending, the last multipliers are in `at`.
-    /// Between factorisations `expired` is asked whether the time is up, which is a failure.
+    /// Between factorizations `expired` is asked whether the time is up, which is a failure.
     pub(super) fn solve(
         &mut self,
         qp: &Qp,

@@ -22,7 +22,7 @@ const FIRST_OF_FEW: Patience = Patience { steps: 12, relapse: 1 };
 
 /// Solves a [`Qp`] stage by stage, at a cost linear in the horizon.
 ///
-/// With a guess of the active rows, as from the step before, a few factorisations find the
+/// With a guess of the active rows, as from the step before, a few factorizations find the
 /// solution. Without, or where that does not settle soon, an interior-point method comes near it,
 /// and its active rows are the guess that gives the exact solution. What that cannot solve is left
 /// to the first guess again, without haste. All memory is allocated at construction.

@@ -46,7 +46,7 @@ pub(super) struct Riccati {
     sum: Vec<f64>,
 }
 
-/// About how many operations of a factorisation there are between two looks at the clock: a few
+/// About how many operations of a factorization there are between two looks at the clock: a few
 /// microseconds.
 const UNASKED: usize = 8_000;
 
@@ -137,7 +137,7 @@ impl Riccati {
         true
     }
 
-    /// Minimises over the increment of stage `j`.
+    /// Minimizes over the increment of stage `j`.
     #[inline(always)]
     fn eliminate(&mut self, j: usize, r: &[f64], weights: &[f64], (n, m): (usize, usize)) -> bool {
         let s = n + m;

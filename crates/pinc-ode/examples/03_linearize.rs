@@ -1,7 +1,7 @@
 //! What a controller asks of a model: the next state and its Jacobians A = dx\[k+1\]/dx\[k\] and
 //! B = dx\[k+1\]/du\[k\].
 //!
-//! `cargo run -p pinc-ode --example 03_linearise`
+//! `cargo run -p pinc-ode --example 03_linearize`
 #![expect(clippy::print_stdout, reason = "an example shows what it computes")]
 
 use pinc_ode::{Dims, Linearization, Model, Rk4, Stages};
