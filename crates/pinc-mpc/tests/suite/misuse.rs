@@ -90,6 +90,11 @@ fn bounds() {
         "state_bounds[0] is inf, but must be finite or -inf"
     );
     assert!(refusal(|p| p.state_bounds.high[0] = f64::NEG_INFINITY).contains("-inf"));
+    assert_eq!(
+        refusal(|p| p.state_bounds =
+            Bounds::new(vec![f64::NEG_INFINITY; 2], vec![f64::NEG_INFINITY; 2])),
+        "state_bounds[0] is -inf, but must be finite or inf"
+    );
     // A variable that may not move is no mistake.
     let mut fixed = scalar_problem(2, 2);
     fixed.input_bounds = Bounds::new(vec![0.5], vec![0.5]);
