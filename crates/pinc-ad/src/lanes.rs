@@ -65,6 +65,45 @@ impl<const L: usize> Neg for Lanes<L> {
     }
 }
 
+/// The functions of a [`Scalar`] with a `map`, which are those of numbers, lane by lane.
+macro_rules! functions_by_lane {
+    () => {
+        #[inline(always)]
+        fn exp(self) -> Self {
+            self.map(f64::exp)
+        }
+        #[inline(always)]
+        fn ln(self) -> Self {
+            self.map(f64::ln)
+        }
+        #[inline(always)]
+        fn sin(self) -> Self {
+            self.map(f64::sin)
+        }
+        #[inline(always)]
+        fn cos(self) -> Self {
+            self.map(f64::cos)
+        }
+        #[inline(always)]
+        fn tan(self) -> Self {
+            self.map(f64::tan)
+        }
+        #[inline(always)]
+        fn atan(self) -> Self {
+            self.map(f64::atan)
+        }
+        #[inline(always)]
+        fn powf(self, p: f64) -> Self {
+            self.map(|a| a.powf(p))
+        }
+        #[inline(always)]
+        fn tanh(self) -> Self {
+            self.map(f64::tanh)
+        }
+    };
+}
+pub(crate) use functions_by_lane;
+
 impl<const L: usize> Scalar for Lanes<L> {
     type Plain = Self;
     const ORDER: usize = 0;
@@ -88,38 +127,7 @@ impl<const L: usize> Scalar for Lanes<L> {
     fn sqrt(self) -> Self {
         self.map(f64::sqrt)
     }
-    #[inline(always)]
-    fn exp(self) -> Self {
-        self.map(f64::exp)
-    }
-    #[inline(always)]
-    fn ln(self) -> Self {
-        self.map(f64::ln)
-    }
-    #[inline(always)]
-    fn sin(self) -> Self {
-        self.map(f64::sin)
-    }
-    #[inline(always)]
-    fn cos(self) -> Self {
-        self.map(f64::cos)
-    }
-    #[inline(always)]
-    fn tan(self) -> Self {
-        self.map(f64::tan)
-    }
-    #[inline(always)]
-    fn atan(self) -> Self {
-        self.map(f64::atan)
-    }
-    #[inline(always)]
-    fn powf(self, p: f64) -> Self {
-        self.map(|a| a.powf(p))
-    }
-    #[inline(always)]
-    fn tanh(self) -> Self {
-        self.map(f64::tanh)
-    }
+    functions_by_lane!();
     #[inline(always)]
     fn where_nonpositive(self, mut yes: Self, no: Self) -> Self {
         for ((yes, no), test) in yes.0.iter_mut().zip(&no.0).zip(&self.0) {

@@ -154,7 +154,7 @@ mod tests {
         let reference = Reference::sample(&signal, 4, 0.5).unwrap();
         assert_eq!(reference.values, [5.0, 5.0, 7.0, 7.0]);
         assert!(Reference::sample(&signal, 0, 0.5).is_err());
-        for sample_time_s in [0.0, -0.5, f64::INFINITY, f64::NAN] {
+        for sample_time_s in [0.0, -0.5, f64::INFINITY] {
             assert!(Reference::sample(&signal, 4, sample_time_s).is_err(), "{sample_time_s}");
         }
         assert!(Reference::sample(&signal, 4, f64::NAN).is_err());

@@ -59,16 +59,15 @@ impl Units {
             None => problem.state_bounds.sizes(dims.nx),
         };
         let inputs = problem.input_bounds.sizes(dims.nu);
-        let mut rows = row_sizes(problem, [&states, &inputs]);
-        rows.iter_mut().for_each(|size| *size = unit(*size, ORDINARY));
-        if let Some(bounds) = &problem.output_bounds {
-            rows.extend(bounds.sizes(dims.outputs).into_iter().map(|size| unit(size, ORDINARY)));
-        }
         let place = |state| problem.tracked.iter().position(|t| *t == Tracked::State(state));
         let units = |sizes: &[f64]| -> Vec<f64> {
             sizes.iter().map(|&size| unit(size, ORDINARY)).collect()
         };
         let (x, u) = (units(&states), units(&inputs));
+        let mut rows = units(&row_sizes(problem, [&states, &inputs]));
+        if let Some(bounds) = &problem.output_bounds {
+            rows.extend(units(&bounds.sizes(dims.outputs)));
+        }
         Self {
             dims,
             rows,

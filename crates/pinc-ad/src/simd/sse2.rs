@@ -1,6 +1,7 @@
 //! Vectors of SSE2, which every x86-64 machine has.
 
 use super::{Scalar, Simd, TABLE_SIZE, low_bits};
+use crate::lanes::functions_by_lane;
 use std::arch::x86_64::*;
 use std::fmt;
 use std::ops::{Add, Div, Mul, Neg, Sub};
@@ -106,38 +107,7 @@ impl Scalar for F64x2 {
     fn sqrt(self) -> Self {
         Self(sse2!(_mm_sqrt_pd(self.0)))
     }
-    #[inline(always)]
-    fn exp(self) -> Self {
-        self.map(f64::exp)
-    }
-    #[inline(always)]
-    fn ln(self) -> Self {
-        self.map(f64::ln)
-    }
-    #[inline(always)]
-    fn sin(self) -> Self {
-        self.map(f64::sin)
-    }
-    #[inline(always)]
-    fn cos(self) -> Self {
-        self.map(f64::cos)
-    }
-    #[inline(always)]
-    fn tan(self) -> Self {
-        self.map(f64::tan)
-    }
-    #[inline(always)]
-    fn atan(self) -> Self {
-        self.map(f64::atan)
-    }
-    #[inline(always)]
-    fn powf(self, p: f64) -> Self {
-        self.map(|a| a.powf(p))
-    }
-    #[inline(always)]
-    fn tanh(self) -> Self {
-        self.map(f64::tanh)
-    }
+    functions_by_lane!();
     #[inline(always)]
     fn where_nonpositive(self, yes: Self, no: Self) -> Self {
         let mask = self.nonpositive();
@@ -156,8 +126,7 @@ impl Simd for F64x2 {
     }
     #[inline(always)]
     fn load(self, from: &[f64]) -> Self {
-        let [a, b] = [from[0], from[1]];
-        Self::of([a, b])
+        Self::of([from[0], from[1]])
     }
     #[inline(always)]
     fn write(self, out: &mut [f64]) {

@@ -35,17 +35,15 @@ impl Plant for Runaway {
 
 /// x' = u, y = (x, -x).
 #[derive(Clone, Debug)]
-struct TwoSensors;
+struct TwoSensors(Runaway);
 
 impl Plant for TwoSensors {
     fn states(&self) -> &[Variable] {
-        static VARIABLES: [Variable; 1] = [Variable::new("x", "")];
-        &VARIABLES
+        self.0.states()
     }
 
     fn inputs(&self) -> &[Variable] {
-        static VARIABLES: [Variable; 1] = [Variable::new("u", "")];
-        &VARIABLES
+        self.0.inputs()
     }
 
     fn outputs(&self) -> &[Variable] {
@@ -53,8 +51,8 @@ impl Plant for TwoSensors {
         &VARIABLES
     }
 
-    fn rhs<S: Scalar>(&self, _x: &[S], u: &[S], _p: &[S], dx: &mut [S]) {
-        dx[0] = u[0];
+    fn rhs<S: Scalar>(&self, x: &[S], u: &[S], p: &[S], dx: &mut [S]) {
+        self.0.rhs(x, u, p, dx);
     }
 
     fn output<S: Scalar>(&self, x: &[S], _u: &[S], _p: &[S], y: &mut [S]) {
@@ -363,7 +361,7 @@ fn parts_that_do_not_fit_are_errors() {
         "the plant's states: 2 numbers, but 1 are expected"
     );
     // Outputs have to be those of the model only if the controller uses them.
-    let two_sensors = || Dopri5::new(TwoSensors, 1e-9);
+    let two_sensors = || Dopri5::new(TwoSensors(Runaway { rate: 0.0 }), 1e-9);
     assert!(ClosedLoop::new(&mut nmpc, two_sensors(), reference(1), &[1.0]).is_ok());
     let problem = NmpcProblem { tracked: Tracked::outputs([0]), ..scalar_problem(2, 2) };
     let model = Box::new(Linear::scalar(1.0, 1.0));
