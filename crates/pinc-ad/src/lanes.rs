@@ -102,6 +102,7 @@ macro_rules! functions_by_lane {
         }
     };
 }
+#[cfg(target_arch = "x86_64")]
 pub(crate) use functions_by_lane;
 
 impl<const L: usize> Scalar for Lanes<L> {
