@@ -33,16 +33,25 @@ fn same(a: f64, b: f64) -> bool {
     a.to_bits() == b.to_bits() || (a.is_nan() && b.is_nan())
 }
 
+fn sign(a: f64) -> f64 {
+    if a == 0.0 { 0.0 } else { a.signum() }
+}
+
+/// Of numbers that are both finite or infinite; NaN is the outcome where one is NaN.
+fn or_nan(a: f64, b: f64, taken: f64) -> f64 {
+    if (a + b).is_nan() { f64::NAN } else { taken }
+}
+
 impl<S: Scalar> Kind<'_, S> {
-    fn number(&self, lane: impl Fn(usize) -> f64) -> S {
+    fn number(&self, lane: &dyn Fn(usize) -> f64) -> S {
         (self.make)(&(0..self.lanes).map(lane).collect::<Vec<_>>())
     }
 
     /// Lane by lane, `on_kind` must have the value of `on_f64`, bit for bit.
-    fn agree(&self, what: &str, on_kind: impl Fn(S, S) -> S, on_f64: impl Fn(f64, f64) -> f64) {
+    fn agree(&self, what: &str, on_kind: fn(S, S) -> S, on_f64: fn(f64, f64) -> f64) {
         for first in 0..PAIRS.len() {
             let pair = |lane: usize| PAIRS[(first + lane) % PAIRS.len()];
-            let result = on_kind(self.number(|i| pair(i).0), self.number(|i| pair(i).1));
+            let result = on_kind(self.number(&|i| pair(i).0), self.number(&|i| pair(i).1));
             let values = (self.read)(result);
             assert_eq!(values.len(), self.lanes, "{what}: lanes");
             for (lane, value) in values.into_iter().enumerate() {
@@ -90,10 +99,7 @@ impl<S: Scalar> Kind<'_, S> {
         self.agree("powi 3", |a, _| a.powi(3), |a, _| a * (a * a));
         self.agree("powi -4", |a, _| a.powi(-4), |a, _| 1.0 / ((a * a) * (a * a)));
         self.agree("abs", |a, _| a.abs(), |a, _| a.abs());
-        let sign = |a: f64| if a == 0.0 { 0.0 } else { a.signum() };
         self.agree("sign", |a, _| a.sign(), |a, _| sign(a));
-        // Of numbers that are both finite or infinite; NaN is the outcome where one is NaN.
-        let or_nan = |a: f64, b: f64, taken: f64| if (a + b).is_nan() { f64::NAN } else { taken };
         self.agree("min", |a, b| a.min(b), |a, b| or_nan(a, b, a.min(b)));
         self.agree("max", |a, b| a.max(b), |a, b| or_nan(a, b, a.max(b)));
     }
@@ -109,7 +115,7 @@ impl<S: Scalar> Kind<'_, S> {
             prop_assume!(tame.is_some());
             let x: Vec<_> =
                 x.iter().map(|p| if f.is_tame(p) { p } else { &x[tame.unwrap_or(0)] }).collect();
-            let inputs: Vec<S> = (0..INPUTS).map(|j| self.number(|lane| x[lane][j])).collect();
+            let inputs: Vec<S> = (0..INPUTS).map(|j| self.number(&|lane| x[lane][j])).collect();
             for (value, x) in (self.read)(f.eval(&inputs)).into_iter().zip(x) {
                 let expected: f64 = f.eval(x);
                 prop_assert!((value - expected).abs() <= 1.5e-11, "{} {}", value, expected);

@@ -2,17 +2,18 @@
 
 use super::plant;
 use pinc_analysis::{Complex, ExplicitMethod, OneStepSamples, Region};
-use pinc_ode::{Dims, Model, Rk4, Rk5};
+use pinc_ode::Dims;
 
 /// Whether |x| falls in a step of x' = re x - im y, y' = im x + re y from (1, 0).
 fn factor(method: ExplicitMethod, z: Complex) -> f64 {
     let text = [format!("{}*x - {}*y + 0*u", z.re, z.im), format!("{}*x + {}*y", z.im, z.re)];
     let plant = plant(&["x", "y"], &["u"], &[&text[0], &text[1]]);
+    let mut step = match method {
+        ExplicitMethod::Rk4 => plant.into_dyn().rk4(1.0, 1),
+        ExplicitMethod::Rk5 => plant.into_dyn().rk5(1.0, 1),
+    };
     let mut next = [0.0; 2];
-    match method {
-        ExplicitMethod::Rk4 => Rk4::new(plant, 1.0, 1).step(&[1.0, 0.0], &[0.0], &[], &mut next),
-        ExplicitMethod::Rk5 => Rk5::new(plant, 1.0, 1).step(&[1.0, 0.0], &[0.0], &[], &mut next),
-    }
+    step.step(&[1.0, 0.0], &[0.0], &[], &mut next);
     next[0].hypot(next[1])
 }
 
@@ -58,7 +59,7 @@ fn the_error_of_a_step_of_a_linear_plant_is_that_of_its_polynomial() {
     let region = Region::new(Dims::new(1, 1), vec![0.0, 0.0], vec![1.0, 1.0]);
     let samples = OneStepSamples::draw(&plant, &region, 1, 2000, 1.0);
     assert_eq!((samples.len(), samples.missing()), (2000, 0));
-    let found = samples.rms_error(&mut Rk4::new(plant, 1.0, 1), &[1.0]);
+    let found = samples.rms_error(&mut *plant.into_dyn().rk4(1.0, 1), &[1.0]);
     let expected = (0.375 - (-1.0_f64).exp()) / 3.0_f64.sqrt();
     // A mean over 2000 points: 1 % in two standard deviations.
     assert!((found / expected - 1.0).abs() < 0.03, "{found} {expected}");
