@@ -1,6 +1,6 @@
 //! What a set of points has in common.
 
-use faer::{Mat, Side};
+use faer::Mat;
 
 /// Variation across a plane, in widths squared, that counts as none.
 const FLAT: f64 = 1e-12;
@@ -38,12 +38,12 @@ pub fn common_plane(samples: &[Vec<f64>], widths: &[f64]) -> Option<Plane> {
         let product = |y: &Vec<f64>| (y[i] - mean[i]) * (y[k] - mean[k]) / (widths[i] * widths[k]);
         samples.iter().map(product).sum::<f64>() / count
     });
-    // Eigenvalues in increasing order: squares of lengths, in widths.
-    let decomposition = covariance.self_adjoint_eigen(Side::Lower).ok()?;
-    if decomposition.S().column_vector().iter().next().is_none_or(|least| *least > FLAT) {
+    // Singular values in decreasing order: squares of lengths, in widths.
+    let svd = covariance.svd().ok()?;
+    if svd.S().column_vector().iter().last().is_none_or(|least| *least > FLAT) {
         return None;
     }
-    let direction: Vec<f64> = (0..p).map(|i| decomposition.U()[(i, 0)] / widths[i]).collect();
+    let direction: Vec<f64> = (0..p).map(|i| svd.V()[(i, p - 1)] / widths[i]).collect();
     let length = direction.iter().map(|a| a * a).sum::<f64>().sqrt();
     let normal: Vec<f64> = direction.iter().map(|a| a / length).collect();
     let offset = normal.iter().zip(&mean).map(|(a, y)| a * y).sum();

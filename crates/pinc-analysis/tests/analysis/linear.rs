@@ -52,6 +52,20 @@ fn zeros_of_a_transfer_function_are_the_roots_of_its_numerator() {
 }
 
 #[test]
+fn zeros_far_away_do_not_hide_the_near_ones() {
+    let poles = [24.0, 50.0, 35.0, 10.0];
+    for far in [1e4, -1e6, 1e8, -1e10] {
+        // (s^2 + 2 s + 5) (s / far - 1)
+        let [b0, b1, b2, b3] = [-5.0, 5.0 / far - 2.0, 2.0 / far - 1.0, 1.0 / far];
+        let mut zeros = finite(&controller_form(&poles, &[b0, b1, b2, b3]));
+        let place = zeros.iter().position(|zero| zero.re.abs() > 1e3).expect("the far one");
+        let found = zeros.remove(place);
+        assert!((found.re / far - 1.0).abs() < 1e-14 * far.abs(), "{found:?} is not {far}");
+        assert_near(&zeros, &[(-1.0, -2.0), (-1.0, 2.0)], 1e-11);
+    }
+}
+
+#[test]
 fn a_long_chain_has_no_zeros_before_its_output_and_those_behind_it() {
     // x_1' = u - 2 x_1 + x_2, x_i' = x_(i-1) - 2 x_i + x_(i+1): the zeros of the path to x_5 are
     // the eigenvalues of the part behind x_5, -2 + 2 cos(k pi / 16), k = 1 to 15.
