@@ -24,8 +24,8 @@ fn assert_near(found: &[Complex], expected: &[(f64, f64)], tolerance: f64) {
     }
 }
 
-/// The controller form of (b\[0\] + b\[1\] s + ..) / (s^n + a\[n-1\] s^(n-1) + ..).
-fn controller_form(a: &[f64], b: &[f64]) -> StateSpace {
+/// The matrices of the controller form of (b\[0\] + b\[1\] s + ..) / (s^n + a\[n-1\] s^(n-1) + ..).
+fn controller_matrices(a: &[f64], b: &[f64]) -> [Vec<f64>; 3] {
     let n = a.len();
     let mut matrix = vec![0.0; n * n];
     for i in 1..n {
@@ -36,7 +36,32 @@ fn controller_form(a: &[f64], b: &[f64]) -> StateSpace {
     }
     let input: Vec<f64> = (0..n).map(|i| f64::from(u8::from(i == n - 1))).collect();
     let output: Vec<f64> = (0..n).map(|i| b.get(i).copied().unwrap_or(0.0)).collect();
-    StateSpace::new(&matrix, &input, &output, n)
+    [matrix, input, output]
+}
+
+fn controller_form(a: &[f64], b: &[f64]) -> StateSpace {
+    let [matrix, input, output] = controller_matrices(a, b);
+    StateSpace::new(&matrix, &input, &output, a.len())
+}
+
+/// The same with four states reflected at a plane, so that all entries of the matrices count.
+fn reflected_controller_form(a: &[f64; 4], b: &[f64]) -> StateSpace {
+    let [mut matrix, mut input, mut output] = controller_matrices(a, b);
+    // Of unit length.
+    let normal = [0.1, -0.5, 0.7, 0.5];
+    let reflect = |values: &mut [f64], at: [usize; 4]| {
+        let along: f64 = normal.iter().zip(at).map(|(v, k)| v * values[k]).sum();
+        normal.iter().zip(at).for_each(|(v, k)| values[k] -= 2.0 * v * along);
+    };
+    for k in 0..4 {
+        reflect(&mut matrix, [0, 1, 2, 3].map(|i| 4 * i + k));
+    }
+    for i in 0..4 {
+        reflect(&mut matrix, [0, 1, 2, 3].map(|k| 4 * i + k));
+    }
+    reflect(&mut input, [0, 1, 2, 3]);
+    reflect(&mut output, [0, 1, 2, 3]);
+    StateSpace::new(&matrix, &input, &output, 4)
 }
 
 #[test]
@@ -57,7 +82,7 @@ fn zeros_far_away_do_not_hide_the_near_ones() {
     for far in [1e4, -1e6, 1e8, -1e10] {
         // (s^2 + 2 s + 5) (s / far - 1)
         let [b0, b1, b2, b3] = [-5.0, 5.0 / far - 2.0, 2.0 / far - 1.0, 1.0 / far];
-        let mut zeros = finite(&controller_form(&poles, &[b0, b1, b2, b3]));
+        let mut zeros = finite(&reflected_controller_form(&poles, &[b0, b1, b2, b3]));
         let place = zeros.iter().position(|zero| zero.re.abs() > 1e3).expect("the far one");
         let found = zeros.remove(place);
         assert!((found.re / far - 1.0).abs() < 1e-14 * far.abs(), "{found:?} is not {far}");
