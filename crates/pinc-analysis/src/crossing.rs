@@ -23,8 +23,8 @@ const ZERO: f64 = 1e-9;
 /// The operations of terms after which no further ones are looked at.
 const MOST_OPERATIONS: u64 = 1_000_000_000;
 
-/// Terms whose zeros are looked for. A function that gives all of them at a point is one; others can
-/// say how to compute one alone.
+/// Terms whose zeros are looked for. A function that gives all of them at a point is one; others
+/// can say how to compute one alone.
 pub trait Terms {
     /// All of them at a point `[x, u]`, as many at every point.
     fn values(&self, at: &[f64]) -> Vec<f64>;

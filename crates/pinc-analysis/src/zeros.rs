@@ -24,8 +24,8 @@ const RANK: f64 = 1e-12;
 /// eigenvalues as that of the linearization itself.
 const GROWTH: f64 = 1e3;
 
-/// Where the inverse is taken, in units of the fastest rate: numbers at which no plant has a zero but
-/// by chance.
+/// Where the inverse is taken, in units of the fastest rate: numbers at which no plant has a zero
+/// but by chance.
 const SHIFTS: [f64; 2] = [0.754_877_666_2, -0.569_840_291];
 
 /// The matrices of a plant with a direct path D.

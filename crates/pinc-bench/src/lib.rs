@@ -1,4 +1,5 @@
-//! Sweeps of experiments, the choice of a model, measurements of the machine, and the program `pinc`.
+//! Sweeps of experiments, the choice of a model, measurements of the machine, and the program
+//! `pinc`.
 //!
 //! - what is done with one experiment is in pinc-runs: [`run`], [`train`], [`control`] and others;
 //! - [`sweep()`], [`merge`], [`status`]: an experiment many times over.

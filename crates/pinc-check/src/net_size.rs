@@ -9,8 +9,8 @@ const LAYERS: usize = 3;
 /// The fewest neurons that such a net has in a layer.
 const FEWEST: usize = 20;
 
-/// Neurons for each number that goes into the net, as far as there are few of these; beyond that one
-/// for each.
+/// Neurons for each number that goes into the net, as far as there are few of these; beyond that
+/// one for each.
 const PER_INPUT: usize = 3;
 const MORE_INPUTS: usize = 43;
 

@@ -4,7 +4,8 @@
 //! - [`net_to_casadi`], [`net_to_onnx`]: a net for CasADi, and as an ONNX file.
 //! - [`controller_to_c`]: a whole controller, with a net or an integrator as its model, and its
 //!   estimator.
-//! - [`net_to_fmu`], [`controller_to_fmu`], [`plant_to_fmu`]: the content of FMUs, which [`archive`] packs.
+//! - [`net_to_fmu`], [`controller_to_fmu`], [`plant_to_fmu`]: the content of FMUs, which
+//!   [`archive`] packs.
 //!
 //! All of these give the content of files, [`GeneratedFile`]; writing them is up to the caller.
 

@@ -26,7 +26,8 @@ const CORRELATED: f64 = 0.5;
 /// initial state to the end of a recording; by multiple shooting (Bock, "Numerical treatment of
 /// inverse problems in chemical reaction kinetics", Springer Series in Chemical Physics 18 (1981))
 /// recordings are cut into segments, each with an initial state of its own, which are fitted one by
-/// one at first, and then with the gaps between them closed. [`Identified::method`] says which it was, and why:
+/// one at first, and then with the gaps between them closed. [`Identified::method`] says which it
+/// was, and why:
 ///
 /// - multiple shooting, if the model from the start is not finite to the end of a recording, or
 ///   depends on its initial state more than ten-thousandfold;

@@ -300,8 +300,8 @@ impl PincNet {
     }
 }
 
-/// Mean and standard deviation over the domain of a state's displacement in one step: T f(y0, u, p),
-/// or y(T) - y0 of a black box.
+/// Mean and standard deviation over the domain of a state's displacement in one step: T f(y0, u,
+/// p), or y(T) - y0 of a black box.
 fn displacement_scale(
     plant: &dyn DynRhs,
     config: &NetConfig,

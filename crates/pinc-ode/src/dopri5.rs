@@ -57,8 +57,9 @@ pub struct Dopri5 {
     limited: usize,
 }
 
-/// h |lambda| beyond which stability counts as what limits a step. The method's limit on the negative
-/// real axis is 3.3, about which the steps swing; those that accuracy limits are far below.
+/// h |lambda| beyond which stability counts as what limits a step. The method's limit on the
+/// negative real axis is 3.3, about which the steps swing; those that accuracy limits are far
+/// below.
 const STABILITY: f64 = 2.0;
 
 impl Dopri5 {

@@ -1,13 +1,14 @@
 //! Plants, integrators and the interface between models and what uses them.
 //!
-//! - [`Plant`]: an ordinary differential equation x' = f(x, u, p) with outputs y = h(x, u, p), written
-//!   once over [`pinc_ad::Scalar`]. [`DynRhs`] and [`DynPlant`] are plants with their type erased.
+//! - [`Plant`]: an ordinary differential equation x' = f(x, u, p) with outputs y = h(x, u, p),
+//!   written once over [`pinc_ad::Scalar`]. [`DynRhs`] and [`DynPlant`] are plants with their type
+//!   erased.
 //! - [`Loaded`]: a plant with given parameters and loads.
-//! - [`Model`]: a discrete-time model x\[k+1\] = F(x\[k\], u\[k\], p) with its Jacobians, which is all
-//!   that a controller sees of a model. [`Rk4`], [`Rk5`] and, for stiff plants, [`Rodas4`] are models
-//!   made of a plant; a trained net is another.
-//! - [`AccurateIntegrator`]: the reference solutions that models are compared with. It is [`Dopri5`],
-//!   and an implicit method where the plant is stiff.
+//! - [`Model`]: a discrete-time model x\[k+1\] = F(x\[k\], u\[k\], p) with its Jacobians, which is
+//!   all that a controller sees of a model. [`Rk4`], [`Rk5`] and, for stiff plants, [`Rodas4`] are
+//!   models made of a plant; a trained net is another.
+//! - [`AccurateIntegrator`]: the reference solutions that models are compared with. It is
+//!   [`Dopri5`], and an implicit method where the plant is stiff.
 //! - [`PiecewiseConstant`], [`Trajectory`], [`metrics`]: inputs and references over time, sampled
 //!   solutions, and how good they are.
 //!

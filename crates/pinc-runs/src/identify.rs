@@ -32,8 +32,9 @@ const LONGEST_GAP: f64 = 1e6;
 /// directory `dir`: `identify.json`, `residuals.csv`, `identified.toml` and the report. The model
 /// is `only`, or the net of the file `model`, if that is given, or RK4.
 ///
-/// The data have the columns `t`, the inputs, which hold from a row to the next, and `y_<measured>`,
-/// of which cells may be empty; other columns are ignored. Rows are whole numbers of steps apart.
+/// The data have the columns `t`, the inputs, which hold from a row to the next, and
+/// `y_<measured>`, of which cells may be empty; other columns are ignored. Rows are whole numbers
+/// of steps apart.
 ///
 /// # Errors
 ///

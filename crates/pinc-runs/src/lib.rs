@@ -1,5 +1,5 @@
-//! Experiments done: training, validation, free run and closed loop into the directory of a run, and
-//! what else the program does with one config.
+//! Experiments done: training, validation, free run and closed loop into the directory of a run,
+//! and what else the program does with one config.
 //!
 //! - [`run`], [`train`] (or [`train_watched`], which writes no files), [`control`], [`predict`],
 //!   [`estimate`], [`identify`], [`check`], [`compare`], [`rebuild_report`];

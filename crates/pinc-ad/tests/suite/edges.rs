@@ -149,8 +149,8 @@ impl Task for Functions<'_> {
     }
 }
 
-/// What a task gives in every instruction set, and in the arrays that are vectors where the portable
-/// one has no instructions.
+/// What a task gives in every instruction set, and in the arrays that are vectors where the
+/// portable one has no instructions.
 fn on_all<T: Task>(task: impl Fn() -> T) -> Vec<(String, T::Output)> {
     let mut all: Vec<_> =
         Isa::available().iter().map(|isa| (isa.to_string(), isa.dispatch(task()))).collect();

@@ -75,8 +75,8 @@ fn a_controller_is_told_of_its_parameters() {
     assert!((both[0] - both[1]).abs() < 0.05, "{both:?}");
 }
 
-/// A pump that wears in the middle of the run: told of it at that time, the controller has no offset
-/// afterwards; otherwise it has one.
+/// A pump that wears in the middle of the run: told of it at that time, the controller has no
+/// offset afterwards; otherwise it has one.
 #[test]
 fn a_controller_is_told_of_parameters_that_change() {
     let dir = tempfile::tempdir().unwrap();

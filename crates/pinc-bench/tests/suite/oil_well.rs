@@ -1,6 +1,6 @@
 //! The gas-lifted well: its algebraic pressures against the equations with them eliminated by hand,
-//! casing heading without control, and the pressure held where the well is unstable. The well with a
-//! pump: a published program's steady state, and the pressure at the intake held.
+//! casing heading without control, and the pressure held where the well is unstable. The well with
+//! a pump: a published program's steady state, and the pressure at the intake held.
 
 use crate::common::{outcome, pinc, repository};
 use pinc_ad::Scalar;

@@ -22,7 +22,8 @@ use std::time::Duration;
 
 /// Cases of a test if nothing else is asked for.
 const CASES: u64 = 200;
-/// Seconds after which a case hangs if nothing else is asked for: many, for machines with other work.
+/// Seconds after which a case hangs if nothing else is asked for: many, for machines with other
+/// work.
 const HANGS_S: u64 = 40;
 
 /// What is put into files: ends of ranges, and words that mean something.

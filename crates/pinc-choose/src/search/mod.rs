@@ -13,8 +13,8 @@ const REACH: f64 = 2.0;
 /// The most models that are measured again.
 const FINALISTS: usize = 8;
 
-/// How often they are, in turns, so that a time at which the machine is slow is one for all. Of each
-/// the least counts.
+/// How often they are, in turns, so that a time at which the machine is slow is one for all. Of
+/// each the least counts.
 const ROUNDS: usize = 15;
 
 /// The place among the [`shapes`] of the first net that is tried.
