@@ -98,7 +98,8 @@ impl System {
     }
 
     /// The finite generalized eigenvalues, as many as there are states: D is square and invertible.
-    /// Where D is so small that far ones would hide the near ones, by those of the inverse at a shift.
+    /// Where D is so small that far ones would hide the near ones, by those of the inverse at a
+    /// shift.
     fn eigenvalues(&self) -> Vec<Complex> {
         if self.a.nrows() == 0 {
             return Vec::new();

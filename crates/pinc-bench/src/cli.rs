@@ -174,8 +174,8 @@ enum Command {
         #[command(flatten)]
         set: SetArgs,
     },
-    /// Say which model should be in a config's loop: tries integrators by their substeps and nets by
-    /// their size, and writes the config with the cheapest that is good enough.
+    /// Say which model should be in a config's loop: tries integrators by their substeps and nets
+    /// by their size, and writes the config with the cheapest that is good enough.
     Choose {
         /// Config file (TOML).
         config: PathBuf,

@@ -71,8 +71,8 @@ impl Candidate {
         }
     }
 
-    /// A case of a sweep, as TOML: this candidate in loops that are run so many times. The phases of
-    /// the config's training have so many `iterations`.
+    /// A case of a sweep, as TOML: this candidate in loops that are run so many times. The phases
+    /// of the config's training have so many `iterations`.
     #[must_use]
     pub fn case(self, repetitions: usize, iterations: &[u64]) -> String {
         let mut set = format!("\"control.models\" = [\"{}\"]", self.kind());

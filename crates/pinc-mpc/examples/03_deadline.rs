@@ -23,8 +23,9 @@ pub(crate) fn main() -> Result<(), MpcError> {
     assert_eq!(step.status, SqpStatus::Converged);
     let planned = nmpc.plan().inputs()[1];
 
-    // A clock enters as a closure, asked before each QP and within: on a machine, `|| start.elapsed() >
-    // budget`. Here the time is up at once, and the input is the next one of the last plan.
+    // A clock enters as a closure, asked before each QP and within: on a machine,
+    // `|| start.elapsed() > budget`. Here the time is up at once, and the input is the next one of
+    // the last plan.
     let step = nmpc.step_within(&[0.9, -0.4], &reference, &mut || true)?;
     println!("{}: u {:.5}, planned before: {planned:.5}", step.status, step.u[0]);
     assert_eq!((step.status, step.followed), (SqpStatus::Deadline, false));

@@ -13,9 +13,9 @@ pub enum TrainingTarget {
     /// The residual of the plant's equation at times in \[0, T\]: a PINC net.
     #[default]
     Physics,
-    /// The plant's state at t = T, by an accurate integration ([`pinc_ode::AccurateIntegrator`]): a distilled
-    /// net y0 + N(y0, u). Between 0 and T its values are meaningless. The points of the sample are
-    /// initial states and inputs, and the loss has the term `MSE_D` alone.
+    /// The plant's state at t = T, by an accurate integration ([`pinc_ode::AccurateIntegrator`]): a
+    /// distilled net y0 + N(y0, u). Between 0 and T its values are meaningless. The points of the
+    /// sample are initial states and inputs, and the loss has the term `MSE_D` alone.
     Integrator,
 }
 

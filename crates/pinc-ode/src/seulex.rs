@@ -144,8 +144,8 @@ impl Seulex {
     }
 
     /// Tries a step of size `h` from `x`. If its error is below the tolerance, the change of the
-    /// state is in `self.change`, and f there in `self.first`. The size of the next step is returned
-    /// in any case.
+    /// state is in `self.change`, and f there in `self.first`. The size of the next step is
+    /// returned in any case.
     fn attempt(&mut self, x: &[f64], at: (&[f64], &[f64]), h: f64) -> (bool, f64) {
         let mut rows: Vec<Row> = Vec::new();
         let last = (self.row + 1).min(MAX_ROWS - 1);

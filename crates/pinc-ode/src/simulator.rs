@@ -81,8 +81,8 @@ impl Simulator {
     ///
     /// # Errors
     ///
-    /// Those of [`AccurateIntegrator::integrate`]; [`OdeError::External`] and [`OdeError::NotFinite`] for what
-    /// a black box does not answer with numbers.
+    /// Those of [`AccurateIntegrator::integrate`]; [`OdeError::External`] and
+    /// [`OdeError::NotFinite`] for what a black box does not answer with numbers.
     ///
     /// # Panics
     ///

@@ -369,8 +369,8 @@ mod tests {
     }
 
     /// The fractions in the vapour sum to 1 at any pressure, and their derivatives of first order
-    /// are those that numbers with derivatives of second order have. Values alone, which take a step
-    /// less, are the same.
+    /// are those that numbers with derivatives of second order have. Values alone, which take a
+    /// step less, are the same.
     #[test]
     fn solved_exactly() {
         for pressure in [NORMAL_KPA, 101.0, 50.0, 200.0] {

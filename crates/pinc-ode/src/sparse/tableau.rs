@@ -21,8 +21,8 @@ impl Tableau {
     /// [`DormandPrince`](crate::DormandPrince).
     pub const DORMAND_PRINCE: Self = Self(&dopri5::A);
 
-    /// The rows: one per stage, with as many coefficients as there are stages before it, and that of
-    /// the result.
+    /// The rows: one per stage, with as many coefficients as there are stages before it, and that
+    /// of the result.
     #[must_use]
     pub fn rows(self) -> &'static [&'static [f64]] {
         self.0

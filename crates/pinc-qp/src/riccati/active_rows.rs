@@ -313,7 +313,8 @@ mod tests {
     use super::*;
     use crate::{OcpDims, QpStep};
 
-    /// x = u, at most 1 and 2; the least of (u - middle)^2 / 2. The rows are x, u and the increment.
+    /// x = u, at most 1 and 2; the least of (u - middle)^2 / 2. The rows are x, u and the
+    /// increment.
     fn program(middle: f64) -> Qp {
         let [nx, nu, horizon, n_controls, n1] = [1; 5];
         let [inequalities, equalities, outputs] = [0; 3];
