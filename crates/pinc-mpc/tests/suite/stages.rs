@@ -3,9 +3,10 @@
 use crate::optimality::{StepInput, residuals, scale};
 use crate::problems::{four_tanks, four_tanks_loop};
 use crate::support::{Linear, scalar_problem};
+use pinc_ad::Scalar;
 use pinc_mpc::{
-    Bounds, ClosedLoop, MpcError, Nmpc, NmpcProblem, QpMethod, Reference, SqpConfig, SqpStatus,
-    Weight, Weights,
+    Bounds, ClosedLoop, Constraints, MpcError, Nmpc, NmpcProblem, QpMethod, Reference, SqpConfig,
+    SqpStatus, StageConstraints, Weight, Weights,
 };
 use pinc_ode::{Dims, Dopri5, Linearization, Model, Rk4, Stages};
 use pinc_plants::FourTanks;
@@ -200,6 +201,40 @@ fn stages_may_differ_in_length() {
         u
     });
     assert!(warm * 3 < cold * 2, "{warm} {cold}");
+}
+
+/// h1 + h2 <= 20
+#[derive(Debug)]
+struct Together;
+
+impl StageConstraints for Together {
+    fn inequalities(&self) -> usize {
+        1
+    }
+
+    fn evaluate<S: Scalar>(&self, x: &[S], _u: &[S], h: &mut [S], _g: &mut [S]) {
+        h[0] = x[0] + x[1] - 20.0;
+    }
+}
+
+/// Constraints count from stage N1 on; their multipliers are moved on with the plan.
+#[test]
+fn stages_of_different_lengths_have_constraints() {
+    let constraints = Some(Constraints::new(Together));
+    let problem = NmpcProblem { control_horizon: 4, n1: 2, constraints, ..four_tanks() };
+    let builder = Nmpc::builder(problem).stages(tanks(10.0), 2).stages(tanks(40.0), 3);
+    let (mut nmpc, mut active) = (builder.build().unwrap(), 0);
+    four_tanks_loop().run(|k, x, _| {
+        let step = nmpc.step(x, &[9.16, 14.21].repeat(5)).unwrap();
+        assert_eq!(step.status, SqpStatus::Converged, "step {k}");
+        let u = step.u.to_vec();
+        let together = |x: &[f64]| x[0] + x[1];
+        let most = nmpc.plan().states().chunks_exact(4).skip(1).map(together).fold(0.0, f64::max);
+        assert!(most < 20.0 + 1e-6, "step {k}: {most}");
+        active += usize::from(most > 20.0 - 1e-6);
+        u
+    });
+    assert!(active > 100, "{active}");
 }
 
 /// The loop shows the controller the references at the ends of its stages.
