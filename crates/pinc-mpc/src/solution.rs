@@ -213,6 +213,31 @@ mod tests {
     }
 
     #[test]
+    fn one_number_that_is_none_is_noticed() {
+        let dims = OcpDims {
+            nx: 1,
+            nu: 1,
+            horizon: 2,
+            n_controls: 2,
+            n1: 1,
+            inequalities: 1,
+            equalities: 0,
+            outputs: 0,
+        };
+        assert!(Solution::new(dims).is_finite());
+        let with = |change: fn(&mut Solution)| {
+            let mut solution = Solution::new(dims);
+            change(&mut solution);
+            solution.is_finite()
+        };
+        assert!(!with(|solution| solution.z[3] = f64::NAN));
+        assert!(!with(|solution| solution.multipliers.dynamics[1] = f64::INFINITY));
+        assert!(!with(|solution| solution.multipliers.bounds[0] = f64::NAN));
+        assert!(!with(|solution| solution.multipliers.increments[1] = f64::NEG_INFINITY));
+        assert!(!with(|solution| solution.multipliers.rows[1] = f64::NAN));
+    }
+
+    #[test]
     fn shifting_keeps_the_last_stage() {
         let dims = OcpDims {
             nx: 2,
