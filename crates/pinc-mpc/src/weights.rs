@@ -240,3 +240,47 @@ fn is_semidefinite(rows: &[Vec<f64>]) -> bool {
     }
     true
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn is_valid(rows: &[Vec<f64>]) -> bool {
+        match Weight::Full(rows.to_vec()).validate("weights.q", rows.len()) {
+            Ok(()) => true,
+            Err(MpcError::NotSemidefinite { field: "weights.q" }) => false,
+            Err(other) => panic!("{other}"),
+        }
+    }
+
+    /// `shift` I + `factor` G'G, which has the least eigenvalue `shift` where G has fewer rows than
+    /// columns.
+    fn matrix(g: &[[f64; 3]], factor: f64, shift: f64) -> Vec<Vec<f64>> {
+        let product = |i: usize, k: usize| g.iter().map(|row| row[i] * row[k]).sum::<f64>();
+        let entry = |i: usize, k: usize| factor * product(i, k) + if i == k { shift } else { 0.0 };
+        (0..3).map(|i| (0..3).map(|k| entry(i, k)).collect()).collect()
+    }
+
+    proptest! {
+        #[test]
+        fn costs_that_may_be_negative_are_refused(
+            g in prop::collection::vec(prop::array::uniform3(-1.0..1.0), 1..=2),
+            exponent in -6..=6,
+        ) {
+            let scale = 10.0_f64.powi(exponent);
+            prop_assert!(is_valid(&matrix(&g, scale, 0.0)));
+            prop_assert!(is_valid(&matrix(&g, scale, 1e-3 * scale)));
+            prop_assert!(!is_valid(&matrix(&g, scale, -1e-6 * scale)));
+        }
+    }
+
+    #[test]
+    fn a_coupling_without_weights_is_refused() {
+        assert!(is_valid(&[vec![0.0, 0.0], vec![0.0, 0.0]]));
+        assert!(is_valid(&[vec![1.0, 1.0], vec![1.0, 1.0]]));
+        assert!(!is_valid(&[vec![1.0, 1.1], vec![1.1, 1.0]]));
+        assert!(!is_valid(&[vec![0.0, 1.0], vec![1.0, 0.0]]));
+        assert!(!is_valid(&[vec![1.0, 0.0], vec![0.0, -1e-6]]));
+    }
+}
