@@ -64,7 +64,9 @@ fn each_value_of_the_references_is_looked_at_once_and_not_more_than_fifty() {
 
 #[test]
 fn a_long_loop_of_a_large_model_is_rehearsed_in_part() {
-    let said = text(&findings("distributed/rod.toml", &["control.rk4_substeps=120"]));
-    let expected = "the first 5 steps of the closed loop with RK4 succeed; the other 115 were left";
+    let sets = ["control.models=[\"rosenbrock\"]", "control.rosenbrock_substeps=40"];
+    let said = text(&findings("distributed/rod.toml", &sets));
+    let expected =
+        "the first 5 steps of the closed loop with Rosenbrock succeed; the other 115 were left";
     assert!(said.contains(expected), "{said}");
 }
