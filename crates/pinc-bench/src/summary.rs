@@ -107,8 +107,8 @@ fn metrics(text: &mut String, metrics: &Metrics) -> std::fmt::Result {
             writeln!(text, "             {found}")?;
         }
     }
-    for finding in metrics.loop_findings() {
-        writeln!(text, "note: {finding}")?;
+    for note in metrics.loop_notes() {
+        writeln!(text, "note: {note}")?;
     }
     Ok(())
 }

@@ -48,6 +48,21 @@ impl Metrics {
         self.control.iter().flat_map(|of| self.findings_of(of)).collect()
     }
 
+    /// The same in words. What can be done is said once for findings in a row of which it is the
+    /// same.
+    #[must_use]
+    pub fn loop_notes(&self) -> Vec<String> {
+        let findings = self.loop_findings();
+        let note = |(place, finding): (usize, &LoopFinding)| {
+            let advice = finding.advice();
+            match findings.get(place + 1) {
+                Some(next) if next.advice() == advice => finding.what(),
+                _ => finding.to_string(),
+            }
+        };
+        findings.iter().enumerate().map(note).collect()
+    }
+
     fn findings_of(&self, of: &ControlMetrics) -> Vec<LoopFinding> {
         let mut findings = Vec::new();
         if of.failed_steps() > 0 {
@@ -101,12 +116,17 @@ impl ControlMetrics {
 /// What happened, and what to do next.
 impl fmt::Display for LoopFinding {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} {}", self.what(), self.advice())
+    }
+}
+
+impl LoopFinding {
+    fn what(&self) -> String {
         match self {
-            Self::FailedSteps { model, failed, steps, status } => {
-                let model = model.title();
-                write!(f, "With {model} {failed} of {steps} control steps failed, most with ")?;
-                write!(f, "the status {status}. {}", advice(status))
-            }
+            Self::FailedSteps { model, failed, steps, status } => format!(
+                "With {} {failed} of {steps} control steps failed, most with the status {status}.",
+                model.title()
+            ),
             Self::NotReached {
                 model,
                 quantity,
@@ -115,32 +135,35 @@ impl fmt::Display for LoopFinding {
                 offset,
                 start_s,
                 time_unit,
-                reached_with,
+                ..
             } => {
-                let model = model.title();
-                write!(f, "With {model} {quantity} does not come to ")?;
-                match references {
-                    1 => write!(f, "its reference: at the end it is {offset:.3} off on average. ")?,
-                    _ => write!(
-                        f,
-                        "{missed} of its {references} references: it ends {offset:.3} off on average \
-                         with the one from {}. ",
+                let which = match references {
+                    1 => format!("its reference: at the end it is {offset:.3} off on average."),
+                    _ => format!(
+                        "{missed} of its {references} references: it ends {offset:.3} off on \
+                         average with the one from {}.",
                         TimeUnit::shown(*start_s, *time_unit)
-                    )?,
-                }
-                match reached_with {
-                    Some(other) => write!(
-                        f,
-                        "With {} it does, so {model} is not accurate enough there: use a larger net, \
-                         more training or more substeps, or a [domain] that holds the loop.",
-                        other.title()
                     ),
-                    None => f.write_str(
-                        "Either no input within the bounds holds it (`pinc check` says which references \
-                         are steady states), or the time was too short, or the plant in the loop is not \
-                         the one that the model is of.",
-                    ),
-                }
+                };
+                format!("With {} {quantity} does not come to {which}", model.title())
+            }
+        }
+    }
+
+    fn advice(&self) -> String {
+        match self {
+            Self::FailedSteps { status, .. } => advice(status).to_owned(),
+            Self::NotReached { model, reached_with: Some(other), .. } => format!(
+                "With {} it does, so {} is not accurate enough there: use a larger net, more \
+                 training or more substeps, or a [domain] that holds the loop.",
+                other.title(),
+                model.title()
+            ),
+            Self::NotReached { reached_with: None, .. } => {
+                "Either no input within the bounds holds it (`pinc check` says which references \
+                 are steady states), or the time was too short, or the plant in the loop is not \
+                 the one that the model is of."
+                    .to_owned()
             }
         }
     }
@@ -224,6 +247,16 @@ mod tests {
             panic!("{other:?}");
         };
         assert!(other.to_string().contains("`pinc check`"));
+    }
+
+    #[test]
+    fn what_can_be_done_is_said_once_where_it_is_the_same() {
+        let fine = [(SqpStatus::Converged, 30)];
+        let missed = |model| of(model, [Some(0.05), Some(0.02), Some(0.2)], &fine);
+        let all = metrics(vec![missed(ModelKind::Pinc), missed(ModelKind::Rk4)]);
+        let [first, second] = &all.loop_notes()[..] else { panic!("two notes") };
+        assert!(first.starts_with("With PINC ") && !first.contains("`pinc check`"), "{first}");
+        assert!(second.starts_with("With RK4 ") && second.contains("`pinc check`"), "{second}");
     }
 
     #[test]

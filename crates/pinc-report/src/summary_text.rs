@@ -23,7 +23,7 @@ pub(crate) fn paragraph(run: &Run) -> String {
         statuses(metrics),
     ];
     let mut said: Vec<String> = sentences.into_iter().flatten().collect();
-    said.extend(metrics.loop_findings().iter().map(ToString::to_string));
+    said.extend(metrics.loop_notes());
     said.join(" ")
 }
 
