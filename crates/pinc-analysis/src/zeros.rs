@@ -107,10 +107,10 @@ impl System {
         if let Some(zeros) = self.standard_eigenvalues() {
             return zeros;
         }
-        let [one, other] = SHIFTS.map(|shift| (shift, self.inverse_at(shift)));
         // The smaller inverse is that of the shift which is farther from all zeros.
-        let nearer = largest(&one.1) > largest(&other.1) || !largest(&one.1).is_finite();
-        let (shift, inverse) = if nearer { other } else { one };
+        let inverses = SHIFTS.into_iter().map(|shift| (shift, self.inverse_at(shift)));
+        let smallest = inverses.min_by(|(_, a), (_, b)| largest(a).total_cmp(&largest(b)));
+        let Some((shift, inverse)) = smallest else { return Vec::new() };
         let zero = |v: &faer::c64| {
             let square = v.re * v.re + v.im * v.im;
             Complex { re: shift + v.re / square, im: -v.im / square }

@@ -280,7 +280,6 @@ fn unit(size: f64, [least, most]: [f64; 2]) -> f64 {
 mod tests {
     use super::*;
     use crate::Weights;
-    use pinc_ode::Dims;
 
     /// The unit of the cost of one state and one input of ordinary size, by their weights.
     fn cost(q: f64, r: f64) -> f64 {

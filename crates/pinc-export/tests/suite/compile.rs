@@ -113,18 +113,18 @@ impl Sources {
         text
     }
 
-    /// The program of the generated files and `main`, compiled with `options`.
+    /// The program of the generated files and `main`, compiled at an optimization `level` with `more` options.
     #[track_caller]
-    fn program(&self, main: &str, options: [&[&str]; 2], as_program: &str) {
+    fn program(&self, main: &str, level: &str, more: &[&str], as_program: &str) {
         let mut command = Command::new("cc");
-        command.args(STRICT).arg("-I.").args(options.concat()).args(&self.library).arg(main);
+        command.args(STRICT).args([level, "-I."]).args(more).args(&self.library).arg(main);
         self.run(command.args(["-lm", "-o", as_program]));
     }
 
     /// The self-test passes, compiled with `more` options.
     #[track_caller]
     pub(crate) fn selftest(&self, name: &str, more: &[&str]) -> String {
-        self.program(&format!("{name}_selftest.c"), [&["-O1"], more], "selftest");
+        self.program(&format!("{name}_selftest.c"), "-O1", more, "selftest");
         self.run(&mut Command::new("./selftest"))
     }
 
@@ -133,7 +133,7 @@ impl Sources {
     #[track_caller]
     pub(crate) fn drive(&self, main: &str, more: &[&str], input: &[f64]) -> Vec<f64> {
         fs::write(self.path().join("drive.c"), main).unwrap();
-        self.program("drive.c", [&["-O0"], more], "drive");
+        self.program("drive.c", "-O0", more, "drive");
         let mut command = Command::new(self.path().join("drive"));
         let mut child =
             command.stdin(Stdio::piped()).stdout(Stdio::piped()).spawn().expect("a program");

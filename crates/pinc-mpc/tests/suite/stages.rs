@@ -1,12 +1,11 @@
 //! Data that differ from stage to stage: bounds, parameters, models.
 
 use crate::optimality::{StepInput, residuals, scale};
-use crate::problems::{four_tanks, four_tanks_loop};
+use crate::problems::{Together, four_tanks, four_tanks_loop};
 use crate::support::{Linear, scalar_problem};
-use pinc_ad::Scalar;
 use pinc_mpc::{
     Bounds, ClosedLoop, Constraints, MpcError, Nmpc, NmpcProblem, QpMethod, Reference, SqpConfig,
-    SqpStatus, StageConstraints, Weight, Weights,
+    SqpStatus, Weight, Weights,
 };
 use pinc_ode::{Dims, Dopri5, Linearization, Model, Rk4, Stages};
 use pinc_plants::FourTanks;
@@ -203,24 +202,10 @@ fn stages_may_differ_in_length() {
     assert!(warm * 3 < cold * 2, "{warm} {cold}");
 }
 
-/// h1 + h2 <= 20
-#[derive(Debug)]
-struct Together;
-
-impl StageConstraints for Together {
-    fn inequalities(&self) -> usize {
-        1
-    }
-
-    fn evaluate<S: Scalar>(&self, x: &[S], _u: &[S], h: &mut [S], _g: &mut [S]) {
-        h[0] = x[0] + x[1] - 20.0;
-    }
-}
-
 /// Constraints count from stage N1 on; their multipliers are moved on with the plan.
 #[test]
 fn stages_of_different_lengths_have_constraints() {
-    let constraints = Some(Constraints::new(Together));
+    let constraints = Some(Constraints::new(Together { x: 1.0, row: 1.0 }));
     let problem = NmpcProblem { control_horizon: 4, n1: 2, constraints, ..four_tanks() };
     let builder = Nmpc::builder(problem).stages(tanks(10.0), 2).stages(tanks(40.0), 3);
     let (mut nmpc, mut active) = (builder.build().unwrap(), 0);

@@ -1,10 +1,7 @@
 //! The units of states, inputs and cost do not matter.
 
-use crate::problems::{Loop, four_tanks_loop, van_der_pol_loop};
-use pinc_ad::Scalar;
-use pinc_mpc::{
-    Bounds, Constraints, Nmpc, QpMethod, SqpConfig, SqpStatus, StageConstraints, Weights,
-};
+use crate::problems::{Loop, Together, four_tanks_loop, van_der_pol_loop};
+use pinc_mpc::{Bounds, Constraints, Nmpc, QpMethod, SqpConfig, SqpStatus, Weights};
 use pinc_ode::{Dims, Linearization, Model, Rk4, Stages};
 use pinc_plants::{FourTanks, VanDerPol};
 
@@ -164,24 +161,6 @@ fn inputs_and_costs_may_be_counted_in_any_unit() {
             // The last reference is on two bounds, where the optimum is flat: 90 of 120 steps.
             compare(short_loop, &oscillator, counted, qp);
         }
-    }
-}
-
-/// No more than 20 in the two lower tanks together: x1 + x2 <= 20, with levels counted in numbers
-/// so many times larger, and the row again in others.
-#[derive(Debug)]
-struct Together {
-    x: f64,
-    row: f64,
-}
-
-impl StageConstraints for Together {
-    fn inequalities(&self) -> usize {
-        1
-    }
-
-    fn evaluate<S: Scalar>(&self, x: &[S], _u: &[S], h: &mut [S], _g: &mut [S]) {
-        h[0] = ((x[0] + x[1]) / self.x - 20.0) * self.row;
     }
 }
 
