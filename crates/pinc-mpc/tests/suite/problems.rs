@@ -1,7 +1,6 @@
 //! The paper's control problems and closed loops.
 
-use pinc_ad::Scalar;
-use pinc_mpc::{Bounds, NmpcProblem, Reference, StageConstraints, Tracked, Weights};
+use pinc_mpc::{Bounds, NmpcProblem, Reference, Tracked, Weights};
 use pinc_ode::{Dims, Model, Rk4};
 use pinc_plants::{FourTanks, VanDerPol};
 
@@ -78,23 +77,5 @@ pub(crate) fn four_tanks() -> NmpcProblem {
         state_bounds: Bounds { low: vec![2.0, 2.0, 0.6, 0.6], high: vec![20.0, 20.0, 5.5, 5.5] },
         input_bounds: Bounds { low: vec![0.0; 2], high: vec![5.0; 2] },
         ..NmpcProblem::new(Dims::new(4, 2), 5, weights)
-    }
-}
-
-/// No more than 20 in the two lower tanks together: x1 + x2 <= 20, with levels counted in numbers
-/// so many times larger, and the row again in others.
-#[derive(Debug)]
-pub(crate) struct Together {
-    pub(crate) x: f64,
-    pub(crate) row: f64,
-}
-
-impl StageConstraints for Together {
-    fn inequalities(&self) -> usize {
-        1
-    }
-
-    fn evaluate<S: Scalar>(&self, x: &[S], _u: &[S], h: &mut [S], _g: &mut [S]) {
-        h[0] = ((x[0] + x[1]) / self.x - 20.0) * self.row;
     }
 }

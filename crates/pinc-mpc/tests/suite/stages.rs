@@ -1,8 +1,8 @@
 //! Data that differ from stage to stage: bounds, parameters, models.
 
 use crate::optimality::{StepInput, residuals, scale};
-use crate::problems::{Together, four_tanks, four_tanks_loop};
-use crate::support::{Linear, scalar_problem};
+use crate::problems::{four_tanks, four_tanks_loop};
+use crate::support::{Linear, Together, scalar_problem};
 use pinc_mpc::{
     Bounds, ClosedLoop, Constraints, MpcError, Nmpc, NmpcProblem, QpMethod, Reference, SqpConfig,
     SqpStatus, Weight, Weights,
