@@ -214,13 +214,21 @@ fn check_full(field: &'static str, rows: &[Vec<f64>], expected: usize) -> Result
 }
 
 /// Whether the symmetric matrix has no negative eigenvalue, but for rounding: by elimination with
-/// the largest pivot first.
+/// the largest pivot first. The answer does not depend on the units of rows and columns.
 fn is_semidefinite(rows: &[Vec<f64>]) -> bool {
-    let largest = rows.iter().flatten().fold(f64::MIN_POSITIVE, |most, w| most.max(w.abs()));
-    // In units in which no product overflows.
-    let mut rest: Vec<Vec<f64>> =
-        rows.iter().map(|row| row.iter().map(|w| w / largest).collect()).collect();
     let negligible = 1e-12;
+    // In units in which the diagonal is 1, or 0.
+    let mut rest = rows.to_vec();
+    for (i, row) in rows.iter().enumerate() {
+        for (k, w) in row.iter().enumerate() {
+            let largest = rows[i][i].sqrt() * rows[k][k].sqrt();
+            // A negative weight, whose root is NaN, or a negative minor w_ii w_kk - w_ik^2.
+            if largest.is_nan() || w.abs() > largest * (1.0 + negligible) {
+                return false;
+            }
+            rest[i][k] = if largest > 0.0 { w / largest } else { 0.0 };
+        }
+    }
     let mut open: Vec<usize> = (0..rest.len()).collect();
     while let Some(place) =
         (0..open.len()).max_by(|&i, &k| rest[open[i]][open[i]].total_cmp(&rest[open[k]][open[k]]))
@@ -282,5 +290,19 @@ mod tests {
         assert!(!is_valid(&[vec![1.0, 1.1], vec![1.1, 1.0]]));
         assert!(!is_valid(&[vec![0.0, 1.0], vec![1.0, 0.0]]));
         assert!(!is_valid(&[vec![1.0, 0.0], vec![0.0, -1e-6]]));
+    }
+
+    #[test]
+    fn units_do_not_hide_a_negative_cost() {
+        for unit in [1e-150, 1e-12, 1e-7, 1.0, 1e7, 1e150] {
+            let costs = |coupling: f64, last: f64| {
+                let [coupling, last] = [coupling * unit, last * unit * unit];
+                vec![vec![1.0, 0.0, coupling], vec![0.0, 2.0, 0.0], vec![coupling, 0.0, last]]
+            };
+            assert!(is_valid(&costs(0.9, 1.0)), "{unit}");
+            assert!(is_valid(&costs(1.0, 1.0)), "{unit}");
+            assert!(!is_valid(&costs(1.1, 1.0)), "{unit}");
+            assert!(!is_valid(&costs(0.0, -1.0)), "{unit}");
+        }
     }
 }
