@@ -234,8 +234,9 @@ impl<S: Scalar, C: Convert<S>, const R: usize> Work for Run<'_, S, C, R> {
             }
             first += part.len();
         }
-        // Second derivatives are rarely asked for, and their code is long: it serves any number.
-        if const { C::To::ORDER < 2 } {
+        // A known number of registers spares the check of each index, of which derivatives are little
+        // the slower. Their code is long: it serves any number.
+        if const { C::To::ORDER == 0 } {
             run_steps(&self.program.steps, &mut registers);
         } else {
             run_steps(&self.program.steps, registers.as_mut_slice());
