@@ -1,6 +1,9 @@
 //! The invariants of the architecture: who depends on whom, who may print, open files or read a
 //! clock, where `unsafe` is, how long files are. Several are about what is absent.
 
+mod code;
+
+use code::{code, files_of_tests, words};
 use std::collections::BTreeSet;
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -127,10 +130,12 @@ fn read(path: &Path) -> String {
     fs::read_to_string(path).unwrap_or_else(|error| panic!("{}: {error}", path.display()))
 }
 
+fn parsed(path: &Path) -> Table {
+    read(path).parse().unwrap_or_else(|error| panic!("{}: {error}", path.display()))
+}
+
 fn manifest(folder: &str) -> Table {
-    let path = root().join(folder).join("Cargo.toml");
-    let parsed = read(&path).parse();
-    parsed.unwrap_or_else(|error| panic!("{}: {error}", path.display()))
+    parsed(&root().join(folder).join("Cargo.toml"))
 }
 
 fn crate_manifest(name: &str) -> Table {
@@ -187,115 +192,6 @@ fn compiled(name: &str) -> Vec<(PathBuf, String)> {
     let is_test =
         |path: &Path| path.ancestors().any(|part| tests.contains(&part.with_extension("")));
     sources.into_iter().filter(|(path, _)| !is_test(path)).collect()
-}
-
-/// The modules in files of their own, without ending, that `path` declares for tests only.
-fn files_of_tests(path: &Path, text: &str) -> Vec<PathBuf> {
-    let folder = path.parent().unwrap_or(Path::new(""));
-    let stem = path.file_stem().unwrap_or_default().to_string_lossy();
-    let folder = match &*stem {
-        "lib" | "main" | "mod" => folder.to_path_buf(),
-        stem => folder.join(stem),
-    };
-    let plain = without_text(text);
-    let declared = plain.split(TEST).skip(1).filter_map(|rest| {
-        let item = &rest[..end_of_item(rest)];
-        item.trim().strip_prefix("mod ")?.strip_suffix(';')
-    });
-    declared.map(|name| folder.join(name.trim())).collect()
-}
-
-/// What marks an item as one of tests.
-const TEST: &str = "#[cfg(test)]";
-
-/// The code of a file: without comments, without what stands in quotes, and without the items of
-/// tests.
-fn code(text: &str) -> String {
-    let plain = without_text(text);
-    let mut parts = plain.split(TEST);
-    let mut code = parts.next().unwrap_or_default().to_owned();
-    for rest in parts {
-        code += &rest[end_of_item(rest)..];
-    }
-    code
-}
-
-/// Where an item at the beginning of some plain code ends: behind its `;` or its block.
-fn end_of_item(code: &str) -> usize {
-    let mut depth = 0_usize;
-    // Further attributes belong to the item.
-    for (at, c) in code.char_indices() {
-        match c {
-            '(' | '[' | '{' => depth += 1,
-            ')' | ']' => depth = depth.saturating_sub(1),
-            '}' if depth <= 1 => return at + 1,
-            '}' => depth -= 1,
-            ';' if depth == 0 => return at + 1,
-            _ => {}
-        }
-    }
-    code.len()
-}
-
-/// Rust code without comments, and with nothing in its quotes.
-fn without_text(text: &str) -> String {
-    let mut out = String::new();
-    let mut rest = text;
-    while let Some(c) = rest.chars().next() {
-        let skipped = if rest.starts_with("//") {
-            rest.find('\n').unwrap_or(rest.len())
-        } else if rest.starts_with("/*") {
-            rest.find("*/").map_or(rest.len(), |end| end + 2)
-        } else if let Some(hashes) = raw_string(rest, &out) {
-            let end = format!("\"{}", "#".repeat(hashes));
-            let begin = hashes + 2;
-            rest[begin..].find(&end).map_or(rest.len(), |at| begin + at + end.len())
-        } else if c == '"' {
-            quoted(rest, '"')
-        } else if c == '\'' && is_character(rest) {
-            quoted(rest, '\'')
-        } else {
-            out.push(c);
-            rest = &rest[c.len_utf8()..];
-            continue;
-        };
-        out.push(' ');
-        rest = &rest[skipped..];
-    }
-    out
-}
-
-/// The number of `#` in front of a raw string at the beginning of `rest`, if there is one.
-fn raw_string(rest: &str, before: &str) -> Option<usize> {
-    let in_word = before.chars().last().is_some_and(|c| c.is_alphanumeric() || c == '_');
-    let behind = rest.strip_prefix('r').filter(|_| !in_word)?;
-    let hashes = behind.len() - behind.trim_start_matches('#').len();
-    behind[hashes..].starts_with('"').then_some(hashes)
-}
-
-/// Whether a quote begins a character rather than a lifetime.
-fn is_character(rest: &str) -> bool {
-    let mut chars = rest.chars().skip(1);
-    chars.next() == Some('\\') || chars.next() == Some('\'')
-}
-
-/// The length of a text in quotes, with the quotes.
-fn quoted(rest: &str, quote: char) -> usize {
-    let mut escaped = false;
-    for (at, c) in rest.char_indices().skip(1) {
-        match c {
-            _ if escaped => escaped = false,
-            '\\' => escaped = true,
-            c if c == quote => return at + c.len_utf8(),
-            _ => {}
-        }
-    }
-    rest.len()
-}
-
-/// The identifiers and numbers of some code, in order.
-fn words(code: &str) -> impl Iterator<Item = &str> {
-    code.split(|c: char| !(c.is_alphanumeric() || c == '_')).filter(|word| !word.is_empty())
 }
 
 /// What prints, reads a clock or looks at the world outside.
@@ -399,6 +295,21 @@ fn the_python_package_is_beside_the_workspace() {
             assert!(!known.contains("pyo3") && !known.contains(name), "{member}: {kind}");
         }
     }
+}
+
+/// Both are compiled into one target directory: what they have in common, once.
+#[test]
+fn the_program_with_its_own_plant_is_compiled_as_the_workspace_is() {
+    let folder = "examples/own-plant";
+    let [own, workspace] = [folder, "."].map(|folder| manifest(folder)["profile"]["dev"].clone());
+    let lock = parsed(&root().join(folder).join("Cargo.lock"));
+    let packages = lock["package"].as_array().unwrap();
+    let known: BTreeSet<_> =
+        packages.iter().filter_map(|package| package["name"].as_str()).collect();
+    let mut expected = workspace.as_table().unwrap().clone();
+    let levels = expected["package"].as_table_mut().unwrap();
+    levels.retain(|name, _| name == "*" || known.contains(name));
+    assert_eq!(own.as_table(), Some(&expected));
 }
 
 #[test]
