@@ -1,7 +1,6 @@
 //! The files of a run directory: metrics, tables, checkpoint, provenance.
 //!
-//! - [`RunDir`]: the directory of a run, with its [`Metrics`]; [`LoopFinding`]: what went wrong in
-//!   it.
+//! - [`RunDir`]: the directory of a run, with its [`Metrics`] and what went wrong in it.
 //! - [`TrainingRow`], [`DomainErrorTable`], [`PredictionTable`], [`ControlRow`], [`StepRow`],
 //!   [`EstimateTable`]: the tables of a run.
 //! - [`TrialTable`], [`SummaryTable`]: the tables of a sweep; [`SweepDir`]: where its trials are.
@@ -56,4 +55,4 @@ pub use tables::{
     TrialColumn, TrialMetric, TrialStatus, TrialTable, fixed_table, read_fixed_table,
 };
 pub use times::{StepTimes, WallTimes};
-pub use verdict::{LoopFinding, advice};
+pub use verdict::advice;

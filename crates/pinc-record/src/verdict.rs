@@ -6,9 +6,8 @@ use pinc_mpc::SqpStatus;
 use std::fmt;
 
 /// Something that a reader of a run's results should know of its closed loops.
-#[derive(Clone, Debug, PartialEq)]
-#[non_exhaustive]
-pub enum LoopFinding {
+#[derive(Debug, PartialEq)]
+enum LoopFinding {
     /// Steps of the controller failed.
     FailedSteps {
         /// The model in the controller.
@@ -42,14 +41,12 @@ pub enum LoopFinding {
 }
 
 impl Metrics {
-    /// What went wrong in the closed loops.
-    #[must_use]
-    pub fn loop_findings(&self) -> Vec<LoopFinding> {
+    fn loop_findings(&self) -> Vec<LoopFinding> {
         self.control.iter().flat_map(|of| self.findings_of(of)).collect()
     }
 
-    /// The same in words. What can be done is said once for findings in a row of which it is the
-    /// same.
+    /// What went wrong in the closed loops, and what can be done about it: once for findings in a
+    /// row of which that is the same.
     #[must_use]
     pub fn loop_notes(&self) -> Vec<String> {
         let findings = self.loop_findings();
