@@ -34,5 +34,5 @@ for path in sorted(pathlib.Path("configs").rglob("*.toml")):
         (corpus("expression") / name).write_text("\n".join(line.replace("\n", " ") for line in lines))
 for i, text in enumerate(FORMULAS):
     (corpus("expression") / f"formula-{i}").write_text(text)
-model = pathlib.Path("crates/pinc-bench/tests/data/model.safetensors")
+model = pathlib.Path("crates/pinc/tests/data/model.safetensors")
 (corpus("model") / model.name).write_bytes(model.read_bytes())

@@ -3,12 +3,12 @@
 
 #![expect(clippy::print_stdout, reason = "it says which tests it runs, and answers as a process")]
 
-use pinc_bench::{Options, Target, Verbosity, check, export_plant, run};
 use pinc_config::{Experiment, ModelKind, Plants};
 use pinc_export::FmiVersion;
 use pinc_ode::{DynPlant, DynRhs, Model, Rk4, Simulator};
 use pinc_plants::VanDerPol;
 use pinc_record::{ControlMetrics, RunDir};
+use pinc_runs::{Options, Target, Verbosity, check, export_plant, run};
 use serde_json::{Value, json};
 use std::io::{BufRead, Write, stdin, stdout};
 use std::path::Path;
@@ -283,7 +283,7 @@ fn an_exported_plant_is_a_plant() {
 
 fn run_of(experiment: &Experiment, dir: &Path) -> RunDir {
     let findings = check(experiment);
-    assert!(findings.iter().all(|f| f.severity < pinc_bench::Severity::Error), "{findings:?}");
+    assert!(findings.iter().all(|f| f.severity < pinc_runs::Severity::Error), "{findings:?}");
     let options = Options {
         resume: false,
         verbosity: Verbosity::Quiet,

@@ -1,13 +1,13 @@
 //! The closed loops of the paper with RK4 as the model, against the answers that an interior-point
 //! solver of nonlinear programs (IPOPT, tolerance 1e-10) gives for the same problems.
 
-use pinc_bench::{Options, Verbosity};
 use pinc_config::{Experiment, ModelKind, Plants};
 use pinc_mpc::{
     Bounds, ClosedLoop, Nmpc, NmpcProblem, Reference, SqpConfig, SqpStatus, Tracked, Weights,
 };
 use pinc_ode::{Dopri5, PiecewiseConstant, Plant, Rk4};
 use pinc_plants::{FourTanks, VanDerPol};
+use pinc_runs::{Options, Verbosity};
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
 
@@ -164,7 +164,7 @@ fn the_shipped_config_makes_table_1() {
         arguments: &[],
     };
     let only = Some(ModelKind::Rk4);
-    let run = pinc_bench::control(&experiment, dir.path(), &options, None, only).unwrap();
+    let run = pinc_runs::control(&experiment, dir.path(), &options, None, only).unwrap();
     let answer = &run.metrics().control[0];
     close(answer.iae_dense_sum, 121.98, 0.01);
     close(answer.rmse_dense, 0.1507, 1e-4);

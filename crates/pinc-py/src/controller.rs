@@ -5,7 +5,7 @@ use crate::config::experiment;
 use crate::errors::{input, of_run};
 use crate::model::Model;
 use numpy::{PyArrayDyn, PyUntypedArrayMethods};
-use pinc_bench::{Follow, LiveController, ModelFile};
+use pinc_runs::{Follow, LiveController, ModelFile};
 use pinc_config::ModelKind;
 use pyo3::prelude::*;
 use std::path::PathBuf;

@@ -13,9 +13,9 @@ pub(crate) fn input(message: impl Into<String>) -> PyErr {
 }
 
 /// An error of a run: `InputError` where the program ends with the exit code 2 for bad input.
-pub(crate) fn of_run(error: &pinc_bench::RunError) -> PyErr {
+pub(crate) fn of_run(error: &pinc_runs::RunError) -> PyErr {
     match error {
-        pinc_bench::RunError::Interrupted { .. } => PyKeyboardInterrupt::new_err(error.to_string()),
+        pinc_runs::RunError::Interrupted { .. } => PyKeyboardInterrupt::new_err(error.to_string()),
         _ if error.exit_code() == 2 => input(error.to_string()),
         _ => RunError::new_err(error.to_string()),
     }

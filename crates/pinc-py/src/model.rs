@@ -2,7 +2,7 @@
 
 use crate::arrays::{Array, Given, Points, array};
 use crate::errors::{input, of_run};
-use pinc_bench::RunError;
+use pinc_runs::RunError;
 use pinc_net::{FoldedNet, PincModel, PincNet, TrainingTarget};
 use pinc_ode::{Dims, Linearization, Model as _, Stages};
 use pinc_record::{read_file, write_atomically};

@@ -2,7 +2,7 @@
 
 use crate::config::experiment;
 use crate::errors::{input, of_run};
-use pinc_bench::{Options, Verbosity};
+use pinc_runs::{Options, Verbosity};
 use pyo3::prelude::*;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -38,8 +38,8 @@ pub(crate) fn run_into(
     let ended = py.detach(|| {
         thread::scope(|scope| {
             let work = scope.spawn(|| {
-                let done = pinc_bench::run(&experiment, &dir, &options)?;
-                pinc_bench::verdict(&experiment, done.metrics())
+                let done = pinc_runs::run(&experiment, &dir, &options)?;
+                pinc_runs::verdict(&experiment, done.metrics())
             });
             let mut signal = None;
             while !work.is_finished() {

@@ -70,7 +70,7 @@ pub(crate) fn train(
     let experiment = experiment(config, overrides)?;
     let mut raised = None;
     let trained = py.detach(|| {
-        pinc_bench::train_watched(&experiment, |now| {
+        pinc_runs::train_watched(&experiment, |now| {
             let shown = Python::attach(|py| show(py, progress.as_ref(), now));
             shown.unwrap_or_else(|error| {
                 raised = Some(error);
@@ -103,7 +103,7 @@ pub(crate) fn train(
 fn show(
     py: Python<'_>,
     progress: Option<&Py<PyAny>>,
-    now: &pinc_bench::TrainingProgress,
+    now: &pinc_runs::TrainingProgress,
 ) -> PyResult<ControlFlow<()>> {
     py.check_signals()?;
     let Some(progress) = progress else { return Ok(ControlFlow::Continue(())) };

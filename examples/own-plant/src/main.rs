@@ -7,7 +7,7 @@
 //! ```
 
 use pinc_ad::Scalar;
-use pinc_bench::Plants;
+use pinc::Plants;
 use pinc_ode::{Plant, Variable};
 use serde::Deserialize;
 use std::process::ExitCode;
@@ -58,5 +58,5 @@ impl Plant for Pendulum {
 }
 
 fn main() -> ExitCode {
-    pinc_bench::program(&Plants::built_in().with::<Pendulum>("pendulum"))
+    pinc::program(&Plants::built_in().with::<Pendulum>("pendulum"))
 }

@@ -1,7 +1,7 @@
 //! What is measured: the paper's two plants, as the shipped configs have them.
 
-use crate::RunError;
 use pinc_config::{Experiment, Plants};
+use pinc_runs::RunError;
 use std::path::Path;
 
 /// A plant of the paper, with its net and its closed loop.

@@ -4,11 +4,11 @@ use super::cases::{Case, Effort};
 use super::model::{self, Trained};
 use super::programs;
 use super::results::{BenchReport, NmpcTimes};
-use crate::{Options, RunError, Verbosity};
 use pinc_config::Experiment;
 use pinc_record::{ControlMetrics, RecordError, RunDir, file};
 use pinc_runs::clock::to_f64;
 use pinc_runs::read_model;
+use pinc_runs::{Options, RunError, Verbosity};
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
 
@@ -25,11 +25,11 @@ pub(super) fn run(case: Case, effort: &Effort, report: &mut BenchReport) -> Resu
         &format!("model.hidden_layers={hidden_layers}"),
         &format!("model.neurons={neurons}"),
     ])?;
-    let small = trained(&small, crate::train)?.0;
+    let small = trained(&small, pinc_runs::train)?.0;
     let experiment =
         case.experiment(&[papers_ends, &format!("control.repetitions={}", effort.repetitions)])?;
     let (papers, run_dir) =
-        trained(&experiment, |e, dir, options| crate::control(e, dir, options, None, None))?;
+        trained(&experiment, |e, dir, options| pinc_runs::control(e, dir, options, None, None))?;
     let system = experiment.plant.dyn_plant();
     let text = experiment.plant.equations().and_then(|equations| equations.compile().ok());
     let text = text.map(|plant| plant.into_dyn());

@@ -13,9 +13,9 @@
 
 use super::cases::Case;
 use super::kernel::Evaluation;
-use crate::RunError;
 use pinc_net::{Points, Workers};
 use pinc_record::write_atomically;
+use pinc_runs::RunError;
 use safetensors::tensor::TensorView;
 use safetensors::{Dtype, SafeTensorError, SafeTensors};
 use std::path::Path;

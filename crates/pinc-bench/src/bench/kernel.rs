@@ -3,10 +3,10 @@
 use super::cases::{Case, Effort};
 use super::exchange;
 use super::results::{FmaPeak, LossGradient};
-use crate::RunError;
 use pinc_config::Experiment;
 use pinc_net::{BatchLoss, Isa, LossWeights, PincNet, Points, Workers, initial_conditions};
 use pinc_ode::DynPlant;
+use pinc_runs::RunError;
 use pinc_runs::TrainingSetup;
 use pinc_runs::clock::{for_seconds, median, time, to_f64};
 use std::path::Path;

@@ -18,11 +18,11 @@ mod table;
 
 pub use results::{BenchReport, FmaPeak, LossGradient, Machine, ModelStep, NmpcTimes, QpTime};
 
-use crate::{RunError, Verbosity};
 use cases::{Case, Effort};
 use pinc_net::Isa;
 use pinc_runs::invocation::invocation;
 use pinc_runs::progress::Stage;
+use pinc_runs::{RunError, Verbosity};
 use std::path::PathBuf;
 
 /// What is measured, and how long.

@@ -2,9 +2,9 @@
 
 use super::cases::{Case, Effort};
 use super::results::ModelStep;
-use crate::RunError;
 use pinc_net::{Domain, PincModel, PincNet};
 use pinc_ode::{DynPlant, Model};
+use pinc_runs::RunError;
 use pinc_runs::Steps;
 
 /// Substeps of the Runge-Kutta method that are measured.

@@ -3,11 +3,11 @@
 
 use super::cases::Case;
 use super::results::QpTime;
-use crate::RunError;
 use pinc_config::ModelKind;
 use pinc_mpc::{Nmpc, QpMethod};
 use pinc_ode::{Dims, Linearization, Model, Stages};
 use pinc_runs::LoopSetup;
+use pinc_runs::RunError;
 use pinc_runs::clock::{median, to_f64};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};

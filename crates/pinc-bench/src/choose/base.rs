@@ -1,8 +1,8 @@
 //! The experiment whose loop the candidates are tried in.
 
-use crate::RunError;
 use pinc_config::{ControlSpec, Experiment, ModelKind, Plants};
 use pinc_net::{Domain, TrainingTarget};
+use pinc_runs::RunError;
 use pinc_runs::Steps;
 use std::fmt::Write;
 use std::path::Path;

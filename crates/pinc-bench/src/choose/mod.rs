@@ -3,12 +3,12 @@
 mod base;
 mod session;
 
-use crate::RunError;
 use crate::sweep::write_tables;
 use base::Base;
 use pinc_choose::{Advice, Found, Search, Tried};
 use pinc_config::{Experiment, Plants, trials};
 use pinc_record::{RecordError, RunDir, file, write_atomically};
+use pinc_runs::RunError;
 use pinc_runs::{Options, rebuild_report};
 use session::Session;
 use std::fs;

@@ -1,10 +1,10 @@
 //! Trying candidates, one after the other, within a time.
 
 use super::base::Base;
-use crate::RunError;
 use pinc_choose::{Candidate, Loops, Purpose, Score, Tried};
 use pinc_config::{Experiment, Plants, Trial, trials};
 use pinc_record::{Ending, Finished, Invocation, OneStepMetrics, Provenance, RunDir, SweepDir};
+use pinc_runs::RunError;
 use pinc_runs::clock::Deadline;
 use pinc_runs::invocation::{cores, invocation};
 use pinc_runs::progress::{Stage, Verbosity};

@@ -1,10 +1,10 @@
 //! Sweeps on a Slurm that is there: scripts, their submission, and how far the jobs are.
 
-use crate::RunError;
 use crate::sweep::{Status, status, units_left};
 use pinc_config::{Experiment, Plants, Problem, SlurmSpec};
 use pinc_record::{RecordError, RunDir, read_text, write_atomically};
 use pinc_runs::Options;
+use pinc_runs::RunError;
 use pinc_runs::progress::Stage;
 use std::fmt::{self, Write as _};
 use std::fs;

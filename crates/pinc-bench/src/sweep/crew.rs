@@ -2,11 +2,11 @@
 
 use super::Session;
 use super::progress::Progress;
-use crate::RunError;
 use pinc_config::Trial;
 use pinc_net::NetError;
 use pinc_record::work::{Job, Outcome, Queue, effort};
 use pinc_record::{Ending, Finished, RecordError, RunDir};
+use pinc_runs::RunError;
 use pinc_runs::{Options, Threads, run_trial, train_shared};
 use std::sync::mpsc::{RecvTimeoutError, channel};
 use std::sync::{Mutex, MutexGuard, PoisonError};

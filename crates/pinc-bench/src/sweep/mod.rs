@@ -7,7 +7,6 @@ mod status;
 
 pub use status::{Status, status};
 
-use crate::{RunError, console};
 use crew::Crew;
 use pinc_config::{Experiment, Plants, SweepSpec, Trial, nets_of_parameters, sweep_models, trials};
 use pinc_record::work::{Estimate, Ledger, Queue, effort, expected};
@@ -18,6 +17,7 @@ use pinc_record::{
 use pinc_runs::invocation::{cores, invocation};
 use pinc_runs::progress::Verbosity;
 use pinc_runs::{Options, rebuild_report};
+use pinc_runs::{RunError, console};
 use progress::Progress;
 use std::collections::{HashMap, HashSet};
 use std::path::{Path, PathBuf};

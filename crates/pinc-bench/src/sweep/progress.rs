@@ -1,8 +1,8 @@
 //! What a sweep shows while it works: how many trials are over, and how long the rest will take.
 
-use crate::RunError;
 use pinc_record::work::Estimate;
 use pinc_record::{Ending, WorkerNote};
+use pinc_runs::RunError;
 use pinc_runs::progress::{Stage, Verbosity};
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 

@@ -2,11 +2,11 @@
 
 use super::progress::{now_s, span};
 use super::{effort_of_trainings, made};
-use crate::RunError;
 use crate::slurm::queue_in_words;
 use pinc_config::{Experiment, Plants};
 use pinc_record::work::{Estimate, Ledger, expected};
 use pinc_record::{Ending, RecordError, RunDir, Standing, SweepDir, SweepMetrics, file};
+use pinc_runs::RunError;
 use pinc_runs::invocation::rfc3339;
 use std::fmt;
 use std::path::Path;

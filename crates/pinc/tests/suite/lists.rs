@@ -1,9 +1,9 @@
 //! Lists of experiments, the page made of them, and plants in the loop that the models do not know.
 
 use crate::common::{outcome, pinc, repository};
-use pinc_bench::{Options, Verbosity};
 use pinc_config::RunList;
 use pinc_config::{Experiment, Plants};
+use pinc_runs::{Options, Verbosity};
 use std::fs;
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
@@ -115,7 +115,7 @@ fn iae(sets: &[&str]) -> f64 {
     let interrupt = AtomicBool::new(false);
     let (verbosity, interrupt) = (Verbosity::Quiet, &interrupt);
     let options = Options { resume: false, verbosity, interrupt, arguments: &[] };
-    let record = pinc_bench::run(&experiment, dir.path(), &options).unwrap();
+    let record = pinc_runs::run(&experiment, dir.path(), &options).unwrap();
     record.metrics().control[0].iae_dense_sum
 }
 

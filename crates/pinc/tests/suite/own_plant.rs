@@ -1,9 +1,9 @@
 //! Plants of the program's own: configs name them, and say what is wrong with them.
 
 use pinc_ad::Scalar;
-use pinc_bench::{Options, Verbosity, check, run};
 use pinc_config::{Experiment, Plants};
 use pinc_ode::{Plant, Variable};
+use pinc_runs::{Options, Verbosity, check, run};
 use serde::Deserialize;
 use std::sync::atomic::AtomicBool;
 

@@ -2,8 +2,8 @@
 //! `runs/check`.
 
 use crate::common::{outcome, pinc, repository};
-use pinc_bench::{Finding, Severity, check};
 use pinc_config::{Experiment, Plants};
+use pinc_runs::{Finding, Severity, check};
 
 fn findings(config: &str, sets: &[&str]) -> Vec<Finding> {
     let sets: Vec<_> = sets.iter().map(|set| (*set).to_owned()).collect();

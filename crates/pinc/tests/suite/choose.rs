@@ -1,7 +1,7 @@
 //! `pinc choose`: which model should be in a loop.
 
 use crate::common::{Outcome, outcome, pinc, repository};
-use pinc_bench::Plants;
+use pinc_config::Plants;
 use pinc_config::{Experiment, ModelKind};
 use pinc_record::Metrics;
 use std::collections::BTreeMap;

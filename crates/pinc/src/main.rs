@@ -1,8 +1,8 @@
 //! The `pinc` program: see `pinc --help`.
 
-use pinc_bench::Plants;
+use pinc::{Plants, program};
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
-    pinc_bench::program(&Plants::built_in())
+    program(&Plants::built_in())
 }

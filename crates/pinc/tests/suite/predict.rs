@@ -6,7 +6,7 @@ use std::fs;
 use std::path::Path;
 
 fn data(file: &str) -> std::path::PathBuf {
-    repository("crates/pinc-bench/tests/data").join(file)
+    repository("crates/pinc/tests/data").join(file)
 }
 
 fn predict(model: &Path, inputs: &Path, output: &Path) -> Outcome {

@@ -1,8 +1,9 @@
 //! What arguments of the command line can be chosen from.
 
-use crate::{OnSlurm, Shard, Target};
+use pinc_bench::{OnSlurm, Shard};
 use pinc_config::{ModelKind, OutsidePolicy};
 use pinc_export::FmiVersion;
+use pinc_runs::Target;
 
 /// What to do where a net is evaluated outside its training domain.
 #[derive(Clone, Copy, Debug, clap::ValueEnum)]

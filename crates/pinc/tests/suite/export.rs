@@ -228,7 +228,7 @@ fn a_loop_with_a_net_in_c_is_that_of_the_program() {
 #[test]
 fn an_exported_net_passes_its_self_test() {
     let dir = tempfile::tempdir().unwrap();
-    let model = repository("crates/pinc-bench/tests/data/model.safetensors");
+    let model = repository("crates/pinc/tests/data/model.safetensors");
     let exported = export(&["--model", model.to_str().unwrap()], dir.path());
     fine(&exported);
     assert_eq!(exported.stdout.trim(), "exports/model-c");
@@ -267,7 +267,7 @@ fn what_cannot_be_exported_is_refused() {
 #[test]
 fn all_targets_are_written() {
     let dir = tempfile::tempdir().unwrap();
-    let model = repository("crates/pinc-bench/tests/data/model.safetensors");
+    let model = repository("crates/pinc/tests/data/model.safetensors");
     let config = repository("configs/van-der-pol/control.toml");
     let (model, config) = (model.to_str().unwrap(), config.to_str().unwrap());
     let export = |arguments: &[&str]| {

@@ -109,7 +109,7 @@ fn a_given_model_is_used_and_kept_beside_its_results() {
 #[test]
 fn models_of_another_plant_or_step_are_refused() {
     let dir = tempfile::tempdir().unwrap();
-    let model = repository("crates/pinc-bench/tests/data/model.safetensors");
+    let model = repository("crates/pinc/tests/data/model.safetensors");
     let model = model.to_str().unwrap();
     with_net("control", dir.path(), &["--model", model])
         .assert_refused(&["model.safetensors: states of the model: x1, x2; of the config: h"]);

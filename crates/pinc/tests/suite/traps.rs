@@ -2,12 +2,12 @@
 //! training the place; and plants that only look hard in their units.
 
 use crate::common::{outcome, pinc, repository};
-use pinc_bench::{Finding, Severity, check};
 use pinc_config::{Experiment, Plants};
+use pinc_runs::{Finding, Severity, check};
 
 fn trap(name: &str, sets: &[&str]) -> Vec<Finding> {
     let sets: Vec<_> = sets.iter().map(|set| (*set).to_owned()).collect();
-    let path = repository("crates/pinc-bench/tests/data/traps").join(name);
+    let path = repository("crates/pinc/tests/data/traps").join(name);
     check(&Experiment::load(&path, &sets, &Plants::built_in()).unwrap())
 }
 
@@ -47,7 +47,7 @@ fn times_and_rates_are_in_the_unit_that_the_config_says() {
     let days = said(&["time_unit=d"]);
     assert!(days.contains("-4.8000 1/d (time constant 0.208 d)"), "{days}");
     let wrong = ["time_unit=hours".to_owned()];
-    let path = repository("crates/pinc-bench/tests/data/traps/chemostat.toml");
+    let path = repository("crates/pinc/tests/data/traps/chemostat.toml");
     let error = Experiment::load(&path, &wrong, &Plants::built_in()).unwrap_err().to_string();
     for part in ["`time_unit`: `hours` is not known", "min, h, d"] {
         assert!(error.contains(part), "no {part} in {error}");
@@ -115,7 +115,7 @@ fn the_end_of_a_root_is_warned_of_until_it_has_a_slope() {
 #[test]
 fn a_net_trained_all_the_same_is_warned_of_with_place_and_size() {
     let dir = tempfile::tempdir().unwrap();
-    let config = repository("crates/pinc-bench/tests/data/traps/chemostat.toml");
+    let config = repository("crates/pinc/tests/data/traps/chemostat.toml");
     let train = |name: &str, sets: &[&str]| {
         let out = dir.path().join(name);
         let mut command = pinc(&["train".as_ref(), config.as_os_str()]);

@@ -2,11 +2,11 @@
 //! numbers of their ODE.
 
 use crate::common::{outcome, pinc, repository};
-use pinc_bench::{Finding, Severity, check};
 use pinc_config::{Experiment, Plants};
+use pinc_runs::{Finding, Severity, check};
 
 fn siphon() -> std::path::PathBuf {
-    repository("crates/pinc-bench/tests/data/traps/siphon.toml")
+    repository("crates/pinc/tests/data/traps/siphon.toml")
 }
 
 fn load(sets: &[&str]) -> Result<Experiment, String> {
@@ -169,13 +169,13 @@ fn loops(text: &str) -> Vec<[f64; 3]> {
     let sets = sets.map(str::to_owned);
     let experiment = Experiment::parse("loop.toml".as_ref(), text, &sets, &Plants::built_in());
     let dir = tempfile::tempdir().unwrap();
-    let options = pinc_bench::Options {
+    let options = pinc_runs::Options {
         resume: false,
-        verbosity: pinc_bench::Verbosity::Quiet,
+        verbosity: pinc_runs::Verbosity::Quiet,
         interrupt: &std::sync::atomic::AtomicBool::new(false),
         arguments: &[],
     };
-    let run = pinc_bench::run(&experiment.unwrap(), dir.path(), &options).unwrap();
+    let run = pinc_runs::run(&experiment.unwrap(), dir.path(), &options).unwrap();
     let numbers = |loops: &pinc_record::ControlMetrics| [loops.rmse_dense, loops.iae, loops.rmse];
     run.metrics().control.iter().map(numbers).collect()
 }

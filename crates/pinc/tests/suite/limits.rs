@@ -63,7 +63,7 @@ fn a_loop_with_a_models_own_step_is_not_endless() {
     let control = control.replacen("duration_s = 5.0", "duration_s = 1e12", 1);
     let path = dir.path().join("loop.toml");
     fs::write(&path, format!("{begin}[control]{control}")).unwrap();
-    let model = repository("crates/pinc-bench/tests/data/model.safetensors");
+    let model = repository("crates/pinc/tests/data/model.safetensors");
     let mut command = pinc(&["control".as_ref(), path.as_os_str(), "--out".as_ref()]);
     outcome(command.arg(dir.path().join("run")).arg("--model").arg(model))
         .assert_refused(&["step length T", "10000000 steps at most"]);

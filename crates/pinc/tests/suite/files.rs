@@ -39,7 +39,7 @@ fn predict(model: &Path, inputs: &Path, output: &Path) -> Outcome {
 fn model_and_inputs(dir: &Path) -> (PathBuf, PathBuf) {
     let copy = |name: &str| {
         let to = dir.join(name);
-        fs::copy(repository("crates/pinc-bench/tests/data").join(name), &to).unwrap();
+        fs::copy(repository("crates/pinc/tests/data").join(name), &to).unwrap();
         to
     };
     (copy("model.safetensors"), copy("inputs.csv"))
@@ -199,7 +199,7 @@ fn a_full_disk_does_not_lose_the_net() {
     assert!(outcome.stderr.contains("training.csv: cannot be written"), "{outcome:?}");
     let model = dir.join("model.safetensors");
     let output = dir.with_file_name("out.csv");
-    let inputs = repository("crates/pinc-bench/tests/data/inputs.csv");
+    let inputs = repository("crates/pinc/tests/data/inputs.csv");
     fine(&predict(&model, &inputs, &output));
     assert_eq!(leftovers(&dir), Vec::<PathBuf>::new());
 }

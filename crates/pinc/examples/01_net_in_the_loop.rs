@@ -1,7 +1,7 @@
 //! From an equation to a net to the controller, with the libraries alone: the plant of the README,
 //! its net as the model, and RK4 beside it.
 //!
-//! `cargo run --release -p pinc-bench --example 01_net_in_the_loop`
+//! `cargo run --release -p pinc --example 01_net_in_the_loop`
 #![expect(clippy::print_stdout, reason = "an example shows what it computes")]
 
 use pinc_ad::Scalar;

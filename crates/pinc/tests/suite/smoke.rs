@@ -1,9 +1,9 @@
 //! The configs in `configs/smoke/`, run in process, and what they leave in their directories.
 
 use crate::common::repository;
-use pinc_bench::{Options, Verbosity};
 use pinc_config::{Experiment, ModelKind, Plants};
 use pinc_record::{Metrics, RunDir};
+use pinc_runs::{Options, Verbosity};
 use std::ops::ControlFlow;
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
@@ -13,7 +13,7 @@ fn run(config: &str, sets: &[&str], dir: &Path) -> (Experiment, RunDir) {
     let experiment =
         Experiment::load(&repository("configs/smoke").join(config), &sets, &Plants::built_in())
             .unwrap();
-    let record = pinc_bench::run(&experiment, dir, &options(&AtomicBool::new(false))).unwrap();
+    let record = pinc_runs::run(&experiment, dir, &options(&AtomicBool::new(false))).unwrap();
     (experiment, record)
 }
 
@@ -162,7 +162,7 @@ fn a_watched_training_gives_the_net_of_a_run() {
     let few = ["training.phases.0.iterations=120"];
     let (experiment, record) = run("van-der-pol.toml", &few, dir.path());
     let mut seen = Vec::new();
-    let trained = pinc_bench::train_watched(&experiment, |now| {
+    let trained = pinc_runs::train_watched(&experiment, |now| {
         assert_eq!(now.iterations, 120);
         seen.push((now.iteration, now.validation_mse.is_some()));
         ControlFlow::Continue(())
@@ -177,7 +177,7 @@ fn a_watched_training_gives_the_net_of_a_run() {
     assert_eq!(trained.stop_reason, training.unwrap().stop_reason);
     assert_eq!(trained.totals.loss_evaluations, training.unwrap().loss_evaluations);
     assert!(trained.validation.mse_gen.total_cmp(&validation.unwrap().mse_gen).is_eq());
-    let stopped = pinc_bench::train_watched(&experiment, |now| match now.iteration {
+    let stopped = pinc_runs::train_watched(&experiment, |now| match now.iteration {
         7 => ControlFlow::Break(()),
         _ => ControlFlow::Continue(()),
     });

@@ -1,11 +1,11 @@
 //! An experiment from the text of a config: what is wrong in it is said by file, line and key, and
 //! the plant is examined before anything is trained.
 //!
-//! `cargo run --release -p pinc-bench --example 02_config_and_check`
+//! `cargo run --release -p pinc --example 02_config_and_check`
 #![expect(clippy::print_stdout, reason = "an example shows what it computes")]
 
-use pinc_bench::{Severity, check};
 use pinc_config::{Experiment, Plants};
+use pinc_runs::{Severity, check};
 use std::error::Error;
 use std::path::Path;
 

@@ -7,7 +7,7 @@ use std::fmt::Write;
 
 /// The metrics of a run, and where its report is, for reading.
 #[must_use]
-pub fn summary(run_dir: &RunDir) -> String {
+pub(crate) fn summary(run_dir: &RunDir) -> String {
     let mut text = String::new();
     // Writing to a String does not fail.
     let _ = metrics(&mut text, run_dir.metrics());

@@ -1,13 +1,12 @@
 //! The command line.
 
 use crate::choices::{Only, Outside, SweepArgs, To, seconds, share};
-use crate::{
-    BenchOptions, ChooseOptions, OnSlurm, Options, RunError, Shard, Verbosity, console, summary,
-};
+use crate::summary::summary;
 use clap::{Args, Parser, Subcommand};
+use pinc_bench::{BenchOptions, ChooseOptions, Kept, OnSlurm, Shard};
 use pinc_config::{Experiment, Plants, RunList};
 use pinc_record::RunDir;
-use pinc_runs::verdict;
+use pinc_runs::{Options, RunError, Severity, Verbosity, console, verdict};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -283,23 +282,23 @@ fn execute(cli: &Cli, plants: &Plants) -> Result<ExitCode, RunError> {
     };
     match &cli.command {
         Command::Run { configs, sweep, run } => run_all(configs, sweep, run, plants, quiet)?,
-        Command::Status { dir } => show(quiet, &crate::status(dir, plants)?.to_string()),
+        Command::Status { dir } => show(quiet, &pinc_bench::status(dir, plants)?.to_string()),
         Command::Merge { parts, out } => {
             let arguments = arguments();
             let options = options(true, quiet, &arguments);
-            show(quiet, &summary(&crate::merge(parts, out, plants, &options)?));
+            show(quiet, &summary(&pinc_bench::merge(parts, out, plants, &options)?));
         }
         Command::Train { config, run } => {
-            run.one(config, plants, quiet, crate::train)?;
+            run.one(config, plants, quiet, pinc_runs::train)?;
         }
         Command::Control { config, model, only, run } => {
             let only = only.map(Only::kind);
             run.one(config, plants, quiet, |experiment, dir, options| {
-                crate::control(experiment, dir, options, model.as_deref(), only)
+                pinc_runs::control(experiment, dir, options, model.as_deref(), only)
             })?;
         }
         Command::Predict { model, inputs, output, outside_domain } => {
-            let found = crate::predict(model, inputs, output, outside_domain.policy())?;
+            let found = pinc_runs::predict(model, inputs, output, outside_domain.policy())?;
             if found.outside > 0 && !quiet {
                 console::note(&format!("warning: {found}"));
             }
@@ -312,13 +311,13 @@ fn execute(cli: &Cli, plants: &Plants) -> Result<ExitCode, RunError> {
                     let experiment = Experiment::load(config, &set.set, plants)?;
                     let only = only.map(Only::kind);
                     if *plant {
-                        let dir = crate::export_plant(&experiment, to, name, out)?;
+                        let dir = pinc_runs::export_plant(&experiment, to, name, out)?;
                         show(quiet, &dir.display().to_string());
                         return Ok(ExitCode::SUCCESS);
                     }
-                    crate::export_controller(&experiment, model, only, to, name, out)?
+                    pinc_runs::export_controller(&experiment, model, only, to, name, out)?
                 }
-                (None, Some(model)) => crate::export_net(model, to, name, out)?,
+                (None, Some(model)) => pinc_runs::export_net(model, to, name, out)?,
                 (None, None) => unreachable!("one of them is required"),
             };
             show(quiet, &dir.display().to_string());
@@ -327,7 +326,7 @@ fn execute(cli: &Cli, plants: &Plants) -> Result<ExitCode, RunError> {
             let experiment = Experiment::load(config, &set.set, plants)?;
             let only = only.map(Only::kind);
             let (input, output) = (std::io::stdin().lock(), std::io::stdout().lock());
-            let found = crate::serve(&experiment, model.as_deref(), only, input, output)?;
+            let found = pinc_runs::serve(&experiment, model.as_deref(), only, input, output)?;
             if found.outside > 0 && !quiet {
                 console::note(&format!("warning: {found}"));
             }
@@ -336,7 +335,7 @@ fn execute(cli: &Cli, plants: &Plants) -> Result<ExitCode, RunError> {
             let experiment = Experiment::load(config, &set.set, plants)?;
             let only = only.map(Only::kind);
             let (output, model) = (output.as_deref(), model.as_deref());
-            let found = crate::estimate(&experiment, data, output, model, only)?;
+            let found = pinc_runs::estimate(&experiment, data, output, model, only)?;
             show(quiet, &found.to_string());
         }
         Command::Identify { config, data, out, model, only, set } => {
@@ -345,8 +344,9 @@ fn execute(cli: &Cli, plants: &Plants) -> Result<ExitCode, RunError> {
             let dir = out.clone().unwrap_or_else(named);
             let (only, arguments) = (only.map(Only::kind), arguments());
             let options = options(false, quiet, &arguments);
-            let found = crate::identify(&experiment, data, &dir, &options, model.as_deref(), only)?;
-            show(quiet, &crate::identification_summary(&found));
+            let found =
+                pinc_runs::identify(&experiment, data, &dir, &options, model.as_deref(), only)?;
+            show(quiet, &pinc_runs::identification_summary(&found));
         }
         Command::Choose { config, within, budget_s, run } => {
             let experiment = Experiment::load(config, &run.set.set, plants)?;
@@ -354,19 +354,19 @@ fn execute(cli: &Cli, plants: &Plants) -> Result<ExitCode, RunError> {
             let arguments = arguments();
             let options = options(run.resume, quiet, &arguments);
             let how = ChooseOptions { within: *within, budget_s: *budget_s };
-            let choice = crate::choose(&experiment, &dir, plants, &options, how)?;
+            let choice = pinc_bench::choose(&experiment, &dir, plants, &options, how)?;
             show(quiet, &choice.to_string());
         }
         Command::Check { config, json, set } => return check(config, *json, &set.set, plants),
         Command::Report { dir } => {
-            let path = crate::rebuild_report(dir)?;
+            let path = pinc_runs::rebuild_report(dir)?;
             show(quiet, &path.display().to_string());
         }
         Command::Compare { dirs, out: None } => {
             console::line(pinc_report::compare(dirs)?.text.trim_end());
         }
         Command::Compare { dirs, out: Some(page) } => {
-            crate::compare(dirs, page)?;
+            pinc_runs::compare(dirs, page)?;
             show(quiet, &page.display().to_string());
         }
         Command::Results { dir, out: None } => console::line(pinc_report::results(dir)?.trim_end()),
@@ -375,7 +375,7 @@ fn execute(cli: &Cli, plants: &Plants) -> Result<ExitCode, RunError> {
             let verbosity = if quiet { Verbosity::Quiet } else { Verbosity::Shown };
             let loss_gradient_file = loss_gradient_file.clone();
             let options = BenchOptions { quick: *quick, loss_gradient_file, verbosity };
-            let report = crate::bench(&options)?;
+            let report = pinc_bench::bench(&options)?;
             show(quiet, &if *json { report.to_json() } else { report.to_string() });
         }
     }
@@ -408,12 +408,12 @@ fn run_all(
         &experiment.sweep,
         sweep.shard(),
     ) {
-        (None, None) => crate::run(experiment, dir, options),
+        (None, None) => pinc_runs::run(experiment, dir, options),
         (_, shard) => {
             if !(sweep.fresh || options.resume) {
                 may_begin_afresh(experiment, dir)?;
             }
-            crate::sweep(experiment, dir, options, shard.unwrap_or(Shard::WHOLE))
+            pinc_bench::sweep(experiment, dir, options, shard.unwrap_or(Shard::WHOLE))
         }
     };
     if let [(experiment, dir)] = &all[..] {
@@ -438,7 +438,7 @@ fn run_all(
 
 /// Whether nothing of a sweep is lost if it begins now, or whoever is asked agrees.
 fn may_begin_afresh(experiment: &Experiment, dir: &Path) -> Result<(), RunError> {
-    let Some(crate::Kept { trials, nets }) = crate::kept(experiment, dir) else { return Ok(()) };
+    let Some(Kept { trials, nets }) = pinc_bench::kept(experiment, dir) else { return Ok(()) };
     let place = dir.display();
     let question = format!("{place} holds {trials} finished trials and {nets} nets. Remove them?");
     match console::confirmed(&question) {
@@ -454,9 +454,9 @@ fn check(
     plants: &Plants,
 ) -> Result<ExitCode, RunError> {
     let experiment = Experiment::load(config, sets, plants)?;
-    let findings = crate::check(&experiment);
+    let findings = pinc_runs::check(&experiment);
     if json {
-        console::line(&crate::findings_json(&findings));
+        console::line(&pinc_runs::findings_json(&findings));
     } else {
         console::line(&format!(
             "{}: a valid config of {}, preset {}",
@@ -469,7 +469,7 @@ fn check(
         }
     }
     let worst = findings.iter().map(|finding| finding.severity).max();
-    Ok(ExitCode::from(u8::from(worst == Some(crate::Severity::Error))))
+    Ok(ExitCode::from(u8::from(worst == Some(Severity::Error))))
 }
 
 impl RunArgs {
@@ -515,15 +515,19 @@ impl RunArgs {
         quiet: bool,
     ) -> Result<(), RunError> {
         if fresh {
-            crate::clear(experiment, dir)?;
+            pinc_bench::clear(experiment, dir)?;
         }
-        let submitted = crate::submit(experiment, dir, slurm)?;
+        let submitted = pinc_bench::submit(experiment, dir, slurm)?;
         show(quiet, &submitted.to_string());
         if slurm.wait && submitted.jobs > 0 {
             let arguments = arguments();
-            crate::wait(dir, plants, &options(true, quiet, &arguments))?;
-            let merged =
-                crate::merge(&[dir.to_owned()], dir, plants, &options(true, quiet, &arguments))?;
+            pinc_bench::wait(dir, plants, &options(true, quiet, &arguments))?;
+            let merged = pinc_bench::merge(
+                &[dir.to_owned()],
+                dir,
+                plants,
+                &options(true, quiet, &arguments),
+            )?;
             show(quiet, &summary(&merged));
         }
         Ok(())

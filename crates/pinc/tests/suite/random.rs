@@ -6,11 +6,11 @@
 
 use crate::common::repository;
 use pinc_ad::Dual;
-use pinc_bench::{Options, RunError, Verbosity};
 use pinc_config::{Experiment, OutsidePolicy, Plants};
 use pinc_expr::Equations;
 use pinc_net::PincNet;
 use pinc_ode::{Plant, Variable};
+use pinc_runs::{Options, RunError, Verbosity};
 use rand::rngs::ChaCha8Rng;
 use rand::{RngExt, SeedableRng};
 use std::fs;
@@ -274,7 +274,7 @@ fn expressions_are_compiled_or_refused() {
 
 #[test]
 fn model_files_are_read_or_refused() {
-    let file = repository("crates/pinc-bench/tests/data/model.safetensors");
+    let file = repository("crates/pinc/tests/data/model.safetensors");
     try_cases("model", 1, &[fs::read(file).unwrap()], |bytes| match PincNet::from_bytes(bytes) {
         Ok(net) => {
             let (n, m) = (net.state_names().len(), net.input_names().len());
@@ -297,11 +297,11 @@ const STEPS: &str = "x1_0,x2_0,u,t,x1,x2\n1,0,0.5,0.5,0.8,\n-1,0.5,0,0.25,,0.8\n
 fn inputs_of_predictions_are_read_or_refused() {
     let dir = tempfile::tempdir().unwrap();
     let (inputs, output) = (dir.path().join("in.csv"), dir.path().join("out.csv"));
-    let model = repository("crates/pinc-bench/tests/data/model.safetensors");
+    let model = repository("crates/pinc/tests/data/model.safetensors");
     let seeds = [TRAJECTORY.as_bytes().to_vec()];
     try_cases("predict", 1, &seeds, |bytes| {
         fs::write(&inputs, bytes).unwrap();
-        match pinc_bench::predict(&model, &inputs, &output, OutsidePolicy::Report) {
+        match pinc_runs::predict(&model, &inputs, &output, OutsidePolicy::Report) {
             Ok(_) => assert!(output.exists()),
             Err(error) => assert!(!error.to_string().is_empty()),
         }
@@ -330,7 +330,7 @@ fn measurements_are_read_or_refused() {
     // Each is a training of one iteration, with its files.
     try_cases("data", 20, &seeds, |bytes| {
         fs::write(&file, bytes).unwrap();
-        match pinc_bench::train(&experiment, &dir.path().join("run"), &options) {
+        match pinc_runs::train(&experiment, &dir.path().join("run"), &options) {
             Ok(_) => {}
             Err(error @ RunError::Net(_)) => panic!("{error} of {:?}", lossy(bytes)),
             Err(error) => assert!(error.to_string().contains("m.csv"), "{error}"),

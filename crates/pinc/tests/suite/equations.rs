@@ -2,9 +2,9 @@
 //! others.
 
 use crate::common::{Outcome, outcome, pinc, smoke};
-use pinc_bench::{Options, Verbosity};
 use pinc_config::{Experiment, Plants};
 use pinc_record::RunDir;
+use pinc_runs::{Options, Verbosity};
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
 
@@ -44,7 +44,7 @@ fn run(experiment: &Experiment, dir: &Path) -> RunDir {
         interrupt: &AtomicBool::new(false),
         arguments: &[],
     };
-    pinc_bench::run(experiment, dir, &options).unwrap()
+    pinc_runs::run(experiment, dir, &options).unwrap()
 }
 
 fn check_with(from: &str, to: &str) -> Outcome {

@@ -1,8 +1,8 @@
 //! What `pinc check` says of plants with arrays and of many references.
 
 use crate::common::repository;
-use pinc_bench::{Finding, Severity, check};
 use pinc_config::{Experiment, Plants};
+use pinc_runs::{Finding, Severity, check};
 
 fn findings(config: &str, sets: &[&str]) -> Vec<Finding> {
     let sets: Vec<_> = sets.iter().map(|set| (*set).to_owned()).collect();
