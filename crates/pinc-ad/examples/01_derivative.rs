@@ -10,7 +10,7 @@ fn outflow<S: Scalar>(h: S) -> S {
     h.where_nonpositive(h.constant(0.0), h.sqrt())
 }
 
-/// Rodas4's function (1 - x)^2 + 100 (y - x^2)^2.
+/// Rosenbrock's function (1 - x)^2 + 100 (y - x^2)^2.
 fn rosenbrock<S: Scalar>(v: &[S]) -> S {
     let (x, y) = (v[0], v[1]);
     (-x + 1.0).powi(2) + (y - x * x).powi(2) * 100.0
@@ -28,7 +28,7 @@ pub(crate) fn main() {
 
     // On a tape: the gradient in one sweep, whatever the number of variables.
     let (value, slopes) = gradient(|v| rosenbrock(v), &[-1.0, 2.0]);
-    println!("Rodas4's function at (-1, 2): {value}, its gradient: {slopes:?}");
+    println!("Rosenbrock's function at (-1, 2): {value}, its gradient: {slopes:?}");
 
     // Central differences know nothing of the rules of differentiation, and agree.
     check_gradient(rosenbrock, &[-1.0, 2.0], &slopes, 1e-6).expect("the same gradient");

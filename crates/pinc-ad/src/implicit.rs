@@ -282,6 +282,9 @@ pub fn solve_implicit<S: Scalar, E: ImplicitEquations<K, N>, const K: usize, con
     start: [S::Plain; N],
     limits: &[[f64; 2]; N],
 ) -> [S; N] {
+    if let Some(declared) = S::declare(equations, x, start, limits) {
+        return declared;
+    }
     let mut known = [Dual::lift(start[0]); K];
     for (known, x) in known.iter_mut().zip(x) {
         *known = Dual::lift(x.plain());

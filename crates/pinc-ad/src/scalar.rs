@@ -1,5 +1,6 @@
 //! The trait that equations are written over.
 
+use crate::ImplicitEquations;
 use crate::simd::Work;
 use std::fmt::Debug;
 use std::ops::{Add, Div, Mul, Neg, Sub};
@@ -174,6 +175,20 @@ pub trait Scalar:
     /// Whether the value is <= 0 in all lanes: when an iteration on several of them may end.
     #[must_use]
     fn all_nonpositive(self) -> bool;
+
+    /// Unknowns z with 0 = g(x, z), for kinds of number that record an equation: they keep `start`,
+    /// `limits` and the residuals beside it. The others have no such unknowns, and the caller solves
+    /// for z itself. [`solve_implicit`](crate::solve_implicit) does both.
+    #[inline(always)]
+    fn declare<E: ImplicitEquations<K, N>, const K: usize, const N: usize>(
+        equations: &E,
+        x: &[Self; K],
+        start: [Self::Plain; N],
+        limits: &[[f64; 2]; N],
+    ) -> Option<[Self; N]> {
+        let _ = (equations, x, start, limits);
+        None
+    }
 }
 
 impl Scalar for f64 {

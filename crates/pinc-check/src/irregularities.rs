@@ -25,11 +25,8 @@ const POINTS: usize = 1000;
 pub(crate) fn examine(subject: &Subject<'_>) -> Vec<Finding> {
     let seed = subject.experiment.seed;
     let survey = Survey::run(subject.plant, &subject.region, MARGIN, seed);
-    let terms = match &subject.experiment.plant {
-        // A test may examine another plant than the config's.
-        PlantSpec::Expression(equations) => equations.critical_terms().ok(),
-        _ => None,
-    };
+    let equations = subject.experiment.plant.equations();
+    let terms = equations.and_then(|equations| equations.critical_terms().ok());
     let named = terms.as_ref().map_or_else(Vec::new, |terms| of_terms(subject, &survey, terms));
     let broken = |kind| matches!(kind, IrregularityKind::Pole | IrregularityKind::Undefined);
     let is_named = !named.is_empty();
@@ -65,7 +62,15 @@ fn at(subject: &Subject<'_>, point: &OperatingPoint) -> String {
     format!("{}; {}", subject.state(&point.x), subject.input(&point.u))
 }
 
-/// Poles and the ends of functions, from the terms of text equations.
+/// The key of the equation in which a term stands, as far as the config has it.
+fn place(subject: &Subject<'_>, term: &CriticalTerm) -> String {
+    match &subject.experiment.plant {
+        PlantSpec::Expression(_) => format!("plant.expression.{}", term.key),
+        plant => format!("plant.{}", plant.name()),
+    }
+}
+
+/// Poles and the ends of functions, from the terms of the equations.
 fn of_terms(subject: &Subject<'_>, survey: &Survey, terms: &CriticalTerms) -> Vec<Finding> {
     let found = crossings(&Each(terms), &subject.region, MARGIN, subject.experiment.seed);
     let mut findings = Vec::new();
@@ -77,7 +82,7 @@ fn of_terms(subject: &Subject<'_>, survey: &Survey, terms: &CriticalTerms) -> Ve
             continue;
         }
         let function = match term.role {
-            TermRole::Kink | TermRole::Jump => continue,
+            TermRole::Kink | TermRole::Jump | TermRole::Switch => continue,
             TermRole::Denominator if !is_pole(subject, survey, &crossing) => continue,
             TermRole::Denominator => format!("the denominator {}", term.text),
             TermRole::Radicand => format!("sqrt({})", term.text),
@@ -91,7 +96,7 @@ fn of_terms(subject: &Subject<'_>, survey: &Survey, terms: &CriticalTerms) -> Ve
             _ if is_root && !becomes_negative(subject, &terms.alone(i), &crossing) => continue,
             _ => format!("{function} is not defined beyond"),
         };
-        let place = format!("plant.expression.{}", term.key);
+        let place = place(subject, term);
         let where_it_is = whereabouts(subject, crossing.is_inside);
         let what = format!("{problem} {}, {where_it_is}", at(subject, &crossing.before));
         let finding = if crossing.is_inside {
@@ -116,7 +121,7 @@ fn of_terms(subject: &Subject<'_>, survey: &Survey, terms: &CriticalTerms) -> Ve
     findings
 }
 
-/// The terms of text equations, of which each is computed by itself.
+/// The terms of equations, of which each is computed by itself.
 struct Each<'a>(&'a CriticalTerms);
 
 impl Terms for Each<'_> {
@@ -174,6 +179,10 @@ fn instead(
     term: &CriticalTerm,
     crossing: &Crossing,
 ) -> String {
+    let away = "keep [domain] away from there, or write the equation so that it is defined there";
+    if !matches!(subject.experiment.plant, PlantSpec::Expression(_) | PlantSpec::Own(_)) {
+        return "keep [domain] and the bounds away from there".to_owned();
+    }
     let (before, behind) = (crossing.before.joined(), crossing.behind.joined());
     let region = &subject.region;
     let alone = terms.alone(i);
@@ -202,8 +211,9 @@ fn instead(
         TermRole::Logarithm => {
             format!("write max({}, 1e-6) there, or what is small in its unit", term.text)
         }
-        _ => "keep [domain] away from there, or write the equation so that it is defined there"
-            .to_owned(),
+        TermRole::Denominator | TermRole::Kink | TermRole::Jump | TermRole::Switch => {
+            away.to_owned()
+        }
     }
 }
 
@@ -236,7 +246,10 @@ fn of_survey(
                 .change(guard)
         }
         IrregularityKind::Jump => {
-            let what = format!("{rate} jumps at {place}{}", switch(terms, found, TermRole::Jump));
+            let what = format!(
+                "{rate} jumps at {place}{}",
+                switch((subject, terms), found, TermRole::Jump)
+            );
             Finding::warning("plant", what)
                 .because(
                     "a net is smooth and rounds it off, and integrators lose their order \
@@ -250,7 +263,7 @@ fn of_survey(
         IrregularityKind::Kink => {
             let what = format!(
                 "the derivative of {rate} jumps at {place}{}",
-                switch(terms, found, TermRole::Kink)
+                switch((subject, terms), found, TermRole::Kink)
             );
             Finding::warning("plant", what)
                 .because(
@@ -266,12 +279,17 @@ fn of_survey(
 }
 
 /// The term that switches between the two sides, if the equations are known.
-fn switch(terms: Option<&CriticalTerms>, found: &Irregularity, role: TermRole) -> String {
+fn switch(
+    (subject, terms): (&Subject<'_>, Option<&CriticalTerms>),
+    found: &Irregularity,
+    role: TermRole,
+) -> String {
     let Some(terms) = terms else { return String::new() };
     let [one, other] = found.sides.each_ref().map(|side| terms.values(&side.joined()));
     let mut pairs = terms.list().iter().zip(one.iter().zip(&other));
-    let found = pairs.find(|(term, (a, b))| term.role == role && *a * *b <= 0.0);
+    let switches = |of: TermRole| of == role || of == TermRole::Switch;
+    let found = pairs.find(|(term, (a, b))| switches(term.role) && *a * *b <= 0.0);
     found.map_or_else(String::new, |(term, _)| {
-        format!(" (plant.expression.{}: {} changes sign)", term.key, term.text)
+        format!(" ({}: {} changes sign)", place(subject, term), term.text)
     })
 }

@@ -89,27 +89,18 @@ impl Experiment {
 }
 
 impl PlantSpec {
-    /// The plant with other values for some of its [`PlantSpec::parameters`]. A built-in plant
-    /// whose section has no key for one of them becomes one of equations.
+    /// The plant with other values for some of its [`PlantSpec::parameters`].
     #[must_use]
     pub fn with_parameters(&self, values: &BTreeMap<String, f64>) -> Self {
-        let only = |names: &[&str]| values.keys().all(|name| names.contains(&name.as_str()));
-        let value = |name: &str, old: f64| values.get(name).copied().unwrap_or(old);
-        match self {
-            _ if values.is_empty() => self.clone(),
-            Self::VanDerPol(spec) => {
-                let mut spec = spec.clone();
-                spec.mu = value("mu", spec.mu);
-                Self::VanDerPol(spec)
-            }
-            Self::FourTanks(spec) if only(&["k1", "k2", "gamma1", "gamma2"]) => {
-                let (old, mut spec) = (self.parameters(), spec.clone());
-                let pair = |name: &str| {
-                    [1, 2].map(|i| {
-                        let name = format!("{name}{i}");
-                        value(&name, old.get(&name).copied().unwrap_or(f64::NAN))
-                    })
-                };
+        let mut with = self.clone();
+        match &mut with {
+            _ if values.is_empty() => {}
+            Self::VanDerPol(spec) => spec.mu = values.get("mu").copied().unwrap_or(spec.mu),
+            Self::FourTanks(spec) => {
+                let old = self.parameters();
+                let value = |name: &str| values.get(name).or(old.get(name)).copied();
+                let pair =
+                    |name: &str| [1, 2].map(|i| value(&format!("{name}{i}")).unwrap_or(f64::NAN));
                 let any = |name: &str| values.keys().any(|key| key.starts_with(name));
                 if any("k") {
                     spec.pump = Some(pair("k"));
@@ -117,25 +108,27 @@ impl PlantSpec {
                 if any("gamma") {
                     spec.gamma = Some(pair("gamma"));
                 }
-                Self::FourTanks(spec)
+                let has_key = |name: &str| name.starts_with('k') || name.starts_with("gamma");
+                let others = values.iter().filter(|(name, _)| !has_key(name));
+                spec.constants.retain(|name, _| !values.contains_key(name));
+                spec.constants.extend(others.map(|(name, value)| (name.clone(), *value)));
             }
-            _ => match self.equations() {
-                Some(mut equations) => {
-                    for (name, old) in &mut equations.parameters {
-                        *old = value(name, *old);
-                    }
-                    Self::Expression(equations)
+            Self::Expression(equations) => {
+                for (name, old) in &mut equations.parameters {
+                    *old = values.get(name).copied().unwrap_or(*old);
                 }
-                None => self.clone(),
-            },
+            }
+            Self::Own(spec) => *spec = spec.with(values),
+            built_in => built_in.set_constants(values.clone()),
         }
+        with
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{FourTanksParameters, FourTanksSpec, VanDerPolSpec};
+    use crate::{BuiltInSpec, FourTanksParameters, FourTanksSpec, VanDerPolSpec};
 
     fn values(of: &[(&str, f64)]) -> BTreeMap<String, f64> {
         of.iter().map(|(name, value)| ((*name).to_owned(), *value)).collect()
@@ -147,6 +140,7 @@ mod tests {
             parameters: FourTanksParameters::Antonelo,
             gamma: None,
             pump: None,
+            constants: BTreeMap::new(),
         });
         let pumps = tanks.with_parameters(&values(&[("k2", 3.0), ("gamma1", 0.5)]));
         assert_eq!(pumps.name(), "four-tanks");
@@ -156,11 +150,15 @@ mod tests {
         let names = ["k1", "k2", "gamma1", "gamma2"];
         assert_eq!(names.map(|name| found[name].to_bits()), expected.map(f64::to_bits));
         let outlets = tanks.with_parameters(&values(&[("a1", 0.08), ("k1", 3.0)]));
-        assert_eq!(outlets.name(), "expression");
+        assert_eq!(outlets.name(), "four-tanks");
         let found = outlets.parameters();
         assert_eq!(found["a1"].to_bits(), 0.08f64.to_bits());
         assert_eq!(found["a2"].to_bits(), old["a2"].to_bits());
         assert_eq!(outlets.variables(), tanks.variables());
+        let servo = PlantSpec::HydraulicServo(BuiltInSpec::default());
+        let heavy = servo.with_parameters(&values(&[("mass", 1200.0)]));
+        assert_eq!(heavy.parameters()["mass"].to_bits(), 1200.0f64.to_bits());
+        assert_eq!(heavy.parameters()["area"].to_bits(), servo.parameters()["area"].to_bits());
         let oscillator = PlantSpec::VanDerPol(VanDerPolSpec { mu: 1.0 });
         let other = oscillator.with_parameters(&values(&[("mu", 0.7)]));
         assert_eq!(other, PlantSpec::VanDerPol(VanDerPolSpec { mu: 0.7 }));

@@ -37,7 +37,6 @@ mod data;
 mod estimator;
 mod experiment;
 mod explain;
-mod family;
 mod identify;
 mod layers;
 mod list;
@@ -72,8 +71,7 @@ pub use list::{ListedRun, RunList};
 pub use load::{LoadSpec, PlantInTheLoop};
 pub use one_step::OneStepSpec;
 pub use plant::{
-    AcetoneColumnSpec, AcetoneStillSpec, FourTanksParameters, FourTanksSpec, HydraulicServoSpec,
-    OneTankSpec, OwnPlantSpec, PlantSpec, SingleTrackCarSpec, TwoLinkArmSpec, VanDerPolSpec,
+    BuiltInSpec, FourTanksParameters, FourTanksSpec, OwnPlantSpec, PlantSpec, VanDerPolSpec,
 };
 pub use plants::Plants;
 pub use prediction::PredictionSpec;

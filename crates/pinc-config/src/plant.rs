@@ -1,12 +1,15 @@
-//! The `[plant]` section.
+//! The `[plant]` section: the only place that knows all built-in plants.
 
 use crate::black_box::{FmuSpec, ProcessSpec};
 use crate::plants::{MakePlant, Plants};
-use pinc_expr::Equations;
-use pinc_ode::DynPlant;
+use pinc_expr::{Equations, PlantEquations};
+use pinc_plants::{
+    AcetoneColumn, AcetoneStill, FourTanks, HydraulicServo, OneTank, SingleTrackCar, TwoLinkArm,
+    VanDerPol,
+};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
-use toml::Table;
+use toml::{Table, Value};
 
 /// Which plant, with its parameters.
 ///
@@ -33,11 +36,11 @@ pub enum PlantSpec {
     /// The quadruple-tank process.
     FourTanks(FourTanksSpec),
     /// One tank.
-    OneTank(OneTankSpec),
+    OneTank(BuiltInSpec),
     /// The still for acetone, methanol and water.
-    AcetoneStill(AcetoneStillSpec),
+    AcetoneStill(BuiltInSpec),
     /// The distillation column for the same mixture.
-    AcetoneColumn(AcetoneColumnSpec),
+    AcetoneColumn(BuiltInSpec),
     /// A plant whose equations stand in the config.
     Expression(Equations),
     /// A plant that the program adds to these.
@@ -47,11 +50,11 @@ pub enum PlantSpec {
     /// A plant that an FMU simulates.
     Fmu(FmuSpec),
     /// The electro-hydraulic servo axis.
-    HydraulicServo(HydraulicServoSpec),
+    HydraulicServo(BuiltInSpec),
     /// The car with slipping tyres.
-    SingleTrackCar(SingleTrackCarSpec),
+    SingleTrackCar(BuiltInSpec),
     /// The manipulator with two links.
-    TwoLinkArm(TwoLinkArmSpec),
+    TwoLinkArm(BuiltInSpec),
 }
 
 impl PlantSpec {
@@ -72,6 +75,76 @@ impl PlantSpec {
             Self::SingleTrackCar(_) => "single-track-car",
             Self::TwoLinkArm(_) => "two-link-arm",
         }
+    }
+
+    /// The plant's equations; `None` for a plant that another program simulates, and for one of a
+    /// program's own that was not found or has unusable parameters.
+    #[must_use]
+    pub fn equations(&self) -> Option<PlantEquations> {
+        let equations = match self {
+            Self::VanDerPol(spec) => VanDerPol { mu: spec.mu }.equations(),
+            Self::FourTanks(spec) => four_tanks(spec).equations(),
+            Self::OneTank(_) => OneTank::default().equations(),
+            Self::AcetoneColumn(_) => AcetoneColumn::default().equations(),
+            Self::AcetoneStill(_) => AcetoneStill::default().equations(),
+            Self::HydraulicServo(_) => HydraulicServo::default().equations(),
+            Self::SingleTrackCar(_) => SingleTrackCar::default().equations(),
+            Self::TwoLinkArm(_) => TwoLinkArm::default().equations(),
+            Self::Expression(equations) => equations.clone().into(),
+            Self::Own(spec) => spec.build()?.ok()?,
+            Self::Process(_) | Self::Fmu(_) => return None,
+        };
+        let constants = self.constants().into_iter().flatten();
+        Some(equations.with_parameters(constants.map(|(name, value)| (name.as_str(), *value))))
+    }
+
+    /// The constants of a built-in plant that have other values than its own.
+    pub(crate) fn constants(&self) -> Option<&BTreeMap<String, f64>> {
+        match self {
+            Self::FourTanks(spec) => Some(&spec.constants),
+            Self::OneTank(spec)
+            | Self::AcetoneStill(spec)
+            | Self::AcetoneColumn(spec)
+            | Self::HydraulicServo(spec)
+            | Self::SingleTrackCar(spec)
+            | Self::TwoLinkArm(spec) => Some(&spec.constants),
+            Self::VanDerPol(_)
+            | Self::Expression(_)
+            | Self::Own(_)
+            | Self::Process(_)
+            | Self::Fmu(_) => None,
+        }
+    }
+
+    /// Sets constants of a built-in plant that has such a key.
+    pub(crate) fn set_constants(&mut self, values: BTreeMap<String, f64>) {
+        match self {
+            Self::FourTanks(spec) => spec.constants.extend(values),
+            Self::OneTank(spec)
+            | Self::AcetoneStill(spec)
+            | Self::AcetoneColumn(spec)
+            | Self::HydraulicServo(spec)
+            | Self::SingleTrackCar(spec)
+            | Self::TwoLinkArm(spec) => spec.constants.extend(values),
+            Self::VanDerPol(_)
+            | Self::Expression(_)
+            | Self::Own(_)
+            | Self::Process(_)
+            | Self::Fmu(_) => {}
+        }
+    }
+}
+
+fn four_tanks(spec: &FourTanksSpec) -> FourTanks {
+    let published = match spec.parameters {
+        FourTanksParameters::Antonelo => FourTanks::antonelo(),
+        FourTanksParameters::JohanssonNonminimum => FourTanks::johansson_nonminimum(),
+        FourTanksParameters::JohanssonMinimum => FourTanks::johansson_minimum(),
+    };
+    FourTanks {
+        gamma: spec.gamma.unwrap_or(published.gamma),
+        pump: spec.pump.unwrap_or(published.pump),
+        ..published
     }
 }
 
@@ -103,9 +176,18 @@ impl OwnPlantSpec {
         self.make = self.parts().and_then(|(name, _)| plants.get(name));
     }
 
-    /// The plant; `None` if none of its name was found, or the reason why its parameters are
-    /// unusable.
-    pub(crate) fn build(&self) -> Option<Result<Box<dyn DynPlant>, toml::de::Error>> {
+    /// The plant with other values for some of its keys.
+    pub(crate) fn with(&self, values: &BTreeMap<String, f64>) -> Self {
+        let mut with = self.clone();
+        for table in with.parameters.values_mut() {
+            table.extend(values.iter().map(|(name, value)| (name.clone(), Value::Float(*value))));
+        }
+        with
+    }
+
+    /// The plant's equations; `None` if none of its name was found, or the reason why its
+    /// parameters are unusable.
+    pub(crate) fn build(&self) -> Option<Result<PlantEquations, toml::de::Error>> {
         let (_, parameters) = self.parts()?;
         Some((self.make?)(parameters.clone()))
     }
@@ -138,6 +220,9 @@ pub struct FourTanksSpec {
     /// Pump constants k1, k2 in cm^3/(V s) instead of the set's.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub pump: Option<[f64; 2]>,
+    /// Other values for some of its [`Plant::constants`](pinc_ode::Plant::constants).
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub constants: BTreeMap<String, f64>,
 }
 
 /// The published parameter sets of the four tanks.
@@ -152,32 +237,16 @@ pub enum FourTanksParameters {
     JohanssonMinimum,
 }
 
-/// The one tank has no parameters to choose.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+/// A built-in plant.
+///
+/// ```toml
+/// [plant]
+/// hydraulic-servo = { constants = { mass = 900.0 } }
+/// ```
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct OneTankSpec {}
-
-/// The still has no parameters to choose.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct AcetoneStillSpec {}
-
-/// The column has no parameters to choose.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct AcetoneColumnSpec {}
-
-/// The servo axis has no parameters to choose.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct HydraulicServoSpec {}
-
-/// The car has no parameters to choose.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct SingleTrackCarSpec {}
-
-/// The manipulator has no parameters to choose.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct TwoLinkArmSpec {}
+pub struct BuiltInSpec {
+    /// Other values for some of its [`Plant::constants`](pinc_ode::Plant::constants).
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub constants: BTreeMap<String, f64>,
+}

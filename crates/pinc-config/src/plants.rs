@@ -1,13 +1,14 @@
 //! Plants that a program adds to the built-in ones.
 
-use pinc_ode::{DynPlant, Plant};
+use pinc_expr::PlantEquations;
+use pinc_ode::Plant;
 use serde::de::DeserializeOwned;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 use toml::{Table, Value};
 
 /// Makes a plant of the registered type from its parameters.
-pub(crate) type MakePlant = fn(Table) -> Result<Box<dyn DynPlant>, toml::de::Error>;
+pub(crate) type MakePlant = fn(Table) -> Result<PlantEquations, toml::de::Error>;
 
 /// Plants written in Rust, outside this workspace, by the names they have in configs. Whoever reads
 /// a config says which plants it may name.
@@ -62,7 +63,7 @@ impl Plants {
     pub fn with<P: Plant + DeserializeOwned>(mut self, name: &'static str) -> Self {
         Arc::make_mut(&mut self.own).insert(name, |parameters| {
             let plant: P = Value::Table(parameters).try_into()?;
-            Ok(Box::new(plant))
+            Ok(PlantEquations::traced(plant))
         });
         self
     }

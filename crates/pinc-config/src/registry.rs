@@ -1,13 +1,10 @@
-//! From a `[plant]` section to a concrete plant: the only place that knows them all.
+//! From a `[plant]` section to a concrete plant.
 
+use crate::PlantSpec;
 use crate::black_box::{FmuSpec, ProcessSpec};
 use crate::plants::Plants;
-use crate::{FourTanksParameters, FourTanksSpec, PlantSpec};
 use pinc_ode::{Dims, DynPlant, DynRhs, Variable};
-use pinc_plants::{
-    AcetoneColumn, AcetoneStill, FourTanks, HydraulicServo, OneTank, SingleTrackCar, TwoLinkArm,
-    VanDerPol,
-};
+use std::collections::BTreeMap;
 
 impl PlantSpec {
     /// Looks a plant of the program's own up among `plants`.
@@ -29,29 +26,41 @@ impl PlantSpec {
     #[must_use]
     pub fn dyn_plant(&self) -> Box<dyn DynPlant> {
         match self {
-            Self::VanDerPol(spec) => VanDerPol { mu: spec.mu }.into_dyn(),
-            Self::FourTanks(spec) => four_tanks(spec).into_dyn(),
-            Self::OneTank(_) => OneTank::default().into_dyn(),
-            Self::AcetoneColumn(_) => AcetoneColumn::default().into_dyn(),
-            Self::AcetoneStill(_) => AcetoneStill::default().into_dyn(),
-            Self::Expression(equations) => equations
-                .compile()
-                .expect("the equations were compiled when the config was read")
-                .into_dyn(),
-            Self::Own(spec) => {
-                let plant = spec.build().expect("it was looked up when the config was read");
-                plant.expect("its parameters were checked when the config was read")
-            }
             Self::Process(spec) => {
                 Box::new(spec.build().expect("it was allowed when the config was read"))
             }
             Self::Fmu(spec) => {
                 Box::new(spec.build().expect("it was opened when the config was read"))
             }
-            Self::HydraulicServo(_) => HydraulicServo::default().into_dyn(),
-            Self::SingleTrackCar(_) => SingleTrackCar::default().into_dyn(),
-            Self::TwoLinkArm(_) => TwoLinkArm::default().into_dyn(),
+            _ => {
+                let plant = self.equations().map(|equations| equations.to_dyn());
+                let plant = plant.expect("it was looked up when the config was read");
+                plant.expect("the equations were compiled when the config was read")
+            }
         }
+    }
+
+    /// The parameters that may vary, with their nominal values; none for a plant that another
+    /// program simulates.
+    #[must_use]
+    pub fn parameters(&self) -> BTreeMap<String, f64> {
+        self.equations().map_or_else(BTreeMap::new, |equations| equations.parameters().clone())
+    }
+
+    /// The plant in which the parameters `varying`, in this order, are the p of f(x, u, p);
+    /// without any the same as [`PlantSpec::dyn_plant`].
+    ///
+    /// # Panics
+    ///
+    /// As [`PlantSpec::dyn_plant`], or if one is not among [`PlantSpec::parameters`].
+    #[must_use]
+    pub fn family(&self, varying: &[&str]) -> Box<dyn DynPlant> {
+        if varying.is_empty() {
+            return self.dyn_plant();
+        }
+        let equations = self.equations().expect("only plants with equations have parameters");
+        let plant = equations.compile_with(varying);
+        plant.expect("the parameters were checked when the config was read").into_dyn()
     }
 
     /// The plant's states, inputs and outputs.
@@ -74,19 +83,6 @@ impl PlantSpec {
             return Variables { outputs: states.clone(), states, inputs };
         }
         Variables::of(&*self.dyn_plant())
-    }
-}
-
-pub(crate) fn four_tanks(spec: &FourTanksSpec) -> FourTanks {
-    let published = match spec.parameters {
-        FourTanksParameters::Antonelo => FourTanks::antonelo(),
-        FourTanksParameters::JohanssonNonminimum => FourTanks::johansson_nonminimum(),
-        FourTanksParameters::JohanssonMinimum => FourTanks::johansson_minimum(),
-    };
-    FourTanks {
-        gamma: spec.gamma.unwrap_or(published.gamma),
-        pump: spec.pump.unwrap_or(published.pump),
-        ..published
     }
 }
 
@@ -147,5 +143,67 @@ impl Variables {
     #[must_use]
     pub fn input_names(&self) -> Vec<String> {
         self.inputs.iter().map(|v| v.name.to_string()).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{BuiltInSpec, FourTanksParameters, FourTanksSpec, VanDerPolSpec};
+
+    /// A member of a family has the numbers of the plant with its parameters.
+    #[test]
+    fn members_of_families_have_the_numbers_of_the_plants() {
+        let tanks = |pump, gamma| {
+            let parameters = FourTanksParameters::JohanssonMinimum;
+            let (gamma, pump) = (Some(gamma), Some(pump));
+            let constants = BTreeMap::new();
+            PlantSpec::FourTanks(FourTanksSpec { parameters, gamma, pump, constants })
+        };
+        let van_der_pol = |mu| PlantSpec::VanDerPol(VanDerPolSpec { mu });
+        let other = |values: &[(&str, f64)]| {
+            let constants = values.iter().map(|(name, value)| ((*name).to_owned(), *value));
+            BuiltInSpec { constants: constants.collect() }
+        };
+        for (spec, other, varying) in [
+            (van_der_pol(1.0), van_der_pol(0.6), &["mu"][..]),
+            (
+                tanks([3.33, 3.35], [0.7, 0.6]),
+                tanks([3.0, 3.6], [0.5, 0.4]),
+                &["k2", "gamma1", "k1", "gamma2"],
+            ),
+            (
+                PlantSpec::OneTank(other(&[])),
+                PlantSpec::OneTank(other(&[("k", 3.0), ("a", 0.08)])),
+                &["k", "a"],
+            ),
+            (
+                PlantSpec::HydraulicServo(other(&[("lag", 3e-3)])),
+                PlantSpec::HydraulicServo(other(&[("lag", 3e-3), ("mass", 900.0), ("turn", 0.03)])),
+                &["turn", "mass"],
+            ),
+            (
+                PlantSpec::TwoLinkArm(other(&[])),
+                PlantSpec::TwoLinkArm(other(&[("m2", 1.3), ("l1", 0.6)])),
+                &["m2", "l1"],
+            ),
+        ] {
+            let family = spec.family(varying);
+            let p: Vec<f64> = varying.iter().map(|name| other.parameters()[*name]).collect();
+            let plant = other.dyn_plant();
+            assert_eq!(family.states(), plant.states());
+            assert_eq!(family.inputs(), plant.inputs());
+            let (nx, nu) = (plant.dims().nx, plant.dims().nu);
+            for level in [-0.5, 0.0, 1.0, 13.0] {
+                let (x, u) = (vec![level; nx], vec![0.3 * level; nu]);
+                let (mut found, mut expected) = (vec![0.0; nx], vec![0.0; nx]);
+                family.rhs(&x, &u, &p, &mut found);
+                plant.rhs(&x, &u, &[], &mut expected);
+                for (found, expected) in found.iter().zip(&expected) {
+                    let rounding = 1e-13 * (1.0 + expected.abs()).max(level.powi(3).abs());
+                    assert!((found - expected).abs() <= rounding, "{found} {expected}");
+                }
+            }
+        }
     }
 }

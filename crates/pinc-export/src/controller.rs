@@ -4,7 +4,7 @@ use crate::ExportError;
 use crate::feedback_c::Estimation;
 use crate::open::Open;
 use crate::runge_kutta_c::RungeKuttaModel;
-use pinc_expr::Equations;
+use pinc_expr::PlantEquations;
 use pinc_mpc::{
     Nmpc, NmpcProblem, ProblemUnits, QpMethod, Reference, Softness, SqpConfig, Tracked,
 };
@@ -26,7 +26,7 @@ pub struct Controller<'a> {
     pub model: ModelSource<'a>,
     /// The plant's equations, where a net is the model and outputs of the plant are tracked,
     /// bounded or measured.
-    pub equations: Option<&'a Equations>,
+    pub equations: Option<&'a PlantEquations>,
     /// Where the self-test begins.
     pub initial_state: &'a [f64],
     /// What it follows.
@@ -117,7 +117,7 @@ impl<'a> Controller<'a> {
     }
 
     /// The equations of the outputs, with the names of their parameters, if any are used.
-    pub(crate) fn outputs(&self) -> Result<Option<(&'a Equations, Vec<String>)>, ExportError> {
+    pub(crate) fn outputs(&self) -> Result<Option<(&'a PlantEquations, Vec<String>)>, ExportError> {
         let measured = self.estimator.is_some_and(|of| of.measures_outputs());
         if !measured && !self.optimizes_outputs() {
             return Ok(None);
@@ -130,8 +130,8 @@ impl<'a> Controller<'a> {
                 Ok(Some((equations, net.parameter_names().map(str::to_owned).collect())))
             }
             (ModelSource::Net(_), None) => Err(ExportError::Feature {
-                feature: "outputs of a plant whose equations are no text",
-                instead: "states, or a plant as [plant.expression]",
+                feature: "outputs of a plant that another program simulates",
+                instead: "states, or a plant whose equations are known",
             }),
         }
     }

@@ -53,6 +53,7 @@ impl Body {
             Instruction::Div(a, b) => format!("v{a} / v{b}"),
             Instruction::Min(a, b) => smaller(a, b, &format!("v{a}"), &format!("v{b}")),
             Instruction::Max(a, b) => larger(a, b, &format!("v{a}"), &format!("v{b}")),
+            Instruction::Where(a, b, c) => format!("(v{a} <= PINC_N(0)) ? v{b} : v{c}"),
             Instruction::Neg(a) => format!("-v{a}"),
             Instruction::Power(a, p) => format!("PINC_MATH(pow)(v{a}, {})", number(p)),
             Instruction::Function(function, a) => call(function, a),
@@ -86,6 +87,11 @@ impl Body {
                     let pick = if least { smaller } else { larger };
                     let any = known[a][t] || known[b][t];
                     any.then(|| pick(a, b, &or_zero(of(a)), &or_zero(of(b))))
+                }
+                Instruction::Where(a, b, c) => {
+                    let (yes, no) = (or_zero(of(b)), or_zero(of(c)));
+                    let any = known[b][t] || known[c][t];
+                    any.then(|| format!("(v{a} <= PINC_N(0)) ? {yes} : {no}"))
                 }
                 Instruction::Neg(a) => of(a).map(|d| format!("-{d}")),
                 Instruction::Power(a, _) | Instruction::Function(_, a) => {

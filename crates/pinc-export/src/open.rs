@@ -2,7 +2,7 @@
 
 use crate::template::Template;
 use pinc_estimate::Augmentation;
-use pinc_expr::Equations;
+use pinc_expr::PlantEquations;
 use pinc_net::FoldedNet;
 
 /// Which of a model's parameters are arguments of the generated one, behind the inputs, and the
@@ -35,12 +35,11 @@ impl<'a> Open<'a> {
     /// arguments.
     pub(crate) fn equations<'n>(
         self,
-        equations: &Equations,
+        equations: &PlantEquations,
         names: &'n [String],
-    ) -> (Equations, Vec<&'n str>) {
-        let mut fixed = equations.clone();
-        let named = names.iter().cloned().zip(self.values.iter().copied());
-        fixed.parameters.extend(named);
+    ) -> (PlantEquations, Vec<&'n str>) {
+        let named = names.iter().map(String::as_str).zip(self.values.iter().copied());
+        let fixed = equations.clone().with_parameters(named);
         (fixed, self.estimated.iter().map(|&place| names[place].as_str()).collect())
     }
 

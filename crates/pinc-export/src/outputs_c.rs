@@ -1,16 +1,16 @@
-//! Outputs y = h(x, u, p) of a plant whose equations are text, in C.
+//! Outputs y = h(x, u, p) of a plant, in C.
 
 use crate::equation::{jacobian, values};
 use crate::open::Open;
 use crate::origin::Origin;
 use crate::template::Template;
 use crate::{ExportError, GeneratedFile, Name};
-use pinc_expr::Equations;
+use pinc_expr::PlantEquations;
 
 /// Header and source of all outputs of `equations`, whose parameters `names` are those of the
 /// model.
 pub(crate) fn outputs_core(
-    equations: &Equations,
+    equations: &PlantEquations,
     names: &[String],
     open: Open<'_>,
     (name, model): (&Name, &'static str),

@@ -1,18 +1,18 @@
-//! An integrator of a plant whose equations are text, in C.
+//! An integrator of a plant, in C.
 
 use crate::equation::{jacobian, values};
 use crate::open::Open;
 use crate::origin::Origin;
 use crate::template::{Template, constant, numbers};
 use crate::{ExportError, GeneratedFile, Name};
-use pinc_expr::Equations;
+use pinc_expr::PlantEquations;
 use pinc_ode::{DynPlant, Model, Tableau};
 
 /// A plant by its equations, integrated by a Runge-Kutta method.
 #[derive(Clone, Copy, Debug)]
 pub struct RungeKuttaModel<'a> {
     /// The plant.
-    pub equations: &'a Equations,
+    pub equations: &'a PlantEquations,
     /// The parameters that are arguments p of the model, by their names; the values of the others
     /// are those of the equations.
     pub parameters: &'a [String],

@@ -27,6 +27,8 @@ pub enum TermRole {
     Kink,
     /// `sign`: a jump where it is 0.
     Jump,
+    /// A comparison with 0 between two expressions: a kink or a jump where it is 0.
+    Switch,
 }
 
 /// A term on which it depends whether an equation is defined and smooth.
@@ -89,7 +91,7 @@ impl CriticalTerms {
     pub(crate) fn new(
         graph: Graph,
         variables: &[&str],
-        names: &BTreeMap<Value, &str>,
+        names: &BTreeMap<Value, String>,
         keys: &[(usize, String)],
     ) -> Self {
         let printer = Printer { nodes: &graph.nodes, variables, names };
@@ -137,10 +139,10 @@ impl CriticalTerms {
         };
         let mut all = Vec::with_capacity(self.nodes.len());
         for node in &self.nodes {
-            let [a, b] = node.operands.map(|operand| operand.map_or(0.0, |value| all[value.0]));
+            let [a, b, c] = node.operands.map(|operand| operand.map_or(0.0, |value| all[value.0]));
             all.push(match node.operation {
                 Operation::Variable(i) => with_unknowns[i],
-                operation => apply(operation, &a, &b),
+                operation => apply(operation, &a, &b, &c),
             });
         }
         let of = |value: Option<Value>| value.map_or(0.0, |value| all[value.0]);
@@ -152,7 +154,7 @@ impl CriticalTerms {
 #[derive(Clone, Debug)]
 pub struct LoneTerm<'a> {
     /// What is computed, each with the places of its operands among these.
-    steps: Vec<(Operation, [usize; 2])>,
+    steps: Vec<(Operation, [usize; 3])>,
     /// Which of these the term is the difference of, or the one that it is.
     values: [Option<usize>; 2],
     variables: Vec<usize>,
@@ -181,7 +183,7 @@ impl CriticalTerms {
             (operation, operands.map(|operand| operand.map_or(0, place)))
         };
         let steps: Vec<_> = needed.iter().map(step).collect();
-        let variable = |(operation, _): &(Operation, [usize; 2])| match operation {
+        let variable = |(operation, _): &(Operation, [usize; 3])| match operation {
             Operation::Variable(variable) => Some(*variable),
             _ => None,
         };
@@ -210,11 +212,11 @@ impl LoneTerm<'_> {
         let with_unknowns = self.unknowns.map(|unknowns| unknowns.with_unknowns(at));
         let at = with_unknowns.as_deref().unwrap_or(at);
         let mut all = Vec::with_capacity(self.steps.len());
-        for &(operation, [a, b]) in &self.steps {
+        for &(operation, [a, b, c]) in &self.steps {
             let operand = |place: usize| all.get(place).copied().unwrap_or_default();
             all.push(match operation {
                 Operation::Variable(i) => at[i],
-                operation => apply(operation, &operand(a), &operand(b)),
+                operation => apply(operation, &operand(a), &operand(b), &operand(c)),
             });
         }
         let of = |value: Option<usize>| value.map_or(0.0, |value| all[value]);
@@ -235,12 +237,13 @@ impl LoneTerm<'_> {
 }
 
 fn role(node: &Node) -> Option<(TermRole, [Option<Value>; 2])> {
-    let [a, b] = node.operands;
+    let [a, b, _] = node.operands;
     Some(match node.operation {
         Operation::Div => (TermRole::Denominator, [b, None]),
         Operation::DivInto(_) => (TermRole::Denominator, [a, None]),
         Operation::Power(_) => (TermRole::Base, [a, None]),
         Operation::Min | Operation::Max => (TermRole::Kink, [a, b]),
+        Operation::Where => (TermRole::Switch, [a, None]),
         Operation::Function(Function::Sqrt) => (TermRole::Radicand, [a, None]),
         Operation::Function(Function::Log) => (TermRole::Logarithm, [a, None]),
         Operation::Function(Function::Abs) => (TermRole::Kink, [a, None]),
@@ -253,7 +256,7 @@ fn role(node: &Node) -> Option<(TermRole, [Option<Value>; 2])> {
 struct Printer<'a> {
     nodes: &'a [Node],
     variables: &'a [&'a str],
-    names: &'a BTreeMap<Value, &'a str>,
+    names: &'a BTreeMap<Value, String>,
 }
 
 /// How strongly the operation of a text binds: sums, products, the rest.
@@ -287,7 +290,7 @@ impl Printer<'_> {
 
     fn text(&self, value: Value, at_least: Binding, budget: &mut usize) -> String {
         if let Some(name) = self.names.get(&value) {
-            return (*name).to_owned();
+            return name.clone();
         }
         if *budget == 0 {
             return "..".to_owned();
@@ -324,6 +327,11 @@ impl Printer<'_> {
             }
             Operation::Max => {
                 (format!("max({}, {})", of(0, Binding::Sum), of(1, Binding::Sum)), Binding::Atom)
+            }
+            Operation::Where => {
+                let (test, yes, no) =
+                    (of(0, Binding::Sum), of(1, Binding::Sum), of(2, Binding::Sum));
+                (format!("({yes} where {test} <= 0, else {no})"), Binding::Atom)
             }
             Operation::Neg => (format!("-{}", of(0, Binding::Product)), Binding::Sum),
             Operation::AddNumber(number) => {

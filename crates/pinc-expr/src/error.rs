@@ -129,6 +129,12 @@ pub enum ExpressionProblem {
         "algebraic equations cannot be generated as code: their solution is a search for roots"
     )]
     NotListed,
+    /// A plant in Rust that iterates in a way of its own.
+    #[error(
+        "the equation asks how far an iteration is (`all_nonpositive`), which cannot be recorded; \
+         solve the equation inside it by `solve_implicit`"
+    )]
+    Iterates,
     /// Too many values to be kept at once.
     #[error("the equations need {0} values at once, expected {most} at most", most = crate::program::MOST_REGISTERS)]
     TooLarge(usize),

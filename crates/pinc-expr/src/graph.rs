@@ -19,7 +19,7 @@ impl Number {
     }
 }
 
-/// How a value comes from up to two others, a and b.
+/// How a value comes from up to three others, a, b and c.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(crate) enum Operation {
     /// State, input or varying parameter, counted together in this order.
@@ -31,6 +31,8 @@ pub(crate) enum Operation {
     Div,
     Min,
     Max,
+    /// b where a <= 0, else c
+    Where,
     Neg,
     /// a + number
     AddNumber(Number),
@@ -110,7 +112,7 @@ pub(crate) struct Value(pub(crate) usize);
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(crate) struct Node {
     pub(crate) operation: Operation,
-    pub(crate) operands: [Option<Value>; 2],
+    pub(crate) operands: [Option<Value>; 3],
 }
 
 /// The largest whole exponent that is written as multiplications.
@@ -125,14 +127,14 @@ pub(crate) struct Graph {
 
 impl Graph {
     pub(crate) fn variable(&mut self, index: usize) -> Value {
-        self.node(Operation::Variable(index), [None; 2])
+        self.node(Operation::Variable(index), [None; 3])
     }
 
     pub(crate) fn constant(&mut self, value: f64) -> Value {
-        self.node(Operation::Constant(Number::new(value)), [None; 2])
+        self.node(Operation::Constant(Number::new(value)), [None; 3])
     }
 
-    fn node(&mut self, operation: Operation, operands: [Option<Value>; 2]) -> Value {
+    fn node(&mut self, operation: Operation, operands: [Option<Value>; 3]) -> Value {
         let node = Node { operation, operands };
         *self.known.entry(node).or_insert_with(|| {
             self.nodes.push(node);
@@ -140,12 +142,44 @@ impl Graph {
         })
     }
 
+    /// Copies `values` of the graph `from`; `unknowns` stand for its variables from `first` on.
+    pub(crate) fn copy(
+        &mut self,
+        from: &Self,
+        values: &[Value],
+        first: usize,
+        unknowns: &[Value],
+    ) -> Vec<Value> {
+        let needed = from.needed(values);
+        let mut places = vec![None; from.nodes.len()];
+        for (i, node) in from.nodes.iter().enumerate().filter(|(i, _)| needed[*i]) {
+            let operands = node.operands.map(|operand| operand.and_then(|v| places[v.0]));
+            places[i] = Some(match node.operation {
+                Operation::Variable(index) if index >= first => unknowns[index - first],
+                operation => self.node(operation, operands),
+            });
+        }
+        values.iter().filter_map(|value| places[value.0]).collect()
+    }
+
+    /// Which nodes some values are made of, they included.
+    pub(crate) fn needed(&self, values: &[Value]) -> Vec<bool> {
+        let mut needed = vec![false; self.nodes.len()];
+        values.iter().for_each(|value| needed[value.0] = true);
+        for (i, node) in self.nodes.iter().enumerate().rev() {
+            if needed[i] {
+                node.operands.iter().flatten().for_each(|operand| needed[operand.0] = true);
+            }
+        }
+        needed
+    }
+
     fn unary(&mut self, operation: Operation, a: Value) -> Value {
-        self.node(operation, [Some(a), None])
+        self.node(operation, [Some(a), None, None])
     }
 
     fn binary(&mut self, operation: Operation, a: Value, b: Value) -> Value {
-        self.node(operation, [Some(a), Some(b)])
+        self.node(operation, [Some(a), Some(b), None])
     }
 
     fn number(&self, value: Value) -> Option<f64> {
@@ -204,6 +238,14 @@ impl Graph {
         }
     }
 
+    /// a / b, where b stays a divisor if it is a number: rounded as the division is.
+    pub(crate) fn quotient(&mut self, a: Value, b: Value) -> Value {
+        match (self.number(a), self.number(b)) {
+            (None, Some(_)) => self.binary(Operation::Div, a, b),
+            _ => self.div(a, b),
+        }
+    }
+
     pub(crate) fn neg(&mut self, a: Value) -> Value {
         match self.number(a) {
             Some(a) => self.constant(-a),
@@ -229,6 +271,24 @@ impl Graph {
         match (self.number(a), self.number(b)) {
             (Some(a), Some(b)) => self.constant(Scalar::max(a, b)),
             _ => self.binary(Operation::Max, a, b),
+        }
+    }
+
+    /// `yes` where `test <= 0`, else `no`.
+    pub(crate) fn choose(&mut self, test: Value, yes: Value, no: Value) -> Value {
+        match self.number(test) {
+            Some(test) if test <= 0.0 => yes,
+            Some(_) => no,
+            None if yes == no => yes,
+            None => self.node(Operation::Where, [Some(test), Some(yes), Some(no)]),
+        }
+    }
+
+    /// `a^p`, as [`Scalar::powf`] computes it.
+    pub(crate) fn powf(&mut self, a: Value, p: f64) -> Value {
+        match self.number(a) {
+            Some(a) => self.constant(Scalar::powf(a, p)),
+            None => self.unary(Operation::Power(Number::new(p)), a),
         }
     }
 

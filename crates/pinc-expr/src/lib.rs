@@ -1,4 +1,4 @@
-//! Plants whose equations are text.
+//! The equations of plants as graphs: those that are text, and those of Rust plants.
 
 mod algebraic;
 mod arrays;
@@ -12,10 +12,14 @@ mod lexer;
 mod listing;
 mod parameters;
 mod parser;
+mod plant_graph;
 mod program;
 mod roots;
+mod rust_plant;
+mod source;
 mod structure;
 mod text_plant;
+mod traced;
 
 pub use algebraic::{AlgebraicVariable, Start};
 pub use critical::{CriticalTerm, CriticalTerms, LoneTerm, TermRole};
@@ -23,13 +27,16 @@ pub use error::{Deficiency, Excerpt, ExpressionError, ExpressionProblem};
 pub use graph::Function;
 pub use listing::{Instruction, Listing};
 pub use roots::{AlgebraicEquations, AlgebraicRoot, Unsolved, UnsolvedReason};
+pub use rust_plant::into_dyn;
+pub use source::PlantEquations;
 
 use algebraic::Algebraic;
 use graph::{Graph, Value};
 use grouped::GroupedFunction;
 use implicit::AlgebraicSystem;
 use pinc_ad::Scalar;
-use pinc_ode::{Dims, Plant, SparsePlant, Variable};
+use pinc_ode::{Plant, SparsePlant, Variable};
+use plant_graph::PlantGraph;
 use program::Program;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -167,6 +174,7 @@ pub struct ExpressionPlant {
 #[derive(Debug)]
 struct Rates {
     graph: Graph,
+    algebraic: Algebraic,
     values: Vec<Value>,
 }
 
@@ -216,24 +224,6 @@ impl Plant for ExpressionPlant {
     }
 }
 
-/// Equations as a graph.
-struct Parsed<'a> {
-    graph: Graph,
-    /// States, inputs and varying parameters.
-    variables: Vec<&'a str>,
-    /// They and the algebraic variables.
-    printed: Vec<&'a str>,
-    /// The derivative of each state.
-    derivatives: Vec<Value>,
-    /// The measured outputs.
-    outputs: Vec<Value>,
-    algebraic: Algebraic,
-    /// The intermediate expressions' names.
-    names: BTreeMap<Value, &'a str>,
-    /// The key of each equation, with the number of nodes after it.
-    keys: Vec<(usize, String)>,
-}
-
 impl Equations {
     /// The plant with these equations, all parameters fixed.
     ///
@@ -253,52 +243,7 @@ impl Equations {
     /// The first thing that is wrong with the equations, or a name that is not a parameter's or
     /// given twice.
     pub fn compile_with(&self, varying: &[&str]) -> Result<ExpressionPlant, ExpressionError> {
-        self.unrolled(|plain| plain.compile_plain(varying))
-    }
-
-    /// [`Equations::compile_with`] without arrays.
-    fn compile_plain(&self, varying: &[&str]) -> Result<ExpressionPlant, ExpressionError> {
-        let Parsed { graph, variables, derivatives, outputs, algebraic, .. } =
-            self.parse(varying)?;
-        let all = variables.len() + algebraic.names.len();
-        let program = |values: &[Value], key: &str| {
-            Program::new(&graph, all, values).map_err(|problem| problem.at(key))
-        };
-        let rhs = program(&derivatives, "derivatives")?;
-        let own = match &outputs[..] {
-            [] => None,
-            values => {
-                let variables = self.output_variables();
-                Some(Outputs { variables, program: program(values, "outputs")? })
-            }
-        };
-        let grouped = |values: &[Value], key: &str| {
-            let function = GroupedFunction::new(&graph, variables.len(), &algebraic, values);
-            function.map_err(|problem| problem.at(key))
-        };
-        let dims = Dims::new(self.states.len(), self.inputs.len())
-            .with_parameters(varying.len())
-            .with_outputs(if outputs.is_empty() { self.states.len() } else { outputs.len() });
-        let sparse = SparsePlant {
-            dims,
-            rhs: grouped(&derivatives, "derivatives")?,
-            outputs: match &outputs[..] {
-                [] => None,
-                values => Some(grouped(values, "outputs")?),
-            },
-        };
-        let system = AlgebraicSystem::new(&graph, variables.len(), &algebraic);
-        let system = system.map_err(|problem| problem.at("algebraic"))?;
-        Ok(ExpressionPlant {
-            sparse,
-            rates: Arc::new(Rates { graph, values: derivatives }),
-            algebraic: (!system.blocks.is_empty()).then_some(system),
-            states: self.states.clone(),
-            inputs: self.inputs.clone(),
-            parameters: varying.iter().map(|&name| variable(name, "")).collect(),
-            rhs,
-            outputs: own,
-        })
+        self.unrolled(|plain| plain.graph(varying)?.compile())
     }
 
     /// The terms on which it depends where these equations are defined and smooth.
@@ -307,18 +252,11 @@ impl Equations {
     ///
     /// The first thing that is wrong with the equations.
     pub fn critical_terms(&self) -> Result<CriticalTerms, ExpressionError> {
-        self.unrolled(|plain| {
-            let Parsed { graph, variables, printed, algebraic, names, keys, .. } =
-                plain.parse(&[])?;
-            let system = AlgebraicSystem::new(&graph, variables.len(), &algebraic);
-            let system = system.map_err(|problem| problem.at("algebraic"))?;
-            let terms = CriticalTerms::new(graph, &printed, &names, &keys);
-            Ok(terms.with_algebraic([plain.states.len(), plain.inputs.len()], system))
-        })
+        self.unrolled(|plain| plain.graph(&[])?.critical_terms())
     }
 
     /// The values that derivatives and outputs are computed from.
-    fn parse<'a>(&'a self, varying: &[&'a str]) -> Result<Parsed<'a>, ExpressionError> {
+    fn graph(&self, varying: &[&str]) -> Result<PlantGraph, ExpressionError> {
         self.check_names()?;
         self.check_states_have_derivatives()?;
         self.check_algebraic()?;
@@ -336,16 +274,14 @@ impl Equations {
         for (i, name) in variables.iter().enumerate() {
             scope.insert(name, graph.variable(i));
         }
-        let mut printed = variables.clone();
         for (i, name) in self.algebraic.keys().enumerate() {
             scope.insert(name, graph.variable(variables.len() + i));
-            printed.push(name);
         }
         for name in order {
             let key = format!("let.{name}");
             let value = parser::parse(&key, &self.intermediates[name], &scope, &mut graph)?;
             scope.insert(name, value);
-            names.entry(value).or_insert(name);
+            names.entry(value).or_insert_with(|| name.to_owned());
             keys.push((graph.nodes.len(), key));
         }
         let first = variables.len();
@@ -361,13 +297,25 @@ impl Equations {
             derivatives.push(parse(format!("derivatives.{name}"), &self.derivatives[name])?);
         }
         let mut outputs = Vec::new();
-        for Variable { name, .. } in self.output_variables() {
+        let output_variables = self.output_variables();
+        for Variable { name, .. } in &output_variables {
             let output = self.outputs.get(name.as_ref());
             let text = output.map_or(name.as_ref(), |output| &output.expression);
             outputs.push(parse(format!("outputs.{name}"), text)?);
         }
         self.check_parameters_are_used()?;
-        Ok(Parsed { graph, variables, printed, derivatives, outputs, algebraic, names, keys })
+        Ok(PlantGraph {
+            graph,
+            states: self.states.clone(),
+            inputs: self.inputs.clone(),
+            parameters: varying.iter().map(|&name| variable(name, "")).collect(),
+            output_variables,
+            derivatives,
+            outputs,
+            algebraic,
+            names,
+            keys,
+        })
     }
 }
 

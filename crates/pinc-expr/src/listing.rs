@@ -1,8 +1,8 @@
 //! Equations as a list of instructions, for programs that write code from them.
 
-use crate::error::{ExpressionError, ExpressionProblem};
+use crate::Equations;
+use crate::error::ExpressionError;
 use crate::graph::{Function, Graph, Node, Operation, Value};
-use crate::{Equations, Parsed};
 
 /// One value of a [`Listing`], made of values before it, which are named by their places.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -23,6 +23,8 @@ pub enum Instruction {
     Min(usize, usize),
     /// The larger of a and b; of two equal ones, b.
     Max(usize, usize),
+    /// b where a <= 0, else c.
+    Where(usize, usize, usize),
     /// -a
     Neg(usize),
     /// a to the power of a number.
@@ -49,7 +51,7 @@ impl Equations {
     ///
     /// The first thing that is wrong with the equations, or that some are algebraic.
     pub fn listing(&self, varying: &[&str]) -> Result<Listing, ExpressionError> {
-        self.list(varying, |parsed| Listing::new(&parsed.graph, &parsed.derivatives))
+        self.unrolled(|plain| plain.graph(varying)?.listing())
     }
 
     /// The same of the outputs, in the order of their names.
@@ -58,30 +60,13 @@ impl Equations {
     ///
     /// As [`Equations::listing`].
     pub fn output_listing(&self, varying: &[&str]) -> Result<Listing, ExpressionError> {
-        self.list(varying, |parsed| Listing::new(&parsed.graph, &parsed.outputs))
-    }
-
-    fn list(
-        &self,
-        varying: &[&str],
-        of: impl Fn(&Parsed<'_>) -> Listing,
-    ) -> Result<Listing, ExpressionError> {
-        if !self.algebraic.is_empty() {
-            return Err(ExpressionProblem::NotListed.at("algebraic"));
-        }
-        self.unrolled(|plain| Ok(of(&plain.parse(varying)?)))
+        self.unrolled(|plain| plain.graph(varying)?.output_listing())
     }
 }
 
 impl Listing {
-    fn new(graph: &Graph, results: &[Value]) -> Self {
-        let mut needed = vec![false; graph.nodes.len()];
-        results.iter().for_each(|result| needed[result.0] = true);
-        for (i, node) in graph.nodes.iter().enumerate().rev() {
-            if needed[i] {
-                node.operands.iter().flatten().for_each(|operand| needed[operand.0] = true);
-            }
-        }
+    pub(crate) fn new(graph: &Graph, results: &[Value]) -> Self {
+        let needed = graph.needed(results);
         let mut listing = Self { instructions: Vec::new(), results: Vec::new() };
         let mut places = vec![0; graph.nodes.len()];
         for (i, node) in graph.nodes.iter().enumerate().filter(|(i, _)| needed[*i]) {
@@ -93,7 +78,7 @@ impl Listing {
 
     /// Appends a node, and the number in it if there is one; gives its place.
     fn push(&mut self, node: &Node, places: &[usize]) -> usize {
-        let [a, b] = node.operands.map(|operand| operand.map_or(0, |value| places[value.0]));
+        let [a, b, c] = node.operands.map(|operand| operand.map_or(0, |value| places[value.0]));
         let mut constant = |value: f64| {
             self.instructions.push(Instruction::Constant(value));
             self.instructions.len() - 1
@@ -107,6 +92,7 @@ impl Listing {
             Operation::Div => Instruction::Div(a, b),
             Operation::Min => Instruction::Min(a, b),
             Operation::Max => Instruction::Max(a, b),
+            Operation::Where => Instruction::Where(a, b, c),
             Operation::Neg => Instruction::Neg(a),
             Operation::AddNumber(number) => Instruction::Add(a, constant(number.value())),
             Operation::SubFrom(number) => Instruction::Sub(constant(number.value()), a),

@@ -4,17 +4,19 @@ use crate::error::ExpressionProblem;
 use crate::graph::{Graph, Node, Number, Operation, Value};
 use pinc_ad::Scalar;
 use pinc_ad::simd::Work;
+use std::collections::BTreeSet;
 use std::marker::PhantomData;
 
 /// The most values that can be kept at once.
 pub(crate) const MOST_REGISTERS: usize = 256;
 
-/// One step: `registers[to] = operation(registers[a], registers[b])`.
+/// One step: `registers[to] = operation(registers[a], registers[b], registers[c])`.
 #[derive(Clone, Copy, Debug)]
 struct Step {
     operation: Operation,
     a: u8,
     b: u8,
+    c: u8,
     to: u8,
 }
 
@@ -65,21 +67,21 @@ impl Program {
             if last_use[i].is_none() || matches!(node.operation, Operation::Variable(_)) {
                 continue;
             }
-            let [a, b] = node.operands.map(|operand| operand.map_or(0, |value| place[value.0]));
+            let [a, b, c] = node.operands.map(|operand| operand.map_or(0, |value| place[value.0]));
             // A step reads before it writes, so that its result may replace an operand.
-            let mut ending: Vec<_> =
-                node.operands.iter().flatten().filter(|v| last_use[v.0] == Some(i)).collect();
-            ending.dedup();
+            let ends = |v: &&Value| last_use[v.0] == Some(i);
+            let ending: BTreeSet<_> = node.operands.iter().flatten().filter(ends).collect();
             ending.into_iter().for_each(|value| registers.release(place[value.0]));
             place[i] = registers.take();
-            steps.push((node.operation, [a, b, place[i]]));
+            steps.push((node.operation, [a, b, c, place[i]]));
         }
         let needed = registers.needed;
         let narrow = |register: usize| {
             u8::try_from(register).map_err(|_| ExpressionProblem::TooLarge(needed))
         };
-        let steps = steps.into_iter().map(|(operation, [a, b, to])| {
-            Ok(Step { operation, a: narrow(a)?, b: narrow(b)?, to: narrow(to)? })
+        let steps = steps.into_iter().map(|(operation, [a, b, c, to])| {
+            let (a, b, c, to) = (narrow(a)?, narrow(b)?, narrow(c)?, narrow(to)?);
+            Ok(Step { operation, a, b, c, to })
         });
         let steps = steps.collect::<Result<_, _>>()?;
         let results = results.iter().map(|result| narrow(place[result.0]));
@@ -271,16 +273,16 @@ impl<S: Scalar, R: AsMut<[S]> + ?Sized> Work for Steps<'_, S, R> {
         // If their number is known, the remainder spares the check of the index.
         let last = registers.len() - 1;
         for step in self.steps {
-            let (a, b) = (usize::from(step.a) & last, usize::from(step.b) & last);
-            let value = apply(step.operation, &registers[a], &registers[b]);
+            let [a, b, c] = [step.a, step.b, step.c].map(|place| usize::from(place) & last);
+            let value = apply(step.operation, &registers[a], &registers[b], &registers[c]);
             registers[usize::from(step.to) & last] = value;
         }
     }
 }
 
 #[inline(always)]
-pub(crate) fn apply<S: Scalar>(operation: Operation, a: &S, b: &S) -> S {
-    let (a, b) = (*a, *b);
+pub(crate) fn apply<S: Scalar>(operation: Operation, a: &S, b: &S, c: &S) -> S {
+    let (a, b, c) = (*a, *b, *c);
     let of = |number: Number| number.value();
     match operation {
         Operation::Variable(_) => a,
@@ -291,6 +293,7 @@ pub(crate) fn apply<S: Scalar>(operation: Operation, a: &S, b: &S) -> S {
         Operation::Div => a / b,
         Operation::Min => a.min(b),
         Operation::Max => a.max(b),
+        Operation::Where => a.where_nonpositive(b, c),
         Operation::Neg => -a,
         Operation::AddNumber(number) => a + of(number),
         Operation::SubFrom(number) => -a + of(number),

@@ -1,7 +1,7 @@
 //! Text plants with their type erased: their integrators use the sparse Jacobian.
 
-use crate::ExpressionPlant;
 use crate::grouped::GroupedCurved;
+use crate::{ExpressionError, ExpressionPlant};
 use pinc_ad::simd::{Isa, Simd, Task};
 use pinc_ode::{
     AnyVectorRhs, Dims, DynPlant, DynRhs, Model, Plant, Rodas4, SparseFunction, SparsePlant,
@@ -15,6 +15,23 @@ impl ExpressionPlant {
     #[must_use]
     pub fn into_dyn(self) -> Box<dyn DynPlant> {
         Box::new(TextPlant(self))
+    }
+
+    /// The Rosenbrock method over steps of `sample_time_s` seconds, each in `substeps` parts.
+    ///
+    /// # Errors
+    ///
+    /// If the second derivatives need too many values at once.
+    pub(crate) fn rosenbrock(
+        &self,
+        sample_time_s: f64,
+        substeps: usize,
+    ) -> Result<Box<dyn Model>, ExpressionError> {
+        let Self { sparse, rates, .. } = self;
+        let rhs = GroupedCurved::new(&sparse.rhs, &rates.graph, &rates.algebraic, &rates.values);
+        let rhs = rhs.map_err(|problem| problem.at("derivatives"))?;
+        let plant = SparsePlant { dims: sparse.dims, rhs, outputs: sparse.outputs.clone() };
+        Ok(sparse_rodas4(plant, sample_time_s, substeps, Isa::detect()))
     }
 }
 
@@ -85,12 +102,8 @@ impl DynPlant for TextPlant {
     }
 
     fn rodas4(&self, sample_time_s: f64, substeps: usize) -> Box<dyn Model> {
-        let ExpressionPlant { sparse, rates, .. } = &self.0;
-        let Some(rhs) = GroupedCurved::new(&sparse.rhs, &rates.graph, &rates.values) else {
-            return Box::new(Rodas4::new(self.0.clone(), sample_time_s, substeps));
-        };
-        let plant = SparsePlant { dims: sparse.dims, rhs, outputs: sparse.outputs.clone() };
-        sparse_rodas4(plant, sample_time_s, substeps, Isa::detect())
+        let model = self.0.rosenbrock(sample_time_s, substeps);
+        model.unwrap_or_else(|_| Box::new(Rodas4::new(self.0.clone(), sample_time_s, substeps)))
     }
 }
 

@@ -2,7 +2,7 @@
 
 use crate::black_box::NoEquation;
 use crate::outlined::evaluate;
-use crate::{BlackBox, Dims, Model, Plant, Rk4, Rk5, Rodas4, Variable};
+use crate::{BlackBox, Dims, Model, Plant, Variable};
 use pinc_ad::Dual;
 use pinc_ad::simd::{Isa, Simd, Task, Work};
 use std::any::Any;
@@ -157,9 +157,9 @@ impl<P: Plant> DynRhs for P {
     }
 }
 
-/// A plant with its type erased, with the integrators that can serve as models of it. The equation
-/// is compiled into each of these, which takes most of a build: ask for [`DynRhs`] where that is
-/// enough.
+/// A plant with its type erased, with the integrators that can serve as models of it. The
+/// Runge-Kutta methods have the equation of a plant in Rust compiled into them, which takes most of
+/// a build: ask for [`DynRhs`] where that is enough.
 pub trait DynPlant: DynRhs {
     /// RK4 over steps of `sample_time_s`, each in `substeps` parts.
     fn rk4(&self, sample_time_s: f64, substeps: usize) -> Box<dyn Model>;
@@ -169,20 +169,6 @@ pub trait DynPlant: DynRhs {
 
     /// The linearly implicit method over such steps, for stiff plants.
     fn rodas4(&self, sample_time_s: f64, substeps: usize) -> Box<dyn Model>;
-}
-
-impl<P: Plant> DynPlant for P {
-    fn rk4(&self, sample_time_s: f64, substeps: usize) -> Box<dyn Model> {
-        Box::new(Rk4::new(self.clone(), sample_time_s, substeps))
-    }
-
-    fn rk5(&self, sample_time_s: f64, substeps: usize) -> Box<dyn Model> {
-        Box::new(Rk5::new(self.clone(), sample_time_s, substeps))
-    }
-
-    fn rodas4(&self, sample_time_s: f64, substeps: usize) -> Box<dyn Model> {
-        Box::new(Rodas4::new(self.clone(), sample_time_s, substeps))
-    }
 }
 
 /// f(x, u, p) on vectors of points. A training kernel calls it once for a vector, so that the call

@@ -58,7 +58,7 @@ pub use error::OdeError;
 pub use loaded::Loaded;
 pub use model::{Dims, Linearization, LinearizationBuffer, Model, OutputLinearization, Stages};
 pub use piecewise_constant::PiecewiseConstant;
-pub use plant::Plant;
+pub use plant::{Over, Plant};
 pub use rodas4::Rodas4;
 pub use runge_kutta::{Classical, DormandPrince, Method, Rk4, Rk5, RungeKutta};
 pub use simulator::Simulator;

@@ -3,6 +3,29 @@
 use crate::{Dims, Variable};
 use pinc_ad::Scalar;
 use std::fmt::Debug;
+use std::ops::{Add, Div, Mul, Sub};
+
+/// A number that takes coefficients `K` on the right of an operator: an equation over it and `K`
+/// serves a plant whose constants are plain numbers (`K` is `f64`) and a family of plants, whose
+/// constants are numbers of the same kind as the states (`K` is `Self`). All [`Scalar`]s are over
+/// both.
+pub trait Over<K>:
+    Scalar
+    + Add<K, Output = Self>
+    + Sub<K, Output = Self>
+    + Mul<K, Output = Self>
+    + Div<K, Output = Self>
+{
+}
+
+impl<K, S> Over<K> for S where
+    S: Scalar
+        + Add<K, Output = Self>
+        + Sub<K, Output = Self>
+        + Mul<K, Output = Self>
+        + Div<K, Output = Self>
+{
+}
 
 /// A controlled plant x' = f(x, u, p), time-invariant, with outputs y = h(x, u, p).
 ///
@@ -73,6 +96,31 @@ pub trait Plant: Clone + Debug + Send + Sync + 'static {
     ///
     /// `x` and `dx`: `nx`, in [`Plant::states`]' units and units per second; `u`: `nu`; `p`: `np`.
     fn rhs<S: Scalar>(&self, x: &[S], u: &[S], p: &[S], dx: &mut [S]);
+
+    /// The named numbers of f that a family of plants may vary, with their values; none by default.
+    /// Outputs do not depend on them.
+    fn constants(&self) -> Vec<(String, f64)> {
+        Vec::new()
+    }
+
+    /// The plant with other [`Plant::constants`], in their order.
+    #[must_use]
+    fn with_constants(&self, constants: &[f64]) -> Self {
+        let _ = constants;
+        self.clone()
+    }
+
+    /// Writes f(x, u, p) of the plant with other [`Plant::constants`] into `dx`: a plant that has
+    /// any writes its equation over the kind of these numbers too, which are `f64` in
+    /// [`Plant::rhs`].
+    ///
+    /// # Shapes
+    ///
+    /// As [`Plant::rhs`]; `constants`: as many as [`Plant::constants`].
+    fn rhs_with<S: Scalar>(&self, constants: &[S], x: &[S], u: &[S], p: &[S], dx: &mut [S]) {
+        let _ = constants;
+        self.rhs(x, u, p, dx);
+    }
 
     /// Writes the outputs h(x, u, p) into `y`; by default a copy of the states.
     ///

@@ -2,7 +2,7 @@
 
 use crate::acetone_mixture::{Boiling, COMPONENTS, boil};
 use pinc_ad::Scalar;
-use pinc_ode::{Plant, Variable};
+use pinc_ode::{Over, Plant, Variable};
 
 /// The pot and the trays.
 const STAGES: usize = 3;
@@ -23,15 +23,15 @@ const STAGES: usize = 3;
 ///
 /// Three boiling points are solved for in each call. The column, of pilot size, is this project's.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct AcetoneColumn {
+pub struct AcetoneColumn<K = f64> {
     /// The holdup M of the pot, in mol.
-    pub pot: f64,
+    pub pot: K,
     /// The holdup Mt of a tray, in mol.
-    pub tray: f64,
+    pub tray: K,
     /// The feed F, in mol/s.
-    pub feed: f64,
+    pub feed: K,
     /// Mole fractions of acetone and water in the feed.
-    pub composition: [f64; 2],
+    pub composition: [K; 2],
     /// The pressure, in kPa.
     pub pressure: f64,
 }
@@ -44,12 +44,46 @@ impl Default for AcetoneColumn {
     }
 }
 
-impl AcetoneColumn {
+impl<K: Scalar> AcetoneColumn<K> {
+    /// With these [`Plant::constants`].
+    #[inline(always)]
+    fn of(constants: &[K], pressure: f64) -> Self {
+        let composition = [constants[3], constants[4]];
+        Self { pot: constants[0], tray: constants[1], feed: constants[2], composition, pressure }
+    }
+
     /// The liquid of the pot (0) or a tray, as it boils.
     #[inline(always)]
     fn boiling<S: Scalar>(&self, x: &[S], i: usize) -> Boiling<S> {
         let [acetone, water] = [x[2 * i], x[2 * i + 1]];
         boil([acetone, -(acetone + water) + 1.0, water], self.pressure)
+    }
+
+    #[inline(always)]
+    fn rates<S: Over<K>>(&self, x: &[S], u: &[S], dx: &mut [S]) {
+        // A loop, which does not repeat the code of the boiling point three times.
+        let mut stage = [Boiling { vapour: [x[0]; COMPONENTS], inverse_temperature: x[0] }; STAGES];
+        for (i, stage) in stage.iter_mut().enumerate() {
+            *stage = self.boiling(x, i);
+        }
+        let (reflux, vapour) = (u[0], u[1] / stage[0].heat());
+        let one = self.pot.constant(1.0);
+        // Acetone is component 0 of the mixture, water component 2.
+        for (i, component) in [0, 2].into_iter().enumerate() {
+            let [x0, x1, x2] = [x[i], x[2 + i], x[4 + i]];
+            let [y0, y1, y2] = [
+                stage[0].vapour[component],
+                stage[1].vapour[component],
+                stage[2].vapour[component],
+            ];
+            let fed = -(x0 - self.composition[i]) * self.feed;
+            let pot = fed + reflux * (x1 - x0) - vapour * (y0 - x0);
+            let lower = reflux * (x2 - x1) + vapour * (y0 - y1);
+            let upper = reflux * (y2 - x2) + vapour * (y1 - y2);
+            dx[i] = pot * (one / self.pot);
+            dx[2 + i] = lower * (one / self.tray);
+            dx[4 + i] = upper * (one / self.tray);
+        }
     }
 }
 
@@ -74,29 +108,23 @@ impl Plant for AcetoneColumn {
         &VARIABLES
     }
 
+    fn constants(&self) -> Vec<(String, f64)> {
+        let [za, zw] = self.composition;
+        let numbers =
+            [("M", self.pot), ("Mt", self.tray), ("F", self.feed), ("za", za), ("zw", zw)];
+        numbers.map(|(name, value)| (name.to_owned(), value)).into()
+    }
+
+    fn with_constants(&self, constants: &[f64]) -> Self {
+        Self::of(constants, self.pressure)
+    }
+
     #[inline(always)]
     fn rhs<S: Scalar>(&self, x: &[S], u: &[S], _p: &[S], dx: &mut [S]) {
-        // A loop, which does not repeat the code of the boiling point three times.
-        let mut stage = [Boiling { vapour: [x[0]; COMPONENTS], inverse_temperature: x[0] }; STAGES];
-        for (i, stage) in stage.iter_mut().enumerate() {
-            *stage = self.boiling(x, i);
-        }
-        let (reflux, vapour) = (u[0], u[1] / stage[0].heat());
-        // Acetone is component 0 of the mixture, water component 2.
-        for (i, component) in [0, 2].into_iter().enumerate() {
-            let [x0, x1, x2] = [x[i], x[2 + i], x[4 + i]];
-            let [y0, y1, y2] = [
-                stage[0].vapour[component],
-                stage[1].vapour[component],
-                stage[2].vapour[component],
-            ];
-            let fed = -(x0 - self.composition[i]) * self.feed;
-            let pot = fed + reflux * (x1 - x0) - vapour * (y0 - x0);
-            let lower = reflux * (x2 - x1) + vapour * (y0 - y1);
-            let upper = reflux * (y2 - x2) + vapour * (y1 - y2);
-            dx[i] = pot * (1.0 / self.pot);
-            dx[2 + i] = lower * (1.0 / self.tray);
-            dx[4 + i] = upper * (1.0 / self.tray);
-        }
+        self.rates(x, u, dx);
+    }
+
+    fn rhs_with<S: Scalar>(&self, constants: &[S], x: &[S], u: &[S], _p: &[S], dx: &mut [S]) {
+        AcetoneColumn::of(constants, self.pressure).rates(x, u, dx);
     }
 }

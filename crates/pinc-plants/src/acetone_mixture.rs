@@ -1,7 +1,7 @@
 //! Acetone, methanol and water in equilibrium with their vapour.
 
 use pinc_ad::simd::Work;
-use pinc_ad::{Dual, Scalar};
+use pinc_ad::{Dual, ImplicitEquations, Scalar};
 
 /// Acetone, methanol, water.
 pub(crate) const COMPONENTS: usize = 3;
@@ -39,6 +39,9 @@ const START: [([usize; COMPONENTS], [f64; 2]); 10] = [
     ([2, 1, 0], [0.364_367, 118.816]),
     ([3, 0, 0], [0.312_743, 102.96]),
 ];
+
+/// Where 1/T is looked for, in 1/K: from 600 K to 200 K.
+const INVERSE_TEMPERATURES: [f64; 2] = [1.0 / 600.0, 1.0 / 200.0];
 
 /// The gas constant, in cal/(mol K), the unit of the interaction energies.
 const GAS_CONSTANT: f64 = 1.987_21;
@@ -87,6 +90,16 @@ pub(crate) struct Boiling<S> {
 }
 
 impl<S: Scalar> Boiling<S> {
+    /// At the boiling point 1/z.
+    #[inline(always)]
+    fn at(x: [S; COMPONENTS], z: S, pressure: f64) -> Self {
+        let mut vapour = partial_pressures(x, &Volatility::new(z));
+        for y in &mut vapour {
+            *y = *y / pressure;
+        }
+        Self { vapour, inverse_temperature: z }
+    }
+
     /// The heat of vaporization of the vapour, in kJ/mol.
     #[inline(always)]
     pub(crate) fn heat(&self) -> S {
@@ -119,6 +132,10 @@ impl<S: Scalar> Work for Boil<S> {
         }
         let change = (pressure / NORMAL_KPA).ln();
         let mut z = start(plain) - change / CLAUSIUS_CLAPEYRON;
+        if let Some([z]) = S::declare(&BoilingPoint { pressure }, &x, [z], &[INVERSE_TEMPERATURES])
+        {
+            return Boiling::at(x, z, pressure);
+        }
         let steps = if change.abs() < NEAR_NORMAL { NEWTON_STEPS } else { FAR_STEPS };
         // The last step, to first order, is exact enough for values.
         let steps = if const { S::ORDER == 0 } { steps - 1 } else { steps };
@@ -132,6 +149,19 @@ impl<S: Scalar> Work for Boil<S> {
         } else {
             any_order(x, plain, z, pressure)
         }
+    }
+}
+
+/// 0 = 2 (s - P)/(s + P) for 1/T, where s is the sum of the partial pressures.
+struct BoilingPoint {
+    pressure: f64,
+}
+
+impl ImplicitEquations<COMPONENTS, 1> for BoilingPoint {
+    #[inline(always)]
+    fn residuals<S: Scalar>(&self, x: &[S; COMPONENTS], [z]: &[S; 1], [g]: &mut [S; 1]) {
+        let sum = sum(&partial_pressures(*x, &Volatility::new(*z)));
+        *g = (sum - self.pressure) * 2.0 / (sum + self.pressure);
     }
 }
 
@@ -244,11 +274,7 @@ fn any_order<S: Scalar>(
     for _ in 0..S::ORDER {
         z = z - newton_step(sum(&partial_pressures(x, &Volatility::new(z))), slope, pressure);
     }
-    vapour = partial_pressures(x, &Volatility::new(z));
-    for y in &mut vapour {
-        *y = *y / pressure;
-    }
-    Boiling { vapour, inverse_temperature: z }
+    Boiling::at(x, z, pressure)
 }
 
 /// What depends on the temperature alone. (Loops, since `array::map`, `from_fn` and closures are

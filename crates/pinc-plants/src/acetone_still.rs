@@ -2,7 +2,7 @@
 
 use crate::acetone_mixture::boil;
 use pinc_ad::Scalar;
-use pinc_ode::{Plant, Variable};
+use pinc_ode::{Over, Plant, Variable};
 
 /// A still that strips acetone and methanol from water, continuously, at constant pressure:
 ///
@@ -24,13 +24,13 @@ use pinc_ode::{Plant, Variable};
 ///
 /// The still, of pilot size, is this project's.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct AcetoneStill {
+pub struct AcetoneStill<K = f64> {
     /// The holdup M, in mol.
-    pub holdup: f64,
+    pub holdup: K,
     /// Mole fractions of acetone and methanol in the feed.
-    pub feed: [f64; 2],
+    pub feed: [K; 2],
     /// The stream of water W, in mol/s.
-    pub water: f64,
+    pub water: K,
     /// The pressure P, in kPa.
     pub pressure: f64,
 }
@@ -51,6 +51,28 @@ impl AcetoneStill {
     }
 }
 
+impl<K: Scalar> AcetoneStill<K> {
+    /// With these [`Plant::constants`].
+    #[inline(always)]
+    fn of(constants: &[K], pressure: f64) -> Self {
+        let feed = [constants[1], constants[2]];
+        Self { holdup: constants[0], feed, water: constants[3], pressure }
+    }
+
+    #[inline(always)]
+    fn rates<S: Over<K>>(&self, x: &[S], u: &[S], dx: &mut [S]) {
+        let [acetone, methanol] = [x[0], x[1]];
+        let water = -(acetone + methanol) + 1.0;
+        let boiling = boil([acetone, methanol, water], self.pressure);
+        let (feed, vapour, y) = (u[0], u[1] / boiling.heat(), boiling.vapour);
+        let inverse = self.holdup.constant(1.0) / self.holdup;
+        for i in 0..2 {
+            let gain = feed * (-x[i] + self.feed[i]) - x[i] * self.water - vapour * (y[i] - x[i]);
+            dx[i] = gain * inverse;
+        }
+    }
+}
+
 impl Plant for AcetoneStill {
     const LONG: bool = true;
     const COLUMNS: Option<usize> = Some(4);
@@ -65,15 +87,22 @@ impl Plant for AcetoneStill {
         &VARIABLES
     }
 
+    fn constants(&self) -> Vec<(String, f64)> {
+        let [za, zm] = self.feed;
+        let numbers = [("M", self.holdup), ("za", za), ("zm", zm), ("W", self.water)];
+        numbers.map(|(name, value)| (name.to_owned(), value)).into()
+    }
+
+    fn with_constants(&self, constants: &[f64]) -> Self {
+        Self::of(constants, self.pressure)
+    }
+
     #[inline(always)]
     fn rhs<S: Scalar>(&self, x: &[S], u: &[S], _p: &[S], dx: &mut [S]) {
-        let [acetone, methanol] = [x[0], x[1]];
-        let water = -(acetone + methanol) + 1.0;
-        let boiling = boil([acetone, methanol, water], self.pressure);
-        let (feed, vapour, y) = (u[0], u[1] / boiling.heat(), boiling.vapour);
-        for i in 0..2 {
-            let gain = feed * (-x[i] + self.feed[i]) - x[i] * self.water - vapour * (y[i] - x[i]);
-            dx[i] = gain * (1.0 / self.holdup);
-        }
+        self.rates(x, u, dx);
+    }
+
+    fn rhs_with<S: Scalar>(&self, constants: &[S], x: &[S], u: &[S], _p: &[S], dx: &mut [S]) {
+        AcetoneStill::of(constants, self.pressure).rates(x, u, dx);
     }
 }

@@ -2,7 +2,7 @@
 
 use crate::outflow;
 use pinc_ad::Scalar;
-use pinc_ode::{Plant, Variable};
+use pinc_ode::{Over, Plant, Variable};
 
 /// The four tanks, Section 4.2 of the paper, after Johansson, "The quadruple-tank process", IEEE
 /// Trans. Control Systems Technology 8 (2000):
@@ -17,15 +17,15 @@ use pinc_ode::{Plant, Variable};
 ///
 /// Pump 1 feeds tanks 1 and 4, pump 2 feeds tanks 2 and 3; tank 3 drains into 1, tank 4 into 2.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct FourTanks {
+pub struct FourTanks<K = f64> {
     /// Cross-sections `A_i` of the tanks, in cm^2.
-    pub area: [f64; 4],
+    pub area: [K; 4],
     /// Cross-sections `a_i` of the outlets, in cm^2.
-    pub outlet: [f64; 4],
+    pub outlet: [K; 4],
     /// Valve openings gamma1, gamma2: the share of a pump's flow that goes to its lower tank.
-    pub gamma: [f64; 2],
+    pub gamma: [K; 2],
     /// Pump constants k1, k2, in cm^3/(V s).
-    pub pump: [f64; 2],
+    pub pump: [K; 2],
 }
 
 impl FourTanks {
@@ -60,6 +60,31 @@ impl FourTanks {
     }
 }
 
+impl<K: Scalar> FourTanks<K> {
+    /// With these [`Plant::constants`].
+    #[inline(always)]
+    fn of(constants: &[K]) -> Self {
+        let four = |first: usize| [0, 1, 2, 3].map(|i| constants[first + i]);
+        let two = |first: usize| [0, 1].map(|i| constants[first + i]);
+        Self { area: four(0), outlet: four(4), gamma: two(8), pump: two(10) }
+    }
+
+    #[inline(always)]
+    fn rates<S: Over<K>>(&self, h: &[S], u: &[S], dh: &mut [S]) {
+        let [gamma1, gamma2] = self.gamma;
+        let one = gamma1.constant(1.0);
+        let (flow1, flow2) = (u[0] * self.pump[0], u[1] * self.pump[1]);
+        let w1 = outflow(self.outlet[0], h[0]);
+        let w2 = outflow(self.outlet[1], h[1]);
+        let w3 = outflow(self.outlet[2], h[2]);
+        let w4 = outflow(self.outlet[3], h[3]);
+        dh[0] = (flow1 * gamma1 + w3 - w1) * (one / self.area[0]);
+        dh[1] = (flow2 * gamma2 + w4 - w2) * (one / self.area[1]);
+        dh[2] = (flow2 * (one - gamma2) - w3) * (one / self.area[2]);
+        dh[3] = (flow1 * (one - gamma1) - w4) * (one / self.area[3]);
+    }
+}
+
 impl Plant for FourTanks {
     const COLUMNS: Option<usize> = Some(6);
 
@@ -78,17 +103,30 @@ impl Plant for FourTanks {
         &VARIABLES
     }
 
+    fn constants(&self) -> Vec<(String, f64)> {
+        let numbers = [
+            ("A", &self.area[..]),
+            ("a", &self.outlet[..]),
+            ("gamma", &self.gamma[..]),
+            ("k", &self.pump[..]),
+        ];
+        let named = |(name, values): (&str, &[f64])| -> Vec<(String, f64)> {
+            let each = values.iter().enumerate();
+            each.map(|(i, &value)| (format!("{name}{}", i + 1), value)).collect()
+        };
+        numbers.into_iter().flat_map(named).collect()
+    }
+
+    fn with_constants(&self, constants: &[f64]) -> Self {
+        Self::of(constants)
+    }
+
     #[inline(always)]
-    fn rhs<S: Scalar>(&self, h: &[S], u: &[S], _p: &[S], dh: &mut [S]) {
-        let [gamma1, gamma2] = self.gamma;
-        let (flow1, flow2) = (u[0] * self.pump[0], u[1] * self.pump[1]);
-        let w1 = outflow(self.outlet[0], h[0]);
-        let w2 = outflow(self.outlet[1], h[1]);
-        let w3 = outflow(self.outlet[2], h[2]);
-        let w4 = outflow(self.outlet[3], h[3]);
-        dh[0] = (flow1 * gamma1 + w3 - w1) * (1.0 / self.area[0]);
-        dh[1] = (flow2 * gamma2 + w4 - w2) * (1.0 / self.area[1]);
-        dh[2] = (flow2 * (1.0 - gamma2) - w3) * (1.0 / self.area[2]);
-        dh[3] = (flow1 * (1.0 - gamma1) - w4) * (1.0 / self.area[3]);
+    fn rhs<S: Scalar>(&self, x: &[S], u: &[S], _p: &[S], dx: &mut [S]) {
+        self.rates(x, u, dx);
+    }
+
+    fn rhs_with<S: Scalar>(&self, constants: &[S], x: &[S], u: &[S], _p: &[S], dx: &mut [S]) {
+        FourTanks::of(constants).rates(x, u, dx);
     }
 }

@@ -1,7 +1,7 @@
 //! An electro-hydraulic servo axis: a stiff plant.
 
 use pinc_ad::Scalar;
-use pinc_ode::{Plant, Variable};
+use pinc_ode::{Over, Plant, Variable};
 
 /// Below this opening the spool counts as closed half-way: it makes the change from one pair of
 /// control edges to the other smooth.
@@ -31,31 +31,31 @@ const MEGA: f64 = 1e6;
 /// Equations: Merritt, *Hydraulic Control Systems* (1967), sections 6.1 and 7.1. The numbers, those
 /// of a short axis with a heavy load, are this project's.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct HydraulicServo {
+pub struct HydraulicServo<K = f64> {
     /// The mass m, in kg.
-    pub mass: f64,
+    pub mass: K,
     /// The piston's area A, in m^2.
-    pub area: f64,
+    pub area: K,
     /// The volume V of oil in both chambers, in m^3.
-    pub volume: f64,
+    pub volume: K,
     /// The bulk modulus beta, in MPa.
-    pub bulk_modulus: f64,
+    pub bulk_modulus: K,
     /// The supply pressure ps, in MPa.
-    pub supply: f64,
+    pub supply: K,
     /// The valve's coefficient K, in m^3/s per sqrt(MPa).
-    pub valve: f64,
+    pub valve: K,
     /// The pressure difference d0 of the change from laminar to turbulent flow, in MPa.
-    pub transition: f64,
+    pub transition: K,
     /// The leakage c, in m^3/s per MPa.
-    pub leakage: f64,
+    pub leakage: K,
     /// Viscous friction b, in N s/m.
-    pub viscous: f64,
+    pub viscous: K,
     /// Coulomb friction Fc, in N.
-    pub coulomb: f64,
+    pub coulomb: K,
     /// The speed vc over which Coulomb friction turns round, in m/s.
-    pub turn: f64,
+    pub turn: K,
     /// The spool's time constant tau, in s.
-    pub lag: f64,
+    pub lag: K,
 }
 
 impl Default for HydraulicServo {
@@ -78,21 +78,51 @@ impl Default for HydraulicServo {
     }
 }
 
-impl HydraulicServo {
+impl<K: Scalar> HydraulicServo<K> {
+    /// With these [`Plant::constants`].
+    #[inline(always)]
+    fn of(constants: &[K]) -> Self {
+        Self {
+            mass: constants[0],
+            area: constants[1],
+            volume: constants[2],
+            bulk_modulus: constants[3],
+            supply: constants[4],
+            valve: constants[5],
+            transition: constants[6],
+            leakage: constants[7],
+            viscous: constants[8],
+            coulomb: constants[9],
+            turn: constants[10],
+            lag: constants[11],
+        }
+    }
+
     /// The flow in m^3/s into the cylinder, less what comes back, at the opening `s` and the load
     /// pressure `p`.
     #[inline(always)]
-    fn flow<S: Scalar>(&self, s: S, p: S) -> S {
+    fn flow<S: Over<K>>(&self, s: S, p: S) -> S {
         let magnitude = (s * s + OPENING * OPENING).sqrt();
         let forward = (magnitude + s) * self.orifice(-p + self.supply);
         let backward = (magnitude - s) * self.orifice(p + self.supply);
-        (forward - backward) * (0.5 * self.valve)
+        (forward - backward) * (self.valve * 0.5)
     }
 
     /// The orifice law r(d).
     #[inline(always)]
-    fn orifice<S: Scalar>(&self, d: S) -> S {
+    fn orifice<S: Over<K>>(&self, d: S) -> S {
         d / (d * d + self.transition * self.transition).sqrt().sqrt()
+    }
+
+    #[inline(always)]
+    fn rates<S: Over<K>>(&self, x: &[S], u: &[S], dx: &mut [S]) {
+        let (v, p, s) = (x[1], x[2], x[3]);
+        let friction = v * self.viscous + (v / self.turn).tanh() * self.coulomb;
+        let stiffness = self.bulk_modulus * 4.0 / self.volume;
+        dx[0] = v;
+        dx[1] = (p * (self.area * MEGA) - friction) / self.mass;
+        dx[2] = (self.flow(s, p) - v * self.area - p * self.leakage) * stiffness;
+        dx[3] = (u[0] - s) / self.lag;
     }
 }
 
@@ -114,14 +144,34 @@ impl Plant for HydraulicServo {
         &VARIABLES
     }
 
+    fn constants(&self) -> Vec<(String, f64)> {
+        let numbers = [
+            ("mass", self.mass),
+            ("area", self.area),
+            ("volume", self.volume),
+            ("bulk_modulus", self.bulk_modulus),
+            ("supply", self.supply),
+            ("valve", self.valve),
+            ("transition", self.transition),
+            ("leakage", self.leakage),
+            ("viscous", self.viscous),
+            ("coulomb", self.coulomb),
+            ("turn", self.turn),
+            ("lag", self.lag),
+        ];
+        numbers.map(|(name, value)| (name.to_owned(), value)).into()
+    }
+
+    fn with_constants(&self, constants: &[f64]) -> Self {
+        Self::of(constants)
+    }
+
     #[inline(always)]
     fn rhs<S: Scalar>(&self, x: &[S], u: &[S], _p: &[S], dx: &mut [S]) {
-        let (v, p, s) = (x[1], x[2], x[3]);
-        let friction = v * self.viscous + (v / self.turn).tanh() * self.coulomb;
-        let stiffness = 4.0 * self.bulk_modulus / self.volume;
-        dx[0] = v;
-        dx[1] = (p * (MEGA * self.area) - friction) / self.mass;
-        dx[2] = (self.flow(s, p) - v * self.area - p * self.leakage) * stiffness;
-        dx[3] = (u[0] - s) / self.lag;
+        self.rates(x, u, dx);
+    }
+
+    fn rhs_with<S: Scalar>(&self, constants: &[S], x: &[S], u: &[S], _p: &[S], dx: &mut [S]) {
+        HydraulicServo::of(constants).rates(x, u, dx);
     }
 }

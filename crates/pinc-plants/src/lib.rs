@@ -5,7 +5,6 @@ mod acetone_mixture;
 mod acetone_still;
 mod four_tanks;
 mod hydraulic_servo;
-mod into_dyn;
 mod one_tank;
 mod single_track_car;
 mod two_link_arm;
@@ -20,7 +19,33 @@ pub use single_track_car::SingleTrackCar;
 pub use two_link_arm::TwoLinkArm;
 pub use van_der_pol::VanDerPol;
 
-use pinc_ad::Scalar;
+use pinc_expr::PlantEquations;
+use pinc_ode::{DynPlant, Over};
+
+/// Plants with their type erased. The equation of a plant is compiled into its integrators and
+/// derivatives wherever its type is erased: here, once, and not in each program that uses it.
+macro_rules! erased {
+    ($($plant:ident)*) => {$(
+        impl $plant {
+            /// The plant with its type erased.
+            #[must_use]
+            #[inline(never)]
+            pub fn into_dyn(self) -> Box<dyn DynPlant> {
+                pinc_expr::into_dyn(self)
+            }
+
+            /// The equations, for all that reads them as a graph.
+            #[must_use]
+            #[inline(never)]
+            pub fn equations(self) -> PlantEquations {
+                PlantEquations::traced(self)
+            }
+        }
+    )*};
+}
+
+erased!(VanDerPol OneTank FourTanks AcetoneStill AcetoneColumn);
+erased!(HydraulicServo SingleTrackCar TwoLinkArm);
 
 /// Gravitational acceleration in cm/s^2, as Johansson (2000) has it.
 const GRAVITY: f64 = 981.0;
@@ -31,7 +56,7 @@ const GRAVITY: f64 = 981.0;
 /// An empty tank has no outflow: for h <= 0 the flow and its derivative are 0 (the one-sided
 /// derivative at 0 from above is infinite). A NaN level gives a NaN flow.
 #[inline(always)]
-fn outflow<S: Scalar>(a: f64, h: S) -> S {
+fn outflow<K, S: Over<K>>(a: K, h: S) -> S {
     let level = h.where_nonpositive(h.constant(0.0), h);
     (level * (2.0 * GRAVITY)).sqrt() * a
 }

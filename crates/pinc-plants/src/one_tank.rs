@@ -2,7 +2,7 @@
 
 use crate::outflow;
 use pinc_ad::Scalar;
-use pinc_ode::{Plant, Variable};
+use pinc_ode::{Over, Plant, Variable};
 
 /// A tank with a pump and a hole, one of the four tanks by itself:
 ///
@@ -10,13 +10,13 @@ use pinc_ode::{Plant, Variable};
 /// h' = (k u - a sqrt(2 g h)) / A
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct OneTank {
+pub struct OneTank<K = f64> {
     /// Cross-section A of the tank, in cm^2.
-    pub area: f64,
+    pub area: K,
     /// Cross-section a of the outlet, in cm^2.
-    pub outlet: f64,
+    pub outlet: K,
     /// Pump constant k, in cm^3/(V s).
-    pub pump: f64,
+    pub pump: K,
 }
 
 impl Default for OneTank {
@@ -24,6 +24,20 @@ impl Default for OneTank {
     #[expect(clippy::approx_constant, reason = "a pump constant of 3.14, not pi")]
     fn default() -> Self {
         Self { area: 28.0, outlet: 0.071, pump: 3.14 }
+    }
+}
+
+impl<K: Scalar> OneTank<K> {
+    /// With these [`Plant::constants`].
+    #[inline(always)]
+    fn of(constants: &[K]) -> Self {
+        Self { area: constants[0], outlet: constants[1], pump: constants[2] }
+    }
+
+    #[inline(always)]
+    fn rates<S: Over<K>>(&self, h: &[S], u: &[S], dh: &mut [S]) {
+        let inverse = self.area.constant(1.0) / self.area;
+        dh[0] = (u[0] * self.pump - outflow(self.outlet, h[0])) * inverse;
     }
 }
 
@@ -40,8 +54,24 @@ impl Plant for OneTank {
         &VARIABLES
     }
 
+    fn constants(&self) -> Vec<(String, f64)> {
+        ["A", "a", "k"]
+            .map(str::to_owned)
+            .into_iter()
+            .zip([self.area, self.outlet, self.pump])
+            .collect()
+    }
+
+    fn with_constants(&self, constants: &[f64]) -> Self {
+        Self::of(constants)
+    }
+
     #[inline(always)]
-    fn rhs<S: Scalar>(&self, h: &[S], u: &[S], _p: &[S], dh: &mut [S]) {
-        dh[0] = (u[0] * self.pump - outflow(self.outlet, h[0])) * (1.0 / self.area);
+    fn rhs<S: Scalar>(&self, x: &[S], u: &[S], _p: &[S], dx: &mut [S]) {
+        self.rates(x, u, dx);
+    }
+
+    fn rhs_with<S: Scalar>(&self, constants: &[S], x: &[S], u: &[S], _p: &[S], dx: &mut [S]) {
+        OneTank::of(constants).rates(x, u, dx);
     }
 }

@@ -1,7 +1,7 @@
 //! A car with slipping tyres.
 
 use pinc_ad::Scalar;
-use pinc_ode::{Plant, Variable};
+use pinc_ode::{Over, Plant, Variable};
 
 /// Slips below this are as good as none: it makes the direction of a tyre's force smooth where
 /// there is no slip.
@@ -38,23 +38,23 @@ const GRAVITY: f64 = 9.81;
 /// Pacejka's formula without its curvature. The numbers, those of a car on gravel, are this
 /// project's.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct SingleTrackCar {
+pub struct SingleTrackCar<K = f64> {
     /// The mass m, in kg.
-    pub mass: f64,
+    pub mass: K,
     /// The moment of inertia J about the vertical, in kg m^2.
-    pub inertia: f64,
+    pub inertia: K,
     /// From the centre of gravity to the front and the rear axle, lf and lr, in m.
-    pub axles: [f64; 2],
+    pub axles: [K; 2],
     /// The wheel's radius R, in m.
-    pub radius: f64,
+    pub radius: K,
     /// The moment of inertia I of the rear wheels, in kg m^2.
-    pub wheel_inertia: f64,
+    pub wheel_inertia: K,
     /// The tyre's stiffness factor B.
-    pub stiffness: f64,
+    pub stiffness: K,
     /// The tyre's shape factor C.
-    pub shape: f64,
+    pub shape: K,
     /// The friction mu.
-    pub friction: f64,
+    pub friction: K,
 }
 
 impl Default for SingleTrackCar {
@@ -73,12 +73,51 @@ impl Default for SingleTrackCar {
     }
 }
 
-impl SingleTrackCar {
+impl<K: Scalar> SingleTrackCar<K> {
+    /// With these [`Plant::constants`].
+    #[inline(always)]
+    fn of(constants: &[K]) -> Self {
+        Self {
+            mass: constants[0],
+            inertia: constants[1],
+            axles: [constants[2], constants[3]],
+            radius: constants[4],
+            wheel_inertia: constants[5],
+            stiffness: constants[6],
+            shape: constants[7],
+            friction: constants[8],
+        }
+    }
+
     /// The force of a tyre under the load `load`, in N per unit of slip, at the slip (a, b).
     #[inline(always)]
-    fn grip<S: Scalar>(&self, load: f64, a: S, b: S) -> S {
+    fn grip<S: Over<K>>(&self, load: K, a: S, b: S) -> S {
         let s = a.mul_add(a, b * b + SLIP * SLIP).sqrt();
         ((s * self.stiffness).atan() * self.shape).sin() / s * (self.friction * load)
+    }
+
+    #[inline(always)]
+    fn rates<S: Over<K>>(&self, x: &[S], u: &[S], dx: &mut [S]) {
+        let [vx, vy, r, k] = [x[0], x[1], x[2], x[3]];
+        let [front, rear] = self.axles;
+        let weight = self.mass * GRAVITY / (front + rear);
+        let (sin, cos) = (u[0].sin(), u[0].cos());
+
+        let vy_front = vy + r * front;
+        let along = vx * cos + vy_front * sin;
+        let across = (vy_front * cos - vx * sin) / along;
+        let y_front = -(self.grip(weight * rear, across.constant(0.0), across) * across);
+
+        let across = (vy - r * rear) / vx;
+        let grip = self.grip(weight * front, k, across);
+        let (x_rear, y_rear) = (grip * k, -(grip * across));
+
+        let acceleration = (x_rear - y_front * sin) / self.mass + vy * r;
+        let wheel = (u[1] - x_rear * self.radius) * (self.radius / self.wheel_inertia);
+        dx[0] = acceleration;
+        dx[1] = (y_rear + y_front * cos) / self.mass - vx * r;
+        dx[2] = (y_front * cos * front - y_rear * rear) / self.inertia;
+        dx[3] = (wheel - (k + 1.0) * acceleration) / vx;
     }
 }
 
@@ -101,27 +140,31 @@ impl Plant for SingleTrackCar {
         &VARIABLES
     }
 
+    fn constants(&self) -> Vec<(String, f64)> {
+        let numbers = [
+            ("mass", self.mass),
+            ("inertia", self.inertia),
+            ("front", self.axles[0]),
+            ("rear", self.axles[1]),
+            ("radius", self.radius),
+            ("wheel_inertia", self.wheel_inertia),
+            ("stiffness", self.stiffness),
+            ("shape", self.shape),
+            ("friction", self.friction),
+        ];
+        numbers.map(|(name, value)| (name.to_owned(), value)).into()
+    }
+
+    fn with_constants(&self, constants: &[f64]) -> Self {
+        Self::of(constants)
+    }
+
     #[inline(always)]
     fn rhs<S: Scalar>(&self, x: &[S], u: &[S], _p: &[S], dx: &mut [S]) {
-        let [vx, vy, r, k] = [x[0], x[1], x[2], x[3]];
-        let [front, rear] = self.axles;
-        let weight = self.mass * GRAVITY / (front + rear);
-        let (sin, cos) = (u[0].sin(), u[0].cos());
+        self.rates(x, u, dx);
+    }
 
-        let vy_front = vy + r * front;
-        let along = vx * cos + vy_front * sin;
-        let across = (vy_front * cos - vx * sin) / along;
-        let y_front = -(self.grip(weight * rear, across.constant(0.0), across) * across);
-
-        let across = (vy - r * rear) / vx;
-        let grip = self.grip(weight * front, k, across);
-        let (x_rear, y_rear) = (grip * k, -(grip * across));
-
-        let acceleration = (x_rear - y_front * sin) / self.mass + vy * r;
-        let wheel = (u[1] - x_rear * self.radius) * (self.radius / self.wheel_inertia);
-        dx[0] = acceleration;
-        dx[1] = (y_rear + y_front * cos) / self.mass - vx * r;
-        dx[2] = (y_front * cos * front - y_rear * rear) / self.inertia;
-        dx[3] = (wheel - (k + 1.0) * acceleration) / vx;
+    fn rhs_with<S: Scalar>(&self, constants: &[S], x: &[S], u: &[S], _p: &[S], dx: &mut [S]) {
+        SingleTrackCar::of(constants).rates(x, u, dx);
     }
 }

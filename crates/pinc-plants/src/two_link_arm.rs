@@ -1,7 +1,7 @@
 //! A manipulator with two links.
 
 use pinc_ad::Scalar;
-use pinc_ode::{Plant, Variable};
+use pinc_ode::{Over, Plant, Variable};
 
 /// Gravitational acceleration in m/s^2.
 const GRAVITY: f64 = 9.81;
@@ -20,11 +20,11 @@ const GRAVITY: f64 = 9.81;
 /// Source: Spong, Hutchinson and Vidyasagar, *Robot Modeling and Control*, section on the planar
 /// elbow manipulator. The numbers are this project's.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct TwoLinkArm {
+pub struct TwoLinkArm<K = f64> {
     /// The links' masses, in kg.
-    pub masses: [f64; 2],
+    pub masses: [K; 2],
     /// The links' lengths, in m.
-    pub lengths: [f64; 2],
+    pub lengths: [K; 2],
 }
 
 impl Default for TwoLinkArm {
@@ -34,13 +34,37 @@ impl Default for TwoLinkArm {
     }
 }
 
-impl TwoLinkArm {
+impl<K: Scalar> TwoLinkArm<K> {
+    /// With these [`Plant::constants`].
+    #[inline(always)]
+    fn of(constants: &[K]) -> Self {
+        Self { masses: [constants[0], constants[1]], lengths: [constants[2], constants[3]] }
+    }
+
     /// a1, a2, a3 in kg m^2: moments of inertia of rods, m l^2 / 3 about an end.
     #[inline(always)]
-    fn inertias(&self) -> [f64; 3] {
+    fn inertias(&self) -> [K; 3] {
         let ([m1, m2], [l1, l2]) = (self.masses, self.lengths);
         let second = m2 * l2 * l2 / 3.0;
         [m1 * l1 * l1 / 3.0 + m2 * l1 * l1 + second, second, m2 * l1 * l2 / 2.0]
+    }
+
+    #[inline(always)]
+    fn rates<S: Over<K>>(&self, x: &[S], u: &[S], dx: &mut [S]) {
+        let [q1, q2, w1, w2] = [x[0], x[1], x[2], x[3]];
+        let [a1, a2, a3] = self.inertias();
+        let ([m1, m2], [l1, l2]) = (self.masses, self.lengths);
+        let (h, k) = (q2.cos() * a3, q2.sin() * a3);
+        let (h11, h12) = (h * 2.0 + a1, h + a2);
+        let g2 = (q1 + q2).cos() * (m2 * GRAVITY * l2 / 2.0);
+        let g1 = q1.cos() * ((m1 / 2.0 + m2) * GRAVITY * l1) + g2;
+        let t1 = u[0] + k * w2 * (w1 * 2.0 + w2) - g1;
+        let t2 = u[1] - k * w1 * w1 - g2;
+        let determinant = h11 * a2 - h12 * h12;
+        dx[0] = w1;
+        dx[1] = w2;
+        dx[2] = (t1 * a2 - h12 * t2) / determinant;
+        dx[3] = (h11 * t2 - h12 * t1) / determinant;
     }
 }
 
@@ -63,21 +87,22 @@ impl Plant for TwoLinkArm {
         &VARIABLES
     }
 
+    fn constants(&self) -> Vec<(String, f64)> {
+        let ([m1, m2], [l1, l2]) = (self.masses, self.lengths);
+        let numbers = [("m1", m1), ("m2", m2), ("l1", l1), ("l2", l2)];
+        numbers.map(|(name, value)| (name.to_owned(), value)).into()
+    }
+
+    fn with_constants(&self, constants: &[f64]) -> Self {
+        Self::of(constants)
+    }
+
     #[inline(always)]
     fn rhs<S: Scalar>(&self, x: &[S], u: &[S], _p: &[S], dx: &mut [S]) {
-        let [q1, q2, w1, w2] = [x[0], x[1], x[2], x[3]];
-        let [a1, a2, a3] = self.inertias();
-        let ([m1, m2], [l1, l2]) = (self.masses, self.lengths);
-        let (h, k) = (q2.cos() * a3, q2.sin() * a3);
-        let (h11, h12) = (h * 2.0 + a1, h + a2);
-        let g2 = (q1 + q2).cos() * (GRAVITY * m2 * l2 / 2.0);
-        let g1 = q1.cos() * (GRAVITY * (m1 / 2.0 + m2) * l1) + g2;
-        let t1 = u[0] + k * w2 * (w1 * 2.0 + w2) - g1;
-        let t2 = u[1] - k * w1 * w1 - g2;
-        let determinant = h11 * a2 - h12 * h12;
-        dx[0] = w1;
-        dx[1] = w2;
-        dx[2] = (t1 * a2 - h12 * t2) / determinant;
-        dx[3] = (h11 * t2 - h12 * t1) / determinant;
+        self.rates(x, u, dx);
+    }
+
+    fn rhs_with<S: Scalar>(&self, constants: &[S], x: &[S], u: &[S], _p: &[S], dx: &mut [S]) {
+        TwoLinkArm::of(constants).rates(x, u, dx);
     }
 }

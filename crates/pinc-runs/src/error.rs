@@ -54,8 +54,7 @@ pub enum RunError {
     /// A controller whose model cannot be written in another language.
     #[error(
         "export: the model `{model}` of the plant `{plant}` cannot be written in C; it can for \
-        `pinc`, a net, and for `rk4` and `rk5` of plants whose equations are text \
-        ([plant.expression], van-der-pol, four-tanks, one-tank)"
+        `pinc`, a net, and for `rk4` and `rk5` of plants whose equations are known"
     )]
     NotExportable {
         /// The plant's key in the config.

@@ -10,7 +10,6 @@ use pinc_export::{
     Controller, Estimation, ExplicitMethod, ExportError, Filter, FmiVersion, GeneratedFile,
     ModelSource, Name, Origin, Precision, RungeKuttaModel, net_to_onnx,
 };
-use pinc_expr::Equations;
 use pinc_mpc::NmpcProblem;
 use pinc_ode::DynPlant;
 use pinc_record::{RecordError, read_file, write_atomically};
@@ -101,10 +100,8 @@ pub fn export_controller(
     let estimating = Estimating::of(&chosen)?;
     let name = name.map_or_else(|| Ok(Name::nearest(&experiment.name)), Name::new)?;
     let plant = experiment.plant.dyn_plant();
-    let equations = experiment.plant.equations().map(|equations| {
-        let own = chosen.spec.parameters.clone();
-        Equations { parameters: equations.parameters.into_iter().chain(own).collect(), ..equations }
-    });
+    let own = chosen.spec.parameters.iter().map(|(name, value)| (name.as_str(), *value));
+    let equations = experiment.plant.equations().map(|equations| equations.with_parameters(own));
     let (setup, estimated) = (chosen.setup(), &chosen.estimated);
     if chosen.spec.stages_s.is_some() {
         return Err(RunError::ExportedStages { name: experiment.name.clone() });
@@ -207,7 +204,7 @@ impl Estimating {
 ///
 /// # Errors
 ///
-/// [`RunError`] if the plant's equations are no text, or files cannot be written.
+/// [`RunError`] if the plant's equations are not known, or files cannot be written.
 pub fn export_plant(
     experiment: &Experiment,
     to: Target,

@@ -31,7 +31,7 @@ pub(super) fn run(case: Case, effort: &Effort, report: &mut BenchReport) -> Resu
     let (papers, run_dir) =
         trained(&experiment, |e, dir, options| pinc_runs::control(e, dir, options, None, None))?;
     let system = experiment.plant.dyn_plant();
-    let text = experiment.plant.equations().and_then(|equations| equations.compile().ok());
+    let text = experiment.plant.equations().and_then(|equations| equations.compile_with(&[]).ok());
     let text = text.map(|plant| plant.into_dyn());
     let steps = model::run(
         case,

@@ -155,6 +155,7 @@ pub(crate) fn directory_name(name: &str) -> Finding {
 
 /// A plant under the key `key`.
 fn plant(key: &str, plant: &PlantSpec, plants: &Plants) -> Finding {
+    let place = key;
     match plant {
         PlantSpec::VanDerPol(spec) if spec.mu < 0.0 => {
             value(&format!("{key}.van-der-pol.mu"), spec.mu, "0 or a positive number")
@@ -169,7 +170,7 @@ fn plant(key: &str, plant: &PlantSpec, plants: &Plants) -> Finding {
             for (i, &pump) in spec.pump.iter().flatten().enumerate() {
                 positive(&format!("{key}.pump[{i}]"), pump)?;
             }
-            Ok(())
+            constants(place, plant)
         }
         PlantSpec::Expression(equations) => {
             equations.compile().map(drop).map_err(|error| expression_finding(key, error))
@@ -177,8 +178,27 @@ fn plant(key: &str, plant: &PlantSpec, plants: &Plants) -> Finding {
         PlantSpec::Process(spec) => black_box::program(key, spec, plants),
         PlantSpec::Fmu(spec) => black_box::fmu(key, spec, plants),
         PlantSpec::Own(spec) => own_plant(&format!("{key}.own"), spec, plants),
-        _ => Ok(()),
+        built_in => constants(key, built_in),
     }
+}
+
+/// The constants of a built-in plant.
+fn constants(key: &str, plant: &PlantSpec) -> Finding {
+    let known: Vec<String> = plant.parameters().into_keys().collect();
+    for (name, &number) in plant.constants().into_iter().flatten() {
+        let key = format!("{key}.{}.constants.{name}", plant.name());
+        if !known.contains(name) {
+            let expected = match nearest(name, &known) {
+                Some(nearest) => format!("one of its constants: did you mean `{nearest}`?"),
+                None => format!("one of {}", known.join(", ")),
+            };
+            return value(&key, "a constant that the plant does not have", &expected);
+        }
+        if !number.is_finite() {
+            return value(&key, number, "a finite number");
+        }
+    }
+    Ok(())
 }
 
 /// A finding from an error in the equations of the plant under `key`.

@@ -99,9 +99,7 @@ pub(super) fn varying_parameters(experiment: &Experiment) -> Finding {
         let found = "a parameter that the plant does not have";
         let expected = match (nearest, &known[..]) {
             (Some(nearest), _) => format!("one of its parameters: did you mean `{nearest}`?"),
-            (None, []) => {
-                "no such key: a plant whose parameters vary is written as text".to_owned()
-            }
+            (None, []) => "no such key: the plant has no parameters that could vary".to_owned(),
             (None, known) => format!("one of {}", known.join(", ")),
         };
         return value(&key, found, &expected);

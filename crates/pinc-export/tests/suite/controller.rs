@@ -6,7 +6,7 @@ use pinc_export::{
     Controller, Estimation, ExplicitMethod, ExportError, GeneratedFile, ModelSource, Name, Origin,
     RungeKuttaModel, controller_to_c,
 };
-use pinc_expr::Equations;
+use pinc_expr::{Equations, PlantEquations};
 use pinc_mpc::{
     Bounds, Nmpc, NmpcProblem, QpMethod, Reference, Softness, SqpConfig, Tracked, Weights,
 };
@@ -52,18 +52,19 @@ int main(void)
 const STATUSES: [&str; 6] =
     ["converged", "iteration-limit", "deadline", "infeasible-qp", "stalled", "numerical-trouble"];
 
-pub(crate) fn equations(json: &str) -> Equations {
-    serde_json::from_str(json).unwrap()
+pub(crate) fn equations(json: &str) -> PlantEquations {
+    let text: Equations = serde_json::from_str(json).unwrap();
+    text.into()
 }
 
-pub(crate) fn oscillator() -> Equations {
+pub(crate) fn oscillator() -> PlantEquations {
     equations(
         r#"{"states": [{"name": "x1"}, {"name": "x2"}], "inputs": [{"name": "u"}],
             "derivatives": {"x1": "x2", "x2": "(1 - x1^2)*x2 - x1 + u"}}"#,
     )
 }
 
-fn tanks() -> Equations {
+fn tanks() -> PlantEquations {
     equations(
         r#"{"states": [{"name": "h1"}, {"name": "h2"}, {"name": "h3"}, {"name": "h4"}],
             "inputs": [{"name": "u1"}, {"name": "u2"}],
@@ -104,11 +105,11 @@ pub(crate) struct Case {
     pub(crate) high: Vec<f64>,
     pub(crate) sample_time_s: f64,
     /// The plant, where the model is a net and its outputs are used.
-    pub(crate) outputs_of: Option<Equations>,
+    pub(crate) outputs_of: Option<PlantEquations>,
 }
 
 pub(crate) enum Source {
-    RungeKutta(Equations, ExplicitMethod, usize),
+    RungeKutta(PlantEquations, ExplicitMethod, usize),
     Net(Box<PincNet>),
 }
 

@@ -9,7 +9,7 @@ use pinc_export::{
     Controller, Estimation, ExplicitMethod, ExportError, Filter, FmiVersion, GeneratedFile, Name,
     Origin, controller_to_fmu,
 };
-use pinc_expr::Equations;
+use pinc_expr::PlantEquations;
 use pinc_mpc::{Bounds, Nmpc, Tracked};
 use pinc_net::{Domain, NetConfig, ParameterRange, PincNet};
 
@@ -282,7 +282,7 @@ fn with_outputs_and_pump(disturbance: Disturbance) -> Parts {
     (case, augmentation, tuning)
 }
 
-fn tanks_with_outputs() -> Equations {
+fn tanks_with_outputs() -> PlantEquations {
     equations(
         r#"{"states": [{"name": "h1"}, {"name": "h2"}, {"name": "h3"}, {"name": "h4"}],
             "inputs": [{"name": "u1"}, {"name": "u2"}], "parameters": {"k1": 1, "split": 1},
@@ -306,7 +306,7 @@ fn estimated_parameters_and_measured_outputs_are_the_librarys() {
     (augmentation.estimated, augmentation.parameters) = (Vec::new(), Vec::new());
     case.parameters.clear();
     let mut fixed = tanks_with_outputs();
-    fixed.parameters.extend([("k1".to_owned(), 3.33), ("split".to_owned(), 0.3)]);
+    fixed = fixed.with_parameters([("k1", 3.33), ("split", 0.3)]);
     case.source = Source::RungeKutta(fixed, ExplicitMethod::Rk5, 1);
     case.problem.parameters.pop();
     for side in [

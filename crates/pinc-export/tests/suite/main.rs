@@ -5,5 +5,6 @@ mod compile;
 mod controller;
 mod feedback;
 mod net;
+mod rust_plants;
 mod variants;
 mod wrappers;

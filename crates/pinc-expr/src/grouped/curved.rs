@@ -3,6 +3,8 @@
 use super::derivatives::{Linearized, Seed, differentiate, differentiate_again};
 use super::schedule::Code;
 use super::{GroupedFunction, run};
+use crate::algebraic::Algebraic;
+use crate::error::ExpressionProblem;
 use crate::graph::{Graph, Value};
 use pinc_ad::simd::Simd;
 use pinc_ode::{Curvature, CurvedFunction, SparseFunction, SparsityPattern};
@@ -23,35 +25,55 @@ struct Curved {
 }
 
 impl GroupedCurved {
-    /// `function`, which computes `results` of `graph`. `None` if it has algebraic variables, whose
-    /// second derivatives are not among these, or if it becomes too large.
+    /// `function`, which computes `results` of `graph` with the algebraic variables of
+    /// `equations`.
     pub(crate) fn new(
         function: &GroupedFunction,
         graph: &Graph,
+        equations: &Algebraic,
         results: &[Value],
-    ) -> Option<Self> {
+    ) -> Result<Self, ExpressionProblem> {
         let parts = &function.0;
-        if parts.unknowns.is_some() {
-            return None;
-        }
-        let seeds = |variable: usize| vec![(variable, Seed::One)];
-        let mut linearized = differentiate(graph, results, &seeds);
-        let second = differentiate_again(&mut linearized);
-        let Linearized { dag, values, rows, .. } = linearized;
-        let (mut curvatures, mut all) = (Vec::new(), values);
-        all.extend(rows.iter().flatten().map(|(_, id)| *id));
-        for (entry, derivatives) in second.into_iter().enumerate() {
-            if parts.pattern.places()[entry] >= parts.pattern.rows() {
-                continue;
+        let variables = parts.pattern.columns();
+        // Unknowns and what belongs to them are held: their derivatives are in the values.
+        let seeds = |variable: usize| match variable < variables {
+            true => vec![(variable, Seed::One)],
+            false => Vec::new(),
+        };
+        let mut linearized = match &parts.unknowns {
+            None => differentiate(graph, results, &seeds),
+            Some(unknowns) => {
+                let (graph, results) = unknowns.substituted(graph, equations, results);
+                differentiate(&graph, &results, &seeds)
             }
-            for (variable, id) in derivatives {
-                curvatures.push(Curvature { entry, variable });
+        };
+        let second = differentiate_again(&mut linearized, &seeds);
+        let Linearized { mut dag, values, rows, .. } = linearized;
+        let zero = dag.constant(0.0);
+        let (mut curvatures, mut curved) = (Vec::new(), Vec::new());
+        let (mut entry, mut second) = (0, second.into_iter());
+        let mut all = values;
+        for (i, row) in rows.iter().enumerate() {
+            let places = &parts.pattern.places()[parts.pattern.row(i)];
+            let mut known = row.iter().zip(&mut second).peekable();
+            for &variable in places {
+                let here = known.next_if(|((place, _), _)| *place == variable);
+                let (id, derivatives) = here.map_or((zero, Vec::new()), |((_, id), d)| (*id, d));
                 all.push(id);
+                if variable < parts.pattern.rows() {
+                    let of = |(variable, id)| (Curvature { entry, variable }, id);
+                    curved.extend(derivatives.into_iter().map(of));
+                }
+                entry += 1;
             }
         }
-        let code = Code::new(&dag, parts.linearization.registers, &all).ok()?;
+        for (curvature, id) in curved {
+            curvatures.push(curvature);
+            all.push(id);
+        }
+        let code = Code::new(&dag, parts.linearization.registers, &all)?;
         let curved = Arc::new(Curved { curvatures, code });
-        Some(Self { function: function.clone(), curved })
+        Ok(Self { function: function.clone(), curved })
     }
 }
 
@@ -88,6 +110,9 @@ impl CurvedFunction for GroupedCurved {
 
     #[inline(always)]
     fn curve<V: Simd>(&self, memory: &mut [V]) -> &[u16] {
+        if let Some(unknowns) = &self.function.0.unknowns {
+            unknowns.solve(memory, true);
+        }
         run(&self.curved.code, memory)
     }
 }

@@ -137,6 +137,11 @@ impl Dag {
     pub(super) fn div(&mut self, a: Id, b: Id) -> Id {
         match (self.number(a), self.number(b)) {
             (Some(a), Some(b)) => self.constant(a / b),
+            // A division takes as long as ten multiplications. The quotient differs by rounding.
+            (None, Some(number)) if (1.0 / number).is_normal() => {
+                let inverse = self.constant(1.0 / number);
+                self.mul(a, inverse)
+            }
             _ => self.node(Op::Div, [a, b]),
         }
     }
@@ -206,13 +211,13 @@ impl Dag {
         let mut dag = Self::default();
         let mut ids: Vec<Id> = Vec::with_capacity(graph.nodes.len());
         for node in &graph.nodes {
-            let [a, b] = node.operands.map(|operand| operand.map_or(0, |value| ids[value.0]));
-            ids.push(dag.same(node.operation, a, b));
+            let operands = node.operands.map(|operand| operand.map_or(0, |value| ids[value.0]));
+            ids.push(dag.same(node.operation, operands));
         }
         (dag, ids)
     }
 
-    fn same(&mut self, operation: Operation, a: Id, b: Id) -> Id {
+    fn same(&mut self, operation: Operation, [a, b, c]: [Id; 3]) -> Id {
         match operation {
             Operation::Variable(index) => self.variable(index),
             Operation::Constant(number) => self.constant(number.value()),
@@ -222,6 +227,7 @@ impl Dag {
             Operation::Div => self.div(a, b),
             Operation::Min => self.minimum(a, b),
             Operation::Max => self.maximum(a, b),
+            Operation::Where => self.choose(a, b, c),
             Operation::Neg => self.neg(a),
             Operation::AddNumber(number) => {
                 let number = self.constant(number.value());

@@ -150,7 +150,7 @@ pub(super) fn differentiate(
     // A comparison may stand for the larger of two values. Of two equal ones the second counts.
     let mut extremes: HashMap<Id, (Operation, [Id; 2])> = HashMap::new();
     for (node, &id) in graph.nodes.iter().zip(&ids) {
-        if let (Operation::Min | Operation::Max, [Some(a), Some(b)]) =
+        if let (Operation::Min | Operation::Max, [Some(a), Some(b), _]) =
             (node.operation, node.operands)
         {
             extremes.insert(id, (node.operation, [ids[a.0], ids[b.0]]));
@@ -177,8 +177,11 @@ pub(super) fn differentiate(
 }
 
 /// The derivatives of the derivatives in `rows`: of each of these, in the order of the rows, the
-/// variables on which it depends with its derivatives by them.
-pub(super) fn differentiate_again(linearized: &mut Linearized) -> Vec<Vec<(usize, Id)>> {
+/// variables on which it depends with its derivatives by them. `seeds` as in [`differentiate`].
+pub(super) fn differentiate_again(
+    linearized: &mut Linearized,
+    seeds: &dyn Fn(usize) -> Vec<(usize, Seed)>,
+) -> Vec<Vec<(usize, Id)>> {
     let Linearized { dag, rows, known, .. } = linearized;
     let entries: Vec<Id> = rows.iter().flatten().map(|(_, id)| *id).collect();
     let mut needed = vec![false; dag.nodes.len()];
@@ -188,10 +191,9 @@ pub(super) fn differentiate_again(linearized: &mut Linearized) -> Vec<Vec<(usize
             dag.nodes[id].operands().iter().for_each(|&operand| needed[operand] = true);
         }
     }
-    let seeds = |variable: usize| vec![(variable, Seed::One)];
     for (id, needed) in needed.into_iter().enumerate().skip(known.len()) {
         let derivative =
-            if needed { derivative(id, known, &seeds, dag) } else { Derivative::default() };
+            if needed { derivative(id, known, seeds, dag) } else { Derivative::default() };
         known.push(derivative);
     }
     entries.into_iter().map(|id| to_values(&known[id], dag)).collect()

@@ -14,7 +14,7 @@ use pinc_ad::{NewtonSystem, newton};
 use std::collections::BTreeSet;
 
 /// The registers of a function with algebraic equations: states, inputs and parameters, then the
-/// unknowns, then the unknowns' derivatives that are not zero everywhere.
+/// unknowns, then the unknowns' derivatives that are not zero everywhere and the inverses of dg/dz.
 #[derive(Debug)]
 pub(super) struct Unknowns {
     blocks: Vec<BlockCode>,
@@ -39,6 +39,8 @@ struct BlockCode {
     slopes: Code,
     /// In the same order, the registers of the unknowns' derivatives.
     derivatives: Vec<usize>,
+    /// The first register of the inverse of dg/dz, row by row.
+    inverse: usize,
 }
 
 impl Unknowns {
@@ -55,18 +57,24 @@ impl Unknowns {
             variables,
             registers: variables + count,
         };
-        let patterns: Vec<_> =
+        let places: Vec<_> =
             equations.blocks.iter().map(|block| all.place(graph, block, equations)).collect();
-        for (block, pattern) in equations.blocks.iter().zip(patterns) {
-            let code = all.block(graph, block, &pattern, equations)?;
+        for (block, (pattern, inverse)) in equations.blocks.iter().zip(places) {
+            let code = all.block(graph, block, (&pattern, inverse), equations)?;
             all.registers = code.slopes.registers;
             all.blocks.push(code);
         }
         Ok(all)
     }
 
-    /// Finds the variables on which a block's unknowns depend, and registers for the derivatives.
-    fn place(&mut self, graph: &Graph, block: &Block, equations: &Algebraic) -> Vec<usize> {
+    /// Finds the variables on which a block's unknowns depend, registers for the derivatives, and
+    /// the first one for the inverse.
+    fn place(
+        &mut self,
+        graph: &Graph,
+        block: &Block,
+        equations: &Algebraic,
+    ) -> (Vec<usize>, usize) {
         let mut pattern = BTreeSet::new();
         for &equation in &block.equations {
             for variable in variables_of(graph, equations.residuals[equation]) {
@@ -84,14 +92,16 @@ impl Unknowns {
                 self.registers += 1;
             }
         }
-        pattern.into_iter().collect()
+        let inverse = self.registers;
+        self.registers += block.unknowns.len() * block.unknowns.len();
+        (pattern.into_iter().collect(), inverse)
     }
 
     fn block(
         &self,
         graph: &Graph,
         block: &Block,
-        pattern: &[usize],
+        (pattern, inverse): (&[usize], usize),
         equations: &Algebraic,
     ) -> Result<BlockCode, ExpressionProblem> {
         let unknowns: Vec<usize> = block.unknowns.iter().map(|i| self.variables + i).collect();
@@ -134,7 +144,44 @@ impl Unknowns {
             starts,
             newton,
             slopes,
+            inverse,
         })
+    }
+
+    /// `results` of a graph with the unknowns z replaced by
+    ///
+    /// ```text
+    /// z - G g(x, z - G g(x, z)),    G the inverse of dg/dz, held
+    /// ```
+    ///
+    /// which is z where the equations are solved, and whose derivatives by x up to order two, z held
+    /// as well, are those of the solution: each such step of Newton's method makes the first order
+    /// right that was wrong before it.
+    pub(super) fn substituted(
+        &self,
+        graph: &Graph,
+        equations: &Algebraic,
+        results: &[Value],
+    ) -> (Graph, Vec<Value>) {
+        let mut to = Graph::default();
+        let mut z: Vec<Value> =
+            (0..equations.names.len()).map(|i| to.variable(self.variables + i)).collect();
+        for (block, code) in equations.blocks.iter().zip(&self.blocks) {
+            let residuals: Vec<_> =
+                block.equations.iter().map(|i| equations.residuals[*i]).collect();
+            for _ in 0..2 {
+                let g = to.copy(graph, &residuals, self.variables, &z);
+                for (i, &unknown) in block.unknowns.iter().enumerate() {
+                    for (j, &g) in g.iter().enumerate() {
+                        let factor = to.variable(code.inverse + i * block.unknowns.len() + j);
+                        let step = to.mul(g, factor);
+                        z[unknown] = to.sub(z[unknown], step);
+                    }
+                }
+            }
+        }
+        let results = to.copy(graph, results, self.variables, &z);
+        (to, results)
     }
 
     /// The derivatives of a variable by states, inputs and parameters.
@@ -208,6 +255,9 @@ impl<V: Simd> OnRegisters<'_, V> {
         }
         if !with_derivatives {
             return;
+        }
+        for (i, row) in root.inverse.iter().take(n).enumerate() {
+            self.memory[block.inverse + i * n..][..n].copy_from_slice(&row[..n]);
         }
         let slopes = run(&block.slopes, self.memory);
         for (to, from) in block.derivatives.chunks_exact(n).zip(slopes.chunks_exact(n)) {

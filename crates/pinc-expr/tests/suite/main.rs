@@ -8,3 +8,4 @@ mod numbers;
 mod outputs;
 mod sparse;
 mod syntax;
+mod traced;

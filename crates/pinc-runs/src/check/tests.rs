@@ -109,7 +109,7 @@ fn findings(plant: Test, sets: &[&str]) -> Vec<Finding> {
 }
 
 fn findings_with(plant: Test, sets: &[&str], more: &str) -> Vec<Finding> {
-    examine(&plant, &experiment(sets, more))
+    examine(&*pinc_expr::into_dyn(plant), &experiment(sets, more))
 }
 
 /// Checks that there is a finding of this severity with this place and text, and that it says why
@@ -336,7 +336,12 @@ fn nothing_to_look_at() {
     let text = "name = \"t\"\npreset = \"ours\"\nseed = 1\n[plant]\nvan-der-pol = { mu = 1.0 }\n";
     let experiment =
         Experiment::parse("t.toml".as_ref(), text, &[], &pinc_config::Plants::built_in()).unwrap();
-    assert_found(&examine(&Test::Damped, &experiment), Warning, "", "nothing to look at");
+    assert_found(
+        &examine(&*pinc_expr::into_dyn(Test::Damped), &experiment),
+        Warning,
+        "",
+        "nothing to look at",
+    );
 }
 
 #[test]

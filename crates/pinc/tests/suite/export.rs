@@ -247,8 +247,8 @@ fn what_cannot_be_exported_is_refused() {
         export(arguments, dir.path()).assert_refused(parts);
         assert!(!dir.path().join("exports").exists());
     };
-    let car = config("configs/costly/car.toml");
-    refused(&[&car, "--only", "rk4"], &["single-track-car", "van-der-pol"]);
+    let servo = config("configs/costly/servo.toml");
+    refused(&[&servo, "--only", "rosenbrock"], &["`rosenbrock`", "hydraulic-servo", "`rk4`"]);
     let oscillator = config("configs/van-der-pol/control.toml");
     let method = "control.sqp.qp=\"clarabel\"";
     refused(&[&oscillator, "--only", "rk4", "--set", method], &["QP method", "condensed"]);

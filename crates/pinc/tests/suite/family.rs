@@ -233,7 +233,7 @@ fn parameters_that_make_no_sense_are_refused() {
         ("domain.parameters={k=[3.8, 2.4]}", &["domain.parameters", "k = [3.8, 2.4]"]),
         ("control.parameters={a=0.07}", &["control.parameters.a", "one of [domain.parameters]"]),
         ("validation.domain.parameters={a=[0.06, 0.08]}", &["validation.domain.parameters"]),
-        ("plant={two-link-arm={}}", &["domain.parameters.k", "written as text"]),
+        ("plant={two-link-arm={}}", &["domain.parameters.k", "l1, l2, m1, m2"]),
     ] {
         let mut command = pinc(&["check"]);
         let outcome = outcome(command.arg(&config).args(["--set", set]));

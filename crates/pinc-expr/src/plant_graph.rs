@@ -1,0 +1,171 @@
+//! A plant's equations as a graph, however they were written.
+
+use crate::algebraic::Algebraic;
+use crate::critical::CriticalTerms;
+use crate::error::{ExpressionError, ExpressionProblem};
+use crate::graph::{Graph, Value};
+use crate::grouped::GroupedFunction;
+use crate::implicit::AlgebraicSystem;
+use crate::listing::Listing;
+use crate::program::Program;
+use crate::traced::{Traced, Tracer};
+use crate::{ExpressionPlant, Outputs, Rates, variable};
+use pinc_ode::{Dims, Plant, SparsePlant, Variable};
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+/// Derivatives and outputs as values of a graph, whose variables are states, inputs, parameters
+/// that vary and algebraic variables, in this order.
+pub(crate) struct PlantGraph {
+    pub(crate) graph: Graph,
+    pub(crate) states: Vec<Variable>,
+    pub(crate) inputs: Vec<Variable>,
+    pub(crate) parameters: Vec<Variable>,
+    /// The measured outputs; none if they are the states.
+    pub(crate) output_variables: Vec<Variable>,
+    /// The derivative of each state.
+    pub(crate) derivatives: Vec<Value>,
+    /// The value of each output.
+    pub(crate) outputs: Vec<Value>,
+    pub(crate) algebraic: Algebraic,
+    /// The intermediate expressions' names.
+    pub(crate) names: BTreeMap<Value, String>,
+    /// The key of each equation, with the number of nodes after it.
+    pub(crate) keys: Vec<(usize, String)>,
+}
+
+impl PlantGraph {
+    /// That of a plant in Rust, in which the constants named in `varying` are parameters behind its
+    /// own and the others have the values of `constants`. Equations that it solves inside become
+    /// algebraic variables, or, `unrolled`, the steps of their solution.
+    pub(crate) fn traced<P: Plant>(
+        plant: &P,
+        constants: &BTreeMap<String, f64>,
+        varying: &[&str],
+        unrolled: bool,
+    ) -> Result<Self, ExpressionError> {
+        let (states, inputs) = (plant.states().to_vec(), plant.inputs().to_vec());
+        let mut parameters = plant.parameters().to_vec();
+        let own = parameters.len();
+        parameters.extend(varying.iter().map(|&name| variable(name, "")));
+        let count = states.len() + inputs.len() + parameters.len();
+        let tracer = Tracer::new(count, unrolled);
+        let variables: Vec<Traced<'_>> = (0..count).map(|i| tracer.variable(i)).collect();
+        let (x, rest) = variables.split_at(states.len());
+        let (u, p) = rest.split_at(inputs.len());
+        let (p, varied) = p.split_at(own);
+        let constant = |(name, value): (String, f64)| match varying.iter().position(|v| *v == name)
+        {
+            Some(place) => varied[place],
+            None => tracer.constant(constants.get(&name).copied().unwrap_or(value)),
+        };
+        let numbers: Vec<_> = plant.constants().into_iter().map(constant).collect();
+        let zero = tracer.constant(0.0);
+        let values = |traced: Vec<Traced<'_>>| -> Vec<Value> {
+            traced.into_iter().map(|traced| traced.value).collect()
+        };
+        let mut dx = vec![zero; states.len()];
+        plant.rhs_with(&numbers, x, u, p, &mut dx);
+        let derivatives = values(dx);
+        let mut y = vec![zero; plant.outputs().len()];
+        plant.output(x, u, p, &mut y);
+        let outputs = values(y);
+        let are_states = outputs == values(x.to_vec());
+        let recording = tracer.finish().map_err(|problem| problem.at(RIGHT_HAND_SIDE))?;
+        let nodes = recording.graph.nodes.len();
+        Ok(Self {
+            graph: recording.graph,
+            algebraic: recording.algebraic,
+            output_variables: if are_states { Vec::new() } else { plant.outputs().to_vec() },
+            outputs: if are_states { Vec::new() } else { outputs },
+            keys: vec![(nodes, RIGHT_HAND_SIDE.to_owned())],
+            names: BTreeMap::new(),
+            states,
+            inputs,
+            parameters,
+            derivatives,
+        })
+    }
+
+    /// States, inputs and parameters.
+    fn variables(&self) -> usize {
+        self.states.len() + self.inputs.len() + self.parameters.len()
+    }
+
+    pub(crate) fn compile(self) -> Result<ExpressionPlant, ExpressionError> {
+        let variables = self.variables();
+        let Self { graph, states, inputs, parameters, derivatives, outputs, algebraic, .. } = self;
+        let all = variables + algebraic.names.len();
+        let program = |values: &[Value], key: &str| {
+            Program::new(&graph, all, values).map_err(|problem| problem.at(key))
+        };
+        let rhs = program(&derivatives, "derivatives")?;
+        let own = match &outputs[..] {
+            [] => None,
+            values => {
+                let variables = self.output_variables;
+                Some(Outputs { variables, program: program(values, "outputs")? })
+            }
+        };
+        let grouped = |values: &[Value], key: &str| {
+            let function = GroupedFunction::new(&graph, variables, &algebraic, values);
+            function.map_err(|problem| problem.at(key))
+        };
+        let dims = Dims::new(states.len(), inputs.len())
+            .with_parameters(parameters.len())
+            .with_outputs(if outputs.is_empty() { states.len() } else { outputs.len() });
+        let sparse = SparsePlant {
+            dims,
+            rhs: grouped(&derivatives, "derivatives")?,
+            outputs: match &outputs[..] {
+                [] => None,
+                values => Some(grouped(values, "outputs")?),
+            },
+        };
+        let system = AlgebraicSystem::new(&graph, variables, &algebraic);
+        let system = system.map_err(|problem| problem.at("algebraic"))?;
+        Ok(ExpressionPlant {
+            sparse,
+            rates: Arc::new(Rates { graph, algebraic, values: derivatives }),
+            algebraic: (!system.blocks.is_empty()).then_some(system),
+            states,
+            inputs,
+            parameters,
+            rhs,
+            outputs: own,
+        })
+    }
+
+    pub(crate) fn critical_terms(self) -> Result<CriticalTerms, ExpressionError> {
+        let system = AlgebraicSystem::new(&self.graph, self.variables(), &self.algebraic);
+        let system = system.map_err(|problem| problem.at("algebraic"))?;
+        let sizes = [self.states.len(), self.inputs.len()];
+        let listed = self.states.iter().chain(&self.inputs).chain(&self.parameters);
+        let printed: Vec<&str> = listed
+            .map(|variable| &*variable.name)
+            .chain(self.algebraic.names.iter().map(String::as_str))
+            .collect();
+        let terms = CriticalTerms::new(self.graph, &printed, &self.names, &self.keys);
+        Ok(terms.with_algebraic(sizes, system))
+    }
+
+    /// The derivatives as a list of instructions.
+    pub(crate) fn listing(&self) -> Result<Listing, ExpressionError> {
+        self.list(&self.derivatives)
+    }
+
+    /// The outputs as a list of instructions.
+    pub(crate) fn output_listing(&self) -> Result<Listing, ExpressionError> {
+        self.list(&self.outputs)
+    }
+
+    fn list(&self, values: &[Value]) -> Result<Listing, ExpressionError> {
+        if !self.algebraic.names.is_empty() {
+            return Err(ExpressionProblem::NotListed.at("algebraic"));
+        }
+        Ok(Listing::new(&self.graph, values))
+    }
+}
+
+/// Where errors of a traced equation are.
+const RIGHT_HAND_SIDE: &str = "rhs";

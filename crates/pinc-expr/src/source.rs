@@ -1,0 +1,176 @@
+//! The equations of a plant, as text or in Rust, for all that reads them as a graph.
+
+use crate::plant_graph::PlantGraph;
+use crate::rust_plant;
+use crate::{CriticalTerms, Equations, ExpressionError, ExpressionPlant, Listing};
+use pinc_ode::{DynPlant, Plant};
+use std::collections::BTreeMap;
+use std::fmt::Debug;
+use std::sync::Arc;
+
+/// The equations of a plant, wherever they were written: [`Equations`] as text, or a [`Plant`] in
+/// Rust, whose right-hand side is run once on numbers that record it.
+///
+/// Both are read as one graph of values. From it come the sparse Jacobians, the second derivatives,
+/// families of parameters, generated code and the terms on which it depends where the equations are
+/// smooth.
+///
+/// ```
+/// use pinc_expr::PlantEquations;
+/// use pinc_ode::Plant;
+/// use pinc_plants::HydraulicServo;
+///
+/// let servo = HydraulicServo::default();
+/// let recorded = PlantEquations::traced(servo).compile_with(&[])?;
+/// let (mut one, mut other) = ([0.0; 4], [0.0; 4]);
+/// servo.rhs(&[0.1, 0.02, 3.0, 0.4], &[0.5], &[], &mut one);
+/// recorded.rhs(&[0.1, 0.02, 3.0, 0.4], &[0.5], &[], &mut other);
+/// assert_eq!(one, other);
+/// # Ok::<(), pinc_expr::ExpressionError>(())
+/// ```
+#[derive(Clone, Debug)]
+pub struct PlantEquations(Source);
+
+#[derive(Clone, Debug)]
+enum Source {
+    Text(Equations),
+    Rust { plant: Arc<dyn Trace>, constants: BTreeMap<String, f64> },
+}
+
+/// A plant in Rust, with its type erased.
+trait Trace: Debug + Send + Sync {
+    /// The plant with these constants.
+    fn erased(&self, constants: &BTreeMap<String, f64>) -> Box<dyn DynPlant>;
+
+    /// See [`PlantGraph::traced`].
+    fn trace(
+        &self,
+        constants: &BTreeMap<String, f64>,
+        varying: &[&str],
+        unrolled: bool,
+    ) -> Result<PlantGraph, ExpressionError>;
+}
+
+impl<P: Plant> Trace for P {
+    fn erased(&self, constants: &BTreeMap<String, f64>) -> Box<dyn DynPlant> {
+        let own = self.constants().into_iter();
+        let values: Vec<f64> =
+            own.map(|(name, value)| constants.get(&name).copied().unwrap_or(value)).collect();
+        rust_plant::into_dyn(self.with_constants(&values))
+    }
+
+    fn trace(
+        &self,
+        constants: &BTreeMap<String, f64>,
+        varying: &[&str],
+        unrolled: bool,
+    ) -> Result<PlantGraph, ExpressionError> {
+        PlantGraph::traced(self, constants, varying, unrolled)
+    }
+}
+
+impl From<Equations> for PlantEquations {
+    fn from(text: Equations) -> Self {
+        Self(Source::Text(text))
+    }
+}
+
+impl PlantEquations {
+    /// The equations of a plant in Rust.
+    #[must_use]
+    pub fn traced<P: Plant>(plant: P) -> Self {
+        let constants = plant.constants().into_iter().collect();
+        Self(Source::Rust { plant: Arc::new(plant), constants })
+    }
+
+    /// The parameters that may vary, with their values: those of a text, the
+    /// [`Plant::constants`] of a plant in Rust.
+    #[must_use]
+    pub fn parameters(&self) -> &BTreeMap<String, f64> {
+        match &self.0 {
+            Source::Text(equations) => &equations.parameters,
+            Source::Rust { constants, .. } => constants,
+        }
+    }
+
+    /// The same equations with other values for some parameters. Names that are no parameter's are
+    /// left out.
+    #[must_use]
+    pub fn with_parameters<'n>(mut self, values: impl IntoIterator<Item = (&'n str, f64)>) -> Self {
+        let parameters = match &mut self.0 {
+            Source::Text(equations) => &mut equations.parameters,
+            Source::Rust { constants, .. } => constants,
+        };
+        for (name, value) in values {
+            parameters.entry(name.to_owned()).and_modify(|old| *old = value);
+        }
+        self
+    }
+
+    /// The plant with these equations and its type erased, all parameters fixed. The Runge-Kutta
+    /// methods of a plant in Rust are compiled for it; all else reads the graph.
+    ///
+    /// # Errors
+    ///
+    /// The first thing that is wrong with equations that are text.
+    pub fn to_dyn(&self) -> Result<Box<dyn DynPlant>, ExpressionError> {
+        match &self.0 {
+            Source::Text(equations) => Ok(equations.compile()?.into_dyn()),
+            Source::Rust { plant, constants } => Ok(plant.erased(constants)),
+        }
+    }
+
+    /// The plant with these equations, in which the parameters named in `varying` are, in this
+    /// order, the last of p. The others are constants.
+    ///
+    /// # Errors
+    ///
+    /// As [`Equations::compile_with`]; an equation in Rust that cannot be recorded, or is too large.
+    pub fn compile_with(&self, varying: &[&str]) -> Result<ExpressionPlant, ExpressionError> {
+        match &self.0 {
+            Source::Text(equations) => equations.compile_with(varying),
+            Source::Rust { plant, constants } => plant.trace(constants, varying, false)?.compile(),
+        }
+    }
+
+    /// The right-hand side as a list of instructions: see [`Equations::listing`]. Equations that a
+    /// plant in Rust solves inside are listed as the steps of their solution.
+    ///
+    /// # Errors
+    ///
+    /// As [`PlantEquations::compile_with`]; equations solved inside by as many steps as it takes.
+    pub fn listing(&self, varying: &[&str]) -> Result<Listing, ExpressionError> {
+        match &self.0 {
+            Source::Text(equations) => equations.listing(varying),
+            Source::Rust { plant, constants } => plant.trace(constants, varying, true)?.listing(),
+        }
+    }
+
+    /// The outputs as a list of instructions, if they are not the states.
+    ///
+    /// # Errors
+    ///
+    /// As [`PlantEquations::listing`].
+    pub fn output_listing(&self, varying: &[&str]) -> Result<Listing, ExpressionError> {
+        match &self.0 {
+            Source::Text(equations) => equations.output_listing(varying),
+            Source::Rust { plant, constants } => {
+                plant.trace(constants, varying, true)?.output_listing()
+            }
+        }
+    }
+
+    /// The terms on which it depends where these equations are defined and smooth.
+    ///
+    /// # Errors
+    ///
+    /// As [`PlantEquations::compile_with`].
+    pub fn critical_terms(&self) -> Result<CriticalTerms, ExpressionError> {
+        match &self.0 {
+            Source::Text(equations) => equations.critical_terms(),
+            Source::Rust { plant, constants } => {
+                plant.trace(constants, &[], false)?.critical_terms()
+            }
+        }
+    }
+}
