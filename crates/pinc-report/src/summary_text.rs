@@ -123,7 +123,6 @@ fn statuses(metrics: &Metrics) -> Option<String> {
 mod tests {
     use super::*;
     use pinc_record::{ReferenceMetrics, StepTimes, WallTimes};
-    use std::collections::BTreeMap;
 
     fn of(model: ModelKind, status: &[(SqpStatus, usize)]) -> ControlMetrics {
         ControlMetrics {

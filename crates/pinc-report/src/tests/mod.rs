@@ -279,7 +279,7 @@ fn loops_are_drawn_over_time_in_the_units_of_their_states() {
     let line = plot.lines("a with PINC");
     assert_eq!(line.len(), 1);
     plot.assert_follows(&line[0], |t| 1.0 - (-t).exp() + 1e-4 * t);
-    plot.assert_follows(&plot.lines("b")[0], |t| (-t).exp());
+    plot.assert_follows(&plot.lines("b with PINC")[0], |t| (-t).exp());
     let last = line[0][line[0].len() - 1].0;
     assert!((last - 50.0).abs() < 0.1, "the loop ends at {last} s");
 }
