@@ -65,6 +65,16 @@ pub struct DomainError {
     pub errors: Vec<f64>,
 }
 
+/// A root mean square error over a sample of points.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RmsError {
+    /// Root mean square over points and states, in widths.
+    pub rms: f64,
+    /// Standard error of `rms`, relative to it, as for points drawn independently. Where a few
+    /// points make most of the error, it is of the order of 1.
+    pub uncertainty: f64,
+}
+
 /// The step with the largest error.
 #[derive(Clone, Debug, PartialEq)]
 pub struct WorstStep {
@@ -136,6 +146,21 @@ impl DomainTruth {
     #[must_use]
     pub fn rms(&self, model: &mut dyn Model) -> f64 {
         mean_squared_error(&self.predictions(model), &self.next, &self.widths).sqrt()
+    }
+
+    /// The same as [`DomainTruth::rms`], with its uncertainty.
+    #[must_use]
+    pub fn rms_error(&self, model: &mut dyn Model) -> RmsError {
+        let (n, predicted) = (self.widths.len(), self.predictions(model));
+        let pairs = predicted.chunks_exact(n).zip(self.next.chunks_exact(n));
+        let squares: Vec<f64> =
+            pairs.map(|(y, truth)| mean_squared_error(y, truth, &self.widths)).collect();
+        let count = to_f64(squares.len());
+        let mean = squares.iter().sum::<f64>() / count;
+        let variance = squares.iter().map(|of| (of - mean).powi(2)).sum::<f64>() / count;
+        // Of a root the relative error is half of that of the square.
+        let uncertainty = if mean > 0.0 { 0.5 * (variance / count).sqrt() / mean } else { 0.0 };
+        RmsError { rms: mean.sqrt(), uncertainty }
     }
 
     /// The errors of one step of `model`, and the worst, which is searched for by moving one

@@ -52,7 +52,7 @@ mod workers;
 pub use ansatz::Ansatz;
 pub use config::{GrowthConfig, Phase, SelectNet, TrainingConfig, TrainingTarget};
 pub use domain::{Domain, ParameterRange};
-pub use domain_error::{DomainError, DomainTruth, WorstStep};
+pub use domain_error::{DomainError, DomainTruth, RmsError, WorstStep};
 pub use error::{ModelError, NetError};
 pub use folded::{FoldedNet, PlainLayer};
 pub use kernel::BatchLoss;

@@ -135,10 +135,14 @@ impl LoopFinding {
                 ..
             } => {
                 let which = match references {
-                    1 => format!("its reference: at the end it is {offset:.3} off on average."),
+                    1 => format!(
+                        "its reference: at the end it is {} off on average.",
+                        significant(*offset)
+                    ),
                     _ => format!(
-                        "{missed} of its {references} references: it ends {offset:.3} off on \
+                        "{missed} of its {references} references: it ends {} off on \
                          average with the one from {}.",
+                        significant(*offset),
                         TimeUnit::shown(*start_s, *time_unit)
                     ),
                 };
@@ -163,6 +167,20 @@ impl LoopFinding {
                     .to_owned()
             }
         }
+    }
+}
+
+/// A number with three significant digits.
+fn significant(value: f64) -> String {
+    match value.abs() {
+        size if (1e2..1e6).contains(&size) => format!("{value:.0}"),
+        size if (1e1..1e2).contains(&size) => format!("{value:.1}"),
+        size if (1.0..1e1).contains(&size) => format!("{value:.2}"),
+        size if (1e-1..1.0).contains(&size) => format!("{value:.3}"),
+        size if (1e-2..1e-1).contains(&size) => format!("{value:.4}"),
+        size if (1e-3..1e-2).contains(&size) => format!("{value:.5}"),
+        0.0 => "0".to_owned(),
+        _ => format!("{value:.2e}"),
     }
 }
 
@@ -254,6 +272,26 @@ mod tests {
         let [first, second] = &all.loop_notes()[..] else { panic!("two notes") };
         assert!(first.starts_with("With PINC ") && !first.contains("`pinc check`"), "{first}");
         assert!(second.starts_with("With RK4 ") && second.contains("`pinc check`"), "{second}");
+    }
+
+    /// A mole fraction that is 0.00052 off is not "0.000 off".
+    #[test]
+    fn offsets_have_three_significant_digits() {
+        for (offset, shown) in [
+            (0.000_521_4, "5.21e-4"),
+            (0.005_214, "0.00521"),
+            (0.0476, "0.0476"),
+            (0.3, "0.300"),
+            (2.345, "2.35"),
+            (12.34, "12.3"),
+            (512.4, "512"),
+        ] {
+            assert_eq!(significant(offset), shown);
+        }
+        let mut tight = of(ModelKind::Rk4, [None, None, Some(0.000_521_4)], &[]);
+        tight.references.settled_within.insert("level".to_owned(), 1e-4);
+        let notes = metrics(vec![tight]).loop_notes();
+        assert!(notes[0].contains("it ends 5.21e-4 off on average"), "{notes:?}");
     }
 
     #[test]

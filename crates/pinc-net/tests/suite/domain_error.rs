@@ -7,6 +7,7 @@ use pinc_net::{
 };
 use pinc_ode::{Dims, Linearization, Model, Plant, Rk4, Stages, Variable};
 use pinc_plants::VanDerPol;
+use std::sync::OnceLock;
 
 /// x' = u - x, y' = 2 (x - y).
 #[derive(Clone, Copy, Debug)]
@@ -119,6 +120,61 @@ fn the_largest_error_is_climbed_to_from_the_worst_points() {
     // And into a corner, which is met exactly.
     let found = judged(|x, u| 0.1 * (x[0] + x[1] - u[0]), 256);
     assert_eq!((&found.worst.x[..], &found.worst.u[..]), (&[1.0, 10.0][..], &[0.0][..]));
+}
+
+/// The tops of two hills, as (x, y, u).
+static TOPS: OnceLock<[[f64; 3]; 2]> = OnceLock::new();
+
+/// The square of a distance, in widths.
+fn square(a: [f64; 3], b: [f64; 3]) -> f64 {
+    ((a[0] - b[0]) / 2.0).powi(2) + ((a[1] - b[1]) / 8.0).powi(2) + ((a[2] - b[2]) / 4.0).powi(2)
+}
+
+/// Two hills, the lower one with its top at a point of the sample, the higher one where the sample
+/// has its largest gap: a search from the worst point alone ends on the lower one.
+#[test]
+fn the_largest_error_is_not_that_of_the_worst_point_of_the_sample() {
+    const POINTS: usize = 1024;
+    let domain = Domain::new([-1.0..=1.0, 2.0..=10.0], [0.0..=4.0]);
+    let truth = DomainTruth::draw(&Linear, &domain, 0.1, POINTS, 1e-12, 5);
+    let points = truth.points();
+    let place = |i: usize| [points.state(i)[0], points.state(i)[1], points.input(i)[0]];
+    let gap =
+        |at: [f64; 3]| (0..POINTS).map(|i| square(at, place(i))).fold(f64::INFINITY, f64::min);
+    let inside = |k: usize| 0.1 + 0.05 * f64::from(u32::try_from(k).unwrap());
+    let grid = (0..17 * 17 * 17).map(|k| {
+        let [a, b, c] = [k % 17, k / 17 % 17, k / 289].map(inside);
+        [-1.0 + 2.0 * a, 2.0 + 8.0 * b, 4.0 * c]
+    });
+    let low = place(17);
+    let far = grid.filter(|at| square(*at, low) > 0.1);
+    let high = far.max_by(|a, b| gap(*a).total_cmp(&gap(*b))).unwrap();
+    // The premise: the sample sees the lower hill higher.
+    assert!(0.8 / (1.0 + 400.0 * gap(high)) < 0.5, "{}", gap(high));
+    TOPS.set([low, high]).unwrap();
+    let hills = |x: &[f64], u: &[f64]| {
+        let [low, high] = TOPS.get().unwrap();
+        let at = [x[0], x[1], u[0]];
+        let hill = |height: f64, top: [f64; 3]| height / (1.0 + 400.0 * square(at, top));
+        hill(0.5, *low).max(hill(0.8, *high))
+    };
+    // 0.8 of a range of 8.
+    let found = judged(hills, POINTS);
+    assert!((found.max - 0.1).abs() < 1e-4, "{} {:?}", found.max, found.worst);
+    assert!((found.worst.x[0] - high[0]).abs() < 1e-2, "{:?}", found.worst);
+}
+
+#[test]
+fn a_root_mean_square_has_the_uncertainty_of_its_points() {
+    // y is off by 0.8, a tenth of its range, at a share p of the points: the mean square is
+    // p 0.01/2, and the relative standard error of the root sqrt((1 - p)/(p n))/2.
+    let domain = Domain::new([-1.0..=1.0, 2.0..=10.0], [0.0..=4.0]);
+    let truth = DomainTruth::draw(&Linear, &domain, 0.1, 1024, 1e-12, 5);
+    let by = |_: &[f64], u: &[f64]| if u[0] > 3.0 { 0.8 } else { 0.0 };
+    let found = truth.rms_error(&mut WrongBy { exact: Rk4::new(Linear, 0.1, 8), by });
+    assert!((found.rms - (0.25_f64 * 0.005).sqrt()).abs() < 2e-4, "{found:?}");
+    let uncertainty = 0.5 * (0.75_f64 / (0.25 * 1024.0)).sqrt();
+    assert!((found.uncertainty / uncertainty - 1.0).abs() < 0.02, "{found:?}");
 }
 
 #[test]

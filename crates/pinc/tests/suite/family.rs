@@ -117,6 +117,25 @@ fn a_controller_is_told_of_parameters_that_change() {
     assert_eq!(same.2.to_bits(), unchanged.2.to_bits());
 }
 
+/// The pump wears to k = 2.0, outside the range 2.4 to 3.8 of the net: the steps from then on are
+/// counted, by the parameter alone.
+#[test]
+fn steps_with_a_parameter_outside_its_range_are_counted() {
+    let dir = tempfile::tempdir().unwrap();
+    let wear = "control.plant_schedule=[{ start_s = 200.0, values = { k = 2.0 } }]";
+    let sets = [
+        wear,
+        "control.measured_parameters=[\"k\"]",
+        "control.models=[\"pinc\"]",
+        "control.max_failed_share=1.0",
+    ];
+    let metrics = run(dir.path(), "worn", &sets);
+    let found = &metrics["control"][0]["outside_domain"];
+    assert_eq!((&found["samples"], &found["outside"]), (&40.into(), &20.into()), "{found}");
+    let farthest = found["variables"]["k"]["farthest"].as_f64().unwrap();
+    assert!((farthest - 0.4).abs() < 1e-12, "{found}");
+}
+
 #[test]
 fn schedules_that_make_no_sense_are_refused() {
     let dir = tempfile::tempdir().unwrap();
