@@ -7,6 +7,8 @@ use faer::Mat;
 const RANK: f64 = 1e-7;
 /// Modes that decay by less than this part per step count as lasting.
 const LASTING: f64 = 1e-6;
+/// An unseen deviation that is this small at the end of a trajectory has decayed.
+const DECAYED: f64 = 0.5;
 /// Eigenvalues nearer than this to each other count as one: those of integrators scatter about 1.
 const ALIKE: f64 = 1e-4;
 
@@ -65,6 +67,54 @@ pub fn unseen_modes(a: &[f64], c: &[f64], states: usize) -> Vec<UnseenMode> {
         }
     }
     candidates.into_iter().filter_map(|at| unseen(a, c, states, at)).collect()
+}
+
+/// The same along a trajectory, of which each step has its own A and C: a direction of the initial
+/// state that no measurement on the way shows and that does not decay. The test is the rank of the
+/// observability matrix `[C_0; C_1 A_0; C_2 A_1 A_0; ..]`.
+///
+/// `steps`: A `[states, states]` and C `[ny, states]` of each step, row by row.
+///
+/// ```
+/// use pinc_analysis::unseen_along;
+///
+/// // x2 shows only where the gain of x1 on it changes: with the same A twice it does not.
+/// let step = |gain: f64| (vec![1.0, 0.0, gain, 1.0], vec![1.0, 0.0]);
+/// assert_eq!(unseen_along(&[step(0.0), step(0.5)], 2).unwrap().rank, 1);
+/// let seen = (vec![1.0, 0.3, 0.0, 1.0], vec![1.0, 0.0]);
+/// assert!(unseen_along(&[step(0.0), seen.clone(), seen], 2).is_none());
+/// ```
+///
+/// # Panics
+///
+/// If a matrix has not whole rows, or `states` is 0.
+#[must_use]
+pub fn unseen_along(steps: &[(Vec<f64>, Vec<f64>)], states: usize) -> Option<UnseenMode> {
+    assert!(states > 0, "a state at least");
+    let n = states;
+    let mut flow = Mat::<f64>::identity(n, n);
+    let mut rows: Vec<Vec<f64>> = Vec::new();
+    for (a, c) in steps {
+        assert!(a.len() == n * n && c.len().is_multiple_of(n), "whole rows");
+        let seen = Mat::from_fn(c.len() / n, n, |i, k| c[i * n + k]) * &flow;
+        rows.extend(seen.row_iter().map(|row| row.iter().copied().collect::<Vec<_>>()));
+        flow = Mat::from_fn(n, n, |i, k| a[i * n + k]) * &flow;
+    }
+    if rows.len() < n || rows.iter().flatten().any(|v| !v.is_finite()) {
+        return None;
+    }
+    let svd = Mat::from_fn(rows.len(), n, |i, k| rows[i][k]).svd().ok()?;
+    let values: Vec<f64> = svd.S().column_vector().iter().copied().collect();
+    let largest = values.first().copied()?;
+    let rank = values.iter().filter(|v| **v > RANK * largest).count();
+    let unseen = (rank..n).map(|k| svd.V().col(k).iter().copied().collect::<Vec<f64>>());
+    let lasting = unseen.into_iter().find(|direction| {
+        let end = (0..n).map(|i| (0..n).map(|k| flow[(i, k)] * direction[k]).sum::<f64>().powi(2));
+        end.sum::<f64>().sqrt() > DECAYED
+    })?;
+    let most = lasting.iter().fold(f64::MIN_POSITIVE, |m: f64, v| m.max(v.abs()));
+    let direction = lasting.iter().map(|v| v.abs() / most).collect();
+    Some(UnseenMode { eigenvalue: Complex { re: 1.0, im: 0.0 }, rank, direction })
 }
 
 /// The mode at an eigenvalue, if it is unseen. A complex matrix of rank r is a real one of rank

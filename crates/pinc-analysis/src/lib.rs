@@ -30,7 +30,7 @@ mod survey;
 mod zeros;
 
 pub use crossing::{Crossing, Crossings, Term, Terms, Value, crossings};
-pub use detectability::{UnseenMode, unseen_modes};
+pub use detectability::{UnseenMode, unseen_along, unseen_modes};
 pub use knee::beyond_knee;
 pub use modes::{Growth, TimeScales};
 pub use plane::{Plane, common_plane, common_ratio};

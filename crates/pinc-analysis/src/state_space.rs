@@ -9,6 +9,9 @@ use pinc_ode::DynRhs;
 /// singular.
 const SINGULAR: f64 = 1e-11;
 
+/// A state that takes part in a direction by less, squared, does not.
+const PART: f64 = 1e-4;
+
 /// Singular values of a gain this far below the largest count as 0.
 const RANK: f64 = 1e-6;
 
@@ -62,6 +65,8 @@ pub struct StaticGain {
     pub singular_values: Vec<f64>,
     /// How many of them are not 0, to a millionth of the largest.
     pub rank: usize,
+    /// Rows of the matrix.
+    outputs: usize,
 }
 
 /// The transmission zeros from the inputs to the outputs.
@@ -74,6 +79,41 @@ pub enum TransmissionZeros {
         /// The normal rank.
         rank: usize,
     },
+}
+
+impl StaticGain {
+    /// Whether a controller that integrates errors with `model` as its gain drives the outputs away
+    /// on the plant with this gain: `G_plant G_model^+` has an eigenvalue with a negative real part.
+    /// For one output that is a gain of the other sign. `false` where a gain has no full rank.
+    ///
+    /// Reference: Grosdidier, Morari and Holt, "Closed-loop properties from steady-state gain
+    /// information", Industrial & Engineering Chemistry Fundamentals 24 (1985).
+    ///
+    /// # Panics
+    ///
+    /// If the gains are not of the same shape.
+    ///
+    /// ```
+    /// use pinc_analysis::StateSpace;
+    ///
+    /// let gain = |b: f64| StateSpace::new(&[-1.0], &[b], &[1.0], 1).static_gain().unwrap();
+    /// assert!(gain(-2.0).reverses(&gain(1.0)) && !gain(2.0).reverses(&gain(1.0)));
+    /// ```
+    #[must_use]
+    pub fn reverses(&self, model: &Self) -> bool {
+        let outputs = self.outputs;
+        assert_eq!((outputs, self.matrix.len()), (model.outputs, model.matrix.len()), "one shape");
+        if self.rank < outputs || model.rank < outputs {
+            return false;
+        }
+        let inputs = self.matrix.len() / outputs;
+        let of = |gain: &Self| Mat::from_fn(outputs, inputs, |i, k| gain.matrix[i * inputs + k]);
+        let (plant, model) = (of(self), of(model));
+        // G_plant G_model^T (G_model G_model^T)^-1, by its transpose.
+        let square = &model * model.transpose();
+        let product = square.partial_piv_lu().solve(&(&model * plant.transpose()));
+        product.eigenvalues().unwrap_or_default().iter().any(|value| value.re < 0.0)
+    }
 }
 
 impl StateSpace {
@@ -155,7 +195,37 @@ impl StateSpace {
         let largest = singular_values.first().copied().unwrap_or(0.0);
         let rank = singular_values.iter().filter(|v| **v > RANK * largest).count();
         let matrix = gain.row_iter().flat_map(|row| row.iter().copied().collect::<Vec<_>>());
-        Some(StaticGain { matrix: matrix.collect(), singular_values, rank })
+        let outputs = gain.nrows();
+        Some(StaticGain { matrix: matrix.collect(), singular_values, rank, outputs })
+    }
+
+    /// The states that may be at rest at any value, others and the input given: those that take
+    /// part in the null space of A. None if A is regular.
+    ///
+    /// Call it of a plant whose variables have a like size ([`StateSpace::scaled`]).
+    ///
+    /// ```
+    /// use pinc_analysis::StateSpace;
+    ///
+    /// // x' = v, v' = u - v: the position is free, the velocity is not.
+    /// let plant = StateSpace::new(&[0.0, 1.0, 0.0, -1.0], &[0.0, 1.0], &[], 2);
+    /// assert_eq!(plant.free_states(), [0]);
+    /// ```
+    #[must_use]
+    pub fn free_states(&self) -> Vec<usize> {
+        let n = self.a.nrows();
+        let size = |i: usize| self.a.row(i).iter().fold(0.0f64, |m, v| m.max(v.abs()));
+        let rows: Vec<f64> = (0..n).map(size).collect();
+        let scaled = |i: usize, k: usize| match rows[i] > 0.0 {
+            true => self.a[(i, k)] / rows[i],
+            false => 0.0,
+        };
+        let Ok(svd) = Mat::from_fn(n, n, scaled).svd() else { return Vec::new() };
+        let values: Vec<f64> = svd.S().column_vector().iter().copied().collect();
+        let largest = values.first().copied().unwrap_or(0.0);
+        let null: Vec<usize> = (0..n).filter(|&k| values[k] <= SINGULAR * largest).collect();
+        let part = |i: usize| null.iter().map(|&k| svd.V()[(i, k)].powi(2)).sum::<f64>();
+        (0..n).filter(|&i| part(i) > PART).collect()
     }
 
     /// The transmission zeros: the s at which the transfer matrix C (s - A)^-1 B loses rank.

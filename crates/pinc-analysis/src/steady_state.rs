@@ -95,6 +95,14 @@ impl<'a> SteadyStateSearch<'a> {
         }
     }
 
+    /// Any steady state in the region, with whatever input in it: of a plant that integrates, say,
+    /// which the input in the middle does not bring to rest.
+    #[must_use]
+    pub fn rest(&self) -> Option<OperatingPoint> {
+        let ends = (self.region.low.clone(), self.region.high.clone());
+        self.best(&[], &ends, &self.starts()).0
+    }
+
     /// The steady state under the input `u`.
     #[must_use]
     pub fn settle(&self, u: &[f64]) -> Option<OperatingPoint> {
