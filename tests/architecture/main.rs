@@ -40,6 +40,7 @@ const CRATES: [(&str, &[&str]); 21] = [
     (
         "pinc-check",
         &[
+            "pinc-ad",
             "pinc-analysis",
             "pinc-config",
             "pinc-estimate",

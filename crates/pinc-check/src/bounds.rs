@@ -1,8 +1,9 @@
 //! Whether start, references and bounds fit together and lie in the training domain.
 
 use crate::groups::groups;
-use crate::{Finding, Subject};
-use pinc_config::ControlSpec;
+use crate::{Finding, Subject, short};
+use pinc_analysis::{HeldPoint, OperatingPoint};
+use pinc_config::{ControlSpec, Variables};
 use pinc_net::Domain;
 use std::ops::Range;
 
@@ -11,11 +12,20 @@ pub(crate) fn examine(subject: &Subject<'_>) -> Vec<Finding> {
         return Vec::new();
     };
     let mut findings = values(subject, control);
+    findings.extend(outputs(subject, control));
     if let Some(domain) = &subject.experiment.domain {
         findings.extend(reach(subject, control, domain));
     }
     if findings.is_empty() {
-        let text = "start and references are within the bounds, and these within the domain";
+        let text = match (&control.output_low, &control.output_high) {
+            (None, None) => {
+                "start and references are within the bounds, and these within the domain"
+            }
+            _ => {
+                "start and references are within the bounds, those of the outputs among them, and \
+                 the bounds of states and inputs within the domain"
+            }
+        };
         findings.push(Finding::fact("", text));
     }
     findings
@@ -57,6 +67,59 @@ fn values(subject: &Subject<'_>, control: &ControlSpec) -> Vec<Finding> {
                         .change("move the reference, or widen control.state_low and state_high"),
                 );
             }
+        }
+    }
+    findings
+}
+
+/// References against the bounds of outputs, as those of a distance from an obstacle are: outputs
+/// that are controlled by their value, others where the states hold the reference.
+fn outputs(subject: &Subject<'_>, control: &ControlSpec) -> Vec<Finding> {
+    let variables = subject.plant.outputs();
+    let problem = control.problem(&Variables::of(subject.plant), subject.step_s());
+    let Some(bounds) = problem.output_bounds else { return Vec::new() };
+    let mut findings = Vec::new();
+    let mut report = |reference: usize, i: usize, value: f64, at: &str| {
+        let (low, high) = (bounds.low[i], bounds.high[i]);
+        let slack = 1e-6 * value.abs().max((high - low).abs().min(1.0));
+        if value >= low - slack && value <= high + slack {
+            return;
+        }
+        let what = format!(
+            "{} is {} {at}, outside its bounds {} to {}",
+            variables[i].name,
+            short(value),
+            short(low),
+            short(high)
+        );
+        findings.push(
+            Finding::warning(format!("control.references[{reference}]"), what)
+                .because(
+                    "the reference and a bound of the outputs exclude each other: the controller \
+                     stops at the bound, or violates it where it is soft",
+                )
+                .change("move the reference, or widen control.output_low and output_high"),
+        );
+    };
+    for (k, reference) in control.references.iter().enumerate() {
+        for (name, value) in control.controlled.iter().zip(&reference.value) {
+            let is_state = subject.plant.states().iter().any(|state| state.name == *name);
+            let place = variables.iter().position(|output| output.name == *name);
+            if let Some(i) = place.filter(|_| !is_state) {
+                report(k, i, *value, "there");
+            }
+        }
+    }
+    for held in &subject.holds {
+        let OperatingPoint { x, u } = match (&held.kept, &held.point) {
+            (Some(kept), _) => &kept.point,
+            (None, HeldPoint::Within(point) | HeldPoint::Outside(point)) => point,
+            (None, HeldPoint::Nowhere(_)) => continue,
+        };
+        let mut y = vec![0.0; variables.len()];
+        subject.plant.output(x, u, &[], &mut y);
+        for (i, value) in y.into_iter().enumerate() {
+            report(held.first, i, value, "where the reference is held");
         }
     }
     findings

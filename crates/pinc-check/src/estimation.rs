@@ -1,14 +1,16 @@
 //! The estimator: whether what is measured tells what is estimated, and whether control with it is
 //! free of offset.
 
-use crate::{Finding, Subject};
-use pinc_analysis::{OperatingPoint, StateSpace, UnseenMode, unseen_modes};
+use crate::{Finding, Operating, Subject};
+use pinc_analysis::{OperatingPoint, StateSpace, UnseenMode, unseen_along, unseen_modes};
 use pinc_config::{ControlSpec, DisturbanceSpec, EstimatorSpec, LoopParameters, Variables};
 use pinc_estimate::Augmented;
 use pinc_ode::{Dims, LinearizationBuffer, Model, OutputLinearization, Stages};
 
 /// The section that findings are about.
 const SECTION: &str = "control.estimator";
+/// Steps of the closed loop along which measurements are looked at.
+const MARKS: usize = 100;
 /// Variables that take part in a mode by less than this are not named.
 const PART: f64 = 0.01;
 
@@ -27,7 +29,16 @@ pub(crate) fn examine(subject: &Subject<'_>) -> Vec<Finding> {
     );
     let mut findings = vec![Finding::fact(SECTION, what)];
     findings.extend(offset(control, estimator, &names, &measured));
-    for (place, point) in subject.operating_points() {
+    let points = subject.operating_points();
+    // A plant that moves on while its references are kept is looked at along its way.
+    if !points.is_empty() && points.iter().all(|operating| !operating.is_steady) {
+        findings.extend(along_the_loop(subject, control, estimator, &names));
+        return findings;
+    }
+    for Operating { name: place, point, is_steady } in points {
+        if !is_steady {
+            continue;
+        }
         let found = at_rest(subject, control, estimator, &names, point);
         let here = found.into_iter().map(|finding| Finding { place: place.clone(), ..finding });
         let here: Vec<_> = here.collect();
@@ -113,6 +124,39 @@ fn at_rest(
     findings
 }
 
+/// What cannot be told apart along the rehearsed loop.
+fn along_the_loop(
+    subject: &Subject<'_>,
+    control: &ControlSpec,
+    estimator: &EstimatorSpec,
+    names: &[String],
+) -> Vec<Finding> {
+    let Some(Ok(rehearsal)) = &subject.evidence.rehearsal else { return Vec::new() };
+    let (trace, step_s) = (&rehearsal.trace, subject.step_s());
+    // The first sample of each step.
+    let mut marks: Vec<usize> = Vec::new();
+    for (i, t) in trace.times().iter().enumerate() {
+        #[expect(clippy::cast_precision_loss, reason = "a few steps")]
+        let due = marks.len() as f64 * step_s;
+        if *t >= due - 1e-6 * step_s && marks.len() < MARKS {
+            marks.push(i);
+        }
+    }
+    let at = |&i: &usize| {
+        let (x, u) = (trace.state(i).to_vec(), trace.input(i).to_vec());
+        linearized(subject, control, estimator, &OperatingPoint { x, u })
+    };
+    let steps: Vec<(Vec<f64>, Vec<f64>)> = marks.iter().map_while(at).collect();
+    let Some(unseen) = unseen_along(&steps, names.len()) else {
+        let what = format!(
+            "what is measured tells all of them, along {} steps of the closed loop",
+            steps.len()
+        );
+        return vec![Finding::fact(SECTION, what)];
+    };
+    vec![Finding { place: "along the closed loop".to_owned(), ..undetectable(&unseen, names) }]
+}
+
 /// The modes of the estimator's model that it cannot see, at a steady state.
 fn unseen(
     subject: &Subject<'_>,
@@ -120,6 +164,19 @@ fn unseen(
     estimator: &EstimatorSpec,
     point: &OperatingPoint,
 ) -> Vec<UnseenMode> {
+    let Some((a, c)) = linearized(subject, control, estimator, point) else { return Vec::new() };
+    let states = a.len().isqrt();
+    unseen_modes(&a, &c, states)
+}
+
+/// A and C of the estimator's model at a point, in sizes that the tuning says; `None` if there is no
+/// such model.
+fn linearized(
+    subject: &Subject<'_>,
+    control: &ControlSpec,
+    estimator: &EstimatorSpec,
+    point: &OperatingPoint,
+) -> Option<(Vec<f64>, Vec<f64>)> {
     let variables = Variables::of(subject.plant);
     let measurement = control.measurement.clone().unwrap_or_default();
     let LoopParameters { names, values, estimated } = subject.experiment.loop_parameters();
@@ -127,7 +184,7 @@ fn unseen(
     let model = plant.rk4(subject.step_s(), control.rk4_substeps);
     let parameters = (&values[..], &estimated[..]);
     let augmentation = estimator.augmentation(&measurement, &variables, parameters);
-    let Ok(mut model) = Augmented::new(model, augmentation) else { return Vec::new() };
+    let mut model = Augmented::new(model, augmentation).ok()?;
     let tuning = estimator.tuning();
     let unknowns = &tuning.initial_estimate[point.x.len()..];
     let z = [&point.x[..], unknowns].concat();
@@ -147,7 +204,7 @@ fn unseen(
     for (i, entry) in c.iter_mut().enumerate() {
         *entry *= sizes[i % nx] / tuning.measurement_sd[i / nx];
     }
-    unseen_modes(&at.a, &c, nx)
+    Some((at.a.clone(), c))
 }
 
 fn undetectable(mode: &UnseenMode, names: &[String]) -> Finding {

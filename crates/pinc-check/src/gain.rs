@@ -18,7 +18,7 @@ pub(crate) fn examine(subject: &Subject<'_>) -> Vec<Finding> {
     }
     let mut findings = Vec::new();
     // One point of each kind is enough: the others would repeat it.
-    for (name, point) in subject.operating_points() {
+    for (name, point) in subject.steady_points() {
         let Some(linear) = StateSpace::tangent(subject.plant, point, &controlled) else {
             continue;
         };

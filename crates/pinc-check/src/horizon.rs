@@ -20,7 +20,7 @@ pub(crate) fn examine(subject: &Subject<'_>) -> Vec<Finding> {
     let Some(control) = control.filter(|_| subject.experiment.sample_time_s().is_some()) else {
         return Vec::new();
     };
-    let points = subject.operating_points();
+    let points = subject.steady_points();
     let wanted = changes(subject, control);
     let shares = subject.controlled().into_iter().zip(wanted).map(|(i, wanted)| {
         let moved = points.iter().map(|(_, point)| movement(subject, control, point, i));

@@ -16,18 +16,25 @@ mod gain;
 mod groups;
 mod horizon;
 mod irregularities;
+mod kept;
 mod loop_plant;
 mod net_size;
 mod numbers;
 mod references;
 mod region;
 mod rehearsal;
+mod soundness;
 mod stability;
 mod substeps;
+mod time_unit;
+mod work;
 
 pub use cost::{Cost, ModelCost};
 pub use finding::{Finding, Severity};
+pub use soundness::{IntegratorBox, Soundness};
+pub use work::{Metered, Work};
 
+use kept::Kept;
 use numbers::{named, short};
 use pinc_analysis::{HeldPoint, OperatingPoint, Region, SteadyStateSearch};
 use pinc_config::Experiment;
@@ -44,31 +51,44 @@ use std::path::PathBuf;
 const MANY_STATES: usize = 40;
 
 /// One look at a plant and its config.
-type Examination = fn(&Subject<'_>) -> Vec<Finding>;
+struct Examination {
+    /// What it looks at.
+    topic: &'static str,
+    examine: fn(&Subject<'_>) -> Vec<Finding>,
+}
+
+const fn on(topic: &'static str, examine: fn(&Subject<'_>) -> Vec<Finding>) -> Examination {
+    Examination { topic, examine }
+}
 
 /// All of them, in the order of their findings.
-const EXAMINATIONS: [Examination; 17] = [
-    dimensions,
-    derivatives::examine,
-    algebraic::examine,
-    irregularities::examine,
-    stability::examine,
-    horizon::examine,
-    gain::examine,
-    references::examine,
-    loop_plant::examine,
-    estimation::examine,
-    bounds::examine,
-    rehearsal::examine,
-    excursions::examine,
-    substeps::examine,
-    cost::examine,
-    net_size::examine,
-    data::examine,
+const EXAMINATIONS: [Examination; 18] = [
+    on("dimensions", dimensions),
+    on("values and derivatives", derivatives::examine),
+    on("algebraic variables", algebraic::examine),
+    on("poles, jumps and kinks", irregularities::examine),
+    on("the unit of time", time_unit::examine),
+    on("modes and stability", stability::examine),
+    on("the horizon", horizon::examine),
+    on("gains and zeros", gain::examine),
+    on("references", references::examine),
+    on("the plant of the loop", loop_plant::examine),
+    on("the estimator", estimation::examine),
+    on("bounds", bounds::examine),
+    on("the closed loop", rehearsal::examine),
+    on("where trajectories go", excursions::examine),
+    on("the integrators' errors", substeps::examine),
+    on("costs", cost::examine),
+    on("the size of the net", net_size::examine),
+    on("measurements", data::examine),
 ];
 
 /// Those that need no equation.
-const OF_BLACK_BOXES: [Examination; 3] = [dimensions, without_equation, rehearsal::examine];
+const OF_BLACK_BOXES: [Examination; 3] = [
+    on("dimensions", dimensions),
+    on("the black box", without_equation),
+    on("the closed loop", rehearsal::examine),
+];
 
 /// Values of references for which steady states are looked for.
 const MOST_REFERENCES: usize = 50;
@@ -102,6 +122,10 @@ pub struct Evidence<'a> {
     pub cost: Option<Cost>,
     /// The files of `[data]`.
     pub read: &'a ReadMeasurements<'a>,
+    /// What may be done, part of which the closed loop has taken.
+    pub work: Work,
+    /// Is told what is looked at next, with its place and how many parts there are.
+    pub progress: &'a dyn Fn(&str, usize, usize),
 }
 
 impl fmt::Debug for Evidence<'_> {
@@ -135,12 +159,43 @@ pub fn check(
                 .change("give [domain], the box that a net is to be trained on"),
         ];
     };
-    let subject = Subject::new(plant, experiment, (region, name), evidence);
+    let metered = Metered::new(plant, experiment, &evidence.work);
     let examinations = match plant.black_box() {
         None => &EXAMINATIONS[..],
         Some(_) => &OF_BLACK_BOXES[..],
     };
-    examinations.iter().flat_map(|examination| examination(&subject)).collect()
+    (evidence.progress)("steady states", 0, examinations.len());
+    evidence.work.begin();
+    let subject = Subject::new((plant, &metered), experiment, (region, name), evidence);
+    let mut findings = Vec::new();
+    for (i, Examination { topic, examine }) in examinations.iter().enumerate() {
+        (evidence.progress)(topic, i + 1, examinations.len());
+        evidence.work.begin();
+        let found = examine(&subject);
+        // Without further rates, what looks broken may only be what was not computed.
+        let is_whole = !evidence.work.is_over();
+        let is_said = |f: &Finding| f.place == LEFT_OUT;
+        if is_whole || found.iter().any(is_said) {
+            findings.extend(found);
+        } else {
+            findings.push(left_out(topic));
+        }
+    }
+    findings
+}
+
+/// The place of findings on what was left out.
+const LEFT_OUT: &str = "left out";
+
+/// Says that a part of the check would take too much work.
+fn left_out(topic: &str) -> Finding {
+    Finding::fact(
+        LEFT_OUT,
+        format!(
+            "{topic}: this plant needs more evaluations for that than one check may make; a \
+             smaller [domain], fewer states or a shorter T need fewer"
+        ),
+    )
 }
 
 /// Where a value of the references can be held.
@@ -150,11 +205,26 @@ struct Held {
     /// How many references have it.
     count: usize,
     point: HeldPoint,
+    /// Where the closed loop keeps the value, if that is away from `point`.
+    kept: Option<Kept>,
+}
+
+/// A point that the plant is to be at.
+struct Operating<'a> {
+    name: String,
+    point: &'a OperatingPoint,
+    /// Whether it is a steady state, and not a point of a moving plant.
+    is_steady: bool,
 }
 
 /// What is examined.
 struct Subject<'a> {
-    plant: &'a dyn DynPlant,
+    /// The equation, whose evaluations are counted.
+    plant: &'a dyn DynRhs,
+    /// The units of work that an evaluation takes.
+    units: u64,
+    /// The same with its integrators.
+    models: &'a dyn DynPlant,
     experiment: &'a Experiment,
     region: Region,
     /// What the region is called.
@@ -170,7 +240,7 @@ struct Subject<'a> {
 
 impl<'a> Subject<'a> {
     fn new(
-        plant: &'a dyn DynPlant,
+        (models, plant): (&'a dyn DynPlant, &'a Metered),
         experiment: &'a Experiment,
         (region, region_name): (Region, &'static str),
         evidence: &'a Evidence<'a>,
@@ -178,6 +248,8 @@ impl<'a> Subject<'a> {
         let (holds, centre, other_references) = (Vec::new(), None, 0);
         let mut subject = Self {
             plant,
+            units: plant.units(),
+            models,
             experiment,
             region,
             region_name,
@@ -188,7 +260,9 @@ impl<'a> Subject<'a> {
         };
         if plant.black_box().is_none() {
             (subject.holds, subject.other_references) = subject.held_references();
-            subject.centre = subject.search().settle(&subject.region.centre().u);
+            let search = subject.search();
+            let centre = search.settle(&subject.region.centre().u).or_else(|| search.rest());
+            subject.centre = centre;
         }
         subject
     }
@@ -225,12 +299,17 @@ impl<'a> Subject<'a> {
                 }
                 Entry::Vacant(new) => {
                     new.insert(holds.len() + others);
-                    if holds.len() == MOST_REFERENCES {
+                    if holds.len() == MOST_REFERENCES || self.evidence.work.is_over() {
                         others += 1;
                         continue;
                     }
                     let Some(point) = self.hold(self.plant, &reference.value) else { break };
-                    holds.push(Held { first, count: 1, point });
+                    if self.evidence.work.is_over() {
+                        others += 1;
+                        continue;
+                    }
+                    let kept = kept::of(self, first, &point);
+                    holds.push(Held { first, count: 1, point, kept });
                 }
             }
         }
@@ -250,12 +329,6 @@ impl<'a> Subject<'a> {
         let places = self.controlled();
         let held: Vec<_> = places.into_iter().zip(value.iter().copied()).collect();
         (!held.is_empty()).then(|| self.search_of(plant).hold(&held, Some((&low, &high))))
-    }
-
-    /// How many random points to take where the cost of one grows with the square or cube of the
-    /// number of states: `few` up to [`MANY_STATES`] states, fewer beyond.
-    fn random_points(&self, few: usize) -> usize {
-        few * MANY_STATES / self.region.dims.nx.max(MANY_STATES)
     }
 
     /// f(x, u).
@@ -285,22 +358,42 @@ impl<'a> Subject<'a> {
         format!("1/{}", self.experiment.time_unit.unwrap_or(TimeUnit::S).name())
     }
 
-    /// The steady states that the plant is to be at, with their names: those of the references, or
-    /// else that of the middle.
-    fn operating_points(&self) -> Vec<(String, &OperatingPoint)> {
-        let mut points: Vec<(String, &OperatingPoint)> = Vec::new();
-        for Held { first: k, point, .. } in &self.holds {
-            if let HeldPoint::Within(point) | HeldPoint::Outside(point) = point
-                && !points.iter().any(|(_, other)| self.region.same(other, point))
-            {
-                points.push((format!("the steady state of control.references[{k}]"), point));
+    /// The points that the plant is to be at: the steady states of the references, where the closed
+    /// loop keeps one elsewhere that place, or else the steady state of the middle.
+    fn operating_points(&self) -> Vec<Operating<'_>> {
+        let mut points: Vec<Operating<'_>> = Vec::new();
+        for Held { first: k, point, kept, .. } in &self.holds {
+            let (name, point, is_steady) = match (kept, point) {
+                (Some(kept), _) => (kept.name(self), &kept.point, false),
+                (None, HeldPoint::Within(point) | HeldPoint::Outside(point)) => {
+                    (format!("the steady state of control.references[{k}]"), point, true)
+                }
+                (None, HeldPoint::Nowhere(_)) => continue,
+            };
+            if !points.iter().any(|other| self.region.same(other.point, point)) {
+                points.push(Operating { name, point, is_steady });
             }
         }
         if points.is_empty() {
+            let name = format!("the steady state of {}", self.region_name);
             let centre = self.centre.iter();
-            points.extend(centre.map(|p| (format!("the steady state of {}", self.region_name), p)));
+            points.extend(centre.map(|point| Operating {
+                name: name.clone(),
+                point,
+                is_steady: true,
+            }));
         }
         points
+    }
+
+    /// Those of them that are steady states.
+    fn steady_points(&self) -> Vec<(String, &OperatingPoint)> {
+        let points = self.operating_points().into_iter().filter(|operating| operating.is_steady);
+        points.map(|operating| (operating.name, operating.point)).collect()
+    }
+
+    fn state_name(&self, i: usize) -> &str {
+        &self.plant.states()[i].name
     }
 
     /// The states that are to follow the references, by their places; none where outputs are among

@@ -2,7 +2,9 @@
 
 use crate::references::{nowhere, outside};
 use crate::{Finding, HeldPoint, MOST_REFERENCES, Subject};
+use pinc_analysis::{OperatingPoint, StateSpace};
 use pinc_config::{ControlSpec, PlantInTheLoop};
+use pinc_ode::DynRhs;
 use std::ops::Range;
 
 pub(crate) fn examine(subject: &Subject<'_>) -> Vec<Finding> {
@@ -15,6 +17,7 @@ pub(crate) fn examine(subject: &Subject<'_>) -> Vec<Finding> {
     let looked_at = cases.len().min(MOST_REFERENCES);
     let mut findings: Vec<Finding> =
         cases[..looked_at].iter().filter_map(|case| judge(subject, control, case)).collect();
+    findings.extend(other_sign(subject, control, step_s));
     let others = match cases.len() - looked_at {
         0 => String::new(),
         more => format!("; {more} further references and times were not looked at"),
@@ -24,6 +27,56 @@ pub(crate) fn examine(subject: &Subject<'_>) -> Vec<Finding> {
         findings.push(Finding::fact("control.plant", what));
     }
     findings
+}
+
+/// A plant of the loop whose gain has another sign than that of the models' plant.
+fn other_sign(subject: &Subject<'_>, control: &ControlSpec, step_s: f64) -> Option<Finding> {
+    let controlled = subject.controlled();
+    let gain = |plant: &dyn DynRhs, point: &OperatingPoint| {
+        StateSpace::tangent(plant, point, &controlled)?.static_gain()
+    };
+    let plants = subject.experiment.plants_in_the_loop(step_s);
+    subject.steady_points().into_iter().find_map(|(name, point)| {
+        let of_model = gain(subject.plant, point)?;
+        plants.iter().find_map(|plant| {
+            // Where the plant of the loop holds the same values, or else where the same input
+            // leads it.
+            let held: Vec<f64> = controlled.iter().map(|&i| point.x[i]).collect();
+            let there = match subject.hold(&*plant.plant, &held)? {
+                HeldPoint::Within(point) | HeldPoint::Outside(point) => point,
+                HeldPoint::Nowhere(_) => subject.search_of(&*plant.plant).settle(&point.u)?,
+            };
+            let of_plant = gain(&*plant.plant, &there)?;
+            of_plant.reverses(&of_model).then(|| reversed(subject, control, &name, plant, step_s))
+        })
+    })
+}
+
+fn reversed(
+    subject: &Subject<'_>,
+    control: &ControlSpec,
+    place: &str,
+    plant: &PlantInTheLoop,
+    step_s: f64,
+) -> Finding {
+    #[expect(clippy::cast_precision_loss, reason = "no loop has 2^53 steps")]
+    let from = match plant.from_step {
+        0 => String::new(),
+        step => format!(" from {} on", subject.time(step as f64 * step_s)),
+    };
+    let inputs: Vec<_> = subject.plant.inputs().iter().map(|v| v.name.as_ref()).collect();
+    let what = format!(
+        "{place}: with the plant of the loop{from} the static gain from {} to {} has another sign \
+         than with the models' plant",
+        inputs.join(", "),
+        control.controlled.join(", ")
+    );
+    Finding::warning("control.plant", what)
+        .because(
+            "at steady state an input that the model says to help moves the plant the other way: \
+             an estimator of disturbances, or any integral action, drives the loop to its bounds",
+        )
+        .change("a model whose gain has the plant's sign, or control of fewer states")
 }
 
 /// A value of the references that is asked of a plant.

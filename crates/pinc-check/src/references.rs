@@ -2,7 +2,7 @@
 
 use crate::groups::groups;
 use crate::numbers::apart;
-use crate::{Finding, Held, Subject, short};
+use crate::{Finding, Held, Kept, Subject, short};
 use pinc_analysis::{HeldPoint, OperatingPoint};
 use pinc_config::ControlSpec;
 
@@ -11,7 +11,7 @@ pub(crate) fn examine(subject: &Subject<'_>) -> Vec<Finding> {
         return Vec::new();
     };
     let mut findings = Vec::new();
-    for Held { first, count, point } in &subject.holds {
+    for Held { first, count, point, kept } in &subject.holds {
         let (place, reference) =
             (format!("control.references[{first}]"), &control.references[*first]);
         let mut value = subject.controlled_values(&reference.value);
@@ -19,6 +19,10 @@ pub(crate) fn examine(subject: &Subject<'_>) -> Vec<Finding> {
             0 => {}
             1 => value = format!("{value} (and once more)"),
             more => value = format!("{value} (and {more} times more)"),
+        }
+        if let Some(kept) = kept {
+            findings.push(along(subject, place, &value, kept));
+            continue;
         }
         findings.push(match point {
             HeldPoint::Within(point) => {
@@ -41,6 +45,26 @@ pub(crate) fn examine(subject: &Subject<'_>) -> Vec<Finding> {
         findings.push(Finding::fact("control.references", what));
     }
     findings
+}
+
+/// A reference that the closed loop keeps while other states move on.
+fn along(subject: &Subject<'_>, place: String, value: &str, kept: &Kept) -> Finding {
+    let Kept { during_s, point, from } = kept;
+    let moved = |i: usize| (point.x[i] - from[i]).abs() / subject.region.width(i);
+    let most = (0..from.len()).max_by(|&a, &b| moved(a).total_cmp(&moved(b))).unwrap_or(0);
+    Finding::fact(
+        place,
+        format!(
+            "{value} is kept by the closed loop from t = {} to {}, at no steady state: {} goes \
+             from {} to {}, and at the end {} holds it",
+            subject.time(during_s.start),
+            subject.time(during_s.end),
+            subject.state_name(most),
+            short(from[most]),
+            short(point.x[most]),
+            subject.input(&point.u)
+        ),
+    )
 }
 
 /// The variables of a point outside the controller's bounds.

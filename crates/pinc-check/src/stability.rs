@@ -1,10 +1,11 @@
 //! The plant's own modes at its steady states, against the step T, the horizon and the integrators.
 
-use crate::{Finding, Held, LISTED, Subject, short};
+use crate::{Finding, Held, LISTED, Operating, Subject, short};
 use pinc_analysis::{
     Complex, ExplicitMethod, Growth, HeldPoint, OperatingPoint, StateSpace, TimeScales, beyond_knee,
 };
 use pinc_config::{ControlSpec, ModelKind};
+use pinc_net::{Ansatz, TrainingTarget};
 
 /// |lambda| T from which a plant is stiff for explicit methods, and how far its modes are apart
 /// then.
@@ -14,8 +15,7 @@ const STIFF: f64 = 10.0;
 /// is four times as large when it can be answered.
 const MOST_DOUBLINGS: f64 = 2.0;
 
-/// Points between two references, and random points of the region (fewer for many states), at which
-/// integrators are examined.
+/// Points between two references, and points of the closed loop, at which integrators are examined.
 const BETWEEN: u32 = 8;
 const POINTS: usize = 200;
 
@@ -23,11 +23,11 @@ pub(crate) fn examine(subject: &Subject<'_>) -> Vec<Finding> {
     let mut findings = Vec::new();
     let points = subject.operating_points();
     let mut found = Vec::new();
-    if points.is_empty() {
+    if !points.iter().any(|operating| operating.is_steady) {
         let what = format!("no steady state was found in {} or near it", subject.region_name);
         findings.push(Finding::fact("", what));
     }
-    for (name, point) in points {
+    for Operating { name, point, is_steady } in points {
         let place = format!("{name}, {}; {}", subject.state(&point.x), subject.input(&point.u));
         let Some(modes) = modes(subject, point) else {
             findings.push(
@@ -44,6 +44,9 @@ pub(crate) fn examine(subject: &Subject<'_>) -> Vec<Finding> {
             continue;
         };
         findings.push(Finding::fact(place.clone(), format!("modes {}", describe(subject, &modes))));
+        if is_steady {
+            findings.extend(continuum(subject, &place, point));
+        }
         if subject.experiment.sample_time_s().is_some() {
             let scales = match beyond_knee(subject.plant, point, &subject.region) {
                 Some((i, beside)) => {
@@ -59,6 +62,7 @@ pub(crate) fn examine(subject: &Subject<'_>) -> Vec<Finding> {
     }
     if subject.experiment.sample_time_s().is_some() {
         findings.extend(stiff(subject, &found));
+        findings.extend(distill(subject, &found));
     }
     if let (Some(control), Some(_)) =
         (&subject.experiment.control, subject.experiment.sample_time_s())
@@ -74,6 +78,22 @@ pub(crate) fn examine(subject: &Subject<'_>) -> Vec<Finding> {
         }
     }
     findings
+}
+
+/// The states that can be at rest at any value near a steady state, with the same input.
+fn continuum(subject: &Subject<'_>, place: &str, point: &OperatingPoint) -> Option<Finding> {
+    let tangent = StateSpace::tangent(subject.plant, point, &[])?;
+    let free = tangent.scaled(&subject.region.widths()).free_states();
+    let names: Vec<_> = free.iter().map(|&i| subject.state_name(i)).collect();
+    let named = match &names[..] {
+        [] => return None,
+        [first, .., last] if names.len() > LISTED => format!("{first} to {last}"),
+        names => names.join(", "),
+    };
+    let what = format!(
+        "steady states are a continuum: with this input {named} can be at rest at other values too"
+    );
+    Some(Finding::fact(place, what))
 }
 
 fn modes(subject: &Subject<'_>, point: &OperatingPoint) -> Option<Vec<Complex>> {
@@ -118,16 +138,47 @@ fn describe(subject: &Subject<'_>, modes: &[Complex]) -> String {
     text
 }
 
+/// The advice to distil where a net is to learn from the residual of a stiff equation.
+fn distill(subject: &Subject<'_>, found: &[(String, Vec<Complex>)]) -> Option<Finding> {
+    let training = subject.experiment.training.as_ref()?;
+    let is_hard = subject.experiment.model.as_ref()?.ansatz == Ansatz::HardLinear;
+    let has_choice = is_hard && subject.experiment.data.is_none();
+    if training.config.source != TrainingTarget::Physics || !has_choice {
+        return None;
+    }
+    let step = subject.step_s();
+    let fastest = found.iter().map(|(_, modes)| TimeScales::of(modes));
+    let fastest = fastest.filter(|scales| is_stiff(scales, step));
+    let fastest = fastest.map(|scales| scales.fastest * step).max_by(f64::total_cmp)?;
+    let what = format!(
+        "a net is trained on the residual of a stiff equation: its fastest mode times T is {}",
+        short(fastest)
+    );
+    Some(
+        Finding::warning("training.source", what)
+            .because(
+                "the residual weighs the fast part most, which is over at once: the training is \
+                 slow, needs many more points, and may end with a useless net",
+            )
+            .change(
+                "source = \"integrator\" (distillation: the net learns the states after T from an \
+                 integrator)",
+            ),
+    )
+}
+
+/// Whether modes are far apart and fast against T.
+fn is_stiff(scales: &TimeScales, step: f64) -> bool {
+    let slowest = scales.slowest.unwrap_or(scales.fastest);
+    scales.fastest * step > STIFF && scales.fastest > STIFF * slowest
+}
+
 /// Whether the modes at some point are far apart and fast against T: of all points that where it is
 /// worst, and only a fact where RK4 has the substeps that it needs.
 fn stiff(subject: &Subject<'_>, found: &[(String, Vec<Complex>)]) -> Option<Finding> {
     let step = subject.step_s();
-    let is_stiff = |scales: &TimeScales| {
-        let slowest = scales.slowest.unwrap_or(scales.fastest);
-        scales.fastest * step > STIFF && scales.fastest > STIFF * slowest
-    };
     let all = found.iter().map(|(place, modes)| (place, modes, TimeScales::of(modes)));
-    let stiff = all.filter(|(.., scales)| is_stiff(scales));
+    let stiff = all.filter(|(.., scales)| is_stiff(scales, step));
     let (place, modes, scales) = stiff.max_by(|a, b| a.2.fastest.total_cmp(&b.2.fastest))?;
     let what = format!(
         "stiff: the fastest mode times T is {}, and it is {} times as fast as the slowest",
@@ -208,8 +259,8 @@ fn sample_time(subject: &Subject<'_>, place: &str, scales: &TimeScales) -> Optio
     })
 }
 
-/// The substeps with which an explicit method is stable, at the references and between them, and at
-/// random points of the region.
+/// The substeps with which an explicit method is stable at the references, between them, and along
+/// the closed loop.
 fn integrator(
     subject: &Subject<'_>,
     method: ExplicitMethod,
@@ -255,23 +306,6 @@ fn integrator(
                     )
                 }),
         );
-    }
-    let points = subject.random_points(POINTS);
-    let random = subject.region.points(subject.experiment.seed).take(points);
-    let random: Vec<usize> = random.filter_map(|point| needed(&point)).collect();
-    let (most, unstable) = (random.iter().max(), random.iter().filter(|n| **n > substeps).count());
-    if let Some(&most) = most {
-        let name = if method == ExplicitMethod::Rk4 { "RK4" } else { "RK5" };
-        let stable =
-            if most == usize::MAX { "more than a million".to_owned() } else { most.to_string() };
-        let mut what = format!(
-            "{name} is stable at {points} random points of {} with {stable} substeps",
-            subject.region_name
-        );
-        if unstable > 0 {
-            what = format!("{what}; with {substeps} it is unstable at {unstable} of them");
-        }
-        findings.push(Finding::fact(key, what));
     }
     findings
 }

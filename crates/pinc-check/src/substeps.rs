@@ -1,11 +1,10 @@
-//! How many substeps of RK4 a step T needs: what a net has to beat.
+//! The integrators on the box: their errors by substeps, which a net has to beat, and whether those
+//! of the loop are sound.
 
-use crate::{Finding, Subject, short};
-use pinc_analysis::OneStepSamples;
+use crate::soundness::{IntegratorBox, explicit};
+use crate::{Finding, Subject, left_out};
 use pinc_config::ModelKind;
-
-/// Random points at which integrators are compared; fewer for many states.
-const POINTS: usize = 100;
+use pinc_net::RmsError;
 
 /// The numbers of substeps that are shown.
 const SHOWN: [usize; 5] = [1, 2, 4, 8, 16];
@@ -16,18 +15,20 @@ const MOST: usize = 1024;
 /// The errors asked for, in widths of the region.
 const WANTED: [f64; 2] = [1e-4, 1e-6];
 
+/// An uncertainty that is worth a word.
+const UNCERTAIN: f64 = 0.05;
+
 pub(crate) fn examine(subject: &Subject<'_>) -> Vec<Finding> {
-    let Some(sample_time_s) = subject.experiment.sample_time_s() else {
+    let work = &subject.evidence.work;
+    let Some(mut of_box) = IntegratorBox::within(subject.models, subject.experiment, work) else {
         return Vec::new();
     };
     let mut findings = Vec::new();
-    let (region, seed) = (&subject.region, subject.experiment.seed);
-    let points = subject.random_points(POINTS);
-    let samples = OneStepSamples::draw(subject.plant, region, seed, points, sample_time_s);
-    let missing = samples.missing();
-    if missing > 0 {
+    let (points, wanted) = of_box.points();
+    let missing = of_box.unsolved();
+    if missing > 0 && !work.is_over() {
         let what = format!(
-            "the plant breaks off within T from {missing} of {points} random points of {}",
+            "the plant breaks off within T from {missing} of {points} points of {}",
             subject.region_name
         );
         findings.push(
@@ -38,69 +39,145 @@ pub(crate) fn examine(subject: &Subject<'_>) -> Vec<Finding> {
                 .change("a smaller domain or a shorter T"),
         );
     }
-    if samples.is_empty() {
-        return findings;
+    let mut enough = None;
+    if of_box.error(ModelKind::Rk4, 1).is_some() {
+        let shown = SHOWN.map(|n| format!("{n}: {}", with_uncertainty(&of_box, n)));
+        let fewer = match points < wanted {
+            true => format!(" ({points} points, where a run takes {wanted})"),
+            false => String::new(),
+        };
+        findings.push(Finding::fact(
+            "",
+            format!(
+                "rms error of one step of RK4 over {}, in its widths, by substeps: {}{fewer}",
+                subject.region_name,
+                shown.join(", ")
+            ),
+        ));
+        let (fact, found) = needed(subject, &of_box);
+        (enough, findings) = (found, [findings, vec![fact]].concat());
     }
-    let shown = SHOWN.map(|n| format!("{n}: {:.1e}", error(subject, &samples, n)));
-    findings.push(Finding::fact(
-        "",
-        format!(
-            "rms error of one step of RK4 over {}, in its widths, by substeps: {}",
-            subject.region_name,
-            shown.join(", ")
-        ),
-    ));
-    findings.extend(needed(subject, sample_time_s, &samples));
+    findings.extend(integrators(subject, &mut of_box, enough));
+    if work.is_over() {
+        findings.push(left_out("more points for the integrators' errors"));
+    }
     findings
 }
 
-fn needed(subject: &Subject<'_>, sample_time_s: f64, samples: &OneStepSamples) -> Vec<Finding> {
-    let enough = |wanted: f64| {
-        let counts = std::iter::successors(Some(1), |n| (n * 2 <= MOST).then_some(n * 2));
-        let mut counts = counts.map(|n| (n, error(subject, samples, n)));
-        counts.find(|(_, error)| *error <= wanted).map(|(n, _)| n)
+/// An error, with its uncertainty where there are fewer points than a run has.
+fn with_uncertainty(of_box: &IntegratorBox<'_>, substeps: usize) -> String {
+    let (points, wanted) = of_box.points();
+    let Some(RmsError { rms, uncertainty }) = of_box.error(ModelKind::Rk4, substeps) else {
+        return "-".to_owned();
     };
-    let found = WANTED.map(enough);
+    if points < wanted && uncertainty > UNCERTAIN {
+        return format!("{rms:.1e} (+-{:.0} %)", 100.0 * uncertainty);
+    }
+    format!("{rms:.1e}")
+}
+
+/// The substeps that two errors need, and those for the larger one.
+fn needed(subject: &Subject<'_>, of_box: &IntegratorBox<'_>) -> (Finding, Option<usize>) {
+    let (points, _) = of_box.points();
+    let work = |n: usize| 4 * n as u64 * points as u64 * subject.units;
+    let counts = std::iter::successors(Some(1), |n| (n * 2 <= MOST).then_some(n * 2));
+    let counts: Vec<usize> = counts.take_while(|n| *n <= 16 || work(*n) <= MODEL_WORK).collect();
+    let rms = |n: usize| of_box.error(ModelKind::Rk4, n).map_or(f64::NAN, |error| error.rms);
+    let mut found = [None; 2];
+    for &n in &counts {
+        let error = rms(n);
+        for (found, wanted) in found.iter_mut().zip(WANTED) {
+            if found.is_none() && error <= wanted {
+                *found = Some(n);
+            }
+        }
+        if found.iter().all(Option::is_some) {
+            break;
+        }
+    }
+    let most = counts.last().copied().unwrap_or(1);
     let text = WANTED.iter().zip(&found).map(|(wanted, n)| match n {
         Some(n) => format!("{wanted:.0e} of the region's width with {n} substeps"),
-        None => format!("{wanted:.0e} of it not with {MOST} substeps"),
+        None => format!("{wanted:.0e} of it not with {most} substeps"),
     });
     let fact = format!(
         "T = {}: RK4 has an rms error of {}",
-        subject.time(sample_time_s),
+        subject.time(subject.step_s()),
         text.collect::<Vec<_>>().join(", ")
     );
-    let mut findings = vec![Finding::fact("", fact)];
-    let control = subject.experiment.control.as_ref();
-    if let Some(control) = control.filter(|control| control.models.contains(&ModelKind::Rk4)) {
-        let error = error(subject, samples, control.rk4_substeps);
-        if error > 1e-2 || error.is_nan() {
-            let (n, enough) = (
-                control.rk4_substeps,
-                found[0].map_or_else(|| format!("more than {MOST}"), |n| n.to_string()),
+    (Finding::fact("", fact), found[0])
+}
+
+/// Units of work that the steps of one model may take.
+const MODEL_WORK: u64 = 200_000_000;
+
+/// Whether the integrators of the loop are sound, and where the first of them is worst.
+fn integrators(
+    subject: &Subject<'_>,
+    of_box: &mut IntegratorBox<'_>,
+    enough: Option<usize>,
+) -> Vec<Finding> {
+    let Some(control) = &subject.experiment.control else { return Vec::new() };
+    let step_s = subject.step_s();
+    let mut findings = Vec::new();
+    for &kind in &control.models {
+        let key = match kind {
+            ModelKind::Rk4 => "rk4_substeps",
+            ModelKind::Rk5 => "rk5_substeps",
+            ModelKind::Rodas4 => "rosenbrock_substeps",
+            ModelKind::Pinc | ModelKind::BlackBox => continue,
+        };
+        let substeps = control.substeps(kind, step_s, step_s);
+        let soundness = of_box.soundness(kind, substeps);
+        let stable = explicit(kind).and_then(|method| of_box.stable_substeps(method));
+        let (name, place) = (kind.title(), format!("control.{key}"));
+        if let Some(stable) = stable {
+            let count = match stable {
+                usize::MAX => "more than a million".to_owned(),
+                stable => stable.to_string(),
+            };
+            let what = format!(
+                "{name} is stable at {} random points of {} with {count} substeps",
+                soundness.examined, subject.region_name
             );
+            findings.push(Finding::fact(&place, what));
+        }
+        if let Some(objection) = soundness.objection() {
+            let enough = enough.filter(|_| kind == ModelKind::Rk4);
+            let change = match (stable, enough) {
+                (Some(usize::MAX), _) => "a shorter T, or the model rosenbrock".to_owned(),
+                (Some(stable), Some(enough)) => format!("{key} = {}", stable.max(enough)),
+                (_, None) if kind == ModelKind::Rk4 => format!("{key} = more than {MOST}"),
+                (Some(stable), None) if soundness.unstable > 0 => format!("{key} = {stable}"),
+                (Some(_), None) | (None, _) => format!("more than {substeps} {key}"),
+            };
             findings.push(
-                Finding::warning(
-                    "control.rk4_substeps",
-                    format!(
-                        "with {n} substeps RK4 is wrong \
-                 by {} of the region's width in a step",
-                        short(error)
-                    ),
-                )
-                .because(
-                    "as a model in the controller it misleads, and a comparison with it \
-                     says nothing about the net",
-                )
-                .change(format!("rk4_substeps = {enough}")),
+                Finding::warning(place, format!("with {substeps} substeps {name} is {objection}"))
+                    .because(
+                        "as a model in the controller it misleads wherever the loop comes near \
+                         such a point, and a comparison with it says nothing about the net",
+                    )
+                    .change(change),
             );
         }
     }
+    findings.extend(worst(subject, of_box));
     findings
 }
 
-/// The root of the mean squared error of a step of RK4, in widths of the region.
-fn error(subject: &Subject<'_>, samples: &OneStepSamples, substeps: usize) -> f64 {
-    let scale: Vec<f64> = (0..subject.region.dims.nx).map(|i| subject.region.width(i)).collect();
-    samples.rms_error(&mut *subject.plant.rk4(subject.step_s(), substeps), &scale)
+/// Where the first integrator of the loop is worst.
+fn worst(subject: &Subject<'_>, of_box: &mut IntegratorBox<'_>) -> Option<Finding> {
+    let control = subject.experiment.control.as_ref()?;
+    let kind = control.models.iter().copied().find(|kind| explicit(*kind).is_some())?;
+    let substeps = control.substeps(kind, subject.step_s(), subject.step_s());
+    let found = of_box.worst(kind, substeps)?;
+    let at = format!("{}; {}", subject.state(&found.worst.x), subject.input(&found.worst.u));
+    let what = format!(
+        "the largest error of one step of {} x{substeps} that a search found is {:.1e} of the \
+         range of {}, at {at}",
+        kind.title(),
+        found.max,
+        subject.state_name(found.worst.state)
+    );
+    Some(Finding::fact("", what))
 }

@@ -20,6 +20,7 @@ pub struct Advice<'a> {
     notes: &'a [String],
     within: f64,
     is_out_of_time: bool,
+    untried: &'a [String],
 }
 
 impl fmt::Display for Advice<'_> {
@@ -53,7 +54,8 @@ impl<'a> Advice<'a> {
         let standard = search.standard(&found.tried)?;
         let (winner, score) = standard.winner(&found.tried)?;
         let (within, is_out_of_time) = (search.within, found.is_out_of_time);
-        Some(Self { tried: &found.tried, standard, winner, score, notes, within, is_out_of_time })
+        let (tried, untried) = (&found.tried[..], &found.untried[..]);
+        Some(Self { tried, standard, winner, score, notes, within, is_out_of_time, untried })
     }
 
     /// The model to use.
@@ -103,8 +105,28 @@ impl<'a> Advice<'a> {
                     .to_owned(),
             );
         }
+        let is_unsound = |of: &&Tried| of.result.as_ref().is_ok_and(|s| s.unsound.is_some());
+        let unsound: Vec<_> =
+            self.tried.iter().filter(is_unsound).map(|of| of.candidate.to_string()).collect();
+        if !unsound.is_empty() {
+            sentences.push(format!(
+                "Rejected whatever its loop does: {}. An integrator has to be sound in the whole box \
+                 where the loop may go: stable at all random points, and with an rms error of one \
+                 step of 1 % of its widths at most (`pinc check` looks at the same).",
+                unsound.join(", ")
+            ));
+        }
+        if !self.untried.is_empty() {
+            sentences.push(format!("Not tried: {}.", self.untried.join("; ")));
+        }
         sentences.extend(self.notes.iter().map(|note| format!("Note: {note}.")));
         sentences
+    }
+
+    /// How many nets, or integrators, were tried.
+    fn count(&self, nets: bool) -> usize {
+        let is_net = |of: &&Tried| matches!(of.candidate, Candidate::Net { .. });
+        self.tried.iter().filter(|of| is_net(of) == nets).count()
     }
 
     fn advice(&self) -> String {
@@ -134,7 +156,10 @@ impl<'a> Advice<'a> {
                 "; that of the cheapest {what} as good, {}, takes {:.1} us.",
                 tried.candidate, other.p50_us
             ),
-            None => format!("; no {what} that was tried is as good."),
+            None => match self.count(wants_net) {
+                0 => format!("; no {what} was tried."),
+                count => format!("; no {what} is as good, of {count} that were tried."),
+            },
         };
         if let Some(budget) = self.standard.budget_us
             && !self.standard.is_in_time(score)

@@ -36,6 +36,9 @@ pub struct Score {
     pub worst: Option<f64>,
     /// How long the net was trained, in s.
     pub training_s: Option<f64>,
+    /// What makes an integrator unsound in the box where the loop may go, in the words of `pinc
+    /// check`; `None` for a sound one and for a net.
+    pub unsound: Option<String>,
 }
 
 /// A model that was tried.
@@ -87,6 +90,7 @@ impl Score {
             rms: step.map(|step| step.errors.rms),
             worst: step.map(|step| step.errors.max),
             training_s: metrics.training.as_ref().map(|training| training.wall_s),
+            unsound: None,
         })
     }
 
@@ -104,18 +108,22 @@ impl Score {
 }
 
 impl Standard {
-    /// That of the integrator whose steps are the most exact of those whose loops stand; none if no
-    /// loop does.
+    /// That of the integrator whose steps are the most exact of those whose loops stand, a sound one
+    /// if there is one; none if no loop stands.
     pub(crate) fn of(tried: &[Tried], spec: &ControlSpec, within: f64) -> Option<Self> {
         let max_failed = spec.max_failed_share;
         let loops = tried.iter().filter_map(|tried| match (tried.candidate, &tried.result) {
             (Candidate::Integrator { substeps, .. }, Ok(score)) if score.stands(max_failed) => {
                 let error = score.rms.filter(|rms| rms.is_finite()).unwrap_or(f64::INFINITY);
-                Some((error, substeps, tried.candidate, score))
+                let key = (score.unsound.is_some(), error);
+                Some((key, substeps, tried.candidate, score))
             }
             _ => None,
         });
-        let exactest = loops.min_by(|a, b| a.0.total_cmp(&b.0).then(b.1.cmp(&a.1)));
+        let exactest = loops.min_by(|a, b| {
+            let (a_key, b_key) = (a.0, b.0);
+            a_key.0.cmp(&b_key.0).then(a_key.1.total_cmp(&b_key.1)).then(b.1.cmp(&a.1))
+        });
         exactest.map(|(_, _, exact, score)| Self {
             exact,
             iae: score.iae,
@@ -129,6 +137,9 @@ impl Standard {
 
     /// In what a model falls short, but for its time; nothing if it is good.
     pub(crate) fn shortfall(&self, score: &Score) -> Option<String> {
+        if score.unsound.is_some() {
+            return score.unsound.clone();
+        }
         if score.failed > self.max_failed {
             return Some(format!("{:.0} % of its steps fail", 100.0 * score.failed));
         }
@@ -222,6 +233,7 @@ pub(crate) mod tests {
             rms: Some(rms),
             worst: None,
             training_s: None,
+            unsound: None,
         }
     }
 
@@ -268,6 +280,11 @@ pub(crate) mod tests {
         // Of two that cost the same, the more exact one.
         let all = [exact.clone(), rk4(2, 100.5, 10.0, 1e-3), rk4(3, 100.0, 10.4, 1e-4)];
         assert_eq!(name(&all, None).as_deref(), Some("RK4 x3"));
+        // 15 % is more than measurements differ by: the net wins, and the cheaper integrator.
+        let all = [exact.clone(), rk4(2, 100.5, 10.0, 1e-3), net(100.2, 8.5)];
+        assert_eq!(name(&all, None).as_deref(), Some("distilled 2x16"));
+        let all = [exact.clone(), rk4(2, 100.5, 10.0, 1e-3), rk4(3, 100.0, 11.5, 1e-4)];
+        assert_eq!(name(&all, None).as_deref(), Some("RK4 x2"));
         // A cheaper one whose slowest steps are late is none.
         let mut late = rk4(2, 100.0, 10.0, 1e-3);
         if let Ok(score) = &mut late.result {
@@ -276,6 +293,24 @@ pub(crate) mod tests {
         let all = [exact, late];
         assert_eq!(name(&all, Some(150.0)).as_deref(), Some("RK4 x16"));
         assert_eq!(name(&all, Some(1.0)).as_deref(), Some("RK4 x2"));
+    }
+
+    #[test]
+    fn an_unsound_integrator_neither_wins_nor_sets_the_standard() {
+        let unsound = |mut tried: Tried| {
+            if let Ok(score) = &mut tried.result {
+                score.unsound = Some("unstable at 46 of 200 random points".to_owned());
+            }
+            tried
+        };
+        let spec: ControlSpec = toml::from_str(crate::search::SPEC).unwrap();
+        // The cheapest has the best IAE and, at the points that were looked at, the best steps.
+        let all = [unsound(rk4(2, 100.0, 5.0, 1e-9)), rk4(4, 100.2, 9.0, 1e-5)];
+        let standard = Standard::of(&all, &spec, 0.01).unwrap();
+        assert_eq!((standard.exact.to_string(), standard.iae), ("RK4 x4".to_owned(), 100.2));
+        assert_eq!(standard.winner(&all).unwrap().0.candidate.to_string(), "RK4 x4");
+        let all = [unsound(rk4(2, 100.0, 5.0, 1e-9))];
+        assert!(Standard::of(&all, &spec, 0.01).unwrap().winner(&all).is_none());
     }
 
     #[test]
@@ -303,6 +338,8 @@ pub(crate) mod tests {
         assert_eq!(with(&|score| score.failed = 0.2), "20 % of its steps fail");
         assert_eq!(with(&|score| score.violation = 0.5), "violates a bound by 5.0e-1 more");
         assert_eq!(with(&|score| score.iae = 90.0), "");
+        let unsound = |score: &mut Score| score.unsound = Some("unstable at 46 of 200".to_owned());
+        assert_eq!(with(&unsound), "unstable at 46 of 200");
         let nearly = |iae: f64| standard.is_nearly_good(&Score { iae, ..score.clone() });
         assert!(!nearly(100.9) && nearly(101.1) && nearly(101.9) && !nearly(102.1));
     }

@@ -6,7 +6,7 @@ use super::guard::Guard;
 use super::recording::{Recording, Totals, TraceColumns, write_medians};
 use crate::RunError;
 use crate::progress::Stage;
-use pinc_check::Rehearsal;
+use pinc_check::{Metered, Rehearsal, Work};
 use pinc_config::{ControlSpec, Experiment, ModelKind, Schedule, Variables};
 use pinc_mpc::{ClosedLoop, Nmpc, NmpcProblem, Reference};
 use pinc_net::PincNet;
@@ -17,6 +17,9 @@ use pinc_record::{
 use std::cell::Cell;
 use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
+
+/// A deviation of this share of a state's bounded range counts as settled.
+const SETTLED_RANGE: f64 = 1e-4;
 
 /// The entries of Jacobians that a rehearsal computes for its plans.
 const REHEARSED_ENTRIES: usize = 400_000_000;
@@ -180,33 +183,58 @@ pub fn verdict(experiment: &Experiment, metrics: &Metrics) -> Result<(), RunErro
 /// The closed loop of `spec` with an integrator as the model: the first one of the config, or else
 /// RK4.
 pub(super) fn rehearse(
-    plant: &dyn DynPlant,
+    (plant, metered): (&dyn DynPlant, &Metered),
     spec: &ControlSpec,
     sample_time_s: f64,
+    work: &Work,
 ) -> Result<Rehearsal, RunError> {
     let integrator = spec.models.iter().find(|kind| **kind != ModelKind::Pinc);
     let other = if plant.black_box().is_some() { ModelKind::BlackBox } else { ModelKind::Rk4 };
     let kind = integrator.copied().unwrap_or(other);
     let spec = ControlSpec { estimator: None, ..spec.clone() };
-    let setup = LoopSetup::numerical(&spec, sample_time_s, plant);
+    let numerical = LoopSetup::numerical(&spec, sample_time_s, plant);
+    let setup = LoopSetup { truth: metered, ..numerical };
     let mut nmpc = setup.controller(kind, plant)?;
     let mut run = setup.begin(&mut nmpc)?;
     let (mut trace, mut status) = (Trajectory::new(plant.dims()), BTreeMap::new());
     let most = rehearsed_steps(plant.dims(), &spec, kind);
-    let left_out = pinc_config::steps(spec.duration_s, sample_time_s).saturating_sub(most);
+    let all = pinc_config::steps(spec.duration_s, sample_time_s);
+    let iteration = iteration_units(plant.dims(), &spec, kind, metered);
     let mut done = 0;
-    while done < most
-        && let Some(control) = run.control()?
-    {
+    while done < most && (done == 0 || !work.is_over()) {
+        let Some(control) = run.control()? else { break };
+        let record = control.record();
+        let (ended, iterations) = (record.status.to_string(), record.sqp_iterations as u64 + 1);
+        match control.advance() {
+            // The budget was used up on the way.
+            Err(_) if work.is_over() && done > 0 => break,
+            advanced => advanced?,
+        }
+        work.spend(iterations.saturating_mul(iteration));
         done += 1;
-        *status.entry(control.record().status.to_string()).or_default() += 1;
-        control.advance()?;
+        *status.entry(ended).or_default() += 1;
         let step = run.last_step();
         for (i, t) in step.times().iter().enumerate() {
             trace.push(*t, step.state(i), step.input(i));
         }
     }
+    let left_out = all.saturating_sub(done);
     Ok(Rehearsal { model: kind, trace, status, left_out })
+}
+
+/// The units of work that an iteration of the controller takes: the model with its Jacobians along
+/// the horizon, and a factorization for each stage.
+fn iteration_units(dims: Dims, spec: &ControlSpec, kind: ModelKind, metered: &Metered) -> u64 {
+    let evaluations = match kind {
+        ModelKind::Rk5 => 6 * spec.rk5_substeps,
+        ModelKind::Rodas4 => 6 * spec.rosenbrock_substeps,
+        ModelKind::BlackBox => 1 + dims.nx + dims.nu,
+        ModelKind::Rk4 | ModelKind::Pinc => 4 * spec.rk4_substeps,
+    };
+    // About four derivatives cost as much as the value.
+    let model = evaluations as u64 * metered.units() * (1 + (dims.nx + dims.nu) as u64 / 4);
+    let factorization = ((dims.nx + dims.nu) as u64).pow(3) / 10;
+    spec.n2 as u64 * (model + factorization)
 }
 
 /// How many steps of a loop are rehearsed: as many as take a second or so, by the entries of the
@@ -308,7 +336,8 @@ impl LoopSetup<'_> {
     }
 
     /// How near its reference each controlled quantity stays to count as settled: as the config
-    /// says, or a hundredth of its largest error. Rounding of the reference is no error.
+    /// says, or a hundredth of its largest error, but no nearer than a ten thousandth of its
+    /// bounded range. A quantity that hardly moves is otherwise judged by rounding.
     fn settled_within(&self, run: &ClosedLoop<'_>) -> Vec<f64> {
         if let Some(within) = &self.spec.settled_within {
             return within.clone();
@@ -317,7 +346,19 @@ impl LoopSetup<'_> {
             self.spec.references.iter().fold(0.0, |size: f64, step| size.max(step.value[i].abs()))
         };
         let errors = run.largest_errors().into_iter().enumerate();
-        errors.map(|(i, error)| (0.01 * error).max(1e-9 * size(i))).collect()
+        let least = |i: usize| (1e-9 * size(i)).max(SETTLED_RANGE * self.bounded_range(i));
+        errors.map(|(i, error)| (0.01 * error).max(least(i))).collect()
+    }
+
+    /// The range of a controlled state between its bounds; 0 without both of them.
+    fn bounded_range(&self, i: usize) -> f64 {
+        let (Some(low), Some(high)) = (&self.spec.state_low, &self.spec.state_high) else {
+            return 0.0;
+        };
+        let name = &self.spec.controlled[i];
+        let place = self.truth.states().iter().position(|state| state.name == *name);
+        let range = place.map_or(0.0, |place| high[place] - low[place]);
+        if range.is_finite() { range } else { 0.0 }
     }
 
     /// Whether the references were reached.

@@ -42,7 +42,7 @@ mod train;
 mod train_watched;
 mod trial;
 
-pub use check::check;
+pub use check::{check, check_watched};
 pub use chosen::ModelFile;
 use control::Schedules;
 pub use control::{LoopSetup, verdict};
@@ -51,7 +51,7 @@ pub use estimate::{Estimated, estimate};
 pub use export::{Target, export_controller, export_net, export_plant};
 pub use identify::{identification_summary, identify};
 pub use live::{Follow, LiveController, LiveStep};
-pub use pinc_check::{Finding, Severity, findings_json};
+pub use pinc_check::{Finding, IntegratorBox, Severity, findings_json};
 pub use predict::predict;
 pub use progress::Verbosity;
 pub use serve::serve;

@@ -48,6 +48,33 @@ impl Stage {
         })
     }
 
+    /// A stage that is not shown unless it takes long, and whose total is not known yet.
+    pub(crate) fn begin_late(verbosity: Verbosity, name: &str) -> Self {
+        Self(match verbosity {
+            Verbosity::Quiet => Display::Quiet,
+            Verbosity::Shown => {
+                Display::Lines { name: name.to_owned(), total: 0, last: Some(Instant::now()) }
+            }
+        })
+    }
+
+    /// How many units of work there are.
+    pub(crate) fn set_total(&mut self, of: u64) {
+        match &mut self.0 {
+            Display::Bar(bar) => bar.set_length(of),
+            Display::Lines { total, .. } => *total = of,
+            Display::Quiet => {}
+        }
+    }
+
+    /// Ends such a stage without a word.
+    pub(crate) fn end_late(self) {
+        match self.0 {
+            Display::Bar(bar) => bar.finish_and_clear(),
+            Display::Lines { .. } | Display::Quiet => {}
+        }
+    }
+
     /// Shows that `done` units are done; `message` is called only if it is shown.
     pub fn advance(&mut self, done: u64, message: impl FnOnce() -> String) {
         match &mut self.0 {

@@ -454,7 +454,7 @@ fn check(
     plants: &Plants,
 ) -> Result<ExitCode, RunError> {
     let experiment = Experiment::load(config, sets, plants)?;
-    let findings = pinc_runs::check(&experiment);
+    let findings = pinc_runs::check_watched(&experiment, Verbosity::Shown);
     if json {
         console::line(&pinc_runs::findings_json(&findings));
     } else {

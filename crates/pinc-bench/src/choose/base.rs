@@ -2,6 +2,7 @@
 
 use pinc_config::{ControlSpec, Experiment, ModelKind, Plants};
 use pinc_net::{Domain, TrainingTarget};
+use pinc_ode::DynPlant;
 use pinc_runs::RunError;
 use pinc_runs::Steps;
 use std::fmt::Write;
@@ -11,8 +12,10 @@ use std::path::Path;
 const ONE_STEP: &str = "[one_step]\npoints = 1024\nmeasure_s = 0.05\n";
 
 /// What the candidates have in common.
-#[derive(Clone, Debug)]
+#[derive(Debug)]
 pub(super) struct Base {
+    /// The plant of the models.
+    pub(super) plant: Box<dyn DynPlant>,
     /// The config with the sections that trying needs.
     pub(super) experiment: Experiment,
     /// What nets can be trained on; nothing if none can be tried.
@@ -92,7 +95,8 @@ impl Base {
         }
         let text = format!("{}\n{added}", own.to_toml());
         let experiment = Experiment::parse(Path::new("pinc choose"), &text, &[], plants)?;
-        Ok(Self { experiment, sources, notes })
+        let plant = experiment.plant.dyn_plant();
+        Ok(Self { plant, experiment, sources, notes })
     }
 }
 

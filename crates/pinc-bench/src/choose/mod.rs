@@ -83,6 +83,10 @@ pub fn choose(
 fn nothing(name: &str, found: &Found) -> RunError {
     let reason = |tried: &Tried| match &tried.result {
         Err(error) => format!("{}: {error}", tried.candidate),
+        Ok(score) if score.unsound.is_some() => {
+            let objection = score.unsound.as_deref().unwrap_or_default();
+            format!("{}: {objection}", tried.candidate)
+        }
         Ok(score) => {
             format!("{}: {:.0} % of its steps fail", tried.candidate, 100.0 * score.failed)
         }

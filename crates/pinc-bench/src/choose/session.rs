@@ -8,7 +8,7 @@ use pinc_runs::RunError;
 use pinc_runs::clock::Deadline;
 use pinc_runs::invocation::{cores, invocation};
 use pinc_runs::progress::{Stage, Verbosity};
-use pinc_runs::{Options, Threads, run_trial, train_shared};
+use pinc_runs::{IntegratorBox, Options, Threads, run_trial, train_shared};
 use std::path::Path;
 
 /// The candidates tried so far, and where what came of them lies.
@@ -24,6 +24,8 @@ pub(super) struct Session<'a> {
     /// Until when the best are measured again.
     deadline: Deadline,
     stage: Stage,
+    /// The box in which integrators have to be sound.
+    of_box: Option<IntegratorBox<'a>>,
 }
 
 /// The share of the time in which models are tried; the rest is for measuring the best again.
@@ -48,7 +50,19 @@ impl<'a> Session<'a> {
         }
         let [trying, deadline] = [TRYING * budget_s, budget_s].map(Deadline::in_seconds);
         let stage = Stage::begin(options.verbosity, "choose", deadline.whole_s());
-        Ok(Self { base, run_dir, sweep_dir, plants, begun, options, trying, deadline, stage })
+        let of_box = IntegratorBox::of(&*base.plant, &base.experiment);
+        Ok(Self {
+            base,
+            run_dir,
+            sweep_dir,
+            plants,
+            begun,
+            options,
+            trying,
+            deadline,
+            stage,
+            of_box,
+        })
     }
 
     /// Ends the session, in which so much was tried.
@@ -79,6 +93,16 @@ impl<'a> Session<'a> {
     fn one_step(&self, candidate: Candidate) -> Result<Vec<OneStepMetrics>, RunError> {
         let tried = self.sweep_dir.finished(&self.trial(candidate, Purpose::Quality)?.id)?;
         Ok(tried.map_or_else(Vec::new, |tried| tried.metrics.one_step))
+    }
+
+    /// What makes an integrator unsound, as `pinc check` says it.
+    fn objection(&self, candidate: Candidate) -> Option<String> {
+        match candidate {
+            Candidate::Integrator { kind, substeps } => {
+                self.of_box.as_ref()?.soundness(kind, substeps).objection()
+            }
+            Candidate::Net { .. } => None,
+        }
     }
 
     /// When a trial has to end, if its time is limited: each model has one measurement at least.
@@ -166,7 +190,9 @@ impl Loops for Session<'_> {
         };
         let result = match (finished.ending, Score::of(&finished.metrics)) {
             (Ending::Failed { error }, _) => Err(error),
-            (Ending::Done, Some(score)) => Ok(score),
+            (Ending::Done, Some(score)) => {
+                Ok(Score { unsound: self.objection(candidate), ..score })
+            }
             (Ending::Done, None) => Err("no results".to_owned()),
         };
         Ok(Some(Tried { candidate, net, repetitions, place: trial.id, result }))

@@ -76,6 +76,8 @@ pub struct Found {
     pub tried: Vec<Tried>,
     /// Whether something was not tried for want of time.
     pub is_out_of_time: bool,
+    /// What was not tried, and why, in words.
+    pub untried: Vec<String>,
 }
 
 impl Found {
@@ -171,7 +173,13 @@ impl Search<'_> {
         for kind in [ModelKind::Rk4, ModelKind::Rk5, ModelKind::Rodas4] {
             let of_rk4 = self.rungs(&found.tried, ModelKind::Rk4);
             let fewest = of_rk4.iter().filter(|rung| rung.good).map(|rung| rung.substeps).min();
-            if kind == ModelKind::Rodas4 && fewest.is_some_and(|fewest| fewest < STIFF) {
+            if kind == ModelKind::Rodas4
+                && let Some(fewest) = fewest.filter(|fewest| *fewest < STIFF)
+            {
+                found.untried.push(format!(
+                    "{}: RK4 is good with {fewest} substeps, fewer than {STIFF}",
+                    kind.title()
+                ));
                 continue;
             }
             let start = self.own_substeps(kind);
@@ -183,24 +191,87 @@ impl Search<'_> {
     /// Nets from the first guess to the smallest that is good, of each source.
     fn nets<L: Loops>(&self, found: &mut Found, loops: &mut L) -> Result<(), L::Error> {
         let Some(standard) = self.standard(&found.tried) else { return Ok(()) };
+        let planned = found.tried.len();
+        let outcome = self.nets_by(&standard, found, loops);
+        self.note_time(found, planned);
+        outcome
+    }
+
+    /// The same by a standard that is set.
+    fn nets_by<L: Loops>(
+        &self,
+        standard: &Standard,
+        found: &mut Found,
+        loops: &mut L,
+    ) -> Result<(), L::Error> {
         let cheapest = standard.ranking(&found.tried).first().map(|(_, score)| score.p50_us);
         let hopeless = cheapest.map_or(f64::INFINITY, |cheapest| HOPELESS * cheapest);
         let shapes = shapes(self.states);
         let mut start = FIRST_NET;
         for &source in self.sources {
-            let places = |found: &Found| places(shapes, &found.tried, &standard, source);
+            let places = |found: &Found| places(shapes, &found.tried, standard, source);
             while let Some(place) = ladder::size(start, shapes.len(), &places(found)) {
-                if place > 0 && is_hopeless(found, shapes[place - 1], source, hopeless) {
+                if place > 0
+                    && let Some(us) = self.out_of_reach(found, shapes[place - 1], source, hopeless)
+                {
+                    found.untried.push(format!(
+                        "{}: the control step with {} takes {us:.1} us, more than {HOPELESS} times that \
+                         of the cheapest good integrator",
+                        names(&shapes[place..], source),
+                        Candidate::Net { shape: shapes[place - 1], source, longer: false },
+                    ));
                     break;
                 }
-                if !try_net(found, loops, &standard, (shapes[place], source))? {
+                if !try_net(found, loops, standard, (shapes[place], source))? {
                     return Ok(());
                 }
             }
+            found.untried.extend(not_needed(shapes, &places(found), source));
             let good = places(found).into_iter().filter(|(_, good)| *good).map(|(place, _)| place);
             start = good.min().unwrap_or(FIRST_NET);
         }
         Ok(())
+    }
+
+    /// The time of a control step with a net of this size, if it was tried and is out of reach. That
+    /// of a loop that fails says nothing: it is spent on problems without a solution.
+    fn out_of_reach(
+        &self,
+        found: &Found,
+        shape: Shape,
+        source: TrainingTarget,
+        hopeless: f64,
+    ) -> Option<f64> {
+        let smaller = found.known(Candidate::Net { shape, source, longer: false });
+        let score = smaller?.result.as_ref().ok()?;
+        let stands = score.stands(self.control.max_failed_share);
+        (stands && score.p50_us > hopeless).then_some(score.p50_us)
+    }
+
+    /// Notes the sizes of nets for which there was no time.
+    fn note_time(&self, found: &mut Found, planned: usize) {
+        if !found.is_out_of_time {
+            return;
+        }
+        let shapes = shapes(self.states);
+        let nets = &found.tried[planned..];
+        let is_missing = |source: TrainingTarget| {
+            let tried = |shape: Shape| {
+                let alike = |of: &Tried| match of.candidate {
+                    Candidate::Net { shape: other, source: on, .. } => {
+                        other == shape && on == source
+                    }
+                    Candidate::Integrator { .. } => false,
+                };
+                nets.iter().any(alike)
+            };
+            let missing: Vec<Shape> = shapes.iter().copied().filter(|of| !tried(*of)).collect();
+            (!missing.is_empty()).then(|| names(&missing, source))
+        };
+        let missing: Vec<String> = self.sources.iter().filter_map(|of| is_missing(*of)).collect();
+        if !missing.is_empty() {
+            found.untried.push(format!("{}: the time was up", missing.join(", ")));
+        }
     }
 
     /// Measures the times of the best in turns, and keeps the least of each.
@@ -238,11 +309,28 @@ impl Search<'_> {
     }
 }
 
-/// Whether the control step with a net of this size, if it was tried, is out of reach.
-fn is_hopeless(found: &Found, shape: Shape, source: TrainingTarget, hopeless: f64) -> bool {
-    let smaller = found.known(Candidate::Net { shape, source, longer: false });
-    let smaller = smaller.and_then(|tried| tried.result.as_ref().ok());
-    smaller.is_some_and(|score| score.p50_us > hopeless)
+/// Nets by their names.
+fn names(shapes: &[Shape], source: TrainingTarget) -> String {
+    let name = |&shape: &Shape| Candidate::Net { shape, source, longer: false }.to_string();
+    shapes.iter().map(name).collect::<Vec<_>>().join(", ")
+}
+
+/// What sizes of a source need not be tried, since a smaller one is good, or a larger one is not.
+fn not_needed(shapes: &[Shape], tried: &[(usize, bool)], source: TrainingTarget) -> Option<String> {
+    let smallest = tried.iter().filter(|(_, good)| *good).map(|(place, _)| *place).min()?;
+    let missing = |place: &usize| tried.iter().all(|(other, _)| other != place);
+    let larger: Vec<Shape> =
+        (smallest + 1..shapes.len()).filter(missing).map(|place| shapes[place]).collect();
+    let smaller: Vec<Shape> = (0..smallest).filter(missing).map(|place| shapes[place]).collect();
+    let good = Candidate::Net { shape: shapes[smallest], source, longer: false };
+    let mut parts = Vec::new();
+    if !larger.is_empty() {
+        parts.push(format!("{}: {good} is good and smaller", names(&larger, source)));
+    }
+    if !smaller.is_empty() {
+        parts.push(format!("{}: larger ones were not good", names(&smaller, source)));
+    }
+    (!parts.is_empty()).then(|| parts.join("; "))
 }
 
 /// Tries a net, and once more with a longer training if it was nearly good; gives whether there
@@ -289,3 +377,6 @@ fn places(
 
 #[cfg(test)]
 mod tests;
+
+#[cfg(test)]
+pub(crate) use tests::SPEC;

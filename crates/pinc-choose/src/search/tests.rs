@@ -2,7 +2,7 @@ use super::*;
 use crate::judge::tests::score;
 use std::convert::Infallible;
 
-const SPEC: &str = r#"
+pub(crate) const SPEC: &str = r#"
     models = ["rk4"]
     duration_s = 1.0
     initial_state = [0.0]
@@ -141,6 +141,56 @@ fn a_stiff_plant_has_the_method_for_stiff_plants_tried() {
     // Its own search comes after RK5's; a net of that size is hopeless, and no larger is tried.
     assert!(asked.contains(&"Rosenbrock x1".to_owned()), "{asked:?}");
     assert!(!asked.contains(&"distilled 2x24".to_owned()), "{asked:?}");
+}
+
+#[test]
+fn a_small_net_that_fails_keeps_no_larger_one_from_being_tried() {
+    // Failing steps take long, as the solver goes on to its last iteration.
+    let control: ControlSpec = toml::from_str(SPEC).unwrap();
+    let sources = &[TrainingTarget::Integrator];
+    let search = Search { control: &control, sources, states: 20, within: 0.01 };
+    let mut loops = Rules {
+        rule: |candidate| match candidate {
+            Candidate::Integrator { .. } => Some((100.0, 5.0)),
+            Candidate::Net { shape: Shape { neurons: 48, layers: 2 }, .. } => Some((100.0, 4.0)),
+            Candidate::Net { .. } => Some((f64::NAN, 400.0)),
+        },
+        asked: Vec::new(),
+        most: 99,
+        rounds: 1,
+    };
+    let Ok(found) = search.run(&mut loops);
+    assert!(loops.asked.contains(&"distilled 2x48".to_owned()), "{:?}", loops.asked);
+    let nets = found.tried.iter().filter(|tried| matches!(tried.candidate, Candidate::Net { .. }));
+    assert_eq!(nets.count(), 4);
+    assert!(found.untried.iter().any(|of| of.starts_with("distilled 1x16: ")), "{found:?}");
+}
+
+#[test]
+fn what_is_not_tried_is_said_with_the_reason() {
+    // Good from 2x24 on, which takes more than twice as long as RK4.
+    let (_, found) = order(99, |candidate| match candidate {
+        Candidate::Integrator { kind: ModelKind::Rk4, .. } => Some((100.0, 2.0)),
+        Candidate::Integrator { .. } => Some((100.0, 3.0)),
+        Candidate::Net { .. } => Some((150.0, 4.5)),
+    });
+    let said = found.untried.join("\n");
+    for part in [
+        "Rosenbrock: RK4 is good with 1 substeps, fewer than 8",
+        "distilled 2x24, distilled 3x24, distilled 4x32: the control step with distilled 2x16 takes \
+         4.5 us",
+        "PINC 2x24, PINC 3x24, PINC 4x32: ",
+    ] {
+        assert!(said.contains(part), "no `{part}` in {said}");
+    }
+    // At most twice as long is within reach: 4 us of 2 us.
+    let (asked, _) = order(99, |candidate| match candidate {
+        Candidate::Integrator { .. } => Some((100.0, 2.0)),
+        Candidate::Net { .. } => Some((150.0, 3.9)),
+    });
+    assert!(asked.contains(&"distilled 4x32".to_owned()), "{asked:?}");
+    let (_, found) = order(6, |_| Some((100.0, 5.0)));
+    assert!(found.untried.iter().any(|of| of.ends_with("the time was up")), "{:?}", found.untried);
 }
 
 #[test]

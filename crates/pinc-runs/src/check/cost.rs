@@ -3,7 +3,7 @@
 use crate::RunError;
 use crate::clock::{for_seconds, median, time, to_f64};
 use crate::control::LoopSetup;
-use pinc_check::{Cost, ModelCost};
+use pinc_check::{Cost, Metered, ModelCost};
 use pinc_config::{ControlSpec, Experiment, ModelKind};
 use pinc_net::PincNet;
 use pinc_ode::{DynPlant, LinearizationBuffer, Model, Stages};
@@ -22,12 +22,16 @@ const BATCH_S: f64 = 1e-4;
 const LARGEST_BATCH: usize = 1000;
 
 /// The costs of the config's models, if it has a loop.
-pub(super) fn measure(plant: &dyn DynPlant, experiment: &Experiment) -> Option<Cost> {
+pub(super) fn measure(
+    (plant, metered): (&dyn DynPlant, &Metered),
+    experiment: &Experiment,
+) -> Option<Cost> {
     let (spec, sample_time_s) = experiment.control.as_ref().zip(experiment.sample_time_s())?;
     let net = untrained(plant, experiment);
     // No estimator: the loop is that of the plant whose state is measured.
     let spec = &ControlSpec { estimator: None, ..spec.clone() };
-    let setup = LoopSetup { net: net.as_ref(), ..LoopSetup::numerical(spec, sample_time_s, plant) };
+    let numerical = LoopSetup::numerical(spec, sample_time_s, plant);
+    let setup = LoopSetup { net: net.as_ref(), truth: metered, ..numerical };
     let (x, u) = (&spec.initial_state, middle(spec));
     let mut dx = vec![0.0; x.len()];
     let rhs_ns = call_ns(|| plant.rhs(black_box(x), black_box(&u), &[], black_box(&mut dx)));

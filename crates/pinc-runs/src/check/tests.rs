@@ -1,6 +1,7 @@
 //! Every message of the examinations, from a plant that gives rise to it.
 
-use super::examine;
+use super::examine as examine_watched;
+use crate::progress::Verbosity;
 use pinc_ad::Scalar;
 use pinc_check::Finding;
 use pinc_check::Severity::{self, Error, Fact, Warning};
@@ -34,6 +35,8 @@ enum Test {
     Damped,
     /// x1' = u + x1, x2' = x1 - x2.
     Unstable,
+    /// x1' = 3600 (u - x1), x2' = 3600 (x1 - x2): rates per hour as they are written by mistake.
+    Hourly,
 }
 
 impl Plant for Test {
@@ -63,6 +66,7 @@ impl Plant for Test {
             Self::Slow => [(u - x1) * 0.001, (x1 - x2) * 0.002],
             Self::Damped => [x2, u - x1 - x2],
             Self::Unstable => [u + x1, x1 - x2],
+            Self::Hourly => [(u - x1) * 3600.0, (x1 - x2) * 3600.0],
         };
     }
 }
@@ -102,6 +106,11 @@ fn experiment(sets: &[&str], more: &str) -> Experiment {
         &pinc_config::Plants::built_in(),
     )
     .unwrap()
+}
+
+/// The findings, without progress.
+fn examine(plant: &Test, experiment: &Experiment) -> Vec<Finding> {
+    examine_watched(plant, experiment, Verbosity::Quiet)
 }
 
 fn findings(plant: Test, sets: &[&str]) -> Vec<Finding> {
@@ -196,7 +205,12 @@ fn steady_states_and_their_modes() {
 fn steps_and_horizons_against_the_modes() {
     let found = findings(Test::Stiff, &[]);
     assert_found(&found, Warning, "references[0]", "stiff: the fastest mode times T is 500");
-    assert_found(&found, Warning, "control.rk4_substeps", "with 4 substeps RK4 is wrong by");
+    assert_found(
+        &found,
+        Warning,
+        "control.rk4_substeps",
+        "with 4 substeps RK4 is unstable at 200 of 200 random points of the training domain",
+    );
     let found = findings(Test::Stiff, &["control.step_s=50.0", "control.duration_s=50.0"]);
     assert_found(&found, Fact, "", "1e-6 of it not with 1024 substeps");
     let change = |f: &Finding| f.change == "rk4_substeps = more than 1024";
@@ -370,4 +384,118 @@ fn the_size_of_the_net_against_that_of_the_plant() {
     assert!(usual.iter().all(|f| f.severity == Fact), "{usual:?}");
     assert_found(&net(2, 1), Warning, "model.neurons", "1 neurons for 2 states are too few");
     assert_found(&net(8, 64), Warning, "model", "29570 weights are far more than");
+}
+
+/// By the error constant of order 5, |T|^5/120 of modes of size 1: 0.087 at T = 1.6 and 0.0083 at
+/// T = 1, times 0.3 or so for points all over the box.
+#[test]
+fn an_integrator_may_be_wrong_by_a_hundredth_of_the_box() {
+    let with = |step_s: &str| {
+        let step_s = format!("control.step_s={step_s}");
+        findings(Test::Damped, &[&step_s, "control.duration_s=8.0", "control.rk4_substeps=1"])
+    };
+    let found = with("1.6");
+    assert_found(&found, Warning, "control.rk4_substeps", "with 1 substeps RK4 is wrong by 0.0");
+    let found = with("1.0");
+    let warned = |f: &&Finding| f.place == "control.rk4_substeps" && f.severity == Warning;
+    assert_eq!(found.iter().find(warned), None);
+}
+
+/// The table has the numbers of `pinc run`: the same points, the same truth.
+#[test]
+fn the_errors_of_rk4_are_those_of_a_run() {
+    use pinc_net::DomainTruth;
+    use pinc_ode::Rk4;
+    let experiment = experiment(&[], "");
+    let found = findings(Test::Damped, &[]);
+    let domain = experiment.domain.as_ref().unwrap();
+    let truth = DomainTruth::draw(&Test::Damped, domain, 0.5, 4096, 1e-12, 1);
+    for substeps in [1, 2, 4] {
+        let rms = truth.rms(&mut Rk4::new(Test::Damped, 0.5, substeps));
+        assert_found(&found, Fact, "", &format!("{substeps}: {rms:.1e}"));
+    }
+    assert_found(&found, Fact, "", "the largest error of one step of RK4 x4 that a search found");
+}
+
+#[test]
+fn a_continuum_of_steady_states_is_called_one() {
+    let found = findings(Test::Integrator, &[]);
+    // x1' = u: with u = 0 any x1 rests, and x2 with it.
+    assert_found(&found, Fact, "", "steady states are a continuum: with this input x1, x2 can be");
+    let found = findings(Test::Damped, &[]);
+    assert!(found.iter().all(|f| !f.what.contains("continuum")), "{found:?}");
+    // The input in the middle of its bounds is no rest; that does not mean that there is none.
+    let sets = [
+        "control.input_low=[-0.5]",
+        "domain.input_low=[-0.5]",
+        "control.references.0.value=[3.0]",
+        "control.state_high=[4.0, 4.0]",
+        "domain.state_high=[4.0, 4.0]",
+    ];
+    let found = findings(Test::Integrator, &sets);
+    assert!(found.iter().all(|f| !f.what.contains("no steady state was")), "{found:?}");
+}
+
+/// x2 grows as in a batch, while x1 is kept where it is.
+#[test]
+fn a_reference_that_is_kept_while_the_plant_moves_on_is_no_fault() {
+    let sets = [
+        "control.state_high=[2.0, 20.0]",
+        "domain.state_high=[2.0, 20.0]",
+        "control.initial_input=[0.5]",
+    ];
+    let found = findings(Test::Restless, &sets);
+    // From 0 at a rate of 1.25, looked at from 3 s to the last sample before 4 s.
+    let kept = "x1 = 0.5 is kept by the closed loop from t = 3 s to ";
+    assert_found(&found, Fact, "control.references[0]", kept);
+    assert_found(&found, Fact, "control.references[0]", "x2 goes from 3.75 to 4.");
+    assert_found(&found, Fact, "the closed loop at t = 3.", "modes");
+    let about = |f: &&Finding| f.place.starts_with("control.references") && f.severity != Fact;
+    assert_eq!(found.iter().find(about), None);
+}
+
+#[test]
+fn rates_in_another_unit_of_time_are_asked_about() {
+    let found = findings(Test::Hourly, &[]);
+    assert_found(
+        &found,
+        Warning,
+        "plant",
+        "are the equation's rates per min instead of per second?",
+    );
+    let found = findings(Test::Hourly, &["time_unit=\"h\""]);
+    assert_found(&found, Warning, "plant", "are the equation's rates per h instead of per second?");
+    let asks = |f: &Finding| f.what.contains("instead of per second");
+    // One fast state is stiffness.
+    assert!(!findings(Test::Stiff, &[]).iter().any(asks));
+    assert!(!findings(Test::Slow, &["time_unit=\"h\""]).iter().any(asks));
+}
+
+#[test]
+fn a_net_of_a_stiff_equation_is_to_be_distilled() {
+    let net = |plant: Test, source: &str| {
+        let text = format!(
+            r#"
+            [model]
+            horizon_s = 0.5
+            hidden_layers = 3
+            neurons = 20
+            [training]
+            source = "{source}"
+            [validation]
+            duration_s = 2.0
+            [validation.domain]
+            state_low = [-1.0, -1.0]
+            state_high = [1.0, 1.0]
+            input_low = [-1.0]
+            input_high = [1.0]
+            "#
+        );
+        findings_with(plant, &[], &text)
+    };
+    let found = net(Test::Stiff, "physics");
+    assert_found(&found, Warning, "training.source", "fastest mode times T is 500");
+    for found in [net(Test::Stiff, "integrator"), net(Test::Damped, "physics")] {
+        assert!(found.iter().all(|f| f.place != "training.source"), "{found:?}");
+    }
 }

@@ -37,7 +37,16 @@ fn sound_configs_give_no_cause_for_warnings() {
 #[test]
 fn wells_with_algebraic_pressures_are_examined_too() {
     for config in ["oil-well/gas-lift.toml", "pareto/gas-lift.toml"] {
-        warnings(&findings(config, &["model.neurons=8", "control.duration_s=1200.0"]));
+        let all = findings(config, &["model.neurons=8", "control.duration_s=1200.0"]);
+        let warned = warnings(&all);
+        // The valve closes by a max where the pressures meet: a kink, seen along three states.
+        let is_kink = |f: &&&Finding| {
+            f.place == "plant"
+                && f.what.contains("the derivative of gas_annulus' jumps")
+                && f.what.contains("plant.expression.let.injected: p_annulus - p_foot - 0")
+        };
+        assert_eq!(warned.iter().filter(is_kink).count(), 3, "{config}: {warned:?}");
+        assert_eq!(warned.len(), 3, "{config}: {warned:?}");
     }
 }
 
@@ -355,4 +364,63 @@ fn states_with_names_of_columns_are_refused() {
             .to_string();
         assert!(error.contains("plant.expression.states[1]") && error.contains(column), "{error}");
     }
+}
+
+/// A cart x'' = b u - v on a line, with the square of its distance from an obstacle at 1 as an
+/// output.
+fn cart(sets: &[&str]) -> Vec<Finding> {
+    let text = r#"
+        name = "cart"
+        preset = "ours"
+        seed = 1
+        [plant.expression]
+        states = ["x"]
+        inputs = ["u"]
+        parameters = { b = 1.0 }
+        derivatives = { x = "b*u - x" }
+        outputs = { clearance = "(x - 1)^2" }
+        [control]
+        models = ["rk4"]
+        step_s = 0.5
+        duration_s = 10.0
+        initial_state = [0.0]
+        controlled = ["x"]
+        q = [1.0]
+        r = [1.0]
+        state_low = [-3.0]
+        state_high = [3.0]
+        output_low = [0.16]
+        input_low = [-3.0]
+        input_high = [3.0]
+        references = [{ start_s = 0.0, value = [0.5] }, { start_s = 5.0, value = [0.7] }]
+    "#;
+    let sets: Vec<_> = sets.iter().map(|set| (*set).to_owned()).collect();
+    check(&Experiment::parse("cart.toml".as_ref(), text, &sets, &Plants::built_in()).unwrap())
+}
+
+#[test]
+fn a_reference_inside_an_obstacle_is_named() {
+    let found = cart(&[]);
+    // (0.7 - 1)^2 = 0.09, less than 0.16; (0.5 - 1)^2 = 0.25 is free.
+    let inside = with(&found, &["control.references[1]: clearance is 0.09", "0.16 to inf"]);
+    assert_eq!(inside.severity, Severity::Warning);
+    let about = found.iter().filter(|f| f.what.starts_with("clearance"));
+    assert_eq!(about.count(), 1, "{found:?}");
+    let free = cart(&["control.references.1.value=[0.55]"]);
+    with(&free, &["start and references are within the bounds, those of the outputs among them"]);
+}
+
+#[test]
+fn a_plant_whose_gain_has_another_sign_is_named() {
+    let schedule =
+        |b: f64| format!("control.plant_schedule=[{{ start_s = 2.0, values = {{ b = {b:?} }} }}]");
+    let found = cart(&[&schedule(-0.5)]);
+    let parts = [
+        "control.plant: ",
+        "with the plant of the loop from 2 s on",
+        "from u to x has another sign",
+    ];
+    assert_eq!(with(&found, &parts).severity, Severity::Warning);
+    let found = cart(&[&schedule(0.5)]);
+    assert!(found.iter().all(|f| !f.what.contains("another sign")), "{found:?}");
 }

@@ -1,0 +1,221 @@
+//! Whether an integrator is sound in a box: the one criterion of `pinc check` and `pinc choose`.
+
+use crate::numbers::short;
+use crate::region;
+use crate::work::{Metered, Work};
+use pinc_analysis::{Complex, ExplicitMethod, OperatingPoint, Region, StateSpace};
+use pinc_config::{Experiment, ModelKind};
+use pinc_net::{Domain, DomainError, DomainTruth, RmsError, ValidationConfig};
+use pinc_ode::{Dims, DynPlant, Model};
+
+/// Random points at which the stability of explicit methods is examined; fewer for many states.
+const STABILITY_POINTS: usize = 200;
+
+/// The root mean square error of one step over the box, in its widths, up to which an integrator
+/// is sound.
+const SOUND_RMS: f64 = 1e-2;
+
+/// Points whose work says how many can be afforded.
+const PILOT: usize = 32;
+
+/// Integrators on the box in which a loop may go: the training domain, or else the controller's
+/// bounds.
+///
+/// An integrator is *sound* there if both hold:
+///
+/// - at none of 200 random points of the box a mode of the plant that decays grows from substep to
+///   substep (fewer points for more than 40 states; explicit methods only);
+/// - the root mean square error of one step over the box is at most 1 % of its widths.
+///
+/// The errors are those of `pinc run`: at the same quasi-random points, against the same truth. For
+/// an expensive plant there are fewer points, and [`RmsError::uncertainty`] says what that costs.
+pub struct IntegratorBox<'a> {
+    plant: &'a dyn DynPlant,
+    /// The plant with the parameters that vary over the domain.
+    family: Option<Box<dyn DynPlant>>,
+    region_name: &'static str,
+    region: Region,
+    step_s: f64,
+    modes: Vec<Vec<Complex>>,
+    truth: Option<DomainTruth>,
+    wanted: usize,
+}
+
+impl std::fmt::Debug for IntegratorBox<'_> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("IntegratorBox").field("region", &self.region).finish_non_exhaustive()
+    }
+}
+
+/// What there is against an integrator in a box.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Soundness {
+    /// At how many points of the box its substeps are unstable.
+    pub unstable: usize,
+    /// How many points were examined for that.
+    pub examined: usize,
+    /// The error of one step in widths of the box; `None` if there is no truth to compare with.
+    pub error: Option<RmsError>,
+    region_name: &'static str,
+}
+
+impl Soundness {
+    /// What makes the integrator unsound, in words; `None` if it is sound.
+    #[must_use]
+    pub fn objection(&self) -> Option<String> {
+        let Self { unstable, examined, region_name, error } = self;
+        let is_unstable = *unstable > 0;
+        let unstable = is_unstable.then(|| {
+            format!("unstable at {unstable} of {examined} random points of {region_name}")
+        });
+        // Not a number is unsound too.
+        let wrong = error.map(|error| error.rms).filter(|rms| !(..=SOUND_RMS).contains(rms));
+        let wrong =
+            wrong.map(|rms| format!("wrong by {} of the region's width in a step", short(rms)));
+        let both: Vec<String> = [unstable, wrong].into_iter().flatten().collect();
+        (!both.is_empty()).then(|| both.join(" and "))
+    }
+}
+
+impl<'a> IntegratorBox<'a> {
+    /// The box of an experiment whose plant is `plant`; `None` if the config has neither a domain
+    /// nor a loop, or no length of a step, or if the plant is a black box.
+    #[must_use]
+    pub fn of(plant: &'a dyn DynPlant, experiment: &Experiment) -> Option<Self> {
+        Self::within(plant, experiment, &Work::with_limit(crate::work::SHARE))
+    }
+
+    /// The same with what work may be done for the truth.
+    pub(crate) fn within(
+        plant: &'a dyn DynPlant,
+        experiment: &Experiment,
+        work: &Work,
+    ) -> Option<Self> {
+        if plant.black_box().is_some() {
+            return None;
+        }
+        let step_s = experiment.sample_time_s()?;
+        let (region, region_name) = region::of(experiment, plant.dims())?;
+        let names = experiment.varying();
+        let family = (!names.is_empty()).then(|| experiment.plant.family(&names));
+        let domain = experiment.domain.clone().unwrap_or_else(|| domain_of(&region));
+        let settings = experiment
+            .validation
+            .clone()
+            .unwrap_or_else(|| ValidationConfig::new(step_s, domain.clone()));
+        let wanted = settings.one_step_points;
+        let metered = match &family {
+            Some(family) => Metered::new(&**family, experiment, work),
+            None => Metered::new(plant, experiment, work),
+        };
+        let seed = experiment.seed;
+        let draw = |points: usize| {
+            DomainTruth::draw(&metered, &domain, step_s, points, settings.tolerance, seed)
+        };
+        let before = work.done();
+        let mut truth = Some(draw(PILOT.min(wanted)));
+        let of_pilot = (work.done() - before).max(1);
+        // The search for the worst point takes as much again.
+        let affordable = work.left() / (2 * of_pilot) * PILOT as u64;
+        if work.is_over() {
+            truth = None;
+        } else if affordable > PILOT as u64 && wanted > PILOT {
+            let points = usize::try_from(affordable).map_or(wanted, |points| points.min(wanted));
+            truth = Some(draw(points));
+            if work.is_over() {
+                // Some places take far more than the first ones: these have to do.
+                work.allow_for_a_search();
+                truth = Some(draw(PILOT));
+            }
+        }
+        let truth = truth.filter(|truth| !truth.points().is_empty());
+        let points = STABILITY_POINTS * crate::MANY_STATES / region.dims.nx.max(crate::MANY_STATES);
+        let modes = region.points(seed).take(points);
+        let modes = modes.filter_map(|point| modes_at(plant, &point)).collect();
+        Some(Self { plant, family, region_name, region, step_s, modes, truth, wanted })
+    }
+
+    /// What the box is called.
+    #[must_use]
+    pub fn name(&self) -> &'static str {
+        self.region_name
+    }
+
+    /// Whether an integrator with so many substeps is sound.
+    #[must_use]
+    pub fn soundness(&self, kind: ModelKind, substeps: usize) -> Soundness {
+        let unstable = explicit(kind).map_or(0, |method| {
+            #[expect(clippy::cast_precision_loss, reason = "a few substeps")]
+            let step_s = self.step_s / substeps as f64;
+            self.modes.iter().filter(|modes| !method.is_stable(modes, step_s)).count()
+        });
+        let (examined, region_name) = (self.modes.len(), self.region_name);
+        Soundness { unstable, examined, error: self.error(kind, substeps), region_name }
+    }
+
+    /// The error of one step of an integrator, in widths of the box.
+    pub(crate) fn error(&self, kind: ModelKind, substeps: usize) -> Option<RmsError> {
+        let mut model = self.model(kind, substeps)?;
+        self.truth.as_ref().map(|truth| truth.rms_error(&mut *model))
+    }
+
+    /// The errors of one step of an integrator, with the worst point that was found.
+    pub(crate) fn worst(&mut self, kind: ModelKind, substeps: usize) -> Option<DomainError> {
+        let mut model = self.model(kind, substeps)?;
+        self.truth.as_mut().map(|truth| truth.judge(&mut *model))
+    }
+
+    /// The least number of substeps with which an explicit method is stable at all points; `None`
+    /// without a point, [`usize::MAX`] for none.
+    pub(crate) fn stable_substeps(&self, method: ExplicitMethod) -> Option<usize> {
+        let needed =
+            |modes: &Vec<Complex>| method.stable_substeps(modes, self.step_s).unwrap_or(usize::MAX);
+        self.modes.iter().map(needed).max()
+    }
+
+    /// How many points the errors are of, and how many `pinc run` has.
+    pub(crate) fn points(&self) -> (usize, usize) {
+        (
+            self.truth.as_ref().map_or(0, |truth| truth.points().len() + truth.unsolved()),
+            self.wanted,
+        )
+    }
+
+    /// From how many of its points the plant cannot be integrated over a step.
+    pub(crate) fn unsolved(&self) -> usize {
+        self.truth.as_ref().map_or(0, DomainTruth::unsolved)
+    }
+
+    fn model(&self, kind: ModelKind, substeps: usize) -> Option<Box<dyn Model>> {
+        let plant = self.family.as_deref().unwrap_or(self.plant);
+        match kind {
+            ModelKind::Rk4 => Some(plant.rk4(self.step_s, substeps)),
+            ModelKind::Rk5 => Some(plant.rk5(self.step_s, substeps)),
+            ModelKind::Rodas4 => Some(plant.rodas4(self.step_s, substeps)),
+            ModelKind::Pinc | ModelKind::BlackBox => None,
+        }
+    }
+}
+
+/// The explicit method that a model is.
+pub(crate) fn explicit(kind: ModelKind) -> Option<ExplicitMethod> {
+    match kind {
+        ModelKind::Rk4 => Some(ExplicitMethod::Rk4),
+        ModelKind::Rk5 => Some(ExplicitMethod::Rk5),
+        ModelKind::Rodas4 | ModelKind::Pinc | ModelKind::BlackBox => None,
+    }
+}
+
+fn modes_at(plant: &dyn DynPlant, point: &OperatingPoint) -> Option<Vec<Complex>> {
+    StateSpace::tangent(plant, point, &[]).map(|tangent| tangent.eigenvalues())
+}
+
+/// The region as a domain; a variable that does not vary has a width of 1 there.
+fn domain_of(region: &Region) -> Domain {
+    let Dims { nx, .. } = region.dims;
+    let half = |i: usize| if region.high[i] > region.low[i] { 0.0 } else { 0.5 };
+    let mut low: Vec<f64> = region.low.iter().enumerate().map(|(i, v)| v - half(i)).collect();
+    let mut high: Vec<f64> = region.high.iter().enumerate().map(|(i, v)| v + half(i)).collect();
+    let (input_low, input_high) = (low.split_off(nx), high.split_off(nx));
+    Domain { state_low: low, state_high: high, input_low, input_high, parameters: Vec::new() }
+}
