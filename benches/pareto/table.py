@@ -51,6 +51,15 @@ HEADS = (
 )
 
 
+# Where `.ci/numbers` finds the numbers of a table again.
+ERRORS = ("one_step_rms", "one_step_median", "one_step_p99", "jacobian_rms")
+COLUMNS = [
+    "-",
+    *(f"error sweep[case={{model}}].?_{name}" for name in ERRORS),
+    *("timed", "timed", "net sweep[case={model}].?_iae_dense_sum", "timed", "timed"),
+]
+NUMBERS = "<!-- numbers\n| " + " | ".join(COLUMNS) + " |\n-->"
+
 
 def error(value):
     return f"{value:.1e}" if math.isfinite(value) else "not finite"
@@ -146,9 +155,10 @@ def sections(page):
 def section(plant, directory):
     provenance = json.loads((directory / "provenance.json").read_text())
     lines = ["", f"## {plant}", "", "```sh", f"pinc run configs/pareto/{plant}.toml", "```", ""]
-    lines += [f"Processor: {provenance['cpu']}, {provenance['cores']} cores.", ""]
+    machine = f"{provenance['cpu']}, {provenance['cores']} cores"
+    lines += [f"*Timed on {machine}, {provenance['started'].split('T')[0]}.*", ""]
     lines += [f"![Error of one step over its time: {plant}](pareto/{plant}.svg)", ""]
-    return lines + list(table(directory))
+    return lines + [NUMBERS] + list(table(directory))
 
 
 def main():

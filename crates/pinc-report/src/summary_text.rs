@@ -6,7 +6,7 @@ use crate::number_tables::comparison;
 use pinc_chart::text;
 use pinc_config::ModelKind;
 use pinc_mpc::SqpStatus;
-use pinc_record::{Metrics, TrainingMetrics, ValidationMetrics};
+use pinc_record::{ControlMetrics, Metrics, TrainingMetrics, ValidationMetrics};
 
 /// The run in a few sentences; empty if there are no metrics.
 pub(crate) fn paragraph(run: &Run) -> String {
@@ -60,58 +60,104 @@ fn over_the_domain(validation: &ValidationMetrics, metrics: &Metrics) -> Option<
 }
 
 fn tracking(run: &Run, metrics: &Metrics) -> Option<String> {
-    let iae = |model| Some(metrics.loop_with(model)?.iae_dense_sum);
-    let shown = |value| text::significant(value, 6);
-    match (iae(ModelKind::Pinc), iae(ModelKind::Rk4)) {
-        (Some(pinc), Some(rk4)) => Some(format!(
-            "In the closed loop the IAE (dense trace) is {} with the net as the controller's model \
-            and \
-             {} with RK4{}.",
-            shown(pinc),
-            shown(rk4),
-            difference(pinc, rk4)
-        )),
-        (Some(one), None) => {
-            let name = run.model_name(Some(ModelKind::Pinc));
+    let shown = |of: &ControlMetrics| text::significant(of.iae_dense_sum, 6);
+    let with =
+        |of: &ControlMetrics| format!("{} with {}", shown(of), run.model_name(Some(of.model)));
+    match &metrics.control[..] {
+        [] => None,
+        [one] => {
+            let name = run.model_name(Some(one.model));
             Some(format!("The IAE of the closed loop with {name} is {}.", shown(one)))
         }
-        (None, Some(one)) => {
-            Some(format!("The IAE of the closed loop with RK4 is {}.", shown(one)))
+        all => {
+            let of = |model| Some(metrics.loop_with(model)?.iae_dense_sum);
+            let compared = of(ModelKind::Pinc).zip(of(ModelKind::Rk4));
+            let compared = compared.map(|(pinc, rk4)| difference(pinc, rk4)).unwrap_or_default();
+            let each: Vec<String> = all.iter().map(with).collect();
+            Some(format!(
+                "In the closed loop the IAE (dense trace) is {}{compared}.",
+                text::listed(&each)
+            ))
         }
-        (None, None) => None,
     }
 }
 
 fn difference(pinc: f64, rk4: f64) -> String {
     match comparison(pinc, rk4) {
         same if same == "the same" => String::new(),
-        other => format!(": the net's is {other}"),
+        other => format!(": the net's is {other} than RK4's"),
     }
 }
 
 fn speed(run: &Run, metrics: &Metrics) -> Option<String> {
-    let time = |model| {
-        let time = metrics.loop_with(model)?.step_us.p50;
-        Some(format!("{} with {}", text::duration(time * 1e-6), run.model_name(Some(model))))
+    let time = |of: &ControlMetrics| {
+        let name = run.model_name(Some(of.model));
+        format!("{} with {name}", text::duration(of.step_us.p50 * 1e-6))
     };
-    let times: Vec<String> =
-        [ModelKind::Pinc, ModelKind::Rk4].into_iter().filter_map(time).collect();
+    let times: Vec<String> = metrics.control.iter().map(time).collect();
     (!times.is_empty())
         .then(|| format!("A step of the controller takes {} (medians).", text::listed(&times)))
 }
 
+/// How many control steps converged or failed. Real-time iterations and steps that the time budget
+/// ended are neither.
 fn statuses(metrics: &Metrics) -> Option<String> {
-    let statuses = || metrics.control.iter().flat_map(|of| &of.status);
-    let all: usize = statuses().map(|(_, count)| count).sum();
+    let sum = |count: fn(&ControlMetrics) -> usize| metrics.control.iter().map(count).sum();
     let converged = SqpStatus::Converged.to_string();
-    let failed = statuses().filter(|(status, _)| **status != converged).map(|(_, n)| n).sum();
-    match (all, failed) {
-        (0, _) => None,
-        (all, 0) => Some(format!("All {} control steps converged.", text::count(all))),
-        (all, failed) => Some(format!(
-            "Of {} control steps {} did not converge.",
-            text::count(all),
-            text::count(failed)
-        )),
+    let statuses = metrics.control.iter().flat_map(|of| &of.status);
+    let others: usize = statuses.filter(|(status, _)| **status != converged).map(|(_, n)| n).sum();
+    let (all, failed): (usize, usize) =
+        (sum(ControlMetrics::steps), sum(ControlMetrics::failed_steps));
+    let all = match (all, others) {
+        (0, _) => return None,
+        (all, 0) => return Some(format!("All {} control steps converged.", text::count(all))),
+        (all, _) => text::count(all),
+    };
+    Some(match failed {
+        0 => format!("Of {all} control steps none failed."),
+        failed => format!("Of {all} control steps {} failed.", text::count(failed)),
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use pinc_record::{ReferenceMetrics, StepTimes, WallTimes};
+
+    fn of(model: ModelKind, status: &[(SqpStatus, usize)]) -> ControlMetrics {
+        ControlMetrics {
+            model,
+            rmse: 0.0,
+            iae: 0.0,
+            rmse_dense: 0.0,
+            iae_dense_sum: 2.5,
+            wall_s: WallTimes::of(vec![1.0]),
+            step_us: StepTimes::of(vec![40.0]),
+            sqp_iterations_mean: 1.0,
+            kkt_max: 0.0,
+            max_violation: 0.0,
+            status: status.iter().map(|(status, steps)| (status.to_string(), *steps)).collect(),
+            references: ReferenceMetrics::default(),
+            outside_domain: None,
+            estimator: None,
+        }
+    }
+
+    fn metrics(control: Vec<ControlMetrics>) -> Metrics {
+        let text = r#"{ "experiment": "e", "preset": "ours", "variables": {} }"#;
+        Metrics { control, ..serde_json::from_str(text).unwrap() }
+    }
+
+    #[test]
+    fn steps_that_wait_for_the_next_one_or_ran_out_of_time_have_not_failed() {
+        let said = |status: &[(SqpStatus, usize)]| {
+            statuses(&metrics(vec![of(ModelKind::Rk5, status)])).unwrap()
+        };
+        let fine = [(SqpStatus::Converged, 5), (SqpStatus::Prepared, 3), (SqpStatus::Deadline, 4)];
+        assert_eq!(said(&fine), "Of 12 control steps none failed.");
+        assert_eq!(said(&fine[..1]), "All 5 control steps converged.");
+        let failed = [fine[0], fine[1], (SqpStatus::Stalled, 2)];
+        assert_eq!(said(&failed), "Of 10 control steps 2 failed.");
+        assert_eq!(statuses(&metrics(Vec::new())), None);
     }
 }

@@ -103,7 +103,8 @@ fn models(spec: &ControlSpec) -> Finding {
     let twice = |kind: ModelKind| spec.models.iter().filter(|&&m| m == kind).count() > 1;
     if spec.models.is_empty() || spec.models.iter().any(|&kind| twice(kind)) {
         let names: Vec<_> = spec.models.iter().map(|m| m.name()).collect();
-        let expected = "one or more of \"pinc\", \"rk4\", \"rk5\", \"rosenbrock\", each once";
+        let known = ModelKind::ALL.map(|model| format!("\"{}\"", model.name())).join(", ");
+        let expected = &format!("one or more of {known}, each once");
         return value("control.models", format!("{names:?}"), expected);
     }
     Ok(())

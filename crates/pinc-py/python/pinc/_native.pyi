@@ -133,7 +133,8 @@ class Nmpc:
     somewhere else.
 
     The model is the net ``model``, a ``Model`` or the path of a model file, or the one that
-    ``only`` names (``"pinc"``, ``"rk4"``, ``"rk5"``, ``"rosenbrock"``), or else the config's first.
+    ``only`` names (``"pinc"``, ``"rk4"``, ``"rk5"``, ``"rosenbrock"``, ``"black-box"``), or else the
+    config's first.
     """
 
     def __new__(

@@ -2,9 +2,9 @@
 
 use super::page::{Page, short, time};
 use super::runs::{Run, Runs};
-use super::{PLANTS, line, spread};
+use super::{DERIVED, PLANTS, line, spread};
 use crate::error::ReportError;
-use pinc_config::{CASE, DRAWN, ModelKind};
+use pinc_config::{CASE, DRAWN, ModelKind, Preset};
 use pinc_record::{ControlMetrics, LoopMetric, SummaryRow, TrialColumn, TrialMetric};
 
 const PINC_IAE: TrialMetric = TrialMetric::Loop(ModelKind::Pinc, LoopMetric::IaeDenseSum);
@@ -15,9 +15,10 @@ const RK4_WALL: TrialMetric = TrialMetric::Loop(ModelKind::Rk4, LoopMetric::Wall
 /// Table 1.
 pub(super) fn table_1(page: &mut Page, runs: &Runs) {
     page.heading("Table 1: control");
+    page.timed(PLANTS.iter().flat_map(|(experiment, _)| runs.of_experiment(experiment)));
     page.commands(&[
-        "pinc run configs/van-der-pol/main.toml --set preset=...",
-        "pinc run configs/four-tanks/main.toml --set preset=...",
+        "pinc run configs/{config}/main.toml --set preset={source}",
+        "pinc control configs/{config}/control.toml --only rk4 --set preset={source}",
     ]);
     page.paragraph(
         "RMSE and IAE on the dense trace, the IAE summed over outputs, are the reading of the \
@@ -43,14 +44,29 @@ pub(super) fn table_1(page: &mut Page, runs: &Runs) {
         line(["four tanks", "paper", "PINC", "0.811", "876", "", "", "10.85 s", "0.14 s", "", ""]),
         line(["four tanks", "paper", "RK", "0.807", "544", "", "", "14.15 s", "0.13 s", "", ""]),
     ];
+    let mut made = vec![["-", "1", "-", "given"]; rows.len()];
     for (experiment, name) in PLANTS {
         for run in runs.of_experiment(experiment) {
             for metrics in &run.metrics.control {
                 let source = format!("`{}`", run.preset.name());
                 rows.push([vec![name.to_owned(), source], loop_cells(metrics)].concat());
+                made.push(match metrics.model {
+                    ModelKind::Rk4 => [experiment, "2", "rk4", "quick"],
+                    other => [experiment, "1", other.name(), effort(run.preset)],
+                });
             }
         }
     }
+    let list = |k: usize| made.iter().map(|row| row[k].to_owned()).collect();
+    let numbers = ["rmse_dense", "iae_dense_sum", "rmse", "iae"];
+    let numbers = numbers.map(|number| format!("net {{by}}: control.{{with}}.{number}"));
+    page.made_by(
+        &[("config", list(0)), ("by", list(1)), ("with", list(2)), ("effort", list(3))],
+        &format!(
+            "- | - | - | {} | timed | timed | timed | error {{by}}: control.{{with}}.kkt_max",
+            numbers.join(" | ")
+        ),
+    );
     page.table(&heads, &rows);
 }
 
@@ -68,6 +84,14 @@ pub(super) fn loops(page: &mut Page, runs: &Runs) {
                 page.picture(run, stem, &format!("{name}: {part}"));
             }
         }
+    }
+}
+
+/// How long it takes to make the numbers of a preset again: the paper's recipe takes hours.
+pub(super) fn effort(preset: Preset) -> &'static str {
+    match preset {
+        Preset::Ours => "full",
+        Preset::AsPrinted | Preset::AsReleased => "long",
     }
 }
 
@@ -89,18 +113,26 @@ fn loop_cells(metrics: &ControlMetrics) -> Vec<String> {
 /// Is PINC faster than RK4? The paper says so.
 pub(super) fn substeps(page: &mut Page, runs: &Runs) -> Result<(), ReportError> {
     page.heading("Is PINC faster than RK4?");
-    page.commands(&[
-        "pinc run configs/van-der-pol/substeps.toml",
-        "pinc run configs/four-tanks/substeps.toml",
-    ]);
+    let all = || PLANTS.into_iter().map(|(plant, name)| (plant, name, format!("{plant}-substeps")));
+    let found: Vec<&Run> = all()
+        .flat_map(|(.., experiment)| runs.of_experiment(&experiment).collect::<Vec<_>>())
+        .collect();
+    page.timed(found.into_iter());
     page.paragraph(
         "The paper says so of its program. The controller's time in the whole loop, median of 10 \
         runs, by the substeps of RK4. The \
          break-even is the number of substeps from which on RK4 takes longer than the net. What \
          fewer substeps lose is seen in the IAE.",
     );
-    for (plant, name) in PLANTS {
-        for run in runs.of_experiment(&format!("{plant}-substeps")) {
+    for (plant, name, experiment) in all() {
+        for run in runs.of_experiment(&experiment) {
+            page.commands(&[
+                &format!("pinc run configs/{plant}/substeps.toml"),
+                &format!(
+                    "pinc control configs/{plant}/control.toml --only rk4 --set \
+                     control.rk4_substeps={{substeps of RK4}}"
+                ),
+            ]);
             let (trials, times) = (run.trials()?, run.timings()?);
             let key = TrialColumn::Choice("control.rk4_substeps".to_owned());
             let mut rows = Vec::new();
@@ -126,6 +158,11 @@ pub(super) fn substeps(page: &mut Page, runs: &Runs) -> Result<(), ReportError> 
                 |substeps| format!("between {below} and {substeps} substeps"),
             );
             page.paragraph(&format!("{name}; break-even: {even}."));
+            page.made_by(
+                &[],
+                "- | timed | timed | 2: control.rk4.iae_dense_sum | \
+                 net 1: sweep[control.rk4_substeps={substeps of RK4}].pinc_iae_dense_sum",
+            );
             page.table(
                 &["substeps of RK4", "RK4", "PINC", "IAE dense, RK4", "IAE dense, PINC"],
                 &rows,
@@ -139,14 +176,18 @@ pub(super) fn substeps(page: &mut Page, runs: &Runs) -> Result<(), ReportError> 
 /// Fig. 15.
 pub(super) fn sensitivity(page: &mut Page, runs: &Runs) -> Result<(), ReportError> {
     page.heading("Fig. 15: sensitivity");
-    page.commands(&["pinc run configs/four-tanks/sensitivity.toml --set preset=..."]);
+    page.timed(runs.of_experiment("four-tanks-sensitivity"));
     page.paragraph(
         "IAE dense, summed over outputs, over 151 random plants (pump constants +-5 %) and 151 \
         random initial levels (9 cm +-5 %); the \
          models keep the nominal constants. The paper has histograms of PINC alone.",
     );
     for run in runs.of_experiment("four-tanks-sensitivity") {
-        page.paragraph(&format!("Preset `{}`; {}.", run.preset.name(), controller_time(run)?));
+        let preset = run.preset.name();
+        page.commands(&[&format!(
+            "pinc run configs/four-tanks/sensitivity.toml --set preset={preset}"
+        )]);
+        page.paragraph(&format!("Preset `{preset}`; {}.", controller_time(run)?));
         let mut rows = Vec::new();
         for (model, metric) in [("PINC", PINC_IAE), ("RK4", RK4_IAE)] {
             let summary = run.summary(metric)?;
@@ -169,8 +210,23 @@ pub(super) fn sensitivity(page: &mut Page, runs: &Runs) -> Result<(), ReportErro
             "most",
             "failed",
         ];
+        let number = |quantile: &str| {
+            format!(
+                "net summary[model.hidden_layers={{layers of 20}},drawn={{drawn}},\
+                 metric={{with}}_iae_dense_sum].{quantile}"
+            )
+        };
+        let numbers = ["min", "q1", "median", "q3", "max", "failed"].map(number);
+        let with = |row: &Vec<String>| row[2].to_lowercase();
+        page.made_by(
+            &[
+                ("with", rows.iter().map(with).collect()),
+                ("effort", vec![effort(run.preset).to_owned(); rows.len()]),
+            ],
+            &format!("- | - | - | {}", numbers.join(" | ")),
+        );
         page.table(&heads, &rows);
-        page.paragraph(&compared(run)?);
+        page.paragraph(&format!("{DERIVED}\n{}", compared(run)?));
         page.picture(run, "iae", "Histograms of the IAE");
     }
     Ok(())
@@ -209,8 +265,9 @@ fn controller_time(run: &Run) -> Result<String, ReportError> {
 /// Fig. 16.
 pub(super) fn worst_case(page: &mut Page, runs: &Runs) {
     page.heading("Fig. 16: the worst case");
-    page.commands(&["pinc run configs/four-tanks/worst-case.toml --set preset=..."]);
+    page.commands(&["pinc run configs/four-tanks/worst-case.toml --set preset={source}"]);
     let mut rows = vec![line(["paper", "PINC", "1022"])];
+    let mut made = vec![["-", "given"]];
     for run in runs.of_experiment("four-tanks-worst-case") {
         for metrics in &run.metrics.control {
             rows.push(vec![
@@ -218,8 +275,14 @@ pub(super) fn worst_case(page: &mut Page, runs: &Runs) {
                 metrics.model.title().to_owned(),
                 format!("{:.2}", metrics.iae_dense_sum),
             ]);
+            made.push([metrics.model.name(), effort(run.preset)]);
         }
     }
+    let list = |k: usize| made.iter().map(|row| row[k].to_owned()).collect();
+    page.made_by(
+        &[("with", list(0)), ("effort", list(1))],
+        "- | - | net control.{with}.iae_dense_sum",
+    );
     page.table(&["source", "model", "IAE dense"], &rows);
     for run in runs.of_experiment("four-tanks-worst-case") {
         page.picture(run, "control", "Closed loop in the worst case");
@@ -229,10 +292,6 @@ pub(super) fn worst_case(page: &mut Page, runs: &Runs) {
 /// What the contradictions between paper and program change.
 pub(super) fn deviations(page: &mut Page, runs: &Runs) -> Result<(), ReportError> {
     page.heading("Deviations, one at a time");
-    page.commands(&[
-        "pinc run configs/van-der-pol/deviations.toml",
-        "pinc run configs/four-tanks/deviations.toml",
-    ]);
     page.paragraph(
         "Each case is preset `ours` with one choice of the paper or of its authors' program \
         instead; [deviations.md](deviations.md) says \
@@ -247,6 +306,7 @@ pub(super) fn deviations(page: &mut Page, runs: &Runs) -> Result<(), ReportError
                 run.summary(RK4_IAE)?,
             ];
             page.paragraph(&format!("{name}:"));
+            page.commands(&[&format!("pinc run configs/{plant}/deviations.toml")]);
             let line = |row: &SummaryRow| {
                 let case = errors.choice(row, CASE);
                 let of_case = |row: Option<&SummaryRow>| row.map_or_else(|| "-".to_owned(), spread);
@@ -256,6 +316,17 @@ pub(super) fn deviations(page: &mut Page, runs: &Runs) -> Result<(), ReportError
             let rows: Vec<_> = errors.rows().iter().map(line).collect();
             let heads =
                 ["case", "`mse_gen`", "mse of one step", "IAE dense, PINC", "IAE dense, RK4"];
+            let spread = |(rule, metric): (&str, &str)| {
+                let of = |q| format!("{rule} summary[case={{case}},metric={metric}].{q}");
+                ["median", "min", "max"].map(of).join("; ")
+            };
+            let metrics = [
+                ("error", "mse_gen"),
+                ("error", "one_step_mse"),
+                ("net", "pinc_iae_dense_sum"),
+                ("net", "rk4_iae_dense_sum"),
+            ];
+            page.made_by(&[], &format!("- | {}", metrics.map(spread).join(" | ")));
             page.table(&heads, &rows);
         }
     }

@@ -1,8 +1,9 @@
 //! The grids of Fig. 5, and the sweep over T.
 
-use super::PLANTS;
+use super::control::effort;
 use super::page::{Page, short};
 use super::runs::{Run, Runs, Summary};
+use super::{DERIVED, PLANTS};
 use crate::error::ReportError;
 use pinc_config::SEED;
 use pinc_record::{Spread, SummaryRow, TrialColumn, TrialMetric, TrialStatus, TrialTable};
@@ -18,7 +19,6 @@ const STEP: &str = "model.horizon_s";
 /// Fig. 5a.
 pub(super) fn structure(page: &mut Page, runs: &Runs) -> Result<(), ReportError> {
     page.heading("Fig. 5a: layers and neurons");
-    page.commands(&["pinc run configs/van-der-pol/structure.toml --set preset=..."]);
     page.paragraph(
         "log10 of the median `mse_gen` over the seeds, with the quartiles and the number of seeds. \
         The paper's best is \
@@ -26,8 +26,8 @@ pub(super) fn structure(page: &mut Page, runs: &Runs) -> Result<(), ReportError>
     );
     for run in runs.of_experiment("van-der-pol-structure") {
         let summary = run.summary(ERROR)?;
-        page.paragraph(&format!("Preset `{}`; {}.", run.preset.name(), progress(run)));
-        grid(page, &summary, (LAYERS, NEURONS), "layers, by neurons");
+        introduce(page, run, "structure");
+        grid(page, (run, &summary), (LAYERS, NEURONS), "layers, by neurons");
         page.paragraph(&best(run, &summary)?);
         page.picture(run, "mse", "Map of the validation error over layers and neurons");
     }
@@ -37,7 +37,6 @@ pub(super) fn structure(page: &mut Page, runs: &Runs) -> Result<(), ReportError>
 /// Fig. 5b.
 pub(super) fn points(page: &mut Page, runs: &Runs) -> Result<(), ReportError> {
     page.heading("Fig. 5b: initial and collocation points");
-    page.commands(&["pinc run configs/van-der-pol/points.toml --set preset=..."]);
     page.paragraph(
         "As above, 4 layers of 20. The paper finds 40 initial points too few, and N_F/N_t = 4 too \
         little. In `ours` there are \
@@ -45,13 +44,13 @@ pub(super) fn points(page: &mut Page, runs: &Runs) -> Result<(), ReportError> {
     );
     for run in runs.of_experiment("van-der-pol-points") {
         let summary = run.summary(ERROR)?;
-        page.paragraph(&format!("Preset `{}`; {}.", run.preset.name(), progress(run)));
+        introduce(page, run, "points");
         match summary.has(INITIAL) {
             true => {
-                grid(page, &summary, (COLLOCATION, INITIAL), "N_F, by N_t");
-                page.paragraph(&by_initial_points(&summary));
+                grid(page, (run, &summary), (COLLOCATION, INITIAL), "N_F, by N_t");
+                page.paragraph(&format!("{DERIVED}\n{}", by_initial_points(&summary)));
             }
-            false => grid(page, &summary, (COLLOCATION, ""), "N_F"),
+            false => grid(page, (run, &summary), (COLLOCATION, ""), "N_F"),
         }
         page.picture(run, "mse", "The validation error over numbers of points");
     }
@@ -69,17 +68,23 @@ pub(super) fn horizon(page: &mut Page, runs: &Runs) -> Result<(), ReportError> {
     for (plant, name) in PLANTS {
         for run in runs.of_experiment(&format!("{plant}-horizon")) {
             let preset = run.preset.name();
-            page.paragraph(&format!(
-                "{name}, preset `{preset}`; {}. `pinc run configs/{plant}/horizon.toml --set \
-                preset={preset}`",
-                progress(run)
-            ));
+            page.paragraph(&format!("{name}, preset `{preset}`; {}.", progress(run)));
+            page.commands(&[&format!(
+                "pinc run configs/{plant}/horizon.toml --set preset={preset}"
+            )]);
             let summary = run.summary(ERROR)?;
             let row = |row: &SummaryRow| {
                 let numbers = [row.median, row.q1, row.q3].map(short);
                 [vec![summary.choice(row, STEP).to_owned()], numbers.to_vec()].concat()
             };
             let rows: Vec<_> = summary.rows().iter().map(row).collect();
+            let number = |quantile: &str| {
+                format!("error summary[{STEP}={{T in s}},metric=mse_gen].{quantile}")
+            };
+            page.made_by(
+                &[("effort", vec![effort(run.preset).to_owned(); rows.len()])],
+                &format!("- | {}", ["median", "q1", "q3"].map(number).join(" | ")),
+            );
             page.table(&["T in s", "median", "lower quartile", "upper quartile"], &rows);
             page.picture(run, "mse", &format!("{name}: the validation error over T"));
         }
@@ -118,8 +123,20 @@ fn by_initial_points(summary: &Summary) -> String {
     )
 }
 
+/// The command of a sweep, and how far the run is.
+fn introduce(page: &mut Page, run: &Run, config: &str) {
+    let preset = run.preset.name();
+    page.commands(&[&format!("pinc run configs/van-der-pol/{config}.toml --set preset={preset}")]);
+    page.paragraph(&format!("Preset `{preset}`; {}.", progress(run)));
+}
+
 /// A table of the cells, rows by one key and columns by another.
-fn grid(page: &mut Page, summary: &Summary, (rows, columns): (&str, &str), name: &str) {
+fn grid(
+    page: &mut Page,
+    (run, summary): (&Run, &Summary),
+    (rows, columns): (&str, &str),
+    name: &str,
+) {
     let mut heads = values(summary, columns);
     let line = |value: &String| {
         let at = |head: &String| {
@@ -133,6 +150,24 @@ fn grid(page: &mut Page, summary: &Summary, (rows, columns): (&str, &str), name:
     let lines: Vec<Vec<String>> = values(summary, rows).iter().map(line).collect();
     if columns.is_empty() {
         heads = vec![ERROR.name()];
+    }
+    let cell = |head: &String| {
+        let column = match columns {
+            "" => String::new(),
+            key => format!("{key}={head},"),
+        };
+        let number = |quantile: &str| {
+            format!("log log10 summary[{rows}={{{name}}},{column}metric=mse_gen].{quantile}")
+        };
+        let numbers = ["median", "q1", "q3"].map(number).join("; ");
+        format!("{numbers}; summary[{rows}={{{name}}},{column}metric=mse_gen].values")
+    };
+    let cells: Vec<String> = heads.iter().map(cell).collect();
+    if run.metrics.sweep.as_ref().is_some_and(|sweep| sweep.pending() > 0) {
+        page.paragraph("<!-- given: as far as the sweep is -->");
+    } else {
+        let effort = vec![effort(run.preset).to_owned(); lines.len()];
+        page.made_by(&[("effort", effort)], &format!("- | {}", cells.join(" | ")));
     }
     let all: Vec<String> = std::iter::once(name.to_owned()).chain(heads).collect();
     page.table(&all, &lines);
@@ -166,30 +201,20 @@ fn best(run: &Run, summary: &Summary) -> Result<String, ReportError> {
     let rows = summary.rows();
     let (wins, seeds) = wins(&run.trials()?);
     let size = |row: &SummaryRow| [LAYERS, NEURONS].map(|key| summary.choice(row, key).to_owned());
-    let papers = rows.iter().find(|row| size(row) == PAPERS);
     let least = rows.iter().min_by(|a, b| a.median.total_cmp(&b.median));
-    let (Some(best), Some(papers), 1..) = (least, papers, seeds) else {
+    let (Some(best), 1..) = (least, seeds) else {
         return Ok(
             "There is no seed yet in which all cells are done, and so no best cell.".to_owned()
         );
-    };
-    let interval = |row: &SummaryRow| {
-        let [median, low, high] = [row.median, row.median_low, row.median_high].map(f64::log10);
-        let confidence = 100.0 * row.confidence;
-        format!("{median:.2}, interval {low:.2} .. {high:.2} ({confidence:.0} %)")
     };
     let other = |row: &&SummaryRow| size(row) != size(best) && row.median_low <= best.median_high;
     let name = |row: &SummaryRow| size(row).join(" x ");
     let alike: Vec<String> = rows.iter().filter(other).map(name).collect();
     let alike = if alike.is_empty() { "no other".to_owned() } else { alike.join(", ") };
     Ok(format!(
-        "Least median: {}, {}. Intervals of the median that overlap it: {alike}. The paper's 10 x \
-        20: \
-         {}; it has the least error of all cells in {wins} of the {seeds} seeds in which all are \
-         done.",
+        "Least median: {}. Intervals of the median that overlap its own: {alike}. The paper's 10 x \
+         20 has the least error of all cells in {wins} of the {seeds} seeds in which all are done.",
         name(best),
-        interval(best),
-        interval(papers),
     ))
 }
 

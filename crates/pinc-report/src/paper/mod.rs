@@ -7,7 +7,7 @@ mod runs;
 
 use crate::error::ReportError;
 use page::{Copied, Page, short, time};
-use pinc_config::{CASE, Preset};
+use pinc_config::CASE;
 use pinc_record::{Invocation, RecordError, SummaryRow, TrialMetric, read_file, write_atomically};
 use runs::{Run, Runs};
 use std::collections::BTreeSet;
@@ -16,6 +16,9 @@ use std::path::Path;
 
 /// The paper's plants, as experiments and pages call them.
 const PLANTS: [(&str, &str); 2] = [("van-der-pol", "Van der Pol"), ("four-tanks", "four tanks")];
+
+/// Marks a paragraph whose numbers are computed from those of a table.
+const DERIVED: &str = "<!-- derived: from the table above -->";
 
 /// Every experiment of the paper, in the order of the page's provenance.
 const EXPERIMENTS: [&str; 13] = [
@@ -90,7 +93,7 @@ fn fill(page: &mut Page, dir: &Path) -> Result<(), ReportError> {
     grids::structure(page, &runs)?;
     grids::points(page, &runs)?;
     long_range(page, &runs)?;
-    nets(page, &runs)?;
+    nets(page, &runs);
     control::sensitivity(page, &runs)?;
     control::worst_case(page, &runs);
     grids::horizon(page, &runs)?;
@@ -104,7 +107,6 @@ fn fill(page: &mut Page, dir: &Path) -> Result<(), ReportError> {
 /// Figs. 6 and 7.
 fn long_range(page: &mut Page, runs: &Runs) -> Result<(), ReportError> {
     page.heading("Figs. 6 and 7: long range");
-    page.commands(&["pinc run configs/van-der-pol/long-range.toml --set preset=..."]);
     page.paragraph(
         "RMSE over 10 s against the truth. A PINN is trained for one initial state, one input and \
         its T, and asked beyond; \
@@ -113,10 +115,18 @@ fn long_range(page: &mut Page, runs: &Runs) -> Result<(), ReportError> {
          slightly below PINC, all others above.",
     );
     for run in runs.of_experiment("van-der-pol-long-range") {
-        page.paragraph(&format!("Preset `{}`.", run.preset.name()));
+        let preset = run.preset.name();
+        page.paragraph(&format!("Preset `{preset}`."));
+        page.commands(&[&format!(
+            "pinc run configs/van-der-pol/long-range.toml --set preset={preset}"
+        )]);
         let summary = run.summary(TrialMetric::FreeRunRmse)?;
         let row = |row| vec![summary.choice(row, CASE).to_owned(), short(row.median)];
         let rows: Vec<Vec<String>> = summary.rows().iter().map(row).collect();
+        page.made_by(
+            &[("effort", vec![control::effort(run.preset).to_owned(); rows.len()])],
+            "- | error summary[case={net},metric=free_run_rmse].median",
+        );
         page.table(&["net", "RMSE over 10 s"], &rows);
         page.picture(run, "free-runs", "PINNs and PINC over 10 s against the truth");
         page.picture(run, "free-run-rmse", "RMSE over 10 s");
@@ -125,12 +135,11 @@ fn long_range(page: &mut Page, runs: &Runs) -> Result<(), ReportError> {
 }
 
 /// Figs. 8, 9 and 12: the final nets.
-fn nets(page: &mut Page, runs: &Runs) -> Result<(), ReportError> {
+fn nets(page: &mut Page, runs: &Runs) {
     page.heading("Figs. 8, 9 and 12: the final nets");
-    page.commands(&[
-        "pinc run configs/van-der-pol/main.toml --set preset=...",
-        "pinc run configs/four-tanks/main.toml --set preset=...",
-    ]);
+    page.timed(PLANTS.iter().flat_map(|(experiment, _)| runs.of_experiment(experiment)));
+    page.commands(&["pinc run configs/{config}/main.toml --set preset={net}"]);
+    let mut made = vec![["-", "given"]; 2];
     let mut rows = vec![
         line(["Van der Pol", "the authors' program", "9.8 h", "1.6e-4", "4.96e-5", ""]),
         line(["four tanks", "the authors' program", "32.5 h", "3.6e-2", "", ""]),
@@ -150,11 +159,15 @@ fn nets(page: &mut Page, runs: &Runs) -> Result<(), ReportError> {
                 short(validation.mse_all_normalized),
                 short(free),
             ]);
-        }
-        for run in runs.of_experiment(&format!("{experiment}-deviations")) {
-            rows.extend(seeds(name, run)?);
+            made.push([experiment, control::effort(*preset)]);
         }
     }
+    let list = |k: usize| made.iter().map(|row| row[k].to_owned()).collect();
+    page.made_by(
+        &[("config", list(0)), ("effort", list(1))],
+        "- | - | timed | error validation.mse_gen | error validation.mse_all_normalized | \
+         error root prediction.mse_all",
+    );
     page.table(
         &[
             "plant",
@@ -172,21 +185,6 @@ fn nets(page: &mut Page, runs: &Runs) -> Result<(), ReportError> {
             page.picture(run, "prediction", &format!("{name}: free run"));
         }
     }
-    Ok(())
-}
-
-/// How the final net of preset `ours` varies with the seed, if the run has its case.
-fn seeds(plant: &str, run: &Run) -> Result<Option<Vec<String>>, ReportError> {
-    let name = Preset::Ours.name();
-    let [at_steps, all_rows] =
-        [run.summary(TrialMetric::MseGen)?, run.summary(TrialMetric::MseAllNormalized)?];
-    let both = at_steps.case(name).zip(all_rows.case(name));
-    Ok(both.map(|(at_steps, all_rows)| {
-        let (preset, seeds) = (run.preset.name(), at_steps.values);
-        let net = format!("`{preset}`, {seeds} seeds: median (least .. most)");
-        let blank = String::new;
-        vec![plant.to_owned(), net, blank(), spread(at_steps), spread(all_rows), blank()]
-    }))
 }
 
 /// What the runs were made with. Says whether there are any.
@@ -211,6 +209,7 @@ fn provenance(page: &mut Page, runs: &Runs) -> bool {
     for machine in machines {
         page.paragraph(&machine);
     }
+    page.paragraph("<!-- given: where and when the runs were made -->");
     page.table(&["experiment", "preset", "commit", "started or resumed"], &rows);
     !rows.is_empty()
 }

@@ -1,6 +1,8 @@
 //! A page in Markdown, with pictures beside it.
 
 use super::runs::Run;
+use pinc_record::Invocation;
+use std::collections::BTreeSet;
 use std::fmt::Write;
 use std::path::PathBuf;
 
@@ -49,6 +51,29 @@ impl Page {
             self.text += &line(row.iter().map(String::as_str).collect());
         }
         self.text.push('\n');
+    }
+
+    /// Says how the numbers of the table after this can be made again: by which of the commands
+    /// above it and where to read them. `.ci/numbers` follows it; docs/testing.md has its grammar.
+    pub(super) fn made_by(&mut self, lists: &[(&str, Vec<String>)], columns: &str) {
+        self.text += "<!-- numbers\n";
+        for (name, values) in lists {
+            // Writing to a String does not fail.
+            let _ = writeln!(self.text, "{name}: {}", values.join(" ; "));
+        }
+        let _ = writeln!(self.text, "| {columns} |\n-->");
+    }
+
+    /// Says where and when the times of a section were measured.
+    pub(super) fn timed<'a>(&mut self, runs: impl Iterator<Item = &'a Run>) {
+        let last = |run: &'a Run| run.provenance.invocations().last();
+        let said = |of: &Invocation| {
+            let day = of.started.split('T').next().unwrap_or_default();
+            format!("{}, {day}", of.cpu)
+        };
+        let all: BTreeSet<String> = runs.filter_map(last).map(said).collect();
+        let all: Vec<String> = all.into_iter().collect();
+        self.paragraph(&format!("*Timed on {}.*", all.join("; ")));
     }
 
     /// A picture of a run's report, with what it shows above it, if the page has pictures and the

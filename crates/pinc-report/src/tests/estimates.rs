@@ -1,6 +1,7 @@
 //! The estimates of a loop whose controller does not see the state.
 
-use super::{METRICS, assert_sound, build, stems, svg, whole, write};
+use super::{CONFIG, METRICS, assert_sound, build, stems, svg, whole, write};
+use crate::testing::Plot;
 use std::fmt::Write as _;
 use std::fs;
 use tempfile::TempDir;
@@ -81,4 +82,81 @@ fn without_estimates_there_is_no_picture_of_them() {
     write(&dir, "estimates-pinc.csv", "t,a,a_sd,nis,nees\n0,1,0.1,high,1\n");
     let error = build(dir.path()).unwrap_err().to_string();
     assert!(error.contains("estimates-pinc.csv:2"), "{error}");
+}
+
+/// Of a loop in which a, in cm, and c, in kg, are measured; rows every 0.5 s.
+fn with_two_measured() -> TempDir {
+    let dir = whole();
+    let unit = |text: &str, from: &str, to: &str| {
+        assert!(text.contains(from), "{from}");
+        text.replace(from, to)
+    };
+    let c = r#"{ name = "c", unit = "cm" }"#;
+    write(&dir, "config.toml", &unit(CONFIG, c, r#"{ name = "c", unit = "kg" }"#));
+    write(&dir, "metrics.json", &unit(METRICS, r#""c": "cm""#, r#""c": "kg""#));
+    let mut table =
+        "t,a,b,c,a_sd,b_sd,c_sd,y_a,y_c,innovation_a,innovation_c,nis,nees\n".to_owned();
+    for i in 0..100 {
+        let t = 0.5 * f64::from(i);
+        let (a, b, c) = estimated(t);
+        let (of_a, of_c) = innovations(i);
+        let _ = writeln!(
+            table,
+            "{t},{a},{b},{c},0.02,{B_SD},0.1,{},{},{of_a},{of_c},1,2",
+            a + of_a,
+            c + of_c
+        );
+    }
+    for model in ["pinc", "rk4"] {
+        write(&dir, &format!("estimates-{model}.csv"), &table);
+    }
+    dir
+}
+
+const B_SD: f64 = 0.05;
+
+fn estimated(t: f64) -> (f64, f64, f64) {
+    let a = 1.0 - (-0.2 * t).exp();
+    (a, (-0.1 * t).exp(), 1.0 + 0.5 * a)
+}
+
+fn innovations(i: i32) -> (f64, f64) {
+    (0.01 * f64::from(i % 7) - 0.03, 2.0 - 0.3 * f64::from(i % 11))
+}
+
+#[test]
+fn bands_are_of_95_per_cent_around_the_estimate_in_its_unit() {
+    let picture = svg(with_two_measured().path(), "estimates-rk4");
+    let b = Plot::read(&picture, "b");
+    assert_eq!((b.label.as_str(), b.time.as_str()), ("b (cm)", "t (s)"));
+    let estimate = b.lines("estimate");
+    assert_eq!(estimate.len(), 1);
+    b.assert_follows(&estimate[0], |t| estimated(t).1);
+    let band = b.lines("95 % band");
+    assert_eq!(band.len(), 2);
+    b.assert_follows(&band[0], |t| estimated(t).1 + 1.96 * B_SD);
+    b.assert_follows(&band[1], |t| estimated(t).1 - 1.96 * B_SD);
+    // A band of ten per cent more or less would be seen.
+    assert!(0.1 * 1.96 * B_SD > 2.0 * b.tolerance, "{}", b.tolerance);
+    let c = Plot::read(&picture, "c");
+    assert_eq!(c.label, "c (kg)");
+    c.assert_follows(&c.lines("estimate")[0], |t| estimated(t).2);
+}
+
+#[test]
+fn innovations_are_those_of_their_quantity_over_time() {
+    let picture = svg(with_two_measured().path(), "estimates-pinc");
+    let all = |title: &str, label: &str, of: fn((f64, f64)) -> f64| {
+        let panel = Plot::read(&picture, title);
+        assert_eq!(panel.label, label);
+        let dots = panel.dots();
+        assert_eq!(dots.len(), 100);
+        for (i, (t, value)) in (0..).zip(dots) {
+            assert!((t - 0.5 * f64::from(i)).abs() < 0.02, "dot {i} at {t} s");
+            let truth = of(innovations(i));
+            assert!((value - truth).abs() <= panel.tolerance, "{value} instead of {truth}");
+        }
+    };
+    all("Innovation of a", "innovation (cm)", |(a, _)| a);
+    all("Innovation of c", "innovation (kg)", |(_, c)| c);
 }

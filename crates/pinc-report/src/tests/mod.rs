@@ -8,7 +8,7 @@ mod zoom;
 
 use crate::error::ReportError;
 use crate::report::{self, FigureFiles};
-use crate::testing::assert_sound;
+use crate::testing::{Plot, assert_sound};
 use pinc_record::RecordError;
 use std::fmt::Write as _;
 use std::fs;
@@ -269,6 +269,19 @@ fn pictures_are_sound_and_mark_what_they_should() {
     // for the others; and a dot in the legend of each of the two panels.
     assert_eq!(prediction.matches("<circle").count(), 11 + 2);
     assert_eq!(prediction.matches("<polygon").count(), 2 * 11);
+}
+
+#[test]
+fn loops_are_drawn_over_time_in_the_units_of_their_states() {
+    let picture = svg(whole().path(), "control");
+    let plot = Plot::read(&picture, "Controlled states");
+    assert_eq!((plot.label.as_str(), plot.time.as_str()), ("a, b (cm)", "t (s)"));
+    let line = plot.lines("a with PINC");
+    assert_eq!(line.len(), 1);
+    plot.assert_follows(&line[0], |t| 1.0 - (-t).exp() + 1e-4 * t);
+    plot.assert_follows(&plot.lines("b with PINC")[0], |t| (-t).exp());
+    let last = line[0][line[0].len() - 1].0;
+    assert!((last - 50.0).abs() < 0.1, "the loop ends at {last} s");
 }
 
 #[test]

@@ -120,6 +120,11 @@ fn an_output_is_controlled_with_the_equation_and_with_a_net() {
         let offsets = &of.references.offset["y"];
         assert_eq!(of.references.reference_start_s, [0.0, 10.0]);
         assert!(offsets.iter().all(|offset| offset.unwrap() < near), "{offsets:?}");
+        // A hundredth of the largest error at a step mark; the second reference is from 10 s on.
+        let reference = |t: f64| if t < 10.0 - 1e-9 { 1.0 } else { -0.5 };
+        let errors = trace.iter().step_by(9).map(|row| (row.output[0] - reference(row.t)).abs());
+        let (within, largest) = (of.references.settled_within["y"], errors.fold(0.0, f64::max));
+        assert!((within - 0.01 * largest).abs() < 1e-9, "{within} of {largest}");
         // Rest is reached after the slow lag has settled, and well before the end.
         assert!(of.steps() == 40 && of.failed_steps() == 0, "{of:?}");
         let last = trace.last().unwrap();

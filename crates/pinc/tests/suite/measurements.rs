@@ -137,7 +137,7 @@ fn an_unknown_parameter_is_trained_with_the_net() {
     std::fs::write(dir.path().join("m.csv"), recorded()).unwrap();
     let data = "[data]\nfiles = [\"m.csv\"]\nparameters = [\"mu\"]\n[training]";
     std::fs::write(dir.path().join("a.toml"), smoke().replace("[training]", data)).unwrap();
-    let iterations = "training.phases.0.iterations=400";
+    let iterations = "training.phases.0.iterations=1000";
     let run = ["run", "a.toml", "--out", "run", "--set", iterations];
     let first = outcome(pinc(&run).current_dir(dir.path()));
     assert_eq!(first.code, Some(0), "{first:?}");
@@ -148,10 +148,12 @@ fn an_unknown_parameter_is_trained_with_the_net() {
     };
     let before = metrics();
     let mu = before["training"]["parameters"]["mu"].as_f64().unwrap();
-    assert!((mu - 0.7).abs() < 0.1, "{mu}");
-    // Against mu = 1, where the training began, it would be larger: the net is of mu = 0.7.
+    // The equation's part of the loss, of a net that is 3e-3 of the box off, moves it by 2 %.
+    assert!((mu - 0.7).abs() < 0.03, "{mu}");
+    // Against mu = 1, where the training began, it would be larger: the velocity would be off by
+    // 0.3 |1 - x1^2| |x2| T, root mean square 0.9 of 6 over the box. The net is of mu = 0.7.
     let error = before["validation"]["domain_error"]["rms"].as_f64().unwrap();
-    assert!(error < 0.05, "{error}");
+    assert!(error < 0.01, "{error}");
     // The loop of a run that is resumed after its training is the same.
     std::fs::remove_file(dir.path().join("run/control-pinc.csv")).unwrap();
     let again = [&run[..], &["--resume"]].concat();
