@@ -6,7 +6,7 @@ use pinc_ad::Scalar;
 use pinc_check::Finding;
 use pinc_check::Severity::{self, Error, Fact, Warning};
 use pinc_config::Experiment;
-use pinc_ode::{Plant, Variable};
+use pinc_ode::{DynPlant, Plant, Variable};
 
 /// A plant of two states x1, x2 and one input u, as the config below says it is.
 #[derive(Clone, Copy, Debug)]
@@ -109,7 +109,7 @@ fn experiment(sets: &[&str], more: &str) -> Experiment {
 }
 
 /// The findings, without progress.
-fn examine(plant: &Test, experiment: &Experiment) -> Vec<Finding> {
+fn examine(plant: &dyn DynPlant, experiment: &Experiment) -> Vec<Finding> {
     examine_watched(plant, experiment, Verbosity::Quiet)
 }
 
