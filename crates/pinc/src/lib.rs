@@ -34,7 +34,7 @@
 )]
 #![cfg_attr(
     feature = "experiments",
-    doc = "| [`config`], [`runs`], [`record`], [`report`], [`bench`] | experiments from TOML files, their directories and reports, sweeps | `experiments` |"
+    doc = "| [`config`], [`runs`], [`record`], [`report`], [`mod@bench`] | experiments from TOML files, their directories and reports, sweeps | `experiments` |"
 )]
 //!
 //! Without default features the crate holds the controller and the integrators alone:
