@@ -74,7 +74,8 @@ pub fn listed(items: &[String]) -> String {
     }
 }
 
-/// Text with the characters that mean something in HTML and XML replaced.
+/// Text with the characters that mean something in HTML and XML replaced, and with spaces for those
+/// that XML does not allow.
 pub fn escape(text: &str) -> String {
     let mut out = String::with_capacity(text.len());
     for c in text.chars() {
@@ -83,6 +84,8 @@ pub fn escape(text: &str) -> String {
             '<' => out.push_str("&lt;"),
             '>' => out.push_str("&gt;"),
             '"' => out.push_str("&quot;"),
+            '\n' | '\t' => out.push(c),
+            c if c.is_control() || matches!(c, '\u{fffe}' | '\u{ffff}') => out.push(' '),
             c => out.push(c),
         }
     }
@@ -130,6 +133,12 @@ fn superscript(exponent: i32) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn escaped_text_is_text_in_xml() {
+        assert_eq!(escape("<a & \"b\">"), "&lt;a &amp; &quot;b&quot;&gt;");
+        assert_eq!(escape("a\u{0}\u{1b}[1m\u{85}\u{ffff}\r\n\tb"), "a  [1m   \n\tb");
+    }
 
     #[test]
     fn numbers_read_well() {

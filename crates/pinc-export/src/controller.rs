@@ -29,8 +29,14 @@ pub struct Controller<'a> {
     pub equations: Option<&'a PlantEquations>,
     /// Where the self-test begins.
     pub initial_state: &'a [f64],
+    /// What the plant has been given before the first step, if that is known.
+    pub initial_input: Option<&'a [f64]>,
     /// What it follows.
     pub reference: &'a Reference,
+    /// Whether it knows later values of the reference in advance.
+    pub preview: bool,
+    /// How long a step may take by a clock that the caller provides, in us.
+    pub budget_us: Option<f64>,
     /// The estimator that tells it the state, if there is one; its disturbances and the parameters
     /// that it estimates are the problem's parameters.
     pub estimator: Option<Estimation<'a>>,
@@ -71,26 +77,45 @@ impl<'a> Controller<'a> {
         })
     }
 
-    /// What is measured in the initial state before there was an input.
+    /// What the plant has been given before the first step; 0 if that is not known.
+    pub(crate) fn first_input(&self, dims: Dims) -> Vec<f64> {
+        self.initial_input.map_or_else(|| vec![0.0; dims.nu], <[f64]>::to_vec)
+    }
+
+    /// Writes what step `k` follows, by the rule of the closed loop.
+    pub(crate) fn window(&self, k: usize, window: &mut [f64]) {
+        if self.preview {
+            self.reference.preview(k + self.problem.delay, window);
+        } else {
+            let now = self.reference.at(k);
+            window.chunks_exact_mut(now.len()).for_each(|row| row.copy_from_slice(now));
+        }
+    }
+
+    /// What is measured in the initial state.
     pub(crate) fn measured_at_start(&self) -> Result<Vec<f64>, ExportError> {
         let Some(estimation) = self.estimator else { return Ok(self.initial_state.to_vec()) };
         let mut model = self.library_model()?;
         let dims = model.dims();
         let mut outputs = vec![0.0; dims.ny];
         let p = &estimation.augmentation.parameters;
-        model.output(self.initial_state, &vec![0.0; dims.nu], p, &mut outputs);
+        model.output(self.initial_state, &self.first_input(dims), p, &mut outputs);
         let all = [self.initial_state, &outputs].concat();
         Ok(estimation.measured(dims)?.into_iter().map(|place| all[place]).collect())
     }
 
-    /// The controller, as the library has it.
+    /// The controller before its first step, as the library has it.
     pub(crate) fn library(&self) -> Result<Nmpc, ExportError> {
         let model = self.library_model()?;
         let model = match &self.estimator {
             None => model,
             Some(estimation) => estimation.compensated(model)?,
         };
-        Ok(Nmpc::new(self.problem.clone(), model, *self.config)?)
+        let mut nmpc = Nmpc::new(self.problem.clone(), model, *self.config)?;
+        if let Some(u) = self.initial_input {
+            nmpc.reset_input(u)?;
+        }
+        Ok(nmpc)
     }
 
     /// What is tracked, by the places of states, and of outputs behind them.

@@ -1,5 +1,7 @@
 //! A right-hand side as C, with its derivatives by forward differentiation.
 
+use crate::ExportError;
+use crate::error::finite;
 use crate::template::constant;
 use pinc_expr::{Function, Instruction, Listing};
 use std::fmt::Write as _;
@@ -159,6 +161,15 @@ impl Body {
         }
         self.text
     }
+}
+
+/// Refuses equations whose constants overflow; `what` names them.
+pub(crate) fn check_constants(what: &str, listing: &Listing) -> Result<(), ExportError> {
+    let constants = listing.instructions.iter().filter_map(|instruction| match instruction {
+        Instruction::Constant(value) | Instruction::Power(_, value) => Some(value),
+        _ => None,
+    });
+    finite(what, constants)
 }
 
 fn number(value: f64) -> String {

@@ -39,6 +39,12 @@ pub enum ExportError {
     /// Files that do not fit into an archive.
     #[error("the files do not fit into an archive of 4 GB")]
     Archive,
+    /// Finite numbers that overflow when they are brought to the form of the export.
+    #[error("{what} would not be finite in the export: its numbers are too large")]
+    NotFinite {
+        /// What has them.
+        what: String,
+    },
     /// Something that generated controllers do not have.
     #[error("the generated controller has no {feature}; use {instead}")]
     Feature {
@@ -47,6 +53,17 @@ pub enum ExportError {
         /// What can be used in its place.
         instead: &'static str,
     },
+}
+
+/// Refuses numbers that are NaN or infinite; `what` names what has them.
+pub(crate) fn finite<'v>(
+    what: impl Into<String>,
+    values: impl IntoIterator<Item = &'v f64>,
+) -> Result<(), ExportError> {
+    match values.into_iter().all(|value| value.is_finite()) {
+        true => Ok(()),
+        false => Err(ExportError::NotFinite { what: what.into() }),
+    }
 }
 
 impl From<ExpressionError> for ExportError {

@@ -1,6 +1,7 @@
 //! An estimator in C, around the controller that it tells the state.
 
 use crate::controller::Controller;
+use crate::error::finite;
 use crate::golden;
 use crate::template::{Template, array, places, table};
 use crate::{ExportError, GeneratedFile};
@@ -254,9 +255,11 @@ pub(crate) fn set_selftest(
     steps: usize,
 ) -> Result<usize, ExportError> {
     let Rows { measured, windows, inputs, estimates } = run(controller, estimation, steps)?;
+    let all = measured.iter().chain(&inputs).chain(&estimates);
+    finite("the loop of the self-test", all.flatten())?;
     let tables = [
         table("y", &measured),
-        table("reference", &windows),
+        table("rows", &windows),
         table("u", &inputs),
         table("z", &estimates),
     ];
@@ -280,7 +283,8 @@ fn run(
     let errors = golden::points(&ends);
     let (mut x, mut next) = (controller.initial_state.to_vec(), vec![0.0; nx]);
     let (mut seen, mut unknowns) = (vec![0.0; nx], vec![0.0; filter.dims().nx - nx]);
-    let (mut acting, mut before) = (vec![0.0; (delay + 1) * nu], vec![0.0; nu]);
+    let mut before = controller.first_input(plant.dims());
+    let mut acting = before.repeat(delay + 1);
     let mut window = vec![0.0; controller.problem.horizon * reference.outputs()];
     let mut rows = Rows::default();
     for k in 0..steps.min(reference.steps()) {
@@ -298,7 +302,7 @@ fn run(
         filter.correct(&measured);
         estimation.augmentation.read(filter.estimate(), &mut seen, &mut unknowns);
         nmpc.set_parameters(&unknowns)?;
-        reference.preview(k + delay, &mut window);
+        controller.window(k, &mut window);
         let u = nmpc.step(&seen, &window)?.u.to_vec();
         acting[delay * nu..].copy_from_slice(&u);
         plant.step(&x, &acting[..nu], p, &mut next);

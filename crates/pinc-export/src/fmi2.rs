@@ -15,12 +15,13 @@ impl Description<'_> {
             self.sources.iter().map(|file| format!("      <File name=\"{file}\"/>\n")).collect();
         format!(
             "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<fmiModelDescription fmiVersion=\"2.0\" \
-             modelName=\"{name}\" guid=\"{}\"\n    generationTool=\"pinc {}\" \
+             modelName=\"{name}\"{} guid=\"{}\"\n    generationTool=\"pinc {}\" \
              variableNamingConvention=\"structured\">\n  <CoSimulation modelIdentifier=\"{name}\" \
              canHandleVariableCommunicationStepSize=\"{}\"\n      canGetAndSetFMUstate=\"true\" \
              canSerializeFMUstate=\"true\">\n    <SourceFiles>\n{sources}    </SourceFiles>\n  \
              </CoSimulation>\n{}  <DefaultExperiment startTime=\"0\" stepSize=\"{}\"/>\n  \
              <ModelVariables>\n{}  </ModelVariables>\n{}</fmiModelDescription>\n",
+            self.description(),
             guid(origin),
             attribute(&origin.version),
             self.any_step,

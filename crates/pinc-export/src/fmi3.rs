@@ -41,13 +41,14 @@ impl Description<'_> {
         let name = name.as_str();
         format!(
             "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<fmiModelDescription fmiVersion=\"3.0\" \
-             modelName=\"{name}\"\n    instantiationToken=\"{}\"\n    generationTool=\"pinc {}\" \
+             modelName=\"{name}\"{}\n    instantiationToken=\"{}\"\n    generationTool=\"pinc {}\" \
              variableNamingConvention=\"structured\">\n  <CoSimulation modelIdentifier=\"{name}\" \
              canHandleVariableCommunicationStepSize=\"{}\"\n      canGetAndSetFMUState=\"true\" \
              canSerializeFMUState=\"true\"/>\n{}  <DefaultExperiment startTime=\"0\" \
              stepSize=\"{}\"/>\n  <ModelVariables>\n    <Float64 name=\"time\" \
              valueReference=\"0\" causality=\"independent\" variability=\"continuous\"/>\n{}  \
              </ModelVariables>\n{}</fmiModelDescription>\n",
+            self.description(),
             guid(origin),
             attribute(&origin.version),
             self.any_step,

@@ -4,7 +4,7 @@ use crate::controller::Controller;
 use crate::mpc_c::controller_sources;
 use crate::net_c::{check_member, has_time, net_core, places};
 use crate::open::Open;
-use crate::origin::Origin;
+use crate::origin::{Origin, attribute};
 use crate::runge_kutta_c::{RungeKuttaModel, runge_kutta_core};
 use crate::template::{Template, constant};
 use crate::{ExportError, GeneratedFile, Name};
@@ -53,6 +53,7 @@ pub fn net_to_fmu(
         any_step: has_time(net),
         feed_through: false,
         status: false,
+        note: None,
         sources: vec![format!("{}_net.c", name.as_str())],
         version,
     };
@@ -106,6 +107,7 @@ pub fn controller_to_fmu(
         any_step: true,
         feed_through: true,
         status: true,
+        note: budget_note(controller),
         sources: sources
             .iter()
             .map(|file| file.path.clone())
@@ -114,6 +116,17 @@ pub fn controller_to_fmu(
         version,
     };
     Ok(description.files(t, sources, name, origin))
+}
+
+/// What takes the place of a time budget, which an FMU has no clock for.
+fn budget_note(controller: &Controller<'_>) -> Option<String> {
+    let most = controller.config.max_iterations;
+    controller.budget_us.map(|us| {
+        format!(
+            "A controller. It has no clock: a step solves at most {most} quadratic programs \
+             (sqp.max_iterations), whatever its budget_us of {us}."
+        )
+    })
 }
 
 /// A plant by its equations as the content of an FMU, integrated accurately: what a controller can
@@ -145,6 +158,7 @@ pub fn plant_to_fmu(
         any_step: true,
         feed_through: false,
         status: false,
+        note: None,
         sources: vec![format!("{}_{method}.c", name.as_str())],
         version,
     };
@@ -200,11 +214,19 @@ pub(crate) struct Description<'a> {
     pub(crate) feed_through: bool,
     /// Whether there is an integer `status`.
     pub(crate) status: bool,
+    /// What the description of the model says.
+    pub(crate) note: Option<String>,
     pub(crate) sources: Vec<String>,
     version: FmiVersion,
 }
 
 impl Description<'_> {
+    /// The note as an attribute of the model.
+    pub(crate) fn description(&self) -> String {
+        let note = self.note.as_ref();
+        note.map_or_else(String::new, |note| format!(" description=\"{}\"", attribute(note)))
+    }
+
     fn files(
         mut self,
         mut t: Template,

@@ -27,6 +27,7 @@ mod origin;
 mod outputs_c;
 mod protobuf;
 mod runge_kutta_c;
+mod start_c;
 mod template;
 mod zip;
 

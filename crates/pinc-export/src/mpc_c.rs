@@ -1,11 +1,13 @@
 //! A whole controller in C.
 
 use crate::controller::{Controller, ModelSource, penalty};
+use crate::error::finite;
 use crate::feedback_c::{Filter, INCLUDE_OUTPUTS, feedback_core, has_units, set_unknowns};
 use crate::net_c::net_core;
 use crate::origin::{Origin, domain};
 use crate::outputs_c::outputs_core;
 use crate::runge_kutta_c::runge_kutta_core;
+use crate::start_c::set_start;
 use crate::template::{Template, array, constant, places, table};
 use crate::{ExportError, GeneratedFile, Name, feedback_c};
 use pinc_mpc::{ProblemUnits, Softness, Weight};
@@ -94,6 +96,7 @@ pub(crate) fn controller_sources(
     set_sizes(&mut t, controller, dims);
     set_problem(&mut t, controller, dims)?;
     set_unknowns(&mut t, controller, dims)?;
+    set_start(&mut t, controller, origin, dims)?;
     let looks = controller.optimizes_outputs();
     t.set("OUTPUTS", if looks { include_str!("../templates/mpc_outputs.c") } else { "" })
         .set("INCLUDE", if looks { INCLUDE_OUTPUTS } else { "" });
@@ -296,7 +299,9 @@ fn weights(
         (0..size * size).map(entry).collect()
     };
     let r = (0..problem.control_horizon).flat_map(|i| inputs(weights.r.at(i))).collect();
-    Ok([q, r, weights.input_sequence.as_ref().map_or_else(Vec::new, inputs)])
+    let w = weights.input_sequence.as_ref().map_or_else(Vec::new, inputs);
+    finite("the weights of the controller, twice,", q.iter().chain(&r).chain(&w))?;
+    Ok([q, r, w])
 }
 
 /// Golden vectors: the controller of the library in closed loop with its own model.
@@ -308,7 +313,7 @@ fn set_selftest(t: &mut Template, controller: &Controller<'_>) -> Result<(), Exp
     let mut window = vec![0.0; controller.problem.horizon * width];
     let (mut states, mut windows, mut inputs) = (Vec::new(), Vec::new(), Vec::new());
     for k in 0..STEPS.min(controller.reference.steps()) {
-        controller.reference.preview(k + controller.problem.delay, &mut window);
+        controller.window(k, &mut window);
         let u = nmpc.step(&x, &window)?.u.to_vec();
         states.push(x.clone());
         windows.push(window.clone());
@@ -317,7 +322,8 @@ fn set_selftest(t: &mut Template, controller: &Controller<'_>) -> Result<(), Exp
         inputs.push(u);
         x = next;
     }
-    let tables = [table("x", &states), table("reference", &windows), table("u", &inputs)];
+    finite("the loop of the self-test", states.iter().chain(&inputs).flatten())?;
+    let tables = [table("x", &states), table("rows", &windows), table("u", &inputs)];
     t.set("STEPS", inputs.len()).set("TABLES", tables.concat());
     Ok(())
 }

@@ -1,5 +1,6 @@
 //! A net in C.
 
+use crate::error::finite;
 use crate::golden::{CASES, Golden};
 use crate::open::Open;
 use crate::origin::{Origin, domain};
@@ -77,9 +78,8 @@ pub(crate) fn places(
     name: &Name,
     origin: &Origin,
 ) -> Result<Template, ExportError> {
-    let mut folded = FoldedNet::new(net)?;
     let (nx, nu) = (origin.states.len(), origin.inputs.len());
-    open.fold(&mut folded, nx + nu);
+    let folded = folded(net, open)?;
     let widths = folded.layers.iter().map(|layer| layer.bias.len());
     let adds = folded.adds_initial_state;
     let pick = |yes: &'static str, no: &'static str| if adds { yes } else { no };
@@ -123,6 +123,19 @@ pub(crate) fn places(
     Ok(t)
 }
 
+/// The layers of the net, with the parameters that are no arguments in its biases.
+pub(crate) fn folded(net: &PincNet, open: Open<'_>) -> Result<FoldedNet, ExportError> {
+    let mut folded = FoldedNet::new(net)?;
+    let dims = net.dims();
+    open.fold(&mut folded, dims.nx + dims.nu);
+    for (l, layer) in folded.layers.iter().enumerate() {
+        let what = format!("layer {} of the net, with its normalization,", l + 1);
+        finite(what, layer.weights.iter().flatten().chain(&layer.bias))?;
+    }
+    finite("the first layer of the net, by time,", &folded.time)?;
+    Ok(folded)
+}
+
 fn layer_tables(folded: &FoldedNet) -> String {
     let mut text = String::new();
     let mut list = String::new();
@@ -138,6 +151,8 @@ fn layer_tables(folded: &FoldedNet) -> String {
 fn selftest(net: &PincNet, t: &mut Template) -> Result<GeneratedFile, ExportError> {
     let ends: Vec<_> = net.domain().ends().collect();
     let golden = Golden::of(&mut PincModel::new(net)?, &[], &ends);
+    let Golden { next, a, b, .. } = &golden;
+    finite("the net's step in its domain", next.iter().chain(a).chain(b).flatten())?;
     let mut tables = golden_tables(&golden);
     if has_time(net) {
         let half = 0.5 * net.sample_time_s();

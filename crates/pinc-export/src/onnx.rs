@@ -1,6 +1,8 @@
 //! A net as an ONNX file.
 
-use crate::net_c::check_member;
+use crate::error::finite;
+use crate::net_c::{check_member, folded};
+use crate::open::Open;
 use crate::origin::Origin;
 use crate::protobuf::Message;
 use crate::{ExportError, GeneratedFile, Name};
@@ -33,7 +35,16 @@ pub fn net_to_onnx(
     precision: Precision,
 ) -> Result<GeneratedFile, ExportError> {
     check_member(net)?;
-    let folded = FoldedNet::new(net)?;
+    let folded = folded(net, Open::default())?;
+    if precision == Precision::Single {
+        for (l, layer) in folded.layers.iter().enumerate() {
+            let what = format!("layer {} of the net, in 32 bits (use 64),", l + 1);
+            let all = layer.weights.iter().flatten().chain(&layer.bias);
+            #[expect(clippy::cast_possible_truncation, reason = "single precision was asked for")]
+            let single: Vec<f64> = all.map(|v| f64::from(*v as f32)).collect();
+            finite(what, &single)?;
+        }
+    }
     let writer = Writer { precision };
     let mut model = Message::default()
         .number(1, IR_VERSION)

@@ -48,12 +48,12 @@ impl Origin {
 
     /// The states, in order.
     pub(crate) fn state_list(&self) -> String {
-        list(&self.states)
+        list(self.states.iter())
     }
 
     /// The inputs, in order.
     pub(crate) fn input_list(&self) -> String {
-        list(&self.inputs)
+        list(self.inputs.iter())
     }
 
     /// The comment at the head of a file.
@@ -84,8 +84,9 @@ pub(crate) fn domain(net: &PincNet, origin: &Origin) -> Vec<String> {
         .collect()
 }
 
-fn list(variables: &[Variable]) -> String {
-    variables.iter().map(named).collect::<Vec<_>>().join(", ")
+/// Variables with their units, in order.
+pub(crate) fn list<'v>(variables: impl Iterator<Item = &'v Variable>) -> String {
+    variables.map(named).collect::<Vec<_>>().join(", ")
 }
 
 fn named(variable: &Variable) -> String {
@@ -95,13 +96,48 @@ fn named(variable: &Variable) -> String {
     }
 }
 
-/// A text that does not end the comment that it is in.
+/// A text that neither ends the comment that it is in nor looks like the beginning of another, and
+/// has no trigraphs.
 pub(crate) fn comment(text: &str) -> String {
-    text.replace("*/", "* /").replace(['\n', '\r'], " ")
+    let mut safe = String::with_capacity(text.len());
+    for c in plain(text).chars() {
+        let parts = [('*', '/'), ('/', '*'), ('?', '?')];
+        if safe.chars().next_back().is_some_and(|last| parts.contains(&(last, c))) {
+            safe.push(' ');
+        }
+        safe.push(c);
+    }
+    safe
 }
 
-/// A text within the quotes of an attribute in XML.
+/// A text within the quotes of an attribute in XML, which cannot have control characters at all.
 pub(crate) fn attribute(text: &str) -> String {
+    let text = plain(text);
     let escaped = text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;");
-    escaped.replace('"', "&quot;").replace(['\n', '\r'], " ")
+    escaped.replace('"', "&quot;")
+}
+
+/// A text with spaces for what controls something, and for what XML does not allow.
+fn plain(text: &str) -> String {
+    text.replace(|c: char| c.is_control() || matches!(c, '\u{fffe}' | '\u{ffff}'), " ")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_comment_is_one_comment() {
+        assert_eq!(comment("m/s*/ int x; /*\n1\u{0}2"), "m/s* / int x; / * 1 2");
+        // `/*/` would begin one and end another.
+        assert_eq!(comment("/*/"), "/ * /");
+        assert_eq!(comment("**/ ??/"), "** / ? ?/");
+        assert_eq!(comment("m2/s, \u{b0}C"), "m2/s, \u{b0}C");
+    }
+
+    #[test]
+    fn an_attribute_has_no_markup_and_no_control_characters() {
+        assert_eq!(attribute("<\"a\"&b>\u{1}\u{7f}\n"), "&lt;&quot;a&quot;&amp;b&gt;   ");
+        assert_eq!(attribute("\u{ffff}m\u{b3}"), " m\u{b3}");
+    }
 }

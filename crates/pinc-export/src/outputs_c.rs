@@ -1,6 +1,6 @@
 //! Outputs y = h(x, u, p) of a plant, in C.
 
-use crate::equation::{jacobian, values};
+use crate::equation::{check_constants, jacobian, values};
 use crate::open::Open;
 use crate::origin::Origin;
 use crate::template::Template;
@@ -18,6 +18,7 @@ pub(crate) fn outputs_core(
 ) -> Result<Vec<GeneratedFile>, ExportError> {
     let (equations, names) = open.equations(equations, names);
     let listing = equations.output_listing(&names)?;
+    check_constants("a constant of the plant's outputs", &listing)?;
     let (nx, nu) = (origin.states.len(), origin.inputs.len());
     let mut t = Template::new(name);
     t.set("BANNER", origin.banner("The outputs of a plant.", None))

@@ -1,6 +1,6 @@
 //! An integrator of a plant, in C.
 
-use crate::equation::{jacobian, values};
+use crate::equation::{check_constants, jacobian, values};
 use crate::open::Open;
 use crate::origin::Origin;
 use crate::template::{Template, constant, numbers};
@@ -84,6 +84,7 @@ pub(crate) fn runge_kutta_core(
 ) -> Result<Vec<GeneratedFile>, ExportError> {
     let (equations, names) = open.equations(model.equations, model.parameters);
     let listing = equations.listing(&names)?;
+    check_constants("a constant of the plant's equations", &listing)?;
     let (nx, nu) = (origin.states.len(), origin.inputs.len());
     let rows = model.method.tableau().rows();
     let stages = rows.len() - 1;

@@ -16,6 +16,8 @@
 #define PINC_MEASURES_OUTPUTS @MEASURES_OUTPUTS@
 
 @TABLES@
+/* The input given before the first step. */
+@INITIAL_INPUT@
 @VECTORS@/* Makes a matrix symmetric. */
 static void pinc_mirror(PINC_REAL *p)
 {
@@ -133,32 +135,57 @@ static pinc_estimate_status pinc_estimate(pinc_estimator *e, const PINC_REAL *y)
 
 /* ---- With the controller -------------------------------------------------------------------- */
 
+/* Takes the input u for the one that was given so far. */
+static void pinc_hold_inputs(pinc_feedback *f, const PINC_REAL *u)
+{
+    int i;
+    for (i = 0; i <= PINC_DELAY; i++) {
+        pinc_copy(f->inputs + (i * PINC_NU), u, PINC_NU);
+    }
+}
+
+/* Begins with the first estimate and the initial input. */
+static void pinc_begin(pinc_feedback *f)
+{
+    pinc_estimator_init(&f->estimator);
+    f->estimate_status = PINC_NOTHING_MEASURED;
+    pinc_copy(f->x, f->estimator.z, PINC_NX);
+    pinc_hold_inputs(f, pinc_initial_input);
+    f->begun = 0;
+    f->mark = PINC_MARK;
+}
+
 void pinc_feedback_init(pinc_feedback *f)
 {
     memset(f, 0, sizeof(*f));
     pinc_mpc_init(&f->controller);
-    pinc_estimator_init(&f->estimator);
+    pinc_begin(f);
 }
 
 void pinc_feedback_reset(pinc_feedback *f)
 {
-    const long budget = f->controller.budget;
-    pinc_feedback_init(f);
-    f->controller.budget = budget;
+    if (f->mark != PINC_MARK) {
+        pinc_feedback_init(f);
+    } else {
+        pinc_mpc_reset(&f->controller);
+        pinc_begin(f);
+    }
 }
 
 void pinc_feedback_reset_to(pinc_feedback *f, const PINC_REAL u[PINC_NU])
 {
-    int i;
     pinc_feedback_reset(f);
-    for (i = 0; i <= PINC_DELAY; i++) {
-        pinc_copy(f->inputs + (i * PINC_NU), u, PINC_NU);
+    if (pinc_all_finite(u, PINC_NU) != 0) {
+        pinc_mpc_reset_input(&f->controller, u);
+        pinc_hold_inputs(f, u);
     }
-    f->held = 1;
 }
 
 void pinc_feedback_set_applied(pinc_feedback *f, const PINC_REAL u[PINC_NU])
 {
+    if (pinc_all_finite(u, PINC_NU) == 0) {
+        return;
+    }
     pinc_copy(f->inputs + (PINC_DELAY * PINC_NU), u, PINC_NU);
     pinc_mpc_set_applied(&f->controller, u);
 }
@@ -169,6 +196,12 @@ pinc_status pinc_feedback_step(pinc_feedback *f, const PINC_REAL y[PINC_NM],
 {
     pinc_status status;
     int i;
+    if (f->mark != PINC_MARK) {
+        /* The controller answers for both. */
+        f->controller.mark = 0UL;
+        return pinc_mpc_step(&f->controller, f->x, reference, u);
+    }
+    pinc_mpc_start_clock(&f->controller);
     if (f->begun != 0) {
         /* By the input that acted since; it is known only now. */
         pinc_@ESTIMATE@_predict(&f->estimator, f->inputs);
@@ -185,15 +218,6 @@ pinc_status pinc_feedback_step(pinc_feedback *f, const PINC_REAL y[PINC_NM],
         }
     }
 #endif
-    if (f->held != 0) {
-        const long budget = f->controller.budget;
-        PINC_REAL before[PINC_NU];
-        pinc_copy(before, f->inputs + (PINC_DELAY * PINC_NU), PINC_NU);
-        pinc_mpc_reset_to(&f->controller, f->x, f->inputs);
-        pinc_mpc_set_applied(&f->controller, before);
-        f->controller.budget = budget;
-        f->held = 0;
-    }
 #if PINC_NW > 0
     pinc_copy(f->controller.unknown, f->estimator.z + PINC_NX, PINC_NW);
 #endif

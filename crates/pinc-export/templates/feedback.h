@@ -54,24 +54,29 @@ typedef struct {
     /* The rest is private: inputs under way, the next to act first; the input until now. */
     PINC_REAL inputs[(PINC_DELAY + 1) * PINC_NU];
     int begun;
-    int held;
+    unsigned long mark;
 } pinc_feedback;
 
-/** Sets controller and estimator up. Nothing else has to be done before the first step. */
+/**
+ * Sets controller and estimator up for a plant that has been given @INITIAL_INPUT_TEXT@ so far.
+ * Nothing else has to be done before the first step.
+ */
 void pinc_feedback_init(pinc_feedback *f);
 
-/** Forgets everything but the budget: the next step is again the first. */
+/** Begins as after pinc_feedback_init, with the controller's limits and its clock as they are. */
 void pinc_feedback_reset(pinc_feedback *f);
 
 /** Begins anew at a plant that has been given the input u so far. */
 void pinc_feedback_reset_to(pinc_feedback *f, const PINC_REAL u[PINC_NU]);
 
-/** Says which input the plant was really given in place of the last one chosen. */
+/** Says which input the plant was really given in place of the last one chosen. What is not finite
+    is ignored. */
 void pinc_feedback_set_applied(pinc_feedback *f, const PINC_REAL u[PINC_NU]);
 
 /**
  * Chooses the input u for a plant of which y was measured; what is missing in y is NaN. The
- * reference is that of pinc_mpc_step. The estimator goes on even if the reference is not finite.
+ * reference is that of pinc_mpc_step. The estimator goes on even if the reference is not finite;
+ * its time is part of the step's budget.
  */
 pinc_status pinc_feedback_step(pinc_feedback *f, const PINC_REAL y[PINC_NM],
                                const PINC_REAL reference[PINC_N2 * PINC_NY],

@@ -25,6 +25,11 @@ int main(void)
     int failed = 0;
     int k;
     int i;
+    PINC_REAL first[PINC_NU];
+    PINC_REAL none[PINC_NM + (PINC_N2 * PINC_NY)] = {0};
+    /* A struct of zeros is no controller. */
+    failed += (pinc_feedback_step(&pinc_both, none, none + PINC_NM, first) !=
+               PINC_NOT_INITIALIZED) ? 1 : 0;
     pinc_feedback_init(&pinc_both);
     for (k = 0; k < PINC_STEPS; k++) {
         PINC_REAL y[PINC_NM];
@@ -34,8 +39,11 @@ int main(void)
         for (i = 0; i < PINC_NM; i++) {
             y[i] = PINC_N(pinc_y[k][i]);
         }
+        /* The config's references, by time. */
+        pinc_reference(PINC_SAMPLE_TIME_S * (double)k, reference);
         for (i = 0; i < PINC_N2 * PINC_NY; i++) {
-            reference[i] = PINC_N(pinc_reference[k][i]);
+            const PINC_REAL wanted = PINC_N(pinc_rows[k][i]);
+            failed += ((reference[i] < wanted) || (reference[i] > wanted)) ? 1 : 0;
         }
         status = pinc_feedback_step(&pinc_both, y, reference, u);
         failed += ((status == PINC_NUMERICAL_TROUBLE) || (status == PINC_BAD_ARGUMENT)) ? 1 : 0;

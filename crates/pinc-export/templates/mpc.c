@@ -58,10 +58,16 @@
 #define PINC_X_UNIT(i) PINC_N(1)
 #define PINC_U_UNIT(i) PINC_N(1)
 #endif
+/* Whether the config says which input the plant has been given at first. */
+#define PINC_HAS_INITIAL_INPUT @HAS_INITIAL_INPUT@
+/* Values that the references have, one after the other, and whether later ones are known. */
+#define PINC_SEGMENTS @SEGMENTS@
+#define PINC_PREVIEW @PREVIEW@
 /* Whether the sequence of inputs is weighted. */
 #define PINC_HAS_W @HAS_W@
 
 @TABLES@
+@START@
 @VECTORS@static PINC_REAL pinc_abs(PINC_REAL v)
 {
     return PINC_MATH(fabs)(v);
@@ -107,7 +113,13 @@ static int pinc_acting(int j)
 static int pinc_expired(pinc_mpc *m)
 {
     m->spent++;
-    return ((m->budget > 0) && (m->spent > m->budget)) ? 1 : 0;
+    if ((m->budget > 0) && (m->spent > m->budget)) {
+        return 1;
+    }
+    if ((m->clock_us == NULL) || (m->budget_us == 0UL)) {
+        return 0;
+    }
+    return ((m->clock_us() - m->begun_us) >= m->budget_us) ? 1 : 0;
 }
 
 @DENSE@

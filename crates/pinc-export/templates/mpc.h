@@ -16,8 +16,10 @@ extern "C" {
 #define PINC_NY @NY@
 /** How many whole steps pass until an input acts. */
 #define PINC_DELAY @DELAY@
-@UNKNOWNS@/** How many quadratic programs a step may solve. */
+@UNKNOWNS@/** How many quadratic programs a step may solve, unless max_iterations is changed. */
 #define PINC_MAX_ITERATIONS @MAX_ITERATIONS@
+/** The config's budget_us, the time that a step may take, in us; 0: none. It needs a clock. */
+#define PINC_BUDGET_US @BUDGET_US@
 /** The largest KKT residual that counts as converged. */
 #define PINC_KKT_TOLERANCE PINC_PICK(@KKT_TOLERANCE@, @KKT_TOLERANCE_FLOAT@)
 
@@ -37,6 +39,8 @@ extern "C" {
 #define PINC_OUTPUT_ROWS @OUTPUT_ROWS@
 #define PINC_ROWS (PINC_STATE_ROWS + PINC_INCREMENT_ROWS + PINC_OUTPUT_ROWS)
 #define PINC_LIMITS (PINC_INPUTS + PINC_ROWS)
+/* What an initialized controller is marked with. */
+#define PINC_MARK 0x50494E43UL
 /* Whether outputs are tracked. */
 #define PINC_TRACKS_OUTPUTS @TRACKS_OUTPUTS@
 /* C has no arrays of length 0. */
@@ -56,8 +60,13 @@ typedef enum {
     PINC_STALLED = 4,
     /** The model gave NaN or infinity, or a quadratic program could not be solved. */
     PINC_NUMERICAL_TROUBLE = 5,
-    /** An argument is not finite; nothing has happened, and u is the last input. */
-    PINC_BAD_ARGUMENT = 6
+    /**
+     * A measurement is missing, or an argument is not finite. Nothing was optimized, and u is the
+     * last input, moved into its bounds.
+     */
+    PINC_BAD_ARGUMENT = 6,
+    /** The struct was not set up by its init function; u is the initial input within its bounds. */
+    PINC_NOT_INITIALIZED = 7
 } pinc_status;
 
 /* The multipliers of dynamics, of bounds, of increments and of outputs. */
@@ -141,6 +150,19 @@ typedef struct {
      * spends it ends with PINC_DEADLINE, and what it reached goes on in the next.
      */
     long budget;
+    /**
+     * How many quadratic programs a step may solve; one that solves them all without converging
+     * ends with PINC_ITERATION_LIMIT. Without a clock this is what bounds a step's time.
+     */
+    int max_iterations;
+    /**
+     * Reads a clock that counts microseconds up to ULONG_MAX and goes on with 0; NULL: there is no
+     * clock. It is read where the step asks whether to go on.
+     */
+    unsigned long (*clock_us)(void);
+    /** How long a step may take by this clock, in us, before it ends with PINC_DEADLINE; 0: no
+        limit. At first PINC_BUDGET_US. */
+    unsigned long budget_us;
     /** How many quadratic programs the last step solved. */
     int iterations;
     /**
@@ -152,6 +174,7 @@ typedef struct {
     int followed;
 @UNKNOWN_FIELD@
     /* The rest is private. */
+    unsigned long mark;
     pinc_plan plan;
     pinc_plan fallback;
     pinc_plan base;
@@ -173,7 +196,12 @@ typedef struct {
     PINC_REAL bounds_residual;
     PINC_REAL dynamics_residual;
     long spent;
+    unsigned long begun_us;
+    /* Whether the clock has been read for the step at hand. */
+    int timed;
     int warm;
+    /* Whether the first plan is to stay at the state of the first step. */
+    int unplaced;
     /* Whether the plan is a guess only, and for how many steps it has been. */
     int tentative;
     int waited;
@@ -184,22 +212,43 @@ typedef struct {
     int elastic;
 } pinc_mpc;
 
-/** Sets a controller up. Nothing else has to be done before the first step. */
+/**
+ * Sets a controller up for a plant that has been given @INITIAL_INPUT_TEXT@ so far.
+ * Nothing else has to be done before the first step.
+ */
 void pinc_mpc_init(pinc_mpc *m);
 
-/** Forgets everything but the budget: the next step is again the first. */
+/** Begins as after pinc_mpc_init, with the limits and the clock as they are. */
 void pinc_mpc_reset(pinc_mpc *m);
+
+/** Begins anew at a plant that has been given the input u so far, wherever it is. */
+void pinc_mpc_reset_input(pinc_mpc *m, const PINC_REAL u[PINC_NU]);
 
 /** Begins anew at a plant that is at x and has been given the input u so far. */
 void pinc_mpc_reset_to(pinc_mpc *m, const PINC_REAL x[PINC_NX], const PINC_REAL u[PINC_NU]);
 
-/** Says which input the plant was really given in place of the last one chosen. */
+/** Says which input the plant was really given in place of the last one chosen. What is not finite
+    is ignored. */
 void pinc_mpc_set_applied(pinc_mpc *m, const PINC_REAL u[PINC_NU]);
 
+/** Reads the clock for the step that follows, where its budget is to include other work. */
+void pinc_mpc_start_clock(pinc_mpc *m);
+
 /**
- * Chooses the input u for a plant measured to be at x. The reference has a row of PINC_NY numbers
- * for each of the PINC_N2 steps: what the state is to be at their ends (with a delay of d steps,
- * d steps later).
+ * Writes the reference of a step at t_s seconds from the start: the config's schedule by the
+ * controller's rule. @PREVIEW_TEXT@
+ *
+ * Columns: @TRACKED@.
+ */
+void pinc_reference(double t_s, PINC_REAL rows[PINC_N2 * PINC_NY]);
+
+/**
+ * Chooses the input u for a plant measured to be at x. A number of x that is missing is NaN.
+ *
+ * The reference has PINC_N2 rows of PINC_NY numbers, in the order of pinc_reference. Row j, from 0,
+ * is what is to be reached at the end of the step that begins j steps from now (with a delay of d
+ * steps, j + d). In a schedule its value is that of the beginning of this step: a row that ends
+ * exactly at a change still has the value from before the change.
  */
 pinc_status pinc_mpc_step(pinc_mpc *m, const PINC_REAL x[PINC_NX],
                           const PINC_REAL reference[PINC_N2 * PINC_NY], PINC_REAL u[PINC_NU]);

@@ -551,7 +551,7 @@ static pinc_status pinc_iterate(pinc_mpc *m, const PINC_REAL *reference, PINC_RE
         if (kkt <= PINC_KKT_TOLERANCE) {
             return PINC_CONVERGED;
         }
-        if (m->iterations == PINC_MAX_ITERATIONS) {
+        if (m->iterations >= m->max_iterations) {
             return PINC_ITERATION_LIMIT;
         }
         if (pinc_expired(m) != 0) {
@@ -774,6 +774,15 @@ static void pinc_take_input(PINC_REAL *to, const PINC_REAL *u)
     }
 }
 
+/* Back to the plant's units. */
+static void pinc_give_input(PINC_REAL *u)
+{
+    int i;
+    for (i = 0; i < PINC_NU; i++) {
+        u[i] *= PINC_U_UNIT(i);
+    }
+}
+
 /* Predicts the state in which the input that is chosen now will act. */
 static void pinc_predict_delay(pinc_mpc *m, const PINC_REAL *x)
 {
@@ -799,14 +808,47 @@ static int pinc_plan_is_finite(const pinc_plan *plan)
            pinc_all_finite(plan->m.outputs, PINC_OUTPUT_ROWS);
 }
 
-/* Puts the input chosen under way. */
-static void pinc_push(pinc_mpc *m)
+/* Hands out the input of this step, which is under way from now on. */
+static void pinc_push(pinc_mpc *m, PINC_REAL *u)
 {
-    pinc_copy(m->previous, m->plan.z + PINC_STATES, PINC_NU);
 #if PINC_DELAY > 0
     pinc_shift(m->pending, PINC_NU, PINC_DELAY * PINC_NU);
     pinc_copy(m->pending + ((PINC_DELAY - 1) * PINC_NU), m->previous, PINC_NU);
 #endif
+    pinc_copy(u, m->previous, PINC_NU);
+    pinc_give_input(u);
+}
+
+/* Moves an input into its bounds. */
+static void pinc_clamp_input(PINC_REAL *input)
+{
+    int v;
+    for (v = 0; v < PINC_NU; v++) {
+        input[v] = pinc_clamp(input[v], pinc_low[PINC_STATES + v], pinc_high[PINC_STATES + v]);
+    }
+}
+
+/* Takes an input, in the units of the optimization, for the one that was given so far. */
+static void pinc_hold_input(pinc_mpc *m, const PINC_REAL *input)
+{
+    int i;
+    pinc_copy(m->previous, input, PINC_NU);
+    for (i = 0; i < PINC_DELAY; i++) {
+        pinc_copy(m->pending + (i * PINC_NU), input, PINC_NU);
+    }
+    for (i = 0; i < PINC_NC; i++) {
+        pinc_copy(m->plan.z + (PINC_STATES + (i * PINC_NU)), input, PINC_NU);
+    }
+    m->unplaced = 1;
+}
+
+/* Begins the first plan at a state. */
+static void pinc_place_plan(pinc_mpc *m, const PINC_REAL *x)
+{
+    pinc_take_state(m->start, x);
+    pinc_stay_at(&m->plan, m->start);
+    m->unplaced = 0;
+    m->warm = 1;
 }
 
 void pinc_mpc_init(pinc_mpc *m)
@@ -814,33 +856,75 @@ void pinc_mpc_init(pinc_mpc *m)
     memset(m, 0, sizeof(*m));
     pinc_init_rows(&m->dense);
     pinc_restore_penalties(m);
-@INIT_UNKNOWN@}
+@INIT_UNKNOWN@    m->max_iterations = PINC_MAX_ITERATIONS;
+    m->clock_us = NULL;
+    m->budget_us = PINC_BUDGET_US;
+    m->mark = PINC_MARK;
+#if PINC_HAS_INITIAL_INPUT
+    pinc_hold_input(m, pinc_initial_input);
+#endif
+}
 
 void pinc_mpc_reset(pinc_mpc *m)
 {
-    const long budget = m->budget;
-    pinc_mpc_init(m);
-    m->budget = budget;
+    if (m->mark != PINC_MARK) {
+        pinc_mpc_init(m);
+    } else {
+        const long budget = m->budget;
+        const int max_iterations = m->max_iterations;
+        unsigned long (*const clock_us)(void) = m->clock_us;
+        const unsigned long budget_us = m->budget_us;
+        pinc_mpc_init(m);
+        m->budget = budget;
+        m->max_iterations = max_iterations;
+        m->clock_us = clock_us;
+        m->budget_us = budget_us;
+    }
+}
+
+void pinc_mpc_reset_input(pinc_mpc *m, const PINC_REAL u[PINC_NU])
+{
+    PINC_REAL input[PINC_NU];
+    pinc_mpc_reset(m);
+    if (pinc_all_finite(u, PINC_NU) != 0) {
+        pinc_take_input(input, u);
+        pinc_hold_input(m, input);
+    }
 }
 
 void pinc_mpc_reset_to(pinc_mpc *m, const PINC_REAL x[PINC_NX], const PINC_REAL u[PINC_NU])
 {
-    int i;
-    pinc_mpc_reset(m);
-    pinc_take_input(m->previous, u);
-    for (i = 0; i < PINC_DELAY; i++) {
-        pinc_copy(m->pending + (i * PINC_NU), m->previous, PINC_NU);
+    pinc_mpc_reset_input(m, u);
+    pinc_place_plan(m, x);
+}
+
+void pinc_mpc_start_clock(pinc_mpc *m)
+{
+    if (m->clock_us != NULL) {
+        m->begun_us = m->clock_us();
     }
-    pinc_take_state(m->start, x);
-    pinc_stay_at(&m->plan, m->start);
-    for (i = 0; i < PINC_NC; i++) {
-        pinc_copy(m->plan.z + (PINC_STATES + (i * PINC_NU)), m->previous, PINC_NU);
+    m->timed = 1;
+}
+
+void pinc_reference(double t_s, PINC_REAL rows[PINC_N2 * PINC_NY])
+{
+    const double step = floor((t_s / PINC_SAMPLE_TIME_S) + 1e-6);
+    int segment = 0;
+    int j;
+    for (j = 0; j < PINC_N2; j++) {
+        const double at = step + (PINC_PREVIEW * (double)(PINC_DELAY + j));
+        while ((segment + 1 < PINC_SEGMENTS) && (at >= pinc_segment_step[segment + 1])) {
+            segment++;
+        }
+        pinc_copy(rows + (j * PINC_NY), pinc_segment_value + (segment * PINC_NY), PINC_NY);
     }
-    m->warm = 1;
 }
 
 void pinc_mpc_set_applied(pinc_mpc *m, const PINC_REAL u[PINC_NU])
 {
+    if (pinc_all_finite(u, PINC_NU) == 0) {
+        return;
+    }
     pinc_take_input(m->previous, u);
 #if PINC_DELAY > 0
     pinc_copy(m->pending + ((PINC_DELAY - 1) * PINC_NU), m->previous, PINC_NU);
@@ -852,15 +936,28 @@ pinc_status pinc_mpc_step(pinc_mpc *m, const PINC_REAL x[PINC_NX],
 {
     pinc_status status;
     int finite;
-    int v;
+    if (m->mark != PINC_MARK) {
+        pinc_copy(u, pinc_initial_input, PINC_NU);
+        pinc_clamp_input(u);
+        pinc_give_input(u);
+        return PINC_NOT_INITIALIZED;
+    }
+    if (m->timed == 0) {
+        pinc_mpc_start_clock(m);
+    }
+    m->timed = 0;
     if ((pinc_all_finite(x, PINC_NX) & pinc_all_finite(reference, PINC_N2 * PINC_NY)) == 0) {
-        for (v = 0; v < PINC_NU; v++) {
-            u[v] = PINC_U_UNIT(v) * pinc_clamp(m->previous[v], pinc_low[PINC_STATES + v],
-                                               pinc_high[PINC_STATES + v]);
-        }
+        m->iterations = 0;
+        m->kkt = PINC_INFINITY;
+        m->followed = 0;
+        pinc_clamp_input(m->previous);
+        pinc_push(m, u);
         return PINC_BAD_ARGUMENT;
     }
     m->spent = 0;
+    if (m->unplaced != 0) {
+        pinc_place_plan(m, x);
+    }
     pinc_predict_delay(m, x);
     pinc_shift_warm_start(m);
     status = pinc_optimize(m, reference);
@@ -876,10 +973,8 @@ pinc_status pinc_mpc_step(pinc_mpc *m, const PINC_REAL x[PINC_NX],
     }
     pinc_keep_plan(m, status, finite);
     pinc_project(m, m->plan.z);
-    pinc_push(m);
-    for (v = 0; v < PINC_NU; v++) {
-        u[v] = m->previous[v] * PINC_U_UNIT(v);
-    }
+    pinc_copy(m->previous, m->plan.z + PINC_STATES, PINC_NU);
+    pinc_push(m, u);
     return status;
 }
 
@@ -898,6 +993,8 @@ const char *pinc_status_name(pinc_status status)
         return "stalled";
     case PINC_NUMERICAL_TROUBLE:
         return "numerical-trouble";
+    case PINC_NOT_INITIALIZED:
+        return "not-initialized";
     case PINC_BAD_ARGUMENT:
     default:
         return "bad-argument";

@@ -156,6 +156,36 @@ fn jacobians_by_directional_derivatives_are_those_of_the_equation() {
     }
 }
 
+/// By both interfaces: what depends on time does so from 0, and a parameter is not what the FMU has
+/// by itself.
+#[test]
+fn a_step_begins_at_time_zero_with_the_parameters_given() {
+    for (version, description, states, force) in
+        [(2, TWO, ["x1", "x2"], "u"), (3, THREE, ["x[1]", "x[2]"], "w[2]")]
+    {
+        for kind in [FmuKind::ModelExchange, FmuKind::CoSimulation] {
+            let dir = tempfile::tempdir().unwrap();
+            let own = match kind {
+                FmuKind::ModelExchange => description.to_owned(),
+                FmuKind::CoSimulation => description.replace("<ModelExchange", "<CoSimulation"),
+            };
+            let path = fmu(dir.path(), version, &own);
+            let parameters = vec![("k".to_owned(), 2.5)];
+            let given = FmuPlant { kind: Some(kind), parameters, ..plant(states, force) };
+            let fmu = Fmu::open(&path, &given).unwrap();
+            let (mut found, mut truth) = (X, Rk4::new(Oscillator, 0.45, 400));
+            fmu.advance(&mut found, &U, 0.45).unwrap();
+            for (k, found) in found.chunks(2).enumerate() {
+                let mut expected = [0.0; 2];
+                truth.step(&X[2 * k..2 * k + 2], &[2.5, U[k]], &[], &mut expected);
+                for (a, b) in found.iter().zip(expected) {
+                    assert!((a - b).abs() < 2e-9, "{version} {kind:?} {k}: {a} {b}");
+                }
+            }
+        }
+    }
+}
+
 #[test]
 fn derivatives_that_are_not_there_or_not_wanted_are_not_asked_for() {
     let dir = tempfile::tempdir().unwrap();

@@ -39,6 +39,13 @@ impl Bounds {
         outside.fold(0.0, f64::max)
     }
 
+    /// Moves `values` into their bounds at the first stage.
+    pub(crate) fn clamp(&self, values: &mut [f64]) {
+        for (v, (low, high)) in values.iter_mut().zip(self.low.iter().zip(&self.high)) {
+            *v = v.clamp(*low, *high);
+        }
+    }
+
     /// Those of all of `count` numbers, the stages one after the other.
     pub(crate) fn expand(&self, count: usize) -> Self {
         let times = if self.low.is_empty() { 0 } else { count / self.low.len() };

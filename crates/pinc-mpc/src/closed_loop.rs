@@ -151,7 +151,7 @@ impl<'a> ClosedLoop<'a> {
     ///
     /// [`MpcError`] if `u` is of the wrong length or not finite.
     pub fn with_initial_input(mut self, u: &[f64]) -> Result<Self, MpcError> {
-        self.nmpc.reset_to(&self.x, u)?;
+        self.nmpc.reset_input(u)?;
         self.chosen = false;
         self.inputs.chunks_exact_mut(u.len()).for_each(|input| input.copy_from_slice(u));
         Ok(self)
@@ -248,6 +248,7 @@ impl<'a> ClosedLoop<'a> {
         self.write_window(self.done);
         self.observe()?;
         let seen = self.watch.as_ref().map_or(&self.x, |watch| &watch.x);
+        check_finite("x", seen, seen.len())?;
         let step = self.nmpc.step_within(seen, &self.window, expired)?;
         self.record = Some(StepRecord {
             status: step.status,

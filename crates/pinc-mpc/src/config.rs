@@ -25,6 +25,9 @@ pub enum SqpStatus {
     Stalled,
     /// The model gave NaN or infinity, or the QP solver found no solution.
     NumericalTrouble,
+    /// The state is not known: a measurement is missing, that is NaN or infinite. Nothing was
+    /// optimized, and the input is the last one, moved into its bounds.
+    BadArgument,
 }
 
 /// The serialized name, as `converged`.
@@ -38,6 +41,7 @@ impl fmt::Display for SqpStatus {
             Self::InfeasibleQp => "infeasible-qp",
             Self::Stalled => "stalled",
             Self::NumericalTrouble => "numerical-trouble",
+            Self::BadArgument => "bad-argument",
         })
     }
 }

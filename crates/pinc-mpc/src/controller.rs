@@ -3,7 +3,7 @@
 use crate::builder::NmpcBuilder;
 use crate::constraint::Constraint;
 use crate::cost::Targets;
-use crate::error::check_finite;
+use crate::error::{check_finite, check_length};
 use crate::horizon::Horizon;
 use crate::kkt::KktResidual;
 use crate::solution::Solution;
@@ -83,6 +83,8 @@ pub struct Nmpc {
     unjudged: bool,
     /// Whether there is a plan that was good enough to be followed without need.
     has_fallback: bool,
+    /// Whether the first plan is to stay at the state of the first step.
+    unplaced: bool,
     /// Whether the plan is moved on.
     shifted: bool,
     /// Whether the problem is linearized there.
@@ -157,6 +159,7 @@ impl Nmpc {
             waited: 0,
             unjudged: false,
             has_fallback: false,
+            unplaced: false,
             shifted: false,
             prepared: false,
             previous: vec![0.0; dims.nu],
@@ -223,6 +226,7 @@ impl Nmpc {
         self.tentative = false;
         self.unjudged = false;
         self.has_fallback = false;
+        self.unplaced = false;
         self.shifted = false;
         self.prepared = false;
         self.previous.fill(0.0);
@@ -241,15 +245,38 @@ impl Nmpc {
     /// [`MpcError`] if an argument is of the wrong length or not finite; nothing has happened then.
     pub fn reset_to(&mut self, x: &[f64], u_applied: &[f64]) -> Result<(), MpcError> {
         check_finite("x", x, self.dims.nx)?;
+        self.reset_input(u_applied)?;
+        self.place(x);
+        Ok(())
+    }
+
+    /// [`Nmpc::reset_to`] where the state is not known yet: the first plan stays at the state of
+    /// the first step.
+    ///
+    /// # Shapes
+    ///
+    /// `u_applied`: `m`.
+    ///
+    /// # Errors
+    ///
+    /// [`MpcError`] if `u_applied` is of the wrong length or not finite; nothing has happened then.
+    pub fn reset_input(&mut self, u_applied: &[f64]) -> Result<(), MpcError> {
         check_finite("u_applied", u_applied, self.dims.nu)?;
         self.reset();
         self.previous.copy_from_slice(u_applied);
         for u in self.pending.chunks_exact_mut(self.dims.nu) {
             u.copy_from_slice(u_applied);
         }
-        self.plan.hold(x, u_applied);
-        self.warm = true;
+        self.plan.hold(u_applied);
+        self.unplaced = true;
         Ok(())
+    }
+
+    /// Begins the first plan at `x`.
+    fn place(&mut self, x: &[f64]) {
+        self.plan.stay_at(x);
+        self.unplaced = false;
+        self.warm = true;
     }
 
     /// Says which input the plant was really given in place of the last one chosen, for instance by
@@ -272,16 +299,22 @@ impl Nmpc {
         Ok(())
     }
 
-    /// Chooses the input for a plant measured to be at `x`.
+    /// Chooses the input for a plant measured to be at `x`. Where a number of `x` is missing, NaN
+    /// or infinite, the status is [`SqpStatus::BadArgument`] and the last input is held, within its
+    /// bounds; the step counts, and with a delay that input is under way.
     ///
     /// # Shapes
     ///
     /// `x`: `n`; `reference`: yref\[k+1\]..yref\[k+N2\], `[N2, outputs]`, row by row; with a delay
-    /// of d steps yref\[k+d+1\]..yref\[k+d+N2\].
+    /// of d steps yref\[k+d+1\]..yref\[k+d+N2\]. Columns are in the order of
+    /// [`NmpcProblem::tracked`]. yref\[k+1\] is for the end of step k; in a closed loop it is the
+    /// reference's value at the *beginning* of that step, so a row that ends exactly at a change has
+    /// the value from before it.
     ///
     /// # Errors
     ///
-    /// [`MpcError`] if an argument is of the wrong length or not finite; nothing has happened then.
+    /// [`MpcError`] if an argument is of the wrong length or the reference is not finite; nothing
+    /// has happened then.
     pub fn step(&mut self, x: &[f64], reference: &[f64]) -> Result<StepReport<'_>, MpcError> {
         self.step_within(x, reference, &mut || false)
     }
@@ -306,10 +339,15 @@ impl Nmpc {
         reference: &[f64],
         expired: &mut dyn FnMut() -> bool,
     ) -> Result<StepReport<'_>, MpcError> {
-        check_finite("x", x, self.dims.nx)?;
+        check_length("x", x, self.dims.nx)?;
         let outputs = self.problem.tracked.len();
         check_finite("reference", reference, self.dims.horizon * outputs)?;
-
+        if !all_finite(x) {
+            return Ok(self.hold());
+        }
+        if self.unplaced {
+            self.place(x);
+        }
         self.predict_delay(x);
         self.shift_warm_start();
         if self.config.real_time {
@@ -322,11 +360,27 @@ impl Nmpc {
             outcome = self.optimize(reference, expired);
         }
         let (status, followed) = self.accept(&outcome);
+        self.previous.copy_from_slice(self.plan.first_input());
         self.push_delay_line();
         let Outcome { iterations, last, violated, .. } = outcome;
         let (u, work) = (self.plan.first_input(), self.sqp.take_work());
         let (sqp_iterations, kkt) = (iterations, last);
         Ok(StepReport { u, status, sqp_iterations, work, kkt, violated, followed })
+    }
+
+    /// A step without a state: the last input is held.
+    fn hold(&mut self) -> StepReport<'_> {
+        self.problem.input_bounds.clamp(&mut self.previous);
+        self.push_delay_line();
+        StepReport {
+            u: &self.previous,
+            status: SqpStatus::BadArgument,
+            sqp_iterations: 0,
+            work: self.sqp.take_work(),
+            kkt: KktResidual::unknown(),
+            violated: None,
+            followed: false,
+        }
     }
 
     fn optimize(&mut self, reference: &[f64], expired: &mut dyn FnMut() -> bool) -> Outcome {
@@ -457,14 +511,13 @@ impl Nmpc {
         self.horizon.is_uniform() && (self.warm || self.plan != self.fallback)
     }
 
-    /// Puts the input chosen under way.
+    /// Puts the input handed out, u[k-1] of the next step, under way.
     fn push_delay_line(&mut self) {
-        let u = self.plan.first_input();
-        self.previous.copy_from_slice(u);
+        let m = self.previous.len();
         if !self.pending.is_empty() {
-            self.pending.copy_within(u.len().., 0);
-            let last = self.pending.len() - u.len();
-            self.pending[last..].copy_from_slice(u);
+            self.pending.copy_within(m.., 0);
+            let last = self.pending.len() - m;
+            self.pending[last..].copy_from_slice(&self.previous);
         }
     }
 }

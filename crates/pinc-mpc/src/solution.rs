@@ -146,9 +146,8 @@ impl Solution {
         all_finite(&self.z) && self.multipliers.is_finite()
     }
 
-    /// Plans to stay at `x` with the input `u`; all multipliers are 0.
-    pub(crate) fn hold(&mut self, x: &[f64], u: &[f64]) {
-        self.stay_at(x);
+    /// Plans to hold the input `u`.
+    pub(crate) fn hold(&mut self, u: &[f64]) {
         for input in self.z[self.dims.all_states()..].chunks_exact_mut(u.len()) {
             input.copy_from_slice(u);
         }

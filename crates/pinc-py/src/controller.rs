@@ -125,8 +125,8 @@ impl Nmpc {
     }
 
     /// Forgets everything: the next step is again the first.
-    fn reset(&self) {
-        self.lock().reset();
+    fn reset(&self) -> PyResult<()> {
+        self.lock().reset().map_err(|error| of_run(&error))
     }
 
     /// The states of the last plan at the ends of the steps ahead.

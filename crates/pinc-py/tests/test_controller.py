@@ -58,6 +58,36 @@ def test_reference_applied_input_and_reset_count(smoke: Path) -> None:
     assert second(reference=np.tile([0.8, 0.0], (controller.horizon, 1))) == held
 
 
+def test_increments_count_from_the_initial_input(smoke: Path) -> None:
+    bounds = {"control.increment_low": [-0.02], "control.increment_high": [0.02]}
+    controller = pinc.Nmpc(smoke, only="rk4", overrides=bounds | {"control.initial_input": [0.45]})
+    for _ in range(2):
+        assert abs(controller.step([0.9, 0.0]).u[0] - 0.47) < 1e-7
+        controller.reset()
+
+
+def test_a_missing_measurement_holds_the_last_input(smoke: Path) -> None:
+    given = {"control.initial_input": [0.25]}
+    controller, told = (pinc.Nmpc(smoke, only="rk4", overrides=given) for _ in range(2))
+    step = controller.step([np.nan, 0.1])
+    assert (step.status, step.u[0], step.sqp_iterations) == ("bad-argument", 0.25, 0)
+    assert np.isnan(step.x[0]) and step.x[1] == 0.1 and np.isinf(step.kkt)
+    told.step([0.5, 0.1])
+    same = told.step([0.4, 0.0], u_applied=[0.25]).u[0]
+    assert abs(controller.step([0.4, 0.0]).u[0] - same) < 1e-7
+
+
+def test_a_row_has_the_reference_of_the_beginning_of_its_step(smoke: Path) -> None:
+    followed, given = (pinc.Nmpc(smoke, only="rk4") for _ in range(2))
+    references = [(0.0, [0.0, 0.0]), (2.5, [-0.5, 0.0])]  # of the config
+    steps = 10
+    for k in range(steps):
+        times = [min(k + j, steps - 1) * followed.sample_time_s for j in range(followed.horizon)]
+        rows = [[value for start, value in references if start <= t][-1] for t in times]
+        x = [0.3 - 0.05 * k, 0.1]
+        assert followed.step(x).u == given.step(x, reference=rows).u
+
+
 def test_an_estimator_is_taken_along(tmp_path: Path) -> None:
     few = {"control.duration_s": 300.0, "control.models": ["rk4"], "control.repetitions": 1}
     tanks = TANKS.read_text(encoding="utf-8").split("[training]")[0].split("[model]")[0]
@@ -80,7 +110,6 @@ def test_wrong_arguments_are_said_to_be_so_and_change_nothing(smoke: Path) -> No
     assert controller.step([0.5, 0.1]).u == other.step([0.5, 0.1]).u
     for y, given, message in [
         ([0.1], {}, "y: 1 numbers given, expected 2, one per state"),
-        ([0.1, np.nan], {}, "y: NaN given, expected finite numbers"),
         ([[0.1, 0.2]], {}, "y: an array of shape"),
         ([0.1, 0.2], {"reference": [0.1]}, "reference: 1 numbers given, expected 2"),
         ([0.1, 0.2], {"reference": [[0.1, 0.2]]}, "1 rows given, expected"),

@@ -140,7 +140,10 @@ pub fn export_controller(
         model: source,
         equations: equations.as_ref(),
         initial_state: &chosen.spec.initial_state,
+        initial_input: chosen.spec.initial_input.as_deref(),
         reference: &setup.reference()?,
+        preview: chosen.spec.preview,
+        budget_us: chosen.spec.budget_us,
         estimator: estimating.as_ref().map(Estimating::estimation),
     };
     let files = match to {

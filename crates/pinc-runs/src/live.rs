@@ -56,7 +56,8 @@ pub enum Follow<'a> {
     /// A value per controlled quantity, held over the horizon.
     Held(&'a [f64]),
     /// A row per stage of the horizon, for the ends of the steps ahead (with a delay of d steps, d
-    /// steps later).
+    /// steps later). The config's references give a row the value at the beginning of the step that
+    /// ends there: a row that ends exactly at a change has the value from before it.
     Stages(&'a [Vec<f64>]),
 }
 
@@ -68,7 +69,8 @@ pub struct LiveStep<'a> {
     pub u: &'a [f64],
     /// How the optimization ended.
     pub status: SqpStatus,
-    /// The state that the controller took the plant to be in: what was measured, or the estimate.
+    /// The state that the controller took the plant to be in: what was measured, NaN where that is
+    /// missing, or the estimate.
     pub x: &'a [f64],
     /// The estimated disturbances and parameters; empty without an estimator.
     pub unknowns: &'a [f64],
@@ -116,21 +118,27 @@ impl LiveController {
             nmpc,
             done: 0,
         };
-        live.reset();
+        live.reset()?;
         Ok(live)
     }
 
     /// Forgets everything: the next step is again the first.
-    pub fn reset(&mut self) {
+    ///
+    /// # Errors
+    ///
+    /// [`RunError`] if `control.initial_input` does not suit the controller.
+    pub fn reset(&mut self) -> Result<(), RunError> {
         self.nmpc.reset();
         if let Some(observer) = &mut self.observer {
             observer.estimator.reset();
         }
         self.inputs.fill(0.0);
+        self.done = 0;
         if let Some(u) = &self.spec.initial_input {
+            self.nmpc.reset_input(u)?;
             self.inputs.chunks_exact_mut(u.len()).for_each(|input| input.copy_from_slice(u));
         }
-        self.done = 0;
+        Ok(())
     }
 
     /// The controller with its model.
@@ -189,14 +197,14 @@ impl LiveController {
     }
 
     /// Chooses the input for a plant of which `y` was measured: with an estimator the measured
-    /// quantities, of which those that are missing are NaN; without one all states. `u_applied` is
-    /// the input that the plant was really given since the last step, if that was not the one
-    /// chosen.
+    /// quantities; without one all states. What is missing is NaN; without an estimator the last
+    /// input is then held, with the status [`SqpStatus::BadArgument`]. `u_applied` is the input that
+    /// the plant was really given since the last step, if that was not the one chosen.
     ///
     /// # Errors
     ///
-    /// [`RunError::Argument`] if an argument is of a wrong length or not finite: nothing has
-    /// happened then. [`RunError::OutsideDomain`] if the step takes a net out of its domain and
+    /// [`RunError::Argument`] if an argument is of a wrong length, or a reference or `u_applied` is
+    /// not finite: nothing has happened then. [`RunError::OutsideDomain`] if the step takes a net out of its domain and
     /// the config refuses that.
     pub fn step(
         &mut self,
@@ -211,11 +219,6 @@ impl LiveController {
         if let Some(observer) = &self.observer {
             self.nmpc.set_parameters(&observer.unknowns)?;
         }
-        if self.done == 0
-            && let Some(u) = &self.spec.initial_input
-        {
-            self.nmpc.reset_to(&self.x, u)?;
-        }
         if let Some(u) = u_applied {
             self.nmpc.set_applied_input(u)?;
         }
@@ -228,7 +231,9 @@ impl LiveController {
         let chosen = self.inputs.len() - self.u.len();
         self.inputs[chosen..].copy_from_slice(&self.u);
         self.done += 1;
-        if let Some(guard) = &mut self.guard {
+        if let Some(guard) = &mut self.guard
+            && status != SqpStatus::BadArgument
+        {
             guard.look(&self.x, &self.u, &self.parameters)?;
         }
         let observer = self.observer.as_ref();
@@ -280,10 +285,7 @@ impl LiveController {
         let outputs = self.spec.controlled.len();
         match &self.observer {
             Some(observer) => length("y", y, observer.measured.len(), "measured quantity")?,
-            None => {
-                length("y", y, self.x.len(), "state")?;
-                finite("y", y)?;
-            }
+            None => length("y", y, self.x.len(), "state")?,
         }
         if let Some(u) = u_applied {
             length("u_applied", u, self.u.len(), "input")?;

@@ -6,6 +6,7 @@ use crate::RunError;
 use pinc_config::{Experiment, ModelKind};
 use pinc_record::OutsideDomain;
 use serde::{Deserialize, Serialize};
+use std::borrow::Cow;
 use std::io::{BufRead, Write};
 use std::path::Path;
 
@@ -13,7 +14,7 @@ use std::path::Path;
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Request {
-    /// What was measured: all states, or what the estimator is told, with null for what is missing.
+    /// What was measured: all states, or what the estimator is told; null or NaN is missing.
     y: Vec<Option<f64>>,
     /// What is to be followed, in place of the config's references.
     reference: Option<Window>,
@@ -86,17 +87,14 @@ pub fn serve(
 
 /// The answer to a line, or what is wrong with it.
 fn answer(controller: &mut LiveController, line: &[u8]) -> Result<String, String> {
-    let request: Request = serde_json::from_slice(line).map_err(|error| {
+    let request: Request = serde_json::from_slice(&with_nulls(line)).map_err(|error| {
         format!(
             "{error}; expected {{\"y\": [..], \"reference\": [..], \"u_applied\": [..], \
              \"parameters\": [..]}}"
         )
     })?;
-    // What is missing is NaN, which only an estimator takes.
+    // What is missing is NaN.
     let y: Vec<f64> = request.y.iter().map(|y| y.unwrap_or(f64::NAN)).collect();
-    if y.iter().any(|y| y.is_nan()) && controller.spec().estimator.is_none() {
-        return Err("y: null given, expected numbers; what is missing takes an estimator".into());
-    }
     let follow = match &request.reference {
         None => Follow::Config,
         Some(Window::Held(row)) => Follow::Held(row),
@@ -124,6 +122,35 @@ fn answer(controller: &mut LiveController, line: &[u8]) -> Result<String, String
     }))
 }
 
+/// The line with `null` for what Python writes for numbers that are not finite, which JSON does not
+/// know.
+fn with_nulls(line: &[u8]) -> Cow<'_, [u8]> {
+    const WORDS: [&[u8]; 3] = [b"NaN", b"-Infinity", b"Infinity"];
+    if !line.windows(2).any(|pair| pair == b"Na" || pair == b"In") {
+        return Cow::Borrowed(line);
+    }
+    let (mut changed, mut rest, mut quoted) = (Vec::with_capacity(line.len() + 8), line, false);
+    while let Some((&byte, after)) = rest.split_first() {
+        let word = WORDS.iter().find(|word| !quoted && rest.starts_with(word));
+        if let Some(word) = word {
+            changed.extend_from_slice(b"null");
+            rest = &rest[word.len()..];
+            continue;
+        }
+        changed.push(byte);
+        rest = after;
+        match (byte, after.split_first()) {
+            (b'\\', Some((&escaped, later))) if quoted => {
+                changed.push(escaped);
+                rest = later;
+            }
+            (b'"', _) => quoted = !quoted,
+            _ => {}
+        }
+    }
+    Cow::Owned(changed)
+}
+
 fn text(value: &impl Serialize) -> String {
-    serde_json::to_string(value).expect("finite numbers and texts")
+    serde_json::to_string(value).expect("numbers and texts")
 }

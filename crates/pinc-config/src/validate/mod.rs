@@ -31,6 +31,10 @@ impl Experiment {
         directory_name(&self.name)?;
         plant("plant", &self.plant, self.plants())?;
         let variables = self.plant.variables();
+        names::printable("plant", &self.plant)?;
+        if let Some(plant) = self.control.as_ref().and_then(|control| control.plant.as_ref()) {
+            names::printable("control.plant", plant)?;
+        }
         names::column_names(&self.plant, &variables)?;
         names::varying_parameters(self)?;
         let dims = self.dims();

@@ -13,6 +13,38 @@ const ENDINGS: [&str; 3] = ["_truth", "_ref", "_0"];
 /// Columns of their own in these tables.
 const TAKEN: [&str; 3] = ["t", "mark", "scenario"];
 
+/// Checks that names and units have no control characters, which the files of a run and of an
+/// export cannot have.
+pub(super) fn printable(place: &str, plant: &PlantSpec) -> Finding {
+    let variables = plant.variables();
+    let lists = [
+        ("states", &variables.states),
+        ("inputs", &variables.inputs),
+        ("outputs", &variables.outputs),
+    ];
+    for (list, all) in lists {
+        for (i, variable) in all.iter().enumerate() {
+            for (field, text) in [("name", &variable.name), ("unit", &variable.unit)] {
+                if !text.contains(char::is_control) {
+                    continue;
+                }
+                let key = match (plant, list) {
+                    (PlantSpec::Expression(_), "outputs") => {
+                        format!("{place}.expression.outputs.{}", variable.name)
+                    }
+                    (PlantSpec::Expression(_), _) => {
+                        format!("{place}.expression.{list}[{i}].{field}")
+                    }
+                    _ => place.to_owned(),
+                };
+                let found = format!("the {field} {text:?}");
+                return value(&key, found, "a text without control characters");
+            }
+        }
+    }
+    Ok(())
+}
+
 /// Checks that no variable has the name of another's column.
 pub(super) fn column_names(plant: &PlantSpec, variables: &Variables) -> Finding {
     let own = variables.own_outputs().into_iter();

@@ -304,3 +304,37 @@ fn derivatives_are_for_distilled_nets_of_plants_that_have_them() {
         assert!(error.contains(expected), "{error}");
     }
 }
+
+/// Units are free texts, but for what files cannot have.
+#[test]
+fn names_and_units_have_no_control_characters() {
+    let plant = |unit: &str, of_input: &str, of_output: &str| {
+        let states = format!(r#"[{{ name = "x1", unit = "{unit}" }}, {{ name = "x2" }}]"#);
+        let inputs = format!(r#"[{{ name = "u", unit = "{of_input}" }}]"#);
+        let output = format!(r#"{{ expression = "x1 + u", unit = "{of_output}" }}"#);
+        format!(
+            "expression = {{ states = {states}, inputs = {inputs}, outputs = {{ y = {output} }}, \
+             derivatives = {{ x1 = \"x2\", x2 = \"u - x1\" }} }}"
+        )
+    };
+    let with = |plant: &str| parse(&smoke().replace("van-der-pol = { mu = 1.0 }", plant), &[]);
+    let fine = with(&plant("m/s*/ <b>", "\u{b0}C", "/* kg")).unwrap();
+    assert_eq!(fine.plant.variables().inputs[0].unit, "\u{b0}C");
+    for (text, key) in [
+        (plant(r"m\u0007", "V", "W"), "`plant.expression.states[0].unit`"),
+        (plant("m", r"V\n", "W"), "`plant.expression.inputs[0].unit`"),
+        (plant("m", "V", r"\u0085"), "`plant.expression.outputs.y`"),
+        (
+            r#"process = { command = ["true"], states = ["x\t1", "x2"], inputs = ["u"] }"#.into(),
+            "`plant`",
+        ),
+    ] {
+        let error = with(&text).unwrap_err();
+        assert!(error.contains(key) && error.contains("without control characters"), "{error}");
+    }
+    // The plant in the loop may be another one.
+    let other = plant("m", r"\u001b[0m", "W");
+    let text = smoke().replace("[control]\n", &format!("[control]\nplant = {{ {other} }}\n"));
+    let error = parse(&text, &[]).unwrap_err();
+    assert!(error.contains("`control.plant.expression.inputs[0].unit`"), "{error}");
+}

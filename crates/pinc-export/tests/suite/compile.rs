@@ -94,9 +94,11 @@ impl Sources {
         Self { library: Vec::new(), ..Self::new(files) }
     }
 
-    /// Files of which one is compiled by itself, and the driver includes the others.
-    pub(crate) fn library_of(files: &[GeneratedFile], own: &str) -> Self {
-        Self { library: vec![own.to_owned()], ..Self::new(files) }
+    /// Files of which the driver includes one, and the others are compiled by themselves.
+    pub(crate) fn with_included(files: &[GeneratedFile], included: &str) -> Self {
+        let mut all = Self::new(files);
+        all.library.retain(|name| name != included);
+        all
     }
 
     fn path(&self) -> &Path {

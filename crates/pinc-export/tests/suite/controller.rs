@@ -106,6 +106,17 @@ pub(crate) struct Case {
     pub(crate) sample_time_s: f64,
     /// The plant, where the model is a net and its outputs are used.
     pub(crate) outputs_of: Option<PlantEquations>,
+    pub(crate) begin: Begin,
+}
+
+/// What an exported controller begins with, and what it follows.
+#[derive(Default)]
+pub(crate) struct Begin {
+    pub(crate) initial_input: Option<Vec<f64>>,
+    /// By default the middle of the box.
+    pub(crate) reference: Option<Reference>,
+    pub(crate) without_preview: bool,
+    pub(crate) budget_us: Option<f64>,
 }
 
 pub(crate) enum Source {
@@ -151,7 +162,7 @@ impl Case {
         }
     }
 
-    fn sources(&self) -> Sources {
+    pub(crate) fn sources(&self) -> Sources {
         Sources::new(&self.export(None).unwrap())
     }
 
@@ -185,14 +196,18 @@ impl Case {
         let middle: Vec<f64> =
             self.low.iter().zip(&self.high).map(|(l, h)| f64::midpoint(*l, *h)).collect();
         let tracked = self.tracked_at(&middle).into_iter();
-        let reference = Reference::new(tracked.collect::<Vec<_>>().repeat(30), outputs).unwrap();
+        let held = Reference::new(tracked.collect::<Vec<_>>().repeat(30), outputs).unwrap();
+        let begin = &self.begin;
         let controller = Controller {
             problem: &self.problem,
             config: &self.config,
             model: self.source(),
             equations: self.outputs_of.as_ref(),
             initial_state: &middle,
-            reference: &reference,
+            initial_input: begin.initial_input.as_deref(),
+            reference: begin.reference.as_ref().unwrap_or(&held),
+            preview: !begin.without_preview,
+            budget_us: begin.budget_us,
             estimator,
         };
         export(&controller, &Name::new("ctl").unwrap(), &origin)
@@ -382,6 +397,7 @@ pub(crate) fn oscillator_case() -> Case {
         high: vec![1.3, 1.3],
         sample_time_s: 0.5,
         outputs_of: None,
+        begin: Begin::default(),
     }
 }
 
@@ -401,6 +417,7 @@ pub(crate) fn tanks_case() -> Case {
         high: vec![22.0, 22.0, 7.0, 7.0],
         sample_time_s: 10.0,
         outputs_of: None,
+        begin: Begin::default(),
     }
 }
 
@@ -529,4 +546,26 @@ fn what_generated_controllers_lack_is_refused() {
         },
         "QP method",
     );
+}
+
+/// Numbers of the config that are finite, and what is made of them is not.
+#[test]
+fn what_overflows_in_c_is_refused() {
+    let refused = |change: &dyn Fn(&mut Case), word: &str| {
+        let mut case = oscillator_case();
+        change(&mut case);
+        match case.export(None) {
+            Err(ExportError::NotFinite { what }) => assert!(what.contains(word), "{what}"),
+            other => panic!("{word}: {:?}", other.map(|files| files.len())),
+        }
+    };
+    // Twice that.
+    let weights = || Weights::uniform(vec![1.2e308, 10.0], vec![1e-308]);
+    refused(&|case| case.problem.weights = weights(), "weights");
+    let plant = equations(
+        r#"{"states": [{"name": "x1"}, {"name": "x2"}], "inputs": [{"name": "u"}],
+            "derivatives": {"x1": "x2", "x2": "u - x1/(1e200*1e200)"}}"#,
+    );
+    let source = |plant: &PlantEquations| Source::RungeKutta(plant.clone(), ExplicitMethod::Rk4, 4);
+    refused(&|case| case.source = source(&plant), "constant");
 }

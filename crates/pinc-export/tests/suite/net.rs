@@ -1,7 +1,10 @@
 //! A net in C against the library.
 
 use super::compile::Sources;
-use pinc_export::{ExportError, Name, Origin, net_to_c};
+use pinc_export::{
+    ExportError, FmiVersion, GeneratedFile, Name, Origin, Precision, net_to_c, net_to_casadi,
+    net_to_fmu, net_to_onnx,
+};
 use pinc_net::{Ansatz, Domain, NetConfig, NetError, PincModel, PincNet, Scenario};
 use pinc_ode::{DynPlant, Linearization, Model, Stages};
 use pinc_plants::{FourTanks, VanDerPol};
@@ -101,6 +104,39 @@ fn largest_difference(found: &[f64], expected: &[f64]) -> f64 {
     assert_eq!(found.len(), expected.len());
     let pairs = found.iter().zip(expected);
     pairs.map(|(f, e)| (f - e).abs() / (1.0 + e.abs())).fold(0.0, f64::max)
+}
+
+/// Weights that are finite by themselves but not with the normalization in them; a value that is too
+/// large for 32 bits only; and outputs that overflow.
+#[test]
+fn a_net_that_overflows_is_refused() {
+    let [net, ..] = nets();
+    let name = Name::new("net").unwrap();
+    let origin = Origin::of_net(&net, "0", "00");
+    let scaled = |first: f64, last: f64| {
+        let mut weights = net.mlp().parameters().to_vec();
+        let count = weights.len();
+        // The first weight of all is multiplied by what normalizes an input.
+        weights[0] = first;
+        weights[count - 1] = last;
+        net.with_parameters(&weights)
+    };
+    let refused = |result: Result<Vec<GeneratedFile>, ExportError>, part: &str| match result {
+        Err(ExportError::NotFinite { what }) => assert!(what.contains(part), "{what}"),
+        other => panic!("{part}: {:?}", other.map(|files| files.len())),
+    };
+    let single = |net: &PincNet| net_to_onnx(net, &name, &origin, Precision::Single);
+    let double = |net: &PincNet| net_to_onnx(net, &name, &origin, Precision::Double);
+    for (first, last, part) in [(1.7e308, 0.0, "layer 1"), (0.1, 1.7e308, "layer 5")] {
+        let large = scaled(first, last);
+        refused(net_to_c(&large, &name, &origin), part);
+        refused(net_to_fmu(&large, &name, &origin, FmiVersion::Three), part);
+        refused(net_to_casadi(&large, &name, &origin), part);
+        refused(double(&large).map(|file| vec![file]), part);
+    }
+    let large = scaled(0.1, 1e39);
+    refused(single(&large).map(|file| vec![file]), "32 bits");
+    assert!(double(&large).is_ok() && net_to_c(&large, &name, &origin).is_ok());
 }
 
 #[test]

@@ -1,6 +1,6 @@
 //! Controllers of plants in Rust, whose recorded equations are written in C.
 
-use super::controller::{Case, Source, compare};
+use super::controller::{Begin, Case, Source, compare};
 use pinc_export::ExplicitMethod;
 use pinc_mpc::{Bounds, NmpcProblem, SqpConfig, Tracked, Weights};
 use pinc_ode::Dims;
@@ -25,6 +25,7 @@ fn the_servos_controller_takes_the_librarys_steps() {
         high: vec![0.01, 0.05, 3.0, 0.2],
         sample_time_s: 0.01,
         outputs_of: None,
+        begin: Begin::default(),
     };
     let seen = compare(&case, 500, 31);
     assert!(seen[0] > 200, "{seen:?}");
@@ -47,6 +48,7 @@ fn the_stills_controller_takes_the_librarys_steps() {
         high: vec![0.25, 0.33],
         sample_time_s: 60.0,
         outputs_of: None,
+        begin: Begin::default(),
     };
     let seen = compare(&case, 250, 32);
     assert!(seen[0] > 100, "{seen:?}");

@@ -235,7 +235,7 @@ fn an_fmu_chains_the_net_as_a_free_run_does() {
     let files: Vec<_> = files.into_iter().map(flat).collect();
     let without = ["-Wno-unused-parameter"];
     let given = [0.5, -0.2, 0.3, 0.5, 0.3, 0.2, 0.3, 0.3, -0.6, 0.25, 0.4, 0.5];
-    let found = Sources::library_of(&files, "net_net.c").drive(FMU_DRIVER, &without, &given);
+    let found = Sources::with_included(&files, "net_fmu.c").drive(FMU_DRIVER, &without, &given);
     let mut x = given[..2].to_vec();
     let mut expected = Vec::new();
     // Marks at 0.5 and 1; at 1.25 the input changes, from where on the next step is whole.

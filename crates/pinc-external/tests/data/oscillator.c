@@ -1,5 +1,5 @@
-/* An oscillator as an FMU for model exchange, of FMI 2.0 and of FMI 3.0: x1' = x2,
-   x2' = k (1 - x1^2) x2 - x1 + u. In version 3, x and w are arrays of two, and u is w[2]. Derivatives
+/* An oscillator as an FMU for model exchange and for co-simulation, of FMI 2.0 and of FMI 3.0:
+   x1' = x2, x2' = k (1 - x1^2) x2 - x1 + u + t0, with t0 the time at which it begins. In version 3, x and w are arrays of two, and u is w[2]. Derivatives
    in k are to be had in the initialization only, as the standard says of a fixed parameter; those of
    states with x1 > 9 fail. */
 #include <math.h>
@@ -15,7 +15,7 @@ enum { OK = 0, ERROR = 3 };
 
 typedef struct {
     int mode;
-    double x[2], k, w[2];
+    double x[2], k, w[2], begin;
 } Oscillator;
 
 static void *instance(void)
@@ -47,7 +47,7 @@ static int copy(Oscillator *o, int arrays, const unsigned *r, size_t n, double *
 
 static int reset(void *c)
 {
-    Oscillator fresh = {START, {0, 0}, 1, {0, 0}};
+    Oscillator fresh = {START, {0, 0}, 1, {0, 0}, 0};
     *(Oscillator *)c = fresh;
     return OK;
 }
@@ -73,7 +73,32 @@ static int rates(void *c, double *dx, size_t n)
     Oscillator *o = c;
     if (o->mode < EVENT || n != 2) return ERROR;
     dx[0] = o->x[1];
-    dx[1] = o->k * (1 - o->x[0] * o->x[0]) * o->x[1] - o->x[0] + o->w[1];
+    dx[1] = o->k * (1 - o->x[0] * o->x[0]) * o->x[1] - o->x[0] + o->w[1] + o->begin;
+    return OK;
+}
+
+static int begin(void *c, double time)
+{
+    ((Oscillator *)c)->begin = time;
+    return OK;
+}
+
+/* A communication step by 400 steps of the Runge-Kutta method of order 4. */
+static int advance(void *c, double from, double length)
+{
+    static const double at[4] = {0, 0.5, 0.5, 1}, weight[4] = {1, 2, 2, 1};
+    Oscillator *o = c;
+    if (o->mode != EVENT) return ERROR;
+    o->begin += from;
+    for (int n = 0; n < 400; n++) {
+        double x[2] = {o->x[0], o->x[1]}, next[2] = {o->x[0], o->x[1]}, k[2] = {0, 0};
+        for (int s = 0; s < 4; s++) {
+            for (int i = 0; i < 2; i++) o->x[i] = x[i] + at[s] * length / 400 * k[i];
+            rates(o, k, 2);
+            for (int i = 0; i < 2; i++) next[i] += weight[s] * length / 2400 * k[i];
+        }
+        memcpy(o->x, next, sizeof next);
+    }
     return OK;
 }
 
@@ -120,9 +145,10 @@ void *fmi2Instantiate(const char *n, int t, const char *g, const char *r, const 
 }
 int fmi2SetupExperiment(void *c, int d, double t, double s, int e, double stop)
 {
-    (void)c, (void)d, (void)t, (void)s, (void)e, (void)stop;
-    return OK;
+    (void)d, (void)t, (void)e, (void)stop;
+    return begin(c, s);
 }
+int fmi2DoStep(void *c, double from, double length, int n) { (void)n; return advance(c, from, length); }
 int fmi2EnterInitializationMode(void *c) { return go(c, START, INITIALIZATION); }
 int fmi2SetReal(void *c, const unsigned *r, size_t n, const double *v) { return copy(c, 0, r, n, NULL, v); }
 int fmi2GetReal(void *c, const unsigned *r, size_t n, double *v) { return copy(c, 0, r, n, v, NULL); }
@@ -140,10 +166,25 @@ void *fmi3InstantiateModelExchange(const char *n, const char *t, const char *r, 
     (void)n, (void)t, (void)r, (void)v, (void)l, (void)e, (void)log;
     return instance();
 }
+void *fmi3InstantiateCoSimulation(const char *n, const char *t, const char *r, bool v, bool l, bool e,
+                                  bool early, const uint32_t *vr, size_t count, void *env, void *log,
+                                  void *update)
+{
+    (void)n, (void)t, (void)r, (void)v, (void)l, (void)e, (void)early, (void)vr, (void)count, (void)env;
+    (void)log, (void)update;
+    return instance();
+}
+int fmi3DoStep(void *c, double from, double length, bool n, bool *event, bool *end, bool *early, double *last)
+{
+    (void)n;
+    *event = *end = *early = false;
+    *last = from + length;
+    return advance(c, from, length);
+}
 int fmi3EnterInitializationMode(void *c, bool d, double t, double s, bool e, double stop)
 {
-    (void)d, (void)t, (void)s, (void)e, (void)stop;
-    return go(c, START, INITIALIZATION);
+    (void)d, (void)t, (void)e, (void)stop;
+    return begin(c, s) | go(c, START, INITIALIZATION);
 }
 int fmi3SetFloat64(void *c, const uint32_t *r, size_t n, const double *v, size_t m)
 {

@@ -2,7 +2,7 @@
 
 use crate::problems::{four_tanks, van_der_pol};
 use crate::support::{Linear, scalar_problem};
-use pinc_mpc::{ClosedLoop, Nmpc, NmpcProblem, Reference, SqpConfig, SqpStatus, Weights};
+use pinc_mpc::{Bounds, ClosedLoop, Nmpc, NmpcProblem, Reference, SqpConfig, SqpStatus, Weights};
 use pinc_ode::{Dopri5, Model, Rk4};
 use pinc_plants::{FourTanks, VanDerPol};
 
@@ -84,6 +84,65 @@ fn the_input_that_was_applied_counts() {
     assert!(nmpc.set_applied_input(&[f64::NAN]).is_err());
     assert!(nmpc.set_applied_input(&[]).is_err());
     assert!(nmpc.reset_to(&[f64::INFINITY], &[0.0]).is_err());
+}
+
+/// The first plan is made at the state of the first step, wherever that is.
+#[test]
+fn an_input_can_be_known_before_the_state_is() {
+    let x = at_rest();
+    let [mut placed, mut waiting] = [reluctant(), reluctant()];
+    placed.reset_to(&x, &[3.0, 2.5]).unwrap();
+    waiting.reset_input(&[3.0, 2.5]).unwrap();
+    let reference = [14.0, 15.0].repeat(5);
+    let step = waiting.step_within(&x, &reference, &mut || true).unwrap();
+    assert_eq!((step.status, step.u), (SqpStatus::Deadline, &[3.0, 2.5][..]));
+    assert_eq!(waiting.plan().states(), x.repeat(5));
+    waiting.reset_input(&[3.0, 2.5]).unwrap();
+    for _ in 0..3 {
+        let expected = placed.step(&x, &reference).unwrap();
+        let found = waiting.step(&x, &reference).unwrap();
+        assert_eq!((found.u, found.status), (expected.u, expected.status));
+    }
+    // What was begun is forgotten.
+    waiting.reset_input(&[3.0, 2.5]).unwrap();
+    waiting.reset();
+    let step = waiting.step(&x, &x[..2].repeat(5)).unwrap();
+    assert!(step.u.iter().all(|u| *u < 2.0), "{:?}", step.u);
+    assert!(waiting.reset_input(&[f64::NAN, 0.0]).is_err());
+    assert!(waiting.reset_input(&[0.0]).is_err());
+}
+
+/// Without a state the last input is held, within its bounds, and is under way as any other: after
+/// two inputs the delayed controller sees the state to which both lead.
+#[test]
+fn without_a_state_the_last_input_is_held() {
+    let mut problem = scalar_problem(1, 1);
+    problem.input_bounds = Bounds::new(vec![-0.5], vec![0.5]);
+    let model = Linear::scalar(1.1, 0.5);
+    let delayed = NmpcProblem { delay: 2, ..problem.clone() };
+    let mut delayed = Nmpc::new(delayed, Box::new(model.clone()), SqpConfig::default()).unwrap();
+    let mut plain = Nmpc::new(problem, Box::new(model), SqpConfig::default()).unwrap();
+    delayed.reset_input(&[0.3]).unwrap();
+    let first = delayed.step(&[-0.2], &[0.6]).unwrap().u[0];
+    assert!((first - 0.3).abs() > 0.01 && first.abs() < 0.5, "{first}");
+    for missing in [f64::NAN, f64::INFINITY] {
+        let held = delayed.step(&[missing], &[0.2]).unwrap();
+        assert_eq!((held.status, held.followed), (SqpStatus::BadArgument, false));
+        assert_eq!((held.u, held.sqp_iterations), (&[first][..], 0));
+        assert!(held.kkt.max().is_infinite());
+    }
+    // Both under way are the one that was held, not the one applied before.
+    plain.reset_input(&[first]).unwrap();
+    let now: f64 = 0.1;
+    let then = 1.1 * (1.1 * now + 0.5 * first) + 0.5 * first;
+    let expected = plain.step(&[then], &[0.2]).unwrap().u[0];
+    let found = delayed.step(&[now], &[0.2]).unwrap().u[0];
+    assert!((found - expected).abs() < 1e-9, "{found} {expected}");
+    // An input from somebody else may be out of bounds; what is held is not.
+    plain.set_applied_input(&[3.0]).unwrap();
+    assert_eq!(plain.step(&[f64::NAN], &[0.2]).unwrap().u, [0.5]);
+    assert!(plain.step(&[f64::NAN, 0.0], &[0.2]).is_err());
+    assert!(plain.step(&[0.0], &[f64::NAN]).is_err());
 }
 
 /// With a delay the input applied is the last of those under way: the state predicted is that of

@@ -65,6 +65,7 @@ fn controller(
     let mut problem = run.problem.clone();
     problem.state_bounds = times(&problem.state_bounds, x);
     problem.input_bounds = times(&problem.input_bounds, u);
+    problem.increment_bounds = times(&problem.increment_bounds, u);
     if !bounded {
         problem.state_bounds = Bounds::none(problem.state_bounds.low.len());
     }
@@ -119,6 +120,37 @@ fn compare(
     );
     for (k, (a, b)) in inputs.iter().flatten().zip(others.iter().flatten()).enumerate() {
         assert!((a - b).abs() < 1e-5, "{counted:?}, {qp}, {k}: {a} {b}");
+    }
+}
+
+/// A multiplier is what the cost gains per unit of its bound: in the units of the plant, whatever the
+/// optimization counts in.
+#[test]
+fn multipliers_are_those_of_the_plants_units() {
+    let mut run = van_der_pol_loop();
+    run.problem.increment_bounds = Bounds::new(vec![-0.15], vec![0.1]);
+    let multipliers = |counted: Counted| {
+        let model = Rk4::new(VanDerPol::default(), 0.5, 4);
+        let mut nmpc = controller(&run, model, counted, QpMethod::Condensed);
+        let Counted { x, u, cost, .. } = counted;
+        let step = nmpc.step(&[0.5 * x, 0.1 * x], &[-0.4 * x, 0.0].repeat(5)).unwrap();
+        assert_eq!(step.status, SqpStatus::Converged);
+        let plan = nmpc.plan();
+        let of_u = |values: &[f64]| values.iter().map(|v| v * u / cost).collect::<Vec<_>>();
+        let of_x: Vec<_> = plan.dynamics_multipliers().iter().map(|v| v * x / cost).collect();
+        [of_u(plan.increment_multipliers()), of_u(plan.input_multipliers()), of_x]
+    };
+    let usual = multipliers(Counted { x: 1.0, u: 1.0, cost: 1.0, bounded: true });
+    let largest = |values: &[f64]| values.iter().fold(0.0_f64, |most, v| most.max(v.abs()));
+    assert!(largest(&usual[0]) > 0.1 && largest(&usual[2]) > 0.1, "{usual:?}");
+    for (x, u, cost) in [(1.0, 1e5, 1.0), (1e-4, 1e-3, 1.0), (1e4, 1.0, 1e6), (1.0, 1e-5, 1e-6)] {
+        let found = multipliers(Counted { x, u, cost, bounded: true });
+        for (found, usual) in found.iter().zip(&usual) {
+            for (a, b) in found.iter().zip(usual) {
+                let off = (a - b).abs();
+                assert!(off < 1e-4 * largest(usual).max(1.0), "{x} {u} {cost}: {a} {b}");
+            }
+        }
     }
 }
 

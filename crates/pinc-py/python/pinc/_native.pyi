@@ -150,16 +150,19 @@ class Nmpc:
         reference: Optional[ArrayLike] = None,
         u_applied: Optional[ArrayLike] = None,
     ) -> ControlStep:
-        """Chooses the input for a plant of which ``y`` was measured (see ``measured``; with an
-        estimator, what is missing is NaN).
+        """Chooses the input for a plant of which ``y`` was measured (see ``measured``). What is
+        missing is NaN; without an estimator the status is then ``bad-argument``, and ``u`` the last
+        input within its bounds.
 
         ``reference`` is a value per controlled quantity, held over the horizon, or a row of them
-        per step ahead (with a delay of d steps, d steps later); without it the config's references
-        are followed, from the first step on. ``u_applied`` is the input that the plant was really
-        given since the last step, if that was not the one chosen.
+        per step ahead: row j, from 0, for the end of the step that begins j steps from now (with a
+        delay of d steps, j + d). The config's references give a row the value at the beginning of
+        that step: a row that ends exactly at a change has the value from before it. Without
+        ``reference`` they are followed, from the first step on. ``u_applied`` is the input that the
+        plant was really given since the last step, if that was not the one chosen.
         """
     def reset(self) -> None:
-        """Forgets everything: the next step is again the first."""
+        """Forgets everything: the next step is again the first, from ``control.initial_input`` on."""
     @property
     def predicted_states(self) -> _Array:
         """The states of the last plan at the ends of the steps ahead, ``(horizon, n)``."""

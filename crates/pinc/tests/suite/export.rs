@@ -8,7 +8,7 @@ use std::fs;
 use std::path::Path;
 use std::process::{Command, Stdio};
 
-/// Reads a state and a reference per step, and writes the input and the status.
+/// Reads a state per step, takes the reference by time, and writes the input and the status.
 const DRIVER: &str = r#"
 #include "loop_mpc.h"
 #include <stdio.h>
@@ -26,10 +26,13 @@ static int read(double *to, int count)
 int main(void)
 {
     double x[LOOP_NX], reference[LOOP_N2 * LOOP_NY], u[LOOP_NU];
+    int k;
     loop_mpc_init(&m);
-    while (read(x, LOOP_NX) && read(reference, LOOP_N2 * LOOP_NY)) {
-        const loop_status status = loop_mpc_step(&m, x, reference, u);
+    for (k = 0; read(x, LOOP_NX); k++) {
+        loop_status status;
         int i;
+        loop_reference(LOOP_SAMPLE_TIME_S * k, reference);
+        status = loop_mpc_step(&m, x, reference, u);
         for (i = 0; i < LOOP_NU; i++) {
             printf("%.17g ", u[i]);
         }
@@ -88,10 +91,8 @@ fn assert_same_loop(config: &Path, kind: ModelKind, more: &[&str], model: &[&str
     fs::write(sources.join("driver.c"), DRIVER).unwrap();
     compile(&sources, "_selftest.c");
     let mut input = String::new();
-    for (k, x) in closed.states.iter().enumerate() {
-        for v in x.iter().chain(&closed.reference(k).concat()) {
-            let _ = writeln!(input, "{v:?}");
-        }
+    for v in closed.states.concat() {
+        let _ = writeln!(input, "{v:?}");
     }
     let lines = drive(&sources, input);
     assert_eq!(lines.len(), closed.steps.len());
@@ -99,8 +100,10 @@ fn assert_same_loop(config: &Path, kind: ModelKind, more: &[&str], model: &[&str
         let (numbers, status) = line.rsplit_once(' ').unwrap();
         assert_eq!(status, step.status, "step {k}");
         let found = numbers.split_whitespace().map(|v| v.parse::<f64>().unwrap());
-        for (found, expected) in found.zip(&closed.inputs[k]) {
-            assert!((found - expected).abs() < 1e-8, "step {k}: {found} {expected}");
+        // The input that acts `delay` steps later.
+        let Some(inputs) = closed.inputs.get(k + closed.spec.delay_steps) else { continue };
+        for (found, expected) in found.zip(inputs) {
+            assert!((found - expected).abs() < 1e-9, "step {k}: {found} {expected}");
         }
     }
     lines.len()
@@ -117,13 +120,8 @@ fn assert_same_feedback(config: &Path, more: &[&str]) {
     command.args(["--only", "rk4"]).arg(config).args(more).current_dir(dir);
     fine(&outcome(&mut command));
     let sources = dir.join("c");
-    let held = closed.spec.initial_input.as_ref().map_or(String::new(), |u| {
-        let numbers = u.iter().map(|v| format!("{v:?}")).collect::<Vec<_>>().join(", ");
-        format!("{{ const double held[] = {{{numbers}}}; loop_feedback_reset_to(&m, held); }}")
-    });
     let driver = DRIVER
         .replace("loop_mpc.h", "loop_feedback.h")
-        .replace("loop_mpc_init(&m);", &format!("loop_feedback_init(&m); {held}"))
         .replace("loop_mpc", "loop_feedback")
         .replace("read(x, LOOP_NX)", "read(x, LOOP_NM)")
         .replace(
@@ -135,10 +133,8 @@ fn assert_same_feedback(config: &Path, more: &[&str]) {
     compile(&sources, "_selftest.c");
     let estimates = closed.estimates.as_ref().unwrap();
     let mut input = String::new();
-    for (k, row) in estimates.rows.iter().enumerate() {
-        for v in row.measured.iter().chain(&closed.reference(k).concat()) {
-            let _ = writeln!(input, "{v:?}");
-        }
+    for v in estimates.rows.iter().flat_map(|row| &row.measured) {
+        let _ = writeln!(input, "{v:?}");
     }
     let lines = drive(&sources, input);
     assert_eq!(lines.len(), closed.steps.len());
@@ -200,6 +196,33 @@ fn the_oscillators_loop_in_c_is_that_of_the_program() {
     // Weighted differences of inputs.
     let released = ["--set", "preset=\"as-released\"", "--set", "control.duration_s=20.0"];
     assert_eq!(assert_same_loop(&config, ModelKind::Rk4, &released, &[]), 40);
+}
+
+/// Increments count from the config's input, also after a reset; changes of the reference are known
+/// in advance or not, and inputs are delayed or not. The self-test would notice another beginning.
+#[test]
+fn a_loop_in_c_begins_with_the_input_of_the_config() {
+    let config = repository("configs/van-der-pol/control.toml");
+    let begun = [
+        "control.initial_input=[-0.6]",
+        "control.increment_low=[-0.15]",
+        "control.increment_high=[0.15]",
+        "control.max_failed_share=1.0",
+        "control.duration_s=20.0",
+    ];
+    for more in [&["control.preview=false"][..], &["control.delay_steps=2"]] {
+        let sets = begun.iter().chain(more).flat_map(|set| ["--set", set]).collect::<Vec<_>>();
+        assert_eq!(assert_same_loop(&config, ModelKind::Rk4, &sets, &[]), 40);
+        let dir = tempfile::tempdir().unwrap();
+        let given =
+            [&[config.to_str().unwrap(), "--only", "rk4", "--out", "c"], &sets[..]].concat();
+        fine(&export(&given, dir.path()));
+        let sources = dir.path().join("c");
+        compile(&sources, "none");
+        let ended = outcome(Command::new(sources.join("program")).current_dir(&sources));
+        fine(&ended);
+        assert!(ended.stdout.contains("20 steps"), "{ended:?}");
+    }
 }
 
 #[test]

@@ -63,12 +63,14 @@ impl Served {
 /// references on the lines and without.
 #[test]
 fn the_served_controller_is_that_of_the_loop() {
-    let dir = tempfile::tempdir().unwrap();
     let config = repository("configs/van-der-pol/control.toml");
     let short = ["--set", "control.duration_s=20.0"];
-    let closed = Closed::run(dir.path(), &config, ModelKind::Rk4, &short);
-    for with_reference in [false, true] {
-        let mut served = Served::new(&config, &short);
+    let begun = ["--set", "control.initial_input=[-0.6]", "--set", "control.increment_high=[0.1]"];
+    let begun = [&short[..], &begun, &["--set", "control.max_failed_share=1.0"]].concat();
+    for (with_reference, sets) in [(false, &short[..]), (true, &short), (true, &begun)] {
+        let dir = tempfile::tempdir().unwrap();
+        let closed = Closed::run(dir.path(), &config, ModelKind::Rk4, sets);
+        let mut served = Served::new(&config, sets);
         for (k, x) in closed.states.iter().enumerate() {
             let mut request = json!({ "y": x });
             if with_reference {
@@ -167,7 +169,9 @@ fn bad_lines_are_answered_and_change_nothing() {
         (b"{\"y\": [0.1, 0.2]", "EOF"),
         (b"{\"y\": [0.1]}", "y: 1 numbers given, expected 2"),
         (b"{\"y\": [0.1, 1e999]}", "out of range"),
-        (b"{\"y\": [0.1, null]}", "null"),
+        (b"{\"y\": [0.1, 0.2], \"reference\": [0.1, NaN]}", "expected"),
+        (b"{\"y\": [0.1, 0.2], \"u_applied\": [NaN]}", "null"),
+        (b"{\"y\": [0.1, \"NaN\"]}", "string"),
         (b"{\"x\": [0.1, 0.2]}", "unknown field `x`"),
         (b"{\"u_applied\": [0.1]}", "missing field `y`"),
         (b"{\"y\": [0.1, 0.2], \"reference\": [0.1]}", "reference: 1 numbers given, expected 2"),
@@ -182,6 +186,41 @@ fn bad_lines_are_answered_and_change_nothing() {
     assert!(served.input(&next).total_cmp(&other.input(&next)).is_eq());
     served.end();
     other.end();
+}
+
+/// Without an estimator nothing can be made of a state that is not all there: the last input is
+/// held, and the step counts. What is missing is null, or what Python writes for it.
+#[test]
+fn a_missing_measurement_holds_the_last_input() {
+    let config = repository("configs/van-der-pol/control.toml");
+    let sets = ["--set", "control.initial_input=[0.25]"];
+    let mut served = Served::new(&config, &sets);
+    let mut told = Served::new(&config, &sets);
+    let ask = |served: &mut Served, line: &str, u: f64| {
+        let answer = served.ask_bytes(line.as_bytes());
+        assert_eq!(answer["status"], "bad-argument", "{answer}");
+        assert!(answer["u"][0].as_f64().unwrap().total_cmp(&u).is_eq(), "{answer} {u}");
+        answer
+    };
+    let answer = ask(&mut served, "{\"y\": [null, 0.1]}", 0.25);
+    assert_eq!(answer["x"], json!([null, 0.1]));
+    told.input(&json!({ "y": [0.5, 0.1] }));
+    let next = json!({ "y": [0.45, 0.05] });
+    let u = served.input(&next);
+    let same = told.input(&json!({ "y": [0.45, 0.05], "u_applied": [0.25] }));
+    assert!((u - same).abs() < 1e-7, "{u} {same}");
+    for line in ["{\"y\":[NaN,NaN]}", "{\"y\": [0.4, -Infinity]}", "{ \"y\": [Infinity, 0.0] }"] {
+        ask(&mut served, line, u);
+        told.input(&json!({ "y": [0.4, 0.0], "u_applied": [u] }));
+    }
+    // References of the config are at the same step.
+    for _ in 0..40 {
+        let last = json!({ "y": [0.4, 0.0], "u_applied": [u] });
+        let [u, same] = [&mut served, &mut told].map(|served| served.input(&last));
+        assert!((u - same).abs() < 1e-7, "{u} {same}");
+    }
+    served.end();
+    told.end();
 }
 
 #[test]

@@ -1,0 +1,127 @@
+//! Controllers as FMUs, step by step, against the library's.
+
+use super::compile::Sources;
+use super::controller::{Begin, Case, oscillator_case};
+use super::start::number;
+use pinc_export::{Controller, FmiVersion, GeneratedFile, Name, Origin, controller_to_fmu};
+use pinc_mpc::{Bounds, Nmpc, NmpcProblem, SqpStatus};
+
+/// Begins at a start time, and writes input and status at every sample. The state is set at the
+/// start and then only where `set` says so; samples are reached in one communication step or two.
+const DRIVER: &str = r#"
+#include "ctl_fmu.c"
+#include <stdio.h>
+#include <stdlib.h>
+#define START 7.25
+int main(void)
+{
+    fmi2CallbackFunctions callbacks = {0, calloc, free, 0, 0};
+    const fmi2ValueReference u[1] = {0};
+    const fmi2ValueReference set[4] = {1, 2, 3, 4};
+    const fmi2ValueReference status[1] = {0};
+    fmi2Real values[4] = {0.6, -0.2, 0.1, 0.0};
+    fmi2Real input;
+    fmi2Integer ended;
+    int k;
+    fmi2Component c = fmi2Instantiate("a", fmi2CoSimulation, CTL_GUID, "", &callbacks, 0, 0);
+    fmi2SetupExperiment(c, 0, 0.0, START, 0, 0.0);
+    fmi2SetReal(c, set, 4, values);
+    fmi2EnterInitializationMode(c);
+    fmi2ExitInitializationMode(c);
+    for (k = 0; k < 12; k++) {
+        const double t = START + (CTL_SAMPLE_TIME_S * (double)k);
+        if (k == 5) {
+            values[0] = NAN;
+            fmi2SetReal(c, set, 1, values);
+        }
+        if (k == 7) {
+            values[0] = -0.4;
+            fmi2SetReal(c, set, 1, values);
+        }
+        if (fmi2GetReal(c, u, 1, &input) != fmi2OK || fmi2GetInteger(c, status, 1, &ended) != fmi2OK) {
+            return 1;
+        }
+        printf("%.17g\n%d\n", input, ended);
+        if ((k % 3) == 2) {
+            if (fmi2DoStep(c, t, 0.25 * CTL_SAMPLE_TIME_S, 1) != fmi2OK ||
+                fmi2GetReal(c, u, 1, &values[3]) != fmi2OK || values[3] < input ||
+                values[3] > input ||
+                fmi2DoStep(c, t + (0.25 * CTL_SAMPLE_TIME_S), 0.75 * CTL_SAMPLE_TIME_S, 1) != fmi2OK) {
+                return 1;
+            }
+        } else if (fmi2DoStep(c, t, CTL_SAMPLE_TIME_S, 1) != fmi2OK) {
+            return 1;
+        }
+    }
+    fmi2FreeInstance(c);
+    return 0;
+}
+"#;
+
+/// An FMU has no clock, and says what bounds a step in place of the config's time.
+#[test]
+fn a_time_budget_is_replaced_by_a_count_and_that_is_said() {
+    let description = |budget_us: Option<f64>, version: FmiVersion| {
+        let mut case = oscillator_case();
+        case.config.max_iterations = 17;
+        case.begin.budget_us = budget_us;
+        let export = |controller: &Controller<'_>, name: &Name, origin: &Origin| {
+            controller_to_fmu(controller, name, origin, version)
+        };
+        let files = case.export_by(None, export).unwrap();
+        assert_eq!(files[0].path, "modelDescription.xml");
+        let bound = "#define CTL_MAX_ITERATIONS 17";
+        assert!(files.iter().any(|f| String::from_utf8_lossy(&f.bytes).contains(bound)));
+        String::from_utf8(files[0].bytes.clone()).unwrap()
+    };
+    for version in [FmiVersion::Two, FmiVersion::Three] {
+        let said = description(Some(250.0), version);
+        assert!(said.contains("at most 17 quadratic programs"), "{said}");
+        assert!(said.contains("budget_us of 250.\""), "{said}");
+        assert!(!description(None, version).contains("quadratic programs"));
+    }
+}
+
+/// Increments so small that the input moves on at every sample, though nothing else does; from an
+/// initial input on; with a measurement that is missing for two samples.
+#[test]
+fn a_controller_chooses_anew_at_every_sample() {
+    let base = oscillator_case();
+    let case = Case {
+        problem: NmpcProblem {
+            increment_bounds: Bounds::new(vec![-0.06], vec![0.05]),
+            ..base.problem
+        },
+        begin: Begin { initial_input: Some(vec![0.7]), ..Begin::default() },
+        ..oscillator_case()
+    };
+    let export = |controller: &Controller<'_>, name: &Name, origin: &Origin| {
+        controller_to_fmu(controller, name, origin, FmiVersion::Two)
+    };
+    let flat = |file: GeneratedFile| GeneratedFile {
+        path: file.path.trim_start_matches("sources/").to_owned(),
+        ..file
+    };
+    let files: Vec<_> = case.export_by(None, export).unwrap().into_iter().map(flat).collect();
+    let options = ["-Wno-unused-parameter"];
+    let found = Sources::with_included(&files, "ctl_fmu.c").drive(DRIVER, &options, &[]);
+
+    let mut nmpc = Nmpc::new(case.problem.clone(), case.model(), case.config).unwrap();
+    nmpc.reset_input(&[0.7]).unwrap();
+    let mut inputs = Vec::new();
+    for (k, found) in found.chunks(2).enumerate() {
+        let first = match k {
+            0..=4 => 0.6,
+            5 | 6 => f64::NAN,
+            _ => -0.4,
+        };
+        let step = nmpc.step(&[first, -0.2], &[0.1, 0.0].repeat(5)).unwrap();
+        assert_eq!(step.status == SqpStatus::BadArgument, (5..=6).contains(&k), "{k}");
+        assert!((step.u[0] - found[0]).abs() < 1e-9, "{k}: {} {found:?}", step.u[0]);
+        assert_eq!(found[1..], [number(step.status)], "{k}");
+        inputs.push(found[0]);
+    }
+    assert_eq!(inputs.len(), 12);
+    // It is the bound on increments that makes a sample differ from the one before.
+    assert!((inputs[8] - inputs[7] + 0.06).abs() < 1e-8, "{inputs:?}");
+}
