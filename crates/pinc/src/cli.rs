@@ -1,13 +1,13 @@
 //! The command line.
 
 use crate::choices::{Only, Outside, SweepArgs, To, seconds, share};
+use crate::printed::{failure, show, usage};
 use crate::summary::summary;
 use clap::{Args, Parser, Subcommand};
 use pinc_bench::{BenchOptions, ChooseOptions, Kept, OnSlurm, Shard};
 use pinc_config::{Experiment, Plants, RunList};
 use pinc_record::RunDir;
 use pinc_runs::{Options, RunError, Severity, Verbosity, console, verdict};
-use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -271,19 +271,6 @@ pub fn program(plants: &Plants) -> ExitCode {
         .init();
     match execute(&cli, plants) {
         Ok(code) => code,
-        Err(error) => failure(&error),
-    }
-}
-
-fn failure(error: &RunError) -> ExitCode {
-    console::note(&format!("error: {error}"));
-    ExitCode::from(error.exit_code())
-}
-
-/// Prints what clap has to say: help, the version, or what is wrong with the arguments.
-fn usage(error: &clap::Error) -> ExitCode {
-    match console::written(error.print().and_then(|()| std::io::stdout().flush())) {
-        Ok(()) => ExitCode::from(u8::try_from(error.exit_code()).unwrap_or(2)),
         Err(error) => failure(&error),
     }
 }
@@ -594,8 +581,4 @@ fn catch_interrupts() -> &'static AtomicBool {
         console::note("stopping after this iteration (once more: at once)");
     });
     &INTERRUPT
-}
-
-fn show(quiet: bool, text: &str) -> Result<(), RunError> {
-    if quiet { Ok(()) } else { console::line(text) }
 }
