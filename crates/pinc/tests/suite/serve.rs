@@ -265,8 +265,8 @@ fn measured_parameters_are_those_of_the_line() {
 fn long_lines_are_refused_and_not_repeated() {
     let config = repository("configs/van-der-pol/control.toml");
     let mut served = Served::new(&config, &[]);
-    // Two states, a reference of ten rows of two, and an input.
-    let longest = 65_536 + 64 * (2 + 10 * 2 + 1);
+    // Two states, a reference of five rows of two, and an input.
+    let longest = 65_536 + 64 * (2 + 5 * 2 + 1);
     let padded = |length: usize| {
         let request = "{\"y\":[0.5,0.1]}";
         format!("{}{request}", " ".repeat(length - request.len()))
