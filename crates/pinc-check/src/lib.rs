@@ -18,6 +18,7 @@ mod horizon;
 mod irregularities;
 mod kept;
 mod loop_plant;
+mod memory;
 mod net_size;
 mod numbers;
 mod references;
@@ -31,6 +32,7 @@ mod work;
 
 pub use cost::{Cost, ModelCost};
 pub use finding::{Finding, Severity};
+pub use memory::hidden_memory;
 pub use soundness::{IntegratorBox, Soundness};
 pub use work::{Metered, Work};
 
@@ -84,9 +86,10 @@ const EXAMINATIONS: [Examination; 18] = [
 ];
 
 /// Those that need no equation.
-const OF_BLACK_BOXES: [Examination; 3] = [
+const OF_BLACK_BOXES: [Examination; 4] = [
     on("dimensions", dimensions),
     on("the black box", without_equation),
+    on("the memory of the black box", memory::examine),
     on("the closed loop", rehearsal::examine),
 ];
 

@@ -114,10 +114,11 @@ pub(crate) fn nowhere(
     nearest: Option<&OperatingPoint>,
 ) -> Finding {
     let miss = |point: &OperatingPoint| {
+        let x = subject.without_rounding(&point.x, 0);
         // Two numbers that differ are shown with the digits in which they do.
         let pairs = subject.controlled().into_iter().zip(wanted).zip(&control.controlled);
         let shown = pairs.map(|((i, wanted), name)| {
-            let (found, wanted) = (point.x[i], *wanted);
+            let (found, wanted) = (x[i], *wanted);
             let off = (found - wanted).abs() > 1e-6 * subject.region.width(i);
             let text = if off { apart(found, wanted).0 } else { short(found) };
             format!("{name} = {text}")

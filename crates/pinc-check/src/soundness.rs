@@ -219,3 +219,21 @@ fn domain_of(region: &Region) -> Domain {
     let (input_low, input_high) = (low.split_off(nx), high.split_off(nx));
     Domain { state_low: low, state_high: high, input_low, input_high, parameters: Vec::new() }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_integrator_is_wrong_from_a_hundredth_of_the_width_on() {
+        let objection = |rms: f64| {
+            let error = Some(RmsError { rms, uncertainty: 0.0 });
+            let region_name = "the training domain";
+            Soundness { unstable: 0, examined: 200, error, region_name }.objection()
+        };
+        assert_eq!(objection(0.0099), None);
+        let wrong = objection(0.0102).unwrap();
+        assert_eq!(wrong, "wrong by 0.0102 of the region's width in a step");
+        assert!(objection(f64::NAN).is_some());
+    }
+}

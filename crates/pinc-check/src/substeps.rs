@@ -121,12 +121,7 @@ fn integrators(
     let step_s = subject.step_s();
     let mut findings = Vec::new();
     for &kind in &control.models {
-        let key = match kind {
-            ModelKind::Rk4 => "rk4_substeps",
-            ModelKind::Rk5 => "rk5_substeps",
-            ModelKind::Rodas4 => "rosenbrock_substeps",
-            ModelKind::Pinc | ModelKind::BlackBox => continue,
-        };
+        let Some(key) = kind.substeps_key() else { continue };
         let substeps = control.substeps(kind, step_s, step_s);
         let soundness = of_box.soundness(kind, substeps);
         let stable = explicit(kind).and_then(|method| of_box.stable_substeps(method));

@@ -182,7 +182,7 @@ fn described(tried: &Tried) -> String {
             let time = training.map_or(String::new(), |s| format!(" in {s:.1} s"));
             let on = match source {
                 TrainingTarget::Integrator => "an integrator (distilled)",
-                _ => "the equation",
+                TrainingTarget::Physics => "the equation",
             };
             let iterations = if longer {
                 format!(", with {LONGER} times the iterations,")

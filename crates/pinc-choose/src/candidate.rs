@@ -62,15 +62,6 @@ impl Candidate {
         }
     }
 
-    /// The key of an integrator's substeps.
-    fn substeps_key(kind: ModelKind) -> &'static str {
-        match kind {
-            ModelKind::Rk5 => "rk5_substeps",
-            ModelKind::Rodas4 => "rosenbrock_substeps",
-            _ => "rk4_substeps",
-        }
-    }
-
     /// A case of a sweep, as TOML: this candidate in loops that are run so many times. The phases
     /// of the config's training have so many `iterations`.
     #[must_use]
@@ -80,7 +71,9 @@ impl Candidate {
         // Writing to a String does not fail.
         let _ = match self {
             Self::Integrator { kind, substeps } => {
-                write!(set, ", \"control.{}\" = {substeps}", Self::substeps_key(kind))
+                let key =
+                    kind.substeps_key().map(|key| format!(", \"control.{key}\" = {substeps}"));
+                set.write_str(&key.unwrap_or_default())
             }
             Self::Net { shape: Shape { layers, neurons }, source, longer } => {
                 if longer {

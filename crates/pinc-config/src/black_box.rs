@@ -80,6 +80,9 @@ pub struct FmuSpec {
     /// The change of a variable for a difference, in its typical size.
     #[serde(default = "difference_step")]
     pub difference_step: f64,
+    /// How long a step may take, in s; the first includes the loading of the binary.
+    #[serde(default = "time_limit_s")]
+    pub time_limit_s: f64,
     /// Known once the config has been read where processes are allowed, or what is wrong.
     #[serde(skip)]
     pub(crate) flow: SharedFlow,
@@ -96,6 +99,11 @@ fn difference_step() -> f64 {
 /// Time enough for programs that take long to start; short of the patience of who waits for a run.
 fn time_limit_s() -> f64 {
     60.0
+}
+
+/// Checks say what is wrong with a time that is none.
+fn time_limit(seconds: f64) -> Duration {
+    Duration::try_from_secs_f64(seconds).unwrap_or(Duration::MAX)
 }
 
 /// What moves a black box, one for all copies of its spec: the programs are started once.
@@ -121,8 +129,7 @@ impl ProcessSpec {
     /// Names the program; it is started when the plant is first asked.
     pub(crate) fn bind(&mut self) {
         let dims = Dims::new(self.states.len(), self.inputs.len());
-        // Checks say what is wrong with a time that is none.
-        let time_limit = Duration::try_from_secs_f64(self.time_limit_s).unwrap_or(Duration::MAX);
+        let time_limit = time_limit(self.time_limit_s);
         let flow = Process::new(self.command.clone(), dims, time_limit);
         self.flow = SharedFlow(Some(Arc::new(flow)));
     }
@@ -162,6 +169,7 @@ impl FmuSpec {
             inputs: self.inputs.iter().map(named).collect(),
             parameters: self.parameters.clone().into_iter().collect(),
             directional_derivatives: self.directional_derivatives,
+            time_limit: time_limit(self.time_limit_s),
         };
         Fmu::open(&self.file, &plant)
     }

@@ -352,6 +352,17 @@ impl ModelKind {
         }
     }
 
+    /// The key in `[control]` of an integrator's substeps; a net and a black box have none.
+    #[must_use]
+    pub fn substeps_key(self) -> Option<&'static str> {
+        match self {
+            Self::Rk4 => Some("rk4_substeps"),
+            Self::Rk5 => Some("rk5_substeps"),
+            Self::Rodas4 => Some("rosenbrock_substeps"),
+            Self::Pinc | Self::BlackBox => None,
+        }
+    }
+
     /// The name in reports.
     pub fn title(self) -> &'static str {
         match self {

@@ -14,11 +14,14 @@ const READ_AHEAD: usize = 256;
 /// A program that moves the state of a plant in time, started when it is first asked; several
 /// copies of it if several threads ask at once.
 ///
-/// One JSON object a line: `{"x":[..],"u":[..],"t":0.5}` asks for the state that follows `x` after
-/// `t` seconds under the constant input `u`; the answer is `{"x":[..]}`, or `{"error":".."}` where
-/// there is none. There may be any number of requests before the first answer is read; answers are
-/// in their order. The program ends when its standard input does, and is ended when an answer takes
-/// longer than the time limit.
+/// One JSON object a line: `{"x":[..],"u":[..],"t":0.5,"id":7}` asks for the state that follows `x`
+/// after `t` seconds under the constant input `u`; the answer is `{"x":[..],"id":7}`, or
+/// `{"error":"..","id":7}` where there is none. There may be any number of requests before the first
+/// answer is read; answers are in their order. The program ends when its standard input does, and is
+/// ended when an answer takes longer than the time limit.
+///
+/// An answer with an `id` has that of its request. A program may leave the `id` out; lines that
+/// nobody asked for are then found once they are read before the next request is written.
 #[derive(Debug)]
 pub struct Process {
     dims: Dims,
@@ -35,6 +38,8 @@ struct Copy {
     requests: Sender<Vec<u8>>,
     /// Its lines, from a thread that reads them, since a read cannot be given up.
     answers: Receiver<Vec<u8>>,
+    /// The number of the last request that was answered.
+    answered: u64,
 }
 
 #[derive(Serialize)]
@@ -42,6 +47,7 @@ struct Request<'a> {
     x: &'a [f64],
     u: &'a [f64],
     t: f64,
+    id: u64,
 }
 
 #[derive(Deserialize)]
@@ -49,7 +55,12 @@ struct Request<'a> {
 struct Answer {
     x: Option<Vec<f64>>,
     error: Option<String>,
+    id: Option<u64>,
 }
+
+/// What to do about lines that are no answers.
+const ANSWERS_ONLY: &str =
+    "each line on standard output has to answer one request; all else goes to standard error";
 
 impl Process {
     /// The plant of these sizes that `command`, a program and its arguments, simulates, each answer
@@ -74,15 +85,20 @@ impl Process {
             return Err(external(format!("{program} has no standard input or output")));
         };
         let (requests, answers) = (writer(input), lines(output, self.dims.nx));
-        Ok(Copy { child, requests, answers })
+        Ok(Copy { child, requests, answers, answered: 0 })
     }
 
     /// Asks for all of the states at once, and reads the answers while the requests are written.
     fn exchange(&self, copy: &mut Copy, x: &mut [f64], u: &[f64], t: f64) -> Result<(), OdeError> {
+        if let Ok(line) = copy.answers.try_recv() {
+            let (name, found) = (self.name(), beginning(&line));
+            let what = format!("{name} wrote {found:?} without a request: {ANSWERS_ONLY}");
+            return Err(external(what));
+        }
         let Dims { nx, nu, .. } = self.dims;
         let mut requests = Vec::new();
-        for (x, u) in x.chunks_exact(nx).zip(u.chunks_exact(nu)) {
-            let written = serde_json::to_writer(&mut requests, &Request { x, u, t });
+        for ((x, u), id) in x.chunks_exact(nx).zip(u.chunks_exact(nu)).zip(copy.answered + 1..) {
+            let written = serde_json::to_writer(&mut requests, &Request { x, u, t, id });
             written.map_err(|error| external(error.to_string()))?;
             requests.push(b'\n');
         }
@@ -103,25 +119,28 @@ impl Process {
                 return Err(external(what));
             }
         };
-        let found = || {
-            let shown: Vec<u8> = answer.iter().copied().take(200).collect();
-            String::from_utf8_lossy(&shown).trim_end().to_owned()
-        };
+        copy.answered += 1;
+        let asked = copy.answered;
         let expected = || {
             let n = x.len();
             external(format!(
                 "{} answered {:?}, expected one line {{\"x\":[..]}} with {n} numbers, or \
                 {{\"error\":\"..\"}}",
                 self.name(),
-                found()
+                beginning(&answer)
             ))
         };
         match serde_json::from_slice(&answer) {
-            Ok(Answer { x: Some(next), error: None }) if next.len() == x.len() => {
+            Ok(Answer { id: Some(id), .. }) if id != asked => Err(external(format!(
+                "{} answered request {id} when the answer to request {asked} was due: \
+                {ANSWERS_ONLY}",
+                self.name()
+            ))),
+            Ok(Answer { x: Some(next), error: None, .. }) if next.len() == x.len() => {
                 x.copy_from_slice(&next);
                 Ok(())
             }
-            Ok(Answer { x: None, error: Some(error) }) => Err(external(error)),
+            Ok(Answer { x: None, error: Some(error), .. }) => Err(external(error)),
             _ => Err(expected()),
         }
     }
@@ -136,6 +155,12 @@ impl Process {
         let status = status.map_or_else(String::new, |status| format!(" ({status})"));
         external(format!("{} ended without an answer{status}", self.name()))
     }
+}
+
+/// What a line begins with, for a message.
+fn beginning(line: &[u8]) -> String {
+    let shown: Vec<u8> = line.iter().copied().take(200).collect();
+    String::from_utf8_lossy(&shown).trim_end().to_owned()
 }
 
 /// What is sent is written to `input`, by a thread of its own, until nothing more can be sent or

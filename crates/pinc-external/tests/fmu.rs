@@ -7,6 +7,7 @@ use pinc_external::{Fmu, FmuKind, FmuPlant};
 use pinc_ode::{Dims, Flow, LinearizationBuffer, Model, Plant, Rk4, Stages, Variable};
 use std::path::{Path, PathBuf};
 use std::process::Command;
+use std::time::Duration;
 
 const TWO: &str = r#"<fmiModelDescription fmiVersion="2.0" guid="g">
 <ModelExchange modelIdentifier="osc" providesDirectionalDerivative="true"/>
@@ -56,7 +57,12 @@ impl Plant for Oscillator {
 
 /// The oscillator as an FMU, in `dir`.
 fn fmu(dir: &Path, version: u32, description: &str) -> PathBuf {
-    let source = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/oscillator.c");
+    compiled("oscillator.c", dir, version, description)
+}
+
+/// The file `source` of the tests as an FMU, in `dir`.
+fn compiled(source: &str, dir: &Path, version: u32, description: &str) -> PathBuf {
+    let source = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data").join(source);
     let binary = dir.join("osc.so");
     let mut cc = Command::new("cc");
     cc.args(["-std=c99", "-Wall", "-Wextra", "-Werror", "-O1", "-shared", "-fPIC"]);
@@ -68,9 +74,13 @@ fn fmu(dir: &Path, version: u32, description: &str) -> PathBuf {
     };
     let binary = std::fs::read(binary).unwrap();
     let name = format!("binaries/{folder}/osc.so");
-    let files = [("modelDescription.xml", description.as_bytes()), (&name, &binary)];
+    archived(dir, &[("modelDescription.xml", description.as_bytes()), (&name, &binary)])
+}
+
+/// An FMU of these files, in `dir`.
+fn archived(dir: &Path, files: &[(&str, &[u8])]) -> PathBuf {
     let path = dir.join("osc.fmu");
-    std::fs::write(&path, stored(&files)).unwrap();
+    std::fs::write(&path, stored(files)).unwrap();
     path
 }
 
@@ -104,6 +114,7 @@ fn plant(states: [&str; 2], input: &str) -> FmuPlant {
         inputs: vec![input.to_owned()],
         parameters: Vec::new(),
         directional_derivatives: true,
+        time_limit: Duration::from_secs(60),
     }
 }
 
@@ -211,4 +222,75 @@ fn derivatives_that_fail_are_an_error() {
     let error = fmu.linearize(at, 0.01, out.as_mut()).unwrap().unwrap_err().to_string();
     assert!(error.contains("directional derivative failed"), "{error}");
     assert!(fmu.advance(&mut [9.5, 0.0], &[0.0], 0.01).is_ok());
+}
+
+const LAG: &str = r#"<fmiModelDescription fmiVersion="2.0" guid="g">
+<CoSimulation modelIdentifier="osc"/>
+<ModelVariables>
+<ScalarVariable name="x" valueReference="1"><Real start="0"/></ScalarVariable>
+<ScalarVariable name="u" valueReference="2" causality="input"><Real start="0"/></ScalarVariable>
+</ModelVariables>
+</fmiModelDescription>"#;
+
+fn lag(time_limit: Duration) -> FmuPlant {
+    let (states, inputs) = (vec!["x".to_owned()], vec!["u".to_owned()]);
+    let kind = Some(FmuKind::CoSimulation);
+    FmuPlant { kind, starts: states.clone(), states, inputs, time_limit, ..plant(["", ""], "") }
+}
+
+#[test]
+fn a_step_that_does_not_end_is_an_error_and_so_are_those_after_it() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = compiled("lag.c", dir.path(), 2, LAG);
+    let fmu = Fmu::open(&path, &lag(Duration::from_millis(300))).unwrap();
+    let mut x = [1.0, 0.5];
+    fmu.advance(&mut x, &[0.0, 1.0], 0.2).unwrap();
+    let decay = (-0.2_f64).exp();
+    assert!((x[0] - decay).abs() < 1e-15 && (x[1] - (1.0 - 0.5 * decay)).abs() < 1e-15, "{x:?}");
+    for hangs in [5.5, 1.0] {
+        let error = fmu.advance(&mut [1.0, hangs], &[0.0; 2], 0.2).unwrap_err().to_string();
+        assert!(error.contains("did not end a step within 0.3 s (time_limit_s)"), "{error}");
+    }
+}
+
+#[test]
+fn an_fmu_that_names_files_elsewhere_or_unpacks_to_too_much_is_refused() {
+    let dir = tempfile::tempdir().unwrap();
+    let refused = |files: &[(&str, &[u8])]| {
+        Fmu::open(&archived(dir.path(), files), &lag(Duration::from_secs(60))).unwrap_err()
+    };
+    for name in ["../osc", "", "a/b", "..", ".osc", "a\\b"] {
+        let description = LAG.replace("\"osc\"", &format!("\"{name}\""));
+        let error = refused(&[("modelDescription.xml", description.as_bytes())]);
+        let expected = format!("modelIdentifier {name:?} given, expected a C identifier");
+        assert!(error.contains(&expected), "{error}");
+    }
+    // Entries that say to be of 1.1 GiB each.
+    let claimed = |count: usize| {
+        let names = ["modelDescription.xml", "resources/a"];
+        let mut bytes = stored(&names.map(|name| (name, LAG.as_bytes()))[..count]);
+        let entries: Vec<usize> =
+            (0..bytes.len() - 4).filter(|&at| bytes[at..].starts_with(b"PK\x01\x02")).collect();
+        assert_eq!(entries.len(), count);
+        for at in entries {
+            bytes[at + 24..at + 28].copy_from_slice(&1_181_116_006_u32.to_le_bytes());
+        }
+        let path = dir.path().join("claims.fmu");
+        std::fs::write(&path, bytes).unwrap();
+        Fmu::open(&path, &lag(Duration::from_secs(60)))
+    };
+    assert!(claimed(1).is_ok());
+    let error = claimed(2).unwrap_err();
+    assert!(error.contains("it unpacks to more than 2048 MiB"), "{error}");
+}
+
+#[test]
+fn the_loaders_own_words_are_reported() {
+    let dir = tempfile::tempdir().unwrap();
+    let files: [(&str, &[u8]); 2] =
+        [("modelDescription.xml", LAG.as_bytes()), ("binaries/linux64/osc.so", &[7; 4096])];
+    let path = archived(dir.path(), &files);
+    let fmu = Fmu::open(&path, &lag(Duration::from_secs(60))).unwrap();
+    let error = fmu.advance(&mut [1.0], &[0.0], 0.2).unwrap_err().to_string();
+    assert!(error.contains("osc.so: invalid ELF header"), "{error}");
 }

@@ -36,7 +36,9 @@ fn main() {
     }
 }
 
-const TESTS: [(&str, fn()); 4] = [
+const TESTS: [(&str, fn()); 6] = [
+    ("an_unasked_line_between_numbered_answers_is_found", misplaced_answers_are_found),
+    ("an_unasked_line_is_found_before_the_next_request", unasked_lines_are_found),
     ("a_batch_of_long_requests_is_answered_in_order", long_requests_are_answered),
     ("a_program_that_does_not_read_is_ended_in_time", one_that_does_not_read_is_ended),
     ("a_program_that_writes_before_it_reads_is_heard", one_that_writes_first_is_heard),
@@ -60,9 +62,17 @@ fn be_the_process(kind: &str) {
         "ends" => return,
         _ => {}
     }
-    for line in stdin().lock().lines() {
+    for (number, line) in stdin().lock().lines().enumerate() {
         let request: Value = serde_json::from_str(&line.unwrap()).unwrap();
-        writeln!(output, "{}", json!({ "x": request["x"] })).unwrap();
+        let mut answer = json!({ "x": request["x"] });
+        if kind.starts_with("numbers") {
+            assert_eq!(request["id"], 1 + number);
+            answer["id"] = request["id"].clone();
+        }
+        writeln!(output, "{answer}").unwrap();
+        if (kind == "numbers twice" && number == 1) || (kind == "twice" && number == 2) {
+            writeln!(output, "{answer}").unwrap();
+        }
         output.flush().unwrap();
     }
 }
@@ -72,13 +82,26 @@ fn ask(kind: &str, limit: Duration) -> Result<(), OdeError> {
     let program = std::env::current_exe().unwrap().display().to_string();
     let command = vec![program, PROCESS.to_owned(), kind.to_owned()];
     let (sender, receiver) = channel();
+    let is_asked_again = kind == "twice" || kind == "numbers";
     std::thread::spawn(move || {
         let process = Process::new(command, Dims::new(STATES, 1), limit);
         let start: Vec<f64> = (0..).map(|i: u32| f64::from(i).sin()).take(3 * STATES).collect();
-        let mut x = start.clone();
-        let result = process.advance(&mut x, &[0.0; 3], 0.1);
-        let is_same = x == start;
-        sender.send(result.map(|()| assert!(is_same))).unwrap();
+        let ask = || {
+            let mut x = start.clone();
+            let result = process.advance(&mut x, &[0.0; 3], 0.1);
+            let is_same = x == start;
+            result.map(|()| assert!(is_same))
+        };
+        let first = ask();
+        let result = first.and_then(|()| match is_asked_again {
+            true => {
+                // Until what is written without a request is there.
+                std::thread::sleep(Duration::from_secs(1));
+                ask()
+            }
+            false => Ok(()),
+        });
+        sender.send(result).unwrap();
     });
     receiver.recv_timeout(LONG).expect("they wait for one another")
 }
@@ -94,10 +117,27 @@ fn one_that_does_not_read_is_ended() {
 
 fn one_that_writes_first_is_heard() {
     let error = ask("chatters", LONG).unwrap_err().to_string();
-    assert!(error.contains("answered \"----"), "{error}");
+    // In place of an answer, or before the request is written.
+    let is_found = |how| error.contains(&format!("{how} \"----"));
+    assert!(is_found("answered") || is_found("wrote"), "{error}");
 }
 
 fn one_that_ends_is_named() {
     let error = ask("ends", LONG).unwrap_err().to_string();
     assert!(error.contains("ended without an answer"), "{error}");
+}
+
+fn misplaced_answers_are_found() {
+    ask("numbers", LONG).unwrap();
+    let error = ask("numbers twice", LONG).unwrap_err().to_string();
+    let expected = "answered request 2 when the answer to request 3 was due";
+    assert!(error.contains(expected), "{error}");
+}
+
+fn unasked_lines_are_found() {
+    let error = ask("twice", LONG).unwrap_err().to_string();
+    assert!(
+        error.contains("wrote \"{\\\"x\\\":[") && error.contains("without a request"),
+        "{error}"
+    );
 }

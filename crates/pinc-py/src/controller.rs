@@ -5,8 +5,8 @@ use crate::config::experiment;
 use crate::errors::{input, of_run};
 use crate::model::Model;
 use numpy::{PyArrayDyn, PyUntypedArrayMethods};
-use pinc_runs::{Follow, LiveController, ModelFile};
 use pinc_config::ModelKind;
+use pinc_runs::{Follow, LiveController, ModelFile};
 use pyo3::prelude::*;
 use std::path::PathBuf;
 use std::sync::{Mutex, MutexGuard, PoisonError};
@@ -88,13 +88,14 @@ impl Nmpc {
     }
 
     /// Chooses the input for a plant of which y was measured.
-    #[pyo3(signature = (y, reference=None, u_applied=None))]
+    #[pyo3(signature = (y, reference=None, u_applied=None, parameters=None))]
     fn step(
         &self,
         py: Python<'_>,
         y: Given<'_>,
         reference: Option<Given<'_>>,
         u_applied: Option<Given<'_>>,
+        parameters: Option<Given<'_>>,
     ) -> PyResult<ControlStep> {
         let y = vector(&y, "y")?;
         let u_applied = u_applied.map(|u| vector(&u, "u_applied")).transpose()?;
@@ -104,9 +105,20 @@ impl Nmpc {
             Some(Reference::Held(row)) => Follow::Held(row),
             Some(Reference::Stages(rows)) => Follow::Stages(rows),
         };
+        let parameters = parameters.map(|p| vector(&p, "parameters")).transpose()?;
         let mut controller = self.lock();
-        let step = controller.step(&y, follow, u_applied.as_deref());
-        let step = step.map_err(|error| of_run(&error))?;
+        let before = parameters.map(|p| controller.set_measured_parameters(&p)).transpose();
+        let before = before.map_err(|error| of_run(&error))?;
+        let step = match controller.step(&y, follow, u_applied.as_deref()) {
+            Ok(step) => step,
+            Err(error) => {
+                if let Some(before) = before {
+                    let restored = controller.set_measured_parameters(&before);
+                    restored.map_err(|error| of_run(&error))?;
+                }
+                return Err(of_run(&error));
+            }
+        };
         let vector = |values: &[f64]| -> PyResult<Py<PyArrayDyn<f64>>> {
             Ok(array(py, values.to_vec(), None, &[values.len()])?.unbind())
         };

@@ -58,7 +58,7 @@ impl Trained {
     }
 }
 
-/// Trains the net of a config.
+/// Trains the net of a config; `progress` is shown each iteration and ends it by returning `pinc.STOP`.
 #[pyfunction]
 #[pyo3(signature = (config, overrides=None, progress=None))]
 pub(crate) fn train(
@@ -99,7 +99,8 @@ pub(crate) fn train(
     })
 }
 
-/// Lets signals be handled, and calls the caller's function. It stops the training with `False`.
+/// Lets signals be handled, and calls the caller's function. It stops the training with `pinc.STOP`;
+/// all else that it returns means nothing, since functions return `False` without meaning it.
 fn show(
     py: Python<'_>,
     progress: Option<&Py<PyAny>>,
@@ -115,6 +116,6 @@ fn show(
         validation_mse: now.validation_mse,
     };
     let answer = progress.bind(py).call1((shown,))?;
-    let stops = !answer.is_none() && !answer.is_truthy()?;
+    let stops = answer.is(&py.import("pinc._stop")?.getattr("STOP")?);
     Ok(if stops { ControlFlow::Break(()) } else { ControlFlow::Continue(()) })
 }

@@ -8,7 +8,9 @@ import pytest
 import pinc
 
 POINTS = 9  # of a dense trace per step
-TANKS = Path(__file__).resolve().parents[3] / "configs" / "estimation" / "tanks.toml"
+CONFIGS = Path(__file__).resolve().parents[3] / "configs"
+TANKS = CONFIGS / "estimation" / "tanks.toml"
+FAMILY = CONFIGS / "four-tanks" / "family.toml"
 
 
 @pytest.mark.parametrize("kind", ["pinc", "rk4"])
@@ -18,7 +20,8 @@ def test_it_takes_the_steps_of_the_closed_loop(
     trace, steps = done.control(kind), done.steps(kind)
     marks = slice(0, POINTS * len(steps["step"]), POINTS)
     net = done.path / "model.safetensors"
-    controllers = [pinc.Nmpc(smoke, of, only=kind) for of in (model, net, str(net))]
+    nets = (model, net, str(net)) if kind == "pinc" else (None,)
+    controllers = [pinc.Nmpc(smoke, of, only=kind) for of in nets]
     for controller in controllers:
         for k, (x1, x2, u) in enumerate(zip(*(trace[n][marks] for n in ("x1", "x2", "u")))):
             step = controller.step([x1, x2])
@@ -40,6 +43,29 @@ def test_what_it_says_of_itself(smoke: Path) -> None:
     assert controller.predicted_states.shape == (controller.horizon, 2)
     assert np.array_equal(plan[0], step.u) and plan.shape[1] == 1
     assert "controlled x1, x2" in repr(controller) and "converged" in repr(step)
+
+
+def test_a_net_that_would_not_be_used_is_refused(smoke: Path, model: pinc.Model) -> None:
+    with pytest.raises(pinc.InputError, match="model.*rk4"):
+        pinc.Nmpc(smoke, model, only="rk4")
+
+
+def test_measured_parameters_are_those_of_the_step() -> None:
+    y = [8.0, 12.0, 2.0, 3.0]
+
+    def controller(key: str, value: object) -> pinc.Nmpc:
+        return pinc.Nmpc(FAMILY, only="rk4", overrides={key: value})
+
+    told = controller("control.parameters", {"k1": 3.33, "k2": 3.35}).step(y)
+    measured = controller("control.measured_parameters", ["k1", "k2"])
+    with pytest.raises(pinc.InputError, match="parameters: 1 numbers given, expected 2"):
+        measured.step(y, parameters=[3.33])
+    with pytest.raises(pinc.InputError, match="y: 1 numbers given"):
+        measured.step([8.0], parameters=[3.33, 3.35])
+    nominal = measured.step(y)
+    assert np.abs(nominal.u - told.u).max() > 1e-3
+    measured.reset()
+    assert np.array_equal(measured.step(y, parameters=[3.33, 3.35]).u, told.u)
 
 
 def test_reference_applied_input_and_reset_count(smoke: Path) -> None:

@@ -5,6 +5,7 @@ import signal
 import threading
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import pinc
@@ -36,9 +37,16 @@ def test_a_text_and_overrides(smoke: Path) -> None:
 
 
 def test_progress_can_stop_it(smoke: Path) -> None:
-    trained = pinc.train(smoke, progress=lambda now: now.iteration < 20)
+    trained = pinc.train(smoke, progress=lambda now: pinc.STOP if now.iteration == 20 else None)
     assert (trained.stop_reason, trained.iterations) == ("stopped", 20)
     assert trained.model.step([0.0, 0.0], [0.0]).shape == (2,)
+
+
+@pytest.mark.parametrize("value", [False, 0, "", [], float("nan"), np.zeros(2)])
+def test_no_other_value_stops_it(smoke: Path, value: object) -> None:
+    few = {"training.phases.0.iterations": 3}
+    trained = pinc.train(smoke, few, progress=lambda now: value)
+    assert trained.iterations == 3 and trained.stop_reason != "stopped"
 
 
 def test_what_progress_raises_is_raised(smoke: Path) -> None:

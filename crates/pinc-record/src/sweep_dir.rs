@@ -9,7 +9,8 @@
 
 use crate::error::RecordError;
 use crate::files::{
-    file, is_unfinished, json, read_file, read_json, read_text, write_atomically, write_unflushed,
+    file, is_unfinished, json, read_file, read_json, read_text, remove_unfinished,
+    write_atomically, write_unflushed,
 };
 use crate::lock::{LOCK, Lock};
 use crate::metrics::Metrics;
@@ -204,13 +205,26 @@ impl SweepDir {
         texts.filter_map(|text| serde_json::from_str(&text).ok()).collect()
     }
 
-    /// Removes what processes at work have left that were killed.
+    /// Removes what processes that were killed have left: notes, locks and unfinished files. No
+    /// other process may work in the directory.
     ///
     /// # Errors
     ///
     /// [`RecordError`] if a file cannot be removed.
-    pub fn remove_workers(&self) -> Result<(), RecordError> {
-        remove_all(&self.dir.join(WORKERS))
+    pub fn remove_leftovers(&self) -> Result<(), RecordError> {
+        remove_all(&self.dir.join(WORKERS))?;
+        for folder in [NETS, TRIALS] {
+            for part in fs::read_dir(self.dir.join(folder)).into_iter().flatten().flatten() {
+                let dir = part.path();
+                remove_unfinished(&dir)?;
+                remove_unfinished(&dir.join(file::FIGURES))?;
+                let lock = dir.join(LOCK);
+                if lock.exists() {
+                    fs::remove_file(&lock).map_err(RecordError::unwritable(&lock))?;
+                }
+            }
+        }
+        Ok(())
     }
 
     fn workers(&self) -> Result<PathBuf, RecordError> {
@@ -231,7 +245,7 @@ impl SweepDir {
         net: Option<&str>,
     ) -> Result<(), RecordError> {
         if let Some(net) = net
-            && !self.net(net).join(file::MODEL).exists()
+            && !self.is_trained(net)
             && other.net(net).join(file::MODEL).exists()
         {
             copy_files(&other.net(net), &self.net(net), file::METRICS)?;
@@ -264,5 +278,50 @@ fn remove_all(dir: &Path) -> Result<(), RecordError> {
             Err(RecordError::unwritable(dir)(error))
         }
         _ => Ok(()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_killed_processes_leave_is_removed_and_results_stay() {
+        let dir = tempfile::tempdir().unwrap();
+        let sweep = SweepDir::of(dir.path());
+        let figures = sweep.net("b").join(file::FIGURES);
+        let results = [sweep.net("a").join(file::METRICS), sweep.trial("c").join(RESULT)];
+        let left = [
+            sweep.net("a").join(LOCK),
+            sweep.net("a").join(".pinc-unfinished-1"),
+            figures.join(".pinc-unfinished-2"),
+            sweep.trial("c").join(".pinc-unfinished-3"),
+            dir.path().join(WORKERS).join("host-1.json"),
+        ];
+        for path in left.iter().chain(&results) {
+            fs::create_dir_all(path.parent().unwrap()).unwrap();
+            fs::write(path, "").unwrap();
+        }
+        sweep.remove_leftovers().unwrap();
+        let there = |path: &PathBuf| path.exists();
+        assert!(!left.iter().any(there) && results.iter().all(there));
+    }
+
+    /// A net without its metrics, which are copied last, was not copied to its end.
+    #[test]
+    fn a_net_that_a_killed_merge_has_copied_in_part_is_copied() {
+        let dir = tempfile::tempdir().unwrap();
+        let [part, whole] = ["part", "whole"].map(|name| SweepDir::of(&dir.path().join(name)));
+        for file in [part.net("n").join(file::MODEL), part.net("n").join(file::METRICS)] {
+            fs::create_dir_all(file.parent().unwrap()).unwrap();
+            fs::write(file, "right").unwrap();
+        }
+        fs::create_dir_all(part.trial("t")).unwrap();
+        fs::create_dir_all(whole.net("n")).unwrap();
+        fs::write(whole.net("n").join(file::MODEL), "").unwrap();
+        whole.import_trial(&part, "t", Some("n")).unwrap();
+        for name in [file::MODEL, file::METRICS] {
+            assert_eq!(fs::read_to_string(whole.net("n").join(name)).unwrap(), "right");
+        }
     }
 }

@@ -57,6 +57,9 @@ impl<'e> Chosen<'e> {
         if !spec.models.contains(&kind) {
             return Err(RunError::MissingModel { name: name(), model: kind.name() });
         }
+        if model.is_some() && kind != ModelKind::Pinc {
+            return Err(RunError::UnusedModelFile { command, model: kind.name() });
+        }
         let given = match (kind, model) {
             (ModelKind::Pinc, None) => {
                 return Err(RunError::NoModelFile { name: name(), command });

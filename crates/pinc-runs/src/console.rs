@@ -1,16 +1,33 @@
 //! The only module that writes to the terminal.
 
+use crate::RunError;
 use std::borrow::Cow;
-use std::io::{self, IsTerminal, Write};
+use std::io::{self, ErrorKind, IsTerminal, Write};
 
 /// Lines longer than this are shown without their middle.
 const LONG: usize = 1000;
 /// What is left of them at either end.
 const END: usize = 400;
 
-/// Writes a line to standard output. If the reader has closed its end, that is no error of the run.
-pub fn line(text: &str) {
-    let _ = writeln!(io::stdout().lock(), "{}", plain(text));
+/// Writes a line to standard output. A reader that has closed its end is no error of the run.
+///
+/// # Errors
+///
+/// [`RunError::StandardOutput`] if the line cannot be written for another reason.
+pub fn line(text: &str) -> Result<(), RunError> {
+    written(writeln!(io::stdout().lock(), "{}", plain(text)))
+}
+
+/// Accepts a reader that wants no more, and no other reason why standard output takes nothing.
+///
+/// # Errors
+///
+/// [`RunError::StandardOutput`] for any other failure.
+pub fn written(result: io::Result<()>) -> Result<(), RunError> {
+    match result {
+        Err(error) if error.kind() != ErrorKind::BrokenPipe => Err(RunError::StandardOutput(error)),
+        _ => Ok(()),
+    }
 }
 
 /// Writes a line to standard error.
@@ -41,7 +58,7 @@ fn turns(c: char) -> bool {
 }
 
 /// A line that can be read, with how much of it is left out.
-fn shortened(line: &str) -> Cow<'_, str> {
+pub(crate) fn shortened(line: &str) -> Cow<'_, str> {
     let length = line.chars().count();
     if length <= LONG {
         return line.into();

@@ -51,6 +51,17 @@ pub enum RunError {
         /// The command.
         command: &'static str,
     },
+    /// A net for a controller that works with another model.
+    #[error(
+        "`{command}`: a model file is given beside `only` = \"{model}\", which uses no net; leave \
+        one of them out"
+    )]
+    UnusedModelFile {
+        /// The command.
+        command: &'static str,
+        /// The model that was asked for.
+        model: &'static str,
+    },
     /// A controller whose model cannot be written in another language.
     #[error(
         "export: the model `{model}` of the plant `{plant}` cannot be written in C; it can for \
@@ -174,6 +185,9 @@ pub enum RunError {
         /// What it is.
         value: f64,
     },
+    /// Standard output that takes nothing, as on a full disk.
+    #[error("standard output cannot be written: {0}")]
+    StandardOutput(std::io::Error),
     /// An output that is one of the inputs.
     #[error("--output {}: is also {role}, which it would overwrite", path.display())]
     SameFile {
@@ -443,10 +457,12 @@ pub enum CsvProblem {
         sample_time_s: f64,
     },
     /// A file without data.
-    #[error("{rows} rows of data, expected 2 or more below the header")]
+    #[error("{rows} rows of data, expected {least} or more below the header")]
     TooFewRows {
         /// How many there are.
         rows: usize,
+        /// How many are needed.
+        least: usize,
     },
     /// Times that are not whole steps apart.
     #[error(
@@ -505,7 +521,7 @@ impl RunError {
             Self::Net(_) | Self::Plant(_) | Self::FailedSteps { .. } | Self::NotFinite { .. } => 1,
             Self::Record(RecordError::Unwritable { source, .. }) if is_full(source) => 1,
             Self::Slurm { .. } | Self::Queued { .. } | Self::StillQueued { .. } => 1,
-            Self::NothingToChoose { .. } => 1,
+            Self::NothingToChoose { .. } | Self::StandardOutput(_) => 1,
             Self::Interrupted { .. } | Self::FailedTrials { .. } | Self::FailedRuns { .. } => 1,
             _ => 2,
         }

@@ -181,5 +181,8 @@ fn run(
         });
         before = Some((row.t, row.u));
     }
-    Ok(run)
+    match run.rows.len() {
+        0 => Err((1, CsvProblem::TooFewRows { rows: 0, least: 1 })),
+        _ => Ok(run),
+    }
 }

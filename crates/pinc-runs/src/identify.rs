@@ -122,7 +122,7 @@ fn read(path: &Path, variables: &Variables, measured: &[String]) -> Result<Rows,
         all.push((line, row));
     }
     if all.len() < 2 {
-        return Err(at((1, CsvProblem::TooFewRows { rows: all.len() })));
+        return Err(at((1, CsvProblem::TooFewRows { rows: all.len(), least: 2 })));
     }
     Ok(all)
 }
@@ -256,17 +256,17 @@ fn fitted_model(
         });
     }
     let control = experiment.control.as_ref();
-    let of_the_loop = control.map(|control| match kind {
-        ModelKind::Rk5 => control.rk5_substeps,
-        ModelKind::Rodas4 => control.rosenbrock_substeps,
-        _ => control.rk4_substeps,
-    });
+    let of_the_loop = control.map(|control| control.substeps(kind, 1.0, 1.0));
     let substeps = spec.substeps.or(of_the_loop).unwrap_or(SUBSTEPS);
-    Ok(match kind {
-        ModelKind::Rk5 => plant.rk5(sample_time_s, substeps),
-        ModelKind::Rodas4 => plant.rodas4(sample_time_s, substeps),
-        _ => plant.rk4(sample_time_s, substeps),
-    })
+    match kind {
+        ModelKind::Rk4 => Ok(plant.rk4(sample_time_s, substeps)),
+        ModelKind::Rk5 => Ok(plant.rk5(sample_time_s, substeps)),
+        ModelKind::Rodas4 => Ok(plant.rodas4(sample_time_s, substeps)),
+        ModelKind::Pinc | ModelKind::BlackBox => {
+            let (name, model) = (experiment.name.clone(), kind.name());
+            Err(RunError::MissingModel { name, model })
+        }
+    }
 }
 
 /// An error with the file that it is about.

@@ -207,15 +207,27 @@ fn execute(
     if options.resume {
         found::forget_damaged(&plan, &mut run_dir)?;
     }
-    if !(options.resume && plan.is_done(experiment, run_dir.metrics())) {
+    let is_there = matches!(Provenance::read(dir), Ok(Some(_)));
+    if !(options.resume && is_there && plan.is_done(experiment, run_dir.metrics())) {
         run_dir.write_provenance(
             &Provenance::of(experiment, invocation(options.arguments)),
             options.resume,
         )?;
     }
+    if options.verbosity == Verbosity::Shown && experiment.plant.is_black_box() {
+        warn_of_hidden_memory(experiment);
+    }
     Stages { experiment, options, plan: &plan, threads: None, run_dir: &mut run_dir }.run()?;
     rebuild_report(dir)?;
     Ok(run_dir.released())
+}
+
+/// Says so if the plant, a black box, remembers more than its states.
+fn warn_of_hidden_memory(experiment: &Experiment) {
+    let plant = &*experiment.plant.dyn_plant();
+    if let Some(finding) = pinc_check::hidden_memory(plant, experiment) {
+        console::note(&finding.to_string());
+    }
 }
 
 /// What is done, and with which net.

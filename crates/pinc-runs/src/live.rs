@@ -172,6 +172,12 @@ impl LiveController {
         self.observer.as_ref().map_or(&[], |observer| &observer.names)
     }
 
+    /// The most numbers that a step takes: measurements, a reference per stage, an input, and
+    /// parameters.
+    pub(super) fn request_numbers(&self) -> usize {
+        self.measured().len() + self.window.len() + self.u.len() + self.measured_parameters.len()
+    }
+
     /// How often the net was used outside its training domain.
     #[must_use]
     pub fn outside_domain(&self) -> OutsideDomain {

@@ -2,13 +2,17 @@
 
 use super::chosen::ModelFile;
 use super::live::{Follow, LiveController};
-use crate::RunError;
+use crate::{RunError, console};
 use pinc_config::{Experiment, ModelKind};
 use pinc_record::OutsideDomain;
 use serde::{Deserialize, Serialize};
 use std::borrow::Cow;
-use std::io::{BufRead, Write};
+use std::io::{BufRead, Read, Write};
 use std::path::Path;
+
+/// The length of a line, in bytes: so much, and more for each number that a request may hold.
+const LINE: usize = 65_536;
+const NUMBER: usize = 64;
 
 /// A line from the plant.
 #[derive(Deserialize)]
@@ -56,33 +60,66 @@ struct Refusal {
 /// Serves the controller of `experiment`, with its estimator if it has one, and with the model of
 /// the file `model`, or `only` one of the config's: reads a line of `input`, writes one to
 /// `output`, until the input ends or nobody reads the output. A line that cannot be used is
-/// answered with `{"error": ".."}` and changes nothing.
+/// answered with `{"error": ".."}` and changes nothing; so is one that is longer than any request,
+/// of which no more than that is kept in memory.
 ///
 /// Without a reference the config's are followed, from the first step on. Returns how often the net
 /// was used outside its training domain.
 ///
 /// # Errors
 ///
-/// [`RunError`] if the controller cannot be made.
+/// [`RunError`] if the controller cannot be made, or `output` fails with readers left.
 pub fn serve(
     experiment: &Experiment,
     model: Option<&Path>,
     only: Option<ModelKind>,
-    input: impl BufRead,
+    mut input: impl BufRead,
     mut output: impl Write,
 ) -> Result<OutsideDomain, RunError> {
     let mut controller =
         LiveController::new(experiment, model.map(ModelFile::At), only, "pinc serve")?;
-    for line in input.split(b'\n') {
-        let Ok(line) = line else { break };
-        let answer = answer(&mut controller, &line);
-        let answer = answer.unwrap_or_else(|error| text(&Refusal { error }));
-        if writeln!(output, "{answer}").and_then(|()| output.flush()).is_err() {
+    let longest = LINE + NUMBER * controller.request_numbers();
+    let mut line = Vec::new();
+    while let Ok(Some(end)) = read_line(&mut input, longest, &mut line) {
+        let answer = match end {
+            LineEnd::Reached => answer(&mut controller, &line),
+            LineEnd::Beyond => Err(format!("a line of more than {longest} bytes given")),
+        };
+        let refused = |error: String| text(&Refusal { error: console::shortened(&error).into() });
+        let answer = answer.unwrap_or_else(refused);
+        let written = writeln!(output, "{answer}").and_then(|()| output.flush());
+        let is_read = written.is_ok();
+        console::written(written)?;
+        if !is_read {
             break;
         }
         controller.prepare();
     }
     Ok(controller.outside_domain())
+}
+
+/// Whether a line was read to its end.
+enum LineEnd {
+    Reached,
+    /// The line is longer than allowed; the rest was skipped.
+    Beyond,
+}
+
+/// Reads a line of at most `longest` bytes into `line`; `None` at the end of the input.
+fn read_line(
+    input: &mut impl BufRead,
+    longest: usize,
+    line: &mut Vec<u8>,
+) -> std::io::Result<Option<LineEnd>> {
+    line.clear();
+    if input.by_ref().take(longest as u64 + 1).read_until(b'\n', line)? == 0 {
+        return Ok(None);
+    }
+    if line.pop_if(|byte| *byte == b'\n').is_some() || line.len() <= longest {
+        return Ok(Some(LineEnd::Reached));
+    }
+    input.skip_until(b'\n')?;
+    Ok(Some(LineEnd::Beyond))
 }
 
 /// The answer to a line, or what is wrong with it.

@@ -13,8 +13,8 @@ use pinc_net::{
 };
 use pinc_ode::DynPlant;
 use pinc_record::{
-    CheckpointProblem, RecordError, RunDir, Saved, TrainingMetrics, TrainingRow, ValidationMetrics,
-    file, fixed_table, load_checkpoint, read_fixed_table, save_checkpoint,
+    CheckpointProblem, Metrics, RecordError, RunDir, Saved, TrainingMetrics, TrainingRow,
+    ValidationMetrics, file, fixed_table, load_checkpoint, read_fixed_table, save_checkpoint,
 };
 use std::collections::BTreeMap;
 use std::fmt;
@@ -61,7 +61,9 @@ pub(crate) fn stage(
     if run_dir.metrics().training.is_some() {
         // A run that was killed between its results and this has one.
         run_dir.remove(file::CHECKPOINT)?;
-        return super::read_model(&run_dir.path(file::MODEL));
+        let net = super::read_model(&run_dir.path(file::MODEL))?;
+        remake_domain_error(plant, experiment, &net, run_dir)?;
+        return Ok(net);
     }
     let setup = TrainingSetup::of(experiment)?;
     let threads_of_config = || setup.threads();
@@ -90,6 +92,29 @@ pub(crate) fn stage(
     })?;
     run_dir.remove(file::CHECKPOINT)?;
     Ok(net)
+}
+
+/// Writes the table of a finished training's errors over the domain again, if it is not what it was.
+fn remake_domain_error(
+    plant: &dyn DynPlant,
+    experiment: &Experiment,
+    net: &PincNet,
+    run_dir: &mut RunDir,
+) -> Result<(), RunError> {
+    let Metrics { training: Some(training), validation: Some(validation), .. } = run_dir.metrics()
+    else {
+        return Ok(());
+    };
+    let is_wanted = validation.domain_error.is_some() && run_dir.keeps_traces();
+    if !is_wanted || run_dir.is_as_noted(file::DOMAIN_ERROR) {
+        return Ok(());
+    }
+    let setup = TrainingSetup::of(experiment)?;
+    let found = setup.found(experiment, &training.parameters)?;
+    let plant = found.as_ref().map_or(plant, |of| &*of.plant);
+    domain_error::judge(plant, net, &setup, experiment.seed, run_dir)?;
+    run_dir.note(&[file::DOMAIN_ERROR]);
+    Ok(run_dir.update(|_| ())?)
 }
 
 /// The sections that a training needs.

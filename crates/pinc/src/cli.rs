@@ -1,6 +1,7 @@
 //! The command line.
 
 use crate::choices::{Only, Outside, SweepArgs, To, seconds, share};
+use crate::printed::{failure, show, usage};
 use crate::summary::summary;
 use clap::{Args, Parser, Subcommand};
 use pinc_bench::{BenchOptions, ChooseOptions, Kept, OnSlurm, Shard};
@@ -259,7 +260,10 @@ struct SetArgs {
 /// The whole program `pinc`, with `plants` besides the built-in ones.
 #[must_use]
 pub fn program(plants: &Plants) -> ExitCode {
-    let cli = Cli::parse();
+    let cli = match Cli::try_parse() {
+        Ok(cli) => cli,
+        Err(error) => return usage(&error),
+    };
     tracing_subscriber::fmt()
         .with_max_level(tracing::Level::WARN)
         .with_writer(std::io::stderr)
@@ -267,10 +271,7 @@ pub fn program(plants: &Plants) -> ExitCode {
         .init();
     match execute(&cli, plants) {
         Ok(code) => code,
-        Err(error) => {
-            console::note(&format!("error: {error}"));
-            ExitCode::from(error.exit_code())
-        }
+        Err(error) => failure(&error),
     }
 }
 
@@ -282,11 +283,11 @@ fn execute(cli: &Cli, plants: &Plants) -> Result<ExitCode, RunError> {
     };
     match &cli.command {
         Command::Run { configs, sweep, run } => run_all(configs, sweep, run, plants, quiet)?,
-        Command::Status { dir } => show(quiet, &pinc_bench::status(dir, plants)?.to_string()),
+        Command::Status { dir } => show(quiet, &pinc_bench::status(dir, plants)?.to_string())?,
         Command::Merge { parts, out } => {
             let arguments = arguments();
             let options = options(true, quiet, &arguments);
-            show(quiet, &summary(&pinc_bench::merge(parts, out, plants, &options)?));
+            show(quiet, &summary(&pinc_bench::merge(parts, out, plants, &options)?))?;
         }
         Command::Train { config, run } => {
             run.one(config, plants, quiet, pinc_runs::train)?;
@@ -312,7 +313,7 @@ fn execute(cli: &Cli, plants: &Plants) -> Result<ExitCode, RunError> {
                     let only = only.map(Only::kind);
                     if *plant {
                         let dir = pinc_runs::export_plant(&experiment, to, name, out)?;
-                        show(quiet, &dir.display().to_string());
+                        show(quiet, &dir.display().to_string())?;
                         return Ok(ExitCode::SUCCESS);
                     }
                     pinc_runs::export_controller(&experiment, model, only, to, name, out)?
@@ -320,7 +321,7 @@ fn execute(cli: &Cli, plants: &Plants) -> Result<ExitCode, RunError> {
                 (None, Some(model)) => pinc_runs::export_net(model, to, name, out)?,
                 (None, None) => unreachable!("one of them is required"),
             };
-            show(quiet, &dir.display().to_string());
+            show(quiet, &dir.display().to_string())?;
         }
         Command::Serve { config, model, only, set } => {
             let experiment = Experiment::load(config, &set.set, plants)?;
@@ -336,7 +337,7 @@ fn execute(cli: &Cli, plants: &Plants) -> Result<ExitCode, RunError> {
             let only = only.map(Only::kind);
             let (output, model) = (output.as_deref(), model.as_deref());
             let found = pinc_runs::estimate(&experiment, data, output, model, only)?;
-            show(quiet, &found.to_string());
+            show(quiet, &found.to_string())?;
         }
         Command::Identify { config, data, out, model, only, set } => {
             let experiment = Experiment::load(config, &set.set, plants)?;
@@ -346,7 +347,7 @@ fn execute(cli: &Cli, plants: &Plants) -> Result<ExitCode, RunError> {
             let options = options(false, quiet, &arguments);
             let found =
                 pinc_runs::identify(&experiment, data, &dir, &options, model.as_deref(), only)?;
-            show(quiet, &pinc_runs::identification_summary(&found));
+            show(quiet, &pinc_runs::identification_summary(&found))?;
         }
         Command::Choose { config, within, budget_s, run } => {
             let experiment = Experiment::load(config, &run.set.set, plants)?;
@@ -355,28 +356,30 @@ fn execute(cli: &Cli, plants: &Plants) -> Result<ExitCode, RunError> {
             let options = options(run.resume, quiet, &arguments);
             let how = ChooseOptions { within: *within, budget_s: *budget_s };
             let choice = pinc_bench::choose(&experiment, &dir, plants, &options, how)?;
-            show(quiet, &choice.to_string());
+            show(quiet, &choice.to_string())?;
         }
         Command::Check { config, json, set } => return check(config, *json, &set.set, plants),
         Command::Report { dir } => {
             let path = pinc_runs::rebuild_report(dir)?;
-            show(quiet, &path.display().to_string());
+            show(quiet, &path.display().to_string())?;
         }
         Command::Compare { dirs, out: None } => {
-            console::line(pinc_report::compare(dirs)?.text.trim_end());
+            console::line(pinc_report::compare(dirs)?.text.trim_end())?;
         }
         Command::Compare { dirs, out: Some(page) } => {
             pinc_runs::compare(dirs, page)?;
-            show(quiet, &page.display().to_string());
+            show(quiet, &page.display().to_string())?;
         }
-        Command::Results { dir, out: None } => console::line(pinc_report::results(dir)?.trim_end()),
+        Command::Results { dir, out: None } => {
+            console::line(pinc_report::results(dir)?.trim_end())?
+        }
         Command::Results { dir, out: Some(page) } => pinc_report::write_results(dir, page)?,
         Command::Bench { json, quick, loss_gradient_file } => {
             let verbosity = if quiet { Verbosity::Quiet } else { Verbosity::Shown };
             let loss_gradient_file = loss_gradient_file.clone();
             let options = BenchOptions { quick: *quick, loss_gradient_file, verbosity };
             let report = pinc_bench::bench(&options)?;
-            show(quiet, &if *json { report.to_json() } else { report.to_string() });
+            show(quiet, &if *json { report.to_json() } else { report.to_string() })?;
         }
     }
     Ok(ExitCode::SUCCESS)
@@ -456,16 +459,16 @@ fn check(
     let experiment = Experiment::load(config, sets, plants)?;
     let findings = pinc_runs::check_watched(&experiment, Verbosity::Shown);
     if json {
-        console::line(&pinc_runs::findings_json(&findings));
+        console::line(&pinc_runs::findings_json(&findings))?;
     } else {
         console::line(&format!(
             "{}: a valid config of {}, preset {}",
             config.display(),
             experiment.name,
             experiment.preset.name()
-        ));
+        ))?;
         for finding in &findings {
-            console::line(&finding.to_string());
+            console::line(&finding.to_string())?;
         }
     }
     let worst = findings.iter().map(|finding| finding.severity).max();
@@ -518,7 +521,7 @@ impl RunArgs {
             pinc_bench::clear(experiment, dir)?;
         }
         let submitted = pinc_bench::submit(experiment, dir, slurm)?;
-        show(quiet, &submitted.to_string());
+        show(quiet, &submitted.to_string())?;
         if slurm.wait && submitted.jobs > 0 {
             let arguments = arguments();
             pinc_bench::wait(dir, plants, &options(true, quiet, &arguments))?;
@@ -528,7 +531,7 @@ impl RunArgs {
                 plants,
                 &options(true, quiet, &arguments),
             )?;
-            show(quiet, &summary(&merged));
+            show(quiet, &summary(&merged))?;
         }
         Ok(())
     }
@@ -552,7 +555,7 @@ impl RunArgs {
         let arguments = arguments();
         let options = options(self.resume, quiet, &arguments);
         let run_dir = work(experiment, dir, &options)?;
-        show(quiet, &summary(&run_dir));
+        show(quiet, &summary(&run_dir))?;
         verdict(experiment, run_dir.metrics())
     }
 }
@@ -578,10 +581,4 @@ fn catch_interrupts() -> &'static AtomicBool {
         console::note("stopping after this iteration (once more: at once)");
     });
     &INTERRUPT
-}
-
-fn show(quiet: bool, text: &str) {
-    if !quiet {
-        console::line(text);
-    }
 }

@@ -142,6 +142,8 @@ mod choices;
 #[cfg(feature = "program")]
 mod cli;
 #[cfg(feature = "program")]
+mod printed;
+#[cfg(feature = "program")]
 mod summary;
 
 #[cfg(feature = "program")]

@@ -350,7 +350,7 @@ impl<'a> Session<'a> {
         let counts = self.write_tables()?;
         self.run_dir.update(|all| all.sweep = Some(counts.clone()))?;
         rebuild_report(&dir)?;
-        self.sweep_dir.remove_workers()?;
+        self.sweep_dir.remove_leftovers()?;
         if counts.failed > 0 {
             let SweepMetrics { trials, failed, .. } = counts;
             let table = self.run_dir.path(file::SWEEP);

@@ -33,6 +33,7 @@ pub(super) fn fmu(key: &str, spec: &FmuSpec, plants: &Plants) -> Finding {
             return value(&format!("{key}.{list}"), format!("`{name}`"), kind);
         }
     }
+    positive(&format!("{key}.time_limit_s"), spec.time_limit_s)?;
     allowed(&key, "a file with a binary", plants)?;
     match spec.open() {
         Ok(_) => Ok(()),

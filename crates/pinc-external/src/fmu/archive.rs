@@ -1,18 +1,24 @@
-//! The archive that an FMU is, unpacked into a directory of its own.
+//! The archive that an FMU is, unpacked into a directory.
 
 use std::fs;
 use std::path::{Component, Path};
-use tempfile::TempDir;
+
+/// The most bytes that an FMU may have when it is unpacked.
+const MOST: usize = 2 << 30;
 
 /// Signatures of the records of ZIP files.
 const END: [u8; 4] = *b"PK\x05\x06";
 const ENTRY: [u8; 4] = *b"PK\x01\x02";
 
-/// Unpacks the ZIP file `bytes`; the directory is removed with the result. In words, what is wrong
-/// with it, if something is.
-pub(super) fn unpack(bytes: &[u8]) -> Result<TempDir, String> {
-    let dir = tempfile::Builder::new().prefix("pinc-fmu-").tempdir();
-    let dir = dir.map_err(|error| format!("no directory to unpack it in: {error}"))?;
+/// Unpacks the ZIP file `bytes` into the directory `dir`. In words, what is wrong with it, if
+/// something is.
+pub(super) fn unpack(bytes: &[u8], dir: &Path) -> Result<(), String> {
+    unpack_within(bytes, dir, MOST)
+}
+
+/// The same with at most `most` bytes.
+fn unpack_within(bytes: &[u8], dir: &Path, most: usize) -> Result<(), String> {
+    let mut left = most;
     let damaged = || "it is no ZIP file, or damaged".to_owned();
     let end = bytes.windows(4).rposition(|four| four == END).ok_or_else(damaged)?;
     let count = number(bytes, end + 10, 2).ok_or_else(damaged)?;
@@ -23,16 +29,18 @@ pub(super) fn unpack(bytes: &[u8]) -> Result<TempDir, String> {
         let (method, packed, size) = (read(10, 2)?, read(20, 4)?, read(24, 4)?);
         let [name, extra, comment] = [read(28, 2)?, read(30, 2)?, read(32, 2)?];
         let local = read(42, 4)?;
+        let too_large = || format!("it unpacks to more than {} MiB", most >> 20);
+        left = left.checked_sub(size.max(packed)).ok_or_else(too_large)?;
         let path = entry.get(46..46 + name).ok_or_else(damaged)?;
         let path = std::str::from_utf8(path).map_err(|_| damaged())?;
         let lengths = (number(bytes, local + 26, 2), number(bytes, local + 28, 2));
         let (Some(local_name), Some(local_extra)) = lengths else { return Err(damaged()) };
         let begin = local + 30 + local_name + local_extra;
         let content = bytes.get(begin..begin + packed).ok_or_else(damaged)?;
-        write(dir.path(), path, &inflated(content, method, size).ok_or_else(damaged)?)?;
+        write(dir, path, &inflated(content, method, size).ok_or_else(damaged)?)?;
         at += 46 + name + extra + comment;
     }
-    Ok(dir)
+    Ok(())
 }
 
 fn number(bytes: &[u8], at: usize, width: usize) -> Option<usize> {

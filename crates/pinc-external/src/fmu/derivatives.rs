@@ -2,6 +2,7 @@
 
 use super::description::{Description, Place};
 use super::library::Instance;
+use super::simulation::slot;
 
 /// The derivatives of f(x, u) in model exchange, along directions of states and inputs.
 #[derive(Clone, Debug)]
@@ -59,7 +60,7 @@ impl Derivatives {
         let mut changing: Vec<u32> = description.states.iter().map(|s| s.reference).collect();
         changing.dedup();
         let mut values = vec![0.0; description.states.len()];
-        let add = |place: &Place| super::slot(description, *place, &mut changing, &mut values);
+        let add = |place: &Place| slot(description, *place, &mut changing, &mut values);
         let inputs = inputs.iter().map(add).collect();
         let (numbers, states) = (values.len(), order.to_vec());
         Self { rates, changing, numbers, states, inputs, at_start: false }

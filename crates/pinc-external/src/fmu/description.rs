@@ -71,9 +71,8 @@ impl Description {
             }
         };
         let token = root.attribute(token).ok_or_else(|| format!("{token} is missing"))?.to_owned();
-        let identifier = |tag| child(root, tag)?.attribute("modelIdentifier").map(str::to_owned);
         let (model_exchange, co_simulation) =
-            (identifier("ModelExchange"), identifier("CoSimulation"));
+            (identifier(root, "ModelExchange")?, identifier(root, "CoSimulation")?);
         let (flag, (variables, states, derivatives)) = match version {
             Version::Two => ("providesDirectionalDerivative", variables_of_two(root)?),
             Version::Three => ("providesDirectionalDerivatives", variables_of_three(root)?),
@@ -130,6 +129,18 @@ fn child<'a>(node: Node<'a, 'a>, tag: &str) -> Option<Node<'a, 'a>> {
 
 fn elements<'a>(root: Node<'a, 'a>, section: &str) -> impl Iterator<Item = Node<'a, 'a>> {
     child(root, section).into_iter().flat_map(|node| node.children()).filter(Node::is_element)
+}
+
+/// The model identifier of an interface, which is also the name of a file.
+fn identifier(root: Node<'_, '_>, tag: &str) -> Result<Option<String>, String> {
+    let name = child(root, tag).and_then(|node| node.attribute("modelIdentifier"));
+    let is_plain = |c: char| c.is_alphanumeric() || "_-.".contains(c);
+    match name {
+        Some(name) if name.is_empty() || name.starts_with('.') || !name.chars().all(is_plain) => {
+            Err(format!("modelIdentifier {name:?} given, expected a C identifier"))
+        }
+        name => Ok(name.map(str::to_owned)),
+    }
 }
 
 fn whole<T: std::str::FromStr>(node: Node<'_, '_>, key: &str) -> Result<T, String> {

@@ -212,7 +212,7 @@ impl Binary {
     /// Loads the file at `path`; or says, in words, why that cannot be done.
     pub(super) fn load(path: &Path, version: Version) -> Result<Self, String> {
         // SAFETY: what a library does when it is loaded is for the FMU to keep to the standard.
-        let library = unsafe { Library::new(path) }.map_err(|error| error.to_string())?;
+        let library = unsafe { Library::new(path) }.map_err(|error| in_full(&error))?;
         // SAFETY: the types are those of the standard's functions of these names.
         let functions = unsafe {
             match version {
@@ -222,6 +222,12 @@ impl Binary {
         };
         Ok(Self { functions: functions?, version, _library: library })
     }
+}
+
+/// An error with what it was caused by, where the system's own words are.
+fn in_full(error: &dyn std::error::Error) -> String {
+    let causes = std::iter::successors(Some(error), |error| error.source());
+    causes.map(ToString::to_string).collect::<Vec<_>>().join(": ")
 }
 
 /// # Safety

@@ -5,23 +5,21 @@ mod derivatives;
 mod description;
 mod equation;
 mod library;
+mod simulation;
+mod unpacked;
+mod worker;
 
 pub use description::FmuKind;
 
 use crate::pool::{Pool, external};
-use derivatives::{Derivatives, Start};
-use description::{Description, Place, Version};
-use equation::Equation;
-use library::{Binary, Instance};
-use pinc_ode::{Dims, Dopri5, Flow, Linearization, OdeError, Stages};
-use std::fmt::{self, Debug};
+use pinc_ode::{Flow, Linearization, OdeError, Stages};
+use simulation::Simulation;
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::{Arc, OnceLock};
-use tempfile::TempDir;
-
-/// Local error tolerance of the integration in model exchange.
-const TOLERANCE: f64 = 1e-10;
+use std::time::Duration;
+use unpacked::Unpacked;
+use worker::{Job, Worker};
 
 /// How an FMU is a plant: which of its variables are what.
 #[derive(Clone, Debug, PartialEq)]
@@ -38,6 +36,8 @@ pub struct FmuPlant {
     pub parameters: Vec<(String, f64)>,
     /// Whether its directional derivatives are used, where it has them.
     pub directional_derivatives: bool,
+    /// How long a step may take; the first includes the loading of the binary.
+    pub time_limit: Duration,
 }
 
 /// An FMU as a plant. Each step begins at time 0 in the state that is asked for: the FMU's memory
@@ -46,46 +46,19 @@ pub struct FmuPlant {
 /// By model exchange its derivatives are integrated with [`Dopri5`], and where it has directional
 /// derivatives its variational equation too; events are not looked for. By co-simulation it takes a
 /// communication step of the whole duration.
+///
+/// Its functions run in threads of their own. A step that takes longer than the time limit is an
+/// error, and so are all steps after it: nothing can end a function of a library, so that its thread
+/// goes on until the program ends.
+#[derive(Debug)]
 pub struct Fmu {
-    dims: Dims,
-    kind: FmuKind,
-    description: Description,
-    unpacked: TempDir,
-    /// What is set at the start: the variables, their values, and where among these are states and
-    /// inputs.
-    references: Vec<u32>,
-    values: Vec<f64>,
-    starts: Vec<usize>,
-    inputs: Vec<usize>,
-    /// What is read after a co-simulation, and where the states are in it.
-    outputs: Vec<u32>,
-    output_values: usize,
-    states: Vec<usize>,
-    /// In model exchange, the place of each state in the FMU's vector.
-    order: Vec<usize>,
-    /// Where they are there and to be used.
-    derivatives: Option<Arc<Derivatives>>,
-    binary: OnceLock<Arc<Binary>>,
-    copies: Pool<Copy>,
-}
-
-impl Debug for Fmu {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.debug_struct("Fmu").field("description", &self.description).finish_non_exhaustive()
-    }
-}
-
-/// An instance at work.
-enum Copy {
-    ModelExchange(Box<Integrators>),
-    CoSimulation(Instance),
-}
-
-/// One of f(x, u) alone, and one of its variational equation.
-struct Integrators {
-    equation: Arc<Equation>,
-    step: Dopri5,
-    variations: Dopri5,
+    // The instances end before their files are removed.
+    copies: Pool<Worker>,
+    simulation: Arc<Simulation>,
+    time_limit: Duration,
+    /// The error of the step that took too long, if one did.
+    hung: OnceLock<OdeError>,
+    _unpacked: Unpacked,
 }
 
 impl Fmu {
@@ -97,187 +70,31 @@ impl Fmu {
     /// In words, what is wrong with the file or does not go with `plant`.
     pub fn open(path: &Path, plant: &FmuPlant) -> Result<Self, String> {
         let bytes = fs::read(path).map_err(|error| format!("it cannot be read: {error}"))?;
-        let unpacked = archive::unpack(&bytes)?;
-        let text = fs::read_to_string(unpacked.path().join("modelDescription.xml"));
-        let text = text.map_err(|_| "it has no modelDescription.xml".to_owned())?;
-        let description =
-            Description::parse(&text).map_err(|error| format!("modelDescription.xml: {error}"))?;
-        let kind = kind(&description, plant.kind)?;
-        let places = |names: &[String]| {
-            names.iter().map(|name| description.place(name)).collect::<Result<Vec<_>, _>>()
-        };
-        let [states, starts, input_places] =
-            [places(&plant.states)?, places(&plant.starts)?, places(&plant.inputs)?];
-        let (mut references, mut values) = (Vec::new(), Vec::new());
-        let mut add = |place: Place| slot(&description, place, &mut references, &mut values);
-        let starts: Vec<usize> = starts.into_iter().map(&mut add).collect();
-        let inputs: Vec<usize> = input_places.iter().copied().map(&mut add).collect();
-        let mut given = Vec::new();
-        for (name, value) in &plant.parameters {
-            given.push((add(description.place(name)?), *value));
-        }
-        for (place, value) in given {
-            values[place] = value;
-        }
-        let order = match kind {
-            FmuKind::ModelExchange => order(&description, &states)?,
-            FmuKind::CoSimulation => Vec::new(),
-        };
-        let is_differentiable = kind == FmuKind::ModelExchange && description.is_differentiable;
-        let derivatives = (is_differentiable && plant.directional_derivatives).then(|| {
-            let numbers = values.len();
-            let start =
-                Start { references: &references, numbers, states: &starts, inputs: &inputs };
-            Arc::new(Derivatives::new(&description, &order, &input_places, start))
-        });
-        let (mut outputs, mut output_values) = (Vec::new(), Vec::new());
-        let read = |place| slot(&description, place, &mut outputs, &mut output_values);
-        let states: Vec<usize> = states.into_iter().map(read).collect();
-        let dims = Dims::new(states.len(), inputs.len());
-        let output_values = output_values.len();
-        let (binary, copies) = (OnceLock::new(), Pool::new());
+        let unpacked = Unpacked::new()?;
+        archive::unpack(&bytes, unpacked.path())?;
         Ok(Self {
-            dims,
-            kind,
-            description,
-            unpacked,
-            references,
-            values,
-            starts,
-            inputs,
-            outputs,
-            output_values,
-            states,
-            order,
-            derivatives,
-            binary,
-            copies,
+            copies: Pool::new(),
+            simulation: Arc::new(Simulation::new(unpacked.path(), plant)?),
+            time_limit: plant.time_limit,
+            hung: OnceLock::new(),
+            _unpacked: unpacked,
         })
     }
 
-    fn binary(&self) -> Result<Arc<Binary>, String> {
-        if let Some(binary) = self.binary.get() {
-            return Ok(binary.clone());
+    /// Lets an instance do `job`.
+    fn ask(&self, job: Job) -> Result<Vec<f64>, OdeError> {
+        if let Some(error) = self.hung.get() {
+            return Err(error.clone());
         }
-        let path = self.binary_path()?;
-        let binary = Arc::new(Binary::load(&path, self.description.version)?);
-        Ok(self.binary.get_or_init(|| binary).clone())
-    }
-
-    /// The path of the binary for this machine.
-    fn binary_path(&self) -> Result<PathBuf, String> {
-        let system = std::env::consts::OS.replace("macos", "darwin");
-        let folder = match self.description.version {
-            Version::Two => format!("{}64", system.replace("windows", "win")),
-            Version::Three => format!("{}-{system}", std::env::consts::ARCH),
-        };
-        let identifier = match self.kind {
-            FmuKind::ModelExchange => &self.description.model_exchange,
-            FmuKind::CoSimulation => &self.description.co_simulation,
-        };
-        let name = identifier.as_deref().unwrap_or_default();
-        let ending = match std::env::consts::OS {
-            "macos" => ".dylib",
-            _ => std::env::consts::DLL_SUFFIX,
-        };
-        let file = format!("binaries/{folder}/{name}{ending}");
-        let path = self.unpacked.path().join(&file);
-        path.exists().then_some(path).ok_or_else(|| format!("the FMU has no {file}"))
-    }
-
-    fn start(&self) -> Result<Copy, OdeError> {
-        let resources = self.unpacked.path().join("resources");
-        let token = &self.description.token;
-        let instance = self
-            .binary()
-            .and_then(|binary| Instance::new(&binary, self.kind, token, &resources))
-            .map_err(external)?;
-        Ok(match self.kind {
-            FmuKind::CoSimulation => Copy::CoSimulation(instance),
-            FmuKind::ModelExchange => {
-                let (order, starts) = (self.order.clone(), self.starts.clone());
-                let equation = Equation::new(instance, order, starts, self.derivatives.clone());
-                let variations = Arc::new(equation.variational(self.dims.nu));
-                let equation = Arc::new(equation);
-                Copy::ModelExchange(Box::new(Integrators {
-                    step: Dopri5::shared(equation.clone(), TOLERANCE),
-                    variations: Dopri5::shared(variations, TOLERANCE).controlled_by(self.dims.nx),
-                    equation,
-                }))
+        let start = || Ok(Worker::start(&self.simulation));
+        self.copies.with(start, |worker| match worker.ask(job, self.time_limit) {
+            Some(result) => result,
+            None => {
+                let limit = self.time_limit.as_secs_f64();
+                let what = format!("the FMU did not end a step within {limit} s (time_limit_s)");
+                Err(self.hung.get_or_init(|| external(what)).clone())
             }
         })
-    }
-
-    /// The values that a step from `x` under `u` begins with.
-    fn begin(&self, x: &[f64], u: &[f64]) -> Vec<f64> {
-        let mut values = self.values.clone();
-        let places = self.starts.iter().chain(&self.inputs);
-        for (&place, &value) in places.zip(x.iter().chain(u)) {
-            values[place] = value;
-        }
-        values
-    }
-
-    fn step(&self, copy: &mut Copy, x: &mut [f64], u: &[f64], t: f64) -> Result<(), OdeError> {
-        let values = self.begin(x, u);
-        match copy {
-            Copy::ModelExchange(of) => self.integrate(&of.equation, &of.step, &values, x, t),
-            Copy::CoSimulation(instance) => {
-                let mut ends = vec![0.0; self.output_values];
-                instance
-                    .restart(&self.references, &values)
-                    .and_then(|()| instance.do_step(t))
-                    .and_then(|()| instance.get(&self.outputs, &mut ends))
-                    .map_err(external)?;
-                x.iter_mut().zip(&self.states).for_each(|(x, place)| *x = ends[*place]);
-                Ok(())
-            }
-        }
-    }
-}
-
-impl Fmu {
-    /// Moves `x`, with what else `integrator` integrates, from where these values begin.
-    fn integrate(
-        &self,
-        equation: &Equation,
-        integrator: &Dopri5,
-        values: &[f64],
-        x: &mut [f64],
-        t: f64,
-    ) -> Result<(), OdeError> {
-        equation.begin(&self.references, values).map_err(external)?;
-        // A fresh one has adapted no step size yet: the same bits on any number of threads.
-        let integrated = integrator.clone().integrate(x, &[], t);
-        equation.failure().map_or(integrated, |failure| Err(external(failure)))
-    }
-
-    /// The step from one point with its Jacobians, by the variational equation.
-    fn differentiate(
-        &self,
-        of: &Integrators,
-        (x, u): (&[f64], &[f64]),
-        t: f64,
-        out: Linearization<'_>,
-    ) -> Result<(), OdeError> {
-        let Dims { nx, nu, .. } = self.dims;
-        let mut all = vec![0.0; nx * (1 + nx + nu)];
-        let (state, columns) = all.split_at_mut(nx);
-        state.copy_from_slice(x);
-        for i in 0..nx {
-            columns[i * nx + i] = 1.0;
-        }
-        self.integrate(&of.equation, &of.variations, &self.begin(x, u), &mut all, t)?;
-        let (state, columns) = all.split_at(nx);
-        out.next.copy_from_slice(state);
-        for (j, column) in columns.chunks_exact(nx).enumerate() {
-            let (to, width, j) = match j.checked_sub(nx) {
-                None => (&mut *out.a, nx, j),
-                Some(j) => (&mut *out.b, nu, j),
-            };
-            column.iter().enumerate().for_each(|(i, slope)| to[i * width + j] = *slope);
-        }
-        Ok(())
     }
 }
 
@@ -286,72 +103,21 @@ impl Flow for Fmu {
         &self,
         at: Stages<'_>,
         duration_s: f64,
-        mut out: Linearization<'_>,
+        out: Linearization<'_>,
     ) -> Option<Result<(), OdeError>> {
-        self.derivatives.as_ref()?;
-        let work = |copy: &mut Copy| {
-            let Copy::ModelExchange(of) = copy else { return Ok(()) };
-            (0..at.count(self.dims)).try_for_each(|k| {
-                let point = at.point(k, self.dims);
-                let out = out.point(k, self.dims);
-                self.differentiate(of, (point.x, point.u), duration_s, out)
-            })
-        };
-        Some(self.copies.with(|| self.start(), work))
+        self.simulation.derivatives.as_ref()?;
+        let job = Job { x: at.x.to_vec(), u: at.u.to_vec(), duration_s, with_jacobians: true };
+        Some(self.ask(job).map(|found| {
+            let (next, jacobians) = found.split_at(out.next.len());
+            let (a, b) = jacobians.split_at(out.a.len());
+            out.next.copy_from_slice(next);
+            out.a.copy_from_slice(a);
+            out.b.copy_from_slice(b);
+        }))
     }
 
     fn advance(&self, x: &mut [f64], u: &[f64], duration_s: f64) -> Result<(), OdeError> {
-        let Dims { nx, nu, .. } = self.dims;
-        self.copies.with(
-            || self.start(),
-            |copy| {
-                let mut points = x.chunks_exact_mut(nx).zip(u.chunks_exact(nu));
-                points.try_for_each(|(x, u)| self.step(copy, x, u, duration_s))
-            },
-        )
+        let job = Job { x: x.to_vec(), u: u.to_vec(), duration_s, with_jacobians: false };
+        self.ask(job).map(|next| x.copy_from_slice(&next))
     }
-}
-
-/// The interface that is asked for, or the first that there is.
-fn kind(description: &Description, asked: Option<FmuKind>) -> Result<FmuKind, String> {
-    let has = |kind: &FmuKind| match kind {
-        FmuKind::ModelExchange => description.model_exchange.is_some(),
-        FmuKind::CoSimulation => description.co_simulation.is_some(),
-    };
-    let kinds = match asked {
-        Some(kind) => vec![kind],
-        None => vec![FmuKind::ModelExchange, FmuKind::CoSimulation],
-    };
-    let found = kinds.into_iter().find(has);
-    found.ok_or_else(|| "it has not the interface that is asked for".to_owned())
-}
-
-/// Where a place is among the values of some variables, to which its variable is added if it is not
-/// among them, with its start values.
-fn slot(
-    description: &Description,
-    place: Place,
-    references: &mut Vec<u32>,
-    values: &mut Vec<f64>,
-) -> usize {
-    let mut first = 0;
-    for &reference in references.iter() {
-        if reference == place.reference {
-            return first + place.element;
-        }
-        first += description.start(reference).len();
-    }
-    references.push(place.reference);
-    values.extend(description.start(place.reference));
-    first + place.element
-}
-
-/// The place of each of the plant's states in the FMU's vector of them.
-fn order(description: &Description, states: &[Place]) -> Result<Vec<usize>, String> {
-    let of_fmu = &description.states;
-    let place = |state| of_fmu.iter().position(|other| other == state);
-    let found: Option<Vec<usize>> = states.iter().map(place).collect();
-    found.filter(|order| order.len() == of_fmu.len()).ok_or_else(|| {
-        format!("model exchange needs all continuous states, of which there are {}", of_fmu.len())
-    })
 }

@@ -1,6 +1,6 @@
 """Physics-informed neural nets as models in nonlinear model predictive control (PINC).
 
-- ``train`` trains the net of a config, ``Model`` is a trained net: steps, Jacobians, free runs,
+- ``train`` trains the net of a config, until its function ``progress`` returns ``STOP``; ``Model`` is a trained net: steps, Jacobians, free runs,
   layers, a CasADi function.
 - ``Nmpc`` is the controller of a config, with its estimator, one step at a time.
 - ``run`` runs a whole experiment; ``Run`` reads what is in its directory.
@@ -16,10 +16,12 @@ from importlib.metadata import version as _version
 from ._errors import InputError, PincError, RunError
 from ._native import ControlStep, Model, Nmpc, Trained, TrainingProgress, train
 from ._runs import Run, run
+from ._stop import STOP
 
 __version__ = _version("pinc")
 
 __all__ = [
+    "STOP",
     "ControlStep",
     "InputError",
     "Model",

@@ -118,12 +118,12 @@ class Trained:
 def train(
     config: Config,
     overrides: Optional[Mapping[str, object]] = None,
-    progress: Optional[Callable[[TrainingProgress], Optional[bool]]] = None,
+    progress: Optional[Callable[[TrainingProgress], object]] = None,
 ) -> Trained:
     """Trains the net of a config, in memory.
 
     ``progress`` is called after every iteration; the training stops, with the best net so far, when
-    it returns something false other than None. Ctrl-C raises ``KeyboardInterrupt``, and an
+    it returns ``pinc.STOP``; no other value stops it. Ctrl-C raises ``KeyboardInterrupt``, and an
     exception of ``progress`` is raised on.
     """
 
@@ -134,7 +134,7 @@ class Nmpc:
 
     The model is the net ``model``, a ``Model`` or the path of a model file, or the one that
     ``only`` names (``"pinc"``, ``"rk4"``, ``"rk5"``, ``"rosenbrock"``, ``"black-box"``), or else the
-    config's first.
+    config's first. A net is used by ``"pinc"`` only: a ``model`` with another ``only`` is refused.
     """
 
     def __new__(
@@ -149,6 +149,7 @@ class Nmpc:
         y: ArrayLike,
         reference: Optional[ArrayLike] = None,
         u_applied: Optional[ArrayLike] = None,
+        parameters: Optional[ArrayLike] = None,
     ) -> ControlStep:
         """Chooses the input for a plant of which ``y`` was measured (see ``measured``). What is
         missing is NaN; without an estimator the status is then ``bad-argument``, and ``u`` the last
@@ -159,7 +160,8 @@ class Nmpc:
         delay of d steps, j + d). The config's references give a row the value at the beginning of
         that step: a row that ends exactly at a change has the value from before it. Without
         ``reference`` they are followed, from the first step on. ``u_applied`` is the input that the
-        plant was really given since the last step, if that was not the one chosen.
+        plant was really given since the last step, if that was not the one chosen. ``parameters`` are the
+        values of ``control.measured_parameters``, in that order; as before if they are not given.
         """
     def reset(self) -> None:
         """Forgets everything: the next step is again the first, from ``control.initial_input`` on."""

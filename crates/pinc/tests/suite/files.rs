@@ -119,6 +119,7 @@ fn a_resumed_run_makes_what_is_missing_or_damaged() {
         "steps-rk4.csv",
         "model.safetensors",
         "training.csv",
+        "domain-error.csv",
     ];
     let without_times = |name: &str| name == "training.csv" || name.starts_with("steps");
     for name in names {
@@ -128,7 +129,7 @@ fn a_resumed_run_makes_what_is_missing_or_damaged() {
         let mut other = good.clone();
         let middle = other.len() / 2;
         other[middle..middle + 8].copy_from_slice(b"\xff,,,,,,\xff");
-        for damaged in [None, Some(cut), Some(&other[..])] {
+        for damaged in [None, Some(cut), Some(&other[..]), Some(&[])] {
             match damaged {
                 None => fs::remove_file(&path).unwrap(),
                 Some(bytes) => fs::write(&path, bytes).unwrap(),
@@ -139,6 +140,50 @@ fn a_resumed_run_makes_what_is_missing_or_damaged() {
             assert!(again.len() > good.len() / 2, "{name}");
         }
         assert_eq!(leftovers(&dir), Vec::<PathBuf>::new());
+    }
+}
+
+/// A run that is done is not made again; what says where it is from is.
+#[test]
+fn a_resumed_run_says_again_where_it_is_from() {
+    let dir = tempfile::tempdir().unwrap();
+    let dir = dir.path().join("run");
+    fine(&run("run", &dir, &[]));
+    let path = dir.join("provenance.json");
+    let of = |key: &str| {
+        let text = fs::read_to_string(&path).unwrap();
+        serde_json::from_str::<serde_json::Value>(&text).unwrap()[key].clone()
+    };
+    let (seed, config) = (of("seed"), of("config_sha256"));
+    for damaged in [&b""[..], b"{ \"seed\": "] {
+        fs::write(&path, damaged).unwrap();
+        fine(&run("run", &dir, &["--resume"]));
+        assert_eq!((of("seed"), of("config_sha256")), (seed.clone(), config.clone()));
+    }
+}
+
+/// A disk that is full takes no results: whoever reads the exit code learns it.
+#[cfg(target_os = "linux")]
+#[test]
+fn what_cannot_be_printed_is_an_error() {
+    let config = repository("configs/smoke/rk4-only.toml");
+    let config = config.to_str().unwrap();
+    let dir = tempfile::tempdir().unwrap();
+    let out = dir.path().to_str().unwrap();
+    for arguments in [
+        &["--help"][..],
+        &["--version"],
+        &["check", "--help"],
+        &["check", config],
+        &["control", config, "--out", out],
+        &["report", out],
+        &["compare", out, out],
+    ] {
+        let full = fs::File::options().write(true).open("/dev/full").unwrap();
+        let output = pinc(arguments).stdout(full).output().unwrap();
+        let said = String::from_utf8(output.stderr).unwrap();
+        assert_eq!(output.status.code(), Some(1), "{arguments:?}: {said}");
+        assert!(said.contains("error: standard output cannot be written"), "{arguments:?}: {said}");
     }
 }
 

@@ -253,6 +253,7 @@ fn what_cannot_be_served_is_refused() {
     refused(&[], "--model FILE");
     refused(&["--only", "rosenbrock"], "control.models");
     refused(&["--model", "none.safetensors"], "none.safetensors");
+    refused(&["--model", "none.safetensors", "--only", "rk4"], "\"rk4\", which uses no net");
 }
 
 /// The example client closes the loop with its own simulator, where there is a Python to run it.
@@ -294,5 +295,30 @@ fn measured_parameters_are_those_of_the_line() {
     served.refuses(refused, "parameters: 1 numbers given, expected 2, one per measured parameter");
     served.refuses(br#"{"y": [8.0], "parameters": [3.33, 3.35]}"#, "y: 1 numbers given");
     assert!(served.input(&plain).total_cmp(&first(measured, &plain)).is_eq());
+    served.end();
+}
+
+/// A line longer than any request is skipped, and the next line is the same step; what an error
+/// repeats of a line is short.
+#[test]
+fn long_lines_are_refused_and_not_repeated() {
+    let config = repository("configs/van-der-pol/control.toml");
+    let mut served = Served::new(&config, &[]);
+    // Two states, a reference of five rows of two, and an input.
+    let longest = 65_536 + 64 * (2 + 5 * 2 + 1);
+    let padded = |length: usize| {
+        let request = "{\"y\":[0.5,0.1]}";
+        format!("{}{request}", " ".repeat(length - request.len()))
+    };
+    let refused = format!("a line of more than {longest} bytes given");
+    served.refuses(padded(longest + 1).as_bytes(), &refused);
+    served.refuses(&b"[".repeat(3_000_000), &refused);
+    let key = format!("{{\"{}\":1}}", "k".repeat(60_000));
+    let answer = served.ask_bytes(key.as_bytes());
+    let error = answer["error"].as_str().unwrap();
+    assert!(error.starts_with("unknown field `kkk") && error.len() < 1000, "{}", error.len());
+    let answer = served.ask_bytes(padded(longest).as_bytes());
+    let u = answer["u"][0].as_f64().unwrap();
+    assert!((u + 0.145_616_002_283_442_9).abs() < 1e-9, "{answer}");
     served.end();
 }

@@ -1,6 +1,6 @@
 //! Sweeps: killed and resumed, shared out and merged, with trials that fail.
 
-use crate::common::{Outcome, outcome, pinc};
+use crate::common::{Outcome, leftovers, outcome, pinc};
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Stdio;
@@ -207,9 +207,16 @@ fn shards_merged_in_any_order_have_the_same_table() {
         assert_eq!(outcome.code, Some(0), "{outcome:?}");
         assert_eq!(tables(&merged), tables(&at("whole")));
     }
-    // What has been merged can be gone on with, and has nothing left to do.
+    // What has been merged can be gone on with, has nothing left to do, and loses what a process left
+    // that was killed.
+    for part in ["nets", "trials"].map(|folder| at("merged-123").join(folder)) {
+        let dir = fs::read_dir(part).unwrap().next().unwrap().unwrap().path();
+        fs::write(dir.join(".pinc-lock"), "1\n").unwrap();
+        fs::write(dir.join(".pinc-unfinished-a"), "").unwrap();
+    }
     assert_eq!(run(&config, &at("merged-123"), &["--resume"]).code, Some(0));
     assert_eq!(tables(&at("merged-123")), tables(&at("whole")));
+    assert!(leftovers(&at("merged-123")).is_empty());
 }
 
 #[test]

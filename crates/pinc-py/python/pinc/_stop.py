@@ -1,0 +1,14 @@
+"""What a function that watches a training returns to stop it."""
+
+from typing import Final, final
+
+
+@final
+class Stop:
+    """The type of ``pinc.STOP``."""
+
+    def __repr__(self) -> str:
+        return "pinc.STOP"
+
+
+STOP: Final = Stop()
