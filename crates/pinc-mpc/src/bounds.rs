@@ -32,13 +32,6 @@ impl Bounds {
         Self { low, high }
     }
 
-    /// By how much the worst of `values` is outside its bounds at the first stage; 0 if none is.
-    pub(crate) fn violation(&self, values: &[f64]) -> f64 {
-        let bounds = self.low.iter().zip(&self.high);
-        let outside = values.iter().zip(bounds).map(|(v, (low, high))| (low - v).max(v - high));
-        outside.fold(0.0, f64::max)
-    }
-
     /// Those of all of `count` numbers, the stages one after the other.
     pub(crate) fn expand(&self, count: usize) -> Self {
         let times = if self.low.is_empty() { 0 } else { count / self.low.len() };

@@ -27,6 +27,7 @@ mod sweep_dir;
 mod tables;
 mod times;
 mod verdict;
+mod violation;
 pub mod work;
 
 pub use checkpoint::{Saved, load_checkpoint, save_checkpoint};
@@ -56,3 +57,4 @@ pub use tables::{
 };
 pub use times::{StepTimes, WallTimes};
 pub use verdict::advice;
+pub use violation::ViolationMetrics;
