@@ -37,7 +37,7 @@ pub use error::{CheckpointProblem, RecordError, TableProblem};
 pub use files::{file, read_file, read_text, remove_unfinished, write_atomically, write_output};
 pub use identification::{
     CorrelationMetrics, EstimateMetrics, IdentificationMetrics, InitialStateMetrics,
-    ParameterMetrics, ResidualMetrics, WorkMetrics,
+    ParameterMetrics, ResidualMetrics, StartMetrics, WorkMetrics,
 };
 pub use metrics::{
     ControlMetrics, EstimatorMetrics, Excess, FileNote, Metrics, OneStepMetrics, OutsideDomain,
