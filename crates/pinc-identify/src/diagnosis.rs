@@ -142,7 +142,7 @@ impl fmt::Display for Finding {
                     f,
                     "{name} does not act along the fitted trajectory, so that its value is where \
                      it started; it acts elsewhere within its bounds, as with {}: start there, or \
-                     from more points (--starts)",
+                     from more points",
                     at.join(", ")
                 )
             }

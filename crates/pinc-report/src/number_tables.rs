@@ -227,6 +227,8 @@ fn broken_bounds(run: &Run, of: &ControlMetrics) -> String {
         format!("{}: {shown}{softness}", violation.of)
     };
     match &of.violations[..] {
+        // Runs of other versions have the number alone.
+        [] if of.max_violation > 0.0 => text::significant(of.max_violation, 2),
         [] => "none".to_owned(),
         all => all.iter().map(shown).collect::<Vec<_>>().join("; "),
     }

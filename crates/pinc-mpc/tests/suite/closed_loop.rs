@@ -127,7 +127,7 @@ fn the_trace_has_nine_points_a_step() {
 #[test]
 fn broken_bounds_are_told_apart() {
     let problem = NmpcProblem {
-        state_bounds: Bounds::new(vec![-1.0, f64::NEG_INFINITY], vec![0.55, 0.25]),
+        state_bounds: Bounds::new(vec![-0.6, f64::NEG_INFINITY], vec![0.55, 0.15]),
         state_softness: Softness::Penalty(vec![3.0, 3.0]),
         ..van_der_pol()
     };
@@ -139,7 +139,7 @@ fn broken_bounds_are_told_apart() {
     let (LoopRecord { trajectory: trace, .. }, ended) = run.run_recorded();
     ended.unwrap();
     let mut expected = Vec::new();
-    for (i, side, bound) in [(0, Side::Low, -1.0), (0, Side::High, 0.55), (1, Side::High, 0.25)] {
+    for (i, side, bound) in [(0, Side::Low, -0.6), (0, Side::High, 0.55), (1, Side::High, 0.15)] {
         let amount = |k: &usize| {
             let value = trace.state(*k)[i];
             if side == Side::Low { bound - value } else { value - bound }

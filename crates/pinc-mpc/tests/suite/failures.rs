@@ -383,7 +383,7 @@ fn an_output_that_cannot_be_kept_stays_hard() {
         let model = Box::new(Linear::scalar(1.0, 1.0));
         Nmpc::new(problem.clone(), model, SqpConfig::default()).unwrap()
     };
-    let mut nmpc = controller();
+    let (mut nmpc, mut applied) = (controller(), 0.0);
     let reference = [1.5; 3];
     for x in [3.0, 2.7, 2.4] {
         let step = nmpc.step(&[x], &reference).unwrap();
@@ -391,13 +391,17 @@ fn an_output_that_cannot_be_kept_stays_hard() {
         assert!(matches!(step.violated, Some(Constraint::Output { index: 0, .. })), "{step:?}");
         // As near to the bound as the input allows, though the reference is above it.
         assert!((step.u[0] + 0.3).abs() < 1e-6, "{x}: {:?}", step.u);
+        applied = step.u[0];
     }
     // Back where it can be kept, it is; a controller that was never in trouble does the same.
     for x in [1.1, 0.9, 0.5] {
-        let expected = controller().step(&[x], &reference).unwrap().u[0];
+        let mut fresh = controller();
+        fresh.reset_to(&[x], &[applied]).unwrap();
+        let expected = fresh.step(&[x], &reference).unwrap().u[0];
         let step = nmpc.step(&[x], &reference).unwrap();
         assert_eq!(step.status, SqpStatus::Converged, "{x}");
         assert!(x + step.u[0] <= 1.0 + 1e-8, "{x}: {:?}", step.u);
         assert!((step.u[0] - expected).abs() < 1e-6, "{x}: {:?} {expected}", step.u);
+        applied = step.u[0];
     }
 }
