@@ -155,8 +155,8 @@ impl IdentificationMetrics {
             }
         };
         format!(
-            "{} from {} starts: {} of {} that were fitted to the end ended here{elsewhere}; {} were \
-             set aside after a short fit",
+            "{} from {} starts: {} of {} that were fitted to the end ended here{elsewhere}; set \
+             aside after a short fit: {}",
             self.status,
             self.starts.len(),
             costs().filter(same).count(),
@@ -217,7 +217,7 @@ mod tests {
         assert_eq!(
             of("converged", &several),
             "converged from 6 starts: 2 of 5 that were fitted to the end ended here, 2 at costs of \
-             5.250000 to 7.500000; 1 were set aside after a short fit"
+             5.250000 to 7.500000; set aside after a short fit: 1"
         );
     }
 }

@@ -252,7 +252,8 @@ fn a_fit_begins_at_several_points_within_the_bounds() {
     let many = starts();
     assert_eq!(many.len(), 16);
     let costs: Vec<f64> = many.iter().map(|start| start["cost"].as_f64().unwrap()).collect();
-    assert!(costs.is_sorted(), "{costs:?}");
+    // Up to rounding, where the config's own start comes first.
+    assert!(costs[1..].is_sorted() && costs[0] <= (1.0 + 1e-6) * costs[1], "{costs:?}");
     let best = json(&dir.path().join("out"));
     assert_eq!(many[0]["cost"], best["cost"]);
     for name in ["a", "k"] {
