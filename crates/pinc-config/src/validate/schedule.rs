@@ -53,11 +53,11 @@ fn loads(spec: &ControlSpec, variables: &Variables) -> Finding {
             let expected = format!("less than the duration of the run, {}", spec.duration_s);
             return value(&key("start_s"), load.start_s, &expected);
         }
-        if let Some(end_s) = load.end_s {
-            if end_s <= load.start_s {
-                let expected = format!("more than {}, where the load begins", load.start_s);
-                return value(&key("end_s"), end_s, &expected);
-            }
+        if let Some(end_s) = load.end_s
+            && end_s <= load.start_s
+        {
+            let expected = format!("more than {}, where the load begins", load.start_s);
+            return value(&key("end_s"), end_s, &expected);
         }
         if load.inputs.is_empty() && load.rates.is_empty() {
             let expected = "what it adds, as `inputs = { .. }` or `rates = { .. }`";

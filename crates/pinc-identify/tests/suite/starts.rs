@@ -59,7 +59,7 @@ fn an_overflow_that_one_start_never_reaches_is_found_from_many() {
     let single = fit(&*plant, 20.0, 1, 1);
     let (u, y) = data(&*plant);
     let recording = Recording { name: "cascade", u: &u, y: &y };
-    assert_eq!(single.parameters[1].value, 20.0);
+    assert_eq!(single.parameters[1].value.to_bits(), 20.0_f64.to_bits());
     // Both act as soon as the level is within reach; that the data cannot tell them is not said.
     let inactive = single.findings.iter().filter_map(|finding| match finding {
         Finding::Inactive { name, acts_at } => Some((name.as_str(), acts_at.clone())),
@@ -94,11 +94,12 @@ fn an_overflow_that_one_start_never_reaches_is_found_from_many() {
     // All starts are listed, the best first, with the own start where it ended alone.
     assert_eq!(found.starts.len(), 16);
     assert!(found.starts.is_sorted_by(|a, b| a.cost <= b.cost));
-    assert_eq!(found.starts[0].cost, found.cost);
+    assert_eq!(found.starts[0].cost.to_bits(), found.cost.to_bits());
     let fitted: Vec<f64> = found.parameters.iter().map(|of| of.value).collect();
     assert_eq!(found.starts[0].parameters, fitted);
-    let own = found.starts.iter().find(|start| start.parameters[1] == 20.0).unwrap();
-    assert_eq!((own.cost, own.status), (single.cost, Some(FitStatus::Converged)));
+    let own = found.starts.iter().find(|start| start.parameters[1] >= 20.0).unwrap();
+    assert_eq!(own.cost.to_bits(), single.cost.to_bits());
+    assert_eq!(own.status, Some(FitStatus::Converged));
     let (same, ended) = found.agreeing_starts();
     assert_eq!(ended, 5);
     assert!((1..=4).contains(&same), "{same}");
