@@ -327,16 +327,23 @@ impl Experiment {
     }
 }
 
-/// How many steps of `sample_time_s` a duration has; the config was checked for it to be whole.
+/// How many steps of `sample_time_s` a duration has, one at least; the config was checked for it
+/// to be whole.
 #[must_use]
 pub fn steps(duration_s: f64, sample_time_s: f64) -> usize {
+    step_at(duration_s, sample_time_s).max(1)
+}
+
+/// The step that begins at a time, 0 at the beginning of the loop; the config was checked for one
+/// to begin there.
+pub(crate) fn step_at(time_s: f64, sample_time_s: f64) -> usize {
     #[expect(
         clippy::cast_possible_truncation,
         clippy::cast_sign_loss,
-        reason = "a positive number of steps that fits into memory"
+        reason = "a number of steps that is not negative and fits into memory"
     )]
-    let steps = (duration_s / sample_time_s).round() as usize;
-    steps.max(1)
+    let step = (time_s / sample_time_s).round() as usize;
+    step
 }
 
 /// The text of a file.

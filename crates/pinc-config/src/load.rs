@@ -1,5 +1,6 @@
 //! Loads on the plant of a closed loop, and what that plant is at which time.
 
+use crate::experiment::step_at;
 use crate::{ControlSpec, Experiment, Schedule, steps};
 use pinc_ode::{DynRhs, Loaded, Variable};
 use serde::{Deserialize, Serialize};
@@ -35,8 +36,8 @@ pub struct PlantInTheLoop {
 impl LoadSpec {
     /// Whether it acts in a step.
     fn acts(&self, step: usize, sample_time_s: f64) -> bool {
-        let end = self.end_s.map(|end_s| steps(end_s, sample_time_s));
-        steps(self.start_s, sample_time_s) <= step && end.is_none_or(|end| step < end)
+        let end = self.end_s.map(|end_s| step_at(end_s, sample_time_s));
+        step_at(self.start_s, sample_time_s) <= step && end.is_none_or(|end| step < end)
     }
 }
 
@@ -54,7 +55,7 @@ impl Experiment {
         }
         let scheduled = schedule.values.iter().map(|(step, _)| *step);
         let ends = loads.iter().flat_map(|load| [Some(load.start_s), load.end_s]).flatten();
-        let changes = ends.map(|seconds| steps(seconds, sample_time_s)).chain(scheduled);
+        let changes = ends.map(|seconds| step_at(seconds, sample_time_s)).chain(scheduled);
         let last = self.control.as_ref().map_or(0, |c| steps(c.duration_s, sample_time_s));
         let changes: BTreeSet<usize> =
             changes.chain([0]).filter(|step| *step < last.max(1)).collect();

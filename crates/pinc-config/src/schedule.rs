@@ -1,6 +1,7 @@
 //! Parameters that change during a closed loop.
 
-use crate::{Experiment, PlantSpec, steps};
+use crate::experiment::step_at;
+use crate::{Experiment, PlantSpec};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
@@ -40,7 +41,7 @@ impl Schedule {
             for (name, value) in names.iter().zip(&mut values) {
                 *value = change.values.get(name).copied().unwrap_or(*value);
             }
-            all.push((steps(change.start_s, sample_time_s), values.clone()));
+            all.push((step_at(change.start_s, sample_time_s), values.clone()));
         }
         Self { names, values: all }
     }

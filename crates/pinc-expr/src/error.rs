@@ -135,8 +135,14 @@ pub enum ExpressionProblem {
          solve the equation inside it by `solve_implicit`"
     )]
     Iterates,
-    /// Too many values to be kept at once.
-    #[error("the equations need {0} values at once, expected {most} at most", most = crate::program::MOST_REGISTERS)]
+    /// Too many values to be kept at once: states, inputs, parameters that vary, and intermediate
+    /// values from where they are computed to where they are needed last.
+    #[error(
+        "the equations need {0} values at once, expected {most} at most: states, inputs and \
+         intermediate values until their last use. Make arrays shorter, or write the plant in Rust, \
+         where nothing limits it",
+        most = crate::program::MOST_REGISTERS
+    )]
     TooLarge(usize),
     /// A character that means nothing.
     #[error("unexpected character `{0}`")]

@@ -2,6 +2,7 @@
 
 use crate::analysis::Analysis;
 use crate::fit::{Fit, FitStatus};
+use crate::influence::acting_elsewhere;
 use crate::problem::Problem;
 use crate::result::{ChannelFit, Identified, outputs};
 use crate::trajectory::{Evaluation, Trajectory};
@@ -42,6 +43,14 @@ pub enum Finding {
     NoInfluence {
         /// The unknown.
         name: String,
+    },
+    /// A parameter that changes nothing measured where the fit ended, but does elsewhere within
+    /// its bounds.
+    Inactive {
+        /// The parameter.
+        name: String,
+        /// Values of it, and of the others that are inactive, with which it acts.
+        acts_at: Vec<(String, f64)>,
     },
     /// A combination of unknowns that the data do not determine.
     Undetermined {
@@ -125,6 +134,17 @@ impl fmt::Display for Finding {
             }
             Self::NoInfluence { name } => {
                 write!(f, "{name} cannot be identified: nothing measured depends on it")
+            }
+            Self::Inactive { name, acts_at } => {
+                let at: Vec<_> =
+                    acts_at.iter().map(|(name, value)| format!("{name} = {value:.4}")).collect();
+                write!(
+                    f,
+                    "{name} does not act along the fitted trajectory, so that its value is where \
+                     it started; it acts elsewhere within its bounds, as with {}: start there, or \
+                     from more points",
+                    at.join(", ")
+                )
             }
             Self::Undetermined { direction } => {
                 let names: Vec<_> = direction.iter().map(|(name, _)| name.as_str()).collect();
@@ -238,13 +258,18 @@ pub(crate) fn findings(
     if found.status != FitStatus::Converged {
         all.push(Finding::NotConverged { status: found.status });
     }
-    all.extend(of_the_unknowns(problem, found, analysis));
+    let names: Vec<String> = found.estimates().map(|of| of.name.clone()).collect();
+    all.extend(without_influence(problem, fit, &names, analysis, with));
+    all.extend(of_the_unknowns(problem, found, &names, analysis));
     let before = all.len();
     for (i, channel) in found.channels.iter().enumerate() {
         all.extend(of_a_channel(problem, fit, i, channel));
     }
     let doubtful = |finding: &Finding| {
-        !matches!(finding, Finding::NoInfluence { .. } | Finding::Undetermined { .. })
+        !matches!(
+            finding,
+            Finding::NoInfluence { .. } | Finding::Inactive { .. } | Finding::Undetermined { .. }
+        )
     };
     if all.len() > before || all.iter().any(doubtful) {
         all.extend(of_units(problem, fit, start, with));
@@ -252,12 +277,36 @@ pub(crate) fn findings(
     all
 }
 
-fn of_the_unknowns(problem: &Problem, found: &Identified, analysis: &Analysis) -> Vec<Finding> {
+/// The unknowns on which nothing measured depends where the fit ended.
+fn without_influence(
+    problem: &Problem,
+    fit: &Fit<'_>,
+    names: &[String],
+    analysis: &Analysis,
+    with: &mut Evaluation<'_>,
+) -> Vec<Finding> {
+    let parameters = 0..problem.unknown.len();
+    let (silent, states): (Vec<usize>, Vec<usize>) =
+        analysis.without_influence.iter().partition(|i| parameters.contains(i));
+    let found = acting_elsewhere(problem, fit, &silent, with);
+    let of_parameters = silent.iter().zip(found).map(|(&i, acts_at)| match acts_at {
+        None => Finding::NoInfluence { name: names[i].clone() },
+        Some(values) => Finding::Inactive {
+            name: names[i].clone(),
+            acts_at: silent.iter().map(|&i| names[i].clone()).zip(values).collect(),
+        },
+    });
+    let of_states = states.iter().map(|&i| Finding::NoInfluence { name: names[i].clone() });
+    of_parameters.chain(of_states).collect()
+}
+
+fn of_the_unknowns(
+    problem: &Problem,
+    found: &Identified,
+    names: &[String],
+    analysis: &Analysis,
+) -> Vec<Finding> {
     let mut all = Vec::new();
-    let names: Vec<String> = found.estimates().map(|of| of.name.clone()).collect();
-    for &i in &analysis.without_influence {
-        all.push(Finding::NoInfluence { name: names[i].clone() });
-    }
     for direction in &analysis.directions {
         let largest = direction.iter().fold(0.0, |most: f64, v| most.max(v.abs()));
         let sign = direction.iter().find(|v| v.abs() > NAMED * largest).map_or(1.0, |v| v.signum());
@@ -266,9 +315,10 @@ fn of_the_unknowns(problem: &Problem, found: &Identified, analysis: &Analysis) -
         let direction = named.map(|(name, v)| (name, sign * v / largest)).collect();
         all.push(Finding::Undetermined { direction });
     }
-    for (estimate, unknown) in found.parameters.iter().zip(&problem.unknown) {
+    for ((estimate, unknown), sd) in found.parameters.iter().zip(&problem.unknown).zip(&analysis.sd)
+    {
         let name = || estimate.name.clone();
-        if let Some(side) = estimate.at_bound {
+        if let Some(side) = estimate.at_bound.filter(|_| sd.is_nan()) {
             all.push(Finding::AtBound { name: name(), side, value: estimate.value });
         }
         let share = estimate.half_width.map_or(0.0, |width| width / estimate.value.abs());
@@ -347,11 +397,7 @@ fn of_units(
 ) -> Vec<Finding> {
     let mut all = Vec::new();
     let channels = problem.channels.len();
-    let p = {
-        let mut p = problem.parameters.clone();
-        problem.unknown.iter().for_each(|unknown| p[unknown.place] = unknown.initial);
-        p
-    };
+    let p = problem.start();
     for (i, channel) in problem.channels.iter().enumerate() {
         let (mut measured, mut model) = (0.0, 0.0);
         for (of, start) in fit.recordings.iter().zip(start) {

@@ -52,6 +52,16 @@ pub enum IdentifyError {
         /// The most that it can be.
         high: f64,
     },
+    /// Several starts are asked for, and a parameter has no range to draw them from.
+    #[error(
+        "{name} needs a lower and an upper bound, between which the {starts} starts of the fit lie"
+    )]
+    NoBounds {
+        /// The parameter.
+        name: String,
+        /// How many starts.
+        starts: usize,
+    },
     /// Neither parameters nor initial states are unknown.
     #[error("nothing is unknown: name a parameter, or leave the initial state free")]
     NothingUnknown,

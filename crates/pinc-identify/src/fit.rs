@@ -48,6 +48,14 @@ pub(crate) struct Fit<'a> {
     pub(crate) recordings: Vec<Shooting<'a>>,
     pub(crate) linear: Linear,
     pub(crate) status: FitStatus,
+    /// Whether it came to that before the iterations were used up.
+    ended: bool,
+    iterations: usize,
+    damping: f64,
+    /// The weight of gaps in the merit.
+    penalty: f64,
+    /// The cost at the start.
+    first: f64,
     /// Where a step might lead.
     trial: Trial,
     block: Block,
@@ -77,6 +85,11 @@ impl<'a> Fit<'a> {
             linear: Linear::new(problem.unknown.len(), &recordings),
             block: Block::new(with.dims),
             status: FitStatus::IterationLimit,
+            ended: false,
+            iterations: 0,
+            damping: 1e-3,
+            penalty: 0.0,
+            first: recordings.iter().map(|of| of.trajectory.cost).sum(),
             p,
             recordings,
         }
@@ -100,76 +113,80 @@ impl<'a> Fit<'a> {
 
     /// Iterates to the end.
     pub(crate) fn run(&mut self, problem: &Problem, with: &mut Evaluation<'_>) {
-        let (mut damping, mut penalty) = (1e-3, 0.0);
-        let first = self.cost();
-        for _ in 0..ITERATIONS {
+        self.run_until(ITERATIONS, problem, with);
+    }
+
+    /// Iterates to the end, or until `iterations` have been done in all; [`Fit::run`] goes on from
+    /// there as if it had not been interrupted.
+    pub(crate) fn run_until(
+        &mut self,
+        iterations: usize,
+        problem: &Problem,
+        with: &mut Evaluation<'_>,
+    ) {
+        while !self.ended && self.iterations < iterations {
+            self.iterations += 1;
             with.work.iterations += 1;
             if !self.linearize(problem, with) {
-                self.status = FitStatus::NotFinite;
+                (self.status, self.ended) = (FitStatus::NotFinite, true);
                 return;
             }
-            let stepped = self.descend(problem, with, &mut damping, &mut penalty);
+            let stepped = self.descend(problem, with);
             // Data without noise leave nothing but rounding.
-            let exact = self.cost() <= 1e-28 * first && self.gaps() <= CLOSED;
+            let exact = self.cost() <= 1e-28 * self.first && self.gaps() <= CLOSED;
             if let Some(status) = exact.then_some(FitStatus::Converged).or(stepped) {
-                self.status = status;
+                (self.status, self.ended) = (status, true);
                 // For the intervals: the linearization at the end.
                 if !self.linearize(problem, with) {
                     self.status = FitStatus::NotFinite;
                 }
-                return;
             }
         }
     }
 
     /// Tries steps until one makes the cost smaller. Gives how the fit ended, if it did.
-    fn descend(
-        &mut self,
-        problem: &Problem,
-        with: &mut Evaluation<'_>,
-        damping: &mut f64,
-        penalty: &mut f64,
-    ) -> Option<FitStatus> {
+    fn descend(&mut self, problem: &Problem, with: &mut Evaluation<'_>) -> Option<FitStatus> {
         let (cost, gaps) = (self.cost(), self.gaps());
         let mut factor = 4.0;
         loop {
-            self.linear.solve(problem, &self.p, &self.recordings, *damping);
+            self.linear.solve(problem, &self.p, &self.recordings, self.damping);
             let lowered = cost - self.linear.step.cost;
             let closed = gaps <= CLOSED;
-            if closed && lowered <= NEGLIGIBLE * cost && *damping < 1.0 {
+            if closed && lowered <= NEGLIGIBLE * cost && self.damping < 1.0 {
                 self.accept(problem, with, cost);
                 return Some(FitStatus::Converged);
             }
             // The merit is the cost and a penalty of the gaps that makes any step a descent.
             if gaps > CLOSED {
-                let least = if *penalty > 0.0 { *penalty } else { 1e-3 * cost / gaps };
-                *penalty = least.max(-2.0 * lowered / gaps);
+                let least = if self.penalty > 0.0 { self.penalty } else { 1e-3 * cost / gaps };
+                self.penalty = least.max(-2.0 * lowered / gaps);
             }
-            let merit = cost + *penalty * gaps;
-            let expected = lowered + *penalty * gaps;
+            let merit = cost + self.penalty * gaps;
+            let expected = lowered + self.penalty * gaps;
             let steps = if self.is_multiple() { 6 } else { 1 };
             let mut alpha = 1.0;
             for _ in 0..steps {
                 self.evaluate(problem, with, alpha);
                 let (new_cost, new_gaps) = self.trial_merit();
-                let gain = (merit - new_cost - *penalty * new_gaps) / (alpha * expected);
+                let gain = (merit - new_cost - self.penalty * new_gaps) / (alpha * expected);
                 if gain > 1e-4 {
                     self.take_trial();
                     if alpha > 0.9 && gain > 0.5 {
-                        *damping = (*damping * if gain > 0.9 { 0.05 } else { 0.3 }).max(DAMPING.0);
+                        self.damping =
+                            (self.damping * if gain > 0.9 { 0.05 } else { 0.3 }).max(DAMPING.0);
                     } else if gain < 0.25 || alpha < 0.2 {
-                        *damping = (*damping * 2.0).min(DAMPING.1);
+                        self.damping = (self.damping * 2.0).min(DAMPING.1);
                     }
                     return None;
                 }
                 alpha *= 0.4;
             }
-            if gaps <= 1e-6 && lowered <= ROUNDING * cost && *damping < 1.0 {
+            if gaps <= 1e-6 && lowered <= ROUNDING * cost && self.damping < 1.0 {
                 return Some(FitStatus::Converged);
             }
-            *damping *= factor;
+            self.damping *= factor;
             factor *= 2.0;
-            if *damping > DAMPING.1 {
+            if self.damping > DAMPING.1 {
                 return Some(self.at_the_end_of_damping(problem, cost));
             }
         }

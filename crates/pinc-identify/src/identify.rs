@@ -6,6 +6,7 @@ use crate::method::{Method, Why, segments};
 use crate::problem::{InitialState, Problem, Recording};
 use crate::result::Identified;
 use crate::shooting::{Nodes, Shooting};
+use crate::starts::Start;
 use crate::trajectory::{Evaluation, Trajectory};
 use pinc_estimate::Measured;
 use pinc_ode::Model;
@@ -51,32 +52,71 @@ pub fn identify(
     problem.validate(dims)?;
     problem.validate_data(dims, recordings)?;
     let mut with = Evaluation::new(model);
-    let mut p = problem.parameters.clone();
-    for unknown in &problem.unknown {
-        p[unknown.place] = unknown.initial;
+    let begun = Begun::at(problem.start(), problem, recordings, &mut with);
+    let start = begun.start.clone();
+    let (fit, method) = begun.finish(problem, recordings, &mut with)?;
+    let starts = vec![Start::of(problem, &fit)];
+    Ok(Identified::of(problem, (fit, method), starts, &start, &mut with))
+}
+
+/// A fit by single shooting under way, with the model's trajectories from its start.
+pub(crate) struct Begun<'a> {
+    pub(crate) fit: Fit<'a>,
+    pub(crate) start: Vec<Trajectory>,
+    /// Where it began.
+    p: Vec<f64>,
+    /// Whether the linearization at the start is finite.
+    linear: bool,
+    /// How much the states depend on the initial one there.
+    growth: f64,
+}
+
+impl<'a> Begun<'a> {
+    /// The fit at its start, with the parameters `p` of the model.
+    pub(crate) fn at(
+        p: Vec<f64>,
+        problem: &Problem,
+        recordings: &[Recording<'a>],
+        with: &mut Evaluation<'_>,
+    ) -> Self {
+        let begin = simulated(problem, recordings, &p, with);
+        let start: Vec<Trajectory> = begin.iter().map(|of| of.trajectory.clone()).collect();
+        let finite = start.iter().all(Trajectory::is_finite);
+        let mut fit = Fit::new(problem, p.clone(), begin, with);
+        let linear = finite && fit.linearize(problem, with);
+        let growth = fit.recordings.iter().map(|of| of.growth).fold(1.0, f64::max);
+        Self { fit, start, p, linear, growth }
     }
-    let begin = simulated(problem, recordings, &p, &mut with);
-    let start: Vec<Trajectory> = begin.iter().map(|of| of.trajectory.clone()).collect();
-    let finite = start.iter().all(Trajectory::is_finite);
-    let mut fit = Fit::new(problem, p.clone(), begin, &with);
-    let growth = |fit: &Fit<'_>| fit.recordings.iter().map(|of| of.growth).fold(1.0, f64::max);
-    let linear = finite && fit.linearize(problem, &mut with);
-    let grown = growth(&fit);
-    let (fit, method) = if !linear || grown > SENSITIVE {
-        let why = if linear { Why::Sensitive { growth: grown } } else { Why::NotFinite };
-        (multiple(problem, recordings, &p, &mut with, grown)?, Method::MultipleShooting(why))
-    } else {
-        fit.run(problem, &mut with);
-        let single = Method::SingleShooting { growth: grown };
-        match doubt(problem, &fit) {
-            None => (fit, single),
-            Some(why) => match multiple(problem, recordings, &p, &mut with, grown) {
-                Ok(other) if is_better(&other, &fit) => (other, Method::MultipleShooting(why)),
-                _ => (fit, single),
-            },
+
+    /// Whether single shooting can go on from the start.
+    pub(crate) fn is_single(&self) -> bool {
+        self.linear && self.growth <= SENSITIVE
+    }
+
+    /// The fit at its end, by single or multiple shooting.
+    pub(crate) fn finish(
+        self,
+        problem: &Problem,
+        recordings: &[Recording<'a>],
+        with: &mut Evaluation<'_>,
+    ) -> Result<(Fit<'a>, Method), IdentifyError> {
+        let single = self.is_single();
+        let Self { mut fit, p, linear, growth, .. } = self;
+        if !single {
+            let why = if linear { Why::Sensitive { growth } } else { Why::NotFinite };
+            let fit = multiple(problem, recordings, &p, with, growth)?;
+            return Ok((fit, Method::MultipleShooting(why)));
         }
-    };
-    Ok(Identified::of(problem, fit, method, &start, &mut with))
+        fit.run(problem, with);
+        let method = Method::SingleShooting { growth };
+        Ok(match doubt(problem, &fit) {
+            None => (fit, method),
+            Some(why) => match multiple(problem, recordings, &p, with, growth) {
+                Ok(other) if is_better(&other, &fit) => (other, Method::MultipleShooting(why)),
+                _ => (fit, method),
+            },
+        })
+    }
 }
 
 /// The recordings with the model's trajectories from the start.

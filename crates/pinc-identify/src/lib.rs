@@ -3,7 +3,8 @@
 //!
 //! - [`Problem`]: what is measured ([`Channel`]), what is unknown ([`Unknown`], [`InitialState`]),
 //!   and where the fit starts; [`Recording`]: the data.
-//! - [`identify`]: the fit, by single or multiple shooting, whichever is needed.
+//! - [`identify`]: the fit, by single or multiple shooting, whichever is needed;
+//!   [`identify_from_starts`]: the same from many starts, of which the best is taken.
 //! - [`Identified`]: values with intervals of 95 %, correlations, residuals, and in words what the
 //!   data do not determine and what looks wrong ([`Finding`]).
 //!
@@ -15,11 +16,14 @@ mod diagnosis;
 mod error;
 mod fit;
 mod identify;
+mod influence;
 mod linear;
 mod method;
+mod points;
 mod problem;
 mod result;
 mod shooting;
+mod starts;
 mod student;
 mod trajectory;
 mod triangle;
@@ -32,4 +36,5 @@ pub use method::{Method, Why};
 pub use pinc_estimate::Measured;
 pub use problem::{Channel, InitialState, Problem, Recording, Unknown};
 pub use result::{ChannelFit, Estimate, Identified};
+pub use starts::{Start, identify_from_starts};
 pub use trajectory::Work;

@@ -81,11 +81,12 @@ impl Linear {
         &self.factors
     }
 
-    /// Whether a parameter is at a bound that the cost pushes it against.
+    /// Whether a parameter is at a bound that the cost pushes it against. One on which nothing
+    /// depends is not pushed.
     pub(crate) fn held(&self, problem: &Problem, p: &[f64], i: usize) -> bool {
         let unknown = &problem.unknown[i];
         let (value, slope) = (p[unknown.place], self.slope[i]);
-        value <= unknown.low && slope >= 0.0 || value >= unknown.high && slope <= 0.0
+        value <= unknown.low && slope > 0.0 || value >= unknown.high && slope < 0.0
     }
 
     /// The step of Levenberg and Marquardt, with `damping` times the length of each column, that

@@ -163,6 +163,15 @@ impl Problem {
         self.unknown.len() + recordings * states
     }
 
+    /// p where the fit starts, `np`.
+    pub(crate) fn start(&self) -> Vec<f64> {
+        let mut p = self.parameters.clone();
+        for unknown in &self.unknown {
+            p[unknown.place] = unknown.initial;
+        }
+        p
+    }
+
     /// By what residuals are divided.
     pub(crate) fn sd(&self, channel: usize) -> f64 {
         self.channels[channel].sd.unwrap_or(1.0)

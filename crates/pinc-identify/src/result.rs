@@ -5,6 +5,7 @@ use crate::diagnosis::{self, Finding, Side};
 use crate::fit::{Fit, FitStatus};
 use crate::method::Method;
 use crate::problem::Problem;
+use crate::starts::Start;
 use crate::student::quantile_95;
 use crate::trajectory::{Evaluation, Trajectory, Work};
 use pinc_ode::Dims;
@@ -41,6 +42,9 @@ pub struct Identified {
     pub method: Method,
     /// How the iteration ended.
     pub status: FitStatus,
+    /// Where the fits from all starts ended, the one that is returned first, then from the lowest
+    /// cost.
+    pub starts: Vec<Start>,
     /// What there is to say of the data and the fit.
     pub findings: Vec<Finding>,
     /// What it took.
@@ -80,8 +84,8 @@ pub struct ChannelFit {
 impl Identified {
     pub(crate) fn of(
         problem: &Problem,
-        fit: Fit<'_>,
-        method: Method,
+        (fit, method): (Fit<'_>, Method),
+        starts: Vec<Start>,
         start: &[Trajectory],
         with: &mut Evaluation<'_>,
     ) -> Self {
@@ -138,6 +142,7 @@ impl Identified {
             fitted,
             method,
             status: fit.status,
+            starts,
             findings: Vec::new(),
             work: Work::default(),
             p: Vec::new(),

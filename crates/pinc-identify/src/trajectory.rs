@@ -15,6 +15,16 @@ pub struct Work {
     pub iterations: usize,
 }
 
+impl Work {
+    pub(crate) fn plus(self, other: Self) -> Self {
+        Self {
+            steps: self.steps + other.steps,
+            linearized: self.linearized + other.linearized,
+            iterations: self.iterations + other.iterations,
+        }
+    }
+}
+
 /// A model with the memory for one evaluation, and the count of these.
 #[derive(Debug)]
 pub(crate) struct Evaluation<'m> {

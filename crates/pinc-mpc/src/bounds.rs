@@ -32,13 +32,6 @@ impl Bounds {
         Self { low, high }
     }
 
-    /// By how much the worst of `values` is outside its bounds at the first stage; 0 if none is.
-    pub(crate) fn violation(&self, values: &[f64]) -> f64 {
-        let bounds = self.low.iter().zip(&self.high);
-        let outside = values.iter().zip(bounds).map(|(v, (low, high))| (low - v).max(v - high));
-        outside.fold(0.0, f64::max)
-    }
-
     /// Moves `values` into their bounds at the first stage.
     pub(crate) fn clamp(&self, values: &mut [f64]) {
         for (v, (low, high)) in values.iter_mut().zip(self.low.iter().zip(&self.high)) {

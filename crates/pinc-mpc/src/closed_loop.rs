@@ -4,6 +4,7 @@ use crate::error::check_finite;
 use crate::loop_errors::LoopErrors;
 use crate::observer::Watch;
 use crate::reference::steps_until;
+use crate::violation::{Violation, Violations};
 use crate::{
     Constraint, MpcError, Nmpc, Observer, PlantNow, Reference, SqpStatus, StepWork, Tracked,
 };
@@ -68,7 +69,7 @@ pub struct ClosedLoop<'a> {
     last_step: Trajectory,
     last: usize,
     errors: LoopErrors,
-    max_violation: f64,
+    violations: Violations,
 }
 
 /// What is remembered of the controller's part of a step.
@@ -137,7 +138,7 @@ impl<'a> ClosedLoop<'a> {
             last_step: Trajectory::new(dims),
             last: 0,
             errors: LoopErrors::new(outputs),
-            max_violation: 0.0,
+            violations: Violations::new(nmpc.problem(), dims),
             nmpc,
             plant,
             reference,
@@ -371,21 +372,24 @@ impl<'a> ClosedLoop<'a> {
     }
 
     /// The most by which a bounded state, input or output was outside its bounds on the dense
-    /// trace, the initial point apart, which is given.
+    /// trace, the initial point apart, which is given: the largest number, whatever its unit.
     #[must_use]
     pub fn max_violation(&self) -> f64 {
-        self.max_violation
+        self.violations().map(|violation| violation.amount).fold(0.0, f64::max)
     }
 
-    fn watch_bounds(&mut self, u: &[f64]) {
-        let problem = self.nmpc.problem();
-        let states = problem.state_bounds.violation(&self.x);
-        let inputs = problem.input_bounds.violation(u);
-        let outputs = problem
-            .output_bounds
-            .as_ref()
-            .map_or(0.0, |bounds| bounds.violation(&self.outputs_at(self.last_step.len() - 1)));
-        self.max_violation = self.max_violation.max(states).max(inputs).max(outputs);
+    /// The bounds that were broken on the dense trace, the initial point apart, each with its worst
+    /// violation: those of states, inputs, outputs.
+    pub fn violations(&self) -> impl Iterator<Item = &Violation> {
+        self.violations.broken()
+    }
+
+    /// Looks whether the last point of the trace, the end of the step or not, is within all bounds.
+    fn watch_bounds(&mut self, u: &[f64], at_end: bool) {
+        let last = self.last_step.len() - 1;
+        let bounded = self.nmpc.problem().output_bounds.is_some();
+        let y = if bounded { self.outputs_at(last) } else { Vec::new() };
+        self.violations.look((&self.x, u, &y), self.last_step.times()[last], at_end);
     }
 }
 
@@ -463,7 +467,7 @@ impl ClosedLoop<'_> {
                 return Err(MpcError::Plant { step: done, source });
             }
             self.last_step.push(time(part), &self.x, u);
-            self.watch_bounds(u);
+            self.watch_bounds(u, part == POINTS);
             // That of the last part is known with the next input, on which an output may depend.
             if part < POINTS {
                 let tracked = self.tracked_at(part);

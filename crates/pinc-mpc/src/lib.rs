@@ -67,6 +67,7 @@ mod stage_terms;
 mod tracked;
 mod transcription;
 mod units;
+mod violation;
 mod weights;
 mod work;
 
@@ -90,5 +91,6 @@ pub use solution::Solution;
 pub use stage_cost::{QuadBlock, StageCost, StagePoint};
 pub use tracked::Tracked;
 pub use units::ProblemUnits;
+pub use violation::{Bounded, Violation};
 pub use weights::{PerStage, Weight, Weights};
 pub use work::StepWork;

@@ -123,7 +123,7 @@ impl<T: Into<Weight>> From<T> for PerStage<Weight> {
 }
 
 /// A symmetric, positive semidefinite matrix. In a file: a list of numbers, the diagonal, or a list
-/// of rows.
+/// of rows. What rounding leaves between the two halves of a matrix is averaged.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(untagged, expecting = "expected a list of numbers (a diagonal) or a list of rows")]
 pub enum Weight {
@@ -174,7 +174,12 @@ impl Weight {
                     0.0
                 }
             }
-            Self::Full(rows) => rows[i][k],
+            Self::Full(rows) => {
+                // The same from both sides, and exactly the entry where the halves are equal.
+                let (low, high) = (i.min(k), i.max(k));
+                let [a, b] = [rows[low][high], rows[high][low]];
+                a + 0.5 * (b - a)
+            }
         }
     }
 
@@ -205,13 +210,17 @@ fn check_full(field: &'static str, rows: &[Vec<f64>], expected: usize) -> Result
     }
     for (i, row) in rows.iter().enumerate() {
         for (k, entry) in row.iter().enumerate().take(i) {
-            if entry.total_cmp(&rows[k][i]).is_ne() {
+            let size = rows[i][i].sqrt() * rows[k][k].sqrt();
+            if (entry - rows[k][i]).abs() > ROUNDING * size {
                 return Err(MpcError::NotSymmetric { field, row: i, column: k });
             }
         }
     }
     if is_semidefinite(rows) { Ok(()) } else { Err(MpcError::NotSemidefinite { field }) }
 }
+
+/// What the two halves of a symmetric matrix may differ by, in units in which its diagonal is 1.
+const ROUNDING: f64 = 16.0 * f64::EPSILON;
 
 /// Whether the symmetric matrix has no negative eigenvalue, but for rounding: by elimination with
 /// the largest pivot first. The answer does not depend on the units of rows and columns.
@@ -281,6 +290,32 @@ mod tests {
             prop_assert!(is_valid(&matrix(&g, scale, 1e-3 * scale)));
             prop_assert!(!is_valid(&matrix(&g, scale, -1e-6 * scale)));
         }
+    }
+
+    /// A product of matrices is symmetric but for rounding, and counts as that in any units.
+    #[test]
+    fn halves_that_differ_by_rounding_are_averaged() {
+        for unit in [1e-9, 1.0, 1e9] {
+            let coupling = |ulps: f64| 0.471_550_456_063_179_1 * unit * (1.0 + ulps * f64::EPSILON);
+            let rows = |ulps: f64| {
+                vec![vec![1.9, coupling(0.0)], vec![coupling(ulps), 12.2 * unit * unit]]
+            };
+            let exact = Weight::Full(rows(0.0));
+            assert_eq!(exact.entry(0, 1).to_bits(), coupling(0.0).to_bits());
+            let close = Weight::Full(rows(8.0));
+            close.validate("weights.q", 2).unwrap();
+            assert_eq!(close.entry(0, 1).to_bits(), close.entry(1, 0).to_bits());
+            let middle = coupling(4.0);
+            assert!((close.entry(0, 1) - middle).abs() <= f64::EPSILON * middle);
+            let different = Weight::Full(rows(1e4));
+            let refused = MpcError::NotSymmetric { field: "weights.q", row: 1, column: 0 };
+            assert_eq!(
+                different.validate("weights.q", 2).unwrap_err().to_string(),
+                refused.to_string()
+            );
+        }
+        // A negative weight is called that.
+        assert!(!is_valid(&[vec![-1.0, 0.1], vec![0.2, 1.0]]));
     }
 
     #[test]

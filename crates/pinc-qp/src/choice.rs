@@ -37,7 +37,8 @@ pub enum QpMethod {
     /// for short horizons; its cost grows with the square of the horizon and more.
     Condensed,
     /// Stage by stage, an active-set and an interior-point method on a Riccati recursion: the cost
-    /// is linear in the horizon. Not for programs that couple all inputs.
+    /// is linear in the horizon. Not for programs that couple all inputs. `Clarabel`, if this crate
+    /// is built with it, says whether a program on which both fail is infeasible.
     Riccati,
     /// Clarabel's sparse interior-point method, for all that is convex. It needs the feature
     /// `clarabel`.
@@ -118,7 +119,10 @@ impl ChosenQp {
                 Box::new(CondensedQp::new(qp))
             }
         };
-        let fallback = if method == QpMethod::Auto { general(qp) } else { None };
+        let fallback = match method {
+            QpMethod::Auto | QpMethod::Riccati => general(qp),
+            QpMethod::Condensed | QpMethod::Clarabel => None,
+        };
         Ok(Self { method: chosen, fallback })
     }
 }

@@ -6,6 +6,9 @@ use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::path::Path;
 
+/// The share by which the costs of fits differ that ended in the same minimum.
+const SAME: f64 = 1e-6;
+
 /// What `pinc identify` found.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct IdentificationMetrics {
@@ -25,6 +28,9 @@ pub struct IdentificationMetrics {
     pub initial_states: Vec<InitialStateMetrics>,
     /// How the fit ended.
     pub status: String,
+    /// Where the fit ended from each of its starts, the one that was taken first.
+    #[serde(default)]
+    pub starts: Vec<StartMetrics>,
     /// Single or multiple shooting.
     pub method: String,
     /// Why.
@@ -70,6 +76,17 @@ pub struct ParameterMetrics {
     pub at_bound: Option<String>,
 }
 
+/// One of the starts of a fit.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct StartMetrics {
+    /// The cost where the fit from there ended; nothing if the model is not finite there.
+    pub cost: Option<f64>,
+    /// The parameters there, by their names.
+    pub parameters: BTreeMap<String, f64>,
+    /// How it ended.
+    pub status: String,
+}
+
 /// The estimated initial state of a file.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct InitialStateMetrics {
@@ -112,7 +129,42 @@ pub struct WorkMetrics {
     pub wall_s: f64,
 }
 
+impl StartMetrics {
+    /// The status of a start that had only a short fit, since others were better.
+    pub const SET_ASIDE: &str = "set aside";
+}
+
 impl IdentificationMetrics {
+    /// How the fit ended, and from how many of its starts there.
+    #[must_use]
+    pub fn ended(&self) -> String {
+        if self.starts.len() < 2 {
+            let other = "another start may end in a better minimum";
+            return format!("{} from a single start ({other})", self.status);
+        }
+        let (fitted, aside): (Vec<_>, Vec<_>) =
+            self.starts.iter().partition(|start| start.status != StartMetrics::SET_ASIDE);
+        let costs = || fitted.iter().filter_map(|start| start.cost);
+        let same = |cost: &f64| *cost <= (1.0 + SAME) * self.cost;
+        let others = || costs().filter(|cost| !same(cost));
+        let elsewhere = match others().count() {
+            0 => String::new(),
+            count => {
+                let (low, high) = (others().fold(f64::MAX, f64::min), others().fold(0.0, f64::max));
+                format!(", {count} at costs of {low:.6} to {high:.6}")
+            }
+        };
+        format!(
+            "{} from {} starts: {} of {} that were fitted to the end ended here{elsewhere}; set \
+             aside after a short fit: {}",
+            self.status,
+            self.starts.len(),
+            costs().filter(same).count(),
+            fitted.len(),
+            aside.len()
+        )
+    }
+
     /// Those in a run directory; `None` if there are none.
     ///
     /// # Errors
@@ -126,5 +178,46 @@ impl IdentificationMetrics {
     #[must_use]
     pub fn to_json(&self) -> String {
         json(self)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn of(status: &str, starts: &[(Option<f64>, &str)]) -> String {
+        let start = |(cost, status): &(Option<f64>, &str)| StartMetrics {
+            cost: *cost,
+            parameters: BTreeMap::new(),
+            status: (*status).to_owned(),
+        };
+        let text = r#"{ "experiment": "e", "model": "rk4", "parameters": {}, "cost": 2.0,
+            "outputs": [], "measurement_sd": [], "initial_states": [], "status": "",
+            "method": "", "reason": "", "measurements": 9, "degrees_of_freedom": 7,
+            "residuals": {}, "correlation": { "names": [], "matrix": [] }, "singular_values": [],
+            "findings": [],
+            "work": { "iterations": 1, "steps": 1, "linearized": 1, "wall_s": 1.0 } }"#;
+        let metrics: IdentificationMetrics = serde_json::from_str(text).unwrap();
+        let (status, starts) = (status.to_owned(), starts.iter().map(start).collect());
+        IdentificationMetrics { status, starts, ..metrics }.ended()
+    }
+
+    #[test]
+    fn how_many_starts_ended_where_is_said() {
+        let one = of("converged", &[(Some(2.0), "converged")]);
+        assert!(one.starts_with("converged from a single start ("), "{one}");
+        let several = [
+            (Some(2.0), "converged"),
+            (Some(2.0 + 1e-6), "stalled"),
+            (Some(5.25), "converged"),
+            (Some(7.5), "converged"),
+            (None, "not finite"),
+            (Some(3.0), "set aside"),
+        ];
+        assert_eq!(
+            of("converged", &several),
+            "converged from 6 starts: 2 of 5 that were fitted to the end ended here, 2 at costs of \
+             5.250000 to 7.500000; set aside after a short fit: 1"
+        );
     }
 }

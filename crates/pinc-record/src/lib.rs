@@ -27,6 +27,7 @@ mod sweep_dir;
 mod tables;
 mod times;
 mod verdict;
+mod violation;
 pub mod work;
 
 pub use checkpoint::{Saved, load_checkpoint, save_checkpoint};
@@ -36,7 +37,7 @@ pub use error::{CheckpointProblem, RecordError, TableProblem};
 pub use files::{file, read_file, read_text, remove_unfinished, write_atomically, write_output};
 pub use identification::{
     CorrelationMetrics, EstimateMetrics, IdentificationMetrics, InitialStateMetrics,
-    ParameterMetrics, ResidualMetrics, WorkMetrics,
+    ParameterMetrics, ResidualMetrics, StartMetrics, WorkMetrics,
 };
 pub use metrics::{
     ControlMetrics, EstimatorMetrics, Excess, FileNote, Metrics, OneStepMetrics, OutsideDomain,
@@ -56,3 +57,4 @@ pub use tables::{
 };
 pub use times::{StepTimes, WallTimes};
 pub use verdict::advice;
+pub use violation::ViolationMetrics;

@@ -4,6 +4,7 @@ use crate::domain_error::{DomainErrorMetrics, DomainFinding};
 use crate::error::RecordError;
 use crate::files::{file, read_json};
 use crate::times::{StepTimes, WallTimes};
+use crate::violation::ViolationMetrics;
 use pinc_config::{Experiment, ModelKind, Preset, TimeUnit};
 use pinc_mpc::SqpStatus;
 use pinc_net::{TrainingTarget, Validation};
@@ -349,9 +350,16 @@ pub struct ControlMetrics {
     /// The largest KKT residual of a step.
     #[serde(deserialize_with = "number_or_null")]
     pub kkt_max: f64,
-    /// The worst violation of a bound by the plant's state or the input, in physical units.
+    /// The worst violation of a bound by the plant's state, input or output: the largest number,
+    /// whatever its unit.
     #[serde(deserialize_with = "number_or_null")]
     pub max_violation: f64,
+    /// Which bound that is; not there if none was broken.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub max_violation_of: Option<ViolationMetrics>,
+    /// The bounds that were broken, each with its worst violation.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub violations: Vec<ViolationMetrics>,
     /// How many steps ended with which status.
     pub status: BTreeMap<String, usize>,
     /// Whether the references were reached.
@@ -373,6 +381,9 @@ pub struct EstimatorMetrics {
     /// measured quantities.
     #[serde(deserialize_with = "number_or_null")]
     pub nis_mean: f64,
+    /// In how many steps the NIS is no number; the mean leaves them out.
+    #[serde(default)]
+    pub nis_undefined: usize,
     /// The mean of the normalized errors squared: of a consistent estimator, the number of states.
     #[serde(deserialize_with = "number_or_null")]
     pub nees_mean: f64,

@@ -1,6 +1,7 @@
 //! What went wrong in closed loops, and what can be done about it.
 
 use crate::metrics::{ControlMetrics, Metrics, is_failure};
+use crate::violation::ViolationMetrics;
 use pinc_config::{ModelKind, TimeUnit};
 use pinc_mpc::SqpStatus;
 use std::fmt;
@@ -18,6 +19,22 @@ enum LoopFinding {
         steps: usize,
         /// How most of them ended, in the words of [`SqpStatus`].
         status: String,
+    },
+    /// A hard bound was broken.
+    BrokenBound {
+        /// The model in the controller.
+        model: ModelKind,
+        /// The bound, and by how much.
+        violation: ViolationMetrics,
+        /// The unit in which to show when.
+        time_unit: Option<TimeUnit>,
+    },
+    /// A mean over steps leaves out some.
+    UndefinedNis {
+        /// The model in the controller.
+        model: ModelKind,
+        /// In how many steps the normalized innovation squared is no number.
+        steps: usize,
     },
     /// A controlled quantity did not come to some of its references.
     NotReached {
@@ -72,6 +89,15 @@ impl Metrics {
                 status: most.map(|(status, _)| status.clone()).unwrap_or_default(),
             });
         }
+        let broken = of.violations.iter().filter(|violation| violation.is_noteworthy());
+        findings.extend(broken.map(|violation| LoopFinding::BrokenBound {
+            model: of.model,
+            violation: violation.clone(),
+            time_unit: self.time_unit,
+        }));
+        let steps = of.estimator.as_ref().map_or(0, |estimator| estimator.nis_undefined);
+        findings
+            .extend((steps > 0).then_some(LoopFinding::UndefinedNis { model: of.model, steps }));
         findings.extend(of.references.offset.keys().filter_map(|name| self.not_reached(of, name)));
         findings
     }
@@ -124,6 +150,20 @@ impl LoopFinding {
                 "With {} {failed} of {steps} control steps failed, most with the status {status}.",
                 model.title()
             ),
+            Self::BrokenBound { model, violation, time_unit } => format!(
+                "With {} {} broke a hard bound {}: it was {}.",
+                model.title(),
+                violation.of,
+                match violation.is_between_steps() {
+                    true => "between control steps",
+                    false => "at control steps",
+                },
+                violation.shown(*time_unit)
+            ),
+            Self::UndefinedNis { model, steps } => format!(
+                "With {} the NIS is undefined in {steps} steps, which its mean leaves out.",
+                model.title()
+            ),
             Self::NotReached {
                 model,
                 quantity,
@@ -154,6 +194,17 @@ impl LoopFinding {
     fn advice(&self) -> String {
         match self {
             Self::FailedSteps { status, .. } => advice(status).to_owned(),
+            Self::BrokenBound { violation, .. } if violation.is_between_steps() => {
+                "The controller keeps bounds at the ends of its steps only: shorten T, or tighten \
+                 the bound by as much."
+                    .to_owned()
+            }
+            Self::BrokenBound { .. } => {
+                "The model predicted otherwise, or the steps failed: use a more accurate model, or \
+                 tighten the bound by as much."
+                    .to_owned()
+            }
+            Self::UndefinedNis { .. } => "The table of estimates lists them.".to_owned(),
             Self::NotReached { model, reached_with: Some(other), .. } => format!(
                 "With {} it does, so {} is not accurate enough there: use a larger net, more \
                  training or more substeps, or a [domain] that holds the loop.",
@@ -171,7 +222,7 @@ impl LoopFinding {
 }
 
 /// A number with three significant digits.
-fn significant(value: f64) -> String {
+pub(crate) fn significant(value: f64) -> String {
     match value.abs() {
         size if (1e2..1e6).contains(&size) => format!("{value:.0}"),
         size if (1e1..1e2).contains(&size) => format!("{value:.1}"),
@@ -233,6 +284,8 @@ mod tests {
             sqp_iterations_mean: 1.0,
             kkt_max: 0.0,
             max_violation: 0.0,
+            max_violation_of: None,
+            violations: Vec::new(),
             status: status.iter().map(|(status, steps)| (status.to_string(), *steps)).collect(),
             references: ReferenceMetrics {
                 reference_start_s: vec![0.0, 10.0, 20.0],
@@ -292,6 +345,54 @@ mod tests {
         tight.references.settled_within.insert("level".to_owned(), 1e-4);
         let notes = metrics(vec![tight]).loop_notes();
         assert!(notes[0].contains("it ends 5.21e-4 off on average"), "{notes:?}");
+    }
+
+    /// What was broken, by how much, in which unit and when, and what to do about it.
+    #[test]
+    fn a_broken_hard_bound_is_named_with_its_unit_and_time() {
+        let broken = |amount: f64, at_steps: f64, hard: bool| ViolationMetrics {
+            of: "V".to_owned(),
+            unit: "V".to_owned(),
+            side: "high".to_owned(),
+            bound: 3.96,
+            hard,
+            amount,
+            time_s: 12.5,
+            at_steps,
+            share: amount / 4.0,
+        };
+        let notes = |violations: &[ViolationMetrics]| {
+            let mut all = of(ModelKind::Rk4, [None; 3], &[(SqpStatus::Converged, 30)]);
+            all.violations = violations.to_vec();
+            metrics(vec![all]).loop_notes()
+        };
+        let between = notes(&[broken(0.046, 1e-9, true)]);
+        assert_eq!(
+            between,
+            [
+                "With RK4 V broke a hard bound between control steps: it was 0.0460 V above 3.96 V at \
+              12.5 s. The controller keeps bounds at the ends of its steps only: shorten T, or \
+              tighten the bound by as much."
+            ]
+        );
+        let at_steps =
+            notes(&[ViolationMetrics { side: "low".to_owned(), ..broken(0.046, 0.04, true) }]);
+        assert!(at_steps[0].contains("at control steps: it was 0.0460 V below"), "{at_steps:?}");
+        assert!(at_steps[0].contains("a more accurate model"), "{at_steps:?}");
+        // Soft bounds, and what the optimizer's tolerance leaves, are no news.
+        assert_eq!(notes(&[broken(0.046, 0.046, false), broken(3e-4, 3e-4, true)]), [""; 0]);
+        assert_eq!(notes(&[broken(5e-4, 0.0, true)]).len(), 1);
+    }
+
+    #[test]
+    fn a_mean_that_leaves_out_steps_says_so() {
+        let mut estimated = of(ModelKind::Rk4, [None; 3], &[(SqpStatus::Converged, 30)]);
+        let text = r#"{ "nis_mean": 0.06, "nees_mean": 1.0, "nis_undefined": 103,
+            "estimate_rmse": {}, "estimator_us": { "p50": 1.0, "p99": 1.0, "max": 1.0 },
+            "estimator_status": {} }"#;
+        estimated.estimator = Some(serde_json::from_str(text).unwrap());
+        let notes = metrics(vec![estimated]).loop_notes();
+        assert!(notes[0].contains("undefined in 103 steps"), "{notes:?}");
     }
 
     #[test]

@@ -69,7 +69,7 @@ pub(crate) fn paragraph(of: &IdentificationMetrics) -> String {
         of.measurements,
         of.method,
         of.reason,
-        of.status
+        of.ended()
     );
     for finding in &of.findings {
         said += &format!(" {finding}.");

@@ -6,7 +6,7 @@ use pinc_chart::text::{self, MISSING};
 use pinc_config::{ModelKind, TimeUnit};
 use pinc_record::{
     ControlMetrics, DomainErrorMetrics, Metrics, PredictionMetrics, Provenance, TrainingMetrics,
-    ValidationMetrics, WallTimes,
+    ValidationMetrics, ViolationMetrics, WallTimes,
 };
 use serde_json::Value;
 
@@ -142,7 +142,7 @@ const CONTROL: [(&str, Quantity); 15] = [
     ("Controller, one step: longest", Quantity::Time(|of| 1e-6 * of.step_us.max)),
     ("SQP iterations per step", Quantity::Number(|of| of.sqp_iterations_mean, 3)),
     ("Largest KKT residual", Quantity::Number(|of| of.kkt_max, 2)),
-    ("Largest violation of a bound", Quantity::Number(|of| of.max_violation, 2)),
+    ("Bounds broken, each at its worst", Quantity::OfRun(broken_bounds)),
     ("Steps by status", Quantity::Text(statuses)),
     ("Settled after, per reference", Quantity::OfRun(settled)),
     ("Offset at the end, per reference", Quantity::Text(offsets)),
@@ -219,6 +219,21 @@ fn statuses(of: &ControlMetrics) -> String {
     each.collect::<Vec<_>>().join(", ")
 }
 
+/// The bounds that were broken, by name, amount, unit and time.
+fn broken_bounds(run: &Run, of: &ControlMetrics) -> String {
+    let shown = |violation: &ViolationMetrics| {
+        let softness = if violation.hard { "" } else { ", a soft bound" };
+        let shown = violation.shown(run.experiment.time_unit);
+        format!("{}: {shown}{softness}", violation.of)
+    };
+    match &of.violations[..] {
+        // Runs of other versions have the number alone.
+        [] if of.max_violation > 0.0 => text::significant(of.max_violation, 2),
+        [] => "none".to_owned(),
+        all => all.iter().map(shown).collect::<Vec<_>>().join("; "),
+    }
+}
+
 fn settled(run: &Run, of: &ControlMetrics) -> String {
     let shown = |seconds| match run.experiment.time_unit {
         None => text::duration(seconds),
@@ -230,7 +245,8 @@ fn settled(run: &Run, of: &ControlMetrics) -> String {
 
 fn offsets(of: &ControlMetrics) -> String {
     let offset = |offset: &Option<f64>| {
-        offset.map_or_else(|| MISSING.to_owned(), |offset| text::significant(offset, 2))
+        let undefined = || "undefined (segment too short)".to_owned();
+        offset.map_or_else(undefined, |offset| text::significant(offset, 2))
     };
     let each = of.references.offset.iter().map(|(name, offsets)| {
         let offsets: Vec<String> = offsets.iter().map(offset).collect();

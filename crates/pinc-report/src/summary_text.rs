@@ -136,6 +136,8 @@ mod tests {
             sqp_iterations_mean: 1.0,
             kkt_max: 0.0,
             max_violation: 0.0,
+            max_violation_of: None,
+            violations: Vec::new(),
             status: status.iter().map(|(status, steps)| (status.to_string(), *steps)).collect(),
             references: ReferenceMetrics::default(),
             outside_domain: None,

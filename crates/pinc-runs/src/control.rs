@@ -8,11 +8,12 @@ use crate::RunError;
 use crate::progress::Stage;
 use pinc_check::{Metered, Rehearsal, Work};
 use pinc_config::{ControlSpec, Experiment, ModelKind, Schedule, Variables};
-use pinc_mpc::{ClosedLoop, Nmpc, NmpcProblem, Reference};
+use pinc_mpc::{Bounded, ClosedLoop, Nmpc, NmpcProblem, Reference, Violation};
 use pinc_net::PincNet;
 use pinc_ode::{Dims, DynPlant, DynRhs, PiecewiseConstant, Simulator, Trajectory};
 use pinc_record::{
-    ControlColumns, ControlMetrics, Metrics, ReferenceMetrics, RunDir, StepTimes, WallTimes, file,
+    ControlColumns, ControlMetrics, Metrics, ReferenceMetrics, RunDir, StepTimes, ViolationMetrics,
+    WallTimes, file,
 };
 use std::cell::Cell;
 use std::collections::BTreeMap;
@@ -361,6 +362,19 @@ impl LoopSetup<'_> {
         if range.is_finite() { range } else { 0.0 }
     }
 
+    /// The bounds that the plant broke.
+    fn violations(&self, run: &ClosedLoop<'_>) -> Vec<ViolationMetrics> {
+        let named = |violation: &Violation| {
+            let variable = match violation.of {
+                Bounded::State(i) => &self.truth.states()[i],
+                Bounded::Input(i) => &self.truth.inputs()[i],
+                Bounded::Output(i) => &self.truth.outputs()[i],
+            };
+            ViolationMetrics::new(violation, &variable.name, &variable.unit)
+        };
+        run.violations().map(named).collect()
+    }
+
     /// Whether the references were reached.
     fn reached(&self, run: &ClosedLoop<'_>) -> ReferenceMetrics {
         let within = self.settled_within(run);
@@ -454,6 +468,7 @@ struct Results {
     rmse_dense: f64,
     iae_dense_sum: f64,
     max_violation: f64,
+    violations: Vec<ViolationMetrics>,
     references: ReferenceMetrics,
 }
 
@@ -467,12 +482,15 @@ impl Results {
             rmse_dense: dense.rmse(),
             iae_dense_sum: dense.iae_sum(),
             max_violation: run.max_violation(),
+            violations: setup.violations(run),
             references: setup.reached(run),
         }
     }
 
     fn metrics(self, model: ModelKind, times: Times) -> ControlMetrics {
-        let Self { totals, rmse, iae, rmse_dense, iae_dense_sum, max_violation, references } = self;
+        let Self { totals, rmse, iae, rmse_dense, iae_dense_sum, .. } = self;
+        let Self { max_violation, violations, references, .. } = self;
+        let largest = violations.iter().max_by(|a, b| a.amount.total_cmp(&b.amount));
         let mut step_us = times.steps;
         step_us.iter_mut().for_each(|time| *time *= 1e6);
         ControlMetrics {
@@ -486,6 +504,8 @@ impl Results {
             sqp_iterations_mean: totals.sqp_iterations_mean(),
             kkt_max: totals.kkt_max,
             max_violation,
+            max_violation_of: largest.cloned(),
+            violations,
             status: totals.status,
             references,
             outside_domain: None,

@@ -174,6 +174,7 @@ pub(super) fn metrics(
     }
     EstimatorMetrics {
         nis_mean: mean(&mut history.corrections.iter().map(|c| c.nis)),
+        nis_undefined: history.corrections.iter().filter(|c| c.nis.is_nan()).count(),
         nees_mean: mean(&mut history.nees.iter().copied()),
         estimate_rmse: rmse.map(|(name, sum)| (name, (sum / steps).sqrt())).collect(),
         estimator_us: StepTimes::of(times_us),

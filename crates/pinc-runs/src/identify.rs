@@ -8,29 +8,34 @@ use crate::error::CsvProblem;
 use crate::invocation::invocation;
 use pinc_config::{Experiment, IdentifySpec, ModelKind, Variables};
 use pinc_identify::{
-    Channel, Estimate, Identified, IdentifyError, InitialState, Problem, Recording, Side, Unknown,
-    identify as fit,
+    Channel, Estimate, Identified, IdentifyError, InitialState, Problem, Recording, Side, Start,
+    Unknown, identify_from_starts,
 };
 use pinc_net::{PincModel, PincNet};
 use pinc_ode::{DynPlant, Model, WithOutputs};
 use pinc_record::{
     CorrelationMetrics, EstimateMetrics, IdentificationMetrics, InitialStateMetrics,
-    ParameterMetrics, Provenance, ResidualMetrics, ResidualRow, ResidualTable, RunDir, WorkMetrics,
-    file, read_file,
+    ParameterMetrics, Provenance, ResidualMetrics, ResidualRow, ResidualTable, RunDir,
+    StartMetrics, WorkMetrics, file, read_file,
 };
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
+use std::num::NonZero;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 /// Substeps of an integrator of which no config says how many.
 const SUBSTEPS: usize = 4;
+/// The starts of a fit whose parameters all have bounds.
+const STARTS: usize = 16;
 /// How many steps may lie between two rows.
 const LONGEST_GAP: f64 = 1e6;
 
 /// Identifies what `[identify]` of `experiment` asks for in the files `data`, and writes the run
 /// directory `dir`: `identify.json`, `residuals.csv`, `identified.toml` and the report. The model
-/// is `only`, or the net of the file `model`, if that is given, or RK4.
+/// is `only`, or the net of the file `model`, if that is given, or RK4. The fit begins at `starts`
+/// points; if that is not given, at 16 if all parameters have bounds, and otherwise where
+/// the config says.
 ///
 /// The data have the columns `t`, the inputs, which hold from a row to the next, and
 /// `y_<measured>`, of which cells may be empty; other columns are ignored. Rows are whole numbers
@@ -46,6 +51,7 @@ pub fn identify(
     options: &Options<'_>,
     model: Option<&Path>,
     only: Option<ModelKind>,
+    starts: Option<usize>,
 ) -> Result<IdentificationMetrics, RunError> {
     let missing = |section| RunError::MissingSection {
         name: experiment.name.clone(),
@@ -77,11 +83,15 @@ pub fn identify(
     let recorded = data.iter().zip(&tables).map(|(path, table)| filled(path, table, sample_time_s));
     let recorded = recorded.collect::<Result<Vec<_>, _>>()?;
     let (problem, plant) = problem(experiment, spec, &variables, net)?;
-    let mut model = fitted_model(experiment, spec, (kind, net), &*plant, sample_time_s)?;
+    let starts = starts.unwrap_or_else(|| default_starts(&problem));
+    let model = || fitted_model(experiment, spec, (kind, net), &*plant, sample_time_s);
+    let models = (0..starts).map(|_| model()).collect::<Result<Vec<_>, _>>()?;
     let recordings: Vec<_> =
         recorded.iter().map(|of| Recording { name: &of.name, u: &of.u, y: &of.y }).collect();
     let clock = Instant::now();
-    let found = fit(&mut *model, &problem, &recordings).map_err(|error| in_file(error, data))?;
+    let threads = std::thread::available_parallelism().map_or(1, NonZero::get);
+    let found = identify_from_starts(models, &problem, &recordings, experiment.seed, threads);
+    let found = found.map_err(|error| in_file(error, data))?;
     let wall_s = clock.elapsed().as_secs_f64();
     let metrics = metrics(experiment, (kind, &problem), &recorded, &found, wall_s);
     let mut run_dir = RunDir::open(dir, experiment, std::process::id())?;
@@ -93,6 +103,13 @@ pub fn identify(
     run_dir.update(|_| {})?;
     rebuild_report(dir)?;
     Ok(metrics)
+}
+
+/// How many starts a fit has if none are asked for: several only where bounds say between what.
+fn default_starts(problem: &Problem) -> usize {
+    let bounded = |unknown: &Unknown| unknown.low.is_finite() && unknown.high.is_finite();
+    let several = !problem.unknown.is_empty() && problem.unknown.iter().all(bounded);
+    if several { STARTS } else { 1 }
 }
 
 /// The first model of the loop that is an integrator, or else RK4.
@@ -319,6 +336,7 @@ fn metrics(
         measurement_sd: problem.channels.iter().map(|of| of.sd.unwrap_or(1.0)).collect(),
         initial_states: states.collect(),
         status: found.status.to_string(),
+        starts: found.starts.iter().map(|start| start_metrics(problem, start)).collect(),
         method: found.method.name().to_owned(),
         reason: found.method.to_string(),
         measurements: found.measurements,
@@ -335,6 +353,18 @@ fn metrics(
             steps: found.work.steps,
             linearized: found.work.linearized,
             wall_s,
+        },
+    }
+}
+
+fn start_metrics(problem: &Problem, start: &Start) -> StartMetrics {
+    let names = problem.unknown.iter().map(|unknown| unknown.name.clone());
+    StartMetrics {
+        cost: Some(start.cost).filter(|cost| cost.is_finite()),
+        parameters: names.zip(start.parameters.iter().copied()).collect(),
+        status: match start.status {
+            Some(status) => status.to_string(),
+            None => StartMetrics::SET_ASIDE.to_owned(),
         },
     }
 }
@@ -371,8 +401,14 @@ fn identified(experiment: &Experiment, metrics: &IdentificationMetrics) -> Strin
 /// The result in a few lines.
 pub fn identification_summary(of: &IdentificationMetrics) -> String {
     let mut text = format!(
-        "{}: {} after {} iterations, {} ({}); cost {:.6}, {} values",
-        of.model, of.status, of.work.iterations, of.method, of.reason, of.cost, of.measurements
+        "{}: {}; {} iterations, {} ({}); cost {:.6}, {} values",
+        of.model,
+        of.ended(),
+        of.work.iterations,
+        of.method,
+        of.reason,
+        of.cost,
+        of.measurements
     );
     let estimates = of.parameters.iter().map(|(name, of)| (name.clone(), &of.estimate));
     let states = of.initial_states.iter().flat_map(|file| {

@@ -464,6 +464,10 @@ fn matching_model(
             let expected = format!("{least} s at least, for {MOST_STEPS} steps at most");
             compared.push(("step length T", found, expected));
         }
+        if let Err((key, problem)) = experiment.check_step_marks(net.sample_time_s()) {
+            let expected = format!("one that fits `{key}` ({problem})");
+            compared.push(("step length T", found(), expected));
+        }
     }
     for (what, found, expected) in compared {
         if found != expected {

@@ -125,6 +125,10 @@ enum Command {
         /// The model to identify with.
         #[arg(long, value_enum)]
         only: Option<Only>,
+        /// Points within the parameters' bounds to begin the fit at, the config's start among
+        /// them; by default 16 if all parameters have bounds, and otherwise 1.
+        #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1000))]
+        starts: Option<u16>,
         #[command(flatten)]
         set: SetArgs,
     },
@@ -339,14 +343,15 @@ fn execute(cli: &Cli, plants: &Plants) -> Result<ExitCode, RunError> {
             let found = pinc_runs::estimate(&experiment, data, output, model, only)?;
             show(quiet, &found.to_string())?;
         }
-        Command::Identify { config, data, out, model, only, set } => {
+        Command::Identify { config, data, out, model, only, starts, set } => {
             let experiment = Experiment::load(config, &set.set, plants)?;
             let named = || Path::new("runs").join(format!("{}-identify", experiment.name));
             let dir = out.clone().unwrap_or_else(named);
             let (only, arguments) = (only.map(Only::kind), arguments());
             let options = options(false, quiet, &arguments);
+            let (model, starts) = (model.as_deref(), starts.map(usize::from));
             let found =
-                pinc_runs::identify(&experiment, data, &dir, &options, model.as_deref(), only)?;
+                pinc_runs::identify(&experiment, data, &dir, &options, model, only, starts)?;
             show(quiet, &pinc_runs::identification_summary(&found))?;
         }
         Command::Choose { config, within, budget_s, run } => {

@@ -1,6 +1,6 @@
 //! Checks of `[control]`.
 
-use super::values::{at_least_one, bounds, length, positive, tolerance, value, whole_steps};
+use super::values::{at_least_one, bounds, length, positive, tolerance, value};
 use super::{Finding, Problem, plant};
 use crate::plants::Plants;
 use crate::problem::nearest;
@@ -12,16 +12,10 @@ use pinc_mpc::{MpcError, Softness, Weight};
 const QUANTITY: &str = "controlled quantity";
 
 /// `[control]`.
-pub(super) fn closed_loop(
-    spec: &ControlSpec,
-    variables: &Variables,
-    plants: &Plants,
-    sample_time_s: Option<f64>,
-) -> Finding {
+pub(super) fn closed_loop(spec: &ControlSpec, variables: &Variables, plants: &Plants) -> Finding {
     let (states, inputs) = (variables.states.len(), variables.inputs.len());
     models(spec)?;
     plant_in_the_loop(spec, variables, plants)?;
-    whole_steps("control.duration_s", spec.duration_s, sample_time_s)?;
     if let Some(step_s) = spec.step_s {
         positive("control.step_s", step_s)?;
     }

@@ -48,7 +48,8 @@ impl Experiment {
             free_run(prediction, &variables, self.net_step_s())?;
         }
         if let Some(control) = &self.control {
-            closed_loop(control, &variables, self.plants(), self.sample_time_s())?;
+            closed_loop(control, &variables, self.plants())?;
+            schedule::times(control, self.sample_time_s())?;
             estimator::output_feedback(self, control, &variables)?;
             schedule::schedules(self, control)?;
         }
@@ -68,6 +69,17 @@ impl Experiment {
             crate::trial::check(self)?;
         }
         Ok(())
+    }
+
+    /// Checks that the closed loop ends, and that everything in it begins and ends, with a step of
+    /// `sample_time_s`: for a config that leaves the length of a step to a trained net.
+    ///
+    /// # Errors
+    ///
+    /// The key of the first time between two steps, and what it should be.
+    pub fn check_step_marks(&self, sample_time_s: f64) -> Result<(), (String, Problem)> {
+        let control = self.control.as_ref();
+        control.map_or(Ok(()), |control| schedule::times(control, Some(sample_time_s)))
     }
 
     fn is_distilled(&self) -> bool {

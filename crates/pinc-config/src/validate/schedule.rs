@@ -1,9 +1,15 @@
 //! Checks of what changes during a closed loop: parameters and loads.
 
-use super::values::{not_negative, value, whole_steps};
+use super::values::{step_mark, value, whole_steps};
 use super::{Finding, Problem};
 use crate::problem::nearest;
 use crate::{ControlSpec, Experiment, ParameterStep, Variables};
+
+/// Key of the parameters that the models are told.
+const PARAMETERS: &str = "control.parameter_schedule";
+
+/// Key of the parameters that the plant in the loop has.
+const PLANT: &str = "control.plant_schedule";
 
 pub(super) fn schedules(experiment: &Experiment, spec: &ControlSpec) -> Finding {
     let varying: Vec<String> = experiment.varying().into_iter().map(str::to_owned).collect();
@@ -13,31 +19,45 @@ pub(super) fn schedules(experiment: &Experiment, spec: &ControlSpec) -> Finding 
         return value("control.parameter_schedule", "a list", expected);
     }
     measured(spec, &varying)?;
-    let sample_time_s = experiment.sample_time_s();
-    let key = "control.parameter_schedule";
-    schedule(key, &spec.parameter_schedule, &varying, spec.duration_s, sample_time_s)?;
-    let key = "control.plant_schedule";
-    schedule(key, &spec.plant_schedule, &own, spec.duration_s, sample_time_s)?;
-    loads(spec, &experiment.plant.variables(), sample_time_s)
+    schedule(PARAMETERS, &spec.parameter_schedule, &varying, spec.duration_s)?;
+    schedule(PLANT, &spec.plant_schedule, &own, spec.duration_s)?;
+    loads(spec, &experiment.plant.variables())
 }
 
-fn loads(spec: &ControlSpec, variables: &Variables, sample_time_s: Option<f64>) -> Finding {
+/// Checks that the loop ends, and that everything in it begins and ends, with a step. Without T
+/// every positive time may be the mark of a step.
+pub(super) fn times(spec: &ControlSpec, sample_time_s: Option<f64>) -> Finding {
+    whole_steps("control.duration_s", spec.duration_s, sample_time_s)?;
+    for (i, reference) in spec.references.iter().enumerate() {
+        let key = format!("control.references[{i}].start_s");
+        step_mark(&key, reference.start_s, sample_time_s)?;
+    }
+    for (key, changes) in [(PARAMETERS, &spec.parameter_schedule), (PLANT, &spec.plant_schedule)] {
+        for (i, change) in changes.iter().enumerate() {
+            whole_steps(&format!("{key}[{i}].start_s"), change.start_s, sample_time_s)?;
+        }
+    }
+    for (i, load) in spec.loads.iter().enumerate() {
+        step_mark(&format!("control.loads[{i}].start_s"), load.start_s, sample_time_s)?;
+        if let Some(end_s) = load.end_s {
+            whole_steps(&format!("control.loads[{i}].end_s"), end_s, sample_time_s)?;
+        }
+    }
+    Ok(())
+}
+
+fn loads(spec: &ControlSpec, variables: &Variables) -> Finding {
     for (i, load) in spec.loads.iter().enumerate() {
         let key = |name: &str| format!("control.loads[{i}].{name}");
-        not_negative(&key("start_s"), load.start_s)?;
-        if load.start_s > 0.0 {
-            whole_steps(&key("start_s"), load.start_s, sample_time_s)?;
-        }
         if load.start_s >= spec.duration_s {
             let expected = format!("less than the duration of the run, {}", spec.duration_s);
             return value(&key("start_s"), load.start_s, &expected);
         }
-        if let Some(end_s) = load.end_s {
-            whole_steps(&key("end_s"), end_s, sample_time_s)?;
-            if end_s <= load.start_s {
-                let expected = format!("more than {}, where the load begins", load.start_s);
-                return value(&key("end_s"), end_s, &expected);
-            }
+        if let Some(end_s) = load.end_s
+            && end_s <= load.start_s
+        {
+            let expected = format!("more than {}, where the load begins", load.start_s);
+            return value(&key("end_s"), end_s, &expected);
         }
         if load.inputs.is_empty() && load.rates.is_empty() {
             let expected = "what it adds, as `inputs = { .. }` or `rates = { .. }`";
@@ -88,17 +108,10 @@ fn measured(spec: &ControlSpec, varying: &[String]) -> Finding {
     }
 }
 
-fn schedule(
-    key: &str,
-    changes: &[ParameterStep],
-    known: &[String],
-    duration_s: f64,
-    sample_time_s: Option<f64>,
-) -> Finding {
+fn schedule(key: &str, changes: &[ParameterStep], known: &[String], duration_s: f64) -> Finding {
     let mut before = 0.0;
     for (i, change) in changes.iter().enumerate() {
         let start = format!("{key}[{i}].start_s");
-        whole_steps(&start, change.start_s, sample_time_s)?;
         if change.start_s <= before {
             return value(&start, change.start_s, &format!("more than {before}, the one before"));
         }

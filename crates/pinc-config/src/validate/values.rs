@@ -59,15 +59,33 @@ pub(super) fn bounds(
     Ok(())
 }
 
-/// Whether a duration is a positive whole number of T, to a relative 1e-9.
+/// Checks that a duration is a positive whole number of T, to a relative 1e-9.
 pub(super) fn whole_steps(key: &str, duration_s: f64, sample_time_s: Option<f64>) -> Finding {
     positive(key, duration_s)?;
-    if let Some(sample_time_s) = sample_time_s {
-        let steps = duration_s / sample_time_s;
-        if steps.round() < 1.0 || (steps - steps.round()).abs() > 1e-9 * steps {
-            let expected = format!("a whole number of steps of T = {sample_time_s} s");
-            return value(key, duration_s, &expected);
-        }
+    multiple(key, duration_s, 1.0, sample_time_s)
+}
+
+/// Checks that a time is the beginning of a step, to a relative 1e-9: 0 or a multiple of T.
+pub(super) fn step_mark(key: &str, time_s: f64, sample_time_s: Option<f64>) -> Finding {
+    not_negative(key, time_s)?;
+    multiple(key, time_s, 0.0, sample_time_s)
+}
+
+/// Checks that a time that is not negative is at least `least` whole steps; without T it may be
+/// any.
+fn multiple(key: &str, time_s: f64, least: f64, sample_time_s: Option<f64>) -> Finding {
+    let Some(sample_time_s) = sample_time_s else { return Ok(()) };
+    let steps = time_s / sample_time_s;
+    if steps.round() >= least && (steps - steps.round()).abs() <= 1e-9 * steps {
+        return Ok(());
     }
-    Ok(())
+    let [below, above] = [steps.floor(), steps.ceil()].map(|steps| rounded(steps * sample_time_s));
+    let nearest = if steps < least { format!("{above}") } else { format!("{below} or {above}") };
+    let expected = format!("a whole number of steps of T = {sample_time_s} s: {nearest}");
+    value(key, time_s, &expected)
+}
+
+/// A number to 12 significant digits, so that a product shows no rounding.
+fn rounded(number: f64) -> f64 {
+    format!("{number:.11e}").parse().unwrap_or(number)
 }

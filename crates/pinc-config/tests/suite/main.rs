@@ -4,3 +4,4 @@ mod arrays;
 mod common;
 mod config;
 mod guide;
+mod times;

@@ -105,6 +105,12 @@ fn a_range_may_be_empty() {
     // Two nodes have no inner one.
     let plant = rod(2).compile().unwrap();
     assert_eq!(Plant::states(&plant).len(), 3);
+    // A range that ends one before its beginning is empty, and its sum 0.
+    let mut empty = rod(3);
+    empty.derivatives.insert("E".to_owned(), "7 + sum(i = 2..1, T[i])".to_owned());
+    let mut dx = [f64::NAN; 4];
+    Plant::rhs(&empty.compile().unwrap(), &[1.0; 4], &[0.0], &[], &mut dx);
+    assert_eq!(dx[3].to_bits(), 7.0_f64.to_bits());
 }
 
 #[test]
@@ -172,6 +178,7 @@ fn errors_name_the_index_and_the_place() {
         ("sum(j = 1..n T[j])", 14, "`T`, expected `,` and what is to be added up"),
         ("sum(j = 1..n, T[j]", 19, "the text ends here, expected `)`"),
         ("sum(j = n..1, T[j])", 9, "the range 5..1 runs backwards, expected one like 1..n"),
+        ("sum(j = 3..1, T[j])", 9, "the range 3..1 runs backwards, expected one like 1..n"),
         (
             "sum(j = 1..n, T[j+1])",
             15,

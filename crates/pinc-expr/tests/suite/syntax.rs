@@ -253,5 +253,9 @@ fn too_many_values_at_once() {
     let text = format!("({})*({})", sum(""), sum("^2"));
     equations.derivatives.insert("x".to_owned(), text);
     let found = equations.compile().expect_err("400 values at once").problem;
-    assert!(matches!(found, ExpressionProblem::TooLarge(needed) if needed > 256), "{found}");
+    let ExpressionProblem::TooLarge(needed) = found else { panic!("{found}") };
+    assert!(needed > 256, "{found}");
+    let said = found.to_string();
+    assert!(said.contains(&format!("{needed} values at once, expected 256 at most")), "{said}");
+    assert!(said.contains("Make arrays shorter, or write the plant in Rust"), "{said}");
 }

@@ -3,4 +3,5 @@
 mod diagnosis;
 mod recorded;
 mod shooting;
+mod starts;
 mod support;

@@ -194,10 +194,19 @@ fn missing_values_are_left_out() {
     let recording = Recording { name: "gappy", u: &u, y: &gappy };
     let found = identify(&mut *model, &problem, &[recording]).unwrap();
     assert_eq!(found.measurements, 536);
-    for (estimate, (value, half_width)) in found.parameters.iter().zip(FOUR) {
-        let width = estimate.half_width.unwrap();
-        assert!((estimate.value - value).abs() < width);
-        assert!(width > half_width && width < 2.0 * half_width.max(0.00035), "{estimate:?}");
+    // Values that are missing weigh nothing: as if their noise were without end.
+    let whole = fit(&[0, 1, 2, 3], &NEAR, STATE);
+    for (estimate, whole) in found.parameters.iter().zip(&whole.parameters) {
+        let [width, whole_width] = [estimate, whole].map(|of| of.half_width.unwrap());
+        // A third of the data is gone: widths grow by sqrt(3/2), but for s, whose standard deviation
+        // is 1/sqrt(2*524) of it, less what the same values say of both.
+        let ratio = width / whole_width / 1.5_f64.sqrt();
+        eprintln!("RATIO {ratio} {}", (estimate.value - whole.value) / width);
+        assert!((ratio - 1.0).abs() < 0.04, "{estimate:?} {whole:?}");
+        // The estimate moves by what the missing third said: sqrt(w^2 - w0^2), in standard
+        // deviations of which there are two in a width.
+        let moved = (width * width - whole_width * whole_width).sqrt();
+        assert!((estimate.value - whole.value).abs() < 1.5 * moved, "{estimate:?} {whole:?}");
     }
 }
 
@@ -271,5 +280,39 @@ fn outputs_are_measured_as_states_are() {
     assert!(found.initial_states.is_empty());
     for (estimate, truth) in found.parameters.iter().zip([1.5, 0.16]) {
         assert!((estimate.value - truth).abs() < 1e-9, "{estimate:?}");
+    }
+}
+
+/// A state and an output that is the same, measured as 0 and 1: the estimate is their mean, each
+/// weighted by the square of one over its noise.
+#[test]
+fn a_state_and_an_output_are_weighted_by_their_noise() {
+    use pinc_expr::{Equations, OutputExpression};
+    use pinc_ode::Variable;
+    let output = OutputExpression { expression: "x".to_owned(), unit: String::new() };
+    let plant = Equations {
+        states: vec![Variable::new("x", "")],
+        inputs: vec![Variable::new("u", "")],
+        derivatives: crate::support::texts(&[("x", "0*u")]).into_iter().collect(),
+        outputs: [("y".to_owned(), output)].into(),
+        ..Equations::default()
+    };
+    let plant = plant.compile().unwrap().into_dyn();
+    let mut model = plant.rk4(1.0, 1);
+    let mut problem = problem(&*plant, &[0, 0], None, &[], InitialState::Free(vec![0.3]));
+    problem.channels[1].measured = Measured::Output(0);
+    let (u, y) = ([0.0; 5], [0.0, 1.0].repeat(5));
+    for sd in [[1.0, 100.0], [100.0, 1.0], [2.0, 3.0]] {
+        for (channel, sd) in problem.channels.iter_mut().zip(sd) {
+            channel.sd = Some(sd);
+        }
+        let recording = Recording { name: "constant", u: &u, y: &y };
+        let found = identify(&mut *model, &problem, &[recording]).unwrap();
+        let [of_state, of_output] = sd.map(|sd: f64| sd.powi(-2));
+        let expected = of_output / (of_state + of_output);
+        let value = found.initial_states[0][0].value;
+        assert!((value - expected).abs() < 1e-9, "{sd:?}: {value} instead of {expected}");
+        let cost = 2.5 * (of_state * expected.powi(2) + of_output * (1.0 - expected).powi(2));
+        assert!((found.cost - cost).abs() < 1e-9 * cost, "{sd:?}: {} {cost}", found.cost);
     }
 }

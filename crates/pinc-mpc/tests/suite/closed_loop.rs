@@ -4,8 +4,8 @@ use crate::problems::van_der_pol;
 use crate::support::{Linear, scalar_problem};
 use pinc_ad::Scalar;
 use pinc_mpc::{
-    ClosedLoop, LoopRecord, MpcError, Nmpc, NmpcProblem, Observer, PlantNow, Reference, SqpConfig,
-    SqpStatus, Tracked,
+    Bounded, Bounds, ClosedLoop, LoopRecord, MpcError, Nmpc, NmpcProblem, Observer, PlantNow,
+    Reference, Side, Softness, SqpConfig, SqpStatus, Tracked, Weights,
 };
 use pinc_ode::metrics::Tracking;
 use pinc_ode::{Dopri5, OdeError, Plant, Rk4, Variable};
@@ -110,6 +110,56 @@ fn the_trace_has_nine_points_a_step() {
     assert!((run.tracking_at_steps().iae_sum() - at_steps.iae_sum()).abs() < 1e-8);
     // x(3) = 4 against its bound of 2.5, which the model knows nothing of.
     assert!((run.max_violation() - 1.5).abs() < 1e-9);
+    let broken: Vec<_> = run.violations().collect();
+    assert_eq!(broken.len(), 1);
+    assert_eq!(
+        (broken[0].of, broken[0].side, broken[0].hard),
+        (Bounded::State(0), Side::High, true)
+    );
+    let numbers = [broken[0].bound, broken[0].amount, broken[0].at_steps, broken[0].size];
+    for (found, expected) in numbers.into_iter().zip([2.5, 1.5, 1.5, 4.0]) {
+        assert!((found - expected).abs() < 1e-9, "{broken:?}");
+    }
+    assert!((broken[0].time_s - 3.0).abs() < 1e-12);
+}
+
+/// Each bound has its own worst violation with its time, at the ends of steps and between them.
+#[test]
+fn broken_bounds_are_told_apart() {
+    let problem = NmpcProblem {
+        state_bounds: Bounds::new(vec![-0.6, f64::NEG_INFINITY], vec![0.55, 0.15]),
+        state_softness: Softness::Penalty(vec![3.0, 3.0]),
+        ..van_der_pol()
+    };
+    let model = Rk4::new(VanDerPol::default(), 0.5, 4);
+    let mut nmpc = Nmpc::new(problem, Box::new(model), SqpConfig::default()).unwrap();
+    let reference = Reference::new([[0.8, 0.0].repeat(10), [-0.8, 0.0].repeat(10)].concat(), 2);
+    let truth = Dopri5::new(VanDerPol::default(), 1e-12);
+    let mut run = ClosedLoop::new(&mut nmpc, truth, reference.unwrap(), &[0.5, 0.2]).unwrap();
+    let (LoopRecord { trajectory: trace, .. }, ended) = run.run_recorded();
+    ended.unwrap();
+    let mut expected = Vec::new();
+    for (i, side, bound) in [(0, Side::Low, -0.6), (0, Side::High, 0.55), (1, Side::High, 0.15)] {
+        let amount = |k: &usize| {
+            let value = trace.state(*k)[i];
+            if side == Side::Low { bound - value } else { value - bound }
+        };
+        let worst = (1..trace.len()).max_by(|a, b| amount(a).total_cmp(&amount(b))).unwrap();
+        let ends = (9..trace.len()).step_by(9).map(|k| amount(&k)).fold(0.0, f64::max);
+        if amount(&worst) > 0.0 {
+            expected.push((i, side, bound, amount(&worst), trace.times()[worst], ends));
+        }
+    }
+    assert!(expected.len() >= 2, "{expected:?}");
+    let broken: Vec<_> = run.violations().collect();
+    assert_eq!(broken.len(), expected.len());
+    for (found, (i, side, bound, amount, time_s, ends)) in broken.into_iter().zip(expected) {
+        assert_eq!((found.of, found.side, found.hard), (Bounded::State(i), side, false));
+        let found = [found.bound, found.amount, found.time_s, found.at_steps].map(f64::to_bits);
+        assert_eq!(found, [bound, amount, time_s, ends].map(f64::to_bits));
+    }
+    let largest = run.violations().map(|of| of.amount).fold(0.0, f64::max);
+    assert_eq!(run.max_violation().to_bits(), largest.to_bits());
 }
 
 /// The plant integrated again under the inputs of the trace, each from its time on, gives the
@@ -372,4 +422,24 @@ fn parts_that_do_not_fit_are_errors() {
             .unwrap_err(),
         "the plant's outputs: 2 numbers, but 1 are expected"
     );
+}
+
+/// With a delay of two steps the preview begins two steps later: a controller that hardly minds its
+/// input has the integrator at each reference in time.
+#[test]
+fn a_delayed_input_is_chosen_by_the_reference_when_it_acts() {
+    let weights = Weights::uniform(vec![1.0], vec![1e-10]);
+    let problem = NmpcProblem { delay: 2, weights, ..scalar_problem(3, 3) };
+    let model = Linear::scalar(1.0, 1.0);
+    let mut nmpc = Nmpc::new(problem, Box::new(model), SqpConfig::default()).unwrap();
+    let values = [0.0, 0.0, 0.0, 0.0, 1.0, 1.0, -0.5, 2.0, 2.0, 2.0];
+    let reference = Reference::new(values.to_vec(), 1).unwrap();
+    let truth = Dopri5::new(Runaway { rate: 0.0 }, 1e-12);
+    let mut run = ClosedLoop::new(&mut nmpc, truth, reference, &[0.0]).unwrap();
+    let (record, ended) = run.run_recorded();
+    ended.unwrap();
+    for (k, value) in values.iter().enumerate() {
+        let x = record.trajectory.state(9 * (k + 1))[0];
+        assert!((x - value).abs() < 1e-6, "after step {k}: {x} instead of {value}");
+    }
 }

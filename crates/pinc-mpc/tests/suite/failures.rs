@@ -3,7 +3,7 @@
 use crate::faulty::{Faulty, NOT_A_NUMBER, SOUND};
 use crate::problems::van_der_pol;
 use crate::support::{Linear, scalar_problem};
-use pinc_mpc::{Bounds, Nmpc, NmpcProblem, QpMethod, SqpConfig, SqpStatus, Weights};
+use pinc_mpc::{Bounds, Constraint, Nmpc, NmpcProblem, QpMethod, SqpConfig, SqpStatus, Weights};
 use pinc_ode::{Dims, Linearization, Model, Rk4, Stages};
 use pinc_plants::VanDerPol;
 use std::sync::Arc;
@@ -369,4 +369,39 @@ fn oscillator_cut_off_after(allowed: usize) -> (usize, [f64; 2]) {
         x = next;
     }
     (converged, x)
+}
+
+/// A hard bound of an output that cannot be kept is as hard in the next step, and says so each time.
+#[test]
+fn an_output_that_cannot_be_kept_stays_hard() {
+    let problem = NmpcProblem {
+        input_bounds: Bounds::new(vec![-0.3], vec![0.3]),
+        output_bounds: Some(Bounds::new(vec![f64::NEG_INFINITY], vec![1.0])),
+        ..scalar_problem(3, 3)
+    };
+    let controller = || {
+        let model = Box::new(Linear::scalar(1.0, 1.0));
+        Nmpc::new(problem.clone(), model, SqpConfig::default()).unwrap()
+    };
+    let (mut nmpc, mut applied) = (controller(), 0.0);
+    let reference = [1.5; 3];
+    for x in [3.0, 2.7, 2.4] {
+        let step = nmpc.step(&[x], &reference).unwrap();
+        assert_eq!(step.status, SqpStatus::InfeasibleQp, "{x}");
+        assert!(matches!(step.violated, Some(Constraint::Output { index: 0, .. })), "{step:?}");
+        // As near to the bound as the input allows, though the reference is above it.
+        assert!((step.u[0] + 0.3).abs() < 1e-6, "{x}: {:?}", step.u);
+        applied = step.u[0];
+    }
+    // Back where it can be kept, it is; a controller that was never in trouble does the same.
+    for x in [1.1, 0.9, 0.5] {
+        let mut fresh = controller();
+        fresh.reset_to(&[x], &[applied]).unwrap();
+        let expected = fresh.step(&[x], &reference).unwrap().u[0];
+        let step = nmpc.step(&[x], &reference).unwrap();
+        assert_eq!(step.status, SqpStatus::Converged, "{x}");
+        assert!(x + step.u[0] <= 1.0 + 1e-8, "{x}: {:?}", step.u);
+        assert!((step.u[0] - expected).abs() < 1e-6, "{x}: {:?} {expected}", step.u);
+        applied = step.u[0];
+    }
 }

@@ -51,6 +51,18 @@ fn trained(source: TrainingTarget) -> Trained {
     training.run(&Pendulum).unwrap()
 }
 
+/// A parameter outside its range is as far outside the box as a state.
+#[test]
+fn the_box_has_the_ranges_of_the_parameters() {
+    let domain = domain();
+    let excess = |x: [f64; 2], u: f64, p: [f64; 2]| -> Vec<f64> {
+        domain.excess(&x, &[u], &p).map(|excess| (excess * 1e9).round() / 1e9).collect()
+    };
+    assert_eq!(excess([0.0, 0.0], 0.0, [0.3, 1.0]), [0.0; 5]);
+    assert_eq!(excess([0.0, -2.5], 1.25, [0.7, 0.375]), [0.0, 0.5, 0.25, 0.1, 0.125]);
+    assert_eq!(excess([1.75, 0.0], -1.0, [0.05, 2.5]), [0.25, 0.0, 0.0, 0.05, 0.5]);
+}
+
 /// One net is right for members of the family that nothing singled out, after one step and after
 /// several.
 #[test]

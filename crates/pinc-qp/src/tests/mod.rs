@@ -322,6 +322,11 @@ proptest! {
         {
             let other = ClarabelQp::new(&qp).solve(&qp, &mut cold.clone(), &mut || false);
             prop_assert!((other == QpStatus::Solved) == feasible || other == QpStatus::Failed);
+            // What the stage-wise method gives up is judged by Clarabel.
+            let mut chosen = ChosenQp::new(&qp, QpMethod::Riccati).unwrap();
+            let chosen = chosen.solve(&qp, &mut cold.clone(), &mut || false);
+            let given_up = chosen == QpStatus::Failed && other == QpStatus::Failed;
+            prop_assert!((chosen == QpStatus::Solved) == feasible || given_up);
         }
     }
 }

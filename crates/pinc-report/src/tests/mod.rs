@@ -81,10 +81,13 @@ const METRICS: &str = r#"{
     { "model": "rk4", "rmse": 0.13083, "iae": 5.874, "rmse_dense": 0.14106, "iae_dense_sum": 113.461425,
       "wall_s": { "mean": 0.0006, "sd": 0.0001, "median": 0.0005, "runs": 10 },
       "step_us": { "p50": 3.0625, "p99": 4.5, "max": 33.5 }, "sqp_iterations_mean": 3.5,
-      "kkt_max": 8.8e-9, "max_violation": 0.0, "status": { "converged": 119, "iteration-limit": 1 } } ] }"#;
+      "kkt_max": 8.8e-9, "max_violation": 0.031, "violations": [{ "of": "x1", "unit": "m",
+        "side": "high", "bound": 0.5, "hard": true, "amount": 0.031, "time_s": 3.25, "at_steps": 0.0,
+        "share": 0.06 }], "status": { "converged": 119, "iteration-limit": 1 } } ] }"#;
 
 /// What [`METRICS`] has to look like on the page.
-const SHOWN: [&str; 31] = [
+const SHOWN: [&str; 32] = [
+    "x1: 0.0310 m above 0.5 m at 3.25 s",
     "11.5 s",
     "10.2 s",
     "1234",

@@ -417,3 +417,27 @@ fn single_steps_are_judged_beside_an_estimated_parameter() {
     let [rk4] = &metrics.one_step[..] else { panic!("{metrics:?}") };
     assert!(rk4.errors.rms < 1e-4, "{rk4:?}");
 }
+
+/// The shipped loops under a load that acts from the first step have the IAE that
+/// docs/measurements.md prints, which an independent program has as well.
+#[test]
+fn the_shipped_oscillator_under_a_load_has_its_published_iae() {
+    let dir = tempfile::tempdir().unwrap();
+    let out = dir.path().join("out");
+    let config = repository("configs/estimation/offset-oscillator.toml");
+    let mut command = pinc(&["run", "--quiet", "--set", "control.models=[\"rk4\"]"]);
+    let found = outcome(command.arg(&config).arg("--out").arg(&out));
+    assert_eq!(found.code, Some(0), "{found:?}");
+    let table = fs::read_to_string(out.join("sweep.csv")).unwrap();
+    let mut rows = table.lines().map(|line| line.split(',').collect::<Vec<_>>());
+    let header = rows.next().unwrap();
+    let place = |name: &str| header.iter().position(|known| *known == name).unwrap();
+    let (case, iae) = (place("case"), place("rk4_iae_dense_sum"));
+    let found: Vec<_> = rows.map(|row| (row[case].to_owned(), row[iae].parse().unwrap())).collect();
+    let expected: [(&str, f64); 2] = [("plain", 283.23), ("input", 143.79)];
+    assert_eq!(found.len(), expected.len(), "{table}");
+    for ((name, iae), (case, published)) in found.iter().zip(expected) {
+        let iae: f64 = *iae;
+        assert!(name == case && (iae - published).abs() < 5e-3, "{name}: {iae}, not {published}");
+    }
+}

@@ -232,3 +232,47 @@ fn bad_data_are_answered_in_words() {
         found.assert_refused(&[said]);
     }
 }
+
+/// The starts are listed, the best first, and how many ended where is said; parameters without
+/// bounds have one start.
+#[test]
+fn a_fit_begins_at_several_points_within_the_bounds() {
+    let (dir, config) = directory(TANK);
+    let data = dir.path().join("tank.csv");
+    fs::write(&data, tank_csv(80, 1.0)).unwrap();
+    let run = |config: &str, more: &[&str]| {
+        let (out, data) = (text(&dir.path().join("out")), text(&data));
+        let arguments = [&["identify", config, "--data", &data, "--out", &out], more].concat();
+        outcome(&mut pinc(&arguments))
+    };
+    let starts = || json(&dir.path().join("out"))["starts"].as_array().unwrap().clone();
+    let found = run(&config, &[]);
+    assert_eq!(found.code, Some(0), "{found:?}");
+    assert!(found.stdout.contains("converged from 16 starts: 5 of 5 that"), "{found:?}");
+    let many = starts();
+    assert_eq!(many.len(), 16);
+    let costs: Vec<f64> = many.iter().map(|start| start["cost"].as_f64().unwrap()).collect();
+    // Up to rounding, where the config's own start comes first.
+    assert!(costs[1..].is_sorted() && costs[0] <= (1.0 + 1e-6) * costs[1], "{costs:?}");
+    let best = json(&dir.path().join("out"));
+    assert_eq!(many[0]["cost"], best["cost"]);
+    for name in ["a", "k"] {
+        assert_eq!(many[0]["parameters"][name], best["parameters"][name]["value"]);
+    }
+    let aside = many.iter().filter(|start| start["status"] == "set aside").count();
+    assert_eq!(aside, 11);
+
+    let single = run(&config, &["--starts", "1"]);
+    assert!(single.stdout.contains("converged from a single start"), "{single:?}");
+    assert_eq!(starts().len(), 1);
+    assert_eq!(json(&dir.path().join("out"))["parameters"], best["parameters"]);
+
+    let unbounded = TANK.replace(", high = 0.2", "");
+    fs::write(dir.path().join("unbounded.toml"), unbounded).unwrap();
+    let unbounded = text(&dir.path().join("unbounded.toml"));
+    let found = run(&unbounded, &[]);
+    assert!(found.stdout.contains("converged from a single start"), "{found:?}");
+    run(&unbounded, &["--starts", "4"])
+        .assert_refused(&["a needs a lower and an upper bound", "the 4 starts"]);
+    assert_eq!(run(&config, &["--starts", "0"]).code, Some(2));
+}

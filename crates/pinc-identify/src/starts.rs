@@ -1,0 +1,218 @@
+//! A fit from several starts.
+
+use crate::fit::{Fit, FitStatus};
+use crate::identify::{Begun, identify};
+use crate::method::Method;
+use crate::problem::{Problem, Recording};
+use crate::result::Identified;
+use crate::trajectory::{Evaluation, Work};
+use crate::{IdentifyError, points};
+use pinc_ode::Model;
+use std::sync::Mutex;
+
+/// Iterations of each start before the best ones are chosen.
+const SHORT: usize = 10;
+/// How many of the best are fitted to the end, beside the problem's own start.
+const FINISHED: usize = 4;
+/// The share by which the costs of fits differ that ended in the same minimum.
+const SAME: f64 = 1e-6;
+
+/// Where a fit from one start ended.
+#[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
+pub struct Start {
+    /// The cost there; infinite if the model is not finite.
+    pub cost: f64,
+    /// The unknown parameters there, in the order of the problem.
+    pub parameters: Vec<f64>,
+    /// How the fit ended; `None` if it was set aside after a short fit, since others were better.
+    pub status: Option<FitStatus>,
+}
+
+impl Start {
+    pub(crate) fn of(problem: &Problem, fit: &Fit<'_>) -> Self {
+        let cost = fit.cost();
+        Self {
+            cost: if cost.is_finite() { cost } else { f64::INFINITY },
+            parameters: problem.unknown.iter().map(|unknown| fit.p[unknown.place]).collect(),
+            status: Some(fit.status),
+        }
+    }
+}
+
+/// A start after its short fit, with the model that it is fitted with.
+struct Attempt<'a> {
+    model: Box<dyn Model>,
+    begun: Begun<'a>,
+    /// The cost; infinite where single shooting cannot begin.
+    cost: f64,
+    work: Work,
+}
+
+/// A start at its end.
+struct Ended<'a> {
+    start: Start,
+    /// Its fit, unless it was set aside or had none.
+    fit: Option<(Box<dyn Model>, Fit<'a>, Method)>,
+    /// Why it had none.
+    error: Option<IdentifyError>,
+    work: Work,
+}
+
+/// Like [`identify`], from as many starts as there are `models`, which are copies of one model: the
+/// problem's own start, and points of a Sobol sequence within the bounds of the unknown parameters,
+/// scrambled by `seed`. Parameters whose bounds are positive and at least tenfold apart are spread
+/// evenly in the logarithm.
+///
+/// Each start has a short fit. The best few, and the problem's own start, are fitted to the end,
+/// and the best of these is returned; [`Identified::starts`] has them all. Fits run side by side on
+/// up to `threads` threads. The result does not depend on their number, and with one model it is
+/// that of [`identify`].
+///
+/// # Errors
+///
+/// As [`identify`], and [`IdentifyError::NoBounds`] if there are several starts and a parameter has
+/// an infinite bound.
+///
+/// # Panics
+///
+/// If there is no model, or if a method of one does.
+pub fn identify_from_starts(
+    mut models: Vec<Box<dyn Model>>,
+    problem: &Problem,
+    recordings: &[Recording<'_>],
+    seed: u64,
+    threads: usize,
+) -> Result<Identified, IdentifyError> {
+    let starts = models.len();
+    if starts == 1 {
+        return identify(&mut *models[0], problem, recordings);
+    }
+    let dims = models[0].dims();
+    problem.validate(dims)?;
+    problem.validate_data(dims, recordings)?;
+    if let Some(unknown) = problem.unknown.iter().find(|unknown| !unknown.is_bounded()) {
+        return Err(IdentifyError::NoBounds { name: unknown.name.clone(), starts });
+    }
+    let tasks = models.into_iter().enumerate().collect();
+    let mut attempts = side_by_side(tasks, threads, |(i, model)| {
+        Attempt::at(start(problem, i, seed), model, problem, recordings)
+    });
+    let simulated = attempts[0].begun.start.clone();
+    attempts[1..].sort_by(|a, b| a.cost.total_cmp(&b.cost));
+    let good = attempts[1..].iter().take(FINISHED).filter(|of| of.cost.is_finite()).count();
+    let aside = attempts.split_off(1 + good);
+    let mut ends = side_by_side(attempts, threads, |of| of.finish(problem, recordings));
+    ends.extend(aside.into_iter().map(|of| of.set_aside(problem)));
+    let work = ends.iter().fold(Work::default(), |sum, of| sum.plus(of.work));
+    let best = match best(&ends) {
+        Some(place) => ends.remove(place),
+        None => return Err(ends.remove(0).error.expect("the first start was fitted to the end")),
+    };
+    ends.sort_by(|a, b| a.start.cost.total_cmp(&b.start.cost));
+    let starts = std::iter::once(best.start).chain(ends.into_iter().map(|of| of.start)).collect();
+    let (mut model, fit, method) = best.fit.expect("the best start was fitted to the end");
+    let mut with = Evaluation::new(&mut *model);
+    with.work = work;
+    Ok(Identified::of(problem, (fit, method), starts, &simulated, &mut with))
+}
+
+/// The parameters of the model at start `i`.
+fn start(problem: &Problem, i: usize, seed: u64) -> Vec<f64> {
+    let mut p = problem.start();
+    if i > 0 {
+        let point = points::point(problem.unknown.iter(), i - 1, seed);
+        for (unknown, value) in problem.unknown.iter().zip(point) {
+            p[unknown.place] = value;
+        }
+    }
+    p
+}
+
+impl<'a> Attempt<'a> {
+    fn at(
+        p: Vec<f64>,
+        mut model: Box<dyn Model>,
+        problem: &Problem,
+        recordings: &[Recording<'a>],
+    ) -> Self {
+        let mut with = Evaluation::new(&mut *model);
+        let mut begun = Begun::at(p, problem, recordings, &mut with);
+        if begun.is_single() {
+            begun.fit.run_until(SHORT, problem, &mut with);
+        }
+        let cost = if begun.is_single() { begun.fit.cost() } else { f64::INFINITY };
+        let work = with.work;
+        Self { model, begun, cost, work }
+    }
+
+    fn finish(self, problem: &Problem, recordings: &[Recording<'a>]) -> Ended<'a> {
+        let Self { mut model, begun, work, .. } = self;
+        let begin = Start::of(problem, &begun.fit);
+        let mut with = Evaluation::new(&mut *model);
+        with.work = work;
+        let ended = begun.finish(problem, recordings, &mut with);
+        let work = with.work;
+        match ended {
+            Ok((fit, method)) => {
+                let start = Start::of(problem, &fit);
+                Ended { start, fit: Some((model, fit, method)), error: None, work }
+            }
+            Err(error) => {
+                let start = Start { status: Some(FitStatus::NotFinite), ..begin };
+                Ended { start, fit: None, error: Some(error), work }
+            }
+        }
+    }
+
+    fn set_aside(self, problem: &Problem) -> Ended<'a> {
+        let start = Start { status: None, ..Start::of(problem, &self.begun.fit) };
+        Ended { start, fit: None, error: None, work: self.work }
+    }
+}
+
+/// The place of the lowest cost; of those that ended in the same minimum, the first that converged.
+fn best(ends: &[Ended<'_>]) -> Option<usize> {
+    let fitted = || ends.iter().enumerate().filter(|(_, of)| of.fit.is_some());
+    let lowest = fitted().map(|(_, of)| of.start.cost).fold(f64::INFINITY, f64::min);
+    let mut same = fitted().filter(|(_, of)| of.start.cost <= (1.0 + SAME) * lowest);
+    let converged = same.clone().find(|(_, of)| of.start.status == Some(FitStatus::Converged));
+    converged.or_else(|| same.next()).map(|(place, _)| place)
+}
+
+impl Identified {
+    /// Of the starts that were fitted to the end, how many ended in the minimum that was found, and
+    /// how many there are.
+    #[must_use]
+    pub fn agreeing_starts(&self) -> (usize, usize) {
+        let fitted = || self.starts.iter().filter(|start| start.status.is_some());
+        let same = fitted().filter(|start| start.cost <= (1.0 + SAME) * self.cost);
+        (same.count(), fitted().count())
+    }
+}
+
+/// What `work` makes of each task, in their order, on up to `threads` threads.
+fn side_by_side<T: Send, R: Send>(
+    tasks: Vec<T>,
+    threads: usize,
+    work: impl Fn(T) -> R + Sync,
+) -> Vec<R> {
+    let count = tasks.len();
+    let queue = Mutex::new(tasks.into_iter().enumerate());
+    let results = Mutex::new(Vec::with_capacity(count));
+    std::thread::scope(|scope| {
+        for _ in 0..threads.clamp(1, count) {
+            scope.spawn(|| {
+                // The queue is free again while the task is worked on.
+                let next = || queue.lock().expect("no thread panics here").next();
+                while let Some((place, task)) = next() {
+                    let result = work(task);
+                    results.lock().expect("no thread panics here").push((place, result));
+                }
+            });
+        }
+    });
+    let mut results = results.into_inner().expect("a panic has ended the scope");
+    results.sort_by_key(|(place, _)| *place);
+    results.into_iter().map(|(_, result)| result).collect()
+}

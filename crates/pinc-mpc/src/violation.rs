@@ -1,0 +1,104 @@
+//! Bounds that a plant in a closed loop has broken.
+
+use crate::{Bounds, NmpcProblem, Side, Softness};
+use pinc_ode::Dims;
+
+/// A quantity of the plant that may have bounds.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Bounded {
+    /// A state, by its place.
+    State(usize),
+    /// An input.
+    Input(usize),
+    /// An output.
+    Output(usize),
+}
+
+/// A bound that the plant has broken on the dense trace of a closed loop.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
+pub struct Violation {
+    /// The quantity.
+    pub of: Bounded,
+    /// Which of its bounds.
+    pub side: Side,
+    /// The bound, in the quantity's unit.
+    pub bound: f64,
+    /// Whether the bound is hard.
+    pub hard: bool,
+    /// By how much the bound was broken at most, in the quantity's unit.
+    pub amount: f64,
+    /// When that was, in s from the beginning of the loop.
+    pub time_s: f64,
+    /// By how much it was broken at most at the ends of steps; 0 if it held there.
+    pub at_steps: f64,
+    /// The largest absolute value of the quantity so far, in its unit.
+    pub size: f64,
+}
+
+/// The worst violation of each bound so far.
+#[derive(Clone, Debug)]
+pub(crate) struct Violations {
+    /// Both bounds of each quantity that has one.
+    all: Vec<Violation>,
+}
+
+impl Violations {
+    /// Nothing yet of the bounds of `problem`, whose plant has the sizes `dims`.
+    pub(crate) fn new(problem: &NmpcProblem, dims: Dims) -> Self {
+        let (states, outputs) = (&problem.state_softness, &problem.output_softness);
+        let states = of_bounds(&problem.state_bounds, states, dims.nx, Bounded::State);
+        let inputs = of_bounds(&problem.input_bounds, &Softness::Hard, dims.nu, Bounded::Input);
+        let bounds = problem.output_bounds.iter();
+        let outputs = bounds.flat_map(|of| of_bounds(of, outputs, dims.ny, Bounded::Output));
+        Self { all: states.chain(inputs).chain(outputs).collect() }
+    }
+
+    /// Looks at the plant at a point of the dense trace, at the end of a step or within it.
+    pub(crate) fn look(&mut self, (x, u, y): (&[f64], &[f64], &[f64]), time_s: f64, at_end: bool) {
+        for violation in &mut self.all {
+            let value = match violation.of {
+                Bounded::State(i) => x[i],
+                Bounded::Input(i) => u[i],
+                Bounded::Output(i) => y[i],
+            };
+            violation.size = violation.size.max(value.abs());
+            let amount = match violation.side {
+                Side::Low => violation.bound - value,
+                Side::High => value - violation.bound,
+            };
+            if amount > violation.amount {
+                (violation.amount, violation.time_s) = (amount, time_s);
+            }
+            if at_end {
+                violation.at_steps = violation.at_steps.max(amount);
+            }
+        }
+    }
+
+    /// The bounds that were broken.
+    pub(crate) fn broken(&self) -> impl Iterator<Item = &Violation> {
+        self.all.iter().filter(|violation| violation.amount > 0.0)
+    }
+}
+
+/// Nothing yet of the bounds on `count` quantities at the first stage.
+fn of_bounds<'a>(
+    bounds: &'a Bounds,
+    softness: &'a Softness,
+    count: usize,
+    of: fn(usize) -> Bounded,
+) -> impl Iterator<Item = Violation> + 'a {
+    let pairs = bounds.low.iter().zip(&bounds.high).take(count).enumerate();
+    let sides = pairs.flat_map(|(i, (low, high))| [(i, Side::Low, *low), (i, Side::High, *high)]);
+    sides.filter(|(_, _, bound)| bound.is_finite()).map(move |(i, side, bound)| Violation {
+        of: of(i),
+        side,
+        bound,
+        hard: *softness == Softness::Hard,
+        amount: 0.0,
+        time_s: 0.0,
+        at_steps: 0.0,
+        size: 0.0,
+    })
+}

@@ -1,0 +1,148 @@
+//! What acts when in a closed loop, and what is said of it.
+
+use pinc_config::{Experiment, ModelKind, Plants};
+use pinc_record::{ControlMetrics, ControlReader, ControlRow, Metrics, file};
+use pinc_runs::{Options, Verbosity};
+use std::fs;
+use std::path::Path;
+use std::sync::atomic::AtomicBool;
+
+/// A lag that is to go from 1 to 0, with an input too weak to matter.
+const DRIFT: &str = r#"
+name = "drift"
+preset = "ours"
+seed = 1
+[plant.expression]
+states = [{ name = "x", unit = "m" }]
+inputs = ["u"]
+parameters = { a = 0.0 }
+derivatives = { x = "u - a*x" }
+[control]
+models = ["rk4", "rk5"]
+step_s = 1.0
+duration_s = 6.0
+initial_state = [0.0]
+controlled = ["x"]
+q = [1.0]
+r = [1.0]
+n2 = 2
+nu = 2
+input_low = [-1e-9]
+input_high = [1e-9]
+references = [{ start_s = 0.0, value = [0.0] }]
+repetitions = 1
+"#;
+
+fn experiment(text: &str, sets: &[&str]) -> Experiment {
+    let sets: Vec<_> = sets.iter().map(|set| (*set).to_owned()).collect();
+    Experiment::parse(Path::new("test.toml"), text, &sets, &Plants::built_in()).unwrap()
+}
+
+/// Runs the loops of a config in `dir`.
+fn control(dir: &Path, experiment: &Experiment, resume: bool, only: Option<ModelKind>) -> Metrics {
+    let options = Options {
+        resume,
+        verbosity: Verbosity::Quiet,
+        interrupt: &AtomicBool::new(false),
+        arguments: &[],
+    };
+    pinc_runs::control(experiment, dir, &options, None, only).unwrap().metrics().clone()
+}
+
+/// The loop with RK4 alone: its metrics and its trace.
+fn run(text: &str, sets: &[&str]) -> (ControlMetrics, Vec<ControlRow>) {
+    let dir = tempfile::tempdir().unwrap();
+    let experiment = experiment(text, sets);
+    let metrics = control(dir.path(), &experiment, false, Some(ModelKind::Rk4));
+    let path = dir.path().join(file::control(ModelKind::Rk4, 1));
+    let reader = ControlReader::open(&path, 1, &["x".to_owned()]).unwrap().unwrap();
+    (metrics.control[0].clone(), reader.collect::<Result<_, _>>().unwrap())
+}
+
+/// The states at the ends of steps.
+fn at_steps(rows: &[ControlRow]) -> Vec<f64> {
+    rows.iter().step_by(9).map(|row| row.state[0]).collect()
+}
+
+#[track_caller]
+fn near(found: &[f64], expected: &[f64]) {
+    let off = found.iter().zip(expected).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+    assert!(found.len() == expected.len() && off < 1e-7, "{found:?} {expected:?}");
+}
+
+#[test]
+fn a_load_acts_from_the_step_that_begins_with_it() {
+    let load = |start: &str, end: &str| {
+        let load = format!("control.loads=[{{ start_s = {start}{end}, rates = {{ x = 1.0 }} }}]");
+        at_steps(&run(DRIFT, &[&load]).1)
+    };
+    near(&load("0.0", ""), &[0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0]);
+    near(&load("1.0", ""), &[0.0, 0.0, 1.0, 2.0, 3.0, 4.0, 5.0]);
+    near(&load("0.0", ", end_s = 2.0"), &[0.0, 1.0, 2.0, 2.0, 2.0, 2.0, 2.0]);
+    near(&load("2.0", ", end_s = 3.0"), &[0.0, 0.0, 0.0, 1.0, 1.0, 1.0, 1.0]);
+}
+
+/// The trace with a plant that changes at 3 s is the one without a change up to there, to the bit,
+/// and then decays.
+#[test]
+fn a_plant_changes_at_the_step_that_it_is_said_to() {
+    let begin = "control.initial_state=[1.0]";
+    let change = "control.plant_schedule=[{ start_s = 3.0, values = { a = 0.5 } }]";
+    let (same, changed) = (run(DRIFT, &[begin]).1, run(DRIFT, &[begin, change]).1);
+    let first =
+        (0..same.len()).find(|&i| same[i].state[0].to_bits() != changed[i].state[0].to_bits());
+    // Row 27 is the end of step 2: the first that differs is the one after it.
+    assert_eq!(first, Some(28));
+    let decay = |steps: f64| (-0.5 * steps).exp();
+    near(&at_steps(&changed), &[1.0, 1.0, 1.0, 1.0, decay(1.0), decay(2.0), decay(3.0)]);
+}
+
+/// One percent of the largest error, 2 at the start.
+#[test]
+fn a_quantity_is_settled_within_a_hundredth_of_its_largest_error() {
+    let (metrics, rows) =
+        run(DRIFT, &["control.initial_state=[2.0]", "plant.expression.parameters.a=2.1"]);
+    let within = metrics.references.settled_within["x"];
+    assert!((within - 0.02).abs() < 1e-12, "{within}");
+    // exp(-2.1 * 2) = 0.015 is within two hundredths only, exp(-2.1 * 3) within one.
+    assert!((rows[18].state[0] / 2.0 - 0.015).abs() < 1e-3, "{}", rows[18].state[0]);
+    assert_eq!(metrics.references.settle_s, [Some(3.0)]);
+}
+
+/// A bound is broken by the plant that the model knows nothing of: which one, by how much, when.
+#[test]
+fn a_broken_bound_is_named_with_its_unit_and_time() {
+    let load = "control.loads=[{ start_s = 0.0, end_s = 4.0, rates = { x = 1.0 } }]";
+    let bounds = ["control.state_low=[-1.0]", "control.state_high=[2.5]"];
+    let (metrics, _) = run(DRIFT, &[load, bounds[0], bounds[1]]);
+    let [broken] = &metrics.violations[..] else { panic!("{:?}", metrics.violations) };
+    assert_eq!((&*broken.of, &*broken.unit, &*broken.side), ("x", "m", "high"));
+    near(&[broken.bound, broken.amount, broken.at_steps, broken.share], &[2.5, 1.5, 1.5, 0.375]);
+    assert!((broken.time_s - 4.0).abs() < 2.0 && broken.hard, "{broken:?}");
+    assert_eq!(metrics.max_violation_of.as_ref(), Some(broken));
+    assert_eq!(metrics.max_violation.to_bits(), broken.amount.to_bits());
+    let (within, _) = run(DRIFT, &[bounds[0], bounds[1]]);
+    assert_eq!((within.violations.len(), within.max_violation_of), (0, None));
+}
+
+/// Of two loops of which one is done, the other is not left out.
+#[test]
+fn a_run_is_resumed_with_the_loop_that_is_missing() {
+    let dir = tempfile::tempdir().unwrap();
+    let experiment = experiment(DRIFT, &["control.initial_state=[1.0]"]);
+    let whole = control(dir.path(), &experiment, false, None);
+    let kinds = |metrics: &Metrics| metrics.control.iter().map(|of| of.model).collect::<Vec<_>>();
+    assert_eq!(kinds(&whole), [ModelKind::Rk4, ModelKind::Rk5]);
+    let path = dir.path().join("metrics.json");
+    let mut text: serde_json::Value = serde_json::from_slice(&fs::read(&path).unwrap()).unwrap();
+    text["control"].as_array_mut().unwrap().truncate(1);
+    fs::write(&path, serde_json::to_vec(&text).unwrap()).unwrap();
+    let second = dir.path().join(file::control(ModelKind::Rk5, 2));
+    fs::remove_file(&second).unwrap();
+    let resumed = control(dir.path(), &experiment, true, None);
+    assert_eq!(kinds(&resumed), [ModelKind::Rk4, ModelKind::Rk5]);
+    assert!(second.exists());
+    for (one, other) in whole.control.iter().zip(&resumed.control) {
+        assert_eq!(one.iae_dense_sum.to_bits(), other.iae_dense_sum.to_bits());
+    }
+}

@@ -1,0 +1,3 @@
+//! Closed loops of configs, from the text to the files.
+
+mod loops;
