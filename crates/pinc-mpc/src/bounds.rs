@@ -34,9 +34,14 @@ impl Bounds {
 
     /// By how much the worst of `values` is outside its bounds at the first stage; 0 if none is.
     pub(crate) fn violation(&self, values: &[f64]) -> f64 {
-        let bounds = self.low.iter().zip(&self.high);
-        let outside = values.iter().zip(bounds).map(|(v, (low, high))| (low - v).max(v - high));
+        let outside = values.iter().enumerate().map(|(i, v)| self.violation_of(i, *v));
         outside.fold(0.0, f64::max)
+    }
+
+    /// By how much `value` is outside the bounds of variable `i` at the first stage; negative if it
+    /// is within.
+    pub(crate) fn violation_of(&self, i: usize, value: f64) -> f64 {
+        (self.low[i] - value).max(value - self.high[i])
     }
 
     /// Those of all of `count` numbers, the stages one after the other.

@@ -82,6 +82,7 @@ impl Program {
             inequalities: 0,
             equalities: 0,
             outputs: 0,
+            feedthrough: 0,
         };
         let none = vec![0.0; stages * n * n];
         let mut qp = Qp::new(ocp, none.clone(), none).with_stage_cost();
