@@ -185,8 +185,8 @@ mod tests {
             // At x = 0 and u = 0 the other side is taken.
             y[2] = (x[0] - 5.0).max(u[0] - 9.0);
             y[3] = u[0].where_nonpositive(x[0], x[1]);
-            [y[4]] = solve_implicit(&Cubic, &[u[0]], &[[-9.0, 9.0]], [x[0].plain(); 1]);
-            [y[5]] = solve_implicit(&Cubic, &[x[1]], &[[-9.0, 9.0]], [x[0].plain(); 1]);
+            [y[4]] = solve_implicit(&Cubic, &[u[0]], [x[0].plain()], &[[-9.0, 9.0]]);
+            [y[5]] = solve_implicit(&Cubic, &[x[1]], [x[0].plain()], &[[-9.0, 9.0]]);
             y[6] = u[0].constant(3.0) / x[1];
         }
     }
