@@ -275,7 +275,7 @@ proptest! {
         let mut model = Observed { model: Rk4::new(VanDerPol::default(), 0.5, 4), feed };
         let stages = 2 * (horizon + 1 - n1);
         // Around a plan without any input.
-        let middle = |i: usize| if i % 2 == 0 { start[0] + start[1] } else { start[0].powi(2) };
+        let middle = |i: usize| if i.is_multiple_of(2) { start[0] + start[1] } else { start[0].powi(2) };
         let side = |sign: f64| (0..stages).map(|i| middle(i) + sign * spread[i]).collect();
         let problem = NmpcProblem {
             n1,
