@@ -137,6 +137,10 @@ impl Model for Compensated {
         }
     }
 
+    fn feedthrough(&self) -> Vec<bool> {
+        self.inner.feedthrough()
+    }
+
     fn linearize_output(&mut self, at: Stages<'_>, mut out: OutputLinearization<'_>) {
         let dims = self.dims();
         let count = at.count(dims);

@@ -281,6 +281,11 @@ impl Disturbed {
         self.model.output(at.x, &self.u[..nu], &self.p[..np], y);
     }
 
+    /// Whether each output of the model depends on the input, `ny`.
+    pub(crate) fn feedthrough(&self) -> Vec<bool> {
+        self.model.feedthrough()
+    }
+
     /// Linearizes all outputs of the model at one point; `out.e` is the Jacobian by w, or empty.
     pub(crate) fn linearize_all_outputs(
         &mut self,

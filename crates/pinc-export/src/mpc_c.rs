@@ -202,7 +202,7 @@ fn set_problem(
         tables += "/* Parameters before there is an estimate. */\n";
         tables += &array("parameters", &controller.open().initial().collect::<Vec<_>>());
     }
-    tables += &output_rows(t, controller, &units, dims);
+    tables += &output_rows(t, controller, &units, dims)?;
     t.set("STATE_ROWS", state_rows.len())
         .set("INCREMENT_ROWS", increment_rows.len())
         .set("LARGEST_Q", size(&q))
@@ -219,13 +219,14 @@ fn expand_penalties(penalties: &[f64], units: &[f64], cost: f64) -> Vec<f64> {
     all.map(|(i, penalty)| penalty * units[i % units.len()] / cost).collect()
 }
 
-/// The tables of the bounds on outputs: of those that have any, stage by stage.
+/// The tables of the bounds on outputs: of those that have any, interval by interval; outputs
+/// with feedthrough at the end of each and at its start.
 fn output_rows(
     t: &mut Template,
     controller: &Controller<'_>,
     units: &ProblemUnits,
     dims: Dims,
-) -> String {
+) -> Result<String, ExportError> {
     let problem = controller.problem;
     let stages = problem.horizon + 1 - problem.n1;
     let bounds = problem.output_bounds.as_ref();
@@ -235,28 +236,40 @@ fn output_rows(
         let sides = low.iter().zip(&high).skip(*o).step_by(dims.ny);
         sides.into_iter().any(|(low, high)| low.is_finite() || high.is_finite())
     };
-    let outputs: Vec<usize> =
-        (0..if bounds.is_some() { dims.ny } else { 0 }).filter(limited).collect();
-    let rows = (0..stages).flat_map(|j| outputs.iter().map(move |&o| (j, o)));
-    let rows: Vec<(usize, usize)> = rows.collect();
+    let feedthrough = controller.library_model()?.feedthrough();
+    let outputs = (0..if bounds.is_some() { dims.ny } else { 0 }).filter(limited);
+    let (through, ends): (Vec<_>, Vec<_>) = outputs.partition(|&o| feedthrough[o]);
+    let blocks = [(&ends, 0), (&through, 0), (&through, 1)];
+    let here = || blocks.into_iter().flat_map(|(of, start)| of.iter().map(move |&o| (o, start)));
+    let rows = (0..stages).flat_map(|j| here().map(move |(o, start)| (j, o, start)));
+    let rows: Vec<(usize, usize, usize)> = rows.collect();
     t.set("OUTPUT_ROWS", rows.len())
-        .set("OUTPUT_WIDTH", outputs.len())
-        .set("ALL_OUTPUT_ROWS", low.len());
+        .set("OUTPUT_WIDTH", here().count())
+        .set("OUTPUT_STARTS", u8::from(!through.is_empty()))
+        .set("ALL_OUTPUT_ROWS", low.len() + stages * through.len());
     let pick = |of: &dyn Fn(usize, usize) -> f64| -> Vec<f64> {
-        rows.iter().map(|&(j, o)| of(j, o)).collect()
+        rows.iter().map(|&(j, o, _)| of(j, o)).collect()
     };
     let soft = |o: usize| penalty(&problem.output_softness, o) * units.outputs[o] / units.cost;
-    let mut text = String::from("/* Rows of bounded outputs: stage, output, and penalty. */\n");
-    let stage_of = |row: &(usize, usize)| row.0 + problem.n1 - 1;
-    text += &places("output_stage", &rows.iter().map(stage_of).collect::<Vec<_>>());
+    let mut text = String::from(
+        "/* Rows of bounded outputs: the interval, whose input they are taken with; of the predicted \
+         states the one at that end of it (at the measured state any, for it does not move); \
+         penalty. */\n",
+    );
+    let interval = |row: &(usize, usize, usize)| row.0 + problem.n1 - 1;
+    let state = |row: &(usize, usize, usize)| interval(row).saturating_sub(row.2);
+    text += &places("output_interval", &rows.iter().map(interval).collect::<Vec<_>>());
+    text += &places("output_state", &rows.iter().map(state).collect::<Vec<_>>());
     if !rows.is_empty() {
+        text += "/* Whether they are at the start of it; output. */\n";
+        text += &places("output_start", &rows.iter().map(|row| row.2).collect::<Vec<_>>());
         text += &places("output_number", &rows.iter().map(|row| row.1).collect::<Vec<_>>());
         text += "/* Bounds in the plant's units; the units of the rows. */\n";
         text += &array("output_low", &pick(&|j, o| low[j * dims.ny + o]));
         text += &array("output_high", &pick(&|j, o| high[j * dims.ny + o]));
         text += &array("output_unit", &pick(&|_, o| units.outputs[o]));
     }
-    text + &array("output_penalty", &pick(&|_, o| soft(o)))
+    Ok(text + &array("output_penalty", &pick(&|_, o| soft(o))))
 }
 
 /// 2 Q in terms of all states, or of what is tracked if outputs are; 2 R, and 2 W or nothing; in

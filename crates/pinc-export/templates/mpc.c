@@ -47,8 +47,9 @@
 #define PINC_LARGEST_W PINC_N(@LARGEST_W@)
 /* Rows of bounded outputs, as the mean of all multipliers counts them. */
 #define PINC_ALL_OUTPUT_ROWS @ALL_OUTPUT_ROWS@
-/* How many of them a stage has. */
+/* How many of them an interval has, and whether some are at its start. */
 #define PINC_OUTPUT_WIDTH @OUTPUT_WIDTH@
+#define PINC_OUTPUT_STARTS @OUTPUT_STARTS@
 /* The units of the optimization, in those of the plant. */
 #define PINC_HAS_UNITS @HAS_UNITS@
 #if PINC_HAS_UNITS

@@ -42,7 +42,7 @@ static void pinc_condense_gradient(pinc_dense *s, const pinc_qp *qp)
         pinc_adjoint(qp, j, s->adjoint[last], s->offset + (j * PINC_NX), now);
 #if PINC_TRACKS_OUTPUTS
         pinc_add_product(PINC_S(qp, j), s->offset + (j * PINC_NX),
-                         s->gradient + (pinc_acting(j + 1) * PINC_NU), PINC_NU, PINC_NX);
+                         s->gradient + (pinc_acting(j) * PINC_NU), PINC_NU, PINC_NX);
 #endif
         pinc_add_transposed(PINC_B(qp, j), now, s->gradient + (pinc_acting(j) * PINC_NU), PINC_NX,
                             PINC_NU);
@@ -78,11 +78,11 @@ static void pinc_condense_hessian(pinc_dense *s, const pinc_qp *qp, int input, i
         pinc_fill(now, PINC_N(0), PINC_NX);
         pinc_adjoint(qp, j, s->adjoint[last], s->response + (j * PINC_NX), now);
 #if PINC_TRACKS_OUTPUTS
-        if (pinc_acting(j + 1) == input) {
+        if (pinc_acting(j) == input) {
             pinc_add_scaled(now, PINC_N(1), PINC_S(qp, j) + (k * PINC_NX), PINC_NX);
         }
         pinc_add_product(PINC_S(qp, j), s->response + (j * PINC_NX),
-                         column + (pinc_acting(j + 1) * PINC_NU), PINC_NU, PINC_NX);
+                         column + (pinc_acting(j) * PINC_NU), PINC_NU, PINC_NX);
 #else
         (void)k;
 #endif
@@ -145,7 +145,7 @@ static void pinc_condense_limits(pinc_mpc *m, const pinc_qp *qp)
     }
     for (i = 0; i < PINC_OUTPUT_ROWS; i++) {
         const int row = PINC_INPUTS + PINC_STATE_ROWS + PINC_INCREMENT_ROWS + i;
-        const PINC_REAL *state = s->offset + (pinc_output_stage[i] * PINC_NX);
+        const PINC_REAL *state = s->offset + (pinc_output_state[i] * PINC_NX);
         const PINC_REAL at = pinc_dot(qp->output_x + (i * PINC_NX), state, PINC_NX);
         s->low[row] = qp->output_low[i] - at;
         s->high[row] = qp->output_high[i] - at;
@@ -159,8 +159,8 @@ static void pinc_condense_outputs(const pinc_dense *s, const pinc_qp *qp, int v,
     const int input = v / PINC_NU;
     int i;
     for (i = 0; i < PINC_OUTPUT_ROWS; i++) {
-        const int j = pinc_output_stage[i];
-        column[i] = (pinc_acting(j + 1) == input)
+        const int j = pinc_output_state[i];
+        column[i] = (pinc_acting(pinc_output_interval[i]) == input)
                         ? qp->output_u[(i * PINC_NU) + (v % PINC_NU)]
                         : PINC_N(0);
         if (j >= input) {
@@ -268,11 +268,11 @@ static void pinc_expand(pinc_mpc *m, const pinc_qp *qp)
         pinc_add_scaled(lambda, PINC_N(1), m->step.bounds + (j * PINC_NX), PINC_NX);
         pinc_add_product(PINC_Q(qp, j), m->d + (j * PINC_NX), lambda, PINC_NX, PINC_NX);
 #if PINC_TRACKS_OUTPUTS
-        pinc_add_transposed(PINC_S(qp, j), inputs + (pinc_acting(j + 1) * PINC_NU), lambda, PINC_NU,
+        pinc_add_transposed(PINC_S(qp, j), inputs + (pinc_acting(j) * PINC_NU), lambda, PINC_NU,
                             PINC_NX);
 #endif
         for (i = 0; i < PINC_OUTPUT_ROWS; i++) {
-            if (pinc_output_stage[i] == j) {
+            if (pinc_output_state[i] == j) {
                 pinc_add_scaled(lambda, m->step.outputs[i], qp->output_x + (i * PINC_NX), PINC_NX);
             }
         }

@@ -29,39 +29,49 @@ static void pinc_seen_outputs(const pinc_mpc *m, const PINC_REAL *x, const PINC_
 }
 
 #if PINC_OUTPUT_ROWS > 0
-/* What is left of the bounds on outputs at stage j, and their rows. */
-static void pinc_limit_outputs(pinc_qp *qp, int j, const PINC_REAL *y, const PINC_REAL *c,
-                               const PINC_REAL *d)
+/* What is left of the bounds on outputs at the end of interval j, or at its start, and their
+   rows. The measured state does not move, and no input brings an output there into its bounds that
+   does not depend on it. */
+static void pinc_limit_outputs(pinc_qp *qp, int j, int start, const PINC_REAL *y,
+                               const PINC_REAL *c, const PINC_REAL *d)
 {
+    const int measured = ((start != 0) && (j == 0)) ? 1 : 0;
     int i;
     int k;
     for (i = 0; i < PINC_OUTPUT_ROWS; i++) {
         const int o = pinc_output_number[i];
         const PINC_REAL unit = pinc_output_unit[i];
-        if (pinc_output_stage[i] != j) {
+        PINC_REAL reach = PINC_N(0);
+        if ((pinc_output_interval[i] != j) || (pinc_output_start[i] != start)) {
             continue;
         }
         qp->output_low[i] = (pinc_output_low[i] - y[o]) / unit;
         qp->output_high[i] = (pinc_output_high[i] - y[o]) / unit;
         for (k = 0; k < PINC_NX; k++) {
-            qp->output_x[(i * PINC_NX) + k] = c[(o * PINC_NX) + k] / unit;
+            const PINC_REAL slope = c[(o * PINC_NX) + k] / unit;
+            qp->output_x[(i * PINC_NX) + k] = (measured != 0) ? PINC_N(0) : slope;
         }
         for (k = 0; k < PINC_NU; k++) {
             qp->output_u[(i * PINC_NU) + k] = d[(o * PINC_NU) + k] / unit;
+            reach = pinc_max(reach, pinc_abs(d[(o * PINC_NU) + k]));
+        }
+        if ((measured != 0) && (reach <= PINC_N(0))) {
+            qp->output_low[i] = pinc_min(qp->output_low[i], PINC_N(0));
+            qp->output_high[i] = pinc_max(qp->output_high[i], PINC_N(0));
         }
     }
 }
 #endif
 
 #if PINC_TRACKS_OUTPUTS
-/* Tracking at stage j, after Gauss and Newton: with the Jacobian (C D) of what is tracked, adds
+/* Tracking at the end of interval j, after Gauss and Newton: with the Jacobian (C D) of what is tracked, adds
    (C D)'Q(C D) to the Hessian and (C D)'Q e to the gradient. Gives its part of the cost, twice. */
 static PINC_REAL pinc_track_outputs(const PINC_REAL *x, const PINC_REAL *reference, int j,
                                     const PINC_REAL *y, const PINC_REAL *c, const PINC_REAL *d,
                                     pinc_qp *qp)
 {
     const PINC_REAL *weight = pinc_q + (j * PINC_NY * PINC_NY);
-    const int acting = pinc_acting(j + 1);
+    const int acting = pinc_acting(j);
     PINC_REAL row[PINC_NY][PINC_NX + PINC_NU];
     PINC_REAL weighted[PINC_NX + PINC_NU];
     PINC_REAL error[PINC_NY];
@@ -106,7 +116,7 @@ static PINC_REAL pinc_track_outputs(const PINC_REAL *x, const PINC_REAL *referen
 }
 #endif
 
-/* All of this along a plan; gives the part of the cost, twice. */
+/* All of this along a plan, with the input of each interval; gives the part of the cost, twice. */
 static PINC_REAL pinc_follow_outputs(const pinc_mpc *m, const PINC_REAL *z,
                                      const PINC_REAL *reference, pinc_qp *qp)
 {
@@ -121,16 +131,20 @@ static PINC_REAL pinc_follow_outputs(const pinc_mpc *m, const PINC_REAL *z,
 #endif
     for (j = 0; j < PINC_N2; j++) {
         const PINC_REAL *x = z + (j * PINC_NX);
-        const PINC_REAL *u = z + (PINC_STATES + (pinc_acting(j + 1) * PINC_NU));
+        const PINC_REAL *u = z + (PINC_STATES + (pinc_acting(j) * PINC_NU));
         PINC_REAL y[PINC_NO];
         PINC_REAL c[PINC_NO * PINC_NX];
         PINC_REAL d[PINC_NO * PINC_NU];
         pinc_seen_outputs(m, x, u, y, c, d);
 #if PINC_OUTPUT_ROWS > 0
-        pinc_limit_outputs(qp, j, y, c, d);
+        pinc_limit_outputs(qp, j, 0, y, c, d);
 #endif
 #if PINC_TRACKS_OUTPUTS
         twice += pinc_track_outputs(x, reference + (j * PINC_NY), j, y, c, d, qp);
+#endif
+#if PINC_OUTPUT_STARTS
+        pinc_seen_outputs(m, (j == 0) ? m->start : (x - PINC_NX), u, y, c, d);
+        pinc_limit_outputs(qp, j, 1, y, c, d);
 #endif
     }
     return twice;

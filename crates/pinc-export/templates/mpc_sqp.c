@@ -237,9 +237,9 @@ static void pinc_lagrangian(const pinc_qp *qp, const pinc_multipliers *at, PINC_
                             PINC_NU);
     }
     for (v = 0; v < PINC_OUTPUT_ROWS; v++) {
-        pinc_add_scaled(gradient + (pinc_output_stage[v] * PINC_NX), at->outputs[v],
+        pinc_add_scaled(gradient + (pinc_output_state[v] * PINC_NX), at->outputs[v],
                         qp->output_x + (v * PINC_NX), PINC_NX);
-        pinc_add_scaled(inputs + (pinc_acting(pinc_output_stage[v] + 1) * PINC_NU), at->outputs[v],
+        pinc_add_scaled(inputs + (pinc_acting(pinc_output_interval[v]) * PINC_NU), at->outputs[v],
                         qp->output_u + (v * PINC_NU), PINC_NU);
     }
     for (v = 0; v < PINC_INPUTS; v++) {
@@ -351,10 +351,11 @@ static PINC_REAL pinc_slope(const pinc_mpc *m, const pinc_qp *qp)
     }
     for (v = 0; v < PINC_OUTPUT_ROWS; v++) {
         if (m->output_penalty[v] < PINC_INFINITY) {
-            const int j = pinc_output_stage[v];
-            const PINC_REAL *u = m->d + (PINC_STATES + (pinc_acting(j + 1) * PINC_NU));
+            const int input = pinc_acting(pinc_output_interval[v]);
+            const PINC_REAL *u = m->d + (PINC_STATES + (input * PINC_NU));
+            const PINC_REAL *x = m->d + (pinc_output_state[v] * PINC_NX);
             const PINC_REAL at =
-                pinc_dot(qp->output_x + (v * PINC_NX), m->d + (j * PINC_NX), PINC_NX) +
+                pinc_dot(qp->output_x + (v * PINC_NX), x, PINC_NX) +
                 pinc_dot(qp->output_u + (v * PINC_NU), u, PINC_NU);
             const PINC_REAL off = pinc_max(qp->output_low[v] - at, at - qp->output_high[v]);
             left += m->output_penalty[v] * pinc_max(off, PINC_N(0));

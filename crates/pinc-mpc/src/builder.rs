@@ -76,7 +76,7 @@ impl NmpcBuilder {
         }
         config.validate()?;
         let horizon = Horizon::new(models, problem.horizon)?;
-        let sqp = Sqp::new(&problem, config, horizon.dims(), stage_cost)?;
+        let sqp = Sqp::new(&problem, config, &horizon, stage_cost)?;
         Ok(Nmpc::of(problem, horizon, config, sqp))
     }
 }

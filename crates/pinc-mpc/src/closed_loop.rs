@@ -4,7 +4,7 @@ use crate::error::check_finite;
 use crate::loop_errors::LoopErrors;
 use crate::observer::Watch;
 use crate::reference::steps_until;
-use crate::violation::{Violation, Violations};
+use crate::violation::{Bounded, Violation, Violations};
 use crate::{
     Constraint, MpcError, Nmpc, Observer, PlantNow, Reference, SqpStatus, StepWork, Tracked,
 };
@@ -50,6 +50,8 @@ pub struct ClosedLoop<'a> {
     x: Vec<f64>,
     /// The input that the controller has chosen, and before it those under way: the first acts now.
     inputs: Vec<f64>,
+    /// The input that acted in the last step, and before `last_step` began.
+    acted: [Vec<f64>; 2],
     window: Vec<f64>,
     /// At the ends of the stages, how many steps after the next mark the reference is looked up.
     ahead: Vec<usize>,
@@ -70,6 +72,8 @@ pub struct ClosedLoop<'a> {
     last: usize,
     errors: LoopErrors,
     violations: Violations,
+    /// Which outputs may depend on the input.
+    feedthrough: Vec<bool>,
 }
 
 /// What is remembered of the controller's part of a step.
@@ -127,6 +131,7 @@ impl<'a> ClosedLoop<'a> {
         Ok(Self {
             x: x.to_vec(),
             inputs: vec![0.0; (nmpc.problem().delay + 1) * dims.nu],
+            acted: [vec![0.0; dims.nu], vec![0.0; dims.nu]],
             window: vec![0.0; nmpc.problem().horizon * outputs],
             ahead: steps_ahead(nmpc.stage_times_s()),
             preview: true,
@@ -139,6 +144,7 @@ impl<'a> ClosedLoop<'a> {
             last: 0,
             errors: LoopErrors::new(outputs),
             violations: Violations::new(nmpc.problem(), dims),
+            feedthrough: nmpc.model().feedthrough(),
             nmpc,
             plant,
             reference,
@@ -155,6 +161,7 @@ impl<'a> ClosedLoop<'a> {
         self.nmpc.reset_input(u)?;
         self.chosen = false;
         self.inputs.chunks_exact_mut(u.len()).for_each(|input| input.copy_from_slice(u));
+        self.acted[0].copy_from_slice(u);
         Ok(self)
     }
 
@@ -198,7 +205,7 @@ impl<'a> ClosedLoop<'a> {
     fn observe(&mut self) -> Result<(), MpcError> {
         let Some(watch) = &mut self.watch else { return Ok(()) };
         let mut y = vec![0.0; self.plant.dims().ny];
-        self.plant.output(&self.x, &self.inputs[..self.nmpc.model().dims().nu], &mut y);
+        self.plant.output(&self.x, &self.acted[0], &mut y);
         watch.observe(PlantNow { step: self.done, x: &self.x, y: &y });
         self.nmpc.set_parameters(&watch.parameters)
     }
@@ -298,15 +305,22 @@ impl<'a> ClosedLoop<'a> {
         self.reference.at(k)
     }
 
-    /// The outputs of the plant at sample `i` of [`ClosedLoop::last_step`], `ny`.
+    /// The outputs of the plant at sample `i` of [`ClosedLoop::last_step`], `ny`. At sample 0, where
+    /// the input changes, they are the readings just before the change, under the input of the step
+    /// before.
     ///
     /// # Panics
     ///
     /// If there is no sample `i`.
     #[must_use]
     pub fn outputs_at(&self, i: usize) -> Vec<f64> {
+        self.outputs_with(i, if i == 0 { &self.acted[1] } else { self.last_step.input(i) })
+    }
+
+    /// The outputs of the plant in the state of sample `i` under the input `u`.
+    fn outputs_with(&self, i: usize, u: &[f64]) -> Vec<f64> {
         let mut y = vec![0.0; self.plant.dims().ny];
-        self.plant.output(self.last_step.state(i), self.last_step.input(i), &mut y);
+        self.plant.output(self.last_step.state(i), u, &mut y);
         y
     }
 
@@ -342,8 +356,8 @@ impl<'a> ClosedLoop<'a> {
         sum
     }
 
-    /// What is tracked at the end of the last step, as far as its input is known; in
-    /// [`ClosedLoop::errors`] it is as of the beginning of the next step.
+    /// What is tracked at the end of the last step; [`ClosedLoop::errors`] has it as of the beginning
+    /// of the next step.
     pub(crate) fn tracked_at_end(&self) -> Option<Vec<f64>> {
         let is_open = self.done > 0 && !self.broken;
         is_open.then(|| self.tracked_at(self.last_step.len() - 1))
@@ -372,7 +386,9 @@ impl<'a> ClosedLoop<'a> {
     }
 
     /// The most by which a bounded state, input or output was outside its bounds on the dense
-    /// trace, the initial point apart, which is given: the largest number, whatever its unit.
+    /// trace, the initial point apart, which is given: the largest number, whatever its unit. Outputs
+    /// with feedthrough are looked at just before and just after each change of the input, from the
+    /// first input on.
     #[must_use]
     pub fn max_violation(&self) -> f64 {
         self.violations().map(|violation| violation.amount).fold(0.0, f64::max)
@@ -384,12 +400,31 @@ impl<'a> ClosedLoop<'a> {
         self.violations.broken()
     }
 
+    /// Looks at the outputs that the input `u` has changed at once.
+    fn watch_start(&mut self, u: &[f64]) {
+        if self.nmpc.problem().output_bounds.is_some() {
+            let y = self.outputs_with(0, u);
+            let Self { violations, feedthrough, last_step, .. } = self;
+            violations.look(last_step.times()[0], true, |of| match of {
+                Bounded::Output(i) if feedthrough[i] => Some(y[i]),
+                Bounded::State(_) | Bounded::Input(_) | Bounded::Output(_) => None,
+            });
+        }
+    }
+
     /// Looks whether the last point of the trace, the end of the step or not, is within all bounds.
     fn watch_bounds(&mut self, u: &[f64], at_end: bool) {
         let last = self.last_step.len() - 1;
         let bounded = self.nmpc.problem().output_bounds.is_some();
         let y = if bounded { self.outputs_at(last) } else { Vec::new() };
-        self.violations.look((&self.x, u, &y), self.last_step.times()[last], at_end);
+        let Self { violations, last_step, x, .. } = self;
+        violations.look(last_step.times()[last], at_end, |of| {
+            Some(match of {
+                Bounded::State(i) => x[i],
+                Bounded::Input(i) => u[i],
+                Bounded::Output(i) => y[i],
+            })
+        });
     }
 }
 
@@ -452,7 +487,11 @@ impl ClosedLoop<'_> {
         let time = |part: usize| (done as f64 + part as f64 / POINTS as f64) * sample_time_s;
         self.last_step.clear();
         self.last = done;
+        let [acted, before] = &mut self.acted;
+        before.copy_from_slice(acted);
+        acted.copy_from_slice(u);
         self.last_step.push(time(0), &self.x, u);
+        self.watch_start(u);
         let (reference, tracked) = (self.reference_at(0).to_vec(), self.tracked_at(0));
         match done {
             0 => self.errors.push_start(&reference, &tracked),
@@ -468,7 +507,7 @@ impl ClosedLoop<'_> {
             }
             self.last_step.push(time(part), &self.x, u);
             self.watch_bounds(u, part == POINTS);
-            // That of the last part is known with the next input, on which an output may depend.
+            // The end of the last part is a mark, which the next step adds.
             if part < POINTS {
                 let tracked = self.tracked_at(part);
                 self.errors.push_between(self.reference.at(done), &tracked);

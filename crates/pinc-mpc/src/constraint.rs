@@ -1,5 +1,6 @@
 //! The names of constraints.
 
+use crate::outputs::{IntervalEnd, OutputRows};
 use pinc_qp::OcpDims;
 use pinc_qp::{Kind, Row};
 use std::fmt;
@@ -44,6 +45,9 @@ pub enum Constraint {
         index: usize,
         /// Which of its bounds.
         side: Side,
+        /// Which input it is taken with, if it may depend on the input: u\[k+j\] at the start of an
+        /// interval, u\[k+j-1\] at its end.
+        end: Option<IntervalEnd>,
     },
     /// A row of h.
     Inequality {
@@ -71,7 +75,7 @@ pub enum Side {
 }
 
 impl Constraint {
-    pub(crate) fn new(dims: OcpDims, row: Row) -> Self {
+    pub(crate) fn new(dims: OcpDims, outputs: &OutputRows, row: Row) -> Self {
         let side = if row.upper { Side::High } else { Side::Low };
         let all_states = dims.all_states();
         match row.kind {
@@ -90,15 +94,25 @@ impl Constraint {
             Kind::Row => {
                 let step = dims.n1 + row.index / dims.rows();
                 let index = row.index % dims.rows();
-                match index.checked_sub(dims.inequalities) {
-                    None => Self::Inequality { step, index },
-                    Some(index) => match index.checked_sub(dims.equalities) {
-                        None => Self::Equality { step, index },
-                        Some(index) => Self::Output { step, index, side },
+                match index.checked_sub(dims.general()) {
+                    Some(place) => Self::output(outputs, step, place, side),
+                    None => match index.checked_sub(dims.inequalities) {
+                        None => Self::Inequality { step, index },
+                        Some(index) => Self::Equality { step, index },
                     },
                 }
             }
         }
+    }
+
+    /// The bound in row `place` of those of outputs at a stage.
+    fn output(outputs: &OutputRows, stage: usize, place: usize, side: Side) -> Self {
+        let (index, end) = outputs.iter().nth(place).expect("a row of an output");
+        let step = match end {
+            Some(IntervalEnd::Start) => stage - 1,
+            Some(IntervalEnd::End) | None => stage,
+        };
+        Self::Output { step, index, side, end }
     }
 }
 
@@ -115,7 +129,14 @@ impl fmt::Display for Constraint {
             Self::Increment { step, index, side } => {
                 write!(f, "{} du[k+{step}][{index}]", bound(side))
             }
-            Self::Output { step, index, side } => write!(f, "{} y[k+{step}][{index}]", bound(side)),
+            Self::Output { step, index, side, end } => {
+                let input = match end {
+                    None => return write!(f, "{} y[k+{step}][{index}]", bound(side)),
+                    Some(IntervalEnd::Start) => *step,
+                    Some(IntervalEnd::End) => step - 1,
+                };
+                write!(f, "{} y(x[k+{step}], u[k+{input}])[{index}]", bound(side))
+            }
             Self::Inequality { step, index } => write!(f, "h[{index}] <= 0 at k+{step}"),
             Self::Equality { step, index } => write!(f, "g[{index}] = 0 at k+{step}"),
         }

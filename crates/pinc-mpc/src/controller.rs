@@ -142,7 +142,7 @@ impl Nmpc {
 
     /// The controller of these parts, which fit together.
     pub(crate) fn of(problem: NmpcProblem, horizon: Horizon, config: SqpConfig, sqp: Sqp) -> Self {
-        let dims = problem.ocp_dims(horizon.dims());
+        let dims = sqp.dims();
         let plan = Solution::new(dims);
         Self {
             parameters: problem.parameters.clone(),

@@ -176,6 +176,7 @@ fn append(to: &mut Vec<f64>, matrix: &Weight, factor: f64) {
 mod tests {
     use super::*;
     use crate::Weights;
+    use crate::outputs::OutputRows;
     use pinc_ad::check_gradient;
     use pinc_ode::Dims;
 
@@ -220,7 +221,7 @@ mod tests {
             &[1.5, 1.0, 0.5],
         );
         let problem = NmpcProblem { control_horizon: 3, weights, ..problem() };
-        let cost = Cost::new(&problem, problem.ocp_dims(Dims::new(3, 2)));
+        let cost = Cost::new(&problem, problem.ocp_dims(Dims::new(3, 2), &OutputRows::default()));
         let targets = Targets { reference: &[0.0; 6], previous: &[0.5, -1.0] };
         let z = [[0.0; 9].as_slice(), &[1.5, 0.0, 1.0, 2.0, 4.0, -1.0]].concat();
         // The increments are (1, 1), (-0.5, 2) and (3, -3).
@@ -235,7 +236,7 @@ mod tests {
     #[test]
     fn the_tracking_weight_is_that_of_its_stage() {
         let problem = problem();
-        let cost = Cost::new(&problem, problem.ocp_dims(Dims::new(3, 2)));
+        let cost = Cost::new(&problem, problem.ocp_dims(Dims::new(3, 2), &OutputRows::default()));
         // Before N1, then twice Q, then the terminal weight.
         assert_eq!(cost.tracking_weight(1).to_vec(), vec![0.0; 4]);
         assert_eq!(cost.tracking_weight(2).to_vec(), vec![6.0, 0.4, 0.4, 1.0]);
@@ -245,7 +246,7 @@ mod tests {
     #[test]
     fn the_derivatives_are_those_of_the_definition() {
         let problem = problem();
-        let dims = problem.ocp_dims(Dims::new(3, 2));
+        let dims = problem.ocp_dims(Dims::new(3, 2), &OutputRows::default());
         let cost = Cost::new(&problem, dims);
         let targets =
             Targets { reference: &[0.3, -0.2, 0.1, 0.7, -0.4, 0.9], previous: &[0.6, -1.1] };

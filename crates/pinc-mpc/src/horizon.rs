@@ -17,6 +17,8 @@ const SMALL: usize = 8;
 pub(crate) struct Horizon {
     blocks: Vec<Block>,
     dims: Dims,
+    /// Which outputs may depend on the input, `ny`.
+    feedthrough: Vec<bool>,
     /// Seconds from the measured state to `x_0` .. `x_N`.
     times: Vec<f64>,
     uniform: bool,
@@ -56,12 +58,19 @@ impl Horizon {
         }
         let length = |block: &Block| block.model.sample_time_s().to_bits();
         let uniform = blocks.iter().all(|block| length(block) == length(&blocks[0]));
-        Ok(Self { blocks, dims, times, uniform })
+        let each: Vec<_> = blocks.iter().map(|block| block.model.feedthrough()).collect();
+        let feedthrough = (0..dims.ny).map(|output| each.iter().any(|of| of[output])).collect();
+        Ok(Self { blocks, dims, feedthrough, times, uniform })
     }
 
     /// The sizes of all models.
     pub(crate) fn dims(&self) -> Dims {
         self.dims
+    }
+
+    /// Which outputs may depend on the input, `ny`.
+    pub(crate) fn feedthrough(&self) -> &[bool] {
+        &self.feedthrough
     }
 
     /// Whether all stages are of the same model.

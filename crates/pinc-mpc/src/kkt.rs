@@ -126,6 +126,7 @@ mod tests {
             inequalities: 0,
             equalities: 0,
             outputs: 0,
+            feedthrough: 0,
         };
         Qp::new(dims, vec![0.0], vec![0.0])
     }

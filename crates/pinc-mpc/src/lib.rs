@@ -83,6 +83,7 @@ pub use error::MpcError;
 pub use kkt::KktResidual;
 pub use loop_record::LoopRecord;
 pub use observer::{Observer, PlantNow};
+pub use outputs::IntervalEnd;
 pub use pinc_qp::{QpError, QpMethod};
 pub use problem::NmpcProblem;
 pub use reference::Reference;

@@ -2,7 +2,7 @@
 
 use pinc_qp::Multipliers;
 use pinc_qp::OcpDims;
-use pinc_qp::{Kind, Limits, Qp, QpStep};
+use pinc_qp::{Kind, Limits, Qp, QpStep, RowBlock};
 
 /// The exact L1 merit function
 ///
@@ -91,12 +91,11 @@ pub(crate) fn limits_after<'a>(
     let dims = qp.dims;
     let left = |value: f64, [low, high, penalty]: [f64; 3]| [low - value, high - value, penalty];
     let bounds = qp.bounds.iter().zip(d).enumerate();
-    let stages = dims.constrained().filter(move |_| dims.rows() > 0);
-    let values = stages.flat_map(move |j| {
-        let (dx, du) = (&d[dims.next_state(j - 1)], &d[dims.input(dims.acting(j))]);
-        let by_x = qp.rows_x(j).chunks_exact(dims.nx);
-        let by_u = qp.rows_u(j).chunks_exact(dims.nu);
-        by_x.zip(by_u).map(move |(by_x, by_u)| dot(by_x, dx) + dot(by_u, du))
+    let values = dims.all_row_blocks().flat_map(move |RowBlock { rows, state, input }| {
+        let (dx, du) = (dims.state(state).map(|state| &d[state]), &d[dims.input(input)]);
+        let [by_x, by_u] = qp.row_jacobians(rows);
+        let jacobians = by_x.chunks_exact(dims.nx).zip(by_u.chunks_exact(dims.nu));
+        jacobians.map(move |(by_x, by_u)| dx.map_or(0.0, |dx| dot(by_x, dx)) + dot(by_u, du))
     });
     let rows = qp.rows.iter().zip(values).enumerate();
     let bounds = bounds.map(move |(index, (limits, &d))| (Kind::Bound, index, left(d, limits)));
@@ -124,6 +123,7 @@ mod tests {
             inequalities: 2,
             equalities: 0,
             outputs: 0,
+            feedthrough: 0,
         };
         let mut qp = Qp::new(dims, vec![2.0, 3.0], vec![1.0, 0.5]);
         (qp.a, qp.b, qp.c) = (vec![0.9, 1.2], vec![0.5, 0.8], vec![0.3, -0.4]);

@@ -2,6 +2,7 @@
 
 use crate::cost::Cost;
 use crate::error::{check_finite, check_numbers, check_range};
+use crate::outputs::OutputRows;
 use crate::units::{ProblemUnits, Units};
 use crate::{Bounds, Constraints, MpcError, Softness, Tracked, Weights};
 use pinc_ode::Dims;
@@ -20,11 +21,13 @@ const LONGEST: usize = 10_000;
 ///      u[k+j]   = u[k-1] + du[k] + .. + du[k+j]        j = 0..Nu-1
 ///      u[k+j]   = u[k+Nu-1]                            j = Nu..N2
 ///      h(x[k+j], u[k+j]) <= 0,  g(x[k+j], u[k+j]) = 0  j = N1..N2
-///      outputs of the model within their bounds        j = N1..N2
+///      y(x[k+j], u[k+j-1]) and, with feedthrough, y(x[k+j-1], u[k+j-1])
+///                          of the model within bounds  j = N1..N2
 ///      x[k+1]..x[k+N2], u[k]..u[k+Nu-1] and du[k]..du[k+Nu-1] within their bounds
 /// ```
 ///
-/// y are the tracked states and outputs; Q and R may differ from stage to stage, and so may bounds.
+/// y are the tracked states and outputs, y\[k+j\] = y(x\[k+j\], u\[k+j-1\]): the readings just before
+/// the input changes (see [`Model::output`](pinc_ode::Model::output)). Q and R may differ from stage to stage, and so may bounds.
 /// The stage cost l is none unless [`NmpcBuilder::stage_cost`](crate::NmpcBuilder::stage_cost)
 /// gives one. The measured state x\[k\] is a fact and not bounded: it can sit a little outside.
 #[derive(Clone, Debug)]
@@ -49,7 +52,10 @@ pub struct NmpcProblem {
     /// Bounds on each input's change from one step to the next, `[m]` or `[Nu, m]`; they admit 0.
     /// The first input may always go as far as to its nearest bound.
     pub increment_bounds: Bounds,
-    /// Bounds on each output of the model, `[ny]` or `[N2 - N1 + 1, ny]`.
+    /// Bounds on each output of the model, `[ny]` or `[N2 - N1 + 1, ny]`. The bounds of stage j hold
+    /// at both ends of the interval that leads to x\[k+j\], with the input of that interval: from
+    /// y(x\[k\], u\[k\]) on if N1 = 1. An output without feedthrough at the start of an interval is
+    /// what it is at the end of the one before, so that only the ends matter.
     pub output_bounds: Option<Bounds>,
     /// How hard these are, per output.
     pub output_softness: Softness,
@@ -134,15 +140,17 @@ impl NmpcProblem {
     /// state or an input without bounds is 1 until it is seen to be large.)
     #[must_use]
     pub fn units(&self, dims: Dims) -> ProblemUnits {
-        let dims = self.ocp_dims(dims);
+        // One row of each output is enough.
+        let rows = OutputRows::new(self, dims, &vec![false; dims.ny]);
+        let dims = self.ocp_dims(dims, &rows);
         let cost = Cost::new(self, dims);
-        let mut units = Units::new(self, dims);
+        let mut units = Units::new(self, dims, &rows);
         units.choose_cost(&cost.state_hessians(), &cost.increment_hessians());
         units.of_problem()
     }
 
     /// The sizes of the problem with a model of dimensions `dims`.
-    pub(crate) fn ocp_dims(&self, dims: Dims) -> OcpDims {
+    pub(crate) fn ocp_dims(&self, dims: Dims, rows: &OutputRows) -> OcpDims {
         let (inequalities, equalities) =
             self.constraints.as_ref().map_or((0, 0), |c| (c.inequalities(), c.equalities()));
         OcpDims {
@@ -153,7 +161,8 @@ impl NmpcProblem {
             n1: self.n1,
             inequalities,
             equalities,
-            outputs: if self.output_bounds.is_some() { dims.ny } else { 0 },
+            outputs: rows.here(),
+            feedthrough: rows.through(),
         }
     }
 
@@ -165,6 +174,15 @@ impl NmpcProblem {
     /// Whether outputs of the model are tracked.
     pub(crate) fn tracks_outputs(&self) -> bool {
         self.tracked.iter().any(|tracked| matches!(tracked, Tracked::Output(_)))
+    }
+
+    /// Whether outputs are tracked that may depend on the input as `feedthrough` says.
+    pub(crate) fn tracks_feedthrough(&self, feedthrough: &[bool]) -> bool {
+        let through = |tracked: &Tracked| match *tracked {
+            Tracked::State(_) => false,
+            Tracked::Output(output) => feedthrough[output],
+        };
+        self.tracked.iter().any(through)
     }
 
     fn validate_tracked(&self, dims: Dims) -> Result<(), MpcError> {

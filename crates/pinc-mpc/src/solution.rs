@@ -6,10 +6,12 @@ use pinc_qp::{Multipliers, OcpDims, all_finite};
 ///
 /// ```text
 /// L = J + sum_{j=0..N2-1} lambda_j' (f(x_j, u_j) - x_{j+1}) + mu' z + sum_{i=0..Nu-1} nu_i' (u_i - u_{i-1})
-///       + sum_{j=N1..N2} eta_j' (h(x_j, u_j), g(x_j, u_j)),            z = (x_1, .., u_0, ..)
+///       + sum_{j=N1..N2} eta_j' (h(x_j, u_j), g(x_j, u_j), y_j),       z = (x_1, .., u_0, ..)
 /// ```
 ///
-/// in which `x_j` is `x[k+j]` and `u_j` is `u[k+min(j, Nu-1)]`. A positive multiplier belongs to an
+/// in which `x_j` is `x[k+j]`, `u_j` is `u[k+min(j, Nu-1)]`, and `y_j` are the bounded outputs: those
+/// without feedthrough, at `x_j`; those with it, at `(x_j, u_{j-1})`; and the latter again, at
+/// `(x_{j-1}, u_{j-1})`. A positive multiplier belongs to an
 /// upper bound, a negative one to a lower bound. Where a soft constraint is violated, its
 /// multiplier is the weight of the violation.
 #[derive(Clone, Debug, PartialEq)]
@@ -61,7 +63,8 @@ impl Solution {
         &self.multipliers.increments
     }
 
-    /// eta, `[N2 - N1 + 1, rows]`: at each stage those of h, then those of g.
+    /// eta, `[N2 - N1 + 1, rows]`: at each stage those of h, of g, and of the bounded outputs as in
+    /// L.
     #[must_use]
     pub fn constraint_multipliers(&self) -> &[f64] {
         &self.multipliers.rows
@@ -192,6 +195,7 @@ mod tests {
             inequalities: 1,
             equalities: 0,
             outputs: 0,
+            feedthrough: 0,
         };
         let mut from = Solution::new(dims);
         from.z = vec![1.0, 2.0, 10.0, 5.0, 6.0, 7.0];
@@ -222,6 +226,7 @@ mod tests {
             inequalities: 1,
             equalities: 0,
             outputs: 0,
+            feedthrough: 0,
         };
         assert!(Solution::new(dims).is_finite());
         let with = |change: fn(&mut Solution)| {
@@ -247,6 +252,7 @@ mod tests {
             inequalities: 1,
             equalities: 0,
             outputs: 0,
+            feedthrough: 0,
         };
         let mut solution = Solution::new(dims);
         solution.z = vec![1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0];

@@ -1,7 +1,7 @@
 //! The parts of the cost whose Hessian depends on the plan.
 
 use crate::cost::{Cost, Targets};
-use crate::outputs::Outputs;
+use crate::outputs::{OutputPoints, Outputs};
 use crate::stage_cost::{QuadBlock, StageCost, StagePoint};
 use crate::{NmpcProblem, Tracked};
 use pinc_qp::{OcpDims, Qp};
@@ -11,6 +11,9 @@ use pinc_qp::{OcpDims, Qp};
 /// ```text
 /// e = y(x, u) - yref,  e'Q e  ->  gradient 2 (C D)'Q e,  Hessian 2 (C D)'Q (C D)
 /// ```
+///
+/// Outputs are tracked with the input of the interval that leads to x, the stage cost is that of
+/// the input that acts there.
 #[derive(Debug)]
 pub(crate) struct StageTerms {
     dims: OcpDims,
@@ -53,7 +56,7 @@ impl StageTerms {
         })
     }
 
-    /// Writes Q, S and T, adds to the gradient, and gives the value.
+    /// Writes Q, S, E and T, adds to the gradient, and gives the value.
     #[inline(never)]
     pub(crate) fn add(
         &mut self,
@@ -65,29 +68,46 @@ impl StageTerms {
     ) -> f64 {
         qp.q.copy_from_slice(&self.q);
         qp.s.fill(0.0);
+        qp.s_before.fill(0.0);
         qp.t.fill(0.0);
         let mut value = 0.0;
         for stage in 0..=self.dims.horizon {
             let x = self.dims.state(stage).map_or(x0, |state| &z[state]);
-            let u = &z[self.dims.input(self.dims.acting(stage))];
-            self.block.clear();
             if let Some(own) = &mut self.cost {
+                let acting = self.dims.acting(stage);
+                let u = &z[self.dims.input(acting)];
+                self.block.clear();
                 own.quadratize(StagePoint { stage, x, u, p }, &mut self.block);
+                value += self.block.value;
+                self.add_block(stage, acting, qp);
+                self.add_cross(stage, &mut qp.s);
             }
             if let Some(outputs) = outputs
                 && stage >= self.dims.n1
                 && !self.tracked.is_empty()
             {
-                self.track(cost.tracking_weight(stage), outputs, stage, x, targets);
+                self.block.clear();
+                self.track(cost.tracking_weight(stage), outputs.ends(), stage, x, targets);
+                value += self.block.value;
+                self.add_block(stage, self.dims.acting(stage - 1), qp);
+                // Without feedthrough there are no products with inputs.
+                if !qp.s_before.is_empty() {
+                    self.add_cross(stage, &mut qp.s_before);
+                }
             }
-            value += self.block.value;
-            self.add_block(stage, qp);
         }
         value
     }
 
     /// Adds the tracking of a stage, weighted by 2 Q, to the block.
-    fn track(&mut self, q: &[f64], outputs: &Outputs, j: usize, x: &[f64], targets: Targets<'_>) {
+    fn track(
+        &mut self,
+        q: &[f64],
+        outputs: &OutputPoints,
+        j: usize,
+        x: &[f64],
+        targets: Targets<'_>,
+    ) {
         let OcpDims { nx, nu, .. } = self.dims;
         let (width, count) = (nx + nu, self.tracked.len());
         let reference = &targets.reference[(j - 1) * count..j * count];
@@ -146,20 +166,27 @@ impl StageTerms {
         }
     }
 
-    /// Adds the block of a stage to the program; the measured state does not move.
-    fn add_block(&self, stage: usize, qp: &mut Qp) {
+    /// Adds the block of a stage and an input, but for products of the two, to the program; the
+    /// measured state does not move.
+    fn add_block(&self, stage: usize, input: usize, qp: &mut Qp) {
         let (dims, block) = (self.dims, &self.block);
         let OcpDims { nx, nu, .. } = dims;
-        let acting = dims.acting(stage);
-        let add = |to: &mut [f64], from: &[f64]| {
-            to.iter_mut().zip(from).for_each(|(to, from)| *to += from);
-        };
-        add(&mut qp.gradient[dims.input(acting)], &block.by_u);
-        add(&mut qp.t[acting * nu * nu..], &block.r);
+        add(&mut qp.gradient[dims.input(input)], &block.by_u);
+        add(&mut qp.t[input * nu * nu..], &block.r);
         if let Some(state) = dims.state(stage) {
             add(&mut qp.gradient[state], &block.by_x);
             add(&mut qp.q[(stage - 1) * nx * nx..], &block.q);
-            add(&mut qp.s[(stage - 1) * nu * nx..], &block.s);
         }
     }
+
+    /// Adds the products of a stage's state and the input.
+    fn add_cross(&self, stage: usize, s: &mut [f64]) {
+        if let Some(before) = stage.checked_sub(1) {
+            add(&mut s[before * self.block.s.len()..], &self.block.s);
+        }
+    }
+}
+
+fn add(to: &mut [f64], from: &[f64]) {
+    to.iter_mut().zip(from).for_each(|(to, from)| *to += from);
 }

@@ -1,17 +1,18 @@
 //! From the control problem to quadratic programs: direct multiple shooting.
 
+use crate::constraint::Constraint;
 use crate::constraints::ConstraintWork;
 use crate::cost::{Cost, Targets};
 use crate::horizon::Horizon;
 use crate::linearization_cache::LinearizationCache;
-use crate::outputs::Outputs;
+use crate::outputs::{OutputRows, Outputs};
 use crate::solution::Solution;
 use crate::stage_cost::StageCost;
 use crate::stage_terms::StageTerms;
 use crate::units::Units;
 use crate::{Bounds, Constraints, NmpcProblem};
-use pinc_ode::Dims;
-use pinc_qp::{OcpDims, Qp, all_finite};
+use pinc_qp::{OcpDims, Qp, Row, all_finite};
+use std::ops::Range;
 
 /// The control problem in the unknowns z, and its linearization.
 #[derive(Debug)]
@@ -31,6 +32,7 @@ pub(crate) struct Transcription {
     work: ConstraintWork,
     cache: LinearizationCache,
     outputs: Option<Outputs>,
+    output_rows: OutputRows,
     pub(crate) units: Units,
     /// The program's constant numbers, in the plant's units.
     plain: Qp,
@@ -39,15 +41,17 @@ pub(crate) struct Transcription {
 impl Transcription {
     pub(crate) fn new(
         problem: &NmpcProblem,
-        model: Dims,
+        horizon: &Horizon,
         stage_cost: Option<Box<dyn StageCost>>,
     ) -> Self {
-        let dims = problem.ocp_dims(model);
+        let (model, feedthrough) = (horizon.dims(), horizon.feedthrough());
+        let output_rows = OutputRows::new(problem, model, feedthrough);
+        let dims = problem.ocp_dims(model, &output_rows);
         let states = problem.state_bounds.expand(dims.all_states());
         let inputs = problem.input_bounds.expand(dims.all_inputs());
         let increments = problem.increment_bounds.expand(dims.all_inputs());
         let cost = Cost::new(problem, dims);
-        let outputs = dims.outputs * dims.constrained().len();
+        let outputs = model.ny * dims.constrained().len();
         let output_bounds = problem.output_bounds.as_ref();
         let mut transcription = Self {
             dims,
@@ -59,21 +63,24 @@ impl Transcription {
             increments,
             output_bounds: output_bounds.map_or(Bounds::none(0), |b| b.expand(outputs)),
             constraints: problem.constraints.clone(),
-            work: ConstraintWork::new(model, dims.rows() - dims.outputs),
+            work: ConstraintWork::new(model, dims.general()),
             cache: LinearizationCache::new(dims, &problem.parameters),
             outputs: problem.uses_outputs().then(|| Outputs::new(dims, model)),
-            units: Units::new(problem, dims),
+            units: Units::new(problem, dims, &output_rows),
+            output_rows,
         };
-        transcription.set_constants(problem);
+        transcription.set_constants(problem, feedthrough);
         transcription
     }
 
     /// Writes the numbers that stay: Hessian and penalties, and limits that are finite where they
     /// are.
-    fn set_constants(&mut self, problem: &NmpcProblem) {
+    fn set_constants(&mut self, problem: &NmpcProblem, feedthrough: &[bool]) {
         let (dims, qp) = (self.dims, &mut self.plain);
         qp.w = self.cost.input_hessian();
-        if self.terms.is_some() {
+        if problem.tracks_feedthrough(feedthrough) {
+            *qp = qp.clone().with_end_cost();
+        } else if self.terms.is_some() {
             *qp = qp.clone().with_stage_cost();
         }
         qp.bounds.low.copy_from_slice(&self.bounds.low);
@@ -83,20 +90,17 @@ impl Transcription {
         }
         qp.increments.low.copy_from_slice(&self.increments.low);
         qp.increments.high.copy_from_slice(&self.increments.high);
-        let general = dims.inequalities + dims.equalities;
         for j in dims.constrained() {
-            for (i, row) in dims.stage_rows(j).enumerate() {
-                let softness = match i.checked_sub(general) {
-                    None => problem.constraint_softness.penalty(i),
-                    Some(output) => problem.output_softness.penalty(output),
-                };
-                qp.rows.penalty[row] = softness;
-                let output = i.checked_sub(general).map(|i| (j - dims.n1) * dims.outputs + i);
-                (qp.rows.low[row], qp.rows.high[row]) = match output {
-                    Some(at) => (self.output_bounds.low[at], self.output_bounds.high[at]),
-                    None if i < dims.inequalities => (f64::NEG_INFINITY, 0.0),
-                    None => (0.0, 0.0),
-                };
+            let (general, outputs) = split_rows(dims, j);
+            for (i, row) in general.enumerate() {
+                qp.rows.penalty[row] = problem.constraint_softness.penalty(i);
+                qp.rows.high[row] = 0.0;
+                qp.rows.low[row] = if i < dims.inequalities { f64::NEG_INFINITY } else { 0.0 };
+            }
+            for (row, (output, _)) in outputs.zip(self.output_rows.iter()) {
+                qp.rows.penalty[row] = problem.output_softness.penalty(output);
+                [qp.rows.low[row], qp.rows.high[row]] =
+                    output_limits(&self.output_bounds, dims, j, output);
             }
         }
         self.units.choose_cost(&self.plain.q, &self.plain.r);
@@ -182,7 +186,7 @@ impl Transcription {
         }
         self.linearize_constraints(z, qp);
         if let Some(outputs) = &mut self.outputs {
-            outputs.follow(horizon, self.dims, z, self.cache.parameters());
+            outputs.follow(horizon, self.dims, [x0, z], self.cache.parameters());
             self.limit_outputs(qp);
         }
         if !self.units.is_identity() {
@@ -221,8 +225,7 @@ impl Transcription {
         let dims = self.dims;
         let (n, m) = (dims.nx, dims.nu);
         for j in dims.constrained() {
-            let (rows, x) = (dims.stage_rows(j), dims.next_state(j - 1));
-            let rows = rows.start..rows.end - dims.outputs;
+            let ((rows, _), x) = (split_rows(dims, j), dims.next_state(j - 1));
             let u = dims.input(dims.acting(j));
             let by_x = &mut qp.rows_x[rows.start * n..rows.end * n];
             let by_u = &mut qp.rows_u[rows.start * m..rows.end * m];
@@ -240,16 +243,40 @@ impl Transcription {
         let (dims, Some(outputs)) = (self.dims, &self.outputs) else { return };
         let (n, m) = (dims.nx, dims.nu);
         for j in dims.constrained() {
-            let first = dims.stage_rows(j).end - dims.outputs;
-            for i in 0..dims.outputs {
-                let (row, at) = (first + i, (j - dims.n1) * dims.outputs + i);
-                let [c, d] = outputs.rows(j, i);
+            let (_, rows) = split_rows(dims, j);
+            for (row, (output, end)) in rows.zip(self.output_rows.iter()) {
+                let points = outputs.at(end);
+                let ([c, d], y) = (points.rows(j, output), points.y(j)[output]);
                 qp.rows_x[row * n..(row + 1) * n].copy_from_slice(c);
                 qp.rows_u[row * m..(row + 1) * m].copy_from_slice(d);
-                qp.rows.low[row] = self.output_bounds.low[at] - outputs.y(j)[i];
-                qp.rows.high[row] = self.output_bounds.high[at] - outputs.y(j)[i];
+                let limits = output_limits(&self.output_bounds, dims, j, output);
+                [qp.rows.low[row], qp.rows.high[row]] = limits.map(|limit| limit - y);
             }
         }
+        admit_given(qp);
+    }
+
+    /// Moves the measured state of a program that is linearized for a plant at `prepared` to `x0`.
+    pub(crate) fn move_measured(&self, [x0, prepared]: [&[f64]; 2], qp: &mut Qp) {
+        let (n, units) = (self.dims.nx, &self.units.x);
+        let moved = |row: &[f64]| -> f64 {
+            let moved = row.iter().zip(x0.iter().zip(prepared)).zip(units);
+            moved.map(|((a, (x, prepared)), unit)| a * ((x - prepared) / unit)).sum()
+        };
+        for (c, row) in qp.c.iter_mut().zip(qp.a.chunks_exact(n)).take(n) {
+            *c += moved(row);
+        }
+        for row in rows_at_measured(self.dims) {
+            let change = moved(&qp.rows_x[row * n..(row + 1) * n]);
+            qp.rows.low[row] -= change;
+            qp.rows.high[row] -= change;
+        }
+        admit_given(qp);
+    }
+
+    /// The constraint that a row of the program is.
+    pub(crate) fn name(&self, row: Row) -> Constraint {
+        Constraint::new(self.dims, &self.output_rows, row)
     }
 
     /// The limits of bounds and increments: what is left of them at z.
@@ -274,6 +301,35 @@ impl Transcription {
             let high = self.increments.high[v].max(reach(self.bounds.low[first + v]));
             qp.increments.low[v] = low - increment;
             qp.increments.high[v] = high - increment;
+        }
+    }
+}
+
+/// The rows of h and g at stage `j`, and those of outputs.
+fn split_rows(dims: OcpDims, j: usize) -> (Range<usize>, Range<usize>) {
+    let Range { start, end } = dims.stage_rows(j);
+    (start..start + dims.general(), start + dims.general()..end)
+}
+
+/// The bounds of an output at stage `j`.
+fn output_limits(bounds: &Bounds, dims: OcpDims, j: usize, output: usize) -> [f64; 2] {
+    let at = (j - dims.n1) * (dims.outputs + dims.feedthrough) + output;
+    [bounds.low[at], bounds.high[at]]
+}
+
+/// The rows of outputs at the measured state.
+fn rows_at_measured(dims: OcpDims) -> Range<usize> {
+    if dims.n1 == 1 { dims.rows_at_start(1).rows } else { 0..0 }
+}
+
+/// Where an output at the measured state does not change with the input after all, no input can
+/// bring it into its bounds: these admit its value.
+fn admit_given(qp: &mut Qp) {
+    let m = qp.dims.nu;
+    for row in rows_at_measured(qp.dims) {
+        if qp.rows_u[row * m..(row + 1) * m].iter().all(|d| d.abs() <= 0.0) {
+            qp.rows.low[row] = qp.rows.low[row].min(0.0);
+            qp.rows.high[row] = qp.rows.high[row].max(0.0);
         }
     }
 }

@@ -2,6 +2,7 @@
 
 use crate::constraints::ConstraintWork;
 use crate::cost::Targets;
+use crate::outputs::OutputRows;
 use crate::{NmpcProblem, Tracked};
 use pinc_ode::Dims;
 use pinc_qp::{Multipliers, OcpDims, Qp};
@@ -53,7 +54,7 @@ pub struct ProblemUnits {
 }
 
 impl Units {
-    pub(crate) fn new(problem: &NmpcProblem, dims: OcpDims) -> Self {
+    pub(crate) fn new(problem: &NmpcProblem, dims: OcpDims, outputs: &OutputRows) -> Self {
         let states = match &problem.state_sizes {
             Some(sizes) => sizes.clone(),
             None => problem.state_bounds.sizes(dims.nx),
@@ -66,7 +67,8 @@ impl Units {
         let (x, u) = (units(&states), units(&inputs));
         let mut rows = units(&row_sizes(problem, [&states, &inputs]));
         if let Some(bounds) = &problem.output_bounds {
-            rows.extend(units(&bounds.sizes(dims.outputs)));
+            let of_outputs = units(&bounds.sizes(outputs.here() + outputs.through()));
+            rows.extend(outputs.iter().map(|(output, _)| of_outputs[output]));
         }
         Self {
             dims,
@@ -82,12 +84,12 @@ impl Units {
         }
     }
 
+    /// The units of a problem whose outputs have one row each.
     pub(crate) fn of_problem(&self) -> ProblemUnits {
-        let general = self.rows.len() - self.dims.outputs;
         ProblemUnits {
             states: self.x.clone(),
             inputs: self.u.clone(),
-            outputs: self.rows[general..].to_vec(),
+            outputs: self.rows[self.dims.general()..].to_vec(),
             cost: self.cost,
         }
     }
@@ -175,6 +177,7 @@ impl Units {
         if qp.has_stage_cost() {
             self.scale_weights(&mut qp.q, &self.x, &self.x);
             self.scale_weights(&mut qp.s, &self.u, &self.x);
+            self.scale_weights(&mut qp.s_before, &self.u, &self.x);
             self.scale_weights(&mut qp.t, &self.u, &self.u);
         }
         cost / self.cost
@@ -285,7 +288,8 @@ mod tests {
     fn cost(q: f64, r: f64) -> f64 {
         let dims = Dims::new(1, 1);
         let problem = NmpcProblem::new(dims, 1, Weights::uniform(vec![1.0], vec![1.0]));
-        let mut units = Units::new(&problem, problem.ocp_dims(dims));
+        let rows = OutputRows::default();
+        let mut units = Units::new(&problem, problem.ocp_dims(dims, &rows), &rows);
         units.choose_cost(&[q], &[r]);
         units.cost
     }

@@ -54,14 +54,16 @@ impl Violations {
         Self { all: states.chain(inputs).chain(outputs).collect() }
     }
 
-    /// Looks at the plant at a point of the dense trace, at the end of a step or within it.
-    pub(crate) fn look(&mut self, (x, u, y): (&[f64], &[f64], &[f64]), time_s: f64, at_end: bool) {
+    /// Looks at the quantities that have a value at a point of the dense trace, which is between
+    /// steps or within one.
+    pub(crate) fn look(
+        &mut self,
+        time_s: f64,
+        between_steps: bool,
+        value: impl Fn(Bounded) -> Option<f64>,
+    ) {
         for violation in &mut self.all {
-            let value = match violation.of {
-                Bounded::State(i) => x[i],
-                Bounded::Input(i) => u[i],
-                Bounded::Output(i) => y[i],
-            };
+            let Some(value) = value(violation.of) else { continue };
             violation.size = violation.size.max(value.abs());
             let amount = match violation.side {
                 Side::Low => violation.bound - value,
@@ -70,7 +72,7 @@ impl Violations {
             if amount > violation.amount {
                 (violation.amount, violation.time_s) = (amount, time_s);
             }
-            if at_end {
+            if between_steps {
                 violation.at_steps = violation.at_steps.max(amount);
             }
         }

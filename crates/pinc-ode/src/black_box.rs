@@ -218,6 +218,10 @@ impl Model for FlowModel {
         }
     }
 
+    fn feedthrough(&self) -> Vec<bool> {
+        vec![false; self.dims.ny]
+    }
+
     fn linearize(&mut self, at: Stages<'_>, mut out: Linearization<'_>) {
         let Dims { nx, nu, .. } = self.dims;
         let (count, all) = (at.count(self.dims), 1 + nx + nu);

@@ -32,6 +32,7 @@ mod black_box;
 mod dopri5;
 mod dyn_plant;
 mod error;
+mod feedthrough;
 mod loaded;
 pub mod metrics;
 mod model;

@@ -251,12 +251,27 @@ pub trait Model: Debug + Send {
 
     /// Writes h(x, u, p) into `y`: the states, if a model has no other outputs.
     ///
+    /// An output that depends on the input jumps when the input changes, so that it has two values
+    /// at x\[k+1\]: h(x\[k+1\], u\[k\], p) at the end of an interval, before the change, and
+    /// h(x\[k+1\], u\[k+1\], p) at the start of the next, after it. Everywhere in this workspace
+    /// what is tracked, measured and reported is the reading at the end of the interval. A bound
+    /// holds at both ends of every interval with the interval's input, from h(x\[k\], u\[k\], p)
+    /// of the input that is applied now on. At x\[k\] an output without feedthrough (see
+    /// [`Model::feedthrough`]) cannot be changed any more, and its bound starts at x\[k+1\].
+    ///
     /// # Shapes
     ///
     /// `x`: `nx`; `u`: `nu`; `p`: `np`; `y`: `ny`.
     fn output(&mut self, x: &[f64], u: &[f64], p: &[f64], y: &mut [f64]) {
         let _ = (u, p);
         y.copy_from_slice(x);
+    }
+
+    /// Returns for each output whether it may depend on the input, `ny`. `false` promises that
+    /// neither h nor its other derivatives change with u, and halves the work on a bounded output;
+    /// the default, `true` for all, is always right.
+    fn feedthrough(&self) -> Vec<bool> {
+        vec![true; self.dims().ny]
     }
 
     /// Linearizes h at some points; by default y = x, dh/dx = I.

@@ -38,6 +38,10 @@ impl<M: Model> Model for WithOutputs<M> {
         self.outputs.output(x, u, p, y);
     }
 
+    fn feedthrough(&self) -> Vec<bool> {
+        self.outputs.feedthrough()
+    }
+
     fn linearize_output(&mut self, at: Stages<'_>, out: OutputLinearization<'_>) {
         self.outputs.linearize_output(at, out);
     }

@@ -198,7 +198,17 @@ mod tests {
     fn program() -> Qp {
         let [nx, nu, horizon, n_controls, n1] = [1; 5];
         let [inequalities, equalities, outputs] = [0; 3];
-        let dims = OcpDims { nx, nu, horizon, n_controls, n1, inequalities, equalities, outputs };
+        let dims = OcpDims {
+            nx,
+            nu,
+            horizon,
+            n_controls,
+            n1,
+            inequalities,
+            equalities,
+            outputs,
+            feedthrough: 0,
+        };
         Qp::new(dims, vec![1.0], vec![1.0])
     }
 

@@ -307,11 +307,11 @@ impl Layout {
                 }
             }
             Kind::Row => {
-                let j = dims.n1 + index / dims.rows();
-                for (k, column) in dims.next_state(j - 1).enumerate() {
+                let (state, input) = dims.row_place(index);
+                for (k, column) in dims.state(state).into_iter().flatten().enumerate() {
                     self.push(row, column, sign, Number::RowsX(index * n + k));
                 }
-                for (k, column) in dims.input(dims.acting(j)).enumerate() {
+                for (k, column) in dims.input(input).enumerate() {
                     self.push(row, column, sign, Number::RowsU(index * m + k));
                 }
             }
@@ -342,10 +342,13 @@ fn hessian(qp: &Qp, columns: usize) -> CscMatrix<f64> {
     for i in 0..dims.n_controls {
         for column in 0..m {
             let to = dims.input(i).start + column;
-            for j in (1..=dims.horizon).filter(|&j| dims.acting(j) == i) {
-                let s = qp.s(j).map_or(&[][..], |s| &s[column * n..(column + 1) * n]);
-                let rows = dims.next_state(j - 1).zip(s);
-                entries.extend(rows.map(|(row, &entry)| (row, to, entry)));
+            for j in (1..=dims.horizon).filter(|&j| qp.cross(j).any(|(input, _)| input == i)) {
+                let entry = |k: usize| {
+                    let own = qp.cross(j).filter(|(input, _)| *input == i);
+                    own.map(|(_, s)| s[column * n + k]).sum::<f64>()
+                };
+                let rows = dims.next_state(j - 1).enumerate();
+                entries.extend(rows.map(|(k, row)| (row, to, entry(k))));
             }
             // Without W only neighbours are coupled.
             let first = if qp.w.is_empty() { i.saturating_sub(1) * m } else { 0 };

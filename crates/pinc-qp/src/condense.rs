@@ -3,7 +3,7 @@
 use super::algebra::{add_product, add_scaled, add_transposed, block, block_mut, dot};
 use super::dense::{ActiveSet, DenseQp, DenseStatus};
 use super::{Kind, Limits, Qp, QpSolver, QpStatus, QpStep, QpWork, Row};
-use crate::OcpDims;
+use crate::{OcpDims, RowBlock};
 
 /// Solves a [`Qp`] by eliminating its states and giving what is left, a small dense program in the
 /// inputs, to the active-set method.
@@ -18,7 +18,8 @@ use crate::OcpDims;
 /// e_{j+1} = A_j e_j + c_j                p_j = g_j + Q_j e_j + A_j' p_{j+1},    g_{u_j} + B_j' p_{j+1}
 /// ```
 ///
-/// A program with S adds `S_j'` to `W_j`, `S_j G_j` to H, and `S_j e_j` to the gradient.
+/// A program with S adds `S_j'` to `W_j`, `S_j G_j` to H, and `S_j e_j` to the gradient; one with E
+/// the same for the inputs before.
 ///
 /// Only finite limits become rows. All memory is allocated at construction.
 ///
@@ -49,6 +50,8 @@ struct DenseRows {
     states: Vec<usize>,
     increments: Vec<usize>,
     general: Vec<usize>,
+    /// j of the state and i of the input of each of these.
+    places: Vec<(usize, usize)>,
 }
 
 impl DenseRows {
@@ -58,10 +61,12 @@ impl DenseRows {
             let limited = limited.filter(|(_, [low, high, _])| low.is_finite() || high.is_finite());
             limited.map(|(i, _)| i).collect()
         };
+        let general = finite(&qp.rows, usize::MAX);
         Self {
             states: finite(&qp.bounds, qp.dims.all_states()),
             increments: finite(&qp.increments, usize::MAX),
-            general: finite(&qp.rows, usize::MAX),
+            places: general.iter().map(|&row| qp.dims.row_place(row)).collect(),
+            general,
         }
     }
 
@@ -180,8 +185,8 @@ impl CondensedQp {
                 add_transposed(block(&qp.a, j + 1, n * n), p, before);
             }
             add_product(block(&qp.q, j, n * n), block(&self.offset, j, n), before);
-            if let Some(s) = qp.s(j + 1) {
-                let gradient = block_mut(&mut self.dense.gradient, qp.dims.acting(j + 1), m);
+            for (input, s) in qp.cross(j + 1) {
+                let gradient = block_mut(&mut self.dense.gradient, input, m);
                 add_product(s, block(&self.offset, j, n), gradient);
             }
             std::mem::swap(&mut p, &mut before);
@@ -221,8 +226,7 @@ impl CondensedQp {
                 add_transposed(block(&qp.a, j + 1, n * n), w, before);
             }
             add_product(block(&qp.q, j, n * n), block(&self.response, j, n), before);
-            if let Some(s) = qp.s(j + 1) {
-                let acting = qp.dims.acting(j + 1);
+            for (acting, s) in qp.cross(j + 1) {
                 if acting == input {
                     add_scaled(before, 1.0, block(s, k, n));
                 }
@@ -247,9 +251,9 @@ impl CondensedQp {
             }
             *entry = self.response[v];
         }
-        for (entry, &row) in general.iter_mut().zip(&self.rows.general) {
-            let j = qp.dims.n1 + row / qp.dims.rows();
-            *entry = if qp.dims.acting(j) == input { qp.rows_u[row * m + k] } else { 0.0 };
+        let rows = self.rows.general.iter().zip(&self.rows.places);
+        for (entry, (&row, &(j, own))) in general.iter_mut().zip(rows) {
+            *entry = if own == input { qp.rows_u[row * m + k] } else { 0.0 };
             if j > input {
                 *entry += dot(block(&qp.rows_x, row, n), block(&self.response, j - 1, n));
             }
@@ -310,9 +314,9 @@ impl CondensedQp {
             }
         };
         self.rows.increments.iter().for_each(|&i| set(&qp.increments, i, 0.0));
-        for &row in &self.rows.general {
-            let state = block(&self.offset, dims.n1 + row / dims.rows() - 1, n);
-            set(&qp.rows, row, dot(block(&qp.rows_x, row, n), state));
+        for (&row, &(state, _)) in self.rows.general.iter().zip(&self.rows.places) {
+            let offset = |state| dot(block(&qp.rows_x, row, n), &self.offset[state]);
+            set(&qp.rows, row, dims.state(state).map_or(0.0, offset));
         }
     }
 
@@ -392,18 +396,26 @@ fn expand_sized(qp: &Qp, step: &mut QpStep, n: usize, m: usize) {
         lambda.copy_from_slice(block(&qp.gradient, j, n));
         add_scaled(lambda, 1.0, block(&multipliers.bounds, j, n));
         add_product(block(&qp.q, j, n * n), block(states, j, n), lambda);
-        if let Some(s) = qp.s(j + 1) {
-            add_transposed(s, block(inputs, dims.acting(j + 1), m), lambda);
+        for (input, s) in qp.cross(j + 1) {
+            add_transposed(s, block(inputs, input, m), lambda);
         }
-        if dims.rows() > 0 && dims.constrained().contains(&(j + 1)) {
-            let eta = &multipliers.rows[dims.stage_rows(j + 1)];
-            add_transposed(qp.rows_x(j + 1), eta, lambda);
+        for RowBlock { rows, .. } in rows_of_state(dims, j + 1) {
+            let [by_x, _] = qp.row_jacobians(rows.clone());
+            add_transposed(by_x, &multipliers.rows[rows], lambda);
         }
         if j + 1 < dims.horizon {
             let (lambda, next) = neighbours(dynamics, j + 1, n);
             add_transposed(block(&qp.a, j + 1, n * n), next, lambda);
         }
     }
+}
+
+/// The rows that the state `x_j` is in.
+#[inline(always)]
+fn rows_of_state(dims: OcpDims, j: usize) -> impl Iterator<Item = RowBlock> {
+    let here = (dims.rows() > 0 && j >= dims.n1).then(|| [dims.rows_here(j), dims.rows_at_end(j)]);
+    let starts = dims.feedthrough > 0 && dims.constrained().contains(&(j + 1));
+    here.into_iter().flatten().chain(starts.then(|| dims.rows_at_start(j + 1)))
 }
 
 /// The time was up before there was a step.

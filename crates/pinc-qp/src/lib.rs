@@ -23,7 +23,7 @@ mod work;
 pub use algebra::{all_finite, largest};
 pub use choice::{ChosenQp, QpError, QpMethod};
 pub use multipliers::Multipliers;
-pub use ocp_dims::OcpDims;
+pub use ocp_dims::{OcpDims, RowBlock};
 pub use work::QpWork;
 
 #[cfg(feature = "clarabel")]
@@ -33,12 +33,14 @@ use riccati::RiccatiQp;
 
 use algebra::{add_transposed, block, block_mut};
 use std::fmt::Debug;
+use std::ops::Range;
 
 /// The control problem linearized at a point z, in the unknown step `d = (dx_1, .., du_0, ..)`:
 ///
 /// ```text
 /// min  g'd + sum_{j=1..N} dx_j' Q_j dx_j / 2 + sum_{i<Nu} (du_i - du_{i-1})' R_i (du_i - du_{i-1}) / 2
-///      + sum_{j=1..N} du_j' S_j dx_j + sum_{i<Nu} du_i' T_i du_i / 2 + du' W du / 2
+///      + sum_{j=1..N} (du_j' S_j dx_j + du_{j-1}' E_j dx_j)
+///      + sum_{i<Nu} du_i' T_i du_i / 2 + du' W du / 2
 ///      + sum_i penalty_i violation_i
 /// s.t. dx_{j+1} = A_j dx_j + B_j du_j + c_j,    dx_0 = 0, du_{-1} = 0     j = 0..N-1
 ///      d                    within bounds
@@ -46,7 +48,11 @@ use std::fmt::Debug;
 ///      C_j dx_j + D_j du_j  within rows                                  j = N1..N
 /// ```
 ///
-/// with `du_j` = `du_{Nu-1}` for j >= Nu, `c_j = f(x_j, u_j) - x_{j+1}`, and du all inputs as one
+/// with, for outputs that depend on the input, further rows at both ends of each interval, of
+/// (`dx_j`, `du_{j-1}`) and of (`dx_{j-1}`, `du_{j-1}`): see [`OcpDims::row_blocks`].
+///
+///
+/// Throughout `du_j` = `du_{Nu-1}` for j >= Nu, `c_j = f(x_j, u_j) - x_{j+1}`, and du all inputs as one
 /// vector.
 ///
 /// The Hessian is that of the cost, after Gauss and Newton: it leaves out the curvature of the
@@ -63,6 +69,9 @@ pub struct Qp {
     /// `S_1`, `S_2`, .., of products of inputs and states: `[N, m, n]`. Empty: there are none, Q is
     /// the same in all QPs, and `t` is empty too.
     pub s: Vec<f64>,
+    /// `E_1`, `E_2`, .., of products of states and the inputs of the intervals that lead there:
+    /// `[N, m, n]`; or empty, always with an empty `s`.
+    pub s_before: Vec<f64>,
     /// `T_0`, `T_1`, .., of the inputs themselves: `[Nu, m, m]`, symmetric; or empty with `s`.
     pub t: Vec<f64>,
     /// W, of all inputs: `[Nu m, Nu m]`, symmetric and positive semidefinite; or empty. The
@@ -74,9 +83,10 @@ pub struct Qp {
     pub b: Vec<f64>,
     /// `c_j`, `[N, n]`.
     pub c: Vec<f64>,
-    /// `C_j`, `[N - N1 + 1, rows, n]`.
+    /// `C_j` and the like of all rows, `[N - N1 + 1, rows, n]`. Of rows at the measured state they
+    /// say what a plant measured elsewhere changes; no method reads them.
     pub rows_x: Vec<f64>,
-    /// `D_j`, `[N - N1 + 1, rows, m]`.
+    /// `D_j` and the like, `[N - N1 + 1, rows, m]`.
     pub rows_u: Vec<f64>,
     /// g, as long as z.
     pub gradient: Vec<f64>,
@@ -211,6 +221,7 @@ impl Qp {
             q,
             r,
             s: Vec::new(),
+            s_before: Vec::new(),
             t: Vec::new(),
             w: Vec::new(),
             a: vec![0.0; horizon * nx * nx],
@@ -235,7 +246,16 @@ impl Qp {
         self
     }
 
-    /// Whether Q, S and T may change from QP to QP.
+    /// The same with S, T and E, all 0 at first.
+    #[must_use]
+    #[inline]
+    pub fn with_end_cost(self) -> Self {
+        let mut qp = self.with_stage_cost();
+        qp.s_before = vec![0.0; qp.s.len()];
+        qp
+    }
+
+    /// Whether Q, S, E and T may change from QP to QP.
     #[must_use]
     #[inline]
     pub fn has_stage_cost(&self) -> bool {
@@ -263,12 +283,29 @@ impl Qp {
         block(&self.q, j - 1, self.dims.nx * self.dims.nx)
     }
 
+    /// `S_j` and `E_j`, `[m, n]`, of products of `x_j`, j = 1..N, with an input, as far as there are
+    /// any, each with the index of its input.
+    #[inline]
+    pub fn cross(&self, j: usize) -> impl Iterator<Item = (usize, &[f64])> {
+        let here = self.s(j).map(|s| (self.dims.acting(j), s));
+        here.into_iter().chain(self.s_before(j).map(|s| (self.dims.acting(j - 1), s)))
+    }
+
     /// `S_j` of `x_j` and the input that acts there, j = 1..N, `[m, n]`, if there is one.
     #[must_use]
     #[inline]
     pub fn s(&self, j: usize) -> Option<&[f64]> {
         let width = self.dims.nu * self.dims.nx;
         self.s.get((j - 1) * width..j * width)
+    }
+
+    /// `E_j` of `x_j` and the input of the interval that leads there, j = 1..N, `[m, n]`, if there
+    /// is one.
+    #[must_use]
+    #[inline]
+    pub fn s_before(&self, j: usize) -> Option<&[f64]> {
+        let width = self.dims.nu * self.dims.nx;
+        self.s_before.get((j - 1) * width..j * width)
     }
 
     /// `T_i`, `[m, m]`, if there is one.
@@ -286,18 +323,13 @@ impl Qp {
         block(&self.r, i, self.dims.nu * self.dims.nu)
     }
 
-    /// `C_j` at stage j = N1..N, `[rows, n]`.
+    /// The Jacobians of some rows, by their states, `[rows, n]`, and by their inputs, `[rows, m]`.
     #[must_use]
     #[inline]
-    pub fn rows_x(&self, j: usize) -> &[f64] {
-        block(&self.rows_x, j - self.dims.n1, self.dims.rows() * self.dims.nx)
-    }
-
-    /// `D_j` at stage j = N1..N, `[rows, m]`.
-    #[must_use]
-    #[inline]
-    pub fn rows_u(&self, j: usize) -> &[f64] {
-        block(&self.rows_u, j - self.dims.n1, self.dims.rows() * self.dims.nu)
+    pub fn row_jacobians(&self, rows: Range<usize>) -> [&[f64]; 2] {
+        let OcpDims { nx, nu, .. } = self.dims;
+        let Range { start, end } = rows;
+        [&self.rows_x[start * nx..end * nx], &self.rows_u[start * nu..end * nu]]
     }
 
     /// Writes the gradient of the Lagrangian at d = 0 into `gradient`, as long as z,
@@ -325,12 +357,13 @@ impl Qp {
                 inputs[before] -= nu;
             }
         }
-        if dims.rows() > 0 {
-            for j in dims.constrained() {
-                let eta = &multipliers.rows[dims.stage_rows(j)];
-                add_transposed(self.rows_x(j), eta, &mut gradient[dims.next_state(j - 1)]);
-                add_transposed(self.rows_u(j), eta, &mut gradient[dims.input(dims.acting(j))]);
+        for RowBlock { rows, state, input } in dims.all_row_blocks() {
+            let eta = &multipliers.rows[rows.clone()];
+            let [by_x, by_u] = self.row_jacobians(rows);
+            if let Some(state) = dims.state(state) {
+                add_transposed(by_x, eta, &mut gradient[state]);
             }
+            add_transposed(by_u, eta, &mut gradient[dims.input(input)]);
         }
     }
 

@@ -24,6 +24,20 @@ pub struct OcpDims {
     pub equalities: usize,
     /// Rows with two limits each, as bounded outputs have, per constrained stage.
     pub outputs: usize,
+    /// Bounded outputs that depend on the input: each has two rows with two limits per constrained
+    /// stage, one at either end of the interval that leads there.
+    pub feedthrough: usize,
+}
+
+/// Rows that have the same state and input in them.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct RowBlock {
+    /// Where they are among all rows.
+    pub rows: Range<usize>,
+    /// j of their state `x_j`; 0 is the measured state, which does not move.
+    pub state: usize,
+    /// i of their input `u_i`.
+    pub input: usize,
 }
 
 impl OcpDims {
@@ -48,11 +62,18 @@ impl OcpDims {
         self.all_states() + self.all_inputs()
     }
 
+    /// The number of rows of h and of g at a constrained stage.
+    #[must_use]
+    #[inline]
+    pub fn general(self) -> usize {
+        self.inequalities + self.equalities
+    }
+
     /// The number of rows at a constrained stage: of h, of g and of outputs.
     #[must_use]
     #[inline]
     pub fn rows(self) -> usize {
-        self.inequalities + self.equalities + self.outputs
+        self.general() + self.outputs + 2 * self.feedthrough
     }
 
     /// The stages at which these rows hold: N1 to N2.
@@ -99,11 +120,69 @@ impl OcpDims {
         j.min(self.n_controls - 1)
     }
 
-    /// Where the rows at stage `j`, from N1 to N2, are: those of h, of g and of outputs.
+    /// Where the rows at stage `j`, from N1 to N2, are: those of h, of g, of outputs, and of outputs
+    /// with feedthrough at the end and then at the start of the interval that leads to `x_j`.
     #[must_use]
     #[inline]
     pub fn stage_rows(self, j: usize) -> Range<usize> {
         let first = (j - self.n1) * self.rows();
         first..first + self.rows()
+    }
+
+    /// The rows at stage `j`, from N1 to N2, that are of the state `x_j` and the input that acts
+    /// there: those of h, of g and of outputs without feedthrough.
+    #[must_use]
+    #[inline]
+    pub fn rows_here(self, j: usize) -> RowBlock {
+        let first = self.stage_rows(j).start;
+        let rows = first..first + self.general() + self.outputs;
+        RowBlock { rows, state: j, input: self.acting(j) }
+    }
+
+    /// The rows of outputs with feedthrough at the end of the interval that leads to `x_j`, j from
+    /// N1 to N2: of `x_j` and the input of that interval.
+    #[must_use]
+    #[inline]
+    pub fn rows_at_end(self, j: usize) -> RowBlock {
+        let first = self.rows_here(j).rows.end;
+        RowBlock { rows: first..first + self.feedthrough, state: j, input: self.acting(j - 1) }
+    }
+
+    /// The same rows at the start of that interval: of `x_{j-1}` and the same input.
+    #[must_use]
+    #[inline]
+    pub fn rows_at_start(self, j: usize) -> RowBlock {
+        let first = self.rows_at_end(j).rows.end;
+        let rows = first..first + self.feedthrough;
+        RowBlock { rows, state: j - 1, input: self.acting(j - 1) }
+    }
+
+    /// All rows at stage `j`, from N1 to N2, in their order.
+    #[must_use]
+    #[inline]
+    pub fn row_blocks(self, j: usize) -> [RowBlock; 3] {
+        [self.rows_here(j), self.rows_at_end(j), self.rows_at_start(j)]
+    }
+
+    /// j of the state `x_j` and i of the input `u_i` in a row.
+    #[must_use]
+    #[inline]
+    pub fn row_place(self, row: usize) -> (usize, usize) {
+        let [here, end, start] = self.row_blocks(self.n1 + row / self.rows());
+        let block = if row < here.rows.end {
+            here
+        } else if row < end.rows.end {
+            end
+        } else {
+            start
+        };
+        (block.state, block.input)
+    }
+
+    /// All rows, in their order.
+    #[inline]
+    pub fn all_row_blocks(self) -> impl Iterator<Item = RowBlock> {
+        let stages = if self.rows() > 0 { self.constrained() } else { 0..0 };
+        stages.flat_map(move |j| self.row_blocks(j)).filter(|block| !block.rows.is_empty())
     }
 }

@@ -397,6 +397,9 @@ impl Estimator for Mhe {
     }
 
     fn predict(&mut self, u: &[f64]) -> EstimatorStatus {
+        if self.window.steps == 0 {
+            self.window.before.copy_from_slice(&self.u);
+        }
         self.u.copy_from_slice(u);
         let LinearizationBuffer { next, a, b, .. } = &mut self.at;
         let out = Linearization { next, a, b, e: &mut [] };

@@ -82,6 +82,7 @@ impl Program {
             inequalities: 0,
             equalities: 0,
             outputs: 0,
+            feedthrough: 0,
         };
         let none = vec![0.0; stages * n * n];
         let mut qp = Qp::new(ocp, none.clone(), none).with_stage_cost();
@@ -151,8 +152,12 @@ impl Program {
             Linearization { next, a, b, e: &mut [] },
         );
         for j in 0..=steps {
-            // The input of now is not known yet: the last one stands for it.
-            let u = if j < steps { &window.u[j * nu..(j + 1) * nu] } else { last_u };
+            // Measured before the input changes: with the one that led there.
+            let u = match j {
+                last if last == steps => last_u,
+                0 => &window.before[..],
+                j => &window.u[(j - 1) * nu..j * nu],
+            };
             model.linearize_output(
                 Stages { x: &window.x[j * n..(j + 1) * n], u, p: &[] },
                 OutputLinearization {

@@ -17,6 +17,8 @@ pub(crate) struct Window {
     pub(crate) v: Vec<f64>,
     /// `[N, m]`, with room for one more.
     pub(crate) u: Vec<f64>,
+    /// The input that led to the first state, `m`, once there is a step.
+    pub(crate) before: Vec<f64>,
     /// `[N + 1, ny]`, NaN where nothing was measured.
     pub(crate) y: Vec<f64>,
     /// The states expected, `[N + 1, n]`, and their covariances, `[N + 1, n, n]`.
@@ -34,6 +36,7 @@ impl Window {
             x: points(dims.nx),
             v: points(dims.nx),
             u: points(dims.nu),
+            before: vec![0.0; dims.nu],
             y: points(dims.ny),
             prior: points(dims.nx),
             prior_covariance: points(dims.nx * dims.nx),
@@ -53,6 +56,7 @@ impl Window {
         self.u[self.steps * nu..(self.steps + 1) * nu].copy_from_slice(u);
         let moves = self.steps == self.most;
         if moves {
+            self.before.copy_from_slice(&self.u[..nu]);
             self.x.copy_within(nx.., 0);
             self.v.copy_within(nx.., 0);
             self.u.copy_within(nu.., 0);

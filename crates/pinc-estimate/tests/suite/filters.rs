@@ -5,12 +5,13 @@ use pinc_estimate::{Ekf, Estimator, EstimatorStatus, Tuning, Ukf};
 use pinc_ode::{Dims, Linearization, Model, OutputLinearization, Stages};
 use proptest::prelude::*;
 
-/// x+ = A x + B u, y = C x.
+/// x+ = A x + B u, y = C x + D u.
 #[derive(Clone, Debug)]
 pub(crate) struct Linear {
     pub(crate) a: [[f64; 2]; 2],
     pub(crate) b: [f64; 2],
     pub(crate) c: [[f64; 2]; 2],
+    pub(crate) d: [f64; 2],
 }
 
 impl Model for Linear {
@@ -33,15 +34,15 @@ impl Model for Linear {
             out.b.copy_from_slice(&self.b);
         }
     }
-    fn output(&mut self, x: &[f64], _u: &[f64], _p: &[f64], y: &mut [f64]) {
-        for (y, c) in y.iter_mut().zip(self.c) {
-            *y = c[0] * x[0] + c[1] * x[1];
+    fn output(&mut self, x: &[f64], u: &[f64], _p: &[f64], y: &mut [f64]) {
+        for (y, (c, d)) in y.iter_mut().zip(self.c.iter().zip(self.d)) {
+            *y = c[0] * x[0] + c[1] * x[1] + d * u[0];
         }
     }
     fn linearize_output(&mut self, at: Stages<'_>, out: OutputLinearization<'_>) {
         self.output(at.x, at.u, &[], out.y);
         out.c.copy_from_slice(self.c.as_flattened());
-        out.d.fill(0.0);
+        out.d.copy_from_slice(&self.d);
     }
 }
 
@@ -75,11 +76,13 @@ fn textbook(model: &Linear, tuning: &Tuning, data: &[([f64; 2], f64)]) -> (Vec<[
     let mut z = [tuning.initial_estimate[0], tuning.initial_estimate[1]];
     let (mut found, mut nis) = (Vec::new(), 0.0);
     let apply = |m: Matrix, v: [f64; 2]| m.map(|row| row[0] * v[0] + row[1] * v[1]);
+    // Measured before the input changes; in the beginning there was none.
+    let mut held = 0.0;
     for (y, u) in data {
         let cross = product(p, transposed(model.c));
         let s = inverse(with_diagonal(product(model.c, cross), r));
         let expected = apply(model.c, z);
-        let v = [y[0] - expected[0], y[1] - expected[1]];
+        let v = [0, 1].map(|i| y[i] - expected[i] - model.d[i] * held);
         let change = apply(product(cross, s), v);
         nis += apply(s, v)[0] * v[0] + apply(s, v)[1] * v[1];
         z = [z[0] + change[0], z[1] + change[1]];
@@ -88,6 +91,7 @@ fn textbook(model: &Linear, tuning: &Tuning, data: &[([f64; 2], f64)]) -> (Vec<[
         found.push(z);
         let moved = apply(model.a, z);
         z = [moved[0] + model.b[0] * u, moved[1] + model.b[1] * u];
+        held = *u;
         p = with_diagonal(product(product(model.a, p), transposed(model.a)), q);
     }
     (found, nis)
@@ -97,7 +101,8 @@ pub(crate) fn linear() -> impl Strategy<Value = Linear> {
     // Eigenvalues of 1.2 at most: nothing grows beyond what rounding leaves intact.
     let entry = || -0.6..0.6_f64;
     let square = || prop::array::uniform2(prop::array::uniform2(entry()));
-    (square(), prop::array::uniform2(entry()), square()).prop_map(|(a, b, c)| Linear { a, b, c })
+    let column = || prop::array::uniform2(entry());
+    (square(), column(), square(), column()).prop_map(|(a, b, c, d)| Linear { a, b, c, d })
 }
 
 pub(crate) fn tuning() -> Tuning {
@@ -215,7 +220,8 @@ fn estimates_are_clipped_to_their_bounds() {
 /// Where the model has no value, what was known stays known.
 #[test]
 fn no_value_is_no_estimate() {
-    let mut broken = Linear { a: [[1.0; 2]; 2], b: [1.0; 2], c: [[1.0, 0.0], [0.0, 1.0]] };
+    let mut broken =
+        Linear { a: [[1.0; 2]; 2], b: [1.0; 2], c: [[1.0, 0.0], [0.0, 1.0]], d: [0.0; 2] };
     broken.a[0][0] = f64::NAN;
     let build: [Box<dyn Estimator>; 2] = [
         Box::new(Ekf::new(Box::new(broken.clone()), tuning()).unwrap()),

@@ -2,7 +2,6 @@
 
 use super::{Outcome, Sqp, Standing};
 use crate::SqpStatus;
-use crate::constraint::Constraint;
 use crate::kkt::KktResidual;
 use crate::merit::limits_after;
 use crate::solution::Solution;
@@ -45,7 +44,7 @@ impl Sqp {
                 qp.bounds.penalty.copy_from_slice(&self.penalties[0]);
             }
             for (v, penalty) in qp.rows.penalty.iter_mut().enumerate() {
-                let output = v % dims.rows() >= dims.rows() - dims.outputs;
+                let output = v % dims.rows() >= dims.general();
                 if if output { outputs } else { general } {
                     *penalty = self.penalties[1][v];
                 }
@@ -71,7 +70,7 @@ impl Sqp {
                     limits.iter().enumerate().map(move |(index, limits)| (kind, index, limits))
                 });
                 let worst = worst_row(limits).map(|(_, row)| row);
-                outcome.violated = worst.or(conflict).map(|row| Constraint::new(self.qp.dims, row));
+                outcome.violated = worst.or(conflict).map(|row| self.transcription.name(row));
                 if outcome.status == SqpStatus::Converged {
                     outcome.status = SqpStatus::InfeasibleQp;
                 }

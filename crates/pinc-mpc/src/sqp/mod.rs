@@ -12,8 +12,7 @@ use crate::solution::Solution;
 use crate::stage_cost::StageCost;
 use crate::transcription::Transcription;
 use crate::{MpcError, NmpcProblem, Softness, SqpConfig, SqpStatus, StepWork};
-use pinc_ode::Dims;
-use pinc_qp::{ChosenQp, Qp, QpSolver, QpStatus, QpStep, Row};
+use pinc_qp::{ChosenQp, OcpDims, Qp, QpSolver, QpStatus, QpStep, Row};
 
 /// A step is taken whole if it brings the KKT residual below this part of the least seen.
 const CONTRACTION: f64 = 0.9;
@@ -122,12 +121,12 @@ impl Sqp {
     pub(crate) fn new(
         problem: &NmpcProblem,
         config: SqpConfig,
-        model: Dims,
+        horizon: &Horizon,
         stage_cost: Option<Box<dyn StageCost>>,
     ) -> Result<Self, MpcError> {
-        let dims = problem.ocp_dims(model);
-        let transcription = Transcription::new(problem, model, stage_cost);
+        let transcription = Transcription::new(problem, horizon, stage_cost);
         let qp = transcription.qp();
+        let dims = qp.dims;
         Ok(Self {
             config,
             transcription,
@@ -149,6 +148,11 @@ impl Sqp {
             trial: qp.clone(),
             qp,
         })
+    }
+
+    /// The sizes of the problem.
+    pub(crate) fn dims(&self) -> OcpDims {
+        self.qp.dims
     }
 
     /// Sets the model's parameters.
@@ -215,12 +219,7 @@ impl Sqp {
     ) -> Outcome {
         self.convert(plan, false);
         let qp = &mut self.qp;
-        let n = qp.dims.nx;
-        let units = &self.transcription.units.x;
-        for (c, row) in qp.c.iter_mut().zip(qp.a.chunks_exact(n)).take(n) {
-            let moved = row.iter().zip(input.x0.iter().zip(&self.prepared)).zip(units);
-            *c += moved.map(|((a, (x, prepared)), unit)| a * ((x - prepared) / unit)).sum::<f64>();
-        }
+        self.transcription.move_measured([input.x0, &self.prepared], qp);
         self.transcription.measure(input.x0, &plan.z, input.targets, qp);
         let last = self.residual(plan);
         let (status, conflict) = match last.max().is_finite() {
@@ -232,7 +231,7 @@ impl Sqp {
             self.set_trial(plan, 1.0, input.targets.previous);
         }
         self.convert(plan, true);
-        let violated = conflict.map(|row| Constraint::new(self.qp.dims, row));
+        let violated = conflict.map(|row| self.transcription.name(row));
         Outcome { status, iterations: 1, last, violated, standing: Standing::Judged }
     }
 

@@ -7,6 +7,7 @@ mod closed_loop;
 mod deadlines;
 mod failures;
 mod faulty;
+mod feedthrough;
 mod formulation;
 mod kkt;
 mod linear;

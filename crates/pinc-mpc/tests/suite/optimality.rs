@@ -2,7 +2,7 @@
 
 use crate::problems::Loop;
 use pinc_mpc::{Bounds, Nmpc, SqpConfig, SqpStatus, Tracked, Weight};
-use pinc_ode::{Dims, Linearization, Model, Stages};
+use pinc_ode::{Dims, Linearization, Model, OutputLinearization, Stages};
 
 /// What one step was given.
 pub(crate) struct StepInput<'a> {
@@ -21,7 +21,12 @@ fn diagonal(weight: &Weight) -> &[f64] {
 /// The residuals of the KKT conditions at the controller's plan: stationarity, feasibility of the
 /// dynamics, violation of bounds, complementarity; unscaled, with Jacobians from the model.
 pub(crate) fn residuals(nmpc: &Nmpc, model: &mut dyn Model, input: &StepInput<'_>) -> [f64; 4] {
-    residuals_with(nmpc, model, input, &|_, _, _| (vec![0.0; input.x.len()], vec![]))
+    residuals_with(nmpc, model, input, [&none, &none])
+}
+
+/// No cost.
+pub(crate) fn none(_: usize, _: &[f64], _: &[f64]) -> Gradient {
+    (Vec::new(), Vec::new())
 }
 
 /// Derivatives by x and by u.
@@ -30,14 +35,15 @@ type Gradient = (Vec<f64>, Vec<f64>);
 /// The gradient of a cost at (j, x, u).
 type Extra<'a> = &'a dyn Fn(usize, &[f64], &[f64]) -> Gradient;
 
-/// The same with a cost of outputs or stages, of which `extra` gives the gradient at (j, x, u), by
-/// x and by u.
+/// The same with a cost of stages and one of outputs, by their gradients in x and u: the first is
+/// asked at x\[k+j\] and the input that acts there, the second at x\[k+j\] and the input that leads
+/// there. Bounded outputs are seen with these inputs at both ends.
 #[expect(clippy::needless_range_loop, reason = "indices as in the formulas")]
 pub(crate) fn residuals_with(
     nmpc: &Nmpc,
     model: &mut dyn Model,
     input: &StepInput<'_>,
-    extra: Extra<'_>,
+    [stage, end]: [Extra<'_>; 2],
 ) -> [f64; 4] {
     let (problem, plan) = (nmpc.problem(), nmpc.plan());
     let Dims { nx: n, nu: m, .. } = model.dims();
@@ -67,11 +73,26 @@ pub(crate) fn residuals_with(
         }
     }
     for j in 0..=problem.horizon {
-        let acting = j.min(problem.control_horizon - 1);
-        let (by_x, by_u) = extra(j, x(j), u(acting));
-        dx[j].iter_mut().zip(by_x).for_each(|(sum, entry)| *sum += entry);
-        du[acting].iter_mut().zip(by_u).for_each(|(sum, entry)| *sum += entry);
+        for (cost, interval) in [(stage, j), (end, j.saturating_sub(1))] {
+            let held = interval.min(problem.control_horizon - 1);
+            let (by_x, by_u) = cost(j, x(j), u(held));
+            dx[j].iter_mut().zip(by_x).for_each(|(sum, entry)| *sum += entry);
+            du[held].iter_mut().zip(by_u).for_each(|(sum, entry)| *sum += entry);
+        }
     }
+    let outputs: Vec<(f64, f64, [f64; 2])> = output_rows(nmpc, &*model)
+        .into_iter()
+        .map(|OutputRow { state, interval, output, mu, limits }| {
+            let held = interval.min(problem.control_horizon - 1);
+            let [y, c, d] = outputs_at(model, [x(state), u(held), nmpc.parameters()]);
+            let along = |sum: &mut [f64], row: &[f64]| {
+                sum.iter_mut().zip(row).for_each(|(sum, entry)| *sum += mu * entry);
+            };
+            along(&mut dx[state], &c[output * n..]);
+            along(&mut du[held], &d[output * m..]);
+            (y[output], mu, limits)
+        })
+        .collect();
 
     let mut infeasibility: f64 = 0.0;
     let (mut next, mut a, mut b) = (vec![0.0; n], vec![0.0; n * n], vec![0.0; n * m]);
@@ -119,7 +140,54 @@ pub(crate) fn residuals_with(
             bounded(slope, mu, u(i)[c], low[c], high[c]);
         }
     }
+    for (y, mu, [low, high]) in outputs {
+        bounded(-mu, mu, y, low, high);
+    }
     [stationarity, infeasibility, violation, complementarity]
+}
+
+/// A bound on an output at one point of a plan.
+struct OutputRow {
+    state: usize,
+    interval: usize,
+    output: usize,
+    mu: f64,
+    limits: [f64; 2],
+}
+
+/// All bounds on outputs: for each interval those without feedthrough at its end, then the others
+/// at its end, then these at its start.
+fn output_rows(nmpc: &Nmpc, model: &dyn Model) -> Vec<OutputRow> {
+    let problem = nmpc.problem();
+    let Some(bounds) = &problem.output_bounds else { return Vec::new() };
+    let ny = model.dims().ny;
+    let (through, plain): (Vec<_>, Vec<_>) = (0..ny).partition(|&o| model.feedthrough()[o]);
+    let mut multipliers = nmpc.plan().constraint_multipliers().iter();
+    let mut rows = Vec::new();
+    for stage in problem.n1..=problem.horizon {
+        for (outputs, state) in [(&plain, stage), (&through, stage), (&through, stage - 1)] {
+            for &output in outputs {
+                let at = (stage - problem.n1) * ny % bounds.low.len() + output;
+                rows.push(OutputRow {
+                    state,
+                    interval: stage - 1,
+                    output,
+                    mu: *multipliers.next().unwrap(),
+                    limits: [bounds.low[at], bounds.high[at]],
+                });
+            }
+        }
+    }
+    rows
+}
+
+/// y, C and D at (x, u, p).
+fn outputs_at(model: &mut dyn Model, [x, u, p]: [&[f64]; 3]) -> [Vec<f64>; 3] {
+    let Dims { nx, nu, ny, .. } = model.dims();
+    let [mut y, mut c, mut d] = [1, nx, nu].map(|width| vec![0.0; ny * width]);
+    let out = OutputLinearization { y: &mut y, c: &mut c, d: &mut d, e: &mut [] };
+    model.linearize_output(Stages { x, u, p }, out);
+    [y, c, d]
 }
 
 /// The scaling that `KktResidual` documents.

@@ -1,6 +1,6 @@
 //! Outputs of the model, tracked and bounded, and costs of one's own.
 
-use crate::optimality::{StepInput, residuals_with, scale};
+use crate::optimality::{StepInput, none, residuals_with, scale};
 use crate::support::Linear;
 use pinc_ad::Scalar;
 use pinc_mpc::{
@@ -12,17 +12,18 @@ use pinc_ode::{
 };
 use pinc_plants::VanDerPol;
 
-const METHODS: [QpMethod; 3] = [QpMethod::Condensed, QpMethod::Riccati, QpMethod::Clarabel];
+pub(crate) const METHODS: [QpMethod; 3] =
+    [QpMethod::Condensed, QpMethod::Riccati, QpMethod::Clarabel];
 
-fn config(qp: QpMethod) -> SqpConfig {
+pub(crate) fn config(qp: QpMethod) -> SqpConfig {
     SqpConfig { qp, ..SqpConfig::default() }
 }
 
 /// A model with the outputs x1 + x2 and x1^2 + feed u.
 #[derive(Clone, Debug)]
-struct Observed<M> {
-    model: M,
-    feed: f64,
+pub(crate) struct Observed<M> {
+    pub(crate) model: M,
+    pub(crate) feed: f64,
 }
 
 impl<M: Model> Model for Observed<M> {
@@ -44,6 +45,10 @@ impl<M: Model> Model for Observed<M> {
 
     fn output(&mut self, x: &[f64], u: &[f64], _p: &[f64], y: &mut [f64]) {
         (y[0], y[1]) = (x[0] + x[1], x[0] * x[0] + self.feed * u[0]);
+    }
+
+    fn feedthrough(&self) -> Vec<bool> {
+        vec![false, self.feed.abs() > 0.0]
     }
 
     fn linearize_output(&mut self, at: Stages<'_>, out: OutputLinearization<'_>) {
@@ -85,7 +90,7 @@ impl Plant for ObservedPlant {
     }
 }
 
-fn linear() -> Linear {
+pub(crate) fn linear() -> Linear {
     Linear { dims: Dims::new(2, 1), a: vec![0.9, 0.3, -0.2, 0.8], b: vec![0.1, 0.6] }
 }
 
@@ -171,7 +176,7 @@ fn plans_that_track_nonlinear_outputs_are_optimal() {
                 (vec![2.0 * x[0] * on, 0.0], vec![feed * on])
             };
             let input = StepInput { x: &x, previous: &previous, reference: &reference };
-            let found = residuals_with(&nmpc, &mut model, &input, &extra);
+            let found = residuals_with(&nmpc, &mut model, &input, [&none, &extra]);
             assert!(found.iter().all(|&r| r <= 1e-8 * scale(&nmpc)), "{qp} {k}: {found:?}");
             let mut next = vec![0.0; 2];
             model.step(&x, &u, &[], &mut next);
@@ -270,7 +275,7 @@ fn a_quadratic_stage_cost_is_solved_at_once() {
                 (gradient[..2].to_vec(), gradient[2..].to_vec())
             };
             let input = StepInput { x: &x, previous: &[0.0], reference: &reference };
-            let found = residuals_with(&nmpc, &mut linear(), &input, &extra);
+            let found = residuals_with(&nmpc, &mut linear(), &input, [&extra, &none]);
             assert!(found.iter().all(|&r| r <= 1e-8), "{qp}: {found:?}");
         }
     }
@@ -311,7 +316,7 @@ fn an_economic_cost_needs_no_reference() {
         assert_eq!(step.status, SqpStatus::Converged, "{qp}");
         let extra = |_: usize, _: &[f64], u: &[f64]| (vec![-3.0, 0.0], vec![2.0 * u[0].exp()]);
         let input = StepInput { x: &x, previous: &[0.0], reference: &reference };
-        let found = residuals_with(&nmpc, &mut model, &input, &extra);
+        let found = residuals_with(&nmpc, &mut model, &input, [&extra, &none]);
         assert!(found.iter().all(|&r| r <= 1e-8 * scale(&nmpc)), "{qp}: {found:?}");
     }
 }

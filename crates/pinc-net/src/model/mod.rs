@@ -134,6 +134,10 @@ impl Model for PincModel {
         }
     }
 
+    fn feedthrough(&self) -> Vec<bool> {
+        vec![false; self.dims.ny]
+    }
+
     fn linearize(&mut self, at: Stages<'_>, mut out: Linearization<'_>) {
         let Dims { nx: n, nu: m, np, .. } = self.dims;
         let count = at.count(self.dims);

@@ -3,6 +3,7 @@
 pub(crate) mod lu;
 mod stages;
 
+use crate::feedthrough::feedthrough;
 use crate::outlined::Outlined;
 use crate::output::OutputWorkspace;
 use crate::points::Points;
@@ -245,6 +246,10 @@ impl<P: Plant> Model for Rodas4<P> {
 
     fn output(&mut self, x: &[f64], u: &[f64], p: &[f64], y: &mut [f64]) {
         self.plant.0.output(x, u, p, y);
+    }
+
+    fn feedthrough(&self) -> Vec<bool> {
+        feedthrough(&self.plant.0)
     }
 
     fn linearize_output(&mut self, at: Stages<'_>, out: OutputLinearization<'_>) {

@@ -4,6 +4,7 @@ mod batched;
 mod linearize;
 mod method;
 
+use crate::feedthrough::feedthrough;
 use crate::outlined::Outlined;
 use crate::output::OutputWorkspace;
 use crate::points::Points;
@@ -284,6 +285,10 @@ impl<P: Plant, M: Method> Model for RungeKutta<P, M> {
 
     fn output(&mut self, x: &[f64], u: &[f64], p: &[f64], y: &mut [f64]) {
         self.plant.output(x, u, p, y);
+    }
+
+    fn feedthrough(&self) -> Vec<bool> {
+        feedthrough(&self.plant)
     }
 
     fn linearize_output(&mut self, at: Stages<'_>, out: OutputLinearization<'_>) {

@@ -58,6 +58,10 @@ impl Model for ByCount {
         self.narrow.output(x, u, p, y);
     }
 
+    fn feedthrough(&self) -> Vec<bool> {
+        self.wide.feedthrough()
+    }
+
     fn linearize_output(&mut self, at: Stages<'_>, out: OutputLinearization<'_>) {
         self.wide.linearize_output(at, out);
     }

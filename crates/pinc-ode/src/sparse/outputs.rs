@@ -27,6 +27,15 @@ impl<F: SparseFunction, V: Simd> Outputs<F, V> {
         self.zero.vectorize(Values { outputs: self, at, y });
     }
 
+    /// See [`Model::feedthrough`](crate::Model::feedthrough).
+    pub(super) fn feedthrough(&self) -> Vec<bool> {
+        let Dims { nx, nu, ny, .. } = self.dims;
+        let Some(function) = &self.function else { return vec![false; ny] };
+        let pattern = function.pattern();
+        let reaches = |place: &usize| (nx..nx + nu).contains(place);
+        (0..ny).map(|i| pattern.places()[pattern.row(i)].iter().any(reaches)).collect()
+    }
+
     /// See [`Model::linearize_output`](crate::Model::linearize_output).
     pub(super) fn linearize(&mut self, at: Stages<'_>, out: OutputLinearization<'_>) {
         let dims = self.dims;

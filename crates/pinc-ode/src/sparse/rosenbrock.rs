@@ -224,6 +224,10 @@ impl<F: CurvedFunction, H: SparseFunction, V: Simd> Model for SparseRodas4<F, H,
         self.outputs.values(Stages { x, u, p }, y);
     }
 
+    fn feedthrough(&self) -> Vec<bool> {
+        self.outputs.feedthrough()
+    }
+
     fn linearize_output(&mut self, at: Stages<'_>, out: OutputLinearization<'_>) {
         self.outputs.linearize(at, out);
     }

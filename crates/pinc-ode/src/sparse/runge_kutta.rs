@@ -265,6 +265,10 @@ impl<F: SparseFunction, V: Simd> Model for SparseRungeKutta<F, V> {
         self.outputs.values(Stages { x, u, p }, y);
     }
 
+    fn feedthrough(&self) -> Vec<bool> {
+        self.outputs.feedthrough()
+    }
+
     fn linearize_output(&mut self, at: Stages<'_>, out: OutputLinearization<'_>) {
         self.outputs.linearize(at, out);
     }

@@ -318,7 +318,17 @@ mod tests {
     fn program(middle: f64) -> Qp {
         let [nx, nu, horizon, n_controls, n1] = [1; 5];
         let [inequalities, equalities, outputs] = [0; 3];
-        let dims = OcpDims { nx, nu, horizon, n_controls, n1, inequalities, equalities, outputs };
+        let dims = OcpDims {
+            nx,
+            nu,
+            horizon,
+            n_controls,
+            n1,
+            inequalities,
+            equalities,
+            outputs,
+            feedthrough: 0,
+        };
         let mut qp = Qp::new(dims, vec![0.0], vec![1.0]);
         qp.b[0] = 1.0;
         qp.gradient[1] = -middle;

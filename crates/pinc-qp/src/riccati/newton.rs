@@ -125,17 +125,18 @@ impl Newton {
         }
     }
 
-    /// Adds what S and T contribute to the slope.
+    /// Adds what S, E and T contribute to the slope.
     fn add_stage_cost(&mut self, qp: &Qp) {
         let dims = qp.dims;
         if !qp.has_stage_cost() {
             return;
         }
         for j in 1..=dims.horizon {
-            let (state, input) = (dims.next_state(j - 1), dims.input(dims.acting(j)));
-            if let Some(s) = qp.s(j) {
+            let state = dims.next_state(j - 1);
+            for (input, s) in qp.cross(j) {
+                let input = dims.input(input);
                 add_product(s, &self.d[state.clone()], &mut self.slope[input.clone()]);
-                add_transposed(s, &self.d[input], &mut self.slope[state]);
+                add_transposed(s, &self.d[input], &mut self.slope[state.clone()]);
             }
         }
         for i in 0..dims.n_controls {

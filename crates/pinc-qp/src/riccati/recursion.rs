@@ -1,9 +1,9 @@
 //! The Riccati recursion.
 
-use crate::OcpDims;
-use crate::Qp;
 use crate::algebra::{add_product, add_scaled, add_transposed, block, block_mut};
 use crate::factor::Cholesky;
+use crate::{OcpDims, Qp, RowBlock};
+use std::ops::Range;
 
 /// Solves the equality-constrained part of a [`Qp`], with weights D on its rows C d (see
 /// [`Rows`](super::rows::Rows)), at a cost linear in the horizon:
@@ -17,9 +17,10 @@ use crate::factor::Cholesky;
 /// the quadratic and linear part of the cost from stage j + 1 on,
 ///
 /// ```text
-/// M = F'P F + weights of du_j and of the rows at stage j + S_j, T_j        m = F'(P c + p) + g of du_j
+/// M = F'P F + weights of du_j and of rows of (dx_j, du_j) + S_j, T_j       m = F'(P c + p) + g of du_j
 /// G = R_j + weights of the increment + M_uu                     K = G^-1 M_u:
 /// P <- M - M_u:' K + (Q_j + weights of dx_j; 0)                 p <- m - K' m_u + g of dx_j
+///        + weights of rows of (dx_j, du_{j-1}) + E_j
 /// ```
 ///
 /// Reference: Rao, Wright and Rawlings, "Application of interior-point methods to model predictive
@@ -96,8 +97,8 @@ impl Riccati {
         let unasked = (UNASKED / (4 * s * s * s)).max(1);
         let by_row = RowWeights::new(self.dims, weights);
         self.merged.fill(0.0);
-        by_row.add_general(qp, horizon, &mut self.merged);
-        add_cross(qp, horizon, &mut self.merged);
+        by_row.add_block(qp, self.dims.rows_here(horizon), &mut self.merged);
+        add_cross(qp.s(horizon), self.dims, &mut self.merged);
         let mut next_look = horizon.checked_sub(unasked);
         for j in (0..horizon).rev() {
             if next_look == Some(j) {
@@ -114,12 +115,21 @@ impl Riccati {
                 add_scaled(&mut p[c * s..c * s + n], 1.0, q);
                 p[c * s + c] += state_weights[c];
             }
+            if j + 1 >= self.dims.n1 {
+                by_row.add_block(qp, self.dims.rows_at_end(j + 1), p);
+            }
+            add_cross(qp.s_before(j + 1), self.dims, p);
             symmetrize(p, s);
             let model = (block(&qp.a, j, n * n), block(&qp.b, j, n * m));
             merge(p, model, (n, m), &mut self.product, &mut self.merged);
-            by_row.add_general(qp, j, &mut self.merged);
+            if j >= self.dims.n1 {
+                by_row.add_block(qp, self.dims.rows_here(j), &mut self.merged);
+            }
+            if j + 1 >= self.dims.n1 {
+                by_row.add_block(qp, self.dims.rows_at_start(j + 1), &mut self.merged);
+            }
             if j > 0 {
-                add_cross(qp, j, &mut self.merged);
+                add_cross(qp.s(j), self.dims, &mut self.merged);
             }
             if j < n_controls {
                 for (k, t) in qp.t(j).into_iter().flat_map(|t| t.chunks_exact(m)).enumerate() {
@@ -288,11 +298,11 @@ fn symmetrize(matrix: &mut [f64], size: usize) {
     }
 }
 
-/// Adds `S_j` to the matrix of (`dx_j`, `du_j`).
-fn add_cross(qp: &Qp, j: usize, matrix: &mut [f64]) {
-    let OcpDims { nx: n, nu: m, .. } = qp.dims;
+/// Adds `S_j` or `E_j` to the matrix of `dx_j` and its input.
+fn add_cross(s: Option<&[f64]>, dims: OcpDims, matrix: &mut [f64]) {
+    let OcpDims { nx: n, nu: m, .. } = dims;
     let width = n + m;
-    for (k, row) in qp.s(j).into_iter().flat_map(|s| s.chunks_exact(n)).enumerate() {
+    for (k, row) in s.into_iter().flat_map(|s| s.chunks_exact(n)).enumerate() {
         for (i, entry) in row.iter().enumerate() {
             matrix[i * width + n + k] += entry;
             matrix[(n + k) * width + i] += entry;
@@ -314,16 +324,20 @@ impl<'a> RowWeights<'a> {
         Self { bounds, increments, general }
     }
 
-    /// Adds the weights of the rows at stage `j` to the matrix of (`dx_j`, `du_j`).
-    fn add_general(&self, qp: &Qp, j: usize, matrix: &mut [f64]) {
-        let dims = qp.dims;
-        if dims.rows() == 0 || !dims.constrained().contains(&j) {
-            return;
+    /// Adds the weights of some rows to the matrix of their state and input.
+    #[inline(always)]
+    fn add_block(&self, qp: &Qp, block: RowBlock, matrix: &mut [f64]) {
+        if !block.rows.is_empty() {
+            self.add_rows(qp, block.rows, matrix);
         }
-        let (n, s) = (dims.nx, dims.nx + dims.nu);
-        for (at, weight) in self.general[dims.stage_rows(j)].iter().enumerate() {
-            let by_x = &qp.rows_x(j)[at * n..(at + 1) * n];
-            let by_u = &qp.rows_u(j)[at * (s - n)..(at + 1) * (s - n)];
+    }
+
+    fn add_rows(&self, qp: &Qp, rows: Range<usize>, matrix: &mut [f64]) {
+        let (n, m) = (qp.dims.nx, qp.dims.nu);
+        let s = n + m;
+        let [by_x, by_u] = qp.row_jacobians(rows.clone());
+        let jacobians = by_x.chunks_exact(n).zip(by_u.chunks_exact(m));
+        for (weight, (by_x, by_u)) in self.general[rows].iter().zip(jacobians) {
             let normal = |i: usize| if i < n { by_x[i] } else { by_u[i - n] };
             for c in 0..s {
                 let factor = weight * normal(c);

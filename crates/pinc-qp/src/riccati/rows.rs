@@ -3,7 +3,7 @@
 use crate::Multipliers;
 use crate::OcpDims;
 use crate::algebra::{add_scaled, dot};
-use crate::{Kind, Qp, Row};
+use crate::{Kind, Qp, Row, RowBlock};
 
 /// The values C d of all rows that may have limits: the unknowns, the increments of the inputs, and
 /// the general rows, one after the other.
@@ -40,15 +40,17 @@ impl Rows {
         for (increment, before) in increments[m..].iter_mut().zip(inputs) {
             *increment -= before;
         }
-        if dims.rows() > 0 {
-            for j in dims.constrained() {
-                let (x, u) = (&d[dims.next_state(j - 1)], &d[dims.input(dims.acting(j))]);
-                let by_x = qp.rows_x(j).chunks_exact(n);
-                let by_u = qp.rows_u(j).chunks_exact(m);
-                let rows = general[dims.stage_rows(j)].iter_mut().zip(by_x.zip(by_u));
-                for (value, (by_x, by_u)) in rows {
+        for RowBlock { rows, state, input } in dims.all_row_blocks() {
+            let u = &d[dims.input(input)];
+            let [by_x, by_u] = qp.row_jacobians(rows.clone());
+            let values = general[rows].iter_mut().zip(by_u.chunks_exact(m));
+            if let Some(state) = dims.state(state) {
+                let x = &d[state];
+                for ((value, by_u), by_x) in values.zip(by_x.chunks_exact(n)) {
                     *value = dot(by_x, x) + dot(by_u, u);
                 }
+            } else {
+                values.for_each(|(value, by_u)| *value = dot(by_u, u));
             }
         }
     }
@@ -68,16 +70,15 @@ impl Rows {
         for (sum, factor) in inputs.iter_mut().zip(&increments[m..]) {
             *sum -= factor;
         }
-        if dims.rows() > 0 {
-            for j in dims.constrained() {
-                let (state, input) = (dims.next_state(j - 1), dims.input(dims.acting(j)));
-                let by_x = qp.rows_x(j).chunks_exact(n);
-                let by_u = qp.rows_u(j).chunks_exact(m);
-                for (factor, (by_x, by_u)) in general[dims.stage_rows(j)].iter().zip(by_x.zip(by_u))
-                {
+        for RowBlock { rows, state, input } in dims.all_row_blocks() {
+            let (state, input) = (dims.state(state), dims.input(input));
+            let [by_x, by_u] = qp.row_jacobians(rows.clone());
+            let jacobians = by_x.chunks_exact(n).zip(by_u.chunks_exact(m));
+            for (factor, (by_x, by_u)) in general[rows].iter().zip(jacobians) {
+                if let Some(state) = &state {
                     add_scaled(&mut sum[state.clone()], *factor, by_x);
-                    add_scaled(&mut sum[input.clone()], *factor, by_u);
                 }
+                add_scaled(&mut sum[input.clone()], *factor, by_u);
             }
         }
     }

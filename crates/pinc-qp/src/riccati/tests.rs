@@ -64,7 +64,17 @@ fn the_interior_point_gives_up_when_the_time_is_up() {
 fn pair([low, high]: [[f64; 2]; 2]) -> Qp {
     let [nx, nu, horizon, n_controls, n1] = [1; 5];
     let [inequalities, equalities, outputs] = [0; 3];
-    let dims = OcpDims { nx, nu, horizon, n_controls, n1, inequalities, equalities, outputs };
+    let dims = OcpDims {
+        nx,
+        nu,
+        horizon,
+        n_controls,
+        n1,
+        inequalities,
+        equalities,
+        outputs,
+        feedthrough: 0,
+    };
     let mut qp = Qp::new(dims, vec![1.0], vec![1.0]);
     qp.b[0] = 1.0;
     (qp.bounds.low, qp.bounds.high) = (low.to_vec(), high.to_vec());

@@ -39,10 +39,21 @@ impl Dense {
             rows.push((row, limits));
         }
         for (i, limits) in qp.rows.iter().enumerate() {
-            let j = dims.n1 + i / dims.rows();
+            let (j, at) = (dims.n1 + i / dims.rows(), i % dims.rows());
+            // In the end, rows of outputs at the end and at the start of the interval before.
+            let ends = dims.rows() - 2 * dims.feedthrough;
+            let starts = ends + dims.feedthrough;
+            let (state, input) = match at {
+                at if at < ends => (j, j),
+                at if at < starts => (j, j - 1),
+                _ => (j - 1, j - 1),
+            };
             let mut row = zero.clone();
-            row[(j - 1) * n..j * n].copy_from_slice(&qp.rows_x[i * n..(i + 1) * n]);
-            let u = dims.all_states() + j.min(dims.n_controls - 1) * m;
+            if state > 0 {
+                let columns = (state - 1) * n..state * n;
+                row[columns].copy_from_slice(&qp.rows_x[i * n..(i + 1) * n]);
+            }
+            let u = dims.all_states() + input.min(dims.n_controls - 1) * m;
             row[u..u + m].copy_from_slice(&qp.rows_u[i * m..(i + 1) * m]);
             rows.push((row, limits));
         }
@@ -90,11 +101,14 @@ fn slope(qp: &Qp, d: &[f64]) -> Vec<f64> {
         }
     }
     for j in 1..=dims.horizon {
-        let (x, i) = ((j - 1) * n, j.min(dims.n_controls - 1));
-        for (k, row) in qp.s(j).into_iter().flat_map(|s| s.chunks_exact(n)).enumerate() {
-            slope[dims.all_states() + i * m + k] += dot(row, &d[x..x + n]);
-            for (l, entry) in row.iter().enumerate() {
-                slope[x + l] += entry * u(i, k);
+        let x = (j - 1) * n;
+        for (i, s) in [(j, &qp.s), (j - 1, &qp.s_before)].into_iter().filter(|s| !s.1.is_empty()) {
+            let i = i.min(dims.n_controls - 1);
+            for (k, row) in s[x * m..(x + n) * m].chunks_exact(n).enumerate() {
+                slope[dims.all_states() + i * m + k] += dot(row, &d[x..x + n]);
+                for (l, entry) in row.iter().enumerate() {
+                    slope[x + l] += entry * u(i, k);
+                }
             }
         }
     }
@@ -237,7 +251,7 @@ proptest! {
     ) {
         all_agree(&qp, &signs)?;
         let mut other = qp.clone();
-        for part in [&mut other.q, &mut other.s, &mut other.t] {
+        for part in [&mut other.q, &mut other.s, &mut other.s_before, &mut other.t] {
             part.iter_mut().for_each(|entry| *entry *= 0.5);
         }
         let cold = QpStep::new(qp.dims);
@@ -380,6 +394,7 @@ fn long_horizons_of_unstable_plants_are_solved_stage_by_stage() {
         inequalities: 0,
         equalities: 0,
         outputs: 0,
+        feedthrough: 0,
     };
     let weight = [2.0, 0.0, 0.0, 2.0].repeat(dims.horizon);
     let mut qp = Qp::new(dims, weight, vec![2.0; dims.n_controls]);

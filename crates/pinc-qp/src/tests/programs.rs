@@ -6,8 +6,8 @@ use proptest::collection::vec;
 use proptest::prelude::*;
 
 fn shapes() -> impl Strategy<Value = OcpDims> {
-    (1..=3_usize, 1..=2_usize, 1..=6_usize, 0..=1_usize, 0..=1_usize).prop_flat_map(
-        |(states, inputs, stages, inequalities, equalities)| {
+    (1..=3_usize, 1..=2_usize, 1..=6_usize, 0..=1_usize, 0..=1_usize, 0..=1_usize).prop_flat_map(
+        |(states, inputs, stages, inequalities, equalities, feedthrough)| {
             (1..=stages, 1..=stages).prop_map(move |(n_controls, first)| OcpDims {
                 nx: states,
                 nu: inputs,
@@ -17,6 +17,7 @@ fn shapes() -> impl Strategy<Value = OcpDims> {
                 inequalities,
                 equalities: equalities.min(inputs - 1),
                 outputs: 0,
+                feedthrough,
             })
         },
     )
@@ -116,7 +117,7 @@ fn set_limits(qp: &mut Qp, middle: &[f64], spreads: &[Spread]) {
         }
     }
     for j in dims.constrained() {
-        for (at, row) in dims.stage_rows(j).enumerate() {
+        for (at, row) in dims.stage_rows(j).enumerate().take(dims.general()) {
             let equality = at >= dims.inequalities;
             qp.rows.low[row] = if equality { rows[row] } else { f64::NEG_INFINITY };
             qp.rows.high[row] = if equality { rows[row] } else { qp.rows.high[row] };
@@ -142,6 +143,7 @@ pub(super) fn counted(qp: &Qp, x: &[f64], u: &[f64], cost: f64) -> Qp {
     let (cost_x, cost_u) = (per(x), per(u));
     blocks(&mut qp.q, &cost_x, x);
     blocks(&mut qp.s, &cost_u, x);
+    blocks(&mut qp.s_before, &cost_u, x);
     blocks(&mut qp.r, &cost_u, u);
     blocks(&mut qp.t, &cost_u, u);
     blocks(&mut qp.a, x, x);
@@ -177,21 +179,26 @@ fn squares(factors: &[f64], size: usize) -> Vec<Vec<f64>> {
     factors.chunks_exact(size * size).map(square).collect()
 }
 
-/// Programs with S and T: a positive semidefinite square of (x, u) at each stage.
+/// Programs with S and T: a positive semidefinite square of (x, u) at each stage. Half of them have
+/// E too: another square of each state and the input before.
 pub(super) fn stage_costs(coarse: bool) -> impl Strategy<Value = Qp> {
-    programs(coarse).prop_flat_map(|qp| {
+    (programs(coarse), any::<bool>()).prop_flat_map(|(qp, ends)| {
         let OcpDims { nx, nu, horizon, .. } = qp.dims;
         let width = nx + nu;
-        vec(-1.5..1.5_f64, horizon * width * width).prop_map(move |factors| {
-            let mut qp = qp.clone().with_stage_cost();
-            for (j, square) in squares(&factors, width).iter().enumerate() {
-                let acting = qp.dims.acting(j + 1);
+        let count = if ends { 2 * horizon } else { horizon };
+        vec(-1.5..1.5_f64, count * width * width).prop_map(move |factors| {
+            let mut qp =
+                if ends { qp.clone().with_end_cost() } else { qp.clone().with_stage_cost() };
+            for (at, square) in squares(&factors, width).iter().enumerate() {
+                let (j, before) = (at % horizon, at / horizon);
+                let acting = qp.dims.acting(j + 1 - before);
+                let s = if before > 0 { &mut qp.s_before } else { &mut qp.s };
                 for (row, line) in square.chunks_exact(width).enumerate() {
                     let (by_x, by_u) = line.split_at(nx);
                     let (to, from) = match row.checked_sub(nx) {
                         None => (&mut qp.q[(j * nx + row) * nx..], by_x),
                         Some(k) => {
-                            qp.s[(j * nu + k) * nx..][..nx].copy_from_slice(by_x);
+                            s[(j * nu + k) * nx..][..nx].copy_from_slice(by_x);
                             (&mut qp.t[(acting * nu + k) * nu..], by_u)
                         }
                     };
