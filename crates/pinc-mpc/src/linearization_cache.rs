@@ -223,6 +223,7 @@ mod tests {
             inequalities: 0,
             equalities: 0,
             outputs: 0,
+            feedthrough: 0,
         };
         let (x, u) = ([0.1, 0.2, 0.3, 0.4], [1.0, 2.0, 3.0, 4.0]);
         let moved = [0.2, 0.3, 0.4, 0.7];
