@@ -112,7 +112,7 @@ fn assert_same_loop(config: &Path, kind: ModelKind, more: &[&str], model: &[&str
 fn assert_same_feedback(config: &Path, more: &[&str]) {
     let dir = tempfile::tempdir().unwrap();
     let dir = dir.path();
-    let closed = Closed::run(dir, config, ModelKind::Rk4, more);
+    let closed = Closed::run(dir, config, ModelKind::RK4, more);
     let mut command = pinc(&["export", "--to", "c", "--name", "loop", "--out", "c"]);
     command.args(["--only", "rk4"]).arg(config).args(more).current_dir(dir);
     fine(&outcome(&mut command));
@@ -196,16 +196,16 @@ fn loops_with_estimators_in_c_are_those_of_the_program() {
 #[test]
 fn the_oscillators_loop_in_c_is_that_of_the_program() {
     let config = repository("configs/van-der-pol/control.toml");
-    assert_eq!(assert_same_loop(&config, ModelKind::Rk4, &[], &[]), 120);
+    assert_eq!(assert_same_loop(&config, ModelKind::RK4, &[], &[]), 120);
     // Weighted differences of inputs.
     let released = ["--set", "preset=\"as-released\"", "--set", "control.duration_s=20.0"];
-    assert_eq!(assert_same_loop(&config, ModelKind::Rk4, &released, &[]), 40);
+    assert_eq!(assert_same_loop(&config, ModelKind::RK4, &released, &[]), 40);
 }
 
 #[test]
 fn the_tanks_loop_in_c_is_that_of_the_program() {
     let config = repository("configs/four-tanks/control.toml");
-    assert_eq!(assert_same_loop(&config, ModelKind::Rk4, &[], &[]), 240);
+    assert_eq!(assert_same_loop(&config, ModelKind::RK4, &[], &[]), 240);
 }
 
 /// A controller with a trained net, which is trained once.

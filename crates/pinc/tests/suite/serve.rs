@@ -66,7 +66,7 @@ fn the_served_controller_is_that_of_the_loop() {
     let dir = tempfile::tempdir().unwrap();
     let config = repository("configs/van-der-pol/control.toml");
     let short = ["--set", "control.duration_s=20.0"];
-    let closed = Closed::run(dir.path(), &config, ModelKind::Rk4, &short);
+    let closed = Closed::run(dir.path(), &config, ModelKind::RK4, &short);
     for with_reference in [false, true] {
         let mut served = Served::new(&config, &short);
         for (k, x) in closed.states.iter().enumerate() {
@@ -102,7 +102,7 @@ fn the_served_estimator_is_that_of_the_loop() {
         let mut sets = vec!["--set", "control.duration_s=700.0"];
         more.iter().for_each(|set| sets.extend(["--set", *set]));
         let dir = tempfile::tempdir().unwrap();
-        let closed = Closed::run(dir.path(), &config, ModelKind::Rk4, &sets);
+        let closed = Closed::run(dir.path(), &config, ModelKind::RK4, &sets);
         let estimates = closed.estimates.as_ref().unwrap();
         let mut served = Served::new(&config, &sets);
         for (k, row) in estimates.rows.iter().enumerate() {
