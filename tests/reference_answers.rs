@@ -163,7 +163,7 @@ fn the_shipped_config_makes_table_1() {
         interrupt: &AtomicBool::new(false),
         arguments: &[],
     };
-    let only = Some(ModelKind::Rk4);
+    let only = Some(ModelKind::RK4);
     let run = pinc_runs::control(&experiment, dir.path(), &options, None, only).unwrap();
     let answer = &run.metrics().control[0];
     close(answer.iae_dense_sum, 121.98, 0.01);

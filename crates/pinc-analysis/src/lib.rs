@@ -6,7 +6,7 @@
 //!   zeros;
 //!   [`TimeScales`] says what the eigenvalues mean; [`common_plane`] finds what all steady states
 //!   share.
-//! - [`ExplicitMethod`]: which steps are stable; [`OneStepSamples`]: how large the error of a step
+//! - [`StabilityFunction`]: which steps are stable; [`OneStepSamples`]: how large the error of a step
 //!   is.
 //! - [`Survey`]: where the equation has poles, jumps and kinks, in and around a box; [`crossings`]
 //!   finds where terms of it vanish.
@@ -35,7 +35,7 @@ pub use knee::beyond_knee;
 pub use modes::{Growth, TimeScales};
 pub use plane::{Plane, common_plane, common_ratio};
 pub use region::{OperatingPoint, Region};
-pub use stability::ExplicitMethod;
+pub use stability::StabilityFunction;
 pub use state_space::{Complex, StateSpace, StaticGain, TransmissionZeros};
 pub use steady_state::{HeldPoint, SteadyStateSearch};
 pub use substeps::OneStepSamples;

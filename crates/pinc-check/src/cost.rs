@@ -33,11 +33,9 @@ pub(crate) fn examine(subject: &Subject<'_>) -> Vec<Finding> {
     };
     let rhs = format!("an evaluation of the equation takes {}", duration(cost.rhs_ns));
     let of_model = |of: &ModelCost| {
-        let name = match (of.model, subject.experiment.sample_time_s()) {
-            (ModelKind::Pinc, _) | (_, None) => of.model.title().to_owned(),
-            (kind, Some(step_s)) => {
-                format!("{} x{}", kind.title(), control.substeps(kind, step_s, step_s))
-            }
+        let name = match of.model.integrator() {
+            Some(method) => format!("{} x{}", method.title(), control.own_substeps(method)),
+            None => of.model.title().to_owned(),
         };
         let step = of.control_step_us.map_or_else(String::new, |us| {
             format!("; a control step takes {}", duration(1e3 * us))

@@ -5,7 +5,7 @@ use crate::{Finding, Operating, Subject};
 use pinc_analysis::{OperatingPoint, StateSpace, UnseenMode, unseen_along, unseen_modes};
 use pinc_config::{ControlSpec, DisturbanceSpec, EstimatorSpec, LoopParameters, Variables};
 use pinc_estimate::Augmented;
-use pinc_ode::{Dims, LinearizationBuffer, Model, OutputLinearization, Stages};
+use pinc_ode::{Dims, Integrator, LinearizationBuffer, Model, OutputLinearization, Stages};
 
 /// The section that findings are about.
 const SECTION: &str = "control.estimator";
@@ -181,7 +181,7 @@ fn linearized(
     let measurement = control.measurement.clone().unwrap_or_default();
     let LoopParameters { names, values, estimated } = subject.experiment.loop_parameters();
     let plant = subject.experiment.plant.family(&names);
-    let model = plant.rk4(subject.step_s(), control.rk4_substeps);
+    let model = plant.model(Integrator::Rk4, subject.step_s(), control.rk4_substeps);
     let parameters = (&values[..], &estimated[..]);
     let augmentation = estimator.augmentation(&measurement, &variables, parameters);
     let mut model = Augmented::new(model, augmentation).ok()?;

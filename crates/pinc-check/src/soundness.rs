@@ -3,10 +3,10 @@
 use crate::numbers::short;
 use crate::region;
 use crate::work::{Metered, Work};
-use pinc_analysis::{Complex, ExplicitMethod, OperatingPoint, Region, StateSpace};
-use pinc_config::{Experiment, ModelKind};
+use pinc_analysis::{Complex, OperatingPoint, Region, StabilityFunction, StateSpace};
+use pinc_config::Experiment;
 use pinc_net::{Domain, DomainError, DomainTruth, RmsError, ValidationConfig};
-use pinc_ode::{Dims, DynPlant, Model};
+use pinc_ode::{Dims, DynPlant, Integrator, Model};
 
 /// Random points at which the stability of explicit methods is examined; fewer for many states.
 const STABILITY_POINTS: usize = 200;
@@ -143,33 +143,34 @@ impl<'a> IntegratorBox<'a> {
 
     /// Whether an integrator with so many substeps is sound.
     #[must_use]
-    pub fn soundness(&self, kind: ModelKind, substeps: usize) -> Soundness {
-        let unstable = explicit(kind).map_or(0, |method| {
+    pub fn soundness(&self, integrator: Integrator, substeps: usize) -> Soundness {
+        let unstable = StabilityFunction::of(integrator).map_or(0, |stability| {
             #[expect(clippy::cast_precision_loss, reason = "a few substeps")]
             let step_s = self.step_s / substeps as f64;
-            self.modes.iter().filter(|modes| !method.is_stable(modes, step_s)).count()
+            self.modes.iter().filter(|modes| !stability.is_stable(modes, step_s)).count()
         });
         let (examined, region_name) = (self.modes.len(), self.region_name);
-        Soundness { unstable, examined, error: self.error(kind, substeps), region_name }
+        Soundness { unstable, examined, error: self.error(integrator, substeps), region_name }
     }
 
     /// The error of one step of an integrator, in widths of the box.
-    pub(crate) fn error(&self, kind: ModelKind, substeps: usize) -> Option<RmsError> {
-        let mut model = self.model(kind, substeps)?;
+    pub(crate) fn error(&self, integrator: Integrator, substeps: usize) -> Option<RmsError> {
+        let mut model = self.model(integrator, substeps);
         self.truth.as_ref().map(|truth| truth.rms_error(&mut *model))
     }
 
     /// The errors of one step of an integrator, with the worst point that was found.
-    pub(crate) fn worst(&mut self, kind: ModelKind, substeps: usize) -> Option<DomainError> {
-        let mut model = self.model(kind, substeps)?;
+    pub(crate) fn worst(&mut self, integrator: Integrator, substeps: usize) -> Option<DomainError> {
+        let mut model = self.model(integrator, substeps);
         self.truth.as_mut().map(|truth| truth.judge(&mut *model))
     }
 
     /// The least number of substeps with which an explicit method is stable at all points; `None`
     /// without a point, [`usize::MAX`] for none.
-    pub(crate) fn stable_substeps(&self, method: ExplicitMethod) -> Option<usize> {
-        let needed =
-            |modes: &Vec<Complex>| method.stable_substeps(modes, self.step_s).unwrap_or(usize::MAX);
+    pub(crate) fn stable_substeps(&self, stability: &StabilityFunction) -> Option<usize> {
+        let needed = |modes: &Vec<Complex>| {
+            stability.stable_substeps(modes, self.step_s).unwrap_or(usize::MAX)
+        };
         self.modes.iter().map(needed).max()
     }
 
@@ -186,23 +187,9 @@ impl<'a> IntegratorBox<'a> {
         self.truth.as_ref().map_or(0, DomainTruth::unsolved)
     }
 
-    fn model(&self, kind: ModelKind, substeps: usize) -> Option<Box<dyn Model>> {
+    fn model(&self, integrator: Integrator, substeps: usize) -> Box<dyn Model> {
         let plant = self.family.as_deref().unwrap_or(self.plant);
-        match kind {
-            ModelKind::Rk4 => Some(plant.rk4(self.step_s, substeps)),
-            ModelKind::Rk5 => Some(plant.rk5(self.step_s, substeps)),
-            ModelKind::Rodas4 => Some(plant.rodas4(self.step_s, substeps)),
-            ModelKind::Pinc | ModelKind::BlackBox => None,
-        }
-    }
-}
-
-/// The explicit method that a model is.
-pub(crate) fn explicit(kind: ModelKind) -> Option<ExplicitMethod> {
-    match kind {
-        ModelKind::Rk4 => Some(ExplicitMethod::Rk4),
-        ModelKind::Rk5 => Some(ExplicitMethod::Rk5),
-        ModelKind::Rodas4 | ModelKind::Pinc | ModelKind::BlackBox => None,
+        plant.model(integrator, self.step_s, substeps)
     }
 }
 

@@ -2,10 +2,12 @@
 
 use crate::{Finding, Held, LISTED, Operating, Subject, short};
 use pinc_analysis::{
-    Complex, ExplicitMethod, Growth, HeldPoint, OperatingPoint, StateSpace, TimeScales, beyond_knee,
+    Complex, Growth, HeldPoint, OperatingPoint, StabilityFunction, StateSpace, TimeScales,
+    beyond_knee,
 };
 use pinc_config::{ControlSpec, ModelKind};
 use pinc_net::{Ansatz, TrainingTarget};
+use pinc_ode::Integrator;
 
 /// |lambda| T from which a plant is stiff for explicit methods, and how far its modes are apart
 /// then.
@@ -67,13 +69,11 @@ pub(crate) fn examine(subject: &Subject<'_>) -> Vec<Finding> {
     if let (Some(control), Some(_)) =
         (&subject.experiment.control, subject.experiment.sample_time_s())
     {
-        for (method, kind, key, substeps) in [
-            (ExplicitMethod::Rk4, ModelKind::Rk4, "rk4", control.rk4_substeps),
-            (ExplicitMethod::Rk5, ModelKind::Rk5, "rk5", control.rk5_substeps),
-        ] {
-            if control.models.contains(&kind) {
-                let key = format!("control.{key}_substeps");
-                findings.extend(integrator(subject, method, &key, substeps));
+        for integrator in control.models.iter().filter_map(|kind| kind.integrator()) {
+            if let Some(stability) = StabilityFunction::of(integrator) {
+                let key = format!("control.{}", ControlSpec::substeps_key(integrator));
+                let substeps = control.own_substeps(integrator);
+                findings.extend(stable_substeps(subject, &stability, &key, substeps));
             }
         }
     }
@@ -187,8 +187,9 @@ fn stiff(subject: &Subject<'_>, found: &[(String, Vec<Complex>)]) -> Option<Find
     );
     let control = subject.experiment.control.as_ref();
     let has_enough = |control: &ControlSpec| {
-        let needed = ExplicitMethod::Rk4.stable_substeps(modes, step);
-        control.models.contains(&ModelKind::Rk4)
+        let rk4 = StabilityFunction::of(Integrator::Rk4);
+        let needed = rk4.and_then(|rk4| rk4.stable_substeps(modes, step));
+        control.models.contains(&ModelKind::RK4)
             && needed.is_some_and(|n| n <= control.rk4_substeps)
     };
     if control.is_some_and(has_enough) {
@@ -261,16 +262,16 @@ fn sample_time(subject: &Subject<'_>, place: &str, scales: &TimeScales) -> Optio
 
 /// The substeps with which an explicit method is stable at the references, between them, and along
 /// the closed loop.
-fn integrator(
+fn stable_substeps(
     subject: &Subject<'_>,
-    method: ExplicitMethod,
+    stability: &StabilityFunction,
     key: &str,
     substeps: usize,
 ) -> Vec<Finding> {
     let step = subject.step_s();
     let needed = |point: &OperatingPoint| {
         let modes = modes(subject, point)?;
-        Some(method.stable_substeps(&modes, step).unwrap_or(usize::MAX))
+        Some(stability.stable_substeps(&modes, step).unwrap_or(usize::MAX))
     };
     let mut findings = Vec::new();
     // Of places that are alike the last is named: a reference rather than a time.
@@ -289,7 +290,7 @@ fn integrator(
              stable is up to {} on the real axis",
             subject.state(&point.x),
             short(size),
-            short(method.real_limit())
+            short(stability.real_limit())
         );
         findings.push(
             Finding::warning(key, what)

@@ -1,10 +1,12 @@
 //! The integrators on the box: their errors by substeps, which a net has to beat, and whether those
 //! of the loop are sound.
 
-use crate::soundness::{IntegratorBox, explicit};
+use crate::soundness::IntegratorBox;
 use crate::{Finding, Subject, left_out};
-use pinc_config::ModelKind;
+use pinc_analysis::StabilityFunction;
+use pinc_config::ControlSpec;
 use pinc_net::RmsError;
+use pinc_ode::Integrator;
 
 /// The numbers of substeps that are shown.
 const SHOWN: [usize; 5] = [1, 2, 4, 8, 16];
@@ -40,7 +42,7 @@ pub(crate) fn examine(subject: &Subject<'_>) -> Vec<Finding> {
         );
     }
     let mut enough = None;
-    if of_box.error(ModelKind::Rk4, 1).is_some() {
+    if of_box.error(Integrator::Rk4, 1).is_some() {
         let shown = SHOWN.map(|n| format!("{n}: {}", with_uncertainty(&of_box, n)));
         let fewer = match points < wanted {
             true => format!(" ({points} points, where a run takes {wanted})"),
@@ -67,7 +69,7 @@ pub(crate) fn examine(subject: &Subject<'_>) -> Vec<Finding> {
 /// An error, with its uncertainty where there are fewer points than a run has.
 fn with_uncertainty(of_box: &IntegratorBox<'_>, substeps: usize) -> String {
     let (points, wanted) = of_box.points();
-    let Some(RmsError { rms, uncertainty }) = of_box.error(ModelKind::Rk4, substeps) else {
+    let Some(RmsError { rms, uncertainty }) = of_box.error(Integrator::Rk4, substeps) else {
         return "-".to_owned();
     };
     if points < wanted && uncertainty > UNCERTAIN {
@@ -82,7 +84,7 @@ fn needed(subject: &Subject<'_>, of_box: &IntegratorBox<'_>) -> (Finding, Option
     let work = |n: usize| 4 * n as u64 * points as u64 * subject.units;
     let counts = std::iter::successors(Some(1), |n| (n * 2 <= MOST).then_some(n * 2));
     let counts: Vec<usize> = counts.take_while(|n| *n <= 16 || work(*n) <= MODEL_WORK).collect();
-    let rms = |n: usize| of_box.error(ModelKind::Rk4, n).map_or(f64::NAN, |error| error.rms);
+    let rms = |n: usize| of_box.error(Integrator::Rk4, n).map_or(f64::NAN, |error| error.rms);
     let mut found = [None; 2];
     for &n in &counts {
         let error = rms(n);
@@ -118,14 +120,14 @@ fn integrators(
     enough: Option<usize>,
 ) -> Vec<Finding> {
     let Some(control) = &subject.experiment.control else { return Vec::new() };
-    let step_s = subject.step_s();
     let mut findings = Vec::new();
-    for &kind in &control.models {
-        let Some(key) = kind.substeps_key() else { continue };
-        let substeps = control.substeps(kind, step_s, step_s);
-        let soundness = of_box.soundness(kind, substeps);
-        let stable = explicit(kind).and_then(|method| of_box.stable_substeps(method));
-        let (name, place) = (kind.title(), format!("control.{key}"));
+    for integrator in control.models.iter().filter_map(|kind| kind.integrator()) {
+        let key = ControlSpec::substeps_key(integrator);
+        let substeps = control.own_substeps(integrator);
+        let soundness = of_box.soundness(integrator, substeps);
+        let stability = StabilityFunction::of(integrator);
+        let stable = stability.and_then(|stability| of_box.stable_substeps(&stability));
+        let (name, place) = (integrator.title(), format!("control.{key}"));
         if let Some(stable) = stable {
             let count = match stable {
                 usize::MAX => "more than a million".to_owned(),
@@ -138,11 +140,11 @@ fn integrators(
             findings.push(Finding::fact(&place, what));
         }
         if let Some(objection) = soundness.objection() {
-            let enough = enough.filter(|_| kind == ModelKind::Rk4);
+            let enough = enough.filter(|_| integrator == Integrator::Rk4);
             let change = match (stable, enough) {
                 (Some(usize::MAX), _) => "a shorter T, or the model rosenbrock".to_owned(),
                 (Some(stable), Some(enough)) => format!("{key} = {}", stable.max(enough)),
-                (_, None) if kind == ModelKind::Rk4 => format!("{key} = more than {MOST}"),
+                (_, None) if integrator == Integrator::Rk4 => format!("{key} = more than {MOST}"),
                 (Some(stable), None) if soundness.unstable > 0 => format!("{key} = {stable}"),
                 (Some(_), None) | (None, _) => format!("more than {substeps} {key}"),
             };
@@ -163,14 +165,15 @@ fn integrators(
 /// Where the first integrator of the loop is worst.
 fn worst(subject: &Subject<'_>, of_box: &mut IntegratorBox<'_>) -> Option<Finding> {
     let control = subject.experiment.control.as_ref()?;
-    let kind = control.models.iter().copied().find(|kind| explicit(*kind).is_some())?;
-    let substeps = control.substeps(kind, subject.step_s(), subject.step_s());
-    let found = of_box.worst(kind, substeps)?;
+    let mut integrators = control.models.iter().filter_map(|kind| kind.integrator());
+    let integrator = integrators.find(|integrator| integrator.tableau().is_some())?;
+    let substeps = control.own_substeps(integrator);
+    let found = of_box.worst(integrator, substeps)?;
     let at = format!("{}; {}", subject.state(&found.worst.x), subject.input(&found.worst.u));
     let what = format!(
         "the largest error of one step of {} x{substeps} that a search found is {:.1e} of the \
          range of {}, at {at}",
-        kind.title(),
+        integrator.title(),
         found.max,
         subject.state_name(found.worst.state)
     );

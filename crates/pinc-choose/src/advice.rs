@@ -173,9 +173,9 @@ impl<'a> Advice<'a> {
 /// A model in words.
 fn described(tried: &Tried) -> String {
     match tried.candidate {
-        Candidate::Integrator { kind, substeps } => {
+        Candidate::Integrator { integrator, substeps } => {
             let plural = if substeps == 1 { "" } else { "s" };
-            format!("{} with {substeps} substep{plural}", kind.title())
+            format!("{} with {substeps} substep{plural}", integrator.title())
         }
         Candidate::Net { shape, source, longer } => {
             let training = tried.result.as_ref().ok().and_then(|score| score.training_s);

@@ -1,7 +1,8 @@
 //! Models that are tried in a loop.
 
-use pinc_config::ModelKind;
+use pinc_config::{ControlSpec, ModelKind};
 use pinc_net::TrainingTarget;
+use pinc_ode::Integrator;
 use std::fmt::{self, Write};
 
 /// A model to try.
@@ -10,7 +11,7 @@ pub enum Candidate {
     /// An integrator with so many substeps per control step.
     Integrator {
         /// Which.
-        kind: ModelKind,
+        integrator: Integrator,
         /// How many.
         substeps: usize,
     },
@@ -57,7 +58,7 @@ impl Candidate {
     /// The model of the loop.
     pub(crate) fn kind(self) -> ModelKind {
         match self {
-            Self::Integrator { kind, .. } => kind,
+            Self::Integrator { integrator, .. } => ModelKind::Integrator(integrator),
             Self::Net { .. } => ModelKind::Pinc,
         }
     }
@@ -70,10 +71,9 @@ impl Candidate {
         let _ = write!(set, ", \"control.repetitions\" = {repetitions}");
         // Writing to a String does not fail.
         let _ = match self {
-            Self::Integrator { kind, substeps } => {
-                let key =
-                    kind.substeps_key().map(|key| format!(", \"control.{key}\" = {substeps}"));
-                set.write_str(&key.unwrap_or_default())
+            Self::Integrator { integrator, substeps } => {
+                let key = ControlSpec::substeps_key(integrator);
+                write!(set, ", \"control.{key}\" = {substeps}")
             }
             Self::Net { shape: Shape { layers, neurons }, source, longer } => {
                 if longer {
@@ -102,7 +102,9 @@ impl fmt::Display for Shape {
 impl fmt::Display for Candidate {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Integrator { kind, substeps } => write!(f, "{} x{substeps}", kind.title()),
+            Self::Integrator { integrator, substeps } => {
+                write!(f, "{} x{substeps}", integrator.title())
+            }
             Self::Net { shape, source, longer } => {
                 let kind = if *source == TrainingTarget::Integrator { "distilled" } else { "PINC" };
                 write!(f, "{kind} {shape}{}", if *longer { " longer" } else { "" })

@@ -218,8 +218,8 @@ fn narrowest(spec: &ControlSpec) -> f64 {
 pub(crate) mod tests {
     use super::*;
     use crate::candidate::shapes;
-    use pinc_config::ModelKind;
     use pinc_net::TrainingTarget;
+    use pinc_ode::Integrator;
 
     /// A score with these numbers and no flaws.
     pub(crate) fn score(iae: f64, p50_us: f64, rms: f64) -> Score {
@@ -243,7 +243,7 @@ pub(crate) mod tests {
     }
 
     fn rk4(substeps: usize, iae: f64, p50_us: f64, rms: f64) -> Tried {
-        tried(Candidate::Integrator { kind: ModelKind::Rk4, substeps }, iae, p50_us, rms)
+        tried(Candidate::Integrator { integrator: Integrator::Rk4, substeps }, iae, p50_us, rms)
     }
 
     fn net(iae: f64, p50_us: f64) -> Tried {

@@ -28,8 +28,8 @@ impl Advice<'_> {
         }
         if let Some(control) = &mut experiment.control {
             control.models = vec![candidate.kind()];
-            if let Candidate::Integrator { kind, substeps } = candidate {
-                control.set_substeps(kind, substeps);
+            if let Candidate::Integrator { integrator, substeps } = candidate {
+                control.set_substeps(integrator, substeps);
             }
         }
         let mut comments: Vec<String> = self.sentences();

@@ -1,11 +1,10 @@
 //! The `[control]` section.
 
 use crate::estimator::{EstimatorSpec, MeasurementSpec};
-use crate::{LoadSpec, ParameterStep, PlantSpec, Variables};
+use crate::{LoadSpec, ModelKind, ParameterStep, PlantSpec, Variables};
 use pinc_mpc::{Bounds, NmpcProblem, Softness, SqpConfig, Tracked, Weight, Weights};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
-use std::fmt;
 
 /// A closed loop: the plant, integrated accurately, under the controller.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -317,66 +316,4 @@ pub enum OutsidePolicy {
     Report,
     /// End the run there.
     Refuse,
-}
-
-/// The model inside the controller.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum ModelKind {
-    /// The trained net.
-    Pinc,
-    /// The Runge-Kutta method of order 4.
-    Rk4,
-    /// The Runge-Kutta method of order 5 of Dormand and Prince.
-    Rk5,
-    /// The Rosenbrock method, for stiff plants.
-    #[serde(rename = "rosenbrock")]
-    Rodas4,
-    /// The plant without an equation itself, with Jacobians by differences.
-    BlackBox,
-}
-
-impl ModelKind {
-    /// All of them.
-    pub const ALL: [Self; 5] = [Self::Pinc, Self::Rk4, Self::Rk5, Self::Rodas4, Self::BlackBox];
-
-    /// The name in configs and results.
-    #[must_use]
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Pinc => "pinc",
-            Self::Rk4 => "rk4",
-            Self::Rk5 => "rk5",
-            Self::Rodas4 => "rosenbrock",
-            Self::BlackBox => "black-box",
-        }
-    }
-
-    /// The key in `[control]` of an integrator's substeps; a net and a black box have none.
-    #[must_use]
-    pub fn substeps_key(self) -> Option<&'static str> {
-        match self {
-            Self::Rk4 => Some("rk4_substeps"),
-            Self::Rk5 => Some("rk5_substeps"),
-            Self::Rodas4 => Some("rosenbrock_substeps"),
-            Self::Pinc | Self::BlackBox => None,
-        }
-    }
-
-    /// The name in reports.
-    pub fn title(self) -> &'static str {
-        match self {
-            Self::Pinc => "PINC",
-            Self::Rk4 => "RK4",
-            Self::Rk5 => "RK5",
-            Self::Rodas4 => "Rosenbrock",
-            Self::BlackBox => "black box",
-        }
-    }
-}
-
-impl fmt::Display for ModelKind {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(self.name())
-    }
 }

@@ -1,11 +1,12 @@
 //! What a config file says, as types, and how one is read.
 
 use crate::arrays::{self, AsWritten};
-use crate::control::{ControlSpec, ModelKind};
+use crate::control::ControlSpec;
 use crate::data::DataSpec;
 use crate::explain;
 use crate::identify::IdentifySpec;
 use crate::layers::{self, Layers};
+use crate::model_kind::ModelKind;
 use crate::one_step::OneStepSpec;
 use crate::plant::PlantSpec;
 use crate::plants::Plants;

@@ -41,6 +41,7 @@ mod identify;
 mod layers;
 mod list;
 mod load;
+mod model_kind;
 mod one_step;
 mod plant;
 mod plants;
@@ -60,7 +61,7 @@ mod trial;
 mod validate;
 
 pub use black_box::{FmuSpec, ProcessSpec};
-pub use control::{ControlSpec, InputDifference, ModelKind, OutsidePolicy, Profile, ReferenceStep};
+pub use control::{ControlSpec, InputDifference, OutsidePolicy, Profile, ReferenceStep};
 pub use data::DataSpec;
 pub use estimator::{
     DisturbanceSpec, EstimatorKind, EstimatorSpec, MeasurementSpec, UnknownParameter,
@@ -69,6 +70,7 @@ pub use experiment::{Experiment, LoopParameters, steps};
 pub use identify::{IdentifiedParameter, IdentifySpec};
 pub use list::{ListedRun, RunList};
 pub use load::{LoadSpec, PlantInTheLoop};
+pub use model_kind::ModelKind;
 pub use one_step::OneStepSpec;
 pub use plant::{
     BuiltInSpec, FourTanksParameters, FourTanksSpec, OwnPlantSpec, PlantSpec, VanDerPolSpec,

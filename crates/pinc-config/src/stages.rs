@@ -1,7 +1,8 @@
 //! The stages of the horizon where they differ in length: `control.stages_s`.
 
-use crate::{ControlSpec, ModelKind};
+use crate::ControlSpec;
 use pinc_mpc::Weights;
+use pinc_ode::Integrator;
 
 impl ControlSpec {
     /// The lengths of the horizon's stages in s, and how many in a row are so long, for control
@@ -27,17 +28,27 @@ impl ControlSpec {
         self.stages(sample_time_s).into_iter().map(length).sum()
     }
 
+    /// The substeps of an integrator in a control step.
+    #[must_use]
+    pub fn own_substeps(&self, integrator: Integrator) -> usize {
+        match integrator {
+            Integrator::Rk4 => self.rk4_substeps,
+            Integrator::Rk5 => self.rk5_substeps,
+            Integrator::Rosenbrock => self.rosenbrock_substeps,
+        }
+    }
+
+    /// The key of these in `[control]`.
+    #[must_use]
+    pub fn substeps_key(integrator: Integrator) -> String {
+        format!("{integrator}_substeps")
+    }
+
     /// The substeps of an integrator in a stage of `length_s`: as many times those of a control
     /// step of `sample_time_s` as it is longer, rounded up, so that they are no longer than those.
-    /// A net and a black box have none.
     #[must_use]
-    pub fn substeps(&self, kind: ModelKind, length_s: f64, sample_time_s: f64) -> usize {
-        let per_step = match kind {
-            ModelKind::Pinc | ModelKind::BlackBox => return 0,
-            ModelKind::Rk4 => self.rk4_substeps,
-            ModelKind::Rk5 => self.rk5_substeps,
-            ModelKind::Rodas4 => self.rosenbrock_substeps,
-        };
+    pub fn substeps(&self, integrator: Integrator, length_s: f64, sample_time_s: f64) -> usize {
+        let per_step = self.own_substeps(integrator);
         #[expect(clippy::cast_precision_loss, reason = "far fewer than 2^53 substeps")]
         let needed = per_step as f64 * length_s / sample_time_s;
         #[expect(
@@ -50,14 +61,12 @@ impl ControlSpec {
         substeps.max(1)
     }
 
-    /// Sets the substeps of an integrator in a control step; a net and a black box have
-    /// none.
-    pub fn set_substeps(&mut self, kind: ModelKind, substeps: usize) {
-        match kind {
-            ModelKind::Pinc | ModelKind::BlackBox => {}
-            ModelKind::Rk4 => self.rk4_substeps = substeps,
-            ModelKind::Rk5 => self.rk5_substeps = substeps,
-            ModelKind::Rodas4 => self.rosenbrock_substeps = substeps,
+    /// Sets the substeps of an integrator in a control step.
+    pub fn set_substeps(&mut self, integrator: Integrator, substeps: usize) {
+        match integrator {
+            Integrator::Rk4 => self.rk4_substeps = substeps,
+            Integrator::Rk5 => self.rk5_substeps = substeps,
+            Integrator::Rosenbrock => self.rosenbrock_substeps = substeps,
         }
     }
 

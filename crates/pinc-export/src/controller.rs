@@ -9,7 +9,7 @@ use pinc_mpc::{
     Nmpc, NmpcProblem, ProblemUnits, QpMethod, Reference, Softness, SqpConfig, Tracked,
 };
 use pinc_net::{PincModel, PincNet};
-use pinc_ode::{Dims, Model, WithOutputs};
+use pinc_ode::{Dims, Integrator, Model, WithOutputs};
 
 /// Up to so many free inputs the automatic choice of the QP method is exported, as condensing: the
 /// only method there is in C, and fast enough for them.
@@ -72,7 +72,10 @@ impl<'a> Controller<'a> {
             Some((equations, names)) => {
                 let names: Vec<&str> = names.iter().map(String::as_str).collect();
                 let plant = equations.compile_with(&names)?.into_dyn();
-                Box::new(WithOutputs::new(net, plant.rk4(self.sample_time_s(), 1)))
+                Box::new(WithOutputs::new(
+                    net,
+                    plant.model(Integrator::Rk4, self.sample_time_s(), 1),
+                ))
             }
         })
     }

@@ -41,7 +41,7 @@ pub use name::Name;
 pub use net_c::net_to_c;
 pub use onnx::{Precision, net_to_onnx};
 pub use origin::Origin;
-pub use runge_kutta_c::{ExplicitMethod, RungeKuttaModel};
+pub use runge_kutta_c::RungeKuttaModel;
 pub use zip::archive;
 
 /// A file to be written.

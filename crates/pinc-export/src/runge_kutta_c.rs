@@ -6,7 +6,7 @@ use crate::origin::Origin;
 use crate::template::{Template, constant, numbers};
 use crate::{ExportError, GeneratedFile, Name};
 use pinc_expr::PlantEquations;
-use pinc_ode::{DynPlant, Model, Tableau};
+use pinc_ode::{DynPlant, Integrator, Model};
 
 /// A plant by its equations, integrated by a Runge-Kutta method.
 #[derive(Clone, Copy, Debug)]
@@ -16,46 +16,12 @@ pub struct RungeKuttaModel<'a> {
     /// The parameters that are arguments p of the model, by their names; the values of the others
     /// are those of the equations.
     pub parameters: &'a [String],
-    /// The method.
-    pub method: ExplicitMethod,
+    /// The method: an explicit one.
+    pub method: Integrator,
     /// Length T of a step, in s.
     pub sample_time_s: f64,
     /// Substeps per step.
     pub substeps: usize,
-}
-
-/// The explicit Runge-Kutta methods.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum ExplicitMethod {
-    /// The classical one, of order 4.
-    Rk4,
-    /// That of Dormand and Prince, of order 5.
-    Rk5,
-}
-
-impl ExplicitMethod {
-    /// What files and functions are named after.
-    pub(crate) fn name(self) -> &'static str {
-        match self {
-            Self::Rk4 => "rk4",
-            Self::Rk5 => "rk5",
-        }
-    }
-
-    /// Its order, as pages give it.
-    pub(crate) fn order(self) -> u8 {
-        match self {
-            Self::Rk4 => 4,
-            Self::Rk5 => 5,
-        }
-    }
-
-    fn tableau(self) -> Tableau {
-        match self {
-            Self::Rk4 => Tableau::CLASSICAL,
-            Self::Rk5 => Tableau::DORMAND_PRINCE,
-        }
-    }
 }
 
 impl RungeKuttaModel<'_> {
@@ -68,10 +34,7 @@ impl RungeKuttaModel<'_> {
     /// The model, as the library has it.
     pub(crate) fn library(&self) -> Result<Box<dyn Model>, ExportError> {
         let plant = self.plant()?;
-        Ok(match self.method {
-            ExplicitMethod::Rk4 => plant.rk4(self.sample_time_s, self.substeps),
-            ExplicitMethod::Rk5 => plant.rk5(self.sample_time_s, self.substeps),
-        })
+        Ok(plant.model(self.method, self.sample_time_s, self.substeps))
     }
 }
 
@@ -86,12 +49,16 @@ pub(crate) fn runge_kutta_core(
     let listing = equations.listing(&names)?;
     check_constants("a constant of the plant's equations", &listing)?;
     let (nx, nu) = (origin.states.len(), origin.inputs.len());
-    let rows = model.method.tableau().rows();
+    let tableau = model.method.tableau().ok_or(ExportError::Feature {
+        feature: "integrator that solves linear systems",
+        instead: "rk4 or rk5",
+    })?;
+    let rows = tableau.rows();
     let stages = rows.len() - 1;
-    let mut tableau = Vec::new();
+    let mut coefficients = Vec::new();
     for row in rows {
-        tableau.extend_from_slice(row);
-        tableau.resize(tableau.len() + stages - row.len(), 0.0);
+        coefficients.extend_from_slice(row);
+        coefficients.resize(coefficients.len() + stages - row.len(), 0.0);
     }
     #[expect(clippy::cast_precision_loss, reason = "substeps are few")]
     let h = model.sample_time_s / model.substeps as f64;
@@ -105,7 +72,7 @@ pub(crate) fn runge_kutta_core(
         .set("SUBSTEPS", model.substeps)
         .set("H", constant(h))
         .set("STAGES", stages)
-        .set("TABLEAU", numbers(&tableau))
+        .set("TABLEAU", numbers(&coefficients))
         .set("VALUES", values(&listing, nx, "dx"))
         .set("JACOBIAN", jacobian(&listing, nx, nu + names.len(), "dx"));
     open.set(&mut t);

@@ -2,7 +2,9 @@
 
 use crate::{ExpressionError, ExpressionPlant, PlantEquations};
 use pinc_ad::simd::Isa;
-use pinc_ode::{AnyVectorRhs, Dims, DynPlant, DynRhs, Model, Plant, Rk4, Rk5, Rodas4, Variable};
+use pinc_ode::{
+    AnyVectorRhs, Dims, DynPlant, DynRhs, Integrator, Model, Plant, Rk4, Rk5, Rodas4, Variable,
+};
 use std::sync::{Arc, OnceLock};
 
 /// `plant` with its type erased. The right-hand side and the Runge-Kutta methods are compiled for
@@ -76,16 +78,15 @@ impl<P: Plant> DynRhs for RustPlant<P> {
 }
 
 impl<P: Plant> DynPlant for RustPlant<P> {
-    fn rk4(&self, sample_time_s: f64, substeps: usize) -> Box<dyn Model> {
-        Box::new(Rk4::new(self.plant.clone(), sample_time_s, substeps))
-    }
-
-    fn rk5(&self, sample_time_s: f64, substeps: usize) -> Box<dyn Model> {
-        Box::new(Rk5::new(self.plant.clone(), sample_time_s, substeps))
-    }
-
-    fn rodas4(&self, sample_time_s: f64, substeps: usize) -> Box<dyn Model> {
-        let model = self.recorded().and_then(|plant| plant.rosenbrock(sample_time_s, substeps));
-        model.unwrap_or_else(|_| Box::new(Rodas4::new(self.plant.clone(), sample_time_s, substeps)))
+    fn model(&self, integrator: Integrator, sample_time_s: f64, substeps: usize) -> Box<dyn Model> {
+        let plant = || self.plant.clone();
+        match integrator {
+            Integrator::Rk4 => Box::new(Rk4::new(plant(), sample_time_s, substeps)),
+            Integrator::Rk5 => Box::new(Rk5::new(plant(), sample_time_s, substeps)),
+            Integrator::Rosenbrock => self
+                .recorded()
+                .and_then(|recorded| recorded.rosenbrock(sample_time_s, substeps))
+                .unwrap_or_else(|_| Box::new(Rodas4::new(plant(), sample_time_s, substeps))),
+        }
     }
 }

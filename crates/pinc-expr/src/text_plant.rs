@@ -4,8 +4,8 @@ use crate::grouped::GroupedCurved;
 use crate::{ExpressionError, ExpressionPlant};
 use pinc_ad::simd::{Isa, Simd, Task};
 use pinc_ode::{
-    AnyVectorRhs, Dims, DynPlant, DynRhs, Model, Plant, Rodas4, SparseFunction, SparsePlant,
-    SparsityPattern, Tableau, Variable, sparse_rodas4, sparse_runge_kutta,
+    AnyVectorRhs, Dims, DynPlant, DynRhs, Integrator, Model, Plant, Rodas4, Scheme, SparseFunction,
+    SparsePlant, SparsityPattern, Variable, sparse_rodas4, sparse_runge_kutta,
 };
 use std::sync::Arc;
 
@@ -93,24 +93,17 @@ impl DynRhs for TextPlant {
 }
 
 impl DynPlant for TextPlant {
-    fn rk4(&self, sample_time_s: f64, substeps: usize) -> Box<dyn Model> {
-        self.runge_kutta(Tableau::CLASSICAL, sample_time_s, substeps)
-    }
-
-    fn rk5(&self, sample_time_s: f64, substeps: usize) -> Box<dyn Model> {
-        self.runge_kutta(Tableau::DORMAND_PRINCE, sample_time_s, substeps)
-    }
-
-    fn rodas4(&self, sample_time_s: f64, substeps: usize) -> Box<dyn Model> {
-        let model = self.0.rosenbrock(sample_time_s, substeps);
-        model.unwrap_or_else(|_| Box::new(Rodas4::new(self.0.clone(), sample_time_s, substeps)))
-    }
-}
-
-impl TextPlant {
-    fn runge_kutta(&self, tableau: Tableau, sample_time_s: f64, substeps: usize) -> Box<dyn Model> {
-        let plant = self.0.sparse.clone();
-        sparse_runge_kutta(plant, tableau, sample_time_s, substeps, Isa::detect())
+    fn model(&self, integrator: Integrator, sample_time_s: f64, substeps: usize) -> Box<dyn Model> {
+        match integrator.scheme() {
+            Scheme::Explicit(tableau) => {
+                let plant = self.0.sparse.clone();
+                sparse_runge_kutta(plant, tableau, sample_time_s, substeps, Isa::detect())
+            }
+            Scheme::LinearlyImplicit => self
+                .0
+                .rosenbrock(sample_time_s, substeps)
+                .unwrap_or_else(|_| Box::new(Rodas4::new(self.0.clone(), sample_time_s, substeps))),
+        }
     }
 }
 

@@ -3,7 +3,9 @@
 
 use divan::{Bencher, black_box};
 use pinc_expr::Equations;
-use pinc_ode::{Dims, DynPlant, Linearization, Model, Plant, Rk4, Rodas4, Stages, Variable};
+use pinc_ode::{
+    Dims, DynPlant, Integrator, Linearization, Model, Plant, Rk4, Rodas4, Stages, Variable,
+};
 use pinc_plants::{AcetoneColumn, AcetoneStill, FourTanks, VanDerPol};
 
 const SUBSTEPS: [usize; 5] = [1, 4, 5, 10, 50];
@@ -116,7 +118,7 @@ fn rodas4_stages_van_der_pol(bencher: Bencher<'_, '_>, stages: usize) {
 
 #[divan::bench(args = [1, 5, 10, 20])]
 fn rodas4_stages_van_der_pol_as_text(bencher: Bencher<'_, '_>, stages: usize) {
-    let mut model = compiled(&van_der_pol_as_text()).rodas4(0.5, 2);
+    let mut model = compiled(&van_der_pol_as_text()).model(Integrator::Rosenbrock, 0.5, 2);
     linearize_stages(bencher, &mut *model, &[1.0, -0.5], &[0.3], stages);
 }
 
@@ -128,7 +130,7 @@ fn rodas4_stages_four_tanks(bencher: Bencher<'_, '_>, stages: usize) {
 
 #[divan::bench(args = [1, 5, 10, 20])]
 fn rodas4_stages_four_tanks_as_text(bencher: Bencher<'_, '_>, stages: usize) {
-    let mut model = compiled(&four_tanks_as_text()).rodas4(10.0, 2);
+    let mut model = compiled(&four_tanks_as_text()).model(Integrator::Rosenbrock, 10.0, 2);
     linearize_stages(bencher, &mut *model, &[9.0, 14.0, 2.5, 2.5], &[2.5, 2.5], stages);
 }
 
@@ -142,7 +144,7 @@ fn rodas4_stages_four_tanks_as_text_on_dual_numbers(bencher: Bencher<'_, '_>, st
 
 #[divan::bench(args = [10, 20, 50])]
 fn rodas4_20_stages_of_a_rod(bencher: Bencher<'_, '_>, nodes: usize) {
-    let mut model = compiled(&rod(nodes)).rodas4(1.0, 2);
+    let mut model = compiled(&rod(nodes)).model(Integrator::Rosenbrock, 1.0, 2);
     linearize_stages(bencher, &mut *model, &vec![1.0; nodes], &[0.3], 20);
 }
 
@@ -194,7 +196,7 @@ fn compiled(equations: &Equations) -> Box<dyn DynPlant> {
 }
 
 fn rk4(equations: &Equations, sample_time_s: f64) -> Box<dyn Model> {
-    compiled(equations).rk4(sample_time_s, 4)
+    compiled(equations).model(Integrator::Rk4, sample_time_s, 4)
 }
 
 fn linearize_stages(

@@ -2,7 +2,8 @@
 
 use crate::dyn_plant::AnyVectorRhs;
 use crate::{
-    Dims, DynPlant, DynRhs, Linearization, Model, OdeError, Stages, Variable, VectorDual, VectorRhs,
+    Dims, DynPlant, DynRhs, Integrator, Linearization, Model, OdeError, Stages, Variable,
+    VectorDual, VectorRhs,
 };
 use pinc_ad::simd::{Isa, Simd};
 use std::fmt::Debug;
@@ -108,16 +109,8 @@ impl DynRhs for BlackBox {
 }
 
 impl DynPlant for BlackBox {
-    fn rk4(&self, sample_time_s: f64, _substeps: usize) -> Box<dyn Model> {
+    fn model(&self, _: Integrator, sample_time_s: f64, _substeps: usize) -> Box<dyn Model> {
         Box::new(NoModel { dims: self.dims(), sample_time_s })
-    }
-
-    fn rk5(&self, sample_time_s: f64, substeps: usize) -> Box<dyn Model> {
-        self.rk4(sample_time_s, substeps)
-    }
-
-    fn rodas4(&self, sample_time_s: f64, substeps: usize) -> Box<dyn Model> {
-        self.rk4(sample_time_s, substeps)
     }
 }
 
@@ -382,7 +375,7 @@ mod tests {
     #[test]
     fn integrators_have_nothing_to_integrate() {
         let mut next = [0.0];
-        lag(1.0).rk5(0.1, 4).step(&[1.0], &[0.0], &[], &mut next);
+        lag(1.0).model(Integrator::Rk5, 0.1, 4).step(&[1.0], &[0.0], &[], &mut next);
         assert!(next[0].is_nan());
         lag(1.0).rhs(&[1.0], &[0.0], &[], &mut next);
         assert!(next[0].is_nan());

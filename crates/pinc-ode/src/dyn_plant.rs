@@ -2,7 +2,7 @@
 
 use crate::black_box::NoEquation;
 use crate::outlined::evaluate;
-use crate::{BlackBox, Dims, Model, Plant, Variable};
+use crate::{BlackBox, Dims, Integrator, Model, Plant, Variable};
 use pinc_ad::Dual;
 use pinc_ad::simd::{Isa, Simd, Task, Work};
 use std::any::Any;
@@ -161,14 +161,8 @@ impl<P: Plant> DynRhs for P {
 /// Runge-Kutta methods have the equation of a plant in Rust compiled into them, which takes most of
 /// a build: ask for [`DynRhs`] where that is enough.
 pub trait DynPlant: DynRhs {
-    /// RK4 over steps of `sample_time_s`, each in `substeps` parts.
-    fn rk4(&self, sample_time_s: f64, substeps: usize) -> Box<dyn Model>;
-
-    /// The Runge-Kutta method of order 5 over such steps.
-    fn rk5(&self, sample_time_s: f64, substeps: usize) -> Box<dyn Model>;
-
-    /// The linearly implicit method over such steps, for stiff plants.
-    fn rodas4(&self, sample_time_s: f64, substeps: usize) -> Box<dyn Model>;
+    /// The integrator over steps of `sample_time_s` seconds, each in `substeps` parts.
+    fn model(&self, integrator: Integrator, sample_time_s: f64, substeps: usize) -> Box<dyn Model>;
 }
 
 /// f(x, u, p) on vectors of points. A training kernel calls it once for a vector, so that the call

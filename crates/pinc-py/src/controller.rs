@@ -240,9 +240,8 @@ impl Reference {
 
 /// The model of this name.
 fn kind(name: &str) -> PyResult<ModelKind> {
-    let all = ModelKind::ALL;
-    all.into_iter().find(|kind| kind.name() == name).ok_or_else(|| {
-        let names = ModelKind::ALL.map(ModelKind::name).join(", ");
+    ModelKind::from_name(name).ok_or_else(|| {
+        let names = ModelKind::NAMES.join(", ");
         input(format!("only: {name:?} given, expected one of {names}"))
     })
 }

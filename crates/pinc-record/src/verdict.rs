@@ -302,14 +302,14 @@ mod tests {
     fn a_reference_that_one_model_misses_is_told_from_one_that_all_miss() {
         let fine = [(SqpStatus::Converged, 30)];
         let net = of(ModelKind::Pinc, [Some(0.05), Some(0.3), Some(0.2)], &fine);
-        let rk4 = of(ModelKind::Rk4, [Some(0.05), Some(0.02), Some(0.2)], &fine);
+        let rk4 = of(ModelKind::RK4, [Some(0.05), Some(0.02), Some(0.2)], &fine);
         let findings = metrics(vec![net, rk4]).loop_findings();
         let [LoopFinding::NotReached { missed: 2, start_s, reached_with, .. }, other] =
             &findings[..]
         else {
             panic!("{findings:?}");
         };
-        assert_eq!((*start_s, *reached_with), (10.0, Some(ModelKind::Rk4)));
+        assert_eq!((*start_s, *reached_with), (10.0, Some(ModelKind::RK4)));
         assert!(findings[0].to_string().contains("0.300 off on average with the one from 10 s"));
         let LoopFinding::NotReached { missed: 1, reached_with: None, .. } = other else {
             panic!("{other:?}");
@@ -321,7 +321,7 @@ mod tests {
     fn what_can_be_done_is_said_once_where_it_is_the_same() {
         let fine = [(SqpStatus::Converged, 30)];
         let missed = |model| of(model, [Some(0.05), Some(0.02), Some(0.2)], &fine);
-        let all = metrics(vec![missed(ModelKind::Pinc), missed(ModelKind::Rk4)]);
+        let all = metrics(vec![missed(ModelKind::Pinc), missed(ModelKind::RK4)]);
         let [first, second] = &all.loop_notes()[..] else { panic!("two notes") };
         assert!(first.starts_with("With PINC ") && !first.contains("`pinc check`"), "{first}");
         assert!(second.starts_with("With RK4 ") && second.contains("`pinc check`"), "{second}");
@@ -341,7 +341,7 @@ mod tests {
         ] {
             assert_eq!(significant(offset), shown);
         }
-        let mut tight = of(ModelKind::Rk4, [None, None, Some(0.000_521_4)], &[]);
+        let mut tight = of(ModelKind::RK4, [None, None, Some(0.000_521_4)], &[]);
         tight.references.settled_within.insert("level".to_owned(), 1e-4);
         let notes = metrics(vec![tight]).loop_notes();
         assert!(notes[0].contains("it ends 5.21e-4 off on average"), "{notes:?}");
@@ -362,7 +362,7 @@ mod tests {
             share: amount / 4.0,
         };
         let notes = |violations: &[ViolationMetrics]| {
-            let mut all = of(ModelKind::Rk4, [None; 3], &[(SqpStatus::Converged, 30)]);
+            let mut all = of(ModelKind::RK4, [None; 3], &[(SqpStatus::Converged, 30)]);
             all.violations = violations.to_vec();
             metrics(vec![all]).loop_notes()
         };
@@ -386,7 +386,7 @@ mod tests {
 
     #[test]
     fn a_mean_that_leaves_out_steps_says_so() {
-        let mut estimated = of(ModelKind::Rk4, [None; 3], &[(SqpStatus::Converged, 30)]);
+        let mut estimated = of(ModelKind::RK4, [None; 3], &[(SqpStatus::Converged, 30)]);
         let text = r#"{ "nis_mean": 0.06, "nees_mean": 1.0, "nis_undefined": 103,
             "estimate_rmse": {}, "estimator_us": { "p50": 1.0, "p99": 1.0, "max": 1.0 },
             "estimator_status": {} }"#;
@@ -399,7 +399,7 @@ mod tests {
     fn segments_without_an_offset_and_steps_out_of_time_are_no_findings() {
         let status =
             [(SqpStatus::Converged, 5), (SqpStatus::Deadline, 4), (SqpStatus::Prepared, 3)];
-        let all = metrics(vec![of(ModelKind::Rk4, [None, None, Some(0.1)], &status)]);
+        let all = metrics(vec![of(ModelKind::RK4, [None, None, Some(0.1)], &status)]);
         assert_eq!(all.loop_findings(), []);
     }
 
@@ -410,7 +410,7 @@ mod tests {
             (SqpStatus::InfeasibleQp, 3),
             (SqpStatus::NumericalTrouble, 1),
         ];
-        let all = metrics(vec![of(ModelKind::Rk4, [None; 3], &status)]);
+        let all = metrics(vec![of(ModelKind::RK4, [None; 3], &status)]);
         let findings = all.loop_findings();
         let said = findings[0].to_string();
         assert!(said.starts_with(

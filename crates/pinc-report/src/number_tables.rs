@@ -101,7 +101,7 @@ fn control(run: &Run, models: &[ControlMetrics]) -> Option<NumberTable> {
     let mut heads = vec![String::new()];
     heads.extend(models.iter().map(|of| run.model_name(Some(of.model)).to_owned()));
     let with = |model| models.iter().find(|of| of.model == model);
-    let both = with(ModelKind::Pinc).zip(with(ModelKind::Rk4));
+    let both = with(ModelKind::Pinc).zip(with(ModelKind::RK4));
     if both.is_some() {
         heads.push(format!("{} against RK4", run.model_name(Some(ModelKind::Pinc))));
     }

@@ -71,7 +71,7 @@ fn tracking(run: &Run, metrics: &Metrics) -> Option<String> {
         }
         all => {
             let of = |model| Some(metrics.loop_with(model)?.iae_dense_sum);
-            let compared = of(ModelKind::Pinc).zip(of(ModelKind::Rk4));
+            let compared = of(ModelKind::Pinc).zip(of(ModelKind::RK4));
             let compared = compared.map(|(pinc, rk4)| difference(pinc, rk4)).unwrap_or_default();
             let each: Vec<String> = all.iter().map(with).collect();
             Some(format!(
@@ -153,7 +153,7 @@ mod tests {
     #[test]
     fn steps_that_wait_for_the_next_one_or_ran_out_of_time_have_not_failed() {
         let said = |status: &[(SqpStatus, usize)]| {
-            statuses(&metrics(vec![of(ModelKind::Rk5, status)])).unwrap()
+            statuses(&metrics(vec![of(ModelKind::RK5, status)])).unwrap()
         };
         let fine = [(SqpStatus::Converged, 5), (SqpStatus::Prepared, 3), (SqpStatus::Deadline, 4)];
         assert_eq!(said(&fine), "Of 12 control steps none failed.");

@@ -236,7 +236,7 @@ mod tests {
             let table = write(&dir.path().join(&file), spike);
             OfModel { model: Some(model), file, table }
         };
-        let readers = vec![of(ModelKind::Pinc, 0.0), of(ModelKind::Rk4, 1e-3)];
+        let readers = vec![of(ModelKind::Pinc, 0.0), of(ModelKind::RK4, 1e-3)];
         let traces =
             Traces::read(readers, experiment.control.as_ref().unwrap(), Some(0.5), 1.0).unwrap();
         assert_eq!(traces.taken_of, Some(ROWS as usize));

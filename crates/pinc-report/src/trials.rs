@@ -1,7 +1,8 @@
 //! The trials of a sweep by cells, as `sweep.csv` and `timings.csv` have them.
 
 use pinc_chart::text;
-use pinc_config::{CASE, DRAW, DRAWN, Experiment, ModelKind, SEED, cell_columns};
+use pinc_config::{CASE, ControlSpec, DRAW, DRAWN, Experiment, ModelKind, SEED, cell_columns};
+use pinc_ode::Integrator;
 use pinc_record::{
     PredictionTable, RecordError, SweepDir, TrialColumn, TrialMetric, TrialStatus, TrialTable, file,
 };
@@ -228,10 +229,12 @@ pub(crate) fn short(key: &str) -> String {
         "training.collocation_points" => "collocation points N_f".to_owned(),
         "training.initial_points" => "initial points N_t".to_owned(),
         "control.n2" => "steps of the horizon, N2".to_owned(),
-        "control.rk4_substeps" => "substeps of RK4".to_owned(),
-        "control.rk5_substeps" => "substeps of RK5".to_owned(),
-        "control.rosenbrock_substeps" => "substeps of the Rosenbrock method".to_owned(),
         key => {
+            let of = |method: Integrator| ControlSpec::substeps_key(method);
+            let is_of = |method: &Integrator| key.strip_prefix("control.") == Some(&of(*method));
+            if let Some(method) = Integrator::ALL.into_iter().find(is_of) {
+                return format!("substeps of {}", method.title());
+            }
             // An entry of a list is named after the list.
             let is_place = |part: &&str| part.bytes().all(|b| b.is_ascii_digit());
             let name = key.rsplit('.').find(|part| !is_place(part)).unwrap_or(key);

@@ -52,7 +52,7 @@ impl<'e> Chosen<'e> {
             let key = "control.parameter_schedule";
             return Err(RunError::WithSchedule { name: name(), command, key });
         }
-        let first = spec.models.first().copied().unwrap_or(ModelKind::Rk4);
+        let first = spec.models.first().copied().unwrap_or(ModelKind::RK4);
         let kind = only.unwrap_or(if model.is_some() { ModelKind::Pinc } else { first });
         if !spec.models.contains(&kind) {
             return Err(RunError::MissingModel { name: name(), model: kind.name() });

@@ -10,7 +10,9 @@ use pinc_check::{Metered, Rehearsal, Work};
 use pinc_config::{ControlSpec, Experiment, ModelKind, Schedule, Variables};
 use pinc_mpc::{Bounded, ClosedLoop, Nmpc, NmpcProblem, Reference, Violation};
 use pinc_net::PincNet;
-use pinc_ode::{Dims, DynPlant, DynRhs, PiecewiseConstant, Simulator, Trajectory};
+use pinc_ode::{
+    Dims, DynPlant, DynRhs, Integrator, PiecewiseConstant, Scheme, Simulator, Trajectory,
+};
 use pinc_record::{
     ControlColumns, ControlMetrics, Metrics, ReferenceMetrics, RunDir, StepTimes, ViolationMetrics,
     WallTimes, file,
@@ -190,7 +192,7 @@ pub(super) fn rehearse(
     work: &Work,
 ) -> Result<Rehearsal, RunError> {
     let integrator = spec.models.iter().find(|kind| **kind != ModelKind::Pinc);
-    let other = if plant.black_box().is_some() { ModelKind::BlackBox } else { ModelKind::Rk4 };
+    let other = if plant.black_box().is_some() { ModelKind::BlackBox } else { ModelKind::RK4 };
     let kind = integrator.copied().unwrap_or(other);
     let spec = ControlSpec { estimator: None, ..spec.clone() };
     let numerical = LoopSetup::numerical(&spec, sample_time_s, plant);
@@ -227,10 +229,9 @@ pub(super) fn rehearse(
 /// the horizon, and a factorization for each stage.
 fn iteration_units(dims: Dims, spec: &ControlSpec, kind: ModelKind, metered: &Metered) -> u64 {
     let evaluations = match kind {
-        ModelKind::Rk5 => 6 * spec.rk5_substeps,
-        ModelKind::Rodas4 => 6 * spec.rosenbrock_substeps,
+        ModelKind::Integrator(integrator) => evaluations(spec, integrator),
         ModelKind::BlackBox => 1 + dims.nx + dims.nu,
-        ModelKind::Rk4 | ModelKind::Pinc => 4 * spec.rk4_substeps,
+        ModelKind::Pinc => evaluations(spec, Integrator::Rk4),
     };
     // About four derivatives cost as much as the value.
     let model = evaluations as u64 * metered.units() * (1 + (dims.nx + dims.nu) as u64 / 4);
@@ -238,18 +239,25 @@ fn iteration_units(dims: Dims, spec: &ControlSpec, kind: ModelKind, metered: &Me
     spec.n2 as u64 * (model + factorization)
 }
 
+/// Evaluations of the right-hand side in a step of an integrator.
+fn evaluations(spec: &ControlSpec, integrator: Integrator) -> usize {
+    integrator.stages() * spec.own_substeps(integrator)
+}
+
 /// How many steps of a loop are rehearsed: as many as take a second or so, by the entries of the
 /// Jacobians that the model computes for one plan.
 fn rehearsed_steps(dims: Dims, spec: &ControlSpec, kind: ModelKind) -> usize {
     let stages = match kind {
-        ModelKind::Rk5 => 7 * spec.rk5_substeps,
-        // A factorization takes as long as the products with its factors.
-        ModelKind::Rodas4 => 12 * spec.rosenbrock_substeps,
+        ModelKind::Integrator(integrator) => match integrator.scheme() {
+            Scheme::Explicit(_) => evaluations(spec, integrator),
+            // A factorization takes as long as the products with its factors.
+            Scheme::LinearlyImplicit => 2 * evaluations(spec, integrator),
+        },
         // A millisecond or so for each run of the black box.
         ModelKind::BlackBox => 10_000,
-        ModelKind::Rk4 | ModelKind::Pinc => 4 * spec.rk4_substeps,
+        ModelKind::Pinc => evaluations(spec, Integrator::Rk4),
     };
-    let dense = if kind == ModelKind::Rodas4 { dims.nx } else { 1 };
+    let dense = if kind == ModelKind::ROSENBROCK { dims.nx } else { 1 };
     let sizes = [spec.n2, stages, dims.nx, dims.nx + dims.nu, dense];
     let work = sizes.into_iter().fold(1_usize, usize::saturating_mul);
     (REHEARSED_ENTRIES / work.max(1)).max(5)
@@ -259,7 +267,7 @@ impl<'a> LoopSetup<'a> {
     /// With an integrator as the model of the plant in the loop.
     #[must_use]
     pub fn numerical(spec: &'a ControlSpec, sample_time_s: f64, plant: &'a dyn DynPlant) -> Self {
-        let kinds = &[ModelKind::Rk4];
+        let kinds = &[ModelKind::RK4];
         Self {
             spec,
             kinds,

@@ -3,7 +3,7 @@
 use super::train::TrainingSetup;
 use crate::RunError;
 use pinc_net::{DomainTruth, PincModel, PincNet};
-use pinc_ode::DynPlant;
+use pinc_ode::{DynPlant, Integrator};
 use pinc_record::{DomainErrorMetrics, DomainErrorTable, Rk4Errors, RunDir, file};
 
 /// Judges `net`, and writes the error of each point; nothing for a conventional PINN, which makes
@@ -25,7 +25,7 @@ pub(super) fn judge(
         return Ok(None);
     }
     let judged = truth.judge(&mut PincModel::new(net)?);
-    let rk4 = |substeps| truth.rms(&mut *plant.rk4(sample_time_s, substeps));
+    let rk4 = |substeps| truth.rms(&mut *plant.model(Integrator::Rk4, sample_time_s, substeps));
     let rk4 = Rk4Errors { one: rk4(1), two: rk4(2), four: rk4(4) };
     let parameters: Vec<_> = net.parameter_names().map(str::to_owned).collect();
     if run_dir.keeps_traces() {

@@ -78,7 +78,7 @@ pub fn estimate(
         (Some(ModelKind::Pinc), None) => return Err(missing("model (a file: --model)")),
         (Some(kind), _) => kind,
         (None, Some(_)) => ModelKind::Pinc,
-        (None, None) => numerical().unwrap_or(ModelKind::Rk4),
+        (None, None) => numerical().unwrap_or(ModelKind::RK4),
     };
     let sample_time_s = experiment.sample_time_s().ok_or_else(|| missing("model"))?;
     let LoopParameters { names, values, estimated } = experiment.loop_parameters();

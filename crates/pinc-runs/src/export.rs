@@ -7,11 +7,11 @@ use crate::RunError;
 use pinc_config::{EstimatorKind, Experiment, ModelKind, Variables};
 use pinc_estimate::{Augmentation, Tuning};
 use pinc_export::{
-    Controller, Estimation, ExplicitMethod, ExportError, Filter, FmiVersion, GeneratedFile,
-    ModelSource, Name, Origin, Precision, RungeKuttaModel, net_to_onnx,
+    Controller, Estimation, ExportError, Filter, FmiVersion, GeneratedFile, ModelSource, Name,
+    Origin, Precision, RungeKuttaModel, net_to_onnx,
 };
 use pinc_mpc::NmpcProblem;
-use pinc_ode::DynPlant;
+use pinc_ode::{DynPlant, Integrator};
 use pinc_record::{RecordError, read_file, write_atomically};
 use sha2::{Digest, Sha256};
 use std::fmt::Write as _;
@@ -106,22 +106,16 @@ pub fn export_controller(
     if chosen.spec.stages_s.is_some() {
         return Err(RunError::ExportedStages { name: experiment.name.clone() });
     }
-    let method = match chosen.kind {
-        ModelKind::Rk4 => Some((ExplicitMethod::Rk4, chosen.spec.rk4_substeps)),
-        ModelKind::Rk5 => Some((ExplicitMethod::Rk5, chosen.spec.rk5_substeps)),
-        _ => None,
-    };
-    let source = match (chosen.net(), &equations, method) {
+    let explicit = chosen.kind.integrator().filter(|method| method.tableau().is_some());
+    let source = match (chosen.net(), &equations, explicit) {
         (Some(net), _, None) => ModelSource::Net(net),
-        (_, Some(equations), Some((method, substeps))) => {
-            ModelSource::RungeKutta(RungeKuttaModel {
-                equations,
-                parameters: if estimated.is_empty() { &[] } else { &chosen.parameter_names },
-                method,
-                sample_time_s: chosen.sample_time_s,
-                substeps,
-            })
-        }
+        (_, Some(equations), Some(method)) => ModelSource::RungeKutta(RungeKuttaModel {
+            equations,
+            parameters: if estimated.is_empty() { &[] } else { &chosen.parameter_names },
+            method,
+            sample_time_s: chosen.sample_time_s,
+            substeps: chosen.spec.own_substeps(method),
+        }),
         _ => {
             let kind = chosen.kind;
             let plant = experiment.plant.name();
@@ -227,14 +221,14 @@ pub fn export_plant(
     };
     let equations = spec.equations().ok_or_else(|| RunError::NotExportable {
         plant: spec.name(),
-        model: ModelKind::Rk4.name(),
+        model: ModelKind::RK4.name(),
     })?;
     let name = name.map_or_else(|| Ok(Name::nearest(&experiment.name)), Name::new)?;
     let origin = origin(experiment.to_toml().as_bytes(), &*spec.dyn_plant());
     let plant = RungeKuttaModel {
         equations: &equations,
         parameters: &[],
-        method: ExplicitMethod::Rk4,
+        method: Integrator::Rk4,
         sample_time_s,
         substeps: control.rk4_substeps,
     };

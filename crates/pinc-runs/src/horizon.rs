@@ -6,7 +6,7 @@ use pinc_config::{ModelKind, Variables};
 use pinc_estimate::Compensated;
 use pinc_mpc::{Nmpc, NmpcProblem};
 use pinc_net::{NetError, PincModel};
-use pinc_ode::{DynPlant, FlowModel, Model, WithOutputs};
+use pinc_ode::{DynPlant, FlowModel, Integrator, Model, WithOutputs};
 
 impl LoopSetup<'_> {
     /// The model of a control step.
@@ -25,14 +25,15 @@ impl LoopSetup<'_> {
         plant: &dyn DynPlant,
         length_s: f64,
     ) -> Result<Box<dyn Model>, NetError> {
-        let substeps = self.spec.substeps(kind, length_s, self.sample_time_s);
         Ok(match (kind, self.net) {
             (ModelKind::Pinc, Some(net)) => {
                 let model = PincModel::at(net, length_s)?;
                 match Variables::of(plant).own_outputs().is_empty() {
                     true => Box::new(model),
                     // The net knows the states; what follows from them is the plant's to say.
-                    false => Box::new(WithOutputs::new(model, plant.rk4(length_s, 1))),
+                    false => {
+                        Box::new(WithOutputs::new(model, plant.model(Integrator::Rk4, length_s, 1)))
+                    }
                 }
             }
             (ModelKind::Pinc, None) => unreachable!("the plan trains or reads a net for this loop"),
@@ -40,9 +41,10 @@ impl LoopSetup<'_> {
                 Some(black_box) => Box::new(FlowModel::new(black_box, length_s)),
                 None => unreachable!("the config was checked for it"),
             },
-            (ModelKind::Rk4, _) => plant.rk4(length_s, substeps),
-            (ModelKind::Rk5, _) => plant.rk5(length_s, substeps),
-            (ModelKind::Rodas4, _) => plant.rodas4(length_s, substeps),
+            (ModelKind::Integrator(integrator), _) => {
+                let substeps = self.spec.substeps(integrator, length_s, self.sample_time_s);
+                plant.model(integrator, length_s, substeps)
+            }
         })
     }
 

@@ -12,7 +12,7 @@ use pinc_identify::{
     Unknown, identify_from_starts,
 };
 use pinc_net::{PincModel, PincNet};
-use pinc_ode::{DynPlant, Model, WithOutputs};
+use pinc_ode::{DynPlant, Integrator, Model, WithOutputs};
 use pinc_record::{
     CorrelationMetrics, EstimateMetrics, IdentificationMetrics, InitialStateMetrics,
     ParameterMetrics, Provenance, ResidualMetrics, ResidualRow, ResidualTable, RunDir,
@@ -115,7 +115,7 @@ fn default_starts(problem: &Problem) -> usize {
 /// The first model of the loop that is an integrator, or else RK4.
 fn first_integrator(experiment: &Experiment) -> ModelKind {
     let models = experiment.control.iter().flat_map(|control| &control.models);
-    models.copied().find(|kind| *kind != ModelKind::Pinc).unwrap_or(ModelKind::Rk4)
+    models.copied().find(|kind| kind.integrator().is_some()).unwrap_or(ModelKind::RK4)
 }
 
 /// The rows of a file, with their lines.
@@ -269,21 +269,18 @@ fn fitted_model(
         let model = PincModel::new(net)?;
         return Ok(match Variables::of(plant).own_outputs().is_empty() {
             true => Box::new(model),
-            false => Box::new(WithOutputs::new(model, plant.rk4(sample_time_s, 1))),
+            false => {
+                Box::new(WithOutputs::new(model, plant.model(Integrator::Rk4, sample_time_s, 1)))
+            }
         });
     }
+    let Some(integrator) = kind.integrator() else {
+        unreachable!("a net is given where it is the model, and a black box is refused")
+    };
     let control = experiment.control.as_ref();
-    let of_the_loop = control.map(|control| control.substeps(kind, 1.0, 1.0));
+    let of_the_loop = control.map(|control| control.own_substeps(integrator));
     let substeps = spec.substeps.or(of_the_loop).unwrap_or(SUBSTEPS);
-    match kind {
-        ModelKind::Rk4 => Ok(plant.rk4(sample_time_s, substeps)),
-        ModelKind::Rk5 => Ok(plant.rk5(sample_time_s, substeps)),
-        ModelKind::Rodas4 => Ok(plant.rodas4(sample_time_s, substeps)),
-        ModelKind::Pinc | ModelKind::BlackBox => {
-            let (name, model) = (experiment.name.clone(), kind.name());
-            Err(RunError::MissingModel { name, model })
-        }
-    }
+    Ok(plant.model(integrator, sample_time_s, substeps))
 }
 
 /// An error with the file that it is about.

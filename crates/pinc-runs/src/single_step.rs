@@ -4,7 +4,7 @@ use crate::RunError;
 use crate::clock::{for_seconds, median, time, to_f64};
 use pinc_net::{Domain, Points, Sampler};
 use pinc_ode::metrics::mean_squared_error;
-use pinc_ode::{Dims, DynPlant, LinearizationBuffer, Model, Simulator, Stages};
+use pinc_ode::{Dims, DynPlant, Integrator, LinearizationBuffer, Model, Simulator, Stages};
 use pinc_record::StepErrors;
 use std::hint::black_box;
 use std::ops::Range;
@@ -64,7 +64,7 @@ impl Steps {
 
     /// The true Jacobians of the first points, by a method of order 5 with many substeps.
     pub fn true_jacobians(&self, plant: &dyn DynPlant, sample_time_s: f64) -> LinearizationBuffer {
-        self.linearized(&mut *plant.rk5(sample_time_s, FINE))
+        self.linearized(&mut *plant.model(Integrator::Rk5, sample_time_s, FINE))
     }
 
     /// A model's Jacobians at the same points.

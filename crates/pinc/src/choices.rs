@@ -1,5 +1,6 @@
 //! What arguments of the command line can be chosen from.
 
+use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use pinc_bench::{OnSlurm, Shard};
 use pinc_config::{ModelKind, OutsidePolicy};
 use pinc_export::FmiVersion;
@@ -23,32 +24,11 @@ impl Outside {
     }
 }
 
-/// The model inside the controller.
-#[derive(Clone, Copy, Debug, clap::ValueEnum)]
-pub(crate) enum Only {
-    /// The trained net.
-    Pinc,
-    /// The Runge-Kutta method of order 4.
-    Rk4,
-    /// The Runge-Kutta method of order 5.
-    Rk5,
-    /// The Rosenbrock method.
-    #[value(name = "rosenbrock")]
-    Rodas4,
-    /// The plant without an equation itself, with differences.
-    BlackBox,
-}
-
-impl Only {
-    pub(crate) fn kind(self) -> ModelKind {
-        match self {
-            Self::Pinc => ModelKind::Pinc,
-            Self::Rk4 => ModelKind::Rk4,
-            Self::Rk5 => ModelKind::Rk5,
-            Self::Rodas4 => ModelKind::Rodas4,
-            Self::BlackBox => ModelKind::BlackBox,
-        }
-    }
+/// One of the models that a controller can have.
+pub(crate) fn model_kind() -> impl TypedValueParser<Value = ModelKind> {
+    let choice = |kind: ModelKind| PossibleValue::new(kind.name()).help(kind.title());
+    let kind = |name: String| ModelKind::from_name(&name).expect("one of the possible values");
+    PossibleValuesParser::new(ModelKind::ALL.map(choice)).map(kind)
 }
 
 /// What runs a sweep in place of this process.

@@ -1,11 +1,11 @@
 //! The command line.
 
-use crate::choices::{Only, Outside, SweepArgs, To, seconds, share};
+use crate::choices::{Outside, SweepArgs, To, model_kind, seconds, share};
 use crate::printed::{failure, show, usage};
 use crate::summary::summary;
 use clap::{Args, Parser, Subcommand};
 use pinc_bench::{BenchOptions, ChooseOptions, Kept, OnSlurm, Shard};
-use pinc_config::{Experiment, Plants, RunList};
+use pinc_config::{Experiment, ModelKind, Plants, RunList};
 use pinc_record::RunDir;
 use pinc_runs::{Options, RunError, Severity, Verbosity, console, verdict};
 use std::path::{Path, PathBuf};
@@ -85,8 +85,8 @@ enum Command {
         #[arg(long)]
         model: Option<PathBuf>,
         /// Run only one of the config's models.
-        #[arg(long, value_enum)]
-        only: Option<Only>,
+        #[arg(long, value_parser = model_kind())]
+        only: Option<ModelKind>,
         #[command(flatten)]
         run: RunArgs,
     },
@@ -104,8 +104,8 @@ enum Command {
         #[arg(long)]
         model: Option<PathBuf>,
         /// The model to estimate with.
-        #[arg(long, value_enum)]
-        only: Option<Only>,
+        #[arg(long, value_parser = model_kind())]
+        only: Option<ModelKind>,
         #[command(flatten)]
         set: SetArgs,
     },
@@ -123,8 +123,8 @@ enum Command {
         #[arg(long)]
         model: Option<PathBuf>,
         /// The model to identify with.
-        #[arg(long, value_enum)]
-        only: Option<Only>,
+        #[arg(long, value_parser = model_kind())]
+        only: Option<ModelKind>,
         /// Points within the parameters' bounds to begin the fit at, the config's start among
         /// them; by default 16 if all parameters have bounds, and otherwise 1.
         #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1000))]
@@ -141,8 +141,8 @@ enum Command {
         #[arg(long)]
         model: Option<PathBuf>,
         /// The controller's model, if it is not to be the net given or the config's first.
-        #[arg(long, value_enum, requires = "config")]
-        only: Option<Only>,
+        #[arg(long, value_parser = model_kind(), requires = "config")]
+        only: Option<ModelKind>,
         /// What to export to.
         #[arg(long, value_enum)]
         to: To,
@@ -173,8 +173,8 @@ enum Command {
         #[arg(long)]
         model: Option<PathBuf>,
         /// The model, if it is not to be the config's first.
-        #[arg(long, value_enum)]
-        only: Option<Only>,
+        #[arg(long, value_parser = model_kind())]
+        only: Option<ModelKind>,
         #[command(flatten)]
         set: SetArgs,
     },
@@ -297,9 +297,8 @@ fn execute(cli: &Cli, plants: &Plants) -> Result<ExitCode, RunError> {
             run.one(config, plants, quiet, pinc_runs::train)?;
         }
         Command::Control { config, model, only, run } => {
-            let only = only.map(Only::kind);
             run.one(config, plants, quiet, |experiment, dir, options| {
-                pinc_runs::control(experiment, dir, options, model.as_deref(), only)
+                pinc_runs::control(experiment, dir, options, model.as_deref(), *only)
             })?;
         }
         Command::Predict { model, inputs, output, outside_domain } => {
@@ -314,13 +313,12 @@ fn execute(cli: &Cli, plants: &Plants) -> Result<ExitCode, RunError> {
             let dir = match (config, model) {
                 (Some(config), _) => {
                     let experiment = Experiment::load(config, &set.set, plants)?;
-                    let only = only.map(Only::kind);
                     if *plant {
                         let dir = pinc_runs::export_plant(&experiment, to, name, out)?;
                         show(quiet, &dir.display().to_string())?;
                         return Ok(ExitCode::SUCCESS);
                     }
-                    pinc_runs::export_controller(&experiment, model, only, to, name, out)?
+                    pinc_runs::export_controller(&experiment, model, *only, to, name, out)?
                 }
                 (None, Some(model)) => pinc_runs::export_net(model, to, name, out)?,
                 (None, None) => unreachable!("one of them is required"),
@@ -329,29 +327,27 @@ fn execute(cli: &Cli, plants: &Plants) -> Result<ExitCode, RunError> {
         }
         Command::Serve { config, model, only, set } => {
             let experiment = Experiment::load(config, &set.set, plants)?;
-            let only = only.map(Only::kind);
             let (input, output) = (std::io::stdin().lock(), std::io::stdout().lock());
-            let found = pinc_runs::serve(&experiment, model.as_deref(), only, input, output)?;
+            let found = pinc_runs::serve(&experiment, model.as_deref(), *only, input, output)?;
             if found.outside > 0 && !quiet {
                 console::note(&format!("warning: {found}"));
             }
         }
         Command::Estimate { config, data, output, model, only, set } => {
             let experiment = Experiment::load(config, &set.set, plants)?;
-            let only = only.map(Only::kind);
             let (output, model) = (output.as_deref(), model.as_deref());
-            let found = pinc_runs::estimate(&experiment, data, output, model, only)?;
+            let found = pinc_runs::estimate(&experiment, data, output, model, *only)?;
             show(quiet, &found.to_string())?;
         }
         Command::Identify { config, data, out, model, only, starts, set } => {
             let experiment = Experiment::load(config, &set.set, plants)?;
             let named = || Path::new("runs").join(format!("{}-identify", experiment.name));
             let dir = out.clone().unwrap_or_else(named);
-            let (only, arguments) = (only.map(Only::kind), arguments());
+            let arguments = arguments();
             let options = options(false, quiet, &arguments);
             let (model, starts) = (model.as_deref(), starts.map(usize::from));
             let found =
-                pinc_runs::identify(&experiment, data, &dir, &options, model, only, starts)?;
+                pinc_runs::identify(&experiment, data, &dir, &options, model, *only, starts)?;
             show(quiet, &pinc_runs::identification_summary(&found))?;
         }
         Command::Choose { config, within, budget_s, run } => {

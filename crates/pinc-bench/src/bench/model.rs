@@ -3,7 +3,7 @@
 use super::cases::{Case, Effort};
 use super::results::ModelStep;
 use pinc_net::{Domain, PincModel, PincNet};
-use pinc_ode::{DynPlant, Model};
+use pinc_ode::{DynPlant, Integrator, Model};
 use pinc_runs::RunError;
 use pinc_runs::Steps;
 
@@ -43,7 +43,7 @@ pub(super) fn run(
     };
     let mut rows = Vec::new();
     for substeps in SUBSTEPS {
-        let row = row(&mut *plant.rk4(sample_time_s, substeps));
+        let row = row(&mut *plant.model(Integrator::Rk4, sample_time_s, substeps));
         rows.push(ModelStep { substeps: Some(substeps), ..row });
     }
     for Trained { net, seconds } in nets {
@@ -52,7 +52,7 @@ pub(super) fn run(
         rows.push(ModelStep { model: "pinc", layers, trained_s, ..row });
     }
     for (substeps, text) in SUBSTEPS.into_iter().flat_map(|n| text.map(|text| (n, text))) {
-        let row = row(&mut *text.rk4(sample_time_s, substeps));
+        let row = row(&mut *text.model(Integrator::Rk4, sample_time_s, substeps));
         rows.push(ModelStep { substeps: Some(substeps), as_text: true, ..row });
     }
     Ok(rows)

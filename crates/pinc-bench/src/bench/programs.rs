@@ -28,7 +28,7 @@ fn measure(case: Case, method: QpMethod, repetitions: usize) -> Result<QpTime, R
     let plant = &*experiment.plant.dyn_plant();
     let setup = LoopSetup::numerical(spec, sample_time_s, plant);
     let in_model = Spent::default();
-    let model = Watched { model: setup.model(ModelKind::Rk4, plant)?, spent: in_model.clone() };
+    let model = Watched { model: setup.model(ModelKind::RK4, plant)?, spent: in_model.clone() };
     let mut nmpc = Nmpc::new(setup.problem(), Box::new(model), spec.sqp)?;
     let mut times = Vec::new();
     for _ in 0..repetitions {

@@ -43,7 +43,7 @@ impl Base {
         (own.sweep, own.prediction) = (None, None);
         if let Some(control) = &mut own.control {
             // A section that is not there makes no sense of it; each case says its own model.
-            control.models = vec![ModelKind::Rk4];
+            control.models = vec![ModelKind::RK4];
         }
         if own.domain.is_none() {
             own.domain = domain_of_bounds(experiment);

@@ -98,8 +98,8 @@ impl<'a> Session<'a> {
     /// What makes an integrator unsound, as `pinc check` says it.
     fn objection(&self, candidate: Candidate) -> Option<String> {
         match candidate {
-            Candidate::Integrator { kind, substeps } => {
-                self.of_box.as_ref()?.soundness(kind, substeps).objection()
+            Candidate::Integrator { integrator, substeps } => {
+                self.of_box.as_ref()?.soundness(integrator, substeps).objection()
             }
             Candidate::Net { .. } => None,
         }

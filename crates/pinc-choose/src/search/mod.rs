@@ -3,8 +3,9 @@
 use crate::candidate::{Candidate, Shape, shapes};
 use crate::judge::{Standard, Tried};
 use crate::ladder::{self, Rung};
-use pinc_config::{ControlSpec, ModelKind};
+use pinc_config::ControlSpec;
 use pinc_net::TrainingTarget;
+use pinc_ode::{Integrator, Scheme};
 
 /// A good model is measured again if its control step took at most this many times as long as the
 /// cheapest's: in one measurement, times are wrong by a third.
@@ -120,10 +121,10 @@ impl Search<'_> {
     }
 
     /// What was tried of an integrator, judged by what is the most exact one so far.
-    fn rungs(&self, tried: &[Tried], of: ModelKind) -> Vec<Rung> {
+    fn rungs(&self, tried: &[Tried], of: Integrator) -> Vec<Rung> {
         let standard = self.standard(tried);
         let rung = |tried: &Tried| match (tried.candidate, &tried.result) {
-            (Candidate::Integrator { kind, substeps }, result) if kind == of => {
+            (Candidate::Integrator { integrator, substeps }, result) if integrator == of => {
                 let score = result.as_ref().ok();
                 let stands = score.filter(|score| score.stands(self.control.max_failed_share));
                 let good = score.zip(standard.as_ref()).is_some_and(|(s, to)| to.is_good(s));
@@ -139,29 +140,24 @@ impl Search<'_> {
         &self,
         found: &mut Found,
         loops: &mut L,
-        kind: ModelKind,
+        integrator: Integrator,
         next: impl Fn(&[Rung]) -> Option<usize>,
     ) -> Result<(), L::Error> {
-        while let Some(substeps) = next(&self.rungs(&found.tried, kind)) {
-            if !found.attempt(loops, Candidate::Integrator { kind, substeps })? {
+        while let Some(substeps) = next(&self.rungs(&found.tried, integrator)) {
+            if !found.attempt(loops, Candidate::Integrator { integrator, substeps })? {
                 break;
             }
         }
         Ok(())
     }
 
-    /// The substeps that the config has for an integrator.
-    fn own_substeps(&self, kind: ModelKind) -> usize {
-        self.control.substeps(kind, 1.0, 1.0)
-    }
-
     /// A model that is so exact that a better one changes nothing.
     fn exact<L: Loops>(&self, found: &mut Found, loops: &mut L) -> Result<(), L::Error> {
         let tolerance = 0.1 * self.within;
-        for kind in [ModelKind::Rk4, ModelKind::Rodas4] {
-            let start = self.own_substeps(kind);
-            self.climb(found, loops, kind, |tried| ladder::finer(start, tried, tolerance))?;
-            if ladder::is_exact(&self.rungs(&found.tried, kind), tolerance) {
+        for integrator in [Integrator::Rk4, Integrator::Rosenbrock] {
+            let start = self.control.own_substeps(integrator);
+            self.climb(found, loops, integrator, |tried| ladder::finer(start, tried, tolerance))?;
+            if ladder::is_exact(&self.rungs(&found.tried, integrator), tolerance) {
                 break;
             }
         }
@@ -170,20 +166,20 @@ impl Search<'_> {
 
     /// The fewest substeps that are good, of each method.
     fn cheap<L: Loops>(&self, found: &mut Found, loops: &mut L) -> Result<(), L::Error> {
-        for kind in [ModelKind::Rk4, ModelKind::Rk5, ModelKind::Rodas4] {
-            let of_rk4 = self.rungs(&found.tried, ModelKind::Rk4);
+        for integrator in Integrator::ALL {
+            let of_rk4 = self.rungs(&found.tried, Integrator::Rk4);
             let fewest = of_rk4.iter().filter(|rung| rung.good).map(|rung| rung.substeps).min();
-            if kind == ModelKind::Rodas4
+            if integrator.scheme() == Scheme::LinearlyImplicit
                 && let Some(fewest) = fewest.filter(|fewest| *fewest < STIFF)
             {
                 found.untried.push(format!(
                     "{}: RK4 is good with {fewest} substeps, fewer than {STIFF}",
-                    kind.title()
+                    integrator.title()
                 ));
                 continue;
             }
-            let start = self.own_substeps(kind);
-            self.climb(found, loops, kind, |tried| ladder::fewer(start, tried))?;
+            let start = self.control.own_substeps(integrator);
+            self.climb(found, loops, integrator, |tried| ladder::fewer(start, tried))?;
         }
         Ok(())
     }

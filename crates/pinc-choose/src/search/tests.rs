@@ -82,7 +82,7 @@ fn us(substeps: usize) -> f64 {
 fn the_best_guesses_come_first() {
     // RK4 is good from 2 substeps on, RK5 with 1; a net only if it is distilled and large.
     let (asked, found) = order(99, |candidate| match candidate {
-        Candidate::Integrator { kind: ModelKind::Rk4, substeps } => {
+        Candidate::Integrator { integrator: Integrator::Rk4, substeps } => {
             Some((if substeps < 2 { 120.0 } else { 100.0 }, us(substeps)))
         }
         Candidate::Integrator { substeps, .. } => Some((100.0, 2.0 * us(substeps))),
@@ -131,7 +131,7 @@ fn nets_of_many_states_have_one_layer_first() {
 #[test]
 fn a_stiff_plant_has_the_method_for_stiff_plants_tried() {
     let (asked, _) = order(99, |candidate| match candidate {
-        Candidate::Integrator { kind: ModelKind::Rodas4, .. } => Some((100.0, 9.0)),
+        Candidate::Integrator { integrator: Integrator::Rosenbrock, .. } => Some((100.0, 9.0)),
         Candidate::Integrator { .. } => None,
         Candidate::Net { .. } => Some((100.0, 30.0)),
     });
@@ -170,7 +170,7 @@ fn a_small_net_that_fails_keeps_no_larger_one_from_being_tried() {
 fn what_is_not_tried_is_said_with_the_reason() {
     // Good from 2x24 on, which takes more than twice as long as RK4.
     let (_, found) = order(99, |candidate| match candidate {
-        Candidate::Integrator { kind: ModelKind::Rk4, .. } => Some((100.0, 2.0)),
+        Candidate::Integrator { integrator: Integrator::Rk4, .. } => Some((100.0, 2.0)),
         Candidate::Integrator { .. } => Some((100.0, 3.0)),
         Candidate::Net { .. } => Some((150.0, 4.5)),
     });

@@ -84,7 +84,7 @@ pub(super) fn uses(experiment: &Experiment) -> Finding {
     for (i, model) in models {
         let key = format!("control.models[{i}]");
         match (is_black_box, model) {
-            (true, ModelKind::Rk4 | ModelKind::Rk5 | ModelKind::Rodas4) => {
+            (true, ModelKind::Integrator(_)) => {
                 let expected = "\"pinc\" or \"black-box\": the plant has no equation";
                 return value(&key, format!("\"{model}\""), expected);
             }

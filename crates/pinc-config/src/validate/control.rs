@@ -7,6 +7,7 @@ use crate::problem::nearest;
 use crate::registry::Variables;
 use crate::{ControlSpec, ModelKind};
 use pinc_mpc::{MpcError, Softness, Weight};
+use pinc_ode::Integrator;
 
 /// What there is one number of per controlled state or output.
 const QUANTITY: &str = "controlled quantity";
@@ -43,9 +44,10 @@ pub(super) fn closed_loop(spec: &ControlSpec, variables: &Variables, plants: &Pl
     output_bounds(spec, variables)?;
     close_ups(spec)?;
     verdict(spec)?;
-    at_least_one("control.rk4_substeps", spec.rk4_substeps)?;
-    at_least_one("control.rk5_substeps", spec.rk5_substeps)?;
-    at_least_one("control.rosenbrock_substeps", spec.rosenbrock_substeps)?;
+    for integrator in Integrator::ALL {
+        let key = format!("control.{}", ControlSpec::substeps_key(integrator));
+        at_least_one(&key, spec.own_substeps(integrator))?;
+    }
     at_least_one("control.repetitions", spec.repetitions)?;
     tolerance("control.plant_tolerance", spec.plant_tolerance)?;
     positive("control.sqp.tolerance", spec.sqp.tolerance)?;

@@ -5,7 +5,7 @@ use super::{Finding, Problem};
 use crate::{ControlSpec, Experiment};
 use pinc_mpc::{QpMethod, Weight};
 use pinc_net::optim::OptimizerConfig;
-use pinc_ode::Dims;
+use pinc_ode::{Dims, Integrator};
 
 /// Steps of T that a run or a scenario may have at most.
 pub const STEPS: usize = 10_000_000;
@@ -114,9 +114,10 @@ fn controller(spec: &ControlSpec, dims: Dims) -> Finding {
     at_most("control.n2", spec.n2, HORIZON)?;
     at_most("control.delay_steps", spec.delay_steps, PARTS)?;
     at_most("control.sqp.max_iterations", spec.sqp.max_iterations, 1_000_000)?;
-    at_most("control.rk4_substeps", spec.rk4_substeps, PARTS)?;
-    at_most("control.rk5_substeps", spec.rk5_substeps, PARTS)?;
-    at_most("control.rosenbrock_substeps", spec.rosenbrock_substeps, PARTS)?;
+    for integrator in Integrator::ALL {
+        let key = format!("control.{}", ControlSpec::substeps_key(integrator));
+        at_most(&key, spec.own_substeps(integrator), PARTS)?;
+    }
     at_most("control.close_ups_s", spec.close_ups_s.len(), 100)?;
     at_most("control.input_differences", spec.input_differences.len(), PARTS)?;
     if let Some(budget_us) = spec.budget_us {

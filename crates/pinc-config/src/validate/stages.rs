@@ -34,9 +34,9 @@ pub(super) fn lengths(
             let expected = format!("a whole number of control steps of {} s", stages[0]);
             return value(&key, stage, &expected);
         }
-        for kind in spec.models.iter().filter(|kind| **kind != ModelKind::Pinc) {
-            if spec.substeps(*kind, stage, stages[0]) > PARTS {
-                let expected = format!("a stage of {PARTS} substeps of {kind} at most");
+        for integrator in spec.models.iter().filter_map(|kind| kind.integrator()) {
+            if spec.substeps(integrator, stage, stages[0]) > PARTS {
+                let expected = format!("a stage of {PARTS} substeps of {integrator} at most");
                 return value(&key, stage, &expected);
             }
         }

@@ -1,8 +1,9 @@
 //! How a config becomes an experiment: presets, merging, overrides, and back to a file.
 
 use crate::common::{parse, read, repository};
-use pinc_config::{Experiment, ModelKind, Plants, Preset};
+use pinc_config::{Experiment, Plants, Preset};
 use pinc_mpc::Weight;
+use pinc_ode::Integrator;
 use std::path::PathBuf;
 
 /// The smoke config of the Van der Pol oscillator, as text.
@@ -248,7 +249,7 @@ fn stages_may_differ_in_length() {
     let stages = control.stages(10.0);
     assert_eq!(stages, [(10.0, 2), (20.0, 1), (40.0, 1), (80.0, 1), (140.0, 1)]);
     assert!((control.horizon_s(10.0) - 300.0).abs() < 1e-9);
-    let substeps = |length_s| control.substeps(ModelKind::Rk4, length_s, 10.0);
+    let substeps = |length_s| control.substeps(Integrator::Rk4, length_s, 10.0);
     assert_eq!([10.0, 20.0, 140.0].map(substeps), [1, 2, 14]);
     // A stage counts as its steps would.
     let problem = control.problem(&experiment.plant.variables(), 10.0);

@@ -3,15 +3,15 @@
 use super::compile::{READ, Sources};
 use super::variants::{in_odd_units, tracking, with_rk5};
 use pinc_export::{
-    Controller, Estimation, ExplicitMethod, ExportError, GeneratedFile, ModelSource, Name, Origin,
-    RungeKuttaModel, controller_to_c,
+    Controller, Estimation, ExportError, GeneratedFile, ModelSource, Name, Origin, RungeKuttaModel,
+    controller_to_c,
 };
 use pinc_expr::{Equations, PlantEquations};
 use pinc_mpc::{
     Bounds, Nmpc, NmpcProblem, QpMethod, Reference, Softness, SqpConfig, Tracked, Weights,
 };
 use pinc_net::{Domain, NetConfig, PincModel, PincNet};
-use pinc_ode::{Dims, Model, Variable, WithOutputs};
+use pinc_ode::{Dims, Integrator, Model, Variable, WithOutputs};
 use pinc_plants::{FourTanks, VanDerPol};
 
 /// Reads per step: 1 for a reset before it, 1 and an input for one that was applied, the budget,
@@ -120,7 +120,7 @@ pub(crate) struct Begin {
 }
 
 pub(crate) enum Source {
-    RungeKutta(PlantEquations, ExplicitMethod, usize),
+    RungeKutta(PlantEquations, Integrator, usize),
     Net(Box<PincNet>),
 }
 
@@ -147,17 +147,14 @@ impl Case {
                 Some(equations) => {
                     let names: Vec<&str> = net.parameter_names().collect();
                     let plant = equations.compile_with(&names).unwrap().into_dyn();
-                    let outputs = plant.rk4(self.sample_time_s, 1);
+                    let outputs = plant.model(Integrator::Rk4, self.sample_time_s, 1);
                     Box::new(WithOutputs::new(PincModel::new(net).unwrap(), outputs))
                 }
             },
             Source::RungeKutta(equations, method, substeps) => {
                 let names: Vec<&str> = self.parameters.iter().map(String::as_str).collect();
                 let plant = equations.compile_with(&names).unwrap().into_dyn();
-                match method {
-                    ExplicitMethod::Rk4 => plant.rk4(self.sample_time_s, *substeps),
-                    ExplicitMethod::Rk5 => plant.rk5(self.sample_time_s, *substeps),
-                }
+                plant.model(*method, self.sample_time_s, *substeps)
             }
         }
     }
@@ -392,7 +389,7 @@ pub(crate) fn oscillator_case() -> Case {
             ..NmpcProblem::new(Dims::new(2, 1), 5, weights)
         },
         config: SqpConfig::default(),
-        source: Source::RungeKutta(oscillator(), ExplicitMethod::Rk4, 4),
+        source: Source::RungeKutta(oscillator(), Integrator::Rk4, 4),
         parameters: Vec::new(),
         low: vec![-1.3, -1.3],
         high: vec![1.3, 1.3],
@@ -412,7 +409,7 @@ pub(crate) fn tanks_case() -> Case {
             ..NmpcProblem::new(Dims::new(4, 2), 10, weights)
         },
         config: SqpConfig::default(),
-        source: Source::RungeKutta(tanks(), ExplicitMethod::Rk4, 2),
+        source: Source::RungeKutta(tanks(), Integrator::Rk4, 2),
         parameters: Vec::new(),
         low: vec![1.0, 1.0, 0.3, 0.3],
         high: vec![22.0, 22.0, 7.0, 7.0],
@@ -567,6 +564,6 @@ fn what_overflows_in_c_is_refused() {
         r#"{"states": [{"name": "x1"}, {"name": "x2"}], "inputs": [{"name": "u"}],
             "derivatives": {"x1": "x2", "x2": "u - x1/(1e200*1e200)"}}"#,
     );
-    let source = |plant: &PlantEquations| Source::RungeKutta(plant.clone(), ExplicitMethod::Rk4, 4);
+    let source = |plant: &PlantEquations| Source::RungeKutta(plant.clone(), Integrator::Rk4, 4);
     refused(&|case| case.source = source(&plant), "constant");
 }

@@ -6,12 +6,13 @@ use pinc_estimate::{
     Augmentation, Augmented, Compensated, Disturbance, Ekf, Estimator, Measured, Mhe, Tuning, Ukf,
 };
 use pinc_export::{
-    Controller, Estimation, ExplicitMethod, ExportError, Filter, FmiVersion, GeneratedFile, Name,
-    Origin, controller_to_fmu,
+    Controller, Estimation, ExportError, Filter, FmiVersion, GeneratedFile, Name, Origin,
+    controller_to_fmu,
 };
 use pinc_expr::PlantEquations;
 use pinc_mpc::{Bounds, Nmpc, Tracked};
 use pinc_net::{Domain, NetConfig, ParameterRange, PincNet};
+use pinc_ode::Integrator;
 
 /// Reads per step: 1 for an input that was applied, 1 for an estimate and a covariance to go on
 /// from, that input, which measurements are there, these, the reference, that estimate and
@@ -264,7 +265,7 @@ fn the_moving_horizon_in_c_estimates_what_the_librarys_does() {
 /// as outputs: both are measured, and with the first level tracked and bounded.
 fn with_outputs_and_pump(disturbance: Disturbance) -> Parts {
     let (mut case, mut augmentation, mut tuning) = tanks(disturbance, 0);
-    case.source = Source::RungeKutta(tanks_with_outputs(), ExplicitMethod::Rk4, 2);
+    case.source = Source::RungeKutta(tanks_with_outputs(), Integrator::Rk4, 2);
     // In alphabetical order: flow, total.
     case.problem.tracked = vec![Tracked::Output(1), Tracked::State(1)];
     case.problem.output_bounds =
@@ -307,7 +308,7 @@ fn estimated_parameters_and_measured_outputs_are_the_librarys() {
     case.parameters.clear();
     let mut fixed = tanks_with_outputs();
     fixed = fixed.with_parameters([("k1", 3.33), ("split", 0.3)]);
-    case.source = Source::RungeKutta(fixed, ExplicitMethod::Rk5, 1);
+    case.source = Source::RungeKutta(fixed, Integrator::Rk5, 1);
     case.problem.parameters.pop();
     for side in [
         &mut tuning.initial_estimate,

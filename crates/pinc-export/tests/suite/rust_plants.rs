@@ -1,9 +1,8 @@
 //! Controllers of plants in Rust, whose recorded equations are written in C.
 
 use super::controller::{Begin, Case, Source, compare};
-use pinc_export::ExplicitMethod;
 use pinc_mpc::{Bounds, NmpcProblem, SqpConfig, Tracked, Weights};
-use pinc_ode::Dims;
+use pinc_ode::{Dims, Integrator};
 use pinc_plants::{AcetoneStill, HydraulicServo};
 
 /// The stiff axis needs ten substeps.
@@ -19,7 +18,7 @@ fn the_servos_controller_takes_the_librarys_steps() {
             ..NmpcProblem::new(Dims::new(4, 1), 10, weights)
         },
         config: SqpConfig::default(),
-        source: Source::RungeKutta(HydraulicServo::default().equations(), ExplicitMethod::Rk4, 10),
+        source: Source::RungeKutta(HydraulicServo::default().equations(), Integrator::Rk4, 10),
         parameters: Vec::new(),
         low: vec![-0.01, -0.05, -3.0, -0.2],
         high: vec![0.01, 0.05, 3.0, 0.2],
@@ -42,7 +41,7 @@ fn the_stills_controller_takes_the_librarys_steps() {
             ..NmpcProblem::new(Dims::new(2, 2), 5, weights)
         },
         config: SqpConfig::default(),
-        source: Source::RungeKutta(AcetoneStill::default().equations(), ExplicitMethod::Rk4, 2),
+        source: Source::RungeKutta(AcetoneStill::default().equations(), Integrator::Rk4, 2),
         parameters: Vec::new(),
         low: vec![0.08, 0.15],
         high: vec![0.25, 0.33],

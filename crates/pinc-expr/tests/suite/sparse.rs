@@ -4,7 +4,7 @@
 use super::common::{INPUTS, config, expressions, points};
 use super::numbers::{numbers, plant_of, texts, variables};
 use pinc_expr::{Equations, ExpressionPlant};
-use pinc_ode::{Dims, LinearizationBuffer, Model, Plant, Rk4, Rk5, Rodas4, Stages};
+use pinc_ode::{Dims, Integrator, LinearizationBuffer, Model, Plant, Rk4, Rk5, Rodas4, Stages};
 use proptest::prelude::*;
 
 /// What the two may differ by, relative to 1 + |value|.
@@ -47,7 +47,11 @@ fn on_dual_numbers(plant: &ExpressionPlant, h: f64) -> [Box<dyn Model>; 3] {
 /// The difference of each method from that on dual numbers.
 fn differences(plant: &ExpressionPlant, h: f64, points: &[f64]) -> [f64; 3] {
     let erased = plant.clone().into_dyn();
-    let found = [erased.rk4(h, 2), erased.rk5(h, 1), erased.rodas4(h, 2)];
+    let found = [
+        erased.model(Integrator::Rk4, h, 2),
+        erased.model(Integrator::Rk5, h, 1),
+        erased.model(Integrator::Rosenbrock, h, 2),
+    ];
     let mut pairs = found.into_iter().zip(on_dual_numbers(plant, h));
     std::array::from_fn(|_| {
         let (mut found, mut expected) = pairs.next().expect("three methods");
@@ -172,7 +176,7 @@ fn kinks_and_ends_are_those_of_dual_numbers() {
                 assert!(same || !b.is_finite(), "{e} at {point:?}: {found:?}, {expected:?}");
             }
             // Second derivatives at the same places.
-            let found = linearize(&mut *erased.rodas4(1e-3, 1), point);
+            let found = linearize(&mut *erased.model(Integrator::Rosenbrock, 1e-3, 1), point);
             let expected = linearize(&mut Rodas4::new(plant.clone(), 1e-3, 1), point);
             let pairs = [(&found.next, &expected.next), (&found.a, &expected.a)];
             for (a, b) in pairs.iter().flat_map(|(found, expected)| found.iter().zip(*expected)) {
@@ -201,7 +205,7 @@ fn pivots_that_vanish() {
     let at = |k: i32| 8.0 - if k % 3 == 0 { 0.0 } else { 10.0_f64.powi(-k) };
     let points: Vec<f64> =
         (0..21).flat_map(|k| [1.0 + 0.01 * f64::from(k), at(k), 0.2, -0.5]).collect();
-    let mut found = plant.clone().into_dyn().rodas4(0.5, 1);
+    let mut found = plant.clone().into_dyn().model(Integrator::Rosenbrock, 0.5, 1);
     let found = linearize(&mut *found, &points);
     let expected = linearize(&mut Rodas4::new(plant, 0.5, 1), &points);
     let difference = difference(&found, &expected);
@@ -244,7 +248,7 @@ fn outputs_have_the_derivatives_of_dual_numbers() {
     };
     let plant = equations.compile_with(&["k"]).expect("valid equations");
     let (x, u, p) = ([4.0, 0.5], [3.0], [2.0]);
-    let mut model = plant.clone().into_dyn().rk4(0.1, 1);
+    let mut model = plant.clone().into_dyn().model(Integrator::Rk4, 0.1, 1);
     let (mut y, mut c, mut d, mut e) = ([9.0; 3], [9.0; 6], [9.0; 3], [9.0; 3]);
     let out = pinc_ode::OutputLinearization { y: &mut y, c: &mut c, d: &mut d, e: &mut e };
     model.linearize_output(Stages { x: &x, u: &u, p: &p }, out);

@@ -2,7 +2,7 @@
 
 use pinc_ad::{ImplicitEquations, Scalar, solve_implicit};
 use pinc_expr::{ExpressionProblem, Instruction, PlantEquations, TermRole, into_dyn};
-use pinc_ode::{DynPlant, DynRhs, LinearizationBuffer, Plant, Stages, Variable};
+use pinc_ode::{DynPlant, DynRhs, Integrator, LinearizationBuffer, Plant, Stages, Variable};
 use pinc_plants::{
     AcetoneColumn, AcetoneStill, FourTanks, HydraulicServo, OneTank, SingleTrackCar, TwoLinkArm,
     VanDerPol,
@@ -141,7 +141,7 @@ fn recorded_boiling_points_are_the_compiled_ones() {
 /// The derivatives of the Rosenbrock step of a plant are those of central differences of the step.
 fn rosenbrock_is_differentiated(plant: &dyn DynPlant, at: &[f64], sample_time_s: f64) {
     let dims = plant.dims();
-    let mut model = plant.rodas4(sample_time_s, 2);
+    let mut model = plant.model(Integrator::Rosenbrock, sample_time_s, 2);
     let (x, u) = at.split_at(dims.nx);
     let mut found = LinearizationBuffer::new(dims, 1);
     model.linearize(Stages { x, u, p: &[] }, found.as_mut());

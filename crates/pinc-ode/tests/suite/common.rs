@@ -93,14 +93,14 @@ pub(crate) fn distance(a: &[f64], b: &[f64]) -> f64 {
 }
 
 /// The state after a step.
-pub(crate) fn predict(model: &mut impl Model, x: &[f64], u: &[f64]) -> Vec<f64> {
+pub(crate) fn predict(model: &mut (impl Model + ?Sized), x: &[f64], u: &[f64]) -> Vec<f64> {
     let mut next = vec![f64::NAN; x.len()];
     model.step(x, u, &[], &mut next);
     next
 }
 
 /// f(x, u), df/dx and df/du.
-pub(crate) fn linearize(model: &mut impl Model, x: &[f64], u: &[f64]) -> [Vec<f64>; 3] {
+pub(crate) fn linearize(model: &mut (impl Model + ?Sized), x: &[f64], u: &[f64]) -> [Vec<f64>; 3] {
     let (n, m) = (x.len(), u.len());
     let [mut next, mut a, mut b] = [n, n * n, n * m].map(|len| vec![f64::NAN; len]);
     model.linearize(
@@ -115,8 +115,8 @@ pub(crate) fn linearize(model: &mut impl Model, x: &[f64], u: &[f64]) -> [Vec<f6
 /// is still too long for the leading term to rule, and those below 1e-12, where rounding (1e-16 a
 /// substep) is more than a few per cent. At least five errors are left, so that an error that is
 /// off by a quarter at one end of the line changes its slope by less than 0.15.
-pub(crate) fn order<M: Model>(
-    method: impl Fn(usize) -> M,
+pub(crate) fn order<M: Model + ?Sized>(
+    method: impl Fn(usize) -> Box<M>,
     x: &[f64],
     u: &[f64],
     end: &[f64],
@@ -125,7 +125,7 @@ pub(crate) fn order<M: Model>(
     let errors: Vec<_> = substeps
         .map(|substeps: u32| {
             let mut method = method(usize::try_from(substeps).expect("a small number"));
-            let error = distance(&predict(&mut method, x, u), end);
+            let error = distance(&predict(&mut *method, x, u), end);
             (method.sample_time_s() / f64::from(substeps), error)
         })
         .filter(|(_, error)| (1e-12..1e-5).contains(error))

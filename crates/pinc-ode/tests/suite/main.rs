@@ -5,6 +5,7 @@ mod common;
 mod dopri5;
 mod dopri5_limits;
 mod examples;
+mod integrators;
 mod loaded;
 mod metrics;
 mod piecewise_constant;

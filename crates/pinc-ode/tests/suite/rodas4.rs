@@ -9,7 +9,8 @@ use pinc_plants::{FourTanks, HydraulicServo, SingleTrackCar};
 fn order_4_on_a_linear_system() {
     let plant = Oscillator { damping: 0.2 };
     let (x, u, t) = ([1.0, -0.5], 0.7, 3.0);
-    let slope = order(|n| Rodas4::new(plant.clone(), t, n), &x, &[u], &plant.exact(&x, u, t));
+    let slope =
+        order(|n| Box::new(Rodas4::new(plant.clone(), t, n)), &x, &[u], &plant.exact(&x, u, t));
     assert!((slope - 4.0).abs() < 0.15, "{slope}");
 }
 
@@ -17,7 +18,7 @@ fn order_4_on_a_linear_system() {
 fn order_4_on_the_tanks() {
     for flow in flows("johansson-nonminimum") {
         let plant = FourTanks::johansson_nonminimum();
-        let method = |n| Rodas4::new(plant, flow.duration_s, n);
+        let method = |n| Box::new(Rodas4::new(plant, flow.duration_s, n));
         let slope = order(method, &flow.x, &flow.u, &flow.end);
         assert!((slope - 4.0).abs() < 0.15, "{slope}");
     }

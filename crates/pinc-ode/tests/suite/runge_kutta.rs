@@ -13,7 +13,8 @@ use proptest::test_runner::{FileFailurePersistence, TestRunner};
 fn order_4_on_a_linear_system() {
     let plant = Oscillator { damping: 0.2 };
     let (x, u, t) = ([1.0, -0.5], 0.7, 3.0);
-    let slope = order(|n| Rk4::new(plant.clone(), t, n), &x, &[u], &plant.exact(&x, u, t));
+    let slope =
+        order(|n| Box::new(Rk4::new(plant.clone(), t, n)), &x, &[u], &plant.exact(&x, u, t));
     assert!((slope - 4.0).abs() < 0.15, "{slope}");
 }
 
@@ -23,7 +24,7 @@ fn order_4_on_van_der_pol() {
     // Of the flows on file 2 s is the one whose range of errors these substeps cover.
     let flow = flows("van-der-pol").into_iter().find(|f| (f.duration_s - 2.0).abs() < 0.1);
     let flow = flow.expect("a flow over 2 s");
-    let method = |n| Rk4::new(plant, flow.duration_s, n);
+    let method = |n| Box::new(Rk4::new(plant, flow.duration_s, n));
     let slope = order(method, &flow.x, &flow.u, &flow.end);
     assert!((slope - 4.0).abs() < 0.15, "{slope}");
 }
@@ -32,7 +33,7 @@ fn order_4_on_van_der_pol() {
 fn order_4_on_the_tanks() {
     for flow in flows("johansson-nonminimum") {
         let plant = FourTanks::johansson_nonminimum();
-        let method = |n| Rk4::new(plant, flow.duration_s, n);
+        let method = |n| Box::new(Rk4::new(plant, flow.duration_s, n));
         let slope = order(method, &flow.x, &flow.u, &flow.end);
         assert!((slope - 4.0).abs() < 0.15, "{slope}");
     }
@@ -42,7 +43,8 @@ fn order_4_on_the_tanks() {
 fn order_5_of_dormand_and_prince() {
     let plant = Oscillator { damping: 0.2 };
     let (x, u, t) = ([1.0, -0.5], 0.7, 8.0);
-    let slope = order(|n| Rk5::new(plant.clone(), t, n), &x, &[u], &plant.exact(&x, u, t));
+    let slope =
+        order(|n| Box::new(Rk5::new(plant.clone(), t, n)), &x, &[u], &plant.exact(&x, u, t));
     assert!((slope - 5.0).abs() < 0.15, "{slope}");
 }
 

@@ -238,7 +238,7 @@ mod tests {
         let sets = ["control.models=[\"rk4\"]".to_owned(), format!("sweep.cases=[{cases}]")];
         let experiment = Experiment::load(Path::new(path), &sets, &Plants::built_in()).unwrap();
         let models = sweep_models(&experiment, &trials(&experiment).unwrap());
-        assert_eq!(models, [ModelKind::Rk4, ModelKind::Rk5, ModelKind::Pinc]);
+        assert_eq!(models, [ModelKind::RK4, ModelKind::RK5, ModelKind::Pinc]);
 
         let sweep = experiment.sweep.as_ref().unwrap();
         let written = TrialColumn::of_sweep(&experiment, sweep, &models);

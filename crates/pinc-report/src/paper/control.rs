@@ -8,9 +8,9 @@ use pinc_config::{CASE, DRAWN, ModelKind, Preset};
 use pinc_record::{ControlMetrics, LoopMetric, SummaryRow, TrialColumn, TrialMetric};
 
 const PINC_IAE: TrialMetric = TrialMetric::Loop(ModelKind::Pinc, LoopMetric::IaeDenseSum);
-const RK4_IAE: TrialMetric = TrialMetric::Loop(ModelKind::Rk4, LoopMetric::IaeDenseSum);
+const RK4_IAE: TrialMetric = TrialMetric::Loop(ModelKind::RK4, LoopMetric::IaeDenseSum);
 const PINC_WALL: TrialMetric = TrialMetric::Loop(ModelKind::Pinc, LoopMetric::Wall);
-const RK4_WALL: TrialMetric = TrialMetric::Loop(ModelKind::Rk4, LoopMetric::Wall);
+const RK4_WALL: TrialMetric = TrialMetric::Loop(ModelKind::RK4, LoopMetric::Wall);
 
 /// Table 1.
 pub(super) fn table_1(page: &mut Page, runs: &Runs) {
@@ -51,7 +51,7 @@ pub(super) fn table_1(page: &mut Page, runs: &Runs) {
                 let source = format!("`{}`", run.preset.name());
                 rows.push([vec![name.to_owned(), source], loop_cells(metrics)].concat());
                 made.push(match metrics.model {
-                    ModelKind::Rk4 => [experiment, "2", "rk4", "quick"],
+                    ModelKind::RK4 => [experiment, "2", "rk4", "quick"],
                     other => [experiment, "1", other.name(), effort(run.preset)],
                 });
             }

@@ -53,8 +53,8 @@ fn control(dir: &Path, experiment: &Experiment, resume: bool, only: Option<Model
 fn run(text: &str, sets: &[&str]) -> (ControlMetrics, Vec<ControlRow>) {
     let dir = tempfile::tempdir().unwrap();
     let experiment = experiment(text, sets);
-    let metrics = control(dir.path(), &experiment, false, Some(ModelKind::Rk4));
-    let path = dir.path().join(file::control(ModelKind::Rk4, 1));
+    let metrics = control(dir.path(), &experiment, false, Some(ModelKind::RK4));
+    let path = dir.path().join(file::control(ModelKind::RK4, 1));
     let reader = ControlReader::open(&path, 1, &["x".to_owned()]).unwrap().unwrap();
     (metrics.control[0].clone(), reader.collect::<Result<_, _>>().unwrap())
 }
@@ -132,15 +132,15 @@ fn a_run_is_resumed_with_the_loop_that_is_missing() {
     let experiment = experiment(DRIFT, &["control.initial_state=[1.0]"]);
     let whole = control(dir.path(), &experiment, false, None);
     let kinds = |metrics: &Metrics| metrics.control.iter().map(|of| of.model).collect::<Vec<_>>();
-    assert_eq!(kinds(&whole), [ModelKind::Rk4, ModelKind::Rk5]);
+    assert_eq!(kinds(&whole), [ModelKind::RK4, ModelKind::RK5]);
     let path = dir.path().join("metrics.json");
     let mut text: serde_json::Value = serde_json::from_slice(&fs::read(&path).unwrap()).unwrap();
     text["control"].as_array_mut().unwrap().truncate(1);
     fs::write(&path, serde_json::to_vec(&text).unwrap()).unwrap();
-    let second = dir.path().join(file::control(ModelKind::Rk5, 2));
+    let second = dir.path().join(file::control(ModelKind::RK5, 2));
     fs::remove_file(&second).unwrap();
     let resumed = control(dir.path(), &experiment, true, None);
-    assert_eq!(kinds(&resumed), [ModelKind::Rk4, ModelKind::Rk5]);
+    assert_eq!(kinds(&resumed), [ModelKind::RK4, ModelKind::RK5]);
     assert!(second.exists());
     for (one, other) in whole.control.iter().zip(&resumed.control) {
         assert_eq!(one.iae_dense_sum.to_bits(), other.iae_dense_sum.to_bits());

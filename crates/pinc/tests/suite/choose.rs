@@ -141,7 +141,7 @@ fn a_stiff_plant_gets_the_method_for_stiff_plants() {
     assert!(said.contains("Use Rosenbrock with"), "{said}");
     assert!(said.contains("no net was tried and no single step looked at"), "{said}");
     let chosen = Experiment::load(&out.join("recommended.toml"), &[], &Plants::built_in()).unwrap();
-    assert_eq!(chosen.control.unwrap().models, [ModelKind::Rodas4]);
+    assert_eq!(chosen.control.unwrap().models, [ModelKind::ROSENBROCK]);
 }
 
 #[test]

@@ -107,7 +107,7 @@ fn an_output_is_controlled_with_the_equation_and_with_a_net() {
     let metrics = metrics(dir);
     assert_eq!(metrics.variables["y"], "m");
     // A net that is 1e-3 of the domain off per step is some hundredths off at rest.
-    for (model, near) in [(ModelKind::Pinc, 0.03), (ModelKind::Rk4, 1e-3)] {
+    for (model, near) in [(ModelKind::Pinc, 0.03), (ModelKind::RK4, 1e-3)] {
         let trace = trace(dir, model, 2, &["y"]);
         assert!(trace.iter().all(|row| row.output.len() == 1));
         for row in &trace {
@@ -165,7 +165,7 @@ fn a_bound_of_an_output_holds_and_the_offset_is_said() {
     let config = LAGS.replace("r = [1.0]", "r = [1.0]\noutput_high = [0.7]");
     let outcome = control(dir.path(), &config, &["--only", "rk4"]);
     fine(&outcome);
-    let trace = trace(dir.path(), ModelKind::Rk4, 1, &["y"]);
+    let trace = trace(dir.path(), ModelKind::RK4, 1, &["y"]);
     let highest = trace.iter().map(|row| row.output[0]).fold(f64::MIN, f64::max);
     // Between the marks the output may pass its bound a little.
     assert!((0.69..0.71).contains(&highest), "{highest}");
@@ -184,7 +184,7 @@ fn a_loop_at_rest_begins_with_the_input_that_was_applied() {
     let first_input = |config: &str| {
         let dir = tempfile::tempdir().unwrap();
         fine(&control(dir.path(), config, &[]));
-        trace(dir.path(), ModelKind::Rk4, 1, &["gap"])[0].input[0]
+        trace(dir.path(), ModelKind::RK4, 1, &["gap"])[0].input[0]
     };
     let told = MAGNET.replace("repetitions", "initial_input = [13.14]\nrepetitions");
     assert!((first_input(&told) - 13.14).abs() < 1e-6, "{}", first_input(&told));
@@ -200,7 +200,7 @@ fn references_are_known_in_advance_or_not() {
         let dir = tempfile::tempdir().unwrap();
         let arguments = [&["--only", "rk4"], sets].concat();
         fine(&control(dir.path(), &config, &arguments));
-        let trace = trace(dir.path(), ModelKind::Rk4, 1, &["y"]);
+        let trace = trace(dir.path(), ModelKind::RK4, 1, &["y"]);
         // 20 steps of 9 rows: the one at 10 s has the first input that knows the new reference.
         let before = trace[..180].iter().map(|row| row.input[0].abs()).fold(0.0, f64::max);
         (before, trace[180].input[0].abs())

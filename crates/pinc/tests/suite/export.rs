@@ -115,7 +115,7 @@ fn assert_same_loop(config: &Path, kind: ModelKind, more: &[&str], model: &[&str
 fn assert_same_feedback(config: &Path, more: &[&str]) {
     let dir = tempfile::tempdir().unwrap();
     let dir = dir.path();
-    let closed = Closed::run(dir, config, ModelKind::Rk4, more);
+    let closed = Closed::run(dir, config, ModelKind::RK4, more);
     let mut command = pinc(&["export", "--to", "c", "--name", "loop", "--out", "c"]);
     command.args(["--only", "rk4"]).arg(config).args(more).current_dir(dir);
     fine(&outcome(&mut command));
@@ -192,10 +192,10 @@ fn loops_with_estimators_in_c_are_those_of_the_program() {
 #[test]
 fn the_oscillators_loop_in_c_is_that_of_the_program() {
     let config = repository("configs/van-der-pol/control.toml");
-    assert_eq!(assert_same_loop(&config, ModelKind::Rk4, &[], &[]), 120);
+    assert_eq!(assert_same_loop(&config, ModelKind::RK4, &[], &[]), 120);
     // Weighted differences of inputs.
     let released = ["--set", "preset=\"as-released\"", "--set", "control.duration_s=20.0"];
-    assert_eq!(assert_same_loop(&config, ModelKind::Rk4, &released, &[]), 40);
+    assert_eq!(assert_same_loop(&config, ModelKind::RK4, &released, &[]), 40);
 }
 
 /// Increments count from the config's input, also after a reset; changes of the reference are known
@@ -212,7 +212,7 @@ fn a_loop_in_c_begins_with_the_input_of_the_config() {
     ];
     for more in [&["control.preview=false"][..], &["control.delay_steps=2"]] {
         let sets = begun.iter().chain(more).flat_map(|set| ["--set", set]).collect::<Vec<_>>();
-        assert_eq!(assert_same_loop(&config, ModelKind::Rk4, &sets, &[]), 40);
+        assert_eq!(assert_same_loop(&config, ModelKind::RK4, &sets, &[]), 40);
         let dir = tempfile::tempdir().unwrap();
         let given =
             [&[config.to_str().unwrap(), "--only", "rk4", "--out", "c"], &sets[..]].concat();
@@ -228,7 +228,7 @@ fn a_loop_in_c_begins_with_the_input_of_the_config() {
 #[test]
 fn the_tanks_loop_in_c_is_that_of_the_program() {
     let config = repository("configs/four-tanks/control.toml");
-    assert_eq!(assert_same_loop(&config, ModelKind::Rk4, &[], &[]), 240);
+    assert_eq!(assert_same_loop(&config, ModelKind::RK4, &[], &[]), 240);
 }
 
 /// A controller with a trained net, which is trained once.

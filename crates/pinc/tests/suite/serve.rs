@@ -69,7 +69,7 @@ fn the_served_controller_is_that_of_the_loop() {
     let begun = [&short[..], &begun, &["--set", "control.max_failed_share=1.0"]].concat();
     for (with_reference, sets) in [(false, &short[..]), (true, &short), (true, &begun)] {
         let dir = tempfile::tempdir().unwrap();
-        let closed = Closed::run(dir.path(), &config, ModelKind::Rk4, sets);
+        let closed = Closed::run(dir.path(), &config, ModelKind::RK4, sets);
         let mut served = Served::new(&config, sets);
         for (k, x) in closed.states.iter().enumerate() {
             let mut request = json!({ "y": x });
@@ -104,7 +104,7 @@ fn the_served_estimator_is_that_of_the_loop() {
         let mut sets = vec!["--set", "control.duration_s=700.0"];
         more.iter().for_each(|set| sets.extend(["--set", *set]));
         let dir = tempfile::tempdir().unwrap();
-        let closed = Closed::run(dir.path(), &config, ModelKind::Rk4, &sets);
+        let closed = Closed::run(dir.path(), &config, ModelKind::RK4, &sets);
         let estimates = closed.estimates.as_ref().unwrap();
         let mut served = Served::new(&config, &sets);
         for (k, row) in estimates.rows.iter().enumerate() {

@@ -88,7 +88,7 @@ fn the_net_controls_nearly_as_well_as_the_equation() {
     let (_, record) = run("one-tank.toml", &[], dir.path());
     let metrics = record.metrics();
     let [pinc, rk4] = &metrics.control[..] else { panic!("{metrics:?}") };
-    assert_eq!((pinc.model, rk4.model), (ModelKind::Pinc, ModelKind::Rk4));
+    assert_eq!((pinc.model, rk4.model), (ModelKind::Pinc, ModelKind::RK4));
     for run in [pinc, rk4] {
         assert_eq!(run.status.get("converged"), Some(&20), "{run:?}");
         // The tolerance of the config.
