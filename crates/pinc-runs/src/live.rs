@@ -195,8 +195,8 @@ impl LiveController {
     ///
     /// # Errors
     ///
-    /// [`RunError::Argument`] if an argument is of a wrong length or not finite: nothing has
-    /// happened then. [`RunError::OutsideDomain`] if the step takes a net out of its domain and
+    /// [`RunError`] if an argument is of a wrong length or not finite, or `u_applied` beyond the
+    /// input's bounds: nothing has happened then. [`RunError::OutsideDomain`] if the step takes a net out of its domain and
     /// the config refuses that.
     pub fn step(
         &mut self,
@@ -287,7 +287,7 @@ impl LiveController {
         }
         if let Some(u) = u_applied {
             length("u_applied", u, self.u.len(), "input")?;
-            finite("u_applied", u)?;
+            self.nmpc.check_applied_input(u)?;
         }
         match follow {
             Follow::Config => {}
