@@ -1,5 +1,6 @@
 //! What went wrong in closed loops, and what can be done about it.
 
+use crate::consistency::{self, EstimatorFinding};
 use crate::metrics::{ControlMetrics, Metrics, is_failure};
 use pinc_config::{ModelKind, TimeUnit};
 use pinc_mpc::SqpStatus;
@@ -38,6 +39,13 @@ enum LoopFinding {
         /// A model of the same run with which this reference was reached.
         reached_with: Option<ModelKind>,
     },
+    /// The estimator is not what it takes itself for.
+    Estimator {
+        /// The model in the controller.
+        model: ModelKind,
+        /// What is wrong with it.
+        finding: EstimatorFinding,
+    },
 }
 
 impl Metrics {
@@ -73,6 +81,10 @@ impl Metrics {
             });
         }
         findings.extend(of.references.offset.keys().filter_map(|name| self.not_reached(of, name)));
+        let estimator =
+            of.estimator.iter().flat_map(|estimator| consistency::findings(estimator, of));
+        let finding = |finding| LoopFinding::Estimator { model: of.model, finding };
+        findings.extend(estimator.map(finding));
         findings
     }
 
@@ -148,6 +160,7 @@ impl LoopFinding {
                 };
                 format!("With {} {quantity} does not come to {which}", model.title())
             }
+            Self::Estimator { model, finding } => format!("With {} {finding}", model.title()),
         }
     }
 
@@ -166,12 +179,13 @@ impl LoopFinding {
                  the one that the model is of."
                     .to_owned()
             }
+            Self::Estimator { finding, .. } => finding.advice().to_owned(),
         }
     }
 }
 
 /// A number with three significant digits.
-fn significant(value: f64) -> String {
+pub(crate) fn significant(value: f64) -> String {
     match value.abs() {
         size if (1e2..1e6).contains(&size) => format!("{value:.0}"),
         size if (1e1..1e2).contains(&size) => format!("{value:.1}"),
