@@ -193,8 +193,12 @@ void pinc_mpc_reset(pinc_mpc *m);
 /** Begins anew at a plant that is at x and has been given the input u so far. */
 void pinc_mpc_reset_to(pinc_mpc *m, const PINC_REAL x[PINC_NX], const PINC_REAL u[PINC_NU]);
 
-/** Says which input the plant was really given in place of the last one chosen. */
-void pinc_mpc_set_applied(pinc_mpc *m, const PINC_REAL u[PINC_NU]);
+/**
+ * Says which input the plant was really given in place of the last one chosen. An input that is
+ * beyond the bounds or not finite is refused with PINC_BAD_ARGUMENT and changes nothing; the status
+ * is PINC_CONVERGED otherwise.
+ */
+pinc_status pinc_mpc_set_applied(pinc_mpc *m, const PINC_REAL u[PINC_NU]);
 
 /**
  * Chooses the input u for a plant measured to be at x. The reference has a row of PINC_NY numbers
