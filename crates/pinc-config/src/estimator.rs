@@ -1,7 +1,7 @@
 //! `[control.measurement]` and `[control.estimator]`.
 
 use crate::Variables;
-use pinc_estimate::{Augmentation, Disturbance, Measured, Tuning};
+use pinc_estimate::{Augmentation, Disturbance, Gate, Measured, Tuning};
 use serde::{Deserialize, Serialize};
 
 /// What of the plant is measured in the closed loop.
@@ -53,6 +53,37 @@ pub struct EstimatorSpec {
     /// The most that each state can be; no bounds if absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub high: Option<Vec<f64>>,
+    /// Which measurements are rejected; [`Gate::default`] if absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub gate: Option<GateSpec>,
+}
+
+/// The innovation gate.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(untagged, expecting = "expected a number of standard deviations, or \"off\"")]
+pub enum GateSpec {
+    /// Measurements are rejected that are further from what is expected than so many standard
+    /// deviations of the innovation.
+    Sd(f64),
+    /// None are.
+    Word(GateWord),
+}
+
+/// The innovation gate in a word.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum GateWord {
+    /// No measurement is rejected.
+    Off,
+}
+
+impl From<GateSpec> for Gate {
+    fn from(spec: GateSpec) -> Self {
+        match spec {
+            GateSpec::Sd(sd) => Self::Sd(sd),
+            GateSpec::Word(GateWord::Off) => Self::Off,
+        }
+    }
 }
 
 /// The estimators.
@@ -207,6 +238,7 @@ impl EstimatorSpec {
             measurement_sd: self.measurement_sd.clone(),
             low: side(&self.low, f64::NEG_INFINITY, |p| p.low.unwrap_or(f64::NEG_INFINITY)),
             high: side(&self.high, f64::INFINITY, |p| p.high.unwrap_or(f64::INFINITY)),
+            gate: self.gate.map_or_else(Gate::default, Gate::from),
         }
     }
 }

@@ -64,7 +64,8 @@ pub use black_box::{FmuSpec, ProcessSpec};
 pub use control::{ControlSpec, InputDifference, OutsidePolicy, Profile, ReferenceStep};
 pub use data::DataSpec;
 pub use estimator::{
-    DisturbanceSpec, EstimatorKind, EstimatorSpec, MeasurementSpec, UnknownParameter,
+    DisturbanceSpec, EstimatorKind, EstimatorSpec, GateSpec, GateWord, MeasurementSpec,
+    UnknownParameter,
 };
 pub use experiment::{Experiment, LoopParameters, steps};
 pub use identify::{IdentifiedParameter, IdentifySpec};

@@ -96,8 +96,8 @@ impl Ekf {
             let measured = y.iter().filter(|y| y.is_finite()).count();
             return Correction::unused(EstimatorStatus::NotFinite, measured);
         }
-        let correction = self.kalman.correct(&self.h, &self.innovation, &mut self.change);
-        if correction.status == EstimatorStatus::Updated {
+        let correction = self.kalman.correct(&self.h, &mut self.innovation, &mut self.change);
+        if correction.status.is_corrected() {
             self.z.iter_mut().zip(&self.change).for_each(|(z, change)| *z += change);
         }
         correction

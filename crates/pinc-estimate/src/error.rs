@@ -70,6 +70,12 @@ pub enum EstimateError {
         /// The number of measured quantities.
         measured: usize,
     },
+    /// A gate without a width.
+    #[error("gate is {found}, but must be positive and finite")]
+    Gate {
+        /// Its width.
+        found: f64,
+    },
     /// A window that is too short or too long.
     #[error("the window is {found} steps long, but must be from 1 to {most}")]
     Window {

@@ -1,7 +1,7 @@
 //! What all estimators have in common.
 
-use crate::EstimateError;
 use crate::error::check;
+use crate::{EstimateError, Gate};
 use pinc_ode::Dims;
 use std::fmt::{self, Debug};
 
@@ -43,7 +43,7 @@ pub trait Estimator: Debug + Send {
     fn covariance(&self) -> &[f64];
 
     /// The innovation of the last correction, measured minus expected, `ny`; NaN where the
-    /// measurement was missing.
+    /// measurement was missing or rejected.
     fn innovation(&self) -> &[f64];
 }
 
@@ -54,10 +54,13 @@ pub struct Correction {
     /// How it ended.
     pub status: EstimatorStatus,
     /// The normalized innovation squared, v' S^-1 v. Of a consistent estimator it has the
-    /// chi-squared distribution with `measured` degrees of freedom. NaN if nothing was used.
+    /// chi-squared distribution with `measured` degrees of freedom. NaN if there was nothing to use,
+    /// or S is singular.
     pub nis: f64,
-    /// How many measurements were there.
+    /// How many measurements were there to use, without those that were rejected.
     pub measured: usize,
+    /// How many measurements the [`Gate`] rejected.
+    pub rejected: usize,
     /// The number of quadratic programs solved, by estimators that optimize.
     pub iterations: usize,
     /// The largest residual of the optimality conditions at the estimate, of estimators that
@@ -68,7 +71,7 @@ pub struct Correction {
 impl Correction {
     /// One that did not use the measurements.
     pub(crate) fn unused(status: EstimatorStatus, measured: usize) -> Self {
-        Self { status, nis: f64::NAN, measured, iterations: 0, kkt: 0.0 }
+        Self { status, nis: f64::NAN, measured, rejected: 0, iterations: 0, kkt: 0.0 }
     }
 }
 
@@ -80,6 +83,10 @@ pub enum EstimatorStatus {
     Updated,
     /// Nothing was measured: there was nothing to correct with.
     NothingMeasured,
+    /// The [`Gate`] rejected measurements; those that it did not reject were used.
+    Rejected,
+    /// After too many rejections in a row the covariance was widened, and the measurement used.
+    Reacquired,
     /// The covariance would have lost its definiteness: the last one was kept.
     IndefiniteCovariance,
     /// The model has no value at the estimate, or the new estimate would not have been finite: the
@@ -96,11 +103,34 @@ pub enum EstimatorStatus {
     QpFailed,
 }
 
+impl EstimatorStatus {
+    /// Whether the step was taken as it should, with what was measured and not rejected.
+    #[must_use]
+    pub fn has_succeeded(self) -> bool {
+        self.is_corrected() || self == Self::NothingMeasured
+    }
+
+    /// Whether a correction with this status used all measurements that were not rejected.
+    pub(crate) fn is_corrected(self) -> bool {
+        match self {
+            Self::Updated | Self::Rejected | Self::Reacquired => true,
+            Self::NothingMeasured
+            | Self::IndefiniteCovariance
+            | Self::NotFinite
+            | Self::IterationLimit
+            | Self::Deadline
+            | Self::QpFailed => false,
+        }
+    }
+}
+
 impl fmt::Display for EstimatorStatus {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
             Self::Updated => "updated",
             Self::NothingMeasured => "nothing-measured",
+            Self::Rejected => "rejected",
+            Self::Reacquired => "reacquired",
             Self::IndefiniteCovariance => "indefinite-covariance",
             Self::NotFinite => "not-finite",
             Self::IterationLimit => "iteration-limit",
@@ -127,6 +157,8 @@ pub struct Tuning {
     pub low: Vec<f64>,
     /// The most that each entry of z can be, `nx`, or empty: no bounds.
     pub high: Vec<f64>,
+    /// Which measurements are rejected.
+    pub gate: Gate,
 }
 
 impl Tuning {
@@ -141,6 +173,7 @@ impl Tuning {
         if dims.np > 0 {
             return Err(EstimateError::FreeParameters { count: dims.np });
         }
+        self.gate.validate()?;
         let nx = dims.nx;
         let sd = |value: f64| value.is_finite() && value >= 0.0;
         let positive = |value: f64| value.is_finite() && value > 0.0;

@@ -1,6 +1,7 @@
 //! The unscented Kalman filter.
 
 use crate::estimator::{variances, write_diagonal};
+use crate::gate::{Gatekeeper, Judgement};
 use crate::kalman::{mirror, subtract};
 use crate::matrix::{add_scaled, dot, factor, solve_lower};
 use crate::{Correction, EstimateError, Estimator, EstimatorStatus, Tuning};
@@ -47,6 +48,7 @@ pub struct Ukf {
     /// Variances.
     q: Vec<f64>,
     r: Vec<f64>,
+    gate: Gatekeeper,
     z: Vec<f64>,
     p: Vec<f64>,
     u: Vec<f64>,
@@ -85,6 +87,8 @@ struct Work {
     /// A root of P.
     root: Vec<f64>,
     point: Vec<f64>,
+    /// P before it is widened.
+    before: Vec<f64>,
     /// What the model makes of the point in the middle, and of the others less that.
     middle: Vec<f64>,
     outer: Vec<f64>,
@@ -117,6 +121,7 @@ impl Ukf {
             weights: Weights::new(nx),
             q: variances(&tuning.process_sd),
             r: variances(&tuning.measurement_sd),
+            gate: Gatekeeper::new(&tuning),
             z: vec![0.0; nx],
             p: vec![0.0; nx * nx],
             tuning,
@@ -125,6 +130,7 @@ impl Ukf {
             work: Work {
                 root: vec![0.0; nx * nx],
                 point: vec![0.0; nx],
+                before: vec![0.0; nx * nx],
                 middle: vec![0.0; widest],
                 outer: vec![0.0; 2 * nx * widest],
                 mean: vec![0.0; widest],
@@ -204,15 +210,15 @@ impl Ukf {
         }
     }
 
-    /// The correction of estimate and covariance, once these covariances are known. Gives the
-    /// normalized innovation squared.
-    fn update(&mut self) -> Result<f64, EstimatorStatus> {
+    /// The correction of estimate and covariance, once these covariances are known. Gives its status,
+    /// and the normalized innovation squared, NaN if the covariance of what is measured is singular.
+    fn update(&mut self) -> (EstimatorStatus, f64) {
         let n = self.z.len();
         let Work { mean_z, s, s_root, cross, present, residual, .. } = &mut self.work;
         let count = present.len();
         let (s, s_root) = (&s[..count * count], &mut s_root[..count * count]);
         if !factor(s, count, s_root) || (0..count).any(|i| s_root[i * count + i] <= 0.0) {
-            return Err(EstimatorStatus::IndefiniteCovariance);
+            return (EstimatorStatus::IndefiniteCovariance, f64::NAN);
         }
         // With S = L L': first L^-1 v and L^-1 C', then K' = L'^-1 of that.
         for (to, &i) in residual.iter_mut().zip(&*present) {
@@ -242,8 +248,7 @@ impl Ukf {
         }
         let nis = dot(residual, residual);
         self.correct_covariance();
-        self.accept()?;
-        Ok(nis)
+        (self.accept().err().unwrap_or(EstimatorStatus::Updated), nis)
     }
 
     /// Writes the covariance of z after the correction, that of the points less the gain times what
@@ -289,30 +294,94 @@ impl Ukf {
         Ok(())
     }
 
+    /// What is expected to be measured, with the innovations of what is.
+    fn expect(&mut self, y: &[f64]) -> EstimatorStatus {
+        let status = self.transform(y.len(), |model, z, u, y| model.output(z, u, &[], y));
+        let Work { middle, mean, residual, .. } = &mut self.work;
+        let expected = middle.iter().zip(&*mean).map(|(middle, mean)| middle + mean);
+        residual.iter_mut().zip(expected).for_each(|(to, expected)| *to = expected);
+        subtract(y, residual, &mut self.innovation);
+        status
+    }
+
+    /// Whether the measurement of quantity `i` passes the gate.
+    fn passes(&self, i: usize) -> bool {
+        let (m, Weights { pair, middle, .. }) = (self.r.len(), self.weights);
+        let Work { outer, mean, .. } = &self.work;
+        let points = outer[..2 * self.z.len() * m].chunks_exact(m);
+        let sum: f64 = points.map(|outer| outer[i] * outer[i]).sum();
+        let variance = pair * sum + middle * mean[i] * mean[i] + self.r[i];
+        self.gate.passes(self.innovation[i], variance)
+    }
+
+    /// Judges the measurements that are there, and widens P if one passes only then. Those rejected
+    /// are no longer there.
+    fn judge(&mut self, y: &[f64]) -> Judgement {
+        let (mut judgement, mut due) = (Judgement::default(), None);
+        for place in 0..self.work.present.len() {
+            let i = self.work.present[place];
+            let passes = self.passes(i);
+            self.gate.note(i, passes);
+            if !passes {
+                judgement.rejected += 1;
+                due = due.max(self.gate.widening(i));
+            }
+        }
+        if let Some(doublings) = due {
+            self.work.before.copy_from_slice(&self.p);
+            self.gate.widen(doublings, &mut self.p);
+            let status = self.expect(y);
+            let mut present = self.work.present.iter();
+            judgement.widened = status == EstimatorStatus::Updated
+                && present.any(|&i| self.gate.widening(i).is_some() && self.passes(i));
+            for place in 0..self.work.present.len() {
+                let i = self.work.present[place];
+                if judgement.widened && self.gate.is_rejected(i) && self.passes(i) {
+                    self.gate.note(i, true);
+                    judgement.rejected -= 1;
+                }
+            }
+            if !judgement.widened {
+                self.p.copy_from_slice(&self.work.before);
+                self.expect(y);
+            }
+        }
+        let Self { gate, innovation, work, .. } = self;
+        for &i in work.present.iter().filter(|&&i| gate.is_rejected(i)) {
+            innovation[i] = f64::NAN;
+        }
+        work.present.retain(|&i| !gate.is_rejected(i));
+        judgement
+    }
+
     /// Corrects without regard to bounds.
     fn correct_freely(&mut self, y: &[f64]) -> Correction {
         assert_eq!(y.len(), self.innovation.len(), "length of y");
         let present = &mut self.work.present;
         present.clear();
         present.extend((0..y.len()).filter(|&i| y[i].is_finite()));
-        let count = present.len();
-        if count == 0 {
+        let measured = present.len();
+        if measured == 0 {
             self.innovation.fill(f64::NAN);
             return Correction::unused(EstimatorStatus::NothingMeasured, 0);
         }
-        let status = self.transform(y.len(), |model, z, u, y| model.output(z, u, &[], y));
-        let Work { middle, mean, residual, .. } = &mut self.work;
-        let expected = middle.iter().zip(&*mean).map(|(middle, mean)| middle + mean);
-        residual.iter_mut().zip(expected).for_each(|(to, expected)| *to = expected);
-        subtract(y, residual, &mut self.innovation);
+        let status = self.expect(y);
         if status != EstimatorStatus::Updated {
-            return Correction::unused(status, count);
+            return Correction::unused(status, measured);
         }
-        self.measurement_covariances();
-        match self.update() {
-            Err(status) => Correction::unused(status, count),
-            Ok(nis) => Correction { nis, ..Correction::unused(EstimatorStatus::Updated, count) },
+        let judgement = self.judge(y);
+        let (mut status, mut nis) = (judgement.status(status), f64::NAN);
+        let measured = self.work.present.len();
+        if measured > 0 {
+            self.measurement_covariances();
+            let updated;
+            (updated, nis) = self.update();
+            if updated != EstimatorStatus::Updated {
+                status = updated;
+            }
         }
+        let Judgement { rejected, .. } = judgement;
+        Correction { nis, rejected, ..Correction::unused(status, measured) }
     }
 }
 
@@ -324,6 +393,7 @@ impl Estimator for Ukf {
     fn reset(&mut self) {
         self.z.copy_from_slice(&self.tuning.initial_estimate);
         write_diagonal(&self.tuning.initial_sd, &mut self.p);
+        self.gate.reset();
         self.u.fill(0.0);
         self.innovation.fill(f64::NAN);
     }

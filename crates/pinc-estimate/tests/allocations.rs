@@ -68,6 +68,7 @@ fn estimators(disturbance: &Disturbance) -> Vec<Box<dyn Estimator>> {
         measurement_sd: vec![0.05; 2],
         low: vec![-20.0; n],
         high: vec![20.0; n],
+        ..Tuning::default()
     };
     vec![
         Box::new(Ekf::new(model(), tuning.clone()).unwrap()),

@@ -3,10 +3,11 @@
 use crate::controller::Controller;
 use crate::error::finite;
 use crate::golden;
-use crate::template::{Template, array, places, table};
+use crate::template::{Template, array, constant, places, table};
 use crate::{ExportError, GeneratedFile};
 use pinc_estimate::{
-    Augmentation, Augmented, Compensated, Disturbance, Ekf, Estimator, Measured, Mhe, Tuning, Ukf,
+    Augmentation, Augmented, Compensated, Disturbance, Ekf, Estimator, Gate, Measured, Mhe, Tuning,
+    Ukf,
 };
 use pinc_mpc::ProblemUnits;
 use pinc_ode::{Dims, Model};
@@ -153,7 +154,7 @@ pub(crate) fn feedback_core(
     estimation: Estimation<'_>,
     dims: Dims,
 ) -> Result<Vec<GeneratedFile>, ExportError> {
-    let Tuning { initial_estimate, initial_sd, process_sd, measurement_sd, low, high } =
+    let Tuning { initial_estimate, initial_sd, process_sd, measurement_sd, low, high, gate } =
         estimation.tuning;
     let squared = |sd: &[f64]| sd.iter().map(|sd| sd * sd).collect::<Vec<_>>();
     let states = estimation.augmentation.disturbance.clone();
@@ -168,6 +169,8 @@ pub(crate) fn feedback_core(
     tables += &array("initial_variance", &squared(initial_sd));
     tables += &array("process_variance", &squared(process_sd));
     tables += &array("noise_variance", &squared(measurement_sd));
+    tables += "/* Variances that a covariance is widened to when readings were rejected for too long. */\n";
+    tables += &array("widened", &Gate::widened(estimation.tuning));
     if bounded {
         tables += "/* Bounds on the estimate. */\n";
         tables += &array("low", &side(low, f64::NEG_INFINITY));
@@ -182,6 +185,7 @@ pub(crate) fn feedback_core(
     set_filter(t, estimation, &mut tables);
     t.set("NM", measured.len())
         .set("NZ", initial_estimate.len())
+        .set("GATE", format!("PINC_N({})", constant(gate.bound())))
         .set("HAS_BOUNDS", u8::from(bounded))
         .set("MEASURES_OUTPUTS", u8::from(estimation.measures_outputs()))
         .set("INCLUDE", if estimation.measures_outputs() { INCLUDE_OUTPUTS } else { "" })

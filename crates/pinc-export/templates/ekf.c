@@ -85,10 +85,75 @@ static pinc_estimate_status pinc_accept(pinc_estimator *e)
     return status;
 }
 
+/* The variance of the innovation of quantity i. */
+static PINC_REAL pinc_variance(const pinc_estimator *e, int i)
+{
+    const PINC_REAL *h = e->h + (i * PINC_NZ);
+    PINC_REAL sum = PINC_N(0);
+    int k;
+    for (k = 0; k < PINC_NZ; k++) {
+        sum += h[k] * pinc_dot(e->p + (k * PINC_NZ), h, PINC_NZ);
+    }
+    return sum + pinc_noise_variance[i];
+}
+
+/* The same with the covariance widened. */
+static PINC_REAL pinc_wide_variance(const pinc_estimator *e, int i, int doublings)
+{
+    const PINC_REAL *h = e->h + (i * PINC_NZ);
+    PINC_REAL sum = PINC_N(0);
+    int k;
+    for (k = 0; k < PINC_NZ; k++) {
+        sum += h[k] * h[k] * pinc_wide(e, k, doublings);
+    }
+    return sum + pinc_noise_variance[i];
+}
+
+/* Judges the readings, and widens the covariance if one passes only then; the number rejected. */
+static int pinc_admit(pinc_estimator *e, const PINC_REAL *y)
+{
+    int rejected = 0;
+    int doublings = -1;
+    int i;
+    e->widened = 0;
+    for (i = 0; i < PINC_NM; i++) {
+        const PINC_REAL innovation = y[i] - e->expected[i];
+        int passed = pinc_passes(innovation, pinc_noise_variance[i]);
+        int due;
+        if (pinc_finite(y[i]) == 0) {
+            continue;
+        }
+        if (passed == 0) {
+            passed = pinc_passes(innovation, pinc_variance(e, i));
+        }
+        pinc_note(e, i, passed);
+        rejected += (e->rejections[i] > 0) ? 1 : 0;
+        due = pinc_widening(e, i);
+        if ((due > doublings) && (pinc_passes(innovation, pinc_wide_variance(e, i, due)) != 0)) {
+            doublings = due;
+        }
+    }
+    if (doublings < 0) {
+        return rejected;
+    }
+    e->widened = 1;
+    pinc_widen(e, doublings);
+    pinc_copy(e->before, e->p, PINC_NZ * PINC_NZ);
+    for (i = 0; i < PINC_NM; i++) {
+        if ((pinc_finite(y[i]) != 0) && (e->rejections[i] > 0) &&
+            (pinc_passes(y[i] - e->expected[i], pinc_variance(e, i)) != 0)) {
+            pinc_note(e, i, 1);
+            rejected--;
+        }
+    }
+    return rejected;
+}
+
 static pinc_estimate_status pinc_filter_correct(pinc_estimator *e, const PINC_REAL *y)
 {
     pinc_estimate_status status = PINC_NOT_FINITE;
     int count = 0;
+    int rejected;
     int i;
     pinc_copy(e->before, e->p, PINC_NZ * PINC_NZ);
     pinc_fill(e->change, PINC_N(0), PINC_NZ);
@@ -96,14 +161,15 @@ static pinc_estimate_status pinc_filter_correct(pinc_estimator *e, const PINC_RE
     if ((pinc_all_finite(e->expected, PINC_NM) & pinc_all_finite(e->h, PINC_NM * PINC_NZ)) == 0) {
         return PINC_NOT_FINITE;
     }
+    rejected = pinc_admit(e, y);
     for (i = 0; i < PINC_NM; i++) {
-        if (pinc_finite(y[i]) != 0) {
+        if ((pinc_finite(y[i]) != 0) && (e->rejections[i] == 0)) {
             pinc_correct_by(e, i, y[i] - e->expected[i]);
             count++;
         }
     }
     if (count == 0) {
-        return PINC_NOTHING_MEASURED;
+        return pinc_judged(e, rejected, PINC_NOTHING_MEASURED);
     }
     if (pinc_all_finite(e->change, PINC_NZ) != 0) {
         status = pinc_accept(e);
@@ -112,6 +178,7 @@ static pinc_estimate_status pinc_filter_correct(pinc_estimator *e, const PINC_RE
     }
     if (status == PINC_UPDATED) {
         pinc_add_scaled(e->z, PINC_N(1), e->change, PINC_NZ);
+        status = pinc_judged(e, rejected, status);
     }
     return status;
 }

@@ -12,6 +12,11 @@
 #define PINC_ROUNDING PINC_PICK(1e-14, 1e-6)
 /* A pivot that is negative by more than this part of its diagonal entry is no rounding. */
 #define PINC_INDEFINITE PINC_PICK(1e-9, 1e-4)
+/* The bound on the normalized innovation squared of a reading; how many rejections in a row there are
+   before a reading is judged by a wider covariance, and how often its standard deviations double. */
+#define PINC_GATE @GATE@
+#define PINC_PATIENCE_OF_GATE 5
+#define PINC_DOUBLINGS 5
 /* Whether outputs are measured, not states alone. */
 #define PINC_MEASURES_OUTPUTS @MEASURES_OUTPUTS@
 
@@ -110,6 +115,63 @@ static void pinc_clip(PINC_REAL *z)
 }
 #endif
 
+/* ---- The innovation gate -------------------------------------------------------------------- */
+
+/* Whether an innovation of this variance passes; an infinite square is beyond any bound. */
+static int pinc_passes(PINC_REAL innovation, PINC_REAL variance)
+{
+    return ((innovation * innovation) > (PINC_GATE * variance)) ? 0 : 1;
+}
+
+/* Takes note of whether the reading of quantity i passed. */
+static void pinc_note(pinc_estimator *e, int i, int passed)
+{
+    e->rejections[i] = (passed != 0) ? 0 : (e->rejections[i] + 1);
+    if (e->rejections[i] > (PINC_PATIENCE_OF_GATE * (PINC_DOUBLINGS + 2))) {
+        e->rejections[i] -= PINC_PATIENCE_OF_GATE;
+    }
+}
+
+/* How often the standard deviations of the beginning are doubled to judge quantity i again; -1 if
+   that is not due. */
+static int pinc_widening(const pinc_estimator *e, int i)
+{
+    const int times = e->rejections[i] / PINC_PATIENCE_OF_GATE;
+    if ((times == 0) || ((e->rejections[i] % PINC_PATIENCE_OF_GATE) != 0)) {
+        return -1;
+    }
+    return (times > PINC_DOUBLINGS) ? PINC_DOUBLINGS : (times - 1);
+}
+
+/* The variance of entry k of z, widened. */
+static PINC_REAL pinc_wide(const pinc_estimator *e, int k, int doublings)
+{
+    const PINC_REAL least = (PINC_REAL)(1L << (2 * doublings)) * pinc_widened[k];
+    const PINC_REAL own = e->p[(k * PINC_NZ) + k];
+    return (own > least) ? own : least;
+}
+
+/* Widens the covariance. */
+static void pinc_widen(pinc_estimator *e, int doublings)
+{
+    int k;
+    for (k = 0; k < PINC_NZ; k++) {
+        const PINC_REAL variance = pinc_wide(e, k, doublings);
+        pinc_fill(e->p + (k * PINC_NZ), PINC_N(0), PINC_NZ);
+        e->p[(k * PINC_NZ) + k] = variance;
+    }
+}
+
+/* How a correction ends that would have ended with this status without the gate. */
+static pinc_estimate_status pinc_judged(const pinc_estimator *e, int rejected,
+                                        pinc_estimate_status status)
+{
+    if (e->widened != 0) {
+        return PINC_REACQUIRED;
+    }
+    return (rejected > 0) ? PINC_READING_REJECTED : status;
+}
+
 @KALMAN@
 /* ---- The estimator -------------------------------------------------------------------------- */
 
@@ -181,13 +243,13 @@ void pinc_feedback_reset_to(pinc_feedback *f, const PINC_REAL u[PINC_NU])
     }
 }
 
-void pinc_feedback_set_applied(pinc_feedback *f, const PINC_REAL u[PINC_NU])
+pinc_status pinc_feedback_set_applied(pinc_feedback *f, const PINC_REAL u[PINC_NU])
 {
-    if (pinc_all_finite(u, PINC_NU) == 0) {
-        return;
+    const pinc_status status = pinc_mpc_set_applied(&f->controller, u);
+    if (status == PINC_CONVERGED) {
+        pinc_copy(f->inputs + (PINC_DELAY * PINC_NU), u, PINC_NU);
     }
-    pinc_copy(f->inputs + (PINC_DELAY * PINC_NU), u, PINC_NU);
-    pinc_mpc_set_applied(&f->controller, u);
+    return status;
 }
 
 pinc_status pinc_feedback_step(pinc_feedback *f, const PINC_REAL y[PINC_NM],

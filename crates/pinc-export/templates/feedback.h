@@ -26,7 +26,11 @@ typedef enum {
     /** The covariance would have lost its definiteness: the last one was kept. */
     PINC_INDEFINITE_COVARIANCE = 2,
     /** The new estimate would not have been finite: the last one was kept. */
-    PINC_NOT_FINITE = 3@MORE_STATUSES@
+    PINC_NOT_FINITE = 3,
+    /** The innovation gate rejected readings; the others were used. */
+    PINC_READING_REJECTED = 6,
+    /** After too many rejections in a row the covariance was widened, and the reading used. */
+    PINC_REACQUIRED = 7@MORE_STATUSES@
 } pinc_estimate_status;
 
 @TYPES@/** The estimator: @FILTER@. */
@@ -35,9 +39,14 @@ typedef struct {
     PINC_REAL z[PINC_NZ];
     /** Its covariance, row by row. */
     PINC_REAL p[PINC_NZ * PINC_NZ];
+    /** How often the readings of each quantity were rejected in a row (35 is followed by 31); 0 if
+        the last one was used. */
+    int rejections[PINC_NM];
 
-    /* The rest is private: the input that acted last, and memory. */
+    /* The rest is private: the input that acted last, whether the covariance was widened, and
+       memory. */
     PINC_REAL u[PINC_NU];
+    int widened;
 @MEMORY@} pinc_estimator;
 
 /** A controller with its estimator: all of their memory. Set up by pinc_feedback_init. */
@@ -69,9 +78,12 @@ void pinc_feedback_reset(pinc_feedback *f);
 /** Begins anew at a plant that has been given the input u so far. */
 void pinc_feedback_reset_to(pinc_feedback *f, const PINC_REAL u[PINC_NU]);
 
-/** Says which input the plant was really given in place of the last one chosen. What is not finite
-    is ignored. */
-void pinc_feedback_set_applied(pinc_feedback *f, const PINC_REAL u[PINC_NU]);
+/**
+ * Says which input the plant was really given in place of the last one chosen. An input that is
+ * beyond the controller's bounds or not finite is refused with PINC_BAD_ARGUMENT and changes
+ * nothing; the status is PINC_CONVERGED otherwise.
+ */
+pinc_status pinc_feedback_set_applied(pinc_feedback *f, const PINC_REAL u[PINC_NU]);
 
 /**
  * Chooses the input u for a plant of which y was measured; what is missing in y is NaN. The

@@ -189,16 +189,42 @@ static void pinc_drop_first(PINC_REAL *blocks, int width)
     pinc_copy(blocks, blocks + width, PINC_WINDOW * width);
 }
 
+/* Drops the window but for its last state, of which less is known than the window says. */
+static void pinc_begin_anew(pinc_estimator *e)
+{
+    const int last = e->steps * PINC_NZ;
+    memmove(e->now.x, e->now.x + last, PINC_NZ * sizeof(PINC_REAL));
+    memmove(e->prior, e->prior + last, PINC_NZ * sizeof(PINC_REAL));
+    memmove(e->measured, e->measured + (e->steps * PINC_NM), PINC_NM * sizeof(PINC_REAL));
+    pinc_copy(e->prior_p, e->before, PINC_NZ * PINC_NZ);
+    pinc_fill(e->now.v, PINC_N(0), PINC_NZ);
+    pinc_fill(e->now.dynamics, PINC_N(0), PINC_STAGED);
+    pinc_fill(e->now.bounds, PINC_N(0), PINC_STAGED);
+    e->steps = 0;
+    /* The first estimate is no guess of this state. */
+    e->moved_on = 1;
+}
+
 /* Corrects the estimate with what is measured: first as the filter does, then over the window. */
 static pinc_estimate_status pinc_horizon_correct(pinc_estimator *e, const PINC_REAL *y)
 {
-    PINC_REAL *last = e->now.x + (e->steps * PINC_NZ);
+    PINC_REAL *last;
     pinc_estimate_status status;
     pinc_estimate_status filtered;
+    int i;
     pinc_copy(e->measured + (e->steps * PINC_NM), y, PINC_NM);
     filtered = pinc_filter_correct(e, y);
+    if (filtered == PINC_REACQUIRED) {
+        pinc_begin_anew(e);
+    }
+    last = e->now.x + (e->steps * PINC_NZ);
     pinc_copy(last, e->z, PINC_NZ);
-    if ((filtered != PINC_UPDATED) && (filtered != PINC_NOTHING_MEASURED)) {
+    for (i = 0; i < PINC_NM; i++) {
+        if (e->rejections[i] > 0) {
+            e->measured[(e->steps * PINC_NM) + i] = (PINC_REAL)NAN;
+        }
+    }
+    if ((filtered == PINC_INDEFINITE_COVARIANCE) || (filtered == PINC_NOT_FINITE)) {
         return filtered;
     }
     status = pinc_optimize(e);

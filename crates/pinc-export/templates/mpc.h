@@ -227,9 +227,12 @@ void pinc_mpc_reset_input(pinc_mpc *m, const PINC_REAL u[PINC_NU]);
 /** Begins anew at a plant that is at x and has been given the input u so far. */
 void pinc_mpc_reset_to(pinc_mpc *m, const PINC_REAL x[PINC_NX], const PINC_REAL u[PINC_NU]);
 
-/** Says which input the plant was really given in place of the last one chosen. What is not finite
-    is ignored. */
-void pinc_mpc_set_applied(pinc_mpc *m, const PINC_REAL u[PINC_NU]);
+/**
+ * Says which input the plant was really given in place of the last one chosen. An input that is
+ * beyond the bounds or not finite is refused with PINC_BAD_ARGUMENT and changes nothing; the status
+ * is PINC_CONVERGED otherwise.
+ */
+pinc_status pinc_mpc_set_applied(pinc_mpc *m, const PINC_REAL u[PINC_NU]);
 
 /** Reads the clock for the step that follows, where its budget is to include other work. */
 void pinc_mpc_start_clock(pinc_mpc *m);

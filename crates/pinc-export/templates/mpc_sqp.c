@@ -921,15 +921,35 @@ void pinc_reference(double t_s, PINC_REAL rows[PINC_N2 * PINC_NY])
     }
 }
 
-void pinc_mpc_set_applied(pinc_mpc *m, const PINC_REAL u[PINC_NU])
+/* How far beyond its bounds an applied input may be, relative to 1 + |bound|. */
+#define PINC_ROUNDED_INPUT PINC_N(1e-6)
+
+/* Whether an input can have been applied: finite, and within its bounds but for rounding. */
+static int pinc_is_input(const PINC_REAL u[PINC_NU])
 {
-    if (pinc_all_finite(u, PINC_NU) == 0) {
-        return;
+    int v;
+    for (v = 0; v < PINC_NU; v++) {
+        const PINC_REAL low = PINC_U_UNIT(v) * pinc_low[PINC_STATES + v];
+        const PINC_REAL high = PINC_U_UNIT(v) * pinc_high[PINC_STATES + v];
+        if ((pinc_finite(u[v]) == 0) ||
+            (u[v] < (low - (PINC_ROUNDED_INPUT * (PINC_N(1) + pinc_abs(low))))) ||
+            (u[v] > (high + (PINC_ROUNDED_INPUT * (PINC_N(1) + pinc_abs(high)))))) {
+            return 0;
+        }
+    }
+    return 1;
+}
+
+pinc_status pinc_mpc_set_applied(pinc_mpc *m, const PINC_REAL u[PINC_NU])
+{
+    if (pinc_is_input(u) == 0) {
+        return PINC_BAD_ARGUMENT;
     }
     pinc_take_input(m->previous, u);
 #if PINC_DELAY > 0
     pinc_copy(m->pending + ((PINC_DELAY - 1) * PINC_NU), m->previous, PINC_NU);
 #endif
+    return PINC_CONVERGED;
 }
 
 pinc_status pinc_mpc_step(pinc_mpc *m, const PINC_REAL x[PINC_NX],

@@ -212,9 +212,81 @@ static void pinc_corrected_covariance(pinc_estimator *e)
     }
 }
 
+/* Whether the reading of quantity i passes the gate. */
+static int pinc_reading_passes(const pinc_estimator *e, const PINC_REAL *y, int i)
+{
+    PINC_REAL sum = PINC_N(0);
+    int k;
+    for (k = 0; k < 2 * PINC_NZ; k++) {
+        sum += e->outer[(k * PINC_NM) + i] * e->outer[(k * PINC_NM) + i];
+    }
+    return pinc_passes(y[i] - (e->middle[i] + e->mean[i]),
+                       (PINC_PAIR * sum) + (PINC_MIDDLE * e->mean[i] * e->mean[i]) +
+                           pinc_noise_variance[i]);
+}
+
+/* Judges the readings that are there by a wider covariance, and keeps it if one that is due passes;
+   the number of those that pass besides. */
+static int pinc_admit_widely(pinc_estimator *e, const PINC_REAL *y, int doublings)
+{
+    int passed = 0;
+    int finite;
+    int k;
+    pinc_copy(e->before, e->p, PINC_NZ * PINC_NZ);
+    pinc_widen(e, doublings);
+    finite = (pinc_transform(e, 0) == PINC_UPDATED) ? 1 : 0;
+    for (k = 0; k < e->count; k++) {
+        const int i = e->present[k];
+        if ((finite != 0) && (pinc_widening(e, i) >= 0) && (pinc_reading_passes(e, y, i) != 0)) {
+            e->widened = 1;
+        }
+    }
+    if (e->widened == 0) {
+        pinc_copy(e->p, e->before, PINC_NZ * PINC_NZ);
+        (void)pinc_transform(e, 0);
+        return 0;
+    }
+    for (k = 0; k < e->count; k++) {
+        const int i = e->present[k];
+        if ((e->rejections[i] > 0) && (pinc_reading_passes(e, y, i) != 0)) {
+            pinc_note(e, i, 1);
+            passed++;
+        }
+    }
+    return passed;
+}
+
+/* Judges the readings that are there; those rejected are no longer. Their number. */
+static int pinc_admit(pinc_estimator *e, const PINC_REAL *y)
+{
+    int rejected = 0;
+    int doublings = -1;
+    int count = 0;
+    int k;
+    e->widened = 0;
+    for (k = 0; k < e->count; k++) {
+        const int i = e->present[k];
+        pinc_note(e, i, pinc_reading_passes(e, y, i));
+        rejected += (e->rejections[i] > 0) ? 1 : 0;
+        doublings = (pinc_widening(e, i) > doublings) ? pinc_widening(e, i) : doublings;
+    }
+    if (doublings >= 0) {
+        rejected -= pinc_admit_widely(e, y, doublings);
+    }
+    for (k = 0; k < e->count; k++) {
+        if (e->rejections[e->present[k]] == 0) {
+            e->present[count] = e->present[k];
+            count++;
+        }
+    }
+    e->count = count;
+    return rejected;
+}
+
 static pinc_estimate_status pinc_filter_correct(pinc_estimator *e, const PINC_REAL *y)
 {
     pinc_estimate_status status;
+    int rejected;
     int i;
     e->count = 0;
     for (i = 0; i < PINC_NM; i++) {
@@ -230,13 +302,18 @@ static pinc_estimate_status pinc_filter_correct(pinc_estimator *e, const PINC_RE
     if (status != PINC_UPDATED) {
         return status;
     }
+    rejected = pinc_admit(e, y);
+    if (e->count == 0) {
+        return pinc_judged(e, rejected, PINC_NOTHING_MEASURED);
+    }
     pinc_covariances(e);
     status = pinc_gain(e, y);
     if (status != PINC_UPDATED) {
         return status;
     }
     pinc_corrected_covariance(e);
-    return pinc_accept(e);
+    status = pinc_accept(e);
+    return (status == PINC_UPDATED) ? pinc_judged(e, rejected, status) : status;
 }
 
 /* Moves the estimate on by a step under the input u. */

@@ -1,4 +1,5 @@
     PINC_REAL root[PINC_NZ * PINC_NZ];
+    PINC_REAL before[PINC_NZ * PINC_NZ];
     PINC_REAL new_p[PINC_NZ * PINC_NZ];
     PINC_REAL new_z[PINC_NZ];
     PINC_REAL point[PINC_NZ];

@@ -4,6 +4,10 @@ use crate::MpcError;
 use crate::error::{check_length, check_numbers};
 use serde::{Deserialize, Serialize};
 
+/// How far beyond its bounds an applied input may be, relative to 1 + |bound|: what is left of it on
+/// its way through other number formats.
+const ROUNDED_INPUT: f64 = 1e-6;
+
 /// Lower and upper bounds, one of each per variable, or one of each per stage and variable. A bound
 /// that is infinite is none.
 ///
@@ -37,6 +41,20 @@ impl Bounds {
         for (v, (low, high)) in values.iter_mut().zip(self.low.iter().zip(&self.high)) {
             *v = v.clamp(*low, *high);
         }
+    }
+
+    /// Checks an applied input: finite, and within the bounds of the first stage but for rounding.
+    pub(crate) fn check_applied(&self, u: &[f64]) -> Result<(), MpcError> {
+        check_numbers("u_applied", u, "finite", f64::is_finite)?;
+        let least = |low: f64| low - ROUNDED_INPUT * (1.0 + low.abs());
+        let most = |high: f64| high + ROUNDED_INPUT * (1.0 + high.abs());
+        let bounds = self.low.iter().zip(&self.high);
+        for (index, (&value, (&low, &high))) in u.iter().zip(bounds).enumerate() {
+            if value < least(low) || value > most(high) {
+                return Err(MpcError::Applied { index, value, low, high });
+            }
+        }
+        Ok(())
     }
 
     /// Those of all of `count` numbers, the stages one after the other.

@@ -279,6 +279,16 @@ impl Nmpc {
         self.warm = true;
     }
 
+    /// Checks an input for [`Nmpc::set_applied_input`], for callers that have more to do with it.
+    ///
+    /// # Errors
+    ///
+    /// [`MpcError`] if `u` is of the wrong length, not finite or beyond its bounds.
+    pub fn check_applied_input(&self, u: &[f64]) -> Result<(), MpcError> {
+        check_length("u_applied", u, self.dims.nu)?;
+        self.problem.input_bounds.check_applied(u)
+    }
+
     /// Says which input the plant was really given in place of the last one chosen, for instance by
     /// a safety system or an operator: it is u\[k-1\] in the next step. With a delay it takes the
     /// place of the last input under way.
@@ -289,9 +299,10 @@ impl Nmpc {
     ///
     /// # Errors
     ///
-    /// [`MpcError`] if `u` is of the wrong length or not finite; nothing has happened then.
+    /// [`MpcError`] if `u` is of the wrong length, not finite or beyond its bounds; nothing has
+    /// happened then.
     pub fn set_applied_input(&mut self, u: &[f64]) -> Result<(), MpcError> {
-        check_finite("u", u, self.dims.nu)?;
+        self.check_applied_input(u)?;
         self.previous.copy_from_slice(u);
         if let Some(last) = self.pending.len().checked_sub(u.len()) {
             self.pending[last..].copy_from_slice(u);

@@ -43,6 +43,18 @@ pub enum MpcError {
         /// For how many it is given.
         found: usize,
     },
+    /// An input that is said to have been applied, but is beyond its bounds.
+    #[error("u_applied[{index}] is {value}, but must be within its bounds, {low} to {high}")]
+    Applied {
+        /// Its place among the inputs.
+        index: usize,
+        /// What it is.
+        value: f64,
+        /// Its bounds.
+        low: f64,
+        /// Its bounds.
+        high: f64,
+    },
     /// A quantity that is tracked twice.
     #[error("tracked names {tracked} twice")]
     TrackedTwice {

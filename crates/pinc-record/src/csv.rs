@@ -222,6 +222,12 @@ impl CsvHead {
         }
     }
 
+    /// The whole number in a cell.
+    pub(crate) fn whole(&self, row: &StringRecord, place: usize) -> Result<usize, RecordError> {
+        let text = row.get(place).unwrap_or_default();
+        text.parse().map_err(|_| self.not_a_number(row, place))
+    }
+
     /// The numbers in some neighbouring cells.
     pub(crate) fn numbers(
         &self,

@@ -12,6 +12,7 @@
 //! A table is written and read by the same type, which alone knows the names of its columns.
 
 mod checkpoint;
+mod consistency;
 mod csv;
 mod domain_error;
 mod error;

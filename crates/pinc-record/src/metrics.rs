@@ -377,16 +377,27 @@ pub struct ControlMetrics {
 /// it may be.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct EstimatorMetrics {
-    /// The mean of the normalized innovations squared: of a consistent estimator, the number of
-    /// measured quantities.
+    /// The mean of the normalized innovations squared, over the steps that have one.
     #[serde(deserialize_with = "number_or_null")]
     pub nis_mean: f64,
-    /// In how many steps the NIS is no number; the mean leaves them out.
+    /// What it is of a consistent estimator: the mean number of measurements used in these steps.
+    #[serde(default = "nan", deserialize_with = "number_or_null")]
+    pub nis_expected: f64,
+    /// How many steps have one.
+    #[serde(default)]
+    pub nis_steps: usize,
+    /// How many steps have none although there were measurements to use.
     #[serde(default)]
     pub nis_undefined: usize,
     /// The mean of the normalized errors squared: of a consistent estimator, the number of states.
     #[serde(deserialize_with = "number_or_null")]
     pub nees_mean: f64,
+    /// How many steps have one: the others have a singular covariance.
+    #[serde(default)]
+    pub nees_steps: usize,
+    /// How many measurements of each quantity the estimator's gate rejected, where it rejected any.
+    #[serde(default)]
+    pub rejected: BTreeMap<String, usize>,
     /// The root mean square error of each state's estimate at the step marks, in its unit.
     pub estimate_rmse: BTreeMap<String, f64>,
     /// Time of a correction and a prediction together.

@@ -1,5 +1,6 @@
 //! What went wrong in closed loops, and what can be done about it.
 
+use crate::consistency::{self, EstimatorFinding};
 use crate::metrics::{ControlMetrics, Metrics, is_failure};
 use crate::violation::ViolationMetrics;
 use pinc_config::{ModelKind, TimeUnit};
@@ -55,6 +56,13 @@ enum LoopFinding {
         /// A model of the same run with which this reference was reached.
         reached_with: Option<ModelKind>,
     },
+    /// The estimator is not what it takes itself for.
+    Estimator {
+        /// The model in the controller.
+        model: ModelKind,
+        /// What is wrong with it.
+        finding: EstimatorFinding,
+    },
 }
 
 impl Metrics {
@@ -99,6 +107,10 @@ impl Metrics {
         findings
             .extend((steps > 0).then_some(LoopFinding::UndefinedNis { model: of.model, steps }));
         findings.extend(of.references.offset.keys().filter_map(|name| self.not_reached(of, name)));
+        let estimator =
+            of.estimator.iter().flat_map(|estimator| consistency::findings(estimator, of));
+        let finding = |finding| LoopFinding::Estimator { model: of.model, finding };
+        findings.extend(estimator.map(finding));
         findings
     }
 
@@ -188,6 +200,7 @@ impl LoopFinding {
                 };
                 format!("With {} {quantity} does not come to {which}", model.title())
             }
+            Self::Estimator { model, finding } => format!("With {} {finding}", model.title()),
         }
     }
 
@@ -217,6 +230,7 @@ impl LoopFinding {
                  the one that the model is of."
                     .to_owned()
             }
+            Self::Estimator { finding, .. } => finding.advice().to_owned(),
         }
     }
 }

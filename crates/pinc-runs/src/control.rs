@@ -158,8 +158,11 @@ fn run_model(
     }
     progress.end(&format!("{repetitions} runs, IAE {:.4}", results.iae_dense_sum));
     let metrics = results.metrics(kind, times);
-    let names = Variables::of(plant).state_names();
-    let estimator = estimates.map(|of| feedback::metrics(of.history(), &names, estimator_us));
+    let variables = Variables::of(plant);
+    let states = variables.state_names();
+    let measured = setup.sections().map_or_else(Vec::new, |(_, of)| of.names(&variables));
+    let names = (&states[..], &measured[..]);
+    let estimator = estimates.map(|of| feedback::metrics(of.history(), names, estimator_us));
     Ok(ControlMetrics { outside_domain: outside, estimator, ..metrics })
 }
 

@@ -20,10 +20,15 @@ pub struct Estimated {
     pub rows: usize,
     /// The mean of the normalized innovations squared.
     pub nis_mean: f64,
-    /// How many measurements there are at a time.
-    pub measured: usize,
+    /// What it is of a consistent estimator: how many measurements are used at a time, on average
+    /// over the rows that have one.
+    pub nis_expected: f64,
+    /// How many rows have one.
+    pub nis_rows: usize,
     /// How many corrections did not end as they should.
-    pub refused: usize,
+    pub failed: usize,
+    /// How many measurements the estimator's gate rejected.
+    pub rejected: usize,
     /// How long a prediction with the correction after it takes, the median, in us.
     pub step_us: f64,
     /// The root mean square error of each state, where the data have all true states.
@@ -32,13 +37,17 @@ pub struct Estimated {
 
 impl fmt::Display for Estimated {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { rows, nis_mean, measured, refused, step_us, rmse } = self;
-        write!(
-            f,
-            "{rows} rows; NIS {nis_mean:.3}, consistent would be {measured}; {step_us:.2} us a step"
-        )?;
-        if *refused > 0 {
-            write!(f, "; {refused} corrections did not succeed")?;
+        let Self { rows, nis_mean, nis_expected, nis_rows, failed, rejected, step_us, rmse } = self;
+        write!(f, "{rows} rows; NIS {nis_mean:.3}")?;
+        if nis_rows < rows {
+            write!(f, " over the {nis_rows} rows that have one")?;
+        }
+        write!(f, ", consistent would be {nis_expected:.3}; {step_us:.2} us a step")?;
+        if *failed > 0 {
+            write!(f, "; {failed} corrections did not succeed")?;
+        }
+        if *rejected > 0 {
+            write!(f, "; {rejected} measurements rejected as too far from what was expected")?;
         }
         for (i, (name, rmse)) in rmse.iter().enumerate() {
             write!(f, "{} {name} {rmse:.6}", if i == 0 { "; RMSE" } else { "," })?;
@@ -99,25 +108,32 @@ pub fn estimate(
     let text = read_file(data)?;
     let found = run(filter.as_mut(), &text, &variables, &measured, sample_time_s);
     let at = |(line, problem): At| RunError::Csv { path: data.to_owned(), line, problem };
-    let Run { rows, refused, step_us, squared } = found.map_err(at)?;
+    let Run { rows, failed, used, step_us, squared } = found.map_err(at)?;
     let table = EstimateTable { names, measured, rows };
     if let Some(output) = output {
         write_atomically(output, table.estimates_to_csv().as_bytes())?;
     }
-    let summary = summary(&table, squared, &variables);
-    Ok(Estimated { refused, step_us: StepTimes::of(step_us).p50, ..summary })
+    let summary = summary(&table, used, squared, &variables);
+    Ok(Estimated { failed, step_us: StepTimes::of(step_us).p50, ..summary })
 }
 
-fn summary(table: &EstimateTable, squared: Option<Vec<f64>>, variables: &Variables) -> Estimated {
+fn summary(
+    table: &EstimateTable,
+    used: usize,
+    squared: Option<Vec<f64>>,
+    variables: &Variables,
+) -> Estimated {
     let nis: Vec<f64> = table.rows.iter().map(|row| row.nis).filter(|v| !v.is_nan()).collect();
     #[expect(clippy::cast_precision_loss, reason = "no file has 2^53 rows")]
-    let (used, rows) = (nis.len() as f64, table.rows.len() as f64);
+    let (judged, used, rows) = (nis.len() as f64, used as f64, table.rows.len() as f64);
     let names = variables.state_names().into_iter();
     Estimated {
         rows: table.rows.len(),
-        nis_mean: nis.iter().sum::<f64>() / used,
-        measured: table.measured.len(),
-        refused: 0,
+        nis_mean: nis.iter().sum::<f64>() / judged,
+        nis_expected: used / judged,
+        nis_rows: nis.len(),
+        failed: 0,
+        rejected: table.rows.iter().map(|row| row.rejected).sum(),
         step_us: f64::NAN,
         rmse: squared.map_or_else(Vec::new, |squared| {
             names.zip(squared).map(|(name, sum)| (name, (sum / rows).sqrt())).collect()
@@ -128,7 +144,9 @@ fn summary(table: &EstimateTable, squared: Option<Vec<f64>>, variables: &Variabl
 /// What was made of a file.
 struct Run {
     rows: Vec<EstimateRow>,
-    refused: usize,
+    failed: usize,
+    /// How many measurements were used in the rows that have a normalized innovation squared.
+    used: usize,
     /// How long each row took.
     step_us: Vec<f64>,
     /// The sums of squared errors of the states, if their truth is known.
@@ -144,7 +162,7 @@ fn run(
 ) -> Result<Run, At> {
     let (header, rows) = rows(text)?;
     let columns = Columns::find(&header, variables, measured).map_err(|problem| (1, problem))?;
-    let mut run = Run { rows: Vec::new(), refused: 0, step_us: Vec::new(), squared: None };
+    let mut run = Run { rows: Vec::new(), failed: 0, used: 0, step_us: Vec::new(), squared: None };
     run.squared = columns.states.as_ref().map(|states| vec![0.0; states.len()]);
     let mut before: Option<(f64, Vec<f64>)> = None;
     for row in rows {
@@ -162,8 +180,8 @@ fn run(
         }
         let correction = filter.correct(&row.y);
         run.step_us.push(1e6 * clock.elapsed().as_secs_f64());
-        let refused = correction.nis.is_nan() && correction.measured > 0;
-        run.refused += usize::from(refused);
+        run.failed += usize::from(!correction.status.has_succeeded());
+        run.used += if correction.nis.is_nan() { 0 } else { correction.measured };
         let (z, n) = (filter.estimate(), filter.dims().nx);
         if let (Some(squared), Some(truth)) = (&mut run.squared, &row.truth) {
             for (sum, (z, x)) in squared.iter_mut().zip(z.iter().zip(truth)) {
@@ -178,6 +196,7 @@ fn run(
             innovation: filter.innovation().to_vec(),
             nis: correction.nis,
             nees: f64::NAN,
+            rejected: correction.rejected,
         });
         before = Some((row.t, row.u));
     }

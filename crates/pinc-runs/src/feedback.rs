@@ -147,6 +147,7 @@ impl LoopSetup<'_> {
             innovation: history.innovations[k * ny..(k + 1) * ny].to_vec(),
             nis: history.corrections[k].nis,
             nees: history.nees[k],
+            rejected: history.corrections[k].rejected,
         };
         EstimateTable { names, measured, rows: (0..history.nees.len()).map(row).collect() }
     }
@@ -155,29 +156,49 @@ impl LoopSetup<'_> {
 /// The numbers of an estimator that has come to its end, of whose steps all times are given.
 pub(super) fn metrics(
     history: &History,
-    states: &[String],
+    (states, measured): (&[String], &[String]),
     times_us: Vec<f64>,
 ) -> EstimatorMetrics {
-    let mean = |values: &mut dyn Iterator<Item = f64>| {
-        let (sum, count) = values
-            .filter(|value| !value.is_nan())
-            .fold((0.0, 0.0), |(sum, count), value| (sum + value, count + 1.0));
-        sum / count
-    };
     #[expect(clippy::cast_precision_loss, reason = "no run has 2^53 steps")]
-    let steps = history.nees.len() as f64;
+    let real = |count: usize| count as f64;
+    let judged: Vec<_> = history.corrections.iter().filter(|c| !c.nis.is_nan()).collect();
+    let nis_steps = judged.len();
+    let used = history.corrections.iter().filter(|c| c.measured > 0).count();
+    let errors = || history.nees.iter().filter(|nees| !nees.is_nan());
+    let nees_steps = errors().count();
     let rmse = states.iter().cloned().zip(&history.squared_errors);
+    let steps = real(history.nees.len());
     let mut status: BTreeMap<String, usize> = BTreeMap::new();
     let predictions = history.predictions.iter().filter(|s| **s != EstimatorStatus::Updated);
     for ended in history.corrections.iter().map(|c| &c.status).chain(predictions) {
         *status.entry(ended.to_string()).or_default() += 1;
     }
     EstimatorMetrics {
-        nis_mean: mean(&mut history.corrections.iter().map(|c| c.nis)),
-        nis_undefined: history.corrections.iter().filter(|c| c.nis.is_nan()).count(),
-        nees_mean: mean(&mut history.nees.iter().copied()),
+        nis_mean: judged.iter().map(|c| c.nis).sum::<f64>() / real(nis_steps),
+        nis_expected: real(judged.iter().map(|c| c.measured).sum()) / real(nis_steps),
+        nis_steps,
+        nis_undefined: used - nis_steps,
+        nees_mean: errors().sum::<f64>() / real(nees_steps),
+        nees_steps,
+        rejected: rejected(history, measured),
         estimate_rmse: rmse.map(|(name, sum)| (name, (sum / steps).sqrt())).collect(),
         estimator_us: StepTimes::of(times_us),
         estimator_status: status,
     }
+}
+
+/// How many measurements of each quantity were rejected, where any were: they are there, but have no
+/// innovation.
+fn rejected(history: &History, measured: &[String]) -> BTreeMap<String, usize> {
+    let mut counts = BTreeMap::new();
+    let width = measured.len();
+    let rows = history.measured.chunks_exact(width).zip(history.innovations.chunks_exact(width));
+    for ((y, innovation), _) in rows.zip(&history.corrections).filter(|(_, c)| c.rejected > 0) {
+        for ((name, y), innovation) in measured.iter().zip(y).zip(innovation) {
+            if y.is_finite() && innovation.is_nan() {
+                *counts.entry(name.clone()).or_default() += 1;
+            }
+        }
+    }
+    counts
 }

@@ -209,8 +209,9 @@ impl LiveController {
     ///
     /// # Errors
     ///
-    /// [`RunError::Argument`] if an argument is of a wrong length, or a reference or `u_applied` is
-    /// not finite: nothing has happened then. [`RunError::OutsideDomain`] if the step takes a net out of its domain and
+    /// [`RunError::Argument`] if an argument is of a wrong length, a reference is not finite, or
+    /// `u_applied` is not finite or beyond the input's bounds: nothing has happened then.
+    /// [`RunError::OutsideDomain`] if the step takes a net out of its domain and
     /// the config refuses that.
     pub fn step(
         &mut self,
@@ -295,7 +296,7 @@ impl LiveController {
         }
         if let Some(u) = u_applied {
             length("u_applied", u, self.u.len(), "input")?;
-            finite("u_applied", u)?;
+            self.nmpc.check_applied_input(u)?;
         }
         match follow {
             Follow::Config => {}

@@ -5,8 +5,8 @@ use super::{Finding, Problem};
 use crate::problem::nearest;
 use crate::registry::Variables;
 use crate::{
-    ControlSpec, DisturbanceSpec, EstimatorKind, EstimatorSpec, Experiment, LoopParameters,
-    ModelKind,
+    ControlSpec, DisturbanceSpec, EstimatorKind, EstimatorSpec, Experiment, GateSpec,
+    LoopParameters, ModelKind,
 };
 use pinc_estimate::EstimateError;
 
@@ -85,6 +85,12 @@ fn tuned(spec: &EstimatorSpec, variables: &Variables, measured: usize) -> Findin
         if let Some(side) = side {
             length(&key(name), side, states, "state")?;
         }
+    }
+    if let Some(GateSpec::Sd(sd)) = spec.gate
+        && !(sd > 0.0 && sd.is_finite())
+    {
+        let expected = "a positive and finite number of standard deviations, or \"off\"";
+        return value(&key("gate"), sd, expected);
     }
     if let (Some(low), Some(high)) = (&spec.low, &spec.high) {
         bounds(ESTIMATOR, low, high, states, "state")?;

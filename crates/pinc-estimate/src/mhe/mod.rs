@@ -63,6 +63,7 @@ const NO_STEP: f64 = 1e-13;
 ///     measurement_sd: vec![0.1],
 ///     low: vec![-3.0; 2],
 ///     high: vec![3.0; 2],
+///     ..Tuning::default()
 /// };
 /// let mut estimator = Mhe::new(Box::new(model), tuning, 10)?;
 /// assert_eq!(estimator.correct(&[0.93]).status, EstimatorStatus::Updated);
@@ -183,7 +184,15 @@ impl Mhe {
             let measured = y.iter().filter(|y| y.is_finite()).count();
             return Correction::unused(EstimatorStatus::NotFinite, measured);
         }
-        self.kalman.correct(&self.h, &self.innovation, &mut self.change)
+        self.kalman.correct(&self.h, &mut self.innovation, &mut self.change)
+    }
+
+    /// Drops the window but for its last state, of which less is known than the window says.
+    fn begin_anew(&mut self) {
+        self.window.restart(self.kalman.prior());
+        self.programs.iter_mut().for_each(|program| program.multipliers.clear());
+        // The initial estimate is no guess of this state.
+        self.moved_on = true;
     }
 
     fn linearize(&mut self) -> Point {
@@ -384,12 +393,18 @@ impl Estimator for Mhe {
         self.window.measure(y);
         let before = self.correct_covariance(y);
         let prior = before.status;
-        if prior == EstimatorStatus::Updated {
+        if prior == EstimatorStatus::Reacquired {
+            self.begin_anew();
+        }
+        if before.rejected > 0 {
+            self.window.reject(&self.innovation);
+        }
+        if prior.is_corrected() {
             self.window.last_mut().iter_mut().zip(&self.change).for_each(|(z, d)| *z += d);
         }
         let (status, iterations, kkt) = match prior {
-            EstimatorStatus::Updated | EstimatorStatus::NothingMeasured => self.explore(expired),
-            other => (other, 0, f64::INFINITY),
+            prior if prior.has_succeeded() => self.explore(expired),
+            failed => (failed, 0, f64::INFINITY),
         };
         self.tuning.clip(self.window.last_mut());
         let status = if status == EstimatorStatus::Updated { prior } else { status };

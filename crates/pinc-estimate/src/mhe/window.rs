@@ -97,6 +97,28 @@ impl Window {
         self.y[self.steps * ny..(self.steps + 1) * ny].copy_from_slice(y);
     }
 
+    /// Drops what is measured now where there is no innovation.
+    pub(crate) fn reject(&mut self, innovation: &[f64]) {
+        let ny = self.dims.ny;
+        let now = &mut self.y[self.steps * ny..(self.steps + 1) * ny];
+        for (y, _) in now.iter_mut().zip(innovation).filter(|(_, v)| v.is_nan()) {
+            *y = f64::NAN;
+        }
+    }
+
+    /// Drops all but the last state and what is measured there, and takes `p` for the covariance of
+    /// what was expected of it.
+    pub(crate) fn restart(&mut self, p: &[f64]) {
+        let Dims { nx, ny, .. } = self.dims;
+        let last = self.steps;
+        self.x.copy_within(last * nx..(last + 1) * nx, 0);
+        self.y.copy_within(last * ny..(last + 1) * ny, 0);
+        self.prior.copy_within(last * nx..(last + 1) * nx, 0);
+        self.prior_covariance[..nx * nx].copy_from_slice(p);
+        self.v[..nx].fill(0.0);
+        self.steps = 0;
+    }
+
     /// What was expected of the first state, and its covariance: the arrival cost.
     pub(crate) fn arrival(&self) -> (&[f64], &[f64]) {
         let nx = self.dims.nx;

@@ -232,8 +232,11 @@ fn no_value_is_no_estimate() {
         let before = (filter.estimate().to_vec(), filter.covariance().to_vec());
         assert_eq!(filter.predict(&[0.0]), EstimatorStatus::NotFinite);
         assert_eq!((filter.estimate().to_vec(), filter.covariance().to_vec()), before);
-        assert_eq!(filter.correct(&[1e200, 2.0]).status, EstimatorStatus::Updated);
-        assert_eq!(filter.correct(&[-1e308, 2.0]).measured, 2);
+        for y in [1e200, -1e308] {
+            let correction = filter.correct(&[y, 2.0]);
+            assert_eq!(correction.status, EstimatorStatus::Rejected);
+            assert_eq!((correction.measured, correction.rejected), (1, 1));
+        }
         assert!(filter.estimate().iter().all(|z| z.is_finite()));
     }
 }

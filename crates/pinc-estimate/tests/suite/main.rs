@@ -2,6 +2,7 @@
 
 mod consistency;
 mod filters;
+mod gate;
 mod models;
 mod moving_horizon;
 mod recorded;

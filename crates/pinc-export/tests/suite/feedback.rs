@@ -3,7 +3,8 @@
 use super::compile::{READ, Sources};
 use super::controller::{Case, Draws, Source, equations, mild, tanks_case};
 use pinc_estimate::{
-    Augmentation, Augmented, Compensated, Disturbance, Ekf, Estimator, Measured, Mhe, Tuning, Ukf,
+    Augmentation, Augmented, Compensated, Disturbance, Ekf, Estimator, Gate, Measured, Mhe, Tuning,
+    Ukf,
 };
 use pinc_export::{
     Controller, Estimation, ExportError, Filter, FmiVersion, GeneratedFile, Name, Origin,
@@ -82,6 +83,7 @@ fn tanks(disturbance: Disturbance, delay: usize) -> Parts {
         measurement_sd: vec![0.05; 2],
         low: with([7.0, 7.0, 1.8, 0.5], -0.3),
         high: with([14.0, 14.0, 4.0, 4.0], 0.3),
+        gate: Gate::Sd(8.0),
     };
     (case, augmentation, tuning)
 }
@@ -153,7 +155,10 @@ fn run(
             Measured::Output(output) => outputs[output],
             _ => 0.0,
         });
-        let y: Vec<f64> = exact.map(|y| y + draws.between(-0.1, 0.1)).collect();
+        let mut y: Vec<f64> = exact.map(|y| y + draws.between(-0.1, 0.1)).collect();
+        // A reading of a broken converter, and a sensor that is off for a while.
+        y[0] = if k % 20 == 9 { 65535.0 } else { y[0] };
+        y[1] += if (40..60).contains(&k) { 1.5 } else { 0.0 };
         // A mean of the unscented filter is a second difference over alpha = 1e-3 standard
         // deviations: of a next state x, rounding of u = 1.1e-16 makes 2 u |x| / alpha^2 = 3e-9 at
         // levels of 12, in the library as in C. The loop would make more of it: the filters begin
@@ -187,6 +192,7 @@ fn compare(filter: Filter, parts: &Parts) -> usize {
     let (lines, expected) = run(filter, parts, steps);
     let found = sources.drive(&DRIVER.replace("@READ@", READ), &[], &lines);
     let (width, mut missing, mut worst) = (2 + NU + tuning.initial_estimate.len(), 0, [0.0_f64; 2]);
+    let (mut rejected, mut reacquired) = (0, 0);
     assert_eq!(found.len(), expected.len() * width);
     let words = [
         "updated",
@@ -195,6 +201,8 @@ fn compare(filter: Filter, parts: &Parts) -> usize {
         "not-finite",
         "iteration-limit",
         "qp-failed",
+        "rejected",
+        "reacquired",
     ];
     for (k, (found, expected)) in found.chunks_exact(width).zip(&expected).enumerate() {
         let converged = if found[0] < 0.5 { "converged" } else { "another" };
@@ -204,6 +212,8 @@ fn compare(filter: Filter, parts: &Parts) -> usize {
         let place = f64::from(u8::try_from(place).unwrap());
         assert!(found[1].total_cmp(&place).is_eq(), "step {k}: {corrected}");
         missing += usize::from(corrected == "nothing-measured");
+        rejected += usize::from(corrected == "rejected");
+        reacquired += usize::from(corrected == "reacquired");
         for (i, (found, expected)) in
             found[2..].iter().zip(expected.u.iter().chain(&expected.z)).enumerate()
         {
@@ -216,6 +226,7 @@ fn compare(filter: Filter, parts: &Parts) -> usize {
     let allowed = if filter == Filter::Unscented { [8e-8, 2e-8] } else { [1e-8; 2] };
     assert!(worst[0] < allowed[0] && worst[1] < allowed[1], "inputs, estimates: {worst:?}");
     assert!(missing > steps / 100, "{missing} steps without a measurement");
+    assert!(rejected > 3 && reacquired > 0, "{rejected} rejected, {reacquired} reacquired");
     let is_at_bound = |z: &[f64]| {
         let mut bounds = z.iter().zip(tuning.low.iter().zip(&tuning.high));
         bounds.any(|(z, (low, high))| (z - low).min(high - z) < 1e-9)

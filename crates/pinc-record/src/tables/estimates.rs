@@ -1,15 +1,16 @@
 //! `estimates.csv`: what an estimator made of measurements.
 
-use crate::csv::{CsvFile, CsvText};
+use crate::csv::{CsvFile, CsvText, number};
 use crate::error::RecordError;
 use std::path::Path;
 
 const TIME: &str = "t";
 const NIS: &str = "nis";
 const NEES: &str = "nees";
+const REJECTED: &str = "rejected";
 
 /// Filtered estimates: the columns are `t`, all that is estimated by name, their `<name>_sd`, and,
-/// with the measurements, `y_<measured>`, `innovation_<measured>`, `nis` and `nees`.
+/// with the measurements, `y_<measured>`, `innovation_<measured>`, `nis`, `nees` and `rejected`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct EstimateTable {
     /// What is estimated: states, disturbances, parameters.
@@ -31,12 +32,14 @@ pub struct EstimateRow {
     pub sd: Vec<f64>,
     /// What was measured; NaN where it was not.
     pub measured: Vec<f64>,
-    /// Measured minus expected.
+    /// Measured minus expected; NaN where it was not measured, or rejected.
     pub innovation: Vec<f64>,
     /// The normalized innovation squared.
     pub nis: f64,
     /// The normalized error squared.
     pub nees: f64,
+    /// How many measurements the estimator's gate rejected.
+    pub rejected: usize,
 }
 
 impl EstimateTable {
@@ -46,12 +49,13 @@ impl EstimateTable {
         let mut columns = self.estimate_columns();
         columns.extend(self.measured.iter().map(|name| format!("y_{name}")));
         columns.extend(self.measured.iter().map(|name| format!("innovation_{name}")));
-        columns.extend([NIS.to_owned(), NEES.to_owned()]);
+        columns.extend([NIS, NEES, REJECTED].map(str::to_owned));
         let mut table = CsvText::new(columns);
         for row in &self.rows {
             let values = std::iter::once(&row.t).chain(&row.estimate).chain(&row.sd);
             let values = values.chain(&row.measured).chain(&row.innovation);
-            table.push_numbers(values.chain([&row.nis, &row.nees]));
+            let numbers = values.chain([&row.nis, &row.nees]).map(|value| number(*value));
+            table.push(numbers.chain([row.rejected.to_string()]));
         }
         table
     }
@@ -99,6 +103,7 @@ impl EstimateTable {
         let y = places(&measured, |name| format!("y_{name}"))?;
         let innovations = places(&measured, |name| format!("innovation_{name}"))?;
         let (nis, nees) = (file.head.place(NIS)?, file.head.place(NEES)?);
+        let rejected = file.head.position(REJECTED);
         let mut rows = Vec::new();
         for row in &file.rows {
             let numbers = |places: &[usize]| {
@@ -112,6 +117,7 @@ impl EstimateTable {
                 innovation: numbers(&innovations)?,
                 nis: file.head.number(row, nis)?,
                 nees: file.head.number(row, nees)?,
+                rejected: rejected.map_or(Ok(0), |place| file.head.whole(row, place))?,
             });
         }
         Ok(Some(Self { names, measured, rows }))
@@ -133,6 +139,7 @@ mod tests {
             innovation: vec![-0.03],
             nis: 1.5,
             nees: 2.5,
+            rejected: 1,
         };
         let table =
             EstimateTable { names: names(&["h", "d_u"]), measured: names(&["h"]), rows: vec![row] };

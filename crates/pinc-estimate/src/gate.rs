@@ -1,0 +1,155 @@
+//! Which readings an estimator takes, and which it refuses.
+
+use crate::estimator::variances;
+use crate::{EstimateError, EstimatorStatus, Tuning};
+
+/// The innovation gate: how far a reading may be from what is expected of it.
+///
+/// A reading y_i is rejected where its normalized innovation squared, v_i^2 / S_ii, exceeds a bound
+/// n^2. Of a consistent estimator it has the chi-squared distribution with one degree of freedom, so
+/// that n counts standard deviations of the innovation. Each reading is judged by itself, from the
+/// estimate before any of them is used: a stuck sensor does not take the others with it, as it
+/// would with the joint v' S^-1 v. A rejected reading counts as missing.
+///
+/// After [`Gate::PATIENCE`] rejections in a row of one quantity the estimate is doubted instead of
+/// the sensor: the reading is judged by a covariance that is widened to that of the beginning
+/// (without correlations, and nowhere narrower than it is), and used with that covariance if it
+/// passes. It is judged so again after as many more rejections, with twice the standard deviations
+/// each time, up to 2^[`Gate::DOUBLINGS`] times those of the beginning. A lasting offset and a jump
+/// of the plant get through in this way; a sensor stuck beyond this range is never believed.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
+pub enum Gate {
+    /// All readings are used.
+    Off,
+    /// Readings are rejected that are more than so many standard deviations of the innovation from
+    /// what is expected.
+    Sd(f64),
+}
+
+impl Default for Gate {
+    fn default() -> Self {
+        Self::Sd(Self::DEFAULT_SD)
+    }
+}
+
+impl Gate {
+    /// The width of the gate unless another is chosen. It is wide, for a plant that differs from
+    /// its model moves innovations by many standard deviations, which an estimator of disturbances
+    /// needs; broken sensors are off by hundreds.
+    pub const DEFAULT_SD: f64 = 30.0;
+    /// How many rejections in a row there are before a reading is judged by a wider covariance.
+    pub const PATIENCE: usize = 5;
+    /// How often the standard deviations of the beginning are doubled.
+    pub const DOUBLINGS: usize = 5;
+
+    /// The bound on the normalized innovation squared of one reading; infinite if there is none.
+    #[must_use]
+    pub fn bound(self) -> f64 {
+        match self {
+            Self::Off => f64::INFINITY,
+            Self::Sd(sd) => sd * sd,
+        }
+    }
+
+    /// The variances of each entry of z that a covariance is widened to at first, `nx`: those of
+    /// the beginning, or of a step where these are larger.
+    #[must_use]
+    pub fn widened(tuning: &Tuning) -> Vec<f64> {
+        let both = variances(&tuning.initial_sd).into_iter().zip(variances(&tuning.process_sd));
+        both.map(|(initial, process)| initial.max(process)).collect()
+    }
+
+    pub(crate) fn validate(self) -> Result<(), EstimateError> {
+        match self {
+            Self::Sd(found) if !(found.is_finite() && found > 0.0) => {
+                Err(EstimateError::Gate { found })
+            }
+            Self::Sd(_) | Self::Off => Ok(()),
+        }
+    }
+}
+
+/// The gate at work: what was rejected so far.
+#[derive(Clone, Debug)]
+pub(crate) struct Gatekeeper {
+    bound: f64,
+    widened: Vec<f64>,
+    /// How often each measured quantity was rejected in a row.
+    rejections: Vec<usize>,
+}
+
+/// How the readings of a step were judged.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Judgement {
+    /// How many were rejected.
+    pub(crate) rejected: usize,
+    /// Whether the covariance was widened for one.
+    pub(crate) widened: bool,
+}
+
+impl Judgement {
+    /// How a correction ends that would have ended with `status` without the gate.
+    pub(crate) fn status(self, status: EstimatorStatus) -> EstimatorStatus {
+        match self {
+            Self { widened: true, .. } => EstimatorStatus::Reacquired,
+            Self { rejected: 0, .. } => status,
+            Self { .. } => EstimatorStatus::Rejected,
+        }
+    }
+}
+
+impl Gatekeeper {
+    pub(crate) fn new(tuning: &Tuning) -> Self {
+        Self {
+            bound: tuning.gate.bound(),
+            widened: Gate::widened(tuning),
+            rejections: vec![0; tuning.measurement_sd.len()],
+        }
+    }
+
+    pub(crate) fn reset(&mut self) {
+        self.rejections.fill(0);
+    }
+
+    /// Whether an innovation of this variance passes.
+    pub(crate) fn passes(&self, innovation: f64, variance: f64) -> bool {
+        // An infinite square is beyond any bound, and a variance that is NaN says nothing.
+        let is_wild = innovation * innovation > self.bound * variance;
+        !is_wild
+    }
+
+    /// Takes note of whether the reading of quantity `i` passed.
+    pub(crate) fn note(&mut self, i: usize, passed: bool) {
+        self.rejections[i] = if passed { 0 } else { self.rejections[i] + 1 };
+    }
+
+    /// Whether the last reading of quantity `i` was rejected.
+    pub(crate) fn is_rejected(&self, i: usize) -> bool {
+        self.rejections[i] > 0
+    }
+
+    /// How often the standard deviations of the beginning are doubled to judge quantity `i` again;
+    /// `None` if that is not due.
+    pub(crate) fn widening(&self, i: usize) -> Option<usize> {
+        let (times, rest) =
+            (self.rejections[i] / Gate::PATIENCE, self.rejections[i] % Gate::PATIENCE);
+        let doublings = times.checked_sub(1)?.min(Gate::DOUBLINGS);
+        (rest == 0).then_some(doublings)
+    }
+
+    /// The variance of entry `k` of z, of which the covariance says `variance`, widened.
+    pub(crate) fn wide(&self, k: usize, doublings: usize, variance: f64) -> f64 {
+        variance.max(f64::from(1_u32 << (2 * doublings)) * self.widened[k])
+    }
+
+    /// Widens the covariance `p`, `[nx, nx]`.
+    pub(crate) fn widen(&self, doublings: usize, p: &mut [f64]) {
+        let n = self.widened.len();
+        for (k, row) in p.chunks_exact_mut(n).enumerate() {
+            let variance = self.wide(k, doublings, row[k]);
+            row.fill(0.0);
+            row[k] = variance;
+        }
+    }
+}

@@ -1,0 +1,189 @@
+//! Whether an estimator is as sure of itself as it may be.
+
+use crate::metrics::{ControlMetrics, EstimatorMetrics};
+use crate::verdict::significant;
+use std::fmt;
+use std::ops::RangeInclusive;
+
+/// A mean square is far outside its interval if it is more than this many times what it is of a
+/// consistent estimator. A plant that differs a little from its model leaves the interval, too.
+const FAR_ABOVE: f64 = 2.0;
+/// The same below: loops without noise are far inside what the tuning allows for.
+const FAR_BELOW: f64 = 0.1;
+/// The interval holds the mean square of a consistent estimator with a probability of 99.9 %: so
+/// many standard deviations of a normal distribution.
+const NORMAL_999: f64 = 3.2905;
+
+/// Something that a reader of a run's results should know of its estimator.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) enum EstimatorFinding {
+    /// A mean of normalized squares is far outside its interval.
+    Inconsistent(MeanSquare),
+    /// The normalized innovation squared is undefined in so many of so many steps.
+    Undefined {
+        /// In how many steps.
+        undefined: usize,
+        /// Of how many.
+        steps: usize,
+    },
+    /// The gate rejected measurements.
+    Rejected {
+        /// How many of which quantities.
+        rejected: Vec<(String, usize)>,
+        /// In how many steps.
+        steps: usize,
+    },
+}
+
+/// The mean of normalized squares of an estimator.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct MeanSquare {
+    /// What they are of: NIS or NEES.
+    name: &'static str,
+    /// The mean.
+    mean: f64,
+    /// What it is of a consistent estimator.
+    expected: f64,
+    /// Over how many steps.
+    steps: usize,
+}
+
+/// What a reader should know of `estimator`.
+pub(crate) fn findings(estimator: &EstimatorMetrics, of: &ControlMetrics) -> Vec<EstimatorFinding> {
+    let EstimatorMetrics { nis_mean, nis_expected, nis_steps, nees_mean, nees_steps, .. } =
+        *estimator;
+    let mut findings = Vec::new();
+    let nis = MeanSquare { name: "NIS", mean: nis_mean, expected: nis_expected, steps: nis_steps };
+    #[expect(clippy::cast_precision_loss, reason = "no plant has 2^53 states")]
+    let states = estimator.estimate_rmse.len() as f64;
+    let nees = MeanSquare { name: "NEES", mean: nees_mean, expected: states, steps: nees_steps };
+    // One is enough: what is to be changed is the same.
+    findings.extend(
+        [nis, nees].into_iter().find(MeanSquare::is_far_off).map(EstimatorFinding::Inconsistent),
+    );
+    if estimator.nis_undefined > 0 {
+        let undefined = estimator.nis_undefined;
+        findings.push(EstimatorFinding::Undefined { undefined, steps: of.steps() });
+    }
+    if !estimator.rejected.is_empty() {
+        let rejected = estimator.rejected.iter().map(|(name, count)| (name.clone(), *count));
+        let (rejected, steps) = (rejected.collect(), of.steps());
+        findings.push(EstimatorFinding::Rejected { rejected, steps });
+    }
+    findings
+}
+
+impl MeanSquare {
+    /// The interval of the mean of a consistent estimator, by Wilson and Hilferty's approximation of
+    /// the chi-squared distribution.
+    fn interval(&self) -> RangeInclusive<f64> {
+        #[expect(clippy::cast_precision_loss, reason = "no run has 2^53 steps")]
+        let spread = 2.0 / (9.0 * self.expected * self.steps as f64);
+        let quantile = |normal: f64| {
+            let root = 1.0 - spread + normal * spread.sqrt();
+            self.expected * root.max(0.0).powi(3)
+        };
+        quantile(-NORMAL_999)..=quantile(NORMAL_999)
+    }
+
+    fn is_above(&self) -> bool {
+        self.mean > self.expected
+    }
+
+    fn is_far_off(&self) -> bool {
+        let ratio = self.mean / self.expected;
+        let is_far = ratio > FAR_ABOVE || ratio < FAR_BELOW;
+        is_far && !self.interval().contains(&self.mean)
+    }
+}
+
+/// What happened, after the model.
+impl fmt::Display for EstimatorFinding {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Inconsistent(square) => {
+                let MeanSquare { name, mean, expected, steps } = square;
+                let (low, high) = square.interval().into_inner();
+                write!(
+                    f,
+                    "the estimator is inconsistent: its mean {name} is {}, where a consistent one \
+                     has {} ({} to {} over {steps} steps).",
+                    significant(*mean),
+                    significant(*expected),
+                    significant(low),
+                    significant(high)
+                )
+            }
+            Self::Undefined { undefined, steps } => write!(
+                f,
+                "the NIS is undefined in {undefined} of {steps} steps and is left out of its mean."
+            ),
+            Self::Rejected { rejected, steps } => {
+                let each = rejected.iter().map(|(name, count)| format!("{count} of {name}"));
+                let each: Vec<_> = each.collect();
+                write!(
+                    f,
+                    "in {steps} steps the estimator's gate rejected measurements: {}.",
+                    each.join(", ")
+                )
+            }
+        }
+    }
+}
+
+impl EstimatorFinding {
+    /// What to do about it.
+    pub(crate) fn advice(&self) -> &'static str {
+        match self {
+            Self::Inconsistent(square) if square.is_above() => {
+                "Its errors are larger than it believes: raise process_sd and disturbance_sd in \
+                 [control.estimator], or measurement_sd if the sensors are noisier than it says; if \
+                 innovations keep their sign, estimate a disturbance or a parameter where plant and \
+                 model differ."
+            }
+            Self::Inconsistent(_) => {
+                "Its errors are smaller than it believes: lower measurement_sd to the sensors' noise, \
+                 then process_sd, in [control.estimator], and it will filter better."
+            }
+            Self::Undefined { .. } => {
+                "The covariance was singular to working precision there: bring the standard \
+                 deviations in [control.estimator] closer together."
+            }
+            Self::Rejected { .. } => {
+                "They were too far from what was expected, and counted as missing. Look at the \
+                 sensor; if it is right, raise process_sd or disturbance_sd in [control.estimator], \
+                 or widen its gate."
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn square(mean: f64, steps: usize) -> MeanSquare {
+        MeanSquare { name: "NIS", mean, expected: 3.0, steps }
+    }
+
+    /// The 0.05 % and 99.95 % quantiles of the chi-squared distribution with 300 degrees of freedom
+    /// are 223.2 and 388.1.
+    #[test]
+    fn the_interval_is_that_of_the_chi_squared_distribution() {
+        let (low, high) = square(3.0, 100).interval().into_inner();
+        assert!((low - 2.232).abs() < 0.01 && (high - 3.881).abs() < 0.01, "{low} {high}");
+    }
+
+    #[test]
+    fn a_mean_far_outside_is_named_with_its_numbers() {
+        for (mean, steps, is_far) in [(108.0, 144, true), (5.9, 144, false), (6.1, 144, true)] {
+            assert_eq!(square(mean, steps).is_far_off(), is_far, "{mean}");
+        }
+        assert!(square(0.2, 144).is_far_off() && !square(0.4, 144).is_far_off());
+        // A few steps say little.
+        assert!(!square(6.1, 2).is_far_off());
+        assert!(!square(f64::NAN, 0).is_far_off());
+        let said = EstimatorFinding::Inconsistent(square(108.0, 144)).to_string();
+        assert!(said.contains("mean NIS is 108, where a consistent one has 3.00 ("), "{said}");
+    }
+}
