@@ -5,7 +5,7 @@ use crate::{EstimateError, EstimatorStatus, Tuning};
 
 /// The innovation gate: how far a reading may be from what is expected of it.
 ///
-/// A reading y_i is rejected where its normalized innovation squared, v_i^2 / S_ii, exceeds a bound
+/// A reading `y_i` is rejected where its normalized innovation squared, `v_i^2 / S_ii`, exceeds a bound
 /// n^2. Of a consistent estimator it has the chi-squared distribution with one degree of freedom, so
 /// that n counts standard deviations of the innovation. Each reading is judged by itself, from the
 /// estimate before any of them is used: a stuck sensor does not take the others with it, as it
@@ -57,7 +57,7 @@ impl Gate {
     #[must_use]
     pub fn widened(tuning: &Tuning) -> Vec<f64> {
         let both = variances(&tuning.initial_sd).into_iter().zip(variances(&tuning.process_sd));
-        both.map(|(initial, process)| initial.max(process)).collect()
+        both.map(|(initial, in_a_step)| initial.max(in_a_step)).collect()
     }
 
     pub(crate) fn validate(self) -> Result<(), EstimateError> {
