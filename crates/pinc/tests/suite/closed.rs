@@ -17,7 +17,7 @@ pub(crate) struct Closed {
     /// What an estimator was told and made of it, if there is one.
     pub(crate) estimates: Option<EstimateTable>,
     pub(crate) spec: ControlSpec,
-    sample_time_s: f64,
+    pub(crate) sample_time_s: f64,
 }
 
 impl Closed {
@@ -48,6 +48,13 @@ impl Closed {
             steps,
             spec,
         }
+    }
+
+    /// What the controller was told in each step: states, or what was measured.
+    pub(crate) fn told(&self) -> Vec<Vec<f64>> {
+        let measured =
+            |table: &EstimateTable| table.rows.iter().map(|row| row.measured.clone()).collect();
+        self.estimates.as_ref().map_or_else(|| self.states.clone(), measured)
     }
 
     /// What was followed in step `k`, with preview: a row per step of the horizon.

@@ -2,45 +2,11 @@
 
 use crate::closed::Closed;
 use crate::common::{Outcome, outcome, pinc, repository, smoke};
+use crate::ways::{Exported, assert_same, compile, drive};
 use pinc_config::ModelKind;
-use std::fmt::Write as _;
 use std::fs;
 use std::path::Path;
-use std::process::{Command, Stdio};
-
-/// Reads a state per step, takes the reference by time, and writes the input and the status.
-const DRIVER: &str = r#"
-#include "loop_mpc.h"
-#include <stdio.h>
-static loop_mpc m;
-static int read(double *to, int count)
-{
-    int i;
-    for (i = 0; i < count; i++) {
-        if (scanf("%lf", &to[i]) != 1) {
-            return 0;
-        }
-    }
-    return 1;
-}
-int main(void)
-{
-    double x[LOOP_NX], reference[LOOP_N2 * LOOP_NY], u[LOOP_NU];
-    int k;
-    loop_mpc_init(&m);
-    for (k = 0; read(x, LOOP_NX); k++) {
-        loop_status status;
-        int i;
-        loop_reference(LOOP_SAMPLE_TIME_S * k, reference);
-        status = loop_mpc_step(&m, x, reference, u);
-        for (i = 0; i < LOOP_NU; i++) {
-            printf("%.17g ", u[i]);
-        }
-        printf("%s\n", loop_status_name(status));
-    }
-    return 0;
-}
-"#;
+use std::process::Command;
 
 fn export(arguments: &[&str], dir: &Path) -> Outcome {
     outcome(pinc(&["export", "--to", "c"]).args(arguments).current_dir(dir))
@@ -51,111 +17,32 @@ fn fine(outcome: &Outcome) {
     assert_eq!(outcome.code, Some(0), "{outcome:?}");
 }
 
-/// Compiles all C files of a directory but those that end in one of `without`.
-#[track_caller]
-fn compile(dir: &Path, without: &str) {
-    let names = fs::read_dir(dir).unwrap().map(|entry| entry.unwrap().file_name());
-    let names = names.filter_map(|name| name.into_string().ok());
-    let sources = names.filter(|name| name.ends_with(".c") && !name.ends_with(without));
-    let mut command = Command::new("cc");
-    command.args(["-std=c99", "-O1"]).args(sources).args(["-lm", "-o", "program"]);
-    fine(&outcome(command.current_dir(dir)));
-}
-
-/// What the program in `dir` writes, line by line, for this input.
-fn drive(dir: &Path, input: String) -> Vec<String> {
-    let mut command = Command::new(dir.join("program"));
-    let child = command.stdin(Stdio::piped()).stdout(Stdio::piped()).spawn();
-    let mut child = child.unwrap();
-    let mut stdin = child.stdin.take().unwrap();
-    let writer = std::thread::spawn(move || {
-        std::io::Write::write_all(&mut stdin, input.as_bytes()).unwrap();
-    });
-    let output = child.wait_with_output().unwrap();
-    writer.join().unwrap();
-    String::from_utf8(output.stdout).unwrap().lines().map(str::to_owned).collect()
-}
-
-/// The exported controller is given the states of the loop that `pinc control` ran, and chooses the
-/// same inputs with the same statuses.
+/// The exported controller is given what that of the loop was given, which `pinc control` ran, and
+/// chooses the same inputs with the same statuses and estimates. Returns the number of steps.
 #[track_caller]
 fn assert_same_loop(config: &Path, kind: ModelKind, more: &[&str], model: &[&str]) -> usize {
     let dir = tempfile::tempdir().unwrap();
-    let dir = dir.path();
     let given = [more, model].concat();
-    let closed = Closed::run(dir, config, kind, &given);
-    let mut command = pinc(&["export", "--to", "c", "--name", "loop", "--out", "c", "--only"]);
-    command.arg(kind.name()).arg(config).args(&given).current_dir(dir);
-    fine(&outcome(&mut command));
-    let sources = dir.join("c");
-    fs::write(sources.join("driver.c"), DRIVER).unwrap();
-    compile(&sources, "_selftest.c");
-    let mut input = String::new();
-    for v in closed.states.concat() {
-        let _ = writeln!(input, "{v:?}");
-    }
-    let lines = drive(&sources, input);
-    assert_eq!(lines.len(), closed.steps.len());
-    for (k, (line, step)) in lines.iter().zip(&closed.steps).enumerate() {
-        let (numbers, status) = line.rsplit_once(' ').unwrap();
-        assert_eq!(status, step.status, "step {k}");
-        let found = numbers.split_whitespace().map(|v| v.parse::<f64>().unwrap());
-        // The input that acts `delay` steps later.
-        let Some(inputs) = closed.inputs.get(k + closed.spec.delay_steps) else { continue };
-        for (found, expected) in found.zip(inputs) {
-            assert!((found - expected).abs() < 1e-9, "step {k}: {found} {expected}");
-        }
-    }
-    lines.len()
-}
-
-/// The same of a controller with its estimator, which are given what was measured in the loop:
-/// inputs, statuses and estimates agree.
-#[track_caller]
-fn assert_same_feedback(config: &Path, more: &[&str]) {
-    let dir = tempfile::tempdir().unwrap();
-    let dir = dir.path();
-    let closed = Closed::run(dir, config, ModelKind::RK4, more);
-    let mut command = pinc(&["export", "--to", "c", "--name", "loop", "--out", "c"]);
-    command.args(["--only", "rk4"]).arg(config).args(more).current_dir(dir);
-    fine(&outcome(&mut command));
-    let sources = dir.join("c");
-    let driver = DRIVER
-        .replace("loop_mpc.h", "loop_feedback.h")
-        .replace("loop_mpc", "loop_feedback")
-        .replace("read(x, LOOP_NX)", "read(x, LOOP_NM)")
-        .replace(
-            "printf(\"%s",
-            "for (i = 0; i < LOOP_NZ; i++) { printf(\"%.17g \", \
-                                  m.estimator.z[i]); }\nprintf(\"%s",
-        );
-    fs::write(sources.join("driver.c"), driver).unwrap();
-    compile(&sources, "_selftest.c");
-    let estimates = closed.estimates.as_ref().unwrap();
-    let mut input = String::new();
-    for v in estimates.rows.iter().flat_map(|row| &row.measured) {
-        let _ = writeln!(input, "{v:?}");
-    }
-    let lines = drive(&sources, input);
-    assert_eq!(lines.len(), closed.steps.len());
+    let closed = Closed::run(dir.path(), config, kind, &given);
+    let exported = Exported::of(dir.path(), config, kind, &given, closed.estimates.is_some());
+    let answers = exported.unwrap().answers(&closed.told());
     // A mean of the unscented filter is a difference of near points, times a weight of 1e5.
     let unscented = more.iter().any(|set| set.contains("kind=ukf"));
-    let allowed = if unscented { 1e-6 } else { 1e-8 };
-    for (k, (line, step)) in lines.iter().zip(&closed.steps).enumerate() {
-        let (numbers, status) = line.rsplit_once(' ').unwrap();
-        assert_eq!(status, step.status, "{more:?}: step {k}");
-        let found: Vec<f64> = numbers.split_whitespace().map(|v| v.parse().unwrap()).collect();
-        let (u, z) = found.split_at(2);
-        assert_eq!(z.len(), estimates.names.len());
-        for (found, expected) in z.iter().zip(&estimates.rows[k].estimate) {
+    let allowed = match &closed.estimates {
+        None => 1e-9,
+        Some(_) if unscented => 1e-6,
+        Some(_) => 1e-8,
+    };
+    assert_same(&closed, &answers, allowed);
+    for (k, answer) in answers.iter().enumerate() {
+        assert_eq!(answer.status, closed.steps[k].status, "{more:?}: step {k}");
+        let estimates = closed.estimates.as_ref().map(|table| &table.rows[k].estimate);
+        for (found, expected) in answer.estimate.iter().zip(estimates.into_iter().flatten()) {
             assert!((found - expected).abs() < allowed, "{more:?}: step {k}: {found} {expected}");
         }
-        // The input that acts `delay` steps later.
-        let Some(inputs) = closed.inputs.get(k + closed.spec.delay_steps) else { continue };
-        for (found, expected) in u.iter().zip(inputs) {
-            assert!((found - expected).abs() < allowed, "{more:?}: step {k}: {found} {expected}");
-        }
+        assert_eq!(answer.estimate.len(), estimates.map_or(0, Vec::len));
     }
+    answers.len()
 }
 
 #[test]
@@ -185,7 +72,7 @@ fn loops_with_estimators_in_c_are_those_of_the_program() {
     ] {
         let mut more = vec!["--set", "control.duration_s=900.0"];
         sets.iter().for_each(|set| more.extend(["--set", *set]));
-        assert_same_feedback(&config, &more);
+        assert_same_loop(&config, ModelKind::RK4, &more, &[]);
     }
 }
 

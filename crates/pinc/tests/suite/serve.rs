@@ -2,62 +2,10 @@
 
 use crate::closed::Closed;
 use crate::common::{outcome, pinc, repository};
+use crate::ways::Served;
 use pinc_config::ModelKind;
 use serde_json::{Value, json};
-use std::io::{BufRead, BufReader, Write};
 use std::path::Path;
-use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
-
-/// A server, line by line.
-struct Served {
-    child: Child,
-    input: ChildStdin,
-    output: BufReader<ChildStdout>,
-}
-
-impl Served {
-    fn new(config: &Path, more: &[&str]) -> Self {
-        let mut command = pinc(&["serve", "--only", "rk4"]);
-        command.arg(config).args(more).stdin(Stdio::piped()).stdout(Stdio::piped());
-        let mut child = command.spawn().unwrap();
-        let (input, output) = (child.stdin.take().unwrap(), child.stdout.take().unwrap());
-        Self { child, input, output: BufReader::new(output) }
-    }
-
-    fn ask_bytes(&mut self, line: &[u8]) -> Value {
-        self.input.write_all(line).unwrap();
-        self.input.write_all(b"\n").unwrap();
-        let mut answer = String::new();
-        self.output.read_line(&mut answer).unwrap();
-        serde_json::from_str(&answer).unwrap()
-    }
-
-    fn ask(&mut self, request: &Value) -> Value {
-        self.ask_bytes(request.to_string().as_bytes())
-    }
-
-    /// The input that a request is answered with.
-    #[track_caller]
-    fn input(&mut self, request: &Value) -> f64 {
-        let answer = self.ask(request);
-        answer["u"][0].as_f64().unwrap_or_else(|| panic!("{request}: {answer}"))
-    }
-
-    #[track_caller]
-    fn refuses(&mut self, line: &[u8], part: &str) {
-        let answer = self.ask_bytes(line);
-        let error = answer["error"].as_str().unwrap();
-        assert!(error.contains(part), "{part}: {error}");
-        assert!(answer.get("u").is_none());
-    }
-
-    /// Ends the input; the program ends by itself.
-    fn end(self) {
-        let Self { mut child, input, .. } = self;
-        drop(input);
-        assert!(child.wait().unwrap().success());
-    }
-}
 
 /// Given the states of the loop that `pinc control` ran, it chooses the same inputs; with the
 /// references on the lines and without.

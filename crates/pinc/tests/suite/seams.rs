@@ -1,0 +1,404 @@
+//! The seams between the program's closed loop and the ways in which its controller leaves it: of
+//! every shipped config, and of every key of `[control]`, the served and the exported controller
+//! choose the inputs of the loop, or refuse by name. What was found is `docs/ways-out.md`.
+
+use crate::closed::Closed;
+use crate::common::repository;
+use crate::ways::{Exported, Served, assert_same};
+use pinc_config::{Experiment, ModelKind, ParameterStep, Plants};
+use std::collections::BTreeSet;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+/// So many steps of each loop are taken.
+const STEPS: usize = 12;
+
+/// How far inputs may differ, relative to 1 + |u|.
+const ALLOWED: f64 = 1e-9;
+
+/// The page that says what was found. With PINC_WRITE set it is written.
+const PAGE: &str = "docs/ways-out.md";
+
+/// How generated C stands to a loop.
+#[derive(Clone, Debug, PartialEq)]
+enum InC {
+    /// It chooses the same inputs.
+    Same,
+    /// It is refused, with this message.
+    Refused(String),
+}
+
+/// Runs a loop, asks the served controller for the same inputs, and the exported one.
+#[track_caller]
+fn compare(config: &Path, kind: ModelKind, sets: &[&str]) -> (Closed, InC) {
+    let dir = tempfile::tempdir().unwrap();
+    let closed = Closed::run(dir.path(), config, kind, sets);
+    let told = closed.told();
+    let mut served = Served::of(config, kind, sets);
+    assert_same(&closed, &served.answers(&told, &measured_parameters(&closed)), ALLOWED);
+    served.end();
+    let in_c = match Exported::of(dir.path(), config, kind, sets, closed.estimates.is_some()) {
+        Ok(exported) => {
+            assert_same(&closed, &exported.answers(&told), ALLOWED);
+            InC::Same
+        }
+        Err(refused) => {
+            refused.assert_refused(&[]);
+            InC::Refused(refused.stderr.trim_start_matches("error: ").trim().to_owned())
+        }
+    };
+    (closed, in_c)
+}
+
+/// The values of the parameters that the controller of a loop is told, step by step; none where it
+/// is told none.
+fn measured_parameters(closed: &Closed) -> Vec<Vec<f64>> {
+    let spec = &closed.spec;
+    if spec.measured_parameters.is_empty() {
+        return Vec::new();
+    }
+    let value = |name: &String, t: f64| {
+        let begun = |step: &&ParameterStep| step.start_s <= t + 1e-9;
+        let changed = spec.parameter_schedule.iter().filter(begun);
+        changed.filter_map(|step| step.values.get(name)).next_back().or(spec.parameters.get(name))
+    };
+    let at = |k: usize| {
+        #[expect(clippy::cast_precision_loss, reason = "a dozen steps")]
+        let t = k as f64 * closed.sample_time_s;
+        spec.measured_parameters.iter().map(|name| *value(name, t).unwrap()).collect()
+    };
+    (0..closed.steps.len()).map(at).collect()
+}
+
+/// All files below `dir` that are configs, in order.
+fn configs(dir: &Path, found: &mut Vec<PathBuf>) {
+    let mut entries: Vec<_> = fs::read_dir(dir).unwrap().map(|e| e.unwrap().path()).collect();
+    entries.sort();
+    for path in entries {
+        if path.is_dir() {
+            configs(&path, found);
+        } else if path.extension().is_some_and(|extension| extension == "toml") {
+            found.push(path);
+        }
+    }
+}
+
+/// A row of the page for each shipped config with a loop that has an integrator as a model.
+fn rows_of_configs() -> Vec<String> {
+    let mut all = Vec::new();
+    configs(&repository("configs"), &mut all);
+    let mut rows = Vec::new();
+    for config in all {
+        // A list of configs is none.
+        let Ok(experiment) = Experiment::load(&config, &[], &Plants::built_in()) else { continue };
+        let Some(control) = &experiment.control else { continue };
+        let Some(kind) = control.models.iter().copied().find(|k| k.integrator().is_some()) else {
+            continue;
+        };
+        #[expect(clippy::cast_precision_loss, reason = "a dozen steps")]
+        let duration_s = experiment.sample_time_s().unwrap() * STEPS as f64;
+        let duration = format!("control.duration_s={duration_s:?}");
+        let sets = ["--set", &duration, "--set", "control.max_failed_share=1.0"];
+        let (_, in_c) = compare(&config, kind, &sets);
+        let name = config.strip_prefix(repository("")).unwrap().display().to_string();
+        rows.push(format!("| `{name}` | {} | same | {} |", kind.title(), in_words(&in_c)));
+    }
+    rows
+}
+
+fn in_words(in_c: &InC) -> String {
+    match in_c {
+        InC::Same => "same".to_owned(),
+        InC::Refused(message) => format!("refused: {}", message.replace('|', "\\|")),
+    }
+}
+
+/// A loop in which each key of `[control]` can make a difference.
+const BASE: &str = r#"
+name = "keys"
+preset = "ours"
+seed = 1
+
+[plant.expression]
+states = ["x", "v"]
+inputs = ["u"]
+
+[plant.expression.parameters]
+k = 1.0
+
+[plant.expression.derivatives]
+x = "v"
+v = "k*(1 - x^2)*v - x + u"
+
+[plant.expression.outputs]
+y = "x + 0.2*u"
+
+[domain]
+state_low = [-3.0, -3.0]
+state_high = [3.0, 3.0]
+input_low = [-1.0]
+input_high = [1.0]
+
+[domain.parameters]
+k = [0.5, 1.5]
+
+[control]
+models = ["rk4"]
+step_s = 0.5
+duration_s = 6.0
+initial_state = [0.9, 0.2]
+controlled = ["x"]
+q = [10.0]
+r = [1.0]
+input_low = [-1.0]
+input_high = [1.0]
+references = [
+    { start_s = 0.0, value = [0.0] },
+    { start_s = 2.0, value = [-0.4] },
+    { start_s = 4.0, value = [0.3] },
+]
+repetitions = 1
+max_failed_share = 1.0
+"#;
+
+/// What a key is about.
+#[derive(Clone, Copy, PartialEq)]
+enum About {
+    /// The controller: with it other inputs are chosen than without.
+    Controller,
+    /// The simulated loop around the controller, or what is said of it.
+    Loop,
+    /// How long things take, or a net, which this test does not look at.
+    Unseen,
+}
+
+const ESTIMATOR: [&str; 7] = [
+    "control.measurement={ measured = [\"x\"] }",
+    "control.estimator.kind=ekf",
+    "control.estimator.process_sd=[0.01, 0.01]",
+    "control.estimator.measurement_sd=[0.01]",
+    "control.estimator.initial_estimate=[0.8, 0.0]",
+    "control.estimator.initial_sd=[0.1, 0.1]",
+    "control.estimator.disturbance=none",
+];
+
+const OFFSET: [&str; 3] = [
+    "control.estimator.disturbance=input",
+    "control.estimator.disturbance_sd=[0.1]",
+    "control.estimator.disturbance_initial_sd=[0.3]",
+];
+
+const MHE: [&str; 2] = ["control.estimator.kind=mhe", "control.estimator.window=4"];
+
+/// Every key, with values that differ from the base's, and what it is about. Groups of values that
+/// belong together are named by what follows.
+fn keys() -> Vec<(&'static str, Vec<&'static str>, About)> {
+    use About::{Controller, Loop, Unseen};
+    let with = |more: &[&'static str]| [&ESTIMATOR[..], more].concat();
+    let offset = |more: &[&'static str]| [&ESTIMATOR[..], &OFFSET, more].concat();
+    let mhe = |more: &[&'static str]| [&ESTIMATOR[..], &MHE, more].concat();
+    let of_k = "control.estimator.parameters=[{ name = \"k\", initial = 0.8, initial_sd = 0.2, \
+                drift_sd = 0.01 }]";
+    vec![
+        ("models", vec!["control.models=[\"rk5\"]"], Controller),
+        ("plant", vec!["control.plant.van-der-pol={ mu = 0.6 }"], Unseen),
+        ("measurement.measured", with(&[]), Controller),
+        ("measurement.noise_sd", with(&["control.measurement.noise_sd=[0.05]"]), Loop),
+        ("estimator.kind", with(&["control.estimator.kind=ukf"]), Controller),
+        ("estimator.process_sd", with(&["control.estimator.process_sd=[0.2, 0.01]"]), Controller),
+        ("estimator.measurement_sd", with(&["control.estimator.measurement_sd=[0.1]"]), Controller),
+        (
+            "estimator.initial_estimate",
+            with(&["control.estimator.initial_estimate=[0.7, 0.4]"]),
+            Controller,
+        ),
+        ("estimator.initial_sd", with(&["control.estimator.initial_sd=[0.3, 0.3]"]), Controller),
+        ("estimator.disturbance", offset(&[]), Controller),
+        (
+            "estimator.disturbance_sd",
+            offset(&["control.estimator.disturbance_sd=[0.02]"]),
+            Controller,
+        ),
+        (
+            "estimator.disturbance_initial_sd",
+            offset(&["control.estimator.disturbance_initial_sd=[0.05]"]),
+            Controller,
+        ),
+        ("estimator.parameters", with(&[of_k]), Controller),
+        ("estimator.window", mhe(&["control.estimator.window=2"]), Controller),
+        ("estimator.low", mhe(&["control.estimator.low=[-0.1, -0.1]"]), Controller),
+        ("estimator.high", with(&["control.estimator.high=[0.5, 0.1]"]), Controller),
+        ("estimator.gate", with(&["control.measurement.noise_sd=[2.0]"]), Controller),
+        ("duration_s", vec!["control.duration_s=5.0"], Loop),
+        ("initial_state", vec!["control.initial_state=[0.5, -0.2]"], Loop),
+        ("parameters", vec!["control.parameters={ k = 0.7 }"], Controller),
+        (
+            "measured_parameters",
+            vec!["control.measured_parameters=[\"k\"]", "control.parameters={ k = 0.8 }"],
+            Controller,
+        ),
+        (
+            "parameter_schedule",
+            vec![
+                "control.measured_parameters=[\"k\"]",
+                "control.parameters={ k = 0.8 }",
+                "control.parameter_schedule=[{ start_s = 1.0, values = { k = 1.4 } }]",
+            ],
+            Controller,
+        ),
+        (
+            "plant_schedule",
+            vec!["control.plant_schedule=[{ start_s = 1.0, values = { k = 1.4 } }]"],
+            Loop,
+        ),
+        ("loads", vec!["control.loads=[{ start_s = 0.0, inputs = { u = -0.2 } }]"], Loop),
+        (
+            "initial_input",
+            vec!["control.initial_input=[0.8]", "control.increment_high=[0.3]"],
+            Controller,
+        ),
+        ("controlled", vec!["control.controlled=[\"y\"]"], Controller),
+        ("n1", vec!["control.n1=2"], Controller),
+        ("n2", vec!["control.n2=8"], Controller),
+        ("nu", vec!["control.nu=2"], Controller),
+        ("stages_s", vec!["control.n2=3", "control.stages_s=[0.5, 0.5, 1.0]"], Controller),
+        ("q", vec!["control.q=[3.0]"], Controller),
+        ("r", vec!["control.r=[0.1]"], Controller),
+        ("q_terminal", vec!["control.q_terminal=[100.0]"], Controller),
+        ("weights_profile", vec!["control.weights_profile=\"cumulative\""], Controller),
+        (
+            "input_differences",
+            vec!["control.input_differences=[{ between = [-1, 1], weight = [3.0] }]"],
+            Controller,
+        ),
+        ("state_low", vec!["control.state_low=[-0.2, -0.5]"], Controller),
+        ("state_high", vec!["control.state_high=[2.0, 0.1]"], Controller),
+        (
+            "state_softness",
+            vec![
+                "control.state_low=[-0.2, -0.5]",
+                "control.state_softness={ penalty = [0.5, 0.5] }",
+            ],
+            Controller,
+        ),
+        ("output_low", vec!["control.output_low=[-0.2]"], Controller),
+        ("output_high", vec!["control.output_high=[0.6]"], Controller),
+        (
+            "output_softness",
+            vec!["control.output_low=[-0.2]", "control.output_softness={ penalty = [0.5] }"],
+            Controller,
+        ),
+        ("input_low", vec!["control.input_low=[-0.3]"], Controller),
+        ("input_high", vec!["control.input_high=[0.2]"], Controller),
+        ("increment_low", vec!["control.increment_low=[-0.2]"], Controller),
+        ("increment_high", vec!["control.increment_high=[0.1]"], Controller),
+        ("delay_steps", vec!["control.delay_steps=2"], Controller),
+        ("preview", vec!["control.preview=false"], Controller),
+        ("budget_us", vec!["control.budget_us=1e7"], Unseen),
+        ("outside_domain", vec!["control.outside_domain=\"refuse\""], Unseen),
+        ("max_failed_share", vec!["control.max_failed_share=0.5"], Loop),
+        ("settled_within", vec!["control.settled_within=[0.1]"], Loop),
+        ("rk4_substeps", vec!["control.rk4_substeps=1"], Controller),
+        ("rk5_substeps", vec!["control.models=[\"rk5\"]", "control.rk5_substeps=1"], Controller),
+        (
+            "rosenbrock_substeps",
+            vec!["control.models=[\"rosenbrock\"]", "control.rosenbrock_substeps=1"],
+            Controller,
+        ),
+        ("repetitions", vec!["control.repetitions=2"], Loop),
+        ("plant_tolerance", vec!["control.plant_tolerance=1e-5"], Loop),
+        ("step_s", vec!["control.step_s=0.25"], Controller),
+        ("references", vec!["control.references=[{ start_s = 0.0, value = [0.5] }]"], Controller),
+        ("close_ups_s", vec!["control.close_ups_s=[[0.0, 2.0]]"], Loop),
+        ("sqp.tolerance", vec!["control.sqp.tolerance=1e-2"], Controller),
+        ("sqp.max_iterations", vec!["control.sqp.max_iterations=1"], Controller),
+        ("sqp.real_time", vec!["control.sqp.real_time=true"], Controller),
+        ("sqp.qp", vec!["control.sqp.qp=\"clarabel\""], Unseen),
+    ]
+}
+
+/// The keys that a table of the config may have, as the message of an unknown one lists them.
+fn known(table: &str, sets: &[&str]) -> BTreeSet<String> {
+    let unknown = format!("{table}.nonsense=1");
+    let sets: Vec<_> = sets.iter().chain([&unknown.as_str()]).map(|s| (*s).to_owned()).collect();
+    let refused = Experiment::parse("keys.toml".as_ref(), BASE, &sets, &Plants::built_in());
+    let message = refused.unwrap_err().to_string();
+    let (_, list) = message.split_once("expected one of ").unwrap_or_else(|| panic!("{message}"));
+    let names = list.split([';', '\n']).next().unwrap().split(", ");
+    names.map(|name| name.trim_matches('`').to_owned()).collect()
+}
+
+#[test]
+fn every_key_is_looked_at() {
+    let of = |table: &str, sets: &[&str]| {
+        let inner = table.trim_start_matches("control").trim_start_matches('.');
+        let name = |key: String| if inner.is_empty() { key } else { format!("{inner}.{key}") };
+        known(table, sets).into_iter().map(name).collect::<BTreeSet<_>>()
+    };
+    let mut expected = of("control", &[]);
+    for inner in ["measurement", "estimator", "sqp"] {
+        assert!(expected.remove(inner), "{inner}");
+        expected.extend(of(&format!("control.{inner}"), &ESTIMATOR));
+    }
+    let found: BTreeSet<String> = keys().into_iter().map(|(key, ..)| key.to_owned()).collect();
+    assert_eq!(found, expected);
+}
+
+/// A row of the page for each key.
+fn rows_of_keys() -> Vec<String> {
+    let dir = tempfile::tempdir().unwrap();
+    let config = dir.path().join("keys.toml");
+    fs::write(&config, BASE).unwrap();
+    let kind_of = |sets: &[&str]| {
+        let named =
+            |kind: &ModelKind| sets.iter().any(|set| set.contains(&format!("[\"{kind}\"]")));
+        ModelKind::ALL.into_iter().find(named).unwrap_or(ModelKind::RK4)
+    };
+    let inputs = |sets: &[&str]| {
+        let given: Vec<_> = sets.iter().flat_map(|set| ["--set", set]).collect();
+        let (closed, in_c) = compare(&config, kind_of(sets), &given);
+        (closed.inputs, in_c)
+    };
+    let (plain, _) = inputs(&[]);
+    let (estimated, _) = inputs(&ESTIMATOR);
+    let mut rows = Vec::new();
+    for (key, sets, about) in keys() {
+        if key == "plant" {
+            rows.push(format!("| `{key}` | yes | of the loop | of the loop |"));
+            continue;
+        }
+        let (found, in_c) = inputs(&sets);
+        if about == About::Controller {
+            let before = if sets.starts_with(&ESTIMATOR) && sets.len() > ESTIMATOR.len() {
+                &estimated
+            } else {
+                &plain
+            };
+            assert_ne!(&found, before, "{key} makes no difference");
+        }
+        let ways = match (&in_c, about) {
+            (InC::Same, About::Loop) => ["of the loop"; 2].map(str::to_owned),
+            (in_c, _) => ["yes".to_owned(), in_words(in_c).replace("same", "yes")],
+        };
+        rows.push(format!("| `{key}` | yes | {} | {} |", ways[0], ways[1]));
+    }
+    rows
+}
+
+#[test]
+fn the_page_of_the_ways_out_says_what_is_found() {
+    let page = format!(
+        include_str!("ways-out.md"),
+        keys = rows_of_keys().join("\n"),
+        configs = rows_of_configs().join("\n")
+    );
+    let path = repository(PAGE);
+    if std::env::var_os("PINC_WRITE").is_some() {
+        fs::write(&path, &page).unwrap();
+    }
+    let found = fs::read_to_string(&path).unwrap_or_default();
+    assert!(
+        found == page,
+        "{PAGE} differs: PINC_WRITE=1 cargo test -p pinc --test suite seams\n{page}"
+    );
+}
