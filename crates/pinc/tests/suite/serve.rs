@@ -5,7 +5,7 @@ use crate::common::{outcome, pinc, repository};
 use crate::ways::Served;
 use pinc_config::ModelKind;
 use serde_json::{Value, json};
-use std::path::Path;
+use std::process::Command;
 
 /// Given the states of the loop that `pinc control` ran, it chooses the same inputs; with the
 /// references on the lines and without.
