@@ -71,6 +71,7 @@ const CRATES: [(&str, &[&str]); 22] = [
             "pinc-ode",
             "pinc-record",
             "pinc-report",
+            "pinc-verify",
         ],
     ),
     (

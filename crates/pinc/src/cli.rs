@@ -127,6 +127,34 @@ enum Command {
         #[command(flatten)]
         set: SetArgs,
     },
+    /// Say how wrong one step of a model can be: proven at points, and over the whole domain.
+    Certify {
+        /// Config file (TOML).
+        config: PathBuf,
+        /// Model file (safetensors) of the net that is judged.
+        #[arg(long)]
+        model: Option<PathBuf>,
+        /// Judge an integrator in place of a net.
+        #[arg(long, value_enum)]
+        only: Option<Only>,
+        /// How many random points of the domain are judged: 1000, or 0 with other points.
+        #[arg(long, value_name = "N")]
+        points: Option<usize>,
+        /// Judge the rows of a CSV file too: columns for states and inputs.
+        #[arg(long, value_name = "FILE")]
+        data: Option<PathBuf>,
+        /// Judge the states and inputs of a run's closed loop too.
+        #[arg(long = "run", value_name = "DIR")]
+        of_run: Option<PathBuf>,
+        /// Prove a bound over the whole domain.
+        #[arg(long)]
+        domain: bool,
+        /// The time for that, in s.
+        #[arg(long, value_name = "SECONDS", value_parser = seconds, requires = "domain")]
+        budget_s: Option<f64>,
+        #[command(flatten)]
+        run: RunArgs,
+    },
     /// Export a trained net, or with a config its whole controller, to other programs.
     Export {
         /// Config file (TOML) of the controller; without one the net alone is exported.
@@ -347,6 +375,18 @@ fn execute(cli: &Cli, plants: &Plants) -> Result<ExitCode, RunError> {
             let found =
                 pinc_runs::identify(&experiment, data, &dir, &options, model.as_deref(), only)?;
             show(quiet, &pinc_runs::identification_summary(&found));
+        }
+        Command::Certify { config, model, only, points, data, of_run, domain, budget_s, run } => {
+            let experiment = Experiment::load(config, &run.set.set, plants)?;
+            let dir = run.directory(&format!("{}-certify", experiment.name), false);
+            let arguments = arguments();
+            let options = options(run.resume, quiet, &arguments);
+            let (points, domain, budget_s) = (*points, *domain, *budget_s);
+            let (data, of_run) = (data.clone(), of_run.clone());
+            let what = pinc_runs::Certify { points, data, run: of_run, domain, budget_s };
+            let model = (model.as_deref(), only.map(Only::kind));
+            let found = pinc_runs::certify(&experiment, &dir, &options, model, &what)?;
+            show(quiet, &pinc_runs::certificate_summary(&found));
         }
         Command::Choose { config, within, budget_s, run } => {
             let experiment = Experiment::load(config, &run.set.set, plants)?;
