@@ -57,6 +57,8 @@ pub struct Bracket {
     pub is_complete: bool,
     /// Parts that the domain is cut into.
     pub leaves: usize,
+    /// Those of them whose bounds are within the ratio.
+    pub settled: usize,
     /// Boxes that were enclosed.
     pub boxes: u64,
 }
@@ -250,10 +252,10 @@ impl Search {
     pub fn bracket(&self) -> Bracket {
         let goals = self.goals();
         let mut proven = vec![0.0_f64; goals.len()];
-        let (mut unproven, mut leaves, mut is_complete) = (0.0, 0, true);
+        let (mut unproven, mut leaves, mut settled) = (0.0, 0, 0);
         for leaf in self.leaves() {
             leaves += 1;
-            is_complete &= excess(leaf, &goals) <= 1.0;
+            settled += usize::from(excess(leaf, &goals) <= 1.0);
             let known: Option<Vec<f64>> = leaf.bound.iter().copied().collect();
             match known {
                 Some(known) => {
@@ -267,8 +269,9 @@ impl Search {
             found: self.found.clone(),
             proven,
             unproven_volume: unproven / whole,
-            is_complete,
+            is_complete: settled == leaves,
             leaves,
+            settled,
             boxes: self.boxes,
         }
     }

@@ -1,8 +1,8 @@
 //! The command line.
 
-use crate::choices::{Only, Outside, SweepArgs, To, seconds, share};
+use crate::choices::{CertifyArgs, Only, Outside, RunArgs, SetArgs, SweepArgs, To, seconds, share};
 use crate::summary::summary;
-use clap::{Args, Parser, Subcommand};
+use clap::{Parser, Subcommand};
 use pinc_bench::{BenchOptions, ChooseOptions, Kept, OnSlurm, Shard};
 use pinc_config::{Experiment, Plants, RunList};
 use pinc_record::RunDir;
@@ -131,27 +131,8 @@ enum Command {
     Certify {
         /// Config file (TOML).
         config: PathBuf,
-        /// Model file (safetensors) of the net that is judged.
-        #[arg(long)]
-        model: Option<PathBuf>,
-        /// Judge an integrator in place of a net.
-        #[arg(long, value_enum)]
-        only: Option<Only>,
-        /// How many random points of the domain are judged: 1000, or 0 with other points.
-        #[arg(long, value_name = "N")]
-        points: Option<usize>,
-        /// Judge the rows of a CSV file too: columns for states and inputs.
-        #[arg(long, value_name = "FILE")]
-        data: Option<PathBuf>,
-        /// Judge the states and inputs of a run's closed loop too.
-        #[arg(long = "run", value_name = "DIR")]
-        of_run: Option<PathBuf>,
-        /// Prove a bound over the whole domain.
-        #[arg(long)]
-        domain: bool,
-        /// The time for that, in s.
-        #[arg(long, value_name = "SECONDS", value_parser = seconds, requires = "domain")]
-        budget_s: Option<f64>,
+        #[command(flatten)]
+        what: CertifyArgs,
         #[command(flatten)]
         run: RunArgs,
     },
@@ -264,26 +245,6 @@ enum Command {
     },
 }
 
-#[derive(Debug, Args)]
-struct RunArgs {
-    /// Run directory, by default `runs/` and the experiment's name; with several configs, the
-    /// directory of theirs.
-    #[arg(long, value_name = "DIR")]
-    out: Option<PathBuf>,
-    /// Resume the run in the run directory.
-    #[arg(long)]
-    resume: bool,
-    #[command(flatten)]
-    set: SetArgs,
-}
-
-#[derive(Debug, Args)]
-struct SetArgs {
-    /// Override a value of the config, as training.lambda=0.5 (repeatable).
-    #[arg(long = "set", value_name = "KEY=VALUE")]
-    set: Vec<String>,
-}
-
 /// The whole program `pinc`, with `plants` besides the built-in ones.
 #[must_use]
 pub fn program(plants: &Plants) -> ExitCode {
@@ -376,15 +337,12 @@ fn execute(cli: &Cli, plants: &Plants) -> Result<ExitCode, RunError> {
                 pinc_runs::identify(&experiment, data, &dir, &options, model.as_deref(), only)?;
             show(quiet, &pinc_runs::identification_summary(&found));
         }
-        Command::Certify { config, model, only, points, data, of_run, domain, budget_s, run } => {
+        Command::Certify { config, what, run } => {
             let experiment = Experiment::load(config, &run.set.set, plants)?;
             let dir = run.directory(&format!("{}-certify", experiment.name), false);
             let arguments = arguments();
             let options = options(run.resume, quiet, &arguments);
-            let (points, domain, budget_s) = (*points, *domain, *budget_s);
-            let (data, of_run) = (data.clone(), of_run.clone());
-            let what = pinc_runs::Certify { points, data, run: of_run, domain, budget_s };
-            let model = (model.as_deref(), only.map(Only::kind));
+            let (model, what) = (what.model(), what.what());
             let found = pinc_runs::certify(&experiment, &dir, &options, model, &what)?;
             show(quiet, &pinc_runs::certificate_summary(&found));
         }

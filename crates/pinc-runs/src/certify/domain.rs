@@ -49,7 +49,7 @@ pub(super) fn search(
         search.round(error, threads);
         let bracket = search.bracket();
         stage.set_total(bracket.leaves as u64);
-        stage.advance(bracket.leaves as u64, || progress(subject, &bracket));
+        stage.advance(bracket.settled as u64, || progress(subject, &bracket));
         if written.elapsed() > WRITE_EVERY || options.interrupt.load(Ordering::Relaxed) {
             write(run_dir, &key, &search)?;
             written = Instant::now();
