@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 use toml::{Table, Value};
 
 /// Our crates with the ones of ours that each depends on, from the bottom up.
-const CRATES: [(&str, &[&str]); 21] = [
+const CRATES: [(&str, &[&str]); 22] = [
     ("pinc-ad", &[]),
     ("pinc-qp", &[]),
     ("pinc-chart", &[]),
@@ -24,6 +24,7 @@ const CRATES: [(&str, &[&str]); 21] = [
     ("pinc-identify", &["pinc-estimate", "pinc-ode"]),
     ("pinc-export", &["pinc-estimate", "pinc-expr", "pinc-mpc", "pinc-net", "pinc-ode"]),
     ("pinc-external", &["pinc-ad", "pinc-ode"]),
+    ("pinc-verify", &["pinc-ad", "pinc-expr", "pinc-net", "pinc-ode"]),
     (
         "pinc-config",
         &[
@@ -70,6 +71,7 @@ const CRATES: [(&str, &[&str]); 21] = [
             "pinc-ode",
             "pinc-record",
             "pinc-report",
+            "pinc-verify",
         ],
     ),
     (
@@ -103,6 +105,7 @@ const CRATES: [(&str, &[&str]); 21] = [
             "pinc-record",
             "pinc-report",
             "pinc-runs",
+            "pinc-verify",
         ],
     ),
 ];

@@ -34,6 +34,12 @@ pub mod file {
     pub const RESIDUALS: &str = "residuals.csv";
     /// The config with the plant that was identified.
     pub const IDENTIFIED: &str = "identified.toml";
+    /// What is known of the errors of one step.
+    pub const CERTIFY: &str = "certify.json";
+    /// The errors of one step, point by point.
+    pub const CERTIFY_POINTS: &str = "certify.csv";
+    /// A search for the largest error over a domain, to be resumed.
+    pub const CERTIFY_SEARCH: &str = "certify-search.json";
     /// The report.
     pub const REPORT: &str = "report.html";
     /// The directory of the report's pictures.

@@ -6,11 +6,13 @@
 //! - [`TrialTable`], [`SummaryTable`]: the tables of a sweep; [`SweepDir`]: where its trials are.
 //! - [`work`]: who does what of a sweep.
 //! - [`IdentificationMetrics`], [`ResidualTable`]: what was identified of a plant.
+//! - [`CertificateMetrics`]: what is known of the errors of one step of a model.
 //! - [`Provenance`]: where results come from.
 //! - [`Saved`]: a training to be resumed.
 //!
 //! A table is written and read by the same type, which alone knows the names of its columns.
 
+mod certificate;
 mod checkpoint;
 mod consistency;
 mod csv;
@@ -31,6 +33,7 @@ mod verdict;
 mod violation;
 pub mod work;
 
+pub use certificate::{ByName, CertificateMetrics, DomainCertificate};
 pub use checkpoint::{Saved, load_checkpoint, save_checkpoint};
 pub use csv::{CsvText, number};
 pub use domain_error::{DomainErrorMetrics, DomainFinding, Place, Rk4Errors};

@@ -262,6 +262,14 @@ pub enum RunError {
         /// What is wrong with it.
         source: IdentifyError,
     },
+    /// A step whose error cannot be proven.
+    #[error("{name}: certify: {reason}")]
+    NotProven {
+        /// The experiment.
+        name: String,
+        /// Why not.
+        reason: String,
+    },
     /// A parameter to be identified with a net that does not take it.
     #[error(
         "identify: the net does not take `{parameter}` as an input, but {}; a net of a family \

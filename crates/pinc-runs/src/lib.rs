@@ -2,7 +2,7 @@
 //! and what else the program does with one config.
 //!
 //! - [`run`], [`train`] (or [`train_watched`], which writes no files), [`control`], [`predict`],
-//!   [`estimate`], [`identify`], [`check`], [`compare`], [`rebuild_report`];
+//!   [`estimate`], [`identify`], [`certify`], [`check`], [`compare`], [`rebuild_report`];
 //! - [`export_net`], [`export_controller`], [`export_plant`], [`serve`]: nets and controllers for
 //!   other programs; [`LiveController`] is the controller that is served, step by step;
 //! - [`train_shared`], [`run_trial`]: the parts of which sweeps consist.
@@ -10,6 +10,7 @@
 //! With pinc-bench, which is the program around it, this is the part of the project that writes to
 //! the terminal and reads a clock.
 
+mod certify;
 mod chain;
 mod check;
 mod chosen;
@@ -42,6 +43,7 @@ mod train;
 mod train_watched;
 mod trial;
 
+pub use certify::{Certify, certificate_summary, certify};
 pub use check::{check, check_watched};
 pub use chosen::ModelFile;
 use control::Schedules;

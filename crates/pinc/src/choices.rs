@@ -4,7 +4,8 @@ use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use pinc_bench::{OnSlurm, Shard};
 use pinc_config::{ModelKind, OutsidePolicy};
 use pinc_export::FmiVersion;
-use pinc_runs::Target;
+use pinc_runs::{Certify, Target};
+use std::path::{Path, PathBuf};
 
 /// What to do where a net is evaluated outside its training domain.
 #[derive(Clone, Copy, Debug, clap::ValueEnum)]
@@ -29,6 +30,67 @@ pub(crate) fn model_kind() -> impl TypedValueParser<Value = ModelKind> {
     let choice = |kind: ModelKind| PossibleValue::new(kind.name()).help(kind.title());
     let kind = |name: String| ModelKind::from_name(&name).expect("one of the possible values");
     PossibleValuesParser::new(ModelKind::ALL.map(choice)).map(kind)
+}
+
+/// What `pinc certify` judges.
+#[derive(Debug, clap::Args)]
+pub(crate) struct CertifyArgs {
+    /// Model file (safetensors) of the net that is judged.
+    #[arg(long)]
+    model: Option<PathBuf>,
+    /// Judge an integrator in place of a net.
+    #[arg(long, value_parser = model_kind())]
+    only: Option<ModelKind>,
+    /// How many random points of the domain are judged: 1000, or 0 with other points.
+    #[arg(long, value_name = "N")]
+    points: Option<usize>,
+    /// Judge the rows of a CSV file too: columns for states and inputs.
+    #[arg(long, value_name = "FILE")]
+    data: Option<PathBuf>,
+    /// Judge the states and inputs of a run's closed loop too.
+    #[arg(long = "run", value_name = "DIR")]
+    of_run: Option<PathBuf>,
+    /// Prove a bound over the whole domain.
+    #[arg(long)]
+    domain: bool,
+    /// The time for that, in s.
+    #[arg(long, value_name = "SECONDS", value_parser = seconds, requires = "domain")]
+    budget_s: Option<f64>,
+}
+
+impl CertifyArgs {
+    /// The model file, and the model that is judged.
+    pub(crate) fn model(&self) -> (Option<&Path>, Option<ModelKind>) {
+        (self.model.as_deref(), self.only)
+    }
+
+    pub(crate) fn what(&self) -> Certify {
+        let Self { points, domain, budget_s, .. } = *self;
+        let (data, run) = (self.data.clone(), self.of_run.clone());
+        Certify { points, data, run, domain, budget_s }
+    }
+}
+
+/// Where a command's results go.
+#[derive(Debug, clap::Args)]
+pub(crate) struct RunArgs {
+    /// Run directory, by default `runs/` and the experiment's name; with several configs, the
+    /// directory of theirs.
+    #[arg(long, value_name = "DIR")]
+    pub(crate) out: Option<PathBuf>,
+    /// Resume the run in the run directory.
+    #[arg(long)]
+    pub(crate) resume: bool,
+    #[command(flatten)]
+    pub(crate) set: SetArgs,
+}
+
+/// What a command overrides of its config.
+#[derive(Debug, clap::Args)]
+pub(crate) struct SetArgs {
+    /// Override a value of the config, as training.lambda=0.5 (repeatable).
+    #[arg(long = "set", value_name = "KEY=VALUE")]
+    pub(crate) set: Vec<String>,
 }
 
 /// What runs a sweep in place of this process.

@@ -1,9 +1,11 @@
 //! The command line.
 
-use crate::choices::{Outside, SweepArgs, To, model_kind, seconds, share};
+use crate::choices::{
+    CertifyArgs, Outside, RunArgs, SetArgs, SweepArgs, To, model_kind, seconds, share,
+};
 use crate::printed::{failure, show, usage};
 use crate::summary::summary;
-use clap::{Args, Parser, Subcommand};
+use clap::{Parser, Subcommand};
 use pinc_bench::{BenchOptions, ChooseOptions, Kept, OnSlurm, Shard};
 use pinc_config::{Experiment, ModelKind, Plants, RunList};
 use pinc_record::RunDir;
@@ -132,6 +134,15 @@ enum Command {
         #[command(flatten)]
         set: SetArgs,
     },
+    /// Say how wrong one step of a model can be: proven at points, and over the whole domain.
+    Certify {
+        /// Config file (TOML).
+        config: PathBuf,
+        #[command(flatten)]
+        what: CertifyArgs,
+        #[command(flatten)]
+        run: RunArgs,
+    },
     /// Export a trained net, or with a config its whole controller, to other programs.
     Export {
         /// Config file (TOML) of the controller; without one the net alone is exported.
@@ -241,26 +252,6 @@ enum Command {
     },
 }
 
-#[derive(Debug, Args)]
-struct RunArgs {
-    /// Run directory, by default `runs/` and the experiment's name; with several configs, the
-    /// directory of theirs.
-    #[arg(long, value_name = "DIR")]
-    out: Option<PathBuf>,
-    /// Resume the run in the run directory.
-    #[arg(long)]
-    resume: bool,
-    #[command(flatten)]
-    set: SetArgs,
-}
-
-#[derive(Debug, Args)]
-struct SetArgs {
-    /// Override a value of the config, as training.lambda=0.5 (repeatable).
-    #[arg(long = "set", value_name = "KEY=VALUE")]
-    set: Vec<String>,
-}
-
 /// The whole program `pinc`, with `plants` besides the built-in ones.
 #[must_use]
 pub fn program(plants: &Plants) -> ExitCode {
@@ -349,6 +340,15 @@ fn execute(cli: &Cli, plants: &Plants) -> Result<ExitCode, RunError> {
             let found =
                 pinc_runs::identify(&experiment, data, &dir, &options, model, *only, starts)?;
             show(quiet, &pinc_runs::identification_summary(&found))?;
+        }
+        Command::Certify { config, what, run } => {
+            let experiment = Experiment::load(config, &run.set.set, plants)?;
+            let dir = run.directory(&format!("{}-certify", experiment.name), false);
+            let arguments = arguments();
+            let options = options(run.resume, quiet, &arguments);
+            let (model, what) = (what.model(), what.what());
+            let found = pinc_runs::certify(&experiment, &dir, &options, model, &what)?;
+            show(quiet, &pinc_runs::certificate_summary(&found))?;
         }
         Command::Choose { config, within, budget_s, run } => {
             let experiment = Experiment::load(config, &run.set.set, plants)?;

@@ -33,6 +33,10 @@
     doc = "| [`export`] | nets and controllers as C, FMU, ONNX and CasADi sources | `export` |"
 )]
 #![cfg_attr(
+    feature = "verify",
+    doc = "| [`verify`] | the proven error of one step of a model | `verify` |"
+)]
+#![cfg_attr(
     feature = "experiments",
     doc = "| [`config`], [`runs`], [`record`], [`report`], [`mod@bench`] | experiments from TOML files, their directories and reports, sweeps | `experiments` |"
 )]
@@ -178,6 +182,8 @@ pub use pinc_record as record;
 pub use pinc_report as report;
 #[cfg(feature = "experiments")]
 pub use pinc_runs as runs;
+#[cfg(feature = "verify")]
+pub use pinc_verify as verify;
 
 /// The names that most programs need: `use pinc::prelude::*`.
 pub mod prelude {

@@ -241,11 +241,12 @@ fn a_fit_begins_at_several_points_within_the_bounds() {
     let data = dir.path().join("tank.csv");
     fs::write(&data, tank_csv(80, 1.0)).unwrap();
     let run = |config: &str, more: &[&str]| {
-        let (out, data) = (text(&dir.path().join("out")), text(&data));
+        let (out, data) = (format!("{config}-out"), text(&data));
         let arguments = [&["identify", config, "--data", &data, "--out", &out], more].concat();
         outcome(&mut pinc(&arguments))
     };
-    let starts = || json(&dir.path().join("out"))["starts"].as_array().unwrap().clone();
+    let out = PathBuf::from(format!("{config}-out"));
+    let starts = || json(&out)["starts"].as_array().unwrap().clone();
     let found = run(&config, &[]);
     assert_eq!(found.code, Some(0), "{found:?}");
     assert!(found.stdout.contains("converged from 16 starts: 5 of 5 that"), "{found:?}");
@@ -254,7 +255,7 @@ fn a_fit_begins_at_several_points_within_the_bounds() {
     let costs: Vec<f64> = many.iter().map(|start| start["cost"].as_f64().unwrap()).collect();
     // Up to rounding, where the config's own start comes first.
     assert!(costs[1..].is_sorted() && costs[0] <= (1.0 + 1e-6) * costs[1], "{costs:?}");
-    let best = json(&dir.path().join("out"));
+    let best = json(&out);
     assert_eq!(many[0]["cost"], best["cost"]);
     for name in ["a", "k"] {
         assert_eq!(many[0]["parameters"][name], best["parameters"][name]["value"]);
@@ -265,7 +266,7 @@ fn a_fit_begins_at_several_points_within_the_bounds() {
     let single = run(&config, &["--starts", "1"]);
     assert!(single.stdout.contains("converged from a single start"), "{single:?}");
     assert_eq!(starts().len(), 1);
-    assert_eq!(json(&dir.path().join("out"))["parameters"], best["parameters"]);
+    assert_eq!(json(&out)["parameters"], best["parameters"]);
 
     let unbounded = TANK.replace(", high = 0.2", "");
     fs::write(dir.path().join("unbounded.toml"), unbounded).unwrap();

@@ -5,6 +5,7 @@ mod algebraic;
 mod arrays;
 mod bad_config;
 mod bench;
+mod certify;
 mod check;
 mod choose;
 mod closed;

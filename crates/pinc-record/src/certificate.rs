@@ -1,0 +1,76 @@
+//! `certify.json`: what is known of the errors of one step of a model.
+
+use crate::error::RecordError;
+use crate::files::{file, json, read_json};
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+use std::path::Path;
+
+/// Values of states, inputs and parameters by their names.
+pub type ByName = BTreeMap<String, f64>;
+
+/// What `pinc certify` found, with errors in the states' units.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct CertificateMetrics {
+    /// The experiment's name.
+    pub experiment: String,
+    /// The model.
+    pub model: String,
+    /// Length T of the step in s.
+    pub step_s: f64,
+    /// How many predictions were judged.
+    pub points: usize,
+    /// From what the random ones were drawn.
+    pub seed: u64,
+    /// How many of them have no proven bound for some state.
+    pub unproven_points: usize,
+    /// The median of the proven bounds over the errors; nothing without bounds.
+    pub bound_over_error_median: Option<f64>,
+    /// Statistical upper bounds of quantiles of the absolute error, by the quantile and the state;
+    /// nothing where the random points are too few, or none were drawn.
+    pub quantiles: BTreeMap<String, BTreeMap<String, Option<f64>>>,
+    /// With what probability each of these is at least the quantile.
+    pub confidence: f64,
+    /// Why there are no proofs, where that is so.
+    pub refused: Option<String>,
+    /// What is proven over the whole domain.
+    pub domain: Option<DomainCertificate>,
+}
+
+/// The largest error over a domain, from both sides.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct DomainCertificate {
+    /// Proven bounds, wherever there are any.
+    pub proven: ByName,
+    /// The largest errors found.
+    pub found: ByName,
+    /// Where each was found.
+    pub at: BTreeMap<String, ByName>,
+    /// The share of the domain in which nothing is proven.
+    pub unproven_volume: f64,
+    /// Whether the search is over; if not, more time may bring the bounds down.
+    pub complete: bool,
+    /// Parts that the domain was cut into.
+    pub leaves: usize,
+    /// Boxes that were enclosed.
+    pub boxes: u64,
+    /// The domain: the ends of each variable.
+    pub ends: BTreeMap<String, [f64; 2]>,
+}
+
+impl CertificateMetrics {
+    /// Those in a directory; `None` if there are none.
+    ///
+    /// # Errors
+    ///
+    /// [`RecordError`] if the file cannot be read or is damaged.
+    pub fn read(dir: &Path) -> Result<Option<Self>, RecordError> {
+        read_json(&dir.join(file::CERTIFY))
+    }
+
+    /// The text of the file.
+    #[must_use]
+    pub fn to_json(&self) -> String {
+        json(self)
+    }
+}

@@ -1,0 +1,106 @@
+//! The search over the whole domain: any-time, and resumable.
+
+use super::subject::Subject;
+use crate::invocation::cores;
+use crate::progress::Stage;
+use crate::{Options, RunError};
+use pinc_record::{ByName, DomainCertificate, RunDir, file, read_text};
+use pinc_verify::{Bracket, Search, SearchSettings, StepError};
+use serde::{Deserialize, Serialize};
+use sha2::{Digest, Sha256};
+use std::sync::atomic::Ordering;
+use std::time::{Duration, Instant};
+
+/// Time between two writings of the search.
+const WRITE_EVERY: Duration = Duration::from_secs(10);
+
+/// A search to be resumed.
+#[derive(Serialize, Deserialize)]
+struct Saved {
+    /// Of model, equation and domain.
+    key: String,
+    search: Search,
+}
+
+/// Searches the domain until its bounds are good enough or the time is up; a reason where that is
+/// impossible.
+pub(super) fn search(
+    subject: &Subject,
+    error: &StepError,
+    run_dir: &RunDir,
+    options: &Options<'_>,
+    budget_s: Option<f64>,
+) -> Result<Result<DomainCertificate, String>, RunError> {
+    let clock = Instant::now();
+    let threads = cores();
+    let key: String = Sha256::digest(&subject.key).iter().map(|b| format!("{b:02x}")).collect();
+    let saved = if options.resume { read(run_dir)? } else { None };
+    let mut search = match saved.filter(|saved| saved.key == key) {
+        Some(saved) => saved.search,
+        None => match Search::new(error, &subject.domain, SearchSettings::default(), threads) {
+            Ok(search) => search,
+            Err(reason) => return Ok(Err(reason.to_string())),
+        },
+    };
+    let mut stage = Stage::begin(options.verbosity, "certify", 0);
+    let mut written = Instant::now();
+    let in_time = |clock: &Instant| budget_s.is_none_or(|s| clock.elapsed().as_secs_f64() < s);
+    while !search.is_over() && in_time(&clock) {
+        search.round(error, threads);
+        let bracket = search.bracket();
+        stage.set_total(bracket.leaves as u64);
+        stage.advance(bracket.settled as u64, || progress(subject, &bracket));
+        if written.elapsed() > WRITE_EVERY || options.interrupt.load(Ordering::Relaxed) {
+            write(run_dir, &key, &search)?;
+            written = Instant::now();
+        }
+        options.check_interrupt(run_dir.dir())?;
+    }
+    let bracket = search.bracket();
+    stage.end(&progress(subject, &bracket));
+    write(run_dir, &key, &search)?;
+    Ok(Ok(certificate(subject, &bracket)))
+}
+
+fn read(run_dir: &RunDir) -> Result<Option<Saved>, RunError> {
+    let text = read_text(&run_dir.path(file::CERTIFY_SEARCH))?;
+    // A file that cannot be read is made anew.
+    Ok(text.and_then(|text| serde_json::from_str(&text).ok()))
+}
+
+fn write(run_dir: &RunDir, key: &str, search: &Search) -> Result<(), RunError> {
+    let saved = Saved { key: key.to_owned(), search: search.clone() };
+    Ok(run_dir.write(file::CERTIFY_SEARCH, serde_json::json!(saved).to_string().as_bytes())?)
+}
+
+/// The ratios of proven to found errors.
+fn progress(subject: &Subject, bracket: &Bracket) -> String {
+    let pairs = subject.states.iter().zip(bracket.proven.iter().zip(&bracket.found));
+    let ratios =
+        pairs.map(|(state, (proven, found))| format!("{state} {:.2}", proven / found.error));
+    let ratios: Vec<_> = ratios.collect();
+    format!(
+        "{} boxes, proven over found: {}; unproven volume {:.2} %",
+        bracket.boxes,
+        ratios.join(", "),
+        100.0 * bracket.unproven_volume
+    )
+}
+
+fn certificate(subject: &Subject, bracket: &Bracket) -> DomainCertificate {
+    let variables = subject.variables();
+    let named = |values: &[f64]| -> ByName {
+        variables.iter().cloned().zip(values.iter().copied()).collect()
+    };
+    let states = subject.states.iter().cloned();
+    DomainCertificate {
+        proven: states.clone().zip(bracket.proven.iter().copied()).collect(),
+        found: states.clone().zip(bracket.found.iter().map(|found| found.error)).collect(),
+        at: states.zip(bracket.found.iter().map(|found| named(&found.at))).collect(),
+        unproven_volume: bracket.unproven_volume,
+        complete: bracket.is_complete,
+        leaves: bracket.leaves,
+        boxes: bracket.boxes,
+        ends: variables.iter().cloned().zip(subject.domain.iter().copied()).collect(),
+    }
+}

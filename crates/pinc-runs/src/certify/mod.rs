@@ -1,0 +1,186 @@
+//! `pinc certify`: what is known, and what is proven, of the errors of one step of a model.
+
+mod domain;
+mod points;
+mod quantiles;
+mod subject;
+
+use super::Options;
+use crate::RunError;
+use crate::invocation::{cores, invocation};
+use pinc_config::{Experiment, ModelKind};
+use pinc_record::{
+    CertificateMetrics, CsvText, DomainCertificate, Provenance, RunDir, file, number,
+};
+use points::{Judged, random, read_points};
+use std::fmt::Write as _;
+use std::path::{Path, PathBuf};
+use subject::Subject;
+
+/// What `pinc certify` is to judge.
+#[derive(Clone, Debug)]
+pub struct Certify {
+    /// Random points of the domain; none for a default, which is 0 with other points.
+    pub points: Option<usize>,
+    /// A CSV file whose rows are points.
+    pub data: Option<PathBuf>,
+    /// The directory of a run, whose closed loop gives points.
+    pub run: Option<PathBuf>,
+    /// Whether the whole domain is searched.
+    pub domain: bool,
+    /// The time for that in s; none for as long as it takes.
+    pub budget_s: Option<f64>,
+}
+
+/// Random points if nothing else is asked for.
+const POINTS: usize = 1000;
+
+/// With what probability a statistical bound holds.
+const CONFIDENCE: f64 = 0.99;
+
+/// The quantiles that are bounded.
+const QUANTILES: [(&str, f64); 3] = [("0.5", 0.5), ("0.9", 0.9), ("0.99", 0.99)];
+
+/// Judges one step of the net in the file `model`, or of the integrator `only`, and writes
+/// `certify.csv` and `certify.json` to `dir`.
+///
+/// # Errors
+///
+/// [`RunError`], naming the file, the key or the reason.
+pub fn certify(
+    experiment: &Experiment,
+    dir: &Path,
+    options: &Options<'_>,
+    (model, only): (Option<&Path>, Option<ModelKind>),
+    what: &Certify,
+) -> Result<CertificateMetrics, RunError> {
+    let subject = Subject::of(experiment, model, only)?;
+    let mut run_dir = RunDir::open(dir, experiment, std::process::id())?;
+    let provenance = Provenance::of(experiment, invocation(options.arguments));
+    run_dir.write_provenance(&provenance, options.resume)?;
+    let others = what.data.is_some() || what.run.is_some();
+    let count = what.points.unwrap_or(if others { 0 } else { POINTS });
+    let drawn = random(&subject.domain, count, experiment.seed);
+    let mut all = drawn.clone();
+    for path in what.data.iter().cloned().chain(what.run.iter().map(|run| subject.trace(run))) {
+        all.extend(read_points(&path, &subject.variables())?);
+    }
+    let threads = cores();
+    let judged = subject.judge(&all, threads)?;
+    run_dir.write(file::CERTIFY_POINTS, table(&subject, &all, &judged).as_bytes())?;
+    let mut metrics = metrics(experiment, &subject, &judged, drawn.len());
+    if let (true, Ok(error)) = (what.domain, &subject.error) {
+        match domain::search(&subject, error, &run_dir, options, what.budget_s)? {
+            Ok(found) => metrics.domain = Some(found),
+            Err(reason) => metrics.refused = Some(reason),
+        }
+    }
+    if let (true, true, Some(reason)) = (what.domain, all.is_empty(), &metrics.refused) {
+        let (name, reason) = (experiment.name.clone(), reason.clone());
+        return Err(RunError::NotProven { name, reason });
+    }
+    run_dir.write(file::CERTIFY, metrics.to_json().as_bytes())?;
+    run_dir.update(|_| {})?;
+    Ok(metrics)
+}
+
+/// One row per point: states, inputs and parameters, then error and bound of each state.
+fn table(subject: &Subject, points: &[Vec<f64>], judged: &[Judged]) -> CsvText {
+    let results = subject.states.iter().flat_map(|s| [format!("{s}_err"), format!("{s}_bound")]);
+    let mut table = CsvText::new(subject.variables().into_iter().chain(results));
+    for (point, judged) in points.iter().zip(judged) {
+        let cell = |value: Option<f64>| value.map_or(String::new(), number);
+        let pairs = judged.error.iter().zip(&judged.bound);
+        let results = pairs.flat_map(|(error, bound)| [cell(*error), cell(*bound)]);
+        table.push(point.iter().map(|value| number(*value)).chain(results));
+    }
+    table
+}
+
+fn metrics(
+    experiment: &Experiment,
+    subject: &Subject,
+    judged: &[Judged],
+    drawn: usize,
+) -> CertificateMetrics {
+    let ratios = judged.iter().flat_map(|of| of.error.iter().zip(&of.bound));
+    let mut ratios: Vec<f64> = ratios
+        .filter_map(|(error, bound)| Some(bound.as_ref()? / error.as_ref()?.abs()))
+        .filter(|ratio| ratio.is_finite())
+        .collect();
+    ratios.sort_by(f64::total_cmp);
+    let of_state = |i: usize, quantile: f64| {
+        let errors = judged[..drawn].iter().map(|of| of.largest(i)).collect();
+        quantiles::upper_bound(errors, quantile, CONFIDENCE)
+    };
+    let of_quantile = |(name, quantile): (&str, f64)| {
+        let states = subject.states.iter().enumerate();
+        (name.to_owned(), states.map(|(i, state)| (state.clone(), of_state(i, quantile))).collect())
+    };
+    CertificateMetrics {
+        experiment: experiment.name.clone(),
+        model: subject.kind.name().to_owned(),
+        step_s: subject.sample_time_s,
+        points: judged.len(),
+        seed: experiment.seed,
+        unproven_points: judged.iter().filter(|of| of.bound.contains(&None)).count(),
+        bound_over_error_median: ratios.get(ratios.len() / 2).copied(),
+        quantiles: QUANTILES.map(of_quantile).into_iter().collect(),
+        confidence: CONFIDENCE,
+        refused: subject.error.as_ref().err().cloned(),
+        domain: None,
+    }
+}
+
+/// The results in some lines.
+#[must_use]
+pub fn certificate_summary(found: &CertificateMetrics) -> String {
+    let mut text =
+        format!("{}: one step of {} s of {}", found.experiment, found.step_s, found.model);
+    if let Some(reason) = &found.refused {
+        let _ = write!(text, "\nno proof: {reason}");
+    }
+    if found.points > 0 {
+        let _ =
+            write!(text, "\n{} points, {} without a bound", found.points, found.unproven_points);
+        if let Some(ratio) = found.bound_over_error_median {
+            let _ = write!(text, "; median of bound over error {ratio:.3}");
+        }
+    }
+    for (quantile, states) in &found.quantiles {
+        for (state, bound) in states {
+            if let Some(bound) = bound {
+                let _ = write!(
+                    text,
+                    "\n{state}: {quantile} of all errors are below {bound:.3e}, with {} % confidence \
+                     (statistical)",
+                    100.0 * found.confidence
+                );
+            }
+        }
+    }
+    if let Some(domain) = &found.domain {
+        text.push_str(&domain_summary(domain));
+    }
+    text
+}
+
+fn domain_summary(domain: &DomainCertificate) -> String {
+    let mut text = String::new();
+    for (state, proven) in &domain.proven {
+        let found = domain.found.get(state).copied().unwrap_or(0.0);
+        let _ = write!(
+            text,
+            "\n{state}: proven at most {proven:.3e} over the domain, found {found:.3e} (ratio {:.3})",
+            proven / found
+        );
+    }
+    if domain.unproven_volume > 0.0 {
+        let share = 100.0 * domain.unproven_volume;
+        let _ = write!(text, "\nnothing is proven in {share:.3} % of the domain's volume");
+    }
+    if !domain.complete {
+        text.push_str("\nthe search is not over: --resume continues it");
+    }
+    text
+}

@@ -1,0 +1,154 @@
+//! The model whose step is judged, with the plant that it stands for.
+
+use super::points::Judged;
+use crate::RunError;
+use crate::read_matching_model;
+use pinc_config::{Experiment, ModelKind};
+use pinc_net::{Domain, PincModel, PincNet};
+use pinc_ode::{DynPlant, Integrator, Model, Simulator};
+use pinc_record::file;
+use pinc_verify::{StepError, StepModel};
+use std::path::{Path, PathBuf};
+
+/// Substeps of an integrator of which no config says how many.
+const SUBSTEPS: usize = 4;
+
+/// Local tolerance of the truth where nothing can be enclosed.
+const TOLERANCE: f64 = 1e-10;
+
+/// A model of one step.
+pub(super) struct Subject {
+    pub(super) kind: ModelKind,
+    pub(super) sample_time_s: f64,
+    pub(super) states: Vec<String>,
+    inputs: Vec<String>,
+    parameters: Vec<String>,
+    /// The ends of states, inputs and parameters.
+    pub(super) domain: Vec<[f64; 2]>,
+    /// The step to be enclosed, or why it cannot be.
+    pub(super) error: Result<StepError, String>,
+    /// The content of the model file, and what else the results depend on.
+    pub(super) key: Vec<u8>,
+    plant: Box<dyn DynPlant>,
+    net: Option<PincNet>,
+    substeps: usize,
+}
+
+impl Subject {
+    /// The net in the file `model`, or the integrator `only`.
+    pub(super) fn of(
+        experiment: &Experiment,
+        model: Option<&Path>,
+        only: Option<ModelKind>,
+    ) -> Result<Self, RunError> {
+        let name = || experiment.name.clone();
+        let kind = only.unwrap_or(ModelKind::Pinc);
+        let given = match (kind, model) {
+            (ModelKind::Pinc, None) => {
+                return Err(RunError::NoModelFile { name: name(), command: "certify" });
+            }
+            (ModelKind::Pinc, Some(path)) => Some(read_matching_model(experiment, path)?),
+            (ModelKind::Integrator(method), _) if method.tableau().is_some() => None,
+            (ModelKind::Integrator(_) | ModelKind::BlackBox, _) => {
+                let reason = format!(
+                    "the model `{}` is not enclosed; expected `pinc`, `rk4` or `rk5`",
+                    kind.name()
+                );
+                return Err(RunError::NotProven { name: name(), reason });
+            }
+        };
+        let missing =
+            |section| RunError::MissingSection { name: name(), section, command: "certify" };
+        let (bytes, net) = given.unzip();
+        let domain = net.as_ref().map(PincNet::domain).or(experiment.domain.as_ref());
+        let domain: &Domain = domain.ok_or_else(|| missing("domain"))?;
+        let sample_time_s = net.as_ref().map(PincNet::sample_time_s);
+        let sample_time_s = sample_time_s.or_else(|| experiment.sample_time_s());
+        let sample_time_s = sample_time_s.ok_or_else(|| missing("model"))?;
+        let integrator = kind.integrator();
+        let of_the_loop = experiment.control.as_ref().zip(integrator);
+        let substeps =
+            of_the_loop.map_or(SUBSTEPS, |(control, method)| control.own_substeps(method));
+        let parameters: Vec<String> =
+            domain.parameters.iter().map(|range| range.name.clone()).collect();
+        let varying: Vec<&str> = parameters.iter().map(String::as_str).collect();
+        let variables = experiment.plant.variables();
+        let step = match (&net, integrator.and_then(Integrator::tableau)) {
+            (Some(net), _) => StepModel::Net(net),
+            (None, Some(tableau)) => StepModel::RungeKutta(tableau, substeps),
+            (None, None) => unreachable!("a net is given, or else an explicit method"),
+        };
+        let inputs = variables.input_names();
+        let error = match experiment.plant.equations() {
+            Some(equations) => {
+                let error = StepError::new(&equations, &varying, inputs.len(), step, sample_time_s);
+                error.map_err(|error| error.to_string())
+            }
+            None => Err("the plant is a black box: it has no equation to enclose".to_owned()),
+        };
+        let ends: Vec<[f64; 2]> = domain.ends().map(|(low, high)| [low, high]).collect();
+        let mut key = bytes.unwrap_or_default();
+        key.extend(
+            format!("{kind} {substeps} {sample_time_s} {ends:?} {:?}", experiment.plant).bytes(),
+        );
+        Ok(Self {
+            kind,
+            sample_time_s,
+            states: variables.state_names(),
+            inputs,
+            domain: ends,
+            error,
+            key,
+            plant: experiment.plant.family(&varying),
+            parameters,
+            net,
+            substeps,
+        })
+    }
+
+    /// The names of states, inputs and parameters.
+    pub(super) fn variables(&self) -> Vec<String> {
+        [&self.states[..], &self.inputs, &self.parameters].concat()
+    }
+
+    /// The trace of the closed loop with this model in the directory of a run.
+    pub(super) fn trace(&self, run: &Path) -> PathBuf {
+        let of_several = run.join(file::control(self.kind, 2));
+        if of_several.exists() { of_several } else { run.join(file::control(self.kind, 1)) }
+    }
+
+    /// The errors at points: enclosed, or from an accurate integration where that is not possible.
+    pub(super) fn judge(
+        &self,
+        points: &[Vec<f64>],
+        threads: usize,
+    ) -> Result<Vec<Judged>, RunError> {
+        let Ok(error) = &self.error else { return self.integrated(points) };
+        let known = |value: f64| value.is_finite().then_some(value);
+        let found = error.at_points(points, threads).into_iter().map(|found| Judged {
+            bound: found.bound().into_iter().map(known).collect(),
+            error: found.error.into_iter().map(known).collect(),
+        });
+        Ok(found.collect())
+    }
+
+    fn integrated(&self, points: &[Vec<f64>]) -> Result<Vec<Judged>, RunError> {
+        let mut model: Box<dyn Model> = match (&self.net, self.kind.integrator()) {
+            (Some(net), _) => Box::new(PincModel::new(net)?),
+            (None, Some(method)) => self.plant.model(method, self.sample_time_s, self.substeps),
+            (None, None) => unreachable!("a net is given, or else an explicit method"),
+        };
+        let mut truth = Simulator::new(&*self.plant, TOLERANCE);
+        let judged = points.iter().map(|point| {
+            let (x, rest) = point.split_at(self.states.len());
+            let (u, p) = rest.split_at(self.inputs.len());
+            let (mut next, mut exact) = (x.to_vec(), x.to_vec());
+            model.step(x, u, p, &mut next);
+            truth.set_parameters(p);
+            let solved = truth.integrate(&mut exact, u, self.sample_time_s).is_ok();
+            let error = next.iter().zip(&exact).map(|(y, z)| solved.then_some(y - z));
+            Judged { error: error.collect(), bound: vec![None; x.len()] }
+        });
+        Ok(judged.collect())
+    }
+}

@@ -1,0 +1,34 @@
+//! Typed errors.
+
+use pinc_expr::ExpressionError;
+use pinc_net::NetError;
+use thiserror::Error;
+
+/// Why the error of a step cannot be proven.
+#[derive(Debug, Error)]
+pub enum VerifyError {
+    /// The equations cannot be read as a list of operations.
+    #[error("the plant's equations cannot be enclosed: {0}")]
+    Equations(#[source] ExpressionError),
+    /// The net is no model of one step.
+    #[error("the net cannot be enclosed: {0}")]
+    Net(#[source] NetError),
+    /// There are too many variables.
+    #[error(
+        "{found} variables (states, inputs and parameters together): a proof over boxes is \
+         possible for {MOST} at most",
+        MOST = crate::MOST_VARIABLES
+    )]
+    TooManyVariables {
+        /// How many there are.
+        found: usize,
+    },
+    /// A domain's ends.
+    #[error("the domain has {found} ranges, expected {expected}: states, inputs and parameters")]
+    Domain {
+        /// How many ranges there are.
+        found: usize,
+        /// How many variables there are.
+        expected: usize,
+    },
+}

@@ -1,0 +1,181 @@
+//! Branch and bound over whole domains.
+
+use crate::support::{ends, equations, fresh_net, lattice, net_model, rk4, truth};
+use pinc_expr::PlantEquations;
+use pinc_net::Domain;
+use pinc_ode::{DynRhs, Model, Tableau};
+use pinc_plants::VanDerPol;
+use pinc_verify::{Bracket, Search, SearchSettings, StepError, StepModel, VerifyError};
+
+fn oscillator() -> PlantEquations {
+    PlantEquations::traced(VanDerPol::default())
+}
+
+fn domain() -> Domain {
+    Domain::new([-2.0..=2.0, -3.0..=3.0], [-1.0..=1.0])
+}
+
+fn of(ratio: f64) -> SearchSettings {
+    SearchSettings { ratio, points: 300, ..SearchSettings::default() }
+}
+
+fn search(error: &StepError, ends: &[[f64; 2]], ratio: f64, rounds: usize) -> Search {
+    let mut search = Search::new(error, ends, of(ratio), 2).unwrap();
+    for _ in 0..rounds {
+        if search.is_over() {
+            break;
+        }
+        search.round(error, 2);
+    }
+    search
+}
+
+/// No sampled error is above its leaf's bound, some come close to the bracket, and all is covered.
+fn check_against_truth(
+    search: &Search,
+    bracket: &Bracket,
+    plant: &dyn DynRhs,
+    model: &mut dyn Model,
+    closest: f64,
+) {
+    let mut largest = vec![0.0_f64; bracket.proven.len()];
+    let whole: Vec<[f64; 2]> = search.leaves().fold(Vec::new(), |hull, leaf| {
+        let pairs = hull.iter().zip(&leaf.ends);
+        let wider = |(a, b): (&[f64; 2], &[f64; 2])| [a[0].min(b[0]), a[1].max(b[1])];
+        if hull.is_empty() { leaf.ends.clone() } else { pairs.map(wider).collect() }
+    });
+    for point in lattice(&whole, 1500) {
+        let inside = |ends: &[[f64; 2]]| {
+            ends.iter().zip(&point).all(|([low, high], v)| low <= v && v <= high)
+        };
+        let leaf = search.leaves().find(|leaf| inside(&leaf.ends)).expect("all is covered");
+        for (i, error) in truth(plant, model, &point).into_iter().enumerate() {
+            let bound = leaf.bound[i].unwrap_or(f64::INFINITY);
+            assert!(error.abs() <= bound + 1e-10, "{point:?}: {error} {bound}");
+            largest[i] = largest[i].max(error.abs());
+        }
+    }
+    for (i, found) in bracket.found.iter().enumerate() {
+        assert!(largest[i] <= found.error * (1.0 + 1e-6), "{largest:?} {bracket:?}");
+        assert!(largest[i] >= closest * bracket.proven[i], "{largest:?} {bracket:?}");
+        let at = truth(plant, model, &found.at)[i].abs();
+        assert!((at / found.error - 1.0).abs() < 0.03, "{at} {found:?}");
+    }
+}
+
+#[test]
+fn the_error_of_a_net_is_bracketed() {
+    let net = fresh_net(&domain());
+    let error = StepError::new(&oscillator(), &[], 1, StepModel::Net(&net), 0.3).unwrap();
+    let search = search(&error, &ends(&domain()), 1.1, 40);
+    let bracket = search.bracket();
+    assert!(bracket.is_complete && bracket.unproven_volume == 0.0, "{bracket:?}");
+    for (proven, found) in bracket.proven.iter().zip(&bracket.found) {
+        assert!(*proven >= found.error && *proven <= 1.1 * found.error * (1.0 + 1e-9));
+    }
+    let plant = VanDerPol::default();
+    check_against_truth(&search, &bracket, &plant, &mut net_model(&net), 0.6);
+}
+
+#[test]
+fn the_error_of_runge_kutta_is_bracketed() {
+    let plant = VanDerPol::default();
+    for substeps in [1, 3] {
+        let model = StepModel::RungeKutta(Tableau::CLASSICAL, substeps);
+        let error = StepError::new(&oscillator(), &[], 1, model, 0.3).unwrap();
+        let search = search(&error, &ends(&domain()), 1.2, 60);
+        let bracket = search.bracket();
+        assert!(bracket.is_complete, "{bracket:?}");
+        check_against_truth(&search, &bracket, &plant, &mut rk4(substeps), 0.3);
+    }
+    let five = StepModel::RungeKutta(Tableau::DORMAND_PRINCE, 1);
+    let error = StepError::new(&oscillator(), &[], 1, five, 0.3).unwrap();
+    let narrow = Domain::new([-1.0..=1.0, -1.0..=1.0], [-1.0..=1.0]);
+    let bracket = search(&error, &ends(&narrow), 1.3, 60).bracket();
+    assert!(bracket.is_complete && bracket.found[1].error < 1e-4, "{bracket:?}");
+}
+
+/// A goal below the true maximum is never proven.
+#[test]
+fn a_bound_below_the_largest_error_is_not_proven() {
+    let net = fresh_net(&domain());
+    let error = StepError::new(&oscillator(), &[], 1, StepModel::Net(&net), 0.3).unwrap();
+    let bracket = search(&error, &ends(&domain()), 0.95, 25).bracket();
+    assert!(!bracket.is_complete);
+    for (proven, found) in bracket.proven.iter().zip(&bracket.found) {
+        assert!(*proven >= found.error, "{bracket:?}");
+    }
+}
+
+/// Whatever the number of threads, and whether it was stored meanwhile, a search is the same.
+#[test]
+fn searches_can_be_stored_and_do_not_depend_on_threads() {
+    let net = fresh_net(&domain());
+    let error = StepError::new(&oscillator(), &[], 1, StepModel::Net(&net), 0.3).unwrap();
+    let run = |threads: usize, store: bool| {
+        let mut search = Search::new(&error, &ends(&domain()), of(1.2), threads).unwrap();
+        for _ in 0..8 {
+            search.round(&error, threads);
+            if store {
+                let text = serde_json::to_string(&search).unwrap();
+                search = serde_json::from_str(&text).unwrap();
+            }
+        }
+        serde_json::to_string(&search).unwrap()
+    };
+    let one = run(1, false);
+    assert!(run(3, false) == one && run(2, true) == one);
+}
+
+/// Where the equation is not smooth nothing is proven, and the rest is.
+#[test]
+fn what_is_not_smooth_is_unproven() {
+    let tank = equations(&[("h", "u - sqrt(h)")]);
+    let model = StepModel::RungeKutta(Tableau::CLASSICAL, 1);
+    let error = StepError::new(&tank, &[], 1, model, 0.5).unwrap();
+    let bracket = search(&error, &[[0.0, 4.0], [0.0, 1.0]], 1.5, 12).bracket();
+    assert!((0.001..0.2).contains(&bracket.unproven_volume), "{bracket:?}");
+    let bracket = search(&error, &[[1.0, 4.0], [0.0, 1.0]], 1.5, 30).bracket();
+    assert!(bracket.is_complete && bracket.unproven_volume == 0.0, "{bracket:?}");
+    // A kink at x = 1/2 through the domain.
+    let kink = equations(&[("x", "u - max(x, 0.5)")]);
+    let error = StepError::new(&kink, &[], 1, model, 0.5).unwrap();
+    let bracket = search(&error, &[[0.0, 1.0], [0.0, 0.2]], 1.5, 12).bracket();
+    assert!(bracket.unproven_volume > 0.001 && !bracket.is_complete, "{bracket:?}");
+}
+
+/// Parameters of a family are variables as the others.
+#[test]
+fn parameters_are_variables_too() {
+    let model = StepModel::RungeKutta(Tableau::CLASSICAL, 1);
+    let error = StepError::new(&oscillator(), &["mu"], 1, model, 0.3).unwrap();
+    let domain = [[-1.0, 1.0], [-1.0, 1.0], [0.0, 0.1], [0.5, 2.0]];
+    let bracket = search(&error, &domain, 1.3, 40).bracket();
+    assert!(bracket.is_complete, "{bracket:?}");
+    // The largest error is that of the largest mu.
+    assert!(bracket.found[1].at[3] > 1.9, "{bracket:?}");
+    let stronger = PlantEquations::traced(VanDerPol { mu: 2.0 });
+    let error = StepError::new(&stronger, &[], 1, model, 0.3).unwrap();
+    let alone = search(&error, &domain[..3], 1.3, 40).bracket();
+    assert!((alone.found[1].error / bracket.found[1].error - 1.0).abs() < 0.1);
+}
+
+#[test]
+fn what_cannot_be_searched_is_said() {
+    let wide = equations(&[
+        ("a", "b"),
+        ("b", "c"),
+        ("c", "d"),
+        ("d", "e"),
+        ("e", "f"),
+        ("f", "g"),
+        ("g", "u"),
+    ]);
+    let model = StepModel::RungeKutta(Tableau::CLASSICAL, 1);
+    let error = StepError::new(&wide, &[], 1, model, 0.5).unwrap();
+    let found = Search::new(&error, &[[0.0, 1.0]; 8], of(1.1), 1).unwrap_err();
+    assert!(matches!(found, VerifyError::TooManyVariables { found: 8 }), "{found}");
+    let error = StepError::new(&oscillator(), &[], 1, model, 0.5).unwrap();
+    let found = Search::new(&error, &[[0.0, 1.0]; 2], of(1.1), 1).unwrap_err();
+    assert!(matches!(found, VerifyError::Domain { found: 2, expected: 3 }), "{found}");
+}

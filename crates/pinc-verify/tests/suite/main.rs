@@ -1,0 +1,5 @@
+//! Brackets of the errors of nets and integrators against sampled truths.
+
+mod brackets;
+mod points;
+mod support;
