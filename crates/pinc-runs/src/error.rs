@@ -227,7 +227,7 @@ pub enum RunError {
     },
     /// A command for controllers whose parameters do not change.
     #[error(
-        "{name}: `{command}` does not take {key} along: remove the key, and \
+        "{name}: `{command}` does not support {key}: remove the key, and \
         set the values of now in control.parameters"
     )]
     WithSchedule {

@@ -4,6 +4,7 @@ use crate::common::{outcome, pinc};
 use pinc_config::Plants;
 use pinc_config::{ControlSpec, Experiment, ModelKind};
 use pinc_record::{ControlReader, ControlRow, EstimateTable, StepRow, file, read_fixed_table};
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 /// Points of a dense trace per control step.
@@ -17,6 +18,8 @@ pub(crate) struct Closed {
     /// What an estimator was told and made of it, if there is one.
     pub(crate) estimates: Option<EstimateTable>,
     pub(crate) spec: ControlSpec,
+    /// The parameters of the plant in the loop, at first.
+    pub(crate) parameters: BTreeMap<String, f64>,
     pub(crate) sample_time_s: f64,
 }
 
@@ -44,6 +47,7 @@ impl Closed {
             states: rows().map(|row| row.state.clone()).collect(),
             inputs: rows().map(|row| row.input.clone()).collect(),
             estimates: EstimateTable::read(&path(file::estimates(kind, 1).into())).unwrap(),
+            parameters: experiment.plant_in_the_loop().parameters(),
             sample_time_s: experiment.sample_time_s().unwrap(),
             steps,
             spec,

@@ -33,7 +33,7 @@ fn assert_same_loop(config: &Path, kind: ModelKind, more: &[&str], model: &[&str
         Some(_) if unscented => 1e-6,
         Some(_) => 1e-8,
     };
-    assert_same(&closed, &answers, allowed);
+    assert_same(&format!("{more:?}"), &closed, &answers, allowed);
     for (k, answer) in answers.iter().enumerate() {
         assert_eq!(answer.status, closed.steps[k].status, "{more:?}: step {k}");
         let estimates = closed.estimates.as_ref().map(|table| &table.rows[k].estimate);

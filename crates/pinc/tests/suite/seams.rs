@@ -3,7 +3,7 @@
 //! choose the inputs of the loop, or refuse by name. What was found is `docs/ways-out.md`.
 
 use crate::closed::Closed;
-use crate::common::repository;
+use crate::common::{Outcome, repository};
 use crate::ways::{Exported, Served, assert_same};
 use pinc_config::{Experiment, ModelKind, ParameterStep, Plants};
 use std::collections::BTreeSet;
@@ -16,38 +16,58 @@ const STEPS: usize = 12;
 /// How far inputs may differ, relative to 1 + |u|.
 const ALLOWED: f64 = 1e-9;
 
-/// The page that says what was found. With PINC_WRITE set it is written.
+/// The page that says what was found. With `PINC_WRITE` set it is written.
 const PAGE: &str = "docs/ways-out.md";
 
-/// How generated C stands to a loop.
+/// What a way out does with the controller of a loop.
 #[derive(Clone, Debug, PartialEq)]
-enum InC {
+enum Found {
     /// It chooses the same inputs.
     Same,
-    /// It is refused, with this message.
+    /// It refuses, with this message.
     Refused(String),
+}
+
+impl Found {
+    #[track_caller]
+    fn refused(outcome: &Outcome) -> Self {
+        outcome.assert_refused(&[]);
+        Self::Refused(outcome.stderr.trim_start_matches("error: ").trim().to_owned())
+    }
+
+    fn in_words(&self, same: &str) -> String {
+        match self {
+            Self::Same => same.to_owned(),
+            Self::Refused(message) => format!("refused: {}", message.replace('|', "\\|")),
+        }
+    }
 }
 
 /// Runs a loop, asks the served controller for the same inputs, and the exported one.
 #[track_caller]
-fn compare(config: &Path, kind: ModelKind, sets: &[&str]) -> (Closed, InC) {
+fn compare(config: &Path, kind: ModelKind, sets: &[&str]) -> (Closed, [Found; 2]) {
     let dir = tempfile::tempdir().unwrap();
     let closed = Closed::run(dir.path(), config, kind, sets);
     let told = closed.told();
-    let mut served = Served::of(config, kind, sets);
-    assert_same(&closed, &served.answers(&told, &measured_parameters(&closed)), ALLOWED);
-    served.end();
-    let in_c = match Exported::of(dir.path(), config, kind, sets, closed.estimates.is_some()) {
-        Ok(exported) => {
-            assert_same(&closed, &exported.answers(&told), ALLOWED);
-            InC::Same
-        }
-        Err(refused) => {
-            refused.assert_refused(&[]);
-            InC::Refused(refused.stderr.trim_start_matches("error: ").trim().to_owned())
+    let way = |name: &str| format!("{name}, {}, {sets:?}", config.display());
+    let served = match Served::refusal(config, kind, sets) {
+        Some(refused) => Found::refused(&refused),
+        None => {
+            let mut served = Served::of(config, kind, sets);
+            let answers = served.answers(&told, &measured_parameters(&closed));
+            assert_same(&way("served"), &closed, &answers, ALLOWED);
+            served.end();
+            Found::Same
         }
     };
-    (closed, in_c)
+    let in_c = match Exported::of(dir.path(), config, kind, sets, closed.estimates.is_some()) {
+        Ok(exported) => {
+            assert_same(&way("in C"), &closed, &exported.answers(&told), ALLOWED);
+            Found::Same
+        }
+        Err(refused) => Found::refused(&refused),
+    };
+    (closed, [served, in_c])
 }
 
 /// The values of the parameters that the controller of a loop is told, step by step; none where it
@@ -59,8 +79,8 @@ fn measured_parameters(closed: &Closed) -> Vec<Vec<f64>> {
     }
     let value = |name: &String, t: f64| {
         let begun = |step: &&ParameterStep| step.start_s <= t + 1e-9;
-        let changed = spec.parameter_schedule.iter().filter(begun);
-        changed.filter_map(|step| step.values.get(name)).next_back().or(spec.parameters.get(name))
+        let changed = spec.plant_schedule.iter().filter(begun);
+        changed.filter_map(|step| step.values.get(name)).next_back().or(closed.parameters.get(name))
     };
     let at = |k: usize| {
         #[expect(clippy::cast_precision_loss, reason = "a dozen steps")]
@@ -98,19 +118,26 @@ fn rows_of_configs() -> Vec<String> {
         #[expect(clippy::cast_precision_loss, reason = "a dozen steps")]
         let duration_s = experiment.sample_time_s().unwrap() * STEPS as f64;
         let duration = format!("control.duration_s={duration_s:?}");
-        let sets = ["--set", &duration, "--set", "control.max_failed_share=1.0"];
-        let (_, in_c) = compare(&config, kind, &sets);
+        // What would begin later is refused.
+        let schedules = [
+            ("plant_schedule", control.plant_schedule.iter().map(|of| of.start_s).collect()),
+            (
+                "parameter_schedule",
+                control.parameter_schedule.iter().map(|of| of.start_s).collect(),
+            ),
+            ("loads", control.loads.iter().map(|of| of.start_s).collect::<Vec<_>>()),
+        ];
+        let later = schedules.iter().filter(|(_, starts)| starts.iter().any(|s| *s >= duration_s));
+        let later: Vec<_> = later.map(|(key, _)| format!("control.{key}=[]")).collect();
+        let shorter = [&duration, "control.max_failed_share=1.0", "control.close_ups_s=[]"];
+        let shorter = shorter.into_iter().chain(later.iter().map(String::as_str));
+        let sets: Vec<_> = shorter.flat_map(|set| ["--set", set]).collect();
+        let (_, ways) = compare(&config, kind, &sets);
+        let [served, in_c] = ways.map(|found| found.in_words("same"));
         let name = config.strip_prefix(repository("")).unwrap().display().to_string();
-        rows.push(format!("| `{name}` | {} | same | {} |", kind.title(), in_words(&in_c)));
+        rows.push(format!("| `{name}` | {} | {served} | {in_c} |", kind.title()));
     }
     rows
-}
-
-fn in_words(in_c: &InC) -> String {
-    match in_c {
-        InC::Same => "same".to_owned(),
-        InC::Refused(message) => format!("refused: {}", message.replace('|', "\\|")),
-    }
 }
 
 /// A loop in which each key of `[control]` can make a difference.
@@ -234,13 +261,15 @@ fn keys() -> Vec<(&'static str, Vec<&'static str>, About)> {
         ("parameters", vec!["control.parameters={ k = 0.7 }"], Controller),
         (
             "measured_parameters",
-            vec!["control.measured_parameters=[\"k\"]", "control.parameters={ k = 0.8 }"],
+            vec![
+                "control.measured_parameters=[\"k\"]",
+                "control.plant_schedule=[{ start_s = 1.0, values = { k = 1.4 } }]",
+            ],
             Controller,
         ),
         (
             "parameter_schedule",
             vec![
-                "control.measured_parameters=[\"k\"]",
                 "control.parameters={ k = 0.8 }",
                 "control.parameter_schedule=[{ start_s = 1.0, values = { k = 1.4 } }]",
             ],
@@ -261,7 +290,11 @@ fn keys() -> Vec<(&'static str, Vec<&'static str>, About)> {
         ("n1", vec!["control.n1=2"], Controller),
         ("n2", vec!["control.n2=8"], Controller),
         ("nu", vec!["control.nu=2"], Controller),
-        ("stages_s", vec!["control.n2=3", "control.stages_s=[0.5, 0.5, 1.0]"], Controller),
+        (
+            "stages_s",
+            vec!["control.n2=3", "control.nu=3", "control.stages_s=[0.5, 0.5, 1.0]"],
+            Controller,
+        ),
         ("q", vec!["control.q=[3.0]"], Controller),
         ("r", vec!["control.r=[0.1]"], Controller),
         ("q_terminal", vec!["control.q_terminal=[100.0]"], Controller),
@@ -356,8 +389,8 @@ fn rows_of_keys() -> Vec<String> {
     };
     let inputs = |sets: &[&str]| {
         let given: Vec<_> = sets.iter().flat_map(|set| ["--set", set]).collect();
-        let (closed, in_c) = compare(&config, kind_of(sets), &given);
-        (closed.inputs, in_c)
+        let (closed, ways) = compare(&config, kind_of(sets), &given);
+        (closed.inputs, ways)
     };
     let (plain, _) = inputs(&[]);
     let (estimated, _) = inputs(&ESTIMATOR);
@@ -367,7 +400,7 @@ fn rows_of_keys() -> Vec<String> {
             rows.push(format!("| `{key}` | yes | of the loop | of the loop |"));
             continue;
         }
-        let (found, in_c) = inputs(&sets);
+        let (found, ways) = inputs(&sets);
         if about == About::Controller {
             let before = if sets.starts_with(&ESTIMATOR) && sets.len() > ESTIMATOR.len() {
                 &estimated
@@ -376,11 +409,9 @@ fn rows_of_keys() -> Vec<String> {
             };
             assert_ne!(&found, before, "{key} makes no difference");
         }
-        let ways = match (&in_c, about) {
-            (InC::Same, About::Loop) => ["of the loop"; 2].map(str::to_owned),
-            (in_c, _) => ["yes".to_owned(), in_words(in_c).replace("same", "yes")],
-        };
-        rows.push(format!("| `{key}` | yes | {} | {} |", ways[0], ways[1]));
+        let same = if about == About::Loop { "of the loop" } else { "yes" };
+        let [served, in_c] = ways.map(|found| found.in_words(same));
+        rows.push(format!("| `{key}` | yes | {served} | {in_c} |"));
     }
     rows
 }

@@ -140,17 +140,17 @@ impl Exported {
     }
 }
 
-/// Checks that the answers are the inputs of the loop, to `allowed` of 1 + |u|.
+/// Checks that the answers of `way` are the inputs of the loop, to `allowed` of 1 + |u|.
 #[track_caller]
-pub(crate) fn assert_same(closed: &Closed, answers: &[Answer], allowed: f64) {
-    assert_eq!(answers.len(), closed.steps.len());
+pub(crate) fn assert_same(way: &str, closed: &Closed, answers: &[Answer], allowed: f64) {
+    assert_eq!(answers.len(), closed.steps.len(), "{way}");
     for (k, answer) in answers.iter().enumerate() {
         // The input that acts `delay` steps later.
         let Some(inputs) = closed.inputs.get(k + closed.spec.delay_steps) else { continue };
         assert_eq!(answer.u.len(), inputs.len());
         for (found, expected) in answer.u.iter().zip(inputs) {
             let off = (found - expected).abs() / (1.0 + expected.abs());
-            assert!(off < allowed, "step {k}: {found} {expected}");
+            assert!(off < allowed, "{way}, step {k}: {found} {expected}");
         }
     }
 }
@@ -165,6 +165,13 @@ pub(crate) struct Served {
 impl Served {
     pub(crate) fn new(config: &Path, more: &[&str]) -> Self {
         Self::of(config, ModelKind::RK4, more)
+    }
+
+    /// What the program says if it does not serve the controller of `config`.
+    pub(crate) fn refusal(config: &Path, kind: ModelKind, more: &[&str]) -> Option<Outcome> {
+        let mut command = pinc(&["serve", "--only", kind.name()]);
+        let ended = outcome(command.arg(config).args(more).stdin(Stdio::null()));
+        (ended.code != Some(0)).then_some(ended)
     }
 
     /// The controller of `config` with one of its models.
