@@ -414,7 +414,8 @@ def check_whole_loops():
         pinc("control", TOP / config, *own, "--out", out)
         for version, flags in (("2.0", []), ("3.0", ["--fmi3"])):
             folder = out / f"fmi-{version}"
-            pinc("export", TOP / config, *own, "--to", "fmu", *flags, "--name", "ctl", "--out", folder)
+            flags = ["--to", "fmu", *flags, "--name", "ctl", "--out", folder]
+            pinc("export", TOP / config, *own, *flags)
             check_validity(folder / "ctl.fmu")
             worst = whole_loop(Slave(folder / "ctl.fmu"), out)
             report(f"FMU of FMI {version}, {what}, the whole loop", worst, 1e-9)
@@ -422,11 +423,10 @@ def check_whole_loops():
 
 def whole_loop(slave, out):
     """The largest difference of an input, relative to 1 + |u|, from the loop in `out`."""
-    text = (out / "config.toml").read_text()
-    spec = tomllib.loads(text)["control"]
+    spec = tomllib.loads((out / "config.toml").read_text())["control"]
     trace, statuses = read(out / "control.csv"), read(out / "steps.csv")["status"]
     steps = len(statuses)
-    # The trace begins with t, the states and the inputs; a row of it has the reference that led there.
+    # The trace begins with t, the states and the inputs. A row has the reference that led there.
     columns = list(trace)
     references = numbers(trace, *(f"{name}_ref" for name in spec["controlled"]))[1::POINTS]
     nx, nu = len(spec["initial_state"]), len(spec["input_low"])
@@ -436,8 +436,7 @@ def whole_loop(slave, out):
         measured = numbers(estimates, *(key for key in estimates if key.startswith("y_")))
     else:
         name, measured = "x", numbers(trace, *columns[1 : 1 + nx])[: POINTS * steps : POINTS]
-    delay, step_s = spec.get("delay_steps", 0), tomllib.loads(text).get("model", spec)
-    step_s = step_s.get("horizon_s") or step_s["step_s"]
+    delay, step_s = spec.get("delay_steps", 0), float(trace["t"][POINTS])
     slave.begin()
     worst = 0.0
     for k, status in enumerate(statuses):

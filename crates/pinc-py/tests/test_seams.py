@@ -32,7 +32,8 @@ def sections(path: Path) -> dict[str, Any]:
     return content
 
 
-SHIPPED = {str(path.relative_to(CONFIGS)): sections(path) for path in sorted(CONFIGS.rglob("*.toml"))}
+PATHS = sorted(CONFIGS.rglob("*.toml"))
+SHIPPED = {str(path.relative_to(CONFIGS)): sections(path) for path in PATHS}
 LOOPS = [name for name, content in SHIPPED.items() if "control" in content]
 
 
@@ -69,7 +70,8 @@ class Loop:
         }
         self.delay: int = {**control, **changes}.get("delay_steps", 0)
         self.has_estimator = "estimator" in control
-        self.overrides = {f"control.{key}": value for key, value in {**shortened, **changes}.items()}
+        changed = {**shortened, **changes}
+        self.overrides = {f"control.{key}": value for key, value in changed.items()}
         kept = {key: content[key] for key in OF_LOOPS if key in content}
         kept["control"] = {"step_s": self.step_s, **control}
         self.alone = {**kept, **self.overrides}
@@ -104,8 +106,8 @@ def largest_difference(
         step = controller.step(y, parameters=parameters[k] if parameters else None)
         assert step.status == steps["status"][k]
         if k + loop.delay < STEPS:
-            difference = np.abs(step.u - acted[k + loop.delay]) / (1.0 + np.abs(acted[k + loop.delay]))
-            worst = max(worst, float(difference.max()))
+            u = acted[k + loop.delay]
+            worst = max(worst, float((np.abs(step.u - u) / (1.0 + np.abs(u))).max()))
     return worst
 
 
