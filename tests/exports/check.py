@@ -22,6 +22,7 @@ import onnx
 import onnxruntime
 from do_mpc.sysid import ONNXConversion
 from fmpy.fmi2 import FMU2Slave
+from fmpy.fmi3 import FMU3Slave
 
 PINC, WORK = Path(sys.argv[1]).resolve(), Path(sys.argv[2]).resolve()
 TOP = Path(__file__).resolve().parents[2]
@@ -216,30 +217,45 @@ def check_do_mpc(model):
 
 
 class Slave:
-    """An FMU, opened."""
+    """An FMU of FMI 2.0 or 3.0, opened."""
 
     def __init__(self, path):
         self.directory = fmpy.extract(str(path))
         description = fmpy.read_model_description(str(path))
         self.vr = {v.name: v.valueReference for v in description.modelVariables}
-        self.fmu = FMU2Slave(
+        self.is_two = description.fmiVersion == "2.0"
+        self.fmu = (FMU2Slave if self.is_two else FMU3Slave)(
             guid=description.guid,
             unzipDirectory=self.directory,
             modelIdentifier=description.coSimulation.modelIdentifier,
             instanceName="slave",
         )
         self.fmu.instantiate()
-        self.fmu.setupExperiment(startTime=0.0)
+        if self.is_two:
+            self.fmu.setupExperiment(startTime=0.0)
 
     def begin(self):
         self.fmu.enterInitializationMode()
         self.fmu.exitInitializationMode()
 
+    def elements(self, name, count):
+        """The value references of an array's elements in FMI 2.0."""
+        return [self.vr[f"{name}[{i + 1}]"] for i in range(count)]
+
     def set(self, name, values):
-        self.fmu.setReal([self.vr[f"{name}[{i + 1}]"] for i in range(len(values))], list(values))
+        if self.is_two:
+            self.fmu.setReal(self.elements(name, len(values)), list(values))
+        else:
+            self.fmu.setFloat64([self.vr[name]], list(values))
 
     def get(self, name, count):
-        return self.fmu.getReal([self.vr[f"{name}[{i + 1}]"] for i in range(count)])
+        if self.is_two:
+            return self.fmu.getReal(self.elements(name, count))
+        return self.fmu.getFloat64([self.vr[name]], nValues=count)
+
+    def status(self):
+        get = self.fmu.getInteger if self.is_two else self.fmu.getInt32
+        return get([self.vr["status"]])[0]
 
     def close(self):
         self.fmu.terminate()
@@ -378,6 +394,65 @@ def check_loop_of_fmus(model):
     report("FMUs of plant and controller, inputs", worst_u, 1e-7)
 
 
+# Loops without preview, as an FMU has none: a config, and what is changed of it.
+WHOLE_LOOPS = {
+    "oscillator": ("configs/van-der-pol/control.toml", []),
+    "tanks, estimated": ("configs/estimation/tanks.toml", []),
+    "hover": ("tests/exports/hover.toml", []),
+    "hover, delayed": ("tests/exports/hover.toml", ["control.delay_steps=2"]),
+}
+
+
+def check_whole_loops():
+    """Controllers with RK4, of FMI 2.0 and 3.0, given what the controller in the loop of `pinc
+    control` was given: all of its inputs, from the first step on."""
+    for what, (config, changes) in WHOLE_LOOPS.items():
+        own = ["--only", "rk4"]
+        for change in ["control.preview=false", "control.repetitions=1", *changes]:
+            own += ["--set", change]
+        out = WORK / "whole" / what.replace(", ", "-")
+        pinc("control", TOP / config, *own, "--out", out)
+        for version, flags in (("2.0", []), ("3.0", ["--fmi3"])):
+            folder = out / f"fmi-{version}"
+            flags = ["--to", "fmu", *flags, "--name", "ctl", "--out", folder]
+            pinc("export", TOP / config, *own, *flags)
+            check_validity(folder / "ctl.fmu")
+            worst = whole_loop(Slave(folder / "ctl.fmu"), out)
+            report(f"FMU of FMI {version}, {what}, the whole loop", worst, 1e-9)
+
+
+def whole_loop(slave, out):
+    """The largest difference of an input, relative to 1 + |u|, from the loop in `out`."""
+    spec = tomllib.loads((out / "config.toml").read_text())["control"]
+    trace, statuses = read(out / "control.csv"), read(out / "steps.csv")["status"]
+    steps = len(statuses)
+    # The trace begins with t, the states and the inputs. A row has the reference that led there.
+    columns = list(trace)
+    references = numbers(trace, *(f"{name}_ref" for name in spec["controlled"]))[1::POINTS]
+    nx, nu = len(spec["initial_state"]), len(spec["input_low"])
+    acted = numbers(trace, *columns[1 + nx : 1 + nx + nu])[: POINTS * steps : POINTS]
+    if "estimator" in spec:
+        name, estimates = "y", read(out / "estimates.csv")
+        measured = numbers(estimates, *(key for key in estimates if key.startswith("y_")))
+    else:
+        name, measured = "x", numbers(trace, *columns[1 : 1 + nx])[: POINTS * steps : POINTS]
+    delay, step_s = spec.get("delay_steps", 0), float(trace["t"][POINTS])
+    slave.begin()
+    worst = 0.0
+    for k, status in enumerate(statuses):
+        slave.set(name, measured[k])
+        slave.set("reference", references[k])
+        u = np.array(slave.get("u", nu))
+        if k + delay < steps:
+            worst = max(worst, (np.abs(u - acted[k + delay]) / (1 + np.abs(u))).max())
+        if (slave.status() == 0) != (status == "converged"):
+            print(f"step {k}: status {slave.status()}, of `pinc control` {status}")
+            worst = np.inf
+        slave.fmu.doStep(k * step_s, step_s)
+    slave.close()
+    return worst
+
+
 class Server:
     """`pinc serve`, a step per call."""
 
@@ -447,6 +522,7 @@ def main():
     check_controller_fmu(model)
     check_loop_of_fmus(model)
     check_fmi3(model)
+    check_whole_loops()
     check_estimating_fmus("ekf")
     check_estimating_fmus("mhe")
     if FAILED:

@@ -2,10 +2,10 @@
 
 use crate::arrays::{Array, Given, Points, array};
 use crate::errors::{input, of_run};
-use pinc_runs::RunError;
 use pinc_net::{FoldedNet, PincModel, PincNet, TrainingTarget};
 use pinc_ode::{Dims, Linearization, Model as _, Stages};
 use pinc_record::{read_file, write_atomically};
+use pinc_runs::RunError;
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict, PyTuple};
 use std::path::{Path, PathBuf};

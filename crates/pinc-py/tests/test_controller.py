@@ -66,6 +66,9 @@ def test_measured_parameters_are_those_of_the_step() -> None:
     assert np.abs(nominal.u - told.u).max() > 1e-3
     measured.reset()
     assert np.array_equal(measured.step(y, parameters=[3.33, 3.35]).u, told.u)
+    # As before, until a reset forgets it.
+    measured.reset()
+    assert np.array_equal(measured.step(y).u, nominal.u)
 
 
 def test_reference_applied_input_and_reset_count(smoke: Path) -> None:

@@ -132,6 +132,11 @@ impl LiveController {
         if let Some(observer) = &mut self.observer {
             observer.estimator.reset();
         }
+        // What was measured is forgotten; with an estimator no parameter is measured.
+        if !self.measured_parameters.is_empty() {
+            self.parameters.copy_from_slice(&self.nmpc.problem().parameters);
+            self.nmpc.set_parameters(&self.parameters)?;
+        }
         self.inputs.fill(0.0);
         self.done = 0;
         if let Some(u) = &self.spec.initial_input {
