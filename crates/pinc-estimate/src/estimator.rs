@@ -17,8 +17,17 @@ pub trait Estimator: Debug + Send {
     /// The sizes: `nx` is that of z, `ny` the number of measured quantities.
     fn dims(&self) -> Dims;
 
-    /// Forgets everything: the estimate is again the initial one.
+    /// Forgets everything: the estimate is again the initial one, and the input before the first
+    /// measurement is taken for 0.
     fn reset(&mut self);
+
+    /// [`Estimator::reset`] at a plant that has been given the input `u` so far: with it outputs
+    /// that depend on the input are expected until the first prediction.
+    ///
+    /// # Shapes
+    ///
+    /// `u`: `nu`.
+    fn reset_input(&mut self, u: &[f64]);
 
     /// Corrects the estimate with what is measured now.
     ///

@@ -107,7 +107,7 @@ struct Work {
 
 impl Ukf {
     /// A filter with the outputs of `model` as what is measured. Until the first prediction, the
-    /// input is taken for 0.
+    /// input is taken for 0, or for that of [`Estimator::reset_input`].
     ///
     /// # Errors
     ///
@@ -396,6 +396,11 @@ impl Estimator for Ukf {
         self.gate.reset();
         self.u.fill(0.0);
         self.innovation.fill(f64::NAN);
+    }
+
+    fn reset_input(&mut self, u: &[f64]) {
+        self.reset();
+        self.u.copy_from_slice(u);
     }
 
     fn correct_within(&mut self, y: &[f64], _expired: &mut dyn FnMut() -> bool) -> Correction {

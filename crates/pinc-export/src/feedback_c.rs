@@ -46,14 +46,20 @@ struct Rows {
 
 impl Estimation<'_> {
     /// The estimator, as the library has it.
-    fn library(&self, model: Box<dyn Model>) -> Result<Box<dyn Estimator>, ExportError> {
+    fn library(
+        &self,
+        model: Box<dyn Model>,
+        initial_input: &[f64],
+    ) -> Result<Box<dyn Estimator>, ExportError> {
         let model = Box::new(Augmented::new(model, self.augmentation.clone())?);
         let tuning = self.tuning.clone();
-        Ok(match self.filter {
+        let mut estimator: Box<dyn Estimator> = match self.filter {
             Filter::Extended => Box::new(Ekf::new(model, tuning)?),
             Filter::Unscented => Box::new(Ukf::new(model, tuning)?),
             Filter::MovingHorizon(steps) => Box::new(Mhe::new(model, tuning, steps)?),
-        })
+        };
+        estimator.reset_input(initial_input);
+        Ok(estimator)
     }
 
     /// `model`, as the controller that knows the disturbances has it.
@@ -277,7 +283,6 @@ fn run(
     steps: usize,
 ) -> Result<Rows, ExportError> {
     let (mut nmpc, mut plant) = (controller.library()?, controller.library_model()?);
-    let mut filter = estimation.library(controller.library_model()?)?;
     let Dims { nx, nu, ny, .. } = plant.dims();
     let measured_at = estimation.measured(plant.dims())?;
     let p = &estimation.augmentation.parameters;
@@ -286,8 +291,9 @@ fn run(
     let ends: Vec<_> = estimation.tuning.measurement_sd.iter().map(|sd| (-sd, *sd)).collect();
     let errors = golden::points(&ends);
     let (mut x, mut next) = (controller.initial_state.to_vec(), vec![0.0; nx]);
-    let (mut seen, mut unknowns) = (vec![0.0; nx], vec![0.0; filter.dims().nx - nx]);
     let mut before = controller.first_input(plant.dims());
+    let mut filter = estimation.library(controller.library_model()?, &before)?;
+    let (mut seen, mut unknowns) = (vec![0.0; nx], vec![0.0; filter.dims().nx - nx]);
     let mut acting = before.repeat(delay + 1);
     let mut window = vec![0.0; controller.problem.horizon * reference.outputs()];
     let mut rows = Rows::default();

@@ -197,10 +197,11 @@ static pinc_estimate_status pinc_estimate(pinc_estimator *e, const PINC_REAL *y)
 
 /* ---- With the controller -------------------------------------------------------------------- */
 
-/* Takes the input u for the one that was given so far. */
+/* Takes the input u for the one that was given so far, under which the first measurement is read. */
 static void pinc_hold_inputs(pinc_feedback *f, const PINC_REAL *u)
 {
     int i;
+    pinc_copy(f->estimator.u, u, PINC_NU);
     for (i = 0; i <= PINC_DELAY; i++) {
         pinc_copy(f->inputs + (i * PINC_NU), u, PINC_NU);
     }

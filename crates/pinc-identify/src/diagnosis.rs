@@ -401,7 +401,7 @@ fn of_units(
     for (i, channel) in problem.channels.iter().enumerate() {
         let (mut measured, mut model) = (0.0, 0.0);
         for (of, start) in fit.recordings.iter().zip(start) {
-            let fitted = outputs(problem, (start, of.recording.u, &p), with);
+            let fitted = outputs(problem, of.recording, (start, &p), with);
             let pairs = of.recording.y.iter().zip(&fitted).skip(i).step_by(channels);
             for (y, fitted) in pairs.filter(|(y, fitted)| !y.is_nan() && fitted.is_finite()) {
                 measured += y.abs();

@@ -50,7 +50,7 @@ fn measured(problem: &Problem, fit: &Fit<'_>, p: &[f64], with: &mut Evaluation<'
     for of in &fit.recordings {
         let mut to = Trajectory::new(nx, of.trajectory.x.len() / nx, 1);
         with.simulate(problem, of.recording, (&[0], &of.nodes.x[..nx], p), &mut to);
-        all.extend(outputs(problem, (&to, of.recording.u, p), with));
+        all.extend(outputs(problem, of.recording, (&to, p), with));
     }
     all
 }

@@ -63,8 +63,8 @@ pub enum InitialState {
 ///
 /// # Shapes
 ///
-/// `u`: `[rows, nu]`, held from a row to the next; `y`: `[rows, channels]`, NaN where a value is
-/// missing.
+/// `u`: `[rows, nu]`, held from a row to the next; `y`: `[rows, channels]`, read just before the
+/// input changes, NaN where a value is missing.
 #[derive(Clone, Copy, Debug)]
 pub struct Recording<'a> {
     /// Its name, for what is said of it.
@@ -179,6 +179,13 @@ impl Problem {
 }
 
 impl Recording<'_> {
+    /// The input, of `nu` numbers, that row `k` is read under: the one that led there. Of the first
+    /// row it is not known, and taken for the row's own.
+    pub(crate) fn input_read(&self, k: usize, nu: usize) -> &[f64] {
+        let led = k.saturating_sub(1);
+        &self.u[led * nu..(led + 1) * nu]
+    }
+
     /// The number of rows of a recording of that many channels.
     pub(crate) fn rows(&self, channels: usize) -> usize {
         self.y.len() / channels

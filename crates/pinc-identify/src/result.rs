@@ -4,7 +4,7 @@ use crate::analysis::Analysis;
 use crate::diagnosis::{self, Finding, Side};
 use crate::fit::{Fit, FitStatus};
 use crate::method::Method;
-use crate::problem::Problem;
+use crate::problem::{Problem, Recording};
 use crate::starts::Start;
 use crate::student::quantile_95;
 use crate::trajectory::{Evaluation, Trajectory, Work};
@@ -128,7 +128,7 @@ impl Identified {
         let fitted: Vec<_> = fit
             .recordings
             .iter()
-            .map(|of| outputs(problem, (&of.trajectory, of.recording.u, &fit.p), with))
+            .map(|of| outputs(problem, of.recording, (&of.trajectory, &fit.p), with))
             .collect();
         let mut found = Self {
             parameters,
@@ -160,15 +160,16 @@ impl Identified {
 /// The measured quantities along a trajectory, `[rows, channels]`.
 pub(crate) fn outputs(
     problem: &Problem,
-    (trajectory, u, p): (&Trajectory, &[f64], &[f64]),
+    recording: Recording<'_>,
+    (trajectory, p): (&Trajectory, &[f64]),
     with: &mut Evaluation<'_>,
 ) -> Vec<f64> {
     let Dims { nx, nu, .. } = with.dims;
     let channels = problem.channels.len();
     let mut all = vec![0.0; trajectory.x.len() / nx * channels];
     for (k, measured) in all.chunks_exact_mut(channels).enumerate() {
-        let (x, u) = (&trajectory.x[k * nx..(k + 1) * nx], &u[k * nu..(k + 1) * nu]);
-        with.measured(problem, (x, u, p), measured);
+        let x = &trajectory.x[k * nx..(k + 1) * nx];
+        with.measured(problem, (x, recording.input_read(k, nu), p), measured);
     }
     all
 }

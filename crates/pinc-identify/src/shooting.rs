@@ -71,6 +71,8 @@ pub(crate) struct Block {
     model: LinearizationBuffer,
     /// p at each point.
     p: Vec<f64>,
+    /// The input that each point is read under.
+    read: Vec<f64>,
     /// The outputs and their Jacobians.
     y: Vec<f64>,
     c: Vec<f64>,
@@ -85,6 +87,7 @@ impl Block {
         Self {
             model: LinearizationBuffer::new(dims, BLOCK),
             p: zeros(np),
+            read: zeros(nu),
             y: zeros(ny),
             c: zeros(ny * nx),
             d: zeros(ny * nu),
@@ -183,6 +186,10 @@ impl<'a> Shooting<'a> {
         with.model.linearize(at, out);
         with.work.linearized += points;
         if problem.has_outputs() {
+            for (k, u) in block.read.chunks_exact_mut(nu.max(1)).take(points).enumerate() {
+                u.copy_from_slice(self.recording.input_read(first + k, nu));
+            }
+            let at = Stages { u: &block.read[..points * nu], ..at };
             let out = OutputLinearization {
                 y: &mut block.y[..points * ny],
                 c: &mut block.c[..points * ny * nx],

@@ -95,7 +95,7 @@ impl<'m> Evaluation<'m> {
                 segment += 1;
             }
             let (x, u) = (&to.x[k * nx..(k + 1) * nx], &recording.u[k * nu..(k + 1) * nu]);
-            self.measured(problem, (x, u, p), &mut measured);
+            self.measured(problem, (x, recording.input_read(k, nu), p), &mut measured);
             let y = &recording.y[k * channels..(k + 1) * channels];
             for (i, (y, measured)) in y.iter().zip(&measured).enumerate() {
                 if !y.is_nan() {

@@ -61,7 +61,9 @@ impl fmt::Display for Estimated {
 /// first numerical one of the config; the net of the file `model`, if that is given.
 ///
 /// The data have the columns `t`, in steps of T, the inputs, which hold from a row to the next, and
-/// `y_<measured>`, of which cells may be empty; other columns are ignored, but for the true states.
+/// `y_<measured>`, read just before the input changes, of which cells may be empty; other columns
+/// are ignored, but for the true states. Before the first row the input is
+/// `control.initial_input`, or else the row's own.
 ///
 /// # Errors
 ///
@@ -102,11 +104,12 @@ pub fn estimate(
     let measurement = spec.measurement.clone().unwrap_or_default();
     let augmentation = setup.augmentation(estimator, &measurement, &*plant);
     let model = setup.model(kind, &*plant)?;
-    let mut filter = feedback::estimator(estimator, &augmentation, model)?;
+    let mut filter = feedback::estimator(estimator, &augmentation, model, None)?;
     let names = estimator.names(&measurement, &variables);
     let measured = measurement.names(&variables);
     let text = read_file(data)?;
-    let found = run(filter.as_mut(), &text, &variables, &measured, sample_time_s);
+    let initial_input = spec.initial_input.as_deref();
+    let found = run((filter.as_mut(), initial_input), &text, &variables, &measured, sample_time_s);
     let at = |(line, problem): At| RunError::Csv { path: data.to_owned(), line, problem };
     let Run { rows, failed, used, step_us, squared } = found.map_err(at)?;
     let table = EstimateTable { names, measured, rows };
@@ -154,7 +157,7 @@ struct Run {
 }
 
 fn run(
-    filter: &mut dyn Estimator,
+    (filter, initial_input): (&mut dyn Estimator, Option<&[f64]>),
     text: &[u8],
     variables: &Variables,
     measured: &[String],
@@ -175,8 +178,9 @@ fn run(
             return Err((line, problem));
         }
         let clock = Instant::now();
-        if let Some((_, u)) = &before {
-            filter.predict(u);
+        match &before {
+            Some((_, u)) => _ = filter.predict(u),
+            None => filter.reset_input(initial_input.unwrap_or(&row.u)),
         }
         let correction = filter.correct(&row.y);
         run.step_us.push(1e6 * clock.elapsed().as_secs_f64());

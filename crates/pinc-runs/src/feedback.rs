@@ -64,19 +64,25 @@ impl TimedFeedback {
     }
 }
 
-/// An estimator of `spec` with the models that `model` makes.
+/// An estimator of `spec` with the model `model`, at a plant that has been given `initial_input` so
+/// far, or 0.
 pub(super) fn estimator(
     spec: &EstimatorSpec,
     augmentation: &Augmentation,
     model: Box<dyn Model>,
+    initial_input: Option<&[f64]>,
 ) -> Result<Box<dyn Estimator>, RunError> {
     let model = Box::new(Augmented::new(model, augmentation.clone())?);
     let tuning = spec.tuning();
-    Ok(match spec.kind {
+    let mut estimator: Box<dyn Estimator> = match spec.kind {
         EstimatorKind::Ukf => Box::new(Ukf::new(model, tuning)?),
         EstimatorKind::Mhe => Box::new(Mhe::new(model, tuning, spec.window.unwrap_or(1))?),
         _ => Box::new(Ekf::new(model, tuning)?),
-    })
+    };
+    if let Some(u) = initial_input {
+        estimator.reset_input(u);
+    }
+    Ok(estimator)
 }
 
 impl LoopSetup<'_> {
@@ -106,7 +112,7 @@ impl LoopSetup<'_> {
         let Some((spec, measurement)) = self.sections() else { return Ok(None) };
         let augmentation = self.augmentation(spec, &measurement, plant);
         let model = self.model(kind, plant)?;
-        let estimator = estimator(spec, &augmentation, model)?;
+        let estimator = estimator(spec, &augmentation, model, self.spec.initial_input.as_deref())?;
         let steps = pinc_config::steps(self.spec.duration_s, self.sample_time_s);
         let noise = self.noise(&measurement, steps);
         let feedback = OutputFeedback::new(estimator, augmentation, noise);

@@ -38,8 +38,9 @@ const LONGEST_GAP: f64 = 1e6;
 /// the config says.
 ///
 /// The data have the columns `t`, the inputs, which hold from a row to the next, and
-/// `y_<measured>`, of which cells may be empty; other columns are ignored. Rows are whole numbers
-/// of steps apart.
+/// `y_<measured>`, read just before the input changes, of which cells may be empty; other columns
+/// are ignored. Rows are whole numbers of steps apart. Before the first row the input is taken for
+/// the row's own.
 ///
 /// # Errors
 ///

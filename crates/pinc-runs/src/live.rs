@@ -142,6 +142,9 @@ impl LiveController {
         if let Some(u) = &self.spec.initial_input {
             self.nmpc.reset_input(u)?;
             self.inputs.chunks_exact_mut(u.len()).for_each(|input| input.copy_from_slice(u));
+            if let Some(observer) = &mut self.observer {
+                observer.estimator.reset_input(u);
+            }
         }
         Ok(())
     }
@@ -361,7 +364,12 @@ impl LiveEstimator {
         let variables = Variables::of(plant);
         let names = spec.names(&measurement, &variables).split_off(plant.states().len());
         Ok(Some(Self {
-            estimator: feedback::estimator(spec, &augmentation, model)?,
+            estimator: feedback::estimator(
+                spec,
+                &augmentation,
+                model,
+                setup.spec.initial_input.as_deref(),
+            )?,
             augmentation,
             measured: measurement.names(&variables),
             unknowns: vec![0.0; names.len()],

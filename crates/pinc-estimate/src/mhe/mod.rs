@@ -103,7 +103,8 @@ impl Mhe {
     pub const LONGEST: usize = 200;
 
     /// An estimator over a window of `steps` steps, with the outputs of `model` as what is
-    /// measured. Until the first prediction, the input is taken for 0.
+    /// measured. Until the first prediction, the input is taken for 0, or for that of
+    /// [`Estimator::reset_input`].
     ///
     /// # Errors
     ///
@@ -386,6 +387,11 @@ impl Estimator for Mhe {
         self.moved_on = false;
         self.u.fill(0.0);
         self.innovation.fill(f64::NAN);
+    }
+
+    fn reset_input(&mut self, u: &[f64]) {
+        self.reset();
+        self.u.copy_from_slice(u);
     }
 
     fn correct_within(&mut self, y: &[f64], expired: &mut dyn FnMut() -> bool) -> Correction {

@@ -1,7 +1,7 @@
 //! What holds for Kalman filters on any model.
 
 use crate::support::{oscillator, tanks};
-use pinc_estimate::{Ekf, Estimator, EstimatorStatus, Tuning, Ukf};
+use pinc_estimate::{Ekf, Estimator, EstimatorStatus, Mhe, Tuning, Ukf};
 use pinc_ode::{Dims, Linearization, Model, OutputLinearization, Stages};
 use proptest::prelude::*;
 
@@ -238,5 +238,47 @@ fn no_value_is_no_estimate() {
             assert_eq!((correction.measured, correction.rejected), (1, 1));
         }
         assert!(filter.estimate().iter().all(|z| z.is_finite()));
+    }
+}
+
+/// Until the first prediction a reading is expected under the input that was given so far, which a
+/// window that grows still knows of its first state.
+#[test]
+fn the_first_reading_is_under_the_input_given_so_far() {
+    let mut model =
+        Linear { a: [[0.9, 0.2], [0.0, 0.7]], b: [0.5, 1.0], c: [[1.0, 0.0]; 2], d: [2.0, -3.0] };
+    let tuning = Tuning {
+        initial_estimate: vec![0.5, -0.2],
+        initial_sd: vec![1.0; 2],
+        process_sd: vec![0.1; 2],
+        measurement_sd: vec![0.1; 2],
+        ..Tuning::default()
+    };
+    let boxed = || Box::new(model.clone());
+    let all: [Box<dyn Estimator>; 3] = [
+        Box::new(Ekf::new(boxed(), tuning.clone()).unwrap()),
+        Box::new(Ukf::new(boxed(), tuning.clone()).unwrap()),
+        Box::new(Mhe::new(boxed(), tuning.clone(), 4).unwrap()),
+    ];
+    for mut estimator in all {
+        for begun in [Some(1.5), None, Some(-1.0)] {
+            match begun {
+                Some(u) => estimator.reset_input(&[u]),
+                None => estimator.reset(),
+            }
+            let (mut x, mut u) = (tuning.initial_estimate.clone(), begun.unwrap_or(0.0));
+            for k in 0..4 {
+                let (mut y, mut next) = ([0.0; 2], [0.0; 2]);
+                model.output(&x, &[u], &[], &mut y);
+                estimator.correct(&y);
+                let off = estimator.estimate().iter().zip(&x).map(|(z, x)| (z - x).abs());
+                assert!(off.fold(0.0, f64::max) < 1e-8, "step {k} after {begun:?}: {estimator:?}");
+                assert!(estimator.innovation().iter().all(|v| v.abs() < 1e-8), "{estimator:?}");
+                u = 0.3 * f64::from(k) - 0.7;
+                estimator.predict(&[u]);
+                model.step(&x, &[u], &[], &mut next);
+                x.copy_from_slice(&next);
+            }
+        }
     }
 }

@@ -117,10 +117,13 @@ fn run(
     let mut nmpc = Nmpc::new(case.problem.clone(), Box::new(model), case.config).unwrap();
     let mut plant = case.model();
     let last = case.problem.delay * NU;
-    let mut inputs = vec![0.0; last + NU];
+    let mut before = case.begin.initial_input.clone().unwrap_or_else(|| vec![0.0; NU]);
+    let mut inputs = before.repeat(case.problem.delay + 1);
+    estimator.reset_input(&before);
+    nmpc.reset_input(&before).unwrap();
     let (mut x, mut next) = (vec![9.0, 9.0, 2.0, 2.0], vec![0.0; 4]);
     let (mut seen, mut unknowns) = (x.clone(), case.problem.parameters.clone());
-    let (p, mut before) = (&augmentation.parameters[..], vec![0.0; NU]);
+    let p = &augmentation.parameters[..];
     let mut outputs = vec![0.0; plant.dims().ny];
     let (mut lines, mut all, mut reference) = (Vec::new(), Vec::new(), Vec::new());
     for k in 0..steps {
@@ -286,6 +289,8 @@ fn with_outputs_and_pump(disturbance: Disturbance) -> Parts {
     augmentation.estimated = vec![1];
     case.parameters = vec!["split".to_owned(), "k1".to_owned()];
     case.problem.parameters.push(3.33);
+    // The first reading of the total is under it.
+    case.begin.initial_input = Some(vec![3.0, 2.5]);
     tuning.initial_estimate.push(3.2);
     tuning.initial_sd.push(0.2);
     tuning.process_sd.push(0.01);
@@ -312,6 +317,7 @@ fn estimated_parameters_and_measured_outputs_are_the_librarys() {
         let parts = with_outputs_and_pump(disturbance);
         compare(Filter::Extended, &parts);
         compare(Filter::Unscented, &parts);
+        compare(Filter::MovingHorizon(4), &parts);
     }
     // An input's disturbance and a pump's constant cannot be told apart from these: one of them.
     let (mut case, mut augmentation, mut tuning) = with_outputs_and_pump(Disturbance::Input);
@@ -402,6 +408,9 @@ fn an_fmu_of_a_controller_with_its_estimator_compiles() {
         let xml = String::from_utf8(files[0].bytes.clone()).unwrap();
         assert!(xml.contains("y[2]") || xml.contains("name=\"y\""), "{xml}");
         assert!(xml.contains("x_estimate"), "{xml}");
+        // The total of the initial state under the initial input: h1 + 0.7 h2 + 0.05 k1 u1 =
+        // 9.5 + 0.7 * 9.5 + 0.05 * 3.33 * 3.
+        assert!(xml.contains("16.6495\""), "{xml}");
         let flat = |file: GeneratedFile| GeneratedFile {
             path: file.path.trim_start_matches("sources/").to_owned(),
             ..file

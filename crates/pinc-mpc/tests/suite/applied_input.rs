@@ -138,8 +138,8 @@ fn without_a_state_the_last_input_is_held() {
     let expected = plain.step(&[then], &[0.2]).unwrap().u[0];
     let found = delayed.step(&[now], &[0.2]).unwrap().u[0];
     assert!((found - expected).abs() < 1e-9, "{found} {expected}");
-    // An input from somebody else may be out of bounds; what is held is not.
-    plain.set_applied_input(&[3.0]).unwrap();
+    // The input given so far may be out of bounds; what is held is not.
+    plain.reset_input(&[3.0]).unwrap();
     assert_eq!(plain.step(&[f64::NAN], &[0.2]).unwrap().u, [0.5]);
     assert!(plain.step(&[f64::NAN, 0.0], &[0.2]).is_err());
     assert!(plain.step(&[0.0], &[f64::NAN]).is_err());

@@ -2,7 +2,7 @@
 
 use pinc_config::{Experiment, ModelKind, Plants};
 use pinc_record::{ControlMetrics, ControlReader, ControlRow, Metrics, file};
-use pinc_runs::{Options, Verbosity};
+use pinc_runs::{Follow, LiveController, Options, Verbosity};
 use std::fs;
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
@@ -145,4 +145,89 @@ fn a_run_is_resumed_with_the_loop_that_is_missing() {
     for (one, other) in whole.control.iter().zip(&resumed.control) {
         assert_eq!(one.iae_dense_sum.to_bits(), other.iae_dense_sum.to_bits());
     }
+}
+
+/// A lag whose reading has the input in it, begun where the first estimate is right.
+const READ: &str = r#"
+name = "read"
+preset = "ours"
+seed = 1
+[plant.expression]
+states = ["x"]
+inputs = ["u"]
+derivatives = { x = "0.1*(u - x)" }
+outputs = { y = "x + 2*u" }
+[control]
+models = ["rk4"]
+step_s = 1.0
+duration_s = 6.0
+initial_state = [0.5]
+initial_input = [1.5]
+controlled = ["x"]
+q = [1.0]
+r = [0.1]
+n2 = 4
+nu = 4
+input_low = [-2.0]
+input_high = [2.0]
+references = [{ start_s = 0.0, value = [1.0] }]
+repetitions = 1
+[control.measurement]
+measured = ["y"]
+[control.estimator]
+kind = "ekf"
+process_sd = [0.01]
+measurement_sd = [0.1]
+initial_estimate = [0.5]
+initial_sd = [1.0]
+"#;
+
+/// In the loop, step by step and over recorded data alike, the first reading is expected under the
+/// initial input: 0.5 + 2 * 1.5.
+#[test]
+fn the_first_reading_is_under_the_initial_input() {
+    for kind in ["ekf", "ukf", "mhe"] {
+        let kind = format!("control.estimator.kind={kind:?}");
+        let window = if kind.contains("mhe") { "control.estimator.window=3" } else { "seed=1" };
+        let experiment = experiment(READ, &[&kind, window]);
+        let dir = tempfile::tempdir().unwrap();
+        control(dir.path(), &experiment, false, None);
+        let path = dir.path().join(file::estimates(ModelKind::RK4, 1));
+        let text = fs::read_to_string(path).unwrap();
+        let column = |name: &str| {
+            let mut rows = csv::Reader::from_reader(text.as_bytes());
+            let place = rows.headers().unwrap().iter().position(|head| head == name).unwrap();
+            rows.records().map(|row| row.unwrap()[place].parse().unwrap()).collect::<Vec<f64>>()
+        };
+        // The model is the plant: nothing is ever to be corrected.
+        near(&column("y_y")[..1], &[3.5]);
+        near(&column("innovation_y"), &[0.0; 6]);
+
+        let mut live = LiveController::new(&experiment, None, None, "serve").unwrap();
+        for _ in 0..2 {
+            near(live.step(&[3.5], Follow::Config, None).unwrap().x, &[0.5]);
+            live.reset().unwrap();
+        }
+    }
+}
+
+/// Without an initial input the first row of recorded data is read under its own.
+#[test]
+fn the_first_row_of_recorded_data_is_read_under_the_input_before_it() {
+    let dir = tempfile::tempdir().unwrap();
+    let data = dir.path().join("data.csv");
+    fs::write(&data, "t,u,y_y\n0,-1,3.5\n1,2,\n").unwrap();
+    let filtered = |text: &str| {
+        let output = dir.path().join("estimates.csv");
+        let experiment = experiment(text, &["control.estimator.initial_sd=[10.0]"]);
+        pinc_runs::estimate(&experiment, &data, Some(&output), None, None).unwrap();
+        let text = fs::read_to_string(output).unwrap();
+        let row = text.lines().nth(1).unwrap();
+        row.split(',').nth(1).unwrap().parse::<f64>().unwrap()
+    };
+    // The reading is believed but for 0.01 / 100.01.
+    let expected = |x: f64| 0.5 + (x - 0.5) * 100.0 / 100.01;
+    near(&[filtered(READ)], &[expected(3.5 - 2.0 * 1.5)]);
+    let unknown = READ.replace("initial_input = [1.5]\n", "");
+    near(&[filtered(&unknown)], &[expected(3.5 + 2.0)]);
 }
