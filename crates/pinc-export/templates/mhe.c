@@ -243,7 +243,7 @@ static void pinc_horizon_predict(pinc_estimator *e, const PINC_REAL *u)
 {
     pinc_copy(e->now.x + (e->steps * PINC_NZ), e->z, PINC_NZ);
     if (e->steps == 0) {
-        pinc_copy(e->before, e->u, PINC_NU);
+        pinc_copy(e->u_before, e->u, PINC_NU);
     }
     pinc_filter_predict(e, u);
     if (pinc_all_finite(e->next, PINC_NZ) == 0) {
@@ -256,7 +256,7 @@ static void pinc_horizon_predict(pinc_estimator *e, const PINC_REAL *u)
         pinc_fill(e->now.bounds, PINC_N(0), PINC_STAGED);
     } else {
         e->moved_on = 1;
-        pinc_copy(e->before, e->applied, PINC_NU);
+        pinc_copy(e->u_before, e->applied, PINC_NU);
         pinc_drop_first(e->now.x, PINC_NZ);
         pinc_drop_first(e->now.v, PINC_NZ);
         pinc_drop_first(e->now.dynamics, PINC_NZ);

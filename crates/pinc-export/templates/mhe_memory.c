@@ -5,7 +5,7 @@
     pinc_horizon now;
     PINC_REAL applied[PINC_STAGES * PINC_NU];
     /* The input that led to its first state, once there is a step. */
-    PINC_REAL before[PINC_NU];
+    PINC_REAL u_before[PINC_NU];
     PINC_REAL measured[PINC_STAGES * PINC_NM];
     PINC_REAL prior[PINC_STAGED];
     PINC_REAL prior_p[PINC_STAGED * PINC_NZ];

@@ -76,7 +76,7 @@ static void pinc_write_stage(pinc_estimator *e, int j, const PINC_REAL *reached)
 static void pinc_write_measured(pinc_estimator *e, int j)
 {
     /* Before the input changed: with the one that led there. */
-    const PINC_REAL *before = (j > 0) ? (e->applied + ((j - 1) * PINC_NU)) : e->before;
+    const PINC_REAL *before = (j > 0) ? (e->applied + ((j - 1) * PINC_NU)) : e->u_before;
     const PINC_REAL *u = (j < e->steps) ? before : e->u;
     PINC_REAL *slope = e->slope + (j * PINC_NZ);
     int i;
