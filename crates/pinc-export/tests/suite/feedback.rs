@@ -2,6 +2,7 @@
 
 use super::compile::{READ, Sources};
 use super::controller::{Case, Draws, Source, equations, mild, tanks_case};
+use super::start::number;
 use pinc_estimate::{
     Augmentation, Augmented, Compensated, Disturbance, Ekf, Estimator, Gate, Measured, Mhe, Tuning,
     Ukf,
@@ -11,7 +12,7 @@ use pinc_export::{
     controller_to_fmu,
 };
 use pinc_expr::PlantEquations;
-use pinc_mpc::{Bounds, Nmpc, Tracked};
+use pinc_mpc::{Bounds, Nmpc, SqpStatus, Tracked};
 use pinc_net::{Domain, NetConfig, ParameterRange, PincNet};
 use pinc_ode::Integrator;
 
@@ -95,6 +96,22 @@ fn library(filter: Filter, case: &Case, of: &Augmentation, tuning: &Tuning) -> B
         Filter::MovingHorizon(steps) => Box::new(Mhe::new(model, tuning.clone(), steps).unwrap()),
         _ => Box::new(Ukf::new(model, tuning.clone()).unwrap()),
     }
+}
+
+/// The number in C of an estimator's status.
+fn number_of(status: &str) -> f64 {
+    let words = [
+        "updated",
+        "nothing-measured",
+        "indefinite-covariance",
+        "not-finite",
+        "iteration-limit",
+        "qp-failed",
+        "rejected",
+        "reacquired",
+    ];
+    let place = words.iter().position(|word| *word == status).unwrap();
+    f64::from(u8::try_from(place).unwrap())
 }
 
 /// What a step is to give.
@@ -194,22 +211,11 @@ fn compare(filter: Filter, parts: &Parts) -> usize {
     let (width, mut missing, mut worst) = (2 + NU + tuning.initial_estimate.len(), 0, [0.0_f64; 2]);
     let (mut rejected, mut reacquired) = (0, 0);
     assert_eq!(found.len(), expected.len() * width);
-    let words = [
-        "updated",
-        "nothing-measured",
-        "indefinite-covariance",
-        "not-finite",
-        "iteration-limit",
-        "qp-failed",
-        "rejected",
-        "reacquired",
-    ];
     for (k, (found, expected)) in found.chunks_exact(width).zip(&expected).enumerate() {
         let converged = if found[0] < 0.5 { "converged" } else { "another" };
         let (ended, corrected) = (&expected.statuses[0], &expected.statuses[1]);
         assert_eq!(converged == "converged", ended == "converged", "step {k}: {ended}");
-        let place = words.iter().position(|word| word == corrected).unwrap();
-        let place = f64::from(u8::try_from(place).unwrap());
+        let place = number_of(corrected);
         assert!(found[1].total_cmp(&place).is_eq(), "step {k}: {corrected}");
         missing += usize::from(corrected == "nothing-measured");
         rejected += usize::from(corrected == "rejected");
@@ -312,6 +318,8 @@ fn estimated_parameters_and_measured_outputs_are_the_librarys() {
         let parts = with_outputs_and_pump(disturbance);
         compare(Filter::Extended, &parts);
         compare(Filter::Unscented, &parts);
+        // An output depends on the input, which is another one at each step of the window.
+        compare(Filter::MovingHorizon(6), &parts);
     }
     // An input's disturbance and a pump's constant cannot be told apart from these: one of them.
     let (mut case, mut augmentation, mut tuning) = with_outputs_and_pump(Disturbance::Input);
@@ -388,6 +396,215 @@ fn the_moving_horizon_passes_its_self_test_and_is_portable() {
     assert_sound(Filter::MovingHorizon(3), &Disturbance::Input);
 }
 
+/// Tells three controllers of inputs that were applied: the first nothing, the second what it has to
+/// refuse, the third one that it takes. Writes the answers, and then what each estimates and chooses.
+const APPLIED: &str = r#"
+#include "ctl_feedback.h"
+#include <math.h>
+#include <stdio.h>
+static ctl_feedback f[3];
+int main(void)
+{
+    const CTL_REAL y[2] = {9.0, 9.0};
+    const CTL_REAL beyond[5][2] = {
+        {2.0, 5.1}, {-0.1, 2.0}, {2.0, (CTL_REAL)NAN}, {(CTL_REAL)INFINITY, 2.0}, {1e5, 0.0}};
+    const CTL_REAL within[2] = {0.0, 5.0};
+    CTL_REAL reference[CTL_N2 * CTL_NY], u[CTL_NU];
+    int i;
+    int k;
+    for (i = 0; i < CTL_N2 * CTL_NY; i++) {
+        reference[i] = 9.0;
+    }
+    for (k = 0; k < 3; k++) {
+        ctl_feedback_init(&f[k]);
+        ctl_feedback_step(&f[k], y, reference, u);
+    }
+    for (i = 0; i < 5; i++) {
+        printf("%d\n", (int)ctl_feedback_set_applied(&f[1], beyond[i]));
+    }
+    printf("%d\n", (int)ctl_feedback_set_applied(&f[2], within));
+    for (k = 0; k < 3; k++) {
+        ctl_feedback_step(&f[k], y, reference, u);
+        printf("%.17g\n%.17g\n%.17g\n", (double)f[k].x[0], (double)u[0], (double)u[1]);
+    }
+    return 0;
+}
+"#;
+
+#[test]
+fn an_applied_input_beyond_its_bounds_is_refused_and_changes_nothing() {
+    let (case, augmentation, tuning) = tanks(Disturbance::Input, 0);
+    let (augmentation, tuning) = (&augmentation, &tuning);
+    let estimation = Estimation { filter: Filter::Extended, augmentation, tuning };
+    let sources = Sources::new(&case.export(Some(estimation)).unwrap());
+    let found = sources.drive(APPLIED, &[], &[]);
+    let bad = number(SqpStatus::BadArgument);
+    assert!(
+        found[..6].iter().zip([bad, bad, bad, bad, bad, 0.0]).all(|(a, b)| *a == b),
+        "{found:?}"
+    );
+    let [untold, refused, taken] = [6..9, 9..12, 12..15].map(|part| &found[part]);
+    assert_eq!(untold, refused);
+    assert!((taken[0] - untold[0]).abs() > 0.01 && taken[1..] != untold[1..], "{found:?}");
+}
+
+/// Sets measurements of the tanks' lower levels at every sample, and reads both statuses: first
+/// what all versions have in common, then what differs.
+const FMU_DRIVER: &str = r#"
+#include "ctl_fmu.c"
+#include <stdio.h>
+#include <stdlib.h>
+@PARTS@
+int main(void)
+{
+    double values[4] = {0.0, 0.0, 9.5, 9.2};
+    int ended[2];
+    int k;
+    begin();
+    for (k = 0; k < 6; k++) {
+        values[0] = (k == 3) ? 65535.0 : ((k == 4) ? (double)NAN : 9.0);
+        values[1] = (k == 4) ? (double)NAN : 9.0;
+        if (set(values) != 0 || get(ended) != 0 || step(CTL_SAMPLE_TIME_S * (double)k) != 0) {
+            return 1;
+        }
+        printf("%d\n%d\n", ended[0], ended[1]);
+    }
+    return 0;
+}
+"#;
+
+const FMI2_PARTS: &str = r#"
+static fmi2Component c;
+static void begin(void)
+{
+    fmi2CallbackFunctions callbacks = {0, calloc, free, 0, 0};
+    c = fmi2Instantiate("a", fmi2CoSimulation, CTL_GUID, "", &callbacks, 0, 0);
+    fmi2SetupExperiment(c, 0, 0.0, 0.0, 0, 0.0);
+    fmi2EnterInitializationMode(c);
+    fmi2ExitInitializationMode(c);
+}
+static int set(const double *values)
+{
+    const fmi2ValueReference vr[4] = {6, 7, 8, 9};
+    return fmi2SetReal(c, vr, 4, values) != fmi2OK;
+}
+static int get(int *ended)
+{
+    const fmi2ValueReference vr[3] = {0, 1, 2};
+    return fmi2GetInteger(c, vr, 2, ended) != fmi2OK || fmi2GetInteger(c, vr + 2, 1, ended) == fmi2OK;
+}
+static int step(double t)
+{
+    return fmi2DoStep(c, t, CTL_SAMPLE_TIME_S, 1) != fmi2OK;
+}
+"#;
+
+const FMI3_PARTS: &str = r#"
+static fmi3Instance c;
+static void begin(void)
+{
+    c = fmi3InstantiateCoSimulation("a", CTL_GUID, "", false, false, false, false, 0, 0, 0, 0, 0);
+    fmi3EnterInitializationMode(c, false, 0.0, 0.0, false, 0.0);
+    fmi3ExitInitializationMode(c);
+}
+static int set(const double *values)
+{
+    const fmi3ValueReference vr[2] = {3, 4};
+    return fmi3SetFloat64(c, vr, 2, values, 4) != fmi3OK;
+}
+static int get(int *ended)
+{
+    const fmi3ValueReference vr[4] = {5, 6, 4, 7};
+    fmi3Int32 other;
+    return fmi3GetInt32(c, vr, 2, ended, 2) != fmi3OK || fmi3GetInt32(c, vr + 2, 1, &other, 1) == fmi3OK ||
+           fmi3GetInt32(c, vr + 3, 1, &other, 1) == fmi3OK;
+}
+static int step(double t)
+{
+    bool event;
+    bool terminate;
+    bool early;
+    double last;
+    return fmi3DoStep(c, t, CTL_SAMPLE_TIME_S, true, &event, &terminate, &early, &last) != fmi3OK;
+}
+"#;
+
+/// The estimator's statuses in the library for what the driver measures.
+fn statuses_for_the_driver((case, augmentation, tuning): &Parts) -> Vec<String> {
+    let mut estimator = library(Filter::Extended, case, augmentation, tuning);
+    let model = Compensated::new(case.model(), augmentation.clone()).unwrap();
+    let mut nmpc = Nmpc::new(case.problem.clone(), Box::new(model), case.config).unwrap();
+    let (mut x, mut unknowns) = (vec![0.0; 4], case.problem.parameters.clone());
+    let step = |k: usize| {
+        let y = match k {
+            3 => [65535.0, 9.0],
+            4 => [f64::NAN; 2],
+            _ => [9.0; 2],
+        };
+        let status = estimator.correct(&y).status;
+        augmentation.read(estimator.estimate(), &mut x, &mut unknowns);
+        nmpc.set_parameters(&unknowns).unwrap();
+        let rows = [9.5, 9.2].repeat(case.problem.horizon);
+        estimator.predict(nmpc.step(&x, &rows).unwrap().u);
+        status.to_string()
+    };
+    (0..6).map(step).collect()
+}
+
+/// In both versions an FMU says what the gate rejected.
+#[test]
+fn an_fmu_has_the_status_of_its_estimator() {
+    let parts = tanks(Disturbance::Input, 0);
+    let expected = statuses_for_the_driver(&parts);
+    assert_eq!(expected[3..5], ["rejected", "nothing-measured"]);
+    assert!(expected[..3].iter().all(|status| status == "updated"), "{expected:?}");
+    let (case, augmentation, tuning) = &parts;
+    for (version, driver) in [(FmiVersion::Two, FMI2_PARTS), (FmiVersion::Three, FMI3_PARTS)] {
+        let export = |controller: &Controller<'_>, name: &Name, origin: &Origin| {
+            controller_to_fmu(controller, name, origin, version)
+        };
+        let estimation = Estimation { filter: Filter::Extended, augmentation, tuning };
+        let files = case.export_by(Some(estimation), export).unwrap();
+        let xml = String::from_utf8(files[0].bytes.clone()).unwrap();
+        let [status, named] =
+            ["\"status\"", "\"estimator_status\""].map(|name| xml.find(name).unwrap());
+        assert!(status < named && xml[named..].contains("0: updated"), "{xml}");
+        // Both are outputs that depend on what is measured and on the references.
+        match version {
+            FmiVersion::Two => {
+                for index in [11, 12] {
+                    let unknown = format!("<Unknown index=\"{index}\" dependencies=\"7 8 9 10\"/>");
+                    assert_eq!(xml.matches(&unknown).count(), 2, "{xml}");
+                }
+            }
+            FmiVersion::Three => {
+                for reference in [5, 6] {
+                    let output = format!("valueReference=\"{reference}\" dependencies=\"3 4\"/>");
+                    assert_eq!(xml.matches(&output).count(), 2, "{xml}");
+                }
+            }
+        }
+        let sources =
+            Sources::with_included(&files.into_iter().map(flat).collect::<Vec<_>>(), "ctl_fmu.c");
+        let options = ["-Wno-unused-parameter"];
+        let found = sources.drive(&FMU_DRIVER.replace("@PARTS@", driver), &options, &[]);
+        assert_eq!(found.len(), 12);
+        for (found, expected) in found.chunks(2).zip(&expected) {
+            assert!(found[1].total_cmp(&number_of(expected)).is_eq(), "{found:?} {expected}");
+        }
+        assert!(found.iter().step_by(2).all(|status| *status == 0.0), "{found:?}");
+        // A controller without an estimator has no such variable.
+        let mut plain = case.export_by(None, export).unwrap();
+        let xml = String::from_utf8(plain.swap_remove(0).bytes).unwrap();
+        assert!(xml.contains("\"status\"") && !xml.contains("estimator_status"), "{xml}");
+    }
+}
+
+/// A file of an FMU without its folder.
+fn flat(file: GeneratedFile) -> GeneratedFile {
+    GeneratedFile { path: file.path.trim_start_matches("sources/").to_owned(), ..file }
+}
+
 /// Of both versions: outputs that are measured are inputs of the FMU, estimates are outputs.
 #[test]
 fn an_fmu_of_a_controller_with_its_estimator_compiles() {
@@ -402,10 +619,6 @@ fn an_fmu_of_a_controller_with_its_estimator_compiles() {
         let xml = String::from_utf8(files[0].bytes.clone()).unwrap();
         assert!(xml.contains("y[2]") || xml.contains("name=\"y\""), "{xml}");
         assert!(xml.contains("x_estimate"), "{xml}");
-        let flat = |file: GeneratedFile| GeneratedFile {
-            path: file.path.trim_start_matches("sources/").to_owned(),
-            ..file
-        };
         let sources = Sources::new(&files.into_iter().map(flat).collect::<Vec<_>>());
         sources.assert_compiles();
     }
