@@ -1,7 +1,7 @@
 //! The estimator: whether what is measured tells what is estimated, and whether control with it is
 //! free of offset.
 
-use crate::{Finding, Operating, Subject};
+use crate::{Finding, Operating, Rehearsal, Subject, gate};
 use pinc_analysis::{OperatingPoint, StateSpace, UnseenMode, unseen_along, unseen_modes};
 use pinc_config::{ControlSpec, DisturbanceSpec, EstimatorSpec, LoopParameters, Variables};
 use pinc_estimate::Augmented;
@@ -29,6 +29,10 @@ pub(crate) fn examine(subject: &Subject<'_>) -> Vec<Finding> {
     );
     let mut findings = vec![Finding::fact(SECTION, what)];
     findings.extend(offset(control, estimator, &names, &measured));
+    if let Some(Ok(rehearsal)) = &subject.evidence.rehearsal {
+        let marks = marks(rehearsal, subject.step_s());
+        findings.extend(gate::examine(subject, (control, estimator), (rehearsal, &marks)));
+    }
     let points = subject.operating_points();
     // A plant that moves on while its references are kept is looked at along its way.
     if !points.is_empty() && points.iter().all(|operating| !operating.is_steady) {
@@ -132,16 +136,8 @@ fn along_the_loop(
     names: &[String],
 ) -> Vec<Finding> {
     let Some(Ok(rehearsal)) = &subject.evidence.rehearsal else { return Vec::new() };
-    let (trace, step_s) = (&rehearsal.trace, subject.step_s());
-    // The first sample of each step.
-    let mut marks: Vec<usize> = Vec::new();
-    for (i, t) in trace.times().iter().enumerate() {
-        #[expect(clippy::cast_precision_loss, reason = "a few steps")]
-        let due = marks.len() as f64 * step_s;
-        if *t >= due - 1e-6 * step_s && marks.len() < MARKS {
-            marks.push(i);
-        }
-    }
+    let trace = &rehearsal.trace;
+    let marks = marks(rehearsal, subject.step_s());
     let at = |&i: &usize| {
         let (x, u) = (trace.state(i).to_vec(), trace.input(i).to_vec());
         linearized(subject, control, estimator, &OperatingPoint { x, u })
@@ -155,6 +151,19 @@ fn along_the_loop(
         return vec![Finding::fact(SECTION, what)];
     };
     vec![Finding { place: "along the closed loop".to_owned(), ..undetectable(&unseen, names) }]
+}
+
+/// The places of the first samples of steps in the trace of a rehearsal.
+fn marks(rehearsal: &Rehearsal, step_s: f64) -> Vec<usize> {
+    let mut marks: Vec<usize> = Vec::new();
+    for (i, t) in rehearsal.trace.times().iter().enumerate() {
+        #[expect(clippy::cast_precision_loss, reason = "a few steps")]
+        let due = marks.len() as f64 * step_s;
+        if *t >= due - 1e-6 * step_s && marks.len() < MARKS {
+            marks.push(i);
+        }
+    }
+    marks
 }
 
 /// The modes of the estimator's model that it cannot see, at a steady state.

@@ -13,6 +13,7 @@ mod estimation;
 mod excursions;
 mod finding;
 mod gain;
+mod gate;
 mod groups;
 mod horizon;
 mod irregularities;

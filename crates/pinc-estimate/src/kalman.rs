@@ -233,3 +233,31 @@ pub(crate) fn subtract(measured: &[f64], expected: &[f64], innovation: &mut [f64
         *to = if y.is_finite() { y - expected } else { f64::NAN };
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A correction that leaves no covariance is not made; its innovation is normalized by the
+    /// covariance that is kept.
+    #[test]
+    fn a_correction_that_fails_has_its_normalized_innovation() {
+        let tuning = Tuning {
+            initial_sd: vec![1.0; 2],
+            process_sd: vec![0.0; 2],
+            measurement_sd: vec![1.0; 2],
+            ..Tuning::default()
+        };
+        let mut kalman = Kalman::new(&tuning);
+        let (indefinite, identity) = ([1.0, 1.5, 1.5, 1.0], [1.0, 0.0, 0.0, 1.0]);
+        kalman.p.copy_from_slice(&indefinite);
+        let correction = kalman.correct(&identity, &mut [1.0, -1.0], &mut [0.0; 2]);
+        assert_eq!(correction.status, EstimatorStatus::IndefiniteCovariance);
+        assert_eq!(kalman.covariance(), indefinite);
+        // S = [2, 1.5; 1.5, 2], whose inverse is [2, -1.5; -1.5, 2] / 1.75.
+        assert!((correction.nis - 4.0).abs() < 1e-12, "{}", correction.nis);
+        let correction = kalman.correct(&identity, &mut [1.0, f64::NAN], &mut [0.0; 2]);
+        assert_eq!(correction.status, EstimatorStatus::IndefiniteCovariance);
+        assert!((correction.nis - 0.5).abs() < 1e-12, "{}", correction.nis);
+    }
+}

@@ -77,10 +77,13 @@ impl Description<'_> {
                 attribute(&variable.description),
             );
         }
-        if self.status {
-            text += "    <ScalarVariable name=\"status\" valueReference=\"0\" description=\"0: \
-                     converged\" causality=\"output\" variability=\"discrete\" \
-                     initial=\"calculated\">\n      <Integer/>\n    </ScalarVariable>\n";
+        for (i, (name, good)) in self.statuses.iter().enumerate() {
+            let _ = writeln!(
+                text,
+                "    <ScalarVariable name=\"{name}\" valueReference=\"{i}\" description=\"0: {good}\" \
+                 causality=\"output\" variability=\"discrete\" initial=\"calculated\">\n      \
+                 <Integer/>\n    </ScalarVariable>",
+            );
         }
         text
     }
@@ -92,9 +95,7 @@ impl Description<'_> {
             all.map(|(i, _)| i + 1)
         };
         let mut outputs: Vec<usize> = places(Role::Output).collect();
-        if self.status {
-            outputs.push(self.variables.len() + 1);
-        }
+        outputs.extend((0..self.statuses.len()).map(|i| self.variables.len() + 1 + i));
         let join =
             |list: Vec<usize>| list.iter().map(usize::to_string).collect::<Vec<_>>().join(" ");
         let inputs = join(places(Role::Input).collect());

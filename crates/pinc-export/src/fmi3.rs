@@ -94,11 +94,11 @@ impl Description<'_> {
         };
         let arrays = self.arrays();
         let mut text: String = arrays.iter().enumerate().map(variable).collect();
-        if self.status {
+        for (i, (name, good)) in self.statuses.iter().enumerate() {
             text += &format!(
-                "    <Int32 name=\"status\" valueReference=\"{}\" description=\"0: converged\" \
+                "    <Int32 name=\"{name}\" valueReference=\"{}\" description=\"0: {good}\" \
                  causality=\"output\" variability=\"discrete\" initial=\"calculated\"/>\n",
-                arrays.len() + 1,
+                arrays.len() + 1 + i,
             );
         }
         text
@@ -111,9 +111,7 @@ impl Description<'_> {
             places.map(|(i, _)| (i + 1).to_string()).collect::<Vec<_>>()
         };
         let mut outputs = of(Role::Output);
-        if self.status {
-            outputs.push((arrays.len() + 1).to_string());
-        }
+        outputs.extend((0..self.statuses.len()).map(|i| (arrays.len() + 1 + i).to_string()));
         let always = if self.feed_through { of(Role::Input).join(" ") } else { String::new() };
         let first = if self.feed_through { always.clone() } else { of(Role::Start).join(" ") };
         let list = |tag: &str, on: &str| -> String {

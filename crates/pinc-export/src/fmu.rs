@@ -52,7 +52,7 @@ pub fn net_to_fmu(
         step_s: net.sample_time_s(),
         any_step: has_time(net),
         feed_through: false,
-        status: false,
+        statuses: &[],
         note: None,
         sources: vec![format!("{}_net.c", name.as_str())],
         version,
@@ -63,7 +63,7 @@ pub fn net_to_fmu(
 /// A controller as the content of an FMU: its inputs are the measured states `x[i]` and the
 /// references `reference[i]`, held over the horizon; its outputs the inputs `u[i]` of the plant and
 /// the `status`. With an estimator its inputs are what is measured, `y[i]`, in place of the states,
-/// and the estimated states are outputs, `x_estimate[i]`.
+/// and the estimated states are outputs, `x_estimate[i]`, with the `estimator_status`.
 ///
 /// It is sampled every T. At a sample its outputs depend on what is set at that time, so that the
 /// input acts at once; a communication step must not go beyond the next sample.
@@ -83,16 +83,16 @@ pub fn controller_to_fmu(
     let named = |places: Vec<usize>| origin.quantities(&places).cloned().collect::<Vec<_>>();
     let mut variables = list(&origin.inputs, "u", Role::Output, &vec![0.0; nu]);
     let start = controller.initial_state;
-    let (header, estimated, seen) = match controller.estimator {
+    let (header, estimated, seen, statuses) = match controller.estimator {
         None => {
             variables.extend(list(&origin.states, "x", Role::Input, start));
-            ("mpc", 0, nx)
+            ("mpc", 0, nx, &STATUSES[..1])
         }
         Some(estimation) => {
             let measured = named(estimation.measured(dims)?);
             variables.extend(list(&origin.states, "x_estimate", Role::Output, start));
             variables.extend(list(&measured, "y", Role::Input, &controller.measured_at_start()?));
-            ("feedback", nx, measured.len())
+            ("feedback", nx, measured.len(), &STATUSES[..])
         }
     };
     let tracked = named(controller.tracked(dims)?);
@@ -106,7 +106,7 @@ pub fn controller_to_fmu(
         step_s: controller.sample_time_s(),
         any_step: true,
         feed_through: true,
-        status: true,
+        statuses,
         note: budget_note(controller),
         sources: sources
             .iter()
@@ -157,7 +157,7 @@ pub fn plant_to_fmu(
         step_s: plant.sample_time_s,
         any_step: true,
         feed_through: false,
-        status: false,
+        statuses: &[],
         note: None,
         sources: vec![format!("{}_{method}.c", name.as_str())],
         version,
@@ -173,6 +173,9 @@ pub enum FmiVersion {
     /// 3.0, with arrays.
     Three,
 }
+
+/// The statuses of a controller and of its estimator.
+const STATUSES: [(&str, &str); 2] = [("status", "converged"), ("estimator_status", "updated")];
 
 /// What a variable is for.
 #[derive(Clone, Copy, PartialEq, Eq)]
@@ -212,8 +215,8 @@ pub(crate) struct Description<'a> {
     pub(crate) any_step: bool,
     /// Whether outputs depend on inputs at the same time.
     pub(crate) feed_through: bool,
-    /// Whether there is an integer `status`.
-    pub(crate) status: bool,
+    /// The integers that say how a step ended: their names, and what 0 means.
+    pub(crate) statuses: &'static [(&'static str, &'static str)],
     /// What the description of the model says.
     pub(crate) note: Option<String>,
     pub(crate) sources: Vec<String>,
@@ -237,6 +240,8 @@ impl Description<'_> {
         let starts: String =
             self.variables.iter().map(|v| format!("    {},\n", constant(v.start))).collect();
         t.set("GUID", guid(origin)).set("REALS", self.variables.len()).set("STARTS", starts);
+        // C has no array of 0: without a status there is one that nothing names.
+        t.set("STATUSES", self.statuses.len().max(1));
         let [fmi, upper, instance, state] = match self.version {
             FmiVersion::Two => ["fmi2", "FMI2", "fmi2Component", "FMUstate"],
             FmiVersion::Three => ["fmi3", "FMI3", "fmi3Instance", "FMUState"],

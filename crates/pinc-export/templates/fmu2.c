@@ -154,11 +154,11 @@ PINC_EXPORT fmi2Status PINC_FMI(fmi2GetInteger)(fmi2Component c, const fmi2Value
     pinc_slave *s = pinc_of(c);
     size_t i;
     for (i = 0; i < n; i++) {
-        if (vr[i] != 0) {
+        if (vr[i] >= PINC_STATUSES) {
             return fmi2Error;
         }
         pinc_refresh(s);
-        value[i] = s->status;
+        value[i] = s->status[vr[i]];
     }
     return fmi2OK;
 }

@@ -31,8 +31,8 @@ typedef void (*fmi3LogMessageCallback)(fmi3InstanceEnvironment, fmi3Status, fmi3
 #define PINC_ARRAYS @ARRAYS@
 static const size_t pinc_arrays[PINC_ARRAYS][2] = {
 @PLACES@};
-/* The value reference of the status. */
-#define PINC_STATUS_REFERENCE (PINC_ARRAYS + 1)
+/* The value reference of the first status. */
+#define PINC_FIRST_STATUS (PINC_ARRAYS + 1)
 
 static pinc_slave *pinc_of(fmi3Instance instance)
 {
@@ -156,11 +156,12 @@ PINC_EXPORT fmi3Status PINC_FMI(fmi3GetInt32)(fmi3Instance c, const fmi3ValueRef
     pinc_slave *s = pinc_of(c);
     size_t i;
     for (i = 0; i < n; i++) {
-        if ((vr[i] != PINC_STATUS_REFERENCE) || (i >= nValues)) {
+        if ((vr[i] < PINC_FIRST_STATUS) || (vr[i] - PINC_FIRST_STATUS >= PINC_STATUSES) ||
+            (i >= nValues)) {
             return fmi3Error;
         }
         pinc_refresh(s);
-        values[i] = s->status;
+        values[i] = s->status[vr[i] - PINC_FIRST_STATUS];
     }
     return fmi3OK;
 }

@@ -15,6 +15,8 @@
 /* Real variables, by their value references; from the first on those that can be set. */
 #define PINC_REALS @REALS@
 #define PINC_FIRST_SET @FIRST_SET@
+/* Integer variables: how the step ended, and how the correction of the estimator, if there is one. */
+#define PINC_STATUSES @STATUSES@
 
 static const double pinc_starts[PINC_REALS] = {
 @STARTS@};
@@ -23,7 +25,7 @@ typedef struct {
     /* The time of the last communication point. */
     double time;
     double reals[PINC_REALS];
-    int status;
+    int status[PINC_STATUSES];
 @FIELDS@} pinc_slave;
 
 @MODEL_CODE@

@@ -29,11 +29,12 @@ static void pinc_refresh(pinc_slave *s)
         reference[i] = PINC_N(s->reals[PINC_FIRST_REFERENCE + (i % PINC_NY)]);
     }
     s->after = s->before;
-    s->status = (int)@CONTROLLER@_step(&s->after, seen, reference, u);
+    s->status[0] = (int)@CONTROLLER@_step(&s->after, seen, reference, u);
     for (i = 0; i < PINC_NU; i++) {
         s->reals[i] = (double)u[i];
     }
 #if PINC_ESTIMATED > 0
+    s->status[1] = (int)s->after.estimate_status;
     for (i = 0; i < PINC_ESTIMATED; i++) {
         s->reals[PINC_NU + i] = (double)s->after.x[i];
     }

@@ -1,15 +1,16 @@
-//! Whether an estimator is as sure of itself as it may be.
+//! Whether an estimator is surer of itself than it may be.
 
 use crate::metrics::{ControlMetrics, EstimatorMetrics};
 use crate::verdict::significant;
 use std::fmt;
 use std::ops::RangeInclusive;
 
-/// A mean square is far outside its interval if it is more than this many times what it is of a
+/// A mean square is far above its interval if it is more than this many times what it is of a
 /// consistent estimator. A plant that differs a little from its model leaves the interval, too.
+///
+/// A mean below the interval is no finding: in a loop without noise errors are smaller than any
+/// useful tuning allows for.
 const FAR_ABOVE: f64 = 2.0;
-/// The same below: loops without noise are far inside what the tuning allows for.
-const FAR_BELOW: f64 = 0.1;
 /// The interval holds the mean square of a consistent estimator with a probability of 99.9 %: so
 /// many standard deviations of a normal distribution.
 const NORMAL_999: f64 = 3.2905;
@@ -17,7 +18,7 @@ const NORMAL_999: f64 = 3.2905;
 /// Something that a reader of a run's results should know of its estimator.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) enum EstimatorFinding {
-    /// A mean of normalized squares is far outside its interval.
+    /// A mean of normalized squares is far above its interval: the estimator is overconfident.
     Inconsistent(MeanSquare),
     /// The normalized innovation squared is undefined in so many of so many steps.
     Undefined {
@@ -59,7 +60,7 @@ pub(crate) fn findings(estimator: &EstimatorMetrics, of: &ControlMetrics) -> Vec
     let nees = MeanSquare { name: "NEES", mean: nees_mean, expected: states, steps: nees_steps };
     // One is enough: what is to be changed is the same.
     findings.extend(
-        [nis, nees].into_iter().find(MeanSquare::is_far_off).map(EstimatorFinding::Inconsistent),
+        [nis, nees].into_iter().find(MeanSquare::is_far_above).map(EstimatorFinding::Inconsistent),
     );
     if estimator.nis_undefined > 0 {
         let undefined = estimator.nis_undefined;
@@ -86,15 +87,9 @@ impl MeanSquare {
         quantile(-NORMAL_999)..=quantile(NORMAL_999)
     }
 
-    fn is_above(&self) -> bool {
-        self.mean > self.expected
-    }
-
-    fn is_far_off(&self) -> bool {
-        let ratio = self.mean / self.expected;
+    fn is_far_above(&self) -> bool {
         // Without any step there is no mean.
-        let is_far = ratio.is_finite() && !(FAR_BELOW..=FAR_ABOVE).contains(&ratio);
-        is_far && !self.interval().contains(&self.mean)
+        self.mean > FAR_ABOVE * self.expected && self.mean > *self.interval().end()
     }
 }
 
@@ -136,15 +131,11 @@ impl EstimatorFinding {
     /// What to do about it.
     pub(crate) fn advice(&self) -> &'static str {
         match self {
-            Self::Inconsistent(square) if square.is_above() => {
+            Self::Inconsistent(_) => {
                 "Its errors are larger than it believes: raise process_sd and disturbance_sd in \
                  [control.estimator], or measurement_sd if the sensors are noisier than it says; if \
                  innovations keep their sign, estimate a disturbance or a parameter where plant and \
                  model differ."
-            }
-            Self::Inconsistent(_) => {
-                "Its errors are smaller than it believes: lower measurement_sd to the sensors' noise, \
-                 then process_sd, in [control.estimator], and it will filter better."
             }
             Self::Undefined { .. } => {
                 "The covariance was singular to working precision there: bring the standard \
@@ -176,14 +167,15 @@ mod tests {
     }
 
     #[test]
-    fn a_mean_far_outside_is_named_with_its_numbers() {
-        for (mean, steps, is_far) in [(108.0, 144, true), (5.9, 144, false), (6.1, 144, true)] {
-            assert_eq!(square(mean, steps).is_far_off(), is_far, "{mean}");
+    fn a_mean_far_above_is_named_with_its_numbers() {
+        for (mean, steps, is_far) in
+            [(108.0, 144, true), (5.9, 144, false), (6.1, 144, true), (0.015, 144, false)]
+        {
+            assert_eq!(square(mean, steps).is_far_above(), is_far, "{mean}");
         }
-        assert!(square(0.2, 144).is_far_off() && !square(0.4, 144).is_far_off());
         // A few steps say little.
-        assert!(!square(6.1, 2).is_far_off());
-        assert!(!square(f64::NAN, 0).is_far_off());
+        assert!(!square(6.1, 2).is_far_above());
+        assert!(!square(f64::NAN, 0).is_far_above());
         let said = EstimatorFinding::Inconsistent(square(108.0, 144)).to_string();
         assert!(said.contains("mean NIS is 108, where a consistent one has 3.00 ("), "{said}");
     }

@@ -30,13 +30,6 @@ enum LoopFinding {
         /// The unit in which to show when.
         time_unit: Option<TimeUnit>,
     },
-    /// A mean over steps leaves out some.
-    UndefinedNis {
-        /// The model in the controller.
-        model: ModelKind,
-        /// In how many steps the normalized innovation squared is no number.
-        steps: usize,
-    },
     /// A controlled quantity did not come to some of its references.
     NotReached {
         /// The model in the controller.
@@ -103,9 +96,6 @@ impl Metrics {
             violation: violation.clone(),
             time_unit: self.time_unit,
         }));
-        let steps = of.estimator.as_ref().map_or(0, |estimator| estimator.nis_undefined);
-        findings
-            .extend((steps > 0).then_some(LoopFinding::UndefinedNis { model: of.model, steps }));
         findings.extend(of.references.offset.keys().filter_map(|name| self.not_reached(of, name)));
         let estimator =
             of.estimator.iter().flat_map(|estimator| consistency::findings(estimator, of));
@@ -172,10 +162,6 @@ impl LoopFinding {
                 },
                 violation.shown(*time_unit)
             ),
-            Self::UndefinedNis { model, steps } => format!(
-                "With {} the NIS is undefined in {steps} steps, which its mean leaves out.",
-                model.title()
-            ),
             Self::NotReached {
                 model,
                 quantity,
@@ -217,7 +203,6 @@ impl LoopFinding {
                  tighten the bound by as much."
                     .to_owned()
             }
-            Self::UndefinedNis { .. } => "The table of estimates lists them.".to_owned(),
             Self::NotReached { model, reached_with: Some(other), .. } => format!(
                 "With {} it does, so {} is not accurate enough there: use a larger net, more \
                  training or more substeps, or a [domain] that holds the loop.",
@@ -398,15 +383,52 @@ mod tests {
         assert_eq!(notes(&[broken(5e-4, 0.0, true)]).len(), 1);
     }
 
+    /// What metrics say of the estimator of a loop of 144 steps with three states.
+    fn notes_of(estimator: &str) -> Vec<String> {
+        let mut estimated = of(ModelKind::RK4, [None; 3], &[(SqpStatus::Converged, 144)]);
+        let text = format!(
+            r#"{{ {estimator}, "estimate_rmse": {{ "a": 0.1, "b": 0.1, "c": 0.1 }},
+            "estimator_us": {{ "p50": 1.0, "p99": 1.0, "max": 1.0 }}, "estimator_status": {{}} }}"#
+        );
+        estimated.estimator = Some(serde_json::from_str(&text).unwrap());
+        metrics(vec![estimated]).loop_notes()
+    }
+
     #[test]
-    fn a_mean_that_leaves_out_steps_says_so() {
-        let mut estimated = of(ModelKind::RK4, [None; 3], &[(SqpStatus::Converged, 30)]);
-        let text = r#"{ "nis_mean": 0.06, "nees_mean": 1.0, "nis_undefined": 103,
-            "estimate_rmse": {}, "estimator_us": { "p50": 1.0, "p99": 1.0, "max": 1.0 },
-            "estimator_status": {} }"#;
-        estimated.estimator = Some(serde_json::from_str(text).unwrap());
-        let notes = metrics(vec![estimated]).loop_notes();
-        assert!(notes[0].contains("undefined in 103 steps"), "{notes:?}");
+    fn an_inconsistent_estimator_is_named_with_its_numbers_and_what_to_change() {
+        let nis = r#""nis_mean": 108.2, "nis_expected": 2.5, "nis_steps": 144"#;
+        let notes = notes_of(&format!(r#"{nis}, "nees_mean": 3.0, "nees_steps": 144"#));
+        let [note] = &notes[..] else { panic!("{notes:?}") };
+        let said = "With RK4 the estimator is inconsistent: its mean NIS is 108, where a \
+                    consistent one has 2.50 (1.93 to 3.16 over 144 steps). Its errors are larger \
+                    than it believes: raise process_sd and disturbance_sd in [control.estimator]";
+        assert!(note.starts_with(said), "{note}");
+        // Errors are normalized by as many states as there are.
+        let nis = nis.replace("108.2", "2.5");
+        let notes = notes_of(&format!(r#"{nis}, "nees_mean": 5858.0, "nees_steps": 144"#));
+        let said = "its mean NEES is 5858, where a consistent one has 3.00 (2.37 to 3.72 over 144";
+        assert!(notes.len() == 1 && notes[0].contains(said), "{notes:?}");
+        // Errors far smaller than allowed for are no finding: sensors may be better than believed.
+        let nis = nis.replace("\"nis_mean\": 2.5", "\"nis_mean\": 0.015");
+        assert_eq!(notes_of(&format!(r#"{nis}, "nees_mean": 0.01, "nees_steps": 144"#)), [""; 0]);
+    }
+
+    #[test]
+    fn a_mean_that_leaves_out_steps_says_so_once() {
+        let notes = notes_of(r#""nis_mean": 0.06, "nees_mean": 1.0, "nis_undefined": 103"#);
+        let [note] = &notes[..] else { panic!("{notes:?}") };
+        let said = "With RK4 the NIS is undefined in 103 of 144 steps and is left out of its mean.";
+        assert!(note.starts_with(said) && note.contains("closer together"), "{note}");
+    }
+
+    #[test]
+    fn rejected_measurements_are_counted_by_quantity() {
+        let rejected = r#""rejected": { "b": 2, "c": 31 }"#;
+        let notes = notes_of(&format!(r#""nis_mean": 1.0, "nees_mean": 1.0, {rejected}"#));
+        let [note] = &notes[..] else { panic!("{notes:?}") };
+        let said =
+            "With RK4 in 144 steps the estimator's gate rejected measurements: 2 of b, 31 of c.";
+        assert!(note.starts_with(said) && note.contains("widen its gate"), "{note}");
     }
 
     #[test]

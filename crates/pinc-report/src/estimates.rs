@@ -108,14 +108,11 @@ fn caption(run: &Run, of: &OfModel<EstimateTable>) -> String {
     );
     let metrics = of.model.and_then(|model| run.metrics.as_ref()?.loop_with(model));
     if let Some(estimator) = metrics.and_then(|of| of.estimator.as_ref()) {
-        let states = estimator.estimate_rmse.len();
-        caption += &format!(
-            " The mean NIS is {}, of a consistent estimator {}; the mean NEES {}, of a consistent \
-             one {states}. Larger means say that the estimator trusts itself too much.",
-            text::significant(estimator.nis_mean, 3),
-            of.table.measured.len(),
-            text::significant(estimator.nees_mean, 3),
-        );
+        #[expect(clippy::cast_precision_loss, reason = "no plant has 2^53 states")]
+        let states = estimator.estimate_rmse.len() as f64;
+        caption += &mean("NIS", estimator.nis_mean, estimator.nis_expected);
+        caption += &mean("NEES", estimator.nees_mean, states);
+        caption += " Larger means say that the estimator trusts itself too much.";
         let ended = estimator.estimator_status.iter().filter(|(status, _)| *status != "updated");
         let ended: Vec<_> = ended.map(|(status, count)| format!("{count} {status}")).collect();
         if !ended.is_empty() {
@@ -123,4 +120,16 @@ fn caption(run: &Run, of: &OfModel<EstimateTable>) -> String {
         }
     }
     format!("{caption} From {}.", of.file)
+}
+
+/// A mean of normalized squares, beside the one of a consistent estimator where that is known.
+fn mean(name: &str, mean: f64, expected: f64) -> String {
+    if mean.is_nan() {
+        return format!(" No step has a {name}.");
+    }
+    let consistent = match expected.is_nan() {
+        true => String::new(),
+        false => format!(", of a consistent estimator {}", text::significant(expected, 3)),
+    };
+    format!(" The mean {name} is {}{consistent}.", text::significant(mean, 3))
 }

@@ -3,5 +3,6 @@
 mod arrays;
 mod common;
 mod config;
+mod estimator;
 mod guide;
 mod times;

@@ -145,6 +145,32 @@ proptest! {
         }
     }
 
+    /// Two sensors of one state, one with a hundredth of the noise of the other: the estimate is the
+    /// mean of both readings and the first guess, each weighted by its precision.
+    #[test]
+    fn a_sensor_counts_by_its_noise(
+        y in prop::array::uniform2(-1.0..1.0_f64),
+        first_is_better in any::<bool>(),
+    ) {
+        let model = Linear { a: [[1.0, 0.0], [0.0, 1.0]], b: [0.0; 2], c: [[1.0, 0.0]; 2], d: [0.0; 2] };
+        let sd = if first_is_better { [0.05, 5.0] } else { [5.0, 0.05] };
+        let tuning = Tuning { measurement_sd: sd.to_vec(), ..tuning() };
+        let weights = [1.0, sd[0].powi(-2), sd[1].powi(-2)];
+        let sum: f64 = weights.iter().sum();
+        let expected = (0.5 * weights[0] + y[0] * weights[1] + y[1] * weights[2]) / sum;
+        let all: [(Box<dyn Estimator>, f64); 3] = [
+            (Box::new(Ekf::new(Box::new(model.clone()), tuning.clone()).unwrap()), 1e-11),
+            (Box::new(Ukf::new(Box::new(model.clone()), tuning.clone()).unwrap()), 1e-5),
+            (Box::new(Mhe::new(Box::new(model), tuning, 3).unwrap()), 1e-9),
+        ];
+        for (mut estimator, tolerance) in all {
+            prop_assert_eq!(estimator.correct(&y).measured, 2);
+            let (z, sd) = (estimator.estimate()[0], estimator.covariance()[0].sqrt());
+            prop_assert!((z - expected).abs() < tolerance, "{} {}", z, expected);
+            prop_assert!((sd * sum.sqrt() - 1.0).abs() < 1e-4, "{}", sd);
+        }
+    }
+
     /// A sensor that fails is as if it were not there.
     #[test]
     fn a_missing_measurement_is_skipped(

@@ -4,7 +4,9 @@ use pinc_ad::Scalar;
 use pinc_estimate::{
     Augmentation, Augmented, Compensated, Disturbance, Ekf, EstimateError, Measured, Tuning,
 };
-use pinc_ode::{Dims, Model, Plant, Rk4, Variable};
+use pinc_ode::{
+    Dims, LinearizationBuffer, Model, OutputLinearization, Plant, Rk4, Stages, Variable,
+};
 use pinc_plants::FourTanks;
 use proptest::prelude::*;
 
@@ -96,6 +98,63 @@ proptest! {
                 prop_assert!((found - expected).abs() < 1e-12);
             }
         }
+    }
+}
+
+/// Values of a model's step and outputs at a point, one after the other.
+fn values(model: &mut dyn Model, x: &[f64], u: &[f64], p: &[f64]) -> Vec<f64> {
+    let Dims { nx, ny, .. } = model.dims();
+    let mut all = vec![0.0; nx + ny];
+    let (next, y) = all.split_at_mut(nx);
+    model.step(x, u, p, next);
+    model.output(x, u, p, y);
+    all
+}
+
+/// Compares the derivatives of steps and outputs with central differences in x, u and p.
+fn assert_derivatives(model: &mut dyn Model, at: &[f64]) {
+    const STEP: f64 = 1e-5;
+    let Dims { nx, nu, np, ny, .. } = model.dims();
+    let (x, rest) = at.split_at(nx);
+    let (u, p) = rest.split_at(nu);
+    let here = Stages { x, u, p };
+    let mut step = LinearizationBuffer::new(model.dims(), 1);
+    model.linearize(here, step.as_mut());
+    let (mut y, mut c, mut d) = (vec![0.0; ny], vec![0.0; ny * nx], vec![0.0; ny * nu]);
+    let mut e = vec![0.0; ny * np];
+    let out = OutputLinearization { y: &mut y, c: &mut c, d: &mut d, e: &mut e };
+    model.linearize_output(here, out);
+    for k in 0..at.len() {
+        let mut moved = |by: f64| {
+            let mut at = at.to_vec();
+            at[k] += by;
+            values(model, &at[..nx], &at[nx..nx + nu], &at[nx + nu..])
+        };
+        let (ahead, behind) = (moved(STEP), moved(-STEP));
+        let (matrices, column, width) = match k {
+            k if k < nx => ([&step.a, &c], k, nx),
+            k if k < nx + nu => ([&step.b, &d], k - nx, nu),
+            k => ([&step.e, &e], k - nx - nu, np),
+        };
+        let found = matrices.iter().flat_map(|m| m.iter().skip(column).step_by(width));
+        for (row, (found, (a, b))) in found.zip(ahead.iter().zip(&behind)).enumerate() {
+            let expected = (a - b) / (2.0 * STEP);
+            assert!((found - expected).abs() < 1e-8, "row {row}, variable {k}: {found} {expected}");
+        }
+    }
+}
+
+/// All derivatives of both models are those of their values: by disturbances and parameters, too.
+#[test]
+fn derivatives_are_those_of_the_values() {
+    for augmentation in augmentations() {
+        let (x, u, w) = ([0.7, -0.4], [0.3], [0.21, -0.13]);
+        let mut compensated = Compensated::new(spring(), augmentation.clone()).unwrap();
+        let np = compensated.dims().np;
+        let w = [&w[..np - 1], &[1.4]].concat();
+        assert_derivatives(&mut compensated, &[&x[..], &u, &w].concat());
+        let mut augmented = Augmented::new(spring(), augmentation).unwrap();
+        assert_derivatives(&mut augmented, &[&x[..], &w, &u].concat());
     }
 }
 

@@ -2,16 +2,14 @@
 
 use super::compile::{READ, Sources};
 use super::controller::{Case, Draws, Source, equations, mild, tanks_case};
+use super::start::number;
 use pinc_estimate::{
     Augmentation, Augmented, Compensated, Disturbance, Ekf, Estimator, Gate, Measured, Mhe, Tuning,
     Ukf,
 };
-use pinc_export::{
-    Controller, Estimation, ExportError, Filter, FmiVersion, GeneratedFile, Name, Origin,
-    controller_to_fmu,
-};
+use pinc_export::{Estimation, ExportError, Filter};
 use pinc_expr::PlantEquations;
-use pinc_mpc::{Bounds, Nmpc, Tracked};
+use pinc_mpc::{Bounds, Nmpc, SqpStatus, Tracked};
 use pinc_net::{Domain, NetConfig, ParameterRange, PincNet};
 use pinc_ode::Integrator;
 
@@ -63,10 +61,10 @@ int main(void)
 const NU: usize = 2;
 
 /// A controller with what it estimates.
-type Parts = (Case, Augmentation, Tuning);
+pub(crate) type Parts = (Case, Augmentation, Tuning);
 
 /// The tanks with sensors in the lower ones.
-fn tanks(disturbance: Disturbance, delay: usize) -> Parts {
+pub(crate) fn tanks(disturbance: Disturbance, delay: usize) -> Parts {
     let mut case = tanks_case();
     let augmentation =
         Augmentation { disturbance, ..Augmentation::measured(Measured::states([0, 1])) };
@@ -88,13 +86,34 @@ fn tanks(disturbance: Disturbance, delay: usize) -> Parts {
     (case, augmentation, tuning)
 }
 
-fn library(filter: Filter, case: &Case, of: &Augmentation, tuning: &Tuning) -> Box<dyn Estimator> {
+pub(crate) fn library(
+    filter: Filter,
+    case: &Case,
+    of: &Augmentation,
+    tuning: &Tuning,
+) -> Box<dyn Estimator> {
     let model = Box::new(Augmented::new(case.model(), of.clone()).unwrap());
     match filter {
         Filter::Extended => Box::new(Ekf::new(model, tuning.clone()).unwrap()),
         Filter::MovingHorizon(steps) => Box::new(Mhe::new(model, tuning.clone(), steps).unwrap()),
         _ => Box::new(Ukf::new(model, tuning.clone()).unwrap()),
     }
+}
+
+/// The number in C of an estimator's status.
+pub(crate) fn number_of(status: &str) -> f64 {
+    let words = [
+        "updated",
+        "nothing-measured",
+        "indefinite-covariance",
+        "not-finite",
+        "iteration-limit",
+        "qp-failed",
+        "rejected",
+        "reacquired",
+    ];
+    let place = words.iter().position(|word| *word == status).unwrap();
+    f64::from(u8::try_from(place).unwrap())
 }
 
 /// What a step is to give.
@@ -197,22 +216,11 @@ fn compare(filter: Filter, parts: &Parts) -> usize {
     let (width, mut missing, mut worst) = (2 + NU + tuning.initial_estimate.len(), 0, [0.0_f64; 2]);
     let (mut rejected, mut reacquired) = (0, 0);
     assert_eq!(found.len(), expected.len() * width);
-    let words = [
-        "updated",
-        "nothing-measured",
-        "indefinite-covariance",
-        "not-finite",
-        "iteration-limit",
-        "qp-failed",
-        "rejected",
-        "reacquired",
-    ];
     for (k, (found, expected)) in found.chunks_exact(width).zip(&expected).enumerate() {
         let converged = if found[0] < 0.5 { "converged" } else { "another" };
         let (ended, corrected) = (&expected.statuses[0], &expected.statuses[1]);
         assert_eq!(converged == "converged", ended == "converged", "step {k}: {ended}");
-        let place = words.iter().position(|word| word == corrected).unwrap();
-        let place = f64::from(u8::try_from(place).unwrap());
+        let place = number_of(corrected);
         assert!(found[1].total_cmp(&place).is_eq(), "step {k}: {corrected}");
         missing += usize::from(corrected == "nothing-measured");
         rejected += usize::from(corrected == "rejected");
@@ -277,7 +285,7 @@ fn the_moving_horizon_in_c_estimates_what_the_librarys_does() {
 
 /// The tanks with a pump whose constant is estimated, and the sum of the lower levels and a flow
 /// as outputs: both are measured, and with the first level tracked and bounded.
-fn with_outputs_and_pump(disturbance: Disturbance) -> Parts {
+pub(crate) fn with_outputs_and_pump(disturbance: Disturbance) -> Parts {
     let (mut case, mut augmentation, mut tuning) = tanks(disturbance, 0);
     case.source = Source::RungeKutta(tanks_with_outputs(), Integrator::Rk4, 2);
     // In alphabetical order: flow, total.
@@ -317,7 +325,8 @@ fn estimated_parameters_and_measured_outputs_are_the_librarys() {
         let parts = with_outputs_and_pump(disturbance);
         compare(Filter::Extended, &parts);
         compare(Filter::Unscented, &parts);
-        compare(Filter::MovingHorizon(4), &parts);
+        // An output depends on the input, which is another one at each step of the window.
+        compare(Filter::MovingHorizon(6), &parts);
     }
     // An input's disturbance and a pump's constant cannot be told apart from these: one of them.
     let (mut case, mut augmentation, mut tuning) = with_outputs_and_pump(Disturbance::Input);
@@ -394,30 +403,56 @@ fn the_moving_horizon_passes_its_self_test_and_is_portable() {
     assert_sound(Filter::MovingHorizon(3), &Disturbance::Input);
 }
 
-/// Of both versions: outputs that are measured are inputs of the FMU, estimates are outputs.
-#[test]
-fn an_fmu_of_a_controller_with_its_estimator_compiles() {
-    let (case, augmentation, tuning) = with_outputs_and_pump(Disturbance::Output);
-    for version in [FmiVersion::Two, FmiVersion::Three] {
-        let estimation =
-            Estimation { filter: Filter::Extended, augmentation: &augmentation, tuning: &tuning };
-        let export = |controller: &Controller<'_>, name: &Name, origin: &Origin| {
-            controller_to_fmu(controller, name, origin, version)
-        };
-        let files = case.export_by(Some(estimation), export).unwrap();
-        let xml = String::from_utf8(files[0].bytes.clone()).unwrap();
-        assert!(xml.contains("y[2]") || xml.contains("name=\"y\""), "{xml}");
-        assert!(xml.contains("x_estimate"), "{xml}");
-        // The total of the initial state under the initial input: h1 + 0.7 h2 + 0.05 k1 u1 =
-        // 9.5 + 0.7 * 9.5 + 0.05 * 3.33 * 3.
-        assert!(xml.contains("16.6495\""), "{xml}");
-        let flat = |file: GeneratedFile| GeneratedFile {
-            path: file.path.trim_start_matches("sources/").to_owned(),
-            ..file
-        };
-        let sources = Sources::new(&files.into_iter().map(flat).collect::<Vec<_>>());
-        sources.assert_compiles();
+/// Tells three controllers of inputs that were applied: the first nothing, the second what it has to
+/// refuse, the third one that it takes. Writes the answers, and then what each estimates and chooses.
+const APPLIED: &str = r#"
+#include "ctl_feedback.h"
+#include <math.h>
+#include <stdio.h>
+static ctl_feedback f[3];
+int main(void)
+{
+    const CTL_REAL y[2] = {9.0, 9.0};
+    const CTL_REAL beyond[5][2] = {
+        {2.0, 5.1}, {-0.1, 2.0}, {2.0, (CTL_REAL)NAN}, {(CTL_REAL)INFINITY, 2.0}, {1e5, 0.0}};
+    const CTL_REAL within[2] = {0.0, 5.0};
+    CTL_REAL reference[CTL_N2 * CTL_NY], u[CTL_NU];
+    int i;
+    int k;
+    for (i = 0; i < CTL_N2 * CTL_NY; i++) {
+        reference[i] = 9.0;
     }
+    for (k = 0; k < 3; k++) {
+        ctl_feedback_init(&f[k]);
+        ctl_feedback_step(&f[k], y, reference, u);
+    }
+    for (i = 0; i < 5; i++) {
+        printf("%d\n", (int)ctl_feedback_set_applied(&f[1], beyond[i]));
+    }
+    printf("%d\n", (int)ctl_feedback_set_applied(&f[2], within));
+    for (k = 0; k < 3; k++) {
+        ctl_feedback_step(&f[k], y, reference, u);
+        printf("%.17g\n%.17g\n%.17g\n", (double)f[k].x[0], (double)u[0], (double)u[1]);
+    }
+    return 0;
+}
+"#;
+
+#[test]
+fn an_applied_input_beyond_its_bounds_is_refused_and_changes_nothing() {
+    let (case, augmentation, tuning) = tanks(Disturbance::Input, 0);
+    let (augmentation, tuning) = (&augmentation, &tuning);
+    let estimation = Estimation { filter: Filter::Extended, augmentation, tuning };
+    let sources = Sources::new(&case.export(Some(estimation)).unwrap());
+    let found = sources.drive(APPLIED, &[], &[]);
+    let bad = number(SqpStatus::BadArgument);
+    assert!(
+        found[..6].iter().zip([bad, bad, bad, bad, bad, 0.0]).all(|(a, b)| *a == b),
+        "{found:?}"
+    );
+    let [untold, refused, taken] = [6..9, 9..12, 12..15].map(|part| &found[part]);
+    assert_eq!(untold, refused);
+    assert!((taken[0] - untold[0]).abs() > 0.01 && taken[1..] != untold[1..], "{found:?}");
 }
 
 #[test]

@@ -4,6 +4,7 @@ mod budgets;
 mod compile;
 mod controller;
 mod feedback;
+mod feedback_fmu;
 mod fmu;
 mod net;
 mod rust_plants;

@@ -86,6 +86,35 @@ fn the_input_that_was_applied_counts() {
     assert!(nmpc.reset_to(&[f64::INFINITY], &[0.0]).is_err());
 }
 
+/// An input beyond its bounds was not applied: a controller that is told so says which, and goes on
+/// as if it had not been told.
+#[test]
+fn an_applied_input_beyond_its_bounds_is_refused() {
+    let problem =
+        NmpcProblem { input_bounds: Bounds::new(vec![-1.0], vec![2.0]), ..scalar_problem(2, 2) };
+    let model = || Box::new(Linear::scalar(1.3, 0.7));
+    let begin = || Nmpc::new(problem.clone(), model(), SqpConfig::default()).unwrap();
+    let [mut told, mut untold] = [begin(), begin()];
+    let next = |nmpc: &mut Nmpc, x: f64| nmpc.step(&[x], &[0.9, 0.9]).unwrap().u[0];
+    next(&mut told, 0.5);
+    next(&mut untold, 0.5);
+    for (u, said) in [
+        (2.1, "u_applied[0] is 2.1, but must be within its bounds, -1 to 2"),
+        (-1.00001, "u_applied[0] is -1.00001, but must be within its bounds, -1 to 2"),
+        (1e5, "u_applied[0] is 100000, but must be within its bounds, -1 to 2"),
+        (f64::INFINITY, "u_applied[0]"),
+    ] {
+        let error = told.set_applied_input(&[u]).unwrap_err().to_string();
+        assert!(error.starts_with(said), "{u}: {error}");
+        assert_eq!(told.check_applied_input(&[u]).unwrap_err().to_string(), error);
+    }
+    assert!(next(&mut told, 0.4).total_cmp(&next(&mut untold, 0.4)).is_eq());
+    // What rounding adds to a bound is none of this.
+    for u in [2.0, -1.0, 2.000_001, -1.000_001] {
+        told.set_applied_input(&[u]).unwrap();
+    }
+}
+
 /// The first plan is made at the state of the first step, wherever that is.
 #[test]
 fn an_input_can_be_known_before_the_state_is() {

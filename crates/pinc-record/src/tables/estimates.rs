@@ -149,6 +149,9 @@ mod tests {
         assert!(read().unwrap().is_none());
         std::fs::write(&path, table.to_csv().as_bytes()).unwrap();
         assert_eq!(read().unwrap().unwrap(), table);
+        let text = String::from_utf8(table.to_csv().as_bytes().to_vec()).unwrap();
+        let header = "t,h,d_u,h_sd,d_u_sd,y_h,innovation_h,nis,nees,rejected\n";
+        assert!(text.starts_with(header) && text.trim_end().ends_with(",1.5,2.5,1"), "{text}");
         let alone = table.estimates_to_csv();
         let text = String::from_utf8(alone.as_bytes().to_vec()).unwrap();
         assert!(text.starts_with("t,h,d_u,h_sd,d_u_sd\n"), "{text}");

@@ -55,20 +55,36 @@ fn estimates_stand_beside_the_plant_and_the_measurements() {
 #[test]
 fn the_caption_says_whether_the_estimator_is_consistent() {
     let dir = with_estimates();
-    let estimator = r#""nis_mean": 1.25, "nees_mean": 2.5, "estimate_rmse": { "a": 0.01, "b": 0.02,
-        "c": 0.03 }, "estimator_us": { "p50": 1.0, "p99": 2.0, "max": 3.0 },
-        "estimator_status": { "updated": 98, "nothing-measured": 2 }, "model": "pinc","#;
-    let metrics = METRICS.replacen("\"model\": \"pinc\",", estimator, 1);
-    assert_ne!(metrics, METRICS);
-    write(&dir, "metrics.json", &metrics);
-    let html = build(dir.path()).unwrap();
+    let page = |nis: &str| {
+        let estimator = format!(
+            r#"{nis}, "nees_mean": 2.5, "nees_steps": 100,
+            "estimate_rmse": {{ "a": 0.01, "b": 0.02, "c": 0.03 }},
+            "estimator_us": {{ "p50": 1.0, "p99": 2.0, "max": 3.0 }},
+            "estimator_status": {{ "updated": 98, "nothing-measured": 2 }}, "model": "pinc","#
+        );
+        let metrics = METRICS.replacen("\"model\": \"pinc\",", &estimator, 1);
+        assert_ne!(metrics, METRICS);
+        write(&dir, "metrics.json", &metrics);
+        build(dir.path()).unwrap().split_whitespace().collect::<Vec<_>>().join(" ")
+    };
+    // One quantity is measured, in some steps: what is expected is what was used on average.
+    let nis = r#""nis_mean": 1.25, "nis_expected": 0.83, "nis_steps": 100"#;
+    let html = page(nis);
     for said in [
-        "The mean NIS is 1.25, of a consistent estimator 1",
-        "the mean NEES 2.5",
+        "The mean NIS is 1.25, of a consistent estimator 0.830.",
+        "The mean NEES is 2.50, of a consistent estimator 3.00.",
         "did not end as usual: 2 nothing-measured",
     ] {
-        let plain = html.split_whitespace().collect::<Vec<_>>().join(" ");
-        assert!(plain.contains(said), "no {said}");
+        assert!(html.contains(said), "no {said}");
+    }
+    assert!(!html.contains("is inconsistent"));
+    let html = page(&nis.replace("1.25", "108"));
+    let said = "With PINC the estimator is inconsistent: its mean NIS is 108, where a consistent one \
+                has 0.830 (";
+    assert!(html.contains(said) && html.contains("raise process_sd"), "no {said}");
+    let html = page(r#""nis_mean": null, "nis_expected": null, "nis_undefined": 100"#);
+    for said in ["No step has a NIS.", "With PINC the NIS is undefined in 100 of 120 steps"] {
+        assert!(html.contains(said), "no {said}");
     }
 }
 

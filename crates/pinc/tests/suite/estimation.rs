@@ -205,6 +205,79 @@ fn a_loop_with_sensors_says_how_good_its_estimates_are() {
     assert!((exact.rows[0].measured[0] - 8.0).abs() < 1e-15);
 }
 
+/// Rejected measurements are counted in the table and in the metrics, by quantity; statistics are of
+/// the others.
+#[test]
+fn rejected_measurements_are_counted() {
+    let dir = tempfile::tempdir().unwrap();
+    let config = written(dir.path(), TANKS);
+    let out = dir.path().join("run");
+    let mut command = pinc(&["control", "--out", out.to_str().unwrap()]);
+    // Of the second sensor's readings most are beyond the gate.
+    command.arg(&config).args(["--set", "control.measurement.noise_sd=[0.05, 40.0]"]);
+    command.args(["--set", "control.estimator.gate=10.0"]);
+    let found = outcome(&mut command);
+    assert_eq!(found.code, Some(0), "{found:?}");
+    let (header, rows) = columns(&out.join("estimates.csv"));
+    let place = |name: &str| header.iter().position(|column| column == name).unwrap();
+    assert_eq!(place("rejected"), header.len() - 1);
+    let [v1, v2, nis, rejected] = ["innovation_h1", "innovation_h2", "nis", "rejected"].map(place);
+    let mut total = 0;
+    for row in &rows {
+        let without = [v1, v2].iter().filter(|place| row[**place].is_nan()).count();
+        assert_eq!(row[rejected].to_string(), without.to_string(), "{row:?}");
+        total += without;
+    }
+    assert!(total > 10 && total < 30, "{total}");
+    assert!(rows.iter().all(|row| !row[v1].is_nan() && !row[nis].is_nan()));
+    let metrics = Metrics::read(&out).unwrap().unwrap();
+    let estimator = metrics.control[0].estimator.clone().unwrap();
+    assert_eq!(estimator.rejected.into_iter().collect::<Vec<_>>(), [("h2".to_owned(), total)]);
+    assert_eq!((estimator.nis_steps, estimator.nis_undefined), (30, 0));
+    assert_eq!(estimator.nees_steps, 30);
+    #[expect(clippy::cast_precision_loss, reason = "60 at most")]
+    let used = (60 - total) as f64 / 30.0;
+    assert!((estimator.nis_expected - used).abs() < 1e-12, "{}", estimator.nis_expected);
+    let mean = rows.iter().map(|row| row[nis]).sum::<f64>() / 30.0;
+    assert!((estimator.nis_mean / mean - 1.0).abs() < 1e-12, "{} {mean}", estimator.nis_mean);
+    let gated: usize = ["rejected", "reacquired"]
+        .iter()
+        .filter_map(|status| estimator.estimator_status.get(*status))
+        .sum();
+    assert!(gated >= total, "{:?}", estimator.estimator_status);
+    // What was rejected is said where the run ends.
+    let said = format!("in 30 steps the estimator's gate rejected measurements: {total} of h2.");
+    assert!(found.stdout.contains(&said) || found.stderr.contains(&said), "{found:?}");
+}
+
+/// The model is of pumps that give less than those of the plant: an estimator that believes it is
+/// inconsistent, which is said on the terminal and in the report, with numbers.
+#[test]
+fn an_inconsistent_estimator_is_named() {
+    let dir = tempfile::tempdir().unwrap();
+    let plant = "[control.plant]\nfour-tanks = { parameters = \"antonelo\", pump = [4.0, 2.7] }\n";
+    let config = written(dir.path(), &format!("{TANKS}{plant}"));
+    let out = dir.path().join("run");
+    let mut command = pinc(&["control", "--out", out.to_str().unwrap()]);
+    let found = outcome(command.arg(&config));
+    assert_eq!(found.code, Some(0), "{found:?}");
+    let metrics = Metrics::read(&out).unwrap().unwrap();
+    let estimator = metrics.control[0].estimator.clone().unwrap();
+    assert!(estimator.nis_mean > 10.0, "{estimator:?}");
+    let report = fs::read_to_string(out.join("report.html")).unwrap();
+    let report = report.split_whitespace().collect::<Vec<_>>().join(" ");
+    let terminal = [&found.stdout[..], &found.stderr].concat();
+    let terminal = terminal.split_whitespace().collect::<Vec<_>>().join(" ");
+    for text in [&terminal, &report] {
+        let said = text.split("With RK4 the estimator is inconsistent: its mean NIS is ").nth(1);
+        let said = said.unwrap_or_else(|| panic!("nothing said: {text}"));
+        let mean: f64 = said.split(',').next().unwrap().parse().unwrap();
+        assert!((mean / estimator.nis_mean - 1.0).abs() < 5e-3, "{mean}");
+        assert!(said.contains("where a consistent one has 2.00 ("), "{said}");
+        assert!(said.contains("raise process_sd and disturbance_sd"), "{said}");
+    }
+}
+
 #[test]
 fn a_parameter_is_found_in_the_loop() {
     let dir = tempfile::tempdir().unwrap();
@@ -248,6 +321,19 @@ fn sections_that_do_not_fit_are_refused() {
     let k9 = parameter.replace("k1", "k9");
     tanks("estimator.parameters", &k9, &["`k9` is not known"]);
     tanks("models", "[\"rk4\", \"rk4\"]", &["control.models"]);
+    let width = "a positive and finite number of standard deviations, or \"off\"";
+    for sd in ["0.0", "-3.0"] {
+        tanks("estimator.gate", sd, &["control.estimator.gate`", width]);
+    }
+    tanks("estimator.gate", "inf", &["control.estimator.gate`", "expected a finite number"]);
+    let number_or_off = "expected a number of standard deviations, or \"off\"";
+    for word in ["\"wide\"", "\"Off\"", "true", "[3.0]"] {
+        tanks("estimator.gate", word, &["control.estimator.gate`", number_or_off]);
+        let in_file = format!("{TANKS}gate = {word}\n");
+        refused(&in_file, "seed=1", &["config.toml", "gate", number_or_off]);
+    }
+    let in_file = format!("{TANKS}gate = -1\n");
+    refused(&in_file, "seed=1", &["config.toml", "control.estimator.gate`", width]);
     let parameter = "[{ name = \"gains\", initial = 3.3, initial_sd = 0.1 }]";
     let key = of("estimator.parameters", parameter);
     refused(LAG, &key, &["`gains` is not known", "did you mean `gain`?"]);

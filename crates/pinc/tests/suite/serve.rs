@@ -104,6 +104,68 @@ fn the_served_estimator_takes_what_is_missing_and_what_was_applied() {
     assert!(level(&applied) < level(&missing) - 0.1, "{applied} {missing}");
 }
 
+/// An input beyond its bounds was not applied: the line is refused, and neither the estimator nor the
+/// controller has heard of it.
+#[test]
+fn an_applied_input_beyond_its_bounds_is_refused() {
+    let config = repository("configs/estimation/tanks.toml");
+    let [mut told, mut untold] = [(); 2].map(|()| Served::new(&config, &[]));
+    let first = json!({ "y": [2.0, 2.0] });
+    told.input(&first);
+    untold.input(&first);
+    for (line, part) in [
+        (
+            &b"{\"y\": [2.1, 2.0], \"u_applied\": [1e5, 0]}"[..],
+            "u_applied[0] is 100000, but must be within its bounds, 0 to 5",
+        ),
+        (b"{\"y\": [2.1, 2.0], \"u_applied\": [1.0, -0.1]}", "u_applied[1] is -0.1, but must be"),
+    ] {
+        told.refuses(line, part);
+    }
+    let next = json!({ "y": [2.3, 2.2] });
+    let [found, expected] = [told.ask(&next), untold.ask(&next)];
+    for key in ["u", "x", "unknowns", "estimator", "status"] {
+        assert_eq!(found[key], expected[key], "{key}");
+    }
+    told.end();
+    untold.end();
+}
+
+/// A wild reading is rejected, and the answer says so; a jump that stays is believed at its fifth
+/// reading.
+#[test]
+fn the_served_estimator_says_what_its_gate_rejects() {
+    let config = repository("configs/estimation/tanks.toml");
+    // At rest under 3 V, with the pumps that the model has.
+    let sets = [
+        "control.estimator.initial_estimate=[12.4, 12.7, 1.8, 1.4]",
+        "control.estimator.disturbance=none",
+        "control.estimator.disturbance_sd=[]",
+        "control.estimator.disturbance_initial_sd=[]",
+    ];
+    let sets: Vec<&str> = sets.iter().flat_map(|set| ["--set", *set]).collect();
+    let mut served = Served::new(&config, &sets);
+    let mut ask = |y: [f64; 2]| {
+        let answer = served.ask(&json!({ "y": y, "u_applied": [3.0, 3.0] }));
+        let level = answer["x"][0].as_f64().unwrap();
+        (answer["estimator"].as_str().unwrap().to_owned(), level)
+    };
+    for _ in 0..20 {
+        let (status, level) = ask([12.4, 12.7]);
+        assert!(status == "updated" && (level - 12.4).abs() < 0.1, "{status} {level}");
+    }
+    let (status, level) = ask([65535.0, 12.7]);
+    assert!(status == "rejected" && (level - 12.4).abs() < 0.1, "{status} {level}");
+    assert_eq!(ask([12.4, 12.7]).0, "updated");
+    // 2.8 cm: beyond 30 times the root of about 0.03^2 + 0.05^2, within that of 0.1^2 + 0.05^2.
+    for k in 0..5 {
+        let (status, level) = ask([15.2, 12.7]);
+        let (expected, near) = if k < 4 { ("rejected", 12.4) } else { ("reacquired", 15.2) };
+        assert!(status == expected && (level - near).abs() < 0.8, "{k}: {status} {level}");
+    }
+    served.end();
+}
+
 #[test]
 fn bad_lines_are_answered_and_change_nothing() {
     let config = repository("configs/van-der-pol/control.toml");
@@ -126,6 +188,7 @@ fn bad_lines_are_answered_and_change_nothing() {
         (b"{\"y\": [0.1, 0.2], \"reference\": [[0.1, 0.2]]}", "1 rows given, expected"),
         (b"{\"y\": [0.1, 0.2], \"reference\": \"up\"}", "expected"),
         (b"{\"y\": [0.1, 0.2], \"u_applied\": [0.1, 0.2]}", "u_applied: 2 numbers given"),
+        (b"{\"y\": [0.1, 0.2], \"u_applied\": [9.5]}", "u_applied[0] is 9.5, but must be within"),
         (b"\xff\xfe{}", "expected"),
     ] {
         served.refuses(line, part);

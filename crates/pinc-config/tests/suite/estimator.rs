@@ -1,0 +1,44 @@
+//! What an estimator is told of a config.
+
+use crate::common::{parse, read};
+use pinc_estimate::Gate;
+
+fn gate(set: &str) -> Result<Gate, String> {
+    let tanks = read("configs/estimation/tanks.toml");
+    let experiment = parse(&tanks, &[set])?;
+    Ok(experiment.control.unwrap().estimator.unwrap().tuning().gate)
+}
+
+#[test]
+fn the_gate_is_a_width_or_off() {
+    let of = |value: &str| gate(&format!("control.estimator.gate={value}"));
+    assert_eq!(gate("seed=1"), Ok(Gate::Sd(30.0)));
+    assert_eq!(of("5.5"), Ok(Gate::Sd(5.5)));
+    assert_eq!(of("4"), Ok(Gate::Sd(4.0)));
+    assert_eq!(of("off"), Ok(Gate::Off));
+    assert_eq!(of("\"off\""), Ok(Gate::Off));
+    let refused = |value: &str, said: &str| {
+        let error = of(value).unwrap_err();
+        assert!(error.contains("control.estimator.gate") && error.contains(said), "{error}");
+    };
+    for value in ["0", "0.0", "-1"] {
+        refused(value, "a positive and finite number of standard deviations, or \"off\"");
+    }
+    for value in ["inf", "nan"] {
+        refused(value, "expected a finite number");
+    }
+    for value in ["on", "Off", "true", "[]", "{ sd = 3.0 }"] {
+        refused(value, "expected a number of standard deviations, or \"off\"");
+    }
+}
+
+#[test]
+fn a_gate_in_a_file_is_refused_with_its_place() {
+    let tanks = read("configs/estimation/tanks.toml");
+    for (gate, said) in [("0.0", "positive and finite"), ("\"wide\"", "expected a number")] {
+        let text = format!("{tanks}\ngate = {gate}\n");
+        let error = parse(&text, &[]).unwrap_err();
+        assert!(error.contains("test.toml") && error.contains("gate"), "{error}");
+        assert!(error.contains(said), "{error}");
+    }
+}
