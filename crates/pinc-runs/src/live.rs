@@ -356,7 +356,7 @@ impl LiveEstimator {
         let variables = Variables::of(plant);
         let names = spec.names(&measurement, &variables).split_off(plant.states().len());
         Ok(Some(Self {
-            estimator: feedback::estimator(spec, &augmentation, model)?,
+            estimator: feedback::estimator((setup.spec, spec), &augmentation, model)?,
             augmentation,
             measured: measurement.names(&variables),
             unknowns: vec![0.0; names.len()],
