@@ -4,6 +4,7 @@
 //! - [`TrainingRow`], [`DomainErrorTable`], [`PredictionTable`], [`ControlRow`], [`StepRow`],
 //!   [`EstimateTable`]: the tables of a run.
 //! - [`TrialTable`], [`SummaryTable`]: the tables of a sweep; [`SweepDir`]: where its trials are.
+//! - [`metric`]: the table of metrics, which the tables of sweeps, reports and comparisons read.
 //! - [`work`]: who does what of a sweep.
 //! - [`IdentificationMetrics`], [`ResidualTable`]: what was identified of a plant.
 //! - [`CertificateMetrics`]: what is known of the errors of one step of a model.
@@ -21,6 +22,7 @@ mod error;
 mod files;
 mod identification;
 mod lock;
+pub mod metric;
 mod metrics;
 mod provenance;
 mod run_dir;
@@ -55,9 +57,9 @@ pub use spread::Spread;
 pub use sweep_dir::{Claim, Ending, Finished, SweepDir, WorkerNote};
 pub use tables::{
     ControlColumns, ControlReader, ControlRow, ControlWriter, DomainErrorTable, EstimateRow,
-    EstimateTable, FixedReader, FixedWriter, LoopMetric, PredictionRow, PredictionTable,
-    ResidualRow, ResidualTable, StepMetric, StepRow, SummaryRow, SummaryTable, TrainingRow,
-    TrialColumn, TrialMetric, TrialStatus, TrialTable, fixed_table, read_fixed_table,
+    EstimateTable, FixedReader, FixedWriter, PredictionRow, PredictionTable, ResidualRow,
+    ResidualTable, StepRow, SummaryRow, SummaryTable, TrainingRow, TrialColumn, TrialMetric,
+    TrialStatus, TrialTable, fixed_table, read_fixed_table,
 };
 pub use times::{StepTimes, WallTimes};
 pub use verdict::advice;

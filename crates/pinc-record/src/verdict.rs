@@ -257,8 +257,7 @@ pub fn advice(status: &str) -> &'static str {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::metrics::ReferenceMetrics;
-    use crate::times::{StepTimes, WallTimes};
+    use serde_json::json;
     use std::collections::BTreeMap;
 
     fn metrics(control: Vec<ControlMetrics>) -> Metrics {
@@ -271,30 +270,17 @@ mod tests {
         offsets: [Option<f64>; 3],
         status: &[(SqpStatus, usize)],
     ) -> ControlMetrics {
-        let name = || "level".to_owned();
-        ControlMetrics {
-            model,
-            rmse: 0.0,
-            iae: 0.0,
-            rmse_dense: 0.0,
-            iae_dense_sum: 0.0,
-            wall_s: WallTimes::of(vec![1.0]),
-            step_us: StepTimes::of(vec![1.0]),
-            sqp_iterations_mean: 1.0,
-            kkt_max: 0.0,
-            max_violation: 0.0,
-            max_violation_of: None,
-            violations: Vec::new(),
-            status: status.iter().map(|(status, steps)| (status.to_string(), *steps)).collect(),
-            references: ReferenceMetrics {
-                reference_start_s: vec![0.0, 10.0, 20.0],
-                offset: BTreeMap::from([(name(), offsets.to_vec())]),
-                settle_s: vec![None; 3],
-                settled_within: BTreeMap::from([(name(), 0.1)]),
-            },
-            outside_domain: None,
-            estimator: None,
-        }
+        let steps = |(status, steps): &(SqpStatus, usize)| (status.to_string(), *steps);
+        let status: BTreeMap<_, _> = status.iter().map(steps).collect();
+        let loops = json!({
+            "model": model, "wall_s": { "mean": 1.0, "sd": 0.0, "median": 1.0, "runs": 1 },
+            "step_us": { "p50": 1.0, "p99": 1.0, "max": 1.0 }, "sqp_iterations_mean": 1.0,
+            "rmse": 0.0, "iae": 0.0, "rmse_dense": 0.0, "iae_dense_sum": 0.0, "kkt_max": 0.0,
+            "max_violation": 0.0, "status": status, "reference_start_s": [0.0, 10.0, 20.0],
+            "offset": { "level": offsets }, "settle_s": [null, null, null],
+            "settled_within": { "level": 0.1 }
+        });
+        serde_json::from_value(loops).unwrap()
     }
 
     #[test]

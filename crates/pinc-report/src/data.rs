@@ -5,6 +5,7 @@ use crate::traces::{Steps, Traces};
 use crate::trials::Trials;
 use pinc_chart::{Axis, Kind};
 use pinc_config::{Experiment, ModelKind, TimeUnit};
+use pinc_record::metric::{Metric, Unit};
 use pinc_record::{
     ControlReader, DomainErrorTable, EstimateTable, FixedReader, IdentificationMetrics, Metrics,
     PredictionTable, Provenance, RecordError, ResidualTable, TrainingRow, file, read_fixed_table,
@@ -124,6 +125,16 @@ impl Run {
             }
             Some(model) => model.title(),
             None => "controller",
+        }
+    }
+
+    /// A metric's title with its unit if that is the states'.
+    pub(crate) fn label_of(&self, metric: &Metric) -> String {
+        match metric.unit {
+            Unit::States(power) => self.label_in_states_unit(metric.title, power),
+            Unit::Errors(_) | Unit::Clock(..) | Unit::Count | Unit::One | Unit::Name => {
+                metric.title.to_owned()
+            }
         }
     }
 

@@ -4,11 +4,9 @@ use crate::data::Run;
 use crate::identification;
 use pinc_chart::text::{self, MISSING};
 use pinc_config::{ModelKind, TimeUnit};
-use pinc_record::{
-    ControlMetrics, DomainErrorMetrics, Metrics, PredictionMetrics, Provenance, TrainingMetrics,
-    ValidationMetrics, ViolationMetrics, WallTimes,
-};
-use serde_json::Value;
+use pinc_record::metric::{self, Better, Metric, Value};
+use pinc_record::{ControlMetrics, Metrics, Provenance, ViolationMetrics, WallTimes};
+use serde_json::Value as Json;
 
 /// A table of the report: its title, the heads of its columns, its rows.
 #[derive(Clone, Debug)]
@@ -23,75 +21,55 @@ pub(crate) fn number_tables(run: &Run) -> Vec<NumberTable> {
     let mut tables = Vec::new();
     tables.extend(run.identification.iter().flat_map(identification::number_tables));
     let Some(metrics) = &run.metrics else { return tables };
-    tables.extend(metrics.training.as_ref().map(training));
-    tables.extend(metrics.validation.as_ref().map(validation));
-    let domain = metrics.validation.as_ref().and_then(|of| of.domain_error.as_ref());
-    tables.extend(domain.map(|of| over_the_domain(of, metrics)));
-    tables.extend(metrics.prediction.as_ref().map(prediction));
+    tables.extend(of_stage(metrics, "Training", metric::TRAINING));
+    tables.extend(of_stage(metrics, "Validation", metric::VALIDATION));
+    tables.extend(over_the_domain(metrics));
+    tables.extend(of_stage(metrics, "Free run", metric::FREE_RUN));
     tables.extend(control(run, &metrics.control));
     tables
 }
 
-/// A table of names and values.
-fn plain<const N: usize>(title: &str, rows: [(&str, String); N]) -> NumberTable {
-    let rows = rows.map(|(label, value)| vec![label.to_owned(), value]);
-    NumberTable { title: title.to_owned(), heads: Vec::new(), rows: rows.to_vec() }
+/// The metrics of a stage of the net; `None` if the run did not get so far.
+fn of_stage(metrics: &Metrics, title: &str, stage: &'static [Metric]) -> Option<NumberTable> {
+    let row = |metric: &&Metric| {
+        let name = metric.row.unwrap_or(metric.title).to_owned();
+        let value = match metric.value(metrics, None)? {
+            Value::Number(value) => shown(metric, value),
+            Value::Name(name) => name,
+        };
+        Some(vec![name, value])
+    };
+    let rows: Vec<_> = Metric::rows(stage).iter().filter_map(row).collect();
+    let (title, heads) = (title.to_owned(), Vec::new());
+    (!rows.is_empty()).then_some(NumberTable { title, heads, rows })
 }
 
-fn training(of: &TrainingMetrics) -> NumberTable {
-    plain(
-        "Training",
-        [
-            ("Wall time", text::duration(of.wall_s)),
-            ("Optimizer alone", text::duration(of.optimizer_s)),
-            ("Iterations", of.iterations.to_string()),
-            ("Loss evaluations", of.loss_evaluations.to_string()),
-            ("Stopped because", of.stop_reason.clone()),
-        ],
-    )
+/// The number of a metric, as reports write it.
+pub(crate) fn shown(metric: &Metric, value: f64) -> String {
+    match (metric.unit.seconds(), metric.digits) {
+        (Some(second), _) => text::duration(second * value),
+        (None, 0) => value.to_string(),
+        (None, digits) => text::significant(value, digits),
+    }
 }
 
-fn validation(of: &ValidationMetrics) -> NumberTable {
-    let shown = |value| text::significant(value, 3);
-    plain(
-        "Validation",
-        [
-            ("MSE at the steps t = kT, physical units", shown(of.mse_gen)),
-            ("MSE of all rows, normalized", shown(of.mse_all_normalized)),
-            ("MSE of one step, from random states in validation.domain", shown(of.one_step_mse)),
-        ],
-    )
-}
-
-fn over_the_domain(of: &DomainErrorMetrics, metrics: &Metrics) -> NumberTable {
+fn over_the_domain(metrics: &Metrics) -> Option<NumberTable> {
+    let of = metrics.validation.as_ref()?.domain_error.as_ref()?;
+    let title = "Error of one step over [domain], in widths of the states' ranges";
+    let mut table = of_stage(metrics, title, metric::DOMAIN)?;
     let shown = |value| text::significant(value, 2);
     let state = &of.max_of;
     let became =
         format!("{} instead of {}", text::number(of.predicted, 4), text::number(of.truth, 4));
-    plain(
-        "Error of one step over [domain], in widths of the states' ranges",
-        [
-            ("Root mean square", shown(of.rms)),
-            ("99th percentile of the points", shown(of.p99)),
-            ("Largest", shown(of.max)),
-            ("Where", of.max_at.named(&metrics.states, &metrics.inputs)),
-            ("What is predicted there", format!("{state} = {became}")),
-            ("RK4 with 1 substep, root mean square", shown(of.rk4.one)),
-            ("RK4 with 2 substeps", shown(of.rk4.two)),
-            ("RK4 with 4 substeps", shown(of.rk4.four)),
-        ],
-    )
-}
-
-fn prediction(of: &PredictionMetrics) -> NumberTable {
-    let shown = |value| text::significant(value, 3);
-    plain(
-        "Free run",
-        [
-            ("MSE at the steps t = kT, physical units", shown(of.mse_marks)),
-            ("MSE of all rows, physical units", shown(of.mse_all)),
-        ],
-    )
+    let rest = [
+        ("Where", of.max_at.named(&metrics.states, &metrics.inputs)),
+        ("What is predicted there", format!("{state} = {became}")),
+        ("RK4 with 1 substep, root mean square", shown(of.rk4.one)),
+        ("RK4 with 2 substeps", shown(of.rk4.two)),
+        ("RK4 with 4 substeps", shown(of.rk4.four)),
+    ];
+    table.rows.extend(rest.map(|(label, value)| vec![label.to_owned(), value]));
+    Some(table)
 }
 
 fn control(run: &Run, models: &[ControlMetrics]) -> Option<NumberTable> {
@@ -105,69 +83,69 @@ fn control(run: &Run, models: &[ControlMetrics]) -> Option<NumberTable> {
     if both.is_some() {
         heads.push(format!("{} against RK4", run.model_name(Some(ModelKind::Pinc))));
     }
-    let row = |(label, quantity): &(&str, Quantity)| {
-        let mut cells = vec![(*label).to_owned()];
-        cells.extend(models.iter().map(|of| quantity.show(run, of)));
-        cells.extend(both.map(|(pinc, rk4)| quantity.compare(pinc, rk4)));
+    let row = |row: LoopRow| {
+        let mut cells = vec![row.name().to_owned()];
+        cells.extend(models.iter().map(|of| row.show(run, of)));
+        cells.extend(both.map(|(pinc, rk4)| row.compare(pinc, rk4)));
         cells
     };
-    let rows = CONTROL.iter().map(row).collect();
+    let rows = LoopRow::all().map(row).collect();
     Some(NumberTable { title: "Closed loop".to_owned(), heads, rows })
 }
 
-/// A quantity of a closed loop, and how it is written.
+/// A row of the tables of closed loops.
 #[derive(Clone, Copy)]
-enum Quantity {
-    /// A number to so many digits.
-    Number(fn(&ControlMetrics) -> f64, usize),
-    /// A number to so many digits, where a quotient of two models says something.
-    Compared(fn(&ControlMetrics) -> f64, usize),
-    /// A duration in s.
-    Time(fn(&ControlMetrics) -> f64),
-    /// Text.
-    Text(fn(&ControlMetrics) -> String),
-    /// Text that depends on the config.
-    OfRun(fn(&Run, &ControlMetrics) -> String),
+enum LoopRow {
+    /// A metric.
+    Of(&'static Metric),
+    /// Text that may depend on the config, with its name.
+    Text(&'static str, fn(&Run, &ControlMetrics) -> String),
 }
 
-const CONTROL: [(&str, Quantity); 15] = [
-    ("RMSE at the steps", Quantity::Compared(|of| of.rmse, 5)),
-    ("IAE at the steps, mean over outputs", Quantity::Compared(|of| of.iae, 6)),
-    ("RMSE, dense trace", Quantity::Compared(|of| of.rmse_dense, 5)),
-    ("IAE, dense trace, sum over outputs", Quantity::Compared(|of| of.iae_dense_sum, 6)),
-    ("Controller, whole run: mean ± sd", Quantity::Text(|of| repeated(&of.wall_s))),
-    ("Controller, whole run: median", Quantity::Time(|of| of.wall_s.median)),
-    ("Controller, one step: median", Quantity::Time(|of| 1e-6 * of.step_us.p50)),
-    ("Controller, one step: 99th percentile", Quantity::Time(|of| 1e-6 * of.step_us.p99)),
-    ("Controller, one step: longest", Quantity::Time(|of| 1e-6 * of.step_us.max)),
-    ("SQP iterations per step", Quantity::Number(|of| of.sqp_iterations_mean, 3)),
-    ("Largest KKT residual", Quantity::Number(|of| of.kkt_max, 2)),
-    ("Bounds broken, each at its worst", Quantity::OfRun(broken_bounds)),
-    ("Steps by status", Quantity::Text(statuses)),
-    ("Settled after, per reference", Quantity::OfRun(settled)),
-    ("Offset at the end, per reference", Quantity::Text(offsets)),
+/// What is said of a closed loop beside its metrics.
+const TEXTS: [LoopRow; 4] = [
+    LoopRow::Text("Bounds broken, each at its worst", broken_bounds),
+    LoopRow::Text("Steps by status", |_, of| statuses(of)),
+    LoopRow::Text("Settled after, per reference", settled),
+    LoopRow::Text("Offset at the end, per reference", |_, of| offsets(of)),
 ];
 
-impl Quantity {
-    fn show(self, run: &Run, of: &ControlMetrics) -> String {
+impl LoopRow {
+    /// All rows; the mean of the controller's time is above its median.
+    fn all() -> impl Iterator<Item = Self> {
+        let mean = Self::Text("Controller, whole run: mean ± sd", |_, of| repeated(&of.wall_s));
+        let rows = Metric::rows(metric::LOOP).into_iter().flat_map(move |metric| {
+            let above = (*metric == metric::WALL).then_some(mean);
+            above.into_iter().chain([Self::Of(metric)])
+        });
+        rows.chain(TEXTS)
+    }
+
+    fn name(self) -> &'static str {
         match self {
-            Self::Number(value, digits) | Self::Compared(value, digits) => {
-                text::significant(value(of), digits)
-            }
-            Self::Time(seconds) => text::duration(seconds(of)),
-            Self::Text(text) => text(of),
-            Self::OfRun(text) => text(run, of),
+            Self::Of(metric) => metric.row.unwrap_or(metric.title),
+            Self::Text(name, _) => name,
         }
     }
 
-    /// A relative difference, or a quotient of times.
-    fn compare(self, pinc: &ControlMetrics, rk4: &ControlMetrics) -> String {
+    fn show(self, run: &Run, of: &ControlMetrics) -> String {
         match self {
-            Self::Compared(value, _) => comparison(value(pinc), value(rk4)),
-            Self::Time(seconds) if seconds(rk4) > 0.0 => {
-                format!("× {}", text::number(seconds(pinc) / seconds(rk4), 3))
+            Self::Of(metric) => shown(metric, metric.of_loop(of)),
+            Self::Text(_, text) => text(run, of),
+        }
+    }
+
+    /// A relative difference, or a quotient of times; nothing if no direction is better.
+    fn compare(self, of: &ControlMetrics, against: &ControlMetrics) -> String {
+        let Self::Of(metric) = self else { return String::new() };
+        let (value, against) = (metric.of_loop(of), metric.of_loop(against));
+        match (metric.better, metric.unit.seconds()) {
+            (Better::Neither, _) => String::new(),
+            (Better::Lower, None) => comparison(value, against),
+            (Better::Lower, Some(_)) if against > 0.0 => {
+                format!("× {}", text::number(value / against, 3))
             }
-            _ => String::new(),
+            (Better::Lower, Some(_)) => String::new(),
         }
     }
 }
@@ -175,16 +153,16 @@ impl Quantity {
 /// What closed loops are like, a row for each quantity: the first loop's numbers, and those of the
 /// others with what they differ by.
 pub(crate) fn loops_side_by_side(loops: &[(&Run, &ControlMetrics)]) -> Vec<Vec<String>> {
-    let row = |(label, quantity): &(&str, Quantity)| {
+    let row = |row: LoopRow| {
         let cell = |(i, (run, of)): (usize, &(&Run, &ControlMetrics))| {
-            let difference = if i == 0 { String::new() } else { quantity.compare(of, loops[0].1) };
-            let shown = quantity.show(run, of);
+            let difference = if i == 0 { String::new() } else { row.compare(of, loops[0].1) };
+            let shown = row.show(run, of);
             if difference.is_empty() { shown } else { format!("{shown} ({difference})") }
         };
         let cells = loops.iter().enumerate().map(cell);
-        std::iter::once((*label).to_owned()).chain(cells).collect()
+        std::iter::once(row.name().to_owned()).chain(cells).collect()
     };
-    CONTROL.iter().map(row).collect()
+    LoopRow::all().map(row).collect()
 }
 
 /// " (0.02 % higher)", or a quotient of numbers that differ by more than half; nothing if one of
@@ -264,30 +242,30 @@ pub(crate) fn flattened(provenance: &Provenance) -> Vec<(String, String)> {
     out
 }
 
-fn flatten(path: &str, value: &Value, out: &mut Vec<(String, String)>) {
+fn flatten(path: &str, value: &Json, out: &mut Vec<(String, String)>) {
     let below = |key: &str| match path {
         "" => key.to_owned(),
         path => format!("{path}.{key}"),
     };
     match value {
-        Value::Object(map) => map.iter().for_each(|(key, value)| flatten(&below(key), value, out)),
-        Value::Array(list) if list.iter().any(|v| v.is_object() || v.is_array()) => {
+        Json::Object(map) => map.iter().for_each(|(key, value)| flatten(&below(key), value, out)),
+        Json::Array(list) if list.iter().any(|v| v.is_object() || v.is_array()) => {
             for (i, value) in list.iter().enumerate() {
                 flatten(&below(&i.to_string()), value, out);
             }
         }
-        Value::Array(list) => {
-            let items: Vec<String> = list.iter().map(shown).collect();
+        Json::Array(list) => {
+            let items: Vec<String> = list.iter().map(plain).collect();
             out.push((path.to_owned(), items.join(" ")));
         }
-        value => out.push((path.to_owned(), shown(value))),
+        value => out.push((path.to_owned(), plain(value))),
     }
 }
 
-fn shown(value: &Value) -> String {
+fn plain(value: &Json) -> String {
     match value {
-        Value::String(text) => text.clone(),
-        Value::Null => MISSING.to_owned(),
+        Json::String(text) => text.clone(),
+        Json::Null => MISSING.to_owned(),
         other => other.to_string(),
     }
 }

@@ -2,10 +2,11 @@
 
 use crate::data::Run;
 use crate::identification;
-use crate::number_tables::comparison;
+use crate::number_tables::{comparison, shown};
 use pinc_chart::text;
 use pinc_config::ModelKind;
 use pinc_mpc::SqpStatus;
+use pinc_record::metric;
 use pinc_record::{ControlMetrics, Metrics, TrainingMetrics, ValidationMetrics};
 
 /// The run in a few sentences; empty if there are no metrics.
@@ -30,7 +31,7 @@ pub(crate) fn paragraph(run: &Run) -> String {
 fn training(training: &TrainingMetrics) -> String {
     format!(
         "The net was trained in {}, with {} iterations and {} evaluations of the loss.",
-        text::duration(training.wall_s),
+        shown(&metric::TRAINING_WALL, training.wall_s),
         training.iterations,
         training.loss_evaluations
     )
@@ -60,14 +61,13 @@ fn over_the_domain(validation: &ValidationMetrics, metrics: &Metrics) -> Option<
 }
 
 fn tracking(run: &Run, metrics: &Metrics) -> Option<String> {
-    let shown = |of: &ControlMetrics| text::significant(of.iae_dense_sum, 6);
-    let with =
-        |of: &ControlMetrics| format!("{} with {}", shown(of), run.model_name(Some(of.model)));
+    let iae = |of: &ControlMetrics| shown(&metric::IAE_DENSE_SUM, of.iae_dense_sum);
+    let with = |of: &ControlMetrics| format!("{} with {}", iae(of), run.model_name(Some(of.model)));
     match &metrics.control[..] {
         [] => None,
         [one] => {
             let name = run.model_name(Some(one.model));
-            Some(format!("The IAE of the closed loop with {name} is {}.", shown(one)))
+            Some(format!("The IAE of the closed loop with {name} is {}.", iae(one)))
         }
         all => {
             let of = |model| Some(metrics.loop_with(model)?.iae_dense_sum);
@@ -92,7 +92,7 @@ fn difference(pinc: f64, rk4: f64) -> String {
 fn speed(run: &Run, metrics: &Metrics) -> Option<String> {
     let time = |of: &ControlMetrics| {
         let name = run.model_name(Some(of.model));
-        format!("{} with {name}", text::duration(of.step_us.p50 * 1e-6))
+        format!("{} with {name}", shown(&metric::STEP_TIME, of.step_us.p50))
     };
     let times: Vec<String> = metrics.control.iter().map(time).collect();
     (!times.is_empty())
@@ -122,27 +122,19 @@ fn statuses(metrics: &Metrics) -> Option<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use pinc_record::{ReferenceMetrics, StepTimes, WallTimes};
+    use serde_json::json;
+    use std::collections::BTreeMap;
 
     fn of(model: ModelKind, status: &[(SqpStatus, usize)]) -> ControlMetrics {
-        ControlMetrics {
-            model,
-            rmse: 0.0,
-            iae: 0.0,
-            rmse_dense: 0.0,
-            iae_dense_sum: 2.5,
-            wall_s: WallTimes::of(vec![1.0]),
-            step_us: StepTimes::of(vec![40.0]),
-            sqp_iterations_mean: 1.0,
-            kkt_max: 0.0,
-            max_violation: 0.0,
-            max_violation_of: None,
-            violations: Vec::new(),
-            status: status.iter().map(|(status, steps)| (status.to_string(), *steps)).collect(),
-            references: ReferenceMetrics::default(),
-            outside_domain: None,
-            estimator: None,
-        }
+        let steps = |(status, steps): &(SqpStatus, usize)| (status.to_string(), *steps);
+        let status: BTreeMap<_, _> = status.iter().map(steps).collect();
+        let loops = json!({
+            "model": model, "wall_s": { "mean": 1.0, "sd": 0.0, "median": 1.0, "runs": 1 },
+            "step_us": { "p50": 40.0, "p99": 40.0, "max": 40.0 }, "sqp_iterations_mean": 1.0,
+            "rmse": 0.0, "iae": 0.0, "rmse_dense": 0.0, "iae_dense_sum": 2.5, "kkt_max": 0.0,
+            "max_violation": 0.0, "status": status
+        });
+        serde_json::from_value(loops).unwrap()
     }
 
     fn metrics(control: Vec<ControlMetrics>) -> Metrics {

@@ -139,7 +139,7 @@ fn run_model(
         let outcome =
             times.watch(&mut run, budget, watched, Some(&mut recording), &setup.schedules);
         let totals = recording.finish(&run)?;
-        let found = outcome.is_ok().then(|| Results::of(&run, totals, setup));
+        let found = outcome.is_ok().then(|| measured(&run, totals, setup, kind, &times));
         estimates = feedback;
         if let Some(feedback) = &estimates {
             if run_dir.keeps_traces() {
@@ -157,13 +157,13 @@ fn run_model(
         write_medians(&steps_file, |k| times.median_us(k))?;
     }
     progress.end(&format!("{repetitions} runs, IAE {:.4}", results.iae_dense_sum));
-    let metrics = results.metrics(kind, times);
     let variables = Variables::of(plant);
     let states = variables.state_names();
     let measured = setup.sections().map_or_else(Vec::new, |(_, of)| of.names(&variables));
     let names = (&states[..], &measured[..]);
     let estimator = estimates.map(|of| feedback::metrics(of.history(), names, estimator_us));
-    Ok(ControlMetrics { outside_domain: outside, estimator, ..metrics })
+    let (wall_s, step_us) = (times.of_runs(), times.of_steps());
+    Ok(ControlMetrics { wall_s, step_us, outside_domain: outside, estimator, ..results })
 }
 
 /// Whether a run that has come to its end did what it was for.
@@ -460,6 +460,16 @@ impl Times {
         Ok(())
     }
 
+    /// The statistics of the repetitions.
+    fn of_runs(&self) -> WallTimes {
+        WallTimes::of(self.runs.clone())
+    }
+
+    /// The statistics of all steps.
+    fn of_steps(&self) -> StepTimes {
+        StepTimes::of(self.steps.iter().map(|time| 1e6 * time).collect())
+    }
+
     /// The median over the repetitions of step `k`, in us.
     fn median_us(&self, k: usize) -> f64 {
         let steps = self.steps.len() / self.runs.len();
@@ -467,56 +477,33 @@ impl Times {
     }
 }
 
-/// The results of a closed loop, except times.
-struct Results {
+/// The results of a closed loop, with the times so far.
+fn measured(
+    run: &ClosedLoop<'_>,
     totals: Totals,
-    rmse: f64,
-    iae: f64,
-    rmse_dense: f64,
-    iae_dense_sum: f64,
-    max_violation: f64,
-    violations: Vec<ViolationMetrics>,
-    references: ReferenceMetrics,
-}
-
-impl Results {
-    fn of(run: &ClosedLoop<'_>, totals: Totals, setup: &LoopSetup<'_>) -> Self {
-        let (at_steps, dense) = (run.tracking_at_steps(), run.tracking_dense());
-        Self {
-            totals,
-            rmse: at_steps.rmse(),
-            iae: at_steps.iae_mean(),
-            rmse_dense: dense.rmse(),
-            iae_dense_sum: dense.iae_sum(),
-            max_violation: run.max_violation(),
-            violations: setup.violations(run),
-            references: setup.reached(run),
-        }
-    }
-
-    fn metrics(self, model: ModelKind, times: Times) -> ControlMetrics {
-        let Self { totals, rmse, iae, rmse_dense, iae_dense_sum, .. } = self;
-        let Self { max_violation, violations, references, .. } = self;
-        let largest = violations.iter().max_by(|a, b| a.amount.total_cmp(&b.amount));
-        let mut step_us = times.steps;
-        step_us.iter_mut().for_each(|time| *time *= 1e6);
-        ControlMetrics {
-            model,
-            rmse,
-            iae,
-            rmse_dense,
-            iae_dense_sum,
-            wall_s: WallTimes::of(times.runs),
-            step_us: StepTimes::of(step_us),
-            sqp_iterations_mean: totals.sqp_iterations_mean(),
-            kkt_max: totals.kkt_max,
-            max_violation,
-            max_violation_of: largest.cloned(),
-            violations,
-            status: totals.status,
-            references,
-            outside_domain: None,
-            estimator: None,
-        }
+    setup: &LoopSetup<'_>,
+    model: ModelKind,
+    times: &Times,
+) -> ControlMetrics {
+    let (at_steps, dense) = (run.tracking_at_steps(), run.tracking_dense());
+    let violations = setup.violations(run);
+    let largest = violations.iter().max_by(|a, b| a.amount.total_cmp(&b.amount));
+    ControlMetrics {
+        model,
+        rmse: at_steps.rmse(),
+        iae: at_steps.iae_mean(),
+        rmse_dense: dense.rmse(),
+        iae_dense_sum: dense.iae_sum(),
+        wall_s: times.of_runs(),
+        step_us: times.of_steps(),
+        sqp_iterations_mean: totals.sqp_iterations_mean(),
+        kkt_max: totals.kkt_max,
+        max_violation: run.max_violation(),
+        max_violation_of: largest.cloned(),
+        violations,
+        status: totals.status,
+        references: setup.reached(run),
+        outside_domain: None,
+        estimator: None,
     }
 }

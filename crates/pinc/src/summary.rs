@@ -2,6 +2,7 @@
 
 use pinc_config::ModelKind;
 use pinc_net::TrainingTarget;
+use pinc_record::metric::{self, Metric, Show};
 use pinc_record::{Metrics, RunDir, file};
 use std::fmt::Write;
 
@@ -78,31 +79,24 @@ fn metrics(text: &mut String, metrics: &Metrics) -> std::fmt::Result {
     if metrics.control.is_empty() {
         return Ok(());
     }
-    writeln!(
-        text,
-        "closed loop   RMSE dense   IAE dense      RMSE       IAE   loop ms   step us   KKT max   \
-        status"
-    )?;
+    let row = |cell: &dyn Fn(&Metric, &'static str, Show) -> String| -> String {
+        let cells = loop_columns().filter_map(|(of, width)| {
+            let (head, show) = of.printed?;
+            Some(format!(" {:>width$}", cell(of, head, show)))
+        });
+        cells.collect()
+    };
+    writeln!(text, "closed loop {}   status", row(&|_, head, _| head.to_owned()))?;
     let distilled =
         metrics.training.as_ref().is_some_and(|t| t.source == TrainingTarget::Integrator);
     for run in &metrics.control {
+        let model = match distilled && run.model == ModelKind::Pinc {
+            true => "distilled",
+            false => run.model.name(),
+        };
+        let numbers = row(&|of, _, show| show(of.of_loop(run)));
         let status: Vec<_> = run.status.iter().map(|(name, n)| format!("{n} {name}")).collect();
-        writeln!(
-            text,
-            "  {:<10} {:>11.5} {:>11.4} {:>9.5} {:>9.4} {:>9.3} {:>9.1} {:>9.1e}   {}",
-            match distilled && run.model == ModelKind::Pinc {
-                true => "distilled",
-                false => run.model.name(),
-            },
-            run.rmse_dense,
-            run.iae_dense_sum,
-            run.rmse,
-            run.iae,
-            1e3 * run.wall_s.median,
-            run.step_us.p50,
-            run.kkt_max,
-            status.join(", ")
-        )?;
+        writeln!(text, "  {model:<10}{numbers}   {}", status.join(", "))?;
         if let Some(found) = run.outside_domain.as_ref().filter(|found| found.outside > 0) {
             writeln!(text, "             {found}")?;
         }
@@ -111,4 +105,12 @@ fn metrics(text: &mut String, metrics: &Metrics) -> std::fmt::Result {
         writeln!(text, "note: {note}")?;
     }
     Ok(())
+}
+
+/// The metrics in the table of closed loops, and the widths of their columns. The dense trace is
+/// first, as in the paper's table.
+fn loop_columns() -> impl Iterator<Item = (&'static Metric, usize)> {
+    let first = [&metric::RMSE_DENSE, &metric::IAE_DENSE_SUM];
+    let others = Metric::rows(metric::LOOP).into_iter().filter(move |of| !first.contains(of));
+    first.map(|of| (of, 11)).into_iter().chain(others.map(|of| (of, 9)))
 }

@@ -21,5 +21,5 @@ pub use residuals::{ResidualRow, ResidualTable};
 pub use steps::StepRow;
 pub use summary::{SummaryRow, SummaryTable};
 pub use training::TrainingRow;
-pub use trial_metric::{LoopMetric, StepMetric, TrialMetric};
+pub use trial_metric::TrialMetric;
 pub use trials::{TrialColumn, TrialStatus, TrialTable};

@@ -205,12 +205,13 @@ fn done(finished: Option<&Finished>) -> Option<&Metrics> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::metric::{MSE_GEN, ONE_STEP_MSE};
 
     #[test]
     fn a_summary_reads_back_bit_for_bit() {
         let row = SummaryRow {
             cell: vec!["a, \"b\"".to_owned(), "20".to_owned()],
-            metric: TrialMetric::MseGen.name(),
+            metric: MSE_GEN.of_net().name(),
             trials: 5,
             failed: 1,
             pending: 1,
@@ -232,7 +233,7 @@ mod tests {
         let read = SummaryTable::read(&path).unwrap().unwrap();
         assert_eq!(read, table);
         assert_eq!(read.choice(&read.rows[0], "model.neurons"), "20");
-        assert_eq!(read.of(TrialMetric::MseGen).count(), 1);
-        assert_eq!(read.of(TrialMetric::OneStepMse).count(), 0);
+        assert_eq!(read.of(MSE_GEN.of_net()).count(), 1);
+        assert_eq!(read.of(ONE_STEP_MSE.of_net()).count(), 0);
     }
 }

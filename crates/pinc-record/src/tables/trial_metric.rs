@@ -1,153 +1,27 @@
-//! The results and times of a trial that the tables of a sweep have a column for.
+//! The metrics of a trial that the tables of a sweep have a column for.
 
-use crate::csv::number;
-use crate::metrics::{ControlMetrics, Metrics, OneStepMetrics};
+use crate::metric::{Metric, Of, Unit};
+use crate::metrics::Metrics;
 use pinc_config::{Experiment, ModelKind, sweep_models};
 
-/// A result of a trial: a number or a name.
+/// A metric of a trial, with the model that it is of if there is one for each.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[non_exhaustive]
-pub enum TrialMetric {
-    /// What the net was trained on.
-    Source,
-    /// Why the training ended.
-    StopReason,
-    /// Iterations of the training.
-    Iterations,
-    /// Evaluations of the loss and its gradient.
-    LossEvaluations,
-    /// Mean squared error at the steps, in the states' units squared.
-    MseGen,
-    /// Mean squared error of all rows, normalized.
-    MseAllNormalized,
-    /// Mean squared error of one step.
-    OneStepMse,
-    /// Mean squared error of the free run at the step marks.
-    FreeRunMseMarks,
-    /// Root mean square error of the whole free run.
-    FreeRunRmse,
-    /// Wall time of the training, in s.
-    TrainingWall,
-    /// Wall time of the optimizer alone, in s.
-    Optimizer,
-    /// A number of the closed loop with a model.
-    Loop(ModelKind, LoopMetric),
-    /// A number of one step of a model.
-    Step(ModelKind, StepMetric),
+pub struct TrialMetric {
+    metric: &'static Metric,
+    model: Option<ModelKind>,
 }
 
-/// A number of a closed loop.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[non_exhaustive]
-pub enum LoopMetric {
-    /// RMSE at the steps.
-    Rmse,
-    /// IAE at the steps, averaged over outputs.
-    Iae,
-    /// RMSE on the dense trace.
-    RmseDense,
-    /// IAE on the dense trace, summed over outputs.
-    IaeDenseSum,
-    /// The largest offset from a reference at rest, over quantities and segments; NaN without one.
-    OffsetMax,
-    /// The worst violation of a bound.
-    MaxViolation,
-    /// The largest KKT residual.
-    KktMax,
-    /// SQP iterations per step.
-    SqpIterationsMean,
-    /// The controller's time in the whole loop, in s: the median of the repetitions.
-    Wall,
-    /// The controller's time in a step, in us: the median.
-    StepTime,
-}
-
-/// A number of one step of a model.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[non_exhaustive]
-pub enum StepMetric {
-    /// Root mean square error, in widths of the domain.
-    Rms,
-    /// Median error.
-    Median,
-    /// 99th percentile of the error.
-    P99,
-    /// Root mean square error of the Jacobians.
-    JacobianRms,
-    /// Time of a step, in ns.
-    Forward,
-    /// Time of a step with its Jacobians, in ns.
-    ForwardJacobian,
-}
-
-impl LoopMetric {
-    const RESULTS: [Self; 8] = [
-        Self::Rmse,
-        Self::Iae,
-        Self::RmseDense,
-        Self::IaeDenseSum,
-        Self::OffsetMax,
-        Self::MaxViolation,
-        Self::KktMax,
-        Self::SqpIterationsMean,
-    ];
-    const TIMES: [Self; 2] = [Self::Wall, Self::StepTime];
-
-    fn name(self) -> &'static str {
-        match self {
-            Self::Rmse => "rmse",
-            Self::Iae => "iae",
-            Self::RmseDense => "rmse_dense",
-            Self::IaeDenseSum => "iae_dense_sum",
-            Self::OffsetMax => "offset_max",
-            Self::MaxViolation => "max_violation",
-            Self::KktMax => "kkt_max",
-            Self::SqpIterationsMean => "sqp_iterations_mean",
-            Self::Wall => "wall_s",
-            Self::StepTime => "step_us",
-        }
+impl Metric {
+    /// The metric of a trial's net.
+    #[must_use]
+    pub const fn of_net(&'static self) -> TrialMetric {
+        TrialMetric { metric: self, model: None }
     }
 
-    fn value(self, of: &ControlMetrics) -> f64 {
-        match self {
-            Self::Rmse => of.rmse,
-            Self::Iae => of.iae,
-            Self::RmseDense => of.rmse_dense,
-            Self::IaeDenseSum => of.iae_dense_sum,
-            Self::OffsetMax => of.references.largest_offset(),
-            Self::MaxViolation => of.max_violation,
-            Self::KktMax => of.kkt_max,
-            Self::SqpIterationsMean => of.sqp_iterations_mean,
-            Self::Wall => of.wall_s.median,
-            Self::StepTime => of.step_us.p50,
-        }
-    }
-}
-
-impl StepMetric {
-    const RESULTS: [Self; 4] = [Self::Rms, Self::Median, Self::P99, Self::JacobianRms];
-    const TIMES: [Self; 2] = [Self::Forward, Self::ForwardJacobian];
-
-    fn name(self) -> &'static str {
-        match self {
-            Self::Rms => "one_step_rms",
-            Self::Median => "one_step_median",
-            Self::P99 => "one_step_p99",
-            Self::JacobianRms => "jacobian_rms",
-            Self::Forward => "forward_ns",
-            Self::ForwardJacobian => "forward_jacobian_ns",
-        }
-    }
-
-    fn value(self, of: &OneStepMetrics) -> f64 {
-        match self {
-            Self::Rms => of.errors.rms,
-            Self::Median => of.errors.median,
-            Self::P99 => of.errors.p99,
-            Self::JacobianRms => of.errors.jacobian_rms,
-            Self::Forward => of.forward_ns,
-            Self::ForwardJacobian => of.forward_jacobian_ns,
-        }
+    /// The metric of a trial's loop, or step, with a model.
+    #[must_use]
+    pub const fn with(&'static self, model: ModelKind) -> TrialMetric {
+        TrialMetric { metric: self, model: Some(model) }
     }
 }
 
@@ -160,21 +34,27 @@ impl TrialMetric {
 
     /// The same with loops of these models.
     pub(super) fn results_with(experiment: &Experiment, models: &[ModelKind]) -> Vec<Self> {
-        let mut all = Vec::new();
-        if experiment.training.is_some() {
-            all.extend([Self::Source, Self::StopReason, Self::Iterations, Self::LossEvaluations]);
-            all.extend([Self::MseGen, Self::MseAllNormalized, Self::OneStepMse]);
-            if experiment.prediction.is_some() {
-                all.extend([Self::FreeRunMseMarks, Self::FreeRunRmse]);
-            }
-        }
-        for &model in models {
-            all.extend(LoopMetric::RESULTS.map(|metric| Self::Loop(model, metric)));
-            if experiment.one_step.is_some() {
-                all.extend(StepMetric::RESULTS.map(|metric| Self::Step(model, metric)));
-            }
-        }
-        all
+        Self::all(experiment, models, |unit| unit.seconds().is_none())
+    }
+
+    /// The times of the stages that an experiment has, with loops of these models.
+    pub(super) fn times_with(experiment: &Experiment, models: &[ModelKind]) -> Vec<Self> {
+        Self::all(experiment, models, |unit| unit.seconds().is_some())
+    }
+
+    fn all(experiment: &Experiment, models: &[ModelKind], of: fn(Unit) -> bool) -> Vec<Self> {
+        let is_trained = experiment.training.is_some();
+        let has = |stage| match stage {
+            Of::Name(_) | Of::Training(_) | Of::Validation(_) | Of::Domain(_) => is_trained,
+            Of::FreeRun(_) => is_trained && experiment.prediction.is_some(),
+            Of::Loop(_) => true,
+            Of::OneStep(_) => experiment.one_step.is_some(),
+        };
+        let is_there = |m: &&Metric| !m.column.is_empty() && of(m.unit) && has(m.of);
+        let (of_models, of_net): (Vec<&Metric>, Vec<&Metric>) =
+            Metric::all().filter(is_there).partition(|metric| metric.is_of_models());
+        let with = |&model| of_models.iter().map(move |metric| metric.with(model));
+        of_net.into_iter().map(Metric::of_net).chain(models.iter().flat_map(with)).collect()
     }
 
     /// The number that the search of an experiment minimizes; none if there is no such search, or
@@ -189,65 +69,19 @@ impl TrialMetric {
     /// Whether it is a number rather than a name.
     #[must_use]
     pub fn is_number(self) -> bool {
-        !matches!(self, Self::Source | Self::StopReason)
-    }
-
-    /// The times of the stages that an experiment has, with loops of these models.
-    pub(super) fn times_with(experiment: &Experiment, models: &[ModelKind]) -> Vec<Self> {
-        let mut all = Vec::new();
-        if experiment.training.is_some() {
-            all.extend([Self::TrainingWall, Self::Optimizer]);
-        }
-        for &model in models {
-            all.extend(LoopMetric::TIMES.map(|metric| Self::Loop(model, metric)));
-            if experiment.one_step.is_some() {
-                all.extend(StepMetric::TIMES.map(|metric| Self::Step(model, metric)));
-            }
-        }
-        all
+        self.metric.unit != Unit::Name
     }
 
     /// The name of its column.
     #[must_use]
     pub fn name(self) -> String {
-        match self {
-            Self::Source => "source".to_owned(),
-            Self::StopReason => "stop_reason".to_owned(),
-            Self::Iterations => "iterations".to_owned(),
-            Self::LossEvaluations => "loss_evaluations".to_owned(),
-            Self::MseGen => "mse_gen".to_owned(),
-            Self::MseAllNormalized => "mse_all_normalized".to_owned(),
-            Self::OneStepMse => "one_step_mse".to_owned(),
-            Self::FreeRunMseMarks => "free_run_mse_marks".to_owned(),
-            Self::FreeRunRmse => "free_run_rmse".to_owned(),
-            Self::TrainingWall => "training_wall_s".to_owned(),
-            Self::Optimizer => "optimizer_s".to_owned(),
-            Self::Loop(model, metric) => format!("{model}_{}", metric.name()),
-            Self::Step(model, metric) => format!("{model}_{}", metric.name()),
-        }
+        let column = self.metric.column;
+        self.model.map_or_else(|| column.to_owned(), |model| format!("{model}_{column}"))
     }
 
     /// What a trial with these metrics has in the column, if it got so far.
     #[must_use]
     pub fn cell(self, metrics: &Metrics) -> Option<String> {
-        let training = metrics.training.as_ref();
-        let validation = metrics.validation.as_ref();
-        let prediction = metrics.prediction.as_ref();
-        let value = match self {
-            Self::Source => return Some(training?.source.to_string()),
-            Self::StopReason => return Some(training?.stop_reason.clone()),
-            Self::Iterations => return Some(training?.iterations.to_string()),
-            Self::LossEvaluations => return Some(training?.loss_evaluations.to_string()),
-            Self::MseGen => validation?.mse_gen,
-            Self::MseAllNormalized => validation?.mse_all_normalized,
-            Self::OneStepMse => validation?.one_step_mse,
-            Self::FreeRunMseMarks => prediction?.mse_marks,
-            Self::FreeRunRmse => prediction?.mse_all.sqrt(),
-            Self::TrainingWall => training?.wall_s,
-            Self::Optimizer => training?.optimizer_s,
-            Self::Loop(model, metric) => metric.value(metrics.loop_with(model)?),
-            Self::Step(model, metric) => metric.value(metrics.step_of(model)?),
-        };
-        Some(number(value))
+        Some(self.metric.cell(self.metric.value(metrics, self.model)?))
     }
 }

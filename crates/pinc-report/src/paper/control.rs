@@ -5,12 +5,13 @@ use super::runs::{Run, Runs};
 use super::{DERIVED, PLANTS, line, spread};
 use crate::error::ReportError;
 use pinc_config::{CASE, DRAWN, ModelKind, Preset};
-use pinc_record::{ControlMetrics, LoopMetric, SummaryRow, TrialColumn, TrialMetric};
+use pinc_record::metric::{IAE_DENSE_SUM, MSE_GEN, ONE_STEP_MSE, WALL};
+use pinc_record::{ControlMetrics, SummaryRow, TrialColumn, TrialMetric};
 
-const PINC_IAE: TrialMetric = TrialMetric::Loop(ModelKind::Pinc, LoopMetric::IaeDenseSum);
-const RK4_IAE: TrialMetric = TrialMetric::Loop(ModelKind::RK4, LoopMetric::IaeDenseSum);
-const PINC_WALL: TrialMetric = TrialMetric::Loop(ModelKind::Pinc, LoopMetric::Wall);
-const RK4_WALL: TrialMetric = TrialMetric::Loop(ModelKind::RK4, LoopMetric::Wall);
+const PINC_IAE: TrialMetric = IAE_DENSE_SUM.with(ModelKind::Pinc);
+const RK4_IAE: TrialMetric = IAE_DENSE_SUM.with(ModelKind::RK4);
+const PINC_WALL: TrialMetric = WALL.with(ModelKind::Pinc);
+const RK4_WALL: TrialMetric = WALL.with(ModelKind::RK4);
 
 /// Table 1.
 pub(super) fn table_1(page: &mut Page, runs: &Runs) {
@@ -299,9 +300,9 @@ pub(super) fn deviations(page: &mut Page, runs: &Runs) -> Result<(), ReportError
     );
     for (plant, name) in PLANTS {
         for run in runs.of_experiment(&format!("{plant}-deviations")) {
-            let errors = run.summary(TrialMetric::MseGen)?;
+            let errors = run.summary(MSE_GEN.of_net())?;
             let others = [
-                run.summary(TrialMetric::OneStepMse)?,
+                run.summary(ONE_STEP_MSE.of_net())?,
                 run.summary(PINC_IAE)?,
                 run.summary(RK4_IAE)?,
             ];

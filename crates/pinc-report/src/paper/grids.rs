@@ -6,10 +6,11 @@ use super::runs::{Run, Runs, Summary};
 use super::{DERIVED, PLANTS};
 use crate::error::ReportError;
 use pinc_config::SEED;
+use pinc_record::metric::MSE_GEN;
 use pinc_record::{Spread, SummaryRow, TrialColumn, TrialMetric, TrialStatus, TrialTable};
 use std::collections::HashMap;
 
-const ERROR: TrialMetric = TrialMetric::MseGen;
+const ERROR: TrialMetric = MSE_GEN.of_net();
 const LAYERS: &str = "model.hidden_layers";
 const NEURONS: &str = "model.neurons";
 const COLLOCATION: &str = "training.collocation_points";

@@ -8,7 +8,8 @@ mod runs;
 use crate::error::ReportError;
 use page::{Copied, Page, short, time};
 use pinc_config::CASE;
-use pinc_record::{Invocation, RecordError, SummaryRow, TrialMetric, read_file, write_atomically};
+use pinc_record::metric::FREE_RUN_RMSE;
+use pinc_record::{Invocation, RecordError, SummaryRow, read_file, write_atomically};
 use runs::{Run, Runs};
 use std::collections::BTreeSet;
 use std::fs;
@@ -120,7 +121,7 @@ fn long_range(page: &mut Page, runs: &Runs) -> Result<(), ReportError> {
         page.commands(&[&format!(
             "pinc run configs/van-der-pol/long-range.toml --set preset={preset}"
         )]);
-        let summary = run.summary(TrialMetric::FreeRunRmse)?;
+        let summary = run.summary(FREE_RUN_RMSE.of_net())?;
         let row = |row| vec![summary.choice(row, CASE).to_owned(), short(row.median)];
         let rows: Vec<Vec<String>> = summary.rows().iter().map(row).collect();
         page.made_by(

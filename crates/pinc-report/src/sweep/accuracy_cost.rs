@@ -10,7 +10,7 @@ use pinc_chart::{
 };
 use pinc_config::ModelKind;
 use pinc_net::TrainingTarget;
-use pinc_record::{LoopMetric, StepMetric, TrialMetric};
+use pinc_record::metric::{self, Metric};
 
 /// A loop counts as good if its IAE is at most this much above that of the most exact model.
 const EQUAL: f64 = 1.01;
@@ -38,7 +38,7 @@ struct Entry {
 
 /// Whether there is something to show.
 pub(super) fn is_there(trials: &Trials) -> bool {
-    ModelKind::ALL.into_iter().any(|model| trials.has(TrialMetric::Step(model, StepMetric::Rms)))
+    ModelKind::ALL.into_iter().any(|model| trials.has(metric::ONE_STEP_RMS.with(model)))
 }
 
 fn entries(trials: &Trials) -> Vec<Entry> {
@@ -48,29 +48,28 @@ fn entries(trials: &Trials) -> Vec<Entry> {
 
 fn entry(trials: &Trials, cell: &Cell, model: ModelKind) -> Option<Entry> {
     let median = |metric| trials.spread(cell, metric).map(|spread| spread.median);
-    let of_loop = |metric| median(TrialMetric::Loop(model, metric));
-    let of_step = |metric| median(TrialMetric::Step(model, metric));
+    let of = |metric: &'static Metric| median(metric.with(model));
     let is_net = model == ModelKind::Pinc;
     // Where a step is not finite, neither is the error.
-    let error = |metric| of_step(metric).unwrap_or(f64::INFINITY);
+    let error = |metric| of(metric).unwrap_or(f64::INFINITY);
     let distilled = TrainingTarget::Integrator.to_string();
     Some(Entry {
-        step_us: of_loop(LoopMetric::StepTime)?,
+        step_us: of(&metric::STEP_TIME)?,
         name: trials.name(cell),
-        group: match is_net && trials.text(cell, TrialMetric::Source) == Some(&distilled) {
+        group: match is_net && trials.text(cell, metric::SOURCE.of_net()) == Some(&distilled) {
             true => DISTILLED.to_owned(),
             false => model.title().to_owned(),
         },
         is_net,
-        rms: error(StepMetric::Rms),
-        median: error(StepMetric::Median),
-        p99: error(StepMetric::P99),
-        jacobian: error(StepMetric::JacobianRms),
-        forward_ns: of_step(StepMetric::Forward)?,
-        both_ns: of_step(StepMetric::ForwardJacobian)?,
-        iae: of_loop(LoopMetric::IaeDenseSum)?,
-        violation: of_loop(LoopMetric::MaxViolation)?,
-        training_s: median(TrialMetric::TrainingWall).filter(|_| is_net),
+        rms: error(&metric::ONE_STEP_RMS),
+        median: error(&metric::ONE_STEP_MEDIAN),
+        p99: error(&metric::ONE_STEP_P99),
+        jacobian: error(&metric::JACOBIAN_RMS),
+        forward_ns: of(&metric::FORWARD)?,
+        both_ns: of(&metric::FORWARD_JACOBIAN)?,
+        iae: of(&metric::IAE_DENSE_SUM)?,
+        violation: of(&metric::MAX_VIOLATION)?,
+        training_s: median(metric::TRAINING_WALL.of_net()).filter(|_| is_net),
     })
 }
 
@@ -127,8 +126,7 @@ fn loops(run: &Run, entries: &[Entry]) -> Picture {
     let violations = || entries.iter().map(|e| e.violation).filter(|v| *v > 0.0);
     let (low, high) = extent(violations());
     let kind = if high > 10.0 * low { Kind::Log } else { Kind::Linear };
-    let mut violation =
-        Panel::new("Bounds", Axis::new("largest violation of a bound", kind), 300.0);
+    let mut violation = Panel::new("Bounds", Axis::new(metric::MAX_VIOLATION.title, kind), 300.0);
     add(&mut violation, entries, &|e| (e.step_us, e.violation));
     violation.note = Some("No bound is violated.".to_owned());
     (iae.x, violation.x) = (Some(x()), Some(x()));

@@ -4,7 +4,8 @@ use crate::data::Run;
 use crate::trials::{Cell, Spread, Trials};
 use pinc_chart::text;
 use pinc_config::ModelKind;
-use pinc_record::{LoopMetric, TrialMetric};
+use pinc_record::TrialMetric;
+use pinc_record::metric::{self, Metric as Row};
 
 /// A number of the trials that is worth a picture.
 #[derive(Clone, Debug)]
@@ -119,58 +120,34 @@ impl Selection {
 /// The metrics that the sweep's table has, and that differ among the trials of one cell if these
 /// are draws.
 fn metrics(run: &Run, trials: &Trials) -> Vec<Metric> {
+    let pictured = |metric: &'static Row, stem: &'static str, title: &'static str, log: bool| {
+        let columns = if metric.is_of_models() {
+            of_models(trials, metric)
+        } else {
+            vec![(metric.of_net(), "")]
+        };
+        Metric { columns, stem, title, label: run.label_of(metric), factor: 1.0, log }
+    };
+    let mse = "Validation error";
     let all = [
+        // As the picture of a training calls it.
         Metric {
-            columns: vec![(TrialMetric::MseGen, "")],
-            stem: "mse",
-            title: "Validation error",
-            factor: 1.0,
             label: run.label_in_states_unit("validation MSE", "²"),
-            log: true,
+            ..pictured(&metric::MSE_GEN, "mse", mse, true)
         },
-        Metric {
-            columns: vec![(TrialMetric::FreeRunRmse, "")],
-            stem: "free-run-rmse",
-            title: "Error of the free run",
-            factor: 1.0,
-            label: run.label_in_states_unit("RMSE of the free run", ""),
-            log: true,
-        },
-        Metric {
-            columns: of_models(trials, LoopMetric::IaeDenseSum),
-            stem: "iae",
-            title: "Closed loop: integral of the absolute error",
-            factor: 1.0,
-            label: run.label_in_states_unit("IAE, dense trace, sum over outputs", ""),
-            log: false,
-        },
-        Metric {
-            columns: of_models(trials, LoopMetric::RmseDense),
-            stem: "rmse",
-            title: "Closed loop: root mean square error",
-            factor: 1.0,
-            label: run.label_in_states_unit("RMSE, dense trace", ""),
-            log: false,
-        },
+        pictured(&metric::FREE_RUN_RMSE, "free-run-rmse", "Error of the free run", true),
+        pictured(
+            &metric::IAE_DENSE_SUM,
+            "iae",
+            "Closed loop: integral of the absolute error",
+            false,
+        ),
+        pictured(&metric::RMSE_DENSE, "rmse", "Closed loop: root mean square error", false),
     ];
     // What cases are told apart by, beside how well they follow.
     let of_cases = [
-        Metric {
-            columns: of_models(trials, LoopMetric::OffsetMax),
-            stem: "offset",
-            title: "Closed loop: offset at rest",
-            factor: 1.0,
-            label: run.label_in_states_unit("largest offset from a reference", ""),
-            log: false,
-        },
-        Metric {
-            columns: of_models(trials, LoopMetric::MaxViolation),
-            stem: "violation",
-            title: "Closed loop: violation of bounds",
-            factor: 1.0,
-            label: "largest violation of a bound".to_owned(),
-            log: false,
-        },
+        pictured(&metric::OFFSET_MAX, "offset", "Closed loop: offset at rest", false),
+        pictured(&metric::MAX_VIOLATION, "violation", "Closed loop: violation of bounds", false),
     ];
     let of_cases = of_cases.into_iter().filter(|_| trials.are_of_cases());
     let is_worth = |metric: &Metric, column: TrialMetric| {
@@ -188,7 +165,7 @@ fn metrics(run: &Run, trials: &Trials) -> Vec<Metric> {
 /// The time of the controller, where a sweep has one axis and so shows what it depends on.
 fn time(trials: &Trials) -> Option<Metric> {
     let metric = Metric {
-        columns: of_models(trials, LoopMetric::Wall),
+        columns: of_models(trials, &metric::WALL),
         stem: "time",
         title: "Closed loop: the controller's time",
         label: "controller's time in the whole loop (ms)".to_owned(),
@@ -200,8 +177,7 @@ fn time(trials: &Trials) -> Option<Metric> {
 }
 
 /// The columns of each model's metric that the sweep's tables have, and the models' names.
-fn of_models(trials: &Trials, metric: LoopMetric) -> Vec<(TrialMetric, &'static str)> {
-    let columns =
-        ModelKind::ALL.map(|model| (TrialMetric::Loop(model, metric), model.title())).into_iter();
+fn of_models(trials: &Trials, metric: &'static Row) -> Vec<(TrialMetric, &'static str)> {
+    let columns = ModelKind::ALL.map(|model| (metric.with(model), model.title())).into_iter();
     columns.filter(|(column, _)| trials.has(*column)).collect()
 }

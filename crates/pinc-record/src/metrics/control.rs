@@ -1,0 +1,223 @@
+//! The section `control` of `metrics.json`, and its rows in the table of metrics.
+
+use super::{OutsideDomain, nan, number_or_null};
+use crate::times::{StepTimes, WallTimes};
+use crate::violation::ViolationMetrics;
+use pinc_config::ModelKind;
+use pinc_mpc::SqpStatus;
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+
+/// How good one closed loop is.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ControlMetrics {
+    /// The model inside the controller.
+    pub model: ModelKind,
+    /// RMSE as printed: at the steps.
+    #[serde(deserialize_with = "number_or_null")]
+    pub rmse: f64,
+    /// IAE as printed: at the steps, averaged over outputs.
+    #[serde(deserialize_with = "number_or_null")]
+    pub iae: f64,
+    /// RMSE on the dense trace.
+    #[serde(deserialize_with = "number_or_null")]
+    pub rmse_dense: f64,
+    /// IAE on the dense trace, summed over outputs.
+    #[serde(deserialize_with = "number_or_null")]
+    pub iae_dense_sum: f64,
+    /// Time of the controller in one whole closed loop.
+    pub wall_s: WallTimes,
+    /// Time of the controller in one step.
+    pub step_us: StepTimes,
+    /// SQP iterations per step.
+    pub sqp_iterations_mean: f64,
+    /// The largest KKT residual of a step.
+    #[serde(deserialize_with = "number_or_null")]
+    pub kkt_max: f64,
+    /// The worst violation of a bound by the plant's state, input or output: the largest number,
+    /// whatever its unit.
+    #[serde(deserialize_with = "number_or_null")]
+    pub max_violation: f64,
+    /// Which bound that is; not there if none was broken.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub max_violation_of: Option<ViolationMetrics>,
+    /// The bounds that were broken, each with its worst violation.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub violations: Vec<ViolationMetrics>,
+    /// How many steps ended with which status.
+    pub status: BTreeMap<String, usize>,
+    /// Whether the references were reached.
+    #[serde(flatten)]
+    pub references: ReferenceMetrics,
+    /// Whether the net was used outside its training domain; not there for other models.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub outside_domain: Option<OutsideDomain>,
+    /// How good the estimates were, where the controller was told of estimates.
+    #[serde(flatten)]
+    pub estimator: Option<EstimatorMetrics>,
+}
+
+/// How good the estimates of a closed loop are, and whether the estimator is as sure of itself as
+/// it may be.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct EstimatorMetrics {
+    /// The mean of the normalized innovations squared, over the steps that have one.
+    #[serde(deserialize_with = "number_or_null")]
+    pub nis_mean: f64,
+    /// What it is of a consistent estimator: the mean number of measurements used in these steps.
+    #[serde(default = "nan", deserialize_with = "number_or_null")]
+    pub nis_expected: f64,
+    /// How many steps have one.
+    #[serde(default)]
+    pub nis_steps: usize,
+    /// How many steps have none although there were measurements to use.
+    #[serde(default)]
+    pub nis_undefined: usize,
+    /// The mean of the normalized errors squared: of a consistent estimator, the number of states.
+    #[serde(deserialize_with = "number_or_null")]
+    pub nees_mean: f64,
+    /// How many steps have one: the others have a singular covariance.
+    #[serde(default)]
+    pub nees_steps: usize,
+    /// How many measurements of each quantity the estimator's gate rejected, where it rejected any.
+    #[serde(default)]
+    pub rejected: BTreeMap<String, usize>,
+    /// The root mean square error of each state's estimate at the step marks, in its unit.
+    pub estimate_rmse: BTreeMap<String, f64>,
+    /// Time of a correction and a prediction together.
+    pub estimator_us: StepTimes,
+    /// How many corrections ended with which status, and how many predictions with another than
+    /// updated.
+    pub estimator_status: BTreeMap<String, usize>,
+}
+
+impl ControlMetrics {
+    /// How many steps there were.
+    #[must_use]
+    pub fn steps(&self) -> usize {
+        self.status.values().sum()
+    }
+
+    /// How many of them failed: those that did not converge, but for real-time iterations, which
+    /// are not judged, and those that the time budget ended.
+    #[must_use]
+    pub fn failed_steps(&self) -> usize {
+        self.status.iter().filter(|(status, _)| is_failure(status)).map(|(_, steps)| steps).sum()
+    }
+}
+
+/// Whether a control step with this status, in the words of [`SqpStatus`], has failed.
+#[must_use]
+pub fn is_failure(status: &str) -> bool {
+    let fine = [SqpStatus::Converged, SqpStatus::Prepared, SqpStatus::Deadline];
+    fine.iter().all(|fine| fine.to_string() != status)
+}
+
+/// Whether the references were reached, each of which holds for a segment of the run. A segment is
+/// looked at by its step marks t = kT, up to where the controller prepares the next one.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct ReferenceMetrics {
+    /// When each segment begins, in s.
+    #[serde(default)]
+    pub reference_start_s: Vec<f64>,
+    /// For each controlled quantity and segment, the mean absolute error over the last ten marks,
+    /// in its unit; `None` if the segment is too short for one.
+    #[serde(default)]
+    pub offset: BTreeMap<String, Vec<Option<f64>>>,
+    /// For each segment, the time from its beginning until all controlled quantities stay near
+    /// their references, in s; `None` if they do not.
+    #[serde(default)]
+    pub settle_s: Vec<Option<f64>>,
+    /// How near that is for each quantity, in its unit.
+    #[serde(default)]
+    pub settled_within: BTreeMap<String, f64>,
+}
+
+impl ReferenceMetrics {
+    /// The largest of all offsets; NaN if no segment is long enough for one.
+    #[must_use]
+    pub fn largest_offset(&self) -> f64 {
+        self.offset.values().flatten().flatten().copied().fold(f64::NAN, f64::max)
+    }
+}
+
+/// The metrics of a closed loop.
+pub(crate) mod rows {
+    use super::ControlMetrics;
+    use crate::metric::Unit::{self, Clock, Count, Errors, One, States};
+    use crate::metric::{Metric, Of};
+
+    const S: Unit = Clock("s", 1.0);
+    const US: Unit = Clock("us", 1e-6);
+
+    const fn of(
+        keys: [&'static str; 2],
+        title: &'static str,
+        unit: Unit,
+        digits: usize,
+        of: fn(&ControlMetrics) -> f64,
+    ) -> Metric {
+        Metric::new(keys, title, unit, digits, Of::Loop(of))
+    }
+
+    /// RMSE on the dense trace.
+    pub const RMSE_DENSE: Metric =
+        of(["rmse_dense"; 2], "RMSE, dense trace", States(""), 5, |of| of.rmse_dense)
+            .printed("RMSE dense", |v| format!("{v:.5}"));
+    /// IAE on the dense trace, summed over outputs.
+    pub const IAE_DENSE_SUM: Metric =
+        of(["iae_dense_sum"; 2], "IAE, dense trace, sum over outputs", States(""), 6, |of| {
+            of.iae_dense_sum
+        })
+        .printed("IAE dense", |v| format!("{v:.4}"));
+    /// The largest offset from a reference at rest, over quantities and segments; NaN without one.
+    pub const OFFSET_MAX: Metric =
+        of(["", "offset_max"], "largest offset from a reference", States(""), 2, |of| {
+            of.references.largest_offset()
+        })
+        .row(None);
+    /// The worst violation of a bound.
+    pub const MAX_VIOLATION: Metric = of(
+        ["max_violation"; 2],
+        "largest violation of a bound",
+        Errors("that of the bound"),
+        2,
+        |of| of.max_violation,
+    )
+    .row(None);
+    /// The controller's time in the whole loop: the median of the repetitions.
+    pub const WALL: Metric =
+        of(["wall_s.median", "wall_s"], "Controller, whole run: median", S, 3, |of| {
+            of.wall_s.median
+        })
+        .printed("loop ms", |v| format!("{:.3}", 1e3 * v));
+    /// The controller's time in a step: the median.
+    pub const STEP_TIME: Metric =
+        of(["step_us.p50", "step_us"], "Controller, one step: median", US, 3, |of| of.step_us.p50)
+            .printed("step us", |v| format!("{v:.1}"));
+
+    /// All of them.
+    pub const LOOP: &[Metric] = &[
+        of(["rmse"; 2], "RMSE at the steps", States(""), 5, |of| of.rmse)
+            .printed("RMSE", |v| format!("{v:.5}")),
+        of(["iae"; 2], "IAE at the steps, mean over outputs", States(""), 6, |of| of.iae)
+            .printed("IAE", |v| format!("{v:.4}")),
+        RMSE_DENSE,
+        IAE_DENSE_SUM,
+        OFFSET_MAX,
+        MAX_VIOLATION,
+        of(["kkt_max"; 2], "Largest KKT residual", One, 2, |of| of.kkt_max)
+            .printed("KKT max", |v| format!("{v:.1e}"))
+            .neutral(),
+        of(["sqp_iterations_mean"; 2], "SQP iterations per step", Count, 3, |of| {
+            of.sqp_iterations_mean
+        })
+        .neutral(),
+        WALL,
+        STEP_TIME,
+        of(["step_us.p99", ""], "Controller, one step: 99th percentile", US, 3, |of| {
+            of.step_us.p99
+        }),
+        of(["step_us.max", ""], "Controller, one step: longest", US, 3, |of| of.step_us.max),
+    ];
+}

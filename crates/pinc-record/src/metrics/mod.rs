@@ -1,0 +1,211 @@
+//! The content of `metrics.json`, each section with its rows in the table of metrics.
+
+pub(crate) mod control;
+pub(crate) mod net;
+pub(crate) mod one_step;
+
+use crate::domain_error::DomainFinding;
+use crate::error::RecordError;
+use crate::files::{file, read_json};
+use pinc_config::{Experiment, ModelKind, Preset, TimeUnit};
+use pinc_net::TrainingTarget;
+use serde::{Deserialize, Deserializer, Serialize};
+use std::collections::BTreeMap;
+use std::path::Path;
+
+pub use control::{ControlMetrics, EstimatorMetrics, ReferenceMetrics, is_failure};
+pub use net::{PredictionMetrics, TrainingMetrics, ValidationMetrics};
+pub use one_step::{OneStepMetrics, StepErrors};
+
+/// The numbers that a run gave; each section is there once its stage is done.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Metrics {
+    /// The experiment's name.
+    pub experiment: String,
+    /// The reading of the paper.
+    pub preset: Preset,
+    /// The units of the plant's variables by name; empty for a number without dimension.
+    pub variables: BTreeMap<String, String>,
+    /// The unit in which times of the plant are shown, if the config says one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub time_unit: Option<TimeUnit>,
+    /// The plant's states, in its order.
+    #[serde(default)]
+    pub states: Vec<String>,
+    /// The files with results.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub files: BTreeMap<String, FileNote>,
+    /// Its inputs.
+    #[serde(default)]
+    pub inputs: Vec<String>,
+    /// The training.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub training: Option<TrainingMetrics>,
+    /// The validation of the net that was kept.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub validation: Option<ValidationMetrics>,
+    /// The free run.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub prediction: Option<PredictionMetrics>,
+    /// The closed loops.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub control: Vec<ControlMetrics>,
+    /// One step of each model by itself.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub one_step: Vec<OneStepMetrics>,
+    /// The trials of a sweep.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub sweep: Option<SweepMetrics>,
+}
+
+impl Metrics {
+    /// No results yet of `experiment`.
+    #[must_use]
+    pub fn new(experiment: &Experiment) -> Self {
+        let variables = experiment.plant.variables();
+        let outputs = variables.own_outputs().into_iter().map(|(_, output)| output);
+        let all = variables.states.iter().chain(&variables.inputs).chain(outputs);
+        let units = all.map(|v| (v.name.to_string(), v.unit.to_string())).collect();
+        Self {
+            variables: units,
+            time_unit: experiment.time_unit,
+            states: variables.state_names(),
+            files: BTreeMap::new(),
+            inputs: variables.input_names(),
+            experiment: experiment.name.clone(),
+            preset: experiment.preset,
+            training: None,
+            validation: None,
+            prediction: None,
+            control: Vec::new(),
+            one_step: Vec::new(),
+            sweep: None,
+        }
+    }
+}
+
+impl Metrics {
+    /// The metrics of the run in `dir`; `None` if it has none yet.
+    ///
+    /// # Errors
+    ///
+    /// [`RecordError`] if the file cannot be read or is damaged.
+    pub fn read(dir: &Path) -> Result<Option<Self>, RecordError> {
+        read_json(&dir.join(file::METRICS))
+    }
+
+    /// The closed loop with a model, if it was run.
+    #[must_use]
+    pub fn loop_with(&self, model: ModelKind) -> Option<&ControlMetrics> {
+        self.control.iter().find(|of| of.model == model)
+    }
+
+    /// One step of a model, if it was measured.
+    #[must_use]
+    pub fn step_of(&self, model: ModelKind) -> Option<&OneStepMetrics> {
+        self.one_step.iter().find(|of| of.model == model)
+    }
+
+    /// Whether the net is badly wrong somewhere in its domain.
+    #[must_use]
+    pub fn domain_finding(&self) -> Option<DomainFinding> {
+        let validation = self.validation.as_ref()?;
+        let finding = validation.domain_error.as_ref()?.finding(&self.states, &self.inputs)?;
+        let training = self.training.as_ref();
+        let losses = training.and_then(|training| training.loss.zip(training.fresh_loss));
+        Some(match losses {
+            Some((loss, fresh)) => finding.of_training(loss, fresh),
+            None => finding,
+        })
+    }
+
+    /// Whether the net was trained on an integrator's steps.
+    #[must_use]
+    pub fn is_distilled(&self) -> bool {
+        self.training.as_ref().is_some_and(|t| t.source == TrainingTarget::Integrator)
+    }
+}
+
+/// What a file was when it was written.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct FileNote {
+    /// Its size.
+    pub bytes: u64,
+    /// Its SHA-256, unless it is large.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub sha256: Option<String>,
+}
+
+/// How far a sweep is.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct SweepMetrics {
+    /// All trials.
+    pub trials: usize,
+    /// Those that ended as they should.
+    pub done: usize,
+    /// Those that ended with an error.
+    pub failed: usize,
+    /// Those that a search has dropped before they were run.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub dropped: usize,
+    /// The best candidate of a search, in words.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub best: Option<String>,
+}
+
+impl SweepMetrics {
+    /// Those that are still to be run.
+    #[must_use]
+    pub fn pending(&self) -> usize {
+        self.trials - self.done - self.failed - self.dropped
+    }
+}
+
+#[expect(clippy::trivially_copy_pass_by_ref, reason = "serde calls it with a reference")]
+fn is_zero(count: &usize) -> bool {
+    *count == 0
+}
+
+fn nan() -> f64 {
+    f64::NAN
+}
+
+/// A number; JSON has `null` in place of NaN and infinity.
+pub(crate) fn number_or_null<'de, D: Deserializer<'de>>(deserializer: D) -> Result<f64, D::Error> {
+    Ok(Option::deserialize(deserializer)?.unwrap_or(f64::NAN))
+}
+
+/// How often and how far a net was used outside the box that it was trained on, where it is wrong.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct OutsideDomain {
+    /// How many steps were looked at: their initial state and input.
+    pub samples: usize,
+    /// In how many of them a variable was outside.
+    pub outside: usize,
+    /// The variables that were, by name.
+    pub variables: BTreeMap<String, Excess>,
+}
+
+/// How one variable left the box.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Excess {
+    /// In how many steps.
+    pub samples: usize,
+    /// The largest distance from the box, in the variable's unit.
+    pub farthest: f64,
+}
+
+impl std::fmt::Display for OutsideDomain {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "outside the training domain in {} of {} steps", self.outside, self.samples)?;
+        for (i, (name, excess)) in self.variables.iter().enumerate() {
+            let separator = if i == 0 { ": " } else { ", " };
+            write!(
+                f,
+                "{separator}{name} by up to {:.3} ({} steps)",
+                excess.farthest, excess.samples
+            )?;
+        }
+        Ok(())
+    }
+}
