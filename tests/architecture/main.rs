@@ -51,7 +51,7 @@ const CRATES: [(&str, &[&str]); 22] = [
             "pinc-record",
         ],
     ),
-    ("pinc-choose", &["pinc-config", "pinc-net", "pinc-record"]),
+    ("pinc-choose", &["pinc-config", "pinc-net", "pinc-ode", "pinc-record"]),
     (
         "pinc-report",
         &["pinc-chart", "pinc-config", "pinc-mpc", "pinc-net", "pinc-ode", "pinc-record"],

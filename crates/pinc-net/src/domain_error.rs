@@ -70,8 +70,7 @@ pub struct DomainError {
 pub struct RmsError {
     /// Root mean square over points and states, in widths.
     pub rms: f64,
-    /// Standard error of `rms`, relative to it, as for points drawn independently. Where a few
-    /// points make most of the error, it is of the order of 1.
+    /// Relative standard error of `rms`, near 1 where a few points make most of the error.
     pub uncertainty: f64,
 }
 
@@ -153,12 +152,12 @@ impl DomainTruth {
     pub fn rms_error(&self, model: &mut dyn Model) -> RmsError {
         let (n, predicted) = (self.widths.len(), self.predictions(model));
         let pairs = predicted.chunks_exact(n).zip(self.next.chunks_exact(n));
-        let squares: Vec<f64> =
-            pairs.map(|(y, truth)| mean_squared_error(y, truth, &self.widths)).collect();
-        let count = to_f64(squares.len());
-        let mean = squares.iter().sum::<f64>() / count;
+        let square = |(y, z)| mean_squared_error(y, z, &self.widths);
+        let squares: Vec<f64> = pairs.map(square).collect();
+        let (count, sum) = (to_f64(squares.len()), squares.iter().sum::<f64>());
+        let mean = sum / count;
         let variance = squares.iter().map(|of| (of - mean).powi(2)).sum::<f64>() / count;
-        // Of a root the relative error is half of that of the square.
+        // Half of the mean square's own.
         let uncertainty = if mean > 0.0 { 0.5 * (variance / count).sqrt() / mean } else { 0.0 };
         RmsError { rms: mean.sqrt(), uncertainty }
     }

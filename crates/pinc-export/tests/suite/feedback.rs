@@ -447,10 +447,8 @@ fn an_applied_input_beyond_its_bounds_is_refused_and_changes_nothing() {
     let sources = Sources::new(&case.export(Some(estimation)).unwrap());
     let found = sources.drive(APPLIED, &[], &[]);
     let bad = number(SqpStatus::BadArgument);
-    assert!(
-        found[..6].iter().zip([bad, bad, bad, bad, bad, 0.0]).all(|(a, b)| *a == b),
-        "{found:?}"
-    );
+    let expected = [bad, bad, bad, bad, bad, 0.0];
+    assert!(found[..6].iter().zip(expected).all(|(a, b)| a.total_cmp(&b).is_eq()), "{found:?}");
     let [untold, refused, taken] = [6..9, 9..12, 12..15].map(|part| &found[part]);
     assert_eq!(untold, refused);
     assert!((taken[0] - untold[0]).abs() > 0.01 && taken[1..] != untold[1..], "{found:?}");
