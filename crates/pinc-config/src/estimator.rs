@@ -1,6 +1,6 @@
 //! `[control.measurement]` and `[control.estimator]`.
 
-use crate::{ControlSpec, Variables};
+use crate::Variables;
 use pinc_estimate::{Augmentation, Disturbance, Gate, Measured, Tuning};
 use serde::{Deserialize, Serialize};
 
@@ -215,10 +215,9 @@ impl EstimatorSpec {
         names
     }
 
-    /// What the estimator is told, of states, disturbances and parameters. The states move between
-    /// the bounds that `control` has for them.
+    /// What the estimator is told, of states, disturbances and parameters.
     #[must_use]
-    pub fn tuning(&self, control: &ControlSpec) -> Tuning {
+    pub fn tuning(&self) -> Tuning {
         let disturbances = self.disturbance_sd.len();
         let unknown = |of: fn(&UnknownParameter) -> f64| self.parameters.iter().map(of);
         let with = |states: &[f64], disturbances: &[f64], of: fn(&UnknownParameter) -> f64| {
@@ -240,7 +239,6 @@ impl EstimatorSpec {
             low: side(&self.low, f64::NEG_INFINITY, |p| p.low.unwrap_or(f64::NEG_INFINITY)),
             high: side(&self.high, f64::INFINITY, |p| p.high.unwrap_or(f64::INFINITY)),
             gate: self.gate.map_or_else(Gate::default, Gate::from),
-            range: control.state_ranges(),
         }
     }
 }

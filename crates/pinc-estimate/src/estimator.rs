@@ -168,10 +168,6 @@ pub struct Tuning {
     pub high: Vec<f64>,
     /// Which measurements are rejected.
     pub gate: Gate,
-    /// The width of the range in which each entry of z moves, 0 or more (0 if it is not known), for
-    /// the first entries or for none: how far off a lost estimate may be. The gate passes a reading
-    /// so far off after [`Gate::PATIENCE`] rejections.
-    pub range: Vec<f64>,
 }
 
 impl Tuning {
@@ -193,14 +189,6 @@ impl Tuning {
         check("initial_estimate", &self.initial_estimate, nx, "finite", f64::is_finite)?;
         check("initial_sd", &self.initial_sd, nx, "0 or more, and finite", sd)?;
         check("process_sd", &self.process_sd, nx, "0 or more, and finite", sd)?;
-        let range = self.range.len().min(nx);
-        check(
-            "range",
-            &self.range,
-            range,
-            "0 or more, and finite, one per entry of z at most",
-            sd,
-        )?;
         let sd = &self.measurement_sd;
         check("measurement_sd", sd, dims.ny, "positive and finite", positive)?;
         if !self.low.is_empty() {

@@ -160,16 +160,8 @@ pub(crate) fn feedback_core(
     estimation: Estimation<'_>,
     dims: Dims,
 ) -> Result<Vec<GeneratedFile>, ExportError> {
-    let Tuning {
-        initial_estimate,
-        initial_sd,
-        process_sd,
-        measurement_sd,
-        low,
-        high,
-        gate,
-        range: _,
-    } = estimation.tuning;
+    let Tuning { initial_estimate, initial_sd, process_sd, measurement_sd, low, high, gate } =
+        estimation.tuning;
     let squared = |sd: &[f64]| sd.iter().map(|sd| sd * sd).collect::<Vec<_>>();
     let states = estimation.augmentation.disturbance.clone();
     let measured = estimation.measured(dims)?;

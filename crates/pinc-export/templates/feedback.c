@@ -12,9 +12,8 @@
 #define PINC_ROUNDING PINC_PICK(1e-14, 1e-6)
 /* A pivot that is negative by more than this part of its diagonal entry is no rounding. */
 #define PINC_INDEFINITE PINC_PICK(1e-9, 1e-4)
-/* The bound on the normalized innovation squared of a reading; how many more rejections than passes
-   there are before a reading is judged by a wider covariance, and how often its standard deviations
-   double. */
+/* The bound on the normalized innovation squared of a reading; how many rejections in a row there are
+   before a reading is judged by a wider covariance, and how often its standard deviations double. */
 #define PINC_GATE @GATE@
 #define PINC_PATIENCE_OF_GATE 5
 #define PINC_DOUBLINGS 5
@@ -131,23 +130,14 @@ static void pinc_note(pinc_estimator *e, int i, int passed)
     if (e->rejections[i] > (PINC_PATIENCE_OF_GATE * (PINC_DOUBLINGS + 2))) {
         e->rejections[i] -= PINC_PATIENCE_OF_GATE;
     }
-    if (passed != 0) {
-        e->doubt[i] -= (e->doubt[i] > 0) ? 1 : 0;
-    } else {
-        e->doubt[i]++;
-        if (e->doubt[i] > (PINC_PATIENCE_OF_GATE * (PINC_DOUBLINGS + 2))) {
-            e->doubt[i] -= PINC_PATIENCE_OF_GATE;
-        }
-    }
 }
 
-/* How often the standard deviations are doubled to judge quantity i again, whose last reading was
-   rejected; -1 if that is not due. */
+/* How often the standard deviations of the beginning are doubled to judge quantity i again; -1 if
+   that is not due. */
 static int pinc_widening(const pinc_estimator *e, int i)
 {
-    const int times = e->doubt[i] / PINC_PATIENCE_OF_GATE;
-    if ((e->rejections[i] == 0) || (times == 0) ||
-        ((e->doubt[i] % PINC_PATIENCE_OF_GATE) != 0)) {
+    const int times = e->rejections[i] / PINC_PATIENCE_OF_GATE;
+    if ((times == 0) || ((e->rejections[i] % PINC_PATIENCE_OF_GATE) != 0)) {
         return -1;
     }
     return (times > PINC_DOUBLINGS) ? PINC_DOUBLINGS : (times - 1);

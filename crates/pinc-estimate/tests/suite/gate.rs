@@ -1,12 +1,7 @@
 //! Wild, stuck and jumping readings.
 
 use super::support::{Case, oscillator, tanks};
-use pinc_estimate::{
-    Augmentation, Augmented, Disturbance, Ekf, Estimator, EstimatorStatus, Gate, Measured, Mhe,
-    Tuning, Ukf,
-};
-use pinc_ode::{Model, Rk4};
-use pinc_plants::VanDerPol;
+use pinc_estimate::{Ekf, Estimator, EstimatorStatus, Gate, Mhe, Tuning, Ukf};
 
 fn estimators(case: &Case, tuning: &Tuning) -> [Box<dyn Estimator>; 3] {
     [
@@ -126,89 +121,5 @@ fn a_gate_without_a_width_is_refused() {
         let tuning = Tuning { gate: Gate::Sd(sd), ..case.tuning.clone() };
         let error = Ekf::new(case.model(), tuning).unwrap_err().to_string();
         assert!(error.starts_with("gate is ") && error.ends_with("positive and finite"), "{error}");
-    }
-}
-
-/// A reading that passes takes back one rejection, not all.
-#[test]
-fn rejections_count_beyond_a_reading_that_passes() {
-    let case = tanks();
-    let tuning = Tuning { initial_sd: vec![1.0; 4], ..case.tuning.clone() };
-    for mut estimator in estimators(&case, &tuning) {
-        let off = [100, 101, 103, 104, 106, 107, 108];
-        let found = run(&case, estimator.as_mut(), &|k, y| {
-            if off.contains(&k) {
-                y[0] += 20.0;
-            }
-        });
-        for (k, row) in found.iter().enumerate().take(109).skip(100) {
-            let expected = match k {
-                108 => EstimatorStatus::Reacquired,
-                _ if off.contains(&k) => EstimatorStatus::Rejected,
-                _ => EstimatorStatus::Updated,
-            };
-            assert_eq!(row.1, expected, "{k}");
-        }
-    }
-}
-
-/// The first covariance that a reading is judged by again is the widest of that of the beginning,
-/// that of a step and that of the range.
-#[test]
-fn a_covariance_is_widened_to_the_range() {
-    let tuning = Tuning {
-        initial_sd: vec![0.5, 0.1, 0.1, 0.5],
-        process_sd: vec![0.2, 0.3, 0.2, 0.6],
-        range: vec![9.0, 6.0, 12.0],
-        gate: Gate::Sd(30.0),
-        ..Tuning::default()
-    };
-    for (found, expected) in Gate::widened(&tuning).iter().zip([0.25, 0.09, 0.16, 0.36]) {
-        assert!((found - expected).abs() < 1e-12, "{found} {expected}");
-    }
-    let off = Tuning { gate: Gate::Off, ..tuning };
-    assert!((Gate::widened(&off)[2] - 0.04).abs() < 1e-12);
-}
-
-/// After a sensor froze while the oscillator moved on, estimators that trust themselves too much are
-/// back at the plant.
-#[test]
-fn a_lost_estimate_finds_the_plant_again() {
-    let measured = Augmentation::measured(Measured::states([0]));
-    let augmentation = Augmentation { disturbance: Disturbance::Input, ..measured };
-    let tuning = Tuning {
-        initial_estimate: vec![1.0, 0.0, 0.0],
-        initial_sd: vec![0.001, 0.001, 0.5],
-        process_sd: vec![0.001, 0.001, 0.1],
-        measurement_sd: vec![0.001],
-        range: vec![2.0, 2.0],
-        ..Tuning::default()
-    };
-    let oscillator = || Box::new(Rk4::new(VanDerPol::default(), 0.5, 4));
-    let model = || Box::new(Augmented::new(oscillator(), augmentation.clone()).unwrap());
-    let estimators: [Box<dyn Estimator>; 3] = [
-        Box::new(Ekf::new(model(), tuning.clone()).unwrap()),
-        Box::new(Ukf::new(model(), tuning.clone()).unwrap()),
-        Box::new(Mhe::new(model(), tuning.clone(), 10).unwrap()),
-    ];
-    let mut plant = oscillator();
-    for mut estimator in estimators {
-        for begin in [13, 16, 46, 49] {
-            estimator.reset();
-            let (mut x, mut next, mut frozen) = (vec![1.0, 0.0], vec![0.0; 2], 0.0);
-            for k in 0..begin + 85 {
-                if k < begin {
-                    frozen = x[0];
-                }
-                let is_frozen = (begin..begin + 50).contains(&k);
-                estimator.correct(&[if is_frozen { frozen } else { x[0] }]);
-                let u = (0.25 * f64::from(k)).sin();
-                estimator.predict(&[u]);
-                plant.step(&x, &[u - 0.15], &[], &mut next);
-                x.copy_from_slice(&next);
-            }
-            let off = (estimator.estimate()[0] - x[0]).abs();
-            assert!(off < 0.01, "{begin}: {off}");
-        }
     }
 }

@@ -82,7 +82,6 @@ pub(crate) fn tanks(disturbance: Disturbance, delay: usize) -> Parts {
         low: with([7.0, 7.0, 1.8, 0.5], -0.3),
         high: with([14.0, 14.0, 4.0, 4.0], 0.3),
         gate: Gate::Sd(8.0),
-        range: vec![6.0; 4],
     };
     (case, augmentation, tuning)
 }

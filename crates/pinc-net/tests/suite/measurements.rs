@@ -153,23 +153,6 @@ fn every_optimizer_fits_them_in_the_same_bits_on_any_number_of_threads() {
     }
 }
 
-/// The term of the measurements at the start is their weight times a mean that does not depend on
-/// it, and leaves the other terms alone.
-#[test]
-fn the_weight_of_measurements_is_a_factor_of_their_term() {
-    let first = |weight: f64| {
-        let trainer = trainer(phase(broyden(), 1), SelectNet::Last, 1);
-        run(trainer.with_measurements(&measured(), weight).unwrap()).1[0]
-    };
-    let (loss, term) = first(1.0);
-    for weight in [0.3, 10.0] {
-        let (weighted_loss, weighted) = first(weight);
-        assert!((weighted - weight * term).abs() < 1e-12 * weighted, "{weighted} {term}");
-        let others = [loss - term, weighted_loss - weighted];
-        assert!((others[0] - others[1]).abs() < 1e-12 * weighted_loss.max(loss), "{others:?}");
-    }
-}
-
 #[test]
 fn held_out_measurements_choose_the_best_net() {
     // Physics alone moves away from the plant again after it has come near: the best is not the
