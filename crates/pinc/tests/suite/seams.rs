@@ -417,7 +417,11 @@ fn rows_of_keys() -> Vec<String> {
             };
             assert_ne!(&found, before, "{key} makes no difference");
         }
-        let same = if about == About::Loop { "of the loop" } else { "yes" };
+        let same = match about {
+            About::Controller => "yes",
+            About::Loop => "of the loop",
+            About::Unseen => "not compared",
+        };
         let [served, in_c] = ways.map(|found| found.in_words(same));
         rows.push(format!("| `{key}` | yes | {served} | {in_c} |"));
     }
