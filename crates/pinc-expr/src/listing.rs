@@ -33,6 +33,24 @@ pub enum Instruction {
     Function(Function, usize),
 }
 
+impl Instruction {
+    /// The places of the values that this one is made of.
+    pub fn operands(self) -> impl Iterator<Item = usize> {
+        let [a, b, c] = match self {
+            Self::Variable(_) | Self::Constant(_) => [None; 3],
+            Self::Neg(a) | Self::Power(a, _) | Self::Function(_, a) => [Some(a), None, None],
+            Self::Add(a, b)
+            | Self::Sub(a, b)
+            | Self::Mul(a, b)
+            | Self::Div(a, b)
+            | Self::Min(a, b)
+            | Self::Max(a, b) => [Some(a), Some(b), None],
+            Self::Where(a, b, c) => [Some(a), Some(b), Some(c)],
+        };
+        [a, b, c].into_iter().flatten()
+    }
+}
+
 /// The time derivatives of the states, or the outputs, as a list of instructions: constants are
 /// folded, no value is computed twice, and none is computed that is not needed.
 #[derive(Clone, Debug, PartialEq)]

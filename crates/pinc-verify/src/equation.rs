@@ -43,24 +43,60 @@ impl Equation {
 
     /// f over Taylor models of all variables.
     pub(crate) fn evaluate(&self, over: &Arithmetic, variables: &[Taylor]) -> Vec<Taylor> {
-        let mut values: Vec<Value<'_>> = Vec::with_capacity(self.listing.instructions.len());
+        let values = self.values(over, variables);
+        let of = |place: &usize| values[*place].model(over).into_owned();
+        self.listing.results.iter().map(of).collect()
+    }
+
+    /// The values of all instructions.
+    fn values<'a>(&self, over: &Arithmetic, variables: &'a [Taylor]) -> Vec<Value<'a>> {
+        let mut values: Vec<Value<'a>> = Vec::with_capacity(self.listing.instructions.len());
         for instruction in &self.listing.instructions {
             let value = apply(over, variables, &values, *instruction);
             values.push(value);
         }
-        let of = |place: &usize| values[*place].model(over).into_owned();
-        self.listing.results.iter().map(of).collect()
+        values
+    }
+
+    /// The variable of box `lane` that drives the instruction whose value is known worst, relative to
+    /// its size, over `variables`; none if all are known to rounding.
+    pub(crate) fn driver(
+        &self,
+        over: &Arithmetic,
+        variables: &[Taylor],
+        lane: usize,
+    ) -> Option<usize> {
+        let values = self.values(over, variables);
+        let unknown: Vec<f64> = values.iter().map(|value| value.unknown_share(lane)).collect();
+        let worst = unknown.iter().copied().fold(0.0, f64::max);
+        // What follows from a value that is not known is known no better.
+        let first = unknown.iter().position(|share| *share >= worst)?;
+        let mut changes = vec![0.0; over.basis.variables()];
+        for operand in self.listing.instructions[first].operands() {
+            if let Value::Model(model) = &values[operand] {
+                over.add_changes(model, lane, &mut changes);
+            }
+        }
+        let most = (0..changes.len()).max_by(|a, b| changes[*a].total_cmp(&changes[*b]))?;
+        let drives = worst > 1e-9 && changes[most] > 0.0 && changes[most].is_finite();
+        drives.then_some(most)
     }
 
     /// df/dx, row by row, over intervals of all variables: entries that hold the derivatives at
     /// every point, [`Interval::ENTIRE`] where f is not smooth.
     pub(crate) fn jacobian(&self, variables: &[Interval]) -> Vec<Interval> {
+        let values = self.enclosures(variables);
+        self.listing.results.iter().flat_map(|place| values[*place].slopes.clone()).collect()
+    }
+
+    /// All instructions over intervals.
+    fn enclosures(&self, variables: &[Interval]) -> Vec<Enclosure> {
         let mut values: Vec<Enclosure> = Vec::with_capacity(self.listing.instructions.len());
         for instruction in &self.listing.instructions {
             let value = enclose(self.states, variables, &values, *instruction);
             values.push(value);
         }
-        self.listing.results.iter().flat_map(|place| values[*place].slopes.clone()).collect()
+        values
     }
 }
 
@@ -74,6 +110,17 @@ impl<'a> Value<'a> {
 
     fn owned(model: Taylor) -> Self {
         Self::Model(Cow::Owned(model))
+    }
+
+    /// The remainder in a box, in parts of the largest absolute value that is known.
+    fn unknown_share(&self, lane: usize) -> f64 {
+        match self {
+            Self::Number(_) => 0.0,
+            Self::Model(model) => {
+                let size: f64 = model.coefficients.iter().map(|of| of[lane].abs()).sum();
+                crate::taylor::unless_nan(model.remainder[lane] / (size + f64::MIN_POSITIVE))
+            }
+        }
     }
 }
 

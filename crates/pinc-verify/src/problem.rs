@@ -56,6 +56,8 @@ pub(crate) struct BoxError {
     pub(crate) of_flow: Vec<f64>,
     /// How much the terms of the highest degrees of model and flow change with each variable.
     pub(crate) drives: [Vec<f64>; 2],
+    /// Where the flow is not enclosed: the variable that drives what is known worst of the equation.
+    pub(crate) obstacle: Option<usize>,
 }
 
 impl StepError {
@@ -129,7 +131,13 @@ impl StepError {
         let (states, held) = variables.split_at(self.states());
         let mapped = self.map.run(space, &variables);
         let flown = self.flow.run(&over.flow, states, held, steps);
-        (0..boxes.len()).map(|lane| box_error(over, lane, &mapped, &flown)).collect()
+        let error = |lane: usize| {
+            let known = flown.iter().all(|state| state.remainder[lane].is_finite());
+            let obstacle =
+                if known { None } else { self.flow.equation.driver(space, &variables, lane) };
+            BoxError { obstacle, ..box_error(over, lane, &mapped, &flown) }
+        };
+        (0..boxes.len()).map(error).collect()
     }
 }
 
@@ -177,6 +185,7 @@ fn box_error(over: &Enclosing, lane: usize, mapped: &[Taylor], flown: &[Taylor])
         of_map: remainders(mapped),
         of_flow: remainders(flown),
         drives,
+        obstacle: None,
     }
 }
 

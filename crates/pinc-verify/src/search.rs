@@ -86,7 +86,7 @@ const ROUND: usize = 512;
 const DEEPEST: usize = 60;
 
 /// The part of a goal that what is missing in the flow of a point may take.
-const FLOW_SHARE: f64 = 2e-3;
+const FLOW_SHARE: f64 = 2e-2;
 
 /// Steps of the flow of a leaf, at most.
 const MOST_STEPS: usize = 256;
@@ -153,7 +153,7 @@ impl Search {
 
     /// Powers of the time.
     fn order(&self) -> usize {
-        self.degree() + 6
+        self.degree() + 2
     }
 
     /// What each state's bound has to come down to.
@@ -355,5 +355,6 @@ fn plan(over: &Enclosing, leaf: &mut Leaf, found: &BoxError, goals: &[f64]) {
     let most = (0..changes.len()).max_by(|a, b| changes[*a].total_cmp(&changes[*b]));
     let known = changes.iter().all(|change| change.is_finite()) && ratio(worst).is_finite();
     let useful = known && changes.iter().any(|change| *change > 0.0);
-    leaf.cut = most.filter(|_| useful).unwrap_or_else(|| leaf.next_in_turn(goals.len()));
+    let most = most.filter(|_| useful).or(found.obstacle);
+    leaf.cut = most.unwrap_or_else(|| leaf.next_in_turn(goals.len()));
 }

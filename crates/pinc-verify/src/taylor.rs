@@ -229,6 +229,18 @@ impl Arithmetic {
         sum
     }
 
+    /// Adds to each of `changes` how much a model changes with that variable in box `lane`: the sum
+    /// of the absolute coefficients, times the exponents.
+    pub(crate) fn add_changes(&self, of: &Taylor, lane: usize, changes: &mut [f64]) {
+        for k in 0..self.basis.orders() {
+            for (place, at) in self.basis.of_order(k).enumerate() {
+                for (change, power) in changes.iter_mut().zip(self.basis.exponents(place)) {
+                    *change += of.coefficients[at][lane].abs() * f64::from(*power);
+                }
+            }
+        }
+    }
+
     /// Which powers of the time have coefficients other than 0.
     fn orders(&self, of: &Taylor) -> Vec<bool> {
         let has = |k| {
