@@ -110,6 +110,14 @@ pub struct ControlSpec {
     /// What to do when a net is used outside the box that it was trained on.
     #[serde(default)]
     pub outside_domain: OutsidePolicy,
+    /// The largest error that a step of the net may have, by state, in the state's unit; states that
+    /// are not named are not judged. Each control step compares the estimated error of the plan's
+    /// first step with it.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub error_tolerance: BTreeMap<String, f64>,
+    /// What to do when that error is larger.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub on_error: OnError,
     /// The share of control steps that may fail, from 0 to 1: with more, the run has failed.
     #[serde(default = "max_failed_share")]
     pub max_failed_share: f64,
@@ -305,6 +313,23 @@ pub struct ReferenceStep {
     pub start_s: f64,
     /// One number per controlled quantity.
     pub value: Vec<f64>,
+}
+
+fn is_default(of: &OnError) -> bool {
+    *of == OnError::default()
+}
+
+/// What to do when the estimated error of a net's step is larger than `error_tolerance`.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum OnError {
+    /// Follow the plan, and count the step.
+    #[default]
+    Count,
+    /// Make the step over with an integrator as the model: the first of `models`, or RK4.
+    Integrator,
+    /// Make the step over with the net's predictions less the estimated error.
+    Correct,
 }
 
 /// What to do when a net is used outside the box that it was trained on, where it is wrong.

@@ -61,7 +61,7 @@ mod trial;
 mod validate;
 
 pub use black_box::{FmuSpec, ProcessSpec};
-pub use control::{ControlSpec, InputDifference, OutsidePolicy, Profile, ReferenceStep};
+pub use control::{ControlSpec, InputDifference, OnError, OutsidePolicy, Profile, ReferenceStep};
 pub use data::DataSpec;
 pub use estimator::{
     DisturbanceSpec, EstimatorKind, EstimatorSpec, GateSpec, GateWord, MeasurementSpec,

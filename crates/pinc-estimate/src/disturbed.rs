@@ -52,6 +52,32 @@ impl Augmentation {
         }
     }
 
+    /// Turns what a controller with the [`Compensated`](crate::Compensated) model asks, (x, u, w), into
+    /// what the model itself is asked: `x` without output disturbances, `u` with input disturbances,
+    /// and `p` with the estimated parameters.
+    ///
+    /// # Shapes
+    ///
+    /// `x`: `nx`; `u`: `nu`; `w`: disturbances and estimated parameters; `p`: `np` of the model.
+    pub fn arguments(&self, x: &mut [f64], u: &mut [f64], w: &[f64], p: &mut [f64]) {
+        p.copy_from_slice(&self.parameters);
+        let (disturbances, estimated) = w.split_at(w.len() - self.estimated.len());
+        for (&place, value) in self.estimated.iter().zip(estimated) {
+            p[place] = *value;
+        }
+        match &self.disturbance {
+            Disturbance::None | Disturbance::States(_) => {}
+            Disturbance::Input => u.iter_mut().zip(disturbances).for_each(|(u, d)| *u += d),
+            Disturbance::Output => {
+                for (measured, d) in self.measured.iter().zip(disturbances) {
+                    if let Measured::State(state) = *measured {
+                        x[state] -= d;
+                    }
+                }
+            }
+        }
+    }
+
     /// Checks it against a model of dimensions `dims`.
     ///
     /// # Errors

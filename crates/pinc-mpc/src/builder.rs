@@ -1,5 +1,6 @@
 //! Putting a controller together.
 
+use crate::guard::{Guard, Judge};
 use crate::horizon::Horizon;
 use crate::sqp::Sqp;
 use crate::{MpcError, Nmpc, NmpcProblem, SqpConfig, StageCost};
@@ -30,12 +31,14 @@ pub struct NmpcBuilder {
     models: Vec<(Box<dyn Model>, usize)>,
     stage_cost: Option<Box<dyn StageCost>>,
     config: SqpConfig,
+    guard: Option<Guard>,
 }
 
 impl NmpcBuilder {
     /// A controller for `problem`, so far without a model.
     pub fn new(problem: NmpcProblem) -> Self {
-        Self { problem, models: Vec::new(), stage_cost: None, config: SqpConfig::default() }
+        let (models, config) = (Vec::new(), SqpConfig::default());
+        Self { problem, models, stage_cost: None, config, guard: None }
     }
 
     /// One model for all stages.
@@ -63,20 +66,33 @@ impl NmpcBuilder {
         self
     }
 
+    /// Lets `judge` look at the first step of each plan. If it does not trust the model there, the
+    /// `substitute`, a controller for the same problem with another model, makes the step over from
+    /// the same plan, and its plan is the one that the next step starts from; without a substitute
+    /// the plan is followed. A step without a plan to follow is not judged.
+    ///
+    /// The substitute's parameters are the judge's to say: see [`Judge::substitute_parameters`].
+    pub fn guard(mut self, judge: Box<dyn Judge>, substitute: Option<Nmpc>) -> Self {
+        self.guard = Some(Guard::new(judge, substitute));
+        self
+    }
+
     /// The controller.
     ///
     /// # Errors
     ///
-    /// [`MpcError`] if the problem does not suit the models, these do not make up the horizon, or
+    /// [`MpcError::Length`] if the substitute is for a problem of other sizes, and [`MpcError`] if
+    /// the problem does not suit the models, these do not make up the horizon, or
     /// the configuration is no sensible choice.
     pub fn build(self) -> Result<Nmpc, MpcError> {
-        let Self { problem, models, stage_cost, config } = self;
+        let Self { problem, models, stage_cost, config, guard } = self;
         if let Some((model, _)) = models.first() {
             problem.validate(model.dims())?;
         }
         config.validate()?;
         let horizon = Horizon::new(models, problem.horizon)?;
         let sqp = Sqp::new(&problem, config, &horizon, stage_cost)?;
-        Ok(Nmpc::of(problem, horizon, config, sqp))
+        let nmpc = Nmpc::of(problem, horizon, config, sqp);
+        Ok(nmpc.with_guard(guard)?)
     }
 }

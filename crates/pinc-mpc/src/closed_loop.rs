@@ -6,7 +6,7 @@ use crate::observer::Watch;
 use crate::reference::steps_until;
 use crate::violation::{Bounded, Violation, Violations};
 use crate::{
-    Constraint, MpcError, Nmpc, Observer, PlantNow, Reference, SqpStatus, StepWork, Tracked,
+    Constraint, MpcError, Nmpc, Observer, PlantNow, Reference, SqpStatus, StepWork, Tracked, Trust,
 };
 use pinc_ode::metrics::Tracking;
 use pinc_ode::{Simulator, Trajectory};
@@ -89,6 +89,8 @@ pub struct StepRecord {
     pub kkt: f64,
     /// A hard constraint that could not be met.
     pub violated: Option<Constraint>,
+    /// Whether the model was trusted in the plan's first step.
+    pub trust: Trust,
 }
 
 /// A step between its two parts: the input is chosen, the plant has not moved. If it is dropped,
@@ -264,6 +266,7 @@ impl<'a> ClosedLoop<'a> {
             work: step.work,
             kkt: step.kkt.max(),
             violated: step.violated,
+            trust: step.trust,
         });
         let chosen = delay * step.u.len();
         self.inputs[chosen..].copy_from_slice(step.u);

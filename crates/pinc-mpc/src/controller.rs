@@ -4,6 +4,7 @@ use crate::builder::NmpcBuilder;
 use crate::constraint::Constraint;
 use crate::cost::Targets;
 use crate::error::{check_finite, check_length};
+use crate::guard::{Guard, Trust};
 use crate::horizon::Horizon;
 use crate::kkt::KktResidual;
 use crate::solution::Solution;
@@ -96,6 +97,7 @@ pub struct Nmpc {
     /// The state in which the problem begins: the measured one, or where the inputs under way lead.
     start: Vec<f64>,
     next: Vec<f64>,
+    guard: Option<Guard>,
 }
 
 /// What came of a control step.
@@ -118,6 +120,27 @@ pub struct StepReport<'a> {
     /// Whether `u` is of the plan that the optimization ended with; otherwise it is the next one of
     /// the last plan.
     pub followed: bool,
+    /// Whether the model was trusted in the plan's first step. Of a step that was made over by a
+    /// substitute all else is the substitute's.
+    pub trust: Trust,
+}
+
+/// A [`StepReport`] without the input.
+struct Planned {
+    status: SqpStatus,
+    sqp_iterations: usize,
+    work: StepWork,
+    kkt: KktResidual,
+    violated: Option<Constraint>,
+    followed: bool,
+    trust: Trust,
+}
+
+impl Planned {
+    fn report(self, u: &[f64]) -> StepReport<'_> {
+        let Self { status, sqp_iterations, work, kkt, violated, followed, trust } = self;
+        StepReport { u, status, sqp_iterations, work, kkt, violated, followed, trust }
+    }
 }
 
 impl Nmpc {
@@ -165,7 +188,26 @@ impl Nmpc {
             previous: vec![0.0; dims.nu],
             start: vec![0.0; dims.nx],
             next: vec![0.0; dims.nx],
+            guard: None,
         }
+    }
+
+    /// The controller with a guard, whose substitute must be for a problem of the same sizes.
+    pub(crate) fn with_guard(mut self, guard: Option<Guard>) -> Result<Self, MpcError> {
+        if let Some(other) = guard.as_ref().and_then(|guard| guard.substitute.as_deref()) {
+            for (field, expected, found) in [
+                ("the substitute's states", self.dims.nx, other.dims.nx),
+                ("the substitute's inputs", self.dims.nu, other.dims.nu),
+                ("the substitute's horizon", self.dims.horizon, other.dims.horizon),
+                ("the substitute's delay", self.problem.delay, other.problem.delay),
+            ] {
+                if found != expected {
+                    return Err(MpcError::Length { field, expected, found });
+                }
+            }
+        }
+        self.guard = guard;
+        Ok(self)
     }
 
     /// The problem that is solved.
@@ -356,6 +398,66 @@ impl Nmpc {
         if !all_finite(x) {
             return Ok(self.hold());
         }
+        let Some(mut guard) = self.guard.take() else {
+            return Ok(self.plan_step(x, reference, expired).report(self.plan.first_input()));
+        };
+        let found = self.guarded_step(&mut guard, x, reference, expired);
+        self.guard = Some(guard);
+        Ok(found?.report(self.plan.first_input()))
+    }
+
+    /// A step that the judge of `guard` looks at, and that its substitute makes over if need be.
+    fn guarded_step(
+        &mut self,
+        guard: &mut Guard,
+        x: &[f64],
+        reference: &[f64],
+        expired: &mut dyn FnMut() -> bool,
+    ) -> Result<Planned, MpcError> {
+        if let Some(substitute) = &mut guard.substitute {
+            substitute.continue_from(self);
+        }
+        let planned = self.plan_step(x, reference, expired);
+        let trusted = !planned.followed
+            || guard.judge.trusts(&self.start, self.plan.first_input(), &self.parameters);
+        let trust = match (trusted, &mut guard.substitute) {
+            (true, _) => Trust::Trusted,
+            (false, None) => Trust::Doubted,
+            (false, Some(substitute)) => {
+                guard.judge.substitute_parameters(&self.parameters, &mut guard.parameters);
+                substitute.set_parameters(&guard.parameters)?;
+                let planned = substitute.plan_step(x, reference, expired);
+                self.continue_from(substitute);
+                return Ok(Planned { trust: Trust::Substituted, ..planned });
+            }
+        };
+        Ok(Planned { trust, ..planned })
+    }
+
+    /// Takes over what the next step of `other`, a controller for the same problem, starts from.
+    fn continue_from(&mut self, other: &Self) {
+        self.plan.copy_from(&other.plan);
+        self.fallback.copy_from(&other.fallback);
+        self.previous.copy_from_slice(&other.previous);
+        self.pending.copy_from_slice(&other.pending);
+        self.start.copy_from_slice(&other.start);
+        self.warm = other.warm;
+        self.tentative = other.tentative;
+        self.waited = other.waited;
+        self.unjudged = other.unjudged;
+        self.has_fallback = other.has_fallback;
+        self.unplaced = other.unplaced;
+        self.shifted = other.shifted;
+        self.prepared = false;
+    }
+
+    /// A step from a finite state, without a guard.
+    fn plan_step(
+        &mut self,
+        x: &[f64],
+        reference: &[f64],
+        expired: &mut dyn FnMut() -> bool,
+    ) -> Planned {
         if self.unplaced {
             self.place(x);
         }
@@ -374,9 +476,9 @@ impl Nmpc {
         self.previous.copy_from_slice(self.plan.first_input());
         self.push_delay_line();
         let Outcome { iterations, last, violated, .. } = outcome;
-        let (u, work) = (self.plan.first_input(), self.sqp.take_work());
-        let (sqp_iterations, kkt) = (iterations, last);
-        Ok(StepReport { u, status, sqp_iterations, work, kkt, violated, followed })
+        let (sqp_iterations, kkt, work) = (iterations, last, self.sqp.take_work());
+        let trust = Trust::NotJudged;
+        Planned { status, sqp_iterations, work, kkt, violated, followed, trust }
     }
 
     /// A step without a state: the last input is held.
@@ -391,6 +493,7 @@ impl Nmpc {
             kkt: KktResidual::unknown(),
             violated: None,
             followed: false,
+            trust: Trust::NotJudged,
         }
     }
 

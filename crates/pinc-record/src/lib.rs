@@ -46,8 +46,8 @@ pub use identification::{
     ParameterMetrics, ResidualMetrics, StartMetrics, WorkMetrics,
 };
 pub use metrics::{
-    ControlMetrics, EstimatorMetrics, Excess, FileNote, Metrics, OneStepMetrics, OutsideDomain,
-    PredictionMetrics, ReferenceMetrics, StepErrors, SweepMetrics, TrainingMetrics,
+    ControlMetrics, EstimatorMetrics, Excess, FileNote, Metrics, ModelErrorMetrics, OneStepMetrics,
+    OutsideDomain, PredictionMetrics, ReferenceMetrics, StepErrors, SweepMetrics, TrainingMetrics,
     ValidationMetrics, is_failure,
 };
 pub use provenance::{Invocation, Provenance};

@@ -48,7 +48,7 @@ impl Chain {
     /// The value at a later time `t`, from where on `input` holds. `net` is y(t, y0, u).
     pub(crate) fn advance(
         &mut self,
-        net: &impl Fn(f64, &[f64], &[f64]) -> Vec<f64>,
+        net: &mut impl FnMut(f64, &[f64], &[f64]) -> Vec<f64>,
         t: f64,
         input: &[f64],
     ) -> Sample {
@@ -85,7 +85,7 @@ mod tests {
     fn values(chain: &mut Chain, rows: &[(f64, f64)]) -> Vec<(f64, bool)> {
         let rows = rows.iter();
         rows.map(|&(t, u)| {
-            let sample = chain.advance(&net, t, &[u]);
+            let sample = chain.advance(&mut net, t, &[u]);
             (sample.state[0], sample.mark)
         })
         .collect()
@@ -113,7 +113,7 @@ mod tests {
     fn marks_are_found_after_many_steps() {
         let mut chain = Chain::new(0.1, 0.0, &[0.0], &[0.0]);
         for k in 1..=2000 {
-            let sample = chain.advance(&net, f64::from(k) * 0.1, &[0.0]);
+            let sample = chain.advance(&mut net, f64::from(k) * 0.1, &[0.0]);
             assert!(sample.mark, "step {k}");
         }
     }

@@ -3,6 +3,7 @@
 use super::Options;
 use super::feedback::{self, TimedFeedback};
 use super::guard::Guard;
+use super::model_error;
 use super::recording::{Recording, Totals, TraceColumns, write_medians};
 use crate::RunError;
 use crate::progress::Stage;
@@ -105,12 +106,13 @@ fn run_model(
     run_dir: &RunDir,
 ) -> Result<ControlMetrics, RunError> {
     let ControlSpec { repetitions, budget_us, .. } = setup.spec;
-    let mut nmpc = setup.controller(kind, plant)?;
+    let (mut nmpc, log) = setup.judged_controller(kind, plant)?;
     let name = format!("control {kind}");
     let mut progress = Stage::begin(options.verbosity, &name, *repetitions as u64);
     let mut times = Times::default();
     let mut results = None;
     let (mut outside, mut estimates, mut estimator_us) = (None, None, Vec::new());
+    let (names, mut model_error) = (Variables::of(plant).state_names(), None);
     let steps_file = run_dir.path(&file::steps(kind, setup.kinds.len()));
     for repetition in 0..*repetitions {
         options.check_interrupt(run_dir.dir())?;
@@ -151,6 +153,7 @@ fn run_model(
         outcome?;
         results = found;
         outside = guard.map(Guard::found);
+        model_error = log.as_ref().map(|log| model_error::read(log, |log| log.metrics(&names)));
     }
     let results = results.expect("there is at least one repetition");
     if *repetitions > 1 && run_dir.keeps_traces() {
@@ -163,7 +166,8 @@ fn run_model(
     let names = (&states[..], &measured[..]);
     let estimator = estimates.map(|of| feedback::metrics(of.history(), names, estimator_us));
     let (wall_s, step_us) = (times.of_runs(), times.of_steps());
-    Ok(ControlMetrics { wall_s, step_us, outside_domain: outside, estimator, ..results })
+    let outside_domain = outside;
+    Ok(ControlMetrics { wall_s, step_us, outside_domain, model_error, estimator, ..results })
 }
 
 /// Whether a run that has come to its end did what it was for.
@@ -508,6 +512,7 @@ fn measured(
         status: totals.status,
         references: setup.reached(run),
         outside_domain: None,
+        model_error: None,
         estimator: None,
     }
 }

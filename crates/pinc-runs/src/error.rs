@@ -9,6 +9,7 @@ use pinc_net::{ModelError, NetError};
 use pinc_ode::OdeError;
 use pinc_record::RecordError;
 use pinc_report::ReportError;
+use pinc_verify::VerifyError;
 use std::path::PathBuf;
 use thiserror::Error;
 
@@ -22,6 +23,9 @@ pub enum RunError {
     /// A file or directory that cannot be read or written.
     #[error(transparent)]
     Record(#[from] RecordError),
+    /// The error of a net that cannot be estimated.
+    #[error("the error of the net cannot be estimated: {0}")]
+    Verify(#[from] VerifyError),
     /// The config lacks a section that the command needs.
     #[error("{name}: the config has no section [{section}], which `{command}` needs")]
     MissingSection {
@@ -263,10 +267,12 @@ pub enum RunError {
         source: IdentifyError,
     },
     /// A step whose error cannot be proven.
-    #[error("{name}: certify: {reason}")]
+    #[error("{name}: {command}: {reason}")]
     NotProven {
         /// The experiment.
         name: String,
+        /// What asks for it.
+        command: &'static str,
         /// Why not.
         reason: String,
     },

@@ -106,6 +106,13 @@ pub fn export_controller(
     if chosen.spec.stages_s.is_some() {
         return Err(RunError::ExportedStages { name: experiment.name.clone() });
     }
+    if chosen.net().is_some() && !chosen.spec.error_tolerance.is_empty() {
+        return Err(ExportError::Feature {
+            feature: "control.error_tolerance",
+            instead: "a config without it, whose net is proven over its domain: `pinc certify`",
+        }
+        .into());
+    }
     let explicit = chosen.kind.integrator().filter(|method| method.tableau().is_some());
     let source = match (chosen.net(), &equations, explicit) {
         (Some(net), _, None) => ModelSource::Net(net),

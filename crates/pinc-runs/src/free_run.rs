@@ -80,8 +80,8 @@ fn simulate(
                 // learnt.
                 Some(_) => (net.evaluate(t, &spec.initial_state, input, p), i == subintervals),
                 None => {
-                    let step = |t, y0: &[f64], u: &[f64]| net.evaluate(t, y0, u, p);
-                    let sample = chain.advance(&step, t, held);
+                    let mut step = |t, y0: &[f64], u: &[f64]| net.evaluate(t, y0, u, p);
+                    let sample = chain.advance(&mut step, t, held);
                     (sample.state, sample.mark)
                 }
             };

@@ -1,10 +1,11 @@
 //! The controller of a loop: a model for each length of stage that the horizon has.
 
 use super::control::LoopSetup;
+use super::model_error::{ErrorJudge, SharedLog, correction};
 use crate::RunError;
-use pinc_config::{ModelKind, Variables};
-use pinc_estimate::Compensated;
-use pinc_mpc::{Nmpc, NmpcProblem};
+use pinc_config::{ModelKind, OnError, Variables};
+use pinc_estimate::{Augmentation, Compensated};
+use pinc_mpc::{Nmpc, NmpcBuilder, NmpcProblem};
 use pinc_net::{NetError, PincModel};
 use pinc_ode::{DynPlant, FlowModel, Integrator, Model, WithOutputs};
 
@@ -55,21 +56,63 @@ impl LoopSetup<'_> {
         kind: ModelKind,
         plant: &dyn DynPlant,
     ) -> Result<Nmpc, RunError> {
+        Ok(self.judged_controller(kind, plant)?.0)
+    }
+
+    /// The controller, with what its judge sees if `control.error_tolerance` asks for one.
+    pub(crate) fn judged_controller(
+        &self,
+        kind: ModelKind,
+        plant: &dyn DynPlant,
+    ) -> Result<(Nmpc, Option<SharedLog>), RunError> {
         let (mut problem, mut augmentation) = (self.problem(), None);
         if let Some((estimator, measurement)) = self.sections() {
             let unknown = estimator.tuning().initial_estimate.split_off(plant.states().len());
             problem = NmpcProblem { parameters: unknown, ..problem };
             augmentation = Some(self.augmentation(estimator, &measurement, plant));
         }
+        let augmentation = augmentation.as_ref();
+        let own = self.builder(kind, plant, problem.clone(), augmentation, None)?;
+        let net = self.net.filter(|_| kind == ModelKind::Pinc);
+        let Some(net) = net.filter(|_| !self.spec.error_tolerance.is_empty()) else {
+            return Ok((own.build()?, None));
+        };
+        let (judge, log) = ErrorJudge::new(self.spec, net, plant, augmentation)?;
+        let substitute = match self.spec.on_error {
+            OnError::Count => None,
+            OnError::Integrator => {
+                let integrator = self.spec.models.iter().find(|kind| kind.integrator().is_some());
+                let kind = integrator.copied().unwrap_or(ModelKind::RK4);
+                Some(self.builder(kind, plant, problem, augmentation, None)?.build()?)
+            }
+            OnError::Correct => {
+                let correction = correction(plant.states().len(), &problem.parameters);
+                let parameters = vec![0.0; plant.states().len() + problem.parameters.len()];
+                let problem = NmpcProblem { parameters, ..problem };
+                Some(self.builder(kind, plant, problem, augmentation, Some(&correction))?.build()?)
+            }
+        };
+        Ok((own.guard(Box::new(judge), substitute).build()?, Some(log)))
+    }
+
+    /// A controller with a model for each length of stage, compensated as the augmentations say, the
+    /// inner one first.
+    fn builder(
+        &self,
+        kind: ModelKind,
+        plant: &dyn DynPlant,
+        problem: NmpcProblem,
+        inner: Option<&Augmentation>,
+        outer: Option<&Augmentation>,
+    ) -> Result<NmpcBuilder, RunError> {
         let mut builder = Nmpc::builder(problem).config(self.spec.sqp);
         for (length_s, count) in self.spec.stages(self.sample_time_s) {
-            let model = self.model_for(kind, plant, length_s)?;
-            let model = match &augmentation {
-                Some(augmentation) => Box::new(Compensated::new(model, augmentation.clone())?),
-                None => model,
-            };
+            let mut model = self.model_for(kind, plant, length_s)?;
+            for augmentation in [inner, outer].into_iter().flatten() {
+                model = Box::new(Compensated::new(model, augmentation.clone())?);
+            }
             builder = builder.stages(model, count);
         }
-        Ok(builder.build()?)
+        Ok(builder)
     }
 }

@@ -12,6 +12,7 @@
 
 mod certify;
 mod chain;
+mod chained_error;
 mod check;
 mod chosen;
 pub mod clock;
@@ -31,6 +32,7 @@ mod horizon;
 mod identify;
 pub mod invocation;
 mod live;
+mod model_error;
 mod one_step;
 mod predict;
 pub mod progress;

@@ -4,12 +4,13 @@ use super::LoopSetup;
 use super::chosen::{Chosen, ModelFile};
 use super::feedback;
 use super::guard::Guard;
+use super::model_error::{self, SharedLog};
 use crate::RunError;
 use pinc_config::{ControlSpec, Experiment, ModelKind, Variables};
 use pinc_estimate::{Augmentation, Estimator, EstimatorStatus};
-use pinc_mpc::{Nmpc, Reference, SqpStatus};
+use pinc_mpc::{Nmpc, Reference, SqpStatus, Trust};
 use pinc_ode::DynPlant;
-use pinc_record::OutsideDomain;
+use pinc_record::{ModelErrorMetrics, OutsideDomain};
 use std::time::{Duration, Instant};
 
 /// The controller of a config, with its estimator if it has one, for a plant that is somewhere
@@ -21,6 +22,9 @@ pub struct LiveController {
     variables: Variables,
     observer: Option<LiveEstimator>,
     guard: Option<Guard<'static>>,
+    /// The estimated errors of the net, where they are asked for.
+    error_log: Option<SharedLog>,
+    error: Vec<f64>,
     /// The p of the model, and the places in it of those that are measured.
     parameters: Vec<f64>,
     measured_parameters: Vec<usize>,
@@ -82,6 +86,11 @@ pub struct LiveStep<'a> {
     pub kkt: f64,
     /// How long the step took, in us.
     pub step_us: f64,
+    /// Whether the net was trusted in the plan's first step.
+    pub trust: Trust,
+    /// The estimated error of the net in that step, one per state in its unit; empty without
+    /// `control.error_tolerance`.
+    pub model_error: &'a [f64],
 }
 
 impl LiveController {
@@ -99,13 +108,15 @@ impl LiveController {
     ) -> Result<Self, RunError> {
         let chosen = Chosen::of(experiment, model, only, command)?;
         let (setup, spec) = (chosen.setup(), chosen.spec);
-        let nmpc = setup.controller(chosen.kind, &*chosen.plant)?;
+        let (nmpc, error_log) = setup.judged_controller(chosen.kind, &*chosen.plant)?;
         let net = chosen.net().cloned();
         let guard = net.map(|net| Guard::owning(net, spec.outside_domain));
         let dims = nmpc.model().dims();
         let mut live = Self {
             observer: LiveEstimator::of(&setup, chosen.kind, &*chosen.plant)?,
             guard,
+            error: vec![0.0; error_log.as_ref().map_or(0, |_| dims.nx)],
+            error_log,
             parameters: chosen.parameters.clone(),
             measured_parameters: chosen.measured.clone(),
             reference: setup.reference()?,
@@ -186,6 +197,14 @@ impl LiveController {
         self.measured().len() + self.window.len() + self.u.len() + self.measured_parameters.len()
     }
 
+    /// How often the estimated error of the net was beyond its tolerance; none without
+    /// `control.error_tolerance`.
+    #[must_use]
+    pub fn model_error(&self) -> Option<ModelErrorMetrics> {
+        let states = self.variables.state_names();
+        self.error_log.as_ref().map(|log| model_error::read(log, |log| log.metrics(&states)))
+    }
+
     /// How often the net was used outside its training domain.
     #[must_use]
     pub fn outside_domain(&self) -> OutsideDomain {
@@ -241,11 +260,15 @@ impl LiveController {
         let mut expired = || budget.is_some_and(|budget| clock.elapsed() >= budget);
         let step = self.nmpc.step_within(&self.x, &self.window, &mut expired)?;
         let (status, sqp_iterations, kkt) = (step.status, step.sqp_iterations, step.kkt.max());
+        let trust = step.trust;
         self.u.copy_from_slice(step.u);
         let step_us = 1e6 * clock.elapsed().as_secs_f64();
         let chosen = self.inputs.len() - self.u.len();
         self.inputs[chosen..].copy_from_slice(&self.u);
         self.done += 1;
+        if let Some(log) = &self.error_log {
+            model_error::read(log, |log| self.error.copy_from_slice(log.last()));
+        }
         if let Some(guard) = &mut self.guard
             && status != SqpStatus::BadArgument
         {
@@ -261,6 +284,8 @@ impl LiveController {
             sqp_iterations,
             kkt,
             step_us,
+            trust,
+            model_error: &self.error,
         })
     }
 

@@ -1,12 +1,13 @@
 //! `pinc predict`: the free run of a trained net under given inputs, from CSV to CSV.
 
 use super::chain::Chain;
+use super::chained_error::ChainedError;
 use super::columns::{At, finite, optional, places, rows};
 use super::guard::Guard;
 use crate::RunError;
 use crate::error::CsvProblem;
 use csv::StringRecord;
-use pinc_config::OutsidePolicy;
+use pinc_config::{Experiment, OutsidePolicy};
 use pinc_net::{PincNet, TrainingTarget};
 use pinc_record::{CsvText, OutsideDomain, number, read_file, write_output};
 use std::collections::HashMap;
@@ -23,6 +24,9 @@ use std::path::Path;
 /// restarted: a new interval begins at that row. The output has the same columns. A distilled net
 /// cannot be asked between steps: all rows have to lie on step marks.
 ///
+/// With `judged`, the config whose plant the net stands for, each state has one more column,
+/// `<state>_err`: the estimated error of this value, to first order, which the chain carries on.
+///
 /// Returns how often and how far the net was asked outside its training domain, row by row.
 ///
 /// # Errors
@@ -35,16 +39,21 @@ pub fn predict(
     inputs: &Path,
     output: &Path,
     policy: OutsidePolicy,
+    judged: Option<&Experiment>,
 ) -> Result<OutsideDomain, RunError> {
     for (role, input) in [("--model", model), ("--inputs", inputs)] {
         if is_same_file(input, output) {
             return Err(RunError::SameFile { path: output.to_owned(), role });
         }
     }
-    let net = super::chainable(model, super::read_model(model)?)?;
+    let net = match judged {
+        Some(experiment) => super::read_matching_model(experiment, model)?.1,
+        None => super::chainable(model, super::read_model(model)?)?,
+    };
+    let mut errors = judged.map(|experiment| ChainedError::new(experiment, &net)).transpose()?;
     let text = read_file(inputs)?;
     let mut guard = Guard::new(&net, policy);
-    let table = run(&net, inputs, &text, &mut guard)?;
+    let table = run(&net, inputs, &text, (&mut guard, errors.as_mut()))?;
     write_output(output, table.as_bytes())?;
     Ok(guard.found())
 }
@@ -69,51 +78,61 @@ fn run(
     net: &PincNet,
     path: &Path,
     text: &[u8],
-    guard: &mut Guard<'_>,
+    (guard, mut errors): (&mut Guard<'_>, Option<&mut ChainedError>),
 ) -> Result<CsvText, RunError> {
     let at = |(line, problem): At| RunError::Csv { path: path.to_owned(), line, problem };
     let (header, rows) = rows(text).map_err(at)?;
     let columns = Columns::find(net, &header).map_err(|problem| at((1, problem)))?;
-    let mut table = CsvText::new(&header);
+    let estimates =
+        errors.iter().flat_map(|_| net.state_names().iter().map(|s| format!("{s}_err")));
+    let mut table = CsvText::new(header.iter().map(str::to_owned).chain(estimates));
     let mut chains: HashMap<String, Chain> = HashMap::new();
     for row in rows {
         let (line, cells) = row.map_err(at)?;
         let row = columns.read(&cells).map_err(|problem| at((line, problem)))?;
         let state = match chains.get_mut(row.scenario) {
-            Some(chain) => continue_chain(net, chain, &row),
-            None => begin_chain(net, &mut chains, &columns, &row),
+            Some(chain) => continue_chain(net, chain, &row, errors.as_deref_mut()),
+            None => begin_chain(net, &mut chains, &columns, &row, errors.is_some()),
         };
-        let state = state.map_err(|problem| at((line, problem)))?;
+        let both = state.map_err(|problem| at((line, problem)))?;
+        let (state, error) = both.split_at(net.state_names().len());
         if let Some(i) = state.iter().position(|value| !value.is_finite()) {
             let (variable, value) = (net.state_names()[i].clone(), state[i]);
             return Err(RunError::NotFinite { path: path.to_owned(), line, variable, value });
         }
         let (u, p) = row.inputs.split_at(net.input_names().len());
-        guard.look(&state, u, p)?;
-        table.push(columns.write(&cells, &state));
+        guard.look(state, u, p)?;
+        table
+            .push(columns.write(&cells, state).into_iter().chain(error.iter().map(|e| number(*e))));
     }
     Ok(table)
 }
 
+/// The initial state of a chain, with its error if that is followed.
 fn begin_chain(
     net: &PincNet,
     chains: &mut HashMap<String, Chain>,
     columns: &Columns,
     row: &InputRow<'_>,
+    with_error: bool,
 ) -> Result<Vec<f64>, CsvProblem> {
     let state = row.states.iter().zip(&columns.states).map(|(value, (_, name))| {
         value.ok_or_else(|| CsvProblem::Cell { column: name.clone(), found: String::new() })
     });
-    let state = state.collect::<Result<Vec<_>, _>>()?;
+    let mut state = state.collect::<Result<Vec<_>, _>>()?;
+    // The initial state is given.
+    state.resize(if with_error { 2 * state.len() } else { state.len() }, 0.0);
     let chain = Chain::new(net.sample_time_s(), row.t, &state, &row.inputs);
     chains.insert(row.scenario.to_owned(), chain);
     Ok(state)
 }
 
+/// The state that a chain has come to, with its error if that is followed.
 fn continue_chain(
     net: &PincNet,
     chain: &mut Chain,
     row: &InputRow<'_>,
+    mut errors: Option<&mut ChainedError>,
 ) -> Result<Vec<f64>, CsvProblem> {
     let previous = chain.time();
     if row.t <= previous {
@@ -122,11 +141,16 @@ fn continue_chain(
     if !chain.reaches(row.t) {
         return Err(CsvProblem::Gap { t: row.t });
     }
-    let step = |t, y0: &[f64], held: &[f64]| {
+    let mut step = |t, both: &[f64], held: &[f64]| {
         let (u, p) = held.split_at(net.input_names().len());
-        net.evaluate(t, y0, u, p)
+        let (y0, error) = both.split_at(net.state_names().len());
+        let mut next = net.evaluate(t, y0, u, p);
+        if let Some(errors) = errors.as_deref_mut() {
+            next.extend(errors.step(net, t, [y0, u, p], error));
+        }
+        next
     };
-    let sample = chain.advance(&step, row.t, &row.inputs);
+    let sample = chain.advance(&mut step, row.t, &row.inputs);
     if net.source() == TrainingTarget::Integrator && !sample.mark {
         return Err(CsvProblem::BetweenSteps { t: row.t, sample_time_s: net.sample_time_s() });
     }

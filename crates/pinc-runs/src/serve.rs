@@ -4,6 +4,7 @@ use super::chosen::ModelFile;
 use super::live::{Follow, LiveController};
 use crate::{RunError, console};
 use pinc_config::{Experiment, ModelKind};
+use pinc_mpc::Trust;
 use pinc_record::OutsideDomain;
 use serde::{Deserialize, Serialize};
 use std::borrow::Cow;
@@ -49,6 +50,12 @@ struct Answer<'a> {
     #[serde(skip_serializing_if = "Option::is_none")]
     estimator: Option<String>,
     step_us: f64,
+    /// With `control.error_tolerance`: whether the net was trusted in the plan's first step, and its
+    /// estimated error there.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    trust: Option<String>,
+    #[serde(skip_serializing_if = "<[f64]>::is_empty")]
+    model_error: &'a [f64],
 }
 
 /// The answer to a line that cannot be used; nothing has happened then.
@@ -156,6 +163,8 @@ fn answer(controller: &mut LiveController, line: &[u8]) -> Result<String, String
         unknowns: step.unknowns,
         estimator: step.estimator.map(|status| status.to_string()),
         step_us: step.step_us,
+        trust: (step.trust != Trust::NotJudged).then(|| step.trust.to_string()),
+        model_error: step.model_error,
     }))
 }
 

@@ -13,6 +13,9 @@ pub enum VerifyError {
     /// The net is no model of one step.
     #[error("the net cannot be enclosed: {0}")]
     Net(#[source] NetError),
+    /// A black box says nothing of its equation.
+    #[error("the plant is a black box: it has no equation to compare the net with")]
+    NoEquation,
     /// There are too many variables.
     #[error(
         "{found} variables (states, inputs and parameters together): a proof over boxes is \

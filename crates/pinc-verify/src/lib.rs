@@ -49,6 +49,7 @@ mod chebyshev;
 mod elementary;
 mod equation;
 mod error;
+mod estimate;
 mod flow;
 mod function;
 mod growth;
@@ -65,6 +66,7 @@ mod taylor;
 mod workers;
 
 pub use error::VerifyError;
+pub use estimate::{ErrorEstimate, NODES};
 pub use interval::Interval;
 pub use points::{Largest, PointError};
 pub use problem::{MOST_VARIABLES, StepError, StepModel};

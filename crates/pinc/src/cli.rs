@@ -78,6 +78,14 @@ enum Command {
         /// What to do where the net is evaluated outside its training domain.
         #[arg(long, value_enum, default_value = "report")]
         outside_domain: Outside,
+        /// Add a column per state, `<state>_err`: the estimated error against the equation of the
+        /// plant in --config.
+        #[arg(long)]
+        errors: bool,
+        /// Config (TOML) with the plant that the net stands for; by default `config.toml` beside
+        /// the model.
+        #[arg(long, requires = "errors")]
+        config: Option<PathBuf>,
     },
     /// Only run the closed loop; trains a net first if it needs one and none is given.
     Control {
@@ -292,8 +300,12 @@ fn execute(cli: &Cli, plants: &Plants) -> Result<ExitCode, RunError> {
                 pinc_runs::control(experiment, dir, options, model.as_deref(), *only)
             })?;
         }
-        Command::Predict { model, inputs, output, outside_domain } => {
-            let found = pinc_runs::predict(model, inputs, output, outside_domain.policy())?;
+        Command::Predict { model, inputs, output, outside_domain, errors, config } => {
+            let beside = || model.with_file_name(pinc_record::file::CONFIG);
+            let judged = errors.then(|| config.clone().unwrap_or_else(beside));
+            let judged = judged.map(|path| Experiment::load(&path, &[], plants)).transpose()?;
+            let policy = outside_domain.policy();
+            let found = pinc_runs::predict(model, inputs, output, policy, judged.as_ref())?;
             if found.outside > 0 && !quiet {
                 console::note(&format!("warning: {found}"));
             }

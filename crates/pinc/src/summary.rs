@@ -100,6 +100,9 @@ fn metrics(text: &mut String, metrics: &Metrics) -> std::fmt::Result {
         if let Some(found) = run.outside_domain.as_ref().filter(|found| found.outside > 0) {
             writeln!(text, "             {found}")?;
         }
+        if let Some(found) = &run.model_error {
+            writeln!(text, "             {found}")?;
+        }
     }
     for note in metrics.loop_notes() {
         writeln!(text, "note: {note}")?;

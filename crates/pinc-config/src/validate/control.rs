@@ -5,7 +5,7 @@ use super::{Finding, Problem, plant};
 use crate::plants::Plants;
 use crate::problem::nearest;
 use crate::registry::Variables;
-use crate::{ControlSpec, ModelKind};
+use crate::{ControlSpec, ModelKind, OnError};
 use pinc_mpc::{MpcError, Softness, Weight};
 use pinc_ode::Integrator;
 
@@ -43,6 +43,7 @@ pub(super) fn closed_loop(spec: &ControlSpec, variables: &Variables, plants: &Pl
     }
     output_bounds(spec, variables)?;
     close_ups(spec)?;
+    error_tolerance(spec, variables)?;
     verdict(spec)?;
     for integrator in Integrator::ALL {
         let key = format!("control.{}", ControlSpec::substeps_key(integrator));
@@ -77,6 +78,23 @@ fn output_bounds(spec: &ControlSpec, variables: &Variables) -> Finding {
     }
     if let Softness::Penalty(weights) = &spec.output_softness {
         length("control.output_softness.penalty", weights, outputs, "output")?;
+    }
+    Ok(())
+}
+
+fn error_tolerance(spec: &ControlSpec, variables: &Variables) -> Finding {
+    let known = variables.state_names();
+    for (name, tolerance) in &spec.error_tolerance {
+        let key = format!("control.error_tolerance.{name}");
+        if !known.contains(name) {
+            let (found, nearest) = (name.clone(), nearest(name, &known));
+            return Err((key, Problem::Word { found, known, nearest }));
+        }
+        positive(&key, *tolerance)?;
+    }
+    if spec.error_tolerance.is_empty() && spec.on_error != OnError::Count {
+        let expected = "a table `control.error_tolerance` beside it";
+        return value("control.on_error", format!("{:?}", spec.on_error).to_lowercase(), expected);
     }
     Ok(())
 }

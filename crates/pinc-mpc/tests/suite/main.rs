@@ -9,6 +9,7 @@ mod failures;
 mod faulty;
 mod feedthrough;
 mod formulation;
+mod guard;
 mod kkt;
 mod linear;
 mod methods;

@@ -5,7 +5,7 @@ use crate::times::{StepTimes, WallTimes};
 use crate::violation::ViolationMetrics;
 use pinc_config::ModelKind;
 use pinc_mpc::SqpStatus;
-use serde::{Deserialize, Serialize};
+use serde::{Deserialize, Deserializer, Serialize};
 use std::collections::BTreeMap;
 
 /// How good one closed loop is.
@@ -52,9 +52,46 @@ pub struct ControlMetrics {
     /// Whether the net was used outside its training domain; not there for other models.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub outside_domain: Option<OutsideDomain>,
+    /// The estimated error of the net, where `control.error_tolerance` asks for it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub model_error: Option<ModelErrorMetrics>,
     /// How good the estimates were, where the controller was told of estimates.
     #[serde(flatten)]
     pub estimator: Option<EstimatorMetrics>,
+}
+
+/// How often the estimated error of the net in the first step of a plan was beyond its tolerance.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct ModelErrorMetrics {
+    /// How many plans were judged.
+    pub steps: usize,
+    /// In how many of them the error of some state was beyond its tolerance, or not finite.
+    pub beyond: usize,
+    /// The largest absolute estimate of each state with a tolerance, in its unit.
+    #[serde(deserialize_with = "numbers_or_null")]
+    pub largest: BTreeMap<String, f64>,
+    /// The tolerances, in the states' units.
+    pub tolerance: BTreeMap<String, f64>,
+}
+
+/// Numbers of which JSON has `null` in place of NaN and infinity.
+fn numbers_or_null<'de, D: Deserializer<'de>>(
+    deserializer: D,
+) -> Result<BTreeMap<String, f64>, D::Error> {
+    let read: BTreeMap<String, Option<f64>> = BTreeMap::deserialize(deserializer)?;
+    Ok(read.into_iter().map(|(name, value)| (name, value.unwrap_or(f64::INFINITY))).collect())
+}
+
+impl std::fmt::Display for ModelErrorMetrics {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let (beyond, steps) = (self.beyond, self.steps);
+        write!(f, "estimated error beyond control.error_tolerance in {beyond} of {steps} steps")?;
+        for (i, (name, largest)) in self.largest.iter().enumerate() {
+            let separator = if i == 0 { ": " } else { ", " };
+            write!(f, "{separator}{name} at most {largest:.1e}")?;
+        }
+        Ok(())
+    }
 }
 
 /// How good the estimates of a closed loop are, and whether the estimator is as sure of itself as

@@ -13,7 +13,9 @@ use serde::{Deserialize, Deserializer, Serialize};
 use std::collections::BTreeMap;
 use std::path::Path;
 
-pub use control::{ControlMetrics, EstimatorMetrics, ReferenceMetrics, is_failure};
+pub use control::{
+    ControlMetrics, EstimatorMetrics, ModelErrorMetrics, ReferenceMetrics, is_failure,
+};
 pub use net::{PredictionMetrics, TrainingMetrics, ValidationMetrics};
 pub use one_step::{OneStepMetrics, StepErrors};
 

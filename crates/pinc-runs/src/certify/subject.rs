@@ -54,7 +54,7 @@ impl Subject {
                     "the model `{}` is not enclosed; expected `pinc`, `rk4` or `rk5`",
                     kind.name()
                 );
-                return Err(RunError::NotProven { name: name(), reason });
+                return Err(RunError::NotProven { name: name(), command: "certify", reason });
             }
         };
         let missing =

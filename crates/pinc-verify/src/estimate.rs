@@ -1,0 +1,435 @@
+//! The error of one step to first order, from the residual of a net along its own path.
+//!
+//! With y(t) the net's path from the state x under the input u, z(t) the exact solution and
+//! r = dy/dt - f(y, u) the residual, the error e = y - z obeys
+//!
+//! ```text
+//! e' = f(y, u) - f(z, u) + r = J(y, u) e + r(t) + O(|e|^2),       e(0) = y(0) - x
+//! ```
+//!
+//! so that e(T) = Phi(T, 0) e(0) + integral of Phi(T, s) r(s) ds. The residual of a trained net changes its sign
+//! several times in T, the Jacobian much less: the integral is a Gauss-Legendre quadrature, which is
+//! exact for residuals of degree 2 [`NODES`] - 1, and Phi is carried from node to node by the
+//! trapezoidal rule, which is stable for stiff equations as well. All nodes are known beforehand, so
+//! that net, equation and Jacobian are evaluated at all of them together, in the lanes of vectors.
+
+use crate::VerifyError;
+use pinc_ad::simd::{Isa, Simd, Task, Work, tanh_all};
+use pinc_net::{FoldedNet, PincModel, PincNet, TrainingTarget};
+use pinc_ode::{DynPlant, Integrator, Model, VECTOR_DIRECTIONS, VectorDual, VectorRhs};
+use std::fmt::Debug;
+
+/// Nodes of the quadrature, and evaluations of the net: a multiple of the lanes of all vectors.
+pub const NODES: usize = 8;
+
+/// Positive nodes and weights of Gauss-Legendre quadrature on [-1, 1] with [`NODES`] nodes
+/// (Abramowitz and Stegun, table 25.4), the nearest to 1 last.
+const GAUSS: [[f64; 2]; NODES / 2] = [
+    [0.183_434_642_495_649_8, 0.362_683_783_378_362],
+    [0.525_532_409_916_329, 0.313_706_645_877_887_3],
+    [0.796_666_477_413_626_7, 0.222_381_034_453_374_48],
+    [0.960_289_856_497_536_3, 0.101_228_536_290_376_26],
+];
+
+/// Steps of the order 5 integrator that stands for the exact solution of a net without time.
+const REFERENCE_SUBSTEPS: usize = 8;
+
+/// An estimate of the error of one step of a net: the model's state minus the exact solution of the
+/// plant's equation, to first order in the error. Estimating allocates nothing.
+///
+/// A distilled net, which knows t = T alone, has no residual. Its error is estimated as the distance
+/// from eight steps of the Dormand-Prince method.
+///
+/// ```
+/// use pinc_net::{Domain, NetConfig, PincNet};
+/// use pinc_plants::VanDerPol;
+/// use pinc_verify::ErrorEstimate;
+///
+/// let plant = VanDerPol::default().into_dyn();
+/// let domain = Domain::new([-3.0..=3.0, -3.0..=3.0], [-1.0..=1.0]);
+/// let net = PincNet::new(&*plant, &NetConfig::new(0.1, 2, 8), &domain, 1)?;
+/// let mut estimate = ErrorEstimate::new(&net, &*plant)?;
+/// let mut error = [0.0; 2];
+/// estimate.write(&[1.0, 0.0], &[0.5], &[], &mut error);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+#[derive(Debug)]
+pub struct ErrorEstimate(Way);
+
+#[derive(Debug)]
+enum Way {
+    Residual(Box<dyn Residual>),
+    Reference { net: PincModel, exact: Box<dyn Model>, found: Vec<f64> },
+}
+
+/// [`AtNodes`] with its vector type erased.
+trait Residual: Debug + Send {
+    fn estimate(&mut self, x: &[f64], u: &[f64], p: &[f64], error: &mut [f64]);
+}
+
+impl ErrorEstimate {
+    /// The estimate for `net` as a model of `plant`.
+    ///
+    /// # Errors
+    ///
+    /// [`VerifyError::NoEquation`] if the plant is a black box; [`VerifyError::Net`] if the net knows
+    /// one scenario only.
+    pub fn new(net: &PincNet, plant: &dyn DynPlant) -> Result<Self, VerifyError> {
+        Self::at(net, plant, net.sample_time_s())
+    }
+
+    /// The estimate of the net's state at `t` seconds, in (0, T].
+    ///
+    /// # Errors
+    ///
+    /// As [`ErrorEstimate::new`]; [`VerifyError::Net`] for another `t`, or one that a distilled net
+    /// does not know.
+    pub fn at(net: &PincNet, plant: &dyn DynPlant, t: f64) -> Result<Self, VerifyError> {
+        if plant.black_box().is_some() {
+            return Err(VerifyError::NoEquation);
+        }
+        let model = PincModel::at(net, t).map_err(VerifyError::Net)?;
+        Ok(Self(match net.source() {
+            TrainingTarget::Physics => {
+                let folded = FoldedNet::new(net).map_err(VerifyError::Net)?;
+                let isa = Isa::detect();
+                Way::Residual(isa.dispatch(Build { net, folded, plant, isa, t }))
+            }
+            TrainingTarget::Integrator => Way::Reference {
+                net: model,
+                exact: plant.model(Integrator::Rk5, t, REFERENCE_SUBSTEPS),
+                found: vec![0.0; net.dims().nx],
+            },
+        }))
+    }
+
+    /// Writes the estimated error after one step from the state `x` (`nx`) under the input `u` (`nu`)
+    /// with the parameters `p` (`np`) into `error` (`nx`), in the states' units; not finite where the
+    /// equation is not.
+    pub fn write(&mut self, x: &[f64], u: &[f64], p: &[f64], error: &mut [f64]) {
+        match &mut self.0 {
+            Way::Residual(residual) => residual.estimate(x, u, p, error),
+            Way::Reference { net, exact, found } => {
+                net.step(x, u, p, error);
+                exact.step(x, u, p, found);
+                error.iter_mut().zip(found).for_each(|(error, exact)| *error -= *exact);
+            }
+        }
+    }
+}
+
+struct Build<'a> {
+    net: &'a PincNet,
+    folded: FoldedNet,
+    plant: &'a dyn DynPlant,
+    isa: Isa,
+    t: f64,
+}
+
+impl Task for Build<'_> {
+    type Output = Box<dyn Residual>;
+
+    fn run<V: Simd>(self, zero: V) -> Self::Output {
+        let Self { net, folded, plant, isa, t } = self;
+        let n = net.dims().nx;
+        let widest = folded.layers.iter().map(|layer| layer.bias.len()).max().unwrap_or(0);
+        let dual = VectorDual::<V>::lift(zero);
+        Box::new(AtNodes {
+            zero,
+            sample_time_s: net.sample_time_s(),
+            length_s: t,
+            rhs: plant.vectorized(isa).on::<V>(),
+            entry: vec![0.0; folded.layers[0].bias.len()],
+            from: vec![[zero; 2]; widest],
+            to: vec![[zero; 2]; widest],
+            states: vec![dual; n],
+            inputs: vec![dual; net.dims().nu],
+            parameters: vec![dual; net.dims().np],
+            rates: vec![dual; n],
+            residual: vec![0.0; n * NODES],
+            jacobian: vec![0.0; n * n * NODES],
+            matrix: vec![0.0; n * n],
+            sum: vec![0.0; n],
+            net: folded,
+        })
+    }
+}
+
+/// The path of a net at the nodes, one per lane, with what it takes to follow the error.
+#[derive(Debug)]
+struct AtNodes<V> {
+    zero: V,
+    /// T.
+    sample_time_s: f64,
+    /// The time up to which the error is followed.
+    length_s: f64,
+    net: FoldedNet,
+    rhs: Box<dyn VectorRhs<V>>,
+    /// The first layer's sums at t = T, which all nodes share but for the time.
+    entry: Vec<f64>,
+    /// The input and the output of a layer: values, and derivatives by the time.
+    from: Vec<[V; 2]>,
+    to: Vec<[V; 2]>,
+    states: Vec<VectorDual<V>>,
+    inputs: Vec<VectorDual<V>>,
+    parameters: Vec<VectorDual<V>>,
+    rates: Vec<VectorDual<V>>,
+    /// r of state i at node k: at i NODES + k.
+    residual: Vec<f64>,
+    /// dr_i/dx_j of the equation at node k: at (i n + j) NODES + k.
+    jacobian: Vec<f64>,
+    matrix: Vec<f64>,
+    sum: Vec<f64>,
+}
+
+/// Node `k` on [0, 1], and its weight there.
+fn node(k: usize) -> [f64; 2] {
+    let half = NODES / 2;
+    let [at, weight] = if k < half { GAUSS[half - 1 - k] } else { GAUSS[k - half] };
+    [0.5 + 0.5 * if k < half { -at } else { at }, 0.5 * weight]
+}
+
+impl<V: Simd> Residual for AtNodes<V> {
+    fn estimate(&mut self, x: &[f64], u: &[f64], p: &[f64], error: &mut [f64]) {
+        let zero = self.zero;
+        zero.vectorize(Pass { nodes: self, x, u, p, error });
+    }
+}
+
+struct Pass<'a, V> {
+    nodes: &'a mut AtNodes<V>,
+    x: &'a [f64],
+    u: &'a [f64],
+    p: &'a [f64],
+    error: &'a mut [f64],
+}
+
+impl<V: Simd> Work for Pass<'_, V> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let Self { nodes, x, u, p, error } = self;
+        nodes.enter([x, u, p]);
+        nodes.begin(x, error);
+        for first in (0..NODES).step_by(V::LANES) {
+            let t = nodes.zero.generate(|lane| nodes.length_s * node(first + lane)[0]);
+            nodes.forward(t);
+            nodes.judge(t, x, first);
+        }
+        nodes.carry(error);
+    }
+}
+
+impl<V: Simd> AtNodes<V> {
+    /// The first layer's sums at t = T, and what is held along the step.
+    #[inline(always)]
+    fn enter(&mut self, [x, u, p]: [&[f64]; 3]) {
+        let layer = &self.net.layers[0];
+        for ((sum, row), bias) in self.entry.iter_mut().zip(&layer.weights).zip(&layer.bias) {
+            let inputs = x.iter().chain(u).chain(p);
+            *sum = row.iter().zip(inputs).fold(*bias, |sum, (w, v)| w.mul_add(*v, sum));
+        }
+        for (to, from) in [(&mut self.inputs, u), (&mut self.parameters, p)] {
+            for (to, from) in to.iter_mut().zip(from) {
+                *to = VectorDual::<V>::lift(self.zero.constant(*from));
+            }
+        }
+    }
+
+    /// e(0) = y(0) - x, which a hard initial condition makes 0.
+    #[inline(always)]
+    fn begin(&mut self, x: &[f64], error: &mut [f64]) {
+        error.fill(0.0);
+        if !self.net.adds_initial_state {
+            self.forward(self.zero);
+            let mut lanes = [0.0; NODES];
+            for (i, (error, x)) in error.iter_mut().zip(x).enumerate() {
+                self.from[i][0].write(&mut lanes);
+                *error = lanes[0] - x;
+            }
+        }
+    }
+
+    /// The net's outputs and their derivatives by the time at `t`, into `from`.
+    #[inline(always)]
+    fn forward(&mut self, t: V) {
+        let since = t - self.zero.constant(self.sample_time_s);
+        let last = self.net.layers.len() - 1;
+        for (i, (sum, slope)) in self.entry.iter().zip(&self.net.time).enumerate() {
+            let slope = self.zero.constant(*slope);
+            self.to[i] = [slope.mul_add(since, self.zero.constant(*sum)), slope];
+        }
+        for l in 0..=last {
+            if l > 0 {
+                self.layer(l);
+            }
+            if l < last {
+                self.activate(self.net.layers[l].bias.len());
+            }
+            std::mem::swap(&mut self.from, &mut self.to);
+        }
+    }
+
+    /// z = W a + b, z' = W a'.
+    #[inline(always)]
+    fn layer(&mut self, l: usize) {
+        let layer = &self.net.layers[l];
+        for ((to, row), bias) in self.to.iter_mut().zip(&layer.weights).zip(&layer.bias) {
+            let mut sum = [self.zero.constant(*bias), self.zero];
+            for (weight, [value, slope]) in row.iter().zip(&self.from) {
+                let weight = self.zero.constant(*weight);
+                sum = [weight.mul_add(*value, sum[0]), weight.mul_add(*slope, sum[1])];
+            }
+            *to = sum;
+        }
+    }
+
+    /// a = tanh z, a' = (1 - a^2) z'.
+    #[inline(always)]
+    fn activate(&mut self, neurons: usize) {
+        let (fours, rest) = self.to[..neurons].as_chunks_mut::<4>();
+        fours.iter_mut().for_each(activate);
+        rest.as_chunks_mut::<1>().0.iter_mut().for_each(activate);
+    }
+
+    /// Residual and Jacobian at the nodes from `first` on, whose outputs are in `from`.
+    #[inline(always)]
+    fn judge(&mut self, t: V, x: &[f64], first: usize) {
+        let n = x.len();
+        let share = t * self.zero.constant(1.0 / self.sample_time_s);
+        let inverse = self.zero.constant(1.0 / self.sample_time_s);
+        for (i, (state, x)) in self.states.iter_mut().zip(x).enumerate() {
+            let [d, slope] = self.from[i];
+            // y = x + t/T d, dy/dt = d/T + t/T d', or y = d.
+            let (y, slope) = match self.net.adds_initial_state {
+                true => (share.mul_add(d, self.zero.constant(*x)), d * inverse + share * slope),
+                false => (d, slope),
+            };
+            *state = VectorDual::<V>::lift(y);
+            slope.write(&mut self.residual[i * NODES + first..]);
+        }
+        for group in (0..n).step_by(VECTOR_DIRECTIONS) {
+            let directions = VECTOR_DIRECTIONS.min(n - group);
+            for direction in 0..directions {
+                self.states[group + direction].eps[direction] = self.zero.constant(1.0);
+            }
+            self.rhs.rhs(&self.states, &self.inputs, &self.parameters, &mut self.rates);
+            for (i, rate) in self.rates.iter().enumerate() {
+                if group == 0 {
+                    let residual = &mut self.residual[i * NODES + first..];
+                    (self.zero.load(residual) - rate.re).write(residual);
+                }
+                for (direction, slope) in rate.eps[..directions].iter().enumerate() {
+                    let place = i * n + group + direction;
+                    slope.write(&mut self.jacobian[place * NODES + first..]);
+                }
+            }
+            for direction in 0..directions {
+                self.states[group + direction].eps[direction] = self.zero;
+            }
+        }
+    }
+
+    /// e(T) from e(0) in `error`: at each node e jumps by the weighted residual; in between
+    /// (I - h/2 J_after) e_after = (I + h/2 J_before) e_before.
+    #[inline(always)]
+    fn carry(&mut self, error: &mut [f64]) {
+        let n = error.len();
+        let length = self.length_s;
+        for k in 0..=NODES {
+            let begin = if k == 0 { 0.0 } else { node(k - 1)[0] };
+            let end = if k == NODES { 1.0 } else { node(k)[0] };
+            // Before the first node and after the last the Jacobian is taken from there.
+            let (before, after) = (k.saturating_sub(1), k.min(NODES - 1));
+            let half = 0.5 * length * (end - begin);
+            if k > 0 || !self.net.adds_initial_state {
+                for i in 0..n {
+                    let row = |j: usize| self.jacobian[(i * n + j) * NODES + before];
+                    let slope: f64 = (0..n).map(|j| row(j) * error[j]).sum();
+                    self.sum[i] = half.mul_add(slope, error[i]);
+                    for j in 0..n {
+                        let own = if i == j { 1.0 } else { 0.0 };
+                        let of = self.jacobian[(i * n + j) * NODES + after];
+                        self.matrix[i * n + j] = (-half).mul_add(of, own);
+                    }
+                }
+                solve(&mut self.matrix, &mut self.sum);
+                error.copy_from_slice(&self.sum);
+            }
+            if k < NODES {
+                let weight = length * node(k)[1];
+                for (i, error) in error.iter_mut().enumerate() {
+                    *error = weight.mul_add(self.residual[i * NODES + k], *error);
+                }
+            }
+        }
+    }
+}
+
+#[inline(always)]
+fn activate<V: Simd, const N: usize>(all: &mut [[V; 2]; N]) {
+    let mut values = all.map(|[z, _]| z);
+    tanh_all(&mut values);
+    for ([value, slope], a) in all.iter_mut().zip(values) {
+        *slope = *slope * a.neg_mul_add(a, a.constant(1.0));
+        *value = a;
+    }
+}
+
+/// Solves `matrix` x = `rhs` by elimination with the largest pivots of the columns; x is in `rhs`
+/// afterwards, not finite if the matrix is singular.
+fn solve(matrix: &mut [f64], rhs: &mut [f64]) {
+    let n = rhs.len();
+    for k in 0..n {
+        let largest =
+            |a: &usize, b: &usize| matrix[*a * n + k].abs().total_cmp(&matrix[*b * n + k].abs());
+        let pivot = (k..n).max_by(largest).unwrap_or(k);
+        if pivot != k {
+            (k..n).for_each(|j| matrix.swap(k * n + j, pivot * n + j));
+            rhs.swap(k, pivot);
+        }
+        for i in k + 1..n {
+            let factor = matrix[i * n + k] / matrix[k * n + k];
+            for j in k + 1..n {
+                matrix[i * n + j] -= factor * matrix[k * n + j];
+            }
+            rhs[i] -= factor * rhs[k];
+        }
+    }
+    for i in (0..n).rev() {
+        let known: f64 = (i + 1..n).map(|j| matrix[i * n + j] * rhs[j]).sum();
+        rhs[i] = (rhs[i] - known) / matrix[i * n + i];
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn nodes_integrate_polynomials_of_degree_15_exactly() {
+        for power in 0..=16_i32 {
+            let sum: f64 = (0..NODES).map(node).map(|[at, weight]| weight * at.powi(power)).sum();
+            let exact = 1.0 / (f64::from(power) + 1.0);
+            let is_exact = (sum - exact).abs() < 1e-15;
+            assert_eq!(is_exact, power < to_i32(2 * NODES), "{power}: {sum} {exact}");
+        }
+    }
+
+    fn to_i32(count: usize) -> i32 {
+        i32::try_from(count).unwrap()
+    }
+
+    #[test]
+    fn a_system_whose_first_pivot_is_zero() {
+        let (mut matrix, mut rhs) =
+            ([0.0, 2.0, 1.0, 1.0, 1.0, 0.0, 3.0, 0.0, 2.0], [7.0, 3.0, 9.0]);
+        solve(&mut matrix, &mut rhs);
+        // x = (1, 2, 3)
+        let expected: [f64; 3] = [1.0, 2.0, 3.0];
+        for (found, expected) in rhs.iter().zip(expected) {
+            assert!((found - expected).abs() < 1e-14, "{rhs:?}");
+        }
+    }
+}

@@ -1,0 +1,59 @@
+//! The estimated error beside the true one.
+
+use crate::support::{ends, equations, lattice, net_model, truth};
+use pinc_net::{Ansatz, Domain, NetConfig, PincNet};
+use pinc_verify::ErrorEstimate;
+
+/// A net of two states and one input that has learnt nothing, for a linear plant, whose errors obey
+/// the estimate's equation however large they are.
+fn estimate_of_a_linear_plant(ansatz: Ansatz, t: f64) -> f64 {
+    let equations = equations(&[("x", "y - x/2"), ("y", "u - 2*x - 0.3*y")]);
+    let plant = equations.to_dyn().unwrap();
+    let domain = Domain::new([-1.0..=1.0, -1.0..=1.0], [-1.0..=1.0]);
+    let config = NetConfig { ansatz, ..NetConfig::new(t, 2, 6) };
+    let net = PincNet::new(&*plant, &config, &domain, 3).unwrap();
+    let mut estimate = ErrorEstimate::new(&net, &*plant).unwrap();
+    let mut model = net_model(&net);
+    let mut worst = 0.0_f64;
+    for point in lattice(&ends(&domain), 40) {
+        let exact = truth(&*plant, &mut model, &point);
+        let mut found = [0.0; 2];
+        estimate.write(&point[..2], &point[2..], &[], &mut found);
+        let size = exact.iter().fold(0.0, |size: f64, e| size.max(e.abs()));
+        for (found, exact) in found.iter().zip(exact) {
+            worst = worst.max((found - exact).abs() / size);
+        }
+    }
+    worst
+}
+
+/// What is left is the trapezoidal rule between the nodes, of the order of T^3 in T.
+#[test]
+fn errors_of_a_linear_plant_are_estimated_but_for_the_transport() {
+    for ansatz in [Ansatz::HardLinear, Ansatz::Direct] {
+        let [short, long] = [0.1, 0.4].map(|t| estimate_of_a_linear_plant(ansatz, t));
+        assert!(long < 4e-3, "{ansatz:?} {long}");
+        assert!(short < long / 12.0, "{ansatz:?} {short} {long}");
+    }
+}
+
+/// The further the net is from the truth, the more the terms of second order count.
+#[test]
+fn errors_of_a_nonlinear_plant_are_estimated_to_first_order() {
+    let equations = equations(&[("x", "u - x^2"), ("y", "x*y - sin(y)")]);
+    let plant = equations.to_dyn().unwrap();
+    let domain = Domain::new([0.5..=1.0, 0.5..=1.0], [-1.0..=1.0]);
+    let relative = |t: f64| {
+        let net = PincNet::new(&*plant, &NetConfig::new(t, 2, 6), &domain, 3).unwrap();
+        let mut estimate = ErrorEstimate::new(&net, &*plant).unwrap();
+        let mut model = net_model(&net);
+        let point = [0.8, 0.6, 0.3];
+        let exact = truth(&*plant, &mut model, &point);
+        let mut found = [0.0; 2];
+        estimate.write(&point[..2], &point[2..], &[], &mut found);
+        let off = |(found, exact): (&f64, &f64)| ((found - exact) / exact).abs();
+        found.iter().zip(&exact).map(off).fold(0.0, f64::max)
+    };
+    let [short, long] = [0.02, 0.2].map(relative);
+    assert!(long < 0.2 && short < long / 8.0, "{short} {long}");
+}
