@@ -26,6 +26,13 @@ pub struct CertificateMetrics {
     pub unproven_points: usize,
     /// The median of the proven bounds over the errors; nothing without bounds.
     pub bound_over_error_median: Option<f64>,
+    /// The relative difference between the first-order estimate and the error, over the points whose
+    /// error is known; nothing for other models than nets.
+    #[serde(default)]
+    pub estimate_difference_median: Option<f64>,
+    /// Its 99th percentile.
+    #[serde(default)]
+    pub estimate_difference_p99: Option<f64>,
     /// Statistical upper bounds of quantiles of the absolute error, by the quantile and the state;
     /// nothing where the random points are too few, or none were drawn.
     pub quantiles: BTreeMap<String, BTreeMap<String, Option<f64>>>,

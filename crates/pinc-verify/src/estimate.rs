@@ -227,8 +227,14 @@ impl<V: Simd> AtNodes<V> {
     fn enter(&mut self, [x, u, p]: [&[f64]; 3]) {
         let layer = &self.net.layers[0];
         for ((sum, row), bias) in self.entry.iter_mut().zip(&layer.weights).zip(&layer.bias) {
-            let inputs = x.iter().chain(u).chain(p);
-            *sum = row.iter().zip(inputs).fold(*bias, |sum, (w, v)| w.mul_add(*v, sum));
+            *sum = *bias;
+            let (by_x, rest) = row.split_at(x.len());
+            let (by_u, by_p) = rest.split_at(u.len());
+            for (weights, values) in [(by_x, x), (by_u, u), (by_p, p)] {
+                for (w, v) in weights.iter().zip(values) {
+                    *sum += w * v;
+                }
+            }
         }
         for (to, from) in [(&mut self.inputs, u), (&mut self.parameters, p)] {
             for (to, from) in to.iter_mut().zip(from) {
@@ -274,23 +280,49 @@ impl<V: Simd> AtNodes<V> {
     /// z = W a + b, z' = W a'.
     #[inline(always)]
     fn layer(&mut self, l: usize) {
-        let layer = &self.net.layers[l];
-        for ((to, row), bias) in self.to.iter_mut().zip(&layer.weights).zip(&layer.bias) {
-            let mut sum = [self.zero.constant(*bias), self.zero];
-            for (weight, [value, slope]) in row.iter().zip(&self.from) {
-                let weight = self.zero.constant(*weight);
-                sum = [weight.mul_add(*value, sum[0]), weight.mul_add(*slope, sum[1])];
-            }
-            *to = sum;
+        let rows = self.net.layers[l].bias.len();
+        let mut row = 0;
+        while row + 4 <= rows {
+            self.rows::<4>(l, row);
+            row += 4;
         }
+        while row < rows {
+            self.rows::<1>(l, row);
+            row += 1;
+        }
+    }
+
+    /// `R` neurons from `first`, so many that a sum need not wait for its last product.
+    #[inline(always)]
+    fn rows<const R: usize>(&mut self, l: usize, first: usize) {
+        let layer = &self.net.layers[l];
+        let inputs = layer.weights[first].len();
+        let mut weights: [&[f64]; R] = [&[]; R];
+        let mut sums = [[self.zero; 2]; R];
+        for r in 0..R {
+            weights[r] = &layer.weights[first + r][..inputs];
+            sums[r][0] = self.zero.constant(layer.bias[first + r]);
+        }
+        for (k, [value, slope]) in self.from[..inputs].iter().enumerate() {
+            for r in 0..R {
+                let weight = self.zero.constant(weights[r][k]);
+                sums[r] = [weight.mul_add(*value, sums[r][0]), weight.mul_add(*slope, sums[r][1])];
+            }
+        }
+        self.to[first..first + R].copy_from_slice(&sums);
     }
 
     /// a = tanh z, a' = (1 - a^2) z'.
     #[inline(always)]
     fn activate(&mut self, neurons: usize) {
         let (fours, rest) = self.to[..neurons].as_chunks_mut::<4>();
-        fours.iter_mut().for_each(activate);
-        rest.as_chunks_mut::<1>().0.iter_mut().for_each(activate);
+        // A closure would not be compiled for the instruction set.
+        for four in fours {
+            activate(four);
+        }
+        for one in rest.as_chunks_mut::<1>().0 {
+            activate(one);
+        }
     }
 
     /// Residual and Jacobian at the nodes from `first` on, whose outputs are in `from`.
@@ -345,14 +377,14 @@ impl<V: Simd> AtNodes<V> {
             let half = 0.5 * length * (end - begin);
             if k > 0 || !self.net.adds_initial_state {
                 for i in 0..n {
-                    let row = |j: usize| self.jacobian[(i * n + j) * NODES + before];
-                    let slope: f64 = (0..n).map(|j| row(j) * error[j]).sum();
-                    self.sum[i] = half.mul_add(slope, error[i]);
+                    let mut slope = 0.0;
                     for j in 0..n {
+                        slope += self.jacobian[(i * n + j) * NODES + before] * error[j];
                         let own = if i == j { 1.0 } else { 0.0 };
                         let of = self.jacobian[(i * n + j) * NODES + after];
-                        self.matrix[i * n + j] = (-half).mul_add(of, own);
+                        self.matrix[i * n + j] = own - half * of;
                     }
+                    self.sum[i] = error[i] + half * slope;
                 }
                 solve(&mut self.matrix, &mut self.sum);
                 error.copy_from_slice(&self.sum);
@@ -360,7 +392,7 @@ impl<V: Simd> AtNodes<V> {
             if k < NODES {
                 let weight = length * node(k)[1];
                 for (i, error) in error.iter_mut().enumerate() {
-                    *error = weight.mul_add(self.residual[i * NODES + k], *error);
+                    *error += weight * self.residual[i * NODES + k];
                 }
             }
         }
@@ -369,11 +401,14 @@ impl<V: Simd> AtNodes<V> {
 
 #[inline(always)]
 fn activate<V: Simd, const N: usize>(all: &mut [[V; 2]; N]) {
-    let mut values = all.map(|[z, _]| z);
+    let mut values = [all[0][0]; N];
+    for i in 0..N {
+        values[i] = all[i][0];
+    }
     tanh_all(&mut values);
-    for ([value, slope], a) in all.iter_mut().zip(values) {
-        *slope = *slope * a.neg_mul_add(a, a.constant(1.0));
-        *value = a;
+    for i in 0..N {
+        let a = values[i];
+        all[i] = [a, all[i][1] * a.neg_mul_add(a, a.constant(1.0))];
     }
 }
 

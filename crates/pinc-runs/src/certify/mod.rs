@@ -69,6 +69,10 @@ pub fn certify(
     let judged = subject.judge(&all, threads)?;
     run_dir.write(file::CERTIFY_POINTS, table(&subject, &all, &judged).as_bytes())?;
     let mut metrics = metrics(experiment, &subject, &judged, drawn.len());
+    let differences = subject.estimate_differences(&all, &judged)?;
+    let quantile = |share: usize| differences.get(differences.len() * share / 100).copied();
+    metrics.estimate_difference_median = quantile(50);
+    metrics.estimate_difference_p99 = quantile(99);
     if let (true, Ok(error)) = (what.domain, &subject.error) {
         match domain::search(&subject, error, &run_dir, options, what.budget_s)? {
             Ok(found) => metrics.domain = Some(found),
@@ -125,6 +129,8 @@ fn metrics(
         seed: experiment.seed,
         unproven_points: judged.iter().filter(|of| of.bound.contains(&None)).count(),
         bound_over_error_median: ratios.get(ratios.len() / 2).copied(),
+        estimate_difference_median: None,
+        estimate_difference_p99: None,
         quantiles: QUANTILES.map(of_quantile).into_iter().collect(),
         confidence: CONFIDENCE,
         refused: subject.error.as_ref().err().cloned(),
@@ -145,6 +151,17 @@ pub fn certificate_summary(found: &CertificateMetrics) -> String {
             write!(text, "\n{} points, {} without a bound", found.points, found.unproven_points);
         if let Some(ratio) = found.bound_over_error_median {
             let _ = write!(text, "; median of bound over error {ratio:.3}");
+        }
+        if let (Some(median), Some(p99)) =
+            (found.estimate_difference_median, found.estimate_difference_p99)
+        {
+            let _ = write!(
+                text,
+                "\nthe estimate differs from the error by {:.2} % of it (median), {:.1} % (99th \
+                 percentile)",
+                100.0 * median,
+                100.0 * p99
+            );
         }
     }
     for (quantile, states) in &found.quantiles {

@@ -7,7 +7,7 @@ use pinc_config::{Experiment, ModelKind};
 use pinc_net::{Domain, PincModel, PincNet};
 use pinc_ode::{DynPlant, Integrator, Model, Simulator};
 use pinc_record::file;
-use pinc_verify::{StepError, StepModel};
+use pinc_verify::{ErrorEstimate, StepError, StepModel};
 use std::path::{Path, PathBuf};
 
 /// Substeps of an integrator of which no config says how many.
@@ -130,6 +130,39 @@ impl Subject {
             error: found.error.into_iter().map(known).collect(),
         });
         Ok(found.collect())
+    }
+
+    /// How far the first-order estimate is from the error at each point where that is known: the
+    /// distance of the two, in widths of the domain, over the error. Empty for other models than nets.
+    pub(super) fn estimate_differences(
+        &self,
+        points: &[Vec<f64>],
+        judged: &[Judged],
+    ) -> Result<Vec<f64>, RunError> {
+        let Some(net) = self.net.as_ref().filter(|_| self.error.is_ok()) else {
+            return Ok(Vec::new());
+        };
+        let n = self.states.len();
+        let mut estimate = ErrorEstimate::new(net, &*self.plant)?;
+        let mut found = vec![0.0; n];
+        let mut differences = Vec::new();
+        for (point, judged) in points.iter().zip(judged) {
+            let Some(errors) = judged.error.iter().copied().collect::<Option<Vec<f64>>>() else {
+                continue;
+            };
+            let (x, rest) = point.split_at(n);
+            let (u, p) = rest.split_at(self.inputs.len());
+            estimate.write(x, u, p, &mut found);
+            let widths = || self.domain.iter().map(|[low, high]| high - low);
+            let norm = |values: &mut dyn Iterator<Item = f64>| {
+                values.zip(widths()).map(|(v, width)| (v / width).powi(2)).sum::<f64>().sqrt()
+            };
+            let off = norm(&mut found.iter().zip(&errors).map(|(found, error)| found - error));
+            let size = norm(&mut errors.iter().copied());
+            differences.push(if off > 0.0 { off / size } else { 0.0 });
+        }
+        differences.sort_by(f64::total_cmp);
+        Ok(differences)
     }
 
     fn integrated(&self, points: &[Vec<f64>]) -> Result<Vec<Judged>, RunError> {
