@@ -4,14 +4,21 @@ use pinc_net::TrainingConfig;
 use serde::de::value::MapAccessDeserializer;
 use serde::de::{Error, IntoDeserializer, MapAccess, Visitor};
 use serde::{Deserialize, Deserializer, Serialize};
+use std::collections::BTreeMap;
 use std::fmt;
 
-/// How the net is trained: pinc-net's keys, and in the same table those of [`Effort`].
+/// How the net is trained: pinc-net's keys, and in the same table `proven_tolerance` and those of
+/// [`Effort`].
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct TrainingSpec {
     /// The training itself.
     #[serde(flatten)]
     pub config: TrainingConfig,
+    /// The largest error of one step that is to be proven over the domain, by state, in the state's
+    /// unit. The training goes on, with the worst places added to its sample, until it is; states that
+    /// are not named may have any error.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    pub proven_tolerance: BTreeMap<String, f64>,
     /// How long this machine may work on it.
     #[serde(flatten)]
     pub effort: Effort,
@@ -53,20 +60,21 @@ impl<'de> Visitor<'de> for SpecVisitor {
     }
 
     fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<TrainingSpec, A::Error> {
-        let mut effort = Effort::default();
-        let rest = Rest { map, effort: &mut effort };
+        let (mut effort, mut proven_tolerance) = (Effort::default(), BTreeMap::new());
+        let rest = Rest { map, effort: &mut effort, proven_tolerance: &mut proven_tolerance };
         let config = TrainingConfig::deserialize(MapAccessDeserializer::new(rest))?;
-        Ok(TrainingSpec { config, effort })
+        Ok(TrainingSpec { config, proven_tolerance, effort })
     }
 }
 
-/// The keys of [`Effort`], as serde lists keys in an error.
-const OWN_KEYS: &str = "`time_limit_s`, `threads`, `checkpoint_every_s`";
+/// The keys that pinc-net does not know, as serde lists keys in an error.
+const OWN_KEYS: &str = "`proven_tolerance`, `time_limit_s`, `threads`, `checkpoint_every_s`";
 
-/// A table without the keys of [`Effort`], which it takes out on the way.
+/// A table without these keys, which it takes out on the way.
 struct Rest<'a, A> {
     map: A,
     effort: &'a mut Effort,
+    proven_tolerance: &'a mut BTreeMap<String, f64>,
 }
 
 impl<'de, A: MapAccess<'de>> MapAccess<'de> for Rest<'_, A> {
@@ -78,6 +86,7 @@ impl<'de, A: MapAccess<'de>> MapAccess<'de> for Rest<'_, A> {
     ) -> Result<Option<K::Value>, A::Error> {
         while let Some(key) = self.map.next_key::<String>()? {
             match key.as_str() {
+                "proven_tolerance" => *self.proven_tolerance = self.map.next_value()?,
                 "time_limit_s" => self.effort.time_limit_s = Some(self.map.next_value()?),
                 "threads" => self.effort.threads = self.map.next_value()?,
                 "checkpoint_every_s" => self.effort.checkpoint_every_s = self.map.next_value()?,

@@ -22,7 +22,7 @@ pub enum Sampler {
 }
 
 /// A set of points (t, y0, u, p).
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Points {
     states: usize,
     inputs: usize,
@@ -79,6 +79,13 @@ impl Points {
         self.p.extend_from_slice(p);
     }
 
+    /// Appends points of the same plant.
+    pub fn extend(&mut self, others: &Self) {
+        for i in 0..others.len() {
+            self.push(others.time(i), others.state(i), others.input(i), others.parameters(i));
+        }
+    }
+
     /// Number of points.
     #[must_use]
     pub fn len(&self) -> usize {
@@ -92,40 +99,24 @@ impl Points {
     }
 
     /// The time of point `i`, in s.
-    ///
-    /// # Panics
-    ///
-    /// If there is no point `i`.
     #[must_use]
     pub fn time(&self, i: usize) -> f64 {
         self.t[i]
     }
 
     /// The initial state of point `i`.
-    ///
-    /// # Panics
-    ///
-    /// If there is no point `i`.
     #[must_use]
     pub fn state(&self, i: usize) -> &[f64] {
         &self.y0[i * self.states..(i + 1) * self.states]
     }
 
     /// The input of point `i`.
-    ///
-    /// # Panics
-    ///
-    /// If there is no point `i`.
     #[must_use]
     pub fn input(&self, i: usize) -> &[f64] {
         &self.u[i * self.inputs..(i + 1) * self.inputs]
     }
 
     /// The parameters of point `i`.
-    ///
-    /// # Panics
-    ///
-    /// If there is no point `i`.
     #[must_use]
     pub fn parameters(&self, i: usize) -> &[f64] {
         &self.p[i * self.parameters..(i + 1) * self.parameters]

@@ -21,6 +21,8 @@ pub struct Checkpoint {
     phase_iterations: u64,
     totals: Totals,
     collocation_points: usize,
+    /// Points of the sample beside those that are drawn.
+    extra: Points,
     iterate: Iterate,
     terms: LossTerms,
     optimizer: Optimizer,
@@ -118,6 +120,7 @@ impl Trainer {
             phase_iterations: 0,
             totals: Totals::default(),
             collocation_points: config.collocation_points,
+            extra: Points::new(net.dims()),
             iterate: Iterate { gradient: vec![0.0; parameters.len()], x: parameters, value: 0.0 },
             terms: LossTerms::default(),
             optimizer: Optimizer::new(&config.phases[0].optimizer, net.mlp().parameters().len()),
@@ -278,6 +281,28 @@ impl Trainer {
         Ok(Progress::Iterated(self.record(fresh_loss)))
     }
 
+    /// Adds `points` to the sample for good, and takes the training up again from the net selected so
+    /// far, for up to `iterations` of the last phase. From then on the last net is selected, and
+    /// [`TrainingConfig::target_one_step_rms`] is not looked at.
+    ///
+    /// # Errors
+    ///
+    /// As [`Trainer::step`].
+    pub fn refine(&mut self, points: &Points, iterations: u64) -> Result<(), NetError> {
+        let net = self.net();
+        let weights = net.mlp().parameters();
+        self.state.iterate.x[..weights.len()].copy_from_slice(weights);
+        self.state.extra.extend(points);
+        self.state.finished = None;
+        self.state.phase = self.config.phases.len() - 1;
+        self.state.phase_iterations =
+            self.config.phases[self.state.phase].iterations.saturating_sub(iterations);
+        self.sample()?;
+        self.reevaluate();
+        self.state.optimizer.refresh(&self.state.iterate, &self.workers);
+        Ok(())
+    }
+
     /// Iterates to the end and validates whenever a validation is due.
     ///
     /// # Errors
@@ -333,7 +358,9 @@ impl Trainer {
         let score = validation.score();
         let better = self.state.best.as_ref().is_none_or(|(best, _)| score < *best);
         let wanted = self.config.target_one_step_rms;
-        let reached = wanted.is_some_and(|target| validation.one_step_mse.sqrt() <= target);
+        let refined = !self.state.extra.is_empty();
+        let reached =
+            !refined && wanted.is_some_and(|target| validation.one_step_mse.sqrt() <= target);
         if reached || better && score.is_finite() {
             self.state.best = Some((score, self.state.iterate.x.clone()));
         }
@@ -347,7 +374,9 @@ impl Trainer {
     #[must_use]
     pub fn net(&self) -> PincNet {
         match (&self.state.best, self.config.keep) {
-            (Some((_, parameters)), SelectNet::Best) => self.net.with_parameters(parameters),
+            (Some((_, parameters)), SelectNet::Best) if self.state.extra.is_empty() => {
+                self.net.with_parameters(parameters)
+            }
             _ => {
                 let weights = self.net.mlp().parameters().len();
                 self.net.with_parameters(&self.state.iterate.x[..weights])
@@ -450,7 +479,7 @@ impl Trainer {
         let (points, initial) = (self.state.collocation_points, self.config.initial_points);
         let (sample_time_s, domain) = (self.net.sample_time_s(), self.net.domain());
         let sampler = self.config.sampler;
-        let (collocation, conditions) = match self.net.time_only() {
+        let (mut collocation, conditions) = match self.net.time_only() {
             None => (
                 sampler.collocation(points, sample_time_s, domain, initial, self.seed),
                 initial_conditions(initial, domain, self.seed),
@@ -461,6 +490,7 @@ impl Trainer {
                 (sampler.scenario(points, sample_time_s, scenario, self.seed), one)
             }
         };
+        collocation.extend(&self.state.extra);
         if let Some(labels) = &mut self.labels {
             self.loss.set_measurements(labels.of(&collocation, &self.workers)?, 1.0);
             return Ok(());

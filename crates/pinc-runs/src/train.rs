@@ -3,6 +3,7 @@
 use super::Options;
 use super::data::{self, Data};
 use super::domain_error;
+use super::proof::{self, Attempt, Certificate};
 use crate::RunError;
 use crate::invocation::cores;
 use crate::progress::{Stage, Verbosity};
@@ -25,6 +26,13 @@ use std::time::{Duration, Instant};
 const TIME_SHARE: f64 = 0.03;
 /// How much checkpoints may write per second of training.
 const BYTES_PER_S: f64 = 4e6;
+
+/// Rounds of training and proving, at most, and iterations in one of them.
+const MOST_ROUNDS: usize = 30;
+const ITERATIONS_A_ROUND: u64 = 1000;
+
+/// Why a training ends that the clock ends.
+const TIME_LIMIT: &str = "time-limit";
 
 /// Time between two looks at how many threads a training may use.
 const LOOK_EVERY: Duration = Duration::from_secs(2);
@@ -72,13 +80,27 @@ pub(crate) fn stage(
     let (material, test) = setup.material(plant, experiment)?;
     let mut session =
         Session::begin(&material, experiment, (threads.now)(), options.verbosity, run_dir)?;
-    let outcome = session.work(&material, run_dir, &setup.training.effort, threads, options);
+    let work = |session: &mut Session| {
+        session.work(&material, run_dir, &setup.training.effort, threads, options)
+    };
+    let outcome = work(&mut session);
+    let tolerance = &setup.training.proven_tolerance;
+    let (outcome, certificate) = match outcome {
+        Ok(reason) if !tolerance.is_empty() => {
+            match session.prove(experiment, tolerance, (threads, options, run_dir), work) {
+                Ok(certificate) => (Ok(reason), Some(certificate)),
+                Err(error) => (Err(error), None),
+            }
+        }
+        outcome => (outcome, None),
+    };
     let net = session.trainer.net();
     let parameters = material.estimates(&session.trainer);
     // The net first: it is what the time was spent on. That of an interrupted training is in the
     // checkpoint; of one that failed, the last good net is kept.
     if !matches!(outcome, Err(RunError::Interrupted { .. })) {
-        run_dir.write(file::MODEL, &net.to_bytes())?;
+        let bytes = certificate.map_or_else(|| net.to_bytes(), |of| proof::certified(&net, &of));
+        run_dir.write(file::MODEL, &bytes)?;
     }
     session.write_log(run_dir)?;
     let metrics = TrainingMetrics { parameters, ..session.metrics(outcome?) };
@@ -384,7 +406,7 @@ impl Session {
                 return Err(stop);
             }
             if effort.time_limit_s.is_some_and(|limit| self.wall().as_secs_f64() >= limit) {
-                return Ok("time-limit".to_owned());
+                return Ok(TIME_LIMIT.to_owned());
             }
             if last_look.elapsed() >= threads.every {
                 self.use_threads(material, (threads.now)())?;
@@ -410,6 +432,50 @@ impl Session {
                 pause_s = pause(effort.checkpoint_every_s, clock.elapsed(), bytes);
             }
         }
+    }
+
+    /// Adds the places with the worst errors to the sample and trains on, until it is proven that no
+    /// error is beyond `tolerance`.
+    fn prove(
+        &mut self,
+        experiment: &Experiment,
+        tolerance: &BTreeMap<String, f64>,
+        (threads, options, run_dir): (&Threads<'_>, &Options<'_>, &RunDir),
+        mut work: impl FnMut(&mut Self) -> Result<String, RunError>,
+    ) -> Result<Box<Certificate>, RunError> {
+        let refused = |reason: String| RunError::NotProven {
+            name: experiment.name.clone(),
+            command: "training.proven_tolerance",
+            reason,
+        };
+        for _ in 0..MOST_ROUNDS {
+            let (net, threads) = (self.trainer.net(), (threads.now)());
+            let tolerance = proof::tolerances(&net, tolerance);
+            let check = || options.check_interrupt(run_dir.dir());
+            let workers = (threads, options.verbosity);
+            match proof::attempt(experiment, &net, &tolerance, workers, &check)? {
+                Attempt::Proven(certificate) => return Ok(certificate),
+                Attempt::Open(share) => {
+                    return Err(refused(format!(
+                        "nothing can be proven in {:.3} % of the domain's volume, where the equation \
+                         is not smooth: take a smaller [domain]",
+                        100.0 * share
+                    )));
+                }
+                Attempt::Refuted => {}
+            }
+            // What was done before an interruption is drawn again the same.
+            let seed = experiment.seed ^ self.trainer.totals().iterations;
+            let worst = proof::worst_points(experiment, &net, &tolerance, seed, threads)?;
+            self.trainer.refine(&worst, ITERATIONS_A_ROUND)?;
+            if work(self)? == TIME_LIMIT {
+                return Err(refused("training.time_limit_s is over".to_owned()));
+            }
+        }
+        Err(refused(format!(
+            "errors are still beyond it after {MOST_ROUNDS} rounds of training: take a larger net, a \
+             smaller [domain] or a shorter T"
+        )))
     }
 
     /// Validates if it is time to, and adds a row to the log.

@@ -180,6 +180,31 @@ const LAST_STEP: f64 = 5e-4;
 const MOVES: usize = 60;
 
 impl StepError {
+    /// The `count` points, of 20 times as many that fill the domain, whose errors are largest by
+    /// their ratio to `tolerance` (one per state), the largest first; and where searches from the
+    /// worst for each state end. The errors are not enclosed.
+    #[must_use]
+    pub fn worst_points(
+        &self,
+        domain: &[[f64; 2]],
+        count: usize,
+        tolerance: &[f64],
+        seed: u64,
+        threads: usize,
+    ) -> Vec<Vec<f64>> {
+        let points = spread(domain, 20 * count, seed);
+        let ratio = |point: &Vec<f64>| {
+            let errors = self.rough(point);
+            errors.iter().zip(tolerance).map(|(e, most)| e / most).fold(0.0, f64::max)
+        };
+        let ratios = in_parallel(&points, threads, ratio);
+        let mut order: Vec<usize> = (0..points.len()).collect();
+        order.sort_by(|a, b| ratios[*b].total_cmp(&ratios[*a]));
+        let climbed = self.largest(domain, &points, threads).into_iter().map(|found| found.at);
+        let worst = order.into_iter().take(count).map(|i| points[i].clone());
+        climbed.chain(worst).collect()
+    }
+
     /// The largest error of each state among `points`, and where searches from the worst of them
     /// end. The search is in plain arithmetic; what it ends at is enclosed.
     pub(crate) fn largest(

@@ -13,6 +13,8 @@ pub struct SearchSettings {
     /// How much larger than the largest error found the proven bound may be: the search ends once
     /// it is below this ratio for every state.
     pub ratio: f64,
+    /// A bound that is to be proven for each state instead, in its unit; infinite where any will do.
+    pub tolerance: Option<Vec<f64>>,
     /// Total degree of the polynomials; none for a choice by the number of variables.
     pub degree: Option<usize>,
     /// Points of the sample in which large errors are looked for first.
@@ -23,7 +25,7 @@ pub struct SearchSettings {
 
 impl Default for SearchSettings {
     fn default() -> Self {
-        Self { ratio: 1.1, degree: None, points: 2000, seed: 1 }
+        Self { ratio: 1.1, tolerance: None, degree: None, points: 2000, seed: 1 }
     }
 }
 
@@ -158,6 +160,9 @@ impl Search {
 
     /// What each state's bound has to come down to.
     fn goals(&self) -> Vec<f64> {
+        if let Some(tolerance) = &self.settings.tolerance {
+            return tolerance.clone();
+        }
         let pairs = self.found.iter().zip(&self.domain);
         pairs
             .map(|(largest, [low, high])| {
@@ -170,6 +175,13 @@ impl Search {
     #[must_use]
     pub fn is_over(&self) -> bool {
         self.open.iter().all(|leaf| leaf.depth >= DEEPEST)
+    }
+
+    /// Whether an error was found that is beyond its tolerance: then no proof is possible.
+    #[must_use]
+    pub fn is_refuted(&self) -> bool {
+        let tolerance = self.settings.tolerance.iter().flatten();
+        self.found.iter().zip(tolerance).any(|(found, tolerance)| found.error > *tolerance)
     }
 
     /// Cuts the worst leaves.
@@ -306,7 +318,11 @@ fn volume(leaf: &Leaf) -> f64 {
 
 /// The largest ratio of a bound to its goal; infinite where nothing is known.
 fn excess(leaf: &Leaf, goals: &[f64]) -> f64 {
-    let of = |(bound, goal): (&Option<f64>, &f64)| bound.map_or(f64::INFINITY, |b| b / goal);
+    let of = |(bound, goal): (&Option<f64>, &f64)| match bound {
+        _ if goal.is_infinite() => 0.0,
+        Some(bound) => bound / goal,
+        None => f64::INFINITY,
+    };
     leaf.bound.iter().zip(goals).map(of).fold(0.0, f64::max)
 }
 

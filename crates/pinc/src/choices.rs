@@ -56,12 +56,21 @@ pub(crate) struct CertifyArgs {
     /// The time for that, in s.
     #[arg(long, value_name = "SECONDS", value_parser = seconds, requires = "domain")]
     budget_s: Option<f64>,
+    /// Check the certificate in the model file instead: its hashes, and its bounds by proving them
+    /// again.
+    #[arg(long, requires = "model", conflicts_with_all = ["only", "points", "data", "of_run", "domain"])]
+    verify: bool,
 }
 
 impl CertifyArgs {
     /// The model file, and the model that is judged.
     pub(crate) fn model(&self) -> (Option<&Path>, Option<ModelKind>) {
         (self.model.as_deref(), self.only)
+    }
+
+    /// The model file whose certificate is to be checked, if that is asked for.
+    pub(crate) fn certified(&self) -> Option<&Path> {
+        self.model.as_deref().filter(|_| self.verify)
     }
 
     pub(crate) fn what(&self) -> Certify {

@@ -358,6 +358,11 @@ fn execute(cli: &Cli, plants: &Plants) -> Result<ExitCode, RunError> {
             let dir = run.directory(&format!("{}-certify", experiment.name), false);
             let arguments = arguments();
             let options = options(run.resume, quiet, &arguments);
+            if let Some(model) = what.certified() {
+                let found = pinc_runs::verify_certificate(&experiment, model, &options)?;
+                show(quiet, &found.to_string())?;
+                return Ok(ExitCode::SUCCESS);
+            }
             let (model, what) = (what.model(), what.what());
             let found = pinc_runs::certify(&experiment, &dir, &options, model, &what)?;
             show(quiet, &pinc_runs::certificate_summary(&found))?;

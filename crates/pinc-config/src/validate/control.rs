@@ -1,6 +1,6 @@
 //! Checks of `[control]`.
 
-use super::values::{at_least_one, bounds, length, positive, tolerance, value};
+use super::values::{at_least_one, bounds, length, named_tolerances, positive, tolerance, value};
 use super::{Finding, Problem, plant};
 use crate::plants::Plants;
 use crate::problem::nearest;
@@ -83,15 +83,7 @@ fn output_bounds(spec: &ControlSpec, variables: &Variables) -> Finding {
 }
 
 fn error_tolerance(spec: &ControlSpec, variables: &Variables) -> Finding {
-    let known = variables.state_names();
-    for (name, tolerance) in &spec.error_tolerance {
-        let key = format!("control.error_tolerance.{name}");
-        if !known.contains(name) {
-            let (found, nearest) = (name.clone(), nearest(name, &known));
-            return Err((key, Problem::Word { found, known, nearest }));
-        }
-        positive(&key, *tolerance)?;
-    }
+    named_tolerances("control.error_tolerance", &spec.error_tolerance, variables)?;
     if spec.error_tolerance.is_empty() && spec.on_error != OnError::Count {
         let expected = "a table `control.error_tolerance` beside it";
         return value("control.on_error", format!("{:?}", spec.on_error).to_lowercase(), expected);

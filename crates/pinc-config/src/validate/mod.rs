@@ -20,7 +20,10 @@ use control::closed_loop;
 use pinc_expr::ExpressionError;
 use pinc_net::{Ansatz, NetError, ResidualScale, Scenario, TrainingTarget, ValidationConfig};
 use pinc_ode::Dims;
-use values::{at_least_one, bounds, length, positive, present, tolerance, value, whole_steps};
+use values::{
+    at_least_one, bounds, length, named_tolerances, positive, present, tolerance, value,
+    whole_steps,
+};
 
 /// The key and what is wrong with its value.
 type Finding = Result<(), (String, Problem)>;
@@ -112,6 +115,11 @@ impl Experiment {
         }
         if let Some(training) = &self.training {
             training_choices(training, dims)?;
+            named_tolerances(
+                "training.proven_tolerance",
+                &training.proven_tolerance,
+                &self.plant.variables(),
+            )?;
             let needed = "training needs it";
             present("model", self.model.is_some(), needed)?;
             present("domain", self.domain.is_some(), needed)?;

@@ -1,6 +1,9 @@
 //! Checks of single values, each by its key.
 
 use super::{Finding, Problem};
+use crate::problem::nearest;
+use crate::registry::Variables;
+use std::collections::BTreeMap;
 
 pub(super) fn value(key: &str, found: impl ToString, expected: &str) -> Finding {
     let problem = Problem::Value { found: found.to_string(), expected: expected.to_owned() };
@@ -88,4 +91,22 @@ fn multiple(key: &str, time_s: f64, least: f64, sample_time_s: Option<f64>) -> F
 /// A number to 12 significant digits, so that a product shows no rounding.
 fn rounded(number: f64) -> f64 {
     format!("{number:.11e}").parse().unwrap_or(number)
+}
+
+/// Positive numbers by the names of states.
+pub(super) fn named_tolerances(
+    key: &str,
+    named: &BTreeMap<String, f64>,
+    variables: &Variables,
+) -> Finding {
+    let known = variables.state_names();
+    for (name, tolerance) in named {
+        let key = format!("{key}.{name}");
+        if !known.contains(name) {
+            let (found, nearest) = (name.clone(), nearest(name, &known));
+            return Err((key, Problem::Word { found, known, nearest }));
+        }
+        positive(&key, *tolerance)?;
+    }
+    Ok(())
 }

@@ -7,7 +7,6 @@ use crate::{Options, RunError};
 use pinc_record::{ByName, DomainCertificate, RunDir, file, read_text};
 use pinc_verify::{Bracket, Search, SearchSettings, StepError};
 use serde::{Deserialize, Serialize};
-use sha2::{Digest, Sha256};
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
@@ -33,7 +32,7 @@ pub(super) fn search(
 ) -> Result<Result<DomainCertificate, String>, RunError> {
     let clock = Instant::now();
     let threads = cores();
-    let key: String = Sha256::digest(&subject.key).iter().map(|b| format!("{b:02x}")).collect();
+    let key = super::hash(&subject.key);
     let saved = if options.resume { read(run_dir)? } else { None };
     let mut search = match saved.filter(|saved| saved.key == key) {
         Some(saved) => saved.search,

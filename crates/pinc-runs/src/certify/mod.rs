@@ -4,18 +4,22 @@ mod domain;
 mod points;
 mod quantiles;
 mod subject;
+mod verify;
 
 use super::Options;
 use crate::RunError;
 use crate::invocation::{cores, invocation};
 use pinc_config::{Experiment, ModelKind};
+use pinc_net::PincNet;
 use pinc_record::{
     CertificateMetrics, CsvText, DomainCertificate, Provenance, RunDir, file, number,
 };
 use points::{Judged, random, read_points};
+use sha2::{Digest, Sha256};
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use subject::Subject;
+pub use verify::verify_certificate;
 
 /// What `pinc certify` is to judge.
 #[derive(Clone, Debug)]
@@ -30,6 +34,17 @@ pub struct Certify {
     pub domain: bool,
     /// The time for that in s; none for as long as it takes.
     pub budget_s: Option<f64>,
+}
+
+/// SHA-256 in hexadecimal digits.
+pub(crate) fn hash(bytes: &[u8]) -> String {
+    Sha256::digest(bytes).iter().map(|byte| format!("{byte:02x}")).collect()
+}
+
+/// The names of a net's states, inputs and parameters.
+pub(crate) fn variables(net: &PincNet) -> Vec<String> {
+    let names = net.state_names().iter().chain(net.input_names()).map(String::as_str);
+    names.chain(net.parameter_names()).map(str::to_owned).collect()
 }
 
 /// Random points if nothing else is asked for.

@@ -1,0 +1,64 @@
+//! The certificate in a model file, checked.
+
+use super::{hash, variables};
+use crate::invocation::cores;
+use crate::proof::{Attempt, Certificate, attempt, certificate, step_error, tolerances};
+use crate::{Options, RunError, read_matching_model};
+use pinc_config::Experiment;
+use std::collections::BTreeMap;
+use std::path::Path;
+
+/// Boxes that are cut elsewhere, since roundings differ, change bounds by less.
+const SLACK: f64 = 1.01;
+
+/// Checks that the certificate in the file `model` is of this net, this domain and this equation,
+/// and proves its bounds anew.
+///
+/// # Errors
+///
+/// [`RunError::NotProven`] if there is no certificate, something has changed, or the proof fails.
+pub fn verify_certificate(
+    experiment: &Experiment,
+    model: &Path,
+    options: &Options<'_>,
+) -> Result<Certificate, RunError> {
+    let refused = |reason: String| RunError::NotProven {
+        name: experiment.name.clone(),
+        command: "certify --verify",
+        reason: format!("{}: {reason}", model.display()),
+    };
+    let (bytes, net) = read_matching_model(experiment, model)?;
+    let found = certificate(&bytes).ok_or_else(|| {
+        refused("the model file has no certificate; training.proven_tolerance makes one".to_owned())
+    })?;
+    let (_, equation) = step_error(experiment, &net, "certify --verify")?;
+    let ends = net.domain().ends().map(|(low, high)| [low, high]);
+    let domain: BTreeMap<String, [f64; 2]> = variables(&net).into_iter().zip(ends).collect();
+    for (what, same) in [
+        ("net", found.net == hash(&net.to_bytes())),
+        ("equation", found.equation == equation),
+        ("domain", found.domain == domain),
+    ] {
+        if !same {
+            return Err(refused(format!("the certificate is of another {what}")));
+        }
+    }
+    let check = || match options.interrupt.load(std::sync::atomic::Ordering::Relaxed) {
+        true => Err(refused("interrupted".to_owned())),
+        false => Ok(()),
+    };
+    let tolerance = tolerances(&net, &found.tolerance);
+    match attempt(experiment, &net, &tolerance, (cores(), options.verbosity), &check)? {
+        Attempt::Proven(again) if is_covered(&again, &found) => Ok(found),
+        Attempt::Proven(_) | Attempt::Refuted | Attempt::Open(_) => {
+            Err(refused("the bounds of the certificate cannot be proven again".to_owned()))
+        }
+    }
+}
+
+/// Whether the bounds of `found` are those of `again`, but for what other instruction sets round
+/// otherwise.
+fn is_covered(again: &Certificate, found: &Certificate) -> bool {
+    let stated = |state: &String| found.proven.get(state).copied().unwrap_or(0.0);
+    again.proven.iter().all(|(state, bound)| *bound <= SLACK * stated(state))
+}
