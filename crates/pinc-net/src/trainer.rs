@@ -13,6 +13,9 @@ use crate::{
 use pinc_ode::DynRhs;
 use serde::{Deserialize, Serialize};
 
+/// Iterations after points were added.
+const REFINEMENT: u64 = 1000;
+
 /// The complete state of a training. A training resumed from it gives the same bits as one that
 /// was never interrupted.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -251,7 +254,7 @@ impl Trainer {
             return Ok(Progress::Finished(reason));
         }
         self.check_finite()?;
-        if self.state.phase_iterations >= self.config.phases[self.state.phase].iterations {
+        if self.state.phase_iterations >= self.phase_limit() {
             return self.end_phase(StopReason::IterationsDone);
         }
         let good = self.state.iterate.x.clone();
@@ -281,26 +284,30 @@ impl Trainer {
         Ok(Progress::Iterated(self.record(fresh_loss)))
     }
 
-    /// Adds `points` to the sample for good, and takes the training up again from the net selected so
-    /// far, for up to `iterations` of the last phase. From then on the last net is selected, and
-    /// [`TrainingConfig::target_one_step_rms`] is not looked at.
+    /// Adds `points` to the sample for good and takes the training up again from the net selected so
+    /// far, with 1000 iterations of the last phase's optimizer. From then on the last net is selected,
+    /// and [`TrainingConfig::target_one_step_rms`] is not looked at.
     ///
     /// # Errors
     ///
     /// As [`Trainer::step`].
-    pub fn refine(&mut self, points: &Points, iterations: u64) -> Result<(), NetError> {
+    pub fn refine(&mut self, points: &Points) -> Result<(), NetError> {
         let net = self.net();
         let weights = net.mlp().parameters();
         self.state.iterate.x[..weights.len()].copy_from_slice(weights);
         self.state.extra.extend(points);
         self.state.finished = None;
-        self.state.phase = self.config.phases.len() - 1;
-        self.state.phase_iterations =
-            self.config.phases[self.state.phase].iterations.saturating_sub(iterations);
+        (self.state.phase, self.state.phase_iterations) = (self.config.phases.len() - 1, 0);
         self.sample()?;
         self.reevaluate();
         self.state.optimizer.refresh(&self.state.iterate, &self.workers);
         Ok(())
+    }
+
+    /// How many iterations the present phase has at most.
+    fn phase_limit(&self) -> u64 {
+        let own = self.config.phases[self.state.phase].iterations;
+        if self.state.extra.is_empty() { own } else { REFINEMENT }
     }
 
     /// Iterates to the end and validates whenever a validation is due.
@@ -341,8 +348,7 @@ impl Trainer {
     #[must_use]
     pub fn validation_due(&self) -> bool {
         let iterations = self.state.totals.iterations;
-        let phase_over =
-            self.state.phase_iterations >= self.config.phases[self.state.phase].iterations;
+        let phase_over = self.state.phase_iterations >= self.phase_limit();
         let due = iterations.is_multiple_of(self.config.validation_every)
             || phase_over
             || self.state.finished.is_some();

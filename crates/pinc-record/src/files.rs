@@ -38,6 +38,8 @@ pub mod file {
     pub const CERTIFY: &str = "certify.json";
     /// The errors of one step, point by point.
     pub const CERTIFY_POINTS: &str = "certify.csv";
+    /// The map of what is proven over a domain.
+    pub const CERTIFY_MAP: &str = "certify-map.svg";
     /// A search for the largest error over a domain, to be resumed.
     pub const CERTIFY_SEARCH: &str = "certify-search.json";
     /// The report.

@@ -3,6 +3,7 @@
 //! - [`build`]: the report of a run directory, one HTML page that stands alone, and the pictures in
 //!   it as files of their own.
 //! - [`compare`]: runs side by side.
+//! - [`proven_map`]: what is proven of a model's errors over its domain, as a picture.
 //! - [`results`], [`write_results`]: the paper's tables and figures beside those of a list of runs.
 //!
 //! Everything is made from the types of [`pinc_record`] that wrote the files. A picture is first a
@@ -23,6 +24,7 @@ mod paper;
 mod picture;
 mod prediction;
 mod profile;
+mod proven_map;
 mod report;
 mod steps;
 mod summary_text;
@@ -40,4 +42,5 @@ mod zoom;
 pub use compare::{Comparison, compare};
 pub use error::ReportError;
 pub use paper::{results, write_results};
+pub use proven_map::{ProvenBox, proven_map};
 pub use report::{FigureFiles, Report, build};

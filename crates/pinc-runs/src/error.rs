@@ -532,6 +532,7 @@ impl RunError {
         match self {
             Self::Net(NetError::Setting { .. } | NetError::Dimension { .. }) => 2,
             Self::Control(MpcError::Plant { .. }) | Self::OutsideDomain { .. } => 1,
+            Self::NotProven { command: "training.proven_tolerance", .. } => 1,
             Self::Net(_) | Self::Plant(_) | Self::FailedSteps { .. } | Self::NotFinite { .. } => 1,
             Self::Record(RecordError::Unwritable { source, .. }) if is_full(source) => 1,
             Self::Slurm { .. } | Self::Queued { .. } | Self::StillQueued { .. } => 1,

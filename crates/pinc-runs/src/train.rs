@@ -27,9 +27,8 @@ const TIME_SHARE: f64 = 0.03;
 /// How much checkpoints may write per second of training.
 const BYTES_PER_S: f64 = 4e6;
 
-/// Rounds of training and proving, at most, and iterations in one of them.
+/// Rounds of training and proving, at most.
 const MOST_ROUNDS: usize = 30;
-const ITERATIONS_A_ROUND: u64 = 1000;
 
 /// Why a training ends that the clock ends.
 const TIME_LIMIT: &str = "time-limit";
@@ -467,7 +466,8 @@ impl Session {
             // What was done before an interruption is drawn again the same.
             let seed = experiment.seed ^ self.trainer.totals().iterations;
             let worst = proof::worst_points(experiment, &net, &tolerance, seed, threads)?;
-            self.trainer.refine(&worst, ITERATIONS_A_ROUND)?;
+            self.trainer.refine(&worst)?;
+            self.stage.set_total(self.trainer.totals().iterations + 1000);
             if work(self)? == TIME_LIMIT {
                 return Err(refused("training.time_limit_s is over".to_owned()));
             }

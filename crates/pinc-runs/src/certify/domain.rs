@@ -5,7 +5,8 @@ use crate::invocation::cores;
 use crate::progress::Stage;
 use crate::{Options, RunError};
 use pinc_record::{ByName, DomainCertificate, RunDir, file, read_text};
-use pinc_verify::{Bracket, Search, SearchSettings, StepError};
+use pinc_report::{ProvenBox, proven_map};
+use pinc_verify::{Bracket, Leaf, Search, SearchSettings, StepError};
 use serde::{Deserialize, Serialize};
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
@@ -58,6 +59,9 @@ pub(super) fn search(
     let bracket = search.bracket();
     stage.end(&progress(subject, &bracket));
     write(run_dir, &key, &search)?;
+    if let Some(svg) = map(subject, &search) {
+        run_dir.write(file::CERTIFY_MAP, svg.as_bytes())?;
+    }
     Ok(Ok(certificate(subject, &bracket)))
 }
 
@@ -70,6 +74,19 @@ fn read(run_dir: &RunDir) -> Result<Option<Saved>, RunError> {
 fn write(run_dir: &RunDir, key: &str, search: &Search) -> Result<(), RunError> {
     let saved = Saved { key: key.to_owned(), search: search.clone() };
     Ok(run_dir.write(file::CERTIFY_SEARCH, serde_json::json!(saved).to_string().as_bytes())?)
+}
+
+/// The proven bounds over the domain as a picture.
+fn map(subject: &Subject, search: &Search) -> Option<String> {
+    let widths = || subject.domain.iter().map(|[low, high]| high - low);
+    let in_widths = |leaf: &Leaf| {
+        let bounds = leaf.bound.iter().zip(widths());
+        bounds.map(|(bound, width)| Some((*bound)? / width)).reduce(|a, b| Some(a?.max(b?)))?
+    };
+    let boxes =
+        search.leaves().map(|leaf| ProvenBox { ends: leaf.ends.clone(), bound: in_widths(leaf) });
+    let boxes: Vec<ProvenBox> = boxes.collect();
+    proven_map(&subject.labels(), subject.states.len(), &subject.domain, &boxes)
 }
 
 /// The ratios of proven to found errors.

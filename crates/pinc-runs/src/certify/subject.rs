@@ -5,7 +5,7 @@ use crate::RunError;
 use crate::read_matching_model;
 use pinc_config::{Experiment, ModelKind};
 use pinc_net::{Domain, PincModel, PincNet};
-use pinc_ode::{DynPlant, Integrator, Model, Simulator};
+use pinc_ode::{DynPlant, Integrator, Model, Simulator, Variable};
 use pinc_record::file;
 use pinc_verify::{ErrorEstimate, StepError, StepModel};
 use std::path::{Path, PathBuf};
@@ -109,6 +109,17 @@ impl Subject {
     /// The names of states, inputs and parameters.
     pub(super) fn variables(&self) -> Vec<String> {
         [&self.states[..], &self.inputs, &self.parameters].concat()
+    }
+
+    /// Their names with units, where the plant knows them.
+    pub(super) fn labels(&self) -> Vec<String> {
+        let own = self.plant.states().iter().chain(self.plant.inputs());
+        let all = own.chain(self.plant.parameters());
+        let label = |variable: &Variable| match &*variable.unit {
+            "" => variable.name.to_string(),
+            unit => format!("{} ({unit})", variable.name),
+        };
+        all.map(label).collect()
     }
 
     /// The trace of the closed loop with this model in the directory of a run.

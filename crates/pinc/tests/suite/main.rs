@@ -21,6 +21,7 @@ mod files;
 mod guard;
 mod identification;
 mod kills;
+mod known_error;
 mod limits;
 mod lists;
 mod measurements;

@@ -301,7 +301,7 @@ fn inputs_of_predictions_are_read_or_refused() {
     let seeds = [TRAJECTORY.as_bytes().to_vec()];
     try_cases("predict", 1, &seeds, |bytes| {
         fs::write(&inputs, bytes).unwrap();
-        match pinc_runs::predict(&model, &inputs, &output, OutsidePolicy::Report) {
+        match pinc_runs::predict(&model, &inputs, &output, OutsidePolicy::Report, None) {
             Ok(_) => assert!(output.exists()),
             Err(error) => assert!(!error.to_string().is_empty()),
         }

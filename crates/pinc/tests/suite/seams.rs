@@ -337,6 +337,12 @@ fn keys() -> Vec<(&'static str, Vec<&'static str>, About)> {
         ("preview", vec!["control.preview=false"], Controller),
         ("budget_us", vec!["control.budget_us=1e7"], Unseen),
         ("outside_domain", vec!["control.outside_domain=\"refuse\""], Unseen),
+        ("error_tolerance", vec!["control.error_tolerance={ x = 0.1 }"], Unseen),
+        (
+            "on_error",
+            vec!["control.error_tolerance={ x = 0.1 }", "control.on_error=\"integrator\""],
+            Unseen,
+        ),
         ("max_failed_share", vec!["control.max_failed_share=0.5"], Loop),
         ("settled_within", vec!["control.settled_within=[0.1]"], Loop),
         ("rk4_substeps", vec!["control.rk4_substeps=1"], Controller),

@@ -1,0 +1,189 @@
+//! A net that knows its error: estimates beside predictions, the guard of a loop, and proofs.
+
+use crate::common::{Outcome, outcome, pinc, smoke};
+use crate::ways::Served;
+use pinc::ode::Dopri5;
+use pinc::plants::VanDerPol;
+use pinc_config::ModelKind;
+use serde_json::{Value, json};
+use std::fs;
+use std::path::Path;
+
+/// Trains the smoke config's net for `iterations` and returns its file.
+fn train(dir: &Path, config: &str, iterations: u32, sets: &[&str]) -> Outcome {
+    fs::write(dir.join("experiment.toml"), config).unwrap();
+    let iterations = format!("training.phases.0.iterations={iterations}");
+    let mut command = pinc(&["train", "experiment.toml", "--out", "run", "--set", &iterations]);
+    outcome(command.args(sets.iter().flat_map(|set| ["--set", set])).current_dir(dir))
+}
+
+/// The smoke config with a net for a small domain, where even that is good.
+fn small() -> String {
+    let low = smoke().replacen("state_low = [-3.0, -4.35]", "state_low = [-1.0, -1.0]", 1);
+    low.replacen("state_high = [3.0, 4.35]", "state_high = [1.0, 1.0]", 1)
+}
+
+fn json_of(path: &Path) -> Value {
+    serde_json::from_slice(&fs::read(path).unwrap()).unwrap()
+}
+
+/// The estimated error of each row beside the true one, along a chain with a step that is cut short.
+#[test]
+fn predictions_come_with_their_estimated_errors() {
+    let dir = tempfile::tempdir().unwrap();
+    assert_eq!(train(dir.path(), &small(), 300, &[]).code, Some(0));
+    let inputs = "scenario,t,u,x1,x2\na,0,0.3,0.5,-0.4\na,0.5,0.3,,\na,0.7,-0.6,,\na,1.2,-0.6,,\n";
+    fs::write(dir.path().join("in.csv"), inputs).unwrap();
+    let files = ["--inputs", "in.csv", "--output", "out.csv", "--errors"];
+    let predict = |more: &[&str]| {
+        let model = ["predict", "--model", "run/model.safetensors"];
+        outcome(pinc(&[&model[..], &files, more].concat()).current_dir(dir.path()))
+    };
+    assert_eq!(predict(&[]).code, Some(0));
+    let text = fs::read_to_string(dir.path().join("out.csv")).unwrap();
+    assert!(text.starts_with("scenario,t,u,x1,x2,x1_err,x2_err\n"), "{text}");
+    let row = |line: &str| -> Vec<f64> {
+        line.split(',').skip(1).map(|cell| cell.parse().unwrap()).collect()
+    };
+    let rows: Vec<Vec<f64>> = text.lines().skip(1).map(row).collect();
+    let (mut truth, mut x) = (Dopri5::new(VanDerPol::default(), 1e-12), [0.5, -0.4]);
+    assert_eq!(rows[0][4..], [0.0, 0.0]);
+    for pair in rows.windows(2) {
+        truth.integrate(&mut x, &pair[0][1..2], pair[1][0] - pair[0][0]).unwrap();
+        let exact = [pair[1][2] - x[0], pair[1][3] - x[1]];
+        let size = exact[0].hypot(exact[1]);
+        assert!(size > 1e-5, "{exact:?}");
+        for (found, exact) in pair[1][4..].iter().zip(exact) {
+            assert!((found - exact).abs() < 0.05 * size, "{pair:?} {exact}");
+        }
+    }
+    // The config is that beside the model, or another.
+    fs::rename(dir.path().join("run/config.toml"), dir.path().join("other.toml")).unwrap();
+    predict(&[]).assert_refused(&["config.toml"]);
+    assert_eq!(predict(&["--config", "other.toml"]).code, Some(0));
+}
+
+/// A loop that begins where the net has not been trained: with the integrator's help it is the
+/// integrator's own.
+#[test]
+fn a_loop_is_guarded_by_the_estimated_error() {
+    let dir = tempfile::tempdir().unwrap();
+    let config = small().replacen("state_high = [1.0, 1.0]", "state_high = [0.3, 1.0]", 1);
+    assert_eq!(train(dir.path(), &config, 300, &[]).code, Some(0));
+    let control = |on_error: &str| {
+        let on_error = format!("control.on_error=\"{on_error}\"");
+        let sets = [
+            "control.models=[\"pinc\", \"rk4\"]",
+            "control.error_tolerance={ x1 = 1e-5, x2 = 1e-5 }",
+            &on_error,
+            "control.max_failed_share=1.0",
+        ];
+        let mut command = pinc(&["control", "experiment.toml", "--out", "loop"]);
+        command.args(["--model", "run/model.safetensors"]);
+        command.args(sets.iter().flat_map(|set| ["--set", set])).current_dir(dir.path());
+        let done = outcome(&mut command);
+        assert_eq!(done.code, Some(0), "{done:?}");
+        assert!(done.stdout.contains("estimated error beyond control.error_tolerance in "));
+        let loops = json_of(&dir.path().join("loop/metrics.json"))["control"].clone();
+        fs::remove_dir_all(dir.path().join("loop")).unwrap();
+        loops
+    };
+    let iae = |loops: &Value, i: usize| loops[i]["iae_dense_sum"].as_f64().unwrap();
+    let counted = control("count");
+    let found = &counted[0]["model_error"];
+    assert_eq!(found["steps"], 10, "{found}");
+    assert!((2..=10).contains(&found["beyond"].as_u64().unwrap()), "{found}");
+    assert_eq!(found["tolerance"], json!({ "x1": 1e-5, "x2": 1e-5 }));
+    assert!(found["largest"]["x1"].as_f64().unwrap() > 1e-4);
+    assert!(counted[1]["model_error"].is_null());
+    let off = |loops: &Value| (iae(loops, 0) / iae(loops, 1) - 1.0).abs();
+    let [helped, corrected] = ["integrator", "correct"].map(|of| off(&control(of)));
+    assert!(off(&counted) > 1e-5, "{counted}");
+    assert!(helped < 0.01 * off(&counted), "{helped} {counted}");
+    assert!(corrected < 0.5 * off(&counted), "{corrected} {counted}");
+}
+
+/// The served controller says what it thinks of its net, and what is generated refuses the key.
+#[test]
+fn other_ways_out_have_the_guard_or_refuse_it() {
+    let dir = tempfile::tempdir().unwrap();
+    assert_eq!(train(dir.path(), &smoke(), 100, &[]).code, Some(0));
+    let model = dir.path().join("run/model.safetensors").display().to_string();
+    let tolerance = "control.error_tolerance={ x1 = 1e-9 }";
+    let sets = ["--model", &model, "--set", tolerance, "--set", "control.on_error=\"integrator\""];
+    let config = dir.path().join("experiment.toml");
+    let mut served = Served::of(&config, ModelKind::Pinc, &sets);
+    let answer = served.ask(&json!({ "y": [0.4, 0.1] }));
+    assert_eq!(answer["trust"], "substituted", "{answer}");
+    assert!(answer["model_error"][0].as_f64().unwrap().abs() > 1e-9, "{answer}");
+    served.end();
+    let mut plain = Served::of(&config, ModelKind::Pinc, &["--model", &model]);
+    let answer = plain.ask(&json!({ "y": [0.4, 0.1] }));
+    assert!(answer["trust"].is_null() && answer["model_error"].is_null(), "{answer}");
+    plain.end();
+    for to in ["c", "fmu"] {
+        let mut command = pinc(&["export", "experiment.toml", "--model", &model, "--to", to]);
+        let refused = outcome(command.args(["--set", tolerance]).current_dir(dir.path()));
+        refused.assert_refused(&["control.error_tolerance", "pinc certify"]);
+    }
+}
+
+#[test]
+fn tolerances_name_states_and_are_positive() {
+    let dir = tempfile::tempdir().unwrap();
+    let control = |set: &str, parts: &[&str]| {
+        fs::write(dir.path().join("experiment.toml"), smoke()).unwrap();
+        let mut command = pinc(&["run", "experiment.toml", "--set", set]);
+        outcome(command.current_dir(dir.path())).assert_refused(parts);
+    };
+    control("control.error_tolerance={ x3 = 0.1 }", &["control.error_tolerance.x3", "x1, x2"]);
+    control("control.error_tolerance={ x1 = 0.0 }", &["control.error_tolerance.x1", "positive"]);
+    control("control.on_error=\"correct\"", &["control.on_error", "control.error_tolerance"]);
+    let proven = "training.proven_tolerance={ x1 = -1.0 }";
+    control(proven, &["training.proven_tolerance.x1", "a positive number"]);
+    control("training.proven={ x1 = 1.0 }", &["training.proven", "proven_tolerance"]);
+}
+
+/// A net is trained until its error is proven; the certificate is checked against net, equation and
+/// domain, and its bounds are proven again.
+#[test]
+fn a_proven_net_carries_its_certificate() {
+    let dir = tempfile::tempdir().unwrap();
+    let small = small();
+    // A net of 40 iterations is not that good: the rounds after it have to help.
+    let sets = ["training.proven_tolerance={ x1 = 0.06, x2 = 0.06 }"];
+    let done = train(dir.path(), &small, 40, &sets);
+    assert_eq!(done.code, Some(0), "{done:?}");
+    let log = fs::read_to_string(dir.path().join("run/training.csv")).unwrap();
+    assert!(log.lines().count() > 41, "no round of training after the first");
+    let verify = |model: &str, more: &[&str]| {
+        let fixed = ["certify", "experiment.toml", "--model", model, "--verify"];
+        outcome(pinc(&[&fixed[..], more].concat()).current_dir(dir.path()))
+    };
+    let model = "run/model.safetensors";
+    let checked = verify(model, &[]);
+    assert_eq!(checked.code, Some(0), "{checked:?}");
+    assert!(checked.stdout.contains("one step is off by at most x1 "), "{checked:?}");
+    let bytes = fs::read(dir.path().join(model)).unwrap();
+    let certificate = pinc_runs::certificate(&bytes).unwrap();
+    for state in ["x1", "x2"] {
+        assert!(certificate.proven[state] <= 0.06, "{certificate:?}");
+    }
+    assert_eq!(certificate.domain["u"], [-1.0, 1.0]);
+    // One weight changed, another equation, a bound that is too low.
+    let mut changed = bytes.clone();
+    let last = changed.len() - 5;
+    changed[last] ^= 1;
+    fs::write(dir.path().join("changed.safetensors"), changed).unwrap();
+    verify("changed.safetensors", &[]).assert_refused(&["changed.safetensors", "another net"]);
+    verify(model, &["--set", "plant.van-der-pol.mu=1.01"]).assert_refused(&["another equation"]);
+    let text = String::from_utf8_lossy(&bytes[8..]).into_owned();
+    let bound = format!("{}", certificate.proven["x1"]);
+    let start = 8 + text.find(&bound).expect("the bound is in the header");
+    let mut lower = bytes.clone();
+    lower[start + bound.len() - 4..start + bound.len()].copy_from_slice(b"e-09");
+    fs::write(dir.path().join("lower.safetensors"), lower).unwrap();
+    verify("lower.safetensors", &[]).assert_refused(&["cannot be proven again"]);
+    assert_eq!(train(dir.path(), &small, 20, &[]).code, Some(0));
+    verify(model, &[]).assert_refused(&["no certificate", "training.proven_tolerance"]);
+}
