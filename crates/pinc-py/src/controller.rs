@@ -44,6 +44,10 @@ pub(crate) struct ControlStep {
     kkt: f64,
     /// How long the step took, in us.
     step_us: f64,
+    /// Whether the net was trusted in the plan's first step, or None without a tolerance.
+    trust: Option<String>,
+    /// The estimated error of the net in that step; empty without a tolerance.
+    model_error: Py<PyArrayDyn<f64>>,
 }
 
 #[pymethods]
@@ -131,6 +135,8 @@ impl Nmpc {
             sqp_iterations: step.sqp_iterations,
             kkt: step.kkt,
             step_us: step.step_us,
+            trust: (!step.model_error.is_empty()).then(|| step.trust.to_string()),
+            model_error: vector(step.model_error)?,
         };
         controller.prepare();
         Ok(done)

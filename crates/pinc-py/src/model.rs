@@ -1,13 +1,15 @@
 //! A trained net as a model.
 
 use crate::arrays::{Array, Given, Points, array};
+use crate::config::experiment;
 use crate::errors::{input, of_run};
 use pinc_net::{FoldedNet, PincModel, PincNet, TrainingTarget};
 use pinc_ode::{Dims, Linearization, Model as _, Stages};
 use pinc_record::{read_file, write_atomically};
-use pinc_runs::RunError;
+use pinc_runs::{Certificate, RunError, certificate, certified, error_estimate};
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict, PyTuple};
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
@@ -18,6 +20,7 @@ pub(crate) struct Model {
     net: PincNet,
     dims: Dims,
     parameters: Vec<String>,
+    certificate: Option<Certificate>,
     model: Mutex<PincModel>,
 }
 
@@ -27,6 +30,7 @@ impl Model {
         Ok(Self {
             dims: model.dims(),
             parameters: net.parameter_names().map(str::to_owned).collect(),
+            certificate: None,
             model: Mutex::new(model),
             net,
         })
@@ -35,12 +39,15 @@ impl Model {
     fn parse(path: &Path, bytes: &[u8]) -> PyResult<Self> {
         let net = PincNet::from_bytes(bytes)
             .map_err(|source| of_run(&RunError::Model { path: path.to_owned(), source }))?;
-        Self::of(net)
+        Ok(Self { certificate: certificate(bytes), ..Self::of(net)? })
     }
 
-    /// The content of its file.
+    /// The content of its file, with its certificate if it has one.
     pub(crate) fn bytes(&self) -> Vec<u8> {
-        self.net.to_bytes()
+        match &self.certificate {
+            Some(certificate) => certified(&self.net, certificate),
+            None => self.net.to_bytes(),
+        }
     }
 
     /// The model, for one call. It has no memory of earlier calls, not even of one that failed.
@@ -174,6 +181,35 @@ impl Model {
             domain.set_item(name, ends)?;
         }
         Ok(domain)
+    }
+
+    /// The proven bound of the error of one step by state, or None without a certificate.
+    #[getter]
+    fn proven_error(&self) -> Option<BTreeMap<String, f64>> {
+        self.certificate.as_ref().map(|of| of.proven.clone())
+    }
+
+    /// The estimated error of the state after T, to first order, against the plant of a config.
+    #[pyo3(signature = (config, x, u, p=None))]
+    fn error_estimate<'py>(
+        &self,
+        py: Python<'py>,
+        config: &Bound<'py, PyAny>,
+        x: Given<'py>,
+        u: Given<'py>,
+        p: Option<Given<'py>>,
+    ) -> PyResult<Array<'py>> {
+        let experiment = experiment(config, None)?;
+        let estimate = error_estimate(&experiment, &self.net);
+        let mut estimate = estimate.map_err(|error| of_run(&error))?;
+        let at = self.arguments(&x, &u, p.as_ref())?;
+        let nx = self.dims.nx;
+        let mut errors = vec![0.0; at.count * nx];
+        for (k, error) in errors.chunks_exact_mut(nx).enumerate() {
+            let [x, u, p] = at.point(self.dims, k);
+            estimate.write(x, u, p, error);
+        }
+        array(py, errors, at.rows, &[nx])
     }
 
     /// The layers at the end of a step: weights and bias of each, with all scaling folded in.

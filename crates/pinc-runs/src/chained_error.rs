@@ -6,6 +6,16 @@ use pinc_net::{PincModel, PincNet, TrainingTarget};
 use pinc_ode::{DynPlant, Linearization, Model, Stages};
 use pinc_verify::ErrorEstimate;
 
+/// The estimate of the error of one step of `net` as a model of the experiment's plant.
+///
+/// # Errors
+///
+/// [`RunError::Verify`] if the plant is a black box, or the net knows one scenario only.
+pub fn error_estimate(experiment: &Experiment, net: &PincNet) -> Result<ErrorEstimate, RunError> {
+    let varying: Vec<&str> = net.parameter_names().collect();
+    Ok(ErrorEstimate::new(net, &*experiment.plant.family(&varying))?)
+}
+
 /// Carries the estimated error of a net along its chain: after a step from an error E it is A E + e,
 /// with A the net's Jacobian by the state and e the estimated error of the step.
 #[derive(Debug)]

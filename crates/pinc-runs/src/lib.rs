@@ -47,6 +47,7 @@ mod train_watched;
 mod trial;
 
 pub use certify::{Certify, certificate_summary, certify, verify_certificate};
+pub use chained_error::error_estimate;
 pub use check::{check, check_watched};
 pub use chosen::ModelFile;
 use control::Schedules;
@@ -59,7 +60,7 @@ pub use live::{Follow, LiveController, LiveStep};
 pub use pinc_check::{Finding, IntegratorBox, Severity, findings_json};
 pub use predict::predict;
 pub use progress::Verbosity;
-pub use proof::{Certificate, certificate};
+pub use proof::{Certificate, certificate, certified};
 pub use serve::serve;
 pub use single_step::Steps;
 pub use train::{Threads, TrainingSetup};

@@ -169,7 +169,12 @@ pub(crate) fn worst_points(
 }
 
 /// The model file of `net` with a certificate in its metadata.
-pub(crate) fn certified(net: &PincNet, certificate: &Certificate) -> Vec<u8> {
+///
+/// # Panics
+///
+/// Never: what [`PincNet::to_bytes`] writes can be read.
+#[must_use]
+pub fn certified(net: &PincNet, certificate: &Certificate) -> Vec<u8> {
     let bytes = net.to_bytes();
     let (header, data) = split(&bytes).expect("a model file that was just made");
     let mut header = header;

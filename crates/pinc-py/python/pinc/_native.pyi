@@ -48,6 +48,19 @@ class Model:
     def domain(self) -> dict[str, tuple[float, float]]:
         """The box that the net was trained on: of each variable the lowest and highest value."""
     @property
+    def proven_error(self) -> Optional[dict[str, float]]:
+        """The proven bound of the absolute error of one step by state, everywhere in the domain;
+        None without a certificate in the model file."""
+    def error_estimate(
+        self,
+        config: Config,
+        x: ArrayLike,
+        u: ArrayLike,
+        p: Optional[ArrayLike] = None,
+    ) -> _Array:
+        """The estimated error of the state after T, to first order, against the equation of the
+        plant of ``config``."""
+    @property
     def layers(self) -> list[tuple[_Array, _Array]]:
         """Weights ``(outputs, inputs)`` and bias of each layer at the end of a step, from
         ``(x, u, p)``, with all scaling folded in; all but the last are followed by tanh."""
@@ -222,6 +235,14 @@ class ControlStep:
     @property
     def step_us(self) -> float:
         """How long the step took, in us."""
+    @property
+    def trust(self) -> Optional[str]:
+        """With ``control.error_tolerance``: ``"trusted"`` where the net's estimated error in the
+        plan's first step is within its tolerance, ``"doubted"`` or ``"substituted"`` where not."""
+    @property
+    def model_error(self) -> _Array:
+        """The estimated error of the net in that step, ``(n,)``, in the states' units; empty without
+        ``control.error_tolerance``."""
 
 def run_into(
     config: Config,
