@@ -33,7 +33,7 @@ def rk4(x: np.ndarray, u: float, t: float) -> np.ndarray:
 
 
 def test_the_estimate_is_near_the_error(smoke: Path, tmp_path: Path) -> None:
-    model = pinc.run(smoke, tmp_path, {**SMALL, "control.repetitions": 1}).model()
+    model = pinc.run(smoke, tmp_path, {**SMALL, "control.repetitions": 1}).model
     x = np.array([[0.5, -0.4], [-0.8, 0.3], [0.1, 0.9]])
     u = np.array([[0.3], [-0.6], [0.9]])
     found = model.error_estimate(smoke, x, u)
@@ -56,7 +56,7 @@ def test_a_controller_doubts_its_net(smoke: Path, model: pinc.Model) -> None:
 
 def test_a_certificate_stays_with_its_net(smoke: Path, tmp_path: Path) -> None:
     proven = {**SMALL, "training.proven_tolerance": {"x1": 0.06, "x2": 0.06}}
-    model = pinc.run(smoke, tmp_path, {**proven, "control.repetitions": 1}).model()
+    model = pinc.run(smoke, tmp_path, {**proven, "control.repetitions": 1}).model
     bounds = model.proven_error
     assert bounds is not None and set(bounds) == {"x1", "x2"}
     assert all(0.0 < bound <= 0.06 for bound in bounds.values())
