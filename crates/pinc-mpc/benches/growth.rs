@@ -31,10 +31,10 @@ const PATIENCE_S: [f64; 2] = [2.0, 0.2];
 const INTRODUCTION: &str = "\
 # Growth of a control step
 
-Median times in us of a real-time iteration (one linearization of all stages, one QP) by the number N
-of stages, of states and of inputs; the automatic choice is bold. The plant is a chain of first-order
-lags in a closed loop between two references, with bounds on the inputs that are active or not reached.
-The first step of a loop, which has no plan to start from, is not counted.
+Median times in us of a real-time iteration (one linearization of all stages, one QP) by the number
+N of stages, of states and of inputs; the automatic choice is bold. The plant is a chain of
+first-order lags in a closed loop between two references, with bounds on the inputs that are active
+or not reached. The first step of a loop, which has no plan to start from, is not counted.
 
 ```sh
 cargo bench -p pinc-mpc --bench growth -- --page
@@ -123,8 +123,8 @@ fn summary(rows: &[Row]) -> String {
     let mean = losses.iter().map(|loss| loss.ln()).sum::<f64>() / losses.len() as f64;
     let most = losses.iter().fold(1.0, |most: f64, loss| most.max(*loss));
     format!(
-        "The automatic choice takes {:.2} times as long as the better method in the geometric mean, \
-         and {most:.2}\ntimes at most.",
+        "The automatic choice takes {:.2} times as long as the better method in the geometric \
+         mean, and {most:.2}\ntimes at most.",
         mean.exp()
     )
 }
