@@ -9,7 +9,8 @@ const RANK: f64 = 1e-7;
 const LASTING: f64 = 1e-6;
 /// An unseen deviation that is this small at the end of a trajectory has decayed.
 const DECAYED: f64 = 0.5;
-/// Eigenvalues nearer than this to each other count as one: those of integrators scatter about 1.
+/// Eigenvalues nearer than this to each other count as one: eigenvalues of integrators scatter
+/// about 1.
 const ALIKE: f64 = 1e-4;
 
 /// A mode of a linear model in discrete time that does not decay and cannot be seen in what is
@@ -17,7 +18,7 @@ const ALIKE: f64 = 1e-4;
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct UnseenMode {
-    /// Its eigenvalue; 1 is that of constants, as disturbances are.
+    /// Its eigenvalue; constants, such as disturbances, have 1.
     pub eigenvalue: Complex,
     /// The rank of [lambda - A; C], which is less than the number of states.
     pub rank: usize,

@@ -2,7 +2,7 @@
 
 use crate::Complex;
 
-/// Rates this far below the fastest are 0 but for rounding: those of two integrators in a row are
+/// Rates this far below the fastest are 0 up to rounding: the rates of two integrators in a row are
 /// off by its square root.
 const INTEGRATES: f64 = 1e-7;
 

@@ -26,7 +26,7 @@ const HALVINGS: usize = 16;
 /// A jump, or a kink over the width of the box, of this share of the rate's median size matters.
 const MATTERS: f64 = 0.1;
 
-/// This close to an end of the box, in widths, a kink is that of a guard.
+/// This close to an end of the box, in widths, a kink belongs to a guard.
 const AT_THE_END: f64 = 0.01;
 
 /// What is wrong with an equation at a place.
@@ -47,7 +47,7 @@ pub enum IrregularityKind {
 pub struct Irregularity {
     /// What is wrong.
     pub kind: IrregularityKind,
-    /// Of which state's rate.
+    /// The state whose rate it is.
     pub state: usize,
     /// Along which variable it was found, states first.
     pub variable: usize,

@@ -27,7 +27,7 @@ pub struct Finding {
     pub what: String,
     /// Why it matters; empty for a fact.
     pub why: String,
-    /// What to change; empty for a fact.
+    /// The advised change; empty for a fact.
     pub change: String,
 }
 

@@ -148,8 +148,8 @@ pub fn findings_json(findings: &[Finding]) -> String {
     serde_json::to_string_pretty(findings).expect("words can be JSON")
 }
 
-/// Examines a plant (that of the config, which is itself valid, or it would not have loaded) on the
-/// training domain, or else within the controller's bounds.
+/// Examines the plant of a valid config on the training domain, or else within the controller's
+/// bounds.
 #[must_use]
 pub fn check(
     plant: &dyn DynPlant,

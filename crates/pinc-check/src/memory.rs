@@ -116,7 +116,7 @@ impl Worst {
         Finding::warning("plant", what)
             .because(
                 "each step begins anew with the states alone: what else the simulator remembers, \
-                 and its time, are reset, so that model and loop are those of another plant",
+                 and its time, are reset, so model and loop describe another plant",
             )
             .change(
                 "make all that the simulator remembers a state, and its equations independent of \

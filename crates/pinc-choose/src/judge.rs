@@ -36,8 +36,8 @@ pub struct Score {
     pub worst: Option<f64>,
     /// How long the net was trained, in s.
     pub training_s: Option<f64>,
-    /// What makes an integrator unsound in the box where the loop may go, in the words of `pinc
-    /// check`; `None` for a sound one and for a net.
+    /// Why an integrator is unsound in the box where the loop may go, in the words of `pinc check`;
+    /// `None` for a sound one and for a net.
     pub unsound: Option<String>,
 }
 
@@ -277,7 +277,7 @@ pub(crate) mod tests {
         assert_eq!(name(&all, None).as_deref(), Some("distilled 2x16"));
         let all = [exact.clone(), rk4(1, 101.5, 1.0, 1e-1), rk4(4, 100.0, 12.0, 1e-5)];
         assert_eq!(name(&all, None).as_deref(), Some("RK4 x4"));
-        // Of two that cost the same, the more exact one.
+        // At equal cost, the more exact one.
         let all = [exact.clone(), rk4(2, 100.5, 10.0, 1e-3), rk4(3, 100.0, 10.4, 1e-4)];
         assert_eq!(name(&all, None).as_deref(), Some("RK4 x3"));
         // 15 % is more than measurements differ by: the net wins, and the cheaper integrator.

@@ -15,7 +15,7 @@ pub struct ControlSpec {
     /// The plant in the loop, where it is another than the one that the models are of.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub plant: Option<PlantSpec>,
-    /// What of that plant is measured; its states, exactly, if absent.
+    /// The measured quantities of that plant; its states, exactly, if absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub measurement: Option<MeasurementSpec>,
     /// What makes a state of the measurements.
@@ -25,8 +25,8 @@ pub struct ControlSpec {
     pub duration_s: f64,
     /// The state it starts from, in the plant's order.
     pub initial_state: Vec<f64>,
-    /// The values that the models have for the parameters in `[domain.parameters]`; those of
-    /// `[plant]` for the others.
+    /// The models' values of the parameters in `[domain.parameters]`; other parameters have the
+    /// values of `[plant]`.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub parameters: BTreeMap<String, f64>,
     /// Those of them that are measured: the models are told what the plant in the loop has.
@@ -41,7 +41,7 @@ pub struct ControlSpec {
     /// Loads on the plant in the loop: what no model knows of.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub loads: Vec<LoadSpec>,
-    /// What was applied before the first step, one number per input; 0 if absent.
+    /// The input applied before the first step, one number per input; 0 if absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub initial_input: Option<Vec<f64>>,
     /// Names of the states and outputs that are to follow the references.
@@ -211,7 +211,7 @@ impl ControlSpec {
     }
 
     /// The weight of all inputs of the horizon that `input_differences` make, the input applied
-    /// last in front: that of two inputs i and j is `(u_i - u_j)' W (u_i - u_j)`.
+    /// last in front: two inputs i and j contribute `(u_i - u_j)' W (u_i - u_j)`.
     fn input_sequence(&self, inputs: usize) -> Option<Weight> {
         if self.input_differences.is_empty() {
             return None;

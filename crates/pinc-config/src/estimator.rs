@@ -155,7 +155,7 @@ impl MeasurementSpec {
         self.measured.clone().unwrap_or_else(|| variables.state_names())
     }
 
-    /// What is measured, by its place among the variables; names that are none are left out.
+    /// The measured quantities, by their places among the variables; unknown names are left out.
     #[must_use]
     pub fn quantities(&self, variables: &Variables) -> Vec<Measured> {
         let own = variables.own_outputs();

@@ -32,7 +32,7 @@ use toml::{Table, Value};
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Experiment {
-    /// The experiment's name, which is also that of its run directory.
+    /// The name of the experiment and of its run directory.
     pub name: String,
     /// The reading of the paper.
     pub preset: Preset,
@@ -308,7 +308,7 @@ impl Experiment {
         self.training.is_some() && (self.prediction.is_some() || !numerical)
     }
 
-    /// The length T of a control step in s, where the config says it: that of the net, unless the
+    /// The length T of a control step in s, where the config says it: the net's T, unless the
     /// stages of the horizon differ in length.
     #[must_use]
     pub fn sample_time_s(&self) -> Option<f64> {
@@ -318,8 +318,8 @@ impl Experiment {
         first.or(model).or_else(|| self.control.as_ref().and_then(|c| c.step_s))
     }
 
-    /// The length in s of the step that the net is trained for, where the config says it; where it
-    /// does not, that of a control step, unless the stages of the horizon differ in length.
+    /// The length in s of the step that the net is trained for, where the config says it; otherwise
+    /// the length of a control step, unless the stages of the horizon differ in length.
     #[must_use]
     pub fn net_step_s(&self) -> Option<f64> {
         let has_stages = self.control.as_ref().is_some_and(|control| control.stages_s.is_some());

@@ -23,8 +23,8 @@ pub(crate) struct Layers {
     arguments: Vec<String>,
 }
 
-/// The origin of each value, by its key. What is in a list has that of the list, unless it was set
-/// by itself.
+/// The origin of each value, by its key. An element of a list has the origin of the list, unless it
+/// was set by itself.
 type Origins = HashMap<String, Source>;
 
 /// An [`Origin`] without its texts. In which line something stands is looked up when it is asked

@@ -70,7 +70,7 @@ impl Experiment {
 }
 
 impl ControlSpec {
-    /// Whether the plant of the loop is another than that of the models, at some time at least.
+    /// Whether the plant of the loop differs from the plant of the models, at some time at least.
     #[must_use]
     pub fn has_mismatch(&self) -> bool {
         self.plant.is_some() || !self.plant_schedule.is_empty() || !self.loads.is_empty()

@@ -86,7 +86,7 @@ impl Experiment {
         Schedule::of(names, values, changes, sample_time_s)
     }
 
-    /// The plant in the loop: that of the models, unless `[control]` has another one.
+    /// The plant in the loop: the models' plant, unless `[control]` has another one.
     #[must_use]
     pub fn plant_in_the_loop(&self) -> &PlantSpec {
         let own = self.control.as_ref().and_then(|control| control.plant.as_ref());

@@ -128,8 +128,8 @@ pub fn trials(experiment: &Experiment) -> Result<Vec<Trial>, (String, Problem)> 
     Ok(trials)
 }
 
-/// The models in the loops of a sweep, each once: those of the experiment first, then those that
-/// only some of its trials have, in the order of the trials.
+/// The models in the loops of a sweep, each once: first the experiment's, then models that only
+/// some trials have, in the order of the trials.
 #[must_use]
 pub fn sweep_models(experiment: &Experiment, trials: &[Trial]) -> Vec<ModelKind> {
     let trials = trials.iter().map(|trial| &trial.experiment);

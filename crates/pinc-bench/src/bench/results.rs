@@ -121,7 +121,7 @@ pub struct LossGradient {
     pub ms: f64,
     /// Operations of the matrix products, in 10^9 per second.
     pub gflops: f64,
-    /// `gflops` by that of the multiply-add probe with as many threads in the machine's best
+    /// `gflops` relative to the multiply-add probe with as many threads in the machine's best
     /// instruction set, measured in turns with the evaluations.
     pub fraction_of_peak: f64,
     /// How many evaluations the median is of.
