@@ -133,7 +133,7 @@ impl<'a> Advice<'a> {
         let score = self.score;
         let (exact, iae) = (self.standard.exact, self.standard.iae);
         let mut text = format!(
-            "Use {}: its IAE of {:.6} is {}that of the most exact model, {exact}, {iae:.6}, and its \
+            "Use {}: its IAE of {:.6} is {}the IAE of the most exact model, {exact}, {iae:.6}, and its \
              control step takes {:.1} us (99th percentile {:.1} us)",
             described(self.winner),
             score.iae,
@@ -153,7 +153,7 @@ impl<'a> Advice<'a> {
         let what = if wants_net { "net" } else { "integrator" };
         text += &match other {
             Some((tried, other)) => format!(
-                "; that of the cheapest {what} as good, {}, takes {:.1} us.",
+                "; the cheapest {what} as good, {}, takes {:.1} us.",
                 tried.candidate, other.p50_us
             ),
             None => match self.count(wants_net) {

@@ -8,13 +8,13 @@ use std::fmt::{self, Debug};
 /// An estimator in filter form: at each step [`Estimator::correct`] with what is measured, use the
 /// [`Estimator::estimate`], then [`Estimator::predict`] with the input that is applied.
 ///
-/// The state z that is estimated is that of the estimator's model, whose outputs are what is
-/// measured ([`Augmented`](crate::Augmented)).
+/// The estimated state z is the state of the estimator's model, whose outputs are the measured
+/// quantities ([`Augmented`](crate::Augmented)).
 ///
 /// An estimator owns its memory: no method allocates. After a step that could not be taken the
 /// estimate and its covariance are those from before, and the status says so.
 pub trait Estimator: Debug + Send {
-    /// The sizes: `nx` is that of z, `ny` the number of measured quantities.
+    /// The sizes: `nx` is the length of z, `ny` the number of measured quantities.
     fn dims(&self) -> Dims;
 
     /// Forgets everything: the estimate is again the initial one, and the input before the first

@@ -80,7 +80,7 @@ impl<'a> Controller<'a> {
         })
     }
 
-    /// What the plant has been given before the first step; 0 if that is not known.
+    /// The input before the first step; 0 if unknown.
     pub(crate) fn first_input(&self, dims: Dims) -> Vec<f64> {
         self.initial_input.map_or_else(|| vec![0.0; dims.nu], <[f64]>::to_vec)
     }
@@ -208,7 +208,7 @@ impl<'a> Controller<'a> {
         Ok(())
     }
 
-    /// Of the states at all stages: the largest multipliers of their bounds.
+    /// The largest multipliers of the states' bounds, over all stages.
     pub(crate) fn penalties(&self, dims: Dims) -> Vec<f64> {
         let all = 0..self.problem.horizon * dims.nx;
         all.map(|v| penalty(&self.problem.state_softness, v % dims.nx)).collect()

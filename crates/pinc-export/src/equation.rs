@@ -186,12 +186,12 @@ fn joined(a: Option<String>, operator: &str, b: Option<String>) -> Option<String
     }
 }
 
-/// What belongs to the smaller of two values; of equal ones, the second; NaN if one is.
+/// The item of the smaller of two values; of equal ones, the second; NaN if one is.
 fn smaller(a: usize, b: usize, of_a: &str, of_b: &str) -> String {
     format!("(v{b} <= v{a}) ? {of_b} : ((v{a} <= v{b}) ? {of_a} : ({of_a} + {of_b}))")
 }
 
-/// The same of the larger.
+/// The item of the larger of two values, with the same rules.
 fn larger(a: usize, b: usize, of_a: &str, of_b: &str) -> String {
     format!("(v{a} <= v{b}) ? {of_b} : ((v{b} <= v{a}) ? {of_a} : ({of_a} + {of_b}))")
 }

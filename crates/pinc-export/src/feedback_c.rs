@@ -253,7 +253,7 @@ const MHE_STATUSES: &str = ",
         the last one that was. */
     PINC_ESTIMATE_QP_FAILED = 5";
 
-/// Of sources that call the outputs.
+/// For sources that call the outputs.
 pub(crate) const INCLUDE_OUTPUTS: &str = "#include \"pinc_outputs.h\"\n";
 
 /// Golden vectors: controller and estimator of the library in closed loop with their own model,

@@ -162,7 +162,7 @@ fn set_problem(
     let increment_rows = limited(&increment_low, &increment_high);
     let [q, r, w] = weights(controller, &units, dims)?;
     let size = |values: &[f64]| constant(values.iter().fold(0.0_f64, |s, v| s.max(v.abs())));
-    // The first rows and columns of W are those of the input applied last.
+    // The first rows and columns of W belong to the input applied last.
     let width = inputs + dims.nu;
     let free = w.chunks_exact(width).skip(dims.nu).flat_map(|row| &row[dims.nu..]).copied();
     let mut tables =
@@ -194,7 +194,7 @@ fn set_problem(
     tables += &places("state_rows", &state_rows);
     tables += &places("increment_rows", &increment_rows);
     if has_units(&units) {
-        tables += "/* Units of states and inputs, in those of the plant. */\n";
+        tables += "/* Units of states and inputs, in the plant's units. */\n";
         tables += &array("x_unit", of_x);
         tables += &array("u_unit", of_u);
     }

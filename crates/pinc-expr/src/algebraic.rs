@@ -129,8 +129,8 @@ impl Equations {
         Ok(parsed)
     }
 
-    /// The outputs: those of the table and the algebraic variables, in the alphabetical order of
-    /// their names, the elements of an array by their indices.
+    /// The outputs in the table and the algebraic variables, in the alphabetical order of their
+    /// names, the elements of an array by their indices.
     pub(crate) fn output_variables(&self) -> Vec<Variable> {
         let own = self.outputs.iter().map(|(name, output)| (name, &output.unit));
         let unknowns = self.algebraic.iter().map(|(name, unknown)| (name, &unknown.unit));

@@ -3,7 +3,7 @@
 use std::ops::Range;
 use thiserror::Error;
 
-/// Equations that are not those of a plant: what is wrong, and where.
+/// Equations that do not make a plant: what is wrong, and where.
 #[derive(Clone, Debug, Error, PartialEq)]
 #[error("`{key}`: {problem}{}", .text.as_ref().map(Excerpt::to_string).unwrap_or_default())]
 pub struct ExpressionError {

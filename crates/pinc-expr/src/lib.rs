@@ -1,4 +1,4 @@
-//! The equations of plants as graphs: those that are text, and those of Rust plants.
+//! The equations of plants as graphs, from text or from Rust.
 
 mod algebraic;
 mod arrays;

@@ -83,7 +83,7 @@ impl PlantEquations {
         Self(Source::Rust { plant: Arc::new(plant), constants })
     }
 
-    /// The parameters that may vary, with their values: those of a text, the
+    /// The parameters that may vary, with their values: the parameters of a text, or the
     /// [`Plant::constants`] of a plant in Rust.
     #[must_use]
     pub fn parameters(&self) -> &BTreeMap<String, f64> {

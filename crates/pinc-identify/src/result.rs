@@ -27,8 +27,8 @@ pub struct Identified {
     pub measurements: usize,
     /// These without the unknowns that are not held at a bound.
     pub degrees_of_freedom: usize,
-    /// The correlations of all estimates, `[unknowns, unknowns]` row by row: those of the
-    /// parameters, then of the initial state of each recording. NaN where one is not determined.
+    /// The correlations of all estimates, `[unknowns, unknowns]` row by row: first the parameters,
+    /// then the initial state of each recording. NaN where one is not determined.
     pub correlation: Vec<f64>,
     /// The singular values of the derivatives of all residuals by all unknowns, each in its own
     /// size, from the largest: those that are 0 belong to directions that the data do not

@@ -236,7 +236,7 @@ struct Loop {
 
 impl Loop {
     /// Q = 10 I, R = I, all states are controlled. The references need inputs of 1; bounds of 0.75
-    /// are active, those of 100 never.
+    /// are active, bounds of 100 never.
     fn new([n, m]: [usize; 2], horizon: usize, active: bool, qp: QpMethod) -> Self {
         let dims = Dims::new(n, m);
         let bound = if active { 0.75 } else { 100.0 };

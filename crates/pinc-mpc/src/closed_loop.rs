@@ -101,7 +101,7 @@ pub struct Control<'b, 'a> {
 
 impl<'a> ClosedLoop<'a> {
     /// The loop of `nmpc`, which forgets what it did before, and `plant`, starting in state `x`.
-    /// The paper's answers are those of a plant integrated to a tolerance of 1e-12.
+    /// The paper's answers need a plant integrated to a tolerance of 1e-12.
     ///
     /// # Errors
     ///
@@ -297,8 +297,8 @@ impl<'a> ClosedLoop<'a> {
         &self.last_step
     }
 
-    /// What sample `i` of [`ClosedLoop::last_step`] is compared with: the value of the step that
-    /// led there; for the initial point of the loop, that of the first step.
+    /// The reference of sample `i` of [`ClosedLoop::last_step`]: the value of the step that led
+    /// there; for the initial point of the loop, the value of the first step.
     #[must_use]
     pub fn reference_at(&self, i: usize) -> &[f64] {
         let k = if i == 0 { self.last.saturating_sub(1) } else { self.last };
@@ -356,8 +356,8 @@ impl<'a> ClosedLoop<'a> {
         sum
     }
 
-    /// What is tracked at the end of the last step; [`ClosedLoop::errors`] has it as of the beginning
-    /// of the next step.
+    /// The tracked quantities at the end of the last step; [`ClosedLoop::errors`] has them at the
+    /// beginning of the next step.
     pub(crate) fn tracked_at_end(&self) -> Option<Vec<f64>> {
         let is_open = self.done > 0 && !self.broken;
         is_open.then(|| self.tracked_at(self.last_step.len() - 1))
@@ -395,7 +395,7 @@ impl<'a> ClosedLoop<'a> {
     }
 
     /// The bounds that were broken on the dense trace, the initial point apart, each with its worst
-    /// violation: those of states, inputs, outputs.
+    /// violation: bounds of states, inputs, outputs.
     pub fn violations(&self) -> impl Iterator<Item = &Violation> {
         self.violations.broken()
     }
@@ -428,8 +428,8 @@ impl<'a> ClosedLoop<'a> {
     }
 }
 
-/// The steps from the end of the first stage, which is a step, to those in which all end; `times`
-/// are those of the stages' ends from the beginning of the first.
+/// The steps from the end of the first stage, which is a step, to the steps in which all end;
+/// `times` are the ends of the stages from the beginning of the first.
 fn steps_ahead(times: &[f64]) -> Vec<usize> {
     times[1..].iter().map(|&time| steps_until(time, times[1]) - 1).collect()
 }

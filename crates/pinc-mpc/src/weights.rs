@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Weights {
-    /// Q, for the tracked quantities: stage i weights those of x\[k+i+1\], i = 0..N2-1.
+    /// Q, for the tracked quantities: stage i weights the quantities of x\[k+i+1\], i = 0..N2-1.
     pub q: PerStage<Weight>,
     /// R, for the inputs' increments: stage i weights du\[k+i\], i = 0..Nu-1.
     pub r: PerStage<Weight>,

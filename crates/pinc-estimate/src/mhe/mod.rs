@@ -42,8 +42,8 @@ const NO_STEP: f64 = 1e-13;
 /// bounds this is the Kalman filter, for any N.
 ///
 /// It is solved by Gauss-Newton sequential quadratic programming on the stages of the window
-/// (multiple shooting), begun at the last solution moved on. The covariance of the estimate is that
-/// of the filter, which knows no bounds.
+/// (multiple shooting), begun at the shifted last solution. The covariance of the estimate comes
+/// from the filter, which knows no bounds.
 ///
 /// Reference: Rao, Rawlings and Mayne, "Constrained state estimation for nonlinear discrete-time
 /// systems", IEEE Trans. Autom. Control 48 (2003).
@@ -103,7 +103,7 @@ impl Mhe {
     pub const LONGEST: usize = 200;
 
     /// An estimator over a window of `steps` steps, with the outputs of `model` as what is
-    /// measured. Until the first prediction, the input is taken for 0, or for that of
+    /// measured. Until the first prediction the input is taken to be 0, or the one given to
     /// [`Estimator::reset_input`].
     ///
     /// # Errors
@@ -229,7 +229,7 @@ impl Mhe {
             least = least.min(point.kkt);
             self.mark_base();
             if self.programs[steps].length() <= NO_STEP {
-                // There is no better point nearby; the multipliers are those of the solution.
+                // There is no better point nearby; take the multipliers of the solution.
                 let there = self.go(1.0);
                 return (solved(there), iteration + 1, there.kkt);
             }

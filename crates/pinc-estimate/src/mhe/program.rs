@@ -340,7 +340,7 @@ impl Program {
         }
     }
 
-    /// Moves the multipliers by a part of the way from those of `base` to those of the solution.
+    /// Moves the multipliers a part of the way from `base` to the solution.
     pub(super) fn blend(&mut self, part: f64, base: &Multipliers) {
         let sides = base.parts().into_iter().zip(self.step.multipliers.parts());
         for (to, (base, new)) in self.multipliers.parts_mut().into_iter().zip(sides) {

@@ -93,7 +93,7 @@ fn estimates_are_within_their_bounds() {
     assert!(updated >= case.data.len() * 9 / 10, "{updated}");
 }
 
-/// Without time there is an estimate all the same, that of the filter, and more time helps.
+/// Without time the estimate is the filter's, and more time helps.
 #[test]
 fn a_deadline_is_met() {
     let case = tanks();

@@ -38,7 +38,7 @@ impl Debug for Equation {
 }
 
 impl Equation {
-    /// Of an instance whose states are in these places of its vector, and are set at the start in
+    /// For an instance whose states are in these places of its vector, and are set at the start in
     /// the places `starts`.
     pub(super) fn new(
         instance: Instance,

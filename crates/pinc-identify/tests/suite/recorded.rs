@@ -121,8 +121,8 @@ fn the_fit_takes_few_evaluations_of_the_model() {
     assert!(far.work.iterations <= 25 && far.work.steps <= 199 * 45, "{:?}", far.work);
 }
 
-/// Half the widths are those of the formula, with a Jacobian of differences of the model and the
-/// inverse of its normal equations.
+/// Half widths agree with the formula, with a Jacobian of differences of the model and the inverse
+/// of its normal equations.
 #[test]
 fn half_widths_are_those_of_the_formula() {
     let found = fit(&[0, 1, 2, 3], &NEAR, STATE);

@@ -149,8 +149,8 @@ fn like_models_are_one() {
     });
 }
 
-/// Of a plan that is moved on a stage keeps no linearization of another model: with linear models
-/// one quadratic program is always enough.
+/// A stage of a shifted plan keeps no linearization of another model: with linear models one
+/// quadratic program is always enough.
 #[test]
 fn stages_are_linearized_by_their_own_models() {
     let builder = Nmpc::builder(scalar_problem(5, 5));
