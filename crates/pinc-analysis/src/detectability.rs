@@ -28,7 +28,7 @@ pub struct UnseenMode {
 
 /// The modes of x+ = A x, y = C x that an estimator cannot find, by the test of Popov, Belevitch
 /// and Hautus at all eigenvalues on and outside the unit circle, and at 1. With none the pair is
-/// detectable. For a model augmented by disturbances d the test at 1 is that of
+/// detectable. For a model augmented by disturbances d the test at 1 is
 ///
 /// ```text
 /// rank [A - 1, Bd; C, Cd] = n + nd

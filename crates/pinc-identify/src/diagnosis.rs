@@ -173,8 +173,8 @@ impl fmt::Display for Finding {
             ),
             Self::Far { name, factor } => write!(
                 f,
-                "{name} ended at {factor:.3e} times its start: are the units of the data those of \
-                 the plant?"
+                "{name} ended at {factor:.3e} times its start: are the units of the data the \
+                 plant's?"
             ),
             Self::NeverMeasured { name } => write!(f, "{name} has no measured value at all"),
             Self::Misfit { name, rms, noise, given } => write!(
@@ -193,13 +193,13 @@ impl fmt::Display for Finding {
             Self::Units { name, factor } => write!(
                 f,
                 "{name}: the measurements are about 1e{:.0} times what the model gives: are \
-                 its units those of the plant?",
+                 its units the plant's?",
                 factor.log10()
             ),
             Self::InputUnits { name, factor } => write!(
                 f,
                 "{name}: the data would fit far better with {factor:e} times its values: \
-                 are its units those of the plant?"
+                 are its units the plant's?"
             ),
         }
     }

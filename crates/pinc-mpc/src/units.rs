@@ -7,10 +7,10 @@ use crate::{NmpcProblem, Tracked};
 use pinc_ode::Dims;
 use pinc_qp::{Multipliers, OcpDims, Qp};
 
-/// A quantity of this size or between is computed with as it is.
+/// Quantities between these sizes keep their unit.
 const ORDINARY: [f64; 2] = [0.0625, 1024.0];
 
-/// The same of the geometric mean of the largest and the least weight in the cost.
+/// The cost keeps its unit if the geometric mean of its largest and least weight is between these.
 const ORDINARY_WEIGHT: [f64; 2] = [1e-3, 1e6];
 
 /// A unit that follows the state is made smaller again when the state is below this part of it.

@@ -99,7 +99,7 @@ impl Domain {
     ///
     /// # Errors
     ///
-    /// [`NetError::Parameter`] if the plant's parameters that vary are not those of the box.
+    /// [`NetError::Parameter`] if the plant's varying parameters are not the box's.
     pub fn in_order_of(&self, plant: &dyn DynRhs) -> Result<Self, NetError> {
         let of = |name: &str| self.parameters.iter().find(|range| range.name == name);
         let mut ordered = Vec::with_capacity(self.parameters.len());

@@ -82,8 +82,8 @@ impl FoldedNet {
     }
 }
 
-/// From weights of the normalized (t, y0, u, p) to weights of (y0, u, p) at `t`; gives those of t,
-/// per second.
+/// From weights of the normalized (t, y0, u, p) to weights of (y0, u, p) at `t`; returns the
+/// weights of t, per second.
 fn fold_input(net: &PincNet, t: f64, layer: &mut PlainLayer) -> Vec<f64> {
     let fold = |(row, bias): (&mut Vec<f64>, &mut f64)| {
         let scaled = row.iter().zip(&net.input.std).map(|(w, std)| w / std);

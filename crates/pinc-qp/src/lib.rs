@@ -55,7 +55,7 @@ use std::ops::Range;
 /// Throughout `du_j` = `du_{Nu-1}` for j >= Nu, `c_j = f(x_j, u_j) - x_{j+1}`, and du all inputs as one
 /// vector.
 ///
-/// The Hessian is that of the cost, after Gauss and Newton: it leaves out the curvature of the
+/// The Hessian is the Gauss-Newton Hessian of the cost: it leaves out the curvature of the
 /// constraints. R and W are the same in all QPs, and so is Q where there is no S. The Hessian as a
 /// whole must be positive semidefinite.
 #[derive(Clone, Debug)]
@@ -125,7 +125,7 @@ impl Limits {
         }
     }
 
-    /// Of each row: low, high and penalty.
+    /// Low, high and penalty of each row.
     #[inline]
     pub fn iter(&self) -> impl Iterator<Item = [f64; 3]> {
         self.low
@@ -212,7 +212,7 @@ pub trait QpSolver: Debug + Send {
 }
 
 impl Qp {
-    /// A program without limits, in which all numbers are 0 but those of the Hessian.
+    /// A program without limits, in which all numbers outside the Hessian are 0.
     #[must_use]
     pub fn new(dims: OcpDims, q: Vec<f64>, r: Vec<f64>) -> Self {
         let OcpDims { nx, nu, horizon, .. } = dims;
@@ -335,7 +335,7 @@ impl Qp {
     /// Writes the gradient of the Lagrangian at d = 0 into `gradient`, as long as z,
     ///
     /// ```text
-    /// g + mu - lambda_j + A_j' lambda_{j+1}, ..    and with those of the increments and rows
+    /// g + mu - lambda_j + A_j' lambda_{j+1}, ..    plus terms of the increments and rows
     /// ```
     ///
     /// the slope of the problem that was linearized, with these multipliers.

@@ -123,13 +123,13 @@ pub enum CheckpointProblem {
     /// Another kind of file.
     #[error("not a checkpoint of a PINC training")]
     Foreign,
-    /// Of another version of the program.
+    /// Written by another version of the program.
     #[error("written by another version of pinc (format {0})")]
     Version(u32),
     /// Truncated or changed.
     #[error("damaged: its checksum does not fit")]
     Damaged,
-    /// Of another config.
+    /// Belongs to another config.
     #[error("belongs to another config or other measurements")]
     OtherConfig,
     /// The training does not accept it.

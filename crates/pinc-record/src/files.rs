@@ -113,7 +113,7 @@ pub fn read_text(path: &Path) -> Result<Option<String>, RecordError> {
     }
 }
 
-/// What a JSON file holds; `None` if it does not exist.
+/// The content of a JSON file; `None` if it does not exist.
 pub(crate) fn read_json<T: DeserializeOwned>(path: &Path) -> Result<Option<T>, RecordError> {
     let Some(text) = read_text(path)? else { return Ok(None) };
     let value = serde_json::from_str(&text);

@@ -16,7 +16,7 @@ enum LoopFinding {
         model: ModelKind,
         /// How many.
         failed: usize,
-        /// Of how many.
+        /// The number of steps.
         steps: usize,
         /// How most of them ended, in the words of [`SqpStatus`].
         status: String,
@@ -38,7 +38,7 @@ enum LoopFinding {
         quantity: String,
         /// How many references it missed.
         missed: usize,
-        /// Of how many.
+        /// The number of references.
         references: usize,
         /// The largest offset, in the quantity's unit.
         offset: f64,

@@ -3,7 +3,8 @@
 //! - [`build`]: the report of a run directory, one HTML page that stands alone, and the pictures in
 //!   it as files of their own.
 //! - [`compare`]: runs side by side.
-//! - [`results`], [`write_results`]: the paper's tables and figures beside those of a list of runs.
+//! - [`results`], [`write_results`]: the paper's tables and figures beside the results of a list of
+//!   runs.
 //!
 //! Everything is made from the types of [`pinc_record`] that wrote the files. A picture is first a
 //! [`pinc_chart::Figure`], plain data, and then drawn.

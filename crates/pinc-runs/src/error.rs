@@ -239,9 +239,7 @@ pub enum RunError {
         key: &'static str,
     },
     /// A command that needs an equation, for a plant without one.
-    #[error(
-        "{name}: `{command}` needs a plant with an equation, and that of [plant] is a black box"
-    )]
+    #[error("{name}: `{command}` needs a plant with an equation, and [plant] is a black box")]
     NoEquation {
         /// The experiment.
         name: String,
@@ -298,7 +296,7 @@ pub enum RunError {
         model: ModelKind,
         /// How many failed.
         failed: usize,
-        /// Of how many.
+        /// The number of steps.
         steps: usize,
         /// The share that may fail.
         allowed: f64,
@@ -314,7 +312,7 @@ pub enum RunError {
     FailedTrials {
         /// How many failed.
         failed: usize,
-        /// Of how many.
+        /// The number of trials.
         trials: usize,
         /// The table that names them.
         table: PathBuf,
@@ -324,7 +322,7 @@ pub enum RunError {
     FailedRuns {
         /// How many failed.
         failed: usize,
-        /// Of how many.
+        /// The number of runs.
         runs: usize,
     },
     /// A sweep that would begin afresh where results are.

@@ -57,7 +57,7 @@ impl TimedFeedback {
         self.feedback.history()
     }
 
-    /// Of each step, the times of its correction and prediction together.
+    /// For each step, the time of its correction and prediction together.
     pub(super) fn step_us(&self) -> Vec<f64> {
         let pairs = self.correct_us.iter().zip(&self.predict_us);
         pairs.map(|(correct, predict)| correct + predict).collect()

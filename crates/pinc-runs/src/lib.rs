@@ -175,7 +175,7 @@ pub fn compare(dirs: &[PathBuf], page: &Path) -> Result<(), RunError> {
     Ok(write_atomically(page, comparison.html.as_bytes())?)
 }
 
-/// Writes the report's pictures, and removes those of an earlier report that it has no more.
+/// Writes the report's pictures, and removes pictures of an earlier report that it no longer has.
 fn write_figures(dir: &Path, figures: &[report::FigureFiles]) -> Result<(), RunError> {
     fs::create_dir_all(dir).map_err(RecordError::unwritable(dir))?;
     remove_unfinished(dir)?;

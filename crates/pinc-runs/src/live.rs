@@ -132,7 +132,7 @@ impl LiveController {
         if let Some(observer) = &mut self.observer {
             observer.estimator.reset();
         }
-        // What was measured is forgotten; with an estimator no parameter is measured.
+        // The measured parameters are forgotten; with an estimator no parameter is measured.
         if !self.measured_parameters.is_empty() {
             self.parameters.copy_from_slice(&self.nmpc.problem().parameters);
             self.nmpc.set_parameters(&self.parameters)?;

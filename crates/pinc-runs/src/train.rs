@@ -514,7 +514,7 @@ mod tests {
         assert!(near(pause(90.0, Duration::from_millis(10), 256_000_000), 90.0));
     }
 
-    /// The net of a training whose threads are those of a list, one after the other.
+    /// The net of a training whose numbers of threads are in a list, one after the other.
     fn trained(threads: &[usize]) -> (Vec<u8>, usize) {
         let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../configs/smoke/one-tank.toml");
         let set = "training.phases.0.iterations=60".to_owned();

@@ -138,7 +138,7 @@ fn recorded_boiling_points_are_the_compiled_ones() {
     agrees_inside(AcetoneColumn::default(), &ranges);
 }
 
-/// The derivatives of the Rosenbrock step of a plant are those of central differences of the step.
+/// The derivatives of the Rosenbrock step of a plant agree with central differences of the step.
 fn rosenbrock_is_differentiated(plant: &dyn DynPlant, at: &[f64], sample_time_s: f64) {
     let dims = plant.dims();
     let mut model = plant.model(Integrator::Rosenbrock, sample_time_s, 2);

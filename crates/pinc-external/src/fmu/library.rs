@@ -393,7 +393,7 @@ impl Instance {
     pub(super) fn initialize(&mut self, references: &[u32], values: &[f64]) -> Result<(), String> {
         let binary = self.binary.clone();
         let of = &binary.functions;
-        // SAFETY: the instance lives; the lengths are those of the slices.
+        // SAFETY: the instance lives; the lengths are the slices' own.
         unsafe {
             checked("reset", (of.reset)(self.handle))?;
             self.set(references, values)?;

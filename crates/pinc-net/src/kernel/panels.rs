@@ -16,7 +16,7 @@ pub(super) struct Panels<V> {
     dims: Dims,
     data: Vec<Pair<V>>,
     targets: Vec<Target<V>>,
-    /// Of each panel the directions, one row per y0, u and p, then the slopes, one per state.
+    /// For each panel the directions, one row per y0, u and p, then the slopes, one per state.
     slopes: Vec<Pair<V>>,
     errors: usize,
     ones: Pair<V>,

@@ -414,7 +414,7 @@ impl ActiveSet {
     }
 
     /// A working row's rate times the length of its normal: a number in the units of the row whose
-    /// multiplier changes, whatever those of the working row.
+    /// multiplier changes, whatever the units of the working row.
     fn length(&self, k: usize) -> f64 {
         self.qr.norm(k) * self.rates[k].abs()
     }

@@ -30,7 +30,7 @@ pub struct EstimateRow {
     pub estimate: Vec<f64>,
     /// Their standard deviations.
     pub sd: Vec<f64>,
-    /// What was measured; NaN where it was not.
+    /// The measured values; NaN where missing.
     pub measured: Vec<f64>,
     /// Measured minus expected; NaN where it was not measured, or rejected.
     pub innovation: Vec<f64>,

@@ -24,7 +24,7 @@ pub struct ResidualRow {
     pub file: usize,
     /// Time in s.
     pub t: f64,
-    /// What was measured; NaN where it was not.
+    /// The measured values; NaN where missing.
     pub measured: Vec<f64>,
     /// What the model gives.
     pub fitted: Vec<f64>,

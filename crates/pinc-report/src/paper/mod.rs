@@ -18,7 +18,7 @@ use std::path::Path;
 /// The paper's plants, as experiments and pages call them.
 const PLANTS: [(&str, &str); 2] = [("van-der-pol", "Van der Pol"), ("four-tanks", "four tanks")];
 
-/// Marks a paragraph whose numbers are computed from those of a table.
+/// Marks a paragraph whose numbers are computed from a table.
 const DERIVED: &str = "<!-- derived: from the table above -->";
 
 /// Every experiment of the paper, in the order of the page's provenance.

@@ -125,7 +125,7 @@ fn a_broken_bound_is_named_with_its_unit_and_time() {
     assert_eq!((within.violations.len(), within.max_violation_of), (0, None));
 }
 
-/// Of two loops of which one is done, the other is not left out.
+/// If one of two loops is done, the other is not left out.
 #[test]
 fn a_run_is_resumed_with_the_loop_that_is_missing() {
     let dir = tempfile::tempdir().unwrap();
