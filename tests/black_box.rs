@@ -120,7 +120,7 @@ references = [
     )
 }
 
-/// The same with this program as the plant.
+/// The config with this program as the plant.
 fn as_process(kind: &str) -> String {
     let program = std::env::current_exe().unwrap();
     let command = json!([program, PLANT, kind]);

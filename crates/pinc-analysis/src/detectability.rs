@@ -70,8 +70,8 @@ pub fn unseen_modes(a: &[f64], c: &[f64], states: usize) -> Vec<UnseenMode> {
     candidates.into_iter().filter_map(|at| unseen(a, c, states, at)).collect()
 }
 
-/// The same along a trajectory, of which each step has its own A and C: a direction of the initial
-/// state that no measurement on the way shows and that does not decay. The test is the rank of the
+/// A direction of the initial state that no measurement along a trajectory shows and that does not
+/// decay. Each step of the trajectory has its own A and C. The test is the rank of the
 /// observability matrix `[C_0; C_1 A_0; C_2 A_1 A_0; ..]`.
 ///
 /// `steps`: A `[states, states]` and C `[ny, states]` of each step, row by row.

@@ -64,7 +64,7 @@ impl<'a> SteadyStateSearch<'a> {
         Self { plant, region, seed, near: region.centre() }
     }
 
-    /// The same search near another point, as the state that a plant starts from.
+    /// Searches near another point, for instance the state that a plant starts from.
     #[must_use]
     pub fn near(self, near: OperatingPoint) -> Self {
         Self { near, ..self }

@@ -134,8 +134,8 @@ impl System {
 }
 
 impl System {
-    /// The same as the eigenvalues of A - B D^-1 C, which take a tenth of the time; nothing where
-    /// this matrix is so much larger than A that its rounding would show.
+    /// The eigenvalues as eigenvalues of A - B D^-1 C, in a tenth of the time; `None` if this
+    /// matrix is so much larger than A that its rounding would show.
     fn standard_eigenvalues(&self) -> Option<Vec<Complex>> {
         let matrix = &self.a - &self.b * self.d.partial_piv_lu().solve(&self.c);
         let size = largest(&matrix);

@@ -49,12 +49,12 @@ impl Finding {
         Self { severity, place, what, why: String::new(), change: String::new() }
     }
 
-    /// The same, with why it matters.
+    /// This finding with the reason why it matters.
     pub(crate) fn because(self, why: impl Into<String>) -> Self {
         Self { why: why.into(), ..self }
     }
 
-    /// The same, with what to change.
+    /// This finding with the advised change.
     pub(crate) fn change(self, change: impl Into<String>) -> Self {
         Self { change: change.into(), ..self }
     }

@@ -9,7 +9,7 @@ use pinc_ode::{BlackBox, DynRhs, OdeError};
 /// Points at which an examination compares.
 const POINTS: usize = 16;
 
-/// The same before a loop, where it must not take long.
+/// Points that are compared before a loop, where it must not take long.
 const FEW: usize = 3;
 
 /// Points where the simulator may fail before no more are tried.

@@ -85,7 +85,7 @@ impl<'a> IntegratorBox<'a> {
         Self::within(plant, experiment, &Work::with_limit(crate::work::SHARE))
     }
 
-    /// The same with what work may be done for the truth.
+    /// The box, with a budget of work for the truth.
     pub(crate) fn within(
         plant: &'a dyn DynPlant,
         experiment: &Experiment,

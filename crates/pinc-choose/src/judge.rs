@@ -135,7 +135,7 @@ impl Standard {
         })
     }
 
-    /// In what a model falls short, but for its time; nothing if it is good.
+    /// Where a model falls short, apart from its time; empty if it is good.
     pub(crate) fn shortfall(&self, score: &Score) -> Option<String> {
         if score.unsound.is_some() {
             return score.unsound.clone();

@@ -163,7 +163,7 @@ impl Experiment {
         Table::try_from(self).expect("the values have a form in TOML")
     }
 
-    /// The same, with the lists for a plant with arrays as they were written.
+    /// The experiment as a table, with lists for a plant with arrays as they were written.
     pub(crate) fn to_table_as_written(&self) -> Table {
         let mut table = self.to_table();
         self.as_written.restore(&mut table);
@@ -288,8 +288,8 @@ impl Experiment {
         hexadecimal(&Sha256::digest(self.to_toml()))
     }
 
-    /// The same experiment without what its numbers do not depend on: how many threads work on it,
-    /// how often they write a checkpoint, in which unit times are shown, and what is identified.
+    /// The experiment without settings that change no number: threads, the interval of checkpoints,
+    /// the unit in which times are shown, and the identification.
     #[must_use]
     pub fn normalized(&self) -> Self {
         let mut same = Self { time_unit: None, identify: None, ..self.clone() };

@@ -212,7 +212,7 @@ fn lay(base: &mut Table, top: Table, prefix: &str, origins: &mut Origins, source
     }
 }
 
-/// Notes the origin of a value and of all in it, but for lists.
+/// Notes the origin of a value and of everything in it, except in lists.
 fn note(origins: &mut Origins, path: &str, value: &Value, source: Source) {
     origins.insert(path.to_owned(), source);
     if let Value::Table(table) = value {

@@ -57,7 +57,7 @@ impl ControlSpec {
             clippy::cast_sign_loss,
             reason = "a positive number, of which the config was checked to be small"
         )]
-        // Lengths that are multiples but for rounding are multiples.
+        // Lengths that are multiples up to rounding are multiples.
         let substeps = (needed * (1.0 - 1e-12)).ceil() as usize;
         substeps.max(1)
     }

@@ -70,7 +70,7 @@ impl OutputFeedback {
         &self.history
     }
 
-    /// The same as a value.
+    /// Returns the history by value.
     #[must_use]
     pub fn into_history(self) -> History {
         self.history

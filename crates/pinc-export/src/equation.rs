@@ -16,7 +16,7 @@ pub(crate) fn values(listing: &Listing, nx: usize, to: &str) -> String {
     body.finish(listing)
 }
 
-/// The same with the derivatives by x and u, which go to f.
+/// The body of a function that also writes the derivatives by x and u, to f.
 pub(crate) fn jacobian(listing: &Listing, nx: usize, nu: usize, to: &str) -> String {
     let tangents = nx + nu;
     let mut body = Body { text: String::new(), nx, tangents };

@@ -20,8 +20,8 @@ const STEPS: usize = 20;
 /// In float the iteration ends earlier.
 const TOLERANCES: [&str; 2] = ["1e-8", "1e-3"];
 
-/// The same with the unscented filter, whose points are near one another in double, which leaves
-/// rounding, and far from one another in float, which is another filter.
+/// The tolerances with the unscented filter. Its points are close together in double, which leaves
+/// rounding, and far apart in float, which makes another filter.
 const UNSCENTED_TOLERANCES: [&str; 2] = ["1e-6", "5e-2"];
 
 /// The smallest residual that single precision can be asked for.

@@ -164,7 +164,7 @@ pub struct ExpressionPlant {
     rhs: Program,
     outputs: Option<Outputs>,
     algebraic: Option<AlgebraicSystem>,
-    /// The same functions with their Jacobians.
+    /// These functions with their Jacobians.
     sparse: SparsePlant<GroupedFunction>,
     rates: Arc<Rates>,
 }

@@ -93,8 +93,8 @@ impl PlantEquations {
         }
     }
 
-    /// The same equations with other values for some parameters. Names that are no parameter's are
-    /// left out.
+    /// The equations with other values for some parameters. Names that are no parameter's are left
+    /// out.
     #[must_use]
     pub fn with_parameters<'n>(mut self, values: impl IntoIterator<Item = (&'n str, f64)>) -> Self {
         let parameters = match &mut self.0 {

@@ -7,7 +7,7 @@ use faer::Mat;
 
 /// Singular values below this share of the largest are none: that is what rounding leaves of 0.
 const NOTHING: f64 = 1e-9;
-/// The same for columns.
+/// Columns below this share of the largest are none.
 const NO_COLUMN: f64 = 1e-12;
 /// The share of an unknown in directions that are not determined from which on it is not either.
 const SHARE: f64 = 1e-3;

@@ -14,7 +14,7 @@ const WEAK: f64 = 0.5;
 const PAIR: f64 = 0.999;
 /// How many times the expected noise the residuals may be.
 const NOISE: f64 = 2.0;
-/// The same where the noise is estimated from the data.
+/// How many times the noise the residuals may be if the noise is estimated from the data.
 const ROUGH_NOISE: f64 = 4.0;
 /// The ratio from which on units are suspected.
 const UNITS: f64 = 100.0;
@@ -359,7 +359,7 @@ fn of_a_channel(problem: &Problem, fit: &Fit<'_>, i: usize, channel: &ChannelFit
         .iter()
         .flat_map(|of| of.recording.y.iter().skip(i).step_by(problem.channels.len()));
     let size = size.filter(|y| !y.is_nan()).fold(0.0, |most: f64, y| most.max(y.abs()));
-    // Residuals that are nothing but rounding are as large as any noise of exact data.
+    // Residuals of pure rounding are as large as any noise of exact data.
     if channel.rms <= 1e-9 * size {
         return all;
     }

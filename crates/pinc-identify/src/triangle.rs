@@ -49,7 +49,7 @@ impl Triangle {
         &self.rows
     }
 
-    /// The same, to be changed.
+    /// The factor, to be changed.
     pub(crate) fn factor_mut(&mut self) -> &mut [f64] {
         self.factor();
         &mut self.rows

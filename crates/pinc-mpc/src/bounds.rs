@@ -43,7 +43,7 @@ impl Bounds {
         }
     }
 
-    /// Checks an applied input: finite, and within the bounds of the first stage but for rounding.
+    /// Checks an applied input: finite, and within the bounds of the first stage up to rounding.
     pub(crate) fn check_applied(&self, u: &[f64]) -> Result<(), MpcError> {
         check_numbers("u_applied", u, "finite", f64::is_finite)?;
         let least = |low: f64| low - ROUNDED_INPUT * (1.0 + low.abs());

@@ -151,8 +151,8 @@ impl<'a> ClosedLoop<'a> {
         })
     }
 
-    /// The same loop, begun with a plant that has been given the input `u` so far: it is u\[k-1\]
-    /// of the first step, and what is under way where inputs are delayed.
+    /// Begins the loop with a plant that has been given the input `u` so far: it is u\[k-1\] of the
+    /// first step, and what is under way where inputs are delayed.
     ///
     /// # Errors
     ///
@@ -165,15 +165,14 @@ impl<'a> ClosedLoop<'a> {
         Ok(self)
     }
 
-    /// The same loop with a controller that does not know what the reference will be: it takes the
-    /// present value for all later ones.
+    /// Hides future references from the controller: it takes the present value for all later ones.
     #[must_use]
     pub fn without_preview(self) -> Self {
         Self { preview: false, ..self }
     }
 
-    /// The same loop with a controller that sees the plant by `observer`: this gives it the state,
-    /// and the parameters of its model.
+    /// Lets the controller see the plant through `observer`, which supplies the state and the
+    /// parameters of its model.
     #[must_use]
     pub fn with_observer(self, observer: &'a mut dyn Observer) -> Self {
         let dims = self.nmpc.model().dims();

@@ -18,8 +18,8 @@ const MOST_WAITING: usize = 5;
 
 /// Nonlinear model predictive control, Algorithm 2 of the paper, with any [`Model`] as the model.
 ///
-/// Each [`Nmpc::step`] solves the [`NmpcProblem`], starting from the last plan moved on by a step,
-/// and gives the plan's first input.
+/// Each [`Nmpc::step`] solves the [`NmpcProblem`], starting from the last plan, shifted by a step,
+/// and returns the plan's first input.
 ///
 /// The input is always within its bounds and the bounds of its increments, however the optimization
 /// ends. A plan that is not optimal but true to the model (to the square root of the tolerance) is
@@ -69,7 +69,7 @@ pub struct Nmpc {
     dims: OcpDims,
     sqp: Sqp,
     plan: Solution,
-    /// The last plan that was followed, moved on.
+    /// The last plan that was followed, shifted.
     fallback: Solution,
     /// Whether the plan's states are worth starting from.
     warm: bool,
@@ -85,7 +85,7 @@ pub struct Nmpc {
     has_fallback: bool,
     /// Whether the first plan is to stay at the state of the first step.
     unplaced: bool,
-    /// Whether the plan is moved on.
+    /// Whether the plan is shifted.
     shifted: bool,
     /// Whether the problem is linearized there.
     prepared: bool,

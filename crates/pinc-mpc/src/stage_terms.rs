@@ -166,7 +166,7 @@ impl StageTerms {
         }
     }
 
-    /// Adds the block of a stage and an input, but for products of the two, to the program; the
+    /// Adds the block of a stage and an input, without products of the two, to the program; the
     /// measured state does not move.
     fn add_block(&self, stage: usize, input: usize, qp: &mut Qp) {
         let (dims, block) = (self.dims, &self.block);

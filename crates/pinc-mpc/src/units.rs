@@ -35,7 +35,7 @@ pub(crate) struct Units {
     /// Which states are tracked, by their place in the reference.
     tracked: Vec<Option<usize>>,
     outputs: usize,
-    /// States and inputs of which nothing but their values says how large they are.
+    /// States and inputs whose size only their values show.
     unknown: [Vec<bool>; 2],
 }
 

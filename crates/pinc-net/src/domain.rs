@@ -82,7 +82,7 @@ impl Domain {
         Self { state_low, state_high, input_low, input_high, parameters: Vec::new() }
     }
 
-    /// The same box for plants whose parameters lie in these ranges.
+    /// The box for plants whose parameters lie in these ranges.
     ///
     /// ```
     /// use pinc_net::{Domain, ParameterRange};
@@ -95,7 +95,7 @@ impl Domain {
         Self { parameters: ranges.into_iter().collect(), ..self }
     }
 
-    /// The same box with its parameters in the order of the plant.
+    /// The box with its parameters in the order of the plant.
     ///
     /// # Errors
     ///

@@ -147,7 +147,7 @@ impl DomainTruth {
         mean_squared_error(&self.predictions(model), &self.next, &self.widths).sqrt()
     }
 
-    /// The same as [`DomainTruth::rms`], with its uncertainty.
+    /// [`DomainTruth::rms`] with its uncertainty.
     #[must_use]
     pub fn rms_error(&self, model: &mut dyn Model) -> RmsError {
         let (n, predicted) = (self.widths.len(), self.predictions(model));

@@ -220,7 +220,7 @@ impl PincNet {
         &self.mlp
     }
 
-    /// The same net with other parameters.
+    /// The net with other parameters.
     ///
     /// # Panics
     ///

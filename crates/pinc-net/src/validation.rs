@@ -32,8 +32,8 @@ pub struct Validation {
     /// Eq. (`mse_gen`) of the paper: self-loop, at the steps t = kT, k >= 1, in the states' units
     /// squared.
     pub mse_gen: f64,
-    /// The same with each state in standard deviations of the box, so that none counts more for its
-    /// unit.
+    /// `mse_gen` with each state in standard deviations of the box, so that none counts more for
+    /// its unit.
     pub mse_gen_normalized: f64,
     /// The authors' code: self-loop, at all rows (inner times and initial rows included), each
     /// state in standard deviations of the box. The inner times are left out for a distilled net.

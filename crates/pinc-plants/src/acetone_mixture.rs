@@ -11,7 +11,7 @@ pub(crate) const COMPONENTS: usize = 3;
 /// there. A last step, which carries the derivatives, comes on top.
 const NEWTON_STEPS: usize = 2;
 
-/// The same at other pressures, where the start is wrong by some K.
+/// Newton steps at other pressures, where the start is wrong by some K.
 const FAR_STEPS: usize = 4;
 
 /// The pressure of [`START`], in kPa.

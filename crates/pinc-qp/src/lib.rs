@@ -200,8 +200,7 @@ pub enum Kind {
 pub trait QpSolver: Debug + Send {
     /// Solves `qp`. On entry the multipliers in `step` are a guess, by which a solver may know
     /// which constraints are likely to be active; on exit, if the status is [`QpStatus::Solved`],
-    /// `step` is the solution, and otherwise of no meaning, but for what is left when the time is
-    /// up.
+    /// `step` is the solution. Otherwise it means nothing, except when the time is up.
     ///
     /// `expired` says whether the time is up; it is asked now and then while the method works. The
     /// status is then [`QpStatus::Expired`].
@@ -236,7 +235,7 @@ impl Qp {
         }
     }
 
-    /// The same with S and T, all 0 at first; from then on Q, S and T may change from QP to QP.
+    /// Adds S and T, all 0 at first; from then on Q, S and T may change from QP to QP.
     #[must_use]
     #[inline]
     pub fn with_stage_cost(mut self) -> Self {
@@ -246,7 +245,7 @@ impl Qp {
         self
     }
 
-    /// The same with S, T and E, all 0 at first.
+    /// Adds S, T and E, all 0 at first.
     #[must_use]
     #[inline]
     pub fn with_end_cost(self) -> Self {

@@ -148,7 +148,7 @@ impl OcpDims {
         RowBlock { rows: first..first + self.feedthrough, state: j, input: self.acting(j - 1) }
     }
 
-    /// The same rows at the start of that interval: of `x_{j-1}` and the same input.
+    /// The rows at the start of that interval: of `x_{j-1}` and the same input.
     #[must_use]
     #[inline]
     pub fn rows_at_start(self, j: usize) -> RowBlock {

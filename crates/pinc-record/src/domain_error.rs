@@ -144,7 +144,7 @@ impl DomainErrorMetrics {
 }
 
 impl DomainFinding {
-    /// The same, of a net with these losses on its sample and on fresh points.
+    /// The finding for a net with these losses on its sample and on fresh points.
     #[must_use]
     pub fn of_training(self, loss: f64, fresh_loss: f64) -> Self {
         Self { is_too_small: fresh_loss <= FITS * loss, ..self }

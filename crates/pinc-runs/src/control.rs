@@ -166,7 +166,7 @@ fn run_model(
     Ok(ControlMetrics { wall_s, step_us, outside_domain: outside, estimator, ..results })
 }
 
-/// Whether a run that has come to its end did what it was for.
+/// Whether a finished run did what it was for.
 ///
 /// # Errors
 ///

@@ -252,7 +252,7 @@ pub enum RunError {
     /// A problem of identification that cannot be solved.
     #[error("identify: {0}")]
     Identify(#[from] IdentifyError),
-    /// The same, of a data file.
+    /// A problem of identification in a data file.
     #[error("{}: {source}", path.display())]
     IdentifyFile {
         /// The file.

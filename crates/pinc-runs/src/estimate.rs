@@ -61,9 +61,9 @@ impl fmt::Display for Estimated {
 /// first numerical one of the config; the net of the file `model`, if that is given.
 ///
 /// The data have the columns `t`, in steps of T, the inputs, which hold from a row to the next, and
-/// `y_<measured>`, read just before the input changes, of which cells may be empty; other columns
-/// are ignored, but for the true states. Before the first row the input is
-/// `control.initial_input`, or else the row's own.
+/// `y_<measured>`, read just before the input changes, whose cells may be empty; other columns are
+/// ignored, except the true states. Before the first row the input is `control.initial_input`, or
+/// else the row's own.
 ///
 /// # Errors
 ///

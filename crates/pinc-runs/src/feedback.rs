@@ -159,7 +159,7 @@ impl LoopSetup<'_> {
     }
 }
 
-/// The numbers of an estimator that has come to its end, of whose steps all times are given.
+/// The numbers of a finished estimator, with the times of all of its steps.
 pub(super) fn metrics(
     history: &History,
     (states, measured): (&[String], &[String]),

@@ -344,7 +344,7 @@ impl Session {
         Ok(())
     }
 
-    /// The same session, resumed from the checkpoint at `path`.
+    /// The session, resumed from the checkpoint at `path`.
     fn resume_from(self, path: &Path, run_dir: &RunDir) -> Result<Self, RunError> {
         let saved = load_checkpoint(path, &self.fingerprint)?;
         let problem = |problem| RecordError::Checkpoint { path: path.to_owned(), problem };

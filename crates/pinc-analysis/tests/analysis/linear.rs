@@ -44,7 +44,8 @@ fn controller_form(a: &[f64], b: &[f64]) -> StateSpace {
     StateSpace::new(&matrix, &input, &output, a.len())
 }
 
-/// The same with four states reflected at a plane, so that all entries of the matrices count.
+/// The controller form with four states reflected at a plane, so that all entries of the matrices
+/// count.
 fn reflected_controller_form(a: &[f64; 4], b: &[f64]) -> StateSpace {
     let [mut matrix, mut input, mut output] = controller_matrices(a, b);
     // Unit vectors.

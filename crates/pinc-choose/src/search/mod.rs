@@ -194,7 +194,7 @@ impl Search<'_> {
         outcome
     }
 
-    /// The same by a standard that is set.
+    /// The search over nets against a given standard.
     fn nets_by<L: Loops>(
         &self,
         standard: &Standard,

@@ -306,7 +306,7 @@ fn derivatives_are_for_distilled_nets_of_plants_that_have_them() {
     }
 }
 
-/// Units are free texts, but for what files cannot have.
+/// Units are free texts, except for what files cannot have.
 #[test]
 fn names_and_units_have_no_control_characters() {
     let plant = |unit: &str, of_input: &str, of_output: &str| {

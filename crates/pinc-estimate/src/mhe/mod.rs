@@ -84,7 +84,7 @@ pub struct Mhe {
     /// The best of several solutions.
     best: Window,
     best_multipliers: Vec<Multipliers>,
-    /// Whether the window has moved on from the first state.
+    /// Whether the window has left the first state behind.
     moved_on: bool,
     /// By the number of steps in the window.
     programs: Vec<Program>,
@@ -188,7 +188,7 @@ impl Mhe {
         self.kalman.correct(&self.h, &mut self.innovation, &mut self.change)
     }
 
-    /// Drops the window but for its last state, of which less is known than the window says.
+    /// Drops the window except for its last state, which is less certain than the window says.
     fn begin_anew(&mut self) {
         self.window.restart(self.kalman.prior());
         self.programs.iter_mut().for_each(|program| program.multipliers.clear());

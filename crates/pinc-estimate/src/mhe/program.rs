@@ -131,7 +131,7 @@ impl Program {
         true
     }
 
-    /// The multipliers of the window before, when it has moved on.
+    /// The shifted multipliers of the window before.
     pub(super) fn shift(&mut self) {
         self.multipliers.shift(self.qp.dims);
     }

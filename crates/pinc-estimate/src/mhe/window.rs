@@ -50,7 +50,7 @@ impl Window {
     }
 
     /// Adds a step under the input `u` that leads to a state that is expected to be `x`, with
-    /// covariance `p`. Whether the window has moved on, without its oldest state.
+    /// covariance `p`. Returns whether the window was shifted, without its oldest state.
     pub(crate) fn push(&mut self, u: &[f64], x: &[f64], p: &[f64]) -> bool {
         let Dims { nx, nu, ny, .. } = self.dims;
         self.u[self.steps * nu..(self.steps + 1) * nu].copy_from_slice(u);

@@ -51,7 +51,7 @@ fn the_window_grows_and_then_moves_on() {
     }
 }
 
-/// A few programs a step: the solution moved on is near the next one.
+/// A few programs a step: the shifted solution is near the next one.
 #[test]
 fn the_last_solution_is_a_good_guess() {
     for case in [tanks(), oscillator()] {

@@ -389,7 +389,7 @@ impl Instance {
         self.end_initialization()
     }
 
-    /// The same up to the initialization, in which the FMU is left.
+    /// Begins again, and leaves the FMU in its initialization.
     pub(super) fn initialize(&mut self, references: &[u32], values: &[f64]) -> Result<(), String> {
         let binary = self.binary.clone();
         let of = &binary.functions;

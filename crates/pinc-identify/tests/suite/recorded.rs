@@ -199,8 +199,8 @@ fn missing_values_are_left_out() {
     let whole = fit(&[0, 1, 2, 3], &NEAR, STATE);
     for (estimate, whole) in found.parameters.iter().zip(&whole.parameters) {
         let [width, whole_width] = [estimate, whole].map(|of| of.half_width.unwrap());
-        // A third of the data is gone: widths grow by sqrt(3/2), but for s, whose standard deviation
-        // is 1/sqrt(2*524) of it, less what the same values say of both.
+        // A third of the data is gone: widths grow by sqrt(3/2), except for s, whose standard
+        // deviation is 1/sqrt(2*524) of it, less what the same values say of both.
         let ratio = width / whole_width / 1.5_f64.sqrt();
         eprintln!("RATIO {ratio} {}", (estimate.value - whole.value) / width);
         assert!((ratio - 1.0).abs() < 0.04, "{estimate:?} {whole:?}");

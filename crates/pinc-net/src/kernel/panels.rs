@@ -88,7 +88,7 @@ impl<V: Simd> Panels<V> {
         Self { rows, dims, data, targets, slopes, errors, ones, last_mask }
     }
 
-    /// The same for `points` whose states are compared with `target` (of a point and a state),
+    /// The panels of `points` whose states are compared with `target` (of a point and a state),
     /// where it is known.
     pub(super) fn aimed(
         points: &Points,

@@ -37,14 +37,15 @@ pub(super) struct Workspace<V> {
     activations: Vec<Vec<Cell<V>>>,
     /// Derivative of the loss in each layer's output before tanh, `[panels, outputs]`.
     adjoints: Vec<Vec<Cell<V>>>,
-    /// Derivative in each parameter, spread over lanes, but for the weights of wide layers.
+    /// Derivative in each parameter, spread over lanes, except for the weights of wide layers.
     gradient: Vec<V>,
     /// Derivative in each weight of the wide layers.
     wide_gradient: Vec<f64>,
     /// Derivatives of a panel's errors in the outputs of the net, `[errors, states]`: one error per
     /// state, and one more where derivatives are fitted.
     seeds: Vec<Cell<V>>,
-    /// The same in the unknown parameters of the plant, `[errors, unknown parameters]`.
+    /// Derivatives of these errors in the unknown parameters of the plant,
+    /// `[errors, unknown parameters]`.
     unknown_seeds: Vec<Pair<V>>,
     scratch: PlantBuffers<V>,
     zero: V,

@@ -284,7 +284,7 @@ fn multiply<V: Simd>(
 mod tests {
     use super::*;
 
-    /// The same matrix, dense and without delay.
+    /// The matrix, dense and without delay.
     struct Dense(Vec<Vec<f64>>);
 
     impl Dense {

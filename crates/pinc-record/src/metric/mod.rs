@@ -113,17 +113,17 @@ impl Metric {
         Self { path, column, title, row, unit, digits, better, printed: None, of }
     }
 
-    /// The same, with another name beneath the heading of its stage, or not in reports.
+    /// The metric with another name beneath the heading of its stage, or not in reports.
     pub(crate) const fn row(self, row: Option<&'static str>) -> Self {
         Self { row, ..self }
     }
 
-    /// The same without a better direction.
+    /// The metric without a better direction.
     pub(crate) const fn neutral(self) -> Self {
         Self { better: Better::Neither, ..self }
     }
 
-    /// The same with a column in the table that a run prints.
+    /// The metric with a column in the table that a run prints.
     pub(crate) const fn printed(self, head: &'static str, show: Show) -> Self {
         Self { printed: Some((head, show)), ..self }
     }

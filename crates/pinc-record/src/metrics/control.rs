@@ -98,8 +98,8 @@ impl ControlMetrics {
         self.status.values().sum()
     }
 
-    /// How many of them failed: those that did not converge, but for real-time iterations, which
-    /// are not judged, and those that the time budget ended.
+    /// How many of them failed: steps that did not converge (real-time iterations are not judged)
+    /// and steps that the time budget ended.
     #[must_use]
     pub fn failed_steps(&self) -> usize {
         self.status.iter().filter(|(status, _)| is_failure(status)).map(|(_, steps)| steps).sum()

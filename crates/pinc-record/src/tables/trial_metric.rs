@@ -32,7 +32,7 @@ impl TrialMetric {
         Self::results_with(experiment, &sweep_models(experiment, &[]))
     }
 
-    /// The same with loops of these models.
+    /// The metrics of these stages, with loops of these models.
     pub(super) fn results_with(experiment: &Experiment, models: &[ModelKind]) -> Vec<Self> {
         Self::all(experiment, models, |unit| unit.seconds().is_none())
     }

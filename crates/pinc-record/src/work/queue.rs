@@ -106,7 +106,7 @@ impl<'a> Queue<'a> {
         Self { state: Mutex::new(state), changed: Condvar::new(), cores, look_every: LOOK_EVERY }
     }
 
-    /// The same work, followed by the part that `later` trials turn out to be.
+    /// This work, followed by the part that `later` trials turn out to be.
     #[must_use]
     pub fn and_later(self, later: Vec<&'a Trial>) -> Self {
         self.lock().later = later;

@@ -22,7 +22,7 @@ pub fn check(experiment: &Experiment) -> Vec<Finding> {
     check_watched(experiment, Verbosity::Quiet)
 }
 
-/// The same with its progress on standard error.
+/// [`check`] with its progress on standard error.
 #[must_use]
 pub fn check_watched(experiment: &Experiment, verbosity: Verbosity) -> Vec<Finding> {
     examine(&*experiment.plant.dyn_plant(), experiment, verbosity)

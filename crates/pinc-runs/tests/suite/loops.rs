@@ -225,7 +225,7 @@ fn the_first_row_of_recorded_data_is_read_under_the_input_before_it() {
         let row = text.lines().nth(1).unwrap();
         row.split(',').nth(1).unwrap().parse::<f64>().unwrap()
     };
-    // The reading is believed but for 0.01 / 100.01.
+    // The reading is believed up to 0.01 / 100.01.
     let expected = |x: f64| 0.5 + (x - 0.5) * 100.0 / 100.01;
     near(&[filtered(READ)], &[expected(3.5 - 2.0 * 1.5)]);
     let unknown = READ.replace("initial_input = [1.5]\n", "");
