@@ -22,7 +22,7 @@ const AT_REST: f64 = 1e-8;
 /// given with some three digits.
 const HELD: f64 = 1e-3;
 
-/// What was found for values to be held.
+/// The result of a search with values to be held.
 #[derive(Clone, Debug, PartialEq)]
 pub enum HeldPoint {
     /// A steady state within the bounds.

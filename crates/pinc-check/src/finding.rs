@@ -23,7 +23,7 @@ pub struct Finding {
     /// The key of the config that it is about, or a place in the plant; empty for the plant as a
     /// whole.
     pub place: String,
-    /// What it is.
+    /// The finding in words.
     pub what: String,
     /// Why it matters; empty for a fact.
     pub why: String,

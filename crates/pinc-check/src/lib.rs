@@ -117,7 +117,7 @@ pub struct Rehearsal {
 /// they cannot be read.
 pub type ReadMeasurements<'a> = dyn Fn(&[PathBuf]) -> Result<Measurements, String> + 'a;
 
-/// What is known beside the config.
+/// Knowledge beside the config.
 pub struct Evidence<'a> {
     /// The closed loop with an integrator as the model, if the config has one and says T; or why
     /// it could not be run.
@@ -126,7 +126,7 @@ pub struct Evidence<'a> {
     pub cost: Option<Cost>,
     /// The files of `[data]`.
     pub read: &'a ReadMeasurements<'a>,
-    /// What may be done, part of which the closed loop has taken.
+    /// The budget of work, part of which the closed loop has taken.
     pub work: Work,
     /// Is told what is looked at next, with its place and how many parts there are.
     pub progress: &'a dyn Fn(&str, usize, usize),

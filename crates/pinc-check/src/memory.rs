@@ -39,8 +39,8 @@ pub(crate) fn examine(subject: &Subject<'_>) -> Vec<Finding> {
     }]
 }
 
-/// What there is to say before a loop with a black box whose steps of T/2 do not make a step of T.
-/// A few points are compared.
+/// The warning before a loop with a black box whose steps of T/2 do not make a step of T. A few
+/// points are compared.
 #[must_use]
 pub fn hidden_memory(plant: &dyn DynRhs, experiment: &Experiment) -> Option<Finding> {
     let (plant, step_s) = (plant.black_box()?, experiment.sample_time_s()?);

@@ -47,7 +47,7 @@ impl std::fmt::Debug for IntegratorBox<'_> {
     }
 }
 
-/// What there is against an integrator in a box.
+/// The objections to an integrator in a box.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Soundness {
     /// At how many points of the box its substeps are unstable.
@@ -135,7 +135,7 @@ impl<'a> IntegratorBox<'a> {
         Some(Self { plant, family, region_name, region, step_s, modes, truth, wanted })
     }
 
-    /// What the box is called.
+    /// Returns the name of the box.
     #[must_use]
     pub fn name(&self) -> &'static str {
         self.region_name

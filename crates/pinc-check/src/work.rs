@@ -45,13 +45,13 @@ impl Work {
         Self::with_limit(TOTAL)
     }
 
-    /// What was done, in units.
+    /// Returns the work done, in units.
     #[must_use]
     pub fn done(&self) -> u64 {
         self.0.done.load(Ordering::Relaxed)
     }
 
-    /// What may still be done, in units.
+    /// Returns the work left, in units.
     #[must_use]
     pub fn left(&self) -> u64 {
         self.0.limit.load(Ordering::Relaxed).saturating_sub(self.done())

@@ -9,7 +9,7 @@ use std::fmt;
 /// A step that is wrong by more than this, in widths of the domain, is worth a word.
 const LARGE: f64 = 0.1;
 
-/// What to use, and why. Its `Display` is a table of all that was tried, and the reasons.
+/// The model to use, and why. Its `Display` is a table of all models tried, and the reasons.
 #[derive(Clone, Debug)]
 pub struct Advice<'a> {
     tried: &'a [Tried],

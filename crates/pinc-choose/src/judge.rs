@@ -14,7 +14,7 @@ const MEASURED_US: f64 = 20_000.0;
 /// The most often a loop is run for this.
 const MOST_REPETITIONS: usize = 100;
 
-/// What came of a model in the loop.
+/// The result of a model in the loop.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Score {
     /// On the dense trace.
@@ -52,11 +52,11 @@ pub struct Tried {
     pub repetitions: usize,
     /// Where the results lie, by name.
     pub place: String,
-    /// What came of it, or why nothing did.
+    /// Its score, or the reason why there is none.
     pub result: Result<Score, String>,
 }
 
-/// What a model has to come up to.
+/// The standard that a model has to meet.
 #[derive(Clone, Debug)]
 pub struct Standard {
     /// The most exact model.

@@ -18,7 +18,7 @@ pub struct ControlSpec {
     /// The measured quantities of that plant; its states, exactly, if absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub measurement: Option<MeasurementSpec>,
-    /// What makes a state of the measurements.
+    /// The estimator that turns measurements into a state.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub estimator: Option<EstimatorSpec>,
     /// Length of the run in s: a whole number of T.
@@ -74,7 +74,7 @@ pub struct ControlSpec {
     /// Upper bounds of the predicted states; none if absent.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub state_high: Option<Vec<f64>>,
-    /// What is done where the states' bounds cannot be met.
+    /// How the states' bounds are relaxed where they cannot be met.
     #[serde(default)]
     pub state_softness: Softness,
     /// Lower bounds of the predicted outputs, those that are no states, in the plant's order; none
@@ -84,7 +84,7 @@ pub struct ControlSpec {
     /// Upper bounds of the same; none if absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub output_high: Option<Vec<f64>>,
-    /// What is done where the outputs' bounds cannot be met.
+    /// How the outputs' bounds are relaxed where they cannot be met.
     #[serde(default)]
     pub output_softness: Softness,
     /// Lower bounds of the inputs.
@@ -107,7 +107,7 @@ pub struct ControlSpec {
     /// The time that the controller may take per step, in us; no limit if absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub budget_us: Option<f64>,
-    /// What to do when a net is used outside the box that it was trained on.
+    /// How to react when a net is used outside the box that it was trained on.
     #[serde(default)]
     pub outside_domain: OutsidePolicy,
     /// The share of control steps that may fail, from 0 to 1: with more, the run has failed.
@@ -130,7 +130,7 @@ pub struct ControlSpec {
     /// Length T of a control step in s: needed only where no `[model]` says it.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub step_s: Option<f64>,
-    /// What the controlled quantities are to follow, in steps.
+    /// The references of the controlled quantities, in steps.
     pub references: Vec<ReferenceStep>,
     /// Parts of the run, each from one time to another in s, that the report shows enlarged; its
     /// beginning if there are none and the run is long.
@@ -307,7 +307,7 @@ pub struct ReferenceStep {
     pub value: Vec<f64>,
 }
 
-/// What to do when a net is used outside the box that it was trained on, where it is wrong.
+/// How to react when a net is used outside the box that it was trained on, where it is wrong.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum OutsidePolicy {

@@ -36,7 +36,7 @@ pub struct Experiment {
     pub name: String,
     /// The reading of the paper.
     pub preset: Preset,
-    /// What every random draw follows from.
+    /// The seed of all random draws.
     pub seed: u64,
     /// The unit in which times of the plant are shown; absent, that in which each is a small
     /// number.
@@ -68,7 +68,7 @@ pub struct Experiment {
     /// The controller's models, one step of each by itself.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub one_step: Option<OneStepSpec>,
-    /// What is to be found in recorded data.
+    /// The problem of identification from recorded data.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub identify: Option<IdentifySpec>,
     /// The experiment many times over, with other values each time.
@@ -123,7 +123,7 @@ impl Experiment {
         experiment.map_err(|(key, problem)| layers.error(key, problem))
     }
 
-    /// What the resolved config of a finished run says, from the `text` of the file `path`. It was
+    /// Reads the resolved config of a finished run from the `text` of the file `path`. It was
     /// checked when it was run: neither its values nor its plant are looked at again. Keys that it
     /// lacks, since it is older than they are, have the values of its preset.
     ///

@@ -4,7 +4,8 @@ use crate::{Experiment, MeasurementSpec, PlantSpec};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
-/// What `pinc identify` finds in recorded data, with all numbers in the units of the plant.
+/// The problem that `pinc identify` solves on recorded data, with all numbers in the units of the
+/// plant.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct IdentifySpec {
@@ -50,7 +51,7 @@ pub struct IdentifiedParameter {
 }
 
 impl IdentifySpec {
-    /// What is measured, as [`MeasurementSpec`] has it.
+    /// Returns the measured quantities as a [`MeasurementSpec`].
     #[must_use]
     pub fn measurement(&self) -> MeasurementSpec {
         MeasurementSpec { measured: self.measured.clone(), noise_sd: self.measurement_sd.clone() }

@@ -23,7 +23,7 @@ use toml::{Table, Value};
 pub struct RunList {
     /// The name of the list and of the directory of its runs.
     pub name: String,
-    /// What is run, in this order.
+    /// The runs, in this order.
     pub runs: Vec<ListedRun>,
 }
 

@@ -61,7 +61,8 @@ impl Schedule {
 }
 
 impl Experiment {
-    /// What the models of the loop are told, of the parameters [`Experiment::varying`].
+    /// Returns the values that the models of the loop get for the parameters
+    /// [`Experiment::varying`].
     #[must_use]
     pub fn model_schedule(&self, sample_time_s: f64) -> Schedule {
         let Some(control) = &self.control else { return Schedule::default() };

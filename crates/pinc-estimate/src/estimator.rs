@@ -56,7 +56,7 @@ pub trait Estimator: Debug + Send {
     fn innovation(&self) -> &[f64];
 }
 
-/// What came of a correction.
+/// The result of a correction.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct Correction {
@@ -149,15 +149,15 @@ impl fmt::Display for EstimatorStatus {
     }
 }
 
-/// What an estimator believes at first, and how much it trusts the model and the measurements, as
-/// standard deviations. Errors of different quantities are independent.
+/// The initial belief of an estimator and its trust in model and measurements, as standard
+/// deviations. Errors of different quantities are independent.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Tuning {
     /// The estimate of z before the first measurement, `nx`.
     pub initial_estimate: Vec<f64>,
     /// Its standard deviations, 0 or more.
     pub initial_sd: Vec<f64>,
-    /// What the model may be off by in each step, `nx`, 0 or more.
+    /// The standard deviation of the model's error in each step, `nx`, 0 or more.
     pub process_sd: Vec<f64>,
     /// The noise of each measured quantity, `ny`, positive.
     pub measurement_sd: Vec<f64>,

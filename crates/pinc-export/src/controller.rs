@@ -29,9 +29,9 @@ pub struct Controller<'a> {
     pub equations: Option<&'a PlantEquations>,
     /// Where the self-test begins.
     pub initial_state: &'a [f64],
-    /// What the plant has been given before the first step, if that is known.
+    /// The input before the first step, if it is known.
     pub initial_input: Option<&'a [f64]>,
-    /// What it follows.
+    /// The reference that it follows.
     pub reference: &'a Reference,
     /// Whether it knows later values of the reference in advance.
     pub preview: bool,
@@ -42,7 +42,7 @@ pub struct Controller<'a> {
     pub estimator: Option<Estimation<'a>>,
 }
 
-/// What the model of a controller is made from.
+/// The source of a controller's model.
 #[derive(Clone, Copy, Debug)]
 #[non_exhaustive]
 pub enum ModelSource<'a> {

@@ -17,9 +17,9 @@ use pinc_ode::{Dims, Model};
 pub struct Estimation<'a> {
     /// The estimator.
     pub filter: Filter,
-    /// What is measured, and where disturbances enter.
+    /// The measured quantities, and where disturbances enter.
     pub augmentation: &'a Augmentation,
-    /// What it believes at first, and its trust in model and measurements.
+    /// Its initial belief, and its trust in model and measurements.
     pub tuning: &'a Tuning,
 }
 

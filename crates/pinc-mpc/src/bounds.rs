@@ -118,7 +118,7 @@ impl Bounds {
     }
 }
 
-/// What a constraint is worth that cannot be met, or only at a high cost.
+/// How a constraint is relaxed that cannot be met, or only at a high cost.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Softness {

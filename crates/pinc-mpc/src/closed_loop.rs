@@ -76,14 +76,14 @@ pub struct ClosedLoop<'a> {
     feedthrough: Vec<bool>,
 }
 
-/// What is remembered of the controller's part of a step.
+/// The record of the controller's part of a step.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StepRecord {
     /// How the optimization ended.
     pub status: SqpStatus,
     /// How many QPs were solved.
     pub sqp_iterations: usize,
-    /// What else it took.
+    /// Other work.
     pub work: StepWork,
     /// The largest KKT residual, [`KktResidual::max`](crate::KktResidual::max).
     pub kkt: f64,
@@ -209,7 +209,7 @@ impl<'a> ClosedLoop<'a> {
         self.nmpc.set_parameters(&watch.parameters)
     }
 
-    /// What the controller takes for the state of the plant, shape `n`.
+    /// Returns the state of the plant as the controller sees it, shape `n`.
     #[must_use]
     pub fn seen(&self) -> &[f64] {
         self.watch.as_ref().map_or(&self.x, |watch| &watch.x)
@@ -367,7 +367,7 @@ impl<'a> ClosedLoop<'a> {
         &self.errors
     }
 
-    /// What is followed.
+    /// Returns the reference.
     #[must_use]
     pub fn reference(&self) -> &Reference {
         &self.reference
@@ -441,13 +441,13 @@ impl Control<'_, '_> {
         &self.run.inputs[chosen..]
     }
 
-    /// What the controller took for the state of the plant, shape `n`.
+    /// Returns the state of the plant as the controller saw it, shape `n`.
     #[must_use]
     pub fn seen(&self) -> &[f64] {
         self.run.seen()
     }
 
-    /// What the controller did.
+    /// Returns the record of the controller.
     ///
     /// # Panics
     ///

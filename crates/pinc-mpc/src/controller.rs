@@ -98,7 +98,7 @@ pub struct Nmpc {
     next: Vec<f64>,
 }
 
-/// What came of a control step.
+/// The result of a control step.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct StepReport<'a> {

@@ -39,7 +39,7 @@ pub struct NmpcProblem {
     pub horizon: usize,
     /// Nu, the number of free inputs: from 1 to `horizon`.
     pub control_horizon: usize,
-    /// What is tracked, in the order of `weights.q` and of the references.
+    /// The tracked quantities, in the order of `weights.q` and of the references.
     pub tracked: Vec<Tracked>,
     /// Q, R and what else is weighted.
     pub weights: Weights,

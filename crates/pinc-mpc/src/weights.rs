@@ -78,7 +78,7 @@ pub enum PerStage<T> {
 }
 
 impl<T> PerStage<T> {
-    /// What holds at stage `i`, from 0 on.
+    /// Returns the value at stage `i`, from 0 on.
     ///
     /// # Panics
     ///

@@ -6,7 +6,7 @@ use crate::sampling::Sampler;
 use crate::{NetError, PincNet};
 use serde::{Deserialize, Serialize};
 
-/// What a net is trained on.
+/// The target that a net is trained on.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum TrainingTarget {
@@ -101,7 +101,7 @@ impl GrowthConfig {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct TrainingConfig {
-    /// What the net is trained on.
+    /// The target that the net is trained on.
     #[serde(default)]
     pub source: TrainingTarget,
     /// With [`TrainingTarget::Integrator`], the weight of squared errors of the state's derivative

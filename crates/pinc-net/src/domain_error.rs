@@ -85,9 +85,9 @@ pub struct WorstStep {
     pub p: Vec<f64>,
     /// The state that is predicted worst, by its place.
     pub state: usize,
-    /// What it is predicted to be, in its unit.
+    /// Its predicted value, in its unit.
     pub predicted: f64,
-    /// What it is.
+    /// Its true value.
     pub truth: f64,
 }
 

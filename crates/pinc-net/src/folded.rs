@@ -18,7 +18,7 @@ use crate::{Ansatz, NetError, PincNet, TrainingTarget};
 pub struct FoldedNet {
     /// The hidden layers, each followed by tanh, and the output layer.
     pub layers: Vec<PlainLayer>,
-    /// What the biases of the first layer change by, per second of t: at another t they are
+    /// The change of the first layer's biases per second of t: at another t they are
     /// b' + `time` (t - T).
     pub time: Vec<f64>,
     /// Whether the state is y0 + (t/T) d instead of d.

@@ -207,8 +207,8 @@ impl PincNet {
         self.time_only.as_ref()
     }
 
-    /// What it was trained on. A net trained on [`TrainingTarget::Integrator`] is meaningful at
-    /// t = T only.
+    /// Returns the target that it was trained on. A net trained on [`TrainingTarget::Integrator`]
+    /// is meaningful at t = T only.
     #[must_use]
     pub fn source(&self) -> TrainingTarget {
         self.source

@@ -34,10 +34,10 @@ pub struct DomainErrorMetrics {
     pub max_at: Place,
     /// The state that is predicted worst there.
     pub max_of: String,
-    /// What it is predicted to be, in its unit.
+    /// Its predicted value, in its unit.
     #[serde(deserialize_with = "number_or_null")]
     pub predicted: f64,
-    /// What it is.
+    /// Its true value.
     #[serde(deserialize_with = "number_or_null")]
     pub truth: f64,
     /// The share of the points whose error is larger than a hundredth of a width.
@@ -77,7 +77,7 @@ pub struct Rk4Errors {
 }
 
 impl DomainErrorMetrics {
-    /// What `judged` says of a net with these states and parameters.
+    /// Summarizes `judged` for a net with these states and parameters.
     ///
     /// # Panics
     ///

@@ -91,7 +91,7 @@ pub enum RecordError {
     },
 }
 
-/// What is wrong with a table of a run.
+/// A problem with a table of a run.
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum TableProblem {
@@ -116,7 +116,7 @@ pub enum TableProblem {
     },
 }
 
-/// What is wrong with a checkpoint.
+/// A problem with a checkpoint.
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum CheckpointProblem {

@@ -27,7 +27,7 @@ const SETTLED_RANGE: f64 = 1e-4;
 /// The entries of Jacobians that a rehearsal computes for its plans.
 const REHEARSED_ENTRIES: usize = 400_000_000;
 
-/// What closed loops work from.
+/// The inputs of closed loops.
 #[derive(Debug)]
 pub struct LoopSetup<'a> {
     /// The section of the config.

@@ -413,7 +413,7 @@ pub enum RunError {
     },
 }
 
-/// What is wrong with a CSV file.
+/// A problem with a CSV file.
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum CsvProblem {

@@ -13,14 +13,14 @@ use std::fmt;
 use std::path::Path;
 use std::time::Instant;
 
-/// What came of an estimator over recorded data.
+/// The result of an estimator over recorded data.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Estimated {
     /// The number of rows.
     pub rows: usize,
     /// The mean of the normalized innovations squared.
     pub nis_mean: f64,
-    /// What it is of a consistent estimator: how many measurements are used at a time, on average
+    /// Its value for a consistent estimator: how many measurements are used at a time, on average
     /// over the rows that have one.
     pub nis_expected: f64,
     /// How many rows have one.

@@ -79,7 +79,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 pub struct Options<'a> {
     /// Resume from what the run directory holds, rather than start afresh.
     pub resume: bool,
-    /// What is shown meanwhile.
+    /// How much is shown meanwhile.
     pub verbosity: Verbosity,
     /// Stops the run, in a state that it can be resumed from, once it is true.
     pub interrupt: &'a AtomicBool,

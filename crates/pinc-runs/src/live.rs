@@ -47,7 +47,7 @@ struct LiveEstimator {
     status: EstimatorStatus,
 }
 
-/// What a step of a [`LiveController`] is to follow.
+/// The reference of a step of a [`LiveController`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum Follow<'a> {
@@ -61,7 +61,7 @@ pub enum Follow<'a> {
     Stages(&'a [Vec<f64>]),
 }
 
-/// What came of a step of a [`LiveController`].
+/// The result of a step of a [`LiveController`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct LiveStep<'a> {

@@ -7,7 +7,7 @@ use serde::Serialize;
 /// All measurements of a machine.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct BenchReport {
-    /// What was measured on.
+    /// The machine of the measurements.
     pub machine: Machine,
     /// Whether sizes and repetitions were small: the times then say little.
     pub quick: bool,
@@ -184,6 +184,6 @@ pub struct NmpcTimes {
     pub sqp_iterations_mean: f64,
     /// Part of the steps that converged to `kkt_tol`.
     pub converged: f64,
-    /// What solves the quadratic programs.
+    /// The method for the quadratic programs.
     pub qp_solver: String,
 }

@@ -40,7 +40,7 @@ pub struct OnSlurm {
     pub wait: bool,
 }
 
-/// What has been submitted.
+/// A submitted sweep.
 #[derive(Clone, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct Submitted {

@@ -43,7 +43,7 @@ pub trait Loops {
     -> Result<Option<Tried>, Self::Error>;
 }
 
-/// What a loop is run for.
+/// The purpose of running a loop.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Purpose {
     /// Whether the model is good enough.
@@ -70,14 +70,14 @@ pub struct Search<'a> {
     pub within: f64,
 }
 
-/// What a search has found.
+/// The result of a search.
 #[derive(Clone, Debug, Default)]
 pub struct Found {
     /// All that was tried, in this order.
     pub tried: Vec<Tried>,
     /// Whether something was not tried for want of time.
     pub is_out_of_time: bool,
-    /// What was not tried, and why, in words.
+    /// The models not tried, and why, in words.
     pub untried: Vec<String>,
 }
 

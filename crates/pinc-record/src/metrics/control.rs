@@ -64,7 +64,7 @@ pub struct EstimatorMetrics {
     /// The mean of the normalized innovations squared, over the steps that have one.
     #[serde(deserialize_with = "number_or_null")]
     pub nis_mean: f64,
-    /// What it is of a consistent estimator: the mean number of measurements used in these steps.
+    /// Its value for a consistent estimator: the mean number of measurements used in these steps.
     #[serde(default = "nan", deserialize_with = "number_or_null")]
     pub nis_expected: f64,
     /// How many steps have one.

@@ -46,10 +46,10 @@ impl ValidationMetrics {
     }
 }
 
-/// What a training took.
+/// The work and time of a training.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct TrainingMetrics {
-    /// What the net was trained on.
+    /// The target that the net was trained on.
     #[serde(default)]
     pub source: TrainingTarget,
     /// Wall time of the whole stage in s, with validation and files.
@@ -122,7 +122,7 @@ pub(crate) mod rows {
         Metric::new(keys, title, unit, digits, of).row(Some(row))
     }
 
-    /// What the net was trained on.
+    /// The target that the net was trained on.
     pub const SOURCE: Metric = name("source", "Training, on", |of| of.source.to_string()).row(None);
     /// Wall time of the training.
     pub const TRAINING_WALL: Metric = error(

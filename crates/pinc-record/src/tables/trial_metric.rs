@@ -79,7 +79,7 @@ impl TrialMetric {
         self.model.map_or_else(|| column.to_owned(), |model| format!("{model}_{column}"))
     }
 
-    /// What a trial with these metrics has in the column, if it got so far.
+    /// Returns the column's cell for a trial with these metrics, if it got so far.
     #[must_use]
     pub fn cell(self, metrics: &Metrics) -> Option<String> {
         Some(self.metric.cell(self.metric.value(metrics, self.model)?))
