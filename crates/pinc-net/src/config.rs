@@ -106,8 +106,7 @@ pub struct TrainingConfig {
     pub source: TrainingTarget,
     /// With [`TrainingTarget::Integrator`], the weight of squared errors of the state's derivative
     /// along one random direction of (y0, u, p) per point, of unit length where half the width of
-    /// the domain is 1, relative to squared errors of the state; without it states are fitted
-    /// alone.
+    /// the domain is 1, relative to the state's; without it states are fitted alone.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub derivatives: Option<f64>,
     /// How collocation points are distributed.

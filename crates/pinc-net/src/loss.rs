@@ -41,8 +41,7 @@ pub enum InitialScale {
 
 /// Weights of the loss: `MSE_y` + lambda `MSE_F` + weight `MSE_D`, where each state's errors are
 /// multiplied by a factor of its own. `MSE_D` is the mean of squared errors over measured values,
-/// plus `derivatives` times squared errors of their derivatives along a direction, where these are
-/// known.
+/// plus `derivatives` times squared errors of known derivatives along a direction.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LossWeights {
     /// The weight lambda of `MSE_F`.

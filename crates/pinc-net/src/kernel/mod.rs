@@ -73,8 +73,7 @@ impl BatchLoss {
     ///
     /// # Panics
     ///
-    /// If the length of `start` is not the number of the plant's parameters, or the net takes
-    /// parameters.
+    /// If `start` does not have one number per plant parameter, or the net takes parameters.
     pub fn inverse(
         plant: &dyn DynRhs,
         net: &PincNet,

@@ -44,8 +44,7 @@ pub(super) struct Workspace<V> {
     /// Derivatives of a panel's errors in the outputs of the net, `[errors, states]`: one error per
     /// state, and one more where derivatives are fitted.
     seeds: Vec<Cell<V>>,
-    /// Derivatives of these errors in the unknown parameters of the plant,
-    /// `[errors, unknown parameters]`.
+    /// Derivatives of these in the unknown parameters, `[errors, unknown parameters]`.
     unknown_seeds: Vec<Pair<V>>,
     scratch: PlantBuffers<V>,
     zero: V,
