@@ -37,7 +37,7 @@ pub struct Validation {
     /// The authors' code: self-loop, at all rows (inner times and initial rows included), each
     /// state in standard deviations of the box. The inner times are left out for a distilled net.
     pub mse_all_normalized: f64,
-    /// The mean squared error of one step from random points of the box, in state units.
+    /// The mean squared error of one step from random points of the box, in squared state units.
     pub one_step_mse: f64,
     /// Against held-out measurements, if there are any: the mean over measured values, each state
     /// in standard deviations of the box.
