@@ -26,7 +26,7 @@ fn main() -> ExitCode {
         be_the_plant(kind);
         return ExitCode::SUCCESS;
     }
-    // `cargo test -- --list` and filters are those of the usual programs of tests.
+    // `cargo test -- --list` and filters work as for other test programs.
     let filter = arguments.iter().skip(1).find(|argument| !argument.starts_with('-'));
     for (name, test) in TESTS {
         if filter.is_none_or(|filter| name.contains(filter)) {
@@ -120,7 +120,7 @@ references = [
     )
 }
 
-/// The same with this program as the plant.
+/// The config with this program as the plant.
 fn as_process(kind: &str) -> String {
     let program = std::env::current_exe().unwrap();
     let command = json!([program, PLANT, kind]);
@@ -236,7 +236,7 @@ fn iae(experiment: &Experiment) -> f64 {
 }
 
 /// The oscillator as an FMU of our own: its 100 steps of RK4 per T are exact to 1e-9, and the loop
-/// with it as plant and as model is that of the equation.
+/// with it as plant and as model equals the equation's.
 fn an_exported_plant_is_a_plant() {
     let dir = tempfile::tempdir().unwrap();
     let equation = config("van-der-pol = { mu = 1.0 }").replace("MODEL", "rk4");
@@ -293,7 +293,7 @@ fn run_of(experiment: &Experiment, dir: &Path) -> RunDir {
     run(experiment, dir, &options).unwrap()
 }
 
-/// Net and loops of the process are those of the equation: the samples differ by its rounding, and
+/// Net and loops of the process agree with the equation: the samples differ by its rounding, and
 /// its 64 steps of RK4 by less than 1e-9.
 fn it_is_distilled_and_controlled() {
     let (one, other) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());

@@ -263,8 +263,8 @@ fn position_alone() -> Option<(Augmentation, Tuning)> {
     Some((position, tuning))
 }
 
-/// A small net as the model in controller and estimator: the disturbances take its errors away with
-/// those of the plant.
+/// A small net as the model in controller and estimator: the disturbances compensate its errors
+/// together with the plant's.
 #[test]
 fn with_a_net_there_is_no_offset_either() {
     let domain = Domain::new(vec![-2.0..=2.0; 2], [-1.5..=1.5]);

@@ -150,7 +150,7 @@ fn van_der_pol_as_released() {
     close(answer.rmse_dense, 0.1507, 1e-4);
 }
 
-/// The same by the config that is shipped, with which `pinc control` makes the row of Table 1.
+/// The shipped config, with which `pinc control` makes the row of Table 1.
 #[test]
 fn the_shipped_config_makes_table_1() {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../configs/van-der-pol/control.toml");

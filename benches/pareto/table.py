@@ -18,18 +18,18 @@ from sweep import MODELS, exact, is_good, loops, methods, off
 INTRODUCTION = """\
 # Accuracy against cost
 
-What one step of T costs and how exact it is, for nets by size and training and for numerical
-methods by substeps, and what this means in the closed loop. Made by the commands below and
-`python3 benches/pareto/table.py runs/*-pareto`; the findings are in
-[findings.md](findings.md#accuracy-against-cost). To compare on a plant of your own, write another
-config of this kind.
+Cost and error of one step of T, for nets by size and training and for numerical methods by
+substeps, and the closed loop with each. Made by the commands below and
+`python3 benches/pareto/table.py runs/*-pareto`; [findings.md](findings.md#accuracy-against-cost)
+says what follows.
 
-Errors of one step are over points that fill the training domain, in widths of the domain: at a
-point the root mean square over the states; over the points the rms, the median and the 99th
-percentile; of the Jacobians the rms over points and entries. Alone, a step waits for the one
-before, as in a simulation; with Jacobians, as many are computed at a time as the controller's
-horizon has, by one thread. The control step is the median time of the whole controller. For
-distilled nets, the training time includes the integration of their targets."""
+- Errors are over points that fill the training domain, in widths of the domain: root mean square
+  over the states at a point; rms, median and 99th percentile over the points; rms over points and
+  entries for Jacobians.
+- "alone" waits for the step before, as a simulation does. "with Jacobians" computes as many steps
+  at a time as the controller's horizon has, on one thread.
+- "control step" is the median time of the whole controller. "training" includes the integration of
+  a distilled net's targets."""
 
 # The page's order; other plants come after these.
 ORDER = (

@@ -10,7 +10,7 @@ fn main() {
     set("PINC_TARGET", &env::var("TARGET").unwrap_or_default());
     set("PINC_PROFILE", &env::var("PROFILE").unwrap_or_default());
 
-    // Every source file of the workspace, so that the commit and its state are those of the build.
+    // Every source file of the workspace, so that the commit and its state belong to the build.
     let watched = ["build.rs", "../../Cargo.lock", "../pinc-config/presets"];
     let mut watched: Vec<String> = watched.map(str::to_owned).to_vec();
     let crates = std::fs::read_dir("..").into_iter().flatten().flatten();

@@ -1,5 +1,5 @@
 //! Texts as configs: read, or refused with a message, and what was read is read again from what it
-//! writes. Lines `#set key=value` are values over those of the config, as `--set` has them.
+//! writes. Lines `#set key=value` override values of the config, as `--set` does.
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;

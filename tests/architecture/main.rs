@@ -276,7 +276,7 @@ fn dependencies_point_down() {
 const WITH_PLANTS: [(&str, &[&str]); 2] =
     [("pinc-ode", &["pinc-expr", "pinc-plants"]), ("pinc-expr", &["pinc-plants"])];
 
-/// Tests of a crate may use what lies below it in [`CRATES`], never what lies above, but for
+/// Tests of a crate may use what lies below it in [`CRATES`], never what lies above, except in
 /// [`WITH_PLANTS`].
 #[test]
 fn dependencies_of_tests_point_down_too() {

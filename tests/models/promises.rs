@@ -120,7 +120,7 @@ fn stages_are_linearized_like_points() {
     }
 }
 
-/// Derivatives by parameters that are not wanted change nothing else, but for rounding.
+/// Derivatives by parameters that are not wanted change nothing else, up to rounding.
 #[test]
 fn derivatives_by_parameters_may_be_left_out() {
     for candidate in candidates() {

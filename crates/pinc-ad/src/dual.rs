@@ -38,7 +38,7 @@ pub struct Dual<S, const N: usize = 1, E = S> {
     pub eps: [E; N],
 }
 
-/// What can be the derivative of a value of kind `S`: a vector space over it. Every [`Scalar`] is
+/// The derivative of a value of kind `S`: an element of a vector space over it. Every [`Scalar`] is
 /// one over itself; [`Directions`](crate::Directions) has several directions in one vector.
 pub trait Derivative<S>:
     Copy + Debug + Add<Output = Self> + Sub<Output = Self> + Neg<Output = Self>

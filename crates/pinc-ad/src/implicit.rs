@@ -16,8 +16,8 @@ const SOLVED: f64 = 1e-7;
 /// What is small for an unknown, in widths of its box.
 const SMALL: f64 = 1e-3;
 
-/// Residuals this small (squared, in those of a step through the box) are rounding: the steps
-/// become no smaller.
+/// Residuals this small (squared, relative to the residual of a step through the box) are rounding:
+/// the steps become no smaller.
 const ROUNDING: f64 = 1e-30;
 
 /// Residuals this small are so near to the root that whether they grow says nothing.

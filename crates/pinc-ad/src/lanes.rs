@@ -65,7 +65,7 @@ impl<const L: usize> Neg for Lanes<L> {
     }
 }
 
-/// The functions of a [`Scalar`] with a `map`, which are those of numbers, lane by lane.
+/// The functions of a [`Scalar`] with a `map`: the functions of numbers, lane by lane.
 macro_rules! functions_by_lane {
     () => {
         #[inline(always)]

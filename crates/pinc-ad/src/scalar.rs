@@ -86,7 +86,7 @@ pub trait Scalar:
     fn tanh(self) -> Self;
 
     /// `self` to the power `p`; NaN below 0 unless `p` is whole. For p < 1 the derivative at 0,
-    /// which is infinite, counts as 0, as that of [`sqrt`](Scalar::sqrt).
+    /// which is infinite, counts as 0, as for [`sqrt`](Scalar::sqrt).
     #[must_use]
     fn powf(self, p: f64) -> Self;
 
@@ -132,8 +132,8 @@ pub trait Scalar:
         self.where_nonpositive(not_positive, positive_or_nan)
     }
 
-    /// The smaller of two numbers, NaN if one is. The derivative is that of the one taken; of two
-    /// equal ones `other` is.
+    /// The smaller of two numbers, NaN if one is. It has the derivative of the number taken, which
+    /// is `other` if both are equal.
     #[inline(always)]
     #[must_use]
     fn min(self, other: Self) -> Self {
@@ -143,8 +143,8 @@ pub trait Scalar:
         (other - self).where_nonpositive(other, rest)
     }
 
-    /// The larger of two numbers, NaN if one is. The derivative is that of the one taken; of two
-    /// equal ones `other` is.
+    /// The larger of two numbers, NaN if one is. It has the derivative of the number taken, which
+    /// is `other` if both are equal.
     #[inline(always)]
     #[must_use]
     fn max(self, other: Self) -> Self {
@@ -168,7 +168,7 @@ pub trait Scalar:
     }
 
     /// `yes` where `self <= 0`, `no` elsewhere (also where `self` is NaN, so that NaN stays
-    /// visible). Both sides are evaluated; the derivative is that of the side taken.
+    /// visible). Both sides are evaluated; the result has the derivative of the side taken.
     #[must_use]
     fn where_nonpositive(self, yes: Self, no: Self) -> Self;
 

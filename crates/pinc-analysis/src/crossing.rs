@@ -177,8 +177,7 @@ impl Search<'_> {
         overhang(self.region, point)
     }
 
-    /// The same crossing with the variables that do not matter in the middle, or else inside the
-    /// box.
+    /// The crossing with irrelevant variables moved to the middle, or else inside the box.
     fn simplified(
         &self,
         term: &dyn Fn(&[f64]) -> f64,

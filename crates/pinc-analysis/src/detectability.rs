@@ -9,7 +9,8 @@ const RANK: f64 = 1e-7;
 const LASTING: f64 = 1e-6;
 /// An unseen deviation that is this small at the end of a trajectory has decayed.
 const DECAYED: f64 = 0.5;
-/// Eigenvalues nearer than this to each other count as one: those of integrators scatter about 1.
+/// Eigenvalues nearer than this to each other count as one: eigenvalues of integrators scatter
+/// about 1.
 const ALIKE: f64 = 1e-4;
 
 /// A mode of a linear model in discrete time that does not decay and cannot be seen in what is
@@ -17,7 +18,7 @@ const ALIKE: f64 = 1e-4;
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct UnseenMode {
-    /// Its eigenvalue; 1 is that of constants, as disturbances are.
+    /// Its eigenvalue; constants, such as disturbances, have 1.
     pub eigenvalue: Complex,
     /// The rank of [lambda - A; C], which is less than the number of states.
     pub rank: usize,
@@ -27,7 +28,7 @@ pub struct UnseenMode {
 
 /// The modes of x+ = A x, y = C x that an estimator cannot find, by the test of Popov, Belevitch
 /// and Hautus at all eigenvalues on and outside the unit circle, and at 1. With none the pair is
-/// detectable. For a model augmented by disturbances d the test at 1 is that of
+/// detectable. For a model augmented by disturbances d the test at 1 is
 ///
 /// ```text
 /// rank [A - 1, Bd; C, Cd] = n + nd
@@ -69,8 +70,8 @@ pub fn unseen_modes(a: &[f64], c: &[f64], states: usize) -> Vec<UnseenMode> {
     candidates.into_iter().filter_map(|at| unseen(a, c, states, at)).collect()
 }
 
-/// The same along a trajectory, of which each step has its own A and C: a direction of the initial
-/// state that no measurement on the way shows and that does not decay. The test is the rank of the
+/// A direction of the initial state that no measurement along a trajectory shows and that does not
+/// decay. Each step of the trajectory has its own A and C. The test is the rank of the
 /// observability matrix `[C_0; C_1 A_0; C_2 A_1 A_0; ..]`.
 ///
 /// `steps`: A `[states, states]` and C `[ny, states]` of each step, row by row.

@@ -40,7 +40,7 @@ pub fn beyond_knee(
 ) -> Option<(usize, OperatingPoint)> {
     let at_point = StateSpace::tangent(plant, point, &[])?;
     let here = TimeScales::of(&at_point.eigenvalues()).fastest;
-    // Of a large plant a state changes a few entries, and eigenvalues take long.
+    // In a large plant a state changes few entries, and eigenvalues take long.
     let fastest = |point: &OperatingPoint| {
         let tangent = StateSpace::tangent(plant, point, &[])?;
         if !changes(&at_point, &tangent) {

@@ -53,8 +53,8 @@ pub(crate) fn minimize(problem: &impl LeastSquares, start: &[f64]) -> Vec<f64> {
 }
 
 /// The d that minimizes |J d + r|^2 + damping |J|^2 |d|^2 in the variables that may move, by a QR
-/// decomposition: that of the normal equations would square the condition number, and rates of
-/// stiff plants are far apart.
+/// decomposition: the normal equations would square the condition number, and rates of stiff plants
+/// are far apart.
 fn step(problem: &impl LeastSquares, v: &[f64], r: &[f64], j: &Mat<f64>, damping: f64) -> Vec<f64> {
     let slope = |k: usize| j.col(k).iter().zip(r).map(|(a, r)| a * r).sum::<f64>();
     let may_move = |&k: &usize| {

@@ -2,11 +2,11 @@
 
 use crate::Complex;
 
-/// Rates this far below the fastest are 0 but for rounding: those of two integrators in a row are
+/// Rates this far below the fastest are 0 up to rounding: the rates of two integrators in a row are
 /// off by its square root.
 const INTEGRATES: f64 = 1e-7;
 
-/// What a mode does by itself.
+/// How a mode evolves by itself.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Growth {
     /// It falls to 1/e in this time, in s.
@@ -46,7 +46,7 @@ pub struct TimeScales {
 }
 
 impl Growth {
-    /// What the mode `mode` of a plant does, whose fastest rate is `fastest`, in 1/s.
+    /// Says how `mode` evolves in a plant whose fastest rate is `fastest`, in 1/s.
     #[must_use]
     pub fn of(mode: Complex, fastest: f64) -> Self {
         if mode.re.abs() <= INTEGRATES * fastest.max(mode.abs()) {

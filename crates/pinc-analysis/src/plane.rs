@@ -8,7 +8,7 @@ const FLAT: f64 = 1e-12;
 /// The points y with `normal` y = `offset`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Plane {
-    /// Of length 1, one number per variable.
+    /// A unit vector, one number per variable.
     pub normal: Vec<f64>,
     /// The distance from the origin.
     pub offset: f64,

@@ -14,15 +14,15 @@ const STARTS: usize = 16;
 const REST: f64 = 100.0;
 
 /// Distance from rest, in widths of the region, that counts as rest: how far the variables would
-/// have to move for the rate of a state to vanish. A velocity would not do: that of a stiff state
-/// is large a rounding error away from rest.
+/// have to move for the rate of a state to vanish. A velocity would not do: a stiff state has a
+/// large velocity a rounding error away from rest.
 const AT_REST: f64 = 1e-8;
 
 /// Distance from a value to be held, in widths of the region, that still counts as held: values are
 /// given with some three digits.
 const HELD: f64 = 1e-3;
 
-/// What was found for values to be held.
+/// The result of a search with values to be held.
 #[derive(Clone, Debug, PartialEq)]
 pub enum HeldPoint {
     /// A steady state within the bounds.
@@ -35,8 +35,7 @@ pub enum HeldPoint {
 
 /// A search for steady states of a plant in and around a region.
 ///
-/// Of several steady states it prefers those in the region, and of these the one that is nearest to
-/// `near`.
+/// It prefers steady states in the region, and among these the one nearest to `near`.
 ///
 /// ```
 /// use pinc_analysis::{HeldPoint, Region, SteadyStateSearch};
@@ -65,7 +64,7 @@ impl<'a> SteadyStateSearch<'a> {
         Self { plant, region, seed, near: region.centre() }
     }
 
-    /// The same search near another point, as the state that a plant starts from.
+    /// Searches near another point, for instance the state that a plant starts from.
     #[must_use]
     pub fn near(self, near: OperatingPoint) -> Self {
         Self { near, ..self }

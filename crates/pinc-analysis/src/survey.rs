@@ -26,10 +26,10 @@ const HALVINGS: usize = 16;
 /// A jump, or a kink over the width of the box, of this share of the rate's median size matters.
 const MATTERS: f64 = 0.1;
 
-/// This close to an end of the box, in widths, a kink is that of a guard.
+/// This close to an end of the box, in widths, a kink belongs to a guard.
 const AT_THE_END: f64 = 0.01;
 
-/// What is wrong with an equation at a place.
+/// The kind of irregularity of an equation at a place.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum IrregularityKind {
     /// A rate grows to a thousand times its usual size or more, on one side at least.
@@ -45,9 +45,9 @@ pub enum IrregularityKind {
 /// A place where an equation is not smooth.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Irregularity {
-    /// What is wrong.
+    /// The kind.
     pub kind: IrregularityKind,
-    /// Of which state's rate.
+    /// The state whose rate it is.
     pub state: usize,
     /// Along which variable it was found, states first.
     pub variable: usize,
@@ -77,8 +77,8 @@ pub struct Irregularity {
 /// ```
 #[derive(Clone, Debug)]
 pub struct Survey {
-    /// What was found: one at most for each kind, rate and variable, inside the box where there is
-    /// one.
+    /// The irregularities: one at most for each kind, rate and variable, inside the box where there
+    /// is one.
     pub irregularities: Vec<Irregularity>,
     /// The median size of each rate at random points of the box.
     pub usual_rates: Vec<f64>,

@@ -21,7 +21,7 @@ use faer::linalg::solvers::Solve;
 const RANK: f64 = 1e-12;
 
 /// The eliminated matrix may be larger than A by this factor: its rounding is then as far below its
-/// eigenvalues as that of the linearization itself.
+/// eigenvalues as the rounding of the linearization.
 const GROWTH: f64 = 1e3;
 
 /// Where the inverse is taken, in units of the fastest rate: numbers at which no plant has a zero
@@ -98,8 +98,8 @@ impl System {
     }
 
     /// The finite generalized eigenvalues, as many as there are states: D is square and invertible.
-    /// Where D is so small that far ones would hide the near ones, by those of the inverse at a
-    /// shift.
+    /// Where D is so small that far eigenvalues would hide the near ones, the eigenvalues of the
+    /// inverse at a shift are used.
     fn eigenvalues(&self) -> Vec<Complex> {
         if self.a.nrows() == 0 {
             return Vec::new();
@@ -107,7 +107,7 @@ impl System {
         if let Some(zeros) = self.standard_eigenvalues() {
             return zeros;
         }
-        // The smaller inverse is that of the shift which is farther from all zeros.
+        // The smaller inverse belongs to the shift that is farther from all zeros.
         let inverses = SHIFTS.into_iter().map(|shift| (shift, self.inverse_at(shift)));
         let smallest = inverses.min_by(|(_, a), (_, b)| largest(a).total_cmp(&largest(b)));
         let Some((shift, inverse)) = smallest else { return Vec::new() };
@@ -134,8 +134,8 @@ impl System {
 }
 
 impl System {
-    /// The same as the eigenvalues of A - B D^-1 C, which take a tenth of the time; nothing where
-    /// this matrix is so much larger than A that its rounding would show.
+    /// The eigenvalues as eigenvalues of A - B D^-1 C, in a tenth of the time; `None` if this
+    /// matrix is so much larger than A that its rounding would show.
     fn standard_eigenvalues(&self) -> Option<Vec<Complex>> {
         let matrix = &self.a - &self.b * self.d.partial_piv_lu().solve(&self.c);
         let size = largest(&matrix);

@@ -9,7 +9,7 @@ use crate::svg::{Fill, Shape, Style};
 /// A picture.
 #[derive(Clone, Debug)]
 pub struct Figure {
-    /// What a screen reader says.
+    /// The name for screen readers.
     pub name: String,
     /// The horizontal axis of the panels that have none of their own.
     pub x: Axis,
@@ -39,7 +39,7 @@ impl Figure {
 /// An axis: what it is and how it is divided.
 #[derive(Clone, Debug)]
 pub struct Axis {
-    /// What it shows, with its unit in brackets.
+    /// The quantity, with its unit in brackets.
     pub label: String,
     /// How it is divided.
     pub kind: Kind,
@@ -97,7 +97,7 @@ pub fn places(count: usize) -> Vec<f64> {
 pub struct Event {
     /// Its place, in the unit of the horizontal axis.
     pub x: f64,
-    /// What is written at its top.
+    /// The text at its top.
     pub label: String,
     /// How the line is drawn.
     pub style: Style,
@@ -120,7 +120,7 @@ impl Event {
 /// A panel with a vertical axis of its own.
 #[derive(Clone, Debug)]
 pub struct Panel {
-    /// What is written above it.
+    /// The text above it.
     pub title: String,
     /// The horizontal axis, if it is not the figure's.
     pub x: Option<Axis>,
@@ -150,7 +150,7 @@ pub struct Panel {
 /// shows again what another series shows, and is not exported.
 #[derive(Clone, Debug)]
 pub struct Series {
-    /// What it is called in the exported table.
+    /// Its name in the exported table.
     pub name: String,
     /// The points, from left to right for a curve.
     pub points: Vec<Point>,
@@ -162,7 +162,7 @@ pub struct Series {
 /// a logarithmic one, lies at the panel's side.
 #[derive(Clone, Debug)]
 pub struct Area {
-    /// What it is called in the exported table.
+    /// Its name in the exported table.
     pub name: String,
     /// Its left and right ends.
     pub x: (f64, f64),
@@ -172,14 +172,14 @@ pub struct Area {
     pub fill: Fill,
     /// The number that the color or the text stands for.
     pub value: Option<f64>,
-    /// What is written in its middle: a line, and perhaps a smaller one below.
+    /// The text in its middle: a line, and perhaps a smaller one below.
     pub text: String,
 }
 
 /// A vertical interval at a place, as of a spread.
 #[derive(Clone, Debug)]
 pub struct Span {
-    /// What it is called in the exported table.
+    /// Its name in the exported table.
     pub name: String,
     /// Its place, in data units.
     pub x: f64,
@@ -194,7 +194,7 @@ pub struct Span {
 pub struct Label {
     /// The point, in data units.
     pub at: Point,
-    /// What is written.
+    /// The text.
     pub text: String,
     /// Its color.
     pub color: Color,
@@ -203,13 +203,13 @@ pub struct Label {
 /// A line of a legend.
 #[derive(Clone, Debug)]
 pub struct Key {
-    /// What is written.
+    /// The text.
     pub label: String,
-    /// What is drawn in front of it.
+    /// The mark in front of it.
     pub look: Look,
 }
 
-/// What a legend shows.
+/// The mark of an entry in a legend.
 #[derive(Clone, Copy, Debug)]
 pub enum Look {
     /// A piece of a curve, or a mark.

@@ -61,7 +61,7 @@ impl Style {
         Self { color, opacity, shape }
     }
 
-    /// The same, lighter.
+    /// This style with less opacity.
     pub fn faint(mut self, opacity: f64) -> Self {
         self.opacity = opacity;
         self
@@ -130,7 +130,7 @@ pub(crate) struct Word {
 }
 
 impl Word {
-    /// The same word elsewhere with respect to its point.
+    /// This word elsewhere with respect to its point.
     pub(crate) fn anchored(self, anchor: Anchor) -> Self {
         Self { anchor, ..self }
     }

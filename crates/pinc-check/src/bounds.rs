@@ -43,7 +43,7 @@ fn values(subject: &Subject<'_>, control: &ControlSpec) -> Vec<Finding> {
     let mut findings = Vec::new();
     for (_, places) in groups(states) {
         let is_out = |i: &usize| outside(control.initial_state[*i], ends(control, *i));
-        // Of an array the first element is enough.
+        // One element of an array is enough: the first.
         if let Some(i) = places.clone().find(is_out) {
             let value = control.initial_state[i];
             let what = format!("{} = {value} is outside its bounds", states[i].name);
@@ -72,8 +72,8 @@ fn values(subject: &Subject<'_>, control: &ControlSpec) -> Vec<Finding> {
     findings
 }
 
-/// References against the bounds of outputs, as those of a distance from an obstacle are: outputs
-/// that are controlled by their value, others where the states hold the reference.
+/// References against the bounds of outputs, for instance of a distance from an obstacle:
+/// controlled outputs by their value, others where the states hold the reference.
 fn outputs(subject: &Subject<'_>, control: &ControlSpec) -> Vec<Finding> {
     let variables = subject.plant.outputs();
     let problem = control.problem(&Variables::of(subject.plant), subject.step_s());
@@ -149,7 +149,7 @@ fn reach(subject: &Subject<'_>, control: &ControlSpec, domain: &Domain) -> Vec<F
             );
         }
     };
-    // Of an array the ends of all elements together.
+    // For an array, the ends of all elements together.
     let together = |places: &Range<usize>, ends: &dyn Fn(usize) -> (f64, f64)| {
         let all = places.clone().map(ends);
         all.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), (from, to)| {

@@ -21,7 +21,7 @@ pub struct ModelCost {
     pub model: ModelKind,
     /// A step alone, in ns.
     pub step_ns: f64,
-    /// A step with Jacobians, where those of a horizon are asked for at once, in ns.
+    /// A step with Jacobians, all steps of a horizon at once, in ns.
     pub linearized_ns: f64,
     /// A step of the controller, in us; of a net it is not known before the training.
     pub control_step_us: Option<f64>,

@@ -39,7 +39,7 @@ pub(crate) fn examine(subject: &Subject<'_>) -> Vec<Finding> {
     } else if subject.experiment.domain.is_some() && !seen.ends.is_empty() && findings.is_empty() {
         findings.push(Finding::fact(
             "domain",
-            "trajectories stay in the training domain: free ones and those of the closed loop",
+            "trajectories stay in the training domain, free ones and closed loops",
         ));
     }
     findings
@@ -154,7 +154,7 @@ fn compare(subject: &Subject<'_>, place: &str, extent: &Extent, domain: &Domain)
     let mut left = Vec::new();
     for places in groups(states).into_iter().map(|(_, at)| at).chain(later) {
         let places = places.start..places.end.min(all.len());
-        // Of an array the elements that go farthest.
+        // For an array, the elements that go farthest.
         let below = |i: &usize| (all[*i].1.0 - all[*i].0.1.0) / (all[*i].1.1 - all[*i].1.0);
         let above = |i: &usize| (all[*i].0.1.1 - all[*i].1.1) / (all[*i].1.1 - all[*i].1.0);
         let lowest = places.clone().max_by(|a, b| below(a).total_cmp(&below(b)));

@@ -23,11 +23,11 @@ pub struct Finding {
     /// The key of the config that it is about, or a place in the plant; empty for the plant as a
     /// whole.
     pub place: String,
-    /// What it is.
+    /// The finding in words.
     pub what: String,
     /// Why it matters; empty for a fact.
     pub why: String,
-    /// What to change; empty for a fact.
+    /// The advised change; empty for a fact.
     pub change: String,
 }
 
@@ -49,12 +49,12 @@ impl Finding {
         Self { severity, place, what, why: String::new(), change: String::new() }
     }
 
-    /// The same, with why it matters.
+    /// This finding with the reason why it matters.
     pub(crate) fn because(self, why: impl Into<String>) -> Self {
         Self { why: why.into(), ..self }
     }
 
-    /// The same, with what to change.
+    /// This finding with the advised change.
     pub(crate) fn change(self, change: impl Into<String>) -> Self {
         Self { change: change.into(), ..self }
     }

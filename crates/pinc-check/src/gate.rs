@@ -32,8 +32,8 @@ struct Rejected {
 }
 
 /// Examines the gate along the steps of the rehearsed loop, of which `marks` are the first samples.
-/// The filter is the extended one for all kinds: the gate of moving horizon estimation has its
-/// covariance, that of the unscented filter differs by curvature only.
+/// The filter is the extended one for all kinds: the gate of moving horizon estimation uses its
+/// covariance, and the unscented filter's covariance differs by curvature only.
 pub(crate) fn examine(
     subject: &Subject<'_>,
     (control, estimator): (&ControlSpec, &EstimatorSpec),

@@ -12,7 +12,7 @@ pub(crate) fn groups(variables: &[Variable]) -> Vec<(String, Range<usize>)> {
     groups.zip(Variable::grouped_names(&names)).map(|(places, name)| (name, places)).collect()
 }
 
-/// Whether there are so many variables that those of arrays are shown together.
+/// Whether there are so many variables that the elements of an array are shown together.
 pub(crate) fn are_shown(names: &[&str]) -> bool {
     names.len() > LISTED && Variable::groups(names).len() < names.len()
 }

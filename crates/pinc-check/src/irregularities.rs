@@ -12,7 +12,7 @@ use std::collections::BTreeSet;
 /// How far beyond the region is looked, in its widths: predictions leave the box by a little.
 const MARGIN: f64 = 0.15;
 
-/// A rate this many times its usual size beside a place where a denominator is 0 is that of a pole.
+/// A rate this many times its usual size, beside a place where a denominator is 0, shows a pole.
 const HUGE: f64 = 1e3;
 
 /// How far beside, in widths.
@@ -77,7 +77,7 @@ fn of_terms(subject: &Subject<'_>, survey: &Survey, terms: &CriticalTerms) -> Ve
     let mut seen = BTreeSet::new();
     for (i, (term, crossing)) in terms.list().iter().zip(found.found).enumerate() {
         let Some(crossing) = crossing else { continue };
-        // Of the elements of an array the first one is enough.
+        // One element of an array is enough: the first.
         if !seen.insert((pattern(&term.key), pattern(&term.text))) {
             continue;
         }

@@ -117,7 +117,7 @@ pub struct Rehearsal {
 /// they cannot be read.
 pub type ReadMeasurements<'a> = dyn Fn(&[PathBuf]) -> Result<Measurements, String> + 'a;
 
-/// What is known beside the config.
+/// Knowledge beside the config.
 pub struct Evidence<'a> {
     /// The closed loop with an integrator as the model, if the config has one and says T; or why
     /// it could not be run.
@@ -126,7 +126,7 @@ pub struct Evidence<'a> {
     pub cost: Option<Cost>,
     /// The files of `[data]`.
     pub read: &'a ReadMeasurements<'a>,
-    /// What may be done, part of which the closed loop has taken.
+    /// The budget of work, part of which the closed loop has taken.
     pub work: Work,
     /// Is told what is looked at next, with its place and how many parts there are.
     pub progress: &'a dyn Fn(&str, usize, usize),
@@ -148,8 +148,8 @@ pub fn findings_json(findings: &[Finding]) -> String {
     serde_json::to_string_pretty(findings).expect("words can be JSON")
 }
 
-/// Examines a plant (that of the config, which is itself valid, or it would not have loaded) on the
-/// training domain, or else within the controller's bounds.
+/// Examines the plant of a valid config on the training domain, or else within the controller's
+/// bounds.
 #[must_use]
 pub fn check(
     plant: &dyn DynPlant,
@@ -227,7 +227,7 @@ struct Subject<'a> {
     plant: &'a dyn DynRhs,
     /// The units of work that an evaluation takes.
     units: u64,
-    /// The same with its integrators.
+    /// The plant with its integrators.
     models: &'a dyn DynPlant,
     experiment: &'a Experiment,
     region: Region,
@@ -276,7 +276,7 @@ impl<'a> Subject<'a> {
         self.search_of(self.plant)
     }
 
-    /// The same with another plant of the same states and inputs.
+    /// The search for another plant with the same states and inputs.
     fn search_of<'s>(&'s self, plant: &'s dyn DynRhs) -> SteadyStateSearch<'s> {
         let search = SteadyStateSearch::new(plant, &self.region, self.experiment.seed);
         match &self.experiment.control {
@@ -450,7 +450,7 @@ impl<'a> Subject<'a> {
         named(names, &self.without_rounding(u, self.region.dims.nx))
     }
 
-    /// The values of the variables from `first` on, with 0 for what is 0 but for rounding.
+    /// The values of the variables from `first` on, with 0 for values that are 0 up to rounding.
     fn without_rounding(&self, values: &[f64], first: usize) -> Vec<f64> {
         let is_zero = |i: usize, v: f64| v.abs() < 1e-12 * self.region.width(first + i);
         values.iter().enumerate().map(|(i, &v)| if is_zero(i, v) { 0.0 } else { v }).collect()

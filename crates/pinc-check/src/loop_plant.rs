@@ -29,7 +29,7 @@ pub(crate) fn examine(subject: &Subject<'_>) -> Vec<Finding> {
     findings
 }
 
-/// A plant of the loop whose gain has another sign than that of the models' plant.
+/// A plant of the loop whose gain has another sign than the gain of the models' plant.
 fn other_sign(subject: &Subject<'_>, control: &ControlSpec, step_s: f64) -> Option<Finding> {
     let controlled = subject.controlled();
     let gain = |plant: &dyn DynRhs, point: &OperatingPoint| {

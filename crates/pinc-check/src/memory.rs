@@ -9,7 +9,7 @@ use pinc_ode::{BlackBox, DynRhs, OdeError};
 /// Points at which an examination compares.
 const POINTS: usize = 16;
 
-/// The same before a loop, where it must not take long.
+/// Points that are compared before a loop, where it must not take long.
 const FEW: usize = 3;
 
 /// Points where the simulator may fail before no more are tried.
@@ -39,8 +39,8 @@ pub(crate) fn examine(subject: &Subject<'_>) -> Vec<Finding> {
     }]
 }
 
-/// What there is to say before a loop with a black box whose steps of T/2 do not make a step of T.
-/// A few points are compared.
+/// The warning before a loop with a black box whose steps of T/2 do not make a step of T. A few
+/// points are compared.
 #[must_use]
 pub fn hidden_memory(plant: &dyn DynRhs, experiment: &Experiment) -> Option<Finding> {
     let (plant, step_s) = (plant.black_box()?, experiment.sample_time_s()?);
@@ -116,7 +116,7 @@ impl Worst {
         Finding::warning("plant", what)
             .because(
                 "each step begins anew with the states alone: what else the simulator remembers, \
-                 and its time, are reset, so that model and loop are those of another plant",
+                 and its time, are reset, so model and loop describe another plant",
             )
             .change(
                 "make all that the simulator remembers a state, and its equations independent of \

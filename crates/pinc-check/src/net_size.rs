@@ -1,4 +1,4 @@
-//! The size of the net against that of the plant.
+//! The size of the net compared with the plant.
 
 use crate::{Finding, Subject};
 use pinc_net::NetConfig;
@@ -59,7 +59,7 @@ pub(crate) fn examine(subject: &Subject<'_>) -> Vec<Finding> {
                 format!("{weights} weights are far more than a plant of this size needs"),
             )
             .because(
-                "the time of an iteration and that of a control step grow with the weights, so \
+                "the times of an iteration and of a control step grow with the weights, so \
                  that such a net is less accurate after the same time",
             )
             .change(format!("neurons = {} and hidden_layers = {LAYERS}", usual.neurons)),

@@ -87,7 +87,7 @@ pub(crate) fn outside(
                 let high = high.map_or(f64::INFINITY, |high| high[i]);
                 ((low - values[i]).max(values[i] - high), low, high)
             };
-            // Of an array the element that is farthest outside.
+            // For an array, the element that is farthest outside.
             let worst = places.max_by(|&a, &b| over(a).0.total_cmp(&over(b).0));
             let Some((i, (by, low, high))) = worst.map(|i| (i, over(i))) else { continue };
             if by > 0.0 {

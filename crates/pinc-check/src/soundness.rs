@@ -27,8 +27,8 @@ const PILOT: usize = 32;
 ///   substep (fewer points for more than 40 states; explicit methods only);
 /// - the root mean square error of one step over the box is at most 1 % of its widths.
 ///
-/// The errors are those of `pinc run`: at the same quasi-random points, against the same truth. For
-/// an expensive plant there are fewer points, and [`RmsError::uncertainty`] says what that costs.
+/// The errors equal the errors in `pinc run`: same quasi-random points, same truth. An expensive
+/// plant has fewer points, at the cost of [`RmsError::uncertainty`].
 pub struct IntegratorBox<'a> {
     plant: &'a dyn DynPlant,
     /// The plant with the parameters that vary over the domain.
@@ -47,7 +47,7 @@ impl std::fmt::Debug for IntegratorBox<'_> {
     }
 }
 
-/// What there is against an integrator in a box.
+/// The objections to an integrator in a box.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Soundness {
     /// At how many points of the box its substeps are unstable.
@@ -60,7 +60,7 @@ pub struct Soundness {
 }
 
 impl Soundness {
-    /// What makes the integrator unsound, in words; `None` if it is sound.
+    /// Says in words why the integrator is unsound; `None` if it is sound.
     #[must_use]
     pub fn objection(&self) -> Option<String> {
         let Self { unstable, examined, region_name, error } = self;
@@ -85,7 +85,7 @@ impl<'a> IntegratorBox<'a> {
         Self::within(plant, experiment, &Work::with_limit(crate::work::SHARE))
     }
 
-    /// The same with what work may be done for the truth.
+    /// The box, with a budget of work for the truth.
     pub(crate) fn within(
         plant: &'a dyn DynPlant,
         experiment: &Experiment,
@@ -135,7 +135,7 @@ impl<'a> IntegratorBox<'a> {
         Some(Self { plant, family, region_name, region, step_s, modes, truth, wanted })
     }
 
-    /// What the box is called.
+    /// Returns the name of the box.
     #[must_use]
     pub fn name(&self) -> &'static str {
         self.region_name

@@ -274,7 +274,7 @@ fn stable_substeps(
         Some(stability.stable_substeps(&modes, step).unwrap_or(usize::MAX))
     };
     let mut findings = Vec::new();
-    // Of places that are alike the last is named: a reference rather than a time.
+    // Among equal places the last is named: a reference rather than a time.
     let mut along = along_the_loop(subject);
     along.extend(along_references(subject));
     let worst = along.iter().filter_map(|(name, point)| Some((needed(point)?, name, point)));

@@ -1,5 +1,5 @@
-//! The integrators on the box: their errors by substeps, which a net has to beat, and whether those
-//! of the loop are sound.
+//! The integrators on the box: their errors by substeps, which a net has to beat, and whether the
+//! loop's integrators are sound.
 
 use crate::soundness::IntegratorBox;
 use crate::{Finding, Subject, left_out};

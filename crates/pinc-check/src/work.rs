@@ -7,7 +7,7 @@ use pinc_ode::{AnyVectorRhs, BlackBox, Dims, DynRhs, Variable};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-/// What a whole check may do, in units; a unit is about 10 ns.
+/// The budget of a whole check, in units of about 10 ns.
 pub(crate) const TOTAL: u64 = 1_200_000_000;
 
 /// What one of its examinations may do.
@@ -45,13 +45,13 @@ impl Work {
         Self::with_limit(TOTAL)
     }
 
-    /// What was done, in units.
+    /// Returns the work done, in units.
     #[must_use]
     pub fn done(&self) -> u64 {
         self.0.done.load(Ordering::Relaxed)
     }
 
-    /// What may still be done, in units.
+    /// Returns the work left, in units.
     #[must_use]
     pub fn left(&self) -> u64 {
         self.0.limit.load(Ordering::Relaxed).saturating_sub(self.done())
@@ -95,7 +95,7 @@ pub struct Metered {
 }
 
 impl Metered {
-    /// `plant`, which is that of `experiment`, with its evaluations counted in `work`.
+    /// The plant of `experiment`, with its evaluations counted in `work`.
     #[must_use]
     pub fn new(plant: &dyn DynRhs, experiment: &Experiment, work: &Work) -> Self {
         let states = plant.dims().nx as u64;

@@ -9,7 +9,7 @@ use std::fmt;
 /// A step that is wrong by more than this, in widths of the domain, is worth a word.
 const LARGE: f64 = 0.1;
 
-/// What to use, and why. Its `Display` is a table of all that was tried, and the reasons.
+/// The model to use, and why. Its `Display` is a table of all models tried, and the reasons.
 #[derive(Clone, Debug)]
 pub struct Advice<'a> {
     tried: &'a [Tried],
@@ -133,7 +133,7 @@ impl<'a> Advice<'a> {
         let score = self.score;
         let (exact, iae) = (self.standard.exact, self.standard.iae);
         let mut text = format!(
-            "Use {}: its IAE of {:.6} is {}that of the most exact model, {exact}, {iae:.6}, and its \
+            "Use {}: its IAE of {:.6} is {}the IAE of the most exact model, {exact}, {iae:.6}, and its \
              control step takes {:.1} us (99th percentile {:.1} us)",
             described(self.winner),
             score.iae,
@@ -153,7 +153,7 @@ impl<'a> Advice<'a> {
         let what = if wants_net { "net" } else { "integrator" };
         text += &match other {
             Some((tried, other)) => format!(
-                "; that of the cheapest {what} as good, {}, takes {:.1} us.",
+                "; the cheapest {what} as good, {}, takes {:.1} us.",
                 tried.candidate, other.p50_us
             ),
             None => match self.count(wants_net) {

@@ -14,7 +14,7 @@ const MEASURED_US: f64 = 20_000.0;
 /// The most often a loop is run for this.
 const MOST_REPETITIONS: usize = 100;
 
-/// What came of a model in the loop.
+/// The result of a model in the loop.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Score {
     /// On the dense trace.
@@ -36,8 +36,8 @@ pub struct Score {
     pub worst: Option<f64>,
     /// How long the net was trained, in s.
     pub training_s: Option<f64>,
-    /// What makes an integrator unsound in the box where the loop may go, in the words of `pinc
-    /// check`; `None` for a sound one and for a net.
+    /// Why an integrator is unsound in the box where the loop may go, in the words of `pinc check`;
+    /// `None` for a sound one and for a net.
     pub unsound: Option<String>,
 }
 
@@ -52,11 +52,11 @@ pub struct Tried {
     pub repetitions: usize,
     /// Where the results lie, by name.
     pub place: String,
-    /// What came of it, or why nothing did.
+    /// Its score, or the reason why there is none.
     pub result: Result<Score, String>,
 }
 
-/// What a model has to come up to.
+/// The standard that a model has to meet.
 #[derive(Clone, Debug)]
 pub struct Standard {
     /// The most exact model.
@@ -135,7 +135,7 @@ impl Standard {
         })
     }
 
-    /// In what a model falls short, but for its time; nothing if it is good.
+    /// Where a model falls short, apart from its time; empty if it is good.
     pub(crate) fn shortfall(&self, score: &Score) -> Option<String> {
         if score.unsound.is_some() {
             return score.unsound.clone();
@@ -277,7 +277,7 @@ pub(crate) mod tests {
         assert_eq!(name(&all, None).as_deref(), Some("distilled 2x16"));
         let all = [exact.clone(), rk4(1, 101.5, 1.0, 1e-1), rk4(4, 100.0, 12.0, 1e-5)];
         assert_eq!(name(&all, None).as_deref(), Some("RK4 x4"));
-        // Of two that cost the same, the more exact one.
+        // At equal cost, the more exact one.
         let all = [exact.clone(), rk4(2, 100.5, 10.0, 1e-3), rk4(3, 100.0, 10.4, 1e-4)];
         assert_eq!(name(&all, None).as_deref(), Some("RK4 x3"));
         // 15 % is more than measurements differ by: the net wins, and the cheaper integrator.

@@ -9,7 +9,7 @@ pub(crate) struct Rung {
     pub(crate) substeps: usize,
     /// The IAE of its loop, if that did not fail.
     pub(crate) iae: Option<f64>,
-    /// Whether the loop is as good as that of the most exact model.
+    /// Whether the loop is as good as with the most exact model.
     pub(crate) good: bool,
 }
 

@@ -30,10 +30,10 @@ impl PartialEq for AsWritten {
 }
 
 impl AsWritten {
-    /// Puts these lists back, so that they can be those of arrays of another size.
+    /// Puts these lists back, so that arrays of another size can have them.
     pub(crate) fn restore(&self, table: &mut Table) {
         for (key, value) in &self.0 {
-            // A key that is gone was not that of a list.
+            // A key that is gone did not name a list.
             let _ = layers::assign(table, key, value.clone());
         }
     }

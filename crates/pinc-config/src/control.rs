@@ -15,18 +15,18 @@ pub struct ControlSpec {
     /// The plant in the loop, where it is another than the one that the models are of.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub plant: Option<PlantSpec>,
-    /// What of that plant is measured; its states, exactly, if absent.
+    /// The measured quantities of that plant; its states, exactly, if absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub measurement: Option<MeasurementSpec>,
-    /// What makes a state of the measurements.
+    /// The estimator that turns measurements into a state.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub estimator: Option<EstimatorSpec>,
     /// Length of the run in s: a whole number of T.
     pub duration_s: f64,
     /// The state it starts from, in the plant's order.
     pub initial_state: Vec<f64>,
-    /// The values that the models have for the parameters in `[domain.parameters]`; those of
-    /// `[plant]` for the others.
+    /// The models' values of the parameters in `[domain.parameters]`; other parameters have the
+    /// values of `[plant]`.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub parameters: BTreeMap<String, f64>,
     /// Those of them that are measured: the models are told what the plant in the loop has.
@@ -41,7 +41,7 @@ pub struct ControlSpec {
     /// Loads on the plant in the loop: what no model knows of.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub loads: Vec<LoadSpec>,
-    /// What was applied before the first step, one number per input; 0 if absent.
+    /// The input applied before the first step, one number per input; 0 if absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub initial_input: Option<Vec<f64>>,
     /// Names of the states and outputs that are to follow the references.
@@ -74,7 +74,7 @@ pub struct ControlSpec {
     /// Upper bounds of the predicted states; none if absent.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub state_high: Option<Vec<f64>>,
-    /// What is done where the states' bounds cannot be met.
+    /// How the states' bounds are relaxed where they cannot be met.
     #[serde(default)]
     pub state_softness: Softness,
     /// Lower bounds of the predicted outputs, those that are no states, in the plant's order; none
@@ -84,7 +84,7 @@ pub struct ControlSpec {
     /// Upper bounds of the same; none if absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub output_high: Option<Vec<f64>>,
-    /// What is done where the outputs' bounds cannot be met.
+    /// How the outputs' bounds are relaxed where they cannot be met.
     #[serde(default)]
     pub output_softness: Softness,
     /// Lower bounds of the inputs.
@@ -107,7 +107,7 @@ pub struct ControlSpec {
     /// The time that the controller may take per step, in us; no limit if absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub budget_us: Option<f64>,
-    /// What to do when a net is used outside the box that it was trained on.
+    /// How to react when a net is used outside the box that it was trained on.
     #[serde(default)]
     pub outside_domain: OutsidePolicy,
     /// The largest error that a step of the net may have, by state, in the state's unit; states that
@@ -138,7 +138,7 @@ pub struct ControlSpec {
     /// Length T of a control step in s: needed only where no `[model]` says it.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub step_s: Option<f64>,
-    /// What the controlled quantities are to follow, in steps.
+    /// The references of the controlled quantities, in steps.
     pub references: Vec<ReferenceStep>,
     /// Parts of the run, each from one time to another in s, that the report shows enlarged; its
     /// beginning if there are none and the run is long.
@@ -219,7 +219,7 @@ impl ControlSpec {
     }
 
     /// The weight of all inputs of the horizon that `input_differences` make, the input applied
-    /// last in front: that of two inputs i and j is `(u_i - u_j)' W (u_i - u_j)`.
+    /// last in front: two inputs i and j contribute `(u_i - u_j)' W (u_i - u_j)`.
     fn input_sequence(&self, inputs: usize) -> Option<Weight> {
         if self.input_differences.is_empty() {
             return None;
@@ -332,7 +332,7 @@ pub enum OnError {
     Correct,
 }
 
-/// What to do when a net is used outside the box that it was trained on, where it is wrong.
+/// How to react when a net is used outside the box that it was trained on, where it is wrong.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum OutsidePolicy {

@@ -4,7 +4,7 @@ use crate::Variables;
 use pinc_estimate::{Augmentation, Disturbance, Gate, Measured, Tuning};
 use serde::{Deserialize, Serialize};
 
-/// What of the plant is measured in the closed loop.
+/// The quantities of the plant that are measured in the closed loop.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct MeasurementSpec {
@@ -24,7 +24,7 @@ pub struct MeasurementSpec {
 pub struct EstimatorSpec {
     /// Which one.
     pub kind: EstimatorKind,
-    /// What the model may be off by in each step, per state.
+    /// The standard deviation of the model's error in each step, per state.
     pub process_sd: Vec<f64>,
     /// The noise that is expected, per measured quantity.
     pub measurement_sd: Vec<f64>,
@@ -155,7 +155,7 @@ impl MeasurementSpec {
         self.measured.clone().unwrap_or_else(|| variables.state_names())
     }
 
-    /// What is measured, by its place among the variables; names that are none are left out.
+    /// The measured quantities, by their places among the variables; unknown names are left out.
     #[must_use]
     pub fn quantities(&self, variables: &Variables) -> Vec<Measured> {
         let own = variables.own_outputs();
@@ -184,8 +184,8 @@ impl EstimatorSpec {
         }
     }
 
-    /// What is measured and estimated beside the state, with models that have the parameters
-    /// `values`, of which those at the places `estimated` are estimated.
+    /// Returns what is measured and estimated beside the state, with models that have the
+    /// parameters `values`, of which those at the places `estimated` are estimated.
     #[must_use]
     pub fn augmentation(
         &self,
@@ -215,7 +215,7 @@ impl EstimatorSpec {
         names
     }
 
-    /// What the estimator is told, of states, disturbances and parameters.
+    /// Returns the estimator's tuning, for states, disturbances and parameters.
     #[must_use]
     pub fn tuning(&self) -> Tuning {
         let disturbances = self.disturbance_sd.len();

@@ -32,11 +32,11 @@ use toml::{Table, Value};
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Experiment {
-    /// The experiment's name, which is also that of its run directory.
+    /// The name of the experiment and of its run directory.
     pub name: String,
     /// The reading of the paper.
     pub preset: Preset,
-    /// What every random draw follows from.
+    /// The seed of all random draws.
     pub seed: u64,
     /// The unit in which times of the plant are shown; absent, that in which each is a small
     /// number.
@@ -68,7 +68,7 @@ pub struct Experiment {
     /// The controller's models, one step of each by itself.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub one_step: Option<OneStepSpec>,
-    /// What is to be found in recorded data.
+    /// The problem of identification from recorded data.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub identify: Option<IdentifySpec>,
     /// The experiment many times over, with other values each time.
@@ -123,7 +123,7 @@ impl Experiment {
         experiment.map_err(|(key, problem)| layers.error(key, problem))
     }
 
-    /// What the resolved config of a finished run says, from the `text` of the file `path`. It was
+    /// Reads the resolved config of a finished run from the `text` of the file `path`. It was
     /// checked when it was run: neither its values nor its plant are looked at again. Keys that it
     /// lacks, since it is older than they are, have the values of its preset.
     ///
@@ -163,7 +163,7 @@ impl Experiment {
         Table::try_from(self).expect("the values have a form in TOML")
     }
 
-    /// The same, with the lists for a plant with arrays as they were written.
+    /// The experiment as a table, with lists for a plant with arrays as they were written.
     pub(crate) fn to_table_as_written(&self) -> Table {
         let mut table = self.to_table();
         self.as_written.restore(&mut table);
@@ -288,8 +288,8 @@ impl Experiment {
         hexadecimal(&Sha256::digest(self.to_toml()))
     }
 
-    /// The same experiment without what its numbers do not depend on: how many threads work on it,
-    /// how often they write a checkpoint, in which unit times are shown, and what is identified.
+    /// The experiment without settings that change no number: threads, the interval of checkpoints,
+    /// the unit in which times are shown, and the identification.
     #[must_use]
     pub fn normalized(&self) -> Self {
         let mut same = Self { time_unit: None, identify: None, ..self.clone() };
@@ -308,7 +308,7 @@ impl Experiment {
         self.training.is_some() && (self.prediction.is_some() || !numerical)
     }
 
-    /// The length T of a control step in s, where the config says it: that of the net, unless the
+    /// The length T of a control step in s, where the config says it: the net's T, unless the
     /// stages of the horizon differ in length.
     #[must_use]
     pub fn sample_time_s(&self) -> Option<f64> {
@@ -318,8 +318,8 @@ impl Experiment {
         first.or(model).or_else(|| self.control.as_ref().and_then(|c| c.step_s))
     }
 
-    /// The length in s of the step that the net is trained for, where the config says it; where it
-    /// does not, that of a control step, unless the stages of the horizon differ in length.
+    /// The length in s of the step that the net is trained for, where the config says it; otherwise
+    /// the length of a control step, unless the stages of the horizon differ in length.
     #[must_use]
     pub fn net_step_s(&self) -> Option<f64> {
         let has_stages = self.control.as_ref().is_some_and(|control| control.stages_s.is_some());

@@ -4,15 +4,16 @@ use crate::{Experiment, MeasurementSpec, PlantSpec};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
-/// What `pinc identify` finds in recorded data, with all numbers in the units of the plant.
+/// The problem that `pinc identify` solves on recorded data, with all numbers in the units of the
+/// plant.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct IdentifySpec {
     /// Names of the states and outputs that were measured; all states if absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub measured: Option<Vec<String>>,
-    /// The standard deviation of the noise of each, by which its residuals are divided; those of
-    /// `[control.measurement]` if absent, and 1 without these.
+    /// The standard deviation of the noise of each, by which its residuals are divided; by default
+    /// the values of `[control.measurement]`, or 1 without these.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub measurement_sd: Option<Vec<f64>>,
     /// The parameters of the plant that are unknown.
@@ -24,11 +25,11 @@ pub struct IdentifySpec {
     /// The initial state of each file, where it is known.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub fixed_initial_state: Option<Vec<f64>>,
-    /// Length T of a step in s; that of `[model]` or `[control]` if absent, and the spacing of the
+    /// Length T of a step in s; by default the T of `[model]` or `[control]`, or the spacing of the
     /// data without these.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub step_s: Option<f64>,
-    /// Substeps per T of the integrator; those of `[control]` if absent, and 4 without these.
+    /// Substeps per T of the integrator; by default as in `[control]`, or 4 without it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub substeps: Option<usize>,
 }
@@ -50,7 +51,7 @@ pub struct IdentifiedParameter {
 }
 
 impl IdentifySpec {
-    /// What is measured, as [`MeasurementSpec`] has it.
+    /// Returns the measured quantities as a [`MeasurementSpec`].
     #[must_use]
     pub fn measurement(&self) -> MeasurementSpec {
         MeasurementSpec { measured: self.measured.clone(), noise_sd: self.measurement_sd.clone() }
@@ -72,8 +73,8 @@ impl Experiment {
         measured.iter().map(|name| of(name).filter(|sd| *sd > 0.0)).collect()
     }
 
-    /// The same experiment with a plant that has these values for its parameters: that in
-    /// `[plant]`, and of parameters that a net takes those of the models in `[control]`.
+    /// The same experiment with these values of the parameters: in `[plant]`, and for parameters
+    /// that a net takes in the models of `[control]`.
     #[must_use]
     pub fn with_parameters(&self, values: &BTreeMap<String, f64>) -> Self {
         let mut with = self.clone();

@@ -23,8 +23,8 @@ pub(crate) struct Layers {
     arguments: Vec<String>,
 }
 
-/// The origin of each value, by its key. What is in a list has that of the list, unless it was set
-/// by itself.
+/// The origin of each value, by its key. An element of a list has the origin of the list, unless it
+/// was set by itself.
 type Origins = HashMap<String, Source>;
 
 /// An [`Origin`] without its texts. In which line something stands is looked up when it is asked
@@ -212,7 +212,7 @@ fn lay(base: &mut Table, top: Table, prefix: &str, origins: &mut Origins, source
     }
 }
 
-/// Notes the origin of a value and of all in it, but for lists.
+/// Notes the origin of a value and of everything in it, except in lists.
 fn note(origins: &mut Origins, path: &str, value: &Value, source: Source) {
     origins.insert(path.to_owned(), source);
     if let Value::Table(table) = value {

@@ -9,7 +9,7 @@ use serde::Deserialize;
 use std::path::{Path, PathBuf};
 use toml::{Table, Value};
 
-/// A list of experiments, such as all those of the paper.
+/// A list of experiments, such as all experiments of the paper.
 ///
 /// ```toml
 /// name = "both"
@@ -21,9 +21,9 @@ use toml::{Table, Value};
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct RunList {
-    /// The list's name, which is also that of the directory of its runs.
+    /// The name of the list and of the directory of its runs.
     pub name: String,
-    /// What is run, in this order.
+    /// The runs, in this order.
     pub runs: Vec<ListedRun>,
 }
 

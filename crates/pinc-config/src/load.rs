@@ -16,10 +16,10 @@ pub struct LoadSpec {
     /// When it ends, in s; never if absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub end_s: Option<f64>,
-    /// What is added to inputs before they act on the plant: an offset of an actuator, a force.
+    /// Loads added to inputs before they act on the plant: an offset of an actuator, a force.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub inputs: BTreeMap<String, f64>,
-    /// What is added to the time derivatives of states, in their units per second: a leak.
+    /// Loads added to the time derivatives of states, in their units per second: a leak.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub rates: BTreeMap<String, f64>,
 }
@@ -70,7 +70,7 @@ impl Experiment {
 }
 
 impl ControlSpec {
-    /// Whether the plant of the loop is another than that of the models, at some time at least.
+    /// Whether the plant of the loop differs from the plant of the models, at some time at least.
     #[must_use]
     pub fn has_mismatch(&self) -> bool {
         self.plant.is_some() || !self.plant_schedule.is_empty() || !self.loads.is_empty()

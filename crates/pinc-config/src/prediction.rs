@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 /// A free run of the trained net against the truth, for the report: the inputs are redrawn every T,
 /// uniformly between their bounds. A conventional PINN is evaluated over the same time, beyond its
-/// T too; initial state and input have to be those of its scenario.
+/// T too; initial state and input have to be its scenario's.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PredictionSpec {

@@ -74,7 +74,7 @@ impl fmt::Display for Origin {
     }
 }
 
-/// What is wrong with a `--set` argument.
+/// A problem with a `--set` argument.
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum SetProblem {
@@ -92,7 +92,7 @@ pub enum SetProblem {
     Path(String),
 }
 
-/// What is wrong with a key or its value.
+/// A problem with a key or its value.
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum Problem {

@@ -61,7 +61,8 @@ impl Schedule {
 }
 
 impl Experiment {
-    /// What the models of the loop are told, of the parameters [`Experiment::varying`].
+    /// Returns the values that the models of the loop get for the parameters
+    /// [`Experiment::varying`].
     #[must_use]
     pub fn model_schedule(&self, sample_time_s: f64) -> Schedule {
         let Some(control) = &self.control else { return Schedule::default() };
@@ -86,7 +87,7 @@ impl Experiment {
         Schedule::of(names, values, changes, sample_time_s)
     }
 
-    /// The plant in the loop: that of the models, unless `[control]` has another one.
+    /// The plant in the loop: the models' plant, unless `[control]` has another one.
     #[must_use]
     pub fn plant_in_the_loop(&self) -> &PlantSpec {
         let own = self.control.as_ref().and_then(|control| control.plant.as_ref());

@@ -21,14 +21,14 @@ pub struct SearchSpec {
     pub candidates: usize,
     /// The column of `sweep.csv` whose median over seeds and draws is to be small.
     pub minimize: String,
-    /// What is drawn, independently.
+    /// The ranges of the independent draws.
     pub ranges: Vec<SearchRange>,
     /// Successive halving; without it every candidate is run in full.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub halving: Option<HalvingSpec>,
 }
 
-/// What a value is drawn from: a range, or a list.
+/// The range or list that a value is drawn from.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SearchRange {

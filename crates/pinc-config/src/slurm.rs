@@ -16,19 +16,19 @@ const OWN: [&str; 9] = [
     "wrap",
 ];
 
-/// What a sweep asks of Slurm.
+/// The resources that a sweep asks of Slurm.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct SlurmSpec {
     /// Options of `sbatch` by their long names, as `partition` or `time`, with their values.
     pub options: Vec<(String, String)>,
-    /// What is loaded with `module load` before the program is started.
+    /// Modules to load with `module load` before the program is started.
     pub modules: Vec<String>,
     /// How many jobs share the sweep, at most.
     pub jobs: Option<usize>,
 }
 
 impl SlurmSpec {
-    /// What a table asks for: `jobs`, `modules`, and options of `sbatch`.
+    /// Reads a table with `jobs`, `modules`, and options of `sbatch`.
     ///
     /// # Errors
     ///

@@ -44,8 +44,9 @@ impl ControlSpec {
         format!("{integrator}_substeps")
     }
 
-    /// The substeps of an integrator in a stage of `length_s`: as many times those of a control
-    /// step of `sample_time_s` as it is longer, rounded up, so that they are no longer than those.
+    /// The substeps of an integrator in a stage of `length_s`: the number in a control step of
+    /// `sample_time_s`, times the ratio of lengths, rounded up, so that substeps are no longer than
+    /// in a control step.
     #[must_use]
     pub fn substeps(&self, integrator: Integrator, length_s: f64, sample_time_s: f64) -> usize {
         let per_step = self.own_substeps(integrator);
@@ -56,7 +57,7 @@ impl ControlSpec {
             clippy::cast_sign_loss,
             reason = "a positive number, of which the config was checked to be small"
         )]
-        // Lengths that are multiples but for rounding are multiples.
+        // Lengths that are multiples up to rounding are multiples.
         let substeps = (needed * (1.0 - 1e-12)).ceil() as usize;
         substeps.max(1)
     }

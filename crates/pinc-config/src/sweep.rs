@@ -30,8 +30,8 @@ pub struct SweepSpec {
     /// Candidates drawn at random, of which the best one is looked for.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub search: Option<SearchSpec>,
-    /// What the sweep asks of Slurm, as [`SlurmSpec`](crate::SlurmSpec) reads it. It is not in the
-    /// resolved config: what is run does not depend on it.
+    /// The resources that the sweep asks of Slurm, as [`SlurmSpec`](crate::SlurmSpec) reads it. It
+    /// is not in the resolved config: what is run does not depend on it.
     #[serde(default, skip_serializing)]
     pub slurm: toml::Table,
 }
@@ -53,7 +53,7 @@ pub struct AxisSpec {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct CaseSpec {
-    /// What it is called in tables and pictures.
+    /// Its name in tables and pictures.
     pub name: String,
     /// Its values by key, the keys as in [`AxisSpec`].
     pub set: toml::Table,
@@ -64,11 +64,11 @@ pub struct CaseSpec {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct DrawsSpec {
-    /// What the group is called in tables and pictures.
+    /// The name of the group in tables and pictures.
     pub name: String,
     /// How many draws.
     pub count: usize,
-    /// What is drawn, uniformly and independently.
+    /// The ranges of the uniform, independent draws.
     pub ranges: Vec<RangeSpec>,
 }
 

@@ -7,8 +7,8 @@ use serde::{Deserialize, Deserializer, Serialize};
 use std::collections::BTreeMap;
 use std::fmt;
 
-/// How the net is trained: pinc-net's keys, and in the same table `proven_tolerance` and those of
-/// [`Effort`].
+/// How the net is trained: the keys of pinc-net, `proven_tolerance` and those of [`Effort`] in one
+/// table.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct TrainingSpec {
     /// The training itself.
@@ -93,7 +93,7 @@ impl<'de, A: MapAccess<'de>> MapAccess<'de> for Rest<'_, A> {
                 _ => {
                     let key: serde::de::value::StringDeserializer<A::Error> =
                         key.into_deserializer();
-                    // The list of known keys in the message ends with those of this table.
+                    // The list of known keys in the message ends with the keys of this table.
                     return seed.deserialize(key).map(Some).map_err(|error: A::Error| {
                         A::Error::custom(format!("{}, {OWN_KEYS}", error.to_string().trim_end()))
                     });

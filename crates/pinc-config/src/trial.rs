@@ -30,7 +30,7 @@ pub struct Trial {
     pub id: String,
     /// The cells of [`columns`].
     pub cells: Vec<String>,
-    /// What is run: the sweep's experiment with this trial's values.
+    /// The experiment to run: the sweep's with this trial's values.
     pub experiment: Experiment,
     /// The training that it needs, which others may share, and the hash of that.
     pub training: Option<(String, Experiment)>,
@@ -50,7 +50,7 @@ pub struct SearchPlace {
 }
 
 impl Trial {
-    /// What the trials have in common that one process runs: the training, if there is one.
+    /// Returns the key that the trials of one process share: their training, if there is one.
     #[must_use]
     pub fn unit(&self) -> &str {
         self.training.as_ref().map_or(&self.id, |(id, _)| id)
@@ -128,8 +128,8 @@ pub fn trials(experiment: &Experiment) -> Result<Vec<Trial>, (String, Problem)> 
     Ok(trials)
 }
 
-/// The models in the loops of a sweep, each once: those of the experiment first, then those that
-/// only some of its trials have, in the order of the trials.
+/// The models in the loops of a sweep, each once: first the experiment's, then models that only
+/// some trials have, in the order of the trials.
 #[must_use]
 pub fn sweep_models(experiment: &Experiment, trials: &[Trial]) -> Vec<ModelKind> {
     let trials = trials.iter().map(|trial| &trial.experiment);

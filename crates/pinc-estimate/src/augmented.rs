@@ -73,7 +73,7 @@ impl Augmented {
         self.inner.disturbance().count(self.inner.dims().nu, measured)
     }
 
-    /// What is measured.
+    /// Returns the measured quantities.
     #[must_use]
     pub fn measured(&self) -> &[Measured] {
         self.inner.measured()

@@ -10,7 +10,7 @@ use pinc_ode::{Dims, Linearization, Model, OutputLinearization, Stages};
 ///
 /// A disturbance of a measured state is part of the state here: the controller sees x + d, which is
 /// what follows references and is bounded, and the model is x + d -> F(x, u) + d. Disturbances of
-/// other outputs are added to these. [`Augmentation::read`] makes that of an estimate.
+/// other outputs are added to these. [`Augmentation::read`] makes this state of an estimate.
 ///
 /// ```
 /// use pinc_estimate::{Augmentation, Compensated, Disturbance, Measured};

@@ -7,10 +7,10 @@ use pinc_ode::{Dims, Linearization, Model, OutputLinearization, Stages};
 /// How many points are linearized at a time.
 pub(crate) const BLOCK: usize = 16;
 
-/// What is measured of a plant, and what is unknown of it beside its state.
+/// The measured quantities of a plant, and its unknowns beside the state.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Augmentation {
-    /// What is measured, in the order of the measurements.
+    /// The measured quantities, in the order of the measurements.
     pub measured: Vec<Measured>,
     /// Which disturbances are estimated.
     pub disturbance: Disturbance,

@@ -55,8 +55,8 @@ pub struct Ekf {
 }
 
 impl Ekf {
-    /// A filter with the outputs of `model` as what is measured. Until the first prediction, the
-    /// input is taken for 0, or for that of [`Estimator::reset_input`].
+    /// A filter with the outputs of `model` as what is measured. Until the first prediction the
+    /// input is taken to be 0, or the one given to [`Estimator::reset_input`].
     ///
     /// # Errors
     ///

@@ -8,13 +8,13 @@ use std::fmt::{self, Debug};
 /// An estimator in filter form: at each step [`Estimator::correct`] with what is measured, use the
 /// [`Estimator::estimate`], then [`Estimator::predict`] with the input that is applied.
 ///
-/// The state z that is estimated is that of the estimator's model, whose outputs are what is
-/// measured ([`Augmented`](crate::Augmented)).
+/// The estimated state z is the state of the estimator's model, whose outputs are the measured
+/// quantities ([`Augmented`](crate::Augmented)).
 ///
 /// An estimator owns its memory: no method allocates. After a step that could not be taken the
 /// estimate and its covariance are those from before, and the status says so.
 pub trait Estimator: Debug + Send {
-    /// The sizes: `nx` is that of z, `ny` the number of measured quantities.
+    /// The sizes: `nx` is the length of z, `ny` the number of measured quantities.
     fn dims(&self) -> Dims;
 
     /// Forgets everything: the estimate is again the initial one, and the input before the first
@@ -56,7 +56,7 @@ pub trait Estimator: Debug + Send {
     fn innovation(&self) -> &[f64];
 }
 
-/// What came of a correction.
+/// The result of a correction.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct Correction {
@@ -149,15 +149,15 @@ impl fmt::Display for EstimatorStatus {
     }
 }
 
-/// What an estimator believes at first, and how much it trusts the model and the measurements, as
-/// standard deviations. Errors of different quantities are independent.
+/// The initial belief of an estimator and its trust in model and measurements, as standard
+/// deviations. Errors of different quantities are independent.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Tuning {
     /// The estimate of z before the first measurement, `nx`.
     pub initial_estimate: Vec<f64>,
     /// Its standard deviations, 0 or more.
     pub initial_sd: Vec<f64>,
-    /// What the model may be off by in each step, `nx`, 0 or more.
+    /// The standard deviation of the model's error in each step, `nx`, 0 or more.
     pub process_sd: Vec<f64>,
     /// The noise of each measured quantity, `ny`, positive.
     pub measurement_sd: Vec<f64>,

@@ -22,11 +22,11 @@ pub struct OutputFeedback {
     history: History,
 }
 
-/// What an estimator did in a closed loop, step by step.
+/// The record of an estimator in a closed loop, step by step.
 #[derive(Clone, Debug, Default, PartialEq)]
 #[non_exhaustive]
 pub struct History {
-    /// What was measured, `[steps, ny]`.
+    /// The measurements, `[steps, ny]`.
     pub measured: Vec<f64>,
     /// The filtered estimates of z, `[steps, nz]`.
     pub estimates: Vec<f64>,
@@ -34,7 +34,7 @@ pub struct History {
     pub sd: Vec<f64>,
     /// Measured minus expected, `[steps, ny]`.
     pub innovations: Vec<f64>,
-    /// What came of the corrections.
+    /// The results of the corrections.
     pub corrections: Vec<Correction>,
     /// How the predictions ended.
     pub predictions: Vec<EstimatorStatus>,
@@ -64,13 +64,13 @@ impl OutputFeedback {
         }
     }
 
-    /// What the estimator has done so far.
+    /// Returns the record of the estimator so far.
     #[must_use]
     pub fn history(&self) -> &History {
         &self.history
     }
 
-    /// The same as a value.
+    /// Returns the history by value.
     #[must_use]
     pub fn into_history(self) -> History {
         self.history

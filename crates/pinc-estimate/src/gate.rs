@@ -12,11 +12,11 @@ use crate::{EstimateError, EstimatorStatus, Tuning};
 /// would with the joint v' S^-1 v. A rejected reading counts as missing.
 ///
 /// After [`Gate::PATIENCE`] rejections in a row of one quantity the estimate is doubted instead of
-/// the sensor: the reading is judged by a covariance that is widened to that of the beginning
-/// (without correlations, and nowhere narrower than it is), and used with that covariance if it
-/// passes. It is judged so again after as many more rejections, with twice the standard deviations
-/// each time, up to 2^[`Gate::DOUBLINGS`] times those of the beginning. A lasting offset and a jump
-/// of the plant get through in this way; a sensor stuck beyond this range is never believed.
+/// the sensor: the reading is judged by a covariance that is widened to the initial one (without
+/// correlations, and nowhere narrower than it is), and used with this covariance if it passes. This
+/// is repeated after as many more rejections, with twice the standard deviations each time, up to
+/// 2^[`Gate::DOUBLINGS`] times the initial ones. A lasting offset and a jump of the plant get
+/// through in this way; a sensor stuck beyond this range is never believed.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum Gate {
@@ -52,8 +52,8 @@ impl Gate {
         }
     }
 
-    /// The variances of each entry of z that a covariance is widened to at first, `nx`: those of
-    /// the beginning, or of a step where these are larger.
+    /// The variances of each entry of z that a covariance is widened to at first, `nx`: the initial
+    /// variances, or the variances of a step where these are larger.
     #[must_use]
     pub fn widened(tuning: &Tuning) -> Vec<f64> {
         let both = variances(&tuning.initial_sd).into_iter().zip(variances(&tuning.process_sd));

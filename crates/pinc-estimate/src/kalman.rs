@@ -147,7 +147,7 @@ impl Kalman {
         rows.map(|(row, entry)| entry * dot(row, h)).sum::<f64>() + self.r[i]
     }
 
-    /// The same with P widened.
+    /// The variance of the innovation of quantity `i` with P widened.
     fn wide_variance(&self, h: &[f64], i: usize, doublings: usize) -> f64 {
         let diagonal = self.p.iter().step_by(h.len() + 1).zip(h).enumerate();
         diagonal.map(|(k, (p, h))| h * h * self.gate.wide(k, doublings, *p)).sum::<f64>()

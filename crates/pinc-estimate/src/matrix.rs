@@ -25,7 +25,7 @@ pub(crate) fn propagate(a: &[f64], q: &[f64], p: &mut [f64], work: &mut [f64]) {
     for (row, a) in work.chunks_exact_mut(n).zip(a.chunks_exact(n)) {
         row.fill(0.0);
         for (factor, p) in a.iter().zip(p.chunks_exact(n)) {
-            // Of an augmented model, a good part of A is 0.
+            // In an augmented model, a good part of A is 0.
             if *factor != 0.0 {
                 add_scaled(row, *factor, p);
             }

@@ -106,8 +106,8 @@ struct Work {
 }
 
 impl Ukf {
-    /// A filter with the outputs of `model` as what is measured. Until the first prediction, the
-    /// input is taken for 0, or for that of [`Estimator::reset_input`].
+    /// A filter with the outputs of `model` as what is measured. Until the first prediction the
+    /// input is taken to be 0, or the one given to [`Estimator::reset_input`].
     ///
     /// # Errors
     ///
@@ -251,8 +251,8 @@ impl Ukf {
         (self.accept().err().unwrap_or(EstimatorStatus::Updated), nis)
     }
 
-    /// Writes the covariance of z after the correction, that of the points less the gain times what
-    /// is measured at them, plus K R K': as in the form of Joseph, it is no difference of large
+    /// Writes the covariance of z after the correction: the covariance of the points less the gain
+    /// times their measurements, plus K R K'. As in Joseph's form, it is no difference of large
     /// numbers.
     fn correct_covariance(&mut self) {
         let (n, m) = (self.z.len(), self.r.len());

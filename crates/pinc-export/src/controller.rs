@@ -29,9 +29,9 @@ pub struct Controller<'a> {
     pub equations: Option<&'a PlantEquations>,
     /// Where the self-test begins.
     pub initial_state: &'a [f64],
-    /// What the plant has been given before the first step, if that is known.
+    /// The input before the first step, if it is known.
     pub initial_input: Option<&'a [f64]>,
-    /// What it follows.
+    /// The reference that it follows.
     pub reference: &'a Reference,
     /// Whether it knows later values of the reference in advance.
     pub preview: bool,
@@ -42,7 +42,7 @@ pub struct Controller<'a> {
     pub estimator: Option<Estimation<'a>>,
 }
 
-/// What the model of a controller is made from.
+/// The source of a controller's model.
 #[derive(Clone, Copy, Debug)]
 #[non_exhaustive]
 pub enum ModelSource<'a> {
@@ -80,7 +80,7 @@ impl<'a> Controller<'a> {
         })
     }
 
-    /// What the plant has been given before the first step; 0 if that is not known.
+    /// The input before the first step; 0 if unknown.
     pub(crate) fn first_input(&self, dims: Dims) -> Vec<f64> {
         self.initial_input.map_or_else(|| vec![0.0; dims.nu], <[f64]>::to_vec)
     }
@@ -208,7 +208,7 @@ impl<'a> Controller<'a> {
         Ok(())
     }
 
-    /// Of the states at all stages: the largest multipliers of their bounds.
+    /// The largest multipliers of the states' bounds, over all stages.
     pub(crate) fn penalties(&self, dims: Dims) -> Vec<f64> {
         let all = 0..self.problem.horizon * dims.nx;
         all.map(|v| penalty(&self.problem.state_softness, v % dims.nx)).collect()

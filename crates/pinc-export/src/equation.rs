@@ -16,7 +16,7 @@ pub(crate) fn values(listing: &Listing, nx: usize, to: &str) -> String {
     body.finish(listing)
 }
 
-/// The same with the derivatives by x and u, which go to f.
+/// The body of a function that also writes the derivatives by x and u, to f.
 pub(crate) fn jacobian(listing: &Listing, nx: usize, nu: usize, to: &str) -> String {
     let tangents = nx + nu;
     let mut body = Body { text: String::new(), nx, tangents };
@@ -186,12 +186,12 @@ fn joined(a: Option<String>, operator: &str, b: Option<String>) -> Option<String
     }
 }
 
-/// What belongs to the smaller of two values; of equal ones, the second; NaN if one is.
+/// The item of the smaller of two values; of equal ones, the second; NaN if one is.
 fn smaller(a: usize, b: usize, of_a: &str, of_b: &str) -> String {
     format!("(v{b} <= v{a}) ? {of_b} : ((v{a} <= v{b}) ? {of_a} : ({of_a} + {of_b}))")
 }
 
-/// The same of the larger.
+/// The item of the larger of two values, with the same rules.
 fn larger(a: usize, b: usize, of_a: &str, of_b: &str) -> String {
     format!("(v{a} <= v{b}) ? {of_b} : ((v{b} <= v{a}) ? {of_a} : ({of_a} + {of_b}))")
 }

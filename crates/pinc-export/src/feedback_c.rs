@@ -17,9 +17,9 @@ use pinc_ode::{Dims, Model};
 pub struct Estimation<'a> {
     /// The estimator.
     pub filter: Filter,
-    /// What is measured, and where disturbances enter.
+    /// The measured quantities, and where disturbances enter.
     pub augmentation: &'a Augmentation,
-    /// What it believes at first, and its trust in model and measurements.
+    /// Its initial belief, and its trust in model and measurements.
     pub tuning: &'a Tuning,
 }
 
@@ -253,7 +253,7 @@ const MHE_STATUSES: &str = ",
         the last one that was. */
     PINC_ESTIMATE_QP_FAILED = 5";
 
-/// Of sources that call the outputs.
+/// For sources that call the outputs.
 pub(crate) const INCLUDE_OUTPUTS: &str = "#include \"pinc_outputs.h\"\n";
 
 /// Golden vectors: controller and estimator of the library in closed loop with their own model,

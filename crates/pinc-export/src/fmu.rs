@@ -130,7 +130,7 @@ fn budget_note(controller: &Controller<'_>) -> Option<String> {
 }
 
 /// A plant by its equations as the content of an FMU, integrated accurately: what a controller can
-/// be tried on. Variables are those of [`net_to_fmu`]; it starts in `initial_state`.
+/// be tried on. Its variables are as in [`net_to_fmu`]; it starts in `initial_state`.
 ///
 /// # Errors
 ///

@@ -20,8 +20,8 @@ const STEPS: usize = 20;
 /// In float the iteration ends earlier.
 const TOLERANCES: [&str; 2] = ["1e-8", "1e-3"];
 
-/// The same with the unscented filter, whose points are near one another in double, which leaves
-/// rounding, and far from one another in float, which is another filter.
+/// The tolerances with the unscented filter. Its points are close together in double, which leaves
+/// rounding, and far apart in float, which makes another filter.
 const UNSCENTED_TOLERANCES: [&str; 2] = ["1e-6", "5e-2"];
 
 /// The smallest residual that single precision can be asked for.
@@ -162,7 +162,7 @@ fn set_problem(
     let increment_rows = limited(&increment_low, &increment_high);
     let [q, r, w] = weights(controller, &units, dims)?;
     let size = |values: &[f64]| constant(values.iter().fold(0.0_f64, |s, v| s.max(v.abs())));
-    // The first rows and columns of W are those of the input applied last.
+    // The first rows and columns of W belong to the input applied last.
     let width = inputs + dims.nu;
     let free = w.chunks_exact(width).skip(dims.nu).flat_map(|row| &row[dims.nu..]).copied();
     let mut tables =
@@ -194,7 +194,7 @@ fn set_problem(
     tables += &places("state_rows", &state_rows);
     tables += &places("increment_rows", &increment_rows);
     if has_units(&units) {
-        tables += "/* Units of states and inputs, in those of the plant. */\n";
+        tables += "/* Units of states and inputs, in the plant's units. */\n";
         tables += &array("x_unit", of_x);
         tables += &array("u_unit", of_u);
     }

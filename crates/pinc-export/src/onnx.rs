@@ -8,7 +8,7 @@ use crate::protobuf::Message;
 use crate::{ExportError, GeneratedFile, Name};
 use pinc_net::{FoldedNet, PincNet};
 
-/// The version of the format, and that of its operators: old enough for most runtimes.
+/// The versions of the format and of its operators: old enough for most runtimes.
 const IR_VERSION: u64 = 8;
 const OPERATORS: u64 = 17;
 

@@ -7,8 +7,7 @@ use crate::template::Template;
 use crate::{ExportError, GeneratedFile, Name};
 use pinc_expr::PlantEquations;
 
-/// Header and source of all outputs of `equations`, whose parameters `names` are those of the
-/// model.
+/// Header and source of all outputs of `equations`, whose parameters `names` are the model's.
 pub(crate) fn outputs_core(
     equations: &PlantEquations,
     names: &[String],

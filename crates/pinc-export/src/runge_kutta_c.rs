@@ -13,8 +13,8 @@ use pinc_ode::{DynPlant, Integrator, Model};
 pub struct RungeKuttaModel<'a> {
     /// The plant.
     pub equations: &'a PlantEquations,
-    /// The parameters that are arguments p of the model, by their names; the values of the others
-    /// are those of the equations.
+    /// The parameters that are arguments p of the model, by their names; the others have the values
+    /// in the equations.
     pub parameters: &'a [String],
     /// The method: an explicit one.
     pub method: Integrator,

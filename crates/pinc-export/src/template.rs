@@ -5,8 +5,8 @@ use std::fmt::Write as _;
 
 /// What the places of templates are filled with.
 ///
-/// A template is C with `pinc_` and `PINC_` in front of its names, for which those of the export
-/// are put, and with places `@KEY@`.
+/// A template is C with places `@KEY@`, and with the prefixes `pinc_` and `PINC_`, which are
+/// replaced by the export's.
 #[derive(Clone, Debug)]
 pub(crate) struct Template {
     name: String,

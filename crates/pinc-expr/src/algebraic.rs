@@ -21,7 +21,7 @@ pub(crate) const LARGEST_BLOCK: usize = 8;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct AlgebraicVariable {
-    /// What is 0: an expression of states, inputs, parameters, intermediates and algebraic
+    /// The expression that is 0: of states, inputs, parameters, intermediates and algebraic
     /// variables. It need not contain this variable, if another equation does.
     pub equation: String,
     /// Where the search for the root begins: a number, or an expression without algebraic
@@ -129,8 +129,8 @@ impl Equations {
         Ok(parsed)
     }
 
-    /// The outputs: those of the table and the algebraic variables, in the alphabetical order of
-    /// their names, the elements of an array by their indices.
+    /// The outputs in the table and the algebraic variables, in the alphabetical order of their
+    /// names, the elements of an array by their indices.
     pub(crate) fn output_variables(&self) -> Vec<Variable> {
         let own = self.outputs.iter().map(|(name, output)| (name, &output.unit));
         let unknowns = self.algebraic.iter().map(|(name, unknown)| (name, &unknown.unit));

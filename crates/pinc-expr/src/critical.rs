@@ -11,7 +11,7 @@ const LONGEST: usize = 60;
 /// About how often all equations are computed until the algebraic ones are solved.
 const NEWTON_STEPS: usize = 5;
 
-/// What a term is needed for.
+/// The role of a term in an equation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum TermRole {
     /// It is divided by: not defined where it is 0.
@@ -34,7 +34,7 @@ pub enum TermRole {
 /// A term on which it depends whether an equation is defined and smooth.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CriticalTerm {
-    /// What it is needed for.
+    /// Its role.
     pub role: TermRole,
     /// It, in the names of states, inputs and `let`, with parameters as numbers.
     pub text: String,

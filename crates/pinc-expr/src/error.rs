@@ -3,7 +3,7 @@
 use std::ops::Range;
 use thiserror::Error;
 
-/// Equations that are not those of a plant: what is wrong, and where.
+/// Equations that do not make a plant: what is wrong, and where.
 #[derive(Clone, Debug, Error, PartialEq)]
 #[error("`{key}`: {problem}{}", .text.as_ref().map(Excerpt::to_string).unwrap_or_default())]
 pub struct ExpressionError {
@@ -12,7 +12,7 @@ pub struct ExpressionError {
     pub key: String,
     /// The piece of an expression that is wrong, for a problem with one.
     pub text: Option<Excerpt>,
-    /// What is wrong.
+    /// The problem.
     pub problem: ExpressionProblem,
 }
 
@@ -38,7 +38,7 @@ impl std::fmt::Display for Excerpt {
     }
 }
 
-/// What is wrong with equations.
+/// A problem with equations.
 #[derive(Clone, Debug, Error, PartialEq)]
 #[non_exhaustive]
 pub enum ExpressionProblem {
@@ -242,7 +242,7 @@ pub enum ExpressionProblem {
     Element {
         /// The values, as `i = 3`.
         index: String,
-        /// What is wrong.
+        /// The problem.
         problem: Box<ExpressionProblem>,
     },
     /// More parentheses in one another than anyone writes.

@@ -1,4 +1,4 @@
-//! The equations of plants as graphs: those that are text, and those of Rust plants.
+//! The equations of plants as graphs, from text or from Rust.
 
 mod algebraic;
 mod arrays;
@@ -164,7 +164,7 @@ pub struct ExpressionPlant {
     rhs: Program,
     outputs: Option<Outputs>,
     algebraic: Option<AlgebraicSystem>,
-    /// The same functions with their Jacobians.
+    /// These functions with their Jacobians.
     sparse: SparsePlant<GroupedFunction>,
     rates: Arc<Rates>,
 }

@@ -72,7 +72,7 @@ impl Equations {
         self.unrolled(|plain| plain.graph(varying)?.listing())
     }
 
-    /// The same of the outputs, in the order of their names.
+    /// The outputs as instructions, in the order of their names.
     ///
     /// # Errors
     ///

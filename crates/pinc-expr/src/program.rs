@@ -166,7 +166,7 @@ fn last_uses(nodes: &[Node], results: &[Value]) -> Vec<Option<usize>> {
 }
 
 /// The nodes in an order in which each comes when the first result needs it, and the results in it:
-/// fewer are then kept at once where results have little in common, as those of neighbours.
+/// fewer are then kept at once where results have little in common.
 fn result_by_result(nodes: &[Node], results: &[Value]) -> (Vec<Node>, Vec<Value>) {
     let mut places: Vec<Option<Value>> = vec![None; nodes.len()];
     let mut ordered = Vec::new();

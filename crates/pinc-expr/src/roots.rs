@@ -139,9 +139,9 @@ impl AlgebraicEquations {
         self.system.examine(self.parts(at))
     }
 
-    /// A root besides that of [`AlgebraicEquations::solve`], if a search from other places in the
-    /// boxes finds one: `parts` has, for each of them, the place of each unknown between the low
-    /// (0) and the high end (1) of its box.
+    /// A root other than the one of [`AlgebraicEquations::solve`], if a search from other places in
+    /// the boxes finds one: `parts` has, for each of them, the place of each unknown between the
+    /// low (0) and the high end (1) of its box.
     ///
     /// # Shapes
     ///

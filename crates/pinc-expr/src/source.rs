@@ -83,7 +83,7 @@ impl PlantEquations {
         Self(Source::Rust { plant: Arc::new(plant), constants })
     }
 
-    /// The parameters that may vary, with their values: those of a text, the
+    /// The parameters that may vary, with their values: the parameters of a text, or the
     /// [`Plant::constants`] of a plant in Rust.
     #[must_use]
     pub fn parameters(&self) -> &BTreeMap<String, f64> {
@@ -93,8 +93,8 @@ impl PlantEquations {
         }
     }
 
-    /// The same equations with other values for some parameters. Names that are no parameter's are
-    /// left out.
+    /// The equations with other values for some parameters. Names that are no parameter's are left
+    /// out.
     #[must_use]
     pub fn with_parameters<'n>(mut self, values: impl IntoIterator<Item = (&'n str, f64)>) -> Self {
         let parameters = match &mut self.0 {

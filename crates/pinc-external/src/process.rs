@@ -8,7 +8,7 @@ use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel, sync_channel};
 use std::time::Duration;
 
-/// Lines that are read ahead at most: those of a program that says more than it is asked wait.
+/// The most lines that are read ahead; further lines wait in the program.
 const READ_AHEAD: usize = 256;
 
 /// A program that moves the state of a plant in time, started when it is first asked; several
@@ -20,7 +20,7 @@ const READ_AHEAD: usize = 256;
 /// answer is read; answers are in their order. The program ends when its standard input does, and is
 /// ended when an answer takes longer than the time limit.
 ///
-/// An answer with an `id` has that of its request. A program may leave the `id` out; lines that
+/// An answer's `id`, if given, is its request's. A program may leave the `id` out; lines that
 /// nobody asked for are then found once they are read before the next request is written.
 #[derive(Debug)]
 pub struct Process {

@@ -1,5 +1,5 @@
-//! The Jacobians of an FMU for model exchange, by its directional derivatives, beside those of its
-//! equation. The FMU is compiled here, by the C compiler of the machine.
+//! The Jacobians of an FMU for model exchange, by its directional derivatives, beside the Jacobians
+//! of its equation. The FMU is compiled here, by the C compiler of the machine.
 #![cfg(target_os = "linux")]
 
 use pinc_ad::Scalar;
@@ -122,8 +122,8 @@ fn plant(states: [&str; 2], input: &str) -> FmuPlant {
 const X: [f64; 6] = [0.8, 0.0, -1.5, 2.0, 0.3, -0.7];
 const U: [f64; 3] = [0.5, -1.0, 0.2];
 
-/// Compares the FMU's steps and Jacobians with those of the equation; `input` is the place of the
-/// plant's input there, and `order` that of its states.
+/// Compares the FMU's steps and Jacobians with the equation's; `input` is the place of the plant's
+/// input there, and `order` the order of its states.
 fn compare(fmu: &Fmu, input: usize, order: [usize; 2]) {
     let dims = Dims::new(2, 1);
     let mut found = LinearizationBuffer::new(dims, 3);
@@ -141,7 +141,7 @@ fn compare(fmu: &Fmu, input: usize, order: [usize; 2]) {
         for i in 0..2 {
             let row = order[i];
             near(found.next[2 * k + i], expected.next[row]);
-            // The Jacobian is that of the step that is taken.
+            // The Jacobian belongs to the step that is taken.
             assert_eq!(ends[2 * k + i].to_bits(), found.next[2 * k + i].to_bits());
             near(found.b[2 * k + i], expected.b[2 * row + input]);
             for (j, column) in order.iter().enumerate() {
@@ -159,7 +159,7 @@ fn jacobians_by_directional_derivatives_are_those_of_the_equation() {
         let dir = tempfile::tempdir().unwrap();
         let path = fmu(dir.path(), version, description);
         for (states, order) in [([first, second], [0, 1]), ([second, first], [1, 0])] {
-            // A parameter, whose derivatives are those of the initialization, and an input.
+            // A parameter, whose derivatives come from the initialization, and an input.
             for (name, input) in [("k", 0), (force, 1)] {
                 compare(&Fmu::open(&path, &plant(states, name)).unwrap(), input, order);
             }

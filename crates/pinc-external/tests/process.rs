@@ -26,7 +26,7 @@ fn main() {
     {
         return be_the_process(kind);
     }
-    // `cargo test -- --list` and filters are those of the usual programs of tests.
+    // `cargo test -- --list` and filters work as for other test programs.
     let filter = arguments.iter().skip(1).find(|argument| !argument.starts_with('-'));
     for (name, test) in TESTS {
         if filter.is_none_or(|filter| name.contains(filter)) {

@@ -7,7 +7,7 @@ use faer::Mat;
 
 /// Singular values below this share of the largest are none: that is what rounding leaves of 0.
 const NOTHING: f64 = 1e-9;
-/// The same for columns.
+/// Columns below this share of the largest are none.
 const NO_COLUMN: f64 = 1e-12;
 /// The share of an unknown in directions that are not determined from which on it is not either.
 const SHARE: f64 = 1e-3;
@@ -18,7 +18,7 @@ pub(crate) struct Analysis {
     /// The standard deviation of each, for residuals of standard deviation 1; infinite for one that
     /// is not determined, NaN for one that is held at a bound.
     pub(crate) sd: Vec<f64>,
-    /// Of each pair, row by row; NaN where there is none.
+    /// The correlation of each pair, row by row; NaN where there is none.
     pub(crate) correlation: Vec<f64>,
     /// The singular values of the residuals' derivatives by all unknowns, each in its scale, from
     /// the largest.
@@ -30,7 +30,7 @@ pub(crate) struct Analysis {
 }
 
 impl Analysis {
-    /// Of a fit that has been linearized at its end.
+    /// The analysis of a fit that was linearized at its end.
     pub(crate) fn of(problem: &Problem, fit: &Fit<'_>) -> Self {
         let columns = Columns::of(problem, fit);
         let unknowns = columns.unknowns.len();
@@ -48,7 +48,7 @@ impl Analysis {
         let sigma: Vec<f64> = svd.S().column_vector().iter().copied().collect();
         let least = NOTHING * sigma.first().copied().unwrap_or(0.0);
         let rank = sigma.iter().filter(|s| **s > least && **s > 0.0).count();
-        // Of each unknown, its parts along the right singular vectors.
+        // The parts of each unknown along the right singular vectors.
         let along = |unknown: &[f64]| -> Vec<f64> {
             let part = |k: usize| -> f64 {
                 unknown.iter().enumerate().map(|(c, w)| w * svd.V()[(c, k)]).sum()

@@ -14,7 +14,7 @@ const WEAK: f64 = 0.5;
 const PAIR: f64 = 0.999;
 /// How many times the expected noise the residuals may be.
 const NOISE: f64 = 2.0;
-/// The same where the noise is estimated from the data.
+/// How many times the noise the residuals may be if the noise is estimated from the data.
 const ROUGH_NOISE: f64 = 4.0;
 /// The ratio from which on units are suspected.
 const UNITS: f64 = 100.0;
@@ -173,8 +173,8 @@ impl fmt::Display for Finding {
             ),
             Self::Far { name, factor } => write!(
                 f,
-                "{name} ended at {factor:.3e} times its start: are the units of the data those of \
-                 the plant?"
+                "{name} ended at {factor:.3e} times its start: are the units of the data the \
+                 plant's?"
             ),
             Self::NeverMeasured { name } => write!(f, "{name} has no measured value at all"),
             Self::Misfit { name, rms, noise, given } => write!(
@@ -193,13 +193,13 @@ impl fmt::Display for Finding {
             Self::Units { name, factor } => write!(
                 f,
                 "{name}: the measurements are about 1e{:.0} times what the model gives: are \
-                 its units those of the plant?",
+                 its units the plant's?",
                 factor.log10()
             ),
             Self::InputUnits { name, factor } => write!(
                 f,
                 "{name}: the data would fit far better with {factor:e} times its values: \
-                 are its units those of the plant?"
+                 are its units the plant's?"
             ),
         }
     }
@@ -359,7 +359,7 @@ fn of_a_channel(problem: &Problem, fit: &Fit<'_>, i: usize, channel: &ChannelFit
         .iter()
         .flat_map(|of| of.recording.y.iter().skip(i).step_by(problem.channels.len()));
     let size = size.filter(|y| !y.is_nan()).fold(0.0, |most: f64, y| most.max(y.abs()));
-    // Residuals that are nothing but rounding are as large as any noise of exact data.
+    // Residuals of pure rounding are as large as any noise of exact data.
     if channel.rms <= 1e-9 * size {
         return all;
     }

@@ -10,7 +10,7 @@ const ITERATIONS: usize = 200;
 /// A step that lowers the cost by less than this share is the last: it is some 1e-7 of the
 /// half widths of the intervals.
 const NEGLIGIBLE: f64 = 1e-15;
-/// The same where rounding lets no step lower the cost.
+/// The share if rounding lets no step lower the cost.
 const ROUNDING: f64 = 1e-9;
 /// Gaps between segments, in scales of the states, that are none.
 const CLOSED: f64 = 1e-10;
@@ -132,7 +132,7 @@ impl<'a> Fit<'a> {
                 return;
             }
             let stepped = self.descend(problem, with);
-            // Data without noise leave nothing but rounding.
+            // Data without noise leave only rounding.
             let exact = self.cost() <= 1e-28 * self.first && self.gaps() <= CLOSED;
             if let Some(status) = exact.then_some(FitStatus::Converged).or(stepped) {
                 (self.status, self.ended) = (status, true);

@@ -21,14 +21,13 @@ const CORRELATED: f64 = 0.5;
 /// nonlinear least squares: the sum of the squares of all residuals, divided by the standard
 /// deviations of their channels, is smallest within the bounds.
 ///
-/// The method is that of Gauss and Newton, damped as by Levenberg and Marquardt (Moré, "The
-/// Levenberg-Marquardt algorithm: implementation and theory", Lecture Notes in Mathematics 630
-/// (1978)), with the exact derivatives of the model. By single shooting the model runs from the
-/// initial state to the end of a recording; by multiple shooting (Bock, "Numerical treatment of
-/// inverse problems in chemical reaction kinetics", Springer Series in Chemical Physics 18 (1981))
-/// recordings are cut into segments, each with an initial state of its own, which are fitted one by
-/// one at first, and then with the gaps between them closed. [`Identified::method`] says which it
-/// was, and why:
+/// The method is Gauss-Newton, damped as by Levenberg and Marquardt (Moré, "The Levenberg-Marquardt
+/// algorithm: implementation and theory", Lecture Notes in Mathematics 630 (1978)), with the exact
+/// derivatives of the model. By single shooting the model runs from the initial state to the end of
+/// a recording; by multiple shooting (Bock, "Numerical treatment of inverse problems in chemical
+/// reaction kinetics", Springer Series in Chemical Physics 18 (1981)) recordings are cut into
+/// segments, each with an initial state of its own, which are fitted one by one at first, and then
+/// with the gaps between them closed. [`Identified::method`] says which it was, and why:
 ///
 /// - multiple shooting, if the model from the start is not finite to the end of a recording, or
 ///   depends on its initial state more than ten-thousandfold;

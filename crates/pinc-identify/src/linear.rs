@@ -18,11 +18,11 @@ pub(crate) struct Step {
 pub(crate) struct Linear {
     /// The triangles of the recordings.
     factors: Vec<Vec<f64>>,
-    /// The same with damping.
+    /// The triangles with damping.
     damped: Vec<Triangle>,
     /// What they say of the parameters alone.
     reduced: Triangle,
-    /// The same without the parameters that are held at a bound.
+    /// The reduced triangle without the parameters that are held at a bound.
     free: Triangle,
     /// The length of each parameter's column, in all rows.
     lengths: Vec<f64>,

@@ -43,7 +43,7 @@ impl Unknown {
 /// Coordinate `dimension` of point `i`, from 0 to 1.
 fn sobol(i: usize, dimension: usize, seed: u64) -> f64 {
     let number = |of: usize| u32::try_from(of).unwrap_or(u32::MAX);
-    // Dimensions and points beyond those of the generator have another scramble.
+    // Dimensions and points beyond the generator's have another scramble.
     let round = number(dimension / DIMENSIONS).wrapping_add(number(i >> 16).wrapping_mul(31));
     #[expect(clippy::cast_possible_truncation, reason = "the two halves of the seed")]
     let scramble = (seed ^ (seed >> 32)) as u32;

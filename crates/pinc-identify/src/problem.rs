@@ -5,10 +5,10 @@ use crate::error::{length, numbers, places, rows};
 use pinc_estimate::Measured;
 use pinc_ode::Dims;
 
-/// What is measured, what is unknown, and where the fit starts.
+/// A problem of identification: measured quantities, unknowns, and where the fit starts.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Problem {
-    /// What is measured, in the order of the measurements.
+    /// The measured quantities, in the order of the measurements.
     pub channels: Vec<Channel>,
     /// p, the parameters of the model, `np`: those that are not identified keep these values.
     pub parameters: Vec<f64>,
@@ -27,7 +27,7 @@ pub struct Problem {
 pub struct Channel {
     /// Its name, for what is said of it.
     pub name: String,
-    /// What it measures.
+    /// The measured quantity.
     pub measured: Measured,
     /// The standard deviation of its noise, by which its residuals are divided; 1 where it is not
     /// known.
@@ -59,7 +59,7 @@ pub enum InitialState {
     Fixed(Vec<f64>),
 }
 
-/// What was recorded, row by row, one step of the model apart.
+/// A recording, row by row, one step of the model apart.
 ///
 /// # Shapes
 ///

@@ -27,14 +27,14 @@ pub struct Identified {
     pub measurements: usize,
     /// These without the unknowns that are not held at a bound.
     pub degrees_of_freedom: usize,
-    /// The correlations of all estimates, `[unknowns, unknowns]` row by row: those of the
-    /// parameters, then of the initial state of each recording. NaN where one is not determined.
+    /// The correlations of all estimates, `[unknowns, unknowns]` row by row: first the parameters,
+    /// then the initial state of each recording. NaN where one is not determined.
     pub correlation: Vec<f64>,
     /// The singular values of the derivatives of all residuals by all unknowns, each in its own
     /// size, from the largest: those that are 0 belong to directions that the data do not
     /// determine.
     pub singular_values: Vec<f64>,
-    /// What the model gives for each recording, `[rows, channels]`.
+    /// The model's outputs for each recording, `[rows, channels]`.
     pub fitted: Vec<Vec<f64>>,
     /// The channels, one by one.
     pub channels: Vec<ChannelFit>,
@@ -45,9 +45,9 @@ pub struct Identified {
     /// Where the fits from all starts ended, the one that is returned first, then from the lowest
     /// cost.
     pub starts: Vec<Start>,
-    /// What there is to say of the data and the fit.
+    /// Findings about the data and the fit.
     pub findings: Vec<Finding>,
-    /// What it took.
+    /// The work done.
     pub work: Work,
 }
 
@@ -67,7 +67,7 @@ pub struct Estimate {
     pub at_bound: Option<Side>,
 }
 
-/// What is left of a channel.
+/// The residuals of a channel.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct ChannelFit {

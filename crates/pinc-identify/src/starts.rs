@@ -66,8 +66,8 @@ struct Ended<'a> {
 ///
 /// Each start has a short fit. The best few, and the problem's own start, are fitted to the end,
 /// and the best of these is returned; [`Identified::starts`] has them all. Fits run side by side on
-/// up to `threads` threads. The result does not depend on their number, and with one model it is
-/// that of [`identify`].
+/// up to `threads` threads. The result does not depend on their number, and with one model it
+/// equals [`identify`]'s.
 ///
 /// # Errors
 ///
@@ -181,8 +181,8 @@ fn best(ends: &[Ended<'_>]) -> Option<usize> {
 }
 
 impl Identified {
-    /// Of the starts that were fitted to the end, how many ended in the minimum that was found, and
-    /// how many there are.
+    /// How many of the starts fitted to the end reached the minimum that was found, and how many of
+    /// these starts there are.
     #[must_use]
     pub fn agreeing_starts(&self) -> (usize, usize) {
         let fitted = || self.starts.iter().filter(|start| start.status.is_some());

@@ -43,7 +43,8 @@ pub(crate) struct Evaluation<'m> {
 pub(crate) struct Trajectory {
     /// `[rows, nx]`
     pub(crate) x: Vec<f64>,
-    /// Of each segment but the last, its end minus the begin of the next: `[segments - 1, nx]`.
+    /// For each segment but the last, its end minus the beginning of the next:
+    /// `[segments - 1, nx]`.
     pub(crate) defects: Vec<f64>,
     /// Half the sum of squares of the residuals.
     pub(crate) cost: f64,

@@ -4,14 +4,14 @@
 const GATHERED: usize = 96;
 
 /// The triangular factor R of rows with `width` columns that were pushed: R'R is the sum of the
-/// squares of the rows. The last column is usually that of the residuals.
+/// squares of the rows. The last column usually has the residuals.
 #[derive(Clone, Debug)]
 pub(crate) struct Triangle {
     width: usize,
     /// Rows of which the first `width`, or fewer, are the triangle.
     rows: Vec<f64>,
     count: usize,
-    /// Of a reflection.
+    /// The vector of a reflection.
     product: Vec<f64>,
 }
 
@@ -49,7 +49,7 @@ impl Triangle {
         &self.rows
     }
 
-    /// The same, to be changed.
+    /// The factor, to be changed.
     pub(crate) fn factor_mut(&mut self) -> &mut [f64] {
         self.factor();
         &mut self.rows

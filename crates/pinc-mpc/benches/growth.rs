@@ -31,10 +31,10 @@ const PATIENCE_S: [f64; 2] = [2.0, 0.2];
 const INTRODUCTION: &str = "\
 # Growth of a control step
 
-A real-time iteration (one linearization of all stages, one QP) by the number N of stages, of states
-and of inputs, with bounds on the inputs that are active or not reached, on a chain of first-order
-lags, in a closed loop between two references: medians in us, the automatic choice in bold. The
-first step of a loop, which has no plan to start from, is not counted. Made by
+Median times in us of a real-time iteration (one linearization of all stages, one QP) by the number
+N of stages, of states and of inputs; the automatic choice is bold. The plant is a chain of
+first-order lags in a closed loop between two references, with bounds on the inputs that are active
+or not reached. The first step of a loop, which has no plan to start from, is not counted.
 
 ```sh
 cargo bench -p pinc-mpc --bench growth -- --page
@@ -123,8 +123,8 @@ fn summary(rows: &[Row]) -> String {
     let mean = losses.iter().map(|loss| loss.ln()).sum::<f64>() / losses.len() as f64;
     let most = losses.iter().fold(1.0, |most: f64, loss| most.max(*loss));
     format!(
-        "The automatic choice takes {:.2} times as long as the better of the two methods, in the \
-         geometric mean,\nand {most:.2} times where it is furthest off.",
+        "The automatic choice takes {:.2} times as long as the better method in the geometric \
+         mean, and {most:.2}\ntimes at most.",
         mean.exp()
     )
 }
@@ -236,7 +236,7 @@ struct Loop {
 
 impl Loop {
     /// Q = 10 I, R = I, all states are controlled. The references need inputs of 1; bounds of 0.75
-    /// are active, those of 100 never.
+    /// are active, bounds of 100 never.
     fn new([n, m]: [usize; 2], horizon: usize, active: bool, qp: QpMethod) -> Self {
         let dims = Dims::new(n, m);
         let bound = if active { 0.75 } else { 100.0 };

@@ -43,7 +43,7 @@ impl Bounds {
         }
     }
 
-    /// Checks an applied input: finite, and within the bounds of the first stage but for rounding.
+    /// Checks an applied input: finite, and within the bounds of the first stage up to rounding.
     pub(crate) fn check_applied(&self, u: &[f64]) -> Result<(), MpcError> {
         check_numbers("u_applied", u, "finite", f64::is_finite)?;
         let least = |low: f64| low - ROUNDED_INPUT * (1.0 + low.abs());
@@ -84,7 +84,7 @@ impl Bounds {
             .collect()
     }
 
-    /// These bounds, followed by those of `other`.
+    /// These bounds, followed by the bounds of `other`.
     pub(crate) fn chain(self, other: Self) -> Self {
         Self { low: [self.low, other.low].concat(), high: [self.high, other.high].concat() }
     }
@@ -118,12 +118,12 @@ impl Bounds {
     }
 }
 
-/// What a constraint is worth that cannot be met, or only at a high cost.
+/// How a constraint is relaxed that cannot be met, or only at a high cost.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Softness {
     /// It must be met. Where that is impossible, the step's status says so and names a constraint
-    /// that is in the way; the plan is then that of `Exact`.
+    /// that is in the way; the plan is then the same as with `Exact`.
     #[default]
     Hard,
     /// It is met wherever the (linearized) problem has a solution, and violated as little as

@@ -54,7 +54,7 @@ impl NmpcBuilder {
         self
     }
 
-    /// A cost per stage beside that of tracking.
+    /// A cost per stage beside the tracking cost.
     pub fn stage_cost(mut self, cost: Box<dyn StageCost>) -> Self {
         self.stage_cost = Some(cost);
         self

@@ -76,14 +76,14 @@ pub struct ClosedLoop<'a> {
     feedthrough: Vec<bool>,
 }
 
-/// What is remembered of the controller's part of a step.
+/// The record of the controller's part of a step.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StepRecord {
     /// How the optimization ended.
     pub status: SqpStatus,
     /// How many QPs were solved.
     pub sqp_iterations: usize,
-    /// What else it took.
+    /// Other work.
     pub work: StepWork,
     /// The largest KKT residual, [`KktResidual::max`](crate::KktResidual::max).
     pub kkt: f64,
@@ -103,7 +103,7 @@ pub struct Control<'b, 'a> {
 
 impl<'a> ClosedLoop<'a> {
     /// The loop of `nmpc`, which forgets what it did before, and `plant`, starting in state `x`.
-    /// The paper's answers are those of a plant integrated to a tolerance of 1e-12.
+    /// The paper's answers need a plant integrated to a tolerance of 1e-12.
     ///
     /// # Errors
     ///
@@ -153,8 +153,8 @@ impl<'a> ClosedLoop<'a> {
         })
     }
 
-    /// The same loop, begun with a plant that has been given the input `u` so far: it is u\[k-1\]
-    /// of the first step, and what is under way where inputs are delayed.
+    /// Begins the loop with a plant that has been given the input `u` so far: it is u\[k-1\] of the
+    /// first step, and what is under way where inputs are delayed.
     ///
     /// # Errors
     ///
@@ -167,15 +167,14 @@ impl<'a> ClosedLoop<'a> {
         Ok(self)
     }
 
-    /// The same loop with a controller that does not know what the reference will be: it takes the
-    /// present value for all later ones.
+    /// Hides future references from the controller: it takes the present value for all later ones.
     #[must_use]
     pub fn without_preview(self) -> Self {
         Self { preview: false, ..self }
     }
 
-    /// The same loop with a controller that sees the plant by `observer`: this gives it the state,
-    /// and the parameters of its model.
+    /// Lets the controller see the plant through `observer`, which supplies the state and the
+    /// parameters of its model.
     #[must_use]
     pub fn with_observer(self, observer: &'a mut dyn Observer) -> Self {
         let dims = self.nmpc.model().dims();
@@ -212,7 +211,7 @@ impl<'a> ClosedLoop<'a> {
         self.nmpc.set_parameters(&watch.parameters)
     }
 
-    /// What the controller takes for the state of the plant, shape `n`.
+    /// Returns the state of the plant as the controller sees it, shape `n`.
     #[must_use]
     pub fn seen(&self) -> &[f64] {
         self.watch.as_ref().map_or(&self.x, |watch| &watch.x)
@@ -300,8 +299,8 @@ impl<'a> ClosedLoop<'a> {
         &self.last_step
     }
 
-    /// What sample `i` of [`ClosedLoop::last_step`] is compared with: the value of the step that
-    /// led there; for the initial point of the loop, that of the first step.
+    /// The reference of sample `i` of [`ClosedLoop::last_step`]: the value of the step that led
+    /// there; for the initial point of the loop, the value of the first step.
     #[must_use]
     pub fn reference_at(&self, i: usize) -> &[f64] {
         let k = if i == 0 { self.last.saturating_sub(1) } else { self.last };
@@ -359,8 +358,8 @@ impl<'a> ClosedLoop<'a> {
         sum
     }
 
-    /// What is tracked at the end of the last step; [`ClosedLoop::errors`] has it as of the beginning
-    /// of the next step.
+    /// The tracked quantities at the end of the last step; [`ClosedLoop::errors`] has them at the
+    /// beginning of the next step.
     pub(crate) fn tracked_at_end(&self) -> Option<Vec<f64>> {
         let is_open = self.done > 0 && !self.broken;
         is_open.then(|| self.tracked_at(self.last_step.len() - 1))
@@ -371,7 +370,7 @@ impl<'a> ClosedLoop<'a> {
         &self.errors
     }
 
-    /// What is followed.
+    /// Returns the reference.
     #[must_use]
     pub fn reference(&self) -> &Reference {
         &self.reference
@@ -398,7 +397,7 @@ impl<'a> ClosedLoop<'a> {
     }
 
     /// The bounds that were broken on the dense trace, the initial point apart, each with its worst
-    /// violation: those of states, inputs, outputs.
+    /// violation: bounds of states, inputs, outputs.
     pub fn violations(&self) -> impl Iterator<Item = &Violation> {
         self.violations.broken()
     }
@@ -431,8 +430,8 @@ impl<'a> ClosedLoop<'a> {
     }
 }
 
-/// The steps from the end of the first stage, which is a step, to those in which all end; `times`
-/// are those of the stages' ends from the beginning of the first.
+/// The steps from the end of the first stage, which is a step, to the steps in which all end;
+/// `times` are the ends of the stages from the beginning of the first.
 fn steps_ahead(times: &[f64]) -> Vec<usize> {
     times[1..].iter().map(|&time| steps_until(time, times[1]) - 1).collect()
 }
@@ -445,13 +444,13 @@ impl Control<'_, '_> {
         &self.run.inputs[chosen..]
     }
 
-    /// What the controller took for the state of the plant, shape `n`.
+    /// Returns the state of the plant as the controller saw it, shape `n`.
     #[must_use]
     pub fn seen(&self) -> &[f64] {
         self.run.seen()
     }
 
-    /// What the controller did.
+    /// Returns the record of the controller.
     ///
     /// # Panics
     ///

@@ -58,7 +58,7 @@ pub struct SqpConfig {
     /// Whether each control step takes one QP only, prepared before the state is measured: the
     /// real-time iteration of Diehl et al. (2002). Off by default.
     pub real_time: bool,
-    /// What solves the QPs; by default chosen by their size.
+    /// The method for the QPs; by default chosen by their size.
     pub qp: QpMethod,
 }
 

@@ -105,7 +105,7 @@ impl Constraint {
         }
     }
 
-    /// The bound in row `place` of those of outputs at a stage.
+    /// The bound in row `place` of the bounds of outputs at a stage.
     fn output(outputs: &OutputRows, stage: usize, place: usize, side: Side) -> Self {
         let (index, end) = outputs.iter().nth(place).expect("a row of an output");
         let step = match end {

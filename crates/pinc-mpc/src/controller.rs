@@ -19,24 +19,24 @@ const MOST_WAITING: usize = 5;
 
 /// Nonlinear model predictive control, Algorithm 2 of the paper, with any [`Model`] as the model.
 ///
-/// Each [`Nmpc::step`] solves the [`NmpcProblem`], starting from the last plan moved on by a step,
-/// and gives the plan's first input.
+/// Each [`Nmpc::step`] solves the [`NmpcProblem`], starting from the last plan, shifted by a step,
+/// and returns the plan's first input.
 ///
-/// The input is always within its bounds, and within those of its increments, however the
-/// optimization ends. A plan that is not optimal but true to the model (to the square root of the
-/// tolerance) is followed: suboptimal control suffices (Scokaert, Mayne and Rawlings, IEEE Trans.
-/// Autom. Control 44 (1999)). Otherwise the input is the next one of the last plan, whose last
-/// input is held when it has run out (before there is a plan, it is 0, moved into the bounds); and
-/// the step after starts afresh from the state measured then, so that one failure does not lead to
-/// the next. Only where nothing but the time was up, it goes on from where this one ended. The plan
-/// that the time allowed is followed until there has been one that is true to the model, where a QP
-/// was solved from such a plan, as in a real-time iteration, and where the last good plan has gone
-/// on for five steps.
+/// The input is always within its bounds and the bounds of its increments, however the optimization
+/// ends. A plan that is not optimal but true to the model (to the square root of the tolerance) is
+/// followed: suboptimal control suffices (Scokaert, Mayne and Rawlings, IEEE Trans. Autom. Control
+/// 44 (1999)). Otherwise the input is the next one of the last plan, whose last input is held when
+/// the plan has run out (before there is a plan, it is 0, moved into the bounds). The next step
+/// then starts afresh from the measured state, so that one failure does not lead to the next. If
+/// only the deadline was hit, the next step resumes where this one ended. The unfinished plan is
+/// followed in three cases: until there has been a plan that is true to the model; if a QP was
+/// solved from such a plan, as in a real-time iteration; and if the last good plan is five steps
+/// old.
 ///
 /// # Delays
 ///
-/// If an input takes [`NmpcProblem::delay`] steps to act, the model goes through the inputs that
-/// are under way first, and the problem is that of the state where they lead, without any delay.
+/// If an input takes [`NmpcProblem::delay`] steps to act, the model first goes through the inputs
+/// that are under way, and the problem starts at the resulting state, without delay.
 ///
 /// # Real time
 ///
@@ -70,7 +70,7 @@ pub struct Nmpc {
     dims: OcpDims,
     sqp: Sqp,
     plan: Solution,
-    /// The last plan that was followed, moved on.
+    /// The last plan that was followed, shifted.
     fallback: Solution,
     /// Whether the plan's states are worth starting from.
     warm: bool,
@@ -86,7 +86,7 @@ pub struct Nmpc {
     has_fallback: bool,
     /// Whether the first plan is to stay at the state of the first step.
     unplaced: bool,
-    /// Whether the plan is moved on.
+    /// Whether the plan is shifted.
     shifted: bool,
     /// Whether the problem is linearized there.
     prepared: bool,
@@ -100,7 +100,7 @@ pub struct Nmpc {
     guard: Option<Guard>,
 }
 
-/// What came of a control step.
+/// The result of a control step.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct StepReport<'a> {
@@ -110,7 +110,7 @@ pub struct StepReport<'a> {
     pub status: SqpStatus,
     /// How many QPs were solved.
     pub sqp_iterations: usize,
-    /// What else it took; that of [`Nmpc::prepare`] is part of the step after.
+    /// Other work; work done in [`Nmpc::prepare`] counts towards the next step.
     pub work: StepWork,
     /// The residual of the plan that the optimization ended with (of a real-time iteration: that it
     /// began with); not finite if the model has no value there.
@@ -216,7 +216,7 @@ impl Nmpc {
         &self.problem
     }
 
-    /// The model, that of the first stage.
+    /// The model of the first stage.
     #[must_use]
     pub fn model(&self) -> &dyn Model {
         self.horizon.first()
@@ -378,10 +378,10 @@ impl Nmpc {
     /// factorizations and between them, and between trials of a step's length. Clarabel alone is
     /// not interrupted. The status is then [`SqpStatus::Deadline`].
     ///
-    /// What was reached goes on in the next step: a plan on the way to the solution of a QP, or one
-    /// that there was no time to judge, is where that begins. The residual is then that of the plan
-    /// before, whose input is handed out if it is true to the model; it is infinite where the first
-    /// linearization did not come to its end.
+    /// The next step resumes from the plan reached: a plan on the way to the solution of a QP, or
+    /// one that there was no time to judge. The residual then belongs to the plan before, whose
+    /// input is applied if it is true to the model; it is infinite if the first linearization did
+    /// not finish.
     ///
     /// # Errors
     ///

@@ -254,7 +254,7 @@ mod tests {
         let mut gradient = vec![f64::NAN; 13];
         let found = cost.gradient(&z, targets, &mut gradient);
         assert!((found - value(&z, targets)).abs() < 1e-13 * found);
-        // J is quadratic: central differences are exact but for rounding, 1e-16/1e-5 of J's 1e2.
+        // J is quadratic: central differences are exact up to rounding, 1e-16/1e-5 of J's 1e2.
         check_gradient(|z| value(z, targets), &z, &gradient, 1e-8).unwrap();
 
         // Its Hessian, block by block, as a difference of gradients.

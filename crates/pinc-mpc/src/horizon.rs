@@ -98,7 +98,7 @@ impl Horizon {
         self.blocks[0].model.as_mut()
     }
 
-    /// The model of stage `j`; at the end of the horizon, that of the last.
+    /// The model of stage `j`; at the end of the horizon, the last stage's.
     pub(crate) fn at(&mut self, j: usize) -> &mut dyn Model {
         let place = self.blocks.iter().position(|block| block.stages.contains(&j));
         let last = self.blocks.len() - 1;

@@ -48,7 +48,7 @@ impl KktResidual {
         }
     }
 
-    /// Of a point where nothing is known: all infinite.
+    /// The residuals of a point where nothing is known: all infinite.
     pub(crate) fn unknown() -> Self {
         let all = f64::INFINITY;
         Self { stationarity: all, dynamics: all, bounds: all, complementarity: all }

@@ -6,9 +6,9 @@ use pinc_qp::{OcpDims, all_finite};
 
 /// The model, linearized at all stages of a plan.
 ///
-/// A controller begins each step with the plan of the step before, moved on by one: all stages but
-/// the first and the last are where the model was linearized when that plan was judged. They are
-/// not evaluated again.
+/// A controller begins each step with the plan of the step before, shifted by one stage. The model
+/// was linearized at all of its stages except the first and the last when that plan was judged;
+/// these are not evaluated again.
 #[derive(Debug)]
 pub(crate) struct LinearizationCache {
     dims: OcpDims,
@@ -210,8 +210,8 @@ mod tests {
         }
     }
 
-    /// A plan moved on by one is known but for its ends; one with the same states and other inputs,
-    /// or the same inputs and other states, is not.
+    /// A plan shifted by one stage is known except at its ends; one with the same states and other
+    /// inputs, or the same inputs and other states, is not.
     #[test]
     fn only_a_plan_with_the_same_states_and_inputs_is_known() {
         let dims = OcpDims {

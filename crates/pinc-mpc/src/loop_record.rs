@@ -3,7 +3,7 @@
 use crate::{ClosedLoop, MpcError, StepRecord};
 use pinc_ode::{Dims, Trajectory};
 
-/// What a loop did from its beginning on. A loop of many steps has a long one.
+/// The record of a loop from its beginning. A loop of many steps has a long record.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct LoopRecord {
@@ -11,7 +11,7 @@ pub struct LoopRecord {
     /// with the input that holds from there on (at the end of the trace, with the last one). If the
     /// plant could not be integrated, this is the trace until then.
     pub trajectory: Trajectory,
-    /// What the controller did in each step, the last one perhaps not taken by the plant.
+    /// The controller's record of each step; the plant may not have taken the last one.
     pub steps: Vec<StepRecord>,
 }
 

@@ -39,7 +39,7 @@ pub struct NmpcProblem {
     pub horizon: usize,
     /// Nu, the number of free inputs: from 1 to `horizon`.
     pub control_horizon: usize,
-    /// What is tracked, in the order of `weights.q` and of the references.
+    /// The tracked quantities, in the order of `weights.q` and of the references.
     pub tracked: Vec<Tracked>,
     /// Q, R and what else is weighted.
     pub weights: Weights,
@@ -67,7 +67,7 @@ pub struct NmpcProblem {
     /// [`Nmpc::set_parameters`](crate::Nmpc::set_parameters).
     pub parameters: Vec<f64>,
     /// How many whole steps pass until an input acts: the input chosen at step k is the plant's in
-    /// step k + delay. The problem is then that of the state predicted for step k + delay.
+    /// step k + delay. The problem then starts at the state predicted for step k + delay.
     pub delay: usize,
     /// The typical size of each state, positive, if the bounds do not tell it: what counts as a
     /// large error. Needed for states that are small numbers and not bounded, as a

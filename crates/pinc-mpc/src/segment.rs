@@ -6,7 +6,7 @@ use std::ops::Range;
 /// How many step marks an offset is averaged over.
 const MARKS: usize = 10;
 
-/// What became of one value of the reference, seen at the step marks t = kT from its beginning to
+/// The loop under one value of the reference, seen at the step marks t = kT from its beginning to
 /// where the controller begins to prepare the next value: with preview N2 steps before it.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
@@ -37,8 +37,8 @@ impl ClosedLoop<'_> {
         largest
     }
 
-    /// What became of each value of the reference, as far as the run went. `tolerance` says for
-    /// each tracked quantity how near the reference it has to stay to be settled.
+    /// Returns the segment of each value of the reference, as far as the run went. `tolerance` says
+    /// for each tracked quantity how near the reference it has to stay to be settled.
     ///
     /// # Panics
     ///

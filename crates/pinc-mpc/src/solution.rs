@@ -63,8 +63,8 @@ impl Solution {
         &self.multipliers.increments
     }
 
-    /// eta, `[N2 - N1 + 1, rows]`: at each stage those of h, of g, and of the bounded outputs as in
-    /// L.
+    /// eta, `[N2 - N1 + 1, rows]`: at each stage the multipliers of h, of g, and of the bounded
+    /// outputs as in L.
     #[must_use]
     pub fn constraint_multipliers(&self) -> &[f64] {
         &self.multipliers.rows
@@ -92,10 +92,10 @@ impl Solution {
         self.multipliers.shift(self.dims);
     }
 
-    /// Takes the plan `from`, moved on by the first stage's length, on stages of different lengths
-    /// of which the first is the shortest; `times`, `[N + 1]`, are those of `x_0` .. `x_N`. States
-    /// are interpolated linearly, inputs held as planned; the multipliers of a stage are those of
-    /// the stage that covers its beginning.
+    /// Takes the plan `from`, shifted by the first stage's length, on stages of different lengths
+    /// of which the first is the shortest; `times`, `[N + 1]`, belong to `x_0` .. `x_N`. States are
+    /// interpolated linearly, inputs held as planned; a stage takes the multipliers of the stage
+    /// that covers its beginning.
     #[inline(never)]
     pub(crate) fn resample(&mut self, from: &Self, times: &[f64]) {
         let (dims, length) = (self.dims, times[1]);

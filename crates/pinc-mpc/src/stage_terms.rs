@@ -12,8 +12,8 @@ use pinc_qp::{OcpDims, Qp};
 /// e = y(x, u) - yref,  e'Q e  ->  gradient 2 (C D)'Q e,  Hessian 2 (C D)'Q (C D)
 /// ```
 ///
-/// Outputs are tracked with the input of the interval that leads to x, the stage cost is that of
-/// the input that acts there.
+/// Outputs are tracked with the input of the interval that leads to x, the stage cost uses the
+/// input that acts there.
 #[derive(Debug)]
 pub(crate) struct StageTerms {
     dims: OcpDims,
@@ -166,7 +166,7 @@ impl StageTerms {
         }
     }
 
-    /// Adds the block of a stage and an input, but for products of the two, to the program; the
+    /// Adds the block of a stage and an input, without products of the two, to the program; the
     /// measured state does not move.
     fn add_block(&self, stage: usize, input: usize, qp: &mut Qp) {
         let (dims, block) = (self.dims, &self.block);

@@ -134,9 +134,9 @@ impl Transcription {
         std::mem::take(&mut self.cache.evaluated)
     }
 
-    /// Moves the plan's inputs into their bounds and those of their increments. From outside its
-    /// bounds an input may go as far as to the nearest. An input that is not finite becomes the one
-    /// before it.
+    /// Moves the plan's inputs into their bounds and into the bounds of their increments. From
+    /// outside its bounds an input may go as far as to the nearest. An input that is not finite
+    /// becomes the one before it.
     pub(crate) fn project(&self, plan: &mut Solution, previous: &[f64]) {
         let (first, m) = (self.dims.all_states(), self.dims.nu);
         let inputs = &mut plan.z[first..];
@@ -200,8 +200,8 @@ impl Transcription {
         self.cache.forget();
     }
 
-    /// Writes the cost's derivatives at `z` and what is left of the bounds there into `qp`, and
-    /// returns the cost J. Outputs are those of the last linearization.
+    /// Writes the cost's derivatives at `z` and the distances to the bounds into `qp`, and returns
+    /// the cost J. Outputs come from the last linearization.
     pub(crate) fn measure(
         &mut self,
         x0: &[f64],
@@ -305,7 +305,7 @@ impl Transcription {
     }
 }
 
-/// The rows of h and g at stage `j`, and those of outputs.
+/// The rows of h, g and outputs at stage `j`.
 fn split_rows(dims: OcpDims, j: usize) -> (Range<usize>, Range<usize>) {
     let Range { start, end } = dims.stage_rows(j);
     (start..start + dims.general(), start + dims.general()..end)

@@ -7,10 +7,10 @@ use crate::{NmpcProblem, Tracked};
 use pinc_ode::Dims;
 use pinc_qp::{Multipliers, OcpDims, Qp};
 
-/// A quantity of this size or between is computed with as it is.
+/// Quantities between these sizes keep their unit.
 const ORDINARY: [f64; 2] = [0.0625, 1024.0];
 
-/// The same of the geometric mean of the largest and the least weight in the cost.
+/// The cost keeps its unit if the geometric mean of its largest and least weight is between these.
 const ORDINARY_WEIGHT: [f64; 2] = [1e-3, 1e6];
 
 /// A unit that follows the state is made smaller again when the state is below this part of it.
@@ -27,7 +27,7 @@ pub(crate) struct Units {
     dims: OcpDims,
     pub(crate) x: Vec<f64>,
     u: Vec<f64>,
-    /// Of the rows of a stage.
+    /// The units of the rows of a stage.
     rows: Vec<f64>,
     cost: f64,
     /// Whether all are 1.
@@ -35,21 +35,21 @@ pub(crate) struct Units {
     /// Which states are tracked, by their place in the reference.
     tracked: Vec<Option<usize>>,
     outputs: usize,
-    /// States and inputs of which nothing but their values says how large they are.
+    /// States and inputs whose size only their values show.
     unknown: [Vec<bool>; 2],
 }
 
-/// Units of the plant's quantities, in those of the plant: powers of 2, and 1 for quantities of
-/// ordinary size.
+/// Units of the plant's quantities, as multiples of the plant's own: powers of 2, and 1 for
+/// quantities of ordinary size.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ProblemUnits {
-    /// Of the states.
+    /// The units of the states.
     pub states: Vec<f64>,
-    /// Of the inputs.
+    /// The units of the inputs.
     pub inputs: Vec<f64>,
-    /// Of the outputs that are bounded; empty where none are.
+    /// The units of the bounded outputs; empty if there are none.
     pub outputs: Vec<f64>,
-    /// Of the cost.
+    /// The unit of the cost.
     pub cost: f64,
 }
 
@@ -209,7 +209,7 @@ impl Units {
         }
     }
 
-    /// Brings multipliers to these units, or back to those of the plant.
+    /// Brings multipliers to these units, or back to the plant's.
     #[inline(never)]
     pub(crate) fn convert(&self, multipliers: &mut Multipliers, back: bool) {
         let scale = |value: &mut f64, unit: f64| {

@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Weights {
-    /// Q, for the tracked quantities: stage i weights those of x\[k+i+1\], i = 0..N2-1.
+    /// Q, for the tracked quantities: stage i weights the quantities of x\[k+i+1\], i = 0..N2-1.
     pub q: PerStage<Weight>,
     /// R, for the inputs' increments: stage i weights du\[k+i\], i = 0..Nu-1.
     pub r: PerStage<Weight>,
@@ -22,7 +22,7 @@ pub struct Weights {
 }
 
 impl Weights {
-    /// The same weights, Q and R, at every stage.
+    /// Equal weights Q and R at every stage.
     #[must_use]
     pub fn uniform(q: impl Into<Weight>, r: impl Into<Weight>) -> Self {
         Self::new(PerStage::Same(q.into()), PerStage::Same(r.into()))
@@ -44,13 +44,13 @@ impl Weights {
         Self::new(each(&q, w), each(&r, v))
     }
 
-    /// The same with the weight `terminal` of the last predicted state.
+    /// Adds the weight `terminal` of the last predicted state.
     #[must_use]
     pub fn with_terminal(self, terminal: impl Into<Weight>) -> Self {
         Self { terminal: Some(terminal.into()), ..self }
     }
 
-    /// The same with the weight W of all inputs.
+    /// Adds the weight W of all inputs.
     #[must_use]
     pub fn with_input_sequence(self, w: impl Into<Weight>) -> Self {
         Self { input_sequence: Some(w.into()), ..self }
@@ -78,7 +78,7 @@ pub enum PerStage<T> {
 }
 
 impl<T> PerStage<T> {
-    /// What holds at stage `i`, from 0 on.
+    /// Returns the value at stage `i`, from 0 on.
     ///
     /// # Panics
     ///
@@ -175,7 +175,7 @@ impl Weight {
                 }
             }
             Self::Full(rows) => {
-                // The same from both sides, and exactly the entry where the halves are equal.
+                // Equal from both sides, and exactly the entry where the halves are equal.
                 let (low, high) = (i.min(k), i.max(k));
                 let [a, b] = [rows[low][high], rows[high][low]];
                 a + 0.5 * (b - a)
@@ -222,8 +222,8 @@ fn check_full(field: &'static str, rows: &[Vec<f64>], expected: usize) -> Result
 /// What the two halves of a symmetric matrix may differ by, in units in which its diagonal is 1.
 const ROUNDING: f64 = 16.0 * f64::EPSILON;
 
-/// Whether the symmetric matrix has no negative eigenvalue, but for rounding: by elimination with
-/// the largest pivot first. The answer does not depend on the units of rows and columns.
+/// Whether the symmetric matrix has no negative eigenvalue, up to rounding: by elimination with the
+/// largest pivot first. The answer does not depend on the units of rows and columns.
 fn is_semidefinite(rows: &[Vec<f64>]) -> bool {
     let negligible = 1e-12;
     // In units in which the diagonal is 1, or 0.
@@ -292,7 +292,7 @@ mod tests {
         }
     }
 
-    /// A product of matrices is symmetric but for rounding, and counts as that in any units.
+    /// A product of matrices is symmetric up to rounding, and counts as symmetric in any units.
     #[test]
     fn halves_that_differ_by_rounding_are_averaged() {
         for unit in [1e-9, 1.0, 1e9] {

@@ -8,7 +8,7 @@ use pinc_qp::QpWork;
 pub struct StepWork {
     /// At how many stages the model was linearized.
     pub linearized: usize,
-    /// How many matrices were factored for the QPs: those of condensed programs, or recursions
+    /// How many matrices were factored for the QPs: matrices of condensed programs, or recursions
     /// over all stages.
     pub factorizations: usize,
     /// How many rows joined or left the sets of active constraints.

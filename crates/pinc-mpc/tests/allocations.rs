@@ -136,7 +136,7 @@ fn a_control_step_allocates_nothing() {
     }
 }
 
-/// Of a step it keeps what is tracked at its end.
+/// It keeps the tracked quantities at the end of a step.
 #[test]
 fn a_closed_loop_keeps_a_few_bytes_of_a_step() {
     let mut nmpc = oscillator(SqpConfig::default());

@@ -1,6 +1,6 @@
 //! Nets by the width of their layers against the machine's multiply-add peak, on one thread: the
 //! loss with its gradient, and a horizon's steps with their Jacobians. Kernel and peak alternate,
-//! and the shortest time of each counts: that of a machine whose other programs rest.
+//! and the shortest time of each counts, as on an idle machine.
 //!
 //! Counted are the operations of the matrix products alone, as in `pinc bench`
 //! (docs/benchmarks.md); tanh, the plant and all else lower the share.

@@ -6,7 +6,7 @@ use crate::sampling::Sampler;
 use crate::{NetError, PincNet};
 use serde::{Deserialize, Serialize};
 
-/// What a net is trained on.
+/// The target that a net is trained on.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum TrainingTarget {
@@ -101,12 +101,12 @@ impl GrowthConfig {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct TrainingConfig {
-    /// What the net is trained on.
+    /// The target that the net is trained on.
     #[serde(default)]
     pub source: TrainingTarget,
     /// With [`TrainingTarget::Integrator`], the weight of squared errors of the state's derivative
     /// along one random direction of (y0, u, p) per point, of unit length where half the width of
-    /// the domain is 1, against those of the state; without it states are fitted alone.
+    /// the domain is 1, relative to the state's; without it states are fitted alone.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub derivatives: Option<f64>,
     /// How collocation points are distributed.

@@ -82,7 +82,7 @@ impl Domain {
         Self { state_low, state_high, input_low, input_high, parameters: Vec::new() }
     }
 
-    /// The same box for plants whose parameters lie in these ranges.
+    /// The box for plants whose parameters lie in these ranges.
     ///
     /// ```
     /// use pinc_net::{Domain, ParameterRange};
@@ -95,11 +95,11 @@ impl Domain {
         Self { parameters: ranges.into_iter().collect(), ..self }
     }
 
-    /// The same box with its parameters in the order of the plant.
+    /// The box with its parameters in the order of the plant.
     ///
     /// # Errors
     ///
-    /// [`NetError::Parameter`] if the plant's parameters that vary are not those of the box.
+    /// [`NetError::Parameter`] if the plant's varying parameters are not the box's.
     pub fn in_order_of(&self, plant: &dyn DynRhs) -> Result<Self, NetError> {
         let of = |name: &str| self.parameters.iter().find(|range| range.name == name);
         let mut ordered = Vec::with_capacity(self.parameters.len());

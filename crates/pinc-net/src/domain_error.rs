@@ -21,8 +21,8 @@ const LAST_STEP: f64 = 1e-4;
 
 /// Points that fill a domain, with the true states one step later.
 ///
-/// The error of a state is measured in widths of its range in the domain; that of a point is the
-/// largest of its states' errors.
+/// The error of a state is measured in widths of its range in the domain; the error of a point is
+/// the largest of its states' errors.
 ///
 /// ```
 /// use pinc_net::{Domain, DomainTruth};
@@ -39,11 +39,11 @@ const LAST_STEP: f64 = 1e-4;
 #[derive(Clone, Debug)]
 pub struct DomainTruth {
     ends: Vec<(f64, f64)>,
-    /// Of the states.
+    /// The widths of the states.
     widths: Vec<f64>,
     sample_time_s: f64,
     integrator: Simulator,
-    /// Of the inputs.
+    /// The number of inputs.
     inputs: usize,
     points: Points,
     next: Vec<f64>,
@@ -85,9 +85,9 @@ pub struct WorstStep {
     pub p: Vec<f64>,
     /// The state that is predicted worst, by its place.
     pub state: usize,
-    /// What it is predicted to be, in its unit.
+    /// Its predicted value, in its unit.
     pub predicted: f64,
-    /// What it is.
+    /// Its true value.
     pub truth: f64,
 }
 
@@ -129,7 +129,7 @@ impl DomainTruth {
         Self { ends, widths, sample_time_s, integrator, inputs, points, next, unsolved }
     }
 
-    /// The points that have a solution; their time is that of the step.
+    /// The points that have a solution; their time is the step's.
     #[must_use]
     pub fn points(&self) -> &Points {
         &self.points
@@ -147,7 +147,7 @@ impl DomainTruth {
         mean_squared_error(&self.predictions(model), &self.next, &self.widths).sqrt()
     }
 
-    /// The same as [`DomainTruth::rms`], with its uncertainty.
+    /// [`DomainTruth::rms`] with its uncertainty.
     #[must_use]
     pub fn rms_error(&self, model: &mut dyn Model) -> RmsError {
         let (n, predicted) = (self.widths.len(), self.predictions(model));

@@ -11,7 +11,7 @@ use serde_json::Value;
 use std::collections::BTreeMap;
 
 const FORMAT: &str = "pinc-model";
-/// The versions: that of nets of one plant, and that of nets which take parameters as inputs.
+/// The format versions of nets of one plant, and of nets that take parameters as inputs.
 const VERSIONS: [&str; 2] = ["1", "2"];
 const ACTIVATION: &str = "tanh";
 

@@ -18,7 +18,7 @@ use crate::{Ansatz, NetError, PincNet, TrainingTarget};
 pub struct FoldedNet {
     /// The hidden layers, each followed by tanh, and the output layer.
     pub layers: Vec<PlainLayer>,
-    /// What the biases of the first layer change by, per second of t: at another t they are
+    /// The change of the first layer's biases per second of t: at another t they are
     /// b' + `time` (t - T).
     pub time: Vec<f64>,
     /// Whether the state is y0 + (t/T) d instead of d.
@@ -82,8 +82,8 @@ impl FoldedNet {
     }
 }
 
-/// From weights of the normalized (t, y0, u, p) to weights of (y0, u, p) at `t`; gives those of t,
-/// per second.
+/// From weights of the normalized (t, y0, u, p) to weights of (y0, u, p) at `t`; returns the
+/// weights of t, per second.
 fn fold_input(net: &PincNet, t: f64, layer: &mut PlainLayer) -> Vec<f64> {
     let fold = |(row, bias): (&mut Vec<f64>, &mut f64)| {
         let scaled = row.iter().zip(&net.input.std).map(|(w, std)| w / std);

@@ -69,8 +69,8 @@ impl Labels {
         Ok(Some(Self { source, sample_time_s: net.sample_time_s, known }))
     }
 
-    /// The states after T from the initial states and inputs of `points`, whose times are
-    /// ignored. The first points must be those of the previous call.
+    /// The states after T from the initial states and inputs of `points`, whose times are ignored.
+    /// The first points must be the points of the previous call.
     pub(crate) fn of(
         &mut self,
         points: &Points,

@@ -1,9 +1,9 @@
 //! Physics-informed nets for control: the net, its training from the equation alone, and its file.
 //!
-//! A [`PincNet`] maps (t, y(0), u) to y(t) for t in \[0, T\] (Eq. `net_pred` of the paper); that of
-//! a family of plants takes their parameters as further inputs. It is trained on the residual y' -
-//! f(y, u) of a [`pinc_ode::Plant`] at collocation points, chained over any horizon, and offered to
-//! a controller as a [`pinc_ode::Model`] ([`PincModel`]).
+//! A [`PincNet`] maps (t, y(0), u) to y(t) for t in \[0, T\] (Eq. `net_pred` of the paper); the net
+//! of a family of plants takes their parameters as further inputs. It is trained on the residual
+//! y' - f(y, u) of a [`pinc_ode::Plant`] at collocation points, chained over any horizon, and
+//! offered to a controller as a [`pinc_ode::Model`] ([`PincModel`]).
 //!
 //! - [`Training`] describes a training and runs it; a [`Trainer`] is one in progress, which can be
 //!   watched, interrupted and resumed;

@@ -18,9 +18,9 @@ pub enum ResidualScale {
     /// sizes weigh the same.
     Normalized,
     /// The state's typical displacement in one step, per T: the standard deviation of T f(y0, u)
-    /// over the domain, or that of the state itself if it is smaller. States that change little
-    /// are then learnt as accurately, relative to their displacement, as states that change much.
-    /// Without the hard initial condition the same as `Normalized`.
+    /// over the domain, or of the state itself if this is smaller. States that change little are
+    /// then learnt as accurately, relative to their displacement, as states that change much.
+    /// Without the hard initial condition it equals `Normalized`.
     Displacement,
     /// The state's own unit per second times this factor, one per state; the authors' code takes
     /// the cross-sections `A_i` of the tanks.
@@ -39,10 +39,9 @@ pub enum InitialScale {
     Displacement,
 }
 
-/// Weights of the loss: `MSE_y` + lambda `MSE_F` + weight `MSE_D`, where each state's
-/// errors are multiplied by a factor of its own. `MSE_D` is the mean over measured values; where
-/// their derivatives along a direction are known, it is that of squared errors plus `derivatives`
-/// times squared errors of the derivatives.
+/// Weights of the loss: `MSE_y` + lambda `MSE_F` + weight `MSE_D`, where each state's errors are
+/// multiplied by a factor of its own. `MSE_D` is the mean of squared errors over measured values,
+/// plus `derivatives` times squared errors of known derivatives along a direction.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LossWeights {
     /// The weight lambda of `MSE_F`.
@@ -51,7 +50,7 @@ pub struct LossWeights {
     pub residual_scale: Vec<f64>,
     /// Factor of each state's initial error, and of its error against measurements.
     pub initial_scale: Vec<f64>,
-    /// Weight of the squared errors of derivatives against those of measured states.
+    /// Weight of the squared errors of derivatives relative to squared errors of measured states.
     pub derivatives: f64,
 }
 

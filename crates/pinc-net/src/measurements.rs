@@ -40,7 +40,7 @@ impl Measurements {
     ///
     /// # Panics
     ///
-    /// If a length is not that of the plant.
+    /// If a length is not the plant's.
     pub fn push(&mut self, t: f64, y0: &[f64], u: &[f64], p: &[f64], y: &[Option<f64>]) {
         assert_eq!(y.len(), self.states, "length of y");
         self.points.push(t, y0, u, p);
@@ -55,7 +55,7 @@ impl Measurements {
     ///
     /// # Panics
     ///
-    /// If a length is not that of the plant, or each point has its derivative already.
+    /// If a length is not the plant's, or each point has its derivative already.
     pub fn push_slope(&mut self, direction: &[f64], slope: &[f64]) {
         assert!(self.slopes.len() < self.values.len(), "one derivative per point");
         assert_eq!(slope.len(), self.states, "length of the derivative");

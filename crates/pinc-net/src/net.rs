@@ -110,9 +110,9 @@ pub struct PincNet {
     pub(crate) mlp: Mlp,
     pub(crate) ansatz: Ansatz,
     pub(crate) sample_time_s: f64,
-    /// Of (t, y(0), u, p), or of t alone.
+    /// The normalizer of (t, y(0), u, p), or of t alone.
     pub(crate) input: Normalizer,
-    /// Of the states.
+    /// The normalizer of the states.
     pub(crate) output: Normalizer,
     pub(crate) states: Vec<String>,
     pub(crate) inputs: Vec<String>,
@@ -207,8 +207,8 @@ impl PincNet {
         self.time_only.as_ref()
     }
 
-    /// What it was trained on. A net trained on [`TrainingTarget::Integrator`] is meaningful at
-    /// t = T only.
+    /// Returns the target that it was trained on. A net trained on [`TrainingTarget::Integrator`]
+    /// is meaningful at t = T only.
     #[must_use]
     pub fn source(&self) -> TrainingTarget {
         self.source
@@ -220,11 +220,11 @@ impl PincNet {
         &self.mlp
     }
 
-    /// The same net with other parameters.
+    /// The net with other parameters.
     ///
     /// # Panics
     ///
-    /// If their number is not that of the net.
+    /// If their number is not the net's.
     #[must_use]
     pub fn with_parameters(&self, parameters: &[f64]) -> Self {
         let mut net = self.clone();

@@ -68,7 +68,7 @@ impl Points {
     ///
     /// # Panics
     ///
-    /// If a length is not that of the plant.
+    /// If a length is not the plant's.
     pub fn push(&mut self, t: f64, y0: &[f64], u: &[f64], p: &[f64]) {
         assert_eq!(y0.len(), self.states, "length of y0");
         assert_eq!(u.len(), self.inputs, "length of u");

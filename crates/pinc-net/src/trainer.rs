@@ -390,7 +390,7 @@ impl Trainer {
         }
     }
 
-    /// What the nets are validated on.
+    /// Returns the scenarios that validate the nets.
     #[must_use]
     pub fn validation_set(&self) -> &ValidationSet {
         &self.validation

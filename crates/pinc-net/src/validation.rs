@@ -32,13 +32,12 @@ pub struct Validation {
     /// Eq. (`mse_gen`) of the paper: self-loop, at the steps t = kT, k >= 1, in the states' units
     /// squared.
     pub mse_gen: f64,
-    /// The same with each state in standard deviations of the box, so that none counts more for its
-    /// unit.
+    /// `mse_gen` with each state in standard deviations of the box.
     pub mse_gen_normalized: f64,
     /// The authors' code: self-loop, at all rows (inner times and initial rows included), each
     /// state in standard deviations of the box. The inner times are left out for a distilled net.
     pub mse_all_normalized: f64,
-    /// Of one step from random points of the box, in the states' units squared.
+    /// The mean squared error of one step from random points of the box, in squared state units.
     pub one_step_mse: f64,
     /// Against held-out measurements, if there are any: the mean over measured values, each state
     /// in standard deviations of the box.
@@ -141,8 +140,8 @@ impl ValidationSet {
         Self::draw(plant, sample_time_s, config, seed, purposes)
     }
 
-    /// Others of the same kind, which are independent of those of [`ValidationSet::generate`]: the
-    /// errors on what a net was chosen by are too small.
+    /// Other scenarios of the same kind, independent of [`ValidationSet::generate`]: errors on the
+    /// scenarios that chose a net are too small.
     ///
     /// # Errors
     ///

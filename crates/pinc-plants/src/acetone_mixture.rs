@@ -11,13 +11,14 @@ pub(crate) const COMPONENTS: usize = 3;
 /// there. A last step, which carries the derivatives, comes on top.
 const NEWTON_STEPS: usize = 2;
 
-/// The same at other pressures, where the start is wrong by some K.
+/// Newton steps at other pressures, where the start is wrong by some K.
 const FAR_STEPS: usize = 4;
 
 /// The pressure of [`START`], in kPa.
 const NORMAL_KPA: f64 = 101.325;
 
-/// Pressures whose logarithm differs by less from that of [`NORMAL_KPA`] are near it.
+/// Pressures whose logarithm differs by less than this from the logarithm of [`NORMAL_KPA`] are
+/// near it.
 const NEAR_NORMAL: f64 = 0.01;
 
 /// How 1/T in 1/K goes down with the logarithm of the pressure, nearly: the heat of vaporization of
@@ -76,7 +77,7 @@ const VAPORIZATION: [f64; COMPONENTS] = [29.10, 35.21, 40.66];
 /// ```
 ///
 /// (gamma by the NRTL equation, p by Antoine's.) The equation for T is solved at every call, by
-/// Newton's method in 1/T, in which it is nearly linear; the derivatives are those of the implicit
+/// Newton's method in 1/T, in which it is nearly linear; the derivatives follow from the implicit
 /// function theorem.
 ///
 /// Data: Smith, Van Ness and Abbott, *Introduction to Chemical Engineering Thermodynamics*, 7th
@@ -209,7 +210,7 @@ fn lifted<V: Scalar>(x: [V; COMPONENTS]) -> [Dual<V>; COMPONENTS] {
 }
 
 /// The last step for numbers with first derivatives: the derivatives of the step's result by the
-/// fractions, on plain numbers, times those of the fractions.
+/// fractions, on plain numbers, times the derivatives of the fractions.
 #[inline(always)]
 fn first_order<S: Scalar>(
     x: [S; COMPONENTS],

@@ -16,11 +16,11 @@ use pinc_ode::{Over, Plant, Variable};
 /// the bottoms F + W - V. The vapour is in equilibrium with the liquid at its boiling point:
 /// activity coefficients by the NRTL equation, vapour pressures by Antoine's, with data from Smith,
 /// Van Ness and Abbott, *Introduction to Chemical Engineering Thermodynamics*, 7th edition, tables
-/// 12.5 and B.2. The boiling point is solved for at every call; the derivatives are those of the
+/// 12.5 and B.2. The boiling point is solved for at every call; the derivatives follow from the
 /// implicit function theorem.
 ///
-/// This makes the plant expensive, as plants with property calculations are: a call alone costs
-/// some forty times that of the Van der Pol oscillator.
+/// This makes the plant expensive, as plants with property calculations are: a call costs some
+/// forty times as much as for the Van der Pol oscillator.
 ///
 /// The still, of pilot size, is this project's.
 #[derive(Clone, Copy, Debug, PartialEq)]

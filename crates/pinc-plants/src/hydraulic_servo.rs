@@ -28,8 +28,8 @@ const MEGA: f64 = 1e6;
 /// some 0.2 ms (an eigenvalue of down to -5000/s), while the mass on the oil's spring swings with
 /// 300 rad/s.
 ///
-/// Equations: Merritt, *Hydraulic Control Systems* (1967), sections 6.1 and 7.1. The numbers, those
-/// of a short axis with a heavy load, are this project's.
+/// Equations: Merritt, *Hydraulic Control Systems* (1967), sections 6.1 and 7.1. The numbers, for a
+/// short axis with a heavy load, are this project's.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct HydraulicServo<K = f64> {
     /// The mass m, in kg.

@@ -1,4 +1,4 @@
-//! Built-in plants, those of the paper and others, one file each.
+//! Built-in plants, the paper's and others, one file each.
 
 mod acetone_column;
 mod acetone_mixture;

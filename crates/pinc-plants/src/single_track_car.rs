@@ -35,8 +35,7 @@ const GRAVITY: f64 = 9.81;
 /// Equations: Velenis, Frazzoli and Tsiotras, "Steady-state cornering equilibria and stabilization
 /// for a vehicle during extreme operating conditions", Int. J. Vehicle Autonomous Systems 8 (2010),
 /// without the transfer of load and with slips relative to the speed of the car; the tyre is
-/// Pacejka's formula without its curvature. The numbers, those of a car on gravel, are this
-/// project's.
+/// Pacejka's formula without its curvature. The numbers, for a car on gravel, are this project's.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SingleTrackCar<K = f64> {
     /// The mass m, in kg.

@@ -14,8 +14,8 @@ const GRAVITY: f64 = 9.81;
 ///     [ a2 + a3 cos q2     a2             ]                  [  w1^2           ]
 /// ```
 ///
-/// q1 is the angle of the first link above the horizontal, q2 that of the second against the first,
-/// w = q'. The plant is smooth and cheap to integrate.
+/// q1 is the angle of the first link above the horizontal, q2 the angle of the second against the
+/// first, w = q'. The plant is smooth and cheap to integrate.
 ///
 /// Source: Spong, Hutchinson and Vidyasagar, *Robot Modeling and Control*, section on the planar
 /// elbow manipulator. The numbers are this project's.

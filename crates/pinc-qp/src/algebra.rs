@@ -50,7 +50,7 @@ pub(super) fn block(blocks: &[f64], j: usize, size: usize) -> &[f64] {
     &blocks[j * size..(j + 1) * size]
 }
 
-/// The same, to be written.
+/// Block `j` of blocks of `size` numbers, to be written.
 #[inline(always)]
 pub(super) fn block_mut(blocks: &mut [f64], j: usize, size: usize) -> &mut [f64] {
     &mut blocks[j * size..(j + 1) * size]

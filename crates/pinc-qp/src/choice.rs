@@ -60,8 +60,8 @@ pub enum QpError {
 }
 
 impl QpMethod {
-    /// What `Auto` stands for, with n states and m inputs at a stage, and N stages of which the
-    /// first Nu have an input of their own.
+    /// Resolves `Auto`, with n states and m inputs at a stage, and N stages of which the first Nu
+    /// have an input of their own.
     ///
     /// Condensing takes about `Nu m N (3 n^2 + n m) + (Nu m)^3 / 3` operations, the recursion
     /// `8 N (n + m)^3`.

@@ -37,7 +37,7 @@ pub(super) struct CondensedQp {
     offset: Vec<f64>,
     /// W or p at a stage, and at the one before.
     adjoint: [Vec<f64>; 2],
-    /// Of how many inputs the columns are computed between two looks at the clock.
+    /// The number of inputs whose columns are computed between two looks at the clock.
     unasked: usize,
 }
 
@@ -284,7 +284,7 @@ impl CondensedQp {
         add_scaled(&mut self.dense.hessian, 1.0, &qp.w);
     }
 
-    /// The limits: those of v, and those of the rows less what they are at v = 0.
+    /// The limits of v, and the limits of the rows less the rows' values at v = 0.
     fn limit(&mut self, qp: &Qp) {
         let dims = qp.dims;
         let (n, first) = (dims.nx, dims.all_states());

@@ -37,7 +37,7 @@ impl Cholesky {
         self.factor_columns(h, self.size, |c| c % UNASKED == UNASKED - 1 && expired())
     }
 
-    /// The same without a limit, unrolled where the caller's n is a constant.
+    /// Factors H without a time limit, unrolled where the caller's n is a constant.
     #[inline(always)]
     pub(crate) fn factor_sized(&mut self, h: &[f64], n: usize) -> bool {
         self.factor_columns(h, n, |_| false) == Some(true)
@@ -78,7 +78,7 @@ impl Cholesky {
         self.forward_sized(v, self.size);
     }
 
-    /// The same, unrolled where the caller's n is a constant.
+    /// v <- L^-1 v, unrolled where the caller's n is a constant.
     #[inline(always)]
     pub(crate) fn forward_sized(&self, v: &mut [f64], n: usize) {
         for c in 0..n {
@@ -94,7 +94,7 @@ impl Cholesky {
         self.backward_sized(v, self.size);
     }
 
-    /// The same, unrolled where the caller's n is a constant.
+    /// v <- L'^-1 v, unrolled where the caller's n is a constant.
     #[inline(always)]
     pub(crate) fn backward_sized(&self, v: &mut [f64], n: usize) {
         for r in (0..n).rev() {
@@ -230,7 +230,7 @@ mod tests {
         assert_eq!(factors([1.0, 2.0, 2.0, 1.0]), Some(false));
         assert_eq!(factors([0.0, 0.0, 0.0, 1.0]), Some(false));
         assert_eq!(factors([1.0, 0.0, 0.0, f64::NAN]), Some(false));
-        // Singular but for rounding: the second pivot is 1e-15.
+        // Singular up to rounding: the second pivot is 1e-15.
         assert_eq!(factors([1.0, 1.0, 1.0, 1.0 + 1e-15]), Some(false));
         assert_eq!(factors([1.0, 1.0, 1.0, 1.0 + 1e-12]), Some(true));
     }

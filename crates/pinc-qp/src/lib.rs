@@ -55,7 +55,7 @@ use std::ops::Range;
 /// Throughout `du_j` = `du_{Nu-1}` for j >= Nu, `c_j = f(x_j, u_j) - x_{j+1}`, and du all inputs as one
 /// vector.
 ///
-/// The Hessian is that of the cost, after Gauss and Newton: it leaves out the curvature of the
+/// The Hessian is the Gauss-Newton Hessian of the cost: it leaves out the curvature of the
 /// constraints. R and W are the same in all QPs, and so is Q where there is no S. The Hessian as a
 /// whole must be positive semidefinite.
 #[derive(Clone, Debug)]
@@ -125,7 +125,7 @@ impl Limits {
         }
     }
 
-    /// Of each row: low, high and penalty.
+    /// Low, high and penalty of each row.
     #[inline]
     pub fn iter(&self) -> impl Iterator<Item = [f64; 3]> {
         self.low
@@ -200,8 +200,7 @@ pub enum Kind {
 pub trait QpSolver: Debug + Send {
     /// Solves `qp`. On entry the multipliers in `step` are a guess, by which a solver may know
     /// which constraints are likely to be active; on exit, if the status is [`QpStatus::Solved`],
-    /// `step` is the solution, and otherwise of no meaning, but for what is left when the time is
-    /// up.
+    /// `step` is the solution. Otherwise it means nothing, except when the time is up.
     ///
     /// `expired` says whether the time is up; it is asked now and then while the method works. The
     /// status is then [`QpStatus::Expired`].
@@ -212,7 +211,7 @@ pub trait QpSolver: Debug + Send {
 }
 
 impl Qp {
-    /// A program without limits, in which all numbers are 0 but those of the Hessian.
+    /// A program without limits, in which all numbers outside the Hessian are 0.
     #[must_use]
     pub fn new(dims: OcpDims, q: Vec<f64>, r: Vec<f64>) -> Self {
         let OcpDims { nx, nu, horizon, .. } = dims;
@@ -236,7 +235,7 @@ impl Qp {
         }
     }
 
-    /// The same with S and T, all 0 at first; from then on Q, S and T may change from QP to QP.
+    /// Adds S and T, all 0 at first; from then on Q, S and T may change from QP to QP.
     #[must_use]
     #[inline]
     pub fn with_stage_cost(mut self) -> Self {
@@ -246,7 +245,7 @@ impl Qp {
         self
     }
 
-    /// The same with S, T and E, all 0 at first.
+    /// Adds S, T and E, all 0 at first.
     #[must_use]
     #[inline]
     pub fn with_end_cost(self) -> Self {
@@ -335,7 +334,7 @@ impl Qp {
     /// Writes the gradient of the Lagrangian at d = 0 into `gradient`, as long as z,
     ///
     /// ```text
-    /// g + mu - lambda_j + A_j' lambda_{j+1}, ..    and with those of the increments and rows
+    /// g + mu - lambda_j + A_j' lambda_{j+1}, ..    plus terms of the increments and rows
     /// ```
     ///
     /// the slope of the problem that was linearized, with these multipliers.

@@ -61,7 +61,7 @@ impl Multipliers {
         self.parts_mut().into_iter().for_each(|part| part.fill(0.0));
     }
 
-    /// Moves on by one step: those of stage j take the place of stage j-1's, the last stay.
+    /// Shifts by one step: the multipliers of stage j take the place of stage j-1's, the last stay.
     pub fn shift(&mut self, dims: OcpDims) {
         drop_first(&mut self.dynamics, dims.nx);
         shift_unknowns(&mut self.bounds, dims);

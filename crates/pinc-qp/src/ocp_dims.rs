@@ -120,7 +120,7 @@ impl OcpDims {
         j.min(self.n_controls - 1)
     }
 
-    /// Where the rows at stage `j`, from N1 to N2, are: those of h, of g, of outputs, and of outputs
+    /// Where the rows at stage `j`, from N1 to N2, are: rows of h, of g, of outputs, and of outputs
     /// with feedthrough at the end and then at the start of the interval that leads to `x_j`.
     #[must_use]
     #[inline]
@@ -129,8 +129,8 @@ impl OcpDims {
         first..first + self.rows()
     }
 
-    /// The rows at stage `j`, from N1 to N2, that are of the state `x_j` and the input that acts
-    /// there: those of h, of g and of outputs without feedthrough.
+    /// The rows at stage `j`, from N1 to N2, that constrain the state `x_j` and the input that acts
+    /// there: rows of h, of g and of outputs without feedthrough.
     #[must_use]
     #[inline]
     pub fn rows_here(self, j: usize) -> RowBlock {
@@ -148,7 +148,7 @@ impl OcpDims {
         RowBlock { rows: first..first + self.feedthrough, state: j, input: self.acting(j - 1) }
     }
 
-    /// The same rows at the start of that interval: of `x_{j-1}` and the same input.
+    /// The rows at the start of that interval: of `x_{j-1}` and the same input.
     #[must_use]
     #[inline]
     pub fn rows_at_start(self, j: usize) -> RowBlock {

@@ -5,7 +5,7 @@ use std::ops::AddAssign;
 /// The work of one or more solutions, the same on every machine.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct QpWork {
-    /// How many matrices were factored: those of condensed programs, or the recursion over all
+    /// How many matrices were factored: matrices of condensed programs, or recursions over all
     /// stages.
     pub factorizations: usize,
     /// How many rows joined or left the set of active ones.

@@ -9,7 +9,7 @@ use std::path::Path;
 /// Values of states, inputs and parameters by their names.
 pub type ByName = BTreeMap<String, f64>;
 
-/// What `pinc certify` found, with errors in the states' units.
+/// The results of `pinc certify`, with errors in the states' units.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct CertificateMetrics {
     /// The experiment's name.
@@ -40,7 +40,7 @@ pub struct CertificateMetrics {
     pub confidence: f64,
     /// Why there are no proofs, where that is so.
     pub refused: Option<String>,
-    /// What is proven over the whole domain.
+    /// The proof over the whole domain.
     pub domain: Option<DomainCertificate>,
 }
 

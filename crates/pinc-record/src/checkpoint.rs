@@ -15,7 +15,7 @@ const MAGIC: &[u8; 8] = b"PINCCKPT";
 const VERSION: u32 = 2;
 const HEADER: usize = MAGIC.len() + 4 + 32;
 
-/// What a checkpoint holds, `C` being the trainer's.
+/// The content of a checkpoint, `C` being the trainer's.
 #[derive(Debug, Serialize, Deserialize)]
 pub struct Saved<C> {
     /// [`fingerprint`](pinc_config::Experiment::fingerprint) of the config.

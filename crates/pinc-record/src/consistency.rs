@@ -24,7 +24,7 @@ pub(crate) enum EstimatorFinding {
     Undefined {
         /// In how many steps.
         undefined: usize,
-        /// Of how many.
+        /// The number of steps.
         steps: usize,
     },
     /// The gate rejected measurements.

@@ -9,16 +9,16 @@ use std::fmt;
 /// An error that counts as off: so many widths of a state's range.
 const OFF: f64 = 0.01;
 
-/// The largest error, and that of a hundredth of the domain, from which a reader is warned. Beside
-/// a pole a net has 0.5 and 0.3; of the shipped configs with a full training, all but the stiff
-/// servo are below, most by far.
+/// The largest error, and the error in a hundredth of the domain, from which on a reader is warned.
+/// Beside a pole a net has 0.5 and 0.3; of the shipped configs with a full training, all but the
+/// stiff servo are below, most by far.
 const WORST: f64 = 0.2;
 const HUNDREDTH: f64 = 0.02;
 
 /// How wrong one step of a net is over its training domain.
 ///
-/// The error of a state is measured in widths of its range in the domain; that of a point is the
-/// largest of its states' errors. Not finite where a step is not.
+/// The error of a state is measured in widths of its range in the domain; the error of a point is
+/// the largest of its states' errors. Not finite where a step is not.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct DomainErrorMetrics {
     /// Root mean square over points and states.
@@ -34,10 +34,10 @@ pub struct DomainErrorMetrics {
     pub max_at: Place,
     /// The state that is predicted worst there.
     pub max_of: String,
-    /// What it is predicted to be, in its unit.
+    /// Its predicted value, in its unit.
     #[serde(deserialize_with = "number_or_null")]
     pub predicted: f64,
-    /// What it is.
+    /// Its true value.
     #[serde(deserialize_with = "number_or_null")]
     pub truth: f64,
     /// The share of the points whose error is larger than a hundredth of a width.
@@ -77,7 +77,7 @@ pub struct Rk4Errors {
 }
 
 impl DomainErrorMetrics {
-    /// What `judged` says of a net with these states and parameters.
+    /// Summarizes `judged` for a net with these states and parameters.
     ///
     /// # Panics
     ///
@@ -144,7 +144,7 @@ impl DomainErrorMetrics {
 }
 
 impl DomainFinding {
-    /// The same, of a net with these losses on its sample and on fresh points.
+    /// The finding for a net with these losses on its sample and on fresh points.
     #[must_use]
     pub fn of_training(self, loss: f64, fresh_loss: f64) -> Self {
         Self { is_too_small: fresh_loss <= FITS * loss, ..self }

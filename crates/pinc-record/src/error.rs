@@ -91,7 +91,7 @@ pub enum RecordError {
     },
 }
 
-/// What is wrong with a table of a run.
+/// A problem with a table of a run.
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum TableProblem {
@@ -116,20 +116,20 @@ pub enum TableProblem {
     },
 }
 
-/// What is wrong with a checkpoint.
+/// A problem with a checkpoint.
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum CheckpointProblem {
     /// Another kind of file.
     #[error("not a checkpoint of a PINC training")]
     Foreign,
-    /// Of another version of the program.
+    /// Written by another version of the program.
     #[error("written by another version of pinc (format {0})")]
     Version(u32),
     /// Truncated or changed.
     #[error("damaged: its checksum does not fit")]
     Damaged,
-    /// Of another config.
+    /// Belongs to another config.
     #[error("belongs to another config or other measurements")]
     OtherConfig,
     /// The training does not accept it.

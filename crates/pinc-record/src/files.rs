@@ -28,13 +28,13 @@ pub mod file {
     pub const PREDICTION: &str = "prediction.csv";
     /// The numbers that the run gave.
     pub const METRICS: &str = "metrics.json";
-    /// What was identified.
+    /// The results of an identification.
     pub const IDENTIFY: &str = "identify.json";
     /// The data that it was identified from, beside the fit.
     pub const RESIDUALS: &str = "residuals.csv";
     /// The config with the plant that was identified.
     pub const IDENTIFIED: &str = "identified.toml";
-    /// What is known of the errors of one step.
+    /// The certificate of the errors of one step.
     pub const CERTIFY: &str = "certify.json";
     /// The errors of one step, point by point.
     pub const CERTIFY_POINTS: &str = "certify.csv";
@@ -67,7 +67,7 @@ pub mod file {
         of_model("steps", model, models)
     }
 
-    /// What the estimator made of the measurements in the closed loop with one of `models` models.
+    /// The estimates in the closed loop with one of `models` models.
     #[must_use]
     pub fn estimates(model: ModelKind, models: usize) -> String {
         of_model("estimates", model, models)
@@ -115,7 +115,7 @@ pub fn read_text(path: &Path) -> Result<Option<String>, RecordError> {
     }
 }
 
-/// What a JSON file holds; `None` if it does not exist.
+/// The content of a JSON file; `None` if it does not exist.
 pub(crate) fn read_json<T: DeserializeOwned>(path: &Path) -> Result<Option<T>, RecordError> {
     let Some(text) = read_text(path)? else { return Ok(None) };
     let value = serde_json::from_str(&text);

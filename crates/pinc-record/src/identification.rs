@@ -9,7 +9,7 @@ use std::path::Path;
 /// The share by which the costs of fits differ that ended in the same minimum.
 const SAME: f64 = 1e-6;
 
-/// What `pinc identify` found.
+/// The results of `pinc identify`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct IdentificationMetrics {
     /// The experiment's name.
@@ -20,7 +20,7 @@ pub struct IdentificationMetrics {
     pub parameters: BTreeMap<String, ParameterMetrics>,
     /// Half the sum of the squares of all residuals, each divided by its noise.
     pub cost: f64,
-    /// What was measured.
+    /// The measured quantities.
     pub outputs: Vec<String>,
     /// By what the residuals of each output are divided; 1 where the noise is not known.
     pub measurement_sd: Vec<f64>,
@@ -39,7 +39,7 @@ pub struct IdentificationMetrics {
     pub measurements: usize,
     /// These without the unknowns.
     pub degrees_of_freedom: usize,
-    /// What is left of each output, by its name.
+    /// The residuals of each output, by its name.
     pub residuals: BTreeMap<String, ResidualMetrics>,
     /// The correlations of the estimates.
     pub correlation: CorrelationMetrics,
@@ -47,7 +47,7 @@ pub struct IdentificationMetrics {
     pub singular_values: Vec<f64>,
     /// In words, what there is to say of data and fit.
     pub findings: Vec<String>,
-    /// What it took.
+    /// The work done.
     pub work: WorkMetrics,
 }
 
@@ -96,7 +96,7 @@ pub struct InitialStateMetrics {
     pub states: BTreeMap<String, EstimateMetrics>,
 }
 
-/// What is left of an output.
+/// The residuals of an output.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ResidualMetrics {
     /// The number of measured values.
@@ -116,7 +116,7 @@ pub struct CorrelationMetrics {
     pub matrix: Vec<Vec<Option<f64>>>,
 }
 
-/// What a fit took.
+/// The work of a fit.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct WorkMetrics {
     /// Iterations.

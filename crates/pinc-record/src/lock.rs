@@ -96,7 +96,7 @@ impl Lock {
         self.real
     }
 
-    /// First given up, so that of two that do this at once one succeeds.
+    /// Given up first, so that one succeeds if two do this at once.
     fn becomes_exclusive(&mut self) -> bool {
         let _ = self.file.unlock();
         let alone = match self.file.try_lock() {

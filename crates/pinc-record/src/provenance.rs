@@ -6,7 +6,7 @@ use pinc_config::Experiment;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
-/// What has to be known to make a result once more: `provenance.json`.
+/// Everything needed to reproduce a result: `provenance.json`.
 ///
 /// It names neither the machine nor its user: paths outside the working directory are cut down to
 /// their last part.

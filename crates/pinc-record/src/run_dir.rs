@@ -72,7 +72,7 @@ impl RunDir {
         Self { dir: dir.to_owned(), metrics, keeps_traces: true, lock, in_memory: false }
     }
 
-    /// The same directory for this process alone; none while others share it.
+    /// The directory for this process alone; `None` while others share it.
     ///
     /// # Errors
     ///
@@ -128,13 +128,13 @@ impl RunDir {
         Ok(Self { dir: dir.to_owned(), metrics, keeps_traces: true, lock: None, in_memory: false })
     }
 
-    /// The same directory, in which no more traces are written.
+    /// The directory, in which no more traces are written.
     #[must_use]
     pub fn without_traces(self) -> Self {
         Self { keeps_traces: false, ..self }
     }
 
-    /// The same directory, for others to open.
+    /// The directory, for others to open.
     #[must_use]
     pub fn released(self) -> Self {
         Self { lock: None, ..self }

@@ -90,7 +90,7 @@ impl<'a> Search<'a> {
         let halving = self.spec.halving.as_ref()?;
         let scores = left.iter().map(|&i| Some((self.score(&candidates[i], results)?, i)));
         let mut scores: Vec<(f64, usize)> = scores.collect::<Option<_>>()?;
-        // Of equal ones the first.
+        // The first of equal ones.
         scores.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
         scores.retain(|(score, _)| score.is_finite());
         scores.truncate(halving.survivors(self.spec.candidates, rung));

@@ -81,7 +81,7 @@ impl Tails {
         Self { n, term, sum: 0.0 }
     }
 
-    /// The probability of at most `k` heads, when those of fewer have been asked for.
+    /// The probability of at most `k` heads, after the probabilities of fewer have been asked for.
     fn next(&mut self, k: usize) -> f64 {
         let ratio = if k == 0 { 1.0 } else { real(self.n + 1 - k) / real(k) };
         if self.n > MANY {

@@ -159,8 +159,8 @@ impl SweepDir {
         }
     }
 
-    /// How many trials are over and how many nets trained, at most: those of other configs that
-    /// were here before count too.
+    /// How many trials are over and how many nets trained, at most: results of other configs in
+    /// this directory count too.
     #[must_use]
     pub fn results(&self) -> (usize, usize) {
         let count = |folder: &str, file: &str| {

@@ -16,7 +16,7 @@ enum LoopFinding {
         model: ModelKind,
         /// How many.
         failed: usize,
-        /// Of how many.
+        /// The number of steps.
         steps: usize,
         /// How most of them ended, in the words of [`SqpStatus`].
         status: String,
@@ -38,7 +38,7 @@ enum LoopFinding {
         quantity: String,
         /// How many references it missed.
         missed: usize,
-        /// Of how many.
+        /// The number of references.
         references: usize,
         /// The largest offset, in the quantity's unit.
         offset: f64,
@@ -63,8 +63,8 @@ impl Metrics {
         self.control.iter().flat_map(|of| self.findings_of(of)).collect()
     }
 
-    /// What went wrong in the closed loops, and what can be done about it: once for findings in a
-    /// row of which that is the same.
+    /// Returns what went wrong in the closed loops, with advice, which is given once for
+    /// consecutive findings that share it.
     #[must_use]
     pub fn loop_notes(&self) -> Vec<String> {
         let findings = self.loop_findings();
@@ -234,7 +234,7 @@ pub(crate) fn significant(value: f64) -> String {
     }
 }
 
-/// What can be done about control steps that end with this status, in the words of [`SqpStatus`].
+/// Returns advice for control steps that end with this status, in the words of [`SqpStatus`].
 #[must_use]
 pub fn advice(status: &str) -> &'static str {
     let is = |known: SqpStatus| known.to_string() == status;

@@ -36,7 +36,7 @@ pub(crate) struct Run {
     /// What was identified, and the data beside the fit.
     pub(crate) identification: Option<IdentificationMetrics>,
     pub(crate) residuals: Option<ResidualTable>,
-    /// Of a sweep.
+    /// The trials of a sweep.
     pub(crate) trials: Option<Trials>,
 }
 
@@ -190,7 +190,7 @@ fn step_s(experiment: &Experiment) -> Option<f64> {
     experiment.sample_time_s().filter(|t| *t > 0.0)
 }
 
-/// The tables of all models, or that of a run with one model, which may be known to be `only`.
+/// The tables of all models, or the table of a run with one model, which may be known to be `only`.
 fn read_models<T>(
     dir: &Path,
     name: fn(ModelKind, usize) -> String,

@@ -8,7 +8,7 @@ use pinc_chart::{
 };
 use pinc_record::{EstimateRow, EstimateTable};
 
-/// Of a normal distribution, 95 % are within so many standard deviations.
+/// 95 % of a normal distribution lie within so many standard deviations.
 const BAND: f64 = 1.96;
 
 /// The estimates of each model, if there was an estimator.

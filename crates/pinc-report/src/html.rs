@@ -13,7 +13,7 @@ const STYLE: &str = include_str!("style.css");
 /// The whole page, with the pictures already drawn.
 pub(crate) fn page(run: &Run, drawn: &[Drawn]) -> String {
     let name = &run.experiment.name;
-    // Of a run its numbers are few; of a sweep the pictures come first.
+    // A run has few numbers; in a sweep the pictures come first.
     let body = match &run.trials {
         None => [numbers("Metrics", &number_tables(run)), pictures(drawn)],
         Some(trials) => [pictures(drawn), numbers("Tables", &sweep::number_tables(run, trials))],

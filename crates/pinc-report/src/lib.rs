@@ -4,7 +4,8 @@
 //!   it as files of their own.
 //! - [`compare`]: runs side by side.
 //! - [`proven_map`]: what is proven of a model's errors over its domain, as a picture.
-//! - [`results`], [`write_results`]: the paper's tables and figures beside those of a list of runs.
+//! - [`results`], [`write_results`]: the paper's tables and figures beside the results of a list of
+//!   runs.
 //!
 //! Everything is made from the types of [`pinc_record`] that wrote the files. A picture is first a
 //! [`pinc_chart::Figure`], plain data, and then drawn.

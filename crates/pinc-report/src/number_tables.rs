@@ -150,8 +150,8 @@ impl LoopRow {
     }
 }
 
-/// What closed loops are like, a row for each quantity: the first loop's numbers, and those of the
-/// others with what they differ by.
+/// Closed loops in numbers, a row for each quantity: the first loop's numbers, and the other loops'
+/// with their differences.
 pub(crate) fn loops_side_by_side(loops: &[(&Run, &ControlMetrics)]) -> Vec<Vec<String>> {
     let row = |row: LoopRow| {
         let cell = |(i, (run, of)): (usize, &(&Run, &ControlMetrics))| {

@@ -24,13 +24,13 @@ pub struct Report {
 #[derive(Clone, Debug)]
 #[non_exhaustive]
 pub struct FigureFiles {
-    /// What its files are called, without their endings.
+    /// The name of its files, without their endings.
     pub name: String,
     /// The picture, as a document of its own.
     pub svg: String,
-    /// What it shows, with the columns `panel`, `series`, `x`, `x_to`, `y`, `y_to`, `value`. A
-    /// point has `x` and `y`; a bar or a cell of a map both ends of its sides, or a name instead,
-    /// and perhaps the value that it stands for; an interval `x`, `y` and `y_to`.
+    /// Its data, with the columns `panel`, `series`, `x`, `x_to`, `y`, `y_to`, `value`. A point has
+    /// `x` and `y`; a bar or a cell of a map both ends of its sides, or a name instead, and perhaps
+    /// the value that it stands for; an interval `x`, `y` and `y_to`.
     pub csv: Vec<u8>,
 }
 

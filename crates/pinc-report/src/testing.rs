@@ -100,7 +100,7 @@ struct Scale {
 }
 
 impl Scale {
-    /// Of ticks with their places.
+    /// The scale of ticks with their places.
     fn of(ticks: &[(f64, f64)]) -> Self {
         let (first, last) = (ticks[0], ticks[ticks.len() - 1]);
         Self { origin: first.0, first: first.1, slope: (last.1 - first.1) / (last.0 - first.0) }
@@ -174,7 +174,7 @@ impl Plot {
         dots.map(point).collect()
     }
 
-    /// Says that a line's points are those of a function of time.
+    /// Checks that a line's points are a function of time.
     pub(crate) fn assert_follows(&self, line: &[(f64, f64)], truth: impl Fn(f64) -> f64) {
         assert!(line.len() > 1, "a line of {} points", line.len());
         for (t, value) in line {

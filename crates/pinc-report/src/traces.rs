@@ -24,7 +24,7 @@ pub(crate) struct Traces {
     pub(crate) loops: Vec<OfModel<ControlTrace>>,
     /// The parts that may be enlarged: those that the config names, and last the first steps.
     pub(crate) close_ups: Vec<CloseUp>,
-    /// Of how many rows those of the longest loop are taken, if not all are there.
+    /// The number of rows from which the longest loop's are taken, if not all are there.
     pub(crate) taken_of: Option<usize>,
 }
 
@@ -106,8 +106,8 @@ impl Part {
     }
 }
 
-/// All numbers of these rows that are drawn: those of each loop, and how far the states of the
-/// first two loops are apart.
+/// All drawn numbers of these rows: the numbers of each loop, and the distance between the states
+/// of the first two loops.
 fn numbers(readers: &[OfModel<ControlReader>], rows: &Rows) -> Vec<f64> {
     let mut numbers = Vec::new();
     for (of, row) in readers.iter().zip(rows) {
@@ -242,7 +242,7 @@ mod tests {
         assert_eq!(traces.taken_of, Some(ROWS as usize));
         let [pinc, rk4] = &traces.loops[..] else { panic!("two loops") };
         assert!(pinc.table.rows.len() < 60_000);
-        // The rows of both are those of the same times.
+        // Both have rows at the same times.
         let pairs = || pinc.table.rows.iter().zip(&rk4.table.rows);
         assert!(pairs().all(|(a, b)| a.t.total_cmp(&b.t).is_eq()));
         assert_eq!(pinc.table.rows.len(), rk4.table.rows.len());

@@ -98,7 +98,7 @@ impl Trials {
         self.table_of(metric).1
     }
 
-    /// The table with the metric, that of results if none has it, and the name of its file.
+    /// The table with the metric, or the table of results if none has it, and the name of its file.
     fn table_of(&self, metric: TrialMetric) -> (&TrialTable, &'static str) {
         let has = |timings: &&TrialTable| timings.has(&TrialColumn::Metric(metric));
         match self.timings.as_ref().filter(has) {

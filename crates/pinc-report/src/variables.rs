@@ -3,7 +3,7 @@
 use crate::data::Run;
 use pinc_ode::Variable;
 
-/// Of an array with more elements than this not all have curves of their own.
+/// In an array with more elements than this, not all have curves of their own.
 pub(crate) const MOST_SHOWN: usize = 6;
 
 /// The plant's variables, as the files name them.
@@ -20,7 +20,7 @@ pub(crate) struct Variables {
 }
 
 impl Variables {
-    /// The variables of a run: those of its closed loop, or else of its free run.
+    /// The variables of a run's closed loop, or else of its free run.
     pub(crate) fn of(run: &Run) -> Self {
         if let Some(of) = run.control.loops.first() {
             return Self {
@@ -44,8 +44,8 @@ impl Variables {
         self.states.iter().chain(&self.outputs).position(|s| s == name).unwrap_or(0)
     }
 
-    /// Of an array with many elements the first, the middle and the last, and those that are
-    /// controlled unless they are many too; all other names.
+    /// For an array with many elements, the first, the middle and the last, and the controlled ones
+    /// unless they are many too; all other names.
     pub(crate) fn shown(&self, names: &[String]) -> Vec<String> {
         let mut shown = Vec::new();
         for group in Variable::groups(names) {

@@ -72,8 +72,8 @@ impl<'e> Chosen<'e> {
             }
             _ => None,
         };
-        // Of a family, a net is taken for the member that the config names, unless an estimator or
-        // a measurement is to say which one it is; an integrator is asked for it at each call.
+        // In a family, a net stands for the member that the config names, unless an estimator or a
+        // measurement says which one it is; an integrator gets it at each call.
         let LoopParameters { names, values, estimated } = experiment.loop_parameters();
         let place = |name: &String| names.iter().position(|known| known == name);
         let measured: Vec<_> = experiment.measured_parameters().iter().filter_map(place).collect();

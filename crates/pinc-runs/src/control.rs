@@ -28,7 +28,7 @@ const SETTLED_RANGE: f64 = 1e-4;
 /// The entries of Jacobians that a rehearsal computes for its plans.
 const REHEARSED_ENTRIES: usize = 400_000_000;
 
-/// What closed loops work from.
+/// The inputs of closed loops.
 #[derive(Debug)]
 pub struct LoopSetup<'a> {
     /// The section of the config.
@@ -170,7 +170,7 @@ fn run_model(
     Ok(ControlMetrics { wall_s, step_us, outside_domain, model_error, estimator, ..results })
 }
 
-/// Whether a run that has come to its end did what it was for.
+/// Whether a finished run did what it was for.
 ///
 /// # Errors
 ///

@@ -243,9 +243,7 @@ pub enum RunError {
         key: &'static str,
     },
     /// A command that needs an equation, for a plant without one.
-    #[error(
-        "{name}: `{command}` needs a plant with an equation, and that of [plant] is a black box"
-    )]
+    #[error("{name}: `{command}` needs a plant with an equation, and [plant] is a black box")]
     NoEquation {
         /// The experiment.
         name: String,
@@ -258,7 +256,7 @@ pub enum RunError {
     /// A problem of identification that cannot be solved.
     #[error("identify: {0}")]
     Identify(#[from] IdentifyError),
-    /// The same, of a data file.
+    /// A problem of identification in a data file.
     #[error("{}: {source}", path.display())]
     IdentifyFile {
         /// The file.
@@ -304,7 +302,7 @@ pub enum RunError {
         model: ModelKind,
         /// How many failed.
         failed: usize,
-        /// Of how many.
+        /// The number of steps.
         steps: usize,
         /// The share that may fail.
         allowed: f64,
@@ -320,7 +318,7 @@ pub enum RunError {
     FailedTrials {
         /// How many failed.
         failed: usize,
-        /// Of how many.
+        /// The number of trials.
         trials: usize,
         /// The table that names them.
         table: PathBuf,
@@ -330,7 +328,7 @@ pub enum RunError {
     FailedRuns {
         /// How many failed.
         failed: usize,
-        /// Of how many.
+        /// The number of runs.
         runs: usize,
     },
     /// A sweep that would begin afresh where results are.
@@ -421,7 +419,7 @@ pub enum RunError {
     },
 }
 
-/// What is wrong with a CSV file.
+/// A problem with a CSV file.
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum CsvProblem {

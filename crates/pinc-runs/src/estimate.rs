@@ -13,14 +13,14 @@ use std::fmt;
 use std::path::Path;
 use std::time::Instant;
 
-/// What came of an estimator over recorded data.
+/// The result of an estimator over recorded data.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Estimated {
     /// The number of rows.
     pub rows: usize,
     /// The mean of the normalized innovations squared.
     pub nis_mean: f64,
-    /// What it is of a consistent estimator: how many measurements are used at a time, on average
+    /// Its value for a consistent estimator: how many measurements are used at a time, on average
     /// over the rows that have one.
     pub nis_expected: f64,
     /// How many rows have one.
@@ -61,9 +61,9 @@ impl fmt::Display for Estimated {
 /// first numerical one of the config; the net of the file `model`, if that is given.
 ///
 /// The data have the columns `t`, in steps of T, the inputs, which hold from a row to the next, and
-/// `y_<measured>`, read just before the input changes, of which cells may be empty; other columns
-/// are ignored, but for the true states. Before the first row the input is
-/// `control.initial_input`, or else the row's own.
+/// `y_<measured>`, read just before the input changes, whose cells may be empty; other columns are
+/// ignored, except the true states. Before the first row the input is `control.initial_input`, or
+/// else the row's own.
 ///
 /// # Errors
 ///

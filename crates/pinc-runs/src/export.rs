@@ -18,7 +18,7 @@ use std::fmt::Write as _;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// What a net or a controller is exported to.
+/// The target of an export of a net or a controller.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Target {
     /// C99 without dependencies.

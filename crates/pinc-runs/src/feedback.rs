@@ -57,7 +57,7 @@ impl TimedFeedback {
         self.feedback.history()
     }
 
-    /// Of each step, the times of its correction and prediction together.
+    /// For each step, the time of its correction and prediction together.
     pub(super) fn step_us(&self) -> Vec<f64> {
         let pairs = self.correct_us.iter().zip(&self.predict_us);
         pairs.map(|(correct, predict)| correct + predict).collect()
@@ -159,7 +159,7 @@ impl LoopSetup<'_> {
     }
 }
 
-/// The numbers of an estimator that has come to its end, of whose steps all times are given.
+/// The numbers of a finished estimator, with the times of all of its steps.
 pub(super) fn metrics(
     history: &History,
     (states, measured): (&[String], &[String]),

@@ -145,7 +145,7 @@ fn read(path: &Path, variables: &Variables, measured: &[String]) -> Result<Rows,
     Ok(all)
 }
 
-/// The length of a step: that of the net, that of the config, or the shortest of the data.
+/// The length of a step: the net's, the config's, or the shortest in the data.
 fn step_s(
     experiment: &Experiment,
     spec: &IdentifySpec,
@@ -199,7 +199,7 @@ fn filled(path: &Path, rows: &Rows, sample_time_s: f64) -> Result<Recorded, RunE
     Ok(all)
 }
 
-/// What is to be fitted, and the plant whose parameters are those of the problem.
+/// The problem to fit, and the plant that has its parameters.
 fn problem(
     experiment: &Experiment,
     spec: &IdentifySpec,

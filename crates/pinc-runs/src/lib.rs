@@ -84,7 +84,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 pub struct Options<'a> {
     /// Resume from what the run directory holds, rather than start afresh.
     pub resume: bool,
-    /// What is shown meanwhile.
+    /// How much is shown meanwhile.
     pub verbosity: Verbosity,
     /// Stops the run, in a state that it can be resumed from, once it is true.
     pub interrupt: &'a AtomicBool,
@@ -180,7 +180,7 @@ pub fn compare(dirs: &[PathBuf], page: &Path) -> Result<(), RunError> {
     Ok(write_atomically(page, comparison.html.as_bytes())?)
 }
 
-/// Writes the report's pictures, and removes those of an earlier report that it has no more.
+/// Writes the report's pictures, and removes pictures of an earlier report that it no longer has.
 fn write_figures(dir: &Path, figures: &[report::FigureFiles]) -> Result<(), RunError> {
     fs::create_dir_all(dir).map_err(RecordError::unwritable(dir))?;
     remove_unfinished(dir)?;

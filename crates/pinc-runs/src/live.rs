@@ -51,7 +51,7 @@ struct LiveEstimator {
     status: EstimatorStatus,
 }
 
-/// What a step of a [`LiveController`] is to follow.
+/// The reference of a step of a [`LiveController`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum Follow<'a> {
@@ -65,7 +65,7 @@ pub enum Follow<'a> {
     Stages(&'a [Vec<f64>]),
 }
 
-/// What came of a step of a [`LiveController`].
+/// The result of a step of a [`LiveController`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct LiveStep<'a> {
@@ -143,7 +143,7 @@ impl LiveController {
         if let Some(observer) = &mut self.observer {
             observer.estimator.reset();
         }
-        // What was measured is forgotten; with an estimator no parameter is measured.
+        // The measured parameters are forgotten; with an estimator no parameter is measured.
         if !self.measured_parameters.is_empty() {
             self.parameters.copy_from_slice(&self.nmpc.problem().parameters);
             self.nmpc.set_parameters(&self.parameters)?;

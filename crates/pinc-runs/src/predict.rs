@@ -161,7 +161,7 @@ fn continue_chain(
 struct Columns {
     scenario: usize,
     t: usize,
-    /// Of the inputs and the parameters.
+    /// The columns of the inputs and the parameters.
     inputs: Vec<(usize, String)>,
     states: Vec<(usize, String)>,
 }

@@ -45,7 +45,7 @@ impl Columns {
         })
     }
 
-    /// The same without the true states, which do not matter everywhere.
+    /// The columns without the true states, which do not matter everywhere.
     pub(super) fn without_truth(self) -> Self {
         Self { states: None, ..self }
     }

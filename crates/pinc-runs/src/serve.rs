@@ -19,7 +19,7 @@ const NUMBER: usize = 64;
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Request {
-    /// What was measured: all states, or what the estimator is told; null or NaN is missing.
+    /// The measured values: all states, or the estimator's measurements; null or NaN is missing.
     y: Vec<Option<f64>>,
     /// What is to be followed, in place of the config's references.
     reference: Option<Window>,

@@ -24,7 +24,7 @@ pub struct Steps {
     dims: Dims,
     points: Points,
     next: Vec<f64>,
-    /// Of the states, then of the inputs, then of the parameters.
+    /// The widths of the states, then of the inputs, then of the parameters.
     widths: Vec<f64>,
 }
 
@@ -139,8 +139,8 @@ impl Steps {
         let nothing = black_box(0.0);
         nanoseconds(seconds, batch, || {
             for i in 0..batch {
-                // The points are those of the domain, wherever the step before went: min(0, |next|)
-                // is 0, but has to be waited for.
+                // The points are in the domain, wherever the step before went: min(0, |next|) is 0,
+                // but has to be waited for.
                 for ((x, &from), next) in x.iter_mut().zip(self.points.state(i)).zip(&next) {
                     *x = from + next.abs().min(nothing);
                 }
@@ -150,8 +150,8 @@ impl Steps {
         })
     }
 
-    /// The median time of a step with both Jacobians, when a controller asks for those of `stages`
-    /// points at a time.
+    /// The median time of a step with both Jacobians, when a controller asks for `stages` points at
+    /// a time.
     pub fn forward_jacobian_ns(&self, model: &mut dyn Model, stages: usize, seconds: f64) -> f64 {
         let calls = (self.points.len().min(BATCH) / stages).max(1);
         let horizon = |call: usize| self.flat(call * stages..(call + 1) * stages);

@@ -365,7 +365,7 @@ impl Session {
         Ok(())
     }
 
-    /// The same session, resumed from the checkpoint at `path`.
+    /// The session, resumed from the checkpoint at `path`.
     fn resume_from(self, path: &Path, run_dir: &RunDir) -> Result<Self, RunError> {
         let saved = load_checkpoint(path, &self.fingerprint)?;
         let problem = |problem| RecordError::Checkpoint { path: path.to_owned(), problem };
@@ -580,7 +580,7 @@ mod tests {
         assert!(near(pause(90.0, Duration::from_millis(10), 256_000_000), 90.0));
     }
 
-    /// The net of a training whose threads are those of a list, one after the other.
+    /// The net of a training whose numbers of threads are in a list, one after the other.
     fn trained(threads: &[usize]) -> (Vec<u8>, usize) {
         let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../configs/smoke/one-tank.toml");
         let set = "training.phases.0.iterations=60".to_owned();

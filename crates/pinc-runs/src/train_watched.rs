@@ -40,7 +40,7 @@ pub struct TrainedNet {
 }
 
 /// Trains the net of `experiment` and shows `watch` every iteration, which may stop the training;
-/// the net is then the best so far. The net is that of [`train`](crate::train), which also writes a
+/// the net is then the best so far. The net equals [`train`](crate::train)'s, which also writes a
 /// run directory and can be resumed.
 ///
 /// # Errors

@@ -2,9 +2,9 @@
 
 use super::Simd;
 
-/// Of each part of the range its end, the number c at which it is expanded, and the angle there, as
-/// a number and what is lost in it. Beyond the last one it is expanded at infinity. Source of all
-/// numbers here: fdlibm, `s_atan.c`.
+/// For each part of the range: its end, the number c at which it is expanded, and the angle there,
+/// as a number and its rounding error. Beyond the last part it is expanded at infinity. Source of
+/// all numbers here: fdlibm, `s_atan.c`.
 const PARTS: [[f64; 4]; 4] = [
     [0.437_5, 0.0, 0.0, 0.0],
     [0.687_5, 0.5, 0.463_647_609_000_806_1, 2.269_877_745_296_168_7e-17],

@@ -78,8 +78,8 @@ pub trait Simd: Scalar + Send + Sync + 'static {
     /// The sum of the lanes, in a fixed order.
     fn sum(self) -> f64;
 
-    /// The sums of the lanes of as many vectors as there are lanes, in a fixed order: in lane i
-    /// that of vector i.
+    /// The sums of the lanes of as many vectors as there are lanes, in a fixed order: lane i has
+    /// the sum of vector i.
     ///
     /// # Panics
     ///
@@ -97,7 +97,7 @@ pub trait Work {
     fn run(self) -> Self::Output;
 }
 
-/// An instruction set. The order of preference is that of the variants.
+/// An instruction set. The variants are in the order of preference.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Isa {
     /// x86-64 with AVX-512 F and DQ: 8 lanes, 32 registers.

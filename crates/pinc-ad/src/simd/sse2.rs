@@ -15,7 +15,7 @@ macro_rules! sse2 {
 }
 
 /// Two lanes in an SSE register. Products and sums are not fused; functions other than the square
-/// root are those of numbers, lane by lane.
+/// root are computed number by number.
 #[derive(Clone, Copy)]
 pub struct F64x2(__m128d);
 

@@ -37,8 +37,8 @@ const COSINE: [f64; 6] = [
     -1.135_964_755_778_819_5e-11,
 ];
 
-/// The sine, to within 2 units in the last place for angles up to 1e6 and that of the standard
-/// library beyond.
+/// The sine, to within 2 units in the last place for angles up to 1e6; beyond, the standard
+/// library's sine.
 ///
 /// ```text
 /// x = k pi/2 + r, |r| <= pi/4,    sin x = +-sin r or +-cos r, as k mod 4 says

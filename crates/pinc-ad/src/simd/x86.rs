@@ -181,7 +181,7 @@ vector!(
 );
 
 impl F64x8 {
-    /// In the even lanes the sums of two neighbours of this vector, in the odd ones those of `b`.
+    /// Sums of two neighbours: of this vector in the even lanes, of `b` in the odd ones.
     #[inline(always)]
     fn neighbours(self, b: Self) -> Self {
         // SAFETY: `self` proves the instructions.
@@ -190,8 +190,7 @@ impl F64x8 {
         })
     }
 
-    /// In the lower half the sums of two neighbouring pairs of this vector, in the upper those of
-    /// `b`.
+    /// Sums of two neighbouring pairs: of this vector in the lower half, of `b` in the upper half.
     #[inline(always)]
     fn quarters(self, b: Self) -> Self {
         // SAFETY: `self` proves the instructions.

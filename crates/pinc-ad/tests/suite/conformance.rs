@@ -37,7 +37,7 @@ fn sign(a: f64) -> f64 {
     if a == 0.0 { 0.0 } else { a.signum() }
 }
 
-/// Of numbers that are both finite or infinite; NaN is the outcome where one is NaN.
+/// For numbers that are both finite or infinite; NaN if one of them is NaN.
 fn or_nan(a: f64, b: f64, taken: f64) -> f64 {
     if (a + b).is_nan() { f64::NAN } else { taken }
 }

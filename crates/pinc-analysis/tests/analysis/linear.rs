@@ -44,10 +44,11 @@ fn controller_form(a: &[f64], b: &[f64]) -> StateSpace {
     StateSpace::new(&matrix, &input, &output, a.len())
 }
 
-/// The same with four states reflected at a plane, so that all entries of the matrices count.
+/// The controller form with four states reflected at a plane, so that all entries of the matrices
+/// count.
 fn reflected_controller_form(a: &[f64; 4], b: &[f64]) -> StateSpace {
     let [mut matrix, mut input, mut output] = controller_matrices(a, b);
-    // Of unit length.
+    // Unit vectors.
     let normal = [0.1, -0.5, 0.7, 0.5];
     let reflect = |values: &mut [f64], at: [usize; 4]| {
         let along: f64 = normal.iter().zip(at).map(|(v, k)| v * values[k]).sum();

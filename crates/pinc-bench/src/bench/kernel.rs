@@ -57,7 +57,7 @@ impl Evaluation {
     /// A product with the W weights of the net's matrices takes 2 W operations for each column, and
     /// there are two columns (value and time tangent) for a collocation point and one for an
     /// initial condition. There are three products: forwards; backwards, where the first layer's
-    /// (`W_0`) is not needed; and that of the weights' gradient. In all 2 (3 W - `W_0`) a column.
+    /// (`W_0`) is not needed; and one for the weights' gradient. In total 2 (3 W - `W_0`) a column.
     fn operations(&self) -> u64 {
         let widths = self.net.mlp().widths();
         let weights: usize = widths.windows(2).map(|pair| pair[0] * pair[1]).sum();

@@ -25,7 +25,7 @@ use pinc_runs::progress::Stage;
 use pinc_runs::{RunError, Verbosity};
 use std::path::PathBuf;
 
-/// What is measured, and how long.
+/// The measurements to make, and their length.
 #[derive(Clone, Debug)]
 pub struct BenchOptions {
     /// Small sizes and few repetitions: everything runs, but the times say little.

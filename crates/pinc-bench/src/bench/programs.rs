@@ -1,5 +1,5 @@
-//! Time of the controller's quadratic programs. pinc-mpc does not show its solvers: what a control
-//! step takes besides its model is theirs, and that of the checks around them.
+//! Time of the controller's quadratic programs. pinc-mpc does not expose its solvers: the time of a
+//! control step without its model is the time of the solvers and of the checks around them.
 
 use super::cases::Case;
 use super::results::QpTime;

@@ -7,7 +7,7 @@ use serde::Serialize;
 /// All measurements of a machine.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct BenchReport {
-    /// What was measured on.
+    /// The machine of the measurements.
     pub machine: Machine,
     /// Whether sizes and repetitions were small: the times then say little.
     pub quick: bool,
@@ -121,7 +121,7 @@ pub struct LossGradient {
     pub ms: f64,
     /// Operations of the matrix products, in 10^9 per second.
     pub gflops: f64,
-    /// `gflops` by that of the multiply-add probe with as many threads in the machine's best
+    /// `gflops` relative to the multiply-add probe with as many threads in the machine's best
     /// instruction set, measured in turns with the evaluations.
     pub fraction_of_peak: f64,
     /// How many evaluations the median is of.
@@ -184,6 +184,6 @@ pub struct NmpcTimes {
     pub sqp_iterations_mean: f64,
     /// Part of the steps that converged to `kkt_tol`.
     pub converged: f64,
-    /// What solves the quadratic programs.
+    /// The method for the quadratic programs.
     pub qp_solver: String,
 }

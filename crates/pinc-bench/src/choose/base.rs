@@ -18,7 +18,7 @@ pub(super) struct Base {
     pub(super) plant: Box<dyn DynPlant>,
     /// The config with the sections that trying needs.
     pub(super) experiment: Experiment,
-    /// What nets can be trained on; nothing if none can be tried.
+    /// The sources that nets can be trained on; empty if no net can be tried.
     pub(super) sources: Vec<TrainingTarget>,
     /// What cannot be tried or looked at, and why.
     pub(super) notes: Vec<String>,

@@ -31,7 +31,7 @@ pub struct ChooseOptions {
     pub budget_s: f64,
 }
 
-/// What was found; its `Display` is a short table and the advice.
+/// The result; its `Display` is a short table and the advice.
 #[derive(Clone, Debug)]
 pub struct Choice {
     /// The config with the model to use, in words why.
@@ -49,7 +49,7 @@ impl std::fmt::Display for Choice {
 }
 
 /// Tries models in the closed loop of `experiment`, which may name one of `plants`, and chooses
-/// one. Results are in `dir`; those of an earlier call are taken up where `options` say so.
+/// one. Results are in `dir`; `options` say whether results of an earlier call are reused.
 ///
 /// # Errors
 ///

@@ -135,7 +135,7 @@ impl<'a> Session<'a> {
                 return Ok(None);
             }
             Err(error @ (RunError::Record(_) | RunError::Config(_))) => return Err(error),
-            // The same every time: the model cannot do it.
+            // This error is the same every time: the model cannot do it.
             Err(error) => Ending::Failed { error: error.to_string() },
         };
         Ok(Some(Finished { ending, metrics: run_dir.metrics().clone() }))

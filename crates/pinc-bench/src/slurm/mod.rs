@@ -32,7 +32,7 @@ pub struct OnSlurm {
     /// How many jobs share it; if absent, what the config says, or one for each unit of work, 16 at
     /// most.
     pub jobs: Option<usize>,
-    /// Options over those of the config, each as `key=value`.
+    /// Options that override the config's, each as `key=value`.
     pub options: Vec<String>,
     /// Whether the scripts are written only.
     pub dry_run: bool,
@@ -40,7 +40,7 @@ pub struct OnSlurm {
     pub wait: bool,
 }
 
-/// What has been submitted.
+/// A submitted sweep.
 #[derive(Clone, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct Submitted {
@@ -205,7 +205,7 @@ fn queued(folder: &Path) -> Result<Vec<String>, RunError> {
     let Some(numbers) = read_text(&folder.join(JOBS))? else { return Ok(Vec::new()) };
     let is_there = |number: &&str| {
         let asked = ["--noheader", "--format=%T", "--jobs", number].map(std::ffi::OsStr::new);
-        // Of a job that is over for some time Slurm knows nothing.
+        // Slurm forgets finished jobs after a while.
         said_by("squeue", &asked).is_ok_and(|said| !said.trim().is_empty())
     };
     Ok(numbers.split_whitespace().filter(is_there).map(str::to_owned).collect())

@@ -29,7 +29,7 @@ use std::time::Duration;
 pub struct Shard {
     /// Which share, from 1.
     pub number: usize,
-    /// Of how many.
+    /// The number of shares.
     pub of: usize,
     /// Whether other processes work on the same directory. Each then begins with its own share, and
     /// goes on with what nobody else works on.
@@ -50,7 +50,8 @@ pub struct Kept {
     pub nets: usize,
 }
 
-/// What `dir` holds of a sweep, which is lost if the sweep begins afresh; none if there is nothing.
+/// The results of a sweep in `dir`, which are lost if the sweep begins afresh; `None` if there are
+/// none.
 #[must_use]
 pub fn kept(experiment: &Experiment, dir: &Path) -> Option<Kept> {
     let (trials, nets) = SweepDir::of(dir).results();
@@ -91,7 +92,7 @@ pub fn sweep(
     }
     let worked = session.work(options, shard);
     let closed = session.close();
-    // What was done before it stopped is in the tables; why it stopped matters more.
+    // The tables have what was done before it stopped; the reason for stopping matters more.
     worked.and(closed)
 }
 
@@ -268,7 +269,7 @@ impl<'a> Session<'a> {
         let of_trial = |trial: &'a Trial| {
             let next = units.len();
             let unit = *units.entry(trial.unit()).or_insert(next);
-            // How many shares after its own one is that of the trial.
+            // How many shares after its own the trial's share is.
             ((unit + of - (number - 1)) % of, trial)
         };
         let mut trials: Vec<_> = self.trials.iter().map(of_trial).collect();
@@ -279,7 +280,7 @@ impl<'a> Session<'a> {
         if !(shared && keeps_others_out) {
             trials.retain(|(distance, _)| *distance == 0);
         }
-        // Of equal distance in their own order.
+        // At equal distance in their own order.
         trials.sort_by_key(|(distance, _)| *distance);
         Ok(trials.into_iter().map(|(_, trial)| trial).collect())
     }

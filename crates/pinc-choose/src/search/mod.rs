@@ -24,8 +24,8 @@ const FIRST_NET: usize = 1;
 /// From so many substeps on, the method for stiff plants may be cheaper.
 const STIFF: usize = 8;
 
-/// A larger net is not tried where the last one's control step is this many times longer than that
-/// of the cheapest good integrator.
+/// A larger net is not tried if the last one's control step takes this many times as long as the
+/// cheapest good integrator's.
 const HOPELESS: f64 = 2.0;
 
 /// The loops that candidates are tried in.
@@ -33,8 +33,8 @@ pub trait Loops {
     /// What keeps all candidates from being tried.
     type Error;
 
-    /// What comes of the loop of a candidate; nothing if there is no time left for it. There always
-    /// is for the first round of [measurements](Purpose::Time).
+    /// The result of a candidate's loop; `None` if there is no time left for it. There always is
+    /// for the first round of [measurements](Purpose::Time).
     ///
     /// # Errors
     ///
@@ -43,7 +43,7 @@ pub trait Loops {
     -> Result<Option<Tried>, Self::Error>;
 }
 
-/// What a loop is run for.
+/// The purpose of running a loop.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Purpose {
     /// Whether the model is good enough.
@@ -62,7 +62,7 @@ pub enum Purpose {
 pub struct Search<'a> {
     /// The loop.
     pub control: &'a ControlSpec,
-    /// What nets are trained on, the best guess first; nothing if none are tried.
+    /// The sources that nets are trained on, the best guess first; empty if no nets are tried.
     pub sources: &'a [TrainingTarget],
     /// How many states the plant has.
     pub states: usize,
@@ -70,14 +70,14 @@ pub struct Search<'a> {
     pub within: f64,
 }
 
-/// What a search has found.
+/// The result of a search.
 #[derive(Clone, Debug, Default)]
 pub struct Found {
     /// All that was tried, in this order.
     pub tried: Vec<Tried>,
     /// Whether something was not tried for want of time.
     pub is_out_of_time: bool,
-    /// What was not tried, and why, in words.
+    /// The models not tried, and why, in words.
     pub untried: Vec<String>,
 }
 
@@ -114,7 +114,8 @@ impl Search<'_> {
         Ok(found)
     }
 
-    /// What models have to come up to, by what was tried; nothing if no integrator's loop stands.
+    /// The standard that models must meet, from the loops tried; `None` if no integrator's loop
+    /// stands.
     #[must_use]
     pub fn standard(&self, tried: &[Tried]) -> Option<Standard> {
         Standard::of(tried, self.control, self.within)
@@ -193,7 +194,7 @@ impl Search<'_> {
         outcome
     }
 
-    /// The same by a standard that is set.
+    /// The search over nets against a given standard.
     fn nets_by<L: Loops>(
         &self,
         standard: &Standard,

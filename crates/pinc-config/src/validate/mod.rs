@@ -242,7 +242,7 @@ fn own_plant(key: &str, spec: &OwnPlantSpec, plants: &Plants) -> Finding {
         Some(Ok(_)) => Ok(()),
         Some(Err(error)) => {
             let found = format!("unusable parameters ({})", error.message());
-            value(&key, found, "those of the plant's type")
+            value(&key, found, "parameters of the plant's type")
         }
         None => {
             let expected = match &plants.names()[..] {

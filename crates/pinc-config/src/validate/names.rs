@@ -62,10 +62,10 @@ pub(super) fn column_names(plant: &PlantSpec, variables: &Variables) -> Finding 
         });
         let expected = match belongs_to {
             Some(stem) => {
-                format!("another name: that of a column that belongs to {stem} in tables of runs")
+                format!("another name: this one is a column of {stem} in tables of runs")
             }
             None if TAKEN.contains(&name) => {
-                "another name: that of a column of the tables of runs".to_owned()
+                "another name: this one is a column of the tables of runs".to_owned()
             }
             None => continue,
         };

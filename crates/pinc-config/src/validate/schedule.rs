@@ -124,8 +124,8 @@ fn schedule(key: &str, changes: &[ParameterStep], known: &[String], duration_s: 
             let (found, known, nearest) = (name.clone(), known.to_vec(), nearest(name, known));
             let key = format!("{key}[{i}].values.{name}");
             if known.is_empty() {
-                let expected = "no such key: no parameters of the loop can vary; those of the \
-                                models are in [domain.parameters]";
+                let expected = "no such key: no parameters of the loop can vary; the models' \
+                                parameters are in [domain.parameters]";
                 return value(&key, found, expected);
             }
             return Err((key, Problem::Word { found, known, nearest }));

@@ -99,9 +99,9 @@ fn later_layers_win() {
         };
         (control.n2, control.rk4_substeps, q[0], r[0])
     };
-    // n2 is the built-in default's; the file replaces that of rk4_substeps, which is 4.
+    // n2 is the built-in default's; the file replaces the default of rk4_substeps, which is 4.
     assert_eq!(control(&[]), (5, 7, 1.0, 2.0));
-    // Of the file's own tables for presets only the chosen one counts.
+    // Only the chosen preset's table in the file counts.
     assert_eq!(control(&["preset=as-printed"]), (5, 7, 1.0, 2.0));
     assert_eq!(control(&["preset=as-released"]), (5, 8, 3.0, 2.0));
     // A --set has the last word, the later of two the very last.
@@ -215,7 +215,7 @@ fn differences_of_inputs_are_a_weight_of_their_sequence() {
     }
 }
 
-/// Of a plant with two inputs, and with a full weight.
+/// For a plant with two inputs, and with a full weight.
 #[test]
 fn differences_of_several_inputs_have_blocks() {
     let text = read("configs/smoke/four-tanks.toml");
@@ -306,7 +306,7 @@ fn derivatives_are_for_distilled_nets_of_plants_that_have_them() {
     }
 }
 
-/// Units are free texts, but for what files cannot have.
+/// Units are free texts, except for what files cannot have.
 #[test]
 fn names_and_units_have_no_control_characters() {
     let plant = |unit: &str, of_input: &str, of_output: &str| {

@@ -42,8 +42,8 @@ const NO_STEP: f64 = 1e-13;
 /// bounds this is the Kalman filter, for any N.
 ///
 /// It is solved by Gauss-Newton sequential quadratic programming on the stages of the window
-/// (multiple shooting), begun at the last solution moved on. The covariance of the estimate is that
-/// of the filter, which knows no bounds.
+/// (multiple shooting), begun at the shifted last solution. The covariance of the estimate comes
+/// from the filter, which knows no bounds.
 ///
 /// Reference: Rao, Rawlings and Mayne, "Constrained state estimation for nonlinear discrete-time
 /// systems", IEEE Trans. Autom. Control 48 (2003).
@@ -84,7 +84,7 @@ pub struct Mhe {
     /// The best of several solutions.
     best: Window,
     best_multipliers: Vec<Multipliers>,
-    /// Whether the window has moved on from the first state.
+    /// Whether the window has left the first state behind.
     moved_on: bool,
     /// By the number of steps in the window.
     programs: Vec<Program>,
@@ -103,7 +103,7 @@ impl Mhe {
     pub const LONGEST: usize = 200;
 
     /// An estimator over a window of `steps` steps, with the outputs of `model` as what is
-    /// measured. Until the first prediction, the input is taken for 0, or for that of
+    /// measured. Until the first prediction the input is taken to be 0, or the one given to
     /// [`Estimator::reset_input`].
     ///
     /// # Errors
@@ -188,7 +188,7 @@ impl Mhe {
         self.kalman.correct(&self.h, &mut self.innovation, &mut self.change)
     }
 
-    /// Drops the window but for its last state, of which less is known than the window says.
+    /// Drops the window except for its last state, which is less certain than the window says.
     fn begin_anew(&mut self) {
         self.window.restart(self.kalman.prior());
         self.programs.iter_mut().for_each(|program| program.multipliers.clear());
@@ -229,7 +229,7 @@ impl Mhe {
             least = least.min(point.kkt);
             self.mark_base();
             if self.programs[steps].length() <= NO_STEP {
-                // There is no better point nearby; the multipliers are those of the solution.
+                // There is no better point nearby; take the multipliers of the solution.
                 let there = self.go(1.0);
                 return (solved(there), iteration + 1, there.kkt);
             }

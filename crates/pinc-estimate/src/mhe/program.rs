@@ -131,7 +131,7 @@ impl Program {
         true
     }
 
-    /// The multipliers of the window before, when it has moved on.
+    /// The shifted multipliers of the window before.
     pub(super) fn shift(&mut self) {
         self.multipliers.shift(self.qp.dims);
     }
@@ -340,7 +340,7 @@ impl Program {
         }
     }
 
-    /// Moves the multipliers by a part of the way from those of `base` to those of the solution.
+    /// Moves the multipliers a part of the way from `base` to the solution.
     pub(super) fn blend(&mut self, part: f64, base: &Multipliers) {
         let sides = base.parts().into_iter().zip(self.step.multipliers.parts());
         for (to, (base, new)) in self.multipliers.parts_mut().into_iter().zip(sides) {

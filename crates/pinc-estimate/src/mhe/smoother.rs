@@ -23,7 +23,8 @@ pub(super) struct Smoother {
     /// `[stages, n, n]`.
     mean: Vec<f64>,
     covariance: Vec<f64>,
-    /// Of each measurement its gain, `[stages, ny, n]`, and its innovation by the variance of that.
+    /// The gain of each measurement, `[stages, ny, n]`, and its innovation divided by the
+    /// innovation's variance.
     gain: Vec<f64>,
     weighted: Vec<f64>,
     /// Those after the measurements.
@@ -84,7 +85,7 @@ impl Smoother {
             self.expect(of, j, n);
             self.measure(of, j, n);
         }
-        // The adjoint variable, from behind; that of stage j is what is left of those after it.
+        // The adjoint variable, from behind; stage j gets what the stages after it leave.
         self.m[..n].fill(0.0);
         for j in (0..stages).rev() {
             for i in (0..self.ny).rev() {
@@ -125,7 +126,7 @@ impl Smoother {
         let next = &mut self.covariance[j * n * n..(j + 1) * n * n];
         let b = &of.b[j * n * n..(j + 1) * n * n];
         mean.copy_from_slice(&of.defects[j * n..(j + 1) * n]);
-        // The rows of B_0, or of A P, whose products with those of B_0 or A are the covariance.
+        // The rows of B_0, or of A P; their products with the rows of B_0 or A are the covariance.
         let (left, right) = if j == 0 {
             (b, b)
         } else {

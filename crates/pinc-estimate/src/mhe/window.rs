@@ -13,7 +13,7 @@ pub(crate) struct Window {
     pub(crate) steps: usize,
     /// The states, `[N + 1, n]`.
     pub(crate) x: Vec<f64>,
-    /// The normalized noises, those of the first state at first, `[N + 1, n]`.
+    /// The normalized noises, beginning with the first state's, `[N + 1, n]`.
     pub(crate) v: Vec<f64>,
     /// `[N, m]`, with room for one more.
     pub(crate) u: Vec<f64>,
@@ -50,7 +50,7 @@ impl Window {
     }
 
     /// Adds a step under the input `u` that leads to a state that is expected to be `x`, with
-    /// covariance `p`. Whether the window has moved on, without its oldest state.
+    /// covariance `p`. Returns whether the window was shifted, without its oldest state.
     pub(crate) fn push(&mut self, u: &[f64], x: &[f64], p: &[f64]) -> bool {
         let Dims { nx, nu, ny, .. } = self.dims;
         self.u[self.steps * nu..(self.steps + 1) * nu].copy_from_slice(u);
@@ -80,7 +80,7 @@ impl Window {
         self.prior_covariance[last * nx * nx..(last + 1) * nx * nx].copy_from_slice(p);
     }
 
-    /// The last state, that of now.
+    /// The last state, which is the current one.
     pub(crate) fn last(&self) -> &[f64] {
         let nx = self.dims.nx;
         &self.x[self.steps * nx..(self.steps + 1) * nx]

@@ -89,8 +89,8 @@ fn means_over_seeds_are_within_their_bands() {
             steps.fold((0.0, 0.0), |sum, step| (sum.0 + step.0, sum.1 + step.1))
         });
         let (nees, nis): (Vec<f64>, Vec<f64>) = sums.unzip();
-        // Of 240 independent sums 228 are expected inside, with a standard deviation of 3.4; that
-        // of errors is some three times as large, since those of neighbouring steps are alike.
+        // Of 240 independent sums 228 are expected inside, with a standard deviation of 3.4; for
+        // errors it is some three times as large, since errors of neighbouring steps are alike.
         for (sums, band, least) in [(nees, &nees_band, 207), (nis, &nis_band, 217)] {
             let inside = sums.iter().filter(|sum| band.contains(*sum)).count();
             assert!((least..240).contains(&inside), "{inside} of 240");

@@ -144,7 +144,7 @@ fn assert_derivatives(model: &mut dyn Model, at: &[f64]) {
     }
 }
 
-/// All derivatives of both models are those of their values: by disturbances and parameters, too.
+/// All derivatives of both models agree with their values: by disturbances and parameters, too.
 #[test]
 fn derivatives_are_those_of_the_values() {
     for augmentation in augmentations() {

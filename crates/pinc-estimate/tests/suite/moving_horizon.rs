@@ -51,7 +51,7 @@ fn the_window_grows_and_then_moves_on() {
     }
 }
 
-/// A few programs a step: the solution moved on is near the next one.
+/// A few programs a step: the shifted solution is near the next one.
 #[test]
 fn the_last_solution_is_a_good_guess() {
     for case in [tanks(), oscillator()] {
@@ -93,7 +93,7 @@ fn estimates_are_within_their_bounds() {
     assert!(updated >= case.data.len() * 9 / 10, "{updated}");
 }
 
-/// Without time there is an estimate all the same, that of the filter, and more time helps.
+/// Without time the estimate is the filter's, and more time helps.
 #[test]
 fn a_deadline_is_met() {
     let case = tanks();

@@ -1,4 +1,4 @@
-//! Recorded data: the answers are those of another program.
+//! Recorded data: the answers agree with another program.
 
 use crate::support::{Case, batch, distance, oscillator, tanks};
 use pinc_estimate::{Ekf, Mhe, Tuning, Ukf};

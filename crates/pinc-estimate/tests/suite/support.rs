@@ -162,8 +162,8 @@ pub(crate) fn batch() -> Case {
     }
 }
 
-/// The largest difference between `found` and a file of answers, of which the first row is that of
-/// the first estimate.
+/// The largest difference between `found` and a file of answers, whose first row belongs to the
+/// first estimate.
 pub(crate) fn distance(
     found: &[(Vec<f64>, Vec<f64>)],
     answer: &str,

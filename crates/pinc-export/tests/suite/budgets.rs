@@ -51,7 +51,7 @@ fn large_controllers_are_cut_off_where_the_librarys_are() {
     case.problem.state_bounds = Bounds::none(4);
     let some: Budget = |k, draws| match k {
         0 => draws.budget(3.0),
-        // The plan is that of a step that was not cut off: C alone linearizes it anew, and asks
+        // The plan comes from a step that was not cut off: only C linearizes it anew, and asks
         // after 32 and 64 stages. Three questions lead to the program's first step.
         2 => {
             let [more, _] = draws.budget(2.0);

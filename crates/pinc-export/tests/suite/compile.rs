@@ -159,9 +159,8 @@ impl Sources {
         }
     }
 
-    /// Clean as C under other compilers and as C++, where the machine has these; in need of nothing
-    /// but libm; and the self-test, optimized as users have it, passes in `double`. Gives what it
-    /// says.
+    /// Clean as C under other compilers and as C++, where the machine has these; it needs libm
+    /// only; and the self-test, optimized as users have it, passes in `double`. Gives what it says.
     #[track_caller]
     pub(crate) fn assert_portable(&self, name: &str) -> String {
         for number in ["double", "float"] {
@@ -207,7 +206,7 @@ impl Sources {
         }
     }
 
-    /// The object file needs nothing but libm, and what is generated with it.
+    /// The object file needs only libm and what is generated with it.
     #[track_caller]
     fn assert_self_contained(&self, name: &str, object: &str) {
         let undefined = self.run(Command::new("nm").args(["-u", object]));

@@ -328,7 +328,7 @@ pub(crate) fn compare(case: &Case, steps: usize, seed: u64) -> [usize; 6] {
     })
 }
 
-/// The same within budgets.
+/// Compares the C controller with the library within budgets.
 #[track_caller]
 pub(crate) fn compare_within(case: &Case, steps: usize, seed: u64, budget: Budget) -> [usize; 6] {
     let (lines, expected) = case.run(steps, &mut Draws(seed), budget);

@@ -232,7 +232,7 @@ fn compare(filter: Filter, parts: &Parts) -> usize {
             *worst = worst.max((found - expected).abs());
         }
     }
-    // Of the unscented filter see above, for numbers up to 20 and models that are off by 4 ulps;
+    // For the unscented filter see above, for numbers up to 20 and models that are off by 4 ulps;
     // the controllers' gains are up to 4.
     let allowed = if filter == Filter::Unscented { [8e-8, 2e-8] } else { [1e-8; 2] };
     assert!(worst[0] < allowed[0] && worst[1] < allowed[1], "inputs, estimates: {worst:?}");

@@ -168,7 +168,7 @@ fn flat(file: GeneratedFile) -> GeneratedFile {
     GeneratedFile { path: file.path.trim_start_matches("sources/").to_owned(), ..file }
 }
 
-/// Of both versions: outputs that are measured are inputs of the FMU, estimates are outputs.
+/// In both versions measured outputs are inputs of the FMU, and estimates are outputs.
 #[test]
 fn an_fmu_of_a_controller_with_its_estimator_compiles() {
     let (case, augmentation, tuning) = with_outputs_and_pump(Disturbance::Output);

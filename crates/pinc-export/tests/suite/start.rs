@@ -135,7 +135,7 @@ fn compare(case: &Case, init: &str, missing: &[usize]) -> Vec<f64> {
 }
 
 /// The first increment counts from the initial input, also after a reset; the references by time
-/// are those of the closed loop.
+/// are the closed loop's.
 #[test]
 fn a_controller_begins_with_the_configs_input() {
     for (delay, without_preview, init) in

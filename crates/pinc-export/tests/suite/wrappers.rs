@@ -133,7 +133,7 @@ fn casadis_functions_have_exact_first_and_second_derivatives() {
     }
 }
 
-/// The numbers are those of the net, in both precisions, and the names those of states and inputs.
+/// The numbers are the net's, in both precisions; the names are the names of states and inputs.
 #[test]
 fn an_onnx_file_has_the_folded_weights() {
     let [net, ..] = nets();

@@ -379,7 +379,7 @@ impl<'a> Key<'a> {
         if self.is_whole {
             return match names.arrays.get(self.array).filter(|_| is_declared) {
                 Some(elements) => Ok(elements.iter().copied().map(Some).collect()),
-                // Of no state: that is found later.
+                // The key of no state: this is found later.
                 None if is_declared => Ok(vec![Some(1)]),
                 None => {
                     let index = self.bound.unwrap_or_default();

@@ -133,13 +133,13 @@ pub(super) struct Linearized {
     pub(super) dag: Dag,
     /// The values.
     pub(super) values: Vec<Id>,
-    /// Of each value, the variables on which it depends with the derivatives by them.
+    /// For each value, the variables on which it depends, with the derivatives by them.
     pub(super) rows: Vec<Vec<(usize, Id)>>,
     /// What is known of the nodes from which the derivatives were made.
     known: Vec<Derivative>,
 }
 
-/// The values of `results` with their derivatives; `seeds` has those of each variable, in
+/// The values of `results` with their derivatives; `seeds` has the derivatives of each variable, in
 /// ascending order.
 pub(super) fn differentiate(
     graph: &Graph,
@@ -235,7 +235,7 @@ fn derivative(
             let (da, db) = (known[a].times(&inverse, dag), known[b].times(&quotient, dag));
             da.plus(&db, dag)
         }
-        // Of two equal arguments the second counts.
+        // If both arguments are equal, the second counts.
         Op::Min => {
             let test = dag.sub(b, a);
             known[b].choose(test, &known[a], dag)

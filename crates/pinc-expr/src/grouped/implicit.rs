@@ -18,7 +18,7 @@ use std::collections::BTreeSet;
 #[derive(Debug)]
 pub(super) struct Unknowns {
     blocks: Vec<BlockCode>,
-    /// Of each unknown, the variables on which it depends with the registers of the derivatives.
+    /// For each unknown, the variables on which it depends, with the registers of the derivatives.
     derivatives: Vec<Vec<(usize, usize)>>,
     /// States, inputs and parameters.
     variables: usize,
@@ -154,8 +154,8 @@ impl Unknowns {
     /// z - G g(x, z - G g(x, z)),    G the inverse of dg/dz, held
     /// ```
     ///
-    /// which is z where the equations are solved, and whose derivatives by x up to order two, z held
-    /// as well, are those of the solution: each such step of Newton's method makes the first order
+    /// which is z where the equations are solved, and whose derivatives by x up to order two, z
+    /// held as well, equal the solution's: each such step of Newton's method makes the first order
     /// right that was wrong before it.
     pub(super) fn substituted(
         &self,

@@ -120,7 +120,7 @@ impl Linear {
         Self::value(dag, chosen).scale(factor)
     }
 
-    /// The same, as one value where it is long.
+    /// This sum, as one value if it is long.
     pub(super) fn shortened(self, dag: &mut Dag) -> Self {
         if self.terms.len() > LONGEST {
             let value = self.to_value(dag);

@@ -30,7 +30,7 @@ pub(super) struct Group {
 pub(super) struct Code {
     pub(super) groups: Vec<Group>,
     pub(super) steps: Vec<Step>,
-    /// The first register besides the variables: that of the first constant.
+    /// The first register after the variables, which has the first constant.
     pub(super) first: usize,
     pub(super) constants: Vec<f64>,
     /// The register of each result.

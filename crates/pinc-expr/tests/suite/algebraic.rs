@@ -8,7 +8,7 @@ use pinc_expr::{AlgebraicVariable, Equations, ExpressionPlant, Start};
 use pinc_ode::{Integrator, LinearizationBuffer, Model, Plant, Rodas4, Stages, VectorDual};
 use proptest::prelude::*;
 
-/// Of some ten roundings in each of two ways to a number, relative to 1 + |value|.
+/// The error of some ten roundings in each of two ways to a number, relative to 1 + |value|.
 const ROUNDING: f64 = 1e-11;
 
 pub(crate) fn unknown(
@@ -233,7 +233,7 @@ fn jacobians_are_those_of_differences() {
     }
 }
 
-/// Unknowns are outputs beside those of the table, with units, derivatives and values.
+/// Unknowns are outputs beside the table's, with units, derivatives and values.
 #[test]
 fn unknowns_are_outputs() {
     let mut equations: Equations = toml::from_str(

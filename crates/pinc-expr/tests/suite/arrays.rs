@@ -24,7 +24,7 @@ fn rod(n: usize) -> Equations {
     rod
 }
 
-/// The same by hand.
+/// The rod written out by hand.
 fn rod_by_hand(n: usize) -> Equations {
     let text = |text: String| text;
     let state = |i| Variable { name: format!("T{i}").into(), unit: "K".into() };

@@ -162,7 +162,7 @@ fn every_instruction_set_gives_the_same_numbers() {
     let mut expected = vec![0.0; 4 * 5 * LANES];
     for lane in 0..LANES {
         let xu: Vec<_> = (0..6).map(|i| 3.0 + f64::from(i) - lane as f64).collect();
-        // Of the six derivatives of a row, those by the first four variables.
+        // The derivatives of a row by the first four of six variables.
         for (row, values) in with_jacobian::<6>(&plant, &xu).chunks(7).enumerate() {
             for (i, &value) in values[..5].iter().enumerate() {
                 expected[(row * 5 + i) * LANES + lane] = value;
@@ -255,8 +255,8 @@ proptest! {
     #![proptest_config(config())]
 
     /// Values and derivatives of random expressions: text against Rust, and against differences.
-    /// The bounds are those of the tests of `pinc-ad`: rounding amplified by at most 8 at each of
-    /// four levels.
+    /// The bounds are as in the tests of `pinc-ad`: rounding amplified by at most 8 at each of four
+    /// levels.
     #[test]
     fn random_expressions((e, x) in (expressions(), points())) {
         prop_assume!(e.is_tame(&x));

@@ -38,7 +38,7 @@ fn difference(found: &LinearizationBuffer, expected: &LinearizationBuffer) -> f6
     errors.fold(0.0, f64::max)
 }
 
-/// The same methods on dual numbers.
+/// The methods on dual numbers.
 fn on_dual_numbers(plant: &ExpressionPlant, h: f64) -> [Box<dyn Model>; 3] {
     let [a, b, c] = std::array::from_fn(|_| plant.clone());
     [Box::new(Rk4::new(a, h, 2)), Box::new(Rk5::new(b, h, 1)), Box::new(Rodas4::new(c, h, 2))]

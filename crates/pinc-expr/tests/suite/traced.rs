@@ -22,7 +22,7 @@ impl Random {
         ranges.iter().map(|[low, high]| low + (high - low) * self.unit()).collect()
     }
 
-    /// Of either sign, from 1e-6 to 1e6, evenly in the logarithm.
+    /// Numbers of either sign, from 1e-6 to 1e6, evenly in the logarithm.
     fn of_all_scales(&mut self, count: usize) -> Vec<f64> {
         let mut number = || {
             let size = 10_f64.powf(12.0 * self.unit() - 6.0);
@@ -55,7 +55,7 @@ fn same_bits<P: Plant + Copy>(plant: P, points: impl Iterator<Item = Vec<f64>>) 
         Plant::rhs(&recorded, x, u, &[], &mut found);
         Plant::rhs(&plant, x, u, &[], &mut expected);
         for (found, expected) in found.iter().zip(&expected) {
-            // Of a sum of nothing the sign of 0 is of no account.
+            // The sign of 0 does not matter for an empty sum.
             let bits = |v: &f64| (v + 0.0).to_bits();
             let agree = bits(found) == bits(expected) || (found.is_nan() && expected.is_nan());
             assert!(agree, "{found} {expected} at {at:?}");
@@ -138,7 +138,7 @@ fn recorded_boiling_points_are_the_compiled_ones() {
     agrees_inside(AcetoneColumn::default(), &ranges);
 }
 
-/// The derivatives of the Rosenbrock step of a plant are those of central differences of the step.
+/// The derivatives of the Rosenbrock step of a plant agree with central differences of the step.
 fn rosenbrock_is_differentiated(plant: &dyn DynPlant, at: &[f64], sample_time_s: f64) {
     let dims = plant.dims();
     let mut model = plant.model(Integrator::Rosenbrock, sample_time_s, 2);

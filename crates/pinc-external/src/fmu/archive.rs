@@ -16,7 +16,7 @@ pub(super) fn unpack(bytes: &[u8], dir: &Path) -> Result<(), String> {
     unpack_within(bytes, dir, MOST)
 }
 
-/// The same with at most `most` bytes.
+/// Unpacks at most `most` bytes.
 fn unpack_within(bytes: &[u8], dir: &Path, most: usize) -> Result<(), String> {
     let mut left = most;
     let damaged = || "it is no ZIP file, or damaged".to_owned();

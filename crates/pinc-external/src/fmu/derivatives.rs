@@ -66,9 +66,9 @@ impl Derivatives {
         Self { rates, changing, numbers, states, inputs, at_start: false }
     }
 
-    /// Writes the derivative along `column`, a direction of the states, and along `input` if it is
-    /// that of one; both of `column` and `slope` in the order of the plant, which is `order` in the
-    /// FMU.
+    /// Writes the derivative along `column`, a direction of the states, and along `input` if it
+    /// belongs to one; `column` and `slope` are both in the order of the plant, which is `order` in
+    /// the FMU.
     pub(super) fn along(
         &self,
         instance: &mut Instance,

@@ -38,7 +38,7 @@ impl Debug for Equation {
 }
 
 impl Equation {
-    /// Of an instance whose states are in these places of its vector, and are set at the start in
+    /// For an instance whose states are in these places of its vector, and are set at the start in
     /// the places `starts`.
     pub(super) fn new(
         instance: Instance,
@@ -66,7 +66,7 @@ impl Equation {
         Self { work: Arc::new(Mutex::new(work)), states }
     }
 
-    /// The same with the columns of the Jacobian in its states and this many inputs.
+    /// The equation with the columns of the Jacobian in its states and this many inputs.
     pub(super) fn variational(&self, inputs: usize) -> Self {
         let n = self.states.len();
         let states = vec![Variable::new("", ""); n * (1 + n + inputs)];

@@ -1,8 +1,8 @@
 //! The functions of an FMU's binary, of FMI 2.0 and 3.0, as safe ones.
 //!
 //! This is the only place outside of pinc-ad's vectors with `unsafe` code: the binary is loaded at
-//! run time, and that its functions are those of the standard is for the FMU to keep. An FMU that
-//! does not can do anything; it is loaded only where its user allows it.
+//! run time and must have the standard's functions. An FMU that breaks the standard can do
+//! anything; it is loaded only if its user allows it.
 #![expect(unsafe_code, reason = "functions of a library that is loaded at run time")]
 
 use super::description::{FmuKind, Version};
@@ -213,7 +213,7 @@ impl Binary {
     pub(super) fn load(path: &Path, version: Version) -> Result<Self, String> {
         // SAFETY: what a library does when it is loaded is for the FMU to keep to the standard.
         let library = unsafe { Library::new(path) }.map_err(|error| in_full(&error))?;
-        // SAFETY: the types are those of the standard's functions of these names.
+        // SAFETY: the standard's functions of these names have these types.
         let functions = unsafe {
             match version {
                 Version::Two => functions_of_two(&library),
@@ -389,11 +389,11 @@ impl Instance {
         self.end_initialization()
     }
 
-    /// The same up to the initialization, in which the FMU is left.
+    /// Begins again, and leaves the FMU in its initialization.
     pub(super) fn initialize(&mut self, references: &[u32], values: &[f64]) -> Result<(), String> {
         let binary = self.binary.clone();
         let of = &binary.functions;
-        // SAFETY: the instance lives; the lengths are those of the slices.
+        // SAFETY: the instance lives; the lengths are the slices' own.
         unsafe {
             checked("reset", (of.reset)(self.handle))?;
             self.set(references, values)?;

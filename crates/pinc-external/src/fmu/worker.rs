@@ -50,8 +50,8 @@ impl Worker {
         Self { jobs: Some(jobs), outcomes, done, thread: Some(thread) }
     }
 
-    /// The states that follow those of the job, and their Jacobians; `None` if no point is done for
-    /// longer than `limit`.
+    /// The states after the job's, and their Jacobians; `None` if no point is done for longer than
+    /// `limit`.
     pub(super) fn ask(&mut self, job: Job, limit: Duration) -> Option<Outcome> {
         let ended = || external("the FMU's thread has ended");
         if self.jobs.as_ref().is_none_or(|jobs| jobs.send(job).is_err()) {

@@ -110,7 +110,7 @@ fn data_of_another_plant_do_not_fit() {
     let text = words(&found);
     assert!(text.contains("data of another plant"), "{text}");
     assert!(text.contains("not white"), "{text}");
-    // The same without knowing the noise.
+    // The data without a known noise.
     let mut unknown = with(&[0, 1]);
     unknown.channels[0].sd = None;
     let text = words(&fit(&unknown, &u, &y));

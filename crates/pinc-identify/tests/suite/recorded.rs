@@ -121,8 +121,8 @@ fn the_fit_takes_few_evaluations_of_the_model() {
     assert!(far.work.iterations <= 25 && far.work.steps <= 199 * 45, "{:?}", far.work);
 }
 
-/// Half the widths are those of the formula, with a Jacobian of differences of the model and the
-/// inverse of its normal equations.
+/// Half widths agree with the formula, with a Jacobian of differences of the model and the inverse
+/// of its normal equations.
 #[test]
 fn half_widths_are_those_of_the_formula() {
     let found = fit(&[0, 1, 2, 3], &NEAR, STATE);
@@ -199,8 +199,8 @@ fn missing_values_are_left_out() {
     let whole = fit(&[0, 1, 2, 3], &NEAR, STATE);
     for (estimate, whole) in found.parameters.iter().zip(&whole.parameters) {
         let [width, whole_width] = [estimate, whole].map(|of| of.half_width.unwrap());
-        // A third of the data is gone: widths grow by sqrt(3/2), but for s, whose standard deviation
-        // is 1/sqrt(2*524) of it, less what the same values say of both.
+        // A third of the data is gone: widths grow by sqrt(3/2), except for s, whose standard
+        // deviation is 1/sqrt(2*524) of it, less what the same values say of both.
         let ratio = width / whole_width / 1.5_f64.sqrt();
         eprintln!("RATIO {ratio} {}", (estimate.value - whole.value) / width);
         assert!((ratio - 1.0).abs() < 0.04, "{estimate:?} {whole:?}");

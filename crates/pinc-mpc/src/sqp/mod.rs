@@ -47,7 +47,7 @@ pub(crate) struct Sqp {
     transcription: Transcription,
     /// The problem linearized at the plan.
     qp: Qp,
-    /// The same at the point that is tried.
+    /// The problem linearized at the point that is tried.
     trial: Qp,
     solver: ChosenQp,
     step: QpStep,

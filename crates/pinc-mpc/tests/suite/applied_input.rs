@@ -174,8 +174,7 @@ fn without_a_state_the_last_input_is_held() {
     assert!(plain.step(&[0.0], &[f64::NAN]).is_err());
 }
 
-/// With a delay the input applied is the last of those under way: the state predicted is that of
-/// the plant.
+/// With a delay the input applied is the last one under way: the predicted state is the plant's.
 #[test]
 fn an_applied_input_is_under_way() {
     let problem = NmpcProblem { delay: 1, ..scalar_problem(1, 1) };

@@ -187,7 +187,7 @@ fn the_inputs_of_the_trace_hold_from_their_times_on() {
     assert!((trace.input(0)[0] - trace.input(9)[0]).abs() > 1e-3);
 }
 
-/// x' = u at rest: the errors are those of the reference alone.
+/// x' = u at rest: the errors come from the reference alone.
 #[test]
 fn segments_end_where_the_controller_prepares_the_next() {
     let run_with = |preview: bool| {
@@ -337,7 +337,7 @@ fn an_observer_is_asked_once_a_step_and_believed() {
     let run = ClosedLoop::new(&mut nmpc, truth, reference, &[1.0]).unwrap();
     let mut run = run.with_observer(&mut observer);
     let (mut states, mut inputs) = (Vec::new(), Vec::new());
-    // Of every step the first control is dropped.
+    // In every step the first control is dropped.
     while run.control().unwrap().is_some() {
         let control = run.control().unwrap().unwrap();
         let (x, seen) = (control.seen()[0] - 0.25, control.seen().to_vec());
@@ -410,7 +410,7 @@ fn parts_that_do_not_fit_are_errors() {
         ClosedLoop::new(&mut nmpc, other, reference(1), &[1.0]).map_err(refused).unwrap_err(),
         "the plant's states: 2 numbers, but 1 are expected"
     );
-    // Outputs have to be those of the model only if the controller uses them.
+    // Outputs have to equal the model's only if the controller uses them.
     let two_sensors = || Dopri5::new(TwoSensors(Runaway { rate: 0.0 }), 1e-9);
     assert!(ClosedLoop::new(&mut nmpc, two_sensors(), reference(1), &[1.0]).is_ok());
     let problem = NmpcProblem { tracked: Tracked::outputs([0]), ..scalar_problem(2, 2) };

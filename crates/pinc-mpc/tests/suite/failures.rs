@@ -71,7 +71,7 @@ fn an_infeasible_problem_says_so() {
     let step = nmpc.step(&[0.0], &[1.0; 3]).unwrap();
     assert_eq!(step.status, SqpStatus::Converged);
 
-    // The least violation is that of going down as fast as may be.
+    // Going down as fast as allowed gives the least violation.
     let step = nmpc.step(&[5.0], &[1.0; 3]).unwrap();
     assert_eq!(step.status, SqpStatus::InfeasibleQp);
     assert!(step.followed && (step.u[0] + 1.0).abs() < 1e-8, "{}", step.u[0]);
@@ -330,8 +330,8 @@ fn a_deadline_is_kept_within_a_linearization() {
     assert_eq!(step.status, SqpStatus::Converged);
 }
 
-/// No step has the time for a whole optimization, nor the first ones for that of a program from
-/// scratch. Each goes on from where the last ended, and the loop comes to rest all the same.
+/// No step has the time for a whole optimization, and the first ones not even for a program from
+/// scratch. Each resumes where the last ended, and the loop comes to rest.
 #[test]
 fn what_a_deadline_cuts_off_goes_on_in_the_next_step() {
     for allowed in [9, 14, 20] {

@@ -35,9 +35,9 @@ type Gradient = (Vec<f64>, Vec<f64>);
 /// The gradient of a cost at (j, x, u).
 type Extra<'a> = &'a dyn Fn(usize, &[f64], &[f64]) -> Gradient;
 
-/// The same with a cost of stages and one of outputs, by their gradients in x and u: the first is
-/// asked at x\[k+j\] and the input that acts there, the second at x\[k+j\] and the input that leads
-/// there. Bounded outputs are seen with these inputs at both ends.
+/// The residuals with a cost of stages and one of outputs, by their gradients in x and u: the first
+/// is asked at x\[k+j\] and the input that acts there, the second at x\[k+j\] and the input that
+/// leads there. Bounded outputs are seen with these inputs at both ends.
 #[expect(clippy::needless_range_loop, reason = "indices as in the formulas")]
 pub(crate) fn residuals_with(
     nmpc: &Nmpc,

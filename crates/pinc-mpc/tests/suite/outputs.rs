@@ -127,7 +127,7 @@ fn a_tracked_sum_is_a_full_weight_of_states() {
     }
 }
 
-/// In closed loop with the oscillator x1 + x2 comes to its reference, and the loop samples the
+/// In closed loop with the oscillator x1 + x2 reaches its reference, and the loop samples the
 /// output.
 #[test]
 fn a_loop_brings_an_output_to_its_reference() {

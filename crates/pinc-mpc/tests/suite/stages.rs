@@ -149,8 +149,8 @@ fn like_models_are_one() {
     });
 }
 
-/// Of a plan that is moved on a stage keeps no linearization of another model: with linear models
-/// one quadratic program is always enough.
+/// A stage of a shifted plan keeps no linearization of another model: with linear models one
+/// quadratic program is always enough.
 #[test]
 fn stages_are_linearized_by_their_own_models() {
     let builder = Nmpc::builder(scalar_problem(5, 5));
@@ -164,7 +164,7 @@ fn stages_are_linearized_by_their_own_models() {
     }
 }
 
-/// Two stages of 10 s, then three of 40 s: true to the models, optimal, and the plan moved on is a
+/// Two stages of 10 s, then three of 40 s: true to the models, optimal, and the shifted plan is a
 /// good start.
 #[test]
 fn stages_may_differ_in_length() {
@@ -202,7 +202,7 @@ fn stages_may_differ_in_length() {
     assert!(warm * 3 < cold * 2, "{warm} {cold}");
 }
 
-/// Constraints count from stage N1 on; their multipliers are moved on with the plan.
+/// Constraints count from stage N1 on; their multipliers are shifted with the plan.
 #[test]
 fn stages_of_different_lengths_have_constraints() {
     let constraints = Some(Constraints::new(Together { x: 1.0, row: 1.0 }));

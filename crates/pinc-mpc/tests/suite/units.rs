@@ -254,8 +254,8 @@ fn short_loop() -> Loop {
     run
 }
 
-/// The iterations of the loops of the paper, whose quantities are of ordinary size, are those of a
-/// controller that knows no units.
+/// The iterations of the loops of the paper, whose quantities are of ordinary size, equal the
+/// iterations of a controller that knows no units.
 #[test]
 fn ordinary_units_are_left_alone() {
     let counted = Counted { x: 1.0, u: 1.0, cost: 1.0, bounded: true };

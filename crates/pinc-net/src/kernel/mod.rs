@@ -73,7 +73,7 @@ impl BatchLoss {
     ///
     /// # Panics
     ///
-    /// If the length of `start` is not that of the plant's parameters, or the net takes parameters.
+    /// If `start` does not have one number per plant parameter, or the net takes parameters.
     pub fn inverse(
         plant: &dyn DynRhs,
         net: &PincNet,
@@ -113,7 +113,7 @@ impl BatchLoss {
     ///
     /// # Panics
     ///
-    /// If the number of parameters is not that of the net.
+    /// If the number of parameters is not the net's.
     pub fn loss(&mut self, parameters: &[f64]) -> LossTerms {
         self.engine.evaluate(parameters, None)
     }
@@ -122,8 +122,8 @@ impl BatchLoss {
     ///
     /// # Panics
     ///
-    /// If the numbers of parameters and of derivatives are not that of the net with the unknown
-    /// parameters of the plant.
+    /// If the numbers of parameters and of derivatives are not the number of the net's parameters
+    /// and the plant's unknown ones.
     pub fn loss_gradient(&mut self, parameters: &[f64], gradient: &mut [f64]) -> LossTerms {
         self.engine.evaluate(parameters, Some(gradient))
     }
@@ -142,7 +142,7 @@ impl BatchLoss {
     ///
     /// # Panics
     ///
-    /// If the number of parameters is not that of the net, or `out` does not have that size.
+    /// If the number of parameters is not the net's, or `out` does not have that size.
     pub fn normal_matrix(&mut self, parameters: &[f64], out: &mut [f64]) {
         self.engine.normal_matrix(parameters, out);
     }
@@ -243,7 +243,7 @@ impl<V: Simd> LaneEngine<V> {
         for layer in &mut self.layers {
             layer.fill(parameters);
         }
-        // Behind those of the net.
+        // Behind the net's.
         let unknown = &mut self.physics.unknown;
         let (_, q) = parameters.split_at(parameters.len() - unknown.len());
         for (unknown, &q) in unknown.iter_mut().zip(q) {

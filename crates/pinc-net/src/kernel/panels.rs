@@ -16,7 +16,7 @@ pub(super) struct Panels<V> {
     dims: Dims,
     data: Vec<Pair<V>>,
     targets: Vec<Target<V>>,
-    /// Of each panel the directions, one row per y0, u and p, then the slopes, one per state.
+    /// For each panel the directions, one row per y0, u and p, then the slopes, one per state.
     slopes: Vec<Pair<V>>,
     errors: usize,
     ones: Pair<V>,
@@ -88,7 +88,7 @@ impl<V: Simd> Panels<V> {
         Self { rows, dims, data, targets, slopes, errors, ones, last_mask }
     }
 
-    /// The same for `points` whose states are compared with `target` (of a point and a state),
+    /// The panels of `points` whose states are compared with `target` (of a point and a state),
     /// where it is known.
     pub(super) fn aimed(
         points: &Points,

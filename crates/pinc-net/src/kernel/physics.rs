@@ -32,10 +32,10 @@ pub(super) struct Physics<V> {
     pub(super) residual_scale: Vec<f64>,
     /// Factor of each state's initial error, and of its error against measurements.
     pub(super) initial_scale: Vec<f64>,
-    /// Weight of the squared errors of derivatives against those of measured states.
+    /// Weight of the squared errors of derivatives relative to squared errors of measured states.
     pub(super) derivatives: f64,
-    /// Parameters of the plant that are trained with the net; without any, the plant's parameters
-    /// are those of the points.
+    /// Parameters of the plant that are trained with the net; without any, the points give the
+    /// plant's parameters.
     pub(super) unknown: Vec<UnknownParameter>,
 }
 
@@ -138,8 +138,8 @@ impl<V: Simd> Physics<V> {
     ///
     /// # Shapes
     ///
-    /// `output`: one cell per state; `jacobian`: `[errors, states]`, an error per state, and behind
-    /// them that of its derivative if those are fitted; `unknown`: `[errors, unknown parameters]`.
+    /// `output`: one cell per state; `jacobian`: `[errors, states]`, an error per state, followed
+    /// by the errors of derivatives if these are fitted; `unknown`: `[errors, unknown parameters]`.
     #[inline(always)]
     pub(super) fn linearize(
         &self,
@@ -200,7 +200,7 @@ impl<V: Simd> Physics<V> {
         }
     }
 
-    /// The same of the errors of derivatives.
+    /// Linearizes the errors of derivatives.
     #[inline(always)]
     fn linearize_slopes(
         &self,

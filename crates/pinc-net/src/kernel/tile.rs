@@ -37,14 +37,14 @@ pub(super) struct Workspace<V> {
     activations: Vec<Vec<Cell<V>>>,
     /// Derivative of the loss in each layer's output before tanh, `[panels, outputs]`.
     adjoints: Vec<Vec<Cell<V>>>,
-    /// Derivative in each parameter, spread over lanes, but for the weights of wide layers.
+    /// Derivative in each parameter, spread over lanes, except for the weights of wide layers.
     gradient: Vec<V>,
     /// Derivative in each weight of the wide layers.
     wide_gradient: Vec<f64>,
     /// Derivatives of a panel's errors in the outputs of the net, `[errors, states]`: one error per
     /// state, and one more where derivatives are fitted.
     seeds: Vec<Cell<V>>,
-    /// The same in the unknown parameters of the plant, `[errors, unknown parameters]`.
+    /// Derivatives of these in the unknown parameters, `[errors, unknown parameters]`.
     unknown_seeds: Vec<Pair<V>>,
     scratch: PlantBuffers<V>,
     zero: V,
@@ -359,15 +359,15 @@ fn activate<V: Simd>(cells: &mut [Cell<V>]) {
     }
 }
 
-/// The cell of a neuron whose activations are these, from that of its z.
+/// The cell of a neuron with these activations, from the cell of its z.
 #[inline(always)]
 fn set_activation<V: Simd>(cell: &mut Cell<V>, first: V, second: V) {
     let slope = |a: V| a.neg_mul_add(a, a.constant(1.0));
     *cell = [first, second, slope(first) * cell[2], slope(second) * cell[3]];
 }
 
-/// From the adjoints of (a, a') to those of (z, z'), in place. With s = 1 - a^2 and a' = s z':
-/// adj z' = s adj a', adj z = s adj a - 2 a a' adj a'.
+/// From the adjoints of (a, a') to the adjoints of (z, z'), in place. With s = 1 - a^2 and a' = s
+/// z': adj z' = s adj a', adj z = s adj a - 2 a a' adj a'.
 #[inline(always)]
 fn through_tanh<V: Simd>(activations: &[Cell<V>], adjoints: &mut [Cell<V>]) {
     for (activation, adjoint) in activations.iter().zip(adjoints) {

@@ -30,7 +30,7 @@ pub(super) struct Batched<'a> {
     pub(super) layout: &'a Layout,
     pub(super) cells: &'a mut Cells,
     pub(super) dims: Dims,
-    /// How many of the numbers (x, u, p) there are derivatives by: those of x and u, or all.
+    /// By how many of the numbers (x, u, p) there are derivatives: by x and u, or by all.
     pub(super) tangents: usize,
     pub(super) at: Stages<'a>,
     pub(super) out: Linearization<'a>,

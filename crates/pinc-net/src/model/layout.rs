@@ -75,7 +75,7 @@ pub(super) struct BlockedLayer {
     pub(super) bias: Vec<f64>,
     /// Shape `[outputs, inputs]`.
     pub(super) rows: Vec<f64>,
-    /// The same in blocks of [`BlockedLayer::ROWS`] rows, each block column by column.
+    /// The weights in blocks of [`BlockedLayer::ROWS`] rows, each block column by column.
     pub(super) blocks: Vec<f64>,
 }
 

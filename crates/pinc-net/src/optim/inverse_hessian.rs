@@ -245,8 +245,8 @@ fn apply<V: Simd>(rows: &mut [f64], batch: Batch<'_>, (row, first): (usize, usiz
     }
 }
 
-/// A group's share of H x: its rows' products, and to the right of the diagonal block those of the
-/// columns that mirror them.
+/// A group's share of H x: its rows' products, and to the right of the diagonal block the products
+/// of the columns that mirror them.
 #[inline(always)]
 fn multiply<V: Simd>(
     rows: &[f64],
@@ -284,7 +284,7 @@ fn multiply<V: Simd>(
 mod tests {
     use super::*;
 
-    /// The same matrix, dense and without delay.
+    /// The matrix, dense and without delay.
     struct Dense(Vec<Vec<f64>>);
 
     impl Dense {

@@ -131,7 +131,7 @@ impl Buffers {
     }
 
     /// Tries the step for the damping `mu`, with one evaluation. If the function falls, the new
-    /// point is in `next`, and the result the decrease relative to that of the linear model.
+    /// point is in `next`, and the result is the decrease relative to the linear model's.
     fn trial(&mut self, objective: &mut impl LeastSquares, at: &Iterate, mu: f64) -> Option<f64> {
         self.solve(&at.gradient, mu)?;
         let step = self.step.col(0);

@@ -138,7 +138,7 @@ impl<O: Objective> Line<'_, O> {
         trial.value.is_finite() && curved && (wolfe || approximate)
     }
 
-    /// Whether the value is at most that of the origin, up to an error.
+    /// Whether the value is at most the origin's, up to an error.
     fn is_low(&self, trial: LinePoint) -> bool {
         trial.value <= self.origin.value + 1e-6 * self.origin.value.abs()
     }

@@ -206,7 +206,7 @@ impl Optimizer {
         })
     }
 
-    /// One iteration from `iterate`, whose value and gradient must be those of `objective`.
+    /// One iteration from `iterate`, whose value and gradient must come from `objective`.
     ///
     /// Where the function is not finite, line searches step back and Levenberg-Marquardt tries a
     /// smaller step; a step of Adam may end there.

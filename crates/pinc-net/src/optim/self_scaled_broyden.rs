@@ -231,7 +231,7 @@ mod tests {
             (0.625, 3.2, 3.0, 0.625_f64.sqrt(), 0.25),
             // theta = (1 - b)/b = -1/2, sigma = 1/2, which is below tau1 / sqrt sigma.
             (2.0, 1.0, 3.0, 0.5, 3.0),
-            // The same with many variables: tau1 = 1/2 times nearly 1, still above sigma.
+            // With many variables tau1 = 1/2 times nearly 1, still above sigma.
             (2.0, 1.0, 1e9, 0.5, 3.0),
             // k = 4, theta = (r - 1)/k, sigma = r, where (1 - b)/b = -9/10.
             (10.0, 0.5, 3.0, r, (1.25 - 0.25 * r) / r),

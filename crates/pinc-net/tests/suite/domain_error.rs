@@ -95,7 +95,7 @@ fn errors_are_in_widths_of_the_state_and_percentiles_are_of_the_points() {
     let found = judged(|_, u| if u[0] > 3.9 { 0.8 } else { 0.0 }, 4096);
     assert!((found.max - 0.1).abs() < 1e-6 && (found.p99 - 0.1).abs() < 1e-6, "{found:?}");
     assert!((found.share_beyond(0.05) - 0.025).abs() < 1e-3, "{}", found.share_beyond(0.05));
-    // Of two states one is wrong.
+    // One of two states is wrong.
     let rms = (0.1_f64 * 0.1 * found.share_beyond(0.05) / 2.0).sqrt();
     assert!((found.rms - rms).abs() < 1e-6, "{} {rms}", found.rms);
     assert_eq!((found.worst.state, found.errors.len()), (1, 4096));
@@ -261,7 +261,7 @@ fn a_net_is_judged_by_other_scenarios_than_it_was_chosen_by() {
             && chosen.one_step_mse.to_bits() != judged.one_step_mse.to_bits(),
         "{chosen:?} {judged:?}"
     );
-    // The error over the domain is that of the net in the controller.
+    // The error over the domain describes the net in the controller.
     let mut truth = DomainTruth::draw(&plant, &training.domain, 0.5, 64, 1e-10, 3);
     let mut model = PincModel::new(&trained.net).unwrap();
     let found = truth.judge(&mut model);

@@ -343,8 +343,8 @@ fn a_nan_or_infinite_weight_shows_in_loss_and_gradient() {
     }
 }
 
-/// Loss, gradient and normal matrix with unknown parameters: in the weights those of the plant that
-/// is known, in the parameters those of its differences.
+/// Loss, gradient and normal matrix with unknown parameters: in the weights they equal the known
+/// plant's, in the parameters its differences.
 #[test]
 fn unknown_parameters_agree_with_the_specification() {
     for (neurons, start, q) in [

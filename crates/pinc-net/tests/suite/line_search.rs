@@ -29,7 +29,7 @@ fn search(
     let mut next = start.clone();
     let found = kind.search(&mut function, &start, &[1.0], first_step, &mut next);
     if let Some(step) = found {
-        assert_eq!(next.x, [step], "the point evaluated last is that of the step");
+        assert_eq!(next.x, [step], "the point evaluated last belongs to the step");
         assert_eq!(function.steps.last(), Some(&step));
     }
     (found, function.steps)
@@ -43,7 +43,7 @@ fn parabola(x: f64) -> (f64, f64) {
 #[test]
 fn weak_wolfe_halves_a_step_that_is_too_long_and_doubles_one_that_is_too_short() {
     let tried = |first| search(LineSearch::WeakWolfe, parabola, first).1;
-    // At 2 the value is that of the origin: no decrease.
+    // At 2 the value equals the origin's: no decrease.
     assert_eq!(tried(8.0), [8.0, 4.0, 2.0, 1.0]);
     // The slope must rise from -2 to -1.8: at 0.125 it is -1.75.
     assert_eq!(tried(0.03125), [0.03125, 0.0625, 0.125]);

@@ -247,8 +247,8 @@ fn after_a_refresh_the_direction_is_of_the_new_gradient_and_the_old_curvature() 
     for i in 0..n {
         assert!((of_sum[i] - of_a[i] - 2.0 * of_b[i]).abs() < 1e-13, "{i}");
     }
-    // And it has learnt: the eigenvalues 1 to 100 have other inverses than those of its start, all
-    // alike.
+    // And it has learnt: the eigenvalues 1 to 100 have other inverses than at its start, where all
+    // are alike.
     let along = |i: usize| -direction(&std::array::from_fn::<f64, 20, _>(|j| f64::from(j == i)))[i];
     assert!(along(0) > 10.0 * along(n - 1), "{} {}", along(0), along(n - 1));
 }

@@ -105,10 +105,9 @@ fn balanced_flows_stand_still() {
     }
 }
 
-/// The published levels are those of his laboratory: within 0.2 cm of where the equation with his
-/// two-digit parameters stands still (farthest: h3 = 1.8 cm, where the flows balance at 1.63), and
-/// the flows
-/// through a tank then balance to 5 %.
+/// The published levels were measured in his laboratory: within 0.2 cm of where the equation with
+/// his two-digit parameters stands still (farthest: h3 = 1.8 cm, where the flows balance at 1.63),
+/// and the flows through a tank then balance to 5 %.
 #[test]
 fn operating_points_stand_still() {
     for Published { plant, level, voltage, .. } in published() {

@@ -146,7 +146,7 @@ fn the_tyre_has_a_peak() {
 }
 
 /// Under a constant command the axis comes to a constant speed. There the force of the oil is the
-/// friction, and the flow, by sqrt(ps - p) far from its laminar part, that of the speed and the
+/// friction, and the flow, by sqrt(ps - p) far from its laminar part, balances the speed and the
 /// leak.
 #[test]
 fn steady_speed_of_the_servo() {

@@ -37,7 +37,7 @@ const UNASKED: usize = 8;
 /// soft row costs no further unknown.
 ///
 /// The dual objective increases with each t > 0, and a step with t = 0 makes the working set
-/// smaller, so no working set is met twice but for rounding, which the limit on changes guards
+/// smaller, so no working set is met twice except by rounding, which the limit on changes guards
 /// against.
 ///
 /// All memory is allocated at construction.
@@ -414,7 +414,7 @@ impl ActiveSet {
     }
 
     /// A working row's rate times the length of its normal: a number in the units of the row whose
-    /// multiplier changes, whatever those of the working row.
+    /// multiplier changes, whatever the units of the working row.
     fn length(&self, k: usize) -> f64 {
         self.qr.norm(k) * self.rates[k].abs()
     }

@@ -8,16 +8,15 @@ use crate::{Qp, QpWork};
 /// Residuals below this, relative to 1 + the largest number involved, count as 0.
 const TOLERANCE: f64 = 1e-11;
 
-/// The same for the slope, which has to be exact for the inputs to be, where some multipliers are
-/// large.
+/// The tolerance for the slope, which must be exact for exact inputs if some multipliers are large.
 const SLOPE_TOLERANCE: f64 = 3e-13;
 
 /// What rounding leaves of the gradient, where it cancels against the Hessian times the step.
 const ROUNDING: f64 = 2e-15;
 
 /// Where a multiplier is below this, and below the distance to the limit, its row is more likely to
-/// have come off the limit than to go back. Along a plan that nears its bounds for ever, and is
-/// moved on by a stage, there are many of them; held, they are let go and held again without end.
+/// have come off the limit than to go back. A shifted plan that nears its bounds for ever has many
+/// of them; if held, they are released and held again without end.
 const SMALL_MULTIPLIER: f64 = 1e-5;
 
 /// What is off by more than this, relative to 1 + its size, when the held rows have been met but

@@ -46,10 +46,10 @@ pub(super) enum Ending {
 /// ```
 ///
 /// from which t, e and nu are eliminated: what is left is a weight D = 1 / (t/mu + e/nu +
-/// 1/stiffness) on the row. The last term is that of the proximal method of multipliers
+/// 1/stiffness) on the row. The last term comes from the proximal method of multipliers
 /// (Rockafellar, Math. Oper. Res. 1 (1976)): s C Dd + Dt - De = Dmu / stiffness - residual. It
-/// keeps D from growing without limit, and vanishes with the steps. Equalities that are hard have
-/// no slack; of their weight it is all.
+/// keeps D from growing without limit, and vanishes with the steps. Hard equalities have no slack;
+/// it is their whole weight.
 #[derive(Clone, Debug)]
 pub(super) struct InteriorPoint {
     sides: Vec<Side>,
@@ -119,8 +119,8 @@ impl Side {
         1.0 / (self.t / self.mu + give + self.compliance)
     }
 
-    /// What the products mu t and nu e should change by, to come to `tau`; the corrector includes
-    /// what the predictor did.
+    /// The wanted changes of the products mu t and nu e, to reach `tau`; the corrector includes the
+    /// predictor's effect.
     fn products(&self, tau: f64, corrector: bool) -> (f64, f64) {
         let second = if corrector { (self.dmu * self.dt, -self.dmu * self.de) } else { (0.0, 0.0) };
         (tau - self.mu * self.t - second.0, tau - self.nu() * self.e - second.1)

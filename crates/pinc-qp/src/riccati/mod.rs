@@ -50,8 +50,8 @@ impl RiccatiQp {
         }
     }
 
-    /// The same with another method for programs without a good guess of the active rows; what that
-    /// fails on is left to the interior point.
+    /// Adds another method for programs without a good guess of the active rows; programs on which
+    /// it fails are left to the interior point.
     pub(super) fn with_from_scratch(self, from_scratch: Option<CondensedQp>) -> Self {
         Self { from_scratch, ..self }
     }

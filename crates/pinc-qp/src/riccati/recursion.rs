@@ -284,7 +284,7 @@ impl Riccati {
     }
 }
 
-/// Makes a matrix that is symmetric but for rounding symmetric. Over the stages the gains contain
+/// Makes a matrix that is symmetric up to rounding symmetric. Over the stages the gains contain
 /// what rounding does to its symmetric part; an antisymmetric part would grow as the plant does
 /// without control, `A' P A`.
 #[inline(always)]

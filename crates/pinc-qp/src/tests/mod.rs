@@ -350,8 +350,8 @@ proptest! {
     #![proptest_config(ProptestConfig { max_global_rejects: 75, ..cases(1500) })]
 
     /// Each state and each input in a unit of its own, and the cost in another one: the same
-    /// inputs. But for the condensing method the caller is to choose units in which states and
-    /// inputs are alike, and for Clarabel that of the cost too.
+    /// inputs. Except for the condensing method the caller chooses units in which states and inputs
+    /// are alike, and for Clarabel also the unit of the cost.
     #[test]
     fn units_do_not_matter(
         qp in stage_costs(false),

@@ -130,7 +130,7 @@ fn set_limits(qp: &mut Qp, middle: &[f64], spreads: &[Spread]) {
 pub(super) fn counted(qp: &Qp, x: &[f64], u: &[f64], cost: f64) -> Qp {
     let mut qp = qp.clone();
     let states = qp.dims.all_states();
-    // Of blocks of rows in units `of` and columns in units `by`.
+    // Scales blocks of rows in units `of` and columns in units `by`.
     let blocks = |values: &mut [f64], of: &[f64], by: &[f64]| {
         for (row, &of) in values.chunks_exact_mut(by.len()).zip(of.iter().cycle()) {
             row.iter_mut().zip(by).for_each(|(value, by)| *value *= of / by);

@@ -23,11 +23,11 @@ pub struct Metric {
     /// Its column in the tables of a sweep, after the model's name if there is a value for each
     /// model; empty if it has none.
     pub column: &'static str,
-    /// What it is called where no heading names its stage.
+    /// Its name where no heading names its stage.
     pub title: &'static str,
-    /// What the tables of reports call it beneath the heading of its stage, if they have it.
+    /// Its name in the tables of reports, beneath the heading of its stage, if they have it.
     pub row: Option<&'static str>,
-    /// What it is measured in.
+    /// Its unit.
     pub unit: Unit,
     /// The significant digits in reports; 0 of a whole number. Times are in a unit that suits them.
     pub digits: usize,
@@ -43,7 +43,7 @@ pub struct Metric {
 /// How a number is written in a column.
 pub type Show = fn(f64) -> String;
 
-/// What a metric is measured in.
+/// The unit of a metric.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Unit {
     /// The states' unit to a power, which stands after it.
@@ -113,17 +113,17 @@ impl Metric {
         Self { path, column, title, row, unit, digits, better, printed: None, of }
     }
 
-    /// The same, with another name beneath the heading of its stage, or not in reports.
+    /// The metric with another name beneath the heading of its stage, or not in reports.
     pub(crate) const fn row(self, row: Option<&'static str>) -> Self {
         Self { row, ..self }
     }
 
-    /// The same without a better direction.
+    /// The metric without a better direction.
     pub(crate) const fn neutral(self) -> Self {
         Self { better: Better::Neither, ..self }
     }
 
-    /// The same with a column in the table that a run prints.
+    /// The metric with a column in the table that a run prints.
     pub(crate) const fn printed(self, head: &'static str, show: Show) -> Self {
         Self { printed: Some((head, show)), ..self }
     }

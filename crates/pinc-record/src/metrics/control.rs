@@ -101,7 +101,7 @@ pub struct EstimatorMetrics {
     /// The mean of the normalized innovations squared, over the steps that have one.
     #[serde(deserialize_with = "number_or_null")]
     pub nis_mean: f64,
-    /// What it is of a consistent estimator: the mean number of measurements used in these steps.
+    /// Its value for a consistent estimator: the mean number of measurements used in these steps.
     #[serde(default = "nan", deserialize_with = "number_or_null")]
     pub nis_expected: f64,
     /// How many steps have one.
@@ -135,8 +135,8 @@ impl ControlMetrics {
         self.status.values().sum()
     }
 
-    /// How many of them failed: those that did not converge, but for real-time iterations, which
-    /// are not judged, and those that the time budget ended.
+    /// How many of them failed: steps that did not converge (real-time iterations are not judged)
+    /// and steps that the time budget ended.
     #[must_use]
     pub fn failed_steps(&self) -> usize {
         self.status.iter().filter(|(status, _)| is_failure(status)).map(|(_, steps)| steps).sum()

@@ -128,7 +128,7 @@ impl Metrics {
     }
 }
 
-/// What a file was when it was written.
+/// The state of a file when it was written.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct FileNote {
     /// Its size.

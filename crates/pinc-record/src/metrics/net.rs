@@ -15,7 +15,8 @@ pub struct ValidationMetrics {
     /// As the authors' program has it: self-loop, at all rows, in standard deviations of the box.
     #[serde(deserialize_with = "number_or_null")]
     pub mse_all_normalized: f64,
-    /// Of one step from random points of the box, in the states' units squared.
+    /// The mean squared error of one step from random points of the box, in the states' units
+    /// squared.
     #[serde(deserialize_with = "number_or_null")]
     pub one_step_mse: f64,
     /// `mse_gen` with each state in standard deviations of the box.
@@ -25,7 +26,7 @@ pub struct ValidationMetrics {
     /// chosen by it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub measured_mse: Option<f64>,
-    /// Of one step from all over the training domain; not there for a conventional PINN.
+    /// The error of one step from all over the training domain; absent for a conventional PINN.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub domain_error: Option<DomainErrorMetrics>,
 }
@@ -45,10 +46,10 @@ impl ValidationMetrics {
     }
 }
 
-/// What a training took.
+/// The work and time of a training.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct TrainingMetrics {
-    /// What the net was trained on.
+    /// The target that the net was trained on.
     #[serde(default)]
     pub source: TrainingTarget,
     /// Wall time of the whole stage in s, with validation and files.
@@ -121,7 +122,7 @@ pub(crate) mod rows {
         Metric::new(keys, title, unit, digits, of).row(Some(row))
     }
 
-    /// What the net was trained on.
+    /// The target that the net was trained on.
     pub const SOURCE: Metric = name("source", "Training, on", |of| of.source.to_string()).row(None);
     /// Wall time of the training.
     pub const TRAINING_WALL: Metric = error(

@@ -13,9 +13,9 @@ const REJECTED: &str = "rejected";
 /// with the measurements, `y_<measured>`, `innovation_<measured>`, `nis`, `nees` and `rejected`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct EstimateTable {
-    /// What is estimated: states, disturbances, parameters.
+    /// The estimated quantities: states, disturbances, parameters.
     pub names: Vec<String>,
-    /// What is measured.
+    /// The measured quantities.
     pub measured: Vec<String>,
     /// The rows, by time.
     pub rows: Vec<EstimateRow>,
@@ -30,7 +30,7 @@ pub struct EstimateRow {
     pub estimate: Vec<f64>,
     /// Their standard deviations.
     pub sd: Vec<f64>,
-    /// What was measured; NaN where it was not.
+    /// The measured values; NaN where missing.
     pub measured: Vec<f64>,
     /// Measured minus expected; NaN where it was not measured, or rejected.
     pub innovation: Vec<f64>,

@@ -1,4 +1,4 @@
-//! Tables with the same columns in every run: those of a struct, whose fields are the columns.
+//! Tables with the same columns in every run: the fields of a struct.
 
 use crate::csv::{CsvHead, CsvReader, CsvText, CsvWriter, number};
 use crate::error::RecordError;
@@ -125,7 +125,7 @@ pub(super) fn exact<S: Serializer>(value: &f64, serializer: S) -> Result<S::Ok, 
     serializer.serialize_str(&number(*value))
 }
 
-/// The same of a number that may be missing.
+/// A number in its shortest exact form, or empty if it is missing.
 pub(super) fn exact_or_empty<S: Serializer>(
     value: &Option<f64>,
     serializer: S,

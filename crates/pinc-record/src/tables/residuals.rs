@@ -11,7 +11,7 @@ const TIME: &str = "t";
 /// measured output `y_<name>`, `fit_<name>` and `residual_<name>`, measured minus fitted.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ResidualTable {
-    /// What was measured.
+    /// The measured quantities.
     pub measured: Vec<String>,
     /// The rows, by file and time.
     pub rows: Vec<ResidualRow>,
@@ -24,9 +24,9 @@ pub struct ResidualRow {
     pub file: usize,
     /// Time in s.
     pub t: f64,
-    /// What was measured; NaN where it was not.
+    /// The measured values; NaN where missing.
     pub measured: Vec<f64>,
-    /// What the model gives.
+    /// The model's outputs.
     pub fitted: Vec<f64>,
 }
 

@@ -42,7 +42,7 @@ pub struct SummaryTable {
 pub struct SummaryRow {
     /// The cell's values of the columns that tell cells apart.
     pub cell: Vec<String>,
-    /// The name of the metric: that of its column in `sweep.csv`.
+    /// The name of the metric and of its column in `sweep.csv`.
     pub metric: String,
     /// How many trials the cell has.
     pub trials: usize,

@@ -32,7 +32,7 @@ impl TrialMetric {
         Self::results_with(experiment, &sweep_models(experiment, &[]))
     }
 
-    /// The same with loops of these models.
+    /// The metrics of these stages, with loops of these models.
     pub(super) fn results_with(experiment: &Experiment, models: &[ModelKind]) -> Vec<Self> {
         Self::all(experiment, models, |unit| unit.seconds().is_none())
     }
@@ -79,7 +79,7 @@ impl TrialMetric {
         self.model.map_or_else(|| column.to_owned(), |model| format!("{model}_{column}"))
     }
 
-    /// What a trial with these metrics has in the column, if it got so far.
+    /// Returns the column's cell for a trial with these metrics, if it got so far.
     #[must_use]
     pub fn cell(self, metrics: &Metrics) -> Option<String> {
         Some(self.metric.cell(self.metric.value(metrics, self.model)?))

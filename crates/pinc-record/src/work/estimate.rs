@@ -4,8 +4,8 @@ use crate::sweep_dir::WorkerNote;
 use pinc_config::{Experiment, Trial};
 use std::time::Duration;
 
-/// How long what is left will take, judged by what is over. Trainings count by their [`effort`],
-/// since those of a grid may differ by a factor of hundreds.
+/// How long the remaining work will take, judged by finished work. Trainings count by their
+/// [`effort`], since they may differ by a factor of hundreds in a grid.
 #[derive(Clone, Debug)]
 pub struct Estimate {
     /// How much is done at the same time.
@@ -23,7 +23,7 @@ struct Share {
 }
 
 impl Estimate {
-    /// Of so much work, `workers` things at a time.
+    /// An estimate for so much work, `workers` things at a time.
     #[must_use]
     pub fn new(workers: usize, effort_of_trainings: f64, trials: f64) -> Self {
         Self {
@@ -33,8 +33,8 @@ impl Estimate {
         }
     }
 
-    /// What is known from several processes of what is left for those of them that are at work, as
-    /// [`Estimate::seconds`]; none if none is.
+    /// The remaining time of the processes at work, from the notes of several processes, as
+    /// [`Estimate::seconds`]; `None` if none is at work.
     #[must_use]
     pub fn together(notes: &[WorkerNote], now_s: f64, trainings: f64, trials: f64) -> Option<f64> {
         let sum = |of: fn(&WorkerNote) -> f64| notes.iter().map(of).sum();
@@ -116,8 +116,8 @@ pub fn effort(training: &Experiment) -> f64 {
     real(weights as u64) * real(points as u64) * real(iterations)
 }
 
-/// Trials that are to be run, and those of `later` of which that is not known yet, each with the
-/// share of its like that a search runs.
+/// Trials that are to be run, and undecided trials of `later`, each with the share of its like that
+/// a search runs.
 #[must_use]
 pub fn expected<'t>(
     experiment: &Experiment,

@@ -10,7 +10,7 @@ use std::collections::HashMap;
 /// The results of the trials of a sweep, as far as they are over.
 #[derive(Debug)]
 pub struct Ledger<'a> {
-    /// The places of the trials by their hashes: those of a sweep may be equal.
+    /// The places of the trials by their hashes, which may be equal within a sweep.
     places: HashMap<&'a str, Vec<usize>>,
     results: Vec<Option<Finished>>,
     search: Option<Search<'a>>,

@@ -106,7 +106,7 @@ impl<'a> Queue<'a> {
         Self { state: Mutex::new(state), changed: Condvar::new(), cores, look_every: LOOK_EVERY }
     }
 
-    /// The same work, and after it that of it which `later` trials turn out to be.
+    /// This work, followed by the part that `later` trials turn out to be.
     #[must_use]
     pub fn and_later(self, later: Vec<&'a Trial>) -> Self {
         self.lock().later = later;
@@ -235,7 +235,7 @@ impl<'a> State<'a> {
         self.waiting.is_empty()
             && match self.later.is_empty() {
                 true => !is_waiting || self.looks > PATIENCE,
-                // What others do decides; if nobody does anything, nothing is decided any more.
+                // Other processes decide; if none does anything, nothing is decided any more.
                 false => !is_waiting && !is_working,
             }
     }

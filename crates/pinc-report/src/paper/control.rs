@@ -22,9 +22,9 @@ pub(super) fn table_1(page: &mut Page, runs: &Runs) {
         "pinc control configs/{config}/control.toml --only rk4 --set preset={source}",
     ]);
     page.paragraph(
-        "RMSE and IAE on the dense trace, the IAE summed over outputs, are the reading of the \
-        paper's table; those at the steps are the \
-         printed formulas. The time is the controller's, over 10 runs.",
+        "The paper's table reads RMSE and IAE on the dense trace, with the IAE summed over \
+         outputs; the columns without \"dense\" are its printed formulas, at the steps. The time \
+         is the controller's, over 10 runs.",
     );
     let heads = [
         "plant",
@@ -120,10 +120,9 @@ pub(super) fn substeps(page: &mut Page, runs: &Runs) -> Result<(), ReportError> 
         .collect();
     page.timed(found.into_iter());
     page.paragraph(
-        "The paper says so of its program. The controller's time in the whole loop, median of 10 \
-        runs, by the substeps of RK4. The \
-         break-even is the number of substeps from which on RK4 takes longer than the net. What \
-         fewer substeps lose is seen in the IAE.",
+        "The controller's time in the whole loop, median of 10 runs, by the substeps of RK4. \
+         Beyond the break-even RK4 takes longer than the net. The IAE shows what fewer substeps \
+         lose. The paper calls PINC faster in its own program.",
     );
     for (plant, name, experiment) in all() {
         for run in runs.of_experiment(&experiment) {
@@ -180,8 +179,8 @@ pub(super) fn sensitivity(page: &mut Page, runs: &Runs) -> Result<(), ReportErro
     page.timed(runs.of_experiment("four-tanks-sensitivity"));
     page.paragraph(
         "IAE dense, summed over outputs, over 151 random plants (pump constants +-5 %) and 151 \
-        random initial levels (9 cm +-5 %); the \
-         models keep the nominal constants. The paper has histograms of PINC alone.",
+         random initial levels (9 cm +-5 %). The models keep the nominal constants. The paper \
+         shows histograms of PINC alone.",
     );
     for run in runs.of_experiment("four-tanks-sensitivity") {
         let preset = run.preset.name();
@@ -242,9 +241,9 @@ fn compared(run: &Run) -> Result<String, ReportError> {
     ratios.sort_by(f64::total_cmp);
     Ok(match ratios[..] {
         [] => "No cell is done with both models.".to_owned(),
-        [one] => format!("The median with PINC is {one:.2} times that with RK4."),
+        [one] => format!("The median with PINC is {one:.2} times the median with RK4."),
         [least, .., most] => {
-            format!("The medians with PINC are {least:.2} to {most:.2} times those with RK4.")
+            format!("The medians with PINC are {least:.2} to {most:.2} times the medians with RK4.")
         }
     })
 }
@@ -294,9 +293,9 @@ pub(super) fn worst_case(page: &mut Page, runs: &Runs) {
 pub(super) fn deviations(page: &mut Page, runs: &Runs) -> Result<(), ReportError> {
     page.heading("Deviations, one at a time");
     page.paragraph(
-        "Each case is preset `ours` with one choice of the paper or of its authors' program \
-        instead; [deviations.md](deviations.md) says \
-         which these are. Medians of 3 seeds, with the least and the most where these differ.",
+        "Each case is preset `ours` with one choice of the paper or of its authors' program, as \
+         listed in [deviations.md](deviations.md). Medians of 3 seeds, with minimum and maximum if \
+         these differ.",
     );
     for (plant, name) in PLANTS {
         for run in runs.of_experiment(&format!("{plant}-deviations")) {

@@ -21,9 +21,8 @@ const STEP: &str = "model.horizon_s";
 pub(super) fn structure(page: &mut Page, runs: &Runs) -> Result<(), ReportError> {
     page.heading("Fig. 5a: layers and neurons");
     page.paragraph(
-        "log10 of the median `mse_gen` over the seeds, with the quartiles and the number of seeds. \
-        The paper's best is \
-         -2.87, at 10 layers of 20, as the average of 10 seeds.",
+        "log10 of the median `mse_gen` over the seeds, with quartiles and number of seeds. The \
+         paper's best is -2.87, at 10 layers of 20, averaged over 10 seeds.",
     );
     for run in runs.of_experiment("van-der-pol-structure") {
         let summary = run.summary(ERROR)?;
@@ -39,9 +38,8 @@ pub(super) fn structure(page: &mut Page, runs: &Runs) -> Result<(), ReportError>
 pub(super) fn points(page: &mut Page, runs: &Runs) -> Result<(), ReportError> {
     page.heading("Fig. 5b: initial and collocation points");
     page.paragraph(
-        "As above, 4 layers of 20. The paper finds 40 initial points too few, and N_F/N_t = 4 too \
-        little. In `ours` there are \
-         no initial points: the initial condition holds by construction.",
+        "As above, 4 layers of 20. The paper finds 40 initial points too few and N_F/N_t = 4 too \
+         small. `ours` has no initial points, since the initial condition holds by construction.",
     );
     for run in runs.of_experiment("van-der-pol-points") {
         let summary = run.summary(ERROR)?;
@@ -62,9 +60,9 @@ pub(super) fn points(page: &mut Page, runs: &Runs) -> Result<(), ReportError> {
 pub(super) fn horizon(page: &mut Page, runs: &Runs) -> Result<(), ReportError> {
     page.heading("Validation error over T");
     page.paragraph(
-        "A sweep of the authors' program, not in the paper: median `mse_gen` with the quartiles, \
-        in the states' units squared. A \
-         scenario lasts 40 s (300 s) at every T, so that the number of steps falls as T grows.",
+        "A sweep of the authors' program that is not in the paper: median `mse_gen` with \
+         quartiles, in squared state units. A scenario lasts 40 s (four tanks: 300 s) at every T, \
+         so the number of steps falls as T grows.",
     );
     for (plant, name) in PLANTS {
         for run in runs.of_experiment(&format!("{plant}-horizon")) {
@@ -165,7 +163,7 @@ fn grid(
     };
     let cells: Vec<String> = heads.iter().map(cell).collect();
     if run.metrics.sweep.as_ref().is_some_and(|sweep| sweep.pending() > 0) {
-        page.paragraph("<!-- given: as far as the sweep is -->");
+        page.paragraph("<!-- given: the sweep is not complete -->");
     } else {
         let effort = vec![effort(run.preset).to_owned(); lines.len()];
         page.made_by(&[("effort", effort)], &format!("- | {}", cells.join(" | ")));
@@ -204,17 +202,15 @@ fn best(run: &Run, summary: &Summary) -> Result<String, ReportError> {
     let size = |row: &SummaryRow| [LAYERS, NEURONS].map(|key| summary.choice(row, key).to_owned());
     let least = rows.iter().min_by(|a, b| a.median.total_cmp(&b.median));
     let (Some(best), 1..) = (least, seeds) else {
-        return Ok(
-            "There is no seed yet in which all cells are done, and so no best cell.".to_owned()
-        );
+        return Ok("No seed has all cells yet, so there is no best cell.".to_owned());
     };
     let other = |row: &&SummaryRow| size(row) != size(best) && row.median_low <= best.median_high;
     let name = |row: &SummaryRow| size(row).join(" x ");
     let alike: Vec<String> = rows.iter().filter(other).map(name).collect();
     let alike = if alike.is_empty() { "no other".to_owned() } else { alike.join(", ") };
     Ok(format!(
-        "Least median: {}. Intervals of the median that overlap its own: {alike}. The paper's 10 x \
-         20 has the least error of all cells in {wins} of the {seeds} seeds in which all are done.",
+        "Smallest median: {}. Cells whose median's interval overlaps: {alike}. The paper's 10 x 20 \
+         has the smallest error in {wins} of the {seeds} seeds with all cells.",
         name(best),
     ))
 }

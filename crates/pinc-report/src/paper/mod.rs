@@ -18,7 +18,7 @@ use std::path::Path;
 /// The paper's plants, as experiments and pages call them.
 const PLANTS: [(&str, &str); 2] = [("van-der-pol", "Van der Pol"), ("four-tanks", "four tanks")];
 
-/// Marks a paragraph whose numbers are computed from those of a table.
+/// Marks a paragraph whose numbers are computed from a table.
 const DERIVED: &str = "<!-- derived: from the table above -->";
 
 /// Every experiment of the paper, in the order of the page's provenance.
@@ -75,14 +75,11 @@ fn fill(page: &mut Page, dir: &Path) -> Result<(), ReportError> {
     let runs = Runs::read(dir, &EXPERIMENTS)?;
     page.paragraph("# Results: the paper, regenerated");
     page.paragraph(
-        "Each table and figure of the paper with numbers in it, beside this project's. Made by the \
-        two commands below from the \
-         run directories, whose reports have more pictures. `as-printed` is the paper's equations \
-         and `as-released` \
-         its authors' program, both run by this project with the paper's recipe; `ours` is the \
-         best that this project \
-         can do. [deviations.md](deviations.md) says where these differ, \
-         [measurements.md](measurements.md) has what other commands measured.",
+        "Every table and figure of the paper that has numbers, beside this project's, made by the \
+         two commands below. `as-printed` is the paper's equations and `as-released` its authors' \
+         program, both run here with the paper's recipe; `ours` is this project's best. \
+         [deviations.md](deviations.md) says where they differ; [measurements.md](measurements.md) \
+         has all other measurements.",
     );
     page.commands(&[
         "pinc run configs/paper.toml --resume",
@@ -110,10 +107,9 @@ fn long_range(page: &mut Page, runs: &Runs) -> Result<(), ReportError> {
     page.heading("Figs. 6 and 7: long range");
     page.paragraph(
         "RMSE over 10 s against the truth. A PINN is trained for one initial state, one input and \
-        its T, and asked beyond; \
-         the PINC net is trained once, for T = 0.5 s and any of them, and chained. In the paper \
-         too the PINN for T = 10 s comes \
-         slightly below PINC, all others above.",
+         its T, and then asked beyond T. The PINC net is trained once, for T = 0.5 s and any state \
+         and input, and chained. In the paper too only the PINN for T = 10 s is slightly below \
+         PINC.",
     );
     for run in runs.of_experiment("van-der-pol-long-range") {
         let preset = run.preset.name();

@@ -12,7 +12,7 @@ use pinc_config::ModelKind;
 use pinc_net::TrainingTarget;
 use pinc_record::metric::{self, Metric};
 
-/// A loop counts as good if its IAE is at most this much above that of the most exact model.
+/// A loop counts as good if its IAE is at most this much above the most exact model's.
 const EQUAL: f64 = 1.01;
 
 /// The least difference of an IAE that a picture shows, in %.
@@ -272,8 +272,8 @@ fn iae_of_most_exact(entries: &[Entry]) -> f64 {
     exactest(false).or_else(|| exactest(true)).map_or(f64::NAN, |e| e.iae)
 }
 
-/// By which factor a net's step is faster than that of the cheapest method as exact, and which that
-/// is.
+/// By which factor a net's step is faster than the cheapest equally exact method's, and which
+/// method that is.
 fn faster_step(net: &Entry, entries: &[Entry], time: &dyn Fn(&Entry) -> f64) -> String {
     let groups = groups(entries).into_iter();
     let times = groups.filter_map(|group| {

@@ -1,5 +1,5 @@
-//! Free runs of conventional PINNs, each trained for its own T, beside that of a net that is
-//! chained: a column for each PINN, a row for each state.
+//! Free runs of conventional PINNs, each trained for its own T, beside the free run of a chained
+//! net: a column for each PINN, a row for each state.
 
 use crate::data::Run;
 use crate::error::ReportError;

@@ -55,7 +55,7 @@ fn errors_that_are_no_numbers_are_hatched() {
     let map = svg(dir.path(), "domain-error");
     assert_sound(&map);
     assert!(map.contains("no finite number"));
-    // Columns that are not those of the config make no picture.
+    // Columns that do not belong to the config make no picture.
     write(&dir, "domain-error.csv", "a,b,error\n0,0,1\n");
     assert!(!stems(dir.path()).contains(&"domain-error".to_owned()));
 }

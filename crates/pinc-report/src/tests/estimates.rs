@@ -47,7 +47,7 @@ fn estimates_stand_beside_the_plant_and_the_measurements() {
         assert!(html.contains(&format!("From estimates-{model}.csv")));
     }
     assert!(build(dir.path()).unwrap().contains("<h2>Estimates with RK4</h2>"));
-    // Of one model they need no name.
+    // With one model they need no name.
     fs::remove_file(dir.path().join("estimates-rk4.csv")).unwrap();
     assert!(stems(dir.path()).contains(&"estimates".to_owned()));
 }
@@ -100,7 +100,7 @@ fn without_estimates_there_is_no_picture_of_them() {
     assert!(error.contains("estimates-pinc.csv:2"), "{error}");
 }
 
-/// Of a loop in which a, in cm, and c, in kg, are measured; rows every 0.5 s.
+/// Estimates of a loop in which a, in cm, and c, in kg, are measured; rows every 0.5 s.
 fn with_two_measured() -> TempDir {
     let dir = whole();
     let unit = |text: &str, from: &str, to: &str| {

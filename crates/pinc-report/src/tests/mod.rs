@@ -235,7 +235,7 @@ fn the_page_needs_nothing_else() {
     for link in ["src=", "href=", "url(", "@import", "import(", "fetch(", "XMLHttpRequest"] {
         assert!(!html.contains(link), "{link} in the page");
     }
-    // The name of SVG's vocabulary is no address to load, nor is that of uPlot's home.
+    // The name of SVG's vocabulary is no address to load, nor is uPlot's home page.
     let addresses = html.replace("http://www.w3.org/2000/svg", "");
     let addresses = addresses.replacen("https://github.com/leeoniya/uPlot", "", 1);
     let addresses = addresses.replacen("http-equiv", "", 1);

@@ -17,7 +17,7 @@ const WRITE_EVERY: Duration = Duration::from_secs(10);
 /// A search to be resumed.
 #[derive(Serialize, Deserialize)]
 struct Saved {
-    /// Of model, equation and domain.
+    /// The hash of model, equation and domain.
     key: String,
     search: Search,
 }

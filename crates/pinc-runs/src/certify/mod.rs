@@ -21,7 +21,7 @@ use std::path::{Path, PathBuf};
 use subject::Subject;
 pub use verify::verify_certificate;
 
-/// What `pinc certify` is to judge.
+/// The settings of `pinc certify`.
 #[derive(Clone, Debug)]
 pub struct Certify {
     /// Random points of the domain; none for a default, which is 0 with other points.

@@ -28,7 +28,7 @@ pub(super) fn measure(
 ) -> Option<Cost> {
     let (spec, sample_time_s) = experiment.control.as_ref().zip(experiment.sample_time_s())?;
     let net = untrained(plant, experiment);
-    // No estimator: the loop is that of the plant whose state is measured.
+    // No estimator: the loop measures the plant's state.
     let spec = &ControlSpec { estimator: None, ..spec.clone() };
     let numerical = LoopSetup::numerical(spec, sample_time_s, plant);
     let setup = LoopSetup { net: net.as_ref(), truth: metered, ..numerical };
@@ -72,7 +72,7 @@ fn step_ns(model: &mut dyn Model, spec: &ControlSpec, u: &[f64]) -> (f64, f64) {
     (step_ns, all_ns / to_f64(spec.n2 as u64))
 }
 
-/// The median time of a call, in ns; of a long one that of a single call.
+/// The median time of a call, in ns; for a long call, the time of a single one.
 fn call_ns(mut call: impl FnMut()) -> f64 {
     let once = time(&mut call);
     if once > MEASURED_S {
@@ -87,7 +87,7 @@ fn call_ns(mut call: impl FnMut()) -> f64 {
     1e9 * median(&times) / to_f64(calls as u64)
 }
 
-/// The median time of the controller's first steps, that of the very first one apart.
+/// The median time of the controller's first steps, without the very first one.
 fn control_step_us(
     setup: &LoopSetup<'_>,
     kind: ModelKind,

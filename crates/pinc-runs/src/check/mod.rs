@@ -15,14 +15,14 @@ use std::path::PathBuf;
 /// Examines the plant of a config (which is itself valid, or it would not have loaded) on the
 /// training domain, or else within the controller's bounds.
 ///
-/// What it may do is limited by counting, so that a config has the same findings on each machine;
-/// one of them names what was left out.
+/// Its work is limited by counting, so that a config has the same findings on each machine; one of
+/// them names what was left out.
 #[must_use]
 pub fn check(experiment: &Experiment) -> Vec<Finding> {
     check_watched(experiment, Verbosity::Quiet)
 }
 
-/// The same with its progress on standard error.
+/// [`check`] with its progress on standard error.
 #[must_use]
 pub fn check_watched(experiment: &Experiment, verbosity: Verbosity) -> Vec<Finding> {
     examine(&*experiment.plant.dyn_plant(), experiment, verbosity)

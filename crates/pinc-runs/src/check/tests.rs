@@ -171,7 +171,7 @@ fn widths(steps: usize) -> Vec<f64> {
     (0..steps).map(step).collect()
 }
 
-/// The findings of the damped plant, which is also that of the config, with the estimator.
+/// The findings of the damped plant, which is also the config's, with the estimator.
 fn gated(sets: &[&str]) -> Vec<Finding> {
     let derivatives = r#"derivatives = { x1 = "x2", x2 = "u - x1 - x2" }"#;
     let names = r#"states = ["x1", "x2"], inputs = ["u"]"#;
@@ -196,8 +196,8 @@ fn the_gate_is_put_into_units() {
     assert_found(&off, Fact, "control.estimator.gate", "no reading is rejected");
 }
 
-/// What a sound sensor says in the rehearsed loop is rejected where the estimator begins elsewhere
-/// and does not know it; so is noise that it does not know of.
+/// Readings of a sound sensor are rejected in the rehearsed loop if the estimator begins elsewhere
+/// without knowing it; so is noise that it does not expect.
 #[test]
 fn a_gate_that_rejects_sound_readings_is_warned_of() {
     let wrong = ["control.estimator.initial_estimate=[1.25, 0.0]"];

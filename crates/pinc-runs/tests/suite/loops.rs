@@ -125,7 +125,7 @@ fn a_broken_bound_is_named_with_its_unit_and_time() {
     assert_eq!((within.violations.len(), within.max_violation_of), (0, None));
 }
 
-/// Of two loops of which one is done, the other is not left out.
+/// If one of two loops is done, the other is not left out.
 #[test]
 fn a_run_is_resumed_with_the_loop_that_is_missing() {
     let dir = tempfile::tempdir().unwrap();
@@ -225,7 +225,7 @@ fn the_first_row_of_recorded_data_is_read_under_the_input_before_it() {
         let row = text.lines().nth(1).unwrap();
         row.split(',').nth(1).unwrap().parse::<f64>().unwrap()
     };
-    // The reading is believed but for 0.01 / 100.01.
+    // The reading is believed up to 0.01 / 100.01.
     let expected = |x: f64| 0.5 + (x - 0.5) * 100.0 / 100.01;
     near(&[filtered(READ)], &[expected(3.5 - 2.0 * 1.5)]);
     let unknown = READ.replace("initial_input = [1.5]\n", "");

@@ -158,7 +158,7 @@ w4 = { equation = "w4^2/h4 - 2*981*0.057^2", start = 5.0, low = 0.0, high = 30.0
 [plant.expression.derivatives]
 "#;
 
-/// Metrics of the loops with each integrator as the model, but for the times.
+/// Metrics of the loops with each integrator as the model, without the times.
 fn loops(text: &str) -> Vec<[f64; 3]> {
     let sets = [
         "control.models=[\"rk4\", \"rk5\", \"rosenbrock\"]",

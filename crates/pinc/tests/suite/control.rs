@@ -97,8 +97,8 @@ fn trace(dir: &Path, model: ModelKind, models: usize, controlled: &[&str]) -> Ve
     ControlReader::open(&path, 1, &controlled).unwrap().unwrap().collect::<Result<_, _>>().unwrap()
 }
 
-/// With the equation and with a net the output comes to its references; files and report have it,
-/// and the loop replayed by `pinc predict` goes the same way.
+/// With the equation and with a net the output reaches its references; files and report have it,
+/// and the loop replayed by `pinc predict` behaves alike.
 #[test]
 fn an_output_is_controlled_with_the_equation_and_with_a_net() {
     let dir = tempfile::tempdir().unwrap();

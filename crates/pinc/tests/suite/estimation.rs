@@ -213,7 +213,7 @@ fn rejected_measurements_are_counted() {
     let config = written(dir.path(), TANKS);
     let out = dir.path().join("run");
     let mut command = pinc(&["control", "--out", out.to_str().unwrap()]);
-    // Of the second sensor's readings most are beyond the gate.
+    // Most of the second sensor's readings are beyond the gate.
     command.arg(&config).args(["--set", "control.measurement.noise_sd=[0.05, 40.0]"]);
     command.args(["--set", "control.estimator.gate=10.0"]);
     let found = outcome(&mut command);
@@ -250,8 +250,8 @@ fn rejected_measurements_are_counted() {
     assert!(found.stdout.contains(&said) || found.stderr.contains(&said), "{found:?}");
 }
 
-/// The model is of pumps that give less than those of the plant: an estimator that believes it is
-/// inconsistent, which is said on the terminal and in the report, with numbers.
+/// The model's pumps deliver less than the plant's, so an estimator that trusts the model is
+/// inconsistent; terminal and report say so, with numbers.
 #[test]
 fn an_inconsistent_estimator_is_named() {
     let dir = tempfile::tempdir().unwrap();

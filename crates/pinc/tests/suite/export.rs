@@ -17,8 +17,8 @@ fn fine(outcome: &Outcome) {
     assert_eq!(outcome.code, Some(0), "{outcome:?}");
 }
 
-/// The exported controller is given what that of the loop was given, which `pinc control` ran, and
-/// chooses the same inputs with the same statuses and estimates. Returns the number of steps.
+/// The exported controller gets the inputs of the loop that `pinc control` ran, and chooses the
+/// same inputs with the same statuses and estimates. Returns the number of steps.
 #[track_caller]
 fn assert_same_loop(config: &Path, kind: ModelKind, more: &[&str], model: &[&str]) -> usize {
     let dir = tempfile::tempdir().unwrap();

@@ -90,7 +90,7 @@ fn an_output_that_is_an_input_is_refused() {
     assert!((fs::read(&model).unwrap(), fs::read(&inputs).unwrap()) == before);
 }
 
-/// An expression of a state's size may be finite and that of the next not.
+/// An expression may be finite for one size of a state and not for the next.
 #[test]
 fn states_that_are_no_numbers_are_an_error() {
     let dir = tempfile::tempdir().unwrap();

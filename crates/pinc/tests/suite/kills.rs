@@ -19,8 +19,8 @@ fn kills() -> u32 {
     std::env::var("PINC_KILLS").ok().map_or(KILLS, |text| text.parse().unwrap())
 }
 
-/// Kills the run that `command` makes in a directory, resumes it, and compares `files` with those
-/// of a run that was not killed.
+/// Kills the run that `command` makes in a directory, resumes it, and compares `files` with an
+/// undisturbed run's.
 fn kill(command: &dyn Fn(&Path) -> Command, files: &[&str]) {
     let dir = tempfile::tempdir().unwrap();
     let whole = dir.path().join("whole");

@@ -157,7 +157,8 @@ fn the_served_estimator_says_what_its_gate_rejects() {
     let (status, level) = ask([65535.0, 12.7]);
     assert!(status == "rejected" && (level - 12.4).abs() < 0.1, "{status} {level}");
     assert_eq!(ask([12.4, 12.7]).0, "updated");
-    // 2.8 cm: beyond 30 times the root of about 0.03^2 + 0.05^2, within that of 0.1^2 + 0.05^2.
+    // 2.8 cm: beyond 30 times the root of about 0.03^2 + 0.05^2, within 30 times the root of 0.1^2
+    // + 0.05^2.
     for k in 0..5 {
         let (status, level) = ask([15.2, 12.7]);
         let (expected, near) = if k < 4 { ("rejected", 12.4) } else { ("reacquired", 15.2) };
@@ -249,7 +250,7 @@ fn the_applied_input_and_the_reference_count() {
         served.end();
         u
     });
-    // What was applied is not left fast, since changes are weighted; the reference is above.
+    // The input changes slowly, since changes are weighted; the reference is above.
     assert!(inputs[1] > inputs[0] + 0.05, "{inputs:?}");
     assert!(inputs[2] > inputs[0] + 0.1, "{inputs:?}");
 }
@@ -282,8 +283,7 @@ fn the_example_client_closes_the_loop() {
     assert!(ended.stdout.contains("40 steps, 40 converged"), "{ended:?}");
 }
 
-/// What a line says of the measured parameters is what the model has from then on; a line that is
-/// refused says nothing.
+/// From a line on, the model has the measured parameters in it; a refused line changes nothing.
 #[test]
 fn measured_parameters_are_those_of_the_line() {
     let config = repository("configs/four-tanks/family.toml");
@@ -299,7 +299,7 @@ fn measured_parameters_are_those_of_the_line() {
     };
     let told = first("control.parameters={ k1 = 3.33, k2 = 3.35 }", &plain);
     assert!(first(measured, &line).total_cmp(&told).is_eq());
-    // Without, those of the plant in the loop.
+    // Without, the parameters of the plant in the loop.
     assert!((first(measured, &plain) - told).abs() > 1e-3);
     let mut served = Served::new(&config, &["--set", measured]);
     let refused = br#"{"y": [8.0, 12.0, 2.0, 3.0], "parameters": [3.33]}"#;

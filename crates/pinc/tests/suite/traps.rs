@@ -39,7 +39,7 @@ fn times_and_rates_are_in_the_unit_that_the_config_says() {
         let found = trap("chemostat.toml", sets);
         found.iter().map(ToString::to_string).collect::<Vec<_>>().join("\n")
     };
-    // At S = 0.1 the slow mode is that of D = 0.2 per hour.
+    // At S = 0.1 the slow mode is D = 0.2 per hour.
     let hours = said(&[]);
     for part in ["-0.2000 1/h (time constant 5 h)", "T = 0.25 h: ", "zeros -0.2000 1/h"] {
         assert!(hours.contains(part), "no {part} in {hours}");

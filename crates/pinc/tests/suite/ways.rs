@@ -1,5 +1,5 @@
-//! A controller outside the program, which is told what that of a loop was told: generated C, and a
-//! process.
+//! A controller outside the program, which gets the inputs of a loop's controller: generated C, and
+//! a process.
 
 use crate::closed::Closed;
 use crate::common::{Outcome, outcome, pinc};
