@@ -1,4 +1,5 @@
-//! The documents against the tree: links, the book's pages, and what the architecture names.
+//! The documents against the tree: links, blocks of TOML, the book's pages, and what the architecture
+//! names.
 
 use pinc_record::metric::{Better, Metric, Of, Unit};
 use std::collections::BTreeSet;
@@ -101,6 +102,20 @@ fn a_broken_link_is_found() {
     for sound in ["config.md", "config.md#controlestimator", "../README.md", "#find-a-task"] {
         assert_eq!(fault(&page, sound), None);
     }
+}
+
+#[test]
+fn blocks_of_toml_can_be_read() {
+    let mut count = 0;
+    for page in pages() {
+        let text = read(&page);
+        for block in text.split("```toml\n").skip(1).filter_map(|rest| rest.split("```").next()) {
+            count += 1;
+            let read = block.parse::<toml::Table>();
+            assert!(read.is_ok(), "{}: {read:?} in\n{block}", page.display());
+        }
+    }
+    assert!(count >= 15, "only {count} blocks found");
 }
 
 /// Every page is in the table of contents, once, and nothing else is.
