@@ -1,4 +1,5 @@
-//! The documents against the tree: links, and what the architecture names.
+//! The documents against the tree: links, blocks of TOML, the book's pages, and what the architecture
+//! names.
 
 use pinc_record::metric::{Better, Metric, Of, Unit};
 use std::collections::BTreeSet;
@@ -57,26 +58,108 @@ fn anchors(page: &str) -> BTreeSet<String> {
     headings.map(anchor).collect()
 }
 
-#[test]
-fn links_lead_somewhere() {
-    let mut pages = vec![root().join("README.md")];
+/// The pages for readers: at the root, and in folders with their own.
+fn pages() -> Vec<PathBuf> {
+    let is_page = |path: &PathBuf| path.extension().is_some_and(|found| found == "md");
+    let mut pages: Vec<_> = entries(&root()).into_iter().filter(is_page).collect();
     for folder in ["docs", "configs", "benches", "fuzz"] {
         pages.extend(files(&root().join(folder), "md"));
     }
-    let mut count = 0;
-    for page in pages {
-        let text = read(&page);
-        for link in links(&text).iter().filter(|link| !link.starts_with("http")) {
+    pages
+}
+
+/// What is wrong with a link of a page: none if file and heading are there.
+fn fault(page: &Path, link: &str) -> Option<String> {
+    let (file, anchor) = link.split_once('#').unwrap_or((link, ""));
+    let folder = page.parent().expect("a page is in a folder");
+    let target = if file.is_empty() { page.to_path_buf() } else { folder.join(file) };
+    if !target.exists() {
+        return Some(format!("{}: {link} does not exist", page.display()));
+    }
+    let there = anchor.is_empty() || anchors(&read(&target)).contains(anchor);
+    (!there).then(|| format!("{}: no heading for {link}", page.display()))
+}
+
+#[test]
+fn links_lead_somewhere() {
+    let (mut count, mut faults) = (0, Vec::new());
+    for page in pages() {
+        for link in links(&read(&page)).iter().filter(|link| !link.starts_with("http")) {
             count += 1;
-            let (file, anchor) = link.split_once('#').unwrap_or((link, ""));
-            let folder = page.parent().expect("a page is in a folder");
-            let target = if file.is_empty() { page.clone() } else { folder.join(file) };
-            assert!(target.exists(), "{}: {link}", page.display());
-            let there = anchor.is_empty() || anchors(&read(&target)).contains(anchor);
-            assert!(there, "{}: no heading for {link}", page.display());
+            faults.extend(fault(&page, link));
         }
     }
-    assert!(count > 50, "only {count} links found");
+    assert!(faults.is_empty(), "{}", faults.join("\n"));
+    assert!(count > 300, "only {count} links found");
+}
+
+#[test]
+fn a_broken_link_is_found() {
+    let page = root().join("docs/introduction.md");
+    for broken in ["no-such-page.md", "config.md#no-such-heading", "#no-such-heading"] {
+        assert!(fault(&page, broken).is_some(), "{broken}");
+    }
+    for sound in ["config.md", "config.md#controlestimator", "../README.md", "#find-a-task"] {
+        assert_eq!(fault(&page, sound), None);
+    }
+}
+
+#[test]
+fn blocks_of_toml_can_be_read() {
+    let mut count = 0;
+    for page in pages() {
+        let text = read(&page);
+        for block in text.split("```toml\n").skip(1).filter_map(|rest| rest.split("```").next()) {
+            count += 1;
+            let read = block.parse::<toml::Table>();
+            assert!(read.is_ok(), "{}: {read:?} in\n{block}", page.display());
+        }
+    }
+    assert!(count >= 15, "only {count} blocks found");
+}
+
+/// Every page is in the table of contents, once, and nothing else is.
+#[test]
+fn the_book_has_every_page_once() {
+    let summary = read(&root().join("docs/SUMMARY.md"));
+    let mut listed = links(&summary);
+    listed.sort();
+    let name = |path: PathBuf| path.file_name().map(|name| name.to_string_lossy().into_owned());
+    let mut there: Vec<_> =
+        files(&root().join("docs"), "md").into_iter().filter_map(name).collect();
+    there.retain(|name| name != "SUMMARY.md");
+    there.sort();
+    assert_eq!(listed, there);
+}
+
+/// The values of an attribute in a page of HTML.
+fn attributes<'p>(html: &'p str, name: &str) -> BTreeSet<&'p str> {
+    let start = format!(" {name}=\"");
+    html.split(start.as_str()).skip(1).filter_map(|rest| rest.split('"').next()).collect()
+}
+
+/// `PINC_BOOK` names the folder of the built book, whose links are then followed (`.ci/book`).
+#[test]
+fn links_of_the_built_book_lead_somewhere() {
+    let Some(folder) = std::env::var_os("PINC_BOOK").map(PathBuf::from) else { return };
+    let is_page = |path: &PathBuf| path.extension().is_some_and(|found| found == "html");
+    let pages: Vec<_> = entries(&folder).into_iter().filter(is_page).collect();
+    assert!(pages.len() > 30, "{}: {} pages", folder.display(), pages.len());
+    let mut faults = Vec::new();
+    for page in pages {
+        let html = read(&page);
+        let links = ["href", "src"].into_iter().flat_map(|name| attributes(&html, name));
+        for link in links.filter(|link| !link.contains(':') && !link.starts_with('/')) {
+            let (file, anchor) = link.split_once('#').unwrap_or((link, ""));
+            let target = if file.is_empty() { page.clone() } else { folder.join(file) };
+            let is_in_book = !file.starts_with("..") && target.exists();
+            let has_anchor = || attributes(&read(&target), "id").contains(anchor);
+            if !is_in_book || !(anchor.is_empty() || has_anchor()) {
+                faults.push(format!("{}: {link}", page.display()));
+            }
+        }
+    }
+    assert!(faults.is_empty(), "{}", faults.join("\n"));
 }
 
 /// The pieces of a text in backquotes.

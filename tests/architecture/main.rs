@@ -507,10 +507,10 @@ fn files_are_readable_in_one_sitting() {
     assert!(too_long.is_empty(), "over {LONGEST} lines: {too_long:?}");
 }
 
-/// An example that no test includes is not run; one that the guide does not list is not found.
+/// An example that no test includes is not run; one that no page lists is not found.
 #[test]
 fn every_example_is_run_by_a_test_and_listed_in_the_guide() {
-    let guide = read(&root().join("docs/guide.md"));
+    let page = read(&root().join("docs/examples.md"));
     for (name, _) in CRATES {
         if !WITH_EXAMPLES.contains(&name) {
             assert!(!root().join("crates").join(name).join("examples").exists(), "{name}");
@@ -525,7 +525,7 @@ fn every_example_is_run_by_a_test_and_listed_in_the_guide() {
             let file = path.file_name().expect("a file").to_string_lossy().into_owned();
             assert!(file.starts_with(&format!("{number:02}_")), "{name}: {file}");
             assert!(tests.contains(&format!("../examples/{file}\"")), "{name}: {file}");
-            assert!(guide.contains(&format!("crates/{name}/examples/{file})")), "{name}: {file}");
+            assert!(page.contains(&format!("crates/{name}/examples/{file})")), "{name}: {file}");
         }
     }
 }

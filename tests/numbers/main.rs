@@ -25,8 +25,10 @@ mod page;
 mod source;
 
 /// The pages whose numbers are compared.
-const PAGES: [&str; 5] = [
+const PAGES: [&str; 7] = [
     "README.md",
+    "docs/first-run.md",
+    "docs/known-error.md",
     "docs/measurements.md",
     "docs/findings.md",
     "docs/results.md",

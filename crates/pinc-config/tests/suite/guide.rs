@@ -1,4 +1,4 @@
-//! The guide's defaults against the presets.
+//! The documented defaults against the presets.
 
 use crate::common::read;
 use toml::{Table, Value};
@@ -6,7 +6,7 @@ use toml::{Table, Value};
 const PRESETS: [&str; 3] = ["ours", "as-printed", "as-released"];
 
 fn guide() -> String {
-    read("docs/guide.md")
+    read("docs/config.md")
 }
 
 fn preset(name: &str) -> String {
