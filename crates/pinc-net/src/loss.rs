@@ -67,12 +67,8 @@ impl LossWeights {
         initial: InitialScale,
     ) -> Result<Self, NetError> {
         let states = net.dims().nx;
-        let deviation: Vec<f64> = net
-            .domain
-            .ends()
-            .take(states)
-            .map(|(low, high)| (high - low) / 12.0_f64.sqrt())
-            .collect();
+        let ends = net.domain.ends().take(states);
+        let deviation: Vec<f64> = ends.map(|(low, high)| (high - low) / 12.0_f64.sqrt()).collect();
         // A net with the hard initial condition is scaled by the displacements.
         let smaller = |(d, moved): (&f64, &f64)| if moved < d { *moved } else { *d };
         let displacement = match net.ansatz {
@@ -96,9 +92,8 @@ impl LossWeights {
             let (key, found) = ("residual_scale", residual_scale.len());
             return Err(NetError::Dimension { key, found, expected: states, per: "state" });
         }
-        for (key, value) in std::iter::once(("lambda", lambda))
-            .chain(residual_scale.iter().map(|&factor| ("residual_scale", factor)))
-        {
+        let factors = residual_scale.iter().map(|&factor| ("residual_scale", factor));
+        for (key, value) in std::iter::once(("lambda", lambda)).chain(factors) {
             if !(value > 0.0 && value.is_finite()) {
                 let found = value.to_string();
                 return Err(NetError::Setting { key, found, expected: "a positive number" });

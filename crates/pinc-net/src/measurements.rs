@@ -110,20 +110,12 @@ impl Measurements {
     }
 
     /// The measured states at point `i`.
-    ///
-    /// # Panics
-    ///
-    /// If there is no point `i`.
     #[must_use]
     pub fn state(&self, i: usize) -> &[Option<f64>] {
         &self.values[i * self.states..(i + 1) * self.states]
     }
 
     /// The direction at point `i` and the derivative along it; `None` unless every point has one.
-    ///
-    /// # Panics
-    ///
-    /// If there is no point `i`.
     #[must_use]
     pub fn slope(&self, i: usize) -> Option<(&[f64], &[f64])> {
         if !self.has_slopes() {

@@ -284,9 +284,8 @@ impl Trainer {
         Ok(Progress::Iterated(self.record(fresh_loss)))
     }
 
-    /// Adds `points` to the sample for good and takes the training up again from the net selected so
-    /// far, with 1000 iterations of the last phase's optimizer. From then on the last net is selected,
-    /// and [`TrainingConfig::target_one_step_rms`] is not looked at.
+    /// Adds `points` to the sample for good and trains the net selected so far for 1000 more iterations
+    /// of the last phase. From then on the last net is selected, whatever its accuracy.
     ///
     /// # Errors
     ///

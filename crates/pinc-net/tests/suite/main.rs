@@ -12,6 +12,7 @@ mod measurements;
 mod model;
 mod model_file;
 mod optimizers;
+mod refinement;
 mod sampling;
 mod training;
 mod trainings;
