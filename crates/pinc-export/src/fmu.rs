@@ -53,7 +53,7 @@ pub fn net_to_fmu(
         any_step: has_time(net),
         feed_through: false,
         statuses: &[],
-        note: None,
+        note: origin.proven.clone(),
         sources: vec![format!("{}_net.c", name.as_str())],
         version,
     };
@@ -107,7 +107,7 @@ pub fn controller_to_fmu(
         any_step: true,
         feed_through: true,
         statuses,
-        note: budget_note(controller),
+        note: notes(controller, origin),
         sources: sources
             .iter()
             .map(|file| file.path.clone())
@@ -116,6 +116,13 @@ pub fn controller_to_fmu(
         version,
     };
     Ok(description.files(t, sources, name, origin))
+}
+
+/// The notes of the controller: how its budget counts, and what is proven of its net.
+fn notes(controller: &Controller<'_>, origin: &Origin) -> Option<String> {
+    let notes: Vec<String> =
+        budget_note(controller).into_iter().chain(origin.proven.clone()).collect();
+    (!notes.is_empty()).then(|| notes.join("; "))
 }
 
 /// What takes the place of a time budget, which an FMU has no clock for.

@@ -63,7 +63,11 @@ pub fn net_to_onnx(
         ("input_low", list(&domain.input_low)),
         ("input_high", list(&domain.input_high)),
         ("hash", origin.hash.clone()),
+        ("certificate", origin.proven.clone().unwrap_or_default()),
     ] {
+        if value.is_empty() {
+            continue;
+        }
         model = model.message(14, &Message::default().text(1, key).text(2, &value));
     }
     Ok(GeneratedFile { path: format!("{}.onnx", name.as_str()), bytes: model.into_bytes() })

@@ -17,6 +17,8 @@ pub struct Origin {
     pub inputs: Vec<Variable>,
     /// The outputs with their units, where a plant has outputs of its own.
     pub outputs: Vec<Variable>,
+    /// What is proven of the net's errors, if it has a certificate.
+    pub proven: Option<String>,
 }
 
 impl Origin {
@@ -34,6 +36,7 @@ impl Origin {
             states: variables(net.state_names()),
             inputs: variables(net.input_names()),
             outputs: Vec::new(),
+            proven: None,
         }
     }
 
@@ -70,6 +73,9 @@ impl Origin {
             text += " *\n * Domain of the net:\n";
             for row in domain(net, self) {
                 let _ = writeln!(text, " *   {}", comment(&row));
+            }
+            if let Some(proven) = &self.proven {
+                let _ = writeln!(text, " *\n * Certificate: {}", comment(proven));
             }
         }
         text + " */"

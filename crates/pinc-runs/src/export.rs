@@ -1,6 +1,7 @@
 //! `pinc export`: nets and controllers for other programs.
 
 use super::chosen::{Chosen, ModelFile};
+use super::proof::certificate;
 use super::shared_library::shared_library;
 use super::{chainable, parse_model};
 use crate::RunError;
@@ -60,7 +61,10 @@ pub fn export_net(
     let net = chainable(model, parse_model(model, &bytes)?)?;
     let stem = model.file_stem().unwrap_or_default().to_string_lossy();
     let name = name.map_or_else(|| Ok(Name::nearest(&stem)), Name::new)?;
-    let origin = Origin::of_net(&net, env!("CARGO_PKG_VERSION"), &hash(&bytes));
+    let origin = Origin {
+        proven: proven(&bytes),
+        ..Origin::of_net(&net, env!("CARGO_PKG_VERSION"), &hash(&bytes))
+    };
     let files = match to {
         Target::C => pinc_export::net_to_c(&net, &name, &origin)?,
         Target::Casadi => pinc_export::net_to_casadi(&net, &name, &origin)?,
@@ -131,7 +135,8 @@ pub fn export_controller(
     };
     let mut content = experiment.to_toml().into_bytes();
     content.extend(chosen.given.iter().flat_map(|(bytes, _)| bytes));
-    let origin = origin(&content, &*plant);
+    let net = chosen.given.as_ref().map(|(bytes, _)| &bytes[..]);
+    let origin = Origin { proven: net.and_then(proven), ..origin(&content, &*plant) };
     let controller = Controller {
         problem: &NmpcProblem {
             parameters: estimating.as_ref().map_or_else(Vec::new, |of| of.unknowns.clone()),
@@ -253,7 +258,13 @@ fn origin(content: &[u8], plant: &dyn DynPlant) -> Origin {
         states: variables.states,
         inputs: variables.inputs,
         outputs: variables.outputs,
+        proven: None,
     }
+}
+
+/// The certificate in a model file in words, if there is one.
+fn proven(bytes: &[u8]) -> Option<String> {
+    certificate(bytes).map(|of| of.to_string())
 }
 
 /// The FMU of this content, with a binary for this machine where it has a C compiler.

@@ -188,6 +188,7 @@ impl Case {
             states: variables(dims.nx, "x"),
             inputs: variables(dims.nu, "u"),
             outputs: variables(dims.ny, "y"),
+            proven: None,
         };
         let outputs = self.problem.tracked.len();
         let middle: Vec<f64> =

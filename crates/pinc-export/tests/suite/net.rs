@@ -198,10 +198,18 @@ fn the_header_states_names_domain_and_hash() {
     let [net, ..] = nets();
     let mut origin = Origin::of_net(&net, "1.2.3", "c0ffee");
     origin.states[0].unit = "m */".into();
+    origin.proven = Some("proven: x1 1e-3 */".to_owned());
     let files = net_to_c(&net, &Name::new("osc").unwrap(), &origin).unwrap();
     let header = String::from_utf8(files[0].bytes.clone()).unwrap();
     assert_eq!(files[0].path, "osc_net.h");
-    for part in ["pinc 1.2.3", "c0ffee", "x1 (m * /)", "x2 from -4.35 to 4.35", "OSC_NX 2"] {
+    for part in [
+        "pinc 1.2.3",
+        "c0ffee",
+        "x1 (m * /)",
+        "x2 from -4.35 to 4.35",
+        "OSC_NX 2",
+        "proven: x1 1e-3 * /",
+    ] {
         assert!(header.contains(part), "{part} in {header}");
     }
     let paths: Vec<_> = files.iter().map(|file| &*file.path).collect();

@@ -170,6 +170,11 @@ fn a_proven_net_carries_its_certificate() {
         assert!(certificate.proven[state] <= 0.06, "{certificate:?}");
     }
     assert_eq!(certificate.domain["u"], [-1.0, 1.0]);
+    // What is generated from it says so.
+    let export = ["export", "--model", model, "--to", "c", "--out", "c"];
+    assert_eq!(outcome(pinc(&export).current_dir(dir.path())).code, Some(0));
+    let header = fs::read_to_string(dir.path().join("c/model_net.h")).unwrap();
+    assert!(header.contains(" * Certificate: proven: one step is off by at most x1 "), "{header}");
     // One weight changed, another equation, a bound that is too low.
     let mut changed = bytes.clone();
     let last = changed.len() - 5;
