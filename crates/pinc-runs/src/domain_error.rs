@@ -1,6 +1,6 @@
 //! How wrong one step of a net is over the domain that it was trained on, beside RK4.
 
-use super::train::TrainingSetup;
+use super::material::TrainingSetup;
 use crate::RunError;
 use pinc_net::{DomainTruth, PincModel, PincNet};
 use pinc_ode::{DynPlant, Integrator};

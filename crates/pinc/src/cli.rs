@@ -78,12 +78,10 @@ enum Command {
         /// What to do where the net is evaluated outside its training domain.
         #[arg(long, value_enum, default_value = "report")]
         outside_domain: Outside,
-        /// Add a column per state, `<state>_err`: the estimated error against the equation of the
-        /// plant in --config.
+        /// Add a column per state: its estimated error against the plant in --config.
         #[arg(long)]
         errors: bool,
-        /// Config (TOML) with the plant that the net stands for; by default `config.toml` beside
-        /// the model.
+        /// Config (TOML) with that plant, by default `config.toml` beside the model.
         #[arg(long, requires = "errors")]
         config: Option<PathBuf>,
     },
