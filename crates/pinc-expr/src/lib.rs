@@ -77,11 +77,11 @@ pub struct Equations {
     /// Named whole numbers: sizes of arrays and ends of ranges.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub sizes: BTreeMap<String, usize>,
-    /// The states, in order; `T[n]` is an array of n states.
+    /// States, in order; `T[n]` is an array of n states.
     pub states: Vec<Variable>,
-    /// The inputs, in order.
+    /// Inputs, in order.
     pub inputs: Vec<Variable>,
-    /// Named numbers. In files, a list is an array, with the elements `w[1]`, `w[2]`, ..
+    /// Named numbers. In files, a list is an array with the elements `w[1]`, `w[2]` and so on.
     #[serde(
         default,
         skip_serializing_if = "BTreeMap::is_empty",
