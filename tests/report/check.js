@@ -98,6 +98,9 @@
     words(`${name}, enlarged`, plot);
     await press(plot.root, "ArrowRight");
     expect(`${name}: an arrow does not move`, range(plot)[0] > low && range(plot)[1] > high);
+    // Where a small part is seen, labels have many digits.
+    for (let i = 0; i < 12; i++) await press(plot.root, "+");
+    words(`${name}, enlarged far`, plot);
     await press(plot.root, "0");
     expect(`${name}: 0 does not show all`, same(range(plot), group.full));
     const label = plot.root.parentElement.parentElement.querySelector(".u-series:not(.nameless) th[tabindex]");
