@@ -1,4 +1,15 @@
-//! The equations of plants as graphs: those that are text, and those of Rust plants.
+#![doc = include_str!("../README.md")]
+//! # Tour
+//!
+//! - [`Equations`]: a plant as text; [`Equations::compile`] makes a [`pinc_ode::Plant`] of it.
+//! - [`PlantEquations`]: equations from text or from a plant in Rust, as a graph of values in which
+//!   each value is computed once.
+//! - [`Listing`]: the right-hand side as instructions, for generated code.
+//! - [`AlgebraicEquations`]: algebraic variables, solved by Newton's method in a box.
+//! - [`CriticalTerms`]: divisors and arguments on which it depends where an equation is smooth.
+//! - [`ExpressionError`]: what is wrong with an equation, with the piece of text.
+
+#![forbid(unsafe_code)]
 
 mod algebraic;
 mod arrays;

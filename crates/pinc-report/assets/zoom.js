@@ -377,9 +377,9 @@
   const plot = (panel, { xs, events, first, foot, beside, column }, group, place) => {
     const head = make("div", "head", place);
     const label = panel.y.range && beside ? panel.y.label : "";
-    // "h1 (cm)" says "h1", too.
-    const said = panel.title && label.startsWith(panel.title);
-    if (panel.title) make("b", "", head, said ? label : panel.title);
+    // A title that names the variables needs their unit only.
+    const [name] = label.split(" ("), said = name && panel.title.endsWith(name);
+    if (panel.title) make("b", "", head, said ? panel.title + label.slice(name.length) : panel.title);
     if (label && !said) make("span", "axis", head, label);
     if (!panel.y.range) {
       make("div", "note", place, panel.note);
