@@ -27,7 +27,7 @@ pub use color::{
     AMBER, BLACK, BLUE, Color, GREEN, GREY, INK, PURPLE, SKY, VERMILLION, graded, input_color,
     state_color,
 };
-pub use curve::{Point, held_since_previous, held_until_next, present};
+pub use curve::{Point, difference, held_since_previous, held_until_next, present};
 pub use figure::{
     Area, Axis, Event, Figure, Key, Label, Look, Panel, Series, Span, extent, places,
 };

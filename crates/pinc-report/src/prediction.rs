@@ -20,7 +20,7 @@ pub(crate) fn picture(run: &Run, variables: &Variables) -> Option<Picture> {
     for (title, group) in states.flat_map(|(title, names)| by_axis(run, title, names, &range)) {
         panels.push(state_panel(run, table, &title, &group));
     }
-    let range = |name: &str| extent(inputs(table, name).into_iter().map(|point| point.1));
+    let range = |name: &str| extent(input(table, name).1.into_iter().map(|point| point.1));
     for (title, group) in by_axis(run, "Inputs".to_owned(), table.inputs.clone(), &range) {
         panels.push(input_panel(run, table, &title, &group));
     }
@@ -76,23 +76,19 @@ fn state_range(table: &PredictionTable, name: &str) -> (f64, f64) {
     extent(table.rows.iter().flat_map(|row| [row.state[place], row.truth[place]]))
 }
 
-/// The place of an input in the plant's order.
-fn input_place(table: &PredictionTable, name: &str) -> usize {
-    table.inputs.iter().position(|input| input == name).unwrap_or(0)
-}
-
-/// The points of an input.
-fn inputs(table: &PredictionTable, name: &str) -> Vec<Point> {
-    let place = input_place(table, name);
-    points(table, |row| row.input[place])
+/// The place of an input in the plant's order, and its points.
+fn input(table: &PredictionTable, name: &str) -> (usize, Vec<Point>) {
+    let place = table.inputs.iter().position(|input| input == name).unwrap_or(0);
+    (place, points(table, |row| row.input[place]))
 }
 
 fn input_panel(run: &Run, table: &PredictionTable, title: &str, names: &[String]) -> Panel {
     let label = run.axis_label(names);
     let mut panel = Panel::new(title, Axis::new(&label, Kind::Linear), 120.0);
     for name in names {
-        let style = Style::new(input_color(input_place(table, name)), Shape::Line(1.8));
-        panel.add_named(name, held_until_next(&inputs(table, name)), style);
+        let (place, points) = input(table, name);
+        let style = Style::new(input_color(place), Shape::Line(1.8));
+        panel.add_named(name, held_until_next(&points), style);
     }
     panel
 }

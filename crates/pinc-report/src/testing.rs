@@ -29,13 +29,12 @@ pub(crate) fn assert_sound(svg: &str) {
 /// No two ticks of a vertical axis have the same label: a panel's labels end at one place, and the
 /// turned label of its axis follows on them.
 fn assert_ticks_differ(svg: &str) {
-    let mut seen: Vec<(String, String)> = Vec::new();
+    let mut seen = Vec::new();
     for element in svg.lines().filter(|line| line.starts_with("<text")) {
         if element.contains("rotate(") || element.contains("font-weight") {
             seen.clear();
         } else if element.contains("text-anchor=\"end\"") {
-            let x = element.split("x=\"").nth(1).unwrap().split('"').next().unwrap();
-            let tick = (x.to_owned(), word(element));
+            let tick = (attribute(element, "x").to_bits(), word(element));
             assert!(!seen.contains(&tick), "{tick:?} stands twice beside an axis");
             seen.push(tick);
         }

@@ -106,26 +106,31 @@ pub(crate) fn by_axis(
     names: Vec<String>,
     range: &dyn Fn(&str) -> (f64, f64),
 ) -> Vec<(String, Vec<String>)> {
-    let mut groups: Vec<(Vec<String>, Vec<(f64, f64)>)> = Vec::new();
+    let mut groups: Vec<Group> = Vec::new();
     for name in names {
         let new = range(&name);
-        let takes = |(members, ranges): &&mut (Vec<String>, Vec<(f64, f64)>)| {
-            run.unit(&members[0]) == run.unit(&name) && fit(ranges, new)
-        };
+        let takes =
+            |of: &&mut Group| run.unit(&of.names[0]) == run.unit(&name) && fit(&of.ranges, new);
         match groups.iter_mut().find(takes) {
-            Some((members, ranges)) => {
-                members.push(name);
-                ranges.push(new);
+            Some(of) => {
+                of.names.push(name);
+                of.ranges.push(new);
             }
-            None => groups.push((vec![name], vec![new])),
+            None => groups.push(Group { names: vec![name], ranges: vec![new] }),
         }
     }
     let divided = groups.len() > 1;
-    let titled = |(names, _): (Vec<String>, _)| match divided {
+    let titled = |Group { names, .. }: Group| match divided {
         true => (format!("{title}: {}", names.join(", ")), names),
         false => (title.clone(), names),
     };
     groups.into_iter().map(titled).collect()
+}
+
+/// The variables of a panel, with their ranges.
+struct Group {
+    names: Vec<String>,
+    ranges: Vec<(f64, f64)>,
 }
 
 /// Whether a curve can be read beside others of these ranges, and they beside it: each takes up
