@@ -62,6 +62,56 @@
     expect(`${name}: heights are not what they were`, same([plot.scales.y.min, plot.scales.y.max], heights));
   };
 
+  // Words beside and below a plot: no two are the same, none leaves the canvas or covers another.
+  const words = (name, plot) => {
+    for (const [place, axis] of plot.axes.entries()) {
+      const said = (axis._values ?? []).map((word, i) => [word, axis._splits[i]]).filter(([word]) => word);
+      const texts = said.map(([word]) => word);
+      expect(`${name}: the same label twice: ${texts}`, new Set(texts).size === texts.length);
+      plot.ctx.font = `${12 * uPlot.pxRatio}px system-ui, sans-serif`;
+      const widths = texts.map((text) => plot.ctx.measureText(text).width / uPlot.pxRatio);
+      if (place) {
+        expect(`${name}: labels leave the page: ${texts}`, Math.max(0, ...widths) + 8 <= axis._size);
+        expect(`${name}: a label runs along the axis`, !axis.label);
+      }
+      const middles = said.map(([, at]) => plot.valToPos(at, axis.scale));
+      const sizes = place ? texts.map(() => 12) : widths;
+      const order = middles.map((_, i) => i).sort((a, b) => middles[a] - middles[b]);
+      order.slice(1).forEach((i, k) => {
+        const before = order[k], gap = middles[i] - middles[before];
+        expect(`${name}: ${texts[before]} and ${texts[i]} overlap`, gap >= 0.5 * (sizes[i] + sizes[before]));
+      });
+    }
+  };
+
+  // A focused panel obeys keys, and so does a focused name.
+  const keyboard = async (name, plot, group) => {
+    const press = async (target, key) => {
+      target.dispatchEvent(new KeyboardEvent("keydown", { key, bubbles: true, cancelable: true }));
+      await frame();
+    };
+    expect(`${name}: a panel without a name or focus`,
+      plot.root.tabIndex === 0 && plot.root.getAttribute("aria-label").length > 10);
+    await press(plot.root, "+");
+    const [low, high] = range(plot);
+    expect(`${name}: plus does not enlarge`, !same([low, high], group.full));
+    words(`${name}, enlarged`, plot);
+    await press(plot.root, "ArrowRight");
+    expect(`${name}: an arrow does not move`, range(plot)[0] > low && range(plot)[1] > high);
+    // Where a small part is seen, labels have many digits.
+    for (let i = 0; i < 12; i++) await press(plot.root, "+");
+    words(`${name}, enlarged far`, plot);
+    await press(plot.root, "0");
+    expect(`${name}: 0 does not show all`, same(range(plot), group.full));
+    const label = plot.root.parentElement.parentElement.querySelector(".u-series:not(.nameless) th[tabindex]");
+    if (!label) return;
+    await press(label, "Enter");
+    expect(`${name}: Enter hides nothing`, plot.series.slice(1).some((of) => !of.show)
+      && label.getAttribute("aria-pressed") === "false");
+    await press(label, " ");
+    expect(`${name}: Space shows nothing`, plot.series.slice(1).every((of) => of.show));
+  };
+
   const panel = async (name, plot) => {
     // Of a curve that is there everywhere, as of time traces, the cursor shows a value.
     mouse(plot.over, "mouseenter", plot, [0.5, 0.5]);
@@ -99,7 +149,11 @@
       for (const group of groups) {
         facts.panels += group.plots.length;
         if (group.plots.length) await group_of(name, group);
-        for (const plot of group.plots) await panel(name, plot);
+        for (const plot of group.plots) {
+          words(name, plot);
+          await panel(name, plot);
+          await keyboard(name, plot, group);
+        }
       }
       const button = [...figure.querySelectorAll("button")].find((b) => b.textContent === "+");
       button.click();

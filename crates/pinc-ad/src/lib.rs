@@ -1,4 +1,5 @@
-//! Differentiation by operator overloading, in four kinds of number behind one trait.
+#![doc = include_str!("../README.md")]
+//! # Tour
 //!
 //! An equation is written once, over [`Scalar`], and evaluated as
 //!
@@ -10,21 +11,6 @@
 //!
 //! The kinds nest. `Dual<Var>` is what a physics-informed net needs: forward in time for dy/dt,
 //! inside reverse in the weights for the gradient of a loss that contains dy/dt.
-//!
-//! ```
-//! use pinc_ad::{Scalar, derivative, gradient, jacobian};
-//!
-//! // d/dx (x^3) at 2
-//! assert_eq!(derivative(|x| x * x * x, 2.0), 12.0);
-//!
-//! // gradient of x*y + tanh(x)
-//! let (value, g) = gradient(|v| v[0] * v[1] + v[0].tanh(), &[0.0, 3.0]);
-//! assert_eq!((value, g), (0.0, vec![4.0, 0.0]));
-//!
-//! // Jacobian of (x*y, x + 2y), row by row
-//! let j = jacobian(|v, out| { out[0] = v[0] * v[1]; out[1] = v[0] + v[1] * 2.0 }, &[3.0, 4.0], 2);
-//! assert_eq!(j, [4.0, 3.0, 1.0, 2.0]);
-//! ```
 //!
 //! The crate depends on nothing.
 

@@ -1,4 +1,5 @@
-//! What can be said of a plant before anything is trained.
+#![doc = include_str!("../README.md")]
+//! # Tour
 //!
 //! - [`SteadyStateSearch`]: where f(x, u) = 0, with some of the states held at given values and the
 //!   others and the inputs within bounds.
@@ -14,6 +15,8 @@
 //! Results are numbers and enums; what they mean for a config is said elsewhere. All take the plant
 //! as
 //! [`pinc_ode::DynRhs`]. Parameters of a plant that vary from call to call are not supported.
+
+#![forbid(unsafe_code)]
 
 mod crossing;
 mod detectability;

@@ -1,4 +1,5 @@
-//! Sweeps of experiments, the choice of a model, and measurements of the machine.
+#![doc = include_str!("../README.md")]
+//! # Tour
 //!
 //! - [`sweep()`], [`merge`], [`status`]: an experiment many times over;
 //! - [`submit`], [`wait`]: a sweep as jobs of Slurm;
@@ -6,6 +7,8 @@
 //! - [`bench()`]: measurements of the machine.
 //!
 //! One experiment by itself is the job of [`pinc_runs`].
+
+#![forbid(unsafe_code)]
 
 mod bench;
 mod choose;

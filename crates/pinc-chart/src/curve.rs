@@ -17,6 +17,30 @@ pub fn held_since_previous(points: &[Point]) -> Vec<Point> {
     first.into_iter().chain(points.windows(2).flat_map(corner)).collect()
 }
 
+/// A curve less a baseline, at the positions of the curve that the baseline reaches; between its points
+/// the baseline is interpolated linearly. What is less than `rounding` times the values is 0.
+pub fn difference(curve: &[Point], baseline: &[Point], rounding: f64) -> Vec<Point> {
+    let at = |&(x, value): &Point| {
+        let expected = interpolated(baseline, x)?;
+        let equal = (value - expected).abs() <= rounding * value.abs().max(expected.abs());
+        Some((x, if equal { 0.0 } else { value - expected }))
+    };
+    curve.iter().filter_map(at).collect()
+}
+
+/// The value of a curve at a position, with positions that differ by rounding as one; `None` outside of
+/// it.
+fn interpolated(curve: &[Point], x: f64) -> Option<f64> {
+    let slack = 1e-9 * x.abs();
+    let after = curve.partition_point(|point| point.0 < x - slack);
+    let (x1, y1) = *curve.get(after)?;
+    if x1 <= x + slack {
+        return Some(y1);
+    }
+    let (x0, y0) = *curve.get(after.checked_sub(1)?)?;
+    Some(y0 + (x - x0) / (x1 - x0) * (y1 - y0))
+}
+
 /// The points without the corners of steps, and with each value once: 1 if a value holds until the
 /// next point, -1 if it has held since the previous one, 0 with all points if they are no steps.
 pub(crate) fn held(points: &[Point]) -> (i8, Vec<Point>) {
@@ -225,6 +249,23 @@ mod tests {
     use super::*;
 
     const FRAME: Frame = Frame { left: 0.0, top: 0.0, width: 10.0, height: 10.0 };
+
+    #[test]
+    fn curves_are_subtracted_at_their_own_positions() {
+        let baseline = [(0.0, 1.0), (2.0, 3.0), (4.0, -1.0)];
+        let curve =
+            [(-1.0, 9.0), (0.0, 1.0), (0.5, 2.5), (2.0 + 1e-12, 2.0), (3.0, 1.5), (5.0, 0.0)];
+        // The baseline is 1.5 at 0.5 and 1 at 3.
+        let expected = [(0.0, 0.0), (0.5, 1.0), (2.0, -1.0), (3.0, 0.5)];
+        let found = difference(&curve, &baseline, 1e-13);
+        assert_eq!(found.len(), expected.len(), "{found:?}");
+        for (found, expected) in found.iter().zip(expected) {
+            let apart = (found.0 - expected.0).abs().max((found.1 - expected.1).abs());
+            assert!(apart < 1e-9, "{found:?} instead of {expected:?}");
+        }
+        assert!(difference(&curve, &[], 1e-13).is_empty());
+        assert_eq!(difference(&[(0.0, 1e5 + 1e-10)], &[(0.0, 1e5)], 1e-13), [(0.0, 0.0)]);
+    }
 
     #[test]
     fn steps_get_their_corners() {

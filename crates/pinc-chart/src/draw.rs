@@ -11,6 +11,7 @@ use crate::layout::{
 };
 use crate::scale::{Scale, Tick};
 use crate::svg::{self, Anchor, Canvas, Shape, Style, Word};
+use crate::text;
 
 /// Marks are thinned only where there are more than anyone could see.
 const MOST_MARKS: usize = 4000;
@@ -21,7 +22,7 @@ impl Figure {
     /// Draws the figure as an SVG document; `None` if no panel has anything to show.
     pub fn svg(&self) -> Option<String> {
         let layout = Layout::of(self)?;
-        Some(svg::page((WIDTH, layout.height), &self.name, |canvas| {
+        Some(svg::page((WIDTH, layout.height), (&self.name, &about(&layout)), |canvas| {
             for key in &layout.keys {
                 draw_key(canvas, key);
             }
@@ -31,6 +32,22 @@ impl Figure {
             draw_flags(canvas, &layout.flags, layout.panels[0].frame.top);
         }))
     }
+}
+
+/// The panels in words: their titles, their axes, the names of their curves.
+fn about(layout: &Layout<'_>) -> String {
+    let one = |placed: &Placed<'_>| {
+        let panel = placed.panel;
+        let title = if panel.title.is_empty() { "Panel" } else { &panel.title };
+        if placed.scales.is_none() {
+            return format!("{title}: {}", panel.note.as_deref().unwrap_or_default());
+        }
+        let names: Vec<String> = panel.keys.iter().map(|key| key.label.clone()).collect();
+        let names =
+            if names.is_empty() { String::new() } else { format!(": {}", text::listed(&names)) };
+        format!("{title}, {} over {}{names}.", panel.y.label, placed.x.label)
+    };
+    layout.panels.iter().map(one).collect::<Vec<_>>().join(" ")
 }
 
 impl Placed<'_> {

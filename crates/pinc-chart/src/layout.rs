@@ -108,10 +108,11 @@ impl<'a> Layout<'a> {
             layout.height += rows * ROW + 6.0;
         }
         let rows = shown.chunks(columns.len());
-        let last = rows.len() - 1;
+        // Below it there are only notes, which have no axes.
+        let last = rows.clone().rposition(|row| row.iter().any(|shown| shown.scales.is_some()));
         for (i, row) in rows.enumerate() {
             let words = if i == 0 { LANE * small(lanes) } else { 0.0 };
-            layout.add_row(row, &columns, words, i == last);
+            layout.add_row(row, &columns, words, Some(i) == last);
         }
         Some(layout)
     }

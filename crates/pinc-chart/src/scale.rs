@@ -234,6 +234,26 @@ mod tests {
     }
 
     #[test]
+    fn no_two_ticks_have_the_same_label() {
+        let sizes = [1e-12, 3e-7, 2.5e-3, 0.07, 1.0, 45.0, 9.9e4, 3e8];
+        for (low, size) in [-113.5, 0.0, 0.1410589, 7.0, 4321.0, 1e7]
+            .into_iter()
+            .flat_map(|low| sizes.map(|size| (low, size)))
+        {
+            for (kind, wanted) in
+                [(Kind::Linear, 4), (Kind::Linear, 8), (Kind::Log, 4), (Kind::Log, 8)]
+            {
+                let Some(scale) = Scale::exact(kind, low, low + size) else { continue };
+                let mut seen = labels(&scale, wanted);
+                let count = seen.len();
+                seen.sort();
+                seen.dedup();
+                assert_eq!(seen.len(), count, "{kind:?} from {low} over {size}: {seen:?}");
+            }
+        }
+    }
+
+    #[test]
     fn log_ticks_are_decades_or_one_two_five() {
         let scale = Scale::around(Kind::Log, [1e-6, 1.0].into_iter()).unwrap();
         assert_eq!(labels(&scale, 4), ["10⁻⁶", "10⁻⁴", "10⁻²", "10⁰"]);

@@ -142,21 +142,22 @@ pub(crate) struct Canvas {
     body: String,
 }
 
-/// Draws a page of `width` by `height` pixels and returns it as an SVG document; `name` is what a
-/// screen reader says.
+/// Draws a page of `width` by `height` pixels and returns it as an SVG document; `name` and `about`
+/// are what a screen reader says.
 pub(crate) fn page(
     (width, height): (f64, f64),
-    name: &str,
+    (name, about): (&str, &str),
     draw: impl FnOnce(&mut Canvas),
 ) -> String {
     let mut canvas = Canvas { body: String::new() };
     draw(&mut canvas);
-    let (width, height, name) = (Pixels(width), Pixels(height), text::escape(name));
+    let (width, height) = (Pixels(width), Pixels(height));
+    let (name, about) = (text::escape(name), text::escape(about));
     format!(
         "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{width}\" height=\"{height}\" \
          viewBox=\"0 0 {width} {height}\" role=\"img\" aria-label=\"{name}\" \
          stroke-linejoin=\"round\" \
-         font-family=\"{FONTS}\">\n<rect width=\"100%\" height=\"100%\" \
+         font-family=\"{FONTS}\">\n<title>{name}</title>\n<desc>{about}</desc>\n<rect width=\"100%\" height=\"100%\" \
          fill=\"#fff\"/>\n{}</svg>\n",
         canvas.body
     )
@@ -363,10 +364,11 @@ mod tests {
     fn a_page_is_one_svg_element_that_scales() {
         let style = Style::new(BLACK, Shape::Line(1.5));
         let line = [(0.0, 0.0), (99.9, 49.94)];
-        let svg = page((100.0, 50.0), "a <b>", |c| c.line(&line, &style));
+        let svg = page((100.0, 50.0), ("a <b>", "c & d"), |c| c.line(&line, &style));
         assert!(svg.starts_with("<svg ") && svg.ends_with("</svg>\n"));
         assert!(svg.contains("viewBox=\"0 0 100 50\""));
         assert!(svg.contains("aria-label=\"a &lt;b&gt;\""));
+        assert!(svg.contains("<title>a &lt;b&gt;</title>\n<desc>c &amp; d</desc>"));
         assert!(svg.contains("\"0,0 99.9,49.9\""), "{svg}");
         assert!(svg.contains("stroke-width=\"1.5\""));
     }
@@ -374,7 +376,7 @@ mod tests {
     #[test]
     fn hatching_stays_inside_its_rectangle() {
         let frame = Frame { left: 10.0, top: 20.0, width: 30.0, height: 12.0 };
-        let svg = page((99.0, 99.0), "", |c| c.area(&frame, &Fill::hatched(BLACK)));
+        let svg = page((99.0, 99.0), ("", ""), |c| c.area(&frame, &Fill::hatched(BLACK)));
         let lines: Vec<&str> = svg.split("points=\"").skip(1).collect();
         // c = 6, 12, .., 36 below 30 + 12.
         assert_eq!(lines.len(), 6);

@@ -1,8 +1,11 @@
-//! What is said of an experiment and its plant before anything is trained.
+#![doc = include_str!("../README.md")]
+//! # Tour
 //!
 //! An examination takes the `Subject` and gives [`Finding`]s; the list of them is `EXAMINATIONS`.
 //! What only a program can do, running a closed loop and reading files, is handed in as
 //! [`Evidence`].
+
+#![forbid(unsafe_code)]
 
 mod algebraic;
 mod bounds;

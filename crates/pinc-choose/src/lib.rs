@@ -1,10 +1,13 @@
-//! Which model should be in a loop.
+#![doc = include_str!("../README.md")]
+//! # Tour
 //!
 //! Integrators by their substeps and nets by their size are [`Candidate`]s. A [`Search`] says which
 //! is tried next, the best guesses first, and judges what came of it by the [`Standard`] of the
 //! most exact integrator: by the IAE, the violations of bounds, and the time of a control step.
 //! What trying a candidate takes, a program hands in as [`Loops`]. [`Advice`] is what was found, in
 //! words, and [`Advice::config`] as a config.
+
+#![forbid(unsafe_code)]
 
 mod advice;
 mod candidate;

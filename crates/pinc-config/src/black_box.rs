@@ -21,19 +21,19 @@ use std::time::Duration;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ProcessSpec {
-    /// The program and its arguments.
+    /// Program and its arguments.
     pub command: Vec<String>,
-    /// The states, in order.
+    /// States, in order.
     pub states: Vec<Variable>,
-    /// The inputs, in order.
+    /// Inputs, in order.
     pub inputs: Vec<Variable>,
-    /// A typical size of states and inputs, by name; 1 for those that are absent.
+    /// Typical sizes of states and inputs, by name; 1 where none is given.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub nominal: BTreeMap<String, f64>,
-    /// The change of a variable for a difference, in its typical size.
+    /// Change of a variable for a finite difference, relative to its typical size.
     #[serde(default = "difference_step")]
     pub difference_step: f64,
-    /// How long an answer may take, in s; the first includes the start of the program.
+    /// Longest time for an answer, in s. The first answer includes the start of the program.
     #[serde(default = "time_limit_s")]
     pub time_limit_s: f64,
     /// Known once the config has been read where processes are allowed.
@@ -53,34 +53,35 @@ pub struct ProcessSpec {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct FmuSpec {
-    /// The file.
+    /// Path of the file.
     pub file: PathBuf,
-    /// Which of its interfaces is used; model exchange, if it has that, where nothing is said.
+    /// Interface of the file that is used; if absent, model exchange where the file has it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub kind: Option<FmuKind>,
-    /// The states, in order.
+    /// States, in order.
     pub states: Vec<Variable>,
-    /// The inputs, in order.
+    /// Inputs, in order.
     pub inputs: Vec<Variable>,
-    /// The names that states and inputs have in the file, where they are others.
+    /// Names of states and inputs in the file where they differ from those here.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub variables: BTreeMap<String, String>,
-    /// The variables in the file by which states are set at the start, where they are others.
+    /// Names of the variables that set the initial states, where they differ from those of the states.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub start_variables: BTreeMap<String, String>,
-    /// Other variables in the file, with the values that they start with.
+    /// Initial values of other variables in the file, by name.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub parameters: BTreeMap<String, f64>,
-    /// Whether its directional derivatives are used where it has them, in place of differences.
+    /// Whether Jacobians are made of the file's directional derivatives where it has them, rather than of
+    /// finite differences.
     #[serde(default = "directional_derivatives")]
     pub directional_derivatives: bool,
-    /// A typical size of states and inputs, by name; 1 for those that are absent.
+    /// Typical sizes of states and inputs, by name; 1 where none is given.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub nominal: BTreeMap<String, f64>,
-    /// The change of a variable for a difference, in its typical size.
+    /// Change of a variable for a finite difference, relative to its typical size.
     #[serde(default = "difference_step")]
     pub difference_step: f64,
-    /// How long a step may take, in s; the first includes the loading of the binary.
+    /// Longest time for a step, in s. The first step includes the loading of the binary.
     #[serde(default = "time_limit_s")]
     pub time_limit_s: f64,
     /// Known once the config has been read where processes are allowed, or what is wrong.

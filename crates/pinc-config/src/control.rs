@@ -10,119 +10,125 @@ use std::collections::BTreeMap;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ControlSpec {
-    /// The models that the controller is run with, one after the other.
+    /// The models in the controller. The loop runs once with each, in this order.
     pub models: Vec<ModelKind>,
-    /// The plant in the loop, where it is another than the one that the models are of.
+    /// The plant in the loop; if absent, the plant that the models describe.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub plant: Option<PlantSpec>,
-    /// The measured quantities of that plant; its states, exactly, if absent.
+    /// What the controller measures of the plant in the loop; if absent, all states without noise.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub measurement: Option<MeasurementSpec>,
-    /// The estimator that turns measurements into a state.
+    /// The estimator that makes a state of the measurements; if absent, the measured states are
+    /// taken as they are.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub estimator: Option<EstimatorSpec>,
-    /// Length of the run in s: a whole number of T.
+    /// Length of the run in s, a whole number of T.
     pub duration_s: f64,
-    /// The state it starts from, in the plant's order.
+    /// Initial state of the plant, in its order and units.
     pub initial_state: Vec<f64>,
-    /// The models' values of the parameters in `[domain.parameters]`; other parameters have the
-    /// values of `[plant]`.
+    /// Values that the models have for the parameters in `[domain.parameters]`; a parameter that is
+    /// not named here has its value in `[plant]`.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub parameters: BTreeMap<String, f64>,
-    /// Those of them that are measured: the models are told what the plant in the loop has.
+    /// Names of the parameters that the controller measures: the models are given the values of the
+    /// plant in the loop.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub measured_parameters: Vec<String>,
-    /// Other values of these in parts of the run: what the controller is told.
+    /// Other values of the models' parameters in parts of the run: what the controller is told.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub parameter_schedule: Vec<ParameterStep>,
-    /// Other values of parameters of the plant in the loop in parts of the run: what is true.
+    /// Other values of the plant's parameters in parts of the run: what is true.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub plant_schedule: Vec<ParameterStep>,
-    /// Loads on the plant in the loop: what no model knows of.
+    /// Loads on the plant in the loop, of which no model knows.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub loads: Vec<LoadSpec>,
-    /// The input applied before the first step, one number per input; 0 if absent.
+    /// Input applied before the first step, one number per input; 0 if absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub initial_input: Option<Vec<f64>>,
-    /// Names of the states and outputs that are to follow the references.
+    /// Names of the states and outputs that follow the references.
     pub controlled: Vec<String>,
-    /// N1, the first predicted step that counts.
+    /// N1, the first predicted step whose error counts, from 1.
     pub n1: usize,
     /// N2, the prediction horizon in steps.
     pub n2: usize,
-    /// Nu, the number of free inputs.
+    /// Nu, the control horizon: the number of inputs that are chosen; the last one holds until N2.
     pub nu: usize,
-    /// The lengths of the N2 stages of the horizon in s, of which the first, the shortest, is the
-    /// control step; each a control step long if absent.
+    /// Lengths of the N2 stages of the horizon in s. The first, the shortest, is the control step.
+    /// If absent, each stage is one control step long.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub stages_s: Option<Vec<f64>>,
-    /// Q, for the controlled quantities: its diagonal, or all of its rows.
+    /// Q, the weight of the controlled quantities' squared errors.
     pub q: Weight,
-    /// R, for the inputs' changes: its diagonal, or all of its rows.
+    /// R, the weight of the inputs' squared changes.
     pub r: Weight,
-    /// The weight of the last predicted state, in place of Q; the same as elsewhere if absent.
+    /// Weight of the squared error at the end of the horizon, in place of Q. It is not multiplied
+    /// by the length of the last stage. If absent, Q counts there too.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub q_terminal: Option<Weight>,
-    /// How the weights go along the horizon.
+    /// How the weights vary along the horizon.
     pub weights_profile: Profile,
     /// Weighted differences between inputs of the horizon, beside the changes that R weights.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub input_differences: Vec<InputDifference>,
-    /// Lower bounds of the predicted states, in the plant's order; none if absent.
+    /// Lower bounds of the predicted states, in the plant's order and units; no bounds if absent.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub state_low: Option<Vec<f64>>,
-    /// Upper bounds of the predicted states; none if absent.
+    /// Upper bounds of the predicted states, in the plant's order and units; no bounds if absent.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub state_high: Option<Vec<f64>>,
-    /// How the states' bounds are relaxed where they cannot be met.
+    /// What the controller does where it cannot meet the bounds of states.
     #[serde(default)]
     pub state_softness: Softness,
-    /// Lower bounds of the predicted outputs, those that are no states, in the plant's order; none
-    /// if absent.
+    /// Lower bounds of the predicted outputs that are no states, in the plant's order and units; no
+    /// bounds if absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub output_low: Option<Vec<f64>>,
-    /// Upper bounds of the same; none if absent.
+    /// Upper bounds of the predicted outputs that are no states, in the plant's order and units; no
+    /// bounds if absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub output_high: Option<Vec<f64>>,
-    /// How the outputs' bounds are relaxed where they cannot be met.
+    /// What the controller does where it cannot meet the bounds of outputs.
     #[serde(default)]
     pub output_softness: Softness,
-    /// Lower bounds of the inputs.
+    /// Lower bounds of the inputs, in the plant's order and units.
     pub input_low: Vec<f64>,
-    /// Upper bounds of the inputs.
+    /// Upper bounds of the inputs, in the plant's order and units.
     pub input_high: Vec<f64>,
-    /// Lower bounds of the inputs' change from one step to the next, 0 or less; none if absent.
+    /// Lower bounds of the change of each input from one step to the next, 0 or less; no bounds if
+    /// absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub increment_low: Option<Vec<f64>>,
-    /// Upper bounds of the same, 0 or more; none if absent.
+    /// Upper bounds of the change of each input from one step to the next, 0 or more; no bounds if
+    /// absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub increment_high: Option<Vec<f64>>,
-    /// How many whole steps pass until an input acts on the plant.
+    /// Dead time of the inputs in whole control steps.
     #[serde(default)]
     pub delay_steps: usize,
-    /// Whether the controller knows the references in advance; if not, it takes the present one for
-    /// all later ones.
+    /// Whether the controller knows future references. If not, it plans as if the present one held
+    /// for ever.
     #[serde(default = "yes")]
     pub preview: bool,
-    /// The time that the controller may take per step, in us; no limit if absent.
+    /// Time that the controller may take for a step, in µs; no limit if absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub budget_us: Option<f64>,
-    /// How to react when a net is used outside the box that it was trained on.
+    /// What happens when a net is used outside the box that it was trained on.
     #[serde(default)]
     pub outside_domain: OutsidePolicy,
-    /// The largest error that a step of the net may have, by state, in the state's unit; states that
-    /// are not named are not judged. Each control step compares the estimated error of the plan's
-    /// first step with it.
+    /// Largest error that a step of the net may have, by state, in the state's unit. Each control step
+    /// compares the estimated error of its plan's first step with it; states that are not named are
+    /// not judged.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub error_tolerance: BTreeMap<String, f64>,
-    /// What to do when that error is larger.
+    /// What happens when that error is larger.
     #[serde(default, skip_serializing_if = "is_default")]
     pub on_error: OnError,
-    /// The share of control steps that may fail, from 0 to 1: with more, the run has failed.
+    /// Share of control steps that may fail, from 0 to 1. A run with more failures has failed.
     #[serde(default = "max_failed_share")]
     pub max_failed_share: f64,
-    /// How near its reference a controlled quantity stays to have settled there, in its unit; a
-    /// hundredth of its largest error at the step marks if absent.
+    /// Band around a reference within which a controlled quantity has settled, one number per
+    /// quantity in its unit; if absent, a hundredth of its largest error at the step marks.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub settled_within: Option<Vec<f64>>,
     /// Substeps per T of the model `rk4`.
@@ -131,20 +137,20 @@ pub struct ControlSpec {
     pub rk5_substeps: usize,
     /// Substeps per T of the model `rosenbrock`.
     pub rosenbrock_substeps: usize,
-    /// How many times each closed loop is run, for the statistics of its time.
+    /// How often each closed loop is run, for the statistics of the controller's time.
     pub repetitions: usize,
-    /// Local error tolerance of the plant's integration.
+    /// Local error tolerance of the integration of the plant.
     pub plant_tolerance: f64,
-    /// Length T of a control step in s: needed only where no `[model]` says it.
+    /// Length T of a control step in s. It is needed where no `[model]` says it.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub step_s: Option<f64>,
-    /// The references of the controlled quantities, in steps.
+    /// Reference of the controlled quantities, piecewise constant.
     pub references: Vec<ReferenceStep>,
-    /// Parts of the run, each from one time to another in s, that the report shows enlarged; its
-    /// beginning if there are none and the run is long.
+    /// Parts of the run, each `[from, to]` in s, that the report shows enlarged; if there are none,
+    /// the first steps of a long run.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub close_ups_s: Vec<[f64; 2]>,
-    /// The optimizer.
+    /// Settings of the optimizer.
     pub sqp: SqpConfig,
 }
 
@@ -270,7 +276,10 @@ pub enum Profile {
     /// The cost as printed: the same weights at all stages.
     #[default]
     Uniform,
-    /// The cost behind the paper's Table 1. Its authors' program adds up the stage costs
+    /// The cost behind the paper's Table 1: the tracking part and the du part of stage i both have the
+    /// factor (N2 - i) T.
+    ///
+    /// Its authors' program adds up the stage costs
     ///
     /// ```text
     /// l_i = |y[k+i+1] - yref[k+i+1]|_Q^2 + |du[k+i]|_R^2        i = 0..N2-1
@@ -299,19 +308,19 @@ impl Profile {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct InputDifference {
-    /// Which inputs: i stands for u\[k+i\], from -1, the input applied last, to Nu - 1.
+    /// The two inputs: i stands for u\[k+i\], from -1, the input applied last, to Nu - 1.
     pub between: [i64; 2],
-    /// W: its diagonal, or all of its rows, one per input of the plant.
+    /// W, the weight of the squared difference, one row per input of the plant.
     pub weight: Weight,
 }
 
-/// One value of the reference.
+/// A value of the reference, and when it begins.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ReferenceStep {
-    /// When it begins, in s; the first at 0.
+    /// Begin in s; that of the first value is 0.
     pub start_s: f64,
-    /// One number per controlled quantity.
+    /// Reference of each controlled quantity, in its unit.
     pub value: Vec<f64>,
 }
 
@@ -336,9 +345,9 @@ pub enum OnError {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum OutsidePolicy {
-    /// Continue, and report how often and how far.
+    /// The run continues; the report says how often and how far the net was outside.
     #[default]
     Report,
-    /// End the run there.
+    /// The run ends there with an error.
     Refuse,
 }

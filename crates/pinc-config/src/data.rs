@@ -7,15 +7,15 @@ use std::path::PathBuf;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct DataSpec {
-    /// CSV files to train on, of trajectories or of single steps; like all paths of the program,
-    /// seen from the working directory.
+    /// CSV files to train on, of trajectories or of single steps. Paths are relative to the working
+    /// directory.
     pub files: Vec<PathBuf>,
-    /// CSV files that are not trained on: the best net is chosen by its error on them.
+    /// CSV files that are not trained on: the net with the smallest error on them is chosen.
     pub held_out: Vec<PathBuf>,
-    /// The weight of the measurements' mean squared error in the loss.
+    /// Weight of the mean squared error of the measurements in the loss.
     pub weight: f64,
-    /// Parameters of the plant that are unknown: they are trained with the net, from their values
-    /// in `[plant]` on.
+    /// Names of unknown parameters of the plant. They are trained with the net, starting from their
+    /// values in `[plant]`.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub parameters: Vec<String>,
 }

@@ -11,49 +11,48 @@ pub struct MeasurementSpec {
     /// Names of the states and outputs that are measured; all states if absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub measured: Option<Vec<String>>,
-    /// The standard deviation of the noise of each of them, drawn from the experiment's seed; none
-    /// if absent.
+    /// Standard deviation of the noise of each measured quantity, drawn from the experiment's seed;
+    /// no noise if absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub noise_sd: Option<Vec<f64>>,
 }
 
-/// The estimator that tells the controller what the state is, with standard deviations in the units
-/// of what they are of.
+/// The estimator of the state. A standard deviation has the unit of its quantity.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct EstimatorSpec {
-    /// Which one.
+    /// Which estimator.
     pub kind: EstimatorKind,
-    /// The standard deviation of the model's error in each step, per state.
+    /// Standard deviation of the model's error in each step, one per state.
     pub process_sd: Vec<f64>,
-    /// The noise that is expected, per measured quantity.
+    /// Standard deviation of the noise that the estimator expects, one per measured quantity.
     pub measurement_sd: Vec<f64>,
-    /// The estimate before the first measurement, in the plant's order.
+    /// Estimate of the state before the first measurement, in the plant's order and units.
     pub initial_estimate: Vec<f64>,
-    /// How far that may be off, per state.
+    /// Standard deviation of the initial estimate, one per state.
     pub initial_sd: Vec<f64>,
-    /// Where disturbances enter that are estimated too.
+    /// Where disturbances enter that are estimated beside the state.
     #[serde(default)]
     pub disturbance: DisturbanceSpec,
-    /// How much each may change in a step.
+    /// Standard deviation of the change of each disturbance in a step.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub disturbance_sd: Vec<f64>,
-    /// How large each may be at first.
+    /// Standard deviation of each disturbance before the first measurement.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub disturbance_initial_sd: Vec<f64>,
-    /// Parameters of the plant that are estimated too.
+    /// Parameters of the plant that are estimated beside the state.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub parameters: Vec<UnknownParameter>,
-    /// The length of the window of `mhe` in steps.
+    /// Length of the window of `mhe` in steps.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub window: Option<usize>,
-    /// The least that each state can be; no bounds if absent.
+    /// Lower bound of each estimated state; no bounds if absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub low: Option<Vec<f64>>,
-    /// The most that each state can be; no bounds if absent.
+    /// Upper bound of each estimated state; no bounds if absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub high: Option<Vec<f64>>,
-    /// Which measurements are rejected; [`Gate::default`] if absent.
+    /// Standard deviations of an innovation beyond which its measurement is rejected; 30 if absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub gate: Option<GateSpec>,
 }
@@ -116,14 +115,14 @@ impl EstimatorKind {
 #[serde(rename_all = "lowercase")]
 #[non_exhaustive]
 pub enum DisturbanceSpec {
-    /// There are none.
+    /// No disturbance.
     #[default]
     None,
-    /// One per input.
+    /// One disturbance per input, added to it.
     Input,
-    /// One per measured quantity.
+    /// One disturbance per measured quantity, added to it.
     Output,
-    /// One on each of these states, in its unit per step.
+    /// One disturbance on each of these states, in its unit per step.
     States(Vec<String>),
 }
 
@@ -131,19 +130,19 @@ pub enum DisturbanceSpec {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct UnknownParameter {
-    /// One of the plant's parameters, those that a family of plants may vary.
+    /// Name of the parameter, one of those that a family of plants may vary.
     pub name: String,
-    /// The estimate before the first measurement.
+    /// Estimate before the first measurement.
     pub initial: f64,
-    /// How far that may be off.
+    /// Standard deviation of the initial estimate.
     pub initial_sd: f64,
-    /// How much it may change in a step.
+    /// Standard deviation of the parameter's change in a step.
     #[serde(default)]
     pub drift_sd: f64,
-    /// The least that it can be; no bound if absent.
+    /// Lower bound of the parameter; no bound if absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub low: Option<f64>,
-    /// The most that it can be; no bound if absent.
+    /// Upper bound of the parameter; no bound if absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub high: Option<f64>,
 }

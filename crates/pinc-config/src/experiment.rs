@@ -34,44 +34,44 @@ use toml::{Table, Value};
 pub struct Experiment {
     /// The name of the experiment and of its run directory.
     pub name: String,
-    /// The reading of the paper.
+    /// The reading of the paper, which sets the defaults of all sections.
     pub preset: Preset,
-    /// The seed of all random draws.
+    /// The seed from which every random draw follows.
     pub seed: u64,
-    /// The unit in which times of the plant are shown; absent, that in which each is a small
-    /// number.
+    /// The unit in which reports show times of the plant; if absent, the unit that makes each time
+    /// a small number. Keys and tables stay in seconds.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub time_unit: Option<TimeUnit>,
-    /// The plant.
+    /// The plant, with its parameters.
     pub plant: PlantSpec,
-    /// The net.
+    /// The architecture of the net.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub model: Option<NetConfig>,
-    /// The box that the net is trained on.
+    /// The box of states, inputs and parameters that the net is trained on.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub domain: Option<Domain>,
-    /// The training.
+    /// The training of the net.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub training: Option<TrainingSpec>,
-    /// Measurements to train on, beside the equation.
+    /// Measurements that the net is fitted to, beside the equation.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub data: Option<DataSpec>,
     /// The scenarios that the net is validated on.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub validation: Option<ValidationConfig>,
-    /// The free run in the report.
+    /// A free run of the net, for the report.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub prediction: Option<PredictionSpec>,
-    /// The closed loop.
+    /// The closed loop and its controller.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub control: Option<ControlSpec>,
-    /// The controller's models, one step of each by itself.
+    /// Measurements of the error and the time of one step of each model.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub one_step: Option<OneStepSpec>,
-    /// The problem of identification from recorded data.
+    /// The parameters and initial states that `pinc identify` finds in recorded data.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub identify: Option<IdentifySpec>,
-    /// The experiment many times over, with other values each time.
+    /// Many trials of the experiment, each with other values.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub sweep: Option<SweepSpec>,
     /// The plants that the config may name, for the trials of a sweep.

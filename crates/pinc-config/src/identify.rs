@@ -12,24 +12,24 @@ pub struct IdentifySpec {
     /// Names of the states and outputs that were measured; all states if absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub measured: Option<Vec<String>>,
-    /// The standard deviation of the noise of each, by which its residuals are divided; by default
-    /// the values of `[control.measurement]`, or 1 without these.
+    /// Standard deviation of the noise of each measured quantity, by which its residuals are
+    /// divided; if absent, `noise_sd` of `[control.measurement]`, and 1 without it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub measurement_sd: Option<Vec<f64>>,
-    /// The parameters of the plant that are unknown.
+    /// Unknown parameters of the plant.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub parameters: Vec<IdentifiedParameter>,
-    /// Where the estimate of each file's initial state starts, in the plant's order.
+    /// First guess of the initial state of each file, in the plant's order and units.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub initial_state: Option<Vec<f64>>,
-    /// The initial state of each file, where it is known.
+    /// Initial state of each file where it is known.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub fixed_initial_state: Option<Vec<f64>>,
-    /// Length T of a step in s; by default the T of `[model]` or `[control]`, or the spacing of the
-    /// data without these.
+    /// Length T of a step in s; if absent, the step of `[model]` or `[control]`, or the spacing of
+    /// the data.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub step_s: Option<f64>,
-    /// Substeps per T of the integrator; by default as in `[control]`, or 4 without it.
+    /// Substeps of the integrator per T; if absent, those of `[control]`, or 4.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub substeps: Option<usize>,
 }
@@ -38,14 +38,14 @@ pub struct IdentifySpec {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct IdentifiedParameter {
-    /// One of the plant's parameters, those that a family of plants may vary.
+    /// Name of the parameter, one of those that a family of plants may vary.
     pub name: String,
-    /// Where its estimate starts.
+    /// First guess of the parameter.
     pub initial: f64,
-    /// The least that it can be; no bound if absent.
+    /// Lower bound of the parameter; no bound if absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub low: Option<f64>,
-    /// The most that it can be; no bound if absent.
+    /// Upper bound of the parameter; no bound if absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub high: Option<f64>,
 }

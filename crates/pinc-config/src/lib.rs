@@ -1,34 +1,13 @@
-//! Experiments as TOML: their types, presets, layers, checks and plants.
+#![doc = include_str!("../README.md")]
+//! # Tour
 //!
 //! - [`Experiment`]: a config file, resolved and checked; its sections are types of their own.
 //! - [`RunList`]: a file that lists configs.
 //! - [`Preset`]: a reading of the paper, with its defaults.
 //! - [`Plants`]: plants that a program adds to the built-in ones.
 //! - [`trials`]: the trials of an experiment with a sweep.
-//!
-//! ```
-//! use pinc_config::{Experiment, Plants};
-//!
-//! let text = r#"
-//!     name = "a-tank"
-//!     preset = "ours"
-//!     seed = 1
-//!     [plant]
-//!     one-tank = {}
-//!     [model]
-//!     horizon_s = 10.0
-//!     hidden_layers = 2
-//!     neurons = 8
-//! "#;
-//! let sets = ["model.neurons=16".to_owned()];
-//! let experiment = Experiment::parse("a-tank.toml".as_ref(), text, &sets, &Plants::built_in())?;
-//! assert_eq!(experiment.model.unwrap().neurons, 16);
-//!
-//! let sets = ["model.neuron=16".to_owned()];
-//! let parsed = Experiment::parse("a-tank.toml".as_ref(), text, &sets, &Plants::built_in());
-//! assert!(parsed.unwrap_err().to_string().contains("did you mean `neurons`?"));
-//! # Ok::<(), pinc_config::ConfigError>(())
-//! ```
+
+#![forbid(unsafe_code)]
 
 mod arrays;
 mod black_box;

@@ -11,15 +11,16 @@ use std::sync::Arc;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct LoadSpec {
-    /// When it begins, in s.
+    /// Begin in s.
     pub start_s: f64,
-    /// When it ends, in s; never if absent.
+    /// End in s; the load lasts until the run ends if absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub end_s: Option<f64>,
-    /// Loads added to inputs before they act on the plant: an offset of an actuator, a force.
+    /// Amounts added to inputs before they act on the plant, as an offset of an actuator or a
+    /// force.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub inputs: BTreeMap<String, f64>,
-    /// Loads added to the time derivatives of states, in their units per second: a leak.
+    /// Amounts added to the time derivatives of states, in their units per second, as a leak.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub rates: BTreeMap<String, f64>,
 }

@@ -9,8 +9,8 @@ use serde::{Deserialize, Serialize};
 pub struct OneStepSpec {
     /// Number of points that fill the domain.
     pub points: usize,
-    /// Local error tolerance of the truth.
+    /// Local error tolerance of the integration that is the truth.
     pub tolerance: f64,
-    /// How long each time is measured, in s.
+    /// Time in s that each measurement of a time takes.
     pub measure_s: f64,
 }

@@ -18,7 +18,7 @@ use toml::{Table, Value};
 /// van-der-pol = { mu = 1.0 }
 /// ```
 ///
-/// or a plant by its equations:
+/// Or a plant by its equations:
 ///
 /// ```toml
 /// [plant.expression]
@@ -33,21 +33,21 @@ use toml::{Table, Value};
 pub enum PlantSpec {
     /// The Van der Pol oscillator.
     VanDerPol(VanDerPolSpec),
-    /// The quadruple-tank process.
+    /// The quadruple-tank process of Johansson.
     FourTanks(FourTanksSpec),
-    /// One tank.
+    /// One tank with an outlet.
     OneTank(BuiltInSpec),
     /// The still for acetone, methanol and water.
     AcetoneStill(BuiltInSpec),
     /// The distillation column for the same mixture.
     AcetoneColumn(BuiltInSpec),
-    /// A plant whose equations stand in the config.
+    /// A plant by its equations, as text.
     Expression(Equations),
-    /// A plant that the program adds to these.
+    /// A plant in Rust or Python that the program brings along.
     Own(OwnPlantSpec),
     /// A plant that a program simulates.
     Process(ProcessSpec),
-    /// A plant that an FMU simulates.
+    /// A plant that a file of the Functional Mock-up Interface simulates.
     Fmu(FmuSpec),
     /// The electro-hydraulic servo axis.
     HydraulicServo(BuiltInSpec),
@@ -204,7 +204,7 @@ impl PartialEq for OwnPlantSpec {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct VanDerPolSpec {
-    /// The damping; 1 in the paper.
+    /// Damping mu; 1 in the paper.
     pub mu: f64,
 }
 
@@ -212,15 +212,15 @@ pub struct VanDerPolSpec {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct FourTanksSpec {
-    /// One of three published sets.
+    /// One of three published sets of parameters.
     pub parameters: FourTanksParameters,
-    /// Valve openings gamma1, gamma2 instead of the set's.
+    /// Valve openings gamma1 and gamma2, from 0 to 1, in place of those of the set.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub gamma: Option<[f64; 2]>,
-    /// Pump constants k1, k2 in cm^3/(V s) instead of the set's.
+    /// Pump constants k1 and k2 in cm^3/(V s), in place of those of the set.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub pump: Option<[f64; 2]>,
-    /// Other values for some of its [`Plant::constants`](pinc_ode::Plant::constants).
+    /// Other values for some of the plant's constants, by name.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub constants: BTreeMap<String, f64>,
 }
@@ -229,7 +229,7 @@ pub struct FourTanksSpec {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum FourTanksParameters {
-    /// Those of the paper's results, from its authors' program.
+    /// The parameters of the paper's results, from its authors' program.
     Antonelo,
     /// Johansson's nonminimum-phase setting, which the paper's text names.
     JohanssonNonminimum,
@@ -246,7 +246,7 @@ pub enum FourTanksParameters {
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct BuiltInSpec {
-    /// Other values for some of its [`Plant::constants`](pinc_ode::Plant::constants).
+    /// Other values for some of the plant's constants, by name.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub constants: BTreeMap<String, f64>,
 }

@@ -8,16 +8,16 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PredictionSpec {
-    /// Length of the run in s: a whole number of T.
+    /// Length of the run in s, a whole number of T.
     pub duration_s: f64,
-    /// The state it starts from, in the plant's order.
+    /// Initial state, in the plant's order and units.
     pub initial_state: Vec<f64>,
-    /// Lower ends of the inputs.
+    /// Lower ends of the ranges that inputs are drawn from.
     pub input_low: Vec<f64>,
-    /// Upper ends of the inputs.
+    /// Upper ends of the ranges that inputs are drawn from.
     pub input_high: Vec<f64>,
-    /// Into how many parts each T is divided.
+    /// Number of parts of each T, at whose ends the net is evaluated.
     pub subintervals: usize,
-    /// Local error tolerance of the truth.
+    /// Local error tolerance of the integration that is the truth.
     pub tolerance: f64,
 }

@@ -9,9 +9,9 @@ use std::collections::BTreeMap;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ParameterStep {
-    /// From when on, in s.
+    /// Time in s from which on the values hold.
     pub start_s: f64,
-    /// The values; other parameters keep theirs.
+    /// Values by the names of parameters; other parameters keep theirs.
     pub values: BTreeMap<String, f64>,
 }
 

@@ -12,63 +12,61 @@ const STREAM: u64 = 1 << 34;
 /// Most rungs of a halving.
 const MOST_RUNGS: usize = 20;
 
-/// A number of candidates drawn at random from the experiment's own seed, of which the best one is
-/// looked for.
+/// Candidates drawn at random from the experiment's seed, among which the best one is found.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SearchSpec {
-    /// How many candidates.
+    /// Number of candidates.
     pub candidates: usize,
-    /// The column of `sweep.csv` whose median over seeds and draws is to be small.
+    /// Column of `sweep.csv` whose median over seeds and draws is minimized.
     pub minimize: String,
-    /// The ranges of the independent draws.
+    /// Values that are drawn, independently of one another.
     pub ranges: Vec<SearchRange>,
-    /// Successive halving; without it every candidate is run in full.
+    /// Successive halving; every candidate is run in full if absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub halving: Option<HalvingSpec>,
 }
 
-/// The range or list that a value is drawn from.
+/// A value that is drawn from a range, or from a list.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SearchRange {
-    /// The key, as `--set` has it.
+    /// Key path, as `--set` has it.
     pub key: String,
-    /// Keys that take the same value.
+    /// Key paths that take the same value.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub also: Vec<String>,
-    /// The lower end of a range.
+    /// Lower end of the range.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub low: Option<f64>,
-    /// The upper end of a range.
+    /// Upper end of the range.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub high: Option<f64>,
-    /// Whether the logarithm is drawn uniformly, rather than the value.
+    /// Whether the logarithm of the value is drawn uniformly, rather than the value.
     #[serde(default)]
     pub log: bool,
     /// Whether the value is a whole number.
     #[serde(default)]
     pub whole: bool,
-    /// A list of values, each as likely.
+    /// Values to choose from, each with the same probability.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub values: Vec<Value>,
 }
 
-/// Successive halving: all candidates have a small budget, and the best of each rung a larger one.
+/// Successive halving: all candidates get a small budget, and the best of each rung a larger one.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct HalvingSpec {
-    /// The key of the budget, a whole number.
+    /// Key path of the budget, a whole number.
     pub key: String,
-    /// Keys that take the same value.
+    /// Key paths that take the same value.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub also: Vec<String>,
-    /// The budget of the first rung.
+    /// Budget of the first rung.
     pub least: i64,
-    /// From rung to rung, how many times larger the budget is, and how many times fewer the
-    /// candidates are.
+    /// Factor by which the budget grows, and the number of candidates shrinks, from rung to rung.
     pub factor: i64,
-    /// How many rungs.
+    /// Number of rungs.
     pub rungs: usize,
 }
 

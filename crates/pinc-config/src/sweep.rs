@@ -9,29 +9,29 @@ use std::collections::BTreeSet;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SweepSpec {
-    /// Seeds; the experiment's own if there are none.
+    /// Seeds of the trials; if there are none, the seed of the experiment.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub seeds: Vec<u64>,
-    /// Whether the trials' times are wanted: they are then run one at a time, after all trainings.
+    /// Whether times of trials are measured. Trials then run one at a time, after all trainings.
     #[serde(default)]
     pub timed: bool,
     /// Whether each trial keeps the traces of its closed loops.
     #[serde(default)]
     pub keep_traces: bool,
-    /// Alternatives that differ in several values at once.
+    /// Alternatives that differ in several keys.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub cases: Vec<CaseSpec>,
-    /// The axes of the grid, each crossed with all others.
+    /// Axes of the grid. Each is crossed with all others.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub grid: Vec<AxisSpec>,
-    /// Alternatives with values drawn at random.
+    /// Groups of trials with values drawn at random.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub draws: Vec<DrawsSpec>,
-    /// Candidates drawn at random, of which the best one is looked for.
+    /// A search among candidates drawn at random.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub search: Option<SearchSpec>,
-    /// The resources that the sweep asks of Slurm, as [`SlurmSpec`](crate::SlurmSpec) reads it. It
-    /// is not in the resolved config: what is run does not depend on it.
+    /// Requests to Slurm: `jobs`, `modules`, and options of `sbatch` by their long names. The
+    /// resolved config leaves them out.
     #[serde(default, skip_serializing)]
     pub slurm: toml::Table,
 }
@@ -40,22 +40,22 @@ pub struct SweepSpec {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct AxisSpec {
-    /// The key, as `--set` has it: `model.neurons`, `training.phases.0.iterations`.
+    /// Key path, as `--set` has it: `model.neurons`, `training.phases.0.iterations`.
     pub key: String,
-    /// Keys that take the same values: `control.nu` beside `control.n2`.
+    /// Key paths that take the same value, as `control.nu` beside `control.n2`.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub also: Vec<String>,
-    /// The values.
+    /// Values of the key.
     pub values: Vec<toml::Value>,
 }
 
-/// One of several alternatives.
+/// An alternative: a name, and values for several keys.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct CaseSpec {
-    /// Its name in tables and pictures.
+    /// Name of the case in tables and pictures.
     pub name: String,
-    /// Its values by key, the keys as in [`AxisSpec`].
+    /// Values by key path, as `--set` has it.
     pub set: toml::Table,
 }
 
@@ -64,11 +64,11 @@ pub struct CaseSpec {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct DrawsSpec {
-    /// The name of the group in tables and pictures.
+    /// Name of the group in tables and pictures.
     pub name: String,
-    /// How many draws.
+    /// Number of draws.
     pub count: usize,
-    /// The ranges of the uniform, independent draws.
+    /// Ranges of the values, drawn uniformly and independently.
     pub ranges: Vec<RangeSpec>,
 }
 
@@ -76,11 +76,11 @@ pub struct DrawsSpec {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct RangeSpec {
-    /// The key, as in [`AxisSpec`].
+    /// Key path, as `--set` has it.
     pub key: String,
-    /// The lower end.
+    /// Lower end of the range.
     pub low: f64,
-    /// The upper end.
+    /// Upper end of the range.
     pub high: f64,
 }
 

@@ -7,8 +7,7 @@ use serde::{Deserialize, Deserializer, Serialize};
 use std::collections::BTreeMap;
 use std::fmt;
 
-/// How the net is trained: the keys of pinc-net, `proven_tolerance` and those of [`Effort`] in one
-/// table.
+/// How the net is trained, and how long this machine works on it.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct TrainingSpec {
     /// The training itself.
@@ -27,11 +26,11 @@ pub struct TrainingSpec {
 /// How long and how hard this machine works on a training.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Effort {
-    /// Wall time after which the training stops, in s; none if absent. A training that this stops
-    /// depends on the machine's speed.
+    /// Wall time in s after which the training stops; no limit if absent. The net then depends on
+    /// the speed of the machine.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub time_limit_s: Option<f64>,
-    /// Threads to use; 0 for as many as the machine has cores. The net does not depend on it.
+    /// Number of threads; 0 for one per core. The net does not depend on it.
     pub threads: usize,
     /// Wall time between two checkpoints, in s. The net does not depend on it.
     pub checkpoint_every_s: f64,

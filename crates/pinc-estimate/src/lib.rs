@@ -1,5 +1,5 @@
-//! Estimators of what is not measured, over any [`Model`](pinc_ode::Model): states, disturbances
-//! and parameters.
+#![doc = include_str!("../README.md")]
+//! # Tour
 //!
 //! - [`Augmented`]: a model whose state is what an estimator estimates, and whose outputs are what
 //!   is measured; made of a model and an [`Augmentation`]. [`Compensated`] is the model of the
@@ -10,6 +10,8 @@
 //!
 //! A status is a value, for a controller needs an estimate however a step ends; an
 //! [`EstimateError`] means that the parts do not fit together.
+
+#![forbid(unsafe_code)]
 
 mod augmented;
 mod compensated;

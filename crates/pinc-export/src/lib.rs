@@ -1,4 +1,5 @@
-//! Nets and controllers as sources and files of other programs.
+#![doc = include_str!("../README.md")]
+//! # Tour
 //!
 //! - [`net_to_c`]: a net as C99 without dependencies.
 //! - [`net_to_casadi`], [`net_to_onnx`]: a net for CasADi, and as an ONNX file.
@@ -8,6 +9,8 @@
 //!   [`archive`] packs.
 //!
 //! All of these give the content of files, [`GeneratedFile`]; writing them is up to the caller.
+
+#![forbid(unsafe_code)]
 
 mod casadi;
 mod controller;

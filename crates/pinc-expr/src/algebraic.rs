@@ -21,18 +21,18 @@ pub(crate) const LARGEST_BLOCK: usize = 8;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct AlgebraicVariable {
-    /// The expression that is 0: of states, inputs, parameters, intermediates and algebraic
-    /// variables. It need not contain this variable, if another equation does.
+    /// Expression that is 0, of states, inputs, parameters, intermediates and algebraic variables.
+    /// It need not contain this variable if another equation does.
     pub equation: String,
-    /// Where the search for the root begins: a number, or an expression without algebraic
-    /// variables; the middle of the box if not given.
+    /// Start of the search for the root: a number, or an expression without algebraic variables;
+    /// the middle of the box if absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub start: Option<Start>,
-    /// The lower end of the box in which the root is searched.
+    /// Lower end of the box in which the root is searched.
     pub low: f64,
-    /// Its upper end.
+    /// Upper end of the box in which the root is searched.
     pub high: f64,
-    /// The unit; empty for a number without dimension.
+    /// Unit; empty for a number without dimension.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub unit: String,
 }

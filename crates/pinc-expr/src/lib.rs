@@ -1,4 +1,15 @@
-//! The equations of plants as graphs, from text or from Rust.
+#![doc = include_str!("../README.md")]
+//! # Tour
+//!
+//! - [`Equations`]: a plant as text; [`Equations::compile`] makes a [`pinc_ode::Plant`] of it.
+//! - [`PlantEquations`]: equations from text or from a plant in Rust, as a graph of values in which
+//!   each value is computed once.
+//! - [`Listing`]: the right-hand side as instructions, for generated code.
+//! - [`AlgebraicEquations`]: algebraic variables, solved by Newton's method in a box.
+//! - [`CriticalTerms`]: divisors and arguments on which it depends where an equation is smooth.
+//! - [`ExpressionError`]: what is wrong with an equation, with the piece of text.
+
+#![forbid(unsafe_code)]
 
 mod algebraic;
 mod arrays;
@@ -77,11 +88,11 @@ pub struct Equations {
     /// Named whole numbers: sizes of arrays and ends of ranges.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub sizes: BTreeMap<String, usize>,
-    /// The states, in order; `T[n]` is an array of n states.
+    /// States, in order; `T[n]` is an array of n states.
     pub states: Vec<Variable>,
-    /// The inputs, in order.
+    /// Inputs, in order.
     pub inputs: Vec<Variable>,
-    /// Named numbers. In files, a list is an array, with the elements `w[1]`, `w[2]`, ..
+    /// Named numbers. In files, a list is an array with the elements `w[1]`, `w[2]` and so on.
     #[serde(
         default,
         skip_serializing_if = "BTreeMap::is_empty",

@@ -1,4 +1,5 @@
-//! Plants that other programs simulate, as black boxes ([`pinc_ode::Flow`]).
+#![doc = include_str!("../README.md")]
+//! # Tour
 //!
 //! [`Process`]: a program that answers on its standard output. [`Fmu`]: a file of the Functional
 //! Mock-up Interface, whose binary is loaded.

@@ -1,5 +1,5 @@
-//! Identification: parameters and initial states of any [`Model`](pinc_ode::Model) from recorded
-//! data, by nonlinear least squares.
+#![doc = include_str!("../README.md")]
+//! # Tour
 //!
 //! - [`Problem`]: what is measured ([`Channel`]), what is unknown ([`Unknown`], [`InitialState`]),
 //!   and where the fit starts; [`Recording`]: the data.
@@ -10,6 +10,8 @@
 //!
 //! An [`IdentifyError`] means that the parts do not fit together. A poor fit is none: it is said in
 //! the findings.
+
+#![forbid(unsafe_code)]
 
 mod analysis;
 mod diagnosis;

@@ -50,15 +50,14 @@ impl fmt::Display for SqpStatus {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct SqpConfig {
-    /// The largest [`KktResidual`](crate::KktResidual) that counts as converged; 1e-8 unless said
-    /// otherwise.
+    /// The largest KKT residual ([`KktResidual`](crate::KktResidual)) that counts as converged.
     pub tolerance: f64,
-    /// How many QPs a control step may solve; 50 by default.
+    /// The largest number of QPs that a control step solves.
     pub max_iterations: usize,
-    /// Whether each control step takes one QP only, prepared before the state is measured: the
-    /// real-time iteration of Diehl et al. (2002). Off by default.
+    /// Whether each control step solves one QP only, prepared before the state is measured: the
+    /// real-time iteration of Diehl et al. (2002).
     pub real_time: bool,
-    /// The method for the QPs; by default chosen by their size.
+    /// The method that solves the QPs.
     pub qp: QpMethod,
 }
 

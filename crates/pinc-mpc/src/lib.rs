@@ -1,5 +1,5 @@
-//! Nonlinear model predictive control by multiple shooting, over any
-//! [`Model`](pinc_ode::Model).
+#![doc = include_str!("../README.md")]
+//! # Tour
 //!
 //! - [`NmpcProblem`]: the optimization problem of the paper, Eqs. (MS:*), with its [`Weights`] and
 //!   [`Bounds`].
@@ -12,32 +12,10 @@
 //! What a model is made of is nothing to this crate: an integrator and a neural net enter by the
 //! same trait. It prints nothing, opens no file and reads no clock.
 //!
-//! ```
-//! use pinc_mpc::{Bounds, ClosedLoop, Nmpc, NmpcProblem, Reference, SqpConfig, SqpStatus, Weights};
-//! use pinc_ode::{Dopri5, Model, Rk4};
-//! use pinc_plants::VanDerPol;
-//!
-//! // Steps of 0.5 s, five of them ahead; the input within its bounds.
-//! let model = Rk4::new(VanDerPol::default(), 0.5, 4);
-//! let problem = NmpcProblem {
-//!     input_bounds: Bounds { low: vec![-1.0], high: vec![1.0] },
-//!     ..NmpcProblem::new(model.dims(), 5, Weights::uniform(vec![10.0; 2], vec![1.0]))
-//! };
-//! let mut nmpc = Nmpc::new(problem, Box::new(model), SqpConfig::default())?;
-//!
-//! // From (1, 0) to rest, 20 steps long.
-//! let plant = Dopri5::new(VanDerPol::default(), 1e-10);
-//! let reference = Reference::new([0.0, 0.0].repeat(20), 2)?;
-//! let mut run = ClosedLoop::new(&mut nmpc, plant, reference, &[1.0, 0.0])?;
-//! let (record, ended) = run.run_recorded();
-//! ended?;
-//! assert!(record.steps.iter().all(|step| step.status == SqpStatus::Converged));
-//! assert!(run.state()[0].abs() < 1e-3);
-//! # Ok::<(), pinc_mpc::MpcError>(())
-//! ```
-//!
 //! A status is a value, for the plant needs an input however the optimization ends; an
 //! [`MpcError`] means that the parts do not fit together.
+
+#![forbid(unsafe_code)]
 
 mod barzilai_borwein;
 mod bounds;

@@ -32,9 +32,9 @@ impl std::fmt::Display for TrainingTarget {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum SelectNet {
-    /// The best on validation ([`Validation::score`](crate::Validation::score)): Algorithm 1.
+    /// The net with the best score on validation: Algorithm 1.
     Best,
-    /// The last one: the authors' code.
+    /// The last net: the authors' code.
     Last,
 }
 
@@ -42,11 +42,11 @@ pub enum SelectNet {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Phase {
-    /// The optimizer; each phase starts with a fresh one.
+    /// Optimizer of the phase, which starts afresh.
     pub optimizer: OptimizerConfig,
-    /// Maximum number of iterations.
+    /// Largest number of iterations.
     pub iterations: u64,
-    /// Whether the next phase starts from the best net on validation instead of the last.
+    /// Whether the next phase starts from the best net on validation rather than from the last.
     #[serde(default)]
     pub restore_best: bool,
 }
@@ -64,13 +64,13 @@ impl Phase {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct GrowthConfig {
-    /// Maximum size of the sample.
+    /// Largest number of points in the sample.
     pub max_points: usize,
-    /// Factor by which it grows each time.
+    /// Factor by which the sample grows each time.
     pub factor: usize,
-    /// Grow when the loss on fresh points is this many times that on the sample.
+    /// The sample grows when the loss on fresh points is this many times the loss on the sample.
     pub overfit_ratio: f64,
-    /// Iterations between evaluations of the loss on fresh points.
+    /// Iterations between two evaluations of the loss on fresh points.
     pub check_every: u64,
     /// Number of fresh points.
     pub fresh_points: usize,
@@ -104,36 +104,38 @@ pub struct TrainingConfig {
     /// The target that the net is trained on.
     #[serde(default)]
     pub source: TrainingTarget,
-    /// With [`TrainingTarget::Integrator`], the weight of squared errors of the state's derivative
-    /// along one random direction of (y0, u, p) per point, of unit length where half the width of
-    /// the domain is 1, relative to the state's; without it states are fitted alone.
+    /// With source [`"integrator"`](TrainingTarget::Integrator): weight of the squared errors of
+    /// the state's derivative along one random direction of (y0, u, p) per point, of unit length
+    /// where half the width of the domain is 1, against those of the state. If absent, the state
+    /// alone is fitted.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub derivatives: Option<f64>,
     /// How collocation points are distributed.
     pub sampler: Sampler,
-    /// Number of collocation points `N_F` (of initial states and inputs for
-    /// [`TrainingTarget::Integrator`]), at the start if the sample grows.
+    /// Number `N_F` of collocation points, at the start if the sample grows; with source
+    /// [`"integrator"`](TrainingTarget::Integrator) the number of initial states and inputs.
     pub collocation_points: usize,
-    /// Number of initial points `N_t` of `MSE_y` (and of scenarios of the coupled grid). No
-    /// effect with a hard initial condition, except for the coupled grid.
+    /// Number `N_t` of initial points of `MSE_y`, and of scenarios of the coupled grid. With a hard
+    /// initial condition it has an effect on the coupled grid alone.
     pub initial_points: usize,
-    /// Weight lambda of `MSE_F`.
+    /// Weight lambda of `MSE_F` in the loss.
     pub lambda: f64,
     /// The units in which residuals are squared.
     pub residual_scale: ResidualScale,
     /// The units in which errors of the initial condition and of measured states are squared.
     pub initial_scale: InitialScale,
-    /// The schedule.
+    /// Phases of the training, one after the other.
     pub phases: Vec<Phase>,
-    /// Whether and how the sample grows.
+    /// How the sample grows; it keeps its size if absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub growth: Option<GrowthConfig>,
-    /// Iterations between validations.
+    /// Iterations between two validations.
     pub validation_every: u64,
     /// Which net is returned.
     pub keep: SelectNet,
     /// Accuracy at which the training stops and returns the current net: the root mean squared
-    /// error of one step on validation, in the states' units.
+    /// error of one step on validation, in the states' units. The training runs to its end if
+    /// absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub target_one_step_rms: Option<f64>,
 }

@@ -12,13 +12,13 @@ use std::ops::RangeInclusive;
 pub struct Domain {
     /// Lower ends of the states, in the plant's order and units.
     pub state_low: Vec<f64>,
-    /// Upper ends of the states.
+    /// Upper ends of the states, in the plant's order and units.
     pub state_high: Vec<f64>,
-    /// Lower ends of the inputs.
+    /// Lower ends of the inputs, in the plant's order and units.
     pub input_low: Vec<f64>,
-    /// Upper ends of the inputs.
+    /// Upper ends of the inputs, in the plant's order and units.
     pub input_high: Vec<f64>,
-    /// The parameters that vary. In files a table `{ name = [low, high] }`.
+    /// Parameters that vary, each with its range. In files a table `{ name = [low, high] }`.
     #[serde(default, skip_serializing_if = "Vec::is_empty", with = "as_table")]
     pub parameters: Vec<ParameterRange>,
 }

@@ -1,4 +1,5 @@
-//! Physics-informed nets for control: the net, its training from the equation alone, and its file.
+#![doc = include_str!("../README.md")]
+//! # Tour
 //!
 //! A [`PincNet`] maps (t, y(0), u) to y(t) for t in \[0, T\] (Eq. `net_pred` of the paper); the net
 //! of a family of plants takes their parameters as further inputs. It is trained on the residual
@@ -12,19 +13,8 @@
 //! - a net may also be distilled from an accurate integration ([`TrainingTarget`]): same file, same
 //!   controller;
 //! - [`optim`] minimizes, a [`ValidationSet`] judges.
-//!
-//! ```
-//! use pinc_net::{Domain, NetConfig, PincModel, Training};
-//! use pinc_plants::VanDerPol;
-//!
-//! // Two layers of 10 neurons for steps of 0.5 s, and the box that the net is to be good for.
-//! let domain = Domain::new([-3.0..=3.0, -4.35..=4.35], [-1.0..=1.0]);
-//! let mut training = Training::new(NetConfig::new(0.5, 2, 10), domain);
-//! training.config.target_one_step_rms = Some(0.05);
-//! let trained = training.run(&VanDerPol::default())?;
-//! let model = PincModel::new(&trained.net)?;
-//! # Ok::<(), pinc_net::NetError>(())
-//! ```
+
+#![forbid(unsafe_code)]
 
 mod ansatz;
 mod config;

@@ -18,9 +18,9 @@ pub enum ResidualScale {
     /// sizes weigh the same.
     Normalized,
     /// The state's typical displacement in one step, per T: the standard deviation of T f(y0, u)
-    /// over the domain, or of the state itself if this is smaller. States that change little are
-    /// then learnt as accurately, relative to their displacement, as states that change much.
-    /// Without the hard initial condition it equals `Normalized`.
+    /// over the domain, or that of the state itself if it is smaller. States that change little
+    /// are then learnt as accurately, relative to their displacement, as states that change much.
+    /// Without the hard initial condition it is the same as `normalized`.
     Displacement,
     /// The state's own unit per second times this factor, one per state; the authors' code takes
     /// the cross-sections `A_i` of the tanks.
@@ -35,7 +35,7 @@ pub enum InitialScale {
     Physical,
     /// Standard deviations of the state in the domain: the authors' code.
     Normalized,
-    /// The state's typical displacement in one step, as in [`ResidualScale::Displacement`].
+    /// The state's typical displacement in one step, as in `residual_scale`.
     Displacement,
 }
 

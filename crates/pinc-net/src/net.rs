@@ -21,9 +21,9 @@ pub struct NetConfig {
     pub hidden_layers: usize,
     /// Neurons in each hidden layer.
     pub neurons: usize,
-    /// How the initial condition enters.
+    /// How the initial condition enters the net.
     pub ansatz: Ansatz,
-    /// If given, the net is a conventional PINN y(t) = `f_w`(t) for this one scenario.
+    /// Scenario of a conventional PINN y(t) = `f_w`(t), which is what is trained if this is given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub time_only: Option<Scenario>,
 }
@@ -34,7 +34,7 @@ pub struct NetConfig {
 pub struct Scenario {
     /// Initial state y(0), in the plant's order and units.
     pub initial_state: Vec<f64>,
-    /// Input u.
+    /// Input u, in the plant's order and units.
     pub input: Vec<f64>,
 }
 

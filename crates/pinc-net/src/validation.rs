@@ -14,15 +14,15 @@ use serde::{Deserialize, Serialize};
 pub struct ValidationConfig {
     /// Number of scenarios, each from a random initial state with inputs redrawn every T.
     pub scenarios: usize,
-    /// Length of a scenario in s, a multiple of T.
+    /// Length of a scenario in s, a whole number of T.
     pub duration_s: f64,
-    /// Parts of a step: the error is also evaluated at the times between them.
+    /// Number of parts of a step: the error is also evaluated at the times between them.
     pub subintervals: usize,
     /// Box of the initial states, inputs and parameters.
     pub domain: Domain,
-    /// Tolerance of the accurate integration.
+    /// Local error tolerance of the integration that is the truth.
     pub tolerance: f64,
-    /// Points of the box for the error of one step, and as many of the training domain.
+    /// Number of points of the box for the error of one step, and as many of the training domain.
     pub one_step_points: usize,
 }
 

@@ -1,4 +1,5 @@
-//! Plants, integrators and the interface between models and what uses them.
+#![doc = include_str!("../README.md")]
+//! # Tour
 //!
 //! - [`Plant`]: an ordinary differential equation x' = f(x, u, p) with outputs y = h(x, u, p),
 //!   written once over [`pinc_ad::Scalar`]. [`DynRhs`] and [`DynPlant`] are plants with their type
@@ -11,20 +12,8 @@
 //!   [`Dopri5`], and an implicit method where the plant is stiff.
 //! - [`PiecewiseConstant`], [`Trajectory`], [`metrics`]: inputs and references over time, sampled
 //!   solutions, and how good they are.
-//!
-//! ```
-//! use pinc_ode::{Dopri5, Model, Rk4};
-//! use pinc_plants::VanDerPol;
-//!
-//! let plant = VanDerPol::default();
-//! let mut truth = vec![1.0, 0.0];
-//! Dopri5::new(plant, 1e-12).integrate(&mut truth, &[0.5], 0.5)?;
-//!
-//! let mut next = [0.0; 2];
-//! Rk4::new(plant, 0.5, 4).step(&[1.0, 0.0], &[0.5], &[], &mut next);
-//! assert!((next[0] - truth[0]).abs() < 1e-5);
-//! # Ok::<(), pinc_ode::OdeError>(())
-//! ```
+
+#![forbid(unsafe_code)]
 
 mod accurate;
 mod banded;

@@ -1,4 +1,11 @@
-//! Built-in plants, the paper's and others, one file each.
+#![doc = include_str!("../README.md")]
+//! # Tour
+//!
+//! Each plant has a file with its equation, its source and its published parameters:
+//! [`VanDerPol`], [`FourTanks`], [`OneTank`], [`HydraulicServo`], [`SingleTrackCar`],
+//! [`TwoLinkArm`], [`AcetoneStill`] and [`AcetoneColumn`].
+
+#![forbid(unsafe_code)]
 
 mod acetone_column;
 mod acetone_mixture;

@@ -1,10 +1,12 @@
-//! Quadratic programs of optimal control: what an SQP iteration of a multiple-shooting controller
-//! solves, and the methods that solve it.
+#![doc = include_str!("../README.md")]
+//! # Tour
 //!
 //! - [`Qp`]: the program, stage by stage, with its [`OcpDims`] and [`Limits`]; [`QpStep`] its
 //!   solution with the [`Multipliers`].
 //! - [`QpSolver`]: a method; [`ChosenQp`] the one that [`QpMethod`] names, which says in what units
 //!   a program may be.
+
+#![forbid(unsafe_code)]
 
 mod algebra;
 mod choice;

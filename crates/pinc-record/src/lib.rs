@@ -1,4 +1,5 @@
-//! The files of a run directory: metrics, tables, checkpoint, provenance.
+#![doc = include_str!("../README.md")]
+//! # Tour
 //!
 //! - [`RunDir`]: the directory of a run, with its [`Metrics`] and what went wrong in it.
 //! - [`TrainingRow`], [`DomainErrorTable`], [`PredictionTable`], [`ControlRow`], [`StepRow`],
@@ -12,6 +13,8 @@
 //! - [`Saved`]: a training to be resumed.
 //!
 //! A table is written and read by the same type, which alone knows the names of its columns.
+
+#![forbid(unsafe_code)]
 
 mod certificate;
 mod checkpoint;

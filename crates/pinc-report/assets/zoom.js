@@ -2,7 +2,7 @@
 // beside it. Panels over one horizontal axis show the same part of it.
 (() => {
   "use strict";
-  const INK = "#333", GRID = "#e4e4e4", GREY = "#8c8c8c", LEFT = 76, RIGHT = 20, FOOT = 46;
+  const INK = "#333", GRID = "#e4e4e4", GREY = "#8c8c8c", LEFT = 52, RIGHT = 20, FOOT = 46, NARROW = 700;
   const FONT = '12px system-ui, -apple-system, "Segoe UI", Roboto, Arial, sans-serif';
   const CURVES = new Set(["line", "dashes"]);
   const GROUPS = [];
@@ -136,9 +136,31 @@
   // Where the cursor is.
   const place_of = (u) => number(u.cursor?.left >= 0 ? u.posToVal(u.cursor.left, "x") : null, 5);
 
-  // The ticks of a logarithmic axis, all but decades or 1, 2 and 5 without words.
+  // Round values between two others, about as many as there is room for.
+  const round = (low, high, room) => {
+    const rough = (high - low) / Math.max(2, room), power = 10 ** Math.floor(Math.log10(rough));
+    const step = power * [1, 2, 5, 10].find((digit) => digit * power >= rough);
+    const first = Math.ceil(low / step), count = Math.floor(high / step) - first + 1;
+    return Array.from({ length: Math.max(0, count) }, (_, i) => (first + i) * step);
+  };
+
+  // Numbers with as many digits as tell them apart and place them within a hundredth of a step.
+  const apart = (values) => {
+    const step = Math.min(...values.slice(1).map((v, i) => Math.abs(v - values[i])));
+    const exact = (digits) => values.every((v) => Math.abs(Number(v.toPrecision(digits)) - v) < 0.01 * step);
+    let digits = 6;
+    while (digits < 15 && !exact(digits)) digits++;
+    return values.map((v) => number(v, digits));
+  };
+
+  // The ticks of a logarithmic axis, all but decades or 1, 2 and 5 without words; round values where
+  // less than a factor of two is seen.
   const decades = (u, low, high, side) => {
     const room = (side ? u.bbox.height / 28 : u.bbox.width / 70) / uPlot.pxRatio;
+    if (high < 2 * low) {
+      const values = round(low, high, room);
+      return values.map((v, i) => [v, apart(values)[i]]);
+    }
     const [from, to] = [low, high].map((v) => Math.log10(v)), length = to - from;
     const every = Math.max(1, Math.ceil(length / room)), fine = 3 * length <= room && length < 3;
     const ticks = [];
@@ -146,27 +168,58 @@
       for (let digit = 1; digit <= (length < 10 ? 9 : 1); digit++) {
         const at = digit * 10 ** power;
         const said = digit === 1 ? power % every === 0 : fine && (digit === 2 || digit === 5);
-        if (at >= low && at <= high) ticks.push([at, said || (length < 0.3 && room > 6) ? number(at) : ""]);
+        if (at >= low && at <= high) ticks.push([at, said ? number(at) : ""]);
       }
     }
     return ticks;
   };
 
-  const axis = (of, side, shown) => {
+  const width_of = (u, text) => {
+    u.ctx.font = FONT.replace("12px", `${12 * uPlot.pxRatio}px`);
+    return u.ctx.measureText(text).width / uPlot.pxRatio;
+  };
+
+  // The words of a horizontal axis without those that would run into the one before.
+  const spaced = (u, splits, words) => {
+    let end = -Infinity;
+    return words.map((word, i) => {
+      const middle = u.valToPos(splits[i], "x"), half = 0.5 * width_of(u, word);
+      if (!word || middle - half < end) return "";
+      end = middle + half + 6;
+      return word;
+    });
+  };
+
+  // The panels of a column are in line: each leaves as much room as the longest word beside any.
+  const room = (column) => (u, words) => {
+    const needed = Math.ceil(Math.max(0, ...(words ?? []).map((word) => width_of(u, word)))) + 12;
+    if (needed > column.left) {
+      column.left = needed;
+      queueMicrotask(() => column.plots.forEach((plot) => plot.redraw(false, true)));
+    }
+    return column.left;
+  };
+
+  const axis = (of, side, shown, column) => {
     const ticks_of = of.marks.length > 0 ? () => of.marks
       : of.log && ((u) => decades(u, u.scales[side ? "y" : "x"].min, u.scales[side ? "y" : "x"].max, side));
+    const said = ticks_of ? (u) => ticks_of(u).map((tick) => tick[1]) : (u, splits) => apart(splits);
     const own = ticks_of && {
       splits: (u) => ticks_of(u).map((tick) => tick[0]),
-      values: (u) => ticks_of(u).map((tick) => tick[1]),
       filter: (u, splits) => splits,
     };
-    const values = (u, splits) => splits.map((v) => (v == null ? "" : number(v)));
+    const values = (u, splits) => {
+      if (!shown) return splits.map(() => "");
+      return side ? said(u, splits) : spaced(u, splits, said(u, splits));
+    };
     const grid = { stroke: GRID, width: 1 }, ticks = { stroke: GRID, width: 1, size: 5 };
+    // The label of a vertical axis is in the panel's head, where it runs into nothing.
+    const place = side ? { size: room(column), space: 28 } : {
+      size: shown ? FOOT - 22 : 0, space: 70, ...(shown ? { label: of.label, labelSize: 22 } : {}),
+    };
     return {
       scale: side ? "y" : "x", stroke: INK, font: FONT, labelFont: FONT, grid, ticks, values,
-      size: side ? LEFT - 24 : FOOT - 22, labelSize: side ? 24 : 22, label: of.label,
-      ...own, ...(shown ? {} : { size: side ? LEFT : 0, label: undefined, values: () => [] }),
-      ...(side && !shown ? { labelSize: 0 } : {}),
+      ...place, ...own,
     };
   };
 
@@ -288,9 +341,46 @@
     return near ?? all.findIndex((other) => other.name && other.color === of.color);
   });
 
-  const plot = (panel, { xs, events, first, foot }, group, place) => {
+  // With the keyboard: a focused panel moves, enlarges and shows all, a focused name hides its curve.
+  const keys = (u, head, group, panel) => {
+    const frame = u.root;
+    frame.tabIndex = 0;
+    frame.setAttribute("role", "img");
+    frame.setAttribute("aria-label", `${[panel.title, panel.y.label].filter(Boolean).join(", ")} over `
+      + `${panel.x.label}. Arrow keys move, plus and minus zoom, 0 shows all.`);
+    const acts = {
+      ArrowLeft: () => group.change(-0.25, 1), ArrowRight: () => group.change(0.25, 1),
+      "+": () => group.change(0, 0.5), "-": () => group.change(0, 2), 0: () => group.all(),
+    };
+    frame.addEventListener("keydown", (event) => {
+      const act = event.ctrlKey || event.metaKey || event.altKey ? undefined : acts[event.key];
+      if (!act) return;
+      event.preventDefault();
+      act();
+    });
+    head.querySelector(".u-legend").setAttribute("role", "presentation");
+    head.querySelectorAll(".u-series").forEach((row, i) => {
+      const name = row.querySelector("th");
+      if (!i || !name) return;
+      row.title = "Hide or show this curve";
+      name.tabIndex = 0;
+      name.setAttribute("role", "button");
+      name.setAttribute("aria-pressed", "true");
+      name.addEventListener("keydown", (event) => {
+        if (event.key !== "Enter" && event.key !== " ") return;
+        event.preventDefault();
+        name.click();
+      });
+    });
+  };
+
+  const plot = (panel, { xs, events, first, foot, beside, column }, group, place) => {
     const head = make("div", "head", place);
-    if (panel.title) make("b", "", head, panel.title);
+    const label = panel.y.range && beside ? panel.y.label : "";
+    // A title that names the variables needs their unit only.
+    const [name] = label.split(" ("), said = name && panel.title.endsWith(name);
+    if (panel.title) make("b", "", head, said ? panel.title + label.slice(name.length) : panel.title);
+    if (label && !said) make("span", "axis", head, label);
     if (!panel.y.range) {
       make("div", "note", place, panel.note);
       return;
@@ -308,7 +398,7 @@
         y: { distr: panel.y.log ? 3 : 1, range: vertical(panel, group) },
       },
       series: [{ label: panel.x.label, value: place_of }, ...all],
-      axes: [axis(panel.x, 0, foot), axis(panel.y, 1, !panel.y.silent)],
+      axes: [axis(panel.x, 0, foot, column), axis(panel.y, 1, beside, column)],
       legend: {
         mount: (u, legend) => head.append(legend),
         markers: {
@@ -346,6 +436,8 @@
         }],
         setSeries: [(u, i, of) => {
           if (i == null || of.show == null) return;
+          const name = head.querySelectorAll(".u-series")[i]?.querySelector("th");
+          name?.setAttribute("aria-pressed", of.show);
           owner.forEach((k, other) => {
             if (k === i - 1 && other !== k && u.series[other + 1].show !== of.show) {
               u.setSeries(other + 1, { show: of.show });
@@ -358,9 +450,8 @@
     panel.series.forEach((of, i) => {
       if (!of.name) head.querySelectorAll(".u-series")[i + 1].classList.add("nameless");
     });
-    head.querySelectorAll(".u-series").forEach((row, i) => {
-      if (i) row.title = "Hide or show this curve";
-    });
+    column.plots.push(u);
+    keys(u, head, group, panel);
     u.setScale("x", { min: group.now[0], max: group.now[1] });
     group.plots.push(u);
     gestures(u, group);
@@ -383,8 +474,11 @@
     button("◀", "Move left", (group) => group.change(-0.25, 1));
     button("▶", "Move right", (group) => group.change(0.25, 1));
     button("All", "Show all", (group) => group.all());
+    // Said once a page.
+    if (waiting.help) return;
+    waiting.help = true;
     make("span", "", bar, "Drag to zoom, with Shift to move; Ctrl and wheel zoom; a double click shows "
-      + "all; a click on a name hides its curve.");
+      + "all; a click on a name hides its curve. Keys in a panel: arrows, +, −, 0.");
   };
 
   const build = (figure) => {
@@ -395,10 +489,16 @@
     const groups = [];
     root.groups = groups; // for other scripts
     tools(root, () => groups);
-    const grid = make("div", "grid", root), columns = spec.columns.length;
-    grid.style.gridTemplateColumns = spec.columns.map((share) => `${share}fr`).join(" ");
+    root.setAttribute("role", "group");
+    root.setAttribute("aria-label", spec.name);
+    const narrow = figure.clientWidth < NARROW, columns = narrow ? 1 : spec.columns.length;
+    const grid = make("div", "grid", root);
+    grid.style.gridTemplateColumns = spec.columns.slice(0, columns).map((share) => `${share}fr`).join(" ");
+    const in_line = spec.columns.map(() => ({ left: LEFT, plots: [] }));
     figure.classList.add("live");
     let shared = null;
+    // Below it there are only notes, which have no axes.
+    const last = Math.floor(spec.panels.findLastIndex((panel) => panel.y.range) / columns);
     spec.panels.forEach((panel, i) => {
       let group = panel.together ? shared : null;
       if (!group && panel.x.range) {
@@ -406,8 +506,9 @@
         if (panel.together) shared = group;
       }
       const events = panel.together && i % columns === 0 ? spec.events : [];
-      const foot = i >= spec.panels.length - columns || !panel.together;
-      plot(panel, { xs, events, first: i === 0, foot }, group, make("div", "", grid));
+      const foot = Math.floor(i / columns) === last || !panel.together;
+      const beside = !panel.y.silent || columns < spec.columns.length, column = in_line[i % columns];
+      plot(panel, { xs, events, first: i === 0, foot, beside, column }, group, make("div", "", grid));
     });
   };
 

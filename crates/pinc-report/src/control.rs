@@ -3,7 +3,7 @@
 use crate::data::{OfModel, Run};
 use crate::picture::Picture;
 use crate::traces::{CloseUp, ControlTrace};
-use crate::variables::Variables;
+use crate::variables::{EQUAL, Variables, by_axis};
 use pinc_chart::text;
 use pinc_chart::{
     AMBER, Axis, Color, Figure, INK, Kind, Look, Panel, Point, Shape, Style, extent,
@@ -15,10 +15,6 @@ use pinc_record::ControlRow;
 
 /// A run of more steps than this gets a close-up of its first steps.
 const LONG: f64 = 60.0;
-/// Values that differ by less, by ratio, differ by rounding.
-const EQUAL: f64 = 1e-13;
-/// The share of a panel's height that a curve must take up to be read.
-const READABLE: f64 = 0.04;
 /// The form of a reference.
 const REFERENCE: Shape = Shape::Dashes(1.4);
 
@@ -73,41 +69,19 @@ impl Loops<'_> {
     fn panels(&self) -> Vec<Panel> {
         let mut groups = self.variables.output_panels();
         groups.extend(self.variables.panels_of(&self.variables.states));
-        let groups: Vec<_> = groups.into_iter().flat_map(|group| self.by_size(group)).collect();
+        let range = |name: &str| self.range(name);
+        let divide = |(title, names)| by_axis(self.run, title, names, &range);
+        let groups: Vec<_> = groups.into_iter().flat_map(divide).collect();
         let mut panels = Vec::new();
         for (i, (title, group)) in groups.iter().enumerate() {
             let height = if i == 0 { 280.0 } else { 180.0 };
             panels.push(self.state_panel(title, group, height));
         }
-        panels.push(self.input_panel());
+        let range = |name: &str| self.input_range(name);
+        let inputs = by_axis(self.run, "Inputs".to_owned(), self.variables.inputs.clone(), &range);
+        panels.extend(inputs.iter().map(|(title, names)| self.input_panel(title, names)));
         panels.extend(self.difference_panel());
         panels
-    }
-
-    /// A group of variables, divided so that those in a panel are of a like size.
-    fn by_size(&self, (title, names): (String, Vec<String>)) -> Vec<(String, Vec<String>)> {
-        let mut panels: Vec<Vec<(f64, f64)>> = Vec::new();
-        let mut groups: Vec<Vec<String>> = Vec::new();
-        for name in names {
-            let range = self.range(&name);
-            let place = panels.iter().position(|ranges| fit(ranges, range));
-            match place {
-                Some(i) => {
-                    panels[i].push(range);
-                    groups[i].push(name);
-                }
-                None => {
-                    panels.push(vec![range]);
-                    groups.push(vec![name]);
-                }
-            }
-        }
-        let divided = groups.len() > 1;
-        let titled = |names: Vec<String>| match divided {
-            true => (format!("{title}: {}", names.join(", ")), names),
-            false => (title.clone(), names),
-        };
-        groups.into_iter().map(titled).collect()
     }
 
     /// The values that a variable and its reference take.
@@ -185,18 +159,25 @@ impl Loops<'_> {
         }
     }
 
-    fn input_panel(&self) -> Panel {
-        let inputs = &self.variables.inputs;
+    /// The values that an input takes.
+    fn input_range(&self, name: &str) -> (f64, f64) {
+        let place = self.variables.input_index_of(name);
+        let rows = self.traces.iter().flat_map(|of| &of.table.rows);
+        extent(rows.map(|row| input(row, place)))
+    }
+
+    fn input_panel(&self, title: &str, inputs: &[String]) -> Panel {
         let label = self.run.axis_label(inputs);
-        let mut panel = Panel::new("Inputs", Axis::new(&label, Kind::Linear), 150.0);
+        let mut panel = Panel::new(title, Axis::new(&label, Kind::Linear), 150.0);
         let steps = |table: &ControlTrace, i| held_until_next(&points(table, input, i));
-        for (i, name) in inputs.iter().enumerate() {
+        let places = || inputs.iter().map(|name| (name, self.variables.input_index_of(name)));
+        for (name, i) in places() {
             self.add_curve(&mut panel, name, input_color(i), |table| steps(table, i));
         }
-        for (i, name) in inputs.iter().enumerate() {
+        for (name, i) in places() {
             self.add_beneath(&mut panel, name, |table| steps(table, i));
         }
-        for i in 0..inputs.len() {
+        for (_, i) in places() {
             let low = |control: &ControlSpec| control.input_low.get(i).copied();
             let high = |control: &ControlSpec| control.input_high.get(i).copied();
             self.add_limits(&mut panel, low, high);
@@ -334,15 +315,6 @@ impl Loops<'_> {
         }
         format!("{caption} From {}.", text::listed(&files))
     }
-}
-
-/// Whether a curve can be read beside others of these ranges, and they beside it: each takes up
-/// some of the height that all take together, unless it is constant.
-fn fit(ranges: &[(f64, f64)], new: (f64, f64)) -> bool {
-    let all = extent(ranges.iter().chain([&new]).flat_map(|range| [range.0, range.1]));
-    let height = all.1 - all.0;
-    let mut spreads = ranges.iter().chain([&new]).map(|(low, high)| high - low);
-    spreads.all(|spread| spread >= READABLE * height || spread <= EQUAL * height)
 }
 
 /// By how much a state differs between two loops, as far as both go.

@@ -176,13 +176,16 @@ impl Run {
         }
     }
 
+    /// The unit of a variable, empty for a number without dimension; `None` if nothing is known.
+    pub(crate) fn unit(&self, variable: &str) -> Option<&str> {
+        self.metrics.as_ref()?.variables.get(variable).map(String::as_str)
+    }
+
     /// The unit of all these variables, empty for numbers without dimension; `None` if they differ
     /// or nothing is known.
     fn common_unit(&self, variables: &[&str]) -> Option<&str> {
-        let units = &self.metrics.as_ref()?.variables;
-        let unit = |variable: &str| units.get(variable).map(String::as_str);
-        let first = unit(variables.first()?)?;
-        variables.iter().all(|v| unit(v) == Some(first)).then_some(first)
+        let first = self.unit(variables.first()?)?;
+        variables.iter().all(|v| self.unit(v) == Some(first)).then_some(first)
     }
 }
 

@@ -1,7 +1,7 @@
 //! The report's page.
 
 use crate::data::{OfModel, Run};
-use crate::number_tables::{NumberTable, flattened, number_tables};
+use crate::number_tables::{NumberTable, flattened, key_numbers, number_tables};
 use crate::picture::{Drawn, Picture};
 use crate::summary_text::paragraph;
 use crate::{sweep, zoom};
@@ -13,13 +13,28 @@ const STYLE: &str = include_str!("style.css");
 /// The whole page, with the pictures already drawn.
 pub(crate) fn page(run: &Run, drawn: &[Drawn]) -> String {
     let name = &run.experiment.name;
-    // A run has few numbers; in a sweep the pictures come first.
     let body = match &run.trials {
-        None => [numbers("Metrics", &number_tables(run)), pictures(drawn)],
-        Some(trials) => [pictures(drawn), numbers("Tables", &sweep::number_tables(run, trials))],
+        None => of_run(run, drawn),
+        Some(trials) => {
+            pictures(drawn) + &numbers("metrics", "Tables", &sweep::number_tables(run, trials))
+        }
     };
-    let body = [header(run), body.concat(), footer(run)].concat();
+    let body = [header(run), body, footer(run)].concat();
     document(&format!("{name} · PINC report"), &body, drawn)
+}
+
+/// What readers look for comes first: the first picture, the few numbers of most weight, the run in
+/// words. All other pictures and numbers follow.
+fn of_run(run: &Run, drawn: &[Drawn]) -> String {
+    let (first, others) = drawn.split_at(drawn.len().min(1));
+    let mut summary = paragraph(run);
+    if !summary.is_empty() {
+        summary = format!("<p class=\"summary\">{}</p>\n", escape(&summary));
+    }
+    let key = Vec::from_iter(key_numbers(run));
+    let (key, all) = (numbers("key", "At a glance", &key), number_tables(run));
+    let all = numbers("metrics", "Metrics", &all);
+    [pictures(first), key, summary, pictures(others), all].concat()
 }
 
 /// A page with its style and its scripts inside, which loads nothing.
@@ -34,7 +49,7 @@ pub(crate) fn document(title: &str, body: &str, drawn: &[Drawn]) -> String {
          <meta http-equiv=\"Content-Security-Policy\" content=\"default-src 'none'; \
          style-src 'unsafe-inline'; script-src 'unsafe-inline'\">\n\
          <title>{}</title>\n<style>\n{style}</style>\n</head>\n\
-         <body>\n{body}{script}</body>\n</html>\n",
+         <body>\n<main>\n{body}</main>\n{script}</body>\n</html>\n",
         escape(title)
     )
 }
@@ -49,11 +64,8 @@ fn header(run: &Run) -> String {
     let about = about.map(|(key, value)| format!("{key} <b>{}</b>", escape(value)));
     let mut out = format!("<header>\n<h1>{}</h1>\n", escape(&experiment.name));
     out += &format!("<p class=\"about\">{}</p>\n", about.join(" · "));
-    let summary = match &run.trials {
-        None => paragraph(run),
-        Some(trials) => sweep::paragraph(run, trials),
-    };
-    if !summary.is_empty() {
+    if let Some(trials) = &run.trials {
+        let summary = sweep::paragraph(run, trials);
         out += &format!("<p class=\"summary\">{}</p>\n", escape(&summary));
     }
     let notes = notes(run);
@@ -120,36 +132,43 @@ fn missing_tables(run: &Run) -> Vec<String> {
     notes
 }
 
-pub(crate) fn numbers(title: &str, tables: &[NumberTable]) -> String {
+/// Tables with their anchor and their title; nothing without any.
+pub(crate) fn numbers(id: &str, title: &str, tables: &[NumberTable]) -> String {
     let tables: Vec<String> = tables.iter().map(table).collect();
     if tables.is_empty() {
         return String::new();
     }
     format!(
-        "<section id=\"metrics\">\n<h2>{title}</h2>\n<div \
+        "<section id=\"{id}\">\n<h2>{title}</h2>\n<div \
         class=\"tables\">\n{}</div>\n</section>\n",
         tables.concat()
     )
 }
 
 fn table(table: &NumberTable) -> String {
-    let cells = |row: &[String], first: &str, other: &str| {
-        let cell = |(i, text): (usize, &String)| {
-            let tag = if i == 0 { first } else { other };
-            format!("<{tag}>{}</{tag}>", escape(text))
-        };
-        let cells: String = row.iter().enumerate().map(cell).collect();
-        format!("<tr>{cells}</tr>\n")
-    };
     let head = match &table.heads[..] {
         [] => String::new(),
-        heads => format!("<thead>\n{}</thead>\n", cells(heads, "th", "th")),
+        heads => {
+            let cells: String = heads.iter().map(|text| cell("th scope=\"col\"", text)).collect();
+            format!("<thead>\n<tr>{cells}</tr>\n</thead>\n")
+        }
     };
-    let rows: String = table.rows.iter().map(|row| cells(row, "th", "td")).collect();
+    let row = |row: &Vec<String>| {
+        let tag = |i| if i == 0 { "th scope=\"row\"" } else { "td" };
+        let cells: String = row.iter().enumerate().map(|(i, text)| cell(tag(i), text)).collect();
+        format!("<tr>{cells}</tr>\n")
+    };
+    let rows: String = table.rows.iter().map(row).collect();
     format!(
-        "<div>\n<h3>{}</h3>\n<table>\n{head}<tbody>\n{rows}</tbody>\n</table>\n</div>\n",
+        "<div>\n<table>\n<caption>{}</caption>\n{head}<tbody>\n{rows}</tbody>\n</table>\n</div>\n",
         escape(&table.title)
     )
+}
+
+/// A cell of a table; the tag may have attributes.
+fn cell(tag: &str, text: &str) -> String {
+    let name = tag.split(' ').next().unwrap_or(tag);
+    format!("<{tag}>{}</{name}>", escape(text))
 }
 
 fn pictures(drawn: &[Drawn]) -> String {
@@ -178,11 +197,11 @@ fn footer(run: &Run) -> String {
     if let Some(provenance) = &run.provenance {
         let facts = flattened(provenance);
         let row = |(key, value): &(String, String)| {
-            format!("<tr><th>{}</th><td>{}</td></tr>\n", escape(key), escape(value))
+            format!("<tr>{}{}</tr>\n", cell("th scope=\"row\"", key), cell("td", value))
         };
         let rows: String = facts.iter().map(row).collect();
         out += &format!(
-            "<h2>Provenance</h2>\n<table class=\"provenance\">\n<tbody>\n{rows}</tbody>\n</table>\n"
+            "<h2>Provenance</h2>\n<table class=\"provenance\" aria-label=\"Provenance\">\n<tbody>\n{rows}</tbody>\n</table>\n"
         );
     }
     out += &format!(

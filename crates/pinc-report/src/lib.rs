@@ -1,4 +1,5 @@
-//! Reports of runs and sweeps as HTML pages with pictures, and the page of the paper's results.
+#![doc = include_str!("../README.md")]
+//! # Tour
 //!
 //! - [`build`]: the report of a run directory, one HTML page that stands alone, and the pictures in
 //!   it as files of their own.
@@ -9,6 +10,8 @@
 //!
 //! Everything is made from the types of [`pinc_record`] that wrote the files. A picture is first a
 //! [`pinc_chart::Figure`], plain data, and then drawn.
+
+#![forbid(unsafe_code)]
 
 mod color_bar;
 mod compare;

@@ -29,6 +29,30 @@ pub(crate) fn number_tables(run: &Run) -> Vec<NumberTable> {
     tables
 }
 
+/// The few numbers of most weight: how well each closed loop tracked, whether it kept its bounds, and
+/// what a step took. `None` without a loop.
+pub(crate) fn key_numbers(run: &Run) -> Option<NumberTable> {
+    let loops = &run.metrics.as_ref()?.control;
+    let metrics = [
+        (&metric::IAE_DENSE_SUM, "IAE"),
+        (&metric::MAX_VIOLATION, "worst violation of a bound"),
+        (&metric::STEP_TIME, "time of a step, median"),
+    ];
+    // The unit is that of the metric, the name a short one.
+    let named = |(metric, name): (&Metric, _)| run.label_of(metric).replace(metric.title, name);
+    let heads = ["model".to_owned()].into_iter().chain(metrics.map(named));
+    let heads: Vec<String> = heads.chain(["failed steps".to_owned()]).collect();
+    let row = |of: &ControlMetrics| {
+        let name = [run.model_name(Some(of.model)).to_owned()].into_iter();
+        let values = metrics.iter().map(|(metric, _)| shown(metric, metric.of_loop(of)));
+        let failed = format!("{} of {}", text::count(of.failed_steps()), text::count(of.steps()));
+        name.chain(values).chain([failed]).collect()
+    };
+    let rows: Vec<_> = loops.iter().map(row).collect();
+    let title = "Closed loop".to_owned();
+    (!rows.is_empty()).then_some(NumberTable { title, heads, rows })
+}
+
 /// The metrics of a stage of the net; `None` if the run did not get so far.
 fn of_stage(metrics: &Metrics, title: &str, stage: &'static [Metric]) -> Option<NumberTable> {
     let row = |metric: &&Metric| {

@@ -2,7 +2,7 @@
 
 use crate::data::Run;
 use crate::picture::Picture;
-use crate::variables::Variables;
+use crate::variables::{Variables, by_axis};
 use pinc_chart::text;
 use pinc_chart::{
     Axis, BLACK, Event, Figure, Kind, Look, Panel, Point, Shape, Style, extent, held_until_next,
@@ -15,10 +15,15 @@ use pinc_record::{PredictionRow, PredictionTable, file};
 pub(crate) fn picture(run: &Run, variables: &Variables) -> Option<Picture> {
     let table = run.prediction.as_ref().filter(|table| !table.rows.is_empty())?;
     let mut panels = Vec::new();
-    for (title, group) in variables.panels_of(&table.states) {
+    let range = |name: &str| state_range(table, name);
+    let states = variables.panels_of(&table.states).into_iter();
+    for (title, group) in states.flat_map(|(title, names)| by_axis(run, title, names, &range)) {
         panels.push(state_panel(run, table, &title, &group));
     }
-    panels.push(input_panel(run, table));
+    let range = |name: &str| extent(input(table, name).1.into_iter().map(|point| point.1));
+    for (title, group) in by_axis(run, "Inputs".to_owned(), table.inputs.clone(), &range) {
+        panels.push(input_panel(run, table, &title, &group));
+    }
     panels.push(error_panel(run, variables, table));
     let t = extent(table.rows.iter().map(|row| row.t));
     let axis = run.time_axis(t);
@@ -65,13 +70,25 @@ fn state_panel(run: &Run, table: &PredictionTable, title: &str, states: &[String
     panel
 }
 
-fn input_panel(run: &Run, table: &PredictionTable) -> Panel {
-    let label = run.axis_label(&table.inputs);
-    let mut panel = Panel::new("Inputs", Axis::new(&label, Kind::Linear), 120.0);
-    for (i, input) in table.inputs.iter().enumerate() {
-        let points = points(table, |row| row.input[i]);
-        let style = Style::new(input_color(i), Shape::Line(1.8));
-        panel.add_named(input, held_until_next(&points), style);
+/// The values that a state takes, predicted and in truth.
+fn state_range(table: &PredictionTable, name: &str) -> (f64, f64) {
+    let place = table.index_of(name).unwrap_or(0);
+    extent(table.rows.iter().flat_map(|row| [row.state[place], row.truth[place]]))
+}
+
+/// The place of an input in the plant's order, and its points.
+fn input(table: &PredictionTable, name: &str) -> (usize, Vec<Point>) {
+    let place = table.inputs.iter().position(|input| input == name).unwrap_or(0);
+    (place, points(table, |row| row.input[place]))
+}
+
+fn input_panel(run: &Run, table: &PredictionTable, title: &str, names: &[String]) -> Panel {
+    let label = run.axis_label(names);
+    let mut panel = Panel::new(title, Axis::new(&label, Kind::Linear), 120.0);
+    for name in names {
+        let (place, points) = input(table, name);
+        let style = Style::new(input_color(place), Shape::Line(1.8));
+        panel.add_named(name, held_until_next(&points), style);
     }
     panel
 }

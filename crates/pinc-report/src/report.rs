@@ -54,19 +54,20 @@ pub fn build(dir: &Path) -> Result<Report, ReportError> {
     Ok(Report { html, figures: drawn.into_iter().map(FigureFiles::of).collect() })
 }
 
+/// The closed loop first, then what else there is of it, last how the net came about.
 fn pictures(run: &Run) -> Result<Vec<Picture>, ReportError> {
     if let Some(trials) = &run.trials {
         return sweep::pictures(run, trials);
     }
     let variables = Variables::of(run);
     let mut pictures = Vec::new();
-    pictures.extend(identification::picture(run));
-    pictures.extend(training::picture(run));
-    pictures.extend(domain_error::picture(run));
-    pictures.extend(prediction::picture(run, &variables));
     pictures.extend(control::pictures(run, &variables));
-    pictures.extend(profile::picture(run, &variables));
     pictures.extend(estimates::pictures(run));
+    pictures.extend(profile::picture(run, &variables));
     pictures.extend(steps::picture(run));
+    pictures.extend(identification::picture(run));
+    pictures.extend(prediction::picture(run, &variables));
+    pictures.extend(domain_error::picture(run));
+    pictures.extend(training::picture(run));
     Ok(pictures)
 }

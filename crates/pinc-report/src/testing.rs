@@ -15,12 +15,28 @@ pub(crate) fn assert_sound(svg: &str) {
             assert!(on_page(number(x), number(y)), "{point} is outside of {size:?}");
         }
     }
+    assert_ticks_differ(svg);
     let words: Vec<Word> = svg.split("<text ").skip(1).map(Word::parse).collect();
     for (i, word) in words.iter().enumerate() {
         let Word { left, right, top, bottom, .. } = word;
         assert!(on_page(*left, *top) && on_page(*right, *bottom), "{word:?} is cut off");
         for other in &words[..i] {
             assert!(!word.covers(other), "{word:?} covers {other:?}");
+        }
+    }
+}
+
+/// No two ticks of a vertical axis have the same label: a panel's labels end at one place, and the
+/// turned label of its axis follows on them.
+fn assert_ticks_differ(svg: &str) {
+    let mut seen = Vec::new();
+    for element in svg.lines().filter(|line| line.starts_with("<text")) {
+        if element.contains("rotate(") || element.contains("font-weight") {
+            seen.clear();
+        } else if element.contains("text-anchor=\"end\"") {
+            let tick = (attribute(element, "x").to_bits(), word(element));
+            assert!(!seen.contains(&tick), "{tick:?} stands twice beside an axis");
+            seen.push(tick);
         }
     }
 }

@@ -1,10 +1,15 @@
-//! The plant's variables: states, inputs, outputs, and which are controlled.
+//! The plant's variables: states, inputs, outputs, which are controlled, and which share an axis.
 
 use crate::data::Run;
+use pinc_chart::extent;
 use pinc_ode::Variable;
 
 /// In an array with more elements than this, not all have curves of their own.
 pub(crate) const MOST_SHOWN: usize = 6;
+/// Values that differ by less, by ratio, differ by rounding.
+pub(crate) const EQUAL: f64 = 1e-13;
+/// The share of a panel's height that a curve must take up to be read.
+const READABLE: f64 = 0.04;
 
 /// The plant's variables, as the files name them.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -42,6 +47,11 @@ impl Variables {
     /// The place of a state in the plant's order; the outputs follow the states.
     pub(crate) fn index_of(&self, name: &str) -> usize {
         self.states.iter().chain(&self.outputs).position(|s| s == name).unwrap_or(0)
+    }
+
+    /// The place of an input in the plant's order.
+    pub(crate) fn input_index_of(&self, name: &str) -> usize {
+        self.inputs.iter().position(|input| input == name).unwrap_or(0)
     }
 
     /// For an array with many elements, the first, the middle and the last, and the controlled ones
@@ -86,4 +96,48 @@ impl Variables {
         }
         vec![(format!("Controlled {what}"), owned(first)), (format!("Other {what}"), owned(rest))]
     }
+}
+
+/// Divides variables so that those of a panel have one unit and ranges of a like size. The title of
+/// a panel names its variables if there are several panels.
+pub(crate) fn by_axis(
+    run: &Run,
+    title: String,
+    names: Vec<String>,
+    range: &dyn Fn(&str) -> (f64, f64),
+) -> Vec<(String, Vec<String>)> {
+    let mut groups: Vec<Group> = Vec::new();
+    for name in names {
+        let new = range(&name);
+        let takes =
+            |of: &&mut Group| run.unit(&of.names[0]) == run.unit(&name) && fit(&of.ranges, new);
+        match groups.iter_mut().find(takes) {
+            Some(of) => {
+                of.names.push(name);
+                of.ranges.push(new);
+            }
+            None => groups.push(Group { names: vec![name], ranges: vec![new] }),
+        }
+    }
+    let divided = groups.len() > 1;
+    let titled = |Group { names, .. }: Group| match divided {
+        true => (format!("{title}: {}", names.join(", ")), names),
+        false => (title.clone(), names),
+    };
+    groups.into_iter().map(titled).collect()
+}
+
+/// The variables of a panel, with their ranges.
+struct Group {
+    names: Vec<String>,
+    ranges: Vec<(f64, f64)>,
+}
+
+/// Whether a curve can be read beside others of these ranges, and they beside it: each takes up
+/// some of the height that all take together, unless it is constant.
+fn fit(ranges: &[(f64, f64)], new: (f64, f64)) -> bool {
+    let all = extent(ranges.iter().chain([&new]).flat_map(|range| [range.0, range.1]));
+    let height = all.1 - all.0;
+    let mut spreads = ranges.iter().chain([&new]).map(|(low, high)| high - low);
+    spreads.all(|spread| spread >= READABLE * height || spread <= EQUAL * height)
 }

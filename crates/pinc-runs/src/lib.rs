@@ -1,5 +1,5 @@
-//! Experiments done: training, validation, free run and closed loop into the directory of a run,
-//! and what else the program does with one config.
+#![doc = include_str!("../README.md")]
+//! # Tour
 //!
 //! - [`run`], [`train`] (or [`train_watched`], which writes no files), [`control`], [`predict`],
 //!   [`estimate`], [`identify`], [`certify`], [`check`], [`compare`], [`rebuild_report`];
@@ -9,6 +9,8 @@
 //!
 //! With pinc-bench, which is the program around it, this is the part of the project that writes to
 //! the terminal and reads a clock.
+
+#![forbid(unsafe_code)]
 
 mod certify;
 mod chain;

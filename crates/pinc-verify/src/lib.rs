@@ -1,4 +1,5 @@
-//! Rigorous enclosures: what is proven of the error of one step of a model.
+#![doc = include_str!("../README.md")]
+//! # Tour
 //!
 //! A [`StepError`] is one step of a model, a net or a Runge-Kutta method, beside the exact flow of
 //! the equation that it stands for. [`StepError::at_points`] encloses the error at points; a
@@ -24,25 +25,8 @@
 //! divisions, with errors that are argued. The model and the equation are those that the program
 //! holds, with constants as they are stored, in exact arithmetic: evaluating the model in floating
 //! point adds rounding errors, of the order of 1e-15 of the states.
-//!
-//! ```
-//! use pinc_expr::PlantEquations;
-//! use pinc_ode::Tableau;
-//! use pinc_plants::VanDerPol;
-//! use pinc_verify::{Search, SearchSettings, StepError, StepModel};
-//!
-//! // RK4 with one step of 0.1 s, for states in [-1, 1] and inputs in [-1, 1].
-//! let equations = PlantEquations::traced(VanDerPol::default());
-//! let model = StepModel::RungeKutta(Tableau::CLASSICAL, 1);
-//! let error = StepError::new(&equations, &[], 1, model, 0.1)?;
-//! let mut search = Search::new(&error, &[[-1.0, 1.0]; 3], SearchSettings::default(), 1)?;
-//! while !search.is_over() {
-//!     search.round(&error, 1);
-//! }
-//! let bracket = search.bracket();
-//! assert!(bracket.is_complete && bracket.proven[0] <= 1.1 * bracket.found[0].error);
-//! # Ok::<(), pinc_verify::VerifyError>(())
-//! ```
+
+#![forbid(unsafe_code)]
 
 mod basis;
 mod chebyshev;

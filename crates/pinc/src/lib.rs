@@ -140,6 +140,7 @@ fn main() -> ExitCode {
 ```
 "#
 )]
+#![forbid(unsafe_code)]
 
 #[cfg(feature = "program")]
 mod choices;
@@ -184,6 +185,11 @@ pub use pinc_report as report;
 pub use pinc_runs as runs;
 #[cfg(feature = "verify")]
 pub use pinc_verify as verify;
+
+/// The example of `README.md`.
+#[cfg(all(doctest, feature = "plants"))]
+#[doc = include_str!("../README.md")]
+struct Readme;
 
 /// The names that most programs need: `use pinc::prelude::*`.
 pub mod prelude {

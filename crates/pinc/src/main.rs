@@ -1,5 +1,7 @@
 //! The `pinc` program: see `pinc --help`.
 
+#![forbid(unsafe_code)]
+
 use pinc::{Plants, program};
 use std::process::ExitCode;
 

@@ -16,7 +16,7 @@ pub struct AdamConfig {
     /// Decay of the mean of squared gradients.
     #[serde(default = "default_beta2")]
     pub beta2: f64,
-    /// Added to the root of the mean square.
+    /// Number added to the root of the mean square.
     #[serde(default = "default_epsilon")]
     pub epsilon: f64,
 }

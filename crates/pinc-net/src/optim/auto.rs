@@ -14,9 +14,9 @@ use serde::{Deserialize, Serialize};
 pub struct AutoConfig {
     /// The largest number of weights and biases with the full inverse Hessian.
     pub max_full_memory_weights: usize,
-    /// Up to it.
+    /// Settings for nets up to this size.
     pub full_memory: SelfScaledBroydenConfig,
-    /// Above it.
+    /// Settings for larger nets.
     pub limited_memory: LbfgsConfig,
 }
 

@@ -17,7 +17,7 @@ pub struct LbfgsConfig {
     pub memory: usize,
     /// How the step length is chosen.
     pub line_search: LineSearch,
-    /// Stop when the norm of the gradient falls below this.
+    /// Norm of the gradient below which the optimizer stops.
     pub gradient_tolerance: f64,
 }
 

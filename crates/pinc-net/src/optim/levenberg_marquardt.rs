@@ -18,7 +18,7 @@ use serde::{Deserialize, Serialize};
 pub struct LevenbergMarquardtConfig {
     /// First damping mu, relative to the largest entry on the diagonal of J'J.
     pub initial_damping: f64,
-    /// Stop when the norm of the gradient falls below this.
+    /// Norm of the gradient below which the optimizer stops.
     pub gradient_tolerance: f64,
 }
 

@@ -20,7 +20,7 @@ use serde::{Deserialize, Serialize};
 pub struct SelfScaledBroydenConfig {
     /// Length of the first step.
     pub initial_step: f64,
-    /// Stop when the norm of the gradient falls below this.
+    /// Norm of the gradient below which the optimizer stops.
     pub gradient_tolerance: f64,
 }
 

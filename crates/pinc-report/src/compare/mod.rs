@@ -1,5 +1,6 @@
 //! `pinc compare`: runs side by side, with tables of their numbers and their traces in one picture.
 
+mod differences;
 mod pictures;
 mod tables;
 
@@ -7,7 +8,7 @@ use crate::data::{OfModel, Run};
 use crate::error::ReportError;
 use crate::html;
 use crate::number_tables::NumberTable;
-use crate::picture::drawn;
+use crate::picture::{Drawn, drawn};
 use pinc_chart::text::{self, escape};
 use pinc_record::{ControlMetrics, Metrics, RecordError, file};
 use std::path::{Path, PathBuf};
@@ -61,13 +62,17 @@ pub fn compare(dirs: &[PathBuf]) -> Result<Comparison, ReportError> {
     let runs = read(dirs)?;
     let tables = tables::all(&runs);
     let drawn = drawn(pictures::all(&runs));
+    let (loops, others): (Vec<&Drawn>, Vec<&Drawn>) =
+        drawn.iter().partition(|of| pictures::is_of_loops(&of.picture));
     let names: Vec<String> = runs.iter().map(|of| of.name.clone()).collect();
     let title = format!("{} · PINC comparison", names.join(", "));
-    let mut body = header(&runs) + &html::numbers("Numbers", &tables);
-    for of in &drawn {
+    let section = |of: &&Drawn| {
         let picture = &of.picture;
-        body += &html::section(of, (&picture.stem, &picture.title, &picture.caption));
-    }
+        html::section(of, (&picture.stem, &picture.title, &picture.caption))
+    };
+    let sections = |of: &[&Drawn]| of.iter().map(section).collect::<String>();
+    let numbers = html::numbers("metrics", "Numbers", &tables);
+    let body = [header(&runs), sections(&loops), numbers, sections(&others)].concat();
     let html = html::document(&title, &body, &drawn);
     Ok(Comparison { text: tables.iter().map(plain).collect::<Vec<_>>().join("\n"), html })
 }

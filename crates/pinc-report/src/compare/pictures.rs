@@ -1,6 +1,6 @@
 //! The traces of runs in one picture: a panel for each variable, a curve for each run and model.
 
-use super::Compared;
+use super::{Compared, differences};
 use crate::data::Run;
 use crate::picture::Picture;
 use crate::traces::ControlTrace;
@@ -10,13 +10,23 @@ use pinc_chart::{
 };
 use pinc_record::{ControlRow, TrainingRow};
 
+/// The stems of the pictures of loops.
+const LOOPS: [&str; 2] = ["control", "differences"];
+
 pub(super) fn all(runs: &[Compared]) -> Vec<Picture> {
-    [loops(runs), training(runs), steps(runs)].into_iter().flatten().collect()
+    let loops = loops_of(runs);
+    let of_loops = [picture(&runs[0].run, &loops), differences::picture(&runs[0].run, &loops)];
+    of_loops.into_iter().chain([training(runs), steps(runs)]).flatten().collect()
+}
+
+/// Whether a picture shows closed loops, which readers look for first.
+pub(super) fn is_of_loops(picture: &Picture) -> bool {
+    LOOPS.contains(&picture.stem.as_str())
 }
 
 /// The i-th curve: the first is broad and light beneath the others; these differ in color, then in
 /// dashes.
-fn style(i: usize) -> Style {
+pub(super) fn style(i: usize) -> Style {
     if i == 0 {
         return Style::new(state_color(0), Shape::Line(5.0)).faint(0.4);
     }
@@ -25,10 +35,10 @@ fn style(i: usize) -> Style {
 }
 
 /// A loop with its name, and how many of the first run's units of time one of its own is.
-struct Loop<'a> {
-    name: String,
+pub(super) struct Loop<'a> {
+    pub(super) name: String,
     unit: f64,
-    trace: &'a ControlTrace,
+    pub(super) trace: &'a ControlTrace,
 }
 
 impl Loop<'_> {
@@ -42,7 +52,7 @@ impl Loop<'_> {
         names.iter().position(|known| known == name)
     }
 
-    fn quantity(&self, name: &str) -> Vec<Point> {
+    pub(super) fn quantity(&self, name: &str) -> Vec<Point> {
         let columns = &self.trace.columns;
         let state = Self::place(&columns.states, name);
         let output = Self::place(&columns.outputs, name);
@@ -58,9 +68,9 @@ impl Loop<'_> {
     }
 }
 
-fn loops(runs: &[Compared]) -> Option<Picture> {
-    let first = &runs[0].run;
-    let second = first.time_unit().seconds();
+/// The loops of all runs.
+fn loops_of(runs: &[Compared]) -> Vec<Loop<'_>> {
+    let second = runs[0].run.time_unit().seconds();
     let mut loops = Vec::new();
     for run in runs {
         let all = &run.run.control.loops;
@@ -70,18 +80,27 @@ fn loops(runs: &[Compared]) -> Option<Picture> {
             trace: &of.table,
         }));
     }
+    loops
+}
+
+/// The axis of the times of all loops.
+pub(super) fn time_axis(first: &Run, loops: &[Loop<'_>]) -> Axis {
+    let times = loops.iter().flat_map(|of| of.trace.rows.iter().map(|row| of.unit * row.t));
+    first.time_axis(extent(times))
+}
+
+fn picture(first: &Run, loops: &[Loop<'_>]) -> Option<Picture> {
     let columns = &loops.first()?.trace.columns;
     let names = || columns.outputs.iter().chain(&columns.states);
     let controlled = names().filter(|name| columns.controlled.contains(name));
     let others = names().filter(|name| !columns.controlled.contains(name));
     let mut panels: Vec<Panel> =
-        controlled.map(|name| quantity(first, &loops, name, 200.0)).collect();
-    panels.extend(others.map(|name| quantity(first, &loops, name, 130.0)));
-    panels.extend(columns.inputs.iter().enumerate().map(|(i, name)| input(first, &loops, i, name)));
-    let times = loops.iter().flat_map(|of| of.trace.rows.iter().map(|row| of.unit * row.t));
-    let axis = first.time_axis(extent(times));
+        controlled.map(|name| quantity(first, loops, name, 200.0)).collect();
+    panels.extend(others.map(|name| quantity(first, loops, name, 130.0)));
+    panels.extend(columns.inputs.iter().enumerate().map(|(i, name)| input(first, loops, i, name)));
+    let axis = time_axis(first, loops);
     Some(Picture {
-        stem: "control".to_owned(),
+        stem: LOOPS[0].to_owned(),
         title: "Closed loops".to_owned(),
         figure: Figure::stack("Closed loops of several runs", axis, panels),
         caption: "The plants, integrated accurately, under the controllers; dashed in dark grey \

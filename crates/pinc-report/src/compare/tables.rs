@@ -13,7 +13,7 @@ pub(super) fn all(runs: &[Compared]) -> Vec<NumberTable> {
     tables
 }
 
-/// What the configs differ in.
+/// What the runs differ in: their configs, and the models that ran.
 fn configs(runs: &[Compared]) -> NumberTable {
     let flat: Vec<BTreeMap<String, String>> = runs.iter().map(settings).collect();
     let keys: BTreeSet<&String> = flat.iter().flat_map(BTreeMap::keys).collect();
@@ -26,10 +26,23 @@ fn configs(runs: &[Compared]) -> NumberTable {
         differ.then(|| [vec![(*key).clone()], cells].concat())
     };
     let mut rows: Vec<Vec<String>> = keys.iter().filter_map(row).collect();
+    rows.extend(models(runs));
     if rows.is_empty() {
         rows.push(vec!["nothing".to_owned()]);
     }
-    NumberTable { title: "What the configs differ in".to_owned(), heads: heads(runs), rows }
+    NumberTable { title: "What the runs differ in".to_owned(), heads: heads(runs), rows }
+}
+
+/// The models that were in the runs' loops, which `--only` chooses beside the config; `None` if they
+/// are the same.
+fn models(runs: &[Compared]) -> Option<Vec<String>> {
+    let of = |run: &Compared| {
+        let models = run.metrics.control.iter().map(|of| run.run.model_name(Some(of.model)));
+        models.collect::<Vec<_>>().join(", ")
+    };
+    let models: Vec<String> = runs.iter().map(of).collect();
+    let differ = models.iter().any(|other| *other != models[0]);
+    differ.then(|| [vec!["models that ran".to_owned()], models].concat())
 }
 
 fn heads(runs: &[Compared]) -> Vec<String> {

@@ -9,6 +9,7 @@ mod zoom;
 use crate::error::ReportError;
 use crate::report::{self, FigureFiles};
 use crate::testing::{Plot, assert_sound};
+use pinc_chart::{Color, GREY, INK, input_color, state_color};
 use pinc_record::RecordError;
 use std::fmt::Write as _;
 use std::fs;
@@ -122,7 +123,7 @@ const SHOWN: [&str; 32] = [
     "0.10 % higher",
 ];
 
-const STEMS: [&str; 5] = ["training", "prediction", "control", "control-0-10", "steps"];
+const STEMS: [&str; 5] = ["control", "control-0-10", "steps", "prediction", "training"];
 
 /// A run directory with every file: 3 states, 1 input, 100 steps, both models.
 fn whole() -> TempDir {
@@ -275,6 +276,116 @@ fn pictures_are_sound_and_mark_what_they_should() {
 }
 
 #[test]
+fn the_closed_loop_comes_first_then_the_few_numbers_then_the_rest() {
+    let html = build(whole().path()).unwrap();
+    let place = |what: &str| html.find(what).unwrap_or_else(|| panic!("no {what}"));
+    let section = |id: &str| place(&format!("<section id=\"{id}\">"));
+    let first = html.find("<section ").unwrap();
+    assert_eq!(first, section("control"), "something stands above the closed loop");
+    let others =
+        [section("control-0-10"), section("steps"), section("training"), section("metrics")];
+    let order = [section("control"), section("key"), place("class=\"summary\"")];
+    assert!(order.iter().chain(&others).is_sorted(), "{order:?} {others:?}");
+    let key = &html[section("key")..others[0]];
+    for row in [
+        "model</th><th scope=\"col\">IAE (cm)</th>",
+        ">PINC</th><td>113.575</td><td>7.7·10⁻⁴</td><td>6.12 µs</td><td>0 of 120</td>",
+        ">RK4</th><td>113.461</td><td>0.031</td><td>3.06 µs</td><td>1 of 120</td>",
+    ] {
+        assert!(key.contains(row), "no {row} in {key}");
+    }
+}
+
+#[test]
+fn variables_of_other_units_and_ranges_have_panels_of_their_own() {
+    let dir = whole();
+    // The second state in degrees, and two more inputs: one in V of a like size, one in bar.
+    write(
+        &dir,
+        "config.toml",
+        &CONFIG.replace("input_low = [-1.0]", "input_low = [-1.0, 0.0, 0.0]"),
+    );
+    let units = r#""b": "deg", "c": "cm", "u": "V", "v": "V", "w": "bar" }"#;
+    let known = r#""b": "cm", "c": "cm", "u": "V" }"#;
+    write(&dir, "metrics.json", &METRICS.replace(known, units));
+    let rows = |last: f64| {
+        let row =
+            |t: u32| format!("{t},0.{t},{t},1,0.{t},0.{},{},1,0\n", t + 1, last * f64::from(t));
+        let rows: String = (1..9).map(row).collect();
+        format!("t,a,b,c,u,v,w,a_ref,b_ref\n{rows}")
+    };
+    for model in ["pinc", "rk4"] {
+        write(&dir, &format!("control-{model}.csv"), &rows(0.1));
+    }
+    let control = svg(dir.path(), "control");
+    assert_sound(&control);
+    for (title, label) in [
+        ("Controlled states: a", "a (cm)"),
+        ("Controlled states: b", "b (deg)"),
+        ("Inputs: u, v", "u, v (V)"),
+        ("Inputs: w", "w (bar)"),
+    ] {
+        let plot = Plot::read(&control, title);
+        assert_eq!(plot.label, label);
+    }
+    // The input in bar rises from 0.1 to 0.8 in steps.
+    let plot = Plot::read(&control, "Inputs: w");
+    let (first, last) =
+        (plot.lines("w with PINC")[0][0].1, plot.lines("w with PINC")[0].last().unwrap().1);
+    assert!((first - 0.1).abs() < plot.tolerance && (last - 0.8).abs() < plot.tolerance);
+    // A range a hundred times as large takes a panel of its own, whatever the unit.
+    let alike = METRICS.replace(known, &units.replace("bar", "V"));
+    write(&dir, "metrics.json", &alike);
+    assert!(svg(dir.path(), "control").contains(">Inputs<"), "ranges are alike");
+    for model in ["pinc", "rk4"] {
+        write(&dir, &format!("control-{model}.csv"), &rows(10.0));
+    }
+    assert_eq!(Plot::read(&svg(dir.path(), "control"), "Inputs: w").label, "w (V)");
+}
+
+/// Pictures are turned around in the dark by a filter: what it makes of each color stands out from
+/// the ground by 3 to 1 (WCAG 2.1, 1.4.11), as far as the color does on white.
+#[test]
+fn colors_stand_out_in_the_dark() {
+    let html = build(whole().path()).unwrap();
+    let amount = html.split("invert(").nth(1).unwrap().split(')').next().unwrap();
+    let amount: f64 = amount.parse().unwrap();
+    let in_the_dark = |Color(r, g, b): Color| {
+        let [r, g, b] = [r, g, b].map(|c| amount + f64::from(c) / 255.0 * (1.0 - 2.0 * amount));
+        // The matrix of a turn by 180 degrees (Filter Effects, 9.8).
+        let grey = 2.0 * (0.213 * r + 0.715 * g + 0.072 * b);
+        [grey - r, grey - g, grey - b].map(|c| c.clamp(0.0, 1.0))
+    };
+    let luminance = |color: [f64; 3]| {
+        let linear =
+            |c: f64| if c <= 0.04045 { c / 12.92 } else { ((c + 0.055) / 1.055).powf(2.4) };
+        let [r, g, b] = color.map(linear);
+        0.2126 * r + 0.7152 * g + 0.0722 * b
+    };
+    let ground = in_the_dark(Color(255, 255, 255));
+    let is_ground = |channel: f64| (255.0 * channel - f64::from(0x1a)).abs() < 0.5;
+    assert!(ground.into_iter().all(is_ground), "white becomes the page's ground");
+    for color in (0..6).flat_map(|i| [state_color(i), input_color(i)]).chain([INK, GREY]) {
+        let contrast = (luminance(in_the_dark(color)) + 0.05) / (luminance(ground) + 0.05);
+        assert!(contrast > 3.0, "{color:?}: {contrast}");
+    }
+}
+
+#[test]
+fn screen_readers_are_told_what_is_drawn() {
+    let html = build(whole().path()).unwrap();
+    assert_eq!(html.matches("<table").count(), html.matches("<caption>").count() + 1);
+    assert_eq!(html.matches("aria-label=\"Provenance\"").count(), 1);
+    assert_eq!(html.matches("<svg ").count(), html.matches("<desc>").count());
+    let control = svg(whole().path(), "control");
+    assert!(control.contains("<title>Closed loop</title>"));
+    let said = "Controlled states, a, b (cm) over t (s): a with PINC, b with PINC, with RK4, \
+                reference, failed steps and limits.";
+    let about = control.split("<desc>").nth(1).unwrap().split("</desc>").next().unwrap();
+    assert!(about.contains(said), "{about}");
+}
+
+#[test]
 fn loops_are_drawn_over_time_in_the_units_of_their_states() {
     let picture = svg(whole().path(), "control");
     let plot = Plot::read(&picture, "Controlled states");
@@ -312,7 +423,7 @@ fn metrics_of_an_older_run_are_read_and_missing_numbers_are_dashes() {
     assert!(!older.contains("\"states\"") && !older.contains("source") && older != METRICS);
     write(&dir, "metrics.json", &older);
     let html = build(dir.path()).unwrap();
-    assert!(html.contains("<tr><th>RMSE at the steps</th><td>–</td>"));
+    assert!(html.contains("<th scope=\"row\">RMSE at the steps</th><td>–</td>"));
     let config =
         CONFIG.replace("models = [\"pinc\", \"rk4\"]\n", "").replace("[control.sqp]\n", "");
     write(&dir, "config.toml", &config.replace("tolerance = 1e-8\n", ""));
@@ -383,7 +494,7 @@ fn files_of_one_row_or_none_are_no_trouble() {
         write(&dir, &format!("control-{model}.csv"), &control(0, 0.0));
         write(&dir, &format!("steps-{model}.csv"), &steps(1));
     }
-    assert_eq!(stems(dir.path()), ["training", "prediction", "control", "steps"]);
+    assert_eq!(stems(dir.path()), ["control", "steps", "prediction", "training"]);
     for figure in figures(dir.path()) {
         assert_sound(&figure.svg);
     }
