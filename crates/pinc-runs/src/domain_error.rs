@@ -25,8 +25,11 @@ pub(super) fn judge(
         return Ok(None);
     }
     let judged = truth.judge(&mut PincModel::new(net)?);
-    let rk4 = |substeps| truth.rms(&mut *plant.model(Integrator::Rk4, sample_time_s, substeps));
-    let rk4 = Rk4Errors { one: rk4(1), two: rk4(2), four: rk4(4) };
+    let rk4 = |substeps| {
+        let model = plant.model(Integrator::Rk4, sample_time_s, substeps);
+        model.map(|mut model| truth.rms(&mut *model))
+    };
+    let rk4 = Rk4Errors { one: rk4(1)?, two: rk4(2)?, four: rk4(4)? };
     let parameters: Vec<_> = net.parameter_names().map(str::to_owned).collect();
     if run_dir.keeps_traces() {
         let variables = [net.state_names(), net.input_names(), &parameters].concat();

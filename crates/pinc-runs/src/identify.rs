@@ -271,7 +271,8 @@ fn fitted_model(
         return Ok(match Variables::of(plant).own_outputs().is_empty() {
             true => Box::new(model),
             false => {
-                Box::new(WithOutputs::new(model, plant.model(Integrator::Rk4, sample_time_s, 1)))
+                let outputs = plant.model(Integrator::Rk4, sample_time_s, 1)?;
+                Box::new(WithOutputs::new(model, outputs))
             }
         });
     }
@@ -281,7 +282,7 @@ fn fitted_model(
     let control = experiment.control.as_ref();
     let of_the_loop = control.map(|control| control.own_substeps(integrator));
     let substeps = spec.substeps.or(of_the_loop).unwrap_or(SUBSTEPS);
-    Ok(plant.model(integrator, sample_time_s, substeps))
+    Ok(plant.model(integrator, sample_time_s, substeps)?)
 }
 
 /// An error with the file that it is about.

@@ -141,7 +141,7 @@ fn recorded_boiling_points_are_the_compiled_ones() {
 /// The derivatives of the Rosenbrock step of a plant are those of central differences of the step.
 fn rosenbrock_is_differentiated(plant: &dyn DynPlant, at: &[f64], sample_time_s: f64) {
     let dims = plant.dims();
-    let mut model = plant.model(Integrator::Rosenbrock, sample_time_s, 2);
+    let mut model = plant.model(Integrator::Rosenbrock, sample_time_s, 2).unwrap();
     let (x, u) = at.split_at(dims.nx);
     let mut found = LinearizationBuffer::new(dims, 1);
     model.linearize(Stages { x, u, p: &[] }, found.as_mut());

@@ -2,7 +2,8 @@
 
 use crate::support::{noise, oscillator, plant, problem, simulated, steps};
 use pinc_identify::{
-    Finding, FitStatus, Identified, IdentifyError, InitialState, Problem, Recording, Side, identify,
+    Finding, FitStatus, Identified, IdentifyError, InitialState, Problem, Recording, Side,
+    identify,
 };
 use pinc_ode::{DynPlant, Integrator};
 
@@ -23,7 +24,7 @@ const STARTS: [(f64, f64, f64); 4] =
 /// The tank's level under steps of the inflow, with noise.
 fn data(rows: usize) -> (Vec<f64>, Vec<f64>) {
     let u = steps(11, rows, 12, (1.0, 4.0));
-    let x = simulated(&mut *tank().model(Integrator::Rk4, 10.0, 4), &[8.0], &u, &TRUTH);
+    let x = simulated(&mut *tank().model(Integrator::Rk4, 10.0, 4).unwrap(), &[8.0], &u, &TRUTH);
     let y = x.iter().zip(noise(4, 0.05, rows)).map(|(x, noise)| x + noise).collect();
     (u, y)
 }
@@ -38,7 +39,7 @@ fn with(unknown: &[usize]) -> Problem {
 }
 
 fn fit(problem: &Problem, u: &[f64], y: &[f64]) -> Identified {
-    let mut model = tank().model(Integrator::Rk4, 10.0, 4);
+    let mut model = tank().model(Integrator::Rk4, 10.0, 4).unwrap();
     identify(&mut *model, problem, &[Recording { name: "tank", u, y }]).unwrap()
 }
 
@@ -102,7 +103,8 @@ fn data_of_another_plant_do_not_fit() {
         &[("lag", 60.0)],
         &["lag"],
     )
-    .model(Integrator::Rk4, 10.0, 4);
+    .model(Integrator::Rk4, 10.0, 4)
+    .unwrap();
     let x = simulated(&mut *other, &[8.0, 2.0], &u, &[60.0]);
     let y: Vec<f64> =
         x.chunks(2).map(|x| x[0]).zip(noise(4, 0.05, 200)).map(|(x, e)| x + e).collect();
@@ -161,7 +163,7 @@ fn a_bound_that_is_hit_is_named_and_has_no_interval() {
 #[test]
 fn a_channel_without_values_is_named() {
     let plant = oscillator();
-    let mut model = plant.model(Integrator::Rk4, 0.1, 2);
+    let mut model = plant.model(Integrator::Rk4, 0.1, 2).unwrap();
     let u = steps(7, 100, 15, (-1.0, 1.0));
     let x = simulated(&mut *model, &[1.0, 0.0], &u, &[0.8, 1.3]);
     let y: Vec<f64> = x.chunks(2).flat_map(|x| [x[0], f64::NAN]).collect();
@@ -179,7 +181,7 @@ fn a_channel_without_values_is_named() {
 fn data_that_cannot_be_used_are_errors() {
     let (u, y) = data(20);
     let problem = with(&[0, 1]);
-    let mut model = tank().model(Integrator::Rk4, 10.0, 4);
+    let mut model = tank().model(Integrator::Rk4, 10.0, 4).unwrap();
     let mut error = |problem: &Problem, u: &[f64], y: &[f64]| {
         identify(&mut *model, problem, &[Recording { name: "tank", u, y }]).unwrap_err()
     };

@@ -135,7 +135,7 @@ impl Subject {
     fn integrated(&self, points: &[Vec<f64>]) -> Result<Vec<Judged>, RunError> {
         let mut model: Box<dyn Model> = match (&self.net, self.kind.integrator()) {
             (Some(net), _) => Box::new(PincModel::new(net)?),
-            (None, Some(method)) => self.plant.model(method, self.sample_time_s, self.substeps),
+            (None, Some(method)) => self.plant.model(method, self.sample_time_s, self.substeps)?,
             (None, None) => unreachable!("a net is given, or else an explicit method"),
         };
         let mut truth = Simulator::new(&*self.plant, TOLERANCE);
