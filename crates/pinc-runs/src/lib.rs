@@ -244,11 +244,8 @@ struct Plan {
 
 impl Plan {
     fn of(experiment: &Experiment, command: Command) -> Result<Self, RunError> {
-        let missing = |section, command| RunError::MissingSection {
-            name: experiment.name.clone(),
-            section,
-            command,
-        };
+        let name = &experiment.name;
+        let missing = |section, command| RunError::missing_section(name, section, command);
         let configured = experiment.control.as_ref().map(|c| c.models.clone());
         let mut plan = Self { trains: false, runs_free: false, loops: Vec::new(), given: None };
         match command {
@@ -271,8 +268,7 @@ impl Plan {
                 plan.loops = configured.ok_or_else(|| missing("control", "pinc control"))?;
                 if let Some(only) = only {
                     if !plan.loops.contains(&only) {
-                        let name = experiment.name.clone();
-                        return Err(RunError::MissingModel { name, model: only.name() });
+                        return Err(RunError::missing_model(name, only));
                     }
                     plan.loops = vec![only];
                 }
@@ -419,7 +415,11 @@ fn parse_model(path: &Path, bytes: &[u8]) -> Result<PincNet, RunError> {
 fn chainable(path: &Path, net: PincNet) -> Result<PincNet, RunError> {
     match net.time_only() {
         None => Ok(net),
-        Some(_) => Err(RunError::TimeOnlyModel { path: path.to_owned() }),
+        Some(_) => Err(RunError::usage(
+            path.display(),
+            "a conventional PINN, for one initial state and input: it can neither be chained nor \
+             control",
+        )),
     }
 }
 
@@ -473,7 +473,8 @@ fn matching_model(
     }
     for (what, found, expected) in compared {
         if found != expected {
-            return Err(RunError::ModelMismatch { path: path.to_owned(), what, found, expected });
+            let problem = format!("{what} of the model: {found}; of the config: {expected}");
+            return Err(RunError::usage(path.display(), problem));
         }
     }
     Ok((bytes, net))

@@ -138,11 +138,7 @@ impl<'a> TrainingSetup<'a> {
     ///
     /// [`RunError`] if a section is missing.
     pub fn of(experiment: &'a Experiment) -> Result<Self, RunError> {
-        let missing = |section| RunError::MissingSection {
-            name: experiment.name.clone(),
-            section,
-            command: "training",
-        };
+        let missing = |section| RunError::missing_section(&experiment.name, section, "training");
         Ok(Self {
             net: experiment.model.as_ref().ok_or_else(|| missing("model"))?,
             domain: experiment.domain.as_ref().ok_or_else(|| missing("domain"))?,

@@ -116,16 +116,19 @@ pub(crate) fn units_left(experiment: &Experiment, dir: &Path) -> Result<usize, R
 /// The trials of an experiment that has a sweep.
 fn made(experiment: &Experiment) -> Result<Vec<Trial>, RunError> {
     if experiment.sweep.is_none() {
-        let name = experiment.name.clone();
-        return Err(RunError::MissingSection { name, section: "sweep", command: "a sweep" });
+        return Err(RunError::missing_section(&experiment.name, "sweep", "a sweep"));
     }
     if let Some(search) = &experiment.sweep.as_ref().and_then(|sweep| sweep.search.as_ref())
         && TrialMetric::searched(experiment).is_none()
     {
-        let (name, minimize) = (experiment.name.clone(), search.minimize.clone());
         let known = TrialMetric::results(experiment).into_iter().filter(|m| m.is_number());
-        let known = known.map(TrialMetric::name).collect();
-        return Err(RunError::NoSuchMetric { name, minimize, known });
+        let known: Vec<String> = known.map(TrialMetric::name).collect();
+        let problem = format!(
+            "`sweep.search.minimize`: \"{}\" given, expected one of {}",
+            search.minimize,
+            known.join(", ")
+        );
+        return Err(RunError::usage(&experiment.name, problem));
     }
     Ok(trials(experiment).expect("the experiment was checked, and its trials with it"))
 }
@@ -151,7 +154,11 @@ pub fn merge(
         return Err(RecordError::NoRunDirectory { dir: dir.to_owned() }.into());
     };
     if let Some(i) = others.iter().position(|other| other != experiment) {
-        return Err(RunError::OtherSweep { dir: parts[i + 1].clone(), first: parts[0].clone() });
+        let problem = format!(
+            "belongs to another sweep than {} (their config.toml differ)",
+            parts[0].display()
+        );
+        return Err(RunError::usage(parts[i + 1].display(), problem));
     }
     let trials = made(experiment)?;
     let session = Session::open(experiment, &trials, dir, options, false)?;
@@ -274,7 +281,9 @@ impl<'a> Session<'a> {
         let mut trials: Vec<_> = self.trials.iter().map(of_trial).collect();
         let keeps_others_out = self.run_dir.keeps_others_out();
         if shared && !keeps_others_out && of == 1 {
-            return Err(RunError::NoLocks { dir: self.run_dir.dir().to_owned() });
+            let problem = "its file system has no locks, so that nobody knows what others work \
+                           on; give each process a share with --shard K/N";
+            return Err(RunError::usage(self.run_dir.dir().display(), problem));
         }
         if !(shared && keeps_others_out) {
             trials.retain(|(distance, _)| *distance == 0);

@@ -41,24 +41,21 @@ impl Subject {
         model: Option<&Path>,
         only: Option<ModelKind>,
     ) -> Result<Self, RunError> {
-        let name = || experiment.name.clone();
+        let name = &experiment.name;
         let kind = only.unwrap_or(ModelKind::Pinc);
         let given = match (kind, model) {
-            (ModelKind::Pinc, None) => {
-                return Err(RunError::NoModelFile { name: name(), command: "certify" });
-            }
+            (ModelKind::Pinc, None) => return Err(RunError::no_model_file(name, "certify")),
             (ModelKind::Pinc, Some(path)) => Some(read_matching_model(experiment, path)?),
             (ModelKind::Integrator(method), _) if method.tableau().is_some() => None,
             (ModelKind::Integrator(_) | ModelKind::BlackBox, _) => {
-                let reason = format!(
-                    "the model `{}` is not enclosed; expected `pinc`, `rk4` or `rk5`",
+                let problem = format!(
+                    "certify: the model `{}` is not enclosed; expected `pinc`, `rk4` or `rk5`",
                     kind.name()
                 );
-                return Err(RunError::NotProven { name: name(), reason });
+                return Err(RunError::usage(name, problem));
             }
         };
-        let missing =
-            |section| RunError::MissingSection { name: name(), section, command: "certify" };
+        let missing = |section| RunError::missing_section(name, section, "certify");
         let (bytes, net) = given.unzip();
         let domain = net.as_ref().map(PincNet::domain).or(experiment.domain.as_ref());
         let domain: &Domain = domain.ok_or_else(|| missing("domain"))?;
